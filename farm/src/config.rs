@@ -1,0 +1,69 @@
+//! What a farm is made of.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+/// Configuration of a [`crate::Farm`]: command lines, `farm.toml` and applications fill it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct FarmConfig {
+    /// The node inside this process.
+    pub local: LocalNode,
+    /// Nodes elsewhere, as `host:port`.
+    pub nodes: Vec<String>,
+    /// Folder with the farm's `ca.pem`, `player.pem` and `player.key`, as `carom-farm init` makes
+    /// it; needed as soon as there are `nodes`.
+    pub credentials: PathBuf,
+    /// How tiles are divided.
+    pub algorithm: Algorithm,
+    /// Pixels along a tile's edge, 8 to 128. Higher costs balance, lower costs bytes: tiles of 16
+    /// compress 16–33 % worse than whole pictures, of 64 3–4 %.
+    pub tile_edge: u16,
+    /// Frames that may be in flight, 1 to 8. Higher costs latency, lower leaves nodes idle while
+    /// pixels travel.
+    pub frames_in_flight: usize,
+}
+
+impl Default for FarmConfig {
+    fn default() -> Self {
+        Self {
+            local: LocalNode::Auto,
+            nodes: Vec::new(),
+            credentials: PathBuf::from(".carom"),
+            algorithm: Algorithm::WaterFilling,
+            tile_edge: 32,
+            frames_in_flight: 3,
+        }
+    }
+}
+
+/// What the node inside the client's process traces with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LocalNode {
+    /// The GPU if there is a real one that passes its probe, else the CPU.
+    #[default]
+    Auto,
+    /// SIMD on every core.
+    Cpu,
+    /// The GPU; an error if there is none.
+    Gpu,
+    /// No node in this process.
+    None,
+}
+
+/// How a frame's tiles are divided among nodes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Algorithm {
+    /// The same number of tiles for each node.
+    Equal,
+    /// In proportion to each node's last speed, tiles by response time.
+    Naive,
+    /// y = A + B·x with averages over the whole run, after 60 frames of [`Algorithm::Equal`].
+    Ab,
+    /// y = A + B·w with filtered A and B, the earliest common finish in closed form.
+    #[default]
+    WaterFilling,
+}

@@ -1,0 +1,94 @@
+//! What an application asks of a farm, and what it gets.
+
+use std::time::Duration;
+
+use carom_protocol::{FrameId, NodeInfo, PixelFormat};
+use carom_tracer::{ImageSize, RenderSettings, SceneUpdate};
+use serde::Serialize;
+
+/// A picture to trace.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrameSpec {
+    /// Camera and poses.
+    pub update: SceneUpdate,
+    /// Pixels.
+    pub size: ImageSize,
+    /// Samples, path length and seed.
+    pub settings: RenderSettings,
+    /// How pixels come back.
+    pub format: PixelFormat,
+}
+
+/// A finished picture.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// What [`crate::Farm::submit`] returned.
+    pub id: FrameId,
+    /// Pixels across and down.
+    pub size: ImageSize,
+    /// The pixels, row-major from the top left.
+    pub pixels: Pixels,
+    /// How it was made.
+    pub stats: FrameStats,
+}
+
+/// Pixels in the format that was asked for.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Pixels {
+    /// [`PixelFormat::Srgb8`].
+    Srgb8(Vec<[u8; 3]>),
+    /// [`PixelFormat::LinearF16`] and [`PixelFormat::LinearF32`].
+    Linear(Vec<[f32; 3]>),
+}
+
+/// How a frame was made, by the client's clock.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct FrameStats {
+    /// From [`crate::Farm::submit`] to the last tile, in seconds.
+    pub makespan_secs: f64,
+    /// Bytes of pixels as they crossed the link.
+    pub payload_bytes: u64,
+    /// Tiles that were asked for again because a node was late or lost.
+    pub reissued_tiles: u32,
+    /// Tiles that came twice; the first was kept.
+    pub duplicate_tiles: u32,
+    /// Samples that were not finite and count as black.
+    pub dropped_samples: u64,
+    /// Tiles that each node delivered, by index into [`crate::Farm::nodes`].
+    pub tiles_by_node: Vec<u32>,
+}
+
+/// A node as the coordinator sees it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NodeStatus {
+    /// Its address, or `local`.
+    pub address: String,
+    /// What it said of itself; absent until it has.
+    pub info: Option<NodeInfo>,
+    /// Where it stands.
+    pub state: NodeState,
+    /// Learned fixed cost of a request, A, in seconds.
+    pub fixed_secs: f64,
+    /// Learned speed, in millions of pixel samples per second.
+    pub msamples_per_sec: f64,
+    /// Tiles delivered since it joined.
+    pub tiles: u64,
+    /// Last round trip of a ping, if there was one.
+    pub round_trip: Option<Duration>,
+}
+
+/// Where a node stands.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum NodeState {
+    /// Being called.
+    Connecting,
+    /// Connected, without this farm's scene yet.
+    Syncing,
+    /// Holds the scene.
+    Ready,
+    /// Gone; it is called again after a pause.
+    Lost {
+        /// A sentence.
+        why: String,
+    },
+}

@@ -1,0 +1,2 @@
+//! Carom.
+fn main() {}

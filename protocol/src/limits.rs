@@ -1,0 +1,30 @@
+//! Every bound on what a peer may send or make this program keep, with its reason.
+
+/// Bytes of a control message but a scene: a request with 64 poses has 2.3 kB.
+pub const CONTROL_BYTES_MAX: usize = 64 * 1024;
+/// Bytes of a scene message: 4096 objects with the longest names and 1024 materials have 0.8 MB.
+pub const SCENE_BYTES_MAX: usize = 2 * 1024 * 1024;
+/// Poses in an update: fewer than 64 balls lie on any table.
+pub const POSES_MAX: usize = 64;
+/// Pixels along a tile's edge: larger ones balance badly.
+pub const TILE_EDGE_MAX: u16 = 128;
+/// Tiles in one message: eight of 32 pixels are a compression unit of 8192 pixels.
+pub const TILES_PER_MESSAGE_MAX: u32 = 8;
+/// Pixels in one tile message.
+pub const PIXELS_PER_MESSAGE_MAX: usize =
+    TILES_PER_MESSAGE_MAX as usize * TILE_EDGE_MAX as usize * TILE_EDGE_MAX as usize;
+/// Bytes of a tile message: incompressible floats and the header.
+pub const TILES_BYTES_MAX: usize = PIXELS_PER_MESSAGE_MAX * 12 + 4096;
+/// Runs that a node holds for a client; more are refused as busy. Eight frames in flight, each
+/// with as many re-issued runs again, twice over.
+pub const RUNS_QUEUED_MAX: usize = 32;
+/// Scenes that a node keeps; the least recently used goes first.
+pub const SCENES_KEPT_MAX: usize = 4;
+/// Pixel samples of one run: a minute of one slow core.
+pub const RUN_SAMPLES_MAX: u64 = 1 << 32;
+/// Bytes of a sentence from a peer.
+pub const SENTENCE_BYTES_MAX: usize = 1024;
+/// Frames that a client has in flight.
+pub const FRAMES_IN_FLIGHT_MAX: usize = 8;
+/// Nodes of one farm.
+pub const NODES_MAX: usize = 1024;

@@ -1,0 +1,191 @@
+//! The messages, as plain data. [`crate::codec`] turns them into bytes and back.
+
+use carom_tracer::{DeviceInfo, ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid, TileRun};
+use serde::{Deserialize, Serialize};
+
+/// Raised by every change of a message; both ends must speak the same.
+pub const VERSION: u16 = 1;
+
+/// BLAKE3 of a scene's postcard bytes: nodes keep scenes by it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct SceneHash(pub [u8; 32]);
+
+/// A picture of one client, in the order of submission.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize,
+)]
+pub struct FrameId(pub u64);
+
+/// A request of one client to one node; never used twice on a connection.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize,
+)]
+pub struct RunId(pub u64);
+
+/// From the client to a node.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum ToNode {
+    /// The first message of a connection.
+    Hello {
+        /// [`VERSION`] of the client.
+        version: u16,
+    },
+    /// A scene to keep; answered by [`ToClient::SceneReady`] or [`ToClient::SceneRefused`].
+    Scene {
+        /// What the node must find when it hashes `scene`.
+        hash: SceneHash,
+        /// The scene.
+        scene: Box<Scene>,
+    },
+    /// Tiles to trace.
+    Trace(Box<TraceRequest>),
+    /// All runs of frames before this one are no longer wanted.
+    CancelBefore(FrameId),
+    /// One run is no longer wanted.
+    CancelRun(RunId),
+    /// Answered at once by [`ToClient::Pong`] with the same number.
+    Ping(u64),
+}
+
+/// From a node to the client.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum ToClient {
+    /// The answer to [`ToNode::Hello`].
+    Welcome {
+        /// [`VERSION`] of the node.
+        version: u16,
+        /// What the node is.
+        node: NodeInfo,
+    },
+    /// The scene is checked and kept.
+    SceneReady(SceneHash),
+    /// The scene is not usable.
+    SceneRefused {
+        /// Which scene.
+        hash: SceneHash,
+        /// A sentence for the user.
+        why: String,
+    },
+    /// Some tiles of a run, finished.
+    Tiles(TilesDone),
+    /// All tiles of a run have been sent.
+    RunDone(RunReport),
+    /// A run was not begun or not finished.
+    RunRefused(Refusal),
+    /// The answer to [`ToNode::Ping`].
+    Pong(u64),
+}
+
+/// What a node is.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct NodeInfo {
+    /// The node's name, from its certificate; empty for a node in the client's process.
+    pub name: String,
+    /// Its device.
+    pub device: DeviceInfo,
+}
+
+/// Tiles to trace: a whole picture's description and one node's part of it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TraceRequest {
+    /// The picture. A request for a frame and tiles may be repeated under another `run`.
+    pub frame: FrameId,
+    /// This request.
+    pub run: RunId,
+    /// A scene that the node has reported ready.
+    pub scene: SceneHash,
+    /// Camera and poses.
+    pub update: SceneUpdate,
+    /// The whole picture and its tiles.
+    pub grid: TileGrid,
+    /// The node's part.
+    pub tiles: TileRun,
+    /// Samples, path length and seed.
+    pub settings: RenderSettings,
+    /// How pixels come back.
+    pub format: PixelFormat,
+}
+
+impl TraceRequest {
+    /// Size of the whole picture.
+    pub fn size(&self) -> ImageSize {
+        self.grid.size
+    }
+}
+
+/// How a pixel is stored on the wire. Encoding is lossless in each.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum PixelFormat {
+    /// Three bytes: sRGB of `clamp(exposure · L, 0, 1)`. For the screen.
+    Srgb8 {
+        /// Factor on radiance, above 0.
+        exposure: f32,
+    },
+    /// Three half floats of linear radiance, clamped to ±65504. For merging sample ranges.
+    LinearF16,
+    /// Three floats of linear radiance. For files and measurements.
+    LinearF32,
+}
+
+impl PixelFormat {
+    /// Bytes of a pixel.
+    pub const fn bytes(self) -> usize {
+        match self {
+            Self::Srgb8 { .. } => 3,
+            Self::LinearF16 => 6,
+            Self::LinearF32 => 12,
+        }
+    }
+}
+
+/// Finished tiles of a run: at most [`crate::limits::TILES_PER_MESSAGE_MAX`].
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TilesDone {
+    /// The request.
+    pub run: RunId,
+    /// Part of the request's tiles.
+    pub tiles: TileRun,
+    /// Microseconds of tracing and encoding that these tiles took, by the node's clock.
+    pub busy_micros: u32,
+    /// Samples that were not finite and count as black.
+    pub dropped_samples: u32,
+    /// The pixels, by [`crate::tile_codec`]: tile after tile, each row-major.
+    pub pixels: Vec<u8>,
+}
+
+/// How a run went, by the node's own clock: durations only.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RunReport {
+    /// The request.
+    pub run: RunId,
+    /// Microseconds from arrival until the first tile was begun.
+    pub queue_micros: u32,
+    /// Microseconds of tracing.
+    pub trace_micros: u32,
+    /// Microseconds of encoding.
+    pub encode_micros: u32,
+}
+
+/// Why a run was not done.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Refusal {
+    /// The request.
+    pub run: RunId,
+    /// The reason.
+    pub why: RefusalReason,
+}
+
+/// The reasons for [`Refusal`].
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum RefusalReason {
+    /// The client cancelled it.
+    Cancelled,
+    /// The node's queue is full.
+    Busy,
+    /// The node does not hold the scene.
+    UnknownScene,
+    /// The request is out of range: a sentence.
+    Invalid(String),
+    /// The device failed: a sentence.
+    Device(String),
+}

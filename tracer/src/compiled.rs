@@ -1,0 +1,430 @@
+//! A scene as flat plain-old-data arrays: the bytes that both back ends read.
+
+use bytemuck::{Pod, Zeroable};
+use glam::{DVec3, Quat, Vec3};
+
+use crate::scene::{Camera, Lamp, Material, ObjectPose, Scene, SceneUpdate, Shape};
+use crate::{Error, ImageSize};
+
+/// A validated scene, ready to trace. Primitives are sorted by shape; within a shape they keep
+/// the order of [`Scene::objects`].
+#[derive(Clone, Debug)]
+pub struct CompiledScene {
+    /// The camera that the next picture is taken with.
+    pub camera: Camera,
+    /// Radiance of rays that leave the scene.
+    pub environment: Vec3,
+    /// Balls.
+    pub spheres: Vec<SphereData>,
+    /// Axis-aligned boxes.
+    pub boxes: Vec<BoxData>,
+    /// Round plates.
+    pub discs: Vec<DiscData>,
+    /// Rectangles.
+    pub rectangles: Vec<RectangleData>,
+    /// Emitting rectangles; rays end on them.
+    pub lamps: Vec<LampData>,
+    /// Materials; primitives hold indices.
+    pub materials: Vec<MaterialData>,
+    /// Per object of the scene: its shape's array and its place in it.
+    pub primitives: Vec<Primitive>,
+    /// The spheres as the scene has them: what an update starts from.
+    spheres_at_rest: Vec<SphereData>,
+    camera_at_rest: Camera,
+}
+
+/// Where an object's data lies, and what a ray hit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Primitive {
+    /// Index into [`CompiledScene::spheres`].
+    Sphere(u32),
+    /// Index into [`CompiledScene::boxes`].
+    Box(u32),
+    /// Index into [`CompiledScene::discs`].
+    Disc(u32),
+    /// Index into [`CompiledScene::rectangles`].
+    Rectangle(u32),
+    /// Index into [`CompiledScene::lamps`].
+    Lamp(u32),
+}
+
+/// A ball. A radius of 0 hides it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct SphereData {
+    /// Centre, metres.
+    pub center: [f32; 3],
+    /// Radius, metres; 0 if hidden.
+    pub radius: f32,
+    /// Unit axis of the stripe in world space.
+    pub stripe_axis: [f32; 3],
+    /// Index of its material.
+    pub material: u32,
+}
+
+/// An axis-aligned box.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct BoxData {
+    /// Smallest corner, metres.
+    pub min: [f32; 3],
+    /// Index of its material.
+    pub material: u32,
+    /// Largest corner, metres.
+    pub max: [f32; 3],
+    /// 0.
+    pub padding: u32,
+}
+
+/// A round plate.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct DiscData {
+    /// Centre, metres.
+    pub center: [f32; 3],
+    /// Radius, metres.
+    pub radius: f32,
+    /// Unit normal.
+    pub normal: [f32; 3],
+    /// Index of its material.
+    pub material: u32,
+}
+
+/// A rectangle: `center + a·half_u + b·half_v`, `a, b ∈ [−1, 1]`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct RectangleData {
+    /// Centre, metres.
+    pub center: [f32; 3],
+    /// Index of its material.
+    pub material: u32,
+    /// Half an edge, metres.
+    pub half_u: [f32; 3],
+    /// `1 / |half_u|²`.
+    pub inv_u2: f32,
+    /// Half the other edge, metres.
+    pub half_v: [f32; 3],
+    /// `1 / |half_v|²`.
+    pub inv_v2: f32,
+    /// Unit normal, along `half_u × half_v`.
+    pub normal: [f32; 3],
+    /// 0.
+    pub padding: u32,
+}
+
+/// A lamp, as a rectangle that emits along its normal.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct LampData {
+    /// Centre, metres.
+    pub center: [f32; 3],
+    /// Area, m².
+    pub area: f32,
+    /// Half an edge, metres.
+    pub half_u: [f32; 3],
+    /// `1 / |half_u|²`.
+    pub inv_u2: f32,
+    /// Half the other edge, metres.
+    pub half_v: [f32; 3],
+    /// `1 / |half_v|²`.
+    pub inv_v2: f32,
+    /// Unit normal, the side that emits.
+    pub normal: [f32; 3],
+    /// 0.
+    pub padding0: u32,
+    /// Radiance, W·sr⁻¹·m⁻².
+    pub radiance: [f32; 3],
+    /// 0.
+    pub padding1: u32,
+}
+
+/// A material. Diffuse ones have `ior` 0 and `diffuse_scale` 1.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct MaterialData {
+    /// Albedo.
+    pub albedo: [f32; 3],
+    /// Index of refraction of the coat; 0 for none.
+    pub ior: f32,
+    /// Albedo inside the stripe.
+    pub stripe_albedo: [f32; 3],
+    /// The stripe is where `|n · stripe_axis|` is below this; 0 for none.
+    pub stripe_half_width: f32,
+    /// `1 / (η² (1 − F_dr,int))`.
+    pub diffuse_scale: f32,
+    /// 0.
+    pub padding: [u32; 3],
+}
+
+/// A camera for one image size: the ray through film position `(x, y)`, in pixels from the top
+/// left, leaves `eye` along `corner + x·dx + y·dy` (not of unit length).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct CameraFrame {
+    /// The pinhole, metres.
+    pub eye: [f32; 3],
+    /// 0.
+    pub padding0: u32,
+    /// Direction of the film's top left corner.
+    pub corner: [f32; 3],
+    /// 0.
+    pub padding1: u32,
+    /// Step of one pixel to the right.
+    pub dx: [f32; 3],
+    /// 0.
+    pub padding2: u32,
+    /// Step of one pixel down.
+    pub dy: [f32; 3],
+    /// 0.
+    pub padding3: u32,
+}
+
+impl CompiledScene {
+    /// Checks `scene` against [`crate::scene::validate`] and lays it out.
+    ///
+    /// # Errors
+    /// [`Error::InvalidScene`] with the first rule that the scene breaks.
+    pub fn new(scene: &Scene) -> Result<Self, Error> {
+        scene.validate()?;
+        let mut compiled = Self {
+            camera: scene.camera,
+            environment: scene.environment.radiance,
+            spheres: Vec::new(),
+            boxes: Vec::new(),
+            discs: Vec::new(),
+            rectangles: Vec::new(),
+            lamps: scene.lamps.iter().map(lamp_data).collect(),
+            materials: scene.materials.values().map(material_data).collect(),
+            primitives: Vec::with_capacity(scene.objects.len()),
+            spheres_at_rest: Vec::new(),
+            camera_at_rest: scene.camera,
+        };
+        for object in &scene.objects {
+            let material = scene
+                .materials
+                .keys()
+                .position(|name| *name == object.material);
+            let material = material.expect("validated: each object's material exists") as u32;
+            let primitive = compiled.push(object.shape, material);
+            compiled.primitives.push(primitive);
+        }
+        compiled.spheres_at_rest.clone_from(&compiled.spheres);
+        Ok(compiled)
+    }
+
+    fn push(&mut self, shape: Shape, material: u32) -> Primitive {
+        match shape {
+            Shape::Sphere {
+                center,
+                radius,
+                rotation,
+            } => {
+                let stripe_axis = stripe_axis(rotation);
+                let center = center.to_array();
+                self.spheres.push(SphereData {
+                    center,
+                    radius,
+                    stripe_axis,
+                    material,
+                });
+                Primitive::Sphere(self.spheres.len() as u32 - 1)
+            }
+            Shape::Box { min, max } => {
+                let (min, max) = (min.to_array(), max.to_array());
+                self.boxes.push(BoxData {
+                    min,
+                    material,
+                    max,
+                    padding: 0,
+                });
+                Primitive::Box(self.boxes.len() as u32 - 1)
+            }
+            Shape::Disc {
+                center,
+                normal,
+                radius,
+            } => {
+                let (center, normal) = (center.to_array(), unit(normal).to_array());
+                self.discs.push(DiscData {
+                    center,
+                    radius,
+                    normal,
+                    material,
+                });
+                Primitive::Disc(self.discs.len() as u32 - 1)
+            }
+            Shape::Rectangle {
+                center,
+                half_u,
+                half_v,
+            } => {
+                self.rectangles.push(RectangleData {
+                    center: center.to_array(),
+                    material,
+                    half_u: half_u.to_array(),
+                    inv_u2: 1.0 / half_u.length_squared(),
+                    half_v: half_v.to_array(),
+                    inv_v2: 1.0 / half_v.length_squared(),
+                    normal: unit(half_u.cross(half_v)).to_array(),
+                    padding: 0,
+                });
+                Primitive::Rectangle(self.rectangles.len() as u32 - 1)
+            }
+        }
+    }
+
+    /// Puts camera and objects where `update` wants them; what it does not name goes back to
+    /// where the scene has it, so that updates may come in any order.
+    ///
+    /// # Errors
+    /// [`Error::InvalidUpdate`] if a pose names no sphere of the scene or holds a number that is
+    /// not finite, or the camera is degenerate; the scene then is as if nothing had been applied.
+    pub fn apply(&mut self, update: &SceneUpdate) -> Result<(), Error> {
+        self.reset();
+        let applied = self.try_apply(update);
+        if applied.is_err() {
+            self.reset();
+        }
+        applied
+    }
+
+    fn reset(&mut self) {
+        self.spheres.clone_from(&self.spheres_at_rest);
+        self.camera = self.camera_at_rest;
+    }
+
+    fn try_apply(&mut self, update: &SceneUpdate) -> Result<(), Error> {
+        if let Some(camera) = update.camera {
+            camera.validate().map_err(Error::InvalidUpdate)?;
+            self.camera = camera;
+        }
+        for pose in &update.poses {
+            pose.validate().map_err(Error::InvalidUpdate)?;
+            let sphere = self.movable_sphere(pose.object)?;
+            self.spheres[sphere] = posed(self.spheres_at_rest[sphere], pose);
+        }
+        Ok(())
+    }
+
+    fn movable_sphere(&self, object: u32) -> Result<usize, Error> {
+        match self.primitives.get(object as usize) {
+            Some(Primitive::Sphere(sphere)) => Ok(*sphere as usize),
+            Some(_) => Err(Error::InvalidUpdate(format!(
+                "object {object} is posed, but only spheres move and it is none"
+            ))),
+            None => Err(Error::InvalidUpdate(format!(
+                "object {object} is posed, but the scene has {} objects",
+                self.primitives.len()
+            ))),
+        }
+    }
+
+    /// The current camera's rays for an image of `size`.
+    pub fn camera_frame(&self, size: ImageSize) -> CameraFrame {
+        camera_frame(&self.camera, size)
+    }
+}
+
+/// The camera's rays for an image of `size`, computed in f64 and rounded once.
+pub fn camera_frame(camera: &Camera, size: ImageSize) -> CameraFrame {
+    let (eye, target) = (camera.eye.as_dvec3(), camera.target.as_dvec3());
+    let forward = (target - eye).normalize();
+    let right = forward.cross(camera.up.as_dvec3()).normalize();
+    let up = right.cross(forward);
+    let half_width = (f64::from(camera.fov_x_deg).to_radians() * 0.5).tan();
+    let pixel = 2.0 * half_width / f64::from(size.width);
+    let corner = forward - right * half_width + up * (0.5 * pixel * f64::from(size.height));
+    let array = |v: DVec3| v.as_vec3().to_array();
+    CameraFrame {
+        eye: camera.eye.to_array(),
+        corner: array(corner),
+        dx: array(right * pixel),
+        dy: array(-up * pixel),
+        ..CameraFrame::zeroed()
+    }
+}
+
+fn posed(at_rest: SphereData, pose: &ObjectPose) -> SphereData {
+    SphereData {
+        center: pose.position.to_array(),
+        radius: if pose.visible { at_rest.radius } else { 0.0 },
+        stripe_axis: stripe_axis(pose.rotation),
+        material: at_rest.material,
+    }
+}
+
+fn stripe_axis(world_from_ball: Quat) -> [f32; 3] {
+    (world_from_ball * Vec3::Z).to_array()
+}
+
+fn unit(v: Vec3) -> Vec3 {
+    v.as_dvec3().normalize().as_vec3()
+}
+
+fn lamp_data(lamp: &Lamp) -> LampData {
+    let cross = lamp.half_u.as_dvec3().cross(lamp.half_v.as_dvec3());
+    LampData {
+        center: lamp.center.to_array(),
+        area: (4.0 * cross.length()) as f32,
+        half_u: lamp.half_u.to_array(),
+        inv_u2: 1.0 / lamp.half_u.length_squared(),
+        half_v: lamp.half_v.to_array(),
+        inv_v2: 1.0 / lamp.half_v.length_squared(),
+        normal: cross.normalize().as_vec3().to_array(),
+        radiance: lamp.radiance.to_array(),
+        ..LampData::zeroed()
+    }
+}
+
+fn material_data(material: &Material) -> MaterialData {
+    match *material {
+        Material::Diffuse { albedo } => MaterialData {
+            albedo: albedo.to_array(),
+            diffuse_scale: 1.0,
+            ..MaterialData::zeroed()
+        },
+        Material::SmoothPlastic {
+            albedo,
+            ior,
+            internal_reflectance,
+            stripe,
+        } => {
+            let eta = f64::from(ior);
+            let internal =
+                internal_reflectance.map_or_else(|| internal_diffuse_reflectance(eta), f64::from);
+            MaterialData {
+                albedo: albedo.to_array(),
+                ior,
+                stripe_albedo: stripe.map_or(Vec3::ZERO, |stripe| stripe.albedo).to_array(),
+                stripe_half_width: stripe.map_or(0.0, |stripe| stripe.half_width),
+                diffuse_scale: (1.0 / (eta * eta * (1.0 - internal))) as f32,
+                ..MaterialData::zeroed()
+            }
+        }
+    }
+}
+
+/// Unpolarised Fresnel reflectance of a smooth dielectric of index `eta` seen from outside at
+/// `cos_theta` to the normal.
+pub fn fresnel_dielectric(cos_theta: f64, eta: f64) -> f64 {
+    let cos_i = cos_theta.clamp(0.0, 1.0);
+    let cos_t = (1.0 - (1.0 - cos_i * cos_i) / (eta * eta)).max(0.0).sqrt();
+    let parallel = (eta * cos_i - cos_t) / (eta * cos_i + cos_t);
+    let perpendicular = (cos_i - eta * cos_t) / (cos_i + eta * cos_t);
+    if cos_i == 0.0 && cos_t == 0.0 {
+        return 0.0; // an index of 1 at grazing incidence: there is no surface
+    }
+    0.5 * (parallel * parallel + perpendicular * perpendicular)
+}
+
+/// The share of diffuse light from inside that a smooth dielectric of index `eta` ≥ 1 throws
+/// back, by `1 − F_dr,int = (1 − F_dr,ext) / η²` (reciprocity; d'Eon, "A Hitchhiker's Guide to
+/// Multiple Scattering", 2016) and a midpoint rule for `F_dr,ext = ∫ F(c) 2c dc`.
+pub fn internal_diffuse_reflectance(eta: f64) -> f64 {
+    const STEPS: u32 = 4096;
+    let external: f64 = (0..STEPS)
+        .map(|i| (f64::from(i) + 0.5) / f64::from(STEPS))
+        .map(|cos_theta| fresnel_dielectric(cos_theta, eta) * 2.0 * cos_theta / f64::from(STEPS))
+        .sum();
+    1.0 - (1.0 - external) / (eta * eta)
+}

@@ -1,0 +1,26 @@
+//! Scene in, radiance out: the path tracer behind Carom.
+//!
+//! ```text
+//! Scene ──compile──▶ CompiledScene ──┐
+//!                      ▲ apply       ├──▶ Tracer::trace ──▶ TileRadiance ──▶ Film ──▶ PNG, EXR
+//! SceneUpdate ─────────┘  TraceJob ──┘      (CPU, GPU)
+//! ```
+//!
+//! The crate knows no network, no window and no clock.
+
+pub mod compiled;
+pub mod error;
+pub mod sampling;
+pub mod scene;
+pub mod settings;
+pub mod tile;
+pub mod tracer;
+
+pub use compiled::CompiledScene;
+pub use error::Error;
+pub use scene::{
+    Camera, Environment, Lamp, Material, Object, ObjectPose, Scene, SceneUpdate, Shape, Stripe,
+};
+pub use settings::RenderSettings;
+pub use tile::{ImageSize, Tile, TileGrid, TileRun};
+pub use tracer::{DeviceInfo, DeviceKind, TileRadiance, TraceJob, TraceStats, Tracer};

@@ -1,0 +1,181 @@
+//! What to draw: plain data in SI units, in a right-handed world with +z up.
+//!
+//! Radiance and albedo are linear Rec. 709 triples. [`file`] reads and writes scenes as JSON,
+//! [`validate`] holds the limits that every scene must keep.
+
+pub mod file;
+pub mod validate;
+
+use std::collections::BTreeMap;
+
+use glam::{Quat, Vec3};
+use serde::{Deserialize, Serialize};
+
+/// Everything that can be seen, and from where.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scene {
+    /// The camera of frames that bring none of their own.
+    pub camera: Camera,
+    /// The light that rays find when they leave the scene.
+    pub environment: Environment,
+    /// Materials by name; [`Object::material`] refers to them.
+    pub materials: BTreeMap<String, Material>,
+    /// Surfaces. Their index here is what [`ObjectPose::object`] names.
+    pub objects: Vec<Object>,
+    /// Rectangles that emit light and reflect none.
+    #[serde(default)]
+    pub lamps: Vec<Lamp>,
+}
+
+/// A pinhole camera with square pixels and a box filter; row 0 of its image is the top.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Camera {
+    /// The pinhole, in metres.
+    pub eye: Vec3,
+    /// The point at the centre of the image, in metres.
+    pub target: Vec3,
+    /// The direction that is upright in the image; any length but 0, not parallel to the view.
+    pub up: Vec3,
+    /// Full horizontal field of view in degrees, in (0, 180).
+    pub fov_x_deg: f32,
+}
+
+/// Constant radiance from every direction.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Environment {
+    /// Radiance in W·sr⁻¹·m⁻², per channel, at least 0.
+    pub radiance: Vec3,
+}
+
+/// A named surface.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Object {
+    /// Shown in messages and statistics; need not be unique.
+    pub name: String,
+    /// A key of [`Scene::materials`].
+    pub material: String,
+    /// Form and place.
+    pub shape: Shape,
+}
+
+/// A form in world space.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Shape {
+    /// A ball: the only shape that a [`SceneUpdate`] can move.
+    Sphere {
+        /// Centre in metres.
+        center: Vec3,
+        /// Radius in metres, above 0.
+        radius: f32,
+        /// `world_from_ball`, a unit quaternion (x, y, z, w); turns the stripe.
+        #[serde(default)]
+        rotation: Quat,
+    },
+    /// A solid box with faces parallel to the axes.
+    Box {
+        /// Corner of the smallest coordinates, in metres.
+        min: Vec3,
+        /// Corner of the largest coordinates, in metres; above `min` on each axis.
+        max: Vec3,
+    },
+    /// A flat round plate, seen from both sides.
+    Disc {
+        /// Centre in metres.
+        center: Vec3,
+        /// Normal, any length but 0.
+        normal: Vec3,
+        /// Radius in metres, above 0.
+        radius: f32,
+    },
+    /// A flat rectangle, seen from both sides.
+    Rectangle {
+        /// Centre in metres.
+        center: Vec3,
+        /// From the centre to the middle of one edge, in metres.
+        half_u: Vec3,
+        /// From the centre to the middle of the next edge; at right angles to `half_u`.
+        half_v: Vec3,
+    },
+}
+
+/// A rectangle that emits from one side and is black from both.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Lamp {
+    /// Shown in messages and statistics; need not be unique.
+    pub name: String,
+    /// Centre in metres.
+    pub center: Vec3,
+    /// From the centre to the middle of one edge, in metres.
+    pub half_u: Vec3,
+    /// From the centre to the middle of the next edge; at right angles to `half_u`.
+    /// Light leaves on the side of `half_u × half_v`.
+    pub half_v: Vec3,
+    /// Radiance in W·sr⁻¹·m⁻², per channel, at least 0.
+    pub radiance: Vec3,
+}
+
+/// How a surface scatters light.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Material {
+    /// Lambert: `f = albedo / π`.
+    Diffuse {
+        /// Share of light that is reflected, per channel, in [0, 1].
+        albedo: Vec3,
+    },
+    /// A diffuse base under a smooth dielectric coat: a perfect mirror of weight `F(cos θi)` over
+    /// `f = albedo/π · (1−F(cos θi))(1−F(cos θo)) / (η²(1−F_dr,int))`, the internal diffuse
+    /// reflectance being that of the dielectric (Mitsuba's `plastic` with `nonlinear = false`).
+    SmoothPlastic {
+        /// Albedo of the base, per channel, in [0, 1].
+        albedo: Vec3,
+        /// Index of refraction of the coat against air, in [1, 1000]; phenolic resin 1.5.
+        ior: f32,
+        /// Share of light from the base that the coat throws back, `F_dr,int`, in [0, 1). Absent:
+        /// the exact integral for `ior`, which conserves energy. Given: to match a renderer that
+        /// uses a fit.
+        #[serde(default)]
+        internal_reflectance: Option<f32>,
+        /// A second colour in a band round the ball's local z axis.
+        #[serde(default)]
+        stripe: Option<Stripe>,
+    },
+}
+
+/// A band where `|n_ball · z| < half_width`, `n_ball` the normal in the ball's own frame.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Stripe {
+    /// Albedo inside the band, per channel, in [0, 1].
+    pub albedo: Vec3,
+    /// Sine of the band's half angle, in (0, 1]; 0.5 is a band from 60° to 120°.
+    pub half_width: f32,
+}
+
+/// What differs from frame to frame: a few hundred bytes that describe a whole picture.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SceneUpdate {
+    /// The frame's camera; the scene's own if absent.
+    pub camera: Option<Camera>,
+    /// Objects that are elsewhere than the scene has them.
+    pub poses: Vec<ObjectPose>,
+}
+
+/// Where a movable object is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ObjectPose {
+    /// Index into [`Scene::objects`]; must be a sphere.
+    pub object: u32,
+    /// Centre in metres.
+    pub position: Vec3,
+    /// `world_from_ball`, a unit quaternion.
+    pub rotation: Quat,
+    /// `false` leaves the object out of the picture.
+    pub visible: bool,
+}

@@ -1,0 +1,282 @@
+//! The rules and limits that every scene keeps, checked once before anything is traced.
+
+use glam::{Quat, Vec3};
+
+use crate::Error;
+use crate::scene::{Camera, Lamp, Material, ObjectPose, Scene, Shape};
+
+/// The most objects in a scene: each ray meets each of them.
+pub const OBJECTS_MAX: usize = 4096;
+/// The most lamps in a scene.
+pub const LAMPS_MAX: usize = 64;
+/// The most materials in a scene.
+pub const MATERIALS_MAX: usize = 1024;
+/// The longest name in bytes.
+pub const NAME_BYTES_MAX: usize = 64;
+/// The largest coordinate in metres, ten thousand kilometres.
+pub const COORDINATE_M_MAX: f32 = 1e7;
+/// The smallest and largest radius or half edge in metres.
+pub const EXTENT_M: std::ops::RangeInclusive<f32> = 1e-6..=1e7;
+/// The highest radiance in W·sr⁻¹·m⁻²: sums of 65,536 samples stay finite in f32.
+pub const RADIANCE_MAX: f32 = 1e30;
+/// The range of indices of refraction.
+pub const IOR: std::ops::RangeInclusive<f32> = 1.0..=1e3;
+/// The range of a full horizontal field of view in degrees.
+pub const FOV_X_DEG: std::ops::RangeInclusive<f32> = 0.01..=179.0;
+
+type Check = Result<(), String>;
+
+impl Scene {
+    /// Checks every number, name and limit.
+    ///
+    /// # Errors
+    /// [`Error::InvalidScene`] with a sentence that names the place, the value and the rule.
+    pub fn validate(&self) -> Result<(), Error> {
+        self.check().map_err(Error::InvalidScene)
+    }
+
+    fn check(&self) -> Check {
+        count("objects", self.objects.len(), OBJECTS_MAX)?;
+        count("lamps", self.lamps.len(), LAMPS_MAX)?;
+        count("materials", self.materials.len(), MATERIALS_MAX)?;
+        self.camera.validate()?;
+        radiance("environment", self.environment.radiance)?;
+        for (key, material) in &self.materials {
+            name(key)?;
+            check_material(material).map_err(|why| format!("material `{key}`: {why}"))?;
+        }
+        for (index, object) in self.objects.iter().enumerate() {
+            name(&object.name)?;
+            let place = |why| format!("object {index} `{}`: {why}", object.name);
+            check_shape(&object.shape).map_err(place)?;
+            if !self.materials.contains_key(&object.material) {
+                return Err(place(format!(
+                    "its material `{}` is not among the scene's materials",
+                    object.material
+                )));
+            }
+        }
+        for (index, lamp) in self.lamps.iter().enumerate() {
+            name(&lamp.name)?;
+            check_lamp(lamp).map_err(|why| format!("lamp {index} `{}`: {why}", lamp.name))?;
+        }
+        Ok(())
+    }
+}
+
+impl Camera {
+    /// Checks that the camera sees something.
+    ///
+    /// # Errors
+    /// A sentence that names the value and the rule.
+    pub fn validate(&self) -> Check {
+        position("the camera's eye", self.eye)?;
+        position("the camera's target", self.target)?;
+        finite("the camera's up", self.up)?;
+        if !FOV_X_DEG.contains(&self.fov_x_deg) {
+            return Err(format!(
+                "the camera's fov_x_deg is {}: it must be from {} to {} degrees",
+                self.fov_x_deg,
+                FOV_X_DEG.start(),
+                FOV_X_DEG.end()
+            ));
+        }
+        let view = self.target.as_dvec3() - self.eye.as_dvec3();
+        if view.length() < 1e-6 {
+            return Err(format!("the camera's eye and target are both {}", self.eye));
+        }
+        let up = self.up.as_dvec3();
+        let sine = view.cross(up).length() / (view.length() * up.length());
+        if sine.is_nan() || sine < 1e-4 {
+            return Err(format!(
+                "the camera's up {} must not be 0 or parallel to its view {}",
+                self.up,
+                view.as_vec3()
+            ));
+        }
+        Ok(())
+    }
+}
+
+impl ObjectPose {
+    /// Checks that the pose is a place and a turn.
+    ///
+    /// # Errors
+    /// A sentence that names the value and the rule.
+    pub fn validate(&self) -> Check {
+        let place = |why| format!("pose of object {}: {why}", self.object);
+        position("its position", self.position).map_err(place)?;
+        rotation(self.rotation).map_err(place)
+    }
+}
+
+fn check_shape(shape: &Shape) -> Check {
+    match *shape {
+        Shape::Sphere {
+            center,
+            radius,
+            rotation: turn,
+        } => {
+            position("its center", center)?;
+            extent("its radius", radius)?;
+            rotation(turn)
+        }
+        Shape::Box { min, max } => {
+            position("its min", min)?;
+            position("its max", max)?;
+            if !min.cmplt(max).all() {
+                return Err(format!(
+                    "its min {min} must be below its max {max} on each axis"
+                ));
+            }
+            Ok(())
+        }
+        Shape::Disc {
+            center,
+            normal,
+            radius,
+        } => {
+            position("its center", center)?;
+            finite("its normal", normal)?;
+            extent("its radius", radius)?;
+            if normal.as_dvec3().length() < 1e-6 {
+                return Err(format!("its normal {normal} must not be 0"));
+            }
+            Ok(())
+        }
+        Shape::Rectangle {
+            center,
+            half_u,
+            half_v,
+        } => rectangle(center, half_u, half_v),
+    }
+}
+
+fn check_lamp(lamp: &Lamp) -> Check {
+    rectangle(lamp.center, lamp.half_u, lamp.half_v)?;
+    radiance("lamp", lamp.radiance)
+}
+
+fn rectangle(center: Vec3, half_u: Vec3, half_v: Vec3) -> Check {
+    position("its center", center)?;
+    finite("its half_u", half_u)?;
+    finite("its half_v", half_v)?;
+    let (u, v) = (half_u.as_dvec3(), half_v.as_dvec3());
+    extent("the length of its half_u", u.length() as f32)?;
+    extent("the length of its half_v", v.length() as f32)?;
+    if u.dot(v).abs() > 1e-4 * u.length() * v.length() {
+        return Err(format!(
+            "its half_u {half_u} and half_v {half_v} must be at right angles"
+        ));
+    }
+    Ok(())
+}
+
+fn check_material(material: &Material) -> Check {
+    match *material {
+        Material::Diffuse { albedo } => check_albedo("its albedo", albedo),
+        Material::SmoothPlastic {
+            albedo,
+            ior,
+            internal_reflectance,
+            stripe,
+        } => {
+            check_albedo("its albedo", albedo)?;
+            if !IOR.contains(&ior) {
+                return Err(format!(
+                    "its ior is {ior}: it must be from {} to {}",
+                    IOR.start(),
+                    IOR.end()
+                ));
+            }
+            let internal = internal_reflectance.unwrap_or(0.0);
+            if !(0.0..=0.99).contains(&internal) {
+                return Err(format!(
+                    "its internal_reflectance is {internal}: it must be from 0 to 0.99"
+                ));
+            }
+            let Some(stripe) = stripe else { return Ok(()) };
+            check_albedo("its stripe's albedo", stripe.albedo)?;
+            if !(stripe.half_width > 0.0 && stripe.half_width <= 1.0) {
+                return Err(format!(
+                    "its stripe's half_width is {}: it must be above 0 and at most 1",
+                    stripe.half_width
+                ));
+            }
+            Ok(())
+        }
+    }
+}
+
+fn check_albedo(what: &str, albedo: Vec3) -> Check {
+    if albedo.cmpge(Vec3::ZERO).all() && albedo.cmple(Vec3::ONE).all() {
+        return Ok(());
+    }
+    Err(format!(
+        "{what} is {albedo}: each channel must be from 0 to 1"
+    ))
+}
+
+fn radiance(what: &str, radiance: Vec3) -> Check {
+    if radiance.cmpge(Vec3::ZERO).all() && radiance.cmple(Vec3::splat(RADIANCE_MAX)).all() {
+        return Ok(());
+    }
+    Err(format!(
+        "the {what}'s radiance is {radiance}: each channel must be from 0 to {RADIANCE_MAX:e}"
+    ))
+}
+
+fn position(what: &str, p: Vec3) -> Check {
+    if p.abs().cmple(Vec3::splat(COORDINATE_M_MAX)).all() {
+        return Ok(());
+    }
+    Err(format!(
+        "{what} is {p}: each coordinate must be within ±{COORDINATE_M_MAX:e} m"
+    ))
+}
+
+fn finite(what: &str, v: Vec3) -> Check {
+    if v.is_finite() {
+        Ok(())
+    } else {
+        Err(format!("{what} is {v}: it must be finite"))
+    }
+}
+
+fn extent(what: &str, metres: f32) -> Check {
+    if EXTENT_M.contains(&metres) {
+        return Ok(());
+    }
+    Err(format!(
+        "{what} is {metres} m: it must be from {:e} to {:e} m",
+        EXTENT_M.start(),
+        EXTENT_M.end()
+    ))
+}
+
+fn rotation(q: Quat) -> Check {
+    if (q.length_squared() - 1.0).abs() <= 1e-3 {
+        return Ok(());
+    }
+    Err(format!(
+        "its rotation is {q}: it must be a quaternion of length 1"
+    ))
+}
+
+fn name(name: &str) -> Check {
+    if name.len() <= NAME_BYTES_MAX {
+        return Ok(());
+    }
+    let start: String = name.chars().take(16).collect();
+    Err(format!(
+        "a name that begins `{start}` has {} bytes: at most {NAME_BYTES_MAX} are allowed",
+        name.len()
+    ))
+}
+
+fn count(what: &str, count: usize, max: usize) -> Check {
+    if count <= max {
+        return Ok(());
+    }
+    Err(format!("it has {count} {what}: at most {max} are allowed"))
+}

@@ -1,0 +1,188 @@
+//! An image as tiles in a fixed order: the unit in which work is handed out.
+
+use serde::{Deserialize, Serialize};
+
+use crate::Error;
+
+/// Width and height in pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub struct ImageSize {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+}
+
+impl ImageSize {
+    /// The widest and highest image that is traced; pixel coordinates share a 32-bit hash key.
+    pub const EDGE_MAX: u32 = 16_384;
+
+    /// An image of `width` columns and `height` rows.
+    pub const fn new(width: u32, height: u32) -> Self {
+        Self { width, height }
+    }
+
+    /// Number of pixels.
+    pub const fn pixels(self) -> usize {
+        self.width as usize * self.height as usize
+    }
+
+    /// Checks that there is something to trace, and not too much.
+    ///
+    /// # Errors
+    /// [`Error::InvalidSettings`] with the size and the range.
+    pub fn validate(self) -> Result<(), Error> {
+        let range = 1..=Self::EDGE_MAX;
+        if range.contains(&self.width) && range.contains(&self.height) {
+            return Ok(());
+        }
+        Err(Error::InvalidSettings(format!(
+            "the image is {}x{} pixels: width and height must be from 1 to {}",
+            self.width,
+            self.height,
+            Self::EDGE_MAX
+        )))
+    }
+}
+
+/// A rectangle of pixels; row-major wherever its pixels are listed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub struct Tile {
+    /// Leftmost column.
+    pub x: u32,
+    /// Topmost row.
+    pub y: u32,
+    /// Columns, at least 1.
+    pub width: u32,
+    /// Rows, at least 1.
+    pub height: u32,
+}
+
+impl Tile {
+    /// Number of pixels.
+    pub const fn pixels(self) -> usize {
+        self.width as usize * self.height as usize
+    }
+}
+
+/// An image cut into square tiles, numbered row by row from the top left. Those at the right and
+/// bottom edges are as narrow as what is left.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub struct TileGrid {
+    /// The whole image.
+    pub size: ImageSize,
+    /// Pixels along a tile's edge, at least 1.
+    pub edge: u16,
+}
+
+impl TileGrid {
+    /// Cuts `size` into tiles of `edge` × `edge` pixels.
+    ///
+    /// # Panics
+    /// If `edge` is 0.
+    pub const fn new(size: ImageSize, edge: u16) -> Self {
+        assert!(edge > 0);
+        Self { size, edge }
+    }
+
+    /// Tiles in a row.
+    pub const fn columns(self) -> u32 {
+        self.size.width.div_ceil(self.edge as u32)
+    }
+
+    /// Tiles in a column.
+    pub const fn rows(self) -> u32 {
+        self.size.height.div_ceil(self.edge as u32)
+    }
+
+    /// Tiles in the image.
+    pub const fn len(self) -> u32 {
+        self.columns() * self.rows()
+    }
+
+    /// Whether the image has no pixel.
+    pub const fn is_empty(self) -> bool {
+        self.len() == 0
+    }
+
+    /// All tiles as one run.
+    pub const fn all(self) -> TileRun {
+        TileRun {
+            first: 0,
+            count: self.len(),
+        }
+    }
+
+    /// The tile of number `index`.
+    ///
+    /// # Panics
+    /// If `index` is not below [`TileGrid::len`].
+    pub fn tile(self, index: u32) -> Tile {
+        assert!(index < self.len(), "tile {index} of {}", self.len());
+        let edge = u32::from(self.edge);
+        let (x, y) = (index % self.columns() * edge, index / self.columns() * edge);
+        let width = edge.min(self.size.width - x);
+        let height = edge.min(self.size.height - y);
+        Tile {
+            x,
+            y,
+            width,
+            height,
+        }
+    }
+
+    /// The tiles of a run, in order.
+    pub fn tiles(self, run: TileRun) -> impl ExactSizeIterator<Item = Tile> {
+        (run.first..run.end()).map(move |index| self.tile(index))
+    }
+
+    /// Number of pixels in a run's tiles.
+    pub fn pixels(self, run: TileRun) -> usize {
+        self.tiles(run).map(Tile::pixels).sum()
+    }
+}
+
+/// Tiles that follow one another in a [`TileGrid`]'s order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct TileRun {
+    /// Number of the first tile.
+    pub first: u32,
+    /// How many tiles.
+    pub count: u32,
+}
+
+impl TileRun {
+    /// The number after the last tile, saturating.
+    pub const fn end(self) -> u32 {
+        self.first.saturating_add(self.count)
+    }
+
+    /// The tile numbers.
+    pub const fn indices(self) -> std::ops::Range<u32> {
+        self.first..self.end()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_cover_each_pixel_once() {
+        let grid = TileGrid::new(ImageSize::new(101, 67), 32);
+        let mut seen = vec![0u8; grid.size.pixels()];
+        for tile in grid.tiles(grid.all()) {
+            for y in tile.y..tile.y + tile.height {
+                for x in tile.x..tile.x + tile.width {
+                    seen[(y * 101 + x) as usize] += 1;
+                }
+            }
+        }
+        assert!(seen.iter().all(|&count| count == 1));
+    }
+
+    #[test]
+    fn an_empty_image_has_no_tile() {
+        assert!(TileGrid::new(ImageSize::new(0, 480), 32).is_empty());
+    }
+}

@@ -1,0 +1,87 @@
+//! The one seam between back ends: work in, tiles of radiance out.
+
+use std::sync::atomic::AtomicBool;
+
+use serde::{Deserialize, Serialize};
+
+use crate::{CompiledScene, Error, ImageSize, RenderSettings, Tile};
+
+/// A device that traces tiles. It keeps nothing between calls but caches, so that any number of
+/// threads may call it at once: a GPU has two frames in flight when two threads do.
+pub trait Tracer: Send + Sync {
+    /// What the device is.
+    fn info(&self) -> DeviceInfo;
+
+    /// Traces every tile of `job`, handing each to `sink` as it is finished, in any order and
+    /// perhaps from several threads at once. Returns when the last has been handed over, or early
+    /// when [`TraceJob::cancelled`] turns true.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the device is lost or refuses; tiles already handed over are right.
+    fn trace(
+        &self,
+        scene: &CompiledScene,
+        job: &TraceJob<'_>,
+        sink: &(dyn Fn(TileRadiance) + Sync),
+    ) -> Result<TraceStats, Error>;
+}
+
+/// What to trace of a scene.
+#[derive(Clone, Copy, Debug)]
+pub struct TraceJob<'a> {
+    /// The whole image, of which the tiles are parts.
+    pub size: ImageSize,
+    /// Tiles inside `size`.
+    pub tiles: &'a [Tile],
+    /// Samples, path length and seed.
+    pub settings: RenderSettings,
+    /// Looked at now and then; `true` ends the work early.
+    pub cancelled: &'a AtomicBool,
+}
+
+/// A finished tile.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TileRadiance {
+    /// Index into [`TraceJob::tiles`].
+    pub index: usize,
+    /// Mean radiance per pixel over the job's samples, row-major: `tile.width × tile.height`.
+    pub radiance: Vec<[f32; 3]>,
+    /// Samples that were not finite and count as black.
+    pub dropped_samples: u32,
+}
+
+/// What a call of [`Tracer::trace`] did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TraceStats {
+    /// Paths begun.
+    pub samples: u64,
+    /// Rays traced, shadow rays among them; 0 where the device does not count them.
+    pub rays: u64,
+    /// Time the device itself measured, in nanoseconds; 0 where it measures none.
+    pub device_nanos: u64,
+}
+
+/// What kind of device traces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DeviceKind {
+    /// SIMD over threads.
+    Cpu,
+    /// Compute shaders.
+    Gpu,
+    /// The f64 reference.
+    Reference,
+}
+
+/// A device in words and numbers.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct DeviceInfo {
+    /// Kind of back end.
+    pub kind: DeviceKind,
+    /// For people: processor or adapter, and the instruction set or driver in use.
+    pub name: String,
+    /// Lanes of one instruction; 1 for a GPU.
+    pub width: u32,
+    /// Threads; 1 for a GPU.
+    pub threads: u32,
+}
