@@ -1,0 +1,198 @@
+//! The documents name what exists, and dependencies point one way.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+#[test]
+fn paths_named_in_the_documents_exist() {
+    for document in ["ARCHITECTURE.md", "README.md"] {
+        let text = fs::read_to_string(root().join(document)).expect(document);
+        let paths = named_paths(&text);
+        assert!(paths.len() >= 5, "{document} names only {paths:?}");
+        for path in paths {
+            assert!(
+                root().join(&path).exists(),
+                "{document} names `{path}`, which is not there"
+            );
+        }
+    }
+}
+
+/// Words in back quotes that begin with one of the repository's folders.
+fn named_paths(markdown: &str) -> Vec<String> {
+    let folders = [
+        "tracer/",
+        "protocol/",
+        "farm/",
+        "game/",
+        "tests/",
+        "assets/",
+        ".ci/",
+    ];
+    let quoted = markdown.split('`').skip(1).step_by(2);
+    let is_path = |word: &&str| {
+        folders.iter().any(|folder| word.starts_with(folder)) && !word.contains([' ', '*', '<'])
+    };
+    quoted.filter(is_path).map(str::to_owned).collect()
+}
+
+/// A crate name as a path in code, and the folders that may say it.
+const LAYERS: &[(&[&str], &[&str])] = &[
+    (
+        &[
+            "quinn",
+            "quinn_proto",
+            "rustls",
+            "tokio",
+            "rcgen",
+            "x509_parser",
+        ],
+        &["farm/src/net/"],
+    ),
+    (
+        &[
+            "winit",
+            "egui",
+            "egui_winit",
+            "egui_wgpu",
+            "softbuffer",
+            "rapier3d",
+        ],
+        &["game/"],
+    ),
+    (&["wgpu"], &["tracer/src/gpu/", "game/"]),
+    (&["fearless_simd"], &["tracer/src/cpu/"]),
+    (&["zstd", "postcard"], &["protocol/"]),
+    (&["carom_farm"], &["farm/", "game/", "tests/"]),
+    (
+        &["carom_protocol"],
+        &["protocol/", "farm/", "game/", "tests/"],
+    ),
+    (&["carom::"], &["game/"]),
+];
+
+#[test]
+fn each_library_is_named_only_in_its_layer() {
+    for (path, text) in sources() {
+        for (crates, folders) in LAYERS {
+            if folders.iter().any(|folder| path.starts_with(folder)) {
+                continue;
+            }
+            for name in *crates {
+                let line = code_lines(&text).find(|(_, line)| names_crate(line, name));
+                if let Some((number, line)) = line {
+                    panic!("{path}:{number} names {name}, which belongs to {folders:?}: {line}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn tracer_and_protocol_know_no_socket_clock_or_window() {
+    let forbidden = [
+        "std::net",
+        "std::time",
+        "Instant::now",
+        "SystemTime",
+        "thread::sleep",
+    ];
+    for (path, text) in sources() {
+        if !path.starts_with("tracer/src/") && !path.starts_with("protocol/src/") {
+            continue;
+        }
+        for (number, line) in code_lines(&text) {
+            let word = forbidden.iter().find(|word| line.contains(*word));
+            assert!(
+                word.is_none(),
+                "{path}:{number} uses {}: {line}",
+                word.unwrap_or(&"")
+            );
+        }
+    }
+}
+
+#[test]
+fn dependencies_point_one_way() {
+    let order = ["tracer", "protocol", "farm", "game"];
+    for (rank, folder) in order.iter().enumerate() {
+        let manifest = fs::read_to_string(root().join(folder).join("Cargo.toml")).expect(folder);
+        for later in &order[rank + 1..] {
+            let name = if *later == "game" {
+                "carom."
+            } else {
+                &format!("carom-{later}.")
+            };
+            assert!(
+                !manifest.lines().any(|line| line.starts_with(name)),
+                "{folder}/Cargo.toml depends on {later}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_layer_check_finds_a_breach() {
+    assert!(names_crate("use quinn::Endpoint;", "quinn"));
+    assert!(names_crate("    let x = tokio::spawn(f);", "tokio"));
+    assert!(!names_crate("let quinn_like = 1;", "quinn"));
+    assert!(!names_crate("my_quinn::f()", "quinn"));
+    let text = "// quinn::X\nlet a = 1; // tokio::Y\nuse winit::Z;";
+    let lines: Vec<_> = code_lines(text).collect();
+    assert_eq!(lines, [(2, "let a = 1; "), (3, "use winit::Z;")]);
+}
+
+/// Whether a line of code uses `name` as the first part of a path.
+fn names_crate(line: &str, name: &str) -> bool {
+    let path = if name.ends_with("::") {
+        name.to_owned()
+    } else {
+        format!("{name}::")
+    };
+    line.match_indices(&path).any(|(at, _)| {
+        !line[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_' || c == ':' || c == '`')
+    })
+}
+
+/// Numbered lines without comments.
+fn code_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    text.lines()
+        .enumerate()
+        .filter(|(_, line)| !line.trim_start().starts_with("//"))
+        .map(|(index, line)| (index + 1, line.split("//").next().unwrap_or(line)))
+}
+
+/// Every Rust source outside `tests/tests`, with its path from the root.
+fn sources() -> Vec<(String, String)> {
+    let mut files = Vec::new();
+    for folder in ["tracer", "protocol", "farm", "game"] {
+        collect(&root().join(folder), &mut files);
+    }
+    assert!(files.len() > 20, "only {} sources were found", files.len());
+    files
+}
+
+fn collect(folder: &Path, files: &mut Vec<(String, String)>) {
+    for entry in fs::read_dir(folder).expect("a source folder") {
+        let path = entry.expect("a folder entry").path();
+        if path.is_dir() && !path.ends_with("target") {
+            collect(&path, files);
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            let name = path
+                .strip_prefix(root())
+                .expect("inside the root")
+                .to_string_lossy();
+            files.push((
+                name.replace('\\', "/"),
+                fs::read_to_string(&path).expect("a source"),
+            ));
+        }
+    }
+}
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .parent()
+        .expect("the workspace root")
+        .to_owned()
+}
