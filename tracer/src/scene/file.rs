@@ -1,1 +1,427 @@
-//! Scene files.
+//! Scenes as JSON files.
+//!
+//! A file holds one [`Scene`], field by field; lengths are in metres, radiance and albedo are
+//! linear Rec. 709 triples, +z is up. Fields that the format does not know are refused, so that a
+//! slip of the pen is not drawn as something else. `lamps`, a sphere's `rotation` (x, y, z, w) and
+//! a coat's `internal_reflectance` and `stripe` may be left out.
+//!
+//! ```
+//! use carom_tracer::Scene;
+//!
+//! let scene = Scene::from_json(r#"{
+//!     "camera": { "eye": [0, -2, 1], "target": [0, 0, 0], "up": [0, 0, 1], "fov_x_deg": 44 },
+//!     "environment": { "radiance": [0.03, 0.036, 0.05] },
+//!     "materials": {
+//!         "cloth": { "diffuse": { "albedo": [0.03, 0.21, 0.09] } },
+//!         "nine": {
+//!             "smooth_plastic": {
+//!                 "albedo": [0.8, 0.78, 0.7],
+//!                 "ior": 1.5,
+//!                 "stripe": { "albedo": [0.8, 0.52, 0.02], "half_width": 0.5 }
+//!             }
+//!         }
+//!     },
+//!     "objects": [
+//!         { "name": "ball 9", "material": "nine", "shape": { "sphere": {
+//!             "center": [0, 0, 0.028575], "radius": 0.028575, "rotation": [0, 0, 0, 1] } } },
+//!         { "name": "bed", "material": "cloth", "shape": { "box": {
+//!             "min": [-1.27, -0.635, -0.05], "max": [1.27, 0.635, 0] } } },
+//!         { "name": "pocket", "material": "cloth", "shape": { "disc": {
+//!             "center": [1.27, 0.635, 0.0005], "normal": [0, 0, 1], "radius": 0.058 } } },
+//!         { "name": "wall", "material": "cloth", "shape": { "rectangle": {
+//!             "center": [0, 3, 0], "half_u": [3, 0, 0], "half_v": [0, 0, 2] } } }
+//!     ],
+//!     "lamps": [
+//!         { "name": "lamp", "center": [0, 0, 1], "half_u": [0.45, 0, 0], "half_v": [0, -0.18, 0],
+//!           "radiance": [17, 15.5, 13] }
+//!     ]
+//! }"#)?;
+//! assert_eq!(scene.objects[0].name, "ball 9");
+//! assert_eq!(Scene::from_json(&scene.to_json()?)?, scene);
+//! # Ok::<(), carom_tracer::Error>(())
+//! ```
+//!
+//! [`Scene::load`] also reads the [`interchange`] schema, known by its top-level `lights`.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::fs::{self, File};
+use std::io::{self, Read as _, Write};
+use std::path::Path;
+
+use serde::de::{Error as _, IgnoredAny, MapAccess, Visitor};
+use serde::{Deserialize as _, Deserializer, Serialize as _};
+use serde_json::ser::{Formatter, PrettyFormatter, Serializer};
+
+use crate::Error;
+use crate::scene::{Material, Scene, interchange};
+
+/// The longest scene file in bytes, more than a scene at every limit of [`super::validate`] takes.
+/// Longer ones are refused before they are parsed.
+pub const SCENE_BYTES_MAX: usize = 8 << 20;
+
+impl Scene {
+    /// Reads and checks a scene file, in this format or the [`interchange`] schema.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if the file cannot be read; [`Error::Format`] if it is longer than
+    /// [`SCENE_BYTES_MAX`], not a scene, or breaks a rule of [`super::validate`].
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, Error> {
+        let path = path.as_ref();
+        let format = |message| Error::Format {
+            path: path.to_owned(),
+            message,
+        };
+        let bytes = read_limited(path).map_err(|source| Error::Io {
+            path: path.to_owned(),
+            source,
+        })?;
+        let text = text(bytes).map_err(format)?;
+        parse(&text).map_err(|error| format(error.to_string()))
+    }
+
+    /// Writes the scene as [`Scene::to_json`], in place of what the file held.
+    ///
+    /// # Errors
+    /// [`Error::InvalidScene`] if the scene could not be loaded again, before the file is touched;
+    /// [`Error::Io`] if it cannot be written.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<(), Error> {
+        let path = path.as_ref();
+        fs::write(path, self.to_json()?).map_err(|source| Error::Io {
+            path: path.to_owned(),
+            source,
+        })
+    }
+
+    /// Reads and checks a scene in this format.
+    ///
+    /// # Errors
+    /// [`Error::InvalidScene`] with line and column if the text is not a scene, or with the object
+    /// that breaks a rule of [`super::validate`].
+    pub fn from_json(text: &str) -> Result<Self, Error> {
+        limit(text.len()).map_err(Error::InvalidScene)?;
+        let scene: Self = serde_json::from_str(text).map_err(|error| parse_error(&error))?;
+        scene.validate()?;
+        Ok(scene)
+    }
+
+    /// The scene as indented JSON, each vector on one line. Reads back bit by bit.
+    ///
+    /// # Errors
+    /// [`Error::InvalidScene`] if the scene breaks a rule of [`super::validate`].
+    pub fn to_json(&self) -> Result<String, Error> {
+        self.validate()?;
+        let mut json = Vec::new();
+        self.serialize(&mut Serializer::with_formatter(
+            &mut json,
+            Layout::default(),
+        ))
+        .expect("plain data always serialises to memory");
+        json.push(b'\n');
+        Ok(String::from_utf8(json).expect("serde_json writes UTF-8"))
+    }
+}
+
+/// Reads a scene in whichever of the two schemas it is.
+fn parse(text: &str) -> Result<Scene, Error> {
+    limit(text.len()).map_err(Error::InvalidScene)?;
+    let mut json = serde_json::Deserializer::from_str(text);
+    let keys = BTreeMap::<String, IgnoredAny>::deserialize(&mut json);
+    if keys.is_ok_and(|keys| keys.contains_key("lights")) {
+        interchange::from_json(text)
+    } else {
+        Scene::from_json(text)
+    }
+}
+
+/// A sentence with the place for what the parser refused.
+pub(super) fn parse_error(error: &serde_json::Error) -> Error {
+    let place = format!(" at line {} column {}", error.line(), error.column());
+    let what = error.to_string();
+    let what = what.strip_suffix(&place).unwrap_or(&what);
+    let advice = match error.classify() {
+        serde_json::error::Category::Data => "the format is described in `scene::file`",
+        serde_json::error::Category::Eof => "the file ends too early",
+        _ => "JSON has no NaN, infinity, comments or trailing commas",
+    };
+    Error::InvalidScene(format!(
+        "line {}, column {}: {what} ({advice})",
+        error.line(),
+        error.column()
+    ))
+}
+
+/// Reads a map of materials and refuses a name that is given twice, where serde would keep the
+/// last one.
+pub(super) fn unique_materials<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<BTreeMap<String, Material>, D::Error> {
+    struct Unique;
+    impl<'de> Visitor<'de> for Unique {
+        type Value = BTreeMap<String, Material>;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("materials by name")
+        }
+
+        fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
+            let mut materials = BTreeMap::new();
+            while let Some((name, material)) = map.next_entry::<String, Material>()? {
+                if materials.contains_key(&name) {
+                    let twice = format!("the material `{name}` is given twice");
+                    return Err(A::Error::custom(twice));
+                }
+                materials.insert(name, material);
+            }
+            Ok(materials)
+        }
+    }
+    deserializer.deserialize_map(Unique)
+}
+
+/// At most one byte more than the limit, so that a device or a growing file cannot fill memory.
+fn read_limited(path: &Path) -> io::Result<Vec<u8>> {
+    let file = File::open(path)?;
+    if file.metadata()?.is_dir() {
+        return Err(io::Error::new(
+            io::ErrorKind::IsADirectory,
+            "it is a directory: name a scene file in it",
+        ));
+    }
+    let mut bytes = Vec::new();
+    file.take(SCENE_BYTES_MAX as u64 + 1)
+        .read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+fn text(bytes: Vec<u8>) -> Result<String, String> {
+    limit(bytes.len())?;
+    String::from_utf8(bytes).map_err(|error| {
+        let valid = error.utf8_error().valid_up_to();
+        let line = 1 + error.as_bytes()[..valid]
+            .iter()
+            .filter(|&&b| b == b'\n')
+            .count();
+        format!("line {line}: byte {valid} is not UTF-8: save the scene as UTF-8 text")
+    })
+}
+
+fn limit(bytes: usize) -> Result<(), String> {
+    if bytes <= SCENE_BYTES_MAX {
+        return Ok(());
+    }
+    Err(format!(
+        "it is longer than {SCENE_BYTES_MAX} bytes, the most that a scene file may hold: draw \
+         fewer objects"
+    ))
+}
+
+/// serde_json's indented layout, but for vectors, which stay on one line: only the lists of the
+/// scene itself, its objects and lamps, are broken into lines.
+#[derive(Default)]
+struct Layout {
+    pretty: PrettyFormatter<'static>,
+    objects_open: u32,
+}
+
+impl Layout {
+    fn in_vector(&self) -> bool {
+        self.objects_open > 1
+    }
+}
+
+impl Formatter for Layout {
+    fn begin_array<W: ?Sized + Write>(&mut self, w: &mut W) -> io::Result<()> {
+        if self.in_vector() {
+            return w.write_all(b"[");
+        }
+        self.pretty.begin_array(w)
+    }
+
+    fn begin_array_value<W: ?Sized + Write>(&mut self, w: &mut W, first: bool) -> io::Result<()> {
+        if self.in_vector() {
+            return w.write_all(if first { b"" } else { b", " });
+        }
+        self.pretty.begin_array_value(w, first)
+    }
+
+    fn end_array_value<W: ?Sized + Write>(&mut self, w: &mut W) -> io::Result<()> {
+        self.pretty.end_array_value(w)
+    }
+
+    fn end_array<W: ?Sized + Write>(&mut self, w: &mut W) -> io::Result<()> {
+        if self.in_vector() {
+            return w.write_all(b"]");
+        }
+        self.pretty.end_array(w)
+    }
+
+    fn begin_object<W: ?Sized + Write>(&mut self, w: &mut W) -> io::Result<()> {
+        self.objects_open += 1;
+        self.pretty.begin_object(w)
+    }
+
+    fn end_object<W: ?Sized + Write>(&mut self, w: &mut W) -> io::Result<()> {
+        self.objects_open -= 1;
+        self.pretty.end_object(w)
+    }
+
+    fn begin_object_key<W: ?Sized + Write>(&mut self, w: &mut W, first: bool) -> io::Result<()> {
+        self.pretty.begin_object_key(w, first)
+    }
+
+    fn begin_object_value<W: ?Sized + Write>(&mut self, w: &mut W) -> io::Result<()> {
+        self.pretty.begin_object_value(w)
+    }
+
+    fn end_object_value<W: ?Sized + Write>(&mut self, w: &mut W) -> io::Result<()> {
+        self.pretty.end_object_value(w)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::validate::OBJECTS_MAX;
+
+    const SCENE: &str = r#"{
+        "camera": { "eye": [0, -2, 1], "target": [0, 0, 0], "up": [0, 0, 1], "fov_x_deg": 44 },
+        "environment": { "radiance": [0.03, 0.036, 0.05] },
+        "materials": { "ball": { "smooth_plastic": { "albedo": [0.8, 0.7, 0.1], "ior": 1.5 } } },
+        "objects": [
+            { "name": "a", "material": "ball", "shape": { "sphere": {
+                "center": [0, 0, 0.1], "radius": 0.1 } } }
+        ]
+    }"#;
+
+    fn refusal(text: &str) -> String {
+        Scene::from_json(text).expect_err(text).to_string()
+    }
+
+    #[test]
+    fn each_slip_is_refused_with_its_place() {
+        for (from, to, sentence) in [
+            (
+                "0.05]",
+                "NaN]",
+                "line 3, column 52: expected value (JSON has no NaN",
+            ),
+            ("0.05]", "1e999]", "line 3, column 56: number out of range"),
+            (
+                "0.05]",
+                "1e39]",
+                "the environment's radiance is [0.03, 0.036, inf]",
+            ),
+            (
+                "\"radius\": 0.1",
+                "\"radius\": 0",
+                "object 0 `a`: its radius is 0 m",
+            ),
+            (
+                "\"ior\": 1.5",
+                "\"ior\": 0",
+                "material `ball`: its ior is 0",
+            ),
+            (
+                "\"name\"",
+                "\"nmae\"",
+                "line 6, column 20: unknown field `nmae`, expected",
+            ),
+            (
+                ", \"radius\": 0.1",
+                "",
+                "line 7, column 39: missing field `radius`",
+            ),
+            (
+                "\"material\": \"ball\"",
+                "\"material\": \"bal\"",
+                "its material `bal` is not among",
+            ),
+            (
+                "\"sphere\"",
+                "\"cone\"",
+                "unknown variant `cone`, expected one of `sphere`",
+            ),
+            ("}\n        ]\n    }", "}", "the file ends too early"),
+        ] {
+            let text = SCENE.replacen(from, to, 1);
+            assert_ne!(text, SCENE, "{from}");
+            let refusal = refusal(&text);
+            assert!(
+                refusal.contains(sentence),
+                "`{sentence}` is not in `{refusal}`"
+            );
+        }
+    }
+
+    #[test]
+    fn a_name_is_given_to_one_material_only() {
+        let twice = SCENE.replace(
+            "\"materials\": {",
+            "\"materials\": { \"ball\": { \"diffuse\": { \"albedo\": [0, 0, 0] } },",
+        );
+        assert!(refusal(&twice).contains("the material `ball` is given twice"));
+    }
+
+    #[test]
+    fn too_many_objects_are_refused() {
+        let mut scene = Scene::from_json(SCENE).unwrap();
+        scene.objects = vec![scene.objects[0].clone(); OBJECTS_MAX + 1];
+        let sentence = "4097 objects: at most 4096";
+        assert!(scene.to_json().unwrap_err().to_string().contains(sentence));
+        scene.objects.pop();
+        scene.validate().unwrap();
+    }
+
+    #[test]
+    fn over_long_text_is_refused_before_it_is_parsed() {
+        let refusal = refusal(&"[".repeat(SCENE_BYTES_MAX + 1));
+        assert!(refusal.contains("longer than 8388608 bytes"), "{refusal}");
+    }
+
+    #[test]
+    fn the_longest_scene_fits_into_a_file() {
+        let mut scene = Scene::from_json(SCENE).unwrap();
+        let name = "\u{1}".repeat(crate::scene::validate::NAME_BYTES_MAX);
+        scene.materials = BTreeMap::from([(name.clone(), scene.materials["ball"])]);
+        scene.objects[0].material.clone_from(&name);
+        scene.objects[0].name = name;
+        scene.objects = vec![scene.objects[0].clone(); OBJECTS_MAX];
+        let bytes = scene.to_json().unwrap().len();
+        assert!(bytes < SCENE_BYTES_MAX, "{bytes}");
+    }
+
+    #[test]
+    fn what_is_saved_is_loaded_bit_by_bit() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("scene.json");
+        let mut scene = Scene::from_json(SCENE).unwrap();
+        scene.camera.eye.x = f32::from_bits(0x3dcc_cccf);
+        scene.camera.target.y = 1e-30;
+        scene.save(&path).unwrap();
+        assert_eq!(Scene::load(&path).unwrap(), scene);
+    }
+
+    #[test]
+    fn files_that_are_no_scenes_are_refused_by_name() {
+        let directory = tempfile::tempdir().unwrap();
+        let refusal = |path: &Path| Scene::load(path).unwrap_err().to_string();
+        let absent = directory.path().join("absent.json");
+        assert!(refusal(&absent).contains("absent.json: No such file"));
+        assert!(refusal(directory.path()).contains("it is a directory"));
+
+        let latin = directory.path().join("latin.json");
+        fs::write(&latin, b"{\n\"name\": \"caf\xe9\"}").unwrap();
+        let sentence = "latin.json: line 2: byte 14 is not UTF-8";
+        assert!(refusal(&latin).contains(sentence), "{}", refusal(&latin));
+
+        let huge = directory.path().join("huge.json");
+        File::create(&huge).unwrap().set_len(1 << 40).unwrap();
+        assert!(refusal(&huge).contains("longer than 8388608 bytes"));
+
+        let slip = directory.path().join("slip.json");
+        fs::write(&slip, SCENE.replace("44", "0")).unwrap();
+        let sentence = "slip.json: the scene cannot be drawn: the camera's fov_x_deg is 0";
+        assert!(refusal(&slip).contains(sentence), "{}", refusal(&slip));
+    }
+}

@@ -1,9 +1,11 @@
 //! What to draw: plain data in SI units, in a right-handed world with +z up.
 //!
 //! Radiance and albedo are linear Rec. 709 triples. [`file`] reads and writes scenes as JSON,
-//! [`validate`] holds the limits that every scene must keep.
+//! [`interchange`] reads those of other renderers, [`validate`] holds the limits that every scene
+//! must keep.
 
 pub mod file;
+pub mod interchange;
 pub mod validate;
 
 use std::collections::BTreeMap;
@@ -20,6 +22,7 @@ pub struct Scene {
     /// The light that rays find when they leave the scene.
     pub environment: Environment,
     /// Materials by name; [`Object::material`] refers to them.
+    #[serde(deserialize_with = "file::unique_materials")]
     pub materials: BTreeMap<String, Material>,
     /// Surfaces. Their index here is what [`ObjectPose::object`] names.
     pub objects: Vec<Object>,
