@@ -408,7 +408,8 @@ fn material_data(material: &Material) -> MaterialData {
 /// `cos_theta` to the normal.
 pub fn fresnel_dielectric(cos_theta: f64, eta: f64) -> f64 {
     let cos_i = cos_theta.clamp(0.0, 1.0);
-    let cos_t = (1.0 - (1.0 - cos_i * cos_i) / (eta * eta)).max(0.0).sqrt();
+    // η²cos²θt = (η²−1) + cos²θi, so that an index of 1 reflects exactly nothing.
+    let cos_t = ((eta - 1.0) * (eta + 1.0) + cos_i * cos_i).max(0.0).sqrt() / eta;
     let parallel = (eta * cos_i - cos_t) / (eta * cos_i + cos_t);
     let perpendicular = (cos_i - eta * cos_t) / (cos_i + eta * cos_t);
     if cos_i == 0.0 && cos_t == 0.0 {

@@ -10,6 +10,7 @@
 
 pub mod compiled;
 pub mod error;
+pub mod reference;
 pub mod sampling;
 pub mod scene;
 pub mod settings;
@@ -18,6 +19,7 @@ pub mod tracer;
 
 pub use compiled::CompiledScene;
 pub use error::Error;
+pub use reference::Reference;
 pub use scene::{
     Camera, Environment, Lamp, Material, Object, ObjectPose, Scene, SceneUpdate, Shape, Stripe,
 };

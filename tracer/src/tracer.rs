@@ -39,6 +39,31 @@ pub struct TraceJob<'a> {
     pub cancelled: &'a AtomicBool,
 }
 
+impl TraceJob<'_> {
+    /// Checks the image's size, the settings and that each tile lies in the image.
+    ///
+    /// # Errors
+    /// [`Error::InvalidSettings`] with the value and its range.
+    pub fn validate(&self) -> Result<(), Error> {
+        self.size.validate()?;
+        self.settings.validate()?;
+        let inside = |first: u32, count: u32, end: u32| {
+            count > 0 && first.checked_add(count).is_some_and(|last| last <= end)
+        };
+        for tile in self.tiles {
+            if !inside(tile.x, tile.width, self.size.width)
+                || !inside(tile.y, tile.height, self.size.height)
+            {
+                return Err(Error::InvalidSettings(format!(
+                    "a tile of {}x{} pixels at ({}, {}) does not lie in an image of {}x{}",
+                    tile.width, tile.height, tile.x, tile.y, self.size.width, self.size.height
+                )));
+            }
+        }
+        Ok(())
+    }
+}
+
 /// A finished tile.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TileRadiance {

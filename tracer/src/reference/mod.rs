@@ -1,0 +1,269 @@
+//! The reference path tracer: f64, scalar, short. It is the truth that the fast ones are tested
+//! against.
+//!
+//! # Estimator
+//! The fast tracers follow it sample for sample, to the rounding of f32. With `k` counting
+//! scatterings from 0 and `u = sampling::uniforms(pixel, sample, block, seed)`:
+//!
+//! 1. **Camera.** The ray goes through film position `pixel + u[0..2]` of block `BLOCK_CAMERA`.
+//! 2. **Edge.** The nearest primitive with `t > 0` is hit, the first of equals in the order
+//!    spheres, boxes, discs, rectangles, lamps. The primitive that the ray leaves is skipped: each
+//!    is convex, so an outward ray cannot meet it again, and no origin need be offset. A ray that
+//!    meets nothing adds `beta · environment` and ends. A ray that meets a lamp ends; from the
+//!    front it adds `beta · radiance · w`, where `w` is 1 for camera rays and after a mirror, else
+//!    the power heuristic of the diffuse lobe's pdf against the lamp's. After `scatterings_max`
+//!    scatterings a ray that meets a surface ends black.
+//! 3. **Light** (block `block_light(k)`). Lamp `min(⌊u[0]·lamps⌋, lamps − 1)`, point `center +
+//!    (2u[1]−1)·half_u + (2u[2]−1)·half_v`; its pdf in solid angle is `distance² / (cos · area ·
+//!    lamps)`. Unless something is in between, adds `beta · f · cos · radiance / pdf · w`, where
+//!    `f` is the diffuse lobe alone.
+//! 4. **Scattering** (block `block_scatter(k)`). With `F` the Fresnel reflectance seen from `wo`
+//!    and `a` the channel mean of the albedo at the hit, the mirror is chosen if `u[0]` is below
+//!    `p = F / (F + (1−F)·a)` (0 where `F` is 0), with weight `F/p`. Else `wi` is drawn by the
+//!    cosine: `(√u[1]·cos 2πu[2], √u[1]·sin 2πu[2], √(1−u[1]))` in the basis of
+//!    [`bsdf::basis`], pdf `(1−p)·cos/π`, weight `f·cos / pdf`. A path whose weight is 0 ends.
+//!
+//! The environment is found by scattering alone. There is no Russian roulette and no clamping; a
+//! sample that is not finite counts as black and is reported.
+//!
+//! [`intersect()`], [`camera_ray`] and [`bsdf::Bsdf`] are public for tests of each part.
+
+pub mod bsdf;
+pub mod intersect;
+
+use std::sync::atomic::Ordering;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::compiled::{CameraFrame, LampData, Primitive};
+use crate::sampling::{BLOCK_CAMERA, block_light, block_scatter, pixel_key, uniforms};
+use crate::tracer::{DeviceInfo, DeviceKind, TileRadiance, TraceJob, TraceStats, Tracer};
+use crate::{CompiledScene, Error, RenderSettings, Tile};
+use bsdf::Bsdf;
+pub use intersect::{Hit, Ray, intersect};
+use intersect::{intersect_from, vector};
+
+/// The f64 path tracer of this module, over rayon's threads.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Reference;
+
+impl Tracer for Reference {
+    fn info(&self) -> DeviceInfo {
+        DeviceInfo {
+            kind: DeviceKind::Reference,
+            name: "f64 reference".to_owned(),
+            width: 1,
+            threads: rayon::current_num_threads() as u32,
+        }
+    }
+
+    fn trace(
+        &self,
+        scene: &CompiledScene,
+        job: &TraceJob<'_>,
+        sink: &(dyn Fn(TileRadiance) + Sync),
+    ) -> Result<TraceStats, Error> {
+        job.validate()?;
+        let view = View {
+            scene,
+            frame: scene.camera_frame(job.size),
+            settings: job.settings,
+        };
+        let tiles = job.tiles.par_iter().enumerate();
+        let rays = tiles.map(|(index, tile)| view.tile(index, tile, job, sink));
+        let (pixels, rays) = rays.reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+        Ok(TraceStats {
+            samples: pixels * u64::from(job.settings.samples),
+            rays,
+            device_nanos: 0,
+        })
+    }
+}
+
+/// The ray through film position `(x, y)`, in pixels from the image's top left corner.
+pub fn camera_ray(frame: &CameraFrame, x: f64, y: f64) -> Ray {
+    let direction = vector(frame.corner) + x * vector(frame.dx) + y * vector(frame.dy);
+    Ray {
+        origin: vector(frame.eye),
+        direction: direction.normalize(),
+    }
+}
+
+/// What all paths of a picture share.
+struct View<'a> {
+    scene: &'a CompiledScene,
+    frame: CameraFrame,
+    settings: RenderSettings,
+}
+
+/// A row of a tile.
+#[derive(Default)]
+struct Row {
+    radiance: Vec<[f32; 3]>,
+    dropped_samples: u32,
+    rays: u64,
+}
+
+/// A vertex of a path on a surface that scatters.
+struct Vertex {
+    point: DVec3,
+    /// Unit normal on the side of `wo`.
+    n: DVec3,
+    wo: DVec3,
+    primitive: Primitive,
+    bsdf: Bsdf,
+}
+
+impl View<'_> {
+    /// Traces a tile and hands it over; returns its pixels and rays, none if cancelled on the way.
+    fn tile(
+        &self,
+        index: usize,
+        tile: &Tile,
+        job: &TraceJob<'_>,
+        sink: &(dyn Fn(TileRadiance) + Sync),
+    ) -> (u64, u64) {
+        let rows = (tile.y..tile.y + tile.height).into_par_iter();
+        let rows =
+            rows.map(|y| (!job.cancelled.load(Ordering::Relaxed)).then(|| self.row(tile, y)));
+        let Some(rows) = rows.collect::<Option<Vec<Row>>>() else {
+            return (0, 0);
+        };
+        let rays = rows.iter().map(|row| row.rays).sum();
+        sink(TileRadiance {
+            index,
+            dropped_samples: rows.iter().map(|row| row.dropped_samples).sum(),
+            radiance: rows.into_iter().flat_map(|row| row.radiance).collect(),
+        });
+        (tile.pixels() as u64, rays)
+    }
+
+    fn row(&self, tile: &Tile, y: u32) -> Row {
+        let mut row = Row::default();
+        for x in tile.x..tile.x + tile.width {
+            let mut sum = DVec3::ZERO;
+            for sample in 0..self.settings.samples {
+                let sample = self.settings.first_sample.wrapping_add(sample);
+                let radiance = self.path(x, y, sample, &mut row.rays);
+                if radiance.is_finite() {
+                    sum += radiance;
+                } else {
+                    row.dropped_samples += 1;
+                }
+            }
+            let mean = sum / f64::from(self.settings.samples);
+            row.radiance.push(mean.as_vec3().to_array());
+        }
+        row
+    }
+
+    /// Radiance along one path.
+    fn path(&self, x: u32, y: u32, sample: u32, rays: &mut u64) -> DVec3 {
+        let random =
+            |block| uniforms(pixel_key(x, y), sample, block, self.settings.seed).map(f64::from);
+        let [u, v, ..] = random(BLOCK_CAMERA);
+        let mut ray = camera_ray(&self.frame, f64::from(x) + u, f64::from(y) + v);
+        let (mut radiance, mut beta) = (DVec3::ZERO, DVec3::ONE);
+        let mut left = None;
+        let mut pdf_diffuse = None;
+        for scattering in 0..=self.settings.scatterings_max {
+            *rays += 1;
+            let Some(hit) = intersect_from(self.scene, &ray, left) else {
+                return radiance + beta * self.scene.environment.as_dvec3();
+            };
+            if let Primitive::Lamp(lamp) = hit.primitive {
+                let lamp = &self.scene.lamps[lamp as usize];
+                return radiance + beta * self.lamp_met(lamp, &ray, &hit, pdf_diffuse);
+            }
+            if scattering == self.settings.scatterings_max {
+                return radiance;
+            }
+            let vertex = Vertex::new(self.scene, &ray, &hit);
+            radiance += beta * self.direct_light(&vertex, random(block_light(scattering)), rays);
+            let u = random(block_scatter(scattering));
+            let sample = vertex.bsdf.sample(vertex.wo, vertex.n, u);
+            beta *= sample.weight;
+            if beta == DVec3::ZERO {
+                return radiance;
+            }
+            ray = Ray {
+                origin: vertex.point,
+                direction: sample.wi,
+            };
+            left = Some(vertex.primitive);
+            pdf_diffuse = sample.pdf;
+        }
+        radiance
+    }
+
+    /// Weighted radiance of a lamp that a ray found; `pdf` is that of the ray's direction, none if
+    /// light sampling could not have chosen it.
+    fn lamp_met(&self, lamp: &LampData, ray: &Ray, hit: &Hit, pdf: Option<f64>) -> DVec3 {
+        let cos_lamp = -ray.direction.dot(hit.n);
+        if cos_lamp <= 0.0 {
+            return DVec3::ZERO;
+        }
+        let pdf_lamp = self.pdf_lamp(lamp, hit.t * hit.t, cos_lamp);
+        let weight = pdf.map_or(1.0, |pdf| power_heuristic(pdf, pdf_lamp));
+        weight * vector(lamp.radiance)
+    }
+
+    /// Next-event estimation: light that comes straight from one point of one lamp.
+    fn direct_light(&self, vertex: &Vertex, u: [f64; 4], rays: &mut u64) -> DVec3 {
+        let lamps = self.scene.lamps.len();
+        if lamps == 0 {
+            return DVec3::ZERO;
+        }
+        let index = ((u[0] * lamps as f64) as usize).min(lamps - 1);
+        let lamp = &self.scene.lamps[index];
+        let (a, b) = (2.0 * u[1] - 1.0, 2.0 * u[2] - 1.0);
+        let target = vector(lamp.center) + a * vector(lamp.half_u) + b * vector(lamp.half_v);
+        let distance = target.distance(vertex.point);
+        let wi = (target - vertex.point) / distance;
+        let cos_lamp = -wi.dot(vector(lamp.normal));
+        let (cos_o, cos_i) = (vertex.wo.dot(vertex.n), wi.dot(vertex.n));
+        let f = vertex.bsdf.eval(cos_o, cos_i);
+        if cos_lamp <= 0.0 || f == DVec3::ZERO {
+            return DVec3::ZERO;
+        }
+        *rays += 1;
+        let ray = Ray {
+            origin: vertex.point,
+            direction: wi,
+        };
+        let met = intersect_from(self.scene, &ray, Some(vertex.primitive));
+        if met.is_some_and(|hit| hit.t < distance && hit.primitive != Primitive::Lamp(index as u32))
+        {
+            return DVec3::ZERO;
+        }
+        let pdf = self.pdf_lamp(lamp, distance * distance, cos_lamp);
+        let weight = power_heuristic(pdf, vertex.bsdf.pdf(cos_o, cos_i));
+        f * vector(lamp.radiance) * (cos_i * weight / pdf)
+    }
+
+    /// Density per solid angle with which light sampling chooses a point of `lamp`.
+    fn pdf_lamp(&self, lamp: &LampData, distance2: f64, cos_lamp: f64) -> f64 {
+        distance2 / (cos_lamp * f64::from(lamp.area) * self.scene.lamps.len() as f64)
+    }
+}
+
+impl Vertex {
+    fn new(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> Self {
+        let wo = -ray.direction;
+        Self {
+            point: hit.point,
+            n: if hit.n.dot(wo) < 0.0 { -hit.n } else { hit.n },
+            wo,
+            primitive: hit.primitive,
+            bsdf: Bsdf::at(scene, hit),
+        }
+    }
+}
+
+/// Weight of a sample drawn with density `chosen` where a second technique has density `other`
+/// (Veach 1997, section 9.2.4, exponent 2).
+fn power_heuristic(chosen: f64, other: f64) -> f64 {
+    let ratio = other / chosen;
+    1.0 / (1.0 + ratio * ratio)
+}
