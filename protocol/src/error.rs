@@ -1,6 +1,7 @@
-//! What can be wrong with bytes from a peer.
+//! What can be wrong with a peer's bytes, or with what this program asks to send.
 
-/// Always the peer's fault; a session that met one is closed.
+/// The peer's fault, and a session that met one is closed; but for [`Error::Unsendable`], which is
+/// the caller's and changes nothing.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Error {
     /// The peer speaks another version of the protocol.
@@ -37,4 +38,30 @@ pub enum Error {
         /// What should have come before.
         why: String,
     },
+    /// The caller asked for a message that no right peer would take. Nothing was sent, and the
+    /// session goes on.
+    #[error("a {what} cannot be sent: {why}")]
+    Unsendable {
+        /// Kind of message.
+        what: &'static str,
+        /// Which rule it breaks.
+        why: String,
+    },
+}
+
+impl Error {
+    pub(crate) fn malformed(what: &'static str, why: impl Into<String>) -> Self {
+        let why = why.into();
+        Self::Malformed { what, why }
+    }
+
+    pub(crate) fn out_of_order(what: &'static str, why: impl Into<String>) -> Self {
+        let why = why.into();
+        Self::OutOfOrder { what, why }
+    }
+
+    pub(crate) fn unsendable(what: &'static str, why: impl Into<String>) -> Self {
+        let why = why.into();
+        Self::Unsendable { what, why }
+    }
 }

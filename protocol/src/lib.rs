@@ -10,15 +10,69 @@
 //!         ◀──────────────── Tiles … Tiles, RunDone
 //! ```
 //!
-//! The crate knows no socket, no clock and no thread: [`session`] turns bytes into events and
-//! events into bytes.
+//! The crate knows no socket, no clock and no thread: [`session`] turns packets into events and
+//! calls into packets, [`codec`] packets into messages, [`tile_codec`] pixels into bytes.
+//! [`limits`] lists what a peer may cost.
+//!
+//! ```
+//! use std::collections::BTreeMap;
+//!
+//! use carom_protocol::{tile_codec::Encoder, *};
+//! use carom_tracer::{scene::*, DeviceInfo, DeviceKind, ImageSize, RenderSettings, TileGrid};
+//! use glam::Vec3;
+//!
+//! let (eye, target, up) = (Vec3::Y, Vec3::ZERO, Vec3::Z);
+//! let scene = Scene {
+//!     camera: Camera { eye, target, up, fov_x_deg: 60.0 },
+//!     environment: Environment { radiance: Vec3::ONE },
+//!     materials: BTreeMap::new(),
+//!     objects: vec![],
+//!     lamps: vec![],
+//! };
+//! let (hash, grid) = (SceneHash::of(&scene), TileGrid::new(ImageSize::new(8, 8), 8));
+//! let device = DeviceInfo { kind: DeviceKind::Cpu, name: "one".into(), width: 1, threads: 1 };
+//!
+//! let mut client = ClientSession::new();
+//! let mut node = NodeSession::new(NodeInfo { name: "near".into(), device });
+//! client.set_scene(hash, &scene)?;
+//! client.trace(TraceRequest {
+//!     frame: FrameId(0), run: RunId(0), scene: hash, update: SceneUpdate::default(),
+//!     grid, tiles: grid.all(), settings: RenderSettings::default(), format: PixelFormat::LinearF32,
+//! })?;
+//! while let Some(packet) = client.poll_transmit() {
+//!     let Some(NodeEvent::Trace { request, .. }) = node.handle(packet)? else { continue };
+//!     let tile = request.grid.tile(0);
+//!     let radiance = vec![[1.0; 3]; tile.pixels()]; // here a tracer works
+//!     let pixels = Encoder::new().encode(request.format, &[(tile, &radiance)]);
+//!     let (run, tiles) = (request.run, request.tiles);
+//!     node.tiles(TilesDone { run, tiles, busy_micros: 9, dropped_samples: 0, pixels })?;
+//!     node.run_done(RunReport { run, ..RunReport::default() })?;
+//! }
+//! let mut events = vec![];
+//! while let Some(packet) = node.poll_transmit() {
+//!     events.extend(client.handle(packet)?);
+//! }
+//! assert!(matches!(events[..], [ClientEvent::Welcome(_), ClientEvent::SceneReady(_),
+//!     ClientEvent::Tiles { .. }, ClientEvent::RunDone { .. }]));
+//! # Ok::<(), Error>(())
+//! ```
 
+pub mod codec;
 pub mod error;
+pub mod framing;
 pub mod limits;
 pub mod message;
+pub mod session;
+pub mod srgb;
+pub mod tile_codec;
+mod validate;
 
 pub use error::Error;
 pub use message::{
     FrameId, NodeInfo, PixelFormat, Refusal, RefusalReason, RunId, RunReport, SceneHash, TilesDone,
     ToClient, ToNode, TraceRequest,
 };
+pub use session::{
+    Channel, ClientEvent, ClientSession, NodeEvent, NodeSession, Packet, SceneStatus,
+};
+pub use tile_codec::TilePixels;

@@ -28,3 +28,16 @@ pub const SENTENCE_BYTES_MAX: usize = 1024;
 pub const FRAMES_IN_FLIGHT_MAX: usize = 8;
 /// Nodes of one farm.
 pub const NODES_MAX: usize = 1024;
+/// Tiles of one run: a 4K picture in tiles of 8 pixels has 129,600. Bounds the lists that a node
+/// makes of a request of 200 bytes.
+pub const RUN_TILES_MAX: u32 = 1 << 17;
+/// Bytes of a node's or a device's name: a domain name has at most 253.
+pub const NODE_NAME_BYTES_MAX: usize = 255;
+/// Bytes of tiles that wait in a node's session for the network: a 4K picture of half floats.
+pub const TILES_QUEUED_BYTES_MAX: usize = 64 * 1024 * 1024;
+/// Control packets that wait in a session for the network; a peer that asks for more answers
+/// without reading any is cut off.
+pub const CONTROL_QUEUED_MAX: usize = 1024;
+/// Runs refused by a node that the client remembers, so as to tell their late tiles from tiles
+/// that were never asked for: four seconds of frames.
+pub const RUNS_REFUSED_KEPT: usize = 256;

@@ -3,7 +3,9 @@
 use carom_tracer::{DeviceInfo, ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid, TileRun};
 use serde::{Deserialize, Serialize};
 
-/// Raised by every change of a message; both ends must speak the same.
+/// Raised by every change of a message; both ends must speak the same. [`ToNode::Hello`] and
+/// [`ToClient::Welcome`] begin with their variant, 0, and this number in every version, so that
+/// ends of different versions can say so.
 pub const VERSION: u16 = 1;
 
 /// BLAKE3 of a scene's postcard bytes: nodes keep scenes by it.
@@ -150,6 +152,7 @@ pub struct TilesDone {
     /// Samples that were not finite and count as black.
     pub dropped_samples: u32,
     /// The pixels, by [`crate::tile_codec`]: tile after tile, each row-major.
+    #[serde(with = "byte_string")]
     pub pixels: Vec<u8>,
 }
 
@@ -188,4 +191,34 @@ pub enum RefusalReason {
     Invalid(String),
     /// The device failed: a sentence.
     Device(String),
+}
+
+/// Bytes as one copy, where serde's own `Vec<u8>` visits them one by one. Same form on the wire.
+mod byte_string {
+    use std::fmt;
+
+    use serde::de::{Error, Visitor};
+    use serde::{Deserializer, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(bytes: &[u8], to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_bytes(bytes)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<u8>, D::Error> {
+        from.deserialize_bytes(Bytes)
+    }
+
+    struct Bytes;
+
+    impl Visitor<'_> for Bytes {
+        type Value = Vec<u8>;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("bytes")
+        }
+
+        fn visit_bytes<E: Error>(self, bytes: &[u8]) -> Result<Vec<u8>, E> {
+            Ok(bytes.to_vec())
+        }
+    }
 }

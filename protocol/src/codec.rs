@@ -1,0 +1,294 @@
+//! Messages to bytes and back, in postcard's format.
+//!
+//! A decoder believes no length. Bytes are counted against [`crate::limits`] before anything else
+//! happens; lists grow only as their elements are read; bytes after the message are an error; and
+//! what comes out has passed [`ToNode::validate`] or [`ToClient::validate`].
+
+use carom_tracer::Scene;
+use postcard::de_flavors::{Flavor, Slice};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::Error;
+use crate::limits::{CONTROL_BYTES_MAX, SCENE_BYTES_MAX, TILES_BYTES_MAX};
+use crate::message::{SceneHash, ToClient, ToNode, VERSION};
+
+impl SceneHash {
+    /// The hash under which nodes keep `scene`. Equal scenes have equal hashes, bit for bit of
+    /// their numbers.
+    ///
+    /// # Panics
+    /// Never: a scene is plain data, which postcard always can write.
+    pub fn of(scene: &Scene) -> Self {
+        let bytes = postcard::to_stdvec(scene).expect("plain data");
+        Self(*blake3::hash(&bytes).as_bytes())
+    }
+}
+
+/// The bytes of `message`.
+///
+/// # Errors
+/// [`Error::Unsendable`] if the node would refuse them: see [`ToNode::validate`] and the sizes in
+/// [`crate::limits`].
+pub fn encode_to_node(message: &ToNode) -> Result<Vec<u8>, Error> {
+    let what = to_node_kind(message);
+    message
+        .validate()
+        .map_err(|why| Error::unsendable(what, why))?;
+    let max = match message {
+        ToNode::Scene { .. } => SCENE_BYTES_MAX,
+        _ => CONTROL_BYTES_MAX,
+    };
+    encode(message, what, max)
+}
+
+/// The bytes of `message`.
+///
+/// # Errors
+/// [`Error::Unsendable`] if the client would refuse them: see [`ToClient::validate`] and the sizes
+/// in [`crate::limits`].
+pub fn encode_to_client(message: &ToClient) -> Result<Vec<u8>, Error> {
+    let what = to_client_kind(message);
+    message
+        .validate()
+        .map_err(|why| Error::unsendable(what, why))?;
+    let max = match message {
+        ToClient::Tiles(_) => TILES_BYTES_MAX,
+        _ => CONTROL_BYTES_MAX,
+    };
+    encode(message, what, max)
+}
+
+/// The message that `bytes` are. A scene's hash has been verified; whether the scene can be drawn
+/// has not been looked at.
+///
+/// # Errors
+/// [`Error::TooLarge`], [`Error::Malformed`], or [`Error::Version`] for a greeting of another
+/// version, whatever follows the version in it.
+pub fn decode_to_node(bytes: &[u8]) -> Result<ToNode, Error> {
+    const WHAT: &str = "message to a node";
+    let max = match bytes.first() {
+        Some(&SCENE_VARIANT) => SCENE_BYTES_MAX,
+        _ => CONTROL_BYTES_MAX,
+    };
+    check_size(WHAT, bytes, max)?;
+    check_version(bytes)?;
+    let message: ToNode = decode(WHAT, bytes)?;
+    let what = to_node_kind(&message);
+    message
+        .validate()
+        .map_err(|why| Error::malformed(what, why))?;
+    match &message {
+        ToNode::Scene { hash, scene } if SceneHash::of(scene) != *hash => {
+            Err(Error::malformed(what, "it does not hash to its hash"))
+        }
+        _ => Ok(message),
+    }
+}
+
+/// The message that `bytes` are.
+///
+/// # Errors
+/// [`Error::TooLarge`], [`Error::Malformed`], or [`Error::Version`] for a greeting of another
+/// version, whatever follows the version in it.
+pub fn decode_to_client(bytes: &[u8]) -> Result<ToClient, Error> {
+    const WHAT: &str = "message to a client";
+    let max = match bytes.first() {
+        Some(&TILES_VARIANT) => TILES_BYTES_MAX,
+        _ => CONTROL_BYTES_MAX,
+    };
+    check_size(WHAT, bytes, max)?;
+    check_version(bytes)?;
+    let message: ToClient = decode(WHAT, bytes)?;
+    let what = to_client_kind(&message);
+    message
+        .validate()
+        .map_err(|why| Error::malformed(what, why))?;
+    Ok(message)
+}
+
+/// What a message to a node is called in errors.
+pub(crate) fn to_node_kind(message: &ToNode) -> &'static str {
+    match message {
+        ToNode::Hello { .. } => "greeting",
+        ToNode::Scene { .. } => "scene",
+        ToNode::Trace(_) => "trace request",
+        ToNode::CancelBefore(_) | ToNode::CancelRun(_) => "cancellation",
+        ToNode::Ping(_) => "ping",
+    }
+}
+
+/// What a message to a client is called in errors.
+pub(crate) fn to_client_kind(message: &ToClient) -> &'static str {
+    match message {
+        ToClient::Welcome { .. } => "welcome",
+        ToClient::SceneReady(_) | ToClient::SceneRefused { .. } => "answer to a scene",
+        ToClient::Tiles(_) => "tile message",
+        ToClient::RunDone(_) => "report",
+        ToClient::RunRefused(_) => "refusal",
+        ToClient::Pong(_) => "pong",
+    }
+}
+
+fn encode(message: &impl Serialize, what: &'static str, max: usize) -> Result<Vec<u8>, Error> {
+    let bytes =
+        postcard::to_stdvec(message).map_err(|error| Error::unsendable(what, error.to_string()))?;
+    if bytes.len() > max {
+        let why = format!("it has {} bytes: at most {max} are allowed", bytes.len());
+        return Err(Error::unsendable(what, why));
+    }
+    Ok(bytes)
+}
+
+fn check_size(what: &'static str, bytes: &[u8], max: usize) -> Result<(), Error> {
+    if bytes.len() <= max {
+        return Ok(());
+    }
+    let (bytes, max) = (bytes.len() as u64, max as u64);
+    Err(Error::TooLarge { what, bytes, max })
+}
+
+/// Looks at a greeting's version alone: what follows may have another form in another version.
+fn check_version(bytes: &[u8]) -> Result<(), Error> {
+    let Some((&GREETING_VARIANT, rest)) = bytes.split_first() else {
+        return Ok(());
+    };
+    match postcard::take_from_bytes::<u16>(rest) {
+        Ok((theirs, _)) if theirs != VERSION => Err(Error::Version {
+            theirs,
+            ours: VERSION,
+        }),
+        _ => Ok(()),
+    }
+}
+
+fn decode<T: DeserializeOwned>(what: &'static str, bytes: &[u8]) -> Result<T, Error> {
+    let malformed = |error: postcard::Error| Error::malformed(what, error.to_string());
+    let mut deserializer = postcard::Deserializer::from_flavor(Cautious(Slice::new(bytes)));
+    let value = T::deserialize(&mut deserializer).map_err(malformed)?;
+    let rest = deserializer.finalize().map_err(malformed)?;
+    if rest.is_empty() {
+        return Ok(value);
+    }
+    let why = format!("{} bytes follow the end", rest.len());
+    Err(Error::malformed(what, why))
+}
+
+/// A slice that never says how much is left. Postcard hands a list's announced length on as a
+/// size hint when at least as many bytes are left, and serde reserves up to 1 MiB by it: 36 times
+/// the message for poses. Against a hint of 0 bytes each length is implausible and none is handed
+/// on, so that lists grow by what was read.
+struct Cautious<'de>(Slice<'de>);
+
+impl<'de> Flavor<'de> for Cautious<'de> {
+    type Remainder = &'de [u8];
+    type Source = &'de [u8];
+
+    fn pop(&mut self) -> postcard::Result<u8> {
+        self.0.pop()
+    }
+
+    fn size_hint(&self) -> Option<usize> {
+        Some(0)
+    }
+
+    fn try_take_n(&mut self, count: usize) -> postcard::Result<&'de [u8]> {
+        self.0.try_take_n(count)
+    }
+
+    fn finalize(self) -> postcard::Result<&'de [u8]> {
+        self.0.finalize()
+    }
+}
+
+/// First byte of [`ToNode::Hello`] and [`ToClient::Welcome`].
+const GREETING_VARIANT: u8 = 0;
+/// First byte of [`ToNode::Scene`].
+const SCENE_VARIANT: u8 = 1;
+/// First byte of [`ToClient::Tiles`].
+const TILES_VARIANT: u8 = 3;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::message::{NodeInfo, RunId, TilesDone};
+    use carom_tracer::{DeviceInfo, DeviceKind, TileRun};
+
+    fn welcome(version: u16) -> ToClient {
+        let device = DeviceInfo {
+            kind: DeviceKind::Cpu,
+            name: "test".into(),
+            width: 8,
+            threads: 2,
+        };
+        let name = "node".into();
+        let node = NodeInfo { name, device };
+        ToClient::Welcome { version, node }
+    }
+
+    fn tiles(pixels: Vec<u8>) -> ToClient {
+        ToClient::Tiles(TilesDone {
+            run: RunId(1),
+            tiles: TileRun { first: 0, count: 1 },
+            busy_micros: 1,
+            dropped_samples: 0,
+            pixels,
+        })
+    }
+
+    #[test]
+    fn first_bytes_are_the_variants() {
+        let hello = encode_to_node(&ToNode::Hello { version: VERSION }).unwrap();
+        let welcome = encode_to_client(&welcome(VERSION)).unwrap();
+        let tiles = encode_to_client(&tiles(vec![7; 300])).unwrap();
+        assert_eq!(
+            [hello[0], welcome[0], tiles[0]],
+            [GREETING_VARIANT, GREETING_VARIANT, TILES_VARIANT]
+        );
+    }
+
+    #[test]
+    fn another_version_is_told_whatever_follows_it() {
+        let mut bytes = encode_to_client(&welcome(VERSION + 1)).unwrap();
+        bytes.truncate(2);
+        bytes.extend([0xff; 40]);
+        let (theirs, ours) = (VERSION + 1, VERSION);
+        assert_eq!(
+            decode_to_client(&bytes),
+            Err(Error::Version { theirs, ours })
+        );
+    }
+
+    #[test]
+    fn trailing_bytes_are_refused() {
+        let mut bytes = encode_to_node(&ToNode::Ping(5)).unwrap();
+        assert_eq!(decode_to_node(&bytes), Ok(ToNode::Ping(5)));
+        bytes.push(0);
+        assert!(matches!(
+            decode_to_node(&bytes),
+            Err(Error::Malformed { .. })
+        ));
+    }
+
+    #[test]
+    fn only_scenes_and_tiles_may_be_large() {
+        let mut bytes = vec![0; CONTROL_BYTES_MAX + 1];
+        for variant in 0..8 {
+            bytes[0] = variant;
+            let too_large = |error| matches!(error, Err(Error::TooLarge { .. }));
+            let to_node = too_large(decode_to_node(&bytes).map(drop));
+            let to_client = too_large(decode_to_client(&bytes).map(drop));
+            assert_eq!(to_node, variant != SCENE_VARIANT, "{variant}");
+            assert_eq!(to_client, variant != TILES_VARIANT, "{variant}");
+        }
+    }
+
+    #[test]
+    fn what_a_peer_would_refuse_is_not_sent() {
+        let message = tiles(vec![0; TILES_BYTES_MAX]);
+        assert!(matches!(
+            encode_to_client(&message),
+            Err(Error::Unsendable { .. })
+        ));
+    }
+}

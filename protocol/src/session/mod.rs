@@ -1,0 +1,51 @@
+//! The two ends of a connection as state machines: packets in, events out; calls in, packets out.
+//!
+//! ```text
+//!  application                 session                      transport
+//!    set_scene, trace, … ──▶ ┌───────────────┐ ─ poll_transmit ─▶ bytes
+//!                            │ ClientSession │
+//!              ◀── events ── └───────────────┘ ◀──── handle ───── bytes
+//!                            ┌─────────────┐
+//!              ◀── events ── │ NodeSession │ ◀──── handle ─────── bytes
+//!    tiles, run_done, … ───▶ └─────────────┘ ─ poll_transmit ───▶ bytes
+//! ```
+//!
+//! A transport keeps the packets of [`Channel::Control`] in order and delivers all packets
+//! unharmed; those of [`Channel::Tiles`] may overtake each other and the others. It sends what
+//! [`ClientSession::poll_transmit`] or [`NodeSession::poll_transmit`] hands out after each call of
+//! any other method, also after an error, and then closes if there was one.
+
+mod client;
+mod node;
+mod scenes;
+
+pub use client::{ClientEvent, ClientSession, SceneStatus};
+pub use node::{NodeEvent, NodeSession};
+
+/// A whole message on its way.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Packet {
+    /// How it travels.
+    pub channel: Channel,
+    /// Its bytes, unframed.
+    pub bytes: Vec<u8>,
+}
+
+/// The ways that packets travel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Channel {
+    /// In order. Over QUIC: one stream in both directions, framed by [`crate::framing`].
+    Control,
+    /// In any order. Over QUIC: a stream of one direction for each packet, unframed.
+    Tiles,
+}
+
+impl Channel {
+    /// What packets of this channel are called in errors.
+    const fn packet_name(self) -> &'static str {
+        match self {
+            Self::Control => "control packet",
+            Self::Tiles => "tile packet",
+        }
+    }
+}

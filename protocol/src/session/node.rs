@@ -1,0 +1,352 @@
+//! The node's end of a connection.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
+
+use carom_tracer::{Scene, SceneUpdate, Shape, TileRun};
+
+use super::scenes::SceneCache;
+use super::{Channel, Packet};
+use crate::limits::{
+    CONTROL_QUEUED_MAX, NODE_NAME_BYTES_MAX, RUNS_QUEUED_MAX, SENTENCE_BYTES_MAX,
+    TILES_QUEUED_BYTES_MAX,
+};
+use crate::message::{
+    FrameId, NodeInfo, Refusal, RefusalReason, RunId, RunReport, SceneHash, TilesDone, ToClient,
+    ToNode, TraceRequest, VERSION,
+};
+use crate::validate::cut;
+use crate::{Error, codec};
+
+/// What a client asks of a node.
+#[derive(Clone, Debug, PartialEq)]
+pub enum NodeEvent {
+    /// A scene has come and is kept; the client knows. Time to compile it.
+    Scene {
+        /// Its hash.
+        hash: SceneHash,
+        /// The scene; it can be drawn.
+        scene: Arc<Scene>,
+    },
+    /// Tiles to trace, and to answer by [`NodeSession::tiles`] and [`NodeSession::run_done`] or
+    /// by [`NodeSession::refuse`]. The update fits the scene.
+    Trace {
+        /// The request.
+        request: Box<TraceRequest>,
+        /// Its scene.
+        scene: Arc<Scene>,
+    },
+    /// Runs to stop and to take from the queue. The client has been told; what else is said of
+    /// them is dropped.
+    Cancelled(Vec<RunId>),
+}
+
+/// The node's end of a connection: see [`crate::session`].
+#[derive(Debug)]
+pub struct NodeSession {
+    info: NodeInfo,
+    state: State,
+    scenes: SceneCache<Arc<Scene>>,
+    /// Runs asked for and not yet answered on the wire, at most [`RUNS_QUEUED_MAX`].
+    runs: BTreeMap<RunId, Run>,
+    last_run: Option<RunId>,
+    answers: VecDeque<Vec<u8>>,
+    /// Tiles and reports of runs, which a cancellation drops.
+    results: VecDeque<(RunId, Packet)>,
+    results_bytes: usize,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    /// No greeting yet.
+    New,
+    Open,
+    /// The client broke a rule.
+    Closed,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Run {
+    frame: FrameId,
+    tiles: TileRun,
+    tiles_left: u32,
+    reported: bool,
+}
+
+impl Run {
+    const fn new(request: &TraceRequest) -> Self {
+        Self {
+            frame: request.frame,
+            tiles: request.tiles,
+            tiles_left: request.tiles.count,
+            reported: false,
+        }
+    }
+}
+
+impl NodeSession {
+    /// A session for a client that has just connected. Names of more than
+    /// [`NODE_NAME_BYTES_MAX`] bytes are cut.
+    pub fn new(mut info: NodeInfo) -> Self {
+        info.name = cut(info.name, NODE_NAME_BYTES_MAX);
+        info.device.name = cut(info.device.name, NODE_NAME_BYTES_MAX);
+        Self {
+            info,
+            state: State::New,
+            scenes: SceneCache::new(),
+            runs: BTreeMap::new(),
+            last_run: None,
+            answers: VecDeque::new(),
+            results: VecDeque::new(),
+            results_bytes: 0,
+        }
+    }
+
+    /// Takes a packet from the client. Requests that cannot be met are refused without an event.
+    ///
+    /// # Errors
+    /// What rule the client broke. The session takes no further packet then; the transport
+    /// sends what is queued, so that a client of another version learns of it, and closes.
+    pub fn handle(&mut self, packet: Packet) -> Result<Option<NodeEvent>, Error> {
+        let event = self.try_handle(packet);
+        if event.is_err() {
+            self.state = State::Closed;
+        }
+        event
+    }
+
+    /// Sends finished tiles of a run, in any order. `false` if the run is no longer wanted: stop
+    /// it.
+    ///
+    /// Tiles that the network has not taken pile up here: wait while [`NodeSession::is_full`].
+    ///
+    /// # Errors
+    /// [`Error::Unsendable`] if the tiles are not in the run, or more than are left of it.
+    pub fn tiles(&mut self, tiles: TilesDone) -> Result<bool, Error> {
+        let Some(run) = self.runs.get_mut(&tiles.run) else {
+            return Ok(false);
+        };
+        let part = tiles.tiles;
+        let inside = run.tiles.first <= part.first && part.end() <= run.tiles.end();
+        if !inside || part.count > run.tiles_left {
+            let (left, whole) = (run.tiles_left, run.tiles);
+            let why = format!("{part:?} is not in the {left} tiles that are left of {whole:?}");
+            return Err(Error::unsendable("tile message", why));
+        }
+        let id = tiles.run;
+        let bytes = codec::encode_to_client(&ToClient::Tiles(tiles))?;
+        run.tiles_left -= part.count;
+        self.queue_result(id, Channel::Tiles, bytes);
+        Ok(true)
+    }
+
+    /// Ends a run whose tiles have all been handed over. `false` if the run was no longer wanted.
+    ///
+    /// # Errors
+    /// [`Error::Unsendable`] if tiles are missing, or if the run was reported already.
+    pub fn run_done(&mut self, report: RunReport) -> Result<bool, Error> {
+        let Some(run) = self.runs.get_mut(&report.run) else {
+            return Ok(false);
+        };
+        if run.tiles_left > 0 || run.reported {
+            let why = match run.reported {
+                true => "there has been one".into(),
+                false => format!("{} tiles are missing", run.tiles_left),
+            };
+            return Err(Error::unsendable("report", why));
+        }
+        let bytes = codec::encode_to_client(&ToClient::RunDone(report))?;
+        run.reported = true;
+        self.queue_result(report.run, Channel::Control, bytes);
+        Ok(true)
+    }
+
+    /// Ends a run that was not begun or cannot be finished, and drops its tiles that still wait.
+    /// `false` if the run was no longer wanted. Sentences of more than [`SENTENCE_BYTES_MAX`]
+    /// bytes are cut.
+    pub fn refuse(&mut self, run: RunId, why: RefusalReason) -> bool {
+        let wanted = self.runs.remove(&run).is_some();
+        if wanted {
+            self.drop_results(&[run]);
+            self.send_refusal(run, why);
+        }
+        wanted
+    }
+
+    /// The next packet to send: answers, then tiles and reports in the order they were handed
+    /// over.
+    pub fn poll_transmit(&mut self) -> Option<Packet> {
+        if let Some(bytes) = self.answers.pop_front() {
+            let channel = Channel::Control;
+            return Some(Packet { channel, bytes });
+        }
+        let (run, packet) = self.results.pop_front()?;
+        self.results_bytes -= packet.bytes.len();
+        if packet.channel == Channel::Control {
+            self.runs.remove(&run); // its report: the run is answered
+        }
+        Some(packet)
+    }
+
+    /// Whether [`TILES_QUEUED_BYTES_MAX`] bytes of tiles wait for the network: time to stop
+    /// tracing until it has taken some.
+    pub fn is_full(&self) -> bool {
+        self.results_bytes >= TILES_QUEUED_BYTES_MAX
+    }
+
+    /// Runs asked for and not yet answered on the wire.
+    pub fn open_runs(&self) -> usize {
+        self.runs.len()
+    }
+
+    fn try_handle(&mut self, packet: Packet) -> Result<Option<NodeEvent>, Error> {
+        if self.state == State::Closed {
+            return Err(Error::out_of_order("packet", "the session is closed"));
+        }
+        if packet.channel != Channel::Control {
+            let what = packet.channel.packet_name();
+            return Err(Error::out_of_order(what, "clients send none"));
+        }
+        let message = codec::decode_to_node(&packet.bytes);
+        if matches!(
+            message,
+            Ok(ToNode::Hello { .. }) | Err(Error::Version { .. })
+        ) {
+            self.welcome()?;
+        }
+        let message = message?;
+        if self.state == State::New {
+            let what = codec::to_node_kind(&message);
+            return Err(Error::out_of_order(what, "the first message must be Hello"));
+        }
+        if self.answers.len() >= CONTROL_QUEUED_MAX {
+            let what = codec::to_node_kind(&message);
+            return Err(Error::out_of_order(what, "the answers are not being read"));
+        }
+        match message {
+            ToNode::Hello { .. } => Ok(None),
+            ToNode::Scene { hash, scene } => Ok(self.keep(hash, *scene)),
+            ToNode::Trace(request) => self.queue(request),
+            ToNode::CancelBefore(frame) => Ok(self.cancel(|_, run| run.frame < frame)),
+            ToNode::CancelRun(cancelled) => Ok(self.cancel(|run, _| run == cancelled)),
+            ToNode::Ping(number) => {
+                self.send(&ToClient::Pong(number));
+                Ok(None)
+            }
+        }
+    }
+
+    /// Answers a greeting, one of another version too: its sender reads the version from it.
+    fn welcome(&mut self) -> Result<(), Error> {
+        if self.state != State::New {
+            return Err(Error::out_of_order("greeting", "there has been one"));
+        }
+        self.state = State::Open;
+        self.send(&ToClient::Welcome {
+            version: VERSION,
+            node: self.info.clone(),
+        });
+        Ok(())
+    }
+
+    fn keep(&mut self, hash: SceneHash, scene: Scene) -> Option<NodeEvent> {
+        if let Err(error) = scene.validate() {
+            let why = cut(error.to_string(), SENTENCE_BYTES_MAX);
+            self.send(&ToClient::SceneRefused { hash, why });
+            return None;
+        }
+        let scene = Arc::new(scene);
+        self.scenes.insert(hash, Arc::clone(&scene));
+        self.send(&ToClient::SceneReady(hash));
+        Some(NodeEvent::Scene { hash, scene })
+    }
+
+    fn queue(&mut self, request: Box<TraceRequest>) -> Result<Option<NodeEvent>, Error> {
+        let run = request.run;
+        if self.last_run.is_some_and(|last| run <= last) {
+            let why = format!("{run:?} is not above the one before");
+            return Err(Error::out_of_order("trace request", why));
+        }
+        self.last_run = Some(run);
+        // First the scene is used, then the request may be refused: the client does the same.
+        let refusal = match self.scenes.touch(request.scene) {
+            None => RefusalReason::UnknownScene,
+            Some(_) if self.runs.len() >= RUNS_QUEUED_MAX => RefusalReason::Busy,
+            Some(scene) => match check_fit(scene, &request.update) {
+                Err(why) => RefusalReason::Invalid(why),
+                Ok(()) => {
+                    self.runs.insert(run, Run::new(&request));
+                    let scene = Arc::clone(scene);
+                    return Ok(Some(NodeEvent::Trace { request, scene }));
+                }
+            },
+        };
+        self.send_refusal(run, refusal);
+        Ok(None)
+    }
+
+    /// Refuses the runs that `unwanted` chooses and drops their results that still wait.
+    fn cancel(&mut self, unwanted: impl Fn(RunId, &Run) -> bool) -> Option<NodeEvent> {
+        let cancelled: Vec<RunId> = self
+            .runs
+            .extract_if(.., |run, state| unwanted(*run, state))
+            .map(|(run, _)| run)
+            .collect();
+        if cancelled.is_empty() {
+            return None;
+        }
+        self.drop_results(&cancelled);
+        for run in &cancelled {
+            self.send_refusal(*run, RefusalReason::Cancelled);
+        }
+        Some(NodeEvent::Cancelled(cancelled))
+    }
+
+    fn queue_result(&mut self, run: RunId, channel: Channel, bytes: Vec<u8>) {
+        self.results_bytes += bytes.len();
+        self.results.push_back((run, Packet { channel, bytes }));
+    }
+
+    fn drop_results(&mut self, unwanted: &[RunId]) {
+        self.results.retain(|(run, _)| !unwanted.contains(run));
+        let bytes = self.results.iter().map(|(_, packet)| packet.bytes.len());
+        self.results_bytes = bytes.sum();
+    }
+
+    fn send_refusal(&mut self, run: RunId, why: RefusalReason) {
+        let why = match why {
+            RefusalReason::Invalid(why) => RefusalReason::Invalid(cut(why, SENTENCE_BYTES_MAX)),
+            RefusalReason::Device(why) => RefusalReason::Device(cut(why, SENTENCE_BYTES_MAX)),
+            RefusalReason::Cancelled | RefusalReason::Busy | RefusalReason::UnknownScene => why,
+        };
+        self.send(&ToClient::RunRefused(Refusal { run, why }));
+    }
+
+    fn send(&mut self, message: &ToClient) {
+        let bytes = codec::encode_to_client(message).expect("names and sentences are cut");
+        self.answers.push_back(bytes);
+    }
+}
+
+/// Whether each pose names a ball of the scene.
+fn check_fit(scene: &Scene, update: &SceneUpdate) -> Result<(), String> {
+    for pose in &update.poses {
+        match scene.objects.get(pose.object as usize) {
+            Some(object) if matches!(object.shape, Shape::Sphere { .. }) => {}
+            Some(_) => {
+                return Err(format!(
+                    "object {} is posed, but it is no sphere",
+                    pose.object
+                ));
+            }
+            None => {
+                return Err(format!(
+                    "object {} is posed, but the scene has {} objects",
+                    pose.object,
+                    scene.objects.len()
+                ));
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,183 @@
+//! What a message must keep beyond its form. Decoded values have passed these checks, and so
+//! have those that are sent: a peer that breaks one is not this program.
+
+use carom_tracer::{SceneUpdate, TileGrid, TileRun};
+
+use crate::limits::{
+    NODE_NAME_BYTES_MAX, POSES_MAX, RUN_SAMPLES_MAX, RUN_TILES_MAX, SENTENCE_BYTES_MAX,
+    TILE_EDGE_MAX, TILES_PER_MESSAGE_MAX,
+};
+use crate::message::{
+    NodeInfo, PixelFormat, RefusalReason, TilesDone, ToClient, ToNode, TraceRequest,
+};
+
+/// A sentence that names the value and the rule.
+type Check = Result<(), String>;
+
+impl ToNode {
+    /// Checks all that the message alone tells; whether a scene can be drawn, and whether an
+    /// update fits its scene, is the session's to say.
+    ///
+    /// # Errors
+    /// A sentence that names the value and the rule.
+    pub fn validate(&self) -> Check {
+        match self {
+            Self::Trace(request) => request.validate(),
+            Self::Hello { .. }
+            | Self::Scene { .. }
+            | Self::CancelBefore(_)
+            | Self::CancelRun(_)
+            | Self::Ping(_) => Ok(()),
+        }
+    }
+}
+
+impl ToClient {
+    /// Checks all that the message alone tells; whether tiles were asked for is the session's to
+    /// say.
+    ///
+    /// # Errors
+    /// A sentence that names the value and the rule.
+    pub fn validate(&self) -> Check {
+        match self {
+            Self::Welcome { node, .. } => node.validate(),
+            Self::SceneRefused { why, .. } => sentence(why),
+            Self::Tiles(tiles) => tiles.validate(),
+            Self::RunRefused(refusal) => match &refusal.why {
+                RefusalReason::Invalid(why) | RefusalReason::Device(why) => sentence(why),
+                RefusalReason::Cancelled | RefusalReason::Busy | RefusalReason::UnknownScene => {
+                    Ok(())
+                }
+            },
+            Self::SceneReady(_) | Self::RunDone(_) | Self::Pong(_) => Ok(()),
+        }
+    }
+}
+
+impl TraceRequest {
+    /// Checks every number against its range and the work against [`RUN_SAMPLES_MAX`].
+    ///
+    /// # Errors
+    /// A sentence that names the value and the rule.
+    pub fn validate(&self) -> Check {
+        check_grid(self.grid)?;
+        check_run(self.grid, self.tiles)?;
+        self.settings
+            .validate()
+            .map_err(|error| error.to_string())?;
+        check_update(&self.update)?;
+        self.format.validate()?;
+        let pixels = self.grid.pixels(self.tiles) as u64;
+        let samples = pixels * u64::from(self.settings.samples);
+        if samples > RUN_SAMPLES_MAX {
+            return Err(format!(
+                "{pixels} pixels of {} samples are asked for: at most {RUN_SAMPLES_MAX} samples \
+                 are allowed in one run",
+                self.settings.samples
+            ));
+        }
+        Ok(())
+    }
+}
+
+impl PixelFormat {
+    /// Checks the exposure.
+    ///
+    /// # Errors
+    /// A sentence with the value and the rule.
+    pub fn validate(self) -> Check {
+        match self {
+            Self::Srgb8 { exposure } if !(exposure.is_finite() && exposure > 0.0) => Err(format!(
+                "the exposure is {exposure}: it must be finite and above 0"
+            )),
+            Self::Srgb8 { .. } | Self::LinearF16 | Self::LinearF32 => Ok(()),
+        }
+    }
+}
+
+impl NodeInfo {
+    fn validate(&self) -> Check {
+        at_most(
+            "bytes of the node's name",
+            self.name.len(),
+            NODE_NAME_BYTES_MAX,
+        )?;
+        at_most(
+            "bytes of the device's name",
+            self.device.name.len(),
+            NODE_NAME_BYTES_MAX,
+        )
+    }
+}
+
+impl TilesDone {
+    fn validate(&self) -> Check {
+        let TileRun { first, count } = self.tiles;
+        if !(1..=TILES_PER_MESSAGE_MAX).contains(&count) {
+            return Err(format!(
+                "it has {count} tiles: it must be from 1 to {TILES_PER_MESSAGE_MAX}"
+            ));
+        }
+        match first.checked_add(count) {
+            Some(_) => Ok(()),
+            None => Err(format!("there is no tile {first} + {count}")),
+        }
+    }
+}
+
+fn check_grid(grid: TileGrid) -> Check {
+    grid.size.validate().map_err(|error| error.to_string())?;
+    if (1..=TILE_EDGE_MAX).contains(&grid.edge) {
+        return Ok(());
+    }
+    Err(format!(
+        "tiles of {} pixels are asked for: it must be from 1 to {TILE_EDGE_MAX}",
+        grid.edge
+    ))
+}
+
+fn check_run(grid: TileGrid, run: TileRun) -> Check {
+    if !(1..=RUN_TILES_MAX).contains(&run.count) {
+        return Err(format!(
+            "a run of {} tiles is asked for: it must be from 1 to {RUN_TILES_MAX}",
+            run.count
+        ));
+    }
+    match run.first.checked_add(run.count) {
+        Some(end) if end <= grid.len() => Ok(()),
+        _ => Err(format!(
+            "{} tiles from {} on are asked for: the picture has {}",
+            run.count,
+            run.first,
+            grid.len()
+        )),
+    }
+}
+
+fn check_update(update: &SceneUpdate) -> Check {
+    at_most("poses", update.poses.len(), POSES_MAX)?;
+    if let Some(camera) = &update.camera {
+        camera.validate()?;
+    }
+    update.poses.iter().try_for_each(|pose| pose.validate())
+}
+
+fn sentence(text: &str) -> Check {
+    at_most("bytes of a sentence", text.len(), SENTENCE_BYTES_MAX)
+}
+
+fn at_most(what: &str, count: usize, max: usize) -> Check {
+    if count <= max {
+        return Ok(());
+    }
+    Err(format!(
+        "there are {count} {what}: at most {max} are allowed"
+    ))
+}
+
+/// The longest start of `text` of at most `bytes_max` bytes: what this program itself sends is
+/// cut, never refused.
+pub(crate) fn cut(mut text: String, bytes_max: usize) -> String {
+    text.truncate(text.floor_char_boundary(bytes_max));
+    text
+}
