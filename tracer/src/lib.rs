@@ -10,15 +10,21 @@
 
 pub mod compiled;
 pub mod error;
+pub mod film;
+pub mod image_file;
+pub mod metrics;
 pub mod reference;
 pub mod sampling;
 pub mod scene;
 pub mod settings;
 pub mod tile;
+pub mod tonemap;
 pub mod tracer;
 
 pub use compiled::CompiledScene;
 pub use error::Error;
+pub use film::Film;
+pub use image_file::RadianceImage;
 pub use reference::Reference;
 pub use scene::{
     Camera, Environment, Lamp, Material, Object, ObjectPose, Scene, SceneUpdate, Shape, Stripe,

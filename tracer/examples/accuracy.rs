@@ -1,0 +1,91 @@
+//! Traces the pool scene and says how far the picture is from the independent reference.
+//!
+//! ```text
+//! cargo run --release -p carom-tracer --example accuracy -- SAMPLES [picture.png]
+//! ```
+
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use carom_tracer::film::trace_estimate;
+use carom_tracer::metrics::{Comparison, Estimate, compare};
+use carom_tracer::{
+    CompiledScene, RadianceImage, Reference, RenderSettings, Scene, Tile, TileGrid, Tracer,
+};
+
+/// Independent pictures from whose scatter the standard error comes.
+const BATCHES: u32 = 8;
+/// Pixels along the edge of the regions whose means are compared.
+const REGION_EDGE: u16 = 30;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut arguments = std::env::args().skip(1);
+    let samples: u32 = arguments.next().as_deref().unwrap_or("16").parse()?;
+    let picture = arguments.next();
+
+    let reference = Estimate {
+        mean: RadianceImage::read_exr(repository("tests/references/pool_480x270.exr"))?,
+        stderr: RadianceImage::read_exr(repository("tests/references/pool_480x270_stderr.exr"))?,
+    };
+    let scene = CompiledScene::new(&Scene::load(repository("assets/scenes/pool.json"))?)?;
+    let grid = TileGrid::new(reference.mean.size, 32);
+    let tiles: Vec<Tile> = grid.tiles(grid.all()).collect();
+    let settings = RenderSettings {
+        samples: samples.div_ceil(BATCHES),
+        ..RenderSettings::default()
+    };
+
+    let tracers: [Box<dyn Tracer>; 1] = [Box::new(Reference)];
+    for tracer in &tracers {
+        let started = Instant::now();
+        let traced = trace_estimate(
+            tracer.as_ref(),
+            &scene,
+            grid.size,
+            settings,
+            &tiles,
+            BATCHES,
+        )?;
+        let secs = started.elapsed().as_secs_f64();
+        println!(
+            "{}: {} samples a pixel, {secs:.1} s",
+            tracer.info().name,
+            settings.samples * BATCHES
+        );
+        print(&compare(&traced, &reference, REGION_EDGE)?);
+        if let Some(path) = &picture {
+            traced.mean.write_png(path, 1.0)?;
+        }
+    }
+    Ok(())
+}
+
+fn print(comparison: &Comparison) {
+    let Comparison {
+        rel_mse,
+        psnr_db,
+        mean_ratio: [r, g, b],
+        regions,
+    } = comparison;
+    println!("  relMSE {rel_mse:.3e}, PSNR {psnr_db:.2} dB");
+    println!("  mean over the reference's: red {r:.5}, green {g:.5}, blue {b:.5}");
+    let z2 = regions
+        .iter()
+        .flat_map(|region| region.z)
+        .map(|z| z * z)
+        .sum::<f64>();
+    let z_rms = (z2 / (3 * regions.len()) as f64).sqrt();
+    if let Some((z, region)) = comparison.worst_region() {
+        let Tile { x, y, .. } = region.tile;
+        println!(
+            "  z of {} regions: rms {z_rms:.2} (1 without bias)",
+            regions.len()
+        );
+        println!("  largest |z| {z:.2} at ({x}, {y})");
+    }
+}
+
+fn repository(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
+}

@@ -1,0 +1,286 @@
+//! Where tiles become a picture.
+
+use std::sync::Mutex;
+use std::sync::atomic::AtomicBool;
+
+use crate::image_file::RadianceImage;
+use crate::metrics::Estimate;
+use crate::{
+    CompiledScene, Error, ImageSize, RenderSettings, Tile, TileGrid, TileRadiance, TraceJob, Tracer,
+};
+
+/// Sums of samples per pixel, from tiles in any order and of any range of samples.
+///
+/// Sums are f64, so that the mean of a million frames is as exact as that of one. This is the one
+/// place where radiance that is not finite is dropped and counted.
+///
+/// ```
+/// use carom_tracer::film::{Film, trace_image};
+/// use carom_tracer::{CompiledScene, ImageSize, Reference, RenderSettings, Scene};
+///
+/// let pool = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/scenes/pool.json");
+/// let scene = CompiledScene::new(&Scene::load(pool)?)?;
+/// let size = ImageSize::new(32, 18);
+/// let film: Film = trace_image(&Reference, &scene, size, RenderSettings::default())?;
+/// assert_eq!(film.dropped_samples(), 0);
+/// let mean = film.image().pixels[9 * 32 + 16];
+/// assert!(mean[1] > mean[0], "the cloth is green");
+/// # Ok::<(), carom_tracer::Error>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Film {
+    size: ImageSize,
+    pixels: Vec<Pixel>,
+    dropped_samples: u64,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Pixel {
+    sum: [f64; 3],
+    samples: u64,
+}
+
+/// Pixels along the edge of the tiles that [`trace_image`] asks for.
+const TILE_EDGE: u16 = 32;
+
+/// Traces a whole picture and waits for it.
+///
+/// # Errors
+/// What [`Tracer::trace`] returns.
+pub fn trace_image(
+    tracer: &dyn Tracer,
+    scene: &CompiledScene,
+    size: ImageSize,
+    settings: RenderSettings,
+) -> Result<Film, Error> {
+    size.validate()?;
+    let grid = TileGrid::new(size, TILE_EDGE);
+    let tiles: Vec<Tile> = grid.tiles(grid.all()).collect();
+    trace_tiles(tracer, scene, size, settings, &tiles)
+}
+
+/// Traces parts of a picture and waits for them; the rest of the film stays black.
+///
+/// # Errors
+/// What [`Tracer::trace`] returns.
+pub fn trace_tiles(
+    tracer: &dyn Tracer,
+    scene: &CompiledScene,
+    size: ImageSize,
+    settings: RenderSettings,
+    tiles: &[Tile],
+) -> Result<Film, Error> {
+    let job = TraceJob {
+        size,
+        tiles,
+        settings,
+        cancelled: &AtomicBool::new(false),
+    };
+    job.validate()?;
+    let film = Mutex::new(Film::new(size));
+    tracer.trace(scene, &job, &|done: TileRadiance| {
+        let mut film = film
+            .lock()
+            .expect("a sink that panicked has ended the call");
+        film.add(tiles[done.index], &done.radiance, settings.samples)
+            .expect("the job's tiles lie in its image");
+        film.count_dropped(done.dropped_samples);
+    })?;
+    Ok(film
+        .into_inner()
+        .expect("a sink that panicked has ended the call"))
+}
+
+/// Traces `tiles` as `batches` independent pictures of `settings.samples` samples each, and takes
+/// the standard error of their mean from how much they scatter.
+///
+/// # Errors
+/// What [`Tracer::trace`] returns; [`Error::InvalidSettings`] if there are fewer than two batches.
+pub fn trace_estimate(
+    tracer: &dyn Tracer,
+    scene: &CompiledScene,
+    size: ImageSize,
+    settings: RenderSettings,
+    tiles: &[Tile],
+    batches: u32,
+) -> Result<Estimate, Error> {
+    let trace_batch = |batch: u32| {
+        let offset = batch.wrapping_mul(settings.samples);
+        let settings = RenderSettings {
+            first_sample: settings.first_sample.wrapping_add(offset),
+            ..settings
+        };
+        Ok(trace_tiles(tracer, scene, size, settings, tiles)?.image())
+    };
+    let pictures = (0..batches)
+        .map(trace_batch)
+        .collect::<Result<Vec<_>, Error>>()?;
+    Estimate::from_batches(&pictures)
+}
+
+impl Film {
+    /// A film without samples.
+    pub fn new(size: ImageSize) -> Self {
+        Self {
+            size,
+            pixels: vec![Pixel::default(); size.pixels()],
+            dropped_samples: 0,
+        }
+    }
+
+    /// Adds a tile's mean radiance over `samples` samples per pixel, row-major. A pixel that is
+    /// not finite is dropped and counted with all its samples.
+    ///
+    /// # Errors
+    /// [`Error::InvalidSettings`] if the tile does not lie in the film or has another number of
+    /// pixels; the film is unchanged.
+    pub fn add(&mut self, tile: Tile, radiance: &[[f32; 3]], samples: u32) -> Result<(), Error> {
+        let right = u64::from(tile.x) + u64::from(tile.width);
+        let bottom = u64::from(tile.y) + u64::from(tile.height);
+        if right > u64::from(self.size.width) || bottom > u64::from(self.size.height) {
+            return Err(Error::InvalidSettings(format!(
+                "{tile:?} does not lie in a film of {}x{} pixels",
+                self.size.width, self.size.height
+            )));
+        }
+        if radiance.len() != tile.pixels() {
+            return Err(Error::InvalidSettings(format!(
+                "{tile:?} comes with {} pixels",
+                radiance.len()
+            )));
+        }
+        if tile.width == 0 {
+            return Ok(());
+        }
+        for (y, row) in (tile.y..).zip(radiance.chunks_exact(tile.width as usize)) {
+            let start = y as usize * self.size.width as usize + tile.x as usize;
+            for (pixel, &mean) in self.pixels[start..].iter_mut().zip(row) {
+                if mean.iter().all(|channel| channel.is_finite()) {
+                    pixel.add(mean, samples);
+                } else {
+                    self.dropped_samples += u64::from(samples);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Counts samples that a tracer dropped: they are black in its means.
+    pub fn count_dropped(&mut self, samples: u32) {
+        self.dropped_samples += u64::from(samples);
+    }
+
+    /// Forgets all samples.
+    pub fn clear(&mut self) {
+        self.pixels.fill(Pixel::default());
+        self.dropped_samples = 0;
+    }
+
+    /// Columns and rows.
+    pub fn size(&self) -> ImageSize {
+        self.size
+    }
+
+    /// Samples that were not finite, in tracers or here.
+    pub fn dropped_samples(&self) -> u64 {
+        self.dropped_samples
+    }
+
+    /// The fewest samples of any pixel: 0 while the picture has holes.
+    pub fn samples_min(&self) -> u64 {
+        let samples = self.pixels.iter().map(|pixel| pixel.samples);
+        samples.min().unwrap_or(0)
+    }
+
+    /// Mean radiance; black where there is no sample.
+    pub fn image(&self) -> RadianceImage {
+        RadianceImage {
+            size: self.size,
+            pixels: self.pixels.iter().map(Pixel::mean).collect(),
+        }
+    }
+}
+
+impl Pixel {
+    fn add(&mut self, mean: [f32; 3], samples: u32) {
+        for (sum, mean) in self.sum.iter_mut().zip(mean) {
+            *sum += f64::from(mean) * f64::from(samples);
+        }
+        self.samples += u64::from(samples);
+    }
+
+    fn mean(&self) -> [f32; 3] {
+        let samples = self.samples.max(1) as f64;
+        self.sum.map(|sum| (sum / samples) as f32)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PIXEL: Tile = Tile {
+        x: 1,
+        y: 2,
+        width: 1,
+        height: 1,
+    };
+
+    fn film() -> Film {
+        Film::new(ImageSize::new(3, 4))
+    }
+
+    #[test]
+    fn a_million_frames_do_not_drift() {
+        let mut film = film();
+        for _ in 0..1_000_000 {
+            film.add(PIXEL, &[[0.1, 1e-20, 1e6]], 16).unwrap();
+        }
+        let mean = film.image().pixels[2 * 3 + 1];
+        for (mean, exact) in mean.into_iter().zip([0.1f32, 1e-20, 1e6]) {
+            assert!(
+                (f64::from(mean) / f64::from(exact) - 1.0).abs() < 1e-7,
+                "{mean} {exact}"
+            );
+        }
+    }
+
+    #[test]
+    fn ranges_of_samples_weigh_by_their_number() {
+        let mut film = film();
+        film.add(PIXEL, &[[1.0, 0.0, 4.0]], 1).unwrap();
+        film.add(PIXEL, &[[0.0, 4.0, 4.0]], 3).unwrap();
+        assert_eq!(film.image().pixels[2 * 3 + 1], [0.25, 3.0, 4.0]);
+        assert_eq!(film.samples_min(), 0);
+    }
+
+    #[test]
+    fn what_is_not_finite_is_dropped_and_counted() {
+        let mut film = film();
+        film.add(PIXEL, &[[1.0, 2.0, 3.0]], 2).unwrap();
+        film.add(PIXEL, &[[f32::NAN, 2.0, 3.0]], 4).unwrap();
+        film.add(PIXEL, &[[1.0, f32::INFINITY, 3.0]], 8).unwrap();
+        film.count_dropped(1);
+        assert_eq!(film.image().pixels[2 * 3 + 1], [1.0, 2.0, 3.0]);
+        assert_eq!(film.dropped_samples(), 13);
+        film.clear();
+        assert_eq!(
+            (film.dropped_samples(), film.image().pixels[7]),
+            (0, [0.0; 3])
+        );
+    }
+
+    #[test]
+    fn tiles_that_do_not_fit_are_refused() {
+        let mut film = film();
+        let outside = Tile {
+            x: u32::MAX,
+            ..PIXEL
+        };
+        assert!(film.add(outside, &[[1.0; 3]], 1).is_err());
+        assert!(film.add(PIXEL, &[[1.0; 3]; 2], 1).is_err());
+        let empty = Tile { width: 0, ..PIXEL };
+        film.add(empty, &[], 1).unwrap();
+        assert!(film.image().pixels.iter().all(|&pixel| pixel == [0.0; 3]));
+    }
+}

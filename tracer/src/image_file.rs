@@ -1,0 +1,214 @@
+//! Pictures in memory and in files: OpenEXR keeps radiance, PNG what a display shows of it.
+
+use std::fs::File;
+use std::io::{self, BufWriter};
+use std::path::Path;
+
+use exr::meta::MetaData;
+use exr::prelude::{self as openexr, ReadChannels as _, ReadLayers as _, ReadSpecificChannel as _};
+
+use crate::tonemap::srgb8;
+use crate::{Error, ImageSize};
+
+/// Radiance per pixel: linear Rec. 709, W·sr⁻¹·m⁻².
+#[derive(Clone, Debug, PartialEq)]
+pub struct RadianceImage {
+    /// Columns and rows.
+    pub size: ImageSize,
+    /// Row-major from the top left: `size.pixels()` of them.
+    pub pixels: Vec<[f32; 3]>,
+}
+
+impl RadianceImage {
+    /// A black image.
+    pub fn black(size: ImageSize) -> Self {
+        Self {
+            size,
+            pixels: vec![[0.0; 3]; size.pixels()],
+        }
+    }
+
+    /// Reads the first layer of an OpenEXR file that has channels R, G and B, of whatever number
+    /// format and compression.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if the file cannot be read; [`Error::Format`] if it is no such picture or
+    /// larger than [`ImageSize::EDGE_MAX`], which is checked before memory is taken for it.
+    pub fn read_exr(path: impl AsRef<Path>) -> Result<Self, Error> {
+        let path = path.as_ref();
+        let meta = MetaData::read_from_file(path, false).map_err(|error| refused(path, error))?;
+        for header in &meta.headers {
+            let size = header.layer_size;
+            if size.x().max(size.y()) > ImageSize::EDGE_MAX as usize {
+                let edge = ImageSize::EDGE_MAX;
+                return Err(Error::Format {
+                    path: path.to_owned(),
+                    message: format!(
+                        "it has {}x{} pixels: at most {edge}x{edge} are read",
+                        size.x(),
+                        size.y()
+                    ),
+                });
+            }
+        }
+        let image = openexr::read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .specific_channels()
+            .required("R")
+            .required("G")
+            .required("B")
+            .collect_pixels(
+                |size, _| Self::black(ImageSize::new(size.x() as u32, size.y() as u32)),
+                |image, at, (r, g, b): (f32, f32, f32)| {
+                    image.pixels[at.y() * image.size.width as usize + at.x()] = [r, g, b];
+                },
+            )
+            .first_valid_layer()
+            .all_attributes()
+            .from_file(path)
+            .map_err(|error| refused(path, error))?;
+        Ok(image.layer_data.channel_data.pixels)
+    }
+
+    /// Writes channels R, G and B as 32-bit floats, compressed without loss.
+    ///
+    /// # Errors
+    /// [`Error::Io`] or [`Error::Format`] if the file cannot be written.
+    pub fn write_exr(&self, path: impl AsRef<Path>) -> Result<(), Error> {
+        let path = path.as_ref();
+        let (width, height) = (self.size.width as usize, self.size.height as usize);
+        openexr::write_rgb_file(path, width, height, |x, y| {
+            let [r, g, b] = self.pixels[y * width + x];
+            (r, g, b)
+        })
+        .map_err(|error| refused(path, error))
+    }
+
+    /// Writes 8-bit sRGB of `exposure ·` radiance, as [`srgb8`] has it.
+    ///
+    /// # Errors
+    /// [`Error::Io`] or [`Error::Format`] if the file cannot be written.
+    pub fn write_png(&self, path: impl AsRef<Path>, exposure: f32) -> Result<(), Error> {
+        let path = path.as_ref();
+        let write = || -> Result<(), png::EncodingError> {
+            let file = BufWriter::new(File::create(path)?);
+            let mut encoder = png::Encoder::new(file, self.size.width, self.size.height);
+            encoder.set_color(png::ColorType::Rgb);
+            encoder.set_depth(png::BitDepth::Eight);
+            encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
+            let pixels = self.pixels.iter().flat_map(|&pixel| srgb8(pixel, exposure));
+            let mut writer = encoder.write_header()?;
+            writer.write_image_data(&pixels.collect::<Vec<u8>>())?;
+            writer.finish()
+        };
+        write().map_err(|error| match error {
+            png::EncodingError::IoError(source) => io_error(path, source),
+            other => Error::Format {
+                path: path.to_owned(),
+                message: other.to_string(),
+            },
+        })
+    }
+}
+
+fn refused(path: &Path, error: exr::error::Error) -> Error {
+    let message = match error {
+        exr::error::Error::Io(source) => return io_error(path, source),
+        exr::error::Error::NotSupported(what) => format!("this kind of EXR is not read: {what}"),
+        exr::error::Error::Invalid(what) => {
+            format!("it is not an EXR picture with channels R, G and B: {what}")
+        }
+        exr::error::Error::Aborted => "reading was interrupted".to_owned(),
+    };
+    Error::Format {
+        path: path.to_owned(),
+        message,
+    }
+}
+
+fn io_error(path: &Path, source: io::Error) -> Error {
+    Error::Io {
+        path: path.to_owned(),
+        source,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn gradient() -> RadianceImage {
+        let size = ImageSize::new(37, 5);
+        let pixel = |i: usize| [i as f32 * 1e-3, 1e6 / (i + 1) as f32, f32::MIN_POSITIVE];
+        RadianceImage {
+            size,
+            pixels: (0..size.pixels()).map(pixel).collect(),
+        }
+    }
+
+    #[test]
+    fn exr_keeps_every_bit() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("gradient.exr");
+        gradient().write_exr(&path).unwrap();
+        assert_eq!(RadianceImage::read_exr(&path).unwrap(), gradient());
+    }
+
+    #[test]
+    fn png_holds_the_tone_mapped_pixels() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("gradient.png");
+        gradient().write_png(&path, 2.0).unwrap();
+        let file = std::io::BufReader::new(File::open(&path).unwrap());
+        let mut reader = png::Decoder::new(file).read_info().unwrap();
+        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut bytes).unwrap();
+        let pixels = gradient().pixels;
+        let expected: Vec<u8> = pixels.iter().flat_map(|&pixel| srgb8(pixel, 2.0)).collect();
+        assert_eq!(bytes, expected);
+    }
+
+    #[test]
+    fn what_is_no_picture_is_refused_by_name() {
+        let directory = tempfile::tempdir().unwrap();
+        let refusal = |path: &Path| RadianceImage::read_exr(path).unwrap_err().to_string();
+        let absent = directory.path().join("absent.exr");
+        assert!(
+            refusal(&absent).contains("absent.exr: No such file"),
+            "{}",
+            refusal(&absent)
+        );
+        let text = directory.path().join("text.exr");
+        std::fs::write(&text, "not a picture").unwrap();
+        assert!(
+            refusal(&text).contains("text.exr: it is not an EXR"),
+            "{}",
+            refusal(&text)
+        );
+        let nowhere = directory.path().join("absent").join("out");
+        assert!(matches!(
+            gradient().write_png(&nowhere, 1.0),
+            Err(Error::Io { .. })
+        ));
+        assert!(matches!(
+            gradient().write_exr(&nowhere),
+            Err(Error::Io { .. })
+        ));
+    }
+
+    #[test]
+    fn a_cut_file_is_refused() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("cut.exr");
+        gradient().write_exr(&path).unwrap();
+        let whole = std::fs::read(&path).unwrap();
+        for length in (0..whole.len()).step_by(7) {
+            std::fs::write(&path, &whole[..length]).unwrap();
+            assert!(
+                RadianceImage::read_exr(&path).is_err(),
+                "{length} bytes were enough"
+            );
+        }
+    }
+}
