@@ -8,6 +8,7 @@
 pub mod config;
 pub mod error;
 pub mod frame;
+pub mod net;
 
 pub use config::{Algorithm, FarmConfig, LocalNode};
 pub use error::Error;

@@ -1,0 +1,239 @@
+//! A player's links: one task a node, which calls, runs the session, decodes, and calls again.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use carom_protocol::session::{ClientEvent, ClientSession, Packet};
+use carom_protocol::{FrameId, Refusal, RefusalReason, RunId, SceneHash, TraceRequest};
+use carom_tracer::Scene;
+use tokio::runtime::Runtime;
+use tokio::sync::{Notify, mpsc};
+use tokio::time::Instant;
+
+use crate::Error;
+use crate::net::address::NodeAddress;
+use crate::net::caller::Caller;
+use crate::net::credentials::Credentials;
+use crate::net::packets::{self, Peer};
+
+/// What the application asks of a node; each is a call of [`ClientSession`].
+#[derive(Clone, Debug)]
+pub enum Command {
+    /// [`ClientSession::set_scene`].
+    Scene(SceneHash, Arc<Scene>),
+    /// [`ClientSession::trace`].
+    Trace(Box<TraceRequest>),
+    /// [`ClientSession::cancel_before`].
+    CancelBefore(FrameId),
+    /// [`ClientSession::cancel_run`].
+    CancelRun(RunId),
+    /// [`ClientSession::ping`].
+    Ping(u64),
+}
+
+/// What becomes of a node.
+#[derive(Clone, Debug, PartialEq)]
+pub enum LinkEvent {
+    /// It is being called.
+    Connecting,
+    /// What it says, decoded. The first of a connection is [`ClientEvent::Welcome`].
+    Session(ClientEvent),
+    /// It is gone, with all its runs and scenes; it is called again after a pause.
+    Lost {
+        /// A sentence.
+        why: String,
+    },
+}
+
+/// All of a player's links.
+pub struct Client {
+    /// Taken when dropped.
+    runtime: Option<Runtime>,
+    caller: Arc<Caller>,
+}
+
+/// One node, called until this is dropped.
+pub struct NodeLink {
+    commands: mpsc::Sender<Command>,
+    wake: Arc<Notify>,
+    task: tokio::task::AbortHandle,
+}
+
+/// Pauses between calls. A node that restarts is back within a second; one that is down costs a
+/// packet every five seconds.
+const PAUSE_FIRST: Duration = Duration::from_millis(200);
+const PAUSE_MAX: Duration = Duration::from_secs(5);
+/// A connection that has held so long is called again at once: what ended it was an accident.
+const SETTLED: Duration = Duration::from_secs(2);
+/// Decoding takes 1 ms of a core for a 720p frame; a second thread keeps one slow node's tiles
+/// from delaying another's.
+const THREADS: usize = 2;
+/// Commands that wait for a link's task. The coordinator asks for far fewer at once.
+const COMMANDS_MAX: usize = 1024;
+/// How long a leaving player waits for nodes to hear of it.
+const FAREWELL: Duration = Duration::from_millis(200);
+
+impl Client {
+    /// Starts the network threads. No socket is opened before the first call.
+    ///
+    /// # Errors
+    /// [`Error::Credentials`] if the credentials are no player's, [`Error::Socket`] if the system
+    /// has no threads left.
+    pub fn new(credentials: &Credentials) -> Result<Self, Error> {
+        let caller = Arc::new(Caller::new(credentials)?);
+        let runtime = tokio::runtime::Builder::new_multi_thread()
+            .worker_threads(THREADS)
+            .thread_name("carom-net")
+            .enable_all()
+            .build()
+            .map_err(|source| Error::Socket {
+                address: "network threads".into(),
+                source,
+            })?;
+        Ok(Self {
+            runtime: Some(runtime),
+            caller,
+        })
+    }
+
+    /// Calls a node until the link is dropped. `events` is called on a network thread and must
+    /// not block.
+    pub fn link(
+        &self,
+        address: NodeAddress,
+        events: impl FnMut(LinkEvent) + Send + 'static,
+    ) -> NodeLink {
+        let (commands, receiver) = mpsc::channel(COMMANDS_MAX);
+        let wake = Arc::new(Notify::new());
+        let link = Link {
+            caller: Arc::clone(&self.caller),
+            address,
+            commands: receiver,
+            wake: Arc::clone(&wake),
+            events: Box::new(events),
+        };
+        let runtime = self.runtime.as_ref().expect("taken only when dropped");
+        NodeLink {
+            commands,
+            wake,
+            task: runtime.spawn(link.keep_calling()).abort_handle(),
+        }
+    }
+}
+
+impl Drop for Client {
+    fn drop(&mut self) {
+        if let Some(runtime) = self.runtime.take() {
+            let caller = Arc::clone(&self.caller);
+            let farewell = async move { tokio::time::timeout(FAREWELL, caller.close()).await };
+            let _ = runtime.block_on(farewell);
+            runtime.shutdown_background();
+        }
+    }
+}
+
+impl NodeLink {
+    /// Asks something of the node. Without a connection it is dropped, as is everything that was
+    /// asked of a connection that is lost. `false` if too much is waiting already.
+    pub fn send(&self, command: Command) -> bool {
+        let taken = self.commands.try_send(command).is_ok();
+        self.wake.notify_one();
+        taken
+    }
+}
+
+impl Drop for NodeLink {
+    fn drop(&mut self) {
+        self.task.abort();
+    }
+}
+
+/// The task behind a [`NodeLink`].
+struct Link {
+    caller: Arc<Caller>,
+    address: NodeAddress,
+    commands: mpsc::Receiver<Command>,
+    wake: Arc<Notify>,
+    events: Box<dyn FnMut(LinkEvent) + Send>,
+}
+
+impl Link {
+    async fn keep_calling(mut self) {
+        let mut pause = PAUSE_FIRST;
+        loop {
+            let called = Instant::now();
+            (self.events)(LinkEvent::Connecting);
+            let why = self.call().await;
+            (self.events)(LinkEvent::Lost { why });
+            if called.elapsed() >= SETTLED {
+                pause = PAUSE_FIRST;
+            }
+            tokio::time::sleep(pause).await;
+            pause = (pause * 2).min(PAUSE_MAX);
+        }
+    }
+
+    /// One connection from call to loss.
+    async fn call(&mut self) -> String {
+        let streams = match self.caller.call(&self.address).await {
+            Ok(streams) => streams,
+            Err(why) => return why,
+        };
+        // They were meant for the connection before this one.
+        while self.commands.try_recv().is_ok() {}
+        let wake = Arc::clone(&self.wake);
+        let mut player = Player {
+            session: ClientSession::new(),
+            link: self,
+        };
+        packets::carry(streams, &mut player, &wake).await
+    }
+}
+
+struct Player<'a> {
+    session: ClientSession,
+    link: &'a mut Link,
+}
+
+impl Player<'_> {
+    fn obey(&mut self, command: Command) {
+        let session = &mut self.session;
+        let done = match command {
+            Command::Scene(hash, scene) => session.set_scene(hash, &scene).map(drop),
+            Command::CancelBefore(frame) => session.cancel_before(frame),
+            Command::CancelRun(run) => session.cancel_run(run),
+            Command::Ping(number) => session.ping(number),
+            Command::Trace(request) => return self.trace(*request),
+        };
+        if let Err(why) = done {
+            tracing::warn!("{}: {why}", self.link.address);
+        }
+    }
+
+    /// What cannot be asked is refused here as the node would refuse it.
+    fn trace(&mut self, request: TraceRequest) {
+        let (frame, run) = (request.frame, request.run);
+        if let Err(why) = self.session.trace(request) {
+            let why = RefusalReason::Invalid(why.to_string());
+            let refusal = Refusal { run, why };
+            let event = ClientEvent::RunRefused { frame, refusal };
+            (self.link.events)(LinkEvent::Session(event));
+        }
+    }
+}
+
+impl Peer for Player<'_> {
+    fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error> {
+        for event in self.session.handle(packet)? {
+            (self.link.events)(LinkEvent::Session(event));
+        }
+        Ok(())
+    }
+
+    fn poll_transmit(&mut self) -> Option<Packet> {
+        while let Ok(command) = self.link.commands.try_recv() {
+            self.obey(command);
+        }
+        self.session.poll_transmit()
+    }
+}

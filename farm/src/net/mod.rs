@@ -1,0 +1,32 @@
+//! Farms over QUIC: the only code that knows quinn, rustls, tokio and certificates.
+//!
+//! ```text
+//! authority ──init, add──▶ folders ──load──▶ credentials ──▶ tls ──▶ endpoint
+//!                                                                      │
+//!            player: client ──▶ caller ──────┐                         │
+//!                                            ├── packets ── sessions ──┘
+//!            node:   server ──▶ listener ────┘
+//! ```
+//!
+//! Both ends prove who they are by a certificate of the farm's own authority that names their
+//! role; nothing is allocated for a peer before it has. There is no other way to talk to a node
+//! over a socket.
+
+mod address;
+pub mod authority;
+mod caller;
+pub mod client;
+pub mod credentials;
+mod endpoint;
+mod listener;
+mod packets;
+mod refusal;
+pub mod server;
+mod tls;
+
+pub use address::NodeAddress;
+pub use authority::{Authority, Issued, add_node, create_farm};
+pub use client::{Client, Command, LinkEvent, NodeLink};
+pub use credentials::{Credentials, Role};
+pub use packets::Peer;
+pub use server::{NodeServer, ServerEvent, Stop, Wake};

@@ -1,0 +1,139 @@
+//! A node's socket: serves up to four players at once until it is told to stop.
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+
+use tokio::runtime::Runtime;
+use tokio::sync::Notify;
+
+use crate::Error;
+use crate::net::credentials::Credentials;
+use crate::net::listener::Listener;
+use crate::net::packets::{self, Peer, Streams};
+
+/// Wakes a connection's task: there may be something to send. May be called from any thread.
+pub type Wake = Arc<dyn Fn() + Send + Sync>;
+
+/// What becomes of a player's connection.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ServerEvent {
+    /// A player with a right certificate has opened a session.
+    Paired {
+        /// From where.
+        player: SocketAddr,
+    },
+    /// A player is gone.
+    Lost {
+        /// From where.
+        player: SocketAddr,
+        /// A sentence.
+        why: String,
+    },
+}
+
+/// A node's open socket.
+pub struct NodeServer {
+    runtime: Runtime,
+    listener: Listener,
+}
+
+/// Stops a [`NodeServer`] from another thread.
+#[derive(Clone, Debug, Default)]
+pub struct Stop(Arc<Notify>);
+
+impl Stop {
+    /// Ends [`NodeServer::serve`], now or as soon as it begins.
+    pub fn stop(&self) {
+        self.0.notify_one();
+    }
+}
+
+/// Encoding and sealing a 720p frame takes a few milliseconds of a core; tracing has the others.
+const THREADS: usize = 2;
+
+impl NodeServer {
+    /// Opens the socket.
+    ///
+    /// # Errors
+    /// [`Error::Credentials`] if the credentials are no node's, [`Error::Socket`] if the address
+    /// is in use or not this machine's.
+    pub fn bind(address: SocketAddr, credentials: &Credentials) -> Result<Self, Error> {
+        let failed = |source| Error::Socket {
+            address: address.to_string(),
+            source,
+        };
+        let runtime = tokio::runtime::Builder::new_multi_thread()
+            .worker_threads(THREADS)
+            .thread_name("carom-net")
+            .enable_all()
+            .build()
+            .map_err(failed)?;
+        let listener = {
+            let _inside = runtime.enter();
+            Listener::bind(address, credentials)?
+        };
+        Ok(Self { runtime, listener })
+    }
+
+    /// Where it listens, with the port that the system chose if 0 was asked for.
+    ///
+    /// # Errors
+    /// [`Error::Socket`] if the system does not know.
+    pub fn local_addr(&self) -> Result<SocketAddr, Error> {
+        self.listener.local_addr().map_err(|source| Error::Socket {
+            address: "the node's socket".into(),
+            source,
+        })
+    }
+
+    /// Serves players until `stop`, Ctrl-C or SIGTERM; then tells them that the node is shutting
+    /// down, so that their coordinators ask others at once. `connect` makes a player's session.
+    pub fn serve<P: Peer + Send>(
+        &self,
+        stop: &Stop,
+        connect: impl Fn(Wake) -> P + Clone + Send + Sync + 'static,
+        events: impl Fn(ServerEvent) + Clone + Send + Sync + 'static,
+    ) {
+        let serve = move |streams: Streams| {
+            let (connect, events) = (connect.clone(), events.clone());
+            async move {
+                let player = streams.connection.remote_address();
+                events(ServerEvent::Paired { player });
+                let wake = Arc::new(Notify::new());
+                let notify = Arc::clone(&wake);
+                let mut session = connect(Arc::new(move || notify.notify_one()));
+                let why = packets::carry(streams, &mut session, &wake).await;
+                events(ServerEvent::Lost { player, why });
+            }
+        };
+        self.runtime.block_on(async {
+            tokio::select! {
+                () = self.listener.run(serve) => {}
+                () = stop.0.notified() => {}
+                () = interrupted() => {}
+            }
+            self.listener.drain().await;
+        });
+    }
+}
+
+/// Ctrl-C, and what service managers send.
+async fn interrupted() {
+    #[cfg(unix)]
+    {
+        use tokio::signal::unix::{SignalKind, signal};
+        let Ok(mut terminated) = signal(SignalKind::terminate()) else {
+            return std::future::pending().await;
+        };
+        tokio::select! {
+            _ = terminated.recv() => {}
+            pressed = tokio::signal::ctrl_c() => if pressed.is_err() {
+                std::future::pending::<()>().await;
+            }
+        }
+    }
+    #[cfg(not(unix))]
+    if tokio::signal::ctrl_c().await.is_err() {
+        std::future::pending::<()>().await;
+    }
+}
