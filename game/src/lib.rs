@@ -1,1 +1,3 @@
 //! Carom.
+
+pub mod sim;

@@ -1,0 +1,97 @@
+//! A ball: its body, its pose and how it moves at one instant.
+
+use glam::{DQuat, DVec3};
+
+/// The body shared by all balls of a table: equal solid spheres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BallBody {
+    /// Mass in kg; default 0.170097 (6 oz).
+    pub mass_kg: f64,
+    /// Radius in m; default 0.028575 (2¼ in across).
+    pub radius_m: f64,
+}
+
+impl Default for BallBody {
+    fn default() -> Self {
+        Self {
+            mass_kg: 0.170_097,
+            radius_m: 0.028_575,
+        }
+    }
+}
+
+impl BallBody {
+    /// Kinetic energy in J of a ball of this body: translation plus rotation (I = 2/5 m R²).
+    pub fn kinetic_energy_j(&self, velocity: DVec3, spin: DVec3) -> f64 {
+        let inertia = 0.4 * self.mass_kg * self.radius_m * self.radius_m;
+        0.5 * (self.mass_kg * velocity.length_squared() + inertia * spin.length_squared())
+    }
+}
+
+/// How a ball touches the cloth, or where it went.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// At rest on the cloth.
+    Resting,
+    /// In place, turning about the vertical.
+    Spinning,
+    /// The point that touches the cloth is at rest.
+    Rolling,
+    /// The point that touches the cloth slips.
+    Sliding,
+    /// In a pocket: no longer part of the table.
+    Pocketed,
+    /// Left the cloth other than through a pocket.
+    OffTable,
+}
+
+impl Phase {
+    /// Whether the ball still lies on the cloth.
+    pub fn is_on_table(self) -> bool {
+        !matches!(self, Self::Pocketed | Self::OffTable)
+    }
+}
+
+/// A ball at one instant. The centre of a ball on the cloth is at z = radius.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BallState {
+    /// 0 is the cue ball.
+    pub number: u8,
+    /// The centre, in m.
+    pub position: DVec3,
+    /// In m/s.
+    pub velocity: DVec3,
+    /// Angular velocity in rad/s, right-handed.
+    pub spin: DVec3,
+    /// `world_from_ball`: turns the ball's own axes (its number, its stripe) into the table's.
+    pub orientation: DQuat,
+    /// How it touches the cloth.
+    pub phase: Phase,
+}
+
+impl BallState {
+    /// A ball at rest at a place on the cloth (x along the length, y across).
+    pub fn at_rest(number: u8, x: f64, y: f64, body: &BallBody) -> Self {
+        Self {
+            number,
+            position: DVec3::new(x, y, body.radius_m),
+            velocity: DVec3::ZERO,
+            spin: DVec3::ZERO,
+            orientation: DQuat::IDENTITY,
+            phase: Phase::Resting,
+        }
+    }
+}
+
+/// Where a ball is drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BallPose {
+    /// 0 is the cue ball.
+    pub number: u8,
+    /// The centre, in m: where it was last for a ball that left the table.
+    pub position: DVec3,
+    /// `world_from_ball`, a unit quaternion.
+    pub rotation: DQuat,
+    /// False once the ball is in a pocket or off the table.
+    pub on_table: bool,
+}

@@ -1,0 +1,204 @@
+//! Ball on cloth: Coulomb friction of a sphere on a plane, in closed form.
+//!
+//! A sliding ball is slowed by a force of constant direction until its lowest point stops (for a
+//! ball without spin at 5/7 of its speed), then rolls against a small constant resistance until it
+//! rests; spin about the vertical decays at a constant rate beside it. Each phase has constant
+//! accelerations, so a [`Motion`] is exact at every instant of its duration. Laws: Marlow, "The
+//! Physics of Pocket Billiards", 1995; constants: Alciatore, "Physical properties".
+
+use glam::DVec3;
+
+use super::ball::{BallBody, Phase};
+
+/// The friction between ball and cloth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cloth {
+    /// Coulomb friction while sliding; default 0.2, measured 0.15–0.4.
+    pub sliding_friction: f64,
+    /// Deceleration while rolling, over g; default 0.01, measured 0.005–0.015.
+    pub rolling_friction: f64,
+    /// Decay of spin about the vertical: its rate is 5/2 · this · g/R², in m; default 0.0127 m,
+    /// which is 10.9 rad/s² for a pool ball, measured 5–15.
+    pub spin_friction_m: f64,
+    /// Gravity in m/s²; default 9.81.
+    pub gravity_m_s2: f64,
+}
+
+impl Default for Cloth {
+    fn default() -> Self {
+        Self {
+            sliding_friction: 0.2,
+            rolling_friction: 0.01,
+            spin_friction_m: 10.0 * 2.0 / 5.0 / 9.0 * 0.028_575,
+            gravity_m_s2: 9.81,
+        }
+    }
+}
+
+/// What ends a [`Motion`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum End {
+    SlipStops,
+    RollStops,
+    SpinStops,
+    Never,
+}
+
+/// A ball's way through one phase: exact for 0 ≤ t ≤ `duration_secs`, meaningless after.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Motion {
+    pub(crate) phase: Phase,
+    pub(crate) position: DVec3,
+    pub(crate) velocity: DVec3,
+    pub(crate) spin: DVec3,
+    pub(crate) acceleration: DVec3,
+    pub(crate) spin_acceleration: DVec3,
+    /// Infinite at rest.
+    pub(crate) duration_secs: f64,
+    radius_m: f64,
+    end: End,
+}
+
+impl Cloth {
+    /// Velocity of the ball's lowest point over the cloth.
+    pub(crate) fn slip(body: &BallBody, velocity: DVec3, spin: DVec3) -> DVec3 {
+        velocity - body.radius_m * spin.cross(DVec3::Z)
+    }
+
+    /// The motion that follows from a state on the cloth.
+    pub(crate) fn motion(
+        &self,
+        body: &BallBody,
+        position: DVec3,
+        velocity: DVec3,
+        spin: DVec3,
+    ) -> Motion {
+        let slip = Self::slip(body, velocity, spin);
+        let spin_decay = 2.5 * self.spin_friction_m * self.gravity_m_s2 / body.radius_m.powi(2);
+        let (phase, acceleration, duration, end) = if slip.length() > SLIP_LEAST_M_S {
+            let deceleration = self.sliding_friction * self.gravity_m_s2;
+            let duration = slip.length() / (3.5 * deceleration);
+            (
+                Phase::Sliding,
+                -deceleration * slip.normalize(),
+                duration,
+                End::SlipStops,
+            )
+        } else if velocity.length() > SPEED_LEAST_M_S {
+            let deceleration = self.rolling_friction * self.gravity_m_s2;
+            let duration = velocity.length() / deceleration;
+            (
+                Phase::Rolling,
+                -deceleration * velocity.normalize(),
+                duration,
+                End::RollStops,
+            )
+        } else {
+            (Phase::Resting, DVec3::ZERO, f64::INFINITY, End::Never)
+        };
+        let mut motion = Motion {
+            phase,
+            position,
+            velocity,
+            spin,
+            acceleration,
+            spin_acceleration: torque_spin(phase, acceleration, body.radius_m),
+            duration_secs: duration,
+            radius_m: body.radius_m,
+            end,
+        };
+        match phase {
+            Phase::Rolling => motion.spin = rolling_spin(velocity, spin.z, body.radius_m),
+            Phase::Resting => {
+                motion.velocity = DVec3::ZERO;
+                motion.spin = DVec3::new(0.0, 0.0, spin.z);
+            }
+            _ => {}
+        }
+        motion.decay_spin(spin_decay);
+        motion
+    }
+}
+
+impl Motion {
+    pub(crate) fn position_at(&self, t: f64) -> DVec3 {
+        self.position + t * (self.velocity + 0.5 * t * self.acceleration)
+    }
+
+    pub(crate) fn velocity_at(&self, t: f64) -> DVec3 {
+        self.velocity + t * self.acceleration
+    }
+
+    pub(crate) fn spin_at(&self, t: f64) -> DVec3 {
+        self.spin + t * self.spin_acceleration
+    }
+
+    /// Velocity and spin when the phase is over, with what has stopped exactly zero, so that the
+    /// next phase does not begin with the round-off of this one.
+    pub(crate) fn end_state(&self) -> (DVec3, DVec3) {
+        let velocity = self.velocity_at(self.duration_secs);
+        let spin = self.spin_at(self.duration_secs);
+        match self.end {
+            End::SlipStops => (velocity, rolling_spin(velocity, spin.z, self.radius_m)),
+            End::RollStops => (DVec3::ZERO, DVec3::new(0.0, 0.0, spin.z)),
+            End::SpinStops => (velocity, DVec3::new(spin.x, spin.y, 0.0)),
+            End::Never => (self.velocity, self.spin),
+        }
+    }
+
+    /// Whether anything changes as long as nothing touches the ball.
+    pub(crate) fn is_moving(&self) -> bool {
+        self.end != End::Never
+    }
+
+    /// The ball is taken out of play where it is.
+    pub(crate) fn freeze(&mut self) {
+        self.velocity = DVec3::ZERO;
+        self.spin = DVec3::ZERO;
+        self.acceleration = DVec3::ZERO;
+        self.spin_acceleration = DVec3::ZERO;
+        self.duration_secs = f64::INFINITY;
+        self.end = End::Never;
+    }
+
+    /// Adds the decay of spin about the vertical, which ends the motion where the spin ends: beyond
+    /// that instant its acceleration would be another one.
+    fn decay_spin(&mut self, decay: f64) {
+        if self.spin.z.abs() <= SPIN_LEAST_RAD_S {
+            self.spin.z = 0.0;
+            return;
+        }
+        self.spin_acceleration.z = -decay * self.spin.z.signum();
+        let spin_lasts = self.spin.z.abs() / decay;
+        if spin_lasts <= self.duration_secs {
+            self.duration_secs = spin_lasts;
+            self.end = End::SpinStops;
+        }
+        if self.phase == Phase::Resting {
+            self.phase = Phase::Spinning;
+        }
+    }
+}
+
+/// Spin of a ball that rolls at `velocity`, with spin `about_z` about the vertical.
+fn rolling_spin(velocity: DVec3, about_z: f64, radius_m: f64) -> DVec3 {
+    let rolling = DVec3::Z.cross(velocity) / radius_m;
+    DVec3::new(rolling.x, rolling.y, about_z)
+}
+
+/// Angular acceleration that goes with the horizontal acceleration: the friction's own torque
+/// while sliding, whatever keeps it rolling while rolling.
+fn torque_spin(phase: Phase, acceleration: DVec3, radius_m: f64) -> DVec3 {
+    match phase {
+        Phase::Sliding => 2.5 / radius_m * acceleration.cross(DVec3::Z),
+        Phase::Rolling => DVec3::Z.cross(acceleration) / radius_m,
+        _ => DVec3::ZERO,
+    }
+}
+
+/// Below this slip a ball counts as rolling: far under what a millisecond of friction changes.
+const SLIP_LEAST_M_S: f64 = 1e-10;
+/// Below this speed a rolling ball counts as resting: it would go another 5e-18 m.
+const SPEED_LEAST_M_S: f64 = 1e-9;
+/// Below this spin about the vertical a ball counts as without it.
+const SPIN_LEAST_RAD_S: f64 = 1e-9;

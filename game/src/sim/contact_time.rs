@@ -1,0 +1,308 @@
+//! When balls touch: the first instant at which a distance, a polynomial in time, falls to zero.
+//!
+//! Within one phase every ball moves with constant acceleration, so the squared distance of two
+//! balls, or of a ball and a jaw or pocket, is a quartic in time and the distance to a straight
+//! cushion a quadratic. The roots are bracketed between the extrema of the polynomial (the roots of
+//! its derivative, found likewise), where it is monotone, and refined to the last bit by Newton
+//! steps that bisection keeps inside the bracket: no root is missed between brackets and none is
+//! invented by cancellation, as closed formulas for quartics do near grazing contacts.
+
+use glam::{DVec2, DVec3};
+
+use super::{cloth::Motion, table::Nose};
+
+/// A polynomial of degree 4 at most, lowest power first.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Quartic([f64; 5]);
+
+/// Position, velocity and half the acceleration, over the cloth, from a common instant on.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Course {
+    pub(crate) position: DVec2,
+    pub(crate) velocity: DVec2,
+    pub(crate) half_acceleration: DVec2,
+}
+
+impl Course {
+    /// The course of a motion, counted from `t` after its start.
+    pub(crate) fn after(motion: &Motion, t: f64) -> Self {
+        Self {
+            position: motion.position_at(t).truncate(),
+            velocity: motion.velocity_at(t).truncate(),
+            half_acceleration: 0.5 * motion.acceleration.truncate(),
+        }
+    }
+
+    pub(crate) fn relative_to(&self, other: &Self) -> Self {
+        Self {
+            position: self.position - other.position,
+            velocity: self.velocity - other.velocity,
+            half_acceleration: self.half_acceleration - other.half_acceleration,
+        }
+    }
+
+    /// The course seen from a fixed point.
+    pub(crate) fn from(&self, point: DVec2) -> Self {
+        Self {
+            position: self.position - point,
+            ..*self
+        }
+    }
+
+    fn at(&self, t: f64) -> DVec2 {
+        self.position + t * (self.velocity + t * self.half_acceleration)
+    }
+
+    /// Whether it can come within `distance` of the origin before `horizon`, by the triangle
+    /// inequality: most pairs end here.
+    fn can_reach(&self, distance: f64, horizon: f64) -> bool {
+        let reach = horizon * (self.velocity.length() + horizon * self.half_acceleration.length());
+        self.position.length() <= distance + reach
+    }
+}
+
+/// First time in [0, `horizon`] at which the course, seen from a point it moves relative to, comes
+/// within `distance` of it. Serves ball–ball (relative course, two radii), jaws and pockets.
+/// A course that is already within and still closing in touches at 0.
+pub(crate) fn reaches_point(course: &Course, distance: f64, horizon: f64) -> Option<f64> {
+    if !course.can_reach(distance, horizon) {
+        return None;
+    }
+    let Course {
+        position: p,
+        velocity: v,
+        half_acceleration: a,
+    } = *course;
+    let gap = p.length() - distance;
+    let squared = Quartic([
+        gap * (p.length() + distance),
+        2.0 * p.dot(v),
+        v.dot(v) + 2.0 * p.dot(a),
+        2.0 * v.dot(a),
+        a.dot(a),
+    ]);
+    squared.first_fall_below_zero(horizon, f64::INFINITY)
+}
+
+/// First time in [0, `horizon`] at which a ball touches the straight cushion from its front.
+pub(crate) fn reaches_nose(course: &Course, nose: &Nose, radius: f64, horizon: f64) -> Option<f64> {
+    let distance = Quartic([
+        nose.normal().dot(course.position - nose.from()) - radius,
+        nose.normal().dot(course.velocity),
+        nose.normal().dot(course.half_acceleration),
+        0.0,
+        0.0,
+    ]);
+    let t = distance.first_fall_below_zero(horizon, radius)?;
+    nose.spans(course.at(t)).then_some(t)
+}
+
+/// First time in [0, `horizon`] at which the course crosses the outline of the table.
+pub(crate) fn leaves_outline(
+    course: &Course,
+    (low, high): (DVec2, DVec2),
+    horizon: f64,
+) -> Option<f64> {
+    let sides = [
+        (DVec2::X, low),
+        (DVec2::Y, low),
+        (-DVec2::X, high),
+        (-DVec2::Y, high),
+    ];
+    let crossings = sides.into_iter().filter_map(|(inward, corner)| {
+        let inside = Quartic([
+            inward.dot(course.position - corner),
+            inward.dot(course.velocity),
+            inward.dot(course.half_acceleration),
+            0.0,
+            0.0,
+        ]);
+        inside.first_fall_below_zero(horizon, f64::INFINITY)
+    });
+    crossings.min_by(f64::total_cmp)
+}
+
+impl Quartic {
+    fn at(&self, t: f64) -> f64 {
+        self.0.iter().rev().fold(0.0, |sum, c| sum * t + c)
+    }
+
+    fn derivative(&self) -> Self {
+        let c = &self.0;
+        Self([c[1], 2.0 * c[2], 3.0 * c[3], 4.0 * c[4], 0.0])
+    }
+
+    fn degree(&self) -> usize {
+        self.0.iter().rposition(|&c| c != 0.0).unwrap_or(0)
+    }
+
+    /// The first time in [0, end] at which the polynomial falls below zero. Where it is already
+    /// below but by no more than `depth`, and falling, that is at once: a contact that round-off
+    /// placed a little inside must not be missed.
+    fn first_fall_below_zero(&self, end: f64, depth: f64) -> Option<f64> {
+        let extrema = self.derivative().roots(end);
+        let mut start = (0.0, self.at(0.0));
+        for &t in extrema.as_slice().iter().chain([&end]) {
+            let stop = (t, self.at(t));
+            if stop.1 < start.1 && stop.1 < 0.0 {
+                if start.1 > 0.0 {
+                    return Some(self.refine(start, stop));
+                }
+                if start.1 >= -depth {
+                    return Some(start.0);
+                }
+            }
+            start = stop;
+        }
+        None
+    }
+
+    /// All roots in (0, end) at which the sign changes, ascending.
+    fn roots(&self, end: f64) -> Roots {
+        let mut roots = Roots::default();
+        match self.degree() {
+            0 => return roots,
+            1 => {
+                roots.push_within(-self.0[0] / self.0[1], end);
+                return roots;
+            }
+            _ => {}
+        }
+        let extrema = self.derivative().roots(end);
+        let mut start = (0.0, self.at(0.0));
+        for &t in extrema.as_slice().iter().chain([&end]) {
+            let stop = (t, self.at(t));
+            if (start.1 < 0.0) != (stop.1 < 0.0) {
+                roots.push_within(self.refine(start, stop), end);
+            }
+            start = stop;
+        }
+        roots
+    }
+
+    /// The root between two points of opposite sign, where the polynomial is monotone.
+    fn refine(&self, start: (f64, f64), stop: (f64, f64)) -> f64 {
+        let slope = self.derivative();
+        let falls = start.1 > stop.1;
+        let (mut low, mut high) = (start.0, stop.0);
+        let mut t = low + (high - low) * (start.1 / (start.1 - stop.1)).clamp(0.0, 1.0);
+        for _ in 0..REFINEMENTS_MAX {
+            let value = self.at(t);
+            if (value > 0.0) == falls {
+                low = t;
+            } else {
+                high = t;
+            }
+            let newton = t - value / slope.at(t);
+            let next = if newton > low && newton < high {
+                newton
+            } else {
+                0.5 * (low + high)
+            };
+            if next == t || next <= low || next >= high {
+                return next;
+            }
+            let step = (next - t).abs();
+            t = next;
+            if step <= f64::EPSILON * t {
+                return t;
+            }
+        }
+        t
+    }
+}
+
+/// Up to four roots, without an allocation.
+#[derive(Clone, Copy, Debug, Default)]
+struct Roots {
+    times: [f64; 4],
+    count: usize,
+}
+
+impl Roots {
+    fn push_within(&mut self, t: f64, end: f64) {
+        if t > 0.0 && t < end && self.count < self.times.len() {
+            self.times[self.count] = t;
+            self.count += 1;
+        }
+    }
+
+    fn as_slice(&self) -> &[f64] {
+        &self.times[..self.count]
+    }
+}
+
+/// Bisection alone halves any bracket of the simulation to one bit in fewer steps.
+const REFINEMENTS_MAX: u32 = 128;
+
+/// The unit vector over the cloth from one point to another; +x where they coincide.
+pub(crate) fn direction(from: DVec3, to: DVec3) -> DVec3 {
+    (to - from).with_z(0.0).try_normalize().unwrap_or(DVec3::X)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn course(position: [f64; 2], velocity: [f64; 2], acceleration: [f64; 2]) -> Course {
+        Course {
+            position: position.into(),
+            velocity: velocity.into(),
+            half_acceleration: 0.5 * DVec2::from(acceleration),
+        }
+    }
+
+    #[test]
+    fn all_four_roots_are_found_also_when_close() {
+        for gap in [1e-3, 1e-6] {
+            let r = [0.5, 0.5 + gap, 1.5, 2.0];
+            let e1 = r.iter().sum::<f64>();
+            let e4 = r.iter().product::<f64>();
+            let mut e2 = 0.0;
+            let mut e3 = 0.0;
+            for i in 0..4 {
+                for j in 0..i {
+                    e2 += r[i] * r[j];
+                    for k in 0..j {
+                        e3 += r[i] * r[j] * r[k];
+                    }
+                }
+            }
+            let found = Quartic([e4, -e3, e2, -e1, 1.0]).roots(3.0);
+            assert_eq!(found.count, 4, "gap {gap}: {found:?}");
+            for (a, b) in found.as_slice().iter().zip(r) {
+                assert!((a - b).abs() < 1e-9 / gap.sqrt(), "{a} {b}");
+            }
+        }
+    }
+
+    #[test]
+    fn contact_is_on_the_circle_and_first() {
+        let way = course([1.0, 0.02], [-2.0, 0.05], [0.3, -0.4]);
+        let t = reaches_point(&way, 0.06, 3.0).expect("it comes near");
+        // One bit of a squared distance of 1 m², over twice the distance of contact.
+        assert!((way.at(t).length() - 0.06).abs() < 1e-14);
+        for step in 0..1000 {
+            assert!(way.at(t * f64::from(step) / 1000.0).length() > 0.06);
+        }
+    }
+
+    #[test]
+    fn a_graze_by_a_nanometre_is_decided_rightly() {
+        let touch = course([1.0, 0.06 - 1e-9], [-1.0, 0.0], [0.0; 2]);
+        let miss = course([1.0, 0.06 + 1e-9], [-1.0, 0.0], [0.0; 2]);
+        assert!(reaches_point(&touch, 0.06, 3.0).is_some());
+        assert!(reaches_point(&miss, 0.06, 3.0).is_none());
+    }
+
+    #[test]
+    fn balls_in_touch_meet_again_only_when_they_come_back() {
+        let parting = course([0.06, 0.0], [0.1, 0.0], [-1.0, 0.0]);
+        let t = reaches_point(&parting, 0.06, 3.0).expect("they come back");
+        assert!((t - 0.2).abs() < 1e-12);
+        let pressed = course([0.06, 0.0], [0.0, 0.0], [-1.0, 0.0]);
+        assert_eq!(reaches_point(&pressed, 0.06, 3.0), Some(0.0));
+        let apart = course([0.06, 0.0], [0.1, 0.0], [0.0, 0.0]);
+        assert_eq!(reaches_point(&apart, 0.06, 3.0), None);
+    }
+}

@@ -1,0 +1,66 @@
+//! What happens in a shot, for sound, rules and display.
+
+use glam::DVec3;
+
+/// One thing that happened, in the order of time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Event {
+    /// Since the stroke, in s.
+    pub time_secs: f64,
+    /// What happened.
+    pub kind: EventKind,
+}
+
+/// What happened to which ball (by number).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum EventKind {
+    /// The tip struck the cue ball.
+    Strike {
+        /// Speed of the cue in m/s.
+        speed_m_s: f64,
+    },
+    /// Two balls met.
+    BallBall {
+        /// The first ball.
+        first: u8,
+        /// The second ball.
+        second: u8,
+        /// Where they touched.
+        point: DVec3,
+        /// Speed of approach along the line of centres, in m/s.
+        speed_m_s: f64,
+    },
+    /// A ball met a cushion or a jaw.
+    Cushion {
+        /// The ball.
+        ball: u8,
+        /// Where it touched.
+        point: DVec3,
+        /// Speed into the cushion, in m/s.
+        speed_m_s: f64,
+    },
+    /// A ball's centre passed the rim of a pocket.
+    Pocketed {
+        /// The ball.
+        ball: u8,
+        /// Index into the table's pockets.
+        pocket: usize,
+        /// Speed in m/s.
+        speed_m_s: f64,
+    },
+    /// A sliding ball began to roll.
+    Rolls {
+        /// The ball.
+        ball: u8,
+    },
+    /// A ball came to rest.
+    Rests {
+        /// The ball.
+        ball: u8,
+    },
+    /// A ball was found outside the table's bounds and taken away.
+    LeftTable {
+        /// The ball.
+        ball: u8,
+    },
+}

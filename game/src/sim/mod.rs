@@ -1,0 +1,63 @@
+//! The simulation of billiards: laws of motion and contact, and shots played out from them.
+//!
+//! ```text
+//! Table + Layout ─► World ── strike(Stroke) ─► Shot ── poses_at(t) ─► the picture
+//!                     ▲                          │ ── events() ─────► rules, sound
+//!                     └───────── adopt ◄─────────┘
+//! ```
+//! A shot is simulated as a whole at the stroke, which takes milliseconds, from event to event:
+//! between two of them every ball moves with constant acceleration, known in closed form
+//! ([`Cloth`]). Rapier moves the balls in steps that land on the events; the laws set velocities.
+//! The simulation knows no clock, no frame rate and no randomness: the same world and stroke give
+//! the same bits.
+//!
+//! Balls stay on the cloth: the vertical part of every impulse is lost, so that nothing jumps.
+//!
+//! ```
+//! use carom::sim::{Stroke, Table, World};
+//!
+//! let table = Table::nine_foot();
+//! let rack = table.rack_eight(7);
+//! let mut world = World::new(table, rack)?;
+//! let shot = world.strike(Stroke::straight(0.0, 8.0))?;
+//! for frame in 0..(shot.duration_secs() * 60.0) as u32 {
+//!     let poses = shot.poses_at(f64::from(frame) / 60.0);
+//!     assert_eq!(poses.len(), 16);
+//! }
+//! world.adopt(&shot);
+//! # Ok::<(), carom::sim::Error>(())
+//! ```
+
+mod aim;
+mod ball;
+mod ball_ball;
+mod bodies;
+mod cloth;
+mod contact_time;
+mod cushion;
+mod error;
+mod event;
+mod laws;
+mod orientation;
+mod rack;
+mod shot;
+mod simulation;
+mod stick;
+mod table;
+mod track;
+mod world;
+
+pub use aim::{AimContact, AimLine, predict};
+pub use ball::{BallBody, BallPose, BallState, Phase};
+pub use ball_ball::{BallBallLaw, CLUSTER_ENERGY_J, CLUSTER_SPEED_M_S};
+pub use cloth::Cloth;
+pub use cushion::{CushionLaw, REBOUND_ENERGY_J, REBOUND_SPEED_M_S};
+pub use error::{Error, Result};
+pub use event::{Event, EventKind};
+pub use laws::Laws;
+pub use rack::Layout;
+pub use shot::Shot;
+pub use simulation::{EVENTS_PER_SECOND_MAX, SHOT_SECS_MAX};
+pub use stick::{Cue, Stroke};
+pub use table::{Circle, Nose, Table, TableParts};
+pub use world::World;

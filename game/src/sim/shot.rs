@@ -1,0 +1,57 @@
+//! A shot that has been simulated: where every ball is at each instant.
+
+use super::{
+    ball::{BallPose, BallState},
+    event::Event,
+    simulation::Outcome,
+    track::Track,
+};
+
+/// A whole shot, from the stroke until all balls are at rest.
+#[derive(Clone, Debug)]
+pub struct Shot {
+    tracks: Vec<Track>,
+    events: Vec<Event>,
+    duration_secs: f64,
+}
+
+impl Shot {
+    pub(crate) fn new(outcome: Outcome) -> Self {
+        let Outcome {
+            tracks,
+            events,
+            end_secs,
+        } = outcome;
+        Self {
+            tracks,
+            events,
+            duration_secs: end_secs,
+        }
+    }
+
+    /// When the last ball came to rest, in s.
+    pub fn duration_secs(&self) -> f64 {
+        self.duration_secs
+    }
+
+    /// Poses at a time in s, in the order of the world's balls; before 0 as at 0, after the end as
+    /// at rest. Exact at any instant: nothing is interpolated.
+    pub fn poses_at(&self, t: f64) -> Vec<BallPose> {
+        self.tracks.iter().map(|track| track.pose_at(t)).collect()
+    }
+
+    /// States at a time in s; at the instant of an event, those after it.
+    pub fn states_at(&self, t: f64) -> Vec<BallState> {
+        self.tracks.iter().map(|track| track.state_at(t)).collect()
+    }
+
+    /// The balls when all is over.
+    pub fn final_states(&self) -> Vec<BallState> {
+        self.states_at(self.duration_secs)
+    }
+
+    /// What happened, in the order of time.
+    pub fn events(&self) -> &[Event] {
+        &self.events
+    }
+}

@@ -1,0 +1,187 @@
+//! A table with balls on it, waiting for a stroke.
+
+use super::{
+    ball::{BallState, Phase},
+    ball_ball::Twist,
+    error::{Error, Result},
+    event::{Event, EventKind},
+    laws::Laws,
+    rack::Layout,
+    shot::Shot,
+    simulation::{Outcome, Simulation, Until},
+    stick::Stroke,
+    table::Table,
+};
+
+/// A table with balls on it.
+#[derive(Clone, Debug)]
+pub struct World {
+    table: Table,
+    laws: Laws,
+    balls: Vec<BallState>,
+}
+
+impl World {
+    /// A world with the default laws.
+    ///
+    /// # Errors
+    /// [`Error::Layout`] for balls that overlap each other or a cushion, lie off the table or in a
+    /// pocket, share a number or are not finite.
+    pub fn new(table: Table, layout: Layout) -> Result<Self> {
+        Self::with_laws(table, Laws::default(), layout.balls)
+    }
+
+    /// A world with laws of its own, whose balls may be in motion.
+    ///
+    /// # Errors
+    /// [`Error::Laws`], and [`Error::Layout`] as in [`World::new`].
+    pub fn with_laws(table: Table, laws: Laws, balls: Vec<BallState>) -> Result<Self> {
+        laws.validate()?;
+        let world = Self { table, laws, balls };
+        for (index, ball) in world.balls.iter().enumerate() {
+            world.check_place(ball, &world.balls[..index])?;
+        }
+        Ok(world)
+    }
+
+    /// The balls, in a fixed order.
+    pub fn balls(&self) -> Vec<BallState> {
+        self.balls.clone()
+    }
+
+    /// The table.
+    pub fn table(&self) -> &Table {
+        &self.table
+    }
+
+    /// The laws.
+    pub fn laws(&self) -> &Laws {
+        &self.laws
+    }
+
+    /// Simulates the whole shot that a stroke begins. The world itself stays as it is until
+    /// [`World::adopt`].
+    ///
+    /// # Errors
+    /// [`Error::Stroke`] for a stroke out of range or without a cue ball on the table;
+    /// [`Error::Endless`] if the simulation passes its limits.
+    pub fn strike(&self, stroke: Stroke) -> Result<Shot> {
+        Ok(Shot::new(self.simulate(stroke, Until::Rest)?))
+    }
+
+    /// Simulates what the balls do without a stroke: nothing, unless they are in motion.
+    ///
+    /// # Errors
+    /// [`Error::Endless`] if the simulation passes its limits.
+    pub fn release(&self) -> Result<Shot> {
+        let simulation = Simulation::new(&self.table, &self.laws, &self.balls);
+        Ok(Shot::new(simulation.run(Until::Rest)?))
+    }
+
+    /// The balls lie as a shot left them.
+    pub fn adopt(&mut self, shot: &Shot) {
+        self.balls = shot.final_states();
+    }
+
+    /// Puts a ball at rest on the cloth at (x, y) in m: ball in hand, or spotting. A ball that had
+    /// left the table comes back.
+    ///
+    /// # Errors
+    /// [`Error::Layout`] if there is no such ball or it cannot lie there; it stays where it was.
+    pub fn place(&mut self, number: u8, x: f64, y: f64) -> Result<()> {
+        let Some(index) = self.balls.iter().position(|ball| ball.number == number) else {
+            return Err(Error::Layout(format!("there is no ball {number}")));
+        };
+        let placed = BallState {
+            orientation: self.balls[index].orientation,
+            ..BallState::at_rest(number, x, y, &self.laws.body)
+        };
+        let mut others = self.balls.clone();
+        others.remove(index);
+        self.check_place(&placed, &others)?;
+        self.balls[index] = placed;
+        Ok(())
+    }
+
+    pub(crate) fn simulate(&self, stroke: Stroke, until: Until) -> Result<Outcome> {
+        stroke.validate()?;
+        let mut balls = self.balls.clone();
+        let Some(cue_ball) = balls
+            .iter_mut()
+            .find(|b| b.number == 0 && b.phase.is_on_table())
+        else {
+            return Err(Error::Stroke("the cue ball is not on the table".to_owned()));
+        };
+        let Twist { velocity, spin } = self.laws.cue.strike(&self.laws.body, &stroke);
+        *cue_ball = BallState {
+            velocity,
+            spin,
+            phase: Phase::Sliding,
+            ..*cue_ball
+        };
+        let mut outcome = Simulation::new(&self.table, &self.laws, &balls).run(until)?;
+        let kind = EventKind::Strike {
+            speed_m_s: stroke.speed_m_s,
+        };
+        outcome.events.insert(
+            0,
+            Event {
+                time_secs: 0.0,
+                kind,
+            },
+        );
+        Ok(outcome)
+    }
+
+    fn check_place(&self, ball: &BallState, others: &[BallState]) -> Result<()> {
+        let BallState {
+            number,
+            position,
+            velocity,
+            spin,
+            ..
+        } = *ball;
+        let reject = |message: String| Err(Error::Layout(format!("ball {number} {message}")));
+        if !(position.is_finite() && velocity.is_finite() && spin.is_finite()) {
+            return reject("has a place or a speed that is not finite".to_owned());
+        }
+        if others.iter().any(|other| other.number == number) {
+            return reject("is there twice".to_owned());
+        }
+        if !ball.phase.is_on_table() {
+            return Ok(());
+        }
+        let center = position.truncate();
+        let radius = self.laws.body.radius_m;
+        let reaches = |distance: f64, least: f64| distance < least - OVERLAP_MAX_M;
+        if !self.table.contains(center) {
+            return reject(format!("at {center} is off the table"));
+        }
+        let inside = |c: &&super::table::Circle| center.distance(c.center) < c.radius_m;
+        if let Some(pocket) = self.table.pockets().iter().find(inside) {
+            return reject(format!("at {center} is in the pocket at {}", pocket.center));
+        }
+        let in_nose = self.table.noses().iter().any(|nose| {
+            let depth = nose.normal().dot(center - nose.from());
+            nose.spans(center) && depth > -radius && reaches(depth, radius)
+        });
+        let in_jaw = self
+            .table
+            .jaws()
+            .iter()
+            .any(|jaw| reaches(center.distance(jaw.center), radius + jaw.radius_m));
+        if in_nose || in_jaw {
+            return reject(format!("at {center} is in a cushion"));
+        }
+        let on_table = others.iter().filter(|other| other.phase.is_on_table());
+        for other in on_table {
+            if reaches(other.position.truncate().distance(center), 2.0 * radius) {
+                return reject(format!("at {center} overlaps ball {}", other.number));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Balls that overlap by less count as touching.
+const OVERLAP_MAX_M: f64 = 1e-7;
