@@ -11,6 +11,7 @@
 pub mod compiled;
 pub mod error;
 pub mod film;
+pub mod gpu;
 pub mod image_file;
 pub mod metrics;
 pub mod reference;
@@ -24,6 +25,7 @@ pub mod tracer;
 pub use compiled::CompiledScene;
 pub use error::Error;
 pub use film::Film;
+pub use gpu::GpuTracer;
 pub use image_file::RadianceImage;
 pub use reference::Reference;
 pub use scene::{

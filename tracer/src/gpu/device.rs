@@ -1,0 +1,158 @@
+//! A wgpu device whose every failure is an [`Error::Device`].
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use crate::Error;
+use crate::gpu::adapter::{self, AdapterChoice};
+
+/// How long one submission may take before the device counts as hung. A dispatch takes less than
+/// 0.1 s on a GPU, a few seconds on loaded software Vulkan.
+const SUBMISSION_TIMEOUT: Duration = Duration::from_secs(120);
+
+/// A device, its queue and what has gone wrong with it.
+pub(crate) struct Device {
+    pub(crate) device: wgpu::Device,
+    pub(crate) queue: wgpu::Queue,
+    pub(crate) name: String,
+    /// Nanoseconds of a timestamp's tick; `None` where there are no timestamps.
+    pub(crate) tick_nanos: Option<f64>,
+    /// The first failure that no call reported.
+    failure: Arc<Mutex<Option<String>>>,
+}
+
+impl Device {
+    /// Opens an adapter with all that it offers.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if there is no such adapter or it refuses.
+    pub(crate) fn open(choice: &AdapterChoice) -> Result<Self, Error> {
+        let adapter = adapter::find(choice)?;
+        let name = adapter::label(&adapter.get_info());
+        let timestamps = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
+        let request = adapter.request_device(&wgpu::DeviceDescriptor {
+            label: Some("carom"),
+            required_features: timestamps,
+            required_limits: adapter.limits(),
+            ..Default::default()
+        });
+        let (device, queue) = pollster::block_on(request).map_err(|error| Error::Device {
+            device: name.clone(),
+            message: format!("the driver refuses a device: {error}"),
+        })?;
+        let failure = Arc::new(Mutex::new(None));
+        watch(&device, &failure);
+        let tick_nanos = f64::from(queue.get_timestamp_period());
+        Ok(Self {
+            tick_nanos: (!timestamps.is_empty() && tick_nanos > 0.0).then_some(tick_nanos),
+            device,
+            queue,
+            name,
+            failure,
+        })
+    }
+
+    /// Runs `work` and turns every failure of this thread's calls into an error.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if a call was invalid, the device is lost or out of memory.
+    pub(crate) fn guarded<T>(&self, work: impl FnOnce(&wgpu::Device) -> T) -> Result<T, Error> {
+        let scopes = [
+            wgpu::ErrorFilter::Internal,
+            wgpu::ErrorFilter::OutOfMemory,
+            wgpu::ErrorFilter::Validation,
+        ]
+        .map(|filter| self.device.push_error_scope(filter));
+        let value = work(&self.device);
+        let mut first = None;
+        for scope in scopes.into_iter().rev() {
+            let error = pollster::block_on(scope.pop());
+            first = first.or(error);
+        }
+        if let Some(error) = first {
+            return Err(self.error(error.to_string()));
+        }
+        self.check()?;
+        Ok(value)
+    }
+
+    /// Submits commands and waits until `mapped` is in this process's memory.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the device is lost, hangs or refuses.
+    pub(crate) fn submit_and_map(
+        &self,
+        commands: wgpu::CommandBuffer,
+        mapped: wgpu::BufferSlice<'_>,
+    ) -> Result<(), Error> {
+        let (submission, mapping) = self.guarded(|_| {
+            let submission = self.queue.submit([commands]);
+            let (sender, receiver) = channel();
+            mapped.map_async(wgpu::MapMode::Read, move |result| {
+                // The receiver is gone only if this call has already failed.
+                _ = sender.send(result);
+            });
+            (submission, receiver)
+        })?;
+        self.wait(submission)?;
+        self.mapped(&mapping)
+    }
+
+    fn wait(&self, submission: wgpu::SubmissionIndex) -> Result<(), Error> {
+        let poll = wgpu::PollType::Wait {
+            submission_index: Some(submission),
+            timeout: Some(SUBMISSION_TIMEOUT),
+        };
+        // wgpu 30 panics here when the device is lost, which is no bug of anybody in this process.
+        let polled = catch_unwind(AssertUnwindSafe(|| self.device.poll(poll)));
+        self.check()?;
+        match polled {
+            Ok(Ok(_)) => Ok(()),
+            Ok(Err(error)) => Err(self.error(format!("work was not finished: {error}"))),
+            Err(_) => Err(self.error("lost while work was under way".to_owned())),
+        }
+    }
+
+    /// Another thread's poll may have taken this submission's callback and not run it yet, so
+    /// that the wait is for the callback itself.
+    fn mapped(&self, mapping: &Receiver<Result<(), wgpu::BufferAsyncError>>) -> Result<(), Error> {
+        match mapping.recv_timeout(SUBMISSION_TIMEOUT) {
+            Ok(Ok(())) => self.check(),
+            Ok(Err(error)) => Err(self.error(error.to_string())),
+            Err(error) => Err(self.error(format!("results were not delivered: {error}"))),
+        }
+    }
+
+    /// An error of this device.
+    pub(crate) fn error(&self, message: String) -> Error {
+        let device = self.name.clone();
+        Error::Device { device, message }
+    }
+
+    /// # Errors
+    /// [`Error::Device`] if something has failed for which no call was to blame.
+    fn check(&self) -> Result<(), Error> {
+        let failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
+        failure
+            .as_ref()
+            .map_or(Ok(()), |message| Err(self.error(message.clone())))
+    }
+}
+
+/// Keeps the first failure that the device reports by itself.
+fn watch(device: &wgpu::Device, failure: &Arc<Mutex<Option<String>>>) {
+    let keep = |failure: &Mutex<Option<String>>, message: String| {
+        let mut failure = failure.lock().unwrap_or_else(PoisonError::into_inner);
+        failure.get_or_insert(message);
+    };
+    let uncaptured = Arc::clone(failure);
+    device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+        keep(&uncaptured, error.to_string());
+    }));
+    let lost = Arc::clone(failure);
+    device.set_device_lost_callback(move |reason, message| {
+        keep(&lost, format!("the device is lost ({reason:?}): {message}"));
+    });
+}

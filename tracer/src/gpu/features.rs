@@ -1,0 +1,143 @@
+//! What a scene requires of the kernel: what it has none of is left out.
+
+use crate::compiled::{CompiledScene, MaterialData};
+use crate::gpu::layout;
+
+/// A shape's array in the scene, in the order in which primitives are numbered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ShapeKind {
+    Sphere,
+    Box,
+    Disc,
+    Rectangle,
+}
+
+impl ShapeKind {
+    pub(crate) const ALL: [Self; 4] = [Self::Sphere, Self::Box, Self::Disc, Self::Rectangle];
+
+    /// The prefix or suffix of its functions in WGSL.
+    pub(crate) const fn function(self) -> &'static str {
+        match self {
+            Self::Sphere => "sphere",
+            Self::Box => "box",
+            Self::Disc => "disc",
+            Self::Rectangle => "rectangle",
+        }
+    }
+
+    /// The prefix of its constants in WGSL.
+    pub(crate) const fn constant(self) -> &'static str {
+        match self {
+            Self::Sphere => "SPHERE",
+            Self::Box => "BOX",
+            Self::Disc => "DISC",
+            Self::Rectangle => "RECTANGLE",
+        }
+    }
+
+    /// Its array in the scene.
+    pub(crate) const fn array(self) -> &'static str {
+        match self {
+            Self::Sphere => "spheres",
+            Self::Box => "boxes",
+            Self::Disc => "discs",
+            Self::Rectangle => "rectangles",
+        }
+    }
+
+    /// The element of that array.
+    pub(crate) const fn type_name(self) -> &'static str {
+        match self {
+            Self::Sphere => "SphereData",
+            Self::Box => "BoxData",
+            Self::Disc => "DiscData",
+            Self::Rectangle => "RectangleData",
+        }
+    }
+}
+
+/// Where the scene's arrays lie on the device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum SceneMemory {
+    /// Constant memory: 5–7 times faster on software Vulkan, but small.
+    Uniform,
+    /// Any memory.
+    Storage,
+}
+
+/// The key of a kernel: scenes with the same features share one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct Features {
+    pub(crate) spheres: u32,
+    pub(crate) boxes: u32,
+    pub(crate) discs: u32,
+    pub(crate) rectangles: u32,
+    pub(crate) lamps: u32,
+    /// At least 1: an array has no length of 0.
+    pub(crate) materials: u32,
+    /// Some material has a dielectric coat.
+    pub(crate) has_coat: bool,
+    /// Some material has a stripe.
+    pub(crate) has_stripe: bool,
+    /// Balls are so far from the origin that the rounding of coordinates shows.
+    pub(crate) is_compensated: bool,
+    pub(crate) memory: SceneMemory,
+}
+
+impl Features {
+    /// What `scene` requires on a device whose uniform buffers hold `uniform_bytes_max`.
+    pub(crate) fn of(scene: &CompiledScene, uniform_bytes_max: u64) -> Self {
+        let any = |has: fn(&MaterialData) -> bool| scene.materials.iter().any(has);
+        let mut features = Self {
+            spheres: scene.spheres.len() as u32,
+            boxes: scene.boxes.len() as u32,
+            discs: scene.discs.len() as u32,
+            rectangles: scene.rectangles.len() as u32,
+            lamps: scene.lamps.len() as u32,
+            materials: scene.materials.len().max(1) as u32,
+            has_coat: any(|material| material.ior > 0.0),
+            has_stripe: any(|material| material.stripe_half_width > 0.0),
+            is_compensated: needs_compensation(scene),
+            memory: SceneMemory::Uniform,
+        };
+        if layout::scene_bytes_len(&features) > uniform_bytes_max {
+            features.memory = SceneMemory::Storage;
+        }
+        features
+    }
+
+    /// How many primitives of a shape there are.
+    pub(crate) const fn count(&self, shape: ShapeKind) -> u32 {
+        match shape {
+            ShapeKind::Sphere => self.spheres,
+            ShapeKind::Box => self.boxes,
+            ShapeKind::Disc => self.discs,
+            ShapeKind::Rectangle => self.rectangles,
+        }
+    }
+
+    /// The shapes that occur.
+    pub(crate) fn shapes(&self) -> impl Iterator<Item = ShapeKind> + use<> {
+        let features = *self;
+        ShapeKind::ALL
+            .into_iter()
+            .filter(move |shape| features.count(*shape) > 0)
+    }
+
+    /// Surfaces that a ray is tested against.
+    pub(crate) const fn primitives(&self) -> u32 {
+        self.spheres + self.boxes + self.discs + self.rectangles + self.lamps
+    }
+}
+
+/// Whether the difference of two coordinates, rounded, is off by more than 2⁻¹³ of a radius. A
+/// pool table's balls (28.6 mm) reach that 58 m from the origin.
+fn needs_compensation(scene: &CompiledScene) -> bool {
+    const COORDINATE_PER_RADIUS_MAX: f32 = 2048.0;
+    let visible = scene.spheres.iter().filter(|sphere| sphere.radius > 0.0);
+    let radius_min = visible.map(|s| s.radius).fold(f32::INFINITY, f32::min);
+    let centers = scene.spheres.iter().map(|s| s.center);
+    let coordinates = centers.chain([scene.camera.eye.to_array()]).flatten();
+    let farthest = coordinates.map(f32::abs).fold(0.0, f32::max);
+    farthest > radius_min * COORDINATE_PER_RADIUS_MAX
+}

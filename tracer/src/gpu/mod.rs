@@ -1,0 +1,232 @@
+//! Path tracing in compute shaders, through wgpu on Vulkan.
+//!
+//! ```text
+//! CompiledScene ──Features──▶ shader::source ──▶ Kernel (cached)
+//!       │                                           │
+//!       └──scene_bytes──▶ FrameBuffers ──dispatch───┴──▶ film ──read back──▶ tiles to the sink
+//! TraceJob ──Chunk::next────────┘
+//! ```
+//!
+//! A job is one dispatch if it is short enough ([`schedule`]), and a frame in flight has buffers of
+//! its own, so that the device traces one while another is read back. The estimator is that of
+//! [`crate::reference`], with the same random numbers: pictures differ by rounding only, where
+//! rounding sends a path another way by more, and not at all between partitions.
+
+mod adapter;
+mod device;
+mod features;
+mod frame;
+mod layout;
+mod pipeline;
+mod schedule;
+mod shader;
+
+use std::sync::atomic::Ordering;
+use std::time::Instant;
+
+pub use adapter::{AdapterChoice, AdapterDescription, adapters};
+
+use crate::{
+    CompiledScene, DeviceInfo, DeviceKind, Error, Tile, TileRadiance, TraceJob, TraceStats, Tracer,
+};
+use device::Device;
+use features::Features;
+use frame::{BufferPool, FrameBuffers, PIXEL_BYTES};
+use layout::DispatchData;
+use pipeline::{Kernel, KernelCache};
+use schedule::{Chunk, ChunkLimits, Pacer};
+
+/// Traces on a GPU.
+pub struct GpuTracer {
+    device: Device,
+    kernels: KernelCache,
+    pool: BufferPool,
+    pacer: Pacer,
+    pixels_max: u64,
+}
+
+/// What all dispatches of a job share.
+struct Work<'a> {
+    job: &'a TraceJob<'a>,
+    kernel: &'a Kernel,
+    scene: &'a [u8],
+    /// See [`schedule::work_per_sample`].
+    work_per_sample: f64,
+}
+
+impl GpuTracer {
+    /// Pixels traced before any is read back, if the device allows: all of a 4K frame.
+    const CHUNK_PIXELS_MAX: u64 = 1 << 23;
+
+    /// Opens a GPU.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if there is none of that choice, or it refuses.
+    pub fn new(choice: &AdapterChoice) -> Result<Self, Error> {
+        let device = Device::open(choice)?;
+        let limits = device.device.limits();
+        let film_bytes_max = limits
+            .max_storage_buffer_binding_size
+            .min(limits.max_buffer_size / 2);
+        Ok(Self {
+            device,
+            kernels: KernelCache::default(),
+            pool: BufferPool::default(),
+            pacer: Pacer::new(),
+            pixels_max: film_bytes_max / PIXEL_BYTES,
+        })
+    }
+
+    fn check(&self, job: &TraceJob<'_>) -> Result<(), Error> {
+        job.settings.validate()?;
+        job.size.validate()?;
+        for tile in job.tiles {
+            check_tile(tile, job)?;
+            if tile.pixels() as u64 > self.pixels_max {
+                return Err(self.device.error(format!(
+                    "a tile of {}x{} pixels is asked for: at most {} pixels fit",
+                    tile.width, tile.height, self.pixels_max
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    fn trace_chunks(
+        &self,
+        work: &Work<'_>,
+        buffers: &mut FrameBuffers,
+        sink: &(dyn Fn(TileRadiance) + Sync),
+    ) -> Result<TraceStats, Error> {
+        let mut stats = TraceStats::default();
+        let mut next = 0;
+        while next < work.job.tiles.len() {
+            let limits = ChunkLimits {
+                pixels: self.pixels_max.min(Self::CHUNK_PIXELS_MAX),
+                samples: self.pacer.samples_per_dispatch(work.work_per_sample),
+            };
+            let chunk = Chunk::next(work.job.tiles, next, work.job.settings.samples, limits);
+            next = chunk.tiles.end;
+            let is_done = self.trace_chunk(work, buffers, &chunk, limits, &mut stats)?;
+            if !is_done {
+                break;
+            }
+            stats.rays += buffers.results(&self.device, &chunk, |rays, dropped, film| {
+                deliver(&chunk, dropped, film, sink);
+                rays
+            })?;
+        }
+        Ok(stats)
+    }
+
+    /// Traces all samples of a chunk, unless cancelled: then it returns false.
+    fn trace_chunk(
+        &self,
+        work: &Work<'_>,
+        buffers: &mut FrameBuffers,
+        chunk: &Chunk,
+        limits: ChunkLimits,
+        stats: &mut TraceStats,
+    ) -> Result<bool, Error> {
+        let bindings = buffers.prepare(&self.device, work.kernel, work.scene, chunk)?;
+        let settings = &work.job.settings;
+        let step = chunk.samples_per_dispatch(limits);
+        let mut begin = 0;
+        while begin < settings.samples {
+            if work.job.cancelled.load(Ordering::Relaxed) {
+                return Ok(false);
+            }
+            let end = begin.saturating_add(step).min(settings.samples);
+            let data = DispatchData {
+                tile_count: chunk.entries.len() as u32,
+                block_count: chunk.blocks,
+                sample_begin: begin,
+                sample_end: end,
+                samples: settings.samples,
+                first_sample: settings.first_sample,
+                seed: settings.seed,
+                scatterings_max: settings.scatterings_max,
+            };
+            let samples = u64::from(end - begin) * chunk.pixels;
+            let started = Instant::now();
+            let nanos = buffers.dispatch(&self.device, work.kernel, &bindings, chunk, &data)?;
+            let busy_nanos = match nanos {
+                0.0 => started.elapsed().as_nanos() as f64,
+                nanos => nanos,
+            };
+            self.pacer.learn(samples, work.work_per_sample, busy_nanos);
+            stats.samples += samples;
+            stats.device_nanos += nanos as u64;
+            begin = end;
+        }
+        Ok(true)
+    }
+}
+
+impl Tracer for GpuTracer {
+    fn info(&self) -> DeviceInfo {
+        DeviceInfo {
+            kind: DeviceKind::Gpu,
+            name: self.device.name.clone(),
+            width: 1,
+            threads: 1,
+        }
+    }
+
+    fn trace(
+        &self,
+        scene: &CompiledScene,
+        job: &TraceJob<'_>,
+        sink: &(dyn Fn(TileRadiance) + Sync),
+    ) -> Result<TraceStats, Error> {
+        self.check(job)?;
+        if job.tiles.is_empty() {
+            return Ok(TraceStats::default());
+        }
+        let uniform_bytes_max = self.device.device.limits().max_uniform_buffer_binding_size;
+        let features = Features::of(scene, uniform_bytes_max);
+        let work = Work {
+            job,
+            kernel: &*self.kernels.kernel(&self.device, features)?,
+            scene: &layout::scene_bytes(scene, job.size)?,
+            work_per_sample: schedule::work_per_sample(&job.settings, features.primitives()),
+        };
+        let mut buffers = self.pool.take(&self.device)?;
+        let stats = self.trace_chunks(&work, &mut buffers, sink)?;
+        self.pool.put(buffers);
+        Ok(stats)
+    }
+}
+
+fn check_tile(tile: &Tile, job: &TraceJob<'_>) -> Result<(), Error> {
+    let ends_inside = |start: u32, length: u32, edge: u32| {
+        length > 0 && start.checked_add(length).is_some_and(|end| end <= edge)
+    };
+    if ends_inside(tile.x, tile.width, job.size.width)
+        && ends_inside(tile.y, tile.height, job.size.height)
+    {
+        return Ok(());
+    }
+    Err(Error::InvalidSettings(format!(
+        "{tile:?} is empty or not inside the image of {}x{} pixels",
+        job.size.width, job.size.height
+    )))
+}
+
+/// Hands a chunk's tiles over.
+fn deliver(
+    chunk: &Chunk,
+    dropped: &[u32],
+    film: &[[f32; 3]],
+    sink: &(dyn Fn(TileRadiance) + Sync),
+) {
+    for ((index, entry), &dropped_samples) in chunk.tiles.clone().zip(&chunk.entries).zip(dropped) {
+        let begin = entry.first_pixel as usize;
+        let pixels = entry.width as usize * entry.height as usize;
+        sink(TileRadiance {
+            index,
+            radiance: film[begin..begin + pixels].to_vec(),
+            dropped_samples,
+        });
+    }
+}

@@ -1,0 +1,115 @@
+//! Kernels, compiled once per set of features.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::Error;
+use crate::gpu::device::Device;
+use crate::gpu::features::{Features, SceneMemory};
+use crate::gpu::shader;
+
+/// A compiled kernel and the layout of what it reads and writes.
+pub(crate) struct Kernel {
+    pub(crate) pipeline: wgpu::ComputePipeline,
+    pub(crate) layout: wgpu::BindGroupLayout,
+}
+
+/// Kernels by the features of their scenes.
+#[derive(Default)]
+pub(crate) struct KernelCache {
+    kernels: Mutex<HashMap<Features, Arc<Kernel>>>,
+}
+
+impl KernelCache {
+    /// Scenes come and go; kernels of this many kinds of scene are kept.
+    const KERNELS_MAX: usize = 32;
+
+    /// The kernel for `features`, compiled if need be. Two threads that need the same new kernel
+    /// compile it twice rather than make a third wait.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the driver does not compile it.
+    pub(crate) fn kernel(&self, device: &Device, features: Features) -> Result<Arc<Kernel>, Error> {
+        let lock = || self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(kernel) = lock().get(&features) {
+            return Ok(Arc::clone(kernel));
+        }
+        let kernel = Arc::new(compile(device, &features)?);
+        let mut kernels = lock();
+        if kernels.len() >= Self::KERNELS_MAX {
+            kernels.clear();
+        }
+        kernels.insert(features, Arc::clone(&kernel));
+        Ok(kernel)
+    }
+}
+
+fn compile(device: &Device, features: &Features) -> Result<Kernel, Error> {
+    device.guarded(|device| {
+        let module = shader_module(device, shader::source(features));
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("trace"),
+            entries: &[
+                entry(0, scene_binding(features.memory)),
+                entry(1, wgpu::BufferBindingType::Uniform),
+                entry(2, wgpu::BufferBindingType::Storage { read_only: true }),
+                entry(3, wgpu::BufferBindingType::Storage { read_only: false }),
+                entry(4, wgpu::BufferBindingType::Storage { read_only: false }),
+            ],
+        });
+        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some("trace"),
+            bind_group_layouts: &[Some(&layout)],
+            ..Default::default()
+        });
+        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some("trace"),
+            layout: Some(&pipeline_layout),
+            module: &module,
+            entry_point: Some("trace"),
+            compilation_options: wgpu::PipelineCompilationOptions {
+                // The kernel's only workgroup variable is a sum that begins at 0.
+                zero_initialize_workgroup_memory: true,
+                ..Default::default()
+            },
+            cache: None,
+        });
+        Kernel { pipeline, layout }
+    })
+}
+
+/// Without the bounds checks that wgpu adds: 20–25 % faster (`gpu_speed` shows it).
+#[expect(
+    unsafe_code,
+    reason = "every index is a loop's counter below an array's length, a material's index that \
+              `layout::scene_bytes` checks, or a tile's pixel in buffers sized for the tiles; \
+              every loop has a bound; nothing is divided by a variable that may be 0"
+)]
+fn shader_module(device: &wgpu::Device, source: String) -> wgpu::ShaderModule {
+    let descriptor = wgpu::ShaderModuleDescriptor {
+        label: Some("trace"),
+        source: wgpu::ShaderSource::Wgsl(source.into()),
+    };
+    // SAFETY: the kernel reads and writes in bounds and ends, as the reason above says.
+    unsafe { device.create_shader_module_trusted(descriptor, wgpu::ShaderRuntimeChecks::unchecked()) }
+}
+
+const fn scene_binding(memory: SceneMemory) -> wgpu::BufferBindingType {
+    match memory {
+        SceneMemory::Uniform => wgpu::BufferBindingType::Uniform,
+        SceneMemory::Storage => wgpu::BufferBindingType::Storage { read_only: true },
+    }
+}
+
+const fn entry(binding: u32, ty: wgpu::BufferBindingType) -> wgpu::BindGroupLayoutEntry {
+    wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::COMPUTE,
+        ty: wgpu::BindingType::Buffer {
+            ty,
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        },
+        count: None,
+    }
+}

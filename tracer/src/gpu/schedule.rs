@@ -1,0 +1,205 @@
+//! How long work is cut: into chunks of tiles, and chunks into dispatches of some samples.
+//!
+//! A dispatch should take [`DISPATCH_NANOS`]: long enough that starting it costs nothing, short
+//! enough for the watchdogs of display GPUs (2 s), for cancelling, and for other programs that
+//! use the GPU. So its work is what the device did in that time before. Where a job's samples
+//! fit, it is one dispatch; else its tiles are cut into chunks that are read back one by one; and
+//! where even a chunk just large enough to fill a GPU is too much, its samples are cut. A pixel's
+//! samples are added in their order however they are cut, so the picture does not depend on it.
+
+use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use crate::gpu::layout::TileEntry;
+use crate::gpu::shader::BLOCK_EDGE;
+use crate::{RenderSettings, Tile};
+
+/// What a dispatch should take.
+const DISPATCH_NANOS: f64 = 30e6;
+/// Shorter dispatches say more about starting them than about the device's speed.
+const LEARN_NANOS_MIN: f64 = 1e6;
+/// Picoseconds per unit of work before anything is known: 50 Msample/s in a pool scene.
+const PICOS_PER_WORK: u64 = 100;
+/// Blocks that fill a large GPU: 4096 × 64 pixels, 2000 threads on each of 132 processors.
+const CHUNK_BLOCKS_MIN: u32 = 4096;
+/// Tiles of a chunk: their list stays small.
+const CHUNK_TILES_MAX: usize = 1 << 16;
+/// Pixels of a block.
+const BLOCK_PIXELS: u64 = (BLOCK_EDGE * BLOCK_EDGE) as u64;
+
+/// The device's speed, learned from what it did.
+pub(crate) struct Pacer {
+    picos_per_work: AtomicU64,
+}
+
+impl Pacer {
+    pub(crate) const fn new() -> Self {
+        let picos_per_work = AtomicU64::new(PICOS_PER_WORK);
+        Self { picos_per_work }
+    }
+
+    /// Samples for a dispatch, at least 1.
+    pub(crate) fn samples_per_dispatch(&self, work_per_sample: f64) -> u64 {
+        let picos = self.picos_per_work.load(Ordering::Relaxed) as f64;
+        (DISPATCH_NANOS * 1e3 / (picos * work_per_sample)).max(1.0) as u64
+    }
+
+    /// Learns from a dispatch. A slower one is believed at once, a faster one by half: too much
+    /// work is worse than too little.
+    pub(crate) fn learn(&self, samples: u64, work_per_sample: f64, nanos: f64) {
+        if nanos < LEARN_NANOS_MIN {
+            return;
+        }
+        let seen = nanos * 1e3 / (samples as f64 * work_per_sample);
+        let known = self.picos_per_work.load(Ordering::Relaxed) as f64;
+        let picos = if seen > known { seen } else { 0.5 * (seen + known) };
+        self.picos_per_work.store(picos.max(1.0) as u64, Ordering::Relaxed);
+    }
+}
+
+/// An upper bound of a sample's work, in surfaces tested: path edges and shadow rays, each against all
+/// primitives, and about eight primitives' worth of shading.
+pub(crate) fn work_per_sample(settings: &RenderSettings, primitives: u32) -> f64 {
+    (1.0 + 2.0 * f64::from(settings.scatterings_max)) * f64::from(primitives + 8)
+}
+
+/// The most that one chunk may hold.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ChunkLimits {
+    /// Pixels that a buffer holds.
+    pub(crate) pixels: u64,
+    /// Samples that a dispatch should take.
+    pub(crate) samples: u64,
+}
+
+/// Tiles that are traced and read back together.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Chunk {
+    /// Indices into the job's tiles.
+    pub(crate) tiles: Range<usize>,
+    /// The tiles as the kernel wants them.
+    pub(crate) entries: Vec<TileEntry>,
+    pub(crate) blocks: u32,
+    pub(crate) pixels: u64,
+}
+
+impl Chunk {
+    /// The next tiles from `first` on: at least one, whatever the limits say.
+    pub(crate) fn next(tiles: &[Tile], first: usize, samples: u32, limits: ChunkLimits) -> Self {
+        let mut chunk = Self {
+            tiles: first..first,
+            entries: Vec::new(),
+            blocks: 0,
+            pixels: 0,
+        };
+        for tile in tiles[first..].iter().take(CHUNK_TILES_MAX) {
+            let blocks = chunk.blocks + blocks(tile);
+            let pixels = chunk.pixels + tile.pixels() as u64;
+            let work = u64::from(blocks) * BLOCK_PIXELS * u64::from(samples);
+            let is_long = work > limits.samples && blocks > CHUNK_BLOCKS_MIN;
+            if !chunk.entries.is_empty() && (is_long || pixels > limits.pixels) {
+                break;
+            }
+            chunk.entries.push(TileEntry {
+                x: tile.x,
+                y: tile.y,
+                width: tile.width,
+                height: tile.height,
+                first_block: chunk.blocks,
+                first_pixel: chunk.pixels as u32,
+            });
+            (chunk.blocks, chunk.pixels) = (blocks, pixels);
+            chunk.tiles.end += 1;
+        }
+        chunk
+    }
+
+    /// Samples of a dispatch over the whole chunk.
+    pub(crate) fn samples_per_dispatch(&self, limits: ChunkLimits) -> u32 {
+        let samples = limits.samples / (u64::from(self.blocks) * BLOCK_PIXELS).max(1);
+        samples.clamp(1, u64::from(u32::MAX)) as u32
+    }
+}
+
+fn blocks(tile: &Tile) -> u32 {
+    tile.width.div_ceil(BLOCK_EDGE) * tile.height.div_ceil(BLOCK_EDGE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{ImageSize, TileGrid};
+
+    fn chunks(tiles: &[Tile], samples: u32, limits: ChunkLimits) -> Vec<Chunk> {
+        let mut chunks = Vec::<Chunk>::new();
+        while let Some(tile) = chunks.last().map_or(Some(0), |last| {
+            (last.tiles.end < tiles.len()).then_some(last.tiles.end)
+        }) {
+            chunks.push(Chunk::next(tiles, tile, samples, limits));
+        }
+        chunks
+    }
+
+    #[test]
+    fn chunks_cover_all_tiles_in_order_within_the_limits() {
+        let grid = TileGrid::new(ImageSize::new(3000, 2000), 32);
+        let tiles: Vec<_> = grid.tiles(grid.all()).collect();
+        let limits = ChunkLimits {
+            pixels: 1 << 20,
+            samples: 1 << 22,
+        };
+        let chunks = chunks(&tiles, 16, limits);
+        let mut next = 0;
+        for chunk in &chunks {
+            assert_eq!(chunk.tiles.start, next);
+            next = chunk.tiles.end;
+            assert!(chunk.pixels <= limits.pixels);
+            let dispatch = u64::from(chunk.samples_per_dispatch(limits)) * chunk.pixels;
+            assert!(dispatch <= limits.samples, "{dispatch}");
+        }
+        assert_eq!(next, tiles.len());
+        assert!(chunks.len() > 5);
+    }
+
+    #[test]
+    fn a_frame_that_is_fast_enough_is_one_dispatch() {
+        let grid = TileGrid::new(ImageSize::new(1920, 1080), 32);
+        let tiles: Vec<_> = grid.tiles(grid.all()).collect();
+        let limits = ChunkLimits {
+            pixels: 1 << 23,
+            samples: 1920 * 1088 * 16,
+        };
+        let chunk = Chunk::next(&tiles, 0, 16, limits);
+        assert_eq!(chunk.tiles, 0..tiles.len());
+        assert!(chunk.samples_per_dispatch(limits) >= 16);
+    }
+
+    #[test]
+    fn a_tile_beyond_the_limits_is_a_chunk_of_its_own() {
+        let tile = Tile {
+            x: 0,
+            y: 0,
+            width: 999,
+            height: 1001,
+        };
+        let limits = ChunkLimits {
+            pixels: 1,
+            samples: 1,
+        };
+        assert_eq!(chunks(&[tile; 3], 1000, limits).len(), 3);
+        assert_eq!(chunks(&[tile], 1000, limits)[0].samples_per_dispatch(limits), 1);
+    }
+
+    #[test]
+    fn the_pacer_settles_on_the_device_s_speed() {
+        let pacer = Pacer::new();
+        for picos_per_sample in [3_000_000.0, 40.0, 900.0] {
+            for _ in 0..60 {
+                let samples = pacer.samples_per_dispatch(100.0);
+                pacer.learn(samples, 100.0, samples as f64 * picos_per_sample * 1e-3);
+            }
+            let nanos = pacer.samples_per_dispatch(100.0) as f64 * picos_per_sample * 1e-3;
+            assert!((nanos - DISPATCH_NANOS).abs() < 0.6 * DISPATCH_NANOS, "{nanos}");
+        }
+    }
+}

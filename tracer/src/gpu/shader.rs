@@ -1,0 +1,147 @@
+//! The kernel as text: parts joined from a table, with only what a scene requires.
+
+use std::fmt::Write as _;
+
+use crate::gpu::features::{Features, SceneMemory, ShapeKind};
+use crate::sampling::BLOCK_CAMERA;
+
+/// Pixels along the edge of the block that a workgroup traces.
+pub(crate) const BLOCK_EDGE: u32 = 8;
+
+/// The kernel for scenes of `features`.
+pub(crate) fn source(features: &Features) -> String {
+    let mut text = constants(features);
+    text += &scene_declaration(features);
+    for part in parts(features) {
+        text += part;
+    }
+    text += &nearest(features);
+    text += &occluded(features);
+    text += &surface_at(features);
+    text
+}
+
+/// The parts that a kernel is joined from, each once.
+fn parts(features: &Features) -> Vec<&'static str> {
+    let mut parts = vec![
+        include_str!("shaders/structs.wgsl"),
+        include_str!("shaders/sampling.wgsl"),
+        include_str!("shaders/geometry.wgsl"),
+        include_str!("shaders/bsdf.wgsl"),
+    ];
+    parts.extend(features.shapes().map(shape_part));
+    parts.push(match features.lamps {
+        0 => include_str!("shaders/lamp_none.wgsl"),
+        _ => include_str!("shaders/lamp.wgsl"),
+    });
+    parts.push(match features.has_coat {
+        true => include_str!("shaders/bsdf_plastic.wgsl"),
+        false => include_str!("shaders/bsdf_diffuse.wgsl"),
+    });
+    parts.push(include_str!("shaders/path.wgsl"));
+    parts.push(include_str!("shaders/kernel.wgsl"));
+    parts
+}
+
+fn shape_part(shape: ShapeKind) -> &'static str {
+    match shape {
+        ShapeKind::Sphere => include_str!("shaders/sphere.wgsl"),
+        ShapeKind::Box => include_str!("shaders/box.wgsl"),
+        ShapeKind::Disc => include_str!("shaders/disc.wgsl"),
+        ShapeKind::Rectangle => include_str!("shaders/rectangle.wgsl"),
+    }
+}
+
+/// Numbers that Rust owns.
+fn constants(features: &Features) -> String {
+    let mut text = format!(
+        "const BLOCK_EDGE: u32 = {BLOCK_EDGE}u;\n\
+         const BLOCK_CAMERA: u32 = {BLOCK_CAMERA}u;\n\
+         const COMPENSATED: bool = {};\n\
+         const HAS_STRIPE: bool = {};\n",
+        features.is_compensated, features.has_stripe
+    );
+    let mut first = 0;
+    for shape in ShapeKind::ALL {
+        let (name, count) = (shape.constant(), features.count(shape));
+        _ = writeln!(
+            text,
+            "const {name}_FIRST: u32 = {first}u;\nconst {name}_COUNT: u32 = {count}u;"
+        );
+        first += count;
+    }
+    let lamps = features.lamps;
+    _ = writeln!(
+        text,
+        "const LAMP_FIRST: u32 = {first}u;\nconst LAMP_COUNT: u32 = {lamps}u;"
+    );
+    text
+}
+
+/// The scene's arrays as one buffer, in the order of [`crate::gpu::layout::scene_bytes`].
+fn scene_declaration(features: &Features) -> String {
+    let mut text = String::from("struct SceneData {\n    header: SceneHeader,\n");
+    for shape in features.shapes() {
+        let (field, ty, count) = (shape.array(), shape.type_name(), features.count(shape));
+        _ = writeln!(text, "    {field}: array<{ty}, {count}>,");
+    }
+    if features.lamps > 0 {
+        _ = writeln!(text, "    lamps: array<LampData, {}>,", features.lamps);
+    }
+    let space = match features.memory {
+        SceneMemory::Uniform => "uniform",
+        SceneMemory::Storage => "storage, read",
+    };
+    _ = writeln!(
+        text,
+        "    materials: array<MaterialData, {}>,\n}}\n\
+         @group(0) @binding(0) var<{space}> scene: SceneData;",
+        features.materials
+    );
+    text
+}
+
+fn nearest(features: &Features) -> String {
+    let mut text = String::from(
+        "fn nearest(ray: Ray, skip: u32) -> Hit {\n    var hit = Hit(T_MISS, NO_PRIMITIVE);\n",
+    );
+    for name in shape_and_lamp_names(features) {
+        _ = writeln!(text, "    nearest_{name}(ray, skip, &hit);");
+    }
+    text + "    return hit;\n}\n"
+}
+
+fn occluded(features: &Features) -> String {
+    let mut text = String::from(
+        "fn occluded(ray: Ray, skip: u32, target_lamp: u32, t_max: f32) -> bool {\n",
+    );
+    for shape in features.shapes() {
+        let name = shape.function();
+        _ = writeln!(
+            text,
+            "    if ({name}_occludes(ray, skip, t_max)) {{ return true; }}"
+        );
+    }
+    if features.lamps > 1 {
+        text += "    if (lamp_occludes(ray, target_lamp, t_max)) { return true; }\n";
+    }
+    text + "    return false;\n}\n"
+}
+
+fn surface_at(features: &Features) -> String {
+    let mut text = String::from("fn surface_at(ray: Ray, hit: Hit) -> Surface {\n");
+    for shape in features.shapes() {
+        let (name, constant) = (shape.function(), shape.constant());
+        _ = writeln!(
+            text,
+            "    if (hit.primitive < {constant}_FIRST + {constant}_COUNT) {{\n        \
+             return {name}_surface(ray, hit.t, hit.primitive - {constant}_FIRST);\n    }}"
+        );
+    }
+    text + "    return Surface(vec3f(0.0), vec3f(0.0), vec3f(0.0), 0u);\n}\n"
+}
+
+fn shape_and_lamp_names(features: &Features) -> impl Iterator<Item = &'static str> {
+    let lamp = (features.lamps > 0).then_some("lamp");
+    features.shapes().map(ShapeKind::function).chain(lamp)
+}

@@ -1,0 +1,11 @@
+// What the materials share. Both directions leave the surface on the normal's side.
+
+// `weight` is f · cos θi / pdf; `pdf` is per solid angle, `SPECULAR` for a mirror.
+struct BsdfSample {
+    wi: vec3f,
+    weight: vec3f,
+    pdf: f32,
+}
+
+// Stands for the density of a direction that next-event estimation cannot find.
+const SPECULAR: f32 = -1.0;

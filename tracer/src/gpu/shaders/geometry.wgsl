@@ -1,0 +1,33 @@
+// What the shapes share.
+
+// `direction` has unit length.
+struct Ray {
+    origin: vec3f,
+    direction: vec3f,
+}
+
+// The nearest surface along a ray. Primitives are numbered through all arrays of the scene.
+struct Hit {
+    t: f32,
+    primitive: u32,
+}
+
+// The point of a hit, with the unit normal that faces the ray's origin.
+struct Surface {
+    position: vec3f,
+    normal: vec3f,
+    albedo: vec3f,
+    material: u32,
+}
+
+const T_MISS: f32 = 3.0e38;
+const NO_PRIMITIVE: u32 = 0xffffffffu;
+const PI: f32 = 3.14159265358979;
+const TWO_PI: f32 = 6.28318530717959;
+
+// 1 / direction without infinities, so that a slab never multiplies one by 0.
+fn inverse_direction(direction: vec3f) -> vec3f {
+    let tiny = vec3f(1e-30);
+    let signed_tiny = select(-tiny, tiny, direction >= vec3f(0.0));
+    return 1.0 / select(direction, signed_tiny, abs(direction) < tiny);
+}

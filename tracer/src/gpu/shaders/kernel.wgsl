@@ -1,0 +1,92 @@
+// One thread per pixel of a run of tiles, in blocks of 8 x 8.
+
+@group(0) @binding(1) var<uniform> job: DispatchData;
+@group(0) @binding(2) var<storage, read> tiles: array<TileEntry>;
+// Red, green, blue of each pixel: the sum of the samples so far, or their mean after the last.
+@group(0) @binding(3) var<storage, read_write> film: array<f32>;
+// Rays (low and high word), then the dropped samples of each tile.
+@group(0) @binding(4) var<storage, read_write> counters: array<atomic<u32>>;
+
+var<workgroup> group_rays: atomic<u32>;
+
+@compute @workgroup_size(BLOCK_EDGE * BLOCK_EDGE)
+fn trace(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let block = group.y * groups.x + group.x;
+    if (block < job.block_count) {
+        let index = tile_of_block(block);
+        let tile = tiles[index];
+        let columns = (tile.width + BLOCK_EDGE - 1u) / BLOCK_EDGE;
+        let place = block - tile.first_block;
+        let x = (place % columns) * BLOCK_EDGE + local % BLOCK_EDGE;
+        let y = (place / columns) * BLOCK_EDGE + local / BLOCK_EDGE;
+        if (x < tile.width && y < tile.height) {
+            trace_pixel(tile.x + x, tile.y + y, tile.first_pixel + y * tile.width + x, index);
+        }
+    }
+    workgroupBarrier();
+    if (local == 0u) {
+        count_rays(atomicLoad(&group_rays));
+    }
+}
+
+// The last tile that begins at or before `block`.
+fn tile_of_block(block: u32) -> u32 {
+    var low = 0u;
+    var high = job.tile_count;
+    while (high - low > 1u) {
+        let middle = (low + high) / 2u;
+        if (tiles[middle].first_block <= block) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    return low;
+}
+
+// Takes the samples in order. A thread whose path has ended begins its next sample while its
+// neighbours go on with theirs, so that long paths keep no lanes idle.
+fn trace_pixel(x: u32, y: u32, pixel: u32, tile: u32) {
+    var sum = vec3f(0.0);
+    if (job.sample_begin > 0u) {
+        sum = vec3f(film[3u * pixel], film[3u * pixel + 1u], film[3u * pixel + 2u]);
+    }
+    var rays = 0u;
+    var dropped = 0u;
+    var index = job.sample_begin;
+    var path = camera_path(x, y, job.first_sample + index);
+    while (index < job.sample_end) {
+        if (advance(&path, &rays)) {
+            continue;
+        }
+        if (is_finite(path.radiance)) {
+            sum += path.radiance;
+        } else {
+            dropped += 1u;
+        }
+        index += 1u;
+        path = camera_path(x, y, job.first_sample + index);
+    }
+    if (job.sample_end == job.samples) {
+        sum /= f32(job.samples);
+    }
+    film[3u * pixel] = sum.x;
+    film[3u * pixel + 1u] = sum.y;
+    film[3u * pixel + 2u] = sum.z;
+    atomicAdd(&group_rays, rays);
+    if (dropped > 0u) {
+        atomicAdd(&counters[2u + tile], dropped);
+    }
+}
+
+// A 64-bit sum in two words.
+fn count_rays(rays: u32) {
+    let before = atomicAdd(&counters[0], rays);
+    if (before + rays < before) {
+        atomicAdd(&counters[1], 1u);
+    }
+}

@@ -1,0 +1,66 @@
+// One path: from the camera over scatterings to a lamp or the environment.
+
+struct Path {
+    ray: Ray,
+    // The primitive the ray starts on: all are convex, so it cannot be met again.
+    skip: u32,
+    throughput: vec3f,
+    radiance: vec3f,
+    // Density of the ray's direction, or `SPECULAR`.
+    pdf: f32,
+    bounce: u32,
+    pixel: u32,
+    sample: u32,
+}
+
+fn camera_path(x: u32, y: u32, sample: u32) -> Path {
+    let pixel = pixel_key(x, y);
+    let u = uniforms(pixel, sample, BLOCK_CAMERA, job.seed);
+    let camera = scene.header.camera;
+    let film = vec2f(f32(x) + u.x, f32(y) + u.y);
+    let direction = camera.corner + film.x * camera.dx + film.y * camera.dy;
+    let ray = Ray(camera.eye, direction / length(direction));
+    return Path(ray, NO_PRIMITIVE, vec3f(1.0), vec3f(0.0), SPECULAR, 0u, pixel, sample);
+}
+
+// Follows the path along one edge; false when it has ended.
+fn advance(path: ptr<function, Path>, rays: ptr<function, u32>) -> bool {
+    let ray = (*path).ray;
+    *rays += 1u;
+    let hit = nearest(ray, (*path).skip);
+    if (hit.primitive == NO_PRIMITIVE) {
+        (*path).radiance += (*path).throughput * scene.header.environment;
+        return false;
+    }
+    if (hit.primitive >= LAMP_FIRST) {
+        (*path).radiance += (*path).throughput * lamp_found(ray, hit, (*path).pdf);
+        return false;
+    }
+    if ((*path).bounce == job.scatterings_max) {
+        return false;
+    }
+    return scatter(path, surface_at(ray, hit), hit.primitive, rays);
+}
+
+fn scatter(
+    path: ptr<function, Path>,
+    surface: Surface,
+    primitive: u32,
+    rays: ptr<function, u32>,
+) -> bool {
+    let bounce = (*path).bounce;
+    let wo = -(*path).ray.direction;
+    let bsdf = bsdf_at(surface, wo);
+    if (LAMP_COUNT > 0u) {
+        let u = uniforms((*path).pixel, (*path).sample, block_light(bounce), job.seed);
+        (*path).radiance += (*path).throughput * direct_light(surface, bsdf, primitive, u.xyz, rays);
+    }
+    let u = uniforms((*path).pixel, (*path).sample, block_scatter(bounce), job.seed);
+    let next = bsdf_sample(bsdf, surface.normal, wo, u.xyz);
+    (*path).ray = Ray(surface.position, next.wi);
+    (*path).skip = primitive;
+    (*path).throughput *= next.weight;
+    (*path).pdf = next.pdf;
+    (*path).bounce = bounce + 1u;
+    return any((*path).throughput != vec3f(0.0));
+}

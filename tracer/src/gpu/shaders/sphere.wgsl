@@ -1,0 +1,78 @@
+// Balls.
+
+// The chord of a line through a sphere: the middle's distance along the ray, half the chord's
+// length squared, and the vector from the middle to the centre. Measured from the ray's point nearest to
+// the centre (Haines et al., "Precision Improvements for Ray/Sphere Intersection", Ray Tracing
+// Gems, 2019), which is projected twice so that its own rounding vanishes.
+struct Chord {
+    middle_t: f32,
+    half_squared: f32,
+    to_center: vec3f,
+}
+
+fn sphere_chord(ray: Ray, center: vec3f, radius: f32) -> Chord {
+    let f = center - ray.origin;
+    let b = dot(f, ray.direction);
+    var l = fma(vec3f(-b), ray.direction, f);
+    if (COMPENSATED) {
+        // What the difference lost to rounding (Knuth's TwoSum): it shows where coordinates are
+        // thousands of times the radius.
+        let back = center - f;
+        l += (center - (f + back)) + (back - ray.origin);
+    }
+    let b2 = dot(l, ray.direction);
+    l = fma(vec3f(-b2), ray.direction, l);
+    return Chord(b + b2, fma(radius, radius, -dot(l, l)), l);
+}
+
+// Distance to the sphere, `T_MISS` if the ray does not meet it; so for a radius of 0.
+fn sphere_t(ray: Ray, center: vec3f, radius: f32) -> f32 {
+    let chord = sphere_chord(ray, center, radius);
+    if (chord.half_squared <= 0.0) {
+        return T_MISS;
+    }
+    let half = sqrt(chord.half_squared);
+    let t = select(chord.middle_t + half, chord.middle_t - half, chord.middle_t > half);
+    return select(T_MISS, t, t > 0.0);
+}
+
+fn nearest_sphere(ray: Ray, skip: u32, hit: ptr<function, Hit>) {
+    for (var i = 0u; i < SPHERE_COUNT; i++) {
+        let t = sphere_t(ray, scene.spheres[i].center, scene.spheres[i].radius);
+        if (t < (*hit).t && SPHERE_FIRST + i != skip) {
+            *hit = Hit(t, SPHERE_FIRST + i);
+        }
+    }
+}
+
+fn sphere_occludes(ray: Ray, skip: u32, t_max: f32) -> bool {
+    for (var i = 0u; i < SPHERE_COUNT; i++) {
+        let t = sphere_t(ray, scene.spheres[i].center, scene.spheres[i].radius);
+        if (t < t_max && SPHERE_FIRST + i != skip) {
+            return true;
+        }
+    }
+    return false;
+}
+
+// The normal is measured from the ray's nearest point, never as `origin + t d - center`.
+fn sphere_surface(ray: Ray, t: f32, index: u32) -> Surface {
+    let sphere = scene.spheres[index];
+    let chord = sphere_chord(ray, sphere.center, sphere.radius);
+    let half = sqrt(max(0.0, chord.half_squared));
+    let is_outside = chord.middle_t > half;
+    let along = select(half, -half, is_outside);
+    let outward = fma(vec3f(along), ray.direction, -chord.to_center) / sphere.radius;
+    var albedo = scene.materials[sphere.material].albedo;
+    if (HAS_STRIPE) {
+        let is_stripe =
+            abs(dot(outward, sphere.stripe_axis)) < scene.materials[sphere.material].stripe_half_width;
+        albedo = select(albedo, scene.materials[sphere.material].stripe_albedo, is_stripe);
+    }
+    return Surface(
+        fma(vec3f(sphere.radius), outward, sphere.center),
+        select(-outward, outward, is_outside),
+        albedo,
+        sphere.material,
+    );
+}

@@ -1,0 +1,83 @@
+// Data that Rust writes: each struct has the layout of its namesake there, which a test compares.
+// Trailing and inner padding is implied by the alignment of vec3f.
+
+struct SphereData {
+    center: vec3f,
+    radius: f32,
+    stripe_axis: vec3f,
+    material: u32,
+}
+
+struct BoxData {
+    min: vec3f,
+    material: u32,
+    max: vec3f,
+}
+
+struct DiscData {
+    center: vec3f,
+    radius: f32,
+    normal: vec3f,
+    material: u32,
+}
+
+struct RectangleData {
+    center: vec3f,
+    material: u32,
+    half_u: vec3f,
+    inv_u2: f32,
+    half_v: vec3f,
+    inv_v2: f32,
+    normal: vec3f,
+}
+
+struct LampData {
+    center: vec3f,
+    area: f32,
+    half_u: vec3f,
+    inv_u2: f32,
+    half_v: vec3f,
+    inv_v2: f32,
+    normal: vec3f,
+    radiance: vec3f,
+}
+
+struct MaterialData {
+    albedo: vec3f,
+    ior: f32,
+    stripe_albedo: vec3f,
+    stripe_half_width: f32,
+    diffuse_scale: f32,
+}
+
+struct CameraFrame {
+    eye: vec3f,
+    corner: vec3f,
+    dx: vec3f,
+    dy: vec3f,
+}
+
+struct SceneHeader {
+    camera: CameraFrame,
+    environment: vec3f,
+}
+
+struct DispatchData {
+    tile_count: u32,
+    block_count: u32,
+    sample_begin: u32,
+    sample_end: u32,
+    samples: u32,
+    first_sample: u32,
+    seed: u32,
+    scatterings_max: u32,
+}
+
+struct TileEntry {
+    x: u32,
+    y: u32,
+    width: u32,
+    height: u32,
+    first_block: u32,
+    first_pixel: u32,
+}
