@@ -48,7 +48,11 @@ impl BufferPool {
 
     /// A set that nobody else uses.
     pub(crate) fn take(&self, device: &Device) -> Result<FrameBuffers, Error> {
-        let idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let idle = self
+            .idle
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .pop();
         idle.map_or_else(|| device.guarded(|_| FrameBuffers::new(device)), Ok)
     }
 
@@ -71,7 +75,11 @@ impl FrameBuffers {
                 ty: wgpu::QueryType::Timestamp,
                 count: 2,
             }),
-            resolved: buffer(wgpu, TIMESTAMPS_BYTES, Usage::QUERY_RESOLVE | Usage::COPY_SRC),
+            resolved: buffer(
+                wgpu,
+                TIMESTAMPS_BYTES,
+                Usage::QUERY_RESOLVE | Usage::COPY_SRC,
+            ),
         });
         Self {
             scene: buffer(wgpu, size_of::<SceneHeader>() as u64, SCENE_USAGE),
@@ -105,7 +113,12 @@ impl FrameBuffers {
             reserve(wgpu, &mut self.scene, scene.len() as u64, SCENE_USAGE);
             reserve(wgpu, &mut self.tiles, entries.len() as u64, TILES_USAGE);
             reserve(wgpu, &mut self.film, layout.film_bytes, FILM_USAGE);
-            reserve(wgpu, &mut self.counters, layout.counters_bytes, COUNTERS_USAGE);
+            reserve(
+                wgpu,
+                &mut self.counters,
+                layout.counters_bytes,
+                COUNTERS_USAGE,
+            );
             reserve(wgpu, &mut self.readback, layout.end(), READBACK_USAGE);
             device.queue.write_buffer(&self.scene, 0, scene);
             device.queue.write_buffer(&self.tiles, 0, entries);
@@ -166,7 +179,11 @@ impl FrameBuffers {
             self.encode_readback(&mut encoder, &layout, is_last);
             encoder.finish()
         })?;
-        let mapped_bytes = if is_last { layout.end() } else { TIMESTAMPS_BYTES };
+        let mapped_bytes = if is_last {
+            layout.end()
+        } else {
+            TIMESTAMPS_BYTES
+        };
         device.submit_and_map(commands, self.readback.slice(..mapped_bytes))?;
         let nanos = device.tick_nanos.map_or(Ok(0.0), |tick_nanos| {
             let [begin, end]: [u64; 2] = self.read(device, 0)?;
@@ -217,11 +234,14 @@ impl FrameBuffers {
         bindings: &wgpu::BindGroup,
         blocks: u32,
     ) {
-        let timestamps = self.timer.as_ref().map(|timer| wgpu::ComputePassTimestampWrites {
-            query_set: &timer.queries,
-            beginning_of_pass_write_index: Some(0),
-            end_of_pass_write_index: Some(1),
-        });
+        let timestamps = self
+            .timer
+            .as_ref()
+            .map(|timer| wgpu::ComputePassTimestampWrites {
+                query_set: &timer.queries,
+                beginning_of_pass_write_index: Some(0),
+                end_of_pass_write_index: Some(1),
+            });
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("trace"),
             timestamp_writes: timestamps,

@@ -18,6 +18,7 @@ mod features;
 mod frame;
 mod layout;
 mod pipeline;
+mod probe;
 mod schedule;
 mod shader;
 
@@ -58,38 +59,36 @@ impl GpuTracer {
     /// Pixels traced before any is read back, if the device allows: all of a 4K frame.
     const CHUNK_PIXELS_MAX: u64 = 1 << 23;
 
-    /// Opens a GPU.
+    /// Opens a GPU and lets it prove itself on a small scene.
     ///
     /// # Errors
-    /// [`Error::Device`] if there is none of that choice, or it refuses.
+    /// [`Error::Device`] if there is none of that choice, it refuses, or it traces wrongly.
     pub fn new(choice: &AdapterChoice) -> Result<Self, Error> {
         let device = Device::open(choice)?;
         let limits = device.device.limits();
         let film_bytes_max = limits
             .max_storage_buffer_binding_size
             .min(limits.max_buffer_size / 2);
-        Ok(Self {
+        let tracer = Self {
             device,
             kernels: KernelCache::default(),
             pool: BufferPool::default(),
             pacer: Pacer::new(),
             pixels_max: film_bytes_max / PIXEL_BYTES,
-        })
+        };
+        probe::prove(&tracer)?;
+        Ok(tracer)
     }
 
     fn check(&self, job: &TraceJob<'_>) -> Result<(), Error> {
-        job.settings.validate()?;
-        job.size.validate()?;
-        for tile in job.tiles {
-            check_tile(tile, job)?;
-            if tile.pixels() as u64 > self.pixels_max {
-                return Err(self.device.error(format!(
-                    "a tile of {}x{} pixels is asked for: at most {} pixels fit",
-                    tile.width, tile.height, self.pixels_max
-                )));
-            }
-        }
-        Ok(())
+        job.validate()?;
+        let is_too_large = |tile: &&Tile| tile.pixels() as u64 > self.pixels_max;
+        job.tiles.iter().find(is_too_large).map_or(Ok(()), |tile| {
+            Err(self.device.error(format!(
+                "a tile of {}x{} pixels is asked for: at most {} pixels fit",
+                tile.width, tile.height, self.pixels_max
+            )))
+        })
     }
 
     fn trace_chunks(
@@ -196,21 +195,6 @@ impl Tracer for GpuTracer {
         self.pool.put(buffers);
         Ok(stats)
     }
-}
-
-fn check_tile(tile: &Tile, job: &TraceJob<'_>) -> Result<(), Error> {
-    let ends_inside = |start: u32, length: u32, edge: u32| {
-        length > 0 && start.checked_add(length).is_some_and(|end| end <= edge)
-    };
-    if ends_inside(tile.x, tile.width, job.size.width)
-        && ends_inside(tile.y, tile.height, job.size.height)
-    {
-        return Ok(());
-    }
-    Err(Error::InvalidSettings(format!(
-        "{tile:?} is empty or not inside the image of {}x{} pixels",
-        job.size.width, job.size.height
-    )))
 }
 
 /// Hands a chunk's tiles over.

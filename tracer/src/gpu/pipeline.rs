@@ -91,7 +91,9 @@ fn shader_module(device: &wgpu::Device, source: String) -> wgpu::ShaderModule {
         source: wgpu::ShaderSource::Wgsl(source.into()),
     };
     // SAFETY: the kernel reads and writes in bounds and ends, as the reason above says.
-    unsafe { device.create_shader_module_trusted(descriptor, wgpu::ShaderRuntimeChecks::unchecked()) }
+    unsafe {
+        device.create_shader_module_trusted(descriptor, wgpu::ShaderRuntimeChecks::unchecked())
+    }
 }
 
 const fn scene_binding(memory: SceneMemory) -> wgpu::BufferBindingType {

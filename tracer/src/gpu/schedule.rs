@@ -16,10 +16,10 @@ use crate::{RenderSettings, Tile};
 
 /// What a dispatch should take.
 const DISPATCH_NANOS: f64 = 30e6;
-/// Shorter dispatches say more about starting them than about the device's speed.
+/// Dispatches that are shorter, and should be, say more about starting them than about speed.
 const LEARN_NANOS_MIN: f64 = 1e6;
-/// Picoseconds per unit of work before anything is known: 50 Msample/s in a pool scene.
-const PICOS_PER_WORK: u64 = 100;
+/// Femtoseconds per unit of work before anything is known: 30 Msample/s in a pool scene.
+const FEMTOS_PER_WORK: u64 = 100_000;
 /// Blocks that fill a large GPU: 4096 × 64 pixels, 2000 threads on each of 132 processors.
 const CHUNK_BLOCKS_MIN: u32 = 4096;
 /// Tiles of a chunk: their list stays small.
@@ -29,31 +29,36 @@ const BLOCK_PIXELS: u64 = (BLOCK_EDGE * BLOCK_EDGE) as u64;
 
 /// The device's speed, learned from what it did.
 pub(crate) struct Pacer {
-    picos_per_work: AtomicU64,
+    femtos_per_work: AtomicU64,
 }
 
 impl Pacer {
     pub(crate) const fn new() -> Self {
-        let picos_per_work = AtomicU64::new(PICOS_PER_WORK);
-        Self { picos_per_work }
+        let femtos_per_work = AtomicU64::new(FEMTOS_PER_WORK);
+        Self { femtos_per_work }
     }
 
     /// Samples for a dispatch, at least 1.
     pub(crate) fn samples_per_dispatch(&self, work_per_sample: f64) -> u64 {
-        let picos = self.picos_per_work.load(Ordering::Relaxed) as f64;
-        (DISPATCH_NANOS * 1e3 / (picos * work_per_sample)).max(1.0) as u64
+        (DISPATCH_NANOS / (self.nanos_per_work() * work_per_sample)).max(1.0) as u64
     }
 
     /// Learns from a dispatch. A slower one is believed at once, a faster one by half: too much
     /// work is worse than too little.
     pub(crate) fn learn(&self, samples: u64, work_per_sample: f64, nanos: f64) {
-        if nanos < LEARN_NANOS_MIN {
+        let work = samples as f64 * work_per_sample;
+        let known = self.nanos_per_work();
+        if nanos.max(known * work) < LEARN_NANOS_MIN {
             return;
         }
-        let seen = nanos * 1e3 / (samples as f64 * work_per_sample);
-        let known = self.picos_per_work.load(Ordering::Relaxed) as f64;
-        let picos = if seen > known { seen } else { 0.5 * (seen + known) };
-        self.picos_per_work.store(picos.max(1.0) as u64, Ordering::Relaxed);
+        let seen = nanos / work;
+        let femtos = 1e6 * seen.max(0.5 * (seen + known));
+        self.femtos_per_work
+            .store(femtos.max(1.0) as u64, Ordering::Relaxed);
+    }
+
+    fn nanos_per_work(&self) -> f64 {
+        self.femtos_per_work.load(Ordering::Relaxed) as f64 * 1e-6
     }
 }
 
@@ -187,7 +192,10 @@ mod tests {
             samples: 1,
         };
         assert_eq!(chunks(&[tile; 3], 1000, limits).len(), 3);
-        assert_eq!(chunks(&[tile], 1000, limits)[0].samples_per_dispatch(limits), 1);
+        assert_eq!(
+            chunks(&[tile], 1000, limits)[0].samples_per_dispatch(limits),
+            1
+        );
     }
 
     #[test]
@@ -199,7 +207,10 @@ mod tests {
                 pacer.learn(samples, 100.0, samples as f64 * picos_per_sample * 1e-3);
             }
             let nanos = pacer.samples_per_dispatch(100.0) as f64 * picos_per_sample * 1e-3;
-            assert!((nanos - DISPATCH_NANOS).abs() < 0.6 * DISPATCH_NANOS, "{nanos}");
+            assert!(
+                (nanos - DISPATCH_NANOS).abs() < 0.6 * DISPATCH_NANOS,
+                "{nanos}"
+            );
         }
     }
 }

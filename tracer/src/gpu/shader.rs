@@ -112,9 +112,8 @@ fn nearest(features: &Features) -> String {
 }
 
 fn occluded(features: &Features) -> String {
-    let mut text = String::from(
-        "fn occluded(ray: Ray, skip: u32, target_lamp: u32, t_max: f32) -> bool {\n",
-    );
+    let mut text =
+        String::from("fn occluded(ray: Ray, skip: u32, target_lamp: u32, t_max: f32) -> bool {\n");
     for shape in features.shapes() {
         let name = shape.function();
         _ = writeln!(
@@ -144,4 +143,172 @@ fn surface_at(features: &Features) -> String {
 fn shape_and_lamp_names(features: &Features) -> impl Iterator<Item = &'static str> {
     let lamp = (features.lamps > 0).then_some("lamp");
     features.shapes().map(ShapeKind::function).chain(lamp)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::mem::offset_of;
+
+    use naga::valid::{Capabilities, ValidationFlags, Validator};
+
+    use super::*;
+    use crate::compiled::{
+        BoxData, CameraFrame, DiscData, LampData, MaterialData, RectangleData, SphereData,
+    };
+    use crate::gpu::layout::{DispatchData, SceneHeader, TileEntry, scene_bytes_len};
+
+    const ALL: Features = Features {
+        spheres: 16,
+        boxes: 6,
+        discs: 6,
+        rectangles: 2,
+        lamps: 3,
+        materials: 20,
+        has_coat: true,
+        has_stripe: true,
+        is_compensated: true,
+        memory: SceneMemory::Uniform,
+    };
+
+    /// Every choice of parts; constants alternate.
+    fn variants() -> impl Iterator<Item = Features> {
+        (0..16 * 3 * 2 * 2_u32).map(|i| {
+            let count = |bit: u32, count: u32| count * (i >> bit & 1);
+            Features {
+                spheres: count(0, 3),
+                boxes: count(1, 1),
+                discs: count(2, 2),
+                rectangles: count(3, 1),
+                has_coat: i >> 4 & 1 == 1,
+                memory: [SceneMemory::Uniform, SceneMemory::Storage][(i >> 5 & 1) as usize],
+                lamps: i >> 6,
+                materials: 1 + i % 5,
+                has_stripe: i % 3 == 0,
+                is_compensated: i % 5 < 2,
+            }
+        })
+    }
+
+    fn validated(features: &Features) -> naga::Module {
+        let text = source(features);
+        let module = naga::front::wgsl::parse_str(&text)
+            .unwrap_or_else(|error| panic!("{features:?}: {}", error.emit_to_string(&text)));
+        let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
+        if let Err(error) = validator.validate(&module) {
+            panic!("{features:?}: {}", error.emit_to_string(&text));
+        }
+        module
+    }
+
+    fn structure<'a>(module: &'a naga::Module, name: &str) -> (&'a [naga::StructMember], u32) {
+        let mut types = module.types.iter().map(|(_, ty)| ty);
+        let ty = types.find(|ty| ty.name.as_deref() == Some(name));
+        match ty.map(|ty| &ty.inner) {
+            Some(naga::TypeInner::Struct { members, span }) => (members, *span),
+            other => panic!("{name} is {other:?} in the kernel"),
+        }
+    }
+
+    #[test]
+    fn every_kernel_is_valid_and_its_scene_has_the_size_of_the_bytes() {
+        for features in variants() {
+            let module = validated(&features);
+            let (_, span) = structure(&module, "SceneData");
+            assert_eq!(u64::from(span), scene_bytes_len(&features), "{features:?}");
+        }
+    }
+
+    /// A struct's name, size, and the offset of each field that is not padding.
+    macro_rules! layout {
+        ($ty:ident { $($field:ident),* }) => {
+            (
+                stringify!($ty),
+                size_of::<$ty>(),
+                vec![$((stringify!($field), offset_of!($ty, $field))),*],
+            )
+        };
+    }
+
+    #[test]
+    fn structs_lie_in_the_kernel_as_in_rust() {
+        let layouts = [
+            layout!(SphereData {
+                center,
+                radius,
+                stripe_axis,
+                material
+            }),
+            layout!(BoxData { min, material, max }),
+            layout!(DiscData {
+                center,
+                radius,
+                normal,
+                material
+            }),
+            layout!(RectangleData {
+                center,
+                material,
+                half_u,
+                inv_u2,
+                half_v,
+                inv_v2,
+                normal
+            }),
+            layout!(LampData {
+                center,
+                area,
+                half_u,
+                inv_u2,
+                half_v,
+                inv_v2,
+                normal,
+                radiance
+            }),
+            layout!(MaterialData {
+                albedo,
+                ior,
+                stripe_albedo,
+                stripe_half_width,
+                diffuse_scale
+            }),
+            layout!(CameraFrame {
+                eye,
+                corner,
+                dx,
+                dy
+            }),
+            layout!(SceneHeader {
+                camera,
+                environment
+            }),
+            layout!(DispatchData {
+                tile_count,
+                block_count,
+                sample_begin,
+                sample_end,
+                samples,
+                first_sample,
+                seed,
+                scatterings_max
+            }),
+            layout!(TileEntry {
+                x,
+                y,
+                width,
+                height,
+                first_block,
+                first_pixel
+            }),
+        ];
+        let module = validated(&ALL);
+        for (name, size, fields) in layouts {
+            let (members, span) = structure(&module, name);
+            assert_eq!(span as usize, size, "{name}");
+            let reflected: Vec<_> = members
+                .iter()
+                .map(|member| (member.name.as_deref().unwrap(), member.offset as usize))
+                .collect();
+            assert_eq!(reflected, fields, "{name}");
+        }
+    }
 }

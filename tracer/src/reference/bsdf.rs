@@ -133,9 +133,10 @@ impl Bsdf {
 }
 
 /// Two unit vectors that make a right-handed basis `(t, b, n)` with the unit vector `n`: Duff et
-/// al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017.
+/// al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017. Both zeros count as positive:
+/// which one a component is depends on how the normal was computed.
 pub fn basis(n: DVec3) -> (DVec3, DVec3) {
-    let sign = 1.0_f64.copysign(n.z);
+    let sign = if n.z < 0.0 { -1.0 } else { 1.0 };
     let a = -1.0 / (sign + n.z);
     let b = n.x * n.y * a;
     (

@@ -66,7 +66,8 @@ fn direct_light(surface: Surface, bsdf: Bsdf, skip: u32, u: vec3f, rays: ptr<fun
     let wi = to_light / distance;
     let cos_i = dot(surface.normal, wi);
     let cos_lamp = -dot(wi, scene.lamps[index].normal);
-    if (!(cos_i > 0.0 && cos_lamp > 0.0)) {
+    let f = bsdf_diffuse(bsdf, cos_i);
+    if (!(cos_i > 0.0 && cos_lamp > 0.0) || all(f == vec3f(0.0))) {
         return vec3f(0.0);
     }
     *rays += 1u;
@@ -75,5 +76,5 @@ fn direct_light(surface: Surface, bsdf: Bsdf, skip: u32, u: vec3f, rays: ptr<fun
     }
     let pdf = lamp_pdf(index, distance_squared, cos_lamp);
     let weight = power_heuristic(pdf, bsdf_pdf(bsdf, cos_i));
-    return bsdf_diffuse(bsdf, cos_i) * scene.lamps[index].radiance * (cos_i * weight / pdf);
+    return f * scene.lamps[index].radiance * (cos_i * weight / pdf);
 }

@@ -1,0 +1,137 @@
+//! Speed of the GPU on the pool table: `gpu_speed [width height spp frames in_flight]`.
+//!
+//! Prints the GPU's own time per frame, samples and rays per second of it, and frames per second
+//! by the clock with each frame read back. `CAROM_GPU` names an adapter; without it the first real
+//! GPU is used, software if there is none.
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::thread;
+use std::time::Instant;
+
+use carom_tracer::gpu::{AdapterChoice, adapters};
+use carom_tracer::{
+    CompiledScene, Error, GpuTracer, ImageSize, RenderSettings, Scene, Tile, TileGrid, TraceJob,
+    TraceStats, Tracer,
+};
+
+/// What to measure.
+struct Run {
+    size: ImageSize,
+    samples: u32,
+    frames: u32,
+    in_flight: u32,
+}
+
+fn main() -> Result<(), Error> {
+    let run = arguments();
+    for (index, adapter) in adapters().iter().enumerate() {
+        println!("GPU {index}: {} ({})", adapter.name, adapter.driver);
+    }
+    let choice = std::env::var("CAROM_GPU").map_or(AdapterChoice::Any, AdapterChoice::Name);
+    let started = Instant::now();
+    let tracer = GpuTracer::new(&choice)?;
+    println!(
+        "{}: ready after {:.2?}",
+        tracer.info().name,
+        started.elapsed()
+    );
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/scenes/pool.json");
+    let scene = CompiledScene::new(&Scene::load(path)?)?;
+    // Compiles the kernel, allocates the buffers and learns the speed.
+    for seed in 0..8 {
+        frame(&tracer, &scene, &run, seed)?;
+    }
+    measure(&tracer, &scene, &run)
+}
+
+fn arguments() -> Run {
+    let given: Vec<u32> = std::env::args()
+        .skip(1)
+        .map(|text| text.parse().expect("width height spp frames in_flight"))
+        .collect();
+    let argument = |index: usize, default| given.get(index).copied().unwrap_or(default);
+    Run {
+        size: ImageSize::new(argument(0, 1920), argument(1, 1080)),
+        samples: argument(2, 16),
+        frames: argument(3, 100),
+        in_flight: argument(4, 2),
+    }
+}
+
+fn measure(tracer: &GpuTracer, scene: &CompiledScene, run: &Run) -> Result<(), Error> {
+    let total = Mutex::new(TraceStats::default());
+    let next = AtomicU32::new(0);
+    let started = Instant::now();
+    let worker = || -> Result<(), Error> {
+        loop {
+            let seed = next.fetch_add(1, Ordering::Relaxed);
+            if seed >= run.frames {
+                return Ok(());
+            }
+            let stats = frame(tracer, scene, run, seed)?;
+            let mut total = total.lock().expect("no worker panics");
+            total.samples += stats.samples;
+            total.rays += stats.rays;
+            total.device_nanos += stats.device_nanos;
+        }
+    };
+    thread::scope(|scope| {
+        let workers: Vec<_> = (0..run.in_flight).map(|_| scope.spawn(worker)).collect();
+        workers
+            .into_iter()
+            .try_for_each(|worker| worker.join().expect("no worker panics"))
+    })?;
+    report(
+        run,
+        &total.into_inner().expect("no worker panics"),
+        started.elapsed().as_secs_f64(),
+    );
+    Ok(())
+}
+
+fn frame(
+    tracer: &GpuTracer,
+    scene: &CompiledScene,
+    run: &Run,
+    seed: u32,
+) -> Result<TraceStats, Error> {
+    let grid = TileGrid::new(run.size, 32);
+    let tiles: Vec<Tile> = grid.tiles(grid.all()).collect();
+    let job = TraceJob {
+        size: run.size,
+        tiles: &tiles,
+        settings: RenderSettings {
+            samples: run.samples,
+            seed,
+            ..RenderSettings::default()
+        },
+        cancelled: &AtomicBool::new(false),
+    };
+    tracer.trace(scene, &job, &|tile| {
+        std::hint::black_box(tile);
+    })
+}
+
+fn report(run: &Run, total: &TraceStats, wall_secs: f64) {
+    let device_secs = total.device_nanos as f64 * 1e-9;
+    let frames = f64::from(run.frames);
+    println!(
+        "{}x{}, {} spp, {} frames, {} in flight",
+        run.size.width, run.size.height, run.samples, run.frames, run.in_flight
+    );
+    println!(
+        "GPU time        {:9.3} ms/frame",
+        device_secs * 1e3 / frames
+    );
+    println!(
+        "GPU rate        {:9.1} Msample/s, {:.3} Gray/s",
+        total.samples as f64 * 1e-6 / device_secs,
+        total.rays as f64 * 1e-9 / device_secs
+    );
+    println!(
+        "rays            {:9.2} per sample",
+        total.rays as f64 / total.samples as f64
+    );
+    println!("with read-back  {:9.2} frames/s", frames / wall_secs);
+}
