@@ -244,7 +244,7 @@ impl CompiledScene {
                 normal,
                 radius,
             } => {
-                let (center, normal) = (center.to_array(), unit(normal).to_array());
+                let (center, normal) = (center.to_array(), unit(normal.as_dvec3()).to_array());
                 self.discs.push(DiscData {
                     center,
                     radius,
@@ -265,7 +265,7 @@ impl CompiledScene {
                     inv_u2: 1.0 / half_u.length_squared(),
                     half_v: half_v.to_array(),
                     inv_v2: 1.0 / half_v.length_squared(),
-                    normal: unit(half_u.cross(half_v)).to_array(),
+                    normal: unit(half_u.as_dvec3().cross(half_v.as_dvec3())).to_array(),
                     padding: 0,
                 });
                 Primitive::Rectangle(self.rectangles.len() as u32 - 1)
@@ -277,8 +277,8 @@ impl CompiledScene {
     /// where the scene has it, so that updates may come in any order.
     ///
     /// # Errors
-    /// [`Error::InvalidUpdate`] if a pose names no sphere of the scene or holds a number that is
-    /// not finite, or the camera is degenerate; the scene then is as if nothing had been applied.
+    /// [`Error::InvalidUpdate`] if a pose names no sphere of the scene, one that another pose has
+    /// named, or holds a number that is not finite, or the camera is degenerate; the scene then is as if nothing had been applied.
     pub fn apply(&mut self, update: &SceneUpdate) -> Result<(), Error> {
         self.reset();
         let applied = self.try_apply(update);
@@ -298,9 +298,16 @@ impl CompiledScene {
             camera.validate().map_err(Error::InvalidUpdate)?;
             self.camera = camera;
         }
+        let mut posed_before = vec![false; self.spheres.len()];
         for pose in &update.poses {
             pose.validate().map_err(Error::InvalidUpdate)?;
             let sphere = self.movable_sphere(pose.object)?;
+            if std::mem::replace(&mut posed_before[sphere], true) {
+                return Err(Error::InvalidUpdate(format!(
+                    "object {} is posed twice",
+                    pose.object
+                )));
+            }
             self.spheres[sphere] = posed(self.spheres_at_rest[sphere], pose);
         }
         Ok(())
@@ -354,11 +361,11 @@ fn posed(at_rest: SphereData, pose: &ObjectPose) -> SphereData {
 }
 
 fn stripe_axis(world_from_ball: Quat) -> [f32; 3] {
-    (world_from_ball * Vec3::Z).to_array()
+    unit(world_from_ball.as_dquat().normalize() * DVec3::Z).to_array()
 }
 
-fn unit(v: Vec3) -> Vec3 {
-    v.as_dvec3().normalize().as_vec3()
+fn unit(v: DVec3) -> Vec3 {
+    v.normalize().as_vec3()
 }
 
 fn lamp_data(lamp: &Lamp) -> LampData {
@@ -370,7 +377,7 @@ fn lamp_data(lamp: &Lamp) -> LampData {
         inv_u2: 1.0 / lamp.half_u.length_squared(),
         half_v: lamp.half_v.to_array(),
         inv_v2: 1.0 / lamp.half_v.length_squared(),
-        normal: cross.normalize().as_vec3().to_array(),
+        normal: unit(cross).to_array(),
         radiance: lamp.radiance.to_array(),
         ..LampData::zeroed()
     }
@@ -428,4 +435,260 @@ pub fn internal_diffuse_reflectance(eta: f64) -> f64 {
         .map(|cos_theta| fresnel_dielectric(cos_theta, eta) * 2.0 * cos_theta / f64::from(STEPS))
         .sum();
     1.0 - (1.0 - external) / (eta * eta)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Environment, Object};
+
+    /// A box and two balls, so that an object's number differs from its sphere's.
+    fn scene() -> Scene {
+        let object = |name: &str, shape| Object {
+            name: name.to_owned(),
+            material: "grey".to_owned(),
+            shape,
+        };
+        let ball = |x| Shape::Sphere {
+            center: Vec3::new(x, 0.0, 0.0),
+            radius: 0.5,
+            rotation: Quat::IDENTITY,
+        };
+        let cube = Shape::Box {
+            min: Vec3::NEG_ONE,
+            max: Vec3::ONE,
+        };
+        Scene {
+            camera: Camera {
+                eye: Vec3::new(0.0, -5.0, 1.0),
+                target: Vec3::ZERO,
+                up: Vec3::Z,
+                fov_x_deg: 60.0,
+            },
+            environment: Environment {
+                radiance: Vec3::ONE,
+            },
+            materials: [(
+                "grey".to_owned(),
+                Material::Diffuse {
+                    albedo: Vec3::splat(0.5),
+                },
+            )]
+            .into(),
+            objects: vec![
+                object("first", ball(1.0)),
+                object("cube", cube),
+                object("second", ball(2.0)),
+            ],
+            lamps: Vec::new(),
+        }
+    }
+
+    fn pose(object: u32, x: f32) -> ObjectPose {
+        ObjectPose {
+            object,
+            position: Vec3::new(x, 0.0, 0.0),
+            rotation: Quat::from_rotation_x(std::f32::consts::FRAC_PI_2),
+            visible: true,
+        }
+    }
+
+    fn poses(poses: &[ObjectPose]) -> SceneUpdate {
+        SceneUpdate {
+            camera: None,
+            poses: poses.to_vec(),
+        }
+    }
+
+    fn after(updates: &[SceneUpdate]) -> (Vec<SphereData>, Camera) {
+        let mut compiled = CompiledScene::new(&scene()).unwrap();
+        for update in updates {
+            let _ = compiled.apply(update);
+        }
+        (compiled.spheres, compiled.camera)
+    }
+
+    #[test]
+    fn objects_name_their_data() {
+        let compiled = CompiledScene::new(&scene()).unwrap();
+        let expected = [
+            Primitive::Sphere(0),
+            Primitive::Box(0),
+            Primitive::Sphere(1),
+        ];
+        assert_eq!(compiled.primitives, expected);
+        assert_eq!(compiled.spheres[1].center, [2.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn a_pose_moves_turns_and_hides_its_ball() {
+        let hidden = ObjectPose {
+            visible: false,
+            ..pose(0, 7.0)
+        };
+        let (spheres, _) = after(&[poses(&[pose(2, 9.0), hidden])]);
+        assert_eq!((spheres[0].center[0], spheres[0].radius), (7.0, 0.0));
+        assert_eq!((spheres[1].center[0], spheres[1].radius), (9.0, 0.5));
+        let axis = Vec3::from_array(spheres[1].stripe_axis);
+        assert!((axis - Vec3::NEG_Y).length() < 1e-6, "{axis}");
+    }
+
+    #[test]
+    fn updates_do_not_depend_on_those_before() {
+        let (a, b) = (poses(&[pose(0, 7.0)]), poses(&[pose(2, 9.0)]));
+        assert_eq!(
+            after(&[a.clone(), b.clone()]),
+            after(std::slice::from_ref(&b))
+        );
+        assert_eq!(after(&[b, a.clone()]), after(std::slice::from_ref(&a)));
+        let still = CompiledScene::new(&scene()).unwrap();
+        assert_eq!(
+            after(&[a, SceneUpdate::default()]),
+            (still.spheres, still.camera)
+        );
+        let swapped = [pose(2, 9.0), pose(0, 7.0)];
+        assert_eq!(
+            after(&[poses(&swapped)]),
+            after(&[poses(&[swapped[1], swapped[0]])])
+        );
+    }
+
+    #[test]
+    fn a_refused_update_leaves_nothing_behind() {
+        let untouched = after(&[]);
+        let nan = ObjectPose {
+            position: Vec3::NAN,
+            ..pose(2, 0.0)
+        };
+        let turned = ObjectPose {
+            rotation: Quat::from_xyzw(0.0, 0.0, 0.0, 2.0),
+            ..pose(2, 0.0)
+        };
+        let blind = Camera {
+            fov_x_deg: f32::NAN,
+            ..scene().camera
+        };
+        let good = pose(0, 7.0);
+        for (update, sentence) in [
+            (
+                poses(&[good, nan]),
+                "pose of object 2: its position is [NaN",
+            ),
+            (poses(&[good, turned]), "pose of object 2: its rotation is"),
+            (
+                poses(&[good, pose(1, 0.0)]),
+                "object 1 is posed, but only spheres move",
+            ),
+            (
+                poses(&[good, pose(3, 0.0)]),
+                "object 3 is posed, but the scene has 3 objects",
+            ),
+            (
+                poses(&[good, pose(2, 0.0), good]),
+                "object 0 is posed twice",
+            ),
+            (
+                SceneUpdate {
+                    camera: Some(blind),
+                    poses: vec![good],
+                },
+                "the camera's fov_x_deg is NaN",
+            ),
+        ] {
+            let mut compiled = CompiledScene::new(&scene()).unwrap();
+            compiled.apply(&poses(&[pose(2, 4.0)])).unwrap();
+            let refusal = compiled.apply(&update).unwrap_err().to_string();
+            assert!(
+                refusal.contains(sentence),
+                "`{sentence}` is not in `{refusal}`"
+            );
+            assert_eq!((compiled.spheres, compiled.camera), untouched);
+        }
+    }
+
+    #[test]
+    fn the_camera_s_corners_span_its_field_of_view() {
+        let size = ImageSize::new(200, 100);
+        let frame = camera_frame(&scene().camera, size);
+        let at = |x: f32, y: f32| {
+            Vec3::from(frame.corner) + x * Vec3::from(frame.dx) + y * Vec3::from(frame.dy)
+        };
+        let forward = Vec3::new(0.0, 5.0, -1.0).normalize();
+        assert!((at(100.0, 50.0) - forward).length() < 1e-6);
+        let across = at(0.0, 50.0).angle_between(at(200.0, 50.0));
+        assert!((across.to_degrees() - 60.0).abs() < 1e-4, "{across}");
+        assert!(at(200.0, 50.0).x > 0.0, "right is right");
+        assert!(at(100.0, 0.0).z > at(100.0, 100.0).z, "row 0 is the top");
+        let pixel = Vec3::from(frame.dx).length() / Vec3::from(frame.dy).length();
+        assert!((pixel - 1.0).abs() < 1e-6, "pixels are square");
+    }
+
+    #[test]
+    fn lamps_and_plates_face_along_u_cross_v() {
+        let mut scene = scene();
+        let (half_u, half_v) = (Vec3::new(0.0, 3.0, 0.0), Vec3::new(0.0, 0.0, 1e-3));
+        scene.lamps.push(Lamp {
+            name: String::new(),
+            center: Vec3::ZERO,
+            half_u,
+            half_v,
+            radiance: Vec3::ONE,
+        });
+        scene.objects[0].shape = Shape::Rectangle {
+            center: Vec3::ZERO,
+            half_u,
+            half_v,
+        };
+        let compiled = CompiledScene::new(&scene).unwrap();
+        assert_eq!(compiled.lamps[0].normal, [1.0, 0.0, 0.0]);
+        assert_eq!(compiled.rectangles[0].normal, [1.0, 0.0, 0.0]);
+        assert!((compiled.lamps[0].area / 0.012 - 1.0).abs() < 1e-6);
+        assert!((compiled.lamps[0].inv_v2 / 1e6 - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn fresnel_has_its_known_values() {
+        assert!((fresnel_dielectric(1.0, 1.5) - 0.04).abs() < 1e-15);
+        assert_eq!(fresnel_dielectric(0.0, 1.5), 1.0);
+        // At Brewster's angle only perpendicular light is reflected: ((η²−1)/(η²+1))² / 2.
+        let brewster = 1.5f64.atan().cos();
+        let expected = (1.25f64 / 3.25).powi(2) / 2.0;
+        assert!((fresnel_dielectric(brewster, 1.5) - expected).abs() < 1e-12);
+        for step in 0..=1000 {
+            let cos = f64::from(step) / 1000.0;
+            assert_eq!(fresnel_dielectric(cos, 1.0), 0.0, "an index of 1 at {cos}");
+            for eta in [1.0 + 1e-6, 1.3, 1000.0] {
+                assert!(
+                    (0.0..=1.0).contains(&fresnel_dielectric(cos, eta)),
+                    "{cos} {eta}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn internal_reflectance_has_its_known_values() {
+        assert_eq!(internal_diffuse_reflectance(1.0), 0.0);
+        assert!((internal_diffuse_reflectance(1.5) - 0.596_346).abs() < 1e-6);
+    }
+
+    /// Against the definition, an integral over directions inside.
+    #[test]
+    fn internal_reflectance_is_the_integral_from_inside() {
+        for eta in [1.1f64, 1.33, 1.5, 2.4] {
+            let inside = |cos: f64| {
+                let sine2_outside = eta * eta * (1.0 - cos * cos);
+                if sine2_outside >= 1.0 {
+                    return 1.0;
+                }
+                fresnel_dielectric((1.0 - sine2_outside).sqrt(), eta)
+            };
+            let cosines = (0..200_000).map(|i| (f64::from(i) + 0.5) / 2e5);
+            let integral = cosines
+                .map(|cos| inside(cos) * 2.0 * cos / 2e5)
+                .sum::<f64>();
+            let difference = (integral - internal_diffuse_reflectance(eta)).abs();
+            assert!(difference < 1e-5, "{eta}: {integral}, off by {difference}");
+        }
+    }
 }

@@ -37,7 +37,7 @@ pub fn from_json(text: &str) -> Result<Scene, Error> {
 
 /// Egan and Hilgeman's fit of the internal diffuse reflectance of a dielectric of index `eta`
 /// ("Spectral reflectance of particulate materials", Applied Optics 1973), which renderers use in
-/// place of the integral: 0.596811 at 1.5, where the integral is 0.5964.
+/// place of the integral: 0.596811 at 1.5, where the integral is 0.596346.
 pub fn internal_reflectance_fit(eta: f64) -> f64 {
     -1.4399 / (eta * eta) + 0.7099 / eta + 0.6681 + 0.0636 * eta
 }

@@ -140,7 +140,7 @@ pub enum Material {
         albedo: Vec3,
         /// Index of refraction of the coat against air, in [1, 1000]; phenolic resin 1.5.
         ior: f32,
-        /// Share of light from the base that the coat throws back, `F_dr,int`, in [0, 1). Absent:
+        /// Share of light from the base that the coat throws back, `F_dr,int`, in [0, 0.99]. Absent:
         /// the exact integral for `ior`, which conserves energy. Given: to match a renderer that
         /// uses a fit.
         #[serde(default)]
