@@ -144,3 +144,160 @@ pub fn basis(n: DVec3) -> (DVec3, DVec3) {
         DVec3::new(b, sign + n.y * n.y * a, -n.y),
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compiled::internal_diffuse_reflectance;
+    use crate::sampling::uniforms;
+
+    fn plastic(albedo: f64, ior: f64) -> Bsdf {
+        Bsdf {
+            albedo: DVec3::new(albedo, 0.5 * albedo, 0.1),
+            ior,
+            diffuse_scale: 1.0 / (ior * ior * (1.0 - internal_diffuse_reflectance(ior))),
+        }
+    }
+
+    fn diffuse(albedo: f64) -> Bsdf {
+        Bsdf {
+            ior: 0.0,
+            diffuse_scale: 1.0,
+            ..plastic(albedo, 1.5)
+        }
+    }
+
+    fn all() -> [Bsdf; 5] {
+        [
+            diffuse(0.8),
+            plastic(0.8, 1.5),
+            plastic(0.0, 1.5),
+            plastic(1.0, 2.5),
+            plastic(0.3, 1.0),
+        ]
+    }
+
+    /// Midpoints of the cosine.
+    fn cosines() -> impl Iterator<Item = f64> {
+        (0..1000).map(|i| (f64::from(i) + 0.5) / 1000.0)
+    }
+
+    fn samples() -> impl Iterator<Item = [f64; 4]> {
+        (0..200_000).map(|i| uniforms(i, 0, 0, 7).map(f64::from))
+    }
+
+    /// To a tilted normal, at `cos` to it.
+    fn wo_at(cos: f64, n: DVec3) -> DVec3 {
+        let (t, _) = basis(n);
+        cos * n + (1.0 - cos * cos).sqrt() * t
+    }
+
+    fn tilted() -> DVec3 {
+        DVec3::new(0.3, -0.8, -0.4).normalize()
+    }
+
+    #[test]
+    fn light_goes_both_ways_alike() {
+        for bsdf in all() {
+            for (a, b) in [(0.1, 0.9), (1.0, 0.01), (0.5, 0.6)] {
+                assert!((bsdf.eval(a, b) - bsdf.eval(b, a)).length() < 1e-15);
+            }
+            assert_eq!(bsdf.eval(0.5, -0.1), DVec3::ZERO);
+        }
+    }
+
+    #[test]
+    fn the_density_integrates_to_the_lobe_s_probability() {
+        for bsdf in all() {
+            for cos_o in [0.05, 0.5, 1.0] {
+                let density = cosines().map(|cos_i| bsdf.pdf(cos_o, cos_i)).sum::<f64>();
+                let integral = density * 2.0 * PI / 1000.0;
+                let expected = 1.0 - bsdf.probability_mirror(cos_o);
+                assert!((integral - expected).abs() < 1e-6, "{integral} {expected}");
+            }
+        }
+    }
+
+    /// Moments of drawn directions against integrals of the density: 200,000 draws of values in
+    /// [−1, 1] have a standard error below 2.3e-3.
+    #[test]
+    fn directions_are_drawn_with_their_density() {
+        let n = tilted();
+        let (t, b) = basis(n);
+        for bsdf in all() {
+            for cos_o in [0.1, 0.7] {
+                let wo = wo_at(cos_o, n);
+                let mut moments = [0.0; 5];
+                for u in samples() {
+                    let BsdfSample { wi, pdf, .. } = bsdf.sample(wo, n, u);
+                    let Some(pdf) = pdf else { continue };
+                    assert!((pdf - bsdf.pdf(cos_o, wi.dot(n))).abs() < 1e-12);
+                    let values = [1.0, wi.dot(n), wi.dot(n).powi(2), wi.dot(t), wi.dot(b)];
+                    moments
+                        .iter_mut()
+                        .zip(values)
+                        .for_each(|(m, v)| *m += v / 200_000.0);
+                }
+                let lobe = 1.0 - bsdf.probability_mirror(cos_o);
+                let expected = [lobe, lobe * 2.0 / 3.0, lobe * 0.5, 0.0, 0.0];
+                for (moment, expected) in moments.into_iter().zip(expected) {
+                    assert!((moment - expected).abs() < 5e-3, "{moments:?} {expected:?}");
+                }
+            }
+        }
+    }
+
+    /// Drawn weights average to the directional albedo, `F + ∫ f cos dω`.
+    #[test]
+    fn weights_average_to_the_albedo() {
+        let n = tilted();
+        for bsdf in all() {
+            for cos_o in [0.1, 0.7] {
+                let wo = wo_at(cos_o, n);
+                let drawn = samples()
+                    .map(|u| bsdf.sample(wo, n, u).weight)
+                    .sum::<DVec3>()
+                    / 2e5;
+                let diffuse = cosines()
+                    .map(|cos_i| bsdf.eval(cos_o, cos_i) * cos_i)
+                    .sum::<DVec3>();
+                let albedo = DVec3::splat(bsdf.fresnel(cos_o)) + diffuse * (2.0 * PI / 1000.0);
+                assert!(
+                    (drawn - albedo).length() < 6e-3,
+                    "{bsdf:?} {cos_o}: {drawn} {albedo}"
+                );
+                assert!(albedo.max_element() < 1.0 + 1e-3);
+            }
+        }
+    }
+
+    #[test]
+    fn the_mirror_reflects() {
+        let n = tilted();
+        let wo = wo_at(0.3, n);
+        let sample = plastic(0.0, 1.5).sample(wo, n, [0.0; 4]);
+        assert_eq!(sample.pdf, None);
+        assert!((sample.wi.dot(n) - 0.3).abs() < 1e-12);
+        assert!((sample.wi + wo - 0.6 * n).length() < 1e-12);
+    }
+
+    #[test]
+    fn bases_are_orthonormal_and_right_handed() {
+        let poles = [
+            DVec3::Z,
+            DVec3::NEG_Z,
+            DVec3::new(1e-9, 0.0, -1.0).normalize(),
+        ];
+        let normals = samples()
+            .take(1000)
+            .map(|u| (DVec3::new(u[0], u[1], u[2]) - 0.5).normalize());
+        for n in normals.chain(poles) {
+            let (t, b) = basis(n);
+            assert!((t.cross(b) - n).length() < 1e-12, "{n}");
+            assert!(
+                (t.length() - 1.0).abs() < 1e-12 && t.dot(b).abs() < 1e-12,
+                "{n}"
+            );
+        }
+    }
+}

@@ -123,7 +123,8 @@ fn meet_box(slabs: &BoxData, ray: &Ray) -> Option<(f64, DVec3)> {
             (far, far_axis) = (a.max(b), axis);
         }
     }
-    if near > far {
+    // No direction at all, or one that is no number, leaves the far side unbounded.
+    if near > far || far.is_infinite() {
         return None;
     }
     let (t, axis, sign) = if near > 0.0 {
@@ -167,4 +168,116 @@ fn meet_plane(ray: &Ray, center: DVec3, n: DVec3) -> Option<(f64, DVec3)> {
 /// An f32 triple in f64.
 pub(super) fn vector(v: [f32; 3]) -> DVec3 {
     glam::Vec3::from_array(v).as_dvec3()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ray(origin: [f64; 3], direction: [f64; 3]) -> Ray {
+        Ray {
+            origin: DVec3::from_array(origin),
+            direction: DVec3::from_array(direction).normalize(),
+        }
+    }
+
+    fn unit_ball(center: [f32; 3]) -> SphereData {
+        SphereData {
+            center,
+            radius: 1.0,
+            stripe_axis: [0.0, 0.0, 1.0],
+            material: 0,
+        }
+    }
+
+    const CUBE: BoxData = BoxData {
+        min: [-1.0; 3],
+        material: 0,
+        max: [1.0; 3],
+        padding: 0,
+    };
+
+    #[test]
+    fn a_pool_ball_is_hit_from_ten_thousand_kilometres() {
+        for distance in [1.0, 1e3, 1e5, 1e7] {
+            let ball = SphereData {
+                radius: 0.028_575,
+                ..unit_ball([distance as f32, 0.0, 0.0])
+            };
+            let radius = f64::from(ball.radius);
+            for impact in [0.0, 0.5, 0.99, 1.01] {
+                let ray = ray([0.0, impact * radius, 0.0], [1.0, 0.0, 0.0]);
+                let met = meet_sphere(&ball, &ray);
+                assert_eq!(met.is_some(), impact < 1.0, "{distance} {impact}");
+                let Some((t, n)) = met else { continue };
+                let depth = (1.0 - impact * impact).sqrt();
+                assert!((t - (distance - radius * depth)).abs() < 1e-15 * distance + 1e-12);
+                assert!((n - DVec3::new(-depth, impact, 0.0)).length() < 1e-8, "{n}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_ball_is_met_from_inside_and_not_from_behind() {
+        let ball = unit_ball([0.0; 3]);
+        let (t, n) = meet_sphere(&ball, &ray([0.0; 3], [0.0, 0.0, 1.0])).unwrap();
+        assert_eq!((t, n), (1.0, DVec3::Z));
+        let (t, n) = meet_sphere(&ball, &ray([0.5, 0.0, 0.0], [1.0, 0.0, 0.0])).unwrap();
+        assert_eq!((t, n), (0.5, DVec3::X));
+        let (t, _) = meet_sphere(&ball, &ray([2.0, 0.0, 0.0], [1.0, 0.0, 0.0])).unwrap();
+        assert!(t < 0.0);
+        let hidden = SphereData {
+            radius: 0.0,
+            ..ball
+        };
+        assert_eq!(meet_sphere(&hidden, &ray([0.0; 3], [1.0, 0.0, 0.0])), None);
+    }
+
+    #[test]
+    fn a_box_is_met_on_faces_edges_and_from_inside() {
+        let met = |origin, direction| meet_box(&CUBE, &ray(origin, direction));
+        let to_x = [1.0, 0.0, 0.0];
+        assert_eq!(met([-3.0, 0.5, 0.5], to_x), Some((2.0, DVec3::NEG_X)));
+        assert_eq!(
+            met([-3.0, 0.5, 0.5], [1.0, -0.0, -0.0]),
+            Some((2.0, DVec3::NEG_X))
+        );
+        assert_eq!(met([0.0; 3], to_x), Some((1.0, DVec3::X)));
+        assert_eq!(met([0.0; 3], [-1.0, 0.0, 0.0]), Some((1.0, DVec3::NEG_X)));
+        // Along a face and along an edge: the closed box is met.
+        assert_eq!(met([-3.0, 1.0, 0.0], to_x), Some((2.0, DVec3::NEG_X)));
+        assert_eq!(met([-3.0, 1.0, -1.0], to_x), Some((2.0, DVec3::NEG_X)));
+        assert_eq!(met([-3.0, 1.0 + 1e-9, 0.0], to_x), None);
+        assert_eq!(met([-3.0, 2.0, 0.0], [1.0, 1.0, 0.0]), None);
+    }
+
+    #[test]
+    fn plates_end_at_their_edges() {
+        let disc = DiscData {
+            center: [0.0; 3],
+            radius: 1.0,
+            normal: [0.0, 0.0, 1.0],
+            material: 0,
+        };
+        let down = |x| ray([x, 0.0, 2.0], [0.0, 0.0, -1.0]);
+        assert_eq!(meet_disc(&disc, &down(0.999)), Some((2.0, DVec3::Z)));
+        assert_eq!(meet_disc(&disc, &down(1.001)), None);
+        assert_eq!(
+            meet_disc(&disc, &ray([-2.0, 0.0, 0.0], [1.0, 0.0, 0.0])),
+            None
+        );
+        let plate = |ray| meet_rectangle(&ray, [0.0; 3], [0.5, 0.0, 0.0], [0.0, 2.0, 0.0]);
+        assert_eq!(plate(down(0.499)), Some((2.0, DVec3::Z)));
+        assert_eq!(plate(down(0.501)), None);
+    }
+
+    #[test]
+    fn numbers_that_are_none_miss() {
+        let directions = [[f64::NAN, 0.0, 1.0], [0.0; 3], [f64::INFINITY, 0.0, 0.0]];
+        for bad in directions.map(|direction| ray([0.0, 0.0, -5.0], direction)) {
+            let t = |met: Option<(f64, DVec3)>| met.is_some_and(|(t, _)| t > 0.0);
+            assert!(!t(meet_sphere(&unit_ball([0.0; 3]), &bad)), "{bad:?}");
+            assert!(!t(meet_box(&CUBE, &bad)), "{bad:?}");
+        }
+    }
 }

@@ -1,0 +1,549 @@
+//! Laws of light that every tracer keeps, on scenes whose radiance is known.
+
+mod tracers;
+
+use std::collections::BTreeMap;
+use std::f64::consts::PI;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use carom_tracer::film::{Film, trace_image, trace_tiles};
+use carom_tracer::metrics::mean;
+use carom_tracer::{
+    Camera, CompiledScene, Environment, ImageSize, Lamp, Material, Object, ObjectPose,
+    RadianceImage, RenderSettings, Scene, SceneUpdate, Shape, Stripe, Tile, TileGrid, TileRadiance,
+    TraceJob, Tracer,
+};
+use glam::{Quat, Vec3};
+use tracers::tracers;
+
+/// What f32 arithmetic over a path of five scatterings may lose.
+const ROUNDING: f64 = 1e-5;
+
+const SIZE: ImageSize = ImageSize::new(24, 16);
+
+fn settings(samples: u32) -> RenderSettings {
+    RenderSettings {
+        samples,
+        ..RenderSettings::default()
+    }
+}
+
+fn image(tracer: &dyn Tracer, scene: &Scene, settings: RenderSettings) -> RadianceImage {
+    film(tracer, scene, settings).image()
+}
+
+fn film(tracer: &dyn Tracer, scene: &Scene, settings: RenderSettings) -> Film {
+    let scene = CompiledScene::new(scene).unwrap();
+    let film = trace_image(tracer, &scene, SIZE, settings).unwrap();
+    assert_eq!(film.dropped_samples(), 0);
+    assert_eq!(film.samples_min(), u64::from(settings.samples));
+    film
+}
+
+fn diffuse(albedo: f32) -> Material {
+    Material::Diffuse {
+        albedo: Vec3::splat(albedo),
+    }
+}
+
+fn plastic(albedo: f32, ior: f32) -> Material {
+    Material::SmoothPlastic {
+        albedo: Vec3::splat(albedo),
+        ior,
+        internal_reflectance: None,
+        stripe: None,
+    }
+}
+
+/// Nothing but a camera at (0, −3, 0) that looks along +y.
+fn empty(environment: f32) -> Scene {
+    Scene {
+        camera: Camera {
+            eye: Vec3::new(0.0, -3.0, 0.0),
+            target: Vec3::ZERO,
+            up: Vec3::Z,
+            fov_x_deg: 20.0,
+        },
+        environment: Environment {
+            radiance: Vec3::splat(environment),
+        },
+        materials: BTreeMap::new(),
+        objects: Vec::new(),
+        lamps: Vec::new(),
+    }
+}
+
+fn with(mut scene: Scene, material: Material, shape: Shape) -> Scene {
+    let name = format!("object {}", scene.objects.len());
+    scene.materials.insert(name.clone(), material);
+    scene.objects.push(Object {
+        material: name.clone(),
+        name,
+        shape,
+    });
+    scene
+}
+
+/// A sphere that fills the whole picture of [`empty`]'s camera.
+fn ball() -> Shape {
+    Shape::Sphere {
+        center: Vec3::ZERO,
+        radius: 1.0,
+        rotation: Quat::IDENTITY,
+    }
+}
+
+/// A lamp of 2 m × 1 m at `z`, facing down or up.
+fn lamp(z: f32, facing_down: bool, radiance: f32) -> Lamp {
+    Lamp {
+        name: "lamp".to_owned(),
+        center: Vec3::new(0.0, 0.0, z),
+        half_u: Vec3::new(1.0, 0.0, 0.0),
+        half_v: Vec3::new(0.0, if facing_down { -0.5 } else { 0.5 }, 0.0),
+        radiance: Vec3::splat(radiance),
+    }
+}
+
+fn floor() -> Shape {
+    Shape::Rectangle {
+        center: Vec3::ZERO,
+        half_u: Vec3::new(5.0, 0.0, 0.0),
+        half_v: Vec3::new(0.0, 5.0, 0.0),
+    }
+}
+
+/// A floor seen from aside, so near that the picture is of one point, and a lamp above it.
+fn lit_floor(point: Vec3, facing_down: bool) -> Scene {
+    let mut scene = with(empty(0.0), diffuse(0.5), floor());
+    scene.lamps.push(lamp(1.5, facing_down, 10.0));
+    scene.camera.eye = point + Vec3::new(0.0, -0.1, 0.05);
+    scene.camera.target = point;
+    scene.camera.fov_x_deg = 0.5;
+    scene
+}
+
+/// A little of everything: balls, a box, a disc, a lamp that is seen, and one that is not.
+fn still_life() -> Scene {
+    let striped = Material::SmoothPlastic {
+        albedo: Vec3::new(0.8, 0.7, 0.6),
+        ior: 1.5,
+        internal_reflectance: None,
+        stripe: Some(Stripe {
+            albedo: Vec3::new(0.1, 0.2, 0.7),
+            half_width: 0.5,
+        }),
+    };
+    let ball = |x: f32, radius: f32| Shape::Sphere {
+        center: Vec3::new(x, 0.0, radius),
+        radius,
+        rotation: Quat::from_rotation_x(0.7 + x),
+    };
+    let disc = Shape::Disc {
+        center: Vec3::new(0.3, -0.6, 0.01),
+        normal: Vec3::Z,
+        radius: 0.2,
+    };
+    let block = Shape::Box {
+        min: Vec3::new(-0.9, 0.2, 0.0),
+        max: Vec3::new(-0.5, 0.5, 0.6),
+    };
+    let mut scene = with(empty(0.05), diffuse(0.6), floor());
+    scene = with(scene, striped, ball(0.0, 0.3));
+    scene = with(scene, plastic(0.4, 1.5), ball(0.55, 0.25));
+    scene = with(scene, diffuse(0.2), block);
+    scene = with(scene, plastic(0.0, 1.4), disc);
+    scene.lamps = vec![lamp(1.2, true, 8.0), lamp(3.0, true, 20.0)];
+    scene.camera.eye = Vec3::new(0.2, -3.0, 1.2);
+    scene.camera.target = Vec3::new(0.0, 0.0, 0.4);
+    scene.camera.fov_x_deg = 45.0;
+    scene
+}
+
+fn assert_near(value: f64, expected: f64, relative: f64, what: &str) {
+    let difference = (value - expected).abs();
+    assert!(
+        difference <= relative * expected.abs(),
+        "{what}: {value} is not {expected}"
+    );
+}
+
+#[test]
+fn an_empty_scene_shows_its_environment() {
+    for tracer in tracers() {
+        let image = image(tracer.as_ref(), &empty(0.25), settings(3));
+        assert!(
+            image.pixels.iter().all(|&pixel| pixel == [0.25; 3]),
+            "{:?}",
+            tracer.info()
+        );
+    }
+}
+
+/// White furnace: a white convex body in uniform light cannot be seen.
+#[test]
+fn a_white_diffuse_ball_vanishes_in_uniform_light() {
+    let scene = with(empty(1.0), diffuse(1.0), ball());
+    for tracer in tracers() {
+        for pixel in image(tracer.as_ref(), &scene, settings(4)).pixels {
+            for channel in pixel {
+                assert_near(f64::from(channel), 1.0, ROUNDING, &tracer.info().name);
+            }
+        }
+    }
+}
+
+/// With the exact internal reflectance a coat over a white base takes nothing either. The Monte
+/// Carlo error of these 400,000 samples is 2e-4.
+#[test]
+fn a_white_plastic_ball_vanishes_in_uniform_light() {
+    for ior in [1.0, 1.3, 1.5, 3.0] {
+        let scene = with(empty(1.0), plastic(1.0, ior), ball());
+        for tracer in tracers() {
+            let mean = mean(&image(tracer.as_ref(), &scene, settings(1024)));
+            assert_near(
+                mean[1],
+                1.0,
+                1e-3,
+                &format!("{} at index {ior}", tracer.info().name),
+            );
+        }
+    }
+}
+
+#[test]
+fn plastic_of_index_1_is_diffuse() {
+    let mut scene = still_life();
+    for material in scene.materials.values_mut() {
+        *material = diffuse(0.6);
+    }
+    let expected = scene.clone();
+    for material in scene.materials.values_mut() {
+        *material = plastic(0.6, 1.0);
+    }
+    for tracer in tracers() {
+        let plastic = image(tracer.as_ref(), &scene, settings(4));
+        let diffuse = image(tracer.as_ref(), &expected, settings(4));
+        assert_same(&plastic, &diffuse, ROUNDING, &tracer.info().name);
+    }
+}
+
+/// A black base leaves the mirror: the picture of a ball in uniform light is `F(cos θ)`.
+#[test]
+fn a_black_plastic_ball_shows_the_fresnel_term() {
+    let mut scene = with(empty(1.0), plastic(0.0, 1.5), ball());
+    scene.camera.fov_x_deg = 0.01;
+    for tracer in tracers() {
+        let mean = mean(&image(tracer.as_ref(), &scene, settings(1)));
+        assert_near(mean[0], 0.04, 1e-4, &tracer.info().name);
+    }
+}
+
+/// Form factor from a point of a floor to the quarter `[0, a] × [0, b]` of a parallel rectangle at
+/// unit height above it (Howell, "A Catalog of Radiation Heat Transfer Configuration Factors",
+/// B-3); odd in both, so that other rectangles are sums of four.
+fn form_factor(a: f64, b: f64) -> f64 {
+    let side = |a: f64, b: f64| {
+        let slant = (1.0 + a * a).sqrt();
+        a / slant * (b / slant).atan()
+    };
+    (side(a, b) + side(b, a)) / (2.0 * PI)
+}
+
+#[test]
+fn a_floor_under_a_lamp_is_as_bright_as_its_form_factor_says() {
+    for (x, y) in [(0.0f32, 0.0f32), (0.7, -0.3), (2.5, 1.0)] {
+        let scene = lit_floor(Vec3::new(x, y, 0.0), true);
+        let (x, y) = (f64::from(x), f64::from(y));
+        let corner = |sx: f64, sy: f64| form_factor((1.0 + sx * x) / 1.5, (0.5 + sy * y) / 1.5);
+        let factor = corner(1.0, 1.0) + corner(-1.0, 1.0) + corner(1.0, -1.0) + corner(-1.0, -1.0);
+        for tracer in tracers() {
+            let mean = mean(&image(tracer.as_ref(), &scene, settings(2048)));
+            let what = format!("{} at ({x}, {y})", tracer.info().name);
+            assert_near(mean[0], 0.5 * 10.0 * factor, 2e-3, &what);
+        }
+    }
+}
+
+#[test]
+fn a_lamp_shines_and_is_seen_from_one_side() {
+    for tracer in tracers() {
+        let dark = image(tracer.as_ref(), &lit_floor(Vec3::ZERO, false), settings(16));
+        assert_eq!(mean(&dark), [0.0; 3], "the floor behind a lamp stays black");
+
+        let mut scene = empty(1.0);
+        scene.lamps.push(lamp(0.0, true, 10.0));
+        scene.camera.up = Vec3::Y;
+        scene.camera.target = Vec3::ZERO;
+        for (eye_z, radiance) in [(-1.0, 10.0), (1.0, 0.0)] {
+            scene.camera.eye = Vec3::new(0.0, 0.0, eye_z);
+            let seen = image(tracer.as_ref(), &scene, settings(2));
+            assert!(
+                seen.pixels.iter().all(|&pixel| pixel == [radiance; 3]),
+                "{eye_z}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_hidden_ball_is_as_if_it_were_not_there() {
+    let scene = still_life();
+    let hide = SceneUpdate {
+        camera: None,
+        poses: vec![ObjectPose {
+            object: 1,
+            position: Vec3::new(0.0, 0.0, 0.3),
+            rotation: Quat::IDENTITY,
+            visible: false,
+        }],
+    };
+    let mut without = scene.clone();
+    without.objects.remove(1);
+    let mut hidden = CompiledScene::new(&scene).unwrap();
+    hidden.apply(&hide).unwrap();
+    for tracer in tracers() {
+        let expected = image(tracer.as_ref(), &without, settings(2));
+        let traced = trace_image(tracer.as_ref(), &hidden, SIZE, settings(2))
+            .unwrap()
+            .image();
+        assert_eq!(traced, expected);
+        assert_ne!(traced, image(tracer.as_ref(), &scene, settings(2)));
+    }
+}
+
+#[test]
+fn radiance_is_linear_in_the_lamps_and_the_environment() {
+    let scene = still_life();
+    let mut brighter = scene.clone();
+    brighter.environment.radiance *= 4.0;
+    for lamp in &mut brighter.lamps {
+        lamp.radiance *= 4.0;
+    }
+    for tracer in tracers() {
+        let mut expected = image(tracer.as_ref(), &scene, settings(4));
+        for channel in expected.pixels.as_flattened_mut() {
+            *channel *= 4.0;
+        }
+        let traced = image(tracer.as_ref(), &brighter, settings(4));
+        assert_same(&traced, &expected, 1e-6, &tracer.info().name);
+    }
+}
+
+#[test]
+fn longer_paths_only_add_light() {
+    let scene = still_life();
+    for tracer in tracers() {
+        let at = |scatterings_max| {
+            let settings = RenderSettings {
+                scatterings_max,
+                ..settings(4)
+            };
+            image(tracer.as_ref(), &scene, settings)
+        };
+        let pictures = [0, 1, 2, 5].map(at);
+        for pair in pictures.windows(2) {
+            let (short, long) = (pair[0].pixels.as_flattened(), pair[1].pixels.as_flattened());
+            assert!(
+                short
+                    .iter()
+                    .zip(long)
+                    .all(|(short, long)| *short <= long * 1.000_01)
+            );
+            assert!(mean(&pair[0])[0] < mean(&pair[1])[0]);
+        }
+    }
+}
+
+#[test]
+fn paths_without_scattering_show_lights_alone() {
+    let settings = RenderSettings {
+        scatterings_max: 0,
+        ..settings(1)
+    };
+    for tracer in tracers() {
+        let picture = image(tracer.as_ref(), &still_life(), settings);
+        let light = |pixel: &[f32; 3]| [[0.0; 3], [0.05; 3], [8.0; 3], [20.0; 3]].contains(pixel);
+        assert!(picture.pixels.iter().all(light), "{}", tracer.info().name);
+    }
+}
+
+/// Tiles of another size, in another order, in several calls: the same bits.
+#[test]
+fn the_picture_does_not_depend_on_the_partition() {
+    let scene = CompiledScene::new(&still_life()).unwrap();
+    for tracer in tracers() {
+        let whole = Tile {
+            x: 0,
+            y: 0,
+            width: SIZE.width,
+            height: SIZE.height,
+        };
+        let trace = |tiles: &[Tile]| {
+            trace_tiles(tracer.as_ref(), &scene, SIZE, settings(3), tiles).unwrap()
+        };
+        let expected = trace(&[whole]).image();
+        for edge in [1, 5, 7, 16] {
+            let grid = TileGrid::new(SIZE, edge);
+            let mut tiles: Vec<Tile> = grid.tiles(grid.all()).collect();
+            tiles.reverse();
+            assert_eq!(
+                trace(&tiles).image(),
+                expected,
+                "{} in {edge}",
+                tracer.info().name
+            );
+
+            let mut film = Film::new(SIZE);
+            for part in tiles.chunks(tiles.len().div_ceil(2)) {
+                let pixels = trace(part).image().pixels;
+                for &tile in part {
+                    film.add(tile, &cut(&pixels, tile), 3).unwrap();
+                }
+            }
+            assert_same(&film.image(), &expected, 1e-7, &tracer.info().name);
+        }
+    }
+}
+
+/// A tile's pixels of a whole picture.
+fn cut(pixels: &[[f32; 3]], tile: Tile) -> Vec<[f32; 3]> {
+    let row = |y: u32| {
+        let start = (y * SIZE.width + tile.x) as usize;
+        pixels[start..start + tile.width as usize].iter().copied()
+    };
+    (tile.y..tile.y + tile.height).flat_map(row).collect()
+}
+
+#[test]
+fn ranges_of_samples_merge_to_the_whole() {
+    let scene = still_life();
+    for tracer in tracers() {
+        let range = |first_sample, samples| {
+            let settings = RenderSettings {
+                first_sample,
+                ..settings(samples)
+            };
+            image(tracer.as_ref(), &scene, settings)
+        };
+        let (whole, first, second) = (range(0, 8), range(0, 4), range(4, 4));
+        assert_ne!(first, second);
+        let mut merged = first;
+        let pairs = merged
+            .pixels
+            .as_flattened_mut()
+            .iter_mut()
+            .zip(second.pixels.as_flattened());
+        pairs.for_each(|(a, b)| *a = 0.5 * (*a + b));
+        assert_same(&merged, &whole, 1e-6, &tracer.info().name);
+    }
+}
+
+#[test]
+fn the_seed_chooses_another_picture_of_the_same_light() {
+    let scene = still_life();
+    for tracer in tracers() {
+        let seeded = |seed| {
+            let settings = RenderSettings {
+                seed,
+                ..settings(256)
+            };
+            image(tracer.as_ref(), &scene, settings)
+        };
+        let (a, b) = (seeded(1), seeded(2));
+        assert_ne!(a, b);
+        assert_near(mean(&a)[1], mean(&b)[1], 0.02, &tracer.info().name);
+    }
+}
+
+#[test]
+fn each_tile_is_handed_over_once_and_whole() {
+    let scene = CompiledScene::new(&still_life()).unwrap();
+    let grid = TileGrid::new(SIZE, 5);
+    let tiles: Vec<Tile> = grid.tiles(grid.all()).collect();
+    for tracer in tracers() {
+        for cancelled_after_first in [false, true] {
+            let cancelled = AtomicBool::new(false);
+            let job = TraceJob {
+                size: SIZE,
+                tiles: &tiles,
+                settings: settings(2),
+                cancelled: &cancelled,
+            };
+            let seen = Mutex::new(vec![0; tiles.len()]);
+            let sink = |done: TileRadiance| {
+                assert_eq!(done.radiance.len(), tiles[done.index].pixels());
+                seen.lock().unwrap()[done.index] += 1;
+                cancelled.store(cancelled_after_first, Ordering::Relaxed);
+            };
+            tracer.trace(&scene, &job, &sink).unwrap();
+            let allowed = if cancelled_after_first { 0..=1 } else { 1..=1 };
+            assert!(
+                seen.into_inner()
+                    .unwrap()
+                    .iter()
+                    .all(|count| allowed.contains(count))
+            );
+        }
+    }
+}
+
+#[test]
+fn work_that_makes_no_sense_is_refused() {
+    let scene = CompiledScene::new(&empty(1.0)).unwrap();
+    let tile = Tile {
+        x: 20,
+        y: 0,
+        width: 5,
+        height: 1,
+    };
+    for tracer in tracers() {
+        let trace = |size, tiles: &[Tile], settings| {
+            let job = TraceJob {
+                size,
+                tiles,
+                settings,
+                cancelled: &AtomicBool::new(false),
+            };
+            tracer
+                .trace(&scene, &job, &|_| panic!("nothing is traced"))
+                .is_err()
+        };
+        let nothing = Tile { width: 0, ..tile };
+        assert!(trace(SIZE, &[tile], settings(1)));
+        assert!(trace(SIZE, &[nothing], settings(1)));
+        assert!(trace(
+            SIZE,
+            &[Tile {
+                x: u32::MAX,
+                ..tile
+            }],
+            settings(1)
+        ));
+        assert!(trace(ImageSize::new(0, 16), &[], settings(1)));
+        assert!(trace(SIZE, &[], settings(0)));
+        let long = RenderSettings {
+            scatterings_max: 65,
+            ..settings(1)
+        };
+        assert!(trace(SIZE, &[], long));
+    }
+}
+
+/// Channel by channel, relative to the larger of the value and a hundredth of white.
+fn assert_same(a: &RadianceImage, b: &RadianceImage, relative: f64, what: &str) {
+    assert_eq!(a.size, b.size);
+    for (i, (a, b)) in a
+        .pixels
+        .as_flattened()
+        .iter()
+        .zip(b.pixels.as_flattened())
+        .enumerate()
+    {
+        let difference = (f64::from(*a) - f64::from(*b)).abs();
+        assert!(
+            difference <= relative * f64::from(b.max(0.01)),
+            "{what}: {a} is not {b} at value {i}"
+        );
+    }
+}
