@@ -17,8 +17,9 @@ pub struct Cloth {
     pub sliding_friction: f64,
     /// Deceleration while rolling, over g; default 0.01, measured 0.005–0.015.
     pub rolling_friction: f64,
-    /// Decay of spin about the vertical: its rate is 5/2 · this · g/R², in m; default 0.0127 m,
-    /// which is 10.9 rad/s² for a pool ball, measured 5–15.
+    /// Friction against turning in place, as the arm in m at which the ball's
+    /// weight would act: spin about the vertical decays by 5/2 · this · g/R². Default 0.36 mm,
+    /// which is 10.9 rad/s² for a pool ball; measured 5–15.
     pub spin_friction_m: f64,
     /// Gravity in m/s²; default 9.81.
     pub gravity_m_s2: f64,
@@ -29,7 +30,7 @@ impl Default for Cloth {
         Self {
             sliding_friction: 0.2,
             rolling_friction: 0.01,
-            spin_friction_m: 10.0 * 2.0 / 5.0 / 9.0 * 0.028_575,
+            spin_friction_m: 4.0 / 9.0 * 0.028_575 * 0.028_575,
             gravity_m_s2: 9.81,
         }
     }
