@@ -1,13 +1,14 @@
 //! A player's links: one task a node, which calls, runs the session, decodes, and calls again.
 
 use std::sync::Arc;
+use std::task::{Context, Poll};
 use std::time::Duration;
 
 use carom_protocol::session::{ClientEvent, ClientSession, Packet};
 use carom_protocol::{FrameId, Refusal, RefusalReason, RunId, SceneHash, TraceRequest};
 use carom_tracer::Scene;
 use tokio::runtime::Runtime;
-use tokio::sync::{Notify, mpsc};
+use tokio::sync::mpsc;
 use tokio::time::Instant;
 
 use crate::Error;
@@ -55,7 +56,6 @@ pub struct Client {
 /// One node, called until this is dropped.
 pub struct NodeLink {
     commands: mpsc::Sender<Command>,
-    wake: Arc<Notify>,
     task: tokio::task::AbortHandle,
 }
 
@@ -104,18 +104,15 @@ impl Client {
         events: impl FnMut(LinkEvent) + Send + 'static,
     ) -> NodeLink {
         let (commands, receiver) = mpsc::channel(COMMANDS_MAX);
-        let wake = Arc::new(Notify::new());
         let link = Link {
             caller: Arc::clone(&self.caller),
             address,
             commands: receiver,
-            wake: Arc::clone(&wake),
             events: Box::new(events),
         };
         let runtime = self.runtime.as_ref().expect("taken only when dropped");
         NodeLink {
             commands,
-            wake,
             task: runtime.spawn(link.keep_calling()).abort_handle(),
         }
     }
@@ -136,9 +133,7 @@ impl NodeLink {
     /// Asks something of the node. Without a connection it is dropped, as is everything that was
     /// asked of a connection that is lost. `false` if too much is waiting already.
     pub fn send(&self, command: Command) -> bool {
-        let taken = self.commands.try_send(command).is_ok();
-        self.wake.notify_one();
-        taken
+        self.commands.try_send(command).is_ok()
     }
 }
 
@@ -153,7 +148,6 @@ struct Link {
     caller: Arc<Caller>,
     address: NodeAddress,
     commands: mpsc::Receiver<Command>,
-    wake: Arc<Notify>,
     events: Box<dyn FnMut(LinkEvent) + Send>,
 }
 
@@ -181,12 +175,11 @@ impl Link {
         };
         // They were meant for the connection before this one.
         while self.commands.try_recv().is_ok() {}
-        let wake = Arc::clone(&self.wake);
         let mut player = Player {
             session: ClientSession::new(),
             link: self,
         };
-        packets::carry(streams, &mut player, &wake).await
+        packets::carry(streams, &mut player).await
     }
 }
 
@@ -231,9 +224,13 @@ impl Peer for Player<'_> {
     }
 
     fn poll_transmit(&mut self) -> Option<Packet> {
-        while let Ok(command) = self.link.commands.try_recv() {
-            self.obey(command);
-        }
         self.session.poll_transmit()
+    }
+
+    fn poll_owner(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), String>> {
+        self.link.commands.poll_recv(cx).map(|command| {
+            self.obey(command.ok_or("the farm is gone")?);
+            Ok(())
+        })
     }
 }

@@ -29,4 +29,4 @@ pub use authority::{Authority, Issued, add_node, create_farm};
 pub use client::{Client, Command, LinkEvent, NodeLink};
 pub use credentials::{Credentials, Role};
 pub use packets::Peer;
-pub use server::{NodeServer, ServerEvent, Stop, Wake};
+pub use server::{NodeServer, ServerEvent, Stop};

@@ -1,6 +1,8 @@
 //! A session's packets over one connection: control packets framed on one stream of both
 //! directions, each tile packet on a stream of its own.
 
+use std::future::poll_fn;
+use std::task::{Context, Poll};
 use std::time::Duration;
 
 use carom_protocol::framing::{self, Deframer};
@@ -9,7 +11,7 @@ use carom_protocol::session::{Channel, Packet};
 use quinn::{
     Connection, ConnectionError, ReadError, ReadToEndError, RecvStream, SendStream, WriteError,
 };
-use tokio::sync::{Notify, mpsc};
+use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 
 use crate::net::credentials::Role;
@@ -23,6 +25,11 @@ pub trait Peer {
 
     /// The next packet to send, if there is one now.
     fn poll_transmit(&mut self) -> Option<Packet>;
+
+    /// Does what this side's owner wants of the session, such as the next command. Ready when
+    /// [`Peer::poll_transmit`] may have something new, or with a sentence when the connection
+    /// shall end; pending when there is nothing to do, with the task to be woken.
+    fn poll_owner(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), String>>;
 }
 
 /// A new connection with its control stream.
@@ -40,6 +47,8 @@ enum Fault {
     Gone(ConnectionError),
     /// The other side broke a rule; it shall know which.
     Rule(String),
+    /// This side's owner has had enough.
+    Owner(String),
 }
 
 /// Packets on their way between the session and a stream's task, per channel. Small: what waits
@@ -52,14 +61,17 @@ const CONTROL_PRIORITY: i32 = 1;
 /// How long the last answer of a session that met an error may take to arrive.
 const LAST_WORDS: Duration = Duration::from_secs(1);
 
-/// Carries packets until the connection ends, closes it, and says why. `wake` is notified when
-/// [`Peer::poll_transmit`] may have something new.
-pub(crate) async fn carry(streams: Streams, peer: &mut impl Peer, wake: &Notify) -> String {
+/// Carries packets until the connection ends, closes it, and says why.
+pub(crate) async fn carry(streams: Streams, peer: &mut impl Peer) -> String {
     let (connection, role) = (streams.connection.clone(), streams.role);
-    match Carrier::new(streams).run(peer, wake).await {
+    match Carrier::new(streams).run(peer).await {
         Fault::Gone(why) => refusal::connection(&why, role),
         Fault::Rule(why) => {
             connection.close(code::PROTOCOL, why.as_bytes());
+            why
+        }
+        Fault::Owner(why) => {
+            connection.close(code::DONE, b"");
             why
         }
     }
@@ -104,7 +116,7 @@ impl Carrier {
         }
     }
 
-    async fn run(mut self, peer: &mut impl Peer, wake: &Notify) -> Fault {
+    async fn run(mut self, peer: &mut impl Peer) -> Fault {
         let mut pending: Option<Packet> = None;
         loop {
             pending = pending.or_else(|| peer.poll_transmit());
@@ -123,7 +135,10 @@ impl Carrier {
                     _ => return Fault::Gone(self.connection.closed().await),
                 },
                 Some(packet) = self.incoming.recv() => peer.handle(packet).err(),
-                () = wake.notified(), if pending.is_none() => None,
+                owner = poll_fn(|cx| peer.poll_owner(cx)), if pending.is_none() => match owner {
+                    Ok(()) => None,
+                    Err(why) => return Fault::Owner(why),
+                },
                 Some(fault) = self.tasks.join_next() => {
                     return fault.unwrap_or_else(|panic| Fault::Rule(panic.to_string()));
                 }

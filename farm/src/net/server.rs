@@ -11,9 +11,6 @@ use crate::net::credentials::Credentials;
 use crate::net::listener::Listener;
 use crate::net::packets::{self, Peer, Streams};
 
-/// Wakes a connection's task: there may be something to send. May be called from any thread.
-pub type Wake = Arc<dyn Fn() + Send + Sync>;
-
 /// What becomes of a player's connection.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ServerEvent {
@@ -91,7 +88,7 @@ impl NodeServer {
     pub fn serve<P: Peer + Send>(
         &self,
         stop: &Stop,
-        connect: impl Fn(Wake) -> P + Clone + Send + Sync + 'static,
+        connect: impl Fn() -> P + Clone + Send + Sync + 'static,
         events: impl Fn(ServerEvent) + Clone + Send + Sync + 'static,
     ) {
         let serve = move |streams: Streams| {
@@ -99,10 +96,7 @@ impl NodeServer {
             async move {
                 let player = streams.connection.remote_address();
                 events(ServerEvent::Paired { player });
-                let wake = Arc::new(Notify::new());
-                let notify = Arc::clone(&wake);
-                let mut session = connect(Arc::new(move || notify.notify_one()));
-                let why = packets::carry(streams, &mut session, &wake).await;
+                let why = packets::carry(streams, &mut connect()).await;
                 events(ServerEvent::Lost { player, why });
             }
         };

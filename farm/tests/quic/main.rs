@@ -1,0 +1,5 @@
+//! Farms over QUIC on the loopback interface: who is let in, and what holds when peers misbehave.
+
+mod admission;
+mod greeter;
+mod stranger;
