@@ -301,7 +301,7 @@ fn assert_in_order(table: &Table, states: &[BallState]) {
         for nose in table.noses().iter().filter(|nose| beside(nose, one)) {
             let depth = nose.normal().dot(one.position.truncate() - nose.from());
             assert!(
-                depth < -RADIUS || depth > RADIUS - 1e-6,
+                !(-RADIUS..=RADIUS - 1e-6).contains(&depth),
                 "ball {} in a cushion",
                 one.number
             );
@@ -673,6 +673,9 @@ fn impossible_layouts_are_rejected() {
     assert!(rejected(vec![resting(0, 0.0, 0.65)]), "in a pocket");
     assert!(rejected(vec![resting(0, 9.0, 0.0)]), "off the table");
     assert!(rejected(vec![resting(0, f64::NAN, 0.0)]), "nowhere");
+    let mut floating = resting(0, 0.0, 0.0);
+    floating.position.z = 0.5;
+    assert!(rejected(vec![floating]), "in the air");
     let lossless = Laws {
         cloth: carom::sim::Cloth {
             rolling_friction: 0.0,

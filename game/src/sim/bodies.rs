@@ -93,6 +93,19 @@ impl Bodies {
     pub(crate) fn position(&self, ball: usize) -> DVec3 {
         self.world.bodies[self.balls[ball]].translation()
     }
+
+    /// Distances over which rapier's narrow phase finds bodies near each other now; negative where
+    /// they overlap.
+    #[cfg(test)]
+    pub(crate) fn contact_gaps_m(&mut self) -> Vec<f64> {
+        // A step of no time only detects.
+        self.world.integration_parameters.dt = 0.0;
+        self.world.step_with_events(&LawGoverned, &());
+        let pairs = self.world.contact_pairs();
+        pairs
+            .filter_map(|pair| Some(pair.find_deepest_contact()?.1.dist))
+            .collect()
+    }
 }
 
 fn insert_ball(world: &mut PhysicsWorld, body: &BallBody, ball: &BallState) -> RigidBodyHandle {

@@ -151,6 +151,12 @@ impl World {
         if !ball.phase.is_on_table() {
             return Ok(());
         }
+        if position.z != self.laws.body.radius_m || velocity.z != 0.0 {
+            return reject(format!(
+                "with its centre at {} m does not lie on the cloth",
+                position.z
+            ));
+        }
         let center = position.truncate();
         let radius = self.laws.body.radius_m;
         let reaches = |distance: f64, least: f64| distance < least - OVERLAP_MAX_M;
