@@ -723,6 +723,74 @@ fn racks_are_tight_and_legal() {
     }
 }
 
+/// The picture's table: shapes of `assets/scenes/pool.json` whose name begins so.
+fn scene_shapes(prefix: &str, shape: &str) -> Vec<serde_json::Value> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets/scenes/pool.json");
+    let text = fs::read_to_string(path).expect("the scene is in the repository");
+    let scene: serde_json::Value = serde_json::from_str(&text).expect("a scene is JSON");
+    let objects = scene["objects"].as_array().expect("objects").iter();
+    let named = objects.filter(|o| o["name"].as_str().is_some_and(|n| n.starts_with(prefix)));
+    named.map(|object| object["shape"][shape].clone()).collect()
+}
+
+fn over_cloth(point: &serde_json::Value) -> DVec2 {
+    let [x, y] = [0, 1].map(|axis| point[axis].as_f64().expect("a number"));
+    DVec2::new(x, y)
+}
+
+#[test]
+fn the_table_is_the_one_in_the_picture() {
+    let table = Table::nine_foot();
+    let boxes: Vec<_> = scene_shapes("cush_", "box")
+        .iter()
+        .map(|b| (over_cloth(&b["min"]), over_cloth(&b["max"])))
+        .collect();
+    let is_in_front = |nose: &Nose, (low, high): &(DVec2, DVec2)| {
+        let on_face = |p: DVec2| p.cmpge(*low - 1e-9).all() && p.cmple(*high + 1e-9).all();
+        let outside = nose.from().midpoint(nose.to()) + 1e-6 * nose.normal();
+        let leaves = outside.cmplt(*low).any() || outside.cmpgt(*high).any();
+        on_face(nose.from()) && on_face(nose.to()) && leaves
+    };
+    for nose in table.noses() {
+        assert!(
+            boxes.iter().any(|b| is_in_front(nose, b)),
+            "{nose:?} is on no cushion's face"
+        );
+    }
+    // Each box is a long face, two rounded corners and two ends.
+    assert_eq!(
+        (table.noses().len(), table.jaws().len()),
+        (3 * boxes.len(), 2 * boxes.len())
+    );
+    for jaw in table.jaws() {
+        let corners = boxes
+            .iter()
+            .flat_map(|&(a, b)| [a, b, DVec2::new(a.x, b.y), DVec2::new(b.x, a.y)]);
+        let inscribed =
+            |corner: DVec2| ((corner - jaw.center).abs() - jaw.radius_m).length() < 1e-9;
+        assert_eq!(
+            corners.filter(|&c| inscribed(c)).count(),
+            1,
+            "{jaw:?} rounds no corner"
+        );
+    }
+    let discs = scene_shapes("pocket", "disc");
+    assert_eq!(discs.len(), table.pockets().len());
+    for (disc, pocket) in discs.iter().zip(table.pockets()) {
+        assert_eq!(over_cloth(&disc["center"]), pocket.center);
+        assert_eq!(disc["radius"].as_f64(), Some(pocket.radius_m));
+    }
+    let balls = scene_shapes("ball", "sphere");
+    let places = balls
+        .iter()
+        .map(|ball| over_cloth(&ball["center"]))
+        .zip(0..);
+    let balls = places
+        .map(|(place, number)| resting(number, place.x, place.y))
+        .collect();
+    World::new(table, Layout { balls }).expect("the picture's balls lie on the table");
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 48, failure_persistence: None, ..Default::default() })]
 

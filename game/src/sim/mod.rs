@@ -9,7 +9,7 @@
 //! between two of them every ball moves with constant acceleration, known in closed form
 //! ([`Cloth`]). Rapier moves the balls in steps that land on the events; the laws set velocities.
 //! The simulation knows no clock, no frame rate and no randomness: the same world and stroke give
-//! the same bits.
+//! the same bits on every run of a build.
 //!
 //! Balls stay on the cloth: the vertical part of every impulse is lost, so that nothing jumps.
 //!
