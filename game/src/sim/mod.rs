@@ -28,6 +28,7 @@
 //! # Ok::<(), carom::sim::Error>(())
 //! ```
 
+mod agenda;
 mod aim;
 mod ball;
 mod ball_ball;
@@ -38,6 +39,7 @@ mod cushion;
 mod error;
 mod event;
 mod laws;
+mod live;
 mod orientation;
 mod rack;
 mod shot;

@@ -11,28 +11,18 @@
 use glam::DVec3;
 
 use super::{
+    agenda::{Agenda, Change, Happening, Place},
     ball::{BallState, Phase},
     ball_ball::Twist,
     bodies::Bodies,
-    cloth::Motion,
-    contact_time::{Course, direction, leaves_outline, reaches_nose, reaches_point},
+    contact_time::direction,
     error::{Error, Result},
     event::{Event, EventKind},
     laws::Laws,
+    live::Live,
     table::Table,
     track::Track,
 };
-
-/// What happens next to one ball without another ball.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Change {
-    Nothing,
-    PhaseEnds,
-    Nose(usize),
-    Jaw(usize),
-    Pocket(usize),
-    LeavesTable,
-}
 
 /// When the simulation ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,35 +31,6 @@ pub(crate) enum Until {
     Rest,
     /// Ball 0 touched a ball or a cushion or left the table.
     CueBallContact,
-}
-
-/// A ball in motion.
-struct Live {
-    number: u8,
-    motion: Motion,
-    since_secs: f64,
-    gone: Option<Phase>,
-    change: (f64, Change),
-    track: Track,
-}
-
-impl Live {
-    fn course(&self, now: f64) -> Course {
-        Course::after(&self.motion, now - self.since_secs)
-    }
-
-    /// How long the motion lasts from now on.
-    fn rest_of_motion(&self, now: f64) -> f64 {
-        (self.since_secs + self.motion.duration_secs - now).max(0.0)
-    }
-
-    fn twist(&self, now: f64) -> Twist {
-        let t = now - self.since_secs;
-        Twist {
-            velocity: self.motion.velocity_at(t),
-            spin: self.motion.spin_at(t),
-        }
-    }
 }
 
 /// What came out of a simulation.
@@ -85,23 +46,22 @@ pub(crate) struct Simulation<'a> {
     bodies: Bodies,
     now: f64,
     balls: Vec<Live>,
-    /// Contact time of balls i < j at `pair(i, j)`.
-    pairs: Vec<f64>,
+    agenda: Agenda,
     events: Vec<Event>,
+    /// When the current second of counting began, and the events since.
     second: (f64, u32),
     cue_ball_touched: bool,
 }
 
 impl<'a> Simulation<'a> {
     pub(crate) fn new(table: &'a Table, laws: &'a Laws, states: &[BallState]) -> Self {
-        let balls: Vec<_> = states.iter().map(|state| live(laws, state)).collect();
         let mut simulation = Self {
             table,
             laws,
             bodies: Bodies::new(table, &laws.body, states),
             now: 0.0,
-            pairs: vec![f64::INFINITY; balls.len() * balls.len().saturating_sub(1) / 2],
-            balls,
+            balls: states.iter().map(|state| Live::new(laws, state)).collect(),
+            agenda: Agenda::new(states.len()),
             events: Vec::new(),
             second: (0.0, 0),
             cue_ball_touched: false,
@@ -126,7 +86,7 @@ impl<'a> Simulation<'a> {
         let tracks = self
             .balls
             .into_iter()
-            .map(|ball| ball.track.finish(end_secs))
+            .map(|ball| ball.finish(end_secs))
             .collect();
         Ok(Outcome {
             tracks,
@@ -137,7 +97,7 @@ impl<'a> Simulation<'a> {
 
     /// Plays the next event; false if there is none.
     fn play_event(&mut self) -> Result<bool> {
-        let Some((time, happening)) = self.earliest() else {
+        let Some((time, happening)) = self.agenda.earliest() else {
             return Ok(false);
         };
         self.count_event(time)?;
@@ -165,7 +125,6 @@ impl<'a> Simulation<'a> {
     /// The law of the event sets the ball's twist.
     fn change(&mut self, ball: usize, change: Change) {
         match change {
-            Change::Nothing => {}
             Change::PhaseEnds => self.end_phase(ball),
             Change::Nose(nose) => {
                 let away = self.table.noses()[nose].normal().extend(0.0);
@@ -248,19 +207,13 @@ impl<'a> Simulation<'a> {
             .laws
             .cloth
             .motion(&self.laws.body, position, twist.velocity, twist.spin);
-        let live = &mut self.balls[ball];
-        live.motion = motion;
-        live.since_secs = self.now;
-        let orientation = live.track.push(self.now, motion);
+        let orientation = self.balls[ball].set_off(self.now, motion);
         self.bodies.set_twist(ball, twist, orientation);
     }
 
     fn take_away(&mut self, ball: usize, phase: Phase) {
         self.bodies.remove(ball);
-        let live = &mut self.balls[ball];
-        live.gone = Some(phase);
-        live.motion.freeze();
-        live.track.leave(self.now, phase);
+        self.balls[ball].take_away(self.now, phase);
         self.foresee(ball);
     }
 
@@ -278,79 +231,13 @@ impl<'a> Simulation<'a> {
         });
     }
 
-    /// Computes anew what happens next to a ball whose motion changed.
+    /// Plans anew for a ball whose motion changed.
     fn foresee(&mut self, ball: usize) {
-        self.balls[ball].change = self.next_change(ball);
-        for other in 0..self.balls.len() {
-            if other != ball {
-                self.pairs[pair(ball, other)] = self.contact_time(ball, other);
-            }
-        }
-    }
-
-    fn earliest(&self) -> Option<(f64, Happening)> {
-        let mut first = (f64::INFINITY, Happening::Pair(0, 0));
-        for (index, ball) in self.balls.iter().enumerate() {
-            if ball.change.0 < first.0 {
-                first = (ball.change.0, Happening::Alone(index, ball.change.1));
-            }
-        }
-        for j in 1..self.balls.len() {
-            for i in 0..j {
-                let time = self.pairs[pair(i, j)];
-                if time < first.0 {
-                    first = (time, Happening::Pair(i, j));
-                }
-            }
-        }
-        first.0.is_finite().then_some(first)
-    }
-
-    fn contact_time(&self, first: usize, second: usize) -> f64 {
-        let (a, b) = (&self.balls[first], &self.balls[second]);
-        let moving = a.motion.is_moving() || b.motion.is_moving();
-        if !moving || a.gone.is_some() || b.gone.is_some() {
-            return f64::INFINITY;
-        }
-        let horizon = a.rest_of_motion(self.now).min(b.rest_of_motion(self.now));
-        let course = a.course(self.now).relative_to(&b.course(self.now));
-        reaches_point(&course, 2.0 * self.laws.body.radius_m, horizon)
-            .map_or(f64::INFINITY, |t| self.now + t)
-    }
-
-    fn next_change(&self, ball: usize) -> (f64, Change) {
-        let live = &self.balls[ball];
-        if !live.motion.is_moving() || live.gone.is_some() {
-            return (f64::INFINITY, Change::Nothing);
-        }
-        let course = live.course(self.now);
-        let radius = self.laws.body.radius_m;
-        let mut first = (live.rest_of_motion(self.now), Change::PhaseEnds);
-        let mut consider = |time: Option<f64>, change| {
-            if let Some(time) = time.filter(|&time| time < first.0) {
-                first = (time, change);
-            }
+        let place = Place {
+            now: self.now,
+            radius_m: self.laws.body.radius_m,
         };
-        let horizon = live.rest_of_motion(self.now);
-        for (index, nose) in self.table.noses().iter().enumerate() {
-            consider(
-                reaches_nose(&course, nose, radius, horizon),
-                Change::Nose(index),
-            );
-        }
-        for (index, jaw) in self.table.jaws().iter().enumerate() {
-            let touch = reaches_point(&course.from(jaw.center), radius + jaw.radius_m, horizon);
-            consider(touch, Change::Jaw(index));
-        }
-        for (index, pocket) in self.table.pockets().iter().enumerate() {
-            let entry = reaches_point(&course.from(pocket.center), pocket.radius_m, horizon);
-            consider(entry, Change::Pocket(index));
-        }
-        consider(
-            leaves_outline(&course, self.table.outline(), horizon),
-            Change::LeavesTable,
-        );
-        (self.now + first.0, first.1)
+        self.agenda.foresee(ball, &self.balls, self.table, place);
     }
 
     fn count_event(&mut self, time: f64) -> Result<()> {
@@ -367,41 +254,6 @@ impl<'a> Simulation<'a> {
         }
         Ok(())
     }
-}
-
-/// What happens next.
-#[derive(Clone, Copy, Debug)]
-enum Happening {
-    Alone(usize, Change),
-    Pair(usize, usize),
-}
-
-fn live(laws: &Laws, state: &BallState) -> Live {
-    let on_table = state.phase.is_on_table();
-    let mut motion = laws
-        .cloth
-        .motion(&laws.body, state.position, state.velocity, state.spin);
-    if !on_table {
-        motion.freeze();
-    }
-    let mut track = Track::new(state.number, motion, state.orientation);
-    if !on_table {
-        track.leave(0.0, state.phase);
-    }
-    Live {
-        number: state.number,
-        motion,
-        since_secs: 0.0,
-        gone: (!on_table).then_some(state.phase),
-        change: (f64::INFINITY, Change::Nothing),
-        track,
-    }
-}
-
-/// Index of an unordered pair of different balls.
-fn pair(a: usize, b: usize) -> usize {
-    let (low, high) = (a.min(b), a.max(b));
-    high * (high - 1) / 2 + low
 }
 
 /// More events than this within a simulated second are an error: a break has a few hundred in all.
