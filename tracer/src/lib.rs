@@ -9,6 +9,7 @@
 //! The crate knows no network, no window and no clock.
 
 pub mod compiled;
+pub mod cpu;
 pub mod error;
 pub mod film;
 pub mod gpu;
@@ -23,6 +24,7 @@ pub mod tonemap;
 pub mod tracer;
 
 pub use compiled::CompiledScene;
+pub use cpu::CpuTracer;
 pub use error::Error;
 pub use film::Film;
 pub use gpu::GpuTracer;

@@ -1,0 +1,129 @@
+//! Diffuse surfaces and smooth plastic, a lane each.
+
+use std::f32::consts::FRAC_1_PI;
+
+use fearless_simd::prelude::*;
+
+use super::lanes::{Float, Mask, Vec3x};
+use super::sampling::cosine_hemisphere;
+use super::surface::Hit;
+
+/// The BSDF at a hit, seen from one direction: a mirror that reflects `fresnel` over a diffuse
+/// base. Without a coat `fresnel` is 0.
+pub(super) struct Bsdf<S: Simd> {
+    normal: Vec3x<S>,
+    wo: Vec3x<S>,
+    ior: Float<S>,
+    cos_o: Float<S>,
+    fresnel: Float<S>,
+    /// Probability that a sampled direction is the mirror's.
+    specular_share: Float<S>,
+    /// The base's albedo times all that does not depend on the other direction.
+    base: Vec3x<S>,
+    coated: Mask<S>,
+    any_coated: bool,
+}
+
+/// A direction that light may come from.
+pub(super) struct Scattered<S: Simd> {
+    pub(super) wi: Vec3x<S>,
+    /// `f · cos θ / pdf`, probability of the lobe included.
+    pub(super) weight: Vec3x<S>,
+    /// Per solid angle; ∞ for the mirror.
+    pub(super) pdf: Float<S>,
+}
+
+impl<S: Simd> Bsdf<S> {
+    /// `wo` leaves the surface on the normal's side.
+    #[inline(always)]
+    pub(super) fn new(simd: S, hit: &Hit<S>, wo: Vec3x<S>) -> Self {
+        let cos_o = hit.normal.dot(wo);
+        let coated = hit.ior.simd_gt(0.0);
+        let mut bsdf = Self {
+            normal: hit.normal,
+            wo,
+            ior: hit.ior,
+            cos_o,
+            fresnel: Float::splat(simd, 0.0),
+            specular_share: Float::splat(simd, 0.0),
+            base: hit.albedo,
+            coated,
+            any_coated: coated.any_true(),
+        };
+        if bsdf.any_coated {
+            let zero = Float::splat(simd, 0.0);
+            let fresnel = coated.select(fresnel(simd, cos_o, hit.ior), zero);
+            let mean = (hit.albedo.x + hit.albedo.y + hit.albedo.z) * (1.0 / 3.0);
+            let share = fresnel / (1.0 - fresnel).mul_add(mean, fresnel);
+            bsdf.fresnel = fresnel;
+            bsdf.specular_share = fresnel.simd_gt(0.0).select(share, zero);
+            bsdf.base = hit.albedo * ((1.0 - fresnel) * hit.diffuse_scale);
+        }
+        bsdf
+    }
+
+    /// The diffuse lobe's `f · cos θ` and its pdf towards a direction at `cos_i` > 0.
+    #[inline(always)]
+    pub(super) fn evaluate(&self, simd: S, cos_i: Float<S>) -> (Vec3x<S>, Float<S>) {
+        let diffuse = cos_i * FRAC_1_PI;
+        (
+            self.base * (diffuse * self.transmitted(simd, cos_i)),
+            diffuse * (1.0 - self.specular_share),
+        )
+    }
+
+    /// Chooses a lobe by `u[0]` and a direction by `u[1]` and `u[2]`.
+    #[inline(always)]
+    pub(super) fn sample(&self, simd: S, u: [Float<S>; 3]) -> Scattered<S> {
+        let wi = cosine_hemisphere(simd, self.normal, u[1], u[2]);
+        let cos_i = self.normal.dot(wi).max(0.0);
+        let mut scattered = Scattered {
+            wi,
+            weight: self.base,
+            pdf: cos_i * FRAC_1_PI,
+        };
+        if self.any_coated {
+            let diffuse_share = 1.0 - self.specular_share;
+            scattered.weight = self.base * (self.transmitted(simd, cos_i) / diffuse_share);
+            scattered.pdf = scattered.pdf * diffuse_share;
+            self.mirror(simd, u[0], &mut scattered);
+        }
+        scattered
+    }
+
+    /// Turns the lanes with `u` below the mirror's share to it.
+    #[inline(always)]
+    fn mirror(&self, simd: S, u: Float<S>, scattered: &mut Scattered<S>) {
+        let specular = u.simd_lt(self.specular_share);
+        let wi = self.normal.mul_add(self.cos_o * 2.0, -self.wo);
+        let weight = self.fresnel / self.specular_share;
+        let weight = Vec3x::new(weight, weight, weight);
+        let infinite = Float::splat(simd, f32::INFINITY);
+        scattered.wi = Vec3x::select(specular, wi, scattered.wi);
+        scattered.weight = Vec3x::select(specular, weight, scattered.weight);
+        scattered.pdf = specular.select(infinite, scattered.pdf);
+    }
+
+    /// The share of light that passes the coat towards or from a direction at `cos`.
+    #[inline(always)]
+    fn transmitted(&self, simd: S, cos: Float<S>) -> Float<S> {
+        let one = Float::splat(simd, 1.0);
+        if !self.any_coated {
+            return one;
+        }
+        self.coated.select(one - fresnel(simd, cos, self.ior), one)
+    }
+}
+
+/// [`crate::compiled::fresnel_dielectric`] for `eta` ≥ 1.
+#[inline(always)]
+fn fresnel<S: Simd>(simd: S, cos_theta: Float<S>, eta: Float<S>) -> Float<S> {
+    let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
+    let cos_i = cos_theta.max(zero).min(one);
+    let cos_t = (one - (one - cos_i * cos_i) / (eta * eta)).max(zero).sqrt();
+    let parallel = (eta * cos_i - cos_t) / (eta * cos_i + cos_t);
+    let perpendicular = (cos_i - eta * cos_t) / (cos_i + eta * cos_t);
+    let mean = parallel.mul_add(parallel, perpendicular * perpendicular) * 0.5;
+    // An index of 1 at grazing incidence: there is no surface, and 0 / 0 above.
+    (cos_i + cos_t).simd_gt(0.0).select(mean, zero)
+}

@@ -1,0 +1,143 @@
+//! One thread's work: a rectangle of pixels, batch by batch through the stream, into sums.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use fearless_simd::prelude::*;
+
+use super::integrator::Prepared;
+use super::stream::Stream;
+use crate::sampling::pixel_key;
+use crate::{RenderSettings, Tile};
+
+/// Paths in a batch: enough to fill the packets of later bounces, few enough for the cache.
+const BATCH: usize = 2048;
+
+/// What a thread needs to trace, taken once and kept from tile to tile.
+pub(super) struct Scratch {
+    stream: Stream,
+    keys: Vec<u32>,
+    /// Per channel and pixel: a sum and what rounding has taken from it (Kahan, "Pracniques:
+    /// Further Remarks on Reducing Truncation Errors", CACM 8(1), 1965).
+    sums: [Vec<(f32, f32)>; 3],
+}
+
+/// A traced rectangle.
+pub(super) struct Traced {
+    pub(super) radiance: Vec<[f32; 3]>,
+    pub(super) dropped_samples: u32,
+    pub(super) rays: u64,
+}
+
+impl Scratch {
+    pub(super) fn new() -> Self {
+        Self {
+            stream: Stream::new(BATCH),
+            keys: Vec::with_capacity(BATCH),
+            sums: std::array::from_fn(|_| Vec::with_capacity(BATCH)),
+        }
+    }
+
+    /// Traces `area`, or returns `None` as soon as `cancelled` is seen to be true. A pixel's
+    /// samples are summed in their order, whatever the area and the batches.
+    #[inline(always)]
+    pub(super) fn trace<S: Simd>(
+        &mut self,
+        simd: S,
+        scene: &Prepared,
+        settings: RenderSettings,
+        area: Tile,
+        cancelled: &AtomicBool,
+    ) -> Option<Traced> {
+        let mut traced = Traced {
+            radiance: Vec::with_capacity(area.pixels()),
+            dropped_samples: 0,
+            rays: 0,
+        };
+        for first in (0..area.pixels()).step_by(BATCH) {
+            let pixels = BATCH.min(area.pixels() - first);
+            self.begin(area, first, pixels);
+            let samples_at_once = (BATCH / pixels) as u32;
+            for done in (0..settings.samples).step_by(samples_at_once as usize) {
+                if cancelled.load(Ordering::Relaxed) {
+                    return None;
+                }
+                let samples = samples_at_once.min(settings.samples - done);
+                self.fill(settings.first_sample.wrapping_add(done), samples);
+                traced.rays += scene.trace(simd, &mut self.stream);
+                traced.dropped_samples += self.accumulate(samples as usize);
+            }
+            self.resolve(settings.samples, &mut traced.radiance);
+        }
+        Some(traced)
+    }
+
+    fn begin(&mut self, area: Tile, first: usize, pixels: usize) {
+        let key = |index: usize| {
+            let (x, y) = (index as u32 % area.width, index as u32 / area.width);
+            pixel_key(area.x + x, area.y + y)
+        };
+        self.keys.clear();
+        self.keys.extend((first..first + pixels).map(key));
+        for sums in &mut self.sums {
+            sums.clear();
+            sums.resize(pixels, (0.0, 0.0));
+        }
+    }
+
+    /// A path per sample and pixel, samples in the outer loop.
+    fn fill(&mut self, first_sample: u32, samples: u32) {
+        let pixels = self.keys.len();
+        let stream = &mut self.stream;
+        stream.len = pixels * samples as usize;
+        let rows = stream.pixel.chunks_exact_mut(pixels);
+        let rows = rows.zip(stream.sample.chunks_exact_mut(pixels));
+        for (sample, (keys, numbers)) in (0..samples).zip(rows) {
+            keys.copy_from_slice(&self.keys);
+            numbers.fill(first_sample.wrapping_add(sample));
+        }
+        for (slot, place) in stream.slot[..stream.len].iter_mut().zip(0..) {
+            *slot = place;
+        }
+    }
+
+    /// Adds the batch to the sums; returns how many samples were not finite and count as black.
+    #[inline(always)]
+    fn accumulate(&mut self, samples: usize) -> u32 {
+        let pixels = self.keys.len();
+        let mut dropped = 0;
+        for slots in (0..samples).map(|sample| sample * pixels..(sample + 1) * pixels) {
+            let [r, g, b] = &mut self.stream.finished.0;
+            let channels = [r, g, b].map(|channel| &mut channel[slots.clone()]);
+            dropped += blacken_non_finite(channels);
+            for (sums, column) in self.sums.iter_mut().zip(&self.stream.finished.0) {
+                for ((sum, lost), &value) in sums.iter_mut().zip(&column[slots.clone()]) {
+                    let corrected = value - *lost;
+                    let next = *sum + corrected;
+                    *lost = (next - *sum) - corrected;
+                    *sum = next;
+                }
+            }
+        }
+        dropped
+    }
+
+    /// Appends the means of all samples.
+    fn resolve(&self, samples: u32, radiance: &mut Vec<[f32; 3]>) {
+        let [r, g, b] = &self.sums;
+        let mean = |&(sum, _): &(f32, f32)| sum / samples as f32;
+        let pixels = r.iter().zip(g).zip(b);
+        radiance.extend(pixels.map(|((r, g), b)| [mean(r), mean(g), mean(b)]));
+    }
+}
+
+fn blacken_non_finite([r, g, b]: [&mut [f32]; 3]) -> u32 {
+    let mut dropped = 0;
+    for ((r, g), b) in r.iter_mut().zip(g).zip(b) {
+        let finite = r.is_finite() & g.is_finite() & b.is_finite();
+        dropped += u32::from(!finite);
+        if !finite {
+            [*r, *g, *b] = [0.0; 3];
+        }
+    }
+    dropped
+}

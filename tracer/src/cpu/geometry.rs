@@ -1,0 +1,439 @@
+//! Rays against every primitive: nearest hit and occlusion, a packet of lanes at a time.
+//!
+//! A scene of this size needs no hierarchy. Each primitive is broadcast to all lanes and first
+//! tested by its cheapest sufficient condition; the exact test runs only when some lane passes.
+
+use fearless_simd::prelude::*;
+
+use super::lanes::{Float, Mask, Vec3x, Word};
+use crate::compiled::{BoxData, CompiledScene, DiscData, SphereData};
+
+/// The id of no primitive.
+pub(super) const NONE: u32 = u32::MAX;
+
+/// Directions closer to a slab's plane count as this close, so that no product is 0 · ∞.
+const DIRECTION_MIN: f32 = 1e-30;
+
+/// Everything a ray can meet. Ids number spheres, boxes, discs, rectangles and lamps in this
+/// order, as [`super::surface::Surfaces`] lists them.
+pub(super) struct Geometry {
+    spheres: Vec<Ball>,
+    boxes: Vec<Slabs>,
+    discs: Vec<Plate>,
+    rectangles: Vec<Panel>,
+    lamps: Vec<Panel>,
+    /// The id of the first lamp; a hit of this id or above ends its path.
+    pub(super) lamps_first: u32,
+}
+
+/// Rays with what their tests share.
+#[derive(Clone, Copy)]
+pub(super) struct Rays<S: Simd> {
+    pub(super) origin: Vec3x<S>,
+    /// Of unit length.
+    pub(super) direction: Vec3x<S>,
+    /// The primitive that each ray starts on, which it cannot meet: all are convex.
+    skip: Word<S>,
+    inverse: Vec3x<S>,
+    inverse_abs: Vec3x<S>,
+}
+
+impl<S: Simd> Rays<S> {
+    #[inline(always)]
+    pub(super) fn new(simd: S, origin: Vec3x<S>, direction: Vec3x<S>, skip: Word<S>) -> Self {
+        let inverse = inverse(simd, direction);
+        Self {
+            origin,
+            direction,
+            skip,
+            inverse,
+            inverse_abs: inverse.map(Float::abs),
+        }
+    }
+}
+
+/// `1 / d` with |d| kept away from 0.
+#[inline(always)]
+pub(super) fn inverse<S: Simd>(simd: S, direction: Vec3x<S>) -> Vec3x<S> {
+    direction.map(|d| 1.0 / d.abs().max(Float::splat(simd, DIRECTION_MIN)).copysign(d))
+}
+
+impl Geometry {
+    pub(super) fn new(scene: &CompiledScene) -> Self {
+        let mut ids = 0u32..;
+        let mut id = || ids.next().expect("ids do not run out");
+        let reach = reach(scene);
+        let spheres = scene.spheres.iter().map(|s| Ball::new(s, reach, id()));
+        // A radius of 0 hides a ball, but its id stays taken.
+        let spheres = spheres.filter(|ball| ball.radius > 0.0).collect();
+        let boxes = scene.boxes.iter().map(|b| Slabs::new(b, id())).collect();
+        let discs = scene.discs.iter().map(|d| Plate::new(d, id())).collect();
+        let rectangles = scene.rectangles.iter();
+        let rectangles = rectangles
+            .map(|r| {
+                let [u, v] = [(r.half_u, r.inv_u2), (r.half_v, r.inv_v2)];
+                Panel::new(r.center, r.normal, u, v, id())
+            })
+            .collect();
+        let lamps_first = id();
+        let lamps = scene.lamps.iter().zip(lamps_first..);
+        let lamps = lamps
+            .map(|(l, id)| {
+                let [u, v] = [(l.half_u, l.inv_u2), (l.half_v, l.inv_v2)];
+                Panel::new(l.center, l.normal, u, v, id)
+            })
+            .collect();
+        Self {
+            spheres,
+            boxes,
+            discs,
+            rectangles,
+            lamps,
+            lamps_first,
+        }
+    }
+
+    /// Distance to and id of the nearest primitive; ∞ and [`NONE`] where there is none.
+    #[inline(always)]
+    pub(super) fn nearest<S: Simd>(&self, simd: S, rays: &Rays<S>) -> Nearest<S> {
+        let mut nearest = Nearest {
+            distance: Float::splat(simd, f32::INFINITY),
+            id: Word::splat(simd, NONE),
+        };
+        for slabs in &self.boxes {
+            nearest.take(slabs.meet(simd, rays, nearest.distance), slabs.id);
+        }
+        for ball in &self.spheres {
+            nearest.take(ball.meet(simd, rays, nearest.distance), ball.id);
+        }
+        for plate in &self.discs {
+            nearest.take(plate.meet(simd, rays, nearest.distance), plate.id);
+        }
+        for panel in self.rectangles.iter().chain(&self.lamps) {
+            nearest.take(panel.meet(simd, rays, nearest.distance), panel.id);
+        }
+        nearest
+    }
+
+    /// Where something lies before `distance`, the lamp of id `target` aside.
+    #[inline(always)]
+    pub(super) fn occluded<S: Simd>(
+        &self,
+        simd: S,
+        rays: &Rays<S>,
+        distance: Float<S>,
+        target: Word<S>,
+    ) -> Mask<S> {
+        let mut dark = Mask::splat(simd, false);
+        for ball in &self.spheres {
+            cast(&mut dark, ball.meet(simd, rays, distance));
+        }
+        for slabs in &self.boxes {
+            cast(&mut dark, slabs.meet(simd, rays, distance));
+        }
+        for plate in &self.discs {
+            cast(&mut dark, plate.meet(simd, rays, distance));
+        }
+        for panel in &self.rectangles {
+            cast(&mut dark, panel.meet(simd, rays, distance));
+        }
+        for panel in &self.lamps {
+            if let Some((hit, _)) = panel.meet(simd, rays, distance) {
+                dark |= hit & target.simd_ne(panel.id);
+            }
+        }
+        dark
+    }
+}
+
+/// Where the lanes that meet a primitive do.
+type Meeting<S> = Option<(Mask<S>, Float<S>)>;
+
+/// The nearest primitive so far, per lane.
+pub(super) struct Nearest<S: Simd> {
+    pub(super) distance: Float<S>,
+    pub(super) id: Word<S>,
+}
+
+impl<S: Simd> Nearest<S> {
+    #[inline(always)]
+    fn take(&mut self, meeting: Meeting<S>, id: u32) {
+        if let Some((hit, t)) = meeting {
+            self.distance = hit.select(t, self.distance);
+            self.id = hit.select(Word::splat(t.token(), id), self.id);
+        }
+    }
+}
+
+#[inline(always)]
+fn cast<S: Simd>(dark: &mut Mask<S>, meeting: Meeting<S>) {
+    if let Some((hit, _)) = meeting {
+        *dark |= hit;
+    }
+}
+
+/// An upper bound of the distance from any ray's origin to any sphere's centre.
+fn reach(scene: &CompiledScene) -> f32 {
+    let eye = scene.camera.eye.to_array();
+    let far = |p: [f32; 3], extent: f32| p.iter().fold(extent, |sum, c| sum + c.abs());
+    let length = |v: [f32; 3]| far(v, 0.0);
+    let spheres = scene.spheres.iter().map(|s| far(s.center, s.radius));
+    let boxes = scene.boxes.iter();
+    let boxes = boxes.map(|b| far(b.min, 0.0).max(far(b.max, 0.0)));
+    let discs = scene.discs.iter().map(|d| far(d.center, d.radius));
+    let rectangles = scene.rectangles.iter();
+    let rectangles = rectangles.map(|r| far(r.center, length(r.half_u) + length(r.half_v)));
+    let from_world_origin = spheres.chain(boxes).chain(discs).chain(rectangles);
+    2.0 * from_world_origin.fold(far(eye, 0.0), f32::max)
+}
+
+/// A sphere.
+struct Ball {
+    center: [f32; 3],
+    radius: f32,
+    /// No ray passes outside this radius and hits, whatever the rounding of the quick test.
+    reject_radius: f32,
+    id: u32,
+}
+
+impl Ball {
+    fn new(sphere: &SphereData, reach: f32, id: u32) -> Self {
+        Self {
+            center: sphere.center,
+            radius: sphere.radius,
+            reject_radius: sphere.radius * 1.000_01 + reach * (8.0 * f32::EPSILON),
+            id,
+        }
+    }
+
+    #[inline(always)]
+    fn meet<S: Simd>(&self, simd: S, rays: &Rays<S>, limit: Float<S>) -> Meeting<S> {
+        let center = Vec3x::splat(simd, self.center);
+        let from_center = rays.origin - center;
+        let closest = -from_center.dot(rays.direction);
+        let miss_squared = rays
+            .direction
+            .mul_add(closest, from_center)
+            .length_squared();
+        let reject = self.reject_radius;
+        let candidate = miss_squared.simd_le(reject * reject) & closest.simd_gt(-reject);
+        if !candidate.any_true() {
+            return None;
+        }
+        let radius = Float::splat(simd, self.radius);
+        let chord = Chord::new(rays.origin, rays.direction, center, radius);
+        let t = chord.first();
+        let hit = chord.real & t.simd_gt(0.0) & t.simd_lt(limit) & rays.skip.simd_ne(self.id);
+        Some((hit, t))
+    }
+}
+
+/// The part of a line inside a sphere, right in f32 however far the origin is: the difference of
+/// origin and centre keeps its rounding error (Knuth's TwoDiff), and the foot of the perpendicular
+/// is projected twice. Haines et al., "Precision Improvements for Ray/Sphere Intersection", Ray
+/// Tracing Gems ch. 7, 2019, goes halfway.
+pub(super) struct Chord<S: Simd> {
+    /// From the centre to the line, at right angles to it.
+    perpendicular: Vec3x<S>,
+    half: Float<S>,
+    near: Float<S>,
+    far: Float<S>,
+    /// Where line and sphere meet.
+    pub(super) real: Mask<S>,
+}
+
+impl<S: Simd> Chord<S> {
+    #[inline(always)]
+    pub(super) fn new(
+        origin: Vec3x<S>,
+        direction: Vec3x<S>,
+        center: Vec3x<S>,
+        radius: Float<S>,
+    ) -> Self {
+        let (x, x_error) = two_diff(origin.x, center.x);
+        let (y, y_error) = two_diff(origin.y, center.y);
+        let (z, z_error) = two_diff(origin.z, center.z);
+        let error = Vec3x::new(x_error, y_error, z_error);
+        let closest = -Vec3x::new(x, y, z).dot(direction);
+        // The products cancel against x, y and z: without fused rounding nothing would be left.
+        let rough = Vec3x::new(
+            direction.x.mul_add_precise(closest, x),
+            direction.y.mul_add_precise(closest, y),
+            direction.z.mul_add_precise(closest, z),
+        ) + error;
+        let correction = -rough.dot(direction);
+        let perpendicular = direction.mul_add(correction, rough);
+        let discriminant = radius * radius - perpendicular.length_squared();
+        let half = discriminant.max(0.0).sqrt();
+        Self {
+            perpendicular,
+            half,
+            near: (closest - half) + correction,
+            far: (closest + half) + correction,
+            real: discriminant.simd_ge(0.0),
+        }
+    }
+
+    /// Distance along the ray to the first meeting point that is ahead.
+    #[inline(always)]
+    pub(super) fn first(&self) -> Float<S> {
+        self.near.simd_gt(0.0).select(self.near, self.far)
+    }
+
+    /// That point as seen from the centre, which keeps the digits that `origin + t · direction`
+    /// has lost.
+    #[inline(always)]
+    pub(super) fn first_from_center(&self, direction: Vec3x<S>) -> Vec3x<S> {
+        let half = self.near.simd_gt(0.0).select(-self.half, self.half);
+        direction.mul_add(half, self.perpendicular)
+    }
+}
+
+/// `a − b` and what rounding took from it.
+#[inline(always)]
+fn two_diff<S: Simd>(a: Float<S>, b: Float<S>) -> (Float<S>, Float<S>) {
+    let difference = a - b;
+    let b_part = difference - a;
+    (difference, (a - (difference - b_part)) - (b + b_part))
+}
+
+/// An axis-aligned box as three slabs.
+struct Slabs {
+    center: [f32; 3],
+    half: [f32; 3],
+    id: u32,
+}
+
+impl Slabs {
+    fn new(data: &BoxData, id: u32) -> Self {
+        let middle = |i: usize| 0.5 * (f64::from(data.min[i]) + f64::from(data.max[i]));
+        Self {
+            center: std::array::from_fn(|i| middle(i) as f32),
+            half: std::array::from_fn(|i| {
+                (0.5 * (f64::from(data.max[i]) - f64::from(data.min[i]))) as f32
+            }),
+            id,
+        }
+    }
+
+    #[inline(always)]
+    fn meet<S: Simd>(&self, simd: S, rays: &Rays<S>, limit: Float<S>) -> Meeting<S> {
+        let to_center = Vec3x::splat(simd, self.center) - rays.origin;
+        let middle = to_center.scale(rays.inverse);
+        let half = Vec3x::splat(simd, self.half);
+        let near = |middle: Float<S>, half: Float<S>, inv: Float<S>| (-half).mul_add(inv, middle);
+        let far = |middle: Float<S>, half: Float<S>, inv: Float<S>| half.mul_add(inv, middle);
+        let inv = rays.inverse_abs;
+        let entry = near(middle.x, half.x, inv.x)
+            .max(near(middle.y, half.y, inv.y))
+            .max(near(middle.z, half.z, inv.z));
+        let exit = far(middle.x, half.x, inv.x)
+            .min(far(middle.y, half.y, inv.y))
+            .min(far(middle.z, half.z, inv.z));
+        let hit = entry.max(0.0).simd_le(exit.min(limit)) & rays.skip.simd_ne(self.id);
+        if !hit.any_true() {
+            return None;
+        }
+        let t = entry.simd_gt(0.0).select(entry, exit);
+        Some((hit & t.simd_gt(0.0) & t.simd_lt(limit), t))
+    }
+}
+
+/// A disc.
+struct Plate {
+    center: [f32; 3],
+    normal: [f32; 3],
+    radius_squared: f32,
+    id: u32,
+}
+
+impl Plate {
+    fn new(disc: &DiscData, id: u32) -> Self {
+        Self {
+            center: disc.center,
+            normal: disc.normal,
+            radius_squared: disc.radius * disc.radius,
+            id,
+        }
+    }
+
+    #[inline(always)]
+    fn meet<S: Simd>(&self, simd: S, rays: &Rays<S>, limit: Float<S>) -> Meeting<S> {
+        let crossing = Crossing::new(simd, rays, self.center, self.normal);
+        let bound = crossing.denominator * crossing.denominator * self.radius_squared;
+        let inside = crossing.from_center.length_squared().simd_le(bound);
+        crossing.finish(rays, inside, limit, self.id)
+    }
+}
+
+/// A rectangle, of an object or a lamp.
+struct Panel {
+    center: [f32; 3],
+    normal: [f32; 3],
+    /// Half edges over their squared length: dot products with them are in [−1, 1] inside.
+    u: [f32; 3],
+    v: [f32; 3],
+    id: u32,
+}
+
+impl Panel {
+    fn new(
+        center: [f32; 3],
+        normal: [f32; 3],
+        (u, inv_u2): ([f32; 3], f32),
+        (v, inv_v2): ([f32; 3], f32),
+        id: u32,
+    ) -> Self {
+        Self {
+            center,
+            normal,
+            u: u.map(|c| c * inv_u2),
+            v: v.map(|c| c * inv_v2),
+            id,
+        }
+    }
+
+    #[inline(always)]
+    fn meet<S: Simd>(&self, simd: S, rays: &Rays<S>, limit: Float<S>) -> Meeting<S> {
+        let crossing = Crossing::new(simd, rays, self.center, self.normal);
+        let bound = crossing.denominator.abs();
+        let along = |axis: [f32; 3]| crossing.from_center.dot(Vec3x::splat(simd, axis)).abs();
+        let inside = along(self.u).simd_le(bound) & along(self.v).simd_le(bound);
+        crossing.finish(rays, inside, limit, self.id)
+    }
+}
+
+/// Where rays cross a plane, as fractions: most crossings lie outside the shape and need no
+/// division.
+struct Crossing<S: Simd> {
+    numerator: Float<S>,
+    denominator: Float<S>,
+    /// From the centre to the crossing, times the denominator.
+    from_center: Vec3x<S>,
+}
+
+impl<S: Simd> Crossing<S> {
+    #[inline(always)]
+    fn new(simd: S, rays: &Rays<S>, center: [f32; 3], normal: [f32; 3]) -> Self {
+        let normal = Vec3x::splat(simd, normal);
+        let from_center = rays.origin - Vec3x::splat(simd, center);
+        let denominator = rays.direction.dot(normal);
+        let numerator = -from_center.dot(normal);
+        Self {
+            numerator,
+            denominator,
+            from_center: rays.direction.mul_add(numerator, from_center * denominator),
+        }
+    }
+
+    #[inline(always)]
+    fn finish(self, rays: &Rays<S>, inside: Mask<S>, limit: Float<S>, id: u32) -> Meeting<S> {
+        let ahead = (self.numerator * self.denominator).simd_gt(0.0);
+        let candidate = inside & ahead & rays.skip.simd_ne(id);
+        if !candidate.any_true() {
+            return None;
+        }
+        let t = self.numerator / self.denominator;
+        Some((candidate & t.simd_gt(0.0) & t.simd_lt(limit), t))
+    }
+}

@@ -1,0 +1,265 @@
+//! The path tracer on the CPU: streams of rays, 16 lanes wide, over a pool of threads.
+//!
+//! ```text
+//! tile → strips → batches of paths:  generate → (extend → shade → connect)* → accumulate
+//!                                                  │        │        └ shadow rays to the lamps
+//!                                                  │        └ BSDF, next direction
+//!                                                  └ nearest hit; ended paths leave the stream
+//! ```
+//!
+//! One generic source becomes SSE2, SSE4.2, AVX2, AVX-512 or NEON code, chosen at run time. Every
+//! sample's numbers come from its pixel and index and every pixel sums its samples in order, so
+//! that a picture is the same bit for bit whatever the tiles and the number of threads. Levels
+//! differ in rounding: those with fused multiply-add round once where others round twice.
+
+mod bsdf;
+mod film;
+mod geometry;
+mod integrator;
+mod lanes;
+mod sampling;
+mod stream;
+mod surface;
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+use fearless_simd::dispatch;
+use rayon::ThreadPool;
+use rayon::prelude::*;
+
+pub use fearless_simd::Level;
+
+use crate::{
+    CompiledScene, DeviceInfo, DeviceKind, Error, Tile, TileRadiance, TraceJob, TraceStats, Tracer,
+};
+use film::{Scratch, Traced};
+use integrator::Prepared;
+
+/// Traces on the processor, with threads and instructions of its own choice.
+pub struct CpuTracer {
+    level: Level,
+    pool: ThreadPool,
+    processor: String,
+    /// Memory of threads that are not tracing now.
+    scratch: Mutex<Vec<Scratch>>,
+}
+
+impl CpuTracer {
+    /// All of the processor: a thread per core, the best instructions.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the system refuses threads.
+    pub fn new() -> Result<Self, Error> {
+        Self::with_threads(0)
+    }
+
+    /// With `threads` threads; 0 is one per core.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the system refuses threads.
+    pub fn with_threads(threads: usize) -> Result<Self, Error> {
+        Self::with_level(threads, Level::new())
+    }
+
+    /// With the instructions of `level`, one of [`CpuTracer::levels_available`].
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the system refuses threads.
+    pub fn with_level(threads: usize, level: Level) -> Result<Self, Error> {
+        let processor = processor_name();
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .thread_name(|index| format!("tracer-{index}"))
+            .build();
+        match pool {
+            Ok(pool) => Ok(Self {
+                level,
+                pool,
+                processor,
+                scratch: Mutex::default(),
+            }),
+            Err(why) => Err(Error::Device {
+                device: processor,
+                message: format!("{threads} threads could not be started: {why}"),
+            }),
+        }
+    }
+
+    /// Every instruction set that this processor has code for, the best first.
+    pub fn levels_available() -> Vec<Level> {
+        let best = Level::new();
+        let mut levels = vec![best];
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        {
+            use fearless_simd::Simd;
+            let weaker = [
+                best.as_avx512().map(Simd::level),
+                best.as_avx2().map(Simd::level),
+                best.as_sse4_2().map(Simd::level),
+                best.as_sse2().map(Simd::level),
+            ];
+            levels.extend(weaker.into_iter().flatten());
+            levels.dedup_by_key(|level| level_name(*level));
+        }
+        levels
+    }
+
+    /// The instructions in use.
+    pub fn level(&self) -> Level {
+        self.level
+    }
+
+    fn trace_tile(
+        &self,
+        scene: &Prepared,
+        job: &TraceJob<'_>,
+        tile: Tile,
+        strips: u32,
+    ) -> Option<Traced> {
+        if strips <= 1 {
+            return self.trace_area(scene, job, tile);
+        }
+        let rows = tile.height.div_ceil(strips);
+        let strips: Option<Vec<Traced>> = (0..tile.height.div_ceil(rows))
+            .into_par_iter()
+            .map(|strip| {
+                let y = strip * rows;
+                let height = rows.min(tile.height - y);
+                let area = Tile {
+                    y: tile.y + y,
+                    height,
+                    ..tile
+                };
+                self.trace_area(scene, job, area)
+            })
+            .collect();
+        strips.map(Traced::joined)
+    }
+
+    fn trace_area(&self, scene: &Prepared, job: &TraceJob<'_>, area: Tile) -> Option<Traced> {
+        let mut scratch = self.lock_scratch().pop().unwrap_or_else(Scratch::new);
+        let (settings, cancelled) = (job.settings, job.cancelled);
+        let traced = dispatch!(self.level, simd => {
+            scratch.trace(simd, scene, settings, area, cancelled)
+        });
+        self.lock_scratch().push(scratch);
+        traced
+    }
+
+    fn lock_scratch(&self) -> std::sync::MutexGuard<'_, Vec<Scratch>> {
+        // A panic elsewhere cannot leave the list half changed.
+        self.scratch.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Tracer for CpuTracer {
+    fn info(&self) -> DeviceInfo {
+        DeviceInfo {
+            kind: DeviceKind::Cpu,
+            name: format!("{} ({})", self.processor, level_name(self.level)),
+            width: lanes::LANES as u32,
+            threads: self.pool.current_num_threads() as u32,
+        }
+    }
+
+    fn trace(
+        &self,
+        scene: &CompiledScene,
+        job: &TraceJob<'_>,
+        sink: &(dyn Fn(TileRadiance) + Sync),
+    ) -> Result<TraceStats, Error> {
+        check(job)?;
+        let prepared = Prepared::new(scene, job.size, job.settings);
+        let strips = strips_per_tile(job.tiles.len(), self.pool.current_num_threads());
+        let (samples, rays) = (AtomicU64::new(0), AtomicU64::new(0));
+        self.pool.install(|| {
+            let tiles = job.tiles.par_iter().with_max_len(1).enumerate();
+            tiles.for_each(|(index, &tile)| {
+                let Some(traced) = self.trace_tile(&prepared, job, tile, strips) else {
+                    return;
+                };
+                let begun = traced.radiance.len() as u64 * u64::from(job.settings.samples);
+                samples.fetch_add(begun, Ordering::Relaxed);
+                rays.fetch_add(traced.rays, Ordering::Relaxed);
+                sink(TileRadiance {
+                    index,
+                    radiance: traced.radiance,
+                    dropped_samples: traced.dropped_samples,
+                });
+            });
+        });
+        Ok(TraceStats {
+            samples: samples.into_inner(),
+            rays: rays.into_inner(),
+            device_nanos: 0,
+        })
+    }
+}
+
+impl Traced {
+    fn joined(parts: Vec<Self>) -> Self {
+        let dropped_samples = parts.iter().map(|part| part.dropped_samples).sum();
+        let rays = parts.iter().map(|part| part.rays).sum();
+        let radiance = parts.into_iter().flat_map(|part| part.radiance).collect();
+        Self {
+            radiance,
+            dropped_samples,
+            rays,
+        }
+    }
+}
+
+/// How many strips to cut each tile into so that every thread has work to the end.
+fn strips_per_tile(tiles: usize, threads: usize) -> u32 {
+    /// Pieces of work per thread: the last ones to finish leave others idle for a part of this.
+    const PIECES: usize = 4;
+    if threads == 1 || tiles >= threads * PIECES {
+        return 1;
+    }
+    (threads * PIECES).div_ceil(tiles.max(1)) as u32
+}
+
+fn check(job: &TraceJob<'_>) -> Result<(), Error> {
+    job.settings.validate()?;
+    job.size.validate()?;
+    let inside = |tile: &&Tile| {
+        let fits = |start: u32, extent: u32, edge: u32| {
+            extent > 0 && start.checked_add(extent).is_some_and(|end| end <= edge)
+        };
+        fits(tile.x, tile.width, job.size.width) && fits(tile.y, tile.height, job.size.height)
+    };
+    match job.tiles.iter().find(|tile| !inside(tile)) {
+        None => Ok(()),
+        Some(tile) => Err(Error::InvalidSettings(format!(
+            "the tile {tile:?} is empty or not inside the image of {}x{} pixels",
+            job.size.width, job.size.height
+        ))),
+    }
+}
+
+fn level_name(level: Level) -> &'static str {
+    match level {
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        Level::Avx512(_) => "AVX-512",
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        Level::Avx2(_) => "AVX2",
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        Level::Sse4_2(_) => "SSE4.2",
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        Level::Sse2(_) => "SSE2",
+        #[cfg(target_arch = "aarch64")]
+        Level::Neon(_) => "NEON",
+        _ => "portable",
+    }
+}
+
+/// What the system calls the processor; "CPU" where it does not say.
+fn processor_name() -> String {
+    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = info
+        .lines()
+        .find_map(|line| line.strip_prefix("model name"));
+    let model = model.and_then(|rest| rest.split_once(':'));
+    model.map_or("CPU", |(_, name)| name.trim()).to_owned()
+}

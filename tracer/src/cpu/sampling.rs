@@ -1,0 +1,140 @@
+//! Random numbers and warps, a lane each: the arithmetic of [`crate::sampling`].
+
+use std::f32::consts::FRAC_PI_2;
+
+use fearless_simd::{i32x16, prelude::*};
+
+use super::lanes::{Float, Vec3x, Word};
+
+/// Four numbers in [0, 1) per lane: [`crate::sampling::uniforms`], bit for bit.
+#[inline(always)]
+pub(super) fn uniforms<S: Simd>(
+    simd: S,
+    pixel: Word<S>,
+    sample: Word<S>,
+    block: u32,
+    seed: u32,
+) -> [Float<S>; 4] {
+    let lcg = |word: Word<S>| word * 1_664_525 + 1_013_904_223;
+    let lcg_constant = |word: u32| {
+        let word = word.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        Word::splat(simd, word)
+    };
+    let (mut x, mut y) = (lcg(pixel), lcg(sample));
+    let (mut z, mut w) = (lcg_constant(block), lcg_constant(seed));
+    let mix = |x: &mut Word<S>, y: &mut Word<S>, z: &mut Word<S>, w: &mut Word<S>| {
+        *x += *y * *w;
+        *y += *z * *x;
+        *z += *x * *y;
+        *w += *y * *z;
+    };
+    mix(&mut x, &mut y, &mut z, &mut w);
+    [x, y, z, w] = [x, y, z, w].map(|word| word ^ (word >> 16));
+    mix(&mut x, &mut y, &mut z, &mut w);
+    [x, y, z, w].map(unit_float)
+}
+
+/// The upper 24 bits as a number in [0, 1): signed conversion is exact there and cheaper.
+#[inline(always)]
+fn unit_float<S: Simd>(word: Word<S>) -> Float<S> {
+    let bits: i32x16<S> = (word >> 8).bitcast();
+    bits.to_float::<Float<S>>() * (1.0 / 16_777_216.0)
+}
+
+/// Sine and cosine of `turns` · 2π for `turns` in [0, 1], within 1.3e-7: the nearest quarter turn
+/// is split off exactly, Taylor series cover the ±π/4 that are left.
+#[inline(always)]
+pub(super) fn sin_cos_turns<S: Simd>(simd: S, turns: Float<S>) -> (Float<S>, Float<S>) {
+    let constant = |c: f32| Float::splat(simd, c);
+    let quarters = (turns * 4.0 + 0.5).floor();
+    let angle = (turns * 4.0 - quarters) * FRAC_PI_2;
+    let a2 = angle * angle;
+    let sin = a2
+        .mul_add(1.0 / 362_880.0, constant(-1.0 / 5040.0))
+        .mul_add(a2, constant(1.0 / 120.0))
+        .mul_add(a2, constant(-1.0 / 6.0));
+    let sin = (sin * a2).mul_add(angle, angle);
+    let cos = a2
+        .mul_add(1.0 / 40_320.0, constant(-1.0 / 720.0))
+        .mul_add(a2, constant(1.0 / 24.0))
+        .mul_add(a2, constant(-0.5))
+        .mul_add(a2, constant(1.0));
+    // Quarters 1 and 3 swap the two; 2 and 3 turn the sine's sign, 1 and 2 the cosine's.
+    let half = (quarters * 0.5).floor();
+    let odd = (quarters - half * 2.0).simd_gt(0.5);
+    let (sin, cos) = (odd.select(cos, sin), odd.select(sin, cos));
+    let back = |low: f32, high: f32| quarters.simd_gt(low) & quarters.simd_lt(high);
+    let sin = back(1.5, 3.5).select(-sin, sin);
+    (sin, back(0.5, 2.5).select(-cos, cos))
+}
+
+/// A direction about the unit vector `n` with density cos θ / π, in the basis of Duff et al.,
+/// "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017.
+#[inline(always)]
+pub(super) fn cosine_hemisphere<S: Simd>(
+    simd: S,
+    n: Vec3x<S>,
+    u1: Float<S>,
+    u2: Float<S>,
+) -> Vec3x<S> {
+    let one = Float::splat(simd, 1.0);
+    let (sin, cos) = sin_cos_turns(simd, u2);
+    let r = u1.sqrt();
+    let (x, y) = (r * cos, r * sin);
+    let z = (one - u1).max(0.0).sqrt();
+    let sign = one.copysign(n.z);
+    let a = -one / (sign + n.z);
+    let b = n.x * n.y * a;
+    let tangent = Vec3x::new((sign * n.x * n.x).mul_add(a, one), sign * b, -(sign * n.x));
+    let bitangent = Vec3x::new(b, (n.y * n.y).mul_add(a, sign), -n.y);
+    tangent.mul_add(x, bitangent.mul_add(y, n * z))
+}
+
+#[cfg(test)]
+mod tests {
+    use fearless_simd::{Level, dispatch};
+
+    use super::super::lanes::LANES;
+    use super::*;
+
+    #[inline(always)]
+    fn hashed<S: Simd>(simd: S, pixel: u32, block: u32, seed: u32) -> [[f32; LANES]; 4] {
+        let sample = Word::from_fn(simd, |lane| u32::MAX - 7 + lane as u32 / 2 + lane as u32);
+        uniforms(simd, Word::splat(simd, pixel), sample, block, seed).map(|u| u.to_array())
+    }
+
+    #[test]
+    fn lanes_hash_like_the_scalar_code() {
+        for (pixel, block, seed) in [(0, 0, 0), (0x0123_4567, 11, u32::MAX), (u32::MAX, 3, 1)] {
+            let got = dispatch!(Level::new(), simd => hashed(simd, pixel, block, seed));
+            for lane in 0..LANES as u32 {
+                let sample = (u32::MAX - 7).wrapping_add(lane / 2).wrapping_add(lane);
+                let want = crate::sampling::uniforms(pixel, sample, block, seed);
+                assert_eq!(got.map(|u| u[lane as usize]), want);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn sin_cos<S: Simd>(simd: S, turns: [f32; LANES]) -> [[f32; LANES]; 2] {
+        let (sin, cos) = sin_cos_turns(simd, Float::load_array(simd, turns));
+        [sin.to_array(), cos.to_array()]
+    }
+
+    #[test]
+    fn sine_and_cosine_are_within_their_bound_over_the_circle() {
+        const STEPS: usize = 1 << 20;
+        let mut worst = 0.0f64;
+        for start in (0..=STEPS).step_by(LANES) {
+            let turns: [f32; LANES] =
+                std::array::from_fn(|lane| (start + lane).min(STEPS) as f32 / STEPS as f32);
+            let [sin, cos] = dispatch!(Level::new(), simd => sin_cos(simd, turns));
+            for lane in 0..LANES {
+                let angle = f64::from(turns[lane]) * std::f64::consts::TAU;
+                worst = worst.max((f64::from(sin[lane]) - angle.sin()).abs());
+                worst = worst.max((f64::from(cos[lane]) - angle.cos()).abs());
+            }
+        }
+        assert!(worst < 1.3e-7, "{worst:e}");
+    }
+}

@@ -1,0 +1,209 @@
+//! Streams of paths: structure of arrays, filled once and compacted in place.
+
+use fearless_simd::{f32x8, mask32x8, prelude::*, u32x8};
+
+use super::lanes::{Float, LANES, Mask, Vec3x, Word};
+
+/// Paths in flight of one thread. Memory is taken once and kept.
+pub(super) struct Stream {
+    /// Paths alive, at the front of every column.
+    pub(super) len: usize,
+    pub(super) origin: Triple,
+    pub(super) direction: Triple,
+    /// Throughput.
+    pub(super) beta: Triple,
+    /// Light gathered so far.
+    pub(super) radiance: Triple,
+    /// Of the last direction per solid angle; ∞ if light found along it takes no part in MIS.
+    pub(super) pdf: Box<[f32]>,
+    /// Distance along the ray to what it hit.
+    pub(super) distance: Box<[f32]>,
+    /// The primitive hit; after shading the one that the ray starts on.
+    pub(super) primitive: Box<[u32]>,
+    pub(super) pixel: Box<[u32]>,
+    pub(super) sample: Box<[u32]>,
+    /// The path's place in [`Stream::finished`].
+    pub(super) slot: Box<[u32]>,
+    pub(super) shadow: Shadows,
+    /// Radiance of the paths that have ended, by slot.
+    pub(super) finished: Triple,
+}
+
+/// A shadow ray per path, from the path's origin; only between shading and connecting.
+pub(super) struct Shadows {
+    pub(super) direction: Triple,
+    /// To the lamp; 0 where there is nothing to test.
+    pub(super) distance: Box<[f32]>,
+    pub(super) lamp: Box<[u32]>,
+    /// What arrives if nothing is in between.
+    pub(super) radiance: Triple,
+}
+
+/// Three columns.
+pub(super) struct Triple(pub(super) [Box<[f32]>; 3]);
+
+/// A packet's place in a stream of `len` paths.
+#[derive(Clone, Copy)]
+pub(super) struct Packet {
+    pub(super) at: usize,
+    pub(super) lanes: usize,
+}
+
+/// The packets of a stream; the last may be part empty.
+pub(super) fn packets(len: usize) -> impl Iterator<Item = Packet> {
+    (0..len).step_by(LANES).map(move |at| Packet {
+        at,
+        lanes: LANES.min(len - at),
+    })
+}
+
+impl Packet {
+    /// The lanes that hold a path.
+    #[inline(always)]
+    pub(super) fn mask<S: Simd>(self, simd: S) -> Mask<S> {
+        Mask::from_bitmask(simd, (1 << self.lanes) - 1)
+    }
+}
+
+impl Stream {
+    /// Room for `capacity` paths and the lanes of an incomplete packet.
+    pub(super) fn new(capacity: usize) -> Self {
+        let rows = capacity.next_multiple_of(LANES);
+        let words = || vec![0u32; rows].into_boxed_slice();
+        Self {
+            len: 0,
+            origin: Triple::new(rows),
+            direction: Triple::new(rows),
+            beta: Triple::new(rows),
+            radiance: Triple::new(rows),
+            pdf: vec![0.0; rows].into_boxed_slice(),
+            distance: vec![0.0; rows].into_boxed_slice(),
+            primitive: words(),
+            pixel: words(),
+            sample: words(),
+            slot: words(),
+            shadow: Shadows {
+                direction: Triple::new(rows),
+                distance: vec![0.0; rows].into_boxed_slice(),
+                lamp: words(),
+                radiance: Triple::new(rows),
+            },
+            finished: Triple::new(rows),
+        }
+    }
+
+    /// Ends the paths of `packet` in `mask` with `radiance`.
+    #[inline(always)]
+    pub(super) fn finish<S: Simd>(&mut self, packet: Packet, mask: Mask<S>, radiance: Vec3x<S>) {
+        let mut bits = mask.to_bitmask();
+        let radiance = [radiance.x, radiance.y, radiance.z].map(|channel| channel.to_array());
+        while bits != 0 {
+            let lane = bits.trailing_zeros() as usize % LANES;
+            bits &= bits - 1;
+            let slot = self.slot[packet.at + lane] as usize;
+            for (column, channel) in self.finished.0.iter_mut().zip(&radiance) {
+                column[slot] = channel[lane];
+            }
+        }
+    }
+
+    /// Moves the paths of `packet` in `mask` down to `to`, which is not above the packet's place:
+    /// everything that a path needs from being hit to being shaded. Returns the place after them.
+    #[inline(always)]
+    pub(super) fn keep<S: Simd>(
+        &mut self,
+        simd: S,
+        packet: Packet,
+        mask: Mask<S>,
+        to: usize,
+    ) -> usize {
+        let count = mask.to_bitmask().count_ones() as usize;
+        if count == LANES && to == packet.at {
+            return to + LANES;
+        }
+        let triples = [
+            &mut self.origin,
+            &mut self.direction,
+            &mut self.beta,
+            &mut self.radiance,
+        ];
+        for column in triples.into_iter().flat_map(|triple| &mut triple.0) {
+            pack_floats(simd, column, packet.at, mask, to);
+        }
+        for column in [&mut self.pdf, &mut self.distance] {
+            pack_floats(simd, column, packet.at, mask, to);
+        }
+        for column in [
+            &mut self.primitive,
+            &mut self.pixel,
+            &mut self.sample,
+            &mut self.slot,
+        ] {
+            pack_words(simd, column, packet.at, mask, to);
+        }
+        to + count
+    }
+}
+
+impl Triple {
+    fn new(rows: usize) -> Self {
+        Self(std::array::from_fn(|_| vec![0.0; rows].into_boxed_slice()))
+    }
+
+    #[inline(always)]
+    pub(super) fn load<S: Simd>(&self, simd: S, at: usize) -> Vec3x<S> {
+        let [x, y, z] = &self.0;
+        Vec3x::new(load(simd, x, at), load(simd, y, at), load(simd, z, at))
+    }
+
+    #[inline(always)]
+    pub(super) fn store<S: Simd>(&mut self, at: usize, v: Vec3x<S>) {
+        let [x, y, z] = &mut self.0;
+        store(x, at, v.x);
+        store(y, at, v.y);
+        store(z, at, v.z);
+    }
+}
+
+#[inline(always)]
+pub(super) fn load<S: Simd>(simd: S, column: &[f32], at: usize) -> Float<S> {
+    Float::from_slice(simd, &column[at..at + LANES])
+}
+
+#[inline(always)]
+pub(super) fn store<S: Simd>(column: &mut [f32], at: usize, values: Float<S>) {
+    values.store_slice(&mut column[at..at + LANES]);
+}
+
+#[inline(always)]
+pub(super) fn load_words<S: Simd>(simd: S, column: &[u32], at: usize) -> Word<S> {
+    Word::from_slice(simd, &column[at..at + LANES])
+}
+
+#[inline(always)]
+pub(super) fn store_words<S: Simd>(column: &mut [u32], at: usize, values: Word<S>) {
+    values.store_slice(&mut column[at..at + LANES]);
+}
+
+/// Packs a packet half by half: one shuffle each where a shuffle of all lanes takes many.
+#[inline(always)]
+fn pack_floats<S: Simd>(simd: S, column: &mut [f32], at: usize, mask: Mask<S>, to: usize) {
+    let (low_mask, high_mask): (mask32x8<S>, mask32x8<S>) = simd.split_mask32x16(mask);
+    let (low, high): (f32x8<S>, f32x8<S>) = load(simd, column, at).split();
+    let middle = to + low_mask.to_bitmask().count_ones() as usize;
+    low.compress(low_mask)
+        .store_slice(&mut column[to..to + LANES / 2]);
+    high.compress(high_mask)
+        .store_slice(&mut column[middle..middle + LANES / 2]);
+}
+
+#[inline(always)]
+fn pack_words<S: Simd>(simd: S, column: &mut [u32], at: usize, mask: Mask<S>, to: usize) {
+    let (low_mask, high_mask): (mask32x8<S>, mask32x8<S>) = simd.split_mask32x16(mask);
+    let (low, high): (u32x8<S>, u32x8<S>) = load_words(simd, column, at).split();
+    let middle = to + low_mask.to_bitmask().count_ones() as usize;
+    low.compress(low_mask)
+        .store_slice(&mut column[to..to + LANES / 2]);
+    high.compress(high_mask)
+        .store_slice(&mut column[middle..middle + LANES / 2]);
+}

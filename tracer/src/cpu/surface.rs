@@ -1,0 +1,228 @@
+//! What lies at a hit: point, normal and material, fetched by primitive id.
+
+use fearless_simd::prelude::*;
+
+use super::geometry::{Chord, inverse};
+use super::lanes::{Float, LANES, Vec3x, Word};
+use crate::compiled::{CompiledScene, MaterialData};
+
+/// One row of numbers per primitive that scatters, in the order of ids.
+pub(super) struct Surfaces {
+    rows: Vec<Row>,
+}
+
+/// Geometry, then material; what the first seven hold depends on [`KIND`].
+type Row = [f32; 20];
+
+/// Centre of a sphere, smallest corner of a box, normal of the others.
+const FIRST: usize = 0;
+/// Radius of a sphere, largest corner of a box.
+const SECOND: usize = 3;
+const KIND: usize = 6;
+const IOR: usize = 7;
+const ALBEDO: usize = 8;
+const DIFFUSE_SCALE: usize = 11;
+const STRIPE_ALBEDO: usize = 12;
+const STRIPE_HALF_WIDTH: usize = 15;
+const STRIPE_AXIS: usize = 16;
+
+const KIND_SPHERE: f32 = 0.0;
+const KIND_BOX: f32 = 1.0;
+const KIND_FLAT: f32 = 2.0;
+
+/// Where and what a packet of rays hit.
+pub(super) struct Hit<S: Simd> {
+    pub(super) position: Vec3x<S>,
+    /// Of unit length, on the side the ray came from.
+    pub(super) normal: Vec3x<S>,
+    pub(super) albedo: Vec3x<S>,
+    /// 0 for a diffuse surface.
+    pub(super) ior: Float<S>,
+    pub(super) diffuse_scale: Float<S>,
+}
+
+impl Surfaces {
+    pub(super) fn new(scene: &CompiledScene) -> Self {
+        let row = |first, second, kind, material: u32, axis| {
+            row(
+                first,
+                second,
+                kind,
+                &scene.materials[material as usize],
+                axis,
+            )
+        };
+        let flat = |normal, material| row(normal, [0.0; 3], KIND_FLAT, material, [0.0; 3]);
+        let mut rows = Vec::with_capacity(scene.primitives.len());
+        for s in &scene.spheres {
+            let radius = [s.radius, 0.0, 0.0];
+            rows.push(row(
+                s.center,
+                radius,
+                KIND_SPHERE,
+                s.material,
+                s.stripe_axis,
+            ));
+        }
+        for b in &scene.boxes {
+            rows.push(row(b.min, b.max, KIND_BOX, b.material, [0.0; 3]));
+        }
+        rows.extend(scene.discs.iter().map(|d| flat(d.normal, d.material)));
+        rows.extend(scene.rectangles.iter().map(|r| flat(r.normal, r.material)));
+        Self { rows }
+    }
+
+    /// The surface of primitive `id` at `distance` along the ray.
+    #[inline(always)]
+    pub(super) fn hit<S: Simd>(
+        &self,
+        simd: S,
+        origin: Vec3x<S>,
+        direction: Vec3x<S>,
+        distance: Float<S>,
+        id: Word<S>,
+    ) -> Hit<S> {
+        let rows = Rows::new(&self.rows, id);
+        let kind = rows.number(simd, KIND);
+        let first = rows.triple(simd, FIRST);
+        let second = rows.triple(simd, SECOND);
+        let mut position = direction.mul_add(distance, origin);
+        let mut normal = first;
+
+        let sphere = kind.simd_eq(KIND_SPHERE);
+        if sphere.any_true() {
+            let chord = Chord::new(origin, direction, first, second.x);
+            let from_center = chord.first_from_center(direction);
+            position = Vec3x::select(sphere, first + from_center, position);
+            normal = Vec3x::select(sphere, from_center * (1.0 / second.x), normal);
+        }
+        let boxed = kind.simd_eq(KIND_BOX);
+        if boxed.any_true() {
+            let face = Face::new(simd, origin, direction, first, second);
+            position = Vec3x::select(boxed, face.put(simd, position), position);
+            normal = Vec3x::select(boxed, face.normal, normal);
+        }
+        let mut albedo = rows.triple(simd, ALBEDO);
+        let ior = rows.number(simd, IOR);
+        if ior.simd_gt(0.0).any_true() {
+            let axis = rows.triple(simd, STRIPE_AXIS);
+            let half_width = rows.number(simd, STRIPE_HALF_WIDTH);
+            let striped = normal.dot(axis).abs().simd_lt(half_width);
+            albedo = Vec3x::select(striped, rows.triple(simd, STRIPE_ALBEDO), albedo);
+        }
+        let behind = normal.dot(direction).simd_gt(0.0);
+        Hit {
+            position,
+            normal: Vec3x::select(behind, -normal, normal),
+            albedo,
+            ior,
+            diffuse_scale: rows.number(simd, DIFFUSE_SCALE),
+        }
+    }
+}
+
+fn row(first: [f32; 3], second: [f32; 3], kind: f32, m: &MaterialData, axis: [f32; 3]) -> Row {
+    let mut row = [0.0; 20];
+    row[FIRST..][..3].copy_from_slice(&first);
+    row[SECOND..][..3].copy_from_slice(&second);
+    row[KIND] = kind;
+    row[IOR] = m.ior;
+    row[ALBEDO..][..3].copy_from_slice(&m.albedo);
+    row[DIFFUSE_SCALE] = m.diffuse_scale;
+    row[STRIPE_ALBEDO..][..3].copy_from_slice(&m.stripe_albedo);
+    row[STRIPE_HALF_WIDTH] = m.stripe_half_width;
+    row[STRIPE_AXIS..][..3].copy_from_slice(&axis);
+    row
+}
+
+/// A table's rows for each lane.
+pub(super) struct Rows<'a, const N: usize> {
+    lanes: [&'a [f32; N]; LANES],
+    /// All lanes hit the same primitive, as camera rays mostly do.
+    uniform: bool,
+}
+
+impl<'a, const N: usize> Rows<'a, N> {
+    /// # Panics
+    /// If an id is not below the table's length.
+    #[inline(always)]
+    pub(super) fn new<S: Simd>(table: &'a [[f32; N]], id: Word<S>) -> Self {
+        let uniform = id.simd_eq(id[0]).all_true();
+        let lanes = if uniform {
+            [&table[id[0] as usize]; LANES]
+        } else {
+            id.to_array().map(|id| &table[id as usize])
+        };
+        Self { lanes, uniform }
+    }
+
+    #[inline(always)]
+    pub(super) fn number<S: Simd>(&self, simd: S, column: usize) -> Float<S> {
+        if self.uniform {
+            return Float::splat(simd, self.lanes[0][column]);
+        }
+        Float::load_array(simd, self.lanes.map(|row| row[column]))
+    }
+
+    #[inline(always)]
+    pub(super) fn triple<S: Simd>(&self, simd: S, column: usize) -> Vec3x<S> {
+        Vec3x::new(
+            self.number(simd, column),
+            self.number(simd, column + 1),
+            self.number(simd, column + 2),
+        )
+    }
+}
+
+/// The face of a box through which a ray comes in, or out where it starts inside.
+struct Face<S: Simd> {
+    /// On the side the ray came from.
+    normal: Vec3x<S>,
+    /// The box's corner on that side.
+    corner: Vec3x<S>,
+}
+
+impl<S: Simd> Face<S> {
+    #[inline(always)]
+    fn new(simd: S, origin: Vec3x<S>, direction: Vec3x<S>, min: Vec3x<S>, max: Vec3x<S>) -> Self {
+        let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
+        let forward = direction.map(|d| one.copysign(d));
+        let towards = |if_forward: Vec3x<S>, if_back: Vec3x<S>| {
+            Vec3x::new(
+                forward.x.simd_gt(0.0).select(if_forward.x, if_back.x),
+                forward.y.simd_gt(0.0).select(if_forward.y, if_back.y),
+                forward.z.simd_gt(0.0).select(if_forward.z, if_back.z),
+            )
+        };
+        let (front, back) = (towards(min, max), towards(max, min));
+        let inverse = inverse(simd, direction);
+        let entry = (front - origin).scale(inverse);
+        let exit = (back - origin).scale(inverse);
+        let entered = entry.x.max(entry.y).max(entry.z).simd_gt(0.0);
+        // The last slab entered, or the first one left, whose distances are turned round.
+        let rank = Vec3x::select(entered, entry, -exit);
+        let by_x = rank.x.simd_ge(rank.y) & rank.x.simd_ge(rank.z);
+        let by_y = rank.y.simd_ge(rank.z) & !by_x;
+        let by_z = !(by_x | by_y);
+        Self {
+            normal: Vec3x::new(
+                by_x.select(-forward.x, zero),
+                by_y.select(-forward.y, zero),
+                by_z.select(-forward.z, zero),
+            ),
+            corner: Vec3x::select(entered, front, back),
+        }
+    }
+
+    /// Moves a point onto the face's plane, exactly.
+    #[inline(always)]
+    fn put(&self, simd: S, point: Vec3x<S>) -> Vec3x<S> {
+        let zero = Float::splat(simd, 0.0);
+        let axis = |n: Float<S>, corner: Float<S>, p: Float<S>| n.simd_ne(zero).select(corner, p);
+        Vec3x::new(
+            axis(self.normal.x, self.corner.x, point.x),
+            axis(self.normal.y, self.corner.y, point.y),
+            axis(self.normal.z, self.corner.z, point.z),
+        )
+    }
+}
