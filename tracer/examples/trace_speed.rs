@@ -1,6 +1,6 @@
 //! How fast the processor traces a scene, per second of processor time.
 //!
-//! `cargo run --release --example trace_speed -- SCENE.json [SAMPLES] [THREADS]`
+//! `cargo run --release -p carom-tracer --example trace_speed -- SCENE.json [SAMPLES] [THREADS]`
 
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
@@ -14,8 +14,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let path = arguments.next().ok_or("which scene file?")?;
     let samples = arguments.next().map_or(Ok(4), |text| text.parse())?;
     let threads = arguments.next().map_or(Ok(1), |text| text.parse())?;
-    let scene: Scene = serde_json::from_slice(&std::fs::read(path)?)?;
-    let scene = CompiledScene::new(&scene)?;
+    let scene = CompiledScene::new(&Scene::load(path)?)?;
     let size = ImageSize::new(1280, 720);
     let grid = TileGrid::new(size, 64);
     let tiles: Vec<_> = grid.tiles(grid.all()).collect();

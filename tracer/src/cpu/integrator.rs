@@ -165,10 +165,9 @@ impl Prepared {
         let cos_lamp = -direction.dot(rows.triple(simd, LAMP_NORMAL));
         let inverse_pdf = cos_lamp * rows.number(simd, LAMP_AREA) / (distance * distance);
         let pdf = load(simd, &stream.pdf, at);
-        let one = Float::splat(simd, 1.0);
-        let weight = power_heuristic(one / pdf, inverse_pdf);
+        let weight = power_heuristic(1.0 / (pdf * inverse_pdf));
         let unweighted = pdf.simd_eq(f32::INFINITY);
-        let weight = unweighted.select(one, weight);
+        let weight = unweighted.select(Float::splat(simd, 1.0), weight);
         let emitted = beta.scale(rows.triple(simd, LAMP_RADIANCE)) * weight;
         let black = Vec3x::splat(simd, [0.0; 3]);
         let emitted = Vec3x::select(lit & cos_lamp.simd_gt(0.0), emitted, black);
@@ -243,7 +242,7 @@ impl Prepared {
         let cos_lamp = -rows.triple(simd, LAMP_NORMAL).dot(wi);
         let inverse_pdf = cos_lamp * rows.number(simd, LAMP_AREA) / distance_squared;
         let (f_cos, bsdf_pdf) = bsdf.evaluate(simd, cos_i);
-        let weight = inverse_pdf * power_heuristic(inverse_pdf, 1.0 / bsdf_pdf);
+        let weight = inverse_pdf * power_heuristic(bsdf_pdf * inverse_pdf);
         let emitted = rows.triple(simd, LAMP_RADIANCE);
         let lit = Packet { at, lanes }.mask(simd) & cos_i.simd_gt(0.0) & cos_lamp.simd_gt(0.0);
         let shadow = &mut stream.shadow;
@@ -297,12 +296,11 @@ fn lamp_row(lamp: &LampData, count: f32) -> LampRow {
     row
 }
 
-/// The power heuristic (β = 2) for a strategy of density `1 / inverse_pdf` beside one other. By
-/// quotients: squares of densities towards tiny lamps would overflow.
+/// The power heuristic (β = 2) for a strategy beside another of `density_ratio` times its density.
+/// By their quotient: the squares of densities towards tiny lamps would overflow.
 #[inline(always)]
-fn power_heuristic<S: Simd>(inverse_pdf: Float<S>, inverse_pdf_other: Float<S>) -> Float<S> {
-    let ratio = inverse_pdf / inverse_pdf_other;
-    1.0 / ratio.mul_add(ratio, Float::splat(ratio.token(), 1.0))
+fn power_heuristic<S: Simd>(density_ratio: Float<S>) -> Float<S> {
+    1.0 / density_ratio.mul_add(density_ratio, Float::splat(density_ratio.token(), 1.0))
 }
 
 /// Words below 2²³ as numbers: signed conversion is exact there and cheaper.

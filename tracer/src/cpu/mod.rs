@@ -169,7 +169,7 @@ impl Tracer for CpuTracer {
         job: &TraceJob<'_>,
         sink: &(dyn Fn(TileRadiance) + Sync),
     ) -> Result<TraceStats, Error> {
-        check(job)?;
+        job.validate()?;
         let prepared = Prepared::new(scene, job.size, job.settings);
         let strips = strips_per_tile(job.tiles.len(), self.pool.current_num_threads());
         let (samples, rays) = (AtomicU64::new(0), AtomicU64::new(0));
@@ -218,24 +218,6 @@ fn strips_per_tile(tiles: usize, threads: usize) -> u32 {
         return 1;
     }
     (threads * PIECES).div_ceil(tiles.max(1)) as u32
-}
-
-fn check(job: &TraceJob<'_>) -> Result<(), Error> {
-    job.settings.validate()?;
-    job.size.validate()?;
-    let inside = |tile: &&Tile| {
-        let fits = |start: u32, extent: u32, edge: u32| {
-            extent > 0 && start.checked_add(extent).is_some_and(|end| end <= edge)
-        };
-        fits(tile.x, tile.width, job.size.width) && fits(tile.y, tile.height, job.size.height)
-    };
-    match job.tiles.iter().find(|tile| !inside(tile)) {
-        None => Ok(()),
-        Some(tile) => Err(Error::InvalidSettings(format!(
-            "the tile {tile:?} is empty or not inside the image of {}x{} pixels",
-            job.size.width, job.size.height
-        ))),
-    }
 }
 
 fn level_name(level: Level) -> &'static str {

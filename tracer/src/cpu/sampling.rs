@@ -82,7 +82,8 @@ pub(super) fn cosine_hemisphere<S: Simd>(
     let r = u1.sqrt();
     let (x, y) = (r * cos, r * sin);
     let z = (one - u1).max(0.0).sqrt();
-    let sign = one.copysign(n.z);
+    // Not the sign bit: it would make −0 another basis than 0.
+    let sign = n.z.simd_ge(0.0).select(one, -one);
     let a = -one / (sign + n.z);
     let b = n.x * n.y * a;
     let tangent = Vec3x::new((sign * n.x * n.x).mul_add(a, one), sign * b, -(sign * n.x));
@@ -97,9 +98,12 @@ mod tests {
     use super::super::lanes::LANES;
     use super::*;
 
+    /// The first lane's sample; later ones wrap round.
+    const SAMPLE: u32 = u32::MAX - 7;
+
     #[inline(always)]
     fn hashed<S: Simd>(simd: S, pixel: u32, block: u32, seed: u32) -> [[f32; LANES]; 4] {
-        let sample = Word::from_fn(simd, |lane| u32::MAX - 7 + lane as u32 / 2 + lane as u32);
+        let sample = Word::from_fn(simd, |lane| SAMPLE.wrapping_add(lane as u32));
         uniforms(simd, Word::splat(simd, pixel), sample, block, seed).map(|u| u.to_array())
     }
 
@@ -108,7 +112,7 @@ mod tests {
         for (pixel, block, seed) in [(0, 0, 0), (0x0123_4567, 11, u32::MAX), (u32::MAX, 3, 1)] {
             let got = dispatch!(Level::new(), simd => hashed(simd, pixel, block, seed));
             for lane in 0..LANES as u32 {
-                let sample = (u32::MAX - 7).wrapping_add(lane / 2).wrapping_add(lane);
+                let sample = SAMPLE.wrapping_add(lane);
                 let want = crate::sampling::uniforms(pixel, sample, block, seed);
                 assert_eq!(got.map(|u| u[lane as usize]), want);
             }
