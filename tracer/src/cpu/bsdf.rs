@@ -85,7 +85,7 @@ impl<S: Simd> Bsdf<S> {
         if self.any_coated {
             let diffuse_share = 1.0 - self.specular_share;
             scattered.weight = self.base * (self.transmitted(simd, cos_i) / diffuse_share);
-            scattered.pdf = scattered.pdf * diffuse_share;
+            scattered.pdf *= diffuse_share;
             self.mirror(simd, u[0], &mut scattered);
         }
         scattered
