@@ -35,25 +35,30 @@
 //! let mut client = ClientSession::new();
 //! let mut node = NodeSession::new(NodeInfo { name: "near".into(), device });
 //! client.set_scene(hash, &scene)?;
-//! client.trace(TraceRequest {
-//!     frame: FrameId(0), run: RunId(0), scene: hash, update: SceneUpdate::default(),
-//!     grid, tiles: grid.all(), settings: RenderSettings::default(), format: PixelFormat::LinearF32,
-//! })?;
-//! while let Some(packet) = client.poll_transmit() {
-//!     let Some(NodeEvent::Trace { request, .. }) = node.handle(packet)? else { continue };
-//!     let tile = request.grid.tile(0);
-//!     let radiance = vec![[1.0; 3]; tile.pixels()]; // here a tracer works
-//!     let pixels = Encoder::new().encode(request.format, &[(tile, &radiance)]);
-//!     let (run, tiles) = (request.run, request.tiles);
-//!     node.tiles(TilesDone { run, tiles, busy_micros: 9, dropped_samples: 0, pixels })?;
-//!     node.run_done(RunReport { run, ..RunReport::default() })?;
+//! let mut pictures = 0;
+//! while pictures == 0 {
+//!     while let Some(packet) = client.poll_transmit() {
+//!         let Some(NodeEvent::Trace { request, .. }) = node.handle(packet)? else { continue };
+//!         let (run, tiles, tile) = (request.run, request.tiles, request.grid.tile(0));
+//!         let radiance = vec![[1.0; 3]; tile.pixels()]; // here a tracer works
+//!         let pixels = Encoder::new().encode(request.format, &[(tile, &radiance)]);
+//!         node.tiles(TilesDone { run, tiles, busy_micros: 9, dropped_samples: 0, pixels })?;
+//!         node.run_done(RunReport { run, ..RunReport::default() })?;
+//!     }
+//!     while let Some(packet) = node.poll_transmit() {
+//!         for event in client.handle(packet)? {
+//!             match event {
+//!                 ClientEvent::SceneReady(scene) => client.trace(TraceRequest {
+//!                     frame: FrameId(0), run: RunId(0), scene, update: SceneUpdate::default(),
+//!                     grid, tiles: grid.all(), settings: RenderSettings::default(),
+//!                     format: PixelFormat::LinearF16,
+//!                 })?,
+//!                 ClientEvent::RunDone { .. } => pictures += 1,
+//!                 _ => {}
+//!             }
+//!         }
+//!     }
 //! }
-//! let mut events = vec![];
-//! while let Some(packet) = node.poll_transmit() {
-//!     events.extend(client.handle(packet)?);
-//! }
-//! assert!(matches!(events[..], [ClientEvent::Welcome(_), ClientEvent::SceneReady(_),
-//!     ClientEvent::Tiles { .. }, ClientEvent::RunDone { .. }]));
 //! # Ok::<(), Error>(())
 //! ```
 

@@ -44,7 +44,7 @@ impl Converter {
 /// lower bits carry into the step from the threshold on.
 #[inline(always)]
 fn step(steps: &[u32; BUCKETS], x: f32) -> u8 {
-    // `max` first: it turns NaN into the lower bound.
+    #[expect(clippy::manual_clamp, reason = "`max` turns NaN into the lower bound")]
     let bits = x.max(X_MIN).min(X_MAX).to_bits();
     let bucket = (bits >> 16) - FIRST_BUCKET;
     ((steps[bucket as usize % BUCKETS] + (bits & 0xffff)) >> 16) as u8

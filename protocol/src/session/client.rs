@@ -2,14 +2,15 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use carom_tracer::{Scene, Tile, TileGrid, TileRun};
+use carom_tracer::{Scene, Tile, TileRun};
 
+use super::runs::{RefusedRuns, Run};
 use super::scenes::SceneCache;
 use super::{Channel, Packet};
-use crate::limits::{CONTROL_QUEUED_MAX, RUNS_QUEUED_MAX, RUNS_REFUSED_KEPT};
+use crate::limits::{CONTROL_QUEUED_MAX, RUNS_QUEUED_MAX};
 use crate::message::{
-    FrameId, NodeInfo, PixelFormat, Refusal, RefusalReason, RunId, RunReport, SceneHash, TilesDone,
-    ToClient, ToNode, TraceRequest, VERSION,
+    FrameId, NodeInfo, Refusal, RefusalReason, RunId, RunReport, SceneHash, TilesDone, ToClient,
+    ToNode, TraceRequest, VERSION,
 };
 use crate::tile_codec::{Decoder, TilePixels};
 use crate::{Error, codec};
@@ -123,28 +124,6 @@ enum State {
     Closed,
 }
 
-#[derive(Debug)]
-struct Run {
-    frame: FrameId,
-    grid: TileGrid,
-    tiles: TileRun,
-    format: PixelFormat,
-    /// By the tile's place in the run.
-    received: Vec<bool>,
-    missing: u32,
-    cancelled: bool,
-    /// A report that came before the last tile.
-    report: Option<RunReport>,
-}
-
-/// The last [`RUNS_REFUSED_KEPT`] refused runs, whose tiles may still be on their way.
-#[derive(Debug, Default)]
-struct RefusedRuns {
-    kept: VecDeque<RunId>,
-    /// The highest run that has been forgotten; up to here nothing is known for sure.
-    forgotten: Option<RunId>,
-}
-
 impl ClientSession {
     /// A session over a connection that has just been made; the greeting is queued.
     pub fn new() -> Self {
@@ -187,16 +166,20 @@ impl ClientSession {
         Ok(SceneStatus::Pending)
     }
 
-    /// Asks for tiles. Runs of one session must have rising numbers; gaps are fine.
+    /// Asks for tiles, once there has been [`ClientEvent::Welcome`], which tiles could overtake.
+    /// Runs of one session must have rising numbers; gaps are fine.
     ///
     /// # Errors
-    /// [`Error::Unsendable`] if the request is invalid, its scene is not [set], its run is not
+    /// [`Error::Unsendable`] before the welcome, if the request is invalid, its scene is not [set], its run is not
     /// above the last one or [`RUNS_QUEUED_MAX`] runs are open, and as [`ClientSession::ping`].
     ///
     /// [set]: ClientSession::set_scene
     pub fn trace(&mut self, request: TraceRequest) -> Result<(), Error> {
         let unsendable = |why: String| Err(Error::unsendable("trace request", why));
         let run = request.run;
+        if self.state != State::Open {
+            return unsendable("the node has not answered, or is at fault".into());
+        }
         if self.last_run.is_some_and(|last| run <= last) {
             return unsendable(format!("{run:?} is not above the one before"));
         }
@@ -466,53 +449,5 @@ impl ClientSession {
 impl Default for ClientSession {
     fn default() -> Self {
         Self::new()
-    }
-}
-
-impl Run {
-    fn new(request: &TraceRequest) -> Self {
-        Self {
-            frame: request.frame,
-            grid: request.grid,
-            tiles: request.tiles,
-            format: request.format,
-            received: Vec::new(),
-            missing: request.tiles.count,
-            cancelled: false,
-            report: None,
-        }
-    }
-
-    /// Notes that `tiles` have come.
-    fn receive(&mut self, tiles: TileRun) -> Result<(), Error> {
-        const WHAT: &str = "tile message";
-        if tiles.first < self.tiles.first || tiles.end() > self.tiles.end() {
-            let why = format!("{tiles:?} was not asked for: the run is {:?}", self.tiles);
-            return Err(Error::out_of_order(WHAT, why));
-        }
-        self.received.resize(self.tiles.count as usize, false);
-        let start = (tiles.first - self.tiles.first) as usize;
-        let received = &mut self.received[start..][..tiles.count as usize];
-        if received.contains(&true) {
-            let why = format!("some of {tiles:?} have come before");
-            return Err(Error::out_of_order(WHAT, why));
-        }
-        received.fill(true);
-        self.missing -= tiles.count;
-        Ok(())
-    }
-}
-
-impl RefusedRuns {
-    fn insert(&mut self, run: RunId) {
-        self.kept.push_back(run);
-        if self.kept.len() > RUNS_REFUSED_KEPT {
-            self.forgotten = self.forgotten.max(self.kept.pop_front());
-        }
-    }
-
-    /// Whether the run was refused, or is so old that it may have been.
-    fn may_hold(&self, run: RunId) -> bool {
-        Some(run) <= self.forgotten || self.kept.contains(&run)
     }
 }

@@ -17,6 +17,7 @@
 
 mod client;
 mod node;
+mod runs;
 mod scenes;
 
 pub use client::{ClientEvent, ClientSession, SceneStatus};

@@ -10,10 +10,23 @@
 //! (noise does not shrink) or as one zstd frame. Left prediction and zstd level 1 were the best
 //! trade of 20 measured on this content; higher levels and the median predictor of JPEG-LS were
 //! slower and no smaller. The tiles of a message are predicted one by one and compressed together.
+//!
+//! Figures of `cargo run --release -p carom-protocol --example codec_speed` on one core of a
+//! server of 2 (tiles of 32 pixels, eight to a message; rates count the bytes of the pixels):
+//!
+//! | picture | format | bytes left | encode MB/s | decode MB/s |
+//! |---|---|---|---|---|
+//! | smooth | Srgb8 | 19.5 % | 238 | 523 |
+//! | smooth | LinearF16 | 32.1 % | 444 | 1008 |
+//! | smooth | LinearF32 | 60.1 % | 555 | 1331 |
+//! | noisy | Srgb8 | 81.3 % | 363 | 584 |
+//! | noisy | LinearF16 | 80.9 % | 277 | 634 |
+//! | noisy | LinearF32 | 78.1 % | 634 | 1711 |
 
 mod planes;
 
 use carom_tracer::Tile;
+use half::slice::{HalfBitsSliceExt, HalfFloatSliceExt};
 use zstd::bulk::{Compressor, Decompressor};
 use zstd::zstd_safe;
 
@@ -176,11 +189,9 @@ impl Decoder {
             }
         };
         Ok(match format {
-            PixelFormat::Srgb8 { .. } => {
-                TilePixels::Srgb8(planes::join(planes, tiles, |pixel: [u8; 3]| pixel))
-            }
-            PixelFormat::LinearF16 => TilePixels::Linear(planes::join(planes, tiles, from_f16)),
-            PixelFormat::LinearF32 => TilePixels::Linear(planes::join(planes, tiles, from_f32)),
+            PixelFormat::Srgb8 { .. } => TilePixels::Srgb8(planes::join(planes, tiles)),
+            PixelFormat::LinearF16 => TilePixels::Linear(from_f16(&planes::join(planes, tiles))),
+            PixelFormat::LinearF32 => TilePixels::Linear(from_f32(&planes::join(planes, tiles))),
         })
     }
 
@@ -227,12 +238,17 @@ fn f16_bits(pixel: [f32; 3]) -> [u16; 3] {
     pixel.map(|channel| half::f16::from_f32(channel.clamp(-limit, limit)).to_bits())
 }
 
-fn from_f16(bits: [u16; 3]) -> [f32; 3] {
-    bits.map(|channel| half::f16::from_bits(channel).to_f32())
+/// All at once: for one number at a time, `half` asks each time what the processor can do.
+fn from_f16(bits: &[[u16; 3]]) -> Vec<[f32; 3]> {
+    let mut pixels = vec![[0.0; 3]; bits.len()];
+    let halves: &[half::f16] = bits.as_flattened().reinterpret_cast();
+    halves.convert_to_f32_slice(pixels.as_flattened_mut());
+    pixels
 }
 
-fn from_f32(bits: [u32; 3]) -> [f32; 3] {
-    bits.map(f32::from_bits)
+fn from_f32(bits: &[[u32; 3]]) -> Vec<[f32; 3]> {
+    let pixels = bits.iter().map(|pixel| pixel.map(f32::from_bits));
+    pixels.collect()
 }
 
 const WHAT: &str = "tile payload";

@@ -8,22 +8,6 @@
 
 use carom_tracer::Tile;
 
-/// The integer of a channel.
-pub(super) trait Sample: Copy + Default {
-    /// Bytes, which is the number of planes of a channel.
-    const BYTES: usize;
-    fn plus(self, other: Self) -> Self;
-    fn minus(self, other: Self) -> Self;
-    /// A difference, such that small ones of either sign have zeros in their upper bytes.
-    fn fold(self) -> Self;
-    /// The inverse of [`Sample::fold`].
-    fn unfold(self) -> Self;
-    /// Byte number `index` from the top.
-    fn byte(self, index: usize) -> u8;
-    /// The sample with `byte` as its next lower byte.
-    fn push(self, byte: u8) -> Self;
-}
-
 /// Fills `planes` with those of the samples of all tiles.
 ///
 /// # Panics
@@ -34,32 +18,28 @@ pub(super) fn split<S: Sample>(
     tiles: &[(Tile, &[[f32; 3]])],
     sample: impl Fn([f32; 3]) -> [S; 3],
 ) {
-    let pixels = planes.len() / (3 * S::BYTES);
-    let mut differences = Vec::new();
+    let pixels = planes.len() / (3 * size_of::<S>());
+    let channel_bytes = (planes.len() / 3).max(1);
+    let mut channels = [(); 3].map(|()| vec![S::default(); pixels]);
     let mut start = 0;
     for (tile, radiance) in tiles {
         let mut above = [S::default(); 3];
         for row in radiance.chunks_exact(tile.width as usize) {
+            let [g, r, b] = channels.each_mut().map(|c| &mut c[start..][..row.len()]);
             let mut left = above;
-            differences.clear();
-            differences.extend(row.iter().map(|&pixel| {
-                let value = subtract_green(sample(pixel));
-                let difference = difference(value, left);
-                left = value;
-                difference
-            }));
             above = subtract_green(sample(row[0]));
-            for plane in 0..3 * S::BYTES {
-                let (channel, byte) = (plane / S::BYTES, plane % S::BYTES);
-                let bytes = &mut planes[plane * pixels + start..][..row.len()];
-                for (to, from) in bytes.iter_mut().zip(&differences) {
-                    *to = from[channel].byte(byte);
-                }
+            for (((pixel, g), r), b) in row.iter().zip(g).zip(r).zip(b) {
+                let value = subtract_green(sample(*pixel));
+                [*g, *r, *b] = difference(value, left);
+                left = value;
             }
             start += row.len();
         }
     }
     assert_eq!(start, pixels, "pixels of the tiles");
+    for (channel, planes) in channels.iter().zip(planes.chunks_exact_mut(channel_bytes)) {
+        S::split(channel, planes);
+    }
 }
 
 /// The pixels of all tiles from their planes.
@@ -67,35 +47,31 @@ pub(super) fn split<S: Sample>(
 /// # Panics
 /// If `planes` has another length than the samples.
 #[inline(always)]
-pub(super) fn join<S: Sample, P>(
-    planes: &[u8],
-    tiles: &[Tile],
-    pixel: impl Fn([S; 3]) -> P,
-) -> Vec<P> {
-    let count = planes.len() / (3 * S::BYTES);
-    let mut pixels = Vec::with_capacity(count);
-    let mut differences = Vec::new();
+pub(super) fn join<S: Sample>(planes: &[u8], tiles: &[Tile]) -> Vec<[S; 3]> {
+    let count = planes.len() / (3 * size_of::<S>());
+    let channel_bytes = (planes.len() / 3).max(1);
+    let mut channels = [(); 3].map(|()| vec![S::default(); count]);
+    for (channel, planes) in channels.iter_mut().zip(planes.chunks_exact(channel_bytes)) {
+        S::join(channel, planes);
+    }
+    let mut pixels = vec![[S::default(); 3]; count];
+    let mut start = 0;
     for tile in tiles {
+        let width = tile.width as usize;
         let mut above = [S::default(); 3];
         for _ in 0..tile.height {
-            differences.clear();
-            differences.resize(tile.width as usize, [S::default(); 3]);
-            for plane in 0..3 * S::BYTES {
-                let channel = plane / S::BYTES;
-                let bytes = &planes[plane * count + pixels.len()..][..differences.len()];
-                for (to, &from) in differences.iter_mut().zip(bytes) {
-                    to[channel] = to[channel].push(from);
-                }
-            }
+            let [g, r, b] = channels.each_ref().map(|c| &c[start..][..width]);
             let mut left = above;
-            pixels.extend(differences.iter().map(|&difference| {
-                left = sum(difference, left);
-                pixel(add_green(left))
-            }));
-            above = sum(differences[0], above);
+            above = sum([g[0], r[0], b[0]], above);
+            let row = &mut pixels[start..][..width];
+            for (((pixel, &g), &r), &b) in row.iter_mut().zip(g).zip(r).zip(b) {
+                left = sum([g, r, b], left);
+                *pixel = add_green(left);
+            }
+            start += width;
         }
     }
-    assert_eq!(pixels.len(), count, "pixels of the tiles");
+    assert_eq!(start, count, "pixels of the tiles");
     pixels
 }
 
@@ -111,17 +87,28 @@ fn add_green<S: Sample>([g, r, b]: [S; 3]) -> [S; 3] {
 
 #[inline(always)]
 fn difference<S: Sample>(value: [S; 3], prediction: [S; 3]) -> [S; 3] {
-    std::array::from_fn(|channel| value[channel].minus(prediction[channel]).fold())
+    std::array::from_fn(|channel| value[channel].minus(prediction[channel]))
 }
 
 #[inline(always)]
 fn sum<S: Sample>(difference: [S; 3], prediction: [S; 3]) -> [S; 3] {
-    std::array::from_fn(|channel| prediction[channel].plus(difference[channel].unfold()))
+    std::array::from_fn(|channel| prediction[channel].plus(difference[channel]))
+}
+
+/// The integer of a channel.
+pub(super) trait Sample: Copy + Default {
+    /// The sum modulo 2ⁿ.
+    fn plus(self, other: Self) -> Self;
+    /// The difference modulo 2ⁿ.
+    fn minus(self, other: Self) -> Self;
+    /// A channel's differences to its planes, the uppermost byte first. Where there are several,
+    /// differences are folded, so that small ones of either sign have zeros in the upper planes.
+    fn split(channel: &[Self], planes: &mut [u8]);
+    /// The inverse of [`Sample::split`].
+    fn join(channel: &mut [Self], planes: &[u8]);
 }
 
 impl Sample for u8 {
-    const BYTES: usize = 1;
-
     #[inline(always)]
     fn plus(self, other: Self) -> Self {
         self.wrapping_add(other)
@@ -132,31 +119,16 @@ impl Sample for u8 {
         self.wrapping_sub(other)
     }
 
-    /// With a single plane there is no upper byte to save.
-    #[inline(always)]
-    fn fold(self) -> Self {
-        self
+    fn split(channel: &[Self], planes: &mut [u8]) {
+        planes.copy_from_slice(channel);
     }
 
-    #[inline(always)]
-    fn unfold(self) -> Self {
-        self
-    }
-
-    #[inline(always)]
-    fn byte(self, _: usize) -> u8 {
-        self
-    }
-
-    #[inline(always)]
-    fn push(self, byte: u8) -> Self {
-        byte
+    fn join(channel: &mut [Self], planes: &[u8]) {
+        channel.copy_from_slice(planes);
     }
 }
 
 impl Sample for u16 {
-    const BYTES: usize = 2;
-
     #[inline(always)]
     fn plus(self, other: Self) -> Self {
         self.wrapping_add(other)
@@ -167,30 +139,24 @@ impl Sample for u16 {
         self.wrapping_sub(other)
     }
 
-    #[inline(always)]
-    fn fold(self) -> Self {
-        (self << 1) ^ (self.cast_signed() >> 15).cast_unsigned()
+    fn split(channel: &[Self], planes: &mut [u8]) {
+        let (high, low) = planes.split_at_mut(channel.len());
+        for ((&difference, high), low) in channel.iter().zip(high).zip(low) {
+            let sign = (difference.cast_signed() >> 15).cast_unsigned();
+            [*high, *low] = ((difference << 1) ^ sign).to_be_bytes();
+        }
     }
 
-    #[inline(always)]
-    fn unfold(self) -> Self {
-        (self >> 1) ^ (self & 1).wrapping_neg()
-    }
-
-    #[inline(always)]
-    fn byte(self, index: usize) -> u8 {
-        (self >> (8 * (1 - index))) as u8
-    }
-
-    #[inline(always)]
-    fn push(self, byte: u8) -> Self {
-        self << 8 | Self::from(byte)
+    fn join(channel: &mut [Self], planes: &[u8]) {
+        let (high, low) = planes.split_at(channel.len());
+        for ((difference, &high), &low) in channel.iter_mut().zip(high).zip(low) {
+            let folded = Self::from_be_bytes([high, low]);
+            *difference = (folded >> 1) ^ (folded & 1).wrapping_neg();
+        }
     }
 }
 
 impl Sample for u32 {
-    const BYTES: usize = 4;
-
     #[inline(always)]
     fn plus(self, other: Self) -> Self {
         self.wrapping_add(other)
@@ -201,24 +167,24 @@ impl Sample for u32 {
         self.wrapping_sub(other)
     }
 
-    #[inline(always)]
-    fn fold(self) -> Self {
-        (self << 1) ^ (self.cast_signed() >> 31).cast_unsigned()
+    fn split(channel: &[Self], planes: &mut [u8]) {
+        let (high, low) = planes.split_at_mut(2 * channel.len());
+        let (a, b) = high.split_at_mut(channel.len());
+        let (c, d) = low.split_at_mut(channel.len());
+        for ((((&difference, a), b), c), d) in channel.iter().zip(a).zip(b).zip(c).zip(d) {
+            let sign = (difference.cast_signed() >> 31).cast_unsigned();
+            [*a, *b, *c, *d] = ((difference << 1) ^ sign).to_be_bytes();
+        }
     }
 
-    #[inline(always)]
-    fn unfold(self) -> Self {
-        (self >> 1) ^ (self & 1).wrapping_neg()
-    }
-
-    #[inline(always)]
-    fn byte(self, index: usize) -> u8 {
-        (self >> (8 * (3 - index))) as u8
-    }
-
-    #[inline(always)]
-    fn push(self, byte: u8) -> Self {
-        self << 8 | Self::from(byte)
+    fn join(channel: &mut [Self], planes: &[u8]) {
+        let (high, low) = planes.split_at(2 * channel.len());
+        let (a, b) = high.split_at(channel.len());
+        let (c, d) = low.split_at(channel.len());
+        for ((((difference, &a), &b), &c), &d) in channel.iter_mut().zip(a).zip(b).zip(c).zip(d) {
+            let folded = Self::from_be_bytes([a, b, c, d]);
+            *difference = (folded >> 1) ^ (folded & 1).wrapping_neg();
+        }
     }
 }
 
@@ -226,14 +192,35 @@ impl Sample for u32 {
 mod tests {
     use super::*;
 
+    fn upper_plane<S: Sample>(differences: &[S]) -> Vec<u8> {
+        let mut planes = vec![0; size_of_val(differences)];
+        S::split(differences, &mut planes);
+        planes.truncate(differences.len());
+        planes
+    }
+
     #[test]
-    fn folding_loses_nothing_and_keeps_small_differences_small() {
-        for value in 0..=u16::MAX {
-            assert_eq!(value.fold().unfold(), value);
-            let wide = u32::from(value).wrapping_sub(1 << 15);
-            assert_eq!(wide.fold().unfold(), wide);
-        }
-        let small = |difference: i32| difference.cast_unsigned().fold() < 256;
-        assert!((-128..128).all(small));
+    fn splitting_loses_nothing() {
+        let all: Vec<u16> = (0..=u16::MAX).collect();
+        let wide: Vec<u32> = all
+            .iter()
+            .map(|&d| u32::from(d).wrapping_mul(65_537 * 3))
+            .collect();
+        let (mut planes, mut back) = (vec![0; 2 * all.len()], vec![0; all.len()]);
+        u16::split(&all, &mut planes);
+        u16::join(&mut back, &planes);
+        assert_eq!(back, all);
+        let (mut planes, mut back) = (vec![0; 4 * wide.len()], vec![0; wide.len()]);
+        u32::split(&wide, &mut planes);
+        u32::join(&mut back, &planes);
+        assert_eq!(back, wide);
+    }
+
+    #[test]
+    fn small_differences_of_either_sign_leave_the_upper_plane_empty() {
+        let small: Vec<u16> = (-128..128i16).map(i16::cast_unsigned).collect();
+        assert!(upper_plane(&small).iter().all(|&byte| byte == 0));
+        let small: Vec<u32> = (-128..128i32).map(i32::cast_unsigned).collect();
+        assert!(upper_plane(&small).iter().all(|&byte| byte == 0));
     }
 }

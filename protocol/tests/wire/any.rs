@@ -1,0 +1,228 @@
+//! Any right message, and runs of tests that are the same each time.
+
+use std::collections::BTreeMap;
+
+use carom_protocol::limits::{POSES_MAX, SENTENCE_BYTES_MAX, TILE_EDGE_MAX, TILES_PER_MESSAGE_MAX};
+use carom_protocol::{
+    FrameId, NodeInfo, PixelFormat, Refusal, RefusalReason, RunId, RunReport, SceneHash, TilesDone,
+    ToClient, ToNode, TraceRequest, message::VERSION,
+};
+use carom_tracer::{
+    Camera, DeviceInfo, DeviceKind, Environment, ImageSize, Material, Object, ObjectPose,
+    RenderSettings, Scene, SceneUpdate, Shape, TileGrid, TileRun,
+};
+use glam::{Quat, Vec3};
+use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
+
+pub(crate) fn config(cases: u32) -> ProptestConfig {
+    ProptestConfig {
+        cases,
+        rng_seed: RngSeed::Fixed(8),
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    }
+}
+
+pub(crate) fn to_node() -> impl Strategy<Value = ToNode> {
+    prop_oneof![
+        Just(ToNode::Hello { version: VERSION }),
+        scene().prop_map(|scene| ToNode::Scene {
+            hash: SceneHash::of(&scene),
+            scene: Box::new(scene),
+        }),
+        request().prop_map(|request| ToNode::Trace(Box::new(request))),
+        any::<u64>().prop_map(|frame| ToNode::CancelBefore(FrameId(frame))),
+        any::<u64>().prop_map(|run| ToNode::CancelRun(RunId(run))),
+        any::<u64>().prop_map(ToNode::Ping),
+    ]
+}
+
+pub(crate) fn to_client() -> impl Strategy<Value = ToClient> {
+    prop_oneof![
+        node().prop_map(|node| ToClient::Welcome {
+            version: VERSION,
+            node
+        }),
+        hash().prop_map(ToClient::SceneReady),
+        (hash(), sentence()).prop_map(|(hash, why)| ToClient::SceneRefused { hash, why }),
+        tiles_done().prop_map(ToClient::Tiles),
+        report().prop_map(ToClient::RunDone),
+        refusal().prop_map(ToClient::RunRefused),
+        any::<u64>().prop_map(ToClient::Pong),
+    ]
+}
+
+pub(crate) fn node_info(name: &str) -> NodeInfo {
+    NodeInfo {
+        name: name.into(),
+        device: DeviceInfo {
+            kind: DeviceKind::Cpu,
+            name: "a processor".into(),
+            width: 8,
+            threads: 2,
+        },
+    }
+}
+
+/// A scene of `balls` balls in a row.
+pub(crate) fn balls(balls: usize) -> Scene {
+    let albedo = Vec3::splat(0.5);
+    let object = |index: usize| Object {
+        name: format!("ball {index}"),
+        material: "resin".into(),
+        shape: Shape::Sphere {
+            center: Vec3::X * index as f32,
+            radius: 0.028_6,
+            rotation: Quat::IDENTITY,
+        },
+    };
+    Scene {
+        camera: camera(Vec3::Y * 2.0),
+        environment: Environment {
+            radiance: Vec3::ONE,
+        },
+        materials: BTreeMap::from([("resin".into(), Material::Diffuse { albedo })]),
+        objects: (0..balls).map(object).collect(),
+        lamps: Vec::new(),
+    }
+}
+
+pub(crate) fn request() -> impl Strategy<Value = TraceRequest> {
+    let ids = (any::<u64>(), any::<u64>(), hash(), any::<u32>());
+    let work = (1..=64u32, any::<u32>(), 0..=64u32);
+    (ids, grid_and_run(), update(), work, format()).prop_map(
+        |((frame, run, scene, seed), (grid, tiles), update, work, format)| TraceRequest {
+            frame: FrameId(frame),
+            run: RunId(run),
+            scene,
+            update,
+            grid,
+            tiles,
+            settings: RenderSettings {
+                samples: work.0,
+                first_sample: work.1,
+                scatterings_max: work.2,
+                seed,
+            },
+            format,
+        },
+    )
+}
+
+pub(crate) fn format() -> impl Strategy<Value = PixelFormat> {
+    prop_oneof![
+        (1e-6..1e6f32).prop_map(|exposure| PixelFormat::Srgb8 { exposure }),
+        Just(PixelFormat::LinearF16),
+        Just(PixelFormat::LinearF32),
+    ]
+}
+
+fn grid_and_run() -> impl Strategy<Value = (TileGrid, TileRun)> {
+    let size = (1..2000u32, 1..2000u32);
+    (size, 8..=TILE_EDGE_MAX, any::<[prop::sample::Index; 2]>()).prop_map(
+        |((width, height), edge, [first, count])| {
+            let grid = TileGrid::new(ImageSize::new(width, height), edge);
+            let first = first.index(grid.len() as usize) as u32;
+            let count = 1 + count.index((grid.len() - first) as usize) as u32;
+            (grid, TileRun { first, count })
+        },
+    )
+}
+
+fn update() -> impl Strategy<Value = SceneUpdate> {
+    let place = (-1e3..1e3f32, -1e3..1e3f32, -1e3..1e3f32, 0.0..6.2f32);
+    let pose = (any::<u32>(), place, any::<bool>()).prop_map(|(object, place, visible)| {
+        let (x, y, z, angle) = place;
+        ObjectPose {
+            object,
+            position: Vec3::new(x, y, z),
+            rotation: Quat::from_rotation_x(angle),
+            visible,
+        }
+    });
+    let eye = prop::option::of(1.0..100.0f32);
+    (eye, prop::collection::vec(pose, 0..=POSES_MAX)).prop_map(|(eye, poses)| SceneUpdate {
+        camera: eye.map(|distance| camera(Vec3::Y * distance)),
+        poses,
+    })
+}
+
+fn camera(eye: Vec3) -> Camera {
+    Camera {
+        eye,
+        target: Vec3::ZERO,
+        up: Vec3::Z,
+        fov_x_deg: 60.0,
+    }
+}
+
+fn scene() -> impl Strategy<Value = Scene> {
+    (0..40usize, "[a-zé]{0,30}").prop_map(|(count, name)| {
+        let mut scene = balls(count);
+        if let Some(object) = scene.objects.first_mut() {
+            object.name = name;
+        }
+        scene
+    })
+}
+
+fn tiles_done() -> impl Strategy<Value = TilesDone> {
+    let run = (any::<u64>(), 0..1000u32, 1..=TILES_PER_MESSAGE_MAX);
+    let pixels = prop::collection::vec(any::<u8>(), 0..4000);
+    (run, any::<u32>(), any::<u32>(), pixels).prop_map(
+        |((run, first, count), busy_micros, dropped_samples, pixels)| TilesDone {
+            run: RunId(run),
+            tiles: TileRun { first, count },
+            busy_micros,
+            dropped_samples,
+            pixels,
+        },
+    )
+}
+
+fn node() -> impl Strategy<Value = NodeInfo> {
+    ("[a-z.-]{0,100}", ".{0,60}", any::<(u32, u32)>()).prop_map(
+        |(name, device, (width, threads))| {
+            let kind = DeviceKind::Gpu;
+            let device = DeviceInfo {
+                kind,
+                name: device,
+                width,
+                threads,
+            };
+            NodeInfo { name, device }
+        },
+    )
+}
+
+fn report() -> impl Strategy<Value = RunReport> {
+    any::<(u64, u32, u32, u32)>().prop_map(|(run, queue, trace, encode)| RunReport {
+        run: RunId(run),
+        queue_micros: queue,
+        trace_micros: trace,
+        encode_micros: encode,
+    })
+}
+
+fn refusal() -> impl Strategy<Value = Refusal> {
+    let why = prop_oneof![
+        Just(RefusalReason::Cancelled),
+        Just(RefusalReason::Busy),
+        Just(RefusalReason::UnknownScene),
+        sentence().prop_map(RefusalReason::Invalid),
+        sentence().prop_map(RefusalReason::Device),
+    ];
+    (any::<u64>(), why).prop_map(|(run, why)| Refusal {
+        run: RunId(run),
+        why,
+    })
+}
+
+fn hash() -> impl Strategy<Value = SceneHash> {
+    any::<[u8; 32]>().prop_map(SceneHash)
+}
+
+fn sentence() -> impl Strategy<Value = String> {
+    prop_oneof![".{0,80}", Just("x".repeat(SENTENCE_BYTES_MAX))]
+}

@@ -1,0 +1,434 @@
+//! Peers that break the rules are told which, and cost no more than the limits say.
+
+use carom_protocol::codec::{decode_to_client, encode_to_client, encode_to_node};
+use carom_protocol::limits::{CONTROL_QUEUED_MAX, RUNS_QUEUED_MAX, RUNS_REFUSED_KEPT};
+use carom_protocol::message::VERSION;
+use carom_protocol::tile_codec::Encoder;
+use carom_protocol::{
+    Channel, ClientEvent, ClientSession, Error, FrameId, NodeEvent, NodeSession, Packet,
+    PixelFormat, Refusal, RefusalReason, RunId, RunReport, SceneHash, TilesDone, ToClient, ToNode,
+    TraceRequest,
+};
+use carom_tracer::{
+    ImageSize, ObjectPose, RenderSettings, Scene, SceneUpdate, Tile, TileGrid, TileRun,
+};
+use glam::{Quat, Vec3};
+
+use crate::any;
+
+const GRID: TileGrid = TileGrid::new(ImageSize::new(64, 64), 16);
+
+fn control(message: &ToClient) -> Packet {
+    let (channel, bytes) = (Channel::Control, encode_to_client(message).unwrap());
+    Packet { channel, bytes }
+}
+
+fn to_node(message: &ToNode) -> Packet {
+    let (channel, bytes) = (Channel::Control, encode_to_node(message).unwrap());
+    Packet { channel, bytes }
+}
+
+fn request(scene: &Scene, run: u64) -> TraceRequest {
+    TraceRequest {
+        frame: FrameId(run),
+        run: RunId(run),
+        scene: SceneHash::of(scene),
+        update: SceneUpdate::default(),
+        grid: GRID,
+        tiles: TileRun { first: 4, count: 8 },
+        settings: RenderSettings::default(),
+        format: PixelFormat::Srgb8 { exposure: 1.0 },
+    }
+}
+
+fn welcome() -> ToClient {
+    ToClient::Welcome {
+        version: VERSION,
+        node: any::node_info("evil"),
+    }
+}
+
+/// A client that has been welcomed and waits for tiles 4 to 11, by runs 5 and 7.
+fn waiting_client() -> ClientSession {
+    let mut client = ClientSession::new();
+    client.handle(control(&welcome())).unwrap();
+    let scene = any::balls(2);
+    client.set_scene(SceneHash::of(&scene), &scene).unwrap();
+    client.trace(request(&scene, 5)).unwrap();
+    client.trace(request(&scene, 7)).unwrap();
+    client
+}
+
+fn tiles_of(run: u64, first: u32, pixels: Vec<u8>, count: u32) -> Packet {
+    let message = ToClient::Tiles(TilesDone {
+        run: RunId(run),
+        tiles: TileRun { first, count },
+        busy_micros: 1,
+        dropped_samples: 0,
+        pixels,
+    });
+    let (channel, bytes) = (Channel::Tiles, encode_to_client(&message).unwrap());
+    Packet { channel, bytes }
+}
+
+fn black(count: u32) -> Vec<u8> {
+    let tile = Tile {
+        x: 0,
+        y: 0,
+        width: 16,
+        height: 16,
+    };
+    let radiance = [[0.0; 3]; 256];
+    let lit = vec![(tile, &radiance[..]); count as usize];
+    Encoder::new().encode(PixelFormat::Srgb8 { exposure: 1.0 }, &lit)
+}
+
+fn tiles(run: u64, first: u32, count: u32) -> Packet {
+    tiles_of(run, first, black(count), count)
+}
+
+fn done(run: u64) -> Packet {
+    control(&ToClient::RunDone(RunReport {
+        run: RunId(run),
+        ..RunReport::default()
+    }))
+}
+
+fn refused(run: u64, why: RefusalReason) -> Packet {
+    let run = RunId(run);
+    control(&ToClient::RunRefused(Refusal { run, why }))
+}
+
+/// The client closes on the last of these packets and not before, and stays closed.
+fn assert_closes(mut client: ClientSession, packets: impl IntoIterator<Item = Packet>) {
+    let mut packets = packets.into_iter().peekable();
+    while let Some(packet) = packets.next() {
+        let heard = client.handle(packet);
+        assert_eq!(heard.is_err(), packets.peek().is_none(), "{heard:?}");
+    }
+    assert!(client.handle(control(&ToClient::Pong(1))).is_err());
+}
+
+#[test]
+fn tiles_that_were_not_asked_for_are_refused() {
+    assert_closes(waiting_client(), [tiles(6, 4, 1)]); // a run of another node
+    assert_closes(waiting_client(), [tiles(8, 4, 1)]);
+    assert_closes(waiting_client(), [tiles(5, 3, 1)]);
+    assert_closes(waiting_client(), [tiles(5, 11, 2)]);
+    assert_closes(waiting_client(), [tiles(5, u32::MAX - 1, 1)]);
+}
+
+#[test]
+fn a_tile_comes_once() {
+    assert_closes(waiting_client(), [tiles(5, 4, 2), tiles(5, 4, 2)]);
+    assert_closes(waiting_client(), [tiles(5, 4, 2), tiles(5, 5, 2)]);
+    let all = [tiles(5, 4, 8), done(5)];
+    assert_closes(waiting_client(), all.into_iter().chain([tiles(5, 4, 1)]));
+}
+
+#[test]
+fn pixels_must_be_those_of_the_tiles() {
+    assert_closes(waiting_client(), [tiles_of(5, 4, black(2), 1)]);
+    assert_closes(waiting_client(), [tiles_of(5, 4, black(1), 2)]);
+    assert_closes(waiting_client(), [tiles_of(5, 4, Vec::new(), 1)]);
+}
+
+#[test]
+fn a_report_before_the_tiles_is_kept_until_they_have_come() {
+    let mut client = waiting_client();
+    assert_eq!(client.handle(done(5)), Ok(vec![]));
+    assert_eq!(client.handle(tiles(5, 4, 4)).unwrap().len(), 1);
+    let events = client.handle(tiles(5, 8, 4)).unwrap();
+    assert!(matches!(
+        events[..],
+        [ClientEvent::Tiles { .. }, ClientEvent::RunDone { .. }]
+    ));
+    assert_closes(client, [done(5)]);
+}
+
+#[test]
+fn a_run_has_one_last_word() {
+    assert_closes(waiting_client(), [done(5), done(5)]);
+    assert_closes(waiting_client(), [done(6)]);
+    let busy = || refused(5, RefusalReason::Busy);
+    assert_closes(waiting_client(), [busy(), busy()]);
+    assert_closes(waiting_client(), [busy(), done(5)]);
+    assert_closes(waiting_client(), [done(5), busy()]);
+    assert_closes(waiting_client(), [refused(5, RefusalReason::Cancelled)]);
+}
+
+#[test]
+fn answers_need_questions() {
+    let hash = SceneHash([1; 32]);
+    let ready = ToClient::SceneReady(SceneHash::of(&any::balls(2)));
+    assert_closes(waiting_client(), [control(&ToClient::SceneReady(hash))]);
+    assert_closes(waiting_client(), [control(&ready), control(&ready)]);
+    assert_closes(waiting_client(), [control(&ToClient::Pong(1))]);
+    assert_closes(waiting_client(), [control(&welcome())]);
+    assert_closes(ClientSession::new(), [control(&ready)]);
+    assert_closes(ClientSession::new(), [tiles(5, 4, 1)]);
+}
+
+#[test]
+fn messages_keep_to_their_channel() {
+    let channel = Channel::Control;
+    assert_closes(
+        waiting_client(),
+        [Packet {
+            channel,
+            ..tiles(5, 4, 1)
+        }],
+    );
+    let channel = Channel::Tiles;
+    assert_closes(waiting_client(), [Packet { channel, ..done(5) }]);
+    let mut node = NodeSession::new(any::node_info("near"));
+    let hello = to_node(&ToNode::Hello { version: VERSION });
+    assert!(node.handle(Packet { channel, ..hello }).is_err());
+}
+
+#[test]
+fn late_tiles_of_cancelled_runs_are_no_fault() {
+    let mut client = waiting_client();
+    client.cancel_run(RunId(5)).unwrap();
+    let events = client.handle(tiles(5, 4, 2)).unwrap();
+    assert!(matches!(events[..], [ClientEvent::TilesLate { .. }]));
+    client.handle(refused(5, RefusalReason::Cancelled)).unwrap();
+    assert_eq!(client.handle(tiles(5, 6, 2)), Ok(vec![]));
+    assert_eq!(client.late_tiles(), 1);
+    // A report had come, so the node says no more: the run ends with its cancellation.
+    client.handle(done(7)).unwrap();
+    client.cancel_before(FrameId(8)).unwrap();
+    assert_eq!(client.open_runs(), 0);
+    assert_eq!(client.handle(tiles(7, 4, 1)), Ok(vec![]));
+    assert_closes(client, [done(7)]);
+}
+
+#[test]
+fn what_a_client_remembers_of_refused_runs_is_bounded_and_forgives() {
+    let mut client = waiting_client();
+    let scene = any::balls(2);
+    let runs = RUNS_REFUSED_KEPT as u64 + 10;
+    for run in 100..100 + runs {
+        client.trace(request(&scene, run)).unwrap();
+        client.handle(refused(run, RefusalReason::Busy)).unwrap();
+    }
+    assert_eq!(
+        client.handle(tiles(100, 4, 1)),
+        Ok(vec![]),
+        "forgotten, hence forgiven"
+    );
+    assert_eq!(
+        client.handle(tiles(99 + runs, 4, 1)),
+        Ok(vec![]),
+        "remembered"
+    );
+    assert_closes(client, [tiles(100 + runs, 4, 1)]);
+}
+
+#[test]
+fn a_caller_that_asks_for_the_impossible_changes_nothing() {
+    let mut client = waiting_client();
+    while client.poll_transmit().is_some() {}
+    let (held, other) = (any::balls(2), any::balls(3));
+    let mut without_tiles = request(&held, 9);
+    without_tiles.tiles.count = 0;
+    for request in [request(&other, 9), request(&held, 7), without_tiles] {
+        assert!(matches!(
+            client.trace(request),
+            Err(Error::Unsendable { .. })
+        ));
+    }
+    let mut broken = any::balls(1);
+    broken.camera.fov_x_deg = 0.0;
+    assert!(client.set_scene(SceneHash::of(&broken), &broken).is_err());
+    assert_eq!((client.poll_transmit(), client.open_runs()), (None, 2));
+    assert!(client.trace(request(&held, 8)).is_ok());
+}
+
+/// A node that has said and heard hello and holds a scene of two balls.
+fn open_node() -> (NodeSession, Scene) {
+    let mut node = NodeSession::new(any::node_info("near"));
+    let scene = any::balls(2);
+    let hash = SceneHash::of(&scene);
+    node.handle(to_node(&ToNode::Hello { version: VERSION }))
+        .unwrap();
+    let message = ToNode::Scene {
+        hash,
+        scene: Box::new(scene.clone()),
+    };
+    assert!(matches!(
+        node.handle(to_node(&message)),
+        Ok(Some(NodeEvent::Scene { .. }))
+    ));
+    while node.poll_transmit().is_some() {}
+    (node, scene)
+}
+
+fn ask(node: &mut NodeSession, request: TraceRequest) -> Result<Option<NodeEvent>, Error> {
+    node.handle(to_node(&ToNode::Trace(Box::new(request))))
+}
+
+fn answer(node: &mut NodeSession) -> Option<ToClient> {
+    let packet = node.poll_transmit()?;
+    Some(decode_to_client(&packet.bytes).unwrap())
+}
+
+#[test]
+fn nothing_comes_before_hello_and_hello_comes_once() {
+    for message in [ToNode::Ping(1), ToNode::CancelRun(RunId(1))] {
+        let mut node = NodeSession::new(any::node_info("near"));
+        assert!(matches!(
+            node.handle(to_node(&message)),
+            Err(Error::OutOfOrder { .. })
+        ));
+        assert_eq!(node.poll_transmit(), None);
+    }
+    let (mut node, _) = open_node();
+    let hello = to_node(&ToNode::Hello { version: VERSION });
+    assert!(node.handle(hello).is_err());
+    assert!(node.handle(to_node(&ToNode::Ping(1))).is_err());
+}
+
+#[test]
+fn both_ends_of_different_versions_say_so() {
+    let mut node = NodeSession::new(any::node_info("near"));
+    let hello = to_node(&ToNode::Hello {
+        version: VERSION + 1,
+    });
+    let (theirs, ours) = (VERSION + 1, VERSION);
+    assert_eq!(node.handle(hello), Err(Error::Version { theirs, ours }));
+    assert!(matches!(answer(&mut node), Some(ToClient::Welcome { .. })));
+    assert!(node.handle(to_node(&ToNode::Ping(1))).is_err());
+
+    let version = VERSION + 1;
+    let node = any::node_info("new");
+    let mut client = ClientSession::new();
+    assert_eq!(
+        client.handle(control(&ToClient::Welcome { version, node })),
+        Err(Error::Version { theirs, ours })
+    );
+}
+
+#[test]
+fn requests_that_do_not_fit_are_refused_without_an_event() {
+    let (mut node, scene) = open_node();
+    let mut unknown = request(&scene, 1);
+    unknown.scene = SceneHash([9; 32]);
+    let mut unfit = request(&scene, 2);
+    unfit.update.poses = vec![ObjectPose {
+        object: 2,
+        position: Vec3::ZERO,
+        rotation: Quat::IDENTITY,
+        visible: true,
+    }];
+    for request in [unknown, unfit] {
+        assert_eq!(ask(&mut node, request), Ok(None));
+    }
+    let why = |message| match message {
+        Some(ToClient::RunRefused(refusal)) => refusal.why,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(why(answer(&mut node)), RefusalReason::UnknownScene);
+    assert!(matches!(why(answer(&mut node)), RefusalReason::Invalid(_)));
+    assert_eq!(node.open_runs(), 0);
+}
+
+#[test]
+fn a_scene_that_cannot_be_drawn_is_refused() {
+    let (mut node, mut scene) = open_node();
+    scene.camera.fov_x_deg = f32::NAN;
+    let hash = SceneHash::of(&scene);
+    let message = ToNode::Scene {
+        hash,
+        scene: Box::new(scene),
+    };
+    assert_eq!(node.handle(to_node(&message)), Ok(None));
+    assert!(matches!(
+        answer(&mut node),
+        Some(ToClient::SceneRefused { .. })
+    ));
+}
+
+#[test]
+fn a_queue_that_is_full_is_busy() {
+    let (mut node, scene) = open_node();
+    for run in 0..RUNS_QUEUED_MAX as u64 {
+        assert!(ask(&mut node, request(&scene, run)).unwrap().is_some());
+    }
+    let next = RUNS_QUEUED_MAX as u64;
+    assert_eq!(ask(&mut node, request(&scene, next)), Ok(None));
+    let busy = Refusal {
+        run: RunId(next),
+        why: RefusalReason::Busy,
+    };
+    assert_eq!(answer(&mut node), Some(ToClient::RunRefused(busy)));
+    assert!(
+        ask(&mut node, request(&scene, next)).is_err(),
+        "a run used twice"
+    );
+}
+
+#[test]
+fn a_client_that_reads_no_answers_is_cut_off() {
+    let (mut node, _) = open_node();
+    let ping = to_node(&ToNode::Ping(1));
+    for _ in 0..CONTROL_QUEUED_MAX {
+        node.handle(ping.clone()).unwrap();
+    }
+    assert!(node.handle(ping).is_err());
+}
+
+#[test]
+fn a_cancelled_run_takes_no_more_of_the_wire() {
+    let (mut node, scene) = open_node();
+    ask(&mut node, request(&scene, 1)).unwrap();
+    let part = |first, count| TilesDone {
+        run: RunId(1),
+        tiles: TileRun { first, count },
+        busy_micros: 1,
+        dropped_samples: 0,
+        pixels: black(count),
+    };
+    assert_eq!(node.tiles(part(4, 4)), Ok(true));
+    let cancelled = node.handle(to_node(&ToNode::CancelBefore(FrameId(2))));
+    assert_eq!(cancelled, Ok(Some(NodeEvent::Cancelled(vec![RunId(1)]))));
+    assert_eq!(node.tiles(part(8, 4)), Ok(false));
+    assert_eq!(
+        node.run_done(RunReport {
+            run: RunId(1),
+            ..RunReport::default()
+        }),
+        Ok(false)
+    );
+    assert!(!node.refuse(RunId(1), RefusalReason::Busy));
+    let (run, why) = (RunId(1), RefusalReason::Cancelled);
+    assert_eq!(
+        answer(&mut node),
+        Some(ToClient::RunRefused(Refusal { run, why }))
+    );
+    assert_eq!(node.poll_transmit(), None);
+}
+
+#[test]
+fn a_node_says_of_a_run_only_what_it_was_asked() {
+    let (mut node, scene) = open_node();
+    ask(&mut node, request(&scene, 1)).unwrap();
+    let part = |first, count| TilesDone {
+        run: RunId(1),
+        tiles: TileRun { first, count },
+        busy_micros: 1,
+        dropped_samples: 0,
+        pixels: black(count),
+    };
+    let report = RunReport {
+        run: RunId(1),
+        ..RunReport::default()
+    };
+    assert!(node.tiles(part(3, 1)).is_err());
+    assert!(node.run_done(report).is_err());
+    assert_eq!(node.tiles(part(4, 6)), Ok(true));
+    assert!(node.tiles(part(9, 3)).is_err(), "only two are left");
+    assert_eq!(node.tiles(part(10, 2)), Ok(true));
+    assert_eq!(node.run_done(report), Ok(true));
+    assert!(node.run_done(report).is_err());
+}

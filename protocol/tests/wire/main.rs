@@ -1,0 +1,7 @@
+//! Laws of the wire: what is sent arrives as it was, whatever arrives does no harm.
+
+mod any;
+mod hostile;
+mod messages;
+mod pair;
+mod tiles;

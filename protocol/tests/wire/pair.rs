@@ -1,0 +1,375 @@
+//! A client and a node over a network that delivers tiles in any order.
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::sync::Arc;
+
+use carom_protocol::limits::{RUNS_QUEUED_MAX, SCENES_KEPT_MAX, TILES_PER_MESSAGE_MAX};
+use carom_protocol::tile_codec::{Encoder, TilePixels};
+use carom_protocol::{
+    Channel, ClientEvent, ClientSession, FrameId, NodeEvent, NodeSession, Packet, PixelFormat,
+    RefusalReason, RunId, RunReport, SceneHash, TilesDone, TraceRequest,
+};
+use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid, TileRun};
+use proptest::prelude::*;
+
+use crate::any;
+
+/// 70 tiles, the last of each row narrower, the last row lower.
+const GRID: TileGrid = TileGrid::new(ImageSize::new(77, 53), 8);
+const SCENES: usize = SCENES_KEPT_MAX + 3;
+
+struct Pair {
+    client: ClientSession,
+    node: NodeSession,
+    encoder: Encoder,
+    scenes: Vec<(SceneHash, Arc<Scene>)>,
+    to_node: VecDeque<Packet>,
+    to_client: VecDeque<Packet>,
+    tiles_to_client: Vec<Packet>,
+    /// The node's work: the request and the next tile.
+    work: BTreeMap<RunId, (TraceRequest, u32)>,
+    runs: BTreeMap<RunId, Run>,
+}
+
+/// What the client has of a run.
+struct Run {
+    tiles: TileRun,
+    received: BTreeSet<u32>,
+    cancelled: bool,
+    ended: bool,
+}
+
+impl Pair {
+    fn new() -> Self {
+        let scenes = (0..SCENES).map(|index| {
+            let scene = any::balls(index);
+            (SceneHash::of(&scene), Arc::new(scene))
+        });
+        let mut pair = Self {
+            client: ClientSession::new(),
+            node: NodeSession::new(any::node_info("near")),
+            encoder: Encoder::new(),
+            scenes: scenes.collect(),
+            to_node: VecDeque::new(),
+            to_client: VecDeque::new(),
+            tiles_to_client: Vec::new(),
+            work: BTreeMap::new(),
+            runs: BTreeMap::new(),
+        };
+        pair.drain(); // hello, welcome
+        pair
+    }
+
+    /// One thing that can happen, chosen by `what`, its details by `detail`.
+    fn step(&mut self, what: u8, detail: usize) {
+        match what % 12 {
+            0 | 1 => self.ask(detail),
+            2 => self.cancel_run(detail),
+            3 => self.cancel_before(detail),
+            4 => self.client.ping(detail as u64).unwrap(),
+            5 | 6 => self.deliver_to_node(),
+            7 | 8 => self.work(detail),
+            9 => self.refuse(detail),
+            10 => self.deliver_to_client(),
+            _ => self.deliver_tiles(detail),
+        }
+        self.transmit();
+    }
+
+    fn transmit(&mut self) {
+        self.to_node
+            .extend(std::iter::from_fn(|| self.client.poll_transmit()));
+        while let Some(packet) = self.node.poll_transmit() {
+            match packet.channel {
+                Channel::Control => self.to_client.push_back(packet),
+                Channel::Tiles => self.tiles_to_client.push(packet),
+            }
+        }
+    }
+
+    fn ask(&mut self, detail: usize) {
+        if self.client.open_runs() == RUNS_QUEUED_MAX {
+            return;
+        }
+        let (hash, scene) = &self.scenes[detail % SCENES];
+        self.client.set_scene(*hash, scene).unwrap();
+        let run = RunId(self.runs.len() as u64 * 3);
+        let first = detail as u32 % GRID.len();
+        let count = 1 + detail as u32 / 7 % (GRID.len() - first);
+        let tiles = TileRun { first, count };
+        let request = TraceRequest {
+            frame: frame_of(run),
+            run,
+            scene: *hash,
+            update: SceneUpdate::default(),
+            grid: GRID,
+            tiles,
+            settings: RenderSettings::default(),
+            format: PixelFormat::LinearF32,
+        };
+        self.client.trace(request).unwrap();
+        let (received, cancelled, ended) = (BTreeSet::new(), false, false);
+        self.runs.insert(
+            run,
+            Run {
+                tiles,
+                received,
+                cancelled,
+                ended,
+            },
+        );
+    }
+
+    fn cancel_run(&mut self, detail: usize) {
+        let Some(run) = pick(self.runs.keys(), detail) else {
+            return;
+        };
+        self.client.cancel_run(run).unwrap();
+        self.runs.get_mut(&run).unwrap().cancelled = true;
+    }
+
+    fn cancel_before(&mut self, detail: usize) {
+        let frame = FrameId((detail % (self.runs.len() + 1)) as u64 / 2);
+        self.client.cancel_before(frame).unwrap();
+        for (_, run) in self
+            .runs
+            .iter_mut()
+            .filter(|(id, _)| frame_of(**id) < frame)
+        {
+            run.cancelled = true;
+        }
+    }
+
+    fn deliver_to_node(&mut self) {
+        let Some(packet) = self.to_node.pop_front() else {
+            return;
+        };
+        match self.node.handle(packet).unwrap() {
+            Some(NodeEvent::Trace { request, scene }) => {
+                assert_eq!(SceneHash::of(&scene), request.scene);
+                self.work.insert(request.run, (*request, 0));
+            }
+            Some(NodeEvent::Cancelled(runs)) => {
+                for run in runs {
+                    self.work
+                        .remove(&run)
+                        .expect("a cancelled run is one that was asked for");
+                }
+            }
+            Some(NodeEvent::Scene { hash, scene }) => assert_eq!(SceneHash::of(&scene), hash),
+            None => {}
+        }
+    }
+
+    /// Some tiles of a run, or its report after the last.
+    fn work(&mut self, detail: usize) {
+        let Some(run) = pick(self.work.keys(), detail) else {
+            return;
+        };
+        let (request, next) = self.work.get_mut(&run).unwrap();
+        let left = request.tiles.count - *next;
+        if left == 0 {
+            self.node.run_done(report(run)).unwrap();
+            self.work.remove(&run);
+            return;
+        }
+        let count = left.min(1 + detail as u32 % TILES_PER_MESSAGE_MAX);
+        let first = request.tiles.first + *next;
+        let tiles = TileRun { first, count };
+        *next += count;
+        let pixels = encode(&mut self.encoder, run, tiles);
+        let (busy_micros, dropped_samples) = (count, first);
+        let done = TilesDone {
+            run,
+            tiles,
+            busy_micros,
+            dropped_samples,
+            pixels,
+        };
+        assert!(self.node.tiles(done).unwrap());
+    }
+
+    fn refuse(&mut self, detail: usize) {
+        if !detail.is_multiple_of(5) {
+            return; // a device that fails all the time would leave little to test
+        }
+        let Some(run) = pick(self.work.keys(), detail) else {
+            return;
+        };
+        assert!(
+            self.node
+                .refuse(run, RefusalReason::Device("it is on fire".into()))
+        );
+        self.work.remove(&run);
+    }
+
+    fn deliver_to_client(&mut self) {
+        if let Some(packet) = self.to_client.pop_front() {
+            self.hear(packet);
+        }
+    }
+
+    fn deliver_tiles(&mut self, detail: usize) {
+        if !self.tiles_to_client.is_empty() {
+            let index = detail % self.tiles_to_client.len();
+            let packet = self.tiles_to_client.swap_remove(index);
+            self.hear(packet);
+        }
+    }
+
+    fn hear(&mut self, packet: Packet) {
+        for event in self.client.handle(packet).unwrap() {
+            match event {
+                ClientEvent::Tiles {
+                    frame,
+                    run,
+                    tiles,
+                    pixels,
+                    ..
+                } => {
+                    assert_eq!(frame, frame_of(run));
+                    assert!(!self.runs[&run].cancelled);
+                    assert_eq!(pixels, TilePixels::Linear(radiance(run, tiles).concat()));
+                    self.receive(run, tiles);
+                }
+                ClientEvent::TilesLate { run, tiles, .. } => {
+                    assert!(self.runs[&run].cancelled);
+                    self.receive(run, tiles);
+                }
+                ClientEvent::RunDone {
+                    frame,
+                    report: heard,
+                } => {
+                    assert_eq!((frame, heard), (frame_of(heard.run), report(heard.run)));
+                    let run = self.end(heard.run);
+                    let whole = run.received.len() == run.tiles.count as usize;
+                    assert!(whole || run.cancelled);
+                }
+                ClientEvent::RunRefused { refusal, .. } => {
+                    let run = self.end(refusal.run);
+                    match refusal.why {
+                        RefusalReason::Cancelled => assert!(run.cancelled),
+                        RefusalReason::Device(_) => {}
+                        // The client never asks for more than the node takes, and knows which
+                        // scenes it keeps.
+                        why => panic!("{why:?}"),
+                    }
+                }
+                ClientEvent::Welcome(_) | ClientEvent::SceneReady(_) | ClientEvent::Pong(_) => {}
+                ClientEvent::SceneRefused { why, .. } => panic!("{why}"),
+            }
+        }
+    }
+
+    fn receive(&mut self, run: RunId, tiles: TileRun) {
+        let run = self.runs.get_mut(&run).unwrap();
+        assert!(!run.ended);
+        for tile in tiles.indices() {
+            assert!(run.tiles.indices().contains(&tile));
+            assert!(run.received.insert(tile), "tile {tile} came twice");
+        }
+    }
+
+    fn end(&mut self, run: RunId) -> &Run {
+        let run = self.runs.get_mut(&run).unwrap();
+        assert!(!std::mem::replace(&mut run.ended, true), "two last words");
+        run
+    }
+
+    /// Lets everything that is under way come to its end.
+    fn drain(&mut self) {
+        loop {
+            self.transmit();
+            if !self.to_node.is_empty() {
+                self.deliver_to_node();
+            } else if !self.to_client.is_empty() {
+                self.deliver_to_client();
+            } else if !self.tiles_to_client.is_empty() {
+                self.deliver_tiles(0);
+            } else if !self.work.is_empty() {
+                self.work(0);
+            } else {
+                break;
+            }
+        }
+    }
+}
+
+fn frame_of(run: RunId) -> FrameId {
+    FrameId(run.0 / 6)
+}
+
+fn report(run: RunId) -> RunReport {
+    let queue_micros = run.0 as u32;
+    RunReport {
+        run,
+        queue_micros,
+        ..RunReport::default()
+    }
+}
+
+/// Light that tells run, tile and pixel.
+fn radiance(run: RunId, tiles: TileRun) -> Vec<Vec<[f32; 3]>> {
+    let tile = |index: u32| {
+        let pixels = 0..GRID.tile(index).pixels();
+        pixels
+            .map(|pixel| [run.0 as f32, index as f32, pixel as f32])
+            .collect()
+    };
+    tiles.indices().map(tile).collect()
+}
+
+fn encode(encoder: &mut Encoder, run: RunId, tiles: TileRun) -> Vec<u8> {
+    let radiance = radiance(run, tiles);
+    let lit: Vec<_> = GRID
+        .tiles(tiles)
+        .zip(radiance.iter().map(|tile| &tile[..]))
+        .collect();
+    encoder.encode(PixelFormat::LinearF32, &lit)
+}
+
+fn pick<'a>(mut runs: impl ExactSizeIterator<Item = &'a RunId>, detail: usize) -> Option<RunId> {
+    let count = runs.len().max(1);
+    runs.nth(detail % count).copied()
+}
+
+proptest! {
+    #![proptest_config(any::config(150))]
+
+    #[test]
+    fn each_run_comes_to_its_end_whatever_overtakes_what(
+        steps in prop::collection::vec((any::<u8>(), 0..10_000usize), 0..500),
+    ) {
+        let mut pair = Pair::new();
+        for (what, detail) in steps {
+            pair.step(what, detail);
+        }
+        pair.drain();
+        prop_assert_eq!((pair.client.open_runs(), pair.node.open_runs()), (0, 0));
+        for (id, run) in &pair.runs {
+            prop_assert!(run.ended || run.cancelled, "{:?} has not ended", id);
+        }
+    }
+}
+
+#[test]
+fn a_scene_is_sent_once_while_the_node_keeps_it() {
+    let mut pair = Pair::new();
+    let scene_packets = |pair: &mut Pair, index: usize| {
+        let (hash, scene) = pair.scenes[index].clone();
+        pair.client.set_scene(hash, &scene).unwrap();
+        let sent = std::iter::from_fn(|| pair.client.poll_transmit());
+        sent.filter(|packet| packet.bytes[0] == 1).count()
+    };
+    assert_eq!(scene_packets(&mut pair, 0), 1);
+    assert_eq!(scene_packets(&mut pair, 0), 0);
+    for index in 1..=SCENES_KEPT_MAX {
+        assert_eq!(scene_packets(&mut pair, index), 1);
+    }
+    assert_eq!(scene_packets(&mut pair, SCENES_KEPT_MAX), 0);
+    assert_eq!(
+        scene_packets(&mut pair, 0),
+        1,
+        "it was the least recently used"
+    );
+}
