@@ -130,10 +130,10 @@ impl Features {
     }
 }
 
-/// Whether the difference of two coordinates, rounded, is off by more than 2⁻¹³ of a radius. A
-/// pool table's balls (28.6 mm) reach that 58 m from the origin.
+/// Whether the difference of two coordinates, rounded, is off by more than 2⁻¹⁵ of a radius. A
+/// pool table's balls (28.6 mm) reach that 15 m from the origin.
 fn needs_compensation(scene: &CompiledScene) -> bool {
-    const COORDINATE_PER_RADIUS_MAX: f32 = 2048.0;
+    const COORDINATE_PER_RADIUS_MAX: f32 = 512.0;
     let visible = scene.spheres.iter().filter(|sphere| sphere.radius > 0.0);
     let radius_min = visible.map(|s| s.radius).fold(f32::INFINITY, f32::min);
     let centers = scene.spheres.iter().map(|s| s.center);

@@ -22,6 +22,9 @@ mod probe;
 mod schedule;
 mod shader;
 
+#[cfg(test)]
+mod leaf_tests;
+
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
@@ -212,5 +215,123 @@ fn deliver(
             radiance: film[begin..begin + pixels].to_vec(),
             dropped_samples,
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Mutex;
+    use std::sync::atomic::AtomicBool;
+
+    use super::*;
+    use crate::{ImageSize, RenderSettings, TileGrid};
+
+    const GRID: TileGrid = TileGrid::new(ImageSize::new(40, 24), 16);
+
+    fn tracer() -> Option<GpuTracer> {
+        match GpuTracer::new(&AdapterChoice::Any) {
+            Ok(tracer) => Some(tracer),
+            Err(error) if std::env::var_os("CAROM_REQUIRE_GPU").is_some() => panic!("{error}"),
+            Err(error) => {
+                eprintln!("skipped: {error}");
+                None
+            }
+        }
+    }
+
+    fn trace(tracer: &GpuTracer) -> Result<(Vec<TileRadiance>, TraceStats), Error> {
+        let scene = CompiledScene::new(&probe::scene())?;
+        let tiles: Vec<_> = GRID.tiles(GRID.all()).collect();
+        let job = TraceJob {
+            size: GRID.size,
+            tiles: &tiles,
+            settings: RenderSettings {
+                samples: 5,
+                ..RenderSettings::default()
+            },
+            cancelled: &AtomicBool::new(false),
+        };
+        let done = Mutex::new(Vec::new());
+        let stats = tracer.trace(&scene, &job, &|tile| done.lock().unwrap().push(tile))?;
+        Ok((done.into_inner().unwrap(), stats))
+    }
+
+    #[test]
+    fn the_picture_does_not_depend_on_how_dispatches_are_cut() {
+        let Some(mut tracer) = tracer() else { return };
+        let (tiles, stats) = trace(&tracer).unwrap();
+        // A device that seems slow is given one sample of each pixel at a time.
+        tracer.pacer = Pacer::new();
+        tracer.pacer.learn(1, 1.0, 1e12);
+        let (cut_tiles, cut_stats) = trace(&tracer).unwrap();
+        assert_eq!(cut_tiles, tiles);
+        assert_eq!(
+            (cut_stats.samples, cut_stats.rays),
+            (stats.samples, stats.rays)
+        );
+    }
+
+    #[test]
+    fn the_device_s_clock_is_read_where_there_is_one() {
+        let Some(tracer) = tracer() else { return };
+        let (_, stats) = trace(&tracer).unwrap();
+        assert_eq!(stats.device_nanos > 0, tracer.device.tick_nanos.is_some());
+    }
+
+    #[test]
+    fn a_lost_device_is_an_error() {
+        let Some(tracer) = tracer() else { return };
+        tracer.device.device.destroy();
+        for _ in 0..2 {
+            let lost = trace(&tracer);
+            assert!(matches!(lost, Err(Error::Device { .. })), "{lost:?}");
+        }
+    }
+
+    #[test]
+    fn a_tile_that_no_buffer_holds_is_an_error() {
+        let Some(mut tracer) = tracer() else { return };
+        tracer.pixels_max = 255;
+        let refused = trace(&tracer);
+        assert!(matches!(refused, Err(Error::Device { .. })), "{refused:?}");
+    }
+
+    #[test]
+    fn memory_that_the_device_has_not_is_an_error() {
+        let Some(tracer) = tracer() else { return };
+        let refused = tracer.device.guarded(|device| {
+            device.create_buffer(&wgpu::BufferDescriptor {
+                label: None,
+                size: device.limits().max_buffer_size.saturating_add(16),
+                usage: wgpu::BufferUsages::STORAGE,
+                mapped_at_creation: false,
+            })
+        });
+        assert!(matches!(refused, Err(Error::Device { .. })));
+        trace(&tracer).unwrap();
+    }
+
+    #[test]
+    fn a_tracer_that_is_wrong_does_not_pass_the_probe() {
+        /// The reference with other random numbers: right on average, wrong sample for sample.
+        struct Wrong;
+        impl Tracer for Wrong {
+            fn info(&self) -> DeviceInfo {
+                crate::Reference.info()
+            }
+            fn trace(
+                &self,
+                scene: &CompiledScene,
+                job: &TraceJob<'_>,
+                sink: &(dyn Fn(TileRadiance) + Sync),
+            ) -> Result<TraceStats, Error> {
+                let mut job = *job;
+                job.settings.seed += 1;
+                crate::Reference.trace(scene, &job, sink)
+            }
+        }
+        probe::prove(&crate::Reference).unwrap();
+        let error = probe::prove(&Wrong).unwrap_err().to_string();
+        assert!(error.contains("start-up probe"), "{error}");
     }
 }

@@ -80,7 +80,7 @@ fn trace(tracer: &dyn Tracer, scene: &CompiledScene) -> Result<Vec<[f32; 3]>, Er
 }
 
 /// A ball, a box and two plates under two lamps.
-fn scene() -> Scene {
+pub(crate) fn scene() -> Scene {
     let materials = [
         (
             "ball",
@@ -107,7 +107,7 @@ fn scene() -> Scene {
         rotation: Quat::from_rotation_x(0.7),
     };
     let solid = Shape::Box {
-        min: Vec3::new(-1.5, 0.6, 0.0),
+        min: Vec3::new(-1.5, 0.6, -0.1),
         max: Vec3::new(-0.4, 1.2, 0.9),
     };
     let disc = Shape::Disc {

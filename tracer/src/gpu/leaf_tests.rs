@@ -1,0 +1,379 @@
+//! The kernel's leaves, run alone on a device over thousands of inputs.
+
+use bytemuck::{cast_slice, pod_collect_to_vec};
+use glam::{DVec3, Vec3};
+
+use super::adapter::AdapterChoice;
+use super::device::Device;
+use super::features::{Features, SceneMemory};
+use super::layout::scene_bytes;
+use super::{probe, shader};
+use crate::compiled::{Primitive, SphereData, fresnel_dielectric};
+use crate::reference::bsdf::basis;
+use crate::reference::{Ray, intersect};
+use crate::sampling::{pcg4d, uniforms};
+use crate::{CompiledScene, ImageSize};
+
+/// A device, or none and a reason.
+fn device() -> Option<Device> {
+    match Device::open(&AdapterChoice::Any) {
+        Ok(device) => Some(device),
+        Err(error) if std::env::var_os("CAROM_REQUIRE_GPU").is_some() => panic!("{error}"),
+        Err(error) => {
+            eprintln!("skipped: {error}");
+            None
+        }
+    }
+}
+
+/// Evenly spread numbers in [0, 1), four for each `i`.
+fn random(i: usize) -> [f64; 4] {
+    uniforms(i as u32, 1, 2, 3).map(f64::from)
+}
+
+/// Runs `body` for each `i` below `count`, a multiple of 64: it reads words with `word(at)` and
+/// numbers with `number(at)` and `triple(at)`, and writes four words with `result(i, vec4u)`.
+fn run(scene: &CompiledScene, body: &str, input: &[u32], count: usize) -> Option<Vec<[u32; 4]>> {
+    assert_eq!(count % 64, 0);
+    let device = device()?;
+    let features = Features::of(scene, 65_536);
+    assert_eq!(features.memory, SceneMemory::Uniform);
+    let text = shader::source(&features) + ENTRY + body + "}";
+    let scene = scene_bytes(scene, ImageSize::new(1, 1)).unwrap();
+    let bytes = 16 * count as u64;
+    let (commands, readback) = device
+        .guarded(|wgpu| {
+            let buffer = |size: usize, usage| {
+                wgpu.create_buffer(&wgpu::BufferDescriptor {
+                    label: None,
+                    size: size as u64,
+                    usage: usage | wgpu::BufferUsages::COPY_DST,
+                    mapped_at_creation: false,
+                })
+            };
+            let uniform = buffer(scene.len(), wgpu::BufferUsages::UNIFORM);
+            let source = buffer(size_of_val(input), wgpu::BufferUsages::STORAGE);
+            let results = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+            let output = buffer(bytes as usize, results);
+            let readback = buffer(bytes as usize, wgpu::BufferUsages::MAP_READ);
+            device.queue.write_buffer(&uniform, 0, &scene);
+            device.queue.write_buffer(&source, 0, cast_slice(input));
+            let mut encoder = wgpu.create_command_encoder(&Default::default());
+            let pipeline = pipeline(wgpu, text);
+            encode(
+                wgpu,
+                &mut encoder,
+                &pipeline,
+                [&uniform, &source, &output],
+                count,
+            );
+            encoder.copy_buffer_to_buffer(&output, 0, &readback, 0, bytes);
+            (encoder.finish(), readback)
+        })
+        .unwrap();
+    device.submit_and_map(commands, readback.slice(..)).unwrap();
+    let view = readback.slice(..).get_mapped_range().unwrap();
+    Some(pod_collect_to_vec(&view))
+}
+
+const ENTRY: &str = "
+@group(0) @binding(5) var<storage, read> leaf_input: array<u32>;
+@group(0) @binding(6) var<storage, read_write> leaf_output: array<vec4u>;
+fn word(at: u32) -> u32 { return leaf_input[at]; }
+fn number(at: u32) -> f32 { return bitcast<f32>(leaf_input[at]); }
+fn triple(at: u32) -> vec3f { return vec3f(number(at), number(at + 1u), number(at + 2u)); }
+fn result(i: u32, words: vec4u) { leaf_output[i] = words; }
+@compute @workgroup_size(64)
+fn leaf(@builtin(global_invocation_id) id: vec3u) {
+    let i = id.x;
+    // So that each leaf's layout has the scene and the input, whether it uses them or not.
+    let environment = scene.header.environment;
+    let first = word(0u);
+";
+
+fn pipeline(wgpu: &wgpu::Device, text: String) -> wgpu::ComputePipeline {
+    let module = wgpu.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: None,
+        source: wgpu::ShaderSource::Wgsl(text.into()),
+    });
+    wgpu.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: None,
+        layout: None,
+        module: &module,
+        entry_point: Some("leaf"),
+        compilation_options: wgpu::PipelineCompilationOptions::default(),
+        cache: None,
+    })
+}
+
+fn encode(
+    wgpu: &wgpu::Device,
+    encoder: &mut wgpu::CommandEncoder,
+    pipeline: &wgpu::ComputePipeline,
+    buffers: [&wgpu::Buffer; 3],
+    count: usize,
+) {
+    let entries = [0, 1, 2].map(|i| wgpu::BindGroupEntry {
+        binding: [0, 5, 6][i],
+        resource: buffers[i].as_entire_binding(),
+    });
+    let bindings = wgpu.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: None,
+        layout: &pipeline.get_bind_group_layout(0),
+        entries: &entries,
+    });
+    let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+    pass.set_pipeline(pipeline);
+    pass.set_bind_group(0, &bindings, &[]);
+    pass.dispatch_workgroups(count as u32 / 64, 1, 1);
+}
+
+fn probe_scene() -> CompiledScene {
+    CompiledScene::new(&probe::scene()).unwrap()
+}
+
+#[test]
+fn random_words_are_those_of_the_processor_bit_for_bit() {
+    let inputs: Vec<[u32; 4]> = (0..8192_u32)
+        .map(|i| pcg4d([i, i << 20, !i, i.wrapping_mul(0x9e37_79b9)]))
+        .collect();
+    let body = "
+        let at = 4u * i;
+        result(i, pcg4d(vec4u(word(at), word(at + 1u), word(at + 2u), word(at + 3u))));";
+    let Some(words) = run(&probe_scene(), body, cast_slice(&inputs), inputs.len()) else {
+        return;
+    };
+    for (input, words) in inputs.iter().zip(words) {
+        assert_eq!(words, pcg4d(*input));
+    }
+}
+
+#[test]
+fn uniforms_and_their_blocks_are_those_of_the_processor_bit_for_bit() {
+    let body = "
+        let key = pixel_key(i % 300u, i / 300u);
+        result(i, bitcast<vec4u>(uniforms(key, i * 7u, block_light(i % 9u) + block_scatter(i), 5u)));";
+    let Some(words) = run(&probe_scene(), body, &[0], 4096) else {
+        return;
+    };
+    for (i, words) in (0..).zip(words) {
+        use crate::sampling::{block_light, block_scatter, pixel_key};
+        let block = block_light(i % 9) + block_scatter(i);
+        let expected = uniforms(pixel_key(i % 300, i / 300), i * 7, block, 5);
+        assert_eq!(words, expected.map(f32::to_bits));
+    }
+}
+
+#[test]
+fn infinities_and_nan_are_told_from_numbers() {
+    let values = [
+        (0.0, true),
+        (-0.0, true),
+        (f32::MAX, true),
+        (f32::MIN_POSITIVE, true),
+        (-1e30, true),
+        (f32::INFINITY, false),
+        (f32::NEG_INFINITY, false),
+        (f32::NAN, false),
+    ];
+    let words: Vec<u32> = values.iter().map(|(value, _)| value.to_bits()).collect();
+    let body = "
+        var v = vec3f(1.0);
+        v[(i / 8u) % 3u] = number(i % 8u);
+        result(i, vec4u(u32(is_finite(v)), 0u, 0u, 0u));";
+    let Some(results) = run(&probe_scene(), body, &words, 64) else {
+        return;
+    };
+    for (i, [finite, ..]) in results.into_iter().enumerate() {
+        let (value, expected) = values[i % 8];
+        assert_eq!(finite == 1, expected, "{value}");
+    }
+}
+
+#[test]
+fn directions_are_cosine_weighted_as_the_reference_s() {
+    const COUNT: usize = 8192;
+    let normal = |i: usize| {
+        let [a, b, ..] = random(i + COUNT);
+        match i % 16 {
+            0 => DVec3::new(0.0, 0.0, -1.0),
+            1 => DVec3::new(-1.0, 0.0, -0.0),
+            2 => DVec3::new(1e-4, 0.0, -1.0).normalize(),
+            _ => DVec3::new(a - 0.5, b - 0.5, a * b - 0.2).normalize(),
+        }
+    };
+    let u = |i: usize| [random(i)[0], if i % 8 == 0 { 0.0 } else { random(i)[1] }];
+    let input: Vec<u32> = (0..COUNT)
+        .flat_map(|i| [normal(i).to_array().as_slice(), &u(i)].concat())
+        .map(|value| (value as f32).to_bits())
+        .collect();
+    let body = "
+        let at = 5u * i;
+        let wi = cosine_hemisphere(triple(at), number(at + 3u), number(at + 4u));
+        result(i, vec4u(bitcast<vec3u>(wi), 0u));";
+    let Some(results) = run(&probe_scene(), body, &input, COUNT) else {
+        return;
+    };
+    for (i, [x, y, z, _]) in results.into_iter().enumerate() {
+        let n = normal(i).as_vec3().as_dvec3();
+        let (t, b) = basis(n);
+        let [u1, u2] = u(i);
+        let (sin, cos) = (std::f64::consts::TAU * u2).sin_cos();
+        let expected = u1.sqrt() * (cos * t + sin * b) + (1.0 - u1).sqrt() * n;
+        let wi = Vec3::from([x, y, z].map(f32::from_bits)).as_dvec3();
+        assert!(
+            wi.distance(expected) < 1e-6,
+            "{i}: {wi} instead of {expected}"
+        );
+    }
+}
+
+#[test]
+fn fresnel_reflectance_is_that_of_the_reference() {
+    const COUNT: usize = 4096;
+    let index = |i: usize| [1.0, 1.000_001, 1.33, 1.5, 2.4, 1000.0][i % 6];
+    let cos = |i: usize| [0.0, 1.0, 1e-6, random(i)[0], random(i)[1]][i % 5] as f32;
+    let input: Vec<u32> = (0..COUNT)
+        .flat_map(|i| [cos(i).to_bits(), (index(i) as f32).to_bits()])
+        .collect();
+    let body = "
+        let f = fresnel_dielectric(number(2u * i), number(2u * i + 1u));
+        let none = fresnel_dielectric(number(2u * i), 0.0);
+        result(i, bitcast<vec4u>(vec4f(f, none, 0.0, 0.0)));";
+    let Some(results) = run(&probe_scene(), body, &input, COUNT) else {
+        return;
+    };
+    for (i, [f, none, ..]) in results.into_iter().enumerate() {
+        let expected = fresnel_dielectric(f64::from(cos(i)), f64::from(index(i) as f32));
+        let f = f64::from(f32::from_bits(f));
+        assert!((f - expected).abs() < 2e-6, "{f} instead of {expected}");
+        assert_eq!(f32::from_bits(none), 0.0);
+    }
+}
+
+/// Rays along axes, in faces and through edges among them.
+fn rays(count: usize) -> Vec<[f32; 6]> {
+    let ray = |i: usize| {
+        let [a, b, c, d] = random(i);
+        let origin = DVec3::new(6.0 * a - 3.0, 6.0 * b - 3.0, 3.0 * c - 0.5);
+        let aim = DVec3::from_slice(&random(i + count)) * DVec3::new(3.0, 3.0, 1.0);
+        let direction = (aim - DVec3::new(1.5, 1.5, 0.0) - origin).normalize();
+        let axis = DVec3::AXES[i % 3] * if d < 0.5 { 1.0 } else { -1.0 };
+        let (origin, direction) = match i % 8 {
+            0 => (origin, axis),
+            1 => (DVec3::new(-1.5, origin.y, 0.45), axis),
+            2 => (DVec3::new(-1.5, 0.6, 2.0 * c), axis),
+            _ => (origin, direction),
+        };
+        let [o, d] = [origin, direction].map(|v| v.as_vec3().to_array());
+        [o[0], o[1], o[2], d[0], d[1], d[2]]
+    };
+    (0..count).map(ray).collect()
+}
+
+#[test]
+fn rays_meet_what_the_reference_s_rays_meet() {
+    const COUNT: usize = 16_384;
+    let (scene, rays) = (probe_scene(), rays(COUNT));
+    let input: Vec<u32> = rays.as_flattened().iter().map(|v| v.to_bits()).collect();
+    let body = "
+        let ray = Ray(triple(6u * i), triple(6u * i + 3u));
+        let hit = nearest(ray, NO_PRIMITIVE);
+        let shadowed = occluded(ray, NO_PRIMITIVE, NO_PRIMITIVE, 1.5);
+        result(i, vec4u(hit.primitive, bitcast<u32>(hit.t), u32(shadowed), 0u));";
+    let Some(results) = run(&scene, body, &input, COUNT) else {
+        return;
+    };
+    let mut differing = 0;
+    for (ray, [primitive, t, shadowed, _]) in rays.iter().zip(results) {
+        let vector = |at: usize| Vec3::from_slice(&ray[at..]).as_dvec3();
+        let (origin, direction) = (vector(0), vector(3));
+        let hit = intersect(&scene, &Ray { origin, direction });
+        let expected = hit.map_or(u32::MAX, |hit| match hit.primitive {
+            Primitive::Sphere(_) => 0,
+            Primitive::Box(_) => 1,
+            Primitive::Disc(_) => 2,
+            Primitive::Rectangle(_) => 3,
+            Primitive::Lamp(i) => 4 + i,
+        });
+        let t_expected = hit.map_or(f64::INFINITY, |hit| hit.t);
+        let t = f64::from(f32::from_bits(t));
+        let is_same = primitive == expected
+            && (hit.is_none() || (t - t_expected).abs() < 1e-5)
+            && ((shadowed == 1) == (t_expected < 1.5) || (t_expected - 1.5).abs() < 1e-5);
+        differing += usize::from(!is_same);
+    }
+    // Rays that pass an outline within rounding, or an edge of the box exactly.
+    assert!(differing * 2000 <= COUNT, "{differing} of {COUNT}");
+}
+
+#[test]
+fn balls_are_met_from_any_distance_as_in_f64() {
+    const COUNT: usize = 4096;
+    const RADIUS: f32 = 0.028_575;
+    for distance in [1.0, 10.0, 100.0, 1e3, 1e4, 1e5, 1e6, 1e7] {
+        let mut scene = probe_scene();
+        scene.spheres[0] = SphereData {
+            center: [0.0; 3],
+            radius: RADIUS,
+            ..scene.spheres[0]
+        };
+        scene.camera.eye.x = distance;
+        let rays: Vec<[f32; 6]> = (0..COUNT)
+            .map(|i| ray_at_ball(i, distance, RADIUS))
+            .collect();
+        let input: Vec<u32> = rays.as_flattened().iter().map(|v| v.to_bits()).collect();
+        let body = "
+            let ray = Ray(triple(6u * i), triple(6u * i + 3u));
+            let t = sphere_t(ray, scene.spheres[0].center, scene.spheres[0].radius);
+            let n = sphere_surface(ray, t, 0u).normal;
+            result(i, vec4u(bitcast<u32>(t), bitcast<vec3u>(n)));";
+        let Some(results) = run(&scene, body, &input, COUNT) else {
+            return;
+        };
+        let mut wrong = 0;
+        let mut error_max = 0.0_f64;
+        for (ray, [t, x, y, z]) in rays.iter().zip(results) {
+            let n = Vec3::from([x, y, z].map(f32::from_bits)).as_dvec3();
+            let is_hit = f32::from_bits(t) < 3e38;
+            match normal_in_f64(ray, RADIUS) {
+                Some(expected) if is_hit => error_max = error_max.max(n.distance(expected)),
+                expected => wrong += usize::from(expected.is_some() || is_hit),
+            }
+        }
+        // Without compensation a device that rounds `fma` twice is off in proportion.
+        let is_compensated = Features::of(&scene, 65_536).is_compensated;
+        let bound = if is_compensated {
+            3e-5
+        } else {
+            1e-4 * f64::from(distance)
+        };
+        assert_eq!(wrong, 0, "{distance} m");
+        assert!(
+            error_max < bound,
+            "{distance} m: normals off by {error_max}"
+        );
+    }
+}
+
+/// A ray from `distance` that passes the ball's centre within 1.2 radii.
+fn ray_at_ball(i: usize, distance: f32, radius: f32) -> [f32; 6] {
+    let [a, b, c, d] = random(i);
+    let eye = (DVec3::new(a, b, c) - 0.5).normalize() * f64::from(distance);
+    let eye = eye.as_vec3().as_dvec3();
+    let (t, bitangent) = basis(eye.normalize());
+    let angle = std::f64::consts::TAU * d;
+    let aside = f64::from(radius) * 1.2 * random(i + 77_777)[0].sqrt();
+    let aim = aside * (angle.cos() * t + angle.sin() * bitangent);
+    let direction = (aim - eye).normalize();
+    let [o, d] = [eye, direction].map(|v| v.as_vec3().to_array());
+    [o[0], o[1], o[2], d[0], d[1], d[2]]
+}
+
+fn normal_in_f64(ray: &[f32; 6], radius: f32) -> Option<DVec3> {
+    let vector = |at: usize| Vec3::from_slice(&ray[at..]).as_dvec3();
+    let (origin, direction) = (vector(0), vector(3).normalize());
+    let nearest = origin - origin.dot(direction) * direction;
+    let half_squared = f64::from(radius).powi(2) - nearest.length_squared();
+    (half_squared > 0.0).then(|| (nearest - half_squared.sqrt() * direction).normalize())
+}
