@@ -202,7 +202,16 @@ fn directions_are_cosine_weighted_as_the_reference_s() {
             _ => DVec3::new(a - 0.5, b - 0.5, a * b - 0.2).normalize(),
         }
     };
-    let u = |i: usize| [random(i)[0], if i % 8 == 0 { 0.0 } else { random(i)[1] }];
+    let u = |i: usize| {
+        [
+            random(i)[0],
+            if i.is_multiple_of(8) {
+                0.0
+            } else {
+                random(i)[1]
+            },
+        ]
+    };
     let input: Vec<u32> = (0..COUNT)
         .flat_map(|i| [normal(i).to_array().as_slice(), &u(i)].concat())
         .map(|value| (value as f32).to_bits())

@@ -218,9 +218,11 @@ mod tests {
         }
     }
 
+    type Layout = (&'static str, usize, Vec<(&'static str, usize)>);
+
     /// A struct's name, size, and the offset of each field that is not padding.
     macro_rules! layout {
-        ($ty:ident { $($field:ident),* }) => {
+        ($ty:ident, $($field:ident)*) => {
             (
                 stringify!($ty),
                 size_of::<$ty>(),
@@ -229,79 +231,28 @@ mod tests {
         };
     }
 
+    #[rustfmt::skip]
+    fn layouts_in_rust() -> [Layout; 10] {
+        [
+            layout!(SphereData, center radius stripe_axis material),
+            layout!(BoxData, min material max),
+            layout!(DiscData, center radius normal material),
+            layout!(RectangleData, center material half_u inv_u2 half_v inv_v2 normal),
+            layout!(LampData, center area half_u inv_u2 half_v inv_v2 normal radiance),
+            layout!(MaterialData, albedo ior stripe_albedo stripe_half_width diffuse_scale),
+            layout!(CameraFrame, eye corner dx dy),
+            layout!(SceneHeader, camera environment),
+            layout!(DispatchData,
+                tile_count block_count sample_begin sample_end samples first_sample seed
+                scatterings_max),
+            layout!(TileEntry, x y width height first_block first_pixel),
+        ]
+    }
+
     #[test]
     fn structs_lie_in_the_kernel_as_in_rust() {
-        let layouts = [
-            layout!(SphereData {
-                center,
-                radius,
-                stripe_axis,
-                material
-            }),
-            layout!(BoxData { min, material, max }),
-            layout!(DiscData {
-                center,
-                radius,
-                normal,
-                material
-            }),
-            layout!(RectangleData {
-                center,
-                material,
-                half_u,
-                inv_u2,
-                half_v,
-                inv_v2,
-                normal
-            }),
-            layout!(LampData {
-                center,
-                area,
-                half_u,
-                inv_u2,
-                half_v,
-                inv_v2,
-                normal,
-                radiance
-            }),
-            layout!(MaterialData {
-                albedo,
-                ior,
-                stripe_albedo,
-                stripe_half_width,
-                diffuse_scale
-            }),
-            layout!(CameraFrame {
-                eye,
-                corner,
-                dx,
-                dy
-            }),
-            layout!(SceneHeader {
-                camera,
-                environment
-            }),
-            layout!(DispatchData {
-                tile_count,
-                block_count,
-                sample_begin,
-                sample_end,
-                samples,
-                first_sample,
-                seed,
-                scatterings_max
-            }),
-            layout!(TileEntry {
-                x,
-                y,
-                width,
-                height,
-                first_block,
-                first_pixel
-            }),
-        ];
         let module = validated(&ALL);
-        for (name, size, fields) in layouts {
+        for (name, size, fields) in layouts_in_rust() {
             let (members, span) = structure(&module, name);
             assert_eq!(span as usize, size, "{name}");
             let reflected: Vec<_> = members
