@@ -1,17 +1,22 @@
 //! Traces the pool scene and says how far the picture is from the independent reference.
 //!
 //! ```text
-//! cargo run --release -p carom-tracer --example accuracy -- SAMPLES [picture.png]
+//! cargo run --release -p carom-tracer --example accuracy -- [reference|gpu [SAMPLES [picture.png]]]
 //! ```
+//!
+//! The f64 reference: relMSE 1.16e-2 at 16 samples, 1.45e-3 at 128, which is 0.186 over the samples;
+//! its mean is within 0.02 % of the independent renderer's in each channel, and no region is biased.
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use carom_tracer::film::trace_estimate;
+use carom_tracer::gpu::AdapterChoice;
 use carom_tracer::metrics::{Comparison, Estimate, compare};
 use carom_tracer::{
-    CompiledScene, RadianceImage, Reference, RenderSettings, Scene, Tile, TileGrid, Tracer,
+    CompiledScene, GpuTracer, RadianceImage, Reference, RenderSettings, Scene, Tile, TileGrid,
+    Tracer,
 };
 
 /// Independent pictures from whose scatter the standard error comes.
@@ -21,8 +26,8 @@ const REGION_EDGE: u16 = 30;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
+    let tracer = tracer(arguments.next().as_deref().unwrap_or("reference"))?;
     let samples: u32 = arguments.next().as_deref().unwrap_or("16").parse()?;
-    let picture = arguments.next();
 
     let reference = Estimate {
         mean: RadianceImage::read_exr(repository("tests/references/pool_480x270.exr"))?,
@@ -36,29 +41,27 @@ fn main() -> Result<(), Box<dyn Error>> {
         ..RenderSettings::default()
     };
 
-    let tracers: [Box<dyn Tracer>; 1] = [Box::new(Reference)];
-    for tracer in &tracers {
-        let started = Instant::now();
-        let traced = trace_estimate(
-            tracer.as_ref(),
-            &scene,
-            grid.size,
-            settings,
-            &tiles,
-            BATCHES,
-        )?;
-        let secs = started.elapsed().as_secs_f64();
-        println!(
-            "{}: {} samples a pixel, {secs:.1} s",
-            tracer.info().name,
-            settings.samples * BATCHES
-        );
-        print(&compare(&traced, &reference, REGION_EDGE)?);
-        if let Some(path) = &picture {
-            traced.mean.write_png(path, 1.0)?;
-        }
+    let started = Instant::now();
+    let size = grid.size;
+    let traced = trace_estimate(tracer.as_ref(), &scene, size, settings, &tiles, BATCHES)?;
+    let (secs, samples) = (started.elapsed().as_secs_f64(), settings.samples * BATCHES);
+    println!(
+        "{}: {samples} samples a pixel, {secs:.1} s",
+        tracer.info().name
+    );
+    print(&compare(&traced, &reference, REGION_EDGE)?);
+    if let Some(path) = arguments.next() {
+        traced.mean.write_png(path, 1.0)?;
     }
     Ok(())
+}
+
+fn tracer(name: &str) -> Result<Box<dyn Tracer>, Box<dyn Error>> {
+    match name {
+        "reference" => Ok(Box::new(Reference)),
+        "gpu" => Ok(Box::new(GpuTracer::new(&AdapterChoice::Any)?)),
+        _ => Err(format!("there is no tracer `{name}`: choose reference or gpu").into()),
+    }
 }
 
 fn print(comparison: &Comparison) {
