@@ -1,6 +1,6 @@
 //! What to draw: plain data in SI units, in a right-handed world with +z up.
 //!
-//! Radiance and albedo are linear Rec. 709 triples. [`file`] reads and writes scenes as JSON,
+//! Radiance and albedo are linear Rec. 709 triples. [`mod@file`] reads and writes scenes as JSON,
 //! [`interchange`] reads those of other renderers, [`validate`] holds the limits that every scene
 //! must keep.
 
