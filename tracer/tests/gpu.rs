@@ -370,6 +370,38 @@ fn a_cancelled_job_ends_early_and_what_it_hands_over_is_right() {
 }
 
 #[test]
+fn samples_that_are_not_finite_are_counted_and_black() {
+    let Some(gpu) = gpu() else { return };
+    let mut scene = compiled(&pool());
+    for spoilt in [f32::INFINITY, f32::NAN] {
+        // Paths that end on a lamp or within the table stay finite.
+        scene.environment = Vec3::new(0.0, spoilt, 0.0);
+        let grid = TileGrid::new(ImageSize::new(32, 18), 32);
+        let job = TraceJob {
+            size: grid.size,
+            tiles: &[grid.tile(0)],
+            settings: settings(4),
+            cancelled: &AtomicBool::new(false),
+        };
+        let tiles = [gpu as &dyn Tracer, &Reference].map(|tracer| {
+            let tile = Mutex::new(None);
+            let keep = |done| *tile.lock().unwrap() = Some(done);
+            tracer.trace(&scene, &job, &keep).unwrap();
+            tile.into_inner().unwrap().unwrap()
+        });
+        let [traced, truth] = tiles.map(|tile| {
+            assert!(tile.radiance.as_flattened().iter().all(|c| c.is_finite()));
+            tile.dropped_samples
+        });
+        assert!(truth > 0);
+        assert!(
+            traced.abs_diff(truth) * 100 <= truth,
+            "{traced}, not {truth}"
+        );
+    }
+}
+
+#[test]
 fn a_job_outside_its_image_is_refused() {
     let Some(gpu) = gpu() else { return };
     let tile = Tile {

@@ -4,11 +4,11 @@ use std::sync::{Mutex, PoisonError};
 
 use bytemuck::{Pod, bytes_of, cast_slice, pod_read_unaligned};
 
+use crate::Error;
 use crate::gpu::device::Device;
-use crate::gpu::layout::{DispatchData, TileEntry};
+use crate::gpu::layout::{DispatchData, SceneHeader, TileEntry};
 use crate::gpu::pipeline::Kernel;
 use crate::gpu::schedule::Chunk;
-use crate::{Error, gpu::layout::SceneHeader};
 
 /// Two 64-bit timestamps: before and after the dispatch.
 const TIMESTAMPS_BYTES: u64 = 16;

@@ -7,7 +7,7 @@
 //! TraceJob ──Chunk::next────────┘
 //! ```
 //!
-//! A job is one dispatch if it is short enough ([`schedule`]), and a frame in flight has buffers of
+//! A job is one dispatch if it is short enough (`schedule`), and a frame in flight has buffers of
 //! its own, so that the device traces one while another is read back. The estimator is that of
 //! [`crate::reference`], with the same random numbers: pictures differ by rounding only, where
 //! rounding sends a path another way by more, and not at all between partitions.

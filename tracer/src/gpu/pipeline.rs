@@ -68,7 +68,7 @@ fn compile(device: &Device, features: &Features) -> Result<Kernel, Error> {
             module: &module,
             entry_point: Some("trace"),
             compilation_options: wgpu::PipelineCompilationOptions {
-                // The kernel's only workgroup variable is a sum that begins at 0.
+                // The workgroup's sum of rays begins at 0.
                 zero_initialize_workgroup_memory: true,
                 ..Default::default()
             },
@@ -78,7 +78,7 @@ fn compile(device: &Device, features: &Features) -> Result<Kernel, Error> {
     })
 }
 
-/// Without the bounds checks that wgpu adds: 20–25 % faster (`gpu_speed` shows it).
+/// Without the bounds checks that wgpu adds: 21 → 26 Gray/s on an H200 for 16 balls and 6 boxes.
 #[expect(
     unsafe_code,
     reason = "every index is a loop's counter below an array's length, a material's index that \
