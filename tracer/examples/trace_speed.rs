@@ -1,6 +1,8 @@
 //! How fast the processor traces a scene, per second of processor time.
 //!
-//! `cargo run --release -p carom-tracer --example trace_speed -- SCENE.json [SAMPLES] [THREADS]`
+//! `cargo run --release -p carom-tracer --example trace_speed -- SCENE.json [SAMPLES] [THREADS] [LEVELS]`
+//!
+//! `LEVELS` is how many instruction sets to measure, the best first.
 
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
@@ -14,11 +16,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let path = arguments.next().ok_or("which scene file?")?;
     let samples = arguments.next().map_or(Ok(4), |text| text.parse())?;
     let threads = arguments.next().map_or(Ok(1), |text| text.parse())?;
+    let levels = arguments.next().map_or(Ok(1), |text| text.parse())?;
     let scene = CompiledScene::new(&Scene::load(path)?)?;
     let size = ImageSize::new(1280, 720);
     let grid = TileGrid::new(size, 64);
     let tiles: Vec<_> = grid.tiles(grid.all()).collect();
-    for level in CpuTracer::levels_available() {
+    for level in CpuTracer::levels_available().into_iter().take(levels) {
         let tracer = CpuTracer::with_level(threads, level)?;
         let settings = RenderSettings {
             samples,

@@ -47,7 +47,7 @@ impl<S: Simd> Rays<S> {
             direction,
             skip,
             inverse,
-            inverse_abs: inverse.map(Float::abs),
+            inverse_abs: inverse.abs(),
         }
     }
 }
@@ -55,7 +55,16 @@ impl<S: Simd> Rays<S> {
 /// `1 / d` with |d| kept away from 0.
 #[inline(always)]
 pub(super) fn inverse<S: Simd>(simd: S, direction: Vec3x<S>) -> Vec3x<S> {
-    direction.map(|d| 1.0 / d.abs().max(Float::splat(simd, DIRECTION_MIN)).copysign(d))
+    Vec3x::new(
+        inverse_component(simd, direction.x),
+        inverse_component(simd, direction.y),
+        inverse_component(simd, direction.z),
+    )
+}
+
+#[inline(always)]
+fn inverse_component<S: Simd>(simd: S, d: Float<S>) -> Float<S> {
+    1.0 / d.abs().max(Float::splat(simd, DIRECTION_MIN)).copysign(d)
 }
 
 impl Geometry {
@@ -321,15 +330,10 @@ impl Slabs {
         let to_center = Vec3x::splat(simd, self.center) - rays.origin;
         let middle = to_center.scale(rays.inverse);
         let half = Vec3x::splat(simd, self.half);
-        let near = |middle: Float<S>, half: Float<S>, inv: Float<S>| (-half).mul_add(inv, middle);
-        let far = |middle: Float<S>, half: Float<S>, inv: Float<S>| half.mul_add(inv, middle);
-        let inv = rays.inverse_abs;
-        let entry = near(middle.x, half.x, inv.x)
-            .max(near(middle.y, half.y, inv.y))
-            .max(near(middle.z, half.z, inv.z));
-        let exit = far(middle.x, half.x, inv.x)
-            .min(far(middle.y, half.y, inv.y))
-            .min(far(middle.z, half.z, inv.z));
+        let near = (-half).scale_add(rays.inverse_abs, middle);
+        let far = half.scale_add(rays.inverse_abs, middle);
+        let entry = near.x.max(near.y).max(near.z);
+        let exit = far.x.min(far.y).min(far.z);
         let hit = entry.max(0.0).simd_le(exit.min(limit)) & rays.skip.simd_ne(self.id);
         if !hit.any_true() {
             return None;
@@ -397,8 +401,9 @@ impl Panel {
     fn meet<S: Simd>(&self, simd: S, rays: &Rays<S>, limit: Float<S>) -> Meeting<S> {
         let crossing = Crossing::new(simd, rays, self.center, self.normal);
         let bound = crossing.denominator.abs();
-        let along = |axis: [f32; 3]| crossing.from_center.dot(Vec3x::splat(simd, axis)).abs();
-        let inside = along(self.u).simd_le(bound) & along(self.v).simd_le(bound);
+        let along_u = crossing.from_center.dot(Vec3x::splat(simd, self.u)).abs();
+        let along_v = crossing.from_center.dot(Vec3x::splat(simd, self.v)).abs();
+        let inside = along_u.simd_le(bound) & along_v.simd_le(bound);
         crossing.finish(rays, inside, limit, self.id)
     }
 }

@@ -226,14 +226,13 @@ impl Prepared {
         let index: Word<S> = index.bitcast();
         let index = index.min(count - 1);
         let rows = Rows::new(&self.lamps, index);
-        let centered = |u: Float<S>| u * 2.0 - 1.0;
         let point = rows.triple(simd, LAMP_CENTER);
         let point = rows
             .triple(simd, LAMP_HALF_U)
-            .mul_add(centered(u[1]), point);
+            .mul_add(u[1] * 2.0 - 1.0, point);
         let point = rows
             .triple(simd, LAMP_HALF_V)
-            .mul_add(centered(u[2]), point);
+            .mul_add(u[2] * 2.0 - 1.0, point);
         let to_lamp = point - hit.position;
         let distance_squared = to_lamp.length_squared();
         let distance = distance_squared.sqrt();

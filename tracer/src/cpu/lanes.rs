@@ -28,8 +28,11 @@ impl<S: Simd> Vec3x<S> {
 
     #[inline(always)]
     pub(super) fn splat(simd: S, v: [f32; 3]) -> Self {
-        let [x, y, z] = v.map(|component| Float::splat(simd, component));
-        Self { x, y, z }
+        Self {
+            x: Float::splat(simd, v[0]),
+            y: Float::splat(simd, v[1]),
+            z: Float::splat(simd, v[2]),
+        }
     }
 
     #[inline(always)]
@@ -62,13 +65,19 @@ impl<S: Simd> Vec3x<S> {
         }
     }
 
+    /// `self · k + add` by channel.
     #[inline(always)]
-    pub(super) fn map(self, f: impl Fn(Float<S>) -> Float<S>) -> Self {
+    pub(super) fn scale_add(self, k: Self, add: Self) -> Self {
         Self {
-            x: f(self.x),
-            y: f(self.y),
-            z: f(self.z),
+            x: self.x.mul_add(k.x, add.x),
+            y: self.y.mul_add(k.y, add.y),
+            z: self.z.mul_add(k.z, add.z),
         }
+    }
+
+    #[inline(always)]
+    pub(super) fn abs(self) -> Self {
+        Self::new(self.x.abs(), self.y.abs(), self.z.abs())
     }
 
     #[inline(always)]

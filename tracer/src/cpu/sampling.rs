@@ -15,23 +15,30 @@ pub(super) fn uniforms<S: Simd>(
     block: u32,
     seed: u32,
 ) -> [Float<S>; 4] {
-    let lcg = |word: Word<S>| word * 1_664_525 + 1_013_904_223;
-    let lcg_constant = |word: u32| {
-        let word = word.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        Word::splat(simd, word)
-    };
+    let constant = |word: u32| word.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
     let (mut x, mut y) = (lcg(pixel), lcg(sample));
-    let (mut z, mut w) = (lcg_constant(block), lcg_constant(seed));
-    let mix = |x: &mut Word<S>, y: &mut Word<S>, z: &mut Word<S>, w: &mut Word<S>| {
-        *x += *y * *w;
-        *y += *z * *x;
-        *z += *x * *y;
-        *w += *y * *z;
-    };
+    let mut z = Word::splat(simd, constant(block));
+    let mut w = Word::splat(simd, constant(seed));
     mix(&mut x, &mut y, &mut z, &mut w);
-    [x, y, z, w] = [x, y, z, w].map(|word| word ^ (word >> 16));
+    x ^= x >> 16;
+    y ^= y >> 16;
+    z ^= z >> 16;
+    w ^= w >> 16;
     mix(&mut x, &mut y, &mut z, &mut w);
-    [x, y, z, w].map(unit_float)
+    [unit_float(x), unit_float(y), unit_float(z), unit_float(w)]
+}
+
+#[inline(always)]
+fn lcg<S: Simd>(word: Word<S>) -> Word<S> {
+    word * 1_664_525 + 1_013_904_223
+}
+
+#[inline(always)]
+fn mix<S: Simd>(x: &mut Word<S>, y: &mut Word<S>, z: &mut Word<S>, w: &mut Word<S>) {
+    *x += *y * *w;
+    *y += *z * *x;
+    *z += *x * *y;
+    *w += *y * *z;
 }
 
 /// The upper 24 bits as a number in [0, 1): signed conversion is exact there and cheaper.
@@ -44,28 +51,27 @@ fn unit_float<S: Simd>(word: Word<S>) -> Float<S> {
 /// Sine and cosine of `turns` · 2π for `turns` in [0, 1], within 1.3e-7: the nearest quarter turn
 /// is split off exactly, Taylor series cover the ±π/4 that are left.
 #[inline(always)]
-pub(super) fn sin_cos_turns<S: Simd>(simd: S, turns: Float<S>) -> (Float<S>, Float<S>) {
-    let constant = |c: f32| Float::splat(simd, c);
+pub(super) fn sin_cos_turns<S: Simd>(turns: Float<S>) -> (Float<S>, Float<S>) {
     let quarters = (turns * 4.0 + 0.5).floor();
     let angle = (turns * 4.0 - quarters) * FRAC_PI_2;
     let a2 = angle * angle;
     let sin = a2
-        .mul_add(1.0 / 362_880.0, constant(-1.0 / 5040.0))
-        .mul_add(a2, constant(1.0 / 120.0))
-        .mul_add(a2, constant(-1.0 / 6.0));
+        .mul_add(1.0 / 362_880.0, -1.0 / 5040.0)
+        .mul_add(a2, 1.0 / 120.0)
+        .mul_add(a2, -1.0 / 6.0);
     let sin = (sin * a2).mul_add(angle, angle);
     let cos = a2
-        .mul_add(1.0 / 40_320.0, constant(-1.0 / 720.0))
-        .mul_add(a2, constant(1.0 / 24.0))
-        .mul_add(a2, constant(-0.5))
-        .mul_add(a2, constant(1.0));
+        .mul_add(1.0 / 40_320.0, -1.0 / 720.0)
+        .mul_add(a2, 1.0 / 24.0)
+        .mul_add(a2, -0.5)
+        .mul_add(a2, 1.0);
     // Quarters 1 and 3 swap the two; 2 and 3 turn the sine's sign, 1 and 2 the cosine's.
     let half = (quarters * 0.5).floor();
     let odd = (quarters - half * 2.0).simd_gt(0.5);
     let (sin, cos) = (odd.select(cos, sin), odd.select(sin, cos));
-    let back = |low: f32, high: f32| quarters.simd_gt(low) & quarters.simd_lt(high);
-    let sin = back(1.5, 3.5).select(-sin, sin);
-    (sin, back(0.5, 2.5).select(-cos, cos))
+    let sin_turned = quarters.simd_gt(1.5) & quarters.simd_lt(3.5);
+    let cos_turned = quarters.simd_gt(0.5) & quarters.simd_lt(2.5);
+    (sin_turned.select(-sin, sin), cos_turned.select(-cos, cos))
 }
 
 /// A direction about the unit vector `n` with density cos θ / π, in the basis of Duff et al.,
@@ -78,7 +84,7 @@ pub(super) fn cosine_hemisphere<S: Simd>(
     u2: Float<S>,
 ) -> Vec3x<S> {
     let one = Float::splat(simd, 1.0);
-    let (sin, cos) = sin_cos_turns(simd, u2);
+    let (sin, cos) = sin_cos_turns(u2);
     let r = u1.sqrt();
     let (x, y) = (r * cos, r * sin);
     let z = (one - u1).max(0.0).sqrt();
@@ -121,7 +127,7 @@ mod tests {
 
     #[inline(always)]
     fn sin_cos<S: Simd>(simd: S, turns: [f32; LANES]) -> [[f32; LANES]; 2] {
-        let (sin, cos) = sin_cos_turns(simd, Float::load_array(simd, turns));
+        let (sin, cos) = sin_cos_turns(Float::load_array(simd, turns));
         [sin.to_array(), cos.to_array()]
     }
 

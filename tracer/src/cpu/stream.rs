@@ -96,7 +96,11 @@ impl Stream {
     #[inline(always)]
     pub(super) fn finish<S: Simd>(&mut self, packet: Packet, mask: Mask<S>, radiance: Vec3x<S>) {
         let mut bits = mask.to_bitmask();
-        let radiance = [radiance.x, radiance.y, radiance.z].map(|channel| channel.to_array());
+        let radiance = [
+            radiance.x.to_array(),
+            radiance.y.to_array(),
+            radiance.z.to_array(),
+        ];
         while bits != 0 {
             let lane = bits.trailing_zeros() as usize % LANES;
             bits &= bits - 1;

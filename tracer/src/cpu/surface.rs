@@ -186,15 +186,13 @@ impl<S: Simd> Face<S> {
     #[inline(always)]
     fn new(simd: S, origin: Vec3x<S>, direction: Vec3x<S>, min: Vec3x<S>, max: Vec3x<S>) -> Self {
         let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
-        let forward = direction.map(|d| one.copysign(d));
-        let towards = |if_forward: Vec3x<S>, if_back: Vec3x<S>| {
-            Vec3x::new(
-                forward.x.simd_gt(0.0).select(if_forward.x, if_back.x),
-                forward.y.simd_gt(0.0).select(if_forward.y, if_back.y),
-                forward.z.simd_gt(0.0).select(if_forward.z, if_back.z),
-            )
-        };
-        let (front, back) = (towards(min, max), towards(max, min));
+        let forward = Vec3x::new(
+            one.copysign(direction.x),
+            one.copysign(direction.y),
+            one.copysign(direction.z),
+        );
+        let front = towards(forward, min, max);
+        let back = towards(forward, max, min);
         let inverse = inverse(simd, direction);
         let entry = (front - origin).scale(inverse);
         let exit = (back - origin).scale(inverse);
@@ -218,11 +216,20 @@ impl<S: Simd> Face<S> {
     #[inline(always)]
     fn put(&self, simd: S, point: Vec3x<S>) -> Vec3x<S> {
         let zero = Float::splat(simd, 0.0);
-        let axis = |n: Float<S>, corner: Float<S>, p: Float<S>| n.simd_ne(zero).select(corner, p);
         Vec3x::new(
-            axis(self.normal.x, self.corner.x, point.x),
-            axis(self.normal.y, self.corner.y, point.y),
-            axis(self.normal.z, self.corner.z, point.z),
+            self.normal.x.simd_ne(zero).select(self.corner.x, point.x),
+            self.normal.y.simd_ne(zero).select(self.corner.y, point.y),
+            self.normal.z.simd_ne(zero).select(self.corner.z, point.z),
         )
     }
+}
+
+/// One corner's coordinates where the ray goes up an axis, the other's where it goes down.
+#[inline(always)]
+fn towards<S: Simd>(forward: Vec3x<S>, up: Vec3x<S>, down: Vec3x<S>) -> Vec3x<S> {
+    Vec3x::new(
+        forward.x.simd_gt(0.0).select(up.x, down.x),
+        forward.y.simd_gt(0.0).select(up.y, down.y),
+        forward.z.simd_gt(0.0).select(up.z, down.z),
+    )
 }
