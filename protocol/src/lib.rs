@@ -15,26 +15,16 @@
 //! [`limits`] lists what a peer may cost.
 //!
 //! ```
-//! use std::collections::BTreeMap;
-//!
 //! use carom_protocol::{tile_codec::Encoder, *};
-//! use carom_tracer::{scene::*, DeviceInfo, DeviceKind, ImageSize, RenderSettings, TileGrid};
-//! use glam::Vec3;
+//! use carom_tracer::{DeviceInfo, DeviceKind, ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid};
 //!
-//! let (eye, target, up) = (Vec3::Y, Vec3::ZERO, Vec3::Z);
-//! let scene = Scene {
-//!     camera: Camera { eye, target, up, fov_x_deg: 60.0 },
-//!     environment: Environment { radiance: Vec3::ONE },
-//!     materials: BTreeMap::new(),
-//!     objects: vec![],
-//!     lamps: vec![],
-//! };
-//! let (hash, grid) = (SceneHash::of(&scene), TileGrid::new(ImageSize::new(8, 8), 8));
+//! let scene = Scene::load("../assets/scenes/pool.json").expect("the pool table");
+//! let grid = TileGrid::new(ImageSize::new(8, 8), 8);
 //! let device = DeviceInfo { kind: DeviceKind::Cpu, name: "one".into(), width: 1, threads: 1 };
 //!
 //! let mut client = ClientSession::new();
 //! let mut node = NodeSession::new(NodeInfo { name: "near".into(), device });
-//! client.set_scene(hash, &scene)?;
+//! client.set_scene(SceneHash::of(&scene), &scene)?;
 //! let mut pictures = 0;
 //! while pictures == 0 {
 //!     while let Some(packet) = client.poll_transmit() {
@@ -68,7 +58,6 @@ pub mod framing;
 pub mod limits;
 pub mod message;
 pub mod session;
-pub mod srgb;
 pub mod tile_codec;
 mod validate;
 

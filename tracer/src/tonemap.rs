@@ -1,4 +1,9 @@
-//! Radiance to display values.
+//! Radiance to display values, the same on every machine.
+//!
+//! Libraries differ in the last bit of `powf`, and then two nodes would differ by a step in the
+//! same pixel. So the 255 thresholds between steps are constants: the least f32 that reaches each
+//! step, computed by the compiler in f64. A test shows that none lies so near to the border
+//! between two f32 that an error of 10⁻¹² would move it.
 
 /// 8-bit sRGB of `exposure · radiance`, clamped to [0, 1]: each channel through the sRGB transfer
 /// function (IEC 61966-2-1) and rounded to nearest. What is negative or NaN is 0, +∞ is 255.
@@ -9,24 +14,147 @@
 /// assert_eq!(srgb8([0.0, 0.214_041_14, 1.0], 1.0), [0, 128, 255]);
 /// assert_eq!(srgb8([f32::NAN, f32::INFINITY, -1.0], 0.5), [0, 255, 0]);
 /// ```
+#[inline]
 pub fn srgb8(radiance: [f32; 3], exposure: f32) -> [u8; 3] {
-    // A float cast to an integer saturates, and makes NaN 0.
-    radiance.map(|channel| (255.0 * srgb(exposure * channel) + 0.5) as u8)
+    radiance.map(|channel| step(exposure * channel))
 }
 
-/// The sRGB transfer function of a linear value, clamped to [0, 1].
-fn srgb(linear: f32) -> f32 {
-    let linear = linear.clamp(0.0, 1.0);
-    if linear <= 0.003_130_8 {
-        12.92 * linear
+/// The sRGB step of linear light. A bucket holds the 2¹⁶ floats that share their upper 16 bits:
+/// at most one threshold lies among them. Its entry is `step << 16` for the bucket's first float,
+/// plus what makes the sum with the lower bits carry into the step from the threshold on.
+#[inline]
+fn step(x: f32) -> u8 {
+    #[expect(clippy::manual_clamp, reason = "`max` turns NaN into the lower bound")]
+    let bits = x.max(X_MIN).min(X_MAX).to_bits();
+    let bucket = (bits >> 16) - FIRST_BUCKET;
+    ((STEPS[bucket as usize % BUCKETS] + (bits & 0xffff)) >> 16) as u8
+}
+
+/// Below the first threshold, 1.5e-4.
+const X_MIN: f32 = 1.0 / 8192.0;
+/// The greatest f32 below 1.
+const X_MAX: f32 = 1.0 - f32::EPSILON / 2.0;
+const FIRST_BUCKET: u32 = X_MIN.to_bits() >> 16;
+/// 13 octaves of 128 buckets, rounded up to a power of two so that an index needs no check.
+const BUCKETS: usize = 2048;
+
+static STEPS: [u32; BUCKETS] = steps();
+
+const fn steps() -> [u32; BUCKETS] {
+    let mut steps = [0; BUCKETS];
+    let mut step = 0;
+    let mut next = threshold(1).to_bits();
+    let mut bucket = 0;
+    while bucket < BUCKETS {
+        let first = (FIRST_BUCKET + bucket as u32) << 16;
+        if next <= first && step < 255 {
+            step += 1;
+            next = threshold(step + 1).to_bits();
+        }
+        steps[bucket] = step << 16;
+        if next >> 16 == first >> 16 && next > first && step < 255 {
+            steps[bucket] += 0x1_0000 - (next & 0xffff);
+            step += 1;
+            next = threshold(step + 1).to_bits();
+        }
+        bucket += 1;
+    }
+    steps
+}
+
+/// The least f32 whose sRGB value rounds to at least `step`.
+const fn threshold(step: u32) -> f32 {
+    let exact = linear_from_srgb((step as f64 - 0.5) / 255.0);
+    let nearest = exact as f32;
+    if (nearest as f64) < exact {
+        nearest.next_up()
     } else {
-        1.055 * linear.powf(1.0 / 2.4) - 0.055
+        nearest
+    }
+}
+
+const fn linear_from_srgb(y: f64) -> f64 {
+    if y <= 0.040_45 {
+        return y / 12.92;
+    }
+    let t = (y + 0.055) / 1.055;
+    t * t * fifth_root(t * t) // t to the power of 2.4
+}
+
+/// Newton's method from above, where it falls until rounding stops it; for `a` in (0, 2).
+const fn fifth_root(a: f64) -> f64 {
+    let mut root = 2.0;
+    loop {
+        let next = root - (root - a / (root * root * root * root)) / 5.0;
+        if next >= root {
+            return root;
+        }
+        root = next;
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn by_definition(x: f32) -> u8 {
+        let x = f64::from(x).clamp(0.0, 1.0);
+        let y = if x <= 0.003_130_8 {
+            12.92 * x
+        } else {
+            1.055 * x.powf(1.0 / 2.4) - 0.055
+        };
+        (255.0 * y).round() as u8
+    }
+
+    #[test]
+    fn agrees_with_the_definition_on_both_sides_of_each_threshold() {
+        for s in 1..=255 {
+            let x = threshold(s);
+            assert_eq!(u32::from(step(x)), s);
+            assert_eq!(u32::from(step(x.next_down())), s - 1);
+            assert_eq!(u32::from(by_definition(x.next_up())), s);
+            assert_eq!(u32::from(by_definition(x.next_down())), s - 1);
+        }
+    }
+
+    #[test]
+    fn agrees_with_the_definition_all_over_the_range() {
+        for bits in (0..1.5f32.to_bits()).step_by(1009) {
+            let x = f32::from_bits(bits);
+            assert_eq!(step(x), by_definition(x), "{x}");
+        }
+    }
+
+    #[test]
+    fn no_threshold_depends_on_the_last_bits_of_its_computation() {
+        for step in 1..=255 {
+            let exact = linear_from_srgb((f64::from(step) - 0.5) / 255.0);
+            let x = threshold(step);
+            for border in [x, x.next_down()] {
+                let distance = (f64::from(border) - exact).abs() / exact;
+                assert!(distance > 1e-12, "step {step}: {distance}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_light_is_black_and_too_much_is_white() {
+        for x in [
+            f32::NAN,
+            -f32::NAN,
+            f32::NEG_INFINITY,
+            -1.0,
+            -0.0,
+            0.0,
+            1e-40,
+        ] {
+            assert_eq!(step(x), 0, "{x}");
+        }
+        for x in [1.0, 1.0f32.next_down(), 2.0, f32::MAX, f32::INFINITY] {
+            assert_eq!(step(x), 255, "{x}");
+        }
+    }
 
     #[test]
     fn brighter_is_never_darker() {

@@ -26,6 +26,7 @@
 mod planes;
 
 use carom_tracer::Tile;
+use carom_tracer::tonemap::srgb8;
 use half::slice::{HalfBitsSliceExt, HalfFloatSliceExt};
 use zstd::bulk::{Compressor, Decompressor};
 use zstd::zstd_safe;
@@ -33,7 +34,6 @@ use zstd::zstd_safe;
 use crate::Error;
 use crate::limits::PIXELS_PER_MESSAGE_MAX;
 use crate::message::PixelFormat;
-use crate::srgb::Converter;
 
 /// Decoded pixels: tile after tile, each row-major.
 #[derive(Clone, Debug, PartialEq)]
@@ -95,8 +95,7 @@ impl Encoder {
         self.planes.resize(pixels * format.bytes(), 0);
         match format {
             PixelFormat::Srgb8 { exposure } => {
-                let converter = Converter::new(exposure);
-                planes::split(&mut self.planes, tiles, |pixel| converter.convert(pixel));
+                planes::split(&mut self.planes, tiles, |pixel| srgb8(pixel, exposure));
             }
             PixelFormat::LinearF16 => planes::split(&mut self.planes, tiles, f16_bits),
             PixelFormat::LinearF32 => {

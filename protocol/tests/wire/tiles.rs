@@ -1,8 +1,9 @@
 //! Tile payloads are lossless, and no bytes harm their decoder.
 
+use carom_protocol::PixelFormat;
 use carom_protocol::tile_codec::{Decoder, Encoder, TilePixels};
-use carom_protocol::{PixelFormat, srgb};
 use carom_tracer::Tile;
+use carom_tracer::tonemap::srgb8;
 use proptest::prelude::*;
 
 use crate::any;
@@ -59,7 +60,7 @@ fn expected(format: PixelFormat, lit: &Lit) -> TilePixels {
         .flat_map(|(_, radiance)| radiance.iter().copied());
     match format {
         PixelFormat::Srgb8 { exposure } => {
-            TilePixels::Srgb8(pixels.map(|l| srgb::from_radiance(l, exposure)).collect())
+            TilePixels::Srgb8(pixels.map(|l| srgb8(l, exposure)).collect())
         }
         PixelFormat::LinearF16 => {
             let round = |l: f32| half::f16::from_f32(l.clamp(-65504.0, 65504.0)).to_f32();
