@@ -6,10 +6,18 @@
 //! ```
 
 pub mod config;
+pub mod coordinator;
+mod driver;
 pub mod error;
+mod farm;
 pub mod frame;
+pub mod link;
+pub mod local;
+mod mailbox;
 pub mod net;
+pub mod node;
 
 pub use config::{Algorithm, FarmConfig, LocalNode};
 pub use error::Error;
+pub use farm::Farm;
 pub use frame::{Frame, FrameSpec, FrameStats, NodeState, NodeStatus, Pixels};

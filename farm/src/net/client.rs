@@ -5,46 +5,17 @@ use std::task::{Context, Poll};
 use std::time::Duration;
 
 use carom_protocol::session::{ClientEvent, ClientSession, Packet};
-use carom_protocol::{FrameId, Refusal, RefusalReason, RunId, SceneHash, TraceRequest};
-use carom_tracer::Scene;
+use carom_protocol::{Refusal, RefusalReason, TraceRequest};
 use tokio::runtime::Runtime;
 use tokio::sync::mpsc;
 use tokio::time::Instant;
 
 use crate::Error;
+pub use crate::link::{Command, LinkEvent};
 use crate::net::address::NodeAddress;
 use crate::net::caller::Caller;
 use crate::net::credentials::Credentials;
 use crate::net::packets::{self, Peer};
-
-/// What the application asks of a node; each is a call of [`ClientSession`].
-#[derive(Clone, Debug)]
-pub enum Command {
-    /// [`ClientSession::set_scene`].
-    Scene(SceneHash, Arc<Scene>),
-    /// [`ClientSession::trace`].
-    Trace(Box<TraceRequest>),
-    /// [`ClientSession::cancel_before`].
-    CancelBefore(FrameId),
-    /// [`ClientSession::cancel_run`].
-    CancelRun(RunId),
-    /// [`ClientSession::ping`].
-    Ping(u64),
-}
-
-/// What becomes of a node.
-#[derive(Clone, Debug, PartialEq)]
-pub enum LinkEvent {
-    /// It is being called.
-    Connecting,
-    /// What it says, decoded. The first of a connection is [`ClientEvent::Welcome`].
-    Session(ClientEvent),
-    /// It is gone, with all its runs and scenes; it is called again after a pause.
-    Lost {
-        /// A sentence.
-        why: String,
-    },
-}
 
 /// All of a player's links.
 pub struct Client {

@@ -1,0 +1,136 @@
+//! The AB division of the 2016 distributed ray tracer: y = A + B·x with x in tiles, A and B as
+//! averages over the whole run, and the finish T common to all nodes from Σ (T − A) / B = W.
+//!
+//! Kept as it was reported. Averages over the run make it slow to notice that a node has changed,
+//! and nodes with A ≥ T are cut off at nothing without computing T again; both are what
+//! [`super::WaterFilling`] does better, and the comparison shows by how much.
+
+use std::collections::BTreeMap;
+
+use super::{Balancer, Division, Equal, Outcome, in_proportion};
+use crate::coordinator::NodeIndex;
+
+/// See [`crate::Algorithm::Ab`].
+#[derive(Debug, Default)]
+pub struct Ab {
+    frames: u32,
+    nodes: BTreeMap<NodeIndex, Averages>,
+}
+
+/// Sums over all runs of a node.
+#[derive(Clone, Copy, Debug, Default)]
+struct Averages {
+    runs: f64,
+    tiles: f64,
+    busy_secs: f64,
+    fixed_secs: f64,
+}
+
+/// A in seconds, B in seconds per tile.
+type AbLine = (f64, f64);
+
+impl Ab {
+    /// Frames that are divided equally before the averages are used.
+    pub const WARM_UP_FRAMES: u32 = 60;
+
+    fn lines(&self, division: &Division<'_>) -> Option<Vec<AbLine>> {
+        let nodes = division.candidates.iter().map(|candidate| candidate.node);
+        let lines: Vec<_> = nodes
+            .map(|node| self.nodes.get(&node).map(Averages::line))
+            .collect();
+        let known: Vec<AbLine> = lines.iter().flatten().copied().collect();
+        if known.is_empty() {
+            return None;
+        }
+        let mean = |of: fn(&AbLine) -> f64| known.iter().map(of).sum::<f64>() / known.len() as f64;
+        let newcomer = (mean(|line| line.0), mean(|line| line.1));
+        Some(
+            lines
+                .into_iter()
+                .map(|line| line.unwrap_or(newcomer))
+                .collect(),
+        )
+    }
+}
+
+impl Balancer for Ab {
+    fn divide(&mut self, division: &Division<'_>) -> Vec<f64> {
+        self.frames += 1;
+        let lines = match self.lines(division) {
+            Some(lines) if self.frames > Self::WARM_UP_FRAMES => lines,
+            _ => return Equal.divide(division),
+        };
+        let tiles = division.work / division.tile_work;
+        let speed: f64 = lines.iter().map(|(_, b)| 1.0 / b).sum();
+        let head_start: f64 = lines.iter().map(|(a, b)| a / b).sum();
+        let finish = (tiles + head_start) / speed;
+        let shares: Vec<f64> = lines
+            .iter()
+            .map(|(a, b)| ((finish - a) / b).max(0.0))
+            .collect();
+        in_proportion(division.work, &shares)
+    }
+
+    fn learn(&mut self, outcome: &Outcome) {
+        let averages = self.nodes.entry(outcome.node).or_default();
+        averages.runs += 1.0;
+        averages.tiles += f64::from(outcome.tiles);
+        averages.busy_secs += outcome.busy_secs;
+        averages.fixed_secs += outcome.response_secs - outcome.busy_secs;
+    }
+}
+
+impl Averages {
+    fn line(&self) -> AbLine {
+        let a = self.fixed_secs / self.runs;
+        let b = (self.busy_secs / self.tiles).max(SECS_PER_TILE_MIN);
+        (a, b)
+    }
+}
+
+/// A faster node is a node whose clock is too coarse.
+const SECS_PER_TILE_MIN: f64 = 1e-9;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::coordinator::balancer::Candidate;
+
+    #[test]
+    fn all_finish_together_after_sixty_equal_frames() {
+        let mut ab = Ab::default();
+        let candidates = [0, 1].map(|node| Candidate {
+            node: NodeIndex(node),
+            estimate: None,
+            wait_secs: 0.0,
+            proven_work: 0.0,
+        });
+        let division = Division {
+            work: 1000.0,
+            tile_work: 10.0,
+            period_secs: f64::INFINITY,
+            candidates: &candidates,
+        };
+        let (a, b) = ([0.02, 0.001], [0.001, 0.004]);
+        for _ in 0..Ab::WARM_UP_FRAMES {
+            assert_eq!(ab.divide(&division), [500.0, 500.0]);
+            for node in [0, 1] {
+                ab.learn(&Outcome {
+                    node: NodeIndex(node),
+                    tiles: 50,
+                    work: 500.0,
+                    response_secs: a[node] + 50.0 * b[node],
+                    busy_secs: 50.0 * b[node],
+                });
+            }
+        }
+        let tiles: Vec<f64> = ab
+            .divide(&division)
+            .iter()
+            .map(|share| share / 10.0)
+            .collect();
+        let finish = |node: usize| a[node] + b[node] * tiles[node];
+        assert!((finish(0) - finish(1)).abs() < 1e-9, "{tiles:?}");
+        assert!((tiles[0] + tiles[1] - 100.0).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,191 @@
+//! What is known of a node: y = A + B·w, from what it reports and what the client's clock allows.
+//!
+//! A and B cannot be told apart from y alone while w hardly changes (a recursive least-squares
+//! fit diverged). So the node reports how long it was busy: B = busy / w, A = y − queue − busy.
+//! The report is advisory: what neither it nor the measured round trip explains counts as work,
+//! because transfer grows with work too, so that a node gains nothing by claiming to be quick.
+
+/// The learned line of a node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    /// A: seconds that a request takes however small it is.
+    pub fixed_secs: f64,
+    /// B: seconds per unit of work, above 0.
+    pub secs_per_work: f64,
+}
+
+/// A run as the estimator sees it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Observation {
+    /// Work that came, above 0.
+    pub work: f64,
+    /// Seconds from the request to the last of it.
+    pub response_secs: f64,
+    /// Seconds that the request waited behind earlier ones.
+    pub queue_secs: f64,
+    /// Seconds that the node says it worked.
+    pub busy_secs: f64,
+    /// The measured round trip; absent until there is one.
+    pub round_trip_secs: Option<f64>,
+}
+
+/// Filters the line of one node.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Estimator {
+    fixed: Option<f64>,
+    fixed_surprise: f64,
+    pace: Option<f64>,
+    pace_surprise: f64,
+    proven_work: f64,
+}
+
+impl Estimator {
+    /// Takes note of work that came.
+    pub fn observe(&mut self, seen: &Observation) {
+        let response = seen.response_secs.max(0.0);
+        let busy = seen.busy_secs.clamp(0.0, response);
+        let unexplained = (response - seen.queue_secs.max(0.0) - busy).max(0.0);
+        let allowance = seen
+            .round_trip_secs
+            .map_or(f64::INFINITY, |trip| 2.0 * trip + JITTER_SECS);
+        let fixed = unexplained.min(allowance);
+        let pace = (busy + unexplained - fixed) / seen.work;
+        self.observe_fixed(fixed);
+        self.observe_pace(pace.max(SECS_PER_WORK_MIN));
+        self.proven_work = self.proven_work.max(seen.work);
+    }
+
+    /// Takes note that `work` had not come after `secs`, of which the request may have waited
+    /// `queue_secs`: the node is at least as slow as that. `missed` says that nothing at all had
+    /// come, which is most likely far from the bound.
+    pub fn observe_late(&mut self, work: f64, secs: f64, queue_secs: f64, missed: bool) {
+        let spent = secs - queue_secs - self.fixed.unwrap_or(0.0);
+        let factor = if missed { MISSED_FACTOR } else { 1.0 };
+        let pace = factor * spent / work;
+        if pace > self.pace.unwrap_or(SECS_PER_WORK_MIN) {
+            self.observe_pace(pace);
+        }
+    }
+
+    /// The line; absent until something has come.
+    pub fn estimate(&self) -> Option<Estimate> {
+        Some(Estimate {
+            fixed_secs: self.fixed.unwrap_or(0.0),
+            secs_per_work: self.pace?,
+        })
+    }
+
+    /// The most work that came in one run.
+    pub fn proven_work(&self) -> f64 {
+        self.proven_work
+    }
+
+    /// B in proportion: a node twice as fast is as surprising as one half as fast.
+    fn observe_pace(&mut self, pace: f64) {
+        let Some(known) = self.pace else {
+            self.pace = Some(pace);
+            return;
+        };
+        let error = (pace / known).ln();
+        let changed = error.abs() > SURPRISE && error * self.pace_surprise > 0.0;
+        let gain = if changed { 1.0 } else { GAIN };
+        self.pace = Some(known * (gain * error).exp());
+        self.pace_surprise = if error.abs() > SURPRISE { error } else { 0.0 };
+    }
+
+    /// A rises slowly: one late packet is no longer way.
+    fn observe_fixed(&mut self, fixed: f64) {
+        let Some(known) = self.fixed else {
+            self.fixed = Some(fixed);
+            return;
+        };
+        let error = fixed - known;
+        let surprising = error.abs() > SURPRISE * known + JITTER_SECS;
+        let changed = surprising && error * self.fixed_surprise > 0.0;
+        let gain = match (changed, error > 0.0) {
+            (true, _) => 1.0,
+            (false, true) => GAIN_FIXED_UP,
+            (false, false) => GAIN,
+        };
+        self.fixed = Some(known + gain * error);
+        self.fixed_surprise = if surprising { error } else { 0.0 };
+    }
+}
+
+/// Share of an error that is believed at once.
+const GAIN: f64 = 0.25;
+/// The same for a fixed cost that seems to have grown.
+const GAIN_FIXED_UP: f64 = 0.1;
+/// Two errors in a row of this size and one sign are a change, and believed wholly.
+const SURPRISE: f64 = 0.25;
+/// Seconds that packets may be late without being news.
+const JITTER_SECS: f64 = 2e-3;
+/// How much slower than the bound a node is taken to be that has delivered nothing in time.
+const MISSED_FACTOR: f64 = 2.0;
+/// A thousand gigasamples a second: nothing is faster.
+const SECS_PER_WORK_MIN: f64 = 1e-12;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn honest(work: f64, a: f64, b: f64) -> Observation {
+        Observation {
+            work,
+            response_secs: a + b * work,
+            queue_secs: 0.0,
+            busy_secs: b * work,
+            round_trip_secs: Some(a),
+        }
+    }
+
+    #[test]
+    fn fixed_cost_and_pace_are_told_apart() {
+        let mut estimator = Estimator::default();
+        for _ in 0..50 {
+            estimator.observe(&honest(1e5, 0.03, 2e-7));
+        }
+        let estimate = estimator.estimate().unwrap();
+        assert!((estimate.fixed_secs - 0.03).abs() < 1e-9);
+        assert!((estimate.secs_per_work - 2e-7).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_change_is_believed_after_two_runs_and_an_outlier_is_not() {
+        let mut estimator = Estimator::default();
+        (0..10).for_each(|_| estimator.observe(&honest(1e5, 0.01, 1e-7)));
+        estimator.observe(&honest(1e5, 0.01, 4e-7));
+        let after_one = estimator.estimate().unwrap().secs_per_work;
+        assert!(after_one < 1.5e-7, "{after_one}");
+        estimator.observe(&honest(1e5, 0.01, 4e-7));
+        let after_two = estimator.estimate().unwrap().secs_per_work;
+        assert!((after_two - 4e-7).abs() < 1e-12, "{after_two}");
+    }
+
+    #[test]
+    fn a_node_gains_nothing_by_claiming_to_be_quick() {
+        let (mut honest_node, mut liar) = (Estimator::default(), Estimator::default());
+        let truth = honest(1e6, 0.002, 1e-7);
+        let busy_secs = 0.0;
+        for _ in 0..20 {
+            honest_node.observe(&truth);
+            liar.observe(&Observation { busy_secs, ..truth });
+        }
+        let finish = |estimator: Estimator| {
+            let estimate = estimator.estimate().unwrap();
+            estimate.fixed_secs + estimate.secs_per_work * 4e6
+        };
+        assert!(finish(liar) > 0.95 * finish(honest_node));
+    }
+
+    #[test]
+    fn a_node_that_never_delivers_is_demoted() {
+        let mut estimator = Estimator::default();
+        estimator.observe(&honest(1e5, 0.001, 1e-7));
+        for _ in 0..8 {
+            let pace = estimator.estimate().unwrap().secs_per_work;
+            estimator.observe_late(1e5, 0.001 + 1.05 * pace * 1e5, 0.0, true);
+        }
+        assert!(estimator.estimate().unwrap().secs_per_work > 1e-5);
+    }
+}

@@ -1,0 +1,177 @@
+//! How a frame's work is divided among nodes: pure arithmetic, one algorithm per file.
+//!
+//! ```text
+//! outcomes of runs ──learn──▶ Balancer ──divide──▶ work per node ──▶ contiguous runs of tiles
+//! ```
+//!
+//! Work is a number: predicted pixel samples, so that a tile that is known to be dear may count
+//! for more. Every algorithm learns from every run, whichever of them divides, so that a switch
+//! takes effect with what is known already.
+
+mod ab;
+mod equal;
+mod estimator;
+mod naive;
+mod water_filling;
+
+pub use ab::Ab;
+pub use equal::Equal;
+pub use estimator::{Estimate, Estimator, Observation};
+pub use naive::Naive;
+pub use water_filling::{Filling, Line, WaterFilling, fill};
+
+use super::NodeIndex;
+use crate::Algorithm;
+
+/// A node that can take part in a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Candidate {
+    /// Which node.
+    pub node: NodeIndex,
+    /// What has been learned of it; absent for a node that has not delivered yet.
+    pub estimate: Option<Estimate>,
+    /// Seconds that a request waits there for earlier ones.
+    pub wait_secs: f64,
+    /// The most work that the client has seen it deliver in one run; 0 if none.
+    pub proven_work: f64,
+}
+
+/// A frame to divide.
+#[derive(Clone, Copy, Debug)]
+pub struct Division<'a> {
+    /// The frame's work.
+    pub work: f64,
+    /// The work of a tile, on average.
+    pub tile_work: f64,
+    /// Seconds between frames while several are in flight; infinite while they come one by one.
+    pub period_secs: f64,
+    /// Who may take part, at least one.
+    pub candidates: &'a [Candidate],
+}
+
+/// How a run went, by the client's clock but for `busy_secs`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outcome {
+    /// Who traced.
+    pub node: NodeIndex,
+    /// Tiles that came, of which there is at least one.
+    pub tiles: u32,
+    /// Their work.
+    pub work: f64,
+    /// Seconds from the request to the last of them: y.
+    pub response_secs: f64,
+    /// Seconds that the node says it worked for them, at most `response_secs`.
+    pub busy_secs: f64,
+}
+
+/// An algorithm that divides frames.
+pub trait Balancer {
+    /// The work of each candidate, in their order: nothing negative, and the sum is the frame's.
+    fn divide(&mut self, division: &Division<'_>) -> Vec<f64>;
+
+    /// Takes note of a run.
+    fn learn(&mut self, outcome: &Outcome);
+}
+
+/// All algorithms, side by side.
+#[derive(Debug, Default)]
+pub struct Balancers {
+    equal: Equal,
+    naive: Naive,
+    ab: Ab,
+    water_filling: WaterFilling,
+}
+
+impl Balancers {
+    /// The one that `algorithm` names.
+    pub fn of(&mut self, algorithm: Algorithm) -> &mut dyn Balancer {
+        match algorithm {
+            Algorithm::Equal => &mut self.equal,
+            Algorithm::Naive => &mut self.naive,
+            Algorithm::Ab => &mut self.ab,
+            Algorithm::WaterFilling => &mut self.water_filling,
+        }
+    }
+
+    /// Lets all of them take note of a run.
+    pub fn learn(&mut self, outcome: &Outcome) {
+        for algorithm in [
+            Algorithm::Equal,
+            Algorithm::Naive,
+            Algorithm::Ab,
+            Algorithm::WaterFilling,
+        ] {
+            self.of(algorithm).learn(outcome);
+        }
+    }
+}
+
+/// `work` in proportion to `weights`; in equal parts if none is above 0.
+fn in_proportion(work: f64, weights: &[f64]) -> Vec<f64> {
+    let sum: f64 = weights.iter().sum();
+    if sum > 0.0 && sum.is_finite() {
+        weights.iter().map(|weight| work * weight / sum).collect()
+    } else {
+        vec![work / weights.len() as f64; weights.len()]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn candidates() -> impl Strategy<Value = Vec<Candidate>> {
+        let estimate = proptest::option::of((0.0..0.1f64, 1e-9..1e-2f64));
+        prop::collection::vec((estimate, 0.0..0.5f64, 0.0..1e6f64), 1..20).prop_map(|nodes| {
+            let candidate = |(index, (estimate, wait_secs, proven_work))| Candidate {
+                node: NodeIndex(index),
+                estimate: Option::map(estimate, |(fixed_secs, secs_per_work)| Estimate {
+                    fixed_secs,
+                    secs_per_work,
+                }),
+                wait_secs,
+                proven_work,
+            };
+            nodes.into_iter().enumerate().map(candidate).collect()
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn shares_are_finite_and_make_up_the_frame(
+            candidates in candidates(),
+            work in 1.0..1e8f64,
+            period_secs in prop_oneof![Just(f64::INFINITY), 1e-3..1.0f64],
+            outcomes in prop::collection::vec((0..20usize, 1..100u32, 0.0..2.0f64, 0.0..1.0f64), 0..40),
+            warm_up in 0..70,
+        ) {
+            let mut balancers = Balancers::default();
+            for (node, tiles, response_secs, busy_share) in outcomes {
+                balancers.learn(&Outcome {
+                    node: NodeIndex(node),
+                    tiles,
+                    work: f64::from(tiles) * 1024.0,
+                    response_secs,
+                    busy_secs: busy_share * response_secs,
+                });
+            }
+            let tile_work = work / 100.0;
+            let candidates = &candidates[..];
+            let division = Division { work, tile_work, period_secs, candidates };
+            for algorithm in
+                [Algorithm::Equal, Algorithm::Naive, Algorithm::Ab, Algorithm::WaterFilling]
+            {
+                for _ in 0..warm_up {
+                    balancers.of(algorithm).divide(&division);
+                }
+                let shares = balancers.of(algorithm).divide(&division);
+                prop_assert_eq!(shares.len(), candidates.len());
+                prop_assert!(shares.iter().all(|x| x.is_finite() && *x >= 0.0), "{:?}", shares);
+                let sum: f64 = shares.iter().sum();
+                prop_assert!((sum - work).abs() <= 1e-9 * work, "{algorithm:?}: {sum} of {work}");
+            }
+        }
+    }
+}

@@ -1,0 +1,136 @@
+//! The frames in flight, and the pace at which they come.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use carom_protocol::{FrameId, SceneHash};
+use carom_tracer::{Scene, TileGrid};
+
+use super::film::Film;
+use super::work::WorkMap;
+use crate::{Frame, FrameSpec, FrameStats};
+
+/// A frame that has been submitted and not been delivered.
+#[derive(Debug)]
+pub(super) struct FrameInFlight {
+    pub(super) id: FrameId,
+    pub(super) spec: FrameSpec,
+    pub(super) scene: (SceneHash, Arc<Scene>),
+    pub(super) grid: TileGrid,
+    pub(super) work: WorkMap,
+    pub(super) submitted: f64,
+    /// Absent once it is finished.
+    pub(super) film: Option<Film>,
+    /// Whether its tiles have been handed out once.
+    pub(super) divided: bool,
+    /// When missing tiles are asked for again; absent while there is no prediction.
+    pub(super) hedge_at: Option<f64>,
+    /// How often that has happened.
+    pub(super) hedges: u32,
+    pub(super) stats: FrameStats,
+    finished: Option<Frame>,
+}
+
+impl FrameInFlight {
+    pub(super) fn new(
+        now: f64,
+        id: FrameId,
+        spec: FrameSpec,
+        scene: (SceneHash, Arc<Scene>),
+        tile_edge: u16,
+    ) -> Self {
+        let grid = TileGrid::new(spec.size, tile_edge);
+        Self {
+            id,
+            work: WorkMap::new(grid, &spec.settings),
+            film: Some(Film::new(grid, spec.format)),
+            spec,
+            scene,
+            grid,
+            submitted: now,
+            divided: false,
+            hedge_at: None,
+            hedges: 0,
+            stats: FrameStats::default(),
+            finished: None,
+        }
+    }
+
+    /// Ends it if all tiles are there. `true` if it has just ended.
+    pub(super) fn finish(&mut self, now: f64) -> bool {
+        let Some(film) = self.film.take_if(|film| film.is_complete()) else {
+            return false;
+        };
+        self.stats.makespan_secs = now - self.submitted;
+        self.hedge_at = None;
+        self.finished = Some(Frame {
+            id: self.id,
+            size: self.spec.size,
+            pixels: film.into_pixels(),
+            stats: std::mem::take(&mut self.stats),
+        });
+        true
+    }
+}
+
+/// Frames in the order of submission.
+#[derive(Debug, Default)]
+pub(super) struct Pipeline {
+    frames: VecDeque<FrameInFlight>,
+    last_submit: Option<f64>,
+    period_secs: Option<f64>,
+}
+
+impl Pipeline {
+    pub(super) fn push(&mut self, frame: FrameInFlight) {
+        let overlaps = self.iter().any(|earlier| earlier.film.is_some());
+        let interval = self.last_submit.map(|last| frame.submitted - last);
+        self.last_submit = Some(frame.submitted);
+        self.period_secs = match (overlaps, interval, self.period_secs) {
+            (false, ..) => None,
+            (true, Some(new), Some(old)) => Some(old + PERIOD_GAIN * (new - old)),
+            (true, new, None) => new,
+            (true, None, old) => old,
+        };
+        self.frames.push_back(frame);
+    }
+
+    /// The oldest frame, if it is finished.
+    pub(super) fn pop_finished(&mut self) -> Option<Frame> {
+        let frame = self.frames.front_mut()?.finished.take()?;
+        self.frames.pop_front();
+        Some(frame)
+    }
+
+    pub(super) fn drop_before(&mut self, id: FrameId) {
+        self.frames.retain(|frame| frame.id >= id);
+    }
+
+    /// Seconds between frames while they overlap, else infinite.
+    pub(super) fn period_secs(&self) -> f64 {
+        self.period_secs
+            .filter(|secs| *secs > 0.0)
+            .unwrap_or(f64::INFINITY)
+    }
+
+    pub(super) fn by_id(&mut self, id: FrameId) -> Option<&mut FrameInFlight> {
+        self.frames.iter_mut().find(|frame| frame.id == id)
+    }
+
+    pub(super) fn iter(&self) -> impl Iterator<Item = &FrameInFlight> {
+        self.frames.iter()
+    }
+
+    pub(super) fn iter_mut(&mut self) -> impl Iterator<Item = &mut FrameInFlight> {
+        self.frames.iter_mut()
+    }
+
+    /// The frames that are not finished, oldest first.
+    pub(super) fn unfinished(&self) -> Vec<FrameId> {
+        let unfinished = self.iter().filter(|frame| frame.film.is_some());
+        unfinished.map(|frame| frame.id).collect()
+    }
+}
+
+/// Share of an interval's deviation that the period follows.
+const PERIOD_GAIN: f64 = 0.1;

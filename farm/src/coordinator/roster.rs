@@ -1,0 +1,321 @@
+//! The nodes: where each stands, what it has been asked, what is known of it.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use carom_protocol::limits::RUNS_QUEUED_MAX;
+use carom_protocol::{FrameId, NodeInfo, RunId, SceneHash};
+use carom_tracer::DeviceKind;
+
+use super::balancer::{Estimate, Estimator, Line};
+use super::run::Run;
+use crate::{NodeState, NodeStatus};
+
+/// Times are seconds on the client's clock.
+#[derive(Debug)]
+pub(super) struct Node {
+    address: String,
+    pub(super) connection: Connection,
+    /// Scenes that it has said it is ready for.
+    scenes: BTreeSet<SceneHash>,
+    scene_refused: Option<(SceneHash, String)>,
+    pub(super) runs: BTreeMap<RunId, Run>,
+    pub(super) estimator: Estimator,
+    /// When it was last asked while idle, or last delivered.
+    heard: f64,
+    /// Whether it has been asked for work and has not been heard for longer than it should need.
+    pub(super) silent_since: Option<f64>,
+    rest: Option<Rest>,
+    failures: u32,
+    tiles: u64,
+    ping: Ping,
+    pub(super) last_probe: Option<FrameId>,
+}
+
+#[derive(Debug)]
+pub(super) enum Connection {
+    Connecting,
+    Open(NodeInfo),
+    Lost(String),
+}
+
+/// A pause after a refusal.
+#[derive(Debug)]
+struct Rest {
+    until: f64,
+    /// Absent if the node was merely busy.
+    why: Option<String>,
+}
+
+#[derive(Debug, Default)]
+struct Ping {
+    number: u64,
+    /// When the one that has no answer yet was sent.
+    sent: Option<f64>,
+    next: f64,
+    round_trip_secs: Option<f64>,
+}
+
+impl Node {
+    pub(super) fn new(address: String) -> Self {
+        Self {
+            address,
+            connection: Connection::Connecting,
+            scenes: BTreeSet::new(),
+            scene_refused: None,
+            runs: BTreeMap::new(),
+            estimator: Estimator::default(),
+            heard: 0.0,
+            silent_since: None,
+            rest: None,
+            failures: 0,
+            tiles: 0,
+            ping: Ping::default(),
+            last_probe: None,
+        }
+    }
+
+    /// Begins a connection; what was known of another one is void.
+    pub(super) fn open(&mut self, now: f64, info: NodeInfo) {
+        self.reset(Connection::Open(info));
+        self.ping = Ping {
+            next: now,
+            ..Ping::default()
+        };
+    }
+
+    /// Forgets all that a connection held; the estimates stay, for the node is most likely the
+    /// same when it comes back.
+    pub(super) fn reset(&mut self, connection: Connection) {
+        self.connection = connection;
+        self.scenes.clear();
+        self.scene_refused = None;
+        self.runs.clear();
+        self.silent_since = None;
+        self.rest = None;
+        self.failures = 0;
+    }
+
+    pub(super) fn scene_ready(&mut self, hash: SceneHash) {
+        self.scenes.insert(hash);
+        self.scene_refused = None;
+    }
+
+    pub(super) fn scene_refused(&mut self, hash: SceneHash, why: String) {
+        self.scene_refused = Some((hash, why));
+    }
+
+    /// Adds a run that is being asked for.
+    pub(super) fn ask(&mut self, now: f64, id: RunId, run: Run) {
+        if self.outstanding() == 0.0 {
+            self.heard = now;
+        }
+        self.runs.insert(id, run);
+    }
+
+    /// Takes note that it delivers, or says that it will not.
+    pub(super) fn hear(&mut self, now: f64, about: RunId) {
+        self.heard = now;
+        self.silent_since = None;
+        for (_, run) in self.runs.range_mut(RunId(about.0 + 1)..) {
+            run.others_until = now;
+        }
+    }
+
+    pub(super) fn deliver(&mut self, tiles: u32) {
+        self.tiles += u64::from(tiles);
+        self.failures = 0;
+    }
+
+    /// Pauses after a refusal: `why` if it was the node's or its device's fault.
+    pub(super) fn rest(&mut self, now: f64, why: Option<String>) {
+        let secs = match why {
+            Some(_) => (REST_SECS * f64::from(1 << self.failures.min(10))).min(REST_SECS_MAX),
+            None => BUSY_REST_SECS,
+        };
+        self.failures += u32::from(why.is_some());
+        self.rest = Some(Rest {
+            until: now + secs,
+            why,
+        });
+    }
+
+    /// Whether a pause has just ended.
+    pub(super) fn wake(&mut self, now: f64) -> bool {
+        let over = self.rest.as_ref().is_some_and(|rest| rest.until <= now);
+        if over {
+            self.rest = None;
+        }
+        over
+    }
+
+    /// The number of a ping to send, if it is time.
+    pub(super) fn ping(&mut self, now: f64) -> Option<u64> {
+        if self.ping_due()? > now {
+            return None;
+        }
+        self.ping.number += 1;
+        self.ping.sent = Some(now);
+        self.ping.next = now + PING_SECS;
+        Some(self.ping.number)
+    }
+
+    pub(super) fn pong(&mut self, now: f64, number: u64) {
+        if number == self.ping.number
+            && let Some(sent) = self.ping.sent.take()
+        {
+            self.ping.round_trip_secs = Some(now - sent);
+        }
+    }
+
+    /// Whether it has just become silent: asked for work, and nothing has come for far longer
+    /// than predicted.
+    pub(super) fn falls_silent(&mut self, now: f64) -> bool {
+        let silent = self.silence_due().is_some_and(|due| due <= now);
+        if silent {
+            self.silent_since = Some(self.heard);
+        }
+        silent
+    }
+
+    pub(super) fn is_open(&self) -> bool {
+        matches!(self.connection, Connection::Open(_))
+    }
+
+    /// Whether it can be asked for tiles of that scene.
+    pub(super) fn is_usable(&self, scene: SceneHash) -> bool {
+        self.is_open()
+            && self.scenes.contains(&scene)
+            && self.silent_since.is_none()
+            && self.rest.is_none()
+            && self.has_room()
+    }
+
+    pub(super) fn has_room(&self) -> bool {
+        self.runs.len() < RUNS_QUEUED_MAX
+    }
+
+    pub(super) fn round_trip_secs(&self) -> Option<f64> {
+        self.ping.round_trip_secs
+    }
+
+    pub(super) fn estimate(&self) -> Option<Estimate> {
+        self.estimator.estimate()
+    }
+
+    /// Seconds that a request would wait for earlier ones. Half of the fixed cost passes before a
+    /// request arrives, and during that time earlier ones are worked on.
+    pub(super) fn wait_secs(&self, now: f64) -> f64 {
+        let (outstanding, Some(estimate)) = (self.outstanding(), self.estimate()) else {
+            return 0.0;
+        };
+        if outstanding == 0.0 {
+            return 0.0;
+        }
+        let delivered_after = self.heard - 0.5 * estimate.fixed_secs;
+        let free = delivered_after.max(now - estimate.secs_per_work * outstanding)
+            + estimate.secs_per_work * outstanding;
+        (free - now - 0.5 * estimate.fixed_secs).max(0.0)
+    }
+
+    /// The vessel that this node is for work that must be done soon.
+    pub(super) fn line(&self, now: f64, newcomer: Option<Estimate>) -> Option<Line> {
+        let estimate = self.estimate().or(newcomer)?;
+        Some(Line {
+            a_secs: estimate.fixed_secs + self.wait_secs(now),
+            b_secs: estimate.secs_per_work,
+            cap: f64::INFINITY,
+        })
+    }
+
+    /// When something has to be done about this node.
+    pub(super) fn next_timeout(&self) -> Option<f64> {
+        let rest = self.rest.as_ref().map(|rest| rest.until);
+        [self.ping_due(), rest, self.silence_due()]
+            .into_iter()
+            .flatten()
+            .reduce(f64::min)
+    }
+
+    pub(super) fn status(&self, now: f64, scene: Option<SceneHash>) -> NodeStatus {
+        let info = match &self.connection {
+            Connection::Open(info) => Some(info.clone()),
+            _ => None,
+        };
+        let estimate = self.estimate();
+        let round_trip = self.round_trip_secs().map(|secs| secs.max(0.0));
+        NodeStatus {
+            address: self.address.clone(),
+            info,
+            state: self.state(now, scene),
+            fixed_secs: estimate.map_or(0.0, |estimate| estimate.fixed_secs),
+            msamples_per_sec: estimate.map_or(0.0, |estimate| 1e-6 / estimate.secs_per_work),
+            tiles: self.tiles,
+            round_trip: round_trip.map(Duration::from_secs_f64),
+        }
+    }
+
+    fn state(&self, now: f64, scene: Option<SceneHash>) -> NodeState {
+        let why = match (&self.connection, &self.scene_refused, &self.rest) {
+            (Connection::Connecting, ..) => return NodeState::Connecting,
+            (Connection::Lost(why), ..) => why.clone(),
+            (_, Some((hash, why)), _) if Some(*hash) == scene => {
+                format!("it cannot use the scene: {why}")
+            }
+            (_, _, Some(Rest { why: Some(why), .. })) => why.clone(),
+            _ => match self.silent_since {
+                Some(since) => format!("it has not answered for {:.1} s", now - since),
+                None if scene.is_some_and(|hash| self.scenes.contains(&hash)) => {
+                    return NodeState::Ready;
+                }
+                None => return NodeState::Syncing,
+            },
+        };
+        NodeState::Lost { why }
+    }
+
+    /// Work that it has been asked for and that is still wanted.
+    fn outstanding(&self) -> f64 {
+        self.runs.values().map(Run::outstanding).sum()
+    }
+
+    fn ping_due(&self) -> Option<f64> {
+        (self.is_open() && self.ping.sent.is_none()).then_some(self.ping.next)
+    }
+
+    fn silence_due(&self) -> Option<f64> {
+        let outstanding = self.outstanding();
+        if self.silent_since.is_some() || outstanding == 0.0 {
+            return None;
+        }
+        let patience = match (self.estimate(), &self.connection) {
+            (Some(line), Connection::Open(info)) => {
+                let predicted = line.fixed_secs + SILENCE_FACTOR * line.secs_per_work * outstanding;
+                predicted + silence_margin_secs(info.device.kind)
+            }
+            _ => NEWCOMER_PATIENCE_SECS,
+        };
+        Some(self.heard + patience)
+    }
+}
+
+/// A processor that also runs the client is late whenever the system gives its cores to others.
+fn silence_margin_secs(kind: DeviceKind) -> f64 {
+    match kind {
+        DeviceKind::Gpu => 0.03,
+        DeviceKind::Cpu | DeviceKind::Reference => 0.25,
+    }
+}
+
+/// How many times its predicted work a node may take before it counts as silent.
+const SILENCE_FACTOR: f64 = 6.0;
+/// Seconds that a node may take for its very first tiles, of unknown cost.
+const NEWCOMER_PATIENCE_SECS: f64 = 5.0;
+/// Seconds of pause after the first failure of a device; it doubles with each further one.
+const REST_SECS: f64 = 0.1;
+/// The longest pause.
+const REST_SECS_MAX: f64 = 5.0;
+/// Seconds of pause after a node said that its queue is full.
+const BUSY_REST_SECS: f64 = 0.02;
+/// Seconds between pings.
+const PING_SECS: f64 = 1.0;

@@ -1,0 +1,222 @@
+//! The coordinator's thread: gives the state machine its clock, its links and its caller.
+
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use carom_protocol::{FrameId, SceneHash};
+use carom_tracer::{Scene, Tracer};
+
+use crate::coordinator::{Action, Coordinator, NodeIndex};
+use crate::link::{Command, LinkEvent, MemoryLink};
+use crate::net::{Client, NodeAddress, NodeLink};
+use crate::node::Node;
+use crate::{Algorithm, FarmConfig, Frame, FrameSpec, NodeStatus};
+
+/// What the thread is told. The queue has no bound of its own: a link passes on only what its
+/// session has asked for, and the caller's frames are counted by [`crate::Farm`].
+pub(crate) enum Input {
+    Link(NodeIndex, LinkEvent),
+    Scene(SceneHash, Arc<Scene>),
+    Submit(FrameId, Box<FrameSpec>),
+    CancelBefore(FrameId),
+    Algorithm(Algorithm),
+    AddLocal(Arc<dyn Tracer>),
+    /// The tracer that [`Driver::add_local_later`] has been waiting for.
+    Local(NodeIndex, Result<Arc<dyn Tracer>, carom_tracer::Error>),
+    Stop,
+}
+
+/// Everything that the thread owns.
+pub(crate) struct Driver {
+    coordinator: Coordinator,
+    links: Vec<Link>,
+    tile_edge: u16,
+    started: Instant,
+    inputs: Sender<Input>,
+    receiver: Receiver<Input>,
+    statuses: Arc<Mutex<Vec<NodeStatus>>>,
+    statuses_at: Duration,
+    statuses_stale: bool,
+    /// After the links, which end first.
+    client: Option<Client>,
+}
+
+enum Link {
+    /// The link before the node: it ends first.
+    Memory(
+        MemoryLink,
+        #[expect(dead_code, reason = "kept alive")] Arc<Node>,
+    ),
+    Remote(NodeLink),
+    /// A tracer that is still being opened, or could not be.
+    None,
+}
+
+impl Driver {
+    pub(crate) fn new(config: &FarmConfig) -> Self {
+        let (inputs, receiver) = mpsc::channel();
+        Self {
+            coordinator: Coordinator::new(config.algorithm),
+            links: Vec::new(),
+            tile_edge: config.tile_edge,
+            started: Instant::now(),
+            inputs,
+            receiver,
+            statuses: Arc::default(),
+            statuses_at: Duration::ZERO,
+            statuses_stale: false,
+            client: None,
+        }
+    }
+
+    pub(crate) fn inputs(&self) -> Sender<Input> {
+        self.inputs.clone()
+    }
+
+    pub(crate) fn statuses(&self) -> Arc<Mutex<Vec<NodeStatus>>> {
+        self.publish();
+        Arc::clone(&self.statuses)
+    }
+
+    pub(crate) fn add_local(&mut self, tracer: Arc<dyn Tracer>) {
+        let index = self.coordinator.add_node("local".into());
+        let link = self.memory_link(index, tracer);
+        self.links.push(link);
+    }
+
+    /// Adds a local node whose tracer takes a while to open.
+    pub(crate) fn add_local_later(
+        &mut self,
+        open: fn() -> Result<Arc<dyn Tracer>, carom_tracer::Error>,
+    ) {
+        let index = self.coordinator.add_node("local".into());
+        self.links.push(Link::None);
+        let inputs = self.inputs.clone();
+        std::thread::spawn(move || {
+            // A farm that is gone by now needs no tracer.
+            let _ = inputs.send(Input::Local(index, open()));
+        });
+    }
+
+    pub(crate) fn add_remote(&mut self, client: &Client, name: String, address: NodeAddress) {
+        let index = self.coordinator.add_node(name);
+        let link = client.link(address, self.events(index));
+        self.links.push(Link::Remote(link));
+    }
+
+    /// Keeps the network threads of remote links.
+    pub(crate) fn keep(&mut self, client: Client) {
+        self.client = Some(client);
+    }
+
+    /// Runs until it is told to stop.
+    pub(crate) fn run(mut self, frames: &Sender<Frame>) {
+        loop {
+            let input = match self.patience() {
+                Some(patience) => self.receiver.recv_timeout(patience),
+                None => self
+                    .receiver
+                    .recv()
+                    .map_err(|_| RecvTimeoutError::Disconnected),
+            };
+            match input {
+                Ok(Input::Stop) | Err(RecvTimeoutError::Disconnected) => return,
+                Ok(input) => self.handle(input),
+                Err(RecvTimeoutError::Timeout) => {}
+            }
+            let now = self.now();
+            if self
+                .coordinator
+                .next_timeout()
+                .is_some_and(|due| due <= now)
+            {
+                self.coordinator.handle_timeout(now);
+            }
+            while let Some(action) = self.coordinator.poll_action() {
+                match action {
+                    Action::Command { node, command } => self.links[node.0].send(command),
+                    Action::Deliver(frame) => drop(frames.send(*frame)),
+                }
+            }
+            self.refresh_statuses(now);
+        }
+    }
+
+    fn handle(&mut self, input: Input) {
+        let now = self.now();
+        self.statuses_stale = true;
+        match input {
+            Input::Link(node, event) => self.coordinator.handle(now, node, event),
+            Input::Scene(hash, scene) => self.coordinator.set_scene(hash, scene),
+            Input::Submit(id, spec) => self.coordinator.submit(now, id, *spec, self.tile_edge),
+            Input::CancelBefore(id) => self.coordinator.cancel_before(now, id),
+            Input::Algorithm(algorithm) => self.coordinator.set_algorithm(algorithm),
+            Input::AddLocal(tracer) => self.add_local(tracer),
+            Input::Local(node, Ok(tracer)) => self.links[node.0] = self.memory_link(node, tracer),
+            Input::Local(node, Err(why)) => {
+                let why = why.to_string();
+                self.coordinator.handle(now, node, LinkEvent::Lost { why });
+            }
+            Input::Stop => {}
+        }
+    }
+
+    fn memory_link(&self, index: NodeIndex, tracer: Arc<dyn Tracer>) -> Link {
+        let node = Node::new("", tracer);
+        Link::Memory(MemoryLink::new(&node, self.events(index)), node)
+    }
+
+    fn events(&self, index: NodeIndex) -> impl Fn(LinkEvent) + Send + 'static {
+        let inputs = self.inputs.clone();
+        move |event| drop(inputs.send(Input::Link(index, event)))
+    }
+
+    /// How long to wait for the next input; `None` for ever.
+    fn patience(&self) -> Option<Duration> {
+        let refresh = self
+            .statuses_stale
+            .then(|| self.statuses_at + STATUS_AGE_MAX);
+        let due = self
+            .coordinator
+            .next_timeout()
+            .into_iter()
+            .chain(refresh)
+            .min()?;
+        Some(due.saturating_sub(self.now()))
+    }
+
+    fn refresh_statuses(&mut self, now: Duration) {
+        if self.statuses_stale && now >= self.statuses_at + STATUS_AGE_MAX {
+            self.statuses_stale = false;
+            self.statuses_at = now;
+            self.publish();
+        }
+    }
+
+    fn publish(&self) {
+        let nodes = self.coordinator.nodes(self.now());
+        *self.statuses.lock().unwrap_or_else(PoisonError::into_inner) = nodes;
+    }
+
+    fn now(&self) -> Duration {
+        self.started.elapsed()
+    }
+}
+
+impl Link {
+    /// A command that cannot be delivered is void: the link is gone and says so.
+    fn send(&self, command: Command) {
+        let sent = match self {
+            Self::Memory(link, _) => link.send(command),
+            Self::Remote(link) => link.send(command),
+            Self::None => false,
+        };
+        if !sent {
+            tracing::debug!("a command for a link that is gone was dropped");
+        }
+    }
+}
+
+/// How old [`crate::Farm::nodes`] may be.
+const STATUS_AGE_MAX: Duration = Duration::from_millis(20);

@@ -1,0 +1,253 @@
+//! The handle of an application: plain calls that never block.
+
+use std::collections::VecDeque;
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use carom_protocol::limits::{FRAMES_IN_FLIGHT_MAX, NODES_MAX, POSES_MAX, TILE_EDGE_MAX};
+use carom_protocol::{FrameId, PixelFormat, SceneHash};
+use carom_tracer::{CompiledScene, Scene, Tracer};
+
+use crate::driver::{Driver, Input};
+use crate::net::{Client, Credentials, NodeAddress, Role};
+use crate::{Algorithm, Error, FarmConfig, Frame, FrameSpec, LocalNode, NodeStatus, local};
+
+/// Many nodes as one tracer.
+///
+/// A thread of its own runs the coordinator; calls hand it messages. Frames wait while there is no
+/// node that can trace them, and [`Farm::nodes`] says why. Dropping the farm ends everything that
+/// it has started.
+pub struct Farm {
+    inputs: mpsc::Sender<Input>,
+    frames: mpsc::Receiver<Frame>,
+    statuses: Arc<Mutex<Vec<NodeStatus>>>,
+    thread: Option<JoinHandle<()>>,
+    frames_in_flight_max: usize,
+    scene: Option<CompiledScene>,
+    /// Submitted, and neither taken nor cancelled.
+    in_flight: VecDeque<FrameId>,
+    next_frame: FrameId,
+}
+
+impl Farm {
+    /// Starts the local node and calls the remote ones; waits for neither.
+    ///
+    /// # Errors
+    /// [`Error::Config`] if a value is out of range or an address is none,
+    /// [`Error::Credentials`] or [`Error::Socket`] if there are remote nodes and they cannot be
+    /// called, [`Error::Tracer`] if [`LocalNode::Gpu`] is asked for and there is none.
+    pub fn new(config: FarmConfig) -> Result<Self, Error> {
+        let mut driver = Driver::new(&config);
+        match config.local {
+            LocalNode::None => {}
+            LocalNode::Auto => driver.add_local_later(local::auto),
+            LocalNode::Cpu => driver.add_local(local::cpu()?),
+            LocalNode::Gpu => driver.add_local(local::gpu()?),
+        }
+        Self::start(&config, driver)
+    }
+
+    /// In-process nodes on given tracers, beside the remote nodes of `config`, whose
+    /// [`FarmConfig::local`] is not looked at: for tests, benches and devices of one's own.
+    ///
+    /// # Errors
+    /// As [`Farm::new`].
+    pub fn with_tracers(config: FarmConfig, tracers: Vec<Arc<dyn Tracer>>) -> Result<Self, Error> {
+        let mut driver = Driver::new(&config);
+        for tracer in tracers {
+            driver.add_local(tracer);
+        }
+        Self::start(&config, driver)
+    }
+
+    fn start(config: &FarmConfig, mut driver: Driver) -> Result<Self, Error> {
+        validate(config)?;
+        if !config.nodes.is_empty() {
+            let credentials = Credentials::load(&config.credentials, Role::Player)?;
+            let client = Client::new(&credentials)?;
+            for node in &config.nodes {
+                let address: NodeAddress = node.parse().map_err(Error::Config)?;
+                driver.add_remote(&client, node.clone(), address);
+            }
+            driver.keep(client);
+        }
+        let inputs = driver.inputs();
+        let statuses = driver.statuses();
+        let (sender, frames) = mpsc::channel();
+        let thread = std::thread::Builder::new()
+            .name("carom-coordinator".into())
+            .spawn(move || driver.run(&sender))
+            .map_err(|source| Error::Socket {
+                address: "the coordinator's thread".into(),
+                source,
+            })?;
+        Ok(Self {
+            inputs,
+            frames,
+            statuses,
+            thread: Some(thread),
+            frames_in_flight_max: config.frames_in_flight,
+            scene: None,
+            in_flight: VecDeque::new(),
+            next_frame: FrameId(0),
+        })
+    }
+
+    /// Draws `scene` from the next frame on.
+    ///
+    /// # Errors
+    /// [`Error::Tracer`] with the first rule that the scene breaks; the scene before stays.
+    pub fn set_scene(&mut self, scene: &Scene) -> Result<(), Error> {
+        self.scene = Some(CompiledScene::new(scene)?);
+        let scene = Arc::new(scene.clone());
+        self.send(Input::Scene(SceneHash::of(&scene), scene));
+        Ok(())
+    }
+
+    /// Asks for a picture.
+    ///
+    /// # Errors
+    /// [`Error::FramesInFlight`] if as many frames as the configuration allows have been submitted
+    /// and not been taken, [`Error::NoScene`] before the first scene, [`Error::Tracer`] if the
+    /// update does not fit the scene or a value is out of range.
+    pub fn submit(&mut self, spec: FrameSpec) -> Result<FrameId, Error> {
+        let in_flight = self.in_flight.len();
+        if in_flight >= self.frames_in_flight_max {
+            return Err(Error::FramesInFlight { in_flight });
+        }
+        self.check(&spec)?;
+        let id = self.next_frame;
+        self.next_frame = FrameId(id.0 + 1);
+        self.in_flight.push_back(id);
+        self.send(Input::Submit(id, Box::new(spec)));
+        Ok(id)
+    }
+
+    /// The next finished frame in the order of submission, if there is one now.
+    pub fn poll_frame(&mut self) -> Option<Frame> {
+        loop {
+            let frame = self.frames.try_recv().ok()?;
+            if let Some(frame) = self.take(frame) {
+                return Some(frame);
+            }
+        }
+    }
+
+    /// The next frame, for programs without a loop of their own: waits until it is finished, but
+    /// not longer than `patience`, and not at all if none is in flight.
+    pub fn wait_frame(&mut self, patience: Duration) -> Option<Frame> {
+        let deadline = Instant::now() + patience;
+        while !self.in_flight.is_empty() {
+            let left = deadline.saturating_duration_since(Instant::now());
+            match self.frames.recv_timeout(left) {
+                Ok(frame) => {
+                    if let Some(frame) = self.take(frame) {
+                        return Some(frame);
+                    }
+                }
+                Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => return None,
+            }
+        }
+        None
+    }
+
+    /// Drops all frames before `id`, also finished ones that have not been taken.
+    pub fn cancel_before(&mut self, id: FrameId) {
+        self.in_flight.retain(|frame| *frame >= id);
+        self.send(Input::CancelBefore(id));
+    }
+
+    /// Frames that have been submitted and neither been taken nor cancelled.
+    pub fn in_flight(&self) -> usize {
+        self.in_flight.len()
+    }
+
+    /// How the nodes are, local ones first; at most 20 ms old.
+    pub fn nodes(&self) -> Vec<NodeStatus> {
+        let statuses = self.statuses.lock().unwrap_or_else(PoisonError::into_inner);
+        statuses.clone()
+    }
+
+    /// Divides frames by `algorithm` from the next one on.
+    pub fn set_algorithm(&mut self, algorithm: Algorithm) {
+        self.send(Input::Algorithm(algorithm));
+    }
+
+    /// Adds an in-process node on `tracer` while the farm is running.
+    pub fn add_tracer(&mut self, tracer: Arc<dyn Tracer>) {
+        self.send(Input::AddLocal(tracer));
+    }
+
+    fn take(&mut self, frame: Frame) -> Option<Frame> {
+        // A frame that is not the next one in flight was cancelled while it was on its way here.
+        let wanted = self.in_flight.front() == Some(&frame.id);
+        wanted.then(|| {
+            self.in_flight.pop_front();
+            frame
+        })
+    }
+
+    fn check(&mut self, spec: &FrameSpec) -> Result<(), Error> {
+        let scene = self.scene.as_mut().ok_or(Error::NoScene)?;
+        spec.size.validate()?;
+        spec.settings.validate()?;
+        if spec.update.poses.len() > POSES_MAX {
+            return Err(carom_tracer::Error::InvalidUpdate(format!(
+                "it has {} poses: at most {POSES_MAX} are allowed",
+                spec.update.poses.len()
+            ))
+            .into());
+        }
+        if let PixelFormat::Srgb8 { exposure } = spec.format
+            && !(exposure > 0.0 && exposure.is_finite())
+        {
+            return Err(carom_tracer::Error::InvalidSettings(format!(
+                "the exposure is {exposure}: it must be above 0"
+            ))
+            .into());
+        }
+        scene.apply(&spec.update)?;
+        Ok(())
+    }
+
+    fn send(&self, input: Input) {
+        // The thread ends only when this handle is dropped, or by a panic that has been reported.
+        let _ = self.inputs.send(input);
+    }
+}
+
+impl Drop for Farm {
+    fn drop(&mut self) {
+        self.send(Input::Stop);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join(); // a panic has been reported where it happened
+        }
+    }
+}
+
+fn validate(config: &FarmConfig) -> Result<(), Error> {
+    let edges = 8..=TILE_EDGE_MAX;
+    if !edges.contains(&config.tile_edge) {
+        return Err(Error::Config(format!(
+            "tile_edge is {}: it must be from {} to {}",
+            config.tile_edge,
+            edges.start(),
+            edges.end()
+        )));
+    }
+    if !(1..=FRAMES_IN_FLIGHT_MAX).contains(&config.frames_in_flight) {
+        return Err(Error::Config(format!(
+            "frames_in_flight is {}: it must be from 1 to {FRAMES_IN_FLIGHT_MAX}",
+            config.frames_in_flight
+        )));
+    }
+    if config.nodes.len() > NODES_MAX {
+        return Err(Error::Config(format!(
+            "there are {} nodes: at most {NODES_MAX} are allowed",
+            config.nodes.len()
+        )));
+    }
+    Ok(())
+}

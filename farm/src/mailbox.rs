@@ -1,0 +1,88 @@
+//! A queue between threads that can be waited for together with other sources: by
+//! polling with a waker.
+//!
+//! It has no bound of its own: those who send are bound by what is open in a session or by
+//! [`carom_protocol::limits`].
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::task::{Context, Poll, Waker};
+
+/// Puts messages in.
+pub(crate) struct Sender<T>(Arc<Mutex<State<T>>>);
+
+/// Takes messages out.
+pub(crate) struct Receiver<T>(Arc<Mutex<State<T>>>);
+
+struct State<T> {
+    queue: VecDeque<T>,
+    closed: bool,
+    waker: Option<Waker>,
+}
+
+/// A new queue.
+pub(crate) fn mailbox<T>() -> (Sender<T>, Receiver<T>) {
+    let state = Arc::new(Mutex::new(State {
+        queue: VecDeque::new(),
+        closed: false,
+        waker: None,
+    }));
+    (Sender(Arc::clone(&state)), Receiver(state))
+}
+
+impl<T> Sender<T> {
+    /// Adds a message; `false` if nobody can receive it.
+    pub(crate) fn send(&self, message: T) -> bool {
+        let mut state = lock(&self.0);
+        let open = !state.closed;
+        if open {
+            state.queue.push_back(message);
+        }
+        wake(state);
+        open
+    }
+}
+
+impl<T> Drop for Sender<T> {
+    fn drop(&mut self) {
+        let mut state = lock(&self.0);
+        state.closed = true;
+        wake(state);
+    }
+}
+
+impl<T> Receiver<T> {
+    /// The next message; `None` when the sender is gone and all have been taken.
+    pub(crate) fn poll_recv(&self, cx: &mut Context<'_>) -> Poll<Option<T>> {
+        let mut state = lock(&self.0);
+        if let Some(message) = state.queue.pop_front() {
+            return Poll::Ready(Some(message));
+        }
+        if state.closed {
+            return Poll::Ready(None);
+        }
+        state.waker = Some(cx.waker().clone());
+        Poll::Pending
+    }
+}
+
+impl<T> Drop for Receiver<T> {
+    fn drop(&mut self) {
+        let mut state = lock(&self.0);
+        state.closed = true;
+        state.queue.clear();
+    }
+}
+
+fn lock<T>(state: &Mutex<State<T>>) -> MutexGuard<'_, State<T>> {
+    state.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Wakes the receiver after the lock is released, so that it does not wait for it.
+fn wake<T>(mut state: MutexGuard<'_, State<T>>) {
+    let waker = state.waker.take();
+    drop(state);
+    if let Some(waker) = waker {
+        waker.wake();
+    }
+}

@@ -1,0 +1,200 @@
+//! A client's session with the node, shared by its transport and the workers.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::task::{Context, Poll, Waker};
+use std::time::Instant;
+
+use carom_protocol::session::{NodeEvent, NodeSession, Packet};
+use carom_protocol::{NodeInfo, RefusalReason, RunId, RunReport, TilesDone};
+
+use super::queue::{Job, Queue};
+
+/// The transport's end of a client's session; [`crate::net::Peer`] for QUIC.
+pub struct NodeConnection {
+    client: Arc<Client>,
+    queue: Arc<Queue>,
+}
+
+/// The workers' end.
+pub(super) struct Client {
+    state: Mutex<State>,
+    /// Told when the transport has taken a packet.
+    drained: Condvar,
+}
+
+struct State {
+    session: NodeSession,
+    /// Flags of runs that are neither done nor refused.
+    cancelled: BTreeMap<RunId, Arc<AtomicBool>>,
+    waker: Option<Waker>,
+    /// Whether a worker has put something in since the transport last asked.
+    ready: bool,
+    closed: bool,
+}
+
+impl NodeConnection {
+    pub(super) fn new(info: NodeInfo, queue: Arc<Queue>) -> Self {
+        let state = State {
+            session: NodeSession::new(info),
+            cancelled: BTreeMap::new(),
+            waker: None,
+            ready: false,
+            closed: false,
+        };
+        let client = Arc::new(Client {
+            state: Mutex::new(state),
+            drained: Condvar::new(),
+        });
+        Self { client, queue }
+    }
+
+    /// Takes a packet from the client.
+    ///
+    /// # Errors
+    /// What rule the client broke: send what [`NodeConnection::poll_transmit`] still hands out,
+    /// and close.
+    pub fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error> {
+        let mut state = self.client.lock();
+        match state.session.handle(packet)? {
+            // The session keeps scenes; they are compiled when they are first drawn.
+            None | Some(NodeEvent::Scene { .. }) => {}
+            Some(NodeEvent::Trace { request, scene }) => {
+                let cancelled = Arc::new(AtomicBool::new(false));
+                state.cancelled.insert(request.run, Arc::clone(&cancelled));
+                drop(state);
+                self.queue.push(Job {
+                    client: Arc::clone(&self.client),
+                    request,
+                    scene,
+                    cancelled,
+                    arrived: Instant::now(),
+                });
+            }
+            Some(NodeEvent::Cancelled(runs)) => {
+                for run in runs {
+                    if let Some(flag) = state.cancelled.remove(&run) {
+                        flag.store(true, Ordering::Relaxed);
+                    }
+                }
+                drop(state);
+                self.client.drained.notify_all();
+                self.queue.sweep();
+            }
+        }
+        Ok(())
+    }
+
+    /// The next packet to send, if there is one now.
+    pub fn poll_transmit(&mut self) -> Option<Packet> {
+        let packet = self.client.lock().session.poll_transmit();
+        if packet.is_some() {
+            self.client.drained.notify_all();
+        }
+        packet
+    }
+
+    /// The next packet to send; wakes `cx` when there is one.
+    pub fn poll_packet(&mut self, cx: &mut Context<'_>) -> Poll<Packet> {
+        // The waker first: a packet that comes in between is seen, or wakes.
+        self.client.lock().waker = Some(cx.waker().clone());
+        self.poll_transmit().map_or(Poll::Pending, Poll::Ready)
+    }
+
+    /// Wakes `cx` when a worker has put something in for [`NodeConnection::poll_transmit`].
+    pub fn poll_ready(&mut self, cx: &mut Context<'_>) -> Poll<()> {
+        let mut state = self.client.lock();
+        if state.ready {
+            state.ready = false;
+            return Poll::Ready(());
+        }
+        state.waker = Some(cx.waker().clone());
+        Poll::Pending
+    }
+}
+
+impl crate::net::Peer for NodeConnection {
+    fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error> {
+        Self::handle(self, packet)
+    }
+
+    fn poll_transmit(&mut self) -> Option<Packet> {
+        Self::poll_transmit(self)
+    }
+
+    fn poll_owner(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), String>> {
+        self.poll_ready(cx).map(Ok)
+    }
+}
+
+impl Drop for NodeConnection {
+    fn drop(&mut self) {
+        let mut state = self.client.lock();
+        state.closed = true;
+        for flag in std::mem::take(&mut state.cancelled).values() {
+            flag.store(true, Ordering::Relaxed);
+        }
+        drop(state);
+        self.client.drained.notify_all();
+        self.queue.sweep();
+    }
+}
+
+impl Client {
+    /// Sends finished tiles. `false` if they are not wanted any more.
+    pub(super) fn tiles(&self, tiles: TilesDone) -> bool {
+        let mut state = self.lock();
+        let sent = match state.session.tiles(tiles) {
+            Ok(sent) => sent && !state.closed,
+            Err(why) => {
+                tracing::error!("tiles that cannot be sent: {why}");
+                false
+            }
+        };
+        wake(state);
+        sent
+    }
+
+    /// Ends a run whose tiles have all been sent.
+    pub(super) fn run_done(&self, report: RunReport) {
+        let mut state = self.lock();
+        state.cancelled.remove(&report.run);
+        if let Err(why) = state.session.run_done(report) {
+            let why = RefusalReason::Device(format!("the tracer left tiles out: {why}"));
+            state.session.refuse(report.run, why);
+        }
+        wake(state);
+    }
+
+    /// Ends a run that cannot be finished.
+    pub(super) fn refuse(&self, run: RunId, why: RefusalReason) {
+        let mut state = self.lock();
+        state.cancelled.remove(&run);
+        state.session.refuse(run, why);
+        wake(state);
+    }
+
+    /// Waits while the network takes tiles more slowly than they are traced.
+    pub(super) fn wait_for_room(&self, cancelled: &AtomicBool) {
+        let full = |state: &mut State| {
+            state.session.is_full() && !state.closed && !cancelled.load(Ordering::Relaxed)
+        };
+        let state = self.drained.wait_while(self.lock(), full);
+        drop(state);
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Wakes the transport after the lock is released, so that it does not wait for it.
+fn wake(mut state: MutexGuard<'_, State>) {
+    state.ready = true;
+    let waker = state.waker.take();
+    drop(state);
+    if let Some(waker) = waker {
+        waker.wake();
+    }
+}

@@ -1,0 +1,138 @@
+//! Runs that wait for the device, in the order in which they came.
+//!
+//! A client's session lets no more than `RUNS_QUEUED_MAX` of its runs in.
+
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use carom_protocol::{SceneHash, TraceRequest};
+use carom_tracer::{CompiledScene, Error, Scene};
+
+use super::connection::Client;
+
+/// A run to trace.
+pub(super) struct Job {
+    pub(super) client: Arc<Client>,
+    pub(super) request: Box<TraceRequest>,
+    pub(super) scene: Arc<Scene>,
+    pub(super) cancelled: Arc<AtomicBool>,
+    pub(super) arrived: Instant,
+}
+
+/// Shared by connections and workers.
+pub(super) struct Queue {
+    state: Mutex<State>,
+    changed: Condvar,
+    scenes: Mutex<VecDeque<(SceneHash, Arc<CompiledScene>)>>,
+    /// When the device was last through with something.
+    last_done: Mutex<Option<Instant>>,
+}
+
+#[derive(Default)]
+struct State {
+    jobs: VecDeque<Job>,
+    /// What workers are at.
+    running: Vec<Arc<AtomicBool>>,
+    workers: usize,
+    closed: bool,
+}
+
+impl Queue {
+    pub(super) fn new() -> Self {
+        Self {
+            state: Mutex::default(),
+            changed: Condvar::new(),
+            scenes: Mutex::default(),
+            last_done: Mutex::default(),
+        }
+    }
+
+    pub(super) fn push(&self, job: Job) {
+        lock(&self.state).jobs.push_back(job);
+        self.changed.notify_one();
+    }
+
+    /// Takes cancelled jobs out.
+    pub(super) fn sweep(&self) {
+        let wanted = |job: &Job| !job.cancelled.load(Ordering::Relaxed);
+        lock(&self.state).jobs.retain(wanted);
+    }
+
+    pub(super) fn worker_starts(&self) {
+        lock(&self.state).workers += 1;
+    }
+
+    pub(super) fn worker_ends(&self) {
+        lock(&self.state).workers -= 1;
+        self.changed.notify_all();
+    }
+
+    /// The next job for a worker, which is through with the one whose flag is `done`; `None` when
+    /// the node is gone.
+    pub(super) fn next(&self, done: Option<&Arc<AtomicBool>>) -> Option<Job> {
+        let mut state = lock(&self.state);
+        if let Some(done) = done {
+            state.running.retain(|running| !Arc::ptr_eq(running, done));
+        }
+        loop {
+            if state.closed {
+                return None;
+            }
+            if let Some(job) = state.jobs.pop_front() {
+                state.running.push(Arc::clone(&job.cancelled));
+                return Some(job);
+            }
+            state = self
+                .changed
+                .wait(state)
+                .unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    /// Cancels everything and waits until the workers have ended, but not longer than `patience`.
+    pub(super) fn close(&self, patience: Duration) {
+        let mut state = lock(&self.state);
+        state.closed = true;
+        state.jobs.clear();
+        for running in &state.running {
+            running.store(true, Ordering::Relaxed);
+        }
+        self.changed.notify_all();
+        let working = |state: &mut State| state.workers > 0;
+        let ended = self.changed.wait_timeout_while(state, patience, working);
+        drop(ended);
+    }
+
+    /// A scene in the form that tracers read; a few are kept.
+    pub(super) fn compiled(&self, hash: SceneHash, scene: &Scene) -> Result<CompiledScene, Error> {
+        let mut scenes = lock(&self.scenes);
+        if let Some((_, compiled)) = scenes.iter().find(|(kept, _)| *kept == hash) {
+            return Ok(CompiledScene::clone(compiled));
+        }
+        drop(scenes);
+        let compiled = CompiledScene::new(scene)?;
+        scenes = lock(&self.scenes);
+        scenes.truncate(COMPILED_KEPT_MAX - 1);
+        scenes.push_front((hash, Arc::new(compiled.clone())));
+        Ok(compiled)
+    }
+
+    /// Seconds since `begun`, or since the device was last through with something if that is
+    /// later: what has been done until now took it no longer.
+    pub(super) fn busy_since(&self, begun: Instant) -> Duration {
+        let now = Instant::now();
+        let mut last_done = lock(&self.last_done);
+        let from = last_done.map_or(begun, |last| last.max(begun));
+        *last_done = Some(now);
+        now.saturating_duration_since(from)
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Compiled scenes that a node keeps for all its clients.
+const COMPILED_KEPT_MAX: usize = 8;
