@@ -1,0 +1,355 @@
+//! Laws of a farm of in-process nodes, on real threads: what a picture may depend on, and what may
+//! happen to nodes while it is traced.
+
+mod pattern;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use carom_farm::{Algorithm, Error, Farm, FarmConfig, Frame, FrameSpec, NodeState, Pixels};
+use carom_protocol::PixelFormat;
+use carom_tracer::{ImageSize, ObjectPose, RenderSettings, Scene, SceneUpdate, Tracer};
+
+use pattern::{Fault, Gate, Pattern, scene};
+
+/// Far longer than anything here takes; a test that needs it has failed.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+fn config() -> FarmConfig {
+    FarmConfig {
+        tile_edge: 16,
+        ..FarmConfig::default()
+    }
+}
+
+fn farm(tracers: Vec<Pattern>) -> Farm {
+    let tracers = tracers
+        .into_iter()
+        .map(|tracer| Arc::new(tracer) as Arc<dyn Tracer>);
+    let mut farm = Farm::with_tracers(config(), tracers.collect()).unwrap();
+    farm.set_scene(&scene()).unwrap();
+    wait_until_ready(&farm);
+    farm
+}
+
+fn spec(seed: u32) -> FrameSpec {
+    FrameSpec {
+        update: SceneUpdate::default(),
+        size: ImageSize::new(250, 141),
+        settings: RenderSettings {
+            seed,
+            ..RenderSettings::default()
+        },
+        format: PixelFormat::LinearF32,
+    }
+}
+
+fn linear(frame: &Frame) -> &[[f32; 3]] {
+    match &frame.pixels {
+        Pixels::Linear(pixels) => pixels,
+        Pixels::Srgb8(_) => panic!("linear pixels were asked for"),
+    }
+}
+
+fn trace(farm: &mut Farm, seed: u32) -> Frame {
+    let id = farm.submit(spec(seed)).unwrap();
+    let frame = farm.wait_frame(PATIENCE).expect("a frame");
+    assert_eq!(frame.id, id);
+    frame
+}
+
+fn assert_right(frame: &Frame, seed: u32) {
+    assert_eq!(linear(frame), pattern::picture(&spec(seed)), "seed {seed}");
+}
+
+#[test]
+fn the_picture_does_not_depend_on_the_partition() {
+    let mut one = farm(vec![Pattern::new()]);
+    let paces = [0, 20, 100, 400];
+    let mut four = farm(paces.map(|micros| Pattern::new().with_pace(micros)).into());
+    for seed in 0..12 {
+        let (alone, together) = (trace(&mut one, seed), trace(&mut four, seed));
+        assert_right(&alone, seed);
+        assert_eq!(linear(&alone), linear(&together));
+        let delivered: u32 = together.stats.tiles_by_node.iter().sum();
+        assert_eq!(delivered, 16 * 9);
+    }
+}
+
+#[test]
+fn eight_bit_and_half_float_pictures_do_not_depend_on_the_partition() {
+    let mut one = farm(vec![Pattern::new()]);
+    let mut three = farm(vec![
+        Pattern::new(),
+        Pattern::new().with_pace(50),
+        Pattern::new(),
+    ]);
+    for format in [PixelFormat::Srgb8 { exposure: 0.7 }, PixelFormat::LinearF16] {
+        let spec = FrameSpec { format, ..spec(3) };
+        let mut pictures = [&mut one, &mut three].map(|farm| {
+            farm.submit(spec.clone()).unwrap();
+            farm.wait_frame(PATIENCE).expect("a frame").pixels
+        });
+        assert_eq!(pictures[0], pictures[1]);
+        pictures[0] = Pixels::Linear(Vec::new());
+        assert_ne!(pictures[0], pictures[1]);
+    }
+}
+
+#[test]
+fn a_node_that_fails_mid_frame_costs_no_tile() {
+    for fault in [Fault::Error, Fault::Panic] {
+        let faulty = Pattern::new().with_fault(fault, 20);
+        let mut farm = farm(vec![faulty, Pattern::new().with_pace(30)]);
+        for seed in 0..4 {
+            assert_right(&trace(&mut farm, seed), seed);
+        }
+    }
+}
+
+#[test]
+fn a_node_that_hangs_mid_frame_costs_no_tile() {
+    let gate = Gate::closed();
+    let hanging = Pattern::new().with_fault(Fault::Hang(gate.clone()), 20);
+    let mut farm = farm(vec![hanging, Pattern::new().with_pace(30)]);
+    let frame = trace(&mut farm, 0);
+    assert_right(&frame, 0);
+    assert!(frame.stats.reissued_tiles > 0);
+    assert_right(&trace(&mut farm, 1), 1);
+    gate.open();
+}
+
+#[test]
+fn a_frame_without_nodes_waits_for_one() {
+    let mut farm = farm(Vec::new());
+    let id = farm.submit(spec(5)).unwrap();
+    assert!(farm.poll_frame().is_none());
+    assert!(farm.nodes().is_empty());
+    farm.add_tracer(Arc::new(Pattern::new()));
+    let frame = farm.wait_frame(PATIENCE).expect("a frame");
+    assert_eq!(frame.id, id);
+    assert_right(&frame, 5);
+    wait_until_ready(&farm);
+}
+
+#[test]
+fn a_node_that_joins_gets_work() {
+    let mut farm = farm(vec![Pattern::new().with_pace(300)]);
+    assert_right(&trace(&mut farm, 0), 0);
+    farm.add_tracer(Arc::new(Pattern::new()));
+    let joined = |seed| trace(&mut farm, seed).stats.tiles_by_node.get(1).copied();
+    let most = (1..40).map(joined).max().flatten();
+    assert!(
+        most.is_some_and(|tiles| tiles > 72),
+        "{most:?} of 144 tiles"
+    );
+}
+
+#[test]
+fn algorithms_switch_while_frames_are_in_flight() {
+    let mut farm = farm(vec![
+        Pattern::new(),
+        Pattern::new().with_pace(50),
+        Pattern::new(),
+    ]);
+    let algorithms = [
+        Algorithm::Equal,
+        Algorithm::Naive,
+        Algorithm::Ab,
+        Algorithm::WaterFilling,
+    ];
+    let mut seeds = std::collections::VecDeque::new();
+    for seed in 0..40 {
+        farm.set_algorithm(algorithms[seed as usize % 4]);
+        farm.submit(spec(seed)).unwrap();
+        seeds.push_back(seed);
+        if farm.in_flight() == 3 {
+            assert_right(
+                &farm.wait_frame(PATIENCE).unwrap(),
+                seeds.pop_front().unwrap(),
+            );
+        }
+    }
+}
+
+#[test]
+fn frames_come_in_the_order_of_submission() {
+    let mut farm = farm(vec![Pattern::new(), Pattern::new().with_pace(100)]);
+    let ids: Vec<_> = (0..3)
+        .map(|seed| farm.submit(spec(seed)).unwrap())
+        .collect();
+    for (seed, id) in ids.into_iter().enumerate() {
+        let frame = farm.wait_frame(PATIENCE).unwrap();
+        assert_eq!(frame.id, id);
+        assert_right(&frame, seed as u32);
+    }
+}
+
+#[test]
+fn frames_in_flight_are_limited_until_they_are_taken() {
+    let mut farm = farm(vec![Pattern::new()]);
+    for seed in 0..3 {
+        farm.submit(spec(seed)).unwrap();
+    }
+    let refused = farm.submit(spec(3));
+    assert!(
+        matches!(refused, Err(Error::FramesInFlight { in_flight: 3 })),
+        "{refused:?}"
+    );
+    farm.wait_frame(PATIENCE).unwrap();
+    farm.submit(spec(3)).unwrap();
+    assert_eq!(farm.in_flight(), 3);
+}
+
+#[test]
+fn cancelled_frames_never_come() {
+    let mut farm = farm(vec![Pattern::new().with_pace(200)]);
+    for seed in 0..2 {
+        farm.submit(spec(seed)).unwrap();
+    }
+    let third = farm.submit(spec(2)).unwrap();
+    farm.cancel_before(third);
+    assert_eq!(farm.in_flight(), 1);
+    let frame = farm.wait_frame(PATIENCE).unwrap();
+    assert_eq!(frame.id, third);
+    assert_right(&frame, 2);
+    assert!(farm.wait_frame(PATIENCE).is_none(), "nothing is in flight");
+}
+
+#[test]
+fn a_cancelled_frame_frees_a_node_that_is_stuck_with_it() {
+    let gate = Gate::closed();
+    let mut farm = farm(vec![
+        Pattern::new().with_fault(Fault::Hang(gate.clone()), 10),
+    ]);
+    farm.submit(spec(0)).unwrap();
+    gate.wait_until_reached();
+    let next = farm.submit(spec(1)).unwrap();
+    farm.cancel_before(next);
+    gate.open();
+    assert_right(&farm.wait_frame(PATIENCE).unwrap(), 1);
+}
+
+#[test]
+fn dropping_a_busy_farm_does_not_hang() {
+    let gate = Gate::closed();
+    let slow = Pattern::new().with_pace(1000);
+    let hanging = Pattern::new().with_fault(Fault::Hang(gate.clone()), 0);
+    let mut farm = farm(vec![slow, hanging]);
+    for seed in 0..3 {
+        farm.submit(spec(seed)).unwrap();
+    }
+    gate.wait_until_reached();
+    drop(farm);
+    gate.open();
+}
+
+#[test]
+fn a_scene_that_changes_is_drawn_from_the_next_frame_on() {
+    let mut farm = farm(vec![Pattern::new(), Pattern::new().with_pace(20)]);
+    for change in 1..8 {
+        let before = farm.submit(spec(0)).unwrap();
+        let mut other = scene();
+        other.camera.eye.z += change as f32;
+        farm.set_scene(&other).unwrap();
+        let after = farm.submit(spec(0)).unwrap();
+        let (first, second) = (
+            farm.wait_frame(PATIENCE).unwrap(),
+            farm.wait_frame(PATIENCE).unwrap(),
+        );
+        assert_eq!((first.id, second.id), (before, after));
+        assert_eq!(linear(&second), pattern::picture_of(&other, &spec(0)));
+        assert_ne!(linear(&first), linear(&second));
+    }
+}
+
+#[test]
+fn mistakes_of_the_caller_are_errors_and_change_nothing() {
+    let mut farm = Farm::with_tracers(config(), vec![Arc::new(Pattern::new())]).unwrap();
+    assert!(matches!(farm.submit(spec(0)), Err(Error::NoScene)));
+    let broken = Scene {
+        objects: vec![carom_tracer::Object {
+            name: "ball".into(),
+            material: "missing".into(),
+            shape: scene().objects[0].shape,
+        }],
+        ..scene()
+    };
+    let tracer_error = |result: Result<(), Error>| matches!(result, Err(Error::Tracer(_)));
+    assert!(tracer_error(farm.set_scene(&broken)));
+    farm.set_scene(&scene()).unwrap();
+    let mut wrong_pose = spec(0);
+    wrong_pose.update.poses = vec![ObjectPose {
+        object: 99,
+        position: glam::Vec3::ZERO,
+        rotation: glam::Quat::IDENTITY,
+        visible: true,
+    }];
+    assert!(tracer_error(farm.submit(wrong_pose).map(drop)));
+    let mut many_poses = spec(0);
+    many_poses.update.poses = vec![
+        ObjectPose {
+            object: 0,
+            position: glam::Vec3::ZERO,
+            rotation: glam::Quat::IDENTITY,
+            visible: true,
+        };
+        65
+    ];
+    assert!(tracer_error(farm.submit(many_poses).map(drop)));
+    let mut no_samples = spec(0);
+    no_samples.settings.samples = 0;
+    assert!(tracer_error(farm.submit(no_samples).map(drop)));
+    let no_pixels = FrameSpec {
+        size: ImageSize::new(0, 5),
+        ..spec(0)
+    };
+    assert!(tracer_error(farm.submit(no_pixels).map(drop)));
+    for exposure in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+        let format = PixelFormat::Srgb8 { exposure };
+        assert!(tracer_error(
+            farm.submit(FrameSpec { format, ..spec(0) }).map(drop)
+        ));
+    }
+    assert_eq!(farm.in_flight(), 0);
+    assert_right(&trace(&mut farm, 1), 1);
+}
+
+#[test]
+fn configurations_out_of_range_are_refused() {
+    for config in [
+        FarmConfig {
+            tile_edge: 7,
+            ..config()
+        },
+        FarmConfig {
+            tile_edge: 129,
+            ..config()
+        },
+        FarmConfig {
+            frames_in_flight: 0,
+            ..config()
+        },
+        FarmConfig {
+            frames_in_flight: 9,
+            ..config()
+        },
+        FarmConfig {
+            nodes: vec!["no port".into()],
+            ..config()
+        },
+    ] {
+        assert!(Farm::with_tracers(config, Vec::new()).is_err());
+    }
+}
+
+/// Waits until all nodes hold the scene: one that is ready first gets the whole first frame.
+fn wait_until_ready(farm: &Farm) {
+    let ready = |farm: &Farm| {
+        let mut nodes = farm.nodes().into_iter();
+        nodes.all(|node| node.state == NodeState::Ready)
+    };
+    while !ready(farm) {
+        std::thread::yield_now();
+    }
+}
