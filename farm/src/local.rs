@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use carom_tracer::gpu::AdapterChoice;
-use carom_tracer::{Error, GpuTracer, Reference, Tracer};
+use carom_tracer::{CpuTracer, Error, GpuTracer, Tracer};
 
 /// The GPU if there is a real one that passes its probe, else the CPU.
 ///
@@ -29,5 +29,5 @@ pub fn gpu() -> Result<Arc<dyn Tracer>, Error> {
 /// # Errors
 /// [`Error::Device`] if the system refuses threads.
 pub fn cpu() -> Result<Arc<dyn Tracer>, Error> {
-    Ok(Arc::new(Reference))
+    Ok(Arc::new(CpuTracer::new()?))
 }
