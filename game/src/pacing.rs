@@ -1,0 +1,175 @@
+//! Pictures of the future: which moment of a shot to ask for, and when to show what came back.
+//!
+//! After the stroke nothing changes a shot, so pictures are asked for ahead of time and shown when
+//! their moment comes. The farm's latency then does not delay what is seen.
+
+use std::collections::VecDeque;
+
+/// How far ahead to ask: a high quantile of how long pictures took, so that most come in time.
+#[derive(Clone, Debug)]
+pub struct Lead {
+    mean_secs: f64,
+    deviation_secs: f64,
+}
+
+impl Default for Lead {
+    fn default() -> Self {
+        Self {
+            mean_secs: 0.05,
+            deviation_secs: 0.02,
+        }
+    }
+}
+
+impl Lead {
+    /// Takes in that a picture came `secs` after it had been asked for. Mean and mean deviation
+    /// are smoothed as a round-trip time is by Jacobson, "Congestion Avoidance and Control", 1988.
+    pub fn observe(&mut self, secs: f64) {
+        let error = secs - self.mean_secs;
+        self.mean_secs += error / 8.0;
+        self.deviation_secs += (error.abs() - self.deviation_secs) / 4.0;
+    }
+
+    /// Ask for the picture of this many seconds from now, at most [`Lead::SECS_MAX`].
+    pub fn secs(&self) -> f64 {
+        (self.mean_secs + 2.0 * self.deviation_secs).clamp(0.0, Self::SECS_MAX)
+    }
+
+    /// Beyond this the start of a shot would wait noticeably.
+    pub const SECS_MAX: f64 = 0.6;
+}
+
+/// The moments to ask for: as close together as `period`, never before they can be ready, each
+/// after the last.
+#[derive(Clone, Debug, Default)]
+pub struct Schedule {
+    asked_secs: Option<f64>,
+}
+
+impl Schedule {
+    /// The next moment to ask for at `clock_secs` (the moment on show), and notes it as asked.
+    /// Nothing once the end itself has been asked for.
+    pub fn next(
+        &mut self,
+        clock_secs: f64,
+        lead_secs: f64,
+        period_secs: f64,
+        end_secs: f64,
+    ) -> Option<f64> {
+        let after_last = self.asked_secs.map_or(0.0, |asked| asked + period_secs);
+        if self.asked_secs.is_some_and(|asked| asked >= end_secs) {
+            return None;
+        }
+        // A moment too far ahead would be drawn with a camera that the player may still move.
+        if after_last > clock_secs + lead_secs + AHEAD_PERIODS_MAX * period_secs {
+            return None;
+        }
+        let moment = after_last.max(clock_secs + lead_secs).min(end_secs);
+        self.asked_secs = Some(moment);
+        Some(moment)
+    }
+}
+
+/// Finished pictures that wait for their moment.
+#[derive(Clone, Debug)]
+pub struct Queue<T> {
+    waiting: VecDeque<(f64, T)>,
+    /// Pictures that came after a later one was due.
+    pub late: u64,
+}
+
+impl<T> Default for Queue<T> {
+    fn default() -> Self {
+        Self {
+            waiting: VecDeque::new(),
+            late: 0,
+        }
+    }
+}
+
+impl<T> Queue<T> {
+    /// Keeps a picture of the moment `at_secs`; pictures come in the order of their moments.
+    pub fn push(&mut self, at_secs: f64, picture: T) {
+        self.waiting.push_back((at_secs, picture));
+        if self.waiting.len() > WAITING_MAX {
+            self.waiting.pop_front();
+        }
+    }
+
+    /// The picture to show at `clock_secs`: the latest whose moment has come.
+    pub fn due(&mut self, clock_secs: f64) -> Option<(f64, T)> {
+        let mut due = None;
+        while self
+            .waiting
+            .front()
+            .is_some_and(|(at, _)| *at <= clock_secs)
+        {
+            self.late += u64::from(due.is_some());
+            due = self.waiting.pop_front();
+        }
+        due
+    }
+
+    /// When the next picture is due.
+    pub fn next_secs(&self) -> Option<f64> {
+        self.waiting.front().map(|(at, _)| *at)
+    }
+
+    /// Forgets what waits.
+    pub fn clear(&mut self) {
+        self.waiting.clear();
+    }
+}
+
+/// How many pictures beyond the lead may be asked for.
+const AHEAD_PERIODS_MAX: f64 = 2.0;
+/// More pictures than a farm has in flight never wait for long.
+const WAITING_MAX: usize = 32;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_lead_covers_nearly_every_picture() {
+        let mut lead = Lead::default();
+        // 40 to 60 ms, evenly spread.
+        let makespan = |i: u32| 0.04 + 0.02 * f64::from(i * 7919 % 101) / 100.0;
+        let mut covered = 0;
+        for i in 0..1000 {
+            covered += u32::from(i >= 100 && makespan(i) <= lead.secs());
+            lead.observe(makespan(i));
+        }
+        assert!(covered >= 855, "{covered} of 900 came within the lead");
+        assert!(lead.secs() < 0.08);
+    }
+
+    #[test]
+    fn moments_rise_end_with_the_end_and_are_never_in_the_past() {
+        let mut schedule = Schedule::default();
+        let (mut clock, mut asked) = (-0.2, Vec::new());
+        while asked.last() != Some(&2.0) {
+            while let Some(moment) = schedule.next(clock, 0.2, 1.0 / 30.0, 2.0) {
+                assert!(moment >= (clock + 0.2f64).min(2.0) && moment <= 2.0);
+                asked.push(moment);
+            }
+            clock += 0.016;
+        }
+        assert!(asked.windows(2).all(|pair| pair[0] < pair[1]));
+        assert!((60..=64).contains(&asked.len()), "{} pictures", asked.len());
+        assert_eq!(schedule.next(9.0, 0.2, 1.0 / 30.0, 2.0), None);
+    }
+
+    #[test]
+    fn a_picture_is_shown_at_its_moment_and_not_before() {
+        let mut queue = Queue::default();
+        for i in 0..4 {
+            queue.push(f64::from(i) * 0.1, i);
+        }
+        assert_eq!(queue.due(-0.01), None);
+        assert_eq!(queue.due(0.05), Some((0.0, 0)));
+        assert_eq!(queue.due(0.05), None);
+        assert_eq!(queue.due(0.25), Some((0.2, 2)));
+        assert_eq!((queue.late, queue.next_secs()), (1, Some(0.1 * 3.0)));
+    }
+}
