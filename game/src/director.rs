@@ -1,0 +1,635 @@
+//! What to ask of the farm next, and which finished picture is on show.
+//!
+//! ```text
+//!            things move          │ a draft at the quality that holds the frame time
+//! live ──────────────────────────▶│
+//!            nothing moves        │ disjoint sample ranges at full size, merged in linear light
+//! shot ──────────────────────────▶  moments of the future, each shown when its time comes
+//! ```
+//!
+//! The director knows neither farm nor clock: times are arguments, so that tests play hours in
+//! milliseconds.
+
+use std::collections::VecDeque;
+
+use carom_farm::{Frame, FrameSpec, Pixels};
+use carom_protocol::{FrameId, PixelFormat};
+use carom_tracer::{ImageSize, RenderSettings, SceneUpdate};
+
+use crate::darkroom::{Negative, Print};
+use crate::display::Picture;
+use crate::pacing::{Lead, Queue, Schedule};
+use crate::quality::{Level, Quality};
+
+/// What the player looks at.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Subject {
+    /// The table as it is now.
+    Live(SceneUpdate),
+    /// A shot that plays on its own clock.
+    Shot {
+        /// Differs for each shot.
+        number: u64,
+        /// The moment on show, seconds since the stroke; negative before it.
+        clock_secs: f64,
+        /// When the last ball rests.
+        end_secs: f64,
+    },
+}
+
+/// A picture to ask for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Order {
+    /// What to submit.
+    pub spec: FrameSpec,
+    role: Role,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Role {
+    Draft,
+    Refinement,
+    Moment(f64),
+}
+
+/// What the farm should do now.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Plan {
+    /// Nothing.
+    Rest,
+    /// Drop every picture that is not finished.
+    CancelAll,
+    /// Trace this.
+    Trace(Order),
+}
+
+/// Figures for the player.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Figures {
+    /// Size of the picture on show.
+    pub size: ImageSize,
+    /// Paths per pixel of the picture on show.
+    pub samples: u32,
+    /// From asking to the last tile, of the latest picture, seconds.
+    pub makespan_secs: f64,
+    /// Tiles of the latest picture.
+    pub tiles: u32,
+    /// Tiles that were asked for again, ever.
+    pub reissued_tiles: u64,
+    /// Pictures finished, ever.
+    pub pictures: u64,
+    /// Pictures of a shot that came too late to be shown, ever.
+    pub late: u64,
+    /// How far ahead of its moment a picture is asked for, seconds.
+    pub lead_secs: f64,
+}
+
+impl Default for Figures {
+    fn default() -> Self {
+        Self {
+            size: ImageSize::new(0, 0),
+            samples: 0,
+            makespan_secs: 0.0,
+            tiles: 0,
+            reissued_tiles: 0,
+            pictures: 0,
+            late: 0,
+            lead_secs: 0.0,
+        }
+    }
+}
+
+/// Turns a [`Subject`] into orders and finished frames into the picture on show.
+#[derive(Debug)]
+pub struct Director {
+    window: ImageSize,
+    quality: Quality,
+    lead: Lead,
+    subject: Option<Subject>,
+    still_since_secs: f64,
+    drafted: bool,
+    refinement: Option<Refinement>,
+    schedule: Schedule,
+    moments: Queue<Picture>,
+    pending: VecDeque<Pending>,
+    last_done_secs: f64,
+    orders: u64,
+    serial: u64,
+    shown: Option<Picture>,
+    figures: Figures,
+}
+
+#[derive(Debug)]
+struct Pending {
+    id: FrameId,
+    role: Role,
+    settings: RenderSettings,
+    submitted_secs: f64,
+}
+
+impl Director {
+    /// For a window of `window` pixels.
+    pub fn new(window: ImageSize) -> Self {
+        Self {
+            window,
+            quality: Quality::new(PERIOD_SECS),
+            lead: Lead::default(),
+            subject: None,
+            still_since_secs: 0.0,
+            drafted: false,
+            refinement: None,
+            schedule: Schedule::default(),
+            moments: Queue::default(),
+            pending: VecDeque::new(),
+            last_done_secs: 0.0,
+            orders: 0,
+            serial: 0,
+            shown: None,
+            figures: Figures::default(),
+        }
+    }
+
+    /// Follows the window's size.
+    pub fn resize(&mut self, window: ImageSize) {
+        if self.window != window {
+            self.window = window;
+            self.subject = None;
+        }
+    }
+
+    /// Decides what the farm, which can take `room` more frames, should do next; call until it says
+    /// [`Plan::Rest`]. `at` gives the scene at a moment of the shot.
+    pub fn plan(
+        &mut self,
+        now_secs: f64,
+        subject: &Subject,
+        room: usize,
+        at: &dyn Fn(f64) -> SceneUpdate,
+    ) -> Plan {
+        if self.window.pixels() == 0 {
+            return Plan::Rest;
+        }
+        let cancel = self.turn_to(now_secs, subject);
+        if cancel && !self.pending.is_empty() {
+            self.pending.clear();
+            return Plan::CancelAll;
+        }
+        if room == 0 {
+            return Plan::Rest;
+        }
+        let order = match subject {
+            Subject::Live(update) => self.live_order(now_secs, update),
+            Subject::Shot {
+                clock_secs,
+                end_secs,
+                ..
+            } => {
+                let (lead, clock) = (self.lead.secs(), *clock_secs);
+                self.schedule
+                    .next(clock, lead, PERIOD_SECS, *end_secs)
+                    .map(|moment| self.level_order(at(moment), Role::Moment(moment)))
+            }
+        };
+        order.map_or(Plan::Rest, Plan::Trace)
+    }
+
+    /// Notes that `order` was submitted as `id`.
+    pub fn submitted(&mut self, id: FrameId, order: &Order, now_secs: f64) {
+        self.pending.push_back(Pending {
+            id,
+            role: order.role,
+            settings: order.spec.settings,
+            submitted_secs: now_secs,
+        });
+    }
+
+    /// Takes in a finished frame; what must be merged with others goes through a
+    /// [`crate::darkroom`]. Frames that have been cancelled are ignored.
+    pub fn finished(&mut self, frame: Frame) -> Option<Negative> {
+        let is_frame = |pending: &Pending| pending.id == frame.id;
+        let place = self.pending.iter().position(is_frame)?;
+        let pending = self.pending.remove(place)?;
+        self.measure(&pending, &frame);
+        let samples = pending.settings.samples;
+        match (pending.role, frame.pixels) {
+            (Role::Draft, Pixels::Srgb8(rgb)) => self.show(frame.size, opaque(&rgb), samples),
+            (Role::Moment(at), Pixels::Srgb8(rgb)) => {
+                let picture = self.picture_of(frame.size, opaque(&rgb));
+                self.moments.push(at, picture);
+                self.figures.samples = samples;
+            }
+            (Role::Refinement, Pixels::Linear(radiance)) => {
+                return Some(Negative {
+                    series: self.refinement.as_ref()?.series,
+                    size: frame.size,
+                    radiance,
+                    samples,
+                });
+            }
+            // A farm that answers in another format than it was asked for breaks its contract.
+            (role, _) => tracing::error!("frame {} of {role:?} has another format", frame.id.0),
+        }
+        None
+    }
+
+    /// Takes in merged sample ranges; those of a picture that is not wanted any more are ignored.
+    pub fn printed(&mut self, print: Print) {
+        let wanted = |refinement: &&mut Refinement| refinement.series == print.series;
+        let Some(refinement) = self.refinement.as_mut().filter(wanted) else {
+            return;
+        };
+        refinement.printed = print.samples;
+        // Fewer would look rougher than the draft, whose pixels are larger.
+        if print.samples >= SHOWN_SAMPLES_MIN {
+            self.show(print.size, print.rgba, print.samples);
+        }
+    }
+
+    /// The picture on show at this moment of the subject.
+    pub fn picture(&mut self) -> Option<&Picture> {
+        if let Some(Subject::Shot { clock_secs, .. }) = self.subject
+            && let Some((_, picture)) = self.moments.due(clock_secs)
+        {
+            self.figures.size = picture.size;
+            self.shown = Some(picture);
+        }
+        self.shown.as_ref()
+    }
+
+    /// How long before the stroke pictures of a shot should be asked for.
+    pub fn lead_secs(&self) -> f64 {
+        self.lead.secs()
+    }
+
+    /// Whether the picture on show will not change by itself any more.
+    pub fn is_at_rest(&self) -> bool {
+        let finished = self
+            .refinement
+            .as_ref()
+            .is_some_and(|refinement| refinement.printed >= SAMPLES_MAX);
+        self.pending.is_empty() && finished
+    }
+
+    /// For the player.
+    pub fn figures(&self) -> Figures {
+        Figures {
+            late: self.moments.late,
+            lead_secs: self.lead.secs(),
+            ..self.figures
+        }
+    }
+
+    /// Notes what is looked at; whether pictures in flight are of no use any more.
+    fn turn_to(&mut self, now_secs: f64, subject: &Subject) -> bool {
+        let before = self.subject.replace(subject.clone());
+        let same = match (&before, subject) {
+            (Some(Subject::Live(a)), Subject::Live(b)) => a == b,
+            (Some(Subject::Shot { number: a, .. }), Subject::Shot { number: b, .. }) => a == b,
+            _ => false,
+        };
+        if same {
+            return false;
+        }
+        self.still_since_secs = now_secs;
+        self.drafted = false;
+        self.refinement = None;
+        self.schedule = Schedule::default();
+        self.moments.clear();
+        // Drafts are answers to the player's hand and are shown although the hand has moved on.
+        self.pending
+            .iter()
+            .any(|pending| pending.role != Role::Draft)
+            || matches!(subject, Subject::Shot { .. })
+    }
+
+    fn live_order(&mut self, now_secs: f64, update: &SceneUpdate) -> Option<Order> {
+        if !self.drafted {
+            let room = self.pending.len() < DRAFTS_MAX;
+            self.drafted |= room;
+            return room.then(|| self.level_order(update.clone(), Role::Draft));
+        }
+        if now_secs - self.still_since_secs < STILL_SECS {
+            return None;
+        }
+        let samples = self.quality.samples_within(REFINEMENT_SECS, self.window);
+        let refinement = self.refinement.get_or_insert(Refinement {
+            series: self.orders,
+            asked: 0,
+            printed: 0,
+        });
+        let samples = samples.min(SAMPLES_MAX - refinement.asked);
+        let first_sample = refinement.asked;
+        refinement.asked += samples;
+        (samples > 0).then(|| Order {
+            spec: FrameSpec {
+                update: update.clone(),
+                size: self.window,
+                settings: RenderSettings {
+                    samples,
+                    first_sample,
+                    ..RenderSettings::default()
+                },
+                format: PixelFormat::LinearF16,
+            },
+            role: Role::Refinement,
+        })
+    }
+
+    fn level_order(&mut self, update: SceneUpdate, role: Role) -> Order {
+        let level: Level = self.quality.level();
+        self.orders += 1;
+        Order {
+            spec: FrameSpec {
+                update,
+                size: level.size(self.window),
+                settings: RenderSettings {
+                    samples: level.samples,
+                    // Noise that differs from picture to picture averages out in the eye.
+                    seed: self.orders as u32,
+                    ..RenderSettings::default()
+                },
+                format: PixelFormat::Srgb8 { exposure: EXPOSURE },
+            },
+            role,
+        }
+    }
+
+    fn measure(&mut self, pending: &Pending, frame: &Frame) {
+        let makespan = frame.stats.makespan_secs;
+        let done = pending.submitted_secs + makespan;
+        // A frame waits while the one before it is traced: only the rest is its own time.
+        let busy = done - pending.submitted_secs.max(self.last_done_secs);
+        self.last_done_secs = self.last_done_secs.max(done);
+        self.quality.observe(
+            frame.size.pixels(),
+            pending.settings.samples,
+            self.window,
+            busy,
+        );
+        if pending.role != Role::Refinement {
+            self.lead.observe(makespan);
+        }
+        self.figures.makespan_secs = makespan;
+        self.figures.tiles = frame.stats.tiles_by_node.iter().sum();
+        self.figures.reissued_tiles += u64::from(frame.stats.reissued_tiles);
+        self.figures.pictures += 1;
+    }
+
+    fn show(&mut self, size: ImageSize, rgba: Vec<[u8; 4]>, samples: u32) {
+        self.figures.size = size;
+        self.figures.samples = samples;
+        self.shown = Some(self.picture_of(size, rgba));
+    }
+
+    fn picture_of(&mut self, size: ImageSize, rgba: Vec<[u8; 4]>) -> Picture {
+        self.serial += 1;
+        Picture {
+            serial: self.serial,
+            size,
+            rgba,
+        }
+    }
+}
+
+/// A picture that grows by disjoint sample ranges.
+#[derive(Debug)]
+struct Refinement {
+    /// The number of the draft that it refines.
+    series: u64,
+    /// Sample indices below this have been asked for.
+    asked: u32,
+    /// Paths per pixel that have come back as a picture.
+    printed: u32,
+}
+
+fn opaque(rgb: &[[u8; 3]]) -> Vec<[u8; 4]> {
+    rgb.iter().map(|&[r, g, b]| [r, g, b, 255]).collect()
+}
+
+/// The frame time that moving pictures hold. Shorter looks smoother and leaves fewer paths for
+/// each picture.
+pub const PERIOD_SECS: f64 = 1.0 / 30.0;
+/// The scene's lamps are set for it.
+pub const EXPOSURE: f32 = 1.0;
+/// Nothing has moved for this long: refine.
+const STILL_SECS: f64 = 0.1;
+/// What one refinement may take. Longer wastes less on fixed costs, shorter shows progress and
+/// leaves the farm sooner to the player's next move.
+const REFINEMENT_SECS: f64 = 0.25;
+/// Refinement ends here: its error is a 32nd of one sample's, below a step of 8 bits.
+const SAMPLES_MAX: u32 = 1024;
+const SHOWN_SAMPLES_MIN: u32 = 2;
+/// More drafts in flight would lag behind the hand.
+const DRAFTS_MAX: usize = 2;
+
+#[cfg(test)]
+mod tests {
+    use carom_farm::FrameStats;
+    use carom_tracer::Camera;
+    use glam::Vec3;
+
+    use super::*;
+    use crate::darkroom::Bath;
+
+    const WINDOW: ImageSize = ImageSize::new(64, 36);
+
+    fn scene_at(x: f64) -> SceneUpdate {
+        let camera = Camera {
+            eye: Vec3::new(x as f32, 0.0, 1.0),
+            target: Vec3::ZERO,
+            up: Vec3::Z,
+            fov_x_deg: 44.0,
+        };
+        SceneUpdate {
+            camera: Some(camera),
+            poses: Vec::new(),
+        }
+    }
+
+    /// A farm of one node on virtual time: frames are traced one after another, each pixel the
+    /// first sample's index or the camera's place.
+    struct Bench {
+        director: Director,
+        bath: Bath,
+        now_secs: f64,
+        free_at_secs: f64,
+        paths_per_sec: f64,
+        next_id: u64,
+        waiting: VecDeque<(f64, Frame)>,
+        orders: Vec<Order>,
+        cancels: usize,
+    }
+
+    impl Bench {
+        fn new(paths_per_sec: f64) -> Self {
+            Self {
+                director: Director::new(WINDOW),
+                bath: Bath::default(),
+                now_secs: 0.0,
+                free_at_secs: 0.0,
+                paths_per_sec,
+                next_id: 0,
+                waiting: VecDeque::new(),
+                orders: Vec::new(),
+                cancels: 0,
+            }
+        }
+
+        fn step(&mut self, subject: &Subject) {
+            loop {
+                match self.director.plan(
+                    self.now_secs,
+                    subject,
+                    3usize.saturating_sub(self.waiting.len()),
+                    &scene_at,
+                ) {
+                    Plan::Rest => break,
+                    Plan::CancelAll => {
+                        self.cancels += 1;
+                        self.waiting.clear();
+                        self.free_at_secs = self.now_secs;
+                    }
+                    Plan::Trace(order) => self.submit(order),
+                }
+            }
+            self.now_secs += 0.004;
+            while self
+                .waiting
+                .front()
+                .is_some_and(|(done, _)| *done <= self.now_secs)
+            {
+                let (_, frame) = self.waiting.pop_front().unwrap();
+                if let Some(negative) = self.director.finished(frame) {
+                    self.bath.add(&negative).unwrap();
+                    self.director.printed(self.bath.print().unwrap());
+                }
+            }
+        }
+
+        fn submit(&mut self, order: Order) {
+            let paths = order.spec.size.pixels() as f64 * f64::from(order.spec.settings.samples);
+            let done = self.free_at_secs.max(self.now_secs) + 0.001 + paths / self.paths_per_sec;
+            self.free_at_secs = done;
+            self.next_id += 1;
+            let id = FrameId(self.next_id);
+            let place = order.spec.update.camera.map_or(0.0, |camera| camera.eye.x);
+            let pixels = match order.spec.format {
+                PixelFormat::Srgb8 { .. } => Pixels::Srgb8(vec![
+                    [(place * 100.0).round() as u8; 3];
+                    order.spec.size.pixels()
+                ]),
+                _ => Pixels::Linear(vec![[0.25; 3]; order.spec.size.pixels()]),
+            };
+            let stats = FrameStats {
+                makespan_secs: done - self.now_secs,
+                ..FrameStats::default()
+            };
+            self.waiting.push_back((
+                done,
+                Frame {
+                    id,
+                    size: order.spec.size,
+                    pixels,
+                    stats,
+                },
+            ));
+            self.director.submitted(id, &order, self.now_secs);
+            self.orders.push(order);
+        }
+    }
+
+    #[test]
+    fn a_still_table_is_drafted_once_and_then_refined_by_disjoint_samples() {
+        let mut bench = Bench::new(1e5);
+        let subject = Subject::Live(scene_at(0.5));
+        (0..2000).for_each(|_| bench.step(&subject));
+        let (draft, refinements) = bench.orders.split_first().unwrap();
+        assert_eq!(draft.role, Role::Draft);
+        let mut next = 0;
+        for order in refinements {
+            assert_eq!((order.role, order.spec.size), (Role::Refinement, WINDOW));
+            assert_eq!(order.spec.settings.first_sample, next);
+            next += order.spec.settings.samples;
+        }
+        assert!(next > 100 && next <= SAMPLES_MAX, "{next} samples in 8 s");
+        // 0.25 in linear light is 137 in sRGB.
+        assert_eq!(
+            bench.director.picture().unwrap().rgba[0],
+            [137, 137, 137, 255]
+        );
+    }
+
+    #[test]
+    fn refinement_ends_and_then_nothing_is_asked() {
+        let mut bench = Bench::new(1e8);
+        let subject = Subject::Live(scene_at(0.5));
+        (0..3000).for_each(|_| bench.step(&subject));
+        assert!(bench.director.is_at_rest());
+        let asked: u32 = bench.orders[1..]
+            .iter()
+            .map(|order| order.spec.settings.samples)
+            .sum();
+        assert_eq!(asked, SAMPLES_MAX);
+    }
+
+    #[test]
+    fn a_movement_stops_refinement_and_is_drafted_at_once() {
+        let mut bench = Bench::new(1e5);
+        (0..200).for_each(|_| bench.step(&Subject::Live(scene_at(0.5))));
+        assert_eq!(bench.orders.last().unwrap().role, Role::Refinement);
+        bench.step(&Subject::Live(scene_at(0.7)));
+        assert_eq!(
+            (bench.cancels, bench.orders.last().unwrap().role),
+            (1, Role::Draft)
+        );
+        (0..20).for_each(|_| bench.step(&Subject::Live(scene_at(0.7))));
+        assert_eq!(bench.director.picture().unwrap().rgba[0][0], 70);
+    }
+
+    #[test]
+    fn while_the_hand_moves_drafts_keep_coming() {
+        let mut bench = Bench::new(1e5);
+        for i in 0..250 {
+            bench.step(&Subject::Live(scene_at(f64::from(i) * 0.01)));
+        }
+        assert!(bench.orders.iter().all(|order| order.role == Role::Draft));
+        assert_eq!(bench.cancels, 0);
+        // One second at 30 pictures a second, more or less.
+        assert!(
+            (15..=120).contains(&bench.orders.len()),
+            "{} drafts",
+            bench.orders.len()
+        );
+    }
+
+    #[test]
+    fn a_shot_is_shown_on_its_own_clock_whatever_the_latency() {
+        let mut bench = Bench::new(4e5);
+        let start = 0.3;
+        let mut errors = Vec::new();
+        while bench.now_secs < start + 2.0 {
+            let clock_secs = bench.now_secs - start;
+            bench.step(&Subject::Shot {
+                number: 1,
+                clock_secs,
+                end_secs: 2.5,
+            });
+            let shown = bench.director.picture().map(|picture| picture.rgba[0][0]);
+            if let (Some(hundredths), true) = (shown, clock_secs > 0.5) {
+                errors.push((f64::from(hundredths) / 100.0 - clock_secs).abs());
+            }
+        }
+        let worst = errors.iter().copied().fold(0.0, f64::max);
+        // A picture stays until the next one: at most two periods, and pixels count hundredths.
+        assert!(
+            errors.len() > 100 && worst <= 2.0 * PERIOD_SECS + 0.006,
+            "off by {worst} s"
+        );
+        let late = bench.director.figures().late as usize;
+        assert!(
+            late * 20 <= bench.orders.len(),
+            "{late} of {} late",
+            bench.orders.len()
+        );
+    }
+}

@@ -1,0 +1,304 @@
+//! A game and the farm that draws it, without a window: input in, picture and overlay out.
+
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::thread;
+
+use carom_farm::{Farm, FarmConfig, NodeState, NodeStatus};
+use carom_protocol::FrameId;
+use carom_tracer::{ImageSize, Scene};
+use egui::{LayerId, Rect};
+use glam::DVec2;
+
+use crate::camera::Projection;
+use crate::darkroom::Darkroom;
+use crate::director::{Director, Plan, Subject};
+use crate::display::Picture;
+use crate::input::{Event, Input, Intent};
+use crate::play::{CueView, Game, Outcome};
+use crate::sim::BallBody;
+use crate::stage::Stage;
+use crate::ui;
+
+/// A game in progress. Times are seconds since the program began.
+pub struct Session {
+    game: Game,
+    stage: Stage,
+    director: Director,
+    darkroom: Darkroom,
+    input: Input,
+    farm: FarmSlot,
+    in_flight_max: usize,
+    last_frame: FrameId,
+    film: DVec2,
+    help: bool,
+    figures: bool,
+    last_tick_secs: f64,
+    redraws: Redraws,
+    dirty: bool,
+}
+
+/// The farm is built beside the window: looking for a GPU takes a second.
+enum FarmSlot {
+    Starting(Receiver<Result<Farm, carom_farm::Error>>),
+    Ready(Box<Farm>),
+    Failed(String),
+}
+
+impl Session {
+    /// Begins a game whose pictures come from the farm of `config`.
+    ///
+    /// # Errors
+    /// A sentence if the shipped table is not usable.
+    pub fn new(config: FarmConfig, seed: u32) -> anyhow::Result<Self> {
+        let stage = Stage::pool()?;
+        Ok(Self {
+            game: Game::new(seed)?,
+            director: Director::new(ImageSize::new(0, 0)),
+            darkroom: Darkroom::open()?,
+            input: Input::default(),
+            in_flight_max: config.frames_in_flight,
+            farm: start_farm(config, stage.scene().clone()),
+            stage,
+            last_frame: FrameId::default(),
+            film: DVec2::ONE,
+            help: false,
+            figures: false,
+            last_tick_secs: 0.0,
+            redraws: Redraws::default(),
+            dirty: true,
+        })
+    }
+
+    /// Follows the window: its size in pixels, and in points.
+    pub fn resize(&mut self, pixels: ImageSize, points: DVec2) {
+        self.director.resize(pixels);
+        self.film = points;
+        self.dirty = true;
+    }
+
+    /// Does what an input event means.
+    pub fn handle(&mut self, event: Event, now_secs: f64) -> Outcome {
+        let Some(intent) = self.input.handle(event) else {
+            return Outcome::Stay;
+        };
+        self.dirty = true;
+        match intent {
+            Intent::ToggleHelp => self.help = !self.help,
+            Intent::ToggleStats => self.figures = !self.figures,
+            _ => {}
+        }
+        let lead_secs = self.director.lead_secs();
+        self.game.apply(intent, now_secs, lead_secs, self.film)
+    }
+
+    /// Lets time pass: takes finished pictures, moves the game on, asks for new pictures. Never
+    /// waits for the farm.
+    pub fn tick(&mut self, now_secs: f64) {
+        let dt_secs = (now_secs - self.last_tick_secs).clamp(0.0, TICK_SECS_MAX);
+        self.last_tick_secs = now_secs;
+        self.game.tick(now_secs, dt_secs);
+        self.dirty |= self.game.is_moving();
+        if let Err(why) = self.exchange(now_secs) {
+            tracing::error!("the farm: {why}");
+            self.farm = FarmSlot::Failed(why);
+        }
+    }
+
+    /// Whether something has changed since the last [`Session::draw`].
+    pub fn needs_redraw(&mut self) -> bool {
+        self.dirty
+            || self.director.picture().map_or(0, |picture| picture.serial) != self.redraws.serial
+    }
+
+    /// Whether nothing will change without input.
+    pub fn is_at_rest(&self) -> bool {
+        let drawn = match &self.farm {
+            FarmSlot::Starting(_) => false,
+            FarmSlot::Ready(_) => self.director.is_at_rest(),
+            FarmSlot::Failed(_) => true,
+        };
+        drawn && !self.dirty && !self.game.is_moving()
+    }
+
+    /// Draws the overlay with egui.
+    pub fn draw(&mut self, ctx: &egui::Context, now_secs: f64, present: &str) {
+        let screen = Rect::from_min_size(
+            egui::Pos2::ZERO,
+            egui::vec2(self.film.x as f32, self.film.y as f32),
+        );
+        let painter = ctx.layer_painter(LayerId::background());
+        let cue = self.game.cue(now_secs);
+        self.draw_aim(&painter, screen, cue.as_ref(), now_secs);
+        self.redraws.note(now_secs);
+        let figures = self.figures.then(|| self.figures_line(present));
+        let notice = self.notice();
+        let overlay = ui::Overlay {
+            cue: cue.as_ref(),
+            notice: notice.as_deref(),
+            help: self.help,
+            figures: figures.as_deref(),
+        };
+        ui::draw(&painter, screen, &overlay);
+        self.dirty = false;
+    }
+
+    /// The picture to show under the overlay.
+    pub fn picture(&mut self) -> Option<&Picture> {
+        let picture = self.director.picture();
+        self.redraws.serial = picture.map_or(0, |picture| picture.serial);
+        picture
+    }
+
+    fn draw_aim(
+        &mut self,
+        painter: &egui::Painter,
+        screen: Rect,
+        cue: Option<&CueView>,
+        now_secs: f64,
+    ) {
+        let moment = self
+            .game
+            .shot_clock(now_secs)
+            .map_or(0.0, |(_, clock, _)| clock);
+        let projection = Projection::new(&self.game.camera(moment), self.film.x, self.film.y);
+        let sketch = ui::aim::Sketch {
+            painter,
+            screen,
+            projection: &projection,
+            ball_radius_m: BallBody::default().radius_m,
+        };
+        if let Some(line) = self.game.aim_line() {
+            sketch.aim_line(line);
+        }
+        if let Some(cue) = cue {
+            sketch.cue(cue);
+        }
+    }
+
+    fn exchange(&mut self, now_secs: f64) -> Result<(), String> {
+        self.settle_farm()?;
+        let FarmSlot::Ready(farm) = &mut self.farm else {
+            return Ok(());
+        };
+        while let Some(frame) = farm.poll_frame() {
+            if let Some(negative) = self.director.finished(frame) {
+                self.darkroom.develop(negative);
+            }
+        }
+        while let Some(print) = self.darkroom.poll() {
+            self.director.printed(print);
+        }
+        let shot = self.game.shot_clock(now_secs);
+        let (game, stage) = (&self.game, &self.stage);
+        let scene_at = |moment: f64| stage.update(game.camera(moment), &game.poses(moment));
+        let subject = match shot {
+            Some((number, clock_secs, end_secs)) => Subject::Shot {
+                number,
+                clock_secs,
+                end_secs,
+            },
+            None => Subject::Live(scene_at(now_secs)),
+        };
+        loop {
+            let room = self.in_flight_max.saturating_sub(farm.in_flight());
+            match self.director.plan(now_secs, &subject, room, &scene_at) {
+                Plan::Rest => return Ok(()),
+                Plan::CancelAll => farm.cancel_before(FrameId(self.last_frame.0 + 1)),
+                Plan::Trace(order) => {
+                    let submitted = farm.submit(order.spec.clone());
+                    self.last_frame = submitted.map_err(|error| error.to_string())?;
+                    self.director.submitted(self.last_frame, &order, now_secs);
+                }
+            }
+        }
+    }
+
+    fn settle_farm(&mut self) -> Result<(), String> {
+        let FarmSlot::Starting(receiver) = &self.farm else {
+            return Ok(());
+        };
+        match receiver.try_recv() {
+            Ok(Ok(farm)) => self.farm = FarmSlot::Ready(Box::new(farm)),
+            Ok(Err(error)) => return Err(error.to_string()),
+            Err(TryRecvError::Empty) => {}
+            Err(TryRecvError::Disconnected) => return Err("it could not be started".to_owned()),
+        }
+        Ok(())
+    }
+
+    fn notice(&self) -> Option<String> {
+        match &self.farm {
+            FarmSlot::Failed(why) => Some(format!("No pictures: {why}")),
+            FarmSlot::Ready(_) if self.director.figures().pictures > 0 => {
+                self.game.notice().map(str::to_owned)
+            }
+            FarmSlot::Ready(farm) => Some(states(&farm.nodes())),
+            FarmSlot::Starting(_) => Some(states(&[])),
+        }
+    }
+
+    fn figures_line(&self, present: &str) -> String {
+        let nodes = match &self.farm {
+            FarmSlot::Ready(farm) => farm.nodes(),
+            _ => Vec::new(),
+        };
+        let ready = nodes
+            .iter()
+            .filter(|node| node.state == NodeState::Ready)
+            .count();
+        ui::figures_line(
+            &self.director.figures(),
+            self.redraws.fps,
+            (ready, nodes.len()),
+            present,
+        )
+    }
+}
+
+/// When the window was drawn.
+#[derive(Debug, Default)]
+struct Redraws {
+    serial: u64,
+    last_secs: f64,
+    fps: f64,
+}
+
+impl Redraws {
+    fn note(&mut self, now_secs: f64) {
+        let dt_secs = (now_secs - self.last_secs).max(1e-3);
+        self.last_secs = now_secs;
+        self.fps += (1.0 / dt_secs - self.fps) * 0.1;
+    }
+}
+
+/// Why there is no picture yet.
+fn states(nodes: &[NodeStatus]) -> String {
+    let lost = |node: &NodeStatus| match &node.state {
+        NodeState::Lost { why } => Some(format!("{} is lost ({why})", node.address)),
+        _ => None,
+    };
+    let lost: Vec<String> = nodes.iter().filter_map(lost).collect();
+    if lost.is_empty() {
+        return "Waiting for the first picture".to_owned();
+    }
+    format!("Waiting for a node: {}", lost.join(", "))
+}
+
+fn start_farm(config: FarmConfig, scene: Scene) -> FarmSlot {
+    let (sender, receiver) = channel();
+    let start = move || {
+        let farm = Farm::new(config).and_then(|mut farm| farm.set_scene(&scene).map(|()| farm));
+        // Nobody waits for a farm any more once the window is closed.
+        let _ = sender.send(farm);
+    };
+    match thread::Builder::new()
+        .name("farm start".to_owned())
+        .spawn(start)
+    {
+        Ok(_) => FarmSlot::Starting(receiver),
+        Err(error) => FarmSlot::Failed(error.to_string()),
+    }
+}
+
+/// A pause, such as a window being dragged, is not made up for at once.
+const TICK_SECS_MAX: f64 = 0.1;

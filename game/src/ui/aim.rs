@@ -1,0 +1,156 @@
+//! Cue stick, aim line and ghost ball, projected into the picture by the current camera.
+
+use egui::{Color32, Painter, Pos2, Rect, Shape, Stroke};
+use glam::{DVec2, DVec3};
+
+use crate::camera::Projection;
+use crate::play::CueView;
+use crate::sim::{AimContact, AimLine};
+
+/// Draws into `screen`, the window in points, which the projection's film covers.
+#[derive(Clone, Copy)]
+pub struct Sketch<'a> {
+    /// Where to draw.
+    pub painter: &'a Painter,
+    /// The window.
+    pub screen: Rect,
+    /// The camera; its film is the window in points.
+    pub projection: &'a Projection,
+    /// Radius of a ball, metres.
+    pub ball_radius_m: f64,
+}
+
+impl Sketch<'_> {
+    /// The cue ball's way, what it meets, and where both go from there.
+    pub fn aim_line(&self, line: &AimLine) {
+        self.path(&line.path, Stroke::new(1.6, GUIDE));
+        match line.contact {
+            AimContact::Ball {
+                ghost,
+                object,
+                object_direction,
+                cue_direction,
+                ..
+            } => {
+                self.ball(ghost);
+                self.way(
+                    object,
+                    object_direction,
+                    OBJECT_WAY_M,
+                    Stroke::new(2.0, OBJECT),
+                );
+                self.way(ghost, cue_direction, CUE_WAY_M, Stroke::new(1.6, GUIDE));
+            }
+            AimContact::Cushion {
+                ghost,
+                cue_direction,
+            } => {
+                self.ball(ghost);
+                self.way(ghost, cue_direction, CUE_WAY_M, Stroke::new(1.6, GUIDE));
+            }
+            AimContact::Pocket { .. } | AimContact::Nothing => {
+                line.path.last().into_iter().for_each(|end| self.ball(*end));
+            }
+        }
+    }
+
+    /// The stick behind the cue ball, its tip `gap_m` off.
+    pub fn cue(&self, cue: &CueView) {
+        let along = DVec3::new(cue.bearing_rad.cos(), cue.bearing_rad.sin(), 0.0);
+        let across = DVec3::new(along.y, -along.x, 0.0);
+        // Raised a little, as a cue over a cushion is; seen flat it would hide behind itself.
+        let back = -along * SLOPE.cos() + DVec3::Z * SLOPE.sin();
+        let tip_offset = (across * cue.tip.x + DVec3::Z * cue.tip.y) * self.ball_radius_m;
+        let tip = cue.cue_ball + tip_offset + back * (self.ball_radius_m + cue.gap_m);
+        let parts = [
+            (0.0, 0.012, Color32::from_rgb(60, 110, 170)),
+            (0.012, 0.04, Color32::from_rgb(240, 235, 220)),
+            (0.04, 0.75, Color32::from_rgb(214, 174, 120)),
+            (0.75, CUE_LENGTH_M, Color32::from_rgb(84, 38, 24)),
+        ];
+        for (from, to, color) in parts {
+            self.taper(
+                [tip + back * from, tip + back * to],
+                [cue_radius_m(from), cue_radius_m(to)],
+                color,
+            );
+        }
+    }
+
+    fn path(&self, path: &[DVec3], stroke: Stroke) {
+        for pair in path.windows(2) {
+            self.segment(pair[0], pair[1], stroke);
+        }
+    }
+
+    fn way(&self, from: DVec3, direction: DVec3, length_m: f64, stroke: Stroke) {
+        // From the ball's rim, so that the line does not cross the ball.
+        let start = from + direction * self.ball_radius_m;
+        self.segment(
+            start,
+            from + direction * (self.ball_radius_m + length_m),
+            stroke,
+        );
+    }
+
+    fn segment(&self, a: DVec3, b: DVec3, stroke: Stroke) {
+        if let Some(ends) = self.projection.film_segment(a, b) {
+            self.painter
+                .line_segment(ends.map(|end| self.point(end)), stroke);
+        }
+    }
+
+    fn ball(&self, center: DVec3) {
+        let seen = self.projection.film_from_world(center);
+        if let (Some(film), Some(scale)) = (seen, self.projection.film_per_metre(center)) {
+            let radius = (self.ball_radius_m * scale) as f32;
+            let center = self.point(film);
+            self.painter
+                .circle(center, radius, GHOST, Stroke::new(1.4, GUIDE));
+        }
+    }
+
+    /// A rod seen from the side: a quad as wide at each end as the rod is there.
+    fn taper(&self, ends: [DVec3; 2], radii_m: [f64; 2], color: Color32) {
+        let Some([p, q]) = self.projection.film_segment(ends[0], ends[1]) else {
+            return;
+        };
+        let Some(side) = (q - p).try_normalize().map(DVec2::perp) else {
+            return;
+        };
+        // The far end may lie behind the eye, where the segment was cut off.
+        let scale = |end: DVec3| {
+            self.projection
+                .film_per_metre(end)
+                .unwrap_or(CLOSE_PER_M)
+                .min(CLOSE_PER_M)
+        };
+        let [a, b] = [(p, ends[0], radii_m[0]), (q, ends[1], radii_m[1])]
+            .map(|(film, end, radius_m)| (film, side * (radius_m * scale(end))));
+        let corners = [a.0 + a.1, b.0 + b.1, b.0 - b.1, a.0 - a.1];
+        let corners = corners.map(|corner| self.point(corner)).to_vec();
+        self.painter
+            .add(Shape::convex_polygon(corners, color, Stroke::NONE));
+    }
+
+    fn point(&self, film: DVec2) -> Pos2 {
+        // Far outside the window, floats of a few digits would make the tessellator stumble.
+        let film = film.clamp(DVec2::splat(-FILM_MAX), DVec2::splat(FILM_MAX));
+        self.screen.min + egui::vec2(film.x as f32, film.y as f32)
+    }
+}
+
+fn cue_radius_m(from_tip_m: f64) -> f64 {
+    0.0063 + (0.0145 - 0.0063) * from_tip_m / CUE_LENGTH_M
+}
+
+const CUE_LENGTH_M: f64 = 1.47;
+const SLOPE: f64 = 0.06;
+const OBJECT_WAY_M: f64 = 0.35;
+const CUE_WAY_M: f64 = 0.2;
+/// Points of a metre just before the eye.
+const CLOSE_PER_M: f64 = 8000.0;
+const FILM_MAX: f64 = 20_000.0;
+const GUIDE: Color32 = Color32::from_rgba_premultiplied(200, 200, 195, 200);
+const OBJECT: Color32 = Color32::from_rgba_premultiplied(220, 185, 80, 220);
+const GHOST: Color32 = Color32::from_rgba_premultiplied(40, 40, 40, 40);
