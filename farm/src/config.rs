@@ -1,10 +1,8 @@
 //! What a farm is made of.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
-
-use crate::Error;
 
 /// Configuration of a [`crate::Farm`]: command lines, `farm.toml` and applications fill it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -25,33 +23,6 @@ pub struct FarmConfig {
     /// Frames that may be in flight, 1 to 8. Higher costs latency, lower leaves nodes idle while
     /// pixels travel.
     pub frames_in_flight: usize,
-}
-
-impl FarmConfig {
-    /// Reads a `farm.toml`: the fields of this struct, those left out as in `Default`. A relative
-    /// [`FarmConfig::credentials`] is taken from the file's own folder.
-    ///
-    /// # Errors
-    /// [`Error::Config`] with the file, the line and what is wrong there.
-    pub fn load(path: impl AsRef<Path>) -> Result<Self, Error> {
-        let path = path.as_ref();
-        let refused = |why: String| Error::Config(format!("{}: {why}", path.display()));
-        let text = std::fs::read_to_string(path).map_err(|why| refused(why.to_string()))?;
-        let mut config: Self = toml::from_str(&text).map_err(|why| {
-            let start = why.span().map_or(0, |span| span.start);
-            let line = text
-                .bytes()
-                .take(start)
-                .filter(|byte| *byte == b'\n')
-                .count()
-                + 1;
-            refused(format!("line {line}: {}", why.message().replace('\n', " ")))
-        })?;
-        if let Some(folder) = path.parent() {
-            config.credentials = folder.join(&config.credentials);
-        }
-        Ok(config)
-    }
 }
 
 impl Default for FarmConfig {

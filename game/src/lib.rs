@@ -1,3 +1,30 @@
-//! Carom.
+//! Carom: a pool game whose every frame is path-traced by a [`carom_farm::Farm`].
+//!
+//! ```text
+//! app (winit) ─▶ input ─▶ play (aim, stroke, shot) ─▶ sim (physics)
+//!                           │ poses, camera
+//!                           ▼
+//!                         stage ─▶ director ─▶ Farm ─▶ director ─▶ display ─▶ window
+//!                                  what to ask         what to show   ▲
+//!                                                              ui ────┘
+//! ```
+//!
+//! Only [`app`] and [`display`] know winit and wgpu; everything else takes time and events as
+//! arguments. [`headless`] renders a break shot to files through the same farm.
 
+pub mod animation;
+pub mod app;
+pub mod args;
+pub mod camera;
+pub mod darkroom;
+pub mod director;
+pub mod display;
+pub mod headless;
+pub mod input;
+pub mod pacing;
+pub mod play;
+pub mod quality;
+pub mod session;
 pub mod sim;
+pub mod stage;
+pub mod ui;

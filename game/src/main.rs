@@ -1,2 +1,59 @@
-//! Carom.
-fn main() {}
+//! The game's command: arguments only.
+
+use std::process::ExitCode;
+
+use carom::args::Args;
+use carom::display::Present;
+use carom::{app, headless};
+use carom_farm::FarmConfig;
+use clap::Parser as _;
+use tracing_subscriber::EnvFilter;
+
+fn main() -> ExitCode {
+    let args = Args::parse();
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(LOG));
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .init();
+    match configuration(&args) {
+        Ok((config, present)) => finish(run(&args, config, present), 1),
+        Err(error) => finish(Err(error), 2),
+    }
+}
+
+fn configuration(args: &Args) -> anyhow::Result<(FarmConfig, Option<Present>)> {
+    Ok((args.farm_config()?, args.presentation()?))
+}
+
+fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow::Result<()> {
+    if args.headless {
+        return headless::run(args, config);
+    }
+    if is_displayless() {
+        eprintln!(
+            "There is no display (DISPLAY and WAYLAND_DISPLAY are not set): rendering a break shot to files."
+        );
+        return headless::run(args, config);
+    }
+    app::run(args, config, present)
+}
+
+/// Other systems always have a display.
+fn is_displayless() -> bool {
+    let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    cfg!(target_os = "linux") && !is_set("DISPLAY") && !is_set("WAYLAND_DISPLAY")
+}
+
+fn finish(result: anyhow::Result<()>, code: u8) -> ExitCode {
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("carom: {error:#}");
+            ExitCode::from(code)
+        }
+    }
+}
+
+/// Libraries below warn of things that the player can do nothing about.
+const LOG: &str = "warn,wgpu_core=error,wgpu_hal=error,winit=error,sctk=error";

@@ -10,8 +10,6 @@ pub(crate) enum Failure {
     Input(String),
     /// The machine, the network or a device, after the arguments were found right: 1.
     Run(anyhow::Error),
-    /// Ctrl-C or SIGTERM: 130, as shells have it for SIGINT.
-    Interrupted,
 }
 
 impl Failure {
@@ -19,7 +17,6 @@ impl Failure {
         ExitCode::from(match self {
             Self::Run(_) => 1,
             Self::Input(_) => 2,
-            Self::Interrupted => 130,
         })
     }
 }
@@ -29,7 +26,6 @@ impl fmt::Display for Failure {
         match self {
             Self::Input(why) => f.write_str(why),
             Self::Run(why) => write!(f, "{why:#}"),
-            Self::Interrupted => f.write_str("interrupted"),
         }
     }
 }

@@ -1,0 +1,188 @@
+//! The command line.
+
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use anyhow::Context as _;
+use carom_farm::{FarmConfig, LocalNode};
+use carom_tracer::{ImageSize, RenderSettings};
+use clap::{Parser, ValueEnum};
+
+use crate::display::Present;
+
+/// Pool, path-traced in real time by a farm of any mix of GPUs and CPUs.
+///
+/// Without options a window opens and this machine traces the pictures. Without a display a
+/// break shot is rendered to files.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "carom", version)]
+pub struct Args {
+    /// Render a break shot to files instead of opening a window
+    #[arg(long)]
+    pub headless: bool,
+    /// Frames to render without a window, 1 to 10000
+    #[arg(long, default_value_t = 48, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub frames: u32,
+    /// Size of the frames, or of the window: WIDTHxHEIGHT in pixels [default: 640x360 for frames,
+    /// 1280x720 for the window]
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<Size>,
+    /// Paths per pixel of the frames
+    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=i64::from(RenderSettings::SAMPLES_MAX)))]
+    pub spp: u32,
+    /// Draws the rack and the noise: the same seed gives the same frames
+    #[arg(long, default_value_t = 1)]
+    pub seed: u32,
+    /// Folder for the frames
+    #[arg(long, value_name = "DIR", default_value = "carom-frames")]
+    pub out: PathBuf,
+    /// A farm node, HOST:PORT; may be given several times
+    #[arg(long = "node", value_name = "HOST:PORT")]
+    pub nodes: Vec<String>,
+    /// Folder with the farm's certificates and the player's key
+    #[arg(long, value_name = "DIR")]
+    pub credentials: Option<PathBuf>,
+    /// The farm's configuration [default: farm.toml in this folder, if there is one]
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// What this machine traces with
+    #[arg(long, value_enum)]
+    pub backend: Option<Backend>,
+    /// How pictures get into the window [default: CAROM_PRESENT, else the first that works]
+    #[arg(long, value_enum)]
+    pub present: Option<Present>,
+}
+
+/// What the node inside this process traces with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Backend {
+    /// The GPU if there is one that traces rightly, else the CPU
+    Auto,
+    /// SIMD on every core
+    Cpu,
+    /// The GPU, or an error
+    Gpu,
+    /// Nothing: farm nodes do all the work
+    None,
+}
+
+/// An image size as people write it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Size(pub ImageSize);
+
+impl FromStr for Size {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (width, height) = text
+            .split_once(['x', 'X'])
+            .ok_or_else(|| format!("`{text}` is not of the form WIDTHxHEIGHT, such as 640x360"))?;
+        let edge = |text: &str| {
+            text.parse()
+                .map_err(|_| format!("`{text}` is not a number of pixels"))
+        };
+        let size = ImageSize::new(edge(width)?, edge(height)?);
+        size.validate().map_err(|error| error.to_string())?;
+        Ok(Self(size))
+    }
+}
+
+impl Args {
+    /// The farm that the configuration file and the options describe; options win.
+    ///
+    /// # Errors
+    /// A sentence with the file and what is wrong in it.
+    pub fn farm_config(&self) -> anyhow::Result<FarmConfig> {
+        let mut config = self.config_file()?;
+        config.nodes.extend(self.nodes.iter().cloned());
+        if let Some(folder) = &self.credentials {
+            config.credentials.clone_from(folder);
+        }
+        if let Some(backend) = self.backend {
+            config.local = match backend {
+                Backend::Auto => LocalNode::Auto,
+                Backend::Cpu => LocalNode::Cpu,
+                Backend::Gpu => LocalNode::Gpu,
+                Backend::None => LocalNode::None,
+            };
+        }
+        Ok(config)
+    }
+
+    /// The way of presenting that the option, else the environment variable `CAROM_PRESENT`, asks
+    /// for.
+    ///
+    /// # Errors
+    /// A sentence if the variable holds something else than the option takes.
+    pub fn presentation(&self) -> anyhow::Result<Option<Present>> {
+        let variable = std::env::var("CAROM_PRESENT").unwrap_or_default();
+        if self.present.is_some() || variable.is_empty() {
+            return Ok(self.present);
+        }
+        let present = Present::from_str(&variable, true).map_err(|_| {
+            anyhow::anyhow!("CAROM_PRESENT is `{variable}`: it must be vulkan, gl or software")
+        })?;
+        Ok(Some(present))
+    }
+
+    fn config_file(&self) -> anyhow::Result<FarmConfig> {
+        let beside = Path::new("farm.toml");
+        let path = match &self.config {
+            Some(path) => path.as_path(),
+            None if beside.is_file() => beside,
+            None => return Ok(FarmConfig::default()),
+        };
+        let read = || -> anyhow::Result<FarmConfig> {
+            let text = std::fs::read_to_string(path)?;
+            Ok(toml::from_str(&text)?)
+        };
+        read().with_context(|| format!("cannot use {}", path.display()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        <Args as clap::CommandFactory>::command().debug_assert();
+    }
+
+    #[test]
+    fn sizes_are_read_and_nonsense_is_refused_with_its_text() {
+        assert_eq!("640x360".parse(), Ok(Size(ImageSize::new(640, 360))));
+        for wrong in ["640", "x", "640x", "-1x5", "0x5", "5x20000", "640x360x2"] {
+            assert!(Size::from_str(wrong).is_err(), "{wrong}");
+        }
+        assert!(Size::from_str("640*3").unwrap_err().contains("640*3"));
+    }
+
+    #[test]
+    fn options_win_over_the_defaults() {
+        let words = [
+            "carom",
+            "--node",
+            "a:1",
+            "--node",
+            "b:2",
+            "--backend",
+            "none",
+            "--credentials",
+            "keys",
+        ];
+        let config = Args::parse_from(words).farm_config().unwrap();
+        assert_eq!(config.nodes, ["a:1", "b:2"]);
+        assert_eq!(
+            (config.local, config.credentials),
+            (LocalNode::None, PathBuf::from("keys"))
+        );
+    }
+
+    #[test]
+    fn a_configuration_that_is_missing_is_named() {
+        let args = Args::parse_from(["carom", "--config", "no/such/farm.toml"]);
+        let error = format!("{:#}", args.farm_config().unwrap_err());
+        assert!(error.contains("no/such/farm.toml"), "{error}");
+    }
+}

@@ -1,0 +1,220 @@
+//! The program without a window, from the outside: what it writes, says and returns.
+
+use std::fs::{self, File};
+use std::io::BufReader;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+const FRAMES: usize = 3;
+
+/// Runs the program in `folder` on the CPU alone, with no display and no leftover settings.
+fn carom(folder: &Path, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_carom"))
+        .args(args)
+        .current_dir(folder)
+        .env_remove("DISPLAY")
+        .env_remove("WAYLAND_DISPLAY")
+        .env_remove("CAROM_PRESENT")
+        .env_remove("RUST_LOG")
+        .output()
+        .unwrap()
+}
+
+fn render(folder: &Path, out: &str, seed: &str) -> Output {
+    let args = [
+        "--headless",
+        "--backend",
+        "cpu",
+        "--size",
+        "96x54",
+        "--spp",
+        "2",
+    ];
+    let rest = ["--frames", "3", "--out", out, "--seed", seed];
+    carom(folder, &[&args[..], &rest[..]].concat())
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+fn decode(path: &Path) -> Vec<u8> {
+    let mut reader = png::Decoder::new(BufReader::new(File::open(path).unwrap()))
+        .read_info()
+        .unwrap();
+    assert_eq!(reader.info().size(), (96, 54));
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut pixels).unwrap();
+    pixels
+}
+
+fn frames(folder: &Path) -> Vec<Vec<u8>> {
+    (0..FRAMES)
+        .map(|i| decode(&folder.join(format!("frame_{i:04}.png"))))
+        .collect()
+}
+
+/// The root of the mean squared distance from the mean, of all channels.
+fn spread(pixels: &[u8]) -> f64 {
+    let mean = |f: &dyn Fn(f64) -> f64| {
+        pixels.iter().map(|&v| f(f64::from(v))).sum::<f64>() / pixels.len() as f64
+    };
+    let average = mean(&|v| v);
+    mean(&|v| (v - average).powi(2)).sqrt()
+}
+
+#[test]
+fn it_renders_a_break_into_frames_an_animation_and_figures() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = render(folder.path(), "pictures", "1");
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let last = text(&output.stdout).lines().last().unwrap().to_owned();
+    assert!(
+        last.contains("pictures"),
+        "the last line names the folder: {last}"
+    );
+
+    let out = folder.path().join("pictures");
+    let frames = frames(&out);
+    assert!(
+        frames.iter().all(|frame| spread(frame) > 20.0),
+        "a table is no blank picture"
+    );
+    assert_ne!(frames[0], frames[FRAMES - 1], "the balls move");
+    assert_animation(&out.join("break.png"), &frames);
+
+    let stats: Value = serde_json::from_slice(&fs::read(out.join("stats.json")).unwrap()).unwrap();
+    assert_stats(&stats);
+}
+
+fn assert_animation(path: &Path, frames: &[Vec<u8>]) {
+    let mut reader = png::Decoder::new(BufReader::new(File::open(path).unwrap()))
+        .read_info()
+        .unwrap();
+    let animation = reader.info().animation_control.unwrap();
+    assert_eq!(animation.num_frames as usize, FRAMES);
+    for frame in frames {
+        let mut pixels = vec![0; frame.len()];
+        reader.next_frame(&mut pixels).unwrap();
+        assert_eq!(pixels, *frame);
+    }
+}
+
+fn assert_stats(stats: &Value) {
+    let settings = &stats["settings"];
+    assert_eq!(
+        ["width", "height", "samples", "seed", "frames"].map(|key| settings[key].as_u64()),
+        [96, 54, 2, 1, FRAMES as u64].map(Some)
+    );
+    let frames = stats["frames"].as_array().unwrap();
+    assert_eq!(frames.len(), FRAMES);
+    let mut moment = -1.0;
+    for frame in frames {
+        assert!(frame["makespan_secs"].as_f64().unwrap() > 0.0);
+        assert!(frame["payload_bytes"].as_u64().unwrap() > 0);
+        for key in ["reissued_tiles", "duplicate_tiles", "dropped_samples"] {
+            assert!(frame[key].is_u64(), "{key}");
+        }
+        // 96 x 54 pixels are 3 x 2 tiles of 32.
+        let tiles = frame["tiles_by_node"].as_array().unwrap();
+        assert_eq!(
+            tiles
+                .iter()
+                .map(|tiles| tiles.as_u64().unwrap())
+                .sum::<u64>(),
+            6
+        );
+        let next = frame["moment_secs"].as_f64().unwrap();
+        assert!(next > moment);
+        moment = next;
+    }
+    assert_eq!(stats["nodes"].as_array().unwrap().len(), 1);
+    assert_eq!(stats["nodes"][0]["address"], "local");
+    let totals = &stats["totals"];
+    assert_eq!(totals["tiles_by_node"][0].as_u64(), Some(6 * FRAMES as u64));
+    assert!(totals["wall_secs"].as_f64().unwrap() > 0.0);
+}
+
+#[test]
+fn the_same_seed_gives_the_same_frames_bit_for_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    for (out, seed) in [("a", "7"), ("b", "7"), ("c", "8")] {
+        let output = render(folder.path(), out, seed);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+    }
+    let [a, b, c] = ["a", "b", "c"].map(|out| frames(&folder.path().join(out)));
+    assert_eq!(a, b);
+    assert_ne!(a, c);
+}
+
+#[test]
+fn without_a_display_it_says_so_and_renders() {
+    let folder = tempfile::tempdir().unwrap();
+    let args = [
+        "--backend",
+        "cpu",
+        "--size",
+        "32x18",
+        "--spp",
+        "1",
+        "--frames",
+        "1",
+    ];
+    let output = carom(folder.path(), &args);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("no display"));
+    assert!(folder.path().join("carom-frames/frame_0000.png").is_file());
+}
+
+#[test]
+fn a_display_that_cannot_be_opened_is_reported_with_what_to_install() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_carom"))
+        .current_dir(folder.path())
+        .env("DISPLAY", ":no-such-display")
+        .env_remove("WAYLAND_DISPLAY")
+        .env_remove("CAROM_PRESENT")
+        .output()
+        .unwrap();
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    for word in [":no-such-display", "apt install", "--headless"] {
+        assert!(said.contains(word), "{said}");
+    }
+    assert!(!said.contains("panicked"), "{said}");
+}
+
+#[test]
+fn wrong_arguments_are_refused_in_words() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("wrong.toml"), "tile_edgy = 32\n").unwrap();
+    let cases: [(&[&str], &str); 6] = [
+        (&["--headless", "--size", "640"], "640"),
+        (&["--headless", "--size", "0x9"], "0x9"),
+        (&["--headless", "--frames", "0"], "0"),
+        (&["--headless", "--spp", "lots"], "lots"),
+        (&["--headless", "--config", "wrong.toml"], "wrong.toml"),
+        (&["--sound"], "--sound"),
+    ];
+    for (args, named) in cases {
+        let output = carom(folder.path(), args);
+        assert_eq!(output.status.code(), Some(2), "{args:?}");
+        assert!(
+            text(&output.stderr).contains(named),
+            "{}",
+            text(&output.stderr)
+        );
+        assert!(output.stdout.is_empty());
+    }
+}
+
+#[test]
+fn a_folder_that_cannot_be_made_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("file"), "").unwrap();
+    let output = render(folder.path(), "file/pictures", "1");
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("file/pictures"));
+}
