@@ -370,6 +370,24 @@ fn a_cancelled_job_ends_early_and_what_it_hands_over_is_right() {
 }
 
 #[test]
+fn the_longest_sum_loses_nothing() {
+    let Some(gpu) = gpu() else { return };
+    let mut scene = pool();
+    scene.objects.clear();
+    scene.lamps.clear();
+    scene.environment.radiance = Vec3::new(0.1, 0.3, 1e-3);
+    let settings = settings(RenderSettings::SAMPLES_MAX);
+    let picture = whole(gpu, &compiled(&scene), ImageSize::new(2, 2), settings);
+    for pixel in picture.pixels {
+        let error = (Vec3::from(pixel) - scene.environment.radiance).abs();
+        assert!(
+            error.cmple(2e-7 * scene.environment.radiance).all(),
+            "{pixel:?}"
+        );
+    }
+}
+
+#[test]
 fn samples_that_are_not_finite_are_counted_and_black() {
     let Some(gpu) = gpu() else { return };
     let mut scene = compiled(&pool());

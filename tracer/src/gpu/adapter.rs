@@ -13,7 +13,7 @@ pub struct AdapterDescription {
     pub driver: String,
     /// The interface it is reached through.
     pub backend: String,
-    /// Whether a processor pretends to be a GPU: right, but slower than [`crate::Tracer`]s made for it.
+    /// Whether a processor pretends to be a GPU: right, but slower than [`crate::CpuTracer`].
     pub software: bool,
 }
 

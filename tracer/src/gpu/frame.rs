@@ -25,6 +25,7 @@ pub(crate) struct FrameBuffers {
     dispatch: wgpu::Buffer,
     tiles: wgpu::Buffer,
     film: wgpu::Buffer,
+    film_lost: wgpu::Buffer,
     counters: wgpu::Buffer,
     readback: wgpu::Buffer,
     timer: Option<Timer>,
@@ -90,6 +91,7 @@ impl FrameBuffers {
             ),
             tiles: buffer(wgpu, size_of::<TileEntry>() as u64, TILES_USAGE),
             film: buffer(wgpu, PIXEL_BYTES, FILM_USAGE),
+            film_lost: buffer(wgpu, PIXEL_BYTES, FILM_USAGE),
             counters: buffer(wgpu, 4 * RAY_WORDS, COUNTERS_USAGE),
             readback: buffer(wgpu, TIMESTAMPS_BYTES, READBACK_USAGE),
             timer,
@@ -113,6 +115,7 @@ impl FrameBuffers {
             reserve(wgpu, &mut self.scene, scene.len() as u64, SCENE_USAGE);
             reserve(wgpu, &mut self.tiles, entries.len() as u64, TILES_USAGE);
             reserve(wgpu, &mut self.film, layout.film_bytes, FILM_USAGE);
+            reserve(wgpu, &mut self.film_lost, layout.film_bytes, FILM_USAGE);
             reserve(
                 wgpu,
                 &mut self.counters,
@@ -150,6 +153,7 @@ impl FrameBuffers {
                 entry(2, &self.tiles, layout.tiles * size_of::<TileEntry>() as u64),
                 entry(3, &self.film, layout.film_bytes),
                 entry(4, &self.counters, layout.counters_bytes),
+                entry(5, &self.film_lost, layout.film_bytes),
             ],
         })
     }

@@ -15,7 +15,8 @@ use crate::{Error, ImageSize};
 pub(crate) struct SceneHeader {
     pub(crate) camera: CameraFrame,
     pub(crate) environment: [f32; 3],
-    pub(crate) padding: u32,
+    /// 0, which the shader's compiler cannot know.
+    pub(crate) zero: u32,
 }
 
 /// What one dispatch does: samples `sample_begin..sample_end` of `samples` in blocks of pixels.
@@ -73,7 +74,7 @@ pub(crate) fn scene_bytes(scene: &CompiledScene, size: ImageSize) -> Result<Vec<
     let header = SceneHeader {
         camera: scene.camera_frame(size),
         environment: scene.environment.to_array(),
-        padding: 0,
+        zero: 0,
     };
     let mut bytes = bytes_of(&header).to_vec();
     bytes.extend_from_slice(cast_slice(&scene.spheres));

@@ -55,6 +55,7 @@ fn compile(device: &Device, features: &Features) -> Result<Kernel, Error> {
                 entry(2, wgpu::BufferBindingType::Storage { read_only: true }),
                 entry(3, wgpu::BufferBindingType::Storage { read_only: false }),
                 entry(4, wgpu::BufferBindingType::Storage { read_only: false }),
+                entry(5, wgpu::BufferBindingType::Storage { read_only: false }),
             ],
         });
         let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {

@@ -62,8 +62,8 @@ impl Pacer {
     }
 }
 
-/// An upper bound of a sample's work, in surfaces tested: path edges and shadow rays, each against all
-/// primitives, and about eight primitives' worth of shading.
+/// An upper bound of a sample's work, in surfaces tested: path edges and shadow rays, each against
+/// all primitives, and about eight primitives' worth of shading.
 pub(crate) fn work_per_sample(settings: &RenderSettings, primitives: u32) -> f64 {
     (1.0 + 2.0 * f64::from(settings.scatterings_max)) * f64::from(primitives + 8)
 }

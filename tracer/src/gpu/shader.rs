@@ -241,7 +241,7 @@ mod tests {
             layout!(LampData, center area half_u inv_u2 half_v inv_v2 normal radiance),
             layout!(MaterialData, albedo ior stripe_albedo stripe_half_width diffuse_scale),
             layout!(CameraFrame, eye corner dx dy),
-            layout!(SceneHeader, camera environment),
+            layout!(SceneHeader, camera environment zero),
             layout!(DispatchData,
                 tile_count block_count sample_begin sample_end samples first_sample seed
                 scatterings_max),

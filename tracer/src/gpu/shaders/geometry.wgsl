@@ -25,6 +25,13 @@ const NO_PRIMITIVE: u32 = 0xffffffffu;
 const PI: f32 = 3.14159265358979;
 const TWO_PI: f32 = 6.28318530717959;
 
+// The same numbers, rounded to f32. In exact arithmetic (a + b) − a is b, and some compilers (Mesa)
+// make it so where the difference of the two is what is asked for. An exclusive or with a 0 that
+// they do not know prevents it.
+fn rounded(v: vec3f) -> vec3f {
+    return bitcast<vec3f>(bitcast<vec3u>(v) ^ vec3u(scene.header.zero));
+}
+
 // 1 / direction without infinities, so that a slab never multiplies one by 0.
 fn inverse_direction(direction: vec3f) -> vec3f {
     let tiny = vec3f(1e-30);

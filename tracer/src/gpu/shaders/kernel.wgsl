@@ -6,6 +6,8 @@
 @group(0) @binding(3) var<storage, read_write> film: array<f32>;
 // Rays (low and high word), then the dropped samples of each tile.
 @group(0) @binding(4) var<storage, read_write> counters: array<atomic<u32>>;
+// What the sums in `film` have lost to rounding so far.
+@group(0) @binding(5) var<storage, read_write> film_lost: array<f32>;
 
 var<workgroup> group_rays: atomic<u32>;
 
@@ -51,9 +53,9 @@ fn tile_of_block(block: u32) -> u32 {
 // Takes the samples in order. A thread whose path has ended begins its next sample while its
 // neighbours go on with theirs, so that long paths keep no lanes idle.
 fn trace_pixel(x: u32, y: u32, pixel: u32, tile: u32) {
-    var sum = vec3f(0.0);
+    var sum = Sum(vec3f(0.0), vec3f(0.0));
     if (job.sample_begin > 0u) {
-        sum = vec3f(film[3u * pixel], film[3u * pixel + 1u], film[3u * pixel + 2u]);
+        sum = Sum(film_at(pixel), film_lost_at(pixel));
     }
     var rays = 0u;
     var dropped = 0u;
@@ -64,7 +66,7 @@ fn trace_pixel(x: u32, y: u32, pixel: u32, tile: u32) {
             continue;
         }
         if (is_finite(path.radiance)) {
-            sum += path.radiance;
+            sum = add(sum, path.radiance);
         } else {
             dropped += 1u;
         }
@@ -72,15 +74,48 @@ fn trace_pixel(x: u32, y: u32, pixel: u32, tile: u32) {
         path = camera_path(x, y, job.first_sample + index);
     }
     if (job.sample_end == job.samples) {
-        sum /= f32(job.samples);
+        set_film(pixel, sum.value / f32(job.samples));
+    } else {
+        set_film(pixel, sum.value);
+        set_film_lost(pixel, sum.lost);
     }
-    film[3u * pixel] = sum.x;
-    film[3u * pixel + 1u] = sum.y;
-    film[3u * pixel + 2u] = sum.z;
     atomicAdd(&group_rays, rays);
     if (dropped > 0u) {
         atomicAdd(&counters[2u + tile], dropped);
     }
+}
+
+// A sum of up to 65,536 samples: plain f32 would be off by 1 in 1000.
+struct Sum {
+    value: vec3f,
+    lost: vec3f,
+}
+
+// Kahan, "Further remarks on reducing truncation errors", CACM 8(1), 1965.
+fn add(sum: Sum, term: vec3f) -> Sum {
+    let whole = term - sum.lost;
+    let value = sum.value + whole;
+    return Sum(value, rounded(rounded(value) - sum.value) - whole);
+}
+
+fn film_at(pixel: u32) -> vec3f {
+    return vec3f(film[3u * pixel], film[3u * pixel + 1u], film[3u * pixel + 2u]);
+}
+
+fn set_film(pixel: u32, v: vec3f) {
+    film[3u * pixel] = v.x;
+    film[3u * pixel + 1u] = v.y;
+    film[3u * pixel + 2u] = v.z;
+}
+
+fn film_lost_at(pixel: u32) -> vec3f {
+    return vec3f(film_lost[3u * pixel], film_lost[3u * pixel + 1u], film_lost[3u * pixel + 2u]);
+}
+
+fn set_film_lost(pixel: u32, v: vec3f) {
+    film_lost[3u * pixel] = v.x;
+    film_lost[3u * pixel + 1u] = v.y;
+    film_lost[3u * pixel + 2u] = v.z;
 }
 
 // A 64-bit sum in two words.

@@ -55,7 +55,13 @@ fn lamp_found(ray: Ray, hit: Hit, bsdf_pdf: f32) -> vec3f {
 }
 
 // Next-event estimation from `surface`, times the BSDF and the cosine, MIS-weighted.
-fn direct_light(surface: Surface, bsdf: Bsdf, skip: u32, u: vec3f, rays: ptr<function, u32>) -> vec3f {
+fn direct_light(
+    surface: Surface,
+    bsdf: Bsdf,
+    skip: u32,
+    u: vec3f,
+    rays: ptr<function, u32>,
+) -> vec3f {
     let index = min(u32(u.x * f32(LAMP_COUNT)), LAMP_COUNT - 1u);
     let point = scene.lamps[index].center
         + (2.0 * u.y - 1.0) * scene.lamps[index].half_u

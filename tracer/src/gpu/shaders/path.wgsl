@@ -53,7 +53,8 @@ fn scatter(
     let bsdf = bsdf_at(surface, wo);
     if (LAMP_COUNT > 0u) {
         let u = uniforms((*path).pixel, (*path).sample, block_light(bounce), job.seed);
-        (*path).radiance += (*path).throughput * direct_light(surface, bsdf, primitive, u.xyz, rays);
+        let light = direct_light(surface, bsdf, primitive, u.xyz, rays);
+        (*path).radiance += (*path).throughput * light;
     }
     let u = uniforms((*path).pixel, (*path).sample, block_scatter(bounce), job.seed);
     let next = bsdf_sample(bsdf, surface.normal, wo, u.xyz);

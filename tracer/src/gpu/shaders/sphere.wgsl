@@ -1,9 +1,9 @@
 // Balls.
 
-// The chord of a line through a sphere: the middle's distance along the ray, half the chord's
-// length squared, and the vector from the middle to the centre. Measured from the ray's point nearest to
-// the centre (Haines et al., "Precision Improvements for Ray/Sphere Intersection", Ray Tracing
-// Gems, 2019), which is projected twice so that its own rounding vanishes.
+// The chord of a line through a sphere: the distance of its middle along the ray, the square of
+// half its length, and the vector from its middle to the centre. That vector decides (Haines et
+// al., "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems, 2019), and is
+// projected twice so that the rounding of the distance vanishes from it.
 struct Chord {
     middle_t: f32,
     half_squared: f32,
@@ -17,9 +17,10 @@ fn sphere_chord(ray: Ray, center: vec3f, radius: f32) -> Chord {
     if (COMPENSATED) {
         // What the difference lost to rounding (Knuth's TwoSum): it shows where coordinates are
         // thousands of times the radius.
-        let back = center - f;
-        let lost = (center - (f + back)) + (back - ray.origin);
-        l = minus_product(f, b, ray.direction) + lost;
+        let difference = rounded(f);
+        let back = rounded(center - difference);
+        let lost = (center - rounded(difference + back)) + rounded(back - ray.origin);
+        l = minus_product(difference, b, ray.direction) + lost;
     } else {
         l = fma(vec3f(-b), ray.direction, f);
     }
@@ -78,8 +79,8 @@ fn sphere_surface(ray: Ray, t: f32, index: u32) -> Surface {
     let outward = fma(vec3f(along), ray.direction, -chord.to_center) / sphere.radius;
     var albedo = scene.materials[sphere.material].albedo;
     if (HAS_STRIPE) {
-        let is_stripe =
-            abs(dot(outward, sphere.stripe_axis)) < scene.materials[sphere.material].stripe_half_width;
+        let sine = abs(dot(outward, sphere.stripe_axis));
+        let is_stripe = sine < scene.materials[sphere.material].stripe_half_width;
         albedo = select(albedo, scene.materials[sphere.material].stripe_albedo, is_stripe);
     }
     return Surface(

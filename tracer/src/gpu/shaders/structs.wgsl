@@ -60,6 +60,7 @@ struct CameraFrame {
 struct SceneHeader {
     camera: CameraFrame,
     environment: vec3f,
+    zero: u32,
 }
 
 struct DispatchData {
