@@ -1,8 +1,10 @@
 //! What a farm is made of.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
+
+use crate::Error;
 
 /// Configuration of a [`crate::Farm`]: command lines, `farm.toml` and applications fill it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -24,6 +26,35 @@ pub struct FarmConfig {
     /// pixels travel.
     pub frames_in_flight: usize,
 }
+
+impl FarmConfig {
+    /// Reads a `farm.toml`: the fields of this struct, those left out as in `Default`. A relative
+    /// [`FarmConfig::credentials`] is taken from the file's own folder.
+    ///
+    /// # Errors
+    /// [`Error::Config`] with the file, the line and what is wrong there.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, Error> {
+        let path = path.as_ref();
+        let refused = |why: String| Error::Config(format!("{}: {why}", path.display()));
+        let text = std::fs::read_to_string(path).map_err(|why| refused(why.to_string()))?;
+        let mut config: Self = toml::from_str(&text).map_err(|why| {
+            let start = why.span().map_or(0, |span| span.start);
+            let before = text.bytes().take(start);
+            let line = before.filter(|byte| *byte == b'\n').count();
+            let place = text.lines().nth(line).unwrap_or_default();
+            let place: String = place.chars().take(EXCERPT_CHARS_MAX).collect();
+            let why = why.message().replace('\n', " ");
+            refused(format!("line {}, `{place}`: {why}", line + 1))
+        })?;
+        if let Some(folder) = path.parent() {
+            config.credentials = folder.join(&config.credentials);
+        }
+        Ok(config)
+    }
+}
+
+/// Characters of a wrong line that a message repeats.
+const EXCERPT_CHARS_MAX: usize = 60;
 
 impl Default for FarmConfig {
     fn default() -> Self {

@@ -10,6 +10,8 @@ pub(crate) enum Failure {
     Input(String),
     /// The machine, the network or a device, after the arguments were found right: 1.
     Run(anyhow::Error),
+    /// Ctrl-C or SIGTERM: 130, as shells have it for SIGINT.
+    Interrupted,
 }
 
 impl Failure {
@@ -17,6 +19,7 @@ impl Failure {
         ExitCode::from(match self {
             Self::Run(_) => 1,
             Self::Input(_) => 2,
+            Self::Interrupted => 130,
         })
     }
 }
@@ -26,6 +29,7 @@ impl fmt::Display for Failure {
         match self {
             Self::Input(why) => f.write_str(why),
             Self::Run(why) => write!(f, "{why:#}"),
+            Self::Interrupted => f.write_str("interrupted"),
         }
     }
 }

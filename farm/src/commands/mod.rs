@@ -1,8 +1,13 @@
 //! One file per subcommand: arguments in, calls of the library, lines out.
 
 mod add;
+mod backend;
+mod bench;
 mod failure;
 mod init;
+mod inputs;
+mod node;
+mod render;
 
 use clap::Subcommand;
 
@@ -13,6 +18,9 @@ pub(crate) use failure::Failure;
 pub(crate) enum Command {
     Init(init::Args),
     Add(add::Args),
+    Node(node::Args),
+    Render(render::Args),
+    Bench(bench::Args),
 }
 
 impl Command {
@@ -20,6 +28,9 @@ impl Command {
         match self {
             Self::Init(args) => init::run(&args),
             Self::Add(args) => add::run(&args),
+            Self::Node(args) => node::run(&args),
+            Self::Render(args) => render::run(&args),
+            Self::Bench(args) => bench::run(&args),
         }
     }
 }

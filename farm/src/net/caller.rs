@@ -119,3 +119,106 @@ fn silent(address: SocketAddr) -> String {
 fn unreachable(address: SocketAddr, why: &ConnectError) -> String {
     format!("{address} cannot be called: {why}")
 }
+
+#[cfg(test)]
+mod tests {
+    use std::net::Ipv4Addr;
+    use std::sync::Arc;
+    use std::time::{Duration, SystemTime};
+
+    use quinn::ServerConfig;
+    use quinn::crypto::rustls::QuicServerConfig;
+    use rustls::pki_types::pem::PemObject;
+    use rustls::pki_types::{CertificateDer, PrivateKeyDer};
+
+    use super::*;
+    use crate::net::authority::{Authority, Issued};
+
+    const DAY: Duration = Duration::from_secs(24 * 3600);
+
+    /// A node that shows `certificate` and asks for none: all it wants is to be talked to.
+    fn impostor(shown: &Issued, alpn: &[u8]) -> Endpoint {
+        let certificate = CertificateDer::from_pem_slice(shown.certificate_pem.as_bytes());
+        let key = PrivateKeyDer::from_pem_slice(shown.key_pem.as_bytes()).unwrap();
+        let provider = Arc::new(rustls::crypto::ring::default_provider());
+        let mut tls = rustls::ServerConfig::builder_with_provider(provider)
+            .with_protocol_versions(&[&rustls::version::TLS13])
+            .unwrap()
+            .with_no_client_auth()
+            .with_single_cert(vec![certificate.unwrap()], key)
+            .unwrap();
+        tls.alpn_protocols = vec![alpn.to_vec()];
+        let crypto = Arc::new(QuicServerConfig::try_from(tls).unwrap());
+        let any_port = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
+        Endpoint::server(ServerConfig::with_crypto(crypto), any_port).unwrap()
+    }
+
+    /// What a player of `farm` says of an impostor; panics if it talks to it.
+    fn said_of(farm: &Authority, shown: &Issued, alpn: &[u8]) -> String {
+        let today = SystemTime::now() - DAY..SystemTime::now() + DAY;
+        let player = farm.credentials(Role::Player, "player", today).unwrap();
+        let caller = Caller::new(&player).unwrap();
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()
+            .unwrap();
+        runtime.block_on(async {
+            let impostor = impostor(shown, alpn);
+            let address = impostor.local_addr().unwrap().to_string().parse().unwrap();
+            let (called, answered) = tokio::join!(caller.call(&address), async {
+                impostor.accept().await.unwrap().await
+            });
+            assert!(answered.is_err(), "the player finished the handshake");
+            called.err().expect("the player talks to an impostor")
+        })
+    }
+
+    #[test]
+    fn a_player_talks_to_nodes_of_its_farm_only() {
+        let (farm, other) = (
+            Authority::generate().unwrap(),
+            Authority::generate().unwrap(),
+        );
+        let now = SystemTime::now();
+        let (today, past) = (now - DAY..now + DAY, now - 3 * DAY..now - DAY);
+        let alien = other.issue(Role::Node, "oak", today.clone()).unwrap();
+        let player = farm.issue(Role::Player, "oak", today.clone()).unwrap();
+        let expired = farm.issue(Role::Node, "oak", past).unwrap();
+        let key = rcgen::KeyPair::generate().unwrap();
+        let own = rcgen::CertificateParams::default()
+            .self_signed(&key)
+            .unwrap();
+        let own = Issued {
+            certificate_pem: own.pem(),
+            key_pem: key.serialize_pem(),
+        };
+        for (shown, sentence) in [
+            (&alien, "its certificate is of another farm"),
+            (&own, "its certificate is of another farm"),
+            (&player, "its certificate does not have the role of a node"),
+            (&expired, "its certificate has expired"),
+        ] {
+            let why = said_of(&farm, shown, tls::ALPN);
+            assert!(why.starts_with(sentence), "{why}");
+        }
+        let node = farm.issue(Role::Node, "oak", today).unwrap();
+        let why = said_of(&farm, &node, b"carom/2");
+        assert!(why.contains("speak different protocols"), "{why}");
+    }
+
+    #[test]
+    fn a_name_that_nobody_has_is_named() {
+        let farm = Authority::generate().unwrap();
+        let now = SystemTime::now();
+        let player = farm.credentials(Role::Player, "player", now - DAY..now + DAY);
+        let caller = Caller::new(&player.unwrap()).unwrap();
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()
+            .unwrap();
+        // RFC 6761: no name under `invalid` is ever given to anybody.
+        let nobody = "nobody.invalid:4433".parse().unwrap();
+        let why = runtime.block_on(caller.call(&nobody)).err().unwrap();
+        assert!(why.contains("the name `nobody.invalid`"), "{why}");
+    }
+}

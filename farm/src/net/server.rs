@@ -8,6 +8,7 @@ use tokio::sync::Notify;
 
 use crate::Error;
 use crate::net::credentials::Credentials;
+use crate::net::interruption::interrupted;
 use crate::net::listener::Listener;
 use crate::net::packets::{self, Peer, Streams};
 
@@ -26,6 +27,8 @@ pub enum ServerEvent {
         /// A sentence.
         why: String,
     },
+    /// The node is shutting down.
+    Draining,
 }
 
 /// A node's open socket.
@@ -88,15 +91,16 @@ impl NodeServer {
     pub fn serve<P: Peer + Send>(
         &self,
         stop: &Stop,
-        connect: impl Fn() -> P + Clone + Send + Sync + 'static,
+        connect: impl Fn(SocketAddr) -> P + Clone + Send + Sync + 'static,
         events: impl Fn(ServerEvent) + Clone + Send + Sync + 'static,
     ) {
+        let draining = events.clone();
         let serve = move |streams: Streams| {
             let (connect, events) = (connect.clone(), events.clone());
             async move {
                 let player = streams.connection.remote_address();
                 events(ServerEvent::Paired { player });
-                let why = packets::carry(streams, &mut connect()).await;
+                let why = packets::carry(streams, &mut connect(player)).await;
                 events(ServerEvent::Lost { player, why });
             }
         };
@@ -106,28 +110,8 @@ impl NodeServer {
                 () = stop.0.notified() => {}
                 () = interrupted() => {}
             }
+            draining(ServerEvent::Draining);
             self.listener.drain().await;
         });
-    }
-}
-
-/// Ctrl-C, and what service managers send.
-async fn interrupted() {
-    #[cfg(unix)]
-    {
-        use tokio::signal::unix::{SignalKind, signal};
-        let Ok(mut terminated) = signal(SignalKind::terminate()) else {
-            return std::future::pending().await;
-        };
-        tokio::select! {
-            _ = terminated.recv() => {}
-            pressed = tokio::signal::ctrl_c() => if pressed.is_err() {
-                std::future::pending::<()>().await;
-            }
-        }
-    }
-    #[cfg(not(unix))]
-    if tokio::signal::ctrl_c().await.is_err() {
-        std::future::pending::<()>().await;
     }
 }

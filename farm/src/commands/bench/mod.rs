@@ -1,0 +1,28 @@
+//! `carom-farm bench`: speed and accuracy of this machine's back ends.
+
+mod accuracy;
+mod trace;
+
+use clap::Subcommand;
+
+use crate::commands::Failure;
+
+/// Measure this machine's back ends.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    #[command(subcommand)]
+    bench: Bench,
+}
+
+#[derive(Subcommand)]
+enum Bench {
+    Trace(trace::Args),
+    Accuracy(accuracy::Args),
+}
+
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    match &args.bench {
+        Bench::Trace(args) => trace::run(args),
+        Bench::Accuracy(args) => accuracy::run(args),
+    }
+}

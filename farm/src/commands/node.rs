@@ -1,0 +1,123 @@
+//! `carom-farm node`: this machine's device, served to players.
+
+use std::io::Write as _;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::task::{Context, Poll};
+
+use carom_farm::net::{Credentials, NodeServer, Peer, Role, ServerEvent, Stop};
+use carom_farm::node::{Node, NodeConnection};
+use carom_protocol::session::Packet;
+use carom_protocol::{ToNode, codec};
+
+use crate::commands::Failure;
+use crate::commands::backend::NodeBackend;
+
+/// Trace for players, until Ctrl-C or SIGTERM.
+///
+/// Prints a line whenever the state changes, its first word being one of: starting, listening (with
+/// the address), paired, syncing, ready, rendering, lost, draining.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Where to listen, as in 0.0.0.0:4433 or [::]:4433; port 0 lets the system choose.
+    #[arg(long)]
+    listen: SocketAddr,
+    /// Folder with ca.pem, node.pem and node.key, as `add` made it.
+    #[arg(long, default_value = ".carom")]
+    credentials: PathBuf,
+    /// What to trace with.
+    #[arg(long, default_value = "auto")]
+    backend: NodeBackend,
+    /// Threads of the CPU back end; 0 is one per core.
+    #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u16).range(..=1024))]
+    threads: u16,
+}
+
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let credentials = Credentials::load(&args.credentials, Role::Node)?;
+    let server = NodeServer::bind(args.listen, &credentials)?;
+    say("starting");
+    let tracer = args.backend.open(usize::from(args.threads))?;
+    let device = tracer.info().name;
+    let node = Node::new(credentials.name(), tracer);
+    let name = credentials.name();
+    say(&format!(
+        "listening as {name} with {device} on {}",
+        server.local_addr()?
+    ));
+    server.serve(
+        &Stop::default(),
+        move |player| Watched::new(&node, player),
+        |event| match event {
+            ServerEvent::Paired { player } => say(&format!("paired with {player}")),
+            ServerEvent::Lost { player, why } => say(&format!("lost {player}: {why}")),
+            ServerEvent::Draining => say("draining"),
+        },
+    );
+    Ok(())
+}
+
+/// A reader that has gone away must not end the node.
+fn say(line: &str) {
+    let _ = writeln!(std::io::stdout(), "{line}");
+}
+
+/// What a player has the node do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    Paired,
+    Ready,
+    Rendering,
+}
+
+/// A player's session, whose changes of state are printed. A player that has asked for a picture
+/// counts as rendering until it leaves or brings another scene: at 60 pictures a second, lines for
+/// the pauses between them would tell nobody anything.
+struct Watched {
+    connection: NodeConnection,
+    player: SocketAddr,
+    state: State,
+}
+
+impl Watched {
+    fn new(node: &Arc<Node>, player: SocketAddr) -> Self {
+        Self {
+            connection: node.connect(),
+            player,
+            state: State::Paired,
+        }
+    }
+
+    fn say(&self, state: &str) {
+        say(&format!("{state} for {}", self.player));
+    }
+}
+
+impl Peer for Watched {
+    fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error> {
+        let message = codec::decode_to_node(&packet.bytes);
+        let is_scene = matches!(message, Ok(ToNode::Scene { .. }));
+        if is_scene {
+            self.say("syncing");
+        }
+        self.connection.handle(packet)?;
+        if is_scene {
+            self.state = State::Ready;
+            self.say("ready");
+        }
+        if matches!(message, Ok(ToNode::Trace(_))) && self.state != State::Rendering {
+            self.state = State::Rendering;
+            self.say("rendering");
+        }
+        Ok(())
+    }
+
+    fn poll_transmit(&mut self) -> Option<Packet> {
+        self.connection.poll_transmit()
+    }
+
+    fn poll_owner(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), String>> {
+        self.connection.poll_owner(cx)
+    }
+}

@@ -1,0 +1,326 @@
+//! The program `carom-farm` as its users meet it: refusals, and a farm from nothing to a picture.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, Lines};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdout, Command, Output, Stdio};
+
+use carom_tracer::RadianceImage;
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+const POOL: &str = include_str!("../../assets/scenes/pool.json");
+
+fn carom_farm(dir: &Path, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_carom-farm"))
+        .args(args)
+        .current_dir(dir)
+        .env_remove("RUST_LOG")
+        .output()
+        .unwrap()
+}
+
+/// What the program says when it refuses its input; panics if it does not.
+fn refused(dir: &Path, args: &[&str]) -> String {
+    let output = carom_farm(dir, args);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{args:?}: {said}");
+    assert!(!said.contains("panicked"), "{args:?}: {said}");
+    assert!(output.stdout.is_empty(), "{args:?}");
+    said
+}
+
+fn done(dir: &Path, args: &[&str]) -> String {
+    let output = carom_farm(dir, args);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{args:?}: {said}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// The pool scene with one value changed, as a file.
+fn spoiled(dir: &Path, name: &str, spoil: impl FnOnce(&mut Value)) -> PathBuf {
+    let mut scene: Value = serde_json::from_str(POOL).unwrap();
+    spoil(&mut scene);
+    let path = dir.join(name);
+    std::fs::write(&path, scene.to_string()).unwrap();
+    path
+}
+
+fn first_sphere(scene: &mut Value) -> &mut Value {
+    let objects = scene["objects"].as_array_mut().unwrap();
+    let sphere = |object: &&mut Value| !object["shape"]["sphere"].is_null();
+    &mut objects.iter_mut().find(sphere).unwrap()["shape"]["sphere"]
+}
+
+fn first_plastic(scene: &mut Value) -> &mut Value {
+    let materials = scene["materials"].as_object_mut().unwrap();
+    let plastic = |material: &&mut Value| !material["smooth_plastic"].is_null();
+    &mut materials.values_mut().find(plastic).unwrap()["smooth_plastic"]
+}
+
+#[test]
+fn scenes_that_cannot_be_drawn_are_refused_with_the_place() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    let not_a_number = POOL.replacen("44.0", "NaN", 1).replacen("44,", "NaN,", 1);
+    std::fs::write(dir.join("nan.json"), not_a_number).unwrap();
+    spoiled(dir, "radius.json", |scene| {
+        first_sphere(scene)["radius"] = json!(0)
+    });
+    spoiled(dir, "ior.json", |scene| {
+        first_plastic(scene)["ior"] = json!(0)
+    });
+    spoiled(dir, "infinite.json", |scene| {
+        first_sphere(scene)["radius"] = json!(1e300)
+    });
+    spoiled(dir, "many.json", |scene| {
+        let objects = scene["objects"].as_array_mut().unwrap();
+        let one = objects[0].clone();
+        objects.resize(5000, one);
+    });
+    // A billion spheres: the file has the length, and takes no room on the disk.
+    let huge = File::create(dir.join("huge.json")).unwrap();
+    huge.set_len(100_000_000_000).unwrap();
+    std::fs::write(dir.join("text.json"), "a pool table").unwrap();
+    for (scene, place) in [
+        ("missing.json", "missing.json"),
+        ("nan.json", "nan.json"),
+        ("radius.json", "radius"),
+        ("ior.json", "ior"),
+        ("infinite.json", "radius"),
+        ("many.json", "5000"),
+        ("huge.json", "huge.json"),
+        ("text.json", "text.json"),
+    ] {
+        for command in ["render --out a.png", "bench trace"] {
+            let mut args: Vec<&str> = command.split(' ').collect();
+            args.extend(["--scene", scene]);
+            let said = refused(dir, &args);
+            assert!(said.contains(place), "{said}");
+        }
+    }
+}
+
+#[test]
+fn pictures_that_cannot_be_made_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    for (args, place) in [
+        ("--size 0x0 --out a.png", "0x0"),
+        ("--size 100000x100000 --out a.png", "100000x100000"),
+        ("--size 12 --out a.png", "WIDTHxHEIGHT"),
+        ("--size=-1x5 --out a.png", "size"),
+        ("--spp 0 --out a.png", "spp"),
+        ("--spp 99999999 --out a.png", "spp"),
+        ("--scatterings 65 --out a.png", "scatterings"),
+        ("--out a.gif", ".png or .exr"),
+        ("--out a", ".png or .exr"),
+        ("--out nowhere/a.png", "nowhere"),
+        ("--backend quantum --out a.png", "quantum"),
+        ("--node oak --out a.png", "host:port"),
+        ("--node oak:99999 --out a.png", "65535"),
+        ("--node oak:1 --out a.png", "carom-farm init"),
+        (
+            "--node oak:1 --credentials none --out a.png",
+            "carom-farm init",
+        ),
+        ("--config missing.toml --out a.png", "missing.toml"),
+        ("--backend none --out a.png", "no node"),
+    ] {
+        let mut all = vec!["render"];
+        all.extend(args.split(' '));
+        let said = refused(dir.path(), &all);
+        assert!(said.contains(place), "{args}: {said}");
+    }
+    assert_eq!(std::fs::read_dir(&dir).unwrap().count(), 0);
+}
+
+#[test]
+fn configurations_with_unknown_or_wrong_fields_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    for (text, place) in [
+        ("colour = \"green\"", "colour"),
+        ("tile_edge = \"wide\"", "tile_edge"),
+        ("tile_edge = 0", "tile_edge"),
+        ("frames_in_flight = 1000000", "frames_in_flight"),
+        ("nodes = [\"oak\"]", "oak"),
+        ("nodes = [", "farm.toml"),
+    ] {
+        std::fs::write(dir.path().join("farm.toml"), text).unwrap();
+        let said = refused(
+            dir.path(),
+            &["render", "--config", "farm.toml", "--out", "a.png"],
+        );
+        assert!(said.contains(place), "{text}: {said}");
+    }
+}
+
+#[test]
+fn credentials_that_cannot_be_used_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    let node = ["node", "--listen", "127.0.0.1:0", "--backend", "cpu"];
+    let with = |folder: &'static str| [&node[..], &["--credentials", folder]].concat();
+    assert!(refused(dir, &with("none")).contains("carom-farm add"));
+    assert!(refused(dir, &["add", "oak"]).contains("carom-farm init"));
+    done(dir, &["init"]);
+    assert!(refused(dir, &["init"]).contains("holds a farm already"));
+    assert!(refused(dir, &["add", "../oak"]).contains("cannot be a node's name"));
+    // The player's folder is not a node's.
+    assert!(refused(dir, &with(".carom")).contains("carom-farm add"));
+    done(dir, &["add", "oak"]);
+    assert!(refused(dir, &["add", "oak"]).contains("--renew"));
+    std::fs::write(dir.join(".carom/nodes/oak/node.pem"), "nothing").unwrap();
+    assert!(refused(dir, &with(".carom/nodes/oak")).contains("node.pem"));
+}
+
+#[test]
+fn the_benches_refuse_what_is_no_picture() {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("a.exr"), "no picture").unwrap();
+    for reference in ["a.exr", "missing.exr"] {
+        let args = ["bench", "accuracy", "--reference", reference];
+        assert!(refused(dir.path(), &args).contains(reference));
+    }
+    refused(dir.path(), &["bench", "trace", "--repetitions", "0"]);
+    refused(dir.path(), &["bench", "trace", "--size", "0x0"]);
+}
+
+#[test]
+fn no_command_prints_a_key() {
+    let dir = tempfile::tempdir().unwrap();
+    let said = done(dir.path(), &["init"]) + &done(dir.path(), &["add", "oak"]);
+    assert!(!said.contains("PRIVATE"));
+}
+
+/// A `carom-farm node` on a port of the system's choice; killed when dropped.
+struct Node {
+    child: Child,
+    lines: Lines<BufReader<ChildStdout>>,
+    address: String,
+}
+
+impl Node {
+    fn start(dir: &Path, name: &str) -> Self {
+        let folder = format!(".carom/nodes/{name}");
+        let mut child = Command::new(env!("CARGO_BIN_EXE_carom-farm"))
+            .args(["node", "--listen", "127.0.0.1:0", "--backend", "cpu"])
+            .args(["--credentials", &folder])
+            .current_dir(dir)
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let stdout = child.stdout.take().unwrap();
+        let mut node = Self {
+            child,
+            lines: BufReader::new(stdout).lines(),
+            address: String::new(),
+        };
+        let listening = node.wait_for("listening");
+        node.address = listening.rsplit(' ').next().unwrap().to_owned();
+        node
+    }
+
+    /// Reads what the node prints until a line that begins with `state`.
+    fn wait_for(&mut self, state: &str) -> String {
+        let mut lines = self.lines.by_ref().map(Result::unwrap);
+        let found = lines.find(|line| line.starts_with(state));
+        found.unwrap_or_else(|| panic!("the node ended without `{state}`"))
+    }
+}
+
+impl Drop for Node {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// A folder with a farm of nodes of these names.
+fn farm(nodes: &[&str]) -> TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    done(dir.path(), &["init"]);
+    for name in nodes {
+        done(dir.path(), &["add", name]);
+    }
+    dir
+}
+
+fn pixels(dir: &Path, file: &str) -> Vec<[u32; 3]> {
+    let image = RadianceImage::read_exr(dir.join(file)).unwrap();
+    let bits = |pixel: &[f32; 3]| pixel.map(f32::to_bits);
+    image.pixels.iter().map(bits).collect()
+}
+
+#[test]
+fn a_picture_over_the_network_is_the_local_one_bit_for_bit() {
+    let dir = farm(&["oak", "elm"]);
+    let dir = dir.path();
+    let (oak, elm) = (Node::start(dir, "oak"), Node::start(dir, "elm"));
+    let picture = ["render", "--size", "96x54", "--spp", "8", "--seed", "7"];
+    let local = ["--backend", "cpu", "--out", "local.exr"];
+    done(dir, &[&picture[..], &local].concat());
+    let remote = [
+        "--backend",
+        "none",
+        "--node",
+        &oak.address,
+        "--node",
+        &elm.address,
+    ];
+    let remote = [&remote[..], &["--out", "remote.exr"]].concat();
+    done(dir, &[&picture[..], &remote].concat());
+    assert_eq!(pixels(dir, "local.exr"), pixels(dir, "remote.exr"));
+    let png = ["--backend", "cpu", "--out", "local.png"];
+    done(dir, &[&picture[..], &png].concat());
+    let signature = &std::fs::read(dir.join("local.png")).unwrap()[..8];
+    assert_eq!(signature, b"\x89PNG\r\n\x1a\n");
+}
+
+#[test]
+fn a_node_that_is_killed_costs_no_picture() {
+    let dir = farm(&["oak", "elm"]);
+    let dir = dir.path();
+    let (mut oak, elm) = (Node::start(dir, "oak"), Node::start(dir, "elm"));
+    let picture = ["render", "--size", "320x180", "--spp", "256", "--seed", "3"];
+    let remote = [
+        "--backend",
+        "none",
+        "--node",
+        &oak.address,
+        "--node",
+        &elm.address,
+    ];
+    let remote = [&picture[..], &remote, &["--out", "remote.exr"]].concat();
+    let mut render = Command::new(env!("CARGO_BIN_EXE_carom-farm"))
+        .args(remote)
+        .current_dir(dir)
+        .spawn()
+        .unwrap();
+    oak.wait_for("rendering");
+    oak.child.kill().unwrap();
+    assert!(
+        render.try_wait().unwrap().is_none(),
+        "the picture was done before the kill"
+    );
+    assert!(render.wait().unwrap().success());
+    let local = ["--backend", "cpu", "--out", "local.exr"];
+    done(dir, &[&picture[..], &local].concat());
+    assert_eq!(pixels(dir, "local.exr"), pixels(dir, "remote.exr"));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_node_that_is_told_to_stop_says_so_and_ends_well() {
+    let dir = farm(&["oak"]);
+    let mut oak = Node::start(dir.path(), "oak");
+    let pid = oak.child.id().to_string();
+    assert!(
+        Command::new("kill")
+            .args(["-INT", &pid])
+            .status()
+            .unwrap()
+            .success()
+    );
+    oak.wait_for("draining");
+    assert!(oak.child.wait().unwrap().success());
+}
