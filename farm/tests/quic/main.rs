@@ -1,5 +1,6 @@
 //! Farms over QUIC on the loopback interface: who is let in, and what holds when peers misbehave.
 
 mod admission;
+mod farms;
 mod greeter;
 mod stranger;
