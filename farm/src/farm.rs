@@ -64,11 +64,13 @@ impl Farm {
 
     fn start(config: &FarmConfig, mut driver: Driver) -> Result<Self, Error> {
         validate(config)?;
+        let addresses = config.nodes.iter().map(|node| node.parse());
+        let addresses: Vec<NodeAddress> =
+            addresses.collect::<Result<_, _>>().map_err(Error::Config)?;
         if !config.nodes.is_empty() {
             let credentials = Credentials::load(&config.credentials, Role::Player)?;
             let client = Client::new(&credentials)?;
-            for node in &config.nodes {
-                let address: NodeAddress = node.parse().map_err(Error::Config)?;
+            for (node, address) in config.nodes.iter().zip(addresses) {
                 driver.add_remote(&client, node.clone(), address);
             }
             driver.keep(client);
