@@ -78,8 +78,8 @@ pub struct Figures {
     pub reissued_tiles: u64,
     /// Pictures finished, ever.
     pub pictures: u64,
-    /// Pictures of a shot that came too late to be shown, ever.
-    pub late: u64,
+    /// Pictures of a shot that were passed over because a later one was due, ever.
+    pub skipped: u64,
     /// How far ahead of its moment a picture is asked for, seconds.
     pub lead_secs: f64,
 }
@@ -93,7 +93,7 @@ impl Default for Figures {
             tiles: 0,
             reissued_tiles: 0,
             pictures: 0,
-            late: 0,
+            skipped: 0,
             lead_secs: 0.0,
         }
     }
@@ -273,7 +273,7 @@ impl Director {
     /// For the player.
     pub fn figures(&self) -> Figures {
         Figures {
-            late: self.moments.late,
+            skipped: self.moments.skipped,
             lead_secs: self.lead.secs(),
             ..self.figures
         }
@@ -625,10 +625,10 @@ mod tests {
             errors.len() > 100 && worst <= 2.0 * PERIOD_SECS + 0.006,
             "off by {worst} s"
         );
-        let late = bench.director.figures().late as usize;
+        let skipped = bench.director.figures().skipped as usize;
         assert!(
-            late * 20 <= bench.orders.len(),
-            "{late} of {} late",
+            skipped * 20 <= bench.orders.len(),
+            "{skipped} of {} skipped",
             bench.orders.len()
         );
     }

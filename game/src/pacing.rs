@@ -74,15 +74,15 @@ impl Schedule {
 #[derive(Clone, Debug)]
 pub struct Queue<T> {
     waiting: VecDeque<(f64, T)>,
-    /// Pictures that came after a later one was due.
-    pub late: u64,
+    /// Pictures that were passed over because a later one was due: the farm or the window was slow.
+    pub skipped: u64,
 }
 
 impl<T> Default for Queue<T> {
     fn default() -> Self {
         Self {
             waiting: VecDeque::new(),
-            late: 0,
+            skipped: 0,
         }
     }
 }
@@ -104,7 +104,7 @@ impl<T> Queue<T> {
             .front()
             .is_some_and(|(at, _)| *at <= clock_secs)
         {
-            self.late += u64::from(due.is_some());
+            self.skipped += u64::from(due.is_some());
             due = self.waiting.pop_front();
         }
         due
@@ -170,6 +170,6 @@ mod tests {
         assert_eq!(queue.due(0.05), Some((0.0, 0)));
         assert_eq!(queue.due(0.05), None);
         assert_eq!(queue.due(0.25), Some((0.2, 2)));
-        assert_eq!((queue.late, queue.next_secs()), (1, Some(0.1 * 3.0)));
+        assert_eq!((queue.skipped, queue.next_secs()), (1, Some(0.1 * 3.0)));
     }
 }

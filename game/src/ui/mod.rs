@@ -57,13 +57,13 @@ pub fn figures_line(figures: &Figures, fps: f64, nodes: (usize, usize), present:
         makespan_secs,
         tiles,
         reissued_tiles,
-        late,
+        skipped,
         lead_secs,
         ..
     } = *figures;
     format!(
         "{fps:.0} fps | {:.1} ms a picture, asked {:.0} ms ahead | {}/{} nodes | {tiles} tiles, \
-         {reissued_tiles} asked again | {}x{} px, {samples} spp | {late} late | {present}",
+         {reissued_tiles} asked again | {}x{} px, {samples} spp | {skipped} skipped | {present}",
         makespan_secs * 1e3,
         lead_secs * 1e3,
         nodes.0,
