@@ -107,6 +107,11 @@ pub fn decode_to_client(bytes: &[u8]) -> Result<ToClient, Error> {
     Ok(message)
 }
 
+/// Whether `bytes` begin as the first message of a connection does, in any version.
+pub(crate) fn is_greeting(bytes: &[u8]) -> bool {
+    bytes.first() == Some(&GREETING_VARIANT)
+}
+
 /// What a message to a node is called in errors.
 pub(crate) fn to_node_kind(message: &ToNode) -> &'static str {
     match message {

@@ -264,6 +264,9 @@ impl ClientSession {
         if self.state == State::Closed {
             return Err(Error::out_of_order("packet", "the session is closed"));
         }
+        if self.state == State::New && !codec::is_greeting(&packet.bytes) {
+            return Err(Error::out_of_order("message", "the first must be Welcome"));
+        }
         let message = codec::decode_to_client(&packet.bytes)?;
         let what = codec::to_client_kind(&message);
         let channel = match message {
@@ -274,22 +277,20 @@ impl ClientSession {
             let why = format!("it came as a {}", packet.channel.packet_name());
             return Err(Error::out_of_order(what, why));
         }
-        match (self.state, message) {
-            (State::New, ToClient::Welcome { node, .. }) => {
+        match message {
+            ToClient::Welcome { .. } if self.state == State::Open => {
+                Err(Error::out_of_order(what, "there has been one"))
+            }
+            ToClient::Welcome { node, .. } => {
                 self.state = State::Open;
                 Ok(vec![ClientEvent::Welcome(node)])
             }
-            (State::New, _) => Err(Error::out_of_order(
-                what,
-                "the first message must be Welcome",
-            )),
-            (_, ToClient::Welcome { .. }) => Err(Error::out_of_order(what, "there has been one")),
-            (_, ToClient::SceneReady(hash)) => self.scene_ready(hash),
-            (_, ToClient::SceneRefused { hash, why }) => self.scene_refused(hash, why),
-            (_, ToClient::Tiles(tiles)) => self.take_tiles(&tiles),
-            (_, ToClient::RunDone(report)) => self.run_done(report),
-            (_, ToClient::RunRefused(refusal)) => self.run_refused(refusal),
-            (_, ToClient::Pong(number)) => self.pong(number),
+            ToClient::SceneReady(hash) => self.scene_ready(hash),
+            ToClient::SceneRefused { hash, why } => self.scene_refused(hash, why),
+            ToClient::Tiles(tiles) => self.take_tiles(&tiles),
+            ToClient::RunDone(report) => self.run_done(report),
+            ToClient::RunRefused(refusal) => self.run_refused(refusal),
+            ToClient::Pong(number) => self.pong(number),
         }
     }
 

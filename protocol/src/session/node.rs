@@ -207,6 +207,10 @@ impl NodeSession {
             let what = packet.channel.packet_name();
             return Err(Error::out_of_order(what, "clients send none"));
         }
+        // Nothing else is looked at, or anything allocated for it, before the greeting.
+        if self.state == State::New && !codec::is_greeting(&packet.bytes) {
+            return Err(Error::out_of_order("message", "the first must be Hello"));
+        }
         let message = codec::decode_to_node(&packet.bytes);
         if matches!(
             message,
@@ -215,10 +219,6 @@ impl NodeSession {
             self.welcome()?;
         }
         let message = message?;
-        if self.state == State::New {
-            let what = codec::to_node_kind(&message);
-            return Err(Error::out_of_order(what, "the first message must be Hello"));
-        }
         if self.answers.len() >= CONTROL_QUEUED_MAX {
             let what = codec::to_node_kind(&message);
             return Err(Error::out_of_order(what, "the answers are not being read"));

@@ -49,3 +49,38 @@ impl<T> SceneCache<T> {
             .map(|(_, scene)| scene)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A client inserts what it sends and removes what is refused, later; a node inserts what it
+    /// takes. Both use scenes in the same order.
+    #[test]
+    fn a_client_never_counts_on_a_scene_that_the_node_has_thrown_away() {
+        let (mut client, mut node) = (SceneCache::new(), SceneCache::new());
+        let mut refused_late = Vec::new();
+        let mut random = 1u32;
+        for step in 0..20_000 {
+            random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let number = (random >> 16) as u8 % 9;
+            let hash = SceneHash([number; 32]);
+            if step % 3 == 0 {
+                for hash in refused_late.drain(..) {
+                    client.remove(hash);
+                }
+            }
+            if client.touch(hash).is_some() {
+                let refused = number == 0;
+                assert!(refused || node.touch(hash).is_some(), "step {step}");
+            } else {
+                client.insert(hash, ());
+                match number {
+                    0 => refused_late.push(hash),
+                    _ => node.insert(hash, ()),
+                }
+            }
+            assert!(node.scenes.len() <= SCENES_KEPT_MAX);
+        }
+    }
+}

@@ -11,9 +11,14 @@
 //! sample's numbers come from its pixel and index and every pixel sums its samples in order, so
 //! that a picture is the same bit for bit whatever the tiles and the number of threads. Levels
 //! differ in rounding: those with fused multiply-add round once where others round twice.
+//!
+//! SIMD code stays in functions marked `#[inline(always)]`, never in closures: the compiler may
+//! leave those out of line, where they have baseline instructions only, at a third of the speed.
+//! The pool scene, at most 5 scatterings: 10 Msample and 29 Mray per core-second with AVX2 on a
+//! 2.4 GHz EPYC of 2021 (`examples/trace_speed.rs`); three quarters of it is intersection.
 
+mod batch;
 mod bsdf;
-mod film;
 mod geometry;
 mod integrator;
 mod lanes;
@@ -33,7 +38,7 @@ pub use fearless_simd::Level;
 use crate::{
     CompiledScene, DeviceInfo, DeviceKind, Error, Tile, TileRadiance, TraceJob, TraceStats, Tracer,
 };
-use film::{Scratch, Traced};
+use batch::{Scratch, Traced};
 use integrator::Prepared;
 
 /// Traces on the processor, with threads and instructions of its own choice.

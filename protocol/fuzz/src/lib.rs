@@ -1,0 +1,349 @@
+//! What the fuzz targets do with their bytes. Plain functions, so that a test of the main
+//! workspace runs them too; each panics if a law is broken.
+
+use carom_protocol::codec::{decode_to_client, decode_to_node, encode_to_client, encode_to_node};
+use carom_protocol::framing::{Deframer, frame};
+use carom_protocol::limits::RUNS_QUEUED_MAX;
+use carom_protocol::message::VERSION;
+use carom_protocol::tile_codec::{Decoder, Encoder};
+use carom_protocol::{
+    Channel, ClientSession, FrameId, NodeEvent, NodeInfo, NodeSession, Packet, PixelFormat, RunId,
+    RunReport, SceneHash, TilesDone, ToClient, ToNode, TraceRequest,
+};
+use carom_tracer::{
+    DeviceInfo, DeviceKind, ImageSize, RenderSettings, Scene, SceneUpdate, Tile, TileGrid, TileRun,
+};
+
+/// A target: its name, its body and inputs to begin from.
+pub type Target = (&'static str, fn(&[u8]), fn() -> Vec<Vec<u8>>);
+
+/// All targets.
+pub const TARGETS: [Target; 5] = [
+    ("to_node", to_node, to_node_seeds),
+    ("to_client", to_client, to_client_seeds),
+    ("tile_codec", tile_codec, tile_codec_seeds),
+    ("framing", framing, framing_seeds),
+    ("session", session, session_seeds),
+];
+
+/// What decodes can be sent, and then decodes to the same.
+pub fn to_node(bytes: &[u8]) {
+    if let Ok(message) = decode_to_node(bytes) {
+        let bytes = encode_to_node(&message).expect("a decoded message is valid");
+        assert_eq!(decode_to_node(&bytes).as_ref(), Ok(&message));
+    }
+}
+
+/// What decodes can be sent, and then decodes to the same.
+pub fn to_client(bytes: &[u8]) {
+    if let Ok(message) = decode_to_client(bytes) {
+        let bytes = encode_to_client(&message).expect("a decoded message is valid");
+        assert_eq!(decode_to_client(&bytes).as_ref(), Ok(&message));
+    }
+}
+
+/// A payload is an error or a picture of the size asked for. The first three bytes say what was
+/// asked for.
+pub fn tile_codec(bytes: &[u8]) {
+    let Some(([format, width, height], payload)) = bytes.split_first_chunk() else {
+        return;
+    };
+    let format = format_of(*format);
+    let tile = Tile {
+        x: 0,
+        y: 0,
+        width: u32::from(width % 40) + 1,
+        height: u32::from(height % 40) + 1,
+    };
+    if let Ok(pixels) = Decoder::new().decode(format, &[tile; 2], payload) {
+        assert_eq!(pixels.len(), 2 * tile.pixels());
+    }
+}
+
+/// Packets do not depend on the pieces in which a stream comes, and framed again they are the
+/// stream's start. The first byte is the length of the pieces.
+pub fn framing(bytes: &[u8]) {
+    let Some((&piece, stream)) = bytes.split_first() else {
+        return;
+    };
+    let whole = packets(stream, stream.len().max(1));
+    assert_eq!(packets(stream, usize::from(piece).max(1)), whole);
+    let again: Vec<u8> = whole.iter().flat_map(|packet| frame(packet)).collect();
+    assert!(stream.starts_with(&again));
+}
+
+/// Both ends of a connection, each hearing what the bytes say and what the other says. See
+/// [`session_seeds`] for the form of the bytes.
+pub fn session(bytes: &[u8]) {
+    let mut pair = Pair::new();
+    let mut rest = bytes;
+    while let Some(([what, low, high], after)) = rest.split_first_chunk() {
+        let length = usize::from(u16::from_le_bytes([*low, *high])).min(after.len());
+        let (bytes, after) = after.split_at(length);
+        pair.step(*what, bytes.to_vec());
+        rest = after;
+    }
+}
+
+/// A right message of some kinds.
+pub fn to_node_seeds() -> Vec<Vec<u8>> {
+    let scene = Box::new(scene());
+    let hash = SceneHash::of(&scene);
+    let messages = [
+        ToNode::Hello { version: VERSION },
+        ToNode::Scene { hash, scene },
+        ToNode::Trace(Box::new(request(1))),
+        ToNode::CancelBefore(FrameId(3)),
+        ToNode::Ping(7),
+    ];
+    let bytes = messages.iter().map(encode_to_node);
+    bytes.map(|bytes| bytes.expect("a right message")).collect()
+}
+
+/// A right message of some kinds.
+pub fn to_client_seeds() -> Vec<Vec<u8>> {
+    let node = node_info();
+    let hash = SceneHash::of(&scene());
+    let messages = [
+        ToClient::Welcome {
+            version: VERSION,
+            node,
+        },
+        ToClient::SceneReady(hash),
+        ToClient::Tiles(tiles(1, GRID.all())),
+        ToClient::RunDone(report(1)),
+        ToClient::Pong(7),
+    ];
+    let bytes = messages.iter().map(encode_to_client);
+    bytes.map(|bytes| bytes.expect("a right message")).collect()
+}
+
+/// Payloads of each format.
+pub fn tile_codec_seeds() -> Vec<Vec<u8>> {
+    let (x, y, width, height) = (0, 0, 9, 5);
+    let tile = Tile {
+        x,
+        y,
+        width,
+        height,
+    };
+    let ramp: Vec<[f32; 3]> = (0..45).map(|i| [i as f32 * 0.01, 0.5, 0.25]).collect();
+    let payload =
+        |format: u8| Encoder::new().encode(format_of(format), &[(tile, &ramp), (tile, &ramp)]);
+    (0..3)
+        .map(|format| [&[format, 8, 4], &payload(format)[..]].concat())
+        .collect()
+}
+
+/// Some packets.
+pub fn framing_seeds() -> Vec<Vec<u8>> {
+    let stream = [frame(b"one"), frame(b"another")].concat();
+    vec![
+        [&[3], &stream[..]].concat(),
+        [&[200], &stream[..7]].concat(),
+    ]
+}
+
+/// Steps, each what to do, the length of its bytes and these: a whole run, and one whose client
+/// sends it more than it asked for.
+pub fn session_seeds() -> Vec<Vec<u8>> {
+    let step = |what: u8, bytes: &[u8]| {
+        let length = bytes.len() as u16;
+        [&[what], &length.to_le_bytes()[..], bytes].concat()
+    };
+    let talk = [
+        step(ASK, &[]),
+        step(TALK, &[]),
+        step(WORK, &[]),
+        step(TALK, &[]),
+    ]
+    .concat();
+    let stray = encode_to_client(&ToClient::Tiles(tiles(1, GRID.all()))).expect("a right message");
+    let stray = [&talk[..], &step(TILES_TO_CLIENT, &stray)].concat();
+    let pings: Vec<u8> = (0..9)
+        .map(|number| encode_to_node(&ToNode::Ping(number)).expect("a right message"))
+        .flat_map(|ping| step(TO_NODE, &ping))
+        .collect();
+    vec![talk, stray, pings]
+}
+
+struct Pair {
+    client: ClientSession,
+    node: NodeSession,
+    asked: u64,
+    work: Vec<TraceRequest>,
+    client_closed: bool,
+    node_closed: bool,
+}
+
+impl Pair {
+    fn new() -> Self {
+        let mut client = ClientSession::new();
+        let scene = scene();
+        let set = client.set_scene(SceneHash::of(&scene), &scene);
+        set.expect("a right scene");
+        let mut pair = Self {
+            client,
+            node: NodeSession::new(node_info()),
+            asked: 0,
+            work: Vec::new(),
+            client_closed: false,
+            node_closed: false,
+        };
+        pair.talk();
+        pair
+    }
+
+    fn step(&mut self, what: u8, bytes: Vec<u8>) {
+        let control = Channel::Control;
+        match what % 6 {
+            ASK => {
+                self.asked += 1;
+                // Refused when too many are open, or a stray run has closed the client.
+                drop(self.client.trace(request(self.asked)));
+            }
+            TALK => self.talk(),
+            WORK => self.work(),
+            TO_NODE => self.node_hears(Packet {
+                channel: control,
+                bytes,
+            }),
+            TO_CLIENT => self.client_hears(Packet {
+                channel: control,
+                bytes,
+            }),
+            _ => self.client_hears(Packet {
+                channel: Channel::Tiles,
+                bytes,
+            }),
+        }
+        assert!(self.client.open_runs() <= RUNS_QUEUED_MAX);
+        assert!(self.node.open_runs() <= RUNS_QUEUED_MAX);
+    }
+
+    fn talk(&mut self) {
+        while let Some(packet) = self.client.poll_transmit() {
+            self.node_hears(packet);
+        }
+        while let Some(packet) = self.node.poll_transmit() {
+            decode_to_client(&packet.bytes).expect("a node's own message");
+            self.client_hears(packet);
+        }
+    }
+
+    fn work(&mut self) {
+        for request in std::mem::take(&mut self.work) {
+            let tiles = tiles(request.run.0, request.tiles);
+            // Not wanted any more, or of tiles that only a stray request asked for.
+            if self.node.tiles(tiles) == Ok(true) && !self.node.is_full() {
+                drop(self.node.run_done(report(request.run.0)));
+            }
+        }
+    }
+
+    fn node_hears(&mut self, packet: Packet) {
+        match self.node.handle(packet) {
+            Ok(event) => {
+                assert!(!self.node_closed);
+                if let Some(NodeEvent::Trace { request, scene }) = event {
+                    assert_eq!(SceneHash::of(&scene), request.scene);
+                    self.work.push(*request);
+                }
+            }
+            Err(_) => self.node_closed = true,
+        }
+    }
+
+    fn client_hears(&mut self, packet: Packet) {
+        match self.client.handle(packet) {
+            Ok(_) => assert!(!self.client_closed),
+            Err(_) => self.client_closed = true,
+        }
+    }
+}
+
+fn packets(stream: &[u8], piece: usize) -> Vec<Vec<u8>> {
+    let mut deframer = Deframer::new(1000);
+    let mut packets = Vec::new();
+    for bytes in stream.chunks(piece) {
+        deframer.push(bytes);
+        loop {
+            match deframer.next_packet() {
+                Ok(Some(packet)) => packets.push(packet),
+                Ok(None) => break,
+                Err(_) => return packets,
+            }
+        }
+    }
+    packets
+}
+
+fn format_of(byte: u8) -> PixelFormat {
+    match byte % 3 {
+        0 => PixelFormat::Srgb8 { exposure: 1.0 },
+        1 => PixelFormat::LinearF16,
+        _ => PixelFormat::LinearF32,
+    }
+}
+
+fn scene() -> Scene {
+    Scene::from_json(SCENE).expect("a right scene")
+}
+
+fn node_info() -> NodeInfo {
+    NodeInfo {
+        name: "node".into(),
+        device: DeviceInfo {
+            kind: DeviceKind::Cpu,
+            name: "a processor".into(),
+            width: 8,
+            threads: 2,
+        },
+    }
+}
+
+fn request(run: u64) -> TraceRequest {
+    TraceRequest {
+        frame: FrameId(run),
+        run: RunId(run),
+        scene: SceneHash::of(&scene()),
+        update: SceneUpdate::default(),
+        grid: GRID,
+        tiles: GRID.all(),
+        settings: RenderSettings::default(),
+        format: format_of(run as u8),
+    }
+}
+
+/// Black tiles; wrong ones if a request asks for others than [`request`] does.
+fn tiles(run: u64, tiles: TileRun) -> TilesDone {
+    let black = [[0.0; 3]; 64];
+    let lit: Vec<(Tile, &[[f32; 3]])> = GRID
+        .tiles(GRID.all())
+        .map(|tile| (tile, &black[..]))
+        .collect();
+    TilesDone {
+        run: RunId(run),
+        tiles,
+        busy_micros: 3,
+        dropped_samples: 0,
+        pixels: Encoder::new().encode(format_of(run as u8), &lit),
+    }
+}
+
+fn report(run: u64) -> RunReport {
+    let run = RunId(run);
+    RunReport {
+        run,
+        ..RunReport::default()
+    }
+}
+
+const GRID: TileGrid = TileGrid::new(ImageSize::new(16, 8), 8);
+const ASK: u8 = 0;
+const TALK: u8 = 1;
+const WORK: u8 = 2;
+const TO_NODE: u8 = 3;
+const TO_CLIENT: u8 = 4;
+const TILES_TO_CLIENT: u8 = 5;
+const SCENE: &str = include_str!("../../../assets/scenes/pool.json");

@@ -1,0 +1,146 @@
+//! What decoding may allocate: in proportion to the bytes that came, whatever lengths they tell.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+use carom_protocol::codec::{decode_to_client, decode_to_node};
+use carom_protocol::framing::Deframer;
+use carom_protocol::limits::SCENE_BYTES_MAX;
+use carom_protocol::tile_codec::Decoder;
+use carom_protocol::{PixelFormat, ToNode, TraceRequest};
+use carom_tracer::Tile;
+
+/// Counts what each thread asks for.
+struct Counting;
+
+thread_local! {
+    static BYTES: Cell<usize> = const { Cell::new(0) };
+}
+
+#[expect(
+    unsafe_code,
+    reason = "the trait is unsafe; each call goes to the system's allocator"
+)]
+// SAFETY: `System` keeps the contract; counting touches nothing but a number.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        BYTES.set(BYTES.get() + layout.size());
+        // SAFETY: the caller's promise is handed on.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: the caller's promise is handed on.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+/// Bytes that `work` asks for in all, freed or not.
+fn allocated(work: impl FnOnce()) -> usize {
+    let before = BYTES.get();
+    work();
+    BYTES.get() - before
+}
+
+/// A sentence of an error, and what a decoder needs whatever comes.
+const FIXED: usize = 4096;
+/// In memory a ball's pose is 1.2 times as long as on the wire, an object 3 times; lists grow by
+/// doubling and each growth is counted.
+const FACTOR: usize = 12;
+
+/// Varint of a length that no memory holds.
+const HUGE: [u8; 9] = [0xff; 9];
+/// Varint of a length that 64,000 bytes could hold, if each element were a byte.
+const SIXTY_THOUSAND: [u8; 3] = [0xe0, 0xd4, 0x03];
+
+fn assert_in_proportion(bytes: &[u8]) {
+    let spent = allocated(|| {
+        drop(decode_to_node(bytes));
+        drop(decode_to_client(bytes));
+    });
+    assert!(
+        spent <= FIXED + FACTOR * bytes.len(),
+        "{spent} bytes for {} that begin {:?}",
+        bytes.len(),
+        &bytes[..bytes.len().min(8)]
+    );
+}
+
+#[test]
+fn announced_lengths_are_not_believed() {
+    for variant in 0..8u8 {
+        for prefix in [0, 1, 8, 32, 33, 34, 40, 80, 90, 120] {
+            // Zeros are right numbers, so that each list and text of each message is reached.
+            for fill in [0, 1, 3] {
+                let start = [&[variant][..], &vec![fill; prefix]].concat();
+                assert_in_proportion(&[&start[..], &HUGE, &[1]].concat());
+                let plausible = [&start[..], &SIXTY_THOUSAND, &[0x20; 64_000]].concat();
+                assert_in_proportion(&plausible);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_list_of_poses_that_lies_costs_what_came() {
+    let request = TraceRequest {
+        frame: carom_protocol::FrameId(1),
+        run: carom_protocol::RunId(1),
+        scene: carom_protocol::SceneHash([1; 32]),
+        update: carom_tracer::SceneUpdate::default(),
+        grid: carom_tracer::TileGrid::new(carom_tracer::ImageSize::new(8, 8), 8),
+        tiles: carom_tracer::TileRun { first: 0, count: 1 },
+        settings: carom_tracer::RenderSettings::default(),
+        format: PixelFormat::LinearF16,
+    };
+    let bytes = postcard::to_stdvec(&ToNode::Trace(Box::new(request))).unwrap();
+    // Variant, frame, run, hash, no camera; then the number of poses.
+    let poses_at = 1 + 1 + 1 + 32 + 1;
+    assert_eq!(bytes[poses_at], 0);
+    let lie = [&bytes[..poses_at], &SIXTY_THOUSAND, &[0x20; 64_000]].concat();
+    assert_in_proportion(&lie);
+    // 65,000 bytes of poses are a list too long, which is told after it has been read.
+    let long = [&bytes[..poses_at], &[0xf0, 0x10], &[0; 2160 * 30]].concat();
+    assert_in_proportion(&long);
+}
+
+#[test]
+fn a_frame_costs_no_more_than_was_asked_for() {
+    let (x, y, width, height) = (0, 0, 32, 32);
+    let tiles = [Tile {
+        x,
+        y,
+        width,
+        height,
+    }; 8];
+    let format = PixelFormat::Srgb8 { exposure: 1.0 };
+    let size = 8 * 32 * 32 * format.bytes();
+    let mut decoder = Decoder::new();
+    // A 4-byte block of 128 KiB (RFC 8878, RLE_Block), fifty times over, the right size stated.
+    let block = [&((128u32 * 1024) << 3 | 1 << 1).to_le_bytes()[..3], &[7]].concat();
+    let header = [
+        &[1, 0x28, 0xb5, 0x2f, 0xfd, 0xa0],
+        &(size as u32).to_le_bytes()[..],
+    ]
+    .concat();
+    for bomb in [
+        [&header[..], &block.repeat(50), &[1, 0, 0]].concat(),
+        [&header[..5], &[0x00, 0x78], &block.repeat(50), &[1, 0, 0]].concat(),
+    ] {
+        let spent = allocated(|| assert!(decoder.decode(format, &tiles, &bomb).is_err()));
+        assert!(spent <= FIXED + size, "{spent}");
+    }
+}
+
+#[test]
+fn a_stream_costs_what_came() {
+    let mut deframer = Deframer::new(SCENE_BYTES_MAX);
+    let spent = allocated(|| {
+        deframer.push(&(SCENE_BYTES_MAX as u32).to_le_bytes());
+        assert_eq!(deframer.next_packet(), Ok(None));
+    });
+    assert!(spent <= 64, "{spent}");
+}
