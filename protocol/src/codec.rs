@@ -72,7 +72,7 @@ pub fn decode_to_node(bytes: &[u8]) -> Result<ToNode, Error> {
         _ => CONTROL_BYTES_MAX,
     };
     check_size(WHAT, bytes, max)?;
-    check_version(bytes)?;
+    check_version(WHAT, bytes)?;
     let message: ToNode = decode(WHAT, bytes)?;
     let what = to_node_kind(&message);
     message
@@ -98,7 +98,7 @@ pub fn decode_to_client(bytes: &[u8]) -> Result<ToClient, Error> {
         _ => CONTROL_BYTES_MAX,
     };
     check_size(WHAT, bytes, max)?;
-    check_version(bytes)?;
+    check_version(WHAT, bytes)?;
     let message: ToClient = decode(WHAT, bytes)?;
     let what = to_client_kind(&message);
     message
@@ -154,7 +154,12 @@ fn check_size(what: &'static str, bytes: &[u8], max: usize) -> Result<(), Error>
 }
 
 /// Looks at a greeting's version alone: what follows may have another form in another version.
-fn check_version(bytes: &[u8]) -> Result<(), Error> {
+/// All variants have numbers of one byte, and written in two, as postcard would take them, they
+/// would get past the check.
+fn check_version(what: &'static str, bytes: &[u8]) -> Result<(), Error> {
+    if bytes.first().is_some_and(|&variant| variant >= 0x80) {
+        return Err(Error::malformed(what, "there is no such message"));
+    }
     let Some((&GREETING_VARIANT, rest)) = bytes.split_first() else {
         return Ok(());
     };
@@ -262,6 +267,13 @@ mod tests {
             decode_to_client(&bytes),
             Err(Error::Version { theirs, ours })
         );
+    }
+
+    #[test]
+    fn a_greeting_of_another_version_gets_past_in_no_way_of_writing_it() {
+        assert!(decode_to_node(&[0x80, 0, 0]).is_err());
+        assert!(decode_to_node(&[0, 0x80, 0]).is_err());
+        assert!(decode_to_client(&[0x80, 0, 0, 0, 0, 0, 0, 6]).is_err());
     }
 
     #[test]

@@ -30,7 +30,8 @@ pub const TARGETS: [Target; 5] = [
 pub fn to_node(bytes: &[u8]) {
     if let Ok(message) = decode_to_node(bytes) {
         let bytes = encode_to_node(&message).expect("a decoded message is valid");
-        assert_eq!(decode_to_node(&bytes).as_ref(), Ok(&message));
+        let again = decode_to_node(&bytes).expect("an encoded message is right");
+        assert_eq!(encode_to_node(&again), Ok(bytes)); // as bytes: NaN differs from itself
     }
 }
 
@@ -38,7 +39,8 @@ pub fn to_node(bytes: &[u8]) {
 pub fn to_client(bytes: &[u8]) {
     if let Ok(message) = decode_to_client(bytes) {
         let bytes = encode_to_client(&message).expect("a decoded message is valid");
-        assert_eq!(decode_to_client(&bytes).as_ref(), Ok(&message));
+        let again = decode_to_client(&bytes).expect("an encoded message is right");
+        assert_eq!(encode_to_client(&again), Ok(bytes)); // as bytes: NaN differs from itself
     }
 }
 
