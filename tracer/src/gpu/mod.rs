@@ -26,7 +26,6 @@ mod shader;
 mod leaf_tests;
 
 use std::sync::atomic::Ordering;
-use std::time::Instant;
 
 pub use adapter::{AdapterChoice, AdapterDescription, adapters};
 
@@ -150,13 +149,8 @@ impl GpuTracer {
                 scatterings_max: settings.scatterings_max,
             };
             let samples = u64::from(end - begin) * chunk.pixels;
-            let started = Instant::now();
             let nanos = buffers.dispatch(&self.device, work.kernel, &bindings, chunk, &data)?;
-            let busy_nanos = match nanos {
-                0.0 => started.elapsed().as_nanos() as f64,
-                nanos => nanos,
-            };
-            self.pacer.learn(samples, work.work_per_sample, busy_nanos);
+            self.pacer.learn(samples, work.work_per_sample, nanos);
             stats.samples += samples;
             stats.device_nanos += nanos as u64;
             begin = end;

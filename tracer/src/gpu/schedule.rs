@@ -43,9 +43,13 @@ impl Pacer {
         (DISPATCH_NANOS / (self.nanos_per_work() * work_per_sample)).max(1.0) as u64
     }
 
-    /// Learns from a dispatch. A slower one is believed at once, a faster one by half: too much
+    /// Learns from a dispatch; `nanos` is 0 where the device has no timestamps, and then its speed
+    /// stays the assumed one: short dispatches cost less than a clock in here. A slower one is believed at once, a faster one by half: too much
     /// work is worse than too little.
     pub(crate) fn learn(&self, samples: u64, work_per_sample: f64, nanos: f64) {
+        if nanos == 0.0 {
+            return;
+        }
         let work = samples as f64 * work_per_sample;
         let known = self.nanos_per_work();
         if nanos.max(known * work) < LEARN_NANOS_MIN {
