@@ -1,6 +1,7 @@
 //! What a farm is made of.
 
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
@@ -82,6 +83,21 @@ pub enum LocalNode {
     Gpu,
     /// No node in this process.
     None,
+}
+
+/// `auto`, `cpu`, `gpu` or `none`, for command lines.
+impl FromStr for LocalNode {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            "cpu" => Ok(Self::Cpu),
+            "gpu" => Ok(Self::Gpu),
+            "none" => Ok(Self::None),
+            _ => Err("it must be auto, cpu, gpu or none".into()),
+        }
+    }
 }
 
 /// How a frame's tiles are divided among nodes.

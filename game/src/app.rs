@@ -29,7 +29,7 @@ pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow:
     let event_loop = open_event_loop()?;
     let mut app = App {
         session: Session::new(config, args.seed)?,
-        size: args.size.map(|size| size.0),
+        size: args.size,
         present,
         screen: None,
         begun: Instant::now(),

@@ -1,12 +1,10 @@
 //! The command line.
 
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
-use anyhow::Context as _;
 use carom_farm::{FarmConfig, LocalNode};
 use carom_tracer::{ImageSize, RenderSettings};
-use clap::{Parser, ValueEnum};
+use clap::{Parser, ValueEnum as _};
 
 use crate::display::Present;
 
@@ -26,7 +24,7 @@ pub struct Args {
     /// Size of the frames, or of the window: WIDTHxHEIGHT in pixels [default: 640x360 for frames,
     /// 1280x720 for the window]
     #[arg(long, value_name = "WxH")]
-    pub size: Option<Size>,
+    pub size: Option<ImageSize>,
     /// Paths per pixel of the frames
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=i64::from(RenderSettings::SAMPLES_MAX)))]
     pub spp: u32,
@@ -36,7 +34,7 @@ pub struct Args {
     /// Folder for the frames
     #[arg(long, value_name = "DIR", default_value = "carom-frames")]
     pub out: PathBuf,
-    /// A farm node, HOST:PORT; may be given several times
+    /// A farm node, HOST:PORT; may be given several times. In place of those of --config
     #[arg(long = "node", value_name = "HOST:PORT")]
     pub nodes: Vec<String>,
     /// Folder with the farm's certificates and the player's key
@@ -45,46 +43,13 @@ pub struct Args {
     /// The farm's configuration [default: farm.toml in this folder, if there is one]
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// What this machine traces with
-    #[arg(long, value_enum)]
-    pub backend: Option<Backend>,
+    /// What this machine traces with: auto (the GPU if there is one that traces rightly, else the
+    /// CPU), cpu, gpu (an error if there is none) or none (farm nodes do all the work)
+    #[arg(long)]
+    pub backend: Option<LocalNode>,
     /// How pictures get into the window [default: CAROM_PRESENT, else the first that works]
     #[arg(long, value_enum)]
     pub present: Option<Present>,
-}
-
-/// What the node inside this process traces with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Backend {
-    /// The GPU if there is one that traces rightly, else the CPU
-    Auto,
-    /// SIMD on every core
-    Cpu,
-    /// The GPU, or an error
-    Gpu,
-    /// Nothing: farm nodes do all the work
-    None,
-}
-
-/// An image size as people write it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Size(pub ImageSize);
-
-impl FromStr for Size {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let (width, height) = text
-            .split_once(['x', 'X'])
-            .ok_or_else(|| format!("`{text}` is not of the form WIDTHxHEIGHT, such as 640x360"))?;
-        let edge = |text: &str| {
-            text.parse()
-                .map_err(|_| format!("`{text}` is not a number of pixels"))
-        };
-        let size = ImageSize::new(edge(width)?, edge(height)?);
-        size.validate().map_err(|error| error.to_string())?;
-        Ok(Self(size))
-    }
 }
 
 impl Args {
@@ -94,17 +59,14 @@ impl Args {
     /// A sentence with the file and what is wrong in it.
     pub fn farm_config(&self) -> anyhow::Result<FarmConfig> {
         let mut config = self.config_file()?;
-        config.nodes.extend(self.nodes.iter().cloned());
+        if !self.nodes.is_empty() {
+            config.nodes.clone_from(&self.nodes);
+        }
         if let Some(folder) = &self.credentials {
             config.credentials.clone_from(folder);
         }
         if let Some(backend) = self.backend {
-            config.local = match backend {
-                Backend::Auto => LocalNode::Auto,
-                Backend::Cpu => LocalNode::Cpu,
-                Backend::Gpu => LocalNode::Gpu,
-                Backend::None => LocalNode::None,
-            };
+            config.local = backend;
         }
         Ok(config)
     }
@@ -132,11 +94,7 @@ impl Args {
             None if beside.is_file() => beside,
             None => return Ok(FarmConfig::default()),
         };
-        let read = || -> anyhow::Result<FarmConfig> {
-            let text = std::fs::read_to_string(path)?;
-            Ok(toml::from_str(&text)?)
-        };
-        read().with_context(|| format!("cannot use {}", path.display()))
+        Ok(FarmConfig::load(path)?)
     }
 }
 
@@ -147,15 +105,6 @@ mod tests {
     #[test]
     fn the_command_line_is_consistent() {
         <Args as clap::CommandFactory>::command().debug_assert();
-    }
-
-    #[test]
-    fn sizes_are_read_and_nonsense_is_refused_with_its_text() {
-        assert_eq!("640x360".parse(), Ok(Size(ImageSize::new(640, 360))));
-        for wrong in ["640", "x", "640x", "-1x5", "0x5", "5x20000", "640x360x2"] {
-            assert!(Size::from_str(wrong).is_err(), "{wrong}");
-        }
-        assert!(Size::from_str("640*3").unwrap_err().contains("640*3"));
     }
 
     #[test]

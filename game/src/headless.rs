@@ -111,7 +111,7 @@ pub fn run(args: &Args, config: FarmConfig) -> anyhow::Result<()> {
 }
 
 fn settings(args: &Args) -> Settings {
-    let size = args.size.map_or(ImageSize::new(640, 360), |size| size.0);
+    let size = args.size.unwrap_or(ImageSize::new(640, 360));
     Settings {
         width: size.width,
         height: size.height,

@@ -1,5 +1,7 @@
 //! An image as tiles in a fixed order: the unit in which work is handed out.
 
+use std::str::FromStr;
+
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
@@ -42,6 +44,25 @@ impl ImageSize {
             self.height,
             Self::EDGE_MAX
         )))
+    }
+}
+
+/// `WIDTHxHEIGHT` in pixels, as people write it, checked by [`ImageSize::validate`].
+impl FromStr for ImageSize {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self, Error> {
+        let edges = text
+            .split_once('x')
+            .and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)));
+        let Some((width, height)) = edges else {
+            return Err(Error::InvalidSettings(format!(
+                "`{text}` is not WIDTHxHEIGHT in pixels, as in 1280x720"
+            )));
+        };
+        let size = Self { width, height };
+        size.validate()?;
+        Ok(size)
     }
 }
 
@@ -179,6 +200,30 @@ mod tests {
             }
         }
         assert!(seen.iter().all(|&count| count == 1));
+    }
+
+    #[test]
+    fn sizes_are_read_and_nonsense_is_refused_with_its_text() {
+        assert_eq!(
+            "640x360".parse::<ImageSize>().unwrap(),
+            ImageSize::new(640, 360)
+        );
+        for wrong in [
+            "640",
+            "x",
+            "640x",
+            "-1x5",
+            "640x360x2",
+            "640*3",
+            "99999999999x1",
+        ] {
+            let why = wrong.parse::<ImageSize>().unwrap_err().to_string();
+            assert!(why.contains(wrong), "{why}");
+        }
+        for wrong in ["0x5", "5x0", "5x20000", "100000x100000"] {
+            let why = wrong.parse::<ImageSize>().unwrap_err().to_string();
+            assert!(why.contains(wrong) && why.contains("16384"), "{why}");
+        }
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use carom_farm::{LocalNode, local};
+use carom_farm::local;
 use carom_tracer::cpu::CpuTracer;
 use carom_tracer::gpu::{AdapterChoice, GpuTracer};
 use carom_tracer::{Reference, Tracer};
@@ -87,30 +87,6 @@ impl NodeBackend {
             }),
             Self::Cpu => cpu(),
             Self::Gpu => local::gpu(),
-        }
-    }
-}
-
-/// What the program itself traces with, beside nodes elsewhere.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum LocalBackend {
-    /// The GPU if there is a real one that passes its probe, else the CPU.
-    Auto,
-    /// SIMD on every core.
-    Cpu,
-    /// The GPU.
-    Gpu,
-    /// Only nodes elsewhere.
-    None,
-}
-
-impl From<LocalBackend> for LocalNode {
-    fn from(backend: LocalBackend) -> Self {
-        match backend {
-            LocalBackend::Auto => Self::Auto,
-            LocalBackend::Cpu => Self::Cpu,
-            LocalBackend::Gpu => Self::Gpu,
-            LocalBackend::None => Self::None,
         }
     }
 }

@@ -3,31 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use carom_tracer::{ImageSize, Scene};
+use carom_tracer::Scene;
 
 use crate::commands::Failure;
 
 /// The scene of commands that name none: the table of `assets/scenes/pool.json`.
 const POOL: &str = include_str!("../../../assets/scenes/pool.json");
-
-/// `WIDTHxHEIGHT` in pixels, within the limits of the tracer.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Size(pub(crate) ImageSize);
-
-impl FromStr for Size {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let number = |digits: &str| digits.parse::<u32>().ok();
-        let edges = text
-            .split_once('x')
-            .and_then(|(width, height)| Some((number(width)?, number(height)?)));
-        let (width, height) = edges.ok_or("it must be WIDTHxHEIGHT in pixels, as in 1280x720")?;
-        let size = ImageSize::new(width, height);
-        size.validate().map_err(|why| why.to_string())?;
-        Ok(Self(size))
-    }
-}
 
 /// A scene with the name it goes by in results.
 pub(crate) struct NamedScene {

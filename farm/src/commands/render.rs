@@ -14,8 +14,7 @@ use carom_tracer::{ImageSize, RenderSettings, SceneUpdate, Tile};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::commands::Failure;
-use crate::commands::backend::LocalBackend;
-use crate::commands::inputs::{self, Format, Output, Size};
+use crate::commands::inputs::{self, Format, Output};
 
 /// Trace a picture on this machine, on nodes, or on both.
 #[derive(clap::Args)]
@@ -25,7 +24,7 @@ pub(crate) struct Args {
     scene: Option<PathBuf>,
     /// Pixels.
     #[arg(long, default_value = "1280x720")]
-    size: Size,
+    size: ImageSize,
     /// Samples per pixel.
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     spp: u32,
@@ -44,9 +43,10 @@ pub(crate) struct Args {
     /// A farm.toml.
     #[arg(long)]
     config: Option<PathBuf>,
-    /// What this machine traces with [default: auto, or --config's].
+    /// What this machine traces with: auto (the GPU if there is one that traces rightly, else the
+    /// CPU), cpu, gpu or none [default: auto, or --config's].
     #[arg(long)]
-    backend: Option<LocalBackend>,
+    backend: Option<LocalNode>,
     /// The picture: .png (8-bit sRGB) or .exr (32-bit linear).
     #[arg(long)]
     out: Output,
@@ -92,7 +92,7 @@ fn config(args: &Args) -> Result<FarmConfig, Failure> {
         config.credentials.clone_from(folder);
     }
     if let Some(backend) = args.backend {
-        config.local = backend.into();
+        config.local = backend;
     }
     if config.local == LocalNode::None && config.nodes.is_empty() {
         return Err(Failure::Input(
@@ -104,8 +104,8 @@ fn config(args: &Args) -> Result<FarmConfig, Failure> {
 
 /// Submits the picture's frames, as many at a time as the farm takes, and merges them.
 fn trace(farm: &mut Farm, args: &Args, interrupted: &AtomicBool) -> Result<Film, Failure> {
-    let mut film = Film::new(args.size.0);
-    let mut waiting = batches(args.size.0, args.spp);
+    let mut film = Film::new(args.size);
+    let mut waiting = batches(args.size, args.spp);
     let mut in_flight = VecDeque::new();
     let bar = progress_bar(args.spp);
     let mut quiet_since = Instant::now();
@@ -143,7 +143,7 @@ impl Batch {
     fn spec(&self, args: &Args) -> FrameSpec {
         FrameSpec {
             update: SceneUpdate::default(),
-            size: args.size.0,
+            size: args.size,
             settings: RenderSettings {
                 samples: self.samples,
                 first_sample: self.first_sample,

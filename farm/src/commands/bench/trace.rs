@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use crate::commands::Failure;
 use crate::commands::backend::{self, Backend, Opened};
-use crate::commands::inputs::{self, Size};
+use crate::commands::inputs;
 
 /// Pixel samples and rays per second of each back end of this machine.
 ///
@@ -29,7 +29,7 @@ pub(crate) struct Args {
     scene: Option<PathBuf>,
     /// Pixels.
     #[arg(long, default_value = "1280x720")]
-    size: Size,
+    size: ImageSize,
     /// Samples per pixel of one repetition [default: 4; 1 for the reference].
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     spp: Option<u32>,
@@ -79,7 +79,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         let json = serde_json::to_string(&report).context("results as JSON")?;
         println!("{json}");
     } else {
-        print_table(&report, args.size.0);
+        print_table(&report, args.size);
     }
     Ok(())
 }
@@ -96,10 +96,10 @@ struct Cost {
 fn measure(opened: &Opened, scene: &CompiledScene, args: &Args) -> anyhow::Result<Row> {
     let tracer = opened.tracer.as_ref();
     // Compiles kernels, starts threads and fills caches.
-    trace(tracer, scene, args.size.0, 1)?;
+    trace(tracer, scene, args.size, 1)?;
     let samples = args.spp.unwrap_or(samples_default(opened.backend));
     let costs = (0..args.repetitions)
-        .map(|_| trace(tracer, scene, args.size.0, samples))
+        .map(|_| trace(tracer, scene, args.size, samples))
         .collect::<Result<Vec<Cost>, _>>()?;
     let least = |cost: fn(&Cost) -> f64| costs.iter().map(cost).fold(f64::INFINITY, f64::min);
     let (wall_secs, core_secs) = (least(|c| c.wall_secs), least(|c| c.core_secs));
