@@ -16,6 +16,7 @@ pub mod local;
 mod mailbox;
 pub mod net;
 pub mod node;
+pub mod sim;
 
 pub use config::{Algorithm, FarmConfig, LocalNode};
 pub use error::Error;

@@ -194,18 +194,21 @@ impl Coordinator {
             return; // handed out again when a run of this node ends
         }
         let work = frame.work.of(tiles);
-        let line = node.line(now, None);
+        let wait_secs = node.wait_secs(now);
+        let finish = |line: Estimate| line.fixed_secs + wait_secs + line.secs_per_work * work;
+        let expected = node.delivered().map(|line| now + finish(line));
         self.last_run = RunId(self.last_run.0 + 1);
         let run = Run {
             frame: id,
             tiles,
             work,
             issued: now,
-            expected: line.map(|line| now + line.a_secs + line.b_secs * work),
+            expected,
             probe,
             cancelled: false,
             tiles_received: 0,
             work_received: 0.0,
+            message_work: 0.0,
             heard: now,
             busy_secs: 0.0,
             others_until: now,
@@ -242,7 +245,7 @@ impl Coordinator {
         let known: Vec<Estimate> = self
             .nodes
             .iter()
-            .filter_map(super::Node::estimate)
+            .filter_map(super::Node::delivered)
             .collect();
         if known.is_empty() {
             return None;

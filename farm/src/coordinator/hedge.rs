@@ -139,7 +139,7 @@ impl Coordinator {
         let newcomer = self.newcomer();
         let mut runs = Vec::new();
         for (index, node) in self.nodes.iter().enumerate() {
-            let pace = node.estimate().or(newcomer).map(|line| line.secs_per_work);
+            let pace = node.delivered().or(newcomer).map(|line| line.secs_per_work);
             for run in node
                 .runs
                 .values()
@@ -208,8 +208,7 @@ fn credit(now: f64, run: &Run, pace: Option<f64>) -> f64 {
     let begun = run.issued.max(run.others_until);
     let seen = (run.heard - begun) / run.work_received.max(1e-9);
     let pace = pace.max(if run.tiles_received > 0 { seen } else { 0.0 });
-    let message = run.work_received.max(1e-9).min(run.work / 4.0);
-    if run.tiles_received > 0 && now - run.heard < 3.0 * pace * message {
+    if run.tiles_received > 0 && now - run.heard < MESSAGES_PATIENCE * pace * run.message_work {
         now + pace * run.outstanding()
     } else {
         f64::INFINITY
@@ -222,6 +221,8 @@ const HEDGE_FACTOR: f64 = 1.05;
 const HEDGE_MARGIN_SECS: f64 = 1e-3;
 /// The same factor where a node's speed is only assumed.
 const NEWCOMER_FACTOR: f64 = 2.0;
+/// A node that has not been heard for as long as this many messages should take is not trusted.
+const MESSAGES_PATIENCE: f64 = 2.0;
 /// Seconds until late tiles are looked at again; doubles each time.
 const HEDGE_PAUSE_SECS: f64 = 1e-3;
 /// Frames that take longer than this are divided again when a node joins.

@@ -200,9 +200,10 @@ impl Coordinator {
                 self.handle_ping(now, index);
             }
             ClientEvent::SceneReady(hash) => {
-                node.scene_ready(hash);
-                self.unheld = true;
-                self.hasten_hedges(now);
+                if node.scene_ready(hash) {
+                    self.unheld = true;
+                    self.hasten_hedges(now);
+                }
             }
             ClientEvent::SceneRefused { hash, why } => node.scene_refused(hash, why),
             ClientEvent::Tiles {
@@ -244,14 +245,16 @@ impl Coordinator {
             return;
         };
         let share = f64::from(tiles.count) / f64::from(run.tiles.count);
-        run.work_received += match self.frames.by_id(run.frame) {
+        let work = match self.frames.by_id(run.frame) {
             Some(frame) => frame.work.of(tiles),
             None => run.work * share,
         };
+        run.work_received += work;
+        run.message_work = run.message_work.max(work);
         run.tiles_received += tiles.count;
         run.busy_secs += f64::from(micros) * 1e-6;
         run.heard = now;
-        if node.estimate().is_none() {
+        if node.delivered().is_none() {
             self.learn(index, id, None);
             self.predict_newcomers(now);
         }
@@ -311,13 +314,14 @@ impl Coordinator {
     /// Marks a run as not wanted, and learns from its lateness.
     fn give_up(&mut self, now: f64, index: NodeIndex, id: RunId) {
         let node = &mut self.nodes[index.0];
+        let round_trip_secs = node.round_trip_secs();
         let Some(run) = node.runs.get_mut(&id) else {
             return;
         };
         run.cancelled = true;
         let late = run.expected.is_none_or(|expected| now >= expected);
         let missed = late && run.tiles_received == 0;
-        let (secs, queue_secs) = (now - run.issued, run.queue_secs());
+        let (secs, queue_secs) = (now - run.issued, run.queue_secs(round_trip_secs));
         node.estimator
             .observe_late(run.work, secs, queue_secs, missed);
     }
@@ -370,7 +374,7 @@ impl Coordinator {
         node.estimator.observe(&Observation {
             work: run.work_received,
             response_secs,
-            queue_secs: run.queue_secs().min(response_secs),
+            queue_secs: run.queue_secs(node.round_trip_secs()).min(response_secs),
             busy_secs,
             round_trip_secs: node.round_trip_secs(),
         });

@@ -21,7 +21,7 @@ pub(super) struct Node {
     scene_refused: Option<(SceneHash, String)>,
     pub(super) runs: BTreeMap<RunId, Run>,
     pub(super) estimator: Estimator,
-    /// When it was last asked while idle, or last delivered.
+    /// When it was last asked while nothing was open, or last answered.
     heard: f64,
     /// Whether it has been asked for work and has not been heard for longer than it should need.
     pub(super) silent_since: Option<f64>,
@@ -96,9 +96,10 @@ impl Node {
         self.failures = 0;
     }
 
-    pub(super) fn scene_ready(&mut self, hash: SceneHash) {
-        self.scenes.insert(hash);
+    /// `true` if it was not ready for that scene before.
+    pub(super) fn scene_ready(&mut self, hash: SceneHash) -> bool {
         self.scene_refused = None;
+        self.scenes.insert(hash)
     }
 
     pub(super) fn scene_refused(&mut self, hash: SceneHash, why: String) {
@@ -107,7 +108,7 @@ impl Node {
 
     /// Adds a run that is being asked for.
     pub(super) fn ask(&mut self, now: f64, id: RunId, run: Run) {
-        if self.outstanding() == 0.0 {
+        if self.runs.is_empty() {
             self.heard = now;
         }
         self.runs.insert(id, run);
@@ -199,14 +200,20 @@ impl Node {
         self.ping.round_trip_secs
     }
 
+    /// What work is divided by.
     pub(super) fn estimate(&self) -> Option<Estimate> {
         self.estimator.estimate()
+    }
+
+    /// What work is waited for by.
+    pub(super) fn delivered(&self) -> Option<Estimate> {
+        self.estimator.delivered()
     }
 
     /// Seconds that a request would wait for earlier ones. Half of the fixed cost passes before a
     /// request arrives, and during that time earlier ones are worked on.
     pub(super) fn wait_secs(&self, now: f64) -> f64 {
-        let (outstanding, Some(estimate)) = (self.outstanding(), self.estimate()) else {
+        let (outstanding, Some(estimate)) = (self.outstanding(), self.delivered()) else {
             return 0.0;
         };
         if outstanding == 0.0 {
@@ -284,11 +291,12 @@ impl Node {
     }
 
     fn silence_due(&self) -> Option<f64> {
-        let outstanding = self.outstanding();
-        if self.silent_since.is_some() || outstanding == 0.0 {
+        // A run that has been cancelled must be answered too.
+        if self.silent_since.is_some() || self.runs.is_empty() {
             return None;
         }
-        let patience = match (self.estimate(), &self.connection) {
+        let outstanding = self.outstanding();
+        let patience = match (self.delivered(), &self.connection) {
             (Some(line), Connection::Open(info)) => {
                 let predicted = line.fixed_secs + SILENCE_FACTOR * line.secs_per_work * outstanding;
                 predicted + silence_margin_secs(info.device.kind)

@@ -17,6 +17,8 @@ pub(super) struct Run {
     pub(super) cancelled: bool,
     pub(super) tiles_received: u32,
     pub(super) work_received: f64,
+    /// The most work that came in one message.
+    pub(super) message_work: f64,
     /// When the last tiles came.
     pub(super) heard: f64,
     pub(super) busy_secs: f64,
@@ -39,8 +41,9 @@ impl Run {
         !self.cancelled && !self.probe
     }
 
-    /// Upper bound of the time that the request waited behind earlier ones.
-    pub(super) fn queue_secs(&self) -> f64 {
-        (self.others_until - self.issued).max(0.0)
+    /// How long the request waited behind earlier ones, by the client's clock: from when it reached
+    /// the node until the last earlier message left there, a round trip less than what is seen here.
+    pub(super) fn queue_secs(&self, round_trip_secs: Option<f64>) -> f64 {
+        (self.others_until - self.issued - round_trip_secs.unwrap_or(0.0)).max(0.0)
     }
 }

@@ -34,9 +34,19 @@ pub struct Observation {
 pub struct Estimator {
     fixed: Option<f64>,
     fixed_surprise: f64,
-    pace: Option<f64>,
-    pace_surprise: f64,
+    /// From all that is known, lateness too: what work is divided by.
+    pace: Pace,
+    /// From work that came: what it is waited for by. Lateness must not count here, or a node
+    /// that never answers would be waited for twice as long each time.
+    delivered: Pace,
     proven_work: f64,
+}
+
+/// Filters B in proportion: a node twice as fast is as surprising as one half as fast.
+#[derive(Clone, Copy, Debug, Default)]
+struct Pace {
+    secs_per_work: Option<f64>,
+    surprise: f64,
 }
 
 impl Estimator {
@@ -51,7 +61,8 @@ impl Estimator {
         let fixed = unexplained.min(allowance);
         let pace = (busy + unexplained - fixed) / seen.work;
         self.observe_fixed(fixed);
-        self.observe_pace(pace.max(SECS_PER_WORK_MIN));
+        self.pace.observe(pace.max(SECS_PER_WORK_MIN));
+        self.delivered.observe(pace.max(SECS_PER_WORK_MIN));
         self.proven_work = self.proven_work.max(seen.work);
     }
 
@@ -62,35 +73,30 @@ impl Estimator {
         let spent = secs - queue_secs - self.fixed.unwrap_or(0.0);
         let factor = if missed { MISSED_FACTOR } else { 1.0 };
         let pace = factor * spent / work;
-        if pace > self.pace.unwrap_or(SECS_PER_WORK_MIN) {
-            self.observe_pace(pace);
+        if pace > self.pace.secs_per_work.unwrap_or(SECS_PER_WORK_MIN) {
+            self.pace.observe(pace);
         }
     }
 
-    /// The line; absent until something has come.
+    /// The line to divide work by; absent until something has come or been missed.
     pub fn estimate(&self) -> Option<Estimate> {
         Some(Estimate {
             fixed_secs: self.fixed.unwrap_or(0.0),
-            secs_per_work: self.pace?,
+            secs_per_work: self.pace.secs_per_work?,
+        })
+    }
+
+    /// The line of work that came; absent until some has.
+    pub fn delivered(&self) -> Option<Estimate> {
+        Some(Estimate {
+            fixed_secs: self.fixed.unwrap_or(0.0),
+            secs_per_work: self.delivered.secs_per_work?,
         })
     }
 
     /// The most work that came in one run.
     pub fn proven_work(&self) -> f64 {
         self.proven_work
-    }
-
-    /// B in proportion: a node twice as fast is as surprising as one half as fast.
-    fn observe_pace(&mut self, pace: f64) {
-        let Some(known) = self.pace else {
-            self.pace = Some(pace);
-            return;
-        };
-        let error = (pace / known).ln();
-        let changed = error.abs() > SURPRISE && error * self.pace_surprise > 0.0;
-        let gain = if changed { 1.0 } else { GAIN };
-        self.pace = Some(known * (gain * error).exp());
-        self.pace_surprise = if error.abs() > SURPRISE { error } else { 0.0 };
     }
 
     /// A rises slowly: one late packet is no longer way.
@@ -109,6 +115,20 @@ impl Estimator {
         };
         self.fixed = Some(known + gain * error);
         self.fixed_surprise = if surprising { error } else { 0.0 };
+    }
+}
+
+impl Pace {
+    fn observe(&mut self, seen: f64) {
+        let Some(known) = self.secs_per_work else {
+            self.secs_per_work = Some(seen);
+            return;
+        };
+        let error = (seen / known).ln();
+        let changed = error.abs() > SURPRISE && error * self.surprise > 0.0;
+        let gain = if changed { 1.0 } else { GAIN };
+        self.secs_per_work = Some(known * (gain * error).exp());
+        self.surprise = if error.abs() > SURPRISE { error } else { 0.0 };
     }
 }
 
@@ -187,5 +207,6 @@ mod tests {
             estimator.observe_late(1e5, 0.001 + 1.05 * pace * 1e5, 0.0, true);
         }
         assert!(estimator.estimate().unwrap().secs_per_work > 1e-5);
+        assert_eq!(estimator.delivered().unwrap().secs_per_work, 1e-7);
     }
 }

@@ -1,0 +1,444 @@
+//! A farm on virtual time: the real coordinator with simulated nodes, links and clock.
+//!
+//! ```text
+//! Plan ─▶ [events by time] ─▶ Coordinator ─▶ commands ─▶ simulated nodes ─▶ events ─▶ … ─▶ Report
+//! ```
+//!
+//! Everything follows from the plan and its seed, so that a run that fails can be repeated, and
+//! hundreds of frames take less than a second. Each link is in order, with half of the node's
+//! round trip each way and exponential jitter; a device works on one run after the other.
+
+mod node;
+mod random;
+
+use std::cmp::Reverse;
+use std::collections::{BTreeSet, BinaryHeap};
+use std::sync::Arc;
+use std::time::Duration;
+
+use carom_protocol::session::ClientEvent;
+use carom_protocol::tile_codec::TilePixels;
+use carom_protocol::{FrameId, NodeInfo, PixelFormat, SceneHash, TraceRequest};
+use carom_tracer::{
+    Camera, DeviceInfo, DeviceKind, Environment, ImageSize, RenderSettings, Scene, SceneUpdate,
+    TileRun,
+};
+use glam::Vec3;
+
+use self::node::{Answer, SimNode};
+use self::random::Random;
+use crate::coordinator::{Action, Coordinator, NodeIndex};
+use crate::link::{Command, LinkEvent};
+use crate::{Algorithm, Frame, FrameSpec, NodeStatus, Pixels};
+
+/// What to simulate.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Decides all that is random.
+    pub seed: u64,
+    /// Divides the frames.
+    pub algorithm: Algorithm,
+    /// The farm.
+    pub nodes: Vec<NodePlan>,
+    /// How many frames are submitted.
+    pub frames: u64,
+    /// How many may be in flight.
+    pub frames_in_flight: usize,
+    /// Seconds between submissions; absent: as soon as there is room.
+    pub period_secs: Option<f64>,
+    /// The picture, of one sample a pixel: its pixels are the work of a frame.
+    pub size: ImageSize,
+    /// Pixels along a tile's edge.
+    pub tile_edge: u16,
+}
+
+/// A simulated node.
+#[derive(Clone, Debug)]
+pub struct NodePlan {
+    /// Round trip without jitter, in seconds.
+    pub round_trip_secs: f64,
+    /// Mean of the jitter of each message, in seconds.
+    pub jitter_secs: f64,
+    /// Pixel samples per second, in millions.
+    pub msamples_per_sec: f64,
+    /// Whether tiles come as they are finished, as from a processor, or all at the end of a run.
+    pub streams: bool,
+    /// What share of its true busy time it reports; 1 is honest.
+    pub honesty: f64,
+    /// What happens to it, by the second.
+    pub changes: Vec<(f64, Change)>,
+}
+
+/// What happens to a node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Change {
+    /// It takes that many times as long as before from now on.
+    Slow(f64),
+    /// It says nothing any more, and nobody notices but by that.
+    Silent,
+    /// Its connection breaks, which the client learns of at once.
+    Die,
+    /// It connects. A node with this among its changes is not there from the start.
+    Join,
+    /// Its device fails at each run from now on.
+    Fail,
+}
+
+/// What came out.
+#[derive(Clone, Debug, Default)]
+pub struct Report {
+    /// The frames in the order of delivery; the pixels have been checked and dropped.
+    pub frames: Vec<Frame>,
+    /// Frames in which any pixel was wrong or missing.
+    pub wrong_frames: u64,
+    /// Tiles in a frame.
+    pub tiles_per_frame: u32,
+    /// The nodes at the end.
+    pub nodes: Vec<NodeStatus>,
+    /// Virtual seconds that it took.
+    pub secs: f64,
+}
+
+impl NodePlan {
+    /// An honest node on a local network that streams its tiles.
+    pub fn new(round_trip_secs: f64, msamples_per_sec: f64) -> Self {
+        Self {
+            round_trip_secs,
+            jitter_secs: 0.0,
+            msamples_per_sec,
+            streams: true,
+            honesty: 1.0,
+            changes: Vec::new(),
+        }
+    }
+
+    /// The same with a change.
+    pub fn with(mut self, at_secs: f64, change: Change) -> Self {
+        self.changes.push((at_secs, change));
+        self
+    }
+}
+
+impl Report {
+    /// Mean time of the frames with an index in `range`, in seconds.
+    pub fn mean_secs(&self, range: std::ops::Range<usize>) -> f64 {
+        let frames = &self.frames[range];
+        let sum: f64 = frames.iter().map(|frame| frame.stats.makespan_secs).sum();
+        sum / frames.len() as f64
+    }
+
+    /// The longest time of a frame with an index in `range`, in seconds.
+    pub fn worst_secs(&self, range: std::ops::Range<usize>) -> f64 {
+        let times = self.frames[range]
+            .iter()
+            .map(|frame| frame.stats.makespan_secs);
+        times.fold(0.0, f64::max)
+    }
+
+    /// Tiles that came twice, as a share of all.
+    pub fn duplicate_share(&self) -> f64 {
+        let duplicates: u32 = self
+            .frames
+            .iter()
+            .map(|frame| frame.stats.duplicate_tiles)
+            .sum();
+        f64::from(duplicates) / (f64::from(self.tiles_per_frame) * self.frames.len() as f64)
+    }
+}
+
+/// Runs a plan to its end, or until nothing can happen any more, or until `secs_max` of virtual
+/// time are over.
+///
+/// # Panics
+/// If the coordinator breaks a rule towards a node: asks for tiles outside the picture or for more
+/// runs than a session lets in, or gives a run a number that is not above the last.
+pub fn run(plan: &Plan, secs_max: f64) -> Report {
+    let mut simulation = Simulation::new(plan);
+    simulation.run(secs_max);
+    simulation.into_report()
+}
+
+/// Seconds as they are ordered: nanoseconds, and the order of scheduling where these are equal.
+type At = (u64, u64);
+
+enum Happening {
+    Submit,
+    Command(NodeIndex, u32, Command),
+    Step(NodeIndex, u64),
+    Event(NodeIndex, u32, LinkEvent),
+    Change(NodeIndex, Change),
+}
+
+struct Simulation<'a> {
+    plan: &'a Plan,
+    coordinator: Coordinator,
+    nodes: Vec<SimNode>,
+    agenda: BinaryHeap<Reverse<(At, usize)>>,
+    happenings: Vec<Option<Happening>>,
+    now: Duration,
+    random: Random,
+    submitted: u64,
+    report: Report,
+}
+
+impl<'a> Simulation<'a> {
+    fn new(plan: &'a Plan) -> Self {
+        let mut coordinator = Coordinator::new(plan.algorithm);
+        coordinator.set_scene(SceneHash([7; 32]), Arc::new(empty_scene()));
+        let mut simulation = Self {
+            plan,
+            coordinator,
+            nodes: Vec::new(),
+            agenda: BinaryHeap::new(),
+            happenings: Vec::new(),
+            now: Duration::ZERO,
+            random: Random::new(plan.seed),
+            submitted: 0,
+            report: Report::default(),
+        };
+        for (index, node) in plan.nodes.iter().enumerate() {
+            let index_of = simulation.coordinator.add_node(format!("node {index}"));
+            simulation.nodes.push(SimNode::new(node));
+            for (at_secs, change) in &node.changes {
+                let at = Duration::from_secs_f64(*at_secs);
+                simulation.schedule(at, Happening::Change(index_of, *change));
+            }
+            if !node
+                .changes
+                .iter()
+                .any(|(_, change)| *change == Change::Join)
+            {
+                simulation.schedule(Duration::ZERO, Happening::Change(index_of, Change::Join));
+            }
+        }
+        simulation.schedule(START, Happening::Submit);
+        simulation
+    }
+
+    fn run(&mut self, secs_max: f64) {
+        let end = Duration::from_secs_f64(secs_max);
+        while (self.report.frames.len() as u64) < self.plan.frames && self.now < end {
+            let timeout = self.coordinator.next_timeout();
+            let next = self
+                .agenda
+                .peek()
+                .map(|Reverse(((nanos, _), _))| Duration::from_nanos(*nanos));
+            match (timeout, next) {
+                (None, None) => return,
+                (Some(timeout), next) if next.is_none_or(|next| timeout < next) => {
+                    self.now = self.now.max(timeout);
+                    self.coordinator.handle_timeout(self.now);
+                }
+                _ => self.happen(),
+            }
+            self.act();
+        }
+    }
+
+    fn into_report(mut self) -> Report {
+        self.report.secs = self.now.as_secs_f64();
+        self.report.nodes = self.coordinator.nodes(self.now);
+        self.report
+    }
+
+    fn schedule(&mut self, at: Duration, happening: Happening) {
+        let index = self.happenings.len();
+        self.happenings.push(Some(happening));
+        let at = (at.max(self.now).as_nanos() as u64, index as u64);
+        self.agenda.push(Reverse((at, index)));
+    }
+
+    fn happen(&mut self) {
+        let Some(Reverse(((nanos, _), index))) = self.agenda.pop() else {
+            return;
+        };
+        self.now = self.now.max(Duration::from_nanos(nanos));
+        match self.happenings[index].take() {
+            Some(Happening::Submit) => self.submit(),
+            Some(Happening::Change(node, change)) => self.change(node, change),
+            Some(Happening::Event(node, connection, event)) => {
+                if connection == self.nodes[node.0].connection {
+                    self.coordinator.handle(self.now, node, event);
+                }
+            }
+            Some(Happening::Command(node, connection, command)) => {
+                if connection == self.nodes[node.0].connection {
+                    let answers = self.nodes[node.0].command(self.now, command);
+                    self.answer(node, answers);
+                }
+            }
+            Some(Happening::Step(node, step)) => {
+                let answers = self.nodes[node.0].step(step, self.now);
+                self.answer(node, answers);
+            }
+            None => {}
+        }
+    }
+
+    fn submit(&mut self) {
+        let in_flight = self.submitted - self.report.frames.len() as u64;
+        if self.submitted < self.plan.frames && in_flight < self.plan.frames_in_flight as u64 {
+            let id = FrameId(self.submitted);
+            self.submitted += 1;
+            let spec = frame_spec(self.plan.size);
+            self.coordinator
+                .submit(self.now, id, spec, self.plan.tile_edge);
+            if self.plan.period_secs.is_none() {
+                self.schedule(self.now, Happening::Submit);
+            }
+        }
+        if let Some(period) = self.plan.period_secs {
+            self.schedule(
+                self.now + Duration::from_secs_f64(period),
+                Happening::Submit,
+            );
+        }
+    }
+
+    fn change(&mut self, index: NodeIndex, change: Change) {
+        let node = &mut self.nodes[index.0];
+        match change {
+            Change::Slow(factor) => node.pace *= factor,
+            Change::Silent => node.silent = true,
+            Change::Fail => node.failing = true,
+            Change::Die => {
+                node.die();
+                let why = "its connection broke".into();
+                self.coordinator
+                    .handle(self.now, index, LinkEvent::Lost { why });
+            }
+            Change::Join => {
+                node.connection += 1;
+                self.coordinator
+                    .handle(self.now, index, LinkEvent::Connecting);
+                let welcome = ClientEvent::Welcome(info(index));
+                self.answer(index, vec![Answer::Event(welcome)]);
+            }
+        }
+    }
+
+    /// Carries out what the coordinator wants.
+    fn act(&mut self) {
+        while let Some(action) = self.coordinator.poll_action() {
+            match action {
+                Action::Command { node, command } => {
+                    self.nodes[node.0].check(&command);
+                    let arrival = self.arrival(node, true);
+                    let connection = self.nodes[node.0].connection;
+                    self.schedule(arrival, Happening::Command(node, connection, command));
+                }
+                Action::Deliver(frame) => self.deliver(*frame),
+            }
+        }
+    }
+
+    fn deliver(&mut self, mut frame: Frame) {
+        let grid = carom_tracer::TileGrid::new(self.plan.size, self.plan.tile_edge);
+        let right = expected_pixels(frame.id, grid);
+        self.report.wrong_frames += u64::from(frame.pixels != right);
+        self.report.tiles_per_frame = grid.len();
+        frame.pixels = Pixels::Linear(Vec::new());
+        self.report.frames.push(frame);
+        if self.plan.period_secs.is_none() {
+            self.schedule(self.now, Happening::Submit);
+        }
+    }
+
+    fn answer(&mut self, node: NodeIndex, answers: Vec<Answer>) {
+        let connection = self.nodes[node.0].connection;
+        for answer in answers {
+            match answer {
+                Answer::Event(event) => {
+                    let arrival = self.arrival(node, false);
+                    let event = LinkEvent::Session(event);
+                    self.schedule(arrival, Happening::Event(node, connection, event));
+                }
+                Answer::StepAt(at, step) => self.schedule(at, Happening::Step(node, step)),
+            }
+        }
+    }
+
+    /// When a message that leaves now arrives; messages do not overtake each other.
+    fn arrival(&mut self, index: NodeIndex, outward: bool) -> Duration {
+        let plan = &self.plan.nodes[index.0];
+        let jitter = plan.jitter_secs * self.random.exponential();
+        let way = Duration::from_secs_f64(0.5 * plan.round_trip_secs + jitter);
+        let last = &mut self.nodes[index.0].last_arrival[usize::from(outward)];
+        *last = (*last).max(self.now + way);
+        *last
+    }
+}
+
+/// The first frame is submitted when those nodes that are there from the start have connected.
+const START: Duration = Duration::from_millis(500);
+
+fn frame_spec(size: ImageSize) -> FrameSpec {
+    FrameSpec {
+        update: SceneUpdate::default(),
+        size,
+        settings: RenderSettings {
+            samples: 1,
+            ..RenderSettings::default()
+        },
+        format: PixelFormat::LinearF32,
+    }
+}
+
+/// What a simulated node sends for tiles: each pixel names its frame and its tile.
+fn tile_pixels(request: &TraceRequest, tiles: TileRun) -> TilePixels {
+    let mut pixels = Vec::with_capacity(request.grid.pixels(tiles));
+    for index in tiles.indices() {
+        let count = request.grid.tile(index).pixels();
+        pixels.extend(std::iter::repeat_n(pixel(request.frame, index), count));
+    }
+    TilePixels::Linear(pixels)
+}
+
+fn expected_pixels(frame: FrameId, grid: carom_tracer::TileGrid) -> Pixels {
+    let mut pixels = vec![[0.0; 3]; grid.size.pixels()];
+    let edge = u32::from(grid.edge);
+    for (position, to) in pixels.iter_mut().enumerate() {
+        let (x, y) = (
+            position as u32 % grid.size.width,
+            position as u32 / grid.size.width,
+        );
+        *to = pixel(frame, y / edge * grid.columns() + x / edge);
+    }
+    Pixels::Linear(pixels)
+}
+
+fn pixel(frame: FrameId, tile: u32) -> [f32; 3] {
+    [frame.0 as f32 + 1.0, tile as f32, 1.0]
+}
+
+fn info(index: NodeIndex) -> NodeInfo {
+    NodeInfo {
+        name: format!("node {}", index.0),
+        device: DeviceInfo {
+            kind: DeviceKind::Gpu,
+            name: "simulated".into(),
+            width: 1,
+            threads: 1,
+        },
+    }
+}
+
+fn empty_scene() -> Scene {
+    Scene {
+        camera: Camera {
+            eye: Vec3::NEG_Y,
+            target: Vec3::ZERO,
+            up: Vec3::Z,
+            fov_x_deg: 40.0,
+        },
+        environment: Environment {
+            radiance: Vec3::ONE,
+        },
+        materials: std::collections::BTreeMap::new(),
+        objects: Vec::new(),
+        lamps: Vec::new(),
+    }
+}
+
+/// Runs that a node's session would have open.
+type OpenRuns = BTreeSet<carom_protocol::RunId>;

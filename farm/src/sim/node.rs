@@ -1,0 +1,221 @@
+//! A simulated node: one device that works on one run after the other.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use carom_protocol::limits::{RUNS_QUEUED_MAX, TILES_PER_MESSAGE_MAX};
+use carom_protocol::session::ClientEvent;
+use carom_protocol::{Refusal, RefusalReason, RunId, RunReport, SceneHash, TraceRequest};
+use carom_tracer::TileRun;
+
+use super::{NodePlan, OpenRuns, tile_pixels};
+use crate::link::Command;
+
+/// What a node does when something has come or been done.
+pub(super) enum Answer {
+    /// Sends something.
+    Event(ClientEvent),
+    /// Wants [`SimNode::step`] to be called.
+    StepAt(Duration, u64),
+}
+
+pub(super) struct SimNode {
+    /// Seconds per pixel sample.
+    pub(super) pace: f64,
+    pub(super) silent: bool,
+    pub(super) failing: bool,
+    /// Counts connections; what belongs to an earlier one is void.
+    pub(super) connection: u32,
+    /// When the last message arrived: to the client, to the node.
+    pub(super) last_arrival: [Duration; 2],
+    streams: bool,
+    honesty: f64,
+    scene: Option<SceneHash>,
+    queue: VecDeque<Job>,
+    /// Number of the step that is waited for.
+    step: u64,
+    /// What the device works on.
+    working: Option<RunId>,
+    last_run: Option<RunId>,
+    /// As the client sees them.
+    open: OpenRuns,
+}
+
+struct Job {
+    request: TraceRequest,
+    tiles_done: u32,
+    arrived: Duration,
+    begun: Duration,
+    chunk_begun: Duration,
+}
+
+impl SimNode {
+    pub(super) fn new(plan: &NodePlan) -> Self {
+        Self {
+            pace: 1e-6 / plan.msamples_per_sec,
+            silent: false,
+            failing: false,
+            connection: 0,
+            last_arrival: [Duration::ZERO; 2],
+            streams: plan.streams,
+            honesty: plan.honesty,
+            scene: None,
+            queue: VecDeque::new(),
+            step: 0,
+            working: None,
+            last_run: None,
+            open: OpenRuns::new(),
+        }
+    }
+
+    /// What a session would not let the client ask.
+    pub(super) fn check(&mut self, command: &Command) {
+        if let Command::Trace(request) = command {
+            assert!(request.tiles.count > 0 && request.tiles.end() <= request.grid.len());
+            assert!(self.last_run.is_none_or(|last| request.run > last));
+            self.last_run = Some(request.run);
+            self.open.insert(request.run);
+            assert!(self.open.len() <= RUNS_QUEUED_MAX, "{:?}", self.open);
+        }
+    }
+
+    pub(super) fn die(&mut self) {
+        self.connection += 1;
+        self.queue.clear();
+        self.scene = None;
+        self.open.clear();
+        self.working = None;
+        self.step += 1;
+    }
+
+    pub(super) fn command(&mut self, now: Duration, command: Command) -> Vec<Answer> {
+        if self.silent {
+            return Vec::new();
+        }
+        match command {
+            Command::Scene(hash, _) if self.scene == Some(hash) => Vec::new(),
+            Command::Scene(hash, _) => {
+                self.scene = Some(hash);
+                vec![Answer::Event(ClientEvent::SceneReady(hash))]
+            }
+            Command::Ping(number) => vec![Answer::Event(ClientEvent::Pong(number))],
+            Command::Trace(request) => self.queue(now, *request),
+            Command::CancelRun(run) => self.cancel(|job| job.request.run == run),
+            Command::CancelBefore(frame) => self.cancel(|job| job.request.frame < frame),
+        }
+    }
+
+    /// The device is through with a piece of work.
+    pub(super) fn step(&mut self, step: u64, now: Duration) -> Vec<Answer> {
+        if step != self.step || self.silent {
+            return Vec::new();
+        }
+        let done = self.working.take();
+        let mut answers = self.finish_chunk(now, done);
+        answers.extend(self.work(now));
+        answers
+    }
+
+    fn queue(&mut self, now: Duration, request: TraceRequest) -> Vec<Answer> {
+        if self.failing {
+            let why = RefusalReason::Device("it was told to fail".into());
+            return vec![self.refuse(&request, why)];
+        }
+        self.queue.push_back(Job {
+            request,
+            tiles_done: 0,
+            arrived: now,
+            begun: now,
+            chunk_begun: now,
+        });
+        self.work(now)
+    }
+
+    fn cancel(&mut self, unwanted: impl Fn(&Job) -> bool) -> Vec<Answer> {
+        let queue = std::mem::take(&mut self.queue);
+        let (gone, kept): (Vec<Job>, Vec<Job>) = queue.into_iter().partition(unwanted);
+        self.queue = kept.into();
+        let refuse = |job: &Job| self.refuse(&job.request, RefusalReason::Cancelled);
+        gone.iter().map(refuse).collect()
+    }
+
+    /// Begins the next piece of work, if there is any and the device is free. A piece that is
+    /// cancelled is worked on to its end.
+    fn work(&mut self, now: Duration) -> Vec<Answer> {
+        let Some(job) = self.queue.front_mut().filter(|_| self.working.is_none()) else {
+            return Vec::new();
+        };
+        if job.tiles_done == 0 {
+            job.begun = now;
+        }
+        job.chunk_begun = now;
+        let chunk = chunk(job, self.streams);
+        let secs = job.request.grid.pixels(chunk) as f64 * self.pace;
+        self.working = Some(job.request.run);
+        self.step += 1;
+        vec![Answer::StepAt(
+            now + Duration::from_secs_f64(secs),
+            self.step,
+        )]
+    }
+
+    fn finish_chunk(&mut self, now: Duration, done: Option<RunId>) -> Vec<Answer> {
+        // If the run was cancelled meanwhile, another one is at the front.
+        let front = self.queue.front_mut();
+        let Some(job) = front.filter(|job| Some(job.request.run) == done) else {
+            return Vec::new();
+        };
+        let chunk = chunk(job, self.streams);
+        let busy = (now - job.chunk_begun).as_secs_f64() * self.honesty;
+        let mut busy_micros = (busy * 1e6) as u32;
+        let mut answers = Vec::new();
+        let mut first = chunk.first;
+        while first < chunk.end() {
+            let count = TILES_PER_MESSAGE_MAX.min(chunk.end() - first);
+            let tiles = TileRun { first, count };
+            answers.push(Answer::Event(ClientEvent::Tiles {
+                frame: job.request.frame,
+                run: job.request.run,
+                tiles,
+                pixels: tile_pixels(&job.request, tiles),
+                busy_micros: std::mem::take(&mut busy_micros),
+                dropped_samples: 0,
+                payload_bytes: 1,
+            }));
+            first += count;
+        }
+        job.tiles_done += chunk.count;
+        if job.tiles_done == job.request.tiles.count {
+            let report = RunReport {
+                run: job.request.run,
+                queue_micros: (job.begun - job.arrived).as_micros() as u32,
+                ..RunReport::default()
+            };
+            let frame = job.request.frame;
+            self.open.remove(&report.run);
+            self.queue.pop_front();
+            answers.push(Answer::Event(ClientEvent::RunDone { frame, report }));
+        }
+        answers
+    }
+
+    fn refuse(&mut self, request: &TraceRequest, why: RefusalReason) -> Answer {
+        let (frame, run) = (request.frame, request.run);
+        self.open.remove(&run);
+        let refusal = Refusal { run, why };
+        Answer::Event(ClientEvent::RunRefused { frame, refusal })
+    }
+}
+
+/// What the device works on next: a message's tiles, or all.
+fn chunk(job: &Job, streams: bool) -> TileRun {
+    let left = job.request.tiles.count - job.tiles_done;
+    TileRun {
+        first: job.request.tiles.first + job.tiles_done,
+        count: if streams {
+            left.min(TILES_PER_MESSAGE_MAX)
+        } else {
+            left
+        },
+    }
+}

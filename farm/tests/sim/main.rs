@@ -1,0 +1,262 @@
+//! Laws of the coordinator and its balancers on virtual time. Every run follows from its seed.
+
+use carom_farm::Algorithm::{self, Ab, Equal, Naive, WaterFilling};
+use carom_farm::NodeState;
+use carom_farm::coordinator::balancer::{Line, fill};
+use carom_farm::sim::{Change, NodePlan, Plan, Report, run};
+use carom_tracer::ImageSize;
+
+/// More virtual time than any run here needs.
+const SECS_MAX: f64 = 600.0;
+const FOREVER: f64 = 1e6;
+
+fn plan(nodes: Vec<NodePlan>, algorithm: Algorithm, frames: u64) -> Plan {
+    Plan {
+        seed: 1,
+        algorithm,
+        nodes,
+        frames,
+        frames_in_flight: 1,
+        period_secs: None,
+        size: ImageSize::new(240, 160),
+        tile_edge: 8,
+    }
+}
+
+/// Five nodes on a local network, the fastest 40 times as fast as the slowest.
+fn unequal() -> Vec<NodePlan> {
+    let node = |(round_trip_secs, msamples_per_sec): (f64, f64)| NodePlan {
+        jitter_secs: 1e-4,
+        ..NodePlan::new(round_trip_secs, msamples_per_sec)
+    };
+    [
+        (3e-4, 2.0),
+        (1e-3, 0.8),
+        (2e-3, 0.4),
+        (5e-4, 0.1),
+        (1e-3, 0.05),
+    ]
+    .map(node)
+    .into()
+}
+
+/// The earliest finish that anyone who knows all could reach.
+fn ideal_secs(nodes: &[NodePlan], size: ImageSize) -> f64 {
+    let line = |node: &NodePlan| Line {
+        a_secs: node.round_trip_secs,
+        b_secs: 1e-6 / node.msamples_per_sec,
+        cap: f64::INFINITY,
+    };
+    let lines: Vec<Line> = nodes.iter().map(line).collect();
+    fill(size.pixels() as f64, &lines).finish_secs
+}
+
+fn checked(plan: &Plan) -> Report {
+    let report = run(plan, SECS_MAX);
+    assert_eq!(
+        report.frames.len() as u64,
+        plan.frames,
+        "frames were lost after {} s: {plan:?}, {:?}",
+        report.secs,
+        report.nodes
+    );
+    let order = report.frames.iter().enumerate();
+    assert!(
+        order
+            .into_iter()
+            .all(|(index, frame)| frame.id.0 == index as u64)
+    );
+    assert_eq!(report.wrong_frames, 0, "seed {}", plan.seed);
+    for frame in &report.frames {
+        let delivered: u32 = frame.stats.tiles_by_node.iter().sum();
+        assert_eq!(delivered, report.tiles_per_frame);
+    }
+    report
+}
+
+#[test]
+fn no_frame_is_lost_or_wrong_whatever_happens_to_the_nodes() {
+    for seed in 0..12u64 {
+        let chance = |what: u64| (seed * 7 + what * 13) % 11;
+        let at = |what: u64| 0.5 + chance(what) as f64 * 0.2;
+        let mut nodes = unequal();
+        for node in &mut nodes {
+            node.jitter_secs = 1e-3;
+        }
+        nodes[0] = nodes[0].clone().with(at(0), Change::Silent);
+        nodes[1] = nodes[1].clone().with(at(1), Change::Slow(8.0));
+        nodes[2] = nodes[2]
+            .clone()
+            .with(at(2), Change::Die)
+            .with(at(2) + 0.5, Change::Join);
+        nodes[2].changes.insert(0, (0.0, Change::Join));
+        nodes[3] = nodes[3].clone().with(at(3), Change::Fail);
+        nodes.push(NodePlan::new(1e-3, 1.0).with(at(4), Change::Join));
+        nodes[4].streams = false;
+        for (algorithm, frames_in_flight) in [
+            (Equal, 1),
+            (Naive, 2),
+            (Ab, 3),
+            (WaterFilling, 1),
+            (WaterFilling, 4),
+        ] {
+            checked(&Plan {
+                seed,
+                frames_in_flight,
+                ..plan(nodes.clone(), algorithm, 60)
+            });
+        }
+    }
+}
+
+#[test]
+fn a_run_follows_from_its_seed() {
+    let frames = |seed| {
+        let plan = Plan {
+            seed,
+            ..plan(unequal(), WaterFilling, 50)
+        };
+        checked(&plan)
+            .frames
+            .into_iter()
+            .map(|frame| frame.stats)
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(frames(3), frames(3));
+    assert_ne!(frames(3), frames(4));
+}
+
+#[test]
+fn water_filling_is_near_the_ideal_and_equal_is_far_from_it() {
+    let plan_of = |algorithm| plan(unequal(), algorithm, 160);
+    let ideal = ideal_secs(&unequal(), plan_of(Equal).size);
+    let mean = |algorithm| checked(&plan_of(algorithm)).mean_secs(80..160) / ideal;
+    let [equal, naive, ab, filling] = [Equal, Naive, Ab, WaterFilling].map(mean);
+    println!("over the ideal: equal {equal:.2} naive {naive:.2} AB {ab:.2} filling {filling:.2}");
+    assert!(filling < 1.15, "{filling}");
+    assert!(filling < 0.5 * equal, "{filling} against {equal}");
+    assert!(ab < 1.5, "{ab}");
+    assert!(naive < 1.5, "{naive}");
+}
+
+#[test]
+fn a_far_node_is_left_out_of_frames_that_are_over_before_it_answers() {
+    let mut nodes = vec![NodePlan::new(1e-3, 4.0), NodePlan::new(1e-3, 4.0)];
+    nodes.push(NodePlan::new(0.2, 40.0));
+    let report = checked(&plan(nodes, WaterFilling, 100));
+    let far: u32 = report.frames[50..]
+        .iter()
+        .map(|frame| frame.stats.tiles_by_node[2])
+        .sum();
+    assert_eq!(far, 0);
+}
+
+#[test]
+fn duplicates_are_few_while_nothing_happens() {
+    let report = checked(&plan(unequal(), WaterFilling, 300));
+    let share = report.duplicate_share();
+    println!("duplicates: {:.2} %", 100.0 * share);
+    assert!(share < 0.02, "{share}");
+}
+
+#[test]
+fn a_node_that_slows_down_is_given_less_within_ten_frames() {
+    let mut nodes = unequal();
+    let ideal_before = ideal_secs(&nodes, plan(Vec::new(), Equal, 0).size);
+    nodes[0] = nodes[0].clone().with(2.0, Change::Slow(4.0));
+    let report = checked(&plan(nodes.clone(), WaterFilling, 200));
+    nodes[0].msamples_per_sec /= 4.0;
+    let ideal_after = ideal_secs(&nodes, plan(Vec::new(), Equal, 0).size);
+    let slowed = |index: &usize| report.frames[*index].stats.makespan_secs > 1.5 * ideal_before;
+    let change = (20..200).find(slowed).expect("the change shows");
+    let after = report.mean_secs(change + 10..change + 40);
+    assert!(after < 1.2 * ideal_after, "{after} against {ideal_after}");
+}
+
+#[test]
+fn the_frame_in_which_a_node_vanishes_is_at_most_twice_as_long() {
+    for change in [Change::Die, Change::Silent, Change::Fail] {
+        for victim in 0..3 {
+            let mut nodes = unequal();
+            nodes[victim] = nodes[victim].clone().with(2.0, change);
+            if change == Change::Die {
+                nodes[victim].changes.insert(0, (0.0, Change::Join));
+            }
+            let report = checked(&plan(nodes.clone(), WaterFilling, 150));
+            nodes.remove(victim);
+            let ideal_without = ideal_secs(&nodes, plan(Vec::new(), Equal, 0).size);
+            let worst = report.worst_secs(20..150);
+            println!("{change:?} of {victim}: worst {:.2}", worst / ideal_without);
+            assert!(
+                worst < 2.0 * ideal_without,
+                "{change:?} of {victim}: {worst}"
+            );
+            let after = report.mean_secs(120..150);
+            assert!(
+                after < 1.2 * ideal_without,
+                "{change:?} of {victim}: {after}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_node_that_joins_is_used_fully_within_ten_frames() {
+    let mut nodes = unequal();
+    nodes.push(NodePlan::new(1e-3, 8.0).with(2.0, Change::Join));
+    let report = checked(&plan(nodes.clone(), WaterFilling, 250));
+    let joined = |frame: &carom_farm::Frame| frame.stats.tiles_by_node.get(5) > Some(&0);
+    let first = report.frames.iter().position(joined).expect("it gets work");
+    let ideal = ideal_secs(&nodes, plan(Vec::new(), Equal, 0).size);
+    let after = report.mean_secs(first + 10..first + 40);
+    assert!(after < 1.25 * ideal, "{after} against {ideal}");
+}
+
+#[test]
+fn the_only_node_is_waited_for_however_slow_it_gets() {
+    let node = NodePlan::new(1e-3, 1.0).with(0.7, Change::Slow(200.0));
+    checked(&plan(vec![node], WaterFilling, 12));
+}
+
+#[test]
+fn a_node_that_claims_to_be_quick_does_not_delay_frames() {
+    let mut nodes = unequal();
+    nodes[3].honesty = 0.0;
+    nodes[4].honesty = 0.0;
+    let ideal = ideal_secs(&nodes, plan(Vec::new(), Equal, 0).size);
+    let mean = checked(&plan(nodes, WaterFilling, 150)).mean_secs(50..150);
+    assert!(mean < 1.3 * ideal, "{mean} against {ideal}");
+}
+
+#[test]
+fn pipelined_frames_keep_up_with_a_period_that_the_farm_can_hold() {
+    // 38,400 samples each 1/60 s are 2.3 million a second, of the 3.35 million that there are;
+    // the round trip of 40 ms is longer than two periods.
+    let mut nodes = unequal();
+    for node in &mut nodes {
+        node.round_trip_secs = 0.04;
+    }
+    let report = checked(&Plan {
+        frames_in_flight: 6,
+        period_secs: Some(1.0 / 60.0),
+        ..plan(nodes, WaterFilling, 400)
+    });
+    let late = report.worst_secs(100..400);
+    assert!(late < 6.0 / 60.0, "{late}");
+}
+
+#[test]
+fn a_farm_without_any_answer_waits_and_says_why() {
+    let node = NodePlan::new(1e-3, 1.0).with(0.51, Change::Silent);
+    let report = run(&plan(vec![node], WaterFilling, 100), 60.0);
+    assert!(report.frames.len() < 100 && report.wrong_frames == 0);
+    assert!(
+        matches!(report.nodes[0].state, NodeState::Lost { .. }),
+        "{:?}",
+        report.nodes
+    );
+    let absent = NodePlan::new(1e-3, 1.0).with(FOREVER, Change::Join);
+    let report = run(&plan(vec![absent], WaterFilling, 1), 60.0);
+    assert!(report.frames.is_empty());
+    assert_eq!(report.nodes[0].state, NodeState::Connecting);
+}
