@@ -256,22 +256,19 @@ impl<'a> Simulation<'a> {
         match self.happenings[index].take() {
             Some(Happening::Submit) => self.submit(),
             Some(Happening::Change(node, change)) => self.change(node, change),
-            Some(Happening::Event(node, connection, event)) => {
-                if connection == self.nodes[node.0].connection {
-                    self.coordinator.handle(self.now, node, event);
-                }
+            Some(Happening::Event(node, connection, event)) if self.lasts(node, connection) => {
+                self.coordinator.handle(self.now, node, event);
             }
-            Some(Happening::Command(node, connection, command)) => {
-                if connection == self.nodes[node.0].connection {
-                    let answers = self.nodes[node.0].command(self.now, command);
-                    self.answer(node, answers);
-                }
+            Some(Happening::Command(node, connection, command)) if self.lasts(node, connection) => {
+                let answers = self.nodes[node.0].command(self.now, command);
+                self.answer(node, answers);
             }
             Some(Happening::Step(node, step)) => {
                 let answers = self.nodes[node.0].step(step, self.now);
                 self.answer(node, answers);
             }
-            None => {}
+            // Something of a connection that has ended.
+            Some(Happening::Event(..) | Happening::Command(..)) | None => {}
         }
     }
 
@@ -356,6 +353,11 @@ impl<'a> Simulation<'a> {
                 Answer::StepAt(at, step) => self.schedule(at, Happening::Step(node, step)),
             }
         }
+    }
+
+    /// Whether a connection is still the node's.
+    fn lasts(&self, node: NodeIndex, connection: u32) -> bool {
+        self.nodes[node.0].connection == connection
     }
 
     /// When a message that leaves now arrives; messages do not overtake each other.
