@@ -225,7 +225,7 @@ impl Coordinator {
                 busy_micros,
                 ..
             } => self.receive(now, index, run, tiles, busy_micros),
-            ClientEvent::RunDone { report, .. } => self.close(now, index, report.run, None),
+            ClientEvent::RunDone { report, .. } => self.close(now, index, report.run),
             ClientEvent::RunRefused { refusal, .. } => self.refused(now, index, refusal),
             ClientEvent::Pong(number) => node.pong(now, number),
         }
@@ -255,7 +255,7 @@ impl Coordinator {
         run.busy_secs += f64::from(micros) * 1e-6;
         run.heard = now;
         if node.delivered().is_none() {
-            self.learn(index, id, None);
+            self.learn(index, id, false);
             self.predict_newcomers(now);
         }
     }
@@ -348,20 +348,20 @@ impl Coordinator {
                 node.rest(now, Some(format!("its device failed: {why}")));
             }
         }
-        self.close(now, index, refusal.run, Some(()));
+        self.close(now, index, refusal.run);
     }
 
-    /// Ends a run; one that was refused leaves tiles that nobody holds.
-    fn close(&mut self, now: f64, index: NodeIndex, id: RunId, refused: Option<()>) {
-        self.learn(index, id, refused);
+    /// Ends a run; one that was refused may leave tiles that nobody holds.
+    fn close(&mut self, now: f64, index: NodeIndex, id: RunId) {
+        self.learn(index, id, true);
         let node = &mut self.nodes[index.0];
         node.hear(now, id);
         node.runs.remove(&id);
         self.unheld = true;
     }
 
-    /// Tells estimator and balancers how a run went, if anything of it came.
-    fn learn(&mut self, index: NodeIndex, id: RunId, refused: Option<()>) {
+    /// Tells the estimator, and the balancers if it has ended, how a run went, if anything came.
+    fn learn(&mut self, index: NodeIndex, id: RunId, ended: bool) {
         let node = &mut self.nodes[index.0];
         let Some(run) = node.runs.get(&id) else {
             return;
@@ -371,14 +371,18 @@ impl Coordinator {
         }
         let response_secs = run.heard - run.issued;
         let busy_secs = run.busy_secs.clamp(0.0, response_secs);
-        node.estimator.observe(&Observation {
+        let observation = Observation {
             work: run.work_received,
             response_secs,
             queue_secs: run.queue_secs(node.round_trip_secs()).min(response_secs),
             busy_secs,
             round_trip_secs: node.round_trip_secs(),
-        });
-        let ended = refused.is_some() || run.tiles_received == run.tiles.count;
+        };
+        if ended {
+            node.estimator.observe(&observation);
+        } else {
+            node.estimator.observe_first(&observation);
+        }
         if ended && !run.probe {
             self.balancers.learn(&Outcome {
                 node: index,

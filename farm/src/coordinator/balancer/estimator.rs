@@ -40,6 +40,8 @@ pub struct Estimator {
     /// that never answers would be waited for twice as long each time.
     delivered: Pace,
     proven_work: f64,
+    /// Whether all that is known comes from the first tiles of the first run.
+    provisional: bool,
 }
 
 /// Filters B in proportion: a node twice as fast is as surprising as one half as fast.
@@ -50,8 +52,18 @@ struct Pace {
 }
 
 impl Estimator {
+    /// Takes note of the first tiles of a node's first run. They may be far cheaper or dearer than
+    /// the others: what comes of the whole run replaces them.
+    pub fn observe_first(&mut self, seen: &Observation) {
+        self.observe(seen);
+        self.provisional = true;
+    }
+
     /// Takes note of work that came.
     pub fn observe(&mut self, seen: &Observation) {
+        if std::mem::take(&mut self.provisional) {
+            *self = Self::default();
+        }
         let response = seen.response_secs.max(0.0);
         let busy = seen.busy_secs.clamp(0.0, response);
         let unexplained = (response - seen.queue_secs.max(0.0) - busy).max(0.0);
@@ -180,6 +192,15 @@ mod tests {
         estimator.observe(&honest(1e5, 0.01, 4e-7));
         let after_two = estimator.estimate().unwrap().secs_per_work;
         assert!((after_two - 4e-7).abs() < 1e-12, "{after_two}");
+    }
+
+    #[test]
+    fn a_whole_run_replaces_what_its_first_tiles_promised() {
+        let mut estimator = Estimator::default();
+        estimator.observe_first(&honest(1e3, 0.01, 1e-8));
+        estimator.observe(&honest(1e5, 0.01, 1e-7));
+        let estimate = estimator.estimate().unwrap();
+        assert!((estimate.secs_per_work - 1e-7).abs() < 1e-15);
     }
 
     #[test]
