@@ -49,10 +49,16 @@ fn open_event_loop() -> anyhow::Result<EventLoop<()>> {
     std::panic::set_hook(hook);
     match opened {
         Ok(Ok(event_loop)) => Ok(event_loop),
-        Ok(Err(error)) => Err(anyhow!("{error}")),
+        Ok(Err(error)) => Err(anyhow!("{}", reason(&error.to_string()))),
         Err(panic) => Err(anyhow!("{}", panic_words(&*panic))),
     }
     .with_context(no_display)
+}
+
+/// winit puts the line of its own source in front.
+fn reason(error: &str) -> &str {
+    let after_file = error.rsplit_once(".rs:").map_or(error, |(_, rest)| rest);
+    after_file.split_once(": ").map_or(error, |(_, why)| why)
 }
 
 fn panic_words(panic: &(dyn std::any::Any + Send)) -> &str {

@@ -4,13 +4,13 @@ use std::sync::Arc;
 use std::task::{Context, Poll};
 use std::time::Duration;
 
-use carom_protocol::session::{ClientEvent, ClientSession, Packet};
-use carom_protocol::{Refusal, RefusalReason, TraceRequest};
+use carom_protocol::session::Packet;
 use tokio::runtime::Runtime;
 use tokio::sync::mpsc;
 use tokio::time::Instant;
 
 use crate::Error;
+use crate::link::LinkSession;
 pub use crate::link::{Command, LinkEvent};
 use crate::net::address::NodeAddress;
 use crate::net::caller::Caller;
@@ -119,8 +119,10 @@ struct Link {
     caller: Arc<Caller>,
     address: NodeAddress,
     commands: mpsc::Receiver<Command>,
-    events: Box<dyn FnMut(LinkEvent) + Send>,
+    events: Events,
 }
+
+type Events = Box<dyn FnMut(LinkEvent) + Send>;
 
 impl Link {
     async fn keep_calling(mut self) {
@@ -147,51 +149,22 @@ impl Link {
         // They were meant for the connection before this one.
         while self.commands.try_recv().is_ok() {}
         let mut player = Player {
-            session: ClientSession::new(),
-            link: self,
+            session: LinkSession::new(&mut self.events),
+            commands: &mut self.commands,
         };
         packets::carry(streams, &mut player).await
     }
 }
 
+/// The player's side of one connection.
 struct Player<'a> {
-    session: ClientSession,
-    link: &'a mut Link,
-}
-
-impl Player<'_> {
-    fn obey(&mut self, command: Command) {
-        let session = &mut self.session;
-        let done = match command {
-            Command::Scene(hash, scene) => session.set_scene(hash, &scene).map(drop),
-            Command::CancelBefore(frame) => session.cancel_before(frame),
-            Command::CancelRun(run) => session.cancel_run(run),
-            Command::Ping(number) => session.ping(number),
-            Command::Trace(request) => return self.trace(*request),
-        };
-        if let Err(why) = done {
-            tracing::warn!("{}: {why}", self.link.address);
-        }
-    }
-
-    /// What cannot be asked is refused here as the node would refuse it.
-    fn trace(&mut self, request: TraceRequest) {
-        let (frame, run) = (request.frame, request.run);
-        if let Err(why) = self.session.trace(request) {
-            let why = RefusalReason::Invalid(why.to_string());
-            let refusal = Refusal { run, why };
-            let event = ClientEvent::RunRefused { frame, refusal };
-            (self.link.events)(LinkEvent::Session(event));
-        }
-    }
+    session: LinkSession<&'a mut Events>,
+    commands: &'a mut mpsc::Receiver<Command>,
 }
 
 impl Peer for Player<'_> {
     fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error> {
-        for event in self.session.handle(packet)? {
-            (self.link.events)(LinkEvent::Session(event));
-        }
-        Ok(())
+        self.session.handle(packet)
     }
 
     fn poll_transmit(&mut self) -> Option<Packet> {
@@ -199,8 +172,8 @@ impl Peer for Player<'_> {
     }
 
     fn poll_owner(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), String>> {
-        self.link.commands.poll_recv(cx).map(|command| {
-            self.obey(command.ok_or("the farm is gone")?);
+        self.commands.poll_recv(cx).map(|command| {
+            self.session.command(command.ok_or("the farm is gone")?);
             Ok(())
         })
     }
