@@ -69,7 +69,7 @@ impl GpuDisplay {
     /// Draws and shows a frame.
     ///
     /// # Errors
-    /// After [`FAILURES_MAX`] frames in a row that the surface refused.
+    /// After `FAILURES_MAX` frames in a row that the surface refused.
     pub fn show(&mut self, picture: Option<&Picture>, ui: &UiFrame) -> Result<(), String> {
         for (id, images) in &ui.textures.set {
             for image in images {

@@ -34,7 +34,7 @@ pub struct Filling {
 impl WaterFilling {
     /// The lines of `division`'s candidates.
     ///
-    /// A node may get no more than [`GROWTH_MAX`] times what it has been seen to deliver, and, with
+    /// A node may get no more than `GROWTH_MAX` times what it has been seen to deliver, and, with
     /// frames pipelined, no more than it can do in a frame's period, or its queue would grow. One
     /// that has delivered nothing is taken to be as fast as the others on average and gets a
     /// quarter of an equal share.
