@@ -3,8 +3,7 @@
 
 use std::time::Duration;
 
-use carom_farm::{Farm, FarmConfig, FrameSpec, Pixels};
-use carom_protocol::PixelFormat;
+use carom_farm::{Farm, FarmConfig, FrameSpec, PixelFormat, Pixels};
 use carom_tracer::{ImageSize, RadianceImage, RenderSettings, Scene, SceneUpdate};
 
 fn main() -> anyhow::Result<()> {

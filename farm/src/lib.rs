@@ -11,8 +11,7 @@
 //! ```
 //! use std::time::Duration;
 //!
-//! use carom_farm::{Farm, FarmConfig, FrameSpec, LocalNode, Pixels};
-//! use carom_protocol::PixelFormat;
+//! use carom_farm::{Farm, FarmConfig, FrameSpec, LocalNode, PixelFormat, Pixels};
 //! use carom_tracer::{ImageSize, RadianceImage, RenderSettings, Scene, SceneUpdate};
 //!
 //! let scene = Scene::from_json(include_str!("../../assets/scenes/pool.json"))?;
@@ -54,6 +53,7 @@ pub mod net;
 pub mod node;
 pub mod sim;
 
+pub use carom_protocol::{FrameId, NodeInfo, PixelFormat};
 pub use config::{Algorithm, FarmConfig, LocalNode};
 pub use error::Error;
 pub use farm::Farm;

@@ -12,8 +12,7 @@
 
 use std::collections::VecDeque;
 
-use carom_farm::{Frame, FrameSpec, Pixels};
-use carom_protocol::{FrameId, PixelFormat};
+use carom_farm::{Frame, FrameId, FrameSpec, PixelFormat, Pixels};
 use carom_tracer::{ImageSize, RenderSettings, SceneUpdate};
 
 use crate::darkroom::{Negative, Print};

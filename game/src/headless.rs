@@ -12,8 +12,9 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
-use carom_farm::{Farm, FarmConfig, Frame, FrameSpec, FrameStats, NodeState, NodeStatus, Pixels};
-use carom_protocol::PixelFormat;
+use carom_farm::{
+    Farm, FarmConfig, Frame, FrameSpec, FrameStats, NodeState, NodeStatus, PixelFormat, Pixels,
+};
 use carom_tracer::{ImageSize, RenderSettings};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;

@@ -3,8 +3,7 @@
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::thread;
 
-use carom_farm::{Farm, FarmConfig, NodeState, NodeStatus};
-use carom_protocol::FrameId;
+use carom_farm::{Farm, FarmConfig, FrameId, NodeState, NodeStatus};
 use carom_tracer::{ImageSize, Scene};
 use egui::{LayerId, Rect};
 use glam::DVec2;

@@ -64,10 +64,7 @@ const LAYERS: &[(&[&str], &[&str])] = &[
     (&["fearless_simd"], &["tracer/src/cpu/"]),
     (&["zstd", "postcard"], &["protocol/"]),
     (&["carom_farm"], &["farm/", "game/", "tests/"]),
-    (
-        &["carom_protocol"],
-        &["protocol/", "farm/", "game/", "tests/"],
-    ),
+    (&["carom_protocol"], &["protocol/", "farm/", "tests/"]),
     (&["carom::"], &["game/"]),
 ];
 
