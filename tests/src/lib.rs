@@ -1,2 +1,2 @@
-//! Tests that need more than one crate, and tests of the repository itself. The package has no
-//! code of its own: see its `tests` folder.
+//! Tests of the repository itself, in the `tests` folder, and the independent references that the
+//! other crates' tests read. The package has no code of its own.
