@@ -38,6 +38,8 @@ pub(crate) struct Driver {
     statuses: Arc<Mutex<Vec<NodeStatus>>>,
     statuses_at: Duration,
     statuses_stale: bool,
+    /// Tracers that are being opened.
+    opening: usize,
     /// After the links, which end first.
     client: Option<Client>,
 }
@@ -66,6 +68,7 @@ impl Driver {
             statuses: Arc::default(),
             statuses_at: Duration::ZERO,
             statuses_stale: false,
+            opening: 0,
             client: None,
         }
     }
@@ -92,9 +95,10 @@ impl Driver {
     ) {
         let index = self.coordinator.add_node("local".into());
         self.links.push(Link::None);
+        self.opening += 1;
         let inputs = self.inputs.clone();
         std::thread::spawn(move || {
-            // A farm that is gone by now needs no tracer.
+            // A farm that has lost its patience needs no tracer.
             let _ = inputs.send(Input::Local(index, open()));
         });
     }
@@ -110,8 +114,22 @@ impl Driver {
         self.client = Some(client);
     }
 
-    /// Runs until it is told to stop.
+    /// Runs until it is told to stop, and until no tracer is being opened any more: a driver must
+    /// not be set up in a process that is exiting meanwhile.
     pub(crate) fn run(mut self, frames: &Sender<Frame>) {
+        self.run_until_stop(frames);
+        let deadline = Instant::now() + OPENING_PATIENCE;
+        while self.opening > 0 {
+            let left = deadline.saturating_duration_since(Instant::now());
+            match self.receiver.recv_timeout(left) {
+                Ok(Input::Local(..)) => self.opening -= 1,
+                Ok(_) => {}
+                Err(_) => return,
+            }
+        }
+    }
+
+    fn run_until_stop(&mut self, frames: &Sender<Frame>) {
         loop {
             let input = match self.patience() {
                 Some(patience) => self.receiver.recv_timeout(patience),
@@ -153,8 +171,12 @@ impl Driver {
             Input::CancelBefore(id) => self.coordinator.cancel_before(now, id),
             Input::Algorithm(algorithm) => self.coordinator.set_algorithm(algorithm),
             Input::AddLocal(tracer) => self.add_local(tracer),
-            Input::Local(node, Ok(tracer)) => self.links[node.0] = self.memory_link(node, tracer),
+            Input::Local(node, Ok(tracer)) => {
+                self.opening -= 1;
+                self.links[node.0] = self.memory_link(node, tracer);
+            }
             Input::Local(node, Err(why)) => {
+                self.opening -= 1;
                 let why = why.to_string();
                 self.coordinator.handle(now, node, LinkEvent::Lost { why });
             }
@@ -218,5 +240,7 @@ impl Link {
     }
 }
 
+/// How long a tracer may take to open when the farm is dropped; a GPU needs 0.1 to 1.2 s.
+const OPENING_PATIENCE: Duration = Duration::from_secs(3);
 /// How old [`crate::Farm::nodes`] may be.
 const STATUS_AGE_MAX: Duration = Duration::from_millis(20);

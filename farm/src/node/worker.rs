@@ -25,6 +25,8 @@ pub(super) fn start(queue: Arc<Queue>, tracer: Arc<dyn Tracer>) {
                 run(&queue, &*tracer, &job);
                 done = Some(job.cancelled);
             }
+            // A driver must not be torn down by a process that is exiting meanwhile.
+            drop(tracer);
             queue.worker_ends();
         }
     };
