@@ -4,11 +4,15 @@
 mod pattern;
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use carom_farm::{Algorithm, Error, Farm, FarmConfig, Frame, FrameSpec, NodeState, Pixels};
 use carom_protocol::PixelFormat;
-use carom_tracer::{ImageSize, ObjectPose, RenderSettings, Scene, SceneUpdate, Tracer};
+use carom_tracer::{
+    CompiledScene, DeviceInfo, ImageSize, ObjectPose, RenderSettings, Scene, SceneUpdate,
+    TileRadiance, TraceJob, TraceStats, Tracer,
+};
 
 use pattern::{Fault, Gate, Pattern, scene};
 
@@ -242,6 +246,38 @@ fn dropping_a_busy_farm_does_not_hang() {
     gate.wait_until_reached();
     drop(farm);
     gate.open();
+}
+
+#[test]
+fn a_farm_that_is_gone_has_let_go_of_its_devices() {
+    /// A device whose driver takes a while to shut down.
+    struct Slow(Pattern, Arc<AtomicBool>);
+    impl Tracer for Slow {
+        fn info(&self) -> DeviceInfo {
+            self.0.info()
+        }
+        fn trace(
+            &self,
+            scene: &CompiledScene,
+            job: &TraceJob<'_>,
+            sink: &(dyn Fn(TileRadiance) + Sync),
+        ) -> Result<TraceStats, carom_tracer::Error> {
+            self.0.trace(scene, job, sink)
+        }
+    }
+    impl Drop for Slow {
+        fn drop(&mut self) {
+            std::thread::sleep(Duration::from_millis(50)); // gives a farm that does not wait its chance
+            self.1.store(true, Ordering::SeqCst);
+        }
+    }
+    let gone = Arc::new(AtomicBool::new(false));
+    let tracer = Arc::new(Slow(Pattern::new(), Arc::clone(&gone)));
+    let mut farm = Farm::with_tracers(config(), vec![tracer]).unwrap();
+    farm.set_scene(&scene()).unwrap();
+    assert_right(&trace(&mut farm, 1), 1);
+    drop(farm);
+    assert!(gone.load(Ordering::SeqCst));
 }
 
 #[test]
