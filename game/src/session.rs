@@ -2,6 +2,7 @@
 
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::thread;
+use std::time::Duration;
 
 use carom_farm::{Farm, FarmConfig, FrameId, NodeState, NodeStatus};
 use carom_tracer::{ImageSize, Scene};
@@ -283,6 +284,15 @@ fn states(nodes: &[NodeStatus]) -> String {
     format!("Waiting for a node: {}", lost.join(", "))
 }
 
+impl Drop for Session {
+    /// A GPU's driver must not be set up in a process that is exiting meanwhile.
+    fn drop(&mut self) {
+        if let FarmSlot::Starting(farm) = &self.farm {
+            let _ = farm.recv_timeout(START_PATIENCE);
+        }
+    }
+}
+
 fn start_farm(config: FarmConfig, scene: Scene) -> FarmSlot {
     let (sender, receiver) = channel();
     let start = move || {
@@ -299,5 +309,7 @@ fn start_farm(config: FarmConfig, scene: Scene) -> FarmSlot {
     }
 }
 
+/// How long the farm may take to start when the window is closed; a GPU needs 0.1 to 1.2 s.
+const START_PATIENCE: Duration = Duration::from_secs(3);
 /// A pause, such as a window being dragged, is not made up for at once.
 const TICK_SECS_MAX: f64 = 0.1;

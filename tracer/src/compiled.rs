@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Quat, Vec3};
 
+use crate::fresnel::internal_diffuse_reflectance;
 use crate::scene::{Camera, Lamp, Material, ObjectPose, Scene, SceneUpdate, Shape};
 use crate::{Error, ImageSize};
 
@@ -411,32 +412,6 @@ fn material_data(material: &Material) -> MaterialData {
     }
 }
 
-/// Unpolarised Fresnel reflectance of a smooth dielectric of index `eta` seen from outside at
-/// `cos_theta` to the normal.
-pub fn fresnel_dielectric(cos_theta: f64, eta: f64) -> f64 {
-    let cos_i = cos_theta.clamp(0.0, 1.0);
-    // η²cos²θt = (η²−1) + cos²θi, so that an index of 1 reflects exactly nothing.
-    let cos_t = ((eta - 1.0) * (eta + 1.0) + cos_i * cos_i).max(0.0).sqrt() / eta;
-    let parallel = (eta * cos_i - cos_t) / (eta * cos_i + cos_t);
-    let perpendicular = (cos_i - eta * cos_t) / (cos_i + eta * cos_t);
-    if cos_i == 0.0 && cos_t == 0.0 {
-        return 0.0; // an index of 1 at grazing incidence: there is no surface
-    }
-    0.5 * (parallel * parallel + perpendicular * perpendicular)
-}
-
-/// The share of diffuse light from inside that a smooth dielectric of index `eta` ≥ 1 throws
-/// back, by `1 − F_dr,int = (1 − F_dr,ext) / η²` (reciprocity; d'Eon, "A Hitchhiker's Guide to
-/// Multiple Scattering", 2016) and a midpoint rule for `F_dr,ext = ∫ F(c) 2c dc`.
-pub fn internal_diffuse_reflectance(eta: f64) -> f64 {
-    const STEPS: u32 = 4096;
-    let external: f64 = (0..STEPS)
-        .map(|i| (f64::from(i) + 0.5) / f64::from(STEPS))
-        .map(|cos_theta| fresnel_dielectric(cos_theta, eta) * 2.0 * cos_theta / f64::from(STEPS))
-        .sum();
-    1.0 - (1.0 - external) / (eta * eta)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -644,51 +619,5 @@ mod tests {
         assert_eq!(compiled.rectangles[0].normal, [1.0, 0.0, 0.0]);
         assert!((compiled.lamps[0].area / 0.012 - 1.0).abs() < 1e-6);
         assert!((compiled.lamps[0].inv_v2 / 1e6 - 1.0).abs() < 1e-6);
-    }
-
-    #[test]
-    fn fresnel_has_its_known_values() {
-        assert!((fresnel_dielectric(1.0, 1.5) - 0.04).abs() < 1e-15);
-        assert_eq!(fresnel_dielectric(0.0, 1.5), 1.0);
-        // At Brewster's angle only perpendicular light is reflected: ((η²−1)/(η²+1))² / 2.
-        let brewster = 1.5f64.atan().cos();
-        let expected = (1.25f64 / 3.25).powi(2) / 2.0;
-        assert!((fresnel_dielectric(brewster, 1.5) - expected).abs() < 1e-12);
-        for step in 0..=1000 {
-            let cos = f64::from(step) / 1000.0;
-            assert_eq!(fresnel_dielectric(cos, 1.0), 0.0, "an index of 1 at {cos}");
-            for eta in [1.0 + 1e-6, 1.3, 1000.0] {
-                assert!(
-                    (0.0..=1.0).contains(&fresnel_dielectric(cos, eta)),
-                    "{cos} {eta}"
-                );
-            }
-        }
-    }
-
-    #[test]
-    fn internal_reflectance_has_its_known_values() {
-        assert_eq!(internal_diffuse_reflectance(1.0), 0.0);
-        assert!((internal_diffuse_reflectance(1.5) - 0.596_346).abs() < 1e-6);
-    }
-
-    /// Against the definition, an integral over directions inside.
-    #[test]
-    fn internal_reflectance_is_the_integral_from_inside() {
-        for eta in [1.1f64, 1.33, 1.5, 2.4] {
-            let inside = |cos: f64| {
-                let sine2_outside = eta * eta * (1.0 - cos * cos);
-                if sine2_outside >= 1.0 {
-                    return 1.0;
-                }
-                fresnel_dielectric((1.0 - sine2_outside).sqrt(), eta)
-            };
-            let cosines = (0..200_000).map(|i| (f64::from(i) + 0.5) / 2e5);
-            let integral = cosines
-                .map(|cos| inside(cos) * 2.0 * cos / 2e5)
-                .sum::<f64>();
-            let difference = (integral - internal_diffuse_reflectance(eta)).abs();
-            assert!(difference < 1e-5, "{eta}: {integral}, off by {difference}");
-        }
     }
 }

@@ -12,6 +12,7 @@ pub mod compiled;
 pub mod cpu;
 pub mod error;
 pub mod film;
+pub mod fresnel;
 pub mod gpu;
 pub mod image_file;
 pub mod metrics;

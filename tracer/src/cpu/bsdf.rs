@@ -115,7 +115,7 @@ impl<S: Simd> Bsdf<S> {
     }
 }
 
-/// [`crate::compiled::fresnel_dielectric`] for `eta` ≥ 1.
+/// [`crate::fresnel::fresnel_dielectric`] for `eta` ≥ 1.
 #[inline(always)]
 fn fresnel<S: Simd>(simd: S, cos_theta: Float<S>, eta: Float<S>) -> Float<S> {
     let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));

@@ -9,7 +9,8 @@ use glam::DVec3;
 
 use super::intersect::{Hit, vector};
 use crate::CompiledScene;
-use crate::compiled::{MaterialData, Primitive, fresnel_dielectric};
+use crate::compiled::{MaterialData, Primitive};
+use crate::fresnel::fresnel_dielectric;
 
 /// How one point of a surface scatters: a mirror of weight `F(cos wo)` over
 /// `f = albedo/π · (1−F(cos wo))(1−F(cos wi)) · diffuse_scale`, `F` being 0 without a coat.
@@ -148,7 +149,7 @@ pub fn basis(n: DVec3) -> (DVec3, DVec3) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compiled::internal_diffuse_reflectance;
+    use crate::fresnel::internal_diffuse_reflectance;
     use crate::sampling::uniforms;
 
     fn plastic(albedo: f64, ior: f64) -> Bsdf {
