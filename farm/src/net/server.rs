@@ -8,7 +8,7 @@ use tokio::sync::Notify;
 
 use crate::Error;
 use crate::net::credentials::Credentials;
-use crate::net::interruption::interrupted;
+use crate::net::interruption::Signals;
 use crate::net::listener::Listener;
 use crate::net::packets::{self, Peer, Streams};
 
@@ -35,6 +35,8 @@ pub enum ServerEvent {
 pub struct NodeServer {
     runtime: Runtime,
     listener: Listener,
+    /// Listened for from the start: a node that says that it listens ends well when told to.
+    signals: Signals,
 }
 
 /// Stops a [`NodeServer`] from another thread.
@@ -68,11 +70,16 @@ impl NodeServer {
             .enable_all()
             .build()
             .map_err(failed)?;
-        let listener = {
+        let (listener, signals) = {
             let _inside = runtime.enter();
-            Listener::bind(address, credentials)?
+            let signals = Signals::listen().map_err(failed)?;
+            (Listener::bind(address, credentials)?, signals)
         };
-        Ok(Self { runtime, listener })
+        Ok(Self {
+            runtime,
+            listener,
+            signals,
+        })
     }
 
     /// Where it listens, with the port that the system chose if 0 was asked for.
@@ -89,11 +96,16 @@ impl NodeServer {
     /// Serves players until `stop`, Ctrl-C or SIGTERM; then tells them that the node is shutting
     /// down, so that their coordinators ask others at once. `connect` makes a player's session.
     pub fn serve<P: Peer + Send>(
-        &self,
+        self,
         stop: &Stop,
         connect: impl Fn(SocketAddr) -> P + Clone + Send + Sync + 'static,
         events: impl Fn(ServerEvent) + Clone + Send + Sync + 'static,
     ) {
+        let Self {
+            runtime,
+            listener,
+            mut signals,
+        } = self;
         let draining = events.clone();
         let serve = move |streams: Streams| {
             let (connect, events) = (connect.clone(), events.clone());
@@ -104,14 +116,14 @@ impl NodeServer {
                 events(ServerEvent::Lost { player, why });
             }
         };
-        self.runtime.block_on(async {
+        runtime.block_on(async {
             tokio::select! {
-                () = self.listener.run(serve) => {}
+                () = listener.run(serve) => {}
                 () = stop.0.notified() => {}
-                () = interrupted() => {}
+                () = signals.recv() => {}
             }
             draining(ServerEvent::Draining);
-            self.listener.drain().await;
+            listener.drain().await;
         });
     }
 }
