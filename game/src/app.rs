@@ -27,8 +27,10 @@ use crate::session::Session;
 /// What was tried and what to install, if no window can be opened or drawn on.
 pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow::Result<()> {
     let event_loop = open_event_loop()?;
+    let mut session = Session::new(config, args.seed)?;
+    session.set_engine(args.physics);
     let mut app = App {
-        session: Session::new(config, args.seed)?,
+        session,
         size: args.size,
         present,
         screen: None,

@@ -4,17 +4,22 @@ use std::path::{Path, PathBuf};
 
 use carom_farm::{FarmConfig, LocalNode};
 use carom_tracer::{ImageSize, RenderSettings};
-use clap::{Parser, ValueEnum as _};
+use clap::{Parser, Subcommand, ValueEnum as _};
 
+use crate::bench::Bench;
 use crate::display::Present;
+use crate::sim::Engine;
 
 /// Pool, path-traced in real time by a farm of any mix of GPUs and CPUs.
 ///
 /// Without options a window opens and this machine traces the pictures. Without a display a
 /// break shot is rendered to files.
 #[derive(Clone, Debug, Parser)]
-#[command(name = "carom", version)]
+#[command(name = "carom", version, args_conflicts_with_subcommands = true)]
 pub struct Args {
+    /// Something else than playing
+    #[command(subcommand)]
+    pub command: Option<Command>,
     /// Render a break shot to files instead of opening a window
     #[arg(long)]
     pub headless: bool,
@@ -50,6 +55,17 @@ pub struct Args {
     /// How pictures get into the window [default: CAROM_PRESENT, else the first that works]
     #[arg(long, value_enum)]
     pub present: Option<Present>,
+    /// What moves the balls: exact, or rapier-N: plain rapier at N steps per second
+    #[arg(long, value_name = "ENGINE", default_value_t = Engine::Exact)]
+    pub physics: Engine,
+}
+
+/// What the game's command does besides playing.
+#[derive(Clone, Debug, Subcommand)]
+pub enum Command {
+    /// Measure
+    #[command(subcommand)]
+    Bench(Bench),
 }
 
 impl Args {

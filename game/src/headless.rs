@@ -23,7 +23,7 @@ use crate::animation::{Animation, write_png};
 use crate::args::Args;
 use crate::director::EXPOSURE;
 use crate::play::CUE_SPEED_M_S_MAX;
-use crate::sim::{EventKind, Shot, Stroke, Table, World};
+use crate::sim::{Engine, EventKind, Shot, Stroke, Table, World};
 use crate::stage::Stage;
 
 /// What `stats.json` holds.
@@ -88,7 +88,7 @@ pub fn run(args: &Args, config: FarmConfig) -> anyhow::Result<()> {
     let out = args.out.as_path();
     fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
     let settings = settings(args);
-    let shot = break_shot(settings.seed)?;
+    let shot = break_shot(settings.seed, args.physics)?;
     let stage = Stage::pool()?;
     let mut farm = Farm::new(config)?;
     farm.set_scene(stage.scene())?;
@@ -125,10 +125,11 @@ fn settings(args: &Args) -> Settings {
 }
 
 /// A hard, straight break.
-fn break_shot(seed: u32) -> anyhow::Result<Shot> {
+fn break_shot(seed: u32, engine: Engine) -> anyhow::Result<Shot> {
     let table = Table::nine_foot();
     let layout = table.rack_eight(seed);
-    let world = World::new(table, layout)?;
+    let mut world = World::new(table, layout)?;
+    world.set_engine(engine);
     Ok(world.strike(Stroke::straight(0.0, CUE_SPEED_M_S_MAX))?)
 }
 

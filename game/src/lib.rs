@@ -15,6 +15,7 @@
 pub mod animation;
 pub mod app;
 pub mod args;
+pub mod bench;
 pub mod camera;
 pub mod darkroom;
 pub mod director;

@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use carom::args::Args;
+use carom::args::{Args, Command};
 use carom::display::Present;
 use carom::{app, headless};
 use carom_farm::FarmConfig;
@@ -16,6 +16,9 @@ fn main() -> ExitCode {
         .with_env_filter(filter)
         .with_writer(std::io::stderr)
         .init();
+    if let Some(Command::Bench(bench)) = &args.command {
+        return finish(bench.run(), 1);
+    }
     match configuration(&args) {
         Ok((config, present)) => finish(run(&args, config, present), 1),
         Err(error) => finish(Err(error), 2),

@@ -110,6 +110,12 @@ impl Game {
         Ok(game)
     }
 
+    /// Lets something else move the balls from the next stroke on.
+    pub fn set_engine(&mut self, engine: sim::Engine) {
+        self.world.set_engine(engine);
+        self.line = None;
+    }
+
     /// Does what the player wants at `now_secs`. A stroke meets the ball `lead_secs` later, so
     /// that its first pictures are ready by then.
     pub fn apply(&mut self, intent: Intent, now_secs: f64, lead_secs: f64, film: DVec2) -> Outcome {
@@ -320,7 +326,10 @@ impl Game {
     fn rack(&mut self) {
         let seed = self.racks.wrapping_add(1);
         match World::new(self.table.clone(), self.table.rack_eight(seed)) {
-            Ok(world) => self.world = world,
+            Ok(mut world) => {
+                world.set_engine(self.world.engine());
+                self.world = world;
+            }
             Err(error) => self.notice = Some(error.to_string()),
         }
         if let Phase::Watching(running) = &self.phase {

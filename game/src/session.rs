@@ -15,7 +15,7 @@ use crate::director::{Director, Plan, Subject};
 use crate::display::Picture;
 use crate::input::{Event, Input, Intent};
 use crate::play::{CueView, Game, Outcome};
-use crate::sim::BallBody;
+use crate::sim::{BallBody, Engine};
 use crate::stage::Stage;
 use crate::ui;
 
@@ -67,6 +67,11 @@ impl Session {
             redraws: Redraws::default(),
             dirty: true,
         })
+    }
+
+    /// Lets something else move the balls from the next stroke on.
+    pub fn set_engine(&mut self, engine: Engine) {
+        self.game.set_engine(engine);
     }
 
     /// Follows the window: its size in pixels, and in points.

@@ -2,15 +2,13 @@
 
 use std::{f64::consts::PI, fs, path::Path};
 
+use carom::bench::{accuracy, closed_forms, curves, reference::Reference};
 use carom::sim::{
     AimContact, BallBallLaw, BallBody, BallState, CLUSTER_ENERGY_J, Error, Event, EventKind, Laws,
     Layout, Nose, Phase, REBOUND_ENERGY_J, Shot, Stroke, Table, TableParts, World, predict,
 };
 use glam::{DVec2, DVec3};
 use proptest::prelude::*;
-
-mod reference;
-use reference::Reference;
 
 const RADIUS: f64 = 0.028_575;
 
@@ -89,30 +87,45 @@ fn momentum(states: &[BallState]) -> DVec3 {
     states.iter().map(|ball| ball.velocity).sum()
 }
 
+fn references() -> Vec<Reference> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/references/physics");
+    Reference::read_folder(&folder).expect("the references are in the repository")
+}
+
 #[test]
 fn shots_follow_the_references() {
-    let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/references/physics");
     // Their positions, up to 40 m, are written with nine digits.
     let closed_forms = ["backspin_slide", "pure_spin", "roll_out", "slide_to_roll"];
-    let mut count = 0;
-    for entry in fs::read_dir(directory).expect("the references are in the repository") {
-        let path = entry.expect("readable").path();
-        if path.extension().is_none_or(|extension| extension != "json") {
-            continue;
-        }
-        let reference = Reference::read(&path);
-        let deviation = reference.deviation(&reference.play());
-        let exact = closed_forms.contains(&reference.name.as_str());
-        let bound = if exact { 5.1e-8 } else { 1e-3 };
-        assert!(
-            deviation.max_m <= bound,
-            "{}: {deviation:?}",
-            reference.name
-        );
-        assert_eq!(deviation.pocketed_differently, 0, "{}", reference.name);
-        count += 1;
+    let measured = accuracy::Accuracy::measure(&references()).expect("all can be played");
+    assert!(
+        measured.shots.len() >= 12,
+        "only {} references",
+        measured.shots.len()
+    );
+    for shot in &measured.shots {
+        let exact = closed_forms.contains(&shot.name.as_str());
+        let bound_mm = if exact {
+            5.1e-5
+        } else {
+            accuracy::WORST_MAX_MM
+        };
+        assert!(shot.max_mm <= bound_mm, "{shot:?}");
+        assert_eq!(shot.pocketed_differently, 0, "{}", shot.name);
     }
-    assert!(count >= 12, "only {count} references");
+    assert!(
+        measured.median_max_mm <= accuracy::MEDIAN_MAX_MM,
+        "{measured}"
+    );
+}
+
+#[test]
+fn closed_forms_and_published_curves_are_met() {
+    for form in closed_forms::measure().expect("one ball always comes to rest") {
+        assert!(form.error <= closed_forms::ERROR_MAX, "{form}");
+    }
+    for curve in curves::measure().expect("two balls always come to rest") {
+        assert!(curve.error_max <= curve.bar, "{curve}");
+    }
 }
 
 #[test]

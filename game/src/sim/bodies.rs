@@ -45,7 +45,9 @@ impl Bodies {
         parameters.max_ccd_substeps = 0;
         parameters.length_unit = body.radius_m;
         parameters.normalized_max_linear_velocity = f64::MAX;
-        insert_cushions(&mut world, table);
+        for shape in cushion_shapes(table) {
+            world.insert_collider(shape, None);
+        }
         let balls = balls
             .iter()
             .map(|ball| insert_ball(&mut world, body, ball))
@@ -122,23 +124,22 @@ fn insert_ball(world: &mut PhysicsWorld, body: &BallBody, ball: &BallState) -> R
     world.insert(rigid, sphere).0
 }
 
-fn insert_cushions(world: &mut PhysicsWorld, table: &Table) {
+/// Blocks behind the noses and posts in the jaws.
+pub(crate) fn cushion_shapes(table: &Table) -> Vec<ColliderBuilder> {
     let half_height = 0.5 * table.nose_height_m();
-    for nose in table.noses() {
+    let blocks = table.noses().iter().map(|nose| {
         let along = nose.to() - nose.from();
         let middle = nose.from() + 0.5 * along - CUSHION_HALF_DEPTH_M * nose.normal();
-        let block =
-            ColliderBuilder::cuboid(0.5 * along.length(), CUSHION_HALF_DEPTH_M, half_height)
-                .translation(middle.extend(half_height))
-                .rotation(DVec3::Z * along.to_angle());
-        world.insert_collider(block, None);
-    }
-    for jaw in table.jaws() {
-        let post = ColliderBuilder::cylinder(half_height, jaw.radius_m)
+        ColliderBuilder::cuboid(0.5 * along.length(), CUSHION_HALF_DEPTH_M, half_height)
+            .translation(middle.extend(half_height))
+            .rotation(DVec3::Z * along.to_angle())
+    });
+    let posts = table.jaws().iter().map(|jaw| {
+        ColliderBuilder::cylinder(half_height, jaw.radius_m)
             .translation(jaw.center.extend(half_height))
-            .rotation(DVec3::X * std::f64::consts::FRAC_PI_2);
-        world.insert_collider(post, None);
-    }
+            .rotation(DVec3::X * std::f64::consts::FRAC_PI_2)
+    });
+    blocks.chain(posts).collect()
 }
 
 /// Shorter steps are taken without rapier, whose solver divides by the step. A ball moves 20 nm in

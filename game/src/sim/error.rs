@@ -18,6 +18,9 @@ pub enum Error {
     /// A law's constant makes no physical sense.
     #[error("the laws of the table cannot hold: {0}")]
     Laws(String),
+    /// The setting of what moves the balls is out of range: a sentence with the value and the range.
+    #[error("the physics cannot be set so: {0}")]
+    Engine(String),
     /// The simulation did not come to rest within its limits: our fault.
     #[error(
         "the shot did not come to rest: {events} contacts and phase changes in the second before \

@@ -64,3 +64,16 @@ pub enum EventKind {
         ball: u8,
     },
 }
+
+impl EventKind {
+    /// Whether it is the end of an aim line: the cue ball touched something or is gone.
+    pub(crate) fn stops_aim_line(&self) -> bool {
+        match *self {
+            Self::BallBall { first, second, .. } => first == 0 || second == 0,
+            Self::Cushion { ball, .. } | Self::Pocketed { ball, .. } | Self::LeftTable { ball } => {
+                ball == 0
+            }
+            Self::Strike { .. } | Self::Rolls { .. } | Self::Rests { .. } => false,
+        }
+    }
+}

@@ -8,7 +8,7 @@ use super::{
     cloth::Motion,
     contact_time::Course,
     laws::Laws,
-    track::Track,
+    track::{Leg, Track},
 };
 
 /// A ball in the midst of a shot.
@@ -28,15 +28,15 @@ impl Live {
             position,
             velocity,
             spin,
-            orientation,
             phase,
+            ..
         } = *state;
         let on_table = phase.is_on_table();
         let mut motion = laws.cloth.motion(&laws.body, position, velocity, spin);
         if !on_table {
             motion.freeze();
         }
-        let mut track = Track::new(number, motion, orientation);
+        let mut track = Track::new(state, Leg::of(0.0, &motion));
         if !on_table {
             track.leave(0.0, phase);
         }
@@ -53,7 +53,7 @@ impl Live {
     pub(crate) fn set_off(&mut self, now: f64, motion: Motion) -> DQuat {
         self.motion = motion;
         self.since_secs = now;
-        self.track.push(now, motion)
+        self.track.push(Leg::of(now, &motion))
     }
 
     /// The ball is out of play from now on.

@@ -1,6 +1,6 @@
 //! Where one ball was at each instant of a shot: its motions one after the other.
 
-use glam::DQuat;
+use glam::{DQuat, DVec3};
 
 use super::{
     ball::{BallPose, BallState, Phase},
@@ -17,59 +17,114 @@ pub(crate) struct Track {
     gone: Option<(f64, Phase)>,
 }
 
+/// Constant accelerations from one instant on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Leg {
+    pub(crate) start_secs: f64,
+    pub(crate) phase: Phase,
+    pub(crate) position: DVec3,
+    pub(crate) velocity: DVec3,
+    pub(crate) acceleration: DVec3,
+    pub(crate) spin: DVec3,
+    pub(crate) spin_acceleration: DVec3,
+}
+
+impl Leg {
+    pub(crate) fn of(start_secs: f64, motion: &Motion) -> Self {
+        let Motion {
+            phase,
+            position,
+            velocity,
+            spin,
+            acceleration,
+            spin_acceleration,
+            ..
+        } = *motion;
+        Self {
+            start_secs,
+            phase,
+            position,
+            velocity,
+            acceleration,
+            spin,
+            spin_acceleration,
+        }
+    }
+
+    pub(crate) fn at_rest(start_secs: f64, position: DVec3) -> Self {
+        Self {
+            start_secs,
+            phase: Phase::Resting,
+            position,
+            velocity: DVec3::ZERO,
+            acceleration: DVec3::ZERO,
+            spin: DVec3::ZERO,
+            spin_acceleration: DVec3::ZERO,
+        }
+    }
+
+    fn position_after(&self, t: f64) -> DVec3 {
+        self.position + t * (self.velocity + 0.5 * t * self.acceleration)
+    }
+
+    fn velocity_after(&self, t: f64) -> DVec3 {
+        self.velocity + t * self.acceleration
+    }
+
+    fn spin_after(&self, t: f64) -> DVec3 {
+        self.spin + t * self.spin_acceleration
+    }
+
+    fn turning(&self, start: DQuat, duration_secs: f64) -> Turning {
+        Turning::new(start, self.spin, self.spin_acceleration, duration_secs)
+    }
+}
+
 #[derive(Clone, Debug)]
 struct Piece {
-    start_secs: f64,
-    motion: Motion,
+    leg: Leg,
     turning: Turning,
 }
 
 impl Piece {
     /// A piece whose end is not known yet: how the ball turns is filled in when it is.
-    fn open(start_secs: f64, motion: Motion, orientation: DQuat) -> Self {
-        let turning = Turning::new(orientation, motion.spin, motion.spin_acceleration, 0.0);
+    fn open(leg: Leg, orientation: DQuat) -> Self {
         Self {
-            start_secs,
-            motion,
-            turning,
+            leg,
+            turning: leg.turning(orientation, 0.0),
         }
     }
 
     fn close(&mut self, end_secs: f64) -> DQuat {
-        let Motion {
-            spin,
-            spin_acceleration,
-            ..
-        } = self.motion;
-        let duration = end_secs - self.start_secs;
-        self.turning = Turning::new(self.turning.at(0.0), spin, spin_acceleration, duration);
+        let duration = end_secs - self.leg.start_secs;
+        self.turning = self.leg.turning(self.turning.at(0.0), duration);
         self.turning.at(duration)
     }
 }
 
 impl Track {
-    pub(crate) fn new(number: u8, motion: Motion, orientation: DQuat) -> Self {
+    pub(crate) fn new(ball: &BallState, leg: Leg) -> Self {
         Self {
-            number,
-            pieces: vec![Piece::open(0.0, motion, orientation)],
+            number: ball.number,
+            pieces: vec![Piece::open(leg, ball.orientation)],
             gone: None,
         }
     }
 
-    /// Ends the current motion and begins the next; returns how the ball is turned there.
-    pub(crate) fn push(&mut self, now: f64, motion: Motion) -> DQuat {
+    /// Ends the current leg and begins the next; returns how the ball is turned there.
+    pub(crate) fn push(&mut self, leg: Leg) -> DQuat {
         let orientation = match self.pieces.last_mut() {
-            Some(last) => last.close(now),
+            Some(last) => last.close(leg.start_secs),
             None => DQuat::IDENTITY,
         };
         if self
             .pieces
             .last()
-            .is_some_and(|last| last.start_secs == now)
+            .is_some_and(|last| last.leg.start_secs == leg.start_secs)
         {
             self.pieces.pop();
         }
-        self.pieces.push(Piece::open(now, motion, orientation));
+        self.pieces.push(Piece::open(leg, orientation));
         orientation
     }
 
@@ -90,7 +145,7 @@ impl Track {
         let (piece, since) = self.piece_at(t);
         BallPose {
             number: self.number,
-            position: piece.motion.position_at(since),
+            position: piece.leg.position_after(since),
             rotation: piece.turning.at(since),
             on_table: self.gone.is_none_or(|(at, _)| t < at),
         }
@@ -107,15 +162,15 @@ impl Track {
         let mut state = BallState {
             number,
             position,
-            velocity: piece.motion.velocity_at(since),
-            spin: piece.motion.spin_at(since),
+            velocity: piece.leg.velocity_after(since),
+            spin: piece.leg.spin_after(since),
             orientation: rotation,
-            phase: piece.motion.phase,
+            phase: piece.leg.phase,
         };
         if let Some((_, phase)) = self.gone.filter(|_| !on_table) {
             state = BallState {
-                velocity: glam::DVec3::ZERO,
-                spin: glam::DVec3::ZERO,
+                velocity: DVec3::ZERO,
+                spin: DVec3::ZERO,
                 phase,
                 ..state
             };
@@ -125,8 +180,10 @@ impl Track {
 
     fn piece_at(&self, t: f64) -> (&Piece, f64) {
         let t = self.gone.map_or(t, |(at, _)| t.min(at)).max(0.0);
-        let next = self.pieces.partition_point(|piece| piece.start_secs <= t);
+        let next = self
+            .pieces
+            .partition_point(|piece| piece.leg.start_secs <= t);
         let piece = &self.pieces[next.saturating_sub(1)];
-        (piece, t - piece.start_secs)
+        (piece, t - piece.leg.start_secs)
     }
 }

@@ -3,12 +3,14 @@
 use super::{
     ball::{BallState, Phase},
     ball_ball::Twist,
+    engine::Engine,
     error::{Error, Result},
     event::{Event, EventKind},
     laws::Laws,
     rack::Layout,
     shot::Shot,
     simulation::{Outcome, Simulation, Until},
+    stepped::Stepped,
     stick::Stroke,
     table::Table,
 };
@@ -19,6 +21,7 @@ pub struct World {
     table: Table,
     laws: Laws,
     balls: Vec<BallState>,
+    engine: Engine,
 }
 
 impl World {
@@ -37,7 +40,12 @@ impl World {
     /// [`Error::Laws`], and [`Error::Layout`] as in [`World::new`].
     pub fn with_laws(table: Table, laws: Laws, balls: Vec<BallState>) -> Result<Self> {
         laws.validate()?;
-        let world = Self { table, laws, balls };
+        let world = Self {
+            table,
+            laws,
+            balls,
+            engine: Engine::default(),
+        };
         for (index, ball) in world.balls.iter().enumerate() {
             world.check_place(ball, &world.balls[..index])?;
         }
@@ -59,6 +67,17 @@ impl World {
         &self.laws
     }
 
+    /// What moves the balls.
+    pub fn engine(&self) -> Engine {
+        self.engine
+    }
+
+    /// Lets something else move the balls from the next stroke on. A [`super::Rapier`] out of range
+    /// makes the strokes fail.
+    pub fn set_engine(&mut self, engine: Engine) {
+        self.engine = engine;
+    }
+
     /// Simulates the whole shot that a stroke begins. The world itself stays as it is until
     /// [`World::adopt`].
     ///
@@ -74,8 +93,7 @@ impl World {
     /// # Errors
     /// [`Error::Endless`] if the simulation passes its limits.
     pub fn release(&self) -> Result<Shot> {
-        let simulation = Simulation::new(&self.table, &self.laws, &self.balls);
-        Ok(Shot::new(simulation.run(Until::Rest)?))
+        Ok(Shot::new(self.run(&self.balls, Until::Rest)?))
     }
 
     /// The balls lie as a shot left them.
@@ -104,6 +122,42 @@ impl World {
     }
 
     pub(crate) fn simulate(&self, stroke: Stroke, until: Until) -> Result<Outcome> {
+        let outcome = self.run(&self.struck(stroke)?, until)?;
+        Ok(with_strike(outcome, stroke))
+    }
+
+    /// As [`World::strike`], calling `each` after every `frame_secs` of the shot: for those who
+    /// have other things to do between. The shot is the same whatever the frames.
+    ///
+    /// # Errors
+    /// As [`World::strike`].
+    pub fn strike_in_frames(
+        &self,
+        stroke: Stroke,
+        frame_secs: f64,
+        each: &mut dyn FnMut(),
+    ) -> Result<Shot> {
+        let balls = self.struck(stroke)?;
+        if frame_secs.is_nan() || frame_secs < FRAME_SECS_MIN {
+            return Err(Error::Engine(format!(
+                "a frame of {frame_secs} s is shorter than {FRAME_SECS_MIN} s"
+            )));
+        }
+        let (table, laws) = (&self.table, &self.laws);
+        let outcome = match self.engine {
+            Engine::Exact => {
+                Simulation::new(table, laws, &balls).run_in_frames(frame_secs, each)?
+            }
+            Engine::Rapier(rapier) => {
+                rapier.validate()?;
+                Stepped::new(table, laws, rapier, &balls).run_in_frames(frame_secs, each)?
+            }
+        };
+        Ok(Shot::new(with_strike(outcome, stroke)))
+    }
+
+    /// The balls right after the blow.
+    fn struck(&self, stroke: Stroke) -> Result<Vec<BallState>> {
         stroke.validate()?;
         let mut balls = self.balls.clone();
         let Some(cue_ball) = balls
@@ -119,18 +173,17 @@ impl World {
             phase: Phase::Sliding,
             ..*cue_ball
         };
-        let mut outcome = Simulation::new(&self.table, &self.laws, &balls).run(until)?;
-        let kind = EventKind::Strike {
-            speed_m_s: stroke.speed_m_s,
-        };
-        outcome.events.insert(
-            0,
-            Event {
-                time_secs: 0.0,
-                kind,
-            },
-        );
-        Ok(outcome)
+        Ok(balls)
+    }
+
+    fn run(&self, balls: &[BallState], until: Until) -> Result<Outcome> {
+        match self.engine {
+            Engine::Exact => Simulation::new(&self.table, &self.laws, balls).run(until),
+            Engine::Rapier(rapier) => {
+                rapier.validate()?;
+                Stepped::new(&self.table, &self.laws, rapier, balls).run(until)
+            }
+        }
     }
 
     fn check_place(&self, ball: &BallState, others: &[BallState]) -> Result<()> {
@@ -189,5 +242,19 @@ impl World {
     }
 }
 
+fn with_strike(mut outcome: Outcome, stroke: Stroke) -> Outcome {
+    let kind = EventKind::Strike {
+        speed_m_s: stroke.speed_m_s,
+    };
+    let strike = Event {
+        time_secs: 0.0,
+        kind,
+    };
+    outcome.events.insert(0, strike);
+    outcome
+}
+
+/// A frame lasts so long at least.
+const FRAME_SECS_MIN: f64 = 1e-7;
 /// Balls that overlap by less count as touching.
 const OVERLAP_MAX_M: f64 = 1e-7;

@@ -1,0 +1,154 @@
+//! Every reference shot, played and compared.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use super::{
+    cpu::{best_ms, median},
+    reference::{Kind, Reference},
+};
+
+/// How a folder of references was met.
+#[derive(Clone, Debug, Serialize)]
+pub struct Accuracy {
+    /// By name.
+    pub shots: Vec<ShotReport>,
+    /// Middle of the largest distances of all shots that positions can be held to.
+    pub median_max_mm: f64,
+    /// Largest distance of those shots.
+    pub worst_max_mm: f64,
+}
+
+/// One shot against its reference.
+#[derive(Clone, Debug, Serialize)]
+pub struct ShotReport {
+    /// Of the reference.
+    pub name: String,
+    /// Largest distance of a ball from its reference, in mm.
+    pub max_mm: f64,
+    /// Root of the mean square of the distances, in mm.
+    pub rms_mm: f64,
+    /// To simulate the whole shot once: the best of [`RUNS`].
+    pub cpu_ms: f64,
+    /// `shot`, `airborne` (until the first cushion), `cluster` or `break`: positions of the last
+    /// two are not comparable.
+    pub kind: &'static str,
+    /// Length of the shot, in s.
+    pub duration_secs: f64,
+    /// Contacts and phase changes.
+    pub events: usize,
+    /// For a cluster: largest difference of velocity after it, in m/s.
+    pub velocity_off_m_s: f64,
+    /// When a ball is first over 1 mm off.
+    pub parts_at_secs: Option<f64>,
+    /// Balls that were pocketed in one and not in the other.
+    pub pocketed_differently: usize,
+}
+
+impl Accuracy {
+    /// Plays all shots.
+    ///
+    /// # Errors
+    /// A sentence with the shot that cannot be played.
+    pub fn measure(references: &[Reference]) -> anyhow::Result<Self> {
+        let shots = references
+            .iter()
+            .map(ShotReport::measure)
+            .collect::<anyhow::Result<Vec<_>>>()?;
+        let comparable = || shots.iter().filter(|shot| shot.is_comparable());
+        Ok(Self {
+            median_max_mm: median(comparable().map(|shot| shot.max_mm)),
+            worst_max_mm: comparable().map(|shot| shot.max_mm).fold(0.0, f64::max),
+            shots,
+        })
+    }
+}
+
+impl ShotReport {
+    fn measure(reference: &Reference) -> anyhow::Result<Self> {
+        let shot = reference.play()?;
+        let cpu_ms = best_ms(RUNS, || {
+            std::hint::black_box(reference.play().is_ok());
+        });
+        let deviation = reference.deviation(&shot);
+        Ok(Self {
+            name: reference.name.clone(),
+            max_mm: deviation.max_m * 1e3,
+            rms_mm: deviation.rms_m * 1e3,
+            cpu_ms,
+            kind: match reference.kind {
+                Kind::Shot => "shot",
+                Kind::Airborne => "airborne",
+                Kind::Cluster => "cluster",
+                Kind::Break => "break",
+            },
+            duration_secs: shot.duration_secs(),
+            events: shot.events().len(),
+            velocity_off_m_s: deviation.velocity_m_s,
+            parts_at_secs: deviation.parts_at_secs,
+            pocketed_differently: deviation.pocketed_differently,
+        })
+    }
+
+    /// Whether its positions are held to the reference's.
+    pub fn is_comparable(&self) -> bool {
+        matches!(self.kind, "shot" | "airborne")
+    }
+}
+
+impl fmt::Display for Accuracy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "{:24} {:>10} {:>10} {:>8} {:>7}  notes",
+            "shot", "max mm", "rms mm", "CPU ms", "events"
+        )?;
+        for shot in &self.shots {
+            write!(
+                f,
+                "{:24} {:10.4} {:10.4} {:8.3} {:7}",
+                shot.name, shot.max_mm, shot.rms_mm, shot.cpu_ms, shot.events
+            )?;
+            match shot.kind {
+                "shot" => {}
+                "cluster" => write!(
+                    f,
+                    "  cluster: velocities after it {:.4} m/s off",
+                    shot.velocity_off_m_s
+                )?,
+                "break" => match shot.parts_at_secs {
+                    Some(t) => write!(f, "  break: parts by 1 mm at {t:.2} s")?,
+                    None => write!(f, "  break: never parts by 1 mm")?,
+                },
+                kind => write!(f, "  {kind}")?,
+            }
+            if shot.pocketed_differently > 0 && shot.is_comparable() {
+                write!(
+                    f,
+                    "  {} balls POCKETED DIFFERENTLY",
+                    shot.pocketed_differently
+                )?;
+            }
+            writeln!(f)?;
+        }
+        let count = self
+            .shots
+            .iter()
+            .filter(|shot| shot.is_comparable())
+            .count();
+        writeln!(
+            f,
+            "{count} shots without breaks and clusters: median {:.4} mm (bar {MEDIAN_MAX_MM}), worst \
+             {:.4} mm (bar {WORST_MAX_MM})",
+            self.median_max_mm, self.worst_max_mm
+        )
+    }
+}
+
+/// How far the middle shot may be off.
+pub const MEDIAN_MAX_MM: f64 = 0.05;
+/// How far any shot may be off.
+pub const WORST_MAX_MM: f64 = 1.0;
+/// The best of so many counts.
+const RUNS: u32 = 3;

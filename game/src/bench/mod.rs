@@ -1,0 +1,160 @@
+//! `carom bench physics`: how right the simulation is, and what it costs.
+//!
+//! ```text
+//! references    every shot of a folder, against the trajectories of another simulator
+//! closed-forms  sliding, rolling and spinning, against theory
+//! curves        rules and curves that are published, drawn with --plot
+//! ```
+
+pub mod accuracy;
+pub mod closed_forms;
+mod cpu;
+pub mod curves;
+pub mod deviation;
+pub mod plot;
+pub mod prairie;
+pub mod reference;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context as _;
+use clap::{Args, Subcommand, ValueEnum};
+use serde::Serialize;
+
+use accuracy::Accuracy;
+use closed_forms::ClosedForm;
+use curves::Curve;
+use plot::Chart;
+use reference::Reference;
+
+/// What can be measured.
+#[derive(Clone, Debug, Subcommand)]
+pub enum Bench {
+    /// Measure how right the physics is and what it costs
+    Physics(PhysicsArgs),
+}
+
+impl Bench {
+    /// Measures, and prints what was found.
+    ///
+    /// # Errors
+    /// A sentence: references that cannot be read, a shot that cannot be played.
+    pub fn run(&self) -> anyhow::Result<()> {
+        let Self::Physics(args) = self;
+        args.run()
+    }
+}
+
+/// Options of `carom bench physics`.
+#[derive(Clone, Debug, Args)]
+pub struct PhysicsArgs {
+    /// Folder of reference shots (schema phys-ref-1)
+    #[arg(long, value_name = "DIR", default_value = "tests/references/physics")]
+    pub references: PathBuf,
+    /// Print JSON in place of tables
+    #[arg(long)]
+    pub json: bool,
+    /// Draw what was measured into this folder, as SVG
+    #[arg(long, value_name = "DIR")]
+    pub plot: Option<PathBuf>,
+    /// What to measure; may be given several times [default: everything]
+    #[arg(long = "part", value_enum)]
+    pub parts: Vec<Part>,
+}
+
+/// A part of `carom bench physics`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Part {
+    /// Every shot of the folder against its reference
+    References,
+    /// Sliding, rolling and spinning against theory
+    ClosedForms,
+    /// Rules and curves that are published
+    Curves,
+}
+
+/// All that was measured.
+#[derive(Debug, Default, Serialize)]
+struct Report {
+    #[serde(flatten)]
+    accuracy: Option<Accuracy>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    closed_forms: Option<Vec<ClosedForm>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    curves: Option<Vec<Curve>>,
+}
+
+impl PhysicsArgs {
+    fn run(&self) -> anyhow::Result<()> {
+        let wants = |part| self.parts.is_empty() || self.parts.contains(&part);
+        let mut report = Report::default();
+        if wants(Part::References) {
+            let references = Reference::read_folder(&self.references)
+                .context("--references names a folder of reference shots")?;
+            report.accuracy = Some(Accuracy::measure(&references)?);
+        }
+        if wants(Part::ClosedForms) {
+            report.closed_forms = Some(closed_forms::measure()?);
+        }
+        if wants(Part::Curves) {
+            report.curves = Some(curves::measure()?);
+        }
+        if let Some(folder) = &self.plot {
+            draw(&report.charts(), folder)
+                .with_context(|| format!("cannot draw into {}", folder.display()))?;
+        }
+        if self.json {
+            println!("{}", serde_json::to_string_pretty(&report)?);
+        } else {
+            report.print();
+        }
+        Ok(())
+    }
+}
+
+impl Report {
+    /// With the names of their files.
+    fn charts(&self) -> Vec<(String, &Chart)> {
+        let curves = self.curves.iter().flatten();
+        curves
+            .map(|curve| (file_name(curve.name), &curve.chart))
+            .collect()
+    }
+
+    fn print(&self) {
+        if let Some(accuracy) = &self.accuracy {
+            println!("Reference shots\n{accuracy}");
+        }
+        if let Some(forms) = &self.closed_forms {
+            println!(
+                "Closed forms: measured, theory, relative error (bar {})",
+                closed_forms::ERROR_MAX
+            );
+            for form in forms {
+                println!("{form}");
+            }
+        }
+        if let Some(curves) = &self.curves {
+            println!("\nPublished rules and curves: largest difference in degrees");
+            for curve in curves {
+                println!("{curve}");
+            }
+        }
+    }
+}
+
+fn draw(charts: &[(String, &Chart)], folder: &Path) -> anyhow::Result<()> {
+    fs::create_dir_all(folder)?;
+    for (name, chart) in charts {
+        fs::write(folder.join(name), chart.svg())?;
+    }
+    Ok(())
+}
+
+/// Letters and digits of a chart's name.
+fn file_name(name: &str) -> String {
+    let words = name.split(|c: char| !c.is_ascii_alphanumeric());
+    let words: Vec<_> = words.filter(|word| !word.is_empty()).collect();
+    format!("{}.svg", words.join("_"))
+}

@@ -1,0 +1,431 @@
+//! The simulation of one shot by rapier alone, at a fixed step: cloth, cushions and balls are
+//! rigid bodies with restitution and Coulomb friction, and rapier's solver does the contacts.
+//!
+//! It is the other end of the trade between speed and accuracy, and what a game gets from a
+//! general engine. What it cannot do stays wrong (the contact normal of a fast cut, throw, frozen
+//! racks). Two things are added, without which no shot would ever end, for the engine knows
+//! neither: the resistance to rolling and the friction against turning in place.
+
+use std::collections::BTreeSet;
+
+use glam::{DVec2, DVec3};
+use rapier3d::prelude::{
+    CoefficientCombineRule, ColliderBuilder, IntegrationParameters, PhysicsWorld, RigidBodyBuilder,
+    RigidBodyHandle, SharedShape,
+};
+
+use super::{
+    ball::{BallState, Phase},
+    bodies::cushion_shapes,
+    cloth::Cloth,
+    engine::Rapier,
+    error::{Error, Result},
+    event::{Event, EventKind},
+    laws::Laws,
+    simulation::{Outcome, SHOT_SECS_MAX, Until},
+    table::Table,
+    track::{Leg, Track},
+};
+
+pub(crate) struct Stepped<'a> {
+    table: &'a Table,
+    laws: &'a Laws,
+    world: PhysicsWorld,
+    balls: Vec<Ball>,
+    step_secs: f64,
+    steps: u64,
+    steps_max: u64,
+    /// Steps between two legs of a track.
+    stride: u64,
+    /// Pairs of things in touch: balls by index, cushions by [`CUSHION`].
+    touching: BTreeSet<(usize, usize)>,
+    events: Vec<Event>,
+    cue_ball_touched: bool,
+}
+
+struct Ball {
+    number: u8,
+    handle: RigidBodyHandle,
+    on_table: bool,
+    track: Track,
+    /// When and where the leg that is not yet in the track began.
+    leg_from: (f64, DVec3),
+    /// Where, how fast and with which spin it was before the step.
+    before: (DVec3, DVec3),
+}
+
+impl<'a> Stepped<'a> {
+    pub(crate) fn new(
+        table: &'a Table,
+        laws: &'a Laws,
+        rapier: Rapier,
+        states: &[BallState],
+    ) -> Self {
+        let step_secs = 1.0 / f64::from(rapier.steps_per_sec);
+        let mut world = PhysicsWorld {
+            gravity: -laws.cloth.gravity_m_s2 * DVec3::Z,
+            integration_parameters: IntegrationParameters {
+                dt: step_secs,
+                num_solver_iterations: rapier.solver_iterations as usize,
+                ..Default::default()
+            },
+            ..Default::default()
+        };
+        insert_table(&mut world, table, laws);
+        let insert = |(index, state)| insert_ball(&mut world, laws, rapier, index, state);
+        let balls = states.iter().enumerate().map(insert).collect();
+        Self {
+            table,
+            laws,
+            world,
+            balls,
+            step_secs,
+            steps: 0,
+            steps_max: (SHOT_SECS_MAX / step_secs) as u64,
+            stride: ((LEG_SECS / step_secs) as u64).max(1),
+            touching: BTreeSet::new(),
+            events: Vec::new(),
+            cue_ball_touched: false,
+        }
+    }
+
+    /// Simulates to the end.
+    ///
+    /// # Errors
+    /// [`Error::Endless`] beyond [`SHOT_SECS_MAX`].
+    pub(crate) fn run(mut self, until: Until) -> Result<Outcome> {
+        while self.step()? {
+            if until == Until::CueBallContact && self.cue_ball_touched {
+                break;
+            }
+        }
+        Ok(self.finish())
+    }
+
+    /// Simulates to the end and calls `each` after every `frame_secs` of the shot.
+    ///
+    /// # Errors
+    /// As [`Stepped::run`].
+    pub(crate) fn run_in_frames(
+        mut self,
+        frame_secs: f64,
+        each: &mut dyn FnMut(),
+    ) -> Result<Outcome> {
+        let mut frames = 0.0;
+        while self.step()? {
+            while self.now() >= (frames + 1.0) * frame_secs {
+                frames += 1.0;
+                each();
+            }
+        }
+        Ok(self.finish())
+    }
+
+    /// Simulated seconds so far.
+    pub(crate) fn now(&self) -> f64 {
+        self.steps as f64 * self.step_secs
+    }
+
+    /// Takes one step; false if all balls are at rest.
+    pub(crate) fn step(&mut self) -> Result<bool> {
+        if !self.resist() {
+            return Ok(false);
+        }
+        if self.steps >= self.steps_max {
+            return Err(Error::Endless {
+                time_secs: self.now(),
+                events: self.events.len() as u32,
+            });
+        }
+        self.world.step();
+        self.steps += 1;
+        self.report_contacts();
+        self.take_away_lost();
+        if self.steps.is_multiple_of(self.stride) {
+            self.record();
+        }
+        Ok(true)
+    }
+
+    pub(crate) fn finish(mut self) -> Outcome {
+        self.record();
+        let end_secs = self.now();
+        Outcome {
+            tracks: self
+                .balls
+                .into_iter()
+                .map(|ball| ball.track.finish(end_secs))
+                .collect(),
+            events: self.events,
+            end_secs,
+        }
+    }
+
+    /// Rolling resistance and spin friction over the step to come, and rest below what a step of
+    /// them takes away. False if nothing moves.
+    fn resist(&mut self) -> bool {
+        let Laws { body, cloth, .. } = self.laws;
+        let slower = cloth.rolling_friction * cloth.gravity_m_s2 * self.step_secs;
+        let spin_slower = 2.5 * cloth.spin_friction_m * cloth.gravity_m_s2 / body.radius_m.powi(2)
+            * self.step_secs;
+        // What a step of sliding takes from the slip: the solver leaves less, but leaves some.
+        let rolls =
+            (3.5 * cloth.sliding_friction * cloth.gravity_m_s2 * self.step_secs).max(ROLLS_M_S);
+        let mut moves = false;
+        for ball in self.balls.iter_mut().filter(|ball| ball.on_table) {
+            let rigid = &mut self.world.bodies[ball.handle];
+            let (position, velocity, spin) = (rigid.translation(), rigid.linvel(), rigid.angvel());
+            ball.before = (position, velocity);
+            let rolling = DVec2::new(spin.x, spin.y).length() * body.radius_m;
+            let lies = (position.z - body.radius_m).abs() < LIES_M && velocity.z.abs() < LIES_M_S;
+            if lies && velocity.truncate().length().max(rolling) < slower.max(REST_M_S) {
+                let turning = toward_zero(spin.z, spin_slower);
+                moves |= turning != 0.0;
+                rigid.set_linvel(DVec3::new(0.0, 0.0, velocity.z), false);
+                rigid.set_angvel(DVec3::new(0.0, 0.0, turning), turning != 0.0);
+                continue;
+            }
+            moves = true;
+            if lies && Cloth::slip(body, velocity, spin).truncate().length() < rolls {
+                let speed = velocity.truncate().length();
+                let left = toward_zero(speed, slower) / speed.max(f64::MIN_POSITIVE);
+                rigid.set_linvel(velocity * DVec3::new(left, left, 1.0), true);
+                let spin = DVec3::new(left * spin.x, left * spin.y, spin.z);
+                rigid.set_angvel(spin, true);
+            }
+            if lies {
+                let spin = rigid.angvel();
+                rigid.set_angvel(spin.with_z(toward_zero(spin.z, spin_slower)), true);
+            }
+        }
+        moves
+    }
+
+    /// Events for pairs that the solver pushed apart in this step and not in the one before.
+    fn report_contacts(&mut self) {
+        let least = self.laws.body.mass_kg * CONTACT_M_S;
+        let mut touching = BTreeSet::new();
+        for pair in self.world.narrow_phase.contact_pairs() {
+            let [a, b] = [pair.collider1, pair.collider2]
+                .map(|handle| self.world.colliders[handle].user_data as usize);
+            let key = (a.min(b), a.max(b));
+            if key.1 != CLOTH && pair.total_impulse_magnitude() > least {
+                touching.insert(key);
+            }
+        }
+        let begun: Vec<_> = touching.difference(&self.touching).copied().collect();
+        for (low, high) in begun {
+            let (position, velocity) = self.balls[low].before;
+            let kind = if high == CUSHION {
+                let change = self.velocity(low) - velocity;
+                let away = change.normalize_or_zero();
+                EventKind::Cushion {
+                    ball: self.balls[low].number,
+                    point: position - self.laws.body.radius_m * away,
+                    speed_m_s: -velocity.dot(away),
+                }
+            } else {
+                let (other, other_velocity) = self.balls[high].before;
+                EventKind::BallBall {
+                    first: self.balls[low].number,
+                    second: self.balls[high].number,
+                    point: position.midpoint(other),
+                    speed_m_s: (velocity - other_velocity)
+                        .dot((other - position).normalize_or_zero()),
+                }
+            };
+            self.report(kind);
+        }
+        self.touching = touching;
+    }
+
+    /// Takes balls away whose way over this step led into a pocket or off the table.
+    fn take_away_lost(&mut self) {
+        for index in 0..self.balls.len() {
+            let Ball {
+                number,
+                handle,
+                on_table,
+                before: (from, velocity),
+                ..
+            } = self.balls[index];
+            if !on_table {
+                continue;
+            }
+            let to = self.world.bodies[handle].translation();
+            let enters = |pocket: &super::table::Circle| {
+                let (from, to) = (
+                    from.truncate() - pocket.center,
+                    to.truncate() - pocket.center,
+                );
+                nearest_to_origin(from, to) < pocket.radius_m
+            };
+            let phase = if let Some(pocket) = self.table.pockets().iter().position(enters) {
+                self.report(EventKind::Pocketed {
+                    ball: number,
+                    pocket,
+                    speed_m_s: velocity.length(),
+                });
+                Phase::Pocketed
+            } else if !self.table.contains(to.truncate()) || to.z < 0.0 {
+                self.report(EventKind::LeftTable { ball: number });
+                Phase::OffTable
+            } else {
+                continue;
+            };
+            self.record_ball(index);
+            let now = self.now();
+            let ball = &mut self.balls[index];
+            ball.on_table = false;
+            ball.track.leave(now, phase);
+            self.world.bodies[handle].set_enabled(false);
+        }
+    }
+
+    fn record(&mut self) {
+        for index in 0..self.balls.len() {
+            if self.balls[index].on_table {
+                self.record_ball(index);
+            }
+        }
+    }
+
+    /// The straight leg from where the last one ended to here.
+    fn record_ball(&mut self, index: usize) {
+        let now = self.now();
+        let ball = &mut self.balls[index];
+        let body = &self.world.bodies[ball.handle];
+        let (since, from) = ball.leg_from;
+        let position = body.translation();
+        if now > since {
+            let velocity = (position - from) / (now - since);
+            let spin = body.angvel();
+            ball.track.push(Leg {
+                start_secs: since,
+                phase: phase(self.laws, velocity, spin),
+                position: from,
+                velocity,
+                acceleration: DVec3::ZERO,
+                spin,
+                spin_acceleration: DVec3::ZERO,
+            });
+            ball.leg_from = (now, position);
+        }
+    }
+
+    fn velocity(&self, ball: usize) -> DVec3 {
+        self.world.bodies[self.balls[ball].handle].linvel()
+    }
+
+    fn report(&mut self, kind: EventKind) {
+        self.cue_ball_touched |= kind.stops_aim_line();
+        self.events.push(Event {
+            time_secs: self.now(),
+            kind,
+        });
+    }
+}
+
+fn insert_table(world: &mut PhysicsWorld, table: &Table, laws: &Laws) {
+    let cloth = ColliderBuilder::new(SharedShape::halfspace(DVec3::Z))
+        .friction(laws.cloth.sliding_friction)
+        .friction_combine_rule(CoefficientCombineRule::Max)
+        .restitution(0.0)
+        .restitution_combine_rule(CoefficientCombineRule::Min)
+        .user_data(CLOTH as u128);
+    world.insert_collider(cloth, None);
+    for shape in cushion_shapes(table) {
+        let cushion = shape
+            .friction(laws.cushion.friction)
+            .friction_combine_rule(CoefficientCombineRule::Max)
+            .restitution(LEVEL_RESTITUTION * laws.cushion.restitution)
+            .restitution_combine_rule(CoefficientCombineRule::Min)
+            .user_data(CUSHION as u128);
+        world.insert_collider(cushion, None);
+    }
+}
+
+fn insert_ball(
+    world: &mut PhysicsWorld,
+    laws: &Laws,
+    rapier: Rapier,
+    index: usize,
+    state: &BallState,
+) -> Ball {
+    let on_table = state.phase.is_on_table();
+    let rigid = RigidBodyBuilder::dynamic()
+        .translation(state.position)
+        .linvel(state.velocity)
+        .angvel(state.spin)
+        .allow_fast_rotation(rapier.fast_rotation)
+        .ccd_enabled(rapier.sweep_cue_ball && state.number == 0)
+        .enabled(on_table);
+    let law = &laws.ball_ball;
+    let sphere = ColliderBuilder::ball(laws.body.radius_m)
+        .mass(laws.body.mass_kg)
+        .friction(law.friction_fast + law.friction_slow_extra * (-law.friction_fade_s_m).exp())
+        .restitution(law.restitution)
+        .user_data(index as u128);
+    let handle = world.insert(rigid, sphere).0;
+    // Rapier lets bodies sleep below 0.4 m/s·size: a slow roll would stop dead.
+    let sleep = world.bodies[handle].activation_mut();
+    sleep.normalized_linear_threshold = SLEEP_M_S;
+    sleep.angular_threshold = SLEEP_M_S / laws.body.radius_m;
+    let mut track = Track::new(state, Leg::at_rest(0.0, state.position));
+    if !on_table {
+        track.leave(0.0, state.phase);
+    }
+    Ball {
+        number: state.number,
+        handle,
+        on_table,
+        track,
+        leg_from: (0.0, state.position),
+        before: (state.position, state.velocity),
+    }
+}
+
+fn phase(laws: &Laws, velocity: DVec3, spin: DVec3) -> Phase {
+    if velocity.length() > REST_M_S {
+        if Cloth::slip(&laws.body, velocity, spin).length() < ROLLS_M_S {
+            Phase::Rolling
+        } else {
+            Phase::Sliding
+        }
+    } else if spin.length() * laws.body.radius_m > REST_M_S {
+        Phase::Spinning
+    } else {
+        Phase::Resting
+    }
+}
+
+fn toward_zero(value: f64, by: f64) -> f64 {
+    value.signum() * (value.abs() - by).max(0.0)
+}
+
+/// Distance of a segment from the origin.
+fn nearest_to_origin(from: DVec2, to: DVec2) -> f64 {
+    let along = to - from;
+    let s = (-from.dot(along) / along.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+    (from + s * along).length()
+}
+
+/// Tracks are straight over this time, or a step if that is longer.
+const LEG_SECS: f64 = 5e-3;
+/// In place of a ball's index.
+const CUSHION: usize = usize::MAX - 1;
+const CLOTH: usize = usize::MAX;
+/// A push that changes a ball's speed by less is no event: balls that lie in touch.
+const CONTACT_M_S: f64 = 5e-3;
+/// Seen from above a cushion gives back this share of its restitution, for its nose is above the
+/// ball's centre: 0.72 to 0.75 of 0.85 with the default law.
+const LEVEL_RESTITUTION: f64 = 0.87;
+/// Slip below which a ball rolls, at the least.
+const ROLLS_M_S: f64 = 0.01;
+/// Slower is rest.
+const REST_M_S: f64 = 1e-3;
+const SLEEP_M_S: f64 = 1e-4;
+/// A ball lies on the cloth if its centre is at its radius within this, ...
+const LIES_M: f64 = 2e-3;
+/// ... and rises or falls no faster than this.
+const LIES_M_S: f64 = 0.05;
