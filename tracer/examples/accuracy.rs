@@ -1,7 +1,7 @@
-//! Traces the pool scene and says how far the picture is from the independent reference.
+//! Traces the pool scene, or the one of glass, gold and wax, and says how far the picture is from the independent reference.
 //!
 //! ```text
-//! cargo run --release -p carom-tracer --example accuracy -- [reference|cpu|gpu [SAMPLES [picture.png]]]
+//! cargo run --release -p carom-tracer --example accuracy -- [reference|cpu|gpu [SAMPLES [pool|materials [picture.png]]]]
 //! ```
 //!
 //! The f64 reference: relMSE 1.16e-2 at 16 samples, 1.45e-3 at 128, which is 0.186 over the samples;
@@ -30,15 +30,33 @@ fn main() -> Result<(), Box<dyn Error>> {
     let tracer = tracer(arguments.next().as_deref().unwrap_or("reference"))?;
     let samples: u32 = arguments.next().as_deref().unwrap_or("16").parse()?;
 
-    let reference = Estimate {
-        mean: RadianceImage::read_exr(repository("tests/references/pool_480x270.exr"))?,
-        stderr: RadianceImage::read_exr(repository("tests/references/pool_480x270_stderr.exr"))?,
+    let name = arguments.next().unwrap_or_else(|| "pool".to_owned());
+    let scatterings_max = match name.as_str() {
+        "pool" => 5,
+        "materials" => 63,
+        _ => {
+            return Err(
+                format!("there is no picture of `{name}`: choose pool or materials").into(),
+            );
+        }
     };
-    let scene = CompiledScene::new(&Scene::load(repository("assets/scenes/pool.json"))?)?;
+
+    let picture = |suffix: &str| {
+        RadianceImage::read_exr(repository(&format!(
+            "tests/references/{name}_480x270{suffix}.exr"
+        )))
+    };
+    let reference = Estimate {
+        mean: picture("")?,
+        stderr: picture("_stderr")?,
+    };
+    let scene = Scene::load(repository(&format!("assets/scenes/{name}.json")))?;
+    let scene = CompiledScene::new(&scene)?;
     let grid = TileGrid::new(reference.mean.size, 32);
     let tiles: Vec<Tile> = grid.tiles(grid.all()).collect();
     let settings = RenderSettings {
         samples: samples.div_ceil(BATCHES),
+        scatterings_max,
         ..RenderSettings::default()
     };
 

@@ -4,7 +4,8 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Quat, Vec3};
 
 use crate::fresnel::internal_diffuse_reflectance;
-use crate::scene::{Camera, Lamp, Material, ObjectPose, Scene, SceneUpdate, Shape};
+use crate::scene::validate::ALPHA_SMOOTH_MAX;
+use crate::scene::{Camera, Lamp, Material, Medium, ObjectPose, Scene, SceneUpdate, Shape};
 use crate::{Error, ImageSize};
 
 /// A validated scene, ready to trace. Primitives are sorted by shape; within a shape they keep
@@ -139,13 +140,20 @@ pub struct LampData {
     pub padding1: u32,
 }
 
+/// [`MaterialData::kind`] of a diffuse surface, bare or coated.
+pub const KIND_LAYERED: u32 = 0;
+/// [`MaterialData::kind`] of a metal.
+pub const KIND_CONDUCTOR: u32 = 1;
+/// [`MaterialData::kind`] of a clear body.
+pub const KIND_DIELECTRIC: u32 = 2;
+
 /// A material. Diffuse ones have `ior` 0 and `diffuse_scale` 1.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct MaterialData {
     /// Albedo.
     pub albedo: [f32; 3],
-    /// Index of refraction of the coat; 0 for none.
+    /// Index of refraction of the coat or the body; 0 for none.
     pub ior: f32,
     /// Albedo inside the stripe.
     pub stripe_albedo: [f32; 3],
@@ -153,8 +161,29 @@ pub struct MaterialData {
     pub stripe_half_width: f32,
     /// `1 / (η² (1 − F_dr,int))`.
     pub diffuse_scale: f32,
+    /// [`KIND_LAYERED`], [`KIND_CONDUCTOR`] or [`KIND_DIELECTRIC`].
+    pub kind: u32,
+    /// GGX width α; 0 where smooth.
+    pub alpha: f32,
+    /// The rate of the exponential law that distances inside are drawn from, m⁻¹; 0 where nothing
+    /// scatters.
+    pub flight_rate: f32,
+    /// Index of refraction of a metal, real part.
+    pub eta: [f32; 3],
     /// 0.
-    pub padding: [u32; 3],
+    pub padding0: u32,
+    /// Imaginary part.
+    pub k: [f32; 3],
+    /// 0.
+    pub padding1: u32,
+    /// Extinction coefficient σt of the medium inside, m⁻¹.
+    pub extinction: [f32; 3],
+    /// 0.
+    pub padding2: u32,
+    /// Scattering coefficient of the medium over `flight_rate`.
+    pub scattering: [f32; 3],
+    /// 0.
+    pub padding3: u32,
 }
 
 /// A camera for one image size: the ray through film position `(x, y)`, in pixels from the top
@@ -327,6 +356,18 @@ impl CompiledScene {
         }
     }
 
+    /// The material of a primitive; none for a lamp.
+    pub fn material_of(&self, primitive: Primitive) -> Option<&MaterialData> {
+        let material = match primitive {
+            Primitive::Sphere(i) => self.spheres[i as usize].material,
+            Primitive::Box(i) => self.boxes[i as usize].material,
+            Primitive::Disc(i) => self.discs[i as usize].material,
+            Primitive::Rectangle(i) => self.rectangles[i as usize].material,
+            Primitive::Lamp(_) => return None,
+        };
+        Some(&self.materials[material as usize])
+    }
+
     /// The current camera's rays for an image of `size`.
     pub fn camera_frame(&self, size: ImageSize) -> CameraFrame {
         camera_frame(&self.camera, size)
@@ -409,6 +450,41 @@ fn material_data(material: &Material) -> MaterialData {
                 ..MaterialData::zeroed()
             }
         }
+        Material::Conductor { eta, k, alpha } => MaterialData {
+            kind: KIND_CONDUCTOR,
+            alpha: rough_alpha(alpha),
+            eta: eta.to_array(),
+            k: k.to_array(),
+            ..MaterialData::zeroed()
+        },
+        Material::Dielectric { ior, alpha, medium } => MaterialData {
+            kind: KIND_DIELECTRIC,
+            ior,
+            alpha: rough_alpha(alpha),
+            ..medium.map_or_else(MaterialData::zeroed, |medium| medium_data(&medium))
+        },
+    }
+}
+
+fn rough_alpha(alpha: f32) -> f32 {
+    if alpha < ALPHA_SMOOTH_MAX { 0.0 } else { alpha }
+}
+
+/// Distances are drawn for the clearest channel, so that no channel's weight grows on the way.
+fn medium_data(medium: &Medium) -> MaterialData {
+    let Medium { extinction, albedo } = *medium;
+    let data = MaterialData {
+        extinction: extinction.to_array(),
+        ..MaterialData::zeroed()
+    };
+    if albedo == Vec3::ZERO {
+        return data;
+    }
+    let flight_rate = extinction.min_element();
+    MaterialData {
+        flight_rate,
+        scattering: (albedo * extinction / flight_rate).to_array(),
+        ..data
     }
 }
 

@@ -1,9 +1,18 @@
 //! What a smooth dielectric reflects, of one direction and of diffuse light.
 
-/// Unpolarised Fresnel reflectance of a smooth dielectric of index `eta` seen from outside at
-/// `cos_theta` to the normal.
+//!
+//! Directions are seen from the side on which the index is 1: from inside a body of index η the
+//! relative index is 1/η.
+
+use glam::DVec3;
+
+/// Unpolarised Fresnel reflectance of a smooth dielectric of relative index `eta` seen at
+/// `cos_theta` to the normal; 1 where an index below 1 reflects totally.
 pub fn fresnel_dielectric(cos_theta: f64, eta: f64) -> f64 {
     let cos_i = cos_theta.clamp(0.0, 1.0);
+    if eta < 1.0 && (eta - 1.0) * (eta + 1.0) + cos_i * cos_i <= 0.0 {
+        return 1.0;
+    }
     // η²cos²θt = (η²−1) + cos²θi, so that an index of 1 reflects exactly nothing.
     let cos_t = ((eta - 1.0) * (eta + 1.0) + cos_i * cos_i).max(0.0).sqrt() / eta;
     let parallel = (eta * cos_i - cos_t) / (eta * cos_i + cos_t);
@@ -12,6 +21,20 @@ pub fn fresnel_dielectric(cos_theta: f64, eta: f64) -> f64 {
         return 0.0; // an index of 1 at grazing incidence: there is no surface
     }
     0.5 * (parallel * parallel + perpendicular * perpendicular)
+}
+
+/// Unpolarised Fresnel reflectance per channel of a metal of index `eta + i·k` (Born and Wolf,
+/// "Principles of Optics", section 14.2).
+pub fn fresnel_conductor(cos_theta: f64, eta: DVec3, k: DVec3) -> DVec3 {
+    let cos2 = cos_theta.clamp(0.0, 1.0).powi(2);
+    let sin2 = 1.0 - cos2;
+    let difference = eta * eta - k * k - sin2;
+    let sum = (difference * difference + 4.0 * eta * eta * k * k).map(f64::sqrt);
+    let a = (0.5 * (sum + difference)).max(DVec3::ZERO).map(f64::sqrt);
+    let (even, odd) = (sum + cos2, 2.0 * cos2.sqrt() * a);
+    let perpendicular = (even - odd) / (even + odd);
+    let (even, odd) = (cos2 * sum + sin2 * sin2, odd * sin2);
+    0.5 * perpendicular * (1.0 + (even - odd) / (even + odd))
 }
 
 /// The share of diffuse light from inside that a smooth dielectric of index `eta` ≥ 1 throws
@@ -48,6 +71,45 @@ mod tests {
                 );
             }
         }
+    }
+
+    #[test]
+    fn from_inside_light_is_reflected_as_from_outside_or_totally() {
+        for step in 0..=1000 {
+            let inside = f64::from(step) / 1000.0;
+            let sine2_outside = 2.25 * (1.0 - inside * inside);
+            let expected = if sine2_outside >= 1.0 {
+                1.0
+            } else {
+                fresnel_dielectric((1.0 - sine2_outside).sqrt(), 1.5)
+            };
+            assert!((fresnel_dielectric(inside, 1.0 / 1.5) - expected).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_metal_without_absorption_is_a_dielectric_and_grazing_light_is_reflected() {
+        let gold = (
+            DVec3::new(0.143, 0.375, 1.442),
+            DVec3::new(3.983, 2.386, 1.603),
+        );
+        for step in 0..=1000 {
+            let cos = f64::from(step) / 1000.0;
+            let clear = fresnel_conductor(cos, DVec3::splat(1.5), DVec3::ZERO);
+            assert!(
+                (clear.x - fresnel_dielectric(cos, 1.5)).abs() < 1e-12,
+                "{cos}"
+            );
+            let f = fresnel_conductor(cos, gold.0, gold.1);
+            assert!(f.min_element() >= 0.0 && f.max_element() <= 1.0 + 1e-12);
+        }
+        // ((η−1)² + k²) / ((η+1)² + k²) at normal incidence.
+        let normal = fresnel_conductor(1.0, gold.0, gold.1);
+        let k2 = gold.1 * gold.1;
+        let expected =
+            ((gold.0 - 1.0) * (gold.0 - 1.0) + k2) / ((gold.0 + 1.0) * (gold.0 + 1.0) + k2);
+        assert!((normal - expected).length() < 1e-12);
+        assert!((fresnel_conductor(0.0, gold.0, gold.1) - DVec3::ONE).length() < 1e-12);
     }
 
     #[test]

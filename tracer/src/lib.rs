@@ -32,7 +32,8 @@ pub use gpu::GpuTracer;
 pub use image_file::RadianceImage;
 pub use reference::Reference;
 pub use scene::{
-    Camera, Environment, Lamp, Material, Object, ObjectPose, Scene, SceneUpdate, Shape, Stripe,
+    Camera, Environment, Lamp, Material, Medium, Object, ObjectPose, Scene, SceneUpdate, Shape,
+    Stripe,
 };
 pub use settings::RenderSettings;
 pub use tile::{ImageSize, Tile, TileGrid, TileRun};

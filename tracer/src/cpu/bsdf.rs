@@ -1,9 +1,10 @@
-//! Diffuse surfaces and smooth plastic, a lane each.
+//! Diffuse surfaces and smooth plastic, a lane each; other materials by [`super::gloss`].
 
 use std::f32::consts::FRAC_1_PI;
 
 use fearless_simd::prelude::*;
 
+use super::gloss::Gloss;
 use super::lanes::{Float, Mask, Vec3x};
 use super::sampling::cosine_hemisphere;
 use super::surface::Hit;
@@ -22,6 +23,7 @@ pub(super) struct Bsdf<S: Simd> {
     base: Vec3x<S>,
     coated: Mask<S>,
     any_coated: bool,
+    gloss: Option<Gloss<S>>,
 }
 
 /// A direction that light may come from.
@@ -29,7 +31,7 @@ pub(super) struct Scattered<S: Simd> {
     pub(super) wi: Vec3x<S>,
     /// `f · cos θ / pdf`, probability of the lobe included.
     pub(super) weight: Vec3x<S>,
-    /// Per solid angle; ∞ for the mirror.
+    /// Per solid angle; ∞ for what has no density.
     pub(super) pdf: Float<S>,
 }
 
@@ -49,6 +51,7 @@ impl<S: Simd> Bsdf<S> {
             base: hit.albedo,
             coated,
             any_coated: coated.any_true(),
+            gloss: hit.gloss,
         };
         if bsdf.any_coated {
             let zero = Float::splat(simd, 0.0);
@@ -62,19 +65,38 @@ impl<S: Simd> Bsdf<S> {
         bsdf
     }
 
-    /// The diffuse lobe's `f · cos θ` and its pdf towards a direction at `cos_i` > 0.
+    /// Where light that comes straight from a lamp at `cos_i` may be scattered to `wo`.
     #[inline(always)]
-    pub(super) fn evaluate(&self, simd: S, cos_i: Float<S>) -> (Vec3x<S>, Float<S>) {
+    pub(super) fn sees(&self, cos_i: Float<S>) -> Mask<S> {
+        let faces = cos_i.simd_gt(0.0);
+        match &self.gloss {
+            Some(gloss) => (faces & !gloss.lanes()) | gloss.sees(cos_i),
+            None => faces,
+        }
+    }
+
+    /// `f · |cos θ|` without mirrors and the pdf towards a direction at `cos_i` that the surface
+    /// sees.
+    #[inline(always)]
+    pub(super) fn evaluate(&self, simd: S, wi: Vec3x<S>, cos_i: Float<S>) -> (Vec3x<S>, Float<S>) {
         let diffuse = cos_i * FRAC_1_PI;
+        let f_cos = self.base * (diffuse * self.transmitted(simd, cos_i));
+        let pdf = diffuse * (1.0 - self.specular_share);
+        let Some(gloss) = &self.gloss else {
+            return (f_cos, pdf);
+        };
+        let (glossy, glossy_pdf) = gloss.evaluate(simd, self.normal, self.wo, wi);
+        let lanes = gloss.lanes();
         (
-            self.base * (diffuse * self.transmitted(simd, cos_i)),
-            diffuse * (1.0 - self.specular_share),
+            Vec3x::select(lanes, glossy, f_cos),
+            lanes.select(glossy_pdf, pdf),
         )
     }
 
-    /// Chooses a lobe by `u[0]` and a direction by `u[1]` and `u[2]`.
+    /// Chooses a lobe by `u[0]` and a direction by `u[1]` and `u[2]`; sets the lanes whose ray goes
+    /// on inside a clear body in `inside`.
     #[inline(always)]
-    pub(super) fn sample(&self, simd: S, u: [Float<S>; 3]) -> Scattered<S> {
+    pub(super) fn sample(&self, simd: S, u: [Float<S>; 3], inside: &mut Mask<S>) -> Scattered<S> {
         let wi = cosine_hemisphere(simd, self.normal, u[1], u[2]);
         let cos_i = self.normal.dot(wi).max(0.0);
         let mut scattered = Scattered {
@@ -87,6 +109,13 @@ impl<S: Simd> Bsdf<S> {
             scattered.weight = self.base * (self.transmitted(simd, cos_i) / diffuse_share);
             scattered.pdf *= diffuse_share;
             self.mirror(simd, u[0], &mut scattered);
+        }
+        if let Some(gloss) = &self.gloss {
+            let glossy = gloss.sample(simd, self.normal, self.wo, u, inside);
+            let lanes = gloss.lanes();
+            scattered.wi = Vec3x::select(lanes, glossy.wi, scattered.wi);
+            scattered.weight = Vec3x::select(lanes, glossy.weight, scattered.weight);
+            scattered.pdf = lanes.select(glossy.pdf, scattered.pdf);
         }
         scattered
     }
@@ -115,11 +144,12 @@ impl<S: Simd> Bsdf<S> {
     }
 }
 
-/// [`crate::fresnel::fresnel_dielectric`] for `eta` ≥ 1.
+/// [`crate::fresnel::fresnel_dielectric`].
 #[inline(always)]
-fn fresnel<S: Simd>(simd: S, cos_theta: Float<S>, eta: Float<S>) -> Float<S> {
+pub(super) fn fresnel<S: Simd>(simd: S, cos_theta: Float<S>, eta: Float<S>) -> Float<S> {
     let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
     let cos_i = cos_theta.max(zero).min(one);
+    // Where an index below 1 reflects totally, 0 makes both terms 1.
     let cos_t = (one - (one - cos_i * cos_i) / (eta * eta)).max(zero).sqrt();
     let parallel = (eta * cos_i - cos_t) / (eta * cos_i + cos_t);
     let perpendicular = (cos_i - eta * cos_t) / (cos_i + eta * cos_t);

@@ -6,10 +6,13 @@
 use fearless_simd::prelude::*;
 
 use super::lanes::{Float, Mask, Vec3x, Word};
-use crate::compiled::{BoxData, CompiledScene, DiscData, SphereData};
+use crate::compiled::{BoxData, CompiledScene, DiscData, KIND_DIELECTRIC, SphereData};
 
 /// The id of no primitive.
 pub(super) const NONE: u32 = u32::MAX;
+
+/// Set in the id of a clear body that a ray is inside of: it meets that body's far side.
+pub(super) const INSIDE: u32 = 1 << 31;
 
 /// Directions closer to a slab's plane count as this close, so that no product is 0 · ∞.
 const DIRECTION_MIN: f32 = 1e-30;
@@ -24,6 +27,8 @@ pub(super) struct Geometry {
     lamps: Vec<Panel>,
     /// The id of the first lamp; a hit of this id or above ends its path.
     pub(super) lamps_first: u32,
+    /// Some spheres or boxes are clear, so that rays go on inside.
+    has_clear: bool,
 }
 
 /// Rays with what their tests share.
@@ -32,7 +37,8 @@ pub(super) struct Rays<S: Simd> {
     pub(super) origin: Vec3x<S>,
     /// Of unit length.
     pub(super) direction: Vec3x<S>,
-    /// The primitive that each ray starts on, which it cannot meet: all are convex.
+    /// The primitive that each ray starts on, which it cannot meet: all are convex. With [`INSIDE`]
+    /// the clear body that it is inside of.
     skip: Word<S>,
     inverse: Vec3x<S>,
     inverse_abs: Vec3x<S>,
@@ -72,10 +78,15 @@ impl Geometry {
         let mut ids = 0u32..;
         let mut id = || ids.next().expect("ids do not run out");
         let reach = reach(scene);
-        let spheres = scene.spheres.iter().map(|s| Ball::new(s, reach, id()));
+        let is_clear = |material: u32| scene.materials[material as usize].kind == KIND_DIELECTRIC;
+        let spheres = scene.spheres.iter();
+        let spheres = spheres.map(|s| Ball::new(s, reach, id(), is_clear(s.material)));
         // A radius of 0 hides a ball, but its id stays taken.
-        let spheres = spheres.filter(|ball| ball.radius > 0.0).collect();
-        let boxes = scene.boxes.iter().map(|b| Slabs::new(b, id())).collect();
+        let spheres: Vec<Ball> = spheres.filter(|ball| ball.radius > 0.0).collect();
+        let boxes = scene.boxes.iter();
+        let boxes: Vec<Slabs> = boxes
+            .map(|b| Slabs::new(b, id(), is_clear(b.material)))
+            .collect();
         let discs = scene.discs.iter().map(|d| Plate::new(d, id())).collect();
         let rectangles = scene.rectangles.iter();
         let rectangles = rectangles
@@ -92,6 +103,8 @@ impl Geometry {
                 Panel::new(l.center, l.normal, u, v, id)
             })
             .collect();
+        let has_clear =
+            spheres.iter().any(|ball| ball.is_clear) || boxes.iter().any(|slabs| slabs.is_clear);
         Self {
             spheres,
             boxes,
@@ -99,11 +112,12 @@ impl Geometry {
             rectangles,
             lamps,
             lamps_first,
+            has_clear,
         }
     }
 
     /// Distance to and id of the nearest primitive, of equals the first; ∞ and [`NONE`] where
-    /// there is none.
+    /// there is none. The id of a clear body that is met from within has [`INSIDE`].
     #[inline(always)]
     pub(super) fn nearest<S: Simd>(&self, simd: S, rays: &Rays<S>) -> Nearest<S> {
         let mut nearest = Nearest {
@@ -121,6 +135,10 @@ impl Geometry {
         }
         for panel in self.rectangles.iter().chain(&self.lamps) {
             nearest.take(panel.meet(simd, rays, nearest.distance), panel.id);
+        }
+        if self.has_clear {
+            let within = rays.skip.simd_eq(nearest.id | INSIDE);
+            nearest.id = within.select(rays.skip, nearest.id);
         }
         nearest
     }
@@ -204,15 +222,17 @@ struct Ball {
     /// No ray passes outside this radius and hits, whatever the rounding of the quick test.
     reject_radius: f32,
     id: u32,
+    is_clear: bool,
 }
 
 impl Ball {
-    fn new(sphere: &SphereData, reach: f32, id: u32) -> Self {
+    fn new(sphere: &SphereData, reach: f32, id: u32, is_clear: bool) -> Self {
         Self {
             center: sphere.center,
             radius: sphere.radius,
             reject_radius: sphere.radius * 1.000_01 + reach * (8.0 * f32::EPSILON),
             id,
+            is_clear,
         }
     }
 
@@ -232,8 +252,14 @@ impl Ball {
         }
         let radius = Float::splat(simd, self.radius);
         let chord = Chord::new(rays.origin, rays.direction, center, radius);
-        let t = chord.first();
-        let hit = chord.real & t.simd_gt(0.0) & t.simd_lt(limit) & rays.skip.simd_ne(self.id);
+        let mut t = chord.first();
+        let mut hit = chord.real & t.simd_gt(0.0);
+        if self.is_clear {
+            let within = rays.skip.simd_eq(self.id | INSIDE);
+            t = within.select(chord.far.max(0.0), t);
+            hit |= within;
+        }
+        let hit = hit & t.simd_lt(limit) & rays.skip.simd_ne(self.id);
         Some((hit, t))
     }
 }
@@ -291,10 +317,11 @@ impl<S: Simd> Chord<S> {
     }
 
     /// That point as seen from the centre, which keeps the digits that `origin + t · direction`
-    /// has lost.
+    /// has lost; for rays `within` the sphere, the far one.
     #[inline(always)]
-    pub(super) fn first_from_center(&self, direction: Vec3x<S>) -> Vec3x<S> {
-        let half = self.near.simd_gt(0.0).select(-self.half, self.half);
+    pub(super) fn first_from_center(&self, direction: Vec3x<S>, within: Mask<S>) -> Vec3x<S> {
+        let is_near = self.near.simd_gt(0.0) & !within;
+        let half = is_near.select(-self.half, self.half);
         direction.mul_add(half, self.perpendicular)
     }
 }
@@ -312,17 +339,23 @@ struct Slabs {
     center: [f32; 3],
     half: [f32; 3],
     id: u32,
+    is_clear: bool,
 }
 
 impl Slabs {
-    fn new(data: &BoxData, id: u32) -> Self {
+    fn new(data: &BoxData, id: u32, is_clear: bool) -> Self {
         let center: [f32; 3] = std::array::from_fn(|i| 0.5 * (data.min[i] + data.max[i]));
         // Rounded up, so that rays within a face and through an edge hit.
         let half = std::array::from_fn(|i| {
             let half = (data.max[i] - center[i]).max(center[i] - data.min[i]);
             half.next_up().next_up()
         });
-        Self { center, half, id }
+        Self {
+            center,
+            half,
+            id,
+            is_clear,
+        }
     }
 
     #[inline(always)]
@@ -335,6 +368,13 @@ impl Slabs {
         let entry = near.x.max(near.y).max(near.z);
         let exit = far.x.min(far.y).min(far.z);
         let hit = entry.max(0.0).simd_le(exit.min(limit)) & rays.skip.simd_ne(self.id);
+        if self.is_clear {
+            let within = rays.skip.simd_eq(self.id | INSIDE);
+            let t = entry.simd_gt(0.0).select(entry, exit);
+            let t = within.select(exit.max(0.0), t);
+            let ahead = hit & t.simd_gt(0.0);
+            return Some(((ahead | within) & t.simd_lt(limit), t));
+        }
         if !hit.any_true() {
             return None;
         }

@@ -7,7 +7,8 @@
 use fearless_simd::{i32x16, prelude::*};
 
 use super::bsdf::Bsdf;
-use super::geometry::{Geometry, NONE, Rays};
+use super::geometry::{Geometry, INSIDE, NONE, Nearest, Rays};
+use super::gloss::{SCATTERED, untagged};
 use super::lanes::{Float, Mask, Vec3x, Word};
 use super::sampling::uniforms;
 use super::stream::{Packet, Stream, load, load_words, packets, store, store_words};
@@ -64,7 +65,7 @@ impl Prepared {
             rays += stream.len as u64;
             simd.vectorize(
                 #[inline(always)]
-                || self.extend(simd, stream, last),
+                || self.extend(simd, stream, bounce, last),
             );
             if stream.len == 0 {
                 break;
@@ -112,7 +113,7 @@ impl Prepared {
     /// Finds what each path meets next, ends those that meet light or nothing, or all if this is
     /// their last edge, and closes the ranks of the others.
     #[inline(always)]
-    fn extend<S: Simd>(&self, simd: S, stream: &mut Stream, last: bool) {
+    fn extend<S: Simd>(&self, simd: S, stream: &mut Stream, bounce: u32, last: bool) {
         let mut kept = 0;
         for packet in packets(stream.len) {
             let at = packet.at;
@@ -120,11 +121,17 @@ impl Prepared {
             let direction = stream.direction.load(simd, at);
             let skip = load_words(simd, &stream.primitive, at);
             let rays = Rays::new(simd, origin, direction, skip);
-            let nearest = self.geometry.nearest(simd, &rays);
+            let mut nearest = self.geometry.nearest(simd, &rays);
             let alive = packet.mask(simd);
-            let unscattered = nearest.id.simd_ge(self.geometry.lamps_first) & alive;
+            let mut met = nearest.id;
+            if self.surfaces.has_clear {
+                self.fly(simd, stream, at, bounce, &mut nearest);
+                met = untagged(nearest.id);
+            }
+            let unscattered = met.simd_ge(self.geometry.lamps_first) & alive;
             if unscattered.any_true() {
-                let light = self.found_light(simd, stream, at, nearest.distance, nearest.id);
+                let light_id = unscattered.select(nearest.id, Word::splat(simd, NONE));
+                let light = self.found_light(simd, stream, at, nearest.distance, light_id);
                 let radiance = stream.radiance.load(simd, at);
                 stream.finish(packet, unscattered, radiance + light);
             }
@@ -139,6 +146,39 @@ impl Prepared {
             }
         }
         stream.len = kept;
+    }
+
+    /// Flies through what fills clear bodies: light is absorbed, and may be scattered before the
+    /// boundary.
+    #[inline(always)]
+    fn fly<S: Simd>(
+        &self,
+        simd: S,
+        stream: &mut Stream,
+        at: usize,
+        bounce: u32,
+        nearest: &mut Nearest<S>,
+    ) {
+        let skip = load_words(simd, &stream.primitive, at);
+        let none = Word::splat(simd, NONE);
+        let within = (skip & INSIDE).simd_ne(0) & skip.simd_ne(none);
+        if !within.any_true() {
+            return;
+        }
+        let pixel = load_words(simd, &stream.pixel, at);
+        let sample = load_words(simd, &stream.sample, at);
+        let [.., u] = uniforms(
+            simd,
+            pixel,
+            sample,
+            block_scatter(bounce),
+            self.settings.seed,
+        );
+        let flight = self.surfaces.fly(simd, within, skip, nearest.distance, u);
+        let beta = stream.beta.load(simd, at);
+        stream.beta.store(at, beta.scale(flight.weight));
+        nearest.distance = flight.distance;
+        nearest.id = flight.scattered.select(skip | SCATTERED, nearest.id);
     }
 
     /// Light that comes in along rays that meet a lamp or nothing.
@@ -180,12 +220,12 @@ impl Prepared {
         for packet in packets(stream.len) {
             let at = packet.at;
             let alive = packet.mask(simd);
-            let id = load_words(simd, &stream.primitive, at);
-            let id = alive.select(id, Word::splat(simd, id[0]));
+            let tag = load_words(simd, &stream.primitive, at);
+            let tag = alive.select(tag, Word::splat(simd, tag[0]));
             let origin = stream.origin.load(simd, at);
             let direction = stream.direction.load(simd, at);
             let distance = load(simd, &stream.distance, at);
-            let hit = self.surfaces.hit(simd, origin, direction, distance, id);
+            let hit = self.surfaces.hit(simd, origin, direction, distance, tag);
             let bsdf = Bsdf::new(simd, &hit, -direction);
             let beta = stream.beta.load(simd, at);
             let pixel = load_words(simd, &stream.pixel, at);
@@ -196,12 +236,18 @@ impl Prepared {
                 self.aim_at_lamp(simd, stream, packet, &hit, &bsdf, beta, u);
             }
             let [lobe, u1, u2, _] = uniforms(simd, pixel, sample, block_scatter(bounce), seed);
-            let scattered = bsdf.sample(simd, [lobe, u1, u2]);
+            let mut inside = Mask::splat(simd, false);
+            let scattered = bsdf.sample(simd, [lobe, u1, u2], &mut inside);
             stream.origin.store(at, hit.position);
             stream.direction.store(at, scattered.wi);
             stream.beta.store(at, beta.scale(scattered.weight));
             store(&mut stream.pdf, at, scattered.pdf);
-            store_words(&mut stream.primitive, at, id);
+            let mut left = tag;
+            if self.surfaces.has_clear {
+                left = untagged(tag);
+                left = inside.select(left | INSIDE, left);
+            }
+            store_words(&mut stream.primitive, at, left);
         }
     }
 
@@ -240,10 +286,10 @@ impl Prepared {
         let cos_i = hit.normal.dot(wi);
         let cos_lamp = -rows.triple(simd, LAMP_NORMAL).dot(wi);
         let inverse_pdf = cos_lamp * rows.number(simd, LAMP_AREA) / distance_squared;
-        let (f_cos, bsdf_pdf) = bsdf.evaluate(simd, cos_i);
+        let (f_cos, bsdf_pdf) = bsdf.evaluate(simd, wi, cos_i);
         let weight = inverse_pdf * power_heuristic(bsdf_pdf * inverse_pdf);
         let emitted = rows.triple(simd, LAMP_RADIANCE);
-        let lit = Packet { at, lanes }.mask(simd) & cos_i.simd_gt(0.0) & cos_lamp.simd_gt(0.0);
+        let lit = Packet { at, lanes }.mask(simd) & bsdf.sees(cos_i) & cos_lamp.simd_gt(0.0);
         let shadow = &mut stream.shadow;
         shadow.direction.store(at, wi);
         shadow
@@ -271,7 +317,8 @@ impl Prepared {
             rays += u64::from(traced);
             let origin = stream.origin.load(simd, at);
             let direction = stream.shadow.direction.load(simd, at);
-            let skip = load_words(simd, &stream.primitive, at);
+            // Shadow rays leave outwards, whatever the path does.
+            let skip = load_words(simd, &stream.primitive, at) & !INSIDE;
             let lamp = load_words(simd, &stream.shadow.lamp, at);
             let shadow_rays = Rays::new(simd, origin, direction, skip);
             let dark = self.geometry.occluded(simd, &shadow_rays, distance, lamp);

@@ -20,6 +20,7 @@
 mod batch;
 mod bsdf;
 mod geometry;
+mod gloss;
 mod integrator;
 mod lanes;
 mod sampling;

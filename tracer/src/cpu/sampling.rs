@@ -74,8 +74,7 @@ pub(super) fn sin_cos_turns<S: Simd>(turns: Float<S>) -> (Float<S>, Float<S>) {
     (sin_turned.select(-sin, sin), cos_turned.select(-cos, cos))
 }
 
-/// A direction about the unit vector `n` with density cos θ / π, in the basis of Duff et al.,
-/// "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017.
+/// A direction about the unit vector `n` with density cos θ / π.
 #[inline(always)]
 pub(super) fn cosine_hemisphere<S: Simd>(
     simd: S,
@@ -88,13 +87,22 @@ pub(super) fn cosine_hemisphere<S: Simd>(
     let r = u1.sqrt();
     let (x, y) = (r * cos, r * sin);
     let z = (one - u1).max(0.0).sqrt();
+    let (tangent, bitangent) = basis(simd, n);
+    tangent.mul_add(x, bitangent.mul_add(y, n * z))
+}
+
+/// Two unit vectors at right angles to the unit vector `n` and to each other: Duff et al.,
+/// "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017.
+#[inline(always)]
+pub(super) fn basis<S: Simd>(simd: S, n: Vec3x<S>) -> (Vec3x<S>, Vec3x<S>) {
+    let one = Float::splat(simd, 1.0);
     // Not the sign bit: it would make −0 another basis than 0.
     let sign = n.z.simd_ge(0.0).select(one, -one);
     let a = -one / (sign + n.z);
     let b = n.x * n.y * a;
     let tangent = Vec3x::new((sign * n.x * n.x).mul_add(a, one), sign * b, -(sign * n.x));
     let bitangent = Vec3x::new(b, (n.y * n.y).mul_add(a, sign), -n.y);
-    tangent.mul_add(x, bitangent.mul_add(y, n * z))
+    (tangent, bitangent)
 }
 
 #[cfg(test)]

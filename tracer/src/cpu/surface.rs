@@ -2,13 +2,18 @@
 
 use fearless_simd::prelude::*;
 
-use super::geometry::{Chord, inverse};
-use super::lanes::{Float, LANES, Vec3x, Word};
-use crate::compiled::{CompiledScene, MaterialData};
+use super::geometry::{Chord, INSIDE, inverse};
+use super::gloss::{Flight, Gloss, GlossRow, gloss_row, untagged};
+use super::lanes::{Float, LANES, Mask, Vec3x, Word};
+use crate::compiled::{CompiledScene, KIND_DIELECTRIC, KIND_LAYERED, MaterialData};
 
 /// One row of numbers per primitive that scatters, in the order of ids.
 pub(super) struct Surfaces {
     rows: Vec<Row>,
+    /// Empty if all are diffuse, bare or coated.
+    gloss: Vec<GlossRow>,
+    /// Paths go on inside of bodies and need to know what fills them.
+    pub(super) has_clear: bool,
 }
 
 /// Geometry, then material; what the first seven hold depends on [`KIND`].
@@ -39,6 +44,8 @@ pub(super) struct Hit<S: Simd> {
     /// 0 for a diffuse surface.
     pub(super) ior: Float<S>,
     pub(super) diffuse_scale: Float<S>,
+    /// Metals and clear bodies, if any lane met one.
+    pub(super) gloss: Option<Gloss<S>>,
 }
 
 impl Surfaces {
@@ -69,10 +76,30 @@ impl Surfaces {
         }
         rows.extend(scene.discs.iter().map(|d| flat(d.normal, d.material)));
         rows.extend(scene.rectangles.iter().map(|r| flat(r.normal, r.material)));
-        Self { rows }
+        Self {
+            rows,
+            gloss: gloss_rows(scene),
+            has_clear: (scene.materials.iter()).any(|m| m.kind == KIND_DIELECTRIC),
+        }
     }
 
-    /// The surface of primitive `id` at `distance` along the ray.
+    /// The flight of the rays inside clear bodies, whose ids are in `skip`, towards a boundary at
+    /// `distance`. None if no ray is.
+    #[inline(always)]
+    pub(super) fn fly<S: Simd>(
+        &self,
+        simd: S,
+        within: Mask<S>,
+        skip: Word<S>,
+        distance: Float<S>,
+        u: Float<S>,
+    ) -> Flight<S> {
+        let body = within.select(untagged(skip), Word::splat(simd, 0));
+        Flight::new(simd, &self.gloss, body, within, distance, u)
+    }
+
+    /// The surface of the primitive in `tag` at `distance` along the ray, or the point inside it
+    /// where the path was scattered.
     #[inline(always)]
     pub(super) fn hit<S: Simd>(
         &self,
@@ -80,8 +107,14 @@ impl Surfaces {
         origin: Vec3x<S>,
         direction: Vec3x<S>,
         distance: Float<S>,
-        id: Word<S>,
+        tag: Word<S>,
     ) -> Hit<S> {
+        let (mut id, mut within, mut gloss) = (tag, Mask::splat(simd, false), None);
+        if !self.gloss.is_empty() {
+            id = untagged(tag);
+            within = (tag & INSIDE).simd_ne(0);
+            gloss = Gloss::new(simd, &self.gloss, tag);
+        }
         let rows = Rows::new(&self.rows, id);
         let kind = rows.number(simd, KIND);
         let first = rows.triple(simd, FIRST);
@@ -92,15 +125,19 @@ impl Surfaces {
         let sphere = kind.simd_eq(KIND_SPHERE);
         if sphere.any_true() {
             let chord = Chord::new(origin, direction, first, second.x);
-            let from_center = chord.first_from_center(direction);
+            let from_center = chord.first_from_center(direction, within);
             position = Vec3x::select(sphere, first + from_center, position);
             normal = Vec3x::select(sphere, from_center * (1.0 / second.x), normal);
         }
         let boxed = kind.simd_eq(KIND_BOX);
         if boxed.any_true() {
-            let face = Face::new(simd, origin, direction, first, second);
+            let face = Face::new(simd, origin, direction, first, second, within);
             position = Vec3x::select(boxed, face.put(simd, position), position);
             normal = Vec3x::select(boxed, face.normal, normal);
+        }
+        if let Some(gloss) = &gloss {
+            let inside = direction.mul_add(distance, origin);
+            position = Vec3x::select(gloss.is_scattered(), inside, position);
         }
         let mut albedo = rows.triple(simd, ALBEDO);
         let ior = rows.number(simd, IOR);
@@ -117,8 +154,23 @@ impl Surfaces {
             albedo,
             ior,
             diffuse_scale: rows.number(simd, DIFFUSE_SCALE),
+            gloss,
         }
     }
+}
+
+fn gloss_rows(scene: &CompiledScene) -> Vec<GlossRow> {
+    if scene.materials.iter().all(|m| m.kind == KIND_LAYERED) {
+        return Vec::new();
+    }
+    let spheres = scene.spheres.iter().map(|s| s.material);
+    let boxes = scene.boxes.iter().map(|b| b.material);
+    let discs = scene.discs.iter().map(|d| d.material);
+    let rectangles = scene.rectangles.iter().map(|r| r.material);
+    let materials = spheres.chain(boxes).chain(discs).chain(rectangles);
+    materials
+        .map(|material| gloss_row(&scene.materials[material as usize]))
+        .collect()
 }
 
 fn row(first: [f32; 3], second: [f32; 3], kind: f32, m: &MaterialData, axis: [f32; 3]) -> Row {
@@ -126,7 +178,7 @@ fn row(first: [f32; 3], second: [f32; 3], kind: f32, m: &MaterialData, axis: [f3
     row[FIRST..][..3].copy_from_slice(&first);
     row[SECOND..][..3].copy_from_slice(&second);
     row[KIND] = kind;
-    row[IOR] = m.ior;
+    row[IOR] = if m.kind == KIND_LAYERED { m.ior } else { 0.0 };
     row[ALBEDO..][..3].copy_from_slice(&m.albedo);
     row[DIFFUSE_SCALE] = m.diffuse_scale;
     row[STRIPE_ALBEDO..][..3].copy_from_slice(&m.stripe_albedo);
@@ -184,7 +236,14 @@ struct Face<S: Simd> {
 
 impl<S: Simd> Face<S> {
     #[inline(always)]
-    fn new(simd: S, origin: Vec3x<S>, direction: Vec3x<S>, min: Vec3x<S>, max: Vec3x<S>) -> Self {
+    fn new(
+        simd: S,
+        origin: Vec3x<S>,
+        direction: Vec3x<S>,
+        min: Vec3x<S>,
+        max: Vec3x<S>,
+        within: Mask<S>,
+    ) -> Self {
         let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
         let forward = Vec3x::new(
             one.copysign(direction.x),
@@ -196,7 +255,7 @@ impl<S: Simd> Face<S> {
         let inverse = inverse(simd, direction);
         let entry = (front - origin).scale(inverse);
         let exit = (back - origin).scale(inverse);
-        let entered = entry.x.max(entry.y).max(entry.z).simd_gt(0.0);
+        let entered = entry.x.max(entry.y).max(entry.z).simd_gt(0.0) & !within;
         // The last slab entered, or the first one left, whose distances are turned round.
         let rank = Vec3x::select(entered, entry, -exit);
         let by_x = rank.x.simd_ge(rank.y) & rank.x.simd_ge(rank.z);

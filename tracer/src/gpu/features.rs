@@ -1,6 +1,6 @@
 //! What a scene requires of the kernel: what it has none of is left out.
 
-use crate::compiled::{CompiledScene, MaterialData};
+use crate::compiled::{CompiledScene, KIND_DIELECTRIC, KIND_LAYERED, MaterialData};
 use crate::gpu::layout;
 
 /// A shape's array in the scene, in the order in which primitives are numbered.
@@ -79,6 +79,10 @@ pub(crate) struct Features {
     pub(crate) has_coat: bool,
     /// Some material has a stripe.
     pub(crate) has_stripe: bool,
+    /// Some material is a metal or clear.
+    pub(crate) has_gloss: bool,
+    /// Some material is clear.
+    pub(crate) has_clear: bool,
     /// Balls are so far from the origin that the rounding of coordinates shows.
     pub(crate) is_compensated: bool,
     pub(crate) memory: SceneMemory,
@@ -95,8 +99,10 @@ impl Features {
             rectangles: scene.rectangles.len() as u32,
             lamps: scene.lamps.len() as u32,
             materials: scene.materials.len().max(1) as u32,
-            has_coat: any(|material| material.ior > 0.0),
+            has_coat: any(|material| material.kind == KIND_LAYERED && material.ior > 0.0),
             has_stripe: any(|material| material.stripe_half_width > 0.0),
+            has_gloss: any(|material| material.kind != KIND_LAYERED),
+            has_clear: any(|material| material.kind == KIND_DIELECTRIC),
             is_compensated: needs_compensation(scene),
             memory: SceneMemory::Uniform,
         };

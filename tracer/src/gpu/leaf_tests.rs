@@ -334,7 +334,7 @@ fn balls_are_met_from_any_distance_as_in_f64() {
         let body = "
             let ray = Ray(triple(6u * i), triple(6u * i + 3u));
             let t = sphere_t(ray, scene.spheres[0].center, scene.spheres[0].radius);
-            let n = sphere_surface(ray, t, 0u).normal;
+            let n = sphere_surface(ray, t, 0u, false).normal;
             result(i, vec4u(bitcast<u32>(t), bitcast<vec3u>(n)));";
         let Some(results) = run(&scene, body, &input, COUNT) else {
             return;

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use crate::compiled::{KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED};
 use crate::gpu::features::{Features, SceneMemory, ShapeKind};
 use crate::sampling::BLOCK_CAMERA;
 
@@ -18,6 +19,7 @@ pub(crate) fn source(features: &Features) -> String {
     text += &nearest(features);
     text += &occluded(features);
     text += &surface_at(features);
+    text += &material_of(features);
     text
 }
 
@@ -28,6 +30,7 @@ fn parts(features: &Features) -> Vec<&'static str> {
         include_str!("shaders/sampling.wgsl"),
         include_str!("shaders/geometry.wgsl"),
         include_str!("shaders/bsdf.wgsl"),
+        include_str!("shaders/fresnel.wgsl"),
     ];
     parts.extend(features.shapes().map(shape_part));
     parts.push(match features.lamps {
@@ -37,6 +40,14 @@ fn parts(features: &Features) -> Vec<&'static str> {
     parts.push(match features.has_coat {
         true => include_str!("shaders/bsdf_plastic.wgsl"),
         false => include_str!("shaders/bsdf_diffuse.wgsl"),
+    });
+    parts.push(match features.has_gloss {
+        true => include_str!("shaders/bsdf_gloss.wgsl"),
+        false => include_str!("shaders/bsdf_layered.wgsl"),
+    });
+    parts.push(match features.has_clear {
+        true => include_str!("shaders/medium.wgsl"),
+        false => include_str!("shaders/medium_none.wgsl"),
     });
     parts.push(include_str!("shaders/path.wgsl"));
     parts.push(include_str!("shaders/kernel.wgsl"));
@@ -58,8 +69,12 @@ fn constants(features: &Features) -> String {
         "const BLOCK_EDGE: u32 = {BLOCK_EDGE}u;\n\
          const BLOCK_CAMERA: u32 = {BLOCK_CAMERA}u;\n\
          const COMPENSATED: bool = {};\n\
-         const HAS_STRIPE: bool = {};\n",
-        features.is_compensated, features.has_stripe
+         const HAS_STRIPE: bool = {};\n\
+         const HAS_CLEAR: bool = {};\n\
+         const KIND_LAYERED: u32 = {KIND_LAYERED}u;\n\
+         const KIND_CONDUCTOR: u32 = {KIND_CONDUCTOR}u;\n\
+         const KIND_DIELECTRIC: u32 = {KIND_DIELECTRIC}u;\n",
+        features.is_compensated, features.has_stripe, features.has_clear
     );
     let mut first = 0;
     for shape in ShapeKind::ALL {
@@ -128,16 +143,31 @@ fn occluded(features: &Features) -> String {
 }
 
 fn surface_at(features: &Features) -> String {
-    let mut text = String::from("fn surface_at(ray: Ray, hit: Hit) -> Surface {\n");
+    let mut text =
+        String::from("fn surface_at(ray: Ray, hit: Hit, is_within: bool) -> Surface {\n");
     for shape in features.shapes() {
         let (name, constant) = (shape.function(), shape.constant());
         _ = writeln!(
             text,
             "    if (hit.primitive < {constant}_FIRST + {constant}_COUNT) {{\n        \
-             return {name}_surface(ray, hit.t, hit.primitive - {constant}_FIRST);\n    }}"
+             return {name}_surface(ray, hit.t, hit.primitive - {constant}_FIRST, is_within);\n    }}"
         );
     }
-    text + "    return Surface(vec3f(0.0), vec3f(0.0), vec3f(0.0), 0u);\n}\n"
+    text + "    return Surface(vec3f(0.0), vec3f(0.0), vec3f(0.0), 0u, false);\n}\n"
+}
+
+/// The material of a solid.
+fn material_of(features: &Features) -> String {
+    let mut text = String::from("fn material_of(primitive: u32) -> u32 {\n");
+    for shape in features.shapes() {
+        let (array, constant) = (shape.array(), shape.constant());
+        _ = writeln!(
+            text,
+            "    if (primitive < {constant}_FIRST + {constant}_COUNT) {{\n        \
+             return scene.{array}[primitive - {constant}_FIRST].material;\n    }}"
+        );
+    }
+    text + "    return 0u;\n}\n"
 }
 
 fn shape_and_lamp_names(features: &Features) -> impl Iterator<Item = &'static str> {
@@ -166,6 +196,8 @@ mod tests {
         materials: 20,
         has_coat: true,
         has_stripe: true,
+        has_gloss: true,
+        has_clear: true,
         is_compensated: true,
         memory: SceneMemory::Uniform,
     };
@@ -184,6 +216,8 @@ mod tests {
                 lamps: i >> 6,
                 materials: 1 + i % 5,
                 has_stripe: i % 3 == 0,
+                has_gloss: i % 7 < 4,
+                has_clear: i % 7 < 2,
                 is_compensated: i % 5 < 2,
             }
         })
@@ -239,7 +273,9 @@ mod tests {
             layout!(DiscData, center radius normal material),
             layout!(RectangleData, center material half_u inv_u2 half_v inv_v2 normal),
             layout!(LampData, center area half_u inv_u2 half_v inv_v2 normal radiance),
-            layout!(MaterialData, albedo ior stripe_albedo stripe_half_width diffuse_scale),
+            layout!(MaterialData,
+                albedo ior stripe_albedo stripe_half_width diffuse_scale kind alpha flight_rate
+                eta k extinction scattering),
             layout!(CameraFrame, eye corner dx dy),
             layout!(SceneHeader, camera environment zero),
             layout!(DispatchData,

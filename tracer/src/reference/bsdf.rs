@@ -29,7 +29,7 @@ pub struct Bsdf {
 pub struct BsdfSample {
     /// Unit direction to the light.
     pub wi: DVec3,
-    /// `f · cos wi / pdf`; 0 if the path ends.
+    /// `f · |cos wi| / pdf`; 0 if the path ends.
     pub weight: DVec3,
     /// Density of `wi` per solid angle; none if the mirror was chosen.
     pub pdf: Option<f64>,
@@ -38,14 +38,9 @@ pub struct BsdfSample {
 impl Bsdf {
     /// The scattering at a hit. A lamp reflects nothing.
     pub fn at(scene: &CompiledScene, hit: &Hit) -> Self {
-        let material = match hit.primitive {
-            Primitive::Sphere(i) => scene.spheres[i as usize].material,
-            Primitive::Box(i) => scene.boxes[i as usize].material,
-            Primitive::Disc(i) => scene.discs[i as usize].material,
-            Primitive::Rectangle(i) => scene.rectangles[i as usize].material,
-            Primitive::Lamp(_) => return Self::black(),
+        let Some(material) = scene.material_of(hit.primitive) else {
+            return Self::black();
         };
-        let material = &scene.materials[material as usize];
         let in_stripe = if let Primitive::Sphere(i) = hit.primitive {
             let axis = vector(scene.spheres[i as usize].stripe_axis);
             hit.n.dot(axis).abs() < f64::from(material.stripe_half_width)

@@ -27,18 +27,35 @@ pub struct Hit {
     pub primitive: Primitive,
 }
 
+/// Where a ray begins, other than in the open.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Departure {
+    /// The primitive whose surface the ray leaves, or whose inside it crosses.
+    pub primitive: Primitive,
+    /// The ray goes through the inside.
+    pub is_inside: bool,
+}
+
 /// The nearest hit of all primitives, lamps among them; of equal distances the first in the order
 /// spheres, boxes, discs, rectangles, lamps.
 pub fn intersect(scene: &CompiledScene, ray: &Ray) -> Option<Hit> {
     intersect_from(scene, ray, None)
 }
 
-/// [`intersect`] for a ray that leaves the surface of `left`, which is skipped.
-pub fn intersect_from(scene: &CompiledScene, ray: &Ray, left: Option<Primitive>) -> Option<Hit> {
+/// [`intersect`] for a ray that leaves a surface outwards, which is skipped, or that is inside a
+/// sphere or box, whose far side it meets wherever rounding has put its origin.
+pub fn intersect_from(scene: &CompiledScene, ray: &Ray, left: Option<Departure>) -> Option<Hit> {
+    let skipped = left
+        .filter(|left| !left.is_inside)
+        .map(|left| left.primitive);
+    let enclosing = left
+        .filter(|left| left.is_inside)
+        .map(|left| left.primitive);
     let mut nearest: Option<Hit> = None;
     let mut offer = |primitive, met: Option<(f64, DVec3)>| {
         let Some((t, n)) = met else { return };
-        if t > 0.0 && nearest.is_none_or(|hit| t < hit.t) && left != Some(primitive) {
+        let is_ahead = t > 0.0 || enclosing == Some(primitive);
+        if is_ahead && nearest.is_none_or(|hit| t < hit.t) && skipped != Some(primitive) {
             let point = ray.origin + t * ray.direction;
             nearest = Some(Hit {
                 t,
@@ -49,10 +66,22 @@ pub fn intersect_from(scene: &CompiledScene, ray: &Ray, left: Option<Primitive>)
         }
     };
     for (i, sphere) in (0..).zip(&scene.spheres) {
-        offer(Primitive::Sphere(i), meet_sphere(sphere, ray));
+        let primitive = Primitive::Sphere(i);
+        let met = if enclosing == Some(primitive) {
+            Some(leave_sphere(sphere, ray))
+        } else {
+            meet_sphere(sphere, ray)
+        };
+        offer(primitive, met);
     }
     for (i, slabs) in (0..).zip(&scene.boxes) {
-        offer(Primitive::Box(i), meet_box(slabs, ray));
+        let primitive = Primitive::Box(i);
+        let met = if enclosing == Some(primitive) {
+            Some(leave_box(slabs, ray))
+        } else {
+            meet_box(slabs, ray)
+        };
+        offer(primitive, met);
     }
     for (i, disc) in (0..).zip(&scene.discs) {
         offer(Primitive::Disc(i), meet_disc(disc, ray));
@@ -97,6 +126,36 @@ fn meet_sphere(sphere: &SphereData, ray: &Ray) -> Option<(f64, DVec3)> {
     let along = if outside { -half_chord } else { half_chord };
     let n = (nearest + along * ray.direction).normalize();
     Some((t_nearest + along, n))
+}
+
+/// The far side of a sphere, from inside: at no distance if rounding has put the origin outside.
+fn leave_sphere(sphere: &SphereData, ray: &Ray) -> (f64, DVec3) {
+    let radius = f64::from(sphere.radius);
+    let from_center = ray.origin - vector(sphere.center);
+    let t_nearest = -from_center.dot(ray.direction);
+    let nearest = from_center + t_nearest * ray.direction;
+    let distance = nearest.length();
+    let half_chord = ((radius - distance) * (radius + distance)).max(0.0).sqrt();
+    let n = (nearest + half_chord * ray.direction).normalize();
+    ((t_nearest + half_chord).max(0.0), n)
+}
+
+/// The face through which a ray leaves a box; at no distance if rounding has put the origin outside.
+fn leave_box(slabs: &BoxData, ray: &Ray) -> (f64, DVec3) {
+    let (min, max) = (vector(slabs.min), vector(slabs.max));
+    let (mut far, mut n) = (f64::INFINITY, DVec3::Z);
+    for axis in 0..3 {
+        let direction = ray.direction[axis];
+        if direction == 0.0 {
+            continue;
+        }
+        let face = if direction > 0.0 { max } else { min }[axis];
+        let t = (face - ray.origin[axis]) / direction;
+        if t < far {
+            (far, n) = (t, DVec3::AXES[axis] * direction.signum());
+        }
+    }
+    (far.max(0.0), n)
 }
 
 /// Slabs; a ray within a face or through an edge hits. The far face counts from inside.

@@ -8,16 +8,21 @@
 //! 1. **Camera.** The ray goes through film position `pixel + u[0..2]` of block `BLOCK_CAMERA`.
 //! 2. **Edge.** The nearest primitive with `t > 0` is hit, the first of equals in the order
 //!    spheres, boxes, discs, rectangles, lamps. The primitive that the ray leaves is skipped: each
-//!    is convex, so an outward ray cannot meet it again, and no origin need be offset. A ray that
+//!    is convex, so an outward ray cannot meet it again, and no origin need be offset; a ray inside
+//!    a clear body meets that body's far side and no other of its own. There it flies freely first:
+//!    with `u = block_scatter(k)`, it is scattered after `−ln(1 − u[3]) / flight_rate` metres if
+//!    that is nearer, evenly by `u[1], u[2]`, which counts as a scattering. A ray that
 //!    meets nothing adds `beta · environment` and ends. A ray that meets a lamp ends; from the
-//!    front it adds `beta · radiance · w`, where `w` is 1 for camera rays and after a mirror, else
-//!    the power heuristic of the diffuse lobe's pdf against the lamp's. After `scatterings_max`
+//!    front it adds `beta · radiance · w`, where `w` is 1 for camera rays and after what has no
+//!    density (a mirror, smooth glass, a medium), else the power heuristic of the pdf against the
+//!    lamp's. After `scatterings_max`
 //!    scatterings a ray that meets a surface ends black.
 //! 3. **Light** (block `block_light(k)`). Lamp `min(⌊u[0]·lamps⌋, lamps − 1)`, point `center +
 //!    (2u[1]−1)·half_u + (2u[2]−1)·half_v`; its pdf in solid angle is `distance² / (cos · area ·
 //!    lamps)`. Unless something is in between, adds `beta · f · cos · radiance / pdf · w`, where
-//!    `f` is the diffuse lobe alone.
-//! 4. **Scattering** (block `block_scatter(k)`). With `F` the Fresnel reflectance seen from `wo`
+//!    `f` leaves out mirrors, and directions into a clear body are.
+//! 4. **Scattering** (block `block_scatter(k)`). Metals and clear bodies: [`specular`]. Others: with
+//!    `F` the Fresnel reflectance seen from `wo`
 //!    and `a` the channel mean of the albedo at the hit, the mirror is chosen if `u[0]` is below
 //!    `p = F / (F + (1−F)·a)` (0 where `F` is 0), with weight `F/p`. Else `wi` is drawn by the
 //!    cosine: `(√u[1]·cos 2πu[2], √u[1]·sin 2πu[2], √(1−u[1]))` in the basis of
@@ -30,6 +35,10 @@
 
 pub mod bsdf;
 pub mod intersect;
+pub mod medium;
+pub mod microfacet;
+pub mod scatter;
+pub mod specular;
 
 use std::sync::atomic::Ordering;
 
@@ -40,9 +49,10 @@ use crate::compiled::{CameraFrame, LampData, Primitive};
 use crate::sampling::{BLOCK_CAMERA, block_light, block_scatter, pixel_key, uniforms};
 use crate::tracer::{DeviceInfo, DeviceKind, TileRadiance, TraceJob, TraceStats, Tracer};
 use crate::{CompiledScene, Error, RenderSettings, Tile};
-use bsdf::Bsdf;
+use intersect::{Departure, intersect_from, vector};
 pub use intersect::{Hit, Ray, intersect};
-use intersect::{intersect_from, vector};
+use medium::{Medium, uniform_direction};
+use scatter::Scatter;
 
 /// The f64 path tracer of this module, over rayon's threads.
 #[derive(Clone, Copy, Debug, Default)]
@@ -112,7 +122,9 @@ struct Vertex {
     n: DVec3,
     wo: DVec3,
     primitive: Primitive,
-    bsdf: Bsdf,
+    /// `wo` is inside the body.
+    is_inside: bool,
+    scatter: Scatter,
 }
 
 impl View<'_> {
@@ -172,6 +184,19 @@ impl View<'_> {
             let Some(hit) = intersect_from(self.scene, &ray, left) else {
                 return radiance + beta * self.scene.environment.as_dvec3();
             };
+            let u = random(block_scatter(scattering));
+            if let Some(medium) = self.medium(left) {
+                let flight = medium.fly(hit.t, u[3]);
+                beta *= flight.weight;
+                if let Some(distance) = flight.scattered_at {
+                    ray = Ray {
+                        origin: ray.origin + distance * ray.direction,
+                        direction: uniform_direction(u[1], u[2]),
+                    };
+                    pdf_diffuse = None;
+                    continue;
+                }
+            }
             if let Primitive::Lamp(lamp) = hit.primitive {
                 let lamp = &self.scene.lamps[lamp as usize];
                 return radiance + beta * self.lamp_met(lamp, &ray, &hit, pdf_diffuse);
@@ -181,8 +206,7 @@ impl View<'_> {
             }
             let vertex = Vertex::new(self.scene, &ray, &hit);
             radiance += beta * self.direct_light(&vertex, random(block_light(scattering)), rays);
-            let u = random(block_scatter(scattering));
-            let sample = vertex.bsdf.sample(vertex.wo, vertex.n, u);
+            let sample = vertex.scatter.sample(vertex.wo, vertex.n, u);
             beta *= sample.weight;
             if beta == DVec3::ZERO {
                 return radiance;
@@ -191,10 +215,16 @@ impl View<'_> {
                 origin: vertex.point,
                 direction: sample.wi,
             };
-            left = Some(vertex.primitive);
+            left = Some(vertex.departure(sample.wi));
             pdf_diffuse = sample.pdf;
         }
         radiance
+    }
+
+    /// What a ray flies through.
+    fn medium(&self, left: Option<Departure>) -> Option<Medium> {
+        let enclosing = left.filter(|left| left.is_inside)?;
+        self.scene.material_of(enclosing.primitive).map(Medium::new)
     }
 
     /// Weighted radiance of a lamp that a ray found; `pdf` is that of the ray's direction, none if
@@ -222,9 +252,9 @@ impl View<'_> {
         let distance = target.distance(vertex.point);
         let wi = (target - vertex.point) / distance;
         let cos_lamp = -wi.dot(vector(lamp.normal));
-        let (cos_o, cos_i) = (vertex.wo.dot(vertex.n), wi.dot(vertex.n));
-        let f = vertex.bsdf.eval(cos_o, cos_i);
-        if cos_lamp <= 0.0 || f == DVec3::ZERO {
+        let (f, pdf_scatter) = vertex.scatter.eval(vertex.wo, wi, vertex.n);
+        let departure = vertex.departure(wi);
+        if cos_lamp <= 0.0 || f == DVec3::ZERO || departure.is_inside {
             return DVec3::ZERO;
         }
         *rays += 1;
@@ -232,14 +262,14 @@ impl View<'_> {
             origin: vertex.point,
             direction: wi,
         };
-        let met = intersect_from(self.scene, &ray, Some(vertex.primitive));
+        let met = intersect_from(self.scene, &ray, Some(departure));
         if met.is_some_and(|hit| hit.t < distance && hit.primitive != Primitive::Lamp(index as u32))
         {
             return DVec3::ZERO;
         }
         let pdf = self.pdf_lamp(lamp, distance * distance, cos_lamp);
-        let weight = power_heuristic(pdf, vertex.bsdf.pdf(cos_o, cos_i));
-        f * vector(lamp.radiance) * (cos_i * weight / pdf)
+        let weight = power_heuristic(pdf, pdf_scatter);
+        f * vector(lamp.radiance) * (wi.dot(vertex.n).abs() * weight / pdf)
     }
 
     /// Density per solid angle with which light sampling chooses a point of `lamp`.
@@ -251,12 +281,23 @@ impl View<'_> {
 impl Vertex {
     fn new(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> Self {
         let wo = -ray.direction;
+        let is_inside = hit.n.dot(wo) < 0.0;
         Self {
             point: hit.point,
-            n: if hit.n.dot(wo) < 0.0 { -hit.n } else { hit.n },
+            n: if is_inside { -hit.n } else { hit.n },
             wo,
             primitive: hit.primitive,
-            bsdf: Bsdf::at(scene, hit),
+            is_inside,
+            scatter: Scatter::at(scene, hit, is_inside),
+        }
+    }
+
+    /// How a ray towards `wi` begins: what is not clear is left outwards, on either side.
+    fn departure(&self, wi: DVec3) -> Departure {
+        let is_passed = wi.dot(self.n) < 0.0;
+        Departure {
+            primitive: self.primitive,
+            is_inside: self.scatter.is_clear() && self.is_inside != is_passed,
         }
     }
 }

@@ -149,6 +149,41 @@ pub enum Material {
         #[serde(default)]
         stripe: Option<Stripe>,
     },
+    /// Metal: a GGX microfacet mirror (Walter et al., "Microfacet Models for Refraction through
+    /// Rough Surfaces", EGSR 2007) with the Fresnel term of a complex index of refraction.
+    Conductor {
+        /// Real part of the index per channel, in (0, 1000]; gold (0.143, 0.375, 1.442).
+        eta: Vec3,
+        /// Imaginary part per channel, in [0, 1000]; gold (3.983, 2.386, 1.603).
+        k: Vec3,
+        /// GGX width α, in [0, 1]; below [`validate::ALPHA_SMOOTH_MAX`] a perfect mirror.
+        #[serde(default)]
+        alpha: f32,
+    },
+    /// A clear boundary, smooth or GGX-rough (Walter et al. 2007), round what fills the body. Only
+    /// solids (spheres and boxes) can be of it; other bodies must not reach into them.
+    Dielectric {
+        /// Index of refraction against air, in [1, 1000]; glass 1.5.
+        ior: f32,
+        /// GGX width α, in [0, 1]; below [`validate::ALPHA_SMOOTH_MAX`] smooth.
+        #[serde(default)]
+        alpha: f32,
+        /// What fills it; absent: nothing that takes or scatters light.
+        #[serde(default)]
+        medium: Option<Medium>,
+    },
+}
+
+/// A homogeneous medium that absorbs and scatters evenly into all directions: with albedo 0 tinted
+/// glass, with albedo near 1 wax, marble or jade (subsurface scattering by random walk).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Medium {
+    /// Extinction coefficient σt per channel in m⁻¹, in [0, 1e6]. In a medium that scatters, above
+    /// 0 and no channel more than [`validate::EXTINCTION_RATIO_MAX`] times another.
+    pub extinction: Vec3,
+    /// Share of the extinction that scatters, per channel, in [0, 1].
+    pub albedo: Vec3,
 }
 
 /// A band where `|n_ball · z| < half_width`, `n_ball` the normal in the ball's own frame.

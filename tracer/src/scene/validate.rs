@@ -3,7 +3,7 @@
 use glam::{Quat, Vec3};
 
 use crate::Error;
-use crate::scene::{Camera, Lamp, Material, ObjectPose, Scene, Shape};
+use crate::scene::{Camera, Lamp, Material, Medium, ObjectPose, Scene, Shape};
 
 /// The most objects in a scene: each ray meets each of them.
 pub const OBJECTS_MAX: usize = 4096;
@@ -23,6 +23,14 @@ pub const RADIANCE_MAX: f32 = 1e30;
 pub const IOR: std::ops::RangeInclusive<f32> = 1.0..=1e3;
 /// The largest given `F_dr,int`: near 1 the base would be brightened without bound.
 pub const INTERNAL_REFLECTANCE_MAX: f32 = 0.99;
+/// GGX widths below this are drawn as perfectly smooth: the peak of the distribution, 1/(πα²),
+/// would overflow and no picture shows the difference.
+pub const ALPHA_SMOOTH_MAX: f32 = 1e-3;
+/// The highest extinction coefficient in m⁻¹: a mean free path of a micrometre.
+pub const EXTINCTION_PER_M_MAX: f32 = 1e6;
+/// In a medium that scatters no channel's extinction is more than this many times another's:
+/// distances are drawn for the clearest channel, and the others' weights would spread too far.
+pub const EXTINCTION_RATIO_MAX: f32 = 8.0;
 /// The range of a full horizontal field of view in degrees.
 pub const FOV_X_DEG: std::ops::RangeInclusive<f32> = 0.01..=179.0;
 
@@ -55,6 +63,17 @@ impl Scene {
             if !self.materials.contains_key(&object.material) {
                 return Err(place(format!(
                     "its material `{}` is not among the scene's materials",
+                    object.material
+                )));
+            }
+            if matches!(
+                self.materials[&object.material],
+                Material::Dielectric { .. }
+            ) && matches!(object.shape, Shape::Disc { .. } | Shape::Rectangle { .. })
+            {
+                return Err(place(format!(
+                    "its material `{}` is a dielectric, which needs an inside: give it to a \
+                     sphere or a box",
                     object.material
                 )));
             }
@@ -185,13 +204,7 @@ fn check_material(material: &Material) -> Check {
             stripe,
         } => {
             check_albedo("its albedo", albedo)?;
-            if !IOR.contains(&ior) {
-                return Err(format!(
-                    "its ior is {ior}: it must be from {} to {}",
-                    IOR.start(),
-                    IOR.end()
-                ));
-            }
+            check_ior(ior)?;
             let internal = internal_reflectance.unwrap_or(0.0);
             if !(0.0..=INTERNAL_REFLECTANCE_MAX).contains(&internal) {
                 return Err(format!(
@@ -209,7 +222,68 @@ fn check_material(material: &Material) -> Check {
             }
             Ok(())
         }
+        Material::Conductor { eta, k, alpha } => {
+            check_alpha(alpha)?;
+            let most = Vec3::splat(*IOR.end());
+            if !(eta.cmpgt(Vec3::ZERO).all() && eta.cmple(most).all()) {
+                return Err(format!(
+                    "its eta is {eta}: each channel must be above 0 and at most {}",
+                    IOR.end()
+                ));
+            }
+            if !(k.cmpge(Vec3::ZERO).all() && k.cmple(most).all()) {
+                return Err(format!(
+                    "its k is {k}: each channel must be from 0 to {}",
+                    IOR.end()
+                ));
+            }
+            Ok(())
+        }
+        Material::Dielectric { ior, alpha, medium } => {
+            check_ior(ior)?;
+            check_alpha(alpha)?;
+            medium.map_or(Ok(()), |medium| check_medium(&medium))
+        }
     }
+}
+
+fn check_ior(ior: f32) -> Check {
+    if IOR.contains(&ior) {
+        return Ok(());
+    }
+    Err(format!(
+        "its ior is {ior}: it must be from {} to {}",
+        IOR.start(),
+        IOR.end()
+    ))
+}
+
+fn check_alpha(alpha: f32) -> Check {
+    if (0.0..=1.0).contains(&alpha) {
+        return Ok(());
+    }
+    Err(format!("its alpha is {alpha}: it must be from 0 to 1"))
+}
+
+fn check_medium(medium: &Medium) -> Check {
+    check_albedo("its medium's albedo", medium.albedo)?;
+    let extinction = medium.extinction;
+    let most = Vec3::splat(EXTINCTION_PER_M_MAX);
+    if !(extinction.cmpge(Vec3::ZERO).all() && extinction.cmple(most).all()) {
+        return Err(format!(
+            "its medium's extinction is {extinction}: each channel must be from 0 to \
+             {EXTINCTION_PER_M_MAX:e} per metre"
+        ));
+    }
+    let (least, largest) = (extinction.min_element(), extinction.max_element());
+    let is_even = least > 0.0 && largest <= EXTINCTION_RATIO_MAX * least;
+    if medium.albedo != Vec3::ZERO && !is_even {
+        return Err(format!(
+            "its medium's extinction is {extinction}: where it scatters, each channel must be \
+             above 0 and none more than {EXTINCTION_RATIO_MAX} times another"
+        ));
+    }
+    Ok(())
 }
 
 fn check_albedo(what: &str, albedo: Vec3) -> Check {

@@ -29,7 +29,19 @@ fn box_t(origin: vec3f, inverse: vec3f, index: u32) -> f32 {
 
 fn nearest_box(ray: Ray, skip: u32, hit: ptr<function, Hit>) {
     let inverse = inverse_direction(ray.direction);
+    if (HAS_CLEAR) {
+        let inside = (skip & ~INSIDE) - BOX_FIRST;
+        if ((skip & INSIDE) != 0u && inside < BOX_COUNT) {
+            let t = max(0.0, smallest(box_slabs(ray.origin, inverse, inside).far));
+            if (t < (*hit).t) {
+                *hit = Hit(t, skip & ~INSIDE);
+            }
+        }
+    }
     for (var i = 0u; i < BOX_COUNT; i++) {
+        if (HAS_CLEAR && BOX_FIRST + i == (skip & ~INSIDE)) {
+            continue;
+        }
         let t = box_t(ray.origin, inverse, i);
         if (t < (*hit).t && BOX_FIRST + i != skip) {
             *hit = Hit(t, BOX_FIRST + i);
@@ -47,10 +59,10 @@ fn box_occludes(ray: Ray, skip: u32, t_max: f32) -> bool {
     return false;
 }
 
-fn box_surface(ray: Ray, t: f32, index: u32) -> Surface {
+fn box_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
     let slabs = box_slabs(ray.origin, inverse_direction(ray.direction), index);
     let enter = largest(slabs.near);
-    let is_outside = enter > 0.0;
+    let is_outside = enter > 0.0 && !is_within;
     let leaves = slabs.far == vec3f(smallest(slabs.far));
     let face = select(leaves, slabs.near == vec3f(enter), is_outside);
     // On an edge two faces are met at once; the first axis wins.
@@ -65,5 +77,6 @@ fn box_surface(ray: Ray, t: f32, index: u32) -> Surface {
         select(vec3f(0.0), backward, axis),
         scene.materials[material].albedo,
         material,
+        !is_outside,
     );
 }

@@ -1,9 +1,15 @@
-// What the materials share. Both directions leave the surface on the normal's side.
+// What the materials share. Both directions leave the surface, `wo` on the normal's side.
 
-// `weight` is f · cos θi / pdf; `pdf` is per solid angle, `SPECULAR` for a mirror.
+// `weight` is f · |cos θi| / pdf; `pdf` is per solid angle, `SPECULAR` where there is none.
 struct BsdfSample {
     wi: vec3f,
     weight: vec3f,
+    pdf: f32,
+}
+
+// `f`, and the density of a direction.
+struct Evaluated {
+    f: vec3f,
     pdf: f32,
 }
 

@@ -31,12 +31,13 @@ fn disc_occludes(ray: Ray, skip: u32, t_max: f32) -> bool {
     return false;
 }
 
-fn disc_surface(ray: Ray, t: f32, index: u32) -> Surface {
+fn disc_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
     let disc = scene.discs[index];
     return Surface(
         fma(vec3f(t), ray.direction, ray.origin),
         select(disc.normal, -disc.normal, dot(disc.normal, ray.direction) > 0.0),
         scene.materials[disc.material].albedo,
         disc.material,
+        false,
     );
 }

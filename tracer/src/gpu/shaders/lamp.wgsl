@@ -58,6 +58,7 @@ fn lamp_found(ray: Ray, hit: Hit, bsdf_pdf: f32) -> vec3f {
 fn direct_light(
     surface: Surface,
     bsdf: Bsdf,
+    wo: vec3f,
     skip: u32,
     u: vec3f,
     rays: ptr<function, u32>,
@@ -72,8 +73,11 @@ fn direct_light(
     let wi = to_light / distance;
     let cos_i = dot(surface.normal, wi);
     let cos_lamp = -dot(wi, scene.lamps[index].normal);
-    let f = bsdf_diffuse(bsdf, cos_i);
-    if (!(cos_i > 0.0 && cos_lamp > 0.0) || all(f == vec3f(0.0))) {
+    let scattered = bsdf_eval(bsdf, surface.normal, wo, wi);
+    let f = scattered.f;
+    // Through a clear boundary lamps are seen from inside, and no lamp is inside.
+    let is_lit = (cos_i > 0.0) != (bsdf_is_clear(bsdf) && surface.is_inside);
+    if (!(is_lit && cos_lamp > 0.0) || all(f == vec3f(0.0))) {
         return vec3f(0.0);
     }
     *rays += 1u;
@@ -81,6 +85,6 @@ fn direct_light(
         return vec3f(0.0);
     }
     let pdf = lamp_pdf(index, distance_squared, cos_lamp);
-    let weight = power_heuristic(pdf, bsdf_pdf(bsdf, cos_i));
-    return f * scene.lamps[index].radiance * (cos_i * weight / pdf);
+    let weight = power_heuristic(pdf, scattered.pdf);
+    return f * scene.lamps[index].radiance * (abs(cos_i) * weight / pdf);
 }

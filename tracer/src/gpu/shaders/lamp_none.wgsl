@@ -7,6 +7,7 @@ fn lamp_found(ray: Ray, hit: Hit, bsdf_pdf: f32) -> vec3f {
 fn direct_light(
     surface: Surface,
     bsdf: Bsdf,
+    wo: vec3f,
     skip: u32,
     u: vec3f,
     rays: ptr<function, u32>,

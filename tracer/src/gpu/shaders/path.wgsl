@@ -2,7 +2,8 @@
 
 struct Path {
     ray: Ray,
-    // The primitive the ray starts on: all are convex, so it cannot be met again.
+    // The primitive the ray starts on: all are convex, so it cannot be met again. With `INSIDE` the
+    // clear body that it is inside of.
     skip: u32,
     throughput: vec3f,
     radiance: vec3f,
@@ -28,6 +29,19 @@ fn advance(path: ptr<function, Path>, rays: ptr<function, u32>) -> bool {
     let ray = (*path).ray;
     *rays += 1u;
     let hit = nearest(ray, (*path).skip);
+    if (HAS_CLEAR && ((*path).skip & INSIDE) != 0u && (*path).skip != NO_PRIMITIVE) {
+        let u = uniforms((*path).pixel, (*path).sample, block_scatter((*path).bounce), job.seed);
+        let flight = fly(material_of((*path).skip & ~INSIDE), hit.t, u.w);
+        (*path).throughput *= flight.weight;
+        if (flight.is_scattered) {
+            let origin = fma(vec3f(flight.distance), ray.direction, ray.origin);
+            (*path).ray = Ray(origin, uniform_direction(u.y, u.z));
+            (*path).pdf = SPECULAR;
+            let is_last = (*path).bounce == job.scatterings_max;
+            (*path).bounce += 1u;
+            return !is_last && any((*path).throughput != vec3f(0.0));
+        }
+    }
     if (hit.primitive == NO_PRIMITIVE) {
         (*path).radiance += (*path).throughput * scene.header.environment;
         return false;
@@ -39,7 +53,8 @@ fn advance(path: ptr<function, Path>, rays: ptr<function, u32>) -> bool {
     if ((*path).bounce == job.scatterings_max) {
         return false;
     }
-    return scatter(path, surface_at(ray, hit), hit.primitive, rays);
+    let is_within = HAS_CLEAR && (*path).skip == (hit.primitive | INSIDE);
+    return scatter(path, surface_at(ray, hit, is_within), hit.primitive, rays);
 }
 
 fn scatter(
@@ -53,13 +68,17 @@ fn scatter(
     let bsdf = bsdf_at(surface, wo);
     if (LAMP_COUNT > 0u) {
         let u = uniforms((*path).pixel, (*path).sample, block_light(bounce), job.seed);
-        let light = direct_light(surface, bsdf, primitive, u.xyz, rays);
+        let light = direct_light(surface, bsdf, wo, primitive, u.xyz, rays);
         (*path).radiance += (*path).throughput * light;
     }
     let u = uniforms((*path).pixel, (*path).sample, block_scatter(bounce), job.seed);
     let next = bsdf_sample(bsdf, surface.normal, wo, u.xyz);
     (*path).ray = Ray(surface.position, next.wi);
     (*path).skip = primitive;
+    if (HAS_CLEAR && bsdf_is_clear(bsdf)) {
+        let is_passed = dot(next.wi, surface.normal) < 0.0;
+        (*path).skip = select(primitive, primitive | INSIDE, surface.is_inside != is_passed);
+    }
     (*path).throughput *= next.weight;
     (*path).pdf = next.pdf;
     (*path).bounce = bounce + 1u;

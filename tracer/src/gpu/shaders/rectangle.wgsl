@@ -32,7 +32,7 @@ fn rectangle_occludes(ray: Ray, skip: u32, t_max: f32) -> bool {
     return false;
 }
 
-fn rectangle_surface(ray: Ray, t: f32, index: u32) -> Surface {
+fn rectangle_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
     let normal = scene.rectangles[index].normal;
     let material = scene.rectangles[index].material;
     return Surface(
@@ -40,5 +40,6 @@ fn rectangle_surface(ray: Ray, t: f32, index: u32) -> Surface {
         select(normal, -normal, dot(normal, ray.direction) > 0.0),
         scene.materials[material].albedo,
         material,
+        false,
     );
 }

@@ -56,13 +56,22 @@ fn circle(u: f32) -> vec2f {
 fn cosine_hemisphere(n: vec3f, u1: f32, u2: f32) -> vec3f {
     let disc = sqrt(u1) * circle(u2);
     let cos_theta = sqrt(max(0.0, 1.0 - u1));
-    // Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017.
+    let frame = basis(n);
+    return disc.x * frame.t + disc.y * frame.b + cos_theta * n;
+}
+
+struct Basis {
+    t: vec3f,
+    b: vec3f,
+}
+
+// Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017.
+fn basis(n: vec3f) -> Basis {
     let s = select(-1.0, 1.0, n.z >= 0.0);
     let a = -1.0 / (s + n.z);
     let b = n.x * n.y * a;
     let tangent = vec3f(1.0 + s * n.x * n.x * a, s * b, -s * n.x);
-    let bitangent = vec3f(b, s + n.y * n.y * a, -n.y);
-    return disc.x * tangent + disc.y * bitangent + cos_theta * n;
+    return Basis(tangent, vec3f(b, s + n.y * n.y * a, -n.y));
 }
 
 // The power heuristic with β = 2 (Veach 1997, section 9.2.4), in a form that squares nothing large.

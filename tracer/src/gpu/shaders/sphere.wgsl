@@ -50,8 +50,24 @@ fn sphere_t(ray: Ray, center: vec3f, radius: f32) -> f32 {
     return select(T_MISS, t, t > 0.0);
 }
 
+// The far side, from inside: at no distance if rounding has put the origin outside.
+fn sphere_leave_t(ray: Ray, center: vec3f, radius: f32) -> f32 {
+    let chord = sphere_chord(ray, center, radius);
+    return max(0.0, chord.middle_t + sqrt(max(0.0, chord.half_squared)));
+}
+
 fn nearest_sphere(ray: Ray, skip: u32, hit: ptr<function, Hit>) {
+    if (HAS_CLEAR) {
+        let inside = (skip & ~INSIDE) - SPHERE_FIRST;
+        if ((skip & INSIDE) != 0u && inside < SPHERE_COUNT) {
+            let sphere = scene.spheres[inside];
+            *hit = Hit(sphere_leave_t(ray, sphere.center, sphere.radius), skip & ~INSIDE);
+        }
+    }
     for (var i = 0u; i < SPHERE_COUNT; i++) {
+        if (HAS_CLEAR && SPHERE_FIRST + i == (skip & ~INSIDE)) {
+            continue;
+        }
         let t = sphere_t(ray, scene.spheres[i].center, scene.spheres[i].radius);
         if (t < (*hit).t && SPHERE_FIRST + i != skip) {
             *hit = Hit(t, SPHERE_FIRST + i);
@@ -70,11 +86,11 @@ fn sphere_occludes(ray: Ray, skip: u32, t_max: f32) -> bool {
 }
 
 // The normal is measured from the ray's nearest point, never as `origin + t d - center`.
-fn sphere_surface(ray: Ray, t: f32, index: u32) -> Surface {
+fn sphere_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
     let sphere = scene.spheres[index];
     let chord = sphere_chord(ray, sphere.center, sphere.radius);
     let half = sqrt(max(0.0, chord.half_squared));
-    let is_outside = chord.middle_t > half;
+    let is_outside = chord.middle_t > half && !is_within;
     let along = select(half, -half, is_outside);
     let outward = fma(vec3f(along), ray.direction, -chord.to_center) / sphere.radius;
     var albedo = scene.materials[sphere.material].albedo;
@@ -88,5 +104,6 @@ fn sphere_surface(ray: Ray, t: f32, index: u32) -> Surface {
         select(-outward, outward, is_outside),
         albedo,
         sphere.material,
+        !is_outside,
     );
 }

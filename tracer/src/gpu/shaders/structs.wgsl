@@ -48,6 +48,13 @@ struct MaterialData {
     stripe_albedo: vec3f,
     stripe_half_width: f32,
     diffuse_scale: f32,
+    kind: u32,
+    alpha: f32,
+    flight_rate: f32,
+    eta: vec3f,
+    k: vec3f,
+    extinction: vec3f,
+    scattering: vec3f,
 }
 
 struct CameraFrame {

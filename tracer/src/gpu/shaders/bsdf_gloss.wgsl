@@ -1,0 +1,141 @@
+// Metals and clear bodies, smooth and rough, beside the layered materials: see
+// `reference::specular` for the sources. `clear` bodies let light pass; what fills them is in
+// medium.wgsl.
+
+struct Bsdf {
+    layered: Layered,
+    kind: u32,
+    alpha: f32,
+    // Relative index of a clear body.
+    eta: f32,
+    material: u32,
+}
+
+fn bsdf_at(surface: Surface, wo: vec3f) -> Bsdf {
+    let material = surface.material;
+    let kind = scene.materials[material].kind;
+    let ior = scene.materials[material].ior;
+    var layered: Layered;
+    if (kind == KIND_LAYERED) {
+        layered = layered_at(surface, wo);
+    }
+    let eta = select(ior, 1.0 / ior, surface.is_inside);
+    return Bsdf(layered, kind, scene.materials[material].alpha, eta, material);
+}
+
+// `f` without mirrors, for radiance.
+fn bsdf_eval(bsdf: Bsdf, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
+    if (bsdf.kind == KIND_LAYERED) {
+        return layered_eval(bsdf.layered, dot(n, wi));
+    }
+    let nothing = Evaluated(vec3f(0.0), 0.0);
+    let cos_o = dot(n, wo);
+    let cos_i = dot(n, wi);
+    if (bsdf.alpha == 0.0 || cos_o <= 0.0) {
+        return nothing;
+    }
+    if (cos_i > 0.0) {
+        let h = normalize(wo + wi);
+        let seen = 0.25 * ggx(bsdf.alpha, n, h) * visibility(bsdf.alpha, cos_o);
+        let shadowing = visibility(bsdf.alpha, cos_i);
+        let o = dot(wo, h);
+        if (bsdf.kind == KIND_CONDUCTOR) {
+            return Evaluated(conductor_reflectance(bsdf.material, o) * (seen * shadowing), seen);
+        }
+        let pdf = fresnel_dielectric(o, bsdf.eta) * seen;
+        return Evaluated(vec3f(pdf * shadowing), pdf);
+    }
+    if (bsdf.kind == KIND_CONDUCTOR || cos_i == 0.0) {
+        return nothing;
+    }
+    let across = normalize(wo + bsdf.eta * wi);
+    let h = select(across, -across, dot(across, n) < 0.0);
+    let o = dot(wo, h);
+    let i = -dot(wi, h);
+    if (o <= 0.0 || i <= 0.0) {
+        return nothing;
+    }
+    let seen = ggx(bsdf.alpha, n, h) * visibility(bsdf.alpha, cos_o);
+    let eta2 = bsdf.eta * bsdf.eta;
+    let sum = o - bsdf.eta * i;
+    let pdf = (1.0 - fresnel_dielectric(o, bsdf.eta)) * seen * o * i * eta2 / (sum * sum);
+    return Evaluated(vec3f(pdf * visibility(bsdf.alpha, -cos_i) / eta2), pdf);
+}
+
+fn bsdf_is_clear(bsdf: Bsdf) -> bool {
+    return bsdf.kind == KIND_DIELECTRIC;
+}
+
+fn bsdf_sample(bsdf: Bsdf, n: vec3f, wo: vec3f, u: vec3f) -> BsdfSample {
+    if (bsdf.kind == KIND_LAYERED) {
+        return layered_sample(bsdf.layered, n, wo, u);
+    }
+    let is_rough = bsdf.alpha > 0.0;
+    var h = n;
+    if (is_rough) {
+        h = sample_visible(bsdf.alpha, wo, n, u.y, u.z);
+    }
+    let cos_h = dot(wo, h);
+    let is_metal = bsdf.kind == KIND_CONDUCTOR;
+    let is_reflected = is_metal || u.x < fresnel_dielectric(cos_h, bsdf.eta);
+    var wi = 2.0 * cos_h * h - wo;
+    var weight = vec3f(1.0);
+    if (is_metal) {
+        weight = conductor_reflectance(bsdf.material, cos_h);
+    } else if (!is_reflected) {
+        let eta = bsdf.eta;
+        let cos_t = sqrt(max(0.0, (eta - 1.0) * (eta + 1.0) + cos_h * cos_h)) / eta;
+        wi = normalize((cos_h / eta - cos_t) * h - wo / eta);
+        // Radiance is thinner by η² beyond the surface.
+        weight = vec3f(1.0 / (eta * eta));
+    }
+    if (!is_rough) {
+        return BsdfSample(wi, weight, SPECULAR);
+    }
+    // A microfacet may send light to the side where the surface as a whole does not.
+    let facing = max(0.0, select(-dot(n, wi), dot(n, wi), is_reflected));
+    weight *= visibility(bsdf.alpha, facing) * facing;
+    return BsdfSample(wi, weight, bsdf_eval(bsdf, n, wo, wi).pdf);
+}
+
+// The sine is measured rather than the cosine, of which nothing is left near 1.
+fn ggx(alpha: f32, n: vec3f, h: vec3f) -> f32 {
+    let cos_h = dot(n, h);
+    let sine = h - cos_h * n;
+    let alpha2 = alpha * alpha;
+    let root = alpha2 * cos_h * cos_h + dot(sine, sine);
+    return alpha2 / (PI * root * root);
+}
+
+fn visibility(alpha: f32, cos_theta: f32) -> f32 {
+    let alpha2 = alpha * alpha;
+    return 2.0 / (cos_theta + sqrt(alpha2 + (1.0 - alpha2) * cos_theta * cos_theta));
+}
+
+fn sample_visible(alpha: f32, wo: vec3f, n: vec3f, u1: f32, u2: f32) -> vec3f {
+    let frame = basis(n);
+    let local = vec3f(dot(wo, frame.t), dot(wo, frame.b), dot(wo, n));
+    let stretched = normalize(vec3f(alpha * local.xy, local.z));
+    let z = (1.0 - u1) * (1.0 + stretched.z) - stretched.z;
+    let cap = vec3f(sqrt(max(0.0, 1.0 - z * z)) * circle(u2), z) + stretched;
+    let h = normalize(vec3f(alpha * cap.xy, max(cap.z, 0.0)));
+    return h.x * frame.t + h.y * frame.b + h.z * n;
+}
+
+// Born and Wolf, "Principles of Optics", section 14.2.
+fn conductor_reflectance(material: u32, cos_theta: f32) -> vec3f {
+    let eta = scene.materials[material].eta;
+    let k = scene.materials[material].k;
+    let cos_i = clamp(cos_theta, 0.0, 1.0);
+    let cos2 = cos_i * cos_i;
+    let sin2 = 1.0 - cos2;
+    let difference = eta * eta - k * k - sin2;
+    let sum = sqrt(difference * difference + 4.0 * eta * eta * k * k);
+    let a = sqrt(max(vec3f(0.0), 0.5 * (sum + difference)));
+    let even = sum + cos2;
+    let odd = 2.0 * cos_i * a;
+    let perpendicular = (even - odd) / (even + odd);
+    let even_p = cos2 * sum + sin2 * sin2;
+    let odd_p = odd * sin2;
+    return 0.5 * perpendicular * (1.0 + (even_p - odd_p) / (even_p + odd_p));
+}

@@ -1,0 +1,21 @@
+// Scenes whose materials are all diffuse, bare or coated.
+
+struct Bsdf {
+    layered: Layered,
+}
+
+fn bsdf_at(surface: Surface, wo: vec3f) -> Bsdf {
+    return Bsdf(layered_at(surface, wo));
+}
+
+fn bsdf_eval(bsdf: Bsdf, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
+    return layered_eval(bsdf.layered, dot(n, wi));
+}
+
+fn bsdf_is_clear(bsdf: Bsdf) -> bool {
+    return false;
+}
+
+fn bsdf_sample(bsdf: Bsdf, n: vec3f, wo: vec3f, u: vec3f) -> BsdfSample {
+    return layered_sample(bsdf.layered, n, wo, u);
+}

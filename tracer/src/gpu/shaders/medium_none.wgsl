@@ -1,0 +1,15 @@
+// A scene without clear bodies.
+
+struct Flight {
+    distance: f32,
+    is_scattered: bool,
+    weight: vec3f,
+}
+
+fn fly(material: u32, boundary: f32, u: f32) -> Flight {
+    return Flight(boundary, false, vec3f(1.0));
+}
+
+fn uniform_direction(u1: f32, u2: f32) -> vec3f {
+    return vec3f(0.0);
+}

@@ -1,0 +1,126 @@
+//! Free flight through what fills a clear body.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+use super::intersect::vector;
+use crate::compiled::MaterialData;
+
+/// A homogeneous medium that scatters evenly into all directions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Medium {
+    extinction: DVec3,
+    /// Scattering coefficient over `flight_rate`.
+    scattering: DVec3,
+    flight_rate: f64,
+}
+
+/// Where a path that entered the medium goes on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Flight {
+    /// How far it came, if it was scattered before the boundary.
+    pub scattered_at: Option<f64>,
+    /// What is left of its light per channel, over the probability of having come so far.
+    pub weight: DVec3,
+}
+
+impl Medium {
+    /// What fills a body of this material.
+    pub fn new(material: &MaterialData) -> Self {
+        Self {
+            extinction: vector(material.extinction),
+            scattering: vector(material.scattering),
+            flight_rate: f64::from(material.flight_rate),
+        }
+    }
+
+    /// A flight towards a boundary at distance `t` metres: its length is drawn by `u` from the
+    /// exponential law of the clearest channel.
+    pub fn fly(&self, t: f64, u: f64) -> Flight {
+        let distance = -(1.0 - u).ln() / self.flight_rate;
+        let left = |t: f64| (-(self.extinction - self.flight_rate) * t).map(f64::exp);
+        // Without scattering the rate is 0 and the distance infinite, or no number for u = 0.
+        if distance < t {
+            return Flight {
+                scattered_at: Some(distance),
+                weight: self.scattering * left(distance),
+            };
+        }
+        Flight {
+            scattered_at: None,
+            weight: left(t),
+        }
+    }
+}
+
+/// A direction of equal density everywhere.
+pub fn uniform_direction(u1: f64, u2: f64) -> DVec3 {
+    let z = 1.0 - 2.0 * u1;
+    let sine = (1.0 - z * z).max(0.0).sqrt();
+    let (sin, cos) = (2.0 * PI * u2).sin_cos();
+    DVec3::new(sine * cos, sine * sin, z)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Over many flights, light that passes is e^(−σt·t), and light that is scattered the albedo's
+    /// share of the rest, in each channel.
+    #[test]
+    fn flights_keep_beer_s_law_and_the_albedo() {
+        const FLIGHTS: u32 = 200_000;
+        let (extinction, albedo) = (DVec3::new(2.0, 3.0, 5.0), DVec3::new(1.0, 0.8, 0.0));
+        let medium = Medium {
+            extinction,
+            scattering: albedo * extinction / 2.0,
+            flight_rate: 2.0,
+        };
+        let (mut passed, mut scattered) = (DVec3::ZERO, DVec3::ZERO);
+        for i in 0..FLIGHTS {
+            let u = (f64::from(i) + 0.5) / f64::from(FLIGHTS);
+            let flight = medium.fly(0.4, u);
+            match flight.scattered_at {
+                Some(distance) => {
+                    assert!((0.0..0.4).contains(&distance));
+                    scattered += flight.weight / f64::from(FLIGHTS);
+                }
+                None => passed += flight.weight / f64::from(FLIGHTS),
+            }
+        }
+        let expected = (-extinction * 0.4).map(f64::exp);
+        assert!((passed - expected).length() < 1e-4, "{passed} {expected}");
+        assert!(
+            (scattered - albedo * (1.0 - expected)).length() < 1e-4,
+            "{scattered}"
+        );
+    }
+
+    #[test]
+    fn what_does_not_scatter_only_absorbs() {
+        let medium = Medium {
+            extinction: DVec3::new(0.0, 1.0, 10.0),
+            scattering: DVec3::ZERO,
+            flight_rate: 0.0,
+        };
+        for u in [0.0, 0.5, 0.999] {
+            let flight = medium.fly(0.3, u);
+            assert_eq!(flight.scattered_at, None);
+            let expected = DVec3::new(1.0, (-0.3f64).exp(), (-3f64).exp());
+            assert!((flight.weight - expected).length() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn directions_are_even() {
+        let mut mean = DVec3::ZERO;
+        for i in 0..128 * 128 {
+            let place = |i: i32| (f64::from(i) + 0.5) / 128.0;
+            let w = uniform_direction(place(i % 128), place(i / 128));
+            assert!((w.length() - 1.0).abs() < 1e-12);
+            mean += w / f64::from(128 * 128);
+        }
+        assert!(mean.length() < 1e-12, "{mean}");
+    }
+}

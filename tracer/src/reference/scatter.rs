@@ -1,0 +1,71 @@
+//! How one point of a surface scatters, whatever its material.
+
+use glam::DVec3;
+
+use super::bsdf::{Bsdf, BsdfSample};
+use super::intersect::{Hit, vector};
+use super::specular::{Conductor, Dielectric};
+use crate::CompiledScene;
+use crate::compiled::{KIND_CONDUCTOR, KIND_DIELECTRIC};
+
+/// The materials of [`crate::Material`], as seen from one side of a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Scatter {
+    /// Diffuse, bare or coated.
+    Layered(Bsdf),
+    /// Metal.
+    Conductor(Conductor),
+    /// A clear body's boundary.
+    Dielectric(Dielectric),
+}
+
+impl Scatter {
+    /// The scattering at a hit, for light that leaves inside a body or outside. A lamp reflects
+    /// nothing.
+    pub fn at(scene: &CompiledScene, hit: &Hit, is_inside: bool) -> Self {
+        let Some(material) = scene.material_of(hit.primitive) else {
+            return Self::Layered(Bsdf::at(scene, hit));
+        };
+        let alpha = f64::from(material.alpha);
+        match material.kind {
+            KIND_CONDUCTOR => Self::Conductor(Conductor {
+                eta: vector(material.eta),
+                k: vector(material.k),
+                alpha,
+            }),
+            KIND_DIELECTRIC => {
+                let ior = f64::from(material.ior);
+                let eta = if is_inside { 1.0 / ior } else { ior };
+                Self::Dielectric(Dielectric { eta, alpha })
+            }
+            _ => Self::Layered(Bsdf::at(scene, hit)),
+        }
+    }
+
+    /// `f` in sr⁻¹ without mirrors, and the density per solid angle with which
+    /// [`Scatter::sample`] draws `wi`. `n` is on the side of `wo`.
+    pub fn eval(&self, wo: DVec3, wi: DVec3, n: DVec3) -> (DVec3, f64) {
+        match self {
+            Self::Layered(bsdf) => {
+                let (cos_o, cos_i) = (wo.dot(n), wi.dot(n));
+                (bsdf.eval(cos_o, cos_i), bsdf.pdf(cos_o, cos_i))
+            }
+            Self::Conductor(metal) => metal.eval(wo, wi, n),
+            Self::Dielectric(glass) => glass.eval(wo, wi, n),
+        }
+    }
+
+    /// Draws a direction: `u[0]` chooses the lobe, `u[1]` and `u[2]` the direction.
+    pub fn sample(&self, wo: DVec3, n: DVec3, u: [f64; 4]) -> BsdfSample {
+        match self {
+            Self::Layered(bsdf) => bsdf.sample(wo, n, u),
+            Self::Conductor(metal) => metal.sample(wo, n, u),
+            Self::Dielectric(glass) => glass.sample(wo, n, u),
+        }
+    }
+
+    /// Whether light can pass.
+    pub fn is_clear(&self) -> bool {
+        matches!(self, Self::Dielectric(_))
+    }
+}

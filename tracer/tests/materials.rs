@@ -1,0 +1,332 @@
+//! Glass, gold and wax: against the independent renderer's picture, and laws of light.
+
+mod tracers;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use carom_tracer::film::{trace_estimate, trace_image};
+use carom_tracer::metrics::{Estimate, Region, mean, region};
+use carom_tracer::{
+    Camera, CompiledScene, Environment, ImageSize, Material, Medium, Object, RadianceImage,
+    Reference, RenderSettings, Scene, Shape, Tile, Tracer,
+};
+use glam::{Quat, Vec3};
+
+use tracers::tracers;
+
+fn repository(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
+}
+
+fn picture(name: &str) -> RadianceImage {
+    RadianceImage::read_exr(repository("tests/references").join(name)).unwrap()
+}
+
+/// Squares of 16 pixels on the wax, the gold and the glass, their edges, their shadows and the
+/// caustic.
+const PLACES: [(u32, u32); 14] = [
+    (72, 120),
+    (110, 160),
+    (40, 160),
+    (80, 196),
+    (200, 120),
+    (270, 170),
+    (232, 196),
+    (240, 96),
+    (388, 110),
+    (350, 168),
+    (430, 176),
+    (400, 204),
+    (356, 222),
+    (192, 88),
+];
+
+/// Without bias, |z| passes 4.5 once in 150,000 cases; the samples are fixed, so that a tracer
+/// that passes once always does.
+#[test]
+fn glass_gold_and_wax_agree_with_the_independent_renderer() {
+    let reference = Estimate {
+        mean: picture("materials_480x270.exr"),
+        stderr: picture("materials_480x270_stderr.exr"),
+    };
+    let scene = Scene::load(repository("assets/scenes/materials.json")).unwrap();
+    let scene = CompiledScene::new(&scene).unwrap();
+    let tile = |&(x, y): &(u32, u32)| Tile {
+        x,
+        y,
+        width: 16,
+        height: 16,
+    };
+    let tiles: Vec<Tile> = PLACES.iter().map(tile).collect();
+    let settings = RenderSettings {
+        samples: 8,
+        scatterings_max: 63,
+        ..RenderSettings::default()
+    };
+    for tracer in tracers() {
+        let name = tracer.info().name;
+        let size = reference.mean.size;
+        let traced = trace_estimate(tracer.as_ref(), &scene, size, settings, &tiles, 8).unwrap();
+        let regions: Vec<Region> = tiles
+            .iter()
+            .map(|&tile| region(&traced, &reference, tile).unwrap())
+            .collect();
+        for region in &regions {
+            assert!(region.z.iter().all(|z| z.abs() < 4.5), "{name}: {region:?}");
+        }
+        let sum = |value: fn(&Region) -> [f64; 3]| regions.iter().flat_map(value).sum::<f64>();
+        let ratio = sum(|r| r.mean) / sum(|r| r.reference);
+        assert!(
+            (ratio - 1.0).abs() < 0.01,
+            "{name}: {ratio} of the reference's light"
+        );
+    }
+}
+
+/// A ball of `material` before a camera that sees nothing else, in uniform light of radiance 1.
+fn furnace(material: Material) -> Scene {
+    let ball = Object {
+        name: "ball".to_owned(),
+        material: "m".to_owned(),
+        shape: Shape::Sphere {
+            center: Vec3::ZERO,
+            radius: 1.0,
+            rotation: Quat::IDENTITY,
+        },
+    };
+    Scene {
+        camera: Camera {
+            eye: Vec3::new(0.0, -3.0, 0.0),
+            target: Vec3::ZERO,
+            up: Vec3::Z,
+            fov_x_deg: 20.0,
+        },
+        environment: Environment {
+            radiance: Vec3::ONE,
+        },
+        materials: BTreeMap::from([("m".to_owned(), material)]),
+        objects: vec![ball],
+        lamps: Vec::new(),
+    }
+}
+
+fn glass(ior: f32, alpha: f32, medium: Option<Medium>) -> Material {
+    Material::Dielectric { ior, alpha, medium }
+}
+
+fn gold(alpha: f32) -> Material {
+    Material::Conductor {
+        eta: Vec3::new(0.143, 0.375, 1.442),
+        k: Vec3::new(3.983, 2.386, 1.603),
+        alpha,
+    }
+}
+
+fn trace(tracer: &dyn Tracer, scene: &Scene, settings: RenderSettings) -> RadianceImage {
+    let scene = CompiledScene::new(scene).unwrap();
+    let film = trace_image(tracer, &scene, ImageSize::new(24, 16), settings).unwrap();
+    assert_eq!(film.dropped_samples(), 0);
+    film.image()
+}
+
+fn long_paths(samples: u32) -> RenderSettings {
+    RenderSettings {
+        samples,
+        scatterings_max: 63,
+        ..RenderSettings::default()
+    }
+}
+
+/// Whatever its index, clear glass takes no light: each path ends in the environment, and leaves
+/// out at most what total reflection keeps beyond the longest path.
+#[test]
+fn a_clear_ball_vanishes_in_uniform_light() {
+    for ior in [1.0, 1.0 + 1e-6, 1.3, 1.5, 2.5] {
+        for tracer in tracers() {
+            let image = trace(
+                tracer.as_ref(),
+                &furnace(glass(ior, 0.0, None)),
+                long_paths(16),
+            );
+            for pixel in image.pixels {
+                let error = (Vec3::from(pixel) - Vec3::ONE).abs().max_element();
+                assert!(
+                    error < 2e-5,
+                    "{} at index {ior}: {pixel:?}",
+                    tracer.info().name
+                );
+            }
+        }
+    }
+}
+
+/// Single scattering on microfacets loses what would be reflected twice; it never gains.
+#[test]
+fn a_rough_ball_gives_back_nearly_all_uniform_light_and_never_more() {
+    for alpha in [0.05, 0.3] {
+        let mirror = Material::Conductor {
+            eta: Vec3::splat(0.01),
+            k: Vec3::splat(1000.0),
+            alpha,
+        };
+        for material in [glass(1.5, alpha, None), mirror] {
+            for tracer in tracers() {
+                let mean = mean(&trace(tracer.as_ref(), &furnace(material), long_paths(256)))[1];
+                let what = format!("{} {material:?}: {mean}", tracer.info().name);
+                assert!(mean < 1.0 + 2e-3, "{what}");
+                assert!(mean > 1.0 - 0.6 * f64::from(alpha), "{what}");
+            }
+        }
+    }
+}
+
+/// A medium that scatters and does not absorb, of one mean free path: 63 scatterings lose less than
+/// 1e-3 of the light.
+#[test]
+fn a_medium_that_does_not_absorb_takes_no_light() {
+    let medium = Some(Medium {
+        extinction: Vec3::splat(1.0),
+        albedo: Vec3::ONE,
+    });
+    for ior in [1.0, 1.3] {
+        for tracer in tracers() {
+            let scene = furnace(glass(ior, 0.0, medium));
+            let mean = mean(&trace(tracer.as_ref(), &scene, long_paths(64)))[0];
+            assert!((mean - 1.0).abs() < 2e-3, "{}: {mean}", tracer.info().name);
+        }
+    }
+}
+
+/// Seen through its middle, a ball of index 1 that only absorbs leaves e^(−σ · 2R).
+#[test]
+fn tinted_glass_keeps_beer_s_law() {
+    let medium = Some(Medium {
+        extinction: Vec3::new(0.1, 0.5, 2.0),
+        albedo: Vec3::ZERO,
+    });
+    let mut scene = furnace(glass(1.0, 0.0, medium));
+    scene.camera.fov_x_deg = 0.01;
+    for tracer in tracers() {
+        let mean = mean(&trace(tracer.as_ref(), &scene, long_paths(1)));
+        for (mean, extinction) in mean.into_iter().zip([0.1f64, 0.5, 2.0]) {
+            let expected = (-2.0 * extinction).exp();
+            assert!(
+                (mean / expected - 1.0).abs() < 1e-4,
+                "{}: {mean}",
+                tracer.info().name
+            );
+        }
+    }
+}
+
+#[test]
+fn a_polished_ball_of_gold_shows_its_reflectance() {
+    let mut scene = furnace(gold(0.0));
+    scene.camera.fov_x_deg = 0.01;
+    let Material::Conductor { eta, k, .. } = gold(0.0) else {
+        unreachable!("gold is a metal");
+    };
+    let expected = ((eta - 1.0) * (eta - 1.0) + k * k) / ((eta + 1.0) * (eta + 1.0) + k * k);
+    for tracer in tracers() {
+        let pixel = Vec3::from(trace(tracer.as_ref(), &scene, long_paths(1)).pixels[0]);
+        assert!((pixel - expected).abs().max_element() < 1e-4, "{pixel}");
+    }
+}
+
+/// A glass box bends and reflects but takes nothing either; its edges make long paths.
+#[test]
+fn a_clear_box_vanishes_in_uniform_light() {
+    let mut scene = furnace(glass(1.5, 0.0, None));
+    scene.objects[0].shape = Shape::Box {
+        min: Vec3::new(-0.4, -0.3, -0.2),
+        max: Vec3::new(0.4, 0.3, 0.2),
+    };
+    scene.camera.eye = Vec3::new(0.7, -3.0, 1.0);
+    for tracer in tracers() {
+        let mean = mean(&trace(tracer.as_ref(), &scene, long_paths(64)))[2];
+        // Total reflection keeps some paths in the box beyond the longest.
+        assert!(
+            mean < 1.0 + 1e-4 && mean > 0.97,
+            "{}: {mean}",
+            tracer.info().name
+        );
+    }
+}
+
+/// With the same random numbers the fast tracers follow the reference's paths until a rounding
+/// turns one: lenses and long walks magnify it, so that more pixels differ than on a pool table.
+#[test]
+fn every_tracer_follows_the_reference_s_paths() {
+    let scene = Scene::load(repository("assets/scenes/materials.json")).unwrap();
+    let scene = CompiledScene::new(&scene).unwrap();
+    let settings = RenderSettings {
+        samples: 1,
+        scatterings_max: 16,
+        ..RenderSettings::default()
+    };
+    let size = ImageSize::new(96, 54);
+    let picture =
+        |tracer: &dyn Tracer| trace_image(tracer, &scene, size, settings).unwrap().image();
+    let expected = picture(&Reference);
+    for tracer in tracers() {
+        let pixels = picture(tracer.as_ref()).pixels;
+        let pairs = pixels.iter().zip(&expected.pixels);
+        let differs = |(a, b): &(&[f32; 3], &[f32; 3])| {
+            let (a, b) = (Vec3::from(**a), Vec3::from(**b));
+            !(a - b).abs().cmple(2e-3 * (0.1 + b)).all()
+        };
+        let share = pairs.filter(differs).count() as f64 / size.pixels() as f64;
+        assert!(
+            share < 0.03,
+            "{}: {share} of the pixels differ",
+            tracer.info().name
+        );
+    }
+}
+
+#[test]
+fn what_cannot_be_drawn_is_refused_with_its_reason() {
+    let refusal = |material: Material| {
+        let why = CompiledScene::new(&furnace(material)).map(|_| ());
+        why.unwrap_err().to_string()
+    };
+    let medium = |extinction, albedo| {
+        let albedo = Vec3::splat(albedo);
+        glass(1.5, 0.0, Some(Medium { extinction, albedo }))
+    };
+    for (material, sentence) in [
+        (glass(0.9, 0.0, None), "its ior is 0.9: it must be from 1"),
+        (
+            glass(1.5, 1.5, None),
+            "its alpha is 1.5: it must be from 0 to 1",
+        ),
+        (gold(f32::NAN), "its alpha is NaN"),
+        (
+            medium(Vec3::new(-1.0, 0.0, 0.0), 0.0),
+            "each channel must be from 0 to 1e6",
+        ),
+        (
+            medium(Vec3::ONE, 1.1),
+            "its medium's albedo is [1.1, 1.1, 1.1]",
+        ),
+        (
+            medium(Vec3::new(0.0, 1.0, 1.0), 0.5),
+            "none more than 8 times another",
+        ),
+    ] {
+        let refusal = refusal(material);
+        assert!(
+            refusal.contains(sentence),
+            "`{sentence}` is not in `{refusal}`"
+        );
+    }
+    let mut flat = furnace(glass(1.5, 0.0, None));
+    flat.objects[0].shape = Shape::Disc {
+        center: Vec3::ZERO,
+        normal: Vec3::Z,
+        radius: 1.0,
+    };
+    let why = CompiledScene::new(&flat).unwrap_err().to_string();
+    assert!(why.contains("a dielectric, which needs an inside"), "{why}");
+}
