@@ -46,6 +46,9 @@ pub enum Pixels {
 pub struct FrameStats {
     /// From [`crate::Farm::submit`] to the last tile, in seconds.
     pub makespan_secs: f64,
+    /// The longest that a node was busy with the picture, by its own clock, in seconds: pictures in
+    /// flight cannot follow each other faster.
+    pub busy_secs: f64,
     /// Bytes of pixels as they crossed the link.
     pub payload_bytes: u64,
     /// Tiles that were asked for again because a node was late or lost.

@@ -261,7 +261,7 @@ impl Screen {
             primitives: self.egui.tessellate(output.shapes, output.pixels_per_point),
             pixels_per_point: output.pixels_per_point,
         };
-        self.display.show(session.picture(), &frame)
+        self.display.show(session.picture(now_secs), &frame)
     }
 }
 

@@ -104,6 +104,7 @@ pub struct Director {
     window: ImageSize,
     quality: Quality,
     lead: Lead,
+    in_flight_max: usize,
     subject: Option<Subject>,
     still_since_secs: f64,
     drafted: bool,
@@ -111,7 +112,6 @@ pub struct Director {
     schedule: Schedule,
     moments: Queue<Picture>,
     pending: VecDeque<Pending>,
-    last_done_secs: f64,
     orders: u64,
     serial: u64,
     shown: Option<Picture>,
@@ -123,16 +123,17 @@ struct Pending {
     id: FrameId,
     role: Role,
     settings: RenderSettings,
-    submitted_secs: f64,
+    update: SceneUpdate,
 }
 
 impl Director {
-    /// For a window of `window` pixels.
-    pub fn new(window: ImageSize) -> Self {
+    /// For a window of `window` pixels and a farm that takes `in_flight_max` pictures at once.
+    pub fn new(window: ImageSize, in_flight_max: usize) -> Self {
         Self {
             window,
-            quality: Quality::new(PERIOD_SECS),
+            quality: Quality::new(),
             lead: Lead::default(),
+            in_flight_max,
             subject: None,
             still_since_secs: 0.0,
             drafted: false,
@@ -140,7 +141,6 @@ impl Director {
             schedule: Schedule::default(),
             moments: Queue::default(),
             pending: VecDeque::new(),
-            last_done_secs: 0.0,
             orders: 0,
             serial: 0,
             shown: None,
@@ -185,7 +185,7 @@ impl Director {
             } => {
                 let (lead, clock) = (self.lead.secs(), *clock_secs);
                 self.schedule
-                    .next(clock, lead, PERIOD_SECS, *end_secs)
+                    .next(clock, lead, self.quality.period_secs(), *end_secs)
                     .map(|moment| self.level_order(at(moment), Role::Moment(moment)))
             }
         };
@@ -193,12 +193,12 @@ impl Director {
     }
 
     /// Notes that `order` was submitted as `id`.
-    pub fn submitted(&mut self, id: FrameId, order: &Order, now_secs: f64) {
+    pub fn submitted(&mut self, id: FrameId, order: &Order) {
         self.pending.push_back(Pending {
             id,
             role: order.role,
             settings: order.spec.settings,
-            submitted_secs: now_secs,
+            update: order.spec.update.clone(),
         });
     }
 
@@ -211,9 +211,11 @@ impl Director {
         self.measure(&pending, &frame);
         let samples = pending.settings.samples;
         match (pending.role, frame.pixels) {
-            (Role::Draft, Pixels::Srgb8(rgb)) => self.show(frame.size, opaque(&rgb), samples),
+            (Role::Draft, Pixels::Srgb8(rgb)) => {
+                self.show(frame.size, opaque(&rgb), samples, pending.update);
+            }
             (Role::Moment(at), Pixels::Srgb8(rgb)) => {
-                let picture = self.picture_of(frame.size, opaque(&rgb));
+                let picture = self.picture_of(frame.size, opaque(&rgb), pending.update);
                 self.moments.push(at, picture);
                 self.figures.samples = samples;
             }
@@ -240,7 +242,8 @@ impl Director {
         refinement.printed = print.samples;
         // Fewer would look rougher than the draft, whose pixels are larger.
         if print.samples >= SHOWN_SAMPLES_MIN {
-            self.show(print.size, print.rgba, print.samples);
+            let update = refinement.update.clone();
+            self.show(print.size, print.rgba, print.samples, update);
         }
     }
 
@@ -303,16 +306,23 @@ impl Director {
 
     fn live_order(&mut self, now_secs: f64, update: &SceneUpdate) -> Option<Order> {
         if !self.drafted {
-            let room = self.pending.len() < DRAFTS_MAX;
+            // More in flight than the way to the farm is long would lag behind the hand.
+            let period_secs = self.quality.period_secs();
+            let drafts_max = self
+                .lead
+                .pictures_in_flight(period_secs, self.in_flight_max);
+            let room = self.pending.len() < drafts_max;
             self.drafted |= room;
             return room.then(|| self.level_order(update.clone(), Role::Draft));
         }
-        if now_secs - self.still_since_secs < STILL_SECS {
+        let moved_lately = now_secs - self.still_since_secs < STILL_SECS;
+        if moved_lately || self.pending.len() >= REFINEMENTS_MAX {
             return None;
         }
         let samples = self.quality.samples_within(REFINEMENT_SECS, self.window);
         let refinement = self.refinement.get_or_insert(Refinement {
             series: self.orders,
+            update: update.clone(),
             asked: 0,
             printed: 0,
         });
@@ -355,15 +365,12 @@ impl Director {
 
     fn measure(&mut self, pending: &Pending, frame: &Frame) {
         let makespan = frame.stats.makespan_secs;
-        let done = pending.submitted_secs + makespan;
-        // A frame waits while the one before it is traced: only the rest is its own time.
-        let busy = done - pending.submitted_secs.max(self.last_done_secs);
-        self.last_done_secs = self.last_done_secs.max(done);
+        // Waiting and travelling delay a picture, but not the ones behind it.
         self.quality.observe(
             frame.size.pixels(),
             pending.settings.samples,
             self.window,
-            busy,
+            frame.stats.busy_secs,
         );
         if pending.role != Role::Refinement {
             self.lead.observe(makespan);
@@ -374,18 +381,19 @@ impl Director {
         self.figures.pictures += 1;
     }
 
-    fn show(&mut self, size: ImageSize, rgba: Vec<[u8; 4]>, samples: u32) {
+    fn show(&mut self, size: ImageSize, rgba: Vec<[u8; 4]>, samples: u32, update: SceneUpdate) {
         self.figures.size = size;
         self.figures.samples = samples;
-        self.shown = Some(self.picture_of(size, rgba));
+        self.shown = Some(self.picture_of(size, rgba, update));
     }
 
-    fn picture_of(&mut self, size: ImageSize, rgba: Vec<[u8; 4]>) -> Picture {
+    fn picture_of(&mut self, size: ImageSize, rgba: Vec<[u8; 4]>, update: SceneUpdate) -> Picture {
         self.serial += 1;
         Picture {
             serial: self.serial,
             size,
             rgba,
+            update,
         }
     }
 }
@@ -395,6 +403,7 @@ impl Director {
 struct Refinement {
     /// The number of the draft that it refines.
     series: u64,
+    update: SceneUpdate,
     /// Sample indices below this have been asked for.
     asked: u32,
     /// Paths per pixel that have come back as a picture.
@@ -405,9 +414,6 @@ fn opaque(rgb: &[[u8; 3]]) -> Vec<[u8; 4]> {
     rgb.iter().map(|&[r, g, b]| [r, g, b, 255]).collect()
 }
 
-/// The frame time that moving pictures hold. Shorter looks smoother and leaves fewer paths for
-/// each picture.
-pub const PERIOD_SECS: f64 = 1.0 / 30.0;
 /// The scene's lamps are set for it.
 pub const EXPOSURE: f32 = 1.0;
 /// Nothing has moved for this long: refine.
@@ -418,19 +424,22 @@ const REFINEMENT_SECS: f64 = 0.25;
 /// Refinement ends here: its error is a 32nd of one sample's, below a step of 8 bits.
 const SAMPLES_MAX: u32 = 1024;
 const SHOWN_SAMPLES_MIN: u32 = 2;
-/// More drafts in flight would lag behind the hand.
-const DRAFTS_MAX: usize = 2;
+/// One is traced while pixels of another travel; more would keep nodes from the next draft.
+const REFINEMENTS_MAX: usize = 3;
 
 #[cfg(test)]
 mod tests {
     use carom_farm::FrameStats;
     use carom_tracer::Camera;
+    use carom_tracer::sampling::uniforms;
     use glam::Vec3;
 
     use super::*;
     use crate::darkroom::Bath;
+    use crate::quality::{SMOOTH_PERIOD_SECS, STEADY_PERIOD_SECS};
 
     const WINDOW: ImageSize = ImageSize::new(64, 36);
+    const STEP_SECS: f64 = 0.004;
 
     fn scene_at(x: f64) -> SceneUpdate {
         let camera = Camera {
@@ -453,6 +462,7 @@ mod tests {
         now_secs: f64,
         free_at_secs: f64,
         paths_per_sec: f64,
+        round_trip_secs: f64,
         next_id: u64,
         waiting: VecDeque<(f64, Frame)>,
         orders: Vec<Order>,
@@ -462,11 +472,12 @@ mod tests {
     impl Bench {
         fn new(paths_per_sec: f64) -> Self {
             Self {
-                director: Director::new(WINDOW),
+                director: Director::new(WINDOW, IN_FLIGHT_MAX),
                 bath: Bath::default(),
                 now_secs: 0.0,
                 free_at_secs: 0.0,
                 paths_per_sec,
+                round_trip_secs: 0.0,
                 next_id: 0,
                 waiting: VecDeque::new(),
                 orders: Vec::new(),
@@ -479,7 +490,7 @@ mod tests {
                 match self.director.plan(
                     self.now_secs,
                     subject,
-                    3usize.saturating_sub(self.waiting.len()),
+                    IN_FLIGHT_MAX.saturating_sub(self.waiting.len()),
                     &scene_at,
                 ) {
                     Plan::Rest => break,
@@ -491,7 +502,7 @@ mod tests {
                     Plan::Trace(order) => self.submit(order),
                 }
             }
-            self.now_secs += 0.004;
+            self.now_secs += STEP_SECS;
             while self
                 .waiting
                 .front()
@@ -505,10 +516,24 @@ mod tests {
             }
         }
 
+        /// Half a round trip, with exponential jitter of 1 ms over a long way.
+        fn way_secs(&self) -> f64 {
+            if self.round_trip_secs == 0.0 {
+                return 0.0;
+            }
+            let [u, ..] = uniforms(self.next_id as u32, self.waiting.len() as u32, 0, 7);
+            0.5 * self.round_trip_secs - 0.001 * f64::from(1.0 - u).ln()
+        }
+
         fn submit(&mut self, order: Order) {
             let paths = order.spec.size.pixels() as f64 * f64::from(order.spec.settings.samples);
-            let done = self.free_at_secs.max(self.now_secs) + 0.001 + paths / self.paths_per_sec;
+            let arrived = self.now_secs + self.way_secs();
+            let busy_secs = 0.001 + paths / self.paths_per_sec;
+            let done = self.free_at_secs.max(arrived) + busy_secs;
             self.free_at_secs = done;
+            // Pictures come in order.
+            let before = self.waiting.back().map_or(0.0, |(done, _)| *done);
+            let done = before.max(done + self.way_secs());
             self.next_id += 1;
             let id = FrameId(self.next_id);
             let place = order.spec.update.camera.map_or(0.0, |camera| camera.eye.x);
@@ -521,6 +546,7 @@ mod tests {
             };
             let stats = FrameStats {
                 makespan_secs: done - self.now_secs,
+                busy_secs,
                 ..FrameStats::default()
             };
             self.waiting.push_back((
@@ -532,9 +558,64 @@ mod tests {
                     stats,
                 },
             ));
-            self.director.submitted(id, &order, self.now_secs);
+            self.director.submitted(id, &order);
             self.orders.push(order);
         }
+    }
+
+    const IN_FLIGHT_MAX: usize = 8;
+    const ROUND_TRIP_SECS: f64 = 0.046;
+
+    #[test]
+    fn over_a_long_way_a_shot_keeps_its_clock_and_60_pictures_a_second() {
+        let mut bench = Bench::new(4e6);
+        bench.round_trip_secs = ROUND_TRIP_SECS;
+        for i in 0..500 {
+            bench.step(&Subject::Live(scene_at(f64::from(i) * 0.001)));
+        }
+        let start = bench.now_secs + bench.director.lead_secs();
+        let (mut errors, mut serials) = (Vec::new(), Vec::new());
+        while bench.now_secs < start + 4.0 {
+            let clock_secs = bench.now_secs - start;
+            let subject = Subject::Shot {
+                number: 1,
+                clock_secs,
+                end_secs: 5.0,
+            };
+            bench.step(&subject);
+            if clock_secs < 0.0 {
+                continue;
+            }
+            let picture = bench.director.picture().unwrap();
+            let moment = picture.update.camera.unwrap().eye.x;
+            errors.push((f64::from(moment) - clock_secs).abs());
+            serials.push(picture.serial);
+        }
+        let period = SMOOTH_PERIOD_SECS;
+        let good = errors.iter().filter(|error| **error <= period + STEP_SECS);
+        let good = good.count();
+        assert!(
+            good * 100 >= errors.len() * 99,
+            "{good} of {}",
+            errors.len()
+        );
+        serials.dedup();
+        assert!(serials.len() >= 4 * 60 - 5, "{} pictures", serials.len());
+    }
+
+    #[test]
+    fn over_a_long_way_the_hand_sees_60_drafts_a_second() {
+        let mut bench = Bench::new(4e6);
+        bench.round_trip_secs = ROUND_TRIP_SECS;
+        let mut step = |i: u32| {
+            bench.step(&Subject::Live(scene_at(f64::from(i) * 0.001)));
+            bench.director.figures().pictures
+        };
+        let warm = (0..500).map(&mut step).last().unwrap();
+        let pictures = (500..1000).map(&mut step).last().unwrap() - warm;
+        assert!(pictures >= 118, "{pictures} in 2 s");
+        let lag = bench.director.lead_secs();
+        assert!(lag < ROUND_TRIP_SECS + 0.03, "{lag} s behind the hand");
     }
 
     #[test]
@@ -621,7 +702,7 @@ mod tests {
         let worst = errors.iter().copied().fold(0.0, f64::max);
         // A picture stays until the next one: at most two periods, and pixels count hundredths.
         assert!(
-            errors.len() > 100 && worst <= 2.0 * PERIOD_SECS + 0.006,
+            errors.len() > 100 && worst <= 2.0 * STEADY_PERIOD_SECS + 0.006,
             "off by {worst} s"
         );
         let skipped = bench.director.figures().skipped as usize;

@@ -29,3 +29,4 @@ pub mod session;
 pub mod sim;
 pub mod stage;
 pub mod ui;
+pub mod warp;

@@ -117,7 +117,7 @@ impl Game {
     }
 
     /// Does what the player wants at `now_secs`. A stroke meets the ball `lead_secs` later, so
-    /// that its first pictures are ready by then.
+    /// that its first pictures are ready by then, but never so late that the player would wait.
     pub fn apply(&mut self, intent: Intent, now_secs: f64, lead_secs: f64, film: DVec2) -> Outcome {
         match intent {
             Intent::Turn(angle_rad) => self.turn(angle_rad),
@@ -204,7 +204,7 @@ impl Game {
             Phase::Watching(running) => {
                 let clock = running.clock_secs(now_secs);
                 // Faster and faster towards the ball, as a real stroke is.
-                let s = (1.0 + clock / SWING_SECS_MIN).clamp(0.0, 1.0);
+                let s = (1.0 + clock / SWING_SECS.start).clamp(0.0, 1.0);
                 (clock < FOLLOW_SECS)
                     .then(|| view(Some(running.power), drawn(running.power) * (1.0 - s * s)))?
             }
@@ -298,7 +298,7 @@ impl Game {
                 self.orbit.yaw_rad = 0.0;
                 self.phase = Phase::Watching(Box::new(Running {
                     shot,
-                    contact_secs: now_secs + lead_secs.max(SWING_SECS_MIN),
+                    contact_secs: now_secs + lead_secs.clamp(SWING_SECS.start, SWING_SECS.end),
                     power,
                     from: self.dolly.viewpoint(),
                     bearing_rad: self.aim.bearing_rad,
@@ -432,8 +432,10 @@ const AIM_LINE_POWER: f64 = 0.4;
 const PULL_MIN: f64 = 0.03;
 /// The space bar's way to full power.
 const CHARGE_SECS: f64 = 1.6;
-/// From letting go to the blow, at least.
-const SWING_SECS_MIN: f64 = 0.15;
+/// From letting go to the blow. With a display's period of 17 ms it stays under the 100 ms within
+/// which people take an answer for immediate (Miller, "Response Time in Man-Computer Conversational
+/// Transactions", 1968).
+const SWING_SECS: std::ops::Range<f64> = 0.06..0.08;
 /// The cue stays this long after the blow.
 const FOLLOW_SECS: f64 = 0.35;
 /// When the camera rises after the blow.
@@ -468,8 +470,8 @@ mod tests {
         let before = game.poses(0.0);
         strike(&mut game, 0.9, 5.0);
         let (_, clock, end) = game.shot_clock(5.0).unwrap();
-        assert!(clock <= -SWING_SECS_MIN && end > 1.0);
-        assert_eq!(game.poses(-0.1), before, "nothing moves before the blow");
+        assert!(clock <= -SWING_SECS.start && end > 1.0);
+        assert_eq!(game.poses(-0.05), before, "nothing moves before the blow");
         let now = watch(&mut game, 5.0);
         assert!((now - 5.0 - end) < 1.0);
         assert_ne!(game.poses(0.0), before);

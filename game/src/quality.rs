@@ -43,7 +43,7 @@ pub const LADDER: [Level; 14] = [
     level(1.0, 16),
 ];
 
-/// Chooses a [`Level`] from how long pictures really took.
+/// Chooses a [`Level`], and how often there is a picture, from how long pictures really took.
 ///
 /// It learns what a path costs the farm (a fixed cost of each picture is spread over its paths)
 /// and moves along [`LADDER`]: down at once when the next picture would be late, up one stop only
@@ -51,7 +51,7 @@ pub const LADDER: [Level; 14] = [
 /// before a pause that doubles each time.
 #[derive(Clone, Debug)]
 pub struct Quality {
-    target_secs: f64,
+    period_secs: f64,
     stop: usize,
     secs_per_path: Option<f64>,
     roomy: u32,
@@ -59,10 +59,10 @@ pub struct Quality {
 }
 
 impl Quality {
-    /// Holds `target_secs` a picture; begins coarse, so that the first picture comes at once.
-    pub fn new(target_secs: f64) -> Self {
+    /// Begins coarse, so that the first picture comes at once.
+    pub fn new() -> Self {
         Self {
-            target_secs,
+            period_secs: STEADY_PERIOD_SECS,
             stop: 2,
             secs_per_path: None,
             roomy: 0,
@@ -78,7 +78,14 @@ impl Quality {
         let smooth = |old: f64| old + SMOOTHING * (cost - old);
         let cost = self.secs_per_path.map_or(cost, smooth);
         self.secs_per_path = Some(cost);
+        self.pace(cost, window);
         self.choose(cost, window);
+    }
+
+    /// Seconds from one moving picture to the next: 60 a second where the farm can make them fine
+    /// enough, else 30.
+    pub fn period_secs(&self) -> f64 {
+        self.period_secs
     }
 
     /// What the next moving picture should be.
@@ -92,17 +99,27 @@ impl Quality {
         ((paths / window.pixels().max(1) as f64) as u32).clamp(1, 64)
     }
 
+    fn pace(&mut self, secs_per_path: f64, window: ImageSize) {
+        let secs = SMOOTH_LEVEL.cost() * window.pixels() as f64 * secs_per_path;
+        if secs > SMOOTH_PERIOD_SECS * LATE {
+            self.period_secs = STEADY_PERIOD_SECS;
+        } else if secs <= SMOOTH_PERIOD_SECS * ROOMY {
+            self.period_secs = SMOOTH_PERIOD_SECS;
+        }
+    }
+
     fn choose(&mut self, secs_per_path: f64, window: ImageSize) {
+        let target_secs = self.period_secs;
         let secs = |stop: usize| LADDER[stop].cost() * window.pixels() as f64 * secs_per_path;
-        if secs(self.stop) > self.target_secs * LATE {
-            let fits = |stop: &usize| secs(*stop) <= self.target_secs;
+        if secs(self.stop) > target_secs * LATE {
+            let fits = |stop: &usize| secs(*stop) <= target_secs;
             self.stop = (0..self.stop).rev().find(fits).unwrap_or(0);
             self.roomy = 0;
             self.patience = (self.patience * 2).min(PATIENCE_MAX);
             return;
         }
         let next = self.stop + 1;
-        if next == LADDER.len() || secs(next) > self.target_secs * ROOMY {
+        if next == LADDER.len() || secs(next) > target_secs * ROOMY {
             self.roomy = 0;
             return;
         }
@@ -119,6 +136,13 @@ const fn level(scale: f64, samples: u32) -> Level {
     Level { scale, samples }
 }
 
+/// Where the farm cannot keep [`SMOOTH_PERIOD_SECS`]: in between, pictures are moved by
+/// [`crate::warp`].
+pub const STEADY_PERIOD_SECS: f64 = 1.0 / 30.0;
+/// A common display's rate.
+pub const SMOOTH_PERIOD_SECS: f64 = 1.0 / 60.0;
+/// Coarser pictures than this are not worth having twice as many of.
+const SMOOTH_LEVEL: Level = level(0.5, 3);
 /// Weight of the newest picture: half of a change is learned in three pictures.
 const SMOOTHING: f64 = 0.2;
 /// Over the target by this much, the picture gets coarser.
@@ -133,7 +157,6 @@ mod tests {
     use super::*;
 
     const WINDOW: ImageSize = ImageSize::new(1280, 720);
-    const TARGET_SECS: f64 = 1.0 / 30.0;
 
     /// Plays `pictures` on a farm of `speed(i)` paths per second and a fixed cost per picture.
     fn play(quality: &mut Quality, pictures: usize, speed: impl Fn(usize) -> f64) -> Vec<Level> {
@@ -163,16 +186,16 @@ mod tests {
     #[test]
     fn it_fills_the_target_and_does_not_exceed_it() {
         for speed in [2e6, 8e6, 3e7, 2e8, 3e9] {
-            let mut quality = Quality::new(TARGET_SECS);
+            let mut quality = Quality::new();
             let last = *play(&mut quality, 200, |_| speed).last().unwrap();
             assert!(
-                secs(last, speed) <= TARGET_SECS * LATE,
+                secs(last, speed) <= quality.period_secs() * LATE,
                 "{last:?} at {speed}"
             );
             let stop = LADDER.iter().position(|level| *level == last).unwrap();
             if let Some(finer) = LADDER.get(stop + 1) {
                 assert!(
-                    secs(*finer, speed) > TARGET_SECS * ROOMY * 0.9,
+                    secs(*finer, speed) > quality.period_secs() * ROOMY * 0.9,
                     "{last:?} at {speed}"
                 );
             }
@@ -181,18 +204,19 @@ mod tests {
 
     #[test]
     fn a_slow_farm_is_noticed_with_the_first_picture_that_is_late() {
-        let mut quality = Quality::new(TARGET_SECS);
+        let mut quality = Quality::new();
         play(&mut quality, 100, |_| 1e8);
-        let before = quality.level();
+        let paths_per_sec = |quality: &Quality| quality.level().cost() / quality.period_secs();
+        let before = paths_per_sec(&quality);
         play(&mut quality, 1, |_| 1e7);
-        assert!(quality.level().cost() < before.cost());
+        assert!(paths_per_sec(&quality) < before);
         let levels = play(&mut quality, 12, |_| 1e7);
-        assert!(secs(*levels.last().unwrap(), 1e7) <= TARGET_SECS * LATE);
+        assert!(secs(*levels.last().unwrap(), 1e7) <= quality.period_secs() * LATE);
     }
 
     #[test]
     fn noise_of_a_third_does_not_make_it_swing() {
-        let mut quality = Quality::new(TARGET_SECS);
+        let mut quality = Quality::new();
         // A fixed pattern with the spread of a busy machine: ±33 %.
         let speed = |i: usize| 1.2e7 * (1.0 + 0.33 * ((i * 7919 % 101) as f64 / 50.0 - 1.0));
         let levels = play(&mut quality, 1000, speed);
@@ -201,6 +225,17 @@ mod tests {
             .filter(|pair| pair[0] != pair[1])
             .count();
         assert!(changes <= 20, "{changes} changes in 800 pictures");
+    }
+
+    #[test]
+    fn pictures_come_60_times_a_second_where_they_can_be_fine_enough() {
+        let period = |speed: f64| {
+            let mut quality = Quality::new();
+            play(&mut quality, 200, |_| speed);
+            quality.period_secs()
+        };
+        assert_eq!(period(3e7), STEADY_PERIOD_SECS);
+        assert_eq!(period(3e8), SMOOTH_PERIOD_SECS);
     }
 
     #[test]

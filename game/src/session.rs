@@ -18,6 +18,7 @@ use crate::play::{CueView, Game, Outcome};
 use crate::sim::{BallBody, Engine};
 use crate::stage::Stage;
 use crate::ui;
+use crate::warp::Warp;
 
 /// A game in progress. Times are seconds since the program began.
 pub struct Session {
@@ -25,6 +26,7 @@ pub struct Session {
     stage: Stage,
     director: Director,
     darkroom: Darkroom,
+    warp: Warp,
     input: Input,
     farm: FarmSlot,
     in_flight_max: usize,
@@ -53,8 +55,9 @@ impl Session {
         let stage = Stage::pool()?;
         Ok(Self {
             game: Game::new(seed)?,
-            director: Director::new(ImageSize::new(0, 0)),
+            director: Director::new(ImageSize::new(0, 0), config.frames_in_flight),
             darkroom: Darkroom::open()?,
+            warp: Warp::new(stage.scene())?,
             input: Input::default(),
             in_flight_max: config.frames_in_flight,
             farm: start_farm(config, stage.scene().clone()),
@@ -147,11 +150,21 @@ impl Session {
         self.dirty = false;
     }
 
-    /// The picture to show under the overlay.
-    pub fn picture(&mut self) -> Option<&Picture> {
-        let picture = self.director.picture();
-        self.redraws.serial = picture.map_or(0, |picture| picture.serial);
-        picture
+    /// The picture to show under the overlay at `now_secs`: the newest, as the table looks now.
+    pub fn picture(&mut self, now_secs: f64) -> Option<&Picture> {
+        let moment = self.moment(now_secs);
+        let now = self
+            .stage
+            .update(self.game.camera(moment), &self.game.poses(moment));
+        let picture = self.director.picture()?;
+        self.redraws.serial = picture.serial;
+        Some(self.warp.follow(picture, &now))
+    }
+
+    /// The moment on show of the shot that is on.
+    fn moment(&self, now_secs: f64) -> f64 {
+        let shot = self.game.shot_clock(now_secs);
+        shot.map_or(0.0, |(_, clock, end)| clock.min(end))
     }
 
     fn draw_aim(
@@ -161,10 +174,7 @@ impl Session {
         cue: Option<&CueView>,
         now_secs: f64,
     ) {
-        let moment = self
-            .game
-            .shot_clock(now_secs)
-            .map_or(0.0, |(_, clock, _)| clock);
+        let moment = self.moment(now_secs);
         let projection = Projection::new(&self.game.camera(moment), self.film.x, self.film.y);
         let sketch = ui::aim::Sketch {
             painter,
@@ -212,7 +222,7 @@ impl Session {
                 Plan::Trace(order) => {
                     let submitted = farm.submit(order.spec.clone());
                     self.last_frame = submitted.map_err(|error| error.to_string())?;
-                    self.director.submitted(self.last_frame, &order, now_secs);
+                    self.director.submitted(self.last_frame, &order);
                 }
             }
         }
@@ -253,6 +263,7 @@ impl Session {
             .count();
         ui::figures_line(
             &self.director.figures(),
+            self.warp.guessed(),
             self.redraws.fps,
             (ready, nodes.len()),
             present,

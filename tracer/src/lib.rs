@@ -17,6 +17,7 @@ pub mod gpu;
 pub mod image_file;
 pub mod metrics;
 pub mod reference;
+pub mod reproject;
 pub mod sampling;
 pub mod scene;
 pub mod settings;

@@ -254,6 +254,9 @@ impl Coordinator {
         run.tiles_received += tiles.count;
         run.busy_secs += f64::from(micros) * 1e-6;
         run.heard = now;
+        if let Some(frame) = self.frames.by_id(run.frame) {
+            frame.note_busy(index, f64::from(micros) * 1e-6);
+        }
         if node.delivered().is_none() {
             self.learn(index, id, false);
             self.predict_newcomers(now);

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use carom_protocol::{FrameId, SceneHash};
 use carom_tracer::{Scene, TileGrid};
 
+use super::NodeIndex;
 use super::film::Film;
 use super::work::WorkMap;
 use crate::{Frame, FrameSpec, FrameStats};
@@ -28,6 +29,8 @@ pub(super) struct FrameInFlight {
     /// How often that has happened.
     pub(super) hedges: u32,
     pub(super) stats: FrameStats,
+    /// By node.
+    busy_secs: Vec<f64>,
     finished: Option<Frame>,
 }
 
@@ -52,8 +55,17 @@ impl FrameInFlight {
             hedge_at: None,
             hedges: 0,
             stats: FrameStats::default(),
+            busy_secs: Vec::new(),
             finished: None,
         }
+    }
+
+    /// A node worked on it.
+    pub(super) fn note_busy(&mut self, node: NodeIndex, secs: f64) {
+        let nodes = self.busy_secs.len().max(node.0 + 1);
+        self.busy_secs.resize(nodes, 0.0);
+        self.busy_secs[node.0] += secs;
+        self.stats.busy_secs = self.stats.busy_secs.max(self.busy_secs[node.0]);
     }
 
     /// Ends it if all tiles are there. `true` if it has just ended.

@@ -6,7 +6,7 @@ pub mod software;
 
 use std::sync::Arc;
 
-use carom_tracer::ImageSize;
+use carom_tracer::{ImageSize, SceneUpdate};
 use clap::ValueEnum;
 use egui::{ClippedPrimitive, TexturesDelta};
 use winit::event_loop::OwnedDisplayHandle;
@@ -24,6 +24,8 @@ pub struct Picture {
     pub size: ImageSize,
     /// sRGB and 255, row-major from the top left.
     pub rgba: Vec<[u8; 4]>,
+    /// What it was taken of.
+    pub update: SceneUpdate,
 }
 
 /// What egui wants on the screen.

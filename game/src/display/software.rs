@@ -142,6 +142,7 @@ mod tests {
 
     fn picture(width: u32, height: u32, gray: &[u8]) -> Picture {
         Picture {
+            update: carom_tracer::SceneUpdate::default(),
             serial: 1,
             size: ImageSize::new(width, height),
             rgba: gray.iter().map(|&v| [v, v, v, 255]).collect(),

@@ -49,8 +49,15 @@ pub fn draw(painter: &Painter, screen: Rect, overlay: &Overlay<'_>) {
     }
 }
 
-/// The line of figures; every number says its unit.
-pub fn figures_line(figures: &Figures, fps: f64, nodes: (usize, usize), present: &str) -> String {
+/// The line of figures; every number says its unit. `guessed` is the share of the picture on show
+/// that the newest traced one did not hold, if it was moved.
+pub fn figures_line(
+    figures: &Figures,
+    guessed: Option<f64>,
+    fps: f64,
+    nodes: (usize, usize),
+    present: &str,
+) -> String {
     let Figures {
         size,
         samples,
@@ -61,9 +68,12 @@ pub fn figures_line(figures: &Figures, fps: f64, nodes: (usize, usize), present:
         lead_secs,
         ..
     } = *figures;
+    let moved = guessed.map_or(String::new(), |share| {
+        format!(", moved ({:.1} % guessed)", share * 1e2)
+    });
     format!(
         "{fps:.0} fps | {:.1} ms a picture, asked {:.0} ms ahead | {}/{} nodes | {tiles} tiles, \
-         {reissued_tiles} asked again | {}x{} px, {samples} spp | {skipped} skipped | {present}",
+         {reissued_tiles} asked again | {}x{} px, {samples} spp{moved} | {skipped} skipped | {present}",
         makespan_secs * 1e3,
         lead_secs * 1e3,
         nodes.0,

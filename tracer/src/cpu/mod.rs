@@ -19,6 +19,7 @@
 
 mod batch;
 mod bsdf;
+mod first_hit;
 mod geometry;
 mod gloss;
 mod integrator;
@@ -35,6 +36,7 @@ use rayon::ThreadPool;
 use rayon::prelude::*;
 
 pub use fearless_simd::Level;
+pub use first_hit::FirstHits;
 
 use crate::{
     CompiledScene, DeviceInfo, DeviceKind, Error, Tile, TileRadiance, TraceJob, TraceStats, Tracer,

@@ -1,0 +1,351 @@
+//! A picture as it would look from elsewhere, or a moment later: what is on the screen while the
+//! picture that was asked for is still being traced.
+//!
+//! The scene is known exactly, so nothing is guessed from neighbouring pixels: a ray through each
+//! pixel of the new view finds the point that it sees, the point is moved back to where its ball
+//! was, and the old picture is looked up there (reverse re-projection: Nehab et al., "Accelerating
+//! Real-Time Shading with Reverse Reprojection Caching", 2007). A primitive is convex, so the point
+//! was visible if the old picture shows the same primitive there, from the same side. Where it was
+//! not, the nearest pixel of the same primitive stands in, and is counted. Mirror images, shadows
+//! and turning numbers stay as they were: the price of no tracing, gone with the next picture.
+
+use crate::compiled::{CameraFrame, SphereData};
+use crate::cpu::FirstHits;
+use crate::{CompiledScene, ImageSize};
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// What a picture was, or is to be, taken of: a camera, the balls, and what each pixel sees.
+#[derive(Clone, Debug)]
+pub struct View {
+    camera: CameraFrame,
+    spheres: Vec<SphereData>,
+    hits: FirstHits,
+}
+
+/// A picture moved to another [`View`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reprojected<P> {
+    /// Row-major from the top left.
+    pub pixels: Vec<P>,
+    /// Pixels that the old picture did not show and a neighbour stands in for.
+    pub guessed: usize,
+}
+
+impl View {
+    /// Looks at `scene`, as its last update left it, in a picture of `size`.
+    pub fn new(scene: &CompiledScene, size: ImageSize) -> Self {
+        Self {
+            camera: scene.camera_frame(size),
+            spheres: scene.spheres.clone(),
+            hits: FirstHits::of(scene, size),
+        }
+    }
+
+    /// Pixels across and down.
+    pub fn size(&self) -> ImageSize {
+        self.hits.size
+    }
+
+    /// The picture `pixels` of `self`, as it looks from `to`; both views are of the same scene.
+    ///
+    /// # Panics
+    /// If `pixels` are not those of a picture of this view's size.
+    pub fn reproject<T: Channel, const N: usize>(
+        &self,
+        pixels: &[[T; N]],
+        to: &Self,
+    ) -> Reprojected<[T; N]> {
+        assert_eq!(pixels.len(), self.size().pixels(), "pixels of the picture");
+        let width = (to.size().width as usize).max(1);
+        let mut moved = vec![[T::default(); N]; to.size().pixels()];
+        let film = Film::new(&self.camera);
+        let rows = moved.par_chunks_mut(width).enumerate();
+        let guessed = rows.map(|(y, row)| self.fill_row(pixels, to, &film, y, row));
+        let guessed = guessed.sum();
+        Reprojected {
+            pixels: moved,
+            guessed,
+        }
+    }
+
+    fn fill_row<T: Channel, const N: usize>(
+        &self,
+        pixels: &[[T; N]],
+        to: &Self,
+        film: &Film,
+        y: usize,
+        row: &mut [[T; N]],
+    ) -> usize {
+        let first = y * row.len();
+        let primitives = &to.hits.primitive[first..first + row.len()];
+        let mut missing = Vec::new();
+        for (x, pixel) in row.iter_mut().enumerate() {
+            let place = to.place_before(self, film, x, y);
+            match place.and_then(|place| self.look_up(pixels, place, primitives[x])) {
+                Some(found) => *pixel = found,
+                None => missing.push(x),
+            }
+        }
+        for &x in &missing {
+            row[x] = row[stand_in(primitives, &missing, x)];
+        }
+        missing.len()
+    }
+
+    /// Where on the film of `before` the point was that this view's pixel sees; nothing if it was
+    /// behind the eye, or on the far side of its ball.
+    fn place_before(&self, before: &Self, film: &Film, x: usize, y: usize) -> Option<[f32; 2]> {
+        let index = y * self.size().width as usize + x;
+        let (camera, id) = (&self.camera, self.hits.primitive[index]);
+        let [corner, dx, dy] = [camera.corner, camera.dx, camera.dy].map(Vec3::from);
+        let direction = corner + dx * (x as f32 + 0.5) + dy * (y as f32 + 0.5);
+        if id == FirstHits::ESCAPED {
+            return film.project(direction);
+        }
+        let direction = direction.normalize();
+        let point = Vec3::from(camera.eye) + direction * self.hits.distance[index];
+        let eye_before = Vec3::from(before.camera.eye);
+        let Some(ball) = self.spheres.get(id as usize) else {
+            return film.project(point - eye_before);
+        };
+        let from_center = point - Vec3::from(ball.center);
+        let point_before = from_center + Vec3::from(before.spheres.get(id as usize)?.center);
+        let faced = from_center.dot(eye_before - point_before) > 0.0;
+        faced.then(|| film.project(point_before - eye_before))?
+    }
+
+    /// The picture at a place of its film, bilinear over those of its four pixels that show
+    /// `primitive`.
+    fn look_up<T: Channel, const N: usize>(
+        &self,
+        pixels: &[[T; N]],
+        [x, y]: [f32; 2],
+        primitive: u32,
+    ) -> Option<[T; N]> {
+        let ImageSize { width, height } = self.size();
+        let inside = x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32;
+        if !inside {
+            return None;
+        }
+        let (x, y) = (x - 0.5, y - 0.5);
+        let (left, above) = (x.floor(), y.floor());
+        let (mut sum, mut weights) = ([0.0; N], 0.0);
+        for (i, j) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            let column = (left as i64 + i).clamp(0, i64::from(width) - 1) as usize;
+            let line = (above as i64 + j).clamp(0, i64::from(height) - 1) as usize;
+            let index = line * width as usize + column;
+            if self.hits.primitive[index] != primitive {
+                continue;
+            }
+            let weight = |offset: f32, side: i64| if side == 1 { offset } else { 1.0 - offset };
+            let weight = weight(x - left, i) * weight(y - above, j);
+            weights += weight;
+            for (sum, channel) in sum.iter_mut().zip(pixels[index]) {
+                *sum += weight * channel.to_f32();
+            }
+        }
+        (weights > WEIGHT_MIN).then(|| sum.map(|channel| T::from_f32(channel / weights)))
+    }
+}
+
+/// A camera turned round: from directions to places on its film, in pixels from the top left.
+struct Film {
+    x: Vec3,
+    y: Vec3,
+    depth: Vec3,
+}
+
+impl Film {
+    fn new(camera: &CameraFrame) -> Self {
+        let [corner, dx, dy] = [camera.corner, camera.dx, camera.dy].map(Vec3::from);
+        // Rows of the inverse of the matrix with the columns dx, dy and corner.
+        let depth = dx.cross(dy);
+        let depth = depth / depth.dot(corner);
+        let row = |axis: Vec3| axis / axis.length_squared();
+        let x = row(dx) - depth * row(dx).dot(corner);
+        let y = row(dy) - depth * row(dy).dot(corner);
+        Self { x, y, depth }
+    }
+
+    fn project(&self, direction: Vec3) -> Option<[f32; 2]> {
+        let depth = self.depth.dot(direction);
+        (depth > 0.0).then(|| [self.x.dot(direction) / depth, self.y.dot(direction) / depth])
+    }
+}
+
+/// The pixel of a row that stands in for the missing one at `x`: the nearest that is there with
+/// its neighbours and shows the same primitive, for what lies next to a gap holds some of what
+/// was in it; else the nearest that is there, else itself. `missing` is in order.
+fn stand_in(primitives: &[u32], missing: &[usize], x: usize) -> usize {
+    let there = |at: &usize| {
+        let next = missing.partition_point(|gap| gap + 1 < *at);
+        missing.get(next).is_none_or(|gap| *gap > at + 1)
+    };
+    let outwards = (1..primitives.len()).flat_map(|step| [x.wrapping_sub(step), x + step]);
+    let outwards = outwards.filter(|at| *at < primitives.len()).filter(there);
+    let mut nearest = None;
+    for at in outwards.take(STAND_IN_TRIES) {
+        if primitives[at] == primitives[x] {
+            return at;
+        }
+        nearest = nearest.or(Some(at));
+    }
+    nearest.unwrap_or(x)
+}
+
+/// A channel of a pixel.
+pub trait Channel: Copy + Default + Send + Sync {
+    /// As a number.
+    fn to_f32(self) -> f32;
+    /// The nearest value.
+    fn from_f32(value: f32) -> Self;
+}
+
+impl Channel for u8 {
+    fn to_f32(self) -> f32 {
+        f32::from(self)
+    }
+
+    fn from_f32(value: f32) -> Self {
+        value.round() as Self
+    }
+}
+
+impl Channel for f32 {
+    fn to_f32(self) -> f32 {
+        self
+    }
+
+    fn from_f32(value: f32) -> Self {
+        value
+    }
+}
+
+/// Less of a pixel than this is its rim alone: another primitive's light.
+const WEIGHT_MIN: f32 = 1e-3;
+/// Pixels looked at for a stand-in.
+const STAND_IN_TRIES: usize = 128;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metrics::rel_mse;
+    use crate::{
+        Camera, CpuTracer, ObjectPose, RadianceImage, RenderSettings, Scene, SceneUpdate, TileGrid,
+        TraceJob, Tracer as _,
+    };
+    use glam::Quat;
+    use std::sync::Mutex;
+    use std::sync::atomic::AtomicBool;
+
+    const SIZE: ImageSize = ImageSize::new(192, 108);
+
+    fn pool() -> CompiledScene {
+        let scene = Scene::from_json(include_str!("../../assets/scenes/pool.json")).unwrap();
+        CompiledScene::new(&scene).unwrap()
+    }
+
+    fn turned(scene: &CompiledScene, angle_rad: f32) -> Camera {
+        let mut camera = scene.camera;
+        camera.eye =
+            Quat::from_rotation_z(angle_rad) * (camera.eye - camera.target) + camera.target;
+        camera
+    }
+
+    fn picture(scene: &CompiledScene) -> RadianceImage {
+        let settings = RenderSettings {
+            samples: 64,
+            ..RenderSettings::default()
+        };
+        let grid = TileGrid::new(SIZE, 32);
+        let tiles: Vec<_> = (0..grid.len()).map(|index| grid.tile(index)).collect();
+        let film = Mutex::new(crate::Film::new(SIZE));
+        let job = TraceJob {
+            size: SIZE,
+            tiles: &tiles,
+            settings,
+            cancelled: &AtomicBool::new(false),
+        };
+        let take = |tile: crate::TileRadiance| {
+            let mut film = film.lock().unwrap();
+            film.add(tiles[tile.index], &tile.radiance, settings.samples)
+                .unwrap();
+        };
+        CpuTracer::new().unwrap().trace(scene, &job, &take).unwrap();
+        film.into_inner().unwrap().image()
+    }
+
+    #[test]
+    fn a_view_that_stays_shows_the_same_picture() {
+        let view = View::new(&pool(), SIZE);
+        let pixels: Vec<[u8; 3]> = (0..SIZE.pixels())
+            .map(|i| [i as u8, (i / 7) as u8, (i / 31) as u8])
+            .collect();
+        let moved = view.reproject(&pixels, &view);
+        assert_eq!((moved.pixels, moved.guessed), (pixels, 0));
+    }
+
+    #[test]
+    fn a_turned_camera_shows_nearly_what_is_traced_from_there() {
+        let mut scene = pool();
+        let before = picture(&scene);
+        let from = View::new(&scene, SIZE);
+        let camera = turned(&scene, 0.03);
+        scene
+            .apply(&SceneUpdate {
+                camera: Some(camera),
+                poses: Vec::new(),
+            })
+            .unwrap();
+        let truth = picture(&scene);
+        let moved = from.reproject(&before.pixels, &View::new(&scene, SIZE));
+        let stale = rel_mse(&before, &truth).unwrap();
+        let pixels = moved.pixels;
+        let error = rel_mse(&RadianceImage { size: SIZE, pixels }, &truth).unwrap();
+        assert!(
+            error < 0.15 * stale,
+            "{error} against {stale} of a stale one"
+        );
+        assert!(moved.guessed * 20 < SIZE.pixels(), "{}", moved.guessed);
+    }
+
+    #[test]
+    fn a_ball_that_has_rolled_on_is_shown_where_it_is_now() {
+        let mut scene = pool();
+        let ball = scene
+            .primitives
+            .iter()
+            .position(|primitive| matches!(primitive, crate::compiled::Primitive::Sphere(0)));
+        let center = Vec3::from(scene.spheres[0].center);
+        let before = picture(&scene);
+        let from = View::new(&scene, SIZE);
+        scene
+            .apply(&SceneUpdate {
+                camera: None,
+                poses: vec![ObjectPose {
+                    object: ball.unwrap() as u32,
+                    position: center + Vec3::new(0.02, 0.04, 0.0),
+                    rotation: Quat::IDENTITY,
+                    visible: true,
+                }],
+            })
+            .unwrap();
+        let truth = picture(&scene);
+        let to = View::new(&scene, SIZE);
+        let moved = from.reproject(&before.pixels, &to).pixels;
+        let on_ball = |index: &usize| to.hits.primitive[*index] == 0;
+        let error = |pixels: &[[f32; 3]]| -> f32 {
+            let green = |index: usize| (pixels[index][1] - truth.pixels[index][1]).abs();
+            (0..SIZE.pixels()).filter(on_ball).map(green).sum()
+        };
+        assert!(error(&moved) < 0.3 * error(&before.pixels));
+    }
+
+    #[test]
+    fn pixels_that_were_not_to_be_seen_take_the_nearest_of_their_kind() {
+        assert_eq!(stand_in(&[5, 5, 7, 7, 5, 5, 5, 5], &[4], 4), 6);
+        assert_eq!(stand_in(&[5, 7, 7, 7], &[0], 0), 2);
+        assert_eq!(stand_in(&[5, 5], &[0, 1], 0), 0);
+    }
+}
