@@ -131,7 +131,7 @@ impl Director {
     pub fn new(window: ImageSize, in_flight_max: usize) -> Self {
         Self {
             window,
-            quality: Quality::new(),
+            quality: Quality::default(),
             lead: Lead::default(),
             in_flight_max,
             subject: None,

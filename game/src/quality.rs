@@ -58,9 +58,9 @@ pub struct Quality {
     patience: u32,
 }
 
-impl Quality {
+impl Default for Quality {
     /// Begins coarse, so that the first picture comes at once.
-    pub fn new() -> Self {
+    fn default() -> Self {
         Self {
             period_secs: STEADY_PERIOD_SECS,
             stop: 2,
@@ -69,7 +69,9 @@ impl Quality {
             patience: PATIENCE_MIN,
         }
     }
+}
 
+impl Quality {
     /// Takes in that a picture of `pixels` at `samples` kept the farm busy for `busy_secs`.
     pub fn observe(&mut self, pixels: usize, samples: u32, window: ImageSize, busy_secs: f64) {
         let paths = pixels as f64 * f64::from(samples);
@@ -186,7 +188,7 @@ mod tests {
     #[test]
     fn it_fills_the_target_and_does_not_exceed_it() {
         for speed in [2e6, 8e6, 3e7, 2e8, 3e9] {
-            let mut quality = Quality::new();
+            let mut quality = Quality::default();
             let last = *play(&mut quality, 200, |_| speed).last().unwrap();
             assert!(
                 secs(last, speed) <= quality.period_secs() * LATE,
@@ -204,7 +206,7 @@ mod tests {
 
     #[test]
     fn a_slow_farm_is_noticed_with_the_first_picture_that_is_late() {
-        let mut quality = Quality::new();
+        let mut quality = Quality::default();
         play(&mut quality, 100, |_| 1e8);
         let paths_per_sec = |quality: &Quality| quality.level().cost() / quality.period_secs();
         let before = paths_per_sec(&quality);
@@ -216,7 +218,7 @@ mod tests {
 
     #[test]
     fn noise_of_a_third_does_not_make_it_swing() {
-        let mut quality = Quality::new();
+        let mut quality = Quality::default();
         // A fixed pattern with the spread of a busy machine: ±33 %.
         let speed = |i: usize| 1.2e7 * (1.0 + 0.33 * ((i * 7919 % 101) as f64 / 50.0 - 1.0));
         let levels = play(&mut quality, 1000, speed);
@@ -230,7 +232,7 @@ mod tests {
     #[test]
     fn pictures_come_60_times_a_second_where_they_can_be_fine_enough() {
         let period = |speed: f64| {
-            let mut quality = Quality::new();
+            let mut quality = Quality::default();
             play(&mut quality, 200, |_| speed);
             quality.period_secs()
         };
