@@ -42,6 +42,7 @@
 //!                     frame: FrameId(0), run: RunId(0), scene, update: SceneUpdate::default(),
 //!                     grid, tiles: grid.all(), settings: RenderSettings::default(),
 //!                     format: PixelFormat::LinearF16,
+//!                     precision: PrecisionRange::EXACT, held: Vec::new(),
 //!                 })?,
 //!                 ClientEvent::RunDone { .. } => pictures += 1,
 //!                 _ => {}
@@ -57,15 +58,17 @@ pub mod error;
 pub mod framing;
 pub mod limits;
 pub mod message;
+pub mod precision;
 pub mod session;
 pub mod tile_codec;
 mod validate;
 
 pub use error::Error;
 pub use message::{
-    FrameId, NodeInfo, PixelFormat, Refusal, RefusalReason, RunId, RunReport, SceneHash, TilesDone,
-    ToClient, ToNode, TraceRequest,
+    FrameId, HeldTiles, NodeInfo, PixelFormat, Refusal, RefusalReason, RunId, RunReport, SceneHash,
+    TilesDone, ToClient, ToNode, TraceRequest,
 };
+pub use precision::{Precision, PrecisionRange};
 pub use session::{
     Channel, ClientEvent, ClientSession, NodeEvent, NodeSession, Packet, SceneStatus,
 };

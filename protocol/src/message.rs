@@ -3,10 +3,12 @@
 use carom_tracer::{DeviceInfo, ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid, TileRun};
 use serde::{Deserialize, Serialize};
 
+use crate::precision::PrecisionRange;
+
 /// Raised by every change of a message; both ends must speak the same. [`ToNode::Hello`] and
 /// [`ToClient::Welcome`] begin with their variant, 0, and this number in every version, so that
 /// ends of different versions can say so.
-pub const VERSION: u16 = 1;
+pub const VERSION: u16 = 2;
 
 /// BLAKE3 of a scene's postcard bytes: nodes keep scenes by it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -106,6 +108,19 @@ pub struct TraceRequest {
     pub settings: RenderSettings,
     /// How pixels come back.
     pub format: PixelFormat,
+    /// How exactly, if as [`PixelFormat::Srgb8`].
+    pub precision: PrecisionRange,
+    /// Which of the tiles the client holds from earlier runs. The session fills it in.
+    pub held: Vec<HeldTiles>,
+}
+
+/// Tiles that a client has got and remembers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct HeldTiles {
+    /// The run that they came from.
+    pub run: RunId,
+    /// Which tiles of the same grid.
+    pub tiles: TileRun,
 }
 
 impl TraceRequest {
@@ -115,7 +130,7 @@ impl TraceRequest {
     }
 }
 
-/// How a pixel is stored on the wire. Encoding is lossless in each.
+/// How a pixel is stored on the wire; see [`PrecisionRange`] for how exactly.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum PixelFormat {
     /// Three bytes: sRGB of `clamp(exposure · L, 0, 1)`. For the screen.

@@ -4,11 +4,11 @@
 use carom_tracer::{SceneUpdate, TileGrid, TileRun};
 
 use crate::limits::{
-    NODE_NAME_BYTES_MAX, POSES_MAX, RUN_SAMPLES_MAX, RUN_TILES_MAX, SENTENCE_BYTES_MAX,
-    TILE_EDGE_MAX, TILES_PER_MESSAGE_MAX,
+    HELD_STRETCHES_MAX, NODE_NAME_BYTES_MAX, POSES_MAX, RUN_SAMPLES_MAX, RUN_TILES_MAX,
+    SENTENCE_BYTES_MAX, TILE_EDGE_MAX, TILES_PER_MESSAGE_MAX,
 };
 use crate::message::{
-    NodeInfo, PixelFormat, RefusalReason, TilesDone, ToClient, ToNode, TraceRequest,
+    HeldTiles, NodeInfo, PixelFormat, RefusalReason, TilesDone, ToClient, ToNode, TraceRequest,
 };
 
 /// A sentence that names the value and the rule.
@@ -67,6 +67,8 @@ impl TraceRequest {
             .map_err(|error| error.to_string())?;
         check_update(&self.update)?;
         self.format.validate()?;
+        self.precision.validate()?;
+        self.check_held()?;
         let pixels = self.grid.pixels(self.tiles) as u64;
         let samples = pixels * u64::from(self.settings.samples);
         if samples > RUN_SAMPLES_MAX {
@@ -75,6 +77,30 @@ impl TraceRequest {
                  are allowed in one run",
                 self.settings.samples
             ));
+        }
+        Ok(())
+    }
+}
+
+impl TraceRequest {
+    fn check_held(&self) -> Check {
+        at_most(
+            "stretches of held tiles",
+            self.held.len(),
+            HELD_STRETCHES_MAX,
+        )?;
+        let mut from = self.tiles.first;
+        for HeldTiles { run, tiles } in &self.held {
+            let inside = tiles.first.checked_add(tiles.count);
+            let inside = inside.is_some_and(|end| end <= self.tiles.end());
+            if tiles.count == 0 || tiles.first < from || !inside || *run >= self.run {
+                return Err(format!(
+                    "held are {tiles:?} of {run:?}: stretches must be in order, in {:?} and of \
+                     earlier runs than {:?}",
+                    self.tiles, self.run
+                ));
+            }
+            from = tiles.end();
         }
         Ok(())
     }

@@ -7,7 +7,7 @@ use carom_protocol::codec::{decode_to_client, decode_to_node};
 use carom_protocol::framing::Deframer;
 use carom_protocol::limits::SCENE_BYTES_MAX;
 use carom_protocol::tile_codec::Decoder;
-use carom_protocol::{PixelFormat, ToNode, TraceRequest};
+use carom_protocol::{PixelFormat, Precision, PrecisionRange, ToNode, TraceRequest};
 use carom_tracer::Tile;
 
 /// Counts what each thread asks for.
@@ -95,6 +95,8 @@ fn a_list_of_poses_that_lies_costs_what_came() {
         tiles: carom_tracer::TileRun { first: 0, count: 1 },
         settings: carom_tracer::RenderSettings::default(),
         format: PixelFormat::LinearF16,
+        precision: carom_protocol::PrecisionRange::EXACT,
+        held: Vec::new(),
     };
     let bytes = postcard::to_stdvec(&ToNode::Trace(Box::new(request))).unwrap();
     // Variant, frame, run, hash, no camera; then the number of poses.
@@ -132,6 +134,39 @@ fn a_frame_costs_no_more_than_was_asked_for() {
     ] {
         let spent = allocated(|| assert!(decoder.decode(format, &tiles, &bomb).is_err()));
         assert!(spent <= FIXED + size, "{spent}");
+    }
+}
+
+/// Scans of JPEG that claim the world, on any tiles: a few times the picture that was asked for,
+/// whose rows a decoder keeps apart by colour.
+#[test]
+fn a_scan_costs_no_more_than_was_asked_for() {
+    let (x, y, width, height) = (0, 0, 32, 32);
+    let tile = Tile {
+        x,
+        y,
+        width,
+        height,
+    };
+    let size = 8 * 3 * tile.pixels();
+    let range = PrecisionRange {
+        finest: Precision::Exact,
+        coarsest: Precision::Lossy50,
+    };
+    let mut decoder = Decoder::new();
+    let frame = [
+        0xff, 0xc0, 0, 17, 8, 0xff, 0xff, 0xff, 0xff, 3, 1, 0x11, 0, 2, 0x11, 1, 3, 0x11, 1,
+    ];
+    for (precision, fill) in [(3, 0), (4, 0x55), (5, 0xd9)] {
+        let noise = vec![fill; 4 * size];
+        for scan in [&noise[..], &[&frame[..], &noise].concat(), &[0xff; 64]] {
+            let payload = [&[precision << 3 | 2], scan].concat();
+            let spent = allocated(|| {
+                drop(decoder.decode_srgb(range, &[(tile, None); 8], &payload));
+            });
+            let bound = 64 * FIXED + 6 * size + 2 * payload.len();
+            assert!(spent <= bound, "{spent} of {bound}");
+        }
     }
 }
 

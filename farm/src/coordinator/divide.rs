@@ -2,7 +2,7 @@
 //! runs to whoever finishes them first.
 
 use carom_protocol::limits::{RUN_SAMPLES_MAX, RUN_TILES_MAX};
-use carom_protocol::{FrameId, RunId, SceneHash, TraceRequest};
+use carom_protocol::{FrameId, PrecisionRange, RunId, SceneHash, TraceRequest};
 use carom_tracer::{TileGrid, TileRun};
 
 use super::balancer::{Candidate, Division, Estimate, WaterFilling, fill};
@@ -223,6 +223,8 @@ impl Coordinator {
             tiles,
             settings: frame.spec.settings,
             format: frame.spec.format,
+            precision: PrecisionRange::EXACT,
+            held: Vec::new(),
         });
         // Nothing is sent if the node has it; a node keeps only the scenes used last.
         let scene = super::scene_command(frame.scene.0, &frame.scene.1);

@@ -6,8 +6,12 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll, Waker};
 use std::time::Instant;
 
-use carom_protocol::session::{NodeEvent, NodeSession, Packet};
-use carom_protocol::{NodeInfo, RefusalReason, RunId, RunReport, TilesDone};
+use carom_protocol::session::{NodeEvent, NodeSession, Packet, SentTiles};
+use carom_protocol::tile_codec::{Encoder, Source};
+use carom_protocol::{
+    NodeInfo, PixelFormat, RefusalReason, RunId, RunReport, TilesDone, TraceRequest,
+};
+use carom_tracer::{Tile, TileRun};
 
 use super::queue::{Job, Queue};
 
@@ -22,6 +26,7 @@ pub(super) struct Client {
     state: Mutex<State>,
     /// Told when the transport has taken a packet.
     drained: Condvar,
+    sent: Mutex<SentTiles>,
 }
 
 struct State {
@@ -46,6 +51,7 @@ impl NodeConnection {
         let client = Arc::new(Client {
             state: Mutex::new(state),
             drained: Condvar::new(),
+            sent: Mutex::default(),
         });
         Self { client, queue }
     }
@@ -142,6 +148,33 @@ impl Drop for NodeConnection {
 }
 
 impl Client {
+    /// The payload of finished tiles of a request, told from those that the client holds.
+    pub(super) fn encode(
+        &self,
+        encoder: &mut Encoder,
+        request: &TraceRequest,
+        part: TileRun,
+        tiles: &[(Tile, &[[f32; 3]])],
+    ) -> Vec<u8> {
+        let PixelFormat::Srgb8 { exposure } = request.format else {
+            return encoder.encode(request.format, tiles);
+        };
+        let references = lock(&self.sent).references(request, part);
+        let sources: Vec<Source> = tiles
+            .iter()
+            .zip(&references)
+            .map(|(&(tile, radiance), reference)| Source {
+                tile,
+                radiance,
+                reference: reference.as_ref(),
+            })
+            .collect();
+        let precision = request.precision.finest;
+        let (payload, kept) = encoder.encode_srgb(exposure, precision, &sources);
+        lock(&self.sent).insert(request, part, kept);
+        payload
+    }
+
     /// Sends finished tiles. `false` if they are not wanted any more.
     pub(super) fn tiles(&self, tiles: TilesDone) -> bool {
         let mut state = self.lock();
@@ -185,8 +218,12 @@ impl Client {
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.state)
     }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Wakes the transport after the lock is released, so that it does not wait for it.

@@ -157,15 +157,17 @@ impl<'a> Running<'a> {
             .iter()
             .map(|tile| tile.as_deref().unwrap_or_default());
         let tiles: Vec<(Tile, &[[f32; 3]])> = tiles.zip(radiance).collect();
-        let pixels = ENCODER.with_borrow_mut(|encoder| encoder.encode(request.format, &tiles));
+        let part = TileRun {
+            first: request.tiles.first + first as u32,
+            count: tiles.len() as u32,
+        };
+        let encode = |encoder: &mut Encoder| self.job.client.encode(encoder, request, part, &tiles);
+        let pixels = ENCODER.with_borrow_mut(encode);
         let nanos = begun.elapsed().as_nanos() as u64;
         self.encode_nanos.fetch_add(nanos, Ordering::Relaxed);
         self.job.client.tiles(TilesDone {
             run: request.run,
-            tiles: TileRun {
-                first: request.tiles.first + first as u32,
-                count: tiles.len() as u32,
-            },
+            tiles: part,
             busy_micros: micros(self.queue.busy_since(self.begun)),
             dropped_samples: group.dropped_samples,
             pixels,

@@ -1,14 +1,17 @@
 //! What the fuzz targets do with their bytes. Plain functions, so that a test of the main
 //! workspace runs them too; each panics if a law is broken.
 
+use std::sync::Arc;
+
 use carom_protocol::codec::{decode_to_client, decode_to_node, encode_to_client, encode_to_node};
 use carom_protocol::framing::{Deframer, frame};
 use carom_protocol::limits::RUNS_QUEUED_MAX;
 use carom_protocol::message::VERSION;
-use carom_protocol::tile_codec::{Decoder, Encoder};
+use carom_protocol::tile_codec::{Decoder, Encoder, ReferenceTile, Source};
 use carom_protocol::{
-    Channel, ClientSession, FrameId, NodeEvent, NodeInfo, NodeSession, Packet, PixelFormat, RunId,
-    RunReport, SceneHash, TilesDone, ToClient, ToNode, TraceRequest,
+    Channel, ClientSession, FrameId, NodeEvent, NodeInfo, NodeSession, Packet, PixelFormat,
+    Precision, PrecisionRange, RunId, RunReport, SceneHash, TilesDone, ToClient, ToNode,
+    TraceRequest,
 };
 use carom_tracer::{
     DeviceInfo, DeviceKind, ImageSize, RenderSettings, Scene, SceneUpdate, Tile, TileGrid, TileRun,
@@ -18,10 +21,11 @@ use carom_tracer::{
 pub type Target = (&'static str, fn(&[u8]), fn() -> Vec<Vec<u8>>);
 
 /// All targets.
-pub const TARGETS: [Target; 5] = [
+pub const TARGETS: [Target; 6] = [
     ("to_node", to_node, to_node_seeds),
     ("to_client", to_client, to_client_seeds),
     ("tile_codec", tile_codec, tile_codec_seeds),
+    ("srgb_tiles", srgb_tiles, srgb_tiles_seeds),
     ("framing", framing, framing_seeds),
     ("session", session, session_seeds),
 ];
@@ -44,6 +48,34 @@ pub fn to_client(bytes: &[u8]) {
     }
 }
 
+/// A payload of sRGB tiles, told from tiles that are held, is an error or a picture of the size
+/// asked for, which then is held itself. The first two bytes say what was asked for.
+pub fn srgb_tiles(bytes: &[u8]) {
+    let Some(([width, height], payload)) = bytes.split_first_chunk() else {
+        return;
+    };
+    let tile = small_tile(*width, *height);
+    let range = PrecisionRange {
+        finest: Precision::Exact,
+        coarsest: Precision::Lossy50,
+    };
+    let held = held_tile(tile);
+    let tiles = [(tile, None), (tile, Some(&held)), (tile, Some(&held))];
+    let Ok(decoded) = Decoder::new().decode_srgb(range, &tiles, payload) else {
+        return;
+    };
+    assert_eq!(decoded.pixels.len(), 3 * tile.pixels());
+    assert_eq!(decoded.kept.len(), 3);
+    assert!(
+        decoded
+            .kept
+            .iter()
+            .all(|kept| kept.bytes() == 3 * tile.pixels())
+    );
+    let kept = [(tile, None), (tile, Some(&decoded.kept[0])), (tile, None)];
+    drop(Decoder::new().decode_srgb(range, &kept, payload));
+}
+
 /// A payload is an error or a picture of the size asked for. The first three bytes say what was
 /// asked for.
 pub fn tile_codec(bytes: &[u8]) {
@@ -51,12 +83,7 @@ pub fn tile_codec(bytes: &[u8]) {
         return;
     };
     let format = format_of(*format);
-    let tile = Tile {
-        x: 0,
-        y: 0,
-        width: u32::from(width % 40) + 1,
-        height: u32::from(height % 40) + 1,
-    };
+    let tile = small_tile(*width, *height);
     if let Ok(pixels) = Decoder::new().decode(format, &[tile; 2], payload) {
         assert_eq!(pixels.len(), 2 * tile.pixels());
     }
@@ -135,6 +162,54 @@ pub fn tile_codec_seeds() -> Vec<Vec<u8>> {
     (0..3)
         .map(|format| [&[format, 8, 4], &payload(format)[..]].concat())
         .collect()
+}
+
+/// Payloads of each precision: of new tiles, of changed ones and of some that are as they were.
+pub fn srgb_tiles_seeds() -> Vec<Vec<u8>> {
+    let tile = small_tile(16, 11);
+    let held = held_tile(tile);
+    let new: Vec<[f32; 3]> = (0..tile.pixels()).map(|i| [i as f32 * 0.002; 3]).collect();
+    let changed: Vec<[f32; 3]> = ramp(tile).map(|[r, g, b]| [r, g, b + 0.02]).collect();
+    let same: Vec<[f32; 3]> = ramp(tile).collect();
+    let source = |radiance, reference| Source {
+        tile,
+        radiance,
+        reference,
+    };
+    let payload = |precision: &Precision| {
+        let tiles = [
+            source(&new, None),
+            source(&changed, Some(&held)),
+            source(&same, Some(&held)),
+        ];
+        let (payload, _) = Encoder::new().encode_srgb(1.0, *precision, &tiles);
+        [&[16, 11], &payload[..]].concat()
+    };
+    Precision::ALL.iter().map(payload).collect()
+}
+
+fn small_tile(width: u8, height: u8) -> Tile {
+    Tile {
+        x: 0,
+        y: 0,
+        width: u32::from(width % 40) + 1,
+        height: u32::from(height % 40) + 1,
+    }
+}
+
+fn ramp(tile: Tile) -> impl Iterator<Item = [f32; 3]> {
+    (0..tile.pixels()).map(|index| [index as f32 * 0.003, 0.5, 0.25])
+}
+
+fn held_tile(tile: Tile) -> Arc<ReferenceTile> {
+    let radiance: Vec<[f32; 3]> = ramp(tile).collect();
+    let source = Source {
+        tile,
+        radiance: &radiance,
+        reference: None,
+    };
+    let (_, mut kept) = Encoder::new().encode_srgb(1.0, Precision::Exact, &[source]);
+    kept.remove(0)
 }
 
 /// Some packets.
@@ -314,6 +389,8 @@ fn request(run: u64) -> TraceRequest {
         tiles: GRID.all(),
         settings: RenderSettings::default(),
         format: format_of(run as u8),
+        precision: carom_protocol::PrecisionRange::EXACT,
+        held: Vec::new(),
     }
 }
 

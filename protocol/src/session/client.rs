@@ -4,13 +4,14 @@ use std::collections::{BTreeMap, VecDeque};
 
 use carom_tracer::{Scene, Tile, TileRun};
 
+use super::held::Held;
 use super::runs::{RefusedRuns, Run};
 use super::scenes::SceneCache;
 use super::{Channel, Packet};
 use crate::limits::{CONTROL_QUEUED_MAX, RUNS_QUEUED_MAX};
 use crate::message::{
-    FrameId, NodeInfo, Refusal, RefusalReason, RunId, RunReport, SceneHash, TilesDone, ToClient,
-    ToNode, TraceRequest, VERSION,
+    FrameId, NodeInfo, PixelFormat, Refusal, RefusalReason, RunId, RunReport, SceneHash, TilesDone,
+    ToClient, ToNode, TraceRequest, VERSION,
 };
 use crate::tile_codec::{Decoder, TilePixels};
 use crate::{Error, codec};
@@ -105,6 +106,7 @@ pub struct ClientSession {
     /// Runs asked for and neither done nor refused, at most [`RUNS_QUEUED_MAX`].
     runs: BTreeMap<RunId, Run>,
     refused: RefusedRuns,
+    held: Held,
     last_run: Option<RunId>,
     /// Scenes without an answer, in order.
     scenes_asked: VecDeque<SceneHash>,
@@ -132,6 +134,7 @@ impl ClientSession {
             scenes: SceneCache::new(),
             runs: BTreeMap::new(),
             refused: RefusedRuns::default(),
+            held: Held::default(),
             last_run: None,
             scenes_asked: VecDeque::new(),
             pings: VecDeque::new(),
@@ -174,7 +177,7 @@ impl ClientSession {
     /// above the last one or [`RUNS_QUEUED_MAX`] runs are open, and as [`ClientSession::ping`].
     ///
     /// [set]: ClientSession::set_scene
-    pub fn trace(&mut self, request: TraceRequest) -> Result<(), Error> {
+    pub fn trace(&mut self, mut request: TraceRequest) -> Result<(), Error> {
         let unsendable = |why: String| Err(Error::unsendable("trace request", why));
         let run = request.run;
         if self.state != State::Open {
@@ -189,7 +192,8 @@ impl ClientSession {
         if self.scenes.peek_mut(request.scene).is_none() {
             return unsendable("the node does not hold its scene".into());
         }
-        let (hash, state) = (request.scene, Run::new(&request));
+        let references = self.held.name(&mut request);
+        let (hash, state) = (request.scene, Run::new(&request, references));
         self.send(&ToNode::Trace(Box::new(request)))?;
         self.scenes.touch(hash);
         self.last_run = Some(run);
@@ -337,12 +341,26 @@ impl ClientSession {
                 payload_bytes,
             }
         } else {
-            let sizes: Vec<Tile> = run.grid.tiles(done.tiles).collect();
+            let pixels = match run.format {
+                PixelFormat::Srgb8 { .. } => {
+                    let told = run.with_references(done.tiles);
+                    let decoded = self
+                        .decoder
+                        .decode_srgb(run.precision, &told, &done.pixels)?;
+                    self.held
+                        .insert(run.grid, done.run, done.tiles, decoded.kept);
+                    TilePixels::Srgb8(decoded.pixels)
+                }
+                format => {
+                    let sizes: Vec<Tile> = run.grid.tiles(done.tiles).collect();
+                    self.decoder.decode(format, &sizes, &done.pixels)?
+                }
+            };
             ClientEvent::Tiles {
                 frame,
                 run: done.run,
                 tiles: done.tiles,
-                pixels: self.decoder.decode(run.format, &sizes, &done.pixels)?,
+                pixels,
                 busy_micros: done.busy_micros,
                 dropped_samples: done.dropped_samples,
                 payload_bytes,

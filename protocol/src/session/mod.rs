@@ -16,11 +16,13 @@
 //! any other method, also after an error, and then closes if there was one.
 
 mod client;
+mod held;
 mod node;
 mod runs;
 mod scenes;
 
 pub use client::{ClientEvent, ClientSession, SceneStatus};
+pub use held::{References, SentTiles};
 pub use node::{NodeEvent, NodeSession};
 
 /// A whole message on its way.

@@ -1,12 +1,16 @@
 //! What a client knows of the runs it asked for.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 
-use carom_tracer::{TileGrid, TileRun};
+use carom_tracer::{Tile, TileGrid, TileRun};
 
+use super::held::References;
 use crate::Error;
 use crate::limits::RUNS_REFUSED_KEPT;
 use crate::message::{FrameId, PixelFormat, RunId, RunReport, TraceRequest};
+use crate::precision::PrecisionRange;
+use crate::tile_codec::ReferenceTile;
 
 /// A run that is neither done nor refused.
 #[derive(Debug)]
@@ -15,6 +19,9 @@ pub(super) struct Run {
     pub(super) grid: TileGrid,
     tiles: TileRun,
     pub(super) format: PixelFormat,
+    pub(super) precision: PrecisionRange,
+    /// What its tiles may be told from, by place in the run; empty for linear formats.
+    pub(super) references: References,
     /// By the tile's place in the run.
     received: Vec<bool>,
     pub(super) missing: u32,
@@ -32,17 +39,32 @@ pub(super) struct RefusedRuns {
 }
 
 impl Run {
-    pub(super) fn new(request: &TraceRequest) -> Self {
+    pub(super) fn new(request: &TraceRequest, references: References) -> Self {
         Self {
             frame: request.frame,
             grid: request.grid,
             tiles: request.tiles,
             format: request.format,
+            precision: request.precision,
+            references,
             received: Vec::new(),
             missing: request.tiles.count,
             cancelled: false,
             report: None,
         }
+    }
+
+    /// The tiles of a message, each with what it may be told from.
+    pub(super) fn with_references(
+        &self,
+        tiles: TileRun,
+    ) -> Vec<(Tile, Option<&Arc<ReferenceTile>>)> {
+        let place = |tile: u32| (tile - self.tiles.first) as usize;
+        let reference = |tile| self.references.get(place(tile))?.as_ref();
+        let tiles = tiles.indices();
+        tiles
+            .map(|tile| (self.grid.tile(tile), reference(tile)))
+            .collect()
     }
 
     /// Notes that `tiles` have come.

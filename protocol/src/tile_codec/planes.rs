@@ -1,7 +1,6 @@
 //! Samples to byte planes of small numbers, and back.
 //!
-//! A sample is the integer of a channel: sRGB steps, or the bits of a float, whose integer
-//! differences are roughly differences of logarithms. Red and blue become their differences from
+//! A sample is the bits of a channel's float, whose integer differences are roughly differences of logarithms. Red and blue become their differences from
 //! green; each is predicted by its left neighbour, in the first column by the one above; and of
 //! the differences, all modulo 2ⁿ, each byte goes to a plane of its own, where bytes of equal
 //! meaning lie side by side.
@@ -106,26 +105,6 @@ pub(super) trait Sample: Copy + Default {
     fn split(channel: &[Self], planes: &mut [u8]);
     /// The inverse of [`Sample::split`].
     fn join(channel: &mut [Self], planes: &[u8]);
-}
-
-impl Sample for u8 {
-    #[inline(always)]
-    fn plus(self, other: Self) -> Self {
-        self.wrapping_add(other)
-    }
-
-    #[inline(always)]
-    fn minus(self, other: Self) -> Self {
-        self.wrapping_sub(other)
-    }
-
-    fn split(channel: &[Self], planes: &mut [u8]) {
-        planes.copy_from_slice(channel);
-    }
-
-    fn join(channel: &mut [Self], planes: &[u8]) {
-        channel.copy_from_slice(planes);
-    }
 }
 
 impl Sample for u16 {

@@ -106,6 +106,8 @@ pub(crate) fn request() -> impl Strategy<Value = TraceRequest> {
                 seed,
             },
             format,
+            precision: carom_protocol::PrecisionRange::EXACT,
+            held: Vec::new(),
         },
     )
 }

@@ -38,6 +38,8 @@ fn request(scene: &Scene, run: u64) -> TraceRequest {
         tiles: TileRun { first: 4, count: 8 },
         settings: RenderSettings::default(),
         format: PixelFormat::Srgb8 { exposure: 1.0 },
+        precision: carom_protocol::PrecisionRange::EXACT,
+        held: Vec::new(),
     }
 }
 

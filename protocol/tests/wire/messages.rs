@@ -3,7 +3,8 @@
 use carom_protocol::codec::{decode_to_client, decode_to_node, encode_to_client, encode_to_node};
 use carom_protocol::limits::{POSES_MAX, RUN_TILES_MAX, SENTENCE_BYTES_MAX, TILE_EDGE_MAX};
 use carom_protocol::{
-    Error, PixelFormat, Refusal, RefusalReason, RunId, SceneHash, ToClient, ToNode, TraceRequest,
+    Error, HeldTiles, PixelFormat, Precision, Refusal, RefusalReason, RunId, SceneHash, ToClient,
+    ToNode, TraceRequest,
 };
 use carom_tracer::{ImageSize, ObjectPose, TileGrid, TileRun};
 use glam::{Quat, Vec3};
@@ -96,10 +97,15 @@ proptest! {
     }
 }
 
+fn held(run: u64, first: u32, count: u32) -> HeldTiles {
+    let (run, tiles) = (RunId(run), TileRun { first, count });
+    HeldTiles { run, tiles }
+}
+
 type Rule = (&'static str, fn(&mut TraceRequest));
 
 /// What no request may be.
-const RULES: [Rule; 14] = [
+const RULES: [Rule; 18] = [
     ("tiles of no pixel", |r| r.grid.edge = 0),
     ("tiles too large", |r| r.grid.edge = TILE_EDGE_MAX + 1),
     ("a picture without rows", |r| r.grid.size.height = 0),
@@ -114,6 +120,21 @@ const RULES: [Rule; 14] = [
     }),
     ("no exposure", |r| {
         r.format = PixelFormat::Srgb8 { exposure: 0.0 };
+    }),
+    ("the finest precision below the coarsest", |r| {
+        (r.precision.finest, r.precision.coarsest) = (Precision::Within2, Precision::Exact);
+    }),
+    ("tiles held that are not asked for", |r| {
+        r.run = RunId(9);
+        r.held = vec![held(8, r.tiles.first, r.tiles.count + 1)];
+    }),
+    ("tiles held twice", |r| {
+        r.run = RunId(9);
+        r.held = vec![held(8, r.tiles.first, 1), held(7, r.tiles.first, 1)];
+    }),
+    ("tiles held of a run to come", |r| {
+        r.run = RunId(9);
+        r.held = vec![held(9, r.tiles.first, 1)];
     }),
     ("a ball at no place", |r| {
         let mut pose = POSE;

@@ -106,6 +106,8 @@ impl Pair {
             tiles,
             settings: RenderSettings::default(),
             format: PixelFormat::LinearF32,
+            precision: carom_protocol::PrecisionRange::EXACT,
+            held: Vec::new(),
         };
         self.client.trace(request).unwrap();
         let (received, cancelled, ended) = (BTreeSet::new(), false, false);

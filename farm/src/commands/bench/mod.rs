@@ -1,6 +1,8 @@
-//! `carom-farm bench`: speed and accuracy of this machine's back ends.
+//! `carom-farm bench`: what this machine's back ends and wire can do.
 
 mod accuracy;
+mod codec;
+mod codec_frames;
 mod trace;
 
 use clap::Subcommand;
@@ -18,11 +20,13 @@ pub(crate) struct Args {
 enum Bench {
     Trace(trace::Args),
     Accuracy(accuracy::Args),
+    Codec(codec::Args),
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     match &args.bench {
         Bench::Trace(args) => trace::run(args),
         Bench::Accuracy(args) => accuracy::run(args),
+        Bench::Codec(args) => codec::run(args),
     }
 }

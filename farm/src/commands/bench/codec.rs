@@ -1,0 +1,309 @@
+//! `carom-farm bench codec`: what tiles weigh on the wire, and how fast one core makes and reads
+//! them.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use anyhow::Context;
+use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
+use carom_protocol::tile_codec::{Decoder, Encoder, ReferenceTile, Source};
+use carom_protocol::{Precision, PrecisionRange, RunId, TilesDone, ToClient, codec};
+use carom_tracer::tonemap::srgb8;
+use carom_tracer::{ImageSize, RadianceImage, Tile, TileGrid, TileRun};
+use cpu_time::ThreadTime;
+use serde::Serialize;
+
+use super::codec_frames::{Frames, Picture};
+use crate::commands::Failure;
+use crate::commands::backend::Backend;
+
+/// Size of encoded frames, and speed of one core at encoding and decoding them.
+///
+/// Frames are traced here and kept in a temporary folder. Each message, eight tiles of 32 pixels,
+/// is told from the frame before, as when the client holds it; "cut" is told from nothing. Mbit/s
+/// are those of 60 frames a second, with the messages' headers and without QUIC's. Rates are bytes
+/// of sRGB pixels per second of CPU time, the best of the repetitions of each message.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+    /// Pixels.
+    #[arg(long, default_value = "1280x720")]
+    size: ImageSize,
+    /// Samples per pixel of the noisy frames.
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    spp: u32,
+    /// Samples per pixel of the converged frames.
+    #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    converged_spp: u32,
+    /// Repetitions for the rates.
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    repetitions: u32,
+    /// What traces the frames.
+    #[arg(long, default_value = "cpu")]
+    backend: Backend,
+    /// Where traced frames are kept [default: `carom-bench-codec` in the system's temporary folder].
+    #[arg(long)]
+    cache: Option<PathBuf>,
+    /// Only this precision.
+    #[arg(long)]
+    precision: Option<Precision>,
+}
+
+#[derive(Serialize)]
+struct Report {
+    width: u32,
+    height: u32,
+    frames_per_second: f64,
+    runs: Vec<Row>,
+}
+
+#[derive(Serialize)]
+struct Row {
+    picture: &'static str,
+    motion: &'static str,
+    precision: Precision,
+    mbit_per_second: f64,
+    encode_mb_per_second: f64,
+    decode_mb_per_second: f64,
+    /// Absent where each pixel is exact.
+    psnr_db: Option<f64>,
+}
+
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let tracer = args.backend.open(0)?;
+    let frames = Frames::new(args.size, tracer, args.cache.as_deref())?;
+    let mut report = Report {
+        width: args.size.width,
+        height: args.size.height,
+        frames_per_second: FRAMES_PER_SECOND,
+        runs: Vec::new(),
+    };
+    if !args.json {
+        print_heading(&report);
+    }
+    let pictures = [
+        ("noisy", Picture::traced(args.spp)),
+        ("converged", Picture::traced(args.converged_spp)),
+    ];
+    for (name, picture) in pictures {
+        for (motion, sequence, told) in frames.motions(picture)? {
+            for precision in Precision::ALL {
+                if args.precision.is_some_and(|only| only != precision) {
+                    continue;
+                }
+                let measured = measure(&sequence, told, precision, args.repetitions)?;
+                let row = measured.row(name, motion, precision);
+                if !args.json {
+                    print_row(&row);
+                }
+                report.runs.push(row);
+            }
+        }
+    }
+    if args.json {
+        println!(
+            "{}",
+            serde_json::to_string(&report).context("results as JSON")?
+        );
+    }
+    Ok(())
+}
+
+/// Sums over frames.
+#[derive(Default)]
+struct Measured {
+    frames: u32,
+    pixel_bytes: usize,
+    message_bytes: usize,
+    encode_secs: f64,
+    decode_secs: f64,
+    squared_error: u64,
+}
+
+impl Measured {
+    fn row(&self, picture: &'static str, motion: &'static str, precision: Precision) -> Row {
+        let bits = 8.0 * self.message_bytes as f64 / f64::from(self.frames);
+        let megabytes = 1e-6 * self.pixel_bytes as f64;
+        let mse = self.squared_error as f64 / self.pixel_bytes as f64;
+        Row {
+            picture,
+            motion,
+            precision,
+            mbit_per_second: 1e-6 * bits * FRAMES_PER_SECOND,
+            encode_mb_per_second: megabytes / self.encode_secs,
+            decode_mb_per_second: megabytes / self.decode_secs,
+            psnr_db: (self.squared_error > 0).then(|| 10.0 * (255.0 * 255.0 / mse).log10()),
+        }
+    }
+}
+
+type Kept = Vec<Option<Arc<ReferenceTile>>>;
+
+/// Encodes and decodes all frames of a sequence but the first, which is what the client holds.
+fn measure(
+    sequence: &[Arc<RadianceImage>],
+    told: bool,
+    precision: Precision,
+    repetitions: u32,
+) -> Result<Measured, Failure> {
+    let mut coders = Coders {
+        encoder: Encoder::new(),
+        decoder: Decoder::new(),
+        range: PrecisionRange::only(precision),
+    };
+    let grid = TileGrid::new(sequence[0].size, TILE_EDGE);
+    let nothing: Kept = vec![None; grid.len() as usize];
+    let (mut sent, mut held) = (nothing.clone(), nothing.clone());
+    let mut measured = Measured::default();
+    for (index, image) in sequence.iter().enumerate() {
+        if !told {
+            (sent, held) = (nothing.clone(), nothing.clone());
+        }
+        let mut scratch = Measured::default();
+        let (sums, repetitions) = match index {
+            0 => (&mut scratch, 1),
+            _ => (&mut measured, repetitions),
+        };
+        for first in (0..grid.len()).step_by(TILES_PER_MESSAGE_MAX as usize) {
+            let count = TILES_PER_MESSAGE_MAX.min(grid.len() - first);
+            let run = TileRun { first, count };
+            coders.message(sums, image, grid, run, repetitions, &mut sent, &mut held)?;
+        }
+        sums.frames += 1;
+    }
+    Ok(measured)
+}
+
+struct Coders {
+    encoder: Encoder,
+    decoder: Decoder,
+    range: PrecisionRange,
+}
+
+impl Coders {
+    /// One message there and back; `sent` and `held` are what node and client remember.
+    #[expect(clippy::too_many_arguments, reason = "one step of one loop")]
+    fn message(
+        &mut self,
+        sums: &mut Measured,
+        image: &RadianceImage,
+        grid: TileGrid,
+        run: TileRun,
+        repetitions: u32,
+        sent: &mut Kept,
+        held: &mut Kept,
+    ) -> Result<(), Failure> {
+        let tiles: Vec<Tile> = grid.tiles(run).collect();
+        let radiance: Vec<Vec<[f32; 3]>> = tiles.iter().map(|tile| cut(image, *tile)).collect();
+        let stretch = run.first as usize..run.end() as usize;
+        let sources: Vec<Source> = tiles
+            .iter()
+            .zip(&radiance)
+            .zip(&sent[stretch.clone()])
+            .map(|((&tile, radiance), reference)| Source {
+                tile,
+                radiance,
+                reference: reference.as_ref(),
+            })
+            .collect();
+        let told = tiles.iter().copied();
+        let told: Vec<_> = told
+            .zip(held[stretch.clone()].iter().map(Option::as_ref))
+            .collect();
+        let (encoder, decoder) = (&mut self.encoder, &mut self.decoder);
+        let precision = self.range.finest;
+        let encode = || encoder.encode_srgb(EXPOSURE, precision, &sources);
+        let (encode_secs, (payload, kept)) = fastest(repetitions, encode);
+        let decode = || decoder.decode_srgb(self.range, &told, &payload);
+        let (decode_secs, decoded) = fastest(repetitions, decode);
+        let decoded = decoded.context("what was encoded")?;
+        sums.encode_secs += encode_secs;
+        sums.decode_secs += decode_secs;
+        let shown = radiance
+            .iter()
+            .flatten()
+            .map(|light| srgb8(*light, EXPOSURE));
+        for (shown, decoded) in shown.zip(&decoded.pixels) {
+            let squares = shown
+                .iter()
+                .zip(decoded)
+                .map(|(a, b)| u64::from(a.abs_diff(*b)).pow(2));
+            sums.squared_error += squares.sum::<u64>();
+        }
+        sums.pixel_bytes += decoded.pixels.as_flattened().len();
+        sums.message_bytes += message_bytes(run, payload)?;
+        for (place, (kept, come)) in stretch.zip(kept.into_iter().zip(decoded.kept)) {
+            (sent[place], held[place]) = (Some(kept), Some(come));
+        }
+        Ok(())
+    }
+}
+
+/// Bytes of the whole message, with numbers as they are after a while of play.
+fn message_bytes(tiles: TileRun, pixels: Vec<u8>) -> Result<usize, Failure> {
+    let message = ToClient::Tiles(TilesDone {
+        run: RunId(10_000),
+        tiles,
+        busy_micros: 5000,
+        dropped_samples: 0,
+        pixels,
+    });
+    let bytes = codec::encode_to_client(&message).context("a message of tiles")?;
+    Ok(bytes.len())
+}
+
+fn cut(image: &RadianceImage, tile: Tile) -> Vec<[f32; 3]> {
+    let width = image.size.width as usize;
+    let rows = (tile.y as usize..(tile.y + tile.height) as usize).map(|row| row * width);
+    let columns = tile.x as usize..(tile.x + tile.width) as usize;
+    rows.flat_map(|row| &image.pixels[row + columns.start..row + columns.end])
+        .copied()
+        .collect()
+}
+
+/// The least CPU seconds of some calls, and what the last one gave.
+fn fastest<T>(repetitions: u32, mut work: impl FnMut() -> T) -> (f64, T) {
+    let mut timed = || {
+        let start = ThreadTime::now();
+        let result = work();
+        (start.elapsed().as_secs_f64(), result)
+    };
+    let mut best = timed();
+    for _ in 1..repetitions {
+        let (secs, result) = timed();
+        best = (best.0.min(secs), result);
+    }
+    best
+}
+
+fn print_heading(report: &Report) {
+    let Report { width, height, .. } = report;
+    println!("{width}x{height} at {FRAMES_PER_SECOND} frames per second");
+    println!(
+        "{:<10} {:<10} {:<9} {:>9} {:>12} {:>12} {:>8}",
+        "picture", "motion", "precision", "Mbit/s", "encode MB/s", "decode MB/s", "PSNR dB"
+    );
+}
+
+fn print_row(row: &Row) {
+    let psnr = row
+        .psnr_db
+        .map_or_else(|| "exact".to_owned(), |psnr| format!("{psnr:.1}"));
+    println!(
+        "{:<10} {:<10} {:<9} {:>9.1} {:>12.0} {:>12.0} {:>8}",
+        row.picture,
+        row.motion,
+        row.precision.to_string(),
+        row.mbit_per_second,
+        row.encode_mb_per_second,
+        row.decode_mb_per_second,
+        psnr
+    );
+}
+
+const FRAMES_PER_SECOND: f64 = 60.0;
+/// The farm's own tiles.
+const TILE_EDGE: u16 = 32;
+const EXPOSURE: f32 = 1.0;

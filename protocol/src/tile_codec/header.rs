@@ -1,0 +1,95 @@
+//! What stands before the planes of a payload.
+
+use super::srgb::{Base, Colour, Mode};
+use crate::precision::Precision;
+
+/// What stands before the planes of sRGB tiles.
+pub(super) struct Header<'a> {
+    pub(super) precision: Precision,
+    pub(super) storage: u8,
+    /// `None` for a tile that is as its reference is.
+    pub(super) modes: Vec<Option<Mode>>,
+    pub(super) rest: &'a [u8],
+}
+
+impl<'a> Header<'a> {
+    pub(super) fn parse(payload: &'a [u8], tiles: usize) -> Result<Self, String> {
+        let (&first, rest) = payload.split_first().ok_or("it has no bytes")?;
+        let precision = Precision::ALL.get(usize::from(first >> PRECISION_SHIFT));
+        let precision = *precision.ok_or("its first byte names no precision")?;
+        let storage = first & STORAGE_MASK;
+        if first & MODES == 0 {
+            let modes = vec![Some(Mode::USUAL); tiles];
+            return Ok(Self {
+                precision,
+                storage,
+                modes,
+                rest,
+            });
+        }
+        let (bytes, rest) = rest
+            .split_at_checked(tiles.div_ceil(2))
+            .ok_or("its modes are cut short")?;
+        let nibbles = bytes.iter().flat_map(|byte| [byte & 0xf, byte >> 4]);
+        let modes = nibbles.take(tiles).map(|nibble| match nibble {
+            UNCHANGED => Ok(None),
+            number => Mode::of(number).map(Some),
+        });
+        Ok(Self {
+            precision,
+            storage,
+            modes: modes.collect::<Result<_, _>>()?,
+            rest,
+        })
+    }
+}
+
+impl Mode {
+    /// What all tiles of a message without modes have.
+    pub(super) const USUAL: Self = Self {
+        base: Base::Neighbour,
+        colour: Colour::Green,
+    };
+
+    fn number(self) -> u8 {
+        3 * self.base as u8 + self.colour as u8
+    }
+
+    fn of(number: u8) -> Result<Self, String> {
+        let bases = [Base::Neighbour, Base::Reference, Base::Marked];
+        let colours = [Colour::Green, Colour::Alone, Colour::Ratio];
+        let base = bases.get(usize::from(number / 3));
+        let base = *base.ok_or_else(|| format!("there is no mode {number}"))?;
+        let colour = colours[usize::from(number % 3)];
+        Ok(Self { base, colour })
+    }
+}
+
+/// The first byte, and the modes if any is not the usual one.
+pub(super) fn write(precision: Precision, modes: &[Option<Mode>]) -> Vec<u8> {
+    let first = (precision as u8) << PRECISION_SHIFT;
+    if modes.iter().all(|mode| *mode == Some(Mode::USUAL)) {
+        return vec![first];
+    }
+    let mut bytes = vec![first | MODES];
+    for pair in modes.chunks(2) {
+        let nibbles = pair.iter().map(|mode| mode.map_or(UNCHANGED, Mode::number));
+        bytes.push(nibbles.rev().fold(0, |byte, nibble| byte << 4 | nibble));
+    }
+    bytes
+}
+
+/// Bits of the first byte that say how the planes are stored.
+const STORAGE_MASK: u8 = 3;
+/// Planes as they are.
+pub(super) const STORED: u8 = 0;
+/// Planes as one zstd frame.
+pub(super) const ZSTD: u8 = 1;
+/// A JPEG scan.
+pub(super) const JPEG: u8 = 2;
+/// The bit that says that four bits for each tile follow, the first tile's the lowest.
+const MODES: u8 = 4;
+/// The bits above it are the precision.
+const PRECISION_SHIFT: u32 = 3;
+/// A tile that is as its reference is; those below are [`Mode::number`].
+const UNCHANGED: u8 = 9;

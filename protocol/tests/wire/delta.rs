@@ -1,0 +1,335 @@
+//! Tiles told from tiles that the client holds: never wrong, whatever either end has forgotten.
+
+use std::sync::Arc;
+
+use carom_protocol::session::{References, SentTiles};
+use carom_protocol::tile_codec::{Decoder, Encoder, ReferenceTile, Source, TilePixels};
+use carom_protocol::{
+    ClientEvent, ClientSession, FrameId, NodeEvent, NodeSession, PixelFormat, Precision,
+    PrecisionRange, RunId, RunReport, SceneHash, TilesDone, TraceRequest,
+};
+use carom_tracer::tonemap::srgb8;
+use carom_tracer::{ImageSize, RenderSettings, SceneUpdate, Tile, TileGrid, TileRun};
+use proptest::prelude::*;
+
+use crate::any;
+
+const TILE: Tile = Tile {
+    x: 0,
+    y: 0,
+    width: 32,
+    height: 32,
+};
+/// The worst error of a channel, in levels; of the lossy ones it is a mean.
+const BOUNDS: [(Precision, u8); 3] = [
+    (Precision::Exact, 0),
+    (Precision::Within1, 1),
+    (Precision::Within2, 2),
+];
+
+fn hash(mut x: u32) -> u32 {
+    x = (x ^ (x >> 16)).wrapping_mul(0x7feb_352d);
+    x = (x ^ (x >> 15)).wrapping_mul(0x846c_a68b);
+    x ^ (x >> 16)
+}
+
+/// Soft light with a grain drawn by `seed`; `grain` 0 has none.
+fn light(tile: Tile, seed: u32, grain: f32) -> Vec<[f32; 3]> {
+    let pixel = |index: usize| {
+        let soft = 0.2 + 0.3 * (index as f32 / tile.pixels() as f32);
+        [0u32, 1, 2].map(|channel| {
+            let random = hash(seed ^ hash(3 * index as u32 + channel));
+            soft * (1.0 + grain * (random as f32 / u32::MAX as f32 - 0.5))
+        })
+    };
+    (0..tile.pixels()).map(pixel).collect()
+}
+
+fn shown(radiance: &[[f32; 3]]) -> Vec<[u8; 3]> {
+    radiance.iter().map(|light| srgb8(*light, 1.0)).collect()
+}
+
+struct Ends {
+    encoder: Encoder,
+    decoder: Decoder,
+}
+
+impl Ends {
+    fn new() -> Self {
+        let (encoder, decoder) = (Encoder::new(), Decoder::new());
+        Self { encoder, decoder }
+    }
+
+    /// One tile there and back: bytes, what is shown, what node and client keep.
+    fn send(
+        &mut self,
+        precision: Precision,
+        radiance: &[[f32; 3]],
+        sent: Option<&Arc<ReferenceTile>>,
+        held: Option<&Arc<ReferenceTile>>,
+    ) -> (usize, Vec<[u8; 3]>, [Arc<ReferenceTile>; 2]) {
+        let source = Source {
+            tile: TILE,
+            radiance,
+            reference: sent,
+        };
+        let (payload, mut kept) = self.encoder.encode_srgb(1.0, precision, &[source]);
+        let range = PrecisionRange::only(precision);
+        let decoded = self.decoder.decode_srgb(range, &[(TILE, held)], &payload);
+        let mut decoded = decoded.unwrap();
+        let ends = [kept.remove(0), decoded.kept.remove(0)];
+        (payload.len(), decoded.pixels, ends)
+    }
+}
+
+fn error(a: &[[u8; 3]], b: &[[u8; 3]]) -> u8 {
+    let pairs = a.as_flattened().iter().zip(b.as_flattened());
+    pairs.map(|(a, b)| a.abs_diff(*b)).max().unwrap()
+}
+
+fn psnr(a: &[[u8; 3]], b: &[[u8; 3]]) -> f64 {
+    let pairs = a.as_flattened().iter().zip(b.as_flattened());
+    let squares: f64 = pairs.map(|(a, b)| f64::from(a.abs_diff(*b)).powi(2)).sum();
+    10.0 * (255.0 * 255.0 * 3.0 * a.len() as f64 / squares).log10()
+}
+
+proptest! {
+    #![proptest_config(any::config(60))]
+
+    #[test]
+    fn each_precision_keeps_its_bound_however_it_changes_on_the_way(
+        precisions in prop::collection::vec(0..6usize, 1..8),
+        seeds in prop::collection::vec(0..3u32, 8),
+        grain in 0.0..0.5f32,
+    ) {
+        let mut ends = Ends::new();
+        let mut kept: Option<[Arc<ReferenceTile>; 2]> = None;
+        for (index, seed) in precisions.into_iter().zip(seeds) {
+            let precision = Precision::ALL[index];
+            let radiance = light(TILE, seed, grain);
+            let [sent, held] = kept.as_ref().map_or([None, None], |[a, b]| [Some(a), Some(b)]);
+            let (_, pixels, now) = ends.send(precision, &radiance, sent, held);
+            let exact = shown(&radiance);
+            match BOUNDS.iter().find(|(bound, _)| *bound == precision) {
+                Some((_, bound)) => prop_assert!(error(&pixels, &exact) <= *bound),
+                None => prop_assert!(psnr(&pixels, &exact) > 18.0),
+            }
+            kept = Some(now);
+        }
+    }
+}
+
+#[test]
+fn a_tile_that_has_not_changed_is_a_few_bytes() {
+    for precision in Precision::ALL {
+        let mut ends = Ends::new();
+        let radiance = light(TILE, 1, 0.4);
+        let (first, before, [sent, held]) = ends.send(precision, &radiance, None, None);
+        let (bytes, after, _) = ends.send(precision, &radiance, Some(&sent), Some(&held));
+        assert_eq!(before, after);
+        assert!(bytes < 10, "{precision}: {bytes} bytes after {first}");
+    }
+}
+
+#[test]
+fn a_shown_tile_is_not_refined_by_a_coarser_one() {
+    let mut ends = Ends::new();
+    let radiance = light(TILE, 1, 0.4);
+    let (_, exact, [sent, held]) = ends.send(Precision::Exact, &radiance, None, None);
+    let (bytes, pixels, _) = ends.send(Precision::Lossy50, &radiance, Some(&sent), Some(&held));
+    assert_eq!((bytes < 10, pixels), (true, exact));
+}
+
+#[test]
+fn a_client_that_asks_for_exact_pixels_is_sent_no_others() {
+    let radiance = light(TILE, 1, 0.1);
+    for precision in &Precision::ALL[1..] {
+        let source = Source {
+            tile: TILE,
+            radiance: &radiance,
+            reference: None,
+        };
+        let (payload, _) = Encoder::new().encode_srgb(1.0, *precision, &[source]);
+        let range = PrecisionRange::EXACT;
+        let refused = Decoder::new().decode_srgb(range, &[(TILE, None)], &payload);
+        let why = refused.unwrap_err().to_string();
+        assert!(why.contains("exact was asked for"), "{why}");
+    }
+}
+
+#[test]
+fn a_tile_told_from_one_that_is_not_held_is_an_error() {
+    let mut ends = Ends::new();
+    let radiance = light(TILE, 1, 0.1);
+    for precision in Precision::ALL {
+        let (_, _, [sent, _]) = ends.send(precision, &radiance, None, None);
+        let source = Source {
+            tile: TILE,
+            radiance: &radiance,
+            reference: Some(&sent),
+        };
+        let (payload, _) = ends.encoder.encode_srgb(1.0, precision, &[source]);
+        let range = PrecisionRange::only(precision);
+        let refused = ends.decoder.decode_srgb(range, &[(TILE, None)], &payload);
+        assert!(refused.unwrap_err().to_string().contains("not held"));
+    }
+}
+
+const GRID: TileGrid = TileGrid::new(ImageSize::new(96, 80), 32);
+
+/// Two sessions and what the node remembers.
+struct Pair {
+    client: ClientSession,
+    node: NodeSession,
+    sent: SentTiles,
+    run: u64,
+    encoder: Encoder,
+}
+
+impl Pair {
+    fn new() -> Self {
+        let mut client = ClientSession::new();
+        let scene = any::balls(2);
+        client.set_scene(SceneHash::of(&scene), &scene).unwrap();
+        let mut pair = Self {
+            client,
+            node: NodeSession::new(any::node_info("node")),
+            sent: SentTiles::default(),
+            run: 0,
+            encoder: Encoder::new(),
+        };
+        pair.exchange(0, |_| false);
+        pair
+    }
+
+    fn ask(&mut self, tiles: TileRun, precision: Precision) {
+        self.run += 1;
+        let request = TraceRequest {
+            frame: FrameId(self.run),
+            run: RunId(self.run),
+            scene: SceneHash::of(&any::balls(2)),
+            update: SceneUpdate::default(),
+            grid: GRID,
+            tiles,
+            settings: RenderSettings::default(),
+            format: PixelFormat::Srgb8 { exposure: 1.0 },
+            precision: PrecisionRange::only(precision),
+            held: Vec::new(),
+        };
+        self.client.trace(request).unwrap();
+    }
+
+    /// Carries all packets; those of tiles that `lost` chooses never arrive. What the client
+    /// shows, and the bytes of all tiles.
+    fn exchange(
+        &mut self,
+        seed: u32,
+        mut lost: impl FnMut(usize) -> bool,
+    ) -> (Vec<(TileRun, Vec<[u8; 3]>)>, usize) {
+        while let Some(packet) = self.client.poll_transmit() {
+            if let Some(NodeEvent::Trace { request, .. }) = self.node.handle(packet).unwrap() {
+                self.answer(&request, seed);
+            }
+        }
+        let (mut pictures, mut bytes, mut index) = (Vec::new(), 0, 0);
+        while let Some(packet) = self.node.poll_transmit() {
+            let tiles = packet.channel == carom_protocol::Channel::Tiles;
+            if tiles {
+                bytes += packet.bytes.len();
+                index += 1;
+                if lost(index) {
+                    continue;
+                }
+            }
+            for event in self.client.handle(packet).unwrap() {
+                if let ClientEvent::Tiles { tiles, pixels, .. } = event {
+                    let TilePixels::Srgb8(pixels) = pixels else {
+                        panic!("sRGB was asked for");
+                    };
+                    pictures.push((tiles, pixels));
+                }
+            }
+        }
+        (pictures, bytes)
+    }
+
+    fn answer(&mut self, request: &TraceRequest, seed: u32) {
+        for first in request.tiles.indices().step_by(2) {
+            let count = 2.min(request.tiles.end() - first);
+            let part = TileRun { first, count };
+            let references: References = self.sent.references(request, part);
+            let radiance: Vec<_> = GRID
+                .tiles(part)
+                .map(|tile| light(tile, seed, 0.3))
+                .collect();
+            let sources: Vec<Source> = GRID
+                .tiles(part)
+                .zip(&radiance)
+                .zip(&references)
+                .map(|((tile, radiance), reference)| Source {
+                    tile,
+                    radiance,
+                    reference: reference.as_ref(),
+                })
+                .collect();
+            let precision = request.precision.finest;
+            let (pixels, kept) = self.encoder.encode_srgb(1.0, precision, &sources);
+            self.sent.insert(request, part, kept);
+            let done = TilesDone {
+                run: request.run,
+                tiles: part,
+                busy_micros: 1,
+                dropped_samples: 0,
+                pixels,
+            };
+            self.node.tiles(done).unwrap();
+        }
+        let report = RunReport {
+            run: request.run,
+            ..RunReport::default()
+        };
+        self.node.run_done(report).unwrap();
+    }
+}
+
+proptest! {
+    #![proptest_config(any::config(60))]
+
+    /// Whatever is lost on the way, forgotten at the node or moved between nodes.
+    #[test]
+    fn what_is_shown_is_what_was_traced(
+        steps in prop::collection::vec((0..9u32, 1..9u32, 0..3u32, any::<u8>(), any::<bool>()), 1..20),
+    ) {
+        let mut pair = Pair::new();
+        for (first, count, seed, losses, forgets) in steps {
+            if forgets {
+                pair.sent = SentTiles::default();
+            }
+            let count = count.min(GRID.len() - first);
+            pair.ask(TileRun { first, count }, Precision::Exact);
+            let (pictures, _) = pair.exchange(seed, |index| losses >> (index % 8) & 1 != 0);
+            for (tiles, pixels) in pictures {
+                let traced = GRID.tiles(tiles).flat_map(|tile| shown(&light(tile, seed, 0.3)));
+                prop_assert_eq!(traced.collect::<Vec<_>>(), pixels);
+            }
+            // Lost tiles leave their run open.
+            pair.client.cancel_before(FrameId(u64::MAX)).unwrap();
+            let (late, _) = pair.exchange(seed, |_| false);
+            prop_assert!(late.is_empty());
+        }
+    }
+}
+
+#[test]
+fn a_still_picture_costs_a_few_bytes_a_tile_after_the_first() {
+    let mut pair = Pair::new();
+    let bytes: Vec<usize> = (0..20)
+        .map(|_| {
+            pair.ask(GRID.all(), Precision::Within1);
+            pair.exchange(7, |_| false).1
+        })
+        .collect();
+    assert!(bytes[0] > 1000, "{bytes:?}");
+    let few = 9 * GRID.len() as usize;
+    assert!(bytes[1..].iter().all(|bytes| *bytes <= few), "{bytes:?}");
+}
