@@ -137,7 +137,8 @@ impl Splitter {
         let mut told = None;
         if let Some(reference) = reference {
             quantise(&mut self.reference, levels, reference);
-            self.temporal.from_reference(&self.value, &self.reference);
+            self.temporal
+                .tell_from_reference(&self.value, &self.reference);
             let changed = changed(&self.temporal.differences);
             if changed == 0 {
                 return None;
@@ -150,7 +151,7 @@ impl Splitter {
             told = Some((colour, cost));
         }
         self.spatial
-            .from_neighbours(&self.value, tile.width as usize);
+            .tell_from_neighbours(&self.value, tile.width as usize);
         let (colour, cost) = self.spatial.cheapest();
         match told {
             Some((colour, less)) if less < cost => {
@@ -166,7 +167,7 @@ impl Splitter {
 }
 
 impl Candidate {
-    fn from_reference(&mut self, value: &Channels, reference: &Channels) {
+    fn tell_from_reference(&mut self, value: &Channels, reference: &Channels) {
         for (out, (value, base)) in self.differences.iter_mut().zip(value.iter().zip(reference)) {
             minus(sized(out, value.len()), value, base);
         }
@@ -177,7 +178,7 @@ impl Candidate {
         }
     }
 
-    fn from_neighbours(&mut self, value: &Channels, width: usize) {
+    fn tell_from_neighbours(&mut self, value: &Channels, width: usize) {
         for (out, value) in self.differences.iter_mut().zip(value) {
             minus_neighbour(sized(out, value.len()), value, width);
         }
