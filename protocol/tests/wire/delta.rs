@@ -177,6 +177,9 @@ fn a_tile_told_from_one_that_is_not_held_is_an_error() {
 
 const GRID: TileGrid = TileGrid::new(ImageSize::new(96, 80), 32);
 
+/// Tiles as the client's screen has them.
+type Shown = Vec<(TileRun, Vec<[u8; 3]>)>;
+
 /// Two sessions and what the node remembers.
 struct Pair {
     client: ClientSession,
@@ -221,11 +224,7 @@ impl Pair {
 
     /// Carries all packets; those of tiles that `lost` chooses never arrive. What the client
     /// shows, and the bytes of all tiles.
-    fn exchange(
-        &mut self,
-        seed: u32,
-        mut lost: impl FnMut(usize) -> bool,
-    ) -> (Vec<(TileRun, Vec<[u8; 3]>)>, usize) {
+    fn exchange(&mut self, seed: u32, mut lost: impl FnMut(usize) -> bool) -> (Shown, usize) {
         while let Some(packet) = self.client.poll_transmit() {
             if let Some(NodeEvent::Trace { request, .. }) = self.node.handle(packet).unwrap() {
                 self.answer(&request, seed);
