@@ -23,7 +23,7 @@ use crate::animation::{Animation, write_png};
 use crate::args::Args;
 use crate::director::EXPOSURE;
 use crate::play::CUE_SPEED_M_S_MAX;
-use crate::sim::{Engine, EventKind, Shot, Stroke, Table, World};
+use crate::sim::{Engine, EventKind, Shot, Stroke, World};
 use crate::stage::Stage;
 
 /// What `stats.json` holds.
@@ -126,7 +126,7 @@ fn settings(args: &Args) -> Settings {
 
 /// A hard, straight break.
 fn break_shot(seed: u32, engine: Engine) -> anyhow::Result<Shot> {
-    let table = Table::nine_foot();
+    let table = Stage::table();
     let layout = table.rack_eight(seed);
     let mut world = World::new(table, layout)?;
     world.set_engine(engine);

@@ -8,6 +8,7 @@ use glam::{DVec2, DVec3};
 use crate::camera::{Dolly, Orbit, Projection, Viewpoint, smoothstep, wrap_rad};
 use crate::input::Intent;
 use crate::sim::{self, AimLine, BallPose, Shot, Stroke, Table, World};
+use crate::stage::Stage;
 
 /// The cue's speed at full power, m/s: a hard break.
 pub const CUE_SPEED_M_S_MAX: f64 = 10.0;
@@ -89,7 +90,7 @@ impl Game {
     /// # Errors
     /// [`sim::Error`] if the physics refuses its own table.
     pub fn new(seed: u32) -> Result<Self, sim::Error> {
-        let table = Table::nine_foot();
+        let table = Stage::table();
         let world = World::new(table.clone(), table.rack_eight(seed))?;
         let mut game = Self {
             table,
@@ -346,7 +347,7 @@ impl Game {
 
     /// Puts the cue ball on the head spot, or next to it where that is taken.
     fn spot_cue_ball(&mut self) {
-        let radius = self.world.laws().body.radius_m;
+        let radius = self.table.cue_ball().radius_m;
         let on_table = self.lying().filter(|pose| pose.on_table);
         let others: Vec<DVec2> = on_table.map(|pose| pose.position.truncate()).collect();
         let head = self.table.head_spot();

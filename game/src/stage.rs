@@ -3,7 +3,7 @@
 use carom_tracer::{Camera, Error, ObjectPose, Scene, SceneUpdate};
 use glam::{Quat, Vec3};
 
-use crate::sim::BallPose;
+use crate::sim::{BallPose, Table};
 
 /// The pool table's scene, and which of its objects is which ball.
 #[derive(Clone, Debug)]
@@ -19,6 +19,11 @@ impl Stage {
     /// [`Error`] if the shipped scene breaks a rule of the tracer.
     pub fn pool() -> Result<Self, Error> {
         Scene::from_json(POOL_JSON).map(Self::new)
+    }
+
+    /// The table that [`Stage::pool`] shows, for the simulation.
+    pub fn table() -> Table {
+        Table::boxes()
     }
 
     /// Objects called `ball0`, `ball1` … are the balls of those numbers.

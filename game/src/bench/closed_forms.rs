@@ -128,8 +128,8 @@ fn dead_draw(speed: f64) -> anyhow::Result<ClosedForm> {
 fn spin_decay(spin: f64) -> anyhow::Result<ClosedForm> {
     let laws = Laws::default();
     let shot = released(laws, vec![ball(0, 0.0, 0.0, DVec3::ZERO, DVec3::Z * spin)])?;
-    let decay =
-        2.5 * laws.cloth.spin_friction_m * laws.cloth.gravity_m_s2 / laws.body.radius_m.powi(2);
+    let decay = 2.5 * laws.cloth.spin_friction_m * laws.cloth.gravity_m_s2
+        / BallBody::default().radius_m.powi(2);
     Ok(ClosedForm::new(
         format!("time of spinning at {spin} rad/s"),
         shot.duration_secs(),

@@ -372,6 +372,8 @@ fn squirt() -> Result<Curve> {
         let laws = Laws {
             cue: Cue {
                 end_mass_kg: ball_kg / share,
+                // The formula knows no miscue.
+                tip_friction: 10.0,
                 ..Cue::default()
             },
             ..Laws::default()

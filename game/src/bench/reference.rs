@@ -12,8 +12,8 @@ use serde::Deserialize;
 
 use super::deviation::Deviation;
 use crate::sim::{
-    BallBallLaw, BallBody, BallState, Circle, Cloth, Cue, CushionLaw, Engine, Laws, Phase, Shot,
-    Stroke, Table, TableParts, World,
+    BallBallLaw, BallBody, BallState, BounceLaw, Circle, Cloth, Cue, CushionLaw, Engine, Laws,
+    Phase, Shot, Stroke, Stronge, Table, TableParts, World,
 };
 
 /// One reference shot.
@@ -109,7 +109,7 @@ impl Reference {
         let states = file
             .initial
             .iter()
-            .map(|(id, ball)| Ok(ball.state(&frame, number(id)?)))
+            .map(|(id, ball)| Ok(ball.state(&frame, number(id)?, file.body())))
             .collect::<anyhow::Result<Vec<_>>>()?;
         let kind = kind(&file, &states);
         let (times, balls) = samples(&frame, &file, kind)?;
@@ -376,16 +376,21 @@ struct WayJson {
 }
 
 impl File {
+    fn body(&self) -> BallBody {
+        BallBody {
+            mass_kg: self.ball_params.m,
+            radius_m: self.ball_params.radius_m,
+        }
+    }
+
     fn laws(&self) -> Laws {
         let ball = &self.ball_params;
         Laws {
-            body: BallBody {
-                mass_kg: ball.m,
-                radius_m: ball.radius_m,
-            },
             cue: Cue {
                 mass_kg: self.cue.specs.mass_kg,
                 end_mass_kg: self.cue.specs.end_mass,
+                // Their tip never slips.
+                tip_friction: 10.0,
             },
             cloth: Cloth {
                 sliding_friction: ball.u_s,
@@ -397,11 +402,17 @@ impl File {
                 "frictionless_elastic" => BallBallLaw::IDEAL,
                 _ => friction_of_references(ball.e_b),
             },
-            cushion: CushionLaw {
+            cushion: CushionLaw::Stronge(Stronge {
                 restitution: ball.e_c,
                 friction: ball.f_c,
                 frequency_ratio: self.physics.params.ball_linear_cushion.omega_ratio,
+            }),
+            slate: if self.physics.models.stick_ball.ends_with("_3d") {
+                BounceLaw::SLATE
+            } else {
+                BounceLaw::FLAT
             },
+            pocket: BounceLaw::POCKET,
         }
     }
 }
@@ -474,9 +485,10 @@ impl NoseJson {
 }
 
 impl StateJson {
-    fn state(&self, frame: &Frame, number: u8) -> BallState {
+    fn state(&self, frame: &Frame, number: u8, body: BallBody) -> BallState {
         BallState {
             number,
+            body,
             position: frame.place(self.pos),
             velocity: Frame::turn(self.vel),
             spin: Frame::turn(self.spin),

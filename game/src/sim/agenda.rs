@@ -4,22 +4,24 @@
 //! computed anew.
 
 use super::{
-    contact_time::{leaves_outline, reaches_nose, reaches_point},
+    ball::Phase,
+    contact_time::{Course, enters_rectangle, leaves_outline, reaches_nose, reaches_point},
     live::Live,
+    obstacle::{Obstacle, Scout},
     table::Table,
 };
 
 /// What happens to a ball without another ball.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Change {
-    /// The motion's law changes, as from sliding to rolling.
+    /// The motion's law changes, as from sliding to rolling or where it lands.
     PhaseEnds,
-    /// It touches a nose, by its index in the table.
-    Nose(usize),
-    /// It touches a jaw.
-    Jaw(usize),
-    /// Its centre enters a pocket.
+    /// It touches what does not move.
+    Touches(Obstacle),
+    /// Its centre passes the rim of a pocket, by its index in the table.
     Pocket(usize),
+    /// Its centre passes the edge of a rail that it lies on, towards the cushion.
+    RailEnds,
     /// Its centre crosses the outline of the table.
     LeavesTable,
 }
@@ -47,11 +49,11 @@ impl Agenda {
     }
 
     /// Computes anew what happens to a ball whose motion changed.
-    pub(crate) fn foresee(&mut self, ball: usize, balls: &[Live], table: &Table, place: Place) {
-        self.changes[ball] = next_change(&balls[ball], table, place);
+    pub(crate) fn foresee(&mut self, ball: usize, balls: &[Live], table: &Table, now: f64) {
+        self.changes[ball] = next_change(&balls[ball], table, now);
         for (other, live) in balls.iter().enumerate() {
             if other != ball {
-                self.pairs[pair(ball, other)] = contact_time(&balls[ball], live, place);
+                self.pairs[pair(ball, other)] = contact_time(&balls[ball], live, now);
             }
         }
     }
@@ -76,54 +78,79 @@ impl Agenda {
     }
 }
 
-/// From when on, and for which balls, the future is computed.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Place {
-    pub(crate) now: f64,
-    pub(crate) radius_m: f64,
-}
-
-fn contact_time(one: &Live, other: &Live, Place { now, radius_m }: Place) -> f64 {
-    let on_table = one.on_table && other.on_table;
-    if !on_table || !(one.is_moving() || other.is_moving()) {
+fn contact_time(one: &Live, other: &Live, now: f64) -> f64 {
+    let in_play = one.is_in_play() && other.is_in_play();
+    if !in_play || !(one.is_moving() || other.is_moving()) {
         return f64::INFINITY;
     }
     let horizon = one.rest_of_motion(now).min(other.rest_of_motion(now));
     let course = one.course(now).relative_to(&other.course(now));
-    reaches_point(&course, 2.0 * radius_m, horizon).map_or(f64::INFINITY, |t| now + t)
+    let touching = one.body.radius_m + other.body.radius_m;
+    reaches_point(&course, touching, horizon).map_or(f64::INFINITY, |t| now + t)
 }
 
-fn next_change(ball: &Live, table: &Table, Place { now, radius_m }: Place) -> (f64, Change) {
+fn next_change(ball: &Live, table: &Table, now: f64) -> (f64, Change) {
     if !ball.is_moving() {
         return (f64::INFINITY, Change::PhaseEnds);
     }
     let course = ball.course(now);
-    let horizon = ball.rest_of_motion(now);
-    let mut first = (horizon, Change::PhaseEnds);
-    let mut consider = |time: Option<f64>, change| {
-        if let Some(time) = time.filter(|&time| time < first.0) {
-            first = (time, change);
-        }
+    let mut first = First {
+        time: ball.rest_of_motion(now),
+        change: Change::PhaseEnds,
     };
-    for (index, nose) in table.noses().iter().enumerate() {
-        consider(
-            reaches_nose(&course, nose, radius_m, horizon),
-            Change::Nose(index),
-        );
+    if ball.is_in_play() {
+        let radius_m = ball.body.radius_m;
+        if ball.motion.phase == Phase::Airborne {
+            let touch = Scout { table, radius_m }.first_touch(&course, first.time);
+            if let Some((time, obstacle)) = touch {
+                first.consider(Some(time), Change::Touches(obstacle));
+            }
+        } else if ball.is_on_rail() {
+            let edge = enters_rectangle(&course, table.inside_of_rails(), first.time);
+            first.consider(edge, Change::RailEnds);
+            first.consider_pockets(&course, table);
+        } else {
+            first.consider_cushions(&course, table, radius_m);
+            first.consider_pockets(&course, table);
+        }
+        let leaves = leaves_outline(&course, table.outline(), first.time);
+        first.consider(leaves, Change::LeavesTable);
     }
-    for (index, jaw) in table.jaws().iter().enumerate() {
-        let touch = reaches_point(&course.from(jaw.center), radius_m + jaw.radius_m, horizon);
-        consider(touch, Change::Jaw(index));
+    (now + first.time, first.change)
+}
+
+/// What comes first.
+struct First {
+    time: f64,
+    change: Change,
+}
+
+impl First {
+    fn consider(&mut self, time: Option<f64>, change: Change) {
+        if let Some(time) = time.filter(|&time| time < self.time) {
+            *self = Self { time, change };
+        }
     }
-    for (index, pocket) in table.pockets().iter().enumerate() {
-        let entry = reaches_point(&course.from(pocket.center), pocket.radius_m, horizon);
-        consider(entry, Change::Pocket(index));
+
+    fn consider_cushions(&mut self, course: &Course, table: &Table, radius_m: f64) {
+        for (index, nose) in table.noses().iter().enumerate() {
+            let touch = reaches_nose(course, nose, radius_m, self.time);
+            self.consider(touch, Change::Touches(Obstacle::Nose(index)));
+        }
+        for (index, jaw) in table.jaws().iter().enumerate() {
+            let distance = radius_m + jaw.radius_m;
+            let touch = reaches_point(&course.flat_from(jaw.center), distance, self.time);
+            self.consider(touch, Change::Touches(Obstacle::Jaw(index)));
+        }
     }
-    consider(
-        leaves_outline(&course, table.outline(), horizon),
-        Change::LeavesTable,
-    );
-    (now + first.0, first.1)
+
+    fn consider_pockets(&mut self, course: &Course, table: &Table) {
+        for (index, pocket) in table.pockets().iter().enumerate() {
+            let seen = course.flat_from(pocket.center);
+            let entry = reaches_point(&seen, pocket.radius_m, self.time);
+            self.consider(entry, Change::Pocket(index));
+        }
+    }
 }
 
 /// Index of an unordered pair of different balls.

@@ -1,9 +1,13 @@
 //! A ball: its body, its pose and how it moves at one instant.
 
 use glam::{DQuat, DVec3};
+use serde::Deserialize;
 
-/// The body shared by all balls of a table: equal solid spheres.
-#[derive(Clone, Copy, Debug, PartialEq)]
+use super::error::{Error, Result};
+
+/// A ball's body: a solid sphere. The balls of one table may differ.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct BallBody {
     /// Mass in kg; default 0.170097 (6 oz).
     pub mass_kg: f64,
@@ -13,14 +17,36 @@ pub struct BallBody {
 
 impl Default for BallBody {
     fn default() -> Self {
-        Self {
-            mass_kg: 0.170_097,
-            radius_m: 0.028_575,
-        }
+        Self::POOL
     }
 }
 
 impl BallBody {
+    /// Pool: 6 oz, 2¼ in across (WPA equipment specifications, 16).
+    pub const POOL: Self = Self {
+        mass_kg: 0.170_097,
+        radius_m: 0.028_575,
+    };
+
+    /// The oversized cue ball of coin-operated tables: 2⅜ in across, of the same resin.
+    pub const OVERSIZED: Self = Self {
+        mass_kg: 0.200_05,
+        radius_m: 0.030_162_5,
+    };
+
+    /// # Errors
+    /// [`Error::Layout`] for a mass or radius that is not positive and finite.
+    pub(crate) fn validate(&self, number: u8) -> Result<()> {
+        for (name, value, unit) in [("mass", self.mass_kg, "kg"), ("radius", self.radius_m, "m")] {
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(Error::Layout(format!(
+                    "the {name} of ball {number} is {value} {unit}: it must be finite and over 0"
+                )));
+            }
+        }
+        Ok(())
+    }
+
     /// Kinetic energy in J of a ball of this body: translation plus rotation (I = 2/5 m R²).
     pub fn kinetic_energy_j(&self, velocity: DVec3, spin: DVec3) -> f64 {
         let inertia = 0.4 * self.mass_kg * self.radius_m * self.radius_m;
@@ -39,6 +65,8 @@ pub enum Phase {
     Rolling,
     /// The point that touches the cloth slips.
     Sliding,
+    /// It touches nothing: after a jump, over the rim of a pocket, or off the table.
+    Airborne,
     /// In a pocket: no longer part of the table.
     Pocketed,
     /// Left the cloth other than through a pocket.
@@ -46,7 +74,7 @@ pub enum Phase {
 }
 
 impl Phase {
-    /// Whether the ball still lies on the cloth.
+    /// Whether the ball is still in play, on the cloth or above it.
     pub fn is_on_table(self) -> bool {
         !matches!(self, Self::Pocketed | Self::OffTable)
     }
@@ -57,6 +85,8 @@ impl Phase {
 pub struct BallState {
     /// 0 is the cue ball.
     pub number: u8,
+    /// Mass and size.
+    pub body: BallBody,
     /// The centre, in m.
     pub position: DVec3,
     /// In m/s.
@@ -74,6 +104,7 @@ impl BallState {
     pub fn at_rest(number: u8, x: f64, y: f64, body: &BallBody) -> Self {
         Self {
             number,
+            body: *body,
             position: DVec3::new(x, y, body.radius_m),
             velocity: DVec3::ZERO,
             spin: DVec3::ZERO,

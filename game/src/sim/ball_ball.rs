@@ -1,8 +1,9 @@
 //! Ball against ball: an instantaneous impulse with restitution and Coulomb friction.
 //!
 //! The friction falls with the slip speed, μ = a + b·exp(−c·v), fitted by Alciatore (TP A-14) to
-//! measured throw. The tangential impulse is the smaller of Coulomb's μ·J and what stops the slip
-//! (m·v/7 for two solid spheres), as in TP. Equal masses and radii.
+//! measured throw. The tangential impulse is the smaller of Coulomb's μ·J and what stops the slip,
+//! 2/7 of the reduced mass times the slip for two solid spheres of any masses and radii (for equal
+//! ones m·v/7, as in TP ).
 
 use glam::DVec3;
 
@@ -32,16 +33,6 @@ impl Default for BallBallLaw {
     }
 }
 
-impl BallBallLaw {
-    /// The ideal law of textbooks: elastic and without friction.
-    pub const IDEAL: Self = Self {
-        restitution: 1.0,
-        friction_fast: 0.0,
-        friction_slow_extra: 0.0,
-        friction_fade_s_m: 0.0,
-    };
-}
-
 /// Velocity and spin of one ball.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Twist {
@@ -50,22 +41,29 @@ pub(crate) struct Twist {
 }
 
 /// Approach below this speed ends in separation at this speed: without it the balls of a frozen
-/// cluster exchange ever smaller contacts without end. It adds at most m·(2.5 mm/s)², about 1 µJ,
-/// to a contact ([`CLUSTER_ENERGY_J`]).
+/// cluster exchange ever smaller contacts without end. It adds at most ½ of the reduced mass times
+/// its square to a contact: about 1 µJ for two pool balls ([`CLUSTER_ENERGY_J`]).
 pub const CLUSTER_SPEED_M_S: f64 = 5e-3;
 
 /// The most energy that [`CLUSTER_SPEED_M_S`] can add to one contact between two pool balls.
 pub const CLUSTER_ENERGY_J: f64 = 0.170_097 * 2.5e-3 * 2.5e-3;
 
 impl BallBallLaw {
+    /// The ideal law of textbooks: elastic and without friction.
+    pub const IDEAL: Self = Self {
+        restitution: 1.0,
+        friction_fast: 0.0,
+        friction_slow_extra: 0.0,
+        friction_fade_s_m: 0.0,
+    };
+
     /// Twists after the contact of two balls; `normal` is the unit vector from the first centre
-    /// to the second. Vertical velocity is dropped: the balls stay on the cloth.
+    /// to the second.
     pub(crate) fn resolve(
         &self,
-        body: &BallBody,
         normal: DVec3,
-        first: Twist,
-        second: Twist,
+        (first_body, first): (&BallBody, Twist),
+        (second_body, second): (&BallBody, Twist),
     ) -> (Twist, Twist) {
         let approach = (first.velocity - second.velocity).dot(normal);
         let separation = if approach < CLUSTER_SPEED_M_S {
@@ -73,34 +71,28 @@ impl BallBallLaw {
         } else {
             self.restitution * approach
         };
-        let push = 0.5 * (approach + separation);
-        let arm = body.radius_m * normal;
-        let contact =
-            first.velocity + first.spin.cross(arm) - (second.velocity - second.spin.cross(arm));
+        let reduced_kg =
+            first_body.mass_kg / (first_body.mass_kg + second_body.mass_kg) * second_body.mass_kg;
+        let push = reduced_kg * (approach + separation);
+        let surface_speed = first_body.radius_m * first.spin + second_body.radius_m * second.spin;
+        let contact = first.velocity - second.velocity + surface_speed.cross(normal);
         let slip = contact - contact.dot(normal) * normal;
         let speed = slip.length();
         let friction =
             self.friction_fast + self.friction_slow_extra * (-self.friction_fade_s_m * speed).exp();
         let drag = if speed > 0.0 {
-            -(friction * push).min(speed / 7.0) / speed * slip
+            -(friction * push).min(reduced_kg * speed / 3.5) / speed * slip
         } else {
             DVec3::ZERO
         };
         let kick = drag - push * normal;
-        let turn = 2.5 / body.radius_m * normal.cross(drag);
+        let after = |body: &BallBody, before: Twist, impulse: DVec3| Twist {
+            velocity: before.velocity + impulse / body.mass_kg,
+            spin: before.spin + 2.5 / (body.mass_kg * body.radius_m) * normal.cross(drag),
+        };
         (
-            Twist {
-                velocity: on_cloth(first.velocity + kick),
-                spin: first.spin + turn,
-            },
-            Twist {
-                velocity: on_cloth(second.velocity - kick),
-                spin: second.spin + turn,
-            },
+            after(first_body, first, kick),
+            after(second_body, second, -kick),
         )
     }
-}
-
-fn on_cloth(velocity: DVec3) -> DVec3 {
-    DVec3::new(velocity.x, velocity.y, 0.0)
 }

@@ -12,12 +12,7 @@ use rapier3d::prelude::{
     RigidBodyHandle, SolverFlags,
 };
 
-use super::{
-    ball::{BallBody, BallState},
-    ball_ball::Twist,
-    cloth::Motion,
-    table::Table,
-};
+use super::{ball::BallState, ball_ball::Twist, motion::Motion, table::Table};
 
 pub(crate) struct Bodies {
     world: PhysicsWorld,
@@ -34,7 +29,7 @@ impl PhysicsHooks for LawGoverned {
 }
 
 impl Bodies {
-    pub(crate) fn new(table: &Table, body: &BallBody, balls: &[BallState]) -> Self {
+    pub(crate) fn new(table: &Table, balls: &[BallState]) -> Self {
         let mut world = PhysicsWorld {
             gravity: DVec3::ZERO,
             ..Default::default()
@@ -43,14 +38,14 @@ impl Bodies {
         parameters.num_solver_iterations = 1;
         // Steps end at contacts, so that there is nothing to sweep for.
         parameters.max_ccd_substeps = 0;
-        parameters.length_unit = body.radius_m;
+        parameters.length_unit = table.ball().radius_m;
         parameters.normalized_max_linear_velocity = f64::MAX;
         for shape in cushion_shapes(table) {
             world.insert_collider(shape, None);
         }
         let balls = balls
             .iter()
-            .map(|ball| insert_ball(&mut world, body, ball))
+            .map(|ball| insert_ball(&mut world, ball))
             .collect();
         Self { world, balls }
     }
@@ -87,6 +82,13 @@ impl Bodies {
         body.set_angvel(twist.spin, true);
     }
 
+    /// Puts the centre of a ball that has come to lie on a level surface at its exact height.
+    pub(crate) fn set_height(&mut self, ball: usize, height_m: f64) {
+        let body = &mut self.world.bodies[self.balls[ball]];
+        let place = body.translation().with_z(height_m);
+        body.set_translation(place, true);
+    }
+
     /// Takes a ball out of play.
     pub(crate) fn remove(&mut self, ball: usize) {
         self.world.bodies[self.balls[ball]].set_enabled(false);
@@ -110,7 +112,7 @@ impl Bodies {
     }
 }
 
-fn insert_ball(world: &mut PhysicsWorld, body: &BallBody, ball: &BallState) -> RigidBodyHandle {
+fn insert_ball(world: &mut PhysicsWorld, ball: &BallState) -> RigidBodyHandle {
     let rigid = RigidBodyBuilder::dynamic()
         .translation(ball.position)
         .linvel(ball.velocity)
@@ -118,8 +120,8 @@ fn insert_ball(world: &mut PhysicsWorld, body: &BallBody, ball: &BallState) -> R
         .can_sleep(false)
         .allow_fast_rotation(true)
         .enabled(ball.phase.is_on_table());
-    let sphere = ColliderBuilder::ball(body.radius_m)
-        .mass(body.mass_kg)
+    let sphere = ColliderBuilder::ball(ball.body.radius_m)
+        .mass(ball.body.mass_kg)
         .active_hooks(ActiveHooks::FILTER_CONTACT_PAIRS);
     world.insert(rigid, sphere).0
 }

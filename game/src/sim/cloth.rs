@@ -8,7 +8,11 @@
 
 use glam::DVec3;
 
-use super::ball::{BallBody, Phase};
+use super::{
+    ball::{BallBody, Phase},
+    ball_ball::Twist,
+    motion::{End, Motion, rolling_spin},
+};
 
 /// The friction between ball and cloth.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,30 +40,6 @@ impl Default for Cloth {
     }
 }
 
-/// What ends a [`Motion`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum End {
-    SlipStops,
-    RollStops,
-    SpinStops,
-    Never,
-}
-
-/// A ball's way through one phase: exact for 0 ≤ t ≤ `duration_secs`, meaningless after.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Motion {
-    pub(crate) phase: Phase,
-    pub(crate) position: DVec3,
-    pub(crate) velocity: DVec3,
-    pub(crate) spin: DVec3,
-    pub(crate) acceleration: DVec3,
-    pub(crate) spin_acceleration: DVec3,
-    /// Infinite at rest.
-    pub(crate) duration_secs: f64,
-    radius_m: f64,
-    end: End,
-}
-
 impl Cloth {
     /// Velocity of the ball's lowest point over the cloth.
     pub(crate) fn slip(body: &BallBody, velocity: DVec3, spin: DVec3) -> DVec3 {
@@ -67,13 +47,8 @@ impl Cloth {
     }
 
     /// The motion that follows from a state on the cloth.
-    pub(crate) fn motion(
-        &self,
-        body: &BallBody,
-        position: DVec3,
-        velocity: DVec3,
-        spin: DVec3,
-    ) -> Motion {
+    pub(crate) fn motion(&self, body: &BallBody, position: DVec3, twist: Twist) -> Motion {
+        let Twist { velocity, spin } = twist;
         let slip = Self::slip(body, velocity, spin);
         let spin_decay = 2.5 * self.spin_friction_m * self.gravity_m_s2 / body.radius_m.powi(2);
         let (phase, acceleration, duration, end) = if slip.length() > SLIP_LEAST_M_S {
@@ -122,46 +97,6 @@ impl Cloth {
 }
 
 impl Motion {
-    pub(crate) fn position_at(&self, t: f64) -> DVec3 {
-        self.position + t * (self.velocity + 0.5 * t * self.acceleration)
-    }
-
-    pub(crate) fn velocity_at(&self, t: f64) -> DVec3 {
-        self.velocity + t * self.acceleration
-    }
-
-    pub(crate) fn spin_at(&self, t: f64) -> DVec3 {
-        self.spin + t * self.spin_acceleration
-    }
-
-    /// Velocity and spin when the phase is over, with what has stopped exactly zero, so that the
-    /// next phase does not begin with the round-off of this one.
-    pub(crate) fn end_state(&self) -> (DVec3, DVec3) {
-        let velocity = self.velocity_at(self.duration_secs);
-        let spin = self.spin_at(self.duration_secs);
-        match self.end {
-            End::SlipStops => (velocity, rolling_spin(velocity, spin.z, self.radius_m)),
-            End::RollStops => (DVec3::ZERO, DVec3::new(0.0, 0.0, spin.z)),
-            End::SpinStops => (velocity, DVec3::new(spin.x, spin.y, 0.0)),
-            End::Never => (self.velocity, self.spin),
-        }
-    }
-
-    /// Whether anything changes as long as nothing touches the ball.
-    pub(crate) fn is_moving(&self) -> bool {
-        self.end != End::Never
-    }
-
-    /// The ball is taken out of play where it is.
-    pub(crate) fn freeze(&mut self) {
-        self.velocity = DVec3::ZERO;
-        self.spin = DVec3::ZERO;
-        self.acceleration = DVec3::ZERO;
-        self.spin_acceleration = DVec3::ZERO;
-        self.duration_secs = f64::INFINITY;
-        self.end = End::Never;
-    }
-
     /// Adds the decay of spin about the vertical, which ends the motion where the spin ends: beyond
     /// that instant its acceleration would be another one.
     fn decay_spin(&mut self, decay: f64) {
@@ -179,12 +114,6 @@ impl Motion {
             self.phase = Phase::Spinning;
         }
     }
-}
-
-/// Spin of a ball that rolls at `velocity`, with spin `about_z` about the vertical.
-fn rolling_spin(velocity: DVec3, about_z: f64, radius_m: f64) -> DVec3 {
-    let rolling = DVec3::Z.cross(velocity) / radius_m;
-    DVec3::new(rolling.x, rolling.y, about_z)
 }
 
 /// Angular acceleration that goes with the horizontal acceleration: the friction's own torque

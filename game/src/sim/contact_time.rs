@@ -9,27 +9,27 @@
 
 use glam::{DVec2, DVec3};
 
-use super::{cloth::Motion, table::Nose};
+use super::{motion::Motion, table::Nose};
 
 /// A polynomial of degree 4 at most, lowest power first.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Quartic([f64; 5]);
 
-/// Position, velocity and half the acceleration, over the cloth, from a common instant on.
+/// Position, velocity and half the acceleration from a common instant on.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Course {
-    pub(crate) position: DVec2,
-    pub(crate) velocity: DVec2,
-    pub(crate) half_acceleration: DVec2,
+    pub(crate) position: DVec3,
+    pub(crate) velocity: DVec3,
+    pub(crate) half_acceleration: DVec3,
 }
 
 impl Course {
     /// The course of a motion, counted from `t` after its start.
     pub(crate) fn after(motion: &Motion, t: f64) -> Self {
         Self {
-            position: motion.position_at(t).truncate(),
-            velocity: motion.velocity_at(t).truncate(),
-            half_acceleration: 0.5 * motion.acceleration.truncate(),
+            position: motion.position_at(t),
+            velocity: motion.velocity_at(t),
+            half_acceleration: 0.5 * motion.acceleration,
         }
     }
 
@@ -41,16 +41,32 @@ impl Course {
         }
     }
 
-    /// The course seen from a fixed point.
-    pub(crate) fn from(&self, point: DVec2) -> Self {
+    /// The course over the cloth, seen from a fixed point of it.
+    pub(crate) fn flat_from(&self, point: DVec2) -> Self {
         Self {
-            position: self.position - point,
-            ..*self
+            position: (self.position.truncate() - point).extend(0.0),
+            velocity: self.velocity.with_z(0.0),
+            half_acceleration: self.half_acceleration.with_z(0.0),
         }
     }
 
-    fn at(&self, t: f64) -> DVec2 {
+    /// The course in the plane across a level edge through `point` whose horizontal normal is
+    /// `across`: first coordinate the distance in front of the edge, second the height over it.
+    pub(crate) fn across_edge(&self, point: DVec3, across: DVec3) -> Self {
+        let project = |v: DVec3| DVec3::new(across.dot(v), v.z, 0.0);
+        Self {
+            position: project(self.position - point),
+            velocity: project(self.velocity),
+            half_acceleration: project(self.half_acceleration),
+        }
+    }
+
+    pub(crate) fn at(&self, t: f64) -> DVec3 {
         self.position + t * (self.velocity + t * self.half_acceleration)
+    }
+
+    pub(crate) fn velocity_at(&self, t: f64) -> DVec3 {
+        self.velocity + 2.0 * t * self.half_acceleration
     }
 
     /// Whether it can come within `distance` of the origin before `horizon`, by the triangle
@@ -62,39 +78,63 @@ impl Course {
 }
 
 /// First time in [0, `horizon`] at which the course, seen from a point it moves relative to, comes
-/// within `distance` of it. Serves ball–ball (relative course, two radii), jaws and pockets.
-/// A course that is already within and still closing in touches at 0.
+/// within `distance` of it. Serves ball–ball (relative course, sum of radii), jaws, edges and
+/// pockets. A course that is already within and still closing in touches at 0.
 pub(crate) fn reaches_point(course: &Course, distance: f64, horizon: f64) -> Option<f64> {
     if !course.can_reach(distance, horizon) {
         return None;
     }
+    squared_distance(course, distance).first_fall_below_zero(horizon, f64::INFINITY)
+}
+
+/// First time in [0, `horizon`] at which the course, seen from a point, comes out to `distance`
+/// from it, or goes on outwards from beyond.
+pub(crate) fn leaves_circle(course: &Course, distance: f64, horizon: f64) -> Option<f64> {
+    let inside = Quartic(squared_distance(course, distance).0.map(|c| -c));
+    inside.first_fall_below_zero(horizon, f64::INFINITY)
+}
+
+/// Squared distance from the origin less the square of `distance`.
+fn squared_distance(course: &Course, distance: f64) -> Quartic {
     let Course {
         position: p,
         velocity: v,
         half_acceleration: a,
     } = *course;
     let gap = p.length() - distance;
-    let squared = Quartic([
+    Quartic([
         gap * (p.length() + distance),
         2.0 * p.dot(v),
         v.dot(v) + 2.0 * p.dot(a),
         2.0 * v.dot(a),
         a.dot(a),
+    ])
+}
+
+/// First time in [0, `horizon`] at which the course comes down to a plane through `point` with the
+/// unit `normal`, from above or from within `depth` below it.
+pub(crate) fn reaches_plane(
+    course: &Course,
+    (point, normal): (DVec3, DVec3),
+    depth: f64,
+    horizon: f64,
+) -> Option<f64> {
+    let distance = Quartic([
+        normal.dot(course.position - point),
+        normal.dot(course.velocity),
+        normal.dot(course.half_acceleration),
+        0.0,
+        0.0,
     ]);
-    squared.first_fall_below_zero(horizon, f64::INFINITY)
+    distance.first_fall_below_zero(horizon, depth)
 }
 
 /// First time in [0, `horizon`] at which a ball touches the straight cushion from its front.
 pub(crate) fn reaches_nose(course: &Course, nose: &Nose, radius: f64, horizon: f64) -> Option<f64> {
-    let distance = Quartic([
-        nose.normal().dot(course.position - nose.from()) - radius,
-        nose.normal().dot(course.velocity),
-        nose.normal().dot(course.half_acceleration),
-        0.0,
-        0.0,
-    ]);
-    let t = distance.first_fall_below_zero(horizon, radius)?;
-    nose.spans(course.at(t)).then_some(t)
+    let touching = nose.from() + radius * nose.normal();
+    let plane = (touching.extend(0.0), nose.normal().extend(0.0));
+    let t = reaches_plane(course, plane, radius, horizon)?;
+    nose.spans(course.at(t).truncate()).then_some(t)
 }
 
 /// First time in [0, `horizon`] at which the course crosses the outline of the table.
@@ -104,22 +144,108 @@ pub(crate) fn leaves_outline(
     horizon: f64,
 ) -> Option<f64> {
     let sides = [
-        (DVec2::X, low),
-        (DVec2::Y, low),
-        (-DVec2::X, high),
-        (-DVec2::Y, high),
+        (DVec3::X, low),
+        (DVec3::Y, low),
+        (DVec3::NEG_X, high),
+        (DVec3::NEG_Y, high),
     ];
     let crossings = sides.into_iter().filter_map(|(inward, corner)| {
-        let inside = Quartic([
-            inward.dot(course.position - corner),
-            inward.dot(course.velocity),
-            inward.dot(course.half_acceleration),
-            0.0,
-            0.0,
-        ]);
-        inside.first_fall_below_zero(horizon, f64::INFINITY)
+        reaches_plane(course, (corner.extend(0.0), inward), f64::INFINITY, horizon)
     });
     crossings.min_by(f64::total_cmp)
+}
+
+/// First time in [0, `horizon`] at which the course comes from outside into a rectangle.
+pub(crate) fn enters_rectangle(
+    course: &Course,
+    (low, high): (DVec2, DVec2),
+    horizon: f64,
+) -> Option<f64> {
+    let sides = [
+        (DVec3::NEG_X, low),
+        (DVec3::NEG_Y, low),
+        (DVec3::X, high),
+        (DVec3::Y, high),
+    ];
+    let crossings = sides.into_iter().filter_map(|(outward, corner)| {
+        let t = reaches_plane(course, (corner.extend(0.0), outward), 0.0, horizon)?;
+        let place = course.at(t).truncate();
+        let inside = place.cmpge(low - JOINT_M).all() && place.cmple(high + JOINT_M).all();
+        inside.then_some(t)
+    });
+    crossings.min_by(f64::total_cmp)
+}
+
+/// First time in [0, `horizon`] at which the course comes within `distance` of a level circle.
+///
+/// The distance to a circle is no polynomial of low degree. Each step goes to where the distance
+/// cannot have fallen to the bound yet: its second derivative is bounded below by the
+/// acceleration and by how the circle curves away, so that steps grow with the gap and the last
+/// ones converge as Newton's do.
+pub(crate) fn reaches_ring(
+    course: &Course,
+    (center, ring_radius): (DVec3, f64),
+    distance: f64,
+    horizon: f64,
+) -> Option<f64> {
+    let mut t = 0.0;
+    for _ in 0..RING_STEPS_MAX {
+        let seen = course.at(t) - center;
+        let velocity = course.velocity_at(t);
+        let from_axis = seen.truncate().length();
+        let offset = DVec2::new(from_axis - ring_radius, seen.z);
+        let gap = offset.length() - distance;
+        let outward = seen.truncate().normalize_or_zero();
+        let closing = -(offset.x * outward.dot(velocity.truncate()) + offset.y * velocity.z)
+            / offset.length().max(f64::MIN_POSITIVE);
+        if gap <= RING_TOUCH_M && closing > 0.0 {
+            return Some(t);
+        }
+        let speed = velocity.length() + 2.0 * course.half_acceleration.length() * RING_STEP_SECS;
+        let by_speed = gap.max(0.0) / speed.max(f64::MIN_POSITIVE);
+        // While it stays at least half as far from the axis, the distance curves by no more.
+        let calm = (0.5 * from_axis / speed.max(f64::MIN_POSITIVE)).min(RING_STEP_SECS);
+        let curving = 2.0 * course.half_acceleration.length()
+            + 2.0 * speed * speed / from_axis.max(f64::MIN_POSITIVE);
+        let root = (2.0 * gap.max(0.0) * curving + closing * closing).sqrt();
+        let by_curve = if closing > 0.0 {
+            2.0 * gap.max(0.0) / (root + closing)
+        } else {
+            (root - closing) / curving
+        };
+        let step = by_speed.max(by_curve.min(calm));
+        t += step.max(RING_STEP_LEAST_SECS);
+        if t > horizon {
+            return None;
+        }
+    }
+    None
+}
+
+/// When a body falls past a height.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Fall {
+    /// Over that height, in m.
+    pub(crate) above_m: f64,
+    /// Upwards, in m/s.
+    pub(crate) speed_m_s: f64,
+    pub(crate) gravity_m_s2: f64,
+}
+
+impl Fall {
+    /// In s from now; none for a body below the height that does not rise to it.
+    pub(crate) fn ends_secs(&self) -> Option<f64> {
+        let apex_secs = (self.speed_m_s / self.gravity_m_s2).max(0.0);
+        let rise = self.above_m + 0.5 * self.speed_m_s.max(0.0) * apex_secs;
+        if rise < 0.0 {
+            // What round-off placed a little below has arrived.
+            return (self.above_m > -JOINT_M && self.speed_m_s <= 0.0).then_some(0.0);
+        }
+        // From the apex on, or from now with the downward speed: both without cancellation.
+        let downward = (-self.speed_m_s).max(0.0);
+        let root = (downward * downward + 2.0 * self.gravity_m_s2 * rise).sqrt();
+        Some(apex_secs + 2.0 * rise / (downward + root).max(f64::MIN_POSITIVE))
+    }
 }
 
 impl Quartic {
@@ -235,10 +361,21 @@ impl Roots {
 /// Bisection alone halves any bracket of the simulation to one bit in fewer steps.
 const REFINEMENTS_MAX: u32 = 128;
 
-/// The unit vector over the cloth from one point to another; +x where they coincide.
+/// The unit vector from one point to another; +x where they coincide.
 pub(crate) fn direction(from: DVec3, to: DVec3) -> DVec3 {
-    (to - from).with_z(0.0).try_normalize().unwrap_or(DVec3::X)
+    (to - from).try_normalize().unwrap_or(DVec3::X)
 }
+
+/// What round-off may place on the wrong side of a boundary.
+const JOINT_M: f64 = 1e-6;
+/// This near the ring counts as touching.
+const RING_TOUCH_M: f64 = 1e-11;
+/// A step along a course near a ring is at most this long, and at least that: a ball sinks into
+/// the ring by less than a picometre in it.
+const RING_STEP_SECS: f64 = 0.02;
+const RING_STEP_LEAST_SECS: f64 = 1e-7;
+/// Bounds the search near a grazed ring: as many of the longest steps are 80 s.
+const RING_STEPS_MAX: u32 = 4096;
 
 #[cfg(test)]
 mod tests {
@@ -246,9 +383,9 @@ mod tests {
 
     fn course(position: [f64; 2], velocity: [f64; 2], acceleration: [f64; 2]) -> Course {
         Course {
-            position: position.into(),
-            velocity: velocity.into(),
-            half_acceleration: 0.5 * DVec2::from(acceleration),
+            position: DVec2::from(position).extend(0.0),
+            velocity: DVec2::from(velocity).extend(0.0),
+            half_acceleration: 0.5 * DVec2::from(acceleration).extend(0.0),
         }
     }
 

@@ -19,6 +19,11 @@ pub enum EventKind {
         /// Speed of the cue in m/s.
         speed_m_s: f64,
     },
+    /// The tip slipped off the ball.
+    Miscue {
+        /// From the ball's centre to where it struck, in ball radii.
+        offset: f64,
+    },
     /// Two balls met.
     BallBall {
         /// The first ball.
@@ -39,13 +44,24 @@ pub enum EventKind {
         /// Speed into the cushion, in m/s.
         speed_m_s: f64,
     },
-    /// A ball's centre passed the rim of a pocket.
+    /// A ball fell into a pocket, to its depth, or passed the rim of one without depth.
     Pocketed {
         /// The ball.
         ball: u8,
         /// Index into the table's pockets.
         pocket: usize,
         /// Speed in m/s.
+        speed_m_s: f64,
+    },
+    /// A ball in the air fell onto something, or knocked against the inside of a pocket.
+    Bounces {
+        /// The ball.
+        ball: u8,
+        /// What it touched.
+        surface: Surface,
+        /// Where it touched.
+        point: DVec3,
+        /// Speed into the surface, in m/s.
         speed_m_s: f64,
     },
     /// A sliding ball began to roll.
@@ -58,10 +74,15 @@ pub enum EventKind {
         /// The ball.
         ball: u8,
     },
-    /// A ball was found outside the table's bounds and taken away.
+    /// A ball left the table: it passed its outer edge, from where it falls to the floor, or it
+    /// came to rest on a rail.
     LeftTable {
         /// The ball.
         ball: u8,
+        /// Where its centre was, in m.
+        point: DVec3,
+        /// How fast it was, in m/s.
+        speed_m_s: f64,
     },
 }
 
@@ -70,10 +91,25 @@ impl EventKind {
     pub(crate) fn stops_aim_line(&self) -> bool {
         match *self {
             Self::BallBall { first, second, .. } => first == 0 || second == 0,
-            Self::Cushion { ball, .. } | Self::Pocketed { ball, .. } | Self::LeftTable { ball } => {
-                ball == 0
-            }
-            Self::Strike { .. } | Self::Rolls { .. } | Self::Rests { .. } => false,
+            Self::Cushion { ball, .. }
+            | Self::Pocketed { ball, .. }
+            | Self::LeftTable { ball, .. } => ball == 0,
+            Self::Strike { .. }
+            | Self::Miscue { .. }
+            | Self::Bounces { .. }
+            | Self::Rolls { .. }
+            | Self::Rests { .. } => false,
         }
     }
+}
+
+/// What a ball bounces off, other than balls and cushions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Surface {
+    /// The cloth over the slate.
+    Cloth,
+    /// The top of a cushion or rail.
+    Rail,
+    /// The rim or the wall of a pocket.
+    Pocket,
 }

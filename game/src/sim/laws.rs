@@ -1,8 +1,10 @@
 //! All constants of a game of billiards in one place.
 
+use std::ops::Range;
+
 use super::{
-    ball::BallBody,
     ball_ball::BallBallLaw,
+    bounce::BounceLaw,
     cloth::Cloth,
     cushion::CushionLaw,
     error::{Error, Result},
@@ -11,53 +13,41 @@ use super::{
 
 /// The laws that set velocities. The default is a pool table as measured by Alciatore
 /// ("Physical properties", billiards.colostate.edu).
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Laws {
-    /// The balls.
-    pub body: BallBody,
     /// The cue.
     pub cue: Cue,
     /// Ball on cloth.
     pub cloth: Cloth,
+    /// Ball falling onto the slate under the cloth, or onto a rail.
+    pub slate: BounceLaw,
+    /// Ball against the rims and walls of pockets.
+    pub pocket: BounceLaw,
     /// Ball against ball.
     pub ball_ball: BallBallLaw,
     /// Ball against cushion.
     pub cushion: CushionLaw,
 }
 
+impl Default for Laws {
+    fn default() -> Self {
+        Self {
+            cue: Cue::default(),
+            cloth: Cloth::default(),
+            slate: BounceLaw::SLATE,
+            pocket: BounceLaw::POCKET,
+            ball_ball: BallBallLaw::default(),
+            cushion: CushionLaw::default(),
+        }
+    }
+}
+
 impl Laws {
     /// # Errors
     /// [`Error::Laws`] for a constant outside of the range in which its law holds.
     pub fn validate(&self) -> Result<()> {
-        let any = 0.0..f64::MAX;
-        let over_zero = f64::MIN_POSITIVE..f64::MAX;
-        let ratio = f64::MIN_POSITIVE..1.0 + f64::EPSILON;
-        let checks = [
-            ("mass of a ball", self.body.mass_kg, &over_zero),
-            ("radius of a ball", self.body.radius_m, &over_zero),
-            ("mass of the cue", self.cue.mass_kg, &over_zero),
-            ("end mass of the cue", self.cue.end_mass_kg, &over_zero),
-            // Without friction of its own each of these would go on for ever.
-            ("sliding friction", self.cloth.sliding_friction, &over_zero),
-            ("rolling friction", self.cloth.rolling_friction, &over_zero),
-            ("spin friction", self.cloth.spin_friction_m, &over_zero),
-            ("gravity", self.cloth.gravity_m_s2, &over_zero),
-            ("restitution of balls", self.ball_ball.restitution, &ratio),
-            ("friction of balls", self.ball_ball.friction_fast, &any),
-            (
-                "friction of slow balls",
-                self.ball_ball.friction_slow_extra,
-                &any,
-            ),
-            ("fading of friction", self.ball_ball.friction_fade_s_m, &any),
-            ("restitution of cushions", self.cushion.restitution, &ratio),
-            ("friction of cushions", self.cushion.friction, &any),
-            (
-                "frequency ratio of cushions",
-                self.cushion.frequency_ratio,
-                &(1.0..2.0),
-            ),
-        ];
+        let mut checks = self.checks();
+        checks.extend(self.cushion.checks());
         match checks
             .into_iter()
             .find(|(_, value, range)| !range.contains(value))
@@ -68,5 +58,39 @@ impl Laws {
                 range.start, range.end
             ))),
         }
+    }
+
+    fn checks(&self) -> Vec<(&'static str, f64, Range<f64>)> {
+        let any = || 0.0..f64::MAX;
+        let over_zero = || f64::MIN_POSITIVE..f64::MAX;
+        let ratio = || f64::MIN_POSITIVE..1.0 + f64::EPSILON;
+        // A bounce without loss would go on for ever.
+        let lossy = || 0.0..0.99;
+        vec![
+            ("mass of the cue", self.cue.mass_kg, over_zero()),
+            ("end mass of the cue", self.cue.end_mass_kg, over_zero()),
+            ("friction of the tip", self.cue.tip_friction, any()),
+            // Without friction of its own each of these would go on for ever.
+            ("sliding friction", self.cloth.sliding_friction, over_zero()),
+            ("rolling friction", self.cloth.rolling_friction, over_zero()),
+            ("spin friction", self.cloth.spin_friction_m, over_zero()),
+            ("gravity", self.cloth.gravity_m_s2, over_zero()),
+            ("restitution of the slate", self.slate.restitution, lossy()),
+            ("friction of the slate", self.slate.friction, any()),
+            ("restitution of pockets", self.pocket.restitution, lossy()),
+            ("friction of pockets", self.pocket.friction, any()),
+            ("restitution of balls", self.ball_ball.restitution, ratio()),
+            ("friction of balls", self.ball_ball.friction_fast, any()),
+            (
+                "friction of slow balls",
+                self.ball_ball.friction_slow_extra,
+                any(),
+            ),
+            (
+                "fading of friction",
+                self.ball_ball.friction_fade_s_m,
+                any(),
+            ),
+        ]
     }
 }

@@ -3,17 +3,20 @@
 use glam::DQuat;
 
 use super::{
-    ball::{BallState, Phase},
+    ball::{BallBody, BallState, Phase},
     ball_ball::Twist,
-    cloth::Motion,
     contact_time::Course,
+    flight::Flight,
     laws::Laws,
+    motion::{End, Motion},
+    table::Table,
     track::{Leg, Track},
 };
 
 /// A ball in the midst of a shot.
 pub(crate) struct Live {
     pub(crate) number: u8,
+    pub(crate) body: BallBody,
     pub(crate) motion: Motion,
     /// When the motion began.
     pub(crate) since_secs: f64,
@@ -22,9 +25,10 @@ pub(crate) struct Live {
 }
 
 impl Live {
-    pub(crate) fn new(laws: &Laws, state: &BallState) -> Self {
+    pub(crate) fn new(table: &Table, laws: &Laws, state: &BallState) -> Self {
         let BallState {
             number,
+            body,
             position,
             velocity,
             spin,
@@ -32,7 +36,17 @@ impl Live {
             ..
         } = *state;
         let on_table = phase.is_on_table();
-        let mut motion = laws.cloth.motion(&laws.body, position, velocity, spin);
+        let twist = Twist { velocity, spin };
+        let mut motion = if phase == Phase::Airborne {
+            let flight = Flight {
+                table,
+                gravity_m_s2: laws.cloth.gravity_m_s2,
+                radius_m: body.radius_m,
+            };
+            flight.motion(position, twist)
+        } else {
+            laws.cloth.motion(&body, position, twist)
+        };
         if !on_table {
             motion.freeze();
         }
@@ -42,6 +56,7 @@ impl Live {
         }
         Self {
             number,
+            body,
             motion,
             since_secs: 0.0,
             on_table,
@@ -72,6 +87,17 @@ impl Live {
         self.motion.is_moving()
     }
 
+    /// Whether it touches others: not once it is gone or falls to the floor.
+    pub(crate) fn is_in_play(&self) -> bool {
+        self.on_table && self.motion.end != End::HitsFloor
+    }
+
+    /// Whether it lies on a rail.
+    pub(crate) fn is_on_rail(&self) -> bool {
+        self.motion.phase != Phase::Airborne
+            && self.motion.position.z > ON_RAIL_RADII * self.body.radius_m
+    }
+
     pub(crate) fn course(&self, now: f64) -> Course {
         Course::after(&self.motion, now - self.since_secs)
     }
@@ -89,3 +115,7 @@ impl Live {
         }
     }
 }
+
+/// A centre higher than this many radii is not over the cloth: rails are about as high as a ball's
+/// centre.
+pub(crate) const ON_RAIL_RADII: f64 = 1.5;

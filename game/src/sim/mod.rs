@@ -11,7 +11,8 @@
 //! The simulation knows no clock, no frame rate and no randomness: the same world and stroke give
 //! the same bits on every run of a build.
 //!
-//! Balls stay on the cloth: the vertical part of every impulse is lost, so that nothing jumps.
+//! A ball that is struck or knocked upwards flies: contacts in the air obey the same laws in three
+//! dimensions, at times that are as exact, because a parabola has a constant acceleration too.
 //!
 //! ```
 //! use carom::sim::{Stroke, Table, World};
@@ -33,15 +34,20 @@ mod aim;
 mod ball;
 mod ball_ball;
 mod bodies;
+mod bounce;
 mod cloth;
 mod contact_time;
 mod cushion;
 mod engine;
 mod error;
 mod event;
+mod flight;
 mod laws;
 mod live;
+mod motion;
+mod obstacle;
 mod orientation;
+mod plan;
 mod rack;
 mod shot;
 mod simulation;
@@ -54,15 +60,18 @@ mod world;
 pub use aim::{AimContact, AimLine, predict};
 pub use ball::{BallBody, BallPose, BallState, Phase};
 pub use ball_ball::{BallBallLaw, CLUSTER_ENERGY_J, CLUSTER_SPEED_M_S};
+pub use bounce::BounceLaw;
 pub use cloth::Cloth;
-pub use cushion::{CushionLaw, REBOUND_ENERGY_J, REBOUND_SPEED_M_S};
+pub use cushion::{CushionLaw, Mathavan, REBOUND_ENERGY_J, REBOUND_SPEED_M_S, Stronge};
 pub use engine::{Engine, Rapier};
 pub use error::{Error, Result};
-pub use event::{Event, EventKind};
+pub use event::{Event, EventKind, Surface};
+pub use flight::HOP_LEAST_M;
 pub use laws::Laws;
+pub use plan::{PocketPlan, TablePlan};
 pub use rack::Layout;
 pub use shot::Shot;
 pub use simulation::{EVENTS_PER_SECOND_MAX, SHOT_SECS_MAX};
 pub use stick::{Cue, Stroke};
-pub use table::{Circle, Nose, Table, TableParts};
+pub use table::{Circle, Cushion, Nose, Pocket, Rails, Table, TableParts};
 pub use world::World;

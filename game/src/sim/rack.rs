@@ -5,10 +5,7 @@ use std::f64::consts::TAU;
 use carom_tracer::sampling::pcg4d;
 use glam::{DQuat, DVec2};
 
-use super::{
-    ball::{BallBody, BallState},
-    table::Table,
-};
+use super::{ball::BallState, table::Table};
 
 /// The balls of a game and where they lie.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,14 +21,14 @@ impl Table {
     /// The seed draws the order, how each ball is turned, and the gaps of 20–60 µm that real
     /// racks have: they decide how a rack breaks.
     pub fn rack_eight(&self, seed: u32) -> Layout {
-        let body = BallBody::default();
+        let body = self.ball();
         let mut draw = Draw { seed, drawn: 0 };
         let numbers = order_eight(&mut draw);
         let pitch = 2.0 * body.radius_m + RACK_GAP_M;
         let mut balls = Vec::with_capacity(16);
         let head = self.head_spot();
         balls.push(turned(
-            BallState::at_rest(0, head.x, head.y, &body),
+            BallState::at_rest(0, head.x, head.y, &self.cue_ball()),
             &mut draw,
         ));
         let mut numbers = numbers.into_iter();

@@ -11,15 +11,20 @@
 use glam::DVec3;
 
 use super::{
-    agenda::{Agenda, Change, Happening, Place},
+    agenda::{Agenda, Change, Happening},
     ball::{BallState, Phase},
     ball_ball::Twist,
     bodies::Bodies,
+    bounce::skimmed,
     contact_time::direction,
+    cushion::kept_apart,
     error::{Error, Result},
-    event::{Event, EventKind},
+    event::{Event, EventKind, Surface},
+    flight::{Flight, hop_speed_m_s},
     laws::Laws,
-    live::Live,
+    live::{Live, ON_RAIL_RADII},
+    motion::{End, Motion},
+    obstacle::{Obstacle, Push, Scout},
     table::Table,
     track::Track,
 };
@@ -58,9 +63,12 @@ impl<'a> Simulation<'a> {
         let mut simulation = Self {
             table,
             laws,
-            bodies: Bodies::new(table, &laws.body, states),
+            bodies: Bodies::new(table, states),
             now: 0.0,
-            balls: states.iter().map(|state| Live::new(laws, state)).collect(),
+            balls: states
+                .iter()
+                .map(|state| Live::new(table, laws, state))
+                .collect(),
             agenda: Agenda::new(states.len()),
             events: Vec::new(),
             second: (0.0, 0),
@@ -151,89 +159,232 @@ impl<'a> Simulation<'a> {
     fn change(&mut self, ball: usize, change: Change) {
         match change {
             Change::PhaseEnds => self.end_phase(ball),
-            Change::Nose(nose) => {
-                let away = self.table.noses()[nose].normal().extend(0.0);
-                self.rebound(ball, away);
-            }
-            Change::Jaw(jaw) => {
-                let center = self.table.jaws()[jaw].center.extend(0.0);
-                self.rebound(ball, direction(center, self.bodies.position(ball)));
+            Change::Touches(obstacle) => self.touch(ball, obstacle),
+            Change::Pocket(pocket) if self.table.pockets()[pocket].depth_m == 0.0 => {
+                self.pocket(ball, pocket);
             }
             Change::Pocket(pocket) => {
-                let number = self.balls[ball].number;
-                let speed_m_s = self.balls[ball].twist(self.now).velocity.length();
-                self.report(EventKind::Pocketed {
-                    ball: number,
-                    pocket,
-                    speed_m_s,
-                });
-                self.take_away(ball, Phase::Pocketed);
+                let twist = self.balls[ball].twist(self.now);
+                let position = self.bodies.position(ball);
+                let drop = self.flight(ball).drop_into(pocket, position, twist);
+                self.begin(ball, drop, twist);
             }
-            Change::LeavesTable => {
-                self.report(EventKind::LeftTable {
-                    ball: self.balls[ball].number,
-                });
-                self.take_away(ball, Phase::OffTable);
+            Change::RailEnds => {
+                let twist = self.balls[ball].twist(self.now);
+                self.fly(ball, twist);
             }
+            Change::LeavesTable => self.leave_table(ball),
         }
     }
 
     fn end_phase(&mut self, ball: usize) {
-        let before = self.balls[ball].motion.phase;
-        let (velocity, spin) = self.balls[ball].motion.end_state();
-        self.set_off(ball, Twist { velocity, spin });
+        let ended = self.balls[ball].motion;
+        let (velocity, spin) = ended.end_state();
+        let twist = Twist { velocity, spin };
+        match ended.end {
+            End::Lands => return self.land(ball, twist),
+            End::Sinks(pocket) => return self.pocket(ball, pocket),
+            End::HitsFloor => return self.take_away(ball, Phase::OffTable),
+            End::SlipStops | End::RollStops | End::SpinStops | End::Never => {}
+        }
+        self.lie(ball, twist);
         let Live { number, motion, .. } = self.balls[ball];
         match motion.phase {
-            Phase::Rolling if before == Phase::Sliding => {
+            Phase::Rolling if ended.phase == Phase::Sliding => {
                 self.report(EventKind::Rolls { ball: number });
+            }
+            Phase::Resting if self.balls[ball].is_on_rail() => {
+                self.report_leaving(ball);
+                self.take_away(ball, Phase::OffTable);
             }
             Phase::Resting => self.report(EventKind::Rests { ball: number }),
             _ => {}
         }
-        self.foresee(ball);
     }
 
-    fn rebound(&mut self, ball: usize, away: DVec3) {
-        let Laws { body, cushion, .. } = self.laws;
+    fn touch(&mut self, ball: usize, obstacle: Obstacle) {
+        let Live { number, body, .. } = self.balls[ball];
         let before = self.balls[ball].twist(self.now);
-        self.report(EventKind::Cushion {
-            ball: self.balls[ball].number,
-            point: self.bodies.position(ball) - body.radius_m * away,
-            speed_m_s: -before.velocity.dot(away),
-        });
-        let after = cushion.resolve(body, away, self.table.nose_height_m(), before);
+        if obstacle == Obstacle::Top {
+            return self.land(ball, before);
+        }
+        let scout = Scout {
+            table: self.table,
+            radius_m: body.radius_m,
+        };
+        let center = self.bodies.position(ball);
+        let Push { normal, away } = scout.push(obstacle, center);
+        let point = center - body.radius_m * away;
+        let speed_m_s = -before.velocity.dot(away);
+        let (cushion, kind) = match obstacle {
+            Obstacle::Nose(_) | Obstacle::Jaw(_) => {
+                let kind = EventKind::Cushion {
+                    ball: number,
+                    point,
+                    speed_m_s,
+                };
+                (true, kind)
+            }
+            _ => {
+                let kind = EventKind::Bounces {
+                    ball: number,
+                    surface: obstacle.surface(),
+                    point,
+                    speed_m_s,
+                };
+                (false, kind)
+            }
+        };
+        let law = match obstacle.surface() {
+            Surface::Pocket => self.laws.pocket,
+            Surface::Rail | Surface::Cloth => self.laws.slate,
+        };
+        let mut after = if !cushion {
+            law.resolve(&body, normal, before)
+        } else if self.balls[ball].motion.phase == Phase::Airborne {
+            self.laws.cushion.rebound_in_air(&body, normal, before)
+        } else {
+            let nose_height_m = self.table.nose_height_m();
+            self.laws
+                .cushion
+                .rebound(&body, (away, nose_height_m), before)
+        };
+        after.velocity = if cushion {
+            kept_apart(away, before.velocity, after.velocity)
+        } else {
+            skimmed(away, before.velocity, after.velocity)
+        };
+        self.report(kind);
         self.set_off(ball, after);
-        self.foresee(ball);
+    }
+
+    /// A ball falls onto a level surface: the cloth, or a rail.
+    fn land(&mut self, ball: usize, before: Twist) {
+        let Live { number, body, .. } = self.balls[ball];
+        let height = self.bodies.position(ball).z;
+        let on_rail = height > ON_RAIL_RADII * body.radius_m;
+        let (surface, level) = if on_rail {
+            (Surface::Rail, self.table.rail_height_m() + body.radius_m)
+        } else {
+            (Surface::Cloth, body.radius_m)
+        };
+        self.bodies.set_height(ball, level);
+        let center = self.bodies.position(ball);
+        self.report(EventKind::Bounces {
+            ball: number,
+            surface,
+            point: center.with_z(level - body.radius_m),
+            speed_m_s: -before.velocity.z,
+        });
+        let after = self.laws.slate.resolve(&body, DVec3::Z, before);
+        if after.velocity.z < self.hop_speed_m_s() {
+            self.lie(ball, after);
+        } else {
+            self.fly(ball, after);
+        }
     }
 
     fn collide(&mut self, first: usize, second: usize) {
-        let Laws {
-            body, ball_ball, ..
-        } = self.laws;
+        let bodies = [first, second].map(|ball| self.balls[ball].body);
         let normal = direction(self.bodies.position(first), self.bodies.position(second));
         let before = [first, second].map(|ball| self.balls[ball].twist(self.now));
         self.report(EventKind::BallBall {
             first: self.balls[first].number,
             second: self.balls[second].number,
-            point: self.bodies.position(first) + body.radius_m * normal,
+            point: self.bodies.position(first) + bodies[0].radius_m * normal,
             speed_m_s: (before[0].velocity - before[1].velocity).dot(normal),
         });
-        let (after_first, after_second) = ball_ball.resolve(body, normal, before[0], before[1]);
+        let (after_first, after_second) =
+            self.laws
+                .ball_ball
+                .resolve(normal, (&bodies[0], before[0]), (&bodies[1], before[1]));
         self.set_off(first, after_first);
         self.set_off(second, after_second);
-        self.foresee(first);
-        self.foresee(second);
     }
 
-    /// Begins a ball's next motion.
-    fn set_off(&mut self, ball: usize, twist: Twist) {
+    /// Begins a ball's motion after a blow. What lies stays down unless the blow, or the slate's
+    /// answer to it, makes it hop.
+    fn set_off(&mut self, ball: usize, mut after: Twist) {
+        let Live { body, motion, .. } = &self.balls[ball];
+        let hop = self.hop_speed_m_s();
+        if motion.phase == Phase::Airborne {
+            return self.fly(ball, after);
+        }
+        if -self.laws.slate.restitution * after.velocity.z >= hop {
+            after = self.laws.slate.resolve(body, DVec3::Z, after);
+        }
+        if after.velocity.z >= hop {
+            self.fly(ball, after);
+        } else {
+            self.lie(ball, after);
+        }
+    }
+
+    /// Begins the motion of a ball that lies on a level surface: what is left of vertical speed
+    /// is lost.
+    fn lie(&mut self, ball: usize, mut twist: Twist) {
+        twist.velocity.z = 0.0;
         let position = self.bodies.position(ball);
         let motion = self
             .laws
             .cloth
-            .motion(&self.laws.body, position, twist.velocity, twist.spin);
+            .motion(&self.balls[ball].body, position, twist);
+        self.begin(ball, motion, twist);
+    }
+
+    /// Begins the motion of a ball in the air.
+    fn fly(&mut self, ball: usize, twist: Twist) {
+        let motion = self.flight(ball).motion(self.bodies.position(ball), twist);
+        self.begin(ball, motion, twist);
+    }
+
+    fn flight(&self, ball: usize) -> Flight<'a> {
+        Flight {
+            table: self.table,
+            gravity_m_s2: self.laws.cloth.gravity_m_s2,
+            radius_m: self.balls[ball].body.radius_m,
+        }
+    }
+
+    fn begin(&mut self, ball: usize, motion: Motion, twist: Twist) {
         let orientation = self.balls[ball].set_off(self.now, motion);
         self.bodies.set_twist(ball, twist, orientation);
+        self.foresee(ball);
+    }
+
+    fn hop_speed_m_s(&self) -> f64 {
+        hop_speed_m_s(self.laws.cloth.gravity_m_s2)
+    }
+
+    fn pocket(&mut self, ball: usize, pocket: usize) {
+        let number = self.balls[ball].number;
+        let speed_m_s = self.balls[ball].twist(self.now).velocity.length();
+        self.report(EventKind::Pocketed {
+            ball: number,
+            pocket,
+            speed_m_s,
+        });
+        self.take_away(ball, Phase::Pocketed);
+    }
+
+    /// A ball passes the outer edge: from a flat table it is gone, from a real one it falls.
+    fn leave_table(&mut self, ball: usize) {
+        self.report_leaving(ball);
+        if self.table.rails().is_none() {
+            return self.take_away(ball, Phase::OffTable);
+        }
+        let twist = self.balls[ball].twist(self.now);
+        let flight = self.flight(ball);
+        let fall = flight.fall_to_floor(self.bodies.position(ball), twist);
+        self.begin(ball, fall, twist);
+    }
+
+    fn report_leaving(&mut self, ball: usize) {
+        self.report(EventKind::LeftTable {
+            ball: self.balls[ball].number,
+            point: self.bodies.position(ball),
+            speed_m_s: self.balls[ball].twist(self.now).velocity.length(),
+        });
     }
 
     fn take_away(&mut self, ball: usize, phase: Phase) {
@@ -252,11 +403,7 @@ impl<'a> Simulation<'a> {
 
     /// Plans anew for a ball whose motion changed.
     fn foresee(&mut self, ball: usize) {
-        let place = Place {
-            now: self.now,
-            radius_m: self.laws.body.radius_m,
-        };
-        self.agenda.foresee(ball, &self.balls, self.table, place);
+        self.agenda.foresee(ball, &self.balls, self.table, self.now);
     }
 
     fn count_event(&mut self, time: f64) -> Result<()> {
@@ -292,7 +439,9 @@ mod tests {
     fn rapier_sees_contacts_where_the_polynomials_put_them() {
         let (table, laws) = (Table::nine_foot(), Laws::default());
         let mut states = table.rack_eight(9).balls;
-        let twist = laws.cue.strike(&laws.body, &Stroke::straight(0.01, 9.0));
+        let twist = laws
+            .cue
+            .strike(&states[0].body, &Stroke::straight(0.01, 9.0));
         states[0].velocity = twist.velocity;
         let mut simulation = Simulation::new(&table, &laws, &states);
         let mut contacts = 0;

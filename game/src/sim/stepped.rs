@@ -15,15 +15,16 @@ use rapier3d::prelude::{
 };
 
 use super::{
-    ball::{BallState, Phase},
+    ball::{BallBody, BallState, Phase},
     bodies::cushion_shapes,
     cloth::Cloth,
     engine::Rapier,
     error::{Error, Result},
     event::{Event, EventKind},
     laws::Laws,
+    live::ON_RAIL_RADII,
     simulation::{Outcome, SHOT_SECS_MAX, Until},
-    table::Table,
+    table::{Pocket, Table},
     track::{Leg, Track},
 };
 
@@ -45,6 +46,7 @@ pub(crate) struct Stepped<'a> {
 
 struct Ball {
     number: u8,
+    body: BallBody,
     handle: RigidBodyHandle,
     on_table: bool,
     track: Track,
@@ -164,15 +166,17 @@ impl<'a> Stepped<'a> {
     /// Rolling resistance and spin friction over the step to come, and rest below what a step of
     /// them takes away. False if nothing moves.
     fn resist(&mut self) -> bool {
-        let Laws { body, cloth, .. } = self.laws;
+        let Laws { cloth, .. } = self.laws;
         let slower = cloth.rolling_friction * cloth.gravity_m_s2 * self.step_secs;
-        let spin_slower = 2.5 * cloth.spin_friction_m * cloth.gravity_m_s2 / body.radius_m.powi(2)
-            * self.step_secs;
         // What a step of sliding takes from the slip: the solver leaves less, but leaves some.
         let rolls =
             (3.5 * cloth.sliding_friction * cloth.gravity_m_s2 * self.step_secs).max(ROLLS_M_S);
         let mut moves = false;
         for ball in self.balls.iter_mut().filter(|ball| ball.on_table) {
+            let body = &ball.body;
+            let spin_slower = 2.5 * cloth.spin_friction_m * cloth.gravity_m_s2
+                / body.radius_m.powi(2)
+                * self.step_secs;
             let rigid = &mut self.world.bodies[ball.handle];
             let (position, velocity, spin) = (rigid.translation(), rigid.linvel(), rigid.angvel());
             ball.before = (position, velocity);
@@ -203,13 +207,16 @@ impl<'a> Stepped<'a> {
 
     /// Events for pairs that the solver pushed apart in this step and not in the one before.
     fn report_contacts(&mut self) {
-        let least = self.laws.body.mass_kg * CONTACT_M_S;
         let mut touching = BTreeSet::new();
         for pair in self.world.narrow_phase.contact_pairs() {
             let [a, b] = [pair.collider1, pair.collider2]
                 .map(|handle| self.world.colliders[handle].user_data as usize);
             let key = (a.min(b), a.max(b));
-            if key.1 != CLOTH && pair.total_impulse_magnitude() > least {
+            if key.1 == CLOTH {
+                continue;
+            }
+            let least = self.balls[key.0].body.mass_kg * CONTACT_M_S;
+            if pair.total_impulse_magnitude() > least {
                 touching.insert(key);
             }
         }
@@ -221,7 +228,7 @@ impl<'a> Stepped<'a> {
                 let away = change.normalize_or_zero();
                 EventKind::Cushion {
                     ball: self.balls[low].number,
-                    point: position - self.laws.body.radius_m * away,
+                    point: position - self.balls[low].body.radius_m * away,
                     speed_m_s: -velocity.dot(away),
                 }
             } else {
@@ -253,12 +260,13 @@ impl<'a> Stepped<'a> {
                 continue;
             }
             let to = self.world.bodies[handle].translation();
-            let enters = |pocket: &super::table::Circle| {
+            let low = to.z < ON_RAIL_RADII * self.balls[index].body.radius_m;
+            let enters = |pocket: &Pocket| {
                 let (from, to) = (
                     from.truncate() - pocket.center,
                     to.truncate() - pocket.center,
                 );
-                nearest_to_origin(from, to) < pocket.radius_m
+                low && nearest_to_origin(from, to) < pocket.radius_m
             };
             let phase = if let Some(pocket) = self.table.pockets().iter().position(enters) {
                 self.report(EventKind::Pocketed {
@@ -268,7 +276,11 @@ impl<'a> Stepped<'a> {
                 });
                 Phase::Pocketed
             } else if !self.table.contains(to.truncate()) || to.z < 0.0 {
-                self.report(EventKind::LeftTable { ball: number });
+                self.report(EventKind::LeftTable {
+                    ball: number,
+                    point: to,
+                    speed_m_s: velocity.length(),
+                });
                 Phase::OffTable
             } else {
                 continue;
@@ -302,7 +314,7 @@ impl<'a> Stepped<'a> {
             let spin = body.angvel();
             ball.track.push(Leg {
                 start_secs: since,
-                phase: phase(self.laws, velocity, spin),
+                phase: phase(&ball.body, velocity, spin),
                 position: from,
                 velocity,
                 acceleration: DVec3::ZERO,
@@ -334,11 +346,12 @@ fn insert_table(world: &mut PhysicsWorld, table: &Table, laws: &Laws) {
         .restitution_combine_rule(CoefficientCombineRule::Min)
         .user_data(CLOTH as u128);
     world.insert_collider(cloth, None);
+    let (restitution, friction) = laws.cushion.constants();
     for shape in cushion_shapes(table) {
         let cushion = shape
-            .friction(laws.cushion.friction)
+            .friction(friction)
             .friction_combine_rule(CoefficientCombineRule::Max)
-            .restitution(LEVEL_RESTITUTION * laws.cushion.restitution)
+            .restitution(LEVEL_RESTITUTION * restitution)
             .restitution_combine_rule(CoefficientCombineRule::Min)
             .user_data(CUSHION as u128);
         world.insert_collider(cushion, None);
@@ -361,8 +374,8 @@ fn insert_ball(
         .ccd_enabled(rapier.sweep_cue_ball && state.number == 0)
         .enabled(on_table);
     let law = &laws.ball_ball;
-    let sphere = ColliderBuilder::ball(laws.body.radius_m)
-        .mass(laws.body.mass_kg)
+    let sphere = ColliderBuilder::ball(state.body.radius_m)
+        .mass(state.body.mass_kg)
         .friction(law.friction_fast + law.friction_slow_extra * (-law.friction_fade_s_m).exp())
         .restitution(law.restitution)
         .user_data(index as u128);
@@ -370,13 +383,14 @@ fn insert_ball(
     // Rapier lets bodies sleep below 0.4 m/s·size: a slow roll would stop dead.
     let sleep = world.bodies[handle].activation_mut();
     sleep.normalized_linear_threshold = SLEEP_M_S;
-    sleep.angular_threshold = SLEEP_M_S / laws.body.radius_m;
+    sleep.angular_threshold = SLEEP_M_S / state.body.radius_m;
     let mut track = Track::new(state, Leg::at_rest(0.0, state.position));
     if !on_table {
         track.leave(0.0, state.phase);
     }
     Ball {
         number: state.number,
+        body: state.body,
         handle,
         on_table,
         track,
@@ -385,14 +399,14 @@ fn insert_ball(
     }
 }
 
-fn phase(laws: &Laws, velocity: DVec3, spin: DVec3) -> Phase {
+fn phase(body: &BallBody, velocity: DVec3, spin: DVec3) -> Phase {
     if velocity.length() > REST_M_S {
-        if Cloth::slip(&laws.body, velocity, spin).length() < ROLLS_M_S {
+        if Cloth::slip(body, velocity, spin).length() < ROLLS_M_S {
             Phase::Rolling
         } else {
             Phase::Sliding
         }
-    } else if spin.length() * laws.body.radius_m > REST_M_S {
+    } else if spin.length() * body.radius_m > REST_M_S {
         Phase::Spinning
     } else {
         Phase::Resting

@@ -1,7 +1,9 @@
 //! Tip against ball: an instantaneous blow at a point, with squirt from the end mass of the cue.
 //!
 //! Speed and spin: Alciatore, TP A-30 (elastic tip, no slip up to the miscue limit). Squirt, the
-//! sideways deflection by the mass of the cue's end: TP A-31.
+//! sideways deflection by the mass of the cue's end: TP A-31. Beyond the limit, where the blow would
+//! leave the cone of friction about the normal, the tip slips off: the impulse stays on the cone's
+//! edge and shrinks with how squarely the tip meets the ball, down to nothing at the rim.
 
 use glam::{DMat3, DVec3};
 
@@ -22,16 +24,17 @@ pub struct Stroke {
     pub side: f64,
     /// Vertical offset of the tip in ball radii, positive above the centre (follow).
     pub vertical: f64,
-    /// Elevation of the cue in rad, 0 to [`Stroke::ELEVATION_MAX_RAD`]. The ball stays on the
-    /// cloth: the downward part of the blow is lost, so an elevated cue curves but does not jump.
+    /// Elevation of the cue in rad, 0 to [`Stroke::ELEVATION_MAX_RAD`]. The downward part of the
+    /// blow drives the ball into the slate, off which it jumps; with side it curves (massé).
     pub elevation_rad: f64,
 }
 
 impl Stroke {
     /// Half as fast again as the strongest measured break.
     pub const SPEED_MAX_M_S: f64 = 20.0;
-    /// Beyond this distance from the centre, in radii, the tip slips off the ball.
-    pub const OFFSET_MAX: f64 = 0.6;
+    /// The farthest from the centre, in radii, that a stroke can be aimed. The tip slips off
+    /// before: beyond [`Cue::miscue_offset`].
+    pub const OFFSET_MAX: f64 = 0.9;
     /// 85 degrees.
     pub const ELEVATION_MAX_RAD: f64 = 85.0 * std::f64::consts::PI / 180.0;
 
@@ -44,6 +47,11 @@ impl Stroke {
             vertical: 0.0,
             elevation_rad: 0.0,
         }
+    }
+
+    /// From the ball's centre to the tip, across the cue, in ball radii.
+    pub fn offset(&self) -> f64 {
+        self.side.hypot(self.vertical)
     }
 
     /// # Errors
@@ -63,10 +71,10 @@ impl Stroke {
                 Self::SPEED_MAX_M_S
             ));
         }
-        let offset = self.side.hypot(self.vertical);
+        let offset = self.offset();
         if offset.is_nan() || offset > Self::OFFSET_MAX {
             return reject(format!(
-                "the tip is {offset} radii from the centre, where it slips off: up to {} holds",
+                "the tip is {offset} radii from the centre, not up to {}",
                 Self::OFFSET_MAX
             ));
         }
@@ -89,6 +97,8 @@ pub struct Cue {
     /// The part of its end that moves sideways with the tip, in kg: more gives more squirt.
     /// Default 0.0056699 (a thirtieth of the ball: 1.9 degrees at half a radius).
     pub end_mass_kg: f64,
+    /// Friction of chalked tip and ball; default 0.6 (Alciatore, "Physical properties").
+    pub tip_friction: f64,
 }
 
 impl Default for Cue {
@@ -96,12 +106,18 @@ impl Default for Cue {
         Self {
             mass_kg: 0.567,
             end_mass_kg: 0.005_669_9,
+            tip_friction: 0.6,
         }
     }
 }
 
 impl Cue {
-    /// Velocity and spin of a resting ball after a valid stroke.
+    /// The offset in ball radii beyond which the tip slips: sin(atan μ), 0.51 for 0.6.
+    pub fn miscue_offset(&self) -> f64 {
+        self.tip_friction / self.tip_friction.hypot(1.0)
+    }
+
+    /// Velocity and spin of a resting ball after a valid stroke, before the slate answers.
     pub(crate) fn strike(&self, body: &BallBody, stroke: &Stroke) -> Twist {
         let (sin_aim, cos_aim) = stroke.direction_rad.sin_cos();
         let forward = DVec3::new(cos_aim, sin_aim, 0.0);
@@ -110,15 +126,40 @@ impl Cue {
         let axis = cos_elevation * forward - sin_elevation * DVec3::Z;
         let up = sin_elevation * forward + cos_elevation * DVec3::Z;
 
-        let offset_squared = stroke.side * stroke.side + stroke.vertical * stroke.vertical;
-        let depth = (1.0 - offset_squared).sqrt();
+        let offset = stroke.offset();
+        let depth = (1.0 - offset * offset).sqrt();
         let tip = stroke.side * right + stroke.vertical * up - depth * axis;
-        let speed =
-            2.0 * stroke.speed_m_s / (1.0 + body.mass_kg / self.mass_kg + 2.5 * offset_squared);
-        let velocity = speed * cos_elevation * forward;
+        let Blow {
+            along,
+            arm,
+            strength,
+        } = self.blow(axis, tip, offset);
+        let reach = along.dot(axis);
+        let speed = 2.0 * strength * reach * stroke.speed_m_s
+            / (1.0 + reach * reach * body.mass_kg / self.mass_kg + 2.5 * arm * arm);
         Twist {
-            velocity: DMat3::from_rotation_z(self.squirt_rad(body, stroke.side)) * velocity,
-            spin: 2.5 * speed / body.radius_m * tip.cross(axis),
+            velocity: DMat3::from_rotation_z(self.squirt_rad(body, stroke.side)) * (speed * along),
+            spin: 2.5 * speed / body.radius_m * tip.cross(along),
+        }
+    }
+
+    fn blow(&self, axis: DVec3, tip: DVec3, offset: f64) -> Blow {
+        let limit = self.miscue_offset();
+        if offset <= limit {
+            return Blow {
+                along: axis,
+                arm: offset,
+                strength: 1.0,
+            };
+        }
+        let inward = -tip;
+        let squarely = axis.dot(inward);
+        let across = (axis - squarely * inward).normalize_or_zero();
+        let cos_limit = (1.0 - limit * limit).sqrt();
+        Blow {
+            along: cos_limit * inward + limit * across,
+            arm: limit,
+            strength: squarely / cos_limit,
         }
     }
 
@@ -127,5 +168,61 @@ impl Cue {
         let across = 1.0 - side * side;
         let mass_ratio = body.mass_kg / self.end_mass_kg;
         (2.5 * side * across.sqrt()).atan2(1.0 + mass_ratio + 2.5 * across)
+    }
+}
+
+/// How the tip pushes a ball of radius 1.
+struct Blow {
+    /// The direction of the impulse.
+    along: DVec3,
+    /// From its line to the centre.
+    arm: f64,
+    /// The impulse over that of an elastic blow.
+    strength: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn struck(side: f64, vertical: f64) -> Twist {
+        let stroke = Stroke {
+            side,
+            vertical,
+            ..Stroke::straight(0.0, 3.0)
+        };
+        Cue::default().strike(&BallBody::default(), &stroke)
+    }
+
+    #[test]
+    fn a_miscue_begins_gradually_and_takes_speed_and_spin() {
+        let limit = Cue::default().miscue_offset();
+        assert!((limit - 0.5145).abs() < 1e-4);
+        let (held, slipped) = (struck(limit, 0.0), struck(limit + 1e-9, 0.0));
+        assert!((held.velocity - slipped.velocity).length() < 1e-7);
+        assert!((held.spin - slipped.spin).length() < 1e-5);
+        let bad = struck(0.8, 0.0);
+        assert!(bad.velocity.length() < 0.9 * held.velocity.length());
+        assert!(bad.spin.length() < held.spin.length());
+        assert!(
+            bad.velocity.y > 0.3,
+            "a ball struck on its right goes left: {bad:?}"
+        );
+    }
+
+    #[test]
+    fn a_scoop_lifts_the_ball() {
+        assert_eq!(struck(0.0, -0.5).velocity.z, 0.0);
+        assert!(struck(0.0, -0.7).velocity.z > 0.5);
+    }
+
+    #[test]
+    fn no_stroke_gives_more_energy_than_the_cue_has() {
+        let (cue, body) = (Cue::default(), BallBody::default());
+        for step in 0..90 {
+            let Twist { velocity, spin } = struck(0.006 * f64::from(step), 0.008 * f64::from(step));
+            let energy = body.kinetic_energy_j(velocity, spin);
+            assert!(energy <= 0.5 * cue.mass_kg * 9.0, "{step}: {energy}");
+        }
     }
 }

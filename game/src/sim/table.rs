@@ -1,11 +1,15 @@
-//! The table: straight cushions, rounded jaws, pockets and spots, read from JSON.
+//! The table: straight cushions, rounded jaws, pockets, rails and spots.
 //!
 //! Coordinates are centred on the cloth: x along the length, y across, z up, cloth at z = 0.
 
 use glam::DVec2;
 use serde::Deserialize;
 
-use super::error::{Error, Result};
+use super::{
+    ball::BallBody,
+    error::{Error, Result},
+    plan::TablePlan,
+};
 
 /// The nose line of a straight cushion: balls touch it from the left of `from` → `to`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,13 +61,77 @@ impl Nose {
 }
 
 /// A circle seen from above: a rounded jaw, or the rim of a pocket.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Circle {
     /// In m.
     pub center: DVec2,
     /// In m.
     pub radius_m: f64,
+}
+
+/// A hole in the slate, and how a ball falls into it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pocket {
+    /// In m.
+    pub center: DVec2,
+    /// Where the level cloth ends, in m: a ball whose centre is farther in has lost its support.
+    pub radius_m: f64,
+    /// The unit vector from the centre to the mouth. On the other sides the pocket has a wall, as
+    /// high as the rails; under the cloth all around.
+    pub mouth: DVec2,
+    /// Radius in m of the slate's rounded edge, over which a slow ball tips.
+    pub rim_radius_m: f64,
+    /// How far a ball's centre falls below the cloth before it is gone, in m. With 0 a ball is
+    /// gone as soon as its centre passes the rim.
+    pub depth_m: f64,
+}
+
+impl Pocket {
+    /// Radius of the hole below its rounded edge, in m.
+    pub fn bore_radius_m(&self) -> f64 {
+        self.radius_m - self.rim_radius_m
+    }
+}
+
+/// The rails around the cushions, for balls that fly.
+///
+/// ```text
+///   height      ______________   nose height + rise
+///   over       /   flat top   |
+///   cloth   __/ slope         |
+///          <  nose            |
+///   cloth  |__________________|
+///          0  cushion   width     behind the nose line
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rails {
+    /// From the nose line to the back of the cushion, over which its top rises, in m.
+    pub cushion_width_m: f64,
+    /// How much higher the flat top is than the nose, in m.
+    pub rise_m: f64,
+    /// From the nose line to the table's outer edge, in m.
+    pub width_m: f64,
+}
+
+/// A cushion seen from above.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cushion {
+    /// Index of its nose line in [`Table::noses`].
+    pub nose: usize,
+    /// Its corners anticlockwise, in m: the ends of the nose line with the jaws not rounded, then
+    /// the ends of its back. The sides between are the facings of the pockets.
+    pub corners: [DVec2; 4],
+}
+
+impl Cushion {
+    /// Whether a point lies on it, seen from above.
+    pub fn covers(&self, point: DVec2) -> bool {
+        (0..4).all(|i| {
+            let (from, to) = (self.corners[i], self.corners[(i + 1) % 4]);
+            (to - from).perp_dot(point - from) >= -JOINT_SLACK_M * (to - from).length()
+        })
+    }
 }
 
 /// A table's shape.
@@ -73,16 +141,20 @@ pub struct Table {
     length_m: f64,
     width_m: f64,
     nose_height_m: f64,
+    bed_height_m: f64,
     noses: Vec<Nose>,
     jaws: Vec<Circle>,
-    pockets: Vec<Circle>,
+    pockets: Vec<Pocket>,
+    cushions: Vec<Cushion>,
+    rails: Option<Rails>,
+    ball: BallBody,
+    cue_ball: BallBody,
     low: DVec2,
     high: DVec2,
 }
 
-/// The parts of a [`Table`].
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// The parts of a flat [`Table`]: balls that are taken by a pocket or fly over a cushion are gone.
+#[derive(Clone, Debug)]
 pub struct TableParts {
     /// For the player.
     pub name: String,
@@ -102,22 +174,17 @@ pub struct TableParts {
 }
 
 impl Table {
-    /// A 9-foot pool table: 2.54 × 1.27 m between noses, six pockets.
-    pub fn nine_foot() -> Self {
-        Self::parse(include_str!("../../../assets/tables/nine_foot.json"))
-            .expect("the built-in table is valid: a test reads it")
-    }
-
-    /// Reads a table from JSON ([`TableParts`]).
+    /// Reads a table from JSON ([`TablePlan`]).
     ///
     /// # Errors
     /// [`Error::Table`] with the place in the text or the rule that is broken.
     pub fn parse(json: &str) -> Result<Self> {
-        let parts = serde_json::from_str(json).map_err(|error| Error::Table(error.to_string()))?;
-        Self::from_parts(parts)
+        let plan: TablePlan =
+            serde_json::from_str(json).map_err(|error| Error::Table(error.to_string()))?;
+        plan.build()
     }
 
-    /// Builds a table.
+    /// Builds a flat table.
     ///
     /// # Errors
     /// [`Error::Table`] for sizes that are not positive and finite, or a table without cushions.
@@ -148,6 +215,14 @@ impl Table {
                 (DVec2::INFINITY, DVec2::NEG_INFINITY),
                 |(low, high), point| (low.min(point), high.max(point)),
             );
+        let center = 0.5 * (low + high);
+        let hole = |circle: &Circle| Pocket {
+            center: circle.center,
+            radius_m: circle.radius_m,
+            mouth: (center - circle.center).try_normalize().unwrap_or(DVec2::X),
+            rim_radius_m: 0.0,
+            depth_m: 0.0,
+        };
         Ok(Self {
             noses: parts
                 .noses
@@ -158,11 +233,37 @@ impl Table {
             length_m: parts.length_m,
             width_m: parts.width_m,
             nose_height_m: parts.nose_height_m,
+            bed_height_m: BED_HEIGHT_M,
             jaws: parts.jaws,
-            pockets: parts.pockets,
+            pockets: parts.pockets.iter().map(hole).collect(),
+            cushions: Vec::new(),
+            rails: None,
+            ball: BallBody::POOL,
+            cue_ball: BallBody::POOL,
             low,
             high,
         })
+    }
+
+    /// A flat table with the plan's rails, pockets and balls added.
+    pub(crate) fn raised(
+        self,
+        plan: &TablePlan,
+        pockets: Vec<Pocket>,
+        cushions: Vec<Cushion>,
+    ) -> Self {
+        let outer = 0.5 * DVec2::new(self.length_m, self.width_m) + plan.rails.width_m;
+        Self {
+            bed_height_m: plan.bed_height_m,
+            pockets,
+            cushions,
+            rails: Some(plan.rails),
+            ball: plan.ball,
+            cue_ball: plan.cue_ball.unwrap_or(plan.ball),
+            low: -outer,
+            high: outer,
+            ..self
+        }
     }
 
     /// For the player.
@@ -196,8 +297,61 @@ impl Table {
     }
 
     /// Pockets.
-    pub fn pockets(&self) -> &[Circle] {
+    pub fn pockets(&self) -> &[Pocket] {
         &self.pockets
+    }
+
+    /// The pocket whose hole is under a point.
+    pub(crate) fn pocket_under(&self, point: DVec2) -> Option<usize> {
+        let holds = |pocket: &Pocket| point.distance(pocket.center) < pocket.radius_m;
+        self.pockets.iter().position(holds)
+    }
+
+    /// Cushions between the pockets; none for a flat table.
+    pub fn cushions(&self) -> &[Cushion] {
+        &self.cushions
+    }
+
+    /// The rails around; none for a flat table.
+    pub fn rails(&self) -> Option<Rails> {
+        self.rails
+    }
+
+    /// Height over the cloth of the flat top of the rails, in m: of the noses on a flat table.
+    pub fn rail_height_m(&self) -> f64 {
+        self.nose_height_m + self.rails.map_or(0.0, |rails| rails.rise_m)
+    }
+
+    /// Whether the flat top of a rail is under a point.
+    pub(crate) fn is_rail_under(&self, point: DVec2) -> bool {
+        let (low, high) = self.inside_of_rails();
+        let inside = point.cmpgt(low).all() && point.cmplt(high).all();
+        self.rails.is_some()
+            && !inside
+            && self.contains(point)
+            && self.pocket_under(point).is_none()
+    }
+
+    /// Lowest and highest corner of the rectangle inside of which there are cushions and cloth.
+    pub(crate) fn inside_of_rails(&self) -> (DVec2, DVec2) {
+        let half = 0.5 * DVec2::new(self.length_m, self.width_m)
+            + self.rails.map_or(0.0, |rails| rails.cushion_width_m);
+        (-half, half)
+    }
+
+    /// Height of the cloth over the room's floor, in m.
+    pub fn bed_height_m(&self) -> f64 {
+        self.bed_height_m
+    }
+
+    /// What the game on it is played with.
+    pub fn ball(&self) -> BallBody {
+        self.ball
+    }
+
+    /// The cue ball, which may be larger than the others.
+    pub fn cue_ball(&self) -> BallBody {
+        self.cue_ball
     }
 
     /// Where the cue ball starts: a quarter of the length from the head cushion, at −x.
@@ -223,4 +377,6 @@ impl Table {
 
 /// Noses reach this far over their ends, so that no ball slips between a nose and the jaw that
 /// continues it.
-const JOINT_SLACK_M: f64 = 1e-9;
+pub(crate) const JOINT_SLACK_M: f64 = 1e-9;
+/// 30 inches, as WPA's specifications allow at most 31.
+const BED_HEIGHT_M: f64 = 0.762;

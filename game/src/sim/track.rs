@@ -3,8 +3,8 @@
 use glam::{DQuat, DVec3};
 
 use super::{
-    ball::{BallPose, BallState, Phase},
-    cloth::Motion,
+    ball::{BallBody, BallPose, BallState, Phase},
+    motion::Motion,
     orientation::Turning,
 };
 
@@ -12,6 +12,7 @@ use super::{
 #[derive(Clone, Debug)]
 pub(crate) struct Track {
     number: u8,
+    body: BallBody,
     /// Ascending starts; the last lasts to the end.
     pieces: Vec<Piece>,
     gone: Option<(f64, Phase)>,
@@ -106,6 +107,7 @@ impl Track {
     pub(crate) fn new(ball: &BallState, leg: Leg) -> Self {
         Self {
             number: ball.number,
+            body: ball.body,
             pieces: vec![Piece::open(leg, ball.orientation)],
             gone: None,
         }
@@ -161,6 +163,7 @@ impl Track {
         let (piece, since) = self.piece_at(t);
         let mut state = BallState {
             number,
+            body: self.body,
             position,
             velocity: piece.leg.velocity_after(since),
             spin: piece.leg.spin_after(since),

@@ -1,11 +1,13 @@
 //! A table with balls on it, waiting for a stroke.
 
+use glam::DVec3;
+
 use super::{
     ball::{BallState, Phase},
-    ball_ball::Twist,
     engine::Engine,
     error::{Error, Result},
     event::{Event, EventKind},
+    flight::hop_speed_m_s,
     laws::Laws,
     rack::Layout,
     shot::Shot,
@@ -112,7 +114,7 @@ impl World {
         };
         let placed = BallState {
             orientation: self.balls[index].orientation,
-            ..BallState::at_rest(number, x, y, &self.laws.body)
+            ..BallState::at_rest(number, x, y, &self.balls[index].body)
         };
         let mut others = self.balls.clone();
         others.remove(index);
@@ -123,7 +125,7 @@ impl World {
 
     pub(crate) fn simulate(&self, stroke: Stroke, until: Until) -> Result<Outcome> {
         let outcome = self.run(&self.struck(stroke)?, until)?;
-        Ok(with_strike(outcome, stroke))
+        Ok(self.with_strike(outcome, stroke))
     }
 
     /// As [`World::strike`], calling `each` after every `frame_secs` of the shot: for those who
@@ -153,7 +155,7 @@ impl World {
                 Stepped::new(table, laws, rapier, &balls).run_in_frames(frame_secs, each)?
             }
         };
-        Ok(Shot::new(with_strike(outcome, stroke)))
+        Ok(Shot::new(self.with_strike(outcome, stroke)))
     }
 
     /// The balls right after the blow.
@@ -166,14 +168,40 @@ impl World {
         else {
             return Err(Error::Stroke("the cue ball is not on the table".to_owned()));
         };
-        let Twist { velocity, spin } = self.laws.cue.strike(&self.laws.body, &stroke);
+        let body = cue_ball.body;
+        let blow = self.laws.cue.strike(&body, &stroke);
+        let mut twist = self.laws.slate.resolve(&body, DVec3::Z, blow);
+        let jumps = twist.velocity.z >= hop_speed_m_s(self.laws.cloth.gravity_m_s2);
+        if !jumps {
+            twist.velocity.z = 0.0;
+        }
         *cue_ball = BallState {
-            velocity,
-            spin,
-            phase: Phase::Sliding,
+            velocity: twist.velocity,
+            spin: twist.spin,
+            phase: if jumps {
+                Phase::Airborne
+            } else {
+                Phase::Sliding
+            },
             ..*cue_ball
         };
         Ok(balls)
+    }
+
+    fn with_strike(&self, mut outcome: Outcome, stroke: Stroke) -> Outcome {
+        let event = |kind| Event {
+            time_secs: 0.0,
+            kind,
+        };
+        let strike = event(EventKind::Strike {
+            speed_m_s: stroke.speed_m_s,
+        });
+        let offset = stroke.offset();
+        let slips = offset > self.laws.cue.miscue_offset();
+        let miscue = slips.then(|| event(EventKind::Miscue { offset }));
+        let first = [strike].into_iter().chain(miscue);
+        outcome.events.splice(0..0, first);
+        outcome
     }
 
     fn run(&self, balls: &[BallState], until: Until) -> Result<Outcome> {
@@ -189,11 +217,14 @@ impl World {
     fn check_place(&self, ball: &BallState, others: &[BallState]) -> Result<()> {
         let BallState {
             number,
+            body,
             position,
             velocity,
             spin,
+            phase,
             ..
         } = *ball;
+        body.validate(number)?;
         let reject = |message: String| Err(Error::Layout(format!("ball {number} {message}")));
         if !(position.is_finite() && velocity.is_finite() && spin.is_finite()) {
             return reject("has a place or a speed that is not finite".to_owned());
@@ -201,57 +232,55 @@ impl World {
         if others.iter().any(|other| other.number == number) {
             return reject("is there twice".to_owned());
         }
-        if !ball.phase.is_on_table() {
+        if !phase.is_on_table() {
             return Ok(());
         }
-        if position.z != self.laws.body.radius_m || velocity.z != 0.0 {
+        let flies = phase == Phase::Airborne;
+        let lies = position.z == body.radius_m && velocity.z == 0.0;
+        if !(lies || flies && position.z >= body.radius_m) {
             return reject(format!(
                 "with its centre at {} m does not lie on the cloth",
                 position.z
             ));
         }
+        if let Some(what) = self.blocked(position, body.radius_m) {
+            return reject(format!("at {position} is {what}"));
+        }
+        let touches = |other: &&BallState| {
+            let least = body.radius_m + other.body.radius_m;
+            other.phase.is_on_table() && other.position.distance(position) < least - OVERLAP_MAX_M
+        };
+        if let Some(other) = others.iter().find(touches) {
+            return reject(format!("at {position} overlaps ball {}", other.number));
+        }
+        Ok(())
+    }
+
+    /// What keeps a ball from being at a place.
+    fn blocked(&self, position: DVec3, radius_m: f64) -> Option<String> {
         let center = position.truncate();
-        let radius = self.laws.body.radius_m;
-        let reaches = |distance: f64, least: f64| distance < least - OVERLAP_MAX_M;
         if !self.table.contains(center) {
-            return reject(format!("at {center} is off the table"));
+            return Some("off the table".to_owned());
         }
-        let inside = |c: &&super::table::Circle| center.distance(c.center) < c.radius_m;
-        if let Some(pocket) = self.table.pockets().iter().find(inside) {
-            return reject(format!("at {center} is in the pocket at {}", pocket.center));
+        let lies = position.z == radius_m;
+        let hole = self.table.pocket_under(center).filter(|_| lies);
+        if let Some(pocket) = hole {
+            let place = self.table.pockets()[pocket].center;
+            return Some(format!("in the pocket at {place}"));
         }
+        let reaches = |distance: f64, least: f64| distance < least - OVERLAP_MAX_M;
         let in_nose = self.table.noses().iter().any(|nose| {
             let depth = nose.normal().dot(center - nose.from());
-            nose.spans(center) && depth > -radius && reaches(depth, radius)
+            nose.spans(center) && depth > -radius_m && reaches(depth, radius_m)
         });
         let in_jaw = self
             .table
             .jaws()
             .iter()
-            .any(|jaw| reaches(center.distance(jaw.center), radius + jaw.radius_m));
-        if in_nose || in_jaw {
-            return reject(format!("at {center} is in a cushion"));
-        }
-        let on_table = others.iter().filter(|other| other.phase.is_on_table());
-        for other in on_table {
-            if reaches(other.position.truncate().distance(center), 2.0 * radius) {
-                return reject(format!("at {center} overlaps ball {}", other.number));
-            }
-        }
-        Ok(())
+            .any(|jaw| reaches(center.distance(jaw.center), radius_m + jaw.radius_m));
+        let low = position.z < self.table.rail_height_m() + radius_m;
+        (low && (in_nose || in_jaw)).then(|| "in a cushion".to_owned())
     }
-}
-
-fn with_strike(mut outcome: Outcome, stroke: Stroke) -> Outcome {
-    let kind = EventKind::Strike {
-        speed_m_s: stroke.speed_m_s,
-    };
-    let strike = Event {
-        time_secs: 0.0,
-        kind,
-    };
-    outcome.events.insert(0, strike);
-    outcome
 }
 
 /// A frame lasts so long at least.

@@ -4,19 +4,17 @@
 //! normal contact is a spring that gives back e² of its energy, the tangential contact a spring
 //! that holds while its force stays within Coulomb's limit μN and slips where it does not. Within
 //! the contact the ball's surface sticks, slips, or slips and sticks and slips again; a spinning
-//! ball can leave with more tangential speed than a rigid law allows. The nose is above the ball's
-//! centre, so that the normal, from the nose to the centre of a ball whose side is below it, points
-//! down into the cloth, which takes up that part of the impulse.
+//! ball can leave with more tangential speed than a rigid law allows.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use glam::DVec3;
 
-use super::{ball::BallBody, ball_ball::Twist};
+use crate::sim::{ball::BallBody, ball_ball::Twist};
 
-/// The law of ball–cushion contacts.
+/// A compliant cushion.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CushionLaw {
+pub struct Stronge {
     /// Restitution along the tilted normal (e); default 0.85, which is 0.72–0.75 seen from above.
     pub restitution: f64,
     /// Coulomb friction of ball on cushion (μ); default 0.2.
@@ -25,7 +23,7 @@ pub struct CushionLaw {
     pub frequency_ratio: f64,
 }
 
-impl Default for CushionLaw {
+impl Default for Stronge {
     fn default() -> Self {
         Self {
             restitution: 0.85,
@@ -35,51 +33,24 @@ impl Default for CushionLaw {
     }
 }
 
-/// Approach to a cushion below this speed ends in a rebound at this speed at least, so that a ball
-/// that its spin presses against the cushion bounces a bounded number of times per second. It adds
-/// at most ½ m (5 mm/s)², about 2 µJ ([`REBOUND_ENERGY_J`]).
-pub const REBOUND_SPEED_M_S: f64 = 5e-3;
-
-/// The most energy that [`REBOUND_SPEED_M_S`] can add to one contact of a pool ball.
-pub const REBOUND_ENERGY_J: f64 = 0.5 * 0.170_097 * 5e-3 * 5e-3;
-
-impl CushionLaw {
-    /// Twist after contact with a cushion whose nose is at `nose_height_m`; `away` is the
-    /// horizontal unit vector from the cushion to the ball. Vertical velocity is dropped: the
-    /// ball stays on the cloth.
-    pub(crate) fn resolve(
-        &self,
-        body: &BallBody,
-        away: DVec3,
-        nose_height_m: f64,
-        twist: Twist,
-    ) -> Twist {
-        let above = nose_height_m / body.radius_m - 1.0;
-        let normal = (away - above * DVec3::Z).normalize();
+impl Stronge {
+    /// Twist after contact with the unit `normal` from the nose to the centre.
+    pub(crate) fn resolve(&self, body: &BallBody, normal: DVec3, twist: Twist) -> Twist {
         let contact = twist.velocity + twist.spin.cross(-body.radius_m * normal);
         let approach = -contact.dot(normal);
         let slip = contact + approach * normal;
         let speed = slip.length();
-
-        let mut velocity = twist.velocity;
-        let mut spin = twist.spin;
-        if approach > 0.0 {
-            velocity += (1.0 + self.restitution) * approach * normal;
-            if speed > 0.0 {
-                let change = (self.slip_after(speed, approach) - speed) / MASS_RATIO;
-                let kick = change / speed * slip;
-                velocity += kick;
-                spin -= 2.5 / body.radius_m * normal.cross(kick);
-            }
+        if approach <= 0.0 {
+            return twist;
         }
-        velocity.z = 0.0;
-        let into = -twist.velocity.dot(away);
-        let least = if into < REBOUND_SPEED_M_S {
-            REBOUND_SPEED_M_S
-        } else {
-            0.0
-        };
-        velocity += (least - velocity.dot(away)).max(0.0) * away;
+        let mut velocity = twist.velocity + (1.0 + self.restitution) * approach * normal;
+        let mut spin = twist.spin;
+        if speed > 0.0 {
+            let change = (self.slip_after(speed, approach) - speed) / MASS_RATIO;
+            let kick = change / speed * slip;
+            velocity += kick;
+            spin -= 2.5 / body.radius_m * normal.cross(kick);
+        }
         Twist { velocity, spin }
     }
 
@@ -195,7 +166,7 @@ mod tests {
 
     #[test]
     fn the_slip_law_is_continuous_and_loses_energy() {
-        let law = CushionLaw::default();
+        let law = Stronge::default();
         let mut last = 0.0;
         for step in 1..4000 {
             let slip = f64::from(step) * 1e-3;
@@ -212,7 +183,7 @@ mod tests {
 
     #[test]
     fn a_full_hit_without_friction_returns_its_restitution() {
-        let law = CushionLaw {
+        let law = Stronge {
             restitution: 0.85,
             friction: 0.0,
             frequency_ratio: 1.8,
@@ -222,7 +193,7 @@ mod tests {
             velocity: DVec3::new(2.0, 0.3, 0.0),
             spin: DVec3::ZERO,
         };
-        let after = law.resolve(&body, -DVec3::X, body.radius_m, before);
+        let after = law.resolve(&body, -DVec3::X, before);
         assert!((after.velocity - DVec3::new(-1.7, 0.3, 0.0)).length() < 1e-15);
         assert_eq!(after.spin, DVec3::ZERO);
     }

@@ -1,0 +1,88 @@
+//! A ball's way through one phase: constant accelerations, exact at every instant.
+
+use glam::DVec3;
+
+use super::ball::Phase;
+
+/// What ends a [`Motion`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum End {
+    /// The lowest point slips no more: it rolls.
+    SlipStops,
+    /// It rolls no more.
+    RollStops,
+    /// It turns about the vertical no more.
+    SpinStops,
+    /// It falls onto the cloth.
+    Lands,
+    /// It has fallen into the pocket of this index.
+    Sinks(usize),
+    /// It has fallen to the floor of the room.
+    HitsFloor,
+    /// It rests.
+    Never,
+}
+
+/// A ball's way through one phase: exact for 0 ≤ t ≤ `duration_secs`, meaningless after.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Motion {
+    pub(crate) phase: Phase,
+    pub(crate) position: DVec3,
+    pub(crate) velocity: DVec3,
+    pub(crate) spin: DVec3,
+    pub(crate) acceleration: DVec3,
+    pub(crate) spin_acceleration: DVec3,
+    /// Infinite at rest.
+    pub(crate) duration_secs: f64,
+    pub(crate) radius_m: f64,
+    pub(crate) end: End,
+}
+
+impl Motion {
+    pub(crate) fn position_at(&self, t: f64) -> DVec3 {
+        self.position + t * (self.velocity + 0.5 * t * self.acceleration)
+    }
+
+    pub(crate) fn velocity_at(&self, t: f64) -> DVec3 {
+        self.velocity + t * self.acceleration
+    }
+
+    pub(crate) fn spin_at(&self, t: f64) -> DVec3 {
+        self.spin + t * self.spin_acceleration
+    }
+
+    /// Velocity and spin when the phase is over, with what has stopped exactly zero, so that the
+    /// next phase does not begin with the round-off of this one.
+    pub(crate) fn end_state(&self) -> (DVec3, DVec3) {
+        let velocity = self.velocity_at(self.duration_secs);
+        let spin = self.spin_at(self.duration_secs);
+        match self.end {
+            End::SlipStops => (velocity, rolling_spin(velocity, spin.z, self.radius_m)),
+            End::RollStops => (DVec3::ZERO, DVec3::new(0.0, 0.0, spin.z)),
+            End::SpinStops => (velocity, DVec3::new(spin.x, spin.y, 0.0)),
+            End::Lands | End::Sinks(_) | End::HitsFloor => (velocity, spin),
+            End::Never => (self.velocity, self.spin),
+        }
+    }
+
+    /// Whether anything changes as long as nothing touches the ball.
+    pub(crate) fn is_moving(&self) -> bool {
+        self.end != End::Never
+    }
+
+    /// The ball is taken out of play where it is.
+    pub(crate) fn freeze(&mut self) {
+        self.velocity = DVec3::ZERO;
+        self.spin = DVec3::ZERO;
+        self.acceleration = DVec3::ZERO;
+        self.spin_acceleration = DVec3::ZERO;
+        self.duration_secs = f64::INFINITY;
+        self.end = End::Never;
+    }
+}
+
+/// Spin of a ball that rolls at `velocity`, with spin `about_z` about the vertical.
+pub(crate) fn rolling_spin(velocity: DVec3, about_z: f64, radius_m: f64) -> DVec3 {
+    let rolling = DVec3::Z.cross(velocity) / radius_m;
+    DVec3::new(rolling.x, rolling.y, about_z)
+}
