@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use crate::Error;
+use crate::{Balancing, Error};
 
 /// Configuration of a [`crate::Farm`]: command lines, `farm.toml` and applications fill it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -18,8 +18,8 @@ pub struct FarmConfig {
     /// Folder with the farm's `ca.pem`, `player.pem` and `player.key`, as `carom-farm init` makes
     /// it; needed as soon as there are `nodes`.
     pub credentials: PathBuf,
-    /// How tiles are divided.
-    pub algorithm: Algorithm,
+    /// How tiles are divided, and whether late ones are asked for again.
+    pub balancer: Balancing,
     /// Pixels along a tile's edge, 8 to 128. Higher costs balance, lower costs bytes: tiles of 16
     /// compress 16–33 % worse than whole pictures, of 64 3–4 %.
     pub tile_edge: u16,
@@ -64,7 +64,7 @@ impl Default for FarmConfig {
             local: LocalNode::Auto,
             nodes: Vec::new(),
             credentials: PathBuf::from(".carom"),
-            algorithm: Algorithm::WaterFilling,
+            balancer: Balancing::default(),
             tile_edge: 32,
             frames_in_flight: 8,
         }
@@ -99,19 +99,4 @@ impl FromStr for LocalNode {
             _ => Err("it must be auto, cpu, gpu or none".into()),
         }
     }
-}
-
-/// How a frame's tiles are divided among nodes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Algorithm {
-    /// The same number of tiles for each node.
-    Equal,
-    /// In proportion to each node's last speed, tiles by response time.
-    Naive,
-    /// y = A + B·x with averages over the whole run, after 60 frames of [`Algorithm::Equal`].
-    Ab,
-    /// y = A + B·w with filtered A and B, the earliest common finish in closed form.
-    #[default]
-    WaterFilling,
 }

@@ -11,7 +11,7 @@ use crate::coordinator::{Action, Coordinator, NodeIndex};
 use crate::link::{Command, LinkEvent, MemoryLink};
 use crate::net::{Client, NodeAddress, NodeLink};
 use crate::node::Node;
-use crate::{Algorithm, FarmConfig, Frame, FrameSpec, NodeStatus};
+use crate::{Balancing, FarmConfig, Frame, FrameSpec, NodeStatus};
 
 /// What the thread is told. The queue has no bound of its own: a link passes on only what its
 /// session has asked for, and the caller's frames are counted by [`crate::Farm`].
@@ -20,7 +20,7 @@ pub(crate) enum Input {
     Scene(SceneHash, Arc<Scene>),
     Submit(FrameId, Box<FrameSpec>),
     CancelBefore(FrameId),
-    Algorithm(Algorithm),
+    Balancing(Balancing),
     AddLocal(Arc<dyn Tracer>),
     /// The tracer that [`Driver::add_local_later`] has been waiting for.
     Local(NodeIndex, Result<Arc<dyn Tracer>, carom_tracer::Error>),
@@ -59,7 +59,7 @@ impl Driver {
     pub(crate) fn new(config: &FarmConfig) -> Self {
         let (inputs, receiver) = mpsc::channel();
         Self {
-            coordinator: Coordinator::new(config.algorithm),
+            coordinator: Coordinator::new(config.balancer),
             links: Vec::new(),
             tile_edge: config.tile_edge,
             started: Instant::now(),
@@ -169,7 +169,7 @@ impl Driver {
             Input::Scene(hash, scene) => self.coordinator.set_scene(hash, scene),
             Input::Submit(id, spec) => self.coordinator.submit(now, id, *spec, self.tile_edge),
             Input::CancelBefore(id) => self.coordinator.cancel_before(now, id),
-            Input::Algorithm(algorithm) => self.coordinator.set_algorithm(algorithm),
+            Input::Balancing(balancing) => self.coordinator.set_balancing(balancing),
             Input::AddLocal(tracer) => self.add_local(tracer),
             Input::Local(node, Ok(tracer)) => {
                 self.opening -= 1;

@@ -12,7 +12,7 @@ use carom_tracer::{CompiledScene, Scene, Tracer};
 
 use crate::driver::{Driver, Input};
 use crate::net::{Client, Credentials, NodeAddress, Role};
-use crate::{Algorithm, Error, FarmConfig, Frame, FrameSpec, LocalNode, NodeStatus, local};
+use crate::{Balancing, Error, FarmConfig, Frame, FrameSpec, LocalNode, NodeStatus, local};
 
 /// Many nodes as one tracer.
 ///
@@ -172,9 +172,9 @@ impl Farm {
         statuses.clone()
     }
 
-    /// Divides frames by `algorithm` from the next one on.
-    pub fn set_algorithm(&mut self, algorithm: Algorithm) {
-        self.send(Input::Algorithm(algorithm));
+    /// Divides frames in another way from the next one on.
+    pub fn set_balancer(&mut self, balancing: Balancing) {
+        self.send(Input::Balancing(balancing));
     }
 
     /// Adds an in-process node on `tracer` while the farm is running.

@@ -59,6 +59,29 @@ pub struct FrameStats {
     pub dropped_samples: u64,
     /// Tiles that each node delivered, by index into [`crate::Farm::nodes`].
     pub tiles_by_node: Vec<u32>,
+    /// When each node's last tile came, in seconds from [`crate::Farm::submit`], by the same
+    /// index; 0 for a node that delivered none.
+    pub response_secs_by_node: Vec<f64>,
+}
+
+impl FrameStats {
+    /// Standard deviation of the response times of those nodes that took part, in seconds.
+    pub fn response_deviation_secs(&self) -> f64 {
+        let took_part = |secs: &&f64| **secs > 0.0;
+        let responses = || self.response_secs_by_node.iter().filter(took_part);
+        let count = responses().count().max(1) as f64;
+        let mean = responses().sum::<f64>() / count;
+        let variance = responses().map(|secs| (secs - mean).powi(2)).sum::<f64>() / count;
+        variance.sqrt()
+    }
+
+    /// The longest response time of a node, in seconds.
+    pub fn response_max_secs(&self) -> f64 {
+        self.response_secs_by_node
+            .iter()
+            .copied()
+            .fold(0.0, f64::max)
+    }
 }
 
 /// A node as the coordinator sees it.

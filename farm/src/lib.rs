@@ -40,6 +40,7 @@
 //! die meanwhile: see [`Farm`]. How work is divided is in [`coordinator::balancer`], how a farm is
 //! tried out on virtual time in [`sim`].
 
+pub mod balancing;
 pub mod config;
 pub mod coordinator;
 mod driver;
@@ -53,8 +54,9 @@ pub mod net;
 pub mod node;
 pub mod sim;
 
+pub use balancing::{Algorithm, Balancing};
 pub use carom_protocol::{FrameId, NodeInfo, PixelFormat};
-pub use config::{Algorithm, FarmConfig, LocalNode};
+pub use config::{FarmConfig, LocalNode};
 pub use error::Error;
 pub use farm::Farm;
 pub use frame::{Frame, FrameSpec, FrameStats, NodeState, NodeStatus, Pixels};

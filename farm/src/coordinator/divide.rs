@@ -5,14 +5,15 @@ use carom_protocol::limits::{RUN_SAMPLES_MAX, RUN_TILES_MAX};
 use carom_protocol::{FrameId, PrecisionRange, RunId, SceneHash, TraceRequest};
 use carom_tracer::{TileGrid, TileRun};
 
-use super::balancer::{Candidate, Division, Estimate, WaterFilling, fill};
+use super::balancer::{Candidate, Division, Estimate, Line, Pull, Shares, WaterFilling};
 use super::run::Run;
+use super::work::{Deal, WorkMap};
 use super::{Coordinator, NodeIndex};
 use crate::Algorithm;
 use crate::link::Command;
 
-/// How the last whole frame was divided: kept while a new division would hardly differ, so that
-/// each node goes on tracing the same part of the picture.
+/// How the last whole frame was divided: kept while a new division would hardly end earlier, so
+/// that each node goes on tracing the same part of the picture.
 #[derive(Debug, Default)]
 pub(super) struct LastDivision {
     grid: Option<TileGrid>,
@@ -20,24 +21,29 @@ pub(super) struct LastDivision {
 }
 
 impl LastDivision {
-    /// `runs`, or what it was before if each node's part differs by two per cent or a tile.
+    /// `deal`, or what it was before if the same nodes would be through nearly as early with it.
     fn settle(
         &mut self,
         grid: TileGrid,
-        runs: Vec<(NodeIndex, Vec<TileRun>)>,
+        work: &WorkMap,
+        nodes: &[NodeIndex],
+        lines: &[Line],
+        deal: Deal,
     ) -> &[(NodeIndex, Vec<TileRun>)] {
-        let count = |runs: &[TileRun]| runs.iter().map(|run| run.count).sum::<u32>();
-        let same = self.grid == Some(grid)
-            && self.runs.len() == runs.len()
-            && self.runs.iter().zip(&runs).all(|(old, new)| {
-                let (before, after) = (count(&old.1), count(&new.1));
-                let slack = (before / 50).max(1);
-                let starved = (before == 0) != (after == 0);
-                old.0 == new.0 && before.abs_diff(after) <= slack && !starved
-            });
-        if !same {
+        let finish =
+            |(line, (_, runs)): (&Line, &(NodeIndex, Vec<TileRun>))| match work.of_all(runs) {
+                0.0 => 0.0,
+                work if work > HYSTERESIS * line.cap => f64::INFINITY,
+                work => line.a_secs + line.b_secs * work,
+            };
+        let same_nodes = self.runs.iter().map(|(node, _)| node).eq(nodes);
+        let keeps = self.grid == Some(grid)
+            && same_nodes
+            && lines.iter().zip(&self.runs).map(finish).fold(0.0, f64::max)
+                <= HYSTERESIS * deal.finish_secs;
+        if !keeps {
             self.grid = Some(grid);
-            self.runs = runs;
+            self.runs = nodes.iter().copied().zip(deal.runs).collect();
         }
         &self.runs
     }
@@ -46,12 +52,22 @@ impl LastDivision {
 impl Coordinator {
     /// Hands out all tiles that nobody holds, as far as there are nodes for them.
     pub(super) fn divide(&mut self, now: f64) {
+        for index in (0..self.nodes.len()).map(NodeIndex) {
+            self.pull(now, index);
+        }
         for id in self.frames.unfinished() {
             let pieces = self.unheld_tiles(id);
             let Some(frame) = self.frames.by_id(id) else {
                 continue;
             };
-            let nodes = usable(&self.nodes, frame.scene.0);
+            let mut nodes = usable(&self.nodes, frame.scene.0);
+            if nodes.is_empty() && !frame.divided {
+                // Better than nobody: what is merely slow to answer.
+                let answers =
+                    |node: &&NodeIndex| self.nodes[node.0].is_usable_if_it_answers(frame.scene.0);
+                nodes = (0..self.nodes.len()).map(NodeIndex).collect();
+                nodes.retain(|node| answers(&node));
+            }
             if pieces.is_empty() || nodes.is_empty() {
                 continue;
             }
@@ -80,6 +96,11 @@ impl Coordinator {
                 held[run.tiles.first as usize..run.tiles.end() as usize].fill(true);
             }
         }
+        if self.balancing.algorithm == Algorithm::Pull {
+            held[frame.pool.first as usize..frame.pool.end() as usize].fill(true);
+        } else {
+            frame.pool.count = 0;
+        }
         let film = frame.film.as_ref();
         film.map_or_else(Vec::new, |film| {
             film.missing(frame.grid.all(), |tile| !held[tile as usize])
@@ -88,55 +109,117 @@ impl Coordinator {
 
     fn divide_whole(&mut self, now: f64, id: FrameId, nodes: &[NodeIndex]) {
         let period_secs = self.frames.period_secs();
+        let candidates = self.candidates(now, nodes);
         let Some(frame) = self.frames.by_id(id) else {
             return;
         };
         let (grid, all) = (frame.grid, [frame.grid.all()]);
-        let candidates: Vec<Candidate> = nodes
-            .iter()
-            .map(|node| self.candidate(now, *node))
-            .collect();
-        let Some(frame) = self.frames.by_id(id) else {
-            return;
-        };
-        let shares = self.balancers.of(self.algorithm).divide(&Division {
+        let division = Division {
             work: frame.work.of_all(&all),
             tile_work: frame.work.mean_tile(),
             period_secs,
             candidates: &candidates,
-        });
-        let cut = frame.work.cut(&all, &shares);
-        let runs = nodes.iter().copied().zip(cut).collect();
-        let runs = self.last_division.settle(grid, runs).to_vec();
+        };
+        let balancer = self.balancers.of(self.balancing.algorithm);
+        let runs = match balancer.divide(&division) {
+            Shares::Pool => {
+                frame.pool = grid.all();
+                nodes.iter().for_each(|node| self.pull(now, *node));
+                return;
+            }
+            Shares::Work(shares) => {
+                let cut = frame.work.cut(&all, &shares);
+                nodes.iter().copied().zip(cut).collect()
+            }
+            Shares::Lines(lines) => {
+                let deal = frame.work.deal(&all, &lines);
+                let last = &mut self.last_division;
+                last.settle(grid, &frame.work, nodes, &lines, deal).to_vec()
+            }
+        };
         for (node, runs) in &runs {
-            runs.iter()
-                .for_each(|run| self.ask(now, id, *node, *run, false));
+            let hedged = self.balancing == Algorithm::WaterFilling.hedged();
+            for part in runs.iter().flat_map(|run| parts(*run, hedged)) {
+                self.ask(now, id, *node, part, false);
+            }
         }
-        if self.algorithm == Algorithm::WaterFilling {
+        if self.balancing.algorithm == Algorithm::WaterFilling {
             self.probe(now, id, &runs);
         }
-        self.set_hedge(now, id);
+        self.aim(now, id);
     }
 
     fn divide_pieces(&mut self, now: f64, id: FrameId, pieces: &[TileRun], nodes: &[NodeIndex]) {
-        let candidates: Vec<Candidate> = nodes
-            .iter()
-            .map(|node| self.candidate(now, *node))
-            .collect();
+        let candidates = self.candidates(now, nodes);
         let Some(frame) = self.frames.by_id(id) else {
             return;
         };
-        let work = frame.work.of_all(pieces);
         let lines = WaterFilling::lines(&Division {
-            work,
+            work: frame.work.of_all(pieces),
             tile_work: frame.work.mean_tile(),
             period_secs: f64::INFINITY,
             candidates: &candidates,
         });
-        let cut = frame.work.cut(pieces, &fill(work, &lines).shares);
-        for (node, runs) in nodes.iter().zip(cut) {
+        let deal = frame.work.deal(pieces, &lines);
+        for (node, runs) in nodes.iter().zip(deal.runs) {
             runs.into_iter()
                 .for_each(|run| self.ask(now, id, *node, run, false));
+        }
+        self.aim(now, id);
+    }
+
+    /// Lets a node take from the pools of frames, the oldest first, as much as its credit allows.
+    pub(super) fn pull(&mut self, now: f64, index: NodeIndex) {
+        if self.balancing.algorithm != Algorithm::Pull {
+            return;
+        }
+        let nodes = self.nodes.iter().filter(|node| node.is_open()).count();
+        for id in self.frames.unfinished() {
+            while let Some(tiles) = self.portion(index, id, nodes) {
+                self.ask(now, id, index, tiles, false);
+                self.set_hedge(now, id);
+            }
+        }
+    }
+
+    /// What a node takes next from the pool of a frame, if anything.
+    fn portion(&mut self, index: NodeIndex, id: FrameId, nodes: usize) -> Option<TileRun> {
+        let node = &self.nodes[index.0];
+        let frame = self.frames.by_id(id)?;
+        if frame.pool.count == 0 || !node.is_usable(frame.scene.0) {
+            return None;
+        }
+        let pool = frame.work.of(frame.pool);
+        let tile = frame.work.mean_tile();
+        let free = Pull::credit(node.estimate(), tile) - node.outstanding();
+        if free <= 0.0 {
+            return None;
+        }
+        let portion = Pull::portion(pool, nodes, tile).min(free);
+        let first = frame.pool.first;
+        let fits = |count: &u32| {
+            frame.work.of(TileRun {
+                first,
+                count: *count,
+            }) <= portion
+        };
+        let count = (2..=frame.pool.count).take_while(fits).last().unwrap_or(1);
+        frame.pool.first += count;
+        frame.pool.count -= count;
+        Some(TileRun { first, count })
+    }
+
+    /// Takes the latest finish that is expected of any node as the frame's target.
+    fn aim(&mut self, now: f64, id: FrameId) {
+        let prospects = self
+            .nodes
+            .iter()
+            .filter(|node| node.silent_since.is_none())
+            .flat_map(|node| node.prospects(now, None));
+        let of_frame = prospects.filter(|prospect| prospect.frame == id);
+        let target = of_frame.map(|prospect| prospect.finish()).reduce(f64::max);
+        if let Some(frame) = self.frames.by_id(id) {
+            frame.target = target.unwrap_or(f64::INFINITY);
         }
         self.set_hedge(now, id);
     }
@@ -144,7 +227,14 @@ impl Coordinator {
     /// Asks nodes that got nothing for one tile now and then, beside the node whose tile it is:
     /// they may have become faster, and nothing else would tell.
     fn probe(&mut self, now: f64, id: FrameId, runs: &[(NodeIndex, Vec<TileRun>)]) {
+        let Some(frame) = self.frames.by_id(id) else {
+            return;
+        };
+        let mut probes = frame.grid.len().div_ceil(PROBE_TILES);
         for (index, _) in runs.iter().filter(|(_, runs)| runs.is_empty()) {
+            if probes == 0 {
+                return;
+            }
             let node = &mut self.nodes[index.0];
             let recent = node
                 .last_probe
@@ -153,6 +243,7 @@ impl Coordinator {
                 continue;
             }
             node.last_probe = Some(id);
+            probes -= 1;
             let Some(frame) = self.frames.by_id(id) else {
                 return;
             };
@@ -198,21 +289,8 @@ impl Coordinator {
         let finish = |line: Estimate| line.fixed_secs + wait_secs + line.secs_per_work * work;
         let expected = node.delivered().map(|line| now + finish(line));
         self.last_run = RunId(self.last_run.0 + 1);
-        let run = Run {
-            frame: id,
-            tiles,
-            work,
-            issued: now,
-            expected,
-            probe,
-            cancelled: false,
-            tiles_received: 0,
-            work_received: 0.0,
-            message_work: 0.0,
-            heard: now,
-            busy_secs: 0.0,
-            others_until: now,
-        };
+        let mut run = Run::new(now, id, frame.grid, tiles, work);
+        (run.expected, run.probe) = (expected, probe);
         node.ask(now, self.last_run, run);
         let request = Box::new(TraceRequest {
             frame: id,
@@ -230,16 +308,27 @@ impl Coordinator {
         let scene = super::scene_command(frame.scene.0, &frame.scene.1);
         self.command(index, scene);
         self.command(index, Command::Trace(request));
+        self.arm(index);
     }
 
-    fn candidate(&self, now: f64, index: NodeIndex) -> Candidate {
-        let node = &self.nodes[index.0];
-        Candidate {
-            node: index,
-            estimate: node.estimate(),
-            wait_secs: node.wait_secs(now),
-            proven_work: node.estimator.proven_work(),
-        }
+    fn candidates(&self, now: f64, nodes: &[NodeIndex]) -> Vec<Candidate> {
+        let hedged = self.balancing.hedged;
+        let candidate = |index: &NodeIndex| {
+            let node = &self.nodes[index.0];
+            Candidate {
+                node: *index,
+                estimate: node.estimate(),
+                wait_secs: node.wait_secs(now),
+                proven_work: node.estimator.proven_work(),
+                mute_work: node.rhythm.mute_work(),
+                guard_secs: if hedged {
+                    node.rhythm.guard_secs()
+                } else {
+                    0.0
+                },
+            }
+        };
+        nodes.iter().map(candidate).collect()
     }
 
     /// What is assumed of a node that has delivered nothing: the mean of the others.
@@ -268,5 +357,31 @@ pub(super) fn usable(nodes: &[super::Node], scene: SceneHash) -> Vec<NodeIndex> 
     usable.map(|(index, _)| NodeIndex(index)).collect()
 }
 
+/// A node's share as several requests, of which the later ones can still be taken back when the
+/// first tiles turn out to be late.
+fn parts(run: TileRun, hedged: bool) -> Vec<TileRun> {
+    if !hedged || run.count < 4 {
+        return vec![run];
+    }
+    let mut parts = Vec::new();
+    let mut first = run.first;
+    for share in PARTS {
+        let end = run.first + (f64::from(run.count) * share).ceil() as u32;
+        let count = end - first;
+        if count > 0 {
+            parts.push(TileRun { first, count });
+        }
+        first = end;
+    }
+    parts
+}
+
+/// Where the parts of a share end.
+const PARTS: [f64; 4] = [0.35, 0.6, 0.8, 1.0];
+
+/// How much later than a new division an old one may end to be kept.
+const HYSTERESIS: f64 = 1.005;
 /// Frames between the probes of a node that gets no share.
 const PROBE_FRAMES: u64 = 20;
+/// One tile of so many is asked for as a probe.
+const PROBE_TILES: u32 = 1000;

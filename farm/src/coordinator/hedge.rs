@@ -1,84 +1,112 @@
-//! Asks again for tiles that are late, of whoever finishes them first; the first answer wins.
+//! Asks again for tiles that will be late, of whoever finishes them first; the first answer wins.
+//!
+//! ```text
+//! look: what nodes still hold, and at which pace it comes ─▶ the time D at which all of it could
+//!       be there if it were divided now ─▶ tiles that come after D, by those who can by then
+//! ```
 //!
 //! Dean and Barroso, "The Tail at Scale", CACM 56(2), 2013: a few per cent more requests take
-//! away most of the tail. In `tests/sim`, with five unequal nodes, 0.07 % of the tiles come twice
-//! while nothing happens, and the frame in which a node falls silent takes up to 1.25 times as
-//! long as the others alone would need for it.
-
-use std::collections::BTreeSet;
+//! away most of the tail. A look is taken when a message is late or tells of lateness, not only
+//! when the frame is: what a far node has not begun to send by then could not be got in time.
+//! `carom-farm bench balance` prints what it gains and what it costs.
 
 use carom_protocol::FrameId;
 use carom_tracer::TileRun;
 
-use super::balancer::{Line, fill};
-use super::divide::usable;
+use super::balancer::{Estimate, Line, fill};
 use super::run::Run;
+use super::work::push_tile;
 use super::{Coordinator, NodeIndex};
+use crate::link::Command;
 
-/// Missing tiles that the same nodes hold.
-struct LateGroup {
-    holders: Vec<NodeIndex>,
-    /// When the first of them will be through, as far as they can be trusted; infinite if not.
-    credit: f64,
-    pieces: Vec<TileRun>,
+/// How a frame should go on if nothing is done.
+struct Forecast {
+    /// When each missing tile should come; infinite if nobody holds it, and for those that are
+    /// there already.
+    arrivals: Vec<f64>,
+    /// Whether the node that holds a tile can be told in time not to begin with it.
+    free: Vec<bool>,
+    missing: Vec<u32>,
+    /// What each node can do that can be asked for more, after all that it has been asked for.
+    helpers: Vec<NodeIndex>,
+    help: Vec<Line>,
+    /// When all missing tiles could be there if they were divided anew.
+    level: f64,
 }
 
 impl Coordinator {
-    /// Asks again for what is late.
+    /// Looks at the frames for which it is time.
     pub(super) fn hedge(&mut self, now: f64) {
         let due = |at: Option<f64>| at.is_some_and(|at| at <= now);
         let frames = self.frames.iter().filter(|frame| due(frame.hedge_at));
         let frames: Vec<FrameId> = frames.map(|frame| frame.id).collect();
         for id in frames {
-            for group in self.late_groups(now, id) {
-                self.hedge_group(now, id, &group);
+            self.look(now, id);
+            if let Some(frame) = self.frames.by_id(id) {
+                frame.last_look = now;
             }
             self.set_hedge(now, id);
-            if let Some(frame) = self.frames.by_id(id) {
-                // If nobody can help, the next look is after ever longer pauses.
-                let pause = HEDGE_PAUSE_SECS * f64::from(1 << frame.hedges.min(10));
-                frame.hedges += 1;
-                frame.hedge_at = Some(frame.hedge_at.unwrap_or(now).max(now + pause));
-            }
         }
     }
 
-    /// Predicts when a frame should be whole, and with that when it is late.
+    /// Sets the time of the next look: when the next message is late.
     pub(super) fn set_hedge(&mut self, now: f64, id: FrameId) {
-        let newcomer = self.newcomer();
-        let mut late = None::<f64>;
+        let (newcomer, price) = (self.newcomer(), self.price());
+        let Some(frame) = self.frames.by_id(id) else {
+            return;
+        };
+        frame.hedge_at = None;
+        if frame.film.is_none() || !self.balancing.hedged {
+            return;
+        }
+        let margin = frame.margin_secs(price);
+        let (soonest, mut due) = (frame.last_look + LOOK_PAUSE_SECS, None::<f64>);
         for node in self.nodes.iter().filter(|node| node.silent_since.is_none()) {
-            for run in node
+            if !node
                 .runs
                 .values()
-                .filter(|run| run.frame == id && run.counts())
+                .any(|run| run.frame == id && run.counts())
             {
-                let margin = match (run.expected, newcomer) {
-                    (Some(expected), _) => HEDGE_FACTOR * (expected - run.issued),
-                    (None, Some(line)) => {
-                        NEWCOMER_FACTOR * (line.fixed_secs + line.secs_per_work * run.work)
-                    }
-                    (None, None) => continue,
-                };
-                let at = run.issued + margin + HEDGE_MARGIN_SECS;
-                late = Some(late.map_or(at, |late| late.max(at)));
+                continue;
             }
+            let Some(next) = node.next_message(newcomer) else {
+                continue;
+            };
+            let late = now - next;
+            let at = if late < margin {
+                next + margin
+            } else {
+                now + late * LATE_PAUSE
+            };
+            due = Some(due.map_or(at, |due| due.min(at)));
         }
         if let Some(frame) = self.frames.by_id(id) {
-            frame.hedge_at = late
-                .map(|late| late.max(now))
-                .filter(|_| frame.film.is_some());
+            frame.hedge_at = due.map(|due| due.max(soonest).max(now));
         }
     }
 
-    /// Sets the hedges that had to wait until something was known of any node.
+    /// Brings the next look forward if what has just come of a node tells that the rest is late.
+    pub(super) fn watch(&mut self, now: f64, index: NodeIndex) {
+        if !self.balancing.hedged {
+            return;
+        }
+        let price = self.price();
+        for prospect in self.nodes[index.0].prospects(now, None) {
+            let Some(frame) = self.frames.by_id(prospect.frame) else {
+                continue;
+            };
+            let late = prospect.finish() > frame.target + frame.margin_secs(price);
+            if late && let Some(at) = &mut frame.hedge_at {
+                *at = at.min(now.max(frame.last_look + LOOK_PAUSE_SECS));
+            }
+        }
+    }
+
+    /// Sets the looks that had to wait until something was known of any node.
     pub(super) fn predict_newcomers(&mut self, now: f64) {
         for id in self.frames.unfinished() {
-            if self
-                .frames
-                .by_id(id)
-                .is_some_and(|frame| frame.hedge_at.is_none())
-            {
+            let waits = |frame: &mut super::FrameInFlight| frame.hedge_at.is_none();
+            if self.frames.by_id(id).is_some_and(waits) {
                 self.set_hedge(now, id);
             }
         }
@@ -87,144 +115,185 @@ impl Coordinator {
     /// Lets frames that will take long profit from a node that has just become ready.
     pub(super) fn hasten_hedges(&mut self, now: f64) {
         for frame in self.frames.iter_mut() {
-            if frame.hedge_at.is_some_and(|at| at > now + LONG_SECS) {
+            if frame.hedge_at.is_some() && frame.target > now + LONG_SECS {
                 frame.hedge_at = Some(now);
             }
         }
     }
 
-    fn hedge_group(&mut self, now: f64, id: FrameId, group: &LateGroup) {
-        let newcomer = self.newcomer();
+    /// How many times the usual margin a tile may be late: more, the less work is left that may be
+    /// done twice, so that it goes to the latest tiles.
+    fn price(&self) -> f64 {
+        1.0 + PRICE * (1.0 - self.spare.fullness())
+    }
+
+    fn look(&mut self, now: f64, id: FrameId) {
+        let Some(forecast) = self.forecast(now, id) else {
+            return;
+        };
+        let (spare, price) = (self.spare.work(), self.price());
         let Some(frame) = self.frames.by_id(id) else {
             return;
         };
-        let mut nodes = usable(&self.nodes, frame.scene.0);
-        nodes.retain(|node| !group.holders.contains(node));
-        let lines = nodes
-            .iter()
-            .map(|node| self.nodes[node.0].line(now, newcomer));
-        let (nodes, mut lines): (Vec<NodeIndex>, Vec<Line>) = nodes
-            .iter()
-            .zip(lines)
-            .filter_map(|(node, line)| Some((*node, line?)))
-            .unzip();
-        if nodes.is_empty() {
-            return;
+        frame.target = forecast.level;
+        let margin = frame.margin_secs(price);
+        let mut until = forecast.level + margin;
+        for _ in 0..DEALS_MAX {
+            let late = forecast.late(until, spare, |tile| frame.work.of(one(tile)));
+            if late.is_empty() {
+                return;
+            }
+            let deal = frame.work.deal(&late, &forecast.help);
+            if deal.finish_secs <= until + margin {
+                self.take_back(now, id, &late);
+                self.ask_again(now, id, &forecast, deal.runs);
+                return;
+            }
+            until = deal.finish_secs;
         }
-        let work = frame.work.of_all(&group.pieces);
-        // Who can still be trusted keeps what it would finish earlier than the others.
-        let trusted = group.credit.is_finite();
-        if trusted {
-            let b_secs = (group.credit - now).max(1e-9) / work;
-            let keeps = Line {
-                a_secs: 0.0,
-                b_secs,
-                cap: f64::INFINITY,
-            };
-            lines.insert(0, keeps);
+    }
+
+    /// Cancels the runs that their nodes have not begun and that hold any of the `late` tiles, and
+    /// asks for the other tiles of them anew.
+    fn take_back(&mut self, now: f64, id: FrameId, late: &[TileRun]) {
+        let is_late = |tile: u32| late.iter().any(|run| run.first <= tile && tile < run.end());
+        for index in (0..self.nodes.len()).map(NodeIndex) {
+            let node = &mut self.nodes[index.0];
+            let line = node.delivered();
+            let mut kept = Vec::new();
+            let mut cancelled = Vec::new();
+            for (run_id, run) in &mut node.runs {
+                let free = run.frame == id && run.counts() && is_free(now, run, line);
+                if free && run.tiles.indices().any(is_late) {
+                    run.cancelled = true;
+                    cancelled.push(*run_id);
+                    let keeps = run.tiles.indices().filter(|tile| !is_late(*tile));
+                    keeps.for_each(|tile| push_tile(&mut kept, tile));
+                }
+            }
+            for run in cancelled {
+                self.command(index, Command::CancelRun(run));
+            }
+            kept.into_iter()
+                .for_each(|run| self.ask(now, id, index, run, false));
         }
-        let cut = frame.work.cut(&group.pieces, &fill(work, &lines).shares);
-        let cut = cut.into_iter().skip(usize::from(trusted));
-        for (node, runs) in nodes.into_iter().zip(cut) {
+    }
+
+    fn ask_again(&mut self, now: f64, id: FrameId, forecast: &Forecast, runs: Vec<Vec<TileRun>>) {
+        for (node, runs) in forecast.helpers.iter().zip(runs) {
             for run in runs {
                 if let Some(frame) = self.frames.by_id(id) {
                     frame.stats.reissued_tiles += run.count;
+                    let twice = run.indices().filter(|tile| !forecast.free[*tile as usize]);
+                    let twice: f64 = twice.map(|tile| frame.work.of(one(tile))).sum();
+                    self.spare.take(twice);
                 }
-                self.ask(now, id, node, run, false);
+                self.ask(now, id, *node, run, false);
             }
         }
     }
 
-    /// The missing tiles of a frame, by who has been asked for them.
-    fn late_groups(&mut self, now: f64, id: FrameId) -> Vec<LateGroup> {
+    fn forecast(&self, now: f64, id: FrameId) -> Option<Forecast> {
         let newcomer = self.newcomer();
-        let mut runs = Vec::new();
+        let frame = self.frames.iter().find(|frame| frame.id == id)?;
+        let film = frame.film.as_ref()?;
+        let mut arrivals = vec![f64::INFINITY; frame.grid.len() as usize];
+        let mut free_tiles = vec![false; arrivals.len()];
+        let (mut lines, mut helpers, mut help) = (Vec::new(), Vec::new(), Vec::new());
         for (index, node) in self.nodes.iter().enumerate() {
-            let pace = node.delivered().or(newcomer).map(|line| line.secs_per_work);
-            for run in node
-                .runs
-                .values()
-                .filter(|run| run.frame == id && !run.cancelled)
-            {
-                let silent = node.silent_since.is_some();
-                let credit = if silent {
-                    f64::INFINITY
-                } else {
-                    credit(now, run, pace)
-                };
-                runs.push((NodeIndex(index), run.tiles, credit));
+            let mut free = now;
+            for prospect in node.prospects(now, newcomer) {
+                free = prospect.finish();
+                let run = &node.runs[&prospect.run];
+                if prospect.frame != id || run.probe || node.silent_since.is_some() {
+                    continue;
+                }
+                let is_free = is_free(now, run, node.delivered());
+                let mut at = prospect.begin;
+                for tile in film
+                    .missing(run.tiles, |_| true)
+                    .iter()
+                    .flat_map(|r| r.indices())
+                {
+                    at += prospect.pace * frame.work.of(one(tile));
+                    let arrival = &mut arrivals[tile as usize];
+                    *arrival = arrival.min(at);
+                    free_tiles[tile as usize] = is_free;
+                }
+                lines.push(Line::new(prospect.begin, prospect.pace).capped(prospect.outstanding));
             }
-        }
-        let Some(frame) = self.frames.by_id(id) else {
-            return Vec::new();
-        };
-        let Some(film) = &frame.film else {
-            return Vec::new();
-        };
-        let ends = runs
-            .iter()
-            .flat_map(|(_, tiles, _)| [tiles.first, tiles.end()]);
-        let bounds: BTreeSet<u32> = ends.chain([0, frame.grid.len()]).collect();
-        let bounds: Vec<u32> = bounds.into_iter().collect();
-        let mut groups: Vec<LateGroup> = Vec::new();
-        for window in bounds.windows(2) {
-            let range = TileRun {
-                first: window[0],
-                count: window[1] - window[0],
-            };
-            let pieces = film.missing(range, |_| true);
-            if pieces.is_empty() {
+            let Some(line) = node.estimate().or(newcomer) else {
                 continue;
-            }
-            let holding = runs
-                .iter()
-                .filter(|(_, tiles, _)| tiles.first <= range.first && range.end() <= tiles.end());
-            let credit = holding
-                .clone()
-                .map(|(.., credit)| *credit)
-                .fold(f64::INFINITY, f64::min);
-            let holders: Vec<NodeIndex> = holding.map(|(node, ..)| *node).collect();
-            match groups.iter_mut().find(|group| group.holders == holders) {
-                Some(group) => group.pieces.extend(pieces),
-                None => groups.push(LateGroup {
-                    holders,
-                    credit,
-                    pieces,
-                }),
+            };
+            if node.is_usable(frame.scene.0) {
+                helpers.push(NodeIndex(index));
+                help.push(Line {
+                    mute_work: node.rhythm.mute_work(),
+                    guard_secs: node.rhythm.guard_secs(),
+                    ..Line::new(free.max(now + line.fixed_secs), line.secs_per_work)
+                });
             }
         }
-        groups
+        if help.is_empty() {
+            return None;
+        }
+        let missing = film.missing(frame.grid.all(), |_| true);
+        lines.extend(&help);
+        Some(Forecast {
+            arrivals,
+            free: free_tiles,
+            level: fill(frame.work.of_all(&missing), &lines).finish_secs,
+            missing: missing.iter().flat_map(|run| run.indices()).collect(),
+            helpers,
+            help,
+        })
     }
 }
 
-/// When a run will be through: as predicted while that is to come; at the node's pace while tiles
-/// keep coming; else nobody knows.
-fn credit(now: f64, run: &Run, pace: Option<f64>) -> f64 {
-    if let Some(expected) = run.expected.filter(|expected| *expected > now) {
-        return expected;
+impl Forecast {
+    /// The missing tiles that come after `until`, the latest first to be chosen, no more than
+    /// `spare` work.
+    fn late(&self, until: f64, spare: f64, work: impl Fn(u32) -> f64) -> Vec<TileRun> {
+        let arrival = |tile: u32| self.arrivals[tile as usize];
+        // What nobody holds is handed out elsewhere.
+        let late = |tile: &u32| arrival(*tile) > until && arrival(*tile).is_finite();
+        let mut late: Vec<u32> = self.missing.iter().copied().filter(late).collect();
+        late.sort_by(|a, b| arrival(*b).total_cmp(&arrival(*a)));
+        let mut sum = 0.0;
+        late.retain(|tile| {
+            if !self.free[*tile as usize] {
+                sum += work(*tile);
+            }
+            sum <= spare
+        });
+        late.sort_unstable();
+        let mut runs = Vec::new();
+        late.iter().for_each(|tile| push_tile(&mut runs, *tile));
+        runs
     }
-    let Some(pace) = pace else {
-        return f64::INFINITY;
+}
+
+/// Whether a node can be told in time not to begin with a run: half a round trip after it has
+/// been told, it must not have come to it.
+fn is_free(now: f64, run: &Run, line: Option<Estimate>) -> bool {
+    let (Some(expected), Some(line)) = (run.expected, line) else {
+        return false;
     };
-    let begun = run.issued.max(run.others_until);
-    let seen = (run.heard - begun) / run.work_received.max(1e-9);
-    let pace = pace.max(if run.tiles_received > 0 { seen } else { 0.0 });
-    if run.tiles_received > 0 && now - run.heard < MESSAGES_PATIENCE * pace * run.message_work {
-        now + pace * run.outstanding()
-    } else {
-        f64::INFINITY
-    }
+    let begin = expected - line.secs_per_work * run.work;
+    run.tiles_received == 0 && begin > now + line.fixed_secs
 }
 
-/// A frame is late at this many times its predicted time …
-const HEDGE_FACTOR: f64 = 1.05;
-/// … and this many seconds more.
-const HEDGE_MARGIN_SECS: f64 = 1e-3;
-/// The same factor where a node's speed is only assumed.
-const NEWCOMER_FACTOR: f64 = 2.0;
-/// A node that has not been heard for as long as this many messages should take is not trusted.
-const MESSAGES_PATIENCE: f64 = 2.0;
-/// Seconds until late tiles are looked at again; doubles each time.
-const HEDGE_PAUSE_SECS: f64 = 1e-3;
-/// Frames that take longer than this are divided again when a node joins.
-const LONG_SECS: f64 = 0.1;
+fn one(first: u32) -> TileRun {
+    TileRun { first, count: 1 }
+}
+
+/// How much the margin grows until nothing is spare.
+const PRICE: f64 = 8.0;
+/// Seconds between two looks at a frame.
+const LOOK_PAUSE_SECS: f64 = 0.5e-3;
+/// The next look after one at which a message was late: when it is late by this share more.
+const LATE_PAUSE: f64 = 0.25;
+/// How often the late tiles are chosen again because nobody can bring all of them in time.
+const DEALS_MAX: u32 = 4;
+/// Frames that take longer than this are looked at when a node joins.
+const LONG_SECS: f64 = 0.05;

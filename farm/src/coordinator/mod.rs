@@ -14,28 +14,35 @@
 
 pub mod balancer;
 
+mod cost_map;
 mod divide;
 mod film;
 mod hedge;
 mod pipeline;
+mod progress;
 mod roster;
 mod run;
+mod spare;
 mod work;
 
-use std::collections::VecDeque;
+use std::cmp::Reverse;
+use std::collections::{BinaryHeap, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
 use carom_protocol::session::ClientEvent;
 use carom_protocol::tile_codec::TilePixels;
 use carom_protocol::{FrameId, Refusal, RefusalReason, RunId, SceneHash};
-use carom_tracer::{Scene, TileRun};
+use carom_tracer::{Scene, TileGrid, TileRun};
 
-use self::balancer::{Balancers, Observation, Outcome};
+use self::balancer::{Balancers, Estimator, Observation, Outcome};
+use self::cost_map::CostMap;
 use self::pipeline::{FrameInFlight, Pipeline};
 use self::roster::{Connection, Node};
+use self::spare::Spare;
+use self::work::WorkMap;
 use crate::link::{Command, LinkEvent};
-use crate::{Algorithm, Frame, FrameSpec, NodeStatus};
+use crate::{Balancing, Frame, FrameSpec, NodeStatus};
 
 /// A node of a farm: its place in [`crate::Farm::nodes`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -58,9 +65,13 @@ pub enum Action {
 /// See the [module](self). Durations count from any moment that stays the same.
 #[derive(Debug)]
 pub struct Coordinator {
-    algorithm: Algorithm,
+    balancing: Balancing,
     balancers: Balancers,
     nodes: Vec<Node>,
+    /// When to look at which node, at the earliest.
+    timers: BinaryHeap<Reverse<(Duration, NodeIndex)>>,
+    costs: CostMap,
+    spare: Spare,
     frames: Pipeline,
     scene: Option<(SceneHash, Arc<Scene>)>,
     last_run: RunId,
@@ -72,11 +83,14 @@ pub struct Coordinator {
 
 impl Coordinator {
     /// A coordinator without nodes.
-    pub fn new(algorithm: Algorithm) -> Self {
+    pub fn new(balancing: Balancing) -> Self {
         Self {
-            algorithm,
+            balancing,
             balancers: Balancers::default(),
             nodes: Vec::new(),
+            timers: BinaryHeap::new(),
+            costs: CostMap::default(),
+            spare: Spare::default(),
             frames: Pipeline::default(),
             scene: None,
             last_run: RunId(0),
@@ -92,9 +106,9 @@ impl Coordinator {
         NodeIndex(self.nodes.len() - 1)
     }
 
-    /// Divides frames by `algorithm` from the next one on.
-    pub fn set_algorithm(&mut self, algorithm: Algorithm) {
-        self.algorithm = algorithm;
+    /// Divides frames in another way from the next one on.
+    pub fn set_balancing(&mut self, balancing: Balancing) {
+        self.balancing = balancing;
     }
 
     /// Frames submitted from now on are of `scene`, whose hash is `hash`.
@@ -117,8 +131,12 @@ impl Coordinator {
             .scene
             .clone()
             .expect("a scene is set before frames are submitted");
+        let grid = TileGrid::new(spec.size, tile_edge);
+        let work = WorkMap::new(grid, &spec.settings, self.costs.of(grid));
+        let all = work.of(grid.all());
+        self.spare.add_frame(all);
         self.frames
-            .push(FrameInFlight::new(now, id, spec, scene, tile_edge));
+            .push(FrameInFlight::new(now, id, spec, scene, grid, work));
         self.unheld = true;
         self.advance(now);
     }
@@ -149,30 +167,33 @@ impl Coordinator {
             LinkEvent::Lost { why } => self.disconnect(node, Connection::Lost(why)),
             LinkEvent::Session(event) => self.handle_session(now, node, event),
         }
+        self.arm(node);
         self.advance(now);
     }
 
     /// Does what has become due: see [`Coordinator::next_timeout`].
     pub fn handle_timeout(&mut self, now: Duration) {
-        let now = now.as_secs_f64();
-        for node in (0..self.nodes.len()).map(NodeIndex) {
-            if let Some(number) = self.nodes[node.0].ping(now) {
-                self.command(node, Command::Ping(number));
+        while let Some(index) = self.next_due(now) {
+            let now = now.as_secs_f64();
+            if let Some(number) = self.nodes[index.0].ping(now) {
+                self.command(index, Command::Ping(number));
             }
-            self.unheld |= self.nodes[node.0].wake(now);
-            self.unheld |= self.nodes[node.0].falls_silent(now);
+            let node = &mut self.nodes[index.0];
+            self.unheld |= node.wake(now);
+            self.unheld |= node.falls_silent(now, self.balancing.hedged);
+            self.arm(index);
         }
+        let now = now.as_secs_f64();
         self.advance(now);
         self.hedge(now);
     }
 
     /// When [`Coordinator::handle_timeout`] wants to be called, unless something happens before.
     pub fn next_timeout(&self) -> Option<Duration> {
-        let nodes = self.nodes.iter().filter_map(Node::next_timeout);
+        let node = self.timers.peek().map(|Reverse((at, _))| *at);
         let frames = self.frames.iter().filter_map(|frame| frame.hedge_at);
-        let next = nodes.chain(frames).reduce(f64::min)?;
-        // Rounded up, so that it is due when the time comes.
-        Some(Duration::from_secs_f64(next.max(0.0)) + Duration::from_nanos(100))
+        let frame = frames.reduce(f64::min).map(due);
+        node.into_iter().chain(frame).min()
     }
 
     /// The next thing to do; to be asked until there is none after each call of another method.
@@ -187,6 +208,34 @@ impl Coordinator {
         nodes
             .map(|node| node.status(now.as_secs_f64(), scene))
             .collect()
+    }
+
+    /// Sees to it that a node is looked at when it is due.
+    fn arm(&mut self, index: NodeIndex) {
+        let node = &mut self.nodes[index.0];
+        let Some(at) = node.next_timeout(self.balancing.hedged).map(due) else {
+            return;
+        };
+        if node.armed.is_none_or(|armed| at < armed) {
+            node.armed = Some(at);
+            self.timers.push(Reverse((at, index)));
+        }
+    }
+
+    /// A node that may have something due.
+    fn next_due(&mut self, now: Duration) -> Option<NodeIndex> {
+        while let Some(Reverse((at, index))) = self.timers.peek().copied() {
+            if at > now {
+                return None;
+            }
+            self.timers.pop();
+            let node = &mut self.nodes[index.0];
+            if node.armed == Some(at) {
+                node.armed = None;
+                return Some(index);
+            }
+        }
+        None
     }
 
     fn handle_session(&mut self, now: f64, index: NodeIndex, event: ClientEvent) {
@@ -240,27 +289,33 @@ impl Coordinator {
     /// Takes note of how long tiles took.
     fn receive(&mut self, now: f64, index: NodeIndex, id: RunId, tiles: TileRun, micros: u32) {
         let node = &mut self.nodes[index.0];
-        node.hear(now, id);
+        if let Some(expected) = node.next_message(None)
+            && node.is_next(id)
+        {
+            node.rhythm.observe(now - expected);
+        }
+        self.unheld |= node.hear(now, id);
+        let pace = node.delivered().map_or(0.0, |line| line.secs_per_work);
         let Some(run) = node.runs.get_mut(&id) else {
             return;
         };
+        let busy_secs = f64::from(micros) * 1e-6;
         let share = f64::from(tiles.count) / f64::from(run.tiles.count);
         let work = match self.frames.by_id(run.frame) {
             Some(frame) => frame.work.of(tiles),
             None => run.work * share,
         };
-        run.work_received += work;
-        run.message_work = run.message_work.max(work);
-        run.tiles_received += tiles.count;
-        run.busy_secs += f64::from(micros) * 1e-6;
-        run.heard = now;
         if let Some(frame) = self.frames.by_id(run.frame) {
-            frame.note_busy(index, f64::from(micros) * 1e-6);
+            frame.note_busy(index, busy_secs);
+            run.pieces.push((tiles, work, busy_secs));
         }
+        run.receive(now, tiles, work, busy_secs, pace);
         if node.delivered().is_none() {
             self.learn(index, id, false);
             self.predict_newcomers(now);
         }
+        self.pull(now, index);
+        self.watch(now, index);
     }
 
     /// Puts tiles into their film and finishes the frame if they were the last.
@@ -293,6 +348,8 @@ impl Coordinator {
         }
         frame.stats.tiles_by_node.resize(nodes, 0);
         frame.stats.tiles_by_node[index.0] += filled;
+        frame.stats.response_secs_by_node.resize(nodes, 0.0);
+        frame.stats.response_secs_by_node[index.0] = now - frame.submitted;
         self.nodes[index.0].deliver(filled);
         let id = frame.id;
         if frame.finish(now) {
@@ -358,9 +415,11 @@ impl Coordinator {
     fn close(&mut self, now: f64, index: NodeIndex, id: RunId) {
         self.learn(index, id, true);
         let node = &mut self.nodes[index.0];
-        node.hear(now, id);
-        node.runs.remove(&id);
-        self.unheld = true;
+        let had_room = node.has_room();
+        self.unheld |= node.hear(now, id) || !had_room;
+        if let Some(run) = node.runs.remove(&id) {
+            self.unheld |= run.tiles_received < run.tiles.count;
+        }
     }
 
     /// Tells the estimator, and the balancers if it has ended, how a run went, if anything came.
@@ -383,9 +442,11 @@ impl Coordinator {
         };
         if ended {
             node.estimator.observe(&observation);
+            self.learn_costs(index, id, &observation);
         } else {
             node.estimator.observe_first(&observation);
         }
+        let run = &self.nodes[index.0].runs[&id];
         if ended && !run.probe {
             self.balancers.learn(&Outcome {
                 node: index,
@@ -394,6 +455,29 @@ impl Coordinator {
                 response_secs,
                 busy_secs,
             });
+        }
+    }
+
+    /// Lets the cost map know how long each part of a run took. What the node says counts only
+    /// within the run; how long the whole took is what its estimate has been told.
+    fn learn_costs(&mut self, index: NodeIndex, id: RunId, seen: &Observation) {
+        let node = &mut self.nodes[index.0];
+        let run = &node.runs[&id];
+        if run.tiles_received == run.tiles.count {
+            node.rhythm.end(run);
+        }
+        let Some(line) = node.delivered() else {
+            return;
+        };
+        let secs = Estimator::work_secs(seen);
+        let in_parts = run.pieces.iter().all(|(.., busy)| *busy > 0.0);
+        for (tiles, work, busy) in &run.pieces {
+            let ratio = if in_parts {
+                secs * busy / (run.busy_secs * line.secs_per_work * work)
+            } else {
+                secs / (line.secs_per_work * run.work_received)
+            };
+            self.costs.learn(run.grid, *tiles, ratio);
         }
     }
 
@@ -415,6 +499,11 @@ impl Coordinator {
     fn command(&mut self, node: NodeIndex, command: Command) {
         self.actions.push_back(Action::Command { node, command });
     }
+}
+
+/// A moment that is due when the clock shows it.
+fn due(secs: f64) -> Duration {
+    Duration::from_secs_f64(secs.max(0.0)) + Duration::from_nanos(100)
 }
 
 fn scene_command(hash: SceneHash, scene: &Arc<Scene>) -> Command {

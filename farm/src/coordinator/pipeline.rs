@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use carom_protocol::{FrameId, SceneHash};
-use carom_tracer::{Scene, TileGrid};
+use carom_tracer::{Scene, TileGrid, TileRun};
 
 use super::NodeIndex;
 use super::film::Film;
@@ -24,10 +24,13 @@ pub(super) struct FrameInFlight {
     pub(super) film: Option<Film>,
     /// Whether its tiles have been handed out once.
     pub(super) divided: bool,
-    /// When missing tiles are asked for again; absent while there is no prediction.
+    /// Tiles that nodes have not taken yet, where they take them as they can.
+    pub(super) pool: TileRun,
+    /// When it should be whole.
+    pub(super) target: f64,
+    /// When it is looked at for tiles that will be late; absent while there is no prediction.
     pub(super) hedge_at: Option<f64>,
-    /// How often that has happened.
-    pub(super) hedges: u32,
+    pub(super) last_look: f64,
     pub(super) stats: FrameStats,
     /// By node.
     busy_secs: Vec<f64>,
@@ -40,20 +43,22 @@ impl FrameInFlight {
         id: FrameId,
         spec: FrameSpec,
         scene: (SceneHash, Arc<Scene>),
-        tile_edge: u16,
+        grid: TileGrid,
+        work: WorkMap,
     ) -> Self {
-        let grid = TileGrid::new(spec.size, tile_edge);
         Self {
             id,
-            work: WorkMap::new(grid, &spec.settings),
+            work,
             film: Some(Film::new(grid, spec.format)),
             spec,
             scene,
             grid,
             submitted: now,
             divided: false,
+            pool: TileRun { first: 0, count: 0 },
+            target: f64::INFINITY,
             hedge_at: None,
-            hedges: 0,
+            last_look: now,
             stats: FrameStats::default(),
             busy_secs: Vec::new(),
             finished: None,
@@ -66,6 +71,17 @@ impl FrameInFlight {
         self.busy_secs.resize(nodes, 0.0);
         self.busy_secs[node.0] += secs;
         self.stats.busy_secs = self.stats.busy_secs.max(self.busy_secs[node.0]);
+    }
+
+    /// How much later than its target a tile may come before it is asked for again, in seconds.
+    pub(super) fn margin_secs(&self, price: f64) -> f64 {
+        let planned = self.target - self.submitted;
+        let share = if planned.is_finite() {
+            MARGIN_SHARE * planned
+        } else {
+            0.0
+        };
+        price * (MARGIN_SECS + share)
     }
 
     /// Ends it if all tiles are there. `true` if it has just ended.
@@ -146,3 +162,6 @@ impl Pipeline {
 
 /// Share of an interval's deviation that the period follows.
 const PERIOD_GAIN: f64 = 0.1;
+/// How late a tile may be: so many seconds, and a share of the time that the frame should take.
+const MARGIN_SECS: f64 = 0.25e-3;
+const MARGIN_SHARE: f64 = 0.01;

@@ -7,7 +7,8 @@ use carom_protocol::limits::RUNS_QUEUED_MAX;
 use carom_protocol::{FrameId, NodeInfo, RunId, SceneHash};
 use carom_tracer::DeviceKind;
 
-use super::balancer::{Estimate, Estimator, Line};
+use super::balancer::{Estimate, Estimator};
+use super::progress::Rhythm;
 use super::run::Run;
 use crate::{NodeState, NodeStatus};
 
@@ -21,6 +22,7 @@ pub(super) struct Node {
     scene_refused: Option<(SceneHash, String)>,
     pub(super) runs: BTreeMap<RunId, Run>,
     pub(super) estimator: Estimator,
+    pub(super) rhythm: Rhythm,
     /// When it was last asked while nothing was open, or last answered.
     heard: f64,
     /// Whether it has been asked for work and has not been heard for longer than it should need.
@@ -30,6 +32,8 @@ pub(super) struct Node {
     tiles: u64,
     ping: Ping,
     pub(super) last_probe: Option<FrameId>,
+    /// When the coordinator will look at it, at the latest.
+    pub(super) armed: Option<Duration>,
 }
 
 #[derive(Debug)]
@@ -65,6 +69,7 @@ impl Node {
             scene_refused: None,
             runs: BTreeMap::new(),
             estimator: Estimator::default(),
+            rhythm: Rhythm::default(),
             heard: 0.0,
             silent_since: None,
             rest: None,
@@ -72,6 +77,7 @@ impl Node {
             tiles: 0,
             ping: Ping::default(),
             last_probe: None,
+            armed: None,
         }
     }
 
@@ -114,13 +120,17 @@ impl Node {
         self.runs.insert(id, run);
     }
 
-    /// Takes note that it delivers, or says that it will not.
-    pub(super) fn hear(&mut self, now: f64, about: RunId) {
+    /// Takes note that it delivers, or says that it will not. `true` if it was silent.
+    pub(super) fn hear(&mut self, now: f64, about: RunId) -> bool {
         self.heard = now;
-        self.silent_since = None;
         for (_, run) in self.runs.range_mut(RunId(about.0 + 1)..) {
             run.others_until = now;
         }
+        let was_silent = self.silent_since.take().is_some();
+        if was_silent {
+            self.rhythm.false_alarm();
+        }
+        was_silent
     }
 
     pub(super) fn deliver(&mut self, tiles: u32) {
@@ -171,8 +181,8 @@ impl Node {
 
     /// Whether it has just become silent: asked for work, and nothing has come for far longer
     /// than predicted.
-    pub(super) fn falls_silent(&mut self, now: f64) -> bool {
-        let silent = self.silence_due().is_some_and(|due| due <= now);
+    pub(super) fn falls_silent(&mut self, now: f64, hedged: bool) -> bool {
+        let silent = self.silence_due(hedged).is_some_and(|due| due <= now);
         if silent {
             self.silent_since = Some(self.heard);
         }
@@ -185,11 +195,12 @@ impl Node {
 
     /// Whether it can be asked for tiles of that scene.
     pub(super) fn is_usable(&self, scene: SceneHash) -> bool {
-        self.is_open()
-            && self.scenes.contains(&scene)
-            && self.silent_since.is_none()
-            && self.rest.is_none()
-            && self.has_room()
+        self.silent_since.is_none() && self.is_usable_if_it_answers(scene)
+    }
+
+    /// The same of a node that may be silent.
+    pub(super) fn is_usable_if_it_answers(&self, scene: SceneHash) -> bool {
+        self.is_open() && self.scenes.contains(&scene) && self.rest.is_none() && self.has_room()
     }
 
     pub(super) fn has_room(&self) -> bool {
@@ -225,20 +236,10 @@ impl Node {
         (free - now - 0.5 * estimate.fixed_secs).max(0.0)
     }
 
-    /// The vessel that this node is for work that must be done soon.
-    pub(super) fn line(&self, now: f64, newcomer: Option<Estimate>) -> Option<Line> {
-        let estimate = self.estimate().or(newcomer)?;
-        Some(Line {
-            a_secs: estimate.fixed_secs + self.wait_secs(now),
-            b_secs: estimate.secs_per_work,
-            cap: f64::INFINITY,
-        })
-    }
-
     /// When something has to be done about this node.
-    pub(super) fn next_timeout(&self) -> Option<f64> {
+    pub(super) fn next_timeout(&self, hedged: bool) -> Option<f64> {
         let rest = self.rest.as_ref().map(|rest| rest.until);
-        [self.ping_due(), rest, self.silence_due()]
+        [self.ping_due(), rest, self.silence_due(hedged)]
             .into_iter()
             .flatten()
             .reduce(f64::min)
@@ -282,7 +283,7 @@ impl Node {
     }
 
     /// Work that it has been asked for and that is still wanted.
-    fn outstanding(&self) -> f64 {
+    pub(super) fn outstanding(&self) -> f64 {
         self.runs.values().map(Run::outstanding).sum()
     }
 
@@ -290,10 +291,13 @@ impl Node {
         (self.is_open() && self.ping.sent.is_none()).then_some(self.ping.next)
     }
 
-    fn silence_due(&self) -> Option<f64> {
+    fn silence_due(&self, hedged: bool) -> Option<f64> {
         // A run that has been cancelled must be answered too.
         if self.silent_since.is_some() || self.runs.is_empty() {
             return None;
+        }
+        if hedged && let Some(due) = self.patience_ends() {
+            return Some(due);
         }
         let outstanding = self.outstanding();
         let patience = match (self.delivered(), &self.connection) {

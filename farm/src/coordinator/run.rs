@@ -1,12 +1,15 @@
 //! A request that a node has not answered in full.
 
 use carom_protocol::FrameId;
-use carom_tracer::TileRun;
+use carom_tracer::{TileGrid, TileRun};
+
+use super::balancer::Estimate;
 
 /// Times are seconds on the client's clock.
 #[derive(Clone, Debug)]
 pub(super) struct Run {
     pub(super) frame: FrameId,
+    pub(super) grid: TileGrid,
     pub(super) tiles: TileRun,
     pub(super) work: f64,
     pub(super) issued: f64,
@@ -17,8 +20,12 @@ pub(super) struct Run {
     pub(super) cancelled: bool,
     pub(super) tiles_received: u32,
     pub(super) work_received: f64,
-    /// The most work that came in one message.
-    pub(super) message_work: f64,
+    /// Work of the messages that came together last, and the most of any.
+    burst_work: f64,
+    pub(super) burst_max: f64,
+    /// What came of a frame that was still known: tiles, their work, and the seconds that the node
+    /// says they took.
+    pub(super) pieces: Vec<(TileRun, f64, f64)>,
     /// When the last tiles came.
     pub(super) heard: f64,
     pub(super) busy_secs: f64,
@@ -28,6 +35,55 @@ pub(super) struct Run {
 }
 
 impl Run {
+    /// A request for `tiles`, of which nothing has come.
+    pub(super) fn new(now: f64, frame: FrameId, grid: TileGrid, tiles: TileRun, work: f64) -> Self {
+        Self {
+            frame,
+            grid,
+            tiles,
+            work,
+            issued: now,
+            expected: None,
+            probe: false,
+            cancelled: false,
+            tiles_received: 0,
+            work_received: 0.0,
+            burst_work: 0.0,
+            burst_max: 0.0,
+            pieces: Vec::new(),
+            heard: now,
+            busy_secs: 0.0,
+            others_until: now,
+        }
+    }
+
+    /// Takes note of tiles that have come; at `pace` seconds per unit of work they take longer than
+    /// the time between messages that come together.
+    pub(super) fn receive(
+        &mut self,
+        now: f64,
+        tiles: TileRun,
+        work: f64,
+        busy_secs: f64,
+        pace: f64,
+    ) {
+        let together = self.tiles_received > 0 && now - self.heard < TOGETHER * pace * work;
+        self.burst_work = work + if together { self.burst_work } else { 0.0 };
+        self.burst_max = self.burst_max.max(self.burst_work);
+        self.work_received += work;
+        self.tiles_received += tiles.count;
+        self.busy_secs += busy_secs;
+        self.heard = now;
+    }
+
+    /// From when on its missing work counts, by the client's clock, if nothing else is before it.
+    pub(super) fn begins(&self, line: Estimate) -> f64 {
+        match self.tiles_received {
+            0 => (self.issued + line.fixed_secs).max(self.others_until),
+            _ => self.heard,
+        }
+    }
+
     /// Work that is still to come, if it is wanted.
     pub(super) fn outstanding(&self) -> f64 {
         if self.cancelled {
@@ -47,3 +103,6 @@ impl Run {
         (self.others_until - self.issued - round_trip_secs.unwrap_or(0.0)).max(0.0)
     }
 }
+
+/// Messages come together if the time between them is less than this share of their work's.
+const TOGETHER: f64 = 0.25;

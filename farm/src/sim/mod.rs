@@ -9,9 +9,13 @@
 //! round trip each way and exponential jitter; a device works on one run after the other.
 
 mod node;
+mod optimum;
 mod random;
+mod scenario;
+mod score;
+mod world;
 
-use std::cmp::Reverse;
+use std::cmp::Ordering;
 use std::collections::{BTreeSet, BinaryHeap};
 use std::sync::Arc;
 use std::time::Duration;
@@ -21,15 +25,20 @@ use carom_protocol::tile_codec::TilePixels;
 use carom_protocol::{FrameId, NodeInfo, PixelFormat, SceneHash, TraceRequest};
 use carom_tracer::{
     Camera, DeviceInfo, DeviceKind, Environment, ImageSize, RenderSettings, Scene, SceneUpdate,
-    TileRun,
+    TileGrid, TileRun,
 };
 use glam::Vec3;
 
 use self::node::{Answer, SimNode};
+pub use self::optimum::optimum_secs;
 use self::random::Random;
+pub use self::scenario::{Mode, Network, PERIOD_SECS, Scenario};
+pub use self::score::Score;
+pub use self::world::Weather;
+use self::world::World;
 use crate::coordinator::{Action, Coordinator, NodeIndex};
 use crate::link::{Command, LinkEvent};
-use crate::{Algorithm, Frame, FrameSpec, NodeStatus, Pixels};
+use crate::{Balancing, Frame, FrameSpec, NodeStatus, Pixels};
 
 /// What to simulate.
 #[derive(Clone, Debug)]
@@ -37,7 +46,7 @@ pub struct Plan {
     /// Decides all that is random.
     pub seed: u64,
     /// Divides the frames.
-    pub algorithm: Algorithm,
+    pub balancing: Balancing,
     /// The farm.
     pub nodes: Vec<NodePlan>,
     /// How many frames are submitted.
@@ -50,6 +59,10 @@ pub struct Plan {
     pub size: ImageSize,
     /// Pixels along a tile's edge.
     pub tile_edge: u16,
+    /// How much it varies.
+    pub weather: Weather,
+    /// What happens to nodes when a frame is submitted.
+    pub changes: Vec<(FrameId, NodeIndex, Change)>,
 }
 
 /// A simulated node.
@@ -93,10 +106,30 @@ pub struct Report {
     pub wrong_frames: u64,
     /// Tiles in a frame.
     pub tiles_per_frame: u32,
+    /// Tiles that devices have worked on, wanted or not.
+    pub tiles_traced: u64,
+    /// Submissions that came while as many frames as may be were in flight.
+    pub skipped: u64,
     /// The nodes at the end.
     pub nodes: Vec<NodeStatus>,
     /// Virtual seconds that it took.
     pub secs: f64,
+}
+
+impl Plan {
+    /// The picture's tiles.
+    pub fn grid(&self) -> TileGrid {
+        TileGrid::new(self.size, self.tile_edge)
+    }
+
+    /// Whether a node is not there from the start.
+    fn joins_later(&self, node: NodeIndex) -> bool {
+        let by_time = self.nodes[node.0].changes.iter();
+        let by_time = by_time.map(|(_, change)| *change);
+        let by_frame = self.changes.iter().filter(|(_, of, _)| *of == node);
+        let mut changes = by_time.chain(by_frame.map(|(.., change)| *change));
+        changes.any(|change| change == Change::Join)
+    }
 }
 
 impl NodePlan {
@@ -161,6 +194,33 @@ pub fn run(plan: &Plan, secs_max: f64) -> Report {
 /// Seconds as they are ordered: nanoseconds, and the order of scheduling where these are equal.
 type At = (u64, u64);
 
+/// Something on the agenda.
+struct Entry {
+    at: At,
+    happening: Happening,
+}
+
+impl PartialEq for Entry {
+    fn eq(&self, other: &Self) -> bool {
+        self.at == other.at
+    }
+}
+
+impl Eq for Entry {}
+
+impl PartialOrd for Entry {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+/// The next one is the greatest, as [`BinaryHeap`] has it.
+impl Ord for Entry {
+    fn cmp(&self, other: &Self) -> Ordering {
+        other.at.cmp(&self.at)
+    }
+}
+
 enum Happening {
     Submit,
     Command(NodeIndex, u32, Command),
@@ -173,41 +233,40 @@ struct Simulation<'a> {
     plan: &'a Plan,
     coordinator: Coordinator,
     nodes: Vec<SimNode>,
-    agenda: BinaryHeap<Reverse<(At, usize)>>,
-    happenings: Vec<Option<Happening>>,
+    agenda: BinaryHeap<Entry>,
+    /// Entries there have been.
+    scheduled: u64,
     now: Duration,
     random: Random,
+    world: World,
     submitted: u64,
     report: Report,
 }
 
 impl<'a> Simulation<'a> {
     fn new(plan: &'a Plan) -> Self {
-        let mut coordinator = Coordinator::new(plan.algorithm);
+        let mut coordinator = Coordinator::new(plan.balancing);
         coordinator.set_scene(SceneHash([7; 32]), Arc::new(empty_scene()));
         let mut simulation = Self {
             plan,
             coordinator,
             nodes: Vec::new(),
             agenda: BinaryHeap::new(),
-            happenings: Vec::new(),
+            scheduled: 0,
             now: Duration::ZERO,
             random: Random::new(plan.seed),
+            world: World::new(plan.seed, plan.weather, plan.grid()),
             submitted: 0,
             report: Report::default(),
         };
         for (index, node) in plan.nodes.iter().enumerate() {
             let index_of = simulation.coordinator.add_node(format!("node {index}"));
-            simulation.nodes.push(SimNode::new(node));
+            simulation.nodes.push(SimNode::new(index_of, node));
             for (at_secs, change) in &node.changes {
                 let at = Duration::from_secs_f64(*at_secs);
                 simulation.schedule(at, Happening::Change(index_of, *change));
             }
-            if !node
-                .changes
-                .iter()
-                .any(|(_, change)| *change == Change::Join)
-            {
+            if !plan.joins_later(index_of) {
                 simulation.schedule(Duration::ZERO, Happening::Change(index_of, Change::Join));
             }
         }
@@ -219,10 +278,8 @@ impl<'a> Simulation<'a> {
         let end = Duration::from_secs_f64(secs_max);
         while (self.report.frames.len() as u64) < self.plan.frames && self.now < end {
             let timeout = self.coordinator.next_timeout();
-            let next = self
-                .agenda
-                .peek()
-                .map(|Reverse(((nanos, _), _))| Duration::from_nanos(*nanos));
+            let next = self.agenda.peek();
+            let next = next.map(|entry| Duration::from_nanos(entry.at.0));
             match (timeout, next) {
                 (None, None) => return,
                 (Some(timeout), next) if next.is_none_or(|next| timeout < next) => {
@@ -237,38 +294,38 @@ impl<'a> Simulation<'a> {
 
     fn into_report(mut self) -> Report {
         self.report.secs = self.now.as_secs_f64();
+        self.report.tiles_traced = self.nodes.iter().map(|node| node.tiles_traced).sum();
         self.report.nodes = self.coordinator.nodes(self.now);
         self.report
     }
 
     fn schedule(&mut self, at: Duration, happening: Happening) {
-        let index = self.happenings.len();
-        self.happenings.push(Some(happening));
-        let at = (at.max(self.now).as_nanos() as u64, index as u64);
-        self.agenda.push(Reverse((at, index)));
+        let at = (at.max(self.now).as_nanos() as u64, self.scheduled);
+        self.scheduled += 1;
+        self.agenda.push(Entry { at, happening });
     }
 
     fn happen(&mut self) {
-        let Some(Reverse(((nanos, _), index))) = self.agenda.pop() else {
+        let Some(Entry { at, happening }) = self.agenda.pop() else {
             return;
         };
-        self.now = self.now.max(Duration::from_nanos(nanos));
-        match self.happenings[index].take() {
-            Some(Happening::Submit) => self.submit(),
-            Some(Happening::Change(node, change)) => self.change(node, change),
-            Some(Happening::Event(node, connection, event)) if self.lasts(node, connection) => {
+        self.now = self.now.max(Duration::from_nanos(at.0));
+        match happening {
+            Happening::Submit => self.submit(),
+            Happening::Change(node, change) => self.change(node, change),
+            Happening::Event(node, connection, event) if self.lasts(node, connection) => {
                 self.coordinator.handle(self.now, node, event);
             }
-            Some(Happening::Command(node, connection, command)) if self.lasts(node, connection) => {
-                let answers = self.nodes[node.0].command(self.now, command);
+            Happening::Command(node, connection, command) if self.lasts(node, connection) => {
+                let answers = self.nodes[node.0].command(self.now, &self.world, command);
                 self.answer(node, answers);
             }
-            Some(Happening::Step(node, step)) => {
-                let answers = self.nodes[node.0].step(step, self.now);
+            Happening::Step(node, step) => {
+                let answers = self.nodes[node.0].step(step, self.now, &self.world);
                 self.answer(node, answers);
             }
             // Something of a connection that has ended.
-            Some(Happening::Event(..) | Happening::Command(..)) | None => {}
+            Happening::Event(..) | Happening::Command(..) => {}
         }
     }
 
@@ -277,12 +334,17 @@ impl<'a> Simulation<'a> {
         if self.submitted < self.plan.frames && in_flight < self.plan.frames_in_flight as u64 {
             let id = FrameId(self.submitted);
             self.submitted += 1;
+            for (_, node, change) in self.plan.changes.iter().filter(|(at, ..)| *at == id) {
+                self.change(*node, *change);
+            }
             let spec = frame_spec(self.plan.size);
             self.coordinator
                 .submit(self.now, id, spec, self.plan.tile_edge);
             if self.plan.period_secs.is_none() {
                 self.schedule(self.now, Happening::Submit);
             }
+        } else if self.submitted < self.plan.frames && self.plan.period_secs.is_some() {
+            self.report.skipped += 1;
         }
         if let Some(period) = self.plan.period_secs {
             self.schedule(
@@ -320,7 +382,7 @@ impl<'a> Simulation<'a> {
             match action {
                 Action::Command { node, command } => {
                     self.nodes[node.0].check(&command);
-                    let arrival = self.arrival(node, true);
+                    let arrival = self.arrival(node, true, 0.0);
                     let connection = self.nodes[node.0].connection;
                     self.schedule(arrival, Happening::Command(node, connection, command));
                 }
@@ -330,7 +392,7 @@ impl<'a> Simulation<'a> {
     }
 
     fn deliver(&mut self, mut frame: Frame) {
-        let grid = carom_tracer::TileGrid::new(self.plan.size, self.plan.tile_edge);
+        let grid = self.plan.grid();
         let right = expected_pixels(frame.id, grid);
         self.report.wrong_frames += u64::from(frame.pixels != right);
         self.report.tiles_per_frame = grid.len();
@@ -346,7 +408,9 @@ impl<'a> Simulation<'a> {
         for answer in answers {
             match answer {
                 Answer::Event(event) => {
-                    let arrival = self.arrival(node, false);
+                    let delay =
+                        frame_of(&event).map_or(0.0, |frame| self.world.delay_secs(node, frame));
+                    let arrival = self.arrival(node, false, delay);
                     let event = LinkEvent::Session(event);
                     self.schedule(arrival, Happening::Event(node, connection, event));
                 }
@@ -361,13 +425,24 @@ impl<'a> Simulation<'a> {
     }
 
     /// When a message that leaves now arrives; messages do not overtake each other.
-    fn arrival(&mut self, index: NodeIndex, outward: bool) -> Duration {
+    fn arrival(&mut self, index: NodeIndex, outward: bool, delay_secs: f64) -> Duration {
         let plan = &self.plan.nodes[index.0];
         let jitter = plan.jitter_secs * self.random.exponential();
-        let way = Duration::from_secs_f64(0.5 * plan.round_trip_secs + jitter);
+        let way = Duration::from_secs_f64(0.5 * plan.round_trip_secs + jitter + delay_secs);
         let last = &mut self.nodes[index.0].last_arrival[usize::from(outward)];
         *last = (*last).max(self.now + way);
         *last
+    }
+}
+
+/// The frame that an event is about.
+fn frame_of(event: &ClientEvent) -> Option<FrameId> {
+    match event {
+        ClientEvent::Tiles { frame, .. }
+        | ClientEvent::TilesLate { frame, .. }
+        | ClientEvent::RunDone { frame, .. }
+        | ClientEvent::RunRefused { frame, .. } => Some(*frame),
+        _ => None,
     }
 }
 
@@ -396,7 +471,7 @@ fn tile_pixels(request: &TraceRequest, tiles: TileRun) -> TilePixels {
     TilePixels::Linear(pixels)
 }
 
-fn expected_pixels(frame: FrameId, grid: carom_tracer::TileGrid) -> Pixels {
+fn expected_pixels(frame: FrameId, grid: TileGrid) -> Pixels {
     let mut pixels = vec![[0.0; 3]; grid.size.pixels()];
     let edge = u32::from(grid.edge);
     for (position, to) in pixels.iter_mut().enumerate() {

@@ -5,10 +5,12 @@ use std::time::Duration;
 
 use carom_protocol::limits::{RUNS_QUEUED_MAX, TILES_PER_MESSAGE_MAX};
 use carom_protocol::session::ClientEvent;
-use carom_protocol::{Refusal, RefusalReason, RunId, RunReport, SceneHash, TraceRequest};
+use carom_protocol::{FrameId, Refusal, RefusalReason, RunId, RunReport, SceneHash, TraceRequest};
 use carom_tracer::TileRun;
 
+use super::world::World;
 use super::{NodePlan, OpenRuns, tile_pixels};
+use crate::coordinator::NodeIndex;
 use crate::link::Command;
 
 /// What a node does when something has come or been done.
@@ -39,18 +41,26 @@ pub(super) struct SimNode {
     last_run: Option<RunId>,
     /// As the client sees them.
     open: OpenRuns,
+    /// The frame for which it has paused, if the weather made it.
+    begun_frame: Option<FrameId>,
+    index: NodeIndex,
+    /// Tiles that its device has worked on.
+    pub(super) tiles_traced: u64,
 }
 
 struct Job {
     request: TraceRequest,
+    /// Tiles that have been sent, or wait for their message to be full.
     tiles_done: u32,
+    tiles_sent: u32,
     arrived: Duration,
     begun: Duration,
-    chunk_begun: Duration,
+    /// When the device began with the tiles that have not been sent.
+    message_begun: Duration,
 }
 
 impl SimNode {
-    pub(super) fn new(plan: &NodePlan) -> Self {
+    pub(super) fn new(index: NodeIndex, plan: &NodePlan) -> Self {
         Self {
             pace: 1e-6 / plan.msamples_per_sec,
             silent: false,
@@ -65,6 +75,9 @@ impl SimNode {
             working: None,
             last_run: None,
             open: OpenRuns::new(),
+            begun_frame: None,
+            index,
+            tiles_traced: 0,
         }
     }
 
@@ -88,7 +101,12 @@ impl SimNode {
         self.step += 1;
     }
 
-    pub(super) fn command(&mut self, now: Duration, command: Command) -> Vec<Answer> {
+    pub(super) fn command(
+        &mut self,
+        now: Duration,
+        world: &World,
+        command: Command,
+    ) -> Vec<Answer> {
         if self.silent {
             return Vec::new();
         }
@@ -99,24 +117,24 @@ impl SimNode {
                 vec![Answer::Event(ClientEvent::SceneReady(hash))]
             }
             Command::Ping(number) => vec![Answer::Event(ClientEvent::Pong(number))],
-            Command::Trace(request) => self.queue(now, *request),
+            Command::Trace(request) => self.queue(now, world, *request),
             Command::CancelRun(run) => self.cancel(|job| job.request.run == run),
             Command::CancelBefore(frame) => self.cancel(|job| job.request.frame < frame),
         }
     }
 
     /// The device is through with a piece of work.
-    pub(super) fn step(&mut self, step: u64, now: Duration) -> Vec<Answer> {
+    pub(super) fn step(&mut self, step: u64, now: Duration, world: &World) -> Vec<Answer> {
         if step != self.step || self.silent {
             return Vec::new();
         }
         let done = self.working.take();
-        let mut answers = self.finish_chunk(now, done);
-        answers.extend(self.work(now));
+        let mut answers = self.finish(now, done);
+        answers.extend(self.work(now, world));
         answers
     }
 
-    fn queue(&mut self, now: Duration, request: TraceRequest) -> Vec<Answer> {
+    fn queue(&mut self, now: Duration, world: &World, request: TraceRequest) -> Vec<Answer> {
         if self.failing {
             let why = RefusalReason::Device("it was told to fail".into());
             return vec![self.refuse(&request, why)];
@@ -124,11 +142,12 @@ impl SimNode {
         self.queue.push_back(Job {
             request,
             tiles_done: 0,
+            tiles_sent: 0,
             arrived: now,
             begun: now,
-            chunk_begun: now,
+            message_begun: now,
         });
-        self.work(now)
+        self.work(now, world)
     }
 
     fn cancel(&mut self, unwanted: impl Fn(&Job) -> bool) -> Vec<Answer> {
@@ -141,38 +160,51 @@ impl SimNode {
 
     /// Begins the next piece of work, if there is any and the device is free. A piece that is
     /// cancelled is worked on to its end.
-    fn work(&mut self, now: Duration) -> Vec<Answer> {
+    fn work(&mut self, now: Duration, world: &World) -> Vec<Answer> {
         let Some(job) = self.queue.front_mut().filter(|_| self.working.is_none()) else {
             return Vec::new();
         };
-        if job.tiles_done == 0 {
-            job.begun = now;
+        let frame = job.request.frame;
+        let mut secs = 0.0;
+        if self.begun_frame.is_none_or(|begun| begun < frame) {
+            self.begun_frame = Some(frame);
+            secs += world.stall_secs(self.index, frame);
         }
-        job.chunk_begun = now;
-        let chunk = chunk(job, self.streams);
-        let secs = job.request.grid.pixels(chunk) as f64 * self.pace;
+        if job.tiles_done == 0 {
+            job.begun = now + Duration::from_secs_f64(secs);
+            job.message_begun = job.begun;
+        }
+        let piece = piece(job, self.streams);
+        let grid = job.request.grid;
+        let work = |tile| grid.tile(tile).pixels() as f64 * world.cost(frame, tile);
+        let work: f64 = piece.indices().map(work).sum();
+        secs += work * self.pace * world.pace(self.index, frame);
+        self.tiles_traced += u64::from(piece.count);
         self.working = Some(job.request.run);
         self.step += 1;
-        vec![Answer::StepAt(
-            now + Duration::from_secs_f64(secs),
-            self.step,
-        )]
+        let done = now + Duration::from_secs_f64(secs);
+        vec![Answer::StepAt(done, self.step)]
     }
 
-    fn finish_chunk(&mut self, now: Duration, done: Option<RunId>) -> Vec<Answer> {
+    /// Sends what is through, in messages as full as may be.
+    fn finish(&mut self, now: Duration, done: Option<RunId>) -> Vec<Answer> {
         // If the run was cancelled meanwhile, another one is at the front.
         let front = self.queue.front_mut();
         let Some(job) = front.filter(|job| Some(job.request.run) == done) else {
             return Vec::new();
         };
-        let chunk = chunk(job, self.streams);
-        let busy = (now - job.chunk_begun).as_secs_f64() * self.honesty;
+        job.tiles_done += piece(job, self.streams).count;
+        let whole = job.tiles_done == job.request.tiles.count;
+        let busy = (now - job.message_begun).as_secs_f64() * self.honesty;
         let mut busy_micros = (busy * 1e6) as u32;
         let mut answers = Vec::new();
-        let mut first = chunk.first;
-        while first < chunk.end() {
-            let count = TILES_PER_MESSAGE_MAX.min(chunk.end() - first);
-            let tiles = TileRun { first, count };
+        while job.tiles_sent + TILES_PER_MESSAGE_MAX <= job.tiles_done
+            || whole && job.tiles_sent < job.tiles_done
+        {
+            let tiles = TileRun {
+                first: job.request.tiles.first + job.tiles_sent,
+                count: TILES_PER_MESSAGE_MAX.min(job.tiles_done - job.tiles_sent),
+            };
             answers.push(Answer::Event(ClientEvent::Tiles {
                 frame: job.request.frame,
                 run: job.request.run,
@@ -182,10 +214,10 @@ impl SimNode {
                 dropped_samples: 0,
                 payload_bytes: 1,
             }));
-            first += count;
+            job.tiles_sent += tiles.count;
+            job.message_begun = now;
         }
-        job.tiles_done += chunk.count;
-        if job.tiles_done == job.request.tiles.count {
+        if whole {
             let report = RunReport {
                 run: job.request.run,
                 queue_micros: (job.begun - job.arrived).as_micros() as u32,
@@ -207,15 +239,11 @@ impl SimNode {
     }
 }
 
-/// What the device works on next: a message's tiles, or all.
-fn chunk(job: &Job, streams: bool) -> TileRun {
+/// What the device works on next: a tile, or all.
+fn piece(job: &Job, streams: bool) -> TileRun {
     let left = job.request.tiles.count - job.tiles_done;
     TileRun {
         first: job.request.tiles.first + job.tiles_done,
-        count: if streams {
-            left.min(TILES_PER_MESSAGE_MAX)
-        } else {
-            left
-        },
+        count: if streams { left.min(1) } else { left },
     }
 }

@@ -1,5 +1,7 @@
 //! Numbers from a seed: SplitMix64 (Steele, Lea and Flood, OOPSLA 2014).
 
+use std::f64::consts::TAU;
+
 /// A stream of random numbers.
 #[derive(Clone, Debug)]
 pub(super) struct Random(u64);
@@ -9,17 +11,42 @@ impl Random {
         Self(seed)
     }
 
-    /// Evenly in [0, 1).
-    pub(super) fn uniform(&mut self) -> f64 {
+    /// The stream that belongs to `key`.
+    pub(super) fn of(key: &[u64]) -> Self {
+        let mut random = Self(0);
+        for word in key {
+            random.0 ^= *word;
+            random.0 = random.word();
+        }
+        random
+    }
+
+    /// All bits even.
+    pub(super) fn word(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut word = self.0;
         word = (word ^ (word >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         word = (word ^ (word >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((word ^ (word >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+        word ^ (word >> 31)
+    }
+
+    /// Evenly in [0, 1).
+    pub(super) fn uniform(&mut self) -> f64 {
+        (self.word() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// Evenly in 0 … `below` − 1.
+    pub(super) fn below(&mut self, below: u64) -> u64 {
+        self.word() % below.max(1)
     }
 
     /// Exponentially with mean 1.
     pub(super) fn exponential(&mut self) -> f64 {
         -(1.0 - self.uniform()).ln()
+    }
+
+    /// Normally with mean 0 and deviation 1 (Box and Muller, 1958).
+    pub(super) fn normal(&mut self) -> f64 {
+        (2.0 * self.exponential()).sqrt() * (TAU * self.uniform()).cos()
     }
 }

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use carom_farm::{Algorithm, Error, Farm, FarmConfig, Frame, FrameSpec, NodeState, Pixels};
+use carom_farm::{Balancing, Error, Farm, FarmConfig, Frame, FrameSpec, NodeState, Pixels};
 use carom_protocol::PixelFormat;
 use carom_tracer::{
     CompiledScene, DeviceInfo, ImageSize, ObjectPose, RenderSettings, Scene, SceneUpdate,
@@ -156,15 +156,10 @@ fn algorithms_switch_while_frames_are_in_flight() {
         Pattern::new().with_pace(50),
         Pattern::new(),
     ]);
-    let algorithms = [
-        Algorithm::Equal,
-        Algorithm::Naive,
-        Algorithm::Ab,
-        Algorithm::WaterFilling,
-    ];
+    let balancers: Vec<Balancing> = Balancing::all().collect();
     let mut seeds = std::collections::VecDeque::new();
-    for seed in 0..40 {
-        farm.set_algorithm(algorithms[seed as usize % 4]);
+    for seed in 0..54 {
+        farm.set_balancer(balancers[seed as usize % balancers.len()]);
         farm.submit(spec(seed)).unwrap();
         seeds.push_back(seed);
         if farm.in_flight() == 3 {

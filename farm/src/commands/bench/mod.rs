@@ -1,6 +1,7 @@
-//! `carom-farm bench`: what this machine's back ends and wire can do.
+//! `carom-farm bench`: what this machine's back ends, the wire and the balancers can do.
 
 mod accuracy;
+mod balance;
 mod codec;
 mod codec_frames;
 mod trace;
@@ -9,7 +10,7 @@ use clap::Subcommand;
 
 use crate::commands::Failure;
 
-/// Measure this machine's back ends.
+/// Measure this machine's back ends, and balancing on simulated farms.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     #[command(subcommand)]
@@ -20,6 +21,7 @@ pub(crate) struct Args {
 enum Bench {
     Trace(trace::Args),
     Accuracy(accuracy::Args),
+    Balance(balance::Args),
     Codec(codec::Args),
 }
 
@@ -27,6 +29,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     match &args.bench {
         Bench::Trace(args) => trace::run(args),
         Bench::Accuracy(args) => accuracy::run(args),
+        Bench::Balance(args) => balance::run(args),
         Bench::Codec(args) => codec::run(args),
     }
 }

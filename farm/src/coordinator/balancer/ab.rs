@@ -1,23 +1,25 @@
 //! The AB division of the 2016 distributed ray tracer: y = A + B·x with x in tiles, A and B as
 //! averages over the whole run, and the finish T common to all nodes from Σ (T − A) / B = W.
 //!
-//! Kept as it was reported. Averages over the run make it slow to notice that a node has changed,
+//! Kept as it was reported, and with averages that forget. Averages over the run make it slow to notice that a node has changed,
 //! and nodes with A ≥ T are cut off at nothing without computing T again; both are what
 //! [`super::WaterFilling`] does better, and the comparison shows by how much.
 
 use std::collections::BTreeMap;
 
-use super::{Balancer, Division, Equal, Outcome, in_proportion};
+use super::{Balancer, Division, Equal, Outcome, Shares, in_proportion};
 use crate::coordinator::NodeIndex;
 
-/// See [`crate::Algorithm::Ab`].
-#[derive(Debug, Default)]
+/// See [`crate::Algorithm::Ab`] and [`crate::Algorithm::AbExponential`].
+#[derive(Debug)]
 pub struct Ab {
     frames: u32,
+    /// What is left of a run's weight with each further one.
+    kept: f64,
     nodes: BTreeMap<NodeIndex, Averages>,
 }
 
-/// Sums over all runs of a node.
+/// Weighted sums over all runs of a node.
 #[derive(Clone, Copy, Debug, Default)]
 struct Averages {
     runs: f64,
@@ -32,6 +34,24 @@ type AbLine = (f64, f64);
 impl Ab {
     /// Frames that are divided equally before the averages are used.
     pub const WARM_UP_FRAMES: u32 = 60;
+
+    /// With averages over the whole run.
+    pub fn averages() -> Self {
+        Self::keeping(1.0)
+    }
+
+    /// With averages that forget.
+    pub fn exponential() -> Self {
+        Self::keeping(EXPONENTIAL_KEPT)
+    }
+
+    fn keeping(kept: f64) -> Self {
+        Self {
+            frames: 0,
+            kept,
+            nodes: BTreeMap::new(),
+        }
+    }
 
     fn lines(&self, division: &Division<'_>) -> Option<Vec<AbLine>> {
         let nodes = division.candidates.iter().map(|candidate| candidate.node);
@@ -54,7 +74,7 @@ impl Ab {
 }
 
 impl Balancer for Ab {
-    fn divide(&mut self, division: &Division<'_>) -> Vec<f64> {
+    fn divide(&mut self, division: &Division<'_>) -> Shares {
         self.frames += 1;
         let lines = match self.lines(division) {
             Some(lines) if self.frames > Self::WARM_UP_FRAMES => lines,
@@ -68,15 +88,17 @@ impl Balancer for Ab {
             .iter()
             .map(|(a, b)| ((finish - a) / b).max(0.0))
             .collect();
-        in_proportion(division.work, &shares)
+        Shares::Work(in_proportion(division.work, &shares))
     }
 
     fn learn(&mut self, outcome: &Outcome) {
         let averages = self.nodes.entry(outcome.node).or_default();
-        averages.runs += 1.0;
-        averages.tiles += f64::from(outcome.tiles);
-        averages.busy_secs += outcome.busy_secs;
-        averages.fixed_secs += outcome.response_secs - outcome.busy_secs;
+        let add = |sum: &mut f64, value: f64| *sum = *sum * self.kept + value;
+        add(&mut averages.runs, 1.0);
+        add(&mut averages.tiles, f64::from(outcome.tiles));
+        add(&mut averages.busy_secs, outcome.busy_secs);
+        let fixed_secs = outcome.response_secs - outcome.busy_secs;
+        add(&mut averages.fixed_secs, fixed_secs);
     }
 }
 
@@ -88,6 +110,8 @@ impl Averages {
     }
 }
 
+/// Four runs ago counts a third.
+const EXPONENTIAL_KEPT: f64 = 0.75;
 /// A faster node is a node whose clock is too coarse.
 const SECS_PER_TILE_MIN: f64 = 1e-9;
 
@@ -98,12 +122,14 @@ mod tests {
 
     #[test]
     fn all_finish_together_after_sixty_equal_frames() {
-        let mut ab = Ab::default();
+        let mut ab = Ab::averages();
         let candidates = [0, 1].map(|node| Candidate {
             node: NodeIndex(node),
             estimate: None,
             wait_secs: 0.0,
             proven_work: 0.0,
+            mute_work: 0.0,
+            guard_secs: 0.0,
         });
         let division = Division {
             work: 1000.0,
@@ -113,7 +139,7 @@ mod tests {
         };
         let (a, b) = ([0.02, 0.001], [0.001, 0.004]);
         for _ in 0..Ab::WARM_UP_FRAMES {
-            assert_eq!(ab.divide(&division), [500.0, 500.0]);
+            assert_eq!(ab.divide(&division), Shares::Work(vec![500.0, 500.0]));
             for node in [0, 1] {
                 ab.learn(&Outcome {
                     node: NodeIndex(node),
@@ -124,11 +150,10 @@ mod tests {
                 });
             }
         }
-        let tiles: Vec<f64> = ab
-            .divide(&division)
-            .iter()
-            .map(|share| share / 10.0)
-            .collect();
+        let Shares::Work(shares) = ab.divide(&division) else {
+            unreachable!("AB names shares");
+        };
+        let tiles: Vec<f64> = shares.iter().map(|share| share / 10.0).collect();
         let finish = |node: usize| a[node] + b[node] * tiles[node];
         assert!((finish(0) - finish(1)).abs() < 1e-9, "{tiles:?}");
         assert!((tiles[0] + tiles[1] - 100.0).abs() < 1e-9);

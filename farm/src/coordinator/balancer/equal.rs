@@ -1,15 +1,15 @@
 //! The same work for each node: what balancing is measured against.
 
-use super::{Balancer, Division, Outcome};
+use super::{Balancer, Division, Outcome, Shares};
 
 /// See [`crate::Algorithm::Equal`].
 #[derive(Debug, Default)]
 pub struct Equal;
 
 impl Balancer for Equal {
-    fn divide(&mut self, division: &Division<'_>) -> Vec<f64> {
+    fn divide(&mut self, division: &Division<'_>) -> Shares {
         let nodes = division.candidates.len();
-        vec![division.work / nodes as f64; nodes]
+        Shares::Work(vec![division.work / nodes as f64; nodes])
     }
 
     fn learn(&mut self, _outcome: &Outcome) {}

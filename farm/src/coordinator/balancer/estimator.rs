@@ -40,6 +40,8 @@ pub struct Estimator {
     /// that never answers would be waited for twice as long each time.
     delivered: Pace,
     proven_work: f64,
+    /// The most work of the last runs.
+    usual_work: f64,
     /// Whether all that is known comes from the first tiles of the first run.
     provisional: bool,
 }
@@ -64,18 +66,36 @@ impl Estimator {
         if std::mem::take(&mut self.provisional) {
             *self = Self::default();
         }
+        let (fixed, work_secs) = Self::split(seen);
+        let pace = work_secs / seen.work;
+        self.usual_work = seen.work.max(USUAL_KEPT * self.usual_work);
+        let weight = seen.work / self.usual_work;
+        if seen.queue_secs <= 0.0 || self.fixed.is_none() {
+            self.observe_fixed(fixed);
+        }
+        self.pace.observe(pace.max(SECS_PER_WORK_MIN), weight);
+        self.delivered.observe(pace.max(SECS_PER_WORK_MIN), weight);
+        self.proven_work = self.proven_work.max(seen.work);
+    }
+
+    /// Seconds that counted as work.
+    pub fn work_secs(seen: &Observation) -> f64 {
+        Self::split(seen).1
+    }
+
+    /// Seconds that are fixed cost, and seconds that are work.
+    fn split(seen: &Observation) -> (f64, f64) {
         let response = seen.response_secs.max(0.0);
         let busy = seen.busy_secs.clamp(0.0, response);
         let unexplained = (response - seen.queue_secs.max(0.0) - busy).max(0.0);
-        let allowance = seen
-            .round_trip_secs
-            .map_or(f64::INFINITY, |trip| 2.0 * trip + JITTER_SECS);
+        // A request that has waited was on its way meanwhile: only the answer's way is left.
+        let allowance = match seen.round_trip_secs {
+            None => f64::INFINITY,
+            Some(trip) if seen.queue_secs > 0.0 => trip + QUEUED_JITTER_SECS,
+            Some(trip) => 2.0 * trip + JITTER_SECS,
+        };
         let fixed = unexplained.min(allowance);
-        let pace = (busy + unexplained - fixed) / seen.work;
-        self.observe_fixed(fixed);
-        self.pace.observe(pace.max(SECS_PER_WORK_MIN));
-        self.delivered.observe(pace.max(SECS_PER_WORK_MIN));
-        self.proven_work = self.proven_work.max(seen.work);
+        (fixed, busy + unexplained - fixed)
     }
 
     /// Takes note that `work` had not come after `secs`, of which the request may have waited
@@ -86,7 +106,7 @@ impl Estimator {
         let factor = if missed { MISSED_FACTOR } else { 1.0 };
         let pace = factor * spent / work;
         if pace > self.pace.secs_per_work.unwrap_or(SECS_PER_WORK_MIN) {
-            self.pace.observe(pace);
+            self.pace.observe(pace, 1.0);
         }
     }
 
@@ -131,16 +151,18 @@ impl Estimator {
 }
 
 impl Pace {
-    fn observe(&mut self, seen: f64) {
+    /// `weight` is up to 1: what came of little work tells little.
+    fn observe(&mut self, seen: f64, weight: f64) {
         let Some(known) = self.secs_per_work else {
             self.secs_per_work = Some(seen);
             return;
         };
         let error = (seen / known).ln();
-        let changed = error.abs() > SURPRISE && error * self.surprise > 0.0;
-        let gain = if changed { 1.0 } else { GAIN };
+        let surprising = error.abs() > SURPRISE && weight > SURPRISE;
+        let changed = surprising && error * self.surprise > 0.0;
+        let gain = if changed { 1.0 } else { GAIN * weight };
         self.secs_per_work = Some(known * (gain * error).exp());
-        self.surprise = if error.abs() > SURPRISE { error } else { 0.0 };
+        self.surprise = if surprising { error } else { 0.0 };
     }
 }
 
@@ -150,8 +172,12 @@ const GAIN: f64 = 0.25;
 const GAIN_FIXED_UP: f64 = 0.1;
 /// Two errors in a row of this size and one sign are a change, and believed wholly.
 const SURPRISE: f64 = 0.25;
+/// What is left of the usual work with each smaller run.
+const USUAL_KEPT: f64 = 0.95;
 /// Seconds that packets may be late without being news.
 const JITTER_SECS: f64 = 2e-3;
+/// The same where the message before has been late as well.
+const QUEUED_JITTER_SECS: f64 = 0.2e-3;
 /// How much slower than the bound a node is taken to be that has delivered nothing in time.
 const MISSED_FACTOR: f64 = 2.0;
 /// A thousand gigasamples a second: nothing is faster.

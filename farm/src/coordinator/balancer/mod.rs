@@ -9,15 +9,19 @@
 //! takes effect with what is known already.
 
 mod ab;
+mod cycles;
 mod equal;
 mod estimator;
 mod naive;
+mod pull;
 mod water_filling;
 
 pub use ab::Ab;
+pub use cycles::Cycles;
 pub use equal::Equal;
 pub use estimator::{Estimate, Estimator, Observation};
 pub use naive::Naive;
+pub use pull::Pull;
 pub use water_filling::{Filling, Line, WaterFilling, fill};
 
 use super::NodeIndex;
@@ -34,6 +38,10 @@ pub struct Candidate {
     pub wait_secs: f64,
     /// The most work that the client has seen it deliver in one run; 0 if none.
     pub proven_work: f64,
+    /// See [`Line::mute_work`].
+    pub mute_work: f64,
+    /// See [`Line::guard_secs`].
+    pub guard_secs: f64,
 }
 
 /// A frame to divide.
@@ -64,22 +72,50 @@ pub struct Outcome {
     pub busy_secs: f64,
 }
 
+/// How a frame is to be divided.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Shares {
+    /// The work of each candidate, in their order: nothing negative, and the sum is the frame's.
+    /// Whole tiles are dealt as near to it as may be.
+    Work(Vec<f64>),
+    /// The vessel that each candidate is, in their order: whole tiles are dealt so that the last
+    /// one is through as early as may be.
+    Lines(Vec<Line>),
+    /// Candidates take tiles as they can: see [`Pull`].
+    Pool,
+}
+
 /// An algorithm that divides frames.
 pub trait Balancer {
-    /// The work of each candidate, in their order: nothing negative, and the sum is the frame's.
-    fn divide(&mut self, division: &Division<'_>) -> Vec<f64>;
+    /// Divides a frame.
+    fn divide(&mut self, division: &Division<'_>) -> Shares;
 
     /// Takes note of a run.
     fn learn(&mut self, outcome: &Outcome);
 }
 
 /// All algorithms, side by side.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Balancers {
     equal: Equal,
-    naive: Naive,
-    ab: Ab,
+    naive: [Naive; 3],
+    ab: [Ab; 2],
+    cycles: Cycles,
+    pull: Pull,
     water_filling: WaterFilling,
+}
+
+impl Default for Balancers {
+    fn default() -> Self {
+        Self {
+            equal: Equal,
+            naive: [Naive::last(), Naive::mean(), Naive::frozen()],
+            ab: [Ab::averages(), Ab::exponential()],
+            cycles: Cycles::default(),
+            pull: Pull,
+            water_filling: WaterFilling,
+        }
+    }
 }
 
 impl Balancers {
@@ -87,20 +123,20 @@ impl Balancers {
     pub fn of(&mut self, algorithm: Algorithm) -> &mut dyn Balancer {
         match algorithm {
             Algorithm::Equal => &mut self.equal,
-            Algorithm::Naive => &mut self.naive,
-            Algorithm::Ab => &mut self.ab,
+            Algorithm::Naive => &mut self.naive[0],
+            Algorithm::NaiveMean => &mut self.naive[1],
+            Algorithm::NaiveFrozen => &mut self.naive[2],
+            Algorithm::Ab => &mut self.ab[0],
+            Algorithm::AbExponential => &mut self.ab[1],
+            Algorithm::Cycles => &mut self.cycles,
+            Algorithm::Pull => &mut self.pull,
             Algorithm::WaterFilling => &mut self.water_filling,
         }
     }
 
     /// Lets all of them take note of a run.
     pub fn learn(&mut self, outcome: &Outcome) {
-        for algorithm in [
-            Algorithm::Equal,
-            Algorithm::Naive,
-            Algorithm::Ab,
-            Algorithm::WaterFilling,
-        ] {
+        for algorithm in Algorithm::ALL {
             self.of(algorithm).learn(outcome);
         }
     }
@@ -133,6 +169,8 @@ mod tests {
                 }),
                 wait_secs,
                 proven_work,
+                mute_work: 0.0,
+                guard_secs: 0.0,
             };
             nodes.into_iter().enumerate().map(candidate).collect()
         })
@@ -160,13 +198,15 @@ mod tests {
             let tile_work = work / 100.0;
             let candidates = &candidates[..];
             let division = Division { work, tile_work, period_secs, candidates };
-            for algorithm in
-                [Algorithm::Equal, Algorithm::Naive, Algorithm::Ab, Algorithm::WaterFilling]
-            {
+            for algorithm in Algorithm::ALL {
                 for _ in 0..warm_up {
                     balancers.of(algorithm).divide(&division);
                 }
-                let shares = balancers.of(algorithm).divide(&division);
+                let shares = match balancers.of(algorithm).divide(&division) {
+                    Shares::Work(shares) => shares,
+                    Shares::Lines(lines) => fill(work, &lines).shares,
+                    Shares::Pool => continue,
+                };
                 prop_assert_eq!(shares.len(), candidates.len());
                 prop_assert!(shares.iter().all(|x| x.is_finite() && *x >= 0.0), "{:?}", shares);
                 let sum: f64 = shares.iter().sum();

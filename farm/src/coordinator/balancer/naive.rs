@@ -1,47 +1,94 @@
-//! In proportion to each node's last speed, x / y: response times become equal, but a far node
-//! and a slow one look the same.
+//! In proportion to each node's speed, x / y: response times become equal, but a far node and a
+//! slow one look the same. The speed is that of the last run, the mean of all runs, or the mean of
+//! the first ones for ever, as in the 2016 distributed ray tracer.
 
 use std::collections::BTreeMap;
 
-use super::{Balancer, Division, Outcome, in_proportion};
+use super::{Balancer, Division, Outcome, Shares, in_proportion};
 use crate::coordinator::NodeIndex;
 
-/// See [`crate::Algorithm::Naive`].
-#[derive(Debug, Default)]
+/// See [`crate::Algorithm::Naive`], [`crate::Algorithm::NaiveMean`] and
+/// [`crate::Algorithm::NaiveFrozen`].
+#[derive(Debug)]
 pub struct Naive {
-    /// Tiles per second of the last run.
-    speeds: BTreeMap<NodeIndex, f64>,
+    memory: Memory,
+    nodes: BTreeMap<NodeIndex, Speed>,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Memory {
+    Last,
+    Mean,
+    Frozen,
+}
+
+/// Mean over runs, in tiles per second.
+#[derive(Clone, Copy, Debug, Default)]
+struct Speed {
+    mean: f64,
+    runs: u32,
+}
+
+impl Naive {
+    /// The last run counts.
+    pub fn last() -> Self {
+        Self::remembering(Memory::Last)
+    }
+
+    /// All runs count.
+    pub fn mean() -> Self {
+        Self::remembering(Memory::Mean)
+    }
+
+    /// The first 60 runs count.
+    pub fn frozen() -> Self {
+        Self::remembering(Memory::Frozen)
+    }
+
+    fn remembering(memory: Memory) -> Self {
+        let nodes = BTreeMap::new();
+        Self { memory, nodes }
+    }
 }
 
 impl Balancer for Naive {
     /// A node that has not delivered yet counts as the mean of the others. Nobody gets less than
     /// one tile, or it would never be measured again.
-    fn divide(&mut self, division: &Division<'_>) -> Vec<f64> {
+    fn divide(&mut self, division: &Division<'_>) -> Shares {
         let speeds = division.candidates.iter();
         let speeds: Vec<_> = speeds
-            .map(|candidate| self.speeds.get(&candidate.node))
+            .map(|candidate| self.nodes.get(&candidate.node).map(|speed| speed.mean))
             .collect();
-        let known: Vec<f64> = speeds.iter().flatten().copied().copied().collect();
+        let known: Vec<f64> = speeds.iter().flatten().copied().collect();
         let mean = if known.is_empty() {
             1.0
         } else {
             known.iter().sum::<f64>() / known.len() as f64
         };
-        let weights: Vec<f64> = speeds.iter().map(|speed| *speed.unwrap_or(&mean)).collect();
+        let weights: Vec<f64> = speeds.iter().map(|speed| speed.unwrap_or(mean)).collect();
         let shares = in_proportion(division.work, &weights);
         let at_least_a_tile: Vec<f64> = shares
             .iter()
             .map(|share| share.max(division.tile_work))
             .collect();
-        in_proportion(division.work, &at_least_a_tile)
+        Shares::Work(in_proportion(division.work, &at_least_a_tile))
     }
 
     fn learn(&mut self, outcome: &Outcome) {
-        let speed = f64::from(outcome.tiles) / outcome.response_secs.max(RESPONSE_SECS_MIN);
-        self.speeds.insert(outcome.node, speed);
+        let seen = f64::from(outcome.tiles) / outcome.response_secs.max(RESPONSE_SECS_MIN);
+        let speed = self.nodes.entry(outcome.node).or_default();
+        speed.runs = speed.runs.saturating_add(1);
+        let gain = match self.memory {
+            Memory::Last => 1.0,
+            Memory::Frozen if speed.runs > FROZEN_RUNS => 0.0,
+            Memory::Mean | Memory::Frozen => 1.0 / f64::from(speed.runs),
+        };
+        speed.mean += gain * (seen - speed.mean);
     }
 }
 
+/// Runs that count for ever.
+const FROZEN_RUNS: u32 = 60;
 /// Shorter responses are below the resolution that durations are measured with.
 const RESPONSE_SECS_MIN: f64 = 1e-6;
 
@@ -52,7 +99,7 @@ mod tests {
 
     #[test]
     fn work_follows_the_last_speed() {
-        let mut naive = Naive::default();
+        let mut naive = Naive::last();
         for (node, tiles, response_secs) in [(0, 10, 10.0), (0, 30, 0.3), (1, 20, 0.1)] {
             naive.learn(&Outcome {
                 node: NodeIndex(node),
@@ -67,16 +114,39 @@ mod tests {
             estimate: None,
             wait_secs: 0.0,
             proven_work: 0.0,
+            mute_work: 0.0,
+            guard_secs: 0.0,
         });
-        let shares = naive.divide(&Division {
+        let Shares::Work(shares) = naive.divide(&Division {
             work: 450.0,
             tile_work: 1.0,
             period_secs: f64::INFINITY,
             candidates: &candidates,
-        });
+        }) else {
+            unreachable!("Naive names shares");
+        };
         // Speeds 100 and 200 tiles a second, and their mean for the node that is new.
         for (share, expected) in shares.iter().zip([100.0, 200.0, 150.0]) {
             assert!((share - expected).abs() < 1e-9, "{shares:?}");
         }
+    }
+    #[test]
+    fn a_frozen_mean_stays_and_a_running_one_follows() {
+        let speed = |mut naive: Naive| {
+            for run in 0..240 {
+                let response_secs = if run < 60 { 1.0 } else { 0.1 };
+                naive.learn(&Outcome {
+                    node: NodeIndex(0),
+                    tiles: 10,
+                    work: 10.0,
+                    response_secs,
+                    busy_secs: 0.0,
+                });
+            }
+            naive.nodes[&NodeIndex(0)].mean
+        };
+        assert!((speed(Naive::frozen()) - 10.0).abs() < 1e-9);
+        assert!((speed(Naive::mean()) - 77.5).abs() < 1e-9);
+        assert!((speed(Naive::last()) - 100.0).abs() < 1e-9);
     }
 }

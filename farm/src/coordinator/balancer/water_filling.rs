@@ -5,7 +5,7 @@
 //! xᵢ ≤ cᵢ the level rises along a polyline whose corners are known, so that the optimum is still
 //! found by one sweep in O(n log n).
 
-use super::{Balancer, Candidate, Division, Outcome, in_proportion};
+use super::{Balancer, Candidate, Division, Outcome, Shares, in_proportion};
 
 /// See [`crate::Algorithm::WaterFilling`].
 #[derive(Debug, Default)]
@@ -20,6 +20,38 @@ pub struct Line {
     pub b_secs: f64,
     /// The most work that it may get, above 0, perhaps infinite.
     pub cap: f64,
+    /// Of work up to `mute_work` nothing is heard before its end, when it is too late to ask
+    /// others: whole tiles are dealt so that it ends earlier than the rest by `guard_secs`.
+    pub mute_work: f64,
+    /// See `mute_work`.
+    pub guard_secs: f64,
+}
+
+impl Line {
+    /// y = a + b·x for any x.
+    pub const fn new(a_secs: f64, b_secs: f64) -> Self {
+        Self {
+            a_secs,
+            b_secs,
+            cap: f64::INFINITY,
+            mute_work: 0.0,
+            guard_secs: 0.0,
+        }
+    }
+
+    /// The same for x up to `cap`.
+    pub const fn capped(self, cap: f64) -> Self {
+        Self { cap, ..self }
+    }
+
+    /// The most work that is through at `finish_secs`.
+    pub fn room(&self, finish_secs: f64) -> f64 {
+        let room = ((finish_secs - self.a_secs) / self.b_secs).min(self.cap);
+        if room > self.mute_work {
+            return room;
+        }
+        room - self.guard_secs / self.b_secs
+    }
 }
 
 /// Work divided over [`Line`]s.
@@ -58,9 +90,10 @@ impl WaterFilling {
             let in_period = division.period_secs / b_secs;
             let proven = (GROWTH_MAX * candidate.proven_work).max(probe);
             Line {
-                a_secs: fixed_secs + candidate.wait_secs,
-                b_secs,
-                cap: in_period.min(proven).max(division.tile_work),
+                mute_work: candidate.mute_work,
+                guard_secs: candidate.guard_secs,
+                ..Line::new(fixed_secs + candidate.wait_secs, b_secs)
+                    .capped(in_period.min(proven).max(division.tile_work))
             }
         };
         candidates.iter().map(line).collect()
@@ -68,8 +101,8 @@ impl WaterFilling {
 }
 
 impl Balancer for WaterFilling {
-    fn divide(&mut self, division: &Division<'_>) -> Vec<f64> {
-        fill(division.work, &Self::lines(division)).shares
+    fn divide(&mut self, division: &Division<'_>) -> Shares {
+        Shares::Lines(Self::lines(division))
     }
 
     /// The lines come with the candidates: [`super::Estimator`].
@@ -136,20 +169,15 @@ mod tests {
 
     use super::*;
 
-    fn line(a_secs: f64, b_secs: f64) -> Line {
-        let cap = f64::INFINITY;
-        Line {
-            a_secs,
-            b_secs,
-            cap,
-        }
-    }
-
     #[test]
     fn nodes_whose_fixed_cost_exceeds_the_finish_are_left_out() {
         let filling = fill(
             100.0,
-            &[line(0.0, 0.001), line(0.01, 0.002), line(0.2, 0.0001)],
+            &[
+                Line::new(0.0, 0.001),
+                Line::new(0.01, 0.002),
+                Line::new(0.2, 0.0001),
+            ],
         );
         // Without the third: T = (100 + 0.01/0.002) / (1000 + 500) = 0.07 s, below its 0.2 s.
         assert!((filling.finish_secs - 0.07).abs() < 1e-12, "{filling:?}");
@@ -160,11 +188,8 @@ mod tests {
 
     #[test]
     fn what_a_cap_keeps_out_goes_to_the_others() {
-        let capped = Line {
-            cap: 20.0,
-            ..line(0.0, 0.001)
-        };
-        let filling = fill(100.0, &[capped, line(0.0, 0.004)]);
+        let capped = Line::new(0.0, 0.001).capped(20.0);
+        let filling = fill(100.0, &[capped, Line::new(0.0, 0.004)]);
         assert!((filling.shares[0] - 20.0).abs() < 1e-9, "{filling:?}");
         assert!((filling.shares[1] - 80.0).abs() < 1e-9);
         assert!((filling.finish_secs - 0.32).abs() < 1e-9);
@@ -176,7 +201,7 @@ mod tests {
             lines in prop::collection::vec((0.0..0.1f64, 1e-6..1e-2f64, 1.0..2e4f64), 1..30),
             work in 1.0..1e4f64,
         ) {
-            let line = |&(a_secs, b_secs, cap): &(f64, f64, f64)| Line { a_secs, b_secs, cap };
+            let line = |&(a_secs, b_secs, cap): &(f64, f64, f64)| Line::new(a_secs, b_secs).capped(cap);
             let lines: Vec<Line> = lines.iter().map(line).collect();
             let filling = fill(work, &lines);
             let capacity: f64 = lines.iter().map(|line| line.cap).sum();

@@ -1,0 +1,120 @@
+//! The rule of Blender Cycles' `WorkBalancer`: each weight is multiplied by how far its time should
+//! move, a part 1/n of the way to the mean, until all times are within two per cent of it.
+//!
+//! It knows no latency, and the part shrinks with the number of nodes, so that large farms
+//! converge slowly.
+
+use std::collections::BTreeMap;
+
+use super::{Balancer, Division, Outcome, Shares, in_proportion};
+use crate::coordinator::NodeIndex;
+
+/// See [`crate::Algorithm::Cycles`].
+#[derive(Debug, Default)]
+pub struct Cycles {
+    weights: BTreeMap<NodeIndex, f64>,
+    /// Response times since the last change of weights, in seconds.
+    times: BTreeMap<NodeIndex, f64>,
+}
+
+impl Cycles {
+    /// Moves the weights once all candidates have reported.
+    fn rebalance(&mut self, division: &Division<'_>) {
+        let nodes = || division.candidates.iter().map(|candidate| candidate.node);
+        let times: Option<Vec<f64>> = nodes().map(|node| self.times.get(&node).copied()).collect();
+        let Some(times) = times else {
+            return;
+        };
+        self.times.clear();
+        let count = times.len() as f64;
+        let mean = times.iter().sum::<f64>() / count;
+        if times
+            .iter()
+            .all(|time| (time - mean).abs() <= DEAD_BAND * mean)
+        {
+            return;
+        }
+        for (node, time) in nodes().zip(times) {
+            let wanted = time + (mean - time) / count;
+            *self.weights.entry(node).or_insert(1.0) *= wanted / time;
+        }
+    }
+}
+
+impl Balancer for Cycles {
+    /// A node without a weight counts as the mean of the others. Nobody gets less than one tile,
+    /// or it would never report.
+    fn divide(&mut self, division: &Division<'_>) -> Shares {
+        self.rebalance(division);
+        let nodes = || division.candidates.iter().map(|candidate| candidate.node);
+        let known: Vec<f64> = nodes()
+            .filter_map(|node| self.weights.get(&node).copied())
+            .collect();
+        let mean = if known.is_empty() {
+            1.0
+        } else {
+            known.iter().sum::<f64>() / known.len() as f64
+        };
+        let weights: Vec<f64> = nodes()
+            .map(|node| *self.weights.entry(node).or_insert(mean))
+            .collect();
+        let shares = in_proportion(division.work, &weights);
+        let at_least_a_tile: Vec<f64> = shares
+            .iter()
+            .map(|share| share.max(division.tile_work))
+            .collect();
+        Shares::Work(in_proportion(division.work, &at_least_a_tile))
+    }
+
+    fn learn(&mut self, outcome: &Outcome) {
+        let time = outcome.response_secs.max(RESPONSE_SECS_MIN);
+        self.times.insert(outcome.node, time);
+    }
+}
+
+/// Deviation from the mean, as a share of it, that is left alone.
+const DEAD_BAND: f64 = 0.02;
+/// Shorter responses are below the resolution that durations are measured with.
+const RESPONSE_SECS_MIN: f64 = 1e-6;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::coordinator::balancer::Candidate;
+
+    #[test]
+    fn times_of_two_nodes_come_within_the_dead_band() {
+        let mut cycles = Cycles::default();
+        let candidates = [0, 1].map(|node| Candidate {
+            node: NodeIndex(node),
+            estimate: None,
+            wait_secs: 0.0,
+            proven_work: 0.0,
+            mute_work: 0.0,
+            guard_secs: 0.0,
+        });
+        let division = Division {
+            work: 1000.0,
+            tile_work: 1.0,
+            period_secs: f64::INFINITY,
+            candidates: &candidates,
+        };
+        let mut times = [0.0; 2];
+        for _ in 0..40 {
+            let Shares::Work(shares) = cycles.divide(&division) else {
+                unreachable!("the rule names shares");
+            };
+            times = [shares[0] * 1e-3, shares[1] * 4e-3];
+            for (node, response_secs) in times.into_iter().enumerate() {
+                cycles.learn(&Outcome {
+                    node: NodeIndex(node),
+                    tiles: 1,
+                    work: 1.0,
+                    response_secs,
+                    busy_secs: 0.0,
+                });
+            }
+        }
+        assert!((times[0] / times[1] - 1.0).abs() < 0.05, "{times:?}");
+    }
+}

@@ -1,0 +1,60 @@
+//! Work stealing with credits: nodes take tiles from the frame's pool as they deliver.
+//!
+//! Needs no prediction, but a node must hold enough tiles for the round trip or it idles, and what
+//! slow nodes hold at the end is waited for. Portions shrink as the pool does (guided
+//! self-scheduling: Polychronopoulos and Kuck, IEEE Transactions on Computers 36, 1987).
+
+use super::{Balancer, Division, Estimate, Outcome, Shares};
+
+/// See [`crate::Algorithm::Pull`].
+#[derive(Debug)]
+pub struct Pull;
+
+impl Pull {
+    /// The most work that a node may hold: what it does in a round trip, and a tile more. One that
+    /// has not delivered yet may hold two tiles.
+    pub fn credit(estimate: Option<Estimate>, tile_work: f64) -> f64 {
+        let in_flight = estimate.map_or(tile_work, |line| line.fixed_secs / line.secs_per_work);
+        in_flight + tile_work
+    }
+
+    /// What a node takes at once from a pool of `pool_work` that `nodes` nodes share: at least a
+    /// tile, at most [`PORTION_TILES_MAX`].
+    pub fn portion(pool_work: f64, nodes: usize, tile_work: f64) -> f64 {
+        let fair = pool_work / (2 * nodes.max(1)) as f64;
+        fair.min(PORTION_TILES_MAX * tile_work).max(tile_work)
+    }
+}
+
+impl Balancer for Pull {
+    fn divide(&mut self, _division: &Division<'_>) -> Shares {
+        Shares::Pool
+    }
+
+    fn learn(&mut self, _outcome: &Outcome) {}
+}
+
+/// More tiles than these in one request gain nothing: they are as many as one message carries.
+const PORTION_TILES_MAX: f64 = 8.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_far_node_holds_what_it_does_in_a_round_trip() {
+        let estimate = Estimate {
+            fixed_secs: 0.046,
+            secs_per_work: 1e-6,
+        };
+        assert_eq!(Pull::credit(Some(estimate), 1000.0), 47_000.0);
+        assert_eq!(Pull::credit(None, 1000.0), 2000.0);
+    }
+
+    #[test]
+    fn portions_shrink_with_the_pool_to_one_tile() {
+        assert_eq!(Pull::portion(1000.0, 4, 1.0), 8.0);
+        assert_eq!(Pull::portion(40.0, 4, 1.0), 5.0);
+        assert_eq!(Pull::portion(3.0, 4, 1.0), 1.0);
+    }
+}
