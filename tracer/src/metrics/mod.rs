@@ -1,5 +1,9 @@
 //! How far a picture is from another: error, bias, and whether chance explains the difference.
 
+mod flip;
+
+pub use flip::{Flip, flip};
+
 use crate::image_file::RadianceImage;
 use crate::{Error, ImageSize, Tile, TileGrid};
 
