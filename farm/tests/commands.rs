@@ -277,6 +277,59 @@ fn a_picture_over_the_network_is_the_local_one_bit_for_bit() {
 }
 
 #[test]
+fn a_killed_render_goes_on_to_the_same_picture_bit_for_bit() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    let picture = "render --backend cpu --size 320x180 --spp 512 --checkpoint-secs 0 --out";
+    let args = |out| [&picture.split(' ').collect::<Vec<_>>()[..], &[out]].concat();
+    done(dir, &args("whole.exr"));
+    let mut render = Command::new(env!("CARGO_BIN_EXE_carom-farm"))
+        .args(args("killed.exr"))
+        .current_dir(dir)
+        .spawn()
+        .unwrap();
+    while !dir.join("killed.exr.checkpoint").exists() {
+        assert!(
+            render.try_wait().unwrap().is_none(),
+            "there was no checkpoint"
+        );
+        std::thread::yield_now();
+    }
+    render.kill().unwrap();
+    render.wait().unwrap();
+    assert!(
+        !dir.join("killed.exr").exists(),
+        "the picture was done before the kill"
+    );
+    // Of another picture the checkpoint is not taken.
+    let other = refused(dir, &[&args("killed.exr")[..], &["--seed", "1"]].concat());
+    assert!(other.contains("killed.exr.checkpoint"), "{other}");
+    done(dir, &args("killed.exr"));
+    assert!(pixels(dir, "whole.exr") == pixels(dir, "killed.exr"));
+    let left = std::fs::read_dir(dir).unwrap().count();
+    assert_eq!(left, 2, "only the pictures are left");
+}
+
+#[test]
+fn pictures_are_denoised_alike_by_one_node_and_by_several() {
+    let dir = farm(&["oak", "elm"]);
+    let dir = dir.path();
+    let (oak, elm) = (Node::start(dir, "oak"), Node::start(dir, "elm"));
+    let picture = ["render", "--size", "200x110", "--spp", "4", "--denoise"];
+    let out = ["--out", "local.exr", "--out", "local.png"];
+    done(dir, &[&picture[..], &["--backend", "cpu"], &out].concat());
+    let nodes = ["--node", &oak.address, "--node", &elm.address];
+    let remote = [&nodes[..], &["--backend", "none", "--out", "remote.exr"]].concat();
+    done(dir, &[&picture[..], &remote].concat());
+    assert!(pixels(dir, "local.exr") == pixels(dir, "remote.exr"));
+    let noisy = ["--backend", "cpu", "--out", "noisy.exr"];
+    done(dir, &[&picture[..5], &noisy].concat());
+    assert!(pixels(dir, "local.exr") != pixels(dir, "noisy.exr"));
+    let signature = &std::fs::read(dir.join("local.png")).unwrap()[..8];
+    assert_eq!(signature, b"\x89PNG\r\n\x1a\n");
+}
+
+#[test]
 fn a_node_that_is_killed_costs_no_picture() {
     let dir = farm(&["oak", "elm"]);
     let dir = dir.path();

@@ -187,6 +187,7 @@ fn spec(stage: &Stage, shot: &Shot, moment_secs: f64, settings: Settings) -> Fra
             first_sample: 0,
             scatterings_max: settings.scatterings_max,
             seed: settings.seed,
+            denoise: false,
         },
         format: PixelFormat::Srgb8 { exposure: EXPOSURE },
     }

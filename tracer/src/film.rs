@@ -170,6 +170,37 @@ impl Film {
         self.dropped_samples += u64::from(samples);
     }
 
+    /// The film as bytes, for [`Film::from_bytes`]: dropped samples, then each pixel's sums and
+    /// number of samples, 8 bytes each, little-endian.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut bytes = Vec::with_capacity(8 + self.pixels.len() * PIXEL_BYTES);
+        bytes.extend(self.dropped_samples.to_le_bytes());
+        for pixel in &self.pixels {
+            bytes.extend(pixel.sum.iter().flat_map(|sum| sum.to_le_bytes()));
+            bytes.extend(pixel.samples.to_le_bytes());
+        }
+        bytes
+    }
+
+    /// A film of `size` from [`Film::to_bytes`]; none if there are not as many bytes as it has.
+    pub fn from_bytes(size: ImageSize, bytes: &[u8]) -> Option<Self> {
+        let (words, rest) = bytes.as_chunks::<8>();
+        let (&dropped_samples, words) = words.split_first()?;
+        if !rest.is_empty() || words.len() != size.pixels() * PIXEL_BYTES / 8 {
+            return None;
+        }
+        let (pixels, _) = words.as_chunks::<4>();
+        let pixels = pixels.iter().map(|&[r, g, b, samples]| Pixel {
+            sum: [r, g, b].map(f64::from_le_bytes),
+            samples: u64::from_le_bytes(samples),
+        });
+        Some(Self {
+            size,
+            pixels: pixels.collect(),
+            dropped_samples: u64::from_le_bytes(dropped_samples),
+        })
+    }
+
     /// Forgets all samples.
     pub fn clear(&mut self) {
         self.pixels.fill(Pixel::default());
@@ -200,6 +231,9 @@ impl Film {
         }
     }
 }
+
+/// Bytes of a pixel in [`Film::to_bytes`].
+const PIXEL_BYTES: usize = 32;
 
 impl Pixel {
     fn add(&mut self, mean: [f32; 3], samples: u32) {
@@ -268,6 +302,22 @@ mod tests {
             (film.dropped_samples(), film.image().pixels[7]),
             (0, [0.0; 3])
         );
+    }
+
+    #[test]
+    fn a_film_comes_back_from_its_bytes_and_from_no_others() {
+        let mut film = film();
+        film.add(PIXEL, &[[0.1, 1e30, 3.0]], 7).unwrap();
+        film.count_dropped(5);
+        let bytes = film.to_bytes();
+        let back = Film::from_bytes(film.size(), &bytes).unwrap();
+        assert_eq!(back.to_bytes(), bytes);
+        assert_eq!(back.image(), film.image());
+        for size in [ImageSize::new(3, 3), ImageSize::new(4, 4)] {
+            assert!(Film::from_bytes(size, &bytes).is_none());
+        }
+        assert!(Film::from_bytes(film.size(), &bytes[1..]).is_none());
+        assert!(Film::from_bytes(film.size(), &[]).is_none());
     }
 
     #[test]

@@ -5,10 +5,13 @@ use std::io::{self, BufWriter};
 use std::path::Path;
 
 use exr::meta::MetaData;
-use exr::prelude::{self as openexr, ReadChannels as _, ReadLayers as _, ReadSpecificChannel as _};
+use exr::prelude::{
+    self as openexr, ReadChannels as _, ReadLayers as _, ReadSpecificChannel as _,
+    WritableImage as _,
+};
 
 use crate::tonemap::srgb8;
-use crate::{Error, ImageSize};
+use crate::{Error, ImageSize, Layers};
 
 /// Radiance per pixel: linear Rec. 709, W·sr⁻¹·m⁻².
 #[derive(Clone, Debug, PartialEq)]
@@ -85,6 +88,47 @@ impl RadianceImage {
         .map_err(|error| refused(path, error))
     }
 
+    /// Writes channels R, G and B and what camera rays meet first as layers: `albedo.R`, `albedo.G`
+    /// and `albedo.B`, `normal.X`, `normal.Y` and `normal.Z` in world space, and `Z`, the distance
+    /// along the camera's axis in metres, ∞ where there is nothing. All as 32-bit floats.
+    ///
+    /// # Errors
+    /// As those of [`RadianceImage::write_exr`]; [`Error::InvalidSettings`] if there are not as many
+    /// first hits as pixels.
+    pub fn write_exr_layers(&self, path: impl AsRef<Path>, hits: &[Layers]) -> Result<(), Error> {
+        if hits.len() != self.pixels.len() {
+            return Err(Error::InvalidSettings(format!(
+                "{} first hits are to be the layers of {} pixels",
+                hits.len(),
+                self.pixels.len()
+            )));
+        }
+        let radiance = |c: usize| self.pixels.iter().map(|pixel| pixel[c]).collect();
+        let layer = |value: &dyn Fn(&Layers) -> f32| hits.iter().map(value).collect();
+        let channel = |name: &str, values: Vec<f32>| {
+            openexr::AnyChannel::new(name, openexr::FlatSamples::F32(values))
+        };
+        let channels = [
+            channel("R", radiance(0)),
+            channel("G", radiance(1)),
+            channel("B", radiance(2)),
+            channel("Z", layer(&Layers::depth)),
+            channel("albedo.R", layer(&|hit| hit.albedo[0])),
+            channel("albedo.G", layer(&|hit| hit.albedo[1])),
+            channel("albedo.B", layer(&|hit| hit.albedo[2])),
+            channel("normal.X", layer(&|hit| hit.normal[0])),
+            channel("normal.Y", layer(&|hit| hit.normal[1])),
+            channel("normal.Z", layer(&|hit| hit.normal[2])),
+        ];
+        let path = path.as_ref();
+        let size = (self.size.width as usize, self.size.height as usize);
+        let channels = openexr::AnyChannels::sort(channels.into_iter().collect());
+        openexr::Image::from_channels(size, channels)
+            .write()
+            .to_file(path)
+            .map_err(|error| refused(path, error))
+    }
+
     /// Writes 8-bit sRGB of `exposure ·` radiance, as [`srgb8`] has it.
     ///
     /// # Errors
@@ -153,6 +197,36 @@ mod tests {
         let path = directory.path().join("gradient.exr");
         gradient().write_exr(&path).unwrap();
         assert_eq!(RadianceImage::read_exr(&path).unwrap(), gradient());
+    }
+
+    #[test]
+    fn layers_lie_beside_the_picture() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("layers.exr");
+        let image = gradient();
+        let hit = |i: usize| Layers {
+            albedo: [0.5, i as f32, 0.25],
+            normal: [0.0, 0.6, -0.8],
+            inverse_depth: i as f32,
+            emission: [9.0; 3],
+        };
+        let hits: Vec<Layers> = (0..image.pixels.len()).map(hit).collect();
+        image.write_exr_layers(&path, &hits).unwrap();
+        assert_eq!(RadianceImage::read_exr(&path).unwrap(), image);
+        let file = openexr::read_all_flat_layers_from_file(&path).unwrap();
+        let channels = &file.layer_data[0].channel_data.list;
+        let names: Vec<String> = channels.iter().map(|c| c.name.to_string()).collect();
+        let wanted = "B G R Z albedo.B albedo.G albedo.R normal.X normal.Y normal.Z";
+        assert_eq!(names.join(" "), wanted);
+        let values = |c: usize| {
+            channels[c]
+                .sample_data
+                .values_as_f32()
+                .collect::<Vec<f32>>()
+        };
+        assert_eq!(values(3)[..3], [f32::INFINITY, 1.0, 0.5]);
+        assert_eq!((values(5)[2], values(9)[7]), (2.0, -0.8));
+        assert!(image.write_exr_layers(&path, &hits[1..]).is_err());
     }
 
     #[test]

@@ -15,7 +15,9 @@ pub mod film;
 pub mod fresnel;
 pub mod gpu;
 pub mod image_file;
+pub mod layers;
 pub mod metrics;
+pub mod post;
 pub mod reference;
 pub mod reproject;
 pub mod sampling;
@@ -31,6 +33,7 @@ pub use error::Error;
 pub use film::Film;
 pub use gpu::GpuTracer;
 pub use image_file::RadianceImage;
+pub use layers::{Layers, TileLayers};
 pub use reference::Reference;
 pub use scene::{
     Camera, Environment, Lamp, Material, Medium, Object, ObjectPose, Scene, SceneUpdate, Shape,

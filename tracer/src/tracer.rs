@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicBool;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{CompiledScene, Error, ImageSize, RenderSettings, Tile};
+use crate::{CompiledScene, Error, ImageSize, Reference, RenderSettings, Tile, TileLayers};
 
 /// A device that traces tiles. It keeps nothing between calls but caches, so that any number of
 /// threads may call it at once: a GPU has two frames in flight when two threads do.
@@ -24,6 +24,20 @@ pub trait Tracer: Send + Sync {
         job: &TraceJob<'_>,
         sink: &(dyn Fn(TileRadiance) + Sync),
     ) -> Result<TraceStats, Error>;
+
+    /// Finds what the camera rays of `job`'s samples meet first, and hands it over like
+    /// [`Tracer::trace`]. By default the reference does it, which is slow but right.
+    ///
+    /// # Errors
+    /// As those of [`Tracer::trace`].
+    fn layers(
+        &self,
+        scene: &CompiledScene,
+        job: &TraceJob<'_>,
+        sink: &(dyn Fn(TileLayers) + Sync),
+    ) -> Result<(), Error> {
+        Reference.layers(scene, job, sink)
+    }
 }
 
 /// What to trace of a scene.

@@ -147,6 +147,7 @@ fn the_pool_table_agrees_with_the_reference_sample_for_sample() {
             first_sample,
             samples: 2,
             seed: 77,
+            denoise: false,
             scatterings_max: 2,
         },
     ] {

@@ -3,6 +3,7 @@
 mod add;
 mod backend;
 mod bench;
+mod checkpoint;
 mod failure;
 mod init;
 mod inputs;

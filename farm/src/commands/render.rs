@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
@@ -10,10 +11,14 @@ use carom_farm::net::{self, NodeAddress};
 use carom_farm::{Error, Farm, FarmConfig, Frame, FrameSpec, LocalNode, NodeState, Pixels};
 use carom_protocol::PixelFormat;
 use carom_tracer::film::Film;
-use carom_tracer::{ImageSize, RenderSettings, SceneUpdate, Tile};
+use carom_tracer::{
+    CompiledScene, CpuTracer, ImageSize, Layers, RenderSettings, Scene, SceneUpdate, Tile,
+    TraceJob, Tracer,
+};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::commands::Failure;
+use crate::commands::checkpoint::Checkpoint;
 use crate::commands::inputs::{self, Format, Output};
 
 /// Trace a picture on this machine, on nodes, or on both.
@@ -47,9 +52,19 @@ pub(crate) struct Args {
     /// CPU), cpu, gpu or none [default: auto, or --config's].
     #[arg(long)]
     backend: Option<LocalNode>,
-    /// The picture: .png (8-bit sRGB) or .exr (32-bit linear).
+    /// Filter the noise that is left, guided by what camera rays meet first: 4 samples then look
+    /// like 16 and more. Samples come in fewer frames, each of which is filtered by itself.
     #[arg(long)]
-    out: Output,
+    denoise: bool,
+    /// The picture: .png (8-bit sRGB), or .exr (32-bit linear, with layers of albedo, normal and
+    /// depth); may be repeated. Until it is done, a file `<OUT>.checkpoint` is beside the first
+    /// one: the same command goes on from there after a crash.
+    #[arg(long, required = true)]
+    out: Vec<Output>,
+    /// Seconds between checkpoints: lower loses less to a crash, and writes 32 bytes a pixel more
+    /// often.
+    #[arg(long, default_value_t = 30)]
+    checkpoint_secs: u32,
 }
 
 /// A picture comes as so many frames of other samples, so that the bar moves;
@@ -59,6 +74,8 @@ const FRAME_SAMPLES_MIN: usize = 1 << 21;
 /// and one of more is long to repeat when a node is lost. The bounds depend on the picture alone,
 /// so that it is the same bit for bit whoever traces it.
 const FRAME_SAMPLES_MAX: usize = 1 << 26;
+/// Camera rays of a pixel of a layer: their outlines are smooth then.
+const LAYER_SAMPLES_MAX: u32 = 16;
 /// How long to wait for a frame before looking at what else there is.
 const PATIENCE: Duration = Duration::from_millis(200);
 /// How long to wait for nodes when none is left.
@@ -69,15 +86,109 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut farm = Farm::new(config(args)?)?;
     farm.set_scene(&named.scene)?;
     let interrupted = net::interruption().context("Ctrl-C")?;
-    let film = trace(&mut farm, args, &interrupted)?;
+    let mut progress = Progress::begin(&named.scene, args)?;
+    let traced = trace(&mut farm, args, &mut progress, &interrupted);
     drop(farm);
+    if matches!(traced, Err(Failure::Interrupted)) && progress.samples_done > 0 {
+        progress.checkpoint.write(&progress.film)?;
+        let path = progress.checkpoint.path().display();
+        eprintln!("carom-farm: the same command goes on from {path}");
+    }
+    traced?;
+    let film = &progress.film;
     if film.dropped_samples() > 0 {
         eprintln!(
             "carom-farm: {} samples were not finite and count as black",
             film.dropped_samples()
         );
     }
-    write(&film, &args.out)
+    let hits = layers(&named.scene, args)?;
+    for out in &args.out {
+        write(film, &hits, out)?;
+    }
+    progress.checkpoint.remove()
+}
+
+/// A picture on its way.
+struct Progress {
+    film: Film,
+    /// Samples of each pixel that are in the film.
+    samples_done: u32,
+    checkpoint: Checkpoint,
+}
+
+impl Progress {
+    /// From the start, or from where a render of the same picture was stopped.
+    fn begin(scene: &Scene, args: &Args) -> Result<Self, Failure> {
+        let period = Duration::from_secs(args.checkpoint_secs.into());
+        let settings = args.settings(0, args.spp);
+        let out = &args.out[0].path;
+        let mut checkpoint = Checkpoint::new(out, scene, args.size, settings, period);
+        let resumed = checkpoint.resume()?;
+        if let Some((_, samples)) = resumed {
+            let path = checkpoint.path().display();
+            eprintln!(
+                "carom-farm: going on from {path}: {samples} of {} samples",
+                args.spp
+            );
+        }
+        let (film, samples_done) = resumed.unwrap_or_else(|| (Film::new(args.size), 0));
+        Ok(Self {
+            film,
+            samples_done,
+            checkpoint,
+        })
+    }
+
+    fn add(&mut self, frame: &Frame, samples: u32) -> Result<(), Failure> {
+        add(&mut self.film, frame, samples)?;
+        self.samples_done += samples;
+        self.checkpoint.offer(&self.film, self.samples_done)
+    }
+}
+
+impl Args {
+    fn settings(&self, first_sample: u32, samples: u32) -> RenderSettings {
+        RenderSettings {
+            samples,
+            first_sample,
+            scatterings_max: self.scatterings,
+            seed: self.seed,
+            denoise: self.denoise,
+        }
+    }
+}
+
+/// What camera rays meet first, if a picture has layers: a matter of moments, which this machine's
+/// processor can spare.
+fn layers(scene: &Scene, args: &Args) -> Result<Vec<Layers>, Failure> {
+    if args.out.iter().all(|out| out.format == Format::Png) {
+        return Ok(Vec::new());
+    }
+    let ImageSize { width, height } = args.size;
+    // Row by row, so that they come together without being moved.
+    let rows: Vec<Tile> = (0..height)
+        .map(|y| Tile {
+            x: 0,
+            y,
+            width,
+            height: 1,
+        })
+        .collect();
+    let job = TraceJob {
+        size: args.size,
+        tiles: &rows,
+        settings: args.settings(0, args.spp.min(LAYER_SAMPLES_MAX)),
+        cancelled: &AtomicBool::new(false),
+    };
+    let hits = Mutex::new(vec![Vec::new(); rows.len()]);
+    let scene = CompiledScene::new(scene)?;
+    CpuTracer::new()?.layers(&scene, &job, &|row| {
+        let mut hits = hits.lock().unwrap_or_else(PoisonError::into_inner);
+        hits[row.index] = row.pixels;
+    })?;
+    let hits = hits.into_inner().unwrap_or_else(PoisonError::into_inner);
+    Ok(hits.concat())
 }
 
 fn config(args: &Args) -> Result<FarmConfig, Failure> {
@@ -103,11 +214,18 @@ fn config(args: &Args) -> Result<FarmConfig, Failure> {
 }
 
 /// Submits the picture's frames, as many at a time as the farm takes, and merges them.
-fn trace(farm: &mut Farm, args: &Args, interrupted: &AtomicBool) -> Result<Film, Failure> {
-    let mut film = Film::new(args.size);
-    let mut waiting = batches(args.size, args.spp);
+fn trace(
+    farm: &mut Farm,
+    args: &Args,
+    progress: &mut Progress,
+    interrupted: &AtomicBool,
+) -> Result<(), Failure> {
+    let mut waiting = batches(args.size, args.spp, args.denoise);
+    waiting.retain(|batch| batch.first_sample >= progress.samples_done);
     let mut in_flight = VecDeque::new();
     let bar = progress_bar(args.spp);
+    bar.set_position(progress.samples_done.into());
+    bar.reset_eta();
     let mut quiet_since = Instant::now();
     while !(waiting.is_empty() && in_flight.is_empty()) {
         while let Some(batch) = waiting.front() {
@@ -119,7 +237,7 @@ fn trace(farm: &mut Farm, args: &Args, interrupted: &AtomicBool) -> Result<Film,
         }
         if let Some(frame) = farm.wait_frame(PATIENCE) {
             let samples = in_flight.pop_front().map_or(0, |batch| batch.samples);
-            add(&mut film, &frame, samples)?;
+            progress.add(&frame, samples)?;
             bar.inc(u64::from(samples));
             quiet_since = Instant::now();
         } else if interrupted.load(Ordering::Relaxed) {
@@ -129,7 +247,7 @@ fn trace(farm: &mut Farm, args: &Args, interrupted: &AtomicBool) -> Result<Film,
         }
     }
     bar.finish_and_clear();
-    Ok(film)
+    Ok(())
 }
 
 /// A frame: a range of the picture's samples.
@@ -144,21 +262,18 @@ impl Batch {
         FrameSpec {
             update: SceneUpdate::default(),
             size: args.size,
-            settings: RenderSettings {
-                samples: self.samples,
-                first_sample: self.first_sample,
-                scatterings_max: args.scatterings,
-                seed: args.seed,
-            },
+            settings: args.settings(self.first_sample, self.samples),
             format: PixelFormat::LinearF32,
         }
     }
 }
 
-fn batches(size: ImageSize, spp: u32) -> VecDeque<Batch> {
+/// Of frames that are denoised there are as few as can be: the filter does more with more samples.
+fn batches(size: ImageSize, spp: u32, denoise: bool) -> VecDeque<Batch> {
     let fewest = FRAME_SAMPLES_MIN.div_ceil(size.pixels());
     let most = (FRAME_SAMPLES_MAX / size.pixels()).max(1);
-    let samples = (spp.div_ceil(FRAMES) as usize).max(fewest).min(most) as u32;
+    let frames = if denoise { 1 } else { FRAMES };
+    let samples = (spp.div_ceil(frames) as usize).max(fewest).min(most) as u32;
     let firsts = (0..spp).step_by(samples as usize);
     firsts
         .map(|first_sample| Batch {
@@ -211,11 +326,11 @@ fn progress_bar(spp: u32) -> ProgressBar {
 }
 
 /// Writes beside the file and then renames, so that no half a picture is ever seen.
-fn write(film: &Film, out: &Output) -> Result<(), Failure> {
+fn write(film: &Film, hits: &[Layers], out: &Output) -> Result<(), Failure> {
     let partial = out.path.with_extension("partial");
     let image = film.image();
     match out.format {
-        Format::Exr => image.write_exr(&partial)?,
+        Format::Exr => image.write_exr_layers(&partial, hits)?,
         Format::Png => image.write_png(&partial, 1.0)?,
     }
     std::fs::rename(&partial, &out.path)
@@ -231,13 +346,16 @@ mod tests {
     fn frames_cover_each_sample_once() {
         for (width, height) in [(1, 1), (32, 18), (1280, 720), (16_384, 16_384)] {
             for spp in [1, 2, 15, 16, 17, 64, 4096, 65_536] {
-                let mut next = 0;
-                for batch in batches(ImageSize::new(width, height), spp) {
-                    assert_eq!(batch.first_sample, next);
-                    assert!(batch.samples > 0);
-                    next += batch.samples;
+                let mut next;
+                for denoise in [false, true] {
+                    next = 0;
+                    for batch in batches(ImageSize::new(width, height), spp, denoise) {
+                        assert_eq!(batch.first_sample, next);
+                        assert!(batch.samples > 0);
+                        next += batch.samples;
+                    }
+                    assert_eq!(next, spp);
                 }
-                assert_eq!(next, spp);
             }
         }
     }

@@ -90,7 +90,7 @@ pub(crate) fn balls(balls: usize) -> Scene {
 
 pub(crate) fn request() -> impl Strategy<Value = TraceRequest> {
     let ids = (any::<u64>(), any::<u64>(), hash(), any::<u32>());
-    let work = (1..=64u32, any::<u32>(), 0..=64u32);
+    let work = (1..=64u32, any::<u32>(), 0..=64u32, any::<bool>());
     (ids, grid_and_run(), update(), work, format()).prop_map(
         |((frame, run, scene, seed), (grid, tiles), update, work, format)| TraceRequest {
             frame: FrameId(frame),
@@ -104,6 +104,7 @@ pub(crate) fn request() -> impl Strategy<Value = TraceRequest> {
                 first_sample: work.1,
                 scatterings_max: work.2,
                 seed,
+                denoise: work.3,
             },
             format,
             precision: carom_protocol::PrecisionRange::EXACT,

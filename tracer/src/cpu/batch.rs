@@ -20,11 +20,15 @@ pub(super) struct Scratch {
     /// Per channel and pixel: a sum and what rounding has taken from it (Kahan, "Pracniques:
     /// Further Remarks on Reducing Truncation Errors", CACM 8(1), 1965).
     sums: [Vec<(f32, f32)>; 3],
+    /// Sums of the first half of the samples.
+    half: Vec<[f32; 3]>,
 }
 
 /// A traced rectangle.
 pub(super) struct Traced {
     pub(super) radiance: Vec<[f32; 3]>,
+    /// Of the first half of the samples, rounded down, where pictures are denoised.
+    pub(super) half: Vec<[f32; 3]>,
     pub(super) dropped_samples: u32,
     pub(super) rays: u64,
 }
@@ -35,6 +39,7 @@ impl Scratch {
             stream: Stream::new(BATCH),
             keys: Vec::with_capacity(BATCH),
             sums: std::array::from_fn(|_| Vec::with_capacity(BATCH)),
+            half: Vec::with_capacity(BATCH),
         }
     }
 
@@ -51,6 +56,7 @@ impl Scratch {
     ) -> Option<Traced> {
         let mut traced = Traced {
             radiance: Vec::with_capacity(area.pixels()),
+            half: Vec::new(),
             dropped_samples: 0,
             rays: 0,
         };
@@ -65,9 +71,16 @@ impl Scratch {
                 let samples = samples_at_once.min(settings.samples - done);
                 self.fill(settings.first_sample.wrapping_add(done), samples);
                 traced.rays += scene.trace(simd, &mut self.stream);
-                traced.dropped_samples += self.accumulate(samples as usize);
+                let half = (settings.samples / 2).checked_sub(done);
+                let half = half.filter(|_| settings.denoise && settings.samples > 1);
+                traced.dropped_samples += self.accumulate(samples as usize, half);
             }
             self.resolve(settings.samples, &mut traced.radiance);
+            if settings.denoise {
+                let share = 1.0 / (settings.samples / 2).max(1) as f32;
+                let sums = self.half.drain(..);
+                traced.half.extend(sums.map(|sum| sum.map(|c| c * share)));
+            }
         }
         Some(traced)
     }
@@ -102,11 +115,16 @@ impl Scratch {
     }
 
     /// Adds the batch to the sums; returns how many samples were not finite and count as black.
+    /// Before sample `half` of the batch the sums are those of the first half.
     #[inline(always)]
-    fn accumulate(&mut self, samples: usize) -> u32 {
+    fn accumulate(&mut self, samples: usize, half: Option<u32>) -> u32 {
         let pixels = self.keys.len();
         let mut dropped = 0;
-        for slots in (0..samples).map(|sample| sample * pixels..(sample + 1) * pixels) {
+        for sample in 0..samples {
+            if half == Some(sample as u32) {
+                self.resolve_half();
+            }
+            let slots = sample * pixels..(sample + 1) * pixels;
             let [r, g, b] = &mut self.stream.finished.0;
             let channels = [r, g, b].map(|channel| &mut channel[slots.clone()]);
             dropped += blacken_non_finite(channels);
@@ -120,6 +138,14 @@ impl Scratch {
             }
         }
         dropped
+    }
+
+    /// Keeps the sums as those of the first half.
+    fn resolve_half(&mut self) {
+        let [r, g, b] = &self.sums;
+        let pixels = r.iter().zip(g).zip(b);
+        self.half.clear();
+        self.half.extend(pixels.map(|((r, g), b)| [r.0, g.0, b.0]));
     }
 
     /// Appends the means of all samples.

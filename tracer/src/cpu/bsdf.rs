@@ -108,7 +108,7 @@ impl<S: Simd> Bsdf<S> {
             let diffuse_share = 1.0 - self.specular_share;
             scattered.weight = self.base * (self.transmitted(simd, cos_i) / diffuse_share);
             scattered.pdf *= diffuse_share;
-            self.mirror(simd, u[0], &mut scattered);
+            self.choose_mirror(simd, u[0], &mut scattered);
         }
         if let Some(gloss) = &self.gloss {
             let glossy = gloss.sample(simd, self.normal, self.wo, u, inside);
@@ -122,15 +122,40 @@ impl<S: Simd> Bsdf<S> {
 
     /// Turns the lanes with `u` below the mirror's share to it.
     #[inline(always)]
-    fn mirror(&self, simd: S, u: Float<S>, scattered: &mut Scattered<S>) {
+    fn choose_mirror(&self, simd: S, u: Float<S>, scattered: &mut Scattered<S>) {
         let specular = u.simd_lt(self.specular_share);
-        let wi = self.normal.mul_add(self.cos_o * 2.0, -self.wo);
+        let wi = self.mirrored();
         let weight = self.fresnel / self.specular_share;
         let weight = Vec3x::new(weight, weight, weight);
         let infinite = Float::splat(simd, f32::INFINITY);
         scattered.wi = Vec3x::select(specular, wi, scattered.wi);
         scattered.weight = Vec3x::select(specular, weight, scattered.weight);
         scattered.pdf = specular.select(infinite, scattered.pdf);
+    }
+
+    /// Reflectance of a diffuse base; 1 of metals and clear bodies, which show others.
+    #[inline(always)]
+    pub(super) fn albedo(&self, simd: S, albedo: Vec3x<S>) -> Vec3x<S> {
+        match &self.gloss {
+            Some(gloss) => Vec3x::select(gloss.lanes(), Vec3x::splat(simd, [1.0; 3]), albedo),
+            None => albedo,
+        }
+    }
+
+    /// Reflectance of the mirror that the surface is or has.
+    #[inline(always)]
+    pub(super) fn mirror(&self, simd: S) -> Vec3x<S> {
+        let coat = Vec3x::new(self.fresnel, self.fresnel, self.fresnel);
+        match &self.gloss {
+            Some(gloss) => Vec3x::select(gloss.lanes(), gloss.mirror(simd, self.cos_o), coat),
+            None => coat,
+        }
+    }
+
+    /// Where the mirror shows.
+    #[inline(always)]
+    pub(super) fn mirrored(&self) -> Vec3x<S> {
+        self.normal.mul_add(self.cos_o * 2.0, -self.wo)
     }
 
     /// The share of light that passes the coat towards or from a direction at `cos`.

@@ -207,6 +207,17 @@ impl<S: Simd> Gloss<S> {
         }
     }
 
+    /// Reflectance of what is smooth, at a cosine of `wo`; 0 where it is rough.
+    #[inline(always)]
+    pub(super) fn mirror(&self, simd: S, cos: Float<S>) -> Vec3x<S> {
+        let f = fresnel(simd, cos, self.eta);
+        let mut reflectance = Vec3x::new(f, f, f);
+        if self.metal.any_true() {
+            reflectance = Vec3x::select(self.metal, self.reflectance(simd, cos), reflectance);
+        }
+        Vec3x::select(self.rough, Vec3x::splat(simd, [0.0; 3]), reflectance)
+    }
+
     /// The sine is measured rather than the cosine, of which nothing is left near 1.
     #[inline(always)]
     fn ggx(&self, normal: Vec3x<S>, h: Vec3x<S>) -> Float<S> {

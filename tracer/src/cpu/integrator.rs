@@ -20,20 +20,20 @@ use crate::{ImageSize, RenderSettings};
 /// A scene for one picture, laid out for the lanes.
 pub(super) struct Prepared {
     camera: CameraFrame,
-    environment: [f32; 3],
-    geometry: Geometry,
-    surfaces: Surfaces,
-    lamps: Vec<LampRow>,
-    settings: RenderSettings,
+    pub(super) environment: [f32; 3],
+    pub(super) geometry: Geometry,
+    pub(super) surfaces: Surfaces,
+    pub(super) lamps: Vec<LampRow>,
+    pub(super) settings: RenderSettings,
 }
 
-type LampRow = [f32; 16];
+pub(super) type LampRow = [f32; 16];
 
 const LAMP_CENTER: usize = 0;
 const LAMP_HALF_U: usize = 3;
 const LAMP_HALF_V: usize = 6;
-const LAMP_NORMAL: usize = 9;
-const LAMP_RADIANCE: usize = 12;
+pub(super) const LAMP_NORMAL: usize = 9;
+pub(super) const LAMP_RADIANCE: usize = 12;
 /// Area times the number of lamps: the inverse density of a point on any of them.
 const LAMP_AREA: usize = 15;
 
@@ -87,19 +87,12 @@ impl Prepared {
     /// Camera rays through a random point of each path's pixel.
     #[inline(always)]
     fn generate<S: Simd>(&self, simd: S, stream: &mut Stream) {
-        let camera = &self.camera;
-        let eye = Vec3x::splat(simd, camera.eye);
-        let corner = Vec3x::splat(simd, camera.corner);
-        let (dx, dy) = (Vec3x::splat(simd, camera.dx), Vec3x::splat(simd, camera.dy));
+        let eye = self.eye(simd);
         let one = Float::splat(simd, 1.0);
         for Packet { at, .. } in packets(stream.len) {
             let pixel = load_words(simd, &stream.pixel, at);
             let sample = load_words(simd, &stream.sample, at);
-            let u = uniforms(simd, pixel, sample, BLOCK_CAMERA, self.settings.seed);
-            let (x, y) = (small_to_float(pixel & 0xffff), small_to_float(pixel >> 16));
-            // Whole pixels first: x + u would cost wide images the digits of u.
-            let at_pixel = dx.mul_add(x, dy.mul_add(y, corner));
-            let direction = dx.mul_add(u[0], dy.mul_add(u[1], at_pixel));
+            let direction = self.camera_direction(simd, pixel, sample);
             let inverse_length = one / direction.length_squared().sqrt();
             stream.origin.store(at, eye);
             stream.direction.store(at, direction * inverse_length);
@@ -108,6 +101,29 @@ impl Prepared {
             store(&mut stream.pdf, at, Float::splat(simd, f32::INFINITY));
             store_words(&mut stream.primitive, at, Word::splat(simd, NONE));
         }
+    }
+
+    #[inline(always)]
+    pub(super) fn eye<S: Simd>(&self, simd: S) -> Vec3x<S> {
+        Vec3x::splat(simd, self.camera.eye)
+    }
+
+    /// Where a sample's camera ray goes: of length 1 along the camera's axis.
+    #[inline(always)]
+    pub(super) fn camera_direction<S: Simd>(
+        &self,
+        simd: S,
+        pixel: Word<S>,
+        sample: Word<S>,
+    ) -> Vec3x<S> {
+        let camera = &self.camera;
+        let corner = Vec3x::splat(simd, camera.corner);
+        let (dx, dy) = (Vec3x::splat(simd, camera.dx), Vec3x::splat(simd, camera.dy));
+        let u = uniforms(simd, pixel, sample, BLOCK_CAMERA, self.settings.seed);
+        let (x, y) = (small_to_float(pixel & 0xffff), small_to_float(pixel >> 16));
+        // Whole pixels first: x + u would cost wide images the digits of u.
+        let at_pixel = dx.mul_add(x, dy.mul_add(y, corner));
+        dx.mul_add(u[0], dy.mul_add(u[1], at_pixel))
     }
 
     /// Finds what each path meets next, ends those that meet light or nothing, or all if this is
@@ -131,7 +147,10 @@ impl Prepared {
             let unscattered = met.simd_ge(self.geometry.lamps_first) & alive;
             if unscattered.any_true() {
                 let light_id = unscattered.select(nearest.id, Word::splat(simd, NONE));
-                let light = self.found_light(simd, stream, at, nearest.distance, light_id);
+                let mut light = self.found_light(simd, stream, at, nearest.distance, light_id);
+                if self.settings.denoise && bounce <= 1 {
+                    light = self.without_emission(simd, stream, at, light);
+                }
                 let radiance = stream.radiance.load(simd, at);
                 stream.finish(packet, unscattered, radiance + light);
             }
@@ -212,6 +231,21 @@ impl Prepared {
         let black = Vec3x::splat(simd, [0.0; 3]);
         let emitted = Vec3x::select(lit & cos_lamp.simd_gt(0.0), emitted, black);
         Vec3x::select(escaped, environment, emitted)
+    }
+
+    /// Leaves out light that is in the emission of first hits, which is traced apart.
+    #[inline(always)]
+    fn without_emission<S: Simd>(
+        &self,
+        simd: S,
+        stream: &Stream,
+        at: usize,
+        light: Vec3x<S>,
+    ) -> Vec3x<S> {
+        let scattered = load(simd, &stream.pdf, at).simd_lt(f32::INFINITY);
+        let left = load_words(simd, &stream.primitive, at);
+        let within = (left & INSIDE).simd_ne(0) & left.simd_ne(NONE);
+        Vec3x::select(scattered | within, light, Vec3x::splat(simd, [0.0; 3]))
     }
 
     /// Scatters each path where it hit: a shadow ray towards a lamp and the path's next direction.

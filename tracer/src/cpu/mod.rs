@@ -24,6 +24,7 @@ mod geometry;
 mod gloss;
 mod integrator;
 mod lanes;
+mod layers;
 mod sampling;
 mod stream;
 mod surface;
@@ -38,8 +39,11 @@ use rayon::prelude::*;
 pub use fearless_simd::Level;
 pub use first_hit::FirstHits;
 
+use crate::layers::smooth;
+use crate::post::{NoisyTile, NoisyTracer, trace_denoised};
 use crate::{
-    CompiledScene, DeviceInfo, DeviceKind, Error, Tile, TileRadiance, TraceJob, TraceStats, Tracer,
+    CompiledScene, DeviceInfo, DeviceKind, Error, Layers, Tile, TileLayers, TileRadiance, TraceJob,
+    TraceStats, Tracer,
 };
 use batch::{Scratch, Traced};
 use integrator::Prepared;
@@ -118,6 +122,37 @@ impl CpuTracer {
         self.level
     }
 
+    fn trace_tiles(
+        &self,
+        scene: &Prepared,
+        job: &TraceJob<'_>,
+        sink: impl Fn(usize, Traced) + Sync,
+    ) -> TraceStats {
+        let strips = strips_per_tile(job.tiles.len(), self.pool.current_num_threads());
+        let (samples, rays) = (AtomicU64::new(0), AtomicU64::new(0));
+        self.pool.install(|| {
+            let tiles = job.tiles.par_iter().with_max_len(1).enumerate();
+            tiles.for_each(|(index, &tile)| {
+                let Some(traced) = self.trace_tile(scene, job, tile, strips) else {
+                    return;
+                };
+                let begun = traced.radiance.len() as u64 * u64::from(job.settings.samples);
+                samples.fetch_add(begun, Ordering::Relaxed);
+                rays.fetch_add(traced.rays, Ordering::Relaxed);
+                sink(index, traced);
+            });
+        });
+        TraceStats {
+            samples: samples.into_inner(),
+            rays: rays.into_inner(),
+            device_nanos: 0,
+        }
+    }
+
+    fn layers_of(&self, scene: &Prepared, tile: Tile) -> Vec<Layers> {
+        dispatch!(self.level, simd => scene.layers(simd, tile))
+    }
+
     fn trace_tile(
         &self,
         scene: &Prepared,
@@ -178,30 +213,64 @@ impl Tracer for CpuTracer {
         sink: &(dyn Fn(TileRadiance) + Sync),
     ) -> Result<TraceStats, Error> {
         job.validate()?;
+        if job.settings.denoise {
+            let level = self.level;
+            let traced = || trace_denoised(self, level, scene, job, sink);
+            return self.pool.install(traced);
+        }
         let prepared = Prepared::new(scene, job.size, job.settings);
-        let strips = strips_per_tile(job.tiles.len(), self.pool.current_num_threads());
-        let (samples, rays) = (AtomicU64::new(0), AtomicU64::new(0));
+        Ok(self.trace_tiles(&prepared, job, |index, traced| {
+            sink(TileRadiance {
+                index,
+                radiance: traced.radiance,
+                dropped_samples: traced.dropped_samples,
+            });
+        }))
+    }
+
+    fn layers(
+        &self,
+        scene: &CompiledScene,
+        job: &TraceJob<'_>,
+        sink: &(dyn Fn(TileLayers) + Sync),
+    ) -> Result<(), Error> {
+        job.validate()?;
+        let prepared = Prepared::new(scene, job.size, job.settings);
         self.pool.install(|| {
-            let tiles = job.tiles.par_iter().with_max_len(1).enumerate();
-            tiles.for_each(|(index, &tile)| {
-                let Some(traced) = self.trace_tile(&prepared, job, tile, strips) else {
-                    return;
-                };
-                let begun = traced.radiance.len() as u64 * u64::from(job.settings.samples);
-                samples.fetch_add(begun, Ordering::Relaxed);
-                rays.fetch_add(traced.rays, Ordering::Relaxed);
-                sink(TileRadiance {
-                    index,
-                    radiance: traced.radiance,
-                    dropped_samples: traced.dropped_samples,
-                });
+            job.tiles.par_iter().enumerate().for_each(|(index, &tile)| {
+                if !job.cancelled.load(Ordering::Relaxed) {
+                    let pixels = self.layers_of(&prepared, tile);
+                    sink(TileLayers { index, pixels });
+                }
             });
         });
-        Ok(TraceStats {
-            samples: samples.into_inner(),
-            rays: rays.into_inner(),
-            device_nanos: 0,
-        })
+        Ok(())
+    }
+}
+
+impl NoisyTracer for CpuTracer {
+    fn trace_noisy(
+        &self,
+        scene: &CompiledScene,
+        job: &TraceJob<'_>,
+        sink: &(dyn Fn(NoisyTile) + Sync),
+    ) -> Result<TraceStats, Error> {
+        let prepared = Prepared::new(scene, job.size, job.settings);
+        let smoother =
+            smooth(job.settings).map(|settings| Prepared::new(scene, job.size, settings));
+        Ok(self.trace_tiles(&prepared, job, |index, traced| {
+            let tile = job.tiles[index];
+            sink(NoisyTile {
+                index,
+                tile,
+                radiance: traced.radiance,
+                half: traced.half,
+                smooth_layers: (smoother.as_ref())
+                    .map_or_else(Vec::new, |scene| self.layers_of(scene, tile)),
+                hits: self.layers_of(&prepared, tile),
+                dropped_samples: traced.dropped_samples,
+            });
+        }))
     }
 }
 
@@ -209,9 +278,11 @@ impl Traced {
     fn joined(parts: Vec<Self>) -> Self {
         let dropped_samples = parts.iter().map(|part| part.dropped_samples).sum();
         let rays = parts.iter().map(|part| part.rays).sum();
+        let half = parts.iter().flat_map(|part| &part.half).copied().collect();
         let radiance = parts.into_iter().flat_map(|part| part.radiance).collect();
         Self {
             radiance,
+            half,
             dropped_samples,
             rays,
         }

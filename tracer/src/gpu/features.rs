@@ -65,6 +65,43 @@ pub(crate) enum SceneMemory {
     Storage,
 }
 
+/// What the kernel finds for each pixel: the mean over its samples of
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum Output {
+    /// radiance,
+    Radiance,
+    /// radiance without what is in [`crate::Layers::emission`],
+    Reflected,
+    /// or a part of [`crate::Layers`].
+    Albedo,
+    Normal,
+    InverseDepth,
+    Emission,
+}
+
+impl Output {
+    pub(crate) const ALL: [Self; 6] = [
+        Self::Radiance,
+        Self::Reflected,
+        Self::Albedo,
+        Self::Normal,
+        Self::InverseDepth,
+        Self::Emission,
+    ];
+
+    /// Its name in WGSL.
+    pub(crate) const fn constant(self) -> &'static str {
+        match self {
+            Self::Radiance => "OUTPUT_RADIANCE",
+            Self::Reflected => "OUTPUT_REFLECTED",
+            Self::Albedo => "OUTPUT_ALBEDO",
+            Self::Normal => "OUTPUT_NORMAL",
+            Self::InverseDepth => "OUTPUT_INVERSE_DEPTH",
+            Self::Emission => "OUTPUT_EMISSION",
+        }
+    }
+}
+
 /// The key of a kernel: scenes with the same features share one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Features {
@@ -83,6 +120,7 @@ pub(crate) struct Features {
     pub(crate) has_gloss: bool,
     /// Some material is clear.
     pub(crate) has_clear: bool,
+    pub(crate) output: Output,
     /// Balls are so far from the origin that the rounding of coordinates shows.
     pub(crate) is_compensated: bool,
     pub(crate) memory: SceneMemory,
@@ -103,6 +141,7 @@ impl Features {
             has_stripe: any(|material| material.stripe_half_width > 0.0),
             has_gloss: any(|material| material.kind != KIND_LAYERED),
             has_clear: any(|material| material.kind == KIND_DIELECTRIC),
+            output: Output::Radiance,
             is_compensated: needs_compensation(scene),
             memory: SceneMemory::Uniform,
         };

@@ -16,6 +16,7 @@ mod adapter;
 mod device;
 mod features;
 mod frame;
+mod layers;
 mod layout;
 mod pipeline;
 mod probe;
@@ -27,13 +28,17 @@ mod leaf_tests;
 
 use std::sync::atomic::Ordering;
 
+use fearless_simd::Level;
+
 pub use adapter::{AdapterChoice, AdapterDescription, adapters};
 
+use crate::post::trace_denoised;
 use crate::{
-    CompiledScene, DeviceInfo, DeviceKind, Error, Tile, TileRadiance, TraceJob, TraceStats, Tracer,
+    CompiledScene, DeviceInfo, DeviceKind, Error, Tile, TileLayers, TileRadiance, TraceJob,
+    TraceStats, Tracer,
 };
 use device::Device;
-use features::Features;
+use features::{Features, Output};
 use frame::{BufferPool, FrameBuffers, PIXEL_BYTES};
 use layout::DispatchData;
 use pipeline::{Kernel, KernelCache};
@@ -176,11 +181,42 @@ impl Tracer for GpuTracer {
         sink: &(dyn Fn(TileRadiance) + Sync),
     ) -> Result<TraceStats, Error> {
         self.check(job)?;
+        if job.settings.denoise {
+            return trace_denoised(self, Level::new(), scene, job, sink);
+        }
+        self.trace_output(scene, job, Output::Radiance, sink)
+    }
+
+    fn layers(
+        &self,
+        scene: &CompiledScene,
+        job: &TraceJob<'_>,
+        sink: &(dyn Fn(TileLayers) + Sync),
+    ) -> Result<(), Error> {
+        self.check(job)?;
+        let tiles = self.find_layers(scene, job)?.into_iter().enumerate();
+        for (index, pixels) in tiles.filter(|(_, pixels)| !pixels.is_empty()) {
+            sink(TileLayers { index, pixels });
+        }
+        Ok(())
+    }
+}
+
+impl GpuTracer {
+    /// Traces `output` in place of radiance.
+    fn trace_output(
+        &self,
+        scene: &CompiledScene,
+        job: &TraceJob<'_>,
+        output: Output,
+        sink: &(dyn Fn(TileRadiance) + Sync),
+    ) -> Result<TraceStats, Error> {
         if job.tiles.is_empty() {
             return Ok(TraceStats::default());
         }
         let uniform_bytes_max = self.device.device.limits().max_uniform_buffer_binding_size;
-        let features = Features::of(scene, uniform_bytes_max);
+        let mut features = Features::of(scene, uniform_bytes_max);
+        features.output = output;
         let work = Work {
             job,
             kernel: &*self.kernels.kernel(&self.device, features)?,

@@ -21,6 +21,7 @@ const SETTINGS: RenderSettings = RenderSettings {
     first_sample: 0,
     scatterings_max: 4,
     seed: 1,
+    denoise: false,
 };
 /// Rounding moves a pixel by about 1e-6; a path whose next edge it sends past the other side of an
 /// outline changes it by as much as the light does. Such paths are below 1 in 1000.

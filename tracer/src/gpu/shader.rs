@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::compiled::{KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED};
-use crate::gpu::features::{Features, SceneMemory, ShapeKind};
+use crate::gpu::features::{Features, Output, SceneMemory, ShapeKind};
 use crate::sampling::BLOCK_CAMERA;
 
 /// Pixels along the edge of the block that a workgroup traces.
@@ -49,6 +49,7 @@ fn parts(features: &Features) -> Vec<&'static str> {
         true => include_str!("shaders/medium.wgsl"),
         false => include_str!("shaders/medium_none.wgsl"),
     });
+    parts.push(include_str!("shaders/layers.wgsl"));
     parts.push(include_str!("shaders/path.wgsl"));
     parts.push(include_str!("shaders/kernel.wgsl"));
     parts
@@ -76,6 +77,15 @@ fn constants(features: &Features) -> String {
          const KIND_DIELECTRIC: u32 = {KIND_DIELECTRIC}u;\n",
         features.is_compensated, features.has_stripe, features.has_clear
     );
+    _ = writeln!(text, "const OUTPUT: u32 = {}u;", features.output as u32);
+    for output in Output::ALL {
+        _ = writeln!(
+            text,
+            "const {}: u32 = {}u;",
+            output.constant(),
+            output as u32
+        );
+    }
     let mut first = 0;
     for shape in ShapeKind::ALL {
         let (name, count) = (shape.constant(), features.count(shape));
@@ -198,6 +208,7 @@ mod tests {
         has_stripe: true,
         has_gloss: true,
         has_clear: true,
+        output: Output::Radiance,
         is_compensated: true,
         memory: SceneMemory::Uniform,
     };
@@ -218,6 +229,7 @@ mod tests {
                 has_stripe: i % 3 == 0,
                 has_gloss: i % 7 < 4,
                 has_clear: i % 7 < 2,
+                output: Output::ALL[i as usize % 6],
                 is_compensated: i % 5 < 2,
             }
         })

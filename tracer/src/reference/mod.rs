@@ -35,6 +35,7 @@
 
 pub mod bsdf;
 pub mod intersect;
+mod layers;
 pub mod medium;
 pub mod microfacet;
 pub mod scatter;
@@ -42,13 +43,16 @@ pub mod specular;
 
 use std::sync::atomic::Ordering;
 
+use fearless_simd::Level;
 use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::compiled::{CameraFrame, LampData, Primitive};
+use crate::layers::smooth;
+use crate::post::{NoisyTile, NoisyTracer, trace_denoised};
 use crate::sampling::{BLOCK_CAMERA, block_light, block_scatter, pixel_key, uniforms};
 use crate::tracer::{DeviceInfo, DeviceKind, TileRadiance, TraceJob, TraceStats, Tracer};
-use crate::{CompiledScene, Error, RenderSettings, Tile};
+use crate::{CompiledScene, Error, RenderSettings, Tile, TileLayers};
 use intersect::{Departure, intersect_from, vector};
 pub use intersect::{Hit, Ray, intersect};
 use medium::{Medium, uniform_direction};
@@ -75,19 +79,56 @@ impl Tracer for Reference {
         sink: &(dyn Fn(TileRadiance) + Sync),
     ) -> Result<TraceStats, Error> {
         job.validate()?;
-        let view = View {
-            scene,
-            frame: scene.camera_frame(job.size),
-            settings: job.settings,
-        };
-        let tiles = job.tiles.par_iter().enumerate();
-        let rays = tiles.map(|(index, tile)| view.tile(index, tile, job, sink));
-        let (pixels, rays) = rays.reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
-        Ok(TraceStats {
-            samples: pixels * u64::from(job.settings.samples),
-            rays,
-            device_nanos: 0,
-        })
+        if job.settings.denoise {
+            return trace_denoised(self, Level::new(), scene, job, sink);
+        }
+        Ok(View::new(scene, job).trace(job, |index, _, rows| {
+            sink(TileRadiance {
+                index,
+                dropped_samples: rows.iter().map(|row| row.dropped_samples).sum(),
+                radiance: rows.into_iter().flat_map(|row| row.radiance).collect(),
+            });
+        }))
+    }
+
+    fn layers(
+        &self,
+        scene: &CompiledScene,
+        job: &TraceJob<'_>,
+        sink: &(dyn Fn(TileLayers) + Sync),
+    ) -> Result<(), Error> {
+        job.validate()?;
+        let view = View::new(scene, job);
+        job.tiles.par_iter().enumerate().for_each(|(index, &tile)| {
+            if !job.cancelled.load(Ordering::Relaxed) {
+                let pixels = view.layers(tile);
+                sink(TileLayers { index, pixels });
+            }
+        });
+        Ok(())
+    }
+}
+
+impl NoisyTracer for Reference {
+    fn trace_noisy(
+        &self,
+        scene: &CompiledScene,
+        job: &TraceJob<'_>,
+        sink: &(dyn Fn(NoisyTile) + Sync),
+    ) -> Result<TraceStats, Error> {
+        let view = View::new(scene, job);
+        let smoother = smooth(job.settings).map(|settings| View { settings, ..view });
+        Ok(view.trace(job, |index, tile, rows| {
+            sink(NoisyTile {
+                index,
+                tile,
+                dropped_samples: rows.iter().map(|row| row.dropped_samples).sum(),
+                half: rows.iter().flat_map(|row| row.half.clone()).collect(),
+                radiance: rows.into_iter().flat_map(|row| row.radiance).collect(),
+                hits: view.layers(tile),
+                smooth_layers: smoother.map_or_else(Vec::new, |view| view.layers(tile)),
+            });
+        }))
     }
 }
 
@@ -101,6 +142,7 @@ pub fn camera_ray(frame: &CameraFrame, x: f64, y: f64) -> Ray {
 }
 
 /// What all paths of a picture share.
+#[derive(Clone, Copy)]
 struct View<'a> {
     scene: &'a CompiledScene,
     frame: CameraFrame,
@@ -111,6 +153,8 @@ struct View<'a> {
 #[derive(Default)]
 struct Row {
     radiance: Vec<[f32; 3]>,
+    /// Of the first half of the samples.
+    half: Vec<[f32; 3]>,
     dropped_samples: u32,
     rays: u64,
 }
@@ -127,14 +171,34 @@ struct Vertex {
     scatter: Scatter,
 }
 
-impl View<'_> {
+impl<'a> View<'a> {
+    fn new(scene: &'a CompiledScene, job: &TraceJob<'_>) -> Self {
+        Self {
+            scene,
+            frame: scene.camera_frame(job.size),
+            settings: job.settings,
+        }
+    }
+
+    /// Traces a job and hands the rows of each tile over.
+    fn trace(&self, job: &TraceJob<'_>, sink: impl Fn(usize, Tile, Vec<Row>) + Sync) -> TraceStats {
+        let tiles = job.tiles.par_iter().enumerate();
+        let rays = tiles.map(|(index, tile)| self.tile(index, tile, job, &sink));
+        let (pixels, rays) = rays.reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+        TraceStats {
+            samples: pixels * u64::from(job.settings.samples),
+            rays,
+            device_nanos: 0,
+        }
+    }
+
     /// Traces a tile and hands it over; returns its pixels and rays, none if cancelled on the way.
     fn tile(
         &self,
         index: usize,
         tile: &Tile,
         job: &TraceJob<'_>,
-        sink: &(dyn Fn(TileRadiance) + Sync),
+        sink: &(impl Fn(usize, Tile, Vec<Row>) + Sync),
     ) -> (u64, u64) {
         let rows = (tile.y..tile.y + tile.height).into_par_iter();
         let rows =
@@ -143,11 +207,7 @@ impl View<'_> {
             return (0, 0);
         };
         let rays = rows.iter().map(|row| row.rays).sum();
-        sink(TileRadiance {
-            index,
-            dropped_samples: rows.iter().map(|row| row.dropped_samples).sum(),
-            radiance: rows.into_iter().flat_map(|row| row.radiance).collect(),
-        });
+        sink(index, *tile, rows);
         (tile.pixels() as u64, rays)
     }
 
@@ -155,8 +215,13 @@ impl View<'_> {
         let mut row = Row::default();
         for x in tile.x..tile.x + tile.width {
             let mut sum = DVec3::ZERO;
-            for sample in 0..self.settings.samples {
-                let sample = self.settings.first_sample.wrapping_add(sample);
+            let half = self.settings.samples / 2;
+            for taken in 0..self.settings.samples {
+                if taken == half {
+                    let mean = sum / f64::from(half.max(1));
+                    row.half.push(mean.as_vec3().to_array());
+                }
+                let sample = self.settings.first_sample.wrapping_add(taken);
                 let radiance = self.path(x, y, sample, &mut row.rays);
                 if radiance.is_finite() {
                     sum += radiance;
@@ -181,7 +246,15 @@ impl View<'_> {
         let mut pdf_diffuse = None;
         for scattering in 0..=self.settings.scatterings_max {
             *rays += 1;
+            // Of denoised pictures the first hits' emission is traced apart.
+            let is_emission = self.settings.denoise
+                && scattering <= 1
+                && pdf_diffuse.is_none()
+                && left.is_none_or(|left: Departure| !left.is_inside);
             let Some(hit) = intersect_from(self.scene, &ray, left) else {
+                if is_emission {
+                    return radiance;
+                }
                 return radiance + beta * self.scene.environment.as_dvec3();
             };
             let u = random(block_scatter(scattering));
@@ -198,6 +271,9 @@ impl View<'_> {
                 }
             }
             if let Primitive::Lamp(lamp) = hit.primitive {
+                if is_emission {
+                    return radiance;
+                }
                 let lamp = &self.scene.lamps[lamp as usize];
                 return radiance + beta * self.lamp_met(lamp, &ray, &hit, pdf_diffuse);
             }

@@ -7,6 +7,7 @@ use super::intersect::{Hit, vector};
 use super::specular::{Conductor, Dielectric};
 use crate::CompiledScene;
 use crate::compiled::{KIND_CONDUCTOR, KIND_DIELECTRIC};
+use crate::fresnel::{fresnel_conductor, fresnel_dielectric};
 
 /// The materials of [`crate::Material`], as seen from one side of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,6 +62,28 @@ impl Scatter {
             Self::Layered(bsdf) => bsdf.sample(wo, n, u),
             Self::Conductor(metal) => metal.sample(wo, n, u),
             Self::Dielectric(glass) => glass.sample(wo, n, u),
+        }
+    }
+
+    /// Reflectance of a diffuse base; 1 of metals and clear bodies, which show others.
+    pub(super) fn albedo(&self) -> DVec3 {
+        match self {
+            Self::Layered(bsdf) => bsdf.albedo,
+            Self::Conductor(_) | Self::Dielectric(_) => DVec3::ONE,
+        }
+    }
+
+    /// Reflectance of the mirror that the surface is or has, at a cosine of `wo`.
+    pub(super) fn mirror(&self, cos_o: f64) -> DVec3 {
+        match *self {
+            Self::Layered(bsdf) => DVec3::splat(bsdf.fresnel(cos_o)),
+            Self::Conductor(metal) if metal.alpha == 0.0 => {
+                fresnel_conductor(cos_o, metal.eta, metal.k)
+            }
+            Self::Dielectric(glass) if glass.alpha == 0.0 => {
+                DVec3::splat(fresnel_dielectric(cos_o, glass.eta))
+            }
+            Self::Conductor(_) | Self::Dielectric(_) => DVec3::ZERO,
         }
     }
 

@@ -8,6 +8,10 @@ fn layered_at(surface: Surface, wo: vec3f) -> Layered {
     return Layered(surface.albedo);
 }
 
+fn layered_mirror(layered: Layered) -> f32 {
+    return 0.0;
+}
+
 fn layered_eval(layered: Layered, cos_i: f32) -> Evaluated {
     let cos_up = max(cos_i, 0.0);
     return Evaluated(layered.albedo * select(0.0, 1.0 / PI, cos_i > 0.0), cos_up * (1.0 / PI));

@@ -62,6 +62,25 @@ fn bsdf_eval(bsdf: Bsdf, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
     return Evaluated(vec3f(pdf * visibility(bsdf.alpha, -cos_i) / eta2), pdf);
 }
 
+// Of a diffuse base; metals and clear bodies show others.
+fn bsdf_albedo(bsdf: Bsdf, surface: Surface) -> vec3f {
+    return select(vec3f(1.0), surface.albedo, bsdf.kind == KIND_LAYERED);
+}
+
+// Reflectance of the mirror that the surface is or has.
+fn bsdf_mirror(bsdf: Bsdf, cos_o: f32) -> vec3f {
+    if (bsdf.kind == KIND_LAYERED) {
+        return vec3f(layered_mirror(bsdf.layered));
+    }
+    if (bsdf.alpha > 0.0) {
+        return vec3f(0.0);
+    }
+    if (bsdf.kind == KIND_CONDUCTOR) {
+        return conductor_reflectance(bsdf.material, cos_o);
+    }
+    return vec3f(fresnel_dielectric(cos_o, bsdf.eta));
+}
+
 fn bsdf_is_clear(bsdf: Bsdf) -> bool {
     return bsdf.kind == KIND_DIELECTRIC;
 }

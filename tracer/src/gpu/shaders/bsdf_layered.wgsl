@@ -12,6 +12,16 @@ fn bsdf_eval(bsdf: Bsdf, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
     return layered_eval(bsdf.layered, dot(n, wi));
 }
 
+// Of a diffuse base.
+fn bsdf_albedo(bsdf: Bsdf, surface: Surface) -> vec3f {
+    return surface.albedo;
+}
+
+// Reflectance of the mirror that the surface is or has.
+fn bsdf_mirror(bsdf: Bsdf, cos_o: f32) -> vec3f {
+    return vec3f(layered_mirror(bsdf.layered));
+}
+
 fn bsdf_is_clear(bsdf: Bsdf) -> bool {
     return false;
 }

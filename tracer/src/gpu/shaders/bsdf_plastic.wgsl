@@ -21,6 +21,10 @@ fn layered_at(surface: Surface, wo: vec3f) -> Layered {
     return Layered(surface.albedo * scale, ior, mirror, share);
 }
 
+fn layered_mirror(layered: Layered) -> f32 {
+    return layered.mirror;
+}
+
 fn layered_eval(layered: Layered, cos_i: f32) -> Evaluated {
     if (cos_i <= 0.0) {
         return Evaluated(vec3f(0.0), 0.0);

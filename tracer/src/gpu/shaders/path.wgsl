@@ -28,6 +28,10 @@ fn camera_path(x: u32, y: u32, sample: u32) -> Path {
 fn advance(path: ptr<function, Path>, rays: ptr<function, u32>) -> bool {
     let ray = (*path).ray;
     *rays += 1u;
+    if (OUTPUT >= OUTPUT_ALBEDO) {
+        (*path).radiance = layers(ray);
+        return false;
+    }
     let hit = nearest(ray, (*path).skip);
     if (HAS_CLEAR && ((*path).skip & INSIDE) != 0u && (*path).skip != NO_PRIMITIVE) {
         let u = uniforms((*path).pixel, (*path).sample, block_scatter((*path).bounce), job.seed);
@@ -42,6 +46,9 @@ fn advance(path: ptr<function, Path>, rays: ptr<function, u32>) -> bool {
             return !is_last && any((*path).throughput != vec3f(0.0));
         }
     }
+    if (hit.primitive >= LAMP_FIRST && is_emission(*path)) {
+        return false;
+    }
     if (hit.primitive == NO_PRIMITIVE) {
         (*path).radiance += (*path).throughput * scene.header.environment;
         return false;
@@ -55,6 +62,13 @@ fn advance(path: ptr<function, Path>, rays: ptr<function, u32>) -> bool {
     }
     let is_within = HAS_CLEAR && (*path).skip == (hit.primitive | INSIDE);
     return scatter(path, surface_at(ray, hit, is_within), hit.primitive, rays);
+}
+
+// Whether the light that a path ends in belongs to the emission of first hits, where that is traced
+// apart.
+fn is_emission(path: Path) -> bool {
+    let is_inside = (path.skip & INSIDE) != 0u && path.skip != NO_PRIMITIVE;
+    return OUTPUT == OUTPUT_REFLECTED && path.bounce <= 1u && path.pdf == SPECULAR && !is_inside;
 }
 
 fn scatter(

@@ -1,0 +1,251 @@
+//! What a long render leaves behind so that it can go on after a crash: the sums so far.
+//!
+//! One line of JSON says which picture it is, the film's bytes follow, a BLAKE3 hash of all that ends
+//! the file. It is written beside its place and renamed, so that there is always a whole one.
+
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use carom_protocol::SceneHash;
+use carom_tracer::film::Film;
+use carom_tracer::{ImageSize, RenderSettings, Scene};
+use serde::{Deserialize, Serialize};
+
+use crate::commands::Failure;
+
+/// The picture that a checkpoint is of, and how far it has come.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Header {
+    /// Of this file's form.
+    version: u32,
+    /// Hash of the scene, in hexadecimal.
+    scene: String,
+    size: ImageSize,
+    settings: RenderSettings,
+    /// Samples of each pixel that are in the sums.
+    samples_done: u32,
+}
+
+const VERSION: u32 = 1;
+const HASH_BYTES: usize = 32;
+
+/// The checkpoints of one render.
+pub(crate) struct Checkpoint {
+    path: PathBuf,
+    header: Header,
+    period: Duration,
+    written: Instant,
+}
+
+impl Checkpoint {
+    /// For the picture that will be at `out`; written at most once a `period`.
+    pub(crate) fn new(
+        out: &Path,
+        scene: &Scene,
+        size: ImageSize,
+        settings: RenderSettings,
+        period: Duration,
+    ) -> Self {
+        let SceneHash(hash) = SceneHash::of(scene);
+        let mut path = out.as_os_str().to_owned();
+        path.push(".checkpoint");
+        Self {
+            path: path.into(),
+            header: Header {
+                version: VERSION,
+                scene: hash.iter().map(|byte| format!("{byte:02x}")).collect(),
+                size,
+                settings,
+                samples_done: 0,
+            },
+            period,
+            written: Instant::now(),
+        }
+    }
+
+    /// The film and its samples so far; none if there is no checkpoint.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] if there is one of another picture, or a damaged one.
+    pub(crate) fn resume(&mut self) -> Result<Option<(Film, u32)>, Failure> {
+        let bytes = match std::fs::read(&self.path) {
+            Ok(bytes) => bytes,
+            Err(why) if why.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(why) => return Err(self.refused(&why.to_string())),
+        };
+        let (header, film) = read(&bytes).ok_or_else(|| self.refused("it is damaged"))?;
+        let samples_done = header.samples_done;
+        let same = Header {
+            samples_done,
+            ..self.header.clone()
+        };
+        if header != same || samples_done > header.settings.samples {
+            return Err(self.refused("it is of another scene, size or number of samples"));
+        }
+        self.header = header;
+        Ok(Some((film, samples_done)))
+    }
+
+    fn refused(&self, why: &str) -> Failure {
+        Failure::Input(format!(
+            "{}: {why}; remove it, or write the picture to another file",
+            self.path.display()
+        ))
+    }
+
+    /// Writes the film if the last checkpoint is old enough.
+    ///
+    /// # Errors
+    /// [`Failure::Run`] if the file cannot be written.
+    pub(crate) fn offer(&mut self, film: &Film, samples_done: u32) -> Result<(), Failure> {
+        self.header.samples_done = samples_done;
+        if self.written.elapsed() < self.period {
+            return Ok(());
+        }
+        self.write(film)
+    }
+
+    /// Writes the film.
+    ///
+    /// # Errors
+    /// [`Failure::Run`] if the file cannot be written.
+    pub(crate) fn write(&mut self, film: &Film) -> Result<(), Failure> {
+        let mut bytes = serde_json::to_vec(&self.header).context("the checkpoint's header")?;
+        bytes.push(b'\n');
+        bytes.extend(film.to_bytes());
+        bytes.extend(blake3::hash(&bytes).as_bytes());
+        let partial = self.path.with_extension("checkpoint-partial");
+        let write = || -> std::io::Result<()> {
+            let mut file = File::create(&partial)?;
+            file.write_all(&bytes)?;
+            // Before the name: after a power cut there must not be a name without content.
+            file.sync_all()?;
+            std::fs::rename(&partial, &self.path)
+        };
+        write().with_context(|| self.path.display().to_string())?;
+        self.written = Instant::now();
+        Ok(())
+    }
+
+    /// Removes the file: the picture is done.
+    ///
+    /// # Errors
+    /// [`Failure::Run`] if there is one and it cannot be removed.
+    pub(crate) fn remove(&self) -> Result<(), Failure> {
+        match std::fs::remove_file(&self.path) {
+            Err(why) if why.kind() != std::io::ErrorKind::NotFound => {
+                Err(anyhow::Error::new(why).context(self.path.display().to_string()))?
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Where it lies.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+fn read(bytes: &[u8]) -> Option<(Header, Film)> {
+    let (content, hash) = bytes.split_at_checked(bytes.len().checked_sub(HASH_BYTES)?)?;
+    if blake3::hash(content).as_bytes() != hash {
+        return None;
+    }
+    let line = content.iter().position(|&byte| byte == b'\n')?;
+    let header: Header = serde_json::from_slice(&content[..line]).ok()?;
+    let film = Film::from_bytes(header.size, &content[line + 1..])?;
+    Some((header, film))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use carom_tracer::{Camera, Environment, Tile};
+    use glam::Vec3;
+
+    use super::*;
+
+    const SIZE: ImageSize = ImageSize::new(5, 3);
+
+    fn scene(eye: f32) -> Scene {
+        Scene {
+            camera: Camera {
+                eye: Vec3::new(0.0, eye, 1.0),
+                target: Vec3::ZERO,
+                up: Vec3::Z,
+                fov_x_deg: 40.0,
+            },
+            environment: Environment {
+                radiance: Vec3::ONE,
+            },
+            materials: BTreeMap::new(),
+            objects: Vec::new(),
+            lamps: Vec::new(),
+        }
+    }
+
+    fn checkpoint(folder: &Path, eye: f32, samples: u32) -> Checkpoint {
+        let settings = RenderSettings {
+            samples,
+            ..RenderSettings::default()
+        };
+        let period = Duration::ZERO;
+        Checkpoint::new(&folder.join("a.exr"), &scene(eye), SIZE, settings, period)
+    }
+
+    fn film() -> Film {
+        let mut film = Film::new(SIZE);
+        let all = Tile {
+            x: 0,
+            y: 0,
+            width: 5,
+            height: 3,
+        };
+        film.add(all, &[[0.1, 0.7, 1e9]; 15], 3).unwrap();
+        film
+    }
+
+    #[test]
+    fn a_picture_goes_on_where_it_was() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut first = checkpoint(folder.path(), 1.0, 16);
+        assert!(first.resume().unwrap().is_none());
+        first.offer(&film(), 3).unwrap();
+        let mut second = checkpoint(folder.path(), 1.0, 16);
+        let (back, done) = second.resume().unwrap().unwrap();
+        assert_eq!((back.to_bytes(), done), (film().to_bytes(), 3));
+        second.remove().unwrap();
+        second.remove().unwrap();
+        assert!(second.resume().unwrap().is_none());
+        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn checkpoints_of_others_and_damaged_ones_are_refused_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut first = checkpoint(folder.path(), 1.0, 16);
+        first.offer(&film(), 3).unwrap();
+        let bytes = std::fs::read(first.path()).unwrap();
+        for (eye, samples) in [(1.5, 16), (1.0, 17)] {
+            let refused = checkpoint(folder.path(), eye, samples).resume();
+            let why = refused.unwrap_err().to_string();
+            assert!(
+                why.contains("a.exr.checkpoint") && why.contains("another"),
+                "{why}"
+            );
+        }
+        for length in 0..bytes.len() {
+            std::fs::write(first.path(), &bytes[..length]).unwrap();
+            let why = first.resume().unwrap_err().to_string();
+            assert!(why.contains("damaged"), "{why}");
+        }
+        let mut flipped = bytes;
+        flipped[200] ^= 1;
+        std::fs::write(first.path(), flipped).unwrap();
+        assert!(first.resume().is_err());
+    }
+}

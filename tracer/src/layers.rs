@@ -1,0 +1,58 @@
+//! What camera rays meet first: guides of the denoiser and layers of picture files.
+
+use crate::{RenderSettings, Tile};
+
+/// Means over a pixel's camera rays, which go where those of its paths go.
+///
+/// A ray that meets a lamp or nothing has neither albedo nor normal, and its inverse depth is 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Layers {
+    /// Reflectance of the surface, 0 to 1; under a coat that of the base.
+    pub albedo: [f32; 3],
+    /// World-space unit normals on the camera's side; shorter where they differ.
+    pub normal: [f32; 3],
+    /// Of the distance along the camera's axis, m⁻¹. Over a plane its mean is the value at the
+    /// pixel's middle, where the mean of the distance itself is not.
+    pub inverse_depth: f32,
+    /// Light of lamps and environment that comes straight, or by a first mirror: the sharpest part
+    /// of a picture, and without noise but that of where the rays go.
+    pub emission: [f32; 3],
+}
+
+impl Layers {
+    /// Distance along the camera's axis in metres; ∞ where nothing is met.
+    pub fn depth(&self) -> f32 {
+        1.0 / self.inverse_depth
+    }
+}
+
+/// First hits of a finished tile.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TileLayers {
+    /// Index into [`crate::TraceJob::tiles`].
+    pub index: usize,
+    /// Row-major: `tile.width × tile.height`.
+    pub pixels: Vec<Layers>,
+}
+
+/// The fewest camera rays of a pixel whose outlines look smooth; denoised pictures of fewer paths
+/// take their outlines from so many.
+pub(crate) const SMOOTH_RAYS: u32 = 4;
+
+/// `settings` with enough samples for smooth outlines, unless they have them.
+pub(crate) fn smooth(settings: RenderSettings) -> Option<RenderSettings> {
+    let samples = SMOOTH_RAYS;
+    (settings.samples < samples).then_some(RenderSettings {
+        samples,
+        ..settings
+    })
+}
+
+/// Rows of a tile, each a tile of its own.
+pub(crate) fn rows(tile: Tile) -> impl ExactSizeIterator<Item = Tile> {
+    (0..tile.height).map(move |row| Tile {
+        y: tile.y + row,
+        height: 1,
+        ..tile
+    })
+}

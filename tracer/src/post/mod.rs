@@ -1,0 +1,18 @@
+//! What happens to radiance after it has been traced.
+//!
+//! ```text
+//! tiles ─▶ Region: the tiles and a guard band ─▶ paths, first hits ─▶ filter ─▶ the tiles
+//! ```
+//!
+//! A pixel's result depends on what lies within [`SUPPORT`] pixels of it and on nothing else, and
+//! all of that is traced with it, so that denoised pictures too do not depend on the partition.
+
+mod filter;
+mod noisy;
+mod region;
+
+pub(crate) use noisy::{NoisyTile, NoisyTracer, trace_denoised};
+
+/// Pixels from which a denoised pixel takes light, in each direction. Wider finds more to average
+/// and costs every run of tiles a wider guard band.
+pub const SUPPORT: u32 = 16;

@@ -1,0 +1,193 @@
+//! Tiles with the guard band that a filter needs around them.
+
+use super::SUPPORT;
+use crate::{ImageSize, Tile};
+
+/// Pixels along an edge of the squares that guard bands are made of.
+const BLOCK: u32 = 8;
+/// Pixels of a guard tile's width: short ones are spread over threads more evenly.
+const GUARD_WIDTH_MAX: u32 = 64;
+
+/// The part of an image that has to be traced so that some tiles can be filtered.
+#[derive(Debug)]
+pub(crate) struct Region {
+    /// Encloses all of it.
+    pub(crate) bounds: Tile,
+    /// The wanted tiles, then those of the guard band.
+    pub(crate) tiles: Vec<Tile>,
+}
+
+impl Region {
+    /// For `wanted` tiles, of which there must be one, in an image of `size`.
+    pub(crate) fn around(wanted: &[Tile], size: ImageSize) -> Self {
+        let grown: Vec<Tile> = wanted.iter().map(|&tile| grown(tile, size)).collect();
+        let (columns, rows) = (size.width.div_ceil(BLOCK), size.height.div_ceil(BLOCK));
+        let mut needed = vec![false; (columns * rows) as usize];
+        let mut mark = |tile: Tile, value: bool, blocks: fn(u32, u32, u32) -> (u32, u32)| {
+            let (left, right) = blocks(tile.x, tile.x + tile.width, size.width);
+            let (top, bottom) = blocks(tile.y, tile.y + tile.height, size.height);
+            for y in top..bottom {
+                let row = (y * columns) as usize;
+                for x in left..right.max(left) {
+                    needed[row + x as usize] = value;
+                }
+            }
+        };
+        for &tile in &grown {
+            mark(tile, true, blocks_touched);
+        }
+        for &tile in wanted {
+            mark(tile, false, blocks_covered);
+        }
+        let mut tiles = wanted.to_vec();
+        for (y, row) in (0..).zip(needed.chunks(columns as usize)) {
+            push_spans(&mut tiles, y, row, size);
+        }
+        let bounds = grown.into_iter().reduce(joined).unwrap_or(EMPTY);
+        Self { bounds, tiles }
+    }
+}
+
+/// How many of the first tiles may be filtered together, so that the planes of the filter, a hundred
+/// bytes a pixel, stay below a gigabyte: at least 1.
+pub(crate) fn leading(tiles: &[Tile]) -> usize {
+    let mut bounds = EMPTY;
+    let within = |tile: &&Tile| {
+        bounds = if bounds.width == 0 {
+            **tile
+        } else {
+            joined(bounds, **tile)
+        };
+        bounds.pixels() <= PIXELS_MAX
+    };
+    tiles.iter().take_while(within).count().max(1)
+}
+
+/// Pixels filtered together: all of a 4K frame.
+const PIXELS_MAX: usize = 1 << 23;
+
+const EMPTY: Tile = Tile {
+    x: 0,
+    y: 0,
+    width: 0,
+    height: 0,
+};
+
+fn grown(tile: Tile, size: ImageSize) -> Tile {
+    let (x, y) = (
+        tile.x.saturating_sub(SUPPORT),
+        tile.y.saturating_sub(SUPPORT),
+    );
+    Tile {
+        x,
+        y,
+        width: (tile.x + tile.width + SUPPORT).min(size.width) - x,
+        height: (tile.y + tile.height + SUPPORT).min(size.height) - y,
+    }
+}
+
+fn joined(a: Tile, b: Tile) -> Tile {
+    let (x, y) = (a.x.min(b.x), a.y.min(b.y));
+    Tile {
+        x,
+        y,
+        width: (a.x + a.width).max(b.x + b.width) - x,
+        height: (a.y + a.height).max(b.y + b.height) - y,
+    }
+}
+
+/// Blocks with a pixel from `begin` to `end`.
+fn blocks_touched(begin: u32, end: u32, _: u32) -> (u32, u32) {
+    (begin / BLOCK, end.div_ceil(BLOCK))
+}
+
+/// Blocks all of whose pixels in an image that ends at `edge` are from `begin` to `end`.
+fn blocks_covered(begin: u32, end: u32, edge: u32) -> (u32, u32) {
+    let last = if end == edge {
+        end.div_ceil(BLOCK)
+    } else {
+        end / BLOCK
+    };
+    (begin.div_ceil(BLOCK), last)
+}
+
+/// Adds the needed blocks of one row as tiles.
+fn push_spans(tiles: &mut Vec<Tile>, row: u32, needed: &[bool], size: ImageSize) {
+    let y = row * BLOCK;
+    let mut first = 0;
+    for span in needed.chunk_by(|a, b| a == b) {
+        let (begin, end) = (first * BLOCK, (first + span.len() as u32) * BLOCK);
+        first += span.len() as u32;
+        if span[0] {
+            let end = end.min(size.width);
+            tiles.extend(
+                (begin..end)
+                    .step_by(GUARD_WIDTH_MAX as usize)
+                    .map(|x| Tile {
+                        x,
+                        y,
+                        width: GUARD_WIDTH_MAX.min(end - x),
+                        height: BLOCK.min(size.height - y),
+                    }),
+            );
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{TileGrid, TileRun};
+
+    fn covers(tiles: &[Tile], x: u32, y: u32) -> bool {
+        let holds =
+            |t: &Tile| (t.x..t.x + t.width).contains(&x) && (t.y..t.y + t.height).contains(&y);
+        tiles.iter().any(holds)
+    }
+
+    #[test]
+    fn every_pixel_within_the_support_is_traced_and_few_others() {
+        let size = ImageSize::new(203, 151);
+        for (edge, first, count) in [(32, 0, 1), (32, 9, 8), (13, 40, 50), (203, 0, 1), (8, 7, 1)] {
+            let grid = TileGrid::new(size, edge);
+            let wanted: Vec<Tile> = grid.tiles(TileRun { first, count }).collect();
+            let region = Region::around(&wanted, size);
+            assert_eq!(region.tiles[..wanted.len()], wanted);
+            for (x, y) in (0..size.height).flat_map(|y| (0..size.width).map(move |x| (x, y))) {
+                let near = wanted
+                    .iter()
+                    .any(|&tile| covers(&[grown(tile, size)], x, y));
+                let traced = covers(&region.tiles, x, y);
+                assert!(traced || !near, "({x}, {y}) is missing");
+                let far = |t: &Tile| {
+                    x + SUPPORT + BLOCK < t.x
+                        || y + SUPPORT + BLOCK < t.y
+                        || x > t.x + t.width + SUPPORT + BLOCK
+                        || y > t.y + t.height + SUPPORT + BLOCK
+                };
+                assert!(!(traced && wanted.iter().all(far)), "({x}, {y}) is too far");
+                assert!(!near || covers(&[region.bounds], x, y));
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_filtered_together_is_bounded() {
+        let grid = TileGrid::new(ImageSize::new(16_384, 16_384), 128);
+        let tiles: Vec<Tile> = grid.tiles(grid.all()).collect();
+        let count = leading(&tiles);
+        assert!(Region::around(&tiles[..count], grid.size).bounds.pixels() < 2 * PIXELS_MAX);
+        assert_eq!(leading(&[tiles[0], tiles[tiles.len() - 1]]), 1);
+        let grid = TileGrid::new(ImageSize::new(3840, 2160), 32);
+        let tiles: Vec<Tile> = grid.tiles(grid.all()).collect();
+        assert_eq!(leading(&tiles), tiles.len());
+    }
+
+    #[test]
+    fn a_whole_image_has_no_guard_band() {
+        let size = ImageSize::new(203, 151);
+        let grid = TileGrid::new(size, 32);
+        let wanted: Vec<Tile> = grid.tiles(grid.all()).collect();
+        assert_eq!(Region::around(&wanted, size).tiles, wanted);
+    }
+}

@@ -1,0 +1,84 @@
+//! First hits in f64.
+
+use glam::DVec3;
+
+use super::intersect::{Departure, Hit, Ray, intersect_from, vector};
+use super::{Vertex, View, camera_ray};
+use crate::compiled::Primitive;
+use crate::sampling::{BLOCK_CAMERA, pixel_key, uniforms};
+use crate::{Layers, Tile};
+
+#[derive(Clone, Copy, Default)]
+struct Sum {
+    albedo: DVec3,
+    normal: DVec3,
+    inverse_depth: f64,
+    emission: DVec3,
+}
+
+impl View<'_> {
+    /// Means over the samples of each pixel of a tile.
+    pub(super) fn layers(&self, tile: Tile) -> Vec<Layers> {
+        let rows = tile.y..tile.y + tile.height;
+        let pixels = rows.flat_map(|y| (tile.x..tile.x + tile.width).map(move |x| (x, y)));
+        pixels.map(|(x, y)| self.pixel_layers(x, y)).collect()
+    }
+
+    fn pixel_layers(&self, x: u32, y: u32) -> Layers {
+        let mut sum = Sum::default();
+        for taken in 0..self.settings.samples {
+            let sample = self.settings.first_sample.wrapping_add(taken);
+            let [u, v, ..] = uniforms(pixel_key(x, y), sample, BLOCK_CAMERA, self.settings.seed);
+            let (u, v) = (f64::from(x) + f64::from(u), f64::from(y) + f64::from(v));
+            self.add(&mut sum, &camera_ray(&self.frame, u, v));
+        }
+        let share = 1.0 / f64::from(self.settings.samples);
+        let mean = |sum: DVec3| (sum * share).as_vec3().to_array();
+        Layers {
+            albedo: mean(sum.albedo),
+            normal: mean(sum.normal),
+            inverse_depth: (sum.inverse_depth * share) as f32,
+            emission: mean(sum.emission),
+        }
+    }
+
+    fn add(&self, sum: &mut Sum, ray: &Ray) {
+        let hit = intersect_from(self.scene, ray, None);
+        let Some(hit) = hit.filter(|hit| !matches!(hit.primitive, Primitive::Lamp(_))) else {
+            sum.emission += self.emission(ray, hit.as_ref());
+            return;
+        };
+        let vertex = Vertex::new(self.scene, ray, &hit);
+        let axis = vector(self.frame.dx)
+            .cross(-vector(self.frame.dy))
+            .normalize();
+        sum.albedo += vertex.scatter.albedo();
+        sum.normal += vertex.n;
+        sum.inverse_depth += 1.0 / (hit.t * ray.direction.dot(-axis));
+        let cos_o = vertex.wo.dot(vertex.n);
+        let mirror = vertex.scatter.mirror(cos_o);
+        if mirror != DVec3::ZERO {
+            let mirrored = Ray {
+                origin: vertex.point,
+                direction: 2.0 * cos_o * vertex.n - vertex.wo,
+            };
+            let left = Departure {
+                primitive: vertex.primitive,
+                is_inside: false,
+            };
+            let met = intersect_from(self.scene, &mirrored, Some(left));
+            sum.emission += mirror * self.emission(&mirrored, met.as_ref());
+        }
+    }
+
+    /// Light of the lamp or the environment that a ray ends in.
+    fn emission(&self, ray: &Ray, met: Option<&Hit>) -> DVec3 {
+        match met.map(|hit| (hit, hit.primitive)) {
+            None => self.scene.environment.as_dvec3(),
+            Some((hit, Primitive::Lamp(lamp))) if ray.direction.dot(hit.n) < 0.0 => {
+                vector(self.scene.lamps[lamp as usize].radiance)
+            }
+            Some(_) => DVec3::ZERO,
+        }
+    }
+}

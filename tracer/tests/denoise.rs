@@ -1,0 +1,256 @@
+//! What the denoiser promises: less error, the same picture however it is cut, nothing blurred that
+//! has an edge, and no change where there is no noise.
+
+mod tracers;
+
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::AtomicBool;
+
+use carom_tracer::film::{trace_image, trace_tiles};
+use carom_tracer::metrics::rel_mse;
+use carom_tracer::{
+    CompiledScene, CpuTracer, ImageSize, Layers, RadianceImage, Reference, RenderSettings, Scene,
+    Tile, TileGrid, TileRun, TraceJob, Tracer,
+};
+use tracers::tracers;
+
+fn repository(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
+}
+
+fn pool() -> CompiledScene {
+    CompiledScene::new(&Scene::load(repository("assets/scenes/pool.json")).unwrap()).unwrap()
+}
+
+fn reference() -> RadianceImage {
+    RadianceImage::read_exr(repository("tests/references/pool_480x270.exr")).unwrap()
+}
+
+fn denoised(samples: u32) -> RenderSettings {
+    RenderSettings {
+        samples,
+        denoise: true,
+        ..RenderSettings::default()
+    }
+}
+
+fn layers(tracer: &dyn Tracer, scene: &CompiledScene, samples: u32) -> Vec<Layers> {
+    let tile = Tile {
+        x: 0,
+        y: 0,
+        width: 97,
+        height: 61,
+    };
+    let job = TraceJob {
+        size: ImageSize::new(97, 61),
+        tiles: &[tile],
+        settings: RenderSettings {
+            samples,
+            ..RenderSettings::default()
+        },
+        cancelled: &AtomicBool::new(false),
+    };
+    let pixels = Mutex::new(Vec::new());
+    let sink = |done: carom_tracer::TileLayers| pixels.lock().unwrap().extend(done.pixels);
+    tracer.layers(scene, &job, &sink).unwrap();
+    pixels.into_inner().unwrap()
+}
+
+/// Largest difference in any of the numbers.
+fn apart(a: &Layers, b: &Layers) -> f32 {
+    let numbers = |hit: &Layers| {
+        let [albedo, normal, emission] = [hit.albedo, hit.normal, hit.emission];
+        [albedo, normal, emission, [hit.inverse_depth, 0.0, 0.0]].concat()
+    };
+    let pairs = numbers(a).into_iter().zip(numbers(b));
+    pairs
+        .map(|(a, b)| (a - b).abs() / (1.0 + b.abs()))
+        .fold(0.0, f32::max)
+}
+
+#[test]
+fn layers_agree_between_all_tracers() {
+    let scene = pool();
+    let truth = layers(&Reference, &scene, 3);
+    let shines = |hit: &&Layers| hit.emission[0] > 0.1 && hit.albedo != [0.0; 3];
+    assert!(truth.iter().any(|hit| shines(&hit)), "no lamp is reflected");
+    for tracer in tracers() {
+        let found = layers(&**tracer, &scene, 3);
+        assert_eq!(found.len(), truth.len());
+        // Rounding sends a ray past the other side of an outline now and then.
+        let off = truth
+            .iter()
+            .zip(&found)
+            .filter(|(a, b)| apart(a, b) > 1e-4)
+            .count();
+        assert!(
+            off * 500 <= truth.len(),
+            "{}: {off} differ",
+            tracer.info().name
+        );
+    }
+}
+
+#[test]
+fn paths_and_layers_add_up_to_the_whole_picture() {
+    let scene = pool();
+    let size = ImageSize::new(96, 54);
+    for tracer in tracers() {
+        let settings = denoised(256);
+        let plain = RenderSettings {
+            denoise: false,
+            ..settings
+        };
+        let a = trace_image(&**tracer, &scene, size, settings)
+            .unwrap()
+            .image();
+        let b = trace_image(&**tracer, &scene, size, plain).unwrap().image();
+        let mean = |image: &RadianceImage| {
+            image
+                .pixels
+                .iter()
+                .flatten()
+                .map(|&c| f64::from(c))
+                .sum::<f64>()
+        };
+        let ratio = mean(&a) / mean(&b);
+        assert!(
+            (ratio - 1.0).abs() < 3e-3,
+            "{}: {ratio}",
+            tracer.info().name
+        );
+    }
+}
+
+#[test]
+fn any_partition_gives_the_same_bits() {
+    let scene = pool();
+    let grid = TileGrid::new(ImageSize::new(203, 117), 32);
+    for tracer in tracers() {
+        for samples in [1, 5] {
+            let trace = |run: TileRun| {
+                let tiles: Vec<Tile> = grid.tiles(run).collect();
+                trace_tiles(&**tracer, &scene, grid.size, denoised(samples), &tiles)
+                    .unwrap()
+                    .image()
+            };
+            let whole = trace(grid.all());
+            let mut joined = vec![[0.0; 3]; grid.size.pixels()];
+            for (first, end) in [(0, 1), (1, 9), (9, 10), (10, grid.len())] {
+                let part = trace(TileRun {
+                    first,
+                    count: end - first,
+                });
+                for (sum, part) in joined.iter_mut().zip(part.pixels) {
+                    (0..3).for_each(|c| sum[c] += part[c]);
+                }
+            }
+            assert!(
+                joined == whole.pixels,
+                "{}: {samples} samples",
+                tracer.info().name
+            );
+        }
+    }
+}
+
+#[test]
+fn the_error_falls_at_every_number_of_samples() {
+    let (scene, reference) = (pool(), reference());
+    let tracer = CpuTracer::new().unwrap();
+    // How much of the error is left: measured with `examples/denoise.rs`, and a tenth above.
+    for (samples, share) in [(1, 0.06), (4, 0.33), (16, 0.6), (64, 0.9)] {
+        let error = |denoise| {
+            let settings = RenderSettings {
+                denoise,
+                ..denoised(samples)
+            };
+            let image = trace_image(&tracer, &scene, reference.size, settings).unwrap();
+            rel_mse(&image.image(), &reference).unwrap()
+        };
+        let (noisy, smooth) = (error(false), error(true));
+        assert!(
+            smooth <= share * noisy,
+            "{samples} samples: {smooth} of {noisy}"
+        );
+    }
+}
+
+/// Mean squared difference of neighbours across the edges that the reference has: where blur would
+/// lower it.
+#[test]
+fn stripes_and_reflected_lamps_stay_sharp() {
+    let (scene, reference) = (pool(), reference());
+    let tracer = CpuTracer::new().unwrap();
+    let image = trace_image(&tracer, &scene, reference.size, denoised(4))
+        .unwrap()
+        .image();
+    let balls: Vec<usize> = {
+        let grid = TileGrid::new(reference.size, 128);
+        let tiles: Vec<Tile> = grid.tiles(grid.all()).collect();
+        let job = TraceJob {
+            size: reference.size,
+            tiles: &tiles,
+            settings: denoised(4),
+            cancelled: &AtomicBool::new(false),
+        };
+        let lit = Mutex::new(Vec::new());
+        let sink = |done: carom_tracer::TileLayers| {
+            let tile = tiles[done.index];
+            for (i, hit) in (0..).zip(&done.pixels) {
+                let (x, y) = (tile.x + i % tile.width, tile.y + i / tile.width);
+                // Only a coat both reflects light and has an albedo.
+                if hit.emission[0] > 1e-3 && hit.albedo.iter().any(|&c| c > 0.0) && x > 0 {
+                    lit.lock()
+                        .unwrap()
+                        .push((y * reference.size.width + x) as usize);
+                }
+            }
+        };
+        tracer.layers(&scene, &job, &sink).unwrap();
+        lit.into_inner().unwrap()
+    };
+    let luminance = |image: &RadianceImage, i: usize| {
+        let [r, g, b] = image.pixels[i];
+        // As seen on a screen, so that the lamps' own brightness is not all that counts.
+        (0.2126 * r + 0.7152 * g + 0.0722 * b).min(1.0)
+    };
+    let (mut truth, mut along) = (0.0, 0.0);
+    let mut edges = 0;
+    for i in balls {
+        let step = |image| f64::from(luminance(image, i) - luminance(image, i - 1));
+        let (there, here) = (step(&reference), step(&image));
+        if there.abs() > 0.1 {
+            truth += there * there;
+            along += there * here;
+            edges += 1;
+        }
+    }
+    assert!(edges > 100, "{edges} edges");
+    let contrast = along / truth;
+    assert!(
+        (0.93..1.07).contains(&contrast),
+        "{contrast} of the contrast is left"
+    );
+}
+
+#[test]
+fn odd_pictures_are_denoised_too() {
+    let scene = pool();
+    for tracer in tracers() {
+        for size in [
+            ImageSize::new(1, 1),
+            ImageSize::new(3, 40),
+            ImageSize::new(65, 2),
+        ] {
+            for samples in [1, 2, 3] {
+                let film = trace_image(&**tracer, &scene, size, denoised(samples)).unwrap();
+                assert_eq!(
+                    (film.samples_min(), film.dropped_samples()),
+                    (u64::from(samples), 0)
+                );
+            }
+        }
+    }
+}
