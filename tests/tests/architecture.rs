@@ -61,7 +61,7 @@ const LAYERS: &[(&[&str], &[&str])] = &[
         &["game/"],
     ),
     (&["wgpu"], &["tracer/src/gpu/", "game/"]),
-    (&["fearless_simd"], &["tracer/src/cpu/"]),
+    (&["fearless_simd"], &["tracer/src/cpu/", "tracer/src/post/"]),
     (&["zstd", "postcard"], &["protocol/"]),
     (&["carom_farm"], &["farm/", "game/", "tests/"]),
     (&["carom_protocol"], &["protocol/", "farm/", "tests/"]),

@@ -19,9 +19,10 @@ pub struct RenderSettings {
     pub scatterings_max: u32,
     /// Chooses the random numbers.
     pub seed: u32,
-    /// Whether pictures are denoised ([`crate::post`]). It costs about as much as one more path
-    /// and the paths of a guard band of [`crate::post::SUPPORT`] pixels around each run of tiles;
-    /// without it, noise stays: 4 paths per pixel have 4 times the squared error.
+    /// Whether pictures are denoised ([`crate::post`]). On a processor it costs as much time as
+    /// three to four paths per pixel, and a guard band of [`crate::post::SUPPORT`] pixels is traced
+    /// around each run of tiles; a GPU's tracer leaves the filter to the processor. Without it,
+    /// noise stays (`examples/denoise.rs` prints how much).
     pub denoise: bool,
 }
 

@@ -28,10 +28,9 @@ mod leaf_tests;
 
 use std::sync::atomic::Ordering;
 
-use fearless_simd::Level;
-
 pub use adapter::{AdapterChoice, AdapterDescription, adapters};
 
+use crate::cpu::Level;
 use crate::post::trace_denoised;
 use crate::{
     CompiledScene, DeviceInfo, DeviceKind, Error, Tile, TileLayers, TileRadiance, TraceJob,

@@ -3,11 +3,11 @@
 use std::sync::atomic::Ordering;
 use std::sync::{Mutex, PoisonError};
 
-use fearless_simd::Level;
 use rayon::prelude::*;
 
 use super::filter::Filter;
 use super::region::{Region, leading};
+use crate::cpu::Level;
 use crate::layers::Layers;
 use crate::{CompiledScene, Error, Tile, TileRadiance, TraceJob, TraceStats};
 

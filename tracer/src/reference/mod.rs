@@ -43,11 +43,11 @@ pub mod specular;
 
 use std::sync::atomic::Ordering;
 
-use fearless_simd::Level;
 use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::compiled::{CameraFrame, LampData, Primitive};
+use crate::cpu::Level;
 use crate::layers::smooth;
 use crate::post::{NoisyTile, NoisyTracer, trace_denoised};
 use crate::sampling::{BLOCK_CAMERA, block_light, block_scatter, pixel_key, uniforms};
