@@ -1,5 +1,6 @@
 //! What an application asks of a farm, and what it gets.
 
+use std::fmt;
 use std::time::Duration;
 
 use carom_protocol::{FrameId, NodeInfo, PixelFormat};
@@ -108,6 +109,8 @@ pub struct NodeStatus {
 pub enum NodeState {
     /// Being called.
     Connecting,
+    /// Connected; this farm has no scene yet.
+    Paired,
     /// Connected, without this farm's scene yet.
     Syncing,
     /// Holds the scene.
@@ -117,4 +120,17 @@ pub enum NodeState {
         /// A sentence.
         why: String,
     },
+}
+
+/// One word, and for a lost node why it is and when it is tried again.
+impl fmt::Display for NodeState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Connecting => f.write_str("connecting"),
+            Self::Paired => f.write_str("paired"),
+            Self::Syncing => f.write_str("syncing"),
+            Self::Ready => f.write_str("ready"),
+            Self::Lost { why } => write!(f, "lost ({why}); it is tried again within 5 s"),
+        }
+    }
 }

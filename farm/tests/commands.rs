@@ -377,3 +377,29 @@ fn a_node_that_is_told_to_stop_says_so_and_ends_well() {
     oak.wait_for("draining");
     assert!(oak.child.wait().unwrap().success());
 }
+
+#[test]
+fn status_tells_a_node_that_answers_from_one_that_does_not() {
+    let dir = farm(&["oak"]);
+    let dir = dir.path();
+    let oak = Node::start(dir, "oak");
+    // A port that is held and never answers.
+    let silent = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    let silent = silent.local_addr().unwrap().to_string();
+    let nodes = format!("nodes = [\"{}\", \"{silent}\"]\n", oak.address);
+    std::fs::write(dir.join("farm.toml"), nodes).unwrap();
+    let output = carom_farm(dir, &["status", "--json", "--patience", "5"]);
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    let rows: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(rows[0]["address"], json!(oak.address));
+    assert_eq!(rows[0]["state"], "paired");
+    assert_eq!(rows[0]["name"], "oak");
+    assert!(rows[0]["device"].is_string() && rows[0]["round_trip_ms"].is_number());
+    assert_eq!(rows[1]["address"], json!(silent));
+    assert_ne!(rows[1]["state"], "paired");
+    assert!(rows[1]["device"].is_null());
+    let one = ["status", "--node", &oak.address];
+    assert!(done(dir, &one).contains("paired"));
+    let missing = refused(dir, &["status", "--farm", "nowhere.toml"]);
+    assert!(missing.contains("nowhere.toml"), "{missing}");
+}

@@ -211,6 +211,7 @@ fn next_frame(farm: &mut Farm) -> anyhow::Result<Frame> {
 fn states(nodes: &[NodeStatus]) -> String {
     let words = |node: &NodeStatus| match &node.state {
         NodeState::Connecting => format!("{} does not answer", node.address),
+        NodeState::Paired => format!("{} waits for a scene", node.address),
         NodeState::Syncing => format!("{} has not taken the scene", node.address),
         NodeState::Ready => format!("{} is ready", node.address),
         NodeState::Lost { why } => format!("{} is lost ({why})", node.address),

@@ -9,6 +9,7 @@ mod init;
 mod inputs;
 mod node;
 mod render;
+mod status;
 
 use clap::Subcommand;
 
@@ -21,6 +22,7 @@ pub(crate) enum Command {
     Add(add::Args),
     Node(node::Args),
     Render(render::Args),
+    Status(status::Args),
     Bench(bench::Args),
 }
 
@@ -31,6 +33,7 @@ impl Command {
             Self::Add(args) => add::run(&args),
             Self::Node(args) => node::run(&args),
             Self::Render(args) => render::run(&args),
+            Self::Status(args) => status::run(&args),
             Self::Bench(args) => bench::run(&args),
         }
     }

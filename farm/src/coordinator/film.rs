@@ -83,6 +83,14 @@ impl Film {
     }
 }
 
+/// Whether all pixels are numbers.
+pub(super) fn is_finite(pixels: &TilePixels) -> bool {
+    match pixels {
+        TilePixels::Srgb8(_) => true,
+        TilePixels::Linear(pixels) => pixels.iter().flatten().all(|value| value.is_finite()),
+    }
+}
+
 fn copy_rows<T: Copy>(to: &mut [T], image_width: usize, tile: Tile, from: &[T]) {
     let width = tile.width as usize;
     let rows = from.chunks_exact(width).take(tile.height as usize);

@@ -340,6 +340,14 @@ impl Coordinator {
         let Some(film) = &mut frame.film else {
             return;
         };
+        if !film::is_finite(pixels) {
+            let why = "it sent pixels that are not numbers".into();
+            self.nodes[index.0].rest(now, Some(why));
+            self.give_up(now, index, id);
+            self.command(index, Command::CancelRun(id));
+            self.unheld = true;
+            return;
+        }
         let filled = film.fill(tiles, pixels);
         frame.stats.payload_bytes += payload_bytes as u64;
         frame.stats.duplicate_tiles += tiles.count - filled;

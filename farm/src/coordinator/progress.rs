@@ -69,9 +69,10 @@ impl Rhythm {
         self.burst_share += BURST_GAIN * (share - self.burst_share);
     }
 
-    /// The most work that comes in one message.
+    /// Work of which nothing is heard before it is too late for others to help: what comes in one
+    /// message, and as much again and a half, for help takes time too.
     pub(super) fn mute_work(&self) -> f64 {
-        self.burst_work
+        MUTE_BURSTS * self.burst_work
     }
 
     /// Seconds by which a message may well be late.
@@ -166,8 +167,11 @@ const USUAL_KEPT: f64 = 0.95;
 const LOST_FACTOR: f64 = 8.0;
 /// … and by at least this many seconds.
 const LOST_SECS_MIN: f64 = 3e-3;
-/// A message is later than this many mean deviations one time in ten.
-const GUARD_FACTOR: f64 = 3.0;
+/// Bursts that are over before help comes. With 64 nodes on a local network, frames of 1.26 times
+/// the optimum become 1.23, and the 99th percentile 1.4 instead of 1.6.
+const MUTE_BURSTS: f64 = 2.5;
+/// A message with exponential delays is later than this many mean deviations one time in fifty.
+const GUARD_FACTOR: f64 = 4.0;
 /// Messages before a rhythm counts.
 const MESSAGES_MIN: u32 = 8;
 /// What is left of caution after each message.

@@ -276,6 +276,7 @@ impl Node {
                 None if scene.is_some_and(|hash| self.scenes.contains(&hash)) => {
                     return NodeState::Ready;
                 }
+                None if scene.is_none() => return NodeState::Paired,
                 None => return NodeState::Syncing,
             },
         };

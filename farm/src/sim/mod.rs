@@ -8,6 +8,7 @@
 //! hundreds of frames take less than a second. Each link is in order, with half of the node's
 //! round trip each way and exponential jitter; a device works on one run after the other.
 
+mod faults;
 mod node;
 mod optimum;
 mod random;
@@ -29,6 +30,7 @@ use carom_tracer::{
 };
 use glam::Vec3;
 
+pub use self::faults::{FaultRun, fault_plan, run_faults};
 use self::node::{Answer, SimNode};
 pub use self::optimum::optimum_secs;
 use self::random::Random;
@@ -95,6 +97,12 @@ pub enum Change {
     Join,
     /// Its device fails at each run from now on.
     Fail,
+    /// It reports that share of its true busy time from now on.
+    Lie(f64),
+    /// It sends pixels that are not numbers from now on.
+    Poison,
+    /// The client sleeps for so many seconds.
+    Suspend(f64),
 }
 
 /// What came out.
@@ -360,6 +368,9 @@ impl<'a> Simulation<'a> {
             Change::Slow(factor) => node.pace *= factor,
             Change::Silent => node.silent = true,
             Change::Fail => node.failing = true,
+            Change::Lie(honesty) => node.honesty = honesty,
+            Change::Poison => node.poisoned = true,
+            Change::Suspend(secs) => self.now += Duration::from_secs_f64(secs),
             Change::Die => {
                 node.die();
                 let why = "its connection broke".into();
@@ -368,6 +379,7 @@ impl<'a> Simulation<'a> {
             }
             Change::Join => {
                 node.connection += 1;
+                node.silent = false;
                 self.coordinator
                     .handle(self.now, index, LinkEvent::Connecting);
                 let welcome = ClientEvent::Welcome(info(index));
@@ -469,6 +481,11 @@ fn tile_pixels(request: &TraceRequest, tiles: TileRun) -> TilePixels {
         pixels.extend(std::iter::repeat_n(pixel(request.frame, index), count));
     }
     TilePixels::Linear(pixels)
+}
+
+/// What a node sends that has gone wrong.
+fn poison(request: &TraceRequest, tiles: TileRun) -> TilePixels {
+    TilePixels::Linear(vec![[f32::NAN; 3]; request.grid.pixels(tiles)])
 }
 
 fn expected_pixels(frame: FrameId, grid: TileGrid) -> Pixels {

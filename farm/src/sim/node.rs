@@ -9,7 +9,7 @@ use carom_protocol::{FrameId, Refusal, RefusalReason, RunId, RunReport, SceneHas
 use carom_tracer::TileRun;
 
 use super::world::World;
-use super::{NodePlan, OpenRuns, tile_pixels};
+use super::{NodePlan, OpenRuns, poison, tile_pixels};
 use crate::coordinator::NodeIndex;
 use crate::link::Command;
 
@@ -31,7 +31,9 @@ pub(super) struct SimNode {
     /// When the last message arrived: to the client, to the node.
     pub(super) last_arrival: [Duration; 2],
     streams: bool,
-    honesty: f64,
+    pub(super) honesty: f64,
+    /// Whether it sends pixels that are not numbers.
+    pub(super) poisoned: bool,
     scene: Option<SceneHash>,
     queue: VecDeque<Job>,
     /// Number of the step that is waited for.
@@ -69,6 +71,7 @@ impl SimNode {
             last_arrival: [Duration::ZERO; 2],
             streams: plan.streams,
             honesty: plan.honesty,
+            poisoned: false,
             scene: None,
             queue: VecDeque::new(),
             step: 0,
@@ -209,7 +212,11 @@ impl SimNode {
                 frame: job.request.frame,
                 run: job.request.run,
                 tiles,
-                pixels: tile_pixels(&job.request, tiles),
+                pixels: if self.poisoned {
+                    poison(&job.request, tiles)
+                } else {
+                    tile_pixels(&job.request, tiles)
+                },
                 busy_micros: std::mem::take(&mut busy_micros),
                 dropped_samples: 0,
                 payload_bytes: 1,

@@ -56,6 +56,7 @@ impl State {
             Change::Slow(factor) => self.slowness *= factor,
             Change::Silent | Change::Die | Change::Fail => self.there = false,
             Change::Join => self.there = true,
+            Change::Lie(_) | Change::Poison | Change::Suspend(_) => {}
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Laws of the coordinator and its balancers on virtual time. Every run follows from its seed.
 
 mod bars;
+mod faults;
 
 use carom_farm::Algorithm::{self, Ab, Equal, Naive, WaterFilling};
 use carom_farm::coordinator::balancer::{Line, fill};

@@ -4,6 +4,7 @@ mod accuracy;
 mod balance;
 mod codec;
 mod codec_frames;
+mod faults;
 mod trace;
 
 use clap::Subcommand;
@@ -22,6 +23,7 @@ enum Bench {
     Trace(trace::Args),
     Accuracy(accuracy::Args),
     Balance(balance::Args),
+    Faults(faults::Args),
     Codec(codec::Args),
 }
 
@@ -30,6 +32,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         Bench::Trace(args) => trace::run(args),
         Bench::Accuracy(args) => accuracy::run(args),
         Bench::Balance(args) => balance::run(args),
+        Bench::Faults(args) => faults::run(args),
         Bench::Codec(args) => codec::run(args),
     }
 }
