@@ -40,6 +40,6 @@ impl Spare {
 }
 
 /// Share of each frame's work.
-const SHARE: f64 = 0.014;
+const SHARE: f64 = 0.0125;
 /// How much can be saved up, in frames.
 const FRAMES_MAX: f64 = 0.2;
