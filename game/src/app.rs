@@ -327,6 +327,8 @@ fn key_of(key: PhysicalKey) -> Option<Key> {
         KeyCode::KeyA => Key::TipLeft,
         KeyCode::KeyD => Key::TipRight,
         KeyCode::KeyX => Key::TipCenter,
+        KeyCode::KeyQ => Key::CueUp,
+        KeyCode::KeyE => Key::CueDown,
         _ => return None,
     })
 }

@@ -73,8 +73,12 @@ pub enum Key {
     TipLeft,
     /// Farther right.
     TipRight,
-    /// In the middle.
+    /// In the middle, with the cue level.
     TipCenter,
+    /// The butt of the cue goes up: to jump, or to curve.
+    CueUp,
+    /// Down.
+    CueDown,
 }
 
 /// What the player wants.
@@ -107,8 +111,10 @@ pub enum Intent {
     Escape,
     /// Move the tip on the cue ball, in ball radii, to the player's right and up.
     MoveTip(DVec2),
-    /// Put the tip in the middle.
+    /// Put the tip in the middle and lay the cue level.
     CenterTip,
+    /// Raise the butt of the cue by this many radians.
+    Elevate(f64),
     /// Rack the balls again.
     Rack,
     /// Show or hide the keys.
@@ -230,6 +236,8 @@ impl Input {
             })
         };
         let tip = |x: f64, y: f64| Some(Intent::MoveTip(DVec2::new(x, y) * KEY_TIP_RADII));
+        let elevate =
+            |sign: f64| Some(Intent::Elevate(sign * KEY_ELEVATION_RAD * self.precision()));
         match key {
             Key::Left => turn(1.0),
             Key::Right => turn(-1.0),
@@ -240,6 +248,8 @@ impl Input {
             Key::TipLeft => tip(-1.0, 0.0),
             Key::TipRight => tip(1.0, 0.0),
             Key::TipCenter => Some(Intent::CenterTip),
+            Key::CueUp => elevate(1.0),
+            Key::CueDown => elevate(-1.0),
             _ if repeat => None,
             Key::Rack => Some(Intent::Rack),
             Key::Help => Some(Intent::ToggleHelp),
@@ -271,6 +281,8 @@ impl Input {
     }
 }
 
+/// Two degrees and a half.
+const KEY_ELEVATION_RAD: f64 = 0.043_633;
 /// A window of 1280 points turns the aim by 147°.
 const AIM_RAD_PER_POINT: f64 = 0.002;
 const ORBIT_RAD_PER_POINT: f64 = 0.005;

@@ -33,6 +33,7 @@ pub struct Game {
 struct Aim {
     bearing_rad: f64,
     tip: DVec2,
+    elevation_rad: f64,
 }
 
 /// What the player is doing.
@@ -78,6 +79,8 @@ pub struct CueView {
     pub bearing_rad: f64,
     /// The tip's place on the cue ball, in ball radii to the right and up.
     pub tip: DVec2,
+    /// How far the butt is raised, radians.
+    pub elevation_rad: f64,
     /// Power, 0 to 1, while the cue is drawn back.
     pub power: Option<f64>,
     /// From the cue ball to the tip, metres.
@@ -99,6 +102,7 @@ impl Game {
             aim: Aim {
                 bearing_rad: 0.0,
                 tip: DVec2::ZERO,
+                elevation_rad: 0.0,
             },
             orbit: Orbit::default(),
             dolly: Dolly::new(Viewpoint::overview(0.0)),
@@ -124,7 +128,11 @@ impl Game {
             Intent::Turn(angle_rad) => self.turn(angle_rad),
             Intent::AimAt(point) => self.aim_at(point, film, now_secs),
             Intent::MoveTip(by) => self.move_tip(by),
-            Intent::CenterTip => self.aim.tip = DVec2::ZERO,
+            Intent::CenterTip => self.level_cue(),
+            Intent::Elevate(by) => {
+                let raised = self.aim.elevation_rad + by;
+                self.aim.elevation_rad = raised.clamp(0.0, Stroke::ELEVATION_MAX_RAD);
+            }
             Intent::Orbit { yaw_rad, pitch_rad } => {
                 self.orbit.yaw_rad = wrap_rad(self.orbit.yaw_rad + yaw_rad);
                 self.orbit.pitch_rad = (self.orbit.pitch_rad + pitch_rad).clamp(-1.4, 1.4);
@@ -196,6 +204,7 @@ impl Game {
                 cue_ball: self.cue_ball()?,
                 bearing_rad: self.aim.bearing_rad,
                 tip: self.aim.tip,
+                elevation_rad: self.aim.elevation_rad,
                 power,
                 gap_m,
             })
@@ -259,6 +268,11 @@ impl Game {
         }
     }
 
+    fn level_cue(&mut self) {
+        self.aim.tip = DVec2::ZERO;
+        self.aim.elevation_rad = 0.0;
+    }
+
     fn move_tip(&mut self, by: DVec2) {
         self.aim.tip = (self.aim.tip + by).clamp_length_max(TIP_RADII_MAX);
     }
@@ -295,6 +309,11 @@ impl Game {
         }
         match self.world.strike(self.stroke(power)) {
             Ok(shot) => {
+                let slipped =
+                    |event: &sim::Event| matches!(event.kind, sim::EventKind::Miscue { .. });
+                if shot.events().iter().any(slipped) {
+                    self.notice = Some("Miscue: the tip slipped off the ball".to_owned());
+                }
                 self.shots += 1;
                 self.orbit.yaw_rad = 0.0;
                 self.phase = Phase::Watching(Box::new(Running {
@@ -316,7 +335,7 @@ impl Game {
         let end_secs = running.clock_secs(now_secs);
         self.dolly = Dolly::new(running.viewpoint(end_secs, self.orbit));
         self.world.adopt(&running.shot);
-        self.aim.tip = DVec2::ZERO;
+        self.level_cue();
         self.line = None;
         if self.cue_ball().is_none() {
             self.notice = Some("Scratch: the cue ball is back on the head spot".to_owned());
@@ -342,6 +361,7 @@ impl Game {
         self.aim = Aim {
             bearing_rad: 0.0,
             tip: DVec2::ZERO,
+            elevation_rad: 0.0,
         };
     }
 
@@ -363,7 +383,7 @@ impl Game {
             speed_m_s: cue_speed_m_s(power),
             side: self.aim.tip.x,
             vertical: self.aim.tip.y,
-            elevation_rad: 0.0,
+            elevation_rad: self.aim.elevation_rad,
         }
     }
 
@@ -424,9 +444,8 @@ fn free_spot(spot: DVec2, radius_m: f64, others: &[DVec2]) -> DVec2 {
 }
 
 const CUE_SPEED_M_S_MIN: f64 = 0.15;
-/// The tip slips off a ball beyond this: Alciatore, "The Illustrated Principles of Pool and
-/// Billiards", 2004; a little less, for the tip has a width.
-const TIP_RADII_MAX: f64 = 0.5;
+/// The tip can be set beyond where it slips off the ball, about 0.51: that is the player's risk.
+const TIP_RADII_MAX: f64 = 0.6;
 /// The power at which the aim line is drawn: where the balls go at first depends little on it.
 const AIM_LINE_POWER: f64 = 0.4;
 /// A cue that was hardly drawn back does not strike.
@@ -550,6 +569,40 @@ mod tests {
                 .is_some_and(|notice| notice.starts_with("Scratch"))
         );
         assert!(game.cue_ball().unwrap().truncate().distance(head) < 1e-9);
+    }
+
+    #[test]
+    fn a_raised_cue_jumps_and_comes_level_again_after_the_shot() {
+        let mut game = Game::new(1).unwrap();
+        for _ in 0..100 {
+            game.apply(Intent::Elevate(0.1), 0.0, 0.2, FILM);
+        }
+        assert_eq!(
+            game.cue(0.0).unwrap().elevation_rad,
+            Stroke::ELEVATION_MAX_RAD
+        );
+        game.apply(
+            Intent::Elevate(0.7 - Stroke::ELEVATION_MAX_RAD),
+            0.0,
+            0.2,
+            FILM,
+        );
+        strike(&mut game, 0.6, 1.0);
+        let heights = (0..50).map(|i| game.poses(0.01 * f64::from(i))[0].position.z);
+        assert!(heights.fold(0.0, f64::max) > 0.08, "the cue ball flies");
+        watch(&mut game, 1.0);
+        assert_eq!(game.cue(99.0).unwrap().elevation_rad, 0.0);
+    }
+
+    #[test]
+    fn a_tip_set_too_far_out_miscues_and_says_so() {
+        let mut game = Game::new(1).unwrap();
+        game.apply(Intent::MoveTip(DVec2::new(-0.3, -2.0)), 0.0, 0.2, FILM);
+        strike(&mut game, 0.4, 1.0);
+        assert!(
+            game.notice()
+                .is_some_and(|notice| notice.starts_with("Miscue"))
+        );
     }
 
     #[test]

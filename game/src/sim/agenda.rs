@@ -8,7 +8,7 @@ use super::{
     contact_time::{Course, enters_rectangle, leaves_outline, reaches_nose, reaches_point},
     live::Live,
     obstacle::{Obstacle, Scout},
-    table::Table,
+    table::{Pocket, Table},
 };
 
 /// What happens to a ball without another ball.
@@ -108,10 +108,10 @@ fn next_change(ball: &Live, table: &Table, now: f64) -> (f64, Change) {
         } else if ball.is_on_rail() {
             let edge = enters_rectangle(&course, table.inside_of_rails(), first.time);
             first.consider(edge, Change::RailEnds);
-            first.consider_pockets(&course, table);
+            first.consider_pockets(&course, table, Pocket::bore_radius_m);
         } else {
             first.consider_cushions(&course, table, radius_m);
-            first.consider_pockets(&course, table);
+            first.consider_pockets(&course, table, |pocket| pocket.radius_m);
         }
         let leaves = leaves_outline(&course, table.outline(), first.time);
         first.consider(leaves, Change::LeavesTable);
@@ -144,10 +144,10 @@ impl First {
         }
     }
 
-    fn consider_pockets(&mut self, course: &Course, table: &Table) {
+    fn consider_pockets(&mut self, course: &Course, table: &Table, radius_m: fn(&Pocket) -> f64) {
         for (index, pocket) in table.pockets().iter().enumerate() {
             let seen = course.flat_from(pocket.center);
-            let entry = reaches_point(&seen, pocket.radius_m, self.time);
+            let entry = reaches_point(&seen, radius_m(pocket), self.time);
             self.consider(entry, Change::Pocket(index));
         }
     }

@@ -213,8 +213,14 @@ pub(crate) fn reaches_ring(
         } else {
             (root - closing) / curving
         };
-        let step = by_speed.max(by_curve.min(calm));
-        t += step.max(RING_STEP_LEAST_SECS);
+        let step = by_speed.min(RING_STEP_SECS).max(by_curve.min(calm));
+        // From a touch that parts again the search has to get away; towards one it must not rush.
+        let least = if gap <= RING_TOUCH_M {
+            RING_STEP_LEAST_SECS
+        } else {
+            f64::EPSILON
+        };
+        t += step.max(least);
         if t > horizon {
             return None;
         }
@@ -370,8 +376,8 @@ pub(crate) fn direction(from: DVec3, to: DVec3) -> DVec3 {
 const JOINT_M: f64 = 1e-6;
 /// This near the ring counts as touching.
 const RING_TOUCH_M: f64 = 1e-11;
-/// A step along a course near a ring is at most this long, and at least that: a ball sinks into
-/// the ring by less than a picometre in it.
+/// A step along a course near a ring is at most this long, and out of a touch at least that: a ball
+/// sinks into the ring by less than the bound of a touch in it.
 const RING_STEP_SECS: f64 = 0.02;
 const RING_STEP_LEAST_SECS: f64 = 1e-7;
 /// Bounds the search near a grazed ring: as many of the longest steps are 80 s.

@@ -12,7 +12,7 @@ use super::{
         Course, direction, leaves_circle, reaches_nose, reaches_plane, reaches_point, reaches_ring,
     },
     event::Surface,
-    table::{Cushion, Nose, Pocket, Rails, Table},
+    table::{Cushion, JOINT_SLACK_M, Nose, Pocket, Rails, Table},
 };
 
 /// A part of the table that does not move, by its index in the table.
@@ -26,6 +26,8 @@ pub(crate) enum Obstacle {
     Rim(usize),
     /// The wall of a pocket.
     Wall(usize),
+    /// The edge where that wall meets the flat rail.
+    Lip(usize),
     /// The sloping top of a cushion.
     Slope(usize),
     /// The edge where a cushion's slope meets the flat rail.
@@ -38,7 +40,7 @@ impl Obstacle {
     /// What it is made of.
     pub(crate) fn surface(self) -> Surface {
         match self {
-            Self::Rim(_) | Self::Wall(_) => Surface::Pocket,
+            Self::Rim(_) | Self::Wall(_) | Self::Lip(_) => Surface::Pocket,
             _ => Surface::Rail,
         }
     }
@@ -81,6 +83,7 @@ impl Scout<'_> {
         for (index, pocket) in table.pockets().iter().enumerate() {
             consider(self.rim(course, pocket, horizon), Obstacle::Rim(index));
             consider(self.wall(course, pocket, horizon), Obstacle::Wall(index));
+            consider(self.lip(course, pocket, horizon), Obstacle::Lip(index));
         }
         if let Some(rails) = table.rails() {
             for (index, cushion) in table.cushions().iter().enumerate() {
@@ -136,6 +139,12 @@ impl Scout<'_> {
                 let inward = (pocket.center - center.truncate()).normalize_or_zero();
                 let lean = if center.z > 0.0 { LEAN_SIN } else { 0.0 };
                 ((1.0 - lean * lean).sqrt() * inward).extend(-lean)
+            }
+            Obstacle::Lip(index) => {
+                let pocket = table.pockets()[index];
+                let out = (center.truncate() - pocket.center).normalize_or_zero();
+                let edge = pocket.center + pocket.bore_radius_m() * out;
+                direction(edge.extend(table.rail_height_m()), center)
             }
             Obstacle::Slope(index) => {
                 let cushion = &table.cushions()[index];
@@ -194,8 +203,9 @@ impl Scout<'_> {
         let side = reaches_point(&flat, self.radius_m + jaw.radius_m, horizon)
             .filter(|&t| self.is_below_nose(course, t));
         let ring = (jaw.center.extend(self.table.nose_height_m()), jaw.radius_m);
-        let edge = reaches_ring(course, ring, self.radius_m, horizon)
-            .filter(|&t| flat.at(t).length() >= jaw.radius_m && !self.is_below_nose(course, t));
+        let edge = reaches_ring(course, ring, self.radius_m, horizon).filter(|&t| {
+            flat.at(t).length() >= jaw.radius_m - JOINT_SLACK_M && !self.is_below_nose(course, t)
+        });
         side.into_iter().chain(edge).min_by(f64::total_cmp)
     }
 
@@ -207,7 +217,7 @@ impl Scout<'_> {
         let distance = self.radius_m + pocket.rim_radius_m;
         let t = reaches_ring(course, (edge, pocket.radius_m), distance, horizon)?;
         let place = course.at(t);
-        let inside = place.truncate().distance(pocket.center) <= pocket.radius_m;
+        let inside = place.truncate().distance(pocket.center) <= pocket.radius_m + JOINT_SLACK_M;
         (inside && place.z > edge.z).then_some(t)
     }
 
@@ -218,10 +228,18 @@ impl Scout<'_> {
         }
         let t = leaves_circle(&course.flat_from(pocket.center), room, horizon)?;
         let place = course.at(t);
-        let out = (place.truncate() - pocket.center).normalize_or_zero();
         let is_near = place.truncate().distance(pocket.center) <= pocket.radius_m;
-        let is_open = out.dot(pocket.mouth) > OPEN_COS && place.z > -pocket.rim_radius_m;
+        let is_open = is_open(pocket, place) && place.z > -pocket.rim_radius_m;
         (is_near && !is_open && place.z <= self.table.rail_height_m()).then_some(t)
+    }
+
+    fn lip(&self, course: &Course, pocket: &Pocket, horizon: f64) -> Option<f64> {
+        let height = self.table.rails().map(|_| self.table.rail_height_m())?;
+        let ring = (pocket.center.extend(height), pocket.bore_radius_m());
+        let t = reaches_ring(course, ring, self.radius_m, horizon)?;
+        let place = course.at(t);
+        let inside = place.truncate().distance(pocket.center) <= ring.1 + JOINT_SLACK_M;
+        (inside && place.z > height && !is_open(pocket, place)).then_some(t)
     }
 
     fn slope(
@@ -254,7 +272,7 @@ impl Scout<'_> {
         );
         let t = reaches_point(&seen, self.radius_m, horizon)?;
         let across = seen.at(t);
-        let between = (0.0..=self.radius_m * slope_sin(rails)).contains(&across.x);
+        let between = (-2.0 * JOINT_SLACK_M..=self.radius_m * slope_sin(rails)).contains(&across.x);
         let [_, _, first, last] = cushion.corners;
         let along = (last - first).dot(course.at(t).truncate() - first);
         let beside = (0.0..=first.distance_squared(last)).contains(&along);
@@ -275,6 +293,12 @@ impl Scout<'_> {
         let sin = slope_sin(rails);
         (sin * inward).extend((1.0 - sin * sin).sqrt())
     }
+}
+
+/// Whether a ball is on the side of a pocket where it has no wall over the cloth.
+fn is_open(pocket: &Pocket, place: DVec3) -> bool {
+    let out = (place.truncate() - pocket.center).normalize_or_zero();
+    out.dot(pocket.mouth) > OPEN_COS
 }
 
 /// Sine of the angle at which a cushion's top rises.

@@ -2,7 +2,7 @@
 
 use super::{
     ball::{BallPose, BallState},
-    event::Event,
+    event::{Event, EventKind},
     simulation::Outcome,
     track::Track,
 };
@@ -48,6 +48,14 @@ impl Shot {
     /// The balls when all is over.
     pub fn final_states(&self) -> Vec<BallState> {
         self.states_at(self.duration_secs)
+    }
+
+    /// Numbers of the balls that fell into pockets, in their order, with the pockets' indices.
+    pub fn potted(&self) -> impl Iterator<Item = (u8, usize)> {
+        self.events.iter().filter_map(|event| match event.kind {
+            EventKind::Pocketed { ball, pocket, .. } => Some((ball, pocket)),
+            _ => None,
+        })
     }
 
     /// What happened, in the order of time.

@@ -325,11 +325,10 @@ impl Table {
     /// Whether the flat top of a rail is under a point.
     pub(crate) fn is_rail_under(&self, point: DVec2) -> bool {
         let (low, high) = self.inside_of_rails();
-        let inside = point.cmpgt(low).all() && point.cmplt(high).all();
-        self.rails.is_some()
-            && !inside
-            && self.contains(point)
-            && self.pocket_under(point).is_none()
+        let inside =
+            point.cmpgt(low - JOINT_SLACK_M).all() && point.cmplt(high + JOINT_SLACK_M).all();
+        let in_hole = |pocket: &Pocket| point.distance(pocket.center) < pocket.bore_radius_m();
+        self.rails.is_some() && !inside && self.contains(point) && !self.pockets.iter().any(in_hole)
     }
 
     /// Lowest and highest corner of the rectangle inside of which there are cushions and cloth.

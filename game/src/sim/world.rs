@@ -23,6 +23,7 @@ pub struct World {
     table: Table,
     laws: Laws,
     balls: Vec<BallState>,
+    tray: Vec<(u8, usize)>,
     engine: Engine,
 }
 
@@ -46,6 +47,7 @@ impl World {
             table,
             laws,
             balls,
+            tray: Vec::new(),
             engine: Engine::default(),
         };
         for (index, ball) in world.balls.iter().enumerate() {
@@ -57,6 +59,12 @@ impl World {
     /// The balls, in a fixed order.
     pub fn balls(&self) -> Vec<BallState> {
         self.balls.clone()
+    }
+
+    /// The ball return: numbers of the balls in its tray, in the order in which they fell, and the
+    /// index of the pocket each fell into.
+    pub fn tray(&self) -> &[(u8, usize)] {
+        &self.tray
     }
 
     /// The table.
@@ -101,6 +109,7 @@ impl World {
     /// The balls lie as a shot left them.
     pub fn adopt(&mut self, shot: &Shot) {
         self.balls = shot.final_states();
+        self.tray.extend(shot.potted());
     }
 
     /// Puts a ball at rest on the cloth at (x, y) in m: ball in hand, or spotting. A ball that had
@@ -120,6 +129,7 @@ impl World {
         others.remove(index);
         self.check_place(&placed, &others)?;
         self.balls[index] = placed;
+        self.tray.retain(|&(potted, _)| potted != number);
         Ok(())
     }
 
@@ -279,7 +289,9 @@ impl World {
             .iter()
             .any(|jaw| reaches(center.distance(jaw.center), radius_m + jaw.radius_m));
         let low = position.z < self.table.rail_height_m() + radius_m;
-        (low && (in_nose || in_jaw)).then(|| "in a cushion".to_owned())
+        let in_rail = self.table.is_rail_under(center)
+            || self.table.cushions().iter().any(|c| c.covers(center));
+        (low && (in_nose || in_jaw || in_rail)).then(|| "in a cushion".to_owned())
     }
 }
 

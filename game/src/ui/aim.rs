@@ -59,8 +59,10 @@ impl Sketch<'_> {
         let along = DVec3::new(cue.bearing_rad.cos(), cue.bearing_rad.sin(), 0.0);
         let across = DVec3::new(along.y, -along.x, 0.0);
         // Raised a little, as a cue over a cushion is; seen flat it would hide behind itself.
-        let back = -along * SLOPE.cos() + DVec3::Z * SLOPE.sin();
-        let tip_offset = (across * cue.tip.x + DVec3::Z * cue.tip.y) * self.ball_radius_m;
+        let (sin, cos) = cue.elevation_rad.max(SLOPE).sin_cos();
+        let back = -along * cos + DVec3::Z * sin;
+        let up = along * sin + DVec3::Z * cos;
+        let tip_offset = (across * cue.tip.x + up * cue.tip.y) * self.ball_radius_m;
         let tip = cue.cue_ball + tip_offset + back * (self.ball_radius_m + cue.gap_m);
         let parts = [
             (0.0, 0.012, Color32::from_rgb(60, 110, 170)),

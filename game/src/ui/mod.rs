@@ -128,6 +128,11 @@ fn draw_tip(painter: &Painter, screen: Rect, cue: &CueView) {
     );
     let tip = Vec2::new(cue.tip.x as f32, -cue.tip.y as f32) * RADIUS;
     painter.circle_filled(center + tip, 5.0, Color32::from_rgb(40, 90, 160));
+    if cue.elevation_rad > 0.0 {
+        let beside = center + Vec2::new(RADIUS + 14.0, 0.0);
+        let angle = format!("cue raised {:.1}°", cue.elevation_rad.to_degrees());
+        label(painter, beside, Align2::LEFT_CENTER, &angle, 14.0);
+    }
 }
 
 fn draw_keys(painter: &Painter, screen: Rect) {
@@ -165,13 +170,17 @@ fn label(painter: &Painter, at: Pos2, align: Align2, text: &str, size: f32) {
 
 const HINT: &str = "Move the mouse to aim, hold Space or drag back with the left button to strike. F1 shows all keys";
 
-const KEYS: [(&str, &str); 12] = [
+const KEYS: [(&str, &str); 13] = [
     ("Mouse", "aim (Ctrl or Shift: ten times finer)"),
     ("Left / Right", "aim by a quarter of a degree"),
     ("Middle button", "aim at the point under the pointer"),
     ("Left button, drag back", "draw the cue; let go to strike"),
     ("Space", "charge while held; let go to strike"),
-    ("W A S D, X", "move the tip on the cue ball, centre it"),
+    (
+        "W A S D, X",
+        "move the tip on the cue ball; centre it, level the cue",
+    ),
+    ("Q / E", "raise or lower the butt of the cue: jump, massé"),
     ("Right button, drag", "look around"),
     ("Wheel; Up / Down", "nearer, farther; steeper, flatter"),
     ("R", "rack again"),
