@@ -4,9 +4,12 @@
 //! references    every shot of a folder, against the trajectories of another simulator
 //! closed-forms  sliding, rolling and spinning, against theory
 //! curves        rules and curves that are published, drawn with --plot
+//! breaks        many breaks of the same rack, by statistics
+//! trade         plain rapier at many settings: error against CPU time
 //! ```
 
 pub mod accuracy;
+pub mod breaks;
 pub mod closed_forms;
 mod cpu;
 pub mod curves;
@@ -14,6 +17,8 @@ pub mod deviation;
 pub mod plot;
 pub mod prairie;
 pub mod reference;
+mod schema;
+pub mod trade;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -23,10 +28,12 @@ use clap::{Args, Subcommand, ValueEnum};
 use serde::Serialize;
 
 use accuracy::Accuracy;
+use breaks::BreakStatistic;
 use closed_forms::ClosedForm;
 use curves::Curve;
 use plot::Chart;
 use reference::Reference;
+use trade::Trade;
 
 /// What can be measured.
 #[derive(Clone, Debug, Subcommand)]
@@ -58,6 +65,9 @@ pub struct PhysicsArgs {
     /// Draw what was measured into this folder, as SVG
     #[arg(long, value_name = "DIR")]
     pub plot: Option<PathBuf>,
+    /// Times that each break is repeated with its balls a little moved, 20 to 100000
+    #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(20..=100_000))]
+    pub seeds: u32,
     /// What to measure; may be given several times [default: everything]
     #[arg(long = "part", value_enum)]
     pub parts: Vec<Part>,
@@ -72,6 +82,10 @@ pub enum Part {
     ClosedForms,
     /// Rules and curves that are published
     Curves,
+    /// Many breaks of the same rack, by statistics
+    Breaks,
+    /// Plain rapier at many settings: error against CPU time
+    Trade,
 }
 
 /// All that was measured.
@@ -83,23 +97,15 @@ struct Report {
     closed_forms: Option<Vec<ClosedForm>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     curves: Option<Vec<Curve>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    breaks: Option<Vec<BreakStatistic>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    trade: Option<Vec<Trade>>,
 }
 
 impl PhysicsArgs {
     fn run(&self) -> anyhow::Result<()> {
-        let wants = |part| self.parts.is_empty() || self.parts.contains(&part);
-        let mut report = Report::default();
-        if wants(Part::References) {
-            let references = Reference::read_folder(&self.references)
-                .context("--references names a folder of reference shots")?;
-            report.accuracy = Some(Accuracy::measure(&references)?);
-        }
-        if wants(Part::ClosedForms) {
-            report.closed_forms = Some(closed_forms::measure()?);
-        }
-        if wants(Part::Curves) {
-            report.curves = Some(curves::measure()?);
-        }
+        let report = self.measure()?;
         if let Some(folder) = &self.plot {
             draw(&report.charts(), folder)
                 .with_context(|| format!("cannot draw into {}", folder.display()))?;
@@ -111,15 +117,46 @@ impl PhysicsArgs {
         }
         Ok(())
     }
+
+    fn measure(&self) -> anyhow::Result<Report> {
+        let wants = |part| self.parts.is_empty() || self.parts.contains(&part);
+        let read = || {
+            Reference::read_folder(&self.references)
+                .context("--references names a folder of reference shots")
+        };
+        let mut report = Report::default();
+        if wants(Part::References) {
+            report.accuracy = Some(Accuracy::measure(&read()?)?);
+        }
+        if wants(Part::ClosedForms) {
+            report.closed_forms = Some(closed_forms::measure()?);
+        }
+        if wants(Part::Curves) {
+            report.curves = Some(curves::measure()?);
+        }
+        if wants(Part::Breaks) {
+            report.breaks = Some(breaks::measure(&read()?, self.seeds)?);
+        }
+        if wants(Part::Trade) {
+            let references = read()?;
+            let engines = trade::engines().into_iter();
+            let measured = engines.map(|engine| trade::measure(engine, &references));
+            report.trade = Some(measured.collect::<anyhow::Result<_>>()?);
+        }
+        Ok(report)
+    }
 }
 
 impl Report {
     /// With the names of their files.
-    fn charts(&self) -> Vec<(String, &Chart)> {
+    fn charts(&self) -> Vec<(String, Chart)> {
         let curves = self.curves.iter().flatten();
-        curves
-            .map(|curve| (file_name(curve.name), &curve.chart))
-            .collect()
+        let mut charts: Vec<_> = curves
+            .map(|curve| (file_name(curve.name), curve.chart.clone()))
+            .collect();
+        let trade = self.trade.iter().flat_map(|trades| trade::charts(trades));
+        charts.extend(trade.map(|chart| (file_name(&chart.title), chart)));
+        charts
     }
 
     fn print(&self) {
@@ -141,10 +178,26 @@ impl Report {
                 println!("{curve}");
             }
         }
+        if let Some(breaks) = &self.breaks {
+            println!("\nBreaks\n{}", breaks::HEADING);
+            for statistic in breaks {
+                println!("{statistic}");
+            }
+        }
+        if let Some(trades) = &self.trade {
+            let [whole, second, frame] = trade::BARS_MS;
+            println!(
+                "\nThe trade (bars: {whole}, {second} and {frame} ms)\n{}",
+                trade::HEADING
+            );
+            for trade in trades {
+                println!("{trade}");
+            }
+        }
     }
 }
 
-fn draw(charts: &[(String, &Chart)], folder: &Path) -> anyhow::Result<()> {
+fn draw(charts: &[(String, Chart)], folder: &Path) -> anyhow::Result<()> {
     fs::create_dir_all(folder)?;
     for (name, chart) in charts {
         fs::write(folder.join(name), chart.svg())?;

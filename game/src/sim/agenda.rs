@@ -58,6 +58,26 @@ impl Agenda {
         }
     }
 
+    /// The pair and all that meet until `time` and hang together with it, in a fixed order.
+    pub(crate) fn together(&self, first: usize, second: usize, time: f64) -> Vec<(usize, usize)> {
+        let mut pairs = vec![(first, second)];
+        let mut next = 0;
+        while let Some(&(a, b)) = pairs.get(next) {
+            next += 1;
+            for (ball, other) in [a, b]
+                .into_iter()
+                .flat_map(|ball| (0..self.changes.len()).map(move |other| (ball, other)))
+            {
+                let met = (ball.min(other), ball.max(other));
+                if ball != other && self.pairs[pair(ball, other)] <= time && !pairs.contains(&met) {
+                    pairs.push(met);
+                }
+            }
+        }
+        pairs.sort_unstable();
+        pairs
+    }
+
     /// What happens first and when; of things at the same instant, changes by ball and then pairs.
     pub(crate) fn earliest(&self) -> Option<(f64, Happening)> {
         let mut first = (f64::INFINITY, Happening::Pair(0, 0));

@@ -62,7 +62,7 @@ pub fn predict(world: &World, stroke: Stroke) -> Result<AimLine> {
     let end = shot.duration_secs();
     let cue_ball_at = |t: f64| shot.states_at(t).into_iter().find(|ball| ball.number == 0);
     let path = (0..=PATH_PIECES)
-        .filter_map(|i| cue_ball_at(end * f64::from(i) / f64::from(PATH_PIECES)))
+        .filter_map(|i| cue_ball_at(end * (f64::from(i) / f64::from(PATH_PIECES))))
         .map(|ball| ball.position)
         .collect();
     Ok(AimLine {

@@ -1,12 +1,12 @@
 //! A ball: its body, its pose and how it moves at one instant.
 
 use glam::{DQuat, DVec3};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::error::{Error, Result};
 
 /// A ball's body: a solid sphere. The balls of one table may differ.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BallBody {
     /// Mass in kg; default 0.170097 (6 oz).
@@ -55,7 +55,7 @@ impl BallBody {
 }
 
 /// How a ball touches the cloth, or where it went.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Phase {
     /// At rest on the cloth.
     Resting,

@@ -27,6 +27,9 @@ pub struct Rapier {
     /// steps per second. Sweeping both balls of a pair does not help: rapier sweeps none against
     /// another that is swept.
     pub sweep_cue_ball: bool,
+    /// Whether a contact's normal is kept while the bodies move by up to 50 mm: rapier's default,
+    /// which bends every cut by degrees at any step.
+    pub recycle_contacts: bool,
     /// Iterations of the contact solver, 1 to [`Rapier::ITERATIONS_MAX`]; rapier's default is 4.
     pub solver_iterations: u32,
 }
@@ -45,6 +48,7 @@ impl Rapier {
             steps_per_sec,
             fast_rotation: true,
             sweep_cue_ball: true,
+            recycle_contacts: false,
             solver_iterations: 4,
         }
     }
@@ -111,6 +115,9 @@ impl fmt::Display for Engine {
         }
         if !rapier.sweep_cue_ball {
             f.write_str(", no sweep")?;
+        }
+        if rapier.recycle_contacts {
+            f.write_str(", recycling")?;
         }
         if rapier.solver_iterations != usual.solver_iterations {
             write!(f, ", {} iterations", rapier.solver_iterations)?;

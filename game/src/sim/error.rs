@@ -21,6 +21,9 @@ pub enum Error {
     /// The setting of what moves the balls is out of range: a sentence with the value and the range.
     #[error("the physics cannot be set so: {0}")]
     Engine(String),
+    /// A file of a recorded shot cannot be written or read: a sentence with what is wrong.
+    #[error("this recorded shot cannot be used: {0}")]
+    Recording(String),
     /// The simulation did not come to rest within its limits: our fault.
     #[error(
         "the shot did not come to rest: {events} contacts and phase changes in the second before \

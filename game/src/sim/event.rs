@@ -1,9 +1,10 @@
 //! What happens in a shot, for sound, rules and display.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 /// One thing that happened, in the order of time.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Event {
     /// Since the stroke, in s.
     pub time_secs: f64,
@@ -12,7 +13,7 @@ pub struct Event {
 }
 
 /// What happened to which ball (by number).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum EventKind {
     /// The tip struck the cue ball.
     Strike {
@@ -104,7 +105,7 @@ impl EventKind {
 }
 
 /// What a ball bounces off, other than balls and cushions.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Surface {
     /// The cloth over the slate.
     Cloth,

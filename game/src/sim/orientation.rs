@@ -52,6 +52,11 @@ impl Turning {
         turning
     }
 
+    /// The orientation at time 0, as it was given.
+    pub(crate) fn start(&self) -> DQuat {
+        self.knots[0]
+    }
+
     /// The orientation at a time within the phase.
     pub(crate) fn at(&self, t: f64) -> DQuat {
         let knot = ((t / self.interval_secs) as usize).min(self.knots.len() - 1);

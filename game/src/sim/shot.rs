@@ -29,6 +29,10 @@ impl Shot {
         }
     }
 
+    pub(crate) fn tracks(&self) -> &[Track] {
+        &self.tracks
+    }
+
     /// When the last ball came to rest, in s.
     pub fn duration_secs(&self) -> f64 {
         self.duration_secs

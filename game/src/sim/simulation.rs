@@ -6,14 +6,14 @@
 //!       └──── contact times of the balls that changed ◄──────────────┘
 //! ```
 //! Events at the same instant are taken in a fixed order: phase changes and cushions by ball, then
-//! pairs. Nothing else decides, so that a shot has the same bits on every run.
+//! pairs, those that share balls together. Nothing else decides, so that a shot has the same bits on every run.
 
 use glam::DVec3;
 
 use super::{
     agenda::{Agenda, Change, Happening},
     ball::{BallState, Phase},
-    ball_ball::Twist,
+    ball_ball::{CLUSTER_SPEED_M_S, Twist},
     bodies::Bodies,
     bounce::skimmed,
     contact_time::direction,
@@ -25,6 +25,7 @@ use super::{
     live::{Live, ON_RAIL_RADII},
     motion::{End, Motion},
     obstacle::{Obstacle, Push, Scout},
+    simultaneous::Touch,
     table::Table,
     track::Track,
 };
@@ -137,7 +138,17 @@ impl<'a> Simulation<'a> {
         self.advance_to(time);
         match happening {
             Happening::Alone(ball, change) => self.change(ball, change),
-            Happening::Pair(first, second) => self.collide(first, second),
+            Happening::Pair(first, second) => {
+                let pairs = self.agenda.together(first, second, time + INSTANT_SECS);
+                let pairs: Vec<_> = pairs
+                    .into_iter()
+                    .filter(|&pair| self.meets_fast(pair))
+                    .collect();
+                match pairs.as_slice() {
+                    [] | [_] => self.collide(first, second),
+                    pairs => self.collide_together(pairs),
+                }
+            }
         }
         Ok(true)
     }
@@ -302,6 +313,48 @@ impl<'a> Simulation<'a> {
         self.set_off(second, after_second);
     }
 
+    /// Whether a pair approaches fast enough not to be a matter of the rule for clusters.
+    fn meets_fast(&self, (first, second): (usize, usize)) -> bool {
+        let normal = direction(self.bodies.position(first), self.bodies.position(second));
+        let [one, other] = [first, second].map(|ball| self.balls[ball].twist(self.now).velocity);
+        (one - other).dot(normal) > CLUSTER_SPEED_M_S
+    }
+
+    /// Contacts at the same instant that share balls.
+    fn collide_together(&mut self, pairs: &[(usize, usize)]) {
+        let mut balls: Vec<_> = pairs.iter().flat_map(|&(a, b)| [a, b]).collect();
+        balls.sort_unstable();
+        balls.dedup();
+        let place = |ball: usize| balls.partition_point(|&b| b < ball);
+        let mut twists: Vec<_> = balls
+            .iter()
+            .map(|&ball| self.balls[ball].twist(self.now))
+            .collect();
+        let bodies: Vec<_> = balls.iter().map(|&ball| self.balls[ball].body).collect();
+        let mut touches = Vec::with_capacity(pairs.len());
+        for &(first, second) in pairs {
+            let touch = Touch {
+                first: place(first),
+                second: place(second),
+                normal: direction(self.bodies.position(first), self.bodies.position(second)),
+            };
+            let closing = twists[touch.first].velocity - twists[touch.second].velocity;
+            self.report(EventKind::BallBall {
+                first: self.balls[first].number,
+                second: self.balls[second].number,
+                point: self.bodies.position(first) + bodies[touch.first].radius_m * touch.normal,
+                speed_m_s: closing.dot(touch.normal),
+            });
+            touches.push(touch);
+        }
+        self.laws
+            .ball_ball
+            .resolve_together(&bodies, &touches, &mut twists);
+        for (&ball, &twist) in balls.iter().zip(&twists) {
+            self.set_off(ball, twist);
+        }
+    }
+
     /// Begins a ball's motion after a blow. What lies stays down unless the blow, or the slate's
     /// answer to it, makes it hop.
     fn set_off(&mut self, ball: usize, mut after: Twist) {
@@ -422,6 +475,8 @@ impl<'a> Simulation<'a> {
     }
 }
 
+/// Contacts this close count as one: sound crosses a ball in ten thousand times as long.
+const INSTANT_SECS: f64 = 1e-9;
 /// More events than this within a simulated second are an error: a break has a few hundred in all.
 pub const EVENTS_PER_SECOND_MAX: u32 = 20_000;
 /// Longer shots are an error: on an endless cloth a ball of 100 m/s rolls for 730 s, and one of

@@ -69,6 +69,7 @@ impl<'a> Stepped<'a> {
             integration_parameters: IntegrationParameters {
                 dt: step_secs,
                 num_solver_iterations: rapier.solver_iterations as usize,
+                contact_recycling: rapier.recycle_contacts,
                 ..Default::default()
             },
             ..Default::default()
@@ -171,6 +172,7 @@ impl<'a> Stepped<'a> {
         // What a step of sliding takes from the slip: the solver leaves less, but leaves some.
         let rolls =
             (3.5 * cloth.sliding_friction * cloth.gravity_m_s2 * self.step_secs).max(ROLLS_M_S);
+        let upright = LIES_M_S + 2.0 * cloth.gravity_m_s2 * self.step_secs;
         let mut moves = false;
         for ball in self.balls.iter_mut().filter(|ball| ball.on_table) {
             let body = &ball.body;
@@ -181,7 +183,7 @@ impl<'a> Stepped<'a> {
             let (position, velocity, spin) = (rigid.translation(), rigid.linvel(), rigid.angvel());
             ball.before = (position, velocity);
             let rolling = DVec2::new(spin.x, spin.y).length() * body.radius_m;
-            let lies = (position.z - body.radius_m).abs() < LIES_M && velocity.z.abs() < LIES_M_S;
+            let lies = position.z < body.radius_m + LIES_M && velocity.z.abs() < upright;
             if lies && velocity.truncate().length().max(rolling) < slower.max(REST_M_S) {
                 let turning = toward_zero(spin.z, spin_slower);
                 moves |= turning != 0.0;
@@ -190,8 +192,9 @@ impl<'a> Stepped<'a> {
                 continue;
             }
             moves = true;
-            if lies && Cloth::slip(body, velocity, spin).truncate().length() < rolls {
-                let speed = velocity.truncate().length();
+            let speed = velocity.truncate().length();
+            let slip = Cloth::slip(body, velocity, spin).truncate().length();
+            if lies && slip < rolls + SUNK * speed {
                 let left = toward_zero(speed, slower) / speed.max(f64::MIN_POSITIVE);
                 rigid.set_linvel(velocity * DVec3::new(left, left, 1.0), true);
                 let spin = DVec3::new(left * spin.x, left * spin.y, spin.z);
@@ -439,7 +442,9 @@ const ROLLS_M_S: f64 = 0.01;
 /// Slower is rest.
 const REST_M_S: f64 = 1e-3;
 const SLEEP_M_S: f64 = 1e-4;
-/// A ball lies on the cloth if its centre is at its radius within this, ...
+/// At long steps a fast ball sinks into the cloth, and rolls on a radius so much smaller.
+const SUNK: f64 = 0.15;
+/// A ball lies on the cloth if its centre is no higher than this over its radius, ...
 const LIES_M: f64 = 2e-3;
-/// ... and rises or falls no faster than this.
+/// ... and rises or falls no faster than this and what gravity does in two steps.
 const LIES_M_S: f64 = 0.05;

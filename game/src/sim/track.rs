@@ -1,6 +1,7 @@
 //! Where one ball was at each instant of a shot: its motions one after the other.
 
 use glam::{DQuat, DVec3};
+use serde::{Deserialize, Serialize};
 
 use super::{
     ball::{BallBody, BallPose, BallState, Phase},
@@ -15,11 +16,13 @@ pub(crate) struct Track {
     body: BallBody,
     /// Ascending starts; the last lasts to the end.
     pieces: Vec<Piece>,
+    /// When the last leg ends.
+    end_secs: f64,
     gone: Option<(f64, Phase)>,
 }
 
 /// Constant accelerations from one instant on.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Leg {
     pub(crate) start_secs: f64,
     pub(crate) phase: Phase,
@@ -64,6 +67,18 @@ impl Leg {
         }
     }
 
+    /// All its numbers but the time.
+    pub(crate) fn numbers(&self) -> impl Iterator<Item = f64> {
+        let vectors = [
+            self.position,
+            self.velocity,
+            self.acceleration,
+            self.spin,
+            self.spin_acceleration,
+        ];
+        vectors.into_iter().flat_map(|vector| vector.to_array())
+    }
+
     fn position_after(&self, t: f64) -> DVec3 {
         self.position + t * (self.velocity + 0.5 * t * self.acceleration)
     }
@@ -98,7 +113,7 @@ impl Piece {
 
     fn close(&mut self, end_secs: f64) -> DQuat {
         let duration = end_secs - self.leg.start_secs;
-        self.turning = self.leg.turning(self.turning.at(0.0), duration);
+        self.turning = self.leg.turning(self.turning.start(), duration);
         self.turning.at(duration)
     }
 }
@@ -109,6 +124,7 @@ impl Track {
             number: ball.number,
             body: ball.body,
             pieces: vec![Piece::open(leg, ball.orientation)],
+            end_secs: leg.start_secs,
             gone: None,
         }
     }
@@ -137,10 +153,59 @@ impl Track {
 
     pub(crate) fn finish(mut self, end_secs: f64) -> Self {
         let end = self.gone.map_or(end_secs, |(at, _)| at);
+        self.end_secs = end;
         if let Some(last) = self.pieces.last_mut() {
             last.close(end);
         }
         self
+    }
+
+    /// Its legs, and how the ball is turned at the start of each.
+    pub(crate) fn legs(&self) -> impl Iterator<Item = (Leg, DQuat)> {
+        self.pieces
+            .iter()
+            .map(|piece| (piece.leg, piece.turning.start()))
+    }
+
+    /// When its last leg ends.
+    pub(crate) fn end_secs(&self) -> f64 {
+        self.end_secs
+    }
+
+    /// Of the ball.
+    pub(crate) fn number(&self) -> u8 {
+        self.number
+    }
+
+    /// Of the ball.
+    pub(crate) fn body(&self) -> BallBody {
+        self.body
+    }
+
+    /// When and how the ball went out of play.
+    pub(crate) fn gone(&self) -> Option<(f64, Phase)> {
+        self.gone
+    }
+
+    /// A track of what [`Track::legs`] gave: one leg at least, in the order of time.
+    pub(crate) fn from_legs(
+        (number, body): (u8, BallBody),
+        legs: &[(Leg, DQuat)],
+        end_secs: f64,
+        gone: Option<(f64, Phase)>,
+    ) -> Self {
+        let ends = legs.iter().skip(1).map(|(leg, _)| leg.start_secs);
+        let piece = |(&(leg, orientation), end): (&(Leg, DQuat), f64)| Piece {
+            leg,
+            turning: leg.turning(orientation, end - leg.start_secs),
+        };
+        Self {
+            number,
+            body,
+            pieces: legs.iter().zip(ends.chain([end_secs])).map(piece).collect(),
+            end_secs,
+            gone,
+        }
     }
 
     pub(crate) fn pose_at(&self, t: f64) -> BallPose {
