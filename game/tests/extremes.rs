@@ -36,11 +36,16 @@ fn still(number: u8, x: f64, y: f64) -> BallState {
     ball(number, x, y, DVec3::ZERO, DVec3::ZERO)
 }
 
+/// Of motion, and of height over the cloth.
 fn energy_j(states: &[BallState]) -> f64 {
-    let body = BallBody::default();
+    let of = |b: &BallState| {
+        let height_j = b.body.mass_kg * 9.81 * b.position.z;
+        b.body.kinetic_energy_j(b.velocity, b.spin) + height_j
+    };
     states
         .iter()
-        .map(|b| body.kinetic_energy_j(b.velocity, b.spin))
+        .filter(|b| b.phase.is_on_table())
+        .map(of)
         .sum()
 }
 
@@ -64,7 +69,7 @@ fn assert_energy_never_grows(shot: &Shot) {
     for event in shot.events() {
         let allowed = match event.kind {
             EventKind::BallBall { .. } => carom::sim::CLUSTER_ENERGY_J,
-            EventKind::Cushion { .. } => carom::sim::REBOUND_ENERGY_J,
+            EventKind::Cushion { .. } | EventKind::Bounces { .. } => carom::sim::REBOUND_ENERGY_J,
             _ => 0.0,
         };
         let now = energy_j(&shot.states_at(event.time_secs));
@@ -117,7 +122,10 @@ fn any_speed_meets_and_parts() {
             "{speed}: straight"
         );
         assert_energy_never_grows(&shot);
-        assert!(shot.final_states()[1].position.x > 0.0);
+        assert!(
+            shot.states_at(t + 1e-3)[1].position.x > 0.0,
+            "{speed}: it moves"
+        );
     }
 }
 
@@ -135,11 +143,12 @@ fn nothing_is_passed_through_at_a_hundred_metres_per_second() {
         for event in shot.events() {
             assert_apart(&shot.states_at(event.time_secs));
         }
-        let out = shot
-            .final_states()
-            .into_iter()
-            .find(|b| b.phase == Phase::OffTable);
-        assert_eq!(out, None, "at {degrees}0 degrees");
+        // A ball may jump the rail, but not pass through it.
+        for event in shot.events() {
+            if let EventKind::LeftTable { point, .. } = event.kind {
+                assert!(point.z > 1.9 * RADIUS, "{degrees}0 degrees: {event:?}");
+            }
+        }
         assert_energy_never_grows(&shot);
     }
 }
@@ -151,7 +160,7 @@ fn the_fastest_spin_ends() {
         let shot = released(Laws::default(), vec![start]).expect("it ends");
         let decay = 2.5 * Cloth::default().spin_friction_m * 9.81 / RADIUS.powi(2);
         assert!(shot.duration_secs() >= 0.999 * 1e4 * axis.z / decay);
-        assert_eq!(energy_j(&shot.final_states()), 0.0);
+        assert_eq!(shot.final_states()[0].spin, DVec3::ZERO);
         assert_energy_never_grows(&shot);
     }
 }
@@ -557,7 +566,8 @@ fn plain_rapier_plays_a_whole_game_of_shots() {
             .count();
         assert!(moved > 8, "{engine}: the rack bursts: {moved} balls moved");
         let line = carom::sim::predict(&world, Stroke::straight(2.0, 2.0));
-        assert!(line.is_ok(), "{engine}: and the next shot can be aimed");
+        let lies = world.balls()[0].phase.is_on_table();
+        assert_eq!(line.is_ok(), lies, "{engine}: the next shot can be aimed");
     }
 }
 
@@ -659,4 +669,4 @@ fn final_states_have_the_stored_bits() {
 }
 
 /// Of [`final_states_have_the_stored_bits`], in debug and in release.
-const FINAL_STATES: u64 = 0xd19a_8cde_9d56_99a4;
+const FINAL_STATES: u64 = 0x4258_db26_2c2b_93ad;

@@ -929,7 +929,9 @@ proptest! {
         let end = *line.path.last().expect("not empty");
         let touched = shot.events().iter().find(|event| match event.kind {
             EventKind::BallBall { first, second, .. } => first == 0 || second == 0,
-            EventKind::Cushion { ball, .. } | EventKind::Pocketed { ball, .. } => ball == 0,
+            EventKind::Cushion { ball, .. }
+            | EventKind::Pocketed { ball, .. }
+            | EventKind::LeftTable { ball, .. } => ball == 0,
             _ => false,
         });
         let t = touched.map_or(shot.duration_secs(), |event| event.time_secs);

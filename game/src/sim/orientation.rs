@@ -65,7 +65,11 @@ impl Turning {
         } else {
             knot as f64 * self.interval_secs
         };
-        (self.step(start, t - start) * self.knots[knot]).normalize()
+        let step = self.step(start, t - start);
+        if step == DQuat::IDENTITY {
+            return self.knots[knot];
+        }
+        (step * self.knots[knot]).normalize()
     }
 
     fn step(&self, start: f64, duration: f64) -> DQuat {

@@ -52,6 +52,8 @@ struct Ball {
     track: Track,
     /// When and where the leg that is not yet in the track began.
     leg_from: (f64, DVec3),
+    /// Whether the last leg in the track is one of rest.
+    still: bool,
     /// Where, how fast and with which spin it was before the step.
     before: (DVec3, DVec3),
 }
@@ -312,7 +314,11 @@ impl<'a> Stepped<'a> {
         let body = &self.world.bodies[ball.handle];
         let (since, from) = ball.leg_from;
         let position = body.translation();
-        if now > since {
+        let is_still = position.distance(from) < STILL_M && body.angvel() == DVec3::ZERO;
+        if is_still && ball.still {
+            ball.leg_from.0 = now;
+        } else if now > since {
+            ball.still = is_still;
             let velocity = (position - from) / (now - since);
             let spin = body.angvel();
             ball.track.push(Leg {
@@ -398,6 +404,7 @@ fn insert_ball(
         on_table,
         track,
         leg_from: (0.0, state.position),
+        still: false,
         before: (state.position, state.velocity),
     }
 }
@@ -429,6 +436,8 @@ fn nearest_to_origin(from: DVec2, to: DVec2) -> f64 {
 
 /// Tracks are straight over this time, or a step if that is longer.
 const LEG_SECS: f64 = 5e-3;
+/// Less in a leg is no movement.
+const STILL_M: f64 = 1e-9;
 /// In place of a ball's index.
 const CUSHION: usize = usize::MAX - 1;
 const CLOTH: usize = usize::MAX;
