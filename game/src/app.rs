@@ -29,6 +29,12 @@ pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow:
     let event_loop = open_event_loop()?;
     let mut session = Session::new(config, args.seed)?;
     session.set_engine(args.physics);
+    if let Some(folder) = &args.record {
+        session.record(folder.clone())?;
+    }
+    if let Some(recording) = args.recording()? {
+        session.replay(recording.shot);
+    }
     let mut app = App {
         session,
         size: args.size,

@@ -8,7 +8,8 @@ use clap::{Parser, Subcommand, ValueEnum as _};
 
 use crate::bench::Bench;
 use crate::display::Present;
-use crate::sim::Engine;
+use crate::sim::{Engine, Recording};
+use crate::stage::Stage;
 
 /// Pool, path-traced in real time by a farm of any mix of GPUs and CPUs.
 ///
@@ -55,6 +56,12 @@ pub struct Args {
     /// How pictures get into the window [default: CAROM_PRESENT, else the first that works]
     #[arg(long, value_enum)]
     pub present: Option<Present>,
+    /// Show a recorded shot: in the window, where the arrow keys turn time, or as frames
+    #[arg(long, value_name = "FILE")]
+    pub replay: Option<PathBuf>,
+    /// Keep every shot as a file in this folder, to be shown with --replay
+    #[arg(long, value_name = "DIR")]
+    pub record: Option<PathBuf>,
     /// What moves the balls: exact, or rapier-N: plain rapier at N steps per second, 30 to 10000
     #[arg(long, value_name = "ENGINE", default_value_t = Engine::Exact, long_help = PHYSICS_HELP)]
     pub physics: Engine,
@@ -101,6 +108,27 @@ impl Args {
             anyhow::anyhow!("CAROM_PRESENT is `{variable}`: it must be vulkan, gl or software")
         })?;
         Ok(Some(present))
+    }
+
+    /// The shot to show.
+    ///
+    /// # Errors
+    /// A sentence with the file and what is wrong with it.
+    pub fn recording(&self) -> anyhow::Result<Option<Recording>> {
+        let Some(path) = &self.replay else {
+            return Ok(None);
+        };
+        let recording = Recording::load(path)?;
+        let table = Stage::table();
+        if recording.table != table.name() {
+            anyhow::bail!(
+                "{}: the shot was played on `{}`, which is not the table of this game, `{}`",
+                path.display(),
+                recording.table,
+                table.name()
+            );
+        }
+        Ok(Some(recording))
     }
 
     fn config_file(&self) -> anyhow::Result<FarmConfig> {

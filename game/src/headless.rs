@@ -23,7 +23,7 @@ use crate::animation::{Animation, write_png};
 use crate::args::Args;
 use crate::director::EXPOSURE;
 use crate::play::CUE_SPEED_M_S_MAX;
-use crate::sim::{Engine, EventKind, Shot, Stroke, World};
+use crate::sim::{Engine, EventKind, Recording, Shot, Stroke, World};
 use crate::stage::Stage;
 
 /// What `stats.json` holds.
@@ -88,7 +88,13 @@ pub fn run(args: &Args, config: FarmConfig) -> anyhow::Result<()> {
     let out = args.out.as_path();
     fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
     let settings = settings(args);
-    let shot = break_shot(settings.seed, args.physics)?;
+    let shot = match args.recording()? {
+        Some(recording) => recording.shot,
+        None => break_shot(settings.seed, args.physics)?,
+    };
+    if let Some(folder) = &args.record {
+        keep(&shot, folder)?;
+    }
     let stage = Stage::pool()?;
     let mut farm = Farm::new(config)?;
     farm.set_scene(stage.scene())?;
@@ -131,6 +137,16 @@ fn break_shot(seed: u32, engine: Engine) -> anyhow::Result<Shot> {
     let mut world = World::new(table, layout)?;
     world.set_engine(engine);
     Ok(world.strike(Stroke::straight(0.0, CUE_SPEED_M_S_MAX))?)
+}
+
+fn keep(shot: &Shot, folder: &Path) -> anyhow::Result<()> {
+    fs::create_dir_all(folder)
+        .with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    let recording = Recording {
+        table: Stage::table().name().to_owned(),
+        shot: shot.clone(),
+    };
+    Ok(recording.save(&folder.join("shot_0001.carom"))?)
 }
 
 /// Renders all frames, writing each as it is finished.

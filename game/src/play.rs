@@ -59,6 +59,8 @@ struct Running {
     power: f64,
     from: Viewpoint,
     bearing_rad: f64,
+    /// Whether it was played before: then there is no cue, and time can be turned back.
+    is_replay: bool,
 }
 
 /// What is asked of the program around the game.
@@ -121,11 +123,34 @@ impl Game {
         self.line = None;
     }
 
+    /// Shows a shot that was played before, from `now_secs` on. To turn the aim to the left or right
+    /// turns time back or on; when it is over, the game goes on with the balls as it left them.
+    pub fn replay(&mut self, shot: Shot, now_secs: f64) {
+        self.shots += 1;
+        self.notice = Some("A recorded shot: left and right turn time".to_owned());
+        self.phase = Phase::Watching(Box::new(Running {
+            shot,
+            contact_secs: now_secs + SWING_SECS.end,
+            power: 0.0,
+            from: self.dolly.viewpoint(),
+            bearing_rad: self.aim.bearing_rad,
+            is_replay: true,
+        }));
+    }
+
+    /// The shot that is being played for the first time, with its number.
+    pub fn fresh_shot(&self) -> Option<(u64, &Shot)> {
+        match &self.phase {
+            Phase::Watching(running) if !running.is_replay => Some((self.shots, &running.shot)),
+            _ => None,
+        }
+    }
+
     /// Does what the player wants at `now_secs`. A stroke meets the ball `lead_secs` later, so
     /// that its first pictures are ready by then, but never so late that the player would wait.
     pub fn apply(&mut self, intent: Intent, now_secs: f64, lead_secs: f64, film: DVec2) -> Outcome {
         match intent {
-            Intent::Turn(angle_rad) => self.turn(angle_rad),
+            Intent::Turn(angle_rad) => self.turn(angle_rad, now_secs),
             Intent::AimAt(point) => self.aim_at(point, film, now_secs),
             Intent::MoveTip(by) => self.move_tip(by),
             Intent::CenterTip => self.level_cue(),
@@ -215,7 +240,7 @@ impl Game {
                 let clock = running.clock_secs(now_secs);
                 // Faster and faster towards the ball, as a real stroke is.
                 let s = (1.0 + clock / SWING_SECS.start).clamp(0.0, 1.0);
-                (clock < FOLLOW_SECS)
+                (clock < FOLLOW_SECS && !running.is_replay)
                     .then(|| view(Some(running.power), drawn(running.power) * (1.0 - s * s)))?
             }
             _ => {
@@ -251,9 +276,19 @@ impl Game {
         }
     }
 
-    fn turn(&mut self, angle_rad: f64) {
-        if matches!(self.phase, Phase::Aiming) {
-            self.aim.bearing_rad = wrap_rad(self.aim.bearing_rad + angle_rad);
+    fn turn(&mut self, angle_rad: f64, now_secs: f64) {
+        match &mut self.phase {
+            Phase::Aiming => {
+                self.aim.bearing_rad = wrap_rad(self.aim.bearing_rad + angle_rad);
+            }
+            Phase::Watching(running) if running.is_replay => {
+                let end_secs = running.shot.duration_secs();
+                let moment = running.clock_secs(now_secs) - SCRUB_SECS * angle_rad.signum();
+                running.contact_secs = now_secs - moment.clamp(0.0, end_secs);
+                // Pictures that were asked for are of other moments: as of another shot.
+                self.shots += 1;
+            }
+            _ => {}
         }
     }
 
@@ -322,6 +357,7 @@ impl Game {
                     power,
                     from: self.dolly.viewpoint(),
                     bearing_rad: self.aim.bearing_rad,
+                    is_replay: false,
                 }));
             }
             Err(error) => self.notice = Some(error.to_string()),
@@ -460,6 +496,8 @@ const SWING_SECS: std::ops::Range<f64> = 0.06..0.08;
 const FOLLOW_SECS: f64 = 0.35;
 /// When the camera rises after the blow.
 const RISE_SECS: std::ops::Range<f64> = 0.1..1.7;
+/// A key's way through a recorded shot.
+const SCRUB_SECS: f64 = 0.25;
 const GAP_M: f64 = 0.012;
 const DRAW_M: f64 = 0.2;
 
@@ -495,6 +533,34 @@ mod tests {
         let now = watch(&mut game, 5.0);
         assert!((now - 5.0 - end) < 1.0);
         assert_ne!(game.poses(0.0), before);
+    }
+
+    #[test]
+    fn a_recorded_shot_is_watched_again_back_and_forth_and_played_on_from() {
+        let mut game = Game::new(1).unwrap();
+        strike(&mut game, 0.7, 5.0);
+        let (number, shot) = game.fresh_shot().unwrap();
+        let shot = shot.clone();
+        assert_eq!(number, 1);
+        let mut other = Game::new(9).unwrap();
+        other.replay(shot.clone(), 0.0);
+        assert!(other.fresh_shot().is_none() && other.cue(0.0).is_none());
+        assert_eq!(other.poses(0.7), shot.poses_at(0.7));
+        let (first, clock, end) = other.shot_clock(2.0).unwrap();
+        other.apply(Intent::Turn(-0.01), 2.0, 0.2, FILM);
+        let (second, later, _) = other.shot_clock(2.0).unwrap();
+        assert!(second > first && (later - clock - SCRUB_SECS).abs() < 1e-9);
+        for _ in 0..100 {
+            other.apply(Intent::Turn(0.01), 2.0, 0.2, FILM);
+        }
+        assert_eq!(other.shot_clock(2.0).unwrap().1, 0.0);
+        other.tick(2.1 + end, 0.1);
+        assert!(other.shot_clock(2.1 + end).is_none());
+        let lying = |poses: Vec<BallPose>| poses.iter().filter(|pose| pose.on_table).count();
+        assert!(
+            lying(other.poses(0.0)) >= lying(shot.poses_at(end)),
+            "played on from there"
+        );
     }
 
     #[test]

@@ -1,9 +1,12 @@
 //! A game and the farm that draws it, without a window: input in, picture and overlay out.
 
+use std::fs;
+use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::thread;
 use std::time::Duration;
 
+use anyhow::Context as _;
 use carom_farm::{Farm, FarmConfig, FrameId, NodeState, NodeStatus};
 use carom_tracer::{ImageSize, Scene};
 use egui::{LayerId, Rect};
@@ -15,7 +18,7 @@ use crate::director::{Director, Plan, Subject};
 use crate::display::Picture;
 use crate::input::{Event, Input, Intent};
 use crate::play::{CueView, Game, Outcome};
-use crate::sim::{BallBody, Engine};
+use crate::sim::{BallBody, Engine, Recording, Shot};
 use crate::stage::Stage;
 use crate::ui;
 use crate::warp::Warp;
@@ -37,6 +40,8 @@ pub struct Session {
     last_tick_secs: f64,
     redraws: Redraws,
     dirty: bool,
+    /// Where fresh shots are kept, and the number of the last that was.
+    recorder: Option<(PathBuf, u64)>,
 }
 
 /// The farm is built beside the window: looking for a GPU takes a second.
@@ -69,12 +74,47 @@ impl Session {
             last_tick_secs: 0.0,
             redraws: Redraws::default(),
             dirty: true,
+            recorder: None,
         })
     }
 
     /// Lets something else move the balls from the next stroke on.
     pub fn set_engine(&mut self, engine: Engine) {
         self.game.set_engine(engine);
+    }
+
+    /// Keeps every shot from now on as a file in a folder, which is made if there is none.
+    ///
+    /// # Errors
+    /// A sentence if the folder cannot be made.
+    pub fn record(&mut self, folder: PathBuf) -> anyhow::Result<()> {
+        fs::create_dir_all(&folder)
+            .with_context(|| format!("cannot make the folder {}", folder.display()))?;
+        self.recorder = Some((folder, 0));
+        Ok(())
+    }
+
+    /// Shows a shot that was kept.
+    pub fn replay(&mut self, shot: Shot) {
+        self.game.replay(shot, self.last_tick_secs);
+    }
+
+    fn keep_shot(&mut self) {
+        let (Some((folder, last)), Some((number, shot))) =
+            (&mut self.recorder, self.game.fresh_shot())
+        else {
+            return;
+        };
+        if number > *last {
+            *last = number;
+            let recording = Recording {
+                table: Stage::table().name().to_owned(),
+                shot: shot.clone(),
+            };
+            if let Err(error) = recording.save(&folder.join(format!("shot_{number:04}.carom"))) {
+                tracing::error!("{error}");
+            }
+        }
     }
 
     /// Follows the window: its size in pixels, and in points.
@@ -96,7 +136,9 @@ impl Session {
             _ => {}
         }
         let lead_secs = self.director.lead_secs();
-        self.game.apply(intent, now_secs, lead_secs, self.film)
+        let outcome = self.game.apply(intent, now_secs, lead_secs, self.film);
+        self.keep_shot();
+        outcome
     }
 
     /// Lets time pass: takes finished pictures, moves the game on, asks for new pictures. Never

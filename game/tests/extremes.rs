@@ -23,10 +23,10 @@
 
 use std::f64::consts::PI;
 
-use carom::bench::prairie::{ball, prairie, released};
+use carom::bench::prairie::{ball, released};
 use carom::sim::{
-    BallBallLaw, BallBody, BallState, Cloth, Engine, Error, Event, EventKind, Laws, Phase, Rapier,
-    Recording, Shot, Stroke, Table, World,
+    BallBallLaw, BallState, Cloth, Engine, Error, Event, EventKind, Laws, Rapier, Recording, Shot,
+    Stroke, Table, World,
 };
 use glam::{DVec2, DVec3};
 

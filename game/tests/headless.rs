@@ -89,6 +89,46 @@ fn it_renders_a_break_into_frames_an_animation_and_figures() {
     assert_stats(&stats);
 }
 
+#[test]
+fn a_recorded_shot_gives_the_same_frames_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let small = [
+        "--headless",
+        "--backend",
+        "cpu",
+        "--size",
+        "96x54",
+        "--spp",
+        "2",
+        "--frames",
+        "3",
+    ];
+    let run = |rest: &[&str]| carom(folder.path(), &[&small[..], rest].concat());
+    let played = run(&["--out", "played", "--record", "shots", "--seed", "5"]);
+    assert!(played.status.success(), "{}", text(&played.stderr));
+    let file = "shots/shot_0001.carom";
+    let again = run(&["--out", "again", "--replay", file, "--seed", "5"]);
+    assert!(again.status.success(), "{}", text(&again.stderr));
+    assert_eq!(
+        frames(&folder.path().join("played")),
+        frames(&folder.path().join("again"))
+    );
+
+    fs::write(folder.path().join("torn.carom"), b"carom shot\n").unwrap();
+    for (file, words) in [
+        ("torn.carom", "ends within its version"),
+        ("none.carom", "none.carom"),
+    ] {
+        let refused = run(&["--out", "refused", "--replay", file]);
+        assert_eq!(refused.status.code(), Some(1));
+        assert!(
+            text(&refused.stderr).contains(words),
+            "{}",
+            text(&refused.stderr)
+        );
+    }
+}
+
 fn assert_animation(path: &Path, frames: &[Vec<u8>]) {
     let mut reader = png::Decoder::new(BufReader::new(File::open(path).unwrap()))
         .read_info()

@@ -66,6 +66,7 @@ pub fn measure() -> Result<Vec<Curve>> {
         throw_by_speed()?,
         throw_by_english()?,
         squirt()?,
+        super::banks::measure()?,
     ])
 }
 

@@ -9,6 +9,7 @@
 //! ```
 
 pub mod accuracy;
+mod banks;
 pub mod breaks;
 pub mod closed_forms;
 mod cpu;

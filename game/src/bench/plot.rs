@@ -222,21 +222,18 @@ impl<'a> Scale<'a> {
     /// Places of round values, with their names.
     fn ticks(&self) -> Vec<(f64, String)> {
         let span = self.high - self.low;
-        let mut step = if self.axis.logarithmic {
-            1.0
+        let least = span / TICKS_MAX;
+        let power = 10f64.powf(least.log10().floor());
+        let round = [1.0, 2.0, 5.0, 10.0].map(|digit| digit * power);
+        let step = round
+            .into_iter()
+            .find(|step| *step >= least)
+            .unwrap_or(least);
+        let step = if self.axis.logarithmic {
+            step.ceil()
         } else {
-            10f64.powf((span / 6.0).log10().floor())
+            step
         };
-        while span / step > 8.0 {
-            step *= if self.axis.logarithmic || span / step > 16.0 {
-                2.5
-            } else {
-                2.0
-            };
-        }
-        if self.axis.logarithmic {
-            step = step.ceil();
-        }
         let first = (self.low / step).ceil() as i64;
         let last = (self.high / step + 1e-9).floor() as i64;
         let tick = |i: i64| {
@@ -269,6 +266,8 @@ fn escaped(text: &str) -> String {
         .replace('>', "&gt;")
 }
 
+/// Round values beside an axis.
+const TICKS_MAX: f64 = 8.0;
 const WIDTH: f64 = 860.0;
 const HEIGHT: f64 = 480.0;
 const LEFT: f64 = 76.0;

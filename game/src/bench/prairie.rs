@@ -9,7 +9,7 @@ use crate::sim::{BallBody, BallState, Laws, Shot, Table, TableParts, World};
 /// # Errors
 /// None: its parts are valid.
 pub fn prairie() -> crate::sim::Result<Table> {
-    let half = 5000.0;
+    let half = EDGE_M;
     let corners = [[-half, -half], [half, -half], [half, half], [-half, half]].map(DVec2::from);
     Table::from_parts(TableParts {
         name: "prairie".to_owned(),
@@ -44,5 +44,16 @@ pub fn released(laws: Laws, balls: Vec<BallState>) -> crate::sim::Result<Shot> {
 /// # Errors
 /// Those of the simulation.
 pub fn solo(velocity: DVec3, spin: DVec3) -> crate::sim::Result<Shot> {
-    released(Laws::default(), vec![ball(0, 0.0, 0.0, velocity, spin)])
+    solo_of(ball(0, 0.0, 0.0, velocity, spin))
 }
+
+/// What one ball does by the default laws.
+///
+/// # Errors
+/// Those of the simulation.
+pub fn solo_of(ball: BallState) -> crate::sim::Result<Shot> {
+    released(Laws::default(), vec![ball])
+}
+
+/// Where the cushions are: the playing surface ends at plus and minus this on both axes.
+pub const EDGE_M: f64 = 5000.0;

@@ -75,7 +75,6 @@ pub fn suggest(world: &World, targets: &[u8], simulations_max: u32) -> Result<Op
 #[derive(Clone, Copy, Debug)]
 struct Line {
     ball: u8,
-    pocket: usize,
     bearing_rad: f64,
     to_pocket: DVec2,
     /// By how much the object ball's way turns for a turn of the cue's.
@@ -105,7 +104,7 @@ impl Search<'_> {
             .filter(lies)
             .filter(|b| self.targets.contains(&b.number))
         {
-            for (pocket, rim) in self.world.table().pockets().iter().enumerate() {
+            for rim in self.world.table().pockets() {
                 let place = object.position.truncate();
                 let radii_m = cue_ball.body.radius_m + object.body.radius_m;
                 let way = rim.center - place;
@@ -116,7 +115,6 @@ impl Search<'_> {
                     let lever = to_ghost.length() / (radii_m * cos_cut);
                     lines.push(Line {
                         ball: object.number,
-                        pocket,
                         bearing_rad: to_ghost.to_angle(),
                         to_pocket,
                         lever,
