@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use carom_protocol::{Precision, PrecisionRange};
 use serde::{Deserialize, Serialize};
 
 use crate::{Balancing, Error};
@@ -23,6 +24,10 @@ pub struct FarmConfig {
     /// Pixels along a tile's edge, 8 to 128. Higher costs balance, lower costs bytes: tiles of 16
     /// compress 16–33 % worse than whole pictures, of 64 3–4 %.
     pub tile_edge: u16,
+    /// How exactly sRGB pixels of remote nodes come: the finest that the link carries in this range.
+    /// A finer end costs bytes (`carom-farm bench codec` has the figures), a coarser one lets a slow
+    /// link keep up. Nodes in this process are exact.
+    pub precision: PrecisionRange,
     /// Frames that may be in flight, 1 to 8: an application that asks for a frame each 1/60 s over
     /// a round trip of 46 ms has 5. Higher costs memory, lower leaves nodes idle while pixels
     /// travel.
@@ -66,6 +71,10 @@ impl Default for FarmConfig {
             credentials: PathBuf::from(".carom"),
             balancer: Balancing::default(),
             tile_edge: 32,
+            precision: PrecisionRange {
+                finest: Precision::Within1,
+                coarsest: Precision::Lossy50,
+            },
             frames_in_flight: 8,
         }
     }

@@ -4,7 +4,7 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use carom_protocol::{FrameId, SceneHash};
+use carom_protocol::{FrameId, PrecisionRange, SceneHash};
 use carom_tracer::{Scene, Tracer};
 
 use crate::coordinator::{Action, Coordinator, NodeIndex};
@@ -33,6 +33,8 @@ pub(crate) struct Driver {
     links: Vec<Link>,
     tile_edge: u16,
     started: Instant,
+    /// Of remote nodes.
+    precision: PrecisionRange,
     inputs: Sender<Input>,
     receiver: Receiver<Input>,
     statuses: Arc<Mutex<Vec<NodeStatus>>>,
@@ -63,6 +65,7 @@ impl Driver {
             links: Vec::new(),
             tile_edge: config.tile_edge,
             started: Instant::now(),
+            precision: config.precision,
             inputs,
             receiver,
             statuses: Arc::default(),
@@ -105,7 +108,7 @@ impl Driver {
 
     pub(crate) fn add_remote(&mut self, client: &Client, name: String, address: NodeAddress) {
         let index = self.coordinator.add_node(name);
-        let link = client.link(address, self.events(index));
+        let link = client.link(address, self.precision, self.events(index));
         self.links.push(Link::Remote(link));
     }
 

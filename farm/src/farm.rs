@@ -245,6 +245,7 @@ fn validate(config: &FarmConfig) -> Result<(), Error> {
             config.frames_in_flight
         )));
     }
+    config.precision.validate().map_err(Error::Config)?;
     if config.nodes.len() > NODES_MAX {
         return Err(Error::Config(format!(
             "there are {} nodes: at most {NODES_MAX} are allowed",

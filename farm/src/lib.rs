@@ -55,7 +55,7 @@ pub mod node;
 pub mod sim;
 
 pub use balancing::{Algorithm, Balancing};
-pub use carom_protocol::{FrameId, NodeInfo, PixelFormat};
+pub use carom_protocol::{FrameId, NodeInfo, PixelFormat, Precision, PrecisionRange};
 pub use config::{FarmConfig, LocalNode};
 pub use error::Error;
 pub use farm::Farm;

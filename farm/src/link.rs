@@ -17,7 +17,9 @@ use std::task::{Context, Poll, Wake, Waker};
 use std::thread::{JoinHandle, Thread};
 
 use carom_protocol::session::{ClientEvent, ClientSession, Packet};
-use carom_protocol::{FrameId, Refusal, RefusalReason, RunId, SceneHash, TraceRequest};
+use carom_protocol::{
+    FrameId, PrecisionRange, Refusal, RefusalReason, RunId, SceneHash, TraceRequest,
+};
 use carom_tracer::Scene;
 
 use crate::mailbox;
@@ -55,14 +57,19 @@ pub enum LinkEvent {
 /// One connection to a node: commands and packets in, packets and events out.
 pub struct LinkSession<F> {
     session: ClientSession,
+    precision: PrecisionRange,
     events: F,
 }
 
 impl<F: FnMut(LinkEvent)> LinkSession<F> {
-    /// The session of a connection that has just been made; its greeting waits to be sent.
-    pub fn new(events: F) -> Self {
-        let session = ClientSession::new();
-        Self { session, events }
+    /// The session of a connection that has just been made, over which sRGB tiles come as exactly
+    /// as `precision` has it; its greeting waits to be sent.
+    pub fn new(precision: PrecisionRange, events: F) -> Self {
+        Self {
+            session: ClientSession::new(),
+            precision,
+            events,
+        }
     }
 
     /// Puts a command into packets. What cannot be asked is refused here as the node would.
@@ -96,7 +103,8 @@ impl<F: FnMut(LinkEvent)> LinkSession<F> {
         self.session.poll_transmit()
     }
 
-    fn trace(&mut self, request: TraceRequest) {
+    fn trace(&mut self, mut request: TraceRequest) {
+        request.precision = self.precision;
         let (frame, run) = (request.frame, request.run);
         if let Err(why) = self.session.trace(request) {
             let why = RefusalReason::Invalid(why.to_string());
@@ -156,7 +164,7 @@ fn carry(
 ) -> String {
     let waker = Waker::from(Arc::new(Unpark(std::thread::current())));
     let mut cx = Context::from_waker(&waker);
-    let mut session = LinkSession::new(events);
+    let mut session = LinkSession::new(PrecisionRange::EXACT, events);
     loop {
         let mut idle = true;
         match commands.poll_recv(&mut cx) {

@@ -11,7 +11,7 @@ use serde::de::DeserializeOwned;
 
 use crate::Error;
 use crate::limits::{CONTROL_BYTES_MAX, SCENE_BYTES_MAX, TILES_BYTES_MAX};
-use crate::message::{SceneHash, ToClient, ToNode, VERSION};
+use crate::message::{RunId, SceneHash, ToClient, ToNode, VERSION};
 
 impl SceneHash {
     /// The hash under which nodes keep `scene`. Equal scenes have equal hashes, bit for bit of
@@ -105,6 +105,15 @@ pub fn decode_to_client(bytes: &[u8]) -> Result<ToClient, Error> {
         .validate()
         .map_err(|why| Error::malformed(what, why))?;
     Ok(message)
+}
+
+/// The run of a tile message, from its first bytes alone; `None` if it is none.
+pub fn run_of_tiles(bytes: &[u8]) -> Option<RunId> {
+    let (&TILES_VARIANT, rest) = bytes.split_first()? else {
+        return None;
+    };
+    let (run, _) = postcard::take_from_bytes(rest).ok()?;
+    Some(run)
 }
 
 /// Whether `bytes` begin as the first message of a connection does, in any version.
@@ -221,7 +230,7 @@ const TILES_VARIANT: u8 = 3;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::message::{NodeInfo, RunId, TilesDone};
+    use crate::message::{NodeInfo, TilesDone};
     use carom_tracer::{DeviceInfo, DeviceKind, TileRun};
 
     fn welcome(version: u16) -> ToClient {

@@ -8,6 +8,7 @@ mod failure;
 mod init;
 mod inputs;
 mod node;
+mod proxy;
 mod render;
 mod status;
 
@@ -21,6 +22,7 @@ pub(crate) enum Command {
     Init(init::Args),
     Add(add::Args),
     Node(node::Args),
+    Proxy(proxy::Args),
     Render(render::Args),
     Status(status::Args),
     Bench(bench::Args),
@@ -32,6 +34,7 @@ impl Command {
             Self::Init(args) => init::run(&args),
             Self::Add(args) => add::run(&args),
             Self::Node(args) => node::run(&args),
+            Self::Proxy(args) => proxy::run(&args),
             Self::Render(args) => render::run(&args),
             Self::Status(args) => status::run(&args),
             Self::Bench(args) => bench::run(&args),

@@ -9,7 +9,7 @@ use std::task::{Context, Poll};
 use carom_farm::net::{Credentials, NodeServer, Peer, Role, ServerEvent, Stop};
 use carom_farm::node::{Node, NodeConnection};
 use carom_protocol::session::Packet;
-use carom_protocol::{ToNode, codec};
+use carom_protocol::{RunId, ToNode, codec};
 
 use crate::commands::Failure;
 use crate::commands::backend::NodeBackend;
@@ -119,5 +119,13 @@ impl Peer for Watched {
 
     fn poll_owner(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), String>> {
         self.connection.poll_owner(cx)
+    }
+
+    fn take_unwanted(&mut self) -> Vec<RunId> {
+        self.connection.take_unwanted()
+    }
+
+    fn measure(&mut self, bytes_per_sec: f64) {
+        self.connection.measure(bytes_per_sec);
     }
 }

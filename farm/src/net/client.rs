@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::task::{Context, Poll};
 use std::time::Duration;
 
+use carom_protocol::PrecisionRange;
 use carom_protocol::session::Packet;
 use tokio::runtime::Runtime;
 use tokio::sync::mpsc;
@@ -67,17 +68,20 @@ impl Client {
         })
     }
 
-    /// Calls a node until the link is dropped. `events` is called on a network thread and must
+    /// Calls a node until the link is dropped; sRGB tiles come as exactly as `precision` has it.
+    /// `events` is called on a network thread and must
     /// not block.
     pub fn link(
         &self,
         address: NodeAddress,
+        precision: PrecisionRange,
         events: impl FnMut(LinkEvent) + Send + 'static,
     ) -> NodeLink {
         let (commands, receiver) = mpsc::channel(COMMANDS_MAX);
         let link = Link {
             caller: Arc::clone(&self.caller),
             address,
+            precision,
             commands: receiver,
             events: Box::new(events),
         };
@@ -118,6 +122,7 @@ impl Drop for NodeLink {
 struct Link {
     caller: Arc<Caller>,
     address: NodeAddress,
+    precision: PrecisionRange,
     commands: mpsc::Receiver<Command>,
     events: Events,
 }
@@ -149,7 +154,7 @@ impl Link {
         // They were meant for the connection before this one.
         while self.commands.try_recv().is_ok() {}
         let mut player = Player {
-            session: LinkSession::new(&mut self.events),
+            session: LinkSession::new(self.precision, &mut self.events),
             commands: &mut self.commands,
         };
         packets::carry(streams, &mut player).await

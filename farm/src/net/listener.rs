@@ -10,6 +10,7 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use crate::Error;
 use crate::net::credentials::{Credentials, Role};
+use crate::net::endpoint::Congestion;
 use crate::net::packets::Streams;
 use crate::net::{endpoint, refusal};
 
@@ -29,8 +30,12 @@ impl Listener {
     /// # Errors
     /// [`Error::Credentials`] if the credentials are no node's, [`Error::Socket`] if the address
     /// is in use or not this machine's.
-    pub(crate) fn bind(address: SocketAddr, credentials: &Credentials) -> Result<Self, Error> {
-        let config = endpoint::server_config(credentials)?;
+    pub(crate) fn bind(
+        address: SocketAddr,
+        credentials: &Credentials,
+        congestion: Congestion,
+    ) -> Result<Self, Error> {
+        let config = endpoint::server_config(credentials, congestion)?;
         let endpoint = endpoint::open_server(address, config).map_err(|source| Error::Socket {
             address: address.to_string(),
             source,

@@ -1,6 +1,7 @@
 //! A session's packets over one connection: control packets framed on one stream of both
 //! directions, each tile packet on a stream of its own.
 
+use std::collections::VecDeque;
 use std::future::poll_fn;
 use std::task::{Context, Poll};
 use std::time::Duration;
@@ -8,10 +9,11 @@ use std::time::Duration;
 use carom_protocol::framing::{self, Deframer};
 use carom_protocol::limits;
 use carom_protocol::session::{Channel, Packet};
+use carom_protocol::{RunId, codec};
 use quinn::{
     Connection, ConnectionError, ReadError, ReadToEndError, RecvStream, SendStream, WriteError,
 };
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
 
 use crate::net::credentials::Role;
@@ -30,6 +32,14 @@ pub trait Peer {
     /// [`Peer::poll_transmit`] may have something new, or with a sentence when the connection
     /// shall end; pending when there is nothing to do, with the task to be woken.
     fn poll_owner(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), String>>;
+
+    /// Runs whose tiles nobody waits for any more, since the last call: those under way are reset.
+    fn take_unwanted(&mut self) -> Vec<RunId> {
+        Vec::new()
+    }
+
+    /// Hears how many bytes per second the path carries.
+    fn measure(&mut self, _bytes_per_sec: f64) {}
 }
 
 /// A new connection with its control stream.
@@ -85,6 +95,8 @@ struct Carrier {
     tasks: JoinSet<Fault>,
     writer: tokio::task::JoinHandle<()>,
     connection: Connection,
+    /// The last runs that nobody waits for.
+    unwanted: watch::Sender<VecDeque<RunId>>,
 }
 
 impl Carrier {
@@ -99,12 +111,17 @@ impl Carrier {
         let (to_session, incoming) = mpsc::channel(PACKETS_WAITING_MAX);
         let (control, control_out) = mpsc::channel(PACKETS_WAITING_MAX);
         let (tiles, tiles_out) = mpsc::channel(PACKETS_WAITING_MAX);
+        let unwanted = watch::Sender::default();
         let mut tasks = JoinSet::new();
         tasks.spawn(read_control(receive, role, to_session.clone()));
         if role == Role::Player {
             tasks.spawn(read_tiles(connection.clone(), to_session));
         } else {
-            tasks.spawn(write_tiles(connection.clone(), tiles_out));
+            tasks.spawn(write_tiles(
+                connection.clone(),
+                tiles_out,
+                unwanted.subscribe(),
+            ));
         }
         Self {
             incoming,
@@ -113,6 +130,7 @@ impl Carrier {
             tasks,
             writer: tokio::spawn(write_control(send, control_out)),
             connection,
+            unwanted,
         }
     }
 
@@ -129,12 +147,15 @@ impl Carrier {
                 biased;
                 permit = out.reserve(), if pending.is_some() => match (permit, pending.take()) {
                     (Ok(permit), Some(packet)) => {
+                        if packet.channel == Channel::Tiles {
+                            peer.measure(self.carries());
+                        }
                         permit.send(packet.bytes);
                         None
                     }
                     _ => return Fault::Gone(self.connection.closed().await),
                 },
-                Some(packet) = self.incoming.recv() => peer.handle(packet).err(),
+                Some(packet) = self.incoming.recv() => self.hear(peer, packet).err(),
                 owner = poll_fn(|cx| peer.poll_owner(cx)), if pending.is_none() => match owner {
                     Ok(()) => None,
                     Err(why) => return Fault::Owner(why),
@@ -148,6 +169,25 @@ impl Carrier {
                 return Fault::Rule(error.to_string());
             }
         }
+    }
+
+    fn hear(&self, peer: &mut impl Peer, packet: Packet) -> Result<(), carom_protocol::Error> {
+        peer.handle(packet)?;
+        let runs = peer.take_unwanted();
+        if !runs.is_empty() {
+            self.unwanted.send_modify(|unwanted| {
+                unwanted.extend(runs);
+                let excess = unwanted.len().saturating_sub(limits::RUNS_REFUSED_KEPT);
+                unwanted.drain(..excess);
+            });
+        }
+        Ok(())
+    }
+
+    /// Bytes per second that may leave.
+    fn carries(&self) -> f64 {
+        let path = self.connection.stats().path;
+        path.cwnd as f64 / path.rtt.as_secs_f64().max(1e-4)
     }
 
     /// A session that met an error may still have an answer, such as its version.
@@ -244,15 +284,41 @@ async fn read_tile_packet(
     None
 }
 
-async fn write_tiles(connection: Connection, mut packets: mpsc::Receiver<Vec<u8>>) -> Fault {
+/// Each tile packet on a stream of its own, one after the other: what waits for the network waits
+/// in the session, which can still drop it. A stream whose run is not wanted any more is reset, so
+/// that its lost packets are not sent again.
+async fn write_tiles(
+    connection: Connection,
+    mut packets: mpsc::Receiver<Vec<u8>>,
+    unwanted: watch::Receiver<VecDeque<RunId>>,
+) -> Fault {
+    let mut tails = JoinSet::new();
     while let Some(packet) = packets.recv().await {
+        while tails.try_join_next().is_some() {}
+        let cwnd = connection.stats().path.cwnd;
+        connection.set_send_window((cwnd + cwnd / 2).max(SEND_BYTES_MIN));
         let mut stream = match connection.open_uni().await {
             Ok(stream) => stream,
             Err(why) => return Fault::Gone(why),
         };
-        match stream.write_all(&packet).await {
+        let run = codec::run_of_tiles(&packet);
+        let mut stale = unwanted.clone();
+        let written = tokio::select! {
+            written = stream.write_all(&packet) => written,
+            () = wait_until_stale(&mut stale, run) => {
+                let _ = stream.reset(code::STALE);
+                continue;
+            }
+        };
+        match written {
             Ok(()) => {
                 let _ = stream.finish();
+                tails.spawn(async move {
+                    tokio::select! {
+                        _ = stream.stopped() => {}
+                        () = wait_until_stale(&mut stale, run) => drop(stream.reset(code::STALE)),
+                    }
+                });
             }
             // The player does not want these tiles any more.
             Err(WriteError::Stopped(_)) => {}
@@ -262,3 +328,14 @@ async fn write_tiles(connection: Connection, mut packets: mpsc::Receiver<Vec<u8>
     }
     Fault::Gone(ConnectionError::LocallyClosed)
 }
+
+/// For ever, if the connection ends before.
+async fn wait_until_stale(unwanted: &mut watch::Receiver<VecDeque<RunId>>, run: Option<RunId>) {
+    let is_stale = |unwanted: &VecDeque<RunId>| run.is_some_and(|run| unwanted.contains(&run));
+    if unwanted.wait_for(is_stale).await.is_err() {
+        std::future::pending::<()>().await;
+    }
+}
+
+/// Two frames at 31.5 Mbit/s, whatever the window is.
+const SEND_BYTES_MIN: u64 = 128 << 10;

@@ -13,12 +13,15 @@ use carom_protocol::{
 };
 use carom_tracer::{Tile, TileRun};
 
+use super::governor::{Governor, LinkMeasure};
 use super::queue::{Job, Queue};
 
 /// The transport's end of a client's session; [`crate::net::Peer`] for QUIC.
 pub struct NodeConnection {
     client: Arc<Client>,
     queue: Arc<Queue>,
+    /// Cancelled runs that the transport has not been told of.
+    unwanted: Vec<RunId>,
 }
 
 /// The workers' end.
@@ -27,6 +30,8 @@ pub(super) struct Client {
     /// Told when the transport has taken a packet.
     drained: Condvar,
     sent: Mutex<SentTiles>,
+    governor: Mutex<Governor>,
+    began: Instant,
 }
 
 struct State {
@@ -52,8 +57,15 @@ impl NodeConnection {
             state: Mutex::new(state),
             drained: Condvar::new(),
             sent: Mutex::default(),
+            governor: Mutex::new(Governor::new()),
+            began: Instant::now(),
         });
-        Self { client, queue }
+        let unwanted = Vec::new();
+        Self {
+            client,
+            queue,
+            unwanted,
+        }
     }
 
     /// Takes a packet from the client.
@@ -79,17 +91,34 @@ impl NodeConnection {
                 });
             }
             Some(NodeEvent::Cancelled(runs)) => {
-                for run in runs {
-                    if let Some(flag) = state.cancelled.remove(&run) {
+                for run in &runs {
+                    if let Some(flag) = state.cancelled.remove(run) {
                         flag.store(true, Ordering::Relaxed);
                     }
                 }
                 drop(state);
+                self.unwanted.extend(runs);
                 self.client.drained.notify_all();
                 self.queue.sweep();
             }
         }
         Ok(())
+    }
+
+    /// Runs that nobody waits for any more, since the last call.
+    pub fn take_unwanted(&mut self) -> Vec<RunId> {
+        std::mem::take(&mut self.unwanted)
+    }
+
+    /// Takes note of what the link carries, `bytes_per_sec`.
+    pub fn measure(&mut self, bytes_per_sec: f64) {
+        let waiting_bytes = self.client.lock().session.waiting_bytes();
+        let link = LinkMeasure {
+            bytes_per_sec,
+            waiting_bytes,
+        };
+        let now = self.client.began.elapsed();
+        lock(&self.client.governor).measure(now, link);
     }
 
     /// The next packet to send, if there is one now.
@@ -132,6 +161,14 @@ impl crate::net::Peer for NodeConnection {
     fn poll_owner(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), String>> {
         self.poll_ready(cx).map(Ok)
     }
+
+    fn take_unwanted(&mut self) -> Vec<RunId> {
+        Self::take_unwanted(self)
+    }
+
+    fn measure(&mut self, bytes_per_sec: f64) {
+        Self::measure(self, bytes_per_sec);
+    }
 }
 
 impl Drop for NodeConnection {
@@ -169,9 +206,10 @@ impl Client {
                 reference: reference.as_ref(),
             })
             .collect();
-        let precision = request.precision.finest;
+        let precision = lock(&self.governor).precision(request.precision);
         let (payload, kept) = encoder.encode_srgb(exposure, precision, &sources);
         lock(&self.sent).insert(request, part, kept);
+        lock(&self.governor).offer(payload.len());
         payload
     }
 

@@ -12,6 +12,7 @@
 //! a GPU are not counted twice.
 
 mod connection;
+mod governor;
 mod queue;
 mod worker;
 
@@ -22,6 +23,7 @@ use carom_protocol::NodeInfo;
 use carom_tracer::{DeviceKind, Tracer};
 
 pub use connection::NodeConnection;
+pub use governor::LinkMeasure;
 use queue::Queue;
 
 /// One device, shared by any number of clients.

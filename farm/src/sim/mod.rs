@@ -11,7 +11,7 @@
 mod faults;
 mod node;
 mod optimum;
-mod random;
+pub(crate) mod random;
 mod scenario;
 mod score;
 mod world;

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use carom_farm::net::{Authority, NodeServer, Role, Stop, create_farm};
 use carom_farm::node::Node;
-use carom_farm::{Farm, FarmConfig, Frame, FrameSpec, LocalNode, NodeState};
+use carom_farm::{Farm, FarmConfig, Frame, FrameSpec, LocalNode, NodeState, PrecisionRange};
 use carom_protocol::PixelFormat;
 use carom_tracer::{CpuTracer, ImageSize, RenderSettings, Scene, SceneUpdate};
 
@@ -59,6 +59,7 @@ fn farm(credentials: &Path, nodes: &[SocketAddr]) -> Farm {
         nodes: nodes.iter().map(SocketAddr::to_string).collect(),
         credentials: credentials.to_owned(),
         tile_edge: 16,
+        precision: PrecisionRange::EXACT,
         ..FarmConfig::default()
     })
     .unwrap();

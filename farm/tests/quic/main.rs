@@ -1,6 +1,9 @@
 //! Farms over QUIC on the loopback interface: who is let in, and what holds when peers misbehave.
 
 mod admission;
+mod congestion;
 mod farms;
 mod greeter;
+mod path;
+mod proxy;
 mod stranger;

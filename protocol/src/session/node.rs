@@ -8,8 +8,8 @@ use carom_tracer::{Scene, SceneUpdate, Shape, TileRun};
 use super::scenes::SceneCache;
 use super::{Channel, Packet};
 use crate::limits::{
-    CONTROL_QUEUED_MAX, NODE_NAME_BYTES_MAX, RUNS_QUEUED_MAX, SENTENCE_BYTES_MAX,
-    TILES_QUEUED_BYTES_MAX,
+    CONTROL_QUEUED_MAX, NODE_NAME_BYTES_MAX, RUNS_QUEUED_MAX, RUNS_REFUSED_KEPT,
+    SENTENCE_BYTES_MAX, TILES_QUEUED_BYTES_MAX,
 };
 use crate::message::{
     FrameId, NodeInfo, Refusal, RefusalReason, RunId, RunReport, SceneHash, TilesDone, ToClient,
@@ -36,8 +36,9 @@ pub enum NodeEvent {
         /// Its scene.
         scene: Arc<Scene>,
     },
-    /// Runs to stop and to take from the queue. The client has been told; what else is said of
-    /// them is dropped.
+    /// Runs to stop and to take from the queue, and runs that were answered, whose tiles need not
+    /// be sent again if they get lost. The client has been told; what else is said of them is
+    /// dropped.
     Cancelled(Vec<RunId>),
 }
 
@@ -50,6 +51,8 @@ pub struct NodeSession {
     /// Runs asked for and not yet answered on the wire, at most [`RUNS_QUEUED_MAX`].
     runs: BTreeMap<RunId, Run>,
     last_run: Option<RunId>,
+    /// The last [`RUNS_REFUSED_KEPT`] runs that were answered in full: their tiles may be under way.
+    answered: VecDeque<(RunId, Run)>,
     answers: VecDeque<Vec<u8>>,
     /// Tiles and reports of runs, which a cancellation drops.
     results: VecDeque<(RunId, Packet)>,
@@ -96,6 +99,7 @@ impl NodeSession {
             scenes: SceneCache::new(),
             runs: BTreeMap::new(),
             last_run: None,
+            answered: VecDeque::new(),
             answers: VecDeque::new(),
             results: VecDeque::new(),
             results_bytes: 0,
@@ -183,7 +187,13 @@ impl NodeSession {
         let (run, packet) = self.results.pop_front()?;
         self.results_bytes -= packet.bytes.len();
         if packet.channel == Channel::Control {
-            self.runs.remove(&run); // its report: the run is answered
+            // Its report: the run is answered.
+            if let Some(state) = self.runs.remove(&run) {
+                self.answered.push_back((run, state));
+            }
+            if self.answered.len() > RUNS_REFUSED_KEPT {
+                self.answered.pop_front();
+            }
         }
         Some(packet)
     }
@@ -192,6 +202,11 @@ impl NodeSession {
     /// tracing until it has taken some.
     pub fn is_full(&self) -> bool {
         self.results_bytes >= TILES_QUEUED_BYTES_MAX
+    }
+
+    /// Bytes of tiles and reports that wait for the network.
+    pub fn waiting_bytes(&self) -> usize {
+        self.results_bytes
     }
 
     /// Runs asked for and not yet answered on the wire.
@@ -292,14 +307,17 @@ impl NodeSession {
             .extract_if(.., |run, state| unwanted(*run, state))
             .map(|(run, _)| run)
             .collect();
-        if cancelled.is_empty() {
-            return None;
-        }
         self.drop_results(&cancelled);
         for run in &cancelled {
             self.send_refusal(*run, RefusalReason::Cancelled);
         }
-        Some(NodeEvent::Cancelled(cancelled))
+        let mut unheard = cancelled;
+        self.answered.retain(|(run, state)| {
+            let dropped = unwanted(*run, state);
+            unheard.extend(dropped.then_some(*run));
+            !dropped
+        });
+        (!unheard.is_empty()).then_some(NodeEvent::Cancelled(unheard))
     }
 
     fn queue_result(&mut self, run: RunId, channel: Channel, bytes: Vec<u8>) {

@@ -5,7 +5,9 @@ mod balance;
 mod codec;
 mod codec_frames;
 mod faults;
+mod noise;
 mod trace;
+mod transport;
 
 use clap::Subcommand;
 
@@ -25,6 +27,7 @@ enum Bench {
     Balance(balance::Args),
     Faults(faults::Args),
     Codec(codec::Args),
+    Transport(transport::Args),
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
@@ -34,5 +37,6 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         Bench::Balance(args) => balance::run(args),
         Bench::Faults(args) => faults::run(args),
         Bench::Codec(args) => codec::run(args),
+        Bench::Transport(args) => transport::run(args),
     }
 }

@@ -1,0 +1,373 @@
+//! `carom-farm bench transport`: tiles over real sockets and bad paths, by control of congestion.
+
+use std::net::{Ipv4Addr, SocketAddr};
+use std::sync::Arc;
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
+use std::time::{Duration, Instant, SystemTime};
+
+use anyhow::{Context, anyhow};
+use carom_farm::net::{
+    Authority, Client, Command, Congestion, LinkEvent, NodeLink, NodeServer, PathConfig, Proxy,
+    Role, Stop,
+};
+use carom_farm::node::Node;
+use carom_protocol::session::ClientEvent;
+use carom_protocol::{
+    FrameId, PixelFormat, Precision, PrecisionRange, RunId, SceneHash, TraceRequest,
+};
+use carom_tracer::{RenderSettings, SceneUpdate, Tracer};
+use serde::Serialize;
+
+use super::noise::Noise;
+use crate::commands::Failure;
+use crate::commands::inputs;
+
+/// Sixty requests a second to one node, each answered over 8 ms by 16 messages of 4 kB that do
+/// not compress, 31.5 Mbit/s in all, through a proxy that delays and loses packets.
+///
+/// A tile's time counts from when the tracer handed it over, and it is missing if it has not come
+/// 100 ms after its request, when the frame is cancelled. Loopback has no proxy and answers at
+/// once: its times are whole answers of 64 kB from their requests on. The first two seconds are
+/// counted apart, as "start".
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+    /// Seconds of each run.
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u64).range(3..=600))]
+    seconds: u64,
+    /// Draws losses and jitter.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Only the paths whose name has this in it.
+    #[arg(long)]
+    path: Option<String>,
+    /// Only Carom's own control of congestion.
+    #[arg(long)]
+    own: bool,
+}
+
+#[derive(Serialize)]
+struct Report {
+    runs: Vec<Row>,
+}
+
+#[derive(Serialize)]
+struct Row {
+    path: &'static str,
+    congestion: &'static str,
+    precision: &'static str,
+    p50_ms: f64,
+    p99_ms: f64,
+    /// Of the first two seconds.
+    start_p99_ms: f64,
+    /// Of messages, in percent.
+    missing_percent: f64,
+    /// Of pixels that arrived.
+    mbit_per_second: f64,
+}
+
+/// A path with its name.
+struct Case {
+    name: &'static str,
+    /// `None` for loopback.
+    path: Option<PathConfig>,
+    /// Whether the node may choose among all precisions.
+    governed: bool,
+}
+
+fn cases() -> Vec<Case> {
+    let ms = Duration::from_millis;
+    let path = |delay, loss, rate: Option<f64>| PathConfig {
+        delay,
+        jitter: Duration::from_micros(200),
+        loss,
+        rate,
+        queue_bytes: 1 << 20,
+        ..PathConfig::default()
+    };
+    let case = |name, path| Case {
+        name,
+        path: Some(path),
+        governed: false,
+    };
+    vec![
+        Case {
+            name: "loopback",
+            path: None,
+            governed: false,
+        },
+        case("4 ms, 1 % loss", path(ms(2), 0.01, None)),
+        case("46 ms", path(ms(23), 0.0, None)),
+        case("46 ms, 1 % loss", path(ms(23), 0.01, None)),
+        case("46 ms, 50 Mbit/s", path(ms(23), 0.0, Some(50e6))),
+        case("46 ms, 25 Mbit/s", path(ms(23), 0.0, Some(25e6))),
+        Case {
+            governed: true,
+            ..case("46 ms, 25 Mbit/s", path(ms(23), 0.0, Some(25e6)))
+        },
+    ]
+}
+
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let mut report = Report { runs: Vec::new() };
+    if !args.json {
+        println!(
+            "{:<18} {:<6} {:<9} {:>8} {:>8} {:>12} {:>9} {:>7}",
+            "path", "by", "precision", "p50 ms", "p99 ms", "start p99 ms", "missing", "Mbit/s"
+        );
+    }
+    let wanted = |case: &Case| {
+        args.path
+            .as_ref()
+            .is_none_or(|part| case.name.contains(part))
+    };
+    for case in cases().iter().filter(|case| wanted(case)) {
+        for congestion in [Congestion::Delay, Congestion::Bbr, Congestion::Cubic] {
+            let own = congestion == Congestion::Delay;
+            if !own && (args.own || case.governed) {
+                continue;
+            }
+            let row = measure(args, case, congestion)?;
+            if !args.json {
+                print_row(&row);
+            }
+            report.runs.push(row);
+        }
+    }
+    if args.json {
+        let json = serde_json::to_string(&report).context("results as JSON")?;
+        println!("{json}");
+    }
+    Ok(())
+}
+
+fn print_row(row: &Row) {
+    println!(
+        "{:<18} {:<6} {:<9} {:>8.2} {:>8.2} {:>12.2} {:>7.2} % {:>7.1}",
+        row.path,
+        row.congestion,
+        row.precision,
+        row.p50_ms,
+        row.p99_ms,
+        row.start_p99_ms,
+        row.missing_percent,
+        row.mbit_per_second
+    );
+}
+
+/// A node and a link to it, through a proxy if the case has a path.
+struct Setup {
+    noise: Arc<Noise>,
+    link: NodeLink,
+    events: Receiver<(Instant, LinkEvent)>,
+    stop: Stop,
+    server: Option<std::thread::JoinHandle<()>>,
+    _client: Client,
+    _proxy: Option<Proxy>,
+}
+
+impl Setup {
+    fn new(args: &Args, case: &Case, congestion: Congestion) -> Result<Self, Failure> {
+        let now = SystemTime::now();
+        let day = Duration::from_secs(24 * 3600);
+        let authority = Authority::generate()?;
+        let issue = |role, name| authority.credentials(role, name, now - day..now + day);
+        let any = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
+        let server = NodeServer::bind_with(any, &issue(Role::Node, "node")?, congestion)?;
+        let address = server.local_addr()?;
+        let pause = case
+            .path
+            .map_or(Duration::ZERO, |_| FRAME_RENDER / Noise::MESSAGES);
+        let noise = Arc::new(Noise::new(pause));
+        let node = Node::new("node", Arc::clone(&noise) as Arc<dyn Tracer>);
+        let stop = Stop::default();
+        let stopped = stop.clone();
+        let serve = move || server.serve(&stopped, move |_| node.connect(), |_| {});
+        let proxy = case
+            .path
+            .map(|path| Proxy::start(any, address, path, args.seed));
+        let proxy = proxy.transpose().context("a proxy")?;
+        let address = proxy.as_ref().map_or(address, Proxy::local_addr);
+        let client = Client::new(&issue(Role::Player, "player")?)?;
+        let (sender, events) = mpsc::channel();
+        let address = address
+            .to_string()
+            .parse()
+            .map_err(|why| anyhow!("{why}"))?;
+        let range = match case.governed {
+            true => PrecisionRange {
+                finest: Precision::Exact,
+                coarsest: Precision::Lossy50,
+            },
+            false => PrecisionRange::EXACT,
+        };
+        let link = client.link(address, range, move |event| {
+            drop(sender.send((Instant::now(), event)));
+        });
+        Ok(Self {
+            noise,
+            link,
+            events,
+            stop,
+            server: Some(std::thread::spawn(serve)),
+            _client: client,
+            _proxy: proxy,
+        })
+    }
+
+    /// Waits for an event that `wanted` accepts.
+    fn wait(&self, wanted: impl Fn(&LinkEvent) -> bool) -> Result<(), Failure> {
+        let deadline = Instant::now() + PATIENCE;
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            let event = self.events.recv_timeout(left);
+            let (_, event) = event.map_err(|_| anyhow!("the node does not answer"))?;
+            if wanted(&event) {
+                return Ok(());
+            }
+        }
+    }
+}
+
+impl Drop for Setup {
+    fn drop(&mut self) {
+        self.stop.stop();
+        if let Some(server) = self.server.take() {
+            let _ = server.join(); // a panic has been reported where it happened
+        }
+    }
+}
+
+fn measure(args: &Args, case: &Case, congestion: Congestion) -> Result<Row, Failure> {
+    let setup = Setup::new(args, case, congestion)?;
+    let scene = Arc::new(inputs::scene(None)?.scene);
+    let hash = SceneHash::of(&scene);
+    setup.wait(|event| matches!(event, LinkEvent::Session(ClientEvent::Welcome(_))))?;
+    setup.link.send(Command::Scene(hash, Arc::clone(&scene)));
+    setup.wait(|event| matches!(event, LinkEvent::Session(ClientEvent::SceneReady(_))))?;
+    let mut arrivals = Arrivals::default();
+    let frames = args.seconds * FRAMES_PER_SECOND;
+    let began = Instant::now();
+    for frame in 0..=frames + DEADLINE_FRAMES {
+        let due = began + PERIOD.mul_f64(frame as f64);
+        arrivals.collect(&setup, due, case.path.is_none())?;
+        if frame < frames {
+            arrivals.requested.push(Instant::now());
+            setup.link.send(Command::Trace(request(hash, frame)));
+        }
+        let stale = frame.saturating_sub(DEADLINE_FRAMES);
+        setup.link.send(Command::CancelBefore(FrameId(stale)));
+    }
+    Ok(arrivals.row(args, case, congestion))
+}
+
+fn request(scene: SceneHash, frame: u64) -> Box<TraceRequest> {
+    let grid = Noise::grid();
+    Box::new(TraceRequest {
+        frame: FrameId(frame),
+        run: RunId(frame),
+        scene,
+        update: SceneUpdate::default(),
+        grid,
+        tiles: grid.all(),
+        settings: RenderSettings {
+            samples: 1,
+            seed: frame as u32,
+            ..RenderSettings::default()
+        },
+        format: PixelFormat::Srgb8 { exposure: 1.0 },
+        precision: PrecisionRange::EXACT,
+        held: Vec::new(),
+    })
+}
+
+/// Messages as they came.
+#[derive(Default)]
+struct Arrivals {
+    requested: Vec<Instant>,
+    /// Frame, and milliseconds.
+    times: Vec<(u64, f64)>,
+    messages: u64,
+    bytes: usize,
+    whole: std::collections::BTreeMap<u64, u32>,
+}
+
+impl Arrivals {
+    /// Takes events until `due`.
+    fn collect(&mut self, setup: &Setup, due: Instant, whole: bool) -> Result<(), Failure> {
+        loop {
+            let left = due.saturating_duration_since(Instant::now());
+            let (at, event) = match setup.events.recv_timeout(left) {
+                Ok(event) => event,
+                Err(RecvTimeoutError::Timeout) => return Ok(()),
+                Err(RecvTimeoutError::Disconnected) => return Err(anyhow!("the link ended").into()),
+            };
+            match event {
+                LinkEvent::Session(ClientEvent::Tiles {
+                    frame,
+                    tiles,
+                    payload_bytes,
+                    ..
+                }) => {
+                    self.bytes += payload_bytes;
+                    self.messages += 1;
+                    let came = self.whole.entry(frame.0).or_default();
+                    *came += tiles.count;
+                    let since = match whole {
+                        true if *came < Noise::grid().len() => continue,
+                        true => self.requested.get(frame.0 as usize).copied(),
+                        false => setup.noise.handed_over(frame.0 as u32, tiles),
+                    };
+                    if let Some(since) = since {
+                        let ms = at.saturating_duration_since(since).as_secs_f64() * 1e3;
+                        self.times.push((frame.0, ms));
+                    }
+                }
+                LinkEvent::Lost { why } => return Err(anyhow!("the link was lost: {why}").into()),
+                _ => {}
+            }
+        }
+    }
+
+    fn row(&self, args: &Args, case: &Case, congestion: Congestion) -> Row {
+        let frames = args.seconds * FRAMES_PER_SECOND;
+        let of = |part: std::ops::Range<u64>| {
+            let times = self.times.iter().filter(|(frame, _)| part.contains(frame));
+            let mut times: Vec<f64> = times.map(|(_, ms)| *ms).collect();
+            times.sort_unstable_by(f64::total_cmp);
+            times
+        };
+        let start_frames = 2 * FRAMES_PER_SECOND;
+        let (start, rest) = (of(0..start_frames), of(start_frames..frames));
+        let asked = (frames * u64::from(Noise::MESSAGES)) as f64;
+        Row {
+            path: case.name,
+            congestion: match congestion {
+                Congestion::Delay => "delay",
+                Congestion::Bbr => "BBR",
+                Congestion::Cubic => "Cubic",
+            },
+            precision: if case.governed { "governed" } else { "exact" },
+            p50_ms: quantile(&rest, 0.5),
+            p99_ms: quantile(&rest, 0.99),
+            start_p99_ms: quantile(&start, 0.99),
+            missing_percent: 100.0 * (1.0 - self.messages as f64 / asked),
+            mbit_per_second: 8e-6 * self.bytes as f64 / args.seconds as f64,
+        }
+    }
+}
+
+/// NaN of no times.
+fn quantile(sorted: &[f64], quantile: f64) -> f64 {
+    let index = (sorted.len().saturating_sub(1) as f64 * quantile).ceil() as usize;
+    sorted.get(index).copied().unwrap_or(f64::NAN)
+}
+
+const FRAMES_PER_SECOND: u64 = 60;
+const PERIOD: Duration = Duration::from_nanos(16_666_667);
+const FRAME_RENDER: Duration = Duration::from_millis(8);
+/// 100 ms.
+const DEADLINE_FRAMES: u64 = 6;
+const PATIENCE: Duration = Duration::from_secs(20);

@@ -1,0 +1,145 @@
+//! The window on simulated paths.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use carom_farm::net::{DelayWindow, Path, PathConfig};
+
+const PACKET: u64 = 1252;
+const STEP: Duration = Duration::from_micros(100);
+
+/// How a path served an application that offers `offered` bits per second for `secs`.
+struct Outcome {
+    delivered: f64,
+    /// Of packets sent in the second half, sorted.
+    waits: Vec<Duration>,
+    sent: f64,
+}
+
+impl Outcome {
+    fn wait(&self, quantile: f64) -> Duration {
+        self.waits[((self.waits.len() - 1) as f64 * quantile) as usize]
+    }
+}
+
+/// Packets leave at 1.25 windows a round trip, as quinn paces them.
+fn drive(config: PathConfig, offered: f64, secs: u64) -> Outcome {
+    let mut there = Path::new(config, 5);
+    let mut window = DelayWindow::new(Duration::ZERO, PACKET as u16);
+    let mut backlog = 0.0;
+    let mut allowance = 0.0;
+    let mut flying: VecDeque<(Duration, Option<Duration>)> = VecDeque::new();
+    let mut outcome = Outcome {
+        delivered: 0.0,
+        waits: Vec::new(),
+        sent: 0.0,
+    };
+    let smoothed = 2.0 * config.delay.as_secs_f64() + 0.005;
+    let (mut now, end) = (Duration::ZERO, Duration::from_secs(secs));
+    while now < end {
+        now += STEP;
+        backlog = f64::min(backlog + offered / 8.0 * STEP.as_secs_f64(), 1e7);
+        let pace = 1.25 * window.bytes() as f64 / smoothed;
+        allowance = f64::min(allowance + pace * STEP.as_secs_f64(), 16.0 * PACKET as f64);
+        let mut index = 0;
+        while index < flying.len() {
+            let (sent, arrives) = flying[index];
+            match arrives.map(|at| at + config.delay) {
+                Some(acked) if acked <= now => {
+                    let limited = backlog >= PACKET as f64;
+                    window.on_ack(acked, sent, PACKET, limited);
+                    outcome.delivered += PACKET as f64;
+                    if sent > end / 2 {
+                        outcome.waits.push(acked - sent - 2 * config.delay);
+                    }
+                    flying.remove(index);
+                }
+                // Told by later acknowledgements, a round trip or so after.
+                None if sent + 3 * config.delay + 9 * STEP <= now => {
+                    window.on_loss(PACKET);
+                    flying.remove(index);
+                }
+                _ => index += 1,
+            }
+        }
+        while backlog >= PACKET as f64
+            && allowance >= PACKET as f64
+            && (flying.len() as u64 + 1) * PACKET <= window.bytes()
+        {
+            backlog -= PACKET as f64;
+            allowance -= PACKET as f64;
+            outcome.sent += PACKET as f64;
+            flying.push_back((now, there.send(now, PACKET as usize)));
+        }
+    }
+    outcome.waits.sort_unstable();
+    outcome
+}
+
+fn path(round_trip_ms: u64) -> PathConfig {
+    PathConfig {
+        delay: Duration::from_millis(round_trip_ms) / 2,
+        jitter: Duration::from_millis(1),
+        ..PathConfig::default()
+    }
+}
+
+#[test]
+fn random_loss_does_not_slow_it() {
+    for loss in [0.0, 0.01, 0.02] {
+        let config = PathConfig { loss, ..path(46) };
+        let outcome = drive(config, 31.5e6, 6);
+        let rate = outcome.delivered * 8.0 / 6.0;
+        assert!(rate > 0.93 * (1.0 - loss) * 31.5e6, "{rate} at {loss}");
+    }
+}
+
+#[test]
+fn a_slow_link_is_filled_and_its_queue_stays_short() {
+    for (rate, round_trip_ms) in [(25e6, 46), (25e6, 10), (5e6, 46), (100e6, 46)] {
+        let config = PathConfig {
+            rate: Some(rate),
+            queue_bytes: 1 << 20,
+            ..path(round_trip_ms)
+        };
+        let outcome = drive(config, 1.25 * rate, 8);
+        let used = outcome.delivered * 8.0 / 8.0 / rate;
+        let frames_2 = Duration::from_micros(33_333);
+        let wait = outcome.wait(0.99);
+        assert!(used > 0.85, "{used} of {rate} at {round_trip_ms} ms");
+        assert!(wait < frames_2, "{wait:?} at {rate} and {round_trip_ms} ms");
+    }
+}
+
+#[test]
+fn a_short_queue_is_not_flooded() {
+    let config = PathConfig {
+        rate: Some(25e6),
+        queue_bytes: 12_000,
+        ..path(46)
+    };
+    let outcome = drive(config, 50e6, 8);
+    let (used, kept) = (outcome.delivered / 25e6, outcome.delivered / outcome.sent);
+    assert!(used > 0.5, "{used}");
+    assert!(kept > 0.85, "{kept} of what was sent arrived");
+}
+
+#[test]
+fn the_first_frames_are_not_slow() {
+    let outcome = drive(path(46), 31.5e6, 1);
+    let share = outcome.delivered * 8.0 / 31.5e6;
+    assert!(share > 0.9, "{share} of the first second's bytes");
+}
+
+#[test]
+fn an_outage_ends_in_a_small_window_that_grows_again() {
+    let mut window = DelayWindow::new(Duration::ZERO, 1252);
+    window.on_outage(Duration::from_secs(3));
+    assert_eq!(window.bytes(), 4 * 1252);
+    let round_trip = Duration::from_millis(20);
+    for packet in 0..400 {
+        let now = Duration::from_secs(4) + packet * Duration::from_millis(1);
+        window.on_ack(now, now - round_trip, 1252, true);
+    }
+    assert!(window.bytes() > 1 << 20, "{}", window.bytes());
+}
