@@ -155,7 +155,9 @@ impl DelayWindow {
     }
 
     fn alpha(&self) -> f64 {
-        (self.window / ALPHA_PART).max(ALPHA_BYTES)
+        let least = PACKETS_MIN * self.packet_bytes;
+        let waits = (self.rate * ALPHA_SECS).clamp(least, ALPHA_BYTES.max(least));
+        waits.max(self.window / ALPHA_PART)
     }
 }
 
@@ -191,8 +193,10 @@ impl LeastRoundTrip {
 /// Two frames of 65 kB, 31.5 Mbit/s: a farm's first frames are not slow. On 25 Mbit/s it is 42 ms
 /// of queue, once.
 const INITIAL_BYTES: f64 = 131_072.0;
-/// Bytes of ours that wait in the narrowest queue: 5 ms at 25 Mbit/s, 26 ms at 5 Mbit/s.
+/// Bytes of ours that wait in the narrowest queue: 5 ms at 25 Mbit/s ...
 const ALPHA_BYTES: f64 = 16_384.0;
+/// ... and no longer than this on slower ones.
+const ALPHA_SECS: f64 = 0.008;
 /// On faster paths a sixteenth of the window, a fifteenth of the round trip.
 const ALPHA_PART: f64 = 16.0;
 /// The paper's own.

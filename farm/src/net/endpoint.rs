@@ -186,7 +186,7 @@ fn open(address: SocketAddr, server: Option<quinn::ServerConfig>) -> io::Result<
 }
 
 /// The system may grant less: then long fast paths are slower, and nothing else.
-pub(crate) fn enlarge_buffers(socket: &UdpSocket) {
+fn enlarge_buffers(socket: &UdpSocket) {
     let enlarged = quinn::udp::UdpSocketState::new(socket.into()).and_then(|state| {
         state.set_recv_buffer_size(socket.into(), SOCKET_BYTES)?;
         state.set_send_buffer_size(socket.into(), SOCKET_BYTES)

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
 use carom_tracer::{
-    CompiledScene, DeviceInfo, DeviceKind, Error, ImageSize, Tile, TileGrid, TileRadiance, TileRun,
+    CompiledScene, DeviceInfo, DeviceKind, Error, ImageSize, TileGrid, TileRadiance, TileRun,
     TraceJob, TraceStats, Tracer,
 };
 
@@ -15,6 +15,7 @@ use carom_tracer::{
 pub(super) struct Noise {
     /// After each message.
     pause: Duration,
+    bank: Vec<Vec<[f32; 3]>>,
     /// By seed and the message's first tile.
     handed_over: Mutex<BTreeMap<(u32, u32), Instant>>,
 }
@@ -26,6 +27,7 @@ impl Noise {
     pub(super) fn new(pause: Duration) -> Self {
         Self {
             pause,
+            bank: bank(),
             handed_over: Mutex::default(),
         }
     }
@@ -77,10 +79,11 @@ impl Tracer for Noise {
             handed.insert(key, Instant::now());
             drop(handed);
             let tiles = job.tiles[first..].iter().take(group);
-            for (index, tile) in (first..).zip(tiles) {
+            for (index, _) in (first..).zip(tiles) {
+                let noise = (index + 131 * job.settings.seed as usize) % BANK_TILES;
                 sink(TileRadiance {
                     index,
-                    radiance: noise(job.settings.seed, *tile),
+                    radiance: self.bank[noise].clone(),
                     dropped_samples: 0,
                 });
             }
@@ -89,19 +92,22 @@ impl Tracer for Noise {
     }
 }
 
-fn noise(seed: u32, tile: Tile) -> Vec<[f32; 3]> {
-    let mut state = u64::from(seed) << 32 | u64::from(tile.y) << 16 | u64::from(tile.x);
+/// Tiles of noise, evenly over the levels of sRGB, nearly.
+fn bank() -> Vec<Vec<[f32; 3]>> {
+    let mut state = 1u64;
     let mut uniform = || {
         state = state
             .wrapping_mul(6_364_136_223_846_793_005)
             .wrapping_add(1_442_695_040_888_963_407);
-        // Evenly over the levels of sRGB, nearly.
         let level = (state >> 40) as f32 / (1 << 24) as f32;
         level.powf(2.2)
     };
-    let pixel = |_| [(); 3].map(|()| uniform());
-    (0..tile.pixels()).map(pixel).collect()
+    let pixels = usize::from(TILE_EDGE) * usize::from(TILE_EDGE);
+    let mut tile = || (0..pixels).map(|_| [(); 3].map(|()| uniform())).collect();
+    (0..BANK_TILES).map(|_| tile()).collect()
 }
 
+/// Prime, so that a place does not get the same tile again for many frames.
+const BANK_TILES: usize = 509;
 /// 8 tiles of 13 pixels are 4056 bytes.
 const TILE_EDGE: u16 = 13;
