@@ -20,8 +20,6 @@ use super::queue::{Job, Queue};
 pub struct NodeConnection {
     client: Arc<Client>,
     queue: Arc<Queue>,
-    /// Cancelled runs that the transport has not been told of.
-    unwanted: Vec<RunId>,
 }
 
 /// The workers' end.
@@ -60,12 +58,7 @@ impl NodeConnection {
             governor: Mutex::new(Governor::new()),
             began: Instant::now(),
         });
-        let unwanted = Vec::new();
-        Self {
-            client,
-            queue,
-            unwanted,
-        }
+        Self { client, queue }
     }
 
     /// Takes a packet from the client.
@@ -91,13 +84,12 @@ impl NodeConnection {
                 });
             }
             Some(NodeEvent::Cancelled(runs)) => {
-                for run in &runs {
-                    if let Some(flag) = state.cancelled.remove(run) {
+                for run in runs {
+                    if let Some(flag) = state.cancelled.remove(&run) {
                         flag.store(true, Ordering::Relaxed);
                     }
                 }
                 drop(state);
-                self.unwanted.extend(runs);
                 self.client.drained.notify_all();
                 self.queue.sweep();
             }
@@ -107,7 +99,7 @@ impl NodeConnection {
 
     /// Runs that nobody waits for any more, since the last call.
     pub fn take_unwanted(&mut self) -> Vec<RunId> {
-        std::mem::take(&mut self.unwanted)
+        self.client.lock().session.take_unwanted()
     }
 
     /// Takes note of what the link carries, `bytes_per_sec`.

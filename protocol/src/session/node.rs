@@ -36,9 +36,8 @@ pub enum NodeEvent {
         /// Its scene.
         scene: Arc<Scene>,
     },
-    /// Runs to stop and to take from the queue, and runs that were answered, whose tiles need not
-    /// be sent again if they get lost. The client has been told; what else is said of them is
-    /// dropped.
+    /// Runs to stop and to take from the queue. The client has been told; what else is said of
+    /// them is dropped.
     Cancelled(Vec<RunId>),
 }
 
@@ -53,6 +52,8 @@ pub struct NodeSession {
     last_run: Option<RunId>,
     /// The last [`RUNS_REFUSED_KEPT`] runs that were answered in full: their tiles may be under way.
     answered: VecDeque<(RunId, Run)>,
+    /// Of both, those cancelled since the transport last asked.
+    unwanted: Vec<RunId>,
     answers: VecDeque<Vec<u8>>,
     /// Tiles and reports of runs, which a cancellation drops.
     results: VecDeque<(RunId, Packet)>,
@@ -100,6 +101,7 @@ impl NodeSession {
             runs: BTreeMap::new(),
             last_run: None,
             answered: VecDeque::new(),
+            unwanted: Vec::new(),
             answers: VecDeque::new(),
             results: VecDeque::new(),
             results_bytes: 0,
@@ -202,6 +204,12 @@ impl NodeSession {
     /// tracing until it has taken some.
     pub fn is_full(&self) -> bool {
         self.results_bytes >= TILES_QUEUED_BYTES_MAX
+    }
+
+    /// The last runs, answered or not, that were cancelled since the last call: their tiles need not
+    /// be sent again if they get lost.
+    pub fn take_unwanted(&mut self) -> Vec<RunId> {
+        std::mem::take(&mut self.unwanted)
     }
 
     /// Bytes of tiles and reports that wait for the network.
@@ -307,17 +315,22 @@ impl NodeSession {
             .extract_if(.., |run, state| unwanted(*run, state))
             .map(|(run, _)| run)
             .collect();
+        self.unwanted.extend(&cancelled);
+        self.answered.retain(|(run, state)| {
+            let dropped = unwanted(*run, state);
+            self.unwanted.extend(dropped.then_some(*run));
+            !dropped
+        });
+        let excess = self.unwanted.len().saturating_sub(RUNS_REFUSED_KEPT);
+        self.unwanted.drain(..excess);
+        if cancelled.is_empty() {
+            return None;
+        }
         self.drop_results(&cancelled);
         for run in &cancelled {
             self.send_refusal(*run, RefusalReason::Cancelled);
         }
-        let mut unheard = cancelled;
-        self.answered.retain(|(run, state)| {
-            let dropped = unwanted(*run, state);
-            unheard.extend(dropped.then_some(*run));
-            !dropped
-        });
-        (!unheard.is_empty()).then_some(NodeEvent::Cancelled(unheard))
+        Some(NodeEvent::Cancelled(cancelled))
     }
 
     fn queue_result(&mut self, run: RunId, channel: Channel, bytes: Vec<u8>) {
