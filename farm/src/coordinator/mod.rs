@@ -439,7 +439,7 @@ impl Coordinator {
         if run.tiles_received == 0 || run.work_received <= 0.0 {
             return;
         }
-        let response_secs = run.heard - run.issued;
+        let response_secs = (run.heard - run.issued).max(0.0);
         let busy_secs = run.busy_secs.clamp(0.0, response_secs);
         let observation = Observation {
             work: run.work_received,

@@ -1,5 +1,6 @@
 //! What a division costs the client's processor.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -8,7 +9,7 @@ use carom_farm::link::{Command, LinkEvent};
 use carom_farm::{Balancing, FrameId, FrameSpec, NodeInfo, PixelFormat};
 use carom_protocol::session::ClientEvent;
 use carom_protocol::tile_codec::TilePixels;
-use carom_protocol::{RunReport, SceneHash, TraceRequest};
+use carom_protocol::{RunId, RunReport, SceneHash, TraceRequest};
 use carom_tracer::{DeviceInfo, DeviceKind, ImageSize, RenderSettings, Scene, SceneUpdate};
 use cpu_time::ThreadTime;
 use serde::Serialize;
@@ -52,7 +53,7 @@ pub(super) fn measure(balancing: Balancing) -> Decision {
 
 /// Submits a frame and answers it; the microseconds that the submission took.
 fn divide(coordinator: &mut Coordinator, frame: u64) -> f64 {
-    let mut now = Duration::from_secs(frame + 1);
+    let now = Duration::from_secs(frame + 1);
     let spec = FrameSpec {
         update: SceneUpdate::default(),
         size: SIZE,
@@ -62,38 +63,47 @@ fn divide(coordinator: &mut Coordinator, frame: u64) -> f64 {
     let begun = ThreadTime::now();
     coordinator.submit(now, FrameId(frame), spec, 1);
     let micros = begun.elapsed().as_secs_f64() * 1e6;
-    let mut delivered = false;
-    while !delivered {
-        let actions: Vec<Action> = std::iter::from_fn(|| coordinator.poll_action()).collect();
-        assert!(!actions.is_empty(), "the frame hangs");
-        delivered = actions
-            .iter()
-            .any(|action| matches!(action, Action::Deliver(_)));
-        for action in actions {
-            if let Action::Command {
-                node,
-                command: Command::Trace(request),
-            } = action
-            {
-                now += Duration::from_nanos(1);
-                answer(coordinator, now, node, &request);
-            }
-        }
-    }
+    answer_all(coordinator, now);
     micros
 }
 
-fn answer(coordinator: &mut Coordinator, now: Duration, node: NodeIndex, request: &TraceRequest) {
+/// Answers what the nodes are asked, in the order of time, until the frame is there.
+fn answer_all(coordinator: &mut Coordinator, mut now: Duration) {
+    let mut asked: BTreeMap<(Duration, RunId), (NodeIndex, Box<TraceRequest>)> = BTreeMap::new();
+    loop {
+        while let Some(action) = coordinator.poll_action() {
+            match action {
+                Action::Deliver(_) => return,
+                Action::Command {
+                    node,
+                    command: Command::Trace(request),
+                } => {
+                    let done = now + busy(node, &request) + Duration::from_millis(1);
+                    asked.insert((done, request.run), (node, request));
+                }
+                Action::Command { .. } => {}
+            }
+        }
+        let ((done, _), (node, request)) = asked.pop_first().expect("the frame is asked for");
+        now = done;
+        answer(coordinator, now, node, &request);
+    }
+}
+
+/// How long a node works on a request; the first is a hundred times as fast as the last.
+fn busy(node: NodeIndex, request: &TraceRequest) -> Duration {
     let pace_secs = 1e-5 * 100f64.powf(node.0 as f64 / NODES as f64);
-    let busy = Duration::from_secs_f64(pace_secs * f64::from(request.tiles.count));
-    let now = now + busy + Duration::from_millis(1);
+    Duration::from_secs_f64(pace_secs * f64::from(request.tiles.count))
+}
+
+fn answer(coordinator: &mut Coordinator, now: Duration, node: NodeIndex, request: &TraceRequest) {
     let (frame, run) = (request.frame, request.run);
     let tiles = ClientEvent::Tiles {
         frame,
         run,
         tiles: request.tiles,
         pixels: TilePixels::Linear(vec![[1.0; 3]; request.tiles.count as usize]),
-        busy_micros: busy.as_micros() as u32,
+        busy_micros: busy(node, request).as_micros() as u32,
         dropped_samples: 0,
         payload_bytes: 1,
     };
