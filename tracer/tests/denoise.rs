@@ -10,8 +10,8 @@ use std::sync::atomic::AtomicBool;
 use carom_tracer::film::{trace_image, trace_tiles};
 use carom_tracer::metrics::rel_mse;
 use carom_tracer::{
-    CompiledScene, CpuTracer, ImageSize, Layers, RadianceImage, Reference, RenderSettings, Scene,
-    Tile, TileGrid, TileRun, TraceJob, Tracer,
+    CompiledScene, CpuTracer, Film, ImageSize, Layers, RadianceImage, Reference, RenderSettings,
+    Scene, Tile, TileGrid, TileRun, TraceJob, Tracer,
 };
 use tracers::tracers;
 
@@ -153,6 +153,26 @@ fn any_partition_gives_the_same_bits() {
             );
         }
     }
+}
+
+/// A long run is filtered part by part, each with a guard band of its own.
+#[test]
+fn a_long_run_has_no_seams() {
+    let (scene, tracer) = (pool(), CpuTracer::new().unwrap());
+    let grid = TileGrid::new(ImageSize::new(203, 117), 32);
+    let settings = denoised(300);
+    let whole = trace_image(&tracer, &scene, grid.size, settings).unwrap();
+    let mut parts = Film::new(grid.size);
+    for tile in grid.tiles(grid.all()) {
+        let part = trace_tiles(&tracer, &scene, grid.size, settings, &[tile]).unwrap();
+        let image = part.image();
+        let row = |y: u32| (y * grid.size.width + tile.x) as usize;
+        let rows = (tile.y..tile.y + tile.height).map(row);
+        let pixels = rows.flat_map(|i| &image.pixels[i..i + tile.width as usize]);
+        let pixels: Vec<[f32; 3]> = pixels.copied().collect();
+        parts.add(tile, &pixels, 300).unwrap();
+    }
+    assert!(parts.image() == whole.image());
 }
 
 #[test]

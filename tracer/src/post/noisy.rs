@@ -60,7 +60,7 @@ pub(crate) fn trace_denoised(
     let mut stats = TraceStats::default();
     let mut first = 0;
     while first < job.tiles.len() {
-        let count = leading(&job.tiles[first..]);
+        let count = leading(&job.tiles[first..], job.settings.samples);
         let part = TraceJob {
             tiles: &job.tiles[first..first + count],
             ..*job

@@ -48,9 +48,9 @@ impl Region {
     }
 }
 
-/// How many of the first tiles may be filtered together, so that the planes of the filter, a hundred
-/// bytes a pixel, stay below a gigabyte: at least 1.
-pub(crate) fn leading(tiles: &[Tile]) -> usize {
+/// How many of the first tiles may be filtered together, at least 1: a node that waited for all of a
+/// long run would seem dead, and the planes of the filter, a hundred bytes a pixel, would be large.
+pub(crate) fn leading(tiles: &[Tile], samples: u32) -> usize {
     let mut bounds = EMPTY;
     let within = |tile: &&Tile| {
         bounds = if bounds.width == 0 {
@@ -58,13 +58,14 @@ pub(crate) fn leading(tiles: &[Tile]) -> usize {
         } else {
             joined(bounds, **tile)
         };
-        bounds.pixels() <= PIXELS_MAX
+        bounds.pixels() as u64 * u64::from(samples) <= SAMPLES_MAX
     };
     tiles.iter().take_while(within).count().max(1)
 }
 
-/// Pixels filtered together: all of a 4K frame.
-const PIXELS_MAX: usize = 1 << 23;
+/// Samples traced before their tiles are handed out: a frame of 1280×720 at 4 samples, some seconds of
+/// a slow processor. Fewer would cost more guard bands.
+const SAMPLES_MAX: u64 = 1 << 22;
 
 const EMPTY: Tile = Tile {
     x: 0,
@@ -175,12 +176,14 @@ mod tests {
     fn what_is_filtered_together_is_bounded() {
         let grid = TileGrid::new(ImageSize::new(16_384, 16_384), 128);
         let tiles: Vec<Tile> = grid.tiles(grid.all()).collect();
-        let count = leading(&tiles);
-        assert!(Region::around(&tiles[..count], grid.size).bounds.pixels() < 2 * PIXELS_MAX);
-        assert_eq!(leading(&[tiles[0], tiles[tiles.len() - 1]]), 1);
-        let grid = TileGrid::new(ImageSize::new(3840, 2160), 32);
+        let count = leading(&tiles, 1);
+        assert!(Region::around(&tiles[..count], grid.size).bounds.pixels() < 1 << 23);
+        assert_eq!(leading(&tiles, u32::MAX), 1);
+        assert_eq!(leading(&[tiles[0], tiles[tiles.len() - 1]], 1), 1);
+        let grid = TileGrid::new(ImageSize::new(1280, 720), 32);
         let tiles: Vec<Tile> = grid.tiles(grid.all()).collect();
-        assert_eq!(leading(&tiles), tiles.len());
+        assert_eq!(leading(&tiles, 4), tiles.len());
+        assert!((1..tiles.len() / 10).contains(&leading(&tiles, 64)));
     }
 
     #[test]
