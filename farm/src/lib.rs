@@ -41,6 +41,7 @@
 //! tried out on virtual time in [`sim`].
 
 pub mod balancing;
+pub mod chart;
 pub mod config;
 pub mod coordinator;
 mod driver;

@@ -11,7 +11,7 @@ use exr::prelude::{
 };
 
 use crate::tonemap::srgb8;
-use crate::{Error, ImageSize, Layers};
+use crate::{Error, ImageSize, Layers, Tile};
 
 /// Radiance per pixel: linear Rec. 709, W·sr⁻¹·m⁻².
 #[derive(Clone, Debug, PartialEq)]
@@ -29,6 +29,19 @@ impl RadianceImage {
             size,
             pixels: vec![[0.0; 3]; size.pixels()],
         }
+    }
+
+    /// The pixels of a part that lies in the picture, row-major.
+    ///
+    /// # Panics
+    /// If it does not lie in the picture.
+    pub fn cut(&self, tile: Tile) -> Vec<[f32; 3]> {
+        let width = self.size.width as usize;
+        let columns = tile.x as usize..(tile.x + tile.width) as usize;
+        let rows = (tile.y as usize..(tile.y + tile.height) as usize).map(|row| row * width);
+        rows.flat_map(|row| &self.pixels[row + columns.start..row + columns.end])
+            .copied()
+            .collect()
     }
 
     /// Reads the first layer of an OpenEXR file that has channels R, G and B, of whatever number

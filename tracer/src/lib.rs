@@ -39,6 +39,6 @@ pub use scene::{
     Camera, Environment, Lamp, Material, Medium, Object, ObjectPose, Scene, SceneUpdate, Shape,
     Stripe,
 };
-pub use settings::RenderSettings;
+pub use settings::{Preset, RenderSettings};
 pub use tile::{ImageSize, Tile, TileGrid, TileRun};
 pub use tracer::{DeviceInfo, DeviceKind, TileRadiance, TraceJob, TraceStats, Tracer};

@@ -66,3 +66,84 @@ impl Default for RenderSettings {
         }
     }
 }
+
+/// Choices of all knobs by name, from the fastest to the truest. What each takes and loses is
+/// measured by `carom-farm bench tradeoff`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Preset {
+    /// For pictures that are gone at once: a quarter of the edge, one path, denoised.
+    Draft,
+    /// Half of the edge, two paths, denoised.
+    Low,
+    /// Three quarters of the edge, four paths, denoised.
+    Medium,
+    /// Every pixel, four paths, denoised.
+    High,
+    /// For stills: 256 paths, as they are.
+    Final,
+    /// To compare others with: 1024 paths.
+    Reference,
+}
+
+impl Preset {
+    /// All, from the fastest.
+    pub const ALL: [Self; 6] = [
+        Self::Draft,
+        Self::Low,
+        Self::Medium,
+        Self::High,
+        Self::Final,
+        Self::Reference,
+    ];
+
+    /// Lower-case, for people and command lines.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Draft => "draft",
+            Self::Low => "low",
+            Self::Medium => "medium",
+            Self::High => "high",
+            Self::Final => "final",
+            Self::Reference => "reference",
+        }
+    }
+
+    /// Pixels along an edge, as a share of the screen's.
+    pub const fn scale(self) -> f64 {
+        match self {
+            Self::Draft => 0.25,
+            Self::Low => 0.5,
+            Self::Medium => 0.75,
+            Self::High | Self::Final | Self::Reference => 1.0,
+        }
+    }
+
+    /// The rest.
+    pub fn settings(self) -> RenderSettings {
+        let samples = match self {
+            Self::Draft => 1,
+            Self::Low => 2,
+            Self::Medium | Self::High => 4,
+            Self::Final => 256,
+            Self::Reference => 1024,
+        };
+        RenderSettings {
+            samples,
+            denoise: samples <= 4,
+            ..RenderSettings::default()
+        }
+    }
+}
+
+/// The names of [`Preset::name`].
+impl std::str::FromStr for Preset {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let named = Self::ALL.into_iter().find(|preset| preset.name() == text);
+        named.ok_or_else(|| {
+            let names = Self::ALL.map(Self::name);
+            format!("it must be one of {}", names.join(", "))
+        })
+    }
+}

@@ -19,6 +19,24 @@ pub fn srgb8(radiance: [f32; 3], exposure: f32) -> [u8; 3] {
     radiance.map(|channel| step(exposure * channel))
 }
 
+/// The linear light that an 8-bit sRGB step shows, 0 to 1.
+#[inline]
+pub fn linear(step: u8) -> f32 {
+    LIGHT[step as usize]
+}
+
+static LIGHT: [f32; 256] = light();
+
+const fn light() -> [f32; 256] {
+    let mut light = [0.0; 256];
+    let mut step = 0;
+    while step < 256 {
+        light[step] = linear_from_srgb(step as f64 / 255.0) as f32;
+        step += 1;
+    }
+    light
+}
+
 /// The sRGB step of linear light. A bucket holds the 2¹⁶ floats that share their upper 16 bits:
 /// at most one threshold lies among them. Its entry is `step << 16` for the bucket's first float,
 /// plus what makes the sum with the lower bits carry into the step from the threshold on.
@@ -116,6 +134,14 @@ mod tests {
             assert_eq!(u32::from(by_definition(x.next_up())), s);
             assert_eq!(u32::from(by_definition(x.next_down())), s - 1);
         }
+    }
+
+    #[test]
+    fn each_step_shows_light_that_is_that_step() {
+        for s in 0..=255 {
+            assert_eq!(srgb8([linear(s); 3], 1.0), [s; 3]);
+        }
+        assert_eq!((linear(0), linear(255)), (0.0, 1.0));
     }
 
     #[test]

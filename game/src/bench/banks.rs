@@ -4,9 +4,10 @@
 
 use glam::DVec3;
 
+use carom_farm::chart::{Axis, Chart, Series};
+
 use super::{
     curves::Curve,
-    plot::{Axis, Chart, Series},
     prairie::{EDGE_M, ball, solo_of},
 };
 use crate::sim::{BallBody, Event, EventKind, Result};
@@ -81,6 +82,7 @@ pub(super) fn measure() -> Result<Curve> {
             title: "Bank angles of a rolling ball, seen 0.6 m on".to_owned(),
             x: Axis::linear("angle in, degrees from the normal"),
             y: Axis::linear("angle out, degrees from the normal"),
+            events: Vec::new(),
             series,
         },
     })

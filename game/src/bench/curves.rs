@@ -10,10 +10,9 @@ use std::fmt;
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 
-use super::{
-    plot::{Axis, Chart, Series},
-    prairie::{ball, prairie, released},
-};
+use carom_farm::chart::{Axis, Chart, Series};
+
+use super::prairie::{ball, prairie, released};
 use crate::sim::{
     BallBallLaw, BallBody, BallState, Cue, Event, EventKind, Laws, Layout, Result, Shot, Stroke,
     World,
@@ -200,6 +199,7 @@ fn right_angle() -> Result<Curve> {
             title: "90° rule: angle between the balls after a stun shot".to_owned(),
             x: Axis::linear("cut angle, degrees"),
             y: Axis::linear("angle between the balls, degrees"),
+            events: Vec::new(),
             series,
         },
     })
@@ -245,6 +245,7 @@ fn natural_angle() -> Result<Curve> {
             title: "30° rule: final deflection of a rolling cue ball".to_owned(),
             x: Axis::linear("cut angle, degrees"),
             y: Axis::linear("deflection, degrees"),
+            events: Vec::new(),
             series: vec![
                 Series::line(
                     "TP 3.3",
@@ -321,6 +322,7 @@ fn throw_curve<C: Fn(f64) -> Cut>(
             title: title.to_owned(),
             x: Axis::linear(x),
             y: Axis::linear("throw, degrees"),
+            events: Vec::new(),
             series,
         },
     })
@@ -360,6 +362,7 @@ fn throw_by_speed() -> Result<Curve> {
             title: "Throw of a stun shot by speed".to_owned(),
             x: Axis::linear("speed of the cue ball, m/s"),
             y: Axis::linear("throw, degrees"),
+            events: Vec::new(),
             series,
         },
     })
@@ -402,6 +405,7 @@ fn squirt() -> Result<Curve> {
             title: "Squirt by the tip's offset".to_owned(),
             x: Axis::linear("offset to the side, ball radii"),
             y: Axis::linear("squirt, degrees"),
+            events: Vec::new(),
             series,
         },
     })

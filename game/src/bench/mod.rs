@@ -15,7 +15,6 @@ pub mod closed_forms;
 mod cpu;
 pub mod curves;
 pub mod deviation;
-pub mod plot;
 pub mod prairie;
 pub mod reference;
 mod schema;
@@ -25,6 +24,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
+use carom_farm::chart::Chart;
 use clap::{Args, Subcommand, ValueEnum};
 use serde::Serialize;
 
@@ -32,7 +32,6 @@ use accuracy::Accuracy;
 use breaks::BreakStatistic;
 use closed_forms::ClosedForm;
 use curves::Curve;
-use plot::Chart;
 use reference::Reference;
 use trade::Trade;
 

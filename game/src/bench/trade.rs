@@ -8,9 +8,10 @@ use cpu_time::ThreadTime;
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 
+use carom_farm::chart::{Axis, Chart, Mark, Series};
+
 use super::{
     cpu::{median, ms_since},
-    plot::{Axis, Chart, Mark, Series},
     prairie::{ball, prairie},
     reference::{Kind, Reference},
 };
@@ -202,6 +203,7 @@ pub(super) fn charts(trades: &[Trade]) -> Vec<Chart> {
             title: title.to_owned(),
             x: Axis::logarithmic("CPU ms per simulated second of a break"),
             y: Axis::logarithmic(label),
+            events: Vec::new(),
             series: vec![
                 series("exact", Mark::Dots, &|trade| !is_plain(trade)),
                 series("rapier, 1/60 … 1/4000 s", Mark::Line, &|trade| {

@@ -11,6 +11,7 @@
 
 use rayon::prelude::*;
 
+use crate::tonemap::linear;
 use crate::{Error, ImageSize};
 
 /// How different two pictures look, from 0, not at all, to 1.
@@ -212,15 +213,6 @@ fn redistribute(distance: f32, greatest: f32) -> f32 {
     }
     let rest = (distance - small) / (greatest - small);
     SMALL_DIFFERENCES_TO + rest * (1.0 - SMALL_DIFFERENCES_TO)
-}
-
-fn linear(step: u8) -> f32 {
-    let value = f32::from(step) / 255.0;
-    if value <= 0.040_45 {
-        value / 12.92
-    } else {
-        ((value + 0.055) / 1.055).powf(2.4)
-    }
 }
 
 /// CIE XYZ of linear Rec. 709, relative to white.

@@ -196,7 +196,7 @@ impl Coders {
         held: &mut Kept,
     ) -> Result<(), Failure> {
         let tiles: Vec<Tile> = grid.tiles(run).collect();
-        let radiance: Vec<Vec<[f32; 3]>> = tiles.iter().map(|tile| cut(image, *tile)).collect();
+        let radiance: Vec<Vec<[f32; 3]>> = tiles.iter().map(|tile| image.cut(*tile)).collect();
         let stretch = run.first as usize..run.end() as usize;
         let sources: Vec<Source> = tiles
             .iter()
@@ -252,15 +252,6 @@ fn message_bytes(tiles: TileRun, pixels: Vec<u8>) -> Result<usize, Failure> {
     });
     let bytes = codec::encode_to_client(&message).context("a message of tiles")?;
     Ok(bytes.len())
-}
-
-fn cut(image: &RadianceImage, tile: Tile) -> Vec<[f32; 3]> {
-    let width = image.size.width as usize;
-    let rows = (tile.y as usize..(tile.y + tile.height) as usize).map(|row| row * width);
-    let columns = tile.x as usize..(tile.x + tile.width) as usize;
-    rows.flat_map(|row| &image.pixels[row + columns.start..row + columns.end])
-        .copied()
-        .collect()
 }
 
 /// The least CPU seconds of some calls, and what the last one gave.

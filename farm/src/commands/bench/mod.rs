@@ -7,6 +7,7 @@ mod codec_frames;
 mod faults;
 mod noise;
 mod trace;
+mod tradeoff;
 mod transport;
 
 use clap::Subcommand;
@@ -23,6 +24,7 @@ pub(crate) struct Args {
 #[derive(Subcommand)]
 enum Bench {
     Trace(trace::Args),
+    Tradeoff(tradeoff::Args),
     Accuracy(accuracy::Args),
     Balance(balance::Args),
     Faults(faults::Args),
@@ -33,6 +35,7 @@ enum Bench {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     match &args.bench {
         Bench::Trace(args) => trace::run(args),
+        Bench::Tradeoff(args) => tradeoff::run(args),
         Bench::Accuracy(args) => accuracy::run(args),
         Bench::Balance(args) => balance::run(args),
         Bench::Faults(args) => faults::run(args),

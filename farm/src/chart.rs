@@ -1,4 +1,5 @@
-//! Charts as SVG: axes, lines, dots and a legend, nothing more.
+//! Charts as SVG, for benches here and in applications: axes, lines, dots and a legend, nothing
+//! more.
 
 use std::fmt::Write as _;
 
@@ -13,6 +14,8 @@ pub struct Chart {
     pub y: Axis,
     /// What is drawn.
     pub series: Vec<Series>,
+    /// What happened where on the x axis.
+    pub events: Vec<(f64, &'static str)>,
 }
 
 /// An axis, as wide as what is drawn needs.
@@ -114,6 +117,9 @@ impl Chart {
                 escaped(&series.name)
             );
         }
+        for &(at, what) in &self.events {
+            draw_event(&mut svg, &x, at, what);
+        }
         svg.push_str("</svg>\n");
         svg
     }
@@ -150,6 +156,21 @@ impl Chart {
             escaped(self.y.label)
         );
     }
+}
+
+fn draw_event(svg: &mut String, x: &Scale, at: f64, what: &str) {
+    let Some(at) = x.place(at) else {
+        return;
+    };
+    let bottom = HEIGHT - BOTTOM;
+    let _ = writeln!(
+        svg,
+        "<path d=\"M{at:.1} {TOP}V{bottom}\" stroke=\"#555\" stroke-dasharray=\"4 3\"/>\
+         <text x=\"{:.1}\" y=\"{}\" fill=\"#555\">{}</text>",
+        at + 4.0,
+        bottom - 6.0,
+        escaped(what)
+    );
 }
 
 fn draw_series(svg: &mut String, series: &Series, color: &str, x: &Scale, y: &Scale) {
@@ -275,8 +296,9 @@ const RIGHT: f64 = 260.0;
 const TOP: f64 = 44.0;
 const BOTTOM: f64 = 56.0;
 /// Told apart also by the colour-blind: Okabe and Ito (2008).
-const COLORS: [&str; 8] = [
+const COLORS: [&str; 10] = [
     "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#555555", "#b0a000",
+    "#000000", "#882255",
 ];
 
 #[cfg(test)]
@@ -296,6 +318,7 @@ mod tests {
                 ),
                 Series::line("none", Vec::new()),
             ],
+            events: vec![(1.0, "half > way")],
         };
         let svg = chart.svg();
         assert_eq!(
@@ -304,6 +327,7 @@ mod tests {
             "what has no place is left out"
         );
         assert!(svg.contains("a &lt; b &amp; c"));
+        assert!(svg.contains("half &gt; way"));
         assert!(
             svg.contains(&format!("cy=\"{:.1}\"", HEIGHT - BOTTOM)),
             "{svg}"
