@@ -134,8 +134,15 @@ fn report(run: &Run, total: &TraceStats, wall_secs: f64) {
         total.rays as f64 * 1e-9 / device_secs
     );
     println!(
+        "over Mitsuba    {:9.1} times its {MITSUBA_MSAMPLES} Msample/s on an H200",
+        total.samples as f64 * 1e-6 / device_secs / MITSUBA_MSAMPLES
+    );
+    println!(
         "rays            {:9.2} per sample",
         total.rays as f64 / total.samples as f64
     );
     println!("with read-back  {:9.2} frames/s", frames / wall_secs);
 }
+
+/// Mitsuba 3.9's CUDA back end on one H200: the pool table, 1920x1080, 16 samples, 68.7 ms.
+const MITSUBA_MSAMPLES: f64 = 483.0;

@@ -74,6 +74,14 @@ pub(crate) fn find(choice: &AdapterChoice) -> Result<wgpu::Adapter, Error> {
         .ok_or_else(|| not_found(choice, &described))
 }
 
+/// All real GPUs, the most capable first.
+pub(crate) fn real() -> Vec<wgpu::Adapter> {
+    let mut adapters = enumerate();
+    adapters.retain(|adapter| !describe(adapter).software);
+    adapters.sort_by_key(|adapter| rank(adapter.get_info().device_type));
+    adapters
+}
+
 /// The name and driver of an adapter in one line.
 pub(crate) fn label(info: &wgpu::AdapterInfo) -> String {
     format!("{} ({} {})", info.name, info.driver, info.driver_info)

@@ -6,11 +6,15 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use crate::Error;
-use crate::gpu::adapter::{self, AdapterChoice};
+use crate::gpu::adapter;
 
 /// How long one submission may take before the device counts as hung. A dispatch takes less than
 /// 0.1 s on a GPU, a few seconds on loaded software Vulkan.
 const SUBMISSION_TIMEOUT: Duration = Duration::from_secs(120);
+
+/// Between two looks at whether the device is done.
+const PAUSE_MIN: Duration = Duration::from_micros(20);
+const PAUSE_MAX: Duration = Duration::from_millis(2);
 
 /// A device, its queue and what has gone wrong with it.
 pub(crate) struct Device {
@@ -19,6 +23,8 @@ pub(crate) struct Device {
     pub(crate) name: String,
     /// Nanoseconds of a timestamp's tick; `None` where there are no timestamps.
     pub(crate) tick_nanos: Option<f64>,
+    /// Whether buffers that kernels write can be mapped.
+    pub(crate) maps_storage: bool,
     /// The first failure that no call reported.
     failure: Arc<Mutex<Option<String>>>,
 }
@@ -27,14 +33,14 @@ impl Device {
     /// Opens an adapter with all that it offers.
     ///
     /// # Errors
-    /// [`Error::Device`] if there is no such adapter or it refuses.
-    pub(crate) fn open(choice: &AdapterChoice) -> Result<Self, Error> {
-        let adapter = adapter::find(choice)?;
+    /// [`Error::Device`] if it refuses.
+    pub(crate) fn open(adapter: &wgpu::Adapter) -> Result<Self, Error> {
         let name = adapter::label(&adapter.get_info());
         let timestamps = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
+        let mappable = adapter.features() & wgpu::Features::MAPPABLE_PRIMARY_BUFFERS;
         let request = adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("carom"),
-            required_features: timestamps,
+            required_features: timestamps | mappable,
             required_limits: adapter.limits(),
             ..Default::default()
         });
@@ -47,6 +53,7 @@ impl Device {
         let tick_nanos = f64::from(queue.get_timestamp_period());
         Ok(Self {
             tick_nanos: (!timestamps.is_empty() && tick_nanos > 0.0).then_some(tick_nanos),
+            maps_storage: !mappable.is_empty(),
             device,
             queue,
             name,
@@ -78,51 +85,51 @@ impl Device {
         Ok(value)
     }
 
-    /// Submits commands and waits until `mapped` is in this process's memory.
+    /// Submits commands and waits until all of `mapped` is in this process's memory.
     ///
     /// # Errors
     /// [`Error::Device`] if the device is lost, hangs or refuses.
     pub(crate) fn submit_and_map(
         &self,
         commands: wgpu::CommandBuffer,
-        mapped: wgpu::BufferSlice<'_>,
+        mapped: &[wgpu::BufferSlice<'_>],
     ) -> Result<(), Error> {
-        let (submission, mapping) = self.guarded(|_| {
-            let submission = self.queue.submit([commands]);
-            let (sender, receiver) = channel();
-            mapped.map_async(wgpu::MapMode::Read, move |result| {
-                // The receiver is gone only if this call has already failed.
-                _ = sender.send(result);
-            });
-            (submission, receiver)
+        let (sender, receiver) = channel();
+        self.guarded(|_| {
+            self.queue.submit([commands]);
+            for slice in mapped {
+                let sender = sender.clone();
+                slice.map_async(wgpu::MapMode::Read, move |result| {
+                    // The receiver is gone only if this call has already failed.
+                    _ = sender.send(result);
+                });
+            }
         })?;
-        self.wait(submission)?;
-        self.mapped(&mapping)
+        mapped.iter().try_for_each(|_| self.wait(&receiver))
     }
 
-    fn wait(&self, submission: wgpu::SubmissionIndex) -> Result<(), Error> {
-        let poll = wgpu::PollType::Wait {
-            submission_index: Some(submission),
-            timeout: Some(SUBMISSION_TIMEOUT),
-        };
-        // wgpu 30 panics here when the device is lost, which is no bug of anybody in this process.
-        let polled = catch_unwind(AssertUnwindSafe(|| self.device.poll(poll)));
-        self.check()?;
-        match polled {
-            Ok(Ok(_)) => Ok(()),
-            Ok(Err(error)) => Err(self.error(format!("work was not finished: {error}"))),
-            Err(_) => Err(self.error("lost while work was under way".to_owned())),
+    /// Waits for a mapping. The driver's own wait wakes late when several threads are in it: two
+    /// frames in flight took as long as one after the other on an H200. So this looks now and
+    /// then, with pauses of a sixteenth of the time waited so far.
+    fn wait(&self, mapping: &Receiver<Result<(), wgpu::BufferAsyncError>>) -> Result<(), Error> {
+        let mut waited = Duration::ZERO;
+        while waited < SUBMISSION_TIMEOUT {
+            // wgpu 30 panics when the device is lost, which is no bug of anybody in this process.
+            let polled = catch_unwind(AssertUnwindSafe(|| self.device.poll(wgpu::PollType::Poll)));
+            self.check()?;
+            match polled {
+                Ok(Ok(_)) => {}
+                Ok(Err(error)) => return Err(self.error(format!("work has failed: {error}"))),
+                Err(_) => return Err(self.error("lost while work was under way".to_owned())),
+            }
+            let pause = (waited / 16).clamp(PAUSE_MIN, PAUSE_MAX);
+            match mapping.recv_timeout(pause) {
+                Ok(Ok(())) => return self.check(),
+                Ok(Err(error)) => return Err(self.error(error.to_string())),
+                Err(_) => waited += pause,
+            }
         }
-    }
-
-    /// Another thread's poll may have taken this submission's callback and not run it yet, so
-    /// that the wait is for the callback itself.
-    fn mapped(&self, mapping: &Receiver<Result<(), wgpu::BufferAsyncError>>) -> Result<(), Error> {
-        match mapping.recv_timeout(SUBMISSION_TIMEOUT) {
-            Ok(Ok(())) => self.check(),
-            Ok(Err(error)) => Err(self.error(error.to_string())),
-            Err(error) => Err(self.error(format!("results were not delivered: {error}"))),
-        }
+        Err(self.error(format!("work was not finished in {SUBMISSION_TIMEOUT:?}")))
     }
 
     /// An error of this device.

@@ -1,7 +1,7 @@
 //! What a scene requires of the kernel: what it has none of is left out.
 
 use crate::compiled::{CompiledScene, KIND_DIELECTRIC, KIND_LAYERED, MaterialData};
-use crate::gpu::layout;
+use crate::gpu::{flatness, layout};
 
 /// A shape's array in the scene, in the order in which primitives are numbered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -123,6 +123,13 @@ pub(crate) struct Features {
     pub(crate) output: Output,
     /// Balls are so far from the origin that the rounding of coordinates shows.
     pub(crate) is_compensated: bool,
+    /// All discs lie in one plane, which a ray meets once, and are not so far from the origin for
+    /// their size that rounding there shows.
+    pub(crate) discs_coplanar: bool,
+    /// The same of lamps.
+    pub(crate) lamps_coplanar: bool,
+    /// Some lamp may be before the face of another.
+    pub(crate) lamps_shade: bool,
     pub(crate) memory: SceneMemory,
 }
 
@@ -143,6 +150,9 @@ impl Features {
             has_clear: any(|material| material.kind == KIND_DIELECTRIC),
             output: Output::Radiance,
             is_compensated: needs_compensation(scene),
+            discs_coplanar: flatness::discs_coplanar(scene),
+            lamps_coplanar: flatness::lamps_coplanar(scene),
+            lamps_shade: flatness::lamps_shade(scene),
             memory: SceneMemory::Uniform,
         };
         if layout::scene_bytes_len(&features) > uniform_bytes_max {

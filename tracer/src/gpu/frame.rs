@@ -25,6 +25,8 @@ pub(crate) struct FrameBuffers {
     dispatch: wgpu::Buffer,
     tiles: wgpu::Buffer,
     film: wgpu::Buffer,
+    /// A copy of the film that can be mapped, where the film itself cannot.
+    picture: Option<wgpu::Buffer>,
     film_lost: wgpu::Buffer,
     counters: wgpu::Buffer,
     readback: wgpu::Buffer,
@@ -90,8 +92,9 @@ impl FrameBuffers {
                 Usage::UNIFORM | Usage::COPY_DST,
             ),
             tiles: buffer(wgpu, size_of::<TileEntry>() as u64, TILES_USAGE),
-            film: buffer(wgpu, PIXEL_BYTES, FILM_USAGE),
-            film_lost: buffer(wgpu, PIXEL_BYTES, FILM_USAGE),
+            film: buffer(wgpu, PIXEL_BYTES, film_usage(device)),
+            picture: (!device.maps_storage).then(|| buffer(wgpu, PIXEL_BYTES, READBACK_USAGE)),
+            film_lost: buffer(wgpu, PIXEL_BYTES, wgpu::BufferUsages::STORAGE),
             counters: buffer(wgpu, 4 * RAY_WORDS, COUNTERS_USAGE),
             readback: buffer(wgpu, TIMESTAMPS_BYTES, READBACK_USAGE),
             timer,
@@ -114,15 +117,29 @@ impl FrameBuffers {
         device.guarded(|wgpu| {
             reserve(wgpu, &mut self.scene, scene.len() as u64, SCENE_USAGE);
             reserve(wgpu, &mut self.tiles, entries.len() as u64, TILES_USAGE);
-            reserve(wgpu, &mut self.film, layout.film_bytes, FILM_USAGE);
-            reserve(wgpu, &mut self.film_lost, layout.film_bytes, FILM_USAGE);
+            let film_usage = film_usage(device);
+            reserve(wgpu, &mut self.film, layout.film_bytes, film_usage);
+            reserve(
+                wgpu,
+                &mut self.film_lost,
+                layout.film_bytes,
+                wgpu::BufferUsages::STORAGE,
+            );
+            if let Some(picture) = &mut self.picture {
+                reserve(wgpu, picture, layout.film_bytes, READBACK_USAGE);
+            }
             reserve(
                 wgpu,
                 &mut self.counters,
                 layout.counters_bytes,
                 COUNTERS_USAGE,
             );
-            reserve(wgpu, &mut self.readback, layout.end(), READBACK_USAGE);
+            reserve(
+                wgpu,
+                &mut self.readback,
+                layout.counters_end(),
+                READBACK_USAGE,
+            );
             device.queue.write_buffer(&self.scene, 0, scene);
             device.queue.write_buffer(&self.tiles, 0, entries);
             self.bind(wgpu, kernel, scene.len() as u64, &layout)
@@ -183,12 +200,13 @@ impl FrameBuffers {
             self.encode_readback(&mut encoder, &layout, is_last);
             encoder.finish()
         })?;
-        let mapped_bytes = if is_last {
-            layout.end()
-        } else {
-            TIMESTAMPS_BYTES
-        };
-        device.submit_and_map(commands, self.readback.slice(..mapped_bytes))?;
+        let timestamps = self.readback.slice(..TIMESTAMPS_BYTES);
+        let results = [
+            self.readback.slice(..layout.counters_end()),
+            self.picture().slice(..layout.film_bytes),
+        ];
+        let mapped = if is_last { &results[..] } else { &[timestamps] };
+        device.submit_and_map(commands, mapped)?;
         let nanos = device.tick_nanos.map_or(Ok(0.0), |tick_nanos| {
             let [begin, end]: [u64; 2] = self.read(device, 0)?;
             Ok(end.saturating_sub(begin) as f64 * tick_nanos)
@@ -211,24 +229,26 @@ impl FrameBuffers {
         take: impl FnOnce(u64, &[u32], &[[f32; 3]]) -> T,
     ) -> Result<T, Error> {
         let layout = ReadbackLayout::of(chunk);
-        let counters_begin = TIMESTAMPS_BYTES + 4 * RAY_WORDS;
-        let taken = {
-            let view = self
-                .readback
-                .slice(..layout.end())
+        let mapped = |slice: wgpu::BufferSlice<'_>| {
+            slice
                 .get_mapped_range()
-                .map_err(|error| device.error(error.to_string()))?;
-            let bytes: &[u8] = &view;
-            let part = |begin: u64, end: u64| &bytes[begin as usize..end as usize];
-            let [low, high]: [u32; 2] = pod_read_unaligned(part(TIMESTAMPS_BYTES, counters_begin));
-            take(
-                u64::from(high) << 32 | u64::from(low),
-                cast_slice(part(counters_begin, layout.film_begin())),
-                cast_slice(part(layout.film_begin(), layout.end())),
-            )
+                .map_err(|error| device.error(error.to_string()))
         };
+        let counters = mapped(self.readback.slice(TIMESTAMPS_BYTES..layout.counters_end()))?;
+        let film = mapped(self.picture().slice(..layout.film_bytes))?;
+        let (rays, dropped) = counters.split_at(4 * RAY_WORDS as usize);
+        let [low, high]: [u32; 2] = pod_read_unaligned(rays);
+        let rays = u64::from(high) << 32 | u64::from(low);
+        let taken = take(rays, cast_slice(dropped), cast_slice(&film));
+        drop((counters, film));
         self.readback.unmap();
+        self.picture().unmap();
         Ok(taken)
+    }
+
+    /// What is mapped to read the film.
+    fn picture(&self) -> &wgpu::Buffer {
+        self.picture.as_ref().unwrap_or(&self.film)
     }
 
     fn encode_pass(
@@ -267,12 +287,15 @@ impl FrameBuffers {
             encoder.copy_buffer_to_buffer(&timer.resolved, 0, &self.readback, 0, TIMESTAMPS_BYTES);
         }
         if is_last {
-            let copies = [
-                (&self.counters, TIMESTAMPS_BYTES, layout.counters_bytes),
-                (&self.film, layout.film_begin(), layout.film_bytes),
-            ];
-            for (source, place, bytes) in copies {
-                encoder.copy_buffer_to_buffer(source, 0, &self.readback, place, bytes);
+            encoder.copy_buffer_to_buffer(
+                &self.counters,
+                0,
+                &self.readback,
+                TIMESTAMPS_BYTES,
+                layout.counters_bytes,
+            );
+            if let Some(picture) = &self.picture {
+                encoder.copy_buffer_to_buffer(&self.film, 0, picture, 0, layout.film_bytes);
             }
         }
     }
@@ -286,7 +309,7 @@ impl FrameBuffers {
     }
 }
 
-/// Where a chunk's results lie in the buffer that is read back: timestamps, counters, film.
+/// How much of a chunk's results is read back: timestamps and counters, then the film.
 struct ReadbackLayout {
     tiles: u64,
     counters_bytes: u64,
@@ -303,12 +326,8 @@ impl ReadbackLayout {
         }
     }
 
-    const fn film_begin(&self) -> u64 {
+    const fn counters_end(&self) -> u64 {
         TIMESTAMPS_BYTES + self.counters_bytes
-    }
-
-    const fn end(&self) -> u64 {
-        self.film_begin() + self.film_bytes
     }
 }
 
@@ -317,11 +336,21 @@ const SCENE_USAGE: wgpu::BufferUsages = wgpu::BufferUsages::UNIFORM
     .union(wgpu::BufferUsages::COPY_DST);
 const TILES_USAGE: wgpu::BufferUsages =
     wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_DST);
-const FILM_USAGE: wgpu::BufferUsages =
-    wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_SRC);
-const COUNTERS_USAGE: wgpu::BufferUsages = FILM_USAGE.union(wgpu::BufferUsages::COPY_DST);
+const COUNTERS_USAGE: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE
+    .union(wgpu::BufferUsages::COPY_SRC)
+    .union(wgpu::BufferUsages::COPY_DST);
 const READBACK_USAGE: wgpu::BufferUsages =
     wgpu::BufferUsages::MAP_READ.union(wgpu::BufferUsages::COPY_DST);
+
+/// A film in memory that this process can map needs no copy: the kernel's writes cross the bus
+/// while it still traces.
+fn film_usage(device: &Device) -> wgpu::BufferUsages {
+    let read = match device.maps_storage {
+        true => wgpu::BufferUsages::MAP_READ,
+        false => wgpu::BufferUsages::COPY_SRC,
+    };
+    wgpu::BufferUsages::STORAGE | read
+}
 
 /// Replaces a buffer that is too small.
 fn reserve(

@@ -1,12 +1,14 @@
 //! The bytes that a kernel reads: what [`crate::compiled`] holds, one array behind another.
 
 use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
+use glam::Vec3;
 
 use crate::compiled::{
     BoxData, CameraFrame, CompiledScene, DiscData, LampData, MaterialData, RectangleData,
     SphereData,
 };
 use crate::gpu::features::{Features, ShapeKind};
+use crate::gpu::flatness;
 use crate::{Error, ImageSize};
 
 /// What stands before the scene's arrays.
@@ -45,12 +47,66 @@ pub(crate) struct TileEntry {
     pub(crate) first_pixel: u32,
 }
 
+/// A ball for the test of whether a ray may meet it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(crate) struct SphereBound {
+    pub(crate) center: [f32; 3],
+    /// `(1 − SLACK) |center|² − radius²`.
+    pub(crate) power: f32,
+}
+
+/// A box for the test of whether a ray may meet it: its middle and half its extent.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(crate) struct BoxBound {
+    pub(crate) center: [f32; 3],
+    padding0: u32,
+    /// Larger than the box by what rounding can be.
+    pub(crate) half: [f32; 3],
+    padding1: u32,
+}
+
+/// How much a box's bounds are wider than the box, over the largest coordinate of the scene. The
+/// quick test and the exact one together err by 12 · 2⁻²⁴ of it.
+const BOX_SLACK: f32 = 16.0 * 0.5 * f32::EPSILON;
+/// With |o| and |c| the distances of a ray's origin and a ball's centre from the world's origin,
+/// rounding moves the quick test's `b² − q` by less than 38 · 2⁻²⁴ (|o|² + |c|²).
+pub(crate) const SPHERE_SLACK: f32 = 4e-6;
+
+impl SphereBound {
+    fn new(sphere: &SphereData) -> Self {
+        let center = Vec3::from(sphere.center).as_dvec3();
+        let radius = f64::from(sphere.radius);
+        let power = center.length_squared() * (1.0 - f64::from(SPHERE_SLACK)) - radius * radius;
+        Self {
+            center: sphere.center,
+            power: power as f32,
+        }
+    }
+}
+
+impl BoxBound {
+    fn new(data: &BoxData, farthest: f32) -> Self {
+        let (min, max) = (Vec3::from(data.min), Vec3::from(data.max));
+        let center = 0.5 * (min + max);
+        let half = (max - center).max(center - min) + BOX_SLACK * farthest;
+        Self {
+            center: center.to_array(),
+            half: half.to_array(),
+            ..Self::zeroed()
+        }
+    }
+}
+
 /// Length of [`scene_bytes`].
 pub(crate) fn scene_bytes_len(features: &Features) -> u64 {
     let shapes = features
         .shapes()
         .map(|shape| features.count(shape) as usize * element_bytes(shape));
     let arrays = shapes.sum::<usize>()
+        + features.spheres as usize * size_of::<SphereBound>()
+        + features.boxes as usize * size_of::<BoxBound>()
         + features.lamps as usize * size_of::<LampData>()
         + features.materials as usize * size_of::<MaterialData>();
     (size_of::<SceneHeader>() + arrays) as u64
@@ -86,6 +142,12 @@ pub(crate) fn scene_bytes(scene: &CompiledScene, size: ImageSize) -> Result<Vec<
     if scene.materials.is_empty() {
         bytes.extend_from_slice(bytes_of(&MaterialData::zeroed()));
     }
+    let sphere_bounds: Vec<_> = scene.spheres.iter().map(SphereBound::new).collect();
+    let farthest = flatness::farthest(scene);
+    let boxes = scene.boxes.iter();
+    let box_bounds: Vec<_> = boxes.map(|data| BoxBound::new(data, farthest)).collect();
+    bytes.extend_from_slice(cast_slice(&sphere_bounds));
+    bytes.extend_from_slice(cast_slice(&box_bounds));
     Ok(bytes)
 }
 

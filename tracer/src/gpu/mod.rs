@@ -15,6 +15,7 @@
 mod adapter;
 mod device;
 mod features;
+mod flatness;
 mod frame;
 mod layers;
 mod layout;
@@ -28,6 +29,8 @@ mod leaf_tests;
 
 use std::sync::atomic::Ordering;
 
+use rayon::prelude::*;
+
 pub use adapter::{AdapterChoice, AdapterDescription, adapters};
 
 use crate::cpu::Level;
@@ -39,7 +42,7 @@ use crate::{
 use device::Device;
 use features::{Features, Output};
 use frame::{BufferPool, FrameBuffers, PIXEL_BYTES};
-use layout::DispatchData;
+use layout::{DispatchData, TileEntry};
 use pipeline::{Kernel, KernelCache};
 use schedule::{Chunk, ChunkLimits, Pacer};
 
@@ -70,7 +73,16 @@ impl GpuTracer {
     /// # Errors
     /// [`Error::Device`] if there is none of that choice, it refuses, or it traces wrongly.
     pub fn new(choice: &AdapterChoice) -> Result<Self, Error> {
-        let device = Device::open(choice)?;
+        Self::on(&adapter::find(choice)?)
+    }
+
+    /// Every real GPU of this machine, the most capable first, or why it cannot be used.
+    pub fn all() -> Vec<Result<Self, Error>> {
+        adapter::real().iter().map(Self::on).collect()
+    }
+
+    fn on(adapter: &wgpu::Adapter) -> Result<Self, Error> {
+        let device = Device::open(adapter)?;
         let limits = device.device.limits();
         let film_bytes_max = limits
             .max_storage_buffer_binding_size
@@ -84,6 +96,12 @@ impl GpuTracer {
         };
         probe::prove(&tracer)?;
         Ok(tracer)
+    }
+
+    /// Ends the device as a driver that loses it does: all work fails from now on. For tests of
+    /// what then happens.
+    pub fn destroy(&self) {
+        self.device.device.destroy();
     }
 
     fn check(&self, job: &TraceJob<'_>) -> Result<(), Error> {
@@ -229,23 +247,29 @@ impl GpuTracer {
     }
 }
 
-/// Hands a chunk's tiles over.
+/// Hands a chunk's tiles over, on all of rayon's threads: a single one copies 3–5 GB/s, which is
+/// slower than a large GPU traces.
 fn deliver(
     chunk: &Chunk,
     dropped: &[u32],
     film: &[[f32; 3]],
     sink: &(dyn Fn(TileRadiance) + Sync),
 ) {
-    for ((index, entry), &dropped_samples) in chunk.tiles.clone().zip(&chunk.entries).zip(dropped) {
+    let deliver = |(place, entry): (usize, &TileEntry)| {
         let begin = entry.first_pixel as usize;
         let pixels = entry.width as usize * entry.height as usize;
         sink(TileRadiance {
-            index,
+            index: chunk.tiles.start + place,
             radiance: film[begin..begin + pixels].to_vec(),
-            dropped_samples,
+            dropped_samples: dropped[place],
         });
-    }
+    };
+    let entries = chunk.entries.par_iter().with_min_len(DELIVERED_TOGETHER);
+    entries.enumerate().for_each(deliver);
 }
+
+/// Tiles that one of rayon's tasks hands over: 0.1 MB of 32 × 32 pixels.
+const DELIVERED_TOGETHER: usize = 8;
 
 #[cfg(test)]
 mod tests {
@@ -253,6 +277,7 @@ mod tests {
     use std::sync::atomic::AtomicBool;
 
     use super::*;
+    use crate::gpu::features::SceneMemory;
     use crate::{ImageSize, RenderSettings, TileGrid};
 
     const GRID: TileGrid = TileGrid::new(ImageSize::new(40, 24), 16);
@@ -310,11 +335,21 @@ mod tests {
     #[test]
     fn a_lost_device_is_an_error() {
         let Some(tracer) = tracer() else { return };
-        tracer.device.device.destroy();
+        tracer.destroy();
         for _ in 0..2 {
             let lost = trace(&tracer);
             assert!(matches!(lost, Err(Error::Device { .. })), "{lost:?}");
         }
+    }
+
+    #[test]
+    fn a_kernel_that_does_not_compile_is_an_error() {
+        let Some(tracer) = tracer() else { return };
+        for text in ["nonsense", "@compute @workgroup_size(1) fn other() {}"] {
+            let broken = pipeline::compile(&tracer.device, SceneMemory::Uniform, text.to_owned());
+            assert!(matches!(broken, Err(Error::Device { .. })), "{text}");
+        }
+        trace(&tracer).unwrap();
     }
 
     #[test]

@@ -34,7 +34,7 @@ impl KernelCache {
         if let Some(kernel) = lock().get(&features) {
             return Ok(Arc::clone(kernel));
         }
-        let kernel = Arc::new(compile(device, &features)?);
+        let kernel = Arc::new(compile(device, features.memory, shader::source(&features))?);
         let mut kernels = lock();
         if kernels.len() >= Self::KERNELS_MAX {
             kernels.clear();
@@ -44,13 +44,19 @@ impl KernelCache {
     }
 }
 
-fn compile(device: &Device, features: &Features) -> Result<Kernel, Error> {
+/// # Errors
+/// [`Error::Device`] if the driver does not compile it.
+pub(crate) fn compile(
+    device: &Device,
+    memory: SceneMemory,
+    source: String,
+) -> Result<Kernel, Error> {
     device.guarded(|device| {
-        let module = shader_module(device, shader::source(features));
+        let module = shader_module(device, source);
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("trace"),
             entries: &[
-                entry(0, scene_binding(features.memory)),
+                entry(0, scene_binding(memory)),
                 entry(1, wgpu::BufferBindingType::Uniform),
                 entry(2, wgpu::BufferBindingType::Storage { read_only: true }),
                 entry(3, wgpu::BufferBindingType::Storage { read_only: false }),
@@ -82,8 +88,8 @@ fn compile(device: &Device, features: &Features) -> Result<Kernel, Error> {
 /// Without the bounds checks that wgpu adds: 21 → 26 Gray/s on an H200 for 16 balls and 6 boxes.
 #[expect(
     unsafe_code,
-    reason = "every index is a loop's counter below an array's length, a material's index that \
-              `layout::scene_bytes` checks, or a tile's pixel in buffers sized for the tiles; \
+    reason = "every index is a loop's counter or a candidate's bit below an array's length, a \
+              material's index that `layout::scene_bytes` checks, or a tile's pixel in buffers sized for the tiles; \
               every loop has a bound; nothing is divided by a variable that may be 0"
 )]
 fn shader_module(device: &wgpu::Device, source: String) -> wgpu::ShaderModule {

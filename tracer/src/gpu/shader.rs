@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use crate::compiled::{KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED};
 use crate::gpu::features::{Features, Output, SceneMemory, ShapeKind};
+use crate::gpu::layout::SPHERE_SLACK;
 use crate::sampling::BLOCK_CAMERA;
 
 /// Pixels along the edge of the block that a workgroup traces.
@@ -70,12 +71,19 @@ fn constants(features: &Features) -> String {
         "const BLOCK_EDGE: u32 = {BLOCK_EDGE}u;\n\
          const BLOCK_CAMERA: u32 = {BLOCK_CAMERA}u;\n\
          const COMPENSATED: bool = {};\n\
+         const DISCS_COPLANAR: bool = {};\n\
+         const LAMPS_COPLANAR: bool = {};\n\
+         const SPHERE_SLACK: f32 = {SPHERE_SLACK:e};\n\
          const HAS_STRIPE: bool = {};\n\
          const HAS_CLEAR: bool = {};\n\
          const KIND_LAYERED: u32 = {KIND_LAYERED}u;\n\
          const KIND_CONDUCTOR: u32 = {KIND_CONDUCTOR}u;\n\
          const KIND_DIELECTRIC: u32 = {KIND_DIELECTRIC}u;\n",
-        features.is_compensated, features.has_stripe, features.has_clear
+        features.is_compensated,
+        features.discs_coplanar,
+        features.lamps_coplanar,
+        features.has_stripe,
+        features.has_clear
     );
     _ = writeln!(text, "const OUTPUT: u32 = {}u;", features.output as u32);
     for output in Output::ALL {
@@ -113,40 +121,55 @@ fn scene_declaration(features: &Features) -> String {
     if features.lamps > 0 {
         _ = writeln!(text, "    lamps: array<LampData, {}>,", features.lamps);
     }
+    _ = writeln!(
+        text,
+        "    materials: array<MaterialData, {}>,",
+        features.materials
+    );
+    for (field, ty, count) in [
+        ("sphere_bounds", "SphereBound", features.spheres),
+        ("box_bounds", "BoxBound", features.boxes),
+    ] {
+        if count > 0 {
+            _ = writeln!(text, "    {field}: array<{ty}, {count}>,");
+        }
+    }
     let space = match features.memory {
         SceneMemory::Uniform => "uniform",
         SceneMemory::Storage => "storage, read",
     };
     _ = writeln!(
         text,
-        "    materials: array<MaterialData, {}>,\n}}\n\
-         @group(0) @binding(0) var<{space}> scene: SceneData;",
-        features.materials
+        "}}\n\
+         @group(0) @binding(0) var<{space}> scene: SceneData;"
     );
     text
 }
 
 fn nearest(features: &Features) -> String {
     let mut text = String::from(
-        "fn nearest(ray: Ray, skip: u32) -> Hit {\n    var hit = Hit(T_MISS, NO_PRIMITIVE);\n",
+        "fn nearest(ray: Ray, skip: u32) -> Hit {\n    let line = line_of(ray);\n    \
+         var hit = Hit(T_MISS, NO_PRIMITIVE);\n",
     );
     for name in shape_and_lamp_names(features) {
-        _ = writeln!(text, "    nearest_{name}(ray, skip, &hit);");
+        _ = writeln!(text, "    nearest_{name}(line, skip, &hit);");
     }
     text + "    return hit;\n}\n"
 }
 
 fn occluded(features: &Features) -> String {
-    let mut text =
-        String::from("fn occluded(ray: Ray, skip: u32, target_lamp: u32, t_max: f32) -> bool {\n");
+    let mut text = String::from(
+        "fn occluded(ray: Ray, skip: u32, target_lamp: u32, t_max: f32) -> bool {\n    \
+         let line = line_of(ray);\n",
+    );
     for shape in features.shapes() {
         let name = shape.function();
         _ = writeln!(
             text,
-            "    if ({name}_occludes(ray, skip, t_max)) {{ return true; }}"
+            "    if ({name}_occludes(line, skip, t_max)) {{ return true; }}"
         );
     }
-    if features.lamps > 1 {
+    if features.lamps_shade {
         text += "    if (lamp_occludes(ray, target_lamp, t_max)) { return true; }\n";
     }
     text + "    return false;\n}\n"
@@ -195,7 +218,9 @@ mod tests {
     use crate::compiled::{
         BoxData, CameraFrame, DiscData, LampData, MaterialData, RectangleData, SphereData,
     };
-    use crate::gpu::layout::{DispatchData, SceneHeader, TileEntry, scene_bytes_len};
+    use crate::gpu::layout::{
+        BoxBound, DispatchData, SceneHeader, SphereBound, TileEntry, scene_bytes_len,
+    };
 
     const ALL: Features = Features {
         spheres: 16,
@@ -210,6 +235,9 @@ mod tests {
         has_clear: true,
         output: Output::Radiance,
         is_compensated: true,
+        discs_coplanar: true,
+        lamps_coplanar: true,
+        lamps_shade: true,
         memory: SceneMemory::Uniform,
     };
 
@@ -231,6 +259,9 @@ mod tests {
                 has_clear: i % 7 < 2,
                 output: Output::ALL[i as usize % 6],
                 is_compensated: i % 5 < 2,
+                discs_coplanar: i % 11 < 5,
+                lamps_coplanar: i % 13 < 6,
+                lamps_shade: i >> 6 > 1 && i % 3 == 1,
             }
         })
     }
@@ -278,7 +309,7 @@ mod tests {
     }
 
     #[rustfmt::skip]
-    fn layouts_in_rust() -> [Layout; 10] {
+    fn layouts_in_rust() -> [Layout; 12] {
         [
             layout!(SphereData, center radius stripe_axis material),
             layout!(BoxData, min material max),
@@ -288,6 +319,8 @@ mod tests {
             layout!(MaterialData,
                 albedo ior stripe_albedo stripe_half_width diffuse_scale kind alpha flight_rate
                 eta k extinction scattering),
+            layout!(SphereBound, center power),
+            layout!(BoxBound, center half),
             layout!(CameraFrame, eye corner dx dy),
             layout!(SceneHeader, camera environment zero),
             layout!(DispatchData,

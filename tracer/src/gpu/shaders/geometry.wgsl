@@ -6,6 +6,36 @@ struct Ray {
     direction: vec3f,
 }
 
+// A ray with what its tests share.
+struct Line {
+    ray: Ray,
+    // 1 / direction without infinities.
+    inverse: vec3f,
+    inverse_abs: vec3f,
+    origin_inverse: vec3f,
+    // origin · direction
+    along: f32,
+    // (1 − SPHERE_SLACK) |origin|²
+    power: f32,
+}
+
+fn line_of(ray: Ray) -> Line {
+    let inverse = inverse_direction(ray.direction);
+    return Line(
+        ray,
+        inverse,
+        abs(inverse),
+        ray.origin * inverse,
+        dot(ray.origin, ray.direction),
+        dot(ray.origin, ray.origin) * (1.0 - SPHERE_SLACK),
+    );
+}
+
+// Distance to a plane; not above 0, or NaN, if the ray leads away from it or along it.
+fn plane_t(ray: Ray, point: vec3f, normal: vec3f) -> f32 {
+    return dot(point - ray.origin, normal) / dot(ray.direction, normal);
+}
+
 // The nearest surface along a ray. Primitives are numbered through all arrays of the scene.
 struct Hit {
     t: f32,

@@ -15,11 +15,32 @@ fn lamp_t(ray: Ray, index: u32) -> f32 {
 }
 
 // No ray starts on a lamp, so that there is none to skip.
-fn nearest_lamp(ray: Ray, skip: u32, hit: ptr<function, Hit>) {
+fn nearest_lamp(line: Line, skip: u32, hit: ptr<function, Hit>) {
+    if (LAMPS_COPLANAR) {
+        nearest_lamp_of_plane(line.ray, hit);
+        return;
+    }
     for (var i = 0u; i < LAMP_COUNT; i++) {
-        let t = lamp_t(ray, i);
+        let t = lamp_t(line.ray, i);
         if (t < (*hit).t) {
             *hit = Hit(t, LAMP_FIRST + i);
+        }
+    }
+}
+
+fn nearest_lamp_of_plane(ray: Ray, hit: ptr<function, Hit>) {
+    let t = plane_t(ray, scene.lamps[0].center, scene.lamps[0].normal);
+    if (!(t > 0.0 && t < (*hit).t)) {
+        return;
+    }
+    let point = fma(vec3f(t), ray.direction, ray.origin);
+    for (var i = 0u; i < LAMP_COUNT; i++) {
+        let q = point - scene.lamps[i].center;
+        let u = abs(dot(q, scene.lamps[i].half_u)) * scene.lamps[i].inv_u2;
+        let v = abs(dot(q, scene.lamps[i].half_v)) * scene.lamps[i].inv_v2;
+        if (u <= 1.0 && v <= 1.0) {
+            *hit = Hit(t, LAMP_FIRST + i);
+            return;
         }
     }
 }

@@ -14,18 +14,18 @@ fn rectangle_t(ray: Ray, index: u32) -> f32 {
     return select(T_MISS, t, t > 0.0 && u <= 1.0 && v <= 1.0);
 }
 
-fn nearest_rectangle(ray: Ray, skip: u32, hit: ptr<function, Hit>) {
+fn nearest_rectangle(line: Line, skip: u32, hit: ptr<function, Hit>) {
     for (var i = 0u; i < RECTANGLE_COUNT; i++) {
-        let t = rectangle_t(ray, i);
+        let t = rectangle_t(line.ray, i);
         if (t < (*hit).t && RECTANGLE_FIRST + i != skip) {
             *hit = Hit(t, RECTANGLE_FIRST + i);
         }
     }
 }
 
-fn rectangle_occludes(ray: Ray, skip: u32, t_max: f32) -> bool {
+fn rectangle_occludes(line: Line, skip: u32, t_max: f32) -> bool {
     for (var i = 0u; i < RECTANGLE_COUNT; i++) {
-        if (rectangle_t(ray, i) < t_max && RECTANGLE_FIRST + i != skip) {
+        if (rectangle_t(line.ray, i) < t_max && RECTANGLE_FIRST + i != skip) {
             return true;
         }
     }

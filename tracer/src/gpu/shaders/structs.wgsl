@@ -57,6 +57,16 @@ struct MaterialData {
     scattering: vec3f,
 }
 
+struct SphereBound {
+    center: vec3f,
+    power: f32,
+}
+
+struct BoxBound {
+    center: vec3f,
+    half: vec3f,
+}
+
 struct CameraFrame {
     eye: vec3f,
     corner: vec3f,

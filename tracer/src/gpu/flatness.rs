@@ -1,0 +1,137 @@
+//! What lies in one plane, or behind another's face: tests that a kernel may leave out.
+
+use glam::Vec3;
+
+use crate::compiled::{CompiledScene, DiscData, LampData};
+
+/// Coordinates over the smallest extent up to which a point of a plane, which is off by 4 · 2⁻²⁴ of
+/// its coordinates, is off by less than a thousandth of that extent.
+const COORDINATE_PER_EXTENT_MAX: f32 = 4096.0;
+/// Distance from a plane, over the largest coordinate, that is rounding.
+const ROUNDING: f32 = 4.0 * f32::EPSILON;
+
+/// Whether a ray may be tested against the plane of all discs once.
+pub(crate) fn discs_coplanar(scene: &CompiledScene) -> bool {
+    let plane = |disc: &DiscData| (disc.center.into(), disc.normal.into());
+    let extents = scene.discs.iter().map(|disc| disc.radius);
+    in_one_plane(scene.discs.iter().map(plane), extents, farthest(scene))
+}
+
+/// The same of lamps.
+pub(crate) fn lamps_coplanar(scene: &CompiledScene) -> bool {
+    let plane = |lamp: &LampData| (lamp.center.into(), lamp.normal.into());
+    let edges = scene
+        .lamps
+        .iter()
+        .flat_map(|lamp| [lamp.half_u, lamp.half_v]);
+    let extents = edges.map(|edge| Vec3::from(edge).length());
+    in_one_plane(scene.lamps.iter().map(plane), extents, farthest(scene))
+}
+
+/// Whether a point of some lamp is before another's face: only there is it between that lamp and
+/// what the lamp shines on.
+pub(crate) fn lamps_shade(scene: &CompiledScene) -> bool {
+    let rounding = ROUNDING * farthest(scene);
+    let before = |lamp: &LampData, other: &LampData| {
+        let (center, normal) = (Vec3::from(other.center), Vec3::from(other.normal));
+        corners(lamp).any(|corner| (corner - center).dot(normal) > rounding)
+    };
+    let lamps = scene.lamps.iter().enumerate();
+    let mut pairs = lamps.flat_map(|(i, lamp)| {
+        let others = scene.lamps.iter().enumerate().filter(move |(j, _)| *j != i);
+        others.map(move |(_, other)| (lamp, other))
+    });
+    pairs.any(|(lamp, other)| before(lamp, other))
+}
+
+/// Whether planes, each a point and a unit normal, are one, and no extent is so small for the
+/// largest coordinate that a point of the plane does not tell what it lies in.
+fn in_one_plane(
+    mut planes: impl Iterator<Item = (Vec3, Vec3)>,
+    extents: impl Iterator<Item = f32>,
+    farthest: f32,
+) -> bool {
+    let Some((point, normal)) = planes.next() else {
+        return false;
+    };
+    if farthest > COORDINATE_PER_EXTENT_MAX * extents.fold(f32::INFINITY, f32::min) {
+        return false;
+    }
+    planes.all(|(center, other)| {
+        let is_parallel = normal == other || normal == -other;
+        is_parallel && (center - point).dot(normal).abs() <= ROUNDING * farthest
+    })
+}
+
+fn corners(lamp: &LampData) -> impl Iterator<Item = Vec3> + use<> {
+    let [center, u, v] = [lamp.center, lamp.half_u, lamp.half_v].map(Vec3::from);
+    [u + v, u - v, v - u, -u - v]
+        .into_iter()
+        .map(move |corner| center + corner)
+}
+
+/// The largest coordinate of the camera and everything that can be met.
+pub(crate) fn farthest(scene: &CompiledScene) -> f32 {
+    let reach = |center: [f32; 3], extent: f32| Vec3::from(center).abs().max_element() + extent;
+    let length = |v: [f32; 3]| Vec3::from(v).length();
+    let spheres = scene.spheres.iter().map(|s| reach(s.center, s.radius));
+    let boxes = scene
+        .boxes
+        .iter()
+        .map(|b| reach(b.min, 0.0).max(reach(b.max, 0.0)));
+    let discs = scene.discs.iter().map(|d| reach(d.center, d.radius));
+    let rectangles = scene.rectangles.iter();
+    let rectangles = rectangles.map(|r| reach(r.center, length(r.half_u) + length(r.half_v)));
+    let lamps = scene.lamps.iter();
+    let lamps = lamps.map(|l| reach(l.center, length(l.half_u) + length(l.half_v)));
+    let surfaces = spheres
+        .chain(boxes)
+        .chain(discs)
+        .chain(rectangles)
+        .chain(lamps);
+    surfaces.fold(reach(scene.camera.eye.to_array(), 0.0), f32::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::probe;
+
+    fn lamps(moved: Vec3, tilt: Vec3) -> CompiledScene {
+        let mut scene = probe::scene();
+        scene.lamps[1].center += moved;
+        scene.lamps[1].half_u += tilt;
+        CompiledScene::new(&scene).unwrap()
+    }
+
+    #[test]
+    fn lamps_are_coplanar_side_by_side_and_nowhere_else() {
+        assert!(lamps_coplanar(&lamps(Vec3::ZERO, Vec3::ZERO)));
+        assert!(lamps_coplanar(&lamps(
+            Vec3::new(0.3, -2.0, 0.0),
+            Vec3::ZERO
+        )));
+        assert!(!lamps_coplanar(&lamps(
+            Vec3::new(0.0, 0.0, 1e-3),
+            Vec3::ZERO
+        )));
+        assert!(!lamps_coplanar(&lamps(
+            Vec3::ZERO,
+            Vec3::new(0.0, 0.0, 1e-3)
+        )));
+        // So far away that points of the plane are rounded to half a metre.
+        assert!(!lamps_coplanar(&lamps(
+            Vec3::new(5e6, 0.0, 0.0),
+            Vec3::ZERO
+        )));
+    }
+
+    #[test]
+    fn a_lamp_shades_another_from_before_its_face_only() {
+        assert!(!lamps_shade(&lamps(Vec3::ZERO, Vec3::ZERO)));
+        // They shine down: the lower one is before the face of the upper one, whichever it is.
+        assert!(lamps_shade(&lamps(Vec3::new(0.0, 0.0, -0.1), Vec3::ZERO)));
+        assert!(lamps_shade(&lamps(Vec3::new(0.0, 0.0, 0.1), Vec3::ZERO)));
+        assert!(lamps_shade(&lamps(Vec3::ZERO, Vec3::new(0.0, 0.0, 0.1))));
+    }
+}
