@@ -84,12 +84,12 @@ impl Default for FarmConfig {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LocalNode {
-    /// The GPU if there is a real one that passes its probe, else the CPU.
+    /// Every real GPU that passes its probe, and the CPU where it helps or they fail.
     #[default]
     Auto,
     /// SIMD on every core.
     Cpu,
-    /// The GPU; an error if there is none.
+    /// One real GPU; an error if there is none.
     Gpu,
     /// No node in this process.
     None,

@@ -42,8 +42,8 @@ impl Farm {
         let mut driver = Driver::new(&config);
         match config.local {
             LocalNode::None => {}
-            LocalNode::Auto => driver.add_local_later(local::auto),
-            LocalNode::Cpu => driver.add_local(local::cpu()?),
+            LocalNode::Auto => driver.add_local_later(|| local::auto(0)),
+            LocalNode::Cpu => driver.add_local(local::cpu(0)?),
             LocalNode::Gpu => driver.add_local(local::gpu()?),
         }
         Self::start(&config, driver)

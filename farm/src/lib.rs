@@ -48,6 +48,7 @@ mod driver;
 pub mod error;
 mod farm;
 pub mod frame;
+pub mod hybrid;
 pub mod link;
 pub mod local;
 mod mailbox;

@@ -5,15 +5,32 @@ use std::sync::Arc;
 use carom_tracer::gpu::AdapterChoice;
 use carom_tracer::{CpuTracer, Error, GpuTracer, Tracer};
 
-/// The GPU if there is a real one that passes its probe, else the CPU.
+use crate::hybrid::Hybrid;
+
+/// All that this machine traces with: every real GPU that passes its probe, and the CPU with
+/// `threads` threads, 0 for one per core.
 ///
 /// # Errors
-/// [`Error::Device`] if there is neither.
-pub fn auto() -> Result<Arc<dyn Tracer>, Error> {
-    gpu().or_else(|why| {
-        tracing::info!("tracing on the CPU: {why}");
-        cpu()
-    })
+/// [`Error::Device`] if the system refuses threads.
+pub fn auto(threads: usize) -> Result<Arc<dyn Tracer>, Error> {
+    let cpu = cpu(threads)?;
+    let mut devices: Vec<Arc<dyn Tracer>> = Vec::new();
+    let mut absent = Vec::new();
+    for gpu in GpuTracer::all() {
+        match gpu {
+            Ok(gpu) => devices.push(Arc::new(gpu)),
+            Err(why) => {
+                tracing::warn!("a GPU is not used: {why}");
+                absent.push(why.to_string());
+            }
+        }
+    }
+    if devices.is_empty() && absent.is_empty() {
+        tracing::info!("tracing on the CPU: there is no GPU");
+        return Ok(cpu);
+    }
+    devices.push(cpu);
+    Ok(Arc::new(Hybrid::new(devices, absent)))
 }
 
 /// A real GPU that passes its probe.
@@ -24,10 +41,10 @@ pub fn gpu() -> Result<Arc<dyn Tracer>, Error> {
     Ok(Arc::new(GpuTracer::new(&AdapterChoice::Gpu)?))
 }
 
-/// All cores.
+/// The CPU with `threads` threads, 0 for one per core.
 ///
 /// # Errors
 /// [`Error::Device`] if the system refuses threads.
-pub fn cpu() -> Result<Arc<dyn Tracer>, Error> {
-    Ok(Arc::new(CpuTracer::new()?))
+pub fn cpu(threads: usize) -> Result<Arc<dyn Tracer>, Error> {
+    Ok(Arc::new(CpuTracer::with_threads(threads)?))
 }

@@ -49,8 +49,8 @@ pub struct Args {
     /// The farm's configuration [default: farm.toml in this folder, if there is one]
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// What this machine traces with: auto (the GPU if there is one that traces rightly, else the
-    /// CPU), cpu, gpu (an error if there is none) or none (farm nodes do all the work)
+    /// What this machine traces with: auto (every GPU that traces rightly, and the CPU), cpu,
+    /// gpu (an error if there is none) or none (farm nodes do all the work)
     #[arg(long)]
     pub backend: Option<LocalNode>,
     /// How pictures get into the window [default: CAROM_PRESENT, else the first that works]

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use carom_farm::hybrid::Hybrid;
 use carom_farm::local;
 use carom_tracer::cpu::CpuTracer;
 use carom_tracer::gpu::{AdapterChoice, GpuTracer};
@@ -17,17 +18,20 @@ pub(crate) enum Backend {
     Cpu,
     /// The first real GPU, or a software one if there is no other.
     Gpu,
+    /// Both at once, as a node uses them.
+    Hybrid,
     /// The f64 reference: slow.
     Reference,
 }
 
 impl Backend {
-    const ALL: [Self; 3] = [Self::Cpu, Self::Gpu, Self::Reference];
+    const ALL: [Self; 4] = [Self::Cpu, Self::Gpu, Self::Hybrid, Self::Reference];
 
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Cpu => "cpu",
             Self::Gpu => "gpu",
+            Self::Hybrid => "hybrid",
             Self::Reference => "reference",
         }
     }
@@ -37,6 +41,10 @@ impl Backend {
         Ok(match self {
             Self::Cpu => Arc::new(CpuTracer::with_threads(threads)?),
             Self::Gpu => Arc::new(GpuTracer::new(&AdapterChoice::Any)?),
+            Self::Hybrid => {
+                let devices = vec![Self::Gpu.open(threads)?, Self::Cpu.open(threads)?];
+                Arc::new(Hybrid::new(devices, Vec::new()))
+            }
             Self::Reference => Arc::new(Reference),
         })
     }
@@ -67,25 +75,20 @@ pub(crate) fn open_all(wanted: Option<Backend>, threads: usize) -> Result<Vec<Op
 /// What a node traces with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum NodeBackend {
-    /// The GPU if there is a real one that passes its probe, else the CPU.
+    /// Every real GPU that passes its probe, and the CPU where it helps.
     Auto,
     /// SIMD on every core.
     Cpu,
-    /// The GPU.
+    /// One real GPU, and nothing in its place if it fails.
     Gpu,
 }
 
 impl NodeBackend {
     /// Opens the back end; 0 threads are one per core.
     pub(crate) fn open(self, threads: usize) -> Result<Arc<dyn Tracer>, carom_tracer::Error> {
-        let cpu =
-            || -> Result<Arc<dyn Tracer>, _> { Ok(Arc::new(CpuTracer::with_threads(threads)?)) };
         match self {
-            Self::Auto => local::gpu().or_else(|why| {
-                tracing::info!("tracing on the CPU: {why}");
-                cpu()
-            }),
-            Self::Cpu => cpu(),
+            Self::Auto => local::auto(threads),
+            Self::Cpu => local::cpu(threads),
             Self::Gpu => local::gpu(),
         }
     }

@@ -75,7 +75,10 @@ enum State {
 /// counts as rendering until it leaves or brings another scene: at 60 pictures a second, lines for
 /// the pauses between them would tell nobody anything.
 struct Watched {
+    node: Arc<Node>,
     connection: NodeConnection,
+    /// The device's name, which changes when one fails or is back.
+    device: String,
     player: SocketAddr,
     state: State,
 }
@@ -83,7 +86,9 @@ struct Watched {
 impl Watched {
     fn new(node: &Arc<Node>, player: SocketAddr) -> Self {
         Self {
+            node: Arc::clone(node),
             connection: node.connect(),
+            device: node.info().device.name,
             player,
             state: State::Paired,
         }
@@ -109,6 +114,11 @@ impl Peer for Watched {
         if matches!(message, Ok(ToNode::Trace(_))) && self.state != State::Rendering {
             self.state = State::Rendering;
             self.say("rendering");
+        }
+        let device = self.node.info().device.name;
+        if device != self.device {
+            self.say(&format!("rendering with {device}"));
+            self.device = device;
         }
         Ok(())
     }

@@ -48,8 +48,8 @@ pub(crate) struct Args {
     /// A farm.toml.
     #[arg(long)]
     config: Option<PathBuf>,
-    /// What this machine traces with: auto (the GPU if there is one that traces rightly, else the
-    /// CPU), cpu, gpu or none [default: auto, or --config's].
+    /// What this machine traces with: auto (every GPU that traces rightly, and the CPU), cpu,
+    /// gpu or none [default: auto, or --config's].
     #[arg(long)]
     backend: Option<LocalNode>,
     /// Filter the noise that is left, guided by what camera rays meet first: 4 samples then look

@@ -28,7 +28,8 @@ use queue::Queue;
 
 /// One device, shared by any number of clients.
 pub struct Node {
-    info: NodeInfo,
+    name: String,
+    tracer: Arc<dyn Tracer>,
     queue: Arc<Queue>,
 }
 
@@ -36,11 +37,7 @@ impl Node {
     /// Starts the worker threads of a node called `name`: two for a GPU, which then has the next
     /// frame's work before it has ended this one's, one for a processor, which is busy with one.
     pub fn new(name: impl Into<String>, tracer: Arc<dyn Tracer>) -> Arc<Self> {
-        let info = NodeInfo {
-            name: name.into(),
-            device: tracer.info(),
-        };
-        let workers = match info.device.kind {
+        let workers = match tracer.info().kind {
             DeviceKind::Gpu => 2,
             DeviceKind::Cpu | DeviceKind::Reference => 1,
         };
@@ -48,18 +45,25 @@ impl Node {
         for _ in 0..workers {
             worker::start(Arc::clone(&queue), Arc::clone(&tracer));
         }
-        Arc::new(Self { info, queue })
+        Arc::new(Self {
+            name: name.into(),
+            tracer,
+            queue,
+        })
     }
 
-    /// What the node is.
-    pub fn info(&self) -> &NodeInfo {
-        &self.info
+    /// What the node is: its device's name says of a device that has failed why.
+    pub fn info(&self) -> NodeInfo {
+        NodeInfo {
+            name: self.name.clone(),
+            device: self.tracer.info(),
+        }
     }
 
     /// A session for a client that has just connected. Dropping it cancels all that the client
     /// has asked for.
     pub fn connect(&self) -> NodeConnection {
-        NodeConnection::new(self.info.clone(), Arc::clone(&self.queue))
+        NodeConnection::new(self.info(), Arc::clone(&self.queue))
     }
 }
 

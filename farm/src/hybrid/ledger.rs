@@ -1,0 +1,242 @@
+//! What is known of the devices' speeds, and whether they are better used together.
+//!
+//! Whether a second device pays cannot be told from the lines alone: while it works, it takes
+//! memory bandwidth, cores and power from the first. So frames are timed both ways. The better way
+//! is kept, and the other one is tried again now and then.
+
+use crate::coordinator::balancer::{Estimator, Line, Observation, fill};
+
+/// A device's run.
+pub(super) struct Spent {
+    work: f64,
+    secs: f64,
+    busy_secs: f64,
+}
+
+impl Spent {
+    /// `work` done in `secs`, of which the device's own clock accounts for `device_nanos`, 0 where
+    /// it has none.
+    pub(super) fn new(work: f64, secs: f64, device_nanos: u64) -> Self {
+        let device_secs = device_nanos as f64 * 1e-9;
+        let busy_secs = if device_nanos > 0 {
+            device_secs.min(secs)
+        } else {
+            secs
+        };
+        Self {
+            work,
+            secs,
+            busy_secs,
+        }
+    }
+}
+
+/// The lines of all devices, and how long jobs take either way.
+pub(super) struct Ledger {
+    devices: Vec<Estimator>,
+    phase: Phase,
+    /// Jobs until the next phase.
+    jobs_left: u32,
+    /// Seconds per unit of work of the quickest job of the last trial, with the best device alone
+    /// and with all.
+    alone_pace: f64,
+    together_pace: f64,
+}
+
+/// What the next jobs are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    TryAlone,
+    TryTogether,
+    /// The better way.
+    Keep,
+}
+
+impl Ledger {
+    pub(super) fn new(devices: usize) -> Self {
+        Self {
+            devices: vec![Estimator::default(); devices],
+            phase: Phase::TryAlone,
+            jobs_left: TRIAL_JOBS,
+            alone_pace: f64::INFINITY,
+            together_pace: f64::INFINITY,
+        }
+    }
+
+    /// The work of each of the `usable` devices, the quickest of which is first as long as nothing
+    /// is known of them.
+    pub(super) fn divide(&mut self, work: f64, usable: &[usize]) -> Vec<f64> {
+        let lines: Vec<Line> = usable.iter().map(|&i| self.line(i, work)).collect();
+        if self.goes_together() {
+            return fill(work, &lines).shares;
+        }
+        let known = |&place: &usize| self.devices[usable[place]].estimate().is_some();
+        let finish = |place: usize| lines[place].a_secs + lines[place].b_secs * work;
+        let best = (0..usable.len())
+            .filter(known)
+            .min_by(|&a, &b| finish(a).total_cmp(&finish(b)));
+        let mut shares = vec![0.0; usable.len()];
+        shares[best.unwrap_or(0)] = work;
+        shares
+    }
+
+    fn goes_together(&self) -> bool {
+        match self.phase {
+            Phase::TryAlone => false,
+            Phase::TryTogether => true,
+            Phase::Keep => self.together_pace < (1.0 - GAIN_MIN) * self.alone_pace,
+        }
+    }
+
+    /// Takes note of a whole job that was divided, or was not.
+    pub(super) fn judge(&mut self, work: f64, secs: f64, was_divided: bool) {
+        if work <= 0.0 {
+            return;
+        }
+        let pace = secs / work;
+        // The first jobs of a trial compile kernels, or find the shares.
+        let counts = self.jobs_left <= TRIAL_JOBS / 2;
+        match self.phase {
+            Phase::TryAlone if counts && !was_divided => {
+                self.alone_pace = self.alone_pace.min(pace);
+            }
+            Phase::TryTogether if counts && was_divided => {
+                self.together_pace = self.together_pace.min(pace);
+            }
+            _ => {}
+        }
+        self.jobs_left -= 1;
+        if self.jobs_left == 0 {
+            self.end_phase();
+        }
+    }
+
+    fn end_phase(&mut self) {
+        (self.phase, self.jobs_left) = match self.phase {
+            Phase::TryAlone => (Phase::TryTogether, TRIAL_JOBS),
+            Phase::TryTogether => (Phase::Keep, KEPT_JOBS),
+            Phase::Keep => {
+                (self.alone_pace, self.together_pace) = (f64::INFINITY, f64::INFINITY);
+                (Phase::TryAlone, TRIAL_JOBS)
+            }
+        };
+    }
+
+    /// The line of a device for a job of `work`. One that is not known gets little, one that is no
+    /// more than some times what it has shown.
+    fn line(&self, device: usize, work: f64) -> Line {
+        let estimates = self.devices.iter().filter_map(Estimator::estimate);
+        let paces = estimates.map(|estimate| estimate.secs_per_work);
+        let quickest = paces.fold(f64::INFINITY, f64::min);
+        let estimator = &self.devices[device];
+        let (a_secs, b_secs) = match estimator.estimate() {
+            Some(estimate) => (estimate.fixed_secs, estimate.secs_per_work),
+            None if quickest.is_finite() => (0.0, quickest),
+            None => (0.0, 1.0),
+        };
+        let cap = (GROWTH_MAX * estimator.proven_work()).max(work * PROBE_SHARE);
+        Line {
+            a_secs,
+            b_secs,
+            cap,
+            // A device's tiles are not asked for twice.
+            mute_work: 0.0,
+            guard_secs: 0.0,
+        }
+    }
+
+    /// Takes note of a device's run.
+    pub(super) fn learn(&mut self, device: usize, spent: &Spent) {
+        if spent.work > 0.0 {
+            self.devices[device].observe(&Observation {
+                work: spent.work,
+                response_secs: spent.secs,
+                queue_secs: 0.0,
+                busy_secs: spent.busy_secs,
+                round_trip_secs: None,
+            });
+        }
+    }
+}
+
+/// By how much jobs must be shorter with all devices: less is noise, and heat for nothing.
+const GAIN_MIN: f64 = 0.02;
+/// Jobs of a trial; the first half finds the shares, from the smallest on.
+pub(super) const TRIAL_JOBS: u32 = 12;
+/// Jobs until both ways are tried again. A trial costs 12 jobs of the worse way, which takes at
+/// most twice as long where the better one is to use all devices: 1 % of the time.
+const KEPT_JOBS: u32 = 1200;
+/// Share of a job that shows how fast an unknown device is.
+const PROBE_SHARE: f64 = 1.0 / 32.0;
+/// How much more than ever before a device may get at once.
+const GROWTH_MAX: f64 = 4.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Devices on virtual time. `slowdown` is how much longer the first takes while the second
+    /// works too.
+    struct Machine {
+        secs_per_work: [f64; 2],
+        slowdown: f64,
+    }
+
+    impl Machine {
+        /// Seconds of a job as `ledger` divides it.
+        fn job(&self, ledger: &mut Ledger, work: f64) -> f64 {
+            let shares = ledger.divide(work, &[0, 1]);
+            assert!((shares.iter().sum::<f64>() - work).abs() < 1e-6 * work);
+            let is_divided = shares.iter().all(|share| *share > 0.0);
+            let slowdown = if is_divided { self.slowdown } else { 1.0 };
+            let mut longest = 0.0f64;
+            for (device, &share) in shares.iter().enumerate() {
+                let factor = if device == 0 { slowdown } else { 1.0 };
+                let secs = share * self.secs_per_work[device] * factor;
+                ledger.learn(device, &Spent::new(share, secs, 0));
+                longest = longest.max(secs);
+            }
+            ledger.judge(work, longest, is_divided);
+            longest
+        }
+
+        /// Seconds of many jobs over those of the best device alone.
+        fn ratio_to_best_alone(&self) -> f64 {
+            let (work, jobs) = (1e6, 6000);
+            let mut ledger = Ledger::new(2);
+            let spent: f64 = (0..jobs).map(|_| self.job(&mut ledger, work)).sum();
+            let alone = self.secs_per_work[0].min(self.secs_per_work[1]);
+            spent / (f64::from(jobs) * alone * work)
+        }
+    }
+
+    #[test]
+    fn two_devices_finish_as_early_as_they_can() {
+        for speeds in [[1.0, 1.0], [3.0, 1.0], [1.0, 3.0], [10.0, 1.0]] {
+            let machine = Machine {
+                secs_per_work: speeds.map(|speed| 1e-8 / speed),
+                slowdown: 1.0,
+            };
+            let best = speeds[0].max(speeds[1]) / (speeds[0] + speeds[1]);
+            let ratio = machine.ratio_to_best_alone();
+            assert!(ratio < 1.02 * best, "{speeds:?}: {ratio}, at best {best}");
+        }
+    }
+
+    #[test]
+    fn a_device_that_slows_the_other_down_is_left_out() {
+        for (speeds, slowdown) in [
+            ([30.0, 1.0], 1.1),
+            ([100.0, 1.0], 1.01),
+            ([1000.0, 1.0], 1.0),
+            ([4.0, 1.0], 1.5),
+        ] {
+            let machine = Machine {
+                secs_per_work: speeds.map(|speed| 1e-8 / speed),
+                slowdown,
+            };
+            let ratio = machine.ratio_to_best_alone();
+            assert!(ratio < 1.02, "{speeds:?}, {slowdown}: {ratio}");
+        }
+    }
+}

@@ -1,0 +1,119 @@
+//! Several devices of one node: what one of them leaves is traced by the others.
+
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex};
+
+use carom_farm::hybrid::Hybrid;
+use carom_farm::{Farm, NodeState};
+use carom_tracer::gpu::AdapterChoice;
+use carom_tracer::{
+    CompiledScene, CpuTracer, Error, GpuTracer, ImageSize, RenderSettings, Scene, TileGrid,
+    TraceJob, Tracer,
+};
+
+use crate::pattern::{Fault, Pattern, scene};
+use crate::{assert_right, config, trace};
+
+const GRID: TileGrid = TileGrid::new(ImageSize::new(96, 64), 8);
+
+/// Tiles of radiance, each asserted to come once.
+fn tiles(tracer: &dyn Tracer, scene: &Scene, samples: u32) -> Result<Vec<Vec<[f32; 3]>>, Error> {
+    let scene = CompiledScene::new(scene)?;
+    let tiles: Vec<_> = GRID.tiles(GRID.all()).collect();
+    let job = TraceJob {
+        size: GRID.size,
+        tiles: &tiles,
+        settings: RenderSettings {
+            samples,
+            ..RenderSettings::default()
+        },
+        cancelled: &AtomicBool::new(false),
+    };
+    let done = Mutex::new(vec![None; tiles.len()]);
+    tracer.trace(&scene, &job, &|tile| {
+        let before = done.lock().unwrap()[tile.index].replace(tile.radiance);
+        assert_eq!(before, None, "tile {} came twice", tile.index);
+    })?;
+    let done = done.into_inner().unwrap();
+    Ok(done
+        .into_iter()
+        .map(|tile| tile.expect("every tile comes"))
+        .collect())
+}
+
+fn hybrid(devices: Vec<Pattern>) -> Hybrid {
+    let shared = |device| Arc::new(device) as Arc<dyn Tracer>;
+    Hybrid::new(devices.into_iter().map(shared).collect(), Vec::new())
+}
+
+#[test]
+fn what_a_failed_device_leaves_is_traced_by_another() {
+    let expected = tiles(&Pattern::new(), &scene(), 1).unwrap();
+    for fault in [Fault::Error, Fault::Panic] {
+        // Enough tiles that it fails while the work is divided.
+        let failing = Pattern::new().with_pace(20).with_fault(fault, 96 * 12 + 30);
+        let hybrid = hybrid(vec![failing, Pattern::new().with_pace(20)]);
+        for _ in 0..40 {
+            assert_eq!(tiles(&hybrid, &scene(), 1).unwrap(), expected);
+        }
+        let name = hybrid.info().name;
+        assert!(name.starts_with("pattern; not used: pattern:"), "{name}");
+    }
+}
+
+#[test]
+fn a_machine_whose_devices_all_fail_says_why() {
+    let failing = || Pattern::new().with_fault(Fault::Error, 0);
+    let error = tiles(&hybrid(vec![failing(), failing()]), &scene(), 1).unwrap_err();
+    let text = error.to_string();
+    assert!(text.contains("every device"), "{text}");
+    assert!(text.contains("it was told to fail"), "{text}");
+}
+
+#[test]
+fn a_device_that_is_absent_is_named_with_its_reason() {
+    let cpu = Arc::new(Pattern::new());
+    let hybrid = Hybrid::new(vec![cpu], vec!["a GPU: it traces wrongly".to_owned()]);
+    assert_eq!(
+        hybrid.info().name,
+        "pattern; not used: a GPU: it traces wrongly"
+    );
+    let long = Hybrid::new(vec![Arc::new(Pattern::new())], vec!["é".repeat(400)]);
+    assert!(long.info().name.len() <= 255);
+}
+
+#[test]
+fn a_farm_s_frames_are_whole_while_a_device_of_its_node_fails() {
+    let failing = Pattern::new().with_pace(20).with_fault(Fault::Error, 200);
+    let node = Arc::new(hybrid(vec![failing, Pattern::new().with_pace(20)]));
+    let mut farm = Farm::with_tracers(config(), vec![node.clone()]).unwrap();
+    farm.set_scene(&scene()).unwrap();
+    for seed in 0..20 {
+        let frame = trace(&mut farm, seed);
+        assert_right(&frame, seed);
+    }
+    assert!(node.info().name.contains("not used"));
+    let is_ready = |status: carom_farm::NodeStatus| matches!(status.state, NodeState::Ready);
+    assert!(farm.nodes().into_iter().all(is_ready), "{:?}", farm.nodes());
+}
+
+#[test]
+fn a_lost_gpu_s_tiles_are_traced_by_the_cpu() {
+    let gpu = match GpuTracer::new(&AdapterChoice::Any) {
+        Ok(gpu) => Arc::new(gpu),
+        Err(error) if std::env::var_os("CAROM_REQUIRE_GPU").is_some() => panic!("{error}"),
+        Err(error) => return eprintln!("skipped: {error}"),
+    };
+    let cpu = Arc::new(CpuTracer::with_threads(1).unwrap());
+    let truth = tiles(&*cpu, &scene(), 2).unwrap();
+    let hybrid = Hybrid::new(vec![gpu.clone(), cpu], Vec::new());
+    // The first device is used alone until the others are tried.
+    tiles(&hybrid, &scene(), 2).unwrap();
+    gpu.destroy();
+    assert_eq!(tiles(&hybrid, &scene(), 2).unwrap(), truth);
+    assert!(
+        hybrid.info().name.contains("lost"),
+        "{}",
+        hybrid.info().name
+    );
+}
