@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 
 use carom_protocol::limits::NODE_NAME_BYTES_MAX;
 use carom_tracer::{
-    CompiledScene, DeviceInfo, Error, Tile, TileRadiance, TraceJob, TraceStats, Tracer,
+    CompiledScene, DeviceInfo, Error, Tile, TileLayers, TileRadiance, TraceJob, TraceStats, Tracer,
 };
 use ledger::{Ledger, Spent};
 
@@ -160,7 +160,7 @@ impl Hybrid {
     }
 
     fn lock(&self) -> MutexGuard<'_, Ledger> {
-        self.ledger.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.ledger)
     }
 }
 
@@ -251,6 +251,33 @@ impl Tracer for Hybrid {
         }
         Ok(stats)
     }
+
+    /// The first device that can finds all of them.
+    fn layers(
+        &self,
+        scene: &CompiledScene,
+        job: &TraceJob<'_>,
+        sink: &(dyn Fn(TileLayers) + Sync),
+    ) -> Result<(), Error> {
+        for index in self.usable() {
+            let device = &self.devices[index];
+            let found = Mutex::new(Vec::new());
+            let keep = |tile| lock(&found).push(tile);
+            match device.tracer.layers(scene, job, &keep) {
+                Ok(()) => {
+                    let found = found.into_inner().unwrap_or_else(PoisonError::into_inner);
+                    found.into_iter().for_each(sink);
+                    return Ok(());
+                }
+                Err(Error::Device {
+                    device: name,
+                    message,
+                }) => device.fail(format!("{name}: {message}")),
+                Err(error) => return Err(error),
+            }
+        }
+        Err(self.all_failed())
+    }
 }
 
 impl Device {
@@ -312,8 +339,12 @@ impl Device {
     }
 
     fn lock(&self) -> MutexGuard<'_, Option<Fault>> {
-        self.fault.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.fault)
     }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Cuts tiles into contiguous runs whose pixels are in the proportion of `shares`.

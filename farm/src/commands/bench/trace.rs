@@ -5,8 +5,10 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use anyhow::Context;
+use carom_farm::hybrid::Hybrid;
 use carom_tracer::{
-    CompiledScene, ImageSize, RenderSettings, Tile, TileGrid, TileRadiance, TraceJob, Tracer,
+    CompiledScene, CpuTracer, ImageSize, RenderSettings, Tile, TileGrid, TileRadiance, TraceJob,
+    Tracer,
 };
 use cpu_time::ProcessTime;
 use serde::Serialize;
@@ -17,8 +19,10 @@ use crate::commands::inputs;
 
 /// Pixel samples and rays per second of each back end of this machine.
 ///
-/// A pixel sample is one path of at most 5 scatterings. Core-seconds are CPU time of this process,
-/// so that other programs on the machine do not count. The best of the repetitions is shown.
+/// A pixel sample is one path of at most 5 scatterings; `primary` are camera rays alone. Core-seconds
+/// are CPU time of this process, so that other programs on the machine do not count. The back ends
+/// take turns, and the best of the repetitions is shown. The scalar thread that others are compared
+/// with is the f64 reference's.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Print JSON.
@@ -42,12 +46,20 @@ pub(crate) struct Args {
     /// Threads of the CPU back end; 0 is one per core.
     #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u16).range(..=1024))]
     threads: u16,
+    /// Also the CPU back end with 1, 2, 4, … threads.
+    #[arg(long)]
+    scaling: bool,
 }
 
 #[derive(Serialize)]
 struct Report {
     scene: String,
     backends: Vec<Row>,
+    /// Rate of all devices at once over the best one's.
+    hybrid_over_best_device: Option<f64>,
+    /// Rate of the GPU over one scalar thread's.
+    gpu_over_scalar_thread: Option<f64>,
+    scaling: Vec<Scaling>,
 }
 
 #[derive(Serialize)]
@@ -60,20 +72,34 @@ struct Row {
     msamples_per_second: f64,
     /// Absent where the device does not count rays.
     mrays_per_second: Option<f64>,
+    /// Camera rays alone; absent likewise.
+    primary_mrays_per_core_second: Option<f64>,
+}
+
+/// The CPU with some of its cores.
+#[derive(Serialize)]
+struct Scaling {
+    threads: usize,
+    msamples_per_second: f64,
+    /// Over that of one thread, per thread.
+    efficiency: f64,
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let named = inputs::scene(args.scene.as_deref())?;
     let scene = CompiledScene::new(&named.scene)?;
-    let mut backends = Vec::new();
-    for opened in backend::open_all(args.backend, usize::from(args.threads))? {
-        let row = measure(&opened, &scene, args)
-            .with_context(|| format!("back end {}", opened.backend.name()))?;
-        backends.push(row);
-    }
+    let opened = backend::open_all(args.backend, usize::from(args.threads))?;
+    let backends = measure_all(&opened, &scene, args)?;
+    let scaling = match args.scaling {
+        true => scaling(&scene, args)?,
+        false => Vec::new(),
+    };
     let report = Report {
         scene: named.name,
+        hybrid_over_best_device: hybrid_over_best(&backends),
+        gpu_over_scalar_thread: gpu_over_scalar(&backends),
         backends,
+        scaling,
     };
     if args.json {
         let json = serde_json::to_string(&report).context("results as JSON")?;
@@ -93,19 +119,39 @@ struct Cost {
     rays: u64,
 }
 
-fn measure(opened: &Opened, scene: &CompiledScene, args: &Args) -> anyhow::Result<Row> {
-    let tracer = opened.tracer.as_ref();
-    // Compiles kernels, starts threads and fills caches.
-    trace(tracer, scene, args.size, 1)?;
-    let samples = args.spp.unwrap_or(samples_default(opened.backend));
-    let costs = (0..args.repetitions)
-        .map(|_| trace(tracer, scene, args.size, samples))
-        .collect::<Result<Vec<Cost>, _>>()?;
+/// The best of `costs` by the clock, and by CPU time.
+fn least(costs: &[Cost]) -> (f64, f64) {
     let least = |cost: fn(&Cost) -> f64| costs.iter().map(cost).fold(f64::INFINITY, f64::min);
-    let (wall_secs, core_secs) = (least(|c| c.wall_secs), least(|c| c.core_secs));
-    let Cost { samples, rays, .. } = costs[0];
-    let info = tracer.info();
-    Ok(Row {
+    (least(|c| c.wall_secs), least(|c| c.core_secs))
+}
+
+fn measure_all(opened: &[Opened], scene: &CompiledScene, args: &Args) -> anyhow::Result<Vec<Row>> {
+    for opened in opened {
+        warm_up(opened, scene, args.size)
+            .with_context(|| format!("back end {}", opened.backend.name()))?;
+    }
+    let mut costs = vec![(Vec::new(), Vec::new()); opened.len()];
+    for _ in 0..args.repetitions {
+        for (opened, (paths, primary)) in opened.iter().zip(&mut costs) {
+            let samples = args.spp.unwrap_or(samples_default(opened.backend));
+            let tracer = opened.tracer.as_ref();
+            paths.push(trace(tracer, scene, args.size, settings(samples))?);
+            primary.push(trace(tracer, scene, args.size, camera_rays(samples))?);
+        }
+    }
+    let rows = opened.iter().zip(&costs);
+    Ok(rows
+        .map(|(opened, (paths, primary))| row(opened, paths, primary))
+        .collect())
+}
+
+fn row(opened: &Opened, paths: &[Cost], primary: &[Cost]) -> Row {
+    let (wall_secs, core_secs) = least(paths);
+    let Cost { samples, rays, .. } = paths[0];
+    let (_, primary_secs) = least(primary);
+    let primary = primary[0].rays;
+    let info = opened.tracer.info();
+    Row {
         backend: opened.backend.name(),
         device: info.name,
         width: info.width,
@@ -113,15 +159,91 @@ fn measure(opened: &Opened, scene: &CompiledScene, args: &Args) -> anyhow::Resul
         msamples_per_core_second: samples as f64 * 1e-6 / core_secs,
         msamples_per_second: samples as f64 * 1e-6 / wall_secs,
         mrays_per_second: (rays > 0).then_some(rays as f64 * 1e-6 / wall_secs),
-    })
+        primary_mrays_per_core_second: (primary > 0)
+            .then_some(primary as f64 * 1e-6 / primary_secs),
+    }
+}
+
+/// Compiles kernels, starts threads and fills caches; devices that share work find their shares.
+fn warm_up(
+    opened: &Opened,
+    scene: &CompiledScene,
+    size: ImageSize,
+) -> Result<(), carom_tracer::Error> {
+    let jobs = match opened.backend {
+        Backend::Hybrid => Hybrid::JOBS_UNTIL_SETTLED,
+        Backend::Cpu | Backend::Gpu | Backend::Reference => 1,
+    };
+    for _ in 0..jobs {
+        trace(opened.tracer.as_ref(), scene, size, settings(1))?;
+    }
+    trace(opened.tracer.as_ref(), scene, size, camera_rays(1)).map(drop)
+}
+
+fn scaling(scene: &CompiledScene, args: &Args) -> anyhow::Result<Vec<Scaling>> {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let doubling = std::iter::successors(Some(1), |threads| Some(2 * threads));
+    let mut counts: Vec<usize> = doubling.take_while(|threads| *threads < cores).collect();
+    counts.push(cores);
+    let tracers = counts
+        .iter()
+        .map(|&threads| CpuTracer::with_threads(threads));
+    let tracers = tracers.collect::<Result<Vec<_>, _>>()?;
+    let mut costs = vec![Vec::new(); counts.len()];
+    for _ in 0..=args.repetitions {
+        for (tracer, costs) in tracers.iter().zip(&mut costs) {
+            let samples = args.spp.unwrap_or(samples_default(Backend::Cpu));
+            costs.push(trace(tracer, scene, args.size, settings(samples))?);
+        }
+    }
+    let rates = costs
+        .iter()
+        .map(|costs| costs[0].samples as f64 * 1e-6 / least(costs).0);
+    let rates: Vec<f64> = rates.collect();
+    let row = |(&threads, &msamples_per_second): (&usize, &f64)| Scaling {
+        threads,
+        msamples_per_second,
+        efficiency: msamples_per_second / (rates[0] * threads as f64),
+    };
+    Ok(counts.iter().zip(&rates).map(row).collect())
+}
+
+fn rate(rows: &[Row], backend: Backend) -> Option<&Row> {
+    rows.iter().find(|row| row.backend == backend.name())
+}
+
+fn hybrid_over_best(rows: &[Row]) -> Option<f64> {
+    let hybrid = rate(rows, Backend::Hybrid)?.msamples_per_second;
+    let cpu = rate(rows, Backend::Cpu)?.msamples_per_second;
+    let gpu = rate(rows, Backend::Gpu)?.msamples_per_second;
+    Some(hybrid / cpu.max(gpu))
+}
+
+fn gpu_over_scalar(rows: &[Row]) -> Option<f64> {
+    let scalar = rate(rows, Backend::Reference)?.msamples_per_core_second;
+    Some(rate(rows, Backend::Gpu)?.msamples_per_second / scalar)
 }
 
 /// Enough for a second or so of work on one core, if the machine is no faster than that.
 fn samples_default(backend: Backend) -> u32 {
     match backend {
         Backend::Cpu => 4,
-        Backend::Gpu => 16,
+        Backend::Gpu | Backend::Hybrid => 16,
         Backend::Reference => 1,
+    }
+}
+
+fn settings(samples: u32) -> RenderSettings {
+    RenderSettings {
+        samples,
+        ..RenderSettings::default()
+    }
+}
+
+fn camera_rays(samples: u32) -> RenderSettings {
+    RenderSettings {
+        scatterings_max: 0,
+        ..settings(samples)
     }
 }
 
@@ -129,17 +251,14 @@ fn trace(
     tracer: &dyn Tracer,
     scene: &CompiledScene,
     size: ImageSize,
-    samples: u32,
+    settings: RenderSettings,
 ) -> Result<Cost, carom_tracer::Error> {
     let grid = TileGrid::new(size, TILE_EDGE);
     let tiles: Vec<Tile> = grid.tiles(grid.all()).collect();
     let job = TraceJob {
         size,
         tiles: &tiles,
-        settings: RenderSettings {
-            samples,
-            ..RenderSettings::default()
-        },
+        settings,
         cancelled: &AtomicBool::new(false),
     };
     let (wall, core) = (Instant::now(), ProcessTime::now());
@@ -162,22 +281,41 @@ fn print_table(report: &Report, size: ImageSize) {
         report.scene
     );
     println!(
-        "{:<10} {:>5} {:>7} {:>15} {:>11} {:>8}  device",
-        "back end", "width", "threads", "Msample/core-s", "Msample/s", "Mray/s"
+        "{:<10} {:>5} {:>7} {:>15} {:>11} {:>8} {:>21}  device",
+        "back end",
+        "width",
+        "threads",
+        "Msample/core-s",
+        "Msample/s",
+        "Mray/s",
+        "primary Mray/core-s"
     );
+    let number = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.1}"));
     for row in &report.backends {
-        let rays = row
-            .mrays_per_second
-            .map_or_else(|| "-".to_owned(), |rays| format!("{rays:.1}"));
         println!(
-            "{:<10} {:>5} {:>7} {:>15.2} {:>11.2} {:>8}  {}",
+            "{:<10} {:>5} {:>7} {:>15.2} {:>11.2} {:>8} {:>21}  {}",
             row.backend,
             row.width,
             row.threads,
             row.msamples_per_core_second,
             row.msamples_per_second,
-            rays,
+            number(row.mrays_per_second),
+            number(row.primary_mrays_per_core_second),
             row.device
+        );
+    }
+    if let Some(ratio) = report.hybrid_over_best_device {
+        println!("hybrid over the best device alone: {ratio:.3}");
+    }
+    if let Some(ratio) = report.gpu_over_scalar_thread {
+        println!("GPU over one scalar thread: {ratio:.1}");
+    }
+    for row in &report.scaling {
+        println!(
+            "{:>3} threads: {:.2} Msample/s, {:.0} % of one thread's rate each",
+            row.threads,
+            row.msamples_per_second,
+            100.0 * row.efficiency
         );
     }
 }
