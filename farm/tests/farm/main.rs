@@ -23,6 +23,7 @@ const PATIENCE: Duration = Duration::from_secs(120);
 fn config() -> FarmConfig {
     FarmConfig {
         tile_edge: 16,
+        frames_in_flight: 3,
         ..FarmConfig::default()
     }
 }
