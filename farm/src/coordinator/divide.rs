@@ -319,7 +319,7 @@ impl Coordinator {
                 node: *index,
                 estimate: node.estimate(),
                 wait_secs: node.wait_secs(now),
-                proven_work: node.estimator.proven_work(),
+                proven_work: node.proven_work,
                 mute_work: node.rhythm.mute_work(),
                 guard_secs: if hedged {
                     node.rhythm.guard_secs()

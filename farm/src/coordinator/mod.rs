@@ -310,6 +310,8 @@ impl Coordinator {
             run.pieces.push((tiles, work, busy_secs));
         }
         run.receive(now, tiles, work, busy_secs, pace);
+        let of_frame = run.frame;
+        node.prove(of_frame, work);
         if node.delivered().is_none() {
             self.learn(index, id, false);
             self.predict_newcomers(now);

@@ -23,6 +23,9 @@ pub(super) struct Node {
     pub(super) runs: BTreeMap<RunId, Run>,
     pub(super) estimator: Estimator,
     pub(super) rhythm: Rhythm,
+    /// The most work that came for one frame, and what has come for the last one.
+    pub(super) proven_work: f64,
+    proving: (FrameId, f64),
     /// When it was last asked while nothing was open, or last answered.
     heard: f64,
     /// Whether it has been asked for work and has not been heard for longer than it should need.
@@ -70,6 +73,8 @@ impl Node {
             runs: BTreeMap::new(),
             estimator: Estimator::default(),
             rhythm: Rhythm::default(),
+            proven_work: 0.0,
+            proving: (FrameId(0), 0.0),
             heard: 0.0,
             silent_since: None,
             rest: None,
@@ -131,6 +136,17 @@ impl Node {
             self.rhythm.false_alarm();
         }
         was_silent
+    }
+
+    /// Takes note of work that came for a frame.
+    pub(super) fn prove(&mut self, frame: FrameId, work: f64) {
+        let before = if self.proving.0 == frame {
+            self.proving.1
+        } else {
+            0.0
+        };
+        self.proving = (frame, before + work);
+        self.proven_work = self.proven_work.max(before + work);
     }
 
     pub(super) fn deliver(&mut self, tiles: u32) {

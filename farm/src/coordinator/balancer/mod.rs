@@ -36,7 +36,7 @@ pub struct Candidate {
     pub estimate: Option<Estimate>,
     /// Seconds that a request waits there for earlier ones.
     pub wait_secs: f64,
-    /// The most work that the client has seen it deliver in one run; 0 if none.
+    /// The most work that the client has seen it deliver for one frame; 0 if none.
     pub proven_work: f64,
     /// See [`Line::mute_work`].
     pub mute_work: f64,
