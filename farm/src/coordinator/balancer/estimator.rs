@@ -39,6 +39,7 @@ pub struct Estimator {
     /// From work that came: what it is waited for by. Lateness must not count here, or a node
     /// that never answers would be waited for twice as long each time.
     delivered: Pace,
+    proven_work: f64,
     /// The most work of the last runs.
     usual_work: f64,
     /// Whether all that is known comes from the first tiles of the first run.
@@ -74,6 +75,7 @@ impl Estimator {
         }
         self.pace.observe(pace.max(SECS_PER_WORK_MIN), weight);
         self.delivered.observe(pace.max(SECS_PER_WORK_MIN), weight);
+        self.proven_work = self.proven_work.max(seen.work);
     }
 
     /// Seconds that counted as work.
@@ -122,6 +124,11 @@ impl Estimator {
             fixed_secs: self.fixed.unwrap_or(0.0),
             secs_per_work: self.delivered.secs_per_work?,
         })
+    }
+
+    /// The most work that came in one run.
+    pub fn proven_work(&self) -> f64 {
+        self.proven_work
     }
 
     /// A rises slowly: one late packet is no longer way.
