@@ -178,7 +178,7 @@ fn the_benches_refuse_what_is_no_picture() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("a.exr"), "no picture").unwrap();
     for reference in ["a.exr", "missing.exr"] {
-        let args = ["bench", "accuracy", "--reference", reference];
+        let args = ["compare", "--reference", reference];
         assert!(refused(dir.path(), &args).contains(reference));
     }
     refused(dir.path(), &["bench", "trace", "--repetitions", "0"]);

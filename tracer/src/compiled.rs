@@ -132,12 +132,12 @@ pub struct LampData {
     pub inv_v2: f32,
     /// Unit normal, the side that emits.
     pub normal: [f32; 3],
-    /// 0.
-    pub padding0: u32,
+    /// Mean radiance over that of the scene's brightest lamp, 0 to 1.
+    pub brightness: f32,
     /// Radiance, W·sr⁻¹·m⁻².
     pub radiance: [f32; 3],
     /// 0.
-    pub padding1: u32,
+    pub padding: u32,
 }
 
 /// [`MaterialData::kind`] of a diffuse surface, bare or coated.
@@ -223,7 +223,7 @@ impl CompiledScene {
             boxes: Vec::new(),
             discs: Vec::new(),
             rectangles: Vec::new(),
-            lamps: scene.lamps.iter().map(lamp_data).collect(),
+            lamps: lamps(&scene.lamps),
             materials: scene.materials.values().map(material_data).collect(),
             primitives: Vec::with_capacity(scene.objects.len()),
             spheres_at_rest: Vec::new(),
@@ -410,7 +410,16 @@ fn unit(v: DVec3) -> Vec3 {
     v.normalize().as_vec3()
 }
 
-fn lamp_data(lamp: &Lamp) -> LampData {
+fn lamps(lamps: &[Lamp]) -> Vec<LampData> {
+    let mean = |lamp: &Lamp| lamp.radiance.as_dvec3().element_sum() / 3.0;
+    let brightest = lamps.iter().map(mean).fold(f64::MIN_POSITIVE, f64::max);
+    lamps
+        .iter()
+        .map(|lamp| lamp_data(lamp, (mean(lamp) / brightest) as f32))
+        .collect()
+}
+
+fn lamp_data(lamp: &Lamp, brightness: f32) -> LampData {
     let cross = lamp.half_u.as_dvec3().cross(lamp.half_v.as_dvec3());
     LampData {
         center: lamp.center.to_array(),
@@ -420,6 +429,7 @@ fn lamp_data(lamp: &Lamp) -> LampData {
         half_v: lamp.half_v.to_array(),
         inv_v2: 1.0 / lamp.half_v.length_squared(),
         normal: unit(cross).to_array(),
+        brightness,
         radiance: lamp.radiance.to_array(),
         ..LampData::zeroed()
     }

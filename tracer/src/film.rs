@@ -91,8 +91,9 @@ pub fn trace_tiles(
         .expect("a sink that panicked has ended the call"))
 }
 
-/// Traces `tiles` as `batches` independent pictures of `settings.samples` samples each, and takes
-/// the standard error of their mean from how much they scatter.
+/// Traces `tiles` as `batches` pictures of `settings.samples` samples each, and takes the standard
+/// error of their mean from how much they scatter. Each has a seed of its own, counted up from that
+/// of `settings`: samples of one seed complement each other and are not independent.
 ///
 /// # Errors
 /// What [`Tracer::trace`] returns; [`Error::InvalidSettings`] if there are fewer than two batches.
@@ -105,9 +106,8 @@ pub fn trace_estimate(
     batches: u32,
 ) -> Result<Estimate, Error> {
     let trace_batch = |batch: u32| {
-        let offset = batch.wrapping_mul(settings.samples);
         let settings = RenderSettings {
-            first_sample: settings.first_sample.wrapping_add(offset),
+            seed: settings.seed.wrapping_add(batch),
             ..settings
         };
         Ok(trace_tiles(tracer, scene, size, settings, tiles)?.image())

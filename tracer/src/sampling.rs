@@ -1,7 +1,29 @@
-//! Random numbers as a hash of where they are used, and warps from the unit square with their pdf.
+//! Random numbers of a path: Owen-scrambled Sobol points, spread over samples and pixels at once.
 //!
 //! A number depends on (pixel, sample, block, seed) alone, so the picture does not depend on who
 //! traced which tile. The same integer arithmetic runs in the reference, in SIMD and in WGSL.
+//!
+//! A path takes its numbers in pairs, a *block* each. The pairs of a block are points of Sobol's
+//! two-dimensional sequence. Which one belongs to (pixel, sample) makes two promises at once, each
+//! for every power of two:
+//!
+//! * The first 2ᵏ samples of a pixel, and every aligned run of 2ᵏ, have one point in each of the 2ᵏ
+//!   cells of every division into equal rectangles of dyadic sides.
+//! * So do those samples of all pixels of an aligned square of 2ʳ × 2ʳ together, with 4ʳ times as
+//!   many cells: what one pixel gets wrong its neighbours make good, so that the error is noise of
+//!   high frequency, which the eye and a denoiser average out.
+//!
+//! Ahmed and Wonka ("Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via
+//! Hierarchical Ordering of Pixels", SIGGRAPH Asia 2020) get the second from the number
+//! `morton(pixel) · samples + sample`, for which the number of samples must be known. Here it need
+//! not be: see [`in_base_q`]. Both numbers are shuffled, block by block, and the points scrambled, by
+//! hashes that keep the promises (Laine and Karras, "Stratified Sampling for Stochastic
+//! Transparency", EGSR 2011; Burley, "Practical Hash-based Owen Scrambling", JCGT 9(4), 2020), so
+//! that blocks are independent of each other.
+//!
+//! At 480×270 the pool table has a FLIP of 0.049 at 1 sample and 0.0195 at 4 (`carom-farm compare`).
+//! Without the second promise, with points that are scrambled for each pixel by itself, the squared
+//! error is the same and FLIP 1.4 times as large.
 
 /// Hashes four words to four: PCG4D of Jarzynski and Olano, "Hash Functions for GPU Rendering",
 /// JCGT 9(3), 2020.
@@ -21,16 +43,10 @@ pub fn pcg4d(v: [u32; 4]) -> [u32; 4] {
     [x, y, z, w]
 }
 
-/// The first argument of [`uniforms`] for a pixel: coordinates are below 2¹⁶.
+/// Four independent numbers in [0, 1), multiples of 2⁻²⁴, for four words.
 #[inline]
-pub fn pixel_key(x: u32, y: u32) -> u32 {
-    (y << 16) | x
-}
-
-/// Four numbers in [0, 1), multiples of 2⁻²⁴, for one block of a path's dimensions.
-#[inline]
-pub fn uniforms(pixel: u32, sample: u32, block: u32, seed: u32) -> [f32; 4] {
-    pcg4d([pixel, sample, block, seed]).map(unit_float)
+pub fn uniforms(a: u32, b: u32, c: u32, d: u32) -> [f32; 4] {
+    pcg4d([a, b, c, d]).map(unit_float)
 }
 
 /// The upper 24 bits as a number in [0, 1).
@@ -39,33 +55,211 @@ pub fn unit_float(word: u32) -> f32 {
     (word >> 8) as f32 * (1.0 / 16_777_216.0)
 }
 
-/// Block of the camera ray: position in the pixel (x, y); two are spare.
-pub const BLOCK_CAMERA: u32 = 0;
-
-/// Block of the `bounce`-th scattering, counted from 0: lobe choice, direction (2); one is spare.
+/// The first argument of [`pair`] for a pixel: its Morton number (bits of x at even places, of y at
+/// odd ones), bits in reverse. Coordinates are below 2¹⁶.
 #[inline]
-pub const fn block_scatter(bounce: u32) -> u32 {
-    1 + 2 * bounce
+pub fn pixel_key(x: u32, y: u32) -> u32 {
+    (spread(x) | (spread(y) << 1)).reverse_bits()
 }
 
-/// Block of next-event estimation at that scattering: lamp choice, point on it (2); one is spare.
+/// The second argument of [`pair`] for a sample: its index, bits in reverse. The index counts
+/// modulo 2³², after which the sequence begins again.
+#[inline]
+pub fn sample_key(sample: u32) -> u32 {
+    sample.reverse_bits()
+}
+
+/// Two numbers in [0, 1), multiples of 2⁻²⁴: the point of [`pixel_key`] and [`sample_key`] in a
+/// block.
+#[inline]
+pub fn pair(pixel: u32, sample: u32, block: u32, seed: u32) -> [f32; 2] {
+    let seeds = pair_seeds(block, seed);
+    let sample = scramble(sample, seeds[0]).reverse_bits();
+    let x = sample ^ in_base_q(scramble(pixel, seeds[1]));
+    let y = second_dimension(x);
+    [scramble(x, seeds[2]), scramble(y, seeds[3])].map(|word| unit_float(word.reverse_bits()))
+}
+
+/// What shuffles samples and pixels and scrambles both coordinates in a block.
+#[inline]
+pub fn pair_seeds(block: u32, seed: u32) -> [u32; 4] {
+    pcg4d([block, seed, 0x6d2b_79f5, 0x1b56_c4e9])
+}
+
+/// Flips each bit depending on those below it: Owen's scrambling of a number whose first binary
+/// digit is the lowest bit. The hash is that of Vegdahl, "Building a Better LK Hash", 2021.
+#[inline]
+fn scramble(mut word: u32, seed: u32) -> u32 {
+    word ^= word.wrapping_mul(SCRAMBLE[0]);
+    word = word.wrapping_add(seed);
+    word = word.wrapping_mul((seed >> 16) | 1);
+    word ^= word.wrapping_mul(SCRAMBLE[1]);
+    word ^ word.wrapping_mul(SCRAMBLE[2])
+}
+
+/// Multipliers of [`scramble`]; even, so that a bit depends on those below it alone.
+pub const SCRAMBLE: [u32; 3] = [0x3d20_adea, 0x0552_6c56, 0x53a2_2864];
+
+/// Sobol's second coordinate of the point whose first is `x`, first digit lowest: the polynomial
+/// over GF(2) with these coefficients, in terms of x + 1 (Pascal's triangle modulo 2).
+#[inline]
+fn second_dimension(mut x: u32) -> u32 {
+    x ^= (x & 0xaaaa_aaaa) >> 1;
+    x ^= (x & 0xcccc_cccc) >> 2;
+    x ^= (x & 0xf0f0_f0f0) >> 4;
+    x ^= (x & 0xff00_ff00) >> 8;
+    x ^ (x >> 16)
+}
+
+/// The polynomial over GF(2) whose digits to the base `q = x² + x + 1` are the pairs of bits, in
+/// terms of x.
+///
+/// Why: let the bits of a sample's index be the coefficients of a polynomial g, and the pairs of
+/// bits of a pixel's Morton number, the highest first, the digits of a polynomial h to the base q,
+/// 16 of them. The point of `f = g·q¹⁶ + h` has f's coefficients as the digits of its first
+/// coordinate and those of f(x + 1) as the digits of its second. By the Chinese remainder theorem f
+/// is determined by its remainders modulo xᵃ, (x + 1)ᵇ and qᶜ, which have no common factors, and by
+/// as many highest coefficients as are left: to fix the upper bits of sample and pixel (qᶜ) leaves
+/// exactly one point for each cell (xᵃ, (x + 1)ᵇ). This is Niederreiter's construction, over the
+/// places x, x + 1, q and ∞. Since `q¹⁶ = 1 + x¹⁶ + x³²`, the first 16 digits of g·q¹⁶ are those of
+/// g: [`pair`] leaves the product out.
+#[inline]
+fn in_base_q(mut digits: u32) -> u32 {
+    // Twice as long polynomials from halves: low + qⁿ·high, where qⁿ = 1 + xⁿ + x²ⁿ for n = 2ⁱ.
+    let high = digits & 0xcccc_cccc;
+    digits ^= (high >> 2) ^ (high >> 1);
+    let high = digits & 0xf0f0_f0f0;
+    digits ^= (high >> 4) ^ (high >> 2);
+    let high = digits & 0xff00_ff00;
+    digits ^= (high >> 8) ^ (high >> 4);
+    let high = digits & 0xffff_0000;
+    digits ^ (high >> 16) ^ (high >> 8)
+}
+
+/// The lower 16 bits at even places.
+#[inline]
+fn spread(mut bits: u32) -> u32 {
+    bits &= 0xffff;
+    bits = (bits | (bits << 8)) & 0x00ff_00ff;
+    bits = (bits | (bits << 4)) & 0x0f0f_0f0f;
+    bits = (bits | (bits << 2)) & 0x3333_3333;
+    (bits | (bits << 1)) & 0x5555_5555
+}
+
+/// Block of the camera ray: position in the pixel.
+pub const BLOCK_CAMERA: u32 = 0;
+
+/// Block of the `bounce`-th scattering, counted from 0: direction, and with it a coat's lobe.
+#[inline]
+pub const fn block_scatter(bounce: u32) -> u32 {
+    1 + 3 * bounce
+}
+
+/// Block of next-event estimation at that scattering: lamp and point on it.
 #[inline]
 pub const fn block_light(bounce: u32) -> u32 {
-    2 + 2 * bounce
+    2 + 3 * bounce
+}
+
+/// Block of a clear body: whether light is reflected there, and how far it flies before that.
+#[inline]
+pub const fn block_choice(bounce: u32) -> u32 {
+    3 + 3 * bounce
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    /// The points of the first `4ʳ` pixels and 2ᵏ samples from aligned first ones on.
+    fn points(r: u32, k: u32, pixel_first: [u32; 2], sample_first: u32) -> Vec<[f32; 2]> {
+        let edge = 1 << r;
+        let pixels = (0..edge * edge).map(|i| (i % edge, i / edge));
+        let keys =
+            pixels.map(|(x, y)| pixel_key(pixel_first[0] * edge + x, pixel_first[1] * edge + y));
+        let sample = |i: u32| sample_key((sample_first << k).wrapping_add(i));
+        keys.flat_map(|key| (0..1 << k).map(move |i| pair(key, sample(i), 5, 77)))
+            .collect()
+    }
+
     #[test]
-    fn uniforms_fill_the_unit_interval_evenly() {
+    fn squares_of_pixels_and_runs_of_samples_fill_every_division_into_cells() {
+        for (r, k) in (0..=4).flat_map(|r| (0..=10 - 2 * r).map(move |k| (r, k))) {
+            for (pixel_first, sample_first) in [([0, 0], 0), ([3, 1], 5), ([2, 7], u32::MAX)] {
+                let points = points(r, k, pixel_first, sample_first);
+                let bits = 2 * r + k;
+                assert_eq!(points.len(), 1 << bits);
+                for columns in 0..=bits {
+                    let (width, height) = (1 << columns, 1 << (bits - columns));
+                    let mut cells = vec![false; points.len()];
+                    for [x, y] in &points {
+                        let (x, y) = ((x * width as f32) as usize, (y * height as f32) as usize);
+                        let taken = std::mem::replace(&mut cells[y * width + x], true);
+                        assert!(!taken, "{r} {k} {pixel_first:?} {sample_first} {width}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_last_sample_is_followed_by_the_first() {
+        let key = |sample: u32| pair(pixel_key(3, 4), sample_key(sample), 1, 9);
+        let before_and_after: Vec<_> = (0..8).map(|i| key(u32::MAX.wrapping_add(i))).collect();
+        assert_eq!(before_and_after[1..], (0..7).map(key).collect::<Vec<_>>());
+        let distinct = before_and_after.iter().enumerate();
+        assert!(
+            distinct
+                .clone()
+                .all(|(i, a)| !before_and_after[..i].contains(a))
+        );
+    }
+
+    /// Over pixels, samples and blocks, each coordinate is uniform and two are independent.
+    #[test]
+    fn blocks_seeds_and_coordinates_are_uncorrelated() {
+        let centred = |pixel: u32, sample: u32, block: u32, seed: u32| {
+            let key = pixel_key(pixel % 64, pixel / 64);
+            pair(key, sample_key(sample), block, seed).map(|u| f64::from(u) - 0.5)
+        };
+        let mean = |product: &dyn Fn(u32, u32) -> f64| {
+            let pixels = (0..4096).flat_map(|pixel| (0..16).map(move |sample| (pixel, sample)));
+            pixels
+                .map(|(pixel, sample)| product(pixel, sample))
+                .sum::<f64>()
+                / 65_536.0
+        };
+        for seed in 0..4 {
+            let at = |pixel, sample| centred(pixel, sample, 1, seed);
+            for (what, found) in [
+                ("x", mean(&|p, s| at(p, s)[0])),
+                ("y", mean(&|p, s| at(p, s)[1])),
+                ("x y", mean(&|p, s| at(p, s)[0] * at(p, s)[1])),
+                (
+                    "block",
+                    mean(&|p, s| at(p, s)[0] * centred(p, s, 2, seed)[0]),
+                ),
+                (
+                    "block y",
+                    mean(&|p, s| at(p, s)[1] * centred(p, s, 2, seed)[0]),
+                ),
+                (
+                    "seed",
+                    mean(&|p, s| at(p, s)[0] * centred(p, s, 1, seed + 9)[0]),
+                ),
+            ] {
+                // The mean of as many products of independent numbers has deviation 3.3e-4; the
+                // hashes shuffle less well than chance, and a correlation is up to 1/12.
+                assert!(found.abs() < 4e-3, "{what} {seed}: {found}");
+            }
+        }
+    }
+
+    #[test]
+    fn hashed_numbers_fill_the_unit_interval_evenly() {
         let mut bins = [[0u32; 16]; 4];
-        for sample in 0..65_536 {
-            for (bins, u) in bins
-                .iter_mut()
-                .zip(uniforms(pixel_key(17, 5), sample, 3, 9))
-            {
+        for i in 0..65_536 {
+            for (bins, u) in bins.iter_mut().zip(uniforms(17, i, 3, 9)) {
                 assert!((0.0..1.0).contains(&u));
                 bins[(u * 16.0) as usize] += 1;
             }
@@ -75,26 +269,5 @@ mod tests {
             bins.iter().flatten().all(|&n| n.abs_diff(4096) < 310),
             "{bins:?}"
         );
-    }
-
-    #[test]
-    fn neighbouring_keys_are_uncorrelated() {
-        let mean_product = |a: fn(u32) -> f32, b: fn(u32) -> f32| {
-            (0..100_000)
-                .map(|i| f64::from((a(i) - 0.5) * (b(i) - 0.5)))
-                .sum::<f64>()
-                / 1e5
-        };
-        let base = |i| uniforms(pixel_key(i % 300, i / 300), 7, 1, 0)[0];
-        for other in [
-            |i| uniforms(pixel_key(i % 300 + 1, i / 300), 7, 1, 0)[0],
-            |i| uniforms(pixel_key(i % 300, i / 300), 8, 1, 0)[0],
-            |i| uniforms(pixel_key(i % 300, i / 300), 7, 2, 0)[0],
-            |i| uniforms(pixel_key(i % 300, i / 300), 7, 1, 1)[0],
-            |i| uniforms(pixel_key(i % 300, i / 300), 7, 1, 0)[1],
-        ] {
-            // The product of two independent centred uniforms has deviation 1/12 / √n = 2.6e-4.
-            assert!(mean_product(base, other).abs() < 1.3e-3);
-        }
     }
 }

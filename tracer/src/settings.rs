@@ -8,16 +8,18 @@ use crate::Error;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RenderSettings {
     /// Paths per pixel, 1 to [`RenderSettings::SAMPLES_MAX`]. Higher costs time in proportion;
-    /// lower loses smoothness: the error falls with the root of the samples.
+    /// lower loses smoothness: the pool table's squared error falls 80-fold from 1 to 16 samples and
+    /// another 4 times to 64. Powers of two are spread best.
     pub samples: u32,
-    /// Index of the first sample. A second picture with `first_sample` raised by `samples` is
-    /// independent of the first, so that their mean is a picture of both their samples.
+    /// Index of the first sample, modulo 2³². A second picture with `first_sample` raised by
+    /// `samples` complements the first: their mean is the picture of both their samples. Ranges
+    /// that begin at a multiple of their length, a power of two, are the best spread.
     pub first_sample: u32,
     /// Surface scatterings of a path, 0 to [`RenderSettings::SCATTERINGS_MAX`]; light found by the
     /// edge after the last one counts. Higher costs a ray and a shadow ray each; lower loses
     /// light that has been reflected more often.
     pub scatterings_max: u32,
-    /// Chooses the random numbers.
+    /// Chooses the random numbers: pictures of different seeds are independent.
     pub seed: u32,
     /// Whether pictures are denoised ([`crate::post`]). On a processor it costs as much time as
     /// three to four paths per pixel, and a guard band of [`crate::post::SUPPORT`] pixels is traced

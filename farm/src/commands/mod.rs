@@ -4,6 +4,7 @@ mod add;
 mod backend;
 mod bench;
 mod checkpoint;
+mod compare;
 mod failure;
 mod init;
 mod inputs;
@@ -26,6 +27,7 @@ pub(crate) enum Command {
     Render(render::Args),
     Status(status::Args),
     Bench(bench::Args),
+    Compare(compare::Args),
 }
 
 impl Command {
@@ -38,6 +40,7 @@ impl Command {
             Self::Render(args) => render::run(&args),
             Self::Status(args) => status::run(&args),
             Self::Bench(args) => bench::run(&args),
+            Self::Compare(args) => compare::run(&args),
         }
     }
 }

@@ -6,7 +6,7 @@ use fearless_simd::prelude::*;
 
 use super::integrator::Prepared;
 use super::stream::Stream;
-use crate::sampling::pixel_key;
+use crate::sampling::{pixel_key, sample_key};
 use crate::{RenderSettings, Tile};
 
 /// Paths in a batch: enough to fill the packets of later bounces, few enough for the cache. Half
@@ -16,6 +16,8 @@ const BATCH: usize = 2048;
 /// What a thread needs to trace, taken once and kept from tile to tile.
 pub(super) struct Scratch {
     stream: Stream,
+    /// Place on the film and key of each pixel.
+    films: Vec<u32>,
     keys: Vec<u32>,
     /// Per channel and pixel: a sum and what rounding has taken from it (Kahan, "Pracniques:
     /// Further Remarks on Reducing Truncation Errors", CACM 8(1), 1965).
@@ -37,6 +39,7 @@ impl Scratch {
     pub(super) fn new() -> Self {
         Self {
             stream: Stream::new(BATCH),
+            films: Vec::with_capacity(BATCH),
             keys: Vec::with_capacity(BATCH),
             sums: std::array::from_fn(|_| Vec::with_capacity(BATCH)),
             half: Vec::with_capacity(BATCH),
@@ -86,12 +89,13 @@ impl Scratch {
     }
 
     fn begin(&mut self, area: Tile, first: usize, pixels: usize) {
-        let key = |index: usize| {
-            let (x, y) = (index as u32 % area.width, index as u32 / area.width);
-            pixel_key(area.x + x, area.y + y)
-        };
+        self.films.clear();
         self.keys.clear();
-        self.keys.extend((first..first + pixels).map(key));
+        for index in first as u32..(first + pixels) as u32 {
+            let (x, y) = (area.x + index % area.width, area.y + index / area.width);
+            self.films.push((y << 16) | x);
+            self.keys.push(pixel_key(x, y));
+        }
         for sums in &mut self.sums {
             sums.clear();
             sums.resize(pixels, (0.0, 0.0));
@@ -103,11 +107,13 @@ impl Scratch {
         let pixels = self.keys.len();
         let stream = &mut self.stream;
         stream.len = pixels * samples as usize;
-        let rows = stream.pixel.chunks_exact_mut(pixels);
-        let rows = rows.zip(stream.sample.chunks_exact_mut(pixels));
-        for (sample, (keys, numbers)) in (0..samples).zip(rows) {
+        let films = stream.film.chunks_exact_mut(pixels);
+        let keys = stream.pixel.chunks_exact_mut(pixels);
+        let numbers = stream.sample.chunks_exact_mut(pixels);
+        for (sample, ((films, keys), numbers)) in (0..samples).zip(films.zip(keys).zip(numbers)) {
+            films.copy_from_slice(&self.films);
             keys.copy_from_slice(&self.keys);
-            numbers.fill(first_sample.wrapping_add(sample));
+            numbers.fill(sample_key(first_sample.wrapping_add(sample)));
         }
         for (slot, place) in stream.slot[..stream.len].iter_mut().zip(0..) {
             *slot = place;

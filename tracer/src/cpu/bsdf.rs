@@ -31,7 +31,8 @@ pub(super) struct Scattered<S: Simd> {
     pub(super) wi: Vec3x<S>,
     /// `f · cos θ / pdf`, probability of the lobe included.
     pub(super) weight: Vec3x<S>,
-    /// Per solid angle; ∞ for what has no density.
+    /// Per solid angle; ∞ for what has no density, 0 for a coat's mirror, whose lamps have been
+    /// looked up.
     pub(super) pdf: Float<S>,
 }
 
@@ -93,11 +94,15 @@ impl<S: Simd> Bsdf<S> {
         )
     }
 
-    /// Chooses a lobe by `u[0]` and a direction by `u[1]` and `u[2]`; sets the lanes whose ray goes
-    /// on inside a clear body in `inside`.
+    /// Draws a direction by `u[1]` and `u[2]`, which choose between coat and base too; `u[0]` chooses
+    /// the lobe of a clear body. Sets the lanes whose ray goes on inside one in `inside`.
     #[inline(always)]
     pub(super) fn sample(&self, simd: S, u: [Float<S>; 3], inside: &mut Mask<S>) -> Scattered<S> {
-        let wi = cosine_hemisphere(simd, self.normal, u[1], u[2]);
+        let mut u1 = u[1];
+        if self.any_coated {
+            u1 = ((u1 - self.specular_share) / (1.0 - self.specular_share)).max(0.0);
+        }
+        let wi = cosine_hemisphere(simd, self.normal, u1, u[2]);
         let cos_i = self.normal.dot(wi).max(0.0);
         let mut scattered = Scattered {
             wi,
@@ -108,7 +113,7 @@ impl<S: Simd> Bsdf<S> {
             let diffuse_share = 1.0 - self.specular_share;
             scattered.weight = self.base * (self.transmitted(simd, cos_i) / diffuse_share);
             scattered.pdf *= diffuse_share;
-            self.choose_mirror(simd, u[0], &mut scattered);
+            self.choose_mirror(simd, u[1], &mut scattered);
         }
         if let Some(gloss) = &self.gloss {
             let glossy = gloss.sample(simd, self.normal, self.wo, u, inside);
@@ -120,6 +125,15 @@ impl<S: Simd> Bsdf<S> {
         scattered
     }
 
+    /// The part of light that a coat reflects; 0 without.
+    #[inline(always)]
+    pub(super) fn coat(&self, simd: S) -> Float<S> {
+        match &self.gloss {
+            Some(gloss) => gloss.lanes().select(Float::splat(simd, 0.0), self.fresnel),
+            None => self.fresnel,
+        }
+    }
+
     /// Turns the lanes with `u` below the mirror's share to it.
     #[inline(always)]
     fn choose_mirror(&self, simd: S, u: Float<S>, scattered: &mut Scattered<S>) {
@@ -127,10 +141,9 @@ impl<S: Simd> Bsdf<S> {
         let wi = self.mirrored();
         let weight = self.fresnel / self.specular_share;
         let weight = Vec3x::new(weight, weight, weight);
-        let infinite = Float::splat(simd, f32::INFINITY);
         scattered.wi = Vec3x::select(specular, wi, scattered.wi);
         scattered.weight = Vec3x::select(specular, weight, scattered.weight);
-        scattered.pdf = specular.select(infinite, scattered.pdf);
+        scattered.pdf = specular.select(Float::splat(simd, 0.0), scattered.pdf);
     }
 
     /// Reflectance of a diffuse base; 1 of metals and clear bodies, which show others.

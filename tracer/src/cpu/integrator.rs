@@ -10,11 +10,12 @@ use super::bsdf::Bsdf;
 use super::geometry::{Geometry, INSIDE, NONE, Nearest, Rays};
 use super::gloss::{SCATTERED, untagged};
 use super::lanes::{Float, Mask, Vec3x, Word};
-use super::sampling::uniforms;
+use super::light::Lamps;
+use super::sampling::pair;
 use super::stream::{Packet, Stream, load, load_words, packets, store, store_words};
-use super::surface::{Hit, Rows, Surfaces};
-use crate::compiled::{CameraFrame, CompiledScene, LampData};
-use crate::sampling::{BLOCK_CAMERA, block_light, block_scatter};
+use super::surface::{Hit, Surfaces};
+use crate::compiled::{CameraFrame, CompiledScene};
+use crate::sampling::{BLOCK_CAMERA, block_choice, block_light, block_scatter};
 use crate::{ImageSize, RenderSettings};
 
 /// A scene for one picture, laid out for the lanes.
@@ -23,29 +24,20 @@ pub(super) struct Prepared {
     pub(super) environment: [f32; 3],
     pub(super) geometry: Geometry,
     pub(super) surfaces: Surfaces,
-    pub(super) lamps: Vec<LampRow>,
+    pub(super) lamps: Lamps,
+    has_coat: bool,
     pub(super) settings: RenderSettings,
 }
 
-pub(super) type LampRow = [f32; 16];
-
-const LAMP_CENTER: usize = 0;
-const LAMP_HALF_U: usize = 3;
-const LAMP_HALF_V: usize = 6;
-pub(super) const LAMP_NORMAL: usize = 9;
-pub(super) const LAMP_RADIANCE: usize = 12;
-/// Area times the number of lamps: the inverse density of a point on any of them.
-const LAMP_AREA: usize = 15;
-
 impl Prepared {
     pub(super) fn new(scene: &CompiledScene, size: ImageSize, settings: RenderSettings) -> Self {
-        let count = scene.lamps.len() as f32;
         Self {
             camera: scene.camera_frame(size),
             environment: scene.environment.to_array(),
             geometry: Geometry::new(scene),
             surfaces: Surfaces::new(scene),
-            lamps: scene.lamps.iter().map(|l| lamp_row(l, count)).collect(),
+            lamps: Lamps::new(&scene.lamps),
+            has_coat: scene.materials.iter().any(|material| material.ior > 0.0),
             settings,
         }
     }
@@ -77,11 +69,23 @@ impl Prepared {
             if !self.lamps.is_empty() {
                 rays += simd.vectorize(
                     #[inline(always)]
-                    || self.connect(simd, stream),
+                    || self.connect(simd, stream, OTHER),
                 );
+                if self.looks_into_coats(bounce) {
+                    rays += simd.vectorize(
+                        #[inline(always)]
+                        || self.connect(simd, stream, MIRROR),
+                    );
+                }
             }
         }
         rays
+    }
+
+    /// Whether lamps that a coat reflects are looked up: of denoised pictures the first hits' mirrors
+    /// are traced apart.
+    fn looks_into_coats(&self, bounce: u32) -> bool {
+        self.has_coat && (bounce > 0 || !self.settings.denoise)
     }
 
     /// Camera rays through a random point of each path's pixel.
@@ -92,7 +96,8 @@ impl Prepared {
         for Packet { at, .. } in packets(stream.len) {
             let pixel = load_words(simd, &stream.pixel, at);
             let sample = load_words(simd, &stream.sample, at);
-            let direction = self.camera_direction(simd, pixel, sample);
+            let film = load_words(simd, &stream.film, at);
+            let direction = self.camera_direction(simd, film, pixel, sample);
             let inverse_length = one / direction.length_squared().sqrt();
             stream.origin.store(at, eye);
             stream.direction.store(at, direction * inverse_length);
@@ -108,19 +113,21 @@ impl Prepared {
         Vec3x::splat(simd, self.camera.eye)
     }
 
-    /// Where a sample's camera ray goes: of length 1 along the camera's axis.
+    /// Where a sample's camera ray goes through the pixel at `film`, x below y: of length 1 along the
+    /// camera's axis.
     #[inline(always)]
     pub(super) fn camera_direction<S: Simd>(
         &self,
         simd: S,
+        film: Word<S>,
         pixel: Word<S>,
         sample: Word<S>,
     ) -> Vec3x<S> {
         let camera = &self.camera;
         let corner = Vec3x::splat(simd, camera.corner);
         let (dx, dy) = (Vec3x::splat(simd, camera.dx), Vec3x::splat(simd, camera.dy));
-        let u = uniforms(simd, pixel, sample, BLOCK_CAMERA, self.settings.seed);
-        let (x, y) = (small_to_float(pixel & 0xffff), small_to_float(pixel >> 16));
+        let u = pair(pixel, sample, BLOCK_CAMERA, self.settings.seed);
+        let (x, y) = (small_to_float(film & 0xffff), small_to_float(film >> 16));
         // Whole pixels first: x + u would cost wide images the digits of u.
         let at_pixel = dx.mul_add(x, dy.mul_add(y, corner));
         dx.mul_add(u[0], dy.mul_add(u[1], at_pixel))
@@ -147,7 +154,7 @@ impl Prepared {
             let unscattered = met.simd_ge(self.geometry.lamps_first) & alive;
             if unscattered.any_true() {
                 let light_id = unscattered.select(nearest.id, Word::splat(simd, NONE));
-                let mut light = self.found_light(simd, stream, at, nearest.distance, light_id);
+                let mut light = self.found_light(simd, stream, at, light_id);
                 if self.settings.denoise && bounce <= 1 {
                     light = self.without_emission(simd, stream, at, light);
                 }
@@ -186,13 +193,7 @@ impl Prepared {
         }
         let pixel = load_words(simd, &stream.pixel, at);
         let sample = load_words(simd, &stream.sample, at);
-        let [.., u] = uniforms(
-            simd,
-            pixel,
-            sample,
-            block_scatter(bounce),
-            self.settings.seed,
-        );
+        let [_, u] = pair(pixel, sample, block_choice(bounce), self.settings.seed);
         let flight = self.surfaces.fly(simd, within, skip, nearest.distance, u);
         let beta = stream.beta.load(simd, at);
         stream.beta.store(at, beta.scale(flight.weight));
@@ -202,14 +203,7 @@ impl Prepared {
 
     /// Light that comes in along rays that meet a lamp or nothing.
     #[inline(always)]
-    fn found_light<S: Simd>(
-        &self,
-        simd: S,
-        stream: &Stream,
-        at: usize,
-        distance: Float<S>,
-        id: Word<S>,
-    ) -> Vec3x<S> {
+    fn found_light<S: Simd>(&self, simd: S, stream: &Stream, at: usize, id: Word<S>) -> Vec3x<S> {
         let beta = stream.beta.load(simd, at);
         let environment = beta.scale(Vec3x::splat(simd, self.environment));
         let escaped = id.simd_eq(NONE);
@@ -219,15 +213,12 @@ impl Prepared {
         let first = self.geometry.lamps_first;
         let lit = id.simd_ge(first) & !escaped;
         let lamp = lit.select(id - first, Word::splat(simd, 0));
-        let rows = Rows::new(&self.lamps, lamp);
-        let direction = stream.direction.load(simd, at);
-        let cos_lamp = -direction.dot(rows.triple(simd, LAMP_NORMAL));
-        let inverse_pdf = cos_lamp * rows.number(simd, LAMP_AREA) / (distance * distance);
+        let emission = self.lamps.emission(simd, lamp);
+        let cos_lamp = -stream.direction.load(simd, at).dot(emission.normal);
         let pdf = load(simd, &stream.pdf, at);
-        let weight = power_heuristic(1.0 / (pdf * inverse_pdf));
-        let unweighted = pdf.simd_eq(f32::INFINITY);
-        let weight = unweighted.select(Float::splat(simd, 1.0), weight);
-        let emitted = beta.scale(rows.triple(simd, LAMP_RADIANCE)) * weight;
+        // A lamp that does not shine has no brightness: 0 / 0.
+        let weight = power_heuristic(emission.brightness.max(f32::MIN_POSITIVE) / pdf);
+        let emitted = beta.scale(emission.radiance) * weight;
         let black = Vec3x::splat(simd, [0.0; 3]);
         let emitted = Vec3x::select(lit & cos_lamp.simd_gt(0.0), emitted, black);
         Vec3x::select(escaped, environment, emitted)
@@ -242,7 +233,9 @@ impl Prepared {
         at: usize,
         light: Vec3x<S>,
     ) -> Vec3x<S> {
-        let scattered = load(simd, &stream.pdf, at).simd_lt(f32::INFINITY);
+        // A mirror's density is infinite, a coat's 0.
+        let pdf = load(simd, &stream.pdf, at);
+        let scattered = pdf.simd_lt(f32::INFINITY) & pdf.simd_gt(0.0);
         let left = load_words(simd, &stream.primitive, at);
         let within = (left & INSIDE).simd_ne(0) & left.simd_ne(NONE);
         Vec3x::select(scattered | within, light, Vec3x::splat(simd, [0.0; 3]))
@@ -265,17 +258,25 @@ impl Prepared {
             let pixel = load_words(simd, &stream.pixel, at);
             let sample = load_words(simd, &stream.sample, at);
             let seed = self.settings.seed;
+            let mut light_sum = Float::splat(simd, 0.0);
             if !self.lamps.is_empty() {
-                let u = uniforms(simd, pixel, sample, block_light(bounce), seed);
-                self.aim_at_lamp(simd, stream, packet, &hit, &bsdf, beta, u);
+                let u = pair(pixel, sample, block_light(bounce), seed);
+                light_sum = self.aim_at_lamp(simd, stream, packet, &hit, &bsdf, beta, u);
+                if self.looks_into_coats(bounce) {
+                    self.aim_at_mirrored_lamp(simd, stream, packet, &hit, &bsdf, beta);
+                }
             }
-            let [lobe, u1, u2, _] = uniforms(simd, pixel, sample, block_scatter(bounce), seed);
+            let [u1, u2] = pair(pixel, sample, block_scatter(bounce), seed);
+            let mut u0 = u1;
+            if hit.gloss.is_some() {
+                [u0, _] = pair(pixel, sample, block_choice(bounce), seed);
+            }
             let mut inside = Mask::splat(simd, false);
-            let scattered = bsdf.sample(simd, [lobe, u1, u2], &mut inside);
+            let scattered = bsdf.sample(simd, [u0, u1, u2], &mut inside);
             stream.origin.store(at, hit.position);
             stream.direction.store(at, scattered.wi);
             stream.beta.store(at, beta.scale(scattered.weight));
-            store(&mut stream.pdf, at, scattered.pdf);
+            store(&mut stream.pdf, at, weighed(scattered.pdf, light_sum));
             let mut left = tag;
             if self.surfaces.has_clear {
                 left = untagged(tag);
@@ -285,7 +286,8 @@ impl Prepared {
         }
     }
 
-    /// Next-event estimation: a shadow ray towards a random point of a random lamp.
+    /// Next-event estimation: a shadow ray towards a random point of a random lamp. Returns the
+    /// lamps' `light_sum`.
     #[inline(always)]
     #[expect(
         clippy::too_many_arguments,
@@ -295,54 +297,75 @@ impl Prepared {
         &self,
         simd: S,
         stream: &mut Stream,
-        Packet { at, lanes }: Packet,
+        packet: Packet,
         hit: &Hit<S>,
         bsdf: &Bsdf<S>,
         beta: Vec3x<S>,
-        u: [Float<S>; 4],
+        u: [Float<S>; 2],
+    ) -> Float<S> {
+        let lamp = self.lamps.sample(simd, hit.position, u);
+        let cos_i = hit.normal.dot(lamp.wi);
+        let (f_cos, bsdf_pdf) = bsdf.evaluate(simd, lamp.wi, cos_i);
+        let weight = lamp.inverse_pdf * power_heuristic(bsdf_pdf * lamp.inverse_density);
+        let lit = packet.mask(simd) & bsdf.sees(cos_i) & lamp.distance.simd_gt(0.0);
+        let at = packet.at;
+        let shadow = &mut stream.shadows[OTHER];
+        shadow.direction.store(at, lamp.wi);
+        shadow
+            .radiance
+            .store(at, beta.scale(f_cos).scale(lamp.radiance) * weight);
+        let zero = Float::splat(simd, 0.0);
+        store(&mut shadow.distance, at, lit.select(lamp.distance, zero));
+        store_words(&mut shadow.lamp, at, lamp.index + self.geometry.lamps_first);
+        lamp.light_sum
+    }
+
+    /// A shadow ray towards the lamp that a coat reflects, if it does.
+    #[inline(always)]
+    fn aim_at_mirrored_lamp<S: Simd>(
+        &self,
+        simd: S,
+        stream: &mut Stream,
+        packet: Packet,
+        hit: &Hit<S>,
+        bsdf: &Bsdf<S>,
+        beta: Vec3x<S>,
     ) {
-        let count = self.lamps.len() as u32;
-        let index: i32x16<S> = (u[0] * count as f32).to_int();
-        let index: Word<S> = index.bitcast();
-        let index = index.min(count - 1);
-        let rows = Rows::new(&self.lamps, index);
-        let point = rows.triple(simd, LAMP_CENTER);
-        let point = rows
-            .triple(simd, LAMP_HALF_U)
-            .mul_add(u[1] * 2.0 - 1.0, point);
-        let point = rows
-            .triple(simd, LAMP_HALF_V)
-            .mul_add(u[2] * 2.0 - 1.0, point);
-        let to_lamp = point - hit.position;
-        let distance_squared = to_lamp.length_squared();
-        let distance = distance_squared.sqrt();
-        let wi = to_lamp * (1.0 / distance);
-        let cos_i = hit.normal.dot(wi);
-        let cos_lamp = -rows.triple(simd, LAMP_NORMAL).dot(wi);
-        let inverse_pdf = cos_lamp * rows.number(simd, LAMP_AREA) / distance_squared;
-        let (f_cos, bsdf_pdf) = bsdf.evaluate(simd, wi, cos_i);
-        let weight = inverse_pdf * power_heuristic(bsdf_pdf * inverse_pdf);
-        let emitted = rows.triple(simd, LAMP_RADIANCE);
-        let lit = Packet { at, lanes }.mask(simd) & bsdf.sees(cos_i) & cos_lamp.simd_gt(0.0);
-        let shadow = &mut stream.shadow;
+        let (at, zero) = (packet.at, Float::splat(simd, 0.0));
+        let shadow = &mut stream.shadows[MIRROR];
+        let reflectance = bsdf.coat(simd);
+        let coated = packet.mask(simd) & reflectance.simd_gt(0.0);
+        if !coated.any_true() {
+            store(&mut shadow.distance, at, zero);
+            return;
+        }
+        let wi = bsdf.mirrored();
+        let rays = Rays::new(simd, hit.position, wi, Word::splat(simd, NONE));
+        let nearest = self.geometry.nearest_lamp(simd, &rays);
+        let met = coated & nearest.id.simd_ne(NONE);
+        if !met.any_true() {
+            store(&mut shadow.distance, at, zero);
+            return;
+        }
+        let index = met.select(nearest.id - self.geometry.lamps_first, Word::splat(simd, 0));
+        let emission = self.lamps.emission(simd, index);
+        let lit = met & wi.dot(emission.normal).simd_lt(0.0);
         shadow.direction.store(at, wi);
         shadow
             .radiance
-            .store(at, beta.scale(f_cos).scale(emitted) * weight);
-        store(
-            &mut shadow.distance,
-            at,
-            lit.select(distance, Float::splat(simd, 0.0)),
-        );
-        store_words(&mut shadow.lamp, at, index + self.geometry.lamps_first);
+            .store(at, beta.scale(emission.radiance) * reflectance);
+        store(&mut shadow.distance, at, lit.select(nearest.distance, zero));
+        store_words(&mut shadow.lamp, at, nearest.id);
     }
 
-    /// Adds the light of the shadow rays that reach their lamp. Returns how many were traced.
+    /// Adds the light of the shadow rays of a `lobe` that reach their lamp. Returns how many were
+    /// traced.
     #[inline(always)]
-    fn connect<S: Simd>(&self, simd: S, stream: &mut Stream) -> u64 {
+    fn connect<S: Simd>(&self, simd: S, stream: &mut Stream, lobe: usize) -> u64 {
         let mut rays = 0;
+        let shadow = &stream.shadows[lobe];
         for Packet { at, .. } in packets(stream.len) {
-            let distance = load(simd, &stream.shadow.distance, at);
+            let distance = load(simd, &shadow.distance, at);
             let lit: Mask<S> = distance.simd_gt(0.0);
             let traced = lit.to_bitmask().count_ones();
             if traced == 0 {
@@ -350,14 +373,14 @@ impl Prepared {
             }
             rays += u64::from(traced);
             let origin = stream.origin.load(simd, at);
-            let direction = stream.shadow.direction.load(simd, at);
+            let direction = shadow.direction.load(simd, at);
             // Shadow rays leave outwards, whatever the path does.
             let skip = load_words(simd, &stream.primitive, at) & !INSIDE;
-            let lamp = load_words(simd, &stream.shadow.lamp, at);
+            let lamp = load_words(simd, &shadow.lamp, at);
             let shadow_rays = Rays::new(simd, origin, direction, skip);
             let dark = self.geometry.occluded(simd, &shadow_rays, distance, lamp);
             let radiance = stream.radiance.load(simd, at);
-            let added = radiance + stream.shadow.radiance.load(simd, at);
+            let added = radiance + shadow.radiance.load(simd, at);
             let radiance = Vec3x::select(lit & !dark, added, radiance);
             stream.radiance.store(at, radiance);
         }
@@ -365,15 +388,15 @@ impl Prepared {
     }
 }
 
-fn lamp_row(lamp: &LampData, count: f32) -> LampRow {
-    let mut row = [0.0; 16];
-    row[LAMP_CENTER..][..3].copy_from_slice(&lamp.center);
-    row[LAMP_HALF_U..][..3].copy_from_slice(&lamp.half_u);
-    row[LAMP_HALF_V..][..3].copy_from_slice(&lamp.half_v);
-    row[LAMP_NORMAL..][..3].copy_from_slice(&lamp.normal);
-    row[LAMP_RADIANCE..][..3].copy_from_slice(&lamp.radiance);
-    row[LAMP_AREA] = lamp.area * count;
-    row
+/// Which shadow rays, in [`Stream::shadows`].
+const OTHER: usize = 0;
+const MIRROR: usize = 1;
+
+/// A density times the lamps' sum, 0 and ∞ as they are and nothing else 0 where there is no light.
+#[inline(always)]
+fn weighed<S: Simd>(pdf: Float<S>, light_sum: Float<S>) -> Float<S> {
+    let product = pdf * light_sum.max(f32::MIN_POSITIVE);
+    pdf.simd_gt(0.0).select(product.max(f32::MIN_POSITIVE), pdf)
 }
 
 /// The power heuristic (β = 2) for a strategy beside another of `density_ratio` times its density.

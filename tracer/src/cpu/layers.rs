@@ -4,11 +4,10 @@ use fearless_simd::prelude::*;
 
 use super::bsdf::Bsdf;
 use super::geometry::{NONE, Nearest, Rays};
-use super::integrator::{LAMP_NORMAL, LAMP_RADIANCE, Prepared};
+use super::integrator::Prepared;
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
-use super::surface::Rows;
 use crate::layers::rows;
-use crate::sampling::pixel_key;
+use crate::sampling::{pixel_key, sample_key};
 use crate::{Layers, Tile};
 
 struct Sum<S: Simd> {
@@ -38,9 +37,10 @@ impl Prepared {
     #[inline(always)]
     fn layers_at<S: Simd>(&self, simd: S, x: u32, y: u32, lanes: usize, pixels: &mut Vec<Layers>) {
         // Lanes beyond the row repeat its last pixel, within the coordinates' range.
-        let key = |lane: usize| pixel_key(x + lane.min(lanes - 1) as u32, y);
-        let keys: [u32; LANES] = std::array::from_fn(key);
-        let pixel = Word::load_array(simd, keys);
+        let column = |lane: usize| x + lane.min(lanes - 1) as u32;
+        let films: [u32; LANES] = std::array::from_fn(|lane| (y << 16) | column(lane));
+        let keys: [u32; LANES] = std::array::from_fn(|lane| pixel_key(column(lane), y));
+        let (film, pixel) = (Word::load_array(simd, films), Word::load_array(simd, keys));
         let zero = Vec3x::splat(simd, [0.0; 3]);
         let mut sum = Sum {
             albedo: zero,
@@ -50,7 +50,9 @@ impl Prepared {
         };
         for taken in 0..self.settings.samples {
             let sample = self.settings.first_sample.wrapping_add(taken);
-            self.add_layers(simd, pixel, Word::splat(simd, sample), &mut sum);
+            let sample = Word::splat(simd, sample_key(sample));
+            let direction = self.camera_direction(simd, film, pixel, sample);
+            self.add_layers(simd, direction, &mut sum);
         }
         let share = 1.0 / self.settings.samples as f32;
         let arrays = |v: Vec3x<S>| [v.x, v.y, v.z].map(|c| (c * share).to_array());
@@ -69,9 +71,8 @@ impl Prepared {
     }
 
     #[inline(always)]
-    fn add_layers<S: Simd>(&self, simd: S, pixel: Word<S>, sample: Word<S>, sum: &mut Sum<S>) {
+    fn add_layers<S: Simd>(&self, simd: S, direction: Vec3x<S>, sum: &mut Sum<S>) {
         let origin = self.eye(simd);
-        let direction = self.camera_direction(simd, pixel, sample);
         let length = direction.length_squared().sqrt();
         let direction = direction * (1.0 / length);
         let rays = Rays::new(simd, origin, direction, Word::splat(simd, NONE));
@@ -126,9 +127,10 @@ impl Prepared {
             return Vec3x::select(escaped, environment, black);
         }
         let lamp = nearest.id - self.geometry.lamps_first;
-        let rows = Rows::new(&self.lamps, lit.select(lamp, Word::splat(simd, 0)));
-        let front = direction.dot(rows.triple(simd, LAMP_NORMAL)).simd_lt(0.0);
-        let emitted = Vec3x::select(lit & front, rows.triple(simd, LAMP_RADIANCE), black);
+        let lamp = lit.select(lamp, Word::splat(simd, 0));
+        let emission = self.lamps.emission(simd, lamp);
+        let front = direction.dot(emission.normal).simd_lt(0.0);
+        let emitted = Vec3x::select(lit & front, emission.radiance, black);
         Vec3x::select(escaped, environment, emitted)
     }
 }

@@ -25,6 +25,7 @@ mod gloss;
 mod integrator;
 mod lanes;
 mod layers;
+mod light;
 mod sampling;
 mod stream;
 mod surface;

@@ -5,40 +5,62 @@ use std::f32::consts::FRAC_PI_2;
 use fearless_simd::{i32x16, prelude::*};
 
 use super::lanes::{Float, Vec3x, Word};
+use crate::sampling::{SCRAMBLE, pair_seeds};
 
-/// Four numbers in [0, 1) per lane: [`crate::sampling::uniforms`], bit for bit.
+/// Two numbers in [0, 1) per lane: [`crate::sampling::pair`], bit for bit.
 #[inline(always)]
-pub(super) fn uniforms<S: Simd>(
-    simd: S,
+pub(super) fn pair<S: Simd>(
     pixel: Word<S>,
     sample: Word<S>,
     block: u32,
     seed: u32,
-) -> [Float<S>; 4] {
-    let constant = |word: u32| word.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-    let (mut x, mut y) = (lcg(pixel), lcg(sample));
-    let mut z = Word::splat(simd, constant(block));
-    let mut w = Word::splat(simd, constant(seed));
-    mix(&mut x, &mut y, &mut z, &mut w);
-    x ^= x >> 16;
-    y ^= y >> 16;
-    z ^= z >> 16;
-    w ^= w >> 16;
-    mix(&mut x, &mut y, &mut z, &mut w);
-    [unit_float(x), unit_float(y), unit_float(z), unit_float(w)]
+) -> [Float<S>; 2] {
+    let seeds = pair_seeds(block, seed);
+    let sample = reverse_bits(scramble(sample, seeds[0]));
+    let x = sample ^ in_base_q(scramble(pixel, seeds[1]));
+    let y = second_dimension(x);
+    [
+        unit_float(reverse_bits(scramble(x, seeds[2]))),
+        unit_float(reverse_bits(scramble(y, seeds[3]))),
+    ]
 }
 
 #[inline(always)]
-fn lcg<S: Simd>(word: Word<S>) -> Word<S> {
-    word * 1_664_525 + 1_013_904_223
+fn scramble<S: Simd>(mut word: Word<S>, seed: u32) -> Word<S> {
+    word ^= word * SCRAMBLE[0];
+    word = (word + seed) * ((seed >> 16) | 1);
+    word ^= word * SCRAMBLE[1];
+    word ^ word * SCRAMBLE[2]
 }
 
 #[inline(always)]
-fn mix<S: Simd>(x: &mut Word<S>, y: &mut Word<S>, z: &mut Word<S>, w: &mut Word<S>) {
-    *x += *y * *w;
-    *y += *z * *x;
-    *z += *x * *y;
-    *w += *y * *z;
+fn second_dimension<S: Simd>(mut x: Word<S>) -> Word<S> {
+    x ^= (x & 0xaaaa_aaaa) >> 1;
+    x ^= (x & 0xcccc_cccc) >> 2;
+    x ^= (x & 0xf0f0_f0f0) >> 4;
+    x ^= (x & 0xff00_ff00) >> 8;
+    x ^ (x >> 16)
+}
+
+#[inline(always)]
+fn in_base_q<S: Simd>(mut digits: Word<S>) -> Word<S> {
+    let high = digits & 0xcccc_cccc;
+    digits ^= (high >> 2) ^ (high >> 1);
+    let high = digits & 0xf0f0_f0f0;
+    digits ^= (high >> 4) ^ (high >> 2);
+    let high = digits & 0xff00_ff00;
+    digits ^= (high >> 8) ^ (high >> 4);
+    let high = digits & 0xffff_0000;
+    digits ^ (high >> 16) ^ (high >> 8)
+}
+
+#[inline(always)]
+fn reverse_bits<S: Simd>(mut word: Word<S>) -> Word<S> {
+    word = ((word >> 1) & 0x5555_5555) | ((word & 0x5555_5555) << 1);
+    word = ((word >> 2) & 0x3333_3333) | ((word & 0x3333_3333) << 2);
+    word = ((word >> 4) & 0x0f0f_0f0f) | ((word & 0x0f0f_0f0f) << 4);
+    word = ((word >> 8) & 0x00ff_00ff) | ((word & 0x00ff_00ff) << 8);
+    (word >> 16) | (word << 16)
 }
 
 /// The upper 24 bits as a number in [0, 1): signed conversion is exact there and cheaper.
@@ -111,23 +133,24 @@ mod tests {
 
     use super::super::lanes::LANES;
     use super::*;
+    use crate::sampling::sample_key;
 
     /// The first lane's sample; later ones wrap round.
     const SAMPLE: u32 = u32::MAX - 7;
 
     #[inline(always)]
-    fn hashed<S: Simd>(simd: S, pixel: u32, block: u32, seed: u32) -> [[f32; LANES]; 4] {
-        let sample = Word::from_fn(simd, |lane| SAMPLE.wrapping_add(lane as u32));
-        uniforms(simd, Word::splat(simd, pixel), sample, block, seed).map(|u| u.to_array())
+    fn drawn<S: Simd>(simd: S, pixel: u32, block: u32, seed: u32) -> [[f32; LANES]; 2] {
+        let sample = Word::from_fn(simd, |lane| sample_key(SAMPLE.wrapping_add(lane as u32)));
+        pair(Word::splat(simd, pixel), sample, block, seed).map(|u| u.to_array())
     }
 
     #[test]
-    fn lanes_hash_like_the_scalar_code() {
+    fn lanes_draw_what_the_scalar_code_draws() {
         for (pixel, block, seed) in [(0, 0, 0), (0x0123_4567, 11, u32::MAX), (u32::MAX, 3, 1)] {
-            let got = dispatch!(Level::new(), simd => hashed(simd, pixel, block, seed));
+            let got = dispatch!(Level::new(), simd => drawn(simd, pixel, block, seed));
             for lane in 0..LANES as u32 {
-                let sample = SAMPLE.wrapping_add(lane);
-                let want = crate::sampling::uniforms(pixel, sample, block, seed);
+                let sample = sample_key(SAMPLE.wrapping_add(lane));
+                let want = crate::sampling::pair(pixel, sample, block, seed);
                 assert_eq!(got.map(|u| u[lane as usize]), want);
             }
         }

@@ -14,17 +14,23 @@ pub(super) struct Stream {
     pub(super) beta: Triple,
     /// Light gathered so far.
     pub(super) radiance: Triple,
-    /// Of the last direction per solid angle; ∞ if light found along it takes no part in MIS.
+    /// Density of the last direction per solid angle times the lamps' `light_sum` where it began; ∞
+    /// if all light along it counts.
     pub(super) pdf: Box<[f32]>,
     /// Distance along the ray to what it hit.
     pub(super) distance: Box<[f32]>,
     /// The primitive hit; after shading the one that the ray starts on.
     pub(super) primitive: Box<[u32]>,
+    /// Where on the film, x below y; only until the camera's rays are made.
+    pub(super) film: Box<[u32]>,
+    /// [`crate::sampling::pixel_key`].
     pub(super) pixel: Box<[u32]>,
+    /// [`crate::sampling::sample_key`].
     pub(super) sample: Box<[u32]>,
     /// The path's place in [`Stream::finished`].
     pub(super) slot: Box<[u32]>,
-    pub(super) shadow: Shadows,
+    /// From the diffuse lobe and from the mirror.
+    pub(super) shadows: [Shadows; 2],
     /// Radiance of the paths that have ended, by slot.
     pub(super) finished: Triple,
 }
@@ -79,15 +85,11 @@ impl Stream {
             pdf: vec![0.0; rows].into_boxed_slice(),
             distance: vec![0.0; rows].into_boxed_slice(),
             primitive: words(),
+            film: words(),
             pixel: words(),
             sample: words(),
             slot: words(),
-            shadow: Shadows {
-                direction: Triple::new(rows),
-                distance: vec![0.0; rows].into_boxed_slice(),
-                lamp: words(),
-                radiance: Triple::new(rows),
-            },
+            shadows: std::array::from_fn(|_| Shadows::new(rows)),
             finished: Triple::new(rows),
         }
     }
@@ -146,6 +148,17 @@ impl Stream {
             pack_words(simd, column, packet.at, mask, to);
         }
         to + count
+    }
+}
+
+impl Shadows {
+    fn new(rows: usize) -> Self {
+        Self {
+            direction: Triple::new(rows),
+            distance: vec![0.0; rows].into_boxed_slice(),
+            lamp: vec![0; rows].into_boxed_slice(),
+            radiance: Triple::new(rows),
+        }
     }
 }
 

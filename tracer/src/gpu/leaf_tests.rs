@@ -11,6 +11,7 @@ use super::{probe, shader};
 use crate::compiled::{Primitive, SphereData};
 use crate::fresnel::fresnel_dielectric;
 use crate::reference::bsdf::basis;
+use crate::reference::light::choose_lamp;
 use crate::reference::{Ray, intersect};
 use crate::sampling::{pcg4d, uniforms};
 use crate::{CompiledScene, ImageSize};
@@ -152,20 +153,63 @@ fn random_words_are_those_of_the_processor_bit_for_bit() {
 }
 
 #[test]
-fn uniforms_and_their_blocks_are_those_of_the_processor_bit_for_bit() {
+fn pairs_and_their_blocks_are_those_of_the_processor_bit_for_bit() {
     let body = "
-        let key = pixel_key(i % 300u, i / 300u);
+        let key = pixel_key(i % 300u, i * 16u);
         let block = block_light(i % 9u) + block_scatter(i);
-        result(i, bitcast<vec4u>(uniforms(key, i * 7u, block, 5u)));";
+        let drawn = pair(key, sample_key(4294967000u + i), block, 5u);
+        result(i, vec4u(bitcast<vec2u>(drawn), key, 0u));";
     let Some(words) = run(&probe_scene(), body, &[0], 4096) else {
         return;
     };
-    for (i, words) in (0..).zip(words) {
-        use crate::sampling::{block_light, block_scatter, pixel_key};
+    for (i, [x, y, key, _]) in (0..).zip(words) {
+        use crate::sampling::{block_light, block_scatter, pair, pixel_key, sample_key};
         let block = block_light(i % 9) + block_scatter(i);
-        let expected = uniforms(pixel_key(i % 300, i / 300), i * 7, block, 5);
-        assert_eq!(words, expected.map(f32::to_bits));
+        assert_eq!(key, pixel_key(i % 300, i * 16));
+        let sample = sample_key(4_294_967_000_u32.wrapping_add(i));
+        assert_eq!([x, y].map(f32::from_bits), pair(key, sample, block, 5));
     }
+}
+
+#[test]
+fn lamps_and_directions_to_them_are_the_reference_s() {
+    const COUNT: usize = 8192;
+    let scene = probe_scene();
+    let point = |i: usize| DVec3::from_slice(&random(i)) * 4.0 - DVec3::new(2.0, 2.0, 1.9);
+    let input: Vec<u32> = (0..COUNT)
+        .flat_map(|i| {
+            let [x, y, z] = point(i).to_array();
+            let [u, v, ..] = random(i + COUNT);
+            [x, y, z, u, v].map(|value| (value as f32).to_bits())
+        })
+        .collect();
+    let body = "
+        let at = 5u * i;
+        let chosen = choose_lamp(triple(at), vec2f(number(at + 3u), number(at + 4u)));
+        let drawn = sample_lamp(see_lamp(chosen.index, triple(at)), chosen);
+        let inverse_pdf = drawn.inverse_pdf * chosen.light_sum / chosen.weight;
+        result(i, vec4u(bitcast<vec3u>(drawn.wi),
+            select(bitcast<u32>(inverse_pdf), 0u, chosen.weight == 0.0)));";
+    let Some(results) = run(&scene, body, &input, COUNT) else {
+        return;
+    };
+    let mut differing = 0;
+    for (i, [x, y, z, inverse_pdf]) in results.into_iter().enumerate() {
+        let [u, v, ..] = random(i + COUNT);
+        let point = point(i).as_vec3().as_dvec3();
+        let Some(chosen) = choose_lamp(&scene.lamps, point, [u, v]) else {
+            assert_eq!(inverse_pdf, 0);
+            continue;
+        };
+        let expected = chosen.seen.sample(chosen.u);
+        let wi = Vec3::from([x, y, z].map(f32::from_bits)).as_dvec3();
+        let inverse_pdf = f64::from(f32::from_bits(inverse_pdf));
+        let ratio = inverse_pdf * chosen.probability / expected.inverse_pdf;
+        let same = wi.distance(expected.wi) < 1e-3 && (ratio - 1.0).abs() < 2e-3;
+        differing += usize::from(!same);
+    }
+    // Points so near a threshold that rounding decides.
+    assert!(differing <= 8, "{differing} of {COUNT}");
 }
 
 #[test]
@@ -341,9 +385,79 @@ fn compare_rays(scene: &CompiledScene, lamps_shade: bool) {
     assert!(count * 2000 <= COUNT, "{count} of {COUNT}: {some:?}");
 }
 
+/// Every face, edge and corner, along every axis, with both zeros and with denormal components.
+#[test]
+fn rays_in_the_planes_of_a_box_hit_it() {
+    let scene = probe_scene();
+    let solid = scene.boxes[0];
+    let mut rays = Vec::new();
+    for (axis, sign, small) in (0..3).flat_map(|axis| {
+        [1.0f32, -1.0]
+            .into_iter()
+            .flat_map(move |sign| [0.0, -0.0, 1e-40, -1e-40].map(|small| (axis, sign, small)))
+    }) {
+        for place in 0..9 {
+            let along = [solid.min, solid.max];
+            let mut ray = [0.0; 6];
+            for (other, third) in [(1, place % 3), (2, place / 3)] {
+                let at = (axis + other) % 3;
+                let [low, high] = along.map(|corner| corner[at]);
+                ray[at] = [low, 0.5 * (low + high), high][third];
+                ray[at + 3] = small;
+            }
+            ray[axis] = if sign > 0.0 {
+                solid.min[axis] - 2.0
+            } else {
+                solid.max[axis] + 2.0
+            };
+            ray[axis + 3] = sign;
+            rays.push(ray);
+        }
+    }
+    rays.resize(rays.len().next_multiple_of(64), rays[0]);
+    let input: Vec<u32> = rays.as_flattened().iter().map(|v| v.to_bits()).collect();
+    let body = "
+        let ray = Ray(triple(6u * i), triple(6u * i + 3u));
+        let t = box_t(ray, inverse_direction(ray.direction), 0u);
+        result(i, vec4u(bitcast<u32>(t), 0u, 0u, 0u));";
+    let Some(results) = run(&scene, body, &input, rays.len()) else {
+        return;
+    };
+    for (ray, [t, ..]) in rays.iter().zip(results) {
+        let t = f32::from_bits(t);
+        assert!((t - 2.0).abs() < 1e-6, "{ray:?}: {t}");
+    }
+}
+
+/// Impacts a few ulps inside and outside of a ball's outline: beyond 4 of them none is mistaken.
+#[test]
+fn rays_that_graze_a_ball_are_told_apart_to_4_ulps() {
+    let mut scene = probe_scene();
+    scene.spheres[0] = SphereData {
+        center: [0.0; 3],
+        radius: RADIUS,
+        ..scene.spheres[0]
+    };
+    let impact = |i: usize| f32::from_bits(RADIUS.to_bits() + i as u32 - 64);
+    let input: Vec<u32> = (0..128).map(|i| impact(i).to_bits()).collect();
+    let body = "
+        let ray = Ray(vec3f(-1.0, number(i), 0.0), vec3f(1.0, 0.0, 0.0));
+        let t = sphere_t(ray, scene.spheres[0].center, scene.spheres[0].radius);
+        result(i, vec4u(bitcast<u32>(t), 0u, 0u, 0u));";
+    let Some(results) = run(&scene, body, &input, 128) else {
+        return;
+    };
+    for (i, [t, ..]) in results.into_iter().enumerate() {
+        let t = f32::from_bits(t);
+        assert!(!t.is_nan());
+        let is_hit = t < 3e38;
+        assert!(i.abs_diff(64) <= 4 || is_hit == (i < 64), "{i}: {t}");
+    }
+}
+
 #[test]
 fn balls_are_met_from_any_distance_as_in_f64() {
-    const COUNT: usize = 4096;
+    const COUNT: usize = 25_600;
     for distance in [1.0, 10.0, 100.0, 1e3, 1e4, 1e5, 1e6, 1e7] {
         let mut scene = probe_scene();
         scene.spheres[0] = SphereData {

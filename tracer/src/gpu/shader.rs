@@ -5,7 +5,8 @@ use std::fmt::Write as _;
 use crate::compiled::{KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED};
 use crate::gpu::features::{Features, Output, SceneMemory, ShapeKind};
 use crate::gpu::layout::SPHERE_SLACK;
-use crate::sampling::BLOCK_CAMERA;
+use crate::reference::light::{BELOW_1, SOLID_ANGLE_MIN};
+use crate::sampling::{BLOCK_CAMERA, SCRAMBLE};
 
 /// Pixels along the edge of the block that a workgroup traces.
 pub(crate) const BLOCK_EDGE: u32 = 8;
@@ -34,9 +35,12 @@ fn parts(features: &Features) -> Vec<&'static str> {
         include_str!("shaders/fresnel.wgsl"),
     ];
     parts.extend(features.shapes().map(shape_part));
-    parts.push(match features.lamps {
-        0 => include_str!("shaders/lamp_none.wgsl"),
-        _ => include_str!("shaders/lamp.wgsl"),
+    parts.extend(match features.lamps {
+        0 => &[include_str!("shaders/lamp_none.wgsl")][..],
+        _ => &[
+            include_str!("shaders/lamp.wgsl"),
+            include_str!("shaders/lamp_sample.wgsl"),
+        ],
     });
     parts.push(match features.has_coat {
         true => include_str!("shaders/bsdf_plastic.wgsl"),
@@ -67,8 +71,12 @@ fn shape_part(shape: ShapeKind) -> &'static str {
 
 /// Numbers that Rust owns.
 fn constants(features: &Features) -> String {
+    let [a, b, c] = SCRAMBLE;
     let mut text = format!(
         "const BLOCK_EDGE: u32 = {BLOCK_EDGE}u;\n\
+         const SCRAMBLE: vec3u = vec3u({a}u, {b}u, {c}u);\n\
+         const SOLID_ANGLE_MIN: f32 = {SOLID_ANGLE_MIN};\n\
+         const BELOW_1: f32 = {BELOW_1};\n\
          const BLOCK_CAMERA: u32 = {BLOCK_CAMERA}u;\n\
          const COMPENSATED: bool = {};\n\
          const DISCS_COPLANAR: bool = {};\n\
@@ -315,7 +323,8 @@ mod tests {
             layout!(BoxData, min material max),
             layout!(DiscData, center radius normal material),
             layout!(RectangleData, center material half_u inv_u2 half_v inv_v2 normal),
-            layout!(LampData, center area half_u inv_u2 half_v inv_v2 normal radiance),
+            layout!(LampData,
+                center area half_u inv_u2 half_v inv_v2 normal brightness radiance),
             layout!(MaterialData,
                 albedo ior stripe_albedo stripe_half_width diffuse_scale kind alpha flight_rate
                 eta k extinction scattering),

@@ -31,7 +31,9 @@ pub struct BsdfSample {
     pub wi: DVec3,
     /// `f · |cos wi| / pdf`; 0 if the path ends.
     pub weight: DVec3,
-    /// Density of `wi` per solid angle; none if the mirror was chosen.
+    /// Density of `wi` per solid angle that light found along it is weighed with beside next-event
+    /// estimation; none if that cannot find it, 0 if it has: a coat's mirror, whose lamps
+    /// [`crate::reference`] looks up.
     pub pdf: Option<f64>,
 }
 
@@ -104,20 +106,21 @@ impl Bsdf {
         (1.0 - self.probability_mirror(cos_o)) * cos_i.max(0.0) / PI
     }
 
-    /// Draws a direction: `u[0]` chooses the lobe, `u[1]` and `u[2]` the direction. `n` is on the
-    /// side of `wo`.
+    /// Draws a direction: `u[1]` chooses the lobe and, stretched to [0, 1) again, the direction's
+    /// cosine, `u[2]` its azimuth. `n` is on the side of `wo`.
     pub fn sample(&self, wo: DVec3, n: DVec3, u: [f64; 4]) -> BsdfSample {
         let cos_o = wo.dot(n);
         let probability_mirror = self.probability_mirror(cos_o);
-        if u[0] < probability_mirror {
+        if u[1] < probability_mirror {
             return BsdfSample {
                 wi: 2.0 * cos_o * n - wo,
                 weight: DVec3::splat(self.fresnel(cos_o) / probability_mirror),
-                pdf: None,
+                pdf: Some(0.0),
             };
         }
-        let (radius, phi) = (u[1].sqrt(), 2.0 * PI * u[2]);
-        let cos_i = (1.0 - u[1]).max(0.0).sqrt();
+        let u1 = (u[1] - probability_mirror) / (1.0 - probability_mirror);
+        let (radius, phi) = (u1.sqrt(), 2.0 * PI * u[2]);
+        let cos_i = (1.0 - u1).max(0.0).sqrt();
         let (t, b) = basis(n);
         let pdf = self.pdf(cos_o, cos_i);
         BsdfSample {
@@ -226,7 +229,9 @@ mod tests {
                 let mut moments = [0.0; 5];
                 for u in samples() {
                     let BsdfSample { wi, pdf, .. } = bsdf.sample(wo, n, u);
-                    let Some(pdf) = pdf else { continue };
+                    let Some(pdf) = pdf.filter(|pdf| *pdf > 0.0) else {
+                        continue;
+                    };
                     assert!((pdf - bsdf.pdf(cos_o, wi.dot(n))).abs() < 1e-12);
                     let values = [1.0, wi.dot(n), wi.dot(n).powi(2), wi.dot(t), wi.dot(b)];
                     moments
@@ -272,7 +277,7 @@ mod tests {
         let n = tilted();
         let wo = wo_at(0.3, n);
         let sample = plastic(0.0, 1.5).sample(wo, n, [0.0; 4]);
-        assert_eq!(sample.pdf, None);
+        assert_eq!(sample.pdf, Some(0.0));
         assert!((sample.wi.dot(n) - 0.3).abs() < 1e-12);
         assert!((sample.wi + wo - 0.6 * n).length() < 1e-12);
     }

@@ -97,6 +97,15 @@ pub fn intersect_from(scene: &CompiledScene, ray: &Ray, left: Option<Departure>)
     nearest.map(|hit| on_surface(scene, hit))
 }
 
+/// Index and distance of the nearest lamp along a ray, whatever else is in between.
+pub(super) fn nearest_lamp(scene: &CompiledScene, ray: &Ray) -> Option<(usize, f64)> {
+    let met = scene.lamps.iter().enumerate().filter_map(|(index, lamp)| {
+        let (t, _) = meet_rectangle(ray, lamp.center, lamp.half_u, lamp.half_v)?;
+        (t > 0.0).then_some((index, t))
+    });
+    met.min_by(|a, b| a.1.total_cmp(&b.1))
+}
+
 /// Puts a sphere's hit back on its surface: far from the ray's origin, `origin + t·direction`
 /// alone misses it by more than small balls can bear.
 fn on_surface(scene: &CompiledScene, hit: Hit) -> Hit {

@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::intersect::{Departure, Hit, Ray, intersect_from, vector};
 use super::{Vertex, View, camera_ray};
 use crate::compiled::Primitive;
-use crate::sampling::{BLOCK_CAMERA, pixel_key, uniforms};
+use crate::sampling::{BLOCK_CAMERA, pair, pixel_key, sample_key};
 use crate::{Layers, Tile};
 
 #[derive(Clone, Copy, Default)]
@@ -28,7 +28,8 @@ impl View<'_> {
         let mut sum = Sum::default();
         for taken in 0..self.settings.samples {
             let sample = self.settings.first_sample.wrapping_add(taken);
-            let [u, v, ..] = uniforms(pixel_key(x, y), sample, BLOCK_CAMERA, self.settings.seed);
+            let (pixel, sample) = (pixel_key(x, y), sample_key(sample));
+            let [u, v] = pair(pixel, sample, BLOCK_CAMERA, self.settings.seed);
             let (u, v) = (f64::from(x) + f64::from(u), f64::from(y) + f64::from(v));
             self.add(&mut sum, &camera_ray(&self.frame, u, v));
         }

@@ -56,7 +56,16 @@ impl Scatter {
         }
     }
 
-    /// Draws a direction: `u[0]` chooses the lobe, `u[1]` and `u[2]` the direction.
+    /// The part of light that a mirror on top reflects, one that is drawn by chance; 0 without.
+    pub fn coat(&self, cos_o: f64) -> f64 {
+        match self {
+            Self::Layered(bsdf) => bsdf.fresnel(cos_o),
+            Self::Conductor(_) | Self::Dielectric(_) => 0.0,
+        }
+    }
+
+    /// Draws a direction by `u[1]` and `u[2]`, which choose the lobe of a layered material too;
+    /// `u[0]` chooses that of a clear body.
     pub fn sample(&self, wo: DVec3, n: DVec3, u: [f64; 4]) -> BsdfSample {
         match self {
             Self::Layered(bsdf) => bsdf.sample(wo, n, u),

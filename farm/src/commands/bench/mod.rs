@@ -1,6 +1,5 @@
 //! `carom-farm bench`: what this machine's back ends, the wire and the balancers can do.
 
-mod accuracy;
 mod balance;
 mod codec;
 mod codec_frames;
@@ -25,7 +24,6 @@ pub(crate) struct Args {
 enum Bench {
     Trace(trace::Args),
     Tradeoff(tradeoff::Args),
-    Accuracy(accuracy::Args),
     Balance(balance::Args),
     Faults(faults::Args),
     Codec(codec::Args),
@@ -36,7 +34,6 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     match &args.bench {
         Bench::Trace(args) => trace::run(args),
         Bench::Tradeoff(args) => tradeoff::run(args),
-        Bench::Accuracy(args) => accuracy::run(args),
         Bench::Balance(args) => balance::run(args),
         Bench::Faults(args) => faults::run(args),
         Bench::Codec(args) => codec::run(args),

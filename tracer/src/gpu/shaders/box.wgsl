@@ -8,7 +8,9 @@ struct Slabs {
 fn box_slabs(origin: vec3f, inverse: vec3f, index: u32) -> Slabs {
     let a = (scene.boxes[index].min - origin) * inverse;
     let b = (scene.boxes[index].max - origin) * inverse;
-    return Slabs(min(a, b), max(a, b));
+    // A ray within the largest face never leaves that slab.
+    let is_within = (abs(inverse) >= vec3f(INVERSE_MAX)) & (max(a, b) == vec3f(0.0));
+    return Slabs(min(a, b), select(max(a, b), vec3f(T_MISS), is_within));
 }
 
 fn largest(v: vec3f) -> f32 {

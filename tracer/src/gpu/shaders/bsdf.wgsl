@@ -1,6 +1,7 @@
 // What the materials share. Both directions leave the surface, `wo` on the normal's side.
 
-// `weight` is f · |cos θi| / pdf; `pdf` is per solid angle, `SPECULAR` where there is none.
+// `weight` is f · |cos θi| / pdf; `pdf` is per solid angle, `SPECULAR` where there is none, 0
+// for a coat's mirror, whose lamps `mirrored_light` has looked up.
 struct BsdfSample {
     wi: vec3f,
     weight: vec3f,
@@ -13,5 +14,6 @@ struct Evaluated {
     pdf: f32,
 }
 
-// Stands for the density of a direction that next-event estimation cannot find.
+// Stands for the density of a direction that next-event estimation cannot find, so that light along
+// it counts in full.
 const SPECULAR: f32 = -1.0;

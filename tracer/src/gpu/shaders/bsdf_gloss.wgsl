@@ -81,6 +81,14 @@ fn bsdf_mirror(bsdf: Bsdf, cos_o: f32) -> vec3f {
     return vec3f(fresnel_dielectric(cos_o, bsdf.eta));
 }
 
+// What a coat reflects.
+fn bsdf_coat(bsdf: Bsdf) -> f32 {
+    if (bsdf.kind == KIND_LAYERED) {
+        return layered_mirror(bsdf.layered);
+    }
+    return 0.0;
+}
+
 fn bsdf_is_clear(bsdf: Bsdf) -> bool {
     return bsdf.kind == KIND_DIELECTRIC;
 }

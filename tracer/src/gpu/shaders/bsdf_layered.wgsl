@@ -22,6 +22,11 @@ fn bsdf_mirror(bsdf: Bsdf, cos_o: f32) -> vec3f {
     return vec3f(layered_mirror(bsdf.layered));
 }
 
+// What a coat reflects.
+fn bsdf_coat(bsdf: Bsdf) -> f32 {
+    return layered_mirror(bsdf.layered);
+}
+
 fn bsdf_is_clear(bsdf: Bsdf) -> bool {
     return false;
 }

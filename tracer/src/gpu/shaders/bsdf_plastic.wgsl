@@ -37,13 +37,15 @@ fn layered_pdf(layered: Layered, cos_i: f32) -> f32 {
     return (1.0 - layered.mirror_share) * cos_i * (1.0 / PI);
 }
 
+// `u.y` chooses the lobe and is then stretched to [0, 1) again.
 fn layered_sample(layered: Layered, n: vec3f, wo: vec3f, u: vec3f) -> BsdfSample {
-    if (u.x < layered.mirror_share) {
+    if (u.y < layered.mirror_share) {
         let wi = 2.0 * dot(n, wo) * n - wo;
-        return BsdfSample(wi, vec3f(layered.mirror / layered.mirror_share), SPECULAR);
+        return BsdfSample(wi, vec3f(layered.mirror / layered.mirror_share), 0.0);
     }
-    let wi = cosine_hemisphere(n, u.y, u.z);
-    let cos_i = sqrt(max(0.0, 1.0 - u.y));
+    let stretched = max(0.0, (u.y - layered.mirror_share) / (1.0 - layered.mirror_share));
+    let wi = cosine_hemisphere(n, stretched, u.z);
+    let cos_i = sqrt(max(0.0, 1.0 - stretched));
     let transmitted = 1.0 - fresnel_dielectric(cos_i, layered.ior);
     let weight = layered.base * (transmitted / (1.0 - layered.mirror_share));
     return BsdfSample(wi, weight, layered_pdf(layered, cos_i));

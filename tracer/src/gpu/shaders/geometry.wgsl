@@ -68,7 +68,9 @@ fn rounded(v: vec3f) -> vec3f {
 
 // 1 / direction without infinities, so that a slab never multiplies one by 0.
 fn inverse_direction(direction: vec3f) -> vec3f {
-    let tiny = vec3f(1e-30);
-    let signed_tiny = select(-tiny, tiny, direction >= vec3f(0.0));
-    return 1.0 / select(direction, signed_tiny, abs(direction) < tiny);
+    let most = vec3f(INVERSE_MAX);
+    let inverse = select(-most, most, direction >= vec3f(0.0));
+    return select(1.0 / direction, inverse, abs(direction) < vec3f(1.0 / INVERSE_MAX));
 }
+
+const INVERSE_MAX: f32 = 1e30;

@@ -55,24 +55,47 @@ fn lamp_occludes(ray: Ray, target_lamp: u32, t_max: f32) -> bool {
     return false;
 }
 
-// The density, per solid angle, with which next-event estimation finds a point of a lamp.
-fn lamp_pdf(index: u32, distance_squared: f32, cos_lamp: f32) -> f32 {
-    return distance_squared / (cos_lamp * scene.lamps[index].area * f32(LAMP_COUNT));
-}
-
-// What a ray that meets a lamp brings back: `bsdf_pdf` is the density of its direction, or
-// `SPECULAR` where next-event estimation could not have found the lamp.
-fn lamp_found(ray: Ray, hit: Hit, bsdf_pdf: f32) -> vec3f {
+// What a ray that meets a lamp brings back: `pdf` is that of `Path`.
+fn lamp_found(ray: Ray, hit: Hit, pdf: f32) -> vec3f {
     let index = hit.primitive - LAMP_FIRST;
-    let cos_lamp = -dot(ray.direction, scene.lamps[index].normal);
-    if (cos_lamp <= 0.0) {
+    let brightness = scene.lamps[index].brightness;
+    if (dot(ray.direction, scene.lamps[index].normal) >= 0.0 || brightness == 0.0 || pdf == 0.0) {
         return vec3f(0.0);
     }
-    if (bsdf_pdf == SPECULAR) {
+    if (pdf == SPECULAR) {
         return scene.lamps[index].radiance;
     }
-    let weight = power_heuristic(bsdf_pdf, lamp_pdf(index, hit.t * hit.t, cos_lamp));
-    return scene.lamps[index].radiance * weight;
+    return scene.lamps[index].radiance * power_heuristic(brightness / pdf);
+}
+
+// Light of the lamp that a coat reflects.
+fn mirrored_light(
+    surface: Surface,
+    bsdf: Bsdf,
+    wo: vec3f,
+    skip: u32,
+    rays: ptr<function, u32>,
+) -> vec3f {
+    let reflectance = bsdf_coat(bsdf);
+    if (reflectance == 0.0) {
+        return vec3f(0.0);
+    }
+    let wi = 2.0 * dot(surface.normal, wo) * surface.normal - wo;
+    let ray = Ray(surface.position, wi);
+    var hit = Hit(T_MISS, NO_PRIMITIVE);
+    nearest_lamp(line_of(ray), skip, &hit);
+    if (hit.primitive == NO_PRIMITIVE) {
+        return vec3f(0.0);
+    }
+    let index = hit.primitive - LAMP_FIRST;
+    if (dot(wi, scene.lamps[index].normal) >= 0.0) {
+        return vec3f(0.0);
+    }
+    *rays += 1u;
+    if (occluded(ray, skip, index, hit.t)) {
+        return vec3f(0.0);
+    }
+    return reflectance * scene.lamps[index].radiance;
 }
 
 // Next-event estimation from `surface`, times the BSDF and the cosine, MIS-weighted.
@@ -81,31 +104,30 @@ fn direct_light(
     bsdf: Bsdf,
     wo: vec3f,
     skip: u32,
-    u: vec3f,
+    u: vec2f,
     rays: ptr<function, u32>,
+    light_sum: ptr<function, f32>,
 ) -> vec3f {
-    let index = min(u32(u.x * f32(LAMP_COUNT)), LAMP_COUNT - 1u);
-    let point = scene.lamps[index].center
-        + (2.0 * u.y - 1.0) * scene.lamps[index].half_u
-        + (2.0 * u.z - 1.0) * scene.lamps[index].half_v;
-    let to_light = point - surface.position;
-    let distance_squared = dot(to_light, to_light);
-    let distance = sqrt(distance_squared);
-    let wi = to_light / distance;
-    let cos_i = dot(surface.normal, wi);
-    let cos_lamp = -dot(wi, scene.lamps[index].normal);
-    let scattered = bsdf_eval(bsdf, surface.normal, wo, wi);
+    let chosen = choose_lamp(surface.position, u);
+    *light_sum = chosen.light_sum;
+    if (chosen.weight == 0.0) {
+        return vec3f(0.0);
+    }
+    let direction = sample_lamp(see_lamp(chosen.index, surface.position), chosen);
+    let cos_i = dot(surface.normal, direction.wi);
+    let scattered = bsdf_eval(bsdf, surface.normal, wo, direction.wi);
     let f = scattered.f;
     // Through a clear boundary lamps are seen from inside, and no lamp is inside.
     let is_lit = (cos_i > 0.0) != (bsdf_is_clear(bsdf) && surface.is_inside);
-    if (!(is_lit && cos_lamp > 0.0) || all(f == vec3f(0.0))) {
+    if (!is_lit || all(f == vec3f(0.0))) {
         return vec3f(0.0);
     }
     *rays += 1u;
-    if (occluded(Ray(surface.position, wi), skip, index, distance)) {
+    if (occluded(Ray(surface.position, direction.wi), skip, chosen.index, direction.distance)) {
         return vec3f(0.0);
     }
-    let pdf = lamp_pdf(index, distance_squared, cos_lamp);
-    let weight = power_heuristic(pdf, scattered.pdf);
-    return f * scene.lamps[index].radiance * (abs(cos_i) * weight / pdf);
+    let inverse_probability = chosen.light_sum / chosen.weight;
+    let weight = power_heuristic(scattered.pdf * chosen.omega * inverse_probability);
+    let inverse_pdf = direction.inverse_pdf * inverse_probability;
+    return f * scene.lamps[chosen.index].radiance * (abs(cos_i) * weight * inverse_pdf);
 }

@@ -1,6 +1,16 @@
 // A scene without lamps.
 
-fn lamp_found(ray: Ray, hit: Hit, bsdf_pdf: f32) -> vec3f {
+fn lamp_found(ray: Ray, hit: Hit, pdf: f32) -> vec3f {
+    return vec3f(0.0);
+}
+
+fn mirrored_light(
+    surface: Surface,
+    bsdf: Bsdf,
+    wo: vec3f,
+    skip: u32,
+    rays: ptr<function, u32>,
+) -> vec3f {
     return vec3f(0.0);
 }
 
@@ -9,8 +19,9 @@ fn direct_light(
     bsdf: Bsdf,
     wo: vec3f,
     skip: u32,
-    u: vec3f,
+    u: vec2f,
     rays: ptr<function, u32>,
+    light_sum: ptr<function, f32>,
 ) -> vec3f {
     return vec3f(0.0);
 }

@@ -7,7 +7,8 @@ struct Path {
     skip: u32,
     throughput: vec3f,
     radiance: vec3f,
-    // Density of the ray's direction, or `SPECULAR`.
+    // Density of the ray's direction times the lamps' `light_sum` where it began, which weighs a lamp
+    // that it finds; or `SPECULAR`.
     pdf: f32,
     bounce: u32,
     pixel: u32,
@@ -16,12 +17,13 @@ struct Path {
 
 fn camera_path(x: u32, y: u32, sample: u32) -> Path {
     let pixel = pixel_key(x, y);
-    let u = uniforms(pixel, sample, BLOCK_CAMERA, job.seed);
+    let key = sample_key(sample);
+    let u = pair(pixel, key, BLOCK_CAMERA, job.seed);
     let camera = scene.header.camera;
     let film = vec2f(f32(x) + u.x, f32(y) + u.y);
     let direction = camera.corner + film.x * camera.dx + film.y * camera.dy;
     let ray = Ray(camera.eye, direction / length(direction));
-    return Path(ray, NO_PRIMITIVE, vec3f(1.0), vec3f(0.0), SPECULAR, 0u, pixel, sample);
+    return Path(ray, NO_PRIMITIVE, vec3f(1.0), vec3f(0.0), SPECULAR, 0u, pixel, key);
 }
 
 // Follows the path along one edge; false when it has ended.
@@ -34,7 +36,7 @@ fn advance(path: ptr<function, Path>, rays: ptr<function, u32>) -> bool {
     }
     let hit = nearest(ray, (*path).skip);
     if (HAS_CLEAR && ((*path).skip & INSIDE) != 0u && (*path).skip != NO_PRIMITIVE) {
-        let u = uniforms((*path).pixel, (*path).sample, block_scatter((*path).bounce), job.seed);
+        let u = scatter_numbers(path);
         let flight = fly(material_of((*path).skip & ~INSIDE), hit.t, u.w);
         (*path).throughput *= flight.weight;
         if (flight.is_scattered) {
@@ -65,10 +67,10 @@ fn advance(path: ptr<function, Path>, rays: ptr<function, u32>) -> bool {
 }
 
 // Whether the light that a path ends in belongs to the emission of first hits, where that is traced
-// apart.
+// apart: it was found by the camera or by a mirror, `SPECULAR` or a coat's.
 fn is_emission(path: Path) -> bool {
     let is_inside = (path.skip & INSIDE) != 0u && path.skip != NO_PRIMITIVE;
-    return OUTPUT == OUTPUT_REFLECTED && path.bounce <= 1u && path.pdf == SPECULAR && !is_inside;
+    return OUTPUT == OUTPUT_REFLECTED && path.bounce <= 1u && path.pdf <= 0.0 && !is_inside;
 }
 
 fn scatter(
@@ -80,13 +82,16 @@ fn scatter(
     let bounce = (*path).bounce;
     let wo = -(*path).ray.direction;
     let bsdf = bsdf_at(surface, wo);
+    var light_sum = 0.0;
     if (LAMP_COUNT > 0u) {
-        let u = uniforms((*path).pixel, (*path).sample, block_light(bounce), job.seed);
-        let light = direct_light(surface, bsdf, wo, primitive, u.xyz, rays);
+        let u = pair((*path).pixel, (*path).sample, block_light(bounce), job.seed);
+        var light = direct_light(surface, bsdf, wo, primitive, u, rays, &light_sum);
+        if (OUTPUT != OUTPUT_REFLECTED || bounce > 0u) {
+            light += mirrored_light(surface, bsdf, wo, primitive, rays);
+        }
         (*path).radiance += (*path).throughput * light;
     }
-    let u = uniforms((*path).pixel, (*path).sample, block_scatter(bounce), job.seed);
-    let next = bsdf_sample(bsdf, surface.normal, wo, u.xyz);
+    let next = bsdf_sample(bsdf, surface.normal, wo, scatter_numbers(path).xyz);
     (*path).ray = Ray(surface.position, next.wi);
     (*path).skip = primitive;
     if (HAS_CLEAR && bsdf_is_clear(bsdf)) {
@@ -95,6 +100,20 @@ fn scatter(
     }
     (*path).throughput *= next.weight;
     (*path).pdf = next.pdf;
+    if (next.pdf > 0.0) {
+        // Not 0 where there is no light: that is a coat's.
+        (*path).pdf = max(next.pdf * light_sum, 1e-37);
+    }
     (*path).bounce = bounce + 1u;
     return any((*path).throughput != vec3f(0.0));
+}
+
+// Direction in `yz`; choice of a clear body's lobe in `x` and flight through it in `w`.
+fn scatter_numbers(path: ptr<function, Path>) -> vec4f {
+    let direction = pair((*path).pixel, (*path).sample, block_scatter((*path).bounce), job.seed);
+    var choice = vec2f(0.0);
+    if (HAS_CLEAR) {
+        choice = pair((*path).pixel, (*path).sample, block_choice((*path).bounce), job.seed);
+    }
+    return vec4f(choice.x, direction, choice.y);
 }

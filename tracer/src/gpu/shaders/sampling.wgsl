@@ -1,4 +1,4 @@
-// Random numbers as a hash of where they are used, and warps from the unit square.
+// Random numbers, and warps from the unit square. What the numbers are and why: `sampling.rs`.
 
 // PCG4D: Jarzynski and Olano, "Hash Functions for GPU Rendering", JCGT 9(3), 2020.
 fn pcg4d(key: vec4u) -> vec4u {
@@ -17,21 +17,72 @@ fn pcg4d_mix(words: vec4u) -> vec4u {
     return v;
 }
 
-fn uniforms(pixel: u32, sample: u32, block: u32, seed: u32) -> vec4f {
-    let words = pcg4d(vec4u(pixel, sample, block, seed));
-    return vec4f(words >> vec4u(8u)) * (1.0 / 16777216.0);
+// Two numbers in [0, 1) for a pixel's key, a sample's key, a block and a seed.
+fn pair(pixel: u32, sample: u32, block: u32, seed: u32) -> vec2f {
+    let seeds = pcg4d(vec4u(block, seed, 0x6d2b79f5u, 0x1b56c4e9u));
+    let shuffled = reverseBits(scramble(sample, seeds.x));
+    let x = shuffled ^ in_base_q(scramble(pixel, seeds.y));
+    let y = second_dimension(x);
+    let words = reverseBits(vec2u(scramble(x, seeds.z), scramble(y, seeds.w)));
+    return vec2f(words >> vec2u(8u)) * (1.0 / 16777216.0);
+}
+
+fn scramble(bits: u32, seed: u32) -> u32 {
+    var word = bits;
+    word ^= word * SCRAMBLE.x;
+    word = (word + seed) * ((seed >> 16u) | 1u);
+    word ^= word * SCRAMBLE.y;
+    return word ^ (word * SCRAMBLE.z);
+}
+
+fn second_dimension(bits: u32) -> u32 {
+    var x = bits;
+    x ^= (x & 0xaaaaaaaau) >> 1u;
+    x ^= (x & 0xccccccccu) >> 2u;
+    x ^= (x & 0xf0f0f0f0u) >> 4u;
+    x ^= (x & 0xff00ff00u) >> 8u;
+    return x ^ (x >> 16u);
+}
+
+fn in_base_q(bits: u32) -> u32 {
+    var digits = bits;
+    var high = digits & 0xccccccccu;
+    digits ^= (high >> 2u) ^ (high >> 1u);
+    high = digits & 0xf0f0f0f0u;
+    digits ^= (high >> 4u) ^ (high >> 2u);
+    high = digits & 0xff00ff00u;
+    digits ^= (high >> 8u) ^ (high >> 4u);
+    high = digits & 0xffff0000u;
+    return digits ^ (high >> 16u) ^ (high >> 8u);
 }
 
 fn pixel_key(x: u32, y: u32) -> u32 {
-    return (y << 16u) | x;
+    return reverseBits(spread(x) | (spread(y) << 1u));
+}
+
+fn sample_key(sample: u32) -> u32 {
+    return reverseBits(sample);
+}
+
+// The lower 16 bits at even places.
+fn spread(bits: u32) -> u32 {
+    var v = bits & 0xffffu;
+    v = (v | (v << 8u)) & 0x00ff00ffu;
+    v = (v | (v << 4u)) & 0x0f0f0f0fu;
+    v = (v | (v << 2u)) & 0x33333333u;
+    return (v | (v << 1u)) & 0x55555555u;
 }
 
 fn block_scatter(bounce: u32) -> u32 {
-    return 1u + 2u * bounce;
+    return 1u + 3u * bounce;
 }
 
 fn block_light(bounce: u32) -> u32 {
-    return 2u + 2u * bounce;
+    return 2u + 3u * bounce;
+}
+
+fn block_choice(bounce: u32) -> u32 {
+    return 3u + 3u * bounce;
 }
 
 // (cos, sin) of 2πu for u in [0, 1). The built-in functions may be wrong by 2⁻¹¹ (Vulkan
@@ -74,10 +125,11 @@ fn basis(n: vec3f) -> Basis {
     return Basis(tangent, vec3f(b, s + n.y * n.y * a, -n.y));
 }
 
-// The power heuristic with β = 2 (Veach 1997, section 9.2.4), in a form that squares nothing large.
-fn power_heuristic(pdf: f32, other_pdf: f32) -> f32 {
-    let ratio = other_pdf / pdf;
-    return 1.0 / (1.0 + ratio * ratio);
+// The power heuristic with β = 2 (Veach 1997, section 9.2.4) for a strategy beside another of
+// `ratio` times its density; bounded, so that the square stays finite.
+fn power_heuristic(ratio: f32) -> f32 {
+    let bounded = min(ratio, 1e18);
+    return 1.0 / (1.0 + bounded * bounded);
 }
 
 // By the exponent's bits: WGSL lets a compiler assume that no number is infinite or NaN.

@@ -39,6 +39,7 @@ struct LampData {
     half_v: vec3f,
     inv_v2: f32,
     normal: vec3f,
+    brightness: f32,
     radiance: vec3f,
 }
 

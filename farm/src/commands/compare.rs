@@ -1,0 +1,172 @@
+//! `carom-farm compare`: how far a back end's picture is from another renderer's.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use carom_tracer::film::{trace_estimate, trace_image};
+use carom_tracer::metrics::{self, Estimate};
+use carom_tracer::tonemap::srgb8;
+use carom_tracer::{CompiledScene, RadianceImage, RenderSettings, Tile, TileGrid, Tracer};
+use cpu_time::ProcessTime;
+use serde::Serialize;
+
+use crate::commands::Failure;
+use crate::commands::backend::Backend;
+use crate::commands::inputs;
+
+/// Trace a scene and say how far the picture is from a reference picture of it.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// The reference: linear Rec. 709 radiance as EXR. Its size is the picture's.
+    #[arg(long)]
+    reference: PathBuf,
+    /// Standard error of the reference, per pixel and channel, as EXR: finds bias that noise hides.
+    /// Traces as many samples again, in independent pictures.
+    #[arg(long)]
+    stderr: Option<PathBuf>,
+    /// Scene file, Carom's own or that of the reference pictures [default: the built-in pool table].
+    #[arg(long)]
+    scene: Option<PathBuf>,
+    /// Samples per pixel; powers of two are spread best.
+    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    spp: u32,
+    /// Surface scatterings of a path.
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(0..=64))]
+    scatterings: u32,
+    /// Chooses the random numbers.
+    #[arg(long, default_value_t = 0)]
+    seed: u32,
+    /// Denoise the picture. Denoised pictures are biased, which `z_max_region` then shows.
+    #[arg(long)]
+    denoise: bool,
+    /// The back end.
+    #[arg(long, default_value = "cpu")]
+    backend: Backend,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Pixels along a region's edge: few regions, so that chance alone rarely makes one of them differ
+/// by more than 3 standard errors.
+const REGION_EDGE: u16 = 120;
+/// Independent pictures from whose scatter the standard error comes.
+const BATCHES: u32 = 8;
+
+#[derive(Serialize)]
+struct Report {
+    scene: String,
+    backend: &'static str,
+    spp: u32,
+    denoise: bool,
+    /// [`metrics::rel_mse`].
+    relmse: f64,
+    /// [`metrics::flip()`] of the pictures as shown at exposure 1.
+    flip: f64,
+    /// Relative error of the picture's mean, per channel.
+    bias: [f64; 3],
+    /// The largest difference of a region's mean, in standard errors; null without `--stderr`.
+    z_max_region: Option<f64>,
+    /// CPU time of this process for the picture.
+    cpu_seconds: f64,
+}
+
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let named = inputs::scene(args.scene.as_deref())?;
+    let scene = CompiledScene::new(&named.scene)?;
+    let reference = RadianceImage::read_exr(&args.reference)?;
+    let stderr = args.stderr.as_deref();
+    let stderr = stderr
+        .map(|path| read_stderr(path, &reference))
+        .transpose()?;
+    let tracer = args.backend.open(0)?;
+    let settings = RenderSettings {
+        samples: args.spp,
+        scatterings_max: args.scatterings,
+        seed: args.seed,
+        denoise: args.denoise,
+        ..RenderSettings::default()
+    };
+
+    let started = ProcessTime::now();
+    let film = trace_image(tracer.as_ref(), &scene, reference.size, settings)?;
+    let cpu_seconds = started.elapsed().as_secs_f64();
+    let picture = film.image();
+    let report = Report {
+        scene: named.name,
+        backend: args.backend.name(),
+        spp: args.spp,
+        denoise: args.denoise,
+        relmse: metrics::rel_mse(&picture, &reference)?,
+        flip: metrics::flip(picture.size, &shown(&picture), &shown(&reference))?.mean,
+        bias: metrics::mean_ratio(&picture, &reference)?.map(|ratio| ratio - 1.0),
+        z_max_region: stderr
+            .map(|stderr| z_max_region(tracer.as_ref(), &scene, settings, reference, stderr))
+            .transpose()?,
+        cpu_seconds,
+    };
+    print(&report, args.json)?;
+    Ok(())
+}
+
+fn shown(picture: &RadianceImage) -> Vec<[u8; 3]> {
+    picture
+        .pixels
+        .iter()
+        .map(|pixel| srgb8(*pixel, 1.0))
+        .collect()
+}
+
+fn read_stderr(path: &Path, reference: &RadianceImage) -> Result<RadianceImage, Failure> {
+    let stderr = RadianceImage::read_exr(path)?;
+    if stderr.size == reference.size {
+        return Ok(stderr);
+    }
+    Err(Failure::Input(format!(
+        "the standard error has {}x{} pixels, the reference {}x{}",
+        stderr.size.width, stderr.size.height, reference.size.width, reference.size.height
+    )))
+}
+
+/// Traces independent pictures of as many samples in all, rounded up. Neighbouring pixels' errors
+/// cancel in part, which the standard error of a region does not know: z is at most what it seems.
+fn z_max_region(
+    tracer: &dyn Tracer,
+    scene: &CompiledScene,
+    settings: RenderSettings,
+    mean: RadianceImage,
+    stderr: RadianceImage,
+) -> Result<f64, carom_tracer::Error> {
+    let grid = TileGrid::new(mean.size, 32);
+    let tiles: Vec<Tile> = grid.tiles(grid.all()).collect();
+    let settings = RenderSettings {
+        samples: settings.samples.div_ceil(BATCHES),
+        seed: settings.seed.wrapping_add(1),
+        ..settings
+    };
+    let traced = trace_estimate(tracer, scene, grid.size, settings, &tiles, BATCHES)?;
+    let reference = Estimate { mean, stderr };
+    let comparison = metrics::compare(&traced, &reference, REGION_EDGE)?;
+    Ok(comparison.worst_region().map_or(0.0, |(z, _)| z))
+}
+
+fn print(report: &Report, json: bool) -> anyhow::Result<()> {
+    if json {
+        let json = serde_json::to_string(report).context("results as JSON")?;
+        println!("{json}");
+        return Ok(());
+    }
+    println!(
+        "{} on {}, {} samples per pixel",
+        report.scene, report.backend, report.spp
+    );
+    println!("relMSE      {:.3e}", report.relmse);
+    println!("FLIP        {:.4}", report.flip);
+    let [r, g, b] = report.bias.map(|bias| 100.0 * bias);
+    println!("bias        {r:+.3} % {g:+.3} % {b:+.3} % of the mean");
+    if let Some(z) = report.z_max_region {
+        println!("region |z|  {z:.2} at most");
+    }
+    println!("CPU time    {:.2} s", report.cpu_seconds);
+    Ok(())
+}

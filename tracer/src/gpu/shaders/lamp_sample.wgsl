@@ -1,0 +1,178 @@
+// Drawing a lamp and a direction to it: `reference/light.rs`.
+
+// A lamp in the frame of the point that sees it, in units of about its distance or size.
+struct SeenLamp {
+    axis_u: vec3f,
+    axis_v: vec3f,
+    normal: vec3f,
+    // Low and high end along each edge.
+    x: vec2f,
+    y: vec2f,
+    height: f32,
+    // In square units.
+    area: f32,
+    // Of length, metres.
+    unit: f32,
+    // Of the centre, in units.
+    distance: f32,
+}
+
+// A lamp drawn by its `weight`, brightness times solid angle, among all, whose sum is `light_sum`.
+struct ChosenLamp {
+    index: u32,
+    omega: f32,
+    by_area: bool,
+    weight: f32,
+    light_sum: f32,
+    // What is left of the random numbers.
+    u: vec2f,
+}
+
+struct LampDirection {
+    wi: vec3f,
+    distance: f32,
+    inverse_pdf: f32,
+}
+
+// What is under a root counts at least as this much.
+const ROOT_MIN: f32 = 1e-30;
+
+fn see_lamp(index: u32, point: vec3f) -> SeenLamp {
+    let inverse_u = sqrt(scene.lamps[index].inv_u2);
+    let inverse_v = sqrt(scene.lamps[index].inv_v2);
+    let length_u = 1.0 / inverse_u;
+    let length_v = 1.0 / inverse_v;
+    let axis_u = scene.lamps[index].half_u * inverse_u;
+    let axis_v = scene.lamps[index].half_v * inverse_v;
+    let normal = scene.lamps[index].normal;
+    let to_center = scene.lamps[index].center - point;
+    let distance = sqrt(dot(to_center, to_center));
+    let unit = distance + length_u + length_v;
+    let along_u = dot(to_center, axis_u);
+    let along_v = dot(to_center, axis_v);
+    return SeenLamp(
+        axis_u,
+        axis_v,
+        normal,
+        vec2f(along_u - length_u, along_u + length_u) / unit,
+        vec2f(along_v - length_v, along_v + length_v) / unit,
+        -dot(to_center, normal) / unit,
+        4.0 * (length_u / unit) * (length_v / unit),
+        unit,
+        distance / unit,
+    );
+}
+
+fn choose_lamp(point: vec3f, random: vec2f) -> ChosenLamp {
+    var chosen = ChosenLamp(0u, 0.0, false, 0.0, 0.0, random);
+    for (var index = 0u; index < LAMP_COUNT; index++) {
+        let seen = see_lamp(index, point);
+        if (!(seen.height > 0.0)) {
+            continue;
+        }
+        var omega = solid_angle(seen);
+        let by_area = omega < SOLID_ANGLE_MIN;
+        if (by_area) {
+            omega = seen.area * seen.height / (seen.distance * seen.distance * seen.distance);
+        }
+        let weight = scene.lamps[index].brightness * omega;
+        let sum_before = chosen.light_sum;
+        chosen.light_sum += weight;
+        if (!(chosen.light_sum > 0.0)) {
+            continue;
+        }
+        let kept = sum_before / chosen.light_sum;
+        if (chosen.u.x >= kept) {
+            chosen.u.x = (chosen.u.x - kept) * chosen.light_sum / weight;
+            chosen.index = index;
+            chosen.omega = omega;
+            chosen.by_area = by_area;
+            chosen.weight = weight;
+        } else {
+            chosen.u.x /= kept;
+        }
+        chosen.u.x = min(chosen.u.x, BELOW_1);
+    }
+    return chosen;
+}
+
+// A complex number whose argument is the solid angle from (0, 0) to the corner.
+fn corner(seen: SeenLamp, x: f32, y: f32) -> vec2f {
+    return vec2f(seen.height * sqrt(x * x + y * y + seen.height * seen.height), x * y);
+}
+
+// a · b* of complex numbers.
+fn times_conjugate(a: vec2f, b: vec2f) -> vec2f {
+    return vec2f(a.x * b.x + a.y * b.y, a.y * b.x - a.x * b.y);
+}
+
+fn solid_angle(seen: SeenLamp) -> f32 {
+    let x = seen.x;
+    let y = seen.y;
+    let left = times_conjugate(corner(seen, x.x, y.y), corner(seen, x.x, y.x));
+    let right = times_conjugate(corner(seen, x.y, y.y), corner(seen, x.y, y.x));
+    let product = times_conjugate(right, left);
+    let angle = argument(product);
+    let is_before = x.x < 0.0 && x.y > 0.0 && y.x < 0.0 && y.y > 0.0;
+    if (angle < 0.0 && (is_before || product.x < 0.0)) {
+        return angle + TWO_PI;
+    }
+    return max(angle, 0.0);
+}
+
+// The argument of a complex number, in (−π, π]: Moshier's Cephes library, `atanf`, 1989. The built-in
+// function may be wrong by 4096 units in the last place.
+fn argument(z: vec2f) -> f32 {
+    let low = min(abs(z.x), abs(z.y));
+    let high = max(max(abs(z.x), abs(z.y)), 1.2e-38);
+    let is_steep = low > high * 0.41421357;
+    let t = select(low, low - high, is_steep) / select(high, low + high, is_steep);
+    let t2 = t * t;
+    let tail = ((8.0537445e-2 * t2 - 1.3877686e-1) * t2 + 1.9977711e-1) * t2 - 3.3332949e-1;
+    var angle = t + t * t2 * tail + select(0.0, 0.25 * PI, is_steep);
+    angle = select(angle, 0.5 * PI - angle, abs(z.y) > abs(z.x));
+    angle = select(angle, PI - angle, z.x < 0.0);
+    return select(angle, -angle, z.y < 0.0);
+}
+
+fn sample_lamp(seen: SeenLamp, chosen: ChosenLamp) -> LampDirection {
+    var at = vec2f(mix(seen.x.x, seen.x.y, chosen.u.x), mix(seen.y.x, seen.y.y, chosen.u.y));
+    if (!chosen.by_area) {
+        at = sample_solid_angle(seen, chosen.omega, chosen.u);
+    }
+    let distance = sqrt(dot(at, at) + seen.height * seen.height);
+    let to_point = at.x * seen.axis_u + at.y * seen.axis_v - seen.height * seen.normal;
+    let inverse_pdf = select(
+        chosen.omega,
+        seen.area * seen.height / (distance * distance * distance),
+        chosen.by_area,
+    );
+    return LampDirection(to_point / distance, distance * seen.unit, inverse_pdf);
+}
+
+// Ureña, Fajardo and King, "An Area-Preserving Parametrization for Spherical Rectangles", EGSR 2013.
+fn sample_solid_angle(seen: SeenLamp, omega: f32, u: vec2f) -> vec2f {
+    let h2 = seen.height * seen.height;
+    let low = seen.y.x;
+    let high = seen.y.y;
+    let start = times_conjugate(corner(seen, seen.x.x, high), corner(seen, seen.x.x, low));
+    let turn = circle(u.x * omega / TWO_PI);
+    let turned = vec2f(
+        start.x * turn.x - start.y * turn.y,
+        start.x * turn.y + start.y * turn.x,
+    ) / sqrt(dot(start, start));
+    let slant2 = h2 + low * low;
+    let b0 = -low / sqrt(slant2);
+    let b1 = high / sqrt(h2 + high * high);
+    let n = turned.x * b0 + b1;
+    let root = sqrt(max(n * n - turned.y * turned.y * (h2 / slant2), ROOT_MIN));
+    let distance = seen.height * abs(turned.y) / root;
+    let x = clamp(select(distance, -distance, turned.y * n < 0.0), seen.x.x, seen.x.y);
+
+    let d2 = x * x + h2;
+    let h0 = low / sqrt(d2 + low * low);
+    let h1 = high / sqrt(d2 + high * high);
+    let h = h0 + u.y * (h1 - h0);
+    let y = h * sqrt(d2 / max(1.0 - h * h, ROOT_MIN));
+    return vec2f(x, clamp(y, low, high));
+}
