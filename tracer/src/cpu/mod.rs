@@ -19,13 +19,16 @@
 
 mod batch;
 mod bsdf;
+mod carved;
 mod first_hit;
 mod geometry;
 mod gloss;
 mod integrator;
 mod lanes;
 mod layers;
+mod paint;
 mod sampling;
+mod sheen;
 mod stream;
 mod surface;
 
