@@ -355,7 +355,7 @@ mod tests {
     }
 
     #[rustfmt::skip]
-    fn layouts_in_rust() -> [Layout; 12] {
+    fn layouts_in_rust() -> [Layout; 14] {
         [
             layout!(SphereData, center radius stripe_axis material number_axis),
             layout!(BoxData, min material max),
