@@ -27,7 +27,7 @@ use crate::session::Session;
 /// What was tried and what to install, if no window can be opened or drawn on.
 pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow::Result<()> {
     let event_loop = open_event_loop()?;
-    let mut session = Session::new(config, args.seed)?;
+    let mut session = Session::new(config, args.seed, args.ball_set)?;
     session.set_engine(args.physics);
     if let Some(folder) = &args.record {
         session.record(folder.clone())?;

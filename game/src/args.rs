@@ -6,6 +6,7 @@ use carom_farm::{FarmConfig, LocalNode};
 use carom_tracer::{ImageSize, RenderSettings};
 use clap::{Parser, Subcommand, ValueEnum as _};
 
+use crate::ball_set::BallSet;
 use crate::bench::Bench;
 use crate::display::Present;
 use crate::sim::{Engine, Recording};
@@ -40,6 +41,9 @@ pub struct Args {
     /// Folder for the frames
     #[arg(long, value_name = "DIR", default_value = "carom-frames")]
     pub out: PathBuf,
+    /// What the balls are made of
+    #[arg(long, value_enum, default_value_t, value_name = "SET")]
+    pub ball_set: BallSet,
     /// A farm node, HOST:PORT; may be given several times. In place of those of --config
     #[arg(long = "node", value_name = "HOST:PORT")]
     pub nodes: Vec<String>,

@@ -102,6 +102,7 @@ impl Default for Figures {
 #[derive(Debug)]
 pub struct Director {
     window: ImageSize,
+    scatterings_max: u32,
     quality: Quality,
     lead: Lead,
     in_flight_max: usize,
@@ -127,10 +128,12 @@ struct Pending {
 }
 
 impl Director {
-    /// For a window of `window` pixels and a farm that takes `in_flight_max` pictures at once.
-    pub fn new(window: ImageSize, in_flight_max: usize) -> Self {
+    /// For a window of `window` pixels, a farm that takes `in_flight_max` pictures at once, and
+    /// paths of `scatterings_max` scatterings.
+    pub fn new(window: ImageSize, in_flight_max: usize, scatterings_max: u32) -> Self {
         Self {
             window,
+            scatterings_max,
             quality: Quality::default(),
             lead: Lead::default(),
             in_flight_max,
@@ -336,6 +339,7 @@ impl Director {
                 settings: RenderSettings {
                     samples,
                     first_sample,
+                    scatterings_max: self.scatterings_max,
                     ..RenderSettings::default()
                 },
                 format: PixelFormat::LinearF16,
@@ -355,6 +359,7 @@ impl Director {
                     samples: level.samples,
                     // Noise that differs from picture to picture averages out in the eye.
                     seed: self.orders as u32,
+                    scatterings_max: self.scatterings_max,
                     ..RenderSettings::default()
                 },
                 format: PixelFormat::Srgb8 { exposure: EXPOSURE },
@@ -472,7 +477,7 @@ mod tests {
     impl Bench {
         fn new(paths_per_sec: f64) -> Self {
             Self {
-                director: Director::new(WINDOW, IN_FLIGHT_MAX),
+                director: Director::new(WINDOW, IN_FLIGHT_MAX, 5),
                 bath: Bath::default(),
                 now_secs: 0.0,
                 free_at_secs: 0.0,

@@ -95,7 +95,7 @@ pub fn run(args: &Args, config: FarmConfig) -> anyhow::Result<()> {
     if let Some(folder) = &args.record {
         keep(&shot, folder)?;
     }
-    let stage = Stage::pool()?;
+    let stage = Stage::room(args.ball_set);
     let mut farm = Farm::new(config)?;
     farm.set_scene(stage.scene())?;
     let begun = Instant::now();
@@ -123,7 +123,7 @@ fn settings(args: &Args) -> Settings {
         width: size.width,
         height: size.height,
         samples: args.spp,
-        scatterings_max: RenderSettings::default().scatterings_max,
+        scatterings_max: args.ball_set.scatterings_max(),
         seed: args.seed,
         frames: args.frames,
         frames_per_sec: FRAMES_PER_SEC,

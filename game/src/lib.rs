@@ -15,6 +15,7 @@
 pub mod animation;
 pub mod app;
 pub mod args;
+pub mod ball_set;
 pub mod bench;
 pub mod camera;
 pub mod darkroom;
@@ -25,6 +26,7 @@ pub mod input;
 pub mod pacing;
 pub mod play;
 pub mod quality;
+pub mod room;
 pub mod session;
 pub mod sim;
 pub mod stage;

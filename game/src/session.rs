@@ -12,6 +12,7 @@ use carom_tracer::{ImageSize, Scene};
 use egui::{LayerId, Rect};
 use glam::DVec2;
 
+use crate::ball_set::BallSet;
 use crate::camera::Projection;
 use crate::darkroom::Darkroom;
 use crate::director::{Director, Plan, Subject};
@@ -52,15 +53,19 @@ enum FarmSlot {
 }
 
 impl Session {
-    /// Begins a game whose pictures come from the farm of `config`.
+    /// Begins a game with balls of `set` whose pictures come from the farm of `config`.
     ///
     /// # Errors
     /// A sentence if the shipped table is not usable.
-    pub fn new(config: FarmConfig, seed: u32) -> anyhow::Result<Self> {
-        let stage = Stage::pool()?;
+    pub fn new(config: FarmConfig, seed: u32, set: BallSet) -> anyhow::Result<Self> {
+        let stage = Stage::room(set);
         Ok(Self {
             game: Game::new(seed)?,
-            director: Director::new(ImageSize::new(0, 0), config.frames_in_flight),
+            director: Director::new(
+                ImageSize::new(0, 0),
+                config.frames_in_flight,
+                set.scatterings_max(),
+            ),
             darkroom: Darkroom::open()?,
             warp: Warp::new(stage.scene())?,
             input: Input::default(),

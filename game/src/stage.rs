@@ -1,8 +1,10 @@
 //! From ball poses and a camera to what the tracer draws.
 
-use carom_tracer::{Camera, Error, ObjectPose, Scene, SceneUpdate};
+use carom_tracer::{Camera, ObjectPose, Scene, SceneUpdate};
 use glam::{Quat, Vec3};
 
+use crate::ball_set::BallSet;
+use crate::room::room;
 use crate::sim::{BallPose, Table};
 
 /// The pool table's scene, and which of its objects is which ball.
@@ -13,17 +15,14 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// The pool table that ships with the game.
-    ///
-    /// # Errors
-    /// [`Error`] if the shipped scene breaks a rule of the tracer.
-    pub fn pool() -> Result<Self, Error> {
-        Scene::from_json(POOL_JSON).map(Self::new)
+    /// The pool room of the game with balls of `set`, round [`Stage::table`].
+    pub fn room(set: BallSet) -> Self {
+        Self::new(room(&Self::table(), set))
     }
 
-    /// The table that [`Stage::pool`] shows, for the simulation.
+    /// The table that [`Stage::room`] shows, for the simulation.
     pub fn table() -> Table {
-        Table::boxes()
+        Table::nine_foot()
     }
 
     /// Objects called `ball0`, `ball1` … are the balls of those numbers.
@@ -67,8 +66,6 @@ impl Stage {
     }
 }
 
-const POOL_JSON: &str = include_str!("../../assets/scenes/pool.json");
-
 #[cfg(test)]
 mod tests {
     use carom_tracer::{CompiledScene, Shape};
@@ -86,8 +83,8 @@ mod tests {
     }
 
     #[test]
-    fn the_shipped_scene_has_sixteen_balls() {
-        let stage = Stage::pool().unwrap();
+    fn the_room_has_sixteen_balls() {
+        let stage = Stage::room(BallSet::Classic);
         let mut numbers: Vec<u8> = stage.balls.iter().map(|(number, _)| *number).collect();
         numbers.sort_unstable();
         assert_eq!(numbers, (0..16).collect::<Vec<u8>>());
@@ -101,7 +98,7 @@ mod tests {
 
     #[test]
     fn balls_are_drawn_where_they_lie_and_pocketed_ones_are_not() {
-        let stage = Stage::pool().unwrap();
+        let stage = Stage::room(BallSet::Classic);
         let poses = [pose(0, 0.25, true), pose(9, -0.5, false)];
         let update = stage.update(stage.scene().camera, &poses);
         let mut compiled = CompiledScene::new(stage.scene()).unwrap();

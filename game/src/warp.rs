@@ -108,6 +108,7 @@ const SERIALS_FIRST: u64 = 1 << 63;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ball_set::BallSet;
     use crate::stage::Stage;
 
     fn picture(update: SceneUpdate) -> Picture {
@@ -133,7 +134,7 @@ mod tests {
 
     #[test]
     fn a_picture_of_the_present_is_shown_as_it_is() {
-        let stage = Stage::pool().unwrap();
+        let stage = Stage::room(BallSet::Classic);
         let mut warp = Warp::new(stage.scene()).unwrap();
         let picture = picture(turned(&stage, 0.1));
         assert_eq!(warp.follow(&picture, &picture.update.clone()).serial, 7);
@@ -142,7 +143,7 @@ mod tests {
 
     #[test]
     fn a_picture_of_the_past_is_moved_once_for_each_new_view() {
-        let stage = Stage::pool().unwrap();
+        let stage = Stage::room(BallSet::Classic);
         let mut warp = Warp::new(stage.scene()).unwrap();
         let picture = picture(turned(&stage, 0.0));
         let view = turned(&stage, 0.02);

@@ -4,8 +4,11 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Quat, Vec3};
 
 use crate::fresnel::internal_diffuse_reflectance;
+use crate::reference::sheen::sheen_reflectance_max;
 use crate::scene::validate::ALPHA_SMOOTH_MAX;
-use crate::scene::{Camera, Lamp, Material, Medium, ObjectPose, Scene, SceneUpdate, Shape};
+use crate::scene::{
+    Camera, CutForm, Lamp, Material, Medium, ObjectPose, Paint, Scene, SceneUpdate, Shape,
+};
 use crate::{Error, ImageSize};
 
 /// A validated scene, ready to trace. Primitives are sorted by shape; within a shape they keep
@@ -24,6 +27,10 @@ pub struct CompiledScene {
     pub discs: Vec<DiscData>,
     /// Rectangles.
     pub rectangles: Vec<RectangleData>,
+    /// Boxes from which parts are taken away.
+    pub carved: Vec<CarvedData>,
+    /// Surfaces of carved boxes: each one's box, then its cuts.
+    pub faces: Vec<FaceData>,
     /// Emitting rectangles; rays end on them.
     pub lamps: Vec<LampData>,
     /// Materials; primitives hold indices.
@@ -46,6 +53,8 @@ pub enum Primitive {
     Disc(u32),
     /// Index into [`CompiledScene::rectangles`].
     Rectangle(u32),
+    /// Index into [`CompiledScene::faces`]; for an object its first face.
+    Face(u32),
     /// Index into [`CompiledScene::lamps`].
     Lamp(u32),
 }
@@ -62,6 +71,10 @@ pub struct SphereData {
     pub stripe_axis: [f32; 3],
     /// Index of its material.
     pub material: u32,
+    /// Unit axis through the circles of its number in world space.
+    pub number_axis: [f32; 3],
+    /// 0.
+    pub padding: u32,
 }
 
 /// An axis-aligned box.
@@ -76,6 +89,44 @@ pub struct BoxData {
     pub max: [f32; 3],
     /// 0.
     pub padding: u32,
+}
+
+/// A box from which parts are taken away.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct CarvedData {
+    /// Smallest corner, metres.
+    pub min: [f32; 3],
+    /// Index of its first face, that of the box itself; its cuts follow.
+    pub first_face: u32,
+    /// Largest corner, metres.
+    pub max: [f32; 3],
+    /// How many faces it has, the box's among them.
+    pub face_count: u32,
+}
+
+/// [`FaceData::kind`] of a carved box itself: `a` and `b` are its corners.
+pub const FACE_BOX: u32 = 0;
+/// [`FaceData::kind`] of a plane: `a` is its normal out of the body, `b[0]` its distance from the
+/// origin along it.
+pub const FACE_PLANE: u32 = 1;
+/// [`FaceData::kind`] of a bore: `a` is a point of its axis, `b[0]` its radius.
+pub const FACE_BORE: u32 = 2;
+/// [`FaceData::kind`] of a hollow: `a` and `b` are its corners.
+pub const FACE_HOLLOW: u32 = 3;
+
+/// A surface of a carved box.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct FaceData {
+    /// See the kinds.
+    pub a: [f32; 3],
+    /// [`FACE_BOX`], [`FACE_PLANE`], [`FACE_BORE`] or [`FACE_HOLLOW`].
+    pub kind: u32,
+    /// See the kinds.
+    pub b: [f32; 3],
+    /// Index of its material.
+    pub material: u32,
 }
 
 /// A round plate.
@@ -147,6 +198,15 @@ pub const KIND_CONDUCTOR: u32 = 1;
 /// [`MaterialData::kind`] of a clear body.
 pub const KIND_DIELECTRIC: u32 = 2;
 
+/// [`MaterialData::pattern`] of plain and striped materials.
+pub const PATTERN_NONE: u32 = 0;
+/// [`MaterialData::pattern`] of numbered balls.
+pub const PATTERN_NUMBER: u32 = 1;
+/// [`MaterialData::pattern`] of wood.
+pub const PATTERN_WOOD: u32 = 2;
+/// [`MaterialData::pattern`] of planks.
+pub const PATTERN_PLANKS: u32 = 3;
+
 /// A material. Diffuse ones have `ior` 0 and `diffuse_scale` 1.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -170,20 +230,29 @@ pub struct MaterialData {
     pub flight_rate: f32,
     /// Index of refraction of a metal, real part.
     pub eta: [f32; 3],
-    /// 0.
-    pub padding0: u32,
+    /// [`PATTERN_NONE`], [`PATTERN_NUMBER`], [`PATTERN_WOOD`] or [`PATTERN_PLANKS`]. The rings of
+    /// wood have the stripe's albedo.
+    pub pattern: u32,
     /// Imaginary part.
     pub k: [f32; 3],
-    /// 0.
-    pub padding1: u32,
+    /// A ball's number.
+    pub number: u32,
     /// Extinction coefficient σt of the medium inside, m⁻¹.
     pub extinction: [f32; 3],
-    /// 0.
-    pub padding2: u32,
+    /// The axis of wood's grain: 0, 1 or 2.
+    pub grain_axis: u32,
     /// Scattering coefficient of the medium over `flight_rate`.
     pub scattering: [f32; 3],
+    /// Width of a cloth's sheen.
+    pub sheen_roughness: f32,
+    /// Strength of a cloth's sheen, over 2π.
+    pub sheen: [f32; 3],
     /// 0.
-    pub padding3: u32,
+    pub padding0: u32,
+    /// Spacing of sights, their x in end rails and y in side rails, metres; 0 for none.
+    pub sights: [f32; 3],
+    /// 0.
+    pub padding1: u32,
 }
 
 /// A camera for one image size: the ray through film position `(x, y)`, in pixels from the top
@@ -223,6 +292,8 @@ impl CompiledScene {
             boxes: Vec::new(),
             discs: Vec::new(),
             rectangles: Vec::new(),
+            carved: Vec::new(),
+            faces: Vec::new(),
             lamps: lamps(&scene.lamps),
             materials: scene.materials.values().map(material_data).collect(),
             primitives: Vec::with_capacity(scene.objects.len()),
@@ -230,32 +301,31 @@ impl CompiledScene {
             camera_at_rest: scene.camera,
         };
         for object in &scene.objects {
-            let material = scene
-                .materials
-                .keys()
-                .position(|name| *name == object.material);
-            let material = material.expect("validated: each object's material exists") as u32;
-            let primitive = compiled.push(object.shape, material);
+            let material = |name: &str| {
+                let place = scene.materials.keys().position(|key| key == name);
+                place.expect("validated: each object's material exists") as u32
+            };
+            let primitive = compiled.push(&object.shape, material(&object.material), &material);
             compiled.primitives.push(primitive);
         }
         compiled.spheres_at_rest.clone_from(&compiled.spheres);
         Ok(compiled)
     }
 
-    fn push(&mut self, shape: Shape, material: u32) -> Primitive {
-        match shape {
+    fn push(&mut self, shape: &Shape, material: u32, named: &dyn Fn(&str) -> u32) -> Primitive {
+        match *shape {
             Shape::Sphere {
                 center,
                 radius,
                 rotation,
             } => {
-                let stripe_axis = stripe_axis(rotation);
-                let center = center.to_array();
                 self.spheres.push(SphereData {
-                    center,
+                    center: center.to_array(),
                     radius,
-                    stripe_axis,
+                    stripe_axis: ball_axis(rotation, DVec3::Z),
                     material,
+                    number_axis: ball_axis(rotation, DVec3::X),
+                    padding: 0,
                 });
                 Primitive::Sphere(self.spheres.len() as u32 - 1)
             }
@@ -268,6 +338,28 @@ impl CompiledScene {
                     padding: 0,
                 });
                 Primitive::Box(self.boxes.len() as u32 - 1)
+            }
+            Shape::Carved { min, max, ref cuts } => {
+                let first_face = self.faces.len() as u32;
+                let cut_faces = cuts.iter().map(|cut| {
+                    let material = cut.material.as_deref().map_or(material, named);
+                    cut_face(&cut.form, material)
+                });
+                let (min, max) = (min.to_array(), max.to_array());
+                self.carved.push(CarvedData {
+                    min,
+                    first_face,
+                    max,
+                    face_count: 1 + cuts.len() as u32,
+                });
+                self.faces.push(FaceData {
+                    a: min,
+                    kind: FACE_BOX,
+                    b: max,
+                    material,
+                });
+                self.faces.extend(cut_faces);
+                Primitive::Face(first_face)
             }
             Shape::Disc {
                 center,
@@ -363,6 +455,7 @@ impl CompiledScene {
             Primitive::Box(i) => self.boxes[i as usize].material,
             Primitive::Disc(i) => self.discs[i as usize].material,
             Primitive::Rectangle(i) => self.rectangles[i as usize].material,
+            Primitive::Face(i) => self.faces[i as usize].material,
             Primitive::Lamp(_) => return None,
         };
         Some(&self.materials[material as usize])
@@ -397,13 +490,33 @@ fn posed(at_rest: SphereData, pose: &ObjectPose) -> SphereData {
     SphereData {
         center: pose.position.to_array(),
         radius: if pose.visible { at_rest.radius } else { 0.0 },
-        stripe_axis: stripe_axis(pose.rotation),
+        stripe_axis: ball_axis(pose.rotation, DVec3::Z),
         material: at_rest.material,
+        number_axis: ball_axis(pose.rotation, DVec3::X),
+        padding: 0,
     }
 }
 
-fn stripe_axis(world_from_ball: Quat) -> [f32; 3] {
-    unit(world_from_ball.as_dquat().normalize() * DVec3::Z).to_array()
+fn ball_axis(world_from_ball: Quat, axis: DVec3) -> [f32; 3] {
+    unit(world_from_ball.as_dquat().normalize() * axis).to_array()
+}
+
+fn cut_face(form: &CutForm, material: u32) -> FaceData {
+    let (kind, a, b) = match *form {
+        CutForm::Beyond { point, normal } => {
+            let n = normal.as_dvec3().normalize();
+            let offset = n.dot(point.as_dvec3()) as f32;
+            (FACE_PLANE, n.as_vec3(), Vec3::new(offset, 0.0, 0.0))
+        }
+        CutForm::Bore { center, radius } => (FACE_BORE, center, Vec3::new(radius, 0.0, 0.0)),
+        CutForm::Hollow { min, max } => (FACE_HOLLOW, min, max),
+    };
+    FaceData {
+        a: a.to_array(),
+        kind,
+        b: b.to_array(),
+        material,
+    }
 }
 
 fn unit(v: DVec3) -> Vec3 {
@@ -460,6 +573,30 @@ fn material_data(material: &Material) -> MaterialData {
                 ..MaterialData::zeroed()
             }
         }
+        Material::Coated { ior, paint } => {
+            let coat = Material::SmoothPlastic {
+                albedo: Vec3::ZERO,
+                ior,
+                internal_reflectance: None,
+                stripe: None,
+            };
+            painted(material_data(&coat), &paint)
+        }
+        Material::Cloth {
+            albedo,
+            sheen,
+            sheen_roughness,
+        } => {
+            let most = sheen_reflectance_max(f64::from(sheen_roughness)) as f32;
+            let left = 1.0 - sheen.max_element() * most;
+            MaterialData {
+                albedo: (albedo * left.max(0.0)).to_array(),
+                diffuse_scale: 1.0,
+                sheen: (sheen / (2.0 * std::f32::consts::PI)).to_array(),
+                sheen_roughness,
+                ..MaterialData::zeroed()
+            }
+        }
         Material::Conductor { eta, k, alpha } => MaterialData {
             kind: KIND_CONDUCTOR,
             alpha: rough_alpha(alpha),
@@ -472,6 +609,46 @@ fn material_data(material: &Material) -> MaterialData {
             ior,
             alpha: rough_alpha(alpha),
             ..medium.map_or_else(MaterialData::zeroed, |medium| medium_data(&medium))
+        },
+    }
+}
+
+fn painted(coat: MaterialData, paint: &Paint) -> MaterialData {
+    match *paint {
+        Paint::Ball {
+            albedo,
+            stripe,
+            number,
+        } => MaterialData {
+            albedo: albedo.to_array(),
+            stripe_albedo: stripe.map_or(Vec3::ZERO, |stripe| stripe.albedo).to_array(),
+            stripe_half_width: stripe.map_or(0.0, |stripe| stripe.half_width),
+            pattern: if number > 0 {
+                PATTERN_NUMBER
+            } else {
+                PATTERN_NONE
+            },
+            number: u32::from(number),
+            ..coat
+        },
+        Paint::Wood {
+            light,
+            dark,
+            grain,
+            sights,
+        } => MaterialData {
+            albedo: light.to_array(),
+            stripe_albedo: dark.to_array(),
+            pattern: PATTERN_WOOD,
+            grain_axis: grain as u32,
+            sights: sights.map_or([0.0; 3], |s| [s.spacing, s.end_x, s.side_y]),
+            ..coat
+        },
+        Paint::Planks { light, dark } => MaterialData {
+            albedo: light.to_array(),
+            stripe_albedo: dark.to_array(),
+            pattern: PATTERN_PLANKS,
+            ..coat
         },
     }
 }

@@ -17,6 +17,7 @@ pub mod gpu;
 pub mod image_file;
 pub mod layers;
 pub mod metrics;
+pub mod paint;
 pub mod post;
 pub mod reference;
 pub mod reproject;
@@ -36,8 +37,8 @@ pub use image_file::RadianceImage;
 pub use layers::{Layers, TileLayers};
 pub use reference::Reference;
 pub use scene::{
-    Camera, Environment, Lamp, Material, Medium, Object, ObjectPose, Scene, SceneUpdate, Shape,
-    Stripe,
+    Axis, Camera, Cut, CutForm, Environment, Lamp, Material, Medium, Object, ObjectPose, Paint,
+    Scene, SceneUpdate, Shape, Sights, Stripe,
 };
 pub use settings::{Preset, RenderSettings};
 pub use tile::{ImageSize, Tile, TileGrid, TileRun};

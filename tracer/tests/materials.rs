@@ -8,8 +8,9 @@ use std::path::{Path, PathBuf};
 use carom_tracer::film::{trace_estimate, trace_image};
 use carom_tracer::metrics::{Estimate, Region, mean, region};
 use carom_tracer::{
-    Camera, CompiledScene, Environment, ImageSize, Material, Medium, Object, RadianceImage,
-    Reference, RenderSettings, Scene, Shape, Tile, Tracer,
+    Axis, Camera, CompiledScene, Cut, CutForm, Environment, ImageSize, Lamp, Material, Medium,
+    Object, Paint, RadianceImage, Reference, RenderSettings, Scene, Shape, Sights, Stripe, Tile,
+    Tracer,
 };
 use glam::{Quat, Vec3};
 
@@ -281,6 +282,263 @@ fn every_tracer_follows_the_reference_s_paths() {
             share < 0.03,
             "{}: {share} of the pixels differ",
             tracer.info().name
+        );
+    }
+}
+
+fn object(name: &str, material: &str, shape: Shape) -> Object {
+    Object {
+        name: name.to_owned(),
+        material: material.to_owned(),
+        shape,
+    }
+}
+
+fn cut(form: CutForm, material: Option<&str>) -> Cut {
+    Cut {
+        form,
+        material: material.map(str::to_owned),
+    }
+}
+
+/// A box with a bevel, a bore and a hollow.
+fn carved_block(bore_material: Option<&str>) -> Shape {
+    Shape::Carved {
+        min: Vec3::new(-0.5, -0.4, -0.3),
+        max: Vec3::new(0.5, 0.4, 0.2),
+        cuts: vec![
+            cut(
+                CutForm::Beyond {
+                    point: Vec3::new(0.0, -0.4, 0.1),
+                    normal: Vec3::new(0.0, -1.0, 1.0),
+                },
+                None,
+            ),
+            cut(
+                CutForm::Bore {
+                    center: Vec3::new(-0.2, 0.0, 0.0),
+                    radius: 0.15,
+                },
+                bore_material,
+            ),
+            cut(
+                CutForm::Hollow {
+                    min: Vec3::new(0.0, -0.2, -0.1),
+                    max: Vec3::new(0.4, 0.25, 0.4),
+                },
+                None,
+            ),
+        ],
+    }
+}
+
+/// A carved block, numbered balls, wood, planks and cloth under a lamp.
+fn painted_still_life() -> Scene {
+    let coated = |paint| Material::Coated { ior: 1.5, paint };
+    let (light, dark) = (Vec3::new(0.5, 0.3, 0.15), Vec3::new(0.2, 0.08, 0.03));
+    let wood = |grain, sights| {
+        coated(Paint::Wood {
+            light,
+            dark,
+            grain,
+            sights,
+        })
+    };
+    let sights = Some(Sights {
+        spacing: 0.2,
+        end_x: 0.7,
+        side_y: 0.45,
+    });
+    let stripe = Some(Stripe {
+        albedo: Vec3::new(0.1, 0.1, 0.5),
+        half_width: 0.5,
+    });
+    let ball = |number, stripe| {
+        coated(Paint::Ball {
+            albedo: Vec3::splat(0.7),
+            stripe,
+            number,
+        })
+    };
+    let sphere = |x: f32, y: f32, turn: f32| Shape::Sphere {
+        center: Vec3::new(x, y, 0.3),
+        radius: 0.1,
+        rotation: Quat::from_rotation_z(turn),
+    };
+    let plate = |z: f32, half: f32| Shape::Rectangle {
+        center: Vec3::new(0.0, 0.0, z),
+        half_u: Vec3::new(half, 0.0, 0.0),
+        half_v: Vec3::new(0.0, half, 0.0),
+    };
+    let cloth = Material::Cloth {
+        albedo: Vec3::new(0.1, 0.5, 0.3),
+        sheen: Vec3::splat(0.3),
+        sheen_roughness: 0.3,
+    };
+    let mut scene = furnace(cloth);
+    let materials = [
+        ("wood", wood(Axis::Y, None)),
+        ("rails", wood(Axis::X, sights)),
+        ("upright", wood(Axis::Z, None)),
+        ("planks", coated(Paint::Planks { light, dark })),
+        ("nine", ball(9, stripe)),
+        ("twelve", ball(12, None)),
+    ];
+    let named = materials.map(|(name, material)| (name.to_owned(), material));
+    scene.materials.extend(named);
+    let post = Shape::Box {
+        min: Vec3::new(0.6, 0.2, -0.3),
+        max: Vec3::new(0.7, 0.3, 0.5),
+    };
+    scene.objects = vec![
+        object("block", "wood", carved_block(Some("m"))),
+        object("nine", "nine", sphere(-0.4, -0.1, 2.0)),
+        object("twelve", "twelve", sphere(0.25, -0.55, -1.4)),
+        object("post", "upright", post),
+        object("floor", "planks", plate(-0.3, 3.0)),
+        object(
+            "rails",
+            "rails",
+            Shape::Box {
+                min: Vec3::new(-1.0, -1.0, -0.3),
+                max: Vec3::new(1.0, -0.45, -0.25),
+            },
+        ),
+    ];
+    scene.environment.radiance = Vec3::splat(0.1);
+    scene.lamps = vec![Lamp {
+        name: "lamp".to_owned(),
+        center: Vec3::new(0.0, 0.0, 1.5),
+        half_u: Vec3::new(0.5, 0.0, 0.0),
+        half_v: Vec3::new(0.0, -0.3, 0.0),
+        radiance: Vec3::splat(10.0),
+    }];
+    scene.camera.eye = Vec3::new(0.4, -2.0, 1.4);
+    scene.camera.fov_x_deg = 45.0;
+    scene
+}
+
+#[test]
+fn carved_and_painted_things_agree_with_the_reference_sample_for_sample() {
+    let scene = CompiledScene::new(&painted_still_life()).unwrap();
+    let settings = RenderSettings::default();
+    let size = ImageSize::new(160, 90);
+    let picture =
+        |tracer: &dyn Tracer| trace_image(tracer, &scene, size, settings).unwrap().image();
+    let expected = picture(&Reference);
+    for tracer in tracers() {
+        let image = picture(tracer.as_ref());
+        let pairs = image.pixels.iter().zip(&expected.pixels);
+        let differs = |(a, b): &(&[f32; 3], &[f32; 3])| {
+            let (a, b) = (Vec3::from(**a), Vec3::from(**b));
+            !(a - b).abs().cmple(2e-3 * (0.1 + b)).all()
+        };
+        let share = pairs.filter(differs).count() as f64 / size.pixels() as f64;
+        assert!(
+            share < 0.01,
+            "{}: {share} of the pixels differ",
+            tracer.info().name
+        );
+        let ratio = mean(&image)[1] / mean(&expected)[1];
+        assert!(
+            (ratio - 1.0).abs() < 2e-3,
+            "{}: {ratio}",
+            tracer.info().name
+        );
+    }
+}
+
+/// White furnace of a concave body: light that is caught in a bore gets out again.
+#[test]
+fn a_white_carved_box_vanishes_in_uniform_light() {
+    let mut scene = furnace(Material::Diffuse { albedo: Vec3::ONE });
+    scene.objects = vec![object("block", "m", carved_block(None))];
+    scene.camera.eye = Vec3::new(0.3, -1.0, 3.0);
+    for tracer in tracers() {
+        let image = trace(tracer.as_ref(), &scene, long_paths(16));
+        for pixel in image.pixels {
+            assert!(
+                (pixel[0] - 1.0).abs() < 1e-4,
+                "{}: {pixel:?}",
+                tracer.info().name
+            );
+        }
+    }
+}
+
+#[test]
+fn napped_cloth_gives_back_less_light_than_comes_and_most_at_grazing_angles() {
+    let cloth = Material::Cloth {
+        albedo: Vec3::new(1.0, 0.5, 0.0),
+        sheen: Vec3::splat(0.4),
+        sheen_roughness: 0.3,
+    };
+    let scene = furnace(cloth);
+    for tracer in tracers() {
+        let name = tracer.info().name;
+        let whole = mean(&trace(tracer.as_ref(), &scene, long_paths(256)));
+        assert!(whole[0] < 1.0 + 1e-3 && whole[0] > 0.6, "{name}: {whole:?}");
+        assert!(
+            whole[2] > 0.02,
+            "{name}: the sheen of black cloth shows: {whole:?}"
+        );
+        let mut middle = scene.clone();
+        middle.camera.fov_x_deg = 0.1;
+        let middle = mean(&trace(tracer.as_ref(), &middle, long_paths(64)))[2];
+        assert!(middle < 0.8 * whole[2], "{name}: {middle} {}", whole[2]);
+    }
+}
+
+#[test]
+fn cuts_that_cannot_be_made_are_refused_with_their_reason() {
+    let refusal = |form: CutForm, material: Option<&str>| {
+        let mut scene = furnace(Material::Diffuse { albedo: Vec3::ONE });
+        scene.objects[0].shape = Shape::Carved {
+            min: Vec3::NEG_ONE,
+            max: Vec3::ONE,
+            cuts: vec![cut(form, material)],
+        };
+        CompiledScene::new(&scene).unwrap_err().to_string()
+    };
+    let (center, point) = (Vec3::ZERO, Vec3::ZERO);
+    for (form, material, sentence) in [
+        (
+            CutForm::Bore {
+                center,
+                radius: 0.0,
+            },
+            None,
+            "cut 0: its radius is 0 m",
+        ),
+        (
+            CutForm::Bore {
+                center,
+                radius: 1.0,
+            },
+            Some("n"),
+            "its material `n` is not among",
+        ),
+        (
+            CutForm::Beyond {
+                point,
+                normal: Vec3::ZERO,
+            },
+            None,
+            "cut 0: its normal [0, 0, 0] must not be 0",
+        ),
+        (
+            CutForm::Hollow {
+                min: Vec3::ONE,
+                max: Vec3::ONE,
+            },
+            None,
+            "cut 0: its min [1, 1, 1] must be below its max",
+        ),
+    ] {
+        let refusal = refusal(form, material);
+        assert!(
+            refusal.contains(sentence),
+            "`{sentence}` is not in `{refusal}`"
         );
     }
 }

@@ -304,7 +304,7 @@ fn mistakes_of_the_caller_are_errors_and_change_nothing() {
         objects: vec![carom_tracer::Object {
             name: "ball".into(),
             material: "missing".into(),
-            shape: scene().objects[0].shape,
+            shape: scene().objects[0].shape.clone(),
         }],
         ..scene()
     };

@@ -7,6 +7,7 @@ use fearless_simd::prelude::*;
 use super::gloss::Gloss;
 use super::lanes::{Float, Mask, Vec3x};
 use super::sampling::cosine_hemisphere;
+use super::sheen::Sheen;
 use super::surface::Hit;
 
 /// The BSDF at a hit, seen from one direction: a mirror that reflects `fresnel` over a diffuse
@@ -24,6 +25,7 @@ pub(super) struct Bsdf<S: Simd> {
     coated: Mask<S>,
     any_coated: bool,
     gloss: Option<Gloss<S>>,
+    sheen: Option<Sheen<S>>,
 }
 
 /// A direction that light may come from.
@@ -53,6 +55,7 @@ impl<S: Simd> Bsdf<S> {
             coated,
             any_coated: coated.any_true(),
             gloss: hit.gloss,
+            sheen: hit.sheen,
         };
         if bsdf.any_coated {
             let zero = Float::splat(simd, 0.0);
@@ -81,7 +84,10 @@ impl<S: Simd> Bsdf<S> {
     #[inline(always)]
     pub(super) fn evaluate(&self, simd: S, wi: Vec3x<S>, cos_i: Float<S>) -> (Vec3x<S>, Float<S>) {
         let diffuse = cos_i * FRAC_1_PI;
-        let f_cos = self.base * (diffuse * self.transmitted(simd, cos_i));
+        let mut f_cos = self.base * (diffuse * self.transmitted(simd, cos_i));
+        if let Some(sheen) = &self.sheen {
+            f_cos = f_cos + sheen.evaluate(simd, self.normal, self.wo, wi) * cos_i;
+        }
         let pdf = diffuse * (1.0 - self.specular_share);
         let Some(gloss) = &self.gloss else {
             return (f_cos, pdf);
@@ -114,6 +120,11 @@ impl<S: Simd> Bsdf<S> {
             scattered.weight = self.base * (self.transmitted(simd, cos_i) / diffuse_share);
             scattered.pdf *= diffuse_share;
             self.choose_mirror(simd, u[1], &mut scattered);
+        }
+        if let Some(sheen) = &self.sheen {
+            let f = sheen.evaluate(simd, self.normal, self.wo, wi);
+            let pi = Float::splat(simd, std::f32::consts::PI);
+            scattered.weight = scattered.weight + f * pi;
         }
         if let Some(gloss) = &self.gloss {
             let glossy = gloss.sample(simd, self.normal, self.wo, u, inside);

@@ -5,6 +5,7 @@
 
 use fearless_simd::prelude::*;
 
+use super::carved::Carved;
 use super::lanes::{Float, Mask, Vec3x, Word};
 use crate::compiled::{BoxData, CompiledScene, DiscData, KIND_DIELECTRIC, SphereData};
 
@@ -17,13 +18,14 @@ pub(super) const INSIDE: u32 = 1 << 31;
 /// Directions closer to a slab's plane count as this close, so that no product is 0 · ∞.
 const DIRECTION_MIN: f32 = 1e-30;
 
-/// Everything a ray can meet. Ids number spheres, boxes, discs, rectangles and lamps in this
-/// order, as [`super::surface::Surfaces`] lists them.
+/// Everything a ray can meet. Ids number spheres, boxes, discs, rectangles, faces of carved boxes and
+/// lamps in this order, as [`super::surface::Surfaces`] lists them.
 pub(super) struct Geometry {
     spheres: Vec<Ball>,
     boxes: Vec<Slabs>,
     discs: Vec<Plate>,
     rectangles: Vec<Panel>,
+    carved: Vec<Carved>,
     lamps: Vec<Panel>,
     /// The id of the first lamp; a hit of this id or above ends its path.
     pub(super) lamps_first: u32,
@@ -39,7 +41,7 @@ pub(super) struct Rays<S: Simd> {
     pub(super) direction: Vec3x<S>,
     /// The primitive that each ray starts on, which it cannot meet: all are convex. With [`INSIDE`]
     /// the clear body that it is inside of.
-    skip: Word<S>,
+    pub(super) skip: Word<S>,
     inverse: Vec3x<S>,
     inverse_abs: Vec3x<S>,
 }
@@ -55,6 +57,17 @@ impl<S: Simd> Rays<S> {
             inverse,
             inverse_abs: inverse.abs(),
         }
+    }
+
+    /// Distances to the nearer and the farther plane of each pair of a box's.
+    #[inline(always)]
+    pub(super) fn slabs(&self, simd: S, min: [f32; 3], max: [f32; 3]) -> (Vec3x<S>, Vec3x<S>) {
+        let a = (Vec3x::splat(simd, min) - self.origin).scale(self.inverse);
+        let b = (Vec3x::splat(simd, max) - self.origin).scale(self.inverse);
+        (
+            Vec3x::new(a.x.min(b.x), a.y.min(b.y), a.z.min(b.z)),
+            Vec3x::new(a.x.max(b.x), a.y.max(b.y), a.z.max(b.z)),
+        )
     }
 }
 
@@ -95,7 +108,13 @@ impl Geometry {
                 Panel::new(r.center, r.normal, u, v, id())
             })
             .collect();
-        let lamps_first = id();
+        // As many ids as there are faces.
+        let faces_first = id();
+        let lamps_first = faces_first + scene.faces.len() as u32;
+        let carved = scene.carved.iter();
+        let carved = carved
+            .map(|c| Carved::new(c, &scene.faces, faces_first))
+            .collect();
         let lamps = scene.lamps.iter().zip(lamps_first..);
         let lamps = lamps
             .map(|(l, id)| {
@@ -110,6 +129,7 @@ impl Geometry {
             boxes,
             discs,
             rectangles,
+            carved,
             lamps,
             lamps_first,
             has_clear,
@@ -130,7 +150,16 @@ impl Geometry {
         for plate in &self.discs {
             nearest.take(plate.meet(simd, rays, nearest.distance), plate.id);
         }
-        for panel in self.rectangles.iter().chain(&self.lamps) {
+        for panel in &self.rectangles {
+            nearest.take(panel.meet(simd, rays, nearest.distance), panel.id);
+        }
+        for carved in &self.carved {
+            if let Some((hit, t, face)) = carved.meet(simd, rays, nearest.distance) {
+                nearest.distance = hit.select(t, nearest.distance);
+                nearest.id = hit.select(face, nearest.id);
+            }
+        }
+        for panel in &self.lamps {
             nearest.take(panel.meet(simd, rays, nearest.distance), panel.id);
         }
         if self.has_clear {
@@ -171,6 +200,11 @@ impl Geometry {
         }
         for panel in &self.rectangles {
             cast(&mut dark, panel.meet(simd, rays, distance));
+        }
+        for carved in &self.carved {
+            if let Some((hit, ..)) = carved.meet(simd, rays, distance) {
+                dark |= hit;
+            }
         }
         for panel in &self.lamps {
             if let Some((hit, _)) = panel.meet(simd, rays, distance) {
@@ -226,7 +260,13 @@ fn reach(scene: &CompiledScene) -> f32 {
     let discs = scene.discs.iter().map(|d| far(d.center, d.radius));
     let rectangles = scene.rectangles.iter();
     let rectangles = rectangles.map(|r| far(r.center, length(r.half_u) + length(r.half_v)));
-    let from_world_origin = spheres.chain(boxes).chain(discs).chain(rectangles);
+    let carved = scene.carved.iter();
+    let carved = carved.map(|c| far(c.min, 0.0).max(far(c.max, 0.0)));
+    let from_world_origin = spheres
+        .chain(boxes)
+        .chain(discs)
+        .chain(rectangles)
+        .chain(carved);
     2.0 * from_world_origin.fold(far(eye, 0.0), f32::max)
 }
 
@@ -535,10 +575,10 @@ mod tests {
 
     fn scene(shapes: &[Shape], eye: Vec3) -> CompiledScene {
         let albedo = Vec3::ONE;
-        let object = |&shape: &Shape| Object {
+        let object = |shape: &Shape| Object {
             name: String::new(),
             material: "m".to_owned(),
-            shape,
+            shape: shape.clone(),
         };
         let scene = Scene {
             camera: Camera {
@@ -604,6 +644,7 @@ mod tests {
                     Primitive::Box(i) => i + scene.spheres.len() as u32,
                     Primitive::Disc(i) => i + (scene.spheres.len() + scene.boxes.len()) as u32,
                     Primitive::Rectangle(_) | Primitive::Lamp(_) => geometry.lamps_first - 1,
+                    Primitive::Face(_) => panic!("no carved boxes here"),
                 };
                 if id[lane] == number {
                     let t = f64::from(t[lane]) * length;
@@ -636,7 +677,7 @@ mod tests {
             },
         ];
         for (which, shape) in shapes.iter().enumerate() {
-            let scene = scene(&[*shape], Vec3::ONE);
+            let scene = scene(std::slice::from_ref(shape), Vec3::ONE);
             let ray = |i: u32| {
                 let (from, c, d) = random(i);
                 let (towards, e, _) = random(i + (1 << 20));

@@ -333,7 +333,7 @@ fn uniform_direction<S: Simd>(simd: S, u1: Float<S>, u2: Float<S>) -> Vec3x<S> {
 
 /// Natural logarithm of a normal number, within 2 ulp (Cephes' `logf`, Moshier 1992).
 #[inline(always)]
-fn ln<S: Simd>(simd: S, x: Float<S>) -> Float<S> {
+pub(super) fn ln<S: Simd>(simd: S, x: Float<S>) -> Float<S> {
     let bits: Word<S> = x.bitcast();
     let exponent: i32x16<S> = (bits >> 23).bitcast();
     let exponent = exponent.to_float::<Float<S>>() - 126.0;
@@ -358,7 +358,7 @@ fn ln<S: Simd>(simd: S, x: Float<S>) -> Float<S> {
 
 /// e^x for x ≤ 0, within 2 ulp (Cephes' `expf`); 0 where the result would be subnormal.
 #[inline(always)]
-fn exp<S: Simd>(simd: S, x: Float<S>) -> Float<S> {
+pub(super) fn exp<S: Simd>(simd: S, x: Float<S>) -> Float<S> {
     let zero = Float::splat(simd, 0.0);
     let tiny = x.simd_lt(-87.0);
     let x = x.max(-87.0).min(zero);

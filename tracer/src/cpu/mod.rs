@@ -19,6 +19,7 @@
 
 mod batch;
 mod bsdf;
+mod carved;
 mod first_hit;
 mod geometry;
 mod gloss;
@@ -26,7 +27,9 @@ mod integrator;
 mod lanes;
 mod layers;
 mod light;
+mod paint;
 mod sampling;
+mod sheen;
 mod stream;
 mod surface;
 

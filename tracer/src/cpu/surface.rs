@@ -5,13 +5,22 @@ use fearless_simd::prelude::*;
 use super::geometry::{Chord, INSIDE, inverse};
 use super::gloss::{Flight, Gloss, GlossRow, gloss_row, untagged};
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
-use crate::compiled::{CompiledScene, KIND_DIELECTRIC, KIND_LAYERED, MaterialData};
+use super::paint::{PaintRow, paint_row, painted};
+use super::sheen::{Sheen, SheenRow};
+use crate::compiled::{
+    CompiledScene, FACE_BORE, FACE_BOX, FACE_PLANE, KIND_DIELECTRIC, KIND_LAYERED, MaterialData,
+    PATTERN_NONE, SphereData,
+};
 
 /// One row of numbers per primitive that scatters, in the order of ids.
 pub(super) struct Surfaces {
     rows: Vec<Row>,
     /// Empty if all are diffuse, bare or coated.
     gloss: Vec<GlossRow>,
+    /// Empty if nothing is painted.
+    paint: Vec<PaintRow>,
+    /// Some cloth has a sheen.
+    sheen: Vec<SheenRow>,
     /// Paths go on inside of bodies and need to know what fills them.
     pub(super) has_clear: bool,
 }
@@ -34,6 +43,10 @@ const STRIPE_AXIS: usize = 16;
 const KIND_SPHERE: f32 = 0.0;
 const KIND_BOX: f32 = 1.0;
 const KIND_FLAT: f32 = 2.0;
+/// The inside of an upright bore.
+const KIND_BORE: f32 = 3.0;
+/// The inside of a box.
+const KIND_HOLLOW: f32 = 4.0;
 
 /// Where and what a packet of rays hit.
 pub(super) struct Hit<S: Simd> {
@@ -46,6 +59,8 @@ pub(super) struct Hit<S: Simd> {
     pub(super) diffuse_scale: Float<S>,
     /// Metals and clear bodies, if any lane met one.
     pub(super) gloss: Option<Gloss<S>>,
+    /// Cloth, if any lane met one.
+    pub(super) sheen: Option<Sheen<S>>,
 }
 
 impl Surfaces {
@@ -76,11 +91,30 @@ impl Surfaces {
         }
         rows.extend(scene.discs.iter().map(|d| flat(d.normal, d.material)));
         rows.extend(scene.rectangles.iter().map(|r| flat(r.normal, r.material)));
+        rows.extend(scene.faces.iter().map(|face| {
+            let kind = match face.kind {
+                FACE_BOX => KIND_BOX,
+                FACE_PLANE => KIND_FLAT,
+                FACE_BORE => KIND_BORE,
+                _ => KIND_HOLLOW,
+            };
+            row(face.a, face.b, kind, face.material, [0.0; 3])
+        }));
         Self {
             rows,
             gloss: gloss_rows(scene),
+            paint: paint_rows(scene),
+            sheen: sheen_rows(scene),
             has_clear: (scene.materials.iter()).any(|m| m.kind == KIND_DIELECTRIC),
         }
+    }
+
+    #[inline(always)]
+    fn sheen_at<S: Simd>(&self, simd: S, id: Word<S>) -> Option<Sheen<S>> {
+        if self.sheen.is_empty() {
+            return None;
+        }
+        Sheen::new(simd, &self.sheen, id)
     }
 
     /// The flight of the rays inside clear bodies, whose ids are in `skip`, towards a boundary at
@@ -129,11 +163,20 @@ impl Surfaces {
             position = Vec3x::select(sphere, first + from_center, position);
             normal = Vec3x::select(sphere, from_center * (1.0 / second.x), normal);
         }
-        let boxed = kind.simd_eq(KIND_BOX);
+        let hollow = kind.simd_eq(KIND_HOLLOW);
+        let boxed = kind.simd_eq(KIND_BOX) | hollow;
         if boxed.any_true() {
+            within |= hollow;
             let face = Face::new(simd, origin, direction, first, second, within);
             position = Vec3x::select(boxed, face.put(simd, position), position);
             normal = Vec3x::select(boxed, face.normal, normal);
+        }
+        let bored = kind.simd_eq(KIND_BORE);
+        if bored.any_true() {
+            let (x, y) = (position.x - first.x, position.y - first.y);
+            let per_radius = -1.0 / x.mul_add(x, y * y).sqrt();
+            let inwards = Vec3x::new(x * per_radius, y * per_radius, x * 0.0);
+            normal = Vec3x::select(bored, inwards, normal);
         }
         if let Some(gloss) = &gloss {
             let inside = direction.mul_add(distance, origin);
@@ -147,6 +190,9 @@ impl Surfaces {
             let striped = normal.dot(axis).abs().simd_lt(half_width);
             albedo = Vec3x::select(striped, rows.triple(simd, STRIPE_ALBEDO), albedo);
         }
+        if !self.paint.is_empty() {
+            albedo = painted(simd, &self.paint, id, position, normal, albedo);
+        }
         let behind = normal.dot(direction).simd_gt(0.0);
         Hit {
             position,
@@ -155,21 +201,49 @@ impl Surfaces {
             ior,
             diffuse_scale: rows.number(simd, DIFFUSE_SCALE),
             gloss,
+            sheen: self.sheen_at(simd, id),
         }
     }
+}
+
+/// The materials of all primitives that scatter, in the order of ids.
+fn materials(scene: &CompiledScene) -> impl Iterator<Item = &MaterialData> {
+    let spheres = scene.spheres.iter().map(|s| s.material);
+    let boxes = scene.boxes.iter().map(|b| b.material);
+    let discs = scene.discs.iter().map(|d| d.material);
+    let rectangles = scene.rectangles.iter().map(|r| r.material);
+    let faces = scene.faces.iter().map(|f| f.material);
+    let indices = spheres.chain(boxes).chain(discs).chain(rectangles);
+    let indices = indices.chain(faces);
+    indices.map(|material| &scene.materials[material as usize])
 }
 
 fn gloss_rows(scene: &CompiledScene) -> Vec<GlossRow> {
     if scene.materials.iter().all(|m| m.kind == KIND_LAYERED) {
         return Vec::new();
     }
-    let spheres = scene.spheres.iter().map(|s| s.material);
-    let boxes = scene.boxes.iter().map(|b| b.material);
-    let discs = scene.discs.iter().map(|d| d.material);
-    let rectangles = scene.rectangles.iter().map(|r| r.material);
-    let materials = spheres.chain(boxes).chain(discs).chain(rectangles);
-    materials
-        .map(|material| gloss_row(&scene.materials[material as usize]))
+    materials(scene).map(gloss_row).collect()
+}
+
+fn paint_rows(scene: &CompiledScene) -> Vec<PaintRow> {
+    if scene.materials.iter().all(|m| m.pattern == PATTERN_NONE) {
+        return Vec::new();
+    }
+    let axes = |ball: &SphereData| (ball.number_axis, ball.stripe_axis);
+    let balls = scene.spheres.iter().map(axes);
+    let axes = balls.chain(std::iter::repeat(([0.0; 3], [0.0; 3])));
+    materials(scene)
+        .zip(axes)
+        .map(|(material, (number_axis, up))| paint_row(material, number_axis, up))
+        .collect()
+}
+
+fn sheen_rows(scene: &CompiledScene) -> Vec<SheenRow> {
+    if scene.materials.iter().all(|m| m.sheen == [0.0; 3]) {
+        return Vec::new();
+    }
+    materials(scene)
+        .map(|m| [m.sheen[0], m.sheen[1], m.sheen[2], m.sheen_roughness])
         .collect()
 }
 

@@ -1,6 +1,9 @@
 //! What a scene requires of the kernel: what it has none of is left out.
 
-use crate::compiled::{CompiledScene, KIND_DIELECTRIC, KIND_LAYERED, MaterialData};
+use crate::compiled::{
+    CompiledScene, KIND_DIELECTRIC, KIND_LAYERED, MaterialData, PATTERN_NUMBER, PATTERN_PLANKS,
+    PATTERN_WOOD,
+};
 use crate::gpu::{flatness, layout};
 
 /// A shape's array in the scene, in the order in which primitives are numbered.
@@ -10,10 +13,18 @@ pub(crate) enum ShapeKind {
     Box,
     Disc,
     Rectangle,
+    /// The faces of carved boxes.
+    Face,
 }
 
 impl ShapeKind {
-    pub(crate) const ALL: [Self; 4] = [Self::Sphere, Self::Box, Self::Disc, Self::Rectangle];
+    pub(crate) const ALL: [Self; 5] = [
+        Self::Sphere,
+        Self::Box,
+        Self::Disc,
+        Self::Rectangle,
+        Self::Face,
+    ];
 
     /// The prefix or suffix of its functions in WGSL.
     pub(crate) const fn function(self) -> &'static str {
@@ -22,6 +33,7 @@ impl ShapeKind {
             Self::Box => "box",
             Self::Disc => "disc",
             Self::Rectangle => "rectangle",
+            Self::Face => "face",
         }
     }
 
@@ -32,6 +44,7 @@ impl ShapeKind {
             Self::Box => "BOX",
             Self::Disc => "DISC",
             Self::Rectangle => "RECTANGLE",
+            Self::Face => "FACE",
         }
     }
 
@@ -42,6 +55,7 @@ impl ShapeKind {
             Self::Box => "boxes",
             Self::Disc => "discs",
             Self::Rectangle => "rectangles",
+            Self::Face => "faces",
         }
     }
 
@@ -52,6 +66,7 @@ impl ShapeKind {
             Self::Box => "BoxData",
             Self::Disc => "DiscData",
             Self::Rectangle => "RectangleData",
+            Self::Face => "FaceData",
         }
     }
 }
@@ -109,6 +124,9 @@ pub(crate) struct Features {
     pub(crate) boxes: u32,
     pub(crate) discs: u32,
     pub(crate) rectangles: u32,
+    pub(crate) faces: u32,
+    /// Carved boxes, which the faces belong to.
+    pub(crate) carved: u32,
     pub(crate) lamps: u32,
     /// At least 1: an array has no length of 0.
     pub(crate) materials: u32,
@@ -116,6 +134,12 @@ pub(crate) struct Features {
     pub(crate) has_coat: bool,
     /// Some material has a stripe.
     pub(crate) has_stripe: bool,
+    /// Some ball has a number.
+    pub(crate) has_number: bool,
+    /// Some material is wood.
+    pub(crate) has_wood: bool,
+    /// Some material is napped.
+    pub(crate) has_sheen: bool,
     /// Some material is a metal or clear.
     pub(crate) has_gloss: bool,
     /// Some material is clear.
@@ -142,10 +166,15 @@ impl Features {
             boxes: scene.boxes.len() as u32,
             discs: scene.discs.len() as u32,
             rectangles: scene.rectangles.len() as u32,
+            faces: scene.faces.len() as u32,
+            carved: scene.carved.len() as u32,
             lamps: scene.lamps.len() as u32,
             materials: scene.materials.len().max(1) as u32,
             has_coat: any(|material| material.kind == KIND_LAYERED && material.ior > 0.0),
             has_stripe: any(|material| material.stripe_half_width > 0.0),
+            has_number: any(|material| material.pattern == PATTERN_NUMBER),
+            has_wood: any(|m| matches!(m.pattern, PATTERN_WOOD | PATTERN_PLANKS)),
+            has_sheen: any(|material| material.sheen != [0.0; 3]),
             has_gloss: any(|material| material.kind != KIND_LAYERED),
             has_clear: any(|material| material.kind == KIND_DIELECTRIC),
             output: Output::Radiance,
@@ -168,6 +197,7 @@ impl Features {
             ShapeKind::Box => self.boxes,
             ShapeKind::Disc => self.discs,
             ShapeKind::Rectangle => self.rectangles,
+            ShapeKind::Face => self.faces,
         }
     }
 
@@ -181,7 +211,7 @@ impl Features {
 
     /// Surfaces that a ray is tested against.
     pub(crate) const fn primitives(&self) -> u32 {
-        self.spheres + self.boxes + self.discs + self.rectangles + self.lamps
+        self.spheres + self.boxes + self.discs + self.rectangles + self.faces + self.lamps
     }
 }
 

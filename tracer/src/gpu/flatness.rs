@@ -84,8 +84,11 @@ pub(crate) fn farthest(scene: &CompiledScene) -> f32 {
     let rectangles = rectangles.map(|r| reach(r.center, length(r.half_u) + length(r.half_v)));
     let lamps = scene.lamps.iter();
     let lamps = lamps.map(|l| reach(l.center, length(l.half_u) + length(l.half_v)));
+    let carved = scene.carved.iter();
+    let carved = carved.map(|c| reach(c.min, 0.0).max(reach(c.max, 0.0)));
     let surfaces = spheres
         .chain(boxes)
+        .chain(carved)
         .chain(discs)
         .chain(rectangles)
         .chain(lamps);

@@ -4,8 +4,8 @@ use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
 use glam::Vec3;
 
 use crate::compiled::{
-    BoxData, CameraFrame, CompiledScene, DiscData, LampData, MaterialData, RectangleData,
-    SphereData,
+    BoxData, CameraFrame, CarvedData, CompiledScene, DiscData, FaceData, LampData, MaterialData,
+    RectangleData, SphereData,
 };
 use crate::gpu::features::{Features, ShapeKind};
 use crate::gpu::flatness;
@@ -107,6 +107,7 @@ pub(crate) fn scene_bytes_len(features: &Features) -> u64 {
     let arrays = shapes.sum::<usize>()
         + features.spheres as usize * size_of::<SphereBound>()
         + features.boxes as usize * size_of::<BoxBound>()
+        + features.carved as usize * size_of::<CarvedData>()
         + features.lamps as usize * size_of::<LampData>()
         + features.materials as usize * size_of::<MaterialData>();
     (size_of::<SceneHeader>() + arrays) as u64
@@ -118,6 +119,7 @@ fn element_bytes(shape: ShapeKind) -> usize {
         ShapeKind::Box => size_of::<BoxData>(),
         ShapeKind::Disc => size_of::<DiscData>(),
         ShapeKind::Rectangle => size_of::<RectangleData>(),
+        ShapeKind::Face => size_of::<FaceData>(),
     }
 }
 
@@ -137,6 +139,8 @@ pub(crate) fn scene_bytes(scene: &CompiledScene, size: ImageSize) -> Result<Vec<
     bytes.extend_from_slice(cast_slice(&scene.boxes));
     bytes.extend_from_slice(cast_slice(&scene.discs));
     bytes.extend_from_slice(cast_slice(&scene.rectangles));
+    bytes.extend_from_slice(cast_slice(&scene.faces));
+    bytes.extend_from_slice(cast_slice(&scene.carved));
     bytes.extend_from_slice(cast_slice(&scene.lamps));
     bytes.extend_from_slice(cast_slice(&scene.materials));
     if scene.materials.is_empty() {
@@ -156,7 +160,9 @@ fn check_materials(scene: &CompiledScene) -> Result<(), Error> {
     let boxes = scene.boxes.iter().map(|solid| solid.material);
     let discs = scene.discs.iter().map(|disc| disc.material);
     let rectangles = scene.rectangles.iter().map(|rectangle| rectangle.material);
-    let highest = spheres.chain(boxes).chain(discs).chain(rectangles).max();
+    let faces = scene.faces.iter().map(|face| face.material);
+    let materials = spheres.chain(boxes).chain(discs).chain(rectangles);
+    let highest = materials.chain(faces).max();
     match highest {
         Some(material) if material as usize >= scene.materials.len() => {
             Err(Error::InvalidScene(format!(

@@ -364,6 +364,7 @@ fn compare_rays(scene: &CompiledScene, lamps_shade: bool) {
             Primitive::Box(_) => 1,
             Primitive::Disc(_) => 2,
             Primitive::Rectangle(_) => 3,
+            Primitive::Face(_) => panic!("the scene has no carved box"),
             Primitive::Lamp(i) => 4 + i,
         });
         let t_expected = hit.map_or(f64::INFINITY, |hit| hit.t);

@@ -2,11 +2,16 @@
 
 use std::fmt::Write as _;
 
-use crate::compiled::{KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED};
+use crate::compiled::{
+    FACE_BORE, FACE_BOX, FACE_PLANE, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, PATTERN_NUMBER,
+    PATTERN_PLANKS, PATTERN_WOOD,
+};
 use crate::gpu::features::{Features, Output, SceneMemory, ShapeKind};
 use crate::gpu::layout::SPHERE_SLACK;
+use crate::paint;
 use crate::reference::light::{BELOW_1, SOLID_ANGLE_MIN};
 use crate::sampling::{BLOCK_CAMERA, SCRAMBLE};
+use crate::scene::validate::CUT_MARGIN_M;
 
 /// Pixels along the edge of the block that a workgroup traces.
 pub(crate) const BLOCK_EDGE: u32 = 8;
@@ -50,6 +55,14 @@ fn parts(features: &Features) -> Vec<&'static str> {
         true => include_str!("shaders/bsdf_gloss.wgsl"),
         false => include_str!("shaders/bsdf_layered.wgsl"),
     });
+    parts.push(match features.has_sheen {
+        true => include_str!("shaders/sheen.wgsl"),
+        false => include_str!("shaders/sheen_none.wgsl"),
+    });
+    parts.push(match features.has_number || features.has_wood {
+        true => include_str!("shaders/paint.wgsl"),
+        false => include_str!("shaders/paint_none.wgsl"),
+    });
     parts.push(match features.has_clear {
         true => include_str!("shaders/medium.wgsl"),
         false => include_str!("shaders/medium_none.wgsl"),
@@ -66,6 +79,7 @@ fn shape_part(shape: ShapeKind) -> &'static str {
         ShapeKind::Box => include_str!("shaders/box.wgsl"),
         ShapeKind::Disc => include_str!("shaders/disc.wgsl"),
         ShapeKind::Rectangle => include_str!("shaders/rectangle.wgsl"),
+        ShapeKind::Face => include_str!("shaders/face.wgsl"),
     }
 }
 
@@ -84,6 +98,15 @@ fn constants(features: &Features) -> String {
          const SPHERE_SLACK: f32 = {SPHERE_SLACK:e};\n\
          const HAS_STRIPE: bool = {};\n\
          const HAS_CLEAR: bool = {};\n\
+         const HAS_NUMBER: bool = {};\n\
+         const HAS_WOOD: bool = {};\n\
+         const PATTERN_NUMBER: u32 = {PATTERN_NUMBER}u;\n\
+         const PATTERN_WOOD: u32 = {PATTERN_WOOD}u;\n\
+         const PATTERN_PLANKS: u32 = {PATTERN_PLANKS}u;\n\
+         const FACE_BOX: u32 = {FACE_BOX}u;\n\
+         const FACE_PLANE: u32 = {FACE_PLANE}u;\n\
+         const FACE_BORE: u32 = {FACE_BORE}u;\n\
+         const CUT_MARGIN_M: f32 = {CUT_MARGIN_M:?};\n\
          const KIND_LAYERED: u32 = {KIND_LAYERED}u;\n\
          const KIND_CONDUCTOR: u32 = {KIND_CONDUCTOR}u;\n\
          const KIND_DIELECTRIC: u32 = {KIND_DIELECTRIC}u;\n",
@@ -91,7 +114,9 @@ fn constants(features: &Features) -> String {
         features.discs_coplanar,
         features.lamps_coplanar,
         features.has_stripe,
-        features.has_clear
+        features.has_clear,
+        features.has_number,
+        features.has_wood
     );
     _ = writeln!(text, "const OUTPUT: u32 = {}u;", features.output as u32);
     for output in Output::ALL {
@@ -102,6 +127,7 @@ fn constants(features: &Features) -> String {
             output as u32
         );
     }
+    text += &paint::wgsl();
     let mut first = 0;
     for shape in ShapeKind::ALL {
         let (name, count) = (shape.constant(), features.count(shape));
@@ -112,6 +138,7 @@ fn constants(features: &Features) -> String {
         first += count;
     }
     let lamps = features.lamps;
+    _ = writeln!(text, "const CARVED_COUNT: u32 = {}u;", features.carved);
     _ = writeln!(
         text,
         "const LAMP_FIRST: u32 = {first}u;\nconst LAMP_COUNT: u32 = {lamps}u;"
@@ -125,6 +152,10 @@ fn scene_declaration(features: &Features) -> String {
     for shape in features.shapes() {
         let (field, ty, count) = (shape.array(), shape.type_name(), features.count(shape));
         _ = writeln!(text, "    {field}: array<{ty}, {count}>,");
+    }
+    if features.carved > 0 {
+        let count = features.carved;
+        _ = writeln!(text, "    carved: array<CarvedData, {count}>,");
     }
     if features.lamps > 0 {
         _ = writeln!(text, "    lamps: array<LampData, {}>,", features.lamps);
@@ -185,7 +216,7 @@ fn occluded(features: &Features) -> String {
 
 fn surface_at(features: &Features) -> String {
     let mut text =
-        String::from("fn surface_at(ray: Ray, hit: Hit, is_within: bool) -> Surface {\n");
+        String::from("fn bare_surface_at(ray: Ray, hit: Hit, is_within: bool) -> Surface {\n");
     for shape in features.shapes() {
         let (name, constant) = (shape.function(), shape.constant());
         _ = writeln!(
@@ -194,7 +225,11 @@ fn surface_at(features: &Features) -> String {
              return {name}_surface(ray, hit.t, hit.primitive - {constant}_FIRST, is_within);\n    }}"
         );
     }
-    text + "    return Surface(vec3f(0.0), vec3f(0.0), vec3f(0.0), 0u, false);\n}\n"
+    text += "    return Surface(vec3f(0.0), vec3f(0.0), vec3f(0.0), 0u, false);\n}\n";
+    text + "fn surface_at(ray: Ray, hit: Hit, is_within: bool) -> Surface {\n    \
+            var surface = bare_surface_at(ray, hit, is_within);\n    \
+            if (HAS_WOOD) { surface.albedo = painted(surface); }\n    \
+            return surface;\n}\n"
 }
 
 /// The material of a solid.
@@ -224,7 +259,8 @@ mod tests {
 
     use super::*;
     use crate::compiled::{
-        BoxData, CameraFrame, DiscData, LampData, MaterialData, RectangleData, SphereData,
+        BoxData, CameraFrame, CarvedData, DiscData, FaceData, LampData, MaterialData,
+        RectangleData, SphereData,
     };
     use crate::gpu::layout::{
         BoxBound, DispatchData, SceneHeader, SphereBound, TileEntry, scene_bytes_len,
@@ -235,10 +271,15 @@ mod tests {
         boxes: 6,
         discs: 6,
         rectangles: 2,
+        faces: 9,
+        carved: 2,
         lamps: 3,
         materials: 20,
         has_coat: true,
         has_stripe: true,
+        has_number: true,
+        has_wood: true,
+        has_sheen: true,
         has_gloss: true,
         has_clear: true,
         output: Output::Radiance,
@@ -258,11 +299,16 @@ mod tests {
                 boxes: count(1, 1),
                 discs: count(2, 2),
                 rectangles: count(3, 1),
+                faces: 5 * (i / 2 % 2),
+                carved: i / 2 % 2,
                 has_coat: i >> 4 & 1 == 1,
                 memory: [SceneMemory::Uniform, SceneMemory::Storage][(i >> 5 & 1) as usize],
                 lamps: i >> 6,
                 materials: 1 + i % 5,
                 has_stripe: i % 3 == 0,
+                has_number: i % 11 < 6,
+                has_wood: i % 13 < 7,
+                has_sheen: i % 17 < 8,
                 has_gloss: i % 7 < 4,
                 has_clear: i % 7 < 2,
                 output: Output::ALL[i as usize % 6],
@@ -317,17 +363,19 @@ mod tests {
     }
 
     #[rustfmt::skip]
-    fn layouts_in_rust() -> [Layout; 12] {
+    fn layouts_in_rust() -> [Layout; 14] {
         [
-            layout!(SphereData, center radius stripe_axis material),
+            layout!(SphereData, center radius stripe_axis material number_axis),
             layout!(BoxData, min material max),
+            layout!(CarvedData, min first_face max face_count),
+            layout!(FaceData, a kind b material),
             layout!(DiscData, center radius normal material),
             layout!(RectangleData, center material half_u inv_u2 half_v inv_v2 normal),
             layout!(LampData,
                 center area half_u inv_u2 half_v inv_v2 normal brightness radiance),
             layout!(MaterialData,
                 albedo ior stripe_albedo stripe_half_width diffuse_scale kind alpha flight_rate
-                eta k extinction scattering),
+                eta pattern k number extinction grain_axis scattering sheen_roughness sheen sights),
             layout!(SphereBound, center power),
             layout!(BoxBound, center half),
             layout!(CameraFrame, eye corner dx dy),

@@ -8,9 +8,11 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::intersect::{Hit, vector};
+use super::sheen::sheen;
 use crate::CompiledScene;
-use crate::compiled::{MaterialData, Primitive};
+use crate::compiled::{MaterialData, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, Primitive};
 use crate::fresnel::fresnel_dielectric;
+use crate::paint::{numbered, wood};
 
 /// How one point of a surface scatters: a mirror of weight `F(cos wo)` over
 /// `f = albedo/π · (1−F(cos wo))(1−F(cos wi)) · diffuse_scale`, `F` being 0 without a coat.
@@ -22,6 +24,10 @@ pub struct Bsdf {
     pub ior: f64,
     /// `1 / (η²(1 − F_dr,int))`; 1 without a coat.
     pub diffuse_scale: f64,
+    /// Strength of a cloth's sheen, over 2π; 0 for none.
+    pub sheen: DVec3,
+    /// Its width.
+    pub sheen_roughness: f64,
 }
 
 /// A direction that light may have come from.
@@ -43,13 +49,24 @@ impl Bsdf {
         let Some(material) = scene.material_of(hit.primitive) else {
             return Self::black();
         };
-        let in_stripe = if let Primitive::Sphere(i) = hit.primitive {
-            let axis = vector(scene.spheres[i as usize].stripe_axis);
-            hit.n.dot(axis).abs() < f64::from(material.stripe_half_width)
-        } else {
-            false
+        if matches!(material.pattern, PATTERN_WOOD | PATTERN_PLANKS) {
+            return Self {
+                albedo: wood(material, hit.point),
+                ..Self::new(material, false)
+            };
+        }
+        let Primitive::Sphere(i) = hit.primitive else {
+            return Self::new(material, false);
         };
-        Self::new(material, in_stripe)
+        let sphere = &scene.spheres[i as usize];
+        let up = vector(sphere.stripe_axis);
+        let in_stripe = hit.n.dot(up).abs() < f64::from(material.stripe_half_width);
+        let mut bsdf = Self::new(material, in_stripe);
+        if material.pattern == PATTERN_NUMBER {
+            let axis = vector(sphere.number_axis);
+            bsdf.albedo = numbered(material.number, hit.n, axis, up, bsdf.albedo);
+        }
+        bsdf
     }
 
     /// A material, in or out of its stripe.
@@ -63,6 +80,8 @@ impl Bsdf {
             albedo: vector(albedo),
             ior: f64::from(material.ior),
             diffuse_scale: f64::from(material.diffuse_scale),
+            sheen: vector(material.sheen),
+            sheen_roughness: f64::from(material.sheen_roughness),
         }
     }
 
@@ -71,6 +90,8 @@ impl Bsdf {
             albedo: DVec3::ZERO,
             ior: 0.0,
             diffuse_scale: 1.0,
+            sheen: DVec3::ZERO,
+            sheen_roughness: 1.0,
         }
     }
 
@@ -100,6 +121,16 @@ impl Bsdf {
         self.albedo * (coat * self.diffuse_scale / PI)
     }
 
+    /// The sheen's `f` in sr⁻¹; 0 below the surface.
+    pub fn sheen(&self, wo: DVec3, wi: DVec3, n: DVec3) -> DVec3 {
+        let (cos_o, cos_i) = (wo.dot(n), wi.dot(n));
+        if self.sheen == DVec3::ZERO || cos_o <= 0.0 || cos_i <= 0.0 {
+            return DVec3::ZERO;
+        }
+        let cos_h = (wo + wi).normalize().dot(n);
+        self.sheen * sheen(self.sheen_roughness, cos_o, cos_i, cos_h)
+    }
+
     /// Density per solid angle with which [`Bsdf::sample`] draws a direction of cosine `cos_i`
     /// from the diffuse lobe.
     pub fn pdf(&self, cos_o: f64, cos_i: f64) -> f64 {
@@ -123,9 +154,11 @@ impl Bsdf {
         let cos_i = (1.0 - u1).max(0.0).sqrt();
         let (t, b) = basis(n);
         let pdf = self.pdf(cos_o, cos_i);
+        let wi = radius * phi.cos() * t + radius * phi.sin() * b + cos_i * n;
+        let f = self.eval(cos_o, cos_i) + self.sheen(wo, wi, n);
         BsdfSample {
-            wi: radius * phi.cos() * t + radius * phi.sin() * b + cos_i * n,
-            weight: self.eval(cos_o, cos_i) * (PI / (1.0 - probability_mirror)),
+            wi,
+            weight: f * (PI / (1.0 - probability_mirror)),
             pdf: Some(pdf),
         }
     }
@@ -155,6 +188,7 @@ mod tests {
             albedo: DVec3::new(albedo, 0.5 * albedo, 0.1),
             ior,
             diffuse_scale: 1.0 / (ior * ior * (1.0 - internal_diffuse_reflectance(ior))),
+            ..Bsdf::black()
         }
     }
 

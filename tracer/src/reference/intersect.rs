@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::carved::meet_carved;
 use crate::CompiledScene;
 use crate::compiled::{BoxData, DiscData, Primitive, SphereData};
 
@@ -52,12 +53,12 @@ pub fn intersect_from(scene: &CompiledScene, ray: &Ray, left: Option<Departure>)
         .filter(|left| left.is_inside)
         .map(|left| left.primitive);
     let mut nearest: Option<Hit> = None;
-    let mut offer = |primitive, met: Option<(f64, DVec3)>| {
+    let offer = |nearest: &mut Option<Hit>, primitive, met: Option<(f64, DVec3)>| {
         let Some((t, n)) = met else { return };
         let is_ahead = t > 0.0 || enclosing == Some(primitive);
         if is_ahead && nearest.is_none_or(|hit| t < hit.t) && skipped != Some(primitive) {
             let point = ray.origin + t * ray.direction;
-            nearest = Some(Hit {
+            *nearest = Some(Hit {
                 t,
                 point,
                 n,
@@ -72,7 +73,7 @@ pub fn intersect_from(scene: &CompiledScene, ray: &Ray, left: Option<Departure>)
         } else {
             meet_sphere(sphere, ray)
         };
-        offer(primitive, met);
+        offer(&mut nearest, primitive, met);
     }
     for (i, slabs) in (0..).zip(&scene.boxes) {
         let primitive = Primitive::Box(i);
@@ -81,18 +82,33 @@ pub fn intersect_from(scene: &CompiledScene, ray: &Ray, left: Option<Departure>)
         } else {
             meet_box(slabs, ray)
         };
-        offer(primitive, met);
+        offer(&mut nearest, primitive, met);
     }
     for (i, disc) in (0..).zip(&scene.discs) {
-        offer(Primitive::Disc(i), meet_disc(disc, ray));
+        offer(&mut nearest, Primitive::Disc(i), meet_disc(disc, ray));
     }
     for (i, plate) in (0..).zip(&scene.rectangles) {
         let met = meet_rectangle(ray, plate.center, plate.half_u, plate.half_v);
-        offer(Primitive::Rectangle(i), met);
+        offer(&mut nearest, Primitive::Rectangle(i), met);
+    }
+    for carved in &scene.carved {
+        let own = carved.first_face..carved.first_face + carved.face_count;
+        let is_left = matches!(skipped, Some(Primitive::Face(face)) if own.contains(&face));
+        if let Some((t, n, face)) = meet_carved(scene, carved, ray, is_left) {
+            let is_nearest = nearest.is_none_or(|hit| t < hit.t);
+            if t > 0.0 && is_nearest {
+                nearest = Some(Hit {
+                    t,
+                    point: ray.origin + t * ray.direction,
+                    n,
+                    primitive: Primitive::Face(face),
+                });
+            }
+        }
     }
     for (i, lamp) in (0..).zip(&scene.lamps) {
         let met = meet_rectangle(ray, lamp.center, lamp.half_u, lamp.half_v);
-        offer(Primitive::Lamp(i), met);
+        offer(&mut nearest, Primitive::Lamp(i), met);
     }
     nearest.map(|hit| on_surface(scene, hit))
 }
@@ -255,6 +271,8 @@ mod tests {
             radius: 1.0,
             stripe_axis: [0.0, 0.0, 1.0],
             material: 0,
+            number_axis: [1.0, 0.0, 0.0],
+            padding: 0,
         }
     }
 

@@ -49,7 +49,8 @@ impl Scatter {
         match self {
             Self::Layered(bsdf) => {
                 let (cos_o, cos_i) = (wo.dot(n), wi.dot(n));
-                (bsdf.eval(cos_o, cos_i), bsdf.pdf(cos_o, cos_i))
+                let sheen = bsdf.sheen(wo, wi, n);
+                (bsdf.eval(cos_o, cos_i) + sheen, bsdf.pdf(cos_o, cos_i))
             }
             Self::Conductor(metal) => metal.eval(wo, wi, n),
             Self::Dielectric(glass) => glass.eval(wo, wi, n),

@@ -321,7 +321,7 @@ mod tests {
                     );
                 }
                 assert!(
-                    mean <= 1.0 + 1e-9 && mean > 1.0 - 0.4 * alpha,
+                    mean <= 1.0 + 1e-9 && mean > 1.0 - alpha,
                     "{alpha} {eta}: {mean}"
                 );
             }

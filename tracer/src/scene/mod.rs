@@ -66,7 +66,7 @@ pub struct Object {
 }
 
 /// A form in world space.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Shape {
     /// A ball: the only shape that a [`SceneUpdate`] can move.
@@ -75,7 +75,7 @@ pub enum Shape {
         center: Vec3,
         /// Radius in metres, above 0.
         radius: f32,
-        /// `world_from_ball`, a unit quaternion (x, y, z, w); turns the stripe.
+        /// `world_from_ball`, a unit quaternion (x, y, z, w); turns stripe and number.
         #[serde(default)]
         rotation: Quat,
     },
@@ -85,6 +85,17 @@ pub enum Shape {
         min: Vec3,
         /// Corner of the largest coordinates, in metres; above `min` on each axis.
         max: Vec3,
+    },
+    /// A box with faces parallel to the axes from which parts are taken away: a slate with its
+    /// pockets, a bevelled cushion, a hollow lampshade.
+    Carved {
+        /// Corner of the smallest coordinates, in metres.
+        min: Vec3,
+        /// Corner of the largest coordinates, in metres; above `min` on each axis.
+        max: Vec3,
+        /// What is taken away, at most [`validate::CUTS_MAX`]. Surfaces closer than
+        /// [`validate::CUT_MARGIN_M`] to a cut count as within it.
+        cuts: Vec<Cut>,
     },
     /// A flat round plate, seen from both sides.
     Disc {
@@ -103,6 +114,45 @@ pub enum Shape {
         half_u: Vec3,
         /// From the centre to the middle of the next edge; at right angles to `half_u`.
         half_v: Vec3,
+    },
+}
+
+/// A part that is taken away from a [`Shape::Carved`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Cut {
+    /// The part's form.
+    pub form: CutForm,
+    /// A key of [`Scene::materials`] for the surface that the cut lays open; the object's own if
+    /// absent.
+    #[serde(default)]
+    pub material: Option<String>,
+}
+
+/// The form of what a [`Cut`] takes away.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum CutForm {
+    /// All beyond a plane: where `normal · (p − point) > 0`.
+    Beyond {
+        /// A point of the plane, in metres.
+        point: Vec3,
+        /// Normal out of what remains, any length but 0.
+        normal: Vec3,
+    },
+    /// An upright round hole without end.
+    Bore {
+        /// Its axis, in metres; z does not matter.
+        center: Vec3,
+        /// Radius in metres.
+        radius: f32,
+    },
+    /// A box with faces parallel to the axes.
+    Hollow {
+        /// Corner of the smallest coordinates, in metres.
+        min: Vec3,
+        /// Corner of the largest coordinates, in metres; above `min` on each axis.
+        max: Vec3,
     },
 }
 
@@ -149,6 +199,27 @@ pub enum Material {
         #[serde(default)]
         stripe: Option<Stripe>,
     },
+    /// A painted or wooden base under a smooth clear coat, as [`Material::SmoothPlastic`] with the
+    /// exact internal reflectance.
+    Coated {
+        /// Index of refraction of the coat against air, in [1, 1000]; varnish and phenolic resin
+        /// 1.5.
+        ior: f32,
+        /// What the base looks like.
+        paint: Paint,
+    },
+    /// Napped cloth: Lambert and the sheen of fibres that stand up from it, after Estevez and Kulla,
+    /// "Production Friendly Microfacet Sheen BRDF" (SIGGRAPH 2017 course), with the shadowing of
+    /// Neubelt and Pettineo, "Crafting a Next-Gen Material Pipeline for The Order: 1886" (2013).
+    /// The base is darkened by the most that the sheen reflects, so that light is never gained.
+    Cloth {
+        /// Albedo of the base, per channel, in [0, 1].
+        albedo: Vec3,
+        /// Strength of the sheen per channel, in [0, 1].
+        sheen: Vec3,
+        /// Width of the sheen, in [0.1, 1]: small shows at grazing angles alone.
+        sheen_roughness: f32,
+    },
     /// Metal: a GGX microfacet mirror (Walter et al., "Microfacet Models for Refraction through
     /// Rough Surfaces", EGSR 2007) with the Fresnel term of a complex index of refraction.
     Conductor {
@@ -172,6 +243,67 @@ pub enum Material {
         #[serde(default)]
         medium: Option<Medium>,
     },
+}
+
+/// What a coated base looks like.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Paint {
+    /// A pool ball: its number stands in white circles round the ball's local +x and −x, upright
+    /// along z.
+    Ball {
+        /// Albedo, per channel, in [0, 1].
+        albedo: Vec3,
+        /// A second colour in a band round the ball's local z axis.
+        #[serde(default)]
+        stripe: Option<Stripe>,
+        /// 1 to 99; 0 for none.
+        number: u8,
+    },
+    /// Wood, with grain along an axis of the world.
+    Wood {
+        /// Albedo of the light wood between the rings, per channel, in [0, 1].
+        light: Vec3,
+        /// Albedo of the rings, per channel, in [0, 1].
+        dark: Vec3,
+        /// The axis of the grain.
+        grain: Axis,
+        /// Mother-of-pearl diamonds; the grain then follows four mitred rails round the origin.
+        #[serde(default)]
+        sights: Option<Sights>,
+    },
+    /// A floor of planks along x.
+    Planks {
+        /// Albedo of the light wood, per channel, in [0, 1].
+        light: Vec3,
+        /// Albedo of the rings, per channel, in [0, 1].
+        dark: Vec3,
+    },
+}
+
+/// An axis of the world.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Axis {
+    /// Along the table.
+    X,
+    /// Across it.
+    Y,
+    /// Up.
+    Z,
+}
+
+/// Diamonds in the rails, at the multiples of a spacing from the table's middle lines: three each
+/// side of the middle of a long rail, one each side of that of a short one and one there.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sights {
+    /// From one to the next in metres, above 0: an eighth of the table's length.
+    pub spacing: f32,
+    /// Distance of the short rails' sights from the middle in metres.
+    pub end_x: f32,
+    /// Distance of the long rails' sights from the middle in metres.
+    pub side_y: f32,
 }
 
 /// A homogeneous medium that absorbs and scatters evenly into all directions: with albedo 0 tinted

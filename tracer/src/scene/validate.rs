@@ -3,7 +3,9 @@
 use glam::{Quat, Vec3};
 
 use crate::Error;
-use crate::scene::{Camera, Lamp, Material, Medium, ObjectPose, Scene, Shape};
+use crate::scene::{
+    Camera, CutForm, Lamp, Material, Medium, ObjectPose, Paint, Scene, Shape, Stripe,
+};
 
 /// The most objects in a scene: each ray meets each of them.
 pub const OBJECTS_MAX: usize = 4096;
@@ -31,6 +33,15 @@ pub const EXTINCTION_PER_M_MAX: f32 = 1e6;
 /// In a medium that scatters no channel's extinction is more than this many times another's:
 /// distances are drawn for the clearest channel, and the others' weights would spread too far.
 pub const EXTINCTION_RATIO_MAX: f32 = 8.0;
+/// The most cuts of one carved box: each ray that comes near it meets each of them.
+pub const CUTS_MAX: usize = 16;
+/// The most cuts of a scene.
+pub const CUTS_TOTAL_MAX: usize = 1024;
+/// Surfaces closer than this to a cut count as within it, in m: rounding must not put a ray that
+/// leaves a cut's surface back into the body.
+pub const CUT_MARGIN_M: f32 = 1e-5;
+/// The range of the width of a sheen.
+pub const SHEEN_ROUGHNESS: std::ops::RangeInclusive<f32> = 0.1..=1.0;
 /// The range of a full horizontal field of view in degrees.
 pub const FOV_X_DEG: std::ops::RangeInclusive<f32> = 0.01..=179.0;
 
@@ -49,6 +60,11 @@ impl Scene {
         count("objects", self.objects.len(), OBJECTS_MAX)?;
         count("lamps", self.lamps.len(), LAMPS_MAX)?;
         count("materials", self.materials.len(), MATERIALS_MAX)?;
+        let cuts = self.objects.iter().map(|object| match &object.shape {
+            Shape::Carved { cuts, .. } => cuts.len(),
+            _ => 0,
+        });
+        count("cuts", cuts.sum(), CUTS_TOTAL_MAX)?;
         self.camera.validate()?;
         radiance("environment", self.environment.radiance)?;
         for (key, material) in &self.materials {
@@ -60,6 +76,7 @@ impl Scene {
             name(&object.material)?;
             let place = |why| format!("object {index} `{}`: {why}", object.name);
             check_shape(&object.shape).map_err(place)?;
+            self.check_cuts(&object.shape).map_err(place)?;
             if !self.materials.contains_key(&object.material) {
                 return Err(place(format!(
                     "its material `{}` is not among the scene's materials",
@@ -81,6 +98,41 @@ impl Scene {
         for (index, lamp) in self.lamps.iter().enumerate() {
             name(&lamp.name)?;
             check_lamp(lamp).map_err(|why| format!("lamp {index} `{}`: {why}", lamp.name))?;
+        }
+        Ok(())
+    }
+}
+
+impl Scene {
+    fn check_cuts(&self, shape: &Shape) -> Check {
+        let Shape::Carved { cuts, .. } = shape else {
+            return Ok(());
+        };
+        if cuts.len() > CUTS_MAX {
+            return Err(format!(
+                "it has {} cuts: at most {CUTS_MAX} are allowed",
+                cuts.len()
+            ));
+        }
+        for (index, cut) in cuts.iter().enumerate() {
+            let place = |why| format!("cut {index}: {why}");
+            check_cut(&cut.form).map_err(place)?;
+            let Some(material) = &cut.material else {
+                continue;
+            };
+            match self.materials.get(material) {
+                Some(Material::Dielectric { .. }) => {
+                    return Err(place(format!(
+                        "its material `{material}` is a dielectric, which needs an inside"
+                    )));
+                }
+                Some(_) => {}
+                None => {
+                    return Err(place(format!(
+                        "its material `{material}` is not among the scene's materials"
+                    )));
+                }
+            }
         }
         Ok(())
     }
@@ -143,16 +195,7 @@ fn check_shape(shape: &Shape) -> Check {
             extent("its radius", radius)?;
             rotation(turn)
         }
-        Shape::Box { min, max } => {
-            position("its min", min)?;
-            position("its max", max)?;
-            if !min.cmplt(max).all() {
-                return Err(format!(
-                    "its min {min} must be below its max {max} on each axis"
-                ));
-            }
-            Ok(())
-        }
+        Shape::Box { min, max } | Shape::Carved { min, max, .. } => corners(min, max),
         Shape::Disc {
             center,
             normal,
@@ -172,6 +215,35 @@ fn check_shape(shape: &Shape) -> Check {
             half_v,
         } => rectangle(center, half_u, half_v),
     }
+}
+
+fn check_cut(form: &CutForm) -> Check {
+    match *form {
+        CutForm::Beyond { point, normal } => {
+            position("its point", point)?;
+            finite("its normal", normal)?;
+            if normal == Vec3::ZERO {
+                return Err(format!("its normal {normal} must not be 0"));
+            }
+            Ok(())
+        }
+        CutForm::Bore { center, radius } => {
+            position("its center", center)?;
+            extent("its radius", radius)
+        }
+        CutForm::Hollow { min, max } => corners(min, max),
+    }
+}
+
+fn corners(min: Vec3, max: Vec3) -> Check {
+    position("its min", min)?;
+    position("its max", max)?;
+    if min.cmplt(max).all() {
+        return Ok(());
+    }
+    Err(format!(
+        "its min {min} must be below its max {max} on each axis"
+    ))
 }
 
 fn check_lamp(lamp: &Lamp) -> Check {
@@ -212,15 +284,27 @@ fn check_material(material: &Material) -> Check {
                      {INTERNAL_REFLECTANCE_MAX}"
                 ));
             }
-            let Some(stripe) = stripe else { return Ok(()) };
-            check_albedo("its stripe's albedo", stripe.albedo)?;
-            if !(stripe.half_width > 0.0 && stripe.half_width <= 1.0) {
-                return Err(format!(
-                    "its stripe's half_width is {}: it must be above 0 and at most 1",
-                    stripe.half_width
-                ));
+            stripe.map_or(Ok(()), |stripe| check_stripe(&stripe))
+        }
+        Material::Coated { ior, paint } => {
+            check_ior(ior)?;
+            check_paint(&paint)
+        }
+        Material::Cloth {
+            albedo,
+            sheen,
+            sheen_roughness,
+        } => {
+            check_albedo("its albedo", albedo)?;
+            check_albedo("its sheen", sheen)?;
+            if SHEEN_ROUGHNESS.contains(&sheen_roughness) {
+                return Ok(());
             }
-            Ok(())
+            Err(format!(
+                "its sheen_roughness is {sheen_roughness}: it must be from {} to {}",
+                SHEEN_ROUGHNESS.start(),
+                SHEEN_ROUGHNESS.end()
+            ))
         }
         Material::Conductor { eta, k, alpha } => {
             check_alpha(alpha)?;
@@ -243,6 +327,50 @@ fn check_material(material: &Material) -> Check {
             check_ior(ior)?;
             check_alpha(alpha)?;
             medium.map_or(Ok(()), |medium| check_medium(&medium))
+        }
+    }
+}
+
+fn check_stripe(stripe: &Stripe) -> Check {
+    check_albedo("its stripe's albedo", stripe.albedo)?;
+    if stripe.half_width > 0.0 && stripe.half_width <= 1.0 {
+        return Ok(());
+    }
+    Err(format!(
+        "its stripe's half_width is {}: it must be above 0 and at most 1",
+        stripe.half_width
+    ))
+}
+
+fn check_paint(paint: &Paint) -> Check {
+    match *paint {
+        Paint::Ball {
+            albedo,
+            stripe,
+            number,
+        } => {
+            check_albedo("its albedo", albedo)?;
+            if number > 99 {
+                return Err(format!("its number is {number}: it must be from 0 to 99"));
+            }
+            stripe.map_or(Ok(()), |stripe| check_stripe(&stripe))
+        }
+        Paint::Wood {
+            light,
+            dark,
+            sights,
+            ..
+        } => {
+            check_albedo("its light albedo", light)?;
+            check_albedo("its dark albedo", dark)?;
+            let Some(sights) = sights else { return Ok(()) };
+            extent("the spacing of its sights", sights.spacing)?;
+            extent("the end_x of its sights", sights.end_x)?;
+            extent("the side_y of its sights", sights.side_y)
+        }
+        Paint::Planks { light, dark } => {
+            check_albedo("its light albedo", light)?;
+            check_albedo("its dark albedo", dark)
         }
     }
 }
@@ -362,7 +490,7 @@ fn count(what: &str, count: usize, max: usize) -> Check {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Environment, Object, Stripe};
+    use crate::scene::{Environment, Object};
 
     fn object(name: &str, shape: Shape) -> Object {
         Object {

@@ -26,7 +26,7 @@ fn bsdf_at(surface: Surface, wo: vec3f) -> Bsdf {
 // `f` without mirrors, for radiance.
 fn bsdf_eval(bsdf: Bsdf, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
     if (bsdf.kind == KIND_LAYERED) {
-        return layered_eval(bsdf.layered, dot(n, wi));
+        return napped_eval(bsdf.layered, bsdf.material, n, wo, wi);
     }
     let nothing = Evaluated(vec3f(0.0), 0.0);
     let cos_o = dot(n, wo);
@@ -95,7 +95,7 @@ fn bsdf_is_clear(bsdf: Bsdf) -> bool {
 
 fn bsdf_sample(bsdf: Bsdf, n: vec3f, wo: vec3f, u: vec3f) -> BsdfSample {
     if (bsdf.kind == KIND_LAYERED) {
-        return layered_sample(bsdf.layered, n, wo, u);
+        return napped_sample(bsdf.layered, bsdf.material, n, wo, u);
     }
     let is_rough = bsdf.alpha > 0.0;
     var h = n;

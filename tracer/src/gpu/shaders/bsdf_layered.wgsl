@@ -1,15 +1,16 @@
-// Scenes whose materials are all diffuse, bare or coated.
+// Scenes whose materials are all diffuse, bare, coated or napped.
 
 struct Bsdf {
     layered: Layered,
+    material: u32,
 }
 
 fn bsdf_at(surface: Surface, wo: vec3f) -> Bsdf {
-    return Bsdf(layered_at(surface, wo));
+    return Bsdf(layered_at(surface, wo), surface.material);
 }
 
 fn bsdf_eval(bsdf: Bsdf, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
-    return layered_eval(bsdf.layered, dot(n, wi));
+    return napped_eval(bsdf.layered, bsdf.material, n, wo, wi);
 }
 
 // Of a diffuse base.
@@ -32,5 +33,5 @@ fn bsdf_is_clear(bsdf: Bsdf) -> bool {
 }
 
 fn bsdf_sample(bsdf: Bsdf, n: vec3f, wo: vec3f, u: vec3f) -> BsdfSample {
-    return layered_sample(bsdf.layered, n, wo, u);
+    return napped_sample(bsdf.layered, bsdf.material, n, wo, u);
 }

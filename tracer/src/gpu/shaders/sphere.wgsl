@@ -124,6 +124,10 @@ fn sphere_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
         let is_stripe = sine < scene.materials[sphere.material].stripe_half_width;
         albedo = select(albedo, scene.materials[sphere.material].stripe_albedo, is_stripe);
     }
+    if (HAS_NUMBER && scene.materials[sphere.material].pattern == PATTERN_NUMBER) {
+        let number = scene.materials[sphere.material].number;
+        albedo = numbered(number, outward, sphere.number_axis, sphere.stripe_axis, albedo);
+    }
     return Surface(
         fma(vec3f(sphere.radius), outward, sphere.center),
         select(-outward, outward, is_outside),

@@ -6,12 +6,27 @@ struct SphereData {
     radius: f32,
     stripe_axis: vec3f,
     material: u32,
+    number_axis: vec3f,
 }
 
 struct BoxData {
     min: vec3f,
     material: u32,
     max: vec3f,
+}
+
+struct CarvedData {
+    min: vec3f,
+    first_face: u32,
+    max: vec3f,
+    face_count: u32,
+}
+
+struct FaceData {
+    a: vec3f,
+    kind: u32,
+    b: vec3f,
+    material: u32,
 }
 
 struct DiscData {
@@ -53,9 +68,15 @@ struct MaterialData {
     alpha: f32,
     flight_rate: f32,
     eta: vec3f,
+    pattern: u32,
     k: vec3f,
+    number: u32,
     extinction: vec3f,
+    grain_axis: u32,
     scattering: vec3f,
+    sheen_roughness: f32,
+    sheen: vec3f,
+    sights: vec3f,
 }
 
 struct SphereBound {

@@ -1,0 +1,116 @@
+//! What the balls are made of.
+
+use carom_tracer::{Material, Medium, Paint, Stripe};
+use clap::ValueEnum;
+use glam::Vec3;
+
+/// A set of sixteen balls.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum BallSet {
+    /// Phenolic resin with numbers and stripes
+    #[default]
+    Classic,
+    /// Glass: stripes are paler, and each ball throws its colour onto the cloth
+    Glass,
+    /// Jade and other translucent stone: stripes are paler
+    Jade,
+    /// Polished metal: solids of gold, stripes of copper, the eight of steel
+    Metal,
+}
+
+impl BallSet {
+    /// All sets.
+    pub const ALL: [Self; 4] = [Self::Classic, Self::Glass, Self::Jade, Self::Metal];
+
+    /// What the ball of a number is made of; 0 is the cue ball.
+    pub fn material(self, number: u8) -> Material {
+        let colour = colour(number);
+        let is_striped = number > 8;
+        match self {
+            Self::Classic => classic(number, colour, is_striped),
+            Self::Glass => {
+                // Light keeps the colour's share, or the stripes' paler one, after so many metres.
+                let depth_m = if is_striped { 0.25 } else { 0.1 };
+                let extinction = -colour.max(Vec3::splat(0.05)).map(f32::ln) / depth_m;
+                clear(1.5, extinction, Vec3::ZERO)
+            }
+            Self::Jade => {
+                let stone = if is_striped {
+                    colour.lerp(CREAM, 0.4)
+                } else {
+                    colour
+                };
+                // Of a long walk the colour's share is left: albedo near 1 where it is light.
+                let albedo = stone.map(|c| 1.0 - 0.25 * (1.0 - c).powi(3) - 0.004);
+                clear(1.55, Vec3::splat(160.0), albedo)
+            }
+            Self::Metal => metal(number),
+        }
+    }
+
+    /// Scatterings of a path that show the set: light goes in and out of glass, and walks through
+    /// stone. Longer paths cost time in proportion.
+    pub fn scatterings_max(self) -> u32 {
+        match self {
+            Self::Classic | Self::Metal => 5,
+            Self::Glass => 9,
+            Self::Jade => 32,
+        }
+    }
+}
+
+fn classic(number: u8, colour: Vec3, is_striped: bool) -> Material {
+    let stripe = is_striped.then_some(Stripe {
+        albedo: colour,
+        half_width: 0.5,
+    });
+    Material::Coated {
+        ior: 1.5,
+        paint: Paint::Ball {
+            albedo: if is_striped { CREAM } else { colour },
+            stripe,
+            number,
+        },
+    }
+}
+
+fn clear(ior: f32, extinction: Vec3, albedo: Vec3) -> Material {
+    Material::Dielectric {
+        ior,
+        alpha: 0.0,
+        medium: Some(Medium { extinction, albedo }),
+    }
+}
+
+/// Indices of refraction at 630, 532 and 465 nm, from Palik's handbook as refractiveindex.info
+/// gives them.
+fn metal(number: u8) -> Material {
+    let (eta, k) = match number {
+        0 => (Vec3::new(0.155, 0.145, 0.135), Vec3::new(4.12, 3.19, 2.6)), // silver
+        8 => (Vec3::new(2.87, 2.93, 2.65), Vec3::new(3.35, 2.99, 2.81)),   // iron
+        1..8 => (
+            Vec3::new(0.143, 0.375, 1.442),
+            Vec3::new(3.983, 2.386, 1.603),
+        ), // gold
+        _ => (Vec3::new(0.2, 0.924, 1.102), Vec3::new(3.912, 2.452, 2.142)), // copper
+    };
+    let alpha = if number == 8 { 0.15 } else { 0.04 };
+    Material::Conductor { eta, k, alpha }
+}
+
+/// Albedo of a number's colour.
+fn colour(number: u8) -> Vec3 {
+    match number {
+        1 | 9 => Vec3::new(0.8, 0.52, 0.02),
+        2 | 10 => Vec3::new(0.02, 0.06, 0.42),
+        3 | 11 => Vec3::new(0.6, 0.02, 0.02),
+        4 | 12 => Vec3::new(0.13, 0.03, 0.28),
+        5 | 13 => Vec3::new(0.75, 0.2, 0.02),
+        6 | 14 => Vec3::new(0.01, 0.22, 0.07),
+        7 | 15 => Vec3::new(0.26, 0.03, 0.02),
+        8 => Vec3::splat(0.012),
+        _ => CREAM,
+    }
+}
+
+const CREAM: Vec3 = Vec3::new(0.8, 0.78, 0.7);

@@ -1,0 +1,161 @@
+//! What is painted on surfaces, a lane each: the formulas of [`crate::paint`].
+
+use fearless_simd::prelude::*;
+
+use super::lanes::{Float, LANES, Mask, Vec3x, Word};
+use super::sampling::sin_cos_turns;
+use super::surface::Rows;
+use crate::compiled::{MaterialData, PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD};
+use crate::paint::{
+    CIRCLE_ALBEDO, CIRCLE_SINE, INK_ALBEDO, PLANK_GAP, PLANK_M, SIGHT_ALBEDO, SIGHT_HALF_M, is_ink,
+};
+
+/// One row of numbers per primitive that scatters, in the order of ids.
+pub(super) type PaintRow = [f32; 16];
+
+const PATTERN: usize = 0;
+const NUMBER: usize = 1;
+const GRAIN_AXIS: usize = 2;
+const SIGHTS: usize = 3;
+const DARK: usize = 6;
+const NUMBER_AXIS: usize = 9;
+/// Local z of a ball.
+const UP: usize = 12;
+
+pub(super) fn paint_row(material: &MaterialData, number_axis: [f32; 3], up: [f32; 3]) -> PaintRow {
+    let mut row = [0.0; 16];
+    row[PATTERN] = material.pattern as f32;
+    row[NUMBER] = material.number as f32;
+    row[GRAIN_AXIS] = material.grain_axis as f32;
+    row[SIGHTS..][..3].copy_from_slice(&material.sights);
+    row[DARK..][..3].copy_from_slice(&material.stripe_albedo);
+    row[NUMBER_AXIS..][..3].copy_from_slice(&number_axis);
+    row[UP..][..3].copy_from_slice(&up);
+    row
+}
+
+/// `albedo` with what is painted over it. `normal` points out of balls.
+#[inline(always)]
+pub(super) fn painted<S: Simd>(
+    simd: S,
+    table: &[PaintRow],
+    id: Word<S>,
+    position: Vec3x<S>,
+    normal: Vec3x<S>,
+    albedo: Vec3x<S>,
+) -> Vec3x<S> {
+    let rows = Rows::new(table, id);
+    let pattern = rows.number(simd, PATTERN);
+    if pattern.simd_eq(PATTERN_NONE as f32).all_true() {
+        return albedo;
+    }
+    let mut painted = albedo;
+    let numbered_lanes = pattern.simd_eq(PATTERN_NUMBER as f32);
+    if numbered_lanes.any_true() {
+        painted = numbered(simd, &rows, numbered_lanes, normal, painted);
+    }
+    let planks = pattern.simd_eq(PATTERN_PLANKS as f32);
+    let wooden = planks | pattern.simd_eq(PATTERN_WOOD as f32);
+    if wooden.any_true() {
+        let wood = wood(simd, &rows, planks, position, albedo);
+        painted = Vec3x::select(wooden, wood, painted);
+    }
+    painted
+}
+
+/// The few lanes within a circle look up their numbers one by one.
+#[inline(always)]
+fn numbered<S: Simd>(
+    simd: S,
+    rows: &Rows<'_, 16>,
+    lanes: Mask<S>,
+    n: Vec3x<S>,
+    albedo: Vec3x<S>,
+) -> Vec3x<S> {
+    let (axis, up) = (rows.triple(simd, NUMBER_AXIS), rows.triple(simd, UP));
+    let one = Float::splat(simd, 1.0);
+    let side = one.copysign(n.dot(axis));
+    let right = Vec3x::new(
+        up.y * axis.z - up.z * axis.y,
+        up.z * axis.x - up.x * axis.z,
+        up.x * axis.y - up.y * axis.x,
+    );
+    let x = n.dot(right) * side * (1.0 / CIRCLE_SINE);
+    let y = n.dot(up) * (1.0 / CIRCLE_SINE);
+    let circle = lanes & x.mul_add(x, y * y).simd_lt(1.0);
+    let bits = circle.to_bitmask();
+    if bits == 0 {
+        return albedo;
+    }
+    let (x, y) = (x.to_array(), y.to_array());
+    let number = rows.number(simd, NUMBER).to_array();
+    let mut ink = 0;
+    for lane in 0..LANES {
+        if bits >> lane & 1 == 1 && is_ink(number[lane] as u32, x[lane], y[lane]) {
+            ink |= 1 << lane;
+        }
+    }
+    let ink = Mask::from_bitmask(simd, ink);
+    let white = Vec3x::splat(simd, CIRCLE_ALBEDO);
+    let paint = Vec3x::select(ink, Vec3x::splat(simd, INK_ALBEDO), white);
+    Vec3x::select(circle, paint, albedo)
+}
+
+#[inline(always)]
+fn wave<S: Simd>(turns: Float<S>) -> Float<S> {
+    sin_cos_turns(turns - turns.floor()).0
+}
+
+#[inline(always)]
+fn wood<S: Simd>(
+    simd: S,
+    rows: &Rows<'_, 16>,
+    planks: Mask<S>,
+    p: Vec3x<S>,
+    light: Vec3x<S>,
+) -> Vec3x<S> {
+    let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
+    let sights = rows.triple(simd, SIGHTS);
+    let has_sights = sights.x.simd_gt(0.0);
+    let is_end = (p.x.abs() - sights.y).simd_gt(p.y.abs() - sights.z);
+    let grain = rows.number(simd, GRAIN_AXIS);
+    let grain = has_sights.select(is_end.select(one, zero), grain);
+    let upright = grain.simd_gt(1.5);
+    let along_y = grain.simd_gt(0.5) & !upright;
+
+    let mut a = upright.select(p.z, along_y.select(p.y, p.x));
+    let b = upright.select(p.x + p.y, along_y.select(p.x, p.y));
+    let height = upright.select(zero, p.z);
+    let mut tone = zero;
+    let mut gap = Mask::splat(simd, false);
+    if planks.any_true() {
+        let across = b * (1.0 / PLANK_M);
+        let plank = across.floor();
+        gap = planks & (across - plank).simd_lt(PLANK_GAP);
+        tone = planks.select(wave(plank * 0.381_966) * 0.28, zero);
+        a = planks.select(a + plank * 1.7, a);
+    }
+    let bend =
+        wave(a.mul_add(0.61, Float::splat(simd, 0.2))) * 0.45 + wave(a.mul_add(1.7, b * 2.3)) * 0.2;
+    let ring = wave(b * 17.0 + height * 11.0 + bend);
+    let sway = wave(a.mul_add(1.3, b * 3.1)) * 0.8;
+    let fibre = wave(b * 151.0 + height * 83.0 + sway + a * 2.0);
+    let pore = wave(b * 463.0 + height * 211.0 + wave(a * 4.1) * 1.1);
+    let shade = ring * 0.27 + fibre * 0.14 + pore * 0.09 + tone + 0.45;
+    let shade = shade.max(zero).min(one);
+    let dark = rows.triple(simd, DARK);
+    let wood = (dark - light).mul_add(shade, light);
+    let wood = Vec3x::select(gap, dark * Float::splat(simd, 0.3), wood);
+    if !has_sights.any_true() {
+        return wood;
+    }
+    let along = is_end.select(p.y, p.x);
+    let off = is_end.select(p.x.abs() - sights.y, p.y.abs() - sights.z);
+    let nearest = (along / sights.x + 0.5).floor();
+    let count = is_end.select(Float::splat(simd, 1.5), Float::splat(simd, 3.5));
+    let exists = nearest.abs().simd_lt(count) & (is_end | nearest.simd_ne(0.0));
+    let diamond = (along - nearest * sights.x).abs() * (1.0 / SIGHT_HALF_M[0])
+        + off.abs() * (1.0 / SIGHT_HALF_M[1]);
+    let sight = has_sights & exists & diamond.simd_lt(1.0) & p.z.simd_gt(0.0);
+    Vec3x::select(sight, Vec3x::splat(simd, SIGHT_ALBEDO), wood)
+}

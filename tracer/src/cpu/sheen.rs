@@ -1,0 +1,57 @@
+//! The sheen of napped cloth, a lane each: the arithmetic of [`crate::reference::sheen`].
+
+use fearless_simd::prelude::*;
+
+use super::gloss::{exp, ln};
+use super::lanes::{Float, Vec3x, Word};
+use super::surface::Rows;
+
+/// Strength over 2π and width, of one primitive that scatters.
+pub(super) type SheenRow = [f32; 4];
+
+/// The cloth of a packet's hits; other lanes have strength 0.
+#[derive(Clone, Copy)]
+pub(super) struct Sheen<S: Simd> {
+    strength: Vec3x<S>,
+    exponent: Float<S>,
+}
+
+impl<S: Simd> Sheen<S> {
+    /// None if no lane met cloth.
+    #[inline(always)]
+    pub(super) fn new(simd: S, table: &[SheenRow], id: Word<S>) -> Option<Self> {
+        let rows = Rows::new(table, id);
+        let strength = rows.triple(simd, 0);
+        let sum = strength.x + strength.y + strength.z;
+        let cloth = sum.simd_gt(0.0);
+        if !cloth.any_true() {
+            return None;
+        }
+        let one = Float::splat(simd, 1.0);
+        let exponent = cloth.select(1.0 / rows.number(simd, 3), one);
+        Some(Self { strength, exponent })
+    }
+
+    /// `f`, where both directions are above the surface.
+    #[inline(always)]
+    pub(super) fn evaluate(
+        &self,
+        simd: S,
+        normal: Vec3x<S>,
+        wo: Vec3x<S>,
+        wi: Vec3x<S>,
+    ) -> Vec3x<S> {
+        let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
+        let (cos_o, cos_i) = (normal.dot(wo), normal.dot(wi));
+        let h = wo + wi;
+        let along = h.dot(normal);
+        let sine2 = (one - along * along / h.length_squared())
+            .max(1e-12)
+            .min(one);
+        let power = exp(simd, ln(simd, sine2) * self.exponent * 0.5);
+        let shadowing = 4.0 * (cos_o + cos_i - cos_o * cos_i);
+        let f = (self.exponent + 2.0) * power / shadowing;
+        let above = cos_o.simd_gt(0.0) & cos_i.simd_gt(0.0);
+        self.strength * above.select(f, zero)
+    }
+}

@@ -1,0 +1,139 @@
+// Boxes from which parts are taken away: a ray enters the box and leaves in turn each cut that it
+// finds itself in (see `reference::carved`).
+
+struct Met {
+    t: f32,
+    face: u32,
+}
+
+// Distances at which a ray enters and leaves a box.
+fn box_span(ray: Ray, inverse: vec3f, low: vec3f, high: vec3f) -> vec2f {
+    let a = (low - ray.origin) * inverse;
+    let b = (high - ray.origin) * inverse;
+    let near = min(a, b);
+    let far = max(a, b);
+    return vec2f(max(max(near.x, near.y), near.z), min(min(far.x, far.y), far.z));
+}
+
+fn cut_holds(face: u32, p: vec3f) -> bool {
+    let a = scene.faces[face].a;
+    let b = scene.faces[face].b;
+    switch scene.faces[face].kind {
+        case FACE_PLANE: { return dot(p, a) > b.x - CUT_MARGIN_M; }
+        case FACE_BORE: {
+            let q = p.xy - a.xy;
+            let radius = b.x + CUT_MARGIN_M;
+            return dot(q, q) < radius * radius;
+        }
+        default: { return all(p > a - CUT_MARGIN_M) && all(p < b + CUT_MARGIN_M); }
+    }
+}
+
+fn cut_exit(face: u32, ray: Ray, inverse: vec3f) -> f32 {
+    let a = scene.faces[face].a;
+    let b = scene.faces[face].b;
+    switch scene.faces[face].kind {
+        case FACE_PLANE: {
+            let slope = dot(ray.direction, a);
+            if (slope >= 0.0) {
+                return T_MISS;
+            }
+            return (b.x - dot(ray.origin, a)) / slope;
+        }
+        case FACE_BORE: {
+            let q = ray.origin.xy - a.xy;
+            let d = ray.direction.xy;
+            let d2 = dot(d, d);
+            if (d2 == 0.0) {
+                return T_MISS;
+            }
+            let miss = q.x * d.y - q.y * d.x;
+            return (sqrt(max(0.0, d2 * b.x * b.x - miss * miss)) - dot(q, d)) / d2;
+        }
+        default: { return box_span(ray, inverse, a, b).y; }
+    }
+}
+
+fn carved_meet(ray: Ray, inverse: vec3f, index: u32, skip: u32, limit: f32) -> Met {
+    let miss = Met(T_MISS, 0u);
+    let span = box_span(ray, inverse, scene.carved[index].min, scene.carved[index].max);
+    let first = scene.carved[index].first_face;
+    let count = scene.carved[index].face_count;
+    let is_left = (skip - FACE_FIRST) - first < count;
+    let end = min(span.y, limit);
+    var t = max(span.x, select(0.0, CUT_MARGIN_M, is_left));
+    var face = first;
+    if (t >= end) {
+        return miss;
+    }
+    // Each turn of the loop leaves a cut for good: there are no more turns than cuts.
+    for (var turn = 0u; turn < count; turn++) {
+        let before = t;
+        for (var cut = first + 1u; cut < first + count; cut++) {
+            if (!cut_holds(cut, fma(vec3f(t), ray.direction, ray.origin))) {
+                continue;
+            }
+            let leaves = cut_exit(cut, ray, inverse);
+            if (leaves > t) {
+                t = leaves;
+                face = cut;
+            }
+            if (t >= end) {
+                return miss;
+            }
+        }
+        if (t == before) {
+            break;
+        }
+    }
+    if ((face == first && (is_left || span.x <= 0.0)) || t <= 0.0) {
+        return miss;
+    }
+    return Met(t, face);
+}
+
+fn nearest_face(line: Line, skip: u32, hit: ptr<function, Hit>) {
+    for (var i = 0u; i < CARVED_COUNT; i++) {
+        let met = carved_meet(line.ray, line.inverse, i, skip, (*hit).t);
+        if (met.t < (*hit).t) {
+            *hit = Hit(met.t, FACE_FIRST + met.face);
+        }
+    }
+}
+
+fn face_occludes(line: Line, skip: u32, t_max: f32) -> bool {
+    for (var i = 0u; i < CARVED_COUNT; i++) {
+        if (carved_meet(line.ray, line.inverse, i, skip, t_max).t < t_max) {
+            return true;
+        }
+    }
+    return false;
+}
+
+fn face_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
+    let a = scene.faces[index].a;
+    let b = scene.faces[index].b;
+    let kind = scene.faces[index].kind;
+    let material = scene.faces[index].material;
+    var position = fma(vec3f(t), ray.direction, ray.origin);
+    var normal = a;
+    if (kind == FACE_BORE) {
+        normal = vec3f(-normalize(position.xy - a.xy), 0.0);
+    } else if (kind != FACE_PLANE) {
+        // The box's outside is entered, a hollow's inside is left.
+        let inverse = inverse_direction(ray.direction);
+        let from_low = (a - ray.origin) * inverse;
+        let from_high = (b - ray.origin) * inverse;
+        let is_outside = kind == FACE_BOX;
+        let span = box_span(ray, inverse, a, b);
+        let leaves = max(from_low, from_high) == vec3f(span.y);
+        let face = select(leaves, min(from_low, from_high) == vec3f(span.x), is_outside);
+        // On an edge two faces are met at once; the first axis wins.
+        let axis = vec3<bool>(face.x, face.y && !face.x, !face.x && !face.y);
+        let backward = select(vec3f(1.0), vec3f(-1.0), ray.direction > vec3f(0.0));
+        let is_low = (backward < vec3f(0.0)) == vec3<bool>(is_outside);
+        position = select(position, select(b, a, is_low), axis);
+        normal = select(vec3f(0.0), backward, axis);
+    }
+    return Surface(position, normal, scene.materials[material].albedo, material, false);
+}

@@ -1,0 +1,97 @@
+// What is painted on surfaces: numbers on balls, the grain of wood (see `paint` in Rust).
+
+fn stroke_distance(index: u32, p: vec2f) -> f32 {
+    let ends = STROKE_ENDS[index];
+    let arc = STROKE_ARCS[index];
+    let q = p - ends.xy;
+    if (arc.x > 0.0) {
+        let length = sqrt(dot(q, q));
+        return abs(length - arc.x) + select(9.0, 0.0, dot(q, ends.zw) >= arc.y * length);
+    }
+    let e = ends.zw - ends.xy;
+    let share = clamp(dot(q, e) / max(dot(e, e), 1e-9), 0.0, 1.0);
+    let d = q - share * e;
+    return sqrt(dot(d, d));
+}
+
+fn is_digit(digit: u32, p: vec2f) -> bool {
+    for (var stroke = 0u; stroke < STROKES; stroke++) {
+        if (stroke_distance(digit * STROKES + stroke, p) < STROKE_HALF) {
+            return true;
+        }
+    }
+    return false;
+}
+
+fn is_ink(number: u32, p: vec2f) -> bool {
+    if (number < 10u) {
+        return is_digit(number, p / DIGIT_SCALE.x);
+    }
+    let q = p / DIGIT_SCALE.y;
+    let shift = vec2f(DIGIT_SHIFT, 0.0);
+    return is_digit(number / 10u, q + shift) || is_digit(number % 10u, q - shift);
+}
+
+fn numbered(number: u32, n: vec3f, axis: vec3f, up: vec3f, base: vec3f) -> vec3f {
+    let side = select(-1.0, 1.0, dot(n, axis) >= 0.0);
+    let p = vec2f(dot(n, cross(up, axis)) * side, dot(n, up)) * (1.0 / CIRCLE_SINE);
+    if (dot(p, p) >= 1.0) {
+        return base;
+    }
+    return select(CIRCLE_ALBEDO, INK_ALBEDO, is_ink(number, p));
+}
+
+fn wave(turns: f32) -> f32 {
+    return circle(turns - floor(turns)).y;
+}
+
+fn wood(material: u32, p: vec3f) -> vec3f {
+    let light = scene.materials[material].albedo;
+    let rings = scene.materials[material].stripe_albedo;
+    let sights = scene.materials[material].sights;
+    var axis = scene.materials[material].grain_axis;
+    if (sights.x > 0.0) {
+        let is_end = abs(p.x) - sights.y > abs(p.y) - sights.z;
+        axis = select(0u, 1u, is_end);
+        let along = select(p.x, p.y, is_end);
+        let off = select(abs(p.y) - sights.z, abs(p.x) - sights.y, is_end);
+        let nearest = floor(along / sights.x + 0.5);
+        let exists = abs(nearest) < select(3.5, 1.5, is_end) && (is_end || nearest != 0.0);
+        let diamond = abs(along - nearest * sights.x) / SIGHT_HALF_M.x + abs(off) / SIGHT_HALF_M.y;
+        if (exists && diamond < 1.0 && p.z > 0.0) {
+            return SIGHT_ALBEDO;
+        }
+    }
+    var a = select(p.x, p.y, axis == 1u);
+    var b = select(p.y, p.x, axis == 1u);
+    var height = p.z;
+    if (axis == 2u) {
+        a = p.z;
+        b = p.x + p.y;
+        height = 0.0;
+    }
+    var tone = 0.0;
+    if (scene.materials[material].pattern == PATTERN_PLANKS) {
+        let across = b * (1.0 / PLANK_M);
+        let plank = floor(across);
+        if (across - plank < PLANK_GAP) {
+            return 0.3 * rings;
+        }
+        tone = 0.28 * wave(0.381966 * plank);
+        a += 1.7 * plank;
+    }
+    let bend = 0.45 * wave(0.61 * a + 0.2) + 0.2 * wave(1.7 * a + 2.3 * b);
+    let ring = wave(17.0 * b + 11.0 * height + bend);
+    let fibre = wave(151.0 * b + 83.0 * height + 0.8 * wave(1.3 * a + 3.1 * b) + 2.0 * a);
+    let pore = wave(463.0 * b + 211.0 * height + 1.1 * wave(4.1 * a));
+    let shade = clamp(0.45 + 0.27 * ring + 0.14 * fibre + 0.09 * pore + tone, 0.0, 1.0);
+    return mix(light, rings, shade);
+}
+
+fn painted(surface: Surface) -> vec3f {
+    let pattern = scene.materials[surface.material].pattern;
+    if (pattern == PATTERN_WOOD || pattern == PATTERN_PLANKS) {
+        return wood(surface.material, surface.position);
+    }
+    return surface.albedo;
+}

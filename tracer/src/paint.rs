@@ -1,0 +1,356 @@
+//! What is painted on surfaces: numbers on balls, the grain of wood.
+//!
+//! Everything is a formula of the point, so that it is sharp at every distance and the samples of a
+//! pixel smooth it. The waves are `wave(t) = sin 2πt`; the same formulas run in SIMD and WGSL.
+
+use std::f64::consts::TAU;
+use std::fmt::Write as _;
+
+use glam::DVec3;
+
+use crate::compiled::{MaterialData, PATTERN_PLANKS};
+
+/// Sine of the half angle of the white circle that a ball's number stands in.
+pub const CIRCLE_SINE: f32 = 0.37;
+/// Albedo of that circle.
+pub const CIRCLE_ALBEDO: [f32; 3] = [0.8, 0.78, 0.7];
+/// Albedo of the number.
+pub const INK_ALBEDO: [f32; 3] = [0.012, 0.012, 0.012];
+/// Albedo of the sights in the rails, mother-of-pearl.
+pub const SIGHT_ALBEDO: [f32; 3] = [0.78, 0.76, 0.7];
+/// Half the length and width of a sight in m, a diamond.
+pub const SIGHT_HALF_M: [f32; 2] = [0.0135, 0.0065];
+/// Width of a floor's planks in m.
+pub const PLANK_M: f32 = 0.13;
+/// Share of a plank's width that the gap beside it takes.
+pub const PLANK_GAP: f32 = 0.025;
+
+/// Half the width of a stroke.
+const STROKE_HALF: f32 = 0.125;
+/// Strokes of a digit.
+pub const STROKES: usize = 4;
+
+/// A line from `a` to `b`, or, where `radius` is above 0, an arc about `a` whose middle lies in the
+/// direction `b` and that reaches `cos_half` to both sides of it (−1: a whole circle). Digits are
+/// 0.84 wide and 1.5 high about the origin.
+#[derive(Clone, Copy, Debug)]
+pub struct Stroke {
+    a: [f32; 2],
+    b: [f32; 2],
+    radius: f32,
+    cos_half: f32,
+}
+
+const fn line(a: [f32; 2], b: [f32; 2]) -> Stroke {
+    Stroke {
+        a,
+        b,
+        radius: 0.0,
+        cos_half: 0.0,
+    }
+}
+
+const fn arc(a: [f32; 2], radius: f32, b: [f32; 2], cos_half: f32) -> Stroke {
+    Stroke {
+        a,
+        b,
+        radius,
+        cos_half,
+    }
+}
+
+/// Far from every number.
+const NOTHING: Stroke = line([9.0, 9.0], [9.0, 9.0]);
+
+/// The digits from 0 to 9.
+pub const DIGITS: [[Stroke; STROKES]; 10] = [
+    [
+        arc([0.0, 0.33], 0.37, [0.0, 1.0], 0.0),
+        arc([0.0, -0.33], 0.37, [0.0, -1.0], 0.0),
+        line([-0.37, -0.33], [-0.37, 0.33]),
+        line([0.37, -0.33], [0.37, 0.33]),
+    ],
+    [
+        line([0.08, -0.7], [0.08, 0.7]),
+        line([0.08, 0.7], [-0.22, 0.45]),
+        NOTHING,
+        NOTHING,
+    ],
+    [
+        // From 195° over the top to −35°.
+        arc([0.0, 0.34], 0.36, [0.173_648, 0.984_808], -0.422_618),
+        line([0.295, 0.134], [-0.36, -0.7]),
+        line([-0.36, -0.7], [0.4, -0.7]),
+        NOTHING,
+    ],
+    [
+        // From 155° to −90°, and from 90° to −155°.
+        arc([-0.02, 0.36], 0.34, [0.843_391, 0.537_3], -0.537_3),
+        arc([-0.02, -0.34], 0.37, [0.843_391, -0.537_3], -0.537_3),
+        NOTHING,
+        NOTHING,
+    ],
+    [
+        line([0.17, -0.7], [0.17, 0.7]),
+        line([0.17, 0.7], [-0.42, -0.3]),
+        line([-0.42, -0.3], [0.42, -0.3]),
+        NOTHING,
+    ],
+    [
+        line([0.34, 0.7], [-0.27, 0.7]),
+        line([-0.27, 0.7], [-0.34, 0.04]),
+        // From 140° to −140°.
+        arc([-0.02, -0.28], 0.42, [1.0, 0.0], -0.766_044),
+        NOTHING,
+    ],
+    [
+        arc([0.0, -0.31], 0.39, [1.0, 0.0], -1.0),
+        line([-0.36, -0.16], [0.16, 0.7]),
+        line([-0.32, -0.97], [0.32, -0.97]),
+        NOTHING,
+    ],
+    [
+        line([-0.38, 0.7], [0.38, 0.7]),
+        line([0.38, 0.7], [-0.1, -0.7]),
+        NOTHING,
+        NOTHING,
+    ],
+    [
+        arc([0.0, 0.37], 0.32, [1.0, 0.0], -1.0),
+        arc([0.0, -0.33], 0.38, [1.0, 0.0], -1.0),
+        NOTHING,
+        NOTHING,
+    ],
+    [
+        arc([0.0, 0.31], 0.39, [1.0, 0.0], -1.0),
+        line([0.36, 0.16], [-0.16, -0.7]),
+        line([-0.32, -0.97], [0.32, -0.97]),
+        NOTHING,
+    ],
+];
+
+impl Stroke {
+    /// Distance of a point from the stroke's middle line.
+    fn distance(&self, x: f32, y: f32) -> f32 {
+        let (px, py) = (x - self.a[0], y - self.a[1]);
+        if self.radius > 0.0 {
+            let length = (px * px + py * py).sqrt();
+            let along = px * self.b[0] + py * self.b[1];
+            let beyond = if along >= self.cos_half * length {
+                0.0
+            } else {
+                9.0
+            };
+            return (length - self.radius).abs() + beyond;
+        }
+        let (ex, ey) = (self.b[0] - self.a[0], self.b[1] - self.a[1]);
+        let share = (px * ex + py * ey) / (ex * ex + ey * ey).max(1e-9);
+        let share = share.clamp(0.0, 1.0);
+        let (dx, dy) = (px - share * ex, py - share * ey);
+        (dx * dx + dy * dy).sqrt()
+    }
+}
+
+/// Size of a number of one digit, and of two, in a circle of radius 1, and how far from its middle
+/// the two stand.
+pub const DIGIT_SCALE: [f32; 2] = [0.66, 0.52];
+/// See [`DIGIT_SCALE`]; in digits' units.
+pub const DIGIT_SHIFT: f32 = 0.56;
+
+/// Whether the number, 1 to 99, has ink at a point of its circle of radius 1, y up.
+pub fn is_ink(number: u32, x: f32, y: f32) -> bool {
+    if number < 10 {
+        return is_digit(number, x / DIGIT_SCALE[0], y / DIGIT_SCALE[0]);
+    }
+    let (x, y) = (x / DIGIT_SCALE[1], y / DIGIT_SCALE[1]);
+    is_digit(number / 10, x + DIGIT_SHIFT, y) || is_digit(number % 10, x - DIGIT_SHIFT, y)
+}
+
+fn is_digit(digit: u32, x: f32, y: f32) -> bool {
+    let strokes = &DIGITS[digit as usize % 10];
+    strokes
+        .iter()
+        .any(|stroke| stroke.distance(x, y) < STROKE_HALF)
+}
+
+/// The albedo of a numbered ball at a unit vector from its centre, `base` where there is no circle.
+/// The circles stand on ±`axis`, upright along `up`.
+pub fn numbered(number: u32, n: DVec3, axis: DVec3, up: DVec3, base: DVec3) -> DVec3 {
+    let side = n.dot(axis);
+    let (across, along) = (n.dot(up.cross(axis)) * side.signum(), n.dot(up));
+    let (x, y) = (across as f32 / CIRCLE_SINE, along as f32 / CIRCLE_SINE);
+    if x * x + y * y >= 1.0 {
+        return base;
+    }
+    let albedo = if is_ink(number, x, y) {
+        INK_ALBEDO
+    } else {
+        CIRCLE_ALBEDO
+    };
+    DVec3::from(albedo.map(f64::from))
+}
+
+fn wave(turns: f64) -> f64 {
+    (TAU * turns).sin()
+}
+
+/// The albedo of wood at a point of the world.
+pub fn wood(material: &MaterialData, p: DVec3) -> DVec3 {
+    let triple = |v: [f32; 3]| DVec3::from(v.map(f64::from));
+    let [spacing, line_x, line_y] = material.sights.map(f64::from);
+    let mut axis = material.grain_axis;
+    if spacing > 0.0 {
+        // Four rails with mitred corners: the grain follows the nearer one.
+        let is_end = p.x.abs() - line_x > p.y.abs() - line_y;
+        axis = u32::from(is_end);
+        let (along, off, line) = if is_end {
+            (p.y, p.x, line_x)
+        } else {
+            (p.x, p.y, line_y)
+        };
+        let sights = if is_end { 1.5 } else { 3.5 };
+        let nearest = (along / spacing).round();
+        let is_sight = nearest.abs() < sights && (is_end || nearest != 0.0) && p.z > 0.0;
+        let [long, wide] = SIGHT_HALF_M.map(f64::from);
+        let inside = (along - nearest * spacing).abs() / long + (off.abs() - line).abs() / wide;
+        if is_sight && inside < 1.0 {
+            return triple(SIGHT_ALBEDO);
+        }
+    }
+    let (mut a, b) = match axis {
+        0 => (p.x, p.y),
+        1 => (p.y, p.x),
+        _ => (p.z, p.x + p.y),
+    };
+    let (mut tone, height) = (0.0, if axis == 2 { 0.0 } else { p.z });
+    if material.pattern == PATTERN_PLANKS {
+        let plank = (b / f64::from(PLANK_M)).floor();
+        if b / f64::from(PLANK_M) - plank < f64::from(PLANK_GAP) {
+            return 0.3 * triple(material.stripe_albedo);
+        }
+        tone = 0.28 * wave(0.381_966 * plank);
+        a += 1.7 * plank;
+    }
+    let bend = 0.45 * wave(0.61 * a + 0.2) + 0.2 * wave(1.7 * a + 2.3 * b);
+    let ring = wave(17.0 * b + 11.0 * height + bend);
+    let fibre = wave(151.0 * b + 83.0 * height + 0.8 * wave(1.3 * a + 3.1 * b) + 2.0 * a);
+    let pore = wave(463.0 * b + 211.0 * height + 1.1 * wave(4.1 * a));
+    let dark = (0.45 + 0.27 * ring + 0.14 * fibre + 0.09 * pore + tone).clamp(0.0, 1.0);
+    triple(material.albedo).lerp(triple(material.stripe_albedo), dark)
+}
+
+/// The constants above for the kernels.
+pub(crate) fn wgsl() -> String {
+    let triple = |v: [f32; 3]| format!("vec3f({:?}, {:?}, {:?})", v[0], v[1], v[2]);
+    let mut text = format!(
+        "const CIRCLE_SINE: f32 = {CIRCLE_SINE:?};\n\
+         const CIRCLE_ALBEDO: vec3f = {};\n\
+         const INK_ALBEDO: vec3f = {};\n\
+         const SIGHT_ALBEDO: vec3f = {};\n\
+         const SIGHT_HALF_M: vec2f = vec2f({:?}, {:?});\n\
+         const PLANK_M: f32 = {PLANK_M:?};\n\
+         const PLANK_GAP: f32 = {PLANK_GAP:?};\n\
+         const STROKE_HALF: f32 = {STROKE_HALF:?};\n\
+         const STROKES: u32 = {STROKES}u;\n\
+         const DIGIT_SCALE: vec2f = vec2f({:?}, {:?});\n\
+         const DIGIT_SHIFT: f32 = {DIGIT_SHIFT:?};\n",
+        triple(CIRCLE_ALBEDO),
+        triple(INK_ALBEDO),
+        triple(SIGHT_ALBEDO),
+        SIGHT_HALF_M[0],
+        SIGHT_HALF_M[1],
+        DIGIT_SCALE[0],
+        DIGIT_SCALE[1],
+    );
+    let strokes = || DIGITS.iter().flatten();
+    _ = write!(
+        text,
+        "const STROKE_ENDS = array<vec4f, {}>(",
+        strokes().count()
+    );
+    for stroke in strokes() {
+        let ([ax, ay], [bx, by]) = (stroke.a, stroke.b);
+        _ = write!(text, "vec4f({ax:?}, {ay:?}, {bx:?}, {by:?}), ");
+    }
+    _ = write!(
+        text,
+        ");\nconst STROKE_ARCS = array<vec2f, {}>(",
+        strokes().count()
+    );
+    for stroke in strokes() {
+        _ = write!(text, "vec2f({:?}, {:?}), ", stroke.radius, stroke.cos_half);
+    }
+    text + ");\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Share of the circle that a number's ink covers, and how far it reaches.
+    fn coverage(number: u32) -> (f32, f32) {
+        let (mut inked, mut reach) = (0, 0.0f32);
+        for i in 0..200 * 200 {
+            let (x, y) = (
+                (i % 200) as f32 / 100.0 - 0.995,
+                (i / 200) as f32 / 100.0 - 0.995,
+            );
+            if is_ink(number, x, y) {
+                inked += 1;
+                reach = reach.max((x * x + y * y).sqrt());
+            }
+        }
+        (
+            inked as f32 / (200.0 * 200.0 * std::f32::consts::FRAC_PI_4),
+            reach,
+        )
+    }
+
+    #[test]
+    fn numbers_fill_their_circles_and_stay_inside() {
+        for number in 1..=15 {
+            let (share, reach) = coverage(number);
+            assert!((0.06..0.45).contains(&share), "{number} covers {share}");
+            assert!((0.4..0.99).contains(&reach), "{number} reaches to {reach}");
+        }
+    }
+
+    #[test]
+    fn no_two_numbers_look_alike() {
+        let look = |number: u32| -> Vec<bool> {
+            (0..40 * 40)
+                .map(|i| {
+                    is_ink(
+                        number,
+                        (i % 40) as f32 / 20.0 - 1.0,
+                        (i / 40) as f32 / 20.0 - 1.0,
+                    )
+                })
+                .collect()
+        };
+        for a in 1..=15u32 {
+            for b in a + 1..=15 {
+                let (a_look, b_look) = (look(a), look(b));
+                let different = a_look.iter().zip(&b_look).filter(|(a, b)| a != b).count();
+                assert!(different > 25, "{a} and {b} differ in {different} places");
+            }
+        }
+    }
+
+    #[test]
+    fn both_circles_of_a_ball_read_from_left_to_right() {
+        let base = DVec3::ZERO;
+        let ink = DVec3::from(INK_ALBEDO.map(f64::from));
+        // The 7 has a bar at its top and its foot left of the middle.
+        for axis in [DVec3::X, DVec3::NEG_X] {
+            let right = DVec3::Z.cross(axis);
+            let at = |x: f64, y: f64| {
+                let n = axis + 0.37 * 0.66 * (x * right + y * DVec3::Z);
+                numbered(7, n.normalize(), DVec3::X, DVec3::Z, base)
+            };
+            assert_eq!((at(-0.3, 0.75), at(0.3, 0.75)), (ink, ink));
+            assert_eq!(at(-0.08, -0.68), ink);
+            assert_ne!(at(0.25, -0.68), ink);
+        }
+    }
+}
