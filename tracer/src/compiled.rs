@@ -7,7 +7,7 @@ use crate::fresnel::internal_diffuse_reflectance;
 use crate::reference::sheen::sheen_reflectance_max;
 use crate::scene::validate::ALPHA_SMOOTH_MAX;
 use crate::scene::{
-    Camera, CutForm, Lamp, Material, Medium, ObjectPose, Paint, Scene, SceneUpdate, Shape,
+    Camera, Cut, CutForm, Lamp, Material, Medium, ObjectPose, Paint, Scene, SceneUpdate, Shape,
 };
 use crate::{Error, ImageSize};
 
@@ -340,26 +340,7 @@ impl CompiledScene {
                 Primitive::Box(self.boxes.len() as u32 - 1)
             }
             Shape::Carved { min, max, ref cuts } => {
-                let first_face = self.faces.len() as u32;
-                let cut_faces = cuts.iter().map(|cut| {
-                    let material = cut.material.as_deref().map_or(material, named);
-                    cut_face(&cut.form, material)
-                });
-                let (min, max) = (min.to_array(), max.to_array());
-                self.carved.push(CarvedData {
-                    min,
-                    first_face,
-                    max,
-                    face_count: 1 + cuts.len() as u32,
-                });
-                self.faces.push(FaceData {
-                    a: min,
-                    kind: FACE_BOX,
-                    b: max,
-                    material,
-                });
-                self.faces.extend(cut_faces);
-                Primitive::Face(first_face)
+                self.push_carved([min, max], cuts, material, named)
             }
             Shape::Disc {
                 center,
@@ -393,6 +374,35 @@ impl CompiledScene {
                 Primitive::Rectangle(self.rectangles.len() as u32 - 1)
             }
         }
+    }
+
+    fn push_carved(
+        &mut self,
+        [min, max]: [Vec3; 2],
+        cuts: &[Cut],
+        material: u32,
+        named: &dyn Fn(&str) -> u32,
+    ) -> Primitive {
+        let first_face = self.faces.len() as u32;
+        let cut_faces = cuts.iter().map(|cut| {
+            let material = cut.material.as_deref().map_or(material, named);
+            cut_face(&cut.form, material)
+        });
+        let (min, max) = (min.to_array(), max.to_array());
+        self.carved.push(CarvedData {
+            min,
+            first_face,
+            max,
+            face_count: 1 + cuts.len() as u32,
+        });
+        self.faces.push(FaceData {
+            a: min,
+            kind: FACE_BOX,
+            b: max,
+            material,
+        });
+        self.faces.extend(cut_faces);
+        Primitive::Face(first_face)
     }
 
     /// Puts camera and objects where `update` wants them; what it does not name goes back to

@@ -30,7 +30,7 @@ fn scramble<S: Simd>(mut word: Word<S>, seed: u32) -> Word<S> {
     word ^= word * SCRAMBLE[0];
     word = (word + seed) * ((seed >> 16) | 1);
     word ^= word * SCRAMBLE[1];
-    word ^ word * SCRAMBLE[2]
+    word ^ (word * SCRAMBLE[2])
 }
 
 #[inline(always)]
