@@ -396,19 +396,6 @@ fn lamp(x: f32) -> Lamp {
 }
 
 fn materials(frame: &Frame, table: &Table, set: BallSet) -> BTreeMap<String, Material> {
-    let (light, dark) = (
-        Vec3::new(0.30, 0.125, 0.045),
-        Vec3::new(0.085, 0.028, 0.011),
-    );
-    let wood = |grain, sights, tone: f32| Material::Coated {
-        ior: 1.5,
-        paint: Paint::Wood {
-            light: light * tone,
-            dark: dark * tone,
-            grain,
-            sights,
-        },
-    };
     let middle = 0.5 * (frame.inside + frame.outer);
     let sights = Sights {
         spacing: (0.125 * table.length_m()) as f32,
@@ -468,6 +455,19 @@ fn materials(frame: &Frame, table: &Table, set: BallSet) -> BTreeMap<String, Mat
     let balls = (0..16).map(|number| (format!("ball {number}"), set.material(number)));
     let named = named.map(|(name, material)| (name.to_owned(), material));
     named.into_iter().chain(balls).collect()
+}
+
+/// Varnished, from a `tone` of 1 upwards paler.
+fn wood(grain: Axis, sights: Option<Sights>, tone: f32) -> Material {
+    Material::Coated {
+        ior: 1.5,
+        paint: Paint::Wood {
+            light: Vec3::new(0.30, 0.125, 0.045) * tone,
+            dark: Vec3::new(0.085, 0.028, 0.011) * tone,
+            grain,
+            sights,
+        },
+    }
 }
 
 /// Where tables without rails of their own get some.
