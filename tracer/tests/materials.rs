@@ -333,6 +333,7 @@ fn carved_block(bore_material: Option<&str>) -> Shape {
 }
 
 /// A carved block, numbered balls, wood, planks and cloth under a lamp.
+#[expect(clippy::too_many_lines, reason = "a scene as data")]
 fn painted_still_life() -> Scene {
     let coated = |paint| Material::Coated { ior: 1.5, paint };
     let (light, dark) = (Vec3::new(0.5, 0.3, 0.15), Vec3::new(0.2, 0.08, 0.03));

@@ -189,7 +189,7 @@ fn frames_come_in_the_order_of_submission() {
 #[test]
 fn frames_in_flight_are_limited_until_they_are_taken() {
     let mut farm = farm(vec![Pattern::new()]);
-    let most = FarmConfig::default().frames_in_flight;
+    let most = config().frames_in_flight;
     for seed in 0..most as u32 {
         farm.submit(spec(seed)).unwrap();
     }
