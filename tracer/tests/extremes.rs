@@ -192,9 +192,9 @@ fn a_ball_s_shadow_reaches_the_point_that_it_rests_on() {
         let mut scene = with(view(eye, point, 1.0), floor());
         scene.camera.fov_x_deg = 0.01;
         scene = with(scene, ball(Vec3::new(0.0, 0.0, RADIUS), RADIUS));
-        let size = ImageSize::new(4, 4);
+        let size = ImageSize::new(32, 32);
         let settings = RenderSettings {
-            samples: 16_384,
+            samples: 256,
             scatterings_max: 1,
             ..RenderSettings::default()
         };
