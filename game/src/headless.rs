@@ -14,6 +14,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, bail};
 use carom_farm::{
     Farm, FarmConfig, Frame, FrameSpec, FrameStats, NodeState, NodeStatus, PixelFormat, Pixels,
+    PrecisionRange,
 };
 use carom_tracer::{ImageSize, RenderSettings};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -96,7 +97,11 @@ pub fn run(args: &Args, config: FarmConfig) -> anyhow::Result<()> {
         keep(&shot, folder)?;
     }
     let stage = Stage::room(args.ball_set);
-    let mut farm = Farm::new(config)?;
+    // Files are kept: a link that is too slow for exact pixels makes them later, not worse.
+    let mut farm = Farm::new(FarmConfig {
+        precision: PrecisionRange::EXACT,
+        ..config
+    })?;
     farm.set_scene(stage.scene())?;
     let begun = Instant::now();
     let frames = render(&mut farm, &stage, &shot, settings, out)?;
