@@ -29,7 +29,7 @@ pub struct ShotReport {
     pub max_mm: f64,
     /// Root of the mean square of the distances, in mm.
     pub rms_mm: f64,
-    /// To simulate the whole shot once: the best of [`RUNS`].
+    /// To simulate the whole shot once: the best of several runs.
     pub cpu_ms: f64,
     /// `shot`, `airborne` (until the first cushion), `cluster` or `break`: positions of the last
     /// two are not comparable.

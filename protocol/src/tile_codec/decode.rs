@@ -47,7 +47,7 @@ impl Decoder {
 
     /// The pixels of `tiles`, which are those that the client asked for: from them and `format`
     /// follows the one size that the payload may decompress to, and nothing beyond it is
-    /// allocated, whatever the payload says. Takes what [`Encoder::encode`] makes.
+    /// allocated, whatever the payload says. Takes what `Encoder::encode` makes.
     ///
     /// # Errors
     /// [`Error::TooLarge`] for more than [`PIXELS_PER_MESSAGE_MAX`] pixels; [`Error::Malformed`]

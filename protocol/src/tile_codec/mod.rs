@@ -47,9 +47,9 @@ pub use encode::Encoder;
 /// Decoded pixels: tile after tile, each row-major.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TilePixels {
-    /// sRGB, from [`PixelFormat::Srgb8`].
+    /// sRGB, from `PixelFormat::Srgb8`.
     Srgb8(Vec<[u8; 3]>),
-    /// Linear radiance, from [`PixelFormat::LinearF16`] and [`PixelFormat::LinearF32`].
+    /// Linear radiance, from `PixelFormat::LinearF16` and `PixelFormat::LinearF32`.
     Linear(Vec<[f32; 3]>),
 }
 
