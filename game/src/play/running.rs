@@ -1,0 +1,45 @@
+//! A shot that is on: its clock and its camera.
+
+use crate::camera::{Orbit, Viewpoint, smoothstep};
+use crate::sim::Shot;
+
+/// A shot that is on.
+#[derive(Debug)]
+pub(super) struct Running {
+    /// What happens.
+    pub(super) shot: Shot,
+    /// When the tip meets the ball.
+    pub(super) contact_secs: f64,
+    /// How far the cue had been drawn back.
+    pub(super) power: f64,
+    /// The view at the stroke.
+    pub(super) from: Viewpoint,
+    /// The cue's direction.
+    pub(super) bearing_rad: f64,
+    /// Whether it was played before: then there is no cue, and time can be turned back.
+    pub(super) is_replay: bool,
+}
+
+impl Running {
+    /// The moment on show at `now_secs`, in seconds since the blow; negative before it.
+    pub(super) fn clock_secs(&self, now_secs: f64) -> f64 {
+        now_secs - self.contact_secs
+    }
+
+    /// Turns time by so many seconds, within the shot.
+    pub(super) fn scrub(&mut self, by_secs: f64, now_secs: f64) {
+        let moment = self.clock_secs(now_secs) + by_secs;
+        self.contact_secs = now_secs - moment.clamp(0.0, self.shot.duration_secs());
+    }
+
+    /// From behind the cue ball up and back to the whole table, as a function of the shot's own
+    /// time: pictures of the future know where the camera will be.
+    pub(super) fn viewpoint(&self, moment_secs: f64, orbit: Orbit) -> Viewpoint {
+        let s = smoothstep((moment_secs - RISE_SECS.start) / (RISE_SECS.end - RISE_SECS.start));
+        let overview = Viewpoint::overview(self.bearing_rad + orbit.yaw_rad);
+        self.from.lerp(overview, s)
+    }
+}
+
+/// When the camera rises after the blow.
+const RISE_SECS: std::ops::Range<f64> = 0.1..1.7;

@@ -1,0 +1,185 @@
+//! The game as a player drives it: intents and time in, balls, camera and sentences out.
+
+use super::aim::cue_speed_m_s;
+use super::free_table::free_spot;
+use super::*;
+
+const FILM: DVec2 = DVec2::new(1280.0, 720.0);
+
+fn strike(game: &mut Game, power: f64, now_secs: f64) {
+    for intent in [Intent::BeginPull, Intent::Pull(power), Intent::Release] {
+        game.apply(intent, now_secs, 0.2, FILM);
+    }
+}
+
+/// Lets the shot that is on play to its end.
+fn watch(game: &mut Game, mut now_secs: f64) -> f64 {
+    while game.shot_clock(now_secs).is_some() {
+        now_secs += 0.1;
+        game.tick(now_secs, 0.1);
+    }
+    now_secs
+}
+
+#[test]
+fn a_stroke_plays_moves_balls_and_ends() {
+    let mut game = Game::new(1).unwrap();
+    let before = game.poses(0.0);
+    strike(&mut game, 0.9, 5.0);
+    let (_, clock, end) = game.shot_clock(5.0).unwrap();
+    assert!(clock <= -SWING_SECS.start && end > 1.0);
+    assert_eq!(game.poses(-0.05), before, "nothing moves before the blow");
+    let now = watch(&mut game, 5.0);
+    assert!((now - 5.0 - end) < 1.0);
+    assert_ne!(game.poses(0.0), before);
+}
+
+#[test]
+fn a_recorded_shot_is_watched_again_back_and_forth_and_played_on_from() {
+    let mut game = Game::new(1).unwrap();
+    strike(&mut game, 0.7, 5.0);
+    let (number, shot) = game.fresh_shot().unwrap();
+    let shot = shot.clone();
+    assert_eq!(number, 1);
+    let mut other = Game::new(9).unwrap();
+    other.replay(shot.clone(), 0.0);
+    assert!(other.fresh_shot().is_none() && other.cue(0.0).is_none());
+    assert_eq!(other.poses(0.7), shot.poses_at(0.7));
+    let (first, clock, end) = other.shot_clock(2.0).unwrap();
+    other.apply(Intent::Turn(-0.01), 2.0, 0.2, FILM);
+    let (second, later, _) = other.shot_clock(2.0).unwrap();
+    assert!(second > first && (later - clock - SCRUB_SECS).abs() < 1e-9);
+    for _ in 0..100 {
+        other.apply(Intent::Turn(0.01), 2.0, 0.2, FILM);
+    }
+    assert_eq!(other.shot_clock(2.0).unwrap().1, 0.0);
+    other.tick(2.1 + end, 0.1);
+    assert!(other.shot_clock(2.1 + end).is_none());
+    let lying = |poses: Vec<BallPose>| poses.iter().filter(|pose| pose.on_table).count();
+    assert!(
+        lying(other.poses(0.0)) >= lying(shot.poses_at(end)),
+        "played on from there"
+    );
+}
+
+#[test]
+fn a_stroke_that_is_given_up_leaves_the_table_alone() {
+    let mut game = Game::new(1).unwrap();
+    for intent in [
+        Intent::BeginPull,
+        Intent::Pull(1.0),
+        Intent::Cancel,
+        Intent::Release,
+    ] {
+        game.apply(intent, 1.0, 0.2, FILM);
+    }
+    strike(&mut game, 0.5 * PULL_MIN, 1.0);
+    assert_eq!(game.shot_clock(1.0), None);
+}
+
+#[test]
+fn escape_gives_up_a_stroke_first_and_then_quits() {
+    let mut game = Game::new(1).unwrap();
+    game.apply(Intent::BeginCharge, 1.0, 0.2, FILM);
+    assert_eq!(game.apply(Intent::Escape, 1.5, 0.2, FILM), Outcome::Stay);
+    assert_eq!(game.apply(Intent::Escape, 1.6, 0.2, FILM), Outcome::Quit);
+}
+
+#[test]
+fn aiming_at_a_point_of_the_window_points_the_cue_there() {
+    let mut game = Game::new(1).unwrap();
+    let target = DVec3::new(0.3, 0.4, game.cue_ball().unwrap().z);
+    let projection = Projection::new(&game.camera(0.0), FILM.x, FILM.y);
+    let point = projection.film_from_world(target).unwrap();
+    game.apply(Intent::AimAt(point), 0.0, 0.2, FILM);
+    let way = (target - game.cue_ball().unwrap()).truncate();
+    // The camera's place is rounded to f32.
+    assert!(wrap_rad(game.aim.bearing_rad - way.to_angle()).abs() < 1e-5);
+}
+
+#[test]
+fn the_camera_behind_the_ball_sees_the_ball_and_the_overview_the_whole_table() {
+    let mut game = Game::new(1).unwrap();
+    let seen = |camera: &Camera, p: DVec3| {
+        let film = Projection::new(camera, FILM.x, FILM.y).film_from_world(p);
+        film.is_some_and(|film| film.cmpge(DVec2::ZERO).all() && film.cmple(FILM).all())
+    };
+    assert!(seen(&game.camera(0.0), game.cue_ball().unwrap()));
+    for bearing in [0.0, 0.5, 1.57, 3.0, -2.0] {
+        game.aim.bearing_rad = bearing;
+        strike(&mut game, 0.1, 0.0);
+        for corner in [
+            (-1.27, -0.635),
+            (1.27, -0.635),
+            (1.27, 0.635),
+            (-1.27, 0.635),
+        ] {
+            let corner = DVec3::new(corner.0, corner.1, 0.0);
+            assert!(seen(&game.camera(5.0), corner), "{corner} from {bearing}");
+        }
+        game.rack();
+    }
+}
+
+#[test]
+fn a_pocketed_cue_ball_comes_back_where_there_is_room() {
+    let mut game = Game::new(1).unwrap();
+    let head = game.table.head_spot();
+    // The left head corner is straight ahead at this bearing.
+    game.aim.bearing_rad = (DVec2::new(-1.282, 0.647) - head).to_angle();
+    strike(&mut game, 0.35, 0.0);
+    watch(&mut game, 0.0);
+    assert!(
+        game.notice()
+            .is_some_and(|notice| notice.starts_with("Scratch"))
+    );
+    assert!(game.cue_ball().unwrap().truncate().distance(head) < 1e-9);
+}
+
+#[test]
+fn a_raised_cue_jumps_and_comes_level_again_after_the_shot() {
+    let mut game = Game::new(1).unwrap();
+    for _ in 0..100 {
+        game.apply(Intent::Elevate(0.1), 0.0, 0.2, FILM);
+    }
+    assert_eq!(
+        game.cue(0.0).unwrap().elevation_rad,
+        Stroke::ELEVATION_MAX_RAD
+    );
+    game.apply(
+        Intent::Elevate(0.7 - Stroke::ELEVATION_MAX_RAD),
+        0.0,
+        0.2,
+        FILM,
+    );
+    strike(&mut game, 0.6, 1.0);
+    let heights = (0..50).map(|i| game.poses(0.01 * f64::from(i))[0].position.z);
+    assert!(heights.fold(0.0, f64::max) > 0.08, "the cue ball flies");
+    watch(&mut game, 1.0);
+    assert_eq!(game.cue(99.0).unwrap().elevation_rad, 0.0);
+}
+
+#[test]
+fn a_tip_set_too_far_out_miscues_and_says_so() {
+    let mut game = Game::new(1).unwrap();
+    game.apply(Intent::MoveTip(DVec2::new(-0.3, -2.0)), 0.0, 0.2, FILM);
+    strike(&mut game, 0.4, 1.0);
+    assert!(
+        game.notice()
+            .is_some_and(|notice| notice.starts_with("Miscue"))
+    );
+}
+
+#[test]
+fn a_taken_spot_is_stepped_aside_from() {
+    let others = [DVec2::ZERO, DVec2::new(0.06, 0.0)];
+    let spot = free_spot(DVec2::ZERO, 0.03, &others);
+    assert!(others.iter().all(|other| other.distance(spot) > 0.06));
+    assert!(spot.length() < 0.12);
+}
+
+#[test]
+fn soft_shots_have_most_of_the_way() {
+    assert!(cue_speed_m_s(0.5) < 0.3 * CUE_SPEED_M_S_MAX);
+    assert_eq!(cue_speed_m_s(1.0), CUE_SPEED_M_S_MAX);
+}
