@@ -1,0 +1,463 @@
+//! A match: players, a table, the rules, and what has happened so far.
+//!
+//! ```text
+//! Setup ─► Match ── strike(Stroke) ─► Shot ──(it is watched)──► finish ─► Verdict
+//!            │  ▲                                                 │
+//!            │  └── call, place, choose, undo ◄── the player ◄────┘
+//!            └─► View: everything that is shown of it
+//! ```
+//! No window, no clock: the same setup, strokes and choices give the same match.
+
+mod adapter;
+mod player;
+mod view;
+
+pub use adapter::{ground, report};
+pub use player::{Level, Player};
+pub use view::{CallView, OptionView, PlayerView, View};
+
+use std::collections::HashSet;
+
+use glam::DVec2;
+
+use crate::rules::{
+    self, Area, Call, Choice, Dice, Ground, Lie, Placed, Referee, RuleSet, Verdict,
+};
+use crate::sim::{self, AimContact, BallState, Engine, Laws, Shot, Stroke, Table, World};
+
+/// What a match is begun with.
+#[derive(Clone, Debug)]
+pub struct Setup {
+    /// The game.
+    pub rules: RuleSet,
+    /// Who plays: as many as the game's [`rules::Sheet::players`] allows.
+    pub players: Vec<Player>,
+    /// Racks, frames or points to win; 0 for the game's own.
+    pub target: u32,
+    /// Draws the racks.
+    pub seed: u32,
+    /// The table; usually the one that the game's row names.
+    pub table: Table,
+    /// What moves the balls.
+    pub engine: Engine,
+}
+
+impl Setup {
+    /// A game on its own table.
+    ///
+    /// # Errors
+    /// A sentence if the table is not usable.
+    pub fn new(rules: RuleSet, players: Vec<Player>, seed: u32) -> Result<Self, String> {
+        let table = Table::built_in(rules.sheet().table).map_err(|error| error.to_string())?;
+        Ok(Self {
+            rules,
+            players,
+            target: 0,
+            seed,
+            table,
+            engine: Engine::default(),
+        })
+    }
+}
+
+/// A match in progress.
+#[derive(Clone, Debug)]
+pub struct Match {
+    ground: Ground,
+    players: Vec<Player>,
+    now: Moment,
+    past: Vec<Turn>,
+}
+
+/// All that a shot or a choice may change.
+#[derive(Clone, Debug)]
+struct Moment {
+    world: World,
+    referee: Referee,
+    call: Option<Call>,
+    log: Vec<String>,
+    banner: Option<String>,
+}
+
+/// A shot that was played.
+#[derive(Clone, Debug)]
+pub struct Turn {
+    before: Moment,
+    /// Who played it.
+    pub player: usize,
+    /// How.
+    pub stroke: Stroke,
+    /// What was called, in words or by what was obvious.
+    pub call: Option<Call>,
+    /// What came of it.
+    pub verdict: Verdict,
+}
+
+impl Turn {
+    /// The table as it was before the stroke: struck again, it gives the same shot.
+    pub fn world(&self) -> &World {
+        &self.before.world
+    }
+}
+
+impl Match {
+    /// A match at its first break.
+    ///
+    /// # Errors
+    /// A sentence for players, a target or a table that the game does not allow.
+    pub fn new(setup: Setup) -> Result<Self, String> {
+        let referee = Referee::new(setup.rules, setup.players.len(), setup.target, setup.seed)?;
+        let needs_pockets = setup.rules != RuleSet::ThreeCushion;
+        if needs_pockets == setup.table.pockets().is_empty() {
+            return Err(format!(
+                "{} cannot be played on the {}: it has {} pockets",
+                setup.rules.sheet().name,
+                setup.table.name().to_lowercase(),
+                setup.table.pockets().len()
+            ));
+        }
+        let ground = ground(&setup.table);
+        let lie = rules::rack(setup.rules, &ground, setup.seed);
+        let world = racked(&setup.table, setup.engine, &lie, setup.seed)?;
+        Ok(Self {
+            ground,
+            players: setup.players,
+            now: Moment {
+                world,
+                referee,
+                call: None,
+                log: Vec::new(),
+                banner: None,
+            },
+            past: Vec::new(),
+        })
+    }
+
+    /// The table.
+    pub fn world(&self) -> &World {
+        &self.now.world
+    }
+
+    /// The rules' side of the match.
+    pub fn referee(&self) -> &Referee {
+        &self.now.referee
+    }
+
+    /// The marks of the table.
+    pub fn ground(&self) -> &Ground {
+        &self.ground
+    }
+
+    /// Who plays.
+    pub fn players(&self) -> &[Player] {
+        &self.players
+    }
+
+    /// The player at the table; none once the match is over.
+    pub fn at_table(&self) -> Option<&Player> {
+        let over = self.now.referee.winner().is_some();
+        (!over).then(|| &self.players[self.now.referee.turn()])
+    }
+
+    /// The shots that were played, in order.
+    pub fn turns(&self) -> &[Turn] {
+        &self.past
+    }
+
+    /// What was said, in order.
+    pub fn log(&self) -> &[String] {
+        &self.now.log
+    }
+
+    /// Simulates a stroke of the player at the table. The match stays as it is until
+    /// [`Match::finish`].
+    ///
+    /// # Errors
+    /// Those of [`World::strike`].
+    pub fn strike(&self, stroke: Stroke) -> sim::Result<Shot> {
+        self.now.world.strike(stroke)
+    }
+
+    /// Judges a shot that [`Match::strike`] gave for this stroke, and lays the table for the next.
+    pub fn finish(&mut self, stroke: Stroke, shot: &Shot) -> &Verdict {
+        let before = self.now.clone();
+        let player = self.now.referee.turn();
+        let inferred = self.now.call.is_none().then(|| self.inferred(stroke));
+        let call = self.now.call.take().or(inferred.flatten());
+        let report = report(&self.now.world, &stroke, shot);
+        let verdict = self.now.referee.judge(&self.ground, &report, call);
+        self.now.world.adopt(shot);
+        self.lay(&verdict);
+        self.tell(player, &verdict);
+        self.past.push(Turn {
+            before,
+            player,
+            stroke,
+            call,
+            verdict,
+        });
+        if self.past.len() > TURNS_MAX {
+            self.past.remove(0);
+        }
+        &self.past[self.past.len() - 1].verdict
+    }
+
+    /// Says what the next shot is to do; nothing takes the call back.
+    pub fn call(&mut self, call: Option<Call>) {
+        self.now.call = call;
+    }
+
+    /// The call that counts for a stroke: what was said, or what is obvious from the aim.
+    pub fn call_for(&self, stroke: Stroke) -> Option<Call> {
+        self.now.call.or_else(|| self.inferred(stroke))
+    }
+
+    fn inferred(&self, stroke: Stroke) -> Option<Call> {
+        if !self.now.referee.wants_call() {
+            return None;
+        }
+        match sim::predict(&self.now.world, stroke).ok()?.contact {
+            AimContact::Ball {
+                number,
+                object,
+                object_direction,
+                ..
+            } => rules::infer(
+                &self.ground,
+                number,
+                object.truncate(),
+                object_direction.truncate(),
+            ),
+            _ => None,
+        }
+    }
+
+    /// Where the cue ball is in hand, if it is.
+    pub fn hand(&self) -> Option<Area> {
+        self.now.referee.hand()
+    }
+
+    /// Whether the cue ball may be put at a place.
+    ///
+    /// # Errors
+    /// A sentence that says why not.
+    pub fn may_place(&self, at: DVec2) -> Result<(), String> {
+        let Some(area) = self.hand() else {
+            return Err("The cue ball is not in hand: it is played from where it lies".to_owned());
+        };
+        self.ground.may_place(&self.lie(), at, area)
+    }
+
+    /// Puts the cue ball there.
+    ///
+    /// # Errors
+    /// As [`Match::may_place`]; it stays where it was.
+    pub fn place(&mut self, at: DVec2) -> Result<(), String> {
+        self.may_place(at)?;
+        let placed = self.now.world.place(0, at.x, at.y);
+        placed.map_err(|_| "The cue ball must lie on the cloth, clear of the cushions".to_owned())
+    }
+
+    /// The player at the table decides. A stroke without a choice plays the balls as they lie.
+    ///
+    /// # Errors
+    /// A sentence if there is no such choice now.
+    pub fn choose(&mut self, choice: Choice) -> Result<(), String> {
+        let player = self.now.referee.turn();
+        let lie = self.lie();
+        let verdict = self.now.referee.choose(&self.ground, &lie, choice)?;
+        self.lay(&verdict);
+        self.tell(player, &verdict);
+        Ok(())
+    }
+
+    /// The player at the table gives up.
+    pub fn concede(&mut self) {
+        let player = self.now.referee.turn();
+        let verdict = self.now.referee.concede();
+        self.tell(player, &verdict);
+    }
+
+    /// Takes the last shot back, with what was chosen since. False if there is none.
+    pub fn undo(&mut self) -> bool {
+        match self.past.pop() {
+            Some(turn) => {
+                self.now = turn.before;
+                true
+            }
+            None => false,
+        }
+    }
+
+    /// Lets something else move the balls from the next stroke on.
+    pub fn set_engine(&mut self, engine: Engine) {
+        self.now.world.set_engine(engine);
+    }
+
+    /// The balls on the table.
+    pub fn lie(&self) -> Lie {
+        adapter::lie(&self.now.world.balls())
+    }
+
+    /// Puts the balls where the verdict wants them.
+    fn lay(&mut self, verdict: &Verdict) {
+        if let Some(seed) = verdict.rack {
+            let rules = self.now.referee.rules();
+            let lie = rules::rack(rules, &self.ground, seed);
+            let (table, engine) = (self.now.world.table().clone(), self.now.world.engine());
+            match racked(&table, engine, &lie, seed) {
+                Ok(world) => self.now.world = world,
+                Err(error) => self.now.log.push(error),
+            }
+        }
+        // A ball may be put where another is about to leave.
+        let mut left: Vec<Placed> = verdict.moves.clone();
+        for _ in 0..=verdict.moves.len() {
+            let world = &mut self.now.world;
+            left.retain(|p| world.place(p.ball, p.at.x, p.at.y).is_err());
+        }
+        for p in left {
+            let name = self.now.referee.rules().ball_name(p.ball);
+            self.now.log.push(format!("There is no room for {name}"));
+        }
+    }
+
+    fn tell(&mut self, player: usize, verdict: &Verdict) {
+        let name = &self.players[player].name();
+        let lines = verdict.lines.iter().map(|line| format!("{name}: {line}"));
+        self.now.log.extend(lines);
+        let winner = self.now.referee.winner();
+        if let Some(winner) = winner {
+            let name = self.players[winner].name();
+            self.now.log.push(format!("{name} wins the match"));
+        }
+        let extra = self.now.log.len().saturating_sub(LOG_MAX);
+        self.now.log.drain(..extra);
+        self.now.banner = (!verdict.lines.is_empty()).then(|| verdict.lines.join(". "));
+    }
+}
+
+/// A fresh table.
+fn racked(table: &Table, engine: Engine, lie: &Lie, seed: u32) -> Result<World, String> {
+    let mut dice = Dice::new(seed, TURNED);
+    let mut seen = HashSet::new();
+    let balls = lie.iter().filter(|p| seen.insert(p.ball)).map(|p| {
+        let body = if p.ball == 0 {
+            table.cue_ball()
+        } else {
+            table.ball()
+        };
+        BallState {
+            orientation: dice.rotation(),
+            ..BallState::at_rest(p.ball, p.at.x, p.at.y, &body)
+        }
+    });
+    let mut world = World::with_laws(table.clone(), Laws::default(), balls.collect())
+        .map_err(|error| error.to_string())?;
+    world.set_engine(engine);
+    Ok(world)
+}
+
+/// Far more shots than a match has that anyone would take back.
+const TURNS_MAX: usize = 2000;
+/// As many lines as anyone would scroll through.
+const LOG_MAX: usize = 4000;
+/// Keeps how balls are turned apart from other draws of the same seed.
+const TURNED: u32 = 0x7475_726e;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn eight() -> Match {
+        let players = Player::list("2").unwrap();
+        Match::new(Setup::new(RuleSet::Eight, players, 3).unwrap()).unwrap()
+    }
+
+    fn play(game: &mut Match, stroke: Stroke) -> Verdict {
+        let shot = game.strike(stroke).unwrap();
+        game.finish(stroke, &shot).clone()
+    }
+
+    #[test]
+    fn a_break_is_judged_told_and_taken_back() {
+        let mut game = eight();
+        let racked = game.lie();
+        assert_eq!(
+            game.view().prompt,
+            "Break. The cue ball is in hand behind the head string"
+        );
+        let verdict = play(&mut game, Stroke::straight(0.0, 8.0));
+        assert!(!verdict.is_foul(), "{verdict:?}");
+        let view = game.view();
+        assert!(!game.referee().is_break() && view.undo == 1);
+        assert_eq!(view.turn, usize::from(!verdict.goes_on));
+        assert_ne!(game.lie(), racked);
+        assert!(game.undo() && !game.undo());
+        assert_eq!((game.lie(), game.view().undo), (racked, 0));
+        assert_eq!(
+            play(&mut game, Stroke::straight(0.0, 8.0)),
+            verdict,
+            "the same again"
+        );
+    }
+
+    #[test]
+    fn a_stroke_into_nothing_gives_the_other_player_the_cue_ball_in_hand() {
+        let mut game = eight();
+        play(&mut game, Stroke::straight(0.0, 8.0));
+        game.now
+            .referee
+            .choose(&game.ground, &game.lie(), Choice::Accept)
+            .ok();
+        let turn = game.referee().turn();
+        let verdict = play(&mut game, Stroke::straight(1.0, 0.05));
+        assert!(
+            verdict.lines[0].starts_with("Foul: the cue ball touched no ball"),
+            "{verdict:?}"
+        );
+        assert_eq!(game.referee().turn(), 1 - turn);
+        let view = game.view();
+        assert!(view.is_foul && view.banner.is_some_and(|banner| banner.starts_with("Foul")));
+        assert_eq!(view.hand, Some(Area::Anywhere));
+        assert!(game.place(DVec2::new(5.0, 0.0)).is_err());
+        let taken = game.lie().iter().find(|p| p.ball != 0).unwrap().at;
+        assert!(game.place(taken).unwrap_err().contains("touch"));
+        let free = game.ground().place_in_hand(&game.lie(), Area::Anywhere);
+        game.place(free).unwrap();
+        assert!(game.lie().contains(&Placed { ball: 0, at: free }));
+    }
+
+    #[test]
+    fn an_obvious_pot_is_called_by_its_aim() {
+        let mut game = eight();
+        play(&mut game, Stroke::straight(0.0, 8.0));
+        let world = &mut game.now.world;
+        let lying: Vec<u8> = world.balls().iter().map(|ball| ball.number).collect();
+        // One ball before the left foot corner, the cue ball in line, the others out of the way.
+        let world_lie = [(0, 0.6, -0.035), (lying[0].max(1), 1.0, 0.365)];
+        let table = world.table().clone();
+        let body = table.ball();
+        let balls = world_lie.map(|(n, x, y)| BallState::at_rest(n, x, y, &body));
+        *world = World::with_laws(table, Laws::default(), balls.to_vec()).unwrap();
+        let stroke = Stroke::straight(45f64.to_radians(), 2.0);
+        let Some(Call::Pot {
+            pocket: Some(pocket),
+            ..
+        }) = game.call_for(stroke)
+        else {
+            panic!("nothing is obvious");
+        };
+        assert_eq!(game.ground().pocket_name(pocket), "the left foot corner");
+        assert!(play(&mut game, stroke).goes_on);
+    }
+
+    #[test]
+    fn a_game_with_pockets_is_refused_on_a_table_without() {
+        let mut setup = Setup::new(RuleSet::Eight, Player::list("2").unwrap(), 1).unwrap();
+        setup.table = Table::built_in("carom").unwrap();
+        assert!(Match::new(setup).unwrap_err().contains("pockets"));
+        let three = vec![Player::Human("a".into()); 3];
+        assert!(Match::new(Setup::new(RuleSet::Eight, three, 1).unwrap()).is_err());
+    }
+}

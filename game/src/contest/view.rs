@@ -1,0 +1,164 @@
+//! Everything that is shown of a match.
+
+use super::Match;
+use crate::rules::{Area, Call, Choice, Group, RuleSet};
+
+/// Everything that is shown of a match, for a screen to draw as it likes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct View {
+    /// The game.
+    pub rules: RuleSet,
+    /// The game's name.
+    pub title: &'static str,
+    /// What it is played to: "first to 3 racks".
+    pub goal: String,
+    /// The players, in the order of their turns.
+    pub players: Vec<PlayerView>,
+    /// Index of the player at the table.
+    pub turn: usize,
+    /// What the player at the table is to do, a sentence.
+    pub prompt: String,
+    /// What the last shot came to, until the next stroke.
+    pub banner: Option<String>,
+    /// Whether the banner tells of a foul.
+    pub is_foul: bool,
+    /// What was called; none if nothing was.
+    pub call: Option<CallView>,
+    /// Whether ball and pocket are to be called.
+    pub wants_call: bool,
+    /// What the player may decide before the shot; nothing, usually. The first is what a stroke
+    /// means without a choice.
+    pub options: Vec<OptionView>,
+    /// Where the cue ball is in hand.
+    pub hand: Option<Area>,
+    /// The balls that the cue ball may hit first: others may be drawn dimmed.
+    pub on: Vec<u8>,
+    /// What was said, in order.
+    pub log: Vec<String>,
+    /// Index of the player who has won.
+    pub winner: Option<usize>,
+    /// How many shots can be taken back.
+    pub undo: usize,
+}
+
+/// A player's side of the board.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlayerView {
+    /// For the player to read.
+    pub name: String,
+    /// Whether the computer plays.
+    pub is_computer: bool,
+    /// Racks, frames or points.
+    pub score: i32,
+    /// What else there is to say: a group and its sign, a break, fouls in a row. May be empty.
+    pub state: String,
+    /// The group, in 8-ball.
+    pub group: Option<Group>,
+    /// The object balls that the player still needs, where balls belong to players.
+    pub left: Vec<u8>,
+}
+
+/// A call.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CallView {
+    /// As it was said.
+    pub call: Call,
+    /// In words: "the 5 in the left side pocket".
+    pub words: String,
+}
+
+/// Something to decide.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OptionView {
+    /// For [`Match::choose`].
+    pub choice: Choice,
+    /// For a button.
+    pub words: &'static str,
+}
+
+impl Match {
+    /// Everything that is shown of the match now.
+    pub fn view(&self) -> View {
+        let referee = self.referee();
+        let sheet = referee.sheet();
+        let lie = self.lie();
+        let option = |&choice: &Choice| OptionView {
+            choice,
+            words: choice.words(),
+        };
+        View {
+            rules: referee.rules(),
+            title: sheet.name,
+            goal: format!("first to {} {}", referee.target(), sheet.unit),
+            players: (0..self.players.len())
+                .map(|i| self.player_view(i))
+                .collect(),
+            turn: referee.turn(),
+            prompt: self.prompt(),
+            banner: self.now.banner.clone(),
+            is_foul: self.past.last().is_some_and(|turn| turn.verdict.is_foul()),
+            call: self.now.call.map(|call| CallView {
+                call,
+                words: self.call_words(call),
+            }),
+            wants_call: referee.wants_call(),
+            options: referee.options().iter().map(option).collect(),
+            hand: referee.hand(),
+            on: referee.on(&lie),
+            log: self.now.log.clone(),
+            winner: referee.winner(),
+            undo: self.past.len(),
+        }
+    }
+
+    /// A call in words.
+    pub fn call_words(&self, call: Call) -> String {
+        match call {
+            Call::Safety => "a safety".to_owned(),
+            Call::PushOut => "a push-out".to_owned(),
+            Call::Pot { ball, pocket } => {
+                let ball = self.referee().rules().ball_name(ball);
+                match pocket {
+                    Some(pocket) => format!("{ball} in {}", self.ground.pocket_name(pocket)),
+                    None => ball,
+                }
+            }
+        }
+    }
+
+    fn player_view(&self, index: usize) -> PlayerView {
+        let referee = self.referee();
+        let group = referee.group(index);
+        let left = self.lie().into_iter().map(|p| p.ball);
+        PlayerView {
+            name: self.players[index].name(),
+            is_computer: self.players[index].level().is_some(),
+            score: referee.scores()[index],
+            state: referee.state_words(index),
+            group,
+            left: left
+                .filter(|&ball| group.is_some() && Group::of(ball) == group)
+                .collect(),
+        }
+    }
+
+    fn prompt(&self) -> String {
+        let referee = self.referee();
+        if let Some(winner) = referee.winner() {
+            return format!("{} has won the match", self.players[winner].name());
+        }
+        let mut prompt = format!("You are on {}", referee.on_words(&self.lie()));
+        if referee.rules() == RuleSet::Free {
+            prompt = "Play as you like".to_owned();
+        } else if referee.is_break() {
+            prompt = "Break".to_owned();
+        }
+        if let Some(area) = referee.hand() {
+            prompt += &format!(". The cue ball is in hand {}", area.words());
+        }
+        if referee.wants_call() && self.now.call.is_none() {
+            prompt += ". An obvious shot need not be called; for another, call ball and pocket";
+        }
+        prompt
+    }
+}

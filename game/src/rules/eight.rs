@@ -1,0 +1,480 @@
+//! 8-ball (WPA 3).
+
+use serde::{Deserialize, Serialize};
+
+use super::{
+    call::Call,
+    foul::Foul,
+    free::capital,
+    ground::{Area, Lie},
+    referee::{Game, Referee, Shot},
+    verdict::{Choice, Verdict},
+};
+
+/// A player's seven balls.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Group {
+    /// 1 to 7.
+    Solids,
+    /// 9 to 15.
+    Stripes,
+}
+
+impl Group {
+    /// The group of a ball; none of the 8 and the cue ball.
+    pub fn of(ball: u8) -> Option<Self> {
+        match ball {
+            1..=7 => Some(Self::Solids),
+            9..=15 => Some(Self::Stripes),
+            _ => None,
+        }
+    }
+
+    /// The other.
+    #[must_use]
+    pub fn other(self) -> Self {
+        match self {
+            Self::Solids => Self::Stripes,
+            Self::Stripes => Self::Solids,
+        }
+    }
+
+    /// Its name.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Solids => "solids",
+            Self::Stripes => "stripes",
+        }
+    }
+
+    /// A shape that stands for it: a full disc, or a disc with a band.
+    pub fn glyph(self) -> &'static str {
+        match self {
+            Self::Solids => "●",
+            Self::Stripes => "◍",
+        }
+    }
+}
+
+/// What 8-ball remembers of a rack.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Eight {
+    /// The group of player 0, once the table is no longer open.
+    pub(crate) first: Option<Group>,
+}
+
+impl Eight {
+    pub(crate) fn group(self, player: usize) -> Option<Group> {
+        let first = self.first?;
+        Some(if player == 0 { first } else { first.other() })
+    }
+
+    /// The balls that may be hit first (WPA 3.4, 3.5).
+    pub(crate) fn on(self, lie: &Lie, player: usize) -> Vec<u8> {
+        let balls = lie.iter().map(|p| p.ball);
+        let Some(group) = self.group(player) else {
+            return balls.filter(|&ball| Group::of(ball).is_some()).collect();
+        };
+        let own: Vec<u8> = balls
+            .filter(|&ball| Group::of(ball) == Some(group))
+            .collect();
+        if own.is_empty() { vec![8] } else { own }
+    }
+
+    /// What is on, in words.
+    pub(crate) fn on_words(self, lie: &Lie, player: usize) -> String {
+        match self.group(player) {
+            None => "any ball but the 8".to_owned(),
+            Some(_) if self.on(lie, player) == [8] => "the 8".to_owned(),
+            Some(group) => group.words().to_owned(),
+        }
+    }
+}
+
+impl Referee {
+    pub(crate) fn judge_eight(&mut self, eight: Eight, shot: &Shot<'_>, verdict: &mut Verdict) {
+        if self.is_break() {
+            return self.judge_eight_break(shot, verdict);
+        }
+        let (report, player) = (shot.report, self.turn());
+        let on = eight.on(&report.before, player);
+        verdict.fouls = self.standard_fouls(shot, &on, &eight.on_words(&report.before, player));
+        self.say_fouls(verdict);
+        if self.eight_is_gone(shot) {
+            return self.judge_the_eight(on == [8], shot, verdict);
+        }
+        let called = shot.called_pot().filter(|ball| on.contains(ball));
+        verdict.goes_on = called.is_some() && !verdict.is_foul() && shot.call != Some(Call::Safety);
+        if let (true, Some(ball), None) = (verdict.goes_on, called, eight.first) {
+            self.settle_groups(ball, verdict);
+        }
+        if verdict.goes_on {
+            verdict.pots = called.into_iter().collect();
+        } else {
+            self.say_why_turn_passes(shot, verdict);
+            self.pass();
+        }
+        if verdict.is_foul() {
+            self.take_in_hand(Area::Anywhere);
+        }
+    }
+
+    /// The called ball decides, whatever else fell (WPA 3.4).
+    fn settle_groups(&mut self, ball: u8, verdict: &mut Verdict) {
+        let Some(own) = Group::of(ball) else {
+            return;
+        };
+        let first = if self.turn() == 0 { own } else { own.other() };
+        self.set_game(Game::Eight(Eight { first: Some(first) }));
+        verdict.say(format!("You are on {} {}", own.words(), own.glyph()));
+    }
+
+    fn eight_is_gone(&self, shot: &Shot<'_>) -> bool {
+        let report = shot.report;
+        report.potted().contains(&8) || report.off_table().any(|ball| ball == 8)
+    }
+
+    /// The 8 left the table, not on a break (WPA 3.8).
+    fn judge_the_eight(&mut self, was_on: bool, shot: &Shot<'_>, verdict: &mut Verdict) {
+        let player = self.turn();
+        let lost = if shot.report.off_table().any(|ball| ball == 8) {
+            Some("the 8 left the table")
+        } else if !was_on {
+            Some("the 8 fell before the group was cleared")
+        } else if verdict.is_foul() {
+            Some("the 8 fell on a foul")
+        } else if shot.call == Some(Call::Safety) {
+            Some("the 8 fell on a safety")
+        } else if shot.called_pot() != Some(8) {
+            Some("the 8 fell into a pocket that was not called")
+        } else {
+            None
+        };
+        match lost {
+            None => {
+                verdict.pots = vec![8];
+                verdict.say("The 8 fell as called");
+                self.win_rack(player, verdict);
+            }
+            Some(why) => {
+                verdict.say(format!("Rack lost: {why}"));
+                self.win_rack(self.other(), verdict);
+            }
+        }
+    }
+
+    /// WPA 3.3.
+    fn judge_eight_break(&mut self, shot: &Shot<'_>, verdict: &mut Verdict) {
+        let report = shot.report;
+        let potted = report.potted();
+        verdict.fouls = self.break_fouls(shot);
+        self.say_fouls(verdict);
+        let eight_gone = self.eight_is_gone(shot);
+        let is_weak = potted.is_empty() && report.balls_to_rails() < self.sheet().break_rails;
+        if verdict.is_foul() {
+            self.end_break();
+            self.pass();
+            if eight_gone {
+                self.offer(&[Choice::Accept, Choice::Rerack]);
+            } else if !report.lost_cue_ball() {
+                self.offer(&[Choice::Accept, Choice::TakeInHand]);
+            }
+            if report.lost_cue_ball() || eight_gone {
+                self.take_in_hand(Area::Kitchen);
+            }
+        } else if eight_gone {
+            self.end_break();
+            verdict.goes_on = true;
+            self.offer(&[Choice::Accept, Choice::Rerack]);
+        } else if is_weak {
+            verdict.say(format!(
+                "Illegal break: {} balls reached a cushion, it takes 4 or a ball potted",
+                report.balls_to_rails()
+            ));
+            self.end_break();
+            self.pass();
+            self.offer(&[Choice::Accept, Choice::Rerack, Choice::RerackReturn]);
+        } else {
+            self.end_break();
+            verdict.goes_on = !potted.is_empty();
+            if verdict.goes_on {
+                verdict.say("The table is open");
+            } else {
+                self.pass();
+            }
+        }
+        if eight_gone {
+            verdict.say("The 8 is spotted");
+            self.spot(shot, verdict, 8, shot.ground.foot_spot());
+        }
+        verdict.pots = if verdict.is_foul() {
+            Vec::new()
+        } else {
+            potted
+        };
+    }
+
+    /// What is a foul on the break: no ball need be hit first, none be called (WPA 3.3).
+    fn break_fouls(&self, shot: &Shot<'_>) -> Vec<Foul> {
+        let all: Vec<u8> = (1..=15).collect();
+        let mut fouls = self.standard_fouls(shot, &all, "any ball");
+        fouls.retain(|foul| *foul != Foul::NoRail);
+        fouls
+    }
+
+    /// Why a shot without a foul does not go on, where that may surprise.
+    pub(crate) fn say_why_turn_passes(&self, shot: &Shot<'_>, verdict: &mut Verdict) {
+        if verdict.is_foul() || shot.report.potted().is_empty() {
+            return;
+        }
+        match shot.call {
+            Some(Call::Safety) => verdict.say("A safety was called: the turn passes"),
+            Some(Call::Pot {
+                ball,
+                pocket: Some(pocket),
+            }) => verdict.say(format!(
+                "{} was called in {}: it did not fall there, the turn passes",
+                capital(&self.rules().ball_name(ball)),
+                shot.ground.pocket_name(pocket)
+            )),
+            _ => verdict
+                .say("No ball and pocket were called, and none were obvious: the turn passes"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rules::RuleSet;
+    use crate::rules::scene::{Scene, call, hit, off, pot, rail};
+
+    /// Player 1 is on solids, at the table.
+    fn with_groups() -> Scene {
+        let mut scene = Scene::broken(RuleSet::Eight);
+        let verdict = scene.play(&[hit(3), pot(3, 1)], call(3, 1));
+        assert!(verdict.goes_on);
+        assert_eq!(scene.referee.group(1), Some(Group::Solids));
+        assert_eq!(scene.referee.group(0), Some(Group::Stripes));
+        scene
+    }
+
+    #[test]
+    fn groups_are_settled_by_the_called_ball_after_the_break() {
+        let mut scene = Scene::new(RuleSet::Eight);
+        let verdict = scene.play(&[hit(1), pot(2, 0), pot(9, 1)], None);
+        assert!(
+            verdict.goes_on && scene.referee.group(0).is_none(),
+            "both groups on the break"
+        );
+        scene.play(&[hit(10), rail(10)], call(10, 0));
+        assert!(
+            scene.referee.group(0).is_none(),
+            "a miss leaves the table open"
+        );
+        let verdict = scene.play(&[hit(4), pot(11, 2), pot(4, 3)], call(4, 3));
+        assert!(verdict.goes_on);
+        assert_eq!(
+            scene.referee.group(1),
+            Some(Group::Solids),
+            "both fell, the called one counts"
+        );
+    }
+
+    #[test]
+    fn a_ball_that_was_not_called_or_fell_elsewhere_passes_the_turn_and_stays_down() {
+        for said in [None, call(3, 0), Some(Call::Safety)] {
+            let mut scene = Scene::broken(RuleSet::Eight);
+            let verdict = scene.play(&[hit(3), pot(3, 1)], said);
+            assert!(!verdict.goes_on && !verdict.is_foul(), "{said:?}");
+            assert!(!scene.has(3) && scene.referee.group(1).is_none());
+            assert!(
+                verdict
+                    .lines
+                    .iter()
+                    .any(|line| line.contains("turn passes")),
+                "{verdict:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_wrong_group_first_is_a_foul_and_says_what_is_on() {
+        let mut scene = with_groups();
+        let verdict = scene.play(&[hit(12), rail(12)], None);
+        assert_eq!(
+            verdict.lines[0],
+            "Foul: the 12 was hit first; you are on solids"
+        );
+        assert_eq!(
+            (scene.referee.turn(), scene.referee.hand()),
+            (0, Some(Area::Anywhere))
+        );
+        let verdict = scene.play(&[hit(8), rail(8)], None);
+        assert!(verdict.lines[0].contains("you are on stripes"));
+    }
+
+    #[test]
+    fn no_ball_no_rail_and_a_ball_off_the_table_are_fouls() {
+        for (happenings, why) in [
+            (vec![rail(0)], Foul::NoBallHit),
+            (vec![rail(0), hit(4)], Foul::NoRail),
+            (vec![hit(4), off(4)], Foul::BallOff { ball: 4 }),
+            (vec![hit(4), pot(0, 2)], Foul::Scratch),
+            (vec![hit(4), off(0)], Foul::CueBallOff),
+        ] {
+            let mut scene = with_groups();
+            let verdict = scene.play(&happenings, None);
+            assert_eq!(verdict.fouls, [why.clone()]);
+            assert_eq!(scene.referee.hand(), Some(Area::Anywhere), "{why:?}");
+            assert!(scene.has(0));
+        }
+        let mut scene = with_groups();
+        let mut report = scene.report(&[hit(4), rail(4)]);
+        report.double_hit = Some(4);
+        assert_eq!(
+            scene.judge(&report, None).fouls,
+            [Foul::DoubleHit { ball: 4 }]
+        );
+    }
+
+    #[test]
+    fn the_8_wins_when_called_and_loses_otherwise() {
+        let on_the_8 = || {
+            let mut scene = with_groups();
+            scene.keep(&[8, 9, 10]);
+            scene
+        };
+        let mut scene = on_the_8();
+        assert_eq!(scene.referee.on(&scene.lie), [8]);
+        scene.play(&[hit(8), pot(8, 2)], call(8, 2));
+        assert_eq!(scene.referee.scores(), [0, 1]);
+        assert!(
+            scene.referee.is_break() && scene.has(3),
+            "racked for the next"
+        );
+        for (happenings, said) in [
+            (vec![hit(8), pot(8, 2)], call(8, 1)),
+            (vec![hit(8), pot(8, 2)], None),
+            (vec![hit(8), pot(8, 2)], Some(Call::Safety)),
+            (vec![hit(8), pot(8, 2), pot(0, 3)], call(8, 2)),
+            (vec![hit(9), pot(8, 2)], call(8, 2)),
+            (vec![hit(8), off(8)], call(8, 2)),
+        ] {
+            let mut scene = on_the_8();
+            let verdict = scene.play(&happenings, said);
+            assert_eq!(scene.referee.scores(), [1, 0], "{happenings:?} {said:?}");
+            assert!(
+                verdict
+                    .lines
+                    .iter()
+                    .any(|line| line.starts_with("Rack lost"))
+            );
+        }
+        let mut scene = with_groups();
+        scene.play(&[hit(4), pot(8, 2)], call(8, 2));
+        assert_eq!(scene.referee.scores(), [1, 0], "the 8 before its time");
+    }
+
+    #[test]
+    fn a_scratch_on_the_8_that_stays_up_is_only_a_foul() {
+        let mut scene = with_groups();
+        scene.keep(&[8, 9]);
+        let verdict = scene.play(&[hit(8), pot(0, 2)], call(8, 2));
+        assert_eq!(verdict.fouls, [Foul::Scratch]);
+        assert_eq!(scene.referee.scores(), [0, 0]);
+    }
+
+    #[test]
+    fn the_8_on_the_break_is_spotted_and_the_breaker_may_rack_again() {
+        let mut scene = Scene::new(RuleSet::Eight);
+        let verdict = scene.play(&[hit(1), pot(8, 2)], None);
+        assert!(verdict.goes_on && scene.referee.turn() == 0);
+        assert_eq!(scene.referee.options(), [Choice::Accept, Choice::Rerack]);
+        assert!(
+            scene.has(8),
+            "spotted at once, so that the cue is not blocked"
+        );
+        let lie = scene.lie.clone();
+        let verdict = scene
+            .referee
+            .choose(&scene.ground, &lie, Choice::Rerack)
+            .unwrap();
+        assert!(verdict.rack.is_some() && scene.referee.is_break());
+        assert_eq!(scene.referee.turn(), 0);
+    }
+
+    #[test]
+    fn the_8_and_a_scratch_on_the_break_give_the_other_the_choice() {
+        let mut scene = Scene::new(RuleSet::Eight);
+        let verdict = scene.play(&[hit(1), pot(8, 2), pot(0, 1)], None);
+        assert_eq!(verdict.fouls, [Foul::Scratch]);
+        assert_eq!(
+            (scene.referee.turn(), scene.referee.hand()),
+            (1, Some(Area::Kitchen))
+        );
+        assert_eq!(scene.referee.options(), [Choice::Accept, Choice::Rerack]);
+        assert_eq!(scene.referee.scores(), [0, 0]);
+    }
+
+    #[test]
+    fn a_weak_break_gives_three_choices_and_a_foul_on_it_two() {
+        let mut scene = Scene::new(RuleSet::Eight);
+        let verdict = scene.play(&[hit(1), rail(1), rail(2), rail(3), rail(0)], None);
+        assert!(!verdict.is_foul() && verdict.lines[0].starts_with("Illegal break: 3 balls"));
+        let options = [Choice::Accept, Choice::Rerack, Choice::RerackReturn];
+        assert_eq!(
+            (scene.referee.turn(), scene.referee.options()),
+            (1, &options[..])
+        );
+        let lie = scene.lie.clone();
+        scene
+            .referee
+            .choose(&scene.ground, &lie, Choice::RerackReturn)
+            .unwrap();
+        assert_eq!((scene.referee.turn(), scene.referee.is_break()), (0, true));
+
+        let mut scene = Scene::new(RuleSet::Eight);
+        scene.play(&[hit(1), pot(2, 0), off(5)], None);
+        assert_eq!(
+            scene.referee.options(),
+            [Choice::Accept, Choice::TakeInHand]
+        );
+        assert!(!scene.has(5) && !scene.has(2), "they stay off");
+        let lie = scene.lie.clone();
+        scene
+            .referee
+            .choose(&scene.ground, &lie, Choice::TakeInHand)
+            .unwrap();
+        assert_eq!(scene.referee.hand(), Some(Area::Kitchen));
+    }
+
+    #[test]
+    fn from_behind_the_head_string_the_line_is_crossed_first() {
+        let mut scene = Scene::new(RuleSet::Eight);
+        scene.play(&[hit(1), pot(2, 0), pot(0, 1)], None);
+        assert_eq!(scene.referee.hand(), Some(Area::Kitchen));
+        scene.put(4, -1.0, 0.3);
+        let mut report = scene.report(&[hit(4), rail(4)]);
+        report.reach_x_m = -0.8;
+        assert_eq!(
+            scene.judge(&report, None).fouls,
+            [Foul::BehindHeadString { ball: 4 }]
+        );
+    }
+
+    #[test]
+    fn a_match_ends_at_its_target_and_no_shot_counts_after() {
+        let mut scene = with_groups();
+        for _ in 0..3 {
+            scene.referee.win_rack(1, &mut Verdict::default());
+        }
+        assert_eq!(scene.referee.winner(), Some(1));
+        let verdict = scene.play(&[hit(1), pot(8, 0)], None);
+        assert_eq!(
+            (verdict, scene.referee.scores()),
+            (Verdict::default(), &[0, 3][..])
+        );
+    }
+}

@@ -1,0 +1,47 @@
+//! The free table: no rules, and nothing that stops the play.
+
+use super::{
+    ground::own_spot,
+    referee::{Referee, Shot},
+    verdict::Verdict,
+};
+
+impl Referee {
+    pub(crate) fn judge_free(&mut self, shot: &Shot<'_>, verdict: &mut Verdict) {
+        let report = shot.report;
+        let potted = report.potted();
+        verdict.pots.clone_from(&potted);
+        for ball in report.off_table().filter(|&ball| ball != 0) {
+            verdict.say(format!(
+                "{} left the table and is spotted",
+                capital(&self.rules().ball_name(ball))
+            ));
+            self.spot(
+                shot,
+                verdict,
+                ball,
+                own_spot(self.rules(), shot.ground, ball),
+            );
+        }
+        if report.lost_cue_ball() {
+            verdict.say("The cue ball is lost: put it where you like");
+        }
+        if !report.after.iter().any(|p| p.ball != 0) && verdict.moves.is_empty() {
+            verdict.say("The table is clear");
+            self.rack_again(verdict);
+        }
+        verdict.goes_on = !potted.is_empty() && !report.lost_cue_ball();
+        if !verdict.goes_on {
+            self.pass();
+        }
+        self.take_in_hand(self.sheet().after_loss);
+    }
+}
+
+/// A sentence's beginning.
+pub(crate) fn capital(words: &str) -> String {
+    let mut letters = words.chars();
+    letters.next().map_or(String::new(), |first| {
+        first.to_uppercase().chain(letters).collect()
+    })
+}

@@ -1,0 +1,245 @@
+//! Where balls may lie: the marks of a table, areas for the cue ball, and spotting.
+
+use glam::DVec2;
+use serde::{Deserialize, Serialize};
+
+use super::sheet::RuleSet;
+
+/// A ball that lies on the table: its number and its centre seen from above, in m.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Placed {
+    /// 0 is the cue ball.
+    pub ball: u8,
+    /// x along the length, from the head to the foot; y across; the centre of the cloth is 0.
+    pub at: DVec2,
+}
+
+/// The balls that lie on the table.
+pub type Lie = Vec<Placed>;
+
+/// Where a player may put the cue ball.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Area {
+    /// Anywhere on the table.
+    Anywhere,
+    /// Behind the head string.
+    Kitchen,
+    /// Snooker's half circle at the baulk line.
+    D,
+}
+
+impl Area {
+    /// In words, to follow "the cue ball is in hand".
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Anywhere => "anywhere on the table",
+            Self::Kitchen => "behind the head string",
+            Self::D => "in the D",
+        }
+    }
+}
+
+/// What of a table concerns the rules.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ground {
+    /// From nose to nose along x, in m.
+    pub length_m: f64,
+    /// From nose to nose along y, in m.
+    pub width_m: f64,
+    /// Of an object ball, in m.
+    pub radius_m: f64,
+    /// Of the cue ball, in m.
+    pub cue_radius_m: f64,
+    /// Centres of the pockets, in m.
+    pub pockets: Vec<DVec2>,
+}
+
+impl Ground {
+    /// The head spot: a quarter of the length from the head cushion.
+    pub fn head_spot(&self) -> DVec2 {
+        DVec2::new(-0.25 * self.length_m, 0.0)
+    }
+
+    /// The foot spot: a quarter of the length from the foot cushion.
+    pub fn foot_spot(&self) -> DVec2 {
+        DVec2::new(0.25 * self.length_m, 0.0)
+    }
+
+    /// The middle of snooker's baulk line, 737 mm (29 in) from the baulk cushion on a table of full
+    /// size (WPBSA section 1, 1 (e)), in proportion on others.
+    pub fn baulk_spot(&self) -> DVec2 {
+        DVec2::new((BAULK_SHARE - 0.5) * self.length_m, 0.0)
+    }
+
+    /// Radius of snooker's D: 292 mm on a table of full size.
+    pub fn d_radius_m(&self) -> f64 {
+        D_SHARE * self.length_m
+    }
+
+    /// Whether the cue ball may be put at a place. Lines belong to the area within them.
+    ///
+    /// # Errors
+    /// A sentence that says why not.
+    pub fn may_place(&self, lie: &[Placed], at: DVec2, area: Area) -> Result<(), String> {
+        if !at.is_finite() || !self.is_on_cloth(at, self.cue_radius_m) {
+            return Err("The cue ball must lie on the cloth, clear of the cushions".to_owned());
+        }
+        if !self.is_within(at, area) {
+            return Err(format!("The cue ball is in hand {}", area.words()));
+        }
+        let least = self.radius_m + self.cue_radius_m;
+        let touches = |p: &&Placed| p.ball != 0 && p.at.distance(at) < least + TOUCH_M;
+        match lie.iter().find(touches) {
+            Some(_) => Err("The cue ball must not touch another ball".to_owned()),
+            None => Ok(()),
+        }
+    }
+
+    /// The place for a cue ball in hand from which a player may move it: the middle of the area's
+    /// line, or the free place that is nearest.
+    pub fn place_in_hand(&self, lie: &[Placed], area: Area) -> DVec2 {
+        let home = match area {
+            Area::D => self.baulk_spot() - DVec2::new(0.0, 0.5 * self.d_radius_m()),
+            Area::Kitchen | Area::Anywhere => self.head_spot(),
+        };
+        let step = 0.5 * self.cue_radius_m;
+        let ring = |i: u32| {
+            let angle = f64::from(i % 16) * std::f64::consts::TAU / 16.0;
+            home + DVec2::from_angle(angle) * (step * f64::from(i.div_ceil(16)))
+        };
+        (0..16 * RINGS)
+            .map(ring)
+            .find(|&at| self.may_place(lie, at, area).is_ok())
+            .unwrap_or(home)
+    }
+
+    fn is_within(&self, at: DVec2, area: Area) -> bool {
+        match area {
+            Area::Anywhere => true,
+            Area::Kitchen => at.x <= self.head_spot().x + LINE_M,
+            Area::D => {
+                let from = at - self.baulk_spot();
+                from.x <= LINE_M && from.length() <= self.d_radius_m() + LINE_M
+            }
+        }
+    }
+
+    /// Whether a ball lies clear of cushions and pockets.
+    fn is_on_cloth(&self, at: DVec2, radius_m: f64) -> bool {
+        let half = 0.5 * DVec2::new(self.length_m, self.width_m) - radius_m;
+        let in_hole = |pocket: &DVec2| pocket.distance(at) < HOLE_RADII * radius_m;
+        at.abs().cmple(half).all() && !self.pockets.iter().any(in_hole)
+    }
+
+    /// Whether a ball could lie at a spot without touching another.
+    pub fn is_free(&self, lie: &[Placed], spot: DVec2) -> bool {
+        lie.iter()
+            .all(|p| p.at.distance(spot) >= self.radius_m + self.radius_of(p.ball))
+    }
+
+    /// Where a ball is spotted: on the spot, or on the line through it along the table, as near as
+    /// can be: first towards the foot cushion, if there is no room towards the head (WPA 1.4; WPBSA
+    /// 7). It may touch an object ball, never the cue ball.
+    pub fn spotted(&self, lie: &[Placed], spot: DVec2) -> DVec2 {
+        let mut places: Vec<f64> = vec![spot.x];
+        for p in lie {
+            let gap = if p.ball == 0 { CUE_GAP_M } else { SPOT_GAP_M };
+            let least = self.radius_m + self.radius_of(p.ball) + gap;
+            let across = p.at.y - spot.y;
+            if across.abs() < least {
+                let along = (least * least - across * across).sqrt();
+                places.extend([p.at.x + along, p.at.x - along]);
+            }
+        }
+        let towards_foot = |x: &f64| *x >= spot.x;
+        let (mut foot, mut head): (Vec<f64>, Vec<f64>) = places.into_iter().partition(towards_foot);
+        foot.sort_by(f64::total_cmp);
+        head.sort_by(|a, b| b.total_cmp(a));
+        let at = |x: f64| DVec2::new(x, spot.y);
+        foot.into_iter()
+            .chain(head)
+            .map(at)
+            .find(|&at| {
+                let half = 0.5 * self.length_m - self.radius_m;
+                at.x.abs() <= half && self.is_free(lie, at)
+            })
+            .unwrap_or(spot)
+    }
+
+    pub(crate) fn radius_of(&self, ball: u8) -> f64 {
+        if ball == 0 {
+            self.cue_radius_m
+        } else {
+            self.radius_m
+        }
+    }
+
+    /// Whether the way of the cue ball from `from` to `to` is clear of the balls of `lie` that
+    /// `blocks` names.
+    pub fn is_clear(
+        &self,
+        lie: &[Placed],
+        (from, to): (DVec2, DVec2),
+        moving_radius_m: f64,
+        blocks: impl Fn(u8) -> bool,
+    ) -> bool {
+        let way = to - from;
+        lie.iter().filter(|p| blocks(p.ball)).all(|p| {
+            let t = ((p.at - from).dot(way) / way.length_squared().max(1e-12)).clamp(0.0, 1.0);
+            (from + t * way).distance(p.at) >= moving_radius_m + self.radius_of(p.ball) - LINE_M
+        })
+    }
+
+    /// The name of a pocket, as seen from the head of the table.
+    pub fn pocket_name(&self, pocket: usize) -> String {
+        let Some(at) = self.pockets.get(pocket) else {
+            return "a pocket".to_owned();
+        };
+        let along = if at.x.abs() < 0.2 * self.length_m {
+            "side"
+        } else if at.x > 0.0 {
+            "foot"
+        } else {
+            "head"
+        };
+        let across = if at.y > 0.0 { "left" } else { "right" };
+        match along {
+            "side" => format!("the {across} side pocket"),
+            end => format!("the {across} {end} corner"),
+        }
+    }
+}
+
+/// Where a colour of snooker or a ball of carom has its spot; the foot spot for others.
+pub(crate) fn own_spot(rules: RuleSet, ground: &Ground, ball: u8) -> DVec2 {
+    let baulk = ground.baulk_spot();
+    match (rules, ball) {
+        (RuleSet::Snooker, 16) => baulk - DVec2::new(0.0, ground.d_radius_m()),
+        (RuleSet::Snooker, 17) => baulk + DVec2::new(0.0, ground.d_radius_m()),
+        (RuleSet::Snooker, 18) => baulk,
+        (RuleSet::Snooker, 19) => DVec2::ZERO,
+        (RuleSet::Snooker, 21) => DVec2::new((0.5 - BLACK_SHARE) * ground.length_m, 0.0),
+        (RuleSet::ThreeCushion, 0) => ground.head_spot(),
+        (RuleSet::ThreeCushion, 1) => DVec2::ZERO,
+        _ => ground.foot_spot(),
+    }
+}
+
+/// 737 mm of 3569 mm.
+const BAULK_SHARE: f64 = 0.737 / 3.569;
+/// 292 mm of 3569 mm.
+const D_SHARE: f64 = 0.292 / 3.569;
+/// The black's spot is 324 mm from the top cushion.
+const BLACK_SHARE: f64 = 0.324 / 3.569;
+/// A place this near a line is on it.
+const LINE_M: f64 = 1e-6;
+/// A ball in hand keeps this from others.
+const TOUCH_M: f64 = 1e-4;
+/// A spotted ball all but touches an object ball, and keeps a little more from the cue ball.
+const SPOT_GAP_M: f64 = 1e-6;
+const CUE_GAP_M: f64 = 1e-3;
+/// A ball whose centre is nearer to that of a pocket hangs over its edge.
+const HOLE_RADII: f64 = 2.2;
+/// Rings of places around the first that are tried: over the whole table.
+const RINGS: u32 = 200;

@@ -1,0 +1,424 @@
+//! The referee: whose turn it is, what counts, what follows from a shot.
+
+use glam::DVec2;
+use serde::{Deserialize, Serialize};
+
+use super::{
+    call::Call,
+    eight::{Eight, Group},
+    foul::Foul,
+    ground::{Area, Ground, Lie, Placed},
+    report::Report,
+    sheet::{Calls, RuleSet, Sheet},
+    verdict::{Choice, Verdict},
+};
+
+/// The state of a match: everything that the rules remember.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Referee {
+    rules: RuleSet,
+    target: u32,
+    seed: u32,
+    turn: usize,
+    breaker: usize,
+    is_break: bool,
+    hand: Option<Area>,
+    options: Vec<Choice>,
+    scores: Vec<i32>,
+    fouls_in_row: Vec<u8>,
+    winner: Option<usize>,
+    game: Game,
+}
+
+/// What a game remembers beside.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Game {
+    Free,
+    Eight(Eight),
+}
+
+impl Game {
+    fn new(rules: RuleSet) -> Self {
+        match rules {
+            RuleSet::Eight => Self::Eight(Eight::default()),
+            _ => Self::Free,
+        }
+    }
+}
+
+/// A shot to be judged.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Shot<'a> {
+    pub(crate) ground: &'a Ground,
+    pub(crate) report: &'a Report,
+    pub(crate) call: Option<Call>,
+    /// Where the cue ball was in hand before the stroke.
+    pub(crate) hand: Option<Area>,
+}
+
+impl Shot<'_> {
+    /// The ball that fell as it was called.
+    pub(crate) fn called_pot(&self) -> Option<u8> {
+        let Some(Call::Pot { ball, pocket }) = self.call else {
+            return None;
+        };
+        let fell = |(potted, hole): (u8, usize)| potted == ball && pocket.is_none_or(|p| p == hole);
+        self.report.pocketed().any(fell).then_some(ball)
+    }
+}
+
+impl Referee {
+    /// A match of `players` to a target of racks, frames or points, 1 to [`Referee::TARGET_MAX`]; 0 is
+    /// the game's own. Player 0 breaks; in later racks they take turns (WPA Regulation 15). The seed
+    /// draws the racks.
+    ///
+    /// # Errors
+    /// A sentence for a number of players or a target that the game does not have.
+    pub fn new(rules: RuleSet, players: usize, target: u32, seed: u32) -> Result<Self, String> {
+        let sheet = rules.sheet();
+        if !sheet.players.contains(&players) {
+            let (least, most) = (sheet.players.start(), sheet.players.end());
+            let may = if least == most {
+                format!("{least}")
+            } else {
+                format!("{least} to {most}")
+            };
+            return Err(format!(
+                "{} is played by {may} players, not by {players}",
+                sheet.name
+            ));
+        }
+        if target > Self::TARGET_MAX {
+            return Err(format!(
+                "a match to {target} {} is too long: at most {}",
+                sheet.unit,
+                Self::TARGET_MAX
+            ));
+        }
+        Ok(Self {
+            rules,
+            target: if target == 0 { sheet.target } else { target },
+            seed,
+            turn: 0,
+            breaker: 0,
+            is_break: true,
+            hand: sheet.start,
+            options: Vec::new(),
+            scores: vec![0; players],
+            fouls_in_row: vec![0; players],
+            winner: None,
+            game: Game::new(rules),
+        })
+    }
+
+    /// Points of straight pool's and three-cushion's longest matches are far below.
+    pub const TARGET_MAX: u32 = 1000;
+
+    /// The game.
+    pub fn rules(&self) -> RuleSet {
+        self.rules
+    }
+
+    /// The game's row of the table of rules.
+    pub fn sheet(&self) -> Sheet {
+        self.rules.sheet()
+    }
+
+    /// What the match is played to.
+    pub fn target(&self) -> u32 {
+        self.target
+    }
+
+    /// The seed of the rack that is on.
+    pub fn seed(&self) -> u32 {
+        self.seed
+    }
+
+    /// The player at the table.
+    pub fn turn(&self) -> usize {
+        self.turn
+    }
+
+    /// Whether the next shot is a break.
+    pub fn is_break(&self) -> bool {
+        self.is_break
+    }
+
+    /// Where the cue ball is in hand, if it is.
+    pub fn hand(&self) -> Option<Area> {
+        self.hand
+    }
+
+    /// What the player at the table may decide before the shot; nothing, usually.
+    pub fn options(&self) -> &[Choice] {
+        &self.options
+    }
+
+    /// Racks, frames or points of each player.
+    pub fn scores(&self) -> &[i32] {
+        &self.scores
+    }
+
+    /// Fouls in a row of each player, where they count.
+    pub fn fouls_in_row(&self) -> &[u8] {
+        &self.fouls_in_row
+    }
+
+    /// Who has won the match.
+    pub fn winner(&self) -> Option<usize> {
+        self.winner
+    }
+
+    /// The group of a player, in 8-ball once the table is no longer open.
+    pub fn group(&self, player: usize) -> Option<Group> {
+        match self.game {
+            Game::Eight(eight) => eight.group(player),
+            Game::Free => None,
+        }
+    }
+
+    /// The balls that the cue ball may hit first.
+    pub fn on(&self, lie: &Lie) -> Vec<u8> {
+        match self.game {
+            Game::Eight(_) if self.is_break => object_balls(lie),
+            Game::Eight(eight) => eight.on(lie, self.turn),
+            Game::Free => object_balls(lie),
+        }
+    }
+
+    /// What is on, in words.
+    pub fn on_words(&self, lie: &Lie) -> String {
+        match self.game {
+            Game::Eight(eight) if !self.is_break => eight.on_words(lie, self.turn),
+            _ => "any ball".to_owned(),
+        }
+    }
+
+    /// What there is to say of a player besides the score; may be empty.
+    pub fn state_words(&self, player: usize) -> String {
+        let mut words = Vec::new();
+        if let Some(group) = self.group(player) {
+            words.push(format!("{} {}", group.glyph(), group.words()));
+        }
+        let fouls = self.fouls_in_row[player];
+        if self.sheet().fouls_in_row.is_some() && fouls > 0 {
+            words.push(format!("fouls in a row: {fouls}"));
+        }
+        words.join(", ")
+    }
+
+    /// Whether a call is asked for before the next shot.
+    pub fn wants_call(&self) -> bool {
+        !self.is_break && self.sheet().calls == Calls::Pocket
+    }
+
+    /// Judges a shot.
+    pub fn judge(&mut self, ground: &Ground, report: &Report, call: Option<Call>) -> Verdict {
+        let mut verdict = Verdict::default();
+        if self.winner.is_some() {
+            return verdict;
+        }
+        self.options.clear();
+        let shot = Shot {
+            ground,
+            report,
+            call,
+            hand: self.hand.take(),
+        };
+        match self.game {
+            Game::Free => self.judge_free(&shot, &mut verdict),
+            Game::Eight(eight) => self.judge_eight(eight, &shot, &mut verdict),
+        }
+        self.put_cue_ball(ground, &report.after, &mut verdict);
+        verdict
+    }
+
+    /// The player at the table decides.
+    ///
+    /// # Errors
+    /// A sentence if there is no such choice now.
+    pub fn choose(
+        &mut self,
+        ground: &Ground,
+        lie: &Lie,
+        choice: Choice,
+    ) -> Result<Verdict, String> {
+        if !self.options.contains(&choice) {
+            return Err(format!(
+                "\u{201c}{}\u{201d} is no choice now",
+                choice.words()
+            ));
+        }
+        self.options.clear();
+        let mut verdict = Verdict::default();
+        verdict.say(choice.words());
+        match choice {
+            Choice::Accept => {}
+            Choice::Return => self.pass(),
+            Choice::TakeInHand => self.take_in_hand(Area::Kitchen),
+            Choice::Rerack => self.rack_again(&mut verdict),
+            Choice::RerackReturn => {
+                self.pass();
+                self.rack_again(&mut verdict);
+            }
+            Choice::SpotBalls => {}
+        }
+        self.put_cue_ball(ground, lie, &mut verdict);
+        Ok(verdict)
+    }
+
+    /// The player at the table gives up: the other wins the match.
+    pub fn concede(&mut self) -> Verdict {
+        let mut verdict = Verdict::default();
+        if self.scores.len() > 1 && self.winner.is_none() {
+            verdict.say("Conceded");
+            self.winner = Some(self.other());
+        }
+        verdict
+    }
+
+    pub(crate) fn set_game(&mut self, game: Game) {
+        self.game = game;
+    }
+
+    pub(crate) fn other(&self) -> usize {
+        (self.turn + 1) % self.scores.len()
+    }
+
+    pub(crate) fn pass(&mut self) {
+        self.turn = self.other();
+    }
+
+    pub(crate) fn end_break(&mut self) {
+        self.is_break = false;
+    }
+
+    pub(crate) fn offer(&mut self, options: &[Choice]) {
+        self.options = options.to_vec();
+    }
+
+    pub(crate) fn take_in_hand(&mut self, area: Area) {
+        self.hand = Some(area);
+    }
+
+    /// The balls are racked, and the player at the table breaks.
+    pub(crate) fn rack_again(&mut self, verdict: &mut Verdict) {
+        self.seed = self.seed.wrapping_add(1);
+        self.is_break = true;
+        self.hand = self.sheet().start;
+        self.options.clear();
+        self.fouls_in_row.fill(0);
+        self.game = Game::new(self.rules);
+        verdict.rack = Some(self.seed);
+        verdict.moves.clear();
+    }
+
+    /// A rack, frame or match is won.
+    pub(crate) fn win_rack(&mut self, player: usize, verdict: &mut Verdict) {
+        self.scores[player] += 1;
+        if self.scores[player] >= self.target as i32 {
+            self.winner = Some(player);
+            return;
+        }
+        self.breaker = (self.breaker + 1) % self.scores.len();
+        self.turn = self.breaker;
+        self.rack_again(verdict);
+    }
+
+    /// Puts an object ball back.
+    pub(crate) fn spot(&self, shot: &Shot<'_>, verdict: &mut Verdict, ball: u8, spot: DVec2) {
+        let lie = with_moves(&shot.report.after, &verdict.moves);
+        let at = shot.ground.spotted(&lie, spot);
+        verdict.moves.push(Placed { ball, at });
+    }
+
+    pub(crate) fn say_fouls(&self, verdict: &mut Verdict) {
+        let reasons: Vec<String> = verdict
+            .fouls
+            .iter()
+            .map(|foul| foul.words(self.rules))
+            .collect();
+        if !reasons.is_empty() {
+            verdict
+                .lines
+                .insert(0, format!("Foul: {}", reasons.join("; ")));
+        }
+    }
+
+    /// The fouls that games have in common, as far as the game's row asks for them (WPA 6).
+    pub(crate) fn standard_fouls(&self, shot: &Shot<'_>, on: &[u8], on_words: &str) -> Vec<Foul> {
+        let (report, sheet) = (shot.report, self.sheet());
+        let mut fouls = Vec::new();
+        if report.scratch().is_some() {
+            fouls.push(Foul::Scratch);
+        }
+        for ball in report.off_table() {
+            fouls.push(match ball {
+                0 => Foul::CueBallOff,
+                ball => Foul::BallOff { ball },
+            });
+        }
+        fouls.extend(self.contact_foul(shot, on, on_words));
+        if sheet.needs_rail && report.first_hit().is_some() && !report.rail_after_contact() {
+            fouls.push(Foul::NoRail);
+        }
+        if let Some(ball) = report.double_hit {
+            fouls.push(Foul::DoubleHit { ball });
+        }
+        fouls
+    }
+
+    fn contact_foul(&self, shot: &Shot<'_>, on: &[u8], on_words: &str) -> Option<Foul> {
+        let report = shot.report;
+        let Some(hit) = report.first_hit() else {
+            return Some(Foul::NoBallHit);
+        };
+        if !on.contains(&hit) {
+            let on = on_words.to_owned();
+            return Some(Foul::WrongBall { hit, on });
+        }
+        let head_x = shot.ground.head_spot().x;
+        let lies_behind = |p: &&Placed| p.ball == hit && p.at.x <= head_x;
+        let behind = report.before.iter().find(lies_behind).is_some();
+        let stays_behind = shot.hand == Some(Area::Kitchen) && report.reach_x_m <= head_x;
+        (behind && stays_behind).then_some(Foul::BehindHeadString { ball: hit })
+    }
+
+    /// A cue ball that is gone, or lies outside of where it is in hand, is put there.
+    fn put_cue_ball(&mut self, ground: &Ground, lie: &Lie, verdict: &mut Verdict) {
+        if verdict.rack.is_some() || self.winner.is_some() {
+            return;
+        }
+        let lie = with_moves(lie, &verdict.moves);
+        let cue_ball = lie.iter().find(|p| p.ball == 0).map(|p| p.at);
+        let area = match (self.hand, cue_ball) {
+            (None, Some(_)) => return,
+            (None, None) => self.sheet().after_loss,
+            (Some(area), _) => area,
+        };
+        self.hand = Some(area);
+        let stays =
+            |at: &DVec2| area == Area::Anywhere || ground.may_place(&lie, *at, area).is_ok();
+        if cue_ball.filter(stays).is_none() {
+            let at = ground.place_in_hand(&lie, area);
+            verdict.moves.push(Placed { ball: 0, at });
+        }
+        if self.rules != RuleSet::Free {
+            verdict.say(format!("The cue ball is in hand {}", area.words()));
+        }
+    }
+}
+
+/// The balls after some were put elsewhere.
+pub(crate) fn with_moves(lie: &[Placed], moves: &[Placed]) -> Lie {
+    let stays = |p: &&Placed| !moves.iter().any(|moved| moved.ball == p.ball);
+    let mut lie: Lie = lie.iter().filter(stays).copied().collect();
+    lie.extend(moves);
+    lie
+}
+
+fn object_balls(lie: &Lie) -> Vec<u8> {
+    let balls = lie.iter().map(|p| p.ball);
+    balls.filter(|&ball| ball != 0).collect()
+}

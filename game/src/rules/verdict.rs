@@ -1,0 +1,67 @@
+//! What a referee says after a shot.
+
+use serde::{Deserialize, Serialize};
+
+use super::{foul::Foul, ground::Lie};
+
+/// What a referee says after a shot, or after a choice.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Verdict {
+    /// What was wrong, the gravest first.
+    pub fouls: Vec<Foul>,
+    /// What happened and what it means, a sentence each, in order.
+    pub lines: Vec<String>,
+    /// Balls to be put on the table, in this order: spotted balls, the cue ball in hand.
+    pub moves: Lie,
+    /// The seed of a new rack, if the balls are racked again.
+    pub rack: Option<u32>,
+    /// Points of the player who played.
+    pub points: i32,
+    /// The object balls that were potted as the rules want it.
+    pub pots: Vec<u8>,
+    /// Whether the same player goes on.
+    pub goes_on: bool,
+}
+
+impl Verdict {
+    /// Whether the shot was a foul.
+    pub fn is_foul(&self) -> bool {
+        !self.fouls.is_empty()
+    }
+
+    pub(crate) fn say(&mut self, line: impl Into<String>) {
+        self.lines.push(line.into());
+    }
+}
+
+/// What the player at the table may decide in place of simply playing on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Choice {
+    /// To play the balls as they lie: what a stroke without a choice means.
+    Accept,
+    /// The other player has to play from here.
+    Return,
+    /// To have the balls racked, and break.
+    Rerack,
+    /// To have the balls racked, and let the other player break again.
+    RerackReturn,
+    /// To take the cue ball in hand.
+    TakeInHand,
+    /// To have balls that touch set up on their spots.
+    SpotBalls,
+}
+
+impl Choice {
+    /// For a button.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Accept => "Play the balls as they lie",
+            Self::Return => "Let the other player shoot",
+            Self::Rerack => "Rack again and break",
+            Self::RerackReturn => "Rack again, the other player breaks",
+            Self::TakeInHand => "Take the cue ball in hand",
+            Self::SpotBalls => "Set up the balls that touch",
+        }
+    }
+}
