@@ -326,7 +326,7 @@ mod tests {
         ] {
             let mut scene = with_groups();
             let verdict = scene.play(&happenings, None);
-            assert_eq!(verdict.fouls, [why.clone()]);
+            assert_eq!(verdict.fouls, std::slice::from_ref(&why));
             assert_eq!(scene.referee.hand(), Some(Area::Anywhere), "{why:?}");
             assert!(scene.has(0));
         }
