@@ -370,12 +370,9 @@ fn cut(tiles: &[Tile], shares: &[f64]) -> Vec<Range<usize>> {
     runs
 }
 
-fn sum(a: TraceStats, b: TraceStats) -> TraceStats {
-    TraceStats {
-        samples: a.samples + b.samples,
-        rays: a.rays + b.rays,
-        device_nanos: a.device_nanos + b.device_nanos,
-    }
+fn sum(mut a: TraceStats, b: TraceStats) -> TraceStats {
+    a += b;
+    a
 }
 
 /// How long a device rests after its first failure; it doubles with each further one.

@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release -p carom-tracer --example denoise -- [cpu|gpu|reference] [FOLDER]`
 //!
-//! Prints relMSE against the independent reference with and without it, then its processor time for
+//! Prints relMSE and FLIP against the independent reference with and without it, then its processor time for
 //! 1280×720; writes the pictures of the first part to FOLDER as EXR.
 
 use std::error::Error;
@@ -11,7 +11,8 @@ use std::sync::atomic::AtomicBool;
 
 use carom_tracer::film::trace_image;
 use carom_tracer::gpu::AdapterChoice;
-use carom_tracer::metrics::rel_mse;
+use carom_tracer::metrics::{flip, rel_mse};
+use carom_tracer::tonemap::srgb8;
 use carom_tracer::{
     CompiledScene, CpuTracer, GpuTracer, ImageSize, RadianceImage, Reference, RenderSettings,
     Scene, Tile, TileGrid, TraceJob, Tracer,
@@ -32,14 +33,19 @@ fn main() -> Result<(), Box<dyn Error>> {
     costs(&*tracer, &scene)
 }
 
-/// relMSE by samples, and the pictures.
+/// relMSE and FLIP by samples, and the pictures.
 fn errors(
     tracer: &dyn Tracer,
     scene: &CompiledScene,
     folder: Option<&Path>,
 ) -> Result<(), Box<dyn Error>> {
     let reference = RadianceImage::read_exr(repository("tests/references/pool_480x270.exr"))?;
-    println!("samples  relMSE noisy  denoised");
+    let seen = |image: &RadianceImage| -> Vec<[u8; 3]> {
+        let pixels = image.pixels.iter();
+        pixels.map(|radiance| srgb8(*radiance, 1.0)).collect()
+    };
+    let truth = seen(&reference);
+    println!("samples  relMSE noisy  denoised  FLIP noisy  denoised");
     for samples in [1, 2, 4, 8, 16, 64, 256] {
         let mut figures = Vec::new();
         for denoise in [false, true] {
@@ -50,12 +56,16 @@ fn errors(
             };
             let image = trace_image(tracer, scene, reference.size, settings)?.image();
             figures.push(rel_mse(&image, &reference)?);
+            figures.push(flip(reference.size, &seen(&image), &truth)?.mean);
             if let Some(folder) = folder {
                 let name = ["noisy", "denoised"][usize::from(denoise)];
                 image.write_exr(folder.join(format!("{name}_{samples}.exr")))?;
             }
         }
-        println!("{samples:7}  {:12.5}  {:8.5}", figures[0], figures[1]);
+        let [noisy, noisy_flip, smooth, smooth_flip] = figures[..] else {
+            continue; // two pictures, two figures each
+        };
+        println!("{samples:7}  {noisy:12.5}  {smooth:8.5}  {noisy_flip:10.4}  {smooth_flip:8.4}");
     }
     Ok(())
 }

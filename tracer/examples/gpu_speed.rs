@@ -1,7 +1,8 @@
-//! Speed of the GPU on the pool table: `gpu_speed [width height spp frames in_flight]`.
+//! Speed of the GPU on the pool table: `gpu_speed [width height spp frames in_flight [denoise]]`.
 //!
 //! Prints the GPU's own time per frame, samples and rays per second of it, and frames per second
 //! by the clock with each frame read back: first with one frame in flight, then with `in_flight`.
+//! With `denoise` also what the denoiser takes of it: first hits, and the filter's passes.
 //! Frames that overlap count each other's GPU time, so that the first figure is the device's.
 //! `CAROM_GPU` names an adapter; without it the first real GPU is used, software if there is none.
 
@@ -22,6 +23,7 @@ struct Run {
     samples: u32,
     frames: u32,
     in_flight: u32,
+    denoise: bool,
 }
 
 fn main() -> Result<(), Error> {
@@ -50,8 +52,10 @@ fn main() -> Result<(), Error> {
 }
 
 fn arguments() -> Run {
-    let given: Vec<u32> = std::env::args()
-        .skip(1)
+    let mut given: Vec<String> = std::env::args().skip(1).collect();
+    let denoise = given.pop_if(|last| last == "denoise").is_some();
+    let given: Vec<u32> = given
+        .iter()
         .map(|text| text.parse().expect("width height spp frames in_flight"))
         .collect();
     let argument = |index: usize, default| given.get(index).copied().unwrap_or(default);
@@ -60,6 +64,7 @@ fn arguments() -> Run {
         samples: argument(2, 16),
         frames: argument(3, 100),
         in_flight: argument(4, 2),
+        denoise,
     }
 }
 
@@ -74,10 +79,7 @@ fn measure(tracer: &GpuTracer, scene: &CompiledScene, run: &Run) -> Result<(), E
                 return Ok(());
             }
             let stats = frame(tracer, scene, run, seed)?;
-            let mut total = total.lock().expect("no worker panics");
-            total.samples += stats.samples;
-            total.rays += stats.rays;
-            total.device_nanos += stats.device_nanos;
+            *total.lock().expect("no worker panics") += stats;
         }
     };
     thread::scope(|scope| {
@@ -108,6 +110,7 @@ fn frame(
         settings: RenderSettings {
             samples: run.samples,
             seed,
+            denoise: run.denoise,
             ..RenderSettings::default()
         },
         cancelled: &AtomicBool::new(false),
@@ -128,6 +131,17 @@ fn report(run: &Run, total: &TraceStats, wall_secs: f64) {
         "GPU time        {:9.3} ms/frame",
         device_secs * 1e3 / frames
     );
+    if run.denoise {
+        let millis = |nanos: u64| nanos as f64 * 1e-6 / frames;
+        println!(
+            "  first hits    {:9.3} ms/frame",
+            millis(total.first_hits_nanos)
+        );
+        println!(
+            "  filter        {:9.3} ms/frame",
+            millis(total.filter_nanos)
+        );
+    }
     println!(
         "GPU rate        {:9.1} Msample/s, {:.3} Gray/s",
         total.samples as f64 * 1e-6 / device_secs,

@@ -23,8 +23,8 @@ pub struct RenderSettings {
     pub seed: u32,
     /// Whether pictures are denoised ([`crate::post`]). On a processor it costs as much time as
     /// three to four paths per pixel, and a guard band of [`crate::post::SUPPORT`] pixels is traced
-    /// around each run of tiles; a GPU's tracer leaves the filter to the processor. Without it,
-    /// noise stays (`examples/denoise.rs` prints how much).
+    /// around each run of tiles; a GPU filters by itself (`examples/gpu_speed.rs` prints its time).
+    /// Without it, noise stays (`examples/denoise.rs` prints how much).
     pub denoise: bool,
 }
 

@@ -98,6 +98,20 @@ pub struct TraceStats {
     pub rays: u64,
     /// Time the device itself measured, in nanoseconds; 0 where it measures none.
     pub device_nanos: u64,
+    /// Of it, what first hits for the denoiser took.
+    pub first_hits_nanos: u64,
+    /// Of it, what the denoiser's filter took.
+    pub filter_nanos: u64,
+}
+
+impl std::ops::AddAssign for TraceStats {
+    fn add_assign(&mut self, more: Self) {
+        self.samples += more.samples;
+        self.rays += more.rays;
+        self.device_nanos += more.device_nanos;
+        self.first_hits_nanos += more.first_hits_nanos;
+        self.filter_nanos += more.filter_nanos;
+    }
 }
 
 /// What kind of device traces.

@@ -155,6 +155,40 @@ fn any_partition_gives_the_same_bits() {
     }
 }
 
+/// A path that rounding sends another way changes its pixel, and by the filter those around it.
+#[test]
+fn every_tracer_filters_alike() {
+    let scene = pool();
+    let size = ImageSize::new(203, 117);
+    for samples in [1, 2, 5] {
+        let picture = |tracer: &dyn Tracer| {
+            let film = trace_image(tracer, &scene, size, denoised(samples));
+            film.unwrap().image()
+        };
+        let truth = picture(&Reference);
+        for tracer in tracers() {
+            let image = picture(&**tracer);
+            let far = |(a, b): &(&[f32; 3], &[f32; 3])| {
+                let pairs = a.iter().zip(*b);
+                !pairs
+                    .into_iter()
+                    .all(|(a, b)| (a - b).abs() <= 1e-3 * (1.0 + b.abs()))
+            };
+            let off = image.pixels.iter().zip(&truth.pixels).filter(far).count();
+            let error = rel_mse(&image, &truth).unwrap();
+            eprintln!(
+                "{}: {samples} samples, {off} off, {error:e}",
+                tracer.info().name
+            );
+            assert!(
+                off * 100 <= size.pixels() && error < 1e-5,
+                "{}: {off} pixels differ at {samples} samples, relMSE {error:e}",
+                tracer.info().name
+            );
+        }
+    }
+}
+
 /// A long run is filtered part by part, each with a guard band of its own.
 #[test]
 fn a_long_run_has_no_seams() {

@@ -149,7 +149,7 @@ impl CpuTracer {
         TraceStats {
             samples: samples.into_inner(),
             rays: rays.into_inner(),
-            device_nanos: 0,
+            ..TraceStats::default()
         }
     }
 

@@ -87,33 +87,33 @@ pub(crate) enum Output {
     Radiance,
     /// radiance without what is in [`crate::Layers::emission`],
     Reflected,
-    /// or a part of [`crate::Layers`].
-    Albedo,
-    Normal,
-    InverseDepth,
-    Emission,
+    /// or its [`crate::Layers`].
+    Layers,
 }
 
 impl Output {
-    pub(crate) const ALL: [Self; 6] = [
-        Self::Radiance,
-        Self::Reflected,
-        Self::Albedo,
-        Self::Normal,
-        Self::InverseDepth,
-        Self::Emission,
-    ];
+    pub(crate) const ALL: [Self; 3] = [Self::Radiance, Self::Reflected, Self::Layers];
 
     /// Its name in WGSL.
     pub(crate) const fn constant(self) -> &'static str {
         match self {
             Self::Radiance => "OUTPUT_RADIANCE",
             Self::Reflected => "OUTPUT_REFLECTED",
-            Self::Albedo => "OUTPUT_ALBEDO",
-            Self::Normal => "OUTPUT_NORMAL",
-            Self::InverseDepth => "OUTPUT_INVERSE_DEPTH",
-            Self::Emission => "OUTPUT_EMISSION",
+            Self::Layers => "OUTPUT_LAYERS",
         }
+    }
+
+    /// Numbers of a pixel.
+    pub(crate) const fn floats(self) -> usize {
+        match self {
+            Self::Radiance | Self::Reflected => 3,
+            Self::Layers => 10,
+        }
+    }
+
+    /// Bytes of a pixel.
+    pub(crate) const fn pixel_bytes(self) -> u64 {
+        (self.floats() * size_of::<f32>()) as u64
     }
 }
 

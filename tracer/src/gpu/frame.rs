@@ -2,38 +2,65 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use bytemuck::{Pod, bytes_of, cast_slice, pod_read_unaligned};
+use bytemuck::{Pod, cast_slice, pod_read_unaligned};
 
 use crate::Error;
 use crate::gpu::device::Device;
+use crate::gpu::features::Output;
+use crate::gpu::filter::FilterBuffers;
 use crate::gpu::layout::{DispatchData, SceneHeader, TileEntry};
 use crate::gpu::pipeline::Kernel;
 use crate::gpu::schedule::Chunk;
 
-/// Two 64-bit timestamps: before and after the dispatch.
-const TIMESTAMPS_BYTES: u64 = 16;
+/// Passes of one submission at most: halves of the samples, two sets of first hits, six of the
+/// filter, and two more where samples are cut.
+pub(crate) const PASSES_MAX: usize = 12;
+/// Two 64-bit timestamps of each pass: before and after it.
+const TIMESTAMPS_BYTES: u64 = 16 * PASSES_MAX as u64;
+/// Bytes between the uniforms of two passes: a multiple of every device's alignment.
+pub(crate) const SLOT_BYTES: u64 = 256;
 /// Words of the counters before those of the tiles: rays, low and high.
 const RAY_WORDS: u64 = 2;
 /// Bytes of a pixel: red, green and blue.
-pub(crate) const PIXEL_BYTES: u64 = 12;
+pub(crate) const PIXEL_BYTES: u64 = Output::Radiance.pixel_bytes();
 /// Workgroups along the x axis of a dispatch; any number below Vulkan's 65,535.
 const GROUPS_X_MAX: u32 = 32_768;
 
 /// Buffers that grow to what has been asked of them.
 pub(crate) struct FrameBuffers {
     scene: wgpu::Buffer,
-    dispatch: wgpu::Buffer,
-    tiles: wgpu::Buffer,
-    film: wgpu::Buffer,
+    /// Of the present scene.
+    scene_bytes: u64,
+    /// A slot for each pass of a submission.
+    uniforms: wgpu::Buffer,
+    pub(super) tiles: wgpu::Buffer,
+    pub(super) film: wgpu::Buffer,
     /// A copy of the film that can be mapped, where the film itself cannot.
     picture: Option<wgpu::Buffer>,
     film_lost: wgpu::Buffer,
-    counters: wgpu::Buffer,
+    pub(super) counters: wgpu::Buffer,
     readback: wgpu::Buffer,
     timer: Option<Timer>,
+    pub(super) filter: Option<FilterBuffers>,
 }
 
-/// Measures a dispatch by the device's own clock.
+/// A kernel's run over blocks of pixels.
+pub(crate) struct Pass<'a> {
+    pub(crate) pipeline: &'a wgpu::ComputePipeline,
+    pub(crate) bindings: wgpu::BindGroup,
+    /// Workgroups.
+    pub(crate) groups: [u32; 2],
+    /// What [`FrameBuffers::slot`] of its place holds.
+    pub(crate) uniforms: Vec<u8>,
+}
+
+/// Workgroups of a pass over a chunk's blocks, one each.
+pub(crate) fn groups(blocks: u32) -> [u32; 2] {
+    let columns = blocks.min(GROUPS_X_MAX);
+    [columns, blocks.div_ceil(columns.max(1))]
+}
+
+/// Measures passes by the device's own clock.
 struct Timer {
     queries: wgpu::QuerySet,
     resolved: wgpu::Buffer,
@@ -76,7 +103,7 @@ impl FrameBuffers {
             queries: wgpu.create_query_set(&wgpu::QuerySetDescriptor {
                 label: Some("timer"),
                 ty: wgpu::QueryType::Timestamp,
-                count: 2,
+                count: 2 * PASSES_MAX as u32,
             }),
             resolved: buffer(
                 wgpu,
@@ -86,9 +113,10 @@ impl FrameBuffers {
         });
         Self {
             scene: buffer(wgpu, size_of::<SceneHeader>() as u64, SCENE_USAGE),
-            dispatch: buffer(
+            scene_bytes: 0,
+            uniforms: buffer(
                 wgpu,
-                size_of::<DispatchData>() as u64,
+                SLOT_BYTES * PASSES_MAX as u64,
                 Usage::UNIFORM | Usage::COPY_DST,
             ),
             tiles: buffer(wgpu, size_of::<TileEntry>() as u64, TILES_USAGE),
@@ -98,106 +126,104 @@ impl FrameBuffers {
             counters: buffer(wgpu, 4 * RAY_WORDS, COUNTERS_USAGE),
             readback: buffer(wgpu, TIMESTAMPS_BYTES, READBACK_USAGE),
             timer,
+            filter: None,
         }
     }
 
-    /// Uploads the scene and the chunk's tiles and binds all buffers.
+    /// Uploads the scene and the chunk's tiles and makes room for the results.
     ///
     /// # Errors
     /// [`Error::Device`] if there is not enough memory.
     pub(crate) fn prepare(
         &mut self,
         device: &Device,
-        kernel: &Kernel,
         scene: &[u8],
         chunk: &Chunk,
-    ) -> Result<wgpu::BindGroup, Error> {
-        let layout = ReadbackLayout::of(chunk);
+        layout: &ReadbackLayout,
+    ) -> Result<(), Error> {
+        use wgpu::BufferUsages as Usage;
         let entries: &[u8] = cast_slice(&chunk.entries);
+        let lost_bytes = PIXEL_BYTES * chunk.pixels;
+        self.scene_bytes = scene.len() as u64;
         device.guarded(|wgpu| {
             reserve(wgpu, &mut self.scene, scene.len() as u64, SCENE_USAGE);
             reserve(wgpu, &mut self.tiles, entries.len() as u64, TILES_USAGE);
             let film_usage = film_usage(device);
             reserve(wgpu, &mut self.film, layout.film_bytes, film_usage);
-            reserve(
-                wgpu,
-                &mut self.film_lost,
-                layout.film_bytes,
-                wgpu::BufferUsages::STORAGE,
-            );
+            reserve(wgpu, &mut self.film_lost, lost_bytes, Usage::STORAGE);
             if let Some(picture) = &mut self.picture {
                 reserve(wgpu, picture, layout.film_bytes, READBACK_USAGE);
             }
-            reserve(
-                wgpu,
-                &mut self.counters,
-                layout.counters_bytes,
-                COUNTERS_USAGE,
-            );
-            reserve(
-                wgpu,
-                &mut self.readback,
-                layout.counters_end(),
-                READBACK_USAGE,
-            );
+            let counters_bytes = layout.counters_bytes();
+            reserve(wgpu, &mut self.counters, counters_bytes, COUNTERS_USAGE);
+            let readback_bytes = layout.counters_end();
+            reserve(wgpu, &mut self.readback, readback_bytes, READBACK_USAGE);
             device.queue.write_buffer(&self.scene, 0, scene);
             device.queue.write_buffer(&self.tiles, 0, entries);
-            self.bind(wgpu, kernel, scene.len() as u64, &layout)
         })
     }
 
-    fn bind(
+    /// Binds a tracing kernel to the uniforms of a slot, and to `film` for its results.
+    pub(crate) fn bind(
         &self,
         wgpu: &wgpu::Device,
         kernel: &Kernel,
-        scene_bytes: u64,
-        layout: &ReadbackLayout,
+        slot: usize,
+        film: &wgpu::Buffer,
     ) -> wgpu::BindGroup {
-        let entry = |binding, buffer, bytes| wgpu::BindGroupEntry {
-            binding,
-            resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-                buffer,
-                offset: 0,
-                size: wgpu::BufferSize::new(bytes),
-            }),
-        };
         wgpu.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("trace"),
             layout: &kernel.layout,
             entries: &[
-                entry(0, &self.scene, scene_bytes),
-                entry(1, &self.dispatch, size_of::<DispatchData>() as u64),
-                entry(2, &self.tiles, layout.tiles * size_of::<TileEntry>() as u64),
-                entry(3, &self.film, layout.film_bytes),
-                entry(4, &self.counters, layout.counters_bytes),
-                entry(5, &self.film_lost, layout.film_bytes),
+                part(0, &self.scene, 0, self.scene_bytes),
+                self.slot(1, slot, size_of::<DispatchData>()),
+                whole(2, &self.tiles),
+                whole(3, film),
+                whole(4, &self.counters),
+                whole(5, &self.film_lost),
             ],
         })
     }
 
-    /// Traces some samples of every pixel of the chunk and waits for them. Returns the device's
-    /// time in nanoseconds, 0 where it has no clock.
+    /// The uniforms of a submission's pass, which are of `bytes`.
+    pub(crate) fn slot(&self, binding: u32, slot: usize, bytes: usize) -> wgpu::BindGroupEntry<'_> {
+        part(
+            binding,
+            &self.uniforms,
+            SLOT_BYTES * slot as u64,
+            bytes as u64,
+        )
+    }
+
+    /// Clears some buffers, runs a chunk's passes one after the other and waits for them; after the
+    /// last ones the results can be read. Returns the device's time of each pass in nanoseconds, 0
+    /// where it has no clock.
     ///
     /// # Errors
     /// [`Error::Device`] if the device fails.
-    pub(crate) fn dispatch(
+    pub(crate) fn run(
         &self,
         device: &Device,
-        kernel: &Kernel,
-        bindings: &wgpu::BindGroup,
-        chunk: &Chunk,
-        data: &DispatchData,
-    ) -> Result<f64, Error> {
-        let layout = ReadbackLayout::of(chunk);
-        let is_last = data.sample_end == data.samples;
+        passes: &[Pass<'_>],
+        layout: &ReadbackLayout,
+        cleared: &[&wgpu::Buffer],
+        is_last: bool,
+    ) -> Result<Vec<f64>, Error> {
+        let mut uniforms = Vec::with_capacity(passes.len() * SLOT_BYTES as usize);
+        for (slot, pass) in (1..).zip(passes) {
+            uniforms.extend(&pass.uniforms);
+            uniforms.resize(slot * SLOT_BYTES as usize, 0);
+        }
         let commands = device.guarded(|wgpu| {
-            device.queue.write_buffer(&self.dispatch, 0, bytes_of(data));
+            device.queue.write_buffer(&self.uniforms, 0, &uniforms);
             let mut encoder = wgpu.create_command_encoder(&Default::default());
-            if data.sample_begin == 0 {
-                encoder.clear_buffer(&self.counters, 0, Some(layout.counters_bytes));
+            for buffer in cleared {
+                encoder.clear_buffer(buffer, 0, None);
             }
-            self.encode_pass(&mut encoder, kernel, bindings, chunk.blocks);
-            self.encode_readback(&mut encoder, &layout, is_last);
+            for (index, pass) in (0..).zip(passes) {
+                self.encode_pass(&mut encoder, pass, index);
+            }
+            self.encode_readback(&mut encoder, passes.len(), layout, is_last);
             encoder.finish()
         })?;
         let timestamps = self.readback.slice(..TIMESTAMPS_BYTES);
@@ -207,28 +233,33 @@ impl FrameBuffers {
         ];
         let mapped = if is_last { &results[..] } else { &[timestamps] };
         device.submit_and_map(commands, mapped)?;
-        let nanos = device.tick_nanos.map_or(Ok(0.0), |tick_nanos| {
-            let [begin, end]: [u64; 2] = self.read(device, 0)?;
-            Ok(end.saturating_sub(begin) as f64 * tick_nanos)
-        });
+        let nanos = (0..passes.len()).map(|pass| self.nanos(device, pass));
+        let nanos = nanos.collect::<Result<Vec<f64>, Error>>()?;
         if !is_last {
             self.readback.unmap();
         }
-        nanos
+        Ok(nanos)
     }
 
-    /// Hands the chunk's rays, its tiles' dropped samples and its pixels to `take` once the last
-    /// dispatch is done.
+    /// The device's time of a pass.
+    fn nanos(&self, device: &Device, pass: usize) -> Result<f64, Error> {
+        device.tick_nanos.map_or(Ok(0.0), |tick_nanos| {
+            let [begin, end]: [u64; 2] = self.read(device, 16 * pass as u64)?;
+            Ok(end.saturating_sub(begin) as f64 * tick_nanos)
+        })
+    }
+
+    /// Hands the chunk's rays, its tiles' dropped samples and its pixels' numbers to `take` once the
+    /// last pass is done.
     ///
     /// # Errors
     /// [`Error::Device`] if the results are not there.
     pub(crate) fn results<T>(
         &self,
         device: &Device,
-        chunk: &Chunk,
-        take: impl FnOnce(u64, &[u32], &[[f32; 3]]) -> T,
+        layout: &ReadbackLayout,
+        take: impl FnOnce(u64, &[u32], &[f32]) -> T,
     ) -> Result<T, Error> {
-        let layout = ReadbackLayout::of(chunk);
         let mapped = |slice: wgpu::BufferSlice<'_>| {
             slice
                 .get_mapped_range()
@@ -251,40 +282,37 @@ impl FrameBuffers {
         self.picture.as_ref().unwrap_or(&self.film)
     }
 
-    fn encode_pass(
-        &self,
-        encoder: &mut wgpu::CommandEncoder,
-        kernel: &Kernel,
-        bindings: &wgpu::BindGroup,
-        blocks: u32,
-    ) {
+    fn encode_pass(&self, encoder: &mut wgpu::CommandEncoder, pass: &Pass<'_>, index: u32) {
         let timestamps = self
             .timer
             .as_ref()
             .map(|timer| wgpu::ComputePassTimestampWrites {
                 query_set: &timer.queries,
-                beginning_of_pass_write_index: Some(0),
-                end_of_pass_write_index: Some(1),
+                beginning_of_pass_write_index: Some(2 * index),
+                end_of_pass_write_index: Some(2 * index + 1),
             });
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+        let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("trace"),
             timestamp_writes: timestamps,
         });
-        pass.set_pipeline(&kernel.pipeline);
-        pass.set_bind_group(0, bindings, &[]);
-        let columns = blocks.min(GROUPS_X_MAX);
-        pass.dispatch_workgroups(columns, blocks.div_ceil(columns), 1);
+        compute.set_pipeline(pass.pipeline);
+        compute.set_bind_group(0, &pass.bindings, &[]);
+        let [columns, rows] = pass.groups;
+        compute.dispatch_workgroups(columns, rows, 1);
     }
 
     fn encode_readback(
         &self,
         encoder: &mut wgpu::CommandEncoder,
+        passes: usize,
         layout: &ReadbackLayout,
         is_last: bool,
     ) {
         if let Some(timer) = &self.timer {
-            encoder.resolve_query_set(&timer.queries, 0..2, &timer.resolved, 0);
-            encoder.copy_buffer_to_buffer(&timer.resolved, 0, &self.readback, 0, TIMESTAMPS_BYTES);
+            let queries = 0..2 * passes as u32;
+            let bytes = 16 * passes as u64;
+            encoder.resolve_query_set(&timer.queries, queries, &timer.resolved, 0);
+            encoder.copy_buffer_to_buffer(&timer.resolved, 0, &self.readback, 0, bytes);
         }
         if is_last {
             encoder.copy_buffer_to_buffer(
@@ -292,7 +320,7 @@ impl FrameBuffers {
                 0,
                 &self.readback,
                 TIMESTAMPS_BYTES,
-                layout.counters_bytes,
+                layout.counters_bytes(),
             );
             if let Some(picture) = &self.picture {
                 encoder.copy_buffer_to_buffer(&self.film, 0, picture, 0, layout.film_bytes);
@@ -310,24 +338,44 @@ impl FrameBuffers {
 }
 
 /// How much of a chunk's results is read back: timestamps and counters, then the film.
-struct ReadbackLayout {
-    tiles: u64,
-    counters_bytes: u64,
-    film_bytes: u64,
+pub(crate) struct ReadbackLayout {
+    pub(crate) tiles: u64,
+    pub(crate) film_bytes: u64,
 }
 
 impl ReadbackLayout {
-    fn of(chunk: &Chunk) -> Self {
-        let tiles = chunk.entries.len() as u64;
+    pub(crate) fn of(chunk: &Chunk, output: Output) -> Self {
         Self {
-            tiles,
-            counters_bytes: 4 * (RAY_WORDS + tiles),
-            film_bytes: PIXEL_BYTES * chunk.pixels,
+            tiles: chunk.entries.len() as u64,
+            film_bytes: output.pixel_bytes() * chunk.pixels,
         }
     }
 
+    const fn counters_bytes(&self) -> u64 {
+        4 * (RAY_WORDS + self.tiles)
+    }
+
     const fn counters_end(&self) -> u64 {
-        TIMESTAMPS_BYTES + self.counters_bytes
+        TIMESTAMPS_BYTES + self.counters_bytes()
+    }
+}
+
+fn part(binding: u32, buffer: &wgpu::Buffer, offset: u64, bytes: u64) -> wgpu::BindGroupEntry<'_> {
+    wgpu::BindGroupEntry {
+        binding,
+        resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+            buffer,
+            offset,
+            size: wgpu::BufferSize::new(bytes),
+        }),
+    }
+}
+
+/// A binding of all of a buffer.
+pub(crate) fn whole(binding: u32, buffer: &wgpu::Buffer) -> wgpu::BindGroupEntry<'_> {
+    wgpu::BindGroupEntry {
+        binding,
+        resource: buffer.as_entire_binding(),
     }
 }
 
@@ -353,7 +401,7 @@ fn film_usage(device: &Device) -> wgpu::BufferUsages {
 }
 
 /// Replaces a buffer that is too small.
-fn reserve(
+pub(crate) fn reserve(
     device: &wgpu::Device,
     current: &mut wgpu::Buffer,
     bytes: u64,
@@ -364,7 +412,7 @@ fn reserve(
     }
 }
 
-fn buffer(device: &wgpu::Device, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+pub(crate) fn buffer(device: &wgpu::Device, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
     device.create_buffer(&wgpu::BufferDescriptor {
         label: Some("trace"),
         size: size.next_multiple_of(16),

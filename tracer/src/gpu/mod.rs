@@ -7,14 +7,18 @@
 //! TraceJob ──Chunk::next────────┘
 //! ```
 //!
+//! Denoised pictures are filtered there too (`denoise`, `filter`).
+//!
 //! A job is one dispatch if it is short enough (`schedule`), and a frame in flight has buffers of
 //! its own, so that the device traces one while another is read back. The estimator is that of
 //! [`crate::reference`], with the same random numbers: pictures differ by rounding only, where
 //! rounding sends a path another way by more, and not at all between partitions.
 
 mod adapter;
+mod denoise;
 mod device;
 mod features;
+mod filter;
 mod flatness;
 mod frame;
 mod layers;
@@ -27,21 +31,22 @@ mod shader;
 #[cfg(test)]
 mod leaf_tests;
 
+use std::sync::OnceLock;
 use std::sync::atomic::Ordering;
 
+use bytemuck::{bytes_of, cast_slice};
 use rayon::prelude::*;
 
 pub use adapter::{AdapterChoice, AdapterDescription, adapters};
 
-use crate::cpu::Level;
-use crate::post::trace_denoised;
 use crate::{
     CompiledScene, DeviceInfo, DeviceKind, Error, Tile, TileLayers, TileRadiance, TraceJob,
     TraceStats, Tracer,
 };
 use device::Device;
 use features::{Features, Output};
-use frame::{BufferPool, FrameBuffers, PIXEL_BYTES};
+use filter::FilterKernels;
+use frame::{BufferPool, FrameBuffers, PIXEL_BYTES, Pass, ReadbackLayout, groups};
 use layout::{DispatchData, TileEntry};
 use pipeline::{Kernel, KernelCache};
 use schedule::{Chunk, ChunkLimits, Pacer};
@@ -50,6 +55,8 @@ use schedule::{Chunk, ChunkLimits, Pacer};
 pub struct GpuTracer {
     device: Device,
     kernels: KernelCache,
+    /// Compiled for the first picture that is denoised.
+    filter: OnceLock<FilterKernels>,
     pool: BufferPool,
     pacer: Pacer,
     pixels_max: u64,
@@ -58,6 +65,7 @@ pub struct GpuTracer {
 /// What all dispatches of a job share.
 struct Work<'a> {
     job: &'a TraceJob<'a>,
+    output: Output,
     kernel: &'a Kernel,
     scene: &'a [u8],
     /// See [`schedule::work_per_sample`].
@@ -90,6 +98,7 @@ impl GpuTracer {
         let tracer = Self {
             device,
             kernels: KernelCache::default(),
+            filter: OnceLock::new(),
             pool: BufferPool::default(),
             pacer: Pacer::new(),
             pixels_max: film_bytes_max / PIXEL_BYTES,
@@ -119,13 +128,14 @@ impl GpuTracer {
         &self,
         work: &Work<'_>,
         buffers: &mut FrameBuffers,
-        sink: &(dyn Fn(TileRadiance) + Sync),
+        take: &dyn Fn(&Chunk, &[u32], &[f32]),
     ) -> Result<TraceStats, Error> {
+        let pixels_max = self.pixels_max * PIXEL_BYTES / work.output.pixel_bytes();
         let mut stats = TraceStats::default();
         let mut next = 0;
         while next < work.job.tiles.len() {
             let limits = ChunkLimits {
-                pixels: self.pixels_max.min(Self::CHUNK_PIXELS_MAX),
+                pixels: pixels_max.min(Self::CHUNK_PIXELS_MAX),
                 samples: self.pacer.samples_per_dispatch(work.work_per_sample),
             };
             let chunk = Chunk::next(work.job.tiles, next, work.job.settings.samples, limits);
@@ -134,8 +144,9 @@ impl GpuTracer {
             if !is_done {
                 break;
             }
-            stats.rays += buffers.results(&self.device, &chunk, |rays, dropped, film| {
-                deliver(&chunk, dropped, film, sink);
+            let layout = ReadbackLayout::of(&chunk, work.output);
+            stats.rays += buffers.results(&self.device, &layout, |rays, dropped, film| {
+                take(&chunk, dropped, film);
                 rays
             })?;
         }
@@ -151,7 +162,15 @@ impl GpuTracer {
         limits: ChunkLimits,
         stats: &mut TraceStats,
     ) -> Result<bool, Error> {
-        let bindings = buffers.prepare(&self.device, work.kernel, work.scene, chunk)?;
+        let layout = ReadbackLayout::of(chunk, work.output);
+        buffers.prepare(&self.device, work.scene, chunk, &layout)?;
+        let mut pass = Pass {
+            pipeline: &work.kernel.pipeline,
+            bindings: (self.device)
+                .guarded(|wgpu| buffers.bind(wgpu, work.kernel, 0, &buffers.film))?,
+            groups: groups(chunk.blocks),
+            uniforms: Vec::new(),
+        };
         let settings = &work.job.settings;
         let step = chunk.samples_per_dispatch(limits);
         let mut begin = 0;
@@ -171,7 +190,13 @@ impl GpuTracer {
                 scatterings_max: settings.scatterings_max,
             };
             let samples = u64::from(end - begin) * chunk.pixels;
-            let nanos = buffers.dispatch(&self.device, work.kernel, &bindings, chunk, &data)?;
+            pass.uniforms = bytes_of(&data).to_vec();
+            let passes = std::slice::from_ref(&pass);
+            let cleared = [&buffers.counters];
+            let cleared = if begin == 0 { &cleared[..] } else { &[] };
+            let is_last = end == settings.samples;
+            let nanos = buffers.run(&self.device, passes, &layout, cleared, is_last)?;
+            let nanos: f64 = nanos.iter().sum();
             self.pacer.learn(samples, work.work_per_sample, nanos);
             stats.samples += samples;
             stats.device_nanos += nanos as u64;
@@ -199,9 +224,11 @@ impl Tracer for GpuTracer {
     ) -> Result<TraceStats, Error> {
         self.check(job)?;
         if job.settings.denoise {
-            return trace_denoised(self, Level::new(), scene, job, sink);
+            return self.trace_denoised(scene, job, sink);
         }
-        self.trace_output(scene, job, Output::Radiance, sink)
+        self.trace_output(scene, job, Output::Radiance, &|chunk, dropped, film| {
+            deliver(chunk, dropped, film, sink);
+        })
     }
 
     fn layers(
@@ -211,50 +238,47 @@ impl Tracer for GpuTracer {
         sink: &(dyn Fn(TileLayers) + Sync),
     ) -> Result<(), Error> {
         self.check(job)?;
-        let tiles = self.find_layers(scene, job)?.into_iter().enumerate();
-        for (index, pixels) in tiles.filter(|(_, pixels)| !pixels.is_empty()) {
-            sink(TileLayers { index, pixels });
-        }
-        Ok(())
+        self.find_layers(scene, job, sink)
     }
 }
 
 impl GpuTracer {
-    /// Traces `output` in place of radiance.
+    /// Traces `output` and hands each chunk's dropped samples, by tile, and numbers, by pixel, over.
     fn trace_output(
         &self,
         scene: &CompiledScene,
         job: &TraceJob<'_>,
         output: Output,
-        sink: &(dyn Fn(TileRadiance) + Sync),
+        take: &dyn Fn(&Chunk, &[u32], &[f32]),
     ) -> Result<TraceStats, Error> {
         if job.tiles.is_empty() {
             return Ok(TraceStats::default());
         }
-        let uniform_bytes_max = self.device.device.limits().max_uniform_buffer_binding_size;
-        let mut features = Features::of(scene, uniform_bytes_max);
-        features.output = output;
+        let features = self.features(scene, output);
         let work = Work {
             job,
+            output,
             kernel: &*self.kernels.kernel(&self.device, features)?,
             scene: &layout::scene_bytes(scene, job.size)?,
             work_per_sample: schedule::work_per_sample(&job.settings, features.primitives()),
         };
         let mut buffers = self.pool.take(&self.device)?;
-        let stats = self.trace_chunks(&work, &mut buffers, sink)?;
+        let stats = self.trace_chunks(&work, &mut buffers, take)?;
         self.pool.put(buffers);
         Ok(stats)
+    }
+
+    fn features(&self, scene: &CompiledScene, output: Output) -> Features {
+        let uniform_bytes_max = self.device.device.limits().max_uniform_buffer_binding_size;
+        let features = Features::of(scene, uniform_bytes_max);
+        Features { output, ..features }
     }
 }
 
 /// Hands a chunk's tiles over, on all of rayon's threads: a single one copies 3–5 GB/s, which is
 /// slower than a large GPU traces.
-fn deliver(
-    chunk: &Chunk,
-    dropped: &[u32],
-    film: &[[f32; 3]],
-    sink: &(dyn Fn(TileRadiance) + Sync),
-) {
+fn deliver(chunk: &Chunk, dropped: &[u32], film: &[f32], sink: &(dyn Fn(TileRadiance) + Sync)) {
+    let film: &[[f32; 3]] = cast_slice(film);
     let deliver = |(place, entry): (usize, &TileEntry)| {
         let begin = entry.first_pixel as usize;
         let pixels = entry.width as usize * entry.height as usize;

@@ -109,18 +109,35 @@ impl Chunk {
             if !chunk.entries.is_empty() && (is_long || pixels > limits.pixels) {
                 break;
             }
-            chunk.entries.push(TileEntry {
-                x: tile.x,
-                y: tile.y,
-                width: tile.width,
-                height: tile.height,
-                first_block: chunk.blocks,
-                first_pixel: chunk.pixels as u32,
-            });
-            (chunk.blocks, chunk.pixels) = (blocks, pixels);
-            chunk.tiles.end += 1;
+            chunk.push(tile);
         }
         chunk
+    }
+
+    /// All of `tiles`, whatever their number.
+    pub(crate) fn of(tiles: &[Tile]) -> Self {
+        let mut chunk = Self {
+            tiles: 0..0,
+            entries: Vec::with_capacity(tiles.len()),
+            blocks: 0,
+            pixels: 0,
+        };
+        tiles.iter().for_each(|tile| chunk.push(tile));
+        chunk
+    }
+
+    fn push(&mut self, tile: &Tile) {
+        self.entries.push(TileEntry {
+            x: tile.x,
+            y: tile.y,
+            width: tile.width,
+            height: tile.height,
+            first_block: self.blocks,
+            first_pixel: self.pixels as u32,
+        });
+        self.blocks += blocks(tile);
+        self.pixels += tile.pixels() as u64;
+        self.tiles.end += 1;
     }
 
     /// Samples of a dispatch over the whole chunk.

@@ -15,6 +15,10 @@ use fearless_simd::{Level, dispatch, f32x16, prelude::*};
 use rayon::prelude::*;
 
 use super::noisy::NoisyTile;
+use super::weights::{
+    ALBEDO_FACTOR, ALBEDO_MIN, DEPTH_FACTOR, MIXED_MIN, NEIGHBOURS, NORMAL_FACTOR, STEPS, TAPS,
+    half_ratio, variances,
+};
 use crate::Tile;
 use crate::layers::{Layers, SMOOTH_RAYS};
 
@@ -23,50 +27,6 @@ const LANES: usize = 16;
 
 /// Rows and columns around the picture that taps may reach.
 const PAD: usize = 8;
-/// Pixels between the taps of each pass.
-const STEPS: [isize; 3] = [1, 2, 4];
-/// Added to the albedo by which light is divided: what is black has light too, from its coat.
-const ALBEDO_MIN: f32 = 0.02;
-
-/// A neighbour's distance is the sum of these factors times squared differences; from 1 on it does
-/// not count. Found by search over pictures of the pool scene of 1 to 64 samples.
-const NORMAL_FACTOR: f32 = 3.0;
-const ALBEDO_FACTOR: f32 = 10.0;
-/// Of the difference of inverse depths relative to the pixel's own.
-const DEPTH_FACTOR: f32 = 1.0;
-/// Variances by which light may differ. Of single samples only the scatter among neighbours is
-/// known, which says less.
-const VARIANCES: f32 = 24.0;
-const VARIANCES_OF_ONE: [f32; 3] = [256.0, 128.0, 64.0];
-
-/// Offsets in steps and weights, a Gaussian of 1.5 steps, of the taps but the middle one.
-const TAPS: [(isize, isize, f32); 12] = [
-    (0, -2, 0.411),
-    (-1, -1, 0.641),
-    (0, -1, 0.801),
-    (1, -1, 0.641),
-    (-2, 0, 0.411),
-    (-1, 0, 0.801),
-    (1, 0, 0.801),
-    (2, 0, 0.411),
-    (-1, 1, 0.641),
-    (0, 1, 0.801),
-    (1, 1, 0.641),
-    (0, 2, 0.411),
-];
-
-/// The eight pixels around one.
-const NEIGHBOURS: [(isize, isize); 8] = [
-    (-1, -1),
-    (0, -1),
-    (1, -1),
-    (-1, 0),
-    (1, 0),
-    (-1, 1),
-    (0, 1),
-    (1, 1),
-];
-
 /// Planes of [`Filter::guides`].
 const ALBEDO: usize = 0;
 const NORMAL: usize = 3;
@@ -143,10 +103,8 @@ impl Filter {
         self.pass(level, &mut next, Pass::Variance);
         std::mem::swap(&mut self.light, &mut next);
         for (index, step) in STEPS.into_iter().enumerate() {
-            let variances = match self.samples {
-                1 => VARIANCES_OF_ONE[index],
-                _ => VARIANCES,
-            };
+            let variances = variances(self.samples, index);
+            let step = step as isize;
             self.pass(level, &mut next, Pass::Smooth { step, variances });
             std::mem::swap(&mut self.light, &mut next);
         }
@@ -176,6 +134,7 @@ impl Filter {
             let zero = Float::splat(simd, 0.0);
             let (mut count, mut sum, mut squares) = (zero, [zero; 3], zero);
             for (dx, dy) in [(0, 0)].into_iter().chain(NEIGHBOURS) {
+                let (dx, dy) = (dx as isize, dy as isize);
                 let (guides, light) = around.at(dy);
                 count += guides.load(simd, VALID, x, dx);
                 if self.samples == 1 {
@@ -211,7 +170,7 @@ impl Filter {
             let mut weights = Float::splat(simd, 1.0);
             let (mut sum, mut variance_sum) = (here.light, here.variance);
             for (dx, dy, tap_weight) in TAPS {
-                let there = Look::new(simd, &around, x, dx * step, dy);
+                let there = Look::new(simd, &around, x, dx as isize * step, dy as isize);
                 let weight = here.weight(simd, &there, depth_factor, variances) * tap_weight;
                 weights += weight;
                 for (sum, light) in sum.iter_mut().zip(there.light) {
@@ -287,17 +246,20 @@ impl<'a> Around<'a> {
         let here = appearance(simd, self.at(0).0, x, 0);
         let wanted = difference(appearance(simd, smooth, x, 0), here);
         let mut nearest = product(wanted, wanted);
-        if !nearest.simd_gt(1e-6).any_true() {
+        let mixes = nearest.simd_gt(MIXED_MIN);
+        if !mixes.any_true() {
             return radiance;
         }
         let mut mixed = radiance;
         for (dx, dy) in NEIGHBOURS {
+            let (dx, dy) = (dx as isize, dy as isize);
             let other = difference(appearance(simd, self.at(dy).0, x, dx), here);
             let share = product(wanted, other) / (product(other, other) + 1e-4);
             let share = share.max(0.0).min(1.0);
             let missing = difference(wanted, other.map(|other| other * share));
             let missing = product(missing, missing);
-            let better = missing.simd_lt(nearest * 0.999);
+            // Whatever the neighbours in the lanes need.
+            let better = mixes & missing.simd_lt(nearest * 0.999);
             nearest = better.select(missing, nearest);
             let there = self.radiance(simd, x, dx, dy);
             for ((mixed, radiance), there) in mixed.iter_mut().zip(radiance).zip(there) {
@@ -516,8 +478,7 @@ impl RowMut<'_> {
         }
         if samples > 1 {
             let half = &noisy.half[pixels];
-            // Of n samples the mean is a part from that of m: the two halves n/(n−m) times as far.
-            let ratio = 0.5 * samples as f32 / (samples - samples / 2) as f32;
+            let ratio = half_ratio(samples);
             let variance = |((light, half), hit): ((&[f32; 3], &[f32; 3]), &Layers)| {
                 let channel = |c: usize| {
                     let apart = ratio * (half[c] - light[c]) / (hit.albedo[c] + ALBEDO_MIN);

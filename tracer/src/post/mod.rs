@@ -10,8 +10,10 @@
 mod filter;
 mod noisy;
 mod region;
+pub(crate) mod weights;
 
-pub(crate) use noisy::{NoisyTile, NoisyTracer, trace_denoised};
+pub(crate) use noisy::{NoisyTile, NoisyTracer, in_parts, trace_denoised};
+pub(crate) use region::Region;
 
 /// Pixels from which a denoised pixel takes light, in each direction. Wider finds more to average
 /// and costs every run of tiles a wider guard band.

@@ -57,21 +57,31 @@ pub(crate) fn trace_denoised(
     job: &TraceJob<'_>,
     sink: &(dyn Fn(TileRadiance) + Sync),
 ) -> Result<TraceStats, Error> {
+    in_parts(job, u64::MAX, sink, |part, sink| {
+        trace_together(tracer, level, scene, part, sink)
+    })
+}
+
+/// Gives `trace` as many of the job's tiles at a time as may be filtered together, in a region of at
+/// most `pixels_max` where it has more than one.
+pub(crate) fn in_parts(
+    job: &TraceJob<'_>,
+    pixels_max: u64,
+    sink: &(dyn Fn(TileRadiance) + Sync),
+    trace: impl Fn(&TraceJob<'_>, &(dyn Fn(TileRadiance) + Sync)) -> Result<TraceStats, Error>,
+) -> Result<TraceStats, Error> {
     let mut stats = TraceStats::default();
     let mut first = 0;
     while first < job.tiles.len() {
-        let count = leading(&job.tiles[first..], job.settings.samples);
+        let count = leading(&job.tiles[first..], job.settings.samples, pixels_max);
         let part = TraceJob {
             tiles: &job.tiles[first..first + count],
             ..*job
         };
-        let traced = trace_together(tracer, level, scene, &part, &|tile| {
+        stats += trace(&part, &|tile| {
             let index = first + tile.index;
             sink(TileRadiance { index, ..tile });
         })?;
-        stats.samples += traced.samples;
-        stats.rays += traced.rays;
-        stats.device_nanos += traced.device_nanos;
         first += count;
     }
     Ok(stats)

@@ -50,7 +50,7 @@ impl Region {
 
 /// How many of the first tiles may be filtered together, at least 1: a node that waited for all of a
 /// long run would seem dead, and the planes of the filter, a hundred bytes a pixel, would be large.
-pub(crate) fn leading(tiles: &[Tile], samples: u32) -> usize {
+pub(crate) fn leading(tiles: &[Tile], samples: u32, pixels_max: u64) -> usize {
     let mut bounds = EMPTY;
     let within = |tile: &&Tile| {
         bounds = if bounds.width == 0 {
@@ -58,7 +58,8 @@ pub(crate) fn leading(tiles: &[Tile], samples: u32) -> usize {
         } else {
             joined(bounds, **tile)
         };
-        bounds.pixels() as u64 * u64::from(samples) <= SAMPLES_MAX
+        let pixels = bounds.pixels() as u64;
+        pixels * u64::from(samples) <= SAMPLES_MAX && pixels <= pixels_max
     };
     tiles.iter().take_while(within).count().max(1)
 }
@@ -176,14 +177,14 @@ mod tests {
     fn what_is_filtered_together_is_bounded() {
         let grid = TileGrid::new(ImageSize::new(16_384, 16_384), 128);
         let tiles: Vec<Tile> = grid.tiles(grid.all()).collect();
-        let count = leading(&tiles, 1);
+        let count = leading(&tiles, 1, u64::MAX);
         assert!(Region::around(&tiles[..count], grid.size).bounds.pixels() < 1 << 23);
-        assert_eq!(leading(&tiles, u32::MAX), 1);
-        assert_eq!(leading(&[tiles[0], tiles[tiles.len() - 1]], 1), 1);
+        assert_eq!(leading(&tiles, u32::MAX, u64::MAX), 1);
+        assert_eq!(leading(&[tiles[0], tiles[tiles.len() - 1]], 1, u64::MAX), 1);
         let grid = TileGrid::new(ImageSize::new(1280, 720), 32);
         let tiles: Vec<Tile> = grid.tiles(grid.all()).collect();
-        assert_eq!(leading(&tiles, 4), tiles.len());
-        assert!((1..tiles.len() / 10).contains(&leading(&tiles, 64)));
+        assert_eq!(leading(&tiles, 4, u64::MAX), tiles.len());
+        assert!((1..tiles.len() / 10).contains(&leading(&tiles, 64, u64::MAX)));
     }
 
     #[test]

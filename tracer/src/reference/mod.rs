@@ -205,7 +205,7 @@ impl<'a> View<'a> {
         TraceStats {
             samples: pixels * u64::from(job.settings.samples),
             rays,
-            device_nanos: 0,
+            ..TraceStats::default()
         }
     }
 

@@ -1,8 +1,8 @@
 // One thread per pixel of a run of tiles, in blocks of 8 x 8.
 
 @group(0) @binding(1) var<uniform> job: DispatchData;
-@group(0) @binding(2) var<storage, read> tiles: array<TileEntry>;
-// Red, green, blue of each pixel: the sum of the samples so far, or their mean after the last.
+// Red, green, blue of each pixel, or its `Layers`: the sum of the samples so far, or their mean after
+// the last.
 @group(0) @binding(3) var<storage, read_write> film: array<f32>;
 // Rays (low and high word), then the dropped samples of each tile.
 @group(0) @binding(4) var<storage, read_write> counters: array<atomic<u32>>;
@@ -19,35 +19,17 @@ fn trace(
 ) {
     let block = group.y * groups.x + group.x;
     if (block < job.block_count) {
-        let index = tile_of_block(block);
-        let tile = tiles[index];
-        let columns = (tile.width + BLOCK_EDGE - 1u) / BLOCK_EDGE;
-        let place = block - tile.first_block;
-        let x = (place % columns) * BLOCK_EDGE + local % BLOCK_EDGE;
-        let y = (place / columns) * BLOCK_EDGE + local / BLOCK_EDGE;
-        if (x < tile.width && y < tile.height) {
-            trace_pixel(tile.x + x, tile.y + y, tile.first_pixel + y * tile.width + x, index);
+        let place = place_of(block, local);
+        if (place.is_inside && OUTPUT == OUTPUT_LAYERS) {
+            trace_layers(place.x, place.y, place.pixel);
+        } else if (place.is_inside) {
+            trace_pixel(place.x, place.y, place.pixel, place.tile);
         }
     }
     workgroupBarrier();
     if (local == 0u) {
         count_rays(atomicLoad(&group_rays));
     }
-}
-
-// The last tile that begins at or before `block`.
-fn tile_of_block(block: u32) -> u32 {
-    var low = 0u;
-    var high = job.tile_count;
-    while (high - low > 1u) {
-        let middle = (low + high) / 2u;
-        if (tiles[middle].first_block <= block) {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    return low;
 }
 
 // Takes the samples in order. A thread whose path has ended begins its next sample while its
@@ -99,13 +81,21 @@ fn add(sum: Sum, term: vec3f) -> Sum {
 }
 
 fn film_at(pixel: u32) -> vec3f {
-    return vec3f(film[3u * pixel], film[3u * pixel + 1u], film[3u * pixel + 2u]);
+    return triple(3u * pixel);
 }
 
 fn set_film(pixel: u32, v: vec3f) {
-    film[3u * pixel] = v.x;
-    film[3u * pixel + 1u] = v.y;
-    film[3u * pixel + 2u] = v.z;
+    set_triple(3u * pixel, v);
+}
+
+fn triple(first: u32) -> vec3f {
+    return vec3f(film[first], film[first + 1u], film[first + 2u]);
+}
+
+fn set_triple(first: u32, v: vec3f) {
+    film[first] = v.x;
+    film[first + 1u] = v.y;
+    film[first + 2u] = v.z;
 }
 
 fn film_lost_at(pixel: u32) -> vec3f {

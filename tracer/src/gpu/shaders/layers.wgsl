@@ -1,35 +1,59 @@
-// What a camera ray meets first, as one of the kernel's outputs: see `Layers`.
+// What camera rays meet first: see `Layers`, whose numbers lie in the film in its order.
 
-fn layers(ray: Ray) -> vec3f {
+struct Layers {
+    albedo: vec3f,
+    normal: vec3f,
+    inverse_depth: f32,
+    emission: vec3f,
+}
+
+// Means over the pixel's samples.
+fn trace_layers(x: u32, y: u32, pixel: u32) {
+    var sum = Layers(vec3f(0.0), vec3f(0.0), 0.0, vec3f(0.0));
+    if (job.sample_begin > 0u) {
+        sum = layers_at(pixel);
+    }
+    for (var index = job.sample_begin; index < job.sample_end; index++) {
+        let hit = first_hit(camera_path(x, y, job.first_sample + index).ray);
+        sum.albedo += hit.albedo;
+        sum.normal += hit.normal;
+        sum.inverse_depth += hit.inverse_depth;
+        sum.emission += hit.emission;
+    }
+    let share = select(1.0, 1.0 / f32(job.samples), job.sample_end == job.samples);
+    let first = LAYERS_FLOATS * pixel;
+    set_triple(first, sum.albedo * share);
+    set_triple(first + 3u, sum.normal * share);
+    film[first + 6u] = sum.inverse_depth * share;
+    set_triple(first + 7u, sum.emission * share);
+}
+
+fn layers_at(pixel: u32) -> Layers {
+    let first = LAYERS_FLOATS * pixel;
+    return Layers(triple(first), triple(first + 3u), film[first + 6u], triple(first + 7u));
+}
+
+fn first_hit(ray: Ray) -> Layers {
+    var met = Layers(vec3f(0.0), vec3f(0.0), 0.0, vec3f(0.0));
     let hit = nearest(ray, NO_PRIMITIVE);
     if (hit.primitive >= LAMP_FIRST) {
-        return select(vec3f(0.0), emission(ray, hit), OUTPUT == OUTPUT_EMISSION);
+        met.emission = emission(ray, hit);
+        return met;
     }
-    if (OUTPUT == OUTPUT_INVERSE_DEPTH) {
-        let axis = normalize(cross(scene.header.camera.dx, scene.header.camera.dy));
-        return vec3f(1.0 / (hit.t * dot(ray.direction, axis)), 0.0, 0.0);
-    }
+    let axis = normalize(cross(scene.header.camera.dx, scene.header.camera.dy));
+    met.inverse_depth = 1.0 / (hit.t * dot(ray.direction, axis));
     let surface = surface_at(ray, hit, false);
     let wo = -ray.direction;
     let bsdf = bsdf_at(surface, wo);
-    switch OUTPUT {
-        case OUTPUT_ALBEDO: {
-            return bsdf_albedo(bsdf, surface);
-        }
-        case OUTPUT_NORMAL: {
-            return surface.normal;
-        }
-        default: {
-            let cos_o = dot(surface.normal, wo);
-            let mirror = bsdf_mirror(bsdf, cos_o);
-            if (all(mirror == vec3f(0.0))) {
-                return vec3f(0.0);
-            }
-            let mirrored = Ray(surface.position, 2.0 * cos_o * surface.normal - wo);
-            let met = nearest(mirrored, hit.primitive);
-            return mirror * emission(mirrored, met);
-        }
+    met.albedo = bsdf_albedo(bsdf, surface);
+    met.normal = surface.normal;
+    let cos_o = dot(surface.normal, wo);
+    let mirror = bsdf_mirror(bsdf, cos_o);
+    if (any(mirror != vec3f(0.0))) {
+        let mirrored = Ray(surface.position, 2.0 * cos_o * surface.normal - wo);
+        met.emission = mirror * emission(mirrored, nearest(mirrored, hit.primitive));
     }
+    return met;
 }
 
 // Light of the lamp or the environment that a ray ends in.

@@ -30,10 +30,6 @@ fn camera_path(x: u32, y: u32, sample: u32) -> Path {
 fn advance(path: ptr<function, Path>, rays: ptr<function, u32>) -> bool {
     let ray = (*path).ray;
     *rays += 1u;
-    if (OUTPUT >= OUTPUT_ALBEDO) {
-        (*path).radiance = layers(ray);
-        return false;
-    }
     let hit = nearest(ray, (*path).skip);
     if (HAS_CLEAR && ((*path).skip & INSIDE) != 0u && (*path).skip != NO_PRIMITIVE) {
         let u = scatter_numbers(path);

@@ -1,0 +1,346 @@
+//! The denoiser on the device: [`crate::post`]'s filter as kernels over what has been traced there.
+//!
+//! ```text
+//! halves, first hits ─▶ take_in ─▶ estimate_variance ─▶ smooth_light × 3 ─▶ resolve ─▶ film
+//! ```
+
+use std::fmt::Write as _;
+
+use bytemuck::{Pod, Zeroable, bytes_of};
+
+use super::device::Device;
+use super::features::Output;
+use super::frame::{FrameBuffers, Pass, SLOT_BYTES, buffer, groups, reserve, whole};
+use super::schedule::Chunk;
+use super::shader::BLOCK_EDGE;
+use crate::layers::SMOOTH_RAYS;
+use crate::post::weights::{
+    ALBEDO_FACTOR, ALBEDO_MIN, DEPTH_FACTOR, MIXED_MIN, NORMAL_FACTOR, STEPS, TAPS, half_ratio,
+    variances,
+};
+use crate::{Error, Tile};
+
+/// The kernels, which are the same for all scenes.
+pub(crate) struct FilterKernels {
+    take_in: wgpu::ComputePipeline,
+    estimate_variance: wgpu::ComputePipeline,
+    smooth_light: wgpu::ComputePipeline,
+    resolve: wgpu::ComputePipeline,
+}
+
+/// What is traced for the filter, and what lies between its passes. It never leaves the device.
+pub(crate) struct FilterBuffers {
+    /// Means of the second and of the first half of the samples.
+    pub(super) halves: [wgpu::Buffer; 2],
+    /// First hits of the same samples, and of more.
+    pub(super) hits: [wgpu::Buffer; 2],
+    /// To be cleared before each picture.
+    pub(super) guides: wgpu::Buffer,
+    light: [wgpu::Buffer; 2],
+}
+
+/// What one pass does.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct FilterData {
+    x: u32,
+    y: u32,
+    width: u32,
+    height: u32,
+    tile_count: u32,
+    block_count: u32,
+    samples: u32,
+    step: i32,
+    variances: f32,
+    half_share: f32,
+    half_ratio: f32,
+    is_mixed: u32,
+}
+
+/// What is filtered: all of a chunk is traced, its first tiles are wanted.
+#[derive(Clone, Copy)]
+pub(crate) struct Filtering<'a> {
+    pub(crate) bounds: Tile,
+    pub(crate) samples: u32,
+    pub(crate) traced: &'a Chunk,
+    pub(crate) wanted: &'a Chunk,
+}
+
+impl FilterKernels {
+    /// # Errors
+    /// [`Error::Device`] if the driver does not compile them.
+    pub(crate) fn new(device: &Device) -> Result<Self, Error> {
+        device.guarded(|wgpu| {
+            let module = wgpu.create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some("filter"),
+                source: wgpu::ShaderSource::Wgsl(source().into()),
+            });
+            let pipeline = |entry_point| {
+                wgpu.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                    label: Some(entry_point),
+                    layout: None,
+                    module: &module,
+                    entry_point: Some(entry_point),
+                    compilation_options: Default::default(),
+                    cache: None,
+                })
+            };
+            Self {
+                take_in: pipeline("take_in"),
+                estimate_variance: pipeline("estimate_variance"),
+                smooth_light: pipeline("smooth_light"),
+                resolve: pipeline("resolve"),
+            }
+        })
+    }
+
+    /// The filter's passes, of which the first is the submission's `first_slot`-th.
+    pub(crate) fn passes<'a>(
+        &'a self,
+        wgpu: &wgpu::Device,
+        buffers: &FrameBuffers,
+        filter: &FilterBuffers,
+        filtering: Filtering<'_>,
+        first_slot: usize,
+    ) -> Vec<Pass<'a>> {
+        let slots = first_slot..;
+        let steps = filtering.steps(self);
+        let encode = |(slot, step): (usize, Step<'a>)| {
+            let entries = filter.bindings(buffers, slot, &step);
+            let bindings = wgpu.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some("filter"),
+                layout: &step.pipeline.get_bind_group_layout(0),
+                entries: &entries,
+            });
+            Pass {
+                pipeline: step.pipeline,
+                bindings,
+                groups: step.groups,
+                uniforms: bytes_of(&step.data).to_vec(),
+            }
+        };
+        slots.zip(steps).map(encode).collect()
+    }
+}
+
+/// A pass before it is bound.
+struct Step<'a> {
+    pipeline: &'a wgpu::ComputePipeline,
+    data: FilterData,
+    groups: [u32; 2],
+    uses: &'static [u32],
+    /// Which of [`FilterBuffers::light`] it reads; it writes the other.
+    light_from: usize,
+}
+
+impl Filtering<'_> {
+    fn steps<'a>(&self, kernels: &'a FilterKernels) -> Vec<Step<'a>> {
+        let data = self.data();
+        let by_pixel = [data.width, data.height].map(|edge| edge.div_ceil(BLOCK_EDGE));
+        let mut steps = vec![
+            Step {
+                pipeline: &kernels.take_in,
+                data,
+                groups: groups(data.block_count),
+                uses: &[TILES, SECOND_HALF, FIRST_HALF, HITS, GUIDES, LIGHT_TO],
+                light_from: 1,
+            },
+            Step {
+                pipeline: &kernels.estimate_variance,
+                data,
+                groups: by_pixel,
+                uses: &[GUIDES, LIGHT_FROM, LIGHT_TO],
+                light_from: 0,
+            },
+        ];
+        for (pass, step) in STEPS.into_iter().enumerate() {
+            let variances = variances(self.samples, pass);
+            steps.push(Step {
+                pipeline: &kernels.smooth_light,
+                data: FilterData {
+                    step,
+                    variances,
+                    ..data
+                },
+                groups: by_pixel,
+                uses: &[GUIDES, LIGHT_FROM, LIGHT_TO],
+                light_from: (pass + 1) % 2,
+            });
+        }
+        let data = FilterData {
+            tile_count: self.wanted.entries.len() as u32,
+            block_count: self.wanted.blocks,
+            ..data
+        };
+        steps.push(Step {
+            pipeline: &kernels.resolve,
+            data,
+            groups: groups(data.block_count),
+            uses: &[TILES, SMOOTH_HITS, GUIDES, LIGHT_FROM, FILM],
+            light_from: (STEPS.len() + 1) % 2,
+        });
+        steps
+    }
+
+    fn data(&self) -> FilterData {
+        FilterData {
+            x: self.bounds.x,
+            y: self.bounds.y,
+            width: self.bounds.width,
+            height: self.bounds.height,
+            tile_count: self.traced.entries.len() as u32,
+            block_count: self.traced.blocks,
+            samples: self.samples,
+            step: 0,
+            variances: 0.0,
+            half_share: (self.samples / 2) as f32 / self.samples as f32,
+            half_ratio: half_ratio(self.samples),
+            is_mixed: u32::from(self.samples < SMOOTH_RAYS),
+        }
+    }
+}
+
+impl FilterBuffers {
+    /// Bytes of the largest buffer for each traced pixel.
+    pub(crate) const PIXEL_BYTES_MAX: u64 = Output::Layers.pixel_bytes();
+
+    pub(crate) fn new(device: &wgpu::Device) -> Self {
+        let empty = || buffer(device, VECTOR_BYTES, USAGE);
+        Self {
+            halves: [empty(), empty()],
+            hits: [empty(), empty()],
+            guides: empty(),
+            light: [empty(), empty()],
+        }
+    }
+
+    /// Makes room for what is filtered.
+    pub(crate) fn reserve(&mut self, device: &wgpu::Device, filtering: Filtering<'_>) {
+        let samples = filtering.samples;
+        let traced = |output: Output| output.pixel_bytes() * filtering.traced.pixels;
+        let dense = VECTOR_BYTES * filtering.bounds.pixels() as u64;
+        let [second, first] = &mut self.halves;
+        let [hits, smooth] = &mut self.hits;
+        reserve(device, second, traced(Output::Reflected), USAGE);
+        reserve(device, hits, traced(Output::Layers), USAGE);
+        if samples > 1 {
+            reserve(device, first, traced(Output::Reflected), USAGE);
+        }
+        if samples < SMOOTH_RAYS {
+            reserve(device, smooth, traced(Output::Layers), USAGE);
+        }
+        reserve(device, &mut self.guides, 2 * dense, USAGE);
+        for light in &mut self.light {
+            reserve(device, light, dense, USAGE);
+        }
+    }
+
+    fn bindings<'a>(
+        &'a self,
+        frame: &'a FrameBuffers,
+        slot: usize,
+        step: &Step<'_>,
+    ) -> Vec<wgpu::BindGroupEntry<'a>> {
+        let is_mixed = step.data.is_mixed != 0;
+        let entry = |&binding: &u32| {
+            let buffer = match binding {
+                TILES => &frame.tiles,
+                SECOND_HALF => &self.halves[0],
+                FIRST_HALF => &self.halves[1],
+                HITS => &self.hits[0],
+                SMOOTH_HITS => &self.hits[usize::from(is_mixed)],
+                GUIDES => &self.guides,
+                LIGHT_FROM => &self.light[step.light_from],
+                LIGHT_TO => &self.light[1 - step.light_from],
+                _ => &frame.film,
+            };
+            whole(binding, buffer)
+        };
+        let data = frame.slot(DATA, slot, size_of::<FilterData>());
+        let buffers = step.uses.iter().map(entry);
+        std::iter::once(data).chain(buffers).collect()
+    }
+}
+
+/// The kernels as text.
+fn source() -> String {
+    let mut text = format!(
+        "const BLOCK_EDGE: u32 = {BLOCK_EDGE}u;\n\
+         const LAYERS_FLOATS: u32 = {}u;\n\
+         const ALBEDO_MIN: f32 = {ALBEDO_MIN:?};\n\
+         const ALBEDO_FACTOR: f32 = {ALBEDO_FACTOR:?};\n\
+         const NORMAL_FACTOR: f32 = {NORMAL_FACTOR:?};\n\
+         const DEPTH_FACTOR: f32 = {DEPTH_FACTOR:?};\n\
+         const MIXED_MIN: f32 = {MIXED_MIN:?};\n",
+        Output::Layers.floats()
+    );
+    text += include_str!("shaders/structs.wgsl");
+    text += include_str!("shaders/block.wgsl");
+    text += include_str!("shaders/filter.wgsl");
+    text += "fn add_taps(p: vec2i, here: ptr<function, Look>) {\n";
+    for (dx, dy, weight) in TAPS {
+        _ = writeln!(
+            text,
+            "    add_tap(p + job.step * vec2i({dx}, {dy}), {weight:?}, here);"
+        );
+    }
+    text + "}\n"
+}
+
+/// Bindings in `shaders/filter.wgsl`.
+const DATA: u32 = 0;
+const TILES: u32 = 2;
+const SECOND_HALF: u32 = 3;
+const FIRST_HALF: u32 = 4;
+const HITS: u32 = 5;
+const SMOOTH_HITS: u32 = 6;
+const GUIDES: u32 = 7;
+const LIGHT_FROM: u32 = 8;
+const LIGHT_TO: u32 = 9;
+const FILM: u32 = 10;
+
+/// Bytes of a `vec4f`.
+const VECTOR_BYTES: u64 = 16;
+const USAGE: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_DST);
+
+const _: () = assert!(size_of::<FilterData>() as u64 <= SLOT_BYTES);
+
+#[cfg(test)]
+mod tests {
+    use std::mem::offset_of;
+
+    use naga::valid::{Capabilities, ValidationFlags, Validator};
+
+    use super::*;
+
+    #[test]
+    fn the_kernels_are_valid_and_read_what_rust_writes() {
+        let text = source();
+        let module = naga::front::wgsl::parse_str(&text)
+            .unwrap_or_else(|error| panic!("{}", error.emit_to_string(&text)));
+        let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
+        if let Err(error) = validator.validate(&module) {
+            panic!("{}", error.emit_to_string(&text));
+        }
+        let mut types = module.types.iter().map(|(_, ty)| ty);
+        let data = types.find(|ty| ty.name.as_deref() == Some("FilterData"));
+        let Some(naga::TypeInner::Struct { members, span }) = data.map(|ty| &ty.inner) else {
+            panic!("there is no struct FilterData");
+        };
+        let fields: Vec<_> = members
+            .iter()
+            .map(|member| (member.name.as_deref().unwrap(), member.offset as usize))
+            .collect();
+        macro_rules! offsets {
+            ($($field:ident)*) => {
+                vec![$((stringify!($field), offset_of!(FilterData, $field))),*]
+            };
+        }
+        assert_eq!(*span as usize, size_of::<FilterData>());
+        assert_eq!(
+            fields,
+            offsets!(x y width height tile_count block_count samples step variances half_share
+                half_ratio is_mixed)
+        );
+    }
+}

@@ -1,0 +1,39 @@
+// Where in the job's tiles a workgroup of 8 x 8 threads works; `job` says how many there are.
+
+@group(0) @binding(2) var<storage, read> tiles: array<TileEntry>;
+
+// A pixel of the image, its place among the pixels of all tiles, and its tile.
+struct Place {
+    x: u32,
+    y: u32,
+    pixel: u32,
+    tile: u32,
+    // Blocks may jut out of their tile.
+    is_inside: bool,
+}
+
+fn place_of(block: u32, local: u32) -> Place {
+    let index = tile_of_block(block);
+    let tile = tiles[index];
+    let columns = (tile.width + BLOCK_EDGE - 1u) / BLOCK_EDGE;
+    let place = block - tile.first_block;
+    let x = (place % columns) * BLOCK_EDGE + local % BLOCK_EDGE;
+    let y = (place / columns) * BLOCK_EDGE + local / BLOCK_EDGE;
+    let pixel = tile.first_pixel + y * tile.width + x;
+    return Place(tile.x + x, tile.y + y, pixel, index, x < tile.width && y < tile.height);
+}
+
+// The last tile that begins at or before `block`.
+fn tile_of_block(block: u32) -> u32 {
+    var low = 0u;
+    var high = job.tile_count;
+    while (high - low > 1u) {
+        let middle = (low + high) / 2u;
+        if (tiles[middle].first_block <= block) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    return low;
+}

@@ -1,0 +1,247 @@
+// The denoiser's passes: those of `post/filter.rs`, which says what they do and whose numbers these
+// are.
+//
+// Traced pixels lie tile by tile; guides and light between the passes lie row by row of the region
+// that encloses the tiles.
+
+struct FilterData {
+    // The region.
+    x: u32,
+    y: u32,
+    width: u32,
+    height: u32,
+    tile_count: u32,
+    block_count: u32,
+    samples: u32,
+    // Pixels between taps.
+    step: i32,
+    // Variances by which light may differ.
+    variances: f32,
+    // The first half's share of the samples.
+    half_share: f32,
+    half_ratio: f32,
+    // Whether `smooth_hits` are of more rays than `hits`.
+    is_mixed: u32,
+}
+
+@group(0) @binding(0) var<uniform> job: FilterData;
+// Means of the second and the first half of the samples; of a single sample the second alone.
+@group(0) @binding(3) var<storage, read> second_half: array<f32>;
+@group(0) @binding(4) var<storage, read> first_half: array<f32>;
+// First hits: `Layers`.
+@group(0) @binding(5) var<storage, read> hits: array<f32>;
+@group(0) @binding(6) var<storage, read> smooth_hits: array<f32>;
+// Two of each pixel: albedo and inverse depth, normal and 1; all 0 where nothing was traced.
+@group(0) @binding(7) var<storage, read_write> guides: array<vec4f>;
+// Light over albedo, and its variance.
+@group(0) @binding(8) var<storage, read> light_from: array<vec4f>;
+@group(0) @binding(9) var<storage, read_write> light_to: array<vec4f>;
+@group(0) @binding(10) var<storage, read_write> film: array<f32>;
+
+fn is_inside(p: vec2i) -> bool {
+    return all(p >= vec2i(0)) && all(vec2u(p) < vec2u(job.width, job.height));
+}
+
+fn index_of(p: vec2i) -> u32 {
+    return u32(p.y) * job.width + u32(p.x);
+}
+
+fn place_in_region(place: Place) -> vec2i {
+    return vec2i(vec2u(place.x, place.y)) - vec2i(vec2u(job.x, job.y));
+}
+
+fn is_traced(i: u32) -> bool {
+    return guides[2u * i + 1u].w > 0.0;
+}
+
+@compute @workgroup_size(BLOCK_EDGE * BLOCK_EDGE)
+fn take_in(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let block = group.y * groups.x + group.x;
+    if (block >= job.block_count) {
+        return;
+    }
+    let place = place_of(block, local);
+    let p = place_in_region(place);
+    if (!place.is_inside || !is_inside(p)) {
+        return;
+    }
+    let i = index_of(p);
+    let first = LAYERS_FLOATS * place.pixel;
+    let albedo = vec3f(hits[first], hits[first + 1u], hits[first + 2u]);
+    let normal = vec3f(hits[first + 3u], hits[first + 4u], hits[first + 5u]);
+    guides[2u * i] = vec4f(albedo, hits[first + 6u]);
+    guides[2u * i + 1u] = vec4f(normal, 1.0);
+    let pixel = 3u * place.pixel;
+    var light = vec3f(second_half[pixel], second_half[pixel + 1u], second_half[pixel + 2u]);
+    let divisor = albedo + ALBEDO_MIN;
+    var variance = 0.0;
+    if (job.samples > 1u) {
+        let early = vec3f(first_half[pixel], first_half[pixel + 1u], first_half[pixel + 2u]);
+        light += job.half_share * (early - light);
+        let apart = job.half_ratio * (early - light) / divisor;
+        variance = dot(apart, apart);
+    }
+    light_to[i] = vec4f(light / divisor, variance);
+}
+
+@compute @workgroup_size(BLOCK_EDGE, BLOCK_EDGE)
+fn estimate_variance(@builtin(global_invocation_id) id: vec3u) {
+    let p = vec2i(id.xy);
+    if (!is_inside(p)) {
+        return;
+    }
+    var count = 0.0;
+    var sum = vec3f(0.0);
+    var squares = 0.0;
+    for (var dy = -1; dy <= 1; dy++) {
+        for (var dx = -1; dx <= 1; dx++) {
+            let at = p + vec2i(dx, dy);
+            if (is_inside(at) && is_traced(index_of(at))) {
+                let light = light_from[index_of(at)];
+                count += 1.0;
+                if (job.samples == 1u) {
+                    sum += light.xyz;
+                    squares += dot(light.xyz, light.xyz);
+                } else {
+                    squares += light.w;
+                }
+            }
+        }
+    }
+    let mean = sum / max(count, 1.0);
+    let variance = max(squares / max(count, 1.0) - dot(mean, mean), 0.0);
+    let i = index_of(p);
+    light_to[i] = vec4f(light_from[i].xyz, variance);
+}
+
+// What the taps see of a pixel, and what they have found so far.
+struct Look {
+    albedo: vec3f,
+    normal: vec3f,
+    inverse_depth: f32,
+    depth_factor: f32,
+    light: vec4f,
+    sum: vec4f,
+    weights: f32,
+}
+
+@compute @workgroup_size(BLOCK_EDGE, BLOCK_EDGE)
+fn smooth_light(@builtin(global_invocation_id) id: vec3u) {
+    let p = vec2i(id.xy);
+    if (!is_inside(p) || !is_traced(index_of(p))) {
+        return;
+    }
+    let i = index_of(p);
+    let light = light_from[i];
+    let depth = guides[2u * i].w;
+    let depth_factor = DEPTH_FACTOR / max(depth * depth, 1e-20);
+    let normal = guides[2u * i + 1u].xyz;
+    var here = Look(guides[2u * i].xyz, normal, depth, depth_factor, light, light, 1.0);
+    add_taps(p, &here);
+    let inverse = 1.0 / here.weights;
+    light_to[i] = here.sum * vec4f(vec3f(inverse), inverse * inverse);
+}
+
+fn add_tap(p: vec2i, tap_weight: f32, here: ptr<function, Look>) {
+    if (!is_inside(p) || !is_traced(index_of(p))) {
+        return;
+    }
+    let i = index_of(p);
+    let light = light_from[i];
+    let likely = ((*here).light.w + light.w) * job.variances + 1e-10;
+    let by_light = (*here).light.xyz - light.xyz;
+    let by_albedo = (*here).albedo - guides[2u * i].xyz;
+    let by_normal = (*here).normal - guides[2u * i + 1u].xyz;
+    let by_depth = (*here).inverse_depth - guides[2u * i].w;
+    var distance = dot(by_light, by_light) / likely;
+    distance += dot(by_albedo, by_albedo) * ALBEDO_FACTOR;
+    distance += dot(by_normal, by_normal) * NORMAL_FACTOR;
+    distance += by_depth * by_depth * (*here).depth_factor;
+    if (distance < 1.0) {
+        let weight = (1.0 - distance) * (1.0 - distance) * tap_weight;
+        (*here).weights += weight;
+        (*here).sum += light * vec4f(vec3f(weight), weight * weight);
+    }
+}
+
+@compute @workgroup_size(BLOCK_EDGE * BLOCK_EDGE)
+fn resolve(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let block = group.y * groups.x + group.x;
+    if (block >= job.block_count) {
+        return;
+    }
+    let place = place_of(block, local);
+    if (!place.is_inside) {
+        return;
+    }
+    let p = place_in_region(place);
+    var light = radiance_at(index_of(p));
+    if (job.is_mixed != 0u) {
+        light = mixed(p, place.pixel, light);
+    }
+    let first = LAYERS_FLOATS * place.pixel + 7u;
+    for (var c = 0u; c < 3u; c++) {
+        film[3u * place.pixel + c] = light[c] + smooth_hits[first + c];
+    }
+}
+
+fn radiance_at(i: u32) -> vec3f {
+    return light_from[i].xyz * (guides[2u * i].xyz + ALBEDO_MIN);
+}
+
+// What outlines are seen by: albedo and half the normal.
+struct Appearance {
+    albedo: vec3f,
+    half_normal: vec3f,
+}
+
+fn appearance(i: u32) -> Appearance {
+    return Appearance(guides[2u * i].xyz, 0.5 * guides[2u * i + 1u].xyz);
+}
+
+fn product(a: Appearance, b: Appearance) -> f32 {
+    return dot(a.albedo, b.albedo) + dot(a.half_normal, b.half_normal);
+}
+
+fn difference(a: Appearance, b: Appearance) -> Appearance {
+    return Appearance(a.albedo - b.albedo, a.half_normal - b.half_normal);
+}
+
+// The mixture with a neighbour that comes nearest to what more rays have met.
+fn mixed(p: vec2i, pixel: u32, light: vec3f) -> vec3f {
+    let first = LAYERS_FLOATS * pixel;
+    let albedo = vec3f(smooth_hits[first], smooth_hits[first + 1u], smooth_hits[first + 2u]);
+    let normal = vec3f(smooth_hits[first + 3u], smooth_hits[first + 4u], smooth_hits[first + 5u]);
+    let here = appearance(index_of(p));
+    let wanted = difference(Appearance(albedo, 0.5 * normal), here);
+    var nearest = product(wanted, wanted);
+    var best = light;
+    if (nearest <= MIXED_MIN) {
+        return best;
+    }
+    for (var n = 0; n < 9; n++) {
+        let at = p + vec2i(n % 3, n / 3) - 1;
+        if (n == 4 || !is_inside(at) || !is_traced(index_of(at))) {
+            continue;
+        }
+        let i = index_of(at);
+        let other = difference(appearance(i), here);
+        let share = clamp(product(wanted, other) / (product(other, other) + 1e-4), 0.0, 1.0);
+        let nearer = Appearance(other.albedo * share, other.half_normal * share);
+        let missing = difference(wanted, nearer);
+        let distance = product(missing, missing);
+        if (distance < nearest * 0.999) {
+            nearest = distance;
+            best = light + share * (radiance_at(i) - light);
+        }
+    }
+    return best;
+}
