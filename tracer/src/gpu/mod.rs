@@ -62,6 +62,9 @@ pub struct GpuTracer {
     pixels_max: u64,
 }
 
+/// Takes a chunk's dropped samples, by tile, and numbers, by pixel.
+type Take<'a> = dyn Fn(&Chunk, &[u32], &[f32]) + 'a;
+
 /// What all dispatches of a job share.
 struct Work<'a> {
     job: &'a TraceJob<'a>,
@@ -128,7 +131,7 @@ impl GpuTracer {
         &self,
         work: &Work<'_>,
         buffers: &mut FrameBuffers,
-        take: &dyn Fn(&Chunk, &[u32], &[f32]),
+        take: &Take<'_>,
     ) -> Result<TraceStats, Error> {
         let pixels_max = self.pixels_max * PIXEL_BYTES / work.output.pixel_bytes();
         let mut stats = TraceStats::default();
@@ -243,13 +246,13 @@ impl Tracer for GpuTracer {
 }
 
 impl GpuTracer {
-    /// Traces `output` and hands each chunk's dropped samples, by tile, and numbers, by pixel, over.
+    /// Traces `output` chunk by chunk.
     fn trace_output(
         &self,
         scene: &CompiledScene,
         job: &TraceJob<'_>,
         output: Output,
-        take: &dyn Fn(&Chunk, &[u32], &[f32]),
+        take: &Take<'_>,
     ) -> Result<TraceStats, Error> {
         if job.tiles.is_empty() {
             return Ok(TraceStats::default());
