@@ -27,12 +27,13 @@ use crate::session::Session;
 /// What was tried and what to install, if no window can be opened or drawn on.
 pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow::Result<()> {
     let event_loop = open_event_loop()?;
-    let mut session = Session::new(config, args.seed, args.ball_set)?;
+    let (table, recording) = args.table_and_recording()?;
+    let mut session = Session::new(config, table, args.seed, args.ball_set)?;
     session.set_engine(args.physics);
     if let Some(folder) = &args.record {
         session.record(folder.clone())?;
     }
-    if let Some(recording) = args.recording()? {
+    if let Some(recording) = recording {
         session.replay(recording.shot);
     }
     let mut app = App {

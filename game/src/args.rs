@@ -9,7 +9,7 @@ use clap::{Parser, Subcommand, ValueEnum as _};
 use crate::ball_set::BallSet;
 use crate::bench::Bench;
 use crate::display::Present;
-use crate::sim::{Engine, Recording};
+use crate::sim::{Engine, Recording, Table};
 use crate::stage::Stage;
 
 /// Pool, path-traced in real time by a farm of any mix of GPUs and CPUs.
@@ -41,6 +41,10 @@ pub struct Args {
     /// Folder for the frames
     #[arg(long, value_name = "DIR", default_value = "carom-frames")]
     pub out: PathBuf,
+    /// The table: nine_foot, eight_foot, seven_foot, snooker or carom [default: nine_foot, or that
+    /// of the shot to show]
+    #[arg(long, value_name = "TABLE", value_parser = Table::built_in)]
+    pub table: Option<Table>,
     /// What the balls are made of
     #[arg(long, value_enum, default_value_t, value_name = "SET")]
     pub ball_set: BallSet,
@@ -114,25 +118,29 @@ impl Args {
         Ok(Some(present))
     }
 
-    /// The shot to show.
+    /// The table to play on, and the shot to show: on the table that it was played on.
     ///
     /// # Errors
     /// A sentence with the file and what is wrong with it.
-    pub fn recording(&self) -> anyhow::Result<Option<Recording>> {
+    pub fn table_and_recording(&self) -> anyhow::Result<(Table, Option<Recording>)> {
+        let asked = || self.table.clone().unwrap_or_else(Stage::table);
         let Some(path) = &self.replay else {
-            return Ok(None);
+            return Ok((asked(), None));
         };
         let recording = Recording::load(path)?;
-        let table = Stage::table();
+        let table = match &self.table {
+            Some(table) => table.clone(),
+            None => Table::named(&recording.table).unwrap_or_else(Stage::table),
+        };
         if recording.table != table.name() {
             anyhow::bail!(
-                "{}: the shot was played on `{}`, which is not the table of this game, `{}`",
+                "{}: the shot was played on `{}`, which is not this table, `{}`",
                 path.display(),
                 recording.table,
                 table.name()
             );
         }
-        Ok(Some(recording))
+        Ok((table, Some(recording)))
     }
 
     fn config_file(&self) -> anyhow::Result<FarmConfig> {

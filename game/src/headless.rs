@@ -24,7 +24,7 @@ use crate::animation::{Animation, write_png};
 use crate::args::Args;
 use crate::director::EXPOSURE;
 use crate::play::CUE_SPEED_M_S_MAX;
-use crate::sim::{Engine, EventKind, Recording, Shot, Stroke, World};
+use crate::sim::{Engine, EventKind, Recording, Shot, Stroke, Table, World};
 use crate::stage::Stage;
 
 /// What `stats.json` holds.
@@ -89,14 +89,15 @@ pub fn run(args: &Args, config: FarmConfig) -> anyhow::Result<()> {
     let out = args.out.as_path();
     fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
     let settings = settings(args);
-    let shot = match args.recording()? {
+    let (table, recording) = args.table_and_recording()?;
+    let shot = match recording {
         Some(recording) => recording.shot,
-        None => break_shot(settings.seed, args.physics)?,
+        None => break_shot(&table, settings.seed, args.physics)?,
     };
     if let Some(folder) = &args.record {
-        keep(&shot, folder)?;
+        keep(&table, &shot, folder)?;
     }
-    let stage = Stage::room(args.ball_set);
+    let stage = Stage::around(&table, args.ball_set);
     // Files are kept: a link that is too slow for exact pixels makes them later, not worse.
     let mut farm = Farm::new(FarmConfig {
         precision: PrecisionRange::EXACT,
@@ -136,19 +137,17 @@ fn settings(args: &Args) -> Settings {
 }
 
 /// A hard, straight break.
-fn break_shot(seed: u32, engine: Engine) -> anyhow::Result<Shot> {
-    let table = Stage::table();
-    let layout = table.rack_eight(seed);
-    let mut world = World::new(table, layout)?;
+fn break_shot(table: &Table, seed: u32, engine: Engine) -> anyhow::Result<Shot> {
+    let mut world = World::new(table.clone(), table.rack_eight(seed))?;
     world.set_engine(engine);
     Ok(world.strike(Stroke::straight(0.0, CUE_SPEED_M_S_MAX))?)
 }
 
-fn keep(shot: &Shot, folder: &Path) -> anyhow::Result<()> {
+fn keep(table: &Table, shot: &Shot, folder: &Path) -> anyhow::Result<()> {
     fs::create_dir_all(folder)
         .with_context(|| format!("cannot make the folder {}", folder.display()))?;
     let recording = Recording {
-        table: Stage::table().name().to_owned(),
+        table: table.name().to_owned(),
         shot: shot.clone(),
     };
     Ok(recording.save(&folder.join("shot_0001.carom"))?)

@@ -31,8 +31,8 @@ pub fn room(table: &Table, set: BallSet) -> Scene {
     room.walls();
     Scene {
         camera: Camera {
-            eye: Vec3::new(-2.02, -0.3, 0.56),
-            target: Vec3::new(-0.25, 0.0, 0.0),
+            eye: room.frame.scale * Vec3::new(-2.02, -0.3, 0.56),
+            target: room.frame.scale * Vec3::new(-0.25, 0.0, 0.0),
             up: Vec3::Z,
             fov_x_deg: 44.0,
         },
@@ -40,8 +40,8 @@ pub fn room(table: &Table, set: BallSet) -> Scene {
             radiance: Vec3::new(0.16, 0.15, 0.135),
         },
         materials: materials(&room.frame, table, set),
+        lamps: LAMP_X_M.map(|x| lamp(x, room.frame.scale)).into(),
         objects: room.objects,
-        lamps: LAMP_X_M.into_iter().map(lamp).collect(),
     }
 }
 
@@ -53,6 +53,8 @@ struct Frame {
     outer: Vec2,
     rail_height: f32,
     floor: f32,
+    /// Its length over that of a nine-foot table.
+    scale: f32,
 }
 
 impl Frame {
@@ -66,6 +68,7 @@ impl Frame {
             outer: (half + width).as_vec2(),
             rail_height: table.rail_height_m() as f32,
             floor: -table.bed_height_m() as f32,
+            scale: (table.length_m() / NINE_FOOT_M) as f32,
         }
     }
 }
@@ -90,7 +93,7 @@ impl Room {
             let number = ball.number;
             let shape = Shape::Sphere {
                 center: ball.position.as_vec3(),
-                radius: table.ball().radius_m as f32,
+                radius: ball.body.radius_m as f32,
                 rotation: Quat::IDENTITY,
             };
             self.add(format!("ball{number}"), &format!("ball {number}"), shape);
@@ -222,11 +225,13 @@ impl Room {
 
     /// Enamelled shades over the lamps, hung from a brass bar.
     fn lampshades(&mut self) {
-        let half = LAMP_HALF_M + SHADE_RIM_M;
+        let scale = self.frame.scale;
+        let lamp_half = LAMP_HALF_M * Vec2::new(scale, 1.0);
+        let half = lamp_half + SHADE_RIM_M;
         let (low, high) = (LAMP_Z_M - SHADE_LIP_M, LAMP_Z_M + SHADE_HEIGHT_M);
         for x in LAMP_X_M {
-            let center = Vec2::new(x, 0.0);
-            let hollow = LAMP_HALF_M + 0.004;
+            let center = Vec2::new(scale * x, 0.0);
+            let hollow = lamp_half + 0.004;
             let mut cuts = vec![Cut {
                 form: CutForm::Hollow {
                     min: (center - hollow).extend(low - 1.0),
@@ -246,11 +251,11 @@ impl Room {
             self.add("lampshade", "enamel", shade);
         }
         let bar = Shape::Box {
-            min: Vec3::new(-0.9, -0.01, high),
-            max: Vec3::new(0.9, 0.01, high + 0.02),
+            min: Vec3::new(-0.9 * scale, -0.01, high),
+            max: Vec3::new(0.9 * scale, 0.01, high + 0.02),
         };
         self.add("lamp bar", "brass", bar);
-        for x in [-0.6, 0.6] {
+        for x in [-0.6 * scale, 0.6 * scale] {
             let rod = Shape::Box {
                 min: Vec3::new(x - 0.004, -0.004, high + 0.02),
                 max: Vec3::new(x + 0.004, 0.004, ROOM_HEIGHT_M),
@@ -385,11 +390,11 @@ fn beyond(point: Vec3, normal: Vec3) -> Cut {
     cut(CutForm::Beyond { point, normal })
 }
 
-fn lamp(x: f32) -> Lamp {
+fn lamp(x: f32, scale: f32) -> Lamp {
     Lamp {
         name: format!("lamp at {x}"),
-        center: Vec3::new(x, 0.0, LAMP_Z_M),
-        half_u: Vec3::X * LAMP_HALF_M.x,
+        center: Vec3::new(scale * x, 0.0, LAMP_Z_M),
+        half_u: Vec3::X * scale * LAMP_HALF_M.x,
         half_v: Vec3::NEG_Y * LAMP_HALF_M.y,
         radiance: Vec3::new(17.0, 15.5, 13.0),
     }
@@ -491,6 +496,8 @@ const LEG_INSET_M: f32 = 0.2;
 const LEG_HALF_M: f32 = 0.08;
 /// How much a leg narrows, over its height.
 const LEG_TAPER: f32 = 0.05;
+/// Lamps, and where the first picture is taken from, are laid out for this length.
+const NINE_FOOT_M: f64 = 2.54;
 const LAMP_X_M: [f32; 2] = [-0.62, 0.62];
 const LAMP_Z_M: f32 = 1.0;
 const LAMP_HALF_M: Vec2 = Vec2::new(0.45, 0.18);

@@ -19,7 +19,7 @@ use crate::director::{Director, Plan, Subject};
 use crate::display::Picture;
 use crate::input::{Event, Input, Intent};
 use crate::play::{CueView, Game, Outcome};
-use crate::sim::{BallBody, Engine, Recording, Shot};
+use crate::sim::{BallBody, Engine, Recording, Shot, Table};
 use crate::stage::Stage;
 use crate::ui;
 use crate::warp::Warp;
@@ -53,14 +53,14 @@ enum FarmSlot {
 }
 
 impl Session {
-    /// Begins a game with balls of `set` whose pictures come from the farm of `config`.
+    /// Begins a game on `table` with balls of `set` whose pictures come from the farm of `config`.
     ///
     /// # Errors
-    /// A sentence if the shipped table is not usable.
-    pub fn new(config: FarmConfig, seed: u32, set: BallSet) -> anyhow::Result<Self> {
-        let stage = Stage::room(set);
+    /// A sentence if the balls cannot lie on the table.
+    pub fn new(config: FarmConfig, table: Table, seed: u32, set: BallSet) -> anyhow::Result<Self> {
+        let stage = Stage::around(&table, set);
         Ok(Self {
-            game: Game::new(seed)?,
+            game: Game::on(table, seed)?,
             director: Director::new(
                 ImageSize::new(0, 0),
                 config.frames_in_flight,
@@ -113,7 +113,7 @@ impl Session {
         if number > *last {
             *last = number;
             let recording = Recording {
-                table: Stage::table().name().to_owned(),
+                table: self.game.table().name().to_owned(),
                 shot: shot.clone(),
             };
             if let Err(error) = recording.save(&folder.join(format!("shot_{number:04}.carom"))) {

@@ -17,10 +17,15 @@ pub struct Stage {
 impl Stage {
     /// The pool room of the game with balls of `set`, round [`Stage::table`].
     pub fn room(set: BallSet) -> Self {
-        Self::new(room(&Self::table(), set))
+        Self::around(&Self::table(), set)
     }
 
-    /// The table that [`Stage::room`] shows, for the simulation.
+    /// The same round another table.
+    pub fn around(table: &Table, set: BallSet) -> Self {
+        Self::new(room(table, set))
+    }
+
+    /// The table that is played on unless another is asked for.
     pub fn table() -> Table {
         Table::nine_foot()
     }

@@ -38,7 +38,9 @@ pub struct ShotReport {
     pub duration_secs: f64,
     /// Contacts and phase changes.
     pub events: usize,
-    /// For a cluster: largest difference of velocity after it, in m/s.
+    /// For a cluster: difference of velocity of the ball that takes the blow, in m/s.
+    pub fastest_off_m_s: f64,
+    /// For a cluster: the same of the ball that is farthest off.
     pub velocity_off_m_s: f64,
     /// When a ball is first over 1 mm off.
     pub parts_at_secs: Option<f64>,
@@ -85,6 +87,7 @@ impl ShotReport {
             },
             duration_secs: shot.duration_secs(),
             events: shot.events().len(),
+            fastest_off_m_s: deviation.fastest_m_s,
             velocity_off_m_s: deviation.velocity_m_s,
             parts_at_secs: deviation.parts_at_secs,
             pocketed_differently: deviation.pocketed_differently,
@@ -114,8 +117,8 @@ impl fmt::Display for Accuracy {
                 "shot" => {}
                 "cluster" => write!(
                     f,
-                    "  cluster: velocities after it {:.4} m/s off",
-                    shot.velocity_off_m_s
+                    "  cluster: {:.4} m/s off after it, the ball that takes the blow {:.4}",
+                    shot.velocity_off_m_s, shot.fastest_off_m_s
                 )?,
                 "break" => match shot.parts_at_secs {
                     Some(t) => write!(f, "  break: parts by 1 mm at {t:.2} s")?,

@@ -65,9 +65,17 @@ pub fn measure() -> Result<Vec<Curve>> {
         throw_by_speed()?,
         throw_by_english()?,
         squirt()?,
+        super::masse::directions()?,
+        super::masse::ways()?,
         super::banks::measure()?,
     ])
 }
+
+/// What no figures to compare with could be found for.
+pub const UNPUBLISHED: &str = "\
+Bank angles: Alciatore publishes tendencies and films, no table or formula of angle out over angle in,
+because cushions differ from table to table; so their order is held to his words, and the angles
+themselves to the references (cushion_angle_*, bank*).";
 
 /// Elastic balls with Alciatore's friction: what the formulas of TP A.14 assume.
 fn elastic() -> Laws {

@@ -5,6 +5,7 @@
 //! closed-forms  sliding, rolling and spinning, against theory
 //! curves        rules and curves that are published, drawn with --plot
 //! breaks        many breaks of the same rack, by statistics
+//! crowd         up to 1,000 balls: what an event costs
 //! trade         plain rapier at many settings: error against CPU time
 //! ```
 
@@ -13,8 +14,10 @@ mod banks;
 pub mod breaks;
 pub mod closed_forms;
 mod cpu;
+pub mod crowd;
 pub mod curves;
 pub mod deviation;
+mod masse;
 pub mod prairie;
 pub mod reference;
 mod schema;
@@ -31,6 +34,7 @@ use serde::Serialize;
 use accuracy::Accuracy;
 use breaks::BreakStatistic;
 use closed_forms::ClosedForm;
+use crowd::Crowd;
 use curves::Curve;
 use reference::Reference;
 use trade::Trade;
@@ -84,6 +88,8 @@ pub enum Part {
     Curves,
     /// Many breaks of the same rack, by statistics
     Breaks,
+    /// Up to 1,000 balls: what an event costs
+    Crowd,
     /// Plain rapier at many settings: error against CPU time
     Trade,
 }
@@ -99,6 +105,8 @@ struct Report {
     curves: Option<Vec<Curve>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     breaks: Option<Vec<BreakStatistic>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    crowd: Option<Vec<Crowd>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     trade: Option<Vec<Trade>>,
 }
@@ -136,6 +144,9 @@ impl PhysicsArgs {
         }
         if wants(Part::Breaks) {
             report.breaks = Some(breaks::measure(&read()?, self.seeds)?);
+        }
+        if wants(Part::Crowd) {
+            report.crowd = Some(crowd::measure()?);
         }
         if wants(Part::Trade) {
             let references = read()?;
@@ -177,11 +188,18 @@ impl Report {
             for curve in curves {
                 println!("{curve}");
             }
+            println!("{}", curves::UNPUBLISHED);
         }
         if let Some(breaks) = &self.breaks {
             println!("\nBreaks\n{}", breaks::HEADING);
             for statistic in breaks {
                 println!("{statistic}");
+            }
+        }
+        if let Some(crowds) = &self.crowd {
+            println!("\nCrowds\n{}", crowd::HEADING);
+            for crowd in crowds {
+                println!("{crowd}");
             }
         }
         if let Some(trades) = &self.trade {

@@ -68,7 +68,14 @@ impl Game {
     /// # Errors
     /// [`sim::Error`] if the physics refuses its own table.
     pub fn new(seed: u32) -> Result<Self, sim::Error> {
-        let table = Stage::table();
+        Self::on(Stage::table(), seed)
+    }
+
+    /// The same on another table.
+    ///
+    /// # Errors
+    /// [`sim::Error`] if the balls cannot lie on it.
+    pub fn on(table: Table, seed: u32) -> Result<Self, sim::Error> {
         let world = World::new(table.clone(), table.rack_eight(seed))?;
         let mut game = Self {
             table,
@@ -105,6 +112,11 @@ impl Game {
             bearing_rad: self.aim.bearing_rad,
             is_replay: true,
         }));
+    }
+
+    /// What is played on.
+    pub fn table(&self) -> &Table {
+        &self.table
     }
 
     /// The shot that is being played for the first time, with its number.

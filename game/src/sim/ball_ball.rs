@@ -7,7 +7,7 @@
 
 use glam::DVec3;
 
-use super::ball::BallBody;
+use super::{ball::BallBody, elementary::exp};
 
 /// The law of ball–ball contacts.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -79,7 +79,7 @@ impl BallBallLaw {
         let slip = contact - contact.dot(normal) * normal;
         let speed = slip.length();
         let friction =
-            self.friction_fast + self.friction_slow_extra * (-self.friction_fade_s_m * speed).exp();
+            self.friction_fast + self.friction_slow_extra * exp(-self.friction_fade_s_m * speed);
         let drag = if speed > 0.0 {
             -(friction * push).min(reduced_kg * speed / 3.5) / speed * slip
         } else {

@@ -9,7 +9,7 @@
 //! between two of them every ball moves with constant acceleration, known in closed form
 //! ([`Cloth`]). Rapier moves the balls in steps that land on the events; the laws set velocities.
 //! The simulation knows no clock, no frame rate and no randomness: the same world and stroke give
-//! the same bits on every run of a build.
+//! the same bits on every run, in every build, on every machine.
 //!
 //! A ball that is struck or knocked upwards flies: contacts in the air obey the same laws in three
 //! dimensions, at times that are as exact, because a parabola has a constant acceleration too.
@@ -36,8 +36,10 @@ mod ball_ball;
 mod bodies;
 mod bounce;
 mod cloth;
+mod contact;
 mod contact_time;
 mod cushion;
+mod elementary;
 mod engine;
 mod error;
 mod event;
@@ -76,6 +78,7 @@ pub use rack::Layout;
 pub use recording::{BYTES_MAX, Recording};
 pub use shot::Shot;
 pub use simulation::{EVENTS_PER_SECOND_MAX, SHOT_SECS_MAX};
+pub(crate) use simulation::{Simulation, Until};
 pub use stick::{Cue, Stroke};
 pub use suggest::{Suggestion, suggest};
 pub use table::{Circle, Cushion, Nose, Pocket, Rails, Table, TableParts};

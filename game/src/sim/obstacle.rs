@@ -11,6 +11,7 @@ use super::{
     contact_time::{
         Course, direction, leaves_circle, reaches_nose, reaches_plane, reaches_point, reaches_ring,
     },
+    elementary::hypot,
     event::Surface,
     table::{Cushion, JOINT_SLACK_M, Nose, Pocket, Rails, Table},
 };
@@ -303,7 +304,7 @@ fn is_open(pocket: &Pocket, place: DVec3) -> bool {
 
 /// Sine of the angle at which a cushion's top rises.
 fn slope_sin(rails: Rails) -> f64 {
-    rails.rise_m / rails.rise_m.hypot(rails.cushion_width_m)
+    rails.rise_m / hypot(rails.rise_m, rails.cushion_width_m)
 }
 
 /// Cosine of the angle from the mouth at which a pocket's wall over the cloth begins: behind the

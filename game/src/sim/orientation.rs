@@ -7,6 +7,8 @@
 
 use glam::{DQuat, DVec3};
 
+use super::elementary::rotation;
+
 /// The orientation over one phase.
 #[derive(Clone, Debug)]
 pub(crate) struct Turning {
@@ -76,7 +78,7 @@ impl Turning {
         let spin = self.spin + start * self.spin_acceleration;
         let mean = spin + 0.5 * duration * self.spin_acceleration;
         let tilt = duration.powi(3) / 12.0 * self.spin_acceleration.cross(spin);
-        DQuat::from_scaled_axis(duration * mean + tilt)
+        rotation(duration * mean + tilt)
     }
 }
 

@@ -15,6 +15,7 @@ use serde::Deserialize;
 
 use super::{
     ball::BallBody,
+    elementary::{sin_cos, tan},
     error::{Error, Result},
     table::{Circle, Cushion, Pocket, Rails, Table, TableParts},
 };
@@ -266,7 +267,7 @@ impl Shape {
         let Some(Tip { pocket, .. }) = end else {
             return tip + self.cushion_width_m * (outward - inward);
         };
-        let (sin, cos) = pocket.turn_rad().sin_cos();
+        let (sin, cos) = sin_cos(pocket.turn_rad());
         let facing = cos * outward - sin * inward;
         let length = self.cushion_width_m / sin;
         let tangent = pocket.tangent_m();
@@ -293,7 +294,7 @@ impl PocketPlan {
 
     /// From the unrounded tip to where the rounding begins.
     fn tangent_m(&self) -> f64 {
-        self.jaw_radius_m * (0.5 * self.turn_rad()).tan()
+        self.jaw_radius_m * tan(0.5 * self.turn_rad())
     }
 }
 
@@ -313,6 +314,14 @@ impl Table {
                 )))
             }
         }
+    }
+
+    /// The table that ships with the game under this name for the player.
+    pub fn named(name: &str) -> Option<Self> {
+        let mut tables = BUILT_IN
+            .iter()
+            .filter_map(|(_, json)| Self::parse(json).ok());
+        tables.find(|table| table.name() == name)
     }
 
     /// Names for [`Table::built_in`].

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use carom_tracer::sampling::pcg4d;
 use glam::{DQuat, DVec2};
 
-use super::{ball::BallState, table::Table};
+use super::{ball::BallState, elementary::unit_at, table::Table};
 
 /// The balls of a game and where they lie.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,7 +41,7 @@ impl Table {
                             f64::from(row) * 0.75f64.sqrt(),
                             f64::from(place) - 0.5 * f64::from(row),
                         );
-                let offset = 0.25 * RACK_GAP_M * DVec2::from_angle(TAU * draw.unit());
+                let offset = 0.25 * RACK_GAP_M * unit_at(TAU * draw.unit());
                 let place = spot + draw.unit() * offset;
                 let ball = BallState::at_rest(number, place.x, place.y, &body);
                 balls.push(turned(ball, &mut draw));
@@ -102,13 +102,14 @@ impl Draw {
 
     /// Uniform over all rotations: Shoemake, "Uniform random rotations", Graphics Gems III.
     fn rotation(&mut self) -> DQuat {
-        let (radius, first, second) = (self.unit(), TAU * self.unit(), TAU * self.unit());
+        let (radius, first, second) = (self.unit(), self.unit(), self.unit());
+        let (first, second) = (unit_at(TAU * first), unit_at(TAU * second));
         let (low, high) = ((1.0 - radius).sqrt(), radius.sqrt());
         DQuat::from_xyzw(
-            low * first.sin(),
-            low * first.cos(),
-            high * second.sin(),
-            high * second.cos(),
+            low * first.y,
+            low * first.x,
+            high * second.y,
+            high * second.x,
         )
         .normalize()
     }

@@ -13,19 +13,14 @@ use glam::DVec3;
 use super::{
     agenda::{Agenda, Change, Happening},
     ball::{BallState, Phase},
-    ball_ball::{CLUSTER_SPEED_M_S, Twist},
+    ball_ball::Twist,
     bodies::Bodies,
-    bounce::skimmed,
-    contact_time::direction,
-    cushion::kept_apart,
     error::{Error, Result},
-    event::{Event, EventKind, Surface},
+    event::{Event, EventKind},
     flight::{Flight, hop_speed_m_s},
     laws::Laws,
-    live::{Live, ON_RAIL_RADII},
+    live::Live,
     motion::{End, Motion},
-    obstacle::{Obstacle, Push, Scout},
-    simultaneous::Touch,
     table::Table,
     track::Track,
 };
@@ -47,11 +42,11 @@ pub(crate) struct Outcome {
 }
 
 pub(crate) struct Simulation<'a> {
-    table: &'a Table,
-    laws: &'a Laws,
-    bodies: Bodies,
-    now: f64,
-    balls: Vec<Live>,
+    pub(super) table: &'a Table,
+    pub(super) laws: &'a Laws,
+    pub(super) bodies: Bodies,
+    pub(super) now: f64,
+    pub(super) balls: Vec<Live>,
     agenda: Agenda,
     events: Vec<Event>,
     /// When the current second of counting began, and the events since.
@@ -213,151 +208,9 @@ impl<'a> Simulation<'a> {
         }
     }
 
-    fn touch(&mut self, ball: usize, obstacle: Obstacle) {
-        let Live { number, body, .. } = self.balls[ball];
-        let before = self.balls[ball].twist(self.now);
-        if obstacle == Obstacle::Top {
-            return self.land(ball, before);
-        }
-        let scout = Scout {
-            table: self.table,
-            radius_m: body.radius_m,
-        };
-        let center = self.bodies.position(ball);
-        let Push { normal, away } = scout.push(obstacle, center);
-        let point = center - body.radius_m * away;
-        let speed_m_s = -before.velocity.dot(away);
-        let (cushion, kind) = match obstacle {
-            Obstacle::Nose(_) | Obstacle::Jaw(_) => {
-                let kind = EventKind::Cushion {
-                    ball: number,
-                    point,
-                    speed_m_s,
-                };
-                (true, kind)
-            }
-            _ => {
-                let kind = EventKind::Bounces {
-                    ball: number,
-                    surface: obstacle.surface(),
-                    point,
-                    speed_m_s,
-                };
-                (false, kind)
-            }
-        };
-        let law = match obstacle.surface() {
-            Surface::Pocket => self.laws.pocket,
-            Surface::Rail | Surface::Cloth => self.laws.slate,
-        };
-        let mut after = if !cushion {
-            law.resolve(&body, normal, before)
-        } else if self.balls[ball].motion.phase == Phase::Airborne {
-            self.laws.cushion.rebound_in_air(&body, normal, before)
-        } else {
-            let nose_height_m = self.table.nose_height_m();
-            self.laws
-                .cushion
-                .rebound(&body, (away, nose_height_m), before)
-        };
-        after.velocity = if cushion {
-            kept_apart(away, before.velocity, after.velocity)
-        } else {
-            skimmed(away, before.velocity, after.velocity)
-        };
-        self.report(kind);
-        self.set_off(ball, after);
-    }
-
-    /// A ball falls onto a level surface: the cloth, or a rail.
-    fn land(&mut self, ball: usize, before: Twist) {
-        let Live { number, body, .. } = self.balls[ball];
-        let height = self.bodies.position(ball).z;
-        let on_rail = height > ON_RAIL_RADII * body.radius_m;
-        let (surface, level) = if on_rail {
-            (Surface::Rail, self.table.rail_height_m() + body.radius_m)
-        } else {
-            (Surface::Cloth, body.radius_m)
-        };
-        self.bodies.set_height(ball, level);
-        let center = self.bodies.position(ball);
-        self.report(EventKind::Bounces {
-            ball: number,
-            surface,
-            point: center.with_z(level - body.radius_m),
-            speed_m_s: -before.velocity.z,
-        });
-        let after = self.laws.slate.resolve(&body, DVec3::Z, before);
-        if after.velocity.z < self.hop_speed_m_s() {
-            self.lie(ball, after);
-        } else {
-            self.fly(ball, after);
-        }
-    }
-
-    fn collide(&mut self, first: usize, second: usize) {
-        let bodies = [first, second].map(|ball| self.balls[ball].body);
-        let normal = direction(self.bodies.position(first), self.bodies.position(second));
-        let before = [first, second].map(|ball| self.balls[ball].twist(self.now));
-        self.report(EventKind::BallBall {
-            first: self.balls[first].number,
-            second: self.balls[second].number,
-            point: self.bodies.position(first) + bodies[0].radius_m * normal,
-            speed_m_s: (before[0].velocity - before[1].velocity).dot(normal),
-        });
-        let (after_first, after_second) =
-            self.laws
-                .ball_ball
-                .resolve(normal, (&bodies[0], before[0]), (&bodies[1], before[1]));
-        self.set_off(first, after_first);
-        self.set_off(second, after_second);
-    }
-
-    /// Whether a pair approaches fast enough not to be a matter of the rule for clusters.
-    fn meets_fast(&self, (first, second): (usize, usize)) -> bool {
-        let normal = direction(self.bodies.position(first), self.bodies.position(second));
-        let [one, other] = [first, second].map(|ball| self.balls[ball].twist(self.now).velocity);
-        (one - other).dot(normal) > CLUSTER_SPEED_M_S
-    }
-
-    /// Contacts at the same instant that share balls.
-    fn collide_together(&mut self, pairs: &[(usize, usize)]) {
-        let mut balls: Vec<_> = pairs.iter().flat_map(|&(a, b)| [a, b]).collect();
-        balls.sort_unstable();
-        balls.dedup();
-        let place = |ball: usize| balls.partition_point(|&b| b < ball);
-        let mut twists: Vec<_> = balls
-            .iter()
-            .map(|&ball| self.balls[ball].twist(self.now))
-            .collect();
-        let bodies: Vec<_> = balls.iter().map(|&ball| self.balls[ball].body).collect();
-        let mut touches = Vec::with_capacity(pairs.len());
-        for &(first, second) in pairs {
-            let touch = Touch {
-                first: place(first),
-                second: place(second),
-                normal: direction(self.bodies.position(first), self.bodies.position(second)),
-            };
-            let closing = twists[touch.first].velocity - twists[touch.second].velocity;
-            self.report(EventKind::BallBall {
-                first: self.balls[first].number,
-                second: self.balls[second].number,
-                point: self.bodies.position(first) + bodies[touch.first].radius_m * touch.normal,
-                speed_m_s: closing.dot(touch.normal),
-            });
-            touches.push(touch);
-        }
-        self.laws
-            .ball_ball
-            .resolve_together(&bodies, &touches, &mut twists);
-        for (&ball, &twist) in balls.iter().zip(&twists) {
-            self.set_off(ball, twist);
-        }
-    }
-
     /// Begins a ball's motion after a blow. What lies stays down unless the blow, or the slate's
     /// answer to it, makes it hop.
-    fn set_off(&mut self, ball: usize, mut after: Twist) {
+    pub(super) fn set_off(&mut self, ball: usize, mut after: Twist) {
         let Live { body, motion, .. } = &self.balls[ball];
         let hop = self.hop_speed_m_s();
         if motion.phase == Phase::Airborne {
@@ -375,7 +228,7 @@ impl<'a> Simulation<'a> {
 
     /// Begins the motion of a ball that lies on a level surface: what is left of vertical speed
     /// is lost.
-    fn lie(&mut self, ball: usize, mut twist: Twist) {
+    pub(super) fn lie(&mut self, ball: usize, mut twist: Twist) {
         twist.velocity.z = 0.0;
         let position = self.bodies.position(ball);
         let motion = self
@@ -386,7 +239,7 @@ impl<'a> Simulation<'a> {
     }
 
     /// Begins the motion of a ball in the air.
-    fn fly(&mut self, ball: usize, twist: Twist) {
+    pub(super) fn fly(&mut self, ball: usize, twist: Twist) {
         let motion = self.flight(ball).motion(self.bodies.position(ball), twist);
         self.begin(ball, motion, twist);
     }
@@ -405,7 +258,7 @@ impl<'a> Simulation<'a> {
         self.foresee(ball);
     }
 
-    fn hop_speed_m_s(&self) -> f64 {
+    pub(super) fn hop_speed_m_s(&self) -> f64 {
         hop_speed_m_s(self.laws.cloth.gravity_m_s2)
     }
 
@@ -446,7 +299,7 @@ impl<'a> Simulation<'a> {
         self.foresee(ball);
     }
 
-    fn report(&mut self, kind: EventKind) {
+    pub(super) fn report(&mut self, kind: EventKind) {
         self.cue_ball_touched |= kind.stops_aim_line();
         self.events.push(Event {
             time_secs: self.now,
@@ -465,7 +318,8 @@ impl<'a> Simulation<'a> {
             (*since, *events) = (time, 0);
         }
         *events += 1;
-        if *events > EVENTS_PER_SECOND_MAX || time > SHOT_SECS_MAX {
+        let racks = self.balls.len().div_ceil(RACK_BALLS) as u32;
+        if *events > racks * EVENTS_PER_SECOND_MAX || time > SHOT_SECS_MAX {
             return Err(Error::Endless {
                 time_secs: time,
                 events: *events,
@@ -477,8 +331,11 @@ impl<'a> Simulation<'a> {
 
 /// Contacts this close count as one: sound crosses a ball in ten thousand times as long.
 const INSTANT_SECS: f64 = 1e-9;
-/// More events than this within a simulated second are an error: a break has a few hundred in all.
+/// More events than this for every sixteen balls within a simulated second are an error: a break has
+/// a few hundred in all.
 pub const EVENTS_PER_SECOND_MAX: u32 = 20_000;
+/// With the cue ball.
+const RACK_BALLS: usize = 16;
 /// Longer shots are an error: on an endless cloth a ball of 100 m/s rolls for 730 s, and one of
 /// 10⁴ rad/s turns in place for 920 s.
 pub const SHOT_SECS_MAX: f64 = 3600.0;

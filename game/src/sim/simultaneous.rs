@@ -13,6 +13,7 @@ use glam::DVec3;
 use super::{
     ball::BallBody,
     ball_ball::{BallBallLaw, Twist},
+    elementary::exp,
 };
 
 /// Two balls in touch, by their place in a list of twists.
@@ -83,7 +84,7 @@ impl BallBallLaw {
             return DVec3::ZERO;
         }
         let friction =
-            self.friction_fast + self.friction_slow_extra * (-self.friction_fade_s_m * speed).exp();
+            self.friction_fast + self.friction_slow_extra * exp(-self.friction_fade_s_m * speed);
         let stops = speed / (3.5 * lightness(bodies, touch) * count);
         -(friction * push).min(stops) / speed * slip
     }

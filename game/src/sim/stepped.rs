@@ -18,6 +18,7 @@ use super::{
     ball::{BallBody, BallState, Phase},
     bodies::cushion_shapes,
     cloth::Cloth,
+    elementary::exp,
     engine::Rapier,
     error::{Error, Result},
     event::{Event, EventKind},
@@ -385,7 +386,7 @@ fn insert_ball(
     let law = &laws.ball_ball;
     let sphere = ColliderBuilder::ball(state.body.radius_m)
         .mass(state.body.mass_kg)
-        .friction(law.friction_fast + law.friction_slow_extra * (-law.friction_fade_s_m).exp())
+        .friction(law.friction_fast + law.friction_slow_extra * exp(-law.friction_fade_s_m))
         .restitution(law.restitution)
         .user_data(index as u128);
     let handle = world.insert(rigid, sphere).0;

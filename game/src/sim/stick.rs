@@ -5,11 +5,12 @@
 //! leave the cone of friction about the normal, the tip slips off: the impulse stays on the cone's
 //! edge and shrinks with how squarely the tip meets the ball, down to nothing at the rim.
 
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 
 use super::{
     ball::BallBody,
     ball_ball::Twist,
+    elementary::{atan2, hypot, sin_cos, turned},
     error::{Error, Result},
 };
 
@@ -51,7 +52,7 @@ impl Stroke {
 
     /// From the ball's centre to the tip, across the cue, in ball radii.
     pub fn offset(&self) -> f64 {
-        self.side.hypot(self.vertical)
+        hypot(self.side, self.vertical)
     }
 
     /// # Errors
@@ -114,15 +115,15 @@ impl Default for Cue {
 impl Cue {
     /// The offset in ball radii beyond which the tip slips: sin(atan μ), 0.51 for 0.6.
     pub fn miscue_offset(&self) -> f64 {
-        self.tip_friction / self.tip_friction.hypot(1.0)
+        self.tip_friction / hypot(self.tip_friction, 1.0)
     }
 
     /// Velocity and spin of a resting ball after a valid stroke, before the slate answers.
     pub(crate) fn strike(&self, body: &BallBody, stroke: &Stroke) -> Twist {
-        let (sin_aim, cos_aim) = stroke.direction_rad.sin_cos();
+        let (sin_aim, cos_aim) = sin_cos(stroke.direction_rad);
         let forward = DVec3::new(cos_aim, sin_aim, 0.0);
         let right = forward.cross(DVec3::Z);
-        let (sin_elevation, cos_elevation) = stroke.elevation_rad.sin_cos();
+        let (sin_elevation, cos_elevation) = sin_cos(stroke.elevation_rad);
         let axis = cos_elevation * forward - sin_elevation * DVec3::Z;
         let up = sin_elevation * forward + cos_elevation * DVec3::Z;
 
@@ -138,7 +139,7 @@ impl Cue {
         let speed = 2.0 * strength * reach * stroke.speed_m_s
             / (1.0 + reach * reach * body.mass_kg / self.mass_kg + 2.5 * arm * arm);
         Twist {
-            velocity: DMat3::from_rotation_z(self.squirt_rad(body, stroke.side)) * (speed * along),
+            velocity: turned(speed * along, self.squirt_rad(body, stroke.side)),
             spin: 2.5 * speed / body.radius_m * tip.cross(along),
         }
     }
@@ -167,7 +168,7 @@ impl Cue {
     fn squirt_rad(&self, body: &BallBody, side: f64) -> f64 {
         let across = 1.0 - side * side;
         let mass_ratio = body.mass_kg / self.end_mass_kg;
-        (2.5 * side * across.sqrt()).atan2(1.0 + mass_ratio + 2.5 * across)
+        atan2(2.5 * side * across.sqrt(), 1.0 + mass_ratio + 2.5 * across)
     }
 }
 

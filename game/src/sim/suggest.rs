@@ -17,6 +17,7 @@ use glam::DVec2;
 use super::{
     aim::{AimContact, predict},
     ball::BallState,
+    elementary::{angle_of, atan2},
     error::Result,
     event::EventKind,
     shot::Shot,
@@ -115,7 +116,7 @@ impl Search<'_> {
                     let lever = to_ghost.length() / (radii_m * cos_cut);
                     lines.push(Line {
                         ball: object.number,
-                        bearing_rad: to_ghost.to_angle(),
+                        bearing_rad: angle_of(to_ghost),
                         to_pocket,
                         lever,
                         difficulty: lever * way.length(),
@@ -184,7 +185,7 @@ impl Search<'_> {
             if number != line.ball || way == DVec2::ZERO {
                 return Ok(None);
             }
-            let off = line.to_pocket.angle_to(way);
+            let off = atan2(line.to_pocket.perp_dot(way), line.to_pocket.dot(way));
             if off.abs() < AIMED_RAD {
                 break;
             }

@@ -10,7 +10,11 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use glam::DVec3;
 
-use crate::sim::{ball::BallBody, ball_ball::Twist};
+use crate::sim::{
+    ball::BallBody,
+    ball_ball::Twist,
+    elementary::{acos, cos, sin_cos},
+};
 
 /// A compliant cushion.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,29 +82,23 @@ impl Stronge {
             self.slip_until_stick(slip, stretch, pull)
         };
         let release = self.slip_again(&stick, stretch);
-        stick.speed_at(release) + pull * e * (1.0 + phase(release, e).cos())
+        stick.speed_at(release) + pull * e * (1.0 + cos(phase(release, e)))
     }
 
     /// The surface slips until its speed is that at which Coulomb's limit lets the spring move.
     fn slip_until_stick(&self, slip: f64, stretch: f64, pull: f64) -> Stick {
         let e = self.restitution;
         let from = if slip <= pull {
-            ((slip - pull) / (stretch - pull)).clamp(-1.0, 1.0).acos()
+            acos(((slip - pull) / (stretch - pull)).clamp(-1.0, 1.0))
         } else {
-            let angle = ((slip - pull) / (stretch / e - e * pull))
-                .clamp(-1.0, 1.0)
-                .acos();
+            let angle = acos(((slip - pull) / (stretch / e - e * pull)).clamp(-1.0, 1.0));
             e * (angle - FRAC_PI_2 * (1.0 - 1.0 / e))
         };
-        let angle = phase(from, e);
-        let given_back = if from <= FRAC_PI_2 {
-            angle.cos()
-        } else {
-            e * angle.cos()
-        };
+        let (sin, cos) = sin_cos(phase(from, e));
+        let given_back = if from <= FRAC_PI_2 { cos } else { e * cos };
         Stick {
             from,
-            deflection: stretch * angle.sin(),
+            deflection: stretch * sin,
             speed: slip - pull * (1.0 - given_back),
             frequency: self.frequency_ratio,
         }
@@ -114,7 +112,7 @@ impl Stronge {
         let mut slips = FRAC_PI_2 * (1.0 + e);
         for _ in 0..BISECTIONS {
             let t = 0.5 * (holds + slips);
-            if -stick.deflection_at(t) < stretch * phase(t, e).sin() {
+            if -stick.deflection_at(t) < stretch * sin_cos(phase(t, e)).0 {
                 holds = t;
             } else {
                 slips = t;
@@ -135,12 +133,12 @@ struct Stick {
 
 impl Stick {
     fn deflection_at(&self, t: f64) -> f64 {
-        let (sin, cos) = (self.frequency * (t - self.from)).sin_cos();
+        let (sin, cos) = sin_cos(self.frequency * (t - self.from));
         self.deflection * cos + self.speed / self.frequency * sin
     }
 
     fn speed_at(&self, t: f64) -> f64 {
-        let (sin, cos) = (self.frequency * (t - self.from)).sin_cos();
+        let (sin, cos) = sin_cos(self.frequency * (t - self.from));
         self.speed * cos - self.frequency * self.deflection * sin
     }
 }

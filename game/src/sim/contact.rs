@@ -1,0 +1,161 @@
+//! What a contact in the midst of a shot does: whom it is between, its law, and what is reported.
+
+use glam::DVec3;
+
+use super::{
+    ball::Phase,
+    ball_ball::{CLUSTER_SPEED_M_S, Twist},
+    bounce::skimmed,
+    contact_time::direction,
+    cushion::kept_apart,
+    event::{EventKind, Surface},
+    live::{Live, ON_RAIL_RADII},
+    obstacle::{Obstacle, Push, Scout},
+    simulation::Simulation,
+    simultaneous::Touch,
+};
+
+impl Simulation<'_> {
+    /// A ball touches what does not move.
+    pub(super) fn touch(&mut self, ball: usize, obstacle: Obstacle) {
+        let Live { number, body, .. } = self.balls[ball];
+        let before = self.balls[ball].twist(self.now);
+        if obstacle == Obstacle::Top {
+            return self.land(ball, before);
+        }
+        let scout = Scout {
+            table: self.table,
+            radius_m: body.radius_m,
+        };
+        let center = self.bodies.position(ball);
+        let Push { normal, away } = scout.push(obstacle, center);
+        let point = center - body.radius_m * away;
+        let speed_m_s = -before.velocity.dot(away);
+        let (cushion, kind) = match obstacle {
+            Obstacle::Nose(_) | Obstacle::Jaw(_) => {
+                let kind = EventKind::Cushion {
+                    ball: number,
+                    point,
+                    speed_m_s,
+                };
+                (true, kind)
+            }
+            _ => {
+                let kind = EventKind::Bounces {
+                    ball: number,
+                    surface: obstacle.surface(),
+                    point,
+                    speed_m_s,
+                };
+                (false, kind)
+            }
+        };
+        let law = match obstacle.surface() {
+            Surface::Pocket => self.laws.pocket,
+            Surface::Rail | Surface::Cloth => self.laws.slate,
+        };
+        let mut after = if !cushion {
+            law.resolve(&body, normal, before)
+        } else if self.balls[ball].motion.phase == Phase::Airborne {
+            self.laws.cushion.rebound_in_air(&body, normal, before)
+        } else {
+            let nose_height_m = self.table.nose_height_m();
+            self.laws
+                .cushion
+                .rebound(&body, (away, nose_height_m), before)
+        };
+        after.velocity = if cushion {
+            kept_apart(away, before.velocity, after.velocity)
+        } else {
+            skimmed(away, before.velocity, after.velocity)
+        };
+        self.report(kind);
+        self.set_off(ball, after);
+    }
+
+    /// A ball falls onto a level surface: the cloth, or a rail.
+    pub(super) fn land(&mut self, ball: usize, before: Twist) {
+        let Live { number, body, .. } = self.balls[ball];
+        let height = self.bodies.position(ball).z;
+        let on_rail = height > ON_RAIL_RADII * body.radius_m;
+        let (surface, level) = if on_rail {
+            (Surface::Rail, self.table.rail_height_m() + body.radius_m)
+        } else {
+            (Surface::Cloth, body.radius_m)
+        };
+        self.bodies.set_height(ball, level);
+        let center = self.bodies.position(ball);
+        self.report(EventKind::Bounces {
+            ball: number,
+            surface,
+            point: center.with_z(level - body.radius_m),
+            speed_m_s: -before.velocity.z,
+        });
+        let after = self.laws.slate.resolve(&body, DVec3::Z, before);
+        if after.velocity.z < self.hop_speed_m_s() {
+            self.lie(ball, after);
+        } else {
+            self.fly(ball, after);
+        }
+    }
+
+    pub(super) fn collide(&mut self, first: usize, second: usize) {
+        let bodies = [first, second].map(|ball| self.balls[ball].body);
+        let normal = direction(self.bodies.position(first), self.bodies.position(second));
+        let before = [first, second].map(|ball| self.balls[ball].twist(self.now));
+        self.report(EventKind::BallBall {
+            first: self.balls[first].number,
+            second: self.balls[second].number,
+            point: self.bodies.position(first) + bodies[0].radius_m * normal,
+            speed_m_s: (before[0].velocity - before[1].velocity).dot(normal),
+        });
+        let (after_first, after_second) =
+            self.laws
+                .ball_ball
+                .resolve(normal, (&bodies[0], before[0]), (&bodies[1], before[1]));
+        self.set_off(first, after_first);
+        self.set_off(second, after_second);
+    }
+
+    /// Whether a pair approaches fast enough not to be a matter of the rule for clusters.
+    pub(super) fn meets_fast(&self, (first, second): (usize, usize)) -> bool {
+        let normal = direction(self.bodies.position(first), self.bodies.position(second));
+        let [one, other] = [first, second].map(|ball| self.balls[ball].twist(self.now).velocity);
+        (one - other).dot(normal) > CLUSTER_SPEED_M_S
+    }
+
+    /// Contacts at the same instant that share balls.
+    pub(super) fn collide_together(&mut self, pairs: &[(usize, usize)]) {
+        let mut balls: Vec<_> = pairs.iter().flat_map(|&(a, b)| [a, b]).collect();
+        balls.sort_unstable();
+        balls.dedup();
+        let place = |ball: usize| balls.partition_point(|&b| b < ball);
+        let mut twists: Vec<_> = balls
+            .iter()
+            .map(|&ball| self.balls[ball].twist(self.now))
+            .collect();
+        let bodies: Vec<_> = balls.iter().map(|&ball| self.balls[ball].body).collect();
+        let mut touches = Vec::with_capacity(pairs.len());
+        for &(first, second) in pairs {
+            let touch = Touch {
+                first: place(first),
+                second: place(second),
+                normal: direction(self.bodies.position(first), self.bodies.position(second)),
+            };
+            let closing = twists[touch.first].velocity - twists[touch.second].velocity;
+            self.report(EventKind::BallBall {
+                first: self.balls[first].number,
+                second: self.balls[second].number,
+                point: self.bodies.position(first) + bodies[touch.first].radius_m * touch.normal,
+                speed_m_s: closing.dot(touch.normal),
+            });
+            touches.push(touch);
+        }
+        self.laws
+            .ball_ball
+            .resolve_together(&bodies, &touches, &mut twists);
+        for (&ball, &twist) in balls.iter().zip(&twists) {
+            self.set_off(ball, twist);
+        }
+    }
+}

@@ -1,0 +1,141 @@
+//! The aim line and suggested strokes: they are what the shot does.
+
+use super::*;
+
+#[test]
+fn the_aim_line_is_what_the_shot_does() {
+    let world = eight_ball(4);
+    for stroke in [
+        Stroke::straight(0.005, 5.0),
+        Stroke {
+            side: 0.4,
+            elevation_rad: 0.1,
+            ..Stroke::straight(-0.01, 3.0)
+        },
+    ] {
+        let line = predict(&world, stroke).expect("valid");
+        let shot = world.strike(stroke).expect("valid");
+        let contact = first_ball_contact(&shot);
+        let AimContact::Ball {
+            number,
+            ghost,
+            object_direction,
+            ..
+        } = line.contact
+        else {
+            panic!("{:?}", line.contact);
+        };
+        let after = shot.states_at(contact.time_secs);
+        let object = after
+            .iter()
+            .find(|ball| ball.number == number)
+            .expect("it is there");
+        assert_eq!(ghost, after[0].position);
+        assert_eq!(*line.path.last().expect("not empty"), ghost);
+        assert_eq!(object_direction, object.velocity.normalize());
+    }
+    let away = predict(&world, Stroke::straight(PI * 0.5, 3.0)).expect("valid");
+    assert!(matches!(
+        away.contact,
+        AimContact::Cushion { .. } | AimContact::Pocket { .. }
+    ));
+}
+
+/// A cue ball, two targets and two others, spread over the table by a seed.
+fn position(seed: u32) -> Option<World> {
+    let mut balls = Vec::new();
+    for number in 0..5 {
+        let spread = |step: f64| (step * f64::from(seed * 5 + u32::from(number) + 1)).fract();
+        let (x, y) = (
+            2.2 * spread(0.754_877_666) - 1.1,
+            1.0 * spread(0.569_840_291) - 0.5,
+        );
+        balls.push(resting(number, x, y));
+    }
+    World::new(Table::nine_foot(), Layout { balls }).ok()
+}
+
+#[test]
+fn a_suggested_stroke_does_what_it_says() {
+    let (mut asked, mut found) = (0, 0);
+    for world in (0..24).filter_map(position) {
+        let targets = [1, 2];
+        let suggestion = suggest(&world, &targets, 400).expect("within limits");
+        assert_eq!(
+            suggestion,
+            suggest(&world, &targets, 400).expect("within limits")
+        );
+        asked += 1;
+        let Some(Suggestion {
+            stroke,
+            ball,
+            pocket,
+            simulated,
+            ..
+        }) = suggestion
+        else {
+            continue;
+        };
+        found += 1;
+        assert!(simulated <= 400 && targets.contains(&ball));
+        let shot = world.strike(stroke).expect("valid");
+        let pots = |e: &Event| matches!(e.kind, EventKind::Pocketed { ball: b, pocket: p, .. } if (b, p) == (ball, pocket));
+        assert!(shot.events().iter().any(pots), "{suggestion:?}");
+        let ends = shot.final_states();
+        assert!(ends[0].phase.is_on_table(), "the cue ball stays");
+        let line = predict(&world, stroke).expect("valid");
+        let AimContact::Ball { number, .. } = line.contact else {
+            panic!("{:?}", line.contact);
+        };
+        assert!(targets.contains(&number), "a target is touched first");
+    }
+    assert!(
+        asked > 12 && 2 * found > asked,
+        "{found} of {asked} positions"
+    );
+}
+
+#[test]
+fn a_search_is_bounded_and_knows_when_there_is_nothing() {
+    let world = position(1).expect("valid");
+    for bound in [0, 1, 7] {
+        let found = suggest(&world, &[1, 2], bound).expect("within limits");
+        assert!(found.is_none_or(|found| found.simulated <= bound));
+    }
+    assert_eq!(suggest(&world, &[], 400).expect("nothing to do"), None);
+    assert_eq!(suggest(&world, &[0, 9], 400).expect("nothing to do"), None);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 48, failure_persistence: None, ..Default::default() })]
+
+    /// The aim line is the shot up to its first contact, bit for bit, whatever the stroke.
+    #[test]
+    fn the_prediction_is_the_shot(
+        seed in 0u32..1000,
+        direction_rad in -PI..PI,
+        speed_m_s in 0.2..10.0,
+        side in -0.4..0.4,
+        vertical in -0.4..0.4,
+        elevation_rad in 0.0..0.5,
+    ) {
+        let world = eight_ball(seed);
+        let stroke = Stroke { direction_rad, speed_m_s, side, vertical, elevation_rad };
+        let line = predict(&world, stroke).expect("valid");
+        let shot = world.strike(stroke).expect("valid");
+        let end = *line.path.last().expect("not empty");
+        let touched = shot.events().iter().find(|event| match event.kind {
+            EventKind::BallBall { first, second, .. } => first == 0 || second == 0,
+            EventKind::Cushion { ball, .. }
+            | EventKind::Pocketed { ball, .. }
+            | EventKind::LeftTable { ball, .. } => ball == 0,
+            _ => false,
+        });
+        let t = touched.map_or(shot.duration_secs(), |event| event.time_secs);
+        let there = shot.states_at(t)[0];
+        prop_assert_eq!(end, there.position);
+        if let AimContact::Ball { cue_direction, .. } = line.contact {
+            prop_assert_eq!(cue_direction, there.velocity.normalize_or_zero());
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! Shots of another simulator, theory and published curves, through the bench that measures them.
+
+use super::*;
+
+fn references() -> Vec<Reference> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/references/physics");
+    Reference::read_folder(&folder).expect("the references are in the repository")
+}
+
+#[test]
+fn shots_follow_the_references() {
+    // Their positions, up to 40 m, are written with nine digits.
+    let closed_forms = ["backspin_slide", "pure_spin", "roll_out", "slide_to_roll"];
+    let measured = accuracy::Accuracy::measure(&references()).expect("all can be played");
+    assert!(
+        measured.shots.len() >= 12,
+        "only {} references",
+        measured.shots.len()
+    );
+    for shot in measured.shots.iter().filter(|shot| shot.is_comparable()) {
+        let exact = closed_forms.contains(&shot.name.as_str());
+        let bound_mm = if exact {
+            5.1e-5
+        } else {
+            accuracy::WORST_MAX_MM
+        };
+        assert!(shot.max_mm <= bound_mm, "{shot:?}");
+        assert_eq!(shot.pocketed_differently, 0, "{}", shot.name);
+    }
+    assert!(
+        measured.median_max_mm <= accuracy::MEDIAN_MAX_MM,
+        "{measured}"
+    );
+}
+
+#[test]
+fn struck_clusters_part_as_in_the_references() {
+    let measured = accuracy::Accuracy::measure(&references()).expect("all can be played");
+    let clusters: Vec<_> = measured
+        .shots
+        .iter()
+        .filter(|shot| shot.kind == "cluster")
+        .collect();
+    assert_eq!(clusters.len(), 2);
+    for shot in clusters {
+        assert!(shot.fastest_off_m_s < 0.01, "of 2 m/s: {shot:?}");
+        // The others press on each other for a while, for which the references have a rule and
+        // `balls_that_press_on_each_other_move_as_in_lasting_contact` the theory.
+        let off = shot.velocity_off_m_s;
+        assert!(off > 0.0 && off < 0.04, "of 2 m/s: {shot:?}");
+    }
+}
+
+#[test]
+fn breaks_of_the_references_are_draws_of_ours() {
+    let rows = breaks::measure(&references(), 40).expect("all can be played");
+    assert_eq!(
+        rows.len(),
+        9,
+        "two racks of the references and the game's own"
+    );
+    for row in &rows {
+        assert!(row.halves_differ.abs() < 4.0, "{row}");
+        // Energy hardly differs from draw to draw, so that its band is narrower than the models.
+        let slack = 0.05 * row.mean;
+        let [low, high] = row.band;
+        let fits = |value: f64| (low - slack..=high + slack).contains(&value);
+        assert!(row.reference.is_none_or(fits), "{row}");
+    }
+    let kept = rows
+        .iter()
+        .find(|row| row.quantity == "energy kept")
+        .expect("counted");
+    assert!((0.3..0.6).contains(&kept.mean), "{kept}");
+}
+
+#[test]
+fn closed_forms_and_published_curves_are_met() {
+    for form in closed_forms::measure().expect("one ball always comes to rest") {
+        assert!(form.error <= closed_forms::ERROR_MAX, "{form}");
+    }
+    for curve in curves::measure().expect("two balls always come to rest") {
+        assert!(curve.error_max <= curve.bar, "{curve}");
+    }
+}
