@@ -273,7 +273,7 @@ impl Pair {
 
     fn step(&mut self, what: u8, bytes: Vec<u8>) {
         let control = Channel::Control;
-        match what % 6 {
+        match what % 7 {
             ASK => {
                 self.asked += 1;
                 // Refused when too many are open, or a stray run has closed the client.
@@ -287,6 +287,10 @@ impl Pair {
             }),
             TO_CLIENT => self.client_hears(Packet {
                 channel: control,
+                bytes,
+            }),
+            TO_NODE_COPY => self.node_hears(Packet {
+                channel: Channel::Copy,
                 bytes,
             }),
             _ => self.client_hears(Packet {
@@ -425,4 +429,5 @@ const WORK: u8 = 2;
 const TO_NODE: u8 = 3;
 const TO_CLIENT: u8 = 4;
 const TILES_TO_CLIENT: u8 = 5;
+const TO_NODE_COPY: u8 = 6;
 const SCENE: &str = include_str!("../../../assets/scenes/pool.json");
