@@ -237,7 +237,7 @@ const TILES_VARIANT: u8 = 3;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::message::{NodeInfo, TilesDone};
+    use crate::message::{NodeInfo, NodeTimes, TilesDone};
     use carom_tracer::{DeviceInfo, DeviceKind, TileRun};
 
     fn welcome(version: u16) -> ToClient {
@@ -257,6 +257,7 @@ mod tests {
             run: RunId(1),
             tiles: TileRun { first: 0, count: 1 },
             busy_micros: 1,
+            times: NodeTimes::default(),
             dropped_samples: 0,
             pixels,
         })

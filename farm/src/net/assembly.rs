@@ -230,12 +230,7 @@ impl Block {
             piece.resize(bytes.max(piece.len()), 0);
             Some((index, piece))
         };
-        let pieces: Vec<_> = self
-            .pieces
-            .iter()
-            .enumerate()
-            .filter_map(padded)
-            .collect();
+        let pieces: Vec<_> = self.pieces.iter().enumerate().filter_map(padded).collect();
         let computed = reed_solomon_simd::decode(count, self.parities.len(), pieces, parities)
             .map_err(|_| "the lengths of pieces and parities differ")?;
         for (index, piece) in computed {
@@ -379,7 +374,8 @@ mod tests {
             for (at, bytes) in arrived {
                 let datagram = Datagram::parse(&bytes).unwrap();
                 let packets = self.assembly.receive(at, datagram).unwrap();
-                self.came.extend(packets.into_iter().map(|packet| (at, packet)));
+                self.came
+                    .extend(packets.into_iter().map(|packet| (at, packet)));
             }
             while let Some(missing) = self.assembly.poll_missing(now, round_trip) {
                 let at = self.back.send(now, 17);
@@ -448,7 +444,11 @@ mod tests {
     #[test]
     fn one_packet_in_a_hundred_lost_delays_no_tile_by_a_round_trip() {
         let (late, pair) = play(long(0.01, 1.0), 0.0, 300);
-        assert!(quantile(&late, 0.99) < 29 * MS, "{:?}", quantile(&late, 0.99));
+        assert!(
+            quantile(&late, 0.99) < 29 * MS,
+            "{:?}",
+            quantile(&late, 0.99)
+        );
         assert!(quantile(&late, 0.9995) < 90 * MS);
         assert!(late.last().unwrap() < &(200 * MS), "{:?}", late.last());
         let packets: usize = pair.came.iter().map(|(_, packet)| packet.len()).sum();
@@ -471,7 +471,10 @@ mod tests {
             let (late, _) = play(config, repeated, 80);
             let missing = late.iter().filter(|late| **late > 100 * MS).count();
             let share = missing as f64 / late.len() as f64;
-            assert!(share < 0.005, "{share} missing at {loss}, {burst}, {reorder}");
+            assert!(
+                share < 0.005,
+                "{share} missing at {loss}, {burst}, {reorder}"
+            );
         }
     }
 
@@ -488,7 +491,9 @@ mod tests {
         for _ in 0..2000 {
             let mut assembly = Assembly::default();
             for _ in 0..20 {
-                let bytes: Vec<u8> = (0..2 + random.below(12)).map(|_| random.word() as u8).collect();
+                let bytes: Vec<u8> = (0..2 + random.below(12))
+                    .map(|_| random.word() as u8)
+                    .collect();
                 let block = random.below(3);
                 let index = random.below(4) as u8;
                 let datagram = match random.below(2) {

@@ -6,9 +6,7 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use carom_farm::net::{
-    Authority, NodeServer, PathConfig, Proxy, Role, Stop, create_farm,
-};
+use carom_farm::net::{Authority, NodeServer, PathConfig, Proxy, Role, Stop, create_farm};
 use carom_farm::node::Node;
 use carom_farm::{Farm, FarmConfig, Frame, FrameSpec, LocalNode, NodeState, PrecisionRange};
 use carom_protocol::PixelFormat;

@@ -9,9 +9,9 @@ use carom_protocol::limits::RUNS_QUEUED_MAX;
 use carom_protocol::message::VERSION;
 use carom_protocol::tile_codec::{Decoder, Encoder, ReferenceTile, Source};
 use carom_protocol::{
-    Channel, ClientSession, FrameId, NodeEvent, NodeInfo, NodeSession, Packet, PixelFormat,
-    Precision, PrecisionRange, RunId, RunReport, SceneHash, TilesDone, ToClient, ToNode,
-    TraceRequest,
+    Channel, ClientSession, FrameId, NodeEvent, NodeInfo, NodeSession, NodeTimes, Packet,
+    PixelFormat, Precision, PrecisionRange, RunId, RunReport, SceneHash, TilesDone, ToClient,
+    ToNode, TraceRequest,
 };
 use carom_tracer::{
     DeviceInfo, DeviceKind, ImageSize, RenderSettings, Scene, SceneUpdate, Tile, TileGrid, TileRun,
@@ -409,6 +409,7 @@ fn tiles(run: u64, tiles: TileRun) -> TilesDone {
         run: RunId(run),
         tiles,
         busy_micros: 3,
+        times: NodeTimes::default(),
         dropped_samples: 0,
         pixels: Encoder::new().encode(format_of(run as u8), &lit),
     }

@@ -210,6 +210,7 @@ impl Pair {
             run,
             tiles,
             busy_micros,
+            times: carom_protocol::NodeTimes::default(),
             dropped_samples,
             pixels,
         };
