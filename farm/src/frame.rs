@@ -63,6 +63,26 @@ pub struct FrameStats {
     /// When each node's last tile came, in seconds from [`crate::Farm::submit`], by the same
     /// index; 0 for a node that delivered none.
     pub response_secs_by_node: Vec<f64>,
+    /// Where the time of each node's last tile went, by the same index.
+    pub split_by_node: Vec<LatencySplit>,
+}
+
+/// Where the time of a tile went, from [`crate::Farm::submit`] until its pixels were there, in
+/// seconds: one after the other, each a duration by one clock.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct LatencySplit {
+    /// From submission until the node was asked, by the client's clock.
+    pub request_secs: f64,
+    /// What is left of the round trip: both ways through the network, and waiting for it.
+    pub network_secs: f64,
+    /// Waiting for the node's device, by the node's clock.
+    pub queue_secs: f64,
+    /// Tracing, and waiting for the tiles that travel together, by the node's clock.
+    pub trace_secs: f64,
+    /// Encoding, by the node's clock.
+    pub encode_secs: f64,
+    /// Decoding, by the client's clock.
+    pub decode_secs: f64,
 }
 
 impl FrameStats {
@@ -74,6 +94,13 @@ impl FrameStats {
         let mean = responses().sum::<f64>() / count;
         let variance = responses().map(|secs| (secs - mean).powi(2)).sum::<f64>() / count;
         variance.sqrt()
+    }
+
+    /// Where the time of the very last tile went; absent if no node delivered any.
+    pub fn last_split(&self) -> Option<&LatencySplit> {
+        let responses = self.response_secs_by_node.iter().enumerate();
+        let (last, _) = responses.max_by(|a, b| a.1.total_cmp(b.1))?;
+        self.split_by_node.get(last)
     }
 
     /// The longest response time of a node, in seconds.
@@ -102,6 +129,8 @@ pub struct NodeStatus {
     pub tiles: u64,
     /// Last round trip of a ping, if there was one.
     pub round_trip: Option<Duration>,
+    /// Where the time of its last tile went.
+    pub split: LatencySplit,
 }
 
 /// Where a node stands.

@@ -61,4 +61,4 @@ pub use carom_protocol::{FrameId, NodeInfo, PixelFormat, Precision, PrecisionRan
 pub use config::{FarmConfig, LocalNode};
 pub use error::Error;
 pub use farm::Farm;
-pub use frame::{Frame, FrameSpec, FrameStats, NodeState, NodeStatus, Pixels};
+pub use frame::{Frame, FrameSpec, FrameStats, LatencySplit, NodeState, NodeStatus, Pixels};

@@ -15,6 +15,7 @@
 use std::sync::Arc;
 use std::task::{Context, Poll, Wake, Waker};
 use std::thread::{JoinHandle, Thread};
+use std::time::{Duration, Instant};
 
 use carom_protocol::session::{ClientEvent, ClientSession, Packet};
 use carom_protocol::{
@@ -47,6 +48,13 @@ pub enum LinkEvent {
     Connecting,
     /// What it says, decoded. The first of a connection is [`ClientEvent::Welcome`].
     Session(ClientEvent),
+    /// How long the tiles of the next event took to decode, by the client's clock.
+    Decoded {
+        /// Whose tiles.
+        run: RunId,
+        /// From packet to pixels.
+        took: Duration,
+    },
     /// It is gone, with all its runs and scenes; it is called again after a pause.
     Lost {
         /// A sentence.
@@ -92,7 +100,12 @@ impl<F: FnMut(LinkEvent)> LinkSession<F> {
     /// # Errors
     /// What rule the node broke: the connection must end.
     pub fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error> {
+        let begun = Instant::now();
         for event in self.session.handle(packet)? {
+            if let ClientEvent::Tiles { run, .. } = event {
+                let took = begun.elapsed();
+                (self.events)(LinkEvent::Decoded { run, took });
+            }
             (self.events)(LinkEvent::Session(event));
         }
         Ok(())

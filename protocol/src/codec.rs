@@ -116,6 +116,11 @@ pub fn run_of_tiles(bytes: &[u8]) -> Option<RunId> {
     Some(run)
 }
 
+/// Whether `bytes` are a trace request, from the first of them alone.
+pub fn is_trace(bytes: &[u8]) -> bool {
+    bytes.first() == Some(&TRACE_VARIANT)
+}
+
 /// Whether `bytes` begin as the first message of a connection does, in any version.
 pub(crate) fn is_greeting(bytes: &[u8]) -> bool {
     bytes.first() == Some(&GREETING_VARIANT)
@@ -224,13 +229,15 @@ impl<'de> Flavor<'de> for Cautious<'de> {
 const GREETING_VARIANT: u8 = 0;
 /// First byte of [`ToNode::Scene`].
 const SCENE_VARIANT: u8 = 1;
+/// First byte of [`ToNode::Trace`].
+const TRACE_VARIANT: u8 = 2;
 /// First byte of [`ToClient::Tiles`].
 const TILES_VARIANT: u8 = 3;
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::message::{NodeInfo, TilesDone};
+    use crate::message::{NodeInfo, NodeTimes, TilesDone};
     use carom_tracer::{DeviceInfo, DeviceKind, TileRun};
 
     fn welcome(version: u16) -> ToClient {
@@ -250,6 +257,7 @@ mod tests {
             run: RunId(1),
             tiles: TileRun { first: 0, count: 1 },
             busy_micros: 1,
+            times: NodeTimes::default(),
             dropped_samples: 0,
             pixels,
         })

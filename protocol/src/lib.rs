@@ -32,7 +32,8 @@
 //!         let (run, tiles, tile) = (request.run, request.tiles, request.grid.tile(0));
 //!         let radiance = vec![[1.0; 3]; tile.pixels()]; // here a tracer works
 //!         let pixels = Encoder::new().encode(request.format, &[(tile, &radiance)]);
-//!         node.tiles(TilesDone { run, tiles, busy_micros: 9, dropped_samples: 0, pixels })?;
+//!         node.tiles(TilesDone { run, tiles, busy_micros: 9, times: NodeTimes::default(),
+//!             dropped_samples: 0, pixels })?;
 //!         node.run_done(RunReport { run, ..RunReport::default() })?;
 //!     }
 //!     while let Some(packet) = node.poll_transmit() {
@@ -65,8 +66,8 @@ mod validate;
 
 pub use error::Error;
 pub use message::{
-    FrameId, HeldTiles, NodeInfo, PixelFormat, Refusal, RefusalReason, RunId, RunReport, SceneHash,
-    TilesDone, ToClient, ToNode, TraceRequest,
+    FrameId, HeldTiles, NodeInfo, NodeTimes, PixelFormat, Refusal, RefusalReason, RunId, RunReport,
+    SceneHash, TilesDone, ToClient, ToNode, TraceRequest,
 };
 pub use precision::{Precision, PrecisionRange};
 pub use session::{

@@ -8,7 +8,7 @@ use crate::precision::PrecisionRange;
 /// Raised by every change of a message; both ends must speak the same. [`ToNode::Hello`] and
 /// [`ToClient::Welcome`] begin with their variant, 0, and this number in every version, so that
 /// ends of different versions can say so.
-pub const VERSION: u16 = 2;
+pub const VERSION: u16 = 3;
 
 /// BLAKE3 of a scene's postcard bytes: nodes keep scenes by it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -164,11 +164,25 @@ pub struct TilesDone {
     pub tiles: TileRun,
     /// Microseconds of tracing and encoding that these tiles took, by the node's clock.
     pub busy_micros: u32,
+    /// Where the time since the request came has gone.
+    pub times: NodeTimes,
     /// Samples that were not finite and count as black.
     pub dropped_samples: u32,
     /// The pixels, by [`crate::tile_codec`]: tile after tile, each row-major.
     #[serde(with = "byte_string")]
     pub pixels: Vec<u8>,
+}
+
+/// Where the time of a tile message has gone since its request came, by the node's own clock: one
+/// after the other, in microseconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct NodeTimes {
+    /// Until the run was begun.
+    pub queue_micros: u32,
+    /// From then until the last of the message's tiles was traced.
+    pub trace_micros: u32,
+    /// From then until the message was encoded.
+    pub encode_micros: u32,
 }
 
 /// How a run went, by the node's own clock: durations only.

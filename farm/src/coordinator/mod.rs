@@ -32,7 +32,7 @@ use std::time::Duration;
 
 use carom_protocol::session::ClientEvent;
 use carom_protocol::tile_codec::TilePixels;
-use carom_protocol::{FrameId, Refusal, RefusalReason, RunId, SceneHash};
+use carom_protocol::{FrameId, NodeTimes, Refusal, RefusalReason, RunId, SceneHash};
 use carom_tracer::{Scene, TileGrid, TileRun};
 
 use self::balancer::{Balancers, Estimator, Observation, Outcome};
@@ -42,7 +42,7 @@ use self::roster::{Connection, Node};
 use self::spare::Spare;
 use self::work::WorkMap;
 use crate::link::{Command, LinkEvent};
-use crate::{Balancing, Frame, FrameSpec, NodeStatus};
+use crate::{Balancing, Frame, FrameSpec, LatencySplit, NodeStatus};
 
 /// A node of a farm: its place in [`crate::Farm::nodes`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -166,6 +166,12 @@ impl Coordinator {
             LinkEvent::Connecting => self.disconnect(node, Connection::Connecting),
             LinkEvent::Lost { why } => self.disconnect(node, Connection::Lost(why)),
             LinkEvent::Session(event) => self.handle_session(now, node, event),
+            LinkEvent::Decoded { run, took } => {
+                if let Some(run) = self.nodes[node.0].runs.get_mut(&run) {
+                    run.decode_secs = took.as_secs_f64();
+                }
+                return;
+            }
         }
         self.arm(node);
         self.advance(now);
@@ -260,13 +266,23 @@ impl Coordinator {
                 tiles,
                 pixels,
                 busy_micros,
+                times,
                 dropped_samples,
                 payload_bytes,
                 ..
             } => {
                 self.receive(now, index, run, tiles, busy_micros);
                 let dropped = u64::from(dropped_samples);
-                self.fill(now, index, run, tiles, &pixels, dropped, payload_bytes);
+                self.fill(
+                    now,
+                    index,
+                    run,
+                    tiles,
+                    &pixels,
+                    dropped,
+                    payload_bytes,
+                    times,
+                );
             }
             ClientEvent::TilesLate {
                 run,
@@ -331,6 +347,7 @@ impl Coordinator {
         pixels: &TilePixels,
         dropped_samples: u64,
         payload_bytes: usize,
+        times: NodeTimes,
     ) {
         let nodes = self.nodes.len();
         let Some(run) = self.nodes[index.0].runs.get(&id) else {
@@ -360,7 +377,13 @@ impl Coordinator {
         frame.stats.tiles_by_node[index.0] += filled;
         frame.stats.response_secs_by_node.resize(nodes, 0.0);
         frame.stats.response_secs_by_node[index.0] = now - frame.submitted;
-        self.nodes[index.0].deliver(filled);
+        let split = run.split(now, frame.submitted, times);
+        frame
+            .stats
+            .split_by_node
+            .resize(nodes, LatencySplit::default());
+        frame.stats.split_by_node[index.0] = split;
+        self.nodes[index.0].deliver(filled, split);
         let id = frame.id;
         if frame.finish(now) {
             self.release(now, id);

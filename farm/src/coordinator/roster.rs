@@ -10,7 +10,7 @@ use carom_tracer::DeviceKind;
 use super::balancer::{Estimate, Estimator};
 use super::progress::Rhythm;
 use super::run::Run;
-use crate::{NodeState, NodeStatus};
+use crate::{LatencySplit, NodeState, NodeStatus};
 
 /// Times are seconds on the client's clock.
 #[derive(Debug)]
@@ -33,6 +33,7 @@ pub(super) struct Node {
     rest: Option<Rest>,
     failures: u32,
     tiles: u64,
+    split: LatencySplit,
     ping: Ping,
     pub(super) last_probe: Option<FrameId>,
     /// When the coordinator will look at it, at the latest.
@@ -80,6 +81,7 @@ impl Node {
             rest: None,
             failures: 0,
             tiles: 0,
+            split: LatencySplit::default(),
             ping: Ping::default(),
             last_probe: None,
             armed: None,
@@ -149,7 +151,8 @@ impl Node {
         self.proven_work = self.proven_work.max(before + work);
     }
 
-    pub(super) fn deliver(&mut self, tiles: u32) {
+    pub(super) fn deliver(&mut self, tiles: u32, split: LatencySplit) {
+        self.split = split;
         self.tiles += u64::from(tiles);
         self.failures = 0;
     }
@@ -276,6 +279,7 @@ impl Node {
             msamples_per_sec: estimate.map_or(0.0, |estimate| 1e-6 / estimate.secs_per_work),
             tiles: self.tiles,
             round_trip: round_trip.map(Duration::from_secs_f64),
+            split: self.split,
         }
     }
 

@@ -1,9 +1,10 @@
 //! A request that a node has not answered in full.
 
-use carom_protocol::FrameId;
+use carom_protocol::{FrameId, NodeTimes};
 use carom_tracer::{TileGrid, TileRun};
 
 use super::balancer::Estimate;
+use crate::LatencySplit;
 
 /// Times are seconds on the client's clock.
 #[derive(Clone, Debug)]
@@ -29,6 +30,8 @@ pub(super) struct Run {
     /// When the last tiles came.
     pub(super) heard: f64,
     pub(super) busy_secs: f64,
+    /// Of the next tiles.
+    pub(super) decode_secs: f64,
     /// When the node was last heard to work for an earlier request: until then this one may have
     /// been waiting.
     pub(super) others_until: f64,
@@ -53,6 +56,7 @@ impl Run {
             pieces: Vec::new(),
             heard: now,
             busy_secs: 0.0,
+            decode_secs: 0.0,
             others_until: now,
         }
     }
@@ -90,6 +94,26 @@ impl Run {
             return 0.0;
         }
         (self.work - self.work_received).max(0.0)
+    }
+
+    /// Where the time of tiles went that are there now, of a frame `submitted` then. A node that says
+    /// it worked longer than it was waited for is believed no more than that.
+    pub(super) fn split(&self, now: f64, submitted: f64, times: NodeTimes) -> LatencySplit {
+        let mut left = now - self.issued;
+        let mut part = |secs: f64| {
+            let secs = secs.clamp(0.0, left.max(0.0));
+            left -= secs;
+            secs
+        };
+        let micros = |micros: u32| 1e-6 * f64::from(micros);
+        LatencySplit {
+            request_secs: (self.issued - submitted).max(0.0),
+            decode_secs: part(self.decode_secs),
+            encode_secs: part(micros(times.encode_micros)),
+            trace_secs: part(micros(times.trace_micros)),
+            queue_secs: part(micros(times.queue_micros)),
+            network_secs: left.max(0.0),
+        }
     }
 
     /// Whether the frame relies on it.

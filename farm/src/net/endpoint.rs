@@ -53,6 +53,14 @@ const TILES_WINDOW_BYTES: u32 = limits::TILES_BYTES_MAX as u32;
 /// Tile messages on their way to a player: three frames of 115 messages (1280×720 in tiles of 32,
 /// eight a message), and room for the same again.
 const TILE_STREAMS: u32 = 1024;
+/// Datagrams that wait for the window: what waits longer waits in the session, and control packets
+/// wait for no more than 10 ms of 25 Mbit/s.
+const DATAGRAMS_SENT_BYTES: usize = 32 << 10;
+/// Datagrams that have come and not been looked at: a 4K frame at 30 Mbyte/s for 30 ms. Beyond, the
+/// oldest are lost.
+const DATAGRAMS_OF_TILES_BYTES: usize = 1 << 20;
+/// The same of a player: 32 requests of 2 kB.
+const DATAGRAMS_OF_PLAYER_BYTES: usize = 64 << 10;
 /// A player sends one scene and requests, all on the control stream.
 const CONTROL_WINDOW_BYTES: u32 = (limits::SCENE_BYTES_MAX + 4 * limits::CONTROL_BYTES_MAX) as u32;
 /// Handshakes that a node works on at once; packets of more strangers are dropped unanswered.
@@ -87,6 +95,25 @@ impl Congestion {
     }
 }
 
+/// How a node sends tiles; the default is what farms use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sending {
+    /// How much may be under way.
+    pub congestion: Congestion,
+    /// Whether tiles go as datagrams with forward error correction where the path is long and
+    /// loses packets; streams alone, to compare with.
+    pub datagrams: bool,
+}
+
+impl Default for Sending {
+    fn default() -> Self {
+        Self {
+            congestion: Congestion::default(),
+            datagrams: true,
+        }
+    }
+}
+
 /// What both sides share.
 fn transport(congestion: Congestion) -> TransportConfig {
     let mut acknowledgements = AckFrequencyConfig::default();
@@ -99,8 +126,6 @@ fn transport(congestion: Congestion) -> TransportConfig {
         .send_window(SEND_BYTES)
         // Tiles leave in the order they were finished, not all of them late together.
         .send_fairness(false)
-        // No message travels as a datagram.
-        .datagram_receive_buffer_size(None)
         .ack_frequency_config(Some(acknowledgements))
         .congestion_controller_factory(congestion.factory());
     config
@@ -111,6 +136,7 @@ fn client_transport() -> TransportConfig {
     let mut config = transport(Congestion::default());
     config
         .keep_alive_interval(Some(KEEP_ALIVE))
+        .datagram_receive_buffer_size(Some(DATAGRAMS_OF_TILES_BYTES))
         .max_concurrent_bidi_streams(VarInt::from_u32(0))
         .max_concurrent_uni_streams(VarInt::from_u32(TILE_STREAMS))
         .stream_receive_window(VarInt::from_u32(TILES_WINDOW_BYTES))
@@ -119,9 +145,12 @@ fn client_transport() -> TransportConfig {
 }
 
 /// A node's side of a connection: one control stream comes in, tiles go out.
-fn server_transport(congestion: Congestion) -> TransportConfig {
-    let mut config = transport(congestion);
+fn server_transport(sending: Sending) -> TransportConfig {
+    let mut config = transport(sending.congestion);
+    let datagrams = sending.datagrams.then_some(DATAGRAMS_OF_PLAYER_BYTES);
     config
+        .datagram_receive_buffer_size(datagrams)
+        .datagram_send_buffer_size(datagrams.map_or(0, |_| DATAGRAMS_SENT_BYTES))
         .max_concurrent_bidi_streams(VarInt::from_u32(1))
         .max_concurrent_uni_streams(VarInt::from_u32(0))
         .stream_receive_window(VarInt::from_u32(CONTROL_WINDOW_BYTES))
@@ -147,13 +176,13 @@ pub(crate) fn client_config(credentials: &Credentials) -> Result<quinn::ClientCo
 /// [`Error::Credentials`] if the key is not the certificate's.
 pub(crate) fn server_config(
     credentials: &Credentials,
-    congestion: Congestion,
+    sending: Sending,
 ) -> Result<quinn::ServerConfig, Error> {
     let tls = tls::server(credentials).map_err(unusable)?;
     let crypto = QuicServerConfig::try_from(tls).map_err(unusable)?;
     let mut config = quinn::ServerConfig::with_crypto(Arc::new(crypto));
     config
-        .transport_config(Arc::new(server_transport(congestion)))
+        .transport_config(Arc::new(server_transport(sending)))
         .migration(false)
         .max_incoming(INCOMING_MAX)
         .incoming_buffer_size(INCOMING_BYTES)

@@ -10,7 +10,7 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use crate::Error;
 use crate::net::credentials::{Credentials, Role};
-use crate::net::endpoint::Congestion;
+use crate::net::endpoint::Sending;
 use crate::net::packets::Streams;
 use crate::net::{endpoint, refusal};
 
@@ -33,9 +33,9 @@ impl Listener {
     pub(crate) fn bind(
         address: SocketAddr,
         credentials: &Credentials,
-        congestion: Congestion,
+        sending: Sending,
     ) -> Result<Self, Error> {
-        let config = endpoint::server_config(credentials, congestion)?;
+        let config = endpoint::server_config(credentials, sending)?;
         let endpoint = endpoint::open_server(address, config).map_err(|source| Error::Socket {
             address: address.to_string(),
             source,

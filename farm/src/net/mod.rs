@@ -5,7 +5,9 @@
 //!                                                                      │
 //!            player: client ──▶ caller ──────┐                         │
 //!                                            ├── packets ── sessions ──┘
-//!            node:   server ──▶ listener ────┘
+//!            node:   server ──▶ listener ────┘      │
+//!                                                 tiles ──▶ streams, or on lossy long paths (loss)
+//!                                                           blocks ──▶ datagrams ──▶ assembly
 //! ```
 //!
 //! Both ends prove who they are by a certificate of the farm's own authority that names their
@@ -13,19 +15,24 @@
 //! over a socket.
 
 mod address;
+mod assembly;
 pub mod authority;
+mod blocks;
 mod caller;
 pub mod client;
 mod congestion;
 pub mod credentials;
+mod datagram;
 mod endpoint;
 mod interruption;
 mod listener;
+mod loss;
 mod packets;
 mod path;
 mod proxy;
 mod refusal;
 pub mod server;
+mod tiles;
 mod tls;
 
 pub use address::NodeAddress;
@@ -33,7 +40,7 @@ pub use authority::{Authority, Issued, add_node, create_farm};
 pub use client::{Client, Command, LinkEvent, NodeLink};
 pub use congestion::DelayWindow;
 pub use credentials::{Credentials, Role};
-pub use endpoint::Congestion;
+pub use endpoint::{Congestion, Sending};
 pub use interruption::interruption;
 pub use packets::Peer;
 pub use path::{Path, PathConfig};

@@ -1,5 +1,6 @@
 //! A session's packets over one connection: control packets framed on one stream of both
-//! directions, each tile packet on a stream of its own.
+//! directions, tile packets as [`super::tiles`] has it. While tiles come as datagrams, the path
+//! loses packets, and a request is sent twice: on the stream and, a moment later, as a datagram.
 
 use std::collections::VecDeque;
 use std::future::poll_fn;
@@ -10,15 +11,15 @@ use carom_protocol::framing::{self, Deframer};
 use carom_protocol::limits;
 use carom_protocol::session::{Channel, Packet};
 use carom_protocol::{RunId, codec};
-use quinn::{
-    Connection, ConnectionError, ReadError, ReadToEndError, RecvStream, SendStream, WriteError,
-};
+use quinn::{Connection, ConnectionError, ReadError, RecvStream, SendStream};
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
 
 use crate::net::credentials::Role;
+use crate::net::datagram::Datagram;
 use crate::net::endpoint::code;
 use crate::net::refusal;
+use crate::net::tiles::{Asked, TileReader, TileWriter, Way};
 
 /// What packets are carried for: a session and whoever owns it.
 pub trait Peer {
@@ -52,7 +53,7 @@ pub(crate) struct Streams {
 }
 
 /// Why a connection can carry no more.
-enum Fault {
+pub(crate) enum Fault {
     /// It is gone.
     Gone(ConnectionError),
     /// The other side broke a rule; it shall know which.
@@ -64,6 +65,11 @@ enum Fault {
 /// Packets on their way between the session and a stream's task, per channel. Small: what waits
 /// is better kept by the session, which can still drop it.
 const PACKETS_WAITING_MAX: usize = 4;
+/// Blocks that a player asks for and that have not been looked at; it repeats what is dropped.
+const BLOCKS_ASKED_MAX: usize = 64;
+/// A request's copy leaves so much later: a burst of losses does not take both, and a frame is not
+/// late if it takes one.
+const COPY_DELAY: Duration = Duration::from_millis(3);
 /// Bytes that are taken from the control stream at once.
 const CHUNK_BYTES_MAX: usize = 64 << 10;
 /// Control packets go before tiles that have not left yet.
@@ -97,6 +103,8 @@ struct Carrier {
     connection: Connection,
     /// The last runs that nobody waits for.
     unwanted: watch::Sender<VecDeque<RunId>>,
+    way: watch::Receiver<Way>,
+    role: Role,
 }
 
 impl Carrier {
@@ -112,16 +120,16 @@ impl Carrier {
         let (control, control_out) = mpsc::channel(PACKETS_WAITING_MAX);
         let (tiles, tiles_out) = mpsc::channel(PACKETS_WAITING_MAX);
         let unwanted = watch::Sender::default();
+        let (way, way_now) = watch::channel(Way::default());
         let mut tasks = JoinSet::new();
         tasks.spawn(read_control(receive, role, to_session.clone()));
         if role == Role::Player {
-            tasks.spawn(read_tiles(connection.clone(), to_session));
+            tasks.spawn(TileReader::new(connection.clone(), to_session, way).run());
         } else {
-            tasks.spawn(write_tiles(
-                connection.clone(),
-                tiles_out,
-                unwanted.subscribe(),
-            ));
+            let (asked, asked_out) = mpsc::channel(BLOCKS_ASKED_MAX);
+            let writer = TileWriter::new(connection.clone(), unwanted.subscribe(), way);
+            tasks.spawn(writer.run(tiles_out, asked_out));
+            tasks.spawn(read_datagrams(connection.clone(), to_session, asked));
         }
         Self {
             incoming,
@@ -131,6 +139,8 @@ impl Carrier {
             writer: tokio::spawn(write_control(send, control_out)),
             connection,
             unwanted,
+            way: way_now,
+            role,
         }
     }
 
@@ -147,8 +157,9 @@ impl Carrier {
                 biased;
                 permit = out.reserve(), if pending.is_some() => match (permit, pending.take()) {
                     (Ok(permit), Some(packet)) => {
-                        if packet.channel == Channel::Tiles {
-                            peer.measure(self.carries());
+                        match packet.channel {
+                            Channel::Tiles => peer.measure(self.carries()),
+                            _ => self.copy(&packet.bytes),
                         }
                         permit.send(packet.bytes);
                         None
@@ -184,10 +195,26 @@ impl Carrier {
         Ok(())
     }
 
-    /// Bytes per second that may leave.
+    /// Bytes of tiles per second that may leave.
     fn carries(&self) -> f64 {
         let path = self.connection.stats().path;
-        path.cwnd as f64 / path.rtt.as_secs_f64().max(1e-4)
+        let overhead = self.way.borrow().overhead.max(1.0);
+        path.cwnd as f64 / path.rtt.as_secs_f64().max(1e-4) / overhead
+    }
+
+    /// Sends a player's request a second time, if its loss is to be feared.
+    fn copy(&self, request: &[u8]) {
+        let wanted = self.role == Role::Player && self.way.borrow().datagrams;
+        if !wanted || !codec::is_trace(request) {
+            return;
+        }
+        let copy = Datagram::Copy(request).to_bytes();
+        let connection = self.connection.clone();
+        tokio::spawn(async move {
+            tokio::time::sleep(COPY_DELAY).await;
+            // One that is too long for a datagram has only the stream, as all have elsewhere.
+            let _ = connection.send_datagram(copy.into());
+        });
     }
 
     /// A session that met an error may still have an answer, such as its version.
@@ -248,94 +275,25 @@ async fn write_control(mut stream: SendStream, mut packets: mpsc::Receiver<Vec<u
     let _ = stream.stopped().await;
 }
 
-/// QUIC's limit on streams bounds how many are read at once.
-async fn read_tiles(connection: Connection, to_session: mpsc::Sender<Packet>) -> Fault {
-    let mut streams = JoinSet::new();
-    loop {
-        tokio::select! {
-            stream = connection.accept_uni() => match stream {
-                Ok(stream) => {
-                    streams.spawn(read_tile_packet(stream, to_session.clone()));
-                }
-                Err(why) => return Fault::Gone(why),
-            },
-            Some(read) = streams.join_next() => {
-                if let Ok(Some(fault)) = read {
-                    return fault;
-                }
-            }
-        }
-    }
-}
-
-async fn read_tile_packet(
-    mut stream: RecvStream,
-    to_session: mpsc::Sender<Packet>,
-) -> Option<Fault> {
-    let bytes = match stream.read_to_end(limits::TILES_BYTES_MAX).await {
-        Ok(bytes) => bytes,
-        // The node has dropped tiles that nobody waits for.
-        Err(ReadToEndError::Read(ReadError::Reset(_))) => return None,
-        Err(ReadToEndError::Read(ReadError::ConnectionLost(why))) => return Some(Fault::Gone(why)),
-        Err(why) => return Some(Fault::Rule(format!("a stream of tiles: {why}"))),
-    };
-    let channel = Channel::Tiles;
-    let _ = to_session.send(Packet { channel, bytes }).await;
-    None
-}
-
-/// Each tile packet on a stream of its own, one after the other: what waits for the network waits
-/// in the session, which can still drop it. A stream whose run is not wanted any more is reset, so
-/// that its lost packets are not sent again.
-async fn write_tiles(
+/// A node's: questions for blocks, and copies of requests.
+async fn read_datagrams(
     connection: Connection,
-    mut packets: mpsc::Receiver<Vec<u8>>,
-    unwanted: watch::Receiver<VecDeque<RunId>>,
+    to_session: mpsc::Sender<Packet>,
+    asked: mpsc::Sender<Asked>,
 ) -> Fault {
-    let mut tails = JoinSet::new();
-    while let Some(packet) = packets.recv().await {
-        while tails.try_join_next().is_some() {}
-        let cwnd = connection.stats().path.cwnd;
-        connection.set_send_window((cwnd + cwnd / 2).max(SEND_BYTES_MIN));
-        let mut stream = match connection.open_uni().await {
-            Ok(stream) => stream,
+    loop {
+        let bytes = match connection.read_datagram().await {
+            Ok(bytes) => bytes,
             Err(why) => return Fault::Gone(why),
         };
-        let run = codec::run_of_tiles(&packet);
-        let mut stale = unwanted.clone();
-        let written = tokio::select! {
-            written = stream.write_all(&packet) => written,
-            () = wait_until_stale(&mut stale, run) => {
-                let _ = stream.reset(code::STALE);
-                continue;
+        match Datagram::parse(&bytes) {
+            // If many wait, the player will ask again.
+            Some(Datagram::Missing { block, held }) => drop(asked.try_send((block, held))),
+            Some(Datagram::Copy(bytes)) => {
+                let (channel, bytes) = (Channel::Copy, bytes.to_vec());
+                let _ = to_session.send(Packet { channel, bytes }).await;
             }
-        };
-        match written {
-            Ok(()) => {
-                let _ = stream.finish();
-                tails.spawn(async move {
-                    tokio::select! {
-                        _ = stream.stopped() => {}
-                        () = wait_until_stale(&mut stale, run) => drop(stream.reset(code::STALE)),
-                    }
-                });
-            }
-            // The player does not want these tiles any more.
-            Err(WriteError::Stopped(_)) => {}
-            Err(WriteError::ConnectionLost(why)) => return Fault::Gone(why),
-            Err(why) => return Fault::Rule(why.to_string()),
+            _ => return Fault::Rule("a datagram is none of a player's".into()),
         }
     }
-    Fault::Gone(ConnectionError::LocallyClosed)
 }
-
-/// For ever, if the connection ends before.
-async fn wait_until_stale(unwanted: &mut watch::Receiver<VecDeque<RunId>>, run: Option<RunId>) {
-    let is_stale = |unwanted: &VecDeque<RunId>| run.is_some_and(|run| unwanted.contains(&run));
-    if unwanted.wait_for(is_stale).await.is_err() {
-        std::future::pending::<()>().await;
-    }
-}
-
-/// Two frames at 31.5 Mbit/s, whatever the window is.
-const SEND_BYTES_MIN: u64 = 128 << 10;

@@ -8,7 +8,7 @@ use tokio::sync::Notify;
 
 use crate::Error;
 use crate::net::credentials::Credentials;
-use crate::net::endpoint::Congestion;
+use crate::net::endpoint::Sending;
 use crate::net::interruption::Signals;
 use crate::net::listener::Listener;
 use crate::net::packets::{self, Peer, Streams};
@@ -61,17 +61,17 @@ impl NodeServer {
     /// [`Error::Credentials`] if the credentials are no node's, [`Error::Socket`] if the address
     /// is in use or not this machine's.
     pub fn bind(address: SocketAddr, credentials: &Credentials) -> Result<Self, Error> {
-        Self::bind_with(address, credentials, Congestion::default())
+        Self::bind_with(address, credentials, Sending::default())
     }
 
-    /// The same with another control of congestion, to compare.
+    /// The same with another way of sending, to compare.
     ///
     /// # Errors
     /// As [`NodeServer::bind`].
     pub fn bind_with(
         address: SocketAddr,
         credentials: &Credentials,
-        congestion: Congestion,
+        sending: Sending,
     ) -> Result<Self, Error> {
         let failed = |source| Error::Socket {
             address: address.to_string(),
@@ -86,7 +86,7 @@ impl NodeServer {
         let (listener, signals) = {
             let _inside = runtime.enter();
             let signals = Signals::listen().map_err(failed)?;
-            (Listener::bind(address, credentials, congestion)?, signals)
+            (Listener::bind(address, credentials, sending)?, signals)
         };
         Ok(Self {
             runtime,

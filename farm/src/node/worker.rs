@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
 use carom_protocol::tile_codec::Encoder;
-use carom_protocol::{RefusalReason, RunReport, TilesDone};
+use carom_protocol::{NodeTimes, RefusalReason, RunReport, TilesDone};
 use carom_tracer::{Error, Tile, TileRadiance, TileRun, TraceJob, Tracer};
 
 use super::queue::{Job, Queue};
@@ -113,8 +113,9 @@ impl<'a> Running<'a> {
         rayon::in_place_scope(|encoders| {
             let sink = |tile: TileRadiance| {
                 if let Some((first, group)) = self.collect(tile) {
+                    let traced = Instant::now();
                     self.job.client.wait_for_room(&self.job.cancelled);
-                    encoders.spawn(move |_| self.send(first, &group));
+                    encoders.spawn(move |_| self.send(first, &group, traced));
                 }
             };
             tracer.trace(&scene, &job, &sink).map(drop)
@@ -144,8 +145,8 @@ impl<'a> Running<'a> {
         Some((index * GROUP_TILES, whole))
     }
 
-    /// Encodes and sends a group of tiles.
-    fn send(&self, first: usize, group: &Group) {
+    /// Encodes and sends a group of tiles, the last of which was `traced` then.
+    fn send(&self, first: usize, group: &Group, traced: Instant) {
         if self.job.cancelled.load(Ordering::Relaxed) {
             return;
         }
@@ -169,16 +170,25 @@ impl<'a> Running<'a> {
             run: request.run,
             tiles: part,
             busy_micros: micros(self.queue.busy_since(self.begun)),
+            times: NodeTimes {
+                queue_micros: self.queue_micros(),
+                trace_micros: micros(traced.saturating_duration_since(self.begun)),
+                encode_micros: micros(traced.elapsed()),
+            },
             dropped_samples: group.dropped_samples,
             pixels,
         });
+    }
+
+    fn queue_micros(&self) -> u32 {
+        micros(self.begun.saturating_duration_since(self.job.arrived))
     }
 
     fn report(&self) -> RunReport {
         let encode = Duration::from_nanos(self.encode_nanos.load(Ordering::Relaxed));
         RunReport {
             run: self.job.request.run,
-            queue_micros: micros(self.begun.saturating_duration_since(self.job.arrived)),
+            queue_micros: self.queue_micros(),
             trace_micros: micros(self.begun.elapsed()),
             encode_micros: micros(encode),
         }

@@ -5,7 +5,9 @@ use std::time::Duration;
 
 use carom_protocol::limits::{RUNS_QUEUED_MAX, TILES_PER_MESSAGE_MAX};
 use carom_protocol::session::ClientEvent;
-use carom_protocol::{FrameId, Refusal, RefusalReason, RunId, RunReport, SceneHash, TraceRequest};
+use carom_protocol::{
+    FrameId, NodeTimes, Refusal, RefusalReason, RunId, RunReport, SceneHash, TraceRequest,
+};
 use carom_tracer::TileRun;
 
 use super::world::World;
@@ -218,6 +220,11 @@ impl SimNode {
                     tile_pixels(&job.request, tiles)
                 },
                 busy_micros: std::mem::take(&mut busy_micros),
+                times: NodeTimes {
+                    queue_micros: (job.begun - job.arrived).as_micros() as u32,
+                    trace_micros: (now - job.begun).as_micros() as u32,
+                    encode_micros: 0,
+                },
                 dropped_samples: 0,
                 payload_bytes: 1,
             }));

@@ -100,7 +100,7 @@ fn a_node_ends_connections_that_break_the_protocol_and_serves_the_next() {
 }
 
 #[test]
-fn a_player_has_one_stream_and_no_datagrams() {
+fn a_player_has_one_stream_and_datagrams_that_mean_something() {
     let farm = Authority::generate().unwrap();
     let node = Greeter::start(&farm);
     let player = farm.issue(Role::Player, "player", today()).unwrap();
@@ -118,7 +118,13 @@ fn a_player_has_one_stream_and_no_datagrams() {
             () = std::future::ready(()) => false,
         };
         assert!(!opened);
-        assert_eq!(call.connection.max_datagram_size(), None);
+        // Tiles are not for nodes.
+        let piece = [&[0], &[0; 9][..], b"noise"].concat();
+        call.connection.send_datagram(piece.into()).unwrap();
+        let ConnectionError::ApplicationClosed(close) = call.connection.closed().await else {
+            panic!("the node did not say why it closed");
+        };
+        assert_eq!(close.error_code, VarInt::from_u32(3));
     });
 }
 

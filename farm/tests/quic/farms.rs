@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use carom_farm::net::{Authority, NodeServer, Role, Stop, create_farm};
+use carom_farm::net::{Authority, NodeServer, PathConfig, Proxy, Role, Stop, create_farm};
 use carom_farm::node::Node;
 use carom_farm::{Farm, FarmConfig, Frame, FrameSpec, LocalNode, NodeState, PrecisionRange};
 use carom_protocol::PixelFormat;
@@ -124,6 +124,34 @@ fn pixels_cross_the_network_unchanged_in_each_format() {
         assert!(here.pixels == there.pixels, "{format:?}");
         assert_eq!(there.stats.tiles_by_node.len(), 2);
     }
+}
+
+/// Tiles travel as datagrams there, and requests twice.
+#[test]
+fn pixels_survive_a_long_path_that_loses_and_reorders() {
+    let dir = tempfile::tempdir().unwrap();
+    create_farm(dir.path()).unwrap();
+    let authority = Authority::load(dir.path()).unwrap();
+    let oak = Running::start(&authority, any_port());
+    let config = PathConfig {
+        delay: Duration::from_millis(8),
+        jitter: Duration::from_millis(1),
+        loss: 0.1,
+        burst: 2.0,
+        reorder: 0.1,
+        ..PathConfig::default()
+    };
+    let proxy = Proxy::start(any_port(), oak.address, config, 1).unwrap();
+    let mut remote = farm(dir.path(), &[proxy.local_addr()]);
+    let tracer = Arc::new(CpuTracer::with_threads(1).unwrap());
+    let mut local = Farm::with_tracers(FarmConfig::default(), vec![tracer]).unwrap();
+    local.set_scene(&pool()).unwrap();
+    let format = PixelFormat::Srgb8 { exposure: 1.0 };
+    let here = frame(&mut local, format);
+    for _ in 0..20 {
+        assert!(frame(&mut remote, format).pixels == here.pixels);
+    }
+    assert!(proxy.counts().lost > 0);
 }
 
 #[test]

@@ -9,9 +9,9 @@ use carom_protocol::limits::RUNS_QUEUED_MAX;
 use carom_protocol::message::VERSION;
 use carom_protocol::tile_codec::{Decoder, Encoder, ReferenceTile, Source};
 use carom_protocol::{
-    Channel, ClientSession, FrameId, NodeEvent, NodeInfo, NodeSession, Packet, PixelFormat,
-    Precision, PrecisionRange, RunId, RunReport, SceneHash, TilesDone, ToClient, ToNode,
-    TraceRequest,
+    Channel, ClientSession, FrameId, NodeEvent, NodeInfo, NodeSession, NodeTimes, Packet,
+    PixelFormat, Precision, PrecisionRange, RunId, RunReport, SceneHash, TilesDone, ToClient,
+    ToNode, TraceRequest,
 };
 use carom_tracer::{
     DeviceInfo, DeviceKind, ImageSize, RenderSettings, Scene, SceneUpdate, Tile, TileGrid, TileRun,
@@ -273,7 +273,7 @@ impl Pair {
 
     fn step(&mut self, what: u8, bytes: Vec<u8>) {
         let control = Channel::Control;
-        match what % 6 {
+        match what % 7 {
             ASK => {
                 self.asked += 1;
                 // Refused when too many are open, or a stray run has closed the client.
@@ -287,6 +287,10 @@ impl Pair {
             }),
             TO_CLIENT => self.client_hears(Packet {
                 channel: control,
+                bytes,
+            }),
+            TO_NODE_COPY => self.node_hears(Packet {
+                channel: Channel::Copy,
                 bytes,
             }),
             _ => self.client_hears(Packet {
@@ -405,6 +409,7 @@ fn tiles(run: u64, tiles: TileRun) -> TilesDone {
         run: RunId(run),
         tiles,
         busy_micros: 3,
+        times: NodeTimes::default(),
         dropped_samples: 0,
         pixels: Encoder::new().encode(format_of(run as u8), &lit),
     }
@@ -425,4 +430,5 @@ const WORK: u8 = 2;
 const TO_NODE: u8 = 3;
 const TO_CLIENT: u8 = 4;
 const TILES_TO_CLIENT: u8 = 5;
+const TO_NODE_COPY: u8 = 6;
 const SCENE: &str = include_str!("../../../assets/scenes/pool.json");

@@ -10,8 +10,8 @@ use super::scenes::SceneCache;
 use super::{Channel, Packet};
 use crate::limits::{CONTROL_QUEUED_MAX, RUNS_QUEUED_MAX};
 use crate::message::{
-    FrameId, NodeInfo, PixelFormat, Refusal, RefusalReason, RunId, RunReport, SceneHash, TilesDone,
-    ToClient, ToNode, TraceRequest, VERSION,
+    FrameId, NodeInfo, NodeTimes, PixelFormat, Refusal, RefusalReason, RunId, RunReport, SceneHash,
+    TilesDone, ToClient, ToNode, TraceRequest, VERSION,
 };
 use crate::tile_codec::{Decoder, TilePixels};
 use crate::{Error, codec};
@@ -42,6 +42,8 @@ pub enum ClientEvent {
         pixels: TilePixels,
         /// Microseconds of tracing and encoding, by the node's clock.
         busy_micros: u32,
+        /// Where the time since the request came has gone, by the node's clock.
+        times: NodeTimes,
         /// Samples that were not finite and count as black.
         dropped_samples: u32,
         /// Bytes that the pixels took on the wire.
@@ -362,6 +364,7 @@ impl ClientSession {
                 tiles: done.tiles,
                 pixels,
                 busy_micros: done.busy_micros,
+                times: done.times,
                 dropped_samples: done.dropped_samples,
                 payload_bytes,
             }

@@ -11,7 +11,8 @@
 //! ```
 //!
 //! A transport keeps the packets of [`Channel::Control`] in order and delivers all packets
-//! unharmed; those of [`Channel::Tiles`] may overtake each other and the others. It sends what
+//! unharmed; those of [`Channel::Tiles`] may overtake each other and the others. Of a client's
+//! requests it may deliver copies besides, as [`Channel::Copy`]. It sends what
 //! [`ClientSession::poll_transmit`] or [`NodeSession::poll_transmit`] hands out after each call of
 //! any other method, also after an error, and then closes if there was one.
 
@@ -41,6 +42,10 @@ pub enum Channel {
     Control,
     /// In any order. Over QUIC: a stream of one direction for each packet, unframed.
     Tiles,
+    /// To a node, copies of [`Channel::Control`] packets with trace requests: before the packet
+    /// itself or after, twice or not at all. A request is begun with whatever comes first. Over
+    /// QUIC: a datagram.
+    Copy,
 }
 
 impl Channel {
@@ -49,6 +54,7 @@ impl Channel {
         match self {
             Self::Control => "control packet",
             Self::Tiles => "tile packet",
+            Self::Copy => "copy of a packet",
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The node's end of a connection.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
 use carom_tracer::{Scene, SceneUpdate, Shape, TileRun};
@@ -49,7 +49,10 @@ pub struct NodeSession {
     scenes: SceneCache<Arc<Scene>>,
     /// Runs asked for and not yet answered on the wire, at most [`RUNS_QUEUED_MAX`].
     runs: BTreeMap<RunId, Run>,
+    /// Of the requests that have come in order.
     last_run: Option<RunId>,
+    /// Runs above it that have been begun by a copy, at most [`RUNS_QUEUED_MAX`].
+    begun: BTreeSet<RunId>,
     /// The last [`RUNS_REFUSED_KEPT`] runs that were answered in full: their tiles may be under way.
     answered: VecDeque<(RunId, Run)>,
     /// Of both, those cancelled since the transport last asked.
@@ -100,6 +103,7 @@ impl NodeSession {
             scenes: SceneCache::new(),
             runs: BTreeMap::new(),
             last_run: None,
+            begun: BTreeSet::new(),
             answered: VecDeque::new(),
             unwanted: Vec::new(),
             answers: VecDeque::new(),
@@ -226,6 +230,9 @@ impl NodeSession {
         if self.state == State::Closed {
             return Err(Error::out_of_order("packet", "the session is closed"));
         }
+        if packet.channel == Channel::Copy {
+            return self.take_copy(&packet.bytes);
+        }
         if packet.channel != Channel::Control {
             let what = packet.channel.packet_name();
             return Err(Error::out_of_order(what, "clients send none"));
@@ -291,8 +298,10 @@ impl NodeSession {
             return Err(Error::out_of_order("trace request", why));
         }
         self.last_run = Some(run);
+        let begun = self.begun.remove(&run);
         // First the scene is used, then the request may be refused: the client does the same.
         let refusal = match self.scenes.touch(request.scene) {
+            _ if begun => return Ok(None),
             None => RefusalReason::UnknownScene,
             Some(_) if self.runs.len() >= RUNS_QUEUED_MAX => RefusalReason::Busy,
             Some(scene) => match check_fit(scene, &request.update) {
@@ -308,8 +317,35 @@ impl NodeSession {
         Ok(None)
     }
 
+    /// Begins a request whose own packet is still on its way. Whatever speaks against it is for
+    /// that packet to find: scenes are used, and answers given, in the order of packets.
+    fn take_copy(&mut self, bytes: &[u8]) -> Result<Option<NodeEvent>, Error> {
+        if self.state == State::New {
+            return Ok(None);
+        }
+        let ToNode::Trace(request) = codec::decode_to_node(bytes)? else {
+            let what = Channel::Copy.packet_name();
+            return Err(Error::out_of_order(what, "only requests have copies"));
+        };
+        let run = request.run;
+        let come = self.last_run.is_some_and(|last| run <= last) || self.begun.contains(&run);
+        let full = self.runs.len().max(self.begun.len()) >= RUNS_QUEUED_MAX;
+        let scene = self.scenes.peek(request.scene);
+        let fits = |scene: &&Arc<Scene>| check_fit(scene, &request.update).is_ok();
+        let Some(scene) = scene.filter(fits).filter(|_| !come && !full) else {
+            return Ok(None);
+        };
+        let scene = Arc::clone(scene);
+        self.begun.insert(run);
+        self.runs.insert(run, Run::new(&request));
+        Ok(Some(NodeEvent::Trace { request, scene }))
+    }
+
     /// Refuses the runs that `unwanted` chooses and drops their results that still wait.
     fn cancel(&mut self, unwanted: impl Fn(RunId, &Run) -> bool) -> Option<NodeEvent> {
+        // What a copy has begun was asked for after this.
+        let begun = &self.begun;
+        let unwanted = |run: RunId, state: &Run| !begun.contains(&run) && unwanted(run, state);
         let cancelled: Vec<RunId> = self
             .runs
             .extract_if(.., |run, state| unwanted(*run, state))

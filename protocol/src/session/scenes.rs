@@ -42,6 +42,14 @@ impl<T> SceneCache<T> {
     }
 
     /// The scene of that hash, without using it.
+    pub(super) fn peek(&self, hash: SceneHash) -> Option<&T> {
+        let mut scenes = self.scenes.iter();
+        scenes
+            .find(|(kept, _)| *kept == hash)
+            .map(|(_, scene)| scene)
+    }
+
+    /// The same, to be changed.
     pub(super) fn peek_mut(&mut self, hash: SceneHash) -> Option<&mut T> {
         let mut scenes = self.scenes.iter_mut();
         scenes

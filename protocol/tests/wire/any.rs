@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use carom_protocol::limits::{POSES_MAX, SENTENCE_BYTES_MAX, TILE_EDGE_MAX, TILES_PER_MESSAGE_MAX};
 use carom_protocol::{
-    FrameId, NodeInfo, PixelFormat, Refusal, RefusalReason, RunId, RunReport, SceneHash, TilesDone,
-    ToClient, ToNode, TraceRequest, message::VERSION,
+    FrameId, NodeInfo, NodeTimes, PixelFormat, Refusal, RefusalReason, RunId, RunReport, SceneHash,
+    TilesDone, ToClient, ToNode, TraceRequest, message::VERSION,
 };
 use carom_tracer::{
     Camera, DeviceInfo, DeviceKind, Environment, ImageSize, Material, Object, ObjectPose,
@@ -178,6 +178,11 @@ fn tiles_done() -> impl Strategy<Value = TilesDone> {
             run: RunId(run),
             tiles: TileRun { first, count },
             busy_micros,
+            times: NodeTimes {
+                queue_micros: busy_micros / 2,
+                trace_micros: dropped_samples,
+                encode_micros: first,
+            },
             dropped_samples,
             pixels,
         },

@@ -278,6 +278,7 @@ impl Pair {
                 run: request.run,
                 tiles: part,
                 busy_micros: 1,
+                times: carom_protocol::NodeTimes::default(),
                 dropped_samples: 0,
                 pixels,
             };

@@ -66,6 +66,7 @@ fn tiles_of(run: u64, first: u32, pixels: Vec<u8>, count: u32) -> Packet {
         run: RunId(run),
         tiles: TileRun { first, count },
         busy_micros: 1,
+        times: carom_protocol::NodeTimes::default(),
         dropped_samples: 0,
         pixels,
     });
@@ -388,6 +389,7 @@ fn a_cancelled_run_takes_no_more_of_the_wire() {
         run: RunId(1),
         tiles: TileRun { first, count },
         busy_micros: 1,
+        times: carom_protocol::NodeTimes::default(),
         dropped_samples: 0,
         pixels: black(count),
     };
@@ -419,6 +421,7 @@ fn a_node_says_of_a_run_only_what_it_was_asked() {
         run: RunId(1),
         tiles: TileRun { first, count },
         busy_micros: 1,
+        times: carom_protocol::NodeTimes::default(),
         dropped_samples: 0,
         pixels: black(count),
     };

@@ -24,6 +24,9 @@ struct Pair {
     encoder: Encoder,
     scenes: Vec<(SceneHash, Arc<Scene>)>,
     to_node: VecDeque<Packet>,
+    copies: Vec<Packet>,
+    /// Runs that the node has been told to trace.
+    begun: BTreeSet<RunId>,
     to_client: VecDeque<Packet>,
     tiles_to_client: Vec<Packet>,
     /// The node's work: the request and the next tile.
@@ -51,6 +54,8 @@ impl Pair {
             encoder: Encoder::new(),
             scenes: scenes.collect(),
             to_node: VecDeque::new(),
+            copies: Vec::new(),
+            begun: BTreeSet::new(),
             to_client: VecDeque::new(),
             tiles_to_client: Vec::new(),
             work: BTreeMap::new(),
@@ -62,7 +67,7 @@ impl Pair {
 
     /// One thing that can happen, chosen by `what`, its details by `detail`.
     fn step(&mut self, what: u8, detail: usize) {
-        match what % 12 {
+        match what % 14 {
             0 | 1 => self.ask(detail),
             2 => self.cancel_run(detail),
             3 => self.cancel_before(detail),
@@ -71,18 +76,25 @@ impl Pair {
             7 | 8 => self.work(detail),
             9 => self.refuse(detail),
             10 => self.deliver_to_client(),
+            11 | 12 => self.deliver_copy(detail),
             _ => self.deliver_tiles(detail),
         }
         self.transmit();
     }
 
     fn transmit(&mut self) {
-        self.to_node
-            .extend(std::iter::from_fn(|| self.client.poll_transmit()));
+        while let Some(packet) = self.client.poll_transmit() {
+            if carom_protocol::codec::is_trace(&packet.bytes) {
+                let channel = Channel::Copy;
+                let bytes = packet.bytes.clone();
+                self.copies.push(Packet { channel, bytes });
+            }
+            self.to_node.push_back(packet);
+        }
         while let Some(packet) = self.node.poll_transmit() {
             match packet.channel {
-                Channel::Control => self.to_client.push_back(packet),
                 Channel::Tiles => self.tiles_to_client.push(packet),
+                _ => self.to_client.push_back(packet),
             }
         }
     }
@@ -143,13 +155,26 @@ impl Pair {
     }
 
     fn deliver_to_node(&mut self) {
-        let Some(packet) = self.to_node.pop_front() else {
-            return;
-        };
+        if let Some(packet) = self.to_node.pop_front() {
+            self.node_hears(packet);
+        }
+    }
+
+    /// Any of the copies, which may come again.
+    fn deliver_copy(&mut self, detail: usize) {
+        if !self.copies.is_empty() {
+            let index = detail % self.copies.len();
+            self.node_hears(self.copies[index].clone());
+        }
+    }
+
+    fn node_hears(&mut self, packet: Packet) {
         match self.node.handle(packet).unwrap() {
             Some(NodeEvent::Trace { request, scene }) => {
                 assert_eq!(SceneHash::of(&scene), request.scene);
-                self.work.insert(request.run, (*request, 0));
+                let run = request.run;
+                assert!(self.begun.insert(run), "{run:?} is begun twice");
+                self.work.insert(run, (*request, 0));
             }
             Some(NodeEvent::Cancelled(runs)) => {
                 for run in runs {
@@ -185,6 +210,7 @@ impl Pair {
             run,
             tiles,
             busy_micros,
+            times: carom_protocol::NodeTimes::default(),
             dropped_samples,
             pixels,
         };

@@ -247,6 +247,7 @@ fn message_bytes(tiles: TileRun, pixels: Vec<u8>) -> Result<usize, Failure> {
         run: RunId(10_000),
         tiles,
         busy_micros: 5000,
+        times: carom_protocol::NodeTimes::default(),
         dropped_samples: 0,
         pixels,
     });

@@ -4,6 +4,7 @@ mod balance;
 mod codec;
 mod codec_frames;
 mod faults;
+mod latency;
 mod noise;
 mod trace;
 mod tradeoff;
@@ -28,6 +29,7 @@ enum Bench {
     Faults(faults::Args),
     Codec(codec::Args),
     Transport(transport::Args),
+    Latency(latency::Args),
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
@@ -38,5 +40,6 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         Bench::Faults(args) => faults::run(args),
         Bench::Codec(args) => codec::run(args),
         Bench::Transport(args) => transport::run(args),
+        Bench::Latency(args) => latency::run(args),
     }
 }

@@ -1,4 +1,4 @@
-//! `carom-farm bench transport`: tiles over real sockets and bad paths, by control of congestion.
+//! `carom-farm bench transport`: tiles over real sockets and bad paths, by way of sending.
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
@@ -8,7 +8,7 @@ use std::time::{Duration, Instant, SystemTime};
 use anyhow::{Context, anyhow};
 use carom_farm::net::{
     Authority, Client, Command, Congestion, LinkEvent, NodeLink, NodeServer, PathConfig, Proxy,
-    Role, Stop,
+    Role, Sending, Stop,
 };
 use carom_farm::node::Node;
 use carom_protocol::session::ClientEvent;
@@ -29,6 +29,10 @@ use crate::commands::inputs;
 /// 100 ms after its request, when the frame is cancelled. Loopback has no proxy and answers at
 /// once: its times are whole answers of 64 kB from their requests on. The first two seconds are
 /// counted apart, as "start".
+///
+/// Carom sends by delay, and where the path is long and loses packets as datagrams with forward
+/// error correction; "streams" is the same without datagrams, BBR and Cubic are quinn's own control
+/// of congestion on streams.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Print JSON.
@@ -43,7 +47,7 @@ pub(crate) struct Args {
     /// Only the paths whose name has this in it.
     #[arg(long)]
     path: Option<String>,
-    /// Only Carom's own control of congestion.
+    /// Only Carom's own way of sending.
     #[arg(long)]
     own: bool,
 }
@@ -56,7 +60,7 @@ struct Report {
 #[derive(Serialize)]
 struct Row {
     path: &'static str,
-    congestion: &'static str,
+    sender: &'static str,
     precision: &'static str,
     p50_ms: f64,
     p99_ms: f64,
@@ -101,6 +105,20 @@ fn cases() -> Vec<Case> {
         case("4 ms, 1 % loss", path(ms(2), 0.01, None)),
         case("46 ms", path(ms(23), 0.0, None)),
         case("46 ms, 1 % loss", path(ms(23), 0.01, None)),
+        case(
+            "46 ms, 1 % in fours",
+            PathConfig {
+                burst: 4.0,
+                ..path(ms(23), 0.01, None)
+            },
+        ),
+        case(
+            "46 ms, 2 % reordered",
+            PathConfig {
+                reorder: 0.02,
+                ..path(ms(23), 0.0, None)
+            },
+        ),
         case("46 ms, 50 Mbit/s", path(ms(23), 0.0, Some(50e6))),
         case("46 ms, 25 Mbit/s", path(ms(23), 0.0, Some(25e6))),
         Case {
@@ -110,11 +128,26 @@ fn cases() -> Vec<Case> {
     ]
 }
 
+/// Ways of sending, with their names.
+const SENDERS: [(&str, Sending); 4] = [
+    ("Carom", sending(Congestion::Delay, true)),
+    ("streams", sending(Congestion::Delay, false)),
+    ("BBR", sending(Congestion::Bbr, false)),
+    ("Cubic", sending(Congestion::Cubic, false)),
+];
+
+const fn sending(congestion: Congestion, datagrams: bool) -> Sending {
+    Sending {
+        congestion,
+        datagrams,
+    }
+}
+
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut report = Report { runs: Vec::new() };
     if !args.json {
         println!(
-            "{:<18} {:<6} {:<9} {:>8} {:>8} {:>12} {:>9} {:>7}",
+            "{:<20} {:<7} {:<9} {:>8} {:>8} {:>12} {:>9} {:>7}",
             "path", "by", "precision", "p50 ms", "p99 ms", "start p99 ms", "missing", "Mbit/s"
         );
     }
@@ -124,12 +157,11 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             .is_none_or(|part| case.name.contains(part))
     };
     for case in cases().iter().filter(|case| wanted(case)) {
-        for congestion in [Congestion::Delay, Congestion::Bbr, Congestion::Cubic] {
-            let own = congestion == Congestion::Delay;
-            if !own && (args.own || case.governed) {
+        for (name, sending) in SENDERS {
+            if sending != Sending::default() && (args.own || case.governed) {
                 continue;
             }
-            let row = measure(args, case, congestion)?;
+            let row = measure(args, case, name, sending)?;
             if !args.json {
                 print_row(&row);
             }
@@ -145,9 +177,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 
 fn print_row(row: &Row) {
     println!(
-        "{:<18} {:<6} {:<9} {:>8.2} {:>8.2} {:>12.2} {:>7.2} % {:>7.1}",
+        "{:<20} {:<7} {:<9} {:>8.2} {:>8.2} {:>12.2} {:>7.2} % {:>7.1}",
         row.path,
-        row.congestion,
+        row.sender,
         row.precision,
         row.p50_ms,
         row.p99_ms,
@@ -169,13 +201,13 @@ struct Setup {
 }
 
 impl Setup {
-    fn new(args: &Args, case: &Case, congestion: Congestion) -> Result<Self, Failure> {
+    fn new(args: &Args, case: &Case, sending: Sending) -> Result<Self, Failure> {
         let now = SystemTime::now();
         let day = Duration::from_secs(24 * 3600);
         let authority = Authority::generate()?;
         let issue = |role, name| authority.credentials(role, name, now - day..now + day);
         let any = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
-        let server = NodeServer::bind_with(any, &issue(Role::Node, "node")?, congestion)?;
+        let server = NodeServer::bind_with(any, &issue(Role::Node, "node")?, sending)?;
         let address = server.local_addr()?;
         let pause = case
             .path
@@ -240,8 +272,13 @@ impl Drop for Setup {
     }
 }
 
-fn measure(args: &Args, case: &Case, congestion: Congestion) -> Result<Row, Failure> {
-    let setup = Setup::new(args, case, congestion)?;
+fn measure(
+    args: &Args,
+    case: &Case,
+    sender: &'static str,
+    sending: Sending,
+) -> Result<Row, Failure> {
+    let setup = Setup::new(args, case, sending)?;
     let scene = Arc::new(inputs::scene(None)?.scene);
     let hash = SceneHash::of(&scene);
     setup.wait(|event| matches!(event, LinkEvent::Session(ClientEvent::Welcome(_))))?;
@@ -260,7 +297,7 @@ fn measure(args: &Args, case: &Case, congestion: Congestion) -> Result<Row, Fail
         let stale = frame.saturating_sub(DEADLINE_FRAMES);
         setup.link.send(Command::CancelBefore(FrameId(stale)));
     }
-    Ok(arrivals.row(args, case, congestion))
+    Ok(arrivals.row(args, case, sender))
 }
 
 fn request(scene: SceneHash, frame: u64) -> Box<TraceRequest> {
@@ -331,7 +368,7 @@ impl Arrivals {
         }
     }
 
-    fn row(&self, args: &Args, case: &Case, congestion: Congestion) -> Row {
+    fn row(&self, args: &Args, case: &Case, sender: &'static str) -> Row {
         let frames = args.seconds * FRAMES_PER_SECOND;
         let of = |part: std::ops::Range<u64>| {
             let times = self.times.iter().filter(|(frame, _)| part.contains(frame));
@@ -344,11 +381,7 @@ impl Arrivals {
         let asked = (frames * u64::from(Noise::MESSAGES)) as f64;
         Row {
             path: case.name,
-            congestion: match congestion {
-                Congestion::Delay => "delay",
-                Congestion::Bbr => "BBR",
-                Congestion::Cubic => "Cubic",
-            },
+            sender,
             precision: if case.governed { "governed" } else { "exact" },
             p50_ms: quantile(&rest, 0.5),
             p99_ms: quantile(&rest, 0.99),

@@ -104,6 +104,7 @@ fn answer(coordinator: &mut Coordinator, now: Duration, node: NodeIndex, request
         tiles: request.tiles,
         pixels: TilePixels::Linear(vec![[1.0; 3]; request.tiles.count as usize]),
         busy_micros: busy(node, request).as_micros() as u32,
+        times: carom_protocol::NodeTimes::default(),
         dropped_samples: 0,
         payload_bytes: 1,
     };

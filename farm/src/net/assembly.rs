@@ -1,0 +1,536 @@
+//! Datagrams back to tile packets, however they come: late, twice, in another order or not at all.
+//! What the parities do not repair is asked for. Pure; `now` is an argument.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use super::blocks::{BEGINS, Repair, WORD_BYTES};
+use super::datagram::{DATA_MAX, Datagram};
+
+/// The receiver's end of [`super::blocks`].
+#[derive(Debug, Default)]
+pub(crate) struct Assembly {
+    /// Those that are not whole, and those that were until a moment ago.
+    blocks: BTreeMap<u64, Block>,
+    /// The first block that has not been heard of.
+    next: u64,
+}
+
+#[derive(Debug)]
+struct Block {
+    pieces: Vec<Option<Vec<u8>>>,
+    parities: Vec<Option<Vec<u8>>>,
+    /// Pieces, once a parity has come.
+    count: Option<usize>,
+    /// Bit i: the packet that begins at piece i has been handed out.
+    delivered: u64,
+    whole: bool,
+    began: Duration,
+    heard: Duration,
+    asked: Option<Duration>,
+    asks: u32,
+}
+
+impl Assembly {
+    /// Takes a datagram that is for players; the packets that it makes whole.
+    ///
+    /// # Errors
+    /// What the sender did wrong.
+    pub(crate) fn receive(
+        &mut self,
+        now: Duration,
+        datagram: Datagram<'_>,
+    ) -> Result<Vec<Vec<u8>>, &'static str> {
+        match datagram {
+            Datagram::Data {
+                block,
+                index,
+                bytes,
+            } => {
+                let Some(block) = self.block(now, block) else {
+                    return Ok(Vec::new());
+                };
+                block.insert_piece(usize::from(index), bytes)?;
+                let mut packets = block.packet_around(usize::from(index))?;
+                packets.extend(block.repair()?);
+                Ok(packets)
+            }
+            Datagram::Parity {
+                block,
+                data,
+                parity,
+                index,
+                bytes,
+            } => {
+                let Some(block) = self.block(now, block) else {
+                    return Ok(Vec::new());
+                };
+                block.insert_parity(usize::from(data), parity, index, bytes)?;
+                block.repair()
+            }
+            Datagram::Missing { .. } | Datagram::Copy(_) => Err("a datagram is for nodes"),
+        }
+    }
+
+    /// Takes a packet that was sent whole; it, if it is still missing.
+    pub(crate) fn receive_repair(&mut self, repair: Repair) -> Option<Vec<u8>> {
+        let block = self.blocks.get_mut(&repair.block)?;
+        let bit = 1u64.checked_shl(u32::from(repair.index))?;
+        let missing = block.delivered & bit == 0;
+        block.delivered |= bit;
+        // The others of the answer come as surely as this one.
+        block.asks = ASKS_MAX;
+        missing.then_some(repair.packet)
+    }
+
+    /// The next block of which pieces are missing for too long, if there is one; `round_trip` is
+    /// how long an answer takes.
+    pub(crate) fn poll_missing(
+        &mut self,
+        now: Duration,
+        round_trip: Duration,
+    ) -> Option<Datagram<'static>> {
+        let newest = self.next.saturating_sub(1);
+        let due = |(number, block): (&u64, &mut Block)| {
+            let asks = block.due(*number < newest, round_trip)? <= now;
+            asks.then(|| {
+                (block.asked, block.asks) = (Some(now), block.asks + 1);
+                Datagram::Missing {
+                    block: *number,
+                    held: block.held(),
+                }
+            })
+        };
+        self.blocks.iter_mut().find_map(due)
+    }
+
+    /// When [`Assembly::poll_missing`] wants to be called.
+    pub(crate) fn next_timeout(&self, round_trip: Duration) -> Option<Duration> {
+        let newest = self.next.saturating_sub(1);
+        let due = |(number, block): (&u64, &Block)| block.due(*number < newest, round_trip);
+        self.blocks.iter().filter_map(due).min()
+    }
+
+    /// A block that is not too old, and with it those before it of which nothing has come.
+    fn block(&mut self, now: Duration, number: u64) -> Option<&mut Block> {
+        let oldest = self.next.saturating_sub(BLOCKS_KEPT);
+        if number < oldest {
+            return None;
+        }
+        if number >= self.next {
+            let first = self.next.max((number + 1).saturating_sub(BLOCKS_KEPT));
+            for skipped in first..=number {
+                self.blocks.insert(skipped, Block::new(now));
+            }
+            self.next = number + 1;
+            self.blocks = self
+                .blocks
+                .split_off(&self.next.saturating_sub(BLOCKS_KEPT));
+        }
+        let block = self.blocks.get_mut(&number)?;
+        block.heard = now;
+        Some(block)
+    }
+}
+
+impl Block {
+    fn new(now: Duration) -> Self {
+        Self {
+            pieces: Vec::new(),
+            parities: Vec::new(),
+            count: None,
+            delivered: 0,
+            whole: false,
+            began: now,
+            heard: now,
+            asked: None,
+            asks: 0,
+        }
+    }
+
+    fn insert_piece(&mut self, index: usize, bytes: &[u8]) -> Result<(), &'static str> {
+        if self.count.is_some_and(|count| index >= count) {
+            return Err("a piece is outside of its block");
+        }
+        if bytes.len() <= WORD_BYTES {
+            return Err("a piece has no content");
+        }
+        if self.pieces.len() <= index {
+            self.pieces.resize(index + 1, None);
+        }
+        self.pieces[index].get_or_insert_with(|| bytes.to_vec());
+        Ok(())
+    }
+
+    fn insert_parity(
+        &mut self,
+        count: usize,
+        parities: u8,
+        index: u8,
+        bytes: &[u8],
+    ) -> Result<(), &'static str> {
+        let others = |known: usize| known != count || self.parities.len() != usize::from(parities);
+        if self.count.is_some_and(others) || self.pieces.len() > count {
+            return Err("parities of one block count it differently");
+        }
+        self.count = Some(count);
+        self.pieces.resize(count, None);
+        self.parities.resize(usize::from(parities), None);
+        self.parities[usize::from(index)].get_or_insert_with(|| bytes.to_vec());
+        Ok(())
+    }
+
+    /// Bit i: piece i is here.
+    fn held(&self) -> u64 {
+        let here = |(index, piece): (usize, &Option<Vec<u8>>)| u64::from(piece.is_some()) << index;
+        let pieces = self.pieces.iter().enumerate().map(here);
+        pieces.fold(0, |held, piece| held | piece)
+    }
+
+    /// When it is asked for; `None` if it is whole or has been asked for often enough.
+    fn due(&self, is_past: bool, round_trip: Duration) -> Option<Duration> {
+        if self.whole || self.asks >= ASKS_MAX {
+            return None;
+        }
+        Some(match self.asked {
+            Some(asked) => asked + round_trip + ANSWER_PATIENCE,
+            None if is_past => self.heard.max(self.began) + PAST_PATIENCE,
+            None => self.heard + LAST_PATIENCE,
+        })
+    }
+
+    /// Computes what is missing if there are parities enough; the packets that it makes whole.
+    fn repair(&mut self) -> Result<Vec<Vec<u8>>, &'static str> {
+        let Some(count) = self.count.filter(|_| !self.whole) else {
+            return Ok(Vec::new());
+        };
+        let here = self.pieces.iter().flatten().count();
+        if here + self.parities.iter().flatten().count() < count {
+            return Ok(Vec::new());
+        }
+        if here < count {
+            self.compute(count)?;
+        }
+        self.whole = true;
+        let mut packets = Vec::new();
+        for index in 0..count {
+            packets.extend(self.packet_at(index)?);
+        }
+        Ok(packets)
+    }
+
+    fn compute(&mut self, count: usize) -> Result<(), &'static str> {
+        let parities = self.parities.iter().enumerate();
+        let parities: Vec<(usize, &Vec<u8>)> = parities
+            .filter_map(|(index, parity)| Some((index, parity.as_ref()?)))
+            .collect();
+        let bytes = parities.first().map_or(0, |(_, parity)| parity.len());
+        let padded = |(index, piece): (usize, &Option<Vec<u8>>)| {
+            let mut piece = piece.clone()?;
+            piece.resize(bytes.max(piece.len()), 0);
+            Some((index, piece))
+        };
+        let pieces: Vec<_> = self.pieces.iter().enumerate().filter_map(padded).collect();
+        let computed = reed_solomon_simd::decode(count, self.parities.len(), pieces, parities)
+            .map_err(|_| "the lengths of pieces and parities differ")?;
+        for (index, piece) in computed {
+            self.pieces[index] = Some(piece);
+        }
+        Ok(())
+    }
+
+    /// The packet that has a part in piece `index`, if it is whole and has not been handed out.
+    fn packet_around(&mut self, index: usize) -> Result<Vec<Vec<u8>>, &'static str> {
+        let begins = |index: &usize| self.word(*index).is_none_or(|word| word & BEGINS != 0);
+        let Some(first) = (0..=index).rev().find(begins) else {
+            return Err("a block begins within a packet");
+        };
+        Ok(self.packet_at(first)?.into_iter().collect())
+    }
+
+    /// The packet that begins in piece `first`; `None` if none does, it is not whole, or it has
+    /// been handed out.
+    fn packet_at(&mut self, first: usize) -> Result<Option<Vec<u8>>, &'static str> {
+        let Some(word) = self.word(first).filter(|word| word & BEGINS != 0) else {
+            return Ok(None);
+        };
+        if self.delivered & (1 << first) != 0 {
+            return Ok(None);
+        }
+        let length = (word & !BEGINS) as usize;
+        if length > DATA_MAX * PACKET_PIECE_BYTES_MAX {
+            return Err("a packet is longer than a block");
+        }
+        let mut packet = Vec::with_capacity(length);
+        for index in first.. {
+            let left = length - packet.len();
+            if left == 0 {
+                break;
+            }
+            let Some(Some(piece)) = self.pieces.get(index) else {
+                return Ok(None);
+            };
+            if index > first && self.word(index) != Some(left as u32) {
+                return Err("a packet's pieces do not follow each other");
+            }
+            let part = &piece[WORD_BYTES..];
+            packet.extend_from_slice(&part[..part.len().min(left)]);
+        }
+        if packet.is_empty() {
+            return Err("a packet is empty");
+        }
+        self.delivered |= 1 << first;
+        Ok(Some(packet))
+    }
+
+    fn word(&self, index: usize) -> Option<u32> {
+        let word = self.pieces.get(index)?.as_ref()?.first_chunk()?;
+        Some(u32::from_le_bytes(*word))
+    }
+}
+
+/// Half a second of three blocks a frame: far beyond any deadline. 24 MB at most.
+const BLOCKS_KEPT: u64 = 96;
+const PACKET_PIECE_BYTES_MAX: usize = 1500;
+/// Pieces that others overtook may still come.
+const PAST_PATIENCE: Duration = Duration::from_millis(4);
+/// Of the newest block the parities may still come: a block is open for 3 ms, and jitter.
+const LAST_PATIENCE: Duration = Duration::from_millis(8);
+/// An answer may be longer under way than the round trip.
+const ANSWER_PATIENCE: Duration = Duration::from_millis(10);
+/// The second time is for a question that was lost itself; after that the deadline is over.
+const ASKS_MAX: u32 = 3;
+
+#[cfg(test)]
+mod tests {
+    use super::super::blocks::Blocks;
+    use super::super::loss::LossMeter;
+    use super::super::path::{Path, PathConfig};
+    use super::*;
+    use crate::sim::random::Random;
+
+    const MS: Duration = Duration::from_millis(1);
+    const DATAGRAM_BYTES: usize = 1400;
+
+    /// A sender and a receiver with a path each way between them.
+    struct Pair {
+        blocks: Blocks,
+        assembly: Assembly,
+        losses: LossMeter,
+        there: Path,
+        back: Path,
+        /// When, and what; answers whole.
+        flying: Vec<(Duration, Vec<u8>)>,
+        asked: Vec<(Duration, Vec<u8>)>,
+        repairs: Vec<(Duration, Repair)>,
+        sent: (u64, u64),
+        repeated: f64,
+        random: Random,
+        came: Vec<(Duration, Vec<u8>)>,
+    }
+
+    impl Pair {
+        fn new(config: PathConfig, repeated: f64) -> Self {
+            Self {
+                blocks: Blocks::default(),
+                assembly: Assembly::default(),
+                losses: LossMeter::new(),
+                there: Path::new(config, 3),
+                back: Path::new(config, 4),
+                flying: Vec::new(),
+                asked: Vec::new(),
+                repairs: Vec::new(),
+                sent: (0, 0),
+                repeated,
+                random: Random::new(5),
+                came: Vec::new(),
+            }
+        }
+
+        fn send(&mut self, now: Duration, datagrams: Vec<Vec<u8>>) {
+            for datagram in datagrams {
+                assert!(datagram.len() <= DATAGRAM_BYTES);
+                self.sent.0 += 1;
+                match self.there.send(now, datagram.len()) {
+                    Some(at) => {
+                        if self.random.uniform() < self.repeated {
+                            self.flying.push((at + 7 * MS, datagram.clone()));
+                        }
+                        self.flying.push((at, datagram));
+                    }
+                    None => self.sent.1 += 1,
+                }
+            }
+        }
+
+        fn step(&mut self, now: Duration, round_trip: Duration) {
+            if self.blocks.due().is_some_and(|due| due <= now) {
+                let parities = self.blocks.close(&mut self.losses);
+                self.send(now, parities);
+                self.losses.observe(self.sent.0, self.sent.1);
+            }
+            let mut arrived: Vec<_> = self.flying.extract_if(.., |(at, _)| *at <= now).collect();
+            arrived.sort_by_key(|(at, _)| *at);
+            for (at, bytes) in arrived {
+                let datagram = Datagram::parse(&bytes).unwrap();
+                let packets = self.assembly.receive(at, datagram).unwrap();
+                self.came
+                    .extend(packets.into_iter().map(|packet| (at, packet)));
+            }
+            while let Some(missing) = self.assembly.poll_missing(now, round_trip) {
+                let at = self.back.send(now, 17);
+                self.asked.extend(at.map(|at| (at, missing.to_bytes())));
+            }
+            for (at, bytes) in self.asked.extract_if(.., |(at, _)| *at <= now) {
+                let Some(Datagram::Missing { block, held }) = Datagram::parse(&bytes) else {
+                    panic!("a question was not understood");
+                };
+                let answers = self.blocks.repair(block, held).into_iter();
+                self.losses.on_unrepaired();
+                let answers = answers.map(|repair| (at + round_trip / 2, repair));
+                self.repairs.extend(answers);
+            }
+            for (at, repair) in self.repairs.extract_if(.., |(at, _)| *at <= now) {
+                let packet = self.assembly.receive_repair(repair);
+                self.came.extend(packet.map(|packet| (at, packet)));
+            }
+        }
+    }
+
+    /// Sixteen packets of 4 kB over 8 ms of each frame, each numbered: how late each came, sorted.
+    fn play(config: PathConfig, repeated: f64, frames: u32) -> (Vec<Duration>, Pair) {
+        let mut pair = Pair::new(config, repeated);
+        let round_trip = 2 * config.delay + MS;
+        let mut sent = Vec::new();
+        let half_ms = Duration::from_micros(500);
+        for tick in 0..frames * 33 + 600 {
+            let now = tick * half_ms;
+            if tick < frames * 33 && tick % 33 < 16 {
+                let mut packet = vec![tick as u8; 4056 - 700 * (tick as usize % 4)];
+                packet[..4].copy_from_slice(&(sent.len() as u32).to_le_bytes());
+                sent.push((now, packet.clone()));
+                let losses = &mut pair.losses;
+                let datagrams = pair.blocks.push(now, packet, DATAGRAM_BYTES, losses);
+                pair.send(now, datagrams.unwrap());
+            }
+            pair.step(now, round_trip);
+        }
+        let mut late = vec![None; sent.len()];
+        for (at, packet) in &pair.came {
+            let number = u32::from_le_bytes(*packet.first_chunk().unwrap()) as usize;
+            assert_eq!(*packet, sent[number].1, "packet {number} has changed");
+            assert_eq!(late[number], None, "packet {number} came twice");
+            late[number] = Some(*at - sent[number].0);
+        }
+        let mut late: Vec<Duration> = late.into_iter().map(|at| at.unwrap_or(9999 * MS)).collect();
+        late.sort_unstable();
+        (late, pair)
+    }
+
+    fn long(loss: f64, burst: f64) -> PathConfig {
+        PathConfig {
+            delay: 23 * MS,
+            jitter: Duration::from_micros(200),
+            loss,
+            burst,
+            ..PathConfig::default()
+        }
+    }
+
+    fn quantile(late: &[Duration], share: f64) -> Duration {
+        late[((late.len() - 1) as f64 * share) as usize]
+    }
+
+    #[test]
+    fn one_packet_in_a_hundred_lost_delays_no_tile_by_a_round_trip() {
+        let (late, pair) = play(long(0.01, 1.0), 0.0, 300);
+        assert!(
+            quantile(&late, 0.99) < 29 * MS,
+            "{:?}",
+            quantile(&late, 0.99)
+        );
+        assert!(quantile(&late, 0.9995) < 90 * MS);
+        assert!(late.last().unwrap() < &(200 * MS), "{:?}", late.last());
+        let packets: usize = pair.came.iter().map(|(_, packet)| packet.len()).sum();
+        let overhead = pair.sent.0 as f64 * DATAGRAM_BYTES as f64 / packets as f64;
+        assert!(overhead < 1.5, "{overhead}");
+    }
+
+    #[test]
+    fn bursts_reordering_and_repeats_lose_nothing_and_change_nothing() {
+        for (loss, burst, reorder, repeated) in [
+            (0.01, 4.0, 0.0, 0.0),
+            (0.02, 6.0, 0.0, 0.0),
+            (0.0, 1.0, 0.3, 0.3),
+            (0.05, 2.0, 0.2, 0.2),
+        ] {
+            let config = PathConfig {
+                reorder,
+                ..long(loss, burst)
+            };
+            let (late, _) = play(config, repeated, 80);
+            let missing = late.iter().filter(|late| **late > 100 * MS).count();
+            let share = missing as f64 / late.len() as f64;
+            assert!(
+                share < 0.005,
+                "{share} missing at {loss}, {burst}, {reorder}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_path_that_loses_nothing_is_never_asked_twice() {
+        let (late, pair) = play(long(0.0, 1.0), 0.0, 100);
+        assert!(late.last().unwrap() < &(30 * MS));
+        assert!(pair.blocks.due().is_none() && pair.assembly.blocks.values().all(|b| b.asks == 0));
+    }
+
+    #[test]
+    fn any_datagrams_are_met_by_a_packet_or_a_reason() {
+        let mut random = Random::new(1);
+        for _ in 0..2000 {
+            let mut assembly = Assembly::default();
+            for _ in 0..20 {
+                let bytes: Vec<u8> = (0..2 + random.below(12))
+                    .map(|_| random.word() as u8)
+                    .collect();
+                let block = random.below(3);
+                let index = random.below(4) as u8;
+                let datagram = match random.below(2) {
+                    0 => Datagram::Data {
+                        block,
+                        index,
+                        bytes: &bytes,
+                    },
+                    _ => Datagram::Parity {
+                        block,
+                        data: 1 + random.below(4) as u8,
+                        parity: 4,
+                        index,
+                        bytes: &bytes,
+                    },
+                };
+                let written = datagram.to_bytes();
+                if let Some(datagram) = Datagram::parse(&written)
+                    && assembly.receive(MS, datagram).is_err()
+                {
+                    break;
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_leap_of_block_numbers_costs_no_memory() {
+        let mut assembly = Assembly::default();
+        for block in [0, u64::MAX - 1, 5, u64::MAX - 3] {
+            let datagram = Datagram::Data {
+                block,
+                index: 0,
+                bytes: &[8, 0, 0, 0x80, 1, 2],
+            };
+            assert_eq!(assembly.receive(MS, datagram), Ok(Vec::new()));
+            assert!(assembly.blocks.len() <= BLOCKS_KEPT as usize);
+        }
+    }
+}
