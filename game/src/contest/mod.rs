@@ -343,7 +343,7 @@ impl Match {
                 other => other,
             };
         }
-        match World::with_laws(world.table().clone(), world.laws().clone(), balls) {
+        match World::with_laws(world.table().clone(), *world.laws(), balls) {
             Ok(mut swapped) => {
                 swapped.set_engine(world.engine());
                 self.now.world = swapped;

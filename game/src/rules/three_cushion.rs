@@ -112,11 +112,7 @@ fn cushions_before_second(report: &Report) -> Option<usize> {
             | Happening::Contact {
                 one: ball,
                 other: 0,
-            } => {
-                if *first.get_or_insert(ball) != ball {
-                    return Some(cushions);
-                }
-            }
+            } if *first.get_or_insert(ball) != ball => return Some(cushions),
             _ => {}
         }
     }
