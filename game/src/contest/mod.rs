@@ -73,6 +73,8 @@ pub struct Match {
 #[derive(Clone, Debug)]
 struct Moment {
     world: World,
+    /// Whether ball 0 is the one that was 1 at the start.
+    swapped: bool,
     referee: Referee,
     call: Option<Call>,
     log: Vec<String>,
@@ -124,6 +126,7 @@ impl Match {
             players: setup.players,
             now: Moment {
                 world,
+                swapped: false,
                 referee,
                 call: None,
                 log: Vec::new(),
@@ -310,6 +313,13 @@ impl Match {
                 Err(error) => self.now.log.push(error),
             }
         }
+        self.put(verdict);
+        if verdict.swaps_cue_balls {
+            self.swap_cue_balls();
+        }
+    }
+
+    fn put(&mut self, verdict: &Verdict) {
         // A ball may be put where another is about to leave.
         let mut left: Vec<Placed> = verdict.moves.clone();
         for _ in 0..=verdict.moves.len() {
@@ -319,6 +329,27 @@ impl Match {
         for p in left {
             let name = self.now.referee.rules().ball_name(p.ball);
             self.now.log.push(format!("There is no room for {name}"));
+        }
+    }
+
+    /// In carom the cue ball of the player at the table is 0.
+    fn swap_cue_balls(&mut self) {
+        let world = &self.now.world;
+        let mut balls = world.balls();
+        for ball in &mut balls {
+            ball.number = match ball.number {
+                0 => 1,
+                1 => 0,
+                other => other,
+            };
+        }
+        match World::with_laws(world.table().clone(), *world.laws(), balls) {
+            Ok(mut swapped) => {
+                swapped.set_engine(world.engine());
+                self.now.world = swapped;
+                self.now.swapped = !self.now.swapped;
+            }
+            Err(error) => self.now.log.push(error.to_string()),
         }
     }
 

@@ -26,6 +26,8 @@ pub struct View {
     pub call: Option<CallView>,
     /// Whether ball and pocket are to be called.
     pub wants_call: bool,
+    /// Whether the shot may be called a push-out.
+    pub may_push_out: bool,
     /// What the player may decide before the shot; nothing, usually. The first is what a stroke
     /// means without a choice.
     pub options: Vec<OptionView>,
@@ -102,6 +104,7 @@ impl Match {
                 words: self.call_words(call),
             }),
             wants_call: referee.wants_call(),
+            may_push_out: referee.may_push_out(),
             options: referee.options().iter().map(option).collect(),
             hand: referee.hand(),
             on: referee.on(&lie),

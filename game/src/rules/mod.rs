@@ -20,12 +20,16 @@ mod eight;
 mod foul;
 mod free;
 mod ground;
+mod nine;
 mod rack;
 mod referee;
 mod report;
 #[cfg(test)]
 mod scene;
 mod sheet;
+mod snooker;
+mod straight;
+mod three_cushion;
 mod verdict;
 
 pub use call::{Call, infer};

@@ -45,6 +45,31 @@ pub fn rack(rules: RuleSet, ground: &Ground, seed: u32) -> Lie {
     lie
 }
 
+/// Straight pool's fourteen balls with the apex left open (WPA 4.4): those of `balls` at the other
+/// places.
+pub(crate) fn fourteen(ground: &Ground, balls: &[u8], seed: u32) -> Lie {
+    let mut dice = Dice::new(seed, RACK);
+    let mut order: Vec<u8> = balls.to_vec();
+    dice.shuffle(&mut order);
+    order.insert(0, 0);
+    let whole = triangle(ground, ground.foot_spot(), &TRIANGLE, &order, &mut dice);
+    whole.into_iter().skip(1).collect()
+}
+
+/// Whether a ball that lies there is in the way of a rack of fifteen: within the triangle, or
+/// touching a ball of it.
+pub(crate) fn is_in_rack(ground: &Ground, at: DVec2, radius_m: f64) -> bool {
+    let pitch = 2.0 * ground.radius_m + GAP_M;
+    let depth = 4.0 * pitch * ROW;
+    let along = at.x - ground.foot_spot().x;
+    let across = at.y.abs();
+    // The triangle through the centres of the corner balls, grown by a ball and the one in question.
+    let grown = radius_m + ground.radius_m;
+    let slope = 0.5 / ROW;
+    let side = (across - along * slope) / (1.0 + slope * slope).sqrt();
+    (-grown..=depth + grown).contains(&along) && side < grown
+}
+
 fn snooker(ground: &Ground, dice: &mut Dice) -> Lie {
     let pink = own_spot(RuleSet::Snooker, ground, 20);
     let apex = pink + DVec2::new(2.0 * ground.radius_m + GAP_M, 0.0);

@@ -8,8 +8,12 @@ use super::{
     eight::{Eight, Group},
     foul::Foul,
     ground::{Area, Ground, Lie, Placed},
+    nine::Nine,
     report::Report,
     sheet::{Calls, RuleSet, Sheet},
+    snooker::Snooker,
+    straight::Straight,
+    three_cushion::{carom_spot, touching},
     verdict::{Choice, Verdict},
 };
 
@@ -36,13 +40,21 @@ pub struct Referee {
 pub(crate) enum Game {
     Free,
     Eight(Eight),
+    Nine(Nine),
+    Straight(Straight),
+    Snooker(Snooker),
+    ThreeCushion,
 }
 
 impl Game {
     fn new(rules: RuleSet) -> Self {
         match rules {
+            RuleSet::Free => Self::Free,
             RuleSet::Eight => Self::Eight(Eight::default()),
-            _ => Self::Free,
+            RuleSet::Nine => Self::Nine(Nine::default()),
+            RuleSet::Straight => Self::Straight(Straight::default()),
+            RuleSet::Snooker => Self::Snooker(Snooker::default()),
+            RuleSet::ThreeCushion => Self::ThreeCushion,
         }
     }
 }
@@ -174,16 +186,20 @@ impl Referee {
     pub fn group(&self, player: usize) -> Option<Group> {
         match self.game {
             Game::Eight(eight) => eight.group(player),
-            Game::Free => None,
+            _ => None,
         }
     }
 
     /// The balls that the cue ball may hit first.
     pub fn on(&self, lie: &Lie) -> Vec<u8> {
         match self.game {
-            Game::Eight(_) if self.is_break => object_balls(lie),
-            Game::Eight(eight) => eight.on(lie, self.turn),
-            Game::Free => object_balls(lie),
+            Game::Eight(eight) if !self.is_break => eight.on(lie, self.turn),
+            Game::Nine(_) => Nine::on(lie),
+            Game::Snooker(snooker) => snooker.on(lie),
+            Game::ThreeCushion if self.is_break => vec![2],
+            Game::Free | Game::Eight(_) | Game::Straight(_) | Game::ThreeCushion => {
+                object_balls(lie)
+            }
         }
     }
 
@@ -191,6 +207,12 @@ impl Referee {
     pub fn on_words(&self, lie: &Lie) -> String {
         match self.game {
             Game::Eight(eight) if !self.is_break => eight.on_words(lie, self.turn),
+            Game::Nine(_) => match Nine::on(lie).first() {
+                Some(&ball) => self.rules.ball_name(ball),
+                None => "any ball".to_owned(),
+            },
+            Game::Snooker(snooker) => snooker.on_words(lie),
+            Game::ThreeCushion if self.is_break => "the red".to_owned(),
             _ => "any ball".to_owned(),
         }
     }
@@ -201,11 +223,32 @@ impl Referee {
         if let Some(group) = self.group(player) {
             words.push(format!("{} {}", group.glyph(), group.words()));
         }
+        if let Game::Snooker(snooker) = self.game {
+            words.push(format!("{} points", snooker.points[player]));
+        }
+        if let (Some(run), true) = (self.run(), player == self.turn) {
+            words.push(format!("break {run}"));
+        }
         let fouls = self.fouls_in_row[player];
         if self.sheet().fouls_in_row.is_some() && fouls > 0 {
             words.push(format!("fouls in a row: {fouls}"));
         }
         words.join(", ")
+    }
+
+    /// Balls or points that the player at the table has made without a miss, where they count.
+    pub fn run(&self) -> Option<u32> {
+        match self.game {
+            Game::Straight(straight) => Some(straight.run),
+            Game::Snooker(snooker) => Some(snooker.run.max(0) as u32),
+            _ => None,
+        }
+        .filter(|&run| run > 0)
+    }
+
+    /// Whether the next shot may be a push-out.
+    pub fn may_push_out(&self) -> bool {
+        matches!(self.game, Game::Nine(Nine { may_push: true }))
     }
 
     /// Whether a call is asked for before the next shot.
@@ -229,6 +272,10 @@ impl Referee {
         match self.game {
             Game::Free => self.judge_free(&shot, &mut verdict),
             Game::Eight(eight) => self.judge_eight(eight, &shot, &mut verdict),
+            Game::Nine(nine) => self.judge_nine(nine, &shot, &mut verdict),
+            Game::Straight(straight) => self.judge_straight(straight, &shot, &mut verdict),
+            Game::Snooker(snooker) => self.judge_snooker(snooker, &shot, &mut verdict),
+            Game::ThreeCushion => self.judge_three_cushion(&shot, &mut verdict),
         }
         self.put_cue_ball(ground, &report.after, &mut verdict);
         verdict
@@ -255,14 +302,19 @@ impl Referee {
         verdict.say(choice.words());
         match choice {
             Choice::Accept => {}
-            Choice::Return => self.pass(),
+            Choice::Return => {
+                if let Game::Snooker(snooker) = &mut self.game {
+                    snooker.free_ball = false;
+                }
+                self.pass();
+            }
             Choice::TakeInHand => self.take_in_hand(Area::Kitchen),
             Choice::Rerack => self.rack_again(&mut verdict),
             Choice::RerackReturn => {
                 self.pass();
                 self.rack_again(&mut verdict);
             }
-            Choice::SpotBalls => {}
+            Choice::SpotBalls => set_up_touching(ground, lie, &mut verdict),
         }
         self.put_cue_ball(ground, lie, &mut verdict);
         Ok(verdict)
@@ -324,6 +376,39 @@ impl Referee {
         self.breaker = (self.breaker + 1) % self.scores.len();
         self.turn = self.breaker;
         self.rack_again(verdict);
+    }
+
+    /// Counts a foul in a row, or the end of them. Whether it was one too many.
+    pub(crate) fn count_foul(&mut self, is_foul: bool, verdict: &mut Verdict) -> bool {
+        let count = &mut self.fouls_in_row[self.turn];
+        *count = if is_foul { *count + 1 } else { 0 };
+        let Some(most) = self.rules.sheet().fouls_in_row else {
+            return false;
+        };
+        if *count + 1 == most {
+            verdict.say(format!("{count} fouls in a row: one more is punished"));
+        }
+        let punished = *count >= most;
+        if punished {
+            *count = 0;
+            verdict.say(format!("{most} fouls in a row"));
+        }
+        punished
+    }
+
+    /// A break that potted nothing and drove too few balls to cushions.
+    pub(crate) fn weak_break(&self, shot: &Shot<'_>) -> Option<Foul> {
+        let (driven, needed) = (shot.report.balls_to_rails(), self.sheet().break_rails);
+        (driven < needed).then_some(Foul::WeakBreak { driven, needed })
+    }
+
+    /// Points of a game that is played for points.
+    pub(crate) fn add_points(&mut self, player: usize, points: i32, verdict: &mut Verdict) {
+        self.scores[player] += points;
+        if self.scores[player] >= self.target as i32 {
+            self.winner = Some(player);
+            verdict.say(format!("{} points", self.scores[player]));
+        }
     }
 
     /// Puts an object ball back.
@@ -416,6 +501,23 @@ pub(crate) fn with_moves(lie: &[Placed], moves: &[Placed]) -> Lie {
     let mut lie: Lie = lie.iter().filter(stays).copied().collect();
     lie.extend(moves);
     lie
+}
+
+/// Balls that touch the cue ball, and it, go to their spots.
+fn set_up_touching(ground: &Ground, lie: &Lie, verdict: &mut Verdict) {
+    let mut balls = touching(ground, lie, 0);
+    balls.push(0);
+    let stays = |p: &&Placed| !balls.contains(&p.ball);
+    let mut lie: Lie = lie.iter().filter(stays).copied().collect();
+    for ball in balls {
+        let spot = carom_spot(ground, &lie, ball);
+        let placed = Placed {
+            ball,
+            at: ground.spotted(&lie, spot),
+        };
+        lie.push(placed);
+        verdict.moves.push(placed);
+    }
 }
 
 fn object_balls(lie: &Lie) -> Vec<u8> {

@@ -19,6 +19,9 @@ pub struct Verdict {
     pub points: i32,
     /// The object balls that were potted as the rules want it.
     pub pots: Vec<u8>,
+    /// Whether the cue balls change places, 0 and 1: in carom each player has one, and that of the
+    /// player at the table is 0.
+    pub swaps_cue_balls: bool,
     /// Whether the same player goes on.
     pub goes_on: bool,
 }

@@ -1,0 +1,694 @@
+//! Snooker (WPBSA section 3). Balls 1 to 15 are the reds, 16 to 21 yellow, green, brown, blue, pink and
+//! black, worth 2 to 7.
+//!
+//! Left out: the "miss" (14), which is a referee's opinion of how well a player tried.
+
+use glam::DVec2;
+use serde::{Deserialize, Serialize};
+
+use super::{
+    call::Call,
+    foul::Foul,
+    ground::{Area, Ground, Lie, Placed, own_spot},
+    referee::{Game, Referee, Shot, with_moves},
+    sheet::RuleSet,
+    verdict::{Choice, Verdict},
+};
+
+/// What snooker remembers of a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Snooker {
+    /// Whether a colour is on, after a red.
+    on_colour: bool,
+    /// Whether any ball may be nominated in place of the ball on (12).
+    pub(crate) free_ball: bool,
+    /// Points of both players in this frame.
+    pub(crate) points: [i32; 2],
+    /// Points of the break that is on.
+    pub(crate) run: i32,
+    /// Whether the black was spotted again after a tie.
+    pub(crate) tied: bool,
+}
+
+/// What is on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum On {
+    Red,
+    /// Any colour, the player's to nominate.
+    Colour,
+    /// This one, in the order of the end.
+    Last(u8),
+}
+
+impl On {
+    fn includes(self, ball: u8) -> bool {
+        match self {
+            Self::Red => is_red(ball),
+            Self::Colour => is_colour(ball),
+            Self::Last(colour) => ball == colour,
+        }
+    }
+
+    fn value(self) -> i32 {
+        match self {
+            Self::Red => 1,
+            Self::Colour => 7,
+            Self::Last(colour) => value(colour),
+        }
+    }
+}
+
+impl Snooker {
+    fn ball_on(self, lie: &Lie) -> On {
+        let lies = |wanted: fn(u8) -> bool| lie.iter().map(|p| p.ball).filter(|&b| wanted(b)).min();
+        if self.on_colour {
+            return On::Colour;
+        }
+        match lies(is_red) {
+            Some(_) => On::Red,
+            None => On::Last(lies(is_colour).unwrap_or(BLACK)),
+        }
+    }
+
+    /// The balls that may be hit first.
+    pub(crate) fn on(self, lie: &Lie) -> Vec<u8> {
+        let on = self.ball_on(lie);
+        let balls = lie.iter().map(|p| p.ball).filter(|&ball| ball != 0);
+        balls
+            .filter(|&ball| self.free_ball || on.includes(ball))
+            .collect()
+    }
+
+    /// What is on, in words.
+    pub(crate) fn on_words(self, lie: &Lie) -> String {
+        let on = match self.ball_on(lie) {
+            On::Red => "a red".to_owned(),
+            On::Colour => "a colour".to_owned(),
+            On::Last(colour) => RuleSet::Snooker.ball_name(colour),
+        };
+        if self.free_ball {
+            format!("{on}, with a free ball")
+        } else {
+            on
+        }
+    }
+}
+
+/// What a stroke has to hit, and what it is worth.
+#[derive(Clone, Copy, Debug)]
+struct Aim {
+    on: On,
+    /// The colour that was nominated, or taken as nominated because it was hit; the free ball.
+    nominated: Option<u8>,
+    is_free: bool,
+}
+
+impl Aim {
+    /// What is not nominated in words is taken from what is hit: the call never blocks the cue.
+    fn of(snooker: Snooker, shot: &Shot<'_>) -> Self {
+        let on = snooker.ball_on(&shot.report.before);
+        let said = match shot.call {
+            Some(Call::Pot { ball, .. }) => Some(ball),
+            _ => shot.report.first_hit(),
+        };
+        let is_free = snooker.free_ball && said.is_some_and(|ball| !on.includes(ball));
+        let nominated = said.filter(|&ball| is_free || on == On::Colour && is_colour(ball));
+        Self {
+            on,
+            nominated,
+            is_free,
+        }
+    }
+
+    fn allows(self, ball: u8) -> bool {
+        match self.nominated {
+            Some(nominated) if self.on == On::Colour || self.is_free => ball == nominated,
+            _ => self.on.includes(ball),
+        }
+    }
+
+    /// Points for potting a ball; none if it is not on. With a free ball the ball on counts too.
+    fn points(self, ball: u8) -> Option<i32> {
+        if self.is_free && Some(ball) == self.nominated {
+            return Some(self.on.value());
+        }
+        let counts = self.allows(ball) || self.is_free && self.on.includes(ball);
+        counts.then(|| value(ball))
+    }
+
+    /// Points of a stroke without a foul: with a free ball in place of a colour the two are one (12).
+    fn score(self, potted: &[u8]) -> i32 {
+        let points = || potted.iter().filter_map(|&ball| self.points(ball));
+        match self.on {
+            On::Last(_) => points().max().unwrap_or(0),
+            On::Red | On::Colour => points().sum(),
+        }
+    }
+
+    /// Of the ball that is on, for a foul: the highest, for a colour that was not nominated.
+    fn value(self) -> i32 {
+        match self.nominated {
+            Some(colour) if !self.is_free => value(colour),
+            _ => self.on.value(),
+        }
+    }
+
+    fn words(self) -> String {
+        match (self.on, self.nominated) {
+            (On::Colour | On::Red | On::Last(_), Some(ball)) => RuleSet::Snooker.ball_name(ball),
+            (On::Last(ball), None) => RuleSet::Snooker.ball_name(ball),
+            (On::Red, None) => "a red".to_owned(),
+            (On::Colour, None) => "a colour".to_owned(),
+        }
+    }
+}
+
+impl Referee {
+    pub(crate) fn judge_snooker(
+        &mut self,
+        mut snooker: Snooker,
+        shot: &Shot<'_>,
+        verdict: &mut Verdict,
+    ) {
+        let aim = Aim::of(snooker, shot);
+        let player = self.turn();
+        verdict.fouls = self.snooker_fouls(snooker, aim, shot);
+        self.say_fouls(verdict);
+        self.end_break();
+        if verdict.is_foul() {
+            verdict.points = -penalty(aim, &verdict.fouls);
+            snooker.points[1 - player] -= verdict.points;
+            snooker.run = 0;
+            verdict.say(format!("{} points to the other player", -verdict.points));
+        } else {
+            verdict.points = aim.score(&shot.report.potted());
+            verdict.pots = shot.report.potted();
+            verdict.goes_on = verdict.points > 0;
+            snooker.points[player] += verdict.points;
+            snooker.run = if verdict.goes_on {
+                snooker.run + verdict.points
+            } else {
+                0
+            };
+            if verdict.goes_on {
+                verdict.say(format!(
+                    "{} points, a break of {}",
+                    verdict.points, snooker.run
+                ));
+            }
+        }
+        self.put_colours_back(snooker, aim, shot, verdict);
+        let lie = with_moves(&shot.report.after, &verdict.moves);
+        snooker.on_colour = verdict.goes_on && aim.on == On::Red;
+        snooker.free_ball = false;
+        if self.ends_frame(snooker, shot.ground, &lie, verdict) {
+            return;
+        }
+        if !verdict.goes_on {
+            self.pass();
+        }
+        if shot.report.lost_cue_ball() {
+            self.take_in_hand(Area::D);
+        }
+        if verdict.is_foul() {
+            self.after_foul(&mut snooker, shot.ground, &lie, verdict);
+        }
+        self.set_game(Game::Snooker(snooker));
+    }
+
+    fn snooker_fouls(&self, snooker: Snooker, aim: Aim, shot: &Shot<'_>) -> Vec<Foul> {
+        let report = shot.report;
+        let mut fouls = Vec::new();
+        if report.scratch().is_some() {
+            fouls.push(Foul::Scratch);
+        }
+        fouls.extend(report.off_table().map(|ball| match ball {
+            0 => Foul::CueBallOff,
+            ball => Foul::BallOff { ball },
+        }));
+        // Playing away from a touching ball that is on counts as hitting it (8).
+        let touches_on = report.frozen.iter().any(|&ball| aim.allows(ball));
+        match report.first_hit() {
+            None if !touches_on => fouls.push(Foul::NoBallHit),
+            Some(hit) if !aim.allows(hit) && !touches_on => fouls.push(Foul::WrongBall {
+                hit,
+                on: aim.words(),
+            }),
+            _ => {}
+        }
+        if let Some(ball) = report
+            .first_hit()
+            .filter(|ball| report.frozen.contains(ball))
+        {
+            fouls.push(Foul::PushStroke { ball });
+        }
+        let wrong = report
+            .potted()
+            .into_iter()
+            .filter(|&ball| aim.points(ball).is_none());
+        fouls.extend(wrong.map(|ball| Foul::WrongPot { ball }));
+        fouls.extend(report.jumped.map(|ball| Foul::Jump { ball }));
+        fouls.extend(report.double_hit.map(|ball| Foul::DoubleHit { ball }));
+        fouls.extend(self.free_ball_snooker(snooker, aim, shot));
+        fouls
+    }
+
+    /// The free ball must not hide the ball on, unless only pink and black are left (12).
+    fn free_ball_snooker(&self, snooker: Snooker, aim: Aim, shot: &Shot<'_>) -> Option<Foul> {
+        let ball = aim.nominated.filter(|_| aim.is_free)?;
+        let after = &shot.report.after;
+        let potted = !shot.report.potted().is_empty();
+        let few = after.iter().filter(|p| p.ball != 0).count() <= 2;
+        if potted || few {
+            return None;
+        }
+        let on = Snooker {
+            free_ball: false,
+            ..snooker
+        }
+        .on(after);
+        let cue_ball = after.iter().find(|p| p.ball == 0)?.at;
+        let without: Lie = after.iter().filter(|p| p.ball != ball).copied().collect();
+        let hides = is_snookered(shot.ground, after, cue_ball, &on)
+            && !is_snookered(shot.ground, &without, cue_ball, &on);
+        hides.then_some(Foul::FreeBallSnooker { ball })
+    }
+
+    /// Colours come back, except those that are legally potted in the order of the end (7).
+    fn put_colours_back(&self, snooker: Snooker, aim: Aim, shot: &Shot<'_>, verdict: &mut Verdict) {
+        let report = shot.report;
+        let stays_down = |ball: u8| aim.on == On::Last(ball) && !verdict.is_foul();
+        let mut back: Vec<u8> = report
+            .potted()
+            .into_iter()
+            .chain(report.off_table())
+            .collect();
+        back.retain(|&ball| is_colour(ball) && !stays_down(ball));
+        // On a foul at the re-spotted black the frame is over: nothing comes back.
+        if snooker.tied {
+            back.clear();
+        }
+        back.sort_unstable_by(|a, b| b.cmp(a));
+        for ball in back {
+            let lie = with_moves(&report.after, &verdict.moves);
+            let spot = free_spot(shot.ground, &lie, ball);
+            self.spot(shot, verdict, ball, spot);
+        }
+    }
+
+    /// With only the black left, the first score or foul ends the frame, and a tie spots the black
+    /// again (4).
+    fn ends_frame(
+        &mut self,
+        snooker: Snooker,
+        ground: &Ground,
+        lie: &Lie,
+        verdict: &mut Verdict,
+    ) -> bool {
+        let colours: Vec<u8> = lie
+            .iter()
+            .map(|p| p.ball)
+            .filter(|&ball| ball != 0)
+            .collect();
+        let black_shot = colours.is_empty() || colours == [BLACK] && verdict.is_foul();
+        if !black_shot || verdict.points == 0 {
+            return false;
+        }
+        let [first, second] = snooker.points;
+        if first == second {
+            self.tie(snooker, ground, verdict);
+            return true;
+        }
+        let winner = usize::from(second > first);
+        verdict.say(format!("Frame over, {first} to {second}"));
+        verdict.moves.clear();
+        self.win_rack(winner, verdict);
+        true
+    }
+
+    fn tie(&mut self, snooker: Snooker, ground: &Ground, verdict: &mut Verdict) {
+        verdict.say("A tie: the black is spotted again, and the next score or foul decides");
+        // The referee draws lots for who plays first: the seed stands for them.
+        if self.seed().is_multiple_of(2) {
+            self.pass();
+        }
+        verdict.goes_on = false;
+        self.set_game(Game::Snooker(Snooker {
+            on_colour: false,
+            run: 0,
+            tied: true,
+            ..snooker
+        }));
+        self.take_in_hand(Area::D);
+        verdict.moves = vec![Placed {
+            ball: BLACK,
+            at: own_spot(RuleSet::Snooker, ground, BLACK),
+        }];
+        let at = ground.place_in_hand(&verdict.moves, Area::D);
+        verdict.moves.push(Placed { ball: 0, at });
+    }
+
+    fn after_foul(
+        &mut self,
+        snooker: &mut Snooker,
+        ground: &Ground,
+        lie: &Lie,
+        verdict: &mut Verdict,
+    ) {
+        let on = snooker.on(lie);
+        let cue_ball = lie.iter().find(|p| p.ball == 0).map(|p| p.at);
+        let snookered = match cue_ball {
+            Some(at) => is_snookered(ground, lie, at, &on),
+            None => places_in_d(ground, lie).all(|at| is_snookered(ground, lie, at, &on)),
+        };
+        if snookered {
+            snooker.free_ball = true;
+            verdict.say("Free ball");
+        }
+        self.offer(&[Choice::Accept, Choice::Return]);
+    }
+}
+
+/// Whether the cue ball at a place cannot be played in a straight line to both edges of any ball on:
+/// a ball that is not on is in the way (WPBSA section 2, 17).
+fn is_snookered(ground: &Ground, lie: &Lie, cue_ball: DVec2, on: &[u8]) -> bool {
+    let blocks = |ball: u8| ball != 0 && !on.contains(&ball);
+    let reach = ground.radius_m + ground.cue_radius_m;
+    let is_open = |target: &Placed| {
+        let way = target.at - cue_ball;
+        let distance = way.length();
+        if distance <= reach + 1e-4 {
+            return true;
+        }
+        // The centre of a cue ball that just grazes the target: the tangents' points.
+        let along = (distance * distance - reach * reach).sqrt();
+        let half = (reach / distance).asin();
+        [half, -half].into_iter().all(|turn| {
+            let graze = cue_ball + DVec2::from_angle(turn).rotate(way / distance) * along;
+            ground.is_clear(lie, (cue_ball, graze), ground.cue_radius_m, blocks)
+        })
+    };
+    let mut targets = lie.iter().filter(|p| on.contains(&p.ball));
+    !targets.any(is_open)
+}
+
+/// Places all over the D where the cue ball may lie.
+fn places_in_d(ground: &Ground, lie: &Lie) -> impl Iterator<Item = DVec2> {
+    let (centre, radius) = (ground.baulk_spot(), ground.d_radius_m());
+    let grid = (0..=8).flat_map(move |i| (-8..=8).map(move |j| (f64::from(i), f64::from(j))));
+    grid.map(move |(i, j)| centre + radius / 8.0 * DVec2::new(-i, j))
+        .filter(move |&at| ground.may_place(lie, at, Area::D).is_ok())
+}
+
+/// A colour's own spot; if it is taken, the highest that is free; if all are, its own, from which
+/// [`Ground::spotted`] goes on (7).
+fn free_spot(ground: &Ground, lie: &Lie, ball: u8) -> DVec2 {
+    let own = own_spot(RuleSet::Snooker, ground, ball);
+    let by_value = (YELLOW..=BLACK)
+        .rev()
+        .map(|colour| own_spot(RuleSet::Snooker, ground, colour));
+    [own]
+        .into_iter()
+        .chain(by_value)
+        .find(|&spot| ground.is_free(lie, spot))
+        .unwrap_or(own)
+}
+
+/// At least 4, else the highest of the ball on and the balls concerned (11).
+fn penalty(aim: Aim, fouls: &[Foul]) -> i32 {
+    let concerned = fouls.iter().filter_map(|foul| match foul {
+        Foul::WrongBall { hit: ball, .. }
+        | Foul::BallOff { ball }
+        | Foul::WrongPot { ball }
+        | Foul::Jump { ball }
+        | Foul::PushStroke { ball }
+        | Foul::FreeBallSnooker { ball }
+        | Foul::DoubleHit { ball } => Some(value(*ball)),
+        _ => None,
+    });
+    concerned.chain([aim.value(), 4]).max().unwrap_or(4)
+}
+
+fn is_red(ball: u8) -> bool {
+    (1..YELLOW).contains(&ball)
+}
+
+fn is_colour(ball: u8) -> bool {
+    (YELLOW..=BLACK).contains(&ball)
+}
+
+fn value(ball: u8) -> i32 {
+    match ball {
+        YELLOW..=BLACK => i32::from(ball) - 14,
+        1..YELLOW => 1,
+        _ => 0,
+    }
+}
+
+const YELLOW: u8 = 16;
+const BLACK: u8 = 21;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rules::scene::{Scene, hit, off, pot, rail};
+
+    const PINK: u8 = 20;
+
+    fn broken() -> Scene {
+        let mut scene = Scene::new(RuleSet::Snooker);
+        scene.play(&[hit(1), rail(0)], None);
+        assert_eq!(scene.referee.turn(), 1);
+        scene
+    }
+
+    fn points(scene: &Scene) -> [i32; 2] {
+        [0, 1].map(|player| {
+            let words = scene.referee.state_words(player);
+            words.split(' ').next().unwrap().parse().unwrap()
+        })
+    }
+
+    fn nominate(ball: u8) -> Option<Call> {
+        Some(Call::Pot { ball, pocket: None })
+    }
+
+    #[test]
+    fn reds_and_colours_take_turns_and_colours_come_back() {
+        let mut scene = broken();
+        assert!(
+            scene.play(&[hit(1), pot(1, 0), pot(2, 0)], None).goes_on,
+            "two reds at once"
+        );
+        assert_eq!(scene.referee.on(&scene.lie).len(), 6);
+        let verdict = scene.play(&[hit(BLACK), pot(BLACK, 1)], None);
+        assert!(verdict.goes_on && scene.has(BLACK) && !scene.has(1));
+        assert_eq!(points(&scene), [0, 9]);
+        assert!(scene.referee.state_words(1).contains("break 9"));
+        let verdict = scene.play(&[hit(BLACK), rail(0)], None);
+        assert_eq!(
+            verdict.lines[0],
+            "Foul: the black was hit first; you are on a red"
+        );
+        assert_eq!((verdict.points, points(&scene)), (-7, [7, 9]));
+    }
+
+    #[test]
+    fn fouls_cost_four_or_what_the_balls_are_worth() {
+        for (happenings, said, cost) in [
+            (vec![rail(0)], None, 4),
+            (vec![hit(1), pot(0, 2)], None, 4),
+            (vec![hit(19), rail(0)], None, 5),
+            (vec![hit(1), pot(PINK, 0)], None, 6),
+            (vec![hit(1), off(BLACK)], None, 7),
+        ] {
+            let mut scene = broken();
+            let verdict = scene.play(&happenings, said);
+            assert_eq!(
+                (verdict.points, points(&scene)),
+                (-cost, [cost, 0]),
+                "{happenings:?}"
+            );
+            assert!(scene.has(0) && scene.has(PINK) && scene.has(BLACK));
+            assert_eq!(scene.referee.options(), [Choice::Accept, Choice::Return]);
+        }
+        let on_colour = |happenings: &[_], said| {
+            let mut scene = broken();
+            scene.play(&[hit(1), pot(1, 0)], None);
+            scene.play(happenings, said).points
+        };
+        assert_eq!(
+            on_colour(&[hit(16), rail(0)], nominate(BLACK)),
+            -7,
+            "the nominated counts"
+        );
+        assert_eq!(on_colour(&[hit(16), pot(0, 0)], nominate(16)), -4);
+        assert_eq!(
+            on_colour(&[hit(2), rail(0)], None),
+            -7,
+            "none was nominated"
+        );
+    }
+
+    #[test]
+    fn colours_fall_in_order_at_the_end_and_stay_down() {
+        let mut scene = broken();
+        scene.keep(&[1, 16, 17, 18, 19, 20, 21]);
+        scene.play(&[hit(1), pot(1, 0)], None);
+        scene.play(&[hit(16), pot(16, 0)], None);
+        assert!(scene.has(16), "the colour after the last red comes back");
+        scene.play(&[hit(16), pot(16, 0)], None);
+        assert!(!scene.has(16));
+        assert_eq!(scene.referee.on(&scene.lie), [17]);
+        let verdict = scene.play(&[hit(17), pot(17, 0), pot(18, 1)], None);
+        assert_eq!(
+            (verdict.points, scene.has(17), scene.has(18)),
+            (-4, true, true)
+        );
+    }
+
+    #[test]
+    fn a_colour_whose_spot_is_taken_goes_to_the_highest_that_is_free() {
+        let mut scene = broken();
+        scene.play(&[hit(1), pot(1, 0)], None);
+        let spot = |ball| own_spot(RuleSet::Snooker, &scene.ground, ball);
+        let (blue, black) = (spot(19), spot(BLACK));
+        scene.put(2, blue.x, blue.y);
+        scene.put(BLACK, 0.3, 0.6);
+        scene.play(&[hit(19), pot(19, 0)], None);
+        assert_eq!(scene.at(19), Some(black));
+        let mut scene = broken();
+        scene.play(&[hit(1), pot(1, 0)], None);
+        scene.put(3, black.x, black.y);
+        for (red, colour) in (4..=8).zip(16..=20) {
+            let at = own_spot(RuleSet::Snooker, &scene.ground, colour);
+            scene.put(red, at.x, at.y);
+            scene.put(colour, -0.2 + 0.1 * f64::from(colour - 16), 0.8);
+        }
+        scene.play(&[hit(BLACK), pot(BLACK, 0)], None);
+        let at = scene.at(BLACK).unwrap();
+        assert!(
+            at.x > black.x && at.y == 0.0 && at.x - black.x < 0.06,
+            "behind its spot: {at}"
+        );
+    }
+
+    #[test]
+    fn the_black_ends_the_frame_and_a_tie_spots_it_again() {
+        let mut scene = broken();
+        scene.keep(&[BLACK]);
+        scene.play(&[hit(BLACK), rail(0)], None);
+        assert_eq!(scene.referee.scores(), [0, 0], "neither a score nor a foul");
+        let mut won = Scene {
+            lie: scene.lie.clone(),
+            ground: scene.ground.clone(),
+            referee: scene.referee.clone(),
+        };
+        won.play(&[hit(BLACK), pot(BLACK, 0)], None);
+        assert_eq!(won.referee.scores(), [1, 0]);
+        assert!(won.referee.is_break() && won.lie.len() == 22);
+
+        let mut lost = scene;
+        lost.play(&[hit(BLACK), pot(0, 0)], None);
+        assert_eq!(lost.referee.scores(), [0, 1], "a foul on the last black");
+
+        let mut scene = broken();
+        scene.play(&[hit(BLACK), rail(0)], None);
+        scene.keep(&[BLACK]);
+        scene.play(&[hit(BLACK), rail(0)], None);
+        scene.play(&[hit(BLACK), pot(BLACK, 0)], None);
+        assert_eq!(
+            (points(&scene), scene.referee.scores()),
+            ([7, 7], &[0, 0][..])
+        );
+        assert!(scene.has(BLACK) && scene.has(0));
+        assert_eq!(scene.referee.hand(), Some(Area::D));
+        let player = scene.referee.turn();
+        scene.play(&[rail(0)], None);
+        assert_eq!(scene.referee.scores()[1 - player], 1);
+    }
+
+    /// The cue ball at the baulk cushion behind two colours; player 1 fouls.
+    fn hidden() -> (Scene, Verdict) {
+        let mut scene = broken();
+        scene.put(0, -1.7, 0.0);
+        scene.put(16, -1.6, 0.028);
+        scene.put(17, -1.6, -0.028);
+        let verdict = scene.play(&[rail(0)], None);
+        (scene, verdict)
+    }
+
+    #[test]
+    fn a_foul_that_leaves_a_snooker_gives_a_free_ball() {
+        let (mut scene, verdict) = hidden();
+        assert!(verdict.lines.iter().any(|line| line == "Free ball"));
+        let verdict = scene.play(&[hit(16), pot(16, 0)], nominate(16));
+        assert_eq!(
+            (verdict.points, scene.has(16)),
+            (1, true),
+            "it counts as a red"
+        );
+        assert_eq!(
+            scene.referee.on(&scene.lie).len(),
+            6,
+            "and a colour is next"
+        );
+
+        let (mut scene, _) = hidden();
+        let lie = scene.lie.clone();
+        scene
+            .referee
+            .choose(&scene.ground, &lie, Choice::Return)
+            .unwrap();
+        let verdict = scene.play(&[hit(16), rail(0)], nominate(16));
+        assert!(verdict.is_foul(), "the one who fouled has no free ball");
+
+        let (mut scene, _) = hidden();
+        scene.put(0, -1.7, 0.5);
+        scene.put(16, -1.6, 0.5);
+        scene.put(17, -0.5, 0.8);
+        let verdict = scene.play(&[hit(16), rail(0)], nominate(16));
+        assert_eq!(verdict.fouls, [Foul::FreeBallSnooker { ball: 16 }]);
+
+        let mut scene = broken();
+        let verdict = scene.play(&[rail(0)], None);
+        assert!(
+            !verdict.lines.iter().any(|line| line == "Free ball"),
+            "reds are open"
+        );
+    }
+
+    #[test]
+    fn a_free_ball_in_place_of_a_colour_counts_once() {
+        let (mut scene, _) = hidden();
+        scene.keep(&[16, 17, 18]);
+        let verdict = scene.play(&[hit(18), pot(18, 0), pot(16, 1)], nominate(18));
+        assert_eq!(
+            (verdict.points, scene.has(18), scene.has(16)),
+            (2, true, false)
+        );
+    }
+
+    #[test]
+    fn playing_away_from_a_touching_ball_hits_it_and_into_it_pushes() {
+        let mut scene = broken();
+        let mut report = scene.report(&[rail(0)]);
+        report.frozen = vec![3];
+        assert!(!scene.judge(&report, None).is_foul());
+        let mut scene = broken();
+        let mut report = scene.report(&[hit(3), rail(0)]);
+        report.frozen = vec![3];
+        assert_eq!(
+            scene.judge(&report, None).fouls,
+            [Foul::PushStroke { ball: 3 }]
+        );
+    }
+
+    #[test]
+    fn a_jump_over_a_ball_is_a_foul() {
+        let mut scene = broken();
+        let mut report = scene.report(&[hit(1), rail(0)]);
+        report.jumped = Some(19);
+        assert_eq!(scene.judge(&report, None).points, -5);
+    }
+}

@@ -1,0 +1,229 @@
+//! Three-cushion carom (UMB 83).
+//!
+//! The cue ball of the player at the table is ball 0, the other player's 1, the red 2: when the turn
+//! passes, 0 and 1 change places ([`super::Verdict::swaps_cue_balls`]).
+
+use glam::DVec2;
+
+use super::{
+    foul::Foul,
+    ground::{Ground, Lie, Placed, own_spot},
+    referee::{Referee, Shot, with_moves},
+    report::{Happening, Report},
+    sheet::RuleSet,
+    verdict::{Choice, Verdict},
+};
+
+impl Referee {
+    pub(crate) fn judge_three_cushion(&mut self, shot: &Shot<'_>, verdict: &mut Verdict) {
+        let (report, player) = (shot.report, self.turn());
+        let off: Vec<u8> = report.off_table().collect();
+        verdict.fouls.extend(off.iter().map(|&ball| match ball {
+            0 => Foul::CueBallOff,
+            ball => Foul::BallOff { ball },
+        }));
+        let pushed = pushed_ball(report);
+        verdict
+            .fouls
+            .extend(pushed.map(|ball| Foul::PushStroke { ball }));
+        verdict
+            .fouls
+            .extend(report.double_hit.map(|ball| Foul::DoubleHit { ball }));
+        // The first shot of a match is played on the red (UMB 23).
+        let hit = report.first_hit();
+        if let (true, Some(hit)) = (self.is_break() && hit != Some(2), hit) {
+            let on = "the red".to_owned();
+            verdict.fouls.push(Foul::WrongBall { hit, on });
+        }
+        self.say_fouls(verdict);
+        self.end_break();
+        let cushions = cushions_before_second(report);
+        let made = cushions.is_some_and(|cushions| cushions >= CUSHIONS);
+        match cushions {
+            Some(cushions) if made => verdict.say(format!("A point, by {cushions} cushions")),
+            Some(cushions) => verdict.say(format!(
+                "{cushions} cushions before the second ball: it takes {CUSHIONS}"
+            )),
+            None => {}
+        }
+        if made && !verdict.is_foul() {
+            verdict.points = 1;
+            verdict.goes_on = true;
+            self.add_points(player, 1, verdict);
+            if self.winner().is_some() {
+                return;
+            }
+        } else {
+            self.pass();
+            verdict.swaps_cue_balls = true;
+        }
+        for ball in off {
+            let lie = with_moves(&report.after, &verdict.moves);
+            self.spot(shot, verdict, ball, carom_spot(shot.ground, &lie, ball));
+        }
+        let lie = with_moves(&report.after, &verdict.moves);
+        let next = u8::from(verdict.swaps_cue_balls);
+        if !touching(shot.ground, &lie, next).is_empty() {
+            self.offer(&[Choice::Accept, Choice::SpotBalls]);
+        }
+    }
+}
+
+/// Where a ball is set up: its own spot, or that of the ball that is in the way (UMB 28).
+pub(crate) fn carom_spot(ground: &Ground, lie: &Lie, ball: u8) -> DVec2 {
+    let rules = RuleSet::ThreeCushion;
+    let spot = own_spot(rules, ground, ball);
+    let is_in_way = |p: &&Placed| p.ball != ball && p.at.distance(spot) < 2.0 * ground.radius_m;
+    let blocker = lie.iter().find(is_in_way);
+    blocker.map_or(spot, |p| own_spot(rules, ground, p.ball))
+}
+
+/// Balls that touch a cue ball.
+pub(crate) fn touching(ground: &Ground, lie: &Lie, cue_ball: u8) -> Vec<u8> {
+    let Some(cue_ball) = lie.iter().find(|p| p.ball == cue_ball) else {
+        return Vec::new();
+    };
+    let least = ground.radius_m + ground.cue_radius_m + TOUCH_M;
+    let touches = |p: &&Placed| p.ball != cue_ball.ball && p.at.distance(cue_ball.at) < least;
+    lie.iter().filter(touches).map(|p| p.ball).collect()
+}
+
+/// The ball that touched the cue ball and into which it was played (UMB 27): their contact is the
+/// first thing that happens.
+fn pushed_ball(report: &Report) -> Option<u8> {
+    let first = report.happenings.first()?;
+    let hit = report.first_hit()?;
+    let is_contact = matches!(first, Happening::Contact { .. });
+    (is_contact && report.frozen.contains(&hit)).then_some(hit)
+}
+
+/// How many cushions the cue ball had touched when it first touched the second ball; none if it
+/// touched fewer than two balls.
+fn cushions_before_second(report: &Report) -> Option<usize> {
+    let mut first = None;
+    let mut cushions = 0;
+    for happening in &report.happenings {
+        match *happening {
+            Happening::Cushion { ball: 0 } => cushions += 1,
+            Happening::Contact {
+                one: 0,
+                other: ball,
+            }
+            | Happening::Contact {
+                one: ball,
+                other: 0,
+            } if *first.get_or_insert(ball) != ball => return Some(cushions),
+            _ => {}
+        }
+    }
+    None
+}
+
+const CUSHIONS: usize = 3;
+/// A tenth of a millimetre.
+const TOUCH_M: f64 = 1e-4;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rules::scene::{Scene, hit, off, rail};
+
+    fn opened() -> Scene {
+        let mut scene = Scene::new(RuleSet::ThreeCushion);
+        scene.play(&[hit(2), rail(0)], None);
+        assert_eq!(scene.referee.turn(), 1);
+        scene
+    }
+
+    #[test]
+    fn three_cushions_before_the_second_ball_in_any_order_are_a_point() {
+        for happenings in [
+            vec![hit(1), rail(0), rail(0), rail(0), hit(2)],
+            vec![rail(0), rail(0), rail(0), hit(2), hit(1)],
+            vec![rail(0), hit(2), rail(0), hit(2), rail(0), rail(0), hit(1)],
+        ] {
+            let mut scene = opened();
+            let verdict = scene.play(&happenings, None);
+            assert!(verdict.goes_on && !verdict.swaps_cue_balls);
+            assert_eq!(scene.referee.scores(), [0, 1]);
+        }
+        for happenings in [
+            vec![hit(1), rail(0), rail(0), hit(2)],
+            vec![hit(1), rail(0), rail(0), rail(0)],
+            vec![hit(1), rail(1), rail(1), rail(1), hit(2)],
+            vec![rail(0), rail(0), rail(0), hit(2), rail(0), hit(2)],
+        ] {
+            let mut scene = opened();
+            let verdict = scene.play(&happenings, None);
+            assert!(
+                !verdict.goes_on && verdict.swaps_cue_balls,
+                "{happenings:?}"
+            );
+            assert_eq!(scene.referee.scores(), [0, 0]);
+        }
+    }
+
+    #[test]
+    fn the_opening_is_played_on_the_red() {
+        let mut scene = Scene::new(RuleSet::ThreeCushion);
+        let verdict = scene.play(&[hit(1), rail(0), rail(0), rail(0), hit(2)], None);
+        assert_eq!(
+            verdict.lines[0],
+            "Foul: the other cue ball was hit first; you are on the red"
+        );
+        assert_eq!(
+            (scene.referee.scores(), scene.referee.turn()),
+            (&[0, 0][..], 1)
+        );
+    }
+
+    #[test]
+    fn a_ball_that_jumps_off_ends_the_turn_and_comes_to_its_spot() {
+        let mut scene = opened();
+        scene.put(0, -0.2, 0.3);
+        scene.put(1, 0.3, 0.3);
+        let verdict = scene.play(&[hit(1), rail(0), rail(0), rail(0), hit(2), off(2)], None);
+        assert_eq!(verdict.fouls, [Foul::BallOff { ball: 2 }]);
+        assert_eq!(scene.at(2), Some(scene.ground.foot_spot()));
+        let mut scene = opened();
+        scene.put(0, 0.71, 0.01);
+        scene.put(1, 0.3, 0.3);
+        scene.play(&[off(2)], None);
+        assert_eq!(
+            scene.at(2),
+            Some(scene.ground.head_spot()),
+            "the spot of the ball in the way"
+        );
+    }
+
+    #[test]
+    fn a_touching_ball_must_not_be_played_into() {
+        let mut scene = opened();
+        let mut report = scene.report(&[hit(2), rail(0), rail(0), rail(0), hit(1)]);
+        report.frozen = vec![2];
+        assert_eq!(
+            scene.judge(&report, None).fouls,
+            [Foul::PushStroke { ball: 2 }]
+        );
+        let mut scene = opened();
+        let mut report = scene.report(&[rail(0), rail(0), rail(0), hit(2), hit(1)]);
+        report.frozen = vec![2];
+        report.after.iter_mut().for_each(|p| match p.ball {
+            0 => p.at = DVec2::new(0.1, 0.0),
+            1 => p.at = DVec2::new(0.1, 0.0615),
+            _ => {}
+        });
+        assert!(scene.judge(&report, None).goes_on, "played away");
+        assert_eq!(scene.referee.options(), [Choice::Accept, Choice::SpotBalls]);
+        let lie = scene.lie.clone();
+        let verdict = scene
+            .referee
+            .choose(&scene.ground, &lie, Choice::SpotBalls)
+            .unwrap();
+        scene.lay(&lie, &verdict);
+        assert_eq!(
+            (scene.at(0), scene.at(1)),
+            (Some(scene.ground.head_spot()), Some(DVec2::ZERO))
+        );
+    }
+}
