@@ -22,12 +22,12 @@ use carom_protocol::limits::NODE_NAME_BYTES_MAX;
 use carom_tracer::{
     CompiledScene, DeviceInfo, Error, Tile, TileLayers, TileRadiance, TraceJob, TraceStats, Tracer,
 };
-use ledger::{Ledger, Spent};
+use ledger::{Kind, Ledgers, Spent};
 
 /// Traces with several devices at once.
 pub struct Hybrid {
     devices: Vec<Device>,
-    ledger: Mutex<Ledger>,
+    ledgers: Mutex<Ledgers>,
     /// Why devices that the machine has are not among these.
     absent: Vec<String>,
 }
@@ -51,7 +51,7 @@ struct Part {
 }
 
 impl Hybrid {
-    /// Jobs until it is known whether the devices are better used together.
+    /// Jobs of a kind until it is known whether the devices are better used together for it.
     pub const JOBS_UNTIL_SETTLED: u32 = 2 * ledger::TRIAL_JOBS;
 
     /// `devices` as one, the quickest first: it traces alone until the others are known. `absent`
@@ -61,14 +61,14 @@ impl Hybrid {
     /// If there is no device.
     pub fn new(devices: Vec<Arc<dyn Tracer>>, absent: Vec<String>) -> Self {
         assert!(!devices.is_empty(), "a hybrid of no device");
-        let ledger = Mutex::new(Ledger::new(devices.len()));
+        let ledgers = Mutex::new(Ledgers::new(devices.len()));
         let device = |tracer| Device {
             tracer,
             fault: Mutex::new(None),
         };
         Self {
             devices: devices.into_iter().map(device).collect(),
-            ledger,
+            ledgers,
             absent,
         }
     }
@@ -109,7 +109,7 @@ impl Hybrid {
                 if !work.job.cancelled.load(Ordering::Relaxed) {
                     let done = work.of(&part.tiles);
                     let spent = Spent::new(done, secs, stats.device_nanos);
-                    self.lock().learn(part.device, &spent);
+                    self.lock().of(work.kind()).learn(part.device, &spent);
                     device.recover();
                 }
                 part.tiles.clear();
@@ -130,7 +130,7 @@ impl Hybrid {
 
     /// Divides all of a job.
     fn parts(&self, work: &Work<'_>, usable: &[usize]) -> Vec<Part> {
-        let shares = self.lock().divide(work.total(), usable);
+        let shares = self.lock().of(work.kind()).divide(work.total(), usable);
         let runs = cut(work.job.tiles, &shares);
         let parts = usable.iter().zip(runs).map(|(&device, run)| Part {
             device,
@@ -159,8 +159,8 @@ impl Hybrid {
         }
     }
 
-    fn lock(&self) -> MutexGuard<'_, Ledger> {
-        lock(&self.ledger)
+    fn lock(&self) -> MutexGuard<'_, Ledgers> {
+        lock(&self.ledgers)
     }
 }
 
@@ -183,8 +183,19 @@ impl Work<'_> {
     }
 
     fn total(&self) -> f64 {
-        let pixels = self.job.tiles.iter().map(|tile| tile.pixels() as f64);
-        pixels.sum::<f64>() * f64::from(self.job.settings.samples)
+        self.pixels() as f64 * f64::from(self.job.settings.samples)
+    }
+
+    fn pixels(&self) -> usize {
+        self.job.tiles.iter().map(|tile| tile.pixels()).sum()
+    }
+
+    fn kind(&self) -> Kind {
+        Kind {
+            samples: self.job.settings.samples,
+            scatterings_max: self.job.settings.scatterings_max,
+            pixels_log2: self.pixels().max(1).ilog2(),
+        }
     }
 }
 
@@ -247,7 +258,9 @@ impl Tracer for Hybrid {
         }
         if !job.cancelled.load(Ordering::Relaxed) {
             let secs = begun.elapsed().as_secs_f64();
-            self.lock().judge(work.total(), secs, together);
+            self.lock()
+                .of(work.kind())
+                .judge(work.total(), secs, together);
         }
         Ok(stats)
     }

@@ -31,6 +31,41 @@ impl Spent {
     }
 }
 
+/// Jobs that are alike: what pays for long ones may not for short ones.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Kind {
+    pub(super) samples: u32,
+    pub(super) scatterings_max: u32,
+    /// log₂ of the pixels.
+    pub(super) pixels_log2: u32,
+}
+
+/// A ledger for each kind of job; the least recently used are forgotten.
+pub(super) struct Ledgers {
+    devices: usize,
+    kinds: Vec<(Kind, Ledger)>,
+}
+
+impl Ledgers {
+    pub(super) fn new(devices: usize) -> Self {
+        Self {
+            devices,
+            kinds: Vec::new(),
+        }
+    }
+
+    pub(super) fn of(&mut self, kind: Kind) -> &mut Ledger {
+        let known = self.kinds.iter().position(|(known, _)| *known == kind);
+        let entry = match known {
+            Some(place) => self.kinds.remove(place),
+            None => (kind, Ledger::new(self.devices)),
+        };
+        self.kinds.truncate(KINDS_MAX - 1);
+        self.kinds.insert(0, entry);
+        &mut self.kinds[0].1
+    }
+}
+
 /// The lines of all devices, and how long jobs take either way.
 pub(super) struct Ledger {
     devices: Vec<Estimator>,
@@ -159,6 +194,8 @@ impl Ledger {
     }
 }
 
+/// Kinds of jobs that are remembered: a governor moves among a dozen settings.
+const KINDS_MAX: usize = 32;
 /// By how much jobs must be shorter with all devices: less is noise, and heat for nothing.
 const GAIN_MIN: f64 = 0.02;
 /// Jobs of a trial; the first half finds the shares, from the smallest on.
@@ -221,6 +258,34 @@ mod tests {
             let ratio = machine.ratio_to_best_alone();
             assert!(ratio < 1.02 * best, "{speeds:?}: {ratio}, at best {best}");
         }
+    }
+
+    #[test]
+    fn kinds_of_jobs_do_not_mix() {
+        let mut ledgers = Ledgers::new(2);
+        let kind = |samples| Kind {
+            samples,
+            scatterings_max: 5,
+            pixels_log2: 20,
+        };
+        let helped = Machine {
+            secs_per_work: [1e-8, 1e-8],
+            slowdown: 1.0,
+        };
+        let slowed = Machine {
+            secs_per_work: [1e-9, 1e-8],
+            slowdown: 1.5,
+        };
+        for _ in 0..2 * TRIAL_JOBS {
+            helped.job(ledgers.of(kind(16)), 16e6);
+            slowed.job(ledgers.of(kind(1)), 1e6);
+        }
+        assert!(ledgers.of(kind(16)).goes_together());
+        assert!(!ledgers.of(kind(1)).goes_together());
+        for samples in 0..2 * KINDS_MAX as u32 {
+            ledgers.of(kind(samples));
+        }
+        assert_eq!(ledgers.kinds.len(), KINDS_MAX);
     }
 
     #[test]

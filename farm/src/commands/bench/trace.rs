@@ -127,7 +127,7 @@ fn least(costs: &[Cost]) -> (f64, f64) {
 
 fn measure_all(opened: &[Opened], scene: &CompiledScene, args: &Args) -> anyhow::Result<Vec<Row>> {
     for opened in opened {
-        warm_up(opened, scene, args.size)
+        warm_up(opened, scene, args)
             .with_context(|| format!("back end {}", opened.backend.name()))?;
     }
     let mut costs = vec![(Vec::new(), Vec::new()); opened.len()];
@@ -165,19 +165,18 @@ fn row(opened: &Opened, paths: &[Cost], primary: &[Cost]) -> Row {
 }
 
 /// Compiles kernels, starts threads and fills caches; devices that share work find their shares.
-fn warm_up(
-    opened: &Opened,
-    scene: &CompiledScene,
-    size: ImageSize,
-) -> Result<(), carom_tracer::Error> {
-    let jobs = match opened.backend {
-        Backend::Hybrid => Hybrid::JOBS_UNTIL_SETTLED,
-        Backend::Cpu | Backend::Gpu | Backend::Reference => 1,
+fn warm_up(opened: &Opened, scene: &CompiledScene, args: &Args) -> Result<(), carom_tracer::Error> {
+    let measured = args.spp.unwrap_or(samples_default(opened.backend));
+    let (jobs, samples) = match opened.backend {
+        Backend::Hybrid => (Hybrid::JOBS_UNTIL_SETTLED, measured),
+        Backend::Cpu | Backend::Gpu | Backend::Reference => (1, 1),
     };
-    for _ in 0..jobs {
-        trace(opened.tracer.as_ref(), scene, size, settings(1))?;
+    for settings in [settings(samples), camera_rays(samples)] {
+        for _ in 0..jobs {
+            trace(opened.tracer.as_ref(), scene, args.size, settings)?;
+        }
     }
-    trace(opened.tracer.as_ref(), scene, size, camera_rays(1)).map(drop)
+    Ok(())
 }
 
 fn scaling(scene: &CompiledScene, args: &Args) -> anyhow::Result<Vec<Scaling>> {
