@@ -31,6 +31,30 @@ pub struct Farm {
     next_frame: FrameId,
 }
 
+/// What remote nodes are called with.
+struct Remotes {
+    client: Client,
+    addresses: Vec<NodeAddress>,
+}
+
+impl Remotes {
+    /// `None` if there are no remote nodes.
+    ///
+    /// # Errors
+    /// What is wrong with the configuration or with the credentials.
+    fn of(config: &FarmConfig) -> Result<Option<Self>, Error> {
+        validate(config)?;
+        if config.nodes.is_empty() {
+            return Ok(None);
+        }
+        let addresses = config.nodes.iter().map(|node| node.parse());
+        let addresses = addresses.collect::<Result<_, _>>().map_err(Error::Config)?;
+        let credentials = Credentials::load(&config.credentials, Role::Player)?;
+        let client = Client::new(&credentials)?;
+        Ok(Some(Self { client, addresses }))
+    }
+}
+
 impl Farm {
     /// Starts the local node and calls the remote ones; waits for neither.
     ///
@@ -39,6 +63,9 @@ impl Farm {
     /// [`Error::Credentials`] or [`Error::Socket`] if there are remote nodes and they cannot be
     /// called, [`Error::Tracer`] if [`LocalNode::Gpu`] is asked for and there is none.
     pub fn new(config: FarmConfig) -> Result<Self, Error> {
+        // Before any device is opened: a program that ends over a mistake while a driver is being
+        // loaded in another thread is ended by the driver.
+        let remotes = Remotes::of(&config)?;
         let mut driver = Driver::new(&config);
         match config.local {
             LocalNode::None => {}
@@ -46,7 +73,7 @@ impl Farm {
             LocalNode::Cpu => driver.add_local(local::cpu(0)?),
             LocalNode::Gpu => driver.add_local(local::gpu()?),
         }
-        Self::start(&config, driver)
+        Self::start(&config, driver, remotes)
     }
 
     /// In-process nodes on given tracers, beside the remote nodes of `config`, whose
@@ -55,21 +82,20 @@ impl Farm {
     /// # Errors
     /// As [`Farm::new`].
     pub fn with_tracers(config: FarmConfig, tracers: Vec<Arc<dyn Tracer>>) -> Result<Self, Error> {
+        let remotes = Remotes::of(&config)?;
         let mut driver = Driver::new(&config);
         for tracer in tracers {
             driver.add_local(tracer);
         }
-        Self::start(&config, driver)
+        Self::start(&config, driver, remotes)
     }
 
-    fn start(config: &FarmConfig, mut driver: Driver) -> Result<Self, Error> {
-        validate(config)?;
-        let addresses = config.nodes.iter().map(|node| node.parse());
-        let addresses: Vec<NodeAddress> =
-            addresses.collect::<Result<_, _>>().map_err(Error::Config)?;
-        if !config.nodes.is_empty() {
-            let credentials = Credentials::load(&config.credentials, Role::Player)?;
-            let client = Client::new(&credentials)?;
+    fn start(
+        config: &FarmConfig,
+        mut driver: Driver,
+        remotes: Option<Remotes>,
+    ) -> Result<Self, Error> {
+        if let Some(Remotes { client, addresses }) = remotes {
             for (node, address) in config.nodes.iter().zip(addresses) {
                 driver.add_remote(&client, node.clone(), address);
             }

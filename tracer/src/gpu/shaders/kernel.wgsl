@@ -81,18 +81,18 @@ fn add(sum: Sum, term: vec3f) -> Sum {
 }
 
 fn film_at(pixel: u32) -> vec3f {
-    return triple(3u * pixel);
+    return film_numbers(3u * pixel);
 }
 
 fn set_film(pixel: u32, v: vec3f) {
-    set_triple(3u * pixel, v);
+    set_film_numbers(3u * pixel, v);
 }
 
-fn triple(first: u32) -> vec3f {
+fn film_numbers(first: u32) -> vec3f {
     return vec3f(film[first], film[first + 1u], film[first + 2u]);
 }
 
-fn set_triple(first: u32, v: vec3f) {
+fn set_film_numbers(first: u32, v: vec3f) {
     film[first] = v.x;
     film[first + 1u] = v.y;
     film[first + 2u] = v.z;

@@ -22,15 +22,15 @@ fn trace_layers(x: u32, y: u32, pixel: u32) {
     }
     let share = select(1.0, 1.0 / f32(job.samples), job.sample_end == job.samples);
     let first = LAYERS_FLOATS * pixel;
-    set_triple(first, sum.albedo * share);
-    set_triple(first + 3u, sum.normal * share);
+    set_film_numbers(first, sum.albedo * share);
+    set_film_numbers(first + 3u, sum.normal * share);
     film[first + 6u] = sum.inverse_depth * share;
-    set_triple(first + 7u, sum.emission * share);
+    set_film_numbers(first + 7u, sum.emission * share);
 }
 
 fn layers_at(pixel: u32) -> Layers {
     let first = LAYERS_FLOATS * pixel;
-    return Layers(triple(first), triple(first + 3u), film[first + 6u], triple(first + 7u));
+    return Layers(film_numbers(first), film_numbers(first + 3u), film[first + 6u], film_numbers(first + 7u));
 }
 
 fn first_hit(ray: Ray) -> Layers {
