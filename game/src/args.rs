@@ -8,6 +8,7 @@ use clap::{Parser, Subcommand, ValueEnum as _};
 
 use crate::ball_set::BallSet;
 use crate::bench::Bench;
+use crate::contest::MatchArgs;
 use crate::display::Present;
 use crate::sim::{Engine, Recording, Table};
 use crate::stage::Stage;
@@ -81,6 +82,8 @@ pub enum Command {
     /// Measure
     #[command(subcommand)]
     Bench(Bench),
+    /// Let computers play against each other, without a window, and count
+    Match(MatchArgs),
 }
 
 impl Args {

@@ -12,6 +12,7 @@
 //! Only [`app`] and [`display`] know winit and wgpu; everything else takes time and events as
 //! arguments. [`headless`] renders a break shot to files through the same farm.
 
+pub mod ai;
 pub mod animation;
 pub mod app;
 pub mod args;

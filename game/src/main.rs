@@ -16,8 +16,10 @@ fn main() -> ExitCode {
         .with_env_filter(filter)
         .with_writer(std::io::stderr)
         .init();
-    if let Some(Command::Bench(bench)) = &args.command {
-        return finish(bench.run(), 1);
+    match &args.command {
+        Some(Command::Bench(bench)) => return finish(bench.run(), 1),
+        Some(Command::Match(games)) => return finish(games.run(), 1),
+        None => {}
     }
     match configuration(&args) {
         Ok((config, present)) => finish(run(&args, config, present), 1),

@@ -10,16 +10,19 @@
 
 mod adapter;
 mod player;
+mod tournament;
 mod view;
 
 pub use adapter::{ground, report};
 pub use player::{Level, Player};
+pub use tournament::{MatchArgs, Side, Tally, play_out};
 pub use view::{CallView, OptionView, PlayerView, View};
 
 use std::collections::HashSet;
 
 use glam::DVec2;
 
+use crate::ai::Position;
 use crate::rules::{
     self, Area, Call, Choice, Dice, Ground, Lie, Placed, Referee, RuleSet, Verdict,
 };
@@ -79,6 +82,8 @@ struct Moment {
     call: Option<Call>,
     log: Vec<String>,
     banner: Option<String>,
+    /// Shots played so far, for what is drawn.
+    shots: u32,
 }
 
 /// A shot that was played.
@@ -131,6 +136,7 @@ impl Match {
                 call: None,
                 log: Vec::new(),
                 banner: None,
+                shots: 0,
             },
             past: Vec::new(),
         })
@@ -139,6 +145,21 @@ impl Match {
     /// The table.
     pub fn world(&self) -> &World {
         &self.now.world
+    }
+
+    /// What a computer looks at.
+    pub fn position(&self) -> Position {
+        Position {
+            ground: self.ground.clone(),
+            world: self.now.world.clone(),
+            referee: self.now.referee.clone(),
+        }
+    }
+
+    /// Draws what a computer tries and how it errs: another number for each shot.
+    pub fn draw_seed(&self) -> u32 {
+        let shots = self.now.shots.wrapping_mul(SHOT_STEP);
+        self.now.referee.seed().wrapping_add(shots)
     }
 
     /// The rules' side of the match.
@@ -190,6 +211,7 @@ impl Match {
         let report = report(&self.now.world, &stroke, shot);
         let verdict = self.now.referee.judge(&self.ground, &report, call);
         self.now.world.adopt(shot);
+        self.now.shots = self.now.shots.wrapping_add(1);
         self.lay(&verdict);
         self.tell(player, &verdict);
         self.past.push(Turn {
@@ -389,6 +411,8 @@ fn racked(table: &Table, engine: Engine, lie: &Lie, seed: u32) -> Result<World, 
     Ok(world)
 }
 
+/// An odd number: draws of one shot are apart from those of the next.
+const SHOT_STEP: u32 = 0x9e37_79b1;
 /// Far more shots than a match has that anyone would take back.
 const TURNS_MAX: usize = 2000;
 /// As many lines as anyone would scroll through.

@@ -496,7 +496,7 @@ impl Referee {
 }
 
 /// The balls after some were put elsewhere.
-pub(crate) fn with_moves(lie: &[Placed], moves: &[Placed]) -> Lie {
+pub fn with_moves(lie: &[Placed], moves: &[Placed]) -> Lie {
     let stays = |p: &&Placed| !moves.iter().any(|moved| moved.ball == p.ball);
     let mut lie: Lie = lie.iter().filter(stays).copied().collect();
     lie.extend(moves);
