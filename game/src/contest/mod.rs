@@ -9,6 +9,7 @@
 //! No window, no clock: the same setup, strokes and choices give the same match.
 
 mod adapter;
+mod advice;
 mod player;
 mod tournament;
 mod view;

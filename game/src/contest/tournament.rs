@@ -7,8 +7,8 @@ use clap::Args;
 use serde::Serialize;
 
 use super::{Level, Match, Player, Setup};
-use crate::ai::{Decision, Skill, think};
-use crate::rules::{Choice, Dice, RuleSet, Verdict};
+use crate::ai::{Skill, think};
+use crate::rules::{RuleSet, Verdict};
 
 /// Options of `carom match`.
 #[derive(Clone, Debug, Args)]
@@ -143,38 +143,10 @@ impl Match {
             self.draw_seed(),
             &AtomicBool::new(false),
         );
-        if !self.prepare(&decision)? {
+        let Some((stroke, shot)) = self.carry_out(&decision, skill)? else {
             return Ok(None);
-        }
-        let mut dice = Dice::new(self.draw_seed(), STRAY);
-        let meant = decision.stroke;
-        let mut stroke = skill.stray(meant, &mut dice);
-        let shot = match self.strike(stroke) {
-            Ok(shot) => shot,
-            Err(_) => {
-                stroke = meant;
-                self.strike(meant).map_err(|error| error.to_string())?
-            }
         };
         Ok(Some(self.finish(stroke, &shot).clone()))
-    }
-
-    /// Chooses, places the cue ball and calls as decided. False if the choice gave the table away.
-    ///
-    /// # Errors
-    /// A sentence if that is not possible.
-    pub fn prepare(&mut self, decision: &Decision) -> Result<bool, String> {
-        if let Some(choice) = decision.choice {
-            self.choose(choice)?;
-            if matches!(choice, Choice::Return | Choice::RerackReturn) {
-                return Ok(false);
-            }
-        }
-        if let Some(at) = decision.place {
-            self.place(at)?;
-        }
-        self.call(decision.call);
-        Ok(true)
     }
 }
 
@@ -244,8 +216,6 @@ impl Tally {
 const SHOTS_MAX: u32 = 3000;
 /// Keeps the racks of one match apart from those of the next.
 const SEED_STEP: u32 = 7919;
-/// How strokes go astray, apart from other draws.
-const STRAY: u32 = 0x7374_7261;
 
 #[cfg(test)]
 mod tests {

@@ -36,6 +36,7 @@ pub use call::{Call, infer};
 pub use dice::Dice;
 pub use eight::Group;
 pub use foul::Foul;
+pub(crate) use free::capital;
 pub use ground::{Area, Ground, Lie, Placed};
 pub use rack::rack;
 pub use referee::{Referee, with_moves as laid};
