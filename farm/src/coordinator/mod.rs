@@ -42,7 +42,7 @@ use self::roster::{Connection, Node};
 use self::spare::Spare;
 use self::work::WorkMap;
 use crate::link::{Command, LinkEvent};
-use crate::{Balancing, Frame, FrameSpec, LatencySplit, NodeStatus};
+use crate::{Balancing, Frame, FrameSpec, NodeStatus};
 
 /// A node of a farm: its place in [`crate::Farm::nodes`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -375,14 +375,9 @@ impl Coordinator {
         }
         frame.stats.tiles_by_node.resize(nodes, 0);
         frame.stats.tiles_by_node[index.0] += filled;
+        let split = frame.note_split(index, run.split(now, frame.submitted, times));
         frame.stats.response_secs_by_node.resize(nodes, 0.0);
         frame.stats.response_secs_by_node[index.0] = now - frame.submitted;
-        let split = run.split(now, frame.submitted, times);
-        frame
-            .stats
-            .split_by_node
-            .resize(nodes, LatencySplit::default());
-        frame.stats.split_by_node[index.0] = split;
         self.nodes[index.0].deliver(filled, split);
         let id = frame.id;
         if frame.finish(now) {

@@ -9,7 +9,7 @@ use carom_tracer::{Scene, TileGrid, TileRun};
 use super::NodeIndex;
 use super::film::Film;
 use super::work::WorkMap;
-use crate::{Frame, FrameSpec, FrameStats};
+use crate::{Frame, FrameSpec, FrameStats, LatencySplit};
 
 /// A frame that has been submitted and not been delivered.
 #[derive(Debug)]
@@ -71,6 +71,25 @@ impl FrameInFlight {
         self.busy_secs.resize(nodes, 0.0);
         self.busy_secs[node.0] += secs;
         self.stats.busy_secs = self.stats.busy_secs.max(self.busy_secs[node.0]);
+    }
+
+    /// Notes where the time of a node's latest tiles went, before its response is noted. A share is
+    /// asked for in several requests at once: what the later ones wait for while the earlier ones
+    /// are traced is tracing.
+    pub(super) fn note_split(&mut self, node: NodeIndex, mut split: LatencySplit) -> LatencySplit {
+        let splits = self.stats.split_by_node.len().max(node.0 + 1);
+        self.stats
+            .split_by_node
+            .resize(splits, LatencySplit::default());
+        let noted = &mut self.stats.split_by_node[node.0];
+        let answered = self.stats.response_secs_by_node.get(node.0).copied() > Some(0.0);
+        if answered && noted.request_secs == split.request_secs {
+            let earlier = (split.queue_secs - noted.queue_secs).max(0.0);
+            split.queue_secs -= earlier;
+            split.trace_secs += earlier;
+        }
+        *noted = split;
+        split
     }
 
     /// How much later than its target a tile may come before it is asked for again, in seconds.

@@ -82,6 +82,26 @@ fn the_picture_does_not_depend_on_the_partition() {
     }
 }
 
+/// One node at one frame: what it works on is tracing, in however many requests it was asked.
+#[test]
+fn the_stages_of_a_frame_add_up_to_its_response() {
+    let mut farm = farm(vec![Pattern::new().with_pace(200)]);
+    for seed in 0..5 {
+        let stats = trace(&mut farm, seed).stats;
+        let split = stats.last_split().expect("a node delivered");
+        let sum = split.request_secs
+            + split.network_secs
+            + split.queue_secs
+            + split.trace_secs
+            + split.encode_secs
+            + split.decode_secs;
+        assert!((sum - stats.response_max_secs()).abs() < 1e-9, "{split:?}");
+        // 144 tiles of 0.2 ms each.
+        assert!(split.trace_secs > 0.0288, "{split:?}");
+        assert!(split.decode_secs > 0.0, "{split:?}");
+    }
+}
+
 #[test]
 fn eight_bit_and_half_float_pictures_do_not_depend_on_the_partition() {
     let mut one = farm(vec![Pattern::new()]);
