@@ -22,6 +22,8 @@ pub(crate) enum Input {
     CancelBefore(FrameId),
     Balancing(Balancing),
     AddLocal(Arc<dyn Tracer>),
+    /// With what to call it, if it is the first.
+    AddRemote(String, NodeAddress, Option<Client>),
     /// The tracer that [`Driver::add_local_later`] has been waiting for.
     Local(NodeIndex, Result<Arc<dyn Tracer>, carom_tracer::Error>),
     Stop,
@@ -174,6 +176,12 @@ impl Driver {
             Input::CancelBefore(id) => self.coordinator.cancel_before(now, id),
             Input::Balancing(balancing) => self.coordinator.set_balancing(balancing),
             Input::AddLocal(tracer) => self.add_local(tracer),
+            Input::AddRemote(name, address, client) => {
+                if let Some(client) = client.or_else(|| self.client.take()) {
+                    self.add_remote(&client, name, address);
+                    self.client = Some(client);
+                }
+            }
             Input::Local(node, Ok(tracer)) => {
                 self.opening -= 1;
                 self.links[node.0] = self.memory_link(node, tracer);

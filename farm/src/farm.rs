@@ -1,6 +1,7 @@
 //! The handle of an application: plain calls that never block.
 
 use std::collections::VecDeque;
+use std::path::PathBuf;
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
@@ -25,6 +26,9 @@ pub struct Farm {
     statuses: Arc<Mutex<Vec<NodeStatus>>>,
     thread: Option<JoinHandle<()>>,
     frames_in_flight_max: usize,
+    credentials: PathBuf,
+    /// Whether nodes can be called.
+    calls: bool,
     scene: Option<CompiledScene>,
     /// Submitted, and neither taken nor cancelled.
     in_flight: VecDeque<FrameId>,
@@ -95,6 +99,7 @@ impl Farm {
         mut driver: Driver,
         remotes: Option<Remotes>,
     ) -> Result<Self, Error> {
+        let calls = remotes.is_some();
         if let Some(Remotes { client, addresses }) = remotes {
             for (node, address) in config.nodes.iter().zip(addresses) {
                 driver.add_remote(&client, node.clone(), address);
@@ -117,6 +122,8 @@ impl Farm {
             statuses,
             thread: Some(thread),
             frames_in_flight_max: config.frames_in_flight,
+            credentials: config.credentials.clone(),
+            calls,
             scene: None,
             in_flight: VecDeque::new(),
             next_frame: FrameId(0),
@@ -201,6 +208,30 @@ impl Farm {
     /// Divides frames in another way from the next one on.
     pub fn set_balancer(&mut self, balancing: Balancing) {
         self.send(Input::Balancing(balancing));
+    }
+
+    /// Calls another node, as `host:port`, while the farm is running; it takes part once it answers.
+    ///
+    /// # Errors
+    /// [`Error::Config`] if the address is none or there are as many nodes as a farm may have,
+    /// [`Error::Credentials`] or [`Error::Socket`] if this is the first remote node and none can be
+    /// called.
+    pub fn add_node(&mut self, node: &str) -> Result<(), Error> {
+        let address = node.parse().map_err(Error::Config)?;
+        if self.nodes().len() >= NODES_MAX {
+            return Err(Error::Config(format!(
+                "{node} would be one node too many: at most {NODES_MAX} are allowed"
+            )));
+        }
+        let client = if self.calls {
+            None
+        } else {
+            let credentials = Credentials::load(&self.credentials, Role::Player)?;
+            Some(Client::new(&credentials)?)
+        };
+        self.calls = true;
+        self.send(Input::AddRemote(node.to_owned(), address, client));
+        Ok(())
     }
 
     /// Adds an in-process node on `tracer` while the farm is running.

@@ -55,6 +55,7 @@ mod mailbox;
 pub mod net;
 pub mod node;
 pub mod sim;
+pub mod throttle;
 
 pub use balancing::{Algorithm, Balancing};
 pub use carom_protocol::{FrameId, NodeInfo, PixelFormat, Precision, PrecisionRange};

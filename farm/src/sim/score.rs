@@ -1,6 +1,6 @@
-//! What a run of a [`Scenario`] is worth.
+//! What a run is worth in which nodes slow down, die and join.
 
-use super::{Report, Scenario};
+use super::Report;
 
 /// Frame times as multiples of the clairvoyant optimum's.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -25,8 +25,9 @@ pub struct Score {
 }
 
 impl Score {
-    /// Of a run of `scenario` whose optimum is `optimum_secs`.
-    pub fn new(scenario: &Scenario, report: &Report, optimum_secs: &[f64]) -> Self {
+    /// Of a run of `frames` frames whose optimum is `optimum_secs`; before the frames `events` a
+    /// node slowed down, one died and one joined: `frames` or more for what did not happen.
+    pub fn new(frames: u64, events: [u64; 3], report: &Report, optimum_secs: &[f64]) -> Self {
         let times = report.frames.iter().map(|frame| frame.stats.makespan_secs);
         let ratio = |(time, best): (f64, &f64)| {
             if best.is_finite() {
@@ -36,7 +37,9 @@ impl Score {
             }
         };
         let ratios: Vec<f64> = times.zip(optimum_secs).map(ratio).collect();
-        let settled: Vec<usize> = settled(scenario, ratios.len());
+        let events = events.map(|event| event as usize);
+        let quarter = (frames / 4) as usize;
+        let settled = settled(quarter, events, ratios.len());
         let mut sorted: Vec<f64> = settled.iter().map(|index| ratios[*index]).collect();
         sorted.retain(|ratio| ratio.is_finite());
         sorted.sort_by(f64::total_cmp);
@@ -44,39 +47,33 @@ impl Score {
             .iter()
             .map(|index| report.frames[*index].stats.response_deviation_secs());
         let tiles = u64::from(report.tiles_per_frame) * report.frames.len() as u64;
-        let events = scenario.events().map(|event| event as usize);
         let worst = ratios.iter().skip(events[1]).take(AFTER_DEATH);
         Self {
             mean: mean(sorted.iter().copied()),
             p99: sorted
                 .get((0.99 * sorted.len() as f64) as usize)
                 .map_or(f64::NAN, |ratio| *ratio),
-            recovery_frames: events.map(|event| recovery(&ratios, event, scenario.frames)),
+            recovery_frames: events.map(|event| recovery(&ratios, event, quarter)),
             duplicates: report.tiles_traced as f64 / tiles.max(1) as f64 - 1.0,
             worst_after_death: worst.fold(f64::NAN, |worst, ratio| worst.max(*ratio)),
             response_deviation_secs: mean(deviations),
-            lost: scenario.frames - report.frames.len() as u64 + report.skipped,
+            lost: frames - report.frames.len() as u64 + report.skipped,
             ratios,
         }
     }
 }
 
 /// Frames that are well after the start and after each event.
-fn settled(scenario: &Scenario, frames: usize) -> Vec<usize> {
-    let quarter = (scenario.frames / 4) as usize;
-    let is_settled = |index: &usize| {
-        let pause = if *index < quarter {
-            quarter / 2
-        } else {
-            quarter / 4
-        };
-        index % quarter.max(1) >= pause
+fn settled(quarter: usize, events: [usize; 3], frames: usize) -> Vec<usize> {
+    let is_settled = |index: &usize| match events.iter().filter(|event| *event <= index).max() {
+        Some(event) => index - event >= quarter / 4,
+        None => *index >= quarter / 2,
     };
     (0..frames).filter(is_settled).collect()
 }
 
-fn recovery(ratios: &[f64], event: usize, frames: u64) -> Option<usize> {
-    let after = ratios.get(event..ratios.len().min(event + frames as usize / 4))?;
+fn recovery(ratios: &[f64], event: usize, quarter: usize) -> Option<usize> {
+    let after = ratios.get(event..ratios.len().min(event + quarter))?;
     let settled = mean(after[after.len() / 2..].iter().copied());
     let window = |start: &usize| mean(after[*start..*start + WINDOW].iter().copied());
     let windows = 0..(after.len() + 1).saturating_sub(WINDOW);

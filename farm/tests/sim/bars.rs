@@ -22,7 +22,8 @@ fn score(nodes: usize, network: Network, mode: Mode, balancing: Balancing) -> Sc
         report.nodes
     );
     assert_eq!(report.wrong_frames, 0, "{scenario:?}");
-    let score = Score::new(&scenario, &report, &optimum_secs(&plan));
+    let (frames, events) = (scenario.frames, scenario.events());
+    let score = Score::new(frames, events, &report, &optimum_secs(&plan));
     println!(
         "{nodes} {} {}: mean {:.3}, p99 {:.2}, recovery {:?}, twice {:.2} %, death {:.2}",
         network.name(),

@@ -1,6 +1,7 @@
 //! `carom-farm bench`: what this machine's back ends, the wire and the balancers can do.
 
 mod balance;
+mod cluster;
 mod codec;
 mod codec_frames;
 mod faults;
@@ -26,6 +27,7 @@ enum Bench {
     Trace(trace::Args),
     Tradeoff(tradeoff::Args),
     Balance(balance::Args),
+    Cluster(cluster::Args),
     Faults(faults::Args),
     Codec(codec::Args),
     Transport(transport::Args),
@@ -37,6 +39,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         Bench::Trace(args) => trace::run(args),
         Bench::Tradeoff(args) => tradeoff::run(args),
         Bench::Balance(args) => balance::run(args),
+        Bench::Cluster(args) => cluster::run(args),
         Bench::Faults(args) => faults::run(args),
         Bench::Codec(args) => codec::run(args),
         Bench::Transport(args) => transport::run(args),

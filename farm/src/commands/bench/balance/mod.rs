@@ -194,7 +194,8 @@ fn scenarios(args: &Args) -> Vec<Scenario> {
 fn simulate(scenario: Scenario, balancing: Balancing) -> Run {
     let plan = scenario.plan(balancing);
     let report = sim::run(&plan, SECS_MAX);
-    let score = Score::new(&scenario, &report, &sim::optimum_secs(&plan));
+    let (frames, events) = (scenario.frames, scenario.events());
+    let score = Score::new(frames, events, &report, &sim::optimum_secs(&plan));
     Run {
         balancing,
         scenario,
