@@ -12,6 +12,7 @@ use crate::contest::MatchArgs;
 use crate::display::Present;
 use crate::sim::{Engine, Recording, Table};
 use crate::stage::Stage;
+use crate::video::{Target, View};
 
 /// Pool, path-traced in real time by a farm of any mix of GPUs and CPUs.
 ///
@@ -26,16 +27,30 @@ pub struct Args {
     /// Render a break shot to files instead of opening a window
     #[arg(long)]
     pub headless: bool,
-    /// Frames to render without a window, 1 to 10000
-    #[arg(long, default_value_t = 48, value_parser = clap::value_parser!(u32).range(1..=10_000))]
-    pub frames: u32,
+    /// Make a film of the shot of --replay, or of a break, in place of opening a window: a name that
+    /// ends in .y4m (for video encoders) or .png (animated), or a folder of PNG files. Frames are kept
+    /// as they come: after an interruption the same command goes on
+    #[arg(long, value_name = "FILM", value_parser = Target::parse, conflicts_with = "out")]
+    pub video: Option<Target>,
+    /// Frames to render without a window, 1 to 1000000 [default: 48 of a break, all of a film]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub frames: Option<u32>,
+    /// Frames shown in a second, 1 to 240
+    #[arg(long, default_value_t = 30, value_parser = clap::value_parser!(u16).range(1..=240))]
+    pub fps: u16,
+    /// Where the frames are seen from
+    #[arg(long, value_enum, default_value_t)]
+    pub view: View,
     /// Size of the frames, or of the window: WIDTHxHEIGHT in pixels [default: 640x360 for frames,
-    /// 1280x720 for the window]
+    /// 1280x720 for a film and the window]
     #[arg(long, value_name = "WxH")]
     pub size: Option<ImageSize>,
-    /// Paths per pixel of the frames
-    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=i64::from(RenderSettings::SAMPLES_MAX)))]
-    pub spp: u32,
+    /// Paths per pixel of the frames [default: 16, for a film 64]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=i64::from(RenderSettings::SAMPLES_MAX)))]
+    pub spp: Option<u32>,
+    /// Filter the noise that is left in the frames: 4 paths then look like 16 and more
+    #[arg(long)]
+    pub denoise: bool,
     /// Draws the rack and the noise: the same seed gives the same frames
     #[arg(long, default_value_t = 1)]
     pub seed: u32,

@@ -1,37 +1,41 @@
-//! Carom without a window: a break shot through the farm into files.
+//! Carom without a window: a shot through the farm into files.
 //!
 //! ```text
-//! rack, stroke ─▶ sim::Shot ─▶ Stage ─▶ Farm (several frames in flight) ─▶ frame_0000.png …
-//!                                                                      ├─▶ break.png (animated)
-//!                                                                      └─▶ stats.json
+//! rack, stroke ─┐
+//! recording ────┴▶ Footage ─▶ Farm (several frames in flight) ─▶ Reel: frame_0000.png …
+//!                                                                 ├─▶ a film, or break.png
+//!                                                                 └─▶ stats.json
 //! ```
 
+use std::collections::VecDeque;
 use std::fs::{self, File};
 use std::io::{BufWriter, Write as _};
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
 use carom_farm::{
     Farm, FarmConfig, Frame, FrameSpec, FrameStats, NodeState, NodeStatus, PixelFormat, Pixels,
-    PrecisionRange,
+    PrecisionRange, net,
 };
 use carom_tracer::{ImageSize, RenderSettings};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
-use crate::animation::{Animation, write_png};
 use crate::args::Args;
 use crate::director::EXPOSURE;
 use crate::play::CUE_SPEED_M_S_MAX;
-use crate::sim::{Engine, EventKind, Recording, Shot, Stroke, Table, World};
+use crate::sim::{Engine, Recording, Shot, Stroke, Table, World};
 use crate::stage::Stage;
+use crate::video::{Footage, Job, Reel, Target, assemble};
 
 /// What `stats.json` holds.
 #[derive(Debug, Serialize)]
 struct Report {
     settings: Settings,
     nodes: Vec<Node>,
+    /// Those that this run traced.
     frames: Vec<FrameReport>,
     totals: Totals,
 }
@@ -44,8 +48,9 @@ struct Settings {
     samples: u32,
     scatterings_max: u32,
     seed: u32,
+    denoise: bool,
     frames: u32,
-    frames_per_sec: u32,
+    frames_per_sec: u16,
 }
 
 /// A node as the farm saw it at the end.
@@ -63,6 +68,8 @@ struct Node {
 #[derive(Debug, Serialize)]
 struct FrameReport {
     index: u32,
+    /// Of the shots on show.
+    shot: usize,
     /// The moment of the shot, seconds since the stroke.
     moment_secs: f64,
     #[serde(flatten)]
@@ -81,58 +88,133 @@ struct Totals {
     tiles_by_node: Vec<u64>,
 }
 
-/// Renders the break shot that `args` describe.
+/// Renders the shot that `args` describe: a recorded one, or a break.
 ///
 /// # Errors
-/// A sentence: a folder that cannot be written, a farm that cannot be built or does not answer.
+/// A sentence: a folder that cannot be written or holds an unfinished film of another kind, a farm
+/// that cannot be built or does not answer, an interruption and how to go on.
 pub fn run(args: &Args, config: FarmConfig) -> anyhow::Result<()> {
-    let out = args.out.as_path();
-    fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
-    let settings = settings(args);
+    let footage = footage(args)?;
+    let settings = settings(args, &footage);
+    let target = match &args.video {
+        Some(target) => target.clone(),
+        None => Target::Folder(args.out.clone()),
+    };
+    let job = Job::of(&footage, settings.size(), settings.render())?;
+    let mut reel = Reel::open(&target.reel(), job, settings.size())?;
+    let interrupted = net::interruption().context("Ctrl-C")?;
+    let report = match make(config, &footage, settings, &mut reel, &interrupted) {
+        Ok(report) => report,
+        Err(error) if reel.kept() > 0 => return Err(error.context(going_on(&reel))),
+        Err(error) => {
+            // Nothing has begun; what cannot be removed does no harm.
+            let _ = reel.remove();
+            return Err(error);
+        }
+    };
+    let proceed = &mut || proceed(&interrupted);
+    let film = match &args.video {
+        Some(target) => target.clone(),
+        None => Target::Apng(args.out.join("break.png")),
+    };
+    assemble(&reel, &film, settings.frames_per_sec, proceed).with_context(|| going_on(&reel))?;
+    reel.finish()?;
+    if let Target::Folder(folder) = &target {
+        write_report(&report, &folder.join("stats.json"))?;
+    } else {
+        reel.remove()?;
+    }
+    println!("{}", done(settings, &target, &film));
+    Ok(())
+}
+
+/// What was made, and where it is.
+fn done(settings: Settings, target: &Target, film: &Target) -> String {
+    let Settings {
+        width,
+        height,
+        frames,
+        ..
+    } = settings;
+    let path = target.path().display();
+    match target {
+        Target::Folder(_) if target != film => {
+            format!("{frames} frames of {width}x{height}, break.png and stats.json are in {path}")
+        }
+        Target::Folder(_) => {
+            format!("{frames} frames of {width}x{height} and stats.json are in {path}")
+        }
+        _ => format!("{path} has {frames} frames of {width}x{height}"),
+    }
+}
+
+fn going_on(reel: &Reel) -> String {
+    format!(
+        "{} of {} frames are kept in {}, and the same command goes on with them",
+        reel.kept(),
+        reel.frames(),
+        reel.folder().display()
+    )
+}
+
+fn proceed(interrupted: &AtomicBool) -> anyhow::Result<()> {
+    if interrupted.load(Ordering::Relaxed) {
+        bail!("interrupted");
+    }
+    Ok(())
+}
+
+fn footage(args: &Args) -> anyhow::Result<Footage> {
     let (table, recording) = args.table_and_recording()?;
     let shot = match recording {
         Some(recording) => recording.shot,
-        None => break_shot(&table, settings.seed, args.physics)?,
+        None => break_shot(&table, args.seed, args.physics)?,
     };
     if let Some(folder) = &args.record {
         keep(&table, &shot, folder)?;
     }
     let stage = Stage::around(&table, args.ball_set);
-    // Files are kept: a link that is too slow for exact pixels makes them later, not worse.
-    let mut farm = Farm::new(FarmConfig {
-        precision: PrecisionRange::EXACT,
-        ..config
-    })?;
-    farm.set_scene(stage.scene())?;
-    let begun = Instant::now();
-    let frames = render(&mut farm, &stage, &shot, settings, out)?;
-    let report = Report {
-        totals: totals(&frames, settings, begun.elapsed()),
-        nodes: farm.nodes().into_iter().map(node).collect(),
-        settings,
-        frames,
-    };
-    write_report(&report, &out.join("stats.json"))?;
-    println!(
-        "{} frames of {}x{}, break.png and stats.json are in {}",
-        settings.frames,
-        settings.width,
-        settings.height,
-        out.display()
-    );
-    Ok(())
+    let (view, rate) = (args.view, args.fps);
+    if args.video.is_none() {
+        let frames = args.frames.unwrap_or(FRAMES);
+        return Ok(Footage::impact(stage, shot, view, rate, frames));
+    }
+    let film = Footage::whole(stage, vec![shot], view, rate);
+    Ok(film.cut(args.frames.unwrap_or(u32::MAX)))
 }
 
-fn settings(args: &Args) -> Settings {
-    let size = args.size.unwrap_or(ImageSize::new(640, 360));
+fn settings(args: &Args, footage: &Footage) -> Settings {
+    let (size, samples) = if args.video.is_some() {
+        (ImageSize::new(1280, 720), 64)
+    } else {
+        (ImageSize::new(640, 360), 16)
+    };
+    let size = args.size.unwrap_or(size);
     Settings {
         width: size.width,
         height: size.height,
-        samples: args.spp,
+        samples: args.spp.unwrap_or(samples),
         scatterings_max: args.ball_set.scatterings_max(),
         seed: args.seed,
-        frames: args.frames,
-        frames_per_sec: FRAMES_PER_SEC,
+        denoise: args.denoise,
+        frames: footage.frames(),
+        frames_per_sec: footage.frames_per_sec(),
+    }
+}
+
+impl Settings {
+    fn size(&self) -> ImageSize {
+        ImageSize::new(self.width, self.height)
+    }
+
+    fn render(&self) -> RenderSettings {
+        RenderSettings {
+            samples: self.samples,
+            first_sample: 0,
+            scatterings_max: self.scatterings_max,
+            seed: self.seed,
+            denoise: self.denoise,
+        }
     }
 }
 
@@ -153,70 +235,87 @@ fn keep(table: &Table, shot: &Shot, folder: &Path) -> anyhow::Result<()> {
     Ok(recording.save(&folder.join("shot_0001.carom"))?)
 }
 
-/// Renders all frames, writing each as it is finished.
+/// Traces the frames that the reel lacks.
+fn make(
+    config: FarmConfig,
+    footage: &Footage,
+    settings: Settings,
+    reel: &mut Reel,
+    interrupted: &AtomicBool,
+) -> anyhow::Result<Report> {
+    // Files are kept: a link that is too slow for exact pixels makes them later, not worse.
+    let mut farm = Farm::new(FarmConfig {
+        precision: PrecisionRange::EXACT,
+        ..config
+    })?;
+    farm.set_scene(footage.stage().scene())?;
+    let begun = Instant::now();
+    let frames = render(&mut farm, footage, settings, reel, interrupted)?;
+    Ok(Report {
+        totals: totals(&frames, settings, begun.elapsed()),
+        nodes: farm.nodes().into_iter().map(node).collect(),
+        settings,
+        frames,
+    })
+}
+
+/// Has the missing frames traced, as many at a time as the farm takes, keeping each as it is finished.
 fn render(
     farm: &mut Farm,
-    stage: &Stage,
-    shot: &Shot,
+    footage: &Footage,
     settings: Settings,
-    out: &Path,
+    reel: &mut Reel,
+    interrupted: &AtomicBool,
 ) -> anyhow::Result<Vec<FrameReport>> {
-    let size = ImageSize::new(settings.width, settings.height);
-    let first_secs = (first_contact_secs(shot) - LEAD_IN_SECS).max(0.0);
-    let moment = |index: u32| first_secs + f64::from(index) / f64::from(settings.frames_per_sec);
-    let mut animation = Animation::create(
-        &out.join("break.png"),
-        size,
-        settings.frames,
-        FRAMES_PER_SEC as u16,
-    )?;
     let bar = progress_bar(settings.frames);
-    let mut submitted = 0;
+    if reel.kept() > 0 {
+        eprintln!("Going on: {}", going_on(reel));
+        bar.set_position(reel.kept().into());
+        bar.reset_eta();
+    }
+    let mut waiting: VecDeque<u32> = reel.missing().collect();
+    let mut in_flight = VecDeque::new();
     let mut frames: Vec<FrameReport> = Vec::new();
-    while frames.len() < settings.frames as usize {
-        while submitted < settings.frames {
-            match farm.submit(spec(stage, shot, moment(submitted), settings)) {
-                Ok(_) => submitted += 1,
+    while !(waiting.is_empty() && in_flight.is_empty()) {
+        while let Some(&index) = waiting.front() {
+            match farm.submit(spec(footage, index, settings)) {
+                Ok(_) => in_flight.extend(waiting.pop_front()),
                 Err(carom_farm::Error::FramesInFlight { .. }) => break,
                 Err(error) => return Err(error.into()),
             }
         }
-        let frame = next_frame(farm)?;
-        let index = frames.len() as u32;
-        let rgb = bytes(&frame)?;
-        write_png(&out.join(format!("frame_{index:04}.png")), size, rgb)?;
-        animation.push(rgb)?;
+        let frame = next_frame(farm, interrupted)?;
+        let Some(index) = in_flight.pop_front() else {
+            bail!("the farm sent a frame that was not asked for");
+        };
+        reel.keep(index, bytes(&frame)?)?;
         bar.inc(1);
+        let (shot, moment_secs) = footage.moment(index);
         frames.push(FrameReport {
             index,
-            moment_secs: moment(index),
+            shot,
+            moment_secs,
             stats: frame.stats,
         });
     }
-    animation.finish()?;
     bar.finish_and_clear();
     Ok(frames)
 }
 
-fn spec(stage: &Stage, shot: &Shot, moment_secs: f64, settings: Settings) -> FrameSpec {
+fn spec(footage: &Footage, index: u32, settings: Settings) -> FrameSpec {
     FrameSpec {
-        update: stage.update(stage.scene().camera, &shot.poses_at(moment_secs)),
-        size: ImageSize::new(settings.width, settings.height),
-        settings: RenderSettings {
-            samples: settings.samples,
-            first_sample: 0,
-            scatterings_max: settings.scatterings_max,
-            seed: settings.seed,
-            denoise: false,
-        },
+        update: footage.update(index),
+        size: settings.size(),
+        settings: settings.render(),
         format: PixelFormat::Srgb8 { exposure: EXPOSURE },
     }
 }
 
 /// Waits for the next frame; gives up with the nodes' own words when none comes.
-fn next_frame(farm: &mut Farm) -> anyhow::Result<Frame> {
+fn next_frame(farm: &mut Farm, interrupted: &AtomicBool) -> anyhow::Result<Frame> {
     let begun = Instant::now();
     loop {
+        proceed(interrupted)?;
         if let Some(frame) = farm.wait_frame(Duration::from_millis(200)) {
             return Ok(frame);
         }
@@ -247,14 +346,6 @@ fn bytes(frame: &Frame) -> anyhow::Result<&[u8]> {
         Pixels::Srgb8(rgb) => Ok(bytemuck::cast_slice(rgb)),
         Pixels::Linear(_) => bail!("the farm sent radiance where colours were asked for"),
     }
-}
-
-fn first_contact_secs(shot: &Shot) -> f64 {
-    let is_contact = |event: &&crate::sim::Event| matches!(event.kind, EventKind::BallBall { .. });
-    shot.events()
-        .iter()
-        .find(is_contact)
-        .map_or(0.0, |event| event.time_secs)
 }
 
 fn totals(frames: &[FrameReport], settings: Settings, wall: Duration) -> Totals {
@@ -309,8 +400,7 @@ fn progress_bar(frames: u32) -> ProgressBar {
     ProgressBar::new(u64::from(frames)).with_style(style)
 }
 
-const FRAMES_PER_SEC: u32 = 30;
-/// The cue ball is seen rolling for this long before it meets the rack.
-const LEAD_IN_SECS: f64 = 0.1;
+/// Of a break, where no number is given.
+const FRAMES: u32 = 48;
 /// How long to wait for a first node.
 const PATIENCE: Duration = Duration::from_secs(60);

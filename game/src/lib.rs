@@ -10,10 +10,9 @@
 //! ```
 //!
 //! Only [`app`] and [`display`] know winit and wgpu; everything else takes time and events as
-//! arguments. [`headless`] renders a break shot to files through the same farm.
+//! arguments. [`headless`] renders a shot to files through the same farm, [`video`] makes films of them.
 
 pub mod ai;
-pub mod animation;
 pub mod app;
 pub mod args;
 pub mod ball_set;
@@ -34,4 +33,5 @@ pub mod session;
 pub mod sim;
 pub mod stage;
 pub mod ui;
+pub mod video;
 pub mod warp;

@@ -32,7 +32,7 @@ fn configuration(args: &Args) -> anyhow::Result<(FarmConfig, Option<Present>)> {
 }
 
 fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow::Result<()> {
-    if args.headless {
+    if args.headless || args.video.is_some() {
         return headless::run(args, config);
     }
     if is_displayless() {

@@ -129,6 +129,74 @@ fn a_recorded_shot_gives_the_same_frames_again() {
     }
 }
 
+/// A film of a break, `rest` telling where to.
+fn film(folder: &Path, rest: &[&str]) -> Output {
+    let small = ["--backend", "cpu", "--size", "96x54", "--frames", "3"];
+    carom(folder, &[&small[..], rest].concat())
+}
+
+#[test]
+fn a_film_is_the_same_frames_in_one_file() {
+    let folder = tempfile::tempdir().unwrap();
+    for out in ["film.y4m", "film.png", "film"] {
+        let made = film(folder.path(), &["--spp", "1", "--video", out]);
+        assert!(made.status.success(), "{}", text(&made.stderr));
+        assert!(text(&made.stdout).contains(out), "{}", text(&made.stdout));
+    }
+    let frames = frames(&folder.path().join("film"));
+    assert_animation(&folder.path().join("film.png"), &frames);
+    let bytes = fs::read(folder.path().join("film.y4m")).unwrap();
+    let line = bytes.iter().position(|&byte| byte == b'\n').unwrap();
+    assert_eq!(bytes.len(), line + 1 + FRAMES * (6 + 3 * 96 * 54));
+    assert!(text(&bytes[..line]).starts_with("YUV4MPEG2 W96 H54 F30:1 "));
+    for (i, frame) in frames.iter().enumerate() {
+        let at = line + 1 + i * (6 + 3 * 96 * 54);
+        assert_eq!(bytes[at..at + 6], *b"FRAME\n");
+        // BT.601's luma of the last pixel, which PNG tells by other code.
+        let [r, g, b] = [3, 2, 1].map(|back| f64::from(frame[frame.len() - back]));
+        let luma = 16.0 + (65.481 * r + 128.553 * g + 24.966 * b) / 255.0;
+        let written = f64::from(bytes[at + 6 + 96 * 54 - 1]);
+        assert!((written - luma).abs() <= 0.51, "{written} for {luma}");
+    }
+    let left: Vec<_> = fs::read_dir(folder.path()).unwrap().collect();
+    assert_eq!(left.len(), 3, "no frames are left beside the films");
+}
+
+#[test]
+fn an_interrupted_film_goes_on_and_another_one_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let make = |spp: &str| film(folder.path(), &["--spp", spp, "--video", "film"]);
+    assert!(make("1").status.success());
+    let path = |name: &str| folder.path().join("film").join(name);
+    let whole = frames(&folder.path().join("film"));
+    // As if it had been interrupted in the third frame; the second is marked.
+    let job = fs::read_to_string(path("job.json")).unwrap();
+    let job = job.replace("\"done\": true", "\"done\": false");
+    fs::write(path("job.json"), job).unwrap();
+    fs::remove_file(path("frame_0002.png")).unwrap();
+    fs::copy(path("frame_0000.png"), path("frame_0001.png")).unwrap();
+
+    let refused = make("2");
+    assert_eq!(refused.status.code(), Some(1));
+    let said = text(&refused.stderr);
+    for words in ["film holds 2 frames", "1 paths", "2 paths"] {
+        assert!(said.contains(words), "{said}");
+    }
+    let again = make("1");
+    let said = text(&again.stderr);
+    assert!(
+        again.status.success() && said.contains("Going on: 2 of 3"),
+        "{said}"
+    );
+    let frames = frames(&folder.path().join("film"));
+    assert_eq!(
+        frames,
+        [whole[0].clone(), whole[0].clone(), whole[2].clone()]
+    );
+    // What is finished is made anew.
+    assert!(make("2").status.success());
+}
+
 fn assert_animation(path: &Path, frames: &[Vec<u8>]) {
     let mut reader = png::Decoder::new(BufReader::new(File::open(path).unwrap()))
         .read_info()
@@ -230,7 +298,9 @@ fn a_display_that_cannot_be_opened_is_reported_with_what_to_install() {
 fn wrong_arguments_are_refused_in_words() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("wrong.toml"), "tile_edgy = 32\n").unwrap();
-    let cases: [(&[&str], &str); 6] = [
+    let cases: [(&[&str], &str); 8] = [
+        (&["--video", "film.mp4"], "ffmpeg"),
+        (&["--video", "film.y4m", "--out", "frames"], "--out"),
         (&["--headless", "--size", "640"], "640"),
         (&["--headless", "--size", "0x9"], "0x9"),
         (&["--headless", "--frames", "0"], "0"),

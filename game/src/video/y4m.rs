@@ -1,0 +1,162 @@
+//! YUV4MPEG2: uncompressed video that encoders and players read.
+//!
+//! The form is that of mjpegtools (`man yuv4mpeg`): a line with the size and rate, then for each frame
+//! the word FRAME and the planes. Colours are not subsampled (`C444`). The file cannot say which
+//! matrix made its Y'CbCr, and players guess it from the size: BT.709 for high definition, BT.601
+//! below; so that is what is written.
+
+use std::fs::File;
+use std::io::{BufWriter, Write as _};
+use std::path::Path;
+
+use anyhow::{Context as _, ensure};
+use carom_tracer::ImageSize;
+
+use super::frame_bytes;
+
+/// A Y4M file that is written frame by frame.
+#[derive(Debug)]
+pub struct Y4m {
+    file: BufWriter<File>,
+    size: ImageSize,
+    matrix: Matrix,
+}
+
+impl Y4m {
+    /// Begins a film.
+    ///
+    /// # Errors
+    /// A sentence with the path.
+    pub fn create(path: &Path, size: ImageSize, frames_per_sec: u16) -> anyhow::Result<Self> {
+        let begin = || -> anyhow::Result<Self> {
+            let mut file = BufWriter::new(File::create(path)?);
+            let ImageSize { width, height } = size;
+            writeln!(
+                file,
+                "YUV4MPEG2 W{width} H{height} F{frames_per_sec}:1 Ip A1:1 C444 XCOLORRANGE=LIMITED"
+            )?;
+            Ok(Self {
+                file,
+                size,
+                matrix: Matrix::of(size),
+            })
+        };
+        begin().with_context(|| format!("cannot write {}", path.display()))
+    }
+
+    /// Adds a frame of sRGB bytes, row by row.
+    ///
+    /// # Errors
+    /// The system's reason, or a frame of another size.
+    pub fn push(&mut self, rgb: &[u8]) -> anyhow::Result<()> {
+        ensure!(
+            rgb.len() == frame_bytes(self.size),
+            "a frame of {} bytes is not one of {:?}",
+            rgb.len(),
+            self.size
+        );
+        let pixels = self.size.pixels();
+        let mut planes = vec![0; 3 * pixels];
+        for (i, pixel) in rgb.chunks_exact(3).enumerate() {
+            let ycc = self.matrix.ycc([pixel[0], pixel[1], pixel[2]]);
+            for (plane, value) in ycc.into_iter().enumerate() {
+                planes[plane * pixels + i] = value;
+            }
+        }
+        let write = |file: &mut BufWriter<File>| {
+            file.write_all(b"FRAME\n")?;
+            file.write_all(&planes)
+        };
+        write(&mut self.file).context("cannot write the film")
+    }
+
+    /// Ends the file.
+    ///
+    /// # Errors
+    /// The system's reason.
+    pub fn finish(mut self) -> anyhow::Result<()> {
+        self.file.flush().context("cannot end the film")
+    }
+}
+
+/// The shares of red and blue in luma.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Matrix {
+    red: f32,
+    blue: f32,
+}
+
+impl Matrix {
+    /// ITU-R BT.709-6, item 3.2.
+    const HIGH: Self = Self {
+        red: 0.2126,
+        blue: 0.0722,
+    };
+    /// ITU-R BT.601-7, item 2.5.1.
+    const STANDARD: Self = Self {
+        red: 0.299,
+        blue: 0.114,
+    };
+
+    /// As players guess.
+    fn of(size: ImageSize) -> Self {
+        if size.width >= 1280 || size.height > 576 {
+            Self::HIGH
+        } else {
+            Self::STANDARD
+        }
+    }
+
+    /// Luma 16 to 235, chroma 16 to 240 round 128.
+    fn ycc(self, rgb: [u8; 3]) -> [u8; 3] {
+        let [r, g, b] = rgb.map(|v| f32::from(v) / 255.0);
+        let luma = self.red * r + (1.0 - self.red - self.blue) * g + self.blue * b;
+        let chroma = |colour: f32, share: f32| (colour - luma) / (2.0 * (1.0 - share));
+        [
+            (16.0 + 219.0 * luma).round() as u8,
+            (128.0 + 224.0 * chroma(b, self.blue)).round() as u8,
+            (128.0 + 224.0 * chroma(r, self.red)).round() as u8,
+        ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_are_where_the_recommendations_put_them() {
+        // White, black and primaries of 100 % bars.
+        let high = [
+            ([255, 255, 255], [235, 128, 128]),
+            ([0, 0, 0], [16, 128, 128]),
+            ([255, 0, 0], [63, 102, 240]),
+            ([0, 255, 0], [173, 42, 26]),
+            ([0, 0, 255], [32, 240, 118]),
+        ];
+        for (rgb, ycc) in high {
+            assert_eq!(Matrix::HIGH.ycc(rgb), ycc, "{rgb:?}");
+        }
+        assert_eq!(Matrix::STANDARD.ycc([255, 0, 0]), [81, 90, 240]);
+        assert_eq!(Matrix::STANDARD.ycc([0, 255, 0]), [145, 54, 34]);
+        assert_eq!(Matrix::of(ImageSize::new(640, 360)), Matrix::STANDARD);
+        assert_eq!(Matrix::of(ImageSize::new(1280, 720)), Matrix::HIGH);
+    }
+
+    #[test]
+    fn a_film_is_a_line_and_planes() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.y4m");
+        let mut film = Y4m::create(&path, ImageSize::new(3, 1), 25).unwrap();
+        film.push(&[255, 255, 255, 0, 0, 0, 255, 0, 0]).unwrap();
+        film.push(&[0; 9]).unwrap();
+        assert!(film.push(&[0; 8]).is_err());
+        film.finish().unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        let line = b"YUV4MPEG2 W3 H1 F25:1 Ip A1:1 C444 XCOLORRANGE=LIMITED\n";
+        let frames = bytes.strip_prefix(line).unwrap();
+        let first = [235, 16, 81, 128, 128, 90, 128, 128, 240];
+        assert_eq!(frames[..15], [&b"FRAME\n"[..], &first].concat());
+        assert_eq!(frames.len(), 30);
+    }
+}
