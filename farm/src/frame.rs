@@ -4,8 +4,11 @@ use std::fmt;
 use std::time::Duration;
 
 use carom_protocol::{FrameId, NodeInfo, PixelFormat};
-use carom_tracer::{ImageSize, RenderSettings, SceneUpdate};
+use carom_tracer::{ImageSize, RenderSettings, SceneUpdate, TileRun};
 use serde::Serialize;
+
+use crate::Balancing;
+use crate::coordinator::NodeIndex;
 
 /// A picture to trace.
 #[derive(Clone, Debug, PartialEq)]
@@ -50,10 +53,16 @@ pub struct FrameStats {
     /// The longest that a node was busy with the picture, by its own clock, in seconds: pictures in
     /// flight cannot follow each other faster.
     pub busy_secs: f64,
+    /// How its tiles were divided.
+    pub balancing: Balancing,
     /// Bytes of pixels as they crossed the link.
     pub payload_bytes: u64,
+    /// Bytes of the same pixels before they were encoded.
+    pub raw_bytes: u64,
     /// Tiles that were asked for again because a node was late or lost.
     pub reissued_tiles: u32,
+    /// Of those, the ones whose node was lost, refused them or fell silent.
+    pub lost_tiles: u32,
     /// Tiles that came twice; the first was kept.
     pub duplicate_tiles: u32,
     /// Samples that were not finite and count as black.
@@ -65,6 +74,39 @@ pub struct FrameStats {
     pub response_secs_by_node: Vec<f64>,
     /// Where the time of each node's last tile went, by the same index.
     pub split_by_node: Vec<LatencySplit>,
+    /// Pixels along the edge of a tile.
+    pub tile_edge: u16,
+    /// The work of each tile as it was predicted when they were divided, in pixel samples of average
+    /// cost.
+    #[serde(skip)]
+    pub tile_work: Vec<f32>,
+    /// Everything that came until the picture was whole, in the order of arrival.
+    #[serde(skip)]
+    pub deliveries: Vec<Delivery>,
+}
+
+/// Tiles that came together from one node. Times are seconds from [`crate::Farm::submit`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Delivery {
+    /// Who traced them.
+    pub node: NodeIndex,
+    /// Which.
+    pub tiles: TileRun,
+    /// How many of them had not come from another node before.
+    pub fresh_tiles: u32,
+    /// Their predicted work, in pixel samples of average cost.
+    pub work: f64,
+    /// When the last tile of the same request was expected, as predicted when it was asked for;
+    /// absent while nothing was known of the node.
+    pub expected_secs: Option<f64>,
+    /// When they were there.
+    pub arrived_secs: f64,
+    /// How long the node was busy with them, by its own clock.
+    pub busy_secs: f64,
+    /// Where their time went.
+    pub split: LatencySplit,
+    /// Bytes of their pixels as they crossed the link.
+    pub payload_bytes: u32,
 }
 
 /// Where the time of a tile went, from [`crate::Farm::submit`] until its pixels were there, in
@@ -123,10 +165,17 @@ pub struct NodeStatus {
     pub state: NodeState,
     /// Learned fixed cost of a request, A, in seconds.
     pub fixed_secs: f64,
-    /// Learned speed, in millions of pixel samples per second.
+    /// Standard error of A, in seconds; 0 until two requests have been answered.
+    pub fixed_error_secs: f64,
+    /// Learned speed, 1/B, in millions of pixel samples per second.
     pub msamples_per_sec: f64,
+    /// Standard error of the speed, as a share of it; 0 until two requests have been answered.
+    pub speed_error: f64,
     /// Tiles delivered since it joined.
     pub tiles: u64,
+    /// Tiles that it was asked for and that it refused, or that were lost with its connection or
+    /// asked of others because it had fallen silent.
+    pub lost_tiles: u64,
     /// Last round trip of a ping, if there was one.
     pub round_trip: Option<Duration>,
     /// Where the time of its last tile went.

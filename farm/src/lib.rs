@@ -45,6 +45,7 @@ pub mod chart;
 pub mod config;
 pub mod coordinator;
 mod driver;
+mod efficiency;
 pub mod error;
 mod farm;
 pub mod frame;
@@ -60,6 +61,10 @@ pub mod throttle;
 pub use balancing::{Algorithm, Balancing};
 pub use carom_protocol::{FrameId, NodeInfo, PixelFormat, Precision, PrecisionRange};
 pub use config::{FarmConfig, LocalNode};
+pub use coordinator::NodeIndex;
+pub use efficiency::NodeEffort;
 pub use error::Error;
 pub use farm::Farm;
-pub use frame::{Frame, FrameSpec, FrameStats, LatencySplit, NodeState, NodeStatus, Pixels};
+pub use frame::{
+    Delivery, Frame, FrameSpec, FrameStats, LatencySplit, NodeState, NodeStatus, Pixels,
+};

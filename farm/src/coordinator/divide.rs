@@ -72,10 +72,13 @@ impl Coordinator {
                 continue;
             }
             if frame.divided {
-                frame.stats.reissued_tiles += pieces.iter().map(|run| run.count).sum::<u32>();
+                let lost = pieces.iter().map(|run| run.count).sum::<u32>();
+                frame.stats.reissued_tiles += lost;
+                frame.stats.lost_tiles += lost;
                 self.divide_pieces(now, id, &pieces, &nodes);
             } else {
                 frame.divided = true;
+                frame.stats.balancing = self.balancing;
                 self.divide_whole(now, id, &nodes);
             }
         }

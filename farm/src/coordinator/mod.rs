@@ -42,7 +42,7 @@ use self::roster::{Connection, Node};
 use self::spare::Spare;
 use self::work::WorkMap;
 use crate::link::{Command, LinkEvent};
-use crate::{Balancing, Frame, FrameSpec, NodeStatus};
+use crate::{Balancing, Delivery, Frame, FrameSpec, NodeStatus};
 
 /// A node of a farm: its place in [`crate::Farm::nodes`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -378,6 +378,19 @@ impl Coordinator {
         let split = frame.note_split(index, run.split(now, frame.submitted, times));
         frame.stats.response_secs_by_node.resize(nodes, 0.0);
         frame.stats.response_secs_by_node[index.0] = now - frame.submitted;
+        // Noted by `receive` just before.
+        let (_, work, busy_secs) = run.pieces.last().copied().unwrap_or((tiles, 0.0, 0.0));
+        frame.stats.deliveries.push(Delivery {
+            node: index,
+            tiles,
+            fresh_tiles: filled,
+            work,
+            expected_secs: run.expected.map(|at| at - frame.submitted),
+            arrived_secs: now - frame.submitted,
+            busy_secs,
+            split,
+            payload_bytes: u32::try_from(payload_bytes).unwrap_or(u32::MAX),
+        });
         self.nodes[index.0].deliver(filled, split);
         let id = frame.id;
         if frame.finish(now) {
@@ -444,10 +457,11 @@ impl Coordinator {
         self.learn(index, id, true);
         let node = &mut self.nodes[index.0];
         let had_room = node.has_room();
-        self.unheld |= node.hear(now, id) || !had_room;
         if let Some(run) = node.runs.remove(&id) {
             self.unheld |= run.tiles_received < run.tiles.count;
+            node.lose(&run);
         }
+        self.unheld |= node.hear(now, id) || !had_room;
     }
 
     /// Tells the estimator, and the balancers if it has ended, how a run went, if anything came.

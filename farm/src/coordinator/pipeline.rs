@@ -46,6 +46,12 @@ impl FrameInFlight {
         grid: TileGrid,
         work: WorkMap,
     ) -> Self {
+        let stats = FrameStats {
+            raw_bytes: (spec.size.pixels() * spec.format.bytes()) as u64,
+            tile_edge: grid.edge,
+            tile_work: work.tiles().collect(),
+            ..FrameStats::default()
+        };
         Self {
             id,
             work,
@@ -59,7 +65,7 @@ impl FrameInFlight {
             target: f64::INFINITY,
             hedge_at: None,
             last_look: now,
-            stats: FrameStats::default(),
+            stats,
             busy_secs: Vec::new(),
             finished: None,
         }

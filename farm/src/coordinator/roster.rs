@@ -33,6 +33,7 @@ pub(super) struct Node {
     rest: Option<Rest>,
     failures: u32,
     tiles: u64,
+    lost_tiles: u64,
     split: LatencySplit,
     ping: Ping,
     pub(super) last_probe: Option<FrameId>,
@@ -81,6 +82,7 @@ impl Node {
             rest: None,
             failures: 0,
             tiles: 0,
+            lost_tiles: 0,
             split: LatencySplit::default(),
             ping: Ping::default(),
             last_probe: None,
@@ -103,7 +105,8 @@ impl Node {
         self.connection = connection;
         self.scenes.clear();
         self.scene_refused = None;
-        self.runs.clear();
+        let runs = std::mem::take(&mut self.runs);
+        runs.values().for_each(|run| self.lose(run));
         self.silent_since = None;
         self.rest = None;
         self.failures = 0;
@@ -157,6 +160,14 @@ impl Node {
         self.failures = 0;
     }
 
+    /// Counts what is still missing of a run that has ended, if it was wanted.
+    pub(super) fn lose(&mut self, run: &Run) {
+        // Of a node that is silent they are counted already.
+        if run.counts() && self.silent_since.is_none() {
+            self.lost_tiles += u64::from(run.tiles.count.saturating_sub(run.tiles_received));
+        }
+    }
+
     /// Pauses after a refusal: `why` if it was the node's or its device's fault.
     pub(super) fn rest(&mut self, now: f64, why: Option<String>) {
         let secs = match why {
@@ -203,6 +214,9 @@ impl Node {
     pub(super) fn falls_silent(&mut self, now: f64, hedged: bool) -> bool {
         let silent = self.silence_due(hedged).is_some_and(|due| due <= now);
         if silent {
+            let runs = std::mem::take(&mut self.runs);
+            runs.values().for_each(|run| self.lose(run));
+            self.runs = runs;
             self.silent_since = Some(self.heard);
         }
         silent
@@ -269,15 +283,18 @@ impl Node {
             Connection::Open(info) => Some(info.clone()),
             _ => None,
         };
-        let estimate = self.estimate();
+        let (estimate, error) = (self.estimate(), self.estimator.error());
         let round_trip = self.round_trip_secs().map(|secs| secs.max(0.0));
         NodeStatus {
             address: self.address.clone(),
             info,
             state: self.state(now, scene),
             fixed_secs: estimate.map_or(0.0, |estimate| estimate.fixed_secs),
+            fixed_error_secs: error.map_or(0.0, |error| error.fixed_secs),
             msamples_per_sec: estimate.map_or(0.0, |estimate| 1e-6 / estimate.secs_per_work),
+            speed_error: error.map_or(0.0, |error| error.pace),
             tiles: self.tiles,
+            lost_tiles: self.lost_tiles,
             round_trip: round_trip.map(Duration::from_secs_f64),
             split: self.split,
         }

@@ -45,6 +45,13 @@ impl WorkMap {
         runs.iter().map(|run| self.of(*run)).sum()
     }
 
+    /// The work of each tile.
+    pub(super) fn tiles(&self) -> impl Iterator<Item = f32> {
+        self.before
+            .windows(2)
+            .map(|pair| (pair[1] - pair[0]) as f32)
+    }
+
     /// The work of a tile, on average.
     pub(super) fn mean_tile(&self) -> f64 {
         let tiles = (self.before.len() - 1).max(1);

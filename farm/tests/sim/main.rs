@@ -6,7 +6,7 @@ mod faults;
 use carom_farm::Algorithm::{self, Ab, Equal, Naive, WaterFilling};
 use carom_farm::coordinator::balancer::{Line, fill};
 use carom_farm::sim::{Change, NodePlan, Plan, Report, Weather, run};
-use carom_farm::{Balancing, NodeState};
+use carom_farm::{Balancing, FrameStats, NodeState};
 use carom_tracer::ImageSize;
 
 /// More virtual time than any run here needs.
@@ -71,8 +71,71 @@ fn checked(plan: &Plan) -> Report {
     for frame in &report.frames {
         let delivered: u32 = frame.stats.tiles_by_node.iter().sum();
         assert_eq!(delivered, report.tiles_per_frame);
+        check_deliveries(&frame.stats);
     }
     report
+}
+
+/// Each tile is of one node, in the order of arrival.
+fn check_deliveries(stats: &FrameStats) {
+    let mut came = vec![false; stats.tile_work.len()];
+    let mut last_secs = 0.0;
+    for delivery in &stats.deliveries {
+        let fresh = delivery
+            .tiles
+            .indices()
+            .filter(|tile| !came[*tile as usize]);
+        assert_eq!(fresh.count(), delivery.fresh_tiles as usize);
+        came[delivery.tiles.first as usize..delivery.tiles.end() as usize].fill(true);
+        assert!(last_secs <= delivery.arrived_secs, "{delivery:?}");
+        last_secs = delivery.arrived_secs;
+    }
+    assert!(came.iter().all(|came| *came), "a tile is of nobody");
+    assert_eq!(last_secs, stats.makespan_secs);
+    assert!(stats.lost_tiles <= stats.reissued_tiles);
+    assert!((0.0..=1.0).contains(&stats.balance_efficiency()));
+}
+
+#[test]
+fn efficiency_tells_a_good_division_from_a_bad_one() {
+    let mean = |algorithm: Algorithm, value: fn(&FrameStats) -> f64| {
+        let frames = checked(&plan(unequal(), algorithm, 100)).frames;
+        frames[40..]
+            .iter()
+            .map(|frame| value(&frame.stats))
+            .sum::<f64>()
+            / 60.0
+    };
+    let [equal, filled] = [Equal, WaterFilling].map(|a| mean(a, FrameStats::balance_efficiency));
+    assert!(filled > 0.85, "water-filling: {filled}");
+    assert!(equal < 0.4, "equal: {equal}");
+    // What the frames say of themselves is what someone says who knows all.
+    let ideal = ideal_secs(&unequal(), ImageSize::new(240, 160));
+    for algorithm in [Equal, WaterFilling] {
+        let said = mean(algorithm, FrameStats::ideal_secs);
+        assert!(
+            (0.85..1.15).contains(&(said / ideal)),
+            "{algorithm:?}: {said} for {ideal}"
+        );
+    }
+}
+
+#[test]
+fn tiles_of_a_node_that_dies_count_as_lost() {
+    let (mut lost, mut of_node) = (0, 0);
+    // At whatever moments of a frame, it is working at some of them.
+    for at_secs in [1.001, 1.003, 1.005, 1.007, 1.009] {
+        let mut nodes = unequal();
+        nodes[0] = nodes[0].clone().with(at_secs, Change::Die);
+        let report = checked(&plan(nodes, WaterFilling, 100));
+        let frames = report.frames.iter();
+        lost += frames
+            .map(|frame| u64::from(frame.stats.lost_tiles))
+            .sum::<u64>();
+        of_node += report.nodes[0].lost_tiles;
+    }
+    // Some may have been asked of another node before it was known.
+    assert!(0 < lost && lost <= of_node, "{lost} of {of_node}");
 }
 
 #[test]

@@ -14,6 +14,16 @@ pub struct Estimate {
     pub secs_per_work: f64,
 }
 
+/// How far an [`Estimate`] may be off: a standard error of each part, from how much the answers
+/// scatter around it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EstimateError {
+    /// Of A, in seconds.
+    pub fixed_secs: f64,
+    /// Of B, as a share of it.
+    pub pace: f64,
+}
+
 /// A run as the estimator sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observation {
@@ -34,6 +44,8 @@ pub struct Observation {
 pub struct Estimator {
     fixed: Option<f64>,
     fixed_surprise: f64,
+    /// Mean square of how far off A was.
+    fixed_scatter: Option<f64>,
     /// From all that is known, lateness too: what work is divided by.
     pace: Pace,
     /// From work that came: what it is waited for by. Lateness must not count here, or a node
@@ -51,6 +63,8 @@ pub struct Estimator {
 struct Pace {
     secs_per_work: Option<f64>,
     surprise: f64,
+    /// Mean square of how far off it was, as a share.
+    scatter: Option<f64>,
 }
 
 impl Estimator {
@@ -118,6 +132,16 @@ impl Estimator {
         })
     }
 
+    /// How far [`Estimator::estimate`] may be off; absent until work has come twice.
+    pub fn error(&self) -> Option<EstimateError> {
+        // Of a mean that forgets with gain g, for errors that do not depend on each other.
+        let share = GAIN / (2.0 - GAIN);
+        Some(EstimateError {
+            fixed_secs: (share * self.fixed_scatter?).sqrt(),
+            pace: (share * self.pace.scatter?).sqrt(),
+        })
+    }
+
     /// The line of work that came; absent until some has.
     pub fn delivered(&self) -> Option<Estimate> {
         Some(Estimate {
@@ -146,6 +170,7 @@ impl Estimator {
             (false, false) => GAIN,
         };
         self.fixed = Some(known + gain * error);
+        self.fixed_scatter = Some(mean_square(self.fixed_scatter, error, 1.0));
         self.fixed_surprise = if surprising { error } else { 0.0 };
     }
 }
@@ -162,12 +187,23 @@ impl Pace {
         let changed = surprising && error * self.surprise > 0.0;
         let gain = if changed { 1.0 } else { GAIN * weight };
         self.secs_per_work = Some(known * (gain * error).exp());
+        self.scatter = Some(mean_square(self.scatter, error, weight));
         self.surprise = if surprising { error } else { 0.0 };
     }
 }
 
+/// Takes an error of a weight into a mean that forgets.
+fn mean_square(known: Option<f64>, error: f64, weight: f64) -> f64 {
+    let square = error * error;
+    known.map_or(square, |mean| {
+        mean + GAIN_SCATTER * weight * (square - mean)
+    })
+}
+
 /// Share of an error that is believed at once.
 const GAIN: f64 = 0.25;
+/// The same of its square: squares scatter more.
+const GAIN_SCATTER: f64 = 0.1;
 /// The same for a fixed cost that seems to have grown.
 const GAIN_FIXED_UP: f64 = 0.1;
 /// Two errors in a row of this size and one sign are a change, and believed wholly.
@@ -243,6 +279,36 @@ mod tests {
             estimate.fixed_secs + estimate.secs_per_work * 4e6
         };
         assert!(finish(liar) > 0.95 * finish(honest_node));
+    }
+
+    /// Of as many nodes: how far estimates are off, over how far they say that they may be.
+    #[test]
+    fn errors_are_as_large_as_estimates_are_off() {
+        let noise = |i| 2.0 * f64::from(carom_tracer::sampling::uniforms(i, 0, 0, 0)[0]) - 1.0;
+        let (mut off, mut said) = ([0.0; 2], [0.0; 2]);
+        for node in 0..400 {
+            let mut estimator = Estimator::default();
+            for i in 0..60 {
+                let key = 2 * (100 * node + i);
+                let (a, b) = (
+                    0.01 + 1e-3 * noise(key),
+                    1e-7 * (0.1 * noise(key + 1)).exp(),
+                );
+                let round_trip_secs = Some(0.01);
+                estimator.observe(&Observation {
+                    round_trip_secs,
+                    ..honest(1e5, a, b)
+                });
+            }
+            let (is, error) = (estimator.estimate().unwrap(), estimator.error().unwrap());
+            off[0] += (is.fixed_secs - 0.01).powi(2);
+            off[1] += (is.secs_per_work / 1e-7 - 1.0).powi(2);
+            said[0] += error.fixed_secs.powi(2);
+            said[1] += error.pace.powi(2);
+        }
+        let ratio = |i: usize| f64::sqrt(off[i] / said[i]);
+        assert!((0.67..1.5).contains(&ratio(0)), "A: {}", ratio(0));
+        assert!((0.67..1.5).contains(&ratio(1)), "B: {}", ratio(1));
     }
 
     #[test]

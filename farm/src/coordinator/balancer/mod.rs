@@ -19,7 +19,7 @@ mod water_filling;
 pub use ab::Ab;
 pub use cycles::Cycles;
 pub use equal::Equal;
-pub use estimator::{Estimate, Estimator, Observation};
+pub use estimator::{Estimate, EstimateError, Estimator, Observation};
 pub use naive::Naive;
 pub use pull::Pull;
 pub use water_filling::{Filling, Line, WaterFilling, fill};
