@@ -12,14 +12,19 @@ use winit::application::ApplicationHandler;
 use winit::dpi::{LogicalSize, PhysicalSize};
 use winit::event::{ElementState, MouseButton, MouseScrollDelta, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop};
-use winit::keyboard::{KeyCode, PhysicalKey};
-use winit::window::{Window, WindowId};
+use winit::keyboard::PhysicalKey;
+use winit::window::{Fullscreen, Window, WindowId};
 
 use crate::args::Args;
+use crate::desk::Desk;
 use crate::display::{Display, Present, UiFrame};
 use crate::input::{Button, Event, Key};
 use crate::play::Outcome;
 use crate::session::Session;
+use crate::settings::{Settings, Store};
+use crate::sound::Speaker;
+use crate::sound::speaker::Player;
+use crate::ui;
 
 /// Plays in a window until it is closed.
 ///
@@ -28,8 +33,11 @@ use crate::session::Session;
 pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow::Result<()> {
     let event_loop = open_event_loop()?;
     let (table, recording) = args.table_and_recording()?;
-    let mut session = Session::new(config, table, args.seed, args.ball_set)?;
-    session.set_engine(args.physics);
+    let settings = store(args);
+    let chosen = &settings.settings;
+    let mut session = Session::new(config, table, args.seed, chosen.ball_set)?;
+    session.set_engine(chosen.physics);
+    session.set_dial(chosen.quality);
     if let Some(folder) = &args.record {
         session.record(folder.clone())?;
     }
@@ -38,6 +46,8 @@ pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow:
     }
     let mut app = App {
         session,
+        applied: settings.settings.clone(),
+        desk: Desk::new(settings, Speaker::new(Player::installed())),
         size: args.size,
         present,
         screen: None,
@@ -46,7 +56,21 @@ pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow:
         failure: None,
     };
     event_loop.run_app(&mut app)?;
+    app.leave();
     app.failure.map_or(Ok(()), Err)
+}
+
+/// The player's settings; options of the command line win for as long as it runs.
+fn store(args: &Args) -> Store {
+    let mut store = match &args.settings {
+        Some(path) => Store::open(path.clone()),
+        None => Store::of_player(),
+    };
+    store.lend(|settings| {
+        settings.ball_set = args.ball_set.unwrap_or(settings.ball_set);
+        settings.physics = args.physics.unwrap_or(settings.physics);
+    });
+    store
 }
 
 /// Opens the connection to the display. Libraries that the system lacks make winit panic or fail,
@@ -93,6 +117,9 @@ fn no_display() -> String {
 
 struct App {
     session: Session,
+    desk: Desk,
+    /// The settings that window and session follow already.
+    applied: Settings,
     size: Option<ImageSize>,
     present: Option<Present>,
     screen: Option<Screen>,
@@ -128,25 +155,31 @@ impl ApplicationHandler for App {
         let Some(screen) = &mut self.screen else {
             return;
         };
-        let _ = screen.input.on_window_event(&screen.window, &event);
+        let taken = screen.input.on_window_event(&screen.window, &event);
+        if taken.repaint {
+            self.session.redraw();
+        }
         match event {
             WindowEvent::CloseRequested => event_loop.exit(),
             WindowEvent::RedrawRequested => self.redraw(event_loop),
             WindowEvent::Resized(_) | WindowEvent::ScaleFactorChanged { .. } => self.resized(),
+            WindowEvent::Occluded(hidden) => self.session.set_hidden(hidden),
             event => {
                 let scale = f64::from(egui_winit::pixels_per_point(&screen.egui, &screen.window));
                 let now_secs = self.begun.elapsed().as_secs_f64();
-                let outcome =
-                    translate(&event, scale).map(|event| self.session.handle(event, now_secs));
-                if outcome == Some(Outcome::Quit) {
-                    event_loop.exit();
+                if let Some(event) = translate(&event, scale) {
+                    let (desk, session) = (&mut self.desk, &mut self.session);
+                    let outcome = desk.handle(event, taken.consumed, session, now_secs);
+                    self.follow(event_loop, outcome);
                 }
             }
         }
     }
 
     fn about_to_wait(&mut self, event_loop: &ActiveEventLoop) {
-        self.session.tick(self.begun.elapsed().as_secs_f64());
+        let now_secs = self.begun.elapsed().as_secs_f64();
+        self.session.tick(now_secs);
+        self.desk.tick(&mut self.session, now_secs);
         let now = Instant::now();
         if let Some(screen) = &self.screen
             && self.session.needs_redraw()
@@ -155,25 +188,76 @@ impl ApplicationHandler for App {
             self.next_redraw = now + REDRAW_PERIOD;
             screen.window.request_redraw();
         }
-        event_loop.set_control_flow(if self.session.is_at_rest() {
-            ControlFlow::Wait
+        let pause = if self.session.is_at_rest() {
+            let next_secs = self.desk.next_secs().unwrap_or(f64::INFINITY) - now_secs;
+            Duration::from_secs_f64(next_secs.clamp(0.0, REST_PERIOD.as_secs_f64()))
         } else {
-            ControlFlow::WaitUntil(now + POLL_PERIOD)
-        });
+            POLL_PERIOD
+        };
+        event_loop.set_control_flow(ControlFlow::WaitUntil(now + pause));
     }
 }
 
 impl App {
     fn open(&self, event_loop: &ActiveEventLoop) -> anyhow::Result<Screen> {
+        let settings = self.desk.settings();
         let attributes = Window::default_attributes().with_title("Carom");
         let attributes = match self.size {
             Some(size) => attributes.with_inner_size(PhysicalSize::new(size.width, size.height)),
-            None => attributes.with_inner_size(LogicalSize::new(1280.0, 720.0)),
+            None => {
+                let [width, height] = settings.window.map(f64::from);
+                attributes.with_inner_size(LogicalSize::new(width, height))
+            }
         };
+        let attributes = attributes.with_fullscreen(fullscreen(settings.fullscreen));
         let window = event_loop
             .create_window(attributes)
             .with_context(no_display)?;
-        Screen::open(Arc::new(window), event_loop, self.present)
+        Screen::open(Arc::new(window), event_loop, self.present, settings)
+    }
+
+    /// Does what the desk asks, and what changed settings mean for window and session.
+    fn follow(&mut self, event_loop: &ActiveEventLoop, outcome: Outcome) {
+        if outcome == Outcome::Quit {
+            event_loop.exit();
+        }
+        let (now, before) = (self.desk.settings().clone(), self.applied.clone());
+        if now == before {
+            return;
+        }
+        self.applied = now.clone();
+        self.session.set_engine(now.physics);
+        self.session.set_dial(now.quality);
+        if now.ball_set != before.ball_set
+            && let Err(error) = self.session.set_ball_set(now.ball_set)
+        {
+            return self.fail(event_loop, error);
+        }
+        if let Some(screen) = &self.screen {
+            if now.fullscreen != before.fullscreen {
+                screen.window.set_fullscreen(fullscreen(now.fullscreen));
+            }
+            ui::theme::apply(&screen.egui, now.text_scale as f32, now.reduced_motion);
+        }
+        self.session.redraw();
+        self.resized();
+    }
+
+    /// Remembers the window for the next time.
+    fn leave(&mut self) {
+        if let Some(screen) = &self.screen
+            && screen.window.fullscreen().is_none()
+            && self.size.is_none()
+        {
+            let size = screen
+                .window
+                .inner_size()
+                .to_logical::<f64>(screen.window.scale_factor());
+            let [min, max] = Settings::WINDOW_EDGE;
+            let edge = |points: f64| (points.round() as u32).clamp(min, max);
+            self.desk.settings_mut().window = [edge(size.width), edge(size.height)];
+        }
+        self.desk.save(self.begun.elapsed().as_secs_f64());
     }
 
     fn follow_size(&mut self, screen: &Screen) {
@@ -201,15 +285,18 @@ impl App {
         let Some(screen) = &mut self.screen else {
             return;
         };
-        let Err(why) = screen.draw(&mut self.session, now_secs) else {
-            return;
+        let drawn = screen.draw(&mut self.session, &mut self.desk, now_secs);
+        let why = match drawn {
+            Ok(outcome) => return self.follow(event_loop, outcome),
+            Err(why) => why,
         };
         if screen.display.is_software() || self.present.is_some() {
             let error = anyhow!("{} can show nothing any more: {why}", screen.display.name());
             return self.fail(event_loop, error);
         }
         tracing::warn!("{}: {why}; going on without a GPU", screen.display.name());
-        match Screen::open(screen.window.clone(), event_loop, Some(Present::Software)) {
+        let (window, settings) = (screen.window.clone(), self.desk.settings());
+        match Screen::open(window, event_loop, Some(Present::Software), settings) {
             Ok(reopened) => self.screen = Some(reopened),
             Err(error) => self.fail(event_loop, error),
         }
@@ -226,6 +313,7 @@ impl Screen {
         window: Arc<Window>,
         event_loop: &ActiveEventLoop,
         present: Option<Present>,
+        settings: &Settings,
     ) -> anyhow::Result<Self> {
         let handle = event_loop.owned_display_handle();
         let display = Display::open(&window, &handle, present).map_err(|tried| {
@@ -238,6 +326,7 @@ impl Screen {
         let name = display.name();
         tracing::info!("presenting with {name}");
         let egui = egui::Context::default();
+        ui::theme::apply(&egui, settings.text_scale as f32, settings.reduced_motion);
         let scale = window.scale_factor() as f32;
         let input = EguiState::new(
             egui.clone(),
@@ -255,12 +344,26 @@ impl Screen {
         })
     }
 
-    fn draw(&mut self, session: &mut Session, now_secs: f64) -> Result<(), String> {
+    fn draw(
+        &mut self,
+        session: &mut Session,
+        desk: &mut Desk,
+        now_secs: f64,
+    ) -> Result<Outcome, String> {
         let raw = self.input.take_egui_input(&self.window);
         let name = self.display.name().to_owned();
-        let output = self
-            .egui
-            .run_ui(raw, |ui| session.draw(ui.ctx(), now_secs, &name));
+        let mut outcome = Outcome::Stay;
+        let output = self.egui.run_ui(raw, |ui| {
+            session.draw(ui.ctx(), now_secs, &name);
+            if desk.draw(ui.ctx(), session, now_secs, &name) == Outcome::Quit {
+                outcome = Outcome::Quit;
+            }
+        });
+        // What moves or fades is drawn again at once.
+        let repaint = output.viewport_output.get(&egui::ViewportId::ROOT);
+        if repaint.is_some_and(|viewport| viewport.repaint_delay.is_zero()) {
+            session.redraw();
+        }
         self.input
             .handle_platform_output(&self.window, output.platform_output);
         let frame = UiFrame {
@@ -268,7 +371,8 @@ impl Screen {
             primitives: self.egui.tessellate(output.shapes, output.pixels_per_point),
             pixels_per_point: output.pixels_per_point,
         };
-        self.display.show(session.picture(now_secs), &frame)
+        self.display.show(session.picture(now_secs), &frame)?;
+        Ok(outcome)
     }
 }
 
@@ -280,10 +384,6 @@ fn translate(event: &WindowEvent, scale: f64) -> Option<Event> {
         }
         WindowEvent::CursorLeft { .. } => Some(Event::PointerLeft),
         WindowEvent::Focused(false) => Some(Event::FocusLost),
-        WindowEvent::ModifiersChanged(modifiers) => {
-            let state = modifiers.state();
-            Some(Event::Fine(state.control_key() || state.shift_key()))
-        }
         WindowEvent::MouseInput { state, button, .. } => {
             button_of(*button).map(|button| Event::Button {
                 button,
@@ -310,39 +410,29 @@ fn button_of(button: MouseButton) -> Option<Button> {
         MouseButton::Left => Some(Button::Left),
         MouseButton::Right => Some(Button::Right),
         MouseButton::Middle => Some(Button::Middle),
-        _ => None,
+        MouseButton::Back => Some(Button::Back),
+        MouseButton::Forward => Some(Button::Forward),
+        MouseButton::Other(_) => None,
     }
 }
 
-/// Keys by their place, so that W A S D lie together on every keyboard.
+/// winit names its keys as the W3C does.
 fn key_of(key: PhysicalKey) -> Option<Key> {
     let PhysicalKey::Code(code) = key else {
         return None;
     };
-    Some(match code {
-        KeyCode::ArrowLeft => Key::Left,
-        KeyCode::ArrowRight => Key::Right,
-        KeyCode::ArrowUp => Key::Up,
-        KeyCode::ArrowDown => Key::Down,
-        KeyCode::Space => Key::Space,
-        KeyCode::KeyR => Key::Rack,
-        KeyCode::KeyH | KeyCode::F1 => Key::Help,
-        KeyCode::F3 => Key::Stats,
-        KeyCode::Escape => Key::Escape,
-        KeyCode::KeyW => Key::TipUp,
-        KeyCode::KeyS => Key::TipDown,
-        KeyCode::KeyA => Key::TipLeft,
-        KeyCode::KeyD => Key::TipRight,
-        KeyCode::KeyX => Key::TipCenter,
-        KeyCode::KeyQ => Key::CueUp,
-        KeyCode::KeyE => Key::CueDown,
-        _ => return None,
-    })
+    Key::from_code(&format!("{code:?}"))
+}
+
+fn fullscreen(wanted: bool) -> Option<Fullscreen> {
+    wanted.then_some(Fullscreen::Borderless(None))
 }
 
 /// At most this often a frame is drawn; the display may allow fewer.
 const REDRAW_PERIOD: Duration = Duration::from_millis(8);
 /// How often finished pictures are looked for.
 const POLL_PERIOD: Duration = Duration::from_millis(3);
+/// How often the farm is looked after while nothing moves.
+const REST_PERIOD: Duration = Duration::from_secs(1);
 /// A touchpad's way that counts as a notch of a wheel.
 const WHEEL_NOTCH_POINTS: f64 = 50.0;

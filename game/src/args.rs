@@ -61,9 +61,9 @@ pub struct Args {
     /// of the shot to show]
     #[arg(long, value_name = "TABLE", value_parser = Table::built_in)]
     pub table: Option<Table>,
-    /// What the balls are made of
-    #[arg(long, value_enum, default_value_t, value_name = "SET")]
-    pub ball_set: BallSet,
+    /// What the balls are made of [default: as in the settings, else classic]
+    #[arg(long, value_enum, value_name = "SET")]
+    pub ball_set: Option<BallSet>,
     /// A farm node, HOST:PORT; may be given several times. In place of those of --config
     #[arg(long = "node", value_name = "HOST:PORT")]
     pub nodes: Vec<String>,
@@ -87,8 +87,12 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     pub record: Option<PathBuf>,
     /// What moves the balls: exact, or rapier-N: plain rapier at N steps per second, 30 to 10000
-    #[arg(long, value_name = "ENGINE", default_value_t = Engine::Exact, long_help = PHYSICS_HELP)]
-    pub physics: Engine,
+    /// [default: as in the settings, else exact]
+    #[arg(long, value_name = "ENGINE", long_help = PHYSICS_HELP)]
+    pub physics: Option<Engine>,
+    /// The settings file [default: carom/settings.toml in the platform's folder]
+    #[arg(long, value_name = "FILE")]
+    pub settings: Option<PathBuf>,
 }
 
 /// What the game's command does besides playing.
@@ -99,6 +103,18 @@ pub enum Command {
     Bench(Bench),
     /// Let computers play against each other, without a window, and count
     Match(MatchArgs),
+    /// Write the sound of a shot as a WAV file: of a recorded one, or of a break
+    Sound {
+        /// The file
+        #[arg(long, value_name = "FILE", default_value = "shot.wav")]
+        out: PathBuf,
+        /// A recorded shot
+        #[arg(long, value_name = "FILE")]
+        replay: Option<PathBuf>,
+        /// Speed of the cue in the break, in m/s
+        #[arg(long, default_value_t = 8.0)]
+        speed: f64,
+    },
 }
 
 impl Args {

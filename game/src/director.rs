@@ -18,7 +18,7 @@ use carom_tracer::{ImageSize, RenderSettings, SceneUpdate};
 use crate::darkroom::{Negative, Print};
 use crate::display::Picture;
 use crate::pacing::{Lead, Queue, Schedule};
-use crate::quality::{Level, Quality};
+use crate::quality::{Dial, Level, Quality};
 
 /// What the player looks at.
 #[derive(Clone, Debug, PartialEq)]
@@ -149,6 +149,16 @@ impl Director {
             shown: None,
             figures: Figures::default(),
         }
+    }
+
+    /// What is given up first while things move.
+    pub fn set_dial(&mut self, dial: Dial) {
+        self.quality.set_dial(dial);
+    }
+
+    /// From the next picture on, paths have this many scatterings.
+    pub fn set_scatterings_max(&mut self, scatterings_max: u32) {
+        self.scatterings_max = scatterings_max;
     }
 
     /// Follows the window's size.

@@ -168,12 +168,12 @@ fn footage(args: &Args) -> anyhow::Result<Footage> {
     let (table, recording) = args.table_and_recording()?;
     let shot = match recording {
         Some(recording) => recording.shot,
-        None => break_shot(&table, args.seed, args.physics)?,
+        None => break_shot(&table, args.seed, args.physics.unwrap_or_default())?,
     };
     if let Some(folder) = &args.record {
         keep(&table, &shot, folder)?;
     }
-    let stage = Stage::around(&table, args.ball_set);
+    let stage = Stage::around(&table, args.ball_set.unwrap_or_default());
     let (view, rate) = (args.view, args.fps);
     if args.video.is_none() {
         let frames = args.frames.unwrap_or(FRAMES);
@@ -194,7 +194,7 @@ fn settings(args: &Args, footage: &Footage) -> Settings {
         width: size.width,
         height: size.height,
         samples: args.spp.unwrap_or(samples),
-        scatterings_max: args.ball_set.scatterings_max(),
+        scatterings_max: args.ball_set.unwrap_or_default().scatterings_max(),
         seed: args.seed,
         denoise: args.denoise,
         frames: footage.frames(),

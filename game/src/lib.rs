@@ -1,7 +1,10 @@
 //! Carom: a pool game whose every frame is path-traced by a [`carom_farm::Farm`].
 //!
 //! ```text
-//! app (winit) ─▶ input ─▶ play (aim, stroke, shot) ─▶ sim (physics)
+//! app (winit) ─▶ desk (settings, pages, keys, sound)
+//!                  │ intents
+//!                  ▼
+//!                session ─▶ play (aim, stroke, shot) ─▶ sim (physics)
 //!                           │ poses, camera
 //!                           ▼
 //!                         stage ─▶ director ─▶ Farm ─▶ director ─▶ display ─▶ window
@@ -20,17 +23,21 @@ pub mod bench;
 pub mod camera;
 pub mod contest;
 pub mod darkroom;
+pub mod desk;
 pub mod director;
 pub mod display;
 pub mod headless;
 pub mod input;
+pub mod lookout;
 pub mod pacing;
 pub mod play;
 pub mod quality;
 pub mod room;
 pub mod rules;
 pub mod session;
+pub mod settings;
 pub mod sim;
+pub mod sound;
 pub mod stage;
 pub mod ui;
 pub mod video;

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use carom::args::{Args, Command};
 use carom::display::Present;
-use carom::{app, headless};
+use carom::{app, headless, sound};
 use carom_farm::FarmConfig;
 use clap::Parser as _;
 use tracing_subscriber::EnvFilter;
@@ -19,6 +19,9 @@ fn main() -> ExitCode {
     match &args.command {
         Some(Command::Bench(bench)) => return finish(bench.run(), 1),
         Some(Command::Match(games)) => return finish(games.run(), 1),
+        Some(Command::Sound { out, replay, speed }) => {
+            return finish(sound::write_shot(out, replay.as_deref(), *speed), 1);
+        }
         None => {}
     }
     match configuration(&args) {

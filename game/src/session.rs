@@ -17,8 +17,10 @@ use crate::camera::Projection;
 use crate::darkroom::Darkroom;
 use crate::director::{Director, Plan, Subject};
 use crate::display::Picture;
-use crate::input::{Event, Input, Intent};
+use crate::input::Intent;
+use crate::lookout;
 use crate::play::{CueView, Game, Outcome};
+use crate::quality::Dial;
 use crate::sim::{BallBody, Engine, Recording, Shot, Table};
 use crate::stage::Stage;
 use crate::ui;
@@ -31,16 +33,17 @@ pub struct Session {
     director: Director,
     darkroom: Darkroom,
     warp: Warp,
-    input: Input,
     farm: FarmSlot,
     in_flight_max: usize,
     last_frame: FrameId,
     film: DVec2,
-    help: bool,
     figures: bool,
     last_tick_secs: f64,
     redraws: Redraws,
     dirty: bool,
+    /// Whether the farm that is starting has to be told of another scene.
+    is_scene_new: bool,
+    is_hidden: bool,
     /// Where fresh shots are kept, and the number of the last that was.
     recorder: Option<(PathBuf, u64)>,
 }
@@ -68,17 +71,17 @@ impl Session {
             ),
             darkroom: Darkroom::open()?,
             warp: Warp::new(stage.scene())?,
-            input: Input::default(),
             in_flight_max: config.frames_in_flight,
             farm: start_farm(config, stage.scene().clone()),
             stage,
             last_frame: FrameId::default(),
             film: DVec2::ONE,
-            help: false,
             figures: false,
             last_tick_secs: 0.0,
             redraws: Redraws::default(),
             dirty: true,
+            is_scene_new: false,
+            is_hidden: false,
             recorder: None,
         })
     }
@@ -129,16 +132,11 @@ impl Session {
         self.dirty = true;
     }
 
-    /// Does what an input event means.
-    pub fn handle(&mut self, event: Event, now_secs: f64) -> Outcome {
-        let Some(intent) = self.input.handle(event) else {
-            return Outcome::Stay;
-        };
+    /// Does what the player wants.
+    pub fn act(&mut self, intent: Intent, now_secs: f64) -> Outcome {
         self.dirty = true;
-        match intent {
-            Intent::ToggleHelp => self.help = !self.help,
-            Intent::ToggleStats => self.figures = !self.figures,
-            _ => {}
+        if intent == Intent::ToggleStats {
+            self.figures = !self.figures;
         }
         let lead_secs = self.director.lead_secs();
         let outcome = self.game.apply(intent, now_secs, lead_secs, self.film);
@@ -159,6 +157,77 @@ impl Session {
         }
     }
 
+    /// What is given up first while things move.
+    pub fn set_dial(&mut self, dial: Dial) {
+        self.director.set_dial(dial);
+        self.dirty = true;
+    }
+
+    /// Plays on with balls of another material.
+    ///
+    /// # Errors
+    /// A sentence if the room cannot be traced with them.
+    pub fn set_ball_set(&mut self, set: BallSet) -> anyhow::Result<()> {
+        let stage = Stage::around(self.game.table(), set);
+        self.warp = Warp::new(stage.scene())?;
+        self.stage = stage;
+        self.director.set_scatterings_max(set.scatterings_max());
+        match &mut self.farm {
+            FarmSlot::Ready(farm) => {
+                farm.cancel_before(FrameId(self.last_frame.0 + 1));
+                farm.set_scene(self.stage.scene())?;
+            }
+            // It starts with the scene of before.
+            FarmSlot::Starting(_) => self.is_scene_new = true,
+            FarmSlot::Failed(_) => {}
+        }
+        self.dirty = true;
+        Ok(())
+    }
+
+    /// Asks for no pictures while the window cannot be seen; the game goes on.
+    pub fn set_hidden(&mut self, hidden: bool) {
+        self.is_hidden = hidden;
+        self.dirty = true;
+    }
+
+    /// How each node of the farm is; none while it starts, or if it could not.
+    pub fn nodes(&self) -> Vec<NodeStatus> {
+        match &self.farm {
+            FarmSlot::Ready(farm) => farm.nodes(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// The farm in a line.
+    pub fn farm_line(&self) -> String {
+        match &self.farm {
+            FarmSlot::Failed(why) => format!("No pictures: {why}"),
+            _ => lookout::line(&self.nodes()),
+        }
+    }
+
+    /// The shot that is on.
+    pub fn shot(&self) -> Option<&Shot> {
+        self.game.shot()
+    }
+
+    /// The number of the shot that is on, the moment on show and that of its end, in seconds since
+    /// the blow.
+    pub fn shot_clock(&self, now_secs: f64) -> Option<(u64, f64, f64)> {
+        self.game.shot_clock(now_secs)
+    }
+
+    /// Whether a shot was played: then the player knows how.
+    pub fn has_played(&self) -> bool {
+        self.game.shots() > 0
+    }
+
+    /// Draws again, as something outside the game has changed.
+    pub fn redraw(&mut self) {
+        self.dirty = true;
+    }
+
     /// Whether something has changed since the last [`Session::draw`].
     pub fn needs_redraw(&mut self) -> bool {
         self.dirty
@@ -172,7 +241,7 @@ impl Session {
             FarmSlot::Ready(_) => self.director.is_at_rest(),
             FarmSlot::Failed(_) => true,
         };
-        drawn && !self.dirty && !self.game.is_moving()
+        self.is_hidden || (drawn && !self.dirty && !self.game.is_moving())
     }
 
     /// Draws the overlay with egui.
@@ -190,7 +259,6 @@ impl Session {
         let overlay = ui::Overlay {
             cue: cue.as_ref(),
             notice: notice.as_deref(),
-            help: self.help,
             figures: figures.as_deref(),
         };
         ui::draw(&painter, screen, &overlay);
@@ -250,6 +318,10 @@ impl Session {
         while let Some(print) = self.darkroom.poll() {
             self.director.printed(print);
         }
+        if self.is_hidden {
+            farm.cancel_before(FrameId(self.last_frame.0 + 1));
+            return Ok(());
+        }
         let shot = self.game.shot_clock(now_secs);
         let (game, stage) = (&self.game, &self.stage);
         let scene_at = |moment: f64| stage.update(game.camera(moment), &game.poses(moment));
@@ -280,7 +352,13 @@ impl Session {
             return Ok(());
         };
         match receiver.try_recv() {
-            Ok(Ok(farm)) => self.farm = FarmSlot::Ready(Box::new(farm)),
+            Ok(Ok(mut farm)) => {
+                if std::mem::take(&mut self.is_scene_new) {
+                    farm.set_scene(self.stage.scene())
+                        .map_err(|error| error.to_string())?;
+                }
+                self.farm = FarmSlot::Ready(Box::new(farm));
+            }
             Ok(Err(error)) => return Err(error.to_string()),
             Err(TryRecvError::Empty) => {}
             Err(TryRecvError::Disconnected) => return Err("it could not be started".to_owned()),
@@ -291,11 +369,11 @@ impl Session {
     fn notice(&self) -> Option<String> {
         match &self.farm {
             FarmSlot::Failed(why) => Some(format!("No pictures: {why}")),
-            FarmSlot::Ready(_) if self.director.figures().pictures > 0 => {
-                self.game.notice().map(str::to_owned)
+            FarmSlot::Ready(farm) if self.director.figures().pictures > 0 => {
+                let stands = lookout::standing(&farm.nodes());
+                stands.or_else(|| self.game.notice().map(str::to_owned))
             }
-            FarmSlot::Ready(farm) => Some(states(&farm.nodes())),
-            FarmSlot::Starting(_) => Some(states(&[])),
+            _ => lookout::standing(&self.nodes()),
         }
     }
 
@@ -332,19 +410,6 @@ impl Redraws {
         self.last_secs = now_secs;
         self.fps += (1.0 / dt_secs - self.fps) * 0.1;
     }
-}
-
-/// Why there is no picture yet.
-fn states(nodes: &[NodeStatus]) -> String {
-    let lost = |node: &NodeStatus| match &node.state {
-        NodeState::Lost { why } => Some(format!("{} is lost ({why})", node.address)),
-        _ => None,
-    };
-    let lost: Vec<String> = nodes.iter().filter_map(lost).collect();
-    if lost.is_empty() {
-        return "Waiting for the first picture".to_owned();
-    }
-    format!("Waiting for a node: {}", lost.join(", "))
 }
 
 impl Drop for Session {

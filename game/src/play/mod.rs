@@ -119,6 +119,19 @@ impl Game {
         &self.table
     }
 
+    /// The shot that is on.
+    pub fn shot(&self) -> Option<&Shot> {
+        match &self.phase {
+            Phase::Watching(running) => Some(&running.shot),
+            _ => None,
+        }
+    }
+
+    /// How many shots were played or shown.
+    pub fn shots(&self) -> u64 {
+        self.shots
+    }
+
     /// The shot that is being played for the first time, with its number.
     pub fn fresh_shot(&self) -> Option<(u64, &Shot)> {
         match &self.phase {
@@ -153,7 +166,7 @@ impl Game {
             Intent::Escape if self.power(now_secs).is_some() => self.cancel(),
             Intent::Escape => return Outcome::Quit,
             Intent::Rack => self.rack(),
-            Intent::ToggleHelp | Intent::ToggleStats => {}
+            Intent::ToggleHelp | Intent::ToggleStats | Intent::ToggleFullscreen => {}
         }
         Outcome::Stay
     }

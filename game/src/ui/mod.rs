@@ -1,9 +1,17 @@
-//! What is drawn over the picture, at once and without the farm: cue, aim, power, keys, figures.
+//! What is drawn over the picture, at once and without the farm: cue, aim, power,
+//! keys, figures.
 
 pub mod aim;
+pub mod help;
+mod keys;
+pub mod menu;
+pub mod notes;
+mod preferences;
+pub mod theme;
 
 use egui::{Align2, Color32, CornerRadius, FontId, Painter, Pos2, Rect, Stroke, StrokeKind, Vec2};
 
+use self::theme::{INK, PANEL};
 use crate::director::Figures;
 use crate::play::{CueView, cue_speed_m_s};
 
@@ -14,14 +22,12 @@ pub struct Overlay<'a> {
     pub cue: Option<&'a CueView>,
     /// A sentence for the player.
     pub notice: Option<&'a str>,
-    /// Whether the keys are listed.
-    pub help: bool,
     /// The figures, if they are shown.
     pub figures: Option<&'a str>,
 }
 
-/// Draws the panels: figures at the top, power at the left, the tip at the lower left, keys in the
-/// middle, and the sentence at the bottom.
+/// Draws the panels: figures at the top, power at the left, the tip at the lower left, and the
+/// sentence near the bottom.
 pub fn draw(painter: &Painter, screen: Rect, overlay: &Overlay<'_>) {
     if let Some(cue) = overlay.cue {
         draw_tip(painter, screen, cue);
@@ -38,14 +44,9 @@ pub fn draw(painter: &Painter, screen: Rect, overlay: &Overlay<'_>) {
             13.0,
         );
     }
-    if overlay.help {
-        draw_keys(painter, screen);
-    }
-    let bottom = screen.center_bottom() - Vec2::new(0.0, 14.0);
-    match overlay.notice {
-        Some(notice) => label(painter, bottom, Align2::CENTER_BOTTOM, notice, 16.0),
-        None if !overlay.help => label(painter, bottom, Align2::CENTER_BOTTOM, HINT, 13.0),
-        None => {}
+    if let Some(notice) = overlay.notice {
+        let bottom = screen.center_bottom() - Vec2::new(0.0, 64.0);
+        label(painter, bottom, Align2::CENTER_BOTTOM, notice, 16.0);
     }
 }
 
@@ -135,28 +136,6 @@ fn draw_tip(painter: &Painter, screen: Rect, cue: &CueView) {
     }
 }
 
-fn draw_keys(painter: &Painter, screen: Rect) {
-    let font = FontId::proportional(15.0);
-    let row = 23.0;
-    let size = Vec2::new(500.0, row * KEYS.len() as f32 + 28.0).min(screen.size());
-    let panel = Rect::from_center_size(screen.center(), size);
-    painter.rect_filled(panel, CornerRadius::same(8), PANEL);
-    for (i, (key, meaning)) in KEYS.iter().enumerate() {
-        let y = panel.top() + 14.0 + row * (i as f32 + 0.5);
-        let text = |x: f32, text: &str, color| {
-            painter.text(
-                Pos2::new(panel.left() + x, y),
-                Align2::LEFT_CENTER,
-                text,
-                font.clone(),
-                color,
-            );
-        };
-        text(20.0, key, ACCENT);
-        text(215.0, meaning, INK);
-    }
-}
-
 fn label(painter: &Painter, at: Pos2, align: Align2, text: &str, size: f32) {
     let galley = painter.layout_no_wrap(text.to_owned(), FontId::proportional(size), INK);
     let rect = align.anchor_size(at, galley.size());
@@ -167,28 +146,3 @@ fn label(painter: &Painter, at: Pos2, align: Align2, text: &str, size: f32) {
     );
     painter.galley(rect.min, galley, INK);
 }
-
-const HINT: &str = "Move the mouse to aim, hold Space or drag back with the left button to strike. F1 shows all keys";
-
-const KEYS: [(&str, &str); 13] = [
-    ("Mouse", "aim (Ctrl or Shift: ten times finer)"),
-    ("Left / Right", "aim by a quarter of a degree"),
-    ("Middle button", "aim at the point under the pointer"),
-    ("Left button, drag back", "draw the cue; let go to strike"),
-    ("Space", "charge while held; let go to strike"),
-    (
-        "W A S D, X",
-        "move the tip on the cue ball; centre it, level the cue",
-    ),
-    ("Q / E", "raise or lower the butt of the cue: jump, massé"),
-    ("Right button, drag", "look around"),
-    ("Wheel; Up / Down", "nearer, farther; steeper, flatter"),
-    ("R", "rack again"),
-    ("F3", "figures"),
-    ("F1 or H", "these keys"),
-    ("Esc", "give up the stroke, else quit"),
-];
-
-const PANEL: Color32 = Color32::from_rgba_premultiplied(10, 12, 14, 190);
-const INK: Color32 = Color32::from_rgb(235, 235, 230);
-const ACCENT: Color32 = Color32::from_rgb(240, 200, 110);

@@ -1,0 +1,228 @@
+//! What surrounds the game without a window: settings, keys, pages, sentences, sound.
+//!
+//! ```text
+//! Event ─▶ Desk ─▶ page open? ─▶ menu
+//!                  else      ─▶ Input ─▶ Intent ─▶ Session
+//! ```
+
+use std::time::{Duration, Instant};
+
+use egui::Context;
+
+use crate::input::{Action, Event, Input, Intent};
+use crate::lookout::Lookout;
+use crate::play::Outcome;
+use crate::session::Session;
+use crate::settings::{Settings, Store};
+use crate::sound::{self, Speaker};
+use crate::ui::menu::{self, Facts, Menu, Page};
+use crate::ui::notes::Notes;
+
+/// The player's side of the program.
+#[derive(Debug)]
+pub struct Desk {
+    store: Store,
+    input: Input,
+    menu: Menu,
+    help: bool,
+    notes: Notes,
+    lookout: Lookout,
+    speaker: Speaker,
+    /// The shot that is heard, and whether it was over when it was last looked at.
+    heard: Option<(u64, bool)>,
+}
+
+impl Desk {
+    /// With the player's settings; sound goes to `speaker`.
+    pub fn new(store: Store, speaker: Speaker) -> Self {
+        let mut notes = Notes::default();
+        for complaint in store.complaints() {
+            notes.say(complaint.clone(), 0.0);
+        }
+        Self {
+            input: Input::new(store.settings.bindings.clone()),
+            store,
+            menu: Menu::default(),
+            help: false,
+            notes,
+            lookout: Lookout::default(),
+            speaker,
+            heard: None,
+        }
+    }
+
+    /// The settings that count now.
+    pub fn settings(&self) -> &Settings {
+        &self.store.settings
+    }
+
+    /// Changes settings that have no page, such as the window's size.
+    pub fn settings_mut(&mut self) -> &mut Settings {
+        &mut self.store.settings
+    }
+
+    /// Keeps the settings; what hinders is told.
+    pub fn save(&mut self, now_secs: f64) {
+        if let Err(why) = self.store.save() {
+            tracing::error!("{why}");
+            self.notes.say(why, now_secs);
+        }
+    }
+
+    /// The page that is open over the table.
+    pub fn page(&self) -> Option<Page> {
+        self.menu.page()
+    }
+
+    /// Does what an event means, to the pages or to the game. `taken` says that egui has used it.
+    pub fn handle(
+        &mut self,
+        event: Event,
+        taken: bool,
+        session: &mut Session,
+        now_secs: f64,
+    ) -> Outcome {
+        if self.menu.page().is_some() {
+            self.handle_page(event, session, now_secs);
+            return Outcome::Stay;
+        }
+        // What comes up must be seen even where egui has used it, or it would be held for ever.
+        let begins = event.trigger().is_some();
+        if taken && begins {
+            return Outcome::Stay;
+        }
+        match self.input.handle(event) {
+            Some(intent) => self.act(intent, session, now_secs),
+            None => Outcome::Stay,
+        }
+    }
+
+    fn handle_page(&mut self, event: Event, session: &mut Session, now_secs: f64) {
+        let Some(trigger) = event.trigger() else {
+            return;
+        };
+        session.redraw();
+        let action = self.input.bindings().action(trigger);
+        if action == Some(Action::Menu) {
+            self.menu.back();
+            return self.save(now_secs);
+        }
+        if self.menu.take_trigger(trigger, &mut self.store) {
+            return;
+        }
+        if action == Some(Action::Fullscreen) {
+            self.store.settings.fullscreen ^= true;
+        }
+    }
+
+    fn act(&mut self, intent: Intent, session: &mut Session, now_secs: f64) -> Outcome {
+        match intent {
+            Intent::ToggleFullscreen => {
+                self.store.settings.fullscreen ^= true;
+                self.save(now_secs);
+            }
+            Intent::ToggleHelp => {
+                self.help = !self.help;
+                session.redraw();
+            }
+            Intent::Escape if self.help => {
+                self.help = false;
+                session.redraw();
+            }
+            // Where there is no stroke to give up, the way out is the menu.
+            intent => {
+                if session.act(intent, now_secs) == Outcome::Quit {
+                    self.open(Page::Top, session, now_secs);
+                }
+            }
+        }
+        Outcome::Stay
+    }
+
+    fn open(&mut self, page: Page, session: &mut Session, now_secs: f64) {
+        if let Some(intent) = self.input.let_go() {
+            session.act(intent, now_secs);
+        }
+        self.menu.open(page);
+        session.redraw();
+    }
+
+    /// Draws pages, keys and sentences over the game.
+    pub fn draw(
+        &mut self,
+        ctx: &Context,
+        session: &mut Session,
+        now_secs: f64,
+        display: &str,
+    ) -> Outcome {
+        self.notes.draw(ctx);
+        if self.menu.page().is_none() {
+            menu::hints(ctx, &self.store, self.help, session.has_played());
+            return Outcome::Stay;
+        }
+        let (sound, farm) = (self.speaker.state(), session.farm_line());
+        let facts = Facts {
+            sound: &sound,
+            display,
+            farm: &farm,
+        };
+        let order = self.menu.draw(ctx, &mut self.store, facts);
+        if self.menu.page().is_none() {
+            self.save(now_secs);
+        }
+        match order {
+            Some(menu::Order::Quit) => return Outcome::Quit,
+            Some(menu::Order::Rack) => {
+                session.act(Intent::Rack, now_secs);
+            }
+            Some(menu::Order::Resume) | None => {}
+        }
+        Outcome::Stay
+    }
+
+    /// Lets time pass: tells what is new of the farm, plays what is to be heard, follows the keys.
+    pub fn tick(&mut self, session: &mut Session, now_secs: f64) {
+        if *self.input.bindings() != self.store.settings.bindings {
+            self.input = Input::new(self.store.settings.bindings.clone());
+        }
+        let news = self.lookout.observe(&session.nodes(), now_secs);
+        let has_news = !news.is_empty();
+        for sentence in news {
+            tracing::info!("{sentence}");
+            self.notes.say(sentence, now_secs);
+        }
+        if self.notes.tick(now_secs) || has_news {
+            session.redraw();
+        }
+        self.listen(session, now_secs);
+    }
+
+    /// When something changes without input or farm.
+    pub fn next_secs(&self) -> Option<f64> {
+        self.notes.next_secs()
+    }
+
+    fn listen(&mut self, session: &Session, now_secs: f64) {
+        let Some((number, clock_secs, end_secs)) = session.shot_clock(now_secs) else {
+            // The balls were racked under a shot that was on.
+            if self.heard.take_if(|heard| !heard.1).is_some() {
+                self.speaker.stop();
+            }
+            return;
+        };
+        let is_new = self.heard.is_none_or(|heard| heard.0 != number);
+        self.heard = Some((number, clock_secs > end_secs - OVER_SECS));
+        if let (true, Some(shot)) = (is_new, session.shot()) {
+            let ahead = Duration::from_secs_f64((-clock_secs).max(0.0));
+            let behind = Duration::from_secs_f64(clock_secs.max(0.0));
+            let now = Instant::now();
+            let at = now.checked_sub(behind).unwrap_or(now) + ahead;
+            let shot = shot.clone();
+            let make = move || sound::of_shot(&shot);
+            self.speaker.play(at, self.store.settings.volume, make);
+        }
+    }
+}
+
+/// So shortly before its end a shot may be over without having been cut off.
+const OVER_SECS: f64 = 0.3;

@@ -1,0 +1,239 @@
+//! Every control of the game: its name, what it does in a sentence, and what it is bound to at first.
+//!
+//! Settings, the help, the legend of keys and the table in README.md are made from [`CONTROLS`].
+
+use super::Intent;
+
+/// Something that a key, a button or the wheel can be bound to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[expect(missing_docs, reason = "each is described in a row of CONTROLS")]
+pub enum Action {
+    AimLeft,
+    AimRight,
+    AimAtPointer,
+    Fine,
+    Stroke,
+    Charge,
+    TipUp,
+    TipDown,
+    TipLeft,
+    TipRight,
+    TipCenter,
+    CueUp,
+    CueDown,
+    Orbit,
+    LookDown,
+    LookUp,
+    ZoomIn,
+    ZoomOut,
+    Rack,
+    Help,
+    Stats,
+    Fullscreen,
+    Menu,
+}
+
+/// A row of the action map.
+#[derive(Clone, Copy, Debug)]
+pub struct Control {
+    /// What is done.
+    pub action: Action,
+    /// The name in the settings file.
+    pub name: &'static str,
+    /// What it does, for people.
+    pub does: &'static str,
+    /// The heading it stands under.
+    pub group: Group,
+    /// Labels of the triggers it is bound to at first.
+    pub defaults: &'static [&'static str],
+}
+
+/// A heading of the help.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Group {
+    /// Where the cue points.
+    Aim,
+    /// The blow.
+    Stroke,
+    /// Where the tip meets the ball, and how steep the cue is.
+    Spin,
+    /// The camera.
+    View,
+    /// The game and the program.
+    Game,
+}
+
+impl Group {
+    /// All, in the order of the help.
+    pub const ALL: [Self; 5] = [Self::Aim, Self::Stroke, Self::Spin, Self::View, Self::Game];
+
+    /// For people.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Aim => "Aim",
+            Self::Stroke => "Stroke",
+            Self::Spin => "Spin and elevation",
+            Self::View => "View",
+            Self::Game => "Game",
+        }
+    }
+
+    /// The rows under this heading.
+    pub fn controls(self) -> impl Iterator<Item = &'static Control> {
+        CONTROLS.iter().filter(move |control| control.group == self)
+    }
+}
+
+impl Action {
+    /// Its row.
+    pub fn control(self) -> &'static Control {
+        let mut rows = CONTROLS.iter();
+        // A test checks that every action has a row.
+        rows.find(|row| row.action == self).unwrap_or(&CONTROLS[0])
+    }
+
+    /// The action with this name in the settings file.
+    pub fn from_name(name: &str) -> Option<Self> {
+        let row = CONTROLS.iter().find(|control| control.name == name)?;
+        Some(row.action)
+    }
+
+    /// Whether it lasts as long as its trigger is held: then it cannot be bound to the wheel.
+    pub fn is_held(self) -> bool {
+        matches!(self, Self::Fine | Self::Stroke | Self::Charge | Self::Orbit)
+    }
+
+    /// What a press means, or a notch of the wheel, or a repetition of a key held down: `steps` of
+    /// them, a tenth when the player wants fine ones. Nothing for actions that are held or that need
+    /// the pointer.
+    pub(super) fn intent(self, steps: f64) -> Option<Intent> {
+        let pitch = |sign: f64| Intent::Orbit {
+            yaw_rad: 0.0,
+            pitch_rad: sign * steps * PITCH_STEP_RAD,
+        };
+        let tip = |x: f64, y: f64| Intent::MoveTip(glam::DVec2::new(x, y) * steps * TIP_STEP_RADII);
+        Some(match self {
+            Self::AimLeft => Intent::Turn(steps * AIM_STEP_RAD),
+            Self::AimRight => Intent::Turn(-steps * AIM_STEP_RAD),
+            Self::TipUp => tip(0.0, 1.0),
+            Self::TipDown => tip(0.0, -1.0),
+            Self::TipLeft => tip(-1.0, 0.0),
+            Self::TipRight => tip(1.0, 0.0),
+            Self::CueUp => Intent::Elevate(steps * ELEVATION_STEP_RAD),
+            Self::CueDown => Intent::Elevate(-steps * ELEVATION_STEP_RAD),
+            Self::LookDown => pitch(1.0),
+            Self::LookUp => pitch(-1.0),
+            Self::ZoomIn => Intent::Zoom(ZOOM_STEP.powf(-steps)),
+            Self::ZoomOut => Intent::Zoom(ZOOM_STEP.powf(steps)),
+            Self::TipCenter => Intent::CenterTip,
+            Self::Rack => Intent::Rack,
+            Self::Help => Intent::ToggleHelp,
+            Self::Stats => Intent::ToggleStats,
+            Self::Fullscreen => Intent::ToggleFullscreen,
+            Self::Menu => Intent::Escape,
+            Self::AimAtPointer | Self::Fine | Self::Stroke | Self::Charge | Self::Orbit => {
+                return None;
+            }
+        })
+    }
+
+    /// Whether holding its key down does it again and again.
+    pub(super) fn repeats(self) -> bool {
+        matches!(
+            self,
+            Self::AimLeft
+                | Self::AimRight
+                | Self::TipUp
+                | Self::TipDown
+                | Self::TipLeft
+                | Self::TipRight
+                | Self::CueUp
+                | Self::CueDown
+                | Self::LookDown
+                | Self::LookUp
+                | Self::ZoomIn
+                | Self::ZoomOut
+        )
+    }
+}
+
+const fn row(
+    group: Group,
+    action: Action,
+    name: &'static str,
+    does: &'static str,
+    defaults: &'static [&'static str],
+) -> Control {
+    Control {
+        action,
+        name,
+        does,
+        group,
+        defaults,
+    }
+}
+
+/// The action map. Turning the aim with the mouse needs no binding.
+#[rustfmt::skip]
+pub const CONTROLS: &[Control] = &[
+    row(Group::Aim, Action::AimLeft, "aim-left", "aim a degree to the left", &["Left"]),
+    row(Group::Aim, Action::AimRight, "aim-right", "aim a degree to the right", &["Right"]),
+    row(Group::Aim, Action::AimAtPointer, "aim-at-pointer", "aim at the point under the pointer", &["Mouse middle"]),
+    row(Group::Aim, Action::Fine, "fine", "while held, everything moves a tenth as far", &["Left Ctrl", "Left Shift", "Right Ctrl", "Right Shift"]),
+    row(Group::Stroke, Action::Stroke, "stroke", "hold and draw the cue back with the mouse; let go to strike", &["Mouse left"]),
+    row(Group::Stroke, Action::Charge, "charge", "hold to raise the power; let go to strike", &["Space"]),
+    row(Group::Spin, Action::TipUp, "tip-up", "strike the cue ball higher: follow", &["W"]),
+    row(Group::Spin, Action::TipDown, "tip-down", "strike it lower: draw", &["S"]),
+    row(Group::Spin, Action::TipLeft, "tip-left", "strike it on the left", &["A"]),
+    row(Group::Spin, Action::TipRight, "tip-right", "strike it on the right", &["D"]),
+    row(Group::Spin, Action::TipCenter, "tip-center", "strike the middle, with the cue level", &["X"]),
+    row(Group::Spin, Action::CueUp, "cue-up", "raise the butt of the cue: jump, massé", &["Q"]),
+    row(Group::Spin, Action::CueDown, "cue-down", "lower it", &["E"]),
+    row(Group::View, Action::Orbit, "orbit", "hold and move the mouse to look around; during a stroke: give it up", &["Mouse right"]),
+    row(Group::View, Action::LookDown, "look-down", "look more from above", &["Up"]),
+    row(Group::View, Action::LookUp, "look-up", "look more from the side", &["Down"]),
+    row(Group::View, Action::ZoomIn, "zoom-in", "go nearer", &["Wheel up", "Page up"]),
+    row(Group::View, Action::ZoomOut, "zoom-out", "go farther off", &["Wheel down", "Page down"]),
+    row(Group::Game, Action::Rack, "rack", "rack the balls again", &["R"]),
+    row(Group::Game, Action::Help, "help", "show or hide the keys", &["F1", "H"]),
+    row(Group::Game, Action::Stats, "stats", "show or hide the statistics", &["F3"]),
+    row(Group::Game, Action::Fullscreen, "fullscreen", "fill the screen, or go back to a window", &["F11"]),
+    row(Group::Game, Action::Menu, "menu", "give up the stroke; else open the menu", &["Esc"]),
+];
+
+const AIM_STEP_RAD: f64 = std::f64::consts::PI / 180.0;
+/// Two degrees and a half.
+const ELEVATION_STEP_RAD: f64 = 0.043_633;
+const PITCH_STEP_RAD: f64 = 0.04;
+const TIP_STEP_RADII: f64 = 0.05;
+const ZOOM_STEP: f64 = 1.1;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_and_sentences_are_of_one_action_each() {
+        for (i, control) in CONTROLS.iter().enumerate() {
+            assert_eq!(Action::from_name(control.name), Some(control.action));
+            assert_eq!(control.action.control().name, control.name);
+            let others = CONTROLS.iter().skip(i + 1);
+            others.for_each(|other| assert_ne!(other.does, control.does));
+            assert!(!control.defaults.is_empty(), "{}", control.name);
+        }
+        let grouped: usize = Group::ALL
+            .map(|group| group.controls().count())
+            .iter()
+            .sum();
+        assert_eq!(grouped, CONTROLS.len());
+    }
+
+    #[test]
+    fn an_action_is_held_or_pressed() {
+        for control in CONTROLS {
+            let pressed = control.action.intent(1.0).is_some();
+            let special = control.action.is_held() || control.action == Action::AimAtPointer;
+            assert!(pressed != special, "{}", control.name);
+        }
+    }
+}

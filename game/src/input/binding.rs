@@ -1,0 +1,242 @@
+//! Which key, button or turn of the wheel does what.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::str::FromStr;
+
+use super::{Action, Button, CONTROLS, Key};
+
+/// What an action can be bound to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Trigger {
+    /// A key.
+    Key(Key),
+    /// A mouse button.
+    Button(Button),
+    /// The wheel, turned away from the player.
+    WheelUp,
+    /// The wheel, turned towards the player.
+    WheelDown,
+}
+
+/// A word that names no trigger.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "`{0}` is no key, button or wheel: write for example \"W\", \"F5\", \"Left Shift\", \
+     \"Mouse right\" or \"Wheel up\""
+)]
+pub struct UnknownTrigger(pub String);
+
+impl fmt::Display for Trigger {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Key(key) => key.label(),
+            Self::Button(button) => button.label(),
+            Self::WheelUp => "Wheel up",
+            Self::WheelDown => "Wheel down",
+        })
+    }
+}
+
+impl FromStr for Trigger {
+    type Err = UnknownTrigger;
+
+    fn from_str(label: &str) -> Result<Self, UnknownTrigger> {
+        let is = |other: &str| other.eq_ignore_ascii_case(label);
+        if let Some(key) = Key::from_label(label) {
+            return Ok(Self::Key(key));
+        }
+        let mut others = Button::ALL
+            .map(Self::Button)
+            .into_iter()
+            .chain([Self::WheelUp, Self::WheelDown]);
+        others
+            .find(|trigger| is(&trigger.to_string()))
+            .ok_or_else(|| UnknownTrigger(label.to_owned()))
+    }
+}
+
+/// The triggers of every action. A trigger does one thing: binding it elsewhere takes it away.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Bindings {
+    actions: BTreeMap<Trigger, Action>,
+}
+
+/// Why a trigger cannot be bound to an action.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum BindingError {
+    /// Somebody else has it.
+    #[error("{trigger} is taken: it does \"{}\" ({})", .by.control().does, .by.control().name)]
+    Taken {
+        /// What was to be bound.
+        trigger: Trigger,
+        /// What it does already.
+        by: Action,
+    },
+    /// A wheel that is turned is not held.
+    #[error("{trigger} cannot be held down, which \"{}\" needs", .action.control().name)]
+    NotHeld {
+        /// What was to be bound.
+        trigger: Trigger,
+        /// What needs to be held.
+        action: Action,
+    },
+}
+
+impl Default for Bindings {
+    fn default() -> Self {
+        let mut actions = BTreeMap::new();
+        for control in CONTROLS {
+            // A test checks that every default is a trigger, and of one action.
+            let triggers = control
+                .defaults
+                .iter()
+                .filter_map(|label| label.parse().ok());
+            actions.extend(triggers.map(|trigger: Trigger| (trigger, control.action)));
+        }
+        Self { actions }
+    }
+}
+
+impl Bindings {
+    /// No trigger does anything.
+    pub fn none() -> Self {
+        Self {
+            actions: BTreeMap::new(),
+        }
+    }
+
+    /// Binds a trigger that is free, or bound to `action` already.
+    ///
+    /// # Errors
+    /// [`BindingError`] if another action has it, or if it cannot be held.
+    pub fn bind(&mut self, trigger: Trigger, action: Action) -> Result<(), BindingError> {
+        if let Some(by) = self.action(trigger).filter(|by| *by != action) {
+            return Err(BindingError::Taken { trigger, by });
+        }
+        self.rebind(trigger, action)
+    }
+
+    /// Binds a trigger, away from what it did.
+    ///
+    /// # Errors
+    /// [`BindingError::NotHeld`].
+    pub fn rebind(&mut self, trigger: Trigger, action: Action) -> Result<(), BindingError> {
+        if action.is_held() && matches!(trigger, Trigger::WheelUp | Trigger::WheelDown) {
+            return Err(BindingError::NotHeld { trigger, action });
+        }
+        self.actions.insert(trigger, action);
+        Ok(())
+    }
+
+    /// Takes all triggers of an action away.
+    pub fn unbind(&mut self, action: Action) {
+        self.actions.retain(|_, bound| *bound != action);
+    }
+
+    /// What a trigger does.
+    pub fn action(&self, trigger: Trigger) -> Option<Action> {
+        self.actions.get(&trigger).copied()
+    }
+
+    /// What an action is bound to: first what it was bound to from the start, in that order.
+    pub fn triggers(&self, action: Action) -> Vec<Trigger> {
+        let defaults = action.control().defaults;
+        let rank = |trigger: &Trigger| {
+            let label = trigger.to_string();
+            let place = defaults.iter().position(|default| *default == label);
+            place.unwrap_or(defaults.len())
+        };
+        let bound = self.actions.iter().filter(|(_, to)| **to == action);
+        let mut triggers: Vec<Trigger> = bound.map(|(trigger, _)| *trigger).collect();
+        triggers.sort_by_key(rank);
+        triggers
+    }
+
+    /// An action's triggers for people; keys that are there twice are named once.
+    pub fn words(&self, action: Action) -> String {
+        let mut words = Vec::new();
+        for trigger in self.triggers(action) {
+            let label = trigger.to_string();
+            let either_side = ["Ctrl", "Shift", "Alt"].into_iter().find(|name| {
+                let both = ["Left", "Right"].map(|side| Key::from_label(&format!("{side} {name}")));
+                label.ends_with(name)
+                    && both.iter().all(|key| {
+                        key.is_some_and(|key| self.action(Trigger::Key(key)) == Some(action))
+                    })
+            });
+            let word = either_side.map_or(label, str::to_owned);
+            if !words.contains(&word) {
+                words.push(word);
+            }
+        }
+        if words.is_empty() {
+            return "nothing".to_owned();
+        }
+        words.join(", ")
+    }
+
+    /// Actions that nothing is bound to.
+    pub fn unbound(&self) -> impl Iterator<Item = Action> {
+        let actions = CONTROLS.iter().map(|control| control.action);
+        actions.filter(|action| !self.actions.values().any(|bound| bound == action))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_default_is_a_trigger_of_one_action_that_suits_it() {
+        let mut bindings = Bindings::none();
+        for control in CONTROLS {
+            for label in control.defaults {
+                let trigger: Trigger = label.parse().unwrap();
+                assert_eq!(trigger.to_string(), *label);
+                bindings.bind(trigger, control.action).unwrap();
+            }
+        }
+        assert_eq!(bindings, Bindings::default());
+        assert_eq!(bindings.unbound().next(), None);
+    }
+
+    #[test]
+    fn a_taken_trigger_is_told_with_what_it_does_and_moves_when_the_player_insists() {
+        let mut bindings = Bindings::default();
+        let w: Trigger = "w".parse().unwrap();
+        let error = bindings.bind(w, Action::Rack).unwrap_err();
+        assert!(error.to_string().contains("higher"), "{error}");
+        assert_eq!(bindings.action(w), Some(Action::TipUp));
+        bindings.rebind(w, Action::Rack).unwrap();
+        assert_eq!(bindings.words(Action::Rack), "R, W");
+        assert_eq!(bindings.words(Action::TipUp), "nothing");
+        assert_eq!(bindings.unbound().collect::<Vec<_>>(), [Action::TipUp]);
+    }
+
+    #[test]
+    fn the_wheel_cannot_be_held() {
+        let error = Bindings::default().rebind(Trigger::WheelUp, Action::Charge);
+        assert!(error.unwrap_err().to_string().contains("cannot be held"));
+    }
+
+    #[test]
+    fn keys_on_both_sides_are_named_once_when_both_are_bound() {
+        let mut bindings = Bindings::default();
+        assert_eq!(bindings.words(Action::Fine), "Ctrl, Shift");
+        bindings.unbind(Action::Fine);
+        bindings
+            .bind("Left Alt".parse().unwrap(), Action::Fine)
+            .unwrap();
+        assert_eq!(bindings.words(Action::Fine), "Left Alt");
+    }
+
+    #[test]
+    fn a_word_that_is_no_key_is_told_with_examples() {
+        let error = "Hyper".parse::<Trigger>().unwrap_err().to_string();
+        assert!(
+            error.contains("`Hyper`") && error.contains("Mouse right"),
+            "{error}"
+        );
+    }
+}

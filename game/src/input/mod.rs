@@ -1,0 +1,513 @@
+//! From mouse and keys to what the player wants: a pure function of the events so far.
+//!
+//! ```text
+//! Event ─▶ Trigger ─▶ Bindings ─▶ Action ─▶ Intent
+//!          what was    the         what it   what the game
+//!          pressed     player's    is for    does
+//! ```
+//!
+//! A new control is a variant of [`Action`], a row of [`CONTROLS`] and an arm where it becomes an
+//! [`Intent`]; help, settings and README.md follow.
+
+pub mod action;
+pub mod binding;
+pub mod key;
+
+use std::collections::BTreeSet;
+
+use glam::DVec2;
+
+pub use action::{Action, CONTROLS, Control, Group};
+pub use binding::{BindingError, Bindings, Trigger, UnknownTrigger};
+pub use key::Key;
+
+/// Something that happened at the window, in the words of no windowing library.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Event {
+    /// The pointer is here, in points from the window's top left.
+    Pointer(DVec2),
+    /// The pointer has left the window.
+    PointerLeft,
+    /// A button went down or up.
+    Button {
+        /// Which.
+        button: Button,
+        /// Down.
+        pressed: bool,
+    },
+    /// The wheel turned by this many notches away from the player.
+    Wheel(f64),
+    /// A key went down, up, or repeats while held.
+    Key {
+        /// Which.
+        key: Key,
+        /// Down.
+        pressed: bool,
+        /// By being held.
+        repeat: bool,
+    },
+    /// Keys and buttons may come up unseen from now on.
+    FocusLost,
+}
+
+/// A mouse button.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum Button {
+    Left,
+    Middle,
+    Right,
+    Back,
+    Forward,
+}
+
+impl Button {
+    /// All.
+    pub const ALL: [Self; 5] = [
+        Self::Left,
+        Self::Middle,
+        Self::Right,
+        Self::Back,
+        Self::Forward,
+    ];
+
+    /// For people, and for the settings file.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Left => "Mouse left",
+            Self::Middle => "Mouse middle",
+            Self::Right => "Mouse right",
+            Self::Back => "Mouse back",
+            Self::Forward => "Mouse forward",
+        }
+    }
+}
+
+/// What the player wants.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Intent {
+    /// Turn the aim by this many radians, left positive.
+    Turn(f64),
+    /// Aim at the table under this point of the window.
+    AimAt(DVec2),
+    /// Turn the camera round what it looks at, radians.
+    Orbit {
+        /// To the left.
+        yaw_rad: f64,
+        /// Upwards.
+        pitch_rad: f64,
+    },
+    /// Multiply the camera's distance.
+    Zoom(f64),
+    /// Begin a stroke with the cue drawn back by hand.
+    BeginPull,
+    /// Draw the cue back to this share of its way, 0 to 1.
+    Pull(f64),
+    /// Begin a stroke whose power rises with time.
+    BeginCharge,
+    /// Strike.
+    Release,
+    /// Give up the stroke.
+    Cancel,
+    /// Give up the stroke if one is begun, else leave the table: for the menu.
+    Escape,
+    /// Move the tip on the cue ball, in ball radii, to the player's right and up.
+    MoveTip(DVec2),
+    /// Put the tip in the middle and lay the cue level.
+    CenterTip,
+    /// Raise the butt of the cue by this many radians.
+    Elevate(f64),
+    /// Rack the balls again.
+    Rack,
+    /// Show or hide the keys.
+    ToggleHelp,
+    /// Show or hide the statistics.
+    ToggleStats,
+    /// Fill the screen, or go back to a window.
+    ToggleFullscreen,
+}
+
+/// What is bound, what is held, and since where.
+#[derive(Clone, Debug, Default)]
+pub struct Input {
+    bindings: Bindings,
+    pointer: Option<DVec2>,
+    hold: Option<Hold>,
+    fine: BTreeSet<Trigger>,
+    /// Parts of a notch of the wheel, for actions that are done once.
+    notches: f64,
+}
+
+/// An action that lasts while its trigger is held.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Hold {
+    trigger: Trigger,
+    action: Action,
+    from_y: f64,
+}
+
+impl Event {
+    /// What was pressed or turned, if anything was.
+    pub fn trigger(&self) -> Option<Trigger> {
+        match *self {
+            Self::Button {
+                button,
+                pressed: true,
+            } => Some(Trigger::Button(button)),
+            Self::Key {
+                key,
+                pressed: true,
+                repeat: false,
+            } => Some(Trigger::Key(key)),
+            Self::Wheel(notches) if notches > 0.0 => Some(Trigger::WheelUp),
+            Self::Wheel(notches) if notches < 0.0 => Some(Trigger::WheelDown),
+            _ => None,
+        }
+    }
+}
+
+impl Input {
+    /// Nothing is held.
+    pub fn new(bindings: Bindings) -> Self {
+        Self {
+            bindings,
+            ..Self::default()
+        }
+    }
+
+    /// What is bound to what.
+    pub fn bindings(&self) -> &Bindings {
+        &self.bindings
+    }
+
+    /// What `event` means.
+    pub fn handle(&mut self, event: Event) -> Option<Intent> {
+        match event {
+            Event::Pointer(at) => self.pointer_moved(at),
+            Event::PointerLeft => {
+                self.pointer = None;
+                None
+            }
+            Event::Button { button, pressed } => {
+                self.switch(Trigger::Button(button), pressed, false)
+            }
+            Event::Key {
+                key,
+                pressed,
+                repeat,
+            } => self.switch(Trigger::Key(key), pressed, repeat),
+            Event::Wheel(notches) => self.wheel(notches),
+            Event::FocusLost => self.let_go(),
+        }
+    }
+
+    /// Forgets what is held, as if it had come up; a stroke is given up.
+    pub fn let_go(&mut self) -> Option<Intent> {
+        self.fine.clear();
+        self.pointer = None;
+        let hold = self.hold.take()?;
+        (hold.action != Action::Orbit).then_some(Intent::Cancel)
+    }
+
+    fn pointer_moved(&mut self, at: DVec2) -> Option<Intent> {
+        let moved = at - self.pointer.replace(at)?;
+        match self.hold {
+            Some(hold) if hold.action == Action::Stroke => Some(Intent::Pull(
+                ((at.y - hold.from_y) / PULL_POINTS).clamp(0.0, 1.0),
+            )),
+            Some(hold) if hold.action == Action::Orbit => Some(Intent::Orbit {
+                yaw_rad: -moved.x * ORBIT_RAD_PER_POINT,
+                pitch_rad: moved.y * ORBIT_RAD_PER_POINT,
+            }),
+            Some(_) => None,
+            None => {
+                let turn = -moved.x * AIM_RAD_PER_POINT * self.precision();
+                (turn != 0.0).then_some(Intent::Turn(turn))
+            }
+        }
+    }
+
+    fn switch(&mut self, trigger: Trigger, pressed: bool, repeat: bool) -> Option<Intent> {
+        if !pressed {
+            return self.released(trigger);
+        }
+        let action = self.bindings.action(trigger)?;
+        if repeat && !action.repeats() {
+            return None;
+        }
+        match action {
+            Action::Fine => {
+                self.fine.insert(trigger);
+                None
+            }
+            Action::AimAtPointer if self.hold.is_none() => Some(Intent::AimAt(self.pointer?)),
+            Action::Menu => {
+                self.hold = None;
+                Some(Intent::Escape)
+            }
+            action if action.is_held() => self.begin(trigger, action),
+            action => action.intent(self.precision()),
+        }
+    }
+
+    fn begin(&mut self, trigger: Trigger, action: Action) -> Option<Intent> {
+        if let Some(hold) = self.hold {
+            let gives_up = action == Action::Orbit && hold.action != Action::Orbit;
+            return gives_up.then(|| {
+                self.hold = None;
+                Intent::Cancel
+            });
+        }
+        let from_y = match (action, self.pointer) {
+            // The cue is drawn with the pointer: without one there is no stroke.
+            (Action::Stroke, pointer) => pointer?.y,
+            _ => 0.0,
+        };
+        self.hold = Some(Hold {
+            trigger,
+            action,
+            from_y,
+        });
+        match action {
+            Action::Stroke => Some(Intent::BeginPull),
+            Action::Charge => Some(Intent::BeginCharge),
+            _ => None,
+        }
+    }
+
+    fn released(&mut self, trigger: Trigger) -> Option<Intent> {
+        self.fine.remove(&trigger);
+        let hold = self.hold.take_if(|hold| hold.trigger == trigger)?;
+        (hold.action != Action::Orbit).then_some(Intent::Release)
+    }
+
+    fn wheel(&mut self, notches: f64) -> Option<Intent> {
+        let trigger = Event::Wheel(notches).trigger()?;
+        if self.notches * notches < 0.0 {
+            self.notches = 0.0;
+        }
+        let action = self.bindings.action(trigger)?;
+        if action.repeats() {
+            return action.intent(notches.abs() * self.precision());
+        }
+        self.notches += notches;
+        if self.notches.abs() < 1.0 {
+            return None;
+        }
+        self.notches = 0.0;
+        self.switch(trigger, true, false)
+    }
+
+    fn precision(&self) -> f64 {
+        if self.fine.is_empty() { 1.0 } else { FINE }
+    }
+}
+
+/// A window of 1280 points turns the aim by 147°.
+const AIM_RAD_PER_POINT: f64 = 0.002;
+const ORBIT_RAD_PER_POINT: f64 = 0.005;
+const FINE: f64 = 0.1;
+/// The way of the pointer from no power to full power.
+const PULL_POINTS: f64 = 220.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(x: f64, y: f64) -> Event {
+        Event::Pointer(DVec2::new(x, y))
+    }
+
+    fn button(button: Button, pressed: bool) -> Event {
+        Event::Button { button, pressed }
+    }
+
+    fn key(label: &str, pressed: bool) -> Event {
+        Event::Key {
+            key: Key::from_label(label).unwrap(),
+            pressed,
+            repeat: false,
+        }
+    }
+
+    fn held(label: &str) -> Event {
+        Event::Key {
+            key: Key::from_label(label).unwrap(),
+            pressed: true,
+            repeat: true,
+        }
+    }
+
+    fn all(input: &mut Input, events: &[Event]) -> Vec<Intent> {
+        events
+            .iter()
+            .filter_map(|event| input.handle(*event))
+            .collect()
+    }
+
+    #[test]
+    fn entering_the_window_does_not_turn_the_aim() {
+        let mut input = Input::default();
+        assert_eq!(
+            all(
+                &mut input,
+                &[at(5.0, 5.0), Event::PointerLeft, at(900.0, 5.0)]
+            ),
+            []
+        );
+        assert_eq!(
+            input.handle(at(910.0, 70.0)),
+            Some(Intent::Turn(-10.0 * AIM_RAD_PER_POINT))
+        );
+    }
+
+    #[test]
+    fn fine_aim_is_ten_times_finer() {
+        let mut input = Input::default();
+        let turned = all(
+            &mut input,
+            &[
+                at(0.0, 0.0),
+                at(10.0, 0.0),
+                key("Left Ctrl", true),
+                at(20.0, 0.0),
+            ],
+        );
+        let [Intent::Turn(coarse), Intent::Turn(fine)] = turned[..] else {
+            panic!("{turned:?}")
+        };
+        assert!((coarse / fine - 10.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn pulling_sets_the_power_leaves_the_aim_and_strikes_when_released() {
+        let mut input = Input::default();
+        let events = [
+            at(100.0, 100.0),
+            button(Button::Left, true),
+            at(150.0, 100.0 + PULL_POINTS / 2.0),
+            at(150.0, 5000.0),
+            button(Button::Left, false),
+        ];
+        let expected = [
+            Intent::BeginPull,
+            Intent::Pull(0.5),
+            Intent::Pull(1.0),
+            Intent::Release,
+        ];
+        assert_eq!(all(&mut input, &events), expected);
+    }
+
+    #[test]
+    fn the_right_button_gives_up_a_stroke_and_its_release_does_nothing() {
+        let mut input = Input::default();
+        let events = [
+            at(0.0, 0.0),
+            button(Button::Left, true),
+            button(Button::Right, true),
+            button(Button::Right, false),
+            button(Button::Left, false),
+        ];
+        assert_eq!(
+            all(&mut input, &events),
+            [Intent::BeginPull, Intent::Cancel]
+        );
+    }
+
+    #[test]
+    fn space_charges_once_while_it_repeats() {
+        let mut input = Input::default();
+        let repeat = held("Space");
+        let events = [
+            key("Space", true),
+            repeat,
+            repeat,
+            key("Space", false),
+            key("Space", false),
+        ];
+        assert_eq!(
+            all(&mut input, &events),
+            [Intent::BeginCharge, Intent::Release]
+        );
+    }
+
+    #[test]
+    fn a_stroke_does_not_survive_the_loss_of_focus() {
+        let mut input = Input::default();
+        let events = [key("Space", true), Event::FocusLost, key("Space", false)];
+        assert_eq!(
+            all(&mut input, &events),
+            [Intent::BeginCharge, Intent::Cancel]
+        );
+    }
+
+    #[test]
+    fn keys_step_by_a_degree_and_finely_by_a_tenth() {
+        let mut input = Input::default();
+        let events = [
+            key("Left", true),
+            held("Left"),
+            key("Left", false),
+            key("Right Shift", true),
+            key("Right", true),
+            key("Right Shift", false),
+            key("Right", true),
+        ];
+        let degree = 1f64.to_radians();
+        let expected = [degree, degree, -0.1 * degree, -degree].map(Intent::Turn);
+        assert_eq!(all(&mut input, &events), expected);
+    }
+
+    #[test]
+    fn what_is_done_once_does_not_repeat_while_its_key_is_held() {
+        let mut input = Input::default();
+        let events = [key("R", true), held("R"), held("R")];
+        assert_eq!(all(&mut input, &events), [Intent::Rack]);
+    }
+
+    #[test]
+    fn every_control_works_from_another_trigger() {
+        for control in CONTROLS {
+            let mut bindings = Bindings::none();
+            let trigger: Trigger = "Pad 5".parse().unwrap();
+            bindings.bind(trigger, control.action).unwrap();
+            let mut input = Input::new(bindings);
+            let events = [
+                at(0.0, 0.0),
+                key("Pad 5", true),
+                at(0.0, 9.0),
+                key("Pad 5", false),
+            ];
+            let intents = all(&mut input, &events);
+            match control.action {
+                Action::Fine => assert_eq!(intents, []),
+                Action::Orbit => assert!(matches!(intents[..], [Intent::Orbit { .. }])),
+                Action::Stroke | Action::Charge => {
+                    assert_eq!(intents.last(), Some(&Intent::Release), "{}", control.name);
+                }
+                _ => assert_eq!(intents.len(), 1, "{}", control.name),
+            }
+        }
+    }
+
+    #[test]
+    fn a_toggle_on_the_wheel_takes_a_whole_notch() {
+        let mut bindings = Bindings::default();
+        bindings.rebind(Trigger::WheelUp, Action::Rack).unwrap();
+        let mut input = Input::new(bindings);
+        let turns = [0.4, 0.4, 0.4, 0.4, -0.2, 0.7, 0.2].map(Event::Wheel);
+        assert_eq!(
+            all(&mut input, &turns),
+            [Intent::Rack, Action::ZoomOut.intent(0.2).unwrap()]
+        );
+    }
+
+    #[test]
+    fn the_wheel_zooms_by_its_notches() {
+        let mut input = Input::default();
+        assert_eq!(
+            input.handle(Event::Wheel(-2.0)),
+            Action::ZoomOut.intent(2.0)
+        );
+    }
+}

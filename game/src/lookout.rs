@@ -1,0 +1,378 @@
+//! What the player is told of the farm: a sentence when something changes, and one that stays while
+//! there is no picture. Play never waits for either.
+//!
+//! | what is | what happens | what is said |
+//! |---|---|---|
+//! | no GPU | the CPU traces, coarser while things move | once, with its threads |
+//! | no nodes set up | this machine traces | nothing: that is the game as it comes |
+//! | a node is slow | its share of the tiles shrinks | once, with how much slower it is |
+//! | a node is lost | others trace its tiles, it is called again | once, with why; and when it is back |
+//! | all nodes lost | this machine goes on alone; with no local tracer the last picture stays | the first once, the second as long as it lasts |
+//! | a bad network | pictures are asked for earlier, precision falls | once, with the round trip |
+//! | another version, UDP blocked | as a lost node | the reason says what to do |
+
+use carom_farm::{NodeState, NodeStatus};
+use carom_tracer::DeviceKind;
+
+/// Remembers what was said.
+#[derive(Clone, Debug, Default)]
+pub struct Lookout {
+    seen: Vec<Seen>,
+    /// Whether the player knows that there is no GPU.
+    told_of_cpu: bool,
+}
+
+#[derive(Clone, Debug, Default)]
+struct Seen {
+    /// Nothing is known yet.
+    standing: Option<Standing>,
+    was_ready: bool,
+    slow: bool,
+    far: bool,
+    /// When a sentence was last said of it.
+    said_secs: Option<f64>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Standing {
+    Ready,
+    Lost,
+}
+
+impl Lookout {
+    /// What is new of `nodes` at `now_secs`, a sentence each.
+    pub fn observe(&mut self, nodes: &[NodeStatus], now_secs: f64) -> Vec<String> {
+        self.seen.resize_with(nodes.len(), Seen::default);
+        let mut notes = Vec::new();
+        notes.extend(self.cpu_only(nodes));
+        let fastest = nodes
+            .iter()
+            .map(|node| node.msamples_per_sec)
+            .fold(0.0, f64::max);
+        let others = |index: usize| {
+            let ready = |(other, node): (usize, &NodeStatus)| {
+                other != index && node.state == NodeState::Ready
+            };
+            nodes.iter().enumerate().any(ready)
+        };
+        for (index, (node, seen)) in nodes.iter().zip(&mut self.seen).enumerate() {
+            let note = seen
+                .changed(node, others(index))
+                .or_else(|| seen.slowed(node, fastest))
+                .or_else(|| seen.distanced(node));
+            if let Some(note) = note {
+                let again = seen
+                    .said_secs
+                    .is_some_and(|said| now_secs - said < QUIET_SECS);
+                if !again {
+                    seen.said_secs = Some(now_secs);
+                    notes.push(note);
+                }
+            }
+        }
+        notes
+    }
+
+    fn cpu_only(&mut self, nodes: &[NodeStatus]) -> Option<String> {
+        let [node] = nodes else {
+            return None;
+        };
+        let device = &node.info.as_ref()?.device;
+        if self.told_of_cpu || device.kind != DeviceKind::Cpu || node.address != LOCAL {
+            return None;
+        }
+        self.told_of_cpu = true;
+        let threads = device.threads;
+        Some(format!(
+            "No GPU: the CPU makes the pictures ({threads} threads), coarser while things move"
+        ))
+    }
+}
+
+impl Seen {
+    fn changed(&mut self, node: &NodeStatus, others: bool) -> Option<String> {
+        let (standing, why) = match &node.state {
+            NodeState::Ready => (Standing::Ready, ""),
+            NodeState::Lost { why } => (Standing::Lost, why.as_str()),
+            _ => return None,
+        };
+        if self.standing.replace(standing) == Some(standing) {
+            return None;
+        }
+        let name = name(node);
+        let rest = if others {
+            "the others make its part of the picture"
+        } else {
+            "the last picture stays until a node answers"
+        };
+        let note = match (standing, self.was_ready) {
+            (Standing::Ready, false) => None,
+            (Standing::Ready, true) => Some(format!("{name} is back")),
+            (Standing::Lost, true) => Some(format!("{name} is lost ({why}): {rest}")),
+            (Standing::Lost, false) => Some(format!("{name} cannot be used ({why}): {rest}")),
+        };
+        self.was_ready |= standing == Standing::Ready;
+        note
+    }
+
+    fn slowed(&mut self, node: &NodeStatus, fastest: f64) -> Option<String> {
+        let share = node.msamples_per_sec / fastest.max(1e-9);
+        if node.state != NodeState::Ready || node.msamples_per_sec <= 0.0 {
+            return None;
+        }
+        let was_slow = self.slow;
+        // Between the two it stays what it was, so that it is not said again and again.
+        self.slow = share < if was_slow { SLOW_ENDS } else { SLOW };
+        (self.slow && !was_slow).then(|| {
+            let times = 1.0 / share;
+            format!(
+                "{} is {times:.0} times slower than the fastest node: it gets as much less to do",
+                name(node)
+            )
+        })
+    }
+
+    fn distanced(&mut self, node: &NodeStatus) -> Option<String> {
+        let secs = node.round_trip?.as_secs_f64();
+        let was_far = self.far;
+        self.far = secs > if was_far { FAR_ENDS_SECS } else { FAR_SECS };
+        (self.far && !was_far).then(|| {
+            format!(
+                "The network to {} is slow ({:.0} ms there and back): its pictures are asked for \
+                 earlier, and may be coarser",
+                name(node),
+                secs * 1e3
+            )
+        })
+    }
+}
+
+/// Why no node makes pictures now, if none does: shown until one does.
+pub fn standing(nodes: &[NodeStatus]) -> Option<String> {
+    if nodes.iter().any(|node| node.state == NodeState::Ready) {
+        return None;
+    }
+    let lost = nodes.iter().filter_map(|node| match &node.state {
+        NodeState::Lost { why } => Some(format!("{} ({why})", name(node))),
+        _ => None,
+    });
+    let lost: Vec<String> = lost.collect();
+    if lost.is_empty() || lost.len() < nodes.len() {
+        return Some("Waiting for the first picture".to_owned());
+    }
+    Some(format!(
+        "No node makes pictures: {}. You can play on; each is called again every 5 s",
+        lost.join("; ")
+    ))
+}
+
+/// The farm in a line: which nodes make the pictures, with their devices.
+pub fn line(nodes: &[NodeStatus]) -> String {
+    if let Some(sentence) = standing(nodes) {
+        return sentence;
+    }
+    let ready = |node: &&NodeStatus| node.state == NodeState::Ready;
+    let names = nodes.iter().filter(ready).map(|node| {
+        let device = node
+            .info
+            .as_ref()
+            .map_or("", |info| info.device.name.as_str());
+        match node.address.as_str() {
+            LOCAL => format!("this machine ({device})"),
+            address => format!("{address} ({device})"),
+        }
+    });
+    let names: Vec<String> = names.collect();
+    format!(
+        "{} of {} nodes: {}",
+        names.len(),
+        nodes.len(),
+        names.join(", ")
+    )
+}
+
+fn name(node: &NodeStatus) -> &str {
+    let name = node.info.as_ref().map_or("", |info| info.name.as_str());
+    match (node.address.as_str(), name) {
+        (LOCAL, _) => "This machine",
+        (address, "") => address,
+        (_, name) => name,
+    }
+}
+
+/// The address of the node inside the game.
+const LOCAL: &str = "local";
+/// So much slower than the fastest is worth a sentence; and no longer.
+const SLOW: f64 = 0.125;
+const SLOW_ENDS: f64 = 0.25;
+/// A round trip that delays moving pictures by more than people take for immediate.
+const FAR_SECS: f64 = 0.2;
+const FAR_ENDS_SECS: f64 = 0.1;
+/// A node that comes and goes is not told of more often.
+const QUIET_SECS: f64 = 10.0;
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use carom_farm::NodeInfo;
+    use carom_tracer::DeviceInfo;
+
+    use super::*;
+
+    fn node(address: &str, state: NodeState) -> NodeStatus {
+        NodeStatus {
+            address: address.to_owned(),
+            info: None,
+            state,
+            fixed_secs: 0.0,
+            msamples_per_sec: 10.0,
+            tiles: 0,
+            round_trip: None,
+            split: Default::default(),
+        }
+    }
+
+    fn lost(why: &str) -> NodeState {
+        NodeState::Lost {
+            why: why.to_owned(),
+        }
+    }
+
+    fn told(lookout: &mut Lookout, nodes: &[NodeStatus], now_secs: f64) -> String {
+        lookout.observe(nodes, now_secs).join("\n")
+    }
+
+    #[test]
+    fn a_farm_that_works_is_not_spoken_of() {
+        let mut lookout = Lookout::default();
+        let nodes = [
+            node("local", NodeState::Ready),
+            node("attic:1", NodeState::Ready),
+        ];
+        for now in 0..5 {
+            assert_eq!(told(&mut lookout, &nodes, f64::from(now)), "");
+        }
+        assert_eq!(standing(&nodes), None);
+    }
+
+    #[test]
+    fn without_a_gpu_the_threads_are_named_once() {
+        let mut lookout = Lookout::default();
+        let mut local = node("local", NodeState::Ready);
+        local.info = Some(NodeInfo {
+            name: String::new(),
+            device: DeviceInfo {
+                kind: DeviceKind::Cpu,
+                name: "some processor".to_owned(),
+                width: 8,
+                threads: 2,
+            },
+        });
+        assert!(told(&mut lookout, &[local.clone()], 0.0).contains("2 threads"));
+        assert_eq!(told(&mut lookout, &[local], 9.0), "");
+    }
+
+    #[test]
+    fn a_node_that_is_lost_is_told_once_and_again_when_it_is_back() {
+        let mut lookout = Lookout::default();
+        let farm = |state: NodeState| [node("local", NodeState::Ready), node("attic:1", state)];
+        told(&mut lookout, &farm(NodeState::Ready), 0.0);
+        let said = told(&mut lookout, &farm(lost("it no longer answers")), 1.0);
+        assert_eq!(
+            said,
+            "attic:1 is lost (it no longer answers): the others make its part of the picture"
+        );
+        assert_eq!(
+            told(&mut lookout, &farm(lost("it no longer answers")), 2.0),
+            ""
+        );
+        assert_eq!(told(&mut lookout, &farm(NodeState::Connecting), 3.0), "");
+        assert_eq!(
+            told(&mut lookout, &farm(NodeState::Ready), 20.0),
+            "attic:1 is back"
+        );
+    }
+
+    #[test]
+    fn a_node_that_comes_and_goes_is_not_a_stream_of_sentences() {
+        let mut lookout = Lookout::default();
+        let states = (0..100).map(|i| {
+            if i % 2 == 0 {
+                NodeState::Ready
+            } else {
+                lost("it broke")
+            }
+        });
+        let said = states.enumerate().map(|(i, state)| {
+            lookout
+                .observe(&[node("attic:1", state)], 0.1 * i as f64)
+                .len()
+        });
+        assert!(said.sum::<usize>() <= 2);
+    }
+
+    #[test]
+    fn when_all_are_lost_the_sentence_stays_and_names_each() {
+        let mut lookout = Lookout::default();
+        let nodes = [
+            node(
+                "attic:1",
+                lost("it does not answer: does a firewall let its UDP port through?"),
+            ),
+            node(
+                "cellar:1",
+                lost("the peer speaks protocol version 1, this program 2: update the older one"),
+            ),
+        ];
+        let said = told(&mut lookout, &nodes, 0.0);
+        assert!(
+            said.contains("the last picture stays") && said.contains("cannot be used"),
+            "{said}"
+        );
+        let stays = standing(&nodes).unwrap();
+        for word in [
+            "attic:1",
+            "UDP port",
+            "update the older one",
+            "You can play on",
+        ] {
+            assert!(stays.contains(word), "{word} in {stays}");
+        }
+    }
+
+    #[test]
+    fn with_one_still_being_called_the_sentence_waits() {
+        let nodes = [
+            node("attic:1", lost("x")),
+            node("local", NodeState::Connecting),
+        ];
+        assert_eq!(standing(&nodes).unwrap(), "Waiting for the first picture");
+    }
+
+    #[test]
+    fn a_slow_node_is_told_once_with_how_slow() {
+        let mut lookout = Lookout::default();
+        let farm = |speed: f64| {
+            let mut slow = node("attic:1", NodeState::Ready);
+            slow.msamples_per_sec = speed;
+            [node("local", NodeState::Ready), slow]
+        };
+        assert_eq!(told(&mut lookout, &farm(5.0), 0.0), "");
+        assert!(told(&mut lookout, &farm(0.5), 1.0).contains("attic:1 is 20 times slower"));
+        assert_eq!(
+            told(&mut lookout, &farm(1.5), 30.0),
+            "",
+            "not yet fast again"
+        );
+        assert_eq!(told(&mut lookout, &farm(0.5), 60.0), "");
+    }
+
+    #[test]
+    fn a_slow_network_is_told_with_its_round_trip() {
+        let mut lookout = Lookout::default();
+        let mut far = node("attic:1", NodeState::Ready);
+        far.round_trip = Some(Duration::from_millis(320));
+        assert!(told(&mut lookout, &[far], 0.0).contains("320 ms"));
+    }
+}

@@ -1,0 +1,139 @@
+//! Each setting's name in the file, and how it is read and written.
+
+use clap::ValueEnum;
+use toml_edit::{Array, Value};
+
+use super::Settings;
+use crate::input::{Action, Bindings, CONTROLS, Trigger};
+use crate::sim::Engine;
+
+/// A line of the settings file.
+#[derive(Clone, Copy)]
+pub struct Field {
+    /// The heading.
+    pub table: &'static str,
+    /// The name under it.
+    pub key: &'static str,
+    /// As it is written.
+    pub(super) read: fn(&Settings) -> Value,
+    /// Takes a written value, or says what it must be.
+    pub(super) write: fn(&mut Settings, &Value) -> Result<(), String>,
+}
+
+const fn field(
+    table: &'static str,
+    key: &'static str,
+    read: fn(&Settings) -> Value,
+    write: fn(&mut Settings, &Value) -> Result<(), String>,
+) -> Field {
+    Field {
+        table,
+        key,
+        read,
+        write,
+    }
+}
+
+/// All settings but the keys.
+#[rustfmt::skip]
+pub const FIELDS: &[Field] = &[
+    field("window", "width", |s| i64::from(s.window[0]).into(), |s, v| edge(v).map(|w| s.window[0] = w)),
+    field("window", "height", |s| i64::from(s.window[1]).into(), |s, v| edge(v).map(|h| s.window[1] = h)),
+    field("window", "fullscreen", |s| s.fullscreen.into(), |s, v| switch(v).map(|on| s.fullscreen = on)),
+    field("interface", "text-scale", |s| s.text_scale.into(), |s, v| number(v, Settings::TEXT_SCALE).map(|x| s.text_scale = x)),
+    field("interface", "reduced-motion", |s| s.reduced_motion.into(), |s, v| switch(v).map(|on| s.reduced_motion = on)),
+    field("game", "aim-aids", |s| name(&s.aim_aids), |s, v| choice(v).map(|x| s.aim_aids = x)),
+    field("game", "ball-set", |s| name(&s.ball_set), |s, v| choice(v).map(|x| s.ball_set = x)),
+    field("game", "physics", |s| s.physics.to_string().into(), |s, v| engine(v).map(|x| s.physics = x)),
+    field("picture", "quality", |s| name(&s.quality), |s, v| choice(v).map(|x| s.quality = x)),
+    field("sound", "volume", |s| s.volume.into(), |s, v| number(v, [0.0, 1.0]).map(|x| s.volume = x)),
+];
+
+fn edge(value: &Value) -> Result<u32, String> {
+    let [min, max] = Settings::WINDOW_EDGE;
+    let edge = value.as_integer().and_then(|edge| u32::try_from(edge).ok());
+    let fits = edge.filter(|edge| (min..=max).contains(edge));
+    fits.ok_or_else(|| format!("a whole number from {min} to {max}"))
+}
+
+fn switch(value: &Value) -> Result<bool, String> {
+    value.as_bool().ok_or_else(|| "true or false".to_owned())
+}
+
+fn number(value: &Value, [min, max]: [f64; 2]) -> Result<f64, String> {
+    let whole = || value.as_integer().map(|number| number as f64);
+    let number = value.as_float().or_else(whole);
+    let fits = number.filter(|number| (min..=max).contains(number));
+    fits.ok_or_else(|| format!("a number from {min} to {max}"))
+}
+
+fn name(choice: &impl ValueEnum) -> Value {
+    let name = choice.to_possible_value();
+    name.map_or(String::new(), |name| name.get_name().to_owned())
+        .into()
+}
+
+fn choice<T: ValueEnum>(value: &Value) -> Result<T, String> {
+    let chosen = value.as_str().and_then(|word| T::from_str(word, true).ok());
+    chosen.ok_or_else(|| {
+        let names = T::value_variants().iter().filter_map(T::to_possible_value);
+        let names: Vec<String> = names
+            .map(|name| format!("\"{}\"", name.get_name()))
+            .collect();
+        names.join(", ")
+    })
+}
+
+fn engine(value: &Value) -> Result<Engine, String> {
+    let engine = value.as_str().and_then(|word| word.parse().ok());
+    engine.ok_or_else(|| "\"exact\" or \"rapier-N\" with N from 30 to 10000".to_owned())
+}
+
+/// What an action is bound to, as it is written.
+pub(super) fn triggers(bindings: &Bindings, action: Action) -> Value {
+    let labels = bindings.triggers(action).into_iter();
+    Value::Array(labels.map(|trigger| trigger.to_string()).collect::<Array>())
+}
+
+/// Reads one action's triggers from a word or an array of words.
+pub(super) fn read_triggers(value: &Value) -> Result<Vec<Trigger>, String> {
+    let words: Vec<&Value> = match value {
+        Value::String(_) => vec![value],
+        Value::Array(array) => array.iter().collect(),
+        _ => return Err("must be a key or a list of keys, such as [\"R\", \"F5\"]".to_owned()),
+    };
+    let trigger = |word: &Value| {
+        let label = word.as_str().ok_or("must be a list of keys in quotes")?;
+        label.parse().map_err(|error| format!("{error}"))
+    };
+    words.into_iter().map(trigger).collect()
+}
+
+/// Binds what the player has chosen, and what is left of the defaults. Says what could not be bound.
+pub(super) fn bind(chosen: &[(Action, Vec<Trigger>)]) -> (Bindings, Vec<String>) {
+    let mut bindings = Bindings::none();
+    let mut complaints = Vec::new();
+    for (action, triggers) in chosen {
+        for trigger in triggers {
+            if let Err(error) = bindings.bind(*trigger, *action) {
+                complaints.push(format!("[keys] {}: {error}", action.control().name));
+            }
+        }
+    }
+    let is_chosen = |action: Action| chosen.iter().any(|(of, _)| *of == action);
+    for control in CONTROLS.iter().filter(|control| !is_chosen(control.action)) {
+        for trigger in Bindings::default().triggers(control.action) {
+            // Taken by the player's choice: that is what it was for.
+            let _ = bindings.bind(trigger, control.action);
+        }
+    }
+    let lost = bindings.unbound().filter(|action| !is_chosen(*action));
+    complaints.extend(lost.map(|action| {
+        let control = action.control();
+        format!(
+            "nothing is left for \"{}\": give [keys] {} a key",
+            control.does, control.name
+        )
+    }));
+    (bindings, complaints)
+}

@@ -1,0 +1,88 @@
+//! What the player has chosen, kept as TOML in the platform's folder.
+//!
+//! ```toml
+//! [interface]
+//! text-scale = 1.25
+//!
+//! [keys]
+//! rack = ["R", "F5"]
+//! ```
+//!
+//! [`Store`] reads and writes the file. Only what was changed is written, so comments, unknown names
+//! and values that could not be read stay as they were.
+
+mod field;
+mod store;
+
+pub use field::{FIELDS, Field};
+pub use store::Store;
+
+use clap::ValueEnum;
+
+use crate::ball_set::BallSet;
+use crate::input::Bindings;
+use crate::quality::Dial;
+use crate::sim::Engine;
+
+/// All settings.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// The window's size in points, 320 to 16384 each way.
+    pub window: [u32; 2],
+    /// Whether it fills the screen.
+    pub fullscreen: bool,
+    /// Size of text and panels, [`Settings::TEXT_SCALE`].
+    pub text_scale: f64,
+    /// Cuts instead of camera rides, and panels that do not slide or fade.
+    pub reduced_motion: bool,
+    /// How much of a shot is shown beforehand.
+    pub aim_aids: AimAids,
+    /// What the balls are made of.
+    pub ball_set: BallSet,
+    /// What moves them.
+    pub physics: Engine,
+    /// What is given up first while things move.
+    pub quality: Dial,
+    /// Loudness, 0 to 1.
+    pub volume: f64,
+    /// Which key does what.
+    pub bindings: Bindings,
+}
+
+impl Settings {
+    /// Smallest and largest text.
+    pub const TEXT_SCALE: [f64; 2] = [0.75, 2.0];
+    /// Smallest and largest edge of the window, points.
+    pub const WINDOW_EDGE: [u32; 2] = [320, 16_384];
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            window: [1280, 720],
+            fullscreen: false,
+            text_scale: 1.0,
+            reduced_motion: false,
+            aim_aids: AimAids::default(),
+            ball_set: BallSet::default(),
+            physics: Engine::default(),
+            quality: Dial::default(),
+            volume: 0.7,
+            bindings: Bindings::default(),
+        }
+    }
+}
+
+/// How much of a shot is shown before it is struck: the difficulty of the game.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
+pub enum AimAids {
+    /// Nothing but the cue
+    Off,
+    /// The cue ball's way to what it meets first
+    Line,
+    /// Also the ball's place there, and the ways of both balls from there
+    #[default]
+    Ghost,
+    /// The ways of all balls, to their rest
+    Full,
+}

@@ -1,0 +1,390 @@
+//! The settings file: read once, written when something was changed, never destroyed.
+
+use std::fs;
+use std::io::{ErrorKind, Read as _};
+use std::path::{Path, PathBuf};
+
+use etcetera::BaseStrategy as _;
+use toml_edit::{DocumentMut, Item, Value};
+
+use super::Settings;
+use super::field::{self, FIELDS};
+use crate::input::{Action, CONTROLS};
+
+/// Settings and where they are kept.
+#[derive(Clone, Debug, Default)]
+pub struct Store {
+    /// What counts now.
+    pub settings: Settings,
+    saved: Settings,
+    document: DocumentMut,
+    path: Option<PathBuf>,
+    complaints: Vec<String>,
+    /// The file is no TOML: it is moved aside before a new one is written.
+    is_broken: bool,
+}
+
+impl Store {
+    /// The file of this player: `carom/settings.toml` in the platform's folder for configuration
+    /// (`$XDG_CONFIG_HOME`, `~/.config`, `~/Library/Preferences` or `%APPDATA%`). Where the platform
+    /// names none, settings last as long as the program.
+    pub fn of_player() -> Self {
+        match etcetera::base_strategy::choose_native_strategy() {
+            Ok(folders) => Self::open(folders.config_dir().join("carom").join("settings.toml")),
+            Err(error) => Self {
+                complaints: vec![format!("Settings will not be kept: {error}")],
+                ..Self::default()
+            },
+        }
+    }
+
+    /// Reads a file. One that is not there, or wrong, gives the defaults for what it lacks, and
+    /// [`Store::complaints`] say what is wrong.
+    pub fn open(path: PathBuf) -> Self {
+        let mut store = Self::default();
+        match read(&path) {
+            Ok(text) => store.parse(&text),
+            Err(error) if error.kind() == ErrorKind::NotFound => {}
+            Err(error) => store.give_up(error.to_string()),
+        }
+        let name = path.display().to_string();
+        for complaint in &mut store.complaints {
+            *complaint = format!("{name}: {complaint}");
+        }
+        store.saved = store.settings.clone();
+        store.path = Some(path);
+        store
+    }
+
+    /// What is wrong with the file, a sentence each.
+    pub fn complaints(&self) -> &[String] {
+        &self.complaints
+    }
+
+    /// Where the settings are kept.
+    pub fn path(&self) -> Option<&Path> {
+        self.path.as_deref()
+    }
+
+    /// Changes settings for this run of the program only: they are not written, unless the player
+    /// changes them again.
+    pub fn lend(&mut self, change: impl Fn(&mut Settings)) {
+        change(&mut self.settings);
+        change(&mut self.saved);
+    }
+
+    /// Writes what was changed since it was read. The file is replaced whole, or left as it was.
+    ///
+    /// # Errors
+    /// A sentence with the file and the system's reason.
+    pub fn save(&mut self) -> Result<(), String> {
+        let Some(path) = self.path.clone() else {
+            return Ok(());
+        };
+        if self.settings == self.saved {
+            return Ok(());
+        }
+        self.enter_changes();
+        let written = self.make_room(&path).and_then(|()| {
+            let fresh = path.with_extension("toml.new");
+            fs::write(&fresh, self.document.to_string())?;
+            fs::rename(&fresh, &path)
+        });
+        written.map_err(|error| format!("{} cannot be written: {error}", path.display()))?;
+        self.saved = self.settings.clone();
+        Ok(())
+    }
+
+    fn parse(&mut self, text: &str) {
+        match text.parse::<DocumentMut>() {
+            Ok(document) => self.document = document,
+            Err(error) => return self.give_up(error.to_string().trim_end().to_owned()),
+        }
+        for field in FIELDS {
+            let Some(item) = self
+                .document
+                .get(field.table)
+                .and_then(|table| table.get(field.key))
+            else {
+                continue;
+            };
+            let written = match item.as_value() {
+                Some(value) => (field.write)(&mut self.settings, value),
+                None => Err("a value, not a table".to_owned()),
+            };
+            if let Err(wanted) = written {
+                let shown = item.to_string();
+                self.complaints.push(format!(
+                    "[{}] {} = {} is not used: it must be {wanted}",
+                    field.table,
+                    field.key,
+                    shown.trim()
+                ));
+            }
+        }
+        self.parse_keys();
+        self.name_unknown();
+    }
+
+    fn parse_keys(&mut self) {
+        let rows = self.document.get("keys").and_then(Item::as_table_like);
+        let mut chosen = Vec::new();
+        for control in CONTROLS {
+            let row = rows.and_then(|rows| rows.get(control.name));
+            let Some(value) = row.and_then(Item::as_value) else {
+                continue;
+            };
+            match field::read_triggers(value) {
+                Ok(triggers) => chosen.push((control.action, triggers)),
+                Err(why) => self
+                    .complaints
+                    .push(format!("[keys] {}: {why}", control.name)),
+            }
+        }
+        let (bindings, complaints) = field::bind(&chosen);
+        self.settings.bindings = bindings;
+        self.complaints.extend(complaints);
+    }
+
+    fn name_unknown(&mut self) {
+        let mut unknown = Vec::new();
+        for (table, item) in self.document.iter() {
+            let is_known = |key: &str| match table {
+                "keys" => Action::from_name(key).is_some(),
+                _ => FIELDS
+                    .iter()
+                    .any(|field| (field.table, field.key) == (table, key)),
+            };
+            match item.as_table_like() {
+                Some(rows) => {
+                    let rows = rows.iter().filter(|(key, _)| !is_known(key));
+                    unknown.extend(rows.map(|(key, _)| format!("[{table}] {key}")));
+                }
+                None => unknown.push(table.to_owned()),
+            }
+        }
+        let said = unknown
+            .into_iter()
+            .map(|name| format!("{name} is no setting: it is kept as it is"));
+        self.complaints.extend(said);
+    }
+
+    fn give_up(&mut self, why: String) {
+        self.is_broken = true;
+        self.complaints.push(format!(
+            "it cannot be read, the defaults count (when a setting is changed it is kept beside, as \
+             settings.broken.toml): {why}"
+        ));
+    }
+
+    fn enter_changes(&mut self) {
+        for field in FIELDS {
+            let value = (field.read)(&self.settings);
+            if value.to_string() != (field.read)(&self.saved).to_string() {
+                enter(&mut self.document, field.table, field.key, value);
+            }
+        }
+        for control in CONTROLS {
+            let triggers = |settings: &Settings| settings.bindings.triggers(control.action);
+            if triggers(&self.settings) != triggers(&self.saved) {
+                let value = field::triggers(&self.settings.bindings, control.action);
+                enter(&mut self.document, "keys", control.name, value);
+            }
+        }
+    }
+
+    fn make_room(&mut self, path: &Path) -> std::io::Result<()> {
+        if let Some(folder) = path.parent() {
+            fs::create_dir_all(folder)?;
+        }
+        if self.is_broken {
+            fs::rename(path, free_name(path))?;
+            self.is_broken = false;
+        }
+        Ok(())
+    }
+}
+
+fn read(path: &Path) -> std::io::Result<String> {
+    let mut text = String::new();
+    fs::File::open(path)?
+        .take(BYTES_MAX + 1)
+        .read_to_string(&mut text)?;
+    if text.len() as u64 > BYTES_MAX {
+        return Err(std::io::Error::other(format!(
+            "it is longer than {BYTES_MAX} bytes"
+        )));
+    }
+    Ok(text)
+}
+
+/// Puts a value where it belongs, and leaves comments where they are. A heading that the player has
+/// made something else than a table stays so.
+fn enter(document: &mut DocumentMut, table: &str, key: &str, mut value: Value) {
+    let fresh = || Item::Table(toml_edit::Table::new());
+    let rows = document.entry(table).or_insert_with(fresh);
+    let Some(rows) = rows.as_table_like_mut() else {
+        return;
+    };
+    if let Some(old) = rows.get(key).and_then(Item::as_value) {
+        *value.decor_mut() = old.decor().clone();
+    }
+    rows.insert(key, Item::Value(value));
+}
+
+/// `settings.broken.toml`, or the first such name with a number that is free.
+fn free_name(path: &Path) -> PathBuf {
+    let name = |number: u32| match number {
+        0 => path.with_extension("broken.toml"),
+        number => path.with_extension(format!("broken.{number}.toml")),
+    };
+    let mut names = (0..1000).map(name);
+    names
+        .find(|name| !name.exists())
+        .unwrap_or_else(|| name(1000))
+}
+
+/// Far more than all settings with comments.
+const BYTES_MAX: u64 = 1 << 20;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ball_set::BallSet;
+    use crate::input::Trigger;
+
+    fn file(text: &str) -> (tempfile::TempDir, PathBuf) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("carom/settings.toml");
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(&path, text).unwrap();
+        (folder, path)
+    }
+
+    #[test]
+    fn without_a_file_the_defaults_count_and_the_first_change_makes_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("new/settings.toml");
+        let mut store = Store::open(path.clone());
+        assert_eq!(store.settings, Settings::default());
+        store.save().unwrap();
+        assert!(!path.exists(), "nothing to write");
+        store.settings.volume = 0.25;
+        store.save().unwrap();
+        assert_eq!(
+            fs::read_to_string(&path).unwrap().trim(),
+            "[sound]\nvolume = 0.25"
+        );
+        assert_eq!(Store::open(path).settings, store.settings);
+    }
+
+    #[test]
+    fn every_setting_survives_a_round_trip() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut store = Store::open(folder.path().join("settings.toml"));
+        let bindings = {
+            let mut bindings = store.settings.bindings.clone();
+            bindings
+                .rebind("F5".parse().unwrap(), Action::Rack)
+                .unwrap();
+            bindings.unbind(Action::TipUp);
+            bindings
+        };
+        store.settings = Settings {
+            window: [900, 700],
+            fullscreen: true,
+            text_scale: 1.5,
+            reduced_motion: true,
+            aim_aids: super::super::AimAids::Full,
+            ball_set: BallSet::Jade,
+            physics: "rapier-240".parse().unwrap(),
+            quality: crate::quality::Dial::Fine,
+            volume: 0.0,
+            bindings,
+        };
+        store.save().unwrap();
+        let again = Store::open(folder.path().join("settings.toml"));
+        assert_eq!(again.complaints(), [] as [String; 0]);
+        assert_eq!(again.settings, store.settings);
+    }
+
+    #[test]
+    fn wrong_and_unknown_values_are_told_the_rest_counts_and_all_of_it_is_kept() {
+        let text = "# mine\n[interface]\ntext-scale = 9 # large\nreduced-motion = true\n\n\
+                    [sound]\nvolume = 0.5 # not loud\necho = 3\n\n[later]\nx = 1\n";
+        let (_folder, path) = file(text);
+        let mut store = Store::open(path.clone());
+        assert!(store.settings.reduced_motion && store.settings.text_scale == 1.0);
+        let told = store.complaints().join("\n");
+        for word in [
+            "settings.toml: [interface] text-scale = 9",
+            "from 0.75 to 2",
+            "[sound] echo is no setting",
+            "[later] x is no setting",
+        ] {
+            assert!(told.contains(word), "{word} in {told}");
+        }
+        store.settings.volume = 0.75;
+        store.save().unwrap();
+        let kept = fs::read_to_string(path).unwrap();
+        assert_eq!(kept, text.replace("volume = 0.5 #", "volume = 0.75 #"));
+    }
+
+    #[test]
+    fn a_file_that_is_no_toml_is_kept_beside_the_new_one() {
+        let (_folder, path) = file("volume = = 3");
+        let mut store = Store::open(path.clone());
+        assert!(store.complaints()[0].contains("cannot be read"));
+        store.save().unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "volume = = 3");
+        store.settings.volume = 0.1;
+        store.save().unwrap();
+        let beside = path.with_extension("broken.toml");
+        assert_eq!(fs::read_to_string(beside).unwrap(), "volume = = 3");
+        assert_eq!(Store::open(path).settings.volume, 0.1);
+    }
+
+    #[test]
+    fn a_heading_that_is_no_table_is_told_and_left_alone() {
+        let (_folder, path) = file("sound = 3\n");
+        let mut store = Store::open(path.clone());
+        assert!(store.complaints()[0].contains("sound is no setting"));
+        store.settings.volume = 0.1;
+        store.settings.fullscreen = true;
+        store.save().unwrap();
+        let kept = fs::read_to_string(path).unwrap();
+        assert!(kept.starts_with("sound = 3\n") && kept.contains("fullscreen = true"));
+    }
+
+    #[test]
+    fn keys_move_to_where_the_player_wants_them_and_conflicts_are_told() {
+        let (_folder, path) =
+            file("[keys]\nrack = [\"W\", \"F5\"]\nstats = \"F5\"\nhelp = [\"Hyper\"]\n");
+        let store = Store::open(path);
+        let action = |label: &str| {
+            let trigger: Trigger = label.parse().unwrap();
+            store.settings.bindings.action(trigger)
+        };
+        assert_eq!(action("W"), Some(Action::Rack));
+        assert_eq!(action("F5"), Some(Action::Rack));
+        assert_eq!(action("F1"), Some(Action::Help), "the default counts");
+        let told = store.complaints().join("\n");
+        for word in [
+            "F5 is taken",
+            "`Hyper` is no key",
+            "nothing is left for \"strike the cue ball higher",
+        ] {
+            assert!(told.contains(word), "{word} in {told}");
+        }
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_written_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("file"), "").unwrap();
+        let mut store = Store::open(folder.path().join("file/settings.toml"));
+        store.settings.volume = 0.1;
+        let error = store.save().unwrap_err();
+        assert!(error.contains("file/settings.toml"), "{error}");
+    }
+}

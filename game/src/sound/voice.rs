@@ -1,0 +1,237 @@
+//! Contacts as instruments: modes of what was struck, rung by the force of the contact.
+//!
+//! The force is a Hertz contact's, near sin^1.5 of time, over a time that falls with the fifth root
+//! of the speed (Johnson, "Contact Mechanics", 11.4), so that harder blows are louder by more than
+//! their speed and brighter. Two balls: what is heard is mostly the air that the ball pushes as it is
+//! jerked, a dipole that rings at c/a with decay a/c (Koss and Alfredson, "Transient sound radiated
+//! by spheres undergoing an elastic collision", 1973); the ball's own lowest mode is at 17 kHz
+//! (Lamb, 1882: k a = 2.64 for a Poisson ratio of 1/3). The other modes are fitted by ear to the
+//! kind of body: a shaft of maple, a rail of wood behind rubber, slate, a pocket's leather, a floor.
+
+use super::RATE_HZ;
+
+/// What sounds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Voice {
+    /// The tip on the cue ball; speeds are the cue's.
+    Tip,
+    /// The tip slipping off.
+    Slip,
+    /// A ball on a ball.
+    Ball,
+    /// A ball on a cushion.
+    Cushion,
+    /// A ball in a pocket.
+    Pocket,
+    /// A ball that falls on the cloth.
+    Slate,
+    /// A ball that falls on a rail.
+    Rail,
+    /// A ball that falls on the floor.
+    Floor,
+}
+
+/// One mode: frequency in Hz, time in which it falls to 1/e in s, strength.
+type Mode = (f64, f64, f64);
+
+struct Body {
+    /// Of the contact at 1 m/s.
+    contact_secs: f64,
+    /// The largest sample at 1 m/s.
+    loudness: f64,
+    modes: &'static [Mode],
+}
+
+impl Voice {
+    fn body(self) -> Body {
+        let (contact_secs, loudness, modes): (f64, f64, &'static [Mode]) = match self {
+            Self::Tip => (
+                1.0e-3,
+                0.07,
+                &[
+                    (620.0, 0.012, 1.0),
+                    (1360.0, 0.008, 0.6),
+                    (2720.0, 0.004, 0.4),
+                ],
+            ),
+            Self::Slip => (0.4e-3, 0.09, &[(1900.0, 0.006, 1.0), (3100.0, 0.009, 0.8)]),
+            Self::Ball => (
+                hertz_secs(),
+                0.16,
+                &[(DIPOLE_HZ, DIPOLE_SECS, 1.0), (BALL_MODE_HZ, 1.5e-3, 0.3)],
+            ),
+            Self::Cushion => (
+                5.0e-3,
+                0.10,
+                &[(95.0, 0.045, 1.0), (210.0, 0.03, 0.5), (430.0, 0.012, 0.2)],
+            ),
+            Self::Pocket => (
+                2.0e-3,
+                0.14,
+                &[(120.0, 0.05, 1.0), (260.0, 0.03, 0.6), (900.0, 0.01, 0.2)],
+            ),
+            Self::Slate => (1.5e-3, 0.12, &[(180.0, 0.03, 1.0), (520.0, 0.015, 0.4)]),
+            Self::Rail => (0.8e-3, 0.12, &[(350.0, 0.02, 1.0), (800.0, 0.012, 0.6)]),
+            Self::Floor => (
+                1.2e-3,
+                0.12,
+                &[(75.0, 0.06, 1.0), (160.0, 0.05, 0.7), (640.0, 0.02, 0.3)],
+            ),
+        };
+        Body {
+            contact_secs,
+            loudness,
+            modes,
+        }
+    }
+
+    /// The sound of a contact at `speed_m_s` that begins `begin` samples, 0 to 1, after the first.
+    pub(super) fn strike(self, speed_m_s: f64, begin: f64) -> Vec<f32> {
+        let body = self.body();
+        let scale = body.loudness / peak(&ring(&body, 1.0, 0.0));
+        let rung = ring(&body, speed_m_s, begin);
+        rung.into_iter()
+            .map(|sample| (sample * scale) as f32)
+            .collect()
+    }
+}
+
+/// What the modes radiate: the change of their sum.
+fn ring(body: &Body, speed_m_s: f64, begin: f64) -> Vec<f64> {
+    let rate = f64::from(RATE_HZ);
+    let contact = (body.contact_secs * speed_m_s.powf(-0.2) * rate).max(2.0);
+    let longest = body.modes.iter().map(|mode| mode.1).fold(0.0, f64::max);
+    let length = (contact + FADE_DECAYS * longest * rate).ceil() as usize + 2;
+    let mut sum = vec![0.0; length];
+    for &(hz, decay_secs, strength) in body.modes {
+        let radius = (-1.0 / (decay_secs * rate)).exp();
+        let angle = std::f64::consts::TAU * hz / rate;
+        let (a, b) = (2.0 * radius * angle.cos(), radius * radius);
+        let (mut last, mut before) = (0.0, 0.0);
+        for (i, out) in sum.iter_mut().enumerate() {
+            let force = force((i as f64 - begin) / contact) * speed_m_s / contact;
+            let now = a * last - b * before + strength * angle.sin() * force;
+            (before, last) = (last, now);
+            *out += now;
+        }
+    }
+    let first = sum[0];
+    std::iter::once(first)
+        .chain(sum.windows(2).map(|pair| pair[1] - pair[0]))
+        .collect()
+}
+
+/// A Hertz contact's force, of area near 0.56, over its time 0 to 1.
+fn force(time: f64) -> f64 {
+    if !(0.0..=1.0).contains(&time) {
+        return 0.0;
+    }
+    (std::f64::consts::PI * time).sin().max(0.0).powf(1.5)
+}
+
+fn peak(samples: &[f64]) -> f64 {
+    let peak = samples
+        .iter()
+        .fold(0.0_f64, |peak, sample| peak.max(sample.abs()));
+    peak.max(1e-12)
+}
+
+/// Contact of two balls at 1 m/s: 2.87 (m² / (R E² v))^(1/5) with the pair's reduced mass, radius and
+/// modulus; phenolic resin has a modulus of 5.8 GPa and a Poisson ratio of 0.34.
+fn hertz_secs() -> f64 {
+    let (mass, radius) = (0.5 * 0.17, 0.5 * 0.028_575);
+    let modulus = 5.8e9 / (2.0 * (1.0 - 0.34_f64.powi(2)));
+    2.87 * (mass * mass / (radius * modulus * modulus)).powf(0.2)
+}
+
+/// Speed of sound over the radius: 343 m/s and 28.575 mm.
+const DIPOLE_HZ: f64 = 1910.0;
+const DIPOLE_SECS: f64 = 83.3e-6;
+/// 2.64 times the speed of shear waves over the circumference.
+const BALL_MODE_HZ: f64 = 16_600.0;
+/// After so many decays a mode is 60 dB down.
+const FADE_DECAYS: f64 = 6.9;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    pub(crate) const ALL: [Voice; 8] = [
+        Voice::Tip,
+        Voice::Slip,
+        Voice::Ball,
+        Voice::Cushion,
+        Voice::Pocket,
+        Voice::Slate,
+        Voice::Rail,
+        Voice::Floor,
+    ];
+
+    fn loudest(samples: &[f32]) -> f32 {
+        samples
+            .iter()
+            .fold(0.0, |peak, sample| peak.max(sample.abs()))
+    }
+
+    /// The mean frequency of the energy, in Hz.
+    fn brightness_hz(samples: &[f32]) -> f64 {
+        let power = |hz: f64| {
+            let turn = std::f64::consts::TAU * hz / f64::from(RATE_HZ);
+            let (mut re, mut im) = (0.0, 0.0);
+            for (i, sample) in samples.iter().enumerate() {
+                let (sin, cos) = (turn * i as f64).sin_cos();
+                re += f64::from(*sample) * cos;
+                im += f64::from(*sample) * sin;
+            }
+            re * re + im * im
+        };
+        let bands = (1..400).map(|band| 50.0 * f64::from(band));
+        let (weighted, whole) = bands.fold((0.0, 0.0), |(weighted, whole), hz| {
+            let power = power(hz);
+            (weighted + hz * power, whole + power)
+        });
+        weighted / whole
+    }
+
+    #[test]
+    fn harder_blows_are_louder_and_brighter() {
+        for voice in ALL {
+            let [soft, hard] = [0.5, 5.0].map(|speed| voice.strike(speed, 0.0));
+            assert!(loudest(&hard) > 9.0 * loudest(&soft), "{voice:?}");
+            assert!(brightness_hz(&hard) > brightness_hz(&soft), "{voice:?}");
+        }
+    }
+
+    #[test]
+    fn each_body_sounds_at_its_loudness_and_fades() {
+        for voice in ALL {
+            let sound = voice.strike(1.0, 0.0);
+            assert!((f64::from(loudest(&sound)) - voice.body().loudness).abs() < 1e-6);
+            assert!(sound.iter().all(|sample| sample.is_finite()));
+            let end = &sound[sound.len() - 20..];
+            assert!(loudest(end) < 3e-3 * loudest(&sound), "{voice:?}");
+        }
+    }
+
+    #[test]
+    fn balls_click_and_cushions_thump() {
+        let brightness = |voice: Voice| brightness_hz(&voice.strike(2.0, 0.0));
+        assert!(
+            (1000.0..6000.0).contains(&brightness(Voice::Ball)),
+            "{}",
+            brightness(Voice::Ball)
+        );
+        assert!(
+            brightness(Voice::Cushion) < 300.0,
+            "{}",
+            brightness(Voice::Cushion)
+        );
+        assert!(brightness(Voice::Pocket) < brightness(Voice::Tip));
+    }
+
+    #[test]
+    fn two_balls_touch_for_a_quarter_of_a_millisecond_in_a_hard_shot() {
+        let secs = hertz_secs() * 5f64.powf(-0.2);
+        assert!((2.0e-4..3.5e-4).contains(&secs), "{secs}");
+    }
+}

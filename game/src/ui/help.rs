@@ -1,0 +1,114 @@
+//! What the keys do, made from the action map: the help, the first steps, and the table in README.md.
+
+use egui::{Align2, Area, Color32, Context, Grid, Id, Order, RichText, ScrollArea};
+
+use super::theme;
+use crate::input::{Action, Bindings, Group};
+
+/// All controls in the middle of the window, under their headings.
+pub fn panel(ctx: &Context, bindings: &Bindings) {
+    Area::new(Id::unique("help"))
+        .order(Order::Middle)
+        .anchor(Align2::CENTER_CENTER, egui::Vec2::ZERO)
+        .show(ctx, |ui| {
+            theme::frame().show(ui, |ui| {
+                ui.heading("Keys and mouse");
+                ui.set_max_height(ctx.content_rect().height() - 110.0);
+                ScrollArea::vertical().show(ui, |ui| table(ui, bindings));
+                let close = bindings.words(Action::Help);
+                ui.label(RichText::new(format!("{close} closes this")).color(theme::FAINT));
+            });
+        });
+}
+
+/// The controls as a grid of two columns.
+pub fn table(ui: &mut egui::Ui, bindings: &Bindings) {
+    Grid::new("controls")
+        .num_columns(2)
+        .spacing([24.0, 4.0])
+        .show(ui, |ui| {
+            let row = |ui: &mut egui::Ui, keys: &str, does: &str, color: Color32| {
+                ui.label(RichText::new(keys).color(color));
+                ui.label(does);
+                ui.end_row();
+            };
+            row(ui, "Mouse", AIM_BY_MOUSE, theme::ACCENT);
+            for group in Group::ALL {
+                for control in group.controls() {
+                    let keys = bindings.words(control.action);
+                    row(ui, &keys, control.does, theme::ACCENT);
+                }
+            }
+        });
+}
+
+/// The first steps, for the bottom of the window until the first shot.
+pub fn legend(ctx: &Context, bindings: &Bindings) {
+    Area::new(Id::unique("legend"))
+        .order(Order::Background)
+        .anchor(Align2::CENTER_BOTTOM, egui::vec2(0.0, -14.0))
+        .interactable(false)
+        .show(ctx, |ui| {
+            theme::frame().show(ui, |ui| {
+                ui.horizontal(|ui| {
+                    for (keys, does) in first_steps(bindings) {
+                        ui.label(RichText::new(keys).color(theme::ACCENT));
+                        ui.label(does);
+                        ui.add_space(8.0);
+                    }
+                });
+            });
+        });
+}
+
+fn first_steps(bindings: &Bindings) -> Vec<(String, &'static str)> {
+    let mut steps = vec![("Mouse".to_owned(), "aim")];
+    let rest = [
+        (Action::Stroke, "drag back, let go: strike"),
+        (Action::Charge, "or hold, let go"),
+        (Action::Orbit, "look around"),
+        (Action::Help, "all keys"),
+    ];
+    steps.extend(rest.map(|(action, does)| (bindings.words(action), does)));
+    steps
+}
+
+/// The table of controls for README.md.
+pub fn markdown(bindings: &Bindings) -> String {
+    let mut text = String::from("| key, mouse | does |\n|---|---|\n");
+    text.push_str(&format!("| Mouse | {AIM_BY_MOUSE} |\n"));
+    for control in Group::ALL.into_iter().flat_map(Group::controls) {
+        let keys = bindings.words(control.action);
+        text.push_str(&format!("| {keys} | {} |\n", control.does));
+    }
+    text
+}
+
+const AIM_BY_MOUSE: &str = "aim: right and left turn the cue";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Set `CAROM_REWRITE=1` to write the table into README.md.
+    #[test]
+    fn the_table_in_the_readme_is_the_action_map() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../README.md");
+        let readme = std::fs::read_to_string(path).unwrap();
+        let table = markdown(&Bindings::default());
+        if readme.contains(&table) {
+            return;
+        }
+        let begin = readme
+            .find("| key, mouse | does |")
+            .expect("README.md has the table");
+        let end = begin + readme[begin..].find("\n\n").expect("it ends") + 1;
+        if std::env::var_os("CAROM_REWRITE").is_some() {
+            let whole = format!("{}{table}{}", &readme[..begin], &readme[end..]);
+            return std::fs::write(path, whole).unwrap();
+        }
+        panic!(
+            "the table in README.md is not the action map: CAROM_REWRITE=1 cargo test writes\n{table}"
+        );
+    }
+}

@@ -1,0 +1,134 @@
+//! The page where every control can be given other keys.
+
+use egui::{Grid, RichText, ScrollArea, Ui};
+
+use super::theme;
+use crate::input::{Action, BindingError, Bindings, Group, Trigger};
+
+/// What is being bound.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Rebinding {
+    wanted: Option<Action>,
+    /// A key that does something else already, and what it was wanted for.
+    conflict: Option<(Trigger, Action, BindingError)>,
+    /// Why a key cannot be used.
+    refusal: Option<BindingError>,
+}
+
+impl Rebinding {
+    pub(super) fn wants_trigger(&self) -> bool {
+        self.wanted.is_some()
+    }
+
+    /// Leaves things as they are; false if nothing was being bound.
+    pub(super) fn give_up(&mut self) -> bool {
+        let busy = self.wanted.is_some() || self.conflict.is_some();
+        *self = Self::default();
+        busy
+    }
+
+    pub(super) fn take(&mut self, trigger: Trigger, bindings: &mut Bindings) {
+        let Some(action) = self.wanted.take() else {
+            return;
+        };
+        match bindings.bind(trigger, action) {
+            Ok(()) => {}
+            Err(error @ BindingError::Taken { .. }) => {
+                self.conflict = Some((trigger, action, error));
+            }
+            Err(error) => self.refusal = Some(error),
+        }
+    }
+}
+
+/// Draws the page and changes the bindings.
+pub(super) fn page(ui: &mut Ui, bindings: &mut Bindings, rebinding: &mut Rebinding) {
+    ui.set_width(720.0_f32.min(ui.ctx().content_rect().width() - 60.0));
+    ui.heading("Keys and mouse");
+    status(ui, bindings, rebinding);
+    let height = ui.ctx().content_rect().height() - 210.0;
+    ScrollArea::vertical()
+        .max_height(height.max(80.0))
+        .show(ui, |ui| {
+            Grid::new("keys")
+                .num_columns(3)
+                .spacing([16.0, 6.0])
+                .striped(true)
+                .show(ui, |ui| {
+                    for group in Group::ALL {
+                        ui.label(RichText::new(group.title()).color(theme::ACCENT).strong());
+                        ui.end_row();
+                        for control in group.controls() {
+                            row(ui, control.action, bindings, rebinding);
+                        }
+                    }
+                });
+        });
+    if ui.button("All back to the defaults").clicked() {
+        *bindings = Bindings::default();
+        rebinding.give_up();
+    }
+}
+
+fn status(ui: &mut Ui, bindings: &mut Bindings, rebinding: &mut Rebinding) {
+    if let Some((trigger, action, error)) = rebinding.conflict.clone() {
+        ui.horizontal_wrapped(|ui| {
+            ui.label(RichText::new(error.to_string()).color(theme::ALARM));
+            if ui.button("Use it here instead").clicked() {
+                rebinding.refusal = bindings.rebind(trigger, action).err();
+                rebinding.conflict = None;
+            }
+            if ui.button("Leave it").clicked() {
+                rebinding.conflict = None;
+            }
+        });
+    } else if let Some(refusal) = &rebinding.refusal {
+        ui.label(RichText::new(refusal.to_string()).color(theme::ALARM));
+    } else if let Some(action) = rebinding.wanted {
+        let does = action.control().does;
+        ui.label(RichText::new(format!("Press a key or button for: {does}")).color(theme::ACCENT));
+    } else {
+        let unbound: Vec<&str> = bindings
+            .unbound()
+            .map(|action| action.control().does)
+            .collect();
+        let words = match unbound.as_slice() {
+            [] => "Add gives a control another key; Clear takes all of its keys away".to_owned(),
+            lost => format!("Nothing is bound to: {}", lost.join("; ")),
+        };
+        ui.label(RichText::new(words).color(theme::FAINT));
+    }
+}
+
+fn row(ui: &mut Ui, action: Action, bindings: &mut Bindings, rebinding: &mut Rebinding) {
+    let control = action.control();
+    ui.label(control.does);
+    let is_wanted = rebinding.wanted == Some(action);
+    let words = if is_wanted {
+        "…".to_owned()
+    } else {
+        bindings.words(action)
+    };
+    ui.label(RichText::new(words).color(theme::ACCENT));
+    ui.horizontal(|ui| {
+        let add = ui.button("Add").on_hover_text("Give it another key");
+        name(&add, format!("Add a key: {}", control.does));
+        if add.clicked() {
+            *rebinding = Rebinding {
+                wanted: Some(action),
+                ..Rebinding::default()
+            };
+        }
+        let clear = ui.button("Clear").on_hover_text("Take its keys away");
+        name(&clear, format!("Clear the keys: {}", control.does));
+        if clear.clicked() {
+            bindings.unbind(action);
+        }
+    });
+    ui.end_row();
+}
+
+/// What a screen reader says of a button whose text is short.
+fn name(button: &egui::Response, words: String) {
+    button.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &words));
+}

@@ -1,0 +1,182 @@
+//! What can be opened over the table: the menu, the settings, the keys.
+//!
+//! Every page works with the keyboard alone: arrows and Tab move, Enter or Space chooses, Esc goes
+//! back.
+
+use egui::{Align, Button, Context, Id, Layout, Modal, RichText, Ui};
+
+use super::keys::Rebinding;
+use super::{help, keys, preferences, theme};
+use crate::input::Trigger;
+use crate::settings::Store;
+
+/// The pages over the table, and which is open.
+#[derive(Clone, Debug, Default)]
+pub struct Menu {
+    page: Option<Page>,
+    rebinding: Rebinding,
+    /// Whether the page has just been opened: then its first button takes the keyboard.
+    is_fresh: bool,
+}
+
+/// A page.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Page {
+    /// What there is to do.
+    Top,
+    /// The settings.
+    Settings,
+    /// Which key does what, and how that is changed.
+    Keys,
+}
+
+/// What a page asks for; changed settings are in the store.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Order {
+    /// To go on with the game.
+    Resume,
+    /// To rack the balls again.
+    Rack,
+    /// To end.
+    Quit,
+}
+
+/// What pages show that is not in the settings.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Facts<'a> {
+    /// How sound is played, or why it is not.
+    pub sound: &'a str,
+    /// What draws the window.
+    pub display: &'a str,
+    /// The farm in a line: "1 of 2 nodes: …".
+    pub farm: &'a str,
+}
+
+impl Menu {
+    /// Opens a page.
+    pub fn open(&mut self, page: Page) {
+        self.page = Some(page);
+        self.is_fresh = true;
+        self.rebinding = Rebinding::default();
+    }
+
+    /// Closes all pages.
+    pub fn close(&mut self) {
+        self.page = None;
+    }
+
+    /// Goes to the page before, or to the table.
+    pub fn back(&mut self) {
+        if self.rebinding.give_up() {
+            return;
+        }
+        match self.page {
+            Some(Page::Settings) => self.open(Page::Top),
+            Some(Page::Keys) => self.open(Page::Settings),
+            Some(Page::Top) | None => self.close(),
+        }
+    }
+
+    /// The page that is open.
+    pub fn page(&self) -> Option<Page> {
+        self.page
+    }
+
+    /// Whether the next key, button or turn of the wheel is to be bound to something.
+    pub fn wants_trigger(&self) -> bool {
+        self.page == Some(Page::Keys) && self.rebinding.wants_trigger()
+    }
+
+    /// Takes that key; says whether it did.
+    pub fn take_trigger(&mut self, trigger: Trigger, store: &mut Store) -> bool {
+        let wanted = self.wants_trigger();
+        if wanted {
+            self.rebinding.take(trigger, &mut store.settings.bindings);
+        }
+        wanted
+    }
+
+    /// Draws the open page.
+    pub fn draw(&mut self, ctx: &Context, store: &mut Store, facts: Facts<'_>) -> Option<Order> {
+        let page = self.page?;
+        let is_fresh = std::mem::take(&mut self.is_fresh);
+        // Each page its own modal, so that none inherits another's size.
+        let modal = Modal::new(Id::unique(("menu", page as u8)));
+        let shown = modal.show(ctx, |ui| {
+            ui.set_max_height(ctx.content_rect().height() - 60.0);
+            match page {
+                Page::Top => self.top(ui, is_fresh),
+                Page::Settings => {
+                    let action = preferences::page(ui, store, facts);
+                    self.footer(ui, is_fresh, action)
+                }
+                Page::Keys => {
+                    keys::page(ui, &mut store.settings.bindings, &mut self.rebinding);
+                    self.footer(ui, is_fresh, None)
+                }
+            }
+        });
+        shown.inner
+    }
+
+    fn top(&mut self, ui: &mut Ui, is_fresh: bool) -> Option<Order> {
+        ui.set_width(260.0);
+        ui.vertical_centered(|ui| ui.heading("Carom"));
+        ui.add_space(6.0);
+        let mut order = None;
+        if entry(ui, "Resume", is_fresh) {
+            self.close();
+            order = Some(Order::Resume);
+        }
+        if entry(ui, "Rack again", false) {
+            self.close();
+            order = Some(Order::Rack);
+        }
+        if entry(ui, "Settings", false) {
+            self.open(Page::Settings);
+        }
+        if entry(ui, "Keys and mouse", false) {
+            self.open(Page::Keys);
+        }
+        if entry(ui, "Quit", false) {
+            order = Some(Order::Quit);
+        }
+        order
+    }
+
+    /// The way back, at the foot of a page, and what the page itself asked for.
+    fn footer(&mut self, ui: &mut Ui, is_fresh: bool, wanted: Option<Page>) -> Option<Order> {
+        ui.separator();
+        ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+            let back = ui.button("Back");
+            if is_fresh {
+                back.request_focus();
+            }
+            if back.clicked() {
+                self.back();
+            }
+            ui.label(RichText::new("Arrows and Enter choose, Esc goes back").color(theme::FAINT));
+        });
+        if let Some(page) = wanted {
+            self.open(page);
+        }
+        None
+    }
+}
+
+fn entry(ui: &mut Ui, words: &str, focus: bool) -> bool {
+    let button = ui.add_sized([ui.available_width(), 34.0], Button::new(words));
+    if focus {
+        button.request_focus();
+    }
+    button.clicked()
+}
+
+/// The keys over the table, while they are asked for, or the first steps until the first shot.
+pub fn hints(ctx: &Context, store: &Store, help: bool, has_played: bool) {
+    if help {
+        help::panel(ctx, &store.settings.bindings);
+    } else if !has_played {
+        help::legend(ctx, &store.settings.bindings);
+    }
+}

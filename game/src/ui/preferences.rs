@@ -1,0 +1,180 @@
+//! The page of settings. Each choice explains itself; what it trades is said with measured figures.
+
+use clap::ValueEnum;
+use egui::{Grid, RichText, ScrollArea, Slider, Ui};
+
+use super::menu::{Facts, Page};
+use super::theme;
+use crate::settings::{Settings, Store};
+use crate::sim::Engine;
+
+/// Draws the settings and changes them; returns the page that was asked for.
+pub(super) fn page(ui: &mut Ui, store: &mut Store, facts: Facts<'_>) -> Option<Page> {
+    let mut wanted = None;
+    ui.set_width(640.0_f32.min(ui.ctx().content_rect().width() - 60.0));
+    ui.heading("Settings");
+    let height = ui.ctx().content_rect().height() - 170.0;
+    ScrollArea::vertical()
+        .max_height(height.max(80.0))
+        .show(ui, |ui| {
+            Grid::new("settings")
+                .num_columns(2)
+                .spacing([20.0, 12.0])
+                .show(ui, |ui| {
+                    game(ui, &mut store.settings);
+                    picture(ui, &mut store.settings, facts);
+                    interface(ui, &mut store.settings);
+                    sound(ui, &mut store.settings, facts);
+                    ui.label("Keys");
+                    if ui.button("Change what keys do").clicked() {
+                        wanted = Some(Page::Keys);
+                    }
+                    ui.end_row();
+                });
+            for complaint in store.complaints() {
+                ui.label(RichText::new(complaint).color(theme::ALARM));
+            }
+        });
+    ui.horizontal(|ui| {
+        if ui.button("Back to the defaults").clicked() {
+            store.settings = Settings {
+                window: store.settings.window,
+                ..Settings::default()
+            };
+        }
+        let kept = match store.path() {
+            Some(path) => format!("Kept in {}", path.display()),
+            None => "Not kept: this platform names no folder for settings".to_owned(),
+        };
+        ui.label(RichText::new(kept).color(theme::FAINT).small());
+    });
+    wanted
+}
+
+fn game(ui: &mut Ui, settings: &mut Settings) {
+    choice(ui, "Aim aids", &mut settings.aim_aids);
+    choice(ui, "Balls", &mut settings.ball_set);
+    ui.label("Physics");
+    ui.vertical(|ui| {
+        ui.horizontal_wrapped(|ui| {
+            for (name, _) in ENGINES {
+                let engine: Engine = name.parse().unwrap_or_default();
+                ui.selectable_value(&mut settings.physics, engine, name);
+            }
+        });
+        let name = settings.physics.to_string();
+        let of = ENGINES.iter().find(|(engine, _)| *engine == name);
+        explain(ui, of.map_or(OTHER_ENGINE, |(_, trade)| trade));
+    });
+    ui.end_row();
+}
+
+fn picture(ui: &mut Ui, settings: &mut Settings, facts: Facts<'_>) {
+    choice(ui, "While things move", &mut settings.quality);
+    ui.label("Picture from");
+    ui.vertical(|ui| {
+        ui.label(facts.farm);
+        explain(ui, &format!("Shown through {}", facts.display));
+    });
+    ui.end_row();
+    ui.label("Window");
+    ui.checkbox(&mut settings.fullscreen, "Fill the screen");
+    ui.end_row();
+}
+
+fn interface(ui: &mut Ui, settings: &mut Settings) {
+    ui.label("Size of text");
+    ui.horizontal_wrapped(|ui| {
+        for percent in TEXT_PERCENTS {
+            let scale = f64::from(percent) / 100.0;
+            ui.selectable_value(&mut settings.text_scale, scale, format!("{percent} %"));
+        }
+    });
+    ui.end_row();
+    ui.label("Motion");
+    ui.vertical(|ui| {
+        ui.checkbox(&mut settings.reduced_motion, "Reduced motion");
+        explain(
+            ui,
+            "The camera cuts instead of riding; panels do not slide or fade",
+        );
+    });
+    ui.end_row();
+}
+
+fn sound(ui: &mut Ui, settings: &mut Settings, facts: Facts<'_>) {
+    ui.label("Sound");
+    ui.vertical(|ui| {
+        let mut percent = (settings.volume * 100.0).round() as i32;
+        let slider = Slider::new(&mut percent, 0..=100)
+            .suffix(" %")
+            .text("Volume");
+        if ui.add(slider).changed() {
+            settings.volume = f64::from(percent) / 100.0;
+        }
+        explain(ui, facts.sound);
+    });
+    ui.end_row();
+}
+
+/// A row of names, and the sentence of the one that is chosen.
+fn choice<T: ValueEnum + PartialEq + Copy>(ui: &mut Ui, label: &str, chosen: &mut T) {
+    ui.label(label);
+    ui.vertical(|ui| {
+        ui.horizontal_wrapped(|ui| {
+            for value in T::value_variants() {
+                let name = value.to_possible_value();
+                let name = name.map_or(String::new(), |name| capital(name.get_name()));
+                ui.selectable_value(chosen, *value, name);
+            }
+        });
+        let help = chosen.to_possible_value();
+        let help = help.as_ref().and_then(|value| value.get_help());
+        explain(ui, &help.map_or(String::new(), ToString::to_string));
+    });
+    ui.end_row();
+}
+
+fn explain(ui: &mut Ui, words: &str) {
+    ui.label(RichText::new(words).color(theme::FAINT).small());
+}
+
+fn capital(word: &str) -> String {
+    let mut letters = word.chars();
+    let first = letters.next().map(char::to_uppercase);
+    first.into_iter().flatten().chain(letters).collect()
+}
+
+const TEXT_PERCENTS: [u32; 6] = [75, 100, 125, 150, 175, 200];
+/// `carom bench physics --part trade` prints these figures.
+const ENGINES: [(&str, &str); 4] = [
+    (
+        "exact",
+        "Billiards laws from contact to contact: a 30° cut within 0.000001°, 3 ms for a break",
+    ),
+    (
+        "rapier-60",
+        "Plain rapier, 60 steps a second: a 30° cut is off by 7.7°, 11 ms for a break",
+    ),
+    (
+        "rapier-240",
+        "Plain rapier, 240 steps a second: off by 6.1°, 34 ms for a break",
+    ),
+    (
+        "rapier-1000",
+        "Plain rapier, 1000 steps a second: off by 1.7°, 108 ms for a break",
+    ),
+];
+const OTHER_ENGINE: &str = "Plain rapier at steps of your own: `carom --help` says what they cost";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_engine_that_is_offered_can_be_played() {
+        for (name, _) in ENGINES {
+            assert_eq!(name.parse::<Engine>().unwrap().to_string(), name);
+        }
+    }
+}

@@ -1,0 +1,62 @@
+//! The look of every panel: colours with enough contrast over any picture, and sizes of text.
+
+use egui::{Color32, Context, CornerRadius, FontId, Frame, Margin, Stroke, TextStyle};
+
+/// Behind text: dark and half-transparent, so that text of [`INK`] keeps a contrast above 7 to 1 over
+/// any picture.
+pub const PANEL: Color32 = Color32::from_rgba_premultiplied(10, 12, 14, 215);
+/// Text.
+pub const INK: Color32 = Color32::from_rgb(235, 235, 230);
+/// Text that explains.
+pub const FAINT: Color32 = Color32::from_rgb(176, 178, 176);
+/// Keys, headings, what is chosen.
+pub const ACCENT: Color32 = Color32::from_rgb(240, 200, 110);
+/// What went wrong; always beside words that say so.
+pub const ALARM: Color32 = Color32::from_rgb(255, 150, 120);
+
+/// Gives `ctx` this look; call it once, and again when the player changes one of these.
+///
+/// `text_scale` from 0.75 to 2 scales text and panels alike. With `reduced_motion` nothing slides or
+/// fades.
+pub fn apply(ctx: &Context, text_scale: f32, reduced_motion: bool) {
+    ctx.set_theme(egui::Theme::Dark);
+    ctx.set_zoom_factor(text_scale);
+    // The settings own the scale.
+    ctx.options_mut(|options| options.zoom_with_keyboard = false);
+    ctx.all_styles_mut(|style| {
+        style.text_styles = [
+            (TextStyle::Heading, FontId::proportional(22.0)),
+            (TextStyle::Body, FontId::proportional(15.0)),
+            (TextStyle::Button, FontId::proportional(15.0)),
+            (TextStyle::Small, FontId::proportional(12.5)),
+            (TextStyle::Monospace, FontId::monospace(13.0)),
+        ]
+        .into();
+        let visuals = &mut style.visuals;
+        visuals.override_text_color = Some(INK);
+        visuals.weak_text_color = Some(FAINT);
+        visuals.warn_fg_color = ACCENT;
+        visuals.error_fg_color = ALARM;
+        visuals.window_fill = Color32::from_rgb(22, 25, 28);
+        visuals.panel_fill = visuals.window_fill;
+        visuals.selection.bg_fill = Color32::from_rgb(110, 84, 30);
+        visuals.selection.stroke = Stroke::new(2.0, ACCENT);
+        // The mark of keyboard focus has to be seen from afar.
+        visuals.widgets.hovered.bg_stroke = Stroke::new(1.0, ACCENT);
+        visuals.widgets.active.bg_stroke = Stroke::new(2.0, ACCENT);
+        style.spacing.button_padding = egui::vec2(12.0, 6.0);
+        style.spacing.item_spacing = egui::vec2(10.0, 7.0);
+        if reduced_motion {
+            style.animation_time = 0.0;
+            style.scroll_animation = egui::style::ScrollAnimation::none();
+        }
+    });
+}
+
+/// What panels over the picture stand on.
+pub fn frame() -> Frame {
+    Frame::new()
+        .fill(PANEL)
+        .corner_radius(CornerRadius::same(8))
+        .inner_margin(Margin::symmetric(14, 10))
+}
