@@ -38,6 +38,8 @@ pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow:
     let mut session = Session::new(config, table, args.seed, chosen.ball_set)?;
     session.set_engine(chosen.physics);
     session.set_dial(chosen.quality);
+    session.set_aids(chosen.aim_aids);
+    session.set_cuts(chosen.reduced_motion);
     if let Some(folder) = &args.record {
         session.record(folder.clone())?;
     }
@@ -134,6 +136,8 @@ struct Screen {
     display: Display,
     egui: egui::Context,
     input: EguiState,
+    /// Where the pointer was last, points.
+    pointer: egui::Pos2,
 }
 
 impl ApplicationHandler for App {
@@ -168,8 +172,9 @@ impl ApplicationHandler for App {
                 let scale = f64::from(egui_winit::pixels_per_point(&screen.egui, &screen.window));
                 let now_secs = self.begun.elapsed().as_secs_f64();
                 if let Some(event) = translate(&event, scale) {
+                    let taken = taken.consumed || screen.is_over_panel(event);
                     let (desk, session) = (&mut self.desk, &mut self.session);
-                    let outcome = desk.handle(event, taken.consumed, session, now_secs);
+                    let outcome = desk.handle(event, taken, session, now_secs);
                     self.follow(event_loop, outcome);
                 }
             }
@@ -228,6 +233,8 @@ impl App {
         self.applied = now.clone();
         self.session.set_engine(now.physics);
         self.session.set_dial(now.quality);
+        self.session.set_aids(now.aim_aids);
+        self.session.set_cuts(now.reduced_motion);
         if now.ball_set != before.ball_set
             && let Err(error) = self.session.set_ball_set(now.ball_set)
         {
@@ -341,7 +348,19 @@ impl Screen {
             display,
             egui,
             input,
+            pointer: egui::Pos2::ZERO,
         })
+    }
+
+    /// Whether the pointer, whose event this is, is over something of the interface.
+    fn is_over_panel(&mut self, event: Event) -> bool {
+        match event {
+            Event::Pointer(at) => self.pointer = egui::pos2(at.x as f32, at.y as f32),
+            Event::Button { .. } | Event::Wheel(_) => {}
+            _ => return false,
+        }
+        let layer = self.egui.layer_id_at(self.pointer);
+        layer.is_some_and(|layer| layer.order != egui::Order::Background)
     }
 
     fn draw(

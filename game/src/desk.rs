@@ -15,6 +15,7 @@ use crate::play::Outcome;
 use crate::session::Session;
 use crate::settings::{Settings, Store};
 use crate::sound::{self, Speaker};
+use crate::ui::cue_panel;
 use crate::ui::menu::{self, Facts, Menu, Page};
 use crate::ui::notes::Notes;
 
@@ -23,6 +24,7 @@ use crate::ui::notes::Notes;
 pub struct Desk {
     store: Store,
     input: Input,
+    way: Way,
     menu: Menu,
     help: bool,
     notes: Notes,
@@ -42,6 +44,7 @@ impl Desk {
         Self {
             input: Input::new(store.settings.bindings.clone()),
             store,
+            way: Way::default(),
             menu: Menu::default(),
             help: false,
             notes,
@@ -91,8 +94,18 @@ impl Desk {
         if taken && begins {
             return Outcome::Stay;
         }
+        if let (Event::Pointer(at), true, false) = (event, taken, self.input.is_holding()) {
+            self.input.passes(at);
+            if let Some(back) = self.way.take_back() {
+                session.act(back, now_secs);
+            }
+            return Outcome::Stay;
+        }
         match self.input.handle(event) {
-            Some(intent) => self.act(intent, session, now_secs),
+            Some(intent) => {
+                self.way.note(intent, now_secs);
+                self.act(intent, session, now_secs)
+            }
             None => Outcome::Stay,
         }
     }
@@ -119,6 +132,10 @@ impl Desk {
         match intent {
             Intent::ToggleFullscreen => {
                 self.store.settings.fullscreen ^= true;
+                self.save(now_secs);
+            }
+            Intent::NextAids => {
+                self.store.settings.aim_aids = self.store.settings.aim_aids.next();
                 self.save(now_secs);
             }
             Intent::ToggleHelp => {
@@ -157,6 +174,11 @@ impl Desk {
     ) -> Outcome {
         self.notes.draw(ctx);
         if self.menu.page().is_none() {
+            if let Some(cue) = session.cue(now_secs)
+                && let Some(intent) = cue_panel::panel(ctx, &cue)
+            {
+                session.act(intent, now_secs);
+            }
             menu::hints(ctx, &self.store, self.help, session.has_played());
             return Outcome::Stay;
         }
@@ -224,5 +246,51 @@ impl Desk {
     }
 }
 
+/// How the pointer's present way, from rest to rest, has turned the aim: a way that ends on a panel was
+/// none of aiming.
+#[derive(Clone, Copy, Debug, Default)]
+struct Way {
+    turned_rad: f64,
+    last_secs: f64,
+}
+
+impl Way {
+    fn note(&mut self, intent: Intent, now_secs: f64) {
+        match intent {
+            Intent::Turn(by_rad) if now_secs - self.last_secs < WAY_PAUSE_SECS => {
+                self.turned_rad += by_rad;
+            }
+            Intent::Turn(by_rad) => self.turned_rad = by_rad,
+            _ => self.turned_rad = 0.0,
+        }
+        self.last_secs = now_secs;
+    }
+
+    fn take_back(&mut self) -> Option<Intent> {
+        let turned_rad = std::mem::take(&mut self.turned_rad);
+        (turned_rad != 0.0).then_some(Intent::Turn(-turned_rad))
+    }
+}
+
+/// A pointer that rests so long has arrived.
+const WAY_PAUSE_SECS: f64 = 0.4;
 /// So shortly before its end a shot may be over without having been cut off.
 const OVER_SECS: f64 = 0.3;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_way_to_a_panel_gives_back_the_aim_and_aiming_before_a_rest_stays() {
+        let mut way = Way::default();
+        for (turn, now_secs) in [(0.5, 1.0), (0.25, 2.0), (0.5, 2.1)] {
+            way.note(Intent::Turn(turn), now_secs);
+        }
+        assert_eq!(way.take_back(), Some(Intent::Turn(-0.75)));
+        assert_eq!(way.take_back(), None);
+        way.note(Intent::Turn(0.5), 2.2);
+        way.note(Intent::Strike, 2.3);
+        assert_eq!(way.take_back(), None);
+    }
+}

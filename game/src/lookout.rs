@@ -226,8 +226,11 @@ mod tests {
             info: None,
             state,
             fixed_secs: 0.0,
+            fixed_error_secs: 0.0,
             msamples_per_sec: 10.0,
+            speed_error: 0.0,
             tiles: 0,
+            lost_tiles: 0,
             round_trip: None,
             split: Default::default(),
         }

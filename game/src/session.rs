@@ -19,7 +19,7 @@ use crate::director::{Director, Plan, Subject};
 use crate::display::Picture;
 use crate::input::Intent;
 use crate::lookout;
-use crate::play::{CueView, Game, Outcome};
+use crate::play::{Aids, CueView, Game, Outcome};
 use crate::quality::Dial;
 use crate::sim::{BallBody, Engine, Recording, Shot, Table};
 use crate::stage::Stage;
@@ -157,6 +157,22 @@ impl Session {
         }
     }
 
+    /// Shows more or less of the shot to come.
+    pub fn set_aids(&mut self, aids: Aids) {
+        self.game.set_aids(aids);
+        self.dirty = true;
+    }
+
+    /// Lets the camera cut to where it would glide.
+    pub fn set_cuts(&mut self, cuts: bool) {
+        self.game.set_cuts(cuts);
+    }
+
+    /// The cue, while there is one to show.
+    pub fn cue(&self, now_secs: f64) -> Option<CueView> {
+        self.game.cue(now_secs)
+    }
+
     /// What is given up first while things move.
     pub fn set_dial(&mut self, dial: Dial) {
         self.director.set_dial(dial);
@@ -257,7 +273,6 @@ impl Session {
         let figures = self.figures.then(|| self.figures_line(present));
         let notice = self.notice();
         let overlay = ui::Overlay {
-            cue: cue.as_ref(),
             notice: notice.as_deref(),
             figures: figures.as_deref(),
         };
@@ -297,8 +312,8 @@ impl Session {
             projection: &projection,
             ball_radius_m: BallBody::default().radius_m,
         };
-        if let Some(line) = self.game.aim_line() {
-            sketch.aim_line(line);
+        if let Some(foresight) = self.game.foresight(now_secs) {
+            sketch.foresight(foresight);
         }
         if let Some(cue) = cue {
             sketch.cue(cue);

@@ -12,8 +12,13 @@ pub enum Action {
     AimRight,
     AimAtPointer,
     Fine,
+    Aids,
     Stroke,
     Charge,
+    Swing,
+    Strike,
+    PowerUp,
+    PowerDown,
     TipUp,
     TipDown,
     TipLeft,
@@ -100,7 +105,10 @@ impl Action {
 
     /// Whether it lasts as long as its trigger is held: then it cannot be bound to the wheel.
     pub fn is_held(self) -> bool {
-        matches!(self, Self::Fine | Self::Stroke | Self::Charge | Self::Orbit)
+        matches!(
+            self,
+            Self::Fine | Self::Stroke | Self::Charge | Self::Swing | Self::Orbit
+        )
     }
 
     /// What a press means, or a notch of the wheel, or a repetition of a key held down: `steps` of
@@ -125,15 +133,22 @@ impl Action {
             Self::LookUp => pitch(-1.0),
             Self::ZoomIn => Intent::Zoom(ZOOM_STEP.powf(-steps)),
             Self::ZoomOut => Intent::Zoom(ZOOM_STEP.powf(steps)),
+            Self::PowerUp => Intent::ChangePower(steps * POWER_STEP),
+            Self::PowerDown => Intent::ChangePower(-steps * POWER_STEP),
+            Self::Strike => Intent::Strike,
+            Self::Aids => Intent::NextAids,
             Self::TipCenter => Intent::CenterTip,
             Self::Rack => Intent::Rack,
             Self::Help => Intent::ToggleHelp,
             Self::Stats => Intent::ToggleStats,
             Self::Fullscreen => Intent::ToggleFullscreen,
             Self::Menu => Intent::Escape,
-            Self::AimAtPointer | Self::Fine | Self::Stroke | Self::Charge | Self::Orbit => {
-                return None;
-            }
+            Self::AimAtPointer
+            | Self::Fine
+            | Self::Stroke
+            | Self::Charge
+            | Self::Swing
+            | Self::Orbit => return None,
         })
     }
 
@@ -143,6 +158,8 @@ impl Action {
             self,
             Self::AimLeft
                 | Self::AimRight
+                | Self::PowerUp
+                | Self::PowerDown
                 | Self::TipUp
                 | Self::TipDown
                 | Self::TipLeft
@@ -180,8 +197,13 @@ pub const CONTROLS: &[Control] = &[
     row(Group::Aim, Action::AimRight, "aim-right", "aim a degree to the right", &["Right"]),
     row(Group::Aim, Action::AimAtPointer, "aim-at-pointer", "aim at the point under the pointer", &["Mouse middle"]),
     row(Group::Aim, Action::Fine, "fine", "while held, everything moves a tenth as far", &["Left Ctrl", "Left Shift", "Right Ctrl", "Right Shift"]),
+    row(Group::Aim, Action::Aids, "aim-aids", "show more of the shot to come: nothing, the cue line, the ghost ball, all ways", &["T"]),
     row(Group::Stroke, Action::Stroke, "stroke", "hold and draw the cue back with the mouse; let go to strike", &["Mouse left"]),
     row(Group::Stroke, Action::Charge, "charge", "hold to raise the power; let go to strike", &["Space"]),
+    row(Group::Stroke, Action::Swing, "swing", "hold and move the mouse back and forth: strike at the speed of your hand", &["F"]),
+    row(Group::Stroke, Action::Strike, "strike", "strike with the power that is set", &["Enter", "Pad Enter"]),
+    row(Group::Stroke, Action::PowerUp, "power-up", "set more power", &["=", "Pad +"]),
+    row(Group::Stroke, Action::PowerDown, "power-down", "set less power", &["-", "Pad -"]),
     row(Group::Spin, Action::TipUp, "tip-up", "strike the cue ball higher: follow", &["W"]),
     row(Group::Spin, Action::TipDown, "tip-down", "strike it lower: draw", &["S"]),
     row(Group::Spin, Action::TipLeft, "tip-left", "strike it on the left", &["A"]),
@@ -204,6 +226,7 @@ pub const CONTROLS: &[Control] = &[
 const AIM_STEP_RAD: f64 = std::f64::consts::PI / 180.0;
 /// Two degrees and a half.
 const ELEVATION_STEP_RAD: f64 = 0.043_633;
+const POWER_STEP: f64 = 0.05;
 const PITCH_STEP_RAD: f64 = 0.04;
 const TIP_STEP_RADII: f64 = 0.05;
 const ZOOM_STEP: f64 = 1.1;

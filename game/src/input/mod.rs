@@ -105,18 +105,32 @@ pub enum Intent {
     Pull(f64),
     /// Begin a stroke whose power rises with time.
     BeginCharge,
-    /// Strike.
+    /// Take the cue in hand, for a stroke with the hand's own speed.
+    BeginSwing,
+    /// Move the cue that is in hand back by so many metres; forward if negative.
+    Swing(f64),
+    /// Let go: strike if the cue is drawn back.
     Release,
+    /// Strike with the power that is set.
+    Strike,
     /// Give up the stroke.
     Cancel,
     /// Give up the stroke if one is begun, else leave the table: for the menu.
     Escape,
     /// Move the tip on the cue ball, in ball radii, to the player's right and up.
     MoveTip(DVec2),
+    /// Put the tip there on the cue ball.
+    SetTip(DVec2),
     /// Put the tip in the middle and lay the cue level.
     CenterTip,
     /// Raise the butt of the cue by this many radians.
     Elevate(f64),
+    /// Change the power that is set, 0 to 1, by so much.
+    ChangePower(f64),
+    /// Set the power, 0 to 1.
+    SetPower(f64),
+    /// Show more of the shot to come, and after all of it nothing.
+    NextAids,
     /// Rack the balls again.
     Rack,
     /// Show or hide the keys.
@@ -143,7 +157,8 @@ pub struct Input {
 struct Hold {
     trigger: Trigger,
     action: Action,
-    from_y: f64,
+    /// How far a stroke is drawn, 0 to 1.
+    drawn: f64,
 }
 
 impl Event {
@@ -209,19 +224,34 @@ impl Input {
         (hold.action != Action::Orbit).then_some(Intent::Cancel)
     }
 
+    /// Takes note of a pointer that moves over something else than the table: it turns nothing.
+    pub fn passes(&mut self, at: DVec2) {
+        self.pointer = Some(at);
+    }
+
+    /// Whether an action lasts, such as a stroke.
+    pub fn is_holding(&self) -> bool {
+        self.hold.is_some()
+    }
+
     fn pointer_moved(&mut self, at: DVec2) -> Option<Intent> {
         let moved = at - self.pointer.replace(at)?;
-        match self.hold {
-            Some(hold) if hold.action == Action::Stroke => Some(Intent::Pull(
-                ((at.y - hold.from_y) / PULL_POINTS).clamp(0.0, 1.0),
-            )),
+        let precision = self.precision();
+        match &mut self.hold {
+            Some(hold) if hold.action == Action::Stroke => {
+                hold.drawn = (hold.drawn + moved.y / PULL_POINTS * precision).clamp(0.0, 1.0);
+                Some(Intent::Pull(hold.drawn))
+            }
+            Some(hold) if hold.action == Action::Swing => {
+                Some(Intent::Swing(moved.y * SWING_M_PER_POINT * precision))
+            }
             Some(hold) if hold.action == Action::Orbit => Some(Intent::Orbit {
                 yaw_rad: -moved.x * ORBIT_RAD_PER_POINT,
                 pitch_rad: moved.y * ORBIT_RAD_PER_POINT,
             }),
             Some(_) => None,
             None => {
-                let turn = -moved.x * AIM_RAD_PER_POINT * self.precision();
+                let turn = -moved.x * AIM_RAD_PER_POINT * precision;
                 (turn != 0.0).then_some(Intent::Turn(turn))
             }
         }
@@ -258,19 +288,19 @@ impl Input {
                 Intent::Cancel
             });
         }
-        let from_y = match (action, self.pointer) {
+        if action == Action::Stroke {
             // The cue is drawn with the pointer: without one there is no stroke.
-            (Action::Stroke, pointer) => pointer?.y,
-            _ => 0.0,
-        };
+            self.pointer?;
+        }
         self.hold = Some(Hold {
             trigger,
             action,
-            from_y,
+            drawn: 0.0,
         });
         match action {
             Action::Stroke => Some(Intent::BeginPull),
             Action::Charge => Some(Intent::BeginCharge),
+            Action::Swing => Some(Intent::BeginSwing),
             _ => None,
         }
     }
@@ -309,6 +339,8 @@ const ORBIT_RAD_PER_POINT: f64 = 0.005;
 const FINE: f64 = 0.1;
 /// The way of the pointer from no power to full power.
 const PULL_POINTS: f64 = 220.0;
+/// A mouse that moves 1000 points a second strikes with 2.5 m/s.
+const SWING_M_PER_POINT: f64 = 0.0025;
 
 #[cfg(test)]
 mod tests {
@@ -442,6 +474,40 @@ mod tests {
     }
 
     #[test]
+    fn fine_power_is_ten_times_finer() {
+        let mut input = Input::default();
+        let events = [
+            at(0.0, 0.0),
+            button(Button::Left, true),
+            at(0.0, 0.5 * PULL_POINTS),
+            key("Left Shift", true),
+            at(0.0, 0.6 * PULL_POINTS),
+        ];
+        let drawn = all(&mut input, &events);
+        let [Intent::BeginPull, Intent::Pull(coarse), Intent::Pull(fine)] = drawn[..] else {
+            panic!("{drawn:?}")
+        };
+        assert!((coarse - 0.5).abs() < 1e-9 && (fine - 0.51).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_cue_in_hand_follows_the_pointer_until_it_is_let_go() {
+        let mut input = Input::default();
+        let events = [
+            at(0.0, 0.0),
+            key("F", true),
+            at(30.0, 40.0),
+            key("F", false),
+        ];
+        let expected = [
+            Intent::BeginSwing,
+            Intent::Swing(40.0 * SWING_M_PER_POINT),
+            Intent::Release,
+        ];
+        assert_eq!(all(&mut input, &events), expected);
+    }
+
+    #[test]
     fn keys_step_by_a_degree_and_finely_by_a_tenth() {
         let mut input = Input::default();
         let events = [
@@ -482,7 +548,7 @@ mod tests {
             match control.action {
                 Action::Fine => assert_eq!(intents, []),
                 Action::Orbit => assert!(matches!(intents[..], [Intent::Orbit { .. }])),
-                Action::Stroke | Action::Charge => {
+                Action::Stroke | Action::Charge | Action::Swing => {
                     assert_eq!(intents.last(), Some(&Intent::Release), "{}", control.name);
                 }
                 _ => assert_eq!(intents.len(), 1, "{}", control.name),

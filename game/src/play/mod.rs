@@ -1,13 +1,17 @@
 //! A game on a free table: aim, draw the cue back, strike, watch, aim again.
 //!
 //! ```text
-//! aim ─▶ cue (drawn back, swung) ─▶ running (the shot on show) ─▶ free_table (ready again)
+//! aim ─▶ foresight            ┌─▶ running (the shot on show) ─▶ free_table (ready again)
+//!  └───▶ hand (draws the cue) ─┘
 //! ```
 //! Knows neither window nor farm; time is an argument.
 
 mod aim;
 mod cue;
+mod foresight;
 mod free_table;
+mod hand;
+mod reach;
 mod running;
 #[cfg(test)]
 mod tests;
@@ -17,12 +21,15 @@ use glam::{DVec2, DVec3};
 
 use crate::camera::{Dolly, Orbit, Projection, Viewpoint, wrap_rad};
 use crate::input::Intent;
-use crate::sim::{self, AimLine, BallPose, Shot, Stroke, Table, World};
+use crate::sim::{self, BallPose, Shot, Stroke, Table, World};
 use crate::stage::Stage;
 
-pub use aim::{Aim, CUE_SPEED_M_S_MAX, cue_speed_m_s};
-pub use cue::CueView;
+pub use aim::{Aim, CUE_SPEED_M_S_MAX, cue_speed_m_s, power_of_speed};
 use cue::SWING_SECS;
+pub use cue::{CUE_LENGTH_M, CueView, cue_radius_m};
+pub use foresight::{Aids, Foresight, Way};
+use hand::{Hand, Swing};
+use reach::Reach;
 use running::Running;
 
 /// One player's table.
@@ -34,9 +41,11 @@ pub struct Game {
     aim: Aim,
     orbit: Orbit,
     dolly: Dolly,
+    cuts: bool,
     racks: u32,
     shots: u64,
-    line: Option<(Stroke, Option<AimLine>)>,
+    aids: Aids,
+    foresight: Option<(Stroke, Option<Foresight>)>,
     notice: Option<String>,
 }
 
@@ -45,10 +54,8 @@ pub struct Game {
 enum Phase {
     /// Looking for the shot.
     Aiming,
-    /// Drawing the cue back by hand, so far.
-    Pulling(f64),
-    /// Drawing it back with time, since.
-    Charging(f64),
+    /// Striking.
+    Stroking(Hand),
     /// Watching.
     Watching(Box<Running>),
 }
@@ -84,11 +91,14 @@ impl Game {
             aim: Aim::LEVEL,
             orbit: Orbit::default(),
             dolly: Dolly::new(Viewpoint::overview(0.0)),
+            cuts: false,
             racks: seed,
             shots: 0,
-            line: None,
+            aids: Aids::default(),
+            foresight: None,
             notice: None,
         };
+        game.clear_cue();
         game.dolly = Dolly::new(game.aim_view());
         Ok(game)
     }
@@ -96,7 +106,12 @@ impl Game {
     /// Lets something else move the balls from the next stroke on.
     pub fn set_engine(&mut self, engine: sim::Engine) {
         self.world.set_engine(engine);
-        self.line = None;
+        self.foresight = None;
+    }
+
+    /// Lets the camera cut to where it would glide.
+    pub fn set_cuts(&mut self, cuts: bool) {
+        self.cuts = cuts;
     }
 
     /// Shows a shot that was played before, from `now_secs` on. To turn the aim to the left or right
@@ -107,9 +122,10 @@ impl Game {
         self.phase = Phase::Watching(Box::new(Running {
             shot,
             contact_secs: now_secs + SWING_SECS.end,
-            power: 0.0,
+            cue: None,
             from: self.dolly.viewpoint(),
             bearing_rad: self.aim.bearing_rad,
+            cuts: self.cuts,
             is_replay: true,
         }));
     }
@@ -144,29 +160,23 @@ impl Game {
     /// that its first pictures are ready by then, but never so late that the player would wait.
     pub fn apply(&mut self, intent: Intent, now_secs: f64, lead_secs: f64, film: DVec2) -> Outcome {
         match intent {
-            Intent::Turn(angle_rad) => self.turn(angle_rad, now_secs),
-            Intent::AimAt(point) => self.aim_at(point, film, now_secs),
-            Intent::MoveTip(by) => self.aim.move_tip(by),
-            Intent::CenterTip => self.aim.level(),
-            Intent::Elevate(by_rad) => self.aim.elevate(by_rad),
-            Intent::Orbit { yaw_rad, pitch_rad } => {
-                self.orbit.yaw_rad = wrap_rad(self.orbit.yaw_rad + yaw_rad);
-                self.orbit.pitch_rad = (self.orbit.pitch_rad + pitch_rad).clamp(-1.4, 1.4);
-            }
-            Intent::Zoom(factor) => self.orbit.zoom = (self.orbit.zoom * factor).clamp(0.3, 2.5),
-            Intent::BeginPull => self.begin(Phase::Pulling(0.0)),
-            Intent::BeginCharge => self.begin(Phase::Charging(now_secs)),
-            Intent::Pull(power) => {
-                if let Phase::Pulling(pulled) = &mut self.phase {
-                    *pulled = power;
-                }
-            }
-            Intent::Release => self.release(now_secs, lead_secs),
-            Intent::Cancel => self.cancel(),
-            Intent::Escape if self.power(now_secs).is_some() => self.cancel(),
+            Intent::Escape if matches!(self.phase, Phase::Stroking(_)) => self.cancel(),
             Intent::Escape => return Outcome::Quit,
+            Intent::Orbit { .. } | Intent::Zoom(_) => self.look(intent),
+            Intent::BeginPull
+            | Intent::BeginCharge
+            | Intent::BeginSwing
+            | Intent::Pull(_)
+            | Intent::Swing(_)
+            | Intent::Release
+            | Intent::Strike
+            | Intent::Cancel => self.stroke(intent, now_secs, lead_secs),
             Intent::Rack => self.rack(),
-            Intent::ToggleHelp | Intent::ToggleStats | Intent::ToggleFullscreen => {}
+            Intent::NextAids
+            | Intent::ToggleHelp
+            | Intent::ToggleStats
+            | Intent::ToggleFullscreen => {}
+            _ => self.take_aim(intent, now_secs, film),
         }
         Outcome::Stay
     }
@@ -180,6 +190,7 @@ impl Game {
                 self.end_shot(now_secs);
             }
             Phase::Watching(_) => {}
+            _ if self.cuts => self.dolly = Dolly::new(self.aim_view()),
             _ => self.dolly.follow(self.aim_view(), dt_secs),
         }
     }
@@ -215,30 +226,58 @@ impl Game {
 
     /// Cue and aim, while there is one to show.
     pub fn cue(&self, now_secs: f64) -> Option<CueView> {
-        let cue_ball = self.cue_ball()?;
+        let resting = CueView::resting(self.cue_ball()?, &self.aim);
         match &self.phase {
-            Phase::Watching(running) if running.is_replay => None,
-            Phase::Watching(running) => CueView::swung(
-                cue_ball,
-                &self.aim,
-                running.power,
-                running.clock_secs(now_secs),
-            ),
-            _ => Some(CueView::drawn(cue_ball, &self.aim, self.power(now_secs))),
+            Phase::Aiming => Some(resting),
+            Phase::Stroking(hand) => {
+                let power = hand.power(now_secs).unwrap_or(self.aim.power);
+                Some(resting.drawn(power, hand.drawn_m(now_secs)))
+            }
+            Phase::Watching(running) => {
+                let clock_secs = running.clock_secs(now_secs);
+                running.cue.clone().and_then(|cue| cue.swung(clock_secs))
+            }
         }
     }
 
-    /// Where the balls would go, by the code that moves them; nothing during a shot.
-    pub fn aim_line(&mut self) -> Option<&AimLine> {
-        if matches!(self.phase, Phase::Watching(_)) {
-            return None;
+    /// Where the balls would go, by the code that moves them, as far as the aids show it; nothing
+    /// during a shot.
+    pub fn foresight(&mut self, now_secs: f64) -> Option<&Foresight> {
+        let power = match &self.phase {
+            Phase::Aiming => self.aim.power,
+            // A rising power would change the prediction all the time.
+            Phase::Stroking(hand) => hand.power(now_secs).unwrap_or(self.aim.power),
+            Phase::Watching(_) => return None,
+        };
+        let stroke = match self.aids {
+            Aids::Full => self.aim.stroke(power),
+            // Where the balls go at first depends little on the power.
+            _ => self.aim.stroke(LINE_POWER),
+        };
+        if self.foresight.as_ref().is_none_or(|(of, _)| *of != stroke) {
+            self.foresight = Some((stroke, Foresight::of(&self.world, stroke, self.aids)));
         }
-        let stroke = self.aim.stroke(AIM_LINE_POWER);
-        if self.line.as_ref().is_none_or(|(of, _)| *of != stroke) {
-            // A stroke that cannot be struck has no line; striking it says why.
-            self.line = Some((stroke, sim::predict(&self.world, stroke).ok()));
+        self.foresight
+            .as_ref()
+            .and_then(|(_, foresight)| foresight.as_ref())
+    }
+
+    /// How much of the shot to come is shown.
+    pub fn aids(&self) -> Aids {
+        self.aids
+    }
+
+    /// Shows more or less of the shot to come.
+    pub fn set_aids(&mut self, aids: Aids) {
+        if std::mem::replace(&mut self.aids, aids) != aids {
+            self.foresight = None;
+            self.notice = Some(format!("Aim: {}", aids.name()));
         }
-        self.line.as_ref().and_then(|(_, line)| line.as_ref())
+    }
+
+    /// Where the cue points.
+    pub fn aim(&self) -> Aim {
+        self.aim
     }
 
     /// A sentence for the player, until the next stroke.
@@ -248,17 +287,52 @@ impl Game {
 
     /// Whether time alone changes what is seen.
     pub fn is_moving(&self) -> bool {
-        match self.phase {
-            Phase::Aiming | Phase::Pulling(_) => self.dolly.viewpoint() != self.aim_view(),
-            Phase::Charging(_) | Phase::Watching(_) => true,
+        match &self.phase {
+            Phase::Stroking(Hand::Charging(_)) | Phase::Watching(_) => true,
+            _ => self.dolly.viewpoint() != self.aim_view(),
+        }
+    }
+
+    fn look(&mut self, intent: Intent) {
+        match intent {
+            Intent::Orbit { yaw_rad, pitch_rad } => {
+                self.orbit.yaw_rad = wrap_rad(self.orbit.yaw_rad + yaw_rad);
+                self.orbit.pitch_rad = (self.orbit.pitch_rad + pitch_rad).clamp(-1.4, 1.4);
+            }
+            Intent::Zoom(factor) => self.orbit.zoom = (self.orbit.zoom * factor).clamp(0.3, 2.5),
+            _ => {}
+        }
+    }
+
+    fn take_aim(&mut self, intent: Intent, now_secs: f64, film: DVec2) {
+        let is_aiming = matches!(self.phase, Phase::Aiming);
+        match intent {
+            Intent::Turn(angle_rad) => self.turn(angle_rad, now_secs),
+            Intent::AimAt(point) => self.aim_at(point, film, now_secs),
+            // A blow that is under way is struck where it was aimed.
+            _ if !is_aiming => {}
+            Intent::MoveTip(by) => self.aim.set_tip(self.aim.tip + by),
+            Intent::SetTip(tip) => self.aim.set_tip(tip),
+            Intent::CenterTip => self.aim.level(),
+            Intent::Elevate(by_rad) => self.aim.elevate(by_rad),
+            Intent::ChangePower(by) => self.aim.set_power(self.aim.power + by),
+            Intent::SetPower(power) => self.aim.set_power(power),
+            _ => {}
+        }
+        self.clear_cue();
+    }
+
+    /// Raises the cue over what is in its way.
+    fn clear_cue(&mut self) {
+        let balls = self.world.balls();
+        if let Some(reach) = Reach::new(&self.world, &balls) {
+            self.aim.clear(&reach);
         }
     }
 
     fn turn(&mut self, angle_rad: f64, now_secs: f64) {
         match &mut self.phase {
-            Phase::Aiming => {
-                self.aim.bearing_rad = wrap_rad(self.aim.bearing_rad + angle_rad);
-            }
+            Phase::Aiming => self.aim.turn(angle_rad),
             Phase::Watching(running) if running.is_replay => {
                 running.scrub(-SCRUB_SECS * angle_rad.signum(), now_secs);
                 // Pictures that were asked for are of other moments: as of another shot.
@@ -279,36 +353,56 @@ impl Game {
         }
     }
 
-    fn begin(&mut self, phase: Phase) {
-        if matches!(self.phase, Phase::Aiming) {
-            self.phase = phase;
-            self.notice = None;
+    fn stroke(&mut self, intent: Intent, now_secs: f64, lead_secs: f64) {
+        let power = match (intent, &mut self.phase) {
+            (Intent::BeginPull, Phase::Aiming) => return self.begin(Hand::Pulling(0.0)),
+            (Intent::BeginCharge, Phase::Aiming) => return self.begin(Hand::Charging(now_secs)),
+            (Intent::BeginSwing, Phase::Aiming) => {
+                return self.begin(Hand::Swinging(Swing::default()));
+            }
+            (Intent::Pull(power), Phase::Stroking(Hand::Pulling(pulled))) => {
+                *pulled = power;
+                return;
+            }
+            (Intent::Swing(back_m), Phase::Stroking(Hand::Swinging(swing))) => {
+                swing.swing(back_m, now_secs)
+            }
+            (Intent::Release, Phase::Stroking(hand)) => {
+                let power = hand.let_go(now_secs);
+                if power.is_none() {
+                    self.cancel();
+                }
+                power
+            }
+            (Intent::Strike, Phase::Aiming) => Some(self.aim.power),
+            (Intent::Cancel, _) => return self.cancel(),
+            _ => None,
+        };
+        if let Some(power) = power {
+            self.strike(power, now_secs, lead_secs);
         }
     }
 
+    fn begin(&mut self, hand: Hand) {
+        self.phase = Phase::Stroking(hand);
+        self.notice = None;
+    }
+
     fn cancel(&mut self) {
-        if !matches!(self.phase, Phase::Watching(_)) {
+        if matches!(self.phase, Phase::Stroking(_)) {
             self.phase = Phase::Aiming;
         }
     }
 
-    fn power(&self, now_secs: f64) -> Option<f64> {
-        match self.phase {
-            Phase::Pulling(power) => Some(power),
-            Phase::Charging(since) => Some(((now_secs - since) / CHARGE_SECS).clamp(0.0, 1.0)),
-            _ => None,
-        }
-    }
-
-    fn release(&mut self, now_secs: f64, lead_secs: f64) {
-        let Some(power) = self.power(now_secs) else {
-            return;
-        };
-        let pulled = matches!(self.phase, Phase::Pulling(_));
+    fn strike(&mut self, power: f64, now_secs: f64, lead_secs: f64) {
+        let cue = self.cue(now_secs).map(|cue| CueView {
+            power,
+            is_drawn: true,
+            ..cue
+        });
         self.phase = Phase::Aiming;
-        if pulled && power < PULL_MIN {
-            return;
-        }
+        self.notice = None;
+        self.aim.set_power(power);
         match self.world.strike(self.aim.stroke(power)) {
             Ok(shot) => {
                 let slipped =
@@ -321,9 +415,10 @@ impl Game {
                 self.phase = Phase::Watching(Box::new(Running {
                     shot,
                     contact_secs: now_secs + lead_secs.clamp(SWING_SECS.start, SWING_SECS.end),
-                    power,
+                    cue,
                     from: self.dolly.viewpoint(),
                     bearing_rad: self.aim.bearing_rad,
+                    cuts: self.cuts,
                     is_replay: false,
                 }));
             }
@@ -339,10 +434,11 @@ impl Game {
         self.dolly = Dolly::new(running.viewpoint(end_secs, self.orbit));
         self.world.adopt(&running.shot);
         self.aim.level();
-        self.line = None;
+        self.foresight = None;
         if let Some(notice) = free_table::settle(&mut self.world) {
             self.notice = Some(notice);
         }
+        self.clear_cue();
     }
 
     fn rack(&mut self) {
@@ -359,8 +455,9 @@ impl Game {
         }
         self.phase = Phase::Aiming;
         self.racks = seed;
-        self.line = None;
+        self.foresight = None;
         self.aim = Aim::LEVEL;
+        self.clear_cue();
     }
 
     fn lying(&self) -> impl Iterator<Item = BallPose> {
@@ -386,11 +483,7 @@ impl Game {
     }
 }
 
-/// The power at which the aim line is drawn: where the balls go at first depends little on it.
-const AIM_LINE_POWER: f64 = 0.4;
-/// A cue that was hardly drawn back does not strike.
-const PULL_MIN: f64 = 0.03;
-/// The space bar's way to full power.
-const CHARGE_SECS: f64 = 1.6;
+/// The power at which the way to the first contact is shown.
+const LINE_POWER: f64 = 0.4;
 /// A key's way through a recorded shot.
 const SCRUB_SECS: f64 = 0.25;

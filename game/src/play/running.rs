@@ -3,6 +3,8 @@
 use crate::camera::{Orbit, Viewpoint, smoothstep};
 use crate::sim::Shot;
 
+use super::cue::CueView;
+
 /// A shot that is on.
 #[derive(Debug)]
 pub(super) struct Running {
@@ -10,12 +12,14 @@ pub(super) struct Running {
     pub(super) shot: Shot,
     /// When the tip meets the ball.
     pub(super) contact_secs: f64,
-    /// How far the cue had been drawn back.
-    pub(super) power: f64,
+    /// The cue as it was drawn back.
+    pub(super) cue: Option<CueView>,
     /// The view at the stroke.
     pub(super) from: Viewpoint,
     /// The cue's direction.
     pub(super) bearing_rad: f64,
+    /// Whether the camera cuts to the whole table instead of rising.
+    pub(super) cuts: bool,
     /// Whether it was played before: then there is no cue, and time can be turned back.
     pub(super) is_replay: bool,
 }
@@ -35,7 +39,9 @@ impl Running {
     /// From behind the cue ball up and back to the whole table, as a function of the shot's own
     /// time: pictures of the future know where the camera will be.
     pub(super) fn viewpoint(&self, moment_secs: f64, orbit: Orbit) -> Viewpoint {
-        let s = smoothstep((moment_secs - RISE_SECS.start) / (RISE_SECS.end - RISE_SECS.start));
+        let s = (moment_secs - RISE_SECS.start) / (RISE_SECS.end - RISE_SECS.start);
+        let s = if self.cuts { s.signum() } else { s };
+        let s = smoothstep(s);
         let overview = Viewpoint::overview(self.bearing_rad + orbit.yaw_rad);
         self.from.lerp(overview, s)
     }

@@ -73,7 +73,7 @@ fn a_stroke_that_is_given_up_leaves_the_table_alone() {
     ] {
         game.apply(intent, 1.0, 0.2, FILM);
     }
-    strike(&mut game, 0.5 * PULL_MIN, 1.0);
+    strike(&mut game, 0.5 * super::hand::PULL_MIN, 1.0);
     assert_eq!(game.shot_clock(1.0), None);
 }
 
@@ -182,4 +182,97 @@ fn a_taken_spot_is_stepped_aside_from() {
 fn soft_shots_have_most_of_the_way() {
     assert!(cue_speed_m_s(0.5) < 0.3 * CUE_SPEED_M_S_MAX);
     assert_eq!(cue_speed_m_s(1.0), CUE_SPEED_M_S_MAX);
+}
+
+#[test]
+fn enter_strikes_with_the_power_that_is_set_and_the_shot_is_the_one_foreseen() {
+    let mut game = Game::new(1).unwrap();
+    game.set_aids(Aids::Full);
+    for intent in [Intent::SetPower(0.55), Intent::Turn(0.01)] {
+        game.apply(intent, 0.0, 0.2, FILM);
+    }
+    let ways = game.foresight(0.0).unwrap().ways.clone();
+    game.apply(Intent::Strike, 0.0, 0.2, FILM);
+    let (_, _, end) = game.shot_clock(0.0).unwrap();
+    let poses = game.poses(end);
+    for way in ways {
+        let pose = poses.iter().find(|pose| pose.number == way.number).unwrap();
+        assert_eq!(way.path.last(), Some(&pose.position), "ball {}", way.number);
+    }
+    assert!(
+        game.foresight(0.0).is_none(),
+        "nothing is foreseen during a shot"
+    );
+}
+
+#[test]
+fn a_stroke_of_the_hand_strikes_where_the_cue_meets_the_ball() {
+    let mut game = Game::new(1).unwrap();
+    let swing = |game: &mut Game, intent, at| game.apply(intent, at, 0.2, FILM);
+    swing(&mut game, Intent::BeginSwing, 1.0);
+    for step in 0..10 {
+        swing(&mut game, Intent::Swing(0.01), 1.0 + 0.01 * f64::from(step));
+    }
+    assert!(game.cue(1.1).unwrap().gap_m > 0.1 && game.shot_clock(1.1).is_none());
+    for step in 0..10 {
+        swing(
+            &mut game,
+            Intent::Swing(-0.02),
+            1.2 + 0.01 * f64::from(step),
+        );
+    }
+    let (_, shot) = game.fresh_shot().unwrap();
+    let struck = shot.events().iter().find_map(|event| match event.kind {
+        sim::EventKind::Strike { speed_m_s } => Some(speed_m_s),
+        _ => None,
+    });
+    // Two centimetres in each hundredth of a second.
+    assert!((struck.unwrap() - 2.0).abs() < 0.2, "{struck:?}");
+}
+
+#[test]
+fn a_cue_that_is_let_go_in_a_stroke_of_the_hand_does_not_strike() {
+    let mut game = Game::new(1).unwrap();
+    for intent in [Intent::BeginSwing, Intent::Swing(0.2), Intent::Release] {
+        game.apply(intent, 1.0, 0.2, FILM);
+    }
+    assert!(game.shot_clock(1.0).is_none());
+    assert!(!game.cue(1.0).unwrap().is_drawn);
+}
+
+#[test]
+fn the_cue_cannot_be_laid_lower_than_what_is_in_its_way() {
+    let mut game = Game::new(1).unwrap();
+    let cue_ball = game.table.cue_ball().radius_m;
+    let x = -0.5 * game.table.length_m() + cue_ball + 0.001;
+    game.world.place(0, x, 0.0).unwrap();
+    game.apply(Intent::Turn(0.0), 0.0, 0.2, FILM);
+    let least = game.aim().elevation_rad;
+    assert!(least > 0.1, "{least}");
+    game.apply(Intent::Elevate(-1.0), 0.0, 0.2, FILM);
+    assert_eq!(game.aim().elevation_rad, least);
+    game.apply(Intent::Elevate(0.1), 0.0, 0.2, FILM);
+    assert!((game.aim().elevation_rad - least - 0.1).abs() < 1e-9);
+    game.apply(Intent::Turn(std::f64::consts::PI), 0.0, 0.2, FILM);
+    game.apply(Intent::CenterTip, 0.0, 0.2, FILM);
+    assert!(
+        game.aim().elevation_rad < 0.01,
+        "with nothing behind it the cue lies level"
+    );
+}
+
+#[test]
+fn a_blow_that_is_under_way_is_struck_where_it_was_aimed() {
+    let mut game = Game::new(1).unwrap();
+    game.apply(Intent::BeginPull, 0.0, 0.2, FILM);
+    let aim = game.aim();
+    for intent in [
+        Intent::MoveTip(DVec2::new(0.2, 0.1)),
+        Intent::Elevate(0.3),
+        Intent::Turn(0.4),
+        Intent::SetPower(0.9),
+    ] {
+        game.apply(intent, 0.0, 0.2, FILM);
+    }
+    assert_eq!(game.aim(), aim);
 }

@@ -17,10 +17,9 @@ mod store;
 pub use field::{FIELDS, Field};
 pub use store::Store;
 
-use clap::ValueEnum;
-
 use crate::ball_set::BallSet;
 use crate::input::Bindings;
+use crate::play::Aids;
 use crate::quality::Dial;
 use crate::sim::Engine;
 
@@ -35,8 +34,8 @@ pub struct Settings {
     pub text_scale: f64,
     /// Cuts instead of camera rides, and panels that do not slide or fade.
     pub reduced_motion: bool,
-    /// How much of a shot is shown beforehand.
-    pub aim_aids: AimAids,
+    /// How much of a shot is shown beforehand: the difficulty of the game.
+    pub aim_aids: Aids,
     /// What the balls are made of.
     pub ball_set: BallSet,
     /// What moves them.
@@ -63,7 +62,7 @@ impl Default for Settings {
             fullscreen: false,
             text_scale: 1.0,
             reduced_motion: false,
-            aim_aids: AimAids::default(),
+            aim_aids: Aids::default(),
             ball_set: BallSet::default(),
             physics: Engine::default(),
             quality: Dial::default(),
@@ -71,18 +70,4 @@ impl Default for Settings {
             bindings: Bindings::default(),
         }
     }
-}
-
-/// How much of a shot is shown before it is struck: the difficulty of the game.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
-pub enum AimAids {
-    /// Nothing but the cue
-    Off,
-    /// The cue ball's way to what it meets first
-    Line,
-    /// Also the ball's place there, and the ways of both balls from there
-    #[default]
-    Ghost,
-    /// The ways of all balls, to their rest
-    Full,
 }

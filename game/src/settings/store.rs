@@ -295,7 +295,7 @@ mod tests {
             fullscreen: true,
             text_scale: 1.5,
             reduced_motion: true,
-            aim_aids: super::super::AimAids::Full,
+            aim_aids: crate::play::Aids::Full,
             ball_set: BallSet::Jade,
             physics: "rapier-240".parse().unwrap(),
             quality: crate::quality::Dial::Fine,

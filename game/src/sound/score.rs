@@ -10,7 +10,7 @@ pub fn of_shot(shot: &Shot) -> Sound {
         let (after_secs, voice, speed_m_s) = note(&event.kind)?;
         Some((event.time_secs + after_secs, voice, speed_m_s))
     });
-    let mut samples = play(notes);
+    let mut samples = play(&notes.filter(is_heard).collect::<Vec<_>>());
     room::reverberate(&mut samples);
     samples
         .iter_mut()
@@ -18,21 +18,28 @@ pub fn of_shot(shot: &Shot) -> Sound {
     Sound { samples }
 }
 
-fn play(notes: impl Iterator<Item = (f64, Voice, f64)>) -> Vec<f32> {
+/// When, what, and how fast.
+type Note = (f64, Voice, f64);
+
+fn is_heard((at_secs, _, speed_m_s): &Note) -> bool {
+    (AUDIBLE_M_S..SPEED_M_S_MAX).contains(speed_m_s) && (0.0..SECS_MAX).contains(at_secs)
+}
+
+fn play(notes: &[Note]) -> Vec<f32> {
     let mut samples = Vec::new();
-    for (at_secs, voice, speed_m_s) in notes {
-        if !(AUDIBLE_M_S..SPEED_M_S_MAX).contains(&speed_m_s) || !(0.0..SECS_MAX).contains(&at_secs)
-        {
-            continue;
-        }
+    for &(at_secs, voice, speed_m_s) in notes {
         let at = at_secs * f64::from(RATE_HZ);
         let first = at.floor() as usize;
         let struck = voice.strike(speed_m_s, at.fract());
         if samples.len() < first + struck.len() {
             samples.resize(first + struck.len(), 0.0);
         }
+        // Clicks of the same moment are out of step at the ear, so that their energies add up and not
+        // their amplitudes: a rack bursts in a hundred contacts within a few milliseconds.
+        let together = |note: &&Note| (note.0 - at_secs).abs() < TOGETHER_SECS;
+        let share = 1.0 / (notes.iter().filter(together).count() as f32).sqrt();
         for (out, sample) in samples[first..].iter_mut().zip(&struck) {
-            *out += sample;
+            *out += share * sample;
         }
     }
     samples
@@ -70,6 +77,8 @@ fn note(kind: &EventKind) -> Option<(f64, Voice, f64)> {
 
 /// Softer contacts are lost in the room.
 const AUDIBLE_M_S: f64 = 0.02;
+/// Within the ring of a click.
+const TOGETHER_SECS: f64 = 2e-3;
 const SPEED_M_S_MAX: f64 = 60.0;
 /// Longer than any shot.
 const SECS_MAX: f64 = 120.0;
@@ -136,6 +145,7 @@ mod tests {
                 .iter()
                 .fold(0.0_f32, |peak, s| peak.max(s.abs()))
         };
-        assert!(loudness(1.0) < 0.4 * loudness(8.0));
+        let (soft, loud) = (loudness(1.0), loudness(8.0));
+        assert!(soft < 0.4 * loud, "{soft} against {loud}");
     }
 }

@@ -4,7 +4,7 @@ use egui::{Color32, Painter, Pos2, Rect, Shape, Stroke};
 use glam::{DVec2, DVec3};
 
 use crate::camera::Projection;
-use crate::play::CueView;
+use crate::play::{Aids, CUE_LENGTH_M, CueView, Foresight, Way, cue_radius_m};
 use crate::sim::{AimContact, AimLine};
 
 /// Draws into `screen`, the window in points, which the projection's film covers.
@@ -21,9 +21,49 @@ pub struct Sketch<'a> {
 }
 
 impl Sketch<'_> {
-    /// The cue ball's way, what it meets, and where both go from there.
-    pub fn aim_line(&self, line: &AimLine) {
-        self.path(&line.path, Stroke::new(1.6, GUIDE));
+    /// Where the balls will go, as far as the aids show it.
+    pub fn foresight(&self, foresight: &Foresight) {
+        for way in &foresight.ways {
+            self.whole_way(way);
+        }
+        if foresight.aids != Aids::Full {
+            self.path(&foresight.line.path, Stroke::new(1.6, GUIDE));
+        }
+        if foresight.aids != Aids::Line {
+            self.contact(&foresight.line, foresight.aids);
+        }
+    }
+
+    /// A ball's way to where it rests, ringed, or to its pocket, crossed.
+    fn whole_way(&self, way: &Way) {
+        let (color, width) = match way.number {
+            0 => (GUIDE, 1.8),
+            _ => (OBJECT, 1.4),
+        };
+        self.path(&way.path, Stroke::new(width, color));
+        let Some(end) = way.path.last() else {
+            return;
+        };
+        let scale = self.projection.film_per_metre(*end);
+        let (Some(film), Some(scale)) = (self.projection.film_from_world(*end), scale) else {
+            return;
+        };
+        let (at, radius) = (self.point(film), (self.ball_radius_m * scale) as f32);
+        let stroke = Stroke::new(width, color);
+        if way.stays {
+            self.painter.circle_stroke(at, radius, stroke);
+        } else {
+            let arm = 0.6 * radius;
+            for [x, y] in [[arm, arm], [arm, -arm]] {
+                let arm = egui::vec2(x, y);
+                self.painter.line_segment([at - arm, at + arm], stroke);
+            }
+        }
+    }
+
+    /// What the cue ball meets, and where both go from there.
+    fn contact(&self, line: &AimLine, aids: Aids) {
+        let ways = aids == Aids::Ghost;
         match line.contact {
             AimContact::Ball {
                 ghost,
@@ -33,20 +73,20 @@ impl Sketch<'_> {
                 ..
             } => {
                 self.ball(ghost);
-                self.way(
-                    object,
-                    object_direction,
-                    OBJECT_WAY_M,
-                    Stroke::new(2.0, OBJECT),
-                );
-                self.way(ghost, cue_direction, CUE_WAY_M, Stroke::new(1.6, GUIDE));
+                if ways {
+                    let stroke = Stroke::new(2.0, OBJECT);
+                    self.way(object, object_direction, OBJECT_WAY_M, stroke);
+                    self.way(ghost, cue_direction, CUE_WAY_M, Stroke::new(1.6, GUIDE));
+                }
             }
             AimContact::Cushion {
                 ghost,
                 cue_direction,
             } => {
                 self.ball(ghost);
-                self.way(ghost, cue_direction, CUE_WAY_M, Stroke::new(1.6, GUIDE));
+                if ways {
+                    self.way(ghost, cue_direction, CUE_WAY_M, Stroke::new(1.6, GUIDE));
+                }
             }
             AimContact::Pocket { .. } | AimContact::Nothing => {
                 line.path.last().into_iter().for_each(|end| self.ball(*end));
@@ -142,11 +182,6 @@ impl Sketch<'_> {
     }
 }
 
-fn cue_radius_m(from_tip_m: f64) -> f64 {
-    0.0063 + (0.0145 - 0.0063) * from_tip_m / CUE_LENGTH_M
-}
-
-const CUE_LENGTH_M: f64 = 1.47;
 const SLOPE: f64 = 0.06;
 const OBJECT_WAY_M: f64 = 0.35;
 const CUE_WAY_M: f64 = 0.2;

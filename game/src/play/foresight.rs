@@ -1,0 +1,174 @@
+//! What the player is shown of the shot to come: by the code that will play it.
+
+use clap::ValueEnum;
+use glam::DVec3;
+
+use crate::sim::{self, AimLine, Shot, Stroke, World};
+
+/// How much is shown of the shot to come.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
+pub enum Aids {
+    /// Nothing but the cue
+    Off,
+    /// The cue ball's way to what it meets first
+    Line,
+    /// Also the ball's place there, and the ways of both balls from there
+    #[default]
+    Ghost,
+    /// The ways of all balls until they rest, at the power that is set
+    Full,
+}
+
+impl Aids {
+    /// All, from least to most.
+    pub const ALL: [Self; 4] = [Self::Off, Self::Line, Self::Ghost, Self::Full];
+
+    /// The next, and after the last the first.
+    #[must_use]
+    pub fn next(self) -> Self {
+        match self {
+            Self::Off => Self::Line,
+            Self::Line => Self::Ghost,
+            Self::Ghost => Self::Full,
+            Self::Full => Self::Off,
+        }
+    }
+
+    /// For people.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Off => "no aids",
+            Self::Line => "cue line",
+            Self::Ghost => "ghost ball",
+            Self::Full => "full prediction",
+        }
+    }
+}
+
+/// What a stroke will do, as far as it is shown.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Foresight {
+    /// Whether more than the cue ball's way is shown.
+    pub aids: Aids,
+    /// To the first contact.
+    pub line: AimLine,
+    /// With [`Aids::Full`]: of each ball that moves.
+    pub ways: Vec<Way>,
+}
+
+/// Where a ball goes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Way {
+    /// Its number.
+    pub number: u8,
+    /// Centres, in m, from the stroke to rest.
+    pub path: Vec<DVec3>,
+    /// Whether it rests on the table at the end.
+    pub stays: bool,
+}
+
+impl Foresight {
+    /// Of `stroke`; nothing for a stroke that cannot be struck: striking it says why.
+    pub(super) fn of(world: &World, stroke: Stroke, aids: Aids) -> Option<Self> {
+        if aids == Aids::Off {
+            return None;
+        }
+        let ways = match aids {
+            Aids::Full => ways(&world.strike(stroke).ok()?),
+            _ => Vec::new(),
+        };
+        let line = sim::predict(world, stroke).ok()?;
+        Some(Self { aids, line, ways })
+    }
+}
+
+/// Sampled often enough to look smooth, and at each event, so that corners are sharp.
+fn ways(shot: &Shot) -> Vec<Way> {
+    let end_secs = shot.duration_secs();
+    let pieces = ((end_secs / PIECE_SECS).ceil() as u32).clamp(1, PIECES_MAX);
+    let even = (0..=pieces).map(|i| end_secs * f64::from(i) / f64::from(pieces));
+    let mut times: Vec<f64> = even
+        .chain(shot.events().iter().map(|e| e.time_secs))
+        .collect();
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    let mut ways: Vec<Way> = shot.poses_at(0.0).iter().map(Way::begin).collect();
+    for time in times {
+        for (way, pose) in ways.iter_mut().zip(shot.poses_at(time)) {
+            way.stays = pose.on_table;
+            if way.path.last() != Some(&pose.position) {
+                way.path.push(pose.position);
+            }
+        }
+    }
+    ways.retain(|way| way.path.len() > 1);
+    ways
+}
+
+impl Way {
+    fn begin(pose: &sim::BallPose) -> Self {
+        Self {
+            number: pose.number,
+            path: vec![pose.position],
+            stays: pose.on_table,
+        }
+    }
+}
+
+const PIECE_SECS: f64 = 0.03;
+const PIECES_MAX: u32 = 400;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::Table;
+
+    fn world() -> World {
+        let table = Table::nine_foot();
+        let rack = table.rack_eight(3);
+        World::new(table, rack).unwrap()
+    }
+
+    #[test]
+    fn the_prediction_ends_where_the_shot_ends() {
+        let (world, stroke) = (world(), Stroke::straight(0.02, 6.0));
+        let foresight = Foresight::of(&world, stroke, Aids::Full).unwrap();
+        let shot = world.strike(stroke).unwrap();
+        let ends = shot.final_states();
+        let starts = world.balls();
+        for (start, end) in starts.iter().zip(&ends) {
+            let way = foresight.ways.iter().find(|way| way.number == end.number);
+            match way {
+                Some(way) => {
+                    assert_eq!(way.path.last(), Some(&end.position), "ball {}", end.number);
+                    assert_eq!(way.stays, end.phase.is_on_table());
+                }
+                None => assert_eq!(start.position, end.position, "ball {}", end.number),
+            }
+        }
+        assert!(foresight.ways.len() > 10, "a break moves the rack");
+    }
+
+    #[test]
+    fn the_levels_show_more_and_more() {
+        let stroke = Stroke::straight(0.0, 3.0);
+        let of = |aids| Foresight::of(&world(), stroke, aids);
+        assert_eq!(of(Aids::Off), None);
+        let line = of(Aids::Line).unwrap();
+        assert!(line.ways.is_empty());
+        assert_eq!(line.line, of(Aids::Full).unwrap().line);
+        let mut aids = Aids::Off;
+        for expected in [Aids::Line, Aids::Ghost, Aids::Full, Aids::Off] {
+            aids = aids.next();
+            assert_eq!(aids, expected);
+        }
+    }
+
+    #[test]
+    fn a_stroke_that_cannot_be_struck_is_not_foreseen() {
+        assert_eq!(
+            Foresight::of(&world(), Stroke::straight(0.0, 99.0), Aids::Full),
+            None
+        );
+    }
+}

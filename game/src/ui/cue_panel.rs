@@ -1,0 +1,205 @@
+//! The spin disc and the power bar: they show what keys and strokes set, and can be clicked and dragged.
+
+use egui::{
+    Align2, Area, Color32, Context, CornerRadius, FontId, Id, Order, Pos2, Rect, Response, Role,
+    Sense, Stroke, StrokeKind, Ui, Vec2, WidgetInfo,
+};
+use glam::DVec2;
+
+use super::theme::{FAINT, INK, PANEL};
+use crate::input::Intent;
+use crate::play::{CueView, cue_speed_m_s};
+use crate::sim;
+
+/// Draws both for the cue that is shown; what the player sets with the pointer.
+pub fn panel(ctx: &Context, cue: &CueView) -> Option<Intent> {
+    let screen = ctx.content_rect();
+    let bar_at = Pos2::new(screen.left() + 16.0, screen.center().y - 0.5 * BAR.y - 20.0);
+    let disc_at = screen.left_bottom() + Vec2::new(12.0, -2.0 * RADIUS - 20.0);
+    let power = area(ctx, "power", bar_at, |ui| power_bar(ui, cue.power));
+    let tip = area(ctx, "spin", disc_at, |ui| spin_disc(ui, cue));
+    tip.or(power)
+}
+
+fn area<T>(
+    ctx: &Context,
+    name: &str,
+    at: Pos2,
+    draw: impl FnOnce(&mut Ui) -> Option<T>,
+) -> Option<T> {
+    let area = Area::new(Id::unique(name))
+        .order(Order::Middle)
+        .fixed_pos(at);
+    area.show(ctx, draw).inner
+}
+
+fn power_bar(ui: &mut Ui, power: f64) -> Option<Intent> {
+    let (whole, response) = ui.allocate_exact_size(BAR + Vec2::new(34.0, 34.0), POINTER_ONLY);
+    let words = format!("Power {:.0} %", power * 100.0);
+    response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, &words));
+    let frame = Rect::from_min_size(whole.min + Vec2::new(17.0, 4.0), BAR);
+    let painter = ui.painter();
+    painter.rect_filled(whole, CornerRadius::same(8), PANEL);
+    let top = frame.bottom() - frame.height() * power as f32;
+    let filled = frame.with_min_y(top);
+    painter.rect_filled(filled, CornerRadius::same(3), power_color(power as f32));
+    for quarter in 1..4 {
+        let y = frame.bottom() - frame.height() * quarter as f32 / 4.0;
+        painter.hline(frame.left()..=frame.left() + 5.0, y, Stroke::new(1.0, INK));
+    }
+    let rim = Stroke::new(rim_width(&response), INK);
+    painter.rect_stroke(frame, CornerRadius::same(3), rim, StrokeKind::Outside);
+    let foot = frame.center_bottom() + Vec2::new(0.0, 6.0);
+    let speed = format!("{:.2} m/s", cue_speed_m_s(power));
+    painter.text(
+        foot,
+        Align2::CENTER_TOP,
+        speed,
+        FontId::proportional(13.0),
+        INK,
+    );
+    let explained = response.on_hover_text("Power: the speed of the cue. Click or drag");
+    let at = clicked_at(&explained)?;
+    let share = (frame.bottom() - at.y) / frame.height();
+    Some(Intent::SetPower(f64::from(share.clamp(0.0, 1.0))))
+}
+
+/// The cue ball as the player sees it along the cue, with the tip's place and the ring beyond which it
+/// slips off.
+fn spin_disc(ui: &mut Ui, cue: &CueView) -> Option<Intent> {
+    let size = Vec2::splat(2.0 * RADIUS + 8.0);
+    let (rect, response) = ui.allocate_exact_size(size, POINTER_ONLY);
+    let spin = format!(
+        "Spin {:+.0} % right, {:+.0} % up",
+        cue.tip.x * 100.0,
+        cue.tip.y * 100.0
+    );
+    response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, &spin));
+    let (center, painter) = (rect.center(), ui.painter());
+    painter.circle_filled(center, RADIUS + 4.0, PANEL);
+    painter.circle_filled(center, RADIUS, Color32::from_rgb(232, 226, 210));
+    let limit = sim::Cue::default().miscue_offset();
+    let ring = Stroke::new(rim_width(&response), Color32::from_gray(120));
+    painter.circle_stroke(center, RADIUS * limit as f32, ring);
+    let tip = center + Vec2::new(cue.tip.x as f32, -cue.tip.y as f32) * RADIUS;
+    let slips = cue.tip.length() > limit;
+    painter.circle_filled(tip, 6.0, if slips { SLIPS } else { TIP });
+    if slips {
+        // A cross as well, for those who do not tell the colours apart.
+        for arm in [Vec2::new(4.0, 4.0), Vec2::new(4.0, -4.0)] {
+            painter.line_segment([tip - arm, tip + arm], Stroke::new(2.0, INK));
+        }
+    }
+    raised(ui, cue, rect, slips);
+    let explained = response.on_hover_text(
+        "Where the tip meets the cue ball: beyond the ring it slips off. Click or drag",
+    );
+    let at = (clicked_at(&explained)? - center) / RADIUS;
+    Some(Intent::SetTip(DVec2::new(
+        f64::from(at.x),
+        f64::from(-at.y),
+    )))
+}
+
+/// What there is to say beside the disc.
+fn raised(ui: &Ui, cue: &CueView, disc: Rect, slips: bool) {
+    let mut words = Vec::new();
+    if cue.elevation_rad > 0.0005 {
+        let angle = cue.elevation_rad.to_degrees();
+        words.push((format!("cue raised {angle:.1}°"), INK));
+    }
+    if slips {
+        words.push(("the tip will slip off".to_owned(), super::theme::ALARM));
+    }
+    if words.is_empty() {
+        return;
+    }
+    let painter = ui.ctx().layer_painter(ui.layer_id());
+    let mut at = disc.right_center() + Vec2::new(10.0, 6.0 - 10.0 * words.len() as f32);
+    for (text, color) in words {
+        let galley = painter.layout_no_wrap(text, FontId::proportional(14.0), color);
+        let rect = Rect::from_min_size(at, galley.size()).expand2(Vec2::new(6.0, 2.0));
+        painter.rect_filled(rect, CornerRadius::same(4), PANEL);
+        at.y += galley.size().y + 5.0;
+        painter.galley(rect.min + Vec2::new(6.0, 2.0), galley, FAINT);
+    }
+}
+
+/// Where the pointer holds a widget.
+fn clicked_at(response: &Response) -> Option<Pos2> {
+    // A quick click is down and up within one frame.
+    let held = response.is_pointer_button_down_on() || response.dragged() || response.clicked();
+    held.then(|| response.interact_pointer_pos()).flatten()
+}
+
+fn rim_width(response: &Response) -> f32 {
+    if response.hovered() { 2.0 } else { 1.0 }
+}
+
+fn power_color(power: f32) -> Color32 {
+    let mix = |a: f32, b: f32| (a + (b - a) * power) as u8;
+    Color32::from_rgb(mix(90.0, 235.0), mix(200.0, 80.0), mix(110.0, 50.0))
+}
+
+/// Keys have their own actions: Tab does not stop here.
+const POINTER_ONLY: Sense = Sense::CLICK.union(Sense::DRAG);
+const BAR: Vec2 = Vec2::new(18.0, 220.0);
+const RADIUS: f32 = 46.0;
+const TIP: Color32 = Color32::from_rgb(40, 90, 160);
+const SLIPS: Color32 = Color32::from_rgb(190, 50, 30);
+
+#[cfg(test)]
+mod tests {
+    use std::cell::RefCell;
+
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable as _;
+    use glam::DVec3;
+
+    use super::*;
+    use crate::play::Aim;
+
+    /// What clicking somewhere in the widget with this label sets; the place is a share of it.
+    fn clicked(label: &str, place: Vec2) -> Vec<Intent> {
+        let intents = RefCell::new(Vec::new());
+        let cue = CueView::resting(DVec3::ZERO, &Aim::LEVEL);
+        let mut harness = Harness::builder()
+            .with_size(Vec2::new(1280.0, 720.0))
+            .build_ui(|ui| intents.borrow_mut().extend(panel(ui.ctx(), &cue)));
+        harness.run();
+        let widget = harness.get_by_label_contains(label).rect();
+        let at = widget.min + place * widget.size();
+        let press = |pressed| egui::Event::PointerButton {
+            pos: at,
+            button: egui::PointerButton::Primary,
+            pressed,
+            modifiers: egui::Modifiers::NONE,
+        };
+        for event in [egui::Event::PointerMoved(at), press(true), press(false)] {
+            harness.event(event);
+        }
+        harness.step();
+        harness.step();
+        drop(harness);
+        intents.into_inner()
+    }
+
+    #[test]
+    fn a_click_on_the_disc_puts_the_tip_there() {
+        let intents = clicked("Spin", Vec2::new(0.5, 0.25));
+        let Some(Intent::SetTip(tip)) = intents.last() else {
+            panic!("{intents:?}");
+        };
+        assert!(tip.x.abs() < 0.02 && (0.5..0.6).contains(&tip.y), "{tip}");
+    }
+
+    #[test]
+    fn a_click_on_the_bar_sets_the_power() {
+        let at = |share: f32| match clicked("Power", Vec2::new(0.5, share)).last() {
+            Some(Intent::SetPower(power)) => *power,
+            other => panic!("{other:?}"),
+        };
+        assert!(at(0.02) > 0.97 && at(0.98) < 1e-9);
+        assert!(at(0.3) > at(0.6));
+    }
+}
