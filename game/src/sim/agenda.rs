@@ -146,7 +146,7 @@ fn next_change(ball: &Live, table: &Table, now: f64) -> (f64, Change) {
     if ball.is_in_play() {
         let radius_m = ball.body.radius_m;
         if ball.motion.phase == Phase::Airborne {
-            let touch = Scout { table, radius_m }.first_touch(&course, first.time);
+            let touch = Scout { table, radius_m }.first_obstacle(&course, first.time);
             if let Some((time, obstacle)) = touch {
                 first.consider(Some(time), Change::Touches(obstacle));
             }

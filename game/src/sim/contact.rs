@@ -20,7 +20,8 @@ impl Simulation<'_> {
     pub(super) fn touch(&mut self, ball: usize, obstacle: Obstacle) {
         let Live { number, body, .. } = self.balls[ball];
         let before = self.balls[ball].twist(self.now);
-        if obstacle == Obstacle::Top {
+        let sunk_m = self.table.rail_height_m() + body.radius_m - self.bodies.position(ball).z;
+        if obstacle == Obstacle::Top && sunk_m < LANDING_SLACK_M {
             return self.land(ball, before);
         }
         let scout = Scout {
@@ -159,3 +160,7 @@ impl Simulation<'_> {
         }
     }
 }
+
+/// A ball that comes onto the flat rail from beside it, lower than this, is thrown up as by a cushion's
+/// slope: to lift it would be a gift of energy.
+const LANDING_SLACK_M: f64 = 1e-6;

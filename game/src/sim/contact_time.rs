@@ -33,6 +33,15 @@ impl Course {
         }
     }
 
+    /// The rest of it from a time on.
+    pub(crate) fn from(&self, t: f64) -> Self {
+        Self {
+            position: self.at(t),
+            velocity: self.velocity_at(t),
+            ..*self
+        }
+    }
+
     pub(crate) fn relative_to(&self, other: &Self) -> Self {
         Self {
             position: self.position - other.position,

@@ -49,6 +49,7 @@ mod live;
 mod motion;
 mod obstacle;
 mod orientation;
+mod pieces;
 mod plan;
 mod rack;
 mod recording;

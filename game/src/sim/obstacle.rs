@@ -1,18 +1,18 @@
 //! What a ball in the air can touch, when, and in which direction it is pushed.
 //!
 //! The cushions are solid up to their noses; a ball over the nose meets its edge, and behind it the
-//! top that slopes up to the flat rail. A pocket has a rounded rim, where a slow ball tips over,
-//! and a wall. All distances are exact for the parabola on which the ball moves: polynomials, and
+//! top that slopes up to the flat rail. The edges of facings and jaws are level, too, so that a ball that
+//! flies over them out of a pocket's throat may sink into that slope by its rise, 8 mm, before it is
+//! thrown up. A pocket has a rounded rim, where a slow ball tips over, and a wall. All distances are exact for the parabola on which the ball moves: polynomials, and
 //! for the level circles of rims and jaws [`reaches_ring`].
 
 use glam::{DVec2, DVec3};
 
 use super::{
-    contact_time::{
-        Course, direction, leaves_circle, reaches_nose, reaches_plane, reaches_point, reaches_ring,
-    },
+    contact_time::{Course, direction, leaves_circle, reaches_plane, reaches_point, reaches_ring},
     elementary::hypot,
     event::Surface,
+    pieces::first_touch,
     table::{Cushion, JOINT_SLACK_M, Nose, Pocket, Rails, Table},
 };
 
@@ -31,7 +31,7 @@ pub(crate) enum Obstacle {
     Lip(usize),
     /// The sloping top of a cushion.
     Slope(usize),
-    /// The edge where a cushion's slope meets the flat rail.
+    /// The edge of the flat rail behind a cushion and beside it, up to the pockets' holes.
     Crease(usize),
     /// The flat top of the rails.
     Top,
@@ -66,7 +66,7 @@ pub(crate) struct Scout<'a> {
 
 impl Scout<'_> {
     /// The first obstacle that is touched, and when, within `horizon`.
-    pub(crate) fn first_touch(&self, course: &Course, horizon: f64) -> Option<(f64, Obstacle)> {
+    pub(crate) fn first_obstacle(&self, course: &Course, horizon: f64) -> Option<(f64, Obstacle)> {
         let mut first: Option<(f64, Obstacle)> = None;
         let mut consider = |time: Option<f64>, obstacle| {
             if let Some(time) = time.filter(|&time| first.is_none_or(|(best, _)| time < best)) {
@@ -175,39 +175,70 @@ impl Scout<'_> {
             .unwrap_or(DVec3::Z)
     }
 
-    fn is_below_nose(&self, course: &Course, t: f64) -> bool {
-        course.at(t).z < self.table.nose_height_m()
-    }
-
     fn face(&self, course: &Course, nose: &Nose, horizon: f64) -> Option<f64> {
-        reaches_nose(course, nose, self.radius_m, horizon)
-            .filter(|&t| self.is_below_nose(course, t))
+        let nose_height_m = self.table.nose_height_m();
+        let front = nose.from() + self.radius_m * nose.normal();
+        let plane = (front.extend(0.0), nose.normal().extend(0.0));
+        first_touch(
+            (course, horizon),
+            |course, horizon| reaches_plane(course, plane, self.radius_m, horizon),
+            |place| place.z < nose_height_m && nose.spans(place.truncate()),
+            |crossings| {
+                crossings.level(nose_height_m);
+                crossings.ends(nose.from(), nose.to());
+            },
+        )
     }
 
     fn edge(&self, course: &Course, nose: &Nose, horizon: f64) -> Option<f64> {
-        let corner = nose.from().extend(self.table.nose_height_m());
-        let seen = course.across_edge(corner, nose.normal().extend(0.0));
-        let t = reaches_point(&seen, self.radius_m, horizon)?;
-        let behind = self
-            .table
-            .rails()
-            .map_or(0.0, |rails| self.radius_m * slope_sin(rails));
-        let valid = !self.is_below_nose(course, t)
-            && seen.at(t).x >= -behind
-            && nose.spans(course.at(t).truncate());
-        valid.then_some(t)
+        let nose_height_m = self.table.nose_height_m();
+        let (corner, across) = (nose.from().extend(nose_height_m), nose.normal());
+        let rails = self.table.rails();
+        let behind = rails.map_or(0.0, |rails| self.radius_m * slope_sin(rails));
+        let last = nose.from() - behind * across;
+        first_touch(
+            (course, horizon),
+            |course, horizon| {
+                let seen = course.across_edge(corner, across.extend(0.0));
+                reaches_point(&seen, self.radius_m, horizon)
+            },
+            |place| {
+                place.z >= nose_height_m
+                    && across.dot(place.truncate() - nose.from()) >= -behind
+                    && nose.spans(place.truncate())
+            },
+            |crossings| {
+                crossings.level(nose_height_m);
+                crossings.line(last, across);
+                crossings.ends(nose.from(), nose.to());
+            },
+        )
     }
 
     fn jaw(&self, course: &Course, index: usize, horizon: f64) -> Option<f64> {
         let jaw = self.table.jaws()[index];
-        let flat = course.flat_from(jaw.center);
-        let side = reaches_point(&flat, self.radius_m + jaw.radius_m, horizon)
-            .filter(|&t| self.is_below_nose(course, t));
-        let ring = (jaw.center.extend(self.table.nose_height_m()), jaw.radius_m);
-        let edge = reaches_ring(course, ring, self.radius_m, horizon).filter(|&t| {
-            flat.at(t).length() >= jaw.radius_m - JOINT_SLACK_M && !self.is_below_nose(course, t)
-        });
-        side.into_iter().chain(edge).min_by(f64::total_cmp)
+        let nose_height_m = self.table.nose_height_m();
+        let reach = self.radius_m + jaw.radius_m;
+        let side = first_touch(
+            (course, horizon),
+            |course, horizon| reaches_point(&course.flat_from(jaw.center), reach, horizon),
+            |place| place.z < nose_height_m,
+            |crossings| crossings.level(nose_height_m),
+        );
+        let ring = (jaw.center.extend(nose_height_m), jaw.radius_m);
+        let edge = first_touch(
+            (course, horizon),
+            |course, horizon| reaches_ring(course, ring, self.radius_m, horizon),
+            |place| {
+                let away = place.truncate().distance(jaw.center);
+                away >= jaw.radius_m - JOINT_SLACK_M && place.z >= nose_height_m
+            },
+            |crossings| {
+                crossings.level(nose_height_m);
+                crossings.circle(jaw.center, jaw.radius_m);
+            },
+        );
+        [side, edge].into_iter().flatten().min_by(f64::total_cmp)
     }
 
     fn rim(&self, course: &Course, pocket: &Pocket, horizon: f64) -> Option<f64> {
@@ -216,10 +247,18 @@ impl Scout<'_> {
         }
         let edge = pocket.center.extend(-pocket.rim_radius_m);
         let distance = self.radius_m + pocket.rim_radius_m;
-        let t = reaches_ring(course, (edge, pocket.radius_m), distance, horizon)?;
-        let place = course.at(t);
-        let inside = place.truncate().distance(pocket.center) <= pocket.radius_m + JOINT_SLACK_M;
-        (inside && place.z > edge.z).then_some(t)
+        first_touch(
+            (course, horizon),
+            |course, horizon| reaches_ring(course, (edge, pocket.radius_m), distance, horizon),
+            |place| {
+                let away = place.truncate().distance(pocket.center);
+                away <= pocket.radius_m + JOINT_SLACK_M && place.z > edge.z
+            },
+            |crossings| {
+                crossings.level(edge.z);
+                crossings.circle(pocket.center, pocket.radius_m);
+            },
+        )
     }
 
     fn wall(&self, course: &Course, pocket: &Pocket, horizon: f64) -> Option<f64> {
@@ -227,20 +266,39 @@ impl Scout<'_> {
         if pocket.depth_m == 0.0 || room <= 0.0 {
             return None;
         }
-        let t = leaves_circle(&course.flat_from(pocket.center), room, horizon)?;
-        let place = course.at(t);
-        let is_near = place.truncate().distance(pocket.center) <= pocket.radius_m;
-        let is_open = is_open(pocket, place) && place.z > -pocket.rim_radius_m;
-        (is_near && !is_open && place.z <= self.table.rail_height_m()).then_some(t)
+        let rail_height_m = self.table.rail_height_m();
+        first_touch(
+            (course, horizon),
+            |course, horizon| leaves_circle(&course.flat_from(pocket.center), room, horizon),
+            |place| {
+                let is_near = place.truncate().distance(pocket.center) <= pocket.radius_m;
+                let is_open = is_open(pocket, place) && place.z > -pocket.rim_radius_m;
+                is_near && !is_open && place.z <= rail_height_m
+            },
+            |crossings| {
+                crossings.mouth(pocket);
+                crossings.level(-pocket.rim_radius_m);
+                crossings.level(rail_height_m);
+            },
+        )
     }
 
     fn lip(&self, course: &Course, pocket: &Pocket, horizon: f64) -> Option<f64> {
         let height = self.table.rails().map(|_| self.table.rail_height_m())?;
         let ring = (pocket.center.extend(height), pocket.bore_radius_m());
-        let t = reaches_ring(course, ring, self.radius_m, horizon)?;
-        let place = course.at(t);
-        let inside = place.truncate().distance(pocket.center) <= ring.1 + JOINT_SLACK_M;
-        (inside && place.z > height && !is_open(pocket, place)).then_some(t)
+        first_touch(
+            (course, horizon),
+            |course, horizon| reaches_ring(course, ring, self.radius_m, horizon),
+            |place| {
+                let away = place.truncate().distance(pocket.center);
+                away <= ring.1 + JOINT_SLACK_M && place.z > height && !is_open(pocket, place)
+            },
+            |crossings| {
+                crossings.mouth(pocket);
+                crossings.level(height);
+                crossings.circle(pocket.center, ring.1);
+            },
+        )
     }
 
     fn slope(
@@ -252,11 +310,19 @@ impl Scout<'_> {
         let nose = &self.table.noses()[cushion.nose];
         let normal = self.tilt(cushion, rails);
         let line = nose.from().extend(self.table.nose_height_m());
-        let plane = (line + self.radius_m * normal, normal);
-        let t = reaches_plane(course, plane, self.radius_m, horizon)?;
-        cushion
-            .covers((course.at(t) - self.radius_m * normal).truncate())
-            .then_some(t)
+        let to_center = self.radius_m * normal;
+        first_touch(
+            (course, horizon),
+            |course, horizon| {
+                reaches_plane(course, (line + to_center, normal), self.radius_m, horizon)
+            },
+            |place| cushion.covers((place - to_center).truncate()),
+            |crossings| {
+                for (from, to) in cushion.sides() {
+                    crossings.line(from + to_center.truncate(), (to - from).perp());
+                }
+            },
+        )
     }
 
     fn crease(
@@ -265,27 +331,62 @@ impl Scout<'_> {
         (cushion, rails): (&Cushion, Rails),
         horizon: f64,
     ) -> Option<f64> {
-        let nose = &self.table.noses()[cushion.nose];
-        let back = nose.from() - rails.cushion_width_m * nose.normal();
-        let seen = course.across_edge(
-            back.extend(self.table.rail_height_m()),
-            nose.normal().extend(0.0),
-        );
-        let t = reaches_point(&seen, self.radius_m, horizon)?;
-        let across = seen.at(t);
-        let between = (-2.0 * JOINT_SLACK_M..=self.radius_m * slope_sin(rails)).contains(&across.x);
+        let across = self.table.noses()[cushion.nose].normal();
         let [_, _, first, last] = cushion.corners;
-        let along = (last - first).dot(course.at(t).truncate() - first);
-        let beside = (0.0..=first.distance_squared(last)).contains(&along);
-        (across.y > 0.0 && between && beside).then_some(t)
+        let edge = first.extend(self.table.rail_height_m());
+        let steep = self.radius_m * slope_sin(rails);
+        let in_front = |place: DVec3| across.dot(place.truncate() - first);
+        first_touch(
+            (course, horizon),
+            |course, horizon| {
+                let seen = course.across_edge(edge, across.extend(0.0));
+                reaches_point(&seen, self.radius_m, horizon)
+            },
+            |place| {
+                let foot = place.truncate() - in_front(place) * across;
+                // Beside the cushion, in the throat of a pocket, nothing slopes up to the edge.
+                let most = if cushion.covers(foot) {
+                    steep
+                } else {
+                    self.radius_m
+                };
+                place.z > edge.z
+                    && (-2.0 * JOINT_SLACK_M..=most).contains(&in_front(place))
+                    && self
+                        .table
+                        .is_rail_under(foot - 2.0 * JOINT_SLACK_M * across)
+            },
+            |crossings| {
+                crossings.level(edge.z);
+                for distance in [-JOINT_SLACK_M, steep, self.radius_m] {
+                    crossings.line(first + distance * across, across);
+                }
+                crossings.ends(first, last);
+            },
+        )
     }
 
     fn top(&self, course: &Course, horizon: f64) -> Option<f64> {
         let level = DVec3::Z * (self.table.rail_height_m() + self.radius_m);
-        let t = reaches_plane(course, (level, DVec3::Z), self.radius_m, horizon)?;
-        self.table
-            .is_rail_under(course.at(t).truncate())
-            .then_some(t)
+        first_touch(
+            (course, horizon),
+            |course, horizon| reaches_plane(course, (level, DVec3::Z), self.radius_m, horizon),
+            |place| self.table.is_rail_under(place.truncate()),
+            |crossings| {
+                let (low, high) = self.table.inside_of_rails();
+                for (corner, normal) in [
+                    (low, DVec2::X),
+                    (low, DVec2::Y),
+                    (high, DVec2::X),
+                    (high, DVec2::Y),
+                ] {
+                    crossings.line(corner, normal);
+                }
+                for pocket in self.table.pockets() {
+                    crossings.circle(pocket.center, pocket.bore_radius_m());
+                }
+            },
+        )
     }
 
     /// The normal of a cushion's top.
@@ -309,7 +410,7 @@ fn slope_sin(rails: Rails) -> f64 {
 
 /// Cosine of the angle from the mouth at which a pocket's wall over the cloth begins: behind the
 /// ends of the facings.
-const OPEN_COS: f64 = 0.4;
+pub(crate) const OPEN_COS: f64 = 0.4;
 /// Over the cloth a pocket's wall leans in, so that it drives balls down: sine of 15°, the steepest
 /// vertical pocket angle of WPA's specifications.
 const LEAN_SIN: f64 = 0.258_819_045_102_520_76;

@@ -251,21 +251,28 @@ impl Shape {
         let (from, to) = (start + inset(opens) * along, stop - inset(ends) * along);
         let nose = self.noses.len();
         self.noses.push([from, to]);
-        let first_back = self.lay_end(from, -along, inward, opens);
-        let last_back = self.lay_end(to, along, inward, ends);
+        let (first_back, first_jaw) = self.lay_end(from, -along, inward, opens);
+        let (last_back, last_jaw) = self.lay_end(to, along, inward, ends);
         let rounded = |tip: Option<Tip>| tip.map_or(0.0, |tip| tip.pocket.tangent_m());
         self.noses[nose] = [from + rounded(opens) * along, to - rounded(ends) * along];
         self.cushions.push(Cushion {
             nose,
             corners: [to, from, first_back, last_back],
+            jaws: [last_jaw, first_jaw],
         });
     }
 
     /// Jaw and facing at an end whose unrounded `tip` points along `outward`; returns where the
-    /// facing meets the back.
-    fn lay_end(&mut self, tip: DVec2, outward: DVec2, inward: DVec2, end: Option<Tip>) -> DVec2 {
+    /// facing meets the back, and the jaw.
+    fn lay_end(
+        &mut self,
+        tip: DVec2,
+        outward: DVec2,
+        inward: DVec2,
+        end: Option<Tip>,
+    ) -> (DVec2, Option<Circle>) {
         let Some(Tip { pocket, .. }) = end else {
-            return tip + self.cushion_width_m * (outward - inward);
+            return (tip + self.cushion_width_m * (outward - inward), None);
         };
         let (sin, cos) = sin_cos(pocket.turn_rad());
         let facing = cos * outward - sin * inward;
@@ -279,11 +286,12 @@ impl Shape {
             self.noses
                 .push(if is_far { ends } else { [ends[1], ends[0]] });
         }
-        self.jaws.push(Circle {
+        let jaw = Circle {
             center: tip - tangent * outward - pocket.jaw_radius_m * inward,
             radius_m: pocket.jaw_radius_m,
-        });
-        back
+        };
+        self.jaws.push(jaw);
+        (back, Some(jaw))
     }
 }
 
@@ -333,14 +341,9 @@ impl Table {
     pub fn nine_foot() -> Self {
         Self::built_in("nine_foot").expect("the built-in tables are valid: a test reads them")
     }
-
-    /// The table of the scene `assets/scenes/pool.json`, whose cushions are boxes.
-    pub fn boxes() -> Self {
-        Self::built_in("boxes").expect("the built-in tables are valid: a test reads them")
-    }
 }
 
-const BUILT_IN: [(&str, &str); 6] = [
+const BUILT_IN: [(&str, &str); 5] = [
     (
         "seven_foot",
         include_str!("../../../assets/tables/seven_foot.json"),
@@ -358,5 +361,4 @@ const BUILT_IN: [(&str, &str); 6] = [
         include_str!("../../../assets/tables/snooker.json"),
     ),
     ("carom", include_str!("../../../assets/tables/carom.json")),
-    ("boxes", include_str!("../../../assets/tables/boxes.json")),
 ];

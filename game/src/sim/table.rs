@@ -122,15 +122,37 @@ pub struct Cushion {
     /// Its corners anticlockwise, in m: the ends of the nose line with the jaws not rounded, then
     /// the ends of its back. The sides between are the facings of the pockets.
     pub corners: [DVec2; 4],
+    /// What rounds the first and the second corner; none where the cushion is mitred.
+    pub jaws: [Option<Circle>; 2],
 }
 
 impl Cushion {
     /// Whether a point lies on it, seen from above.
     pub fn covers(&self, point: DVec2) -> bool {
-        (0..4).all(|i| {
-            let (from, to) = (self.corners[i], self.corners[(i + 1) % 4]);
+        let inside = self.sides().all(|(from, to)| {
             (to - from).perp_dot(point - from) >= -JOINT_SLACK_M * (to - from).length()
-        })
+        });
+        inside && !self.is_rounded_off(point)
+    }
+
+    /// The sides of the quadrilateral.
+    pub(crate) fn sides(&self) -> impl Iterator<Item = (DVec2, DVec2)> {
+        (0..4).map(|i| (self.corners[i], self.corners[(i + 1) % 4]))
+    }
+
+    /// Whether a point between the unrounded tips and their sides is beyond the roundings.
+    fn is_rounded_off(&self, point: DVec2) -> bool {
+        let [to, from, first_back, last_back] = self.corners;
+        [(to, from, last_back), (from, to, first_back)]
+            .into_iter()
+            .zip(self.jaws)
+            .any(|((tip, other, back), jaw)| {
+                jaw.is_some_and(|jaw| {
+                    let seen = point - jaw.center;
+                    let ahead = seen.dot(tip - other) > 0.0 && seen.dot(tip - back) > 0.0;
+                    ahead && seen.length() > jaw.radius_m + JOINT_SLACK_M
+                })
+            })
     }
 }
 
@@ -327,7 +349,9 @@ impl Table {
         let (low, high) = self.inside_of_rails();
         let inside =
             point.cmpgt(low - JOINT_SLACK_M).all() && point.cmplt(high + JOINT_SLACK_M).all();
-        let in_hole = |pocket: &Pocket| point.distance(pocket.center) < pocket.bore_radius_m();
+        let in_hole = |pocket: &Pocket| {
+            point.distance(pocket.center) < pocket.bore_radius_m() + JOINT_SLACK_M
+        };
         self.rails.is_some() && !inside && self.contains(point) && !self.pockets.iter().any(in_hole)
     }
 

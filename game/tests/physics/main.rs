@@ -6,7 +6,7 @@ mod placing;
 mod references;
 mod shots;
 
-use std::{f64::consts::PI, fs, path::Path};
+use std::{f64::consts::PI, path::Path};
 
 use carom::bench::{accuracy, breaks, closed_forms, curves, reference::Reference};
 use carom::sim::{

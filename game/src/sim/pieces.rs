@@ -1,0 +1,95 @@
+//! The first touch of something that goes on beyond its ends in the equations, as a line does of
+//! which a nose is only a part.
+//!
+//! Where the first touch of the whole is beyond the ends, the course is cut where it crosses what
+//! bounds the part, and the touch is sought in each piece that runs within. A ball that comes into
+//! such a piece already nearer than a touch, and still closes in, touches as it comes in.
+
+use glam::{DVec2, DVec3};
+
+use super::{
+    contact_time::{Course, leaves_circle, reaches_plane, reaches_point},
+    obstacle::OPEN_COS,
+    table::Pocket,
+};
+
+/// When a course touches a part within a horizon. `touch` finds the first touch of the whole, `is_there`
+/// tells whether the part is where a ball with its centre here would touch it, and `borders` crosses
+/// all that bounds the places where it is.
+pub(crate) fn first_touch(
+    (course, horizon): (&Course, f64),
+    touch: impl Fn(&Course, f64) -> Option<f64>,
+    is_there: impl Fn(DVec3) -> bool,
+    borders: impl Fn(&mut Crossings),
+) -> Option<f64> {
+    let t = touch(course, horizon)?;
+    if is_there(course.at(t)) {
+        return Some(t);
+    }
+    let mut crossings = Crossings {
+        course: course.from(t),
+        times: vec![0.0, horizon - t],
+    };
+    borders(&mut crossings);
+    let Crossings { course, mut times } = crossings;
+    times.sort_by(f64::total_cmp);
+    times.windows(2).find_map(|piece| {
+        let (from, to) = (piece[0], piece[1]);
+        let runs_within = to > from && is_there(course.at(0.5 * (from + to)));
+        let touches = || touch(&course.from(from), to - from);
+        runs_within
+            .then(touches)
+            .flatten()
+            .map(|later| t + from + later)
+    })
+}
+
+/// When a course crosses borders.
+pub(crate) struct Crossings {
+    course: Course,
+    /// From 0 to the horizon, which are the first two.
+    times: Vec<f64>,
+}
+
+impl Crossings {
+    /// The upright plane over a line through `point`.
+    pub(crate) fn line(&mut self, point: DVec2, normal: DVec2) {
+        self.plane(point.extend(0.0), normal.normalize_or_zero().extend(0.0));
+    }
+
+    /// The upright planes at the ends of a line.
+    pub(crate) fn ends(&mut self, from: DVec2, to: DVec2) {
+        self.line(from, to - from);
+        self.line(to, to - from);
+    }
+
+    pub(crate) fn level(&mut self, height: f64) {
+        self.plane(height * DVec3::Z, DVec3::Z);
+    }
+
+    /// The upright cylinder over a circle.
+    pub(crate) fn circle(&mut self, center: DVec2, radius: f64) {
+        let (seen, horizon) = (self.course.flat_from(center), self.times[1]);
+        let crossings = [
+            reaches_point(&seen, radius, horizon),
+            leaves_circle(&seen, radius, horizon),
+        ];
+        self.times.extend(crossings.into_iter().flatten());
+    }
+
+    /// The sides of a pocket's mouth.
+    pub(crate) fn mouth(&mut self, pocket: &Pocket) {
+        let across = (1.0 - OPEN_COS * OPEN_COS).sqrt() * pocket.mouth.perp();
+        for side in [across, -across] {
+            self.line(pocket.center, (OPEN_COS * pocket.mouth + side).perp());
+        }
+    }
+
+    fn plane(&mut self, point: DVec3, normal: DVec3) {
+        let horizon = self.times[1];
+        for normal in [normal, -normal] {
+            let crossing = reaches_plane(&self.course, (point, normal), 0.0, horizon);
+            self.times.extend(crossing);
+        }
+    }
+}
