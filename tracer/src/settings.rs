@@ -69,8 +69,9 @@ impl Default for RenderSettings {
     }
 }
 
-/// Choices of all knobs by name, from the fastest to the truest: on the processor none of
-/// `carom-farm bench tradeoff`'s other choices beats one in both time and error, which it measures.
+/// Choices of all knobs by name, from the fastest to the truest. `carom-farm bench tradeoff` measures
+/// what each takes and loses: by its figures for a processor they lie on or next to the front of
+/// choices that no other beats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Preset {
     /// For pictures that are gone at once: a quarter of the edge, four paths.
