@@ -178,12 +178,15 @@ fn draw_series(svg: &mut String, series: &Series, color: &str, x: &Scale, y: &Sc
     let places = series.points.iter().filter_map(place);
     match series.mark {
         Mark::Line => {
-            let way: Vec<_> = places.map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
-            let _ = writeln!(
-                svg,
-                "<polyline points=\"{}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"2\"/>",
-                way.join(" ")
-            );
+            // A path stays open: some viewers join a polyline's end to its beginning.
+            let way: Vec<_> = places.map(|(x, y)| format!("{x:.1} {y:.1}")).collect();
+            if !way.is_empty() {
+                let _ = writeln!(
+                    svg,
+                    "<path d=\"M{}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"2\"/>",
+                    way.join("L")
+                );
+            }
         }
         Mark::Dots => {
             for (x, y) in places {
@@ -317,6 +320,7 @@ mod tests {
                     vec![(0.0, 1.0), (2.0, 1000.0), (1.0, f64::NAN), (1.0, 0.0)],
                 ),
                 Series::line("none", Vec::new()),
+                Series::line("two", vec![(0.0, 1.0), (2.0, 1000.0)]),
             ],
             events: vec![(1.0, "half > way")],
         };
@@ -326,6 +330,8 @@ mod tests {
             2,
             "what has no place is left out"
         );
+        let open = svg.matches("stroke-width=\"2\"").count();
+        assert_eq!((open, svg.contains("polyline")), (1, false), "{svg}");
         assert!(svg.contains("a &lt; b &amp; c"));
         assert!(svg.contains("half &gt; way"));
         assert!(

@@ -70,46 +70,40 @@ fn errors(
     Ok(())
 }
 
-/// Processor time of a picture of 1280×720 without, with and for the first hits of the denoiser.
+/// Processor time of a picture of 1280×720 without and with the denoiser.
 fn costs(tracer: &dyn Tracer, scene: &CompiledScene) -> Result<(), Box<dyn Error>> {
     let grid = TileGrid::new(ImageSize::new(1280, 720), 32);
     let tiles: Vec<Tile> = grid.tiles(grid.all()).collect();
-    println!("samples  noisy ms  first hits ms  denoised ms  filter ms (processor time, 1280x720)");
+    println!("samples  noisy ms  denoised ms  more ms  paths a pixel (processor time, 1280x720)");
     for samples in [1, 4] {
-        let job = |samples: u32, denoise: bool| TraceJob {
-            size: grid.size,
-            tiles: &tiles,
-            settings: RenderSettings {
-                samples,
-                denoise,
-                ..RenderSettings::default()
-            },
-            cancelled: &NEVER,
-        };
-        let noisy = fastest(|| tracer.trace(scene, &job(samples, false), &|_| {}).map(drop))?;
-        let mut hits = fastest(|| tracer.layers(scene, &job(samples, false), &|_| {}))?;
-        if samples < 4 {
-            hits += fastest(|| tracer.layers(scene, &job(4, false), &|_| {}))?;
+        // In turns: others use the machine too, for seconds on end.
+        let mut least = [f64::INFINITY; 2];
+        for _ in 0..REPETITIONS {
+            for (denoise, least) in [false, true].into_iter().zip(&mut least) {
+                let job = TraceJob {
+                    size: grid.size,
+                    tiles: &tiles,
+                    settings: RenderSettings {
+                        samples,
+                        denoise,
+                        ..RenderSettings::default()
+                    },
+                    cancelled: &AtomicBool::new(false),
+                };
+                let begun = cpu_time::ProcessTime::now();
+                tracer.trace(scene, &job, &|_| {})?;
+                *least = least.min(begun.elapsed().as_secs_f64() * 1e3);
+            }
         }
-        let denoised = fastest(|| tracer.trace(scene, &job(samples, true), &|_| {}).map(drop))?;
-        let filter = denoised - noisy - hits;
-        println!("{samples:7}  {noisy:8.0}  {hits:13.0}  {denoised:11.0}  {filter:9.0}");
+        let [noisy, denoised] = least;
+        let more = denoised - noisy;
+        let paths = more / noisy * f64::from(samples);
+        println!("{samples:7}  {noisy:8.0}  {denoised:11.0}  {more:7.0}  {paths:13.2}");
     }
     Ok(())
 }
 
-static NEVER: AtomicBool = AtomicBool::new(false);
-
-/// Milliseconds of processor time, the least of five calls: others use the machine too.
-fn fastest(work: impl Fn() -> Result<(), carom_tracer::Error>) -> Result<f64, Box<dyn Error>> {
-    let mut least = f64::INFINITY;
-    for _ in 0..5 {
-        let begun = cpu_time::ProcessTime::now();
-        work()?;
-        least = least.min(begun.elapsed().as_secs_f64() * 1e3);
-    }
-    Ok(least)
-}
+const REPETITIONS: usize = 8;
 
 fn repository(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)

@@ -1,6 +1,6 @@
 //! What camera rays meet first: guides of the denoiser and layers of picture files.
 
-use crate::{RenderSettings, Tile};
+use crate::RenderSettings;
 
 /// Means over a pixel's camera rays, which go where those of its paths go.
 ///
@@ -19,7 +19,27 @@ pub struct Layers {
     pub emission: [f32; 3],
 }
 
+/// Numbers of [`Layers`].
+pub(crate) const LAYERS: usize = 10;
+
 impl Layers {
+    /// The numbers in their order: 3, 3, 1 and 3.
+    pub(crate) fn from_columns(columns: [f32; LAYERS]) -> Self {
+        let [r, g, b, x, y, z, inverse_depth, er, eg, eb] = columns;
+        Self {
+            albedo: [r, g, b],
+            normal: [x, y, z],
+            inverse_depth,
+            emission: [er, eg, eb],
+        }
+    }
+
+    /// What [`Layers::from_columns`] takes.
+    pub(crate) fn columns(&self) -> [f32; LAYERS] {
+        let ([r, g, b], [x, y, z], [er, eg, eb]) = (self.albedo, self.normal, self.emission);
+        [r, g, b, x, y, z, self.inverse_depth, er, eg, eb]
+    }
+
     /// Distance along the camera's axis in metres; ∞ where nothing is met.
     pub fn depth(&self) -> f32 {
         1.0 / self.inverse_depth
@@ -45,14 +65,5 @@ pub(crate) fn smooth(settings: RenderSettings) -> Option<RenderSettings> {
     (settings.samples < samples).then_some(RenderSettings {
         samples,
         ..settings
-    })
-}
-
-/// Rows of a tile, each a tile of its own.
-pub(crate) fn rows(tile: Tile) -> impl ExactSizeIterator<Item = Tile> {
-    (0..tile.height).map(move |row| Tile {
-        y: tile.y + row,
-        height: 1,
-        ..tile
     })
 }

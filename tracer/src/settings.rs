@@ -22,8 +22,8 @@ pub struct RenderSettings {
     /// Chooses the random numbers: pictures of different seeds are independent.
     pub seed: u32,
     /// Whether pictures are denoised ([`crate::post`]). On a processor it costs as much time as
-    /// three to four paths per pixel, and a guard band of [`crate::post::SUPPORT`] pixels is traced
-    /// around each run of tiles; a GPU filters by itself (`examples/gpu_speed.rs` prints its time).
+    /// two paths per pixel, and a guard band of [`crate::post::SUPPORT`] pixels is traced around
+    /// each run of tiles; a GPU filters by itself (`examples/gpu_speed.rs` prints its time).
     /// Without it, noise stays (`examples/denoise.rs` prints how much).
     pub denoise: bool,
 }
@@ -69,15 +69,16 @@ impl Default for RenderSettings {
     }
 }
 
-/// Choices of all knobs by name, from the fastest to the truest. What each takes and loses is
-/// measured by `carom-farm bench tradeoff`.
+/// Choices of all knobs by name, from the fastest to the truest. `carom-farm bench tradeoff` measures
+/// what each takes and loses: by its figures for a processor they lie on or next to the front of
+/// choices that no other beats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Preset {
-    /// For pictures that are gone at once: a quarter of the edge, one path, denoised.
+    /// For pictures that are gone at once: a quarter of the edge, four paths.
     Draft,
-    /// Half of the edge, two paths, denoised.
+    /// Half of the edge, four paths.
     Low,
-    /// Three quarters of the edge, four paths, denoised.
+    /// Three quarters of the edge, four paths.
     Medium,
     /// Every pixel, four paths, denoised.
     High,
@@ -110,7 +111,7 @@ impl Preset {
         }
     }
 
-    /// Pixels along an edge, as a share of the screen's.
+    /// Pixels along an edge, as a share of the screen's ([`crate::ImageSize::scaled`]).
     pub const fn scale(self) -> f64 {
         match self {
             Self::Draft => 0.25,
@@ -123,15 +124,13 @@ impl Preset {
     /// The rest.
     pub fn settings(self) -> RenderSettings {
         let samples = match self {
-            Self::Draft => 1,
-            Self::Low => 2,
-            Self::Medium | Self::High => 4,
+            Self::Draft | Self::Low | Self::Medium | Self::High => 4,
             Self::Final => 256,
             Self::Reference => 1024,
         };
         RenderSettings {
             samples,
-            denoise: samples <= 4,
+            denoise: self == Self::High,
             ..RenderSettings::default()
         }
     }

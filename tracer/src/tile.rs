@@ -16,6 +16,12 @@ pub struct ImageSize {
 }
 
 impl ImageSize {
+    /// With `scale` times the edges, rounded, of a pixel at least.
+    pub fn scaled(self, scale: f64) -> Self {
+        let edge = |pixels: u32| ((f64::from(pixels) * scale).round() as u32).max(1);
+        Self::new(edge(self.width), edge(self.height))
+    }
+
     /// The widest and highest image that is traced; pixel coordinates share a 32-bit hash key.
     pub const EDGE_MAX: u32 = 16_384;
 

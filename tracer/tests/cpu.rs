@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
+use carom_tracer::film::{Film, trace_image};
+use carom_tracer::metrics::rel_mse;
 use carom_tracer::{
     Camera, CompiledScene, CpuTracer, Environment, Error, ImageSize, Reference, RenderSettings,
     Scene, Tile, TileGrid, TraceJob, TraceStats, Tracer,
@@ -124,6 +126,39 @@ fn a_sample_range_is_the_mean_of_its_parts() {
             assert!((a - b).abs() <= 1e-6 * a.abs(), "{whole:?} {merged:?}");
         }
     }
+}
+
+/// What is shown while nothing moves: frames of other samples, added up.
+#[test]
+fn disjoint_ranges_of_samples_converge_to_the_reference() {
+    let (scene, size) = (pool(), ImageSize::new(64, 36));
+    let mut truth = settings(0, 256);
+    truth.seed = 1; // noise of its own
+    let truth = trace_image(&Reference, &scene, size, truth)
+        .unwrap()
+        .image();
+    let tracer = CpuTracer::new().unwrap();
+    let whole = Tile {
+        x: 0,
+        y: 0,
+        width: size.width,
+        height: size.height,
+    };
+    let mut film = Film::new(size);
+    let mut errors = Vec::new();
+    for frame in 0..16 {
+        let frame = trace_image(&tracer, &scene, size, settings(4 * frame, 4)).unwrap();
+        film.add(whole, &frame.image().pixels, 4).unwrap();
+        errors.push(rel_mse(&film.image(), &truth).unwrap());
+    }
+    assert_eq!(film.samples_min(), 64);
+    // The reference's own noise is a part of what is left.
+    assert!(errors[3] < 0.3 * errors[0], "{errors:?}");
+    assert!(errors[15] < 0.12 * errors[0], "{errors:?}");
+    assert!(
+        errors[15] < errors[7] && errors[7] < errors[3],
+        "{errors:?}"
+    );
 }
 
 #[test]

@@ -12,7 +12,7 @@ use carom_farm::{Error, Farm, FarmConfig, Frame, FrameSpec, LocalNode, NodeState
 use carom_protocol::PixelFormat;
 use carom_tracer::film::Film;
 use carom_tracer::{
-    CompiledScene, CpuTracer, ImageSize, Layers, RenderSettings, Scene, SceneUpdate, Tile,
+    CompiledScene, CpuTracer, ImageSize, Layers, Preset, RenderSettings, Scene, SceneUpdate, Tile,
     TraceJob, Tracer,
 };
 use indicatif::{ProgressBar, ProgressStyle};
@@ -22,7 +22,7 @@ use crate::commands::checkpoint::Checkpoint;
 use crate::commands::inputs::{self, Format, Output};
 
 /// Trace a picture on this machine, on nodes, or on both.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 pub(crate) struct Args {
     /// Scene file [default: the built-in pool table].
     #[arg(long)]
@@ -30,6 +30,11 @@ pub(crate) struct Args {
     /// Pixels.
     #[arg(long, default_value = "1280x720")]
     size: ImageSize,
+    /// How good it is to be, in place of --spp and --denoise: draft, low, medium, high, final or
+    /// reference. The first three have a quarter, half and three quarters of --size along each
+    /// edge; `bench tradeoff` measures what each takes and loses.
+    #[arg(long, conflicts_with_all = ["spp", "denoise"])]
+    preset: Option<Preset>,
     /// Samples per pixel.
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     spp: u32,
@@ -82,6 +87,7 @@ const PATIENCE: Duration = Duration::from_millis(200);
 const NODES_PATIENCE: Duration = Duration::from_secs(10);
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let args = &args.with_preset();
     let named = inputs::scene(args.scene.as_deref())?;
     let mut farm = Farm::new(config(args)?)?;
     farm.set_scene(&named.scene)?;
@@ -148,6 +154,21 @@ impl Progress {
 }
 
 impl Args {
+    /// With what the preset stands for.
+    fn with_preset(&self) -> Self {
+        let args = self.clone();
+        let Some(preset) = self.preset else {
+            return args;
+        };
+        let settings = preset.settings();
+        Self {
+            size: self.size.scaled(preset.scale()),
+            spp: settings.samples,
+            denoise: settings.denoise,
+            ..args
+        }
+    }
+
     fn settings(&self, first_sample: u32, samples: u32) -> RenderSettings {
         RenderSettings {
             samples,

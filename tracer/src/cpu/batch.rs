@@ -6,6 +6,8 @@ use fearless_simd::prelude::*;
 
 use super::integrator::Prepared;
 use super::stream::Stream;
+use crate::layers::{LAYERS, smooth};
+use crate::post::{Means, NoisyPixels};
 use crate::sampling::{pixel_key, sample_key};
 use crate::{RenderSettings, Tile};
 
@@ -22,15 +24,20 @@ pub(super) struct Scratch {
     /// Per channel and pixel: a sum and what rounding has taken from it (Kahan, "Pracniques:
     /// Further Remarks on Reducing Truncation Errors", CACM 8(1), 1965).
     sums: [Vec<(f32, f32)>; 3],
-    /// Sums of the first half of the samples.
-    half: Vec<[f32; 3]>,
+    /// Of denoised pictures: sums of the first half of the samples, of all first hits, and of those
+    /// of as many samples as smooth outlines need.
+    half: [Vec<f32>; 3],
+    seen: [Vec<f32>; LAYERS],
+    smooth: [Vec<f32>; LAYERS],
 }
 
 /// A traced rectangle.
+#[derive(Default)]
 pub(super) struct Traced {
+    /// Of pictures that are not denoised.
     pub(super) radiance: Vec<[f32; 3]>,
-    /// Of the first half of the samples, rounded down, where pictures are denoised.
-    pub(super) half: Vec<[f32; 3]>,
+    /// Of pictures that are.
+    pub(super) noisy: NoisyPixels,
     pub(super) dropped_samples: u32,
     pub(super) rays: u64,
 }
@@ -42,7 +49,9 @@ impl Scratch {
             films: Vec::with_capacity(BATCH),
             keys: Vec::with_capacity(BATCH),
             sums: std::array::from_fn(|_| Vec::with_capacity(BATCH)),
-            half: Vec::with_capacity(BATCH),
+            half: Default::default(),
+            seen: Default::default(),
+            smooth: Default::default(),
         }
     }
 
@@ -57,12 +66,7 @@ impl Scratch {
         area: Tile,
         cancelled: &AtomicBool,
     ) -> Option<Traced> {
-        let mut traced = Traced {
-            radiance: Vec::with_capacity(area.pixels()),
-            half: Vec::new(),
-            dropped_samples: 0,
-            rays: 0,
-        };
+        let mut traced = Traced::default();
         for first in (0..area.pixels()).step_by(BATCH) {
             let pixels = BATCH.min(area.pixels() - first);
             self.begin(area, first, pixels);
@@ -77,12 +81,14 @@ impl Scratch {
                 let half = (settings.samples / 2).checked_sub(done);
                 let half = half.filter(|_| settings.denoise && settings.samples > 1);
                 traced.dropped_samples += self.accumulate(samples as usize, half);
+                if scene.notes_first_hits() {
+                    self.accumulate_seen(samples as usize);
+                }
             }
-            self.resolve(settings.samples, &mut traced.radiance);
             if settings.denoise {
-                let share = 1.0 / (settings.samples / 2).max(1) as f32;
-                let sums = self.half.drain(..);
-                traced.half.extend(sums.map(|sum| sum.map(|c| c * share)));
+                self.resolve_noisy(simd, scene, &mut traced.noisy);
+            } else {
+                self.resolve(settings.samples, &mut traced.radiance);
             }
         }
         Some(traced)
@@ -91,14 +97,25 @@ impl Scratch {
     fn begin(&mut self, area: Tile, first: usize, pixels: usize) {
         self.films.clear();
         self.keys.clear();
-        for index in first as u32..(first + pixels) as u32 {
-            let (x, y) = (area.x + index % area.width, area.y + index / area.width);
-            self.films.push((y << 16) | x);
-            self.keys.push(pixel_key(x, y));
+        let (first, pixels) = (first as u32, pixels as u32);
+        let (mut x, mut y) = (first % area.width, first / area.width);
+        for _ in 0..pixels {
+            let (column, row) = (area.x + x, area.y + y);
+            self.films.push((row << 16) | column);
+            self.keys.push(pixel_key(column, row));
+            x += 1;
+            if x == area.width {
+                (x, y) = (0, y + 1);
+            }
         }
+        let pixels = pixels as usize;
         for sums in &mut self.sums {
             sums.clear();
             sums.resize(pixels, (0.0, 0.0));
+        }
+        for sums in self.half.iter_mut().chain(&mut self.seen) {
+            sums.clear();
+            sums.resize(pixels, 0.0);
         }
     }
 
@@ -148,10 +165,53 @@ impl Scratch {
 
     /// Keeps the sums as those of the first half.
     fn resolve_half(&mut self) {
-        let [r, g, b] = &self.sums;
-        let pixels = r.iter().zip(g).zip(b);
-        self.half.clear();
-        self.half.extend(pixels.map(|((r, g), b)| [r.0, g.0, b.0]));
+        for (half, sums) in self.half.iter_mut().zip(&self.sums) {
+            half.clear();
+            half.extend(sums.iter().map(|&(sum, _)| sum));
+        }
+    }
+
+    #[inline(always)]
+    fn accumulate_seen(&mut self, samples: usize) {
+        let pixels = self.keys.len();
+        for (sums, column) in self.seen.iter_mut().zip(&self.stream.seen) {
+            for column in column.chunks_exact(pixels).take(samples) {
+                for (sum, &value) in sums.iter_mut().zip(column) {
+                    *sum += value;
+                }
+            }
+        }
+    }
+
+    /// Appends the means of all samples with what the filter needs.
+    #[inline(always)]
+    fn resolve_noisy<S: Simd>(&mut self, simd: S, scene: &Prepared, noisy: &mut NoisyPixels) {
+        let samples = scene.settings.samples;
+        if !scene.notes_first_hits() {
+            scene.add_first_hits(simd, &self.films, &self.keys, 0..samples, &mut self.seen);
+        }
+        let smooth = smooth(scene.settings).map(|smooth| smooth.samples);
+        if let Some(rays) = smooth {
+            self.smooth.clone_from(&self.seen);
+            let more = samples..rays;
+            scene.add_first_hits(simd, &self.films, &self.keys, more, &mut self.smooth);
+            scale(&mut self.smooth, 1.0 / rays as f32);
+        }
+        scale(&mut self.seen, 1.0 / samples as f32);
+        scale(&mut self.half, 1.0 / (samples / 2).max(1) as f32);
+        let mean = |sums: &Vec<(f32, f32)>| -> Vec<f32> {
+            sums.iter().map(|&(sum, _)| sum / samples as f32).collect()
+        };
+        let radiance = self.sums.each_ref().map(mean);
+        noisy.extend(
+            samples,
+            &Means {
+                radiance: radiance.each_ref().map(Vec::as_slice),
+                half: self.half.each_ref().map(Vec::as_slice),
+                hits: self.seen.each_ref().map(Vec::as_slice),
+                smooth: smooth.map(|_| self.smooth.each_ref().map(Vec::as_slice)),
+            },
+        );
     }
 
     /// Appends the means of all samples.
@@ -160,6 +220,13 @@ impl Scratch {
         let mean = |&(sum, _): &(f32, f32)| sum / samples as f32;
         let pixels = r.iter().zip(g).zip(b);
         radiance.extend(pixels.map(|((r, g), b)| [mean(r), mean(g), mean(b)]));
+    }
+}
+
+#[inline(always)]
+fn scale(columns: &mut [Vec<f32>], factor: f32) {
+    for value in columns.iter_mut().flatten() {
+        *value *= factor;
     }
 }
 

@@ -54,8 +54,7 @@ impl Prepared {
         );
         for bounce in 0..=scatterings_max {
             let last = bounce == scatterings_max;
-            rays += stream.len as u64;
-            simd.vectorize(
+            rays += simd.vectorize(
                 #[inline(always)]
                 || self.extend(simd, stream, bounce, last),
             );
@@ -88,6 +87,18 @@ impl Prepared {
         self.has_coat && (bounce > 0 || !self.settings.denoise)
     }
 
+    /// Whether what paths meet is noted for the filter. They keep their places then, also those that
+    /// end.
+    fn sees(&self, bounce: u32) -> bool {
+        bounce == 0 && self.notes_first_hits()
+    }
+
+    /// Whether paths note their first hits: those of pictures that are denoised, unless they are not
+    /// scattered at all.
+    pub(super) fn notes_first_hits(&self) -> bool {
+        self.settings.denoise && self.settings.scatterings_max > 0
+    }
+
     /// Camera rays through a random point of each path's pixel.
     #[inline(always)]
     fn generate<S: Simd>(&self, simd: S, stream: &mut Stream) {
@@ -98,9 +109,10 @@ impl Prepared {
             let sample = load_words(simd, &stream.sample, at);
             let film = load_words(simd, &stream.film, at);
             let direction = self.camera_direction(simd, film, pixel, sample);
-            let inverse_length = one / direction.length_squared().sqrt();
+            let length = direction.length_squared().sqrt();
             stream.origin.store(at, eye);
-            stream.direction.store(at, direction * inverse_length);
+            stream.direction.store(at, direction * (one / length));
+            store(&mut stream.distance, at, length);
             stream.beta.store(at, Vec3x::new(one, one, one));
             stream.radiance.store(at, Vec3x::splat(simd, [0.0; 3]));
             store(&mut stream.pdf, at, Float::splat(simd, f32::INFINITY));
@@ -134,18 +146,23 @@ impl Prepared {
     }
 
     /// Finds what each path meets next, ends those that meet light or nothing, or all if this is
-    /// their last edge, and closes the ranks of the others.
+    /// their last edge, and closes the ranks of the others. Returns the number of rays.
     #[inline(always)]
-    fn extend<S: Simd>(&self, simd: S, stream: &mut Stream, bounce: u32, last: bool) {
-        let mut kept = 0;
+    fn extend<S: Simd>(&self, simd: S, stream: &mut Stream, bounce: u32, last: bool) -> u64 {
+        let (mut kept, mut rays) = (0, 0);
         for packet in packets(stream.len) {
             let at = packet.at;
             let origin = stream.origin.load(simd, at);
             let direction = stream.direction.load(simd, at);
             let skip = load_words(simd, &stream.primitive, at);
-            let rays = Rays::new(simd, origin, direction, skip);
-            let mut nearest = self.geometry.nearest(simd, &rays);
-            let alive = packet.mask(simd);
+            let edges = Rays::new(simd, origin, direction, skip);
+            let mut nearest = self.geometry.nearest(simd, &edges);
+            let mut alive = packet.mask(simd);
+            if bounce > 0 {
+                // Those that ended and kept their place have not left any primitive.
+                alive &= skip.simd_ne(NONE);
+            }
+            rays += u64::from(alive.to_bitmask().count_ones());
             let mut met = nearest.id;
             if self.surfaces.has_clear {
                 self.fly(simd, stream, at, bounce, &mut nearest);
@@ -165,6 +182,19 @@ impl Prepared {
             if last {
                 let radiance = stream.radiance.load(simd, at);
                 stream.finish(packet, scattering, radiance);
+            } else if self.sees(bounce) {
+                // In the order of slots, in which first hits are noted.
+                let emission = self.emission(simd, direction, &nearest, unscattered);
+                let length = load(simd, &stream.distance, at);
+                stream.note_light(at, length / nearest.distance, emission);
+                store(&mut stream.distance, at, nearest.distance);
+                let none = Word::splat(simd, NONE);
+                store_words(
+                    &mut stream.primitive,
+                    at,
+                    scattering.select(nearest.id, none),
+                );
+                kept = at + packet.lanes;
             } else {
                 store(&mut stream.distance, at, nearest.distance);
                 store_words(&mut stream.primitive, at, nearest.id);
@@ -172,6 +202,7 @@ impl Prepared {
             }
         }
         stream.len = kept;
+        rays
     }
 
     /// Flies through what fills clear bodies: light is absorbed, and may be scattered before the
@@ -246,14 +277,23 @@ impl Prepared {
     fn shade<S: Simd>(&self, simd: S, stream: &mut Stream, bounce: u32) {
         for packet in packets(stream.len) {
             let at = packet.at;
-            let alive = packet.mask(simd);
             let tag = load_words(simd, &stream.primitive, at);
-            let tag = alive.select(tag, Word::splat(simd, tag[0]));
+            let alive = packet.mask(simd) & tag.simd_ne(NONE);
+            if !alive.any_true() {
+                stream.note_none(simd, at);
+                continue;
+            }
+            let tag = alive.select(tag, Word::splat(simd, 0));
             let origin = stream.origin.load(simd, at);
             let direction = stream.direction.load(simd, at);
             let distance = load(simd, &stream.distance, at);
             let hit = self.surfaces.hit(simd, origin, direction, distance, tag);
             let bsdf = Bsdf::new(simd, &hit, -direction);
+            if self.sees(bounce) {
+                let (inverse_depth, emitted) = stream.noted_light(simd, at);
+                let seen = self.seen(simd, alive, tag, &hit, &bsdf, inverse_depth, emitted);
+                stream.note(at, seen);
+            }
             let beta = stream.beta.load(simd, at);
             let pixel = load_words(simd, &stream.pixel, at);
             let sample = load_words(simd, &stream.sample, at);
@@ -261,9 +301,9 @@ impl Prepared {
             let mut light_sum = Float::splat(simd, 0.0);
             if !self.lamps.is_empty() {
                 let u = pair(pixel, sample, block_light(bounce), seed);
-                light_sum = self.aim_at_lamp(simd, stream, packet, &hit, &bsdf, beta, u);
+                light_sum = self.aim_at_lamp(simd, stream, at, alive, &hit, &bsdf, beta, u);
                 if self.looks_into_coats(bounce) {
-                    self.aim_at_mirrored_lamp(simd, stream, packet, &hit, &bsdf, beta);
+                    self.aim_at_mirrored_lamp(simd, stream, at, alive, &hit, &bsdf, beta);
                 }
             }
             let [u1, u2] = pair(pixel, sample, block_scatter(bounce), seed);
@@ -282,7 +322,8 @@ impl Prepared {
                 left = untagged(tag);
                 left = inside.select(left | INSIDE, left);
             }
-            store_words(&mut stream.primitive, at, left);
+            let none = Word::splat(simd, NONE);
+            store_words(&mut stream.primitive, at, alive.select(left, none));
         }
     }
 
@@ -297,7 +338,8 @@ impl Prepared {
         &self,
         simd: S,
         stream: &mut Stream,
-        packet: Packet,
+        at: usize,
+        alive: Mask<S>,
         hit: &Hit<S>,
         bsdf: &Bsdf<S>,
         beta: Vec3x<S>,
@@ -307,8 +349,7 @@ impl Prepared {
         let cos_i = hit.normal.dot(lamp.wi);
         let (f_cos, bsdf_pdf) = bsdf.evaluate(simd, lamp.wi, cos_i);
         let weight = lamp.inverse_pdf * power_heuristic(bsdf_pdf * lamp.inverse_density);
-        let lit = packet.mask(simd) & bsdf.sees(cos_i) & lamp.distance.simd_gt(0.0);
-        let at = packet.at;
+        let lit = alive & bsdf.sees(cos_i) & lamp.distance.simd_gt(0.0);
         let shadow = &mut stream.shadows[OTHER];
         shadow.direction.store(at, lamp.wi);
         shadow
@@ -326,15 +367,16 @@ impl Prepared {
         &self,
         simd: S,
         stream: &mut Stream,
-        packet: Packet,
+        at: usize,
+        alive: Mask<S>,
         hit: &Hit<S>,
         bsdf: &Bsdf<S>,
         beta: Vec3x<S>,
     ) {
-        let (at, zero) = (packet.at, Float::splat(simd, 0.0));
+        let zero = Float::splat(simd, 0.0);
         let shadow = &mut stream.shadows[MIRROR];
         let reflectance = bsdf.coat(simd);
-        let coated = packet.mask(simd) & reflectance.simd_gt(0.0);
+        let coated = alive & reflectance.simd_gt(0.0);
         if !coated.any_true() {
             store(&mut shadow.distance, at, zero);
             return;

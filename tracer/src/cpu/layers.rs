@@ -1,4 +1,6 @@
-//! First hits, a pixel per lane.
+//! First hits, a pixel or a path per lane.
+
+use std::ops::Range;
 
 use fearless_simd::prelude::*;
 
@@ -6,113 +8,162 @@ use super::bsdf::Bsdf;
 use super::geometry::{NONE, Nearest, Rays};
 use super::integrator::Prepared;
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
-use crate::layers::rows;
+use super::stream::{load, load_words, store};
+use super::surface::Hit;
+use crate::layers::LAYERS;
 use crate::sampling::{pixel_key, sample_key};
 use crate::{Layers, Tile};
 
-struct Sum<S: Simd> {
-    albedo: Vec3x<S>,
-    normal: Vec3x<S>,
-    inverse_depth: Float<S>,
-    emission: Vec3x<S>,
-}
+/// The columns of [`Layers`].
+pub(super) type Seen<S> = [Float<S>; LAYERS];
 
 impl Prepared {
     /// Means over the samples of each pixel of a tile.
     #[inline(always)]
     pub(super) fn layers<S: Simd>(&self, simd: S, tile: Tile) -> Vec<Layers> {
-        let mut pixels = Vec::with_capacity(tile.pixels());
-        for row in rows(tile) {
-            for x in (row.x..row.x + row.width).step_by(LANES) {
-                let lanes = LANES.min((row.x + row.width - x) as usize);
-                simd.vectorize(
-                    #[inline(always)]
-                    || self.layers_at(simd, x, row.y, lanes, &mut pixels),
-                );
+        let rows = tile.y..tile.y + tile.height;
+        let places = rows.flat_map(|y| (tile.x..tile.x + tile.width).map(move |x| (x, y)));
+        let (films, keys): (Vec<u32>, Vec<u32>) = places
+            .map(|(x, y)| ((y << 16) | x, pixel_key(x, y)))
+            .unzip();
+        let mut sums: [Vec<f32>; LAYERS] = std::array::from_fn(|_| vec![0.0; keys.len()]);
+        self.add_first_hits(simd, &films, &keys, 0..self.settings.samples, &mut sums);
+        let share = 1.0 / self.settings.samples as f32;
+        let pixel = |i: usize| Layers::from_columns(sums.each_ref().map(|sums| sums[i] * share));
+        (0..keys.len()).map(pixel).collect()
+    }
+
+    /// Adds the first hits of a range of each pixel's samples to `sums`.
+    #[inline(always)]
+    pub(super) fn add_first_hits<S: Simd>(
+        &self,
+        simd: S,
+        films: &[u32],
+        keys: &[u32],
+        samples: Range<u32>,
+        sums: &mut [Vec<f32>; LAYERS],
+    ) {
+        for at in (0..keys.len()).step_by(LANES) {
+            let seen = simd.vectorize(
+                #[inline(always)]
+                || self.first_hits_at(simd, films, keys, samples.clone(), at),
+            );
+            let pixels = at..keys.len().min(at + LANES);
+            if pixels.len() == LANES {
+                for (sums, seen) in sums.iter_mut().zip(seen) {
+                    let sum = load(simd, sums, at) + seen;
+                    store(sums, at, sum);
+                }
+                continue;
+            }
+            for (sums, seen) in sums.iter_mut().zip(seen) {
+                let seen = seen.to_array();
+                for (sum, seen) in sums[pixels.clone()].iter_mut().zip(seen) {
+                    *sum += seen;
+                }
             }
         }
-        pixels
     }
 
     #[inline(always)]
-    fn layers_at<S: Simd>(&self, simd: S, x: u32, y: u32, lanes: usize, pixels: &mut Vec<Layers>) {
-        // Lanes beyond the row repeat its last pixel, within the coordinates' range.
-        let column = |lane: usize| x + lane.min(lanes - 1) as u32;
-        let films: [u32; LANES] = std::array::from_fn(|lane| (y << 16) | column(lane));
-        let keys: [u32; LANES] = std::array::from_fn(|lane| pixel_key(column(lane), y));
-        let (film, pixel) = (Word::load_array(simd, films), Word::load_array(simd, keys));
-        let zero = Vec3x::splat(simd, [0.0; 3]);
-        let mut sum = Sum {
-            albedo: zero,
-            normal: zero,
-            inverse_depth: Float::splat(simd, 0.0),
-            emission: zero,
+    fn first_hits_at<S: Simd>(
+        &self,
+        simd: S,
+        films: &[u32],
+        keys: &[u32],
+        samples: Range<u32>,
+        at: usize,
+    ) -> Seen<S> {
+        // Lanes beyond the last pixel repeat it.
+        let (film, pixel) = if at + LANES <= keys.len() {
+            (load_words(simd, films, at), load_words(simd, keys, at))
+        } else {
+            let words = |column: &[u32]| -> [u32; LANES] {
+                std::array::from_fn(|lane| column[(at + lane).min(column.len() - 1)])
+            };
+            let (films, keys) = (words(films), words(keys));
+            (Word::load_array(simd, films), Word::load_array(simd, keys))
         };
-        for taken in 0..self.settings.samples {
-            let sample = self.settings.first_sample.wrapping_add(taken);
+        let mut sum = [Float::splat(simd, 0.0); LAYERS];
+        for sample in samples {
+            let sample = self.settings.first_sample.wrapping_add(sample);
             let sample = Word::splat(simd, sample_key(sample));
             let direction = self.camera_direction(simd, film, pixel, sample);
-            self.add_layers(simd, direction, &mut sum);
+            let length = direction.length_squared().sqrt();
+            let direction = direction * (1.0 / length);
+            let rays = Rays::new(simd, self.eye(simd), direction, Word::splat(simd, NONE));
+            let nearest = self.geometry.nearest(simd, &rays);
+            let seen = self.see(simd, direction, length, &nearest);
+            for (sum, seen) in sum.iter_mut().zip(seen) {
+                *sum += seen;
+            }
         }
-        let share = 1.0 / self.settings.samples as f32;
-        let arrays = |v: Vec3x<S>| [v.x, v.y, v.z].map(|c| (c * share).to_array());
-        let (albedo, normal) = (arrays(sum.albedo), arrays(sum.normal));
-        let emission = arrays(sum.emission);
-        let inverse_depth = (sum.inverse_depth * share).to_array();
-        let triple = |columns: &[[f32; LANES]; 3], lane: usize| {
-            [columns[0][lane], columns[1][lane], columns[2][lane]]
-        };
-        pixels.extend((0..lanes).map(|lane| Layers {
-            albedo: triple(&albedo, lane),
-            normal: triple(&normal, lane),
-            inverse_depth: inverse_depth[lane],
-            emission: triple(&emission, lane),
-        }));
+        sum
     }
 
+    /// What camera rays meet, and what its mirror shows: `length` is that of a `direction` of 1
+    /// along the camera's axis.
     #[inline(always)]
-    fn add_layers<S: Simd>(&self, simd: S, direction: Vec3x<S>, sum: &mut Sum<S>) {
-        let origin = self.eye(simd);
-        let length = direction.length_squared().sqrt();
-        let direction = direction * (1.0 / length);
-        let rays = Rays::new(simd, origin, direction, Word::splat(simd, NONE));
-        let nearest = self.geometry.nearest(simd, &rays);
+    fn see<S: Simd>(
+        &self,
+        simd: S,
+        direction: Vec3x<S>,
+        length: Float<S>,
+        nearest: &Nearest<S>,
+    ) -> Seen<S> {
         let ended = nearest.id.simd_ge(self.geometry.lamps_first);
-        if ended.any_true() {
-            sum.emission = sum.emission + self.emission(simd, direction, &nearest, ended);
-        }
+        let emitted = self.emission(simd, direction, nearest, ended);
         if ended.all_true() {
-            return;
+            let zero = Vec3x::splat(simd, [0.0; 3]);
+            return columns(zero, zero, zero.x, emitted);
         }
         // Lanes that ended are computed as if on the first surface, and left out.
         let met = !ended;
         let id = met.select(nearest.id, Word::splat(simd, 0));
         let distance = met.select(nearest.distance, Float::splat(simd, 1.0));
-        let hit = self.surfaces.hit(simd, origin, direction, distance, id);
-        let zero = Vec3x::splat(simd, [0.0; 3]);
+        let hit = (self.surfaces).hit(simd, self.eye(simd), direction, distance, id);
         let bsdf = Bsdf::new(simd, &hit, -direction);
-        let albedo = bsdf.albedo(simd, hit.albedo);
-        sum.albedo = sum.albedo + Vec3x::select(met, albedo, zero);
-        sum.normal = sum.normal + Vec3x::select(met, hit.normal, zero);
-        sum.inverse_depth += met.select(length / distance, zero.x);
+        self.seen(simd, met, id, &hit, &bsdf, length / distance, emitted)
+    }
+
+    /// What the lanes in `met` see of the surface that they met, and `emitted` in all.
+    #[inline(always)]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "one packet's values, all in registers"
+    )]
+    pub(super) fn seen<S: Simd>(
+        &self,
+        simd: S,
+        met: Mask<S>,
+        id: Word<S>,
+        hit: &Hit<S>,
+        bsdf: &Bsdf<S>,
+        inverse_depth: Float<S>,
+        mut emitted: Vec3x<S>,
+    ) -> Seen<S> {
         let reflectance = bsdf.mirror(simd);
         let mirror = met & reflectance.length_squared().simd_gt(0.0);
-        if !mirror.any_true() {
-            return;
-        }
-        let mirrored = bsdf.mirrored();
-        let rays = Rays::new(simd, hit.position, mirrored, id);
-        let nearest = self.geometry.nearest(simd, &rays);
-        let lit = mirror & nearest.id.simd_ge(self.geometry.lamps_first);
-        if lit.any_true() {
+        if mirror.any_true() {
+            let mirrored = bsdf.mirrored();
+            let rays = Rays::new(simd, hit.position, mirrored, id);
+            let nearest = self.geometry.nearest(simd, &rays);
+            let lit = mirror & nearest.id.simd_ge(self.geometry.lamps_first);
             let emission = self.emission(simd, mirrored, &nearest, lit);
-            sum.emission = emission.scale_add(reflectance, sum.emission);
+            emitted = emission.scale_add(reflectance, emitted);
         }
+        let zero = Vec3x::splat(simd, [0.0; 3]);
+        columns(
+            Vec3x::select(met, bsdf.albedo(simd, hit.albedo), zero),
+            Vec3x::select(met, hit.normal, zero),
+            met.select(inverse_depth, zero.x),
+            emitted,
+        )
     }
 
     /// Light of the lamp or the environment in which rays end, for the lanes in `mask`.
     #[inline(always)]
-    fn emission<S: Simd>(
+    pub(super) fn emission<S: Simd>(
         &self,
         simd: S,
         direction: Vec3x<S>,
@@ -120,6 +171,9 @@ impl Prepared {
         mask: Mask<S>,
     ) -> Vec3x<S> {
         let black = Vec3x::splat(simd, [0.0; 3]);
+        if !mask.any_true() {
+            return black;
+        }
         let escaped = mask & nearest.id.simd_eq(NONE);
         let environment = Vec3x::splat(simd, self.environment);
         let lit = mask & !escaped;
@@ -133,4 +187,20 @@ impl Prepared {
         let emitted = Vec3x::select(lit & front, emission.radiance, black);
         Vec3x::select(escaped, environment, emitted)
     }
+}
+
+#[inline(always)]
+fn columns<S: Simd>(
+    albedo: Vec3x<S>,
+    normal: Vec3x<S>,
+    inverse_depth: Float<S>,
+    emission: Vec3x<S>,
+) -> Seen<S> {
+    let [Vec3x { x: r, y: g, z: b }, Vec3x { x, y, z }] = [albedo, normal];
+    let Vec3x {
+        x: er,
+        y: eg,
+        z: eb,
+    } = emission;
+    [r, g, b, x, y, z, inverse_depth, er, eg, eb]
 }

@@ -43,8 +43,7 @@ use rayon::prelude::*;
 pub use fearless_simd::Level;
 pub use first_hit::FirstHits;
 
-use crate::layers::smooth;
-use crate::post::{NoisyTile, NoisyTracer, trace_denoised};
+use crate::post::{FilterMemory, NoisyTile, NoisyTracer, trace_denoised};
 use crate::{
     CompiledScene, DeviceInfo, DeviceKind, Error, Layers, Tile, TileLayers, TileRadiance, TraceJob,
     TraceStats, Tracer,
@@ -59,6 +58,7 @@ pub struct CpuTracer {
     processor: String,
     /// Memory of threads that are not tracing now.
     scratch: Mutex<Vec<Scratch>>,
+    filter_memory: FilterMemory,
 }
 
 impl CpuTracer {
@@ -94,6 +94,7 @@ impl CpuTracer {
                 pool,
                 processor,
                 scratch: Mutex::default(),
+                filter_memory: FilterMemory::default(),
             }),
             Err(why) => Err(Error::Device {
                 device: processor,
@@ -140,7 +141,7 @@ impl CpuTracer {
                 let Some(traced) = self.trace_tile(scene, job, tile, strips) else {
                     return;
                 };
-                let begun = traced.radiance.len() as u64 * u64::from(job.settings.samples);
+                let begun = tile.pixels() as u64 * u64::from(job.settings.samples);
                 samples.fetch_add(begun, Ordering::Relaxed);
                 rays.fetch_add(traced.rays, Ordering::Relaxed);
                 sink(index, traced);
@@ -219,7 +220,8 @@ impl Tracer for CpuTracer {
         job.validate()?;
         if job.settings.denoise {
             let level = self.level;
-            let traced = || trace_denoised(self, level, scene, job, sink);
+            let memory = &self.filter_memory;
+            let traced = || trace_denoised(self, level, memory, scene, job, sink);
             return self.pool.install(traced);
         }
         let prepared = Prepared::new(scene, job.size, job.settings);
@@ -260,18 +262,11 @@ impl NoisyTracer for CpuTracer {
         sink: &(dyn Fn(NoisyTile) + Sync),
     ) -> Result<TraceStats, Error> {
         let prepared = Prepared::new(scene, job.size, job.settings);
-        let smoother =
-            smooth(job.settings).map(|settings| Prepared::new(scene, job.size, settings));
         Ok(self.trace_tiles(&prepared, job, |index, traced| {
-            let tile = job.tiles[index];
             sink(NoisyTile {
                 index,
-                tile,
-                radiance: traced.radiance,
-                half: traced.half,
-                smooth_layers: (smoother.as_ref())
-                    .map_or_else(Vec::new, |scene| self.layers_of(scene, tile)),
-                hits: self.layers_of(&prepared, tile),
+                tile: job.tiles[index],
+                pixels: traced.noisy,
                 dropped_samples: traced.dropped_samples,
             });
         }))
@@ -280,16 +275,14 @@ impl NoisyTracer for CpuTracer {
 
 impl Traced {
     fn joined(parts: Vec<Self>) -> Self {
-        let dropped_samples = parts.iter().map(|part| part.dropped_samples).sum();
-        let rays = parts.iter().map(|part| part.rays).sum();
-        let half = parts.iter().flat_map(|part| &part.half).copied().collect();
-        let radiance = parts.into_iter().flat_map(|part| part.radiance).collect();
-        Self {
-            radiance,
-            half,
-            dropped_samples,
-            rays,
+        let mut whole = Self::default();
+        for mut part in parts {
+            whole.radiance.append(&mut part.radiance);
+            whole.noisy.append(part.noisy);
+            whole.dropped_samples += part.dropped_samples;
+            whole.rays += part.rays;
         }
+        whole
     }
 }
 

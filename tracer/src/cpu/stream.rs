@@ -3,6 +3,7 @@
 use fearless_simd::{f32x8, mask32x8, prelude::*, u32x8};
 
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
+use crate::layers::LAYERS;
 
 /// Paths in flight of one thread. Memory is taken once and kept.
 pub(super) struct Stream {
@@ -17,7 +18,8 @@ pub(super) struct Stream {
     /// Density of the last direction per solid angle times the lamps' `light_sum` where it began; ∞
     /// if all light along it counts.
     pub(super) pdf: Box<[f32]>,
-    /// Distance along the ray to what it hit.
+    /// Distance along the ray to what it hit; of a camera's ray until then, the length of its
+    /// direction before that was made 1.
     pub(super) distance: Box<[f32]>,
     /// The primitive hit; after shading the one that the ray starts on.
     pub(super) primitive: Box<[u32]>,
@@ -33,6 +35,8 @@ pub(super) struct Stream {
     pub(super) shadows: [Shadows; 2],
     /// Radiance of the paths that have ended, by slot.
     pub(super) finished: Triple,
+    /// First hits by slot, of denoised pictures.
+    pub(super) seen: [Box<[f32]>; LAYERS],
 }
 
 /// A shadow ray per path, from the path's origin; only between shading and connecting.
@@ -44,6 +48,9 @@ pub(super) struct Shadows {
     /// What arrives if nothing is in between.
     pub(super) radiance: Triple,
 }
+
+/// In [`Stream::seen`], before the emission.
+const INVERSE_DEPTH: usize = 6;
 
 /// Three columns.
 pub(super) struct Triple(pub(super) [Box<[f32]>; 3]);
@@ -91,6 +98,7 @@ impl Stream {
             slot: words(),
             shadows: std::array::from_fn(|_| Shadows::new(rows)),
             finished: Triple::new(rows),
+            seen: std::array::from_fn(|_| vec![0.0; rows].into_boxed_slice()),
         }
     }
 
@@ -110,6 +118,45 @@ impl Stream {
             for (column, channel) in self.finished.0.iter_mut().zip(&radiance) {
                 column[slot] = channel[lane];
             }
+        }
+    }
+
+    /// Notes first hits' inverse depth and the light that comes straight.
+    #[inline(always)]
+    pub(super) fn note_light<S: Simd>(
+        &mut self,
+        at: usize,
+        inverse_depth: Float<S>,
+        emission: Vec3x<S>,
+    ) {
+        let values = [inverse_depth, emission.x, emission.y, emission.z];
+        for (column, values) in self.seen[INVERSE_DEPTH..].iter_mut().zip(values) {
+            store(column, at, values);
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn noted_light<S: Simd>(&self, simd: S, at: usize) -> (Float<S>, Vec3x<S>) {
+        let [depth, r, g, b] = [0, 1, 2, 3].map(|i| load(simd, &self.seen[INVERSE_DEPTH + i], at));
+        (depth, Vec3x::new(r, g, b))
+    }
+
+    #[inline(always)]
+    pub(super) fn note<S: Simd>(&mut self, at: usize, seen: [Float<S>; LAYERS]) {
+        for (column, seen) in self.seen.iter_mut().zip(seen) {
+            store(column, at, seen);
+        }
+    }
+
+    /// Notes that a packet has no path alive: it has met light or nothing and aims at no lamp.
+    #[inline(always)]
+    pub(super) fn note_none<S: Simd>(&mut self, simd: S, at: usize) {
+        let zero = Float::splat(simd, 0.0);
+        for column in &mut self.seen[..=INVERSE_DEPTH] {
+            store(column, at, zero);
+        }
+        for shadows in &mut self.shadows {
+            store(&mut shadows.distance, at, zero);
         }
     }
 

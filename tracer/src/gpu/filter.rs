@@ -1,7 +1,7 @@
 //! The denoiser on the device: [`crate::post`]'s filter as kernels over what has been traced there.
 //!
 //! ```text
-//! halves, first hits ─▶ take_in ─▶ estimate_variance ─▶ smooth_light × 3 ─▶ resolve ─▶ film
+//! halves, first hits ─▶ take_in ─▶ estimate_variance ─▶ smooth_light × 2 ─▶ resolve ─▶ film
 //! ```
 
 use std::fmt::Write as _;

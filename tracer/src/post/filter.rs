@@ -1,212 +1,245 @@
 //! The filter: light divided by albedo, averaged over neighbours that look alike, times albedo.
 //!
-//! Three passes of an à-trous wavelet (Dammertz et al., "Edge-Avoiding À-Trous Wavelet Transform for
-//! fast Global Illumination Filtering", HPG 2010) with steps of 1, 2 and 4 pixels, of 13 taps each. A
-//! neighbour counts by how near its albedo, normal and inverse depth are, and its light by the
-//! variance of both (Schied et al., "Spatiotemporal Variance-Guided Filtering", HPG 2017), which
-//! comes from how far two halves of a pixel's samples are apart. The variance falls with more
-//! samples, and the filter fades with it: pictures of many samples stay as they are.
+//! Two passes of an à-trous wavelet (Dammertz et al., "Edge-Avoiding À-Trous Wavelet Transform for
+//! fast Global Illumination Filtering", HPG 2010), of 9 taps 1 and then 3 pixels apart. A neighbour
+//! counts by how near its albedo, normal and inverse depth are, and its light by the pixel's
+//! variance (Schied et al., "Spatiotemporal Variance-Guided Filtering", HPG 2017), which comes from
+//! how far two halves of the samples are apart. The variance falls with more samples, and the
+//! filter fades with it: pictures of many samples stay as they are.
 //!
 //! With fewer samples than outlines need, a pixel's first hits come from more camera rays than it
 //! has paths. Such a pixel becomes the mixture of its own light and one neighbour's that explains
 //! its albedo and normal best.
 
-use fearless_simd::{Level, dispatch, f32x16, prelude::*};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use fearless_simd::{Level, dispatch, prelude::*};
 use rayon::prelude::*;
 
-use super::noisy::NoisyTile;
+use super::noisy::{ALBEDO, EMISSION, INVERSE_DEPTH, LIGHT, NORMAL, NoisyTile, SMOOTH, VARIANCE};
+use super::planes::{Float, LANES, Planes, Row, RowMut};
+use super::region::EMPTY;
 use super::weights::{
     ALBEDO_FACTOR, ALBEDO_MIN, DEPTH_FACTOR, MIXED_MIN, NEIGHBOURS, NORMAL_FACTOR, STEPS, TAPS,
-    half_ratio, variances,
+    variances,
 };
 use crate::Tile;
-use crate::layers::{Layers, SMOOTH_RAYS};
-
-type Float<S> = f32x16<S>;
-const LANES: usize = 16;
-
-/// Rows and columns around the picture that taps may reach.
-const PAD: usize = 8;
-/// Planes of [`Filter::guides`].
-const ALBEDO: usize = 0;
-const NORMAL: usize = 3;
-const INVERSE_DEPTH: usize = 6;
-/// 1 where there is a pixel.
-const VALID: usize = 7;
-/// Planes of [`Filter::light`]: three of light over albedo.
-const VARIANCE: usize = 3;
+use crate::layers::SMOOTH_RAYS;
 
 /// No surface has this normal, so that nothing mixes with what was not traced.
 const NO_NORMAL: f32 = 1e6;
 
-/// A picture in the making, column by column in planes.
+/// A picture in the making, in planes.
 pub(super) struct Filter {
     bounds: Tile,
     samples: u32,
-    /// First hits of the same camera rays as `light`.
-    guides: Planes,
-    /// Albedo and normal of enough camera rays, where `light` has fewer.
-    smooth: Option<Planes>,
+    /// [`LIGHT`] and [`VARIANCE`].
     light: Planes,
+    /// What a pass makes of them.
+    next: Planes,
+    /// What comes after them in [`super::NoisyPixels`], without emission.
+    guides: Planes,
+}
+
+/// Where in [`Filter::guides`] a column is.
+const fn guide(column: usize) -> usize {
+    column - ALBEDO
+}
+
+/// Memory of a filter that is done, for the next: to ask the system for so much again takes as long
+/// as a pass.
+#[derive(Default)]
+pub(crate) struct FilterMemory(Mutex<[Vec<f32>; 3]>);
+
+/// More than a filter of 1280×720 pixels takes; a larger one's memory is given back.
+const KEPT_FLOATS_MAX: usize = 1 << 25;
+
+/// Takes in tiles, from any thread.
+pub(super) struct Intake<'a> {
+    bounds: Tile,
+    rows: Vec<Mutex<[RowMut<'a>; 2]>>,
 }
 
 impl Filter {
-    /// Takes in all tiles of a region, of `samples` samples per pixel.
-    pub(super) fn new(bounds: Tile, samples: u32, tiles: &[NoisyTile]) -> Self {
+    /// Without pixels yet.
+    pub(super) fn new(bounds: Tile, samples: u32, memory: &FilterMemory) -> Self {
+        let columns = if samples < SMOOTH_RAYS {
+            EMISSION
+        } else {
+            SMOOTH
+        };
+        let [light, next, guides] = std::mem::take(&mut *memory.lock());
         let mut filter = Self {
             bounds,
             samples,
-            guides: Planes::new(bounds, 8),
-            smooth: (samples < SMOOTH_RAYS).then(|| Planes::new(bounds, 6)),
-            light: Planes::new(bounds, 4),
+            light: Planes::new(bounds, VARIANCE + 1, light),
+            next: Planes::new(bounds, VARIANCE + 1, next),
+            guides: Planes::new(bounds, guide(columns), guides),
         };
-        filter.guides.plane_fill(NORMAL, NO_NORMAL);
-        let touching = |y: usize| {
-            let y = (bounds.y as usize + y) as u32;
-            tiles.iter().filter_map(move |noisy| {
-                let tile = noisy.tile;
-                let row = y.checked_sub(tile.y).filter(|row| *row < tile.height)?;
-                let pixels = (row * tile.width) as usize..((row + 1) * tile.width) as usize;
-                // Blocks of a guard band may jut out of the bounds.
-                let skipped = bounds.x.saturating_sub(tile.x).min(tile.width) as usize;
-                let room = (bounds.x + bounds.width)
-                    .saturating_sub(tile.x)
-                    .min(tile.width);
-                let end = (pixels.start + room as usize).max(pixels.start + skipped);
-                let x = (tile.x as usize + skipped).saturating_sub(bounds.x as usize);
-                Some((noisy, x, pixels.start + skipped..end))
-            })
-        };
-        filter.guides.par_rows_mut().for_each(|(y, mut row)| {
-            for (noisy, x, pixels) in touching(y) {
-                row.put_guides(x, &noisy.hits[pixels]);
-            }
-        });
-        if let Some(smooth) = &mut filter.smooth {
-            smooth.par_rows_mut().for_each(|(y, mut row)| {
-                for (noisy, x, pixels) in touching(y) {
-                    row.put_smooth(x, &noisy.smooth_layers[pixels]);
-                }
-            });
-        }
-        filter.light.par_rows_mut().for_each(|(y, mut row)| {
-            for (noisy, x, pixels) in touching(y) {
-                row.put_light(x, noisy, pixels, samples);
-            }
-        });
+        filter.light.fill(LIGHT..VARIANCE + 1, 0.0);
+        filter
+            .guides
+            .fill(guide(NORMAL)..guide(NORMAL) + 1, NO_NORMAL);
         filter
     }
 
-    /// Radiance without emission, row by row of the bounds.
-    pub(super) fn run(mut self, level: Level) -> Filtered {
-        let mut next = Planes::new(self.bounds, 4);
-        self.pass(level, &mut next, Pass::Variance);
-        std::mem::swap(&mut self.light, &mut next);
+    pub(super) fn give_back(self, memory: &FilterMemory) {
+        let planes = [self.light, self.next, self.guides].map(Planes::into_memory);
+        if planes.iter().map(Vec::len).sum::<usize>() <= KEPT_FLOATS_MAX {
+            *memory.lock() = planes;
+        }
+    }
+
+    pub(super) fn intake(&mut self) -> Intake<'_> {
+        let rows = self.light.rows_mut().zip(self.guides.rows_mut());
+        Intake {
+            bounds: self.bounds,
+            rows: rows
+                .map(|(light, guides)| Mutex::new([light, guides]))
+                .collect(),
+        }
+    }
+
+    /// Smooths the light.
+    pub(super) fn run(&mut self, level: Level) {
+        let mut next = std::mem::replace(&mut self.next, Planes::new(EMPTY, 0, Vec::new()));
         for (index, step) in STEPS.into_iter().enumerate() {
-            let variances = variances(self.samples, index);
-            let step = step as isize;
-            self.pass(level, &mut next, Pass::Smooth { step, variances });
+            let pass = Pass {
+                step: step as isize,
+                variances: variances(self.samples, index),
+                is_first: index == 0,
+            };
+            next.par_rows_mut().for_each(|(y, mut row)| {
+                dispatch!(level, simd => self.smooth_row(simd, y, pass, &mut row));
+            });
             std::mem::swap(&mut self.light, &mut next);
         }
-        self.pass(level, &mut next, Pass::Resolve);
-        Filtered {
-            bounds: self.bounds,
-            radiance: next,
-        }
-    }
-
-    fn pass(&self, level: Level, to: &mut Planes, pass: Pass) {
-        to.par_rows_mut().for_each(|(y, mut row)| {
-            let row = &mut row;
-            dispatch!(level, simd => match pass {
-                Pass::Variance => self.estimate_variance(simd, y, row),
-                Pass::Smooth { step, variances } => self.smooth_row(simd, y, step, variances, row),
-                Pass::Resolve => self.resolve(simd, y, row),
-            });
-        });
-    }
-
-    /// The mean variance of 3 × 3 pixels; of single samples, their variance among each other.
-    #[inline(always)]
-    fn estimate_variance<S: Simd>(&self, simd: S, y: usize, out: &mut RowMut<'_>) {
-        let around = Around::new(self, y, 1);
-        for x in (0..self.bounds.width as usize).step_by(LANES) {
-            let zero = Float::splat(simd, 0.0);
-            let (mut count, mut sum, mut squares) = (zero, [zero; 3], zero);
-            for (dx, dy) in [(0, 0)].into_iter().chain(NEIGHBOURS) {
-                let (dx, dy) = (dx as isize, dy as isize);
-                let (guides, light) = around.at(dy);
-                count += guides.load(simd, VALID, x, dx);
-                if self.samples == 1 {
-                    let light = light.triple(simd, 0, x, dx);
-                    squares += dot(light, light);
-                    sum = [sum[0] + light[0], sum[1] + light[1], sum[2] + light[2]];
-                } else {
-                    squares += light.load(simd, VARIANCE, x, dx);
-                }
-            }
-            let inverse = 1.0 / count.max(1.0);
-            let mean = sum.map(|sum| sum * inverse);
-            let variance = (squares * inverse - dot(mean, mean)).max(0.0);
-            out.store_light(x, around.at(0).1.triple(simd, 0, x, 0), variance);
-        }
+        self.next = next;
     }
 
     /// One pass of the wavelet.
     #[inline(always)]
-    fn smooth_row<S: Simd>(
-        &self,
-        simd: S,
-        y: usize,
-        step: isize,
-        variances: f32,
-        out: &mut RowMut<'_>,
-    ) {
-        let around = Around::new(self, y, step);
+    fn smooth_row<S: Simd>(&self, simd: S, y: usize, pass: Pass, out: &mut RowMut<'_>) {
+        let around = Around::new(self, y, pass.step);
         for x in (0..self.bounds.width as usize).step_by(LANES) {
+            let variance = if pass.is_first {
+                around.variance(simd, x, self.samples == 1)
+            } else {
+                around.at(0).1.load(simd, VARIANCE, x, 0)
+            };
             let here = Look::new(simd, &around, x, 0, 0);
             let square = here.inverse_depth * here.inverse_depth;
-            let depth_factor = DEPTH_FACTOR / square.max(1e-20);
-            let mut weights = Float::splat(simd, 1.0);
-            let (mut sum, mut variance_sum) = (here.light, here.variance);
+            let factors = Factors {
+                depth: DEPTH_FACTOR / square.max(1e-20),
+                light: 1.0 / (variance * pass.variances + 1e-10),
+            };
+            let one = Float::splat(simd, 1.0);
+            let (mut weights, mut squares, mut sum) = (one, one, here.light);
             for (dx, dy, tap_weight) in TAPS {
-                let there = Look::new(simd, &around, x, dx as isize * step, dy as isize);
-                let weight = here.weight(simd, &there, depth_factor, variances) * tap_weight;
+                let there = Look::new(simd, &around, x, dx as isize * pass.step, dy as isize);
+                let weight = here.weight(simd, &there, &factors) * tap_weight;
                 weights += weight;
+                squares = weight.mul_add(weight, squares);
                 for (sum, light) in sum.iter_mut().zip(there.light) {
                     *sum = weight.mul_add(light, *sum);
                 }
-                variance_sum = (weight * weight).mul_add(there.variance, variance_sum);
             }
             let inverse = 1.0 / weights;
-            let mean = sum.map(|sum| sum * inverse);
-            out.store_light(x, mean, variance_sum * (inverse * inverse));
+            for (channel, sum) in sum.into_iter().enumerate() {
+                out.store(LIGHT + channel, x, sum * inverse);
+            }
+            out.store(VARIANCE, x, variance * squares * (inverse * inverse));
         }
     }
 
-    /// Light times albedo, mixed where first hits of more rays say so.
+    /// A tile's radiance without emission: light times albedo, mixed where first hits of more rays
+    /// say so.
+    pub(super) fn radiance(&self, level: Level, tile: Tile) -> Vec<[f32; 3]> {
+        let mut pixels = Vec::with_capacity(tile.pixels());
+        let left = (tile.x - self.bounds.x) as usize;
+        let right = left + tile.width as usize;
+        for y in (tile.y - self.bounds.y) as usize..(tile.y - self.bounds.y + tile.height) as usize
+        {
+            dispatch!(level, simd => self.resolve_row(simd, y, left, right, &mut pixels));
+        }
+        pixels
+    }
+
     #[inline(always)]
-    fn resolve<S: Simd>(&self, simd: S, y: usize, out: &mut RowMut<'_>) {
+    fn resolve_row<S: Simd>(
+        &self,
+        simd: S,
+        y: usize,
+        left: usize,
+        right: usize,
+        pixels: &mut Vec<[f32; 3]>,
+    ) {
         let around = Around::new(self, y, 1);
-        for x in (0..self.bounds.width as usize).step_by(LANES) {
+        for x in (left..right).step_by(LANES) {
             let mut radiance = around.radiance(simd, x, 0, 0);
-            if let Some(smooth) = &self.smooth {
-                radiance = around.mixed(simd, smooth.row(y, 0), x, radiance);
+            if self.samples < SMOOTH_RAYS {
+                radiance = around.mixed(simd, x, radiance);
             }
-            out.store_light(x, radiance, Float::splat(simd, 0.0));
+            let [r, g, b] = radiance.map(|channel| channel.to_array());
+            let lanes = LANES.min(right - x);
+            pixels.extend((0..lanes).map(|lane| [r[lane], g[lane], b[lane]]));
         }
     }
+}
+
+impl FilterMemory {
+    fn lock(&self) -> MutexGuard<'_, [Vec<f32>; 3]> {
+        // Whatever a panic elsewhere has left is only memory.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Intake<'_> {
+    /// Takes in what of a tile lies in the bounds: blocks of a guard band may jut out.
+    pub(super) fn put(&self, noisy: &NoisyTile) {
+        let (tile, bounds) = (noisy.tile, self.bounds);
+        let skipped = bounds.x.saturating_sub(tile.x).min(tile.width) as usize;
+        let room = (bounds.x + bounds.width)
+            .saturating_sub(tile.x)
+            .min(tile.width) as usize;
+        let x = (tile.x as usize + skipped).saturating_sub(bounds.x as usize);
+        for row in 0..tile.height {
+            let y = (tile.y + row).checked_sub(bounds.y);
+            let Some(to) = y.and_then(|y| self.rows.get(y as usize)) else {
+                continue;
+            };
+            let mut to = to.lock().unwrap_or_else(PoisonError::into_inner);
+            let [light, guides] = &mut *to;
+            let begin = (row * tile.width) as usize;
+            let pixels = begin + skipped..begin + room.max(skipped);
+            for (column, values) in noisy.pixels.columns[..EMISSION].iter().enumerate() {
+                match values.get(pixels.clone()) {
+                    Some(values) if column < ALBEDO => light.put(column, x, values),
+                    Some(values) => guides.put(guide(column), x, values),
+                    None => {}
+                }
+            }
+        }
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Pass {
+    step: isize,
+    variances: f32,
+    /// Its variances are single pixels' yet.
+    is_first: bool,
 }
 
 /// The rows that the taps of one row lie in.
 struct Around<'a> {
-    guides: [Row<'a>; 5],
-    light: [Row<'a>; 5],
+    guides: [Row<'a>; 3],
+    light: [Row<'a>; 3],
 }
 
 impl<'a> Around<'a> {
     fn new(filter: &'a Filter, y: usize, step: isize) -> Self {
-        let offsets = [-2 * step, -step, 0, step, 2 * step];
+        let offsets = [-step, 0, step];
         Self {
             guides: offsets.map(|dy| filter.guides.row(y, dy)),
             light: offsets.map(|dy| filter.light.row(y, dy)),
@@ -216,15 +249,38 @@ impl<'a> Around<'a> {
     /// Guides and light `dy` steps further down.
     #[inline(always)]
     fn at(&self, dy: isize) -> (Row<'a>, Row<'a>) {
-        let row = 2usize.wrapping_add_signed(dy);
+        let row = 1usize.wrapping_add_signed(dy);
         (self.guides[row], self.light[row])
+    }
+
+    /// The mean variance of 3 × 3 pixels; of single samples, their variance among each other.
+    #[inline(always)]
+    fn variance<S: Simd>(&self, simd: S, x: usize, is_single: bool) -> Float<S> {
+        let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
+        let (mut count, mut sum, mut squares) = (zero, [zero; 3], zero);
+        for (dx, dy) in [(0, 0)].into_iter().chain(NEIGHBOURS) {
+            let (dx, dy) = (dx as isize, dy as isize);
+            let (guides, light) = self.at(dy);
+            let traced = guides.load(simd, guide(NORMAL), x, dx).simd_lt(NO_NORMAL);
+            count += traced.select(one, zero);
+            if is_single {
+                let light = light.triple(simd, LIGHT, x, dx);
+                squares += dot(light, light);
+                sum = [sum[0] + light[0], sum[1] + light[1], sum[2] + light[2]];
+            } else {
+                squares += light.load(simd, VARIANCE, x, dx);
+            }
+        }
+        let inverse = 1.0 / count.max(1.0);
+        let mean = sum.map(|sum| sum * inverse);
+        (squares * inverse - dot(mean, mean)).max(0.0)
     }
 
     #[inline(always)]
     fn radiance<S: Simd>(&self, simd: S, x: usize, dx: isize, dy: isize) -> [Float<S>; 3] {
         let (guides, light) = self.at(dy);
-        let albedo = guides.triple(simd, ALBEDO, x, dx);
-        let light = light.triple(simd, 0, x, dx);
+        let albedo = guides.triple(simd, guide(ALBEDO), x, dx);
+        let light = light.triple(simd, LIGHT, x, dx);
         [
             light[0] * (albedo[0] + ALBEDO_MIN),
             light[1] * (albedo[1] + ALBEDO_MIN),
@@ -236,15 +292,10 @@ impl<'a> Around<'a> {
     /// mixture `a + t(b − a)` nearest to `s` has `t = (s−a)·(b−a) / |b−a|²`; of all neighbours that
     /// one is taken whose mixture is nearest.
     #[inline(always)]
-    fn mixed<S: Simd>(
-        &self,
-        simd: S,
-        smooth: Row<'_>,
-        x: usize,
-        radiance: [Float<S>; 3],
-    ) -> [Float<S>; 3] {
-        let here = appearance(simd, self.at(0).0, x, 0);
-        let wanted = difference(appearance(simd, smooth, x, 0), here);
+    fn mixed<S: Simd>(&self, simd: S, x: usize, radiance: [Float<S>; 3]) -> [Float<S>; 3] {
+        let guides = self.at(0).0;
+        let here = appearance(simd, guides, guide(ALBEDO), x, 0);
+        let wanted = difference(appearance(simd, guides, guide(SMOOTH), x, 0), here);
         let mut nearest = product(wanted, wanted);
         let mixes = nearest.simd_gt(MIXED_MIN);
         if !mixes.any_true() {
@@ -253,7 +304,8 @@ impl<'a> Around<'a> {
         let mut mixed = radiance;
         for (dx, dy) in NEIGHBOURS {
             let (dx, dy) = (dx as isize, dy as isize);
-            let other = difference(appearance(simd, self.at(dy).0, x, dx), here);
+            let there = appearance(simd, self.at(dy).0, guide(ALBEDO), x, dx);
+            let other = difference(there, here);
             let share = product(wanted, other) / (product(other, other) + 1e-4);
             let share = share.max(0.0).min(1.0);
             let missing = difference(wanted, other.map(|other| other * share));
@@ -276,7 +328,12 @@ struct Look<S: Simd> {
     normal: [Float<S>; 3],
     inverse_depth: Float<S>,
     light: [Float<S>; 3],
-    variance: Float<S>,
+}
+
+/// Of squared differences, by pixel.
+struct Factors<S: Simd> {
+    depth: Float<S>,
+    light: Float<S>,
 }
 
 impl<S: Simd> Look<S> {
@@ -284,23 +341,21 @@ impl<S: Simd> Look<S> {
     fn new(simd: S, around: &Around<'_>, x: usize, dx: isize, dy: isize) -> Self {
         let (guides, light) = around.at(dy);
         Self {
-            albedo: guides.triple(simd, ALBEDO, x, dx),
-            normal: guides.triple(simd, NORMAL, x, dx),
-            inverse_depth: guides.load(simd, INVERSE_DEPTH, x, dx),
-            light: light.triple(simd, 0, x, dx),
-            variance: light.load(simd, VARIANCE, x, dx),
+            albedo: guides.triple(simd, guide(ALBEDO), x, dx),
+            normal: guides.triple(simd, guide(NORMAL), x, dx),
+            inverse_depth: guides.load(simd, guide(INVERSE_DEPTH), x, dx),
+            light: light.triple(simd, LIGHT, x, dx),
         }
     }
 
     /// How much a neighbour counts, from 0 to 1.
     #[inline(always)]
-    fn weight(&self, simd: S, there: &Self, depth_factor: Float<S>, variances: f32) -> Float<S> {
+    fn weight(&self, simd: S, there: &Self, factors: &Factors<S>) -> Float<S> {
         let by_depth = self.inverse_depth - there.inverse_depth;
-        let likely = (self.variance + there.variance) * variances + 1e-10;
-        let mut distance = distance_squared(self.light, there.light) / likely;
+        let mut distance = distance_squared(self.light, there.light) * factors.light;
         distance += distance_squared(self.albedo, there.albedo) * ALBEDO_FACTOR;
         distance += distance_squared(self.normal, there.normal) * NORMAL_FACTOR;
-        distance += by_depth * by_depth * depth_factor;
+        distance += by_depth * by_depth * factors.depth;
         let near = 1.0 - distance;
         // Nothing counts where this is not a number.
         let counts = distance.simd_lt(1.0);
@@ -310,194 +365,16 @@ impl<S: Simd> Look<S> {
 
 /// Albedo and half the normal, whose difference between two sides of a box is larger.
 #[inline(always)]
-fn appearance<S: Simd>(simd: S, guides: Row<'_>, x: usize, dx: isize) -> [Float<S>; 6] {
-    let [r, g, b] = guides.triple(simd, ALBEDO, x, dx);
-    let n = guides.triple(simd, NORMAL, x, dx);
+fn appearance<S: Simd>(
+    simd: S,
+    guides: Row<'_>,
+    plane: usize,
+    x: usize,
+    dx: isize,
+) -> [Float<S>; 6] {
+    let [r, g, b] = guides.triple(simd, plane, x, dx);
+    let n = guides.triple(simd, plane + 3, x, dx);
     [r, g, b, n[0] * 0.5, n[1] * 0.5, n[2] * 0.5]
-}
-
-#[derive(Clone, Copy)]
-enum Pass {
-    Variance,
-    Smooth { step: isize, variances: f32 },
-    Resolve,
-}
-
-/// A filtered region.
-pub(super) struct Filtered {
-    bounds: Tile,
-    radiance: Planes,
-}
-
-impl Filtered {
-    /// A tile's radiance, with the emission of its first hits.
-    pub(super) fn tile(&self, noisy: &NoisyTile) -> Vec<[f32; 3]> {
-        let tile = noisy.tile;
-        let mut pixels = Vec::with_capacity(tile.pixels());
-        let hits = noisy.smoothest_layers().chunks_exact(tile.width as usize);
-        for (y, hits) in ((tile.y - self.bounds.y) as usize..).zip(hits) {
-            let x = (tile.x - self.bounds.x) as usize;
-            let [r, g, b] = [0, 1, 2].map(|plane| self.radiance.pixels(plane, x, y, hits.len()));
-            let light = r.iter().zip(g).zip(b);
-            pixels.extend(light.zip(hits).map(|(((r, g), b), hit)| {
-                let [x, y, z] = hit.emission;
-                [r + x, g + y, b + z]
-            }));
-        }
-        pixels
-    }
-}
-
-/// Planes of numbers, row by row: a row of the first plane, of the second, …, then the next row.
-struct Planes {
-    planes: usize,
-    stride: usize,
-    rows: usize,
-    data: Vec<f32>,
-}
-
-/// One row of all planes, to read: looked up once for a row of results rather than for each tap.
-#[derive(Clone, Copy)]
-struct Row<'a> {
-    stride: usize,
-    data: &'a [f32],
-}
-
-/// One row of all planes.
-struct RowMut<'a> {
-    stride: usize,
-    data: &'a mut [f32],
-}
-
-impl Planes {
-    fn new(bounds: Tile, planes: usize) -> Self {
-        let stride = bounds.width as usize + 2 * PAD + LANES;
-        let rows = bounds.height as usize;
-        Self {
-            planes,
-            stride,
-            rows,
-            data: vec![0.0; (rows + 2 * PAD) * planes * stride],
-        }
-    }
-
-    fn plane_fill(&mut self, plane: usize, value: f32) {
-        let begin = plane * self.stride;
-        for row in self.data.chunks_exact_mut(self.planes * self.stride) {
-            row[begin..begin + self.stride].fill(value);
-        }
-    }
-
-    /// The picture's rows, without those around it.
-    fn par_rows_mut(&mut self) -> impl IndexedParallelIterator<Item = (usize, RowMut<'_>)> {
-        let (stride, row) = (self.stride, self.planes * self.stride);
-        let rows = self.data[PAD * row..].par_chunks_exact_mut(row);
-        let rows = rows.take(self.rows);
-        rows.map(move |data| RowMut { stride, data }).enumerate()
-    }
-
-    fn pixels(&self, plane: usize, x: usize, y: usize, count: usize) -> &[f32] {
-        let begin = ((y + PAD) * self.planes + plane) * self.stride + PAD + x;
-        &self.data[begin..begin + count]
-    }
-
-    fn row(&self, y: usize, dy: isize) -> Row<'_> {
-        let floats = self.planes * self.stride;
-        let begin = (y + PAD).wrapping_add_signed(dy) * floats;
-        Row {
-            stride: self.stride,
-            data: &self.data[begin..begin + floats],
-        }
-    }
-}
-
-impl Row<'_> {
-    #[inline(always)]
-    fn load<S: Simd>(self, simd: S, plane: usize, x: usize, dx: isize) -> Float<S> {
-        let begin = plane * self.stride + (x + PAD).wrapping_add_signed(dx);
-        Float::from_slice(simd, &self.data[begin..][..LANES])
-    }
-
-    #[inline(always)]
-    fn triple<S: Simd>(self, simd: S, plane: usize, x: usize, dx: isize) -> [Float<S>; 3] {
-        [
-            self.load(simd, plane, x, dx),
-            self.load(simd, plane + 1, x, dx),
-            self.load(simd, plane + 2, x, dx),
-        ]
-    }
-}
-
-impl RowMut<'_> {
-    fn plane(&mut self, plane: usize, x: usize, count: usize) -> &mut [f32] {
-        &mut self.data[plane * self.stride + PAD + x..][..count]
-    }
-
-    fn put(&mut self, plane: usize, x: usize, values: impl ExactSizeIterator<Item = f32>) {
-        for (to, value) in self.plane(plane, x, values.len()).iter_mut().zip(values) {
-            *to = value;
-        }
-    }
-
-    fn put_guides(&mut self, x: usize, hits: &[Layers]) {
-        self.put_smooth(x, hits);
-        self.put(INVERSE_DEPTH, x, hits.iter().map(|hit| hit.inverse_depth));
-        self.plane(VALID, x, hits.len()).fill(1.0);
-    }
-
-    fn put_smooth(&mut self, x: usize, hits: &[Layers]) {
-        for channel in 0..3 {
-            self.put(
-                ALBEDO + channel,
-                x,
-                hits.iter().map(|hit| hit.albedo[channel]),
-            );
-            self.put(
-                NORMAL + channel,
-                x,
-                hits.iter().map(|hit| hit.normal[channel]),
-            );
-        }
-    }
-
-    /// Light over albedo, and the variance of its mean from that of its halves.
-    fn put_light(
-        &mut self,
-        x: usize,
-        noisy: &NoisyTile,
-        pixels: std::ops::Range<usize>,
-        samples: u32,
-    ) {
-        let hits = &noisy.hits[pixels.clone()];
-        let light = &noisy.radiance[pixels.clone()];
-        for channel in 0..3 {
-            let over_albedo = |(light, hit): (&[f32; 3], &Layers)| {
-                light[channel] / (hit.albedo[channel] + ALBEDO_MIN)
-            };
-            self.put(channel, x, light.iter().zip(hits).map(over_albedo));
-        }
-        if samples > 1 {
-            let half = &noisy.half[pixels];
-            let ratio = half_ratio(samples);
-            let variance = |((light, half), hit): ((&[f32; 3], &[f32; 3]), &Layers)| {
-                let channel = |c: usize| {
-                    let apart = ratio * (half[c] - light[c]) / (hit.albedo[c] + ALBEDO_MIN);
-                    apart * apart
-                };
-                channel(0) + channel(1) + channel(2)
-            };
-            let pixels = light.iter().zip(half).zip(hits);
-            self.put(VARIANCE, x, pixels.map(variance));
-        }
-    }
-
-    #[inline(always)]
-    fn store_light<S: Simd>(&mut self, x: usize, light: [Float<S>; 3], variance: Float<S>) {
-        let [r, g, b] = light;
-        for (plane, values) in [r, g, b, variance].into_iter().enumerate() {
-            values.store_slice(self.plane(plane, x, LANES));
-        }
-    }
 }
 
 #[inline(always)]
@@ -524,3 +401,8 @@ fn difference<S: Simd>(a: [Float<S>; 6], b: [Float<S>; 6]) -> [Float<S>; 6] {
 fn product<S: Simd>(a: [Float<S>; 6], b: [Float<S>; 6]) -> Float<S> {
     dot([a[0], a[1], a[2]], [b[0], b[1], b[2]]) + dot([a[3], a[4], a[5]], [b[3], b[4], b[5]])
 }
+
+/// Guides lie in the order in which they come.
+const _: () = assert!(NORMAL == ALBEDO + 3 && guide(ALBEDO) == 0 && VARIANCE + 1 == ALBEDO);
+/// What a pixel depends on: the taps of both passes, and a neighbour that it is mixed with.
+const _: () = assert!((STEPS[0] + STEPS[1] + 1) as u32 == super::SUPPORT);

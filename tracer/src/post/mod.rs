@@ -9,12 +9,14 @@
 
 mod filter;
 mod noisy;
+mod planes;
 mod region;
 pub(crate) mod weights;
 
-pub(crate) use noisy::{NoisyTile, NoisyTracer, in_parts, trace_denoised};
+pub(crate) use filter::FilterMemory;
+pub(crate) use noisy::{Means, NoisyPixels, NoisyTile, NoisyTracer, in_parts, trace_denoised};
 pub(crate) use region::Region;
 
 /// Pixels from which a denoised pixel takes light, in each direction. Wider finds more to average
 /// and costs every run of tiles a wider guard band.
-pub const SUPPORT: u32 = 16;
+pub const SUPPORT: u32 = 5;

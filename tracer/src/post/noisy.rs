@@ -5,10 +5,11 @@ use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use super::filter::Filter;
+use super::filter::{Filter, FilterMemory};
 use super::region::{Region, leading};
+use super::weights::{ALBEDO_MIN, half_ratio};
 use crate::cpu::Level;
-use crate::layers::Layers;
+use crate::layers::LAYERS;
 use crate::{CompiledScene, Error, Tile, TileRadiance, TraceJob, TraceStats};
 
 /// A tile before it is denoised.
@@ -16,24 +17,92 @@ pub(crate) struct NoisyTile {
     /// Index into the job's tiles.
     pub(crate) index: usize,
     pub(crate) tile: Tile,
-    /// Mean radiance per pixel without the light that is in [`Layers::emission`].
-    pub(crate) radiance: Vec<[f32; 3]>,
-    /// The same of the first half of the samples, rounded down; of a single sample nothing.
-    pub(crate) half: Vec<[f32; 3]>,
-    /// First hits of the same samples.
-    pub(crate) hits: Vec<Layers>,
-    /// First hits of [`crate::layers::smooth`] samples, if they are more.
-    pub(crate) smooth_layers: Vec<Layers>,
+    pub(crate) pixels: NoisyPixels,
     pub(crate) dropped_samples: u32,
 }
 
-impl NoisyTile {
-    /// First hits of as many camera rays as there are.
-    pub(super) fn smoothest_layers(&self) -> &[Layers] {
-        if self.smooth_layers.is_empty() {
-            &self.hits
+/// What the filter needs of pixels, row-major, in columns.
+#[derive(Default)]
+pub(crate) struct NoisyPixels {
+    pub(super) columns: [Vec<f32>; COLUMNS],
+}
+
+/// Radiance without the light that is in [`crate::Layers::emission`], over albedo.
+pub(super) const LIGHT: usize = 0;
+/// Of its mean, over all channels; 0 of a single sample.
+pub(super) const VARIANCE: usize = 3;
+/// First hits of the same samples.
+pub(super) const ALBEDO: usize = 4;
+pub(super) const NORMAL: usize = 7;
+pub(super) const INVERSE_DEPTH: usize = 10;
+/// Albedo and normal of the first hits of [`crate::layers::smooth`] samples; empty if they are not
+/// more.
+pub(super) const SMOOTH: usize = 11;
+/// The emission of those; of the same samples if they are not more.
+pub(super) const EMISSION: usize = 17;
+const COLUMNS: usize = 20;
+
+/// Means of pixels, in columns.
+pub(crate) struct Means<'a> {
+    /// Radiance without emission.
+    pub(crate) radiance: [&'a [f32]; 3],
+    /// The same of the first half of the samples, rounded down; of a single sample anything.
+    pub(crate) half: [&'a [f32]; 3],
+    /// The columns of [`crate::Layers`].
+    pub(crate) hits: [&'a [f32]; LAYERS],
+    /// The same of [`crate::layers::smooth`] samples, if they are more.
+    pub(crate) smooth: Option<[&'a [f32]; LAYERS]>,
+}
+
+impl NoisyPixels {
+    /// Appends pixels of `samples` samples each. All columns must be as long as the first.
+    #[inline(always)]
+    pub(crate) fn extend(&mut self, samples: u32, means: &Means<'_>) {
+        let pixels = means.radiance[0].len();
+        let [light, half] = [means.radiance, means.half].map(|c| c.map(|c| &c[..pixels]));
+        let albedo = [0, 1, 2].map(|c| &means.hits[c][..pixels]);
+        for c in 0..3 {
+            let over_albedo = |i: usize| light[c][i] / (albedo[c][i] + ALBEDO_MIN);
+            self.columns[LIGHT + c].extend((0..pixels).map(over_albedo));
+        }
+        let ratio = if samples > 1 {
+            half_ratio(samples)
         } else {
-            &self.smooth_layers
+            0.0
+        };
+        self.columns[VARIANCE].extend((0..pixels).map(|i| {
+            let apart = |c: usize| ratio * (half[c][i] - light[c][i]) / (albedo[c][i] + ALBEDO_MIN);
+            let [r, g, b] = [apart(0), apart(1), apart(2)];
+            r * r + g * g + b * b
+        }));
+        for (column, hits) in self.columns[ALBEDO..SMOOTH].iter_mut().zip(means.hits) {
+            column.extend_from_slice(hits);
+        }
+        let smoothest = means.smooth.unwrap_or(means.hits);
+        for (column, hits) in self.columns[EMISSION..].iter_mut().zip(&smoothest[7..]) {
+            column.extend_from_slice(hits);
+        }
+        if let Some(smooth) = means.smooth {
+            for (column, hits) in self.columns[SMOOTH..EMISSION].iter_mut().zip(smooth) {
+                column.extend_from_slice(hits);
+            }
+        }
+    }
+
+    /// Light that is not filtered; none where it is all black.
+    fn into_emission(self) -> Option<[Vec<f32>; 3]> {
+        let [.., r, g, b] = self.columns;
+        let emission = [r, g, b];
+        let is_black = emission
+            .iter()
+            .all(|column| column.iter().all(|&c| c == 0.0));
+        (!is_black).then_some(emission)
+    }
+
+    /// Appends the pixels of `more`.
+    pub(crate) fn append(&mut self, more: Self) {
+        for (column, mut more) in self.columns.iter_mut().zip(more.columns) {
+            column.append(&mut more);
         }
     }
 }
@@ -53,12 +122,13 @@ pub(crate) trait NoisyTracer {
 pub(crate) fn trace_denoised(
     tracer: &(impl NoisyTracer + ?Sized),
     level: Level,
+    memory: &FilterMemory,
     scene: &CompiledScene,
     job: &TraceJob<'_>,
     sink: &(dyn Fn(TileRadiance) + Sync),
 ) -> Result<TraceStats, Error> {
     in_parts(job, u64::MAX, sink, |part, sink| {
-        trace_together(tracer, level, scene, part, sink)
+        trace_together(tracer, level, memory, scene, part, sink)
     })
 }
 
@@ -90,6 +160,7 @@ pub(crate) fn in_parts(
 fn trace_together(
     tracer: &(impl NoisyTracer + ?Sized),
     level: Level,
+    memory: &FilterMemory,
     scene: &CompiledScene,
     job: &TraceJob<'_>,
     sink: &(dyn Fn(TileRadiance) + Sync),
@@ -99,25 +170,42 @@ fn trace_together(
         tiles: &region.tiles,
         ..*job
     };
-    let noisy = Mutex::new(Vec::with_capacity(region.tiles.len()));
+    let mut filter = Filter::new(region.bounds, job.settings.samples, memory);
+    let intake = filter.intake();
+    let traced = Mutex::new(Vec::with_capacity(region.tiles.len()));
     let stats = tracer.trace_noisy(scene, &wider, &|tile| {
-        noisy
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .push(tile);
+        intake.put(&tile);
+        let is_wanted = tile.index < job.tiles.len();
+        let emission = is_wanted.then(|| tile.pixels.into_emission()).flatten();
+        lock(&traced).push((tile.index, tile.dropped_samples, emission));
     })?;
-    let noisy = noisy.into_inner().unwrap_or_else(PoisonError::into_inner);
-    if noisy.len() < region.tiles.len() || job.cancelled.load(Ordering::Relaxed) {
+    drop(intake);
+    let traced = std::mem::take(&mut *lock(&traced));
+    if traced.len() < region.tiles.len() || job.cancelled.load(Ordering::Relaxed) {
         return Ok(stats);
     }
-    let filtered = Filter::new(region.bounds, job.settings.samples, &noisy).run(level);
-    let wanted = noisy.par_iter().filter(|tile| tile.index < job.tiles.len());
-    wanted.for_each(|tile| {
+    filter.run(level);
+    let wanted = traced
+        .par_iter()
+        .filter(|(index, ..)| *index < job.tiles.len());
+    wanted.for_each(|(index, dropped_samples, emission)| {
+        let mut radiance = filter.radiance(level, job.tiles[*index]);
+        for (c, emission) in emission.iter().flatten().enumerate() {
+            for (pixel, emission) in radiance.iter_mut().zip(emission) {
+                pixel[c] += emission;
+            }
+        }
         sink(TileRadiance {
-            index: tile.index,
-            radiance: filtered.tile(tile),
-            dropped_samples: tile.dropped_samples,
+            index: *index,
+            radiance,
+            dropped_samples: *dropped_samples,
         });
     });
+    filter.give_back(memory);
     Ok(stats)
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    // A panic elsewhere cannot leave a list half changed.
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

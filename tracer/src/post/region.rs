@@ -68,7 +68,7 @@ pub(crate) fn leading(tiles: &[Tile], samples: u32, pixels_max: u64) -> usize {
 /// a slow processor. Fewer would cost more guard bands.
 const SAMPLES_MAX: u64 = 1 << 22;
 
-const EMPTY: Tile = Tile {
+pub(super) const EMPTY: Tile = Tile {
     x: 0,
     y: 0,
     width: 0,

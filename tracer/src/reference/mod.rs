@@ -61,12 +61,12 @@ use rayon::prelude::*;
 use crate::compiled::{CameraFrame, LampData, Primitive};
 use crate::cpu::Level;
 use crate::layers::smooth;
-use crate::post::{NoisyTile, NoisyTracer, trace_denoised};
+use crate::post::{FilterMemory, Means, NoisyPixels, NoisyTile, NoisyTracer, trace_denoised};
 use crate::sampling::{
     BLOCK_CAMERA, block_choice, block_light, block_scatter, pair, pixel_key, sample_key,
 };
 use crate::tracer::{DeviceInfo, DeviceKind, TileRadiance, TraceJob, TraceStats, Tracer};
-use crate::{CompiledScene, Error, RenderSettings, Tile, TileLayers};
+use crate::{CompiledScene, Error, Layers, RenderSettings, Tile, TileLayers};
 use intersect::{Departure, intersect_from, nearest_lamp, vector};
 pub use intersect::{Hit, Ray, intersect};
 use light::{LampPoint, choose_lamp, light_sum};
@@ -95,7 +95,8 @@ impl Tracer for Reference {
     ) -> Result<TraceStats, Error> {
         job.validate()?;
         if job.settings.denoise {
-            return trace_denoised(self, Level::new(), scene, job, sink);
+            let memory = FilterMemory::default();
+            return trace_denoised(self, Level::new(), &memory, scene, job, sink);
         }
         Ok(View::new(scene, job).trace(job, |index, _, rows| {
             sink(TileRadiance {
@@ -134,17 +135,52 @@ impl NoisyTracer for Reference {
         let view = View::new(scene, job);
         let smoother = smooth(job.settings).map(|settings| View { settings, ..view });
         Ok(view.trace(job, |index, tile, rows| {
+            let hits = view.layers(tile);
+            let smooth = smoother.map(|view| view.layers(tile));
+            let dropped_samples = rows.iter().map(|row| row.dropped_samples).sum();
             sink(NoisyTile {
                 index,
                 tile,
-                dropped_samples: rows.iter().map(|row| row.dropped_samples).sum(),
-                half: rows.iter().flat_map(|row| row.half.clone()).collect(),
-                radiance: rows.into_iter().flat_map(|row| row.radiance).collect(),
-                hits: view.layers(tile),
-                smooth_layers: smoother.map_or_else(Vec::new, |view| view.layers(tile)),
+                pixels: noisy_pixels(job.settings.samples, &rows, &hits, smooth.as_deref()),
+                dropped_samples,
             });
         }))
     }
+}
+
+fn noisy_pixels(
+    samples: u32,
+    rows: &[Row],
+    hits: &[Layers],
+    smooth: Option<&[Layers]>,
+) -> NoisyPixels {
+    let layers = |hits: &[Layers]| columns(hits.iter().map(Layers::columns));
+    let radiance = columns(rows.iter().flat_map(|row| row.radiance.iter().copied()));
+    let half = columns(rows.iter().flat_map(|row| row.half.iter().copied()));
+    let (hits, smooth) = (layers(hits), smooth.map(layers));
+    let mut pixels = NoisyPixels::default();
+    pixels.extend(
+        samples,
+        &Means {
+            radiance: radiance.each_ref().map(Vec::as_slice),
+            half: half.each_ref().map(Vec::as_slice),
+            hits: hits.each_ref().map(Vec::as_slice),
+            smooth: smooth
+                .as_ref()
+                .map(|smooth| smooth.each_ref().map(Vec::as_slice)),
+        },
+    );
+    pixels
+}
+
+fn columns<const N: usize>(pixels: impl Iterator<Item = [f32; N]>) -> [Vec<f32>; N] {
+    let mut columns = [const { Vec::new() }; N];
+    for pixel in pixels {
+        for (column, value) in columns.iter_mut().zip(pixel) {
+            column.push(value);
+        }
+    }
+    columns
 }
 
 /// The ray through film position `(x, y)`, in pixels from the image's top left corner.

@@ -217,8 +217,7 @@ fn trace(
     screen: ImageSize,
     choice: Choice,
 ) -> anyhow::Result<(RadianceImage, f64)> {
-    let edge = |pixels: u32| ((f64::from(pixels) * choice.scale).round() as u32).max(1);
-    let size = ImageSize::new(edge(screen.width), edge(screen.height));
+    let size = screen.scaled(choice.scale);
     let settings = RenderSettings {
         samples: choice.samples,
         scatterings_max: choice.scatterings_max,
@@ -295,8 +294,8 @@ impl Choice {
 fn choices() -> Vec<Choice> {
     let full = Choice::of(Preset::High);
     let mut choices: Vec<Choice> = Preset::ALL.map(Choice::of).to_vec();
-    for scale in [0.25, 0.5, 0.75, 1.0] {
-        for samples in [1, 2, 4, 16, 64] {
+    for scale in [0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 1.0] {
+        for samples in [1, 2, 4, 8, 16, 64] {
             choices.extend([false, true].map(|denoise| Choice {
                 scale,
                 samples,

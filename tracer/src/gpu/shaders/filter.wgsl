@@ -124,9 +124,12 @@ struct Look {
     normal: vec3f,
     inverse_depth: f32,
     depth_factor: f32,
-    light: vec4f,
-    sum: vec4f,
+    light: vec3f,
+    light_factor: f32,
+    sum: vec3f,
     weights: f32,
+    // Of squared weights.
+    squares: f32,
 }
 
 @compute @workgroup_size(BLOCK_EDGE, BLOCK_EDGE)
@@ -140,10 +143,13 @@ fn smooth_light(@builtin(global_invocation_id) id: vec3u) {
     let depth = guides[2u * i].w;
     let depth_factor = DEPTH_FACTOR / max(depth * depth, 1e-20);
     let normal = guides[2u * i + 1u].xyz;
-    var here = Look(guides[2u * i].xyz, normal, depth, depth_factor, light, light, 1.0);
+    let light_factor = 1.0 / (light.w * job.variances + 1e-10);
+    var here = Look(
+        guides[2u * i].xyz, normal, depth, depth_factor, light.xyz, light_factor, light.xyz, 1.0, 1.0,
+    );
     add_taps(p, &here);
     let inverse = 1.0 / here.weights;
-    light_to[i] = here.sum * vec4f(vec3f(inverse), inverse * inverse);
+    light_to[i] = vec4f(here.sum * inverse, light.w * here.squares * (inverse * inverse));
 }
 
 fn add_tap(p: vec2i, tap_weight: f32, here: ptr<function, Look>) {
@@ -151,20 +157,20 @@ fn add_tap(p: vec2i, tap_weight: f32, here: ptr<function, Look>) {
         return;
     }
     let i = index_of(p);
-    let light = light_from[i];
-    let likely = ((*here).light.w + light.w) * job.variances + 1e-10;
-    let by_light = (*here).light.xyz - light.xyz;
+    let light = light_from[i].xyz;
+    let by_light = (*here).light - light;
     let by_albedo = (*here).albedo - guides[2u * i].xyz;
     let by_normal = (*here).normal - guides[2u * i + 1u].xyz;
     let by_depth = (*here).inverse_depth - guides[2u * i].w;
-    var distance = dot(by_light, by_light) / likely;
+    var distance = dot(by_light, by_light) * (*here).light_factor;
     distance += dot(by_albedo, by_albedo) * ALBEDO_FACTOR;
     distance += dot(by_normal, by_normal) * NORMAL_FACTOR;
     distance += by_depth * by_depth * (*here).depth_factor;
     if (distance < 1.0) {
         let weight = (1.0 - distance) * (1.0 - distance) * tap_weight;
         (*here).weights += weight;
-        (*here).sum += light * vec4f(vec3f(weight), weight * weight);
+        (*here).squares += weight * weight;
+        (*here).sum += light * weight;
     }
 }
 

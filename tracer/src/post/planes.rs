@@ -1,0 +1,139 @@
+//! Pictures as planes of numbers, with room around them that taps may reach.
+
+use std::ops::Range;
+
+use fearless_simd::{f32x16, prelude::*};
+use rayon::prelude::*;
+
+use crate::Tile;
+
+pub(super) type Float<S> = f32x16<S>;
+pub(super) const LANES: usize = 16;
+
+/// Columns on each side of the picture.
+const PAD: usize = 4;
+
+/// Planes of numbers, row by row: a row of the first plane, of the second, …, then the next row.
+pub(super) struct Planes {
+    stride: usize,
+    floats: usize,
+    /// A row of what lies above and below the picture.
+    outside: Vec<f32>,
+    data: Vec<f32>,
+}
+
+/// One row of all planes, to read: looked up once for a row of results rather than for each tap.
+#[derive(Clone, Copy)]
+pub(super) struct Row<'a> {
+    stride: usize,
+    data: &'a [f32],
+}
+
+/// One row of all planes.
+pub(super) struct RowMut<'a> {
+    stride: usize,
+    data: &'a mut [f32],
+}
+
+impl Planes {
+    /// As large as `bounds`: 0 around it, in it anything that `memory` held.
+    pub(super) fn new(bounds: Tile, planes: usize, memory: Vec<f32>) -> Self {
+        let stride = bounds.width as usize + 2 * PAD + LANES;
+        let floats = planes * stride;
+        let mut data = memory;
+        data.resize(bounds.height as usize * floats, 0.0);
+        for row in data.chunks_exact_mut(stride) {
+            row[..PAD].fill(0.0);
+            row[PAD + bounds.width as usize..].fill(0.0);
+        }
+        Self {
+            stride,
+            floats,
+            outside: vec![0.0; floats],
+            data,
+        }
+    }
+
+    pub(super) fn into_memory(self) -> Vec<f32> {
+        self.data
+    }
+
+    /// Fills planes, in and around the picture.
+    pub(super) fn fill(&mut self, planes: Range<usize>, value: f32) {
+        let columns = planes.start * self.stride..planes.end * self.stride;
+        for row in self.data.chunks_exact_mut(self.floats) {
+            row[columns.clone()].fill(value);
+        }
+        self.outside[columns].fill(value);
+    }
+
+    pub(super) fn rows_mut(&mut self) -> impl Iterator<Item = RowMut<'_>> {
+        let stride = self.stride;
+        let rows = self.data.chunks_exact_mut(self.floats);
+        rows.map(move |data| RowMut { stride, data })
+    }
+
+    pub(super) fn par_rows_mut(
+        &mut self,
+    ) -> impl IndexedParallelIterator<Item = (usize, RowMut<'_>)> {
+        let stride = self.stride;
+        let rows = self.data.par_chunks_exact_mut(self.floats);
+        rows.map(move |data| RowMut { stride, data }).enumerate()
+    }
+
+    /// The row `dy` below `y`, which may lie outside.
+    pub(super) fn row(&self, y: usize, dy: isize) -> Row<'_> {
+        let begin = y.checked_add_signed(dy).map(|y| y * self.floats);
+        let inside = begin.and_then(|begin| self.data.get(begin..begin + self.floats));
+        Row {
+            stride: self.stride,
+            data: inside.unwrap_or(&self.outside),
+        }
+    }
+}
+
+impl Row<'_> {
+    #[inline(always)]
+    pub(super) fn load<S: Simd>(self, simd: S, plane: usize, x: usize, dx: isize) -> Float<S> {
+        let begin = plane * self.stride + (x + PAD).wrapping_add_signed(dx);
+        Float::from_slice(simd, &self.data[begin..][..LANES])
+    }
+
+    #[inline(always)]
+    pub(super) fn triple<S: Simd>(
+        self,
+        simd: S,
+        plane: usize,
+        x: usize,
+        dx: isize,
+    ) -> [Float<S>; 3] {
+        [
+            self.load(simd, plane, x, dx),
+            self.load(simd, plane + 1, x, dx),
+            self.load(simd, plane + 2, x, dx),
+        ]
+    }
+}
+
+impl RowMut<'_> {
+    /// Sets numbers of one plane from column `x` on.
+    pub(super) fn put(&mut self, plane: usize, x: usize, values: &[f32]) {
+        let to = self.columns(plane, x, values.len());
+        // Tiles' rows are short: most of a call's time would be its beginning and end.
+        let ((to, to_rest), (from, rest)) = (to.as_chunks_mut::<LANES>(), values.as_chunks());
+        for (to, from) in to.iter_mut().zip(from) {
+            *to = *from;
+        }
+        to_rest.copy_from_slice(rest);
+    }
+
+    #[inline(always)]
+    pub(super) fn store<S: Simd>(&mut self, plane: usize, x: usize, values: Float<S>) {
+        values.store_slice(self.columns(plane, x, LANES));
+    }
+
+    #[inline(always)]
+    fn columns(&mut self, plane: usize, x: usize, count: usize) -> &mut [f32] {
+        &mut self.data[plane * self.stride + PAD + x..][..count]
+    }
+}
