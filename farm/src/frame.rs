@@ -4,7 +4,7 @@ use std::fmt;
 use std::time::Duration;
 
 use carom_protocol::{FrameId, NodeInfo, PixelFormat};
-use carom_tracer::{ImageSize, RenderSettings, SceneUpdate, TileRun};
+use carom_tracer::{ImageSize, RenderSettings, SceneUpdate, Tile, TileRun};
 use serde::Serialize;
 
 use crate::Balancing;
@@ -32,6 +32,9 @@ pub struct Frame {
     pub size: ImageSize,
     /// The pixels, row-major from the top left.
     pub pixels: Pixels,
+    /// Tiles that were not there when the picture had to be shown: their pixels are black. The
+    /// picture comes again when it is whole, unless a later one has had to be shown by then.
+    pub missing: Vec<Tile>,
     /// How it was made.
     pub stats: FrameStats,
 }
@@ -48,7 +51,7 @@ pub enum Pixels {
 /// How a frame was made, by the client's clock.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct FrameStats {
-    /// From [`crate::Farm::submit`] to the last tile, in seconds.
+    /// From [`crate::Farm::submit`] to the last tile, in seconds; with tiles missing, to its deadline.
     pub makespan_secs: f64,
     /// The longest that a node was busy with the picture, by its own clock, in seconds: pictures in
     /// flight cannot follow each other faster.
@@ -63,6 +66,8 @@ pub struct FrameStats {
     pub reissued_tiles: u32,
     /// Of those, the ones whose node was lost, refused them or fell silent.
     pub lost_tiles: u32,
+    /// Tiles that were not there when the picture had to be shown.
+    pub late_tiles: u32,
     /// Tiles that came twice; the first was kept.
     pub duplicate_tiles: u32,
     /// Samples that were not finite and count as black.

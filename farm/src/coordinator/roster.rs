@@ -157,6 +157,10 @@ impl Node {
     pub(super) fn deliver(&mut self, tiles: u32, split: LatencySplit) {
         self.split = split;
         self.tiles += u64::from(tiles);
+    }
+
+    /// Takes note that what it sends is right.
+    pub(super) fn trust(&mut self) {
         self.failures = 0;
     }
 
@@ -166,6 +170,11 @@ impl Node {
         if run.counts() && self.silent_since.is_none() {
             self.lost_tiles += u64::from(run.tiles.count.saturating_sub(run.tiles_received));
         }
+    }
+
+    /// Whether nothing has failed since it was last right.
+    pub(super) fn is_trusted(&self) -> bool {
+        self.failures == 0
     }
 
     /// Pauses after a refusal: `why` if it was the node's or its device's fault.

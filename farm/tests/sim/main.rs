@@ -21,6 +21,7 @@ fn plan(nodes: Vec<NodePlan>, algorithm: Algorithm, frames: u64) -> Plan {
         frames,
         frames_in_flight: 1,
         period_secs: None,
+        looks_ahead: false,
         size: ImageSize::new(240, 160),
         tile_edge: 8,
         weather: Weather::default(),

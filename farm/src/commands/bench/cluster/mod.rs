@@ -380,6 +380,7 @@ impl Bench<'_> {
             frames: pace.frames,
             frames_in_flight: pace.frames_in_flight,
             period_secs: pace.period.map(|period| period.as_secs_f64()),
+            looks_ahead: false,
             size: size(self.args),
             tile_edge: self.args.tile_edge,
             weather: Weather::default(),
