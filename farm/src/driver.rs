@@ -194,7 +194,8 @@ impl Driver {
             Input::Local(node, Err(why)) => {
                 self.opening -= 1;
                 let why = why.to_string();
-                self.coordinator.handle(now, node, LinkEvent::Lost { why });
+                self.coordinator
+                    .handle(now, node, LinkEvent::Lost { why, retry: None });
             }
             Input::Stop => {}
         }

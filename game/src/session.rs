@@ -406,10 +406,7 @@ impl Session {
             FarmSlot::Ready(farm) => farm.nodes(),
             _ => Vec::new(),
         };
-        let ready = nodes
-            .iter()
-            .filter(|node| node.state == NodeState::Ready)
-            .count();
+        let ready = nodes.iter().filter(|node| node.state.is_ready()).count();
         ui::figures_line(
             &self.director.figures(),
             self.warp.guessed(),

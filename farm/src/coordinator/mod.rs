@@ -165,7 +165,10 @@ impl Coordinator {
         let now = now.as_secs_f64();
         match event {
             LinkEvent::Connecting => self.disconnect(node, Connection::Connecting),
-            LinkEvent::Lost { why } => self.disconnect(node, Connection::Lost(why)),
+            LinkEvent::Lost { why, retry } => {
+                let retry_at = retry.map(|pause| now + pause.as_secs_f64());
+                self.disconnect(node, Connection::Lost { why, retry_at });
+            }
             LinkEvent::Session(event) => self.handle_session(now, node, event),
             LinkEvent::Decoded { run, took } => {
                 if let Some(run) = self.nodes[node.0].runs.get_mut(&run) {

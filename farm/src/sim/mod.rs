@@ -409,7 +409,7 @@ impl<'a> Simulation<'a> {
                 node.die();
                 let why = "its connection broke".into();
                 self.coordinator
-                    .handle(self.now, index, LinkEvent::Lost { why });
+                    .handle(self.now, index, LinkEvent::Lost { why, retry: None });
             }
             Change::Join => {
                 node.connection += 1;

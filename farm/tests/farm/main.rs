@@ -8,9 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use carom_farm::{
-    Algorithm, Balancing, Error, Farm, FarmConfig, Frame, FrameSpec, NodeState, Pixels,
-};
+use carom_farm::{Algorithm, Balancing, Error, Farm, FarmConfig, Frame, FrameSpec, Pixels};
 use carom_protocol::PixelFormat;
 use carom_tracer::{
     CompiledScene, DeviceInfo, ImageSize, ObjectPose, RenderSettings, Scene, SceneUpdate, Tile,
@@ -432,7 +430,7 @@ fn configurations_out_of_range_are_refused() {
 fn wait_until_ready(farm: &Farm) {
     let ready = |farm: &Farm| {
         let mut nodes = farm.nodes().into_iter();
-        nodes.all(|node| node.state == NodeState::Ready)
+        nodes.all(|node| node.state.is_ready())
     };
     while !ready(farm) {
         std::thread::yield_now();

@@ -327,5 +327,5 @@ fn a_farm_without_any_answer_waits_and_says_why() {
     let absent = NodePlan::new(1e-3, 1.0).with(FOREVER, Change::Join);
     let report = run(&plan(vec![absent], WaterFilling, 1), 60.0);
     assert!(report.frames.is_empty());
-    assert_eq!(report.nodes[0].state, NodeState::Connecting);
+    assert_eq!(report.nodes[0].state, NodeState::Starting);
 }

@@ -87,9 +87,14 @@ impl Estimator {
         if seen.queue_secs <= 0.0 || self.fixed.is_none() {
             self.observe_fixed(fixed);
         }
-        // What comes within the allowance would support any speed that its node claims.
-        let is_timed = seen.response_secs - seen.queue_secs > Self::allowance(seen);
-        let error_min = if is_timed { f64::NEG_INFINITY } else { -SPEED_UP_MAX };
+        // What comes within the allowance would support any speed that its node claims; from twice
+        // that on, what is timed here is off by a factor of two at most.
+        let is_timed = seen.response_secs - seen.queue_secs > 2.0 * Self::allowance(seen);
+        let error_min = if is_timed {
+            f64::NEG_INFINITY
+        } else {
+            -SPEED_UP_MAX
+        };
         self.pace
             .observe(pace.max(SECS_PER_WORK_MIN), weight, error_min);
         self.delivered
