@@ -18,7 +18,7 @@ use crate::{Balancing, FarmConfig, Frame, FrameSpec, NodeStatus};
 pub(crate) enum Input {
     Link(NodeIndex, LinkEvent),
     Scene(SceneHash, Arc<Scene>),
-    Submit(FrameId, Box<FrameSpec>),
+    Submit(FrameId, Box<FrameSpec>, Option<Duration>),
     CancelBefore(FrameId),
     Balancing(Balancing),
     AddLocal(Arc<dyn Tracer>),
@@ -172,7 +172,12 @@ impl Driver {
         match input {
             Input::Link(node, event) => self.coordinator.handle(now, node, event),
             Input::Scene(hash, scene) => self.coordinator.set_scene(hash, scene),
-            Input::Submit(id, spec) => self.coordinator.submit(now, id, *spec, self.tile_edge),
+            Input::Submit(id, spec, deadline) => {
+                self.coordinator.submit(now, id, *spec, self.tile_edge);
+                if let Some(deadline) = deadline {
+                    self.coordinator.set_deadline(id, now + deadline);
+                }
+            }
             Input::CancelBefore(id) => self.coordinator.cancel_before(now, id),
             Input::Balancing(balancing) => self.coordinator.set_balancing(balancing),
             Input::AddLocal(tracer) => self.add_local(tracer),
@@ -189,7 +194,8 @@ impl Driver {
             Input::Local(node, Err(why)) => {
                 self.opening -= 1;
                 let why = why.to_string();
-                self.coordinator.handle(now, node, LinkEvent::Lost { why });
+                self.coordinator
+                    .handle(now, node, LinkEvent::Lost { why, retry: None });
             }
             Input::Stop => {}
         }

@@ -30,8 +30,8 @@ pub struct Farm {
     /// Whether nodes can be called.
     calls: bool,
     scene: Option<CompiledScene>,
-    /// Submitted, and neither taken nor cancelled.
-    in_flight: VecDeque<FrameId>,
+    /// Submitted, and neither taken whole nor cancelled; and whether they have a deadline.
+    in_flight: VecDeque<(FrameId, bool)>,
     next_frame: FrameId,
 }
 
@@ -148,6 +148,20 @@ impl Farm {
     /// and not been taken, [`Error::NoScene`] before the first scene, [`Error::Tracer`] if the
     /// update does not fit the scene or a value is out of range.
     pub fn submit(&mut self, spec: FrameSpec) -> Result<FrameId, Error> {
+        self.submit_by(spec, None)
+    }
+
+    /// Asks for a picture that is of use only if it is shown within `deadline` of now. Then it comes
+    /// as it is, with [`Frame::missing`] tiles, and again when it is whole. As soon as a picture
+    /// has had to be shown, those before it that have deadlines do not come any more.
+    ///
+    /// # Errors
+    /// As [`Farm::submit`].
+    pub fn submit_by(
+        &mut self,
+        spec: FrameSpec,
+        deadline: Option<Duration>,
+    ) -> Result<FrameId, Error> {
         let in_flight = self.in_flight.len();
         if in_flight >= self.frames_in_flight_max {
             return Err(Error::FramesInFlight { in_flight });
@@ -155,12 +169,13 @@ impl Farm {
         self.check(&spec)?;
         let id = self.next_frame;
         self.next_frame = FrameId(id.0 + 1);
-        self.in_flight.push_back(id);
-        self.send(Input::Submit(id, Box::new(spec)));
+        self.in_flight.push_back((id, deadline.is_some()));
+        self.send(Input::Submit(id, Box::new(spec), deadline));
         Ok(id)
     }
 
-    /// The next finished frame in the order of submission, if there is one now.
+    /// The next finished frame in the order of submission, if there is one now; or one whose deadline
+    /// has passed.
     pub fn poll_frame(&mut self) -> Option<Frame> {
         loop {
             let frame = self.frames.try_recv().ok()?;
@@ -190,11 +205,11 @@ impl Farm {
 
     /// Drops all frames before `id`, also finished ones that have not been taken.
     pub fn cancel_before(&mut self, id: FrameId) {
-        self.in_flight.retain(|frame| *frame >= id);
+        self.in_flight.retain(|(frame, _)| *frame >= id);
         self.send(Input::CancelBefore(id));
     }
 
-    /// Frames that have been submitted and neither been taken nor cancelled.
+    /// Frames that have been submitted and neither been taken whole nor cancelled.
     pub fn in_flight(&self) -> usize {
         self.in_flight.len()
     }
@@ -240,12 +255,17 @@ impl Farm {
     }
 
     fn take(&mut self, frame: Frame) -> Option<Frame> {
-        // A frame that is not the next one in flight was cancelled while it was on its way here.
-        let wanted = self.in_flight.front() == Some(&frame.id);
-        wanted.then(|| {
-            self.in_flight.pop_front();
-            frame
-        })
+        // A frame that is not in flight was cancelled while it was on its way here.
+        let place = self.in_flight.iter().position(|(id, _)| *id == frame.id)?;
+        let (_, has_deadline) = self.in_flight[place];
+        if frame.missing.is_empty() {
+            self.in_flight.remove(place);
+        }
+        if has_deadline {
+            let comes = |(id, has_deadline): &(FrameId, bool)| *id >= frame.id || !has_deadline;
+            self.in_flight.retain(comes);
+        }
+        Some(frame)
     }
 
     fn check(&mut self, spec: &FrameSpec) -> Result<(), Error> {

@@ -4,7 +4,7 @@ use std::fmt;
 use std::time::Duration;
 
 use carom_protocol::{FrameId, NodeInfo, PixelFormat};
-use carom_tracer::{ImageSize, RenderSettings, SceneUpdate, TileRun};
+use carom_tracer::{ImageSize, RenderSettings, SceneUpdate, Tile, TileRun};
 use serde::Serialize;
 
 use crate::Balancing;
@@ -32,6 +32,9 @@ pub struct Frame {
     pub size: ImageSize,
     /// The pixels, row-major from the top left.
     pub pixels: Pixels,
+    /// Tiles that were not there when the picture had to be shown: their pixels are black. The
+    /// picture comes again when it is whole, unless a later one has had to be shown by then.
+    pub missing: Vec<Tile>,
     /// How it was made.
     pub stats: FrameStats,
 }
@@ -48,7 +51,7 @@ pub enum Pixels {
 /// How a frame was made, by the client's clock.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct FrameStats {
-    /// From [`crate::Farm::submit`] to the last tile, in seconds.
+    /// From [`crate::Farm::submit`] to the last tile, in seconds; with tiles missing, to its deadline.
     pub makespan_secs: f64,
     /// The longest that a node was busy with the picture, by its own clock, in seconds: pictures in
     /// flight cannot follow each other faster.
@@ -63,6 +66,8 @@ pub struct FrameStats {
     pub reissued_tiles: u32,
     /// Of those, the ones whose node was lost, refused them or fell silent.
     pub lost_tiles: u32,
+    /// Tiles that were not there when the picture had to be shown.
+    pub late_tiles: u32,
     /// Tiles that came twice; the first was kept.
     pub duplicate_tiles: u32,
     /// Samples that were not finite and count as black.
@@ -182,33 +187,80 @@ pub struct NodeStatus {
     pub split: LatencySplit,
 }
 
-/// Where a node stands.
+/// Where a node stands, in the words that players, `carom-farm status` and the node itself use.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NodeState {
-    /// Being called.
-    Connecting,
-    /// Connected; this farm has no scene yet.
+    /// Its device is being opened, or it is being called.
+    Starting,
+    /// It waits for a player: only a node says that, of itself.
+    Listening,
+    /// Connected, and this farm has no scene yet.
     Paired,
     /// Connected, without this farm's scene yet.
     Syncing,
     /// Holds the scene.
     Ready,
-    /// Gone; it is called again after a pause.
+    /// Holds the scene and has had work within the last second.
+    Rendering,
+    /// Ends: only a node says that, of itself.
+    Draining,
+    /// Gone, or of no use for now.
     Lost {
         /// A sentence.
         why: String,
+        /// When it is tried again, in whole seconds from now, rounded up; absent if nobody knows.
+        retry_secs: Option<u64>,
     },
 }
 
-/// One word, and for a lost node why it is and when it is tried again.
+impl NodeState {
+    /// One word.
+    pub const fn word(&self) -> &'static str {
+        match self {
+            Self::Starting => "starting",
+            Self::Listening => "listening",
+            Self::Paired => "paired",
+            Self::Syncing => "syncing",
+            Self::Ready => "ready",
+            Self::Rendering => "rendering",
+            Self::Draining => "draining",
+            Self::Lost { .. } => "lost",
+        }
+    }
+
+    /// What that means, as the end of a sentence that begins with the node's name.
+    pub fn sentence(&self) -> String {
+        match self {
+            Self::Starting => "is being called, or opens its device".into(),
+            Self::Listening => "waits for a player".into(),
+            Self::Paired => "is connected and waits for a scene".into(),
+            Self::Syncing => "is being sent the scene".into(),
+            Self::Ready => "holds the scene and waits for work".into(),
+            Self::Rendering => "traces".into(),
+            Self::Draining => "is shutting down".into(),
+            Self::Lost { why, retry_secs } => match retry_secs {
+                Some(secs) => format!("is lost ({why}, tried again within {secs} s)"),
+                None => format!("is lost ({why})"),
+            },
+        }
+    }
+
+    /// Whether it can be asked for pictures of this farm's scene.
+    pub const fn is_ready(&self) -> bool {
+        matches!(self, Self::Ready | Self::Rendering)
+    }
+}
+
+/// Its word, and for a lost node why it is and when it is tried again.
 impl fmt::Display for NodeState {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.word())?;
         match self {
-            Self::Connecting => f.write_str("connecting"),
-            Self::Paired => f.write_str("paired"),
-            Self::Syncing => f.write_str("syncing"),
-            Self::Ready => f.write_str("ready"),
-            Self::Lost { why } => write!(f, "lost ({why}); it is tried again within 5 s"),
+            Self::Lost { why, retry_secs } => match retry_secs {
+                Some(secs) => write!(f, " ({why}, tried again within {secs} s)"),
+                None => write!(f, " ({why})"),
+            },
+            _ => Ok(()),
         }
     }
 }

@@ -55,6 +55,7 @@ pub mod local;
 mod mailbox;
 pub mod net;
 pub mod node;
+pub mod pacing;
 pub mod sim;
 pub mod throttle;
 

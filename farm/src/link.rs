@@ -59,6 +59,8 @@ pub enum LinkEvent {
     Lost {
         /// A sentence.
         why: String,
+        /// The pause; absent if it is not called again.
+        retry: Option<Duration>,
     },
 }
 
@@ -143,7 +145,7 @@ impl MemoryLink {
         let carry = move || {
             events(LinkEvent::Connecting);
             let why = carry(receiver, connection, &mut events);
-            events(LinkEvent::Lost { why });
+            events(LinkEvent::Lost { why, retry: None });
         };
         let thread = std::thread::Builder::new().name("carom-link".into());
         Self {

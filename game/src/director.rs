@@ -11,13 +11,14 @@
 //! milliseconds.
 
 use std::collections::VecDeque;
+use std::time::Duration;
 
+use carom_farm::pacing::{Lead, Queue, Schedule};
 use carom_farm::{Frame, FrameId, FrameSpec, PixelFormat, Pixels};
-use carom_tracer::{ImageSize, RenderSettings, SceneUpdate};
+use carom_tracer::{ImageSize, RenderSettings, SceneUpdate, Tile};
 
 use crate::darkroom::{Negative, Print};
 use crate::display::Picture;
-use crate::pacing::{Lead, Queue, Schedule};
 use crate::quality::{Dial, Level, Quality};
 
 /// What the player looks at.
@@ -41,6 +42,8 @@ pub enum Subject {
 pub struct Order {
     /// What to submit.
     pub spec: FrameSpec,
+    /// When it must be shown, from now on, if it must: see [`carom_farm::Farm::submit_by`].
+    pub deadline: Option<Duration>,
     role: Role,
 }
 
@@ -77,6 +80,9 @@ pub struct Figures {
     pub reissued_tiles: u64,
     /// Pictures finished, ever.
     pub pictures: u64,
+    /// Tiles that were not there when their pictures had to be shown, and that the picture before
+    /// stood in for, ever.
+    pub late_tiles: u64,
     /// Pictures of a shot that were passed over because a later one was due, ever.
     pub skipped: u64,
     /// How far ahead of its moment a picture is asked for, seconds.
@@ -92,6 +98,7 @@ impl Default for Figures {
             tiles: 0,
             reissued_tiles: 0,
             pictures: 0,
+            late_tiles: 0,
             skipped: 0,
             lead_secs: 0.0,
         }
@@ -111,15 +118,27 @@ pub struct Director {
     drafted: bool,
     refinement: Option<Refinement>,
     schedule: Schedule,
-    moments: Queue<Picture>,
+    moments: Queue<Moment>,
     pending: VecDeque<Pending>,
     orders: u64,
     serial: u64,
     shown: Option<Picture>,
+    /// Of the shot, if the picture on show is of it.
+    shown_moment: Option<f64>,
     figures: Figures,
 }
 
+/// A picture of a shot, perhaps with tiles missing.
 #[derive(Debug)]
+struct Moment {
+    picture: Picture,
+    missing: Vec<Tile>,
+}
+
+/// Puts into a picture what is missing of it, from the picture that was on show before.
+pub type Fill<'a> = &'a mut dyn FnMut(&mut Picture, &[Tile], &Picture);
+
+#[derive(Clone, Debug)]
 struct Pending {
     id: FrameId,
     role: Role,
@@ -147,6 +166,7 @@ impl Director {
             orders: 0,
             serial: 0,
             shown: None,
+            shown_moment: None,
             figures: Figures::default(),
         }
     }
@@ -199,7 +219,10 @@ impl Director {
                 let (lead, clock) = (self.lead.secs(), *clock_secs);
                 self.schedule
                     .next(clock, lead, self.quality.period_secs(), *end_secs)
-                    .map(|moment| self.level_order(at(moment), Role::Moment(moment)))
+                    .map(|moment| Order {
+                        deadline: Some(Duration::from_secs_f64((moment - clock).max(0.0))),
+                        ..self.level_order(at(moment), Role::Moment(moment))
+                    })
             }
         };
         order.map_or(Plan::Rest, Plan::Trace)
@@ -220,8 +243,14 @@ impl Director {
     pub fn finished(&mut self, frame: Frame) -> Option<Negative> {
         let is_frame = |pending: &Pending| pending.id == frame.id;
         let place = self.pending.iter().position(is_frame)?;
-        let pending = self.pending.remove(place)?;
-        self.measure(&pending, &frame);
+        let pending = if frame.missing.is_empty() {
+            let pending = self.pending.remove(place)?;
+            self.measure(&pending, &frame);
+            pending
+        } else {
+            self.figures.late_tiles += frame.missing.len() as u64;
+            self.pending[place].clone()
+        };
         let samples = pending.settings.samples;
         match (pending.role, frame.pixels) {
             (Role::Draft, Pixels::Srgb8(rgb)) => {
@@ -229,7 +258,7 @@ impl Director {
             }
             (Role::Moment(at), Pixels::Srgb8(rgb)) => {
                 let picture = self.picture_of(frame.size, opaque(&rgb), pending.update);
-                self.moments.push(at, picture);
+                self.add_moment(frame.id, at, picture, frame.missing);
                 self.figures.samples = samples;
             }
             (Role::Refinement, Pixels::Linear(radiance)) => {
@@ -260,15 +289,43 @@ impl Director {
         }
     }
 
-    /// The picture on show at this moment of the subject.
-    pub fn picture(&mut self) -> Option<&Picture> {
+    /// The picture on show at this moment of the subject. What is missing of it is put in by `fill`.
+    pub fn picture(&mut self, fill: Fill<'_>) -> Option<&Picture> {
         if let Some(Subject::Shot { clock_secs, .. }) = self.subject
-            && let Some((_, picture)) = self.moments.due(clock_secs)
+            && let Some((at, moment)) = self.moments.due(clock_secs)
         {
-            self.figures.size = picture.size;
-            self.shown = Some(picture);
+            self.put_up(at, moment, fill);
         }
         self.shown.as_ref()
+    }
+
+    /// A picture with tiles missing is shown only if there is one to fill them from.
+    fn put_up(&mut self, at: f64, moment: Moment, fill: Fill<'_>) {
+        let Moment {
+            mut picture,
+            missing,
+        } = moment;
+        match &self.shown {
+            _ if missing.is_empty() => {}
+            Some(before) => fill(&mut picture, &missing, before),
+            None => return,
+        }
+        self.figures.size = picture.size;
+        self.shown = Some(picture);
+        self.shown_moment = Some(at);
+    }
+
+    /// Takes in a picture of the shot. One that had to be shown before it was whole comes twice;
+    /// those before it do not come any more.
+    fn add_moment(&mut self, id: FrameId, at: f64, picture: Picture, missing: Vec<Tile>) {
+        let comes =
+            |pending: &Pending| pending.id >= id || !matches!(pending.role, Role::Moment(_));
+        self.pending.retain(comes);
+        match self.shown_moment {
+            Some(shown) if at < shown => {}
+            Some(shown) if at == shown && missing.is_empty() => self.shown = Some(picture),
+            _ => self.moments.push(at, Moment { picture, missing }),
+        }
     }
 
     /// How long before the stroke pictures of a shot should be asked for.
@@ -310,6 +367,7 @@ impl Director {
         self.refinement = None;
         self.schedule = Schedule::default();
         self.moments.clear();
+        self.shown_moment = None;
         // Drafts are answers to the player's hand and are shown although the hand has moved on.
         self.pending
             .iter()
@@ -354,6 +412,7 @@ impl Director {
                 },
                 format: PixelFormat::LinearF16,
             },
+            deadline: None,
             role: Role::Refinement,
         })
     }
@@ -374,6 +433,7 @@ impl Director {
                 },
                 format: PixelFormat::Srgb8 { exposure: EXPOSURE },
             },
+            deadline: None,
             role,
         }
     }
@@ -531,6 +591,10 @@ mod tests {
             }
         }
 
+        fn picture(&mut self) -> Option<&Picture> {
+            self.director.picture(&mut |_, _, _| {})
+        }
+
         /// Half a round trip, with exponential jitter of 1 ms over a long way.
         fn way_secs(&self) -> f64 {
             if self.round_trip_secs == 0.0 {
@@ -570,6 +634,7 @@ mod tests {
                     id,
                     size: order.spec.size,
                     pixels,
+                    missing: Vec::new(),
                     stats,
                 },
             ));
@@ -601,7 +666,7 @@ mod tests {
             if clock_secs < 0.0 {
                 continue;
             }
-            let picture = bench.director.picture().unwrap();
+            let picture = bench.picture().unwrap();
             let moment = picture.update.camera.unwrap().eye.x;
             errors.push((f64::from(moment) - clock_secs).abs());
             serials.push(picture.serial);
@@ -648,10 +713,7 @@ mod tests {
         }
         assert!(next > 100 && next <= SAMPLES_MAX, "{next} samples in 8 s");
         // 0.25 in linear light is 137 in sRGB.
-        assert_eq!(
-            bench.director.picture().unwrap().rgba[0],
-            [137, 137, 137, 255]
-        );
+        assert_eq!(bench.picture().unwrap().rgba[0], [137, 137, 137, 255]);
     }
 
     #[test]
@@ -678,7 +740,7 @@ mod tests {
             (1, Role::Draft)
         );
         (0..20).for_each(|_| bench.step(&Subject::Live(scene_at(0.7))));
-        assert_eq!(bench.director.picture().unwrap().rgba[0][0], 70);
+        assert_eq!(bench.picture().unwrap().rgba[0][0], 70);
     }
 
     #[test]
@@ -697,6 +759,75 @@ mod tests {
         );
     }
 
+    /// Of frame `id`, all of one value, with the left half missing or not.
+    fn frame(id: u64, value: u8, missing: bool) -> Frame {
+        let left = Tile {
+            x: 0,
+            y: 0,
+            width: WINDOW.width / 2,
+            height: WINDOW.height,
+        };
+        Frame {
+            id: FrameId(id),
+            size: WINDOW,
+            pixels: Pixels::Srgb8(vec![[value; 3]; WINDOW.pixels()]),
+            missing: missing.then_some(left).into_iter().collect(),
+            stats: FrameStats::default(),
+        }
+    }
+
+    #[test]
+    fn what_is_late_is_filled_from_the_picture_before_until_it_comes() {
+        let mut director = Director::new(WINDOW, IN_FLIGHT_MAX, 5);
+        let at = |director: &mut Director, clock_secs: f64| {
+            let shot = Subject::Shot {
+                number: 1,
+                clock_secs,
+                end_secs: 2.0,
+            };
+            director.plan(clock_secs + 1.0, &shot, 1, &scene_at)
+        };
+        let mut moments = Vec::new();
+        for id in 0..3 {
+            let Plan::Trace(order) = at(&mut director, 0.017 * f64::from(id)) else {
+                panic!("a moment is asked for");
+            };
+            let Role::Moment(moment) = order.role else {
+                panic!("it is a moment");
+            };
+            let deadline = order.deadline.unwrap().as_secs_f64();
+            assert!((deadline - (moment - 0.017 * f64::from(id))).abs() < 1e-6);
+            moments.push(moment);
+            director.submitted(FrameId(u64::from(id as u32)), &order);
+        }
+        let fills = std::cell::RefCell::new(Vec::new());
+        let look = |director: &mut Director, clock_secs: f64| {
+            at(director, clock_secs);
+            let fill = &mut |picture: &mut Picture, missing: &[Tile], before: &Picture| {
+                assert_eq!(missing[0].width, WINDOW.width / 2);
+                picture.rgba[0] = before.rgba[0];
+                fills.borrow_mut().push(picture.serial);
+            };
+            let picture = director.picture(fill);
+            picture.map(|picture| (picture.rgba[0][0], picture.rgba[WINDOW.pixels() - 1][0]))
+        };
+        // Nothing to fill it from: nothing is shown.
+        director.finished(frame(0, 10, true));
+        assert_eq!(look(&mut director, moments[0] + 0.001), None);
+        director.finished(frame(0, 10, false));
+        assert_eq!(look(&mut director, moments[0] + 0.002), Some((10, 10)));
+        director.finished(frame(1, 20, true));
+        assert_eq!(look(&mut director, moments[1] + 0.001), Some((10, 20)));
+        // The late tiles replace what stood in for them, at once.
+        director.finished(frame(1, 20, false));
+        assert_eq!(look(&mut director, moments[1] + 0.002), Some((20, 20)));
+        director.finished(frame(2, 30, false));
+        assert_eq!(look(&mut director, moments[2] + 0.001), Some((30, 30)));
+        assert_eq!(fills.borrow().len(), 1);
+        assert_eq!(director.figures().late_tiles, 2);
+        assert_eq!(director.figures().pictures, 3);
+    }
+
     #[test]
     fn a_shot_is_shown_on_its_own_clock_whatever_the_latency() {
         let mut bench = Bench::new(4e5);
@@ -709,7 +840,7 @@ mod tests {
                 clock_secs,
                 end_secs: 2.5,
             });
-            let shown = bench.director.picture().map(|picture| picture.rgba[0][0]);
+            let shown = bench.picture().map(|picture| picture.rgba[0][0]);
             if let (Some(hundredths), true) = (shown, clock_secs > 0.5) {
                 errors.push((f64::from(hundredths) / 100.0 - clock_secs).abs());
             }

@@ -320,7 +320,7 @@ fn next_frame(farm: &mut Farm, interrupted: &AtomicBool) -> anyhow::Result<Frame
             return Ok(frame);
         }
         let nodes = farm.nodes();
-        let ready = nodes.iter().any(|node| node.state == NodeState::Ready);
+        let ready = nodes.iter().any(|node| node.state.is_ready());
         if !ready && begun.elapsed() > PATIENCE {
             bail!("no node is ready to trace: {}", states(&nodes));
         }
@@ -328,13 +328,7 @@ fn next_frame(farm: &mut Farm, interrupted: &AtomicBool) -> anyhow::Result<Frame
 }
 
 fn states(nodes: &[NodeStatus]) -> String {
-    let words = |node: &NodeStatus| match &node.state {
-        NodeState::Connecting => format!("{} does not answer", node.address),
-        NodeState::Paired => format!("{} waits for a scene", node.address),
-        NodeState::Syncing => format!("{} has not taken the scene", node.address),
-        NodeState::Ready => format!("{} is ready", node.address),
-        NodeState::Lost { why } => format!("{} is lost ({why})", node.address),
-    };
+    let words = |node: &NodeStatus| format!("{} {}", node.address, node.state.sentence());
     if nodes.is_empty() {
         return "the farm has no nodes".to_owned();
     }
@@ -376,7 +370,7 @@ fn node(status: NodeStatus) -> Node {
         fixed_secs: status.fixed_secs,
         msamples_per_sec: status.msamples_per_sec,
         lost: match status.state {
-            NodeState::Lost { why } => Some(why),
+            NodeState::Lost { why, .. } => Some(why),
             _ => None,
         },
     }

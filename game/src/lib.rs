@@ -29,7 +29,6 @@ pub mod display;
 pub mod headless;
 pub mod input;
 pub mod lookout;
-pub mod pacing;
 pub mod play;
 pub mod quality;
 pub mod room;

@@ -50,9 +50,8 @@ impl Lookout {
             .map(|node| node.msamples_per_sec)
             .fold(0.0, f64::max);
         let others = |index: usize| {
-            let ready = |(other, node): (usize, &NodeStatus)| {
-                other != index && node.state == NodeState::Ready
-            };
+            let ready =
+                |(other, node): (usize, &NodeStatus)| other != index && node.state.is_ready();
             nodes.iter().enumerate().any(ready)
         };
         for (index, (node, seen)) in nodes.iter().zip(&mut self.seen).enumerate() {
@@ -92,8 +91,8 @@ impl Lookout {
 impl Seen {
     fn changed(&mut self, node: &NodeStatus, others: bool) -> Option<String> {
         let (standing, why) = match &node.state {
-            NodeState::Ready => (Standing::Ready, ""),
-            NodeState::Lost { why } => (Standing::Lost, why.as_str()),
+            NodeState::Ready | NodeState::Rendering => (Standing::Ready, ""),
+            NodeState::Lost { why, .. } => (Standing::Lost, why.as_str()),
             _ => return None,
         };
         if self.standing.replace(standing) == Some(standing) {
@@ -117,7 +116,7 @@ impl Seen {
 
     fn slowed(&mut self, node: &NodeStatus, fastest: f64) -> Option<String> {
         let share = node.msamples_per_sec / fastest.max(1e-9);
-        if node.state != NodeState::Ready || node.msamples_per_sec <= 0.0 {
+        if !node.state.is_ready() || node.msamples_per_sec <= 0.0 {
             return None;
         }
         let was_slow = self.slow;
@@ -149,11 +148,11 @@ impl Seen {
 
 /// Why no node makes pictures now, if none does: shown until one does.
 pub fn standing(nodes: &[NodeStatus]) -> Option<String> {
-    if nodes.iter().any(|node| node.state == NodeState::Ready) {
+    if nodes.iter().any(|node| node.state.is_ready()) {
         return None;
     }
     let lost = nodes.iter().filter_map(|node| match &node.state {
-        NodeState::Lost { why } => Some(format!("{} ({why})", name(node))),
+        NodeState::Lost { why, .. } => Some(format!("{} ({why})", name(node))),
         _ => None,
     });
     let lost: Vec<String> = lost.collect();
@@ -171,7 +170,7 @@ pub fn line(nodes: &[NodeStatus]) -> String {
     if let Some(sentence) = standing(nodes) {
         return sentence;
     }
-    let ready = |node: &&NodeStatus| node.state == NodeState::Ready;
+    let ready = |node: &&NodeStatus| node.state.is_ready();
     let names = nodes.iter().filter(ready).map(|node| {
         let device = node
             .info
@@ -239,6 +238,7 @@ mod tests {
     fn lost(why: &str) -> NodeState {
         NodeState::Lost {
             why: why.to_owned(),
+            retry_secs: None,
         }
     }
 
@@ -290,7 +290,7 @@ mod tests {
             told(&mut lookout, &farm(lost("it no longer answers")), 2.0),
             ""
         );
-        assert_eq!(told(&mut lookout, &farm(NodeState::Connecting), 3.0), "");
+        assert_eq!(told(&mut lookout, &farm(NodeState::Starting), 3.0), "");
         assert_eq!(
             told(&mut lookout, &farm(NodeState::Ready), 20.0),
             "attic:1 is back"
@@ -348,7 +348,7 @@ mod tests {
     fn with_one_still_being_called_the_sentence_waits() {
         let nodes = [
             node("attic:1", lost("x")),
-            node("local", NodeState::Connecting),
+            node("local", NodeState::Starting),
         ];
         assert_eq!(standing(&nodes).unwrap(), "Waiting for the first picture");
     }

@@ -246,8 +246,14 @@ impl Session {
 
     /// Whether something has changed since the last [`Session::draw`].
     pub fn needs_redraw(&mut self) -> bool {
-        self.dirty
-            || self.director.picture().map_or(0, |picture| picture.serial) != self.redraws.serial
+        let warp = &mut self.warp;
+        let fill =
+            &mut |picture: &mut _, missing: &_, before: &_| warp.fill(picture, missing, before);
+        let serial = self
+            .director
+            .picture(fill)
+            .map_or(0, |picture| picture.serial);
+        self.dirty || serial != self.redraws.serial
     }
 
     /// Whether nothing will change without input.
@@ -286,7 +292,10 @@ impl Session {
         let now = self
             .stage
             .update(self.game.camera(moment), &self.game.poses(moment));
-        let picture = self.director.picture()?;
+        let warp = &mut self.warp;
+        let fill =
+            &mut |picture: &mut _, missing: &_, before: &_| warp.fill(picture, missing, before);
+        let picture = self.director.picture(fill)?;
         self.redraws.serial = picture.serial;
         Some(self.warp.follow(picture, &now))
     }
@@ -354,7 +363,7 @@ impl Session {
                 Plan::Rest => return Ok(()),
                 Plan::CancelAll => farm.cancel_before(FrameId(self.last_frame.0 + 1)),
                 Plan::Trace(order) => {
-                    let submitted = farm.submit(order.spec.clone());
+                    let submitted = farm.submit_by(order.spec.clone(), order.deadline);
                     self.last_frame = submitted.map_err(|error| error.to_string())?;
                     self.director.submitted(self.last_frame, &order);
                 }
@@ -397,10 +406,7 @@ impl Session {
             FarmSlot::Ready(farm) => farm.nodes(),
             _ => Vec::new(),
         };
-        let ready = nodes
-            .iter()
-            .filter(|node| node.state == NodeState::Ready)
-            .count();
+        let ready = nodes.iter().filter(|node| node.state.is_ready()).count();
         ui::figures_line(
             &self.director.figures(),
             self.warp.guessed(),

@@ -2,7 +2,7 @@
 //! camera and balls move on by [`carom_tracer::reproject`].
 
 use carom_tracer::reproject::View;
-use carom_tracer::{CompiledScene, Error, ImageSize, Scene, SceneUpdate};
+use carom_tracer::{CompiledScene, Error, ImageSize, Scene, SceneUpdate, Tile};
 
 use crate::display::Picture;
 
@@ -51,6 +51,25 @@ impl Warp {
             self.moved = self.moved(picture, now);
         }
         self.moved.as_ref().map_or(picture, |moved| &moved.picture)
+    }
+
+    /// Puts what the picture `before` shows into the `missing` tiles of `picture`, moved to where it
+    /// is now; leaves them if either does not fit the scene.
+    pub fn fill(&mut self, picture: &mut Picture, missing: &[Tile], before: &Picture) {
+        let Some(moved) = self.moved(before, &picture.update) else {
+            return;
+        };
+        let (from, width) = (moved.picture.size, picture.size.width as usize);
+        let scaled = |at: u32, to: u32, from: u32| (at * from / to) as usize;
+        for tile in missing {
+            for y in tile.y..tile.y + tile.height {
+                let row = scaled(y, picture.size.height, from.height) * from.width as usize;
+                for x in tile.x..tile.x + tile.width {
+                    let place = row + scaled(x, picture.size.width, from.width);
+                    picture.rgba[y as usize * width + x as usize] = moved.picture.rgba[place];
+                }
+            }
+        }
     }
 
     /// The share of the picture on show that the newest one did not hold, if it had to be moved.
@@ -156,6 +175,36 @@ mod tests {
         );
         assert_eq!(warp.count(), 2);
         assert!(warp.guessed().unwrap() < 0.1);
+    }
+
+    #[test]
+    fn missing_tiles_are_taken_from_where_the_picture_before_shows_them() {
+        let stage = Stage::room(BallSet::Classic);
+        let mut warp = Warp::new(stage.scene()).unwrap();
+        let before = picture(turned(&stage, 0.0));
+        let right = |warp: &mut Warp, update: &SceneUpdate| warp.follow(&before, update).clone();
+        for radians in [0.0, 0.02] {
+            let update = turned(&stage, radians);
+            let right = right(&mut warp, &update);
+            let mut holed = Picture {
+                serial: 8,
+                rgba: vec![[9; 4]; before.rgba.len()],
+                update,
+                ..before.clone()
+            };
+            let tile = Tile {
+                x: 16,
+                y: 8,
+                width: 24,
+                height: 12,
+            };
+            warp.fill(&mut holed, &[tile], &before);
+            for (place, pixel) in holed.rgba.iter().enumerate() {
+                let (x, y) = (place as u32 % 64, place as u32 / 64);
+                let inside = (16..40).contains(&x) && (8..20).contains(&y);
+                assert_eq!(*pixel, if inside { right.rgba[place] } else { [9; 4] });
+            }
+        }
     }
 
     #[test]

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::task::{Context, Poll};
 
+use carom_farm::NodeState;
 use carom_farm::net::{Credentials, NodeServer, Peer, Role, ServerEvent, Stop};
 use carom_farm::node::{Node, NodeConnection};
 use carom_farm::throttle::{Share, Throttled};
@@ -47,7 +48,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         Share::new(args.throttle).map_err(|why| Failure::Input(format!("--throttle: {why}")))?;
     let credentials = Credentials::load(&args.credentials, Role::Node)?;
     let server = NodeServer::bind(args.listen, &credentials)?;
-    say("starting");
+    say(NodeState::Starting.word());
     let tracer = args.backend.open(usize::from(args.threads))?;
     let tracer = Arc::new(Throttled::new(tracer, share.clone()));
     let stop = Stop::default();
@@ -61,17 +62,20 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let device = tracer.info().name;
     let node = Node::new(credentials.name(), tracer);
     let name = credentials.name();
+    let listening = NodeState::Listening.word();
     say(&format!(
-        "listening as {name} with {device} on {}",
+        "{listening} as {name} with {device} on {}",
         server.local_addr()?
     ));
     server.serve(
         &stop,
         move |player| Watched::new(&node, player),
         |event| match event {
-            ServerEvent::Paired { player } => say(&format!("paired with {player}")),
+            ServerEvent::Paired { player } => {
+                say(&format!("{} with {player}", NodeState::Paired.word()));
+            }
             ServerEvent::Lost { player, why } => say(&format!("lost {player}: {why}")),
-            ServerEvent::Draining => say("draining"),
+            ServerEvent::Draining => say(NodeState::Draining.word()),
         },
     );
     Ok(())
@@ -100,14 +104,6 @@ fn say(line: &str) {
     let _ = writeln!(std::io::stdout(), "{line}");
 }
 
-/// What a player has the node do.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum State {
-    Paired,
-    Ready,
-    Rendering,
-}
-
 /// A player's session, whose changes of state are printed. A player that has asked for a picture
 /// counts as rendering until it leaves or brings another scene: at 60 pictures a second, lines for
 /// the pauses between them would tell nobody anything.
@@ -117,7 +113,7 @@ struct Watched {
     /// The device's name, which changes when one fails or is back.
     device: String,
     player: SocketAddr,
-    state: State,
+    state: NodeState,
 }
 
 impl Watched {
@@ -127,12 +123,16 @@ impl Watched {
             connection: node.connect(),
             device: node.info().device.name,
             player,
-            state: State::Paired,
+            state: NodeState::Paired,
         }
     }
 
-    fn say(&self, state: &str) {
-        say(&format!("{state} for {}", self.player));
+    /// Says that it has come to a state, unless it was there already.
+    fn come_to(&mut self, state: NodeState) {
+        if self.state != state {
+            say(&format!("{} for {}", state.word(), self.player));
+            self.state = state;
+        }
     }
 }
 
@@ -141,20 +141,19 @@ impl Peer for Watched {
         let message = codec::decode_to_node(&packet.bytes);
         let is_scene = matches!(message, Ok(ToNode::Scene { .. }));
         if is_scene {
-            self.say("syncing");
+            self.come_to(NodeState::Syncing);
         }
         self.connection.handle(packet)?;
         if is_scene {
-            self.state = State::Ready;
-            self.say("ready");
+            self.come_to(NodeState::Ready);
         }
-        if matches!(message, Ok(ToNode::Trace(_))) && self.state != State::Rendering {
-            self.state = State::Rendering;
-            self.say("rendering");
+        if matches!(message, Ok(ToNode::Trace(_))) {
+            self.come_to(NodeState::Rendering);
         }
         let device = self.node.info().device.name;
         if device != self.device {
-            self.say(&format!("rendering with {device}"));
+            let rendering = NodeState::Rendering.word();
+            say(&format!("{rendering} with {device} for {}", self.player));
             self.device = device;
         }
         Ok(())

@@ -8,7 +8,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use carom_farm::net::{self, NodeAddress};
-use carom_farm::{Error, Farm, FarmConfig, Frame, FrameSpec, LocalNode, NodeState, Pixels};
+use carom_farm::{
+    Balancing, Error, Farm, FarmConfig, Frame, FrameSpec, LocalNode, NodeState, Pixels,
+};
 use carom_protocol::PixelFormat;
 use carom_tracer::film::Film;
 use carom_tracer::{
@@ -57,6 +59,10 @@ pub(crate) struct Args {
     /// gpu or none [default: auto, or --config's].
     #[arg(long)]
     backend: Option<LocalNode>,
+    /// How the picture is divided among nodes: the name of a balancer, as in the configuration's
+    /// `balancer` [default: water_filling_hedged, or --config's].
+    #[arg(long, value_name = "NAME")]
+    balancer: Option<Balancing>,
     /// Filter the noise that is left, guided by what camera rays meet first: 4 samples then look
     /// like 16 and more. Samples come in fewer frames, each of which is filtered by itself.
     #[arg(long)]
@@ -226,6 +232,9 @@ fn config(args: &Args) -> Result<FarmConfig, Failure> {
     if let Some(backend) = args.backend {
         config.local = backend;
     }
+    if let Some(balancer) = args.balancer {
+        config.balancer = balancer;
+    }
     if config.local == LocalNode::None && config.nodes.is_empty() {
         return Err(Failure::Input(
             "there is no node to trace with: give --node HOST:PORT or another --backend".into(),
@@ -327,7 +336,7 @@ fn give_up_without_nodes(farm: &Farm) -> Result<(), Failure> {
     let mut reasons = Vec::new();
     for node in farm.nodes() {
         match node.state {
-            NodeState::Lost { why } => reasons.push(format!("{}: {why}", node.address)),
+            NodeState::Lost { why, .. } => reasons.push(format!("{}: {why}", node.address)),
             _ => return Ok(()),
         }
     }

@@ -35,6 +35,7 @@ pub(crate) struct Args {
 struct Row {
     address: String,
     state: String,
+    sentence: String,
     name: Option<String>,
     device: Option<String>,
     round_trip_ms: Option<f64>,
@@ -100,6 +101,7 @@ fn row(node: &NodeStatus) -> Row {
     Row {
         address: node.address.clone(),
         state: node.state.to_string(),
+        sentence: node.state.sentence(),
         name: info.map(|info| info.name.clone()),
         device: info.map(|info| info.device.name.clone()),
         round_trip_ms: node.round_trip.map(|trip| 1e3 * trip.as_secs_f64()),
@@ -110,13 +112,14 @@ fn row(node: &NodeStatus) -> Row {
 fn print(row: &Row) {
     let Row {
         address,
-        state,
+        state: _,
+        sentence,
         name,
         device,
         round_trip_ms,
         protocol,
     } = row;
-    print!("{address}: {state}");
+    print!("{address} {sentence}");
     if let (Some(name), Some(device)) = (name, device) {
         print!("; {name}, {device}, protocol {protocol}");
     }

@@ -61,6 +61,12 @@ impl Coordinator {
                 continue;
             };
             let mut nodes = usable(&self.nodes, frame.scene.0);
+            if self.balancing.algorithm == Algorithm::WaterFilling
+                && nodes.iter().any(|node| self.nodes[node.0].is_trusted())
+            {
+                // What has failed is probed before others wait for it again.
+                nodes.retain(|node| self.nodes[node.0].is_trusted());
+            }
             if nodes.is_empty() && !frame.divided {
                 // Better than nobody: what is merely slow to answer.
                 let answers =
@@ -116,7 +122,7 @@ impl Coordinator {
         let Some(frame) = self.frames.by_id(id) else {
             return;
         };
-        let (grid, all) = (frame.grid, [frame.grid.all()]);
+        let (grid, scene, all) = (frame.grid, frame.scene.0, [frame.grid.all()]);
         let division = Division {
             work: frame.work.of_all(&all),
             tile_work: frame.work.mean_tile(),
@@ -124,7 +130,7 @@ impl Coordinator {
             candidates: &candidates,
         };
         let balancer = self.balancers.of(self.balancing.algorithm);
-        let runs = match balancer.divide(&division) {
+        let mut runs: Vec<_> = match balancer.divide(&division) {
             Shares::Pool => {
                 frame.pool = grid.all();
                 nodes.iter().for_each(|node| self.pull(now, *node));
@@ -147,6 +153,9 @@ impl Coordinator {
             }
         }
         if self.balancing.algorithm == Algorithm::WaterFilling {
+            let left_out = usable(&self.nodes, scene);
+            let left_out = left_out.into_iter().filter(|node| !nodes.contains(node));
+            runs.extend(left_out.map(|node| (node, Vec::new())));
             self.probe(now, id, &runs);
         }
         self.aim(now, id);

@@ -64,6 +64,11 @@ impl Film {
         runs
     }
 
+    /// The picture as it is.
+    pub(super) fn pixels(&self) -> &Pixels {
+        &self.pixels
+    }
+
     /// The picture.
     pub(super) fn into_pixels(self) -> Pixels {
         self.pixels

@@ -225,7 +225,7 @@ impl Coordinator {
             let Some(line) = node.estimate().or(newcomer) else {
                 continue;
             };
-            if node.is_usable(frame.scene.0) {
+            if node.is_usable(frame.scene.0) && node.is_trusted() {
                 helpers.push(NodeIndex(index));
                 help.push(Line {
                     mute_work: node.rhythm.mute_work(),

@@ -15,6 +15,7 @@
 pub mod balancer;
 
 mod cost_map;
+mod deadline;
 mod divide;
 mod film;
 mod hedge;
@@ -58,7 +59,7 @@ pub enum Action {
         /// What.
         command: Command,
     },
-    /// A picture is finished, and so are all before it.
+    /// A picture is finished, and so are all before it; or its deadline has passed.
     Deliver(Box<Frame>),
 }
 
@@ -164,7 +165,10 @@ impl Coordinator {
         let now = now.as_secs_f64();
         match event {
             LinkEvent::Connecting => self.disconnect(node, Connection::Connecting),
-            LinkEvent::Lost { why } => self.disconnect(node, Connection::Lost(why)),
+            LinkEvent::Lost { why, retry } => {
+                let retry_at = retry.map(|pause| now + pause.as_secs_f64());
+                self.disconnect(node, Connection::Lost { why, retry_at });
+            }
             LinkEvent::Session(event) => self.handle_session(now, node, event),
             LinkEvent::Decoded { run, took } => {
                 if let Some(run) = self.nodes[node.0].runs.get_mut(&run) {
@@ -192,13 +196,15 @@ impl Coordinator {
         let now = now.as_secs_f64();
         self.advance(now);
         self.hedge(now);
+        self.show_due(now);
     }
 
     /// When [`Coordinator::handle_timeout`] wants to be called, unless something happens before.
     pub fn next_timeout(&self) -> Option<Duration> {
         let node = self.timers.peek().map(|Reverse((at, _))| *at);
-        let frames = self.frames.iter().filter_map(|frame| frame.hedge_at);
-        let frame = frames.reduce(f64::min).map(due);
+        let frames = self.frames.iter();
+        let frames = frames.flat_map(|frame| [frame.hedge_at, frame.deadline]);
+        let frame = frames.flatten().reduce(f64::min).map(due);
         node.into_iter().chain(frame).min()
     }
 
@@ -350,6 +356,15 @@ impl Coordinator {
         times: NodeTimes,
     ) {
         let nodes = self.nodes.len();
+        if !film::is_finite(pixels) {
+            let why = "it sent pixels that are not numbers".into();
+            self.nodes[index.0].rest(now, Some(why));
+            self.give_up(now, index, id);
+            self.command(index, Command::CancelRun(id));
+            self.unheld = true;
+            return;
+        }
+        self.nodes[index.0].trust();
         let Some(run) = self.nodes[index.0].runs.get(&id) else {
             return;
         };
@@ -359,14 +374,6 @@ impl Coordinator {
         let Some(film) = &mut frame.film else {
             return;
         };
-        if !film::is_finite(pixels) {
-            let why = "it sent pixels that are not numbers".into();
-            self.nodes[index.0].rest(now, Some(why));
-            self.give_up(now, index, id);
-            self.command(index, Command::CancelRun(id));
-            self.unheld = true;
-            return;
-        }
         let filled = film.fill(tiles, pixels);
         frame.stats.payload_bytes += payload_bytes as u64;
         frame.stats.duplicate_tiles += tiles.count - filled;

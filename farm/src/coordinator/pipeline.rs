@@ -31,10 +31,14 @@ pub(super) struct FrameInFlight {
     /// When it is looked at for tiles that will be late; absent while there is no prediction.
     pub(super) hedge_at: Option<f64>,
     pub(super) last_look: f64,
+    /// When it must be shown, if it has not been handed over by then.
+    pub(super) deadline: Option<f64>,
+    /// Whether older frames with this set are of no use once it has been handed over.
+    pub(super) perishes: bool,
     pub(super) stats: FrameStats,
     /// By node.
     busy_secs: Vec<f64>,
-    finished: Option<Frame>,
+    pub(super) finished: Option<Frame>,
 }
 
 impl FrameInFlight {
@@ -65,6 +69,8 @@ impl FrameInFlight {
             target: f64::INFINITY,
             hedge_at: None,
             last_look: now,
+            deadline: None,
+            perishes: false,
             stats,
             busy_secs: Vec::new(),
             finished: None,
@@ -120,6 +126,7 @@ impl FrameInFlight {
             id: self.id,
             size: self.spec.size,
             pixels: film.into_pixels(),
+            missing: Vec::new(),
             stats: std::mem::take(&mut self.stats),
         });
         true
@@ -153,6 +160,10 @@ impl Pipeline {
         let frame = self.frames.front_mut()?.finished.take()?;
         self.frames.pop_front();
         Some(frame)
+    }
+
+    pub(super) fn remove(&mut self, id: FrameId) {
+        self.frames.retain(|frame| frame.id != id);
     }
 
     pub(super) fn drop_before(&mut self, id: FrameId) {

@@ -45,7 +45,7 @@ pub(super) struct Node {
 pub(super) enum Connection {
     Connecting,
     Open(NodeInfo),
-    Lost(String),
+    Lost { why: String, retry_at: Option<f64> },
 }
 
 /// A pause after a refusal.
@@ -157,6 +157,10 @@ impl Node {
     pub(super) fn deliver(&mut self, tiles: u32, split: LatencySplit) {
         self.split = split;
         self.tiles += u64::from(tiles);
+    }
+
+    /// Takes note that what it sends is right.
+    pub(super) fn trust(&mut self) {
         self.failures = 0;
     }
 
@@ -166,6 +170,11 @@ impl Node {
         if run.counts() && self.silent_since.is_none() {
             self.lost_tiles += u64::from(run.tiles.count.saturating_sub(run.tiles_received));
         }
+    }
+
+    /// Whether nothing has failed since it was last right.
+    pub(super) fn is_trusted(&self) -> bool {
+        self.failures == 0
     }
 
     /// Pauses after a refusal: `why` if it was the node's or its device's fault.
@@ -301,23 +310,39 @@ impl Node {
     }
 
     fn state(&self, now: f64, scene: Option<SceneHash>) -> NodeState {
-        let why = match (&self.connection, &self.scene_refused, &self.rest) {
-            (Connection::Connecting, ..) => return NodeState::Connecting,
-            (Connection::Lost(why), ..) => why.clone(),
-            (_, Some((hash, why)), _) if Some(*hash) == scene => {
-                format!("it cannot use the scene: {why}")
-            }
-            (_, _, Some(Rest { why: Some(why), .. })) => why.clone(),
-            _ => match self.silent_since {
-                Some(since) => format!("it has not answered for {:.1} s", now - since),
-                None if scene.is_some_and(|hash| self.scenes.contains(&hash)) => {
-                    return NodeState::Ready;
-                }
-                None if scene.is_none() => return NodeState::Paired,
-                None => return NodeState::Syncing,
-            },
+        let lost = |why: String, retry_at: Option<f64>| NodeState::Lost {
+            why,
+            retry_secs: retry_at.map(|at| (at - now).ceil().max(1.0) as u64),
         };
-        NodeState::Lost { why }
+        match (&self.connection, &self.scene_refused, &self.rest) {
+            (Connection::Connecting, ..) => return NodeState::Starting,
+            (Connection::Lost { why, retry_at }, ..) => return lost(why.clone(), *retry_at),
+            (_, Some((hash, why)), _) if Some(*hash) == scene => {
+                return lost(format!("it cannot use the scene: {why}"), None);
+            }
+            (.., Some(Rest { why, until })) if why.is_some() => {
+                return lost(why.clone().unwrap_or_default(), Some(*until));
+            }
+            _ => {}
+        }
+        if let Some(since) = self.silent_since {
+            return lost(
+                format!("it has not answered for {:.1} s", now - since),
+                None,
+            );
+        }
+        let Some(scene) = scene else {
+            return NodeState::Paired;
+        };
+        if !self.scenes.contains(&scene) {
+            return NodeState::Syncing;
+        }
+        let had_work = !self.runs.is_empty() || self.tiles > 0 && now - self.heard < WORK_SECS;
+        if had_work {
+            NodeState::Rendering
+        } else {
+            NodeState::Ready
+        }
     }
 
     /// Work that it has been asked for and that is still wanted.
@@ -367,5 +392,8 @@ const REST_SECS: f64 = 0.1;
 const REST_SECS_MAX: f64 = 5.0;
 /// Seconds of pause after a node said that its queue is full.
 const BUSY_REST_SECS: f64 = 0.02;
+/// Seconds since its last answer that a node still counts as rendering: at 60 pictures a second the
+/// pauses between them would tell nobody anything.
+const WORK_SECS: f64 = 1.0;
 /// Seconds between pings.
 const PING_SECS: f64 = 1.0;

@@ -136,10 +136,11 @@ impl Link {
             let called = Instant::now();
             (self.events)(LinkEvent::Connecting);
             let why = self.call().await;
-            (self.events)(LinkEvent::Lost { why });
             if called.elapsed() >= SETTLED {
                 pause = PAUSE_FIRST;
             }
+            let retry = Some(pause);
+            (self.events)(LinkEvent::Lost { why, retry });
             tokio::time::sleep(pause).await;
             pause = (pause * 2).min(PAUSE_MAX);
         }

@@ -5,6 +5,9 @@
 //! twice) ends the connection; `protocol/tests/wire` shows that. Here the connection ends, and the
 //! node is called again after pauses that double.
 
+use std::collections::BTreeSet;
+
+use carom_protocol::FrameId;
 use carom_tracer::ImageSize;
 
 use super::random::Random;
@@ -19,13 +22,24 @@ pub struct FaultRun {
     pub wrong: Vec<String>,
     /// Frames.
     pub frames: usize,
-    /// How much longer than nineteen of twenty frames the longest took, in periods of 1/60 s. A
-    /// frame that waited for a sleeping client does not count.
+    /// In periods of 1/60 s, how much longer than nineteen of twenty frames the longest took; where
+    /// frames are shown ahead of time, in how many in a row a tile was missing. What waited for a
+    /// sleeping client does not count.
     pub late_periods: f64,
+    /// Which frame that was.
+    pub latest: Option<FrameId>,
     /// Nodes at the start.
     pub nodes: usize,
     /// Whether frames were submitted each 1/60 s.
     pub pipelined: bool,
+    /// Whether they were shown at their times, whole or not.
+    pub looks_ahead: bool,
+    /// Whether all nodes but the client's own were lost at once.
+    pub all_lost: bool,
+    /// Tiles that were missing when their frames were shown.
+    pub late_tiles: u64,
+    /// Tiles of all frames.
+    pub tiles: u64,
 }
 
 /// A farm of 2 to 9 nodes with 1 to 5 faults, divided by any of the balancers or, if `hedged`, by
@@ -60,17 +74,19 @@ pub fn fault_plan(seed: u64, hedged: bool) -> Plan {
     let balancers: Vec<Balancing> = Balancing::all().collect();
     let any = balancers[random.below(balancers.len() as u64) as usize];
     let pipelined = random.uniform() < 0.5;
+    let frames_in_flight = if pipelined {
+        8
+    } else {
+        1 + random.below(3) as usize
+    };
     Plan {
         seed,
         balancing: if hedged { Balancing::default() } else { any },
         nodes,
         frames: 120,
-        frames_in_flight: if pipelined {
-            8
-        } else {
-            1 + random.below(3) as usize
-        },
+        frames_in_flight,
         period_secs: pipelined.then_some(PERIOD_SECS),
+        looks_ahead: pipelined && random.uniform() < 0.5,
         size: ImageSize::new(120, 80),
         tile_edge: 8,
         weather: Weather {
@@ -114,9 +130,18 @@ fn fault(random: &mut Random, at: f64, node: &mut NodePlan) {
 pub fn run_faults(plan: &Plan) -> FaultRun {
     let report = run(plan, SECS_MAX);
     let mut wrong = Vec::new();
-    let count = report.frames.len() as u64;
-    if count != plan.frames {
-        wrong.push(format!("{count} of {} frames came", plan.frames));
+    let sleeps = sleeps(plan);
+    let whole = report.frames.iter().chain(&report.partial);
+    let came: BTreeSet<FrameId> = whole.map(|frame| frame.id).collect();
+    // Frames that had to be shown while the client slept are not shown any more.
+    if came.len() as u64 != plan.frames && !(plan.looks_ahead && sleeps) {
+        wrong.push(format!("{} of {} frames came", came.len(), plan.frames));
+    }
+    if report.shown_late_secs > SHOWN_LATE_SECS_MAX && !sleeps {
+        let millis = 1e3 * report.shown_late_secs;
+        wrong.push(format!(
+            "a frame was handed over {millis:.1} ms after its time"
+        ));
     }
     if report.wrong_frames > 0 {
         wrong.push(format!("{} frames have wrong pixels", report.wrong_frames));
@@ -133,31 +158,81 @@ pub fn run_faults(plan: &Plan) -> FaultRun {
     {
         wrong.push("tiles are counted wrong".into());
     }
+    let (late_periods, latest) = match plan.looks_ahead {
+        _ if sleeps => (0.0, None),
+        true => longest_missing(plan, &report),
+        false => latest(&report),
+    };
+    let late_tiles = report
+        .partial
+        .iter()
+        .map(|frame| frame.missing.len() as u64);
     FaultRun {
         wrong,
         frames: report.frames.len(),
-        late_periods: late_periods(plan, &report),
+        late_periods,
+        latest,
         nodes: plan.nodes.len(),
         pipelined: plan.period_secs.is_some(),
+        looks_ahead: plan.looks_ahead,
+        all_lost: all_lost(plan),
+        late_tiles: late_tiles.sum(),
+        tiles: u64::from(report.tiles_per_frame) * plan.frames,
     }
 }
 
-fn late_periods(plan: &Plan, report: &Report) -> f64 {
-    let sleeps = plan.nodes.iter().flat_map(|node| &node.changes);
-    let mut sleeps = sleeps.filter(|(_, change)| matches!(change, Change::Suspend(_)));
-    if sleeps.next().is_some() {
-        return 0.0;
+/// Whether the client sleeps.
+fn sleeps(plan: &Plan) -> bool {
+    let mut changes = plan.nodes.iter().flat_map(|node| &node.changes);
+    changes.any(|(_, change)| matches!(change, Change::Suspend(_)))
+}
+
+fn all_lost(plan: &Plan) -> bool {
+    let silent = |node: &NodePlan, at: f64| node.changes.contains(&(at, Change::Silent));
+    let [_, first, others @ ..] = &plan.nodes[..] else {
+        return false;
+    };
+    let mut at = first.changes.iter().map(|(at, _)| *at);
+    at.any(|at| silent(first, at) && others.iter().all(|node| silent(node, at)))
+}
+
+/// The most frames in a row that were shown without the same tile, and the last of them.
+fn longest_missing(plan: &Plan, report: &Report) -> (f64, Option<FrameId>) {
+    let columns = plan.grid().columns();
+    let edge = u32::from(plan.tile_edge);
+    let mut since = vec![0; plan.grid().len() as usize];
+    let mut longest = (0, None);
+    for (index, frame) in report.partial.iter().enumerate() {
+        let follows = index > 0 && report.partial[index - 1].id.0 + 1 == frame.id.0;
+        let before = std::mem::replace(&mut since, vec![0; plan.grid().len() as usize]);
+        for tile in &frame.missing {
+            let tile = (tile.y / edge * columns + tile.x / edge) as usize;
+            since[tile] = 1 + if follows { before[tile] } else { 0 };
+            if frame.id.0 >= WARM_UP_FRAMES as u64 && since[tile] > longest.0 {
+                longest = (since[tile], Some(frame.id));
+            }
+        }
     }
+    (f64::from(longest.0), longest.1)
+}
+
+/// The frame that took longest, and how many periods longer than nineteen of twenty.
+fn latest(report: &Report) -> (f64, Option<FrameId>) {
     // The first frames are divided by guesses.
     let frames = report.frames.iter().skip(WARM_UP_FRAMES);
-    let mut secs: Vec<f64> = frames.map(|frame| frame.stats.makespan_secs).collect();
-    secs.sort_by(f64::total_cmp);
-    let usual = secs.get(secs.len() * 19 / 20).copied().unwrap_or(0.0);
-    let worst = secs.last().copied().unwrap_or(0.0);
-    (worst - usual) / PERIOD_SECS
+    let mut frames: Vec<(f64, FrameId)> = frames
+        .map(|frame| (frame.stats.makespan_secs, frame.id))
+        .collect();
+    frames.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (Some(usual), Some(worst)) = (frames.get(frames.len() * 19 / 20), frames.last()) else {
+        return (0.0, None);
+    };
+    ((worst.0 - usual.0) / PERIOD_SECS, Some(worst.1))
 }
 
 /// Virtual seconds after which a run counts as hanging.
 const SECS_MAX: f64 = 400.0;
 /// Frames before the first fault.
 const WARM_UP_FRAMES: usize = 5;
+/// A timer's own lateness.
+const SHOWN_LATE_SECS_MAX: f64 = 1e-6;

@@ -26,7 +26,7 @@ use carom_protocol::tile_codec::TilePixels;
 use carom_protocol::{FrameId, NodeInfo, PixelFormat, SceneHash, TraceRequest};
 use carom_tracer::{
     Camera, DeviceInfo, DeviceKind, Environment, ImageSize, RenderSettings, Scene, SceneUpdate,
-    TileGrid, TileRun,
+    Tile, TileGrid, TileRun,
 };
 use glam::Vec3;
 
@@ -40,6 +40,7 @@ pub use self::world::Weather;
 use self::world::World;
 use crate::coordinator::{Action, Coordinator, NodeIndex};
 use crate::link::{Command, LinkEvent};
+use crate::pacing::{Lead, Schedule};
 use crate::{Balancing, Frame, FrameSpec, NodeStatus, Pixels};
 
 /// What to simulate.
@@ -57,6 +58,8 @@ pub struct Plan {
     pub frames_in_flight: usize,
     /// Seconds between submissions; absent: as soon as there is room.
     pub period_secs: Option<f64>,
+    /// Whether frames must be shown at the moments that [`Schedule`] has for 60 frames a second.
+    pub looks_ahead: bool,
     /// The picture, of one sample a pixel: its pixels are the work of a frame.
     pub size: ImageSize,
     /// Pixels along a tile's edge.
@@ -108,8 +111,12 @@ pub enum Change {
 /// What came out.
 #[derive(Clone, Debug, Default)]
 pub struct Report {
-    /// The frames in the order of delivery; the pixels have been checked and dropped.
+    /// The whole frames in the order of delivery; the pixels have been checked and dropped.
     pub frames: Vec<Frame>,
+    /// Those that were shown with tiles missing, of which some came whole later.
+    pub partial: Vec<Frame>,
+    /// The most that a frame was handed over after it had to be shown, in seconds.
+    pub shown_late_secs: f64,
     /// Frames in which any pixel was wrong or missing.
     pub wrong_frames: u64,
     /// Tiles in a frame.
@@ -248,6 +255,12 @@ struct Simulation<'a> {
     random: Random,
     world: World,
     submitted: u64,
+    /// Frames below this have been handed over, or will not be.
+    handed: u64,
+    lead: Lead,
+    schedule: Schedule,
+    /// When frames must be shown, by their numbers.
+    deadlines: Vec<f64>,
     report: Report,
 }
 
@@ -265,6 +278,10 @@ impl<'a> Simulation<'a> {
             random: Random::new(plan.seed),
             world: World::new(plan.seed, plan.weather, plan.grid()),
             submitted: 0,
+            handed: 0,
+            lead: Lead::default(),
+            schedule: Schedule::default(),
+            deadlines: Vec::new(),
             report: Report::default(),
         };
         for (index, node) in plan.nodes.iter().enumerate() {
@@ -284,7 +301,7 @@ impl<'a> Simulation<'a> {
 
     fn run(&mut self, secs_max: f64) {
         let end = Duration::from_secs_f64(secs_max);
-        while (self.report.frames.len() as u64) < self.plan.frames && self.now < end {
+        while self.handed < self.plan.frames && self.now < end {
             let timeout = self.coordinator.next_timeout();
             let next = self.agenda.peek();
             let next = next.map(|entry| Duration::from_nanos(entry.at.0));
@@ -338,8 +355,9 @@ impl<'a> Simulation<'a> {
     }
 
     fn submit(&mut self) {
-        let in_flight = self.submitted - self.report.frames.len() as u64;
-        if self.submitted < self.plan.frames && in_flight < self.plan.frames_in_flight as u64 {
+        let in_flight = self.submitted - self.handed;
+        let has_room = in_flight < self.plan.frames_in_flight as u64;
+        if self.submitted < self.plan.frames && has_room && self.is_time() {
             let id = FrameId(self.submitted);
             self.submitted += 1;
             for (_, node, change) in self.plan.changes.iter().filter(|(at, ..)| *at == id) {
@@ -348,10 +366,15 @@ impl<'a> Simulation<'a> {
             let spec = frame_spec(self.plan.size);
             self.coordinator
                 .submit(self.now, id, spec, self.plan.tile_edge);
+            if let Some(at) = self.deadlines.last() {
+                self.coordinator
+                    .set_deadline(id, Duration::from_secs_f64(*at));
+            }
             if self.plan.period_secs.is_none() {
                 self.schedule(self.now, Happening::Submit);
             }
-        } else if self.submitted < self.plan.frames && self.plan.period_secs.is_some() {
+        } else if self.submitted < self.plan.frames && !has_room && self.plan.period_secs.is_some()
+        {
             self.report.skipped += 1;
         }
         if let Some(period) = self.plan.period_secs {
@@ -360,6 +383,17 @@ impl<'a> Simulation<'a> {
                 Happening::Submit,
             );
         }
+    }
+
+    /// Whether the next frame is to be asked for; notes when it must be shown, if it must.
+    fn is_time(&mut self) -> bool {
+        if !self.plan.looks_ahead {
+            return true;
+        }
+        let (now, lead) = (self.now.as_secs_f64(), self.lead.secs());
+        let moment = self.schedule.next(now, lead, PERIOD_SECS, f64::INFINITY);
+        self.deadlines.extend(moment);
+        moment.is_some()
     }
 
     fn change(&mut self, index: NodeIndex, change: Change) {
@@ -375,7 +409,7 @@ impl<'a> Simulation<'a> {
                 node.die();
                 let why = "its connection broke".into();
                 self.coordinator
-                    .handle(self.now, index, LinkEvent::Lost { why });
+                    .handle(self.now, index, LinkEvent::Lost { why, retry: None });
             }
             Change::Join => {
                 node.connection += 1;
@@ -405,11 +439,23 @@ impl<'a> Simulation<'a> {
 
     fn deliver(&mut self, mut frame: Frame) {
         let grid = self.plan.grid();
-        let right = expected_pixels(frame.id, grid);
+        let right = expected_pixels(frame.id, grid, &frame.missing);
         self.report.wrong_frames += u64::from(frame.pixels != right);
         self.report.tiles_per_frame = grid.len();
         frame.pixels = Pixels::Linear(Vec::new());
-        self.report.frames.push(frame);
+        if frame.id.0 >= self.handed
+            && let Some(deadline) = self.deadlines.get(frame.id.0 as usize)
+        {
+            let late_secs = &mut self.report.shown_late_secs;
+            *late_secs = late_secs.max(self.now.as_secs_f64() - deadline);
+        }
+        self.handed = self.handed.max(frame.id.0 + 1);
+        if frame.missing.is_empty() {
+            self.lead.observe(frame.stats.makespan_secs);
+            self.report.frames.push(frame);
+        } else {
+            self.report.partial.push(frame);
+        }
         if self.plan.period_secs.is_none() {
             self.schedule(self.now, Happening::Submit);
         }
@@ -488,7 +534,8 @@ fn poison(request: &TraceRequest, tiles: TileRun) -> TilePixels {
     TilePixels::Linear(vec![[f32::NAN; 3]; request.grid.pixels(tiles)])
 }
 
-fn expected_pixels(frame: FrameId, grid: TileGrid) -> Pixels {
+/// With black where tiles are `missing`.
+fn expected_pixels(frame: FrameId, grid: TileGrid, missing: &[Tile]) -> Pixels {
     let mut pixels = vec![[0.0; 3]; grid.size.pixels()];
     let edge = u32::from(grid.edge);
     for (position, to) in pixels.iter_mut().enumerate() {
@@ -497,6 +544,12 @@ fn expected_pixels(frame: FrameId, grid: TileGrid) -> Pixels {
             position as u32 / grid.size.width,
         );
         *to = pixel(frame, y / edge * grid.columns() + x / edge);
+    }
+    for tile in missing {
+        for y in tile.y..tile.y + tile.height {
+            let start = (y * grid.size.width + tile.x) as usize;
+            pixels[start..start + tile.width as usize].fill([0.0; 3]);
+        }
     }
     Pixels::Linear(pixels)
 }

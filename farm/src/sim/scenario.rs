@@ -96,6 +96,7 @@ impl Scenario {
             frames: self.frames,
             frames_in_flight: if self.mode == Mode::Closed { 1 } else { 8 },
             period_secs: (self.mode == Mode::Pipelined).then_some(PERIOD_SECS),
+            looks_ahead: false,
             size,
             tile_edge: 1,
             weather: WEATHER,

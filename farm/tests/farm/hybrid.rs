@@ -3,8 +3,8 @@
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 
+use carom_farm::Farm;
 use carom_farm::hybrid::Hybrid;
-use carom_farm::{Farm, NodeState};
 use carom_tracer::gpu::AdapterChoice;
 use carom_tracer::{
     CompiledScene, CpuTracer, Error, GpuTracer, ImageSize, RenderSettings, Scene, TileGrid,
@@ -93,7 +93,7 @@ fn a_farm_s_frames_are_whole_while_a_device_of_its_node_fails() {
         assert_right(&frame, seed);
     }
     assert!(node.info().name.contains("not used"));
-    let is_ready = |status: carom_farm::NodeStatus| matches!(status.state, NodeState::Ready);
+    let is_ready = |status: carom_farm::NodeStatus| status.state.is_ready();
     assert!(farm.nodes().into_iter().all(is_ready), "{:?}", farm.nodes());
 }
 

@@ -8,10 +8,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use carom_farm::{Balancing, Error, Farm, FarmConfig, Frame, FrameSpec, NodeState, Pixels};
+use carom_farm::{Algorithm, Balancing, Error, Farm, FarmConfig, Frame, FrameSpec, Pixels};
 use carom_protocol::PixelFormat;
 use carom_tracer::{
-    CompiledScene, DeviceInfo, ImageSize, ObjectPose, RenderSettings, Scene, SceneUpdate,
+    CompiledScene, DeviceInfo, ImageSize, ObjectPose, RenderSettings, Scene, SceneUpdate, Tile,
     TileRadiance, TraceJob, TraceStats, Tracer,
 };
 
@@ -143,6 +143,36 @@ fn a_node_that_hangs_mid_frame_costs_no_tile() {
     assert!(frame.stats.reissued_tiles > 0);
     assert_right(&trace(&mut farm, 1), 1);
     gate.open();
+}
+
+#[test]
+fn a_picture_that_must_be_shown_comes_as_it_is_and_again_when_it_is_whole() {
+    let gate = Gate::closed();
+    let hanging = Pattern::new().with_fault(Fault::Hang(gate.clone()), 20);
+    let mut farm = farm(vec![hanging, Pattern::new()]);
+    farm.set_balancer(Algorithm::Equal.unhedged());
+    let deadline = Some(Duration::from_millis(40));
+    let id = farm.submit_by(spec(3), deadline).unwrap();
+    let part = farm.wait_frame(PATIENCE).expect("a part");
+    assert_eq!((part.id, farm.in_flight()), (id, 1));
+    let late: usize = part.missing.iter().map(|tile| tile.pixels()).sum();
+    assert!(late > 0 && part.stats.late_tiles as usize == part.missing.len());
+    let right = pattern::picture(&spec(3));
+    for (place, pixel) in linear(&part).iter().enumerate() {
+        let (x, y) = (place as u32 % 250, place as u32 / 250);
+        let is_in = |tile: &Tile| {
+            (tile.x..tile.x + tile.width).contains(&x)
+                && (tile.y..tile.y + tile.height).contains(&y)
+        };
+        let missing = part.missing.iter().any(is_in);
+        assert_eq!(*pixel, if missing { [0.0; 3] } else { right[place] });
+    }
+    gate.open();
+    let whole = farm.wait_frame(PATIENCE).expect("the whole");
+    assert_eq!((whole.id, farm.in_flight()), (id, 0));
+    assert!(whole.missing.is_empty());
+    assert_eq!(whole.stats.late_tiles, part.stats.late_tiles);
+    assert_right(&whole, 3);
 }
 
 #[test]
@@ -400,7 +430,7 @@ fn configurations_out_of_range_are_refused() {
 fn wait_until_ready(farm: &Farm) {
     let ready = |farm: &Farm| {
         let mut nodes = farm.nodes().into_iter();
-        nodes.all(|node| node.state == NodeState::Ready)
+        nodes.all(|node| node.state.is_ready())
     };
     while !ready(farm) {
         std::thread::yield_now();

@@ -166,11 +166,22 @@ fn a_node_that_restarts_on_its_port_is_found_again() {
     drop(oak);
     let lost = wait_until(&farm, is_lost);
     let why = "the node is shutting down".to_owned();
-    assert_eq!(lost, NodeState::Lost { why });
+    assert!(
+        lost.to_string().ends_with("tried again within 1 s)"),
+        "{lost}"
+    );
+    let NodeState::Lost {
+        why: given,
+        retry_secs: Some(1),
+    } = lost
+    else {
+        panic!("{lost:?}");
+    };
+    assert_eq!(given, why);
     let _oak = Running::start(&authority, address);
     let second = frame(&mut farm, PixelFormat::LinearF32);
     assert!(first.pixels == second.pixels);
-    wait_until(&farm, |state| *state == NodeState::Ready);
+    wait_until(&farm, NodeState::is_ready);
 }
 
 #[test]
@@ -179,7 +190,7 @@ fn a_node_of_another_farm_is_lost_with_the_reason() {
     create_farm(dir.path()).unwrap();
     let oak = Running::start(&Authority::generate().unwrap(), any_port());
     let farm = farm(dir.path(), &[oak.address]);
-    let NodeState::Lost { why } = wait_until(&farm, is_lost) else {
+    let NodeState::Lost { why, .. } = wait_until(&farm, is_lost) else {
         unreachable!();
     };
     assert_eq!(why, "its certificate is of another farm");
@@ -191,7 +202,7 @@ fn a_node_that_does_not_answer_is_lost_with_what_to_check() {
     create_farm(dir.path()).unwrap();
     let silent = UdpSocket::bind(any_port()).unwrap();
     let farm = farm(dir.path(), &[silent.local_addr().unwrap()]);
-    let NodeState::Lost { why } = wait_until(&farm, is_lost) else {
+    let NodeState::Lost { why, .. } = wait_until(&farm, is_lost) else {
         unreachable!();
     };
     assert!(why.contains("does not answer"), "{why}");

@@ -1,6 +1,11 @@
 //! Random faults. `carom-farm bench faults` runs ten thousand.
 
-use carom_farm::sim::{fault_plan, run_faults};
+use std::collections::BTreeSet;
+
+use carom_farm::coordinator::NodeIndex;
+use carom_farm::sim::{Change, NodePlan, PERIOD_SECS, Plan, Report, fault_plan, run, run_faults};
+use carom_farm::{Algorithm, Balancing, FrameId};
+use carom_tracer::ImageSize;
 
 #[test]
 fn whatever_goes_wrong_every_frame_comes_whole_and_right() {
@@ -13,6 +18,47 @@ fn whatever_goes_wrong_every_frame_comes_whole_and_right() {
                 "seed {seed}, hedged {hedged}: {:?}",
                 run.wrong
             );
+            // All that others had been asked for takes one node longer.
+            if hedged && run.pipelined && run.nodes >= 5 && !run.all_lost {
+                let late = run.late_periods;
+                assert!(late <= 2.0, "seed {seed}: {late} periods late");
+            }
         }
     }
+}
+
+/// Of five equal nodes at 60 frames a second one falls silent; the others then do its work.
+#[test]
+fn a_frame_that_must_be_shown_is_shown_in_time_whatever_is_missing_of_it() {
+    let nodes = (0..5).map(|_| NodePlan::new(0.02, 1.0)).collect();
+    let plan = |algorithm: Algorithm, hedged| Plan {
+        balancing: Balancing { algorithm, hedged },
+        frames: 200,
+        frames_in_flight: 8,
+        period_secs: Some(PERIOD_SECS),
+        looks_ahead: true,
+        size: ImageSize::new(160, 120),
+        changes: vec![(FrameId(100), NodeIndex(2), Change::Silent)],
+        ..super::plan(Vec::clone(&nodes), algorithm, 200)
+    };
+    let hedged = run(&plan(Algorithm::WaterFilling, true), 100.0);
+    let waits = run(&plan(Algorithm::Equal, false), 100.0);
+    for report in [&hedged, &waits] {
+        assert_eq!(report.wrong_frames, 0);
+        assert!(report.shown_late_secs < 1e-6, "{}", report.shown_late_secs);
+        let shown = report.frames.iter().chain(&report.partial);
+        let shown: BTreeSet<FrameId> = shown.map(|frame| frame.id).collect();
+        assert_eq!(shown.len(), 200);
+        for frame in &report.partial {
+            assert_eq!(frame.stats.late_tiles as usize, frame.missing.len());
+        }
+    }
+    let late = |report: &Report| -> u32 {
+        let partial = report.partial.iter().filter(|frame| frame.id.0 >= 10);
+        partial.map(|frame| frame.stats.late_tiles).sum()
+    };
+    // Without hedging a fifth of each frame is missing until the silence is noticed.
+    let fifth = waits.tiles_per_frame / 5;
+    assert!(late(&waits) >= 5 * fifth, "{} tiles", late(&waits));
+    assert!(late(&hedged) <= fifth, "{} tiles", late(&hedged));
 }

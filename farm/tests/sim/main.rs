@@ -21,6 +21,7 @@ fn plan(nodes: Vec<NodePlan>, algorithm: Algorithm, frames: u64) -> Plan {
         frames,
         frames_in_flight: 1,
         period_secs: None,
+        looks_ahead: false,
         size: ImageSize::new(240, 160),
         tile_edge: 8,
         weather: Weather::default(),
@@ -326,5 +327,5 @@ fn a_farm_without_any_answer_waits_and_says_why() {
     let absent = NodePlan::new(1e-3, 1.0).with(FOREVER, Change::Join);
     let report = run(&plan(vec![absent], WaterFilling, 1), 60.0);
     assert!(report.frames.is_empty());
-    assert_eq!(report.nodes[0].state, NodeState::Connecting);
+    assert_eq!(report.nodes[0].state, NodeState::Starting);
 }

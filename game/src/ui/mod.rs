@@ -56,6 +56,7 @@ pub fn figures_line(
         makespan_secs,
         tiles,
         reissued_tiles,
+        late_tiles,
         skipped,
         lead_secs,
         ..
@@ -65,7 +66,7 @@ pub fn figures_line(
     });
     format!(
         "{fps:.0} fps | {:.1} ms a picture, asked {:.0} ms ahead | {}/{} nodes | {tiles} tiles, \
-         {reissued_tiles} asked again | {}x{} px, {samples} spp{moved} | {skipped} skipped | {present}",
+         {reissued_tiles} asked again, {late_tiles} late | {}x{} px, {samples} spp{moved} | {skipped} skipped | {present}",
         makespan_secs * 1e3,
         lead_secs * 1e3,
         nodes.0,

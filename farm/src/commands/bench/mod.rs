@@ -6,7 +6,9 @@ mod codec;
 mod codec_frames;
 mod faults;
 mod latency;
+mod lookahead;
 mod noise;
+mod process;
 mod trace;
 mod tradeoff;
 mod transport;
@@ -32,6 +34,7 @@ enum Bench {
     Codec(codec::Args),
     Transport(transport::Args),
     Latency(latency::Args),
+    Lookahead(lookahead::Args),
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
@@ -44,5 +47,6 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         Bench::Codec(args) => codec::run(args),
         Bench::Transport(args) => transport::run(args),
         Bench::Latency(args) => latency::run(args),
+        Bench::Lookahead(args) => lookahead::run(args),
     }
 }

@@ -362,7 +362,9 @@ impl Arrivals {
                         self.times.push((frame.0, ms));
                     }
                 }
-                LinkEvent::Lost { why } => return Err(anyhow!("the link was lost: {why}").into()),
+                LinkEvent::Lost { why, .. } => {
+                    return Err(anyhow!("the link was lost: {why}").into());
+                }
                 _ => {}
             }
         }

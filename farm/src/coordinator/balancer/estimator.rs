@@ -87,8 +87,18 @@ impl Estimator {
         if seen.queue_secs <= 0.0 || self.fixed.is_none() {
             self.observe_fixed(fixed);
         }
-        self.pace.observe(pace.max(SECS_PER_WORK_MIN), weight);
-        self.delivered.observe(pace.max(SECS_PER_WORK_MIN), weight);
+        // What comes within the allowance would support any speed that its node claims; from twice
+        // that on, what is timed here is off by a factor of two at most.
+        let is_timed = seen.response_secs - seen.queue_secs > 2.0 * Self::allowance(seen);
+        let error_min = if is_timed {
+            f64::NEG_INFINITY
+        } else {
+            -SPEED_UP_MAX
+        };
+        self.pace
+            .observe(pace.max(SECS_PER_WORK_MIN), weight, error_min);
+        self.delivered
+            .observe(pace.max(SECS_PER_WORK_MIN), weight, error_min);
         self.proven_work = self.proven_work.max(seen.work);
     }
 
@@ -102,14 +112,18 @@ impl Estimator {
         let response = seen.response_secs.max(0.0);
         let busy = seen.busy_secs.clamp(0.0, response);
         let unexplained = (response - seen.queue_secs.max(0.0) - busy).max(0.0);
-        // A request that has waited was on its way meanwhile: only the answer's way is left.
-        let allowance = match seen.round_trip_secs {
+        let fixed = unexplained.min(Self::allowance(seen));
+        (fixed, busy + unexplained - fixed)
+    }
+
+    /// Seconds that may be fixed cost, from what the client has timed. A request that has waited was
+    /// on its way meanwhile: only the answer's way is left.
+    fn allowance(seen: &Observation) -> f64 {
+        match seen.round_trip_secs {
             None => f64::INFINITY,
             Some(trip) if seen.queue_secs > 0.0 => trip + QUEUED_JITTER_SECS,
             Some(trip) => 2.0 * trip + JITTER_SECS,
-        };
-        let fixed = unexplained.min(allowance);
-        (fixed, busy + unexplained - fixed)
+        }
     }
 
     /// Takes note that `work` had not come after `secs`, of which the request may have waited
@@ -120,7 +134,7 @@ impl Estimator {
         let factor = if missed { MISSED_FACTOR } else { 1.0 };
         let pace = factor * spent / work;
         if pace > self.pace.secs_per_work.unwrap_or(SECS_PER_WORK_MIN) {
-            self.pace.observe(pace, 1.0);
+            self.pace.observe(pace, 1.0, 0.0);
         }
     }
 
@@ -176,13 +190,14 @@ impl Estimator {
 }
 
 impl Pace {
-    /// `weight` is up to 1: what came of little work tells little.
-    fn observe(&mut self, seen: f64, weight: f64) {
+    /// `weight` is up to 1: what came of little work tells little. An error, as a logarithm, counts
+    /// as no less than `error_min`.
+    fn observe(&mut self, seen: f64, weight: f64, error_min: f64) {
         let Some(known) = self.secs_per_work else {
             self.secs_per_work = Some(seen);
             return;
         };
-        let error = (seen / known).ln();
+        let error = (seen / known).ln().max(error_min);
         let surprising = error.abs() > SURPRISE && weight > SURPRISE;
         let changed = surprising && error * self.surprise > 0.0;
         let gain = if changed { 1.0 } else { GAIN * weight };
@@ -208,6 +223,9 @@ const GAIN_SCATTER: f64 = 0.1;
 const GAIN_FIXED_UP: f64 = 0.1;
 /// Two errors in a row of this size and one sign are a change, and believed wholly.
 const SURPRISE: f64 = 0.25;
+/// The most that a node is believed to have become faster by what the client cannot time, as a
+/// logarithm: twice.
+const SPEED_UP_MAX: f64 = std::f64::consts::LN_2;
 /// What is left of the usual work with each smaller run.
 const USUAL_KEPT: f64 = 0.95;
 /// Seconds that packets may be late without being news.

@@ -1,17 +1,15 @@
 //! `carom-farm bench cluster`: the balancing algorithms on real processes of one machine, beside
 //! the simulation of the same farm.
 
-mod node;
 mod player;
 
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use anyhow::Context;
 use carom_farm::coordinator::NodeIndex;
-use carom_farm::net::{PathConfig, create_farm, interruption};
+use carom_farm::net::{PathConfig, interruption};
 use carom_farm::sim::{self, NodePlan, Plan, Report, Score, Weather, optimum_secs};
 use carom_farm::{
     Algorithm, Balancing, Farm, FarmConfig, FrameId, LocalNode, Precision, PrecisionRange, local,
@@ -19,8 +17,8 @@ use carom_farm::{
 use carom_tracer::ImageSize;
 use serde::Serialize;
 
-use self::node::{Action, Change, Node, NodeSpec};
 use self::player::{Pace, Pictures, Player};
+use super::process::{Action, Change, Folder, Node, NodeSpec};
 use crate::commands::Failure;
 use crate::commands::inputs;
 use crate::commands::proxy::PathArgs;
@@ -120,7 +118,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         args,
         path,
         changes,
-        folder: Folder::new()?,
+        folder: Folder::new("carom-bench-cluster")?,
         pictures: pictures(args)?,
         interrupted: interruption().context("Ctrl-C")?,
     };
@@ -237,24 +235,6 @@ fn config(args: &Args, balancer: Balancing) -> FarmConfig {
             coarsest: Precision::Exact,
         },
         ..FarmConfig::default()
-    }
-}
-
-/// The farm's certificates; gone when dropped.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new() -> Result<Self, Failure> {
-        let name = format!("carom-bench-cluster-{}", std::process::id());
-        let folder = Self(std::env::temp_dir().join(name));
-        create_farm(&folder.0)?;
-        Ok(folder)
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0); // what is left there harms nobody
     }
 }
 
@@ -380,6 +360,7 @@ impl Bench<'_> {
             frames: pace.frames,
             frames_in_flight: pace.frames_in_flight,
             period_secs: pace.period.map(|period| period.as_secs_f64()),
+            looks_ahead: false,
             size: size(self.args),
             tile_edge: self.args.tile_edge,
             weather: Weather::default(),

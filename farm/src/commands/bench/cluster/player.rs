@@ -5,10 +5,10 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use carom_farm::sim::Report;
-use carom_farm::{Farm, Frame, FrameSpec, NodeState, NodeStatus, PixelFormat, Pixels};
+use carom_farm::{Farm, Frame, FrameSpec, NodeStatus, PixelFormat, Pixels};
 use carom_tracer::{ImageSize, RenderSettings, SceneUpdate};
 
-use super::node::{Action, Change, Node};
+use super::super::process::{Action, Change, Node};
 use crate::commands::Failure;
 
 /// Frames in a row differ, so that none costs less for being like the one before.
@@ -76,7 +76,7 @@ impl Player<'_> {
     /// Waits until the first `count` nodes hold the scene.
     pub(super) fn wait_ready(&self, count: usize) -> anyhow::Result<()> {
         let deadline = Instant::now() + PATIENCE;
-        let is_ready = |node: &NodeStatus| node.state == NodeState::Ready;
+        let is_ready = |node: &NodeStatus| node.state.is_ready();
         while self
             .farm
             .nodes()
@@ -199,8 +199,7 @@ impl Player<'_> {
         let states = self.farm.nodes();
         joining.retain(|change| {
             let address = self.nodes[change.node].address();
-            let is_ready =
-                |node: &NodeStatus| node.address == address && node.state == NodeState::Ready;
+            let is_ready = |node: &NodeStatus| node.address == address && node.state.is_ready();
             let joined = states.iter().any(is_ready);
             if joined {
                 happened.push(Change { frame, ..*change });

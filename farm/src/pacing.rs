@@ -101,8 +101,13 @@ impl<T> Default for Queue<T> {
 }
 
 impl<T> Queue<T> {
-    /// Keeps a picture of the moment `at_secs`; pictures come in the order of their moments.
+    /// Keeps a picture of the moment `at_secs`, in place of an earlier one of the same; moments
+    /// never fall.
     pub fn push(&mut self, at_secs: f64, picture: T) {
+        let again = |(at, _): &mut (f64, T)| *at == at_secs;
+        if self.waiting.back_mut().is_some_and(again) {
+            self.waiting.pop_back();
+        }
         self.waiting.push_back((at_secs, picture));
         if self.waiting.len() > WAITING_MAX {
             self.waiting.pop_front();
@@ -184,5 +189,7 @@ mod tests {
         assert_eq!(queue.due(0.05), None);
         assert_eq!(queue.due(0.25), Some((0.2, 2)));
         assert_eq!((queue.skipped, queue.next_secs()), (1, Some(0.1 * 3.0)));
+        queue.push(0.1 * 3.0, 4);
+        assert_eq!(queue.due(9.0), Some((0.1 * 3.0, 4)));
     }
 }

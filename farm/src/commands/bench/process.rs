@@ -2,13 +2,15 @@
 
 use std::io::{BufRead, BufReader, Write as _};
 use std::net::{Ipv4Addr, SocketAddr};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::str::FromStr;
 use std::time::Duration;
 
 use anyhow::{Context, bail};
-use carom_farm::net::{PathConfig, Proxy, add_node};
+use carom_farm::net::{PathConfig, Proxy, add_node, create_farm};
+
+use crate::commands::Failure;
 
 /// What a node is to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -104,6 +106,25 @@ impl FromStr for Change {
             node: node.parse().map_err(|_| wrong())?,
             action,
         })
+    }
+}
+
+/// The farm's certificates; gone when dropped.
+pub(super) struct Folder(pub(super) PathBuf);
+
+impl Folder {
+    /// In the system's temporary folder.
+    pub(super) fn new(name: &str) -> Result<Self, Failure> {
+        let name = format!("{name}-{}", std::process::id());
+        let folder = Self(std::env::temp_dir().join(name));
+        create_farm(&folder.0)?;
+        Ok(folder)
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0); // what is left there harms nobody
     }
 }
 
