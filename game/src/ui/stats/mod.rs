@@ -24,6 +24,7 @@ mod panels;
 pub mod record;
 pub mod recorder;
 pub mod redraws;
+mod scatter;
 mod table;
 
 use std::path::PathBuf;

@@ -9,7 +9,7 @@ use egui::{
 };
 
 use super::record::Record;
-use super::{Facts, Level, Stats, card, charts, controls, gantt, line};
+use super::{Facts, Level, Stats, card, charts, controls, gantt, line, scatter};
 use crate::ui::theme;
 
 /// Draws what the level asks for.
@@ -114,7 +114,7 @@ fn column(ui: &mut Ui, stats: &mut Stats, facts: &Facts<'_>) {
     });
     if let Some(record) = &inspected {
         section(ui, "Predicted against actual", true, |ui| {
-            charts::predicted_against_actual(ui, record)
+            scatter::show(ui, record)
         });
     }
     section(ui, "Redraws over time", false, |ui| {
