@@ -369,6 +369,7 @@ impl Screen {
         desk: &mut Desk,
         now_secs: f64,
     ) -> Result<Outcome, String> {
+        let begun = Instant::now();
         let raw = self.input.take_egui_input(&self.window);
         let name = self.display.name().to_owned();
         let mut outcome = Outcome::Stay;
@@ -391,6 +392,7 @@ impl Screen {
             pixels_per_point: output.pixels_per_point,
         };
         self.display.show(session.picture(now_secs), &frame)?;
+        session.note_draw(begun.elapsed().as_secs_f64());
         Ok(outcome)
     }
 }

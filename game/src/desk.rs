@@ -173,6 +173,10 @@ impl Desk {
         display: &str,
     ) -> Outcome {
         self.notes.draw(ctx);
+        if let Some(dial) = session.take_dial() {
+            self.store.settings.quality = dial;
+            self.save(now_secs);
+        }
         if self.menu.page().is_none() {
             if let Some(cue) = session.cue(now_secs)
                 && let Some(intent) = cue_panel::panel(ctx, &cue)

@@ -189,6 +189,11 @@ impl Director {
         }
     }
 
+    /// Pixels of the window.
+    pub fn window(&self) -> ImageSize {
+        self.window
+    }
+
     /// Decides what the farm, which can take `room` more frames, should do next; call until it says
     /// [`Plan::Rest`]. `at` gives the scene at a moment of the shot.
     pub fn plan(
@@ -340,6 +345,17 @@ impl Director {
             .as_ref()
             .is_some_and(|refinement| refinement.printed >= SAMPLES_MAX);
         self.pending.is_empty() && finished
+    }
+
+    /// What moving pictures are made of, and why.
+    pub fn quality(&self) -> &Quality {
+        &self.quality
+    }
+
+    /// Paths per pixel of a picture that was submitted and has not been taken in.
+    pub fn samples_of(&self, id: FrameId) -> Option<u32> {
+        let pending = self.pending.iter().find(|pending| pending.id == id)?;
+        Some(pending.settings.samples)
     }
 
     /// For the player.

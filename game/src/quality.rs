@@ -59,6 +59,10 @@ pub const LADDER: [Level; 14] = [
     level(1.0, 16),
 ];
 
+/// How far each stop of [`LADDER`] is from the converged pool table at 480x270: mean FLIP, 0 to 1, as
+/// `carom bench quality` measures it.
+pub const LADDER_FLIP: [f64; 14] = [0.0; 14];
+
 /// Chooses a [`Level`], and how often there is a picture, from how long pictures really took.
 ///
 /// It learns what a path costs the farm (a fixed cost of each picture is spread over its paths)
@@ -90,6 +94,11 @@ impl Default for Quality {
 }
 
 impl Quality {
+    /// What is given up first.
+    pub fn dial(&self) -> Dial {
+        self.dial
+    }
+
     /// Gives up something else first, from the next picture on.
     pub fn set_dial(&mut self, dial: Dial) {
         self.dial = dial;
@@ -116,6 +125,11 @@ impl Quality {
     /// enough, else 30.
     pub fn period_secs(&self) -> f64 {
         self.period_secs
+    }
+
+    /// What a path costs the farm, in seconds; absent before the first picture.
+    pub fn secs_per_path(&self) -> Option<f64> {
+        self.secs_per_path
     }
 
     /// What the next moving picture should be.

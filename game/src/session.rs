@@ -7,7 +7,7 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::Context as _;
-use carom_farm::{Farm, FarmConfig, FrameId, NodeState, NodeStatus};
+use carom_farm::{Balancing, Farm, FarmConfig, FrameId, NodeStatus};
 use carom_tracer::{ImageSize, Scene};
 use egui::{LayerId, Rect};
 use glam::DVec2;
@@ -24,6 +24,8 @@ use crate::quality::Dial;
 use crate::sim::{BallBody, Engine, Recording, Shot, Table};
 use crate::stage::Stage;
 use crate::ui;
+use crate::ui::stats::record::Seen;
+use crate::ui::stats::{Facts, Stats, Wish};
 use crate::warp::Warp;
 
 /// A game in progress. Times are seconds since the program began.
@@ -37,9 +39,14 @@ pub struct Session {
     in_flight_max: usize,
     last_frame: FrameId,
     film: DVec2,
-    figures: bool,
+    stats: Stats,
+    balancing: Balancing,
+    /// What the player has chosen in the statistics; the settings follow.
+    wished_dial: Option<Dial>,
     last_tick_secs: f64,
-    redraws: Redraws,
+    draw_secs: f64,
+    /// The picture that was drawn last.
+    serial: u64,
     dirty: bool,
     /// Whether the farm that is starting has to be told of another scene.
     is_scene_new: bool,
@@ -72,13 +79,16 @@ impl Session {
             darkroom: Darkroom::open()?,
             warp: Warp::new(stage.scene())?,
             in_flight_max: config.frames_in_flight,
+            balancing: config.balancer,
+            wished_dial: None,
             farm: start_farm(config, stage.scene().clone()),
             stage,
             last_frame: FrameId::default(),
             film: DVec2::ONE,
-            figures: false,
+            stats: Stats::new(PathBuf::from(STATS_FOLDER)),
             last_tick_secs: 0.0,
-            redraws: Redraws::default(),
+            draw_secs: 0.0,
+            serial: 0,
             dirty: true,
             is_scene_new: false,
             is_hidden: false,
@@ -136,7 +146,7 @@ impl Session {
     pub fn act(&mut self, intent: Intent, now_secs: f64) -> Outcome {
         self.dirty = true;
         if intent == Intent::ToggleStats {
-            self.figures = !self.figures;
+            self.stats.set_level(self.stats.level().next());
         }
         let lead_secs = self.director.lead_secs();
         let outcome = self.game.apply(intent, now_secs, lead_secs, self.film);
@@ -253,7 +263,7 @@ impl Session {
             .director
             .picture(fill)
             .map_or(0, |picture| picture.serial);
-        self.dirty || serial != self.redraws.serial
+        self.dirty || serial != self.serial
     }
 
     /// Whether nothing will change without input.
@@ -275,15 +285,13 @@ impl Session {
         let painter = ctx.layer_painter(LayerId::background());
         let cue = self.game.cue(now_secs);
         self.draw_aim(&painter, screen, cue.as_ref(), now_secs);
-        self.redraws.note(now_secs);
-        let figures = self.figures.then(|| self.figures_line(present));
         let notice = self.notice();
         let overlay = ui::Overlay {
             notice: notice.as_deref(),
-            figures: figures.as_deref(),
         };
         ui::draw(&painter, screen, &overlay);
-        self.dirty = false;
+        let moves = std::mem::take(&mut self.dirty);
+        self.draw_stats(ctx, now_secs, present, moves);
     }
 
     /// The picture to show under the overlay at `now_secs`: the newest, as the table looks now.
@@ -296,7 +304,7 @@ impl Session {
         let fill =
             &mut |picture: &mut _, missing: &_, before: &_| warp.fill(picture, missing, before);
         let picture = self.director.picture(fill)?;
-        self.redraws.serial = picture.serial;
+        self.serial = picture.serial;
         Some(self.warp.follow(picture, &now))
     }
 
@@ -335,6 +343,18 @@ impl Session {
             return Ok(());
         };
         while let Some(frame) = farm.poll_frame() {
+            if self.stats.is_shown() {
+                let stats = frame.stats.clone();
+                let samples = self.director.samples_of(frame.id).unwrap_or(0);
+                self.stats.take(Seen {
+                    frame: frame.id.0,
+                    at_secs: now_secs,
+                    size: frame.size,
+                    samples,
+                    stats,
+                    nodes: &farm.nodes(),
+                });
+            }
             if let Some(negative) = self.director.finished(frame) {
                 self.darkroom.develop(negative);
             }
@@ -401,35 +421,50 @@ impl Session {
         }
     }
 
-    fn figures_line(&self, present: &str) -> String {
-        let nodes = match &self.farm {
-            FarmSlot::Ready(farm) => farm.nodes(),
-            _ => Vec::new(),
-        };
-        let ready = nodes.iter().filter(|node| node.state.is_ready()).count();
-        ui::figures_line(
-            &self.director.figures(),
-            self.warp.guessed(),
-            self.redraws.fps,
-            (ready, nodes.len()),
-            present,
-        )
+    /// What the player has chosen to give up first, since the last call.
+    pub fn take_dial(&mut self) -> Option<Dial> {
+        self.wished_dial.take()
     }
-}
 
-/// When the window was drawn.
-#[derive(Debug, Default)]
-struct Redraws {
-    serial: u64,
-    last_secs: f64,
-    fps: f64,
-}
+    /// What the window needed for the last redraw, seconds.
+    pub fn note_draw(&mut self, draw_secs: f64) {
+        self.draw_secs = draw_secs;
+    }
 
-impl Redraws {
-    fn note(&mut self, now_secs: f64) {
-        let dt_secs = (now_secs - self.last_secs).max(1e-3);
-        self.last_secs = now_secs;
-        self.fps += (1.0 / dt_secs - self.fps) * 0.1;
+    fn draw_stats(&mut self, ctx: &egui::Context, now_secs: f64, present: &str, moves: bool) {
+        if !self.stats.is_shown() {
+            return;
+        }
+        self.stats.note_redraw(now_secs, moves);
+        let nodes = self.nodes();
+        let (figures, quality) = (self.director.figures(), self.director.quality());
+        let facts = Facts {
+            nodes: &nodes,
+            balancing: self.balancing,
+            window: self.director.window(),
+            dial: quality.dial(),
+            period_secs: quality.period_secs(),
+            stop: quality.level(),
+            secs_per_path: quality.secs_per_path(),
+            lead_secs: figures.lead_secs,
+            skipped: figures.skipped,
+            guessed: self.warp.guessed(),
+            draw_secs: self.draw_secs,
+            present,
+        };
+        self.stats.draw(ctx, now_secs, &facts);
+        for wish in self.stats.take_wishes() {
+            self.dirty = true;
+            match wish {
+                Wish::Dial(dial) => self.wished_dial = Some(dial),
+                Wish::Balancing(balancing) => {
+                    self.balancing = balancing;
+                    if let FarmSlot::Ready(farm) = &mut self.farm {
+                        farm.set_balancer(balancing);
+                    }
+                }
+            }
+        }
     }
 }
 
@@ -462,3 +497,5 @@ fn start_farm(config: FarmConfig, scene: Scene) -> FarmSlot {
 const START_PATIENCE: Duration = Duration::from_secs(3);
 /// A pause, such as a window being dragged, is not made up for at once.
 const TICK_SECS_MAX: f64 = 0.1;
+/// Where recordings of the statistics go, in the folder that the game was begun in.
+const STATS_FOLDER: &str = "carom-stats";

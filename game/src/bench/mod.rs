@@ -1,4 +1,5 @@
-//! `carom bench physics`: how right the simulation is, and what it costs.
+//! `carom bench`: what the game's parts cost and how right they are. `overlay` and `quality` have their
+//! own files; `physics` measures the simulation:
 //!
 //! ```text
 //! references    every shot of a folder, against the trajectories of another simulator
@@ -18,7 +19,9 @@ pub mod crowd;
 pub mod curves;
 pub mod deviation;
 mod masse;
+pub mod overlay;
 pub mod prairie;
+pub mod quality;
 pub mod reference;
 mod schema;
 pub mod trade;
@@ -44,6 +47,10 @@ use trade::Trade;
 pub enum Bench {
     /// Measure how right the physics is and what it costs
     Physics(PhysicsArgs),
+    /// Measure what the statistics over the picture cost
+    Overlay(overlay::OverlayArgs),
+    /// Measure how far each stop of the quality dial is from the converged picture
+    Quality(quality::QualityArgs),
 }
 
 impl Bench {
@@ -52,8 +59,11 @@ impl Bench {
     /// # Errors
     /// A sentence: references that cannot be read, a shot that cannot be played.
     pub fn run(&self) -> anyhow::Result<()> {
-        let Self::Physics(args) = self;
-        args.run()
+        match self {
+            Self::Physics(args) => args.run(),
+            Self::Overlay(args) => args.run(),
+            Self::Quality(args) => args.run(),
+        }
     }
 }
 

@@ -218,7 +218,7 @@ pub const CONTROLS: &[Control] = &[
     row(Group::View, Action::ZoomOut, "zoom-out", "go farther off", &["Wheel down", "Page down"]),
     row(Group::Game, Action::Rack, "rack", "rack the balls again", &["R"]),
     row(Group::Game, Action::Help, "help", "show or hide the keys", &["F1", "H"]),
-    row(Group::Game, Action::Stats, "stats", "show or hide the statistics", &["F3"]),
+    row(Group::Game, Action::Stats, "stats", "statistics: a line, a card, everything, everything recorded, none", &["F3"]),
     row(Group::Game, Action::Fullscreen, "fullscreen", "fill the screen, or go back to a window", &["F11"]),
     row(Group::Game, Action::Menu, "menu", "give up the stroke; else open the menu", &["Esc"]),
 ];

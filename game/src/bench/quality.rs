@@ -1,0 +1,108 @@
+//! `carom bench quality`: how far each stop of the quality dial is from the converged picture.
+
+use std::path::PathBuf;
+
+use anyhow::Context as _;
+use carom_tracer::film::trace_image;
+use carom_tracer::metrics::flip;
+use carom_tracer::tonemap::srgb8;
+use carom_tracer::{CompiledScene, CpuTracer, ImageSize, RadianceImage, RenderSettings, Scene};
+use clap::Args;
+
+use crate::director::EXPOSURE;
+use crate::display::Picture;
+use crate::display::software::scale_linear;
+use crate::quality::{LADDER, LADDER_FLIP, Level};
+
+/// Each stop is traced as a share of the reference's size, stretched over it as the window does, and
+/// compared by FLIP. The last column is what the overlay shows.
+#[derive(Clone, Debug, Args)]
+pub struct QualityArgs {
+    /// The reference: linear radiance of the pool table
+    #[arg(
+        long,
+        value_name = "FILE",
+        default_value = "tests/references/pool_480x270.exr"
+    )]
+    pub reference: PathBuf,
+}
+
+impl QualityArgs {
+    pub(super) fn run(&self) -> anyhow::Result<()> {
+        let reference = RadianceImage::read_exr(&self.reference)
+            .context("--reference names a picture of the pool table as linear EXR")?;
+        println!("{:>7} {:>6} {:>8} {:>8}", "scale", "paths", "FLIP", "shown");
+        for ((level, measured), shown) in LADDER.iter().zip(measure(&reference)?).zip(LADDER_FLIP) {
+            println!(
+                "{:>7} {:>6} {measured:>8.4} {shown:>8.3}",
+                level.scale, level.samples
+            );
+        }
+        Ok(())
+    }
+}
+
+/// Mean FLIP of each stop against `reference`, a picture of the pool table.
+///
+/// # Errors
+/// A sentence if there is no processor to trace with.
+pub fn measure(reference: &RadianceImage) -> anyhow::Result<Vec<f64>> {
+    let tracer = CpuTracer::new()?;
+    let scene = CompiledScene::new(&Scene::from_json(POOL)?)?;
+    let truth: Vec<[u8; 3]> = reference
+        .pixels
+        .iter()
+        .map(|light| srgb8(*light, EXPOSURE))
+        .collect();
+    let error = |level: &Level| {
+        let size = level.size(reference.size);
+        let settings = RenderSettings {
+            samples: level.samples,
+            ..RenderSettings::default()
+        };
+        let image = trace_image(&tracer, &scene, size, settings)?.image();
+        let shown = stretched(&image, reference.size);
+        Ok(flip(reference.size, &shown, &truth)?.mean)
+    };
+    LADDER.iter().map(error).collect()
+}
+
+fn stretched(image: &RadianceImage, size: ImageSize) -> Vec<[u8; 3]> {
+    let opaque = |light: &[f32; 3]| {
+        let [r, g, b] = srgb8(*light, EXPOSURE);
+        [r, g, b, 255]
+    };
+    let picture = Picture {
+        serial: 0,
+        size: image.size,
+        rgba: image.pixels.iter().map(opaque).collect(),
+        update: carom_tracer::SceneUpdate::default(),
+    };
+    let mut words = Vec::new();
+    scale_linear(&picture, size, &mut words);
+    let bytes = |word: u32| [16, 8, 0].map(|shift| (word >> shift) as u8);
+    words.into_iter().map(bytes).collect()
+}
+
+const POOL: &str = include_str!("../../../assets/scenes/pool.json");
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Sampling is seeded: what differs between processors is rounding.
+    #[test]
+    fn the_overlay_shows_what_is_measured() {
+        let path = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../tests/references/pool_480x270.exr"
+        );
+        let measured = measure(&RadianceImage::read_exr(path).unwrap()).unwrap();
+        for (error, shown) in measured.iter().zip(LADDER_FLIP) {
+            assert!(
+                (error - shown).abs() <= 1.5e-3,
+                "{error} is shown as {shown}: {measured:?}"
+            );
+        }
+    }
+}

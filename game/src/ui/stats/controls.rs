@@ -1,0 +1,222 @@
+//! What can be changed while the charts run: how pictures are divided, which map is over the picture,
+//! and whether the charts stand still.
+
+use carom_farm::{Algorithm, Balancing};
+use egui::{ComboBox, Ui};
+
+use super::figure::{figure, ms, percent};
+use super::glossary as terms;
+use super::maps::Kind;
+use super::recorder::Recorder;
+use super::{Facts, Level, Stats, Wish, palette};
+use crate::quality::{Dial, LADDER};
+
+/// Algorithm, map, freeze, and what the recording does.
+pub(super) fn show(ui: &mut Ui, stats: &mut Stats, facts: &Facts<'_>) {
+    ui.horizontal_wrapped(|ui| {
+        balancing(ui, stats, facts.balancing);
+    });
+    ui.horizontal(|ui| {
+        ui.label("Map").on_hover_text("What is drawn over the picture for each tile of the picture that is looked at.");
+        for (kind, word, meaning) in [
+            (Kind::None, "none", "The picture alone."),
+            (Kind::Owner, "owner", "A colour and a number for each node: whose each tile is, by the first delivery."),
+            (Kind::Cost, "cost", "What the balancer has learned that each tile costs: dark blue a quarter of the mean or less, green the mean, yellow four times the mean or more."),
+        ] {
+            ui.selectable_value(&mut stats.maps.kind, kind, word).on_hover_text(meaning);
+        }
+    });
+    if stats.maps.kind == Kind::Cost {
+        legend(ui);
+    }
+    freeze(ui, stats);
+    if stats.level == Level::Recording
+        && let Some(recorder) = &stats.recorder
+    {
+        recording(ui, recorder);
+    }
+}
+
+fn balancing(ui: &mut Ui, stats: &mut Stats, now: Balancing) {
+    let mut wanted = now;
+    ComboBox::from_label("divides the pictures")
+        .height(420.0)
+        .selected_text(now.algorithm.name())
+        .show_ui(ui, |ui| {
+            for algorithm in Algorithm::ALL {
+                ui.selectable_value(&mut wanted.algorithm, algorithm, algorithm.name())
+                    .on_hover_text(about(algorithm));
+            }
+        })
+        .response
+        .on_hover_text("How pictures are divided among nodes from the next one on. The charts mark the change.");
+    ui.checkbox(&mut wanted.hedged, "hedged")
+        .on_hover_text("Tiles that are late are asked of other nodes too, and the first result wins. Costs under 2 % of the work again; without it a picture waits for its slowest node.");
+    if wanted != now {
+        stats.wishes.push(Wish::Balancing(wanted));
+    }
+}
+
+fn about(algorithm: Algorithm) -> &'static str {
+    match algorithm {
+        Algorithm::Equal => "The same number of tiles for each node.",
+        Algorithm::Naive => "In proportion to each node's last speed, tiles by response time.",
+        Algorithm::NaiveMean => "In proportion to the mean of all of each node's speeds so far.",
+        Algorithm::NaiveFrozen => {
+            "In proportion to the mean of each node's first 60 speeds, for ever."
+        }
+        Algorithm::Ab => {
+            "y = A + B·x with averages over the whole run, after 60 pictures in equal parts."
+        }
+        Algorithm::AbExponential => "y = A + B·x with averages that forget.",
+        Algorithm::Cycles => {
+            "Each share is moved by a part of its distance from the mean time, until all times are within two per cent."
+        }
+        Algorithm::Pull => {
+            "Nodes hold a few tiles, as many as the round trip needs, and get more as they deliver."
+        }
+        Algorithm::WaterFilling => {
+            "y = A + B·w with filtered A and B and the cost of each tile: the earliest common finish."
+        }
+    }
+}
+
+fn legend(ui: &mut Ui) {
+    ui.horizontal(|ui| {
+        ui.label("1/4");
+        let (rect, _) = ui.allocate_exact_size(egui::vec2(120.0, 10.0), egui::Sense::hover());
+        let steps = 24;
+        for step in 0..steps {
+            let width = rect.width() / steps as f32;
+            let left = rect.left() + width * step as f32;
+            let part = egui::Rect::from_min_size(
+                egui::pos2(left, rect.top()),
+                egui::vec2(width, rect.height()),
+            );
+            let octaves = 4.0 * (step as f32 + 0.5) / steps as f32 - 2.0;
+            ui.painter()
+                .rect_filled(part, 0.0, palette::cost(octaves.exp2()));
+        }
+        ui.label("4 times the mean");
+    });
+}
+
+fn freeze(ui: &mut Ui, stats: &mut Stats) {
+    ui.horizontal_wrapped(|ui| {
+        let records = stats.history.records();
+        let Some(frozen) = stats.frozen.clone() else {
+            if ui.button("Freeze").on_hover_text("The charts stand still at the newest picture. A press on a chart picks another one.").clicked() {
+                stats.freeze(usize::MAX);
+            }
+            return;
+        };
+        let place = records.iter().position(|record| record.frame == frozen.frame).unwrap_or(0);
+        let (first, last) = (place == 0, place + 1 >= records.len());
+        if ui.add_enabled(!first, egui::Button::new("<")).on_hover_text("The picture before.").clicked() {
+            stats.freeze(place - 1);
+        }
+        if ui.add_enabled(!last, egui::Button::new(">")).on_hover_text("The picture after.").clicked() {
+            stats.freeze(place + 1);
+        }
+        if ui.button("Go on").on_hover_text("The charts follow the newest picture again.").clicked() {
+            stats.thaw();
+        }
+        ui.label(format!("Frozen at picture {}", frozen.frame));
+    });
+}
+
+fn recording(ui: &mut Ui, recorder: &Recorder) {
+    let state = recorder.state();
+    ui.horizontal_wrapped(|ui| {
+        figure(
+            ui,
+            &terms::RECORDING,
+            &format!("{} written, {} left out", state.written, state.left_out),
+        );
+        match &state.failure {
+            Some(why) => ui.colored_label(
+                crate::ui::theme::ALARM,
+                format!("The recording has stopped: {why}"),
+            ),
+            None => ui.label(format!("to {}", state.place)),
+        };
+    });
+}
+
+/// What each way of dividing that has been used has reached.
+pub(super) fn tallies(ui: &mut Ui, stats: &Stats) {
+    for tally in stats.history.tallies() {
+        ui.horizontal_wrapped(|ui| {
+            ui.monospace(format!("{:<20}", tally.balancing.to_string()));
+            figure(ui, &terms::TALLY_FRAMES, &format!("{:5}", tally.frames));
+            figure(
+                ui,
+                &terms::TALLY_EFFICIENCY,
+                &format!("{:>3} %", percent(tally.efficiency())),
+            );
+            figure(
+                ui,
+                &terms::TALLY_SIGMA,
+                &format!("{:>5} ms", ms(tally.deviation_secs())),
+            );
+            figure(
+                ui,
+                &terms::TALLY_MAX,
+                &format!("{:>5} ms", ms(tally.max_secs())),
+            );
+        });
+    }
+}
+
+/// The quality dial, and its stops: what each costs here and how far it is from the truth.
+pub(super) fn quality(ui: &mut Ui, stats: &mut Stats, facts: &Facts<'_>) {
+    let mut wanted = facts.dial;
+    ui.horizontal(|ui| {
+        for (dial, word, meaning) in DIALS {
+            ui.selectable_value(&mut wanted, dial, word)
+                .on_hover_text(meaning);
+        }
+    });
+    if wanted != facts.dial {
+        stats.wishes.push(Wish::Dial(wanted));
+    }
+    for (stop, flip) in LADDER.iter().zip(crate::quality::LADDER_FLIP) {
+        let size = stop.size(facts.window);
+        let secs = facts
+            .secs_per_path
+            .map(|secs| secs * stop.cost() * facts.window.pixels() as f64);
+        ui.horizontal_wrapped(|ui| {
+            ui.monospace(if *stop == facts.stop { ">" } else { " " });
+            figure(
+                ui,
+                &terms::LEVEL_SCALE,
+                &format!("{:4}x{:<4}", size.width, size.height),
+            );
+            figure(ui, &terms::LEVEL_SAMPLES, &format!("{:2}", stop.samples));
+            figure(
+                ui,
+                &terms::LEVEL_MS,
+                &format!("{:>6}", secs.map_or_else(|| "-".to_owned(), ms)),
+            );
+            figure(ui, &terms::LEVEL_ERROR, &format!("{flip:.3}"));
+        });
+    }
+}
+
+const DIALS: [(Dial, &str, &str); 3] = [
+    (
+        Dial::Smooth,
+        "smooth",
+        "60 pictures a second, however coarse.",
+    ),
+    (
+        Dial::Balanced,
+        "balanced",
+        "60 a second where they are fine enough, else 30: twice the paths.",
+    ),
+    (
+        Dial::Fine,
+        "fine",
+        "15 a second: four times the paths, a seventh of the squared error.",
+    ),
+];

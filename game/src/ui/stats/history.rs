@@ -1,0 +1,242 @@
+//! The last pictures, in memory that is bounded.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use carom_farm::{Balancing, NodeStatus};
+
+use super::record::{Record, Seen};
+
+/// The last [`History::FRAMES_MAX`] pictures, and what each way of dividing them has reached so far.
+#[derive(Debug, Default)]
+pub struct History {
+    records: VecDeque<Arc<Record>>,
+    detail_bytes: usize,
+    /// Records before this one have no detail any more.
+    detailed_from: usize,
+    names: Vec<Arc<str>>,
+    tallies: Vec<Tally>,
+}
+
+/// What a way of dividing pictures has reached since the program began.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tally {
+    /// Which.
+    pub balancing: Balancing,
+    /// Pictures.
+    pub frames: u64,
+    efficiency_sum: f64,
+    deviation_sum: f64,
+    max_sum: f64,
+}
+
+impl Tally {
+    fn of(balancing: Balancing) -> Self {
+        Self {
+            balancing,
+            frames: 0,
+            efficiency_sum: 0.0,
+            deviation_sum: 0.0,
+            max_sum: 0.0,
+        }
+    }
+
+    /// Mean balance efficiency.
+    pub fn efficiency(&self) -> f64 {
+        self.mean(self.efficiency_sum)
+    }
+
+    /// Mean of the standard deviations of response times, seconds.
+    pub fn deviation_secs(&self) -> f64 {
+        self.mean(self.deviation_sum)
+    }
+
+    /// Mean of the longest response times, seconds.
+    pub fn max_secs(&self) -> f64 {
+        self.mean(self.max_sum)
+    }
+
+    fn mean(&self, sum: f64) -> f64 {
+        sum / self.frames.max(1) as f64
+    }
+}
+
+impl History {
+    /// Pictures that are kept: ten seconds at 60 a second.
+    pub const FRAMES_MAX: usize = 600;
+    /// Bytes that maps and Gantt charts of older pictures may take; the newest is always kept.
+    pub const DETAIL_BYTES_MAX: usize = 16 << 20;
+
+    /// Takes in a finished picture.
+    pub fn push(&mut self, seen: Seen<'_>) -> Arc<Record> {
+        self.follow_names(seen.nodes);
+        let record = Arc::new(Record::new(seen, &self.names));
+        self.tally(&record);
+        self.detail_bytes += detail_bytes(&record);
+        self.records.push_back(Arc::clone(&record));
+        if self.records.len() > Self::FRAMES_MAX
+            && let Some(oldest) = self.records.pop_front()
+        {
+            self.detail_bytes -= detail_bytes(&oldest);
+            self.detailed_from = self.detailed_from.saturating_sub(1);
+        }
+        while self.detail_bytes > Self::DETAIL_BYTES_MAX
+            && self.detailed_from + 1 < self.records.len()
+        {
+            let record = &mut self.records[self.detailed_from];
+            self.detail_bytes -= detail_bytes(record);
+            Arc::make_mut(record).detail = None;
+            self.detailed_from += 1;
+        }
+        record
+    }
+
+    /// From the oldest to the newest.
+    pub fn records(&self) -> &VecDeque<Arc<Record>> {
+        &self.records
+    }
+
+    /// The newest.
+    pub fn newest(&self) -> Option<&Arc<Record>> {
+        self.records.back()
+    }
+
+    /// Each way of dividing that has been used, in the order of its first use.
+    pub fn tallies(&self) -> &[Tally] {
+        &self.tallies
+    }
+
+    /// Pictures a second over those that are kept; 0 before the second.
+    pub fn rate(&self) -> f64 {
+        let ends = self.records.front().zip(self.records.back());
+        let secs = ends.map_or(0.0, |(first, last)| last.at_secs - first.at_secs);
+        if secs <= 0.0 {
+            return 0.0;
+        }
+        (self.records.len() - 1) as f64 / secs
+    }
+
+    fn tally(&mut self, record: &Record) {
+        let is_it = |tally: &Tally| tally.balancing == record.balancing;
+        let place = self.tallies.iter().position(is_it).unwrap_or_else(|| {
+            self.tallies.push(Tally::of(record.balancing));
+            self.tallies.len() - 1
+        });
+        let tally = &mut self.tallies[place];
+        tally.frames += 1;
+        tally.efficiency_sum += record.efficiency();
+        tally.deviation_sum += record.response_mean_and_deviation().1;
+        let responses = record.took_part().map(|(_, node)| node.response_secs);
+        tally.max_sum += responses.fold(0.0, f64::max);
+    }
+
+    /// A name is made anew only when it changes.
+    fn follow_names(&mut self, nodes: &[NodeStatus]) {
+        self.names.truncate(nodes.len());
+        for (index, node) in nodes.iter().enumerate() {
+            let name = name_of(node);
+            match self.names.get_mut(index) {
+                Some(known) if **known == *name => {}
+                Some(known) => *known = name.into(),
+                None => self.names.push(name.into()),
+            }
+        }
+    }
+}
+
+/// What a node is called: its name once it has said it, else its address.
+pub fn name_of(node: &NodeStatus) -> &str {
+    let name = node.info.as_ref().map(|info| info.name.as_str());
+    name.filter(|name| !name.is_empty())
+        .unwrap_or(&node.address)
+}
+
+fn detail_bytes(record: &Record) -> usize {
+    record
+        .detail
+        .as_ref()
+        .map_or(0, super::record::Detail::bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use carom_farm::{Algorithm, FrameStats};
+    use carom_tracer::ImageSize;
+
+    use super::*;
+
+    fn push(history: &mut History, frame: u64, tiles: usize, balancing: Balancing) {
+        history.push(Seen {
+            frame,
+            at_secs: frame as f64 / 50.0,
+            size: ImageSize::new(1920, 1080),
+            samples: 1,
+            stats: FrameStats {
+                balancing,
+                tile_edge: 16,
+                tile_work: vec![1.0; tiles],
+                ..FrameStats::default()
+            },
+            nodes: &[],
+        });
+    }
+
+    #[test]
+    fn memory_is_bounded_by_pictures_and_by_bytes() {
+        let mut history = History::default();
+        for frame in 0..2000 {
+            push(&mut history, frame, 8160, Balancing::default());
+            let records = history.records();
+            let bytes: usize = records.iter().map(|record| detail_bytes(record)).sum();
+            assert_eq!(bytes, history.detail_bytes);
+            assert!(bytes <= History::DETAIL_BYTES_MAX);
+            assert!(records.len() <= History::FRAMES_MAX);
+            assert!(records.back().unwrap().detail.is_some());
+        }
+        let detailed = history
+            .records()
+            .iter()
+            .filter(|record| record.detail.is_some());
+        // As many as fit are kept, and they are the newest.
+        assert_eq!(detailed.count(), History::DETAIL_BYTES_MAX / (8160 * 4));
+        assert_eq!(history.records().len(), History::FRAMES_MAX);
+        assert_eq!(history.newest().unwrap().frame, 1999);
+        assert!((history.rate() - 50.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_picture_larger_than_all_room_is_kept_while_it_is_the_newest() {
+        let mut history = History::default();
+        for frame in 0..3 {
+            push(
+                &mut history,
+                frame,
+                History::DETAIL_BYTES_MAX,
+                Balancing::default(),
+            );
+            let detailed = history
+                .records()
+                .iter()
+                .filter(|record| record.detail.is_some());
+            assert_eq!(detailed.count(), 1);
+        }
+    }
+
+    #[test]
+    fn each_way_of_dividing_is_counted_by_itself() {
+        let mut history = History::default();
+        let ways = [
+            Algorithm::Equal.unhedged(),
+            Algorithm::Ab.hedged(),
+            Algorithm::Equal.unhedged(),
+        ];
+        ways.iter()
+            .zip(0..)
+            .for_each(|(way, frame)| push(&mut history, frame, 4, *way));
+        let tallies = history
+            .tallies()
+            .iter()
+            .map(|tally| (tally.balancing, tally.frames));
+        assert_eq!(tallies.collect::<Vec<_>>(), [(ways[0], 2), (ways[1], 1)]);
+    }
+}

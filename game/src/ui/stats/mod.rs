@@ -1,0 +1,262 @@
+//! What the farm does, over the picture: a line, a card, or everything, live or frozen.
+//!
+//! ```text
+//! Farm ─▶ Seen ─▶ History ─▶ Board (a few times a second) ─▶ line, card, table
+//!                    │  └──▶ charts, Gantt, maps (meshes and a texture, each frame)
+//!                    └─────▶ Recorder (a thread) ─▶ CSV, JSON lines
+//! ```
+//!
+//! The model ([`history`], [`record`], [`redraws`], [`board`]) knows nothing of egui. While the
+//! overlay is hidden nothing is taken in and nothing is drawn.
+
+pub mod board;
+mod card;
+mod charts;
+mod controls;
+mod figure;
+pub(crate) mod gantt;
+pub mod glossary;
+pub mod history;
+mod line;
+pub mod maps;
+mod palette;
+mod panels;
+pub mod record;
+pub mod recorder;
+pub mod redraws;
+mod scatter;
+mod table;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use carom_farm::{Balancing, NodeStatus};
+use carom_tracer::ImageSize;
+use egui::Context;
+
+use self::board::Board;
+use self::history::History;
+use self::maps::Maps;
+use self::record::{Record, Seen};
+use self::recorder::Recorder;
+use self::redraws::Redraws;
+use crate::quality::{Dial, Level as Stop};
+
+/// How much is shown.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Level {
+    /// Nothing.
+    #[default]
+    Off,
+    /// A line at the top.
+    Line,
+    /// The line, rates, and where the last picture's time went.
+    Card,
+    /// Everything.
+    Full,
+    /// Everything, and it is written to files.
+    Recording,
+}
+
+impl Level {
+    /// The next one; after the last comes none.
+    pub fn next(self) -> Self {
+        match self {
+            Self::Off => Self::Line,
+            Self::Line => Self::Card,
+            Self::Card => Self::Full,
+            Self::Full => Self::Recording,
+            Self::Recording => Self::Off,
+        }
+    }
+}
+
+/// What the overlay shows beside the history.
+#[derive(Clone, Copy, Debug)]
+pub struct Facts<'a> {
+    /// The nodes now.
+    pub nodes: &'a [NodeStatus],
+    /// How pictures are divided from now on.
+    pub balancing: Balancing,
+    /// What is given up first while things move.
+    pub dial: Dial,
+    /// Pixels of the window.
+    pub window: ImageSize,
+    /// Seconds from one moving picture to the next: the budget.
+    pub period_secs: f64,
+    /// What moving pictures are made of.
+    pub stop: Stop,
+    /// What a path costs the farm, seconds; absent before the first picture.
+    pub secs_per_path: Option<f64>,
+    /// How far ahead pictures of a shot are asked for, seconds.
+    pub lead_secs: f64,
+    /// Pictures of shots that were passed over.
+    pub skipped: u64,
+    /// Share of the window that the newest traced picture did not hold.
+    pub guessed: Option<f64>,
+    /// What the last redraw took, seconds.
+    pub draw_secs: f64,
+    /// What puts pictures into the window.
+    pub present: &'a str,
+}
+
+/// What the player has asked for in the overlay.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Wish {
+    /// Divide pictures in this way.
+    Balancing(Balancing),
+    /// Give up something else first.
+    Dial(Dial),
+}
+
+/// The overlay.
+#[derive(Debug)]
+pub struct Stats {
+    level: Level,
+    history: History,
+    redraws: Redraws,
+    board: Board,
+    board_secs: f64,
+    /// The picture that is inspected; the newest if there is none.
+    frozen: Option<Arc<Record>>,
+    maps: Maps,
+    scales: charts::Scales,
+    rows: table::Rows,
+    recorder: Option<Recorder>,
+    folder: PathBuf,
+    wishes: Vec<Wish>,
+}
+
+impl Stats {
+    /// Hidden; recordings will go into `folder`.
+    pub fn new(folder: PathBuf) -> Self {
+        Self {
+            level: Level::Off,
+            history: History::default(),
+            redraws: Redraws::default(),
+            board: Board::default(),
+            board_secs: f64::NEG_INFINITY,
+            frozen: None,
+            maps: Maps::default(),
+            scales: charts::Scales::default(),
+            rows: table::Rows::default(),
+            recorder: None,
+            folder,
+            wishes: Vec::new(),
+        }
+    }
+
+    /// Shows as much as that; recording begins and ends with its level.
+    pub fn set_level(&mut self, level: Level) {
+        if level == self.level {
+            return;
+        }
+        self.level = level;
+        self.board_secs = f64::NEG_INFINITY;
+        if level < Level::Full {
+            self.frozen = None;
+        }
+        self.recorder = match level {
+            Level::Recording => Some(Recorder::start(&self.folder)),
+            _ => None,
+        };
+    }
+
+    /// Whether pictures are to be taken in: not while the overlay is hidden.
+    pub fn is_shown(&self) -> bool {
+        self.level != Level::Off
+    }
+
+    /// How much is shown.
+    pub fn level(&self) -> Level {
+        self.level
+    }
+
+    /// Takes in a finished picture. While a picture is inspected the history stands still; what is
+    /// recorded goes on.
+    pub fn take(&mut self, seen: Seen<'_>) {
+        if self.level == Level::Off || (self.frozen.is_some() && self.recorder.is_none()) {
+            return;
+        }
+        if self.frozen.is_none() {
+            let record = self.history.push(seen);
+            if let Some(recorder) = &mut self.recorder {
+                recorder.write(record);
+            }
+        } else if let Some(recorder) = &mut self.recorder {
+            let names: Vec<Arc<str>> = seen
+                .nodes
+                .iter()
+                .map(history::name_of)
+                .map(Arc::from)
+                .collect();
+            recorder.write(Arc::new(Record::new(seen, &names)));
+        }
+    }
+
+    /// Notes a redraw of the window; `moves` says that something has moved since the one before.
+    pub fn note_redraw(&mut self, now_secs: f64, moves: bool) {
+        if self.is_shown() {
+            self.redraws.note(now_secs, moves);
+        }
+    }
+
+    /// Draws what the level asks for.
+    pub fn draw(&mut self, ctx: &Context, now_secs: f64, facts: &Facts<'_>) {
+        if self.level == Level::Off {
+            return;
+        }
+        if now_secs - self.board_secs >= BOARD_SECS || now_secs < self.board_secs {
+            self.refresh(now_secs, facts);
+        }
+        panels::draw(self, ctx, facts);
+    }
+
+    /// What the player has asked for since the last call.
+    pub fn take_wishes(&mut self) -> Vec<Wish> {
+        std::mem::take(&mut self.wishes)
+    }
+
+    /// Draws a map over the picture.
+    pub fn show_map(&mut self, kind: maps::Kind) {
+        self.maps.kind = kind;
+    }
+
+    /// The pictures that are kept.
+    pub fn history(&self) -> &History {
+        &self.history
+    }
+
+    /// The picture that is inspected, if the charts stand still.
+    pub fn frozen(&self) -> Option<&Arc<Record>> {
+        self.frozen.as_ref()
+    }
+
+    /// Stands still at the picture with this place in the history; past its ends at the end.
+    pub fn freeze(&mut self, place: usize) {
+        let last = self.history.records().len().saturating_sub(1);
+        self.frozen = self.history.records().get(place.min(last)).cloned();
+        self.board_secs = f64::NEG_INFINITY;
+    }
+
+    /// Goes on.
+    pub fn thaw(&mut self) {
+        self.frozen = None;
+        self.board_secs = f64::NEG_INFINITY;
+    }
+
+    /// The picture that is looked at.
+    fn inspected(&self) -> Option<&Arc<Record>> {
+        self.frozen.as_ref().or_else(|| self.history.newest())
+    }
+
+    fn refresh(&mut self, now_secs: f64, facts: &Facts<'_>) {
+        self.board_secs = now_secs;
+        let record = self.inspected().cloned();
+        self.board = Board::new(&self.history, &self.redraws, record, facts);
+        self.rows.refresh(&self.board);
+    }
+}
+
+/// Seconds between two changes of the numbers.
+const BOARD_SECS: f64 = 0.25;
