@@ -115,10 +115,8 @@ impl Session {
         };
         if number > *last {
             *last = number;
-            let recording = Recording {
-                table: self.game.table().name().to_owned(),
-                shot: shot.clone(),
-            };
+            let title = format!("Shot {number}");
+            let recording = Recording::of(self.game.table(), title, shot.clone());
             if let Err(error) = recording.save(&folder.join(format!("shot_{number:04}.carom"))) {
                 tracing::error!("{error}");
             }
