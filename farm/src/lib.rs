@@ -56,6 +56,7 @@ mod mailbox;
 pub mod net;
 pub mod node;
 pub mod sim;
+pub mod still;
 pub mod throttle;
 
 pub use balancing::{Algorithm, Balancing};
@@ -68,3 +69,4 @@ pub use farm::Farm;
 pub use frame::{
     Delivery, Frame, FrameSpec, FrameStats, LatencySplit, NodeState, NodeStatus, Pixels,
 };
+pub use still::Still;

@@ -36,6 +36,7 @@ pub mod quality;
 pub mod replay;
 pub mod room;
 pub mod rules;
+pub mod screenshot;
 pub mod session;
 pub mod settings;
 pub mod sim;

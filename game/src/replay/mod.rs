@@ -19,6 +19,7 @@ use crate::sim::{BallPose, BallState, Phase, Recording, Shot, Take};
 
 pub use clock::Clock;
 pub use moments::{Moment, moments};
+pub(crate) use shelf::next_path;
 pub use shelf::{Kept, Kind, Shelf};
 
 /// A recording on show.
