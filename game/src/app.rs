@@ -43,8 +43,8 @@ pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow:
     if let Some(folder) = &args.record {
         session.record(folder.clone())?;
     }
-    if let Some(take) = recording.and_then(|recording| recording.takes.into_iter().next()) {
-        session.replay(take.shot);
+    if let Some(recording) = recording {
+        session.view(recording);
     }
     let mut app = App {
         session,

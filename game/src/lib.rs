@@ -20,6 +20,7 @@ pub mod app;
 pub mod args;
 pub mod ball_set;
 pub mod bench;
+pub mod booth;
 pub mod camera;
 pub mod contest;
 pub mod darkroom;

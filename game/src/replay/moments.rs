@@ -9,6 +9,8 @@ pub struct Moment {
     pub secs: f64,
     /// For people: "the cue ball hits the 5".
     pub words: String,
+    /// Whether two balls or a ball and a cushion meet, of which there are many.
+    pub is_contact: bool,
 }
 
 /// The contacts of a shot, in the order of time.
@@ -17,6 +19,10 @@ pub fn moments(shot: &Shot) -> Vec<Moment> {
         words(&event.kind).map(|words| Moment {
             secs: event.time_secs,
             words,
+            is_contact: matches!(
+                event.kind,
+                EventKind::BallBall { .. } | EventKind::Cushion { .. }
+            ),
         })
     };
     shot.events().iter().filter_map(moment).collect()
