@@ -27,6 +27,9 @@ pub enum Error {
         /// How many.
         in_flight: usize,
     },
+    /// All nodes are lost: why, one by one.
+    #[error("no node is left: {0}")]
+    NoNodes(String),
     /// No scene has been set.
     #[error("no scene is set: call set_scene first")]
     NoScene,

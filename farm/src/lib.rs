@@ -57,6 +57,7 @@ pub mod net;
 pub mod node;
 pub mod pacing;
 pub mod sim;
+pub mod still;
 pub mod throttle;
 
 pub use balancing::{Algorithm, Balancing};
@@ -69,3 +70,4 @@ pub use farm::Farm;
 pub use frame::{
     Delivery, Frame, FrameSpec, FrameStats, LatencySplit, NodeState, NodeStatus, Pixels,
 };
+pub use still::Still;

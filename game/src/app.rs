@@ -44,7 +44,7 @@ pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow:
         session.record(folder.clone())?;
     }
     if let Some(recording) = recording {
-        session.replay(recording.shot);
+        session.view(recording);
     }
     let mut app = App {
         session,

@@ -183,7 +183,8 @@ impl Desk {
             {
                 session.act(intent, now_secs);
             }
-            menu::hints(ctx, &self.store, self.help, session.has_played());
+            let is_known = session.has_played() || !session.is_game();
+            menu::hints(ctx, &self.store, self.help, is_known);
             return Outcome::Stay;
         }
         let (sound, farm) = (self.speaker.state(), session.farm_line());
@@ -198,8 +199,8 @@ impl Desk {
         }
         match order {
             Some(menu::Order::Quit) => return Outcome::Quit,
-            Some(menu::Order::Rack) => {
-                session.act(Intent::Rack, now_secs);
+            Some(menu::Order::Act(intent)) => {
+                session.act(intent, now_secs);
             }
             Some(menu::Order::Resume) | None => {}
         }
@@ -216,6 +217,10 @@ impl Desk {
         for sentence in news {
             tracing::info!("{sentence}");
             self.notes.say(sentence, now_secs);
+        }
+        for sentence in session.take_news() {
+            self.notes.say(sentence, now_secs);
+            session.redraw();
         }
         if self.notes.tick(now_secs) || has_news {
             session.redraw();

@@ -166,20 +166,31 @@ fn proceed(interrupted: &AtomicBool) -> anyhow::Result<()> {
 
 fn footage(args: &Args) -> anyhow::Result<Footage> {
     let (table, recording) = args.table_and_recording()?;
-    let shot = match recording {
-        Some(recording) => recording.shot,
-        None => break_shot(&table, args.seed, args.physics.unwrap_or_default())?,
+    let recording = match recording {
+        Some(recording) => recording,
+        None => Recording::of(
+            &table,
+            "A break",
+            break_shot(&table, args.seed, args.physics.unwrap_or_default())?,
+        ),
     };
     if let Some(folder) = &args.record {
-        keep(&table, &shot, folder)?;
+        keep(&recording, folder)?;
     }
+    let mut shots: Vec<Shot> = recording.takes.into_iter().map(|take| take.shot).collect();
     let stage = Stage::around(&table, args.ball_set.unwrap_or_default());
     let (view, rate) = (args.view, args.fps);
     if args.video.is_none() {
         let frames = args.frames.unwrap_or(FRAMES);
-        return Ok(Footage::impact(stage, shot, view, rate, frames));
+        return Ok(Footage::impact(
+            stage,
+            shots.swap_remove(0),
+            view,
+            rate,
+            frames,
+        ));
     }
-    let film = Footage::whole(stage, vec![shot], view, rate);
+    let film = Footage::whole(stage, shots, view, rate);
     Ok(film.cut(args.frames.unwrap_or(u32::MAX)))
 }
 
@@ -225,13 +236,9 @@ fn break_shot(table: &Table, seed: u32, engine: Engine) -> anyhow::Result<Shot> 
     Ok(world.strike(Stroke::straight(0.0, CUE_SPEED_M_S_MAX))?)
 }
 
-fn keep(table: &Table, shot: &Shot, folder: &Path) -> anyhow::Result<()> {
+fn keep(recording: &Recording, folder: &Path) -> anyhow::Result<()> {
     fs::create_dir_all(folder)
         .with_context(|| format!("cannot make the folder {}", folder.display()))?;
-    let recording = Recording {
-        table: table.name().to_owned(),
-        shot: shot.clone(),
-    };
     Ok(recording.save(&folder.join("shot_0001.carom"))?)
 }
 

@@ -7,12 +7,13 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::Context as _;
-use carom_farm::{Balancing, Farm, FarmConfig, FrameId, NodeStatus};
-use carom_tracer::{ImageSize, Scene};
+use carom_farm::{Balancing, Farm, FarmConfig, FrameId, NodeState, NodeStatus};
+use carom_tracer::{ImageSize, Scene, SceneUpdate};
 use egui::{LayerId, Rect};
 use glam::DVec2;
 
 use crate::ball_set::BallSet;
+use crate::booth::{Booth, Show};
 use crate::camera::Projection;
 use crate::darkroom::Darkroom;
 use crate::director::{Director, Plan, Subject};
@@ -21,6 +22,7 @@ use crate::input::Intent;
 use crate::lookout;
 use crate::play::{Aids, CueView, Game, Outcome};
 use crate::quality::Dial;
+use crate::screenshot::Screenshot;
 use crate::sim::{BallBody, Engine, Recording, Shot, Table};
 use crate::stage::Stage;
 use crate::ui;
@@ -31,6 +33,11 @@ use crate::warp::Warp;
 /// A game in progress. Times are seconds since the program began.
 pub struct Session {
     game: Game,
+    booth: Booth,
+    /// Of the farm, for pictures that are kept.
+    config: FarmConfig,
+    scatterings_max: u32,
+    pixels: ImageSize,
     stage: Stage,
     director: Director,
     darkroom: Darkroom,
@@ -71,6 +78,10 @@ impl Session {
         let stage = Stage::around(&table, set);
         Ok(Self {
             game: Game::on(table, seed)?,
+            booth: Booth::of_player(),
+            config: config.clone(),
+            scatterings_max: set.scatterings_max(),
+            pixels: ImageSize::new(0, 0),
             director: Director::new(
                 ImageSize::new(0, 0),
                 config.frames_in_flight,
@@ -112,23 +123,28 @@ impl Session {
         Ok(())
     }
 
-    /// Shows a shot that was kept.
-    pub fn replay(&mut self, shot: Shot) {
-        self.game.replay(shot, self.last_tick_secs);
+    /// Shows shots that were kept.
+    pub fn view(&mut self, recording: Recording) {
+        self.booth.view(recording, &self.game, self.last_tick_secs);
+    }
+
+    /// Sentences for the player that are new.
+    pub fn take_news(&mut self) -> Vec<String> {
+        self.booth.take_news()
     }
 
     fn keep_shot(&mut self) {
-        let (Some((folder, last)), Some((number, shot))) =
-            (&mut self.recorder, self.game.fresh_shot())
-        else {
+        let Some((number, shot)) = self.game.fresh_shot() else {
+            return;
+        };
+        self.booth.note(number, shot);
+        let Some((folder, last)) = &mut self.recorder else {
             return;
         };
         if number > *last {
             *last = number;
-            let recording = Recording {
-                table: self.game.table().name().to_owned(),
-                shot: shot.clone(),
-            };
+            let title = format!("Shot {number}");
+            let recording = Recording::of(self.game.table(), title, shot.clone());
             if let Err(error) = recording.save(&folder.join(format!("shot_{number:04}.carom"))) {
                 tracing::error!("{error}");
             }
@@ -138,6 +154,7 @@ impl Session {
     /// Follows the window: its size in pixels, and in points.
     pub fn resize(&mut self, pixels: ImageSize, points: DVec2) {
         self.director.resize(pixels);
+        self.pixels = pixels;
         self.film = points;
         self.dirty = true;
     }
@@ -147,6 +164,18 @@ impl Session {
         self.dirty = true;
         if intent == Intent::ToggleStats {
             self.stats.set_level(self.stats.level().next());
+        }
+        if intent == Intent::Photograph {
+            self.photograph(now_secs);
+            return Outcome::Stay;
+        }
+        if self.booth.take(intent, now_secs) {
+            return Outcome::Stay;
+        }
+        match intent {
+            Intent::LookBack => self.booth.look_back(&self.game, now_secs),
+            Intent::Practise => self.booth.practise(&self.game),
+            _ => {}
         }
         let lead_secs = self.director.lead_secs();
         let outcome = self.game.apply(intent, now_secs, lead_secs, self.film);
@@ -160,7 +189,8 @@ impl Session {
         let dt_secs = (now_secs - self.last_tick_secs).clamp(0.0, TICK_SECS_MAX);
         self.last_tick_secs = now_secs;
         self.game.tick(now_secs, dt_secs);
-        self.dirty |= self.game.is_moving();
+        self.booth.tick(now_secs);
+        self.dirty |= self.booth.is_moving(&self.game);
         if let Err(why) = self.exchange(now_secs) {
             tracing::error!("the farm: {why}");
             self.farm = FarmSlot::Failed(why);
@@ -180,7 +210,7 @@ impl Session {
 
     /// The cue, while there is one to show.
     pub fn cue(&self, now_secs: f64) -> Option<CueView> {
-        self.game.cue(now_secs)
+        self.game.cue(now_secs).filter(|_| self.is_game())
     }
 
     /// What is given up first while things move.
@@ -198,6 +228,7 @@ impl Session {
         self.warp = Warp::new(stage.scene())?;
         self.stage = stage;
         self.director.set_scatterings_max(set.scatterings_max());
+        self.scatterings_max = set.scatterings_max();
         match &mut self.farm {
             FarmSlot::Ready(farm) => {
                 farm.cancel_before(FrameId(self.last_frame.0 + 1));
@@ -235,13 +266,26 @@ impl Session {
 
     /// The shot that is on.
     pub fn shot(&self) -> Option<&Shot> {
-        self.game.shot()
+        match self.booth.show() {
+            Show::Replay(viewing) => Some(viewing.shot()),
+            Show::Game | Show::Practice(_) => self.game.shot(),
+        }
     }
 
-    /// The number of the shot that is on, the moment on show and that of its end, in seconds since
-    /// the blow.
+    /// The number of the shot that is on at its own speed, the moment on show and that of its end, in
+    /// seconds since the blow.
     pub fn shot_clock(&self, now_secs: f64) -> Option<(u64, f64, f64)> {
-        self.game.shot_clock(now_secs)
+        let is_slow = match self.booth.show() {
+            Show::Replay(viewing) => viewing.clock().rate() != 1.0,
+            Show::Game | Show::Practice(_) => false,
+        };
+        let clock = self.booth.shot_clock(&self.game, now_secs);
+        clock.filter(|_| !is_slow)
+    }
+
+    /// Whether the game is on show, and nothing in its place.
+    pub fn is_game(&self) -> bool {
+        matches!(self.booth.show(), Show::Game)
     }
 
     /// Whether a shot was played: then the player knows how.
@@ -273,7 +317,8 @@ impl Session {
             FarmSlot::Ready(_) => self.director.is_at_rest(),
             FarmSlot::Failed(_) => true,
         };
-        self.is_hidden || (drawn && !self.dirty && !self.game.is_moving())
+        let is_moving = self.booth.is_moving(&self.game) || self.booth.is_photographing();
+        self.is_hidden || (drawn && !self.dirty && !is_moving)
     }
 
     /// Draws the overlay with egui.
@@ -283,8 +328,9 @@ impl Session {
             egui::vec2(self.film.x as f32, self.film.y as f32),
         );
         let painter = ctx.layer_painter(LayerId::background());
-        let cue = self.game.cue(now_secs);
+        let cue = self.cue(now_secs);
         self.draw_aim(&painter, screen, cue.as_ref(), now_secs);
+        self.draw_booth(ctx, &painter, screen, now_secs);
         let notice = self.notice();
         let overlay = ui::Overlay {
             notice: notice.as_deref(),
@@ -297,9 +343,7 @@ impl Session {
     /// The picture to show under the overlay at `now_secs`: the newest, as the table looks now.
     pub fn picture(&mut self, now_secs: f64) -> Option<&Picture> {
         let moment = self.moment(now_secs);
-        let now = self
-            .stage
-            .update(self.game.camera(moment), &self.game.poses(moment));
+        let now = self.update(moment);
         let warp = &mut self.warp;
         let fill =
             &mut |picture: &mut _, missing: &_, before: &_| warp.fill(picture, missing, before);
@@ -310,8 +354,63 @@ impl Session {
 
     /// The moment on show of the shot that is on.
     fn moment(&self, now_secs: f64) -> f64 {
-        let shot = self.game.shot_clock(now_secs);
+        let shot = self.booth.shot_clock(&self.game, now_secs);
         shot.map_or(0.0, |(_, clock, end)| clock.min(end))
+    }
+
+    /// What is on show at a moment of its shot, if one is on.
+    fn update(&self, moment: f64) -> SceneUpdate {
+        let (booth, game) = (&self.booth, &self.game);
+        let camera = booth.camera(game, moment);
+        self.stage.update(camera, &booth.poses(game, moment))
+    }
+
+    fn photograph(&mut self, now_secs: f64) {
+        let update = self.update(self.moment(now_secs));
+        let still = Screenshot::of(update, self.pixels, self.scatterings_max);
+        let (config, scene) = (self.config.clone(), self.stage.scene().clone());
+        if self.pixels.pixels() > 0 {
+            let begin = |folder| Screenshot::begin(config, scene, still, folder);
+            self.booth.photograph(begin);
+        }
+    }
+
+    /// Draws the page of what is shown in place of the game, and does what it asks for.
+    fn draw_booth(
+        &mut self,
+        ctx: &egui::Context,
+        painter: &egui::Painter,
+        screen: Rect,
+        now_secs: f64,
+    ) {
+        let kept = self.booth.kept();
+        let order = match self.booth.show() {
+            Show::Game => None,
+            Show::Replay(viewing) => ui::replay::panel(ctx, viewing, kept, now_secs),
+            Show::Practice(practice) => {
+                let camera = self.game.camera(self.moment(now_secs));
+                let projection = Projection::new(&camera, self.film.x, self.film.y);
+                let sketch = ui::aim::Sketch {
+                    painter,
+                    screen,
+                    projection: &projection,
+                    ball_radius_m: BallBody::default().radius_m,
+                };
+                ui::practice::ring(&sketch, practice);
+                let asked = ui::practice::panel(ctx, practice, kept);
+                asked.or_else(|| ui::practice::hand(ctx, &projection, practice))
+            }
+        };
+        let Some(order) = order else {
+            return;
+        };
+        // Its outcome is drawn with the next frame.
+        ctx.request_repaint();
+        if let Some(balls) = self.booth.obey(order, &self.game, now_secs)
+            && let Err(error) = self.game.lay(balls)
+        {
+            tracing::error!("{error}");
+        }
     }
 
     fn draw_aim(
@@ -321,6 +420,9 @@ impl Session {
         cue: Option<&CueView>,
         now_secs: f64,
     ) {
+        if !self.is_game() {
+            return;
+        }
         let moment = self.moment(now_secs);
         let projection = Projection::new(&self.game.camera(moment), self.film.x, self.film.y);
         let sketch = ui::aim::Sketch {
@@ -366,9 +468,12 @@ impl Session {
             farm.cancel_before(FrameId(self.last_frame.0 + 1));
             return Ok(());
         }
-        let shot = self.game.shot_clock(now_secs);
-        let (game, stage) = (&self.game, &self.stage);
-        let scene_at = |moment: f64| stage.update(game.camera(moment), &game.poses(moment));
+        let (booth, game, stage) = (&self.booth, &self.game, &self.stage);
+        let shot = booth.shot_clock(game, now_secs);
+        let scene_at = |moment: f64| {
+            let camera = booth.camera(game, moment);
+            stage.update(camera, &booth.poses(game, moment))
+        };
         let subject = match shot {
             Some((number, clock_secs, end_secs)) => Subject::Shot {
                 number,

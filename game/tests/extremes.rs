@@ -29,7 +29,7 @@ use carom::bench::{
 };
 use carom::sim::{
     BallBallLaw, BallState, Cloth, Engine, Error, Event, EventKind, Laws, Rapier, Recording, Shot,
-    Stroke, Table, World,
+    Stroke, Table, Take, World,
 };
 use glam::{DVec2, DVec3};
 
@@ -584,26 +584,33 @@ fn a_recorded_shot_is_read_back_to_the_bit() {
             ..Stroke::straight(0.01, 8.0)
         };
         let shot = world.strike(stroke).expect("valid");
-        let recording = Recording {
-            table: table.name().to_owned(),
-            shot,
-        };
+        let mut recording = Recording::of(&table, "a break", shot);
+        let next = world.strike(Stroke::straight(0.2, 1.0)).expect("valid");
+        recording.takes.push(Take {
+            title: "a soft one".to_owned(),
+            shot: next,
+        });
+        recording.takes.push(Take {
+            title: String::new(),
+            shot: world.release().expect("valid"),
+        });
         let bytes = recording.to_bytes().expect("small enough");
         assert!(bytes.len() < 5_000_000, "{} bytes", bytes.len());
         let read = Recording::from_bytes(&bytes).expect("as written");
         assert_eq!(read.table, recording.table);
-        assert_eq!(read.shot.events(), recording.shot.events());
+        assert_eq!(read.takes.len(), 3);
         assert!(
             read.to_bytes().expect("as read") == bytes,
             "{engine}: other bytes"
         );
-        for step in 0..500 {
-            let t = recording.shot.duration_secs() * f64::from(step) / 499.0;
-            assert_eq!(
-                read.shot.states_at(t),
-                recording.shot.states_at(t),
-                "{engine} at {t}"
-            );
+        for (read, take) in read.takes.iter().zip(&recording.takes) {
+            assert_eq!(read.title, take.title);
+            assert_eq!(read.shot.events(), take.shot.events());
+            for step in 0..500 {
+                let t = take.shot.duration_secs() * f64::from(step) / 499.0;
+                let (read, shot) = (read.shot.states_at(t), take.shot.states_at(t));
+                assert_eq!(read, shot, "{engine} at {t}");
+            }
         }
     }
 }
@@ -611,10 +618,8 @@ fn a_recorded_shot_is_read_back_to_the_bit() {
 #[test]
 fn damaged_recordings_are_rejected_with_a_sentence() {
     let world = World::new(Table::nine_foot(), Table::nine_foot().rack_eight(4)).expect("valid");
-    let recording = Recording {
-        table: "nine foot".to_owned(),
-        shot: world.strike(Stroke::straight(0.3, 1.0)).expect("valid"),
-    };
+    let shot = world.strike(Stroke::straight(0.3, 1.0)).expect("valid");
+    let recording = Recording::of(world.table(), "a shot", shot);
     let good = recording.to_bytes().expect("small enough");
     let words = |bytes: &[u8]| match Recording::from_bytes(bytes) {
         Ok(_) => "read".to_owned(),
@@ -626,17 +631,32 @@ fn damaged_recordings_are_rejected_with_a_sentence() {
     assert!(words(&[&good[..], b"x"].concat()).contains("1 bytes follow its end"));
     let mut newer = good.clone();
     newer[11] = 9;
-    assert!(words(&newer).contains("its version is 9, this program reads 1"));
+    assert!(words(&newer).contains("its version is 9, this program reads 2"));
     // Whatever byte is wrong: a sentence or another valid shot, never a panic.
     for (place, wrong) in (11..good.len()).flat_map(|i| [(i, 0xffu8), (i, 0x7f), (i, 0)]) {
         let mut bytes = good.clone();
         bytes[place] = wrong;
         if let Ok(read) = Recording::from_bytes(&bytes) {
-            for t in [0.0, 0.5, 1e9] {
-                assert_eq!(read.shot.poses_at(t).len(), read.shot.final_states().len());
+            for (take, t) in read.takes.iter().zip([0.0, 0.5, 1e9]) {
+                assert_eq!(take.shot.poses_at(t).len(), take.shot.final_states().len());
             }
         }
     }
+    for (title, words) in [
+        ("x".repeat(401), "401 bytes"),
+        ("a\nb".to_owned(), "one line"),
+    ] {
+        let mut wrong = recording.clone();
+        wrong.takes[0].title = title;
+        let error = wrong.to_bytes().expect_err("the title").to_string();
+        assert!(error.contains(words), "{error}");
+    }
+    let empty = Recording {
+        takes: Vec::new(),
+        ..recording
+    };
+    let error = empty.to_bytes().expect_err("no shots").to_string();
+    assert!(error.contains("0 shots"), "{error}");
     let missing = Recording::load(std::path::Path::new("no/such/shot")).expect_err("missing");
     assert!(missing.to_string().contains("no/such/shot"), "{missing}");
 }

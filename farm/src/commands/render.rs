@@ -1,22 +1,14 @@
 //! `carom-farm render`: one picture by the whole farm, without the game.
 
-use std::collections::VecDeque;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::sync::atomic::Ordering;
+use std::time::Duration;
 
 use anyhow::Context;
 use carom_farm::net::{self, NodeAddress};
-use carom_farm::{
-    Balancing, Error, Farm, FarmConfig, Frame, FrameSpec, LocalNode, NodeState, Pixels,
-};
-use carom_protocol::PixelFormat;
+use carom_farm::{Farm, FarmConfig, LocalNode, Still};
 use carom_tracer::film::Film;
-use carom_tracer::{
-    CompiledScene, CpuTracer, ImageSize, Layers, Preset, RenderSettings, Scene, SceneUpdate, Tile,
-    TraceJob, Tracer,
-};
+use carom_tracer::{ImageSize, Layers, Preset, RenderSettings, Scene, SceneUpdate};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::commands::Failure;
@@ -78,20 +70,6 @@ pub(crate) struct Args {
     checkpoint_secs: u32,
 }
 
-/// A picture comes as so many frames of other samples, so that the bar moves;
-const FRAMES: u32 = 16;
-/// but a frame of fewer samples is more transport than tracing,
-const FRAME_SAMPLES_MIN: usize = 1 << 21;
-/// and one of more is long to repeat when a node is lost. The bounds depend on the picture alone,
-/// so that it is the same bit for bit whoever traces it.
-const FRAME_SAMPLES_MAX: usize = 1 << 26;
-/// Camera rays of a pixel of a layer: their outlines are smooth then.
-const LAYER_SAMPLES_MAX: u32 = 16;
-/// How long to wait for a frame before looking at what else there is.
-const PATIENCE: Duration = Duration::from_millis(200);
-/// How long to wait for nodes when none is left.
-const NODES_PATIENCE: Duration = Duration::from_secs(10);
-
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let args = &args.with_preset();
     let named = inputs::scene(args.scene.as_deref())?;
@@ -99,7 +77,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     farm.set_scene(&named.scene)?;
     let interrupted = net::interruption().context("Ctrl-C")?;
     let mut progress = Progress::begin(&named.scene, args)?;
-    let traced = trace(&mut farm, args, &mut progress, &interrupted);
+    let still = args.still();
+    let traced = progress.trace(&mut farm, &still, &mut || {
+        interrupted.load(Ordering::Relaxed)
+    });
     drop(farm);
     if matches!(traced, Err(Failure::Interrupted)) && progress.samples_done > 0 {
         progress.checkpoint.write(&progress.film)?;
@@ -114,7 +95,12 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             film.dropped_samples()
         );
     }
-    let hits = layers(&named.scene, args)?;
+    let layered = args.out.iter().any(|out| out.format == Format::Exr);
+    let hits = if layered {
+        still.layers(&named.scene)?
+    } else {
+        Vec::new()
+    };
     for out in &args.out {
         write(film, &hits, out)?;
     }
@@ -133,7 +119,7 @@ impl Progress {
     /// From the start, or from where a render of the same picture was stopped.
     fn begin(scene: &Scene, args: &Args) -> Result<Self, Failure> {
         let period = Duration::from_secs(args.checkpoint_secs.into());
-        let settings = args.settings(0, args.spp);
+        let settings = args.still().settings;
         let out = &args.out[0].path;
         let mut checkpoint = Checkpoint::new(out, scene, args.size, settings, period);
         let resumed = checkpoint.resume()?;
@@ -152,10 +138,32 @@ impl Progress {
         })
     }
 
-    fn add(&mut self, frame: &Frame, samples: u32) -> Result<(), Failure> {
-        add(&mut self.film, frame, samples)?;
-        self.samples_done += samples;
-        self.checkpoint.offer(&self.film, self.samples_done)
+    /// Traces what the film lacks, with a bar.
+    fn trace(
+        &mut self,
+        farm: &mut Farm,
+        still: &Still,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<(), Failure> {
+        let bar = progress_bar(still.settings.samples);
+        bar.set_position(self.samples_done.into());
+        bar.reset_eta();
+        let from = self.samples_done;
+        let (checkpoint, samples_done) = (&mut self.checkpoint, &mut self.samples_done);
+        let mut watch = |film: &Film, done: u32| {
+            if done > *samples_done {
+                *samples_done = done;
+                bar.set_position(done.into());
+                checkpoint.offer(film, done)?;
+            }
+            if interrupted() {
+                return Err(Failure::Interrupted);
+            }
+            Ok(())
+        };
+        still.trace(farm, &mut self.film, from, &mut watch)?;
+        bar.finish_and_clear();
+        Ok(())
     }
 }
 
@@ -175,47 +183,19 @@ impl Args {
         }
     }
 
-    fn settings(&self, first_sample: u32, samples: u32) -> RenderSettings {
-        RenderSettings {
-            samples,
-            first_sample,
-            scatterings_max: self.scatterings,
-            seed: self.seed,
-            denoise: self.denoise,
+    fn still(&self) -> Still {
+        Still {
+            update: SceneUpdate::default(),
+            size: self.size,
+            settings: RenderSettings {
+                samples: self.spp,
+                first_sample: 0,
+                scatterings_max: self.scatterings,
+                seed: self.seed,
+                denoise: self.denoise,
+            },
         }
     }
-}
-
-/// What camera rays meet first, if a picture has layers: a matter of moments, which this machine's
-/// processor can spare.
-fn layers(scene: &Scene, args: &Args) -> Result<Vec<Layers>, Failure> {
-    if args.out.iter().all(|out| out.format == Format::Png) {
-        return Ok(Vec::new());
-    }
-    let ImageSize { width, height } = args.size;
-    // Row by row, so that they come together without being moved.
-    let rows: Vec<Tile> = (0..height)
-        .map(|y| Tile {
-            x: 0,
-            y,
-            width,
-            height: 1,
-        })
-        .collect();
-    let job = TraceJob {
-        size: args.size,
-        tiles: &rows,
-        settings: args.settings(0, args.spp.min(LAYER_SAMPLES_MAX)),
-        cancelled: &AtomicBool::new(false),
-    };
-    let hits = Mutex::new(vec![Vec::new(); rows.len()]);
-    let scene = CompiledScene::new(scene)?;
-    CpuTracer::new()?.layers(&scene, &job, &|row| {
-        let mut hits = hits.lock().unwrap_or_else(PoisonError::into_inner);
-        hits[row.index] = row.pixels;
-    })?;
-    let hits = hits.into_inner().unwrap_or_else(PoisonError::into_inner);
-    Ok(hits.concat())
 }
 
 fn config(args: &Args) -> Result<FarmConfig, Failure> {
@@ -243,109 +223,6 @@ fn config(args: &Args) -> Result<FarmConfig, Failure> {
     Ok(config)
 }
 
-/// Submits the picture's frames, as many at a time as the farm takes, and merges them.
-fn trace(
-    farm: &mut Farm,
-    args: &Args,
-    progress: &mut Progress,
-    interrupted: &AtomicBool,
-) -> Result<(), Failure> {
-    let mut waiting = batches(args.size, args.spp, args.denoise);
-    waiting.retain(|batch| batch.first_sample >= progress.samples_done);
-    let mut in_flight = VecDeque::new();
-    let bar = progress_bar(args.spp);
-    bar.set_position(progress.samples_done.into());
-    bar.reset_eta();
-    let mut quiet_since = Instant::now();
-    while !(waiting.is_empty() && in_flight.is_empty()) {
-        while let Some(batch) = waiting.front() {
-            match farm.submit(batch.spec(args)) {
-                Ok(_) => in_flight.extend(waiting.pop_front()),
-                Err(Error::FramesInFlight { .. }) => break,
-                Err(why) => return Err(why.into()),
-            }
-        }
-        if let Some(frame) = farm.wait_frame(PATIENCE) {
-            let samples = in_flight.pop_front().map_or(0, |batch| batch.samples);
-            progress.add(&frame, samples)?;
-            bar.inc(u64::from(samples));
-            quiet_since = Instant::now();
-        } else if interrupted.load(Ordering::Relaxed) {
-            return Err(Failure::Interrupted);
-        } else if quiet_since.elapsed() > NODES_PATIENCE {
-            give_up_without_nodes(farm)?;
-        }
-    }
-    bar.finish_and_clear();
-    Ok(())
-}
-
-/// A frame: a range of the picture's samples.
-#[derive(Clone, Copy)]
-struct Batch {
-    first_sample: u32,
-    samples: u32,
-}
-
-impl Batch {
-    fn spec(&self, args: &Args) -> FrameSpec {
-        FrameSpec {
-            update: SceneUpdate::default(),
-            size: args.size,
-            settings: args.settings(self.first_sample, self.samples),
-            format: PixelFormat::LinearF32,
-        }
-    }
-}
-
-/// Of frames that are denoised there are as few as can be: the filter does more with more samples.
-fn batches(size: ImageSize, spp: u32, denoise: bool) -> VecDeque<Batch> {
-    let fewest = FRAME_SAMPLES_MIN.div_ceil(size.pixels());
-    let most = (FRAME_SAMPLES_MAX / size.pixels()).max(1);
-    let frames = if denoise { 1 } else { FRAMES };
-    let samples = (spp.div_ceil(frames) as usize).max(fewest).min(most) as u32;
-    let firsts = (0..spp).step_by(samples as usize);
-    firsts
-        .map(|first_sample| Batch {
-            first_sample,
-            samples: samples.min(spp - first_sample),
-        })
-        .collect()
-}
-
-fn add(film: &mut Film, frame: &Frame, samples: u32) -> Result<(), Failure> {
-    let Pixels::Linear(pixels) = &frame.pixels else {
-        let why = "the farm gave other pixels than were asked for";
-        return Err(anyhow::anyhow!(why).into());
-    };
-    let ImageSize { width, height } = frame.size;
-    let (x, y) = (0, 0);
-    let whole = Tile {
-        x,
-        y,
-        width,
-        height,
-    };
-    film.add(whole, pixels, samples)?;
-    film.count_dropped(u32::try_from(frame.stats.dropped_samples).unwrap_or(u32::MAX));
-    Ok(())
-}
-
-/// Nodes that are being called may still come; when all are lost, nobody will.
-fn give_up_without_nodes(farm: &Farm) -> Result<(), Failure> {
-    let mut reasons = Vec::new();
-    for node in farm.nodes() {
-        match node.state {
-            NodeState::Lost { why, .. } => reasons.push(format!("{}: {why}", node.address)),
-            _ => return Ok(()),
-        }
-    }
-    Err(Failure::Run(anyhow::anyhow!(
-        "no node is left: {}",
-        reasons.join("; ")
-    )))
-}
-
 /// On standard error, and only if that is a terminal.
 fn progress_bar(spp: u32) -> ProgressBar {
     let style = ProgressStyle::with_template(
@@ -366,27 +243,4 @@ fn write(film: &Film, hits: &[Layers], out: &Output) -> Result<(), Failure> {
     std::fs::rename(&partial, &out.path)
         .with_context(|| out.path.display().to_string())
         .map_err(Failure::Run)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn frames_cover_each_sample_once() {
-        for (width, height) in [(1, 1), (32, 18), (1280, 720), (16_384, 16_384)] {
-            for spp in [1, 2, 15, 16, 17, 64, 4096, 65_536] {
-                let mut next;
-                for denoise in [false, true] {
-                    next = 0;
-                    for batch in batches(ImageSize::new(width, height), spp, denoise) {
-                        assert_eq!(batch.first_sample, next);
-                        assert!(batch.samples > 0);
-                        next += batch.samples;
-                    }
-                    assert_eq!(next, spp);
-                }
-            }
-        }
-    }
 }

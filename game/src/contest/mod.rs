@@ -10,6 +10,7 @@
 
 mod adapter;
 mod advice;
+mod history;
 mod player;
 mod tournament;
 mod view;

@@ -133,6 +133,12 @@ pub enum Intent {
     NextAids,
     /// Rack the balls again.
     Rack,
+    /// Watch shots of before, or go back to the game.
+    LookBack,
+    /// Lay the balls, or leave them as they were.
+    Practise,
+    /// Take a picture in full quality.
+    Photograph,
     /// Show or hide the keys.
     ToggleHelp,
     /// Show or hide the statistics.

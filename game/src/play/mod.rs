@@ -21,7 +21,7 @@ use glam::{DVec2, DVec3};
 
 use crate::camera::{Dolly, Orbit, Projection, Viewpoint, wrap_rad};
 use crate::input::Intent;
-use crate::sim::{self, BallPose, Shot, Stroke, Table, World};
+use crate::sim::{self, BallPose, BallState, Shot, Stroke, Table, World};
 use crate::stage::Stage;
 
 pub use aim::{Aim, CUE_SPEED_M_S_MAX, cue_speed_m_s, power_of_speed};
@@ -114,20 +114,27 @@ impl Game {
         self.cuts = cuts;
     }
 
-    /// Shows a shot that was played before, from `now_secs` on. To turn the aim to the left or right
-    /// turns time back or on; when it is over, the game goes on with the balls as it left them.
-    pub fn replay(&mut self, shot: Shot, now_secs: f64) {
-        self.shots += 1;
-        self.notice = Some("A recorded shot: left and right turn time".to_owned());
-        self.phase = Phase::Watching(Box::new(Running {
-            shot,
-            contact_secs: now_secs + SWING_SECS.end,
-            cue: None,
-            from: self.dolly.viewpoint(),
-            bearing_rad: self.aim.bearing_rad,
-            cuts: self.cuts,
-            is_replay: true,
-        }));
+    /// Puts the balls so, with nothing in motion.
+    ///
+    /// # Errors
+    /// [`sim::Error::Layout`] if they cannot lie on the table like this; it stays as it was.
+    pub fn lay(&mut self, balls: Vec<BallState>) -> Result<(), sim::Error> {
+        let mut world = World::with_laws(self.table.clone(), *self.world.laws(), balls)?;
+        world.set_engine(self.world.engine());
+        self.world = world;
+        if let Phase::Watching(running) = &self.phase {
+            self.dolly = Dolly::new(running.from);
+        }
+        self.phase = Phase::Aiming;
+        self.foresight = None;
+        self.aim.level();
+        self.clear_cue();
+        Ok(())
+    }
+
+    /// The balls as they lay before the shot that is on, else as they lie.
+    pub fn world(&self) -> &World {
+        &self.world
     }
 
     /// What is played on.
@@ -151,7 +158,7 @@ impl Game {
     /// The shot that is being played for the first time, with its number.
     pub fn fresh_shot(&self) -> Option<(u64, &Shot)> {
         match &self.phase {
-            Phase::Watching(running) if !running.is_replay => Some((self.shots, &running.shot)),
+            Phase::Watching(running) => Some((self.shots, &running.shot)),
             _ => None,
         }
     }
@@ -173,6 +180,9 @@ impl Game {
             | Intent::Cancel => self.stroke(intent, now_secs, lead_secs),
             Intent::Rack => self.rack(),
             Intent::NextAids
+            | Intent::LookBack
+            | Intent::Practise
+            | Intent::Photograph
             | Intent::ToggleHelp
             | Intent::ToggleStats
             | Intent::ToggleFullscreen => {}
@@ -307,7 +317,7 @@ impl Game {
     fn take_aim(&mut self, intent: Intent, now_secs: f64, film: DVec2) {
         let is_aiming = matches!(self.phase, Phase::Aiming);
         match intent {
-            Intent::Turn(angle_rad) => self.turn(angle_rad, now_secs),
+            Intent::Turn(angle_rad) if is_aiming => self.aim.turn(angle_rad),
             Intent::AimAt(point) => self.aim_at(point, film, now_secs),
             // A blow that is under way is struck where it was aimed.
             _ if !is_aiming => {}
@@ -327,18 +337,6 @@ impl Game {
         let balls = self.world.balls();
         if let Some(reach) = Reach::new(&self.world, &balls) {
             self.aim.clear(&reach);
-        }
-    }
-
-    fn turn(&mut self, angle_rad: f64, now_secs: f64) {
-        match &mut self.phase {
-            Phase::Aiming => self.aim.turn(angle_rad),
-            Phase::Watching(running) if running.is_replay => {
-                running.scrub(-SCRUB_SECS * angle_rad.signum(), now_secs);
-                // Pictures that were asked for are of other moments: as of another shot.
-                self.shots += 1;
-            }
-            _ => {}
         }
     }
 
@@ -419,7 +417,6 @@ impl Game {
                     from: self.dolly.viewpoint(),
                     bearing_rad: self.aim.bearing_rad,
                     cuts: self.cuts,
-                    is_replay: false,
                 }));
             }
             Err(error) => self.notice = Some(error.to_string()),
@@ -485,5 +482,3 @@ impl Game {
 
 /// The power at which the way to the first contact is shown.
 const LINE_POWER: f64 = 0.4;
-/// A key's way through a recorded shot.
-const SCRUB_SECS: f64 = 0.25;

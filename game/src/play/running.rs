@@ -20,20 +20,12 @@ pub(super) struct Running {
     pub(super) bearing_rad: f64,
     /// Whether the camera cuts to the whole table instead of rising.
     pub(super) cuts: bool,
-    /// Whether it was played before: then there is no cue, and time can be turned back.
-    pub(super) is_replay: bool,
 }
 
 impl Running {
     /// The moment on show at `now_secs`, in seconds since the blow; negative before it.
     pub(super) fn clock_secs(&self, now_secs: f64) -> f64 {
         now_secs - self.contact_secs
-    }
-
-    /// Turns time by so many seconds, within the shot.
-    pub(super) fn scrub(&mut self, by_secs: f64, now_secs: f64) {
-        let moment = self.clock_secs(now_secs) + by_secs;
-        self.contact_secs = now_secs - moment.clamp(0.0, self.shot.duration_secs());
     }
 
     /// From behind the cue ball up and back to the whole table, as a function of the shot's own

@@ -35,34 +35,6 @@ fn a_stroke_plays_moves_balls_and_ends() {
 }
 
 #[test]
-fn a_recorded_shot_is_watched_again_back_and_forth_and_played_on_from() {
-    let mut game = Game::new(1).unwrap();
-    strike(&mut game, 0.7, 5.0);
-    let (number, shot) = game.fresh_shot().unwrap();
-    let shot = shot.clone();
-    assert_eq!(number, 1);
-    let mut other = Game::new(9).unwrap();
-    other.replay(shot.clone(), 0.0);
-    assert!(other.fresh_shot().is_none() && other.cue(0.0).is_none());
-    assert_eq!(other.poses(0.7), shot.poses_at(0.7));
-    let (first, clock, end) = other.shot_clock(2.0).unwrap();
-    other.apply(Intent::Turn(-0.01), 2.0, 0.2, FILM);
-    let (second, later, _) = other.shot_clock(2.0).unwrap();
-    assert!(second > first && (later - clock - SCRUB_SECS).abs() < 1e-9);
-    for _ in 0..100 {
-        other.apply(Intent::Turn(0.01), 2.0, 0.2, FILM);
-    }
-    assert_eq!(other.shot_clock(2.0).unwrap().1, 0.0);
-    other.tick(2.1 + end, 0.1);
-    assert!(other.shot_clock(2.1 + end).is_none());
-    let lying = |poses: Vec<BallPose>| poses.iter().filter(|pose| pose.on_table).count();
-    assert!(
-        lying(other.poses(0.0)) >= lying(shot.poses_at(end)),
-        "played on from there"
-    );
-}
-
-#[test]
 fn a_stroke_that_is_given_up_leaves_the_table_alone() {
     let mut game = Game::new(1).unwrap();
     for intent in [

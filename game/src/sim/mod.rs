@@ -76,7 +76,7 @@ pub use flight::HOP_LEAST_M;
 pub use laws::Laws;
 pub use plan::{PocketPlan, TablePlan};
 pub use rack::Layout;
-pub use recording::{BYTES_MAX, Recording};
+pub use recording::{BYTES_MAX, Recording, TAKES_MAX, TITLE_BYTES_MAX, Take};
 pub use shot::Shot;
 pub use simulation::{EVENTS_PER_SECOND_MAX, SHOT_SECS_MAX};
 pub(crate) use simulation::{Simulation, Until};

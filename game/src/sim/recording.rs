@@ -1,12 +1,13 @@
-//! A shot as a file, to be watched again: the trajectory itself, so that it stays what it was when
-//! the physics changes.
+//! Shots as a file, to be watched again, shared or played on from: the trajectories themselves, so
+//! that they stay what they were when the physics changes.
 //!
 //! ```text
-//! "carom shot" 0x0A | version u16 | postcard: table, duration, legs of each ball, events
+//! "carom shot" 0x0A | version u16 | postcard: table, takes (title, duration, legs of each ball, events)
 //! ```
+//! One shot, a whole match, or a layout, which is a shot that nobody struck: its balls lie still.
 //! Between two events a ball has constant accelerations, so that its legs are all there is to know:
-//! a break takes about 60 kB, and the shot that is read back has the bits of the one that was
-//! written.
+//! a break takes about 60 kB, a layout 3 kB, and the shot that is read back has the bits of the one
+//! that was written.
 
 use std::{fs, path::Path};
 
@@ -19,28 +20,50 @@ use super::{
     event::Event,
     shot::Shot,
     simulation::{Outcome, SHOT_SECS_MAX},
+    table::Table,
     track::{Leg, Track},
 };
 
-/// A shot and the table that it was played on.
+/// Shots of one table, in their order.
 #[derive(Clone, Debug)]
 pub struct Recording {
     /// Name of the table.
     pub table: String,
-    /// What happened on it.
+    /// What happened on it: 1 to [`TAKES_MAX`].
+    pub takes: Vec<Take>,
+}
+
+/// A recorded shot.
+#[derive(Clone, Debug)]
+pub struct Take {
+    /// For people: who played it, and what came of it. At most [`TITLE_BYTES_MAX`].
+    pub title: String,
+    /// What happened.
     pub shot: Shot,
 }
 
 impl Recording {
+    /// Of one shot.
+    pub fn of(table: &Table, title: impl Into<String>, shot: Shot) -> Self {
+        let title = title.into();
+        Self {
+            table: table.name().to_owned(),
+            takes: vec![Take { title, shot }],
+        }
+    }
+
     /// The bytes of a file.
     ///
     /// # Errors
-    /// [`Error::Recording`] for a shot of more than [`BYTES_MAX`].
+    /// [`Error::Recording`] for no takes or too many, a title that is too long, too much motion, or more
+    /// than [`BYTES_MAX`].
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
+        let written = Written::of(self);
+        // What could not be read back is not written.
+        written.validate()?;
         let mut bytes = MAGIC.to_vec();
         bytes.extend(VERSION.to_le_bytes());
-        let body =
-            postcard::to_stdvec(&Written::of(self)).map_err(|e| Error::Recording(e.to_string()))?;
+        let body = postcard::to_stdvec(&written).map_err(|e| Error::Recording(e.to_string()))?;
         bytes.extend(body);
         check_size(bytes.len() as u64)?;
         Ok(bytes)
@@ -104,6 +127,12 @@ impl Recording {
 #[derive(Serialize, Deserialize)]
 struct Written {
     table: String,
+    takes: Vec<WrittenTake>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct WrittenTake {
+    title: String,
     duration_secs: f64,
     tracks: Vec<WrittenTrack>,
     events: Vec<Event>,
@@ -120,7 +149,36 @@ struct WrittenTrack {
 
 impl Written {
     fn of(recording: &Recording) -> Self {
-        let shot = &recording.shot;
+        Self {
+            table: recording.table.clone(),
+            takes: recording.takes.iter().map(WrittenTake::of).collect(),
+        }
+    }
+
+    fn into_recording(self) -> Recording {
+        let takes = self.takes.into_iter().map(WrittenTake::into_take);
+        Recording {
+            table: self.table,
+            takes: takes.collect(),
+        }
+    }
+
+    /// Whether simulations may have made it.
+    fn validate(&self) -> Result<()> {
+        check_takes(self.takes.iter().map(|take| take.title.as_str()))?;
+        let mut turns = 0.0;
+        for take in &self.takes {
+            turns += take.validate()?;
+        }
+        if turns > TURNS_MAX {
+            return Err(Error::Recording(format!("its balls turn {turns} times")));
+        }
+        Ok(())
+    }
+}
+
+impl WrittenTake {
+    fn of(take: &Take) -> Self {
         let track = |track: &Track| WrittenTrack {
             number: track.number(),
             body: track.body(),
@@ -129,19 +187,19 @@ impl Written {
             gone: track.gone(),
         };
         Self {
-            table: recording.table.clone(),
-            duration_secs: shot.duration_secs(),
-            tracks: shot.tracks().iter().map(track).collect(),
-            events: shot.events().to_vec(),
+            title: take.title.clone(),
+            duration_secs: take.shot.duration_secs(),
+            tracks: take.shot.tracks().iter().map(track).collect(),
+            events: take.shot.events().to_vec(),
         }
     }
 
-    fn into_recording(self) -> Recording {
+    fn into_take(self) -> Take {
         let tracks = self.tracks.into_iter();
         let track =
             |t: WrittenTrack| Track::from_legs((t.number, t.body), &t.legs, t.end_secs, t.gone);
-        Recording {
-            table: self.table,
+        Take {
+            title: self.title,
             shot: Shot::new(Outcome {
                 tracks: tracks.map(track).collect(),
                 events: self.events,
@@ -150,8 +208,8 @@ impl Written {
         }
     }
 
-    /// Whether a simulation may have made it.
-    fn validate(&self) -> Result<()> {
+    /// How often its balls turn.
+    fn validate(&self) -> Result<f64> {
         let duration_secs = self.duration_secs;
         if !(0.0..=SHOT_SECS_MAX).contains(&duration_secs) {
             return Err(Error::Recording(format!("it lasts {duration_secs} s")));
@@ -161,14 +219,8 @@ impl Written {
             let message = "its events are not in the order of time".to_owned();
             return Err(Error::Recording(message));
         }
-        let mut turns = 0.0;
-        for track in &self.tracks {
-            turns += track.validate(duration_secs)?;
-        }
-        if turns > TURNS_MAX {
-            return Err(Error::Recording(format!("its balls turn {turns} times")));
-        }
-        Ok(())
+        let tracks = self.tracks.iter();
+        tracks.map(|track| track.validate(duration_secs)).sum()
     }
 }
 
@@ -221,6 +273,23 @@ fn ascends(mut times: impl Iterator<Item = f64>, end: f64) -> bool {
     })
 }
 
+fn check_takes<'a>(titles: impl ExactSizeIterator<Item = &'a str>) -> Result<()> {
+    let reject = |message| Err(Error::Recording(message));
+    let count = titles.len();
+    if !(1..=TAKES_MAX).contains(&count) {
+        return reject(format!("it has {count} shots, not 1 to {TAKES_MAX}"));
+    }
+    for title in titles {
+        if title.len() > TITLE_BYTES_MAX || title.chars().any(char::is_control) {
+            return reject(format!(
+                "a title of {} bytes is longer than {TITLE_BYTES_MAX} or not one line",
+                title.len()
+            ));
+        }
+    }
+    Ok(())
+}
+
 fn at(path: &Path, why: &dyn std::fmt::Display) -> Error {
     Error::Recording(format!("{}: {why}", path.display()))
 }
@@ -230,17 +299,21 @@ fn check_size(bytes: u64) -> Result<()> {
         return Ok(());
     }
     Err(Error::Recording(format!(
-        "it has {bytes} bytes, a shot at most {BYTES_MAX}"
+        "it has {bytes} bytes, at most {BYTES_MAX} are kept"
     )))
 }
 
 const MAGIC: &[u8] = b"carom shot\n";
 /// Rises when what follows it changes.
-const VERSION: u16 = 1;
+const VERSION: u16 = 2;
 /// Hundreds of times a break.
 pub const BYTES_MAX: u64 = 16 << 20;
+/// As many shots as a match keeps.
+pub const TAKES_MAX: usize = 2000;
+/// A line.
+pub const TITLE_BYTES_MAX: usize = 400;
 /// In SI units: over anything that a ball does.
 const NUMBER_MAX: f64 = 1e9;
-/// Of all balls together: each turn takes memory once a shot is read. Sixteen balls that turn at
-/// 300 rad/s for a minute each.
-const TURNS_MAX: f64 = 46_000.0;
+/// Of all balls together: each turn takes up to half a kilobyte once a shot is read. Sixteen balls
+/// that turn at 300 rad/s for five minutes each.
+const TURNS_MAX: f64 = 230_000.0;

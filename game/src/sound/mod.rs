@@ -81,7 +81,11 @@ impl Sound {
 /// A sentence with the file or the number that is wrong.
 pub fn write_shot(out: &Path, replay: Option<&Path>, speed_m_s: f64) -> anyhow::Result<()> {
     let shot = match replay {
-        Some(path) => Recording::load(path)?.shot,
+        Some(path) => Recording::load(path)?.takes.into_iter().next(),
+        None => None,
+    };
+    let shot = match shot {
+        Some(take) => take.shot,
         None => break_shot(speed_m_s)?,
     };
     let sound = of_shot(&shot);

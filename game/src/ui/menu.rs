@@ -7,7 +7,7 @@ use egui::{Align, Button, Context, Id, Layout, Modal, RichText, Ui};
 
 use super::keys::Rebinding;
 use super::{help, keys, preferences, theme};
-use crate::input::Trigger;
+use crate::input::{Intent, Trigger};
 use crate::settings::Store;
 
 /// The pages over the table, and which is open.
@@ -35,8 +35,8 @@ pub enum Page {
 pub enum Order {
     /// To go on with the game.
     Resume,
-    /// To rack the balls again.
-    Rack,
+    /// What a key over the table would do.
+    Act(Intent),
     /// To end.
     Quit,
 }
@@ -128,9 +128,16 @@ impl Menu {
             self.close();
             order = Some(Order::Resume);
         }
-        if entry(ui, "Rack again", false) {
-            self.close();
-            order = Some(Order::Rack);
+        for (words, intent) in [
+            ("Rack again", Intent::Rack),
+            ("Watch the shots of before", Intent::LookBack),
+            ("Lay the balls", Intent::Practise),
+            ("Take a picture", Intent::Photograph),
+        ] {
+            if entry(ui, words, false) {
+                self.close();
+                order = Some(Order::Act(intent));
+            }
         }
         if entry(ui, "Settings", false) {
             self.open(Page::Settings);

@@ -7,7 +7,9 @@ pub mod help;
 mod keys;
 pub mod menu;
 pub mod notes;
+pub mod practice;
 mod preferences;
+pub mod replay;
 pub mod stats;
 pub mod theme;
 

@@ -1,0 +1,269 @@
+//! Shots that were played before, to be watched again: scrubbed, slowed down, stepped through, picked
+//! from a list, kept as files.
+//!
+//! ```text
+//! Recording (takes) ─▶ Viewing ─┬─ Clock (runs, slows, stands, is turned)
+//!        ▲   ▲                  └─▶ poses and camera, as a game gives them
+//!    Shelf   Match::recording
+//! ```
+//! Knows neither window nor farm; time is an argument.
+
+mod clock;
+mod moments;
+mod shelf;
+
+use carom_tracer::Camera;
+
+use crate::camera::{Orbit, Viewpoint, wrap_rad};
+use crate::sim::{BallPose, BallState, Phase, Recording, Shot, Take};
+
+pub use clock::Clock;
+pub use moments::{Moment, moments};
+pub(crate) use shelf::next_path;
+pub use shelf::{Kept, Kind, Shelf};
+
+/// A recording on show.
+#[derive(Clone, Debug)]
+pub struct Viewing {
+    recording: Recording,
+    take: usize,
+    clock: Clock,
+    moments: Vec<Moment>,
+    orbit: Orbit,
+}
+
+/// What a viewer may want.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Wish {
+    /// To stop, or to go on.
+    Toggle,
+    /// Another speed: seconds of the shot in a second.
+    Rate(f64),
+    /// Another moment of the shot.
+    Seek(f64),
+    /// The next event, or the one before.
+    Step {
+        /// Whether the next one.
+        forward: bool,
+    },
+    /// Another shot of the list.
+    Pick(usize),
+    /// To look around.
+    Look {
+        /// Added to the bearing, radians.
+        yaw_rad: f64,
+        /// Added to the pitch, radians.
+        pitch_rad: f64,
+        /// Factor on the distance.
+        zoom: f64,
+    },
+}
+
+impl Viewing {
+    /// Shows the last take of a recording; None if it has none.
+    pub fn new(recording: Recording, now_secs: f64) -> Option<Self> {
+        let take = recording.takes.len().checked_sub(1)?;
+        let shot = &recording.takes[take].shot;
+        Some(Self {
+            clock: Clock::new(shot.duration_secs(), now_secs),
+            moments: moments(shot),
+            recording,
+            take,
+            orbit: Orbit::default(),
+        })
+    }
+
+    /// What is shown.
+    pub fn recording(&self) -> &Recording {
+        &self.recording
+    }
+
+    /// Index of the take on show.
+    pub fn take(&self) -> usize {
+        self.take
+    }
+
+    /// Its time.
+    pub fn clock(&self) -> &Clock {
+        &self.clock
+    }
+
+    /// What happens in it.
+    pub fn moments(&self) -> &[Moment] {
+        &self.moments
+    }
+
+    /// The shot on show.
+    pub fn shot(&self) -> &Shot {
+        &self.recording.takes[self.take].shot
+    }
+
+    /// Only the take on show, to be shared.
+    pub fn excerpt(&self) -> Recording {
+        Recording {
+            table: self.recording.table.clone(),
+            takes: vec![Take::clone(&self.recording.takes[self.take])],
+        }
+    }
+
+    /// Does what the viewer wants.
+    pub fn apply(&mut self, wish: Wish, now_secs: f64) {
+        match wish {
+            Wish::Toggle => self.clock.toggle(now_secs),
+            Wish::Rate(rate) => self.clock.set_rate(rate, now_secs),
+            Wish::Seek(moment_secs) => self.clock.seek(moment_secs, now_secs),
+            Wish::Step { forward } => {
+                let times: Vec<f64> = self.moments.iter().map(|moment| moment.secs).collect();
+                self.clock.step(&times, forward, now_secs);
+            }
+            Wish::Pick(take) if take < self.recording.takes.len() => {
+                self.take = take;
+                self.clock = self.clock.restarted(self.shot().duration_secs(), now_secs);
+                self.moments = moments(self.shot());
+            }
+            Wish::Pick(_) => {}
+            Wish::Look {
+                yaw_rad,
+                pitch_rad,
+                zoom,
+            } => {
+                self.orbit.yaw_rad = wrap_rad(self.orbit.yaw_rad + yaw_rad);
+                self.orbit.pitch_rad = (self.orbit.pitch_rad + pitch_rad).clamp(-1.4, 1.4);
+                self.orbit.zoom = (self.orbit.zoom * zoom).clamp(0.3, 2.5);
+            }
+        }
+    }
+
+    /// Lets time pass.
+    pub fn tick(&mut self, now_secs: f64) {
+        self.clock.tick(now_secs);
+    }
+
+    /// While time passes: a number that differs after each turn of it, the moment on show and that of
+    /// the end. These count the display's seconds, so that in slow motion as many pictures are asked
+    /// for in a second as else.
+    pub fn shot_clock(&self, now_secs: f64) -> Option<(u64, f64, f64)> {
+        let rate = self.clock.rate();
+        self.clock.is_running().then(|| {
+            (
+                NUMBERS_FROM + self.clock.turns(),
+                self.clock.moment_secs(now_secs) / rate,
+                self.clock.end_secs() / rate,
+            )
+        })
+    }
+
+    /// The balls at a moment that [`Viewing::shot_clock`] counts; while time stands, as they are.
+    pub fn poses(&self, display_secs: f64) -> Vec<BallPose> {
+        let moment_secs = if self.clock.is_running() {
+            display_secs * self.clock.rate()
+        } else {
+            // Standing, the clock shows the same at any time.
+            self.clock.moment_secs(0.0)
+        };
+        self.shot().poses_at(moment_secs.max(0.0))
+    }
+
+    /// From where it is seen.
+    pub fn camera(&self) -> Camera {
+        Viewpoint::overview(bearing_rad(self.shot()))
+            .adjusted(self.orbit)
+            .camera()
+    }
+
+    /// The balls before the stroke, at rest: to be played on from.
+    pub fn start(&self) -> Vec<BallState> {
+        at_rest(self.shot().states_at(0.0))
+    }
+}
+
+/// The same places, with nothing in motion.
+pub fn at_rest(mut balls: Vec<BallState>) -> Vec<BallState> {
+    for ball in balls.iter_mut().filter(|ball| ball.phase.is_on_table()) {
+        let still = BallState::at_rest(ball.number, ball.position.x, ball.position.y, &ball.body);
+        *ball = BallState {
+            orientation: ball.orientation,
+            phase: Phase::Resting,
+            ..still
+        };
+    }
+    balls
+}
+
+/// Which way the cue ball is struck.
+fn bearing_rad(shot: &Shot) -> f64 {
+    let states = shot.states_at(0.0);
+    let cue_ball = states.iter().find(|ball| ball.number == 0);
+    cue_ball.map_or(0.0, |ball| ball.velocity.truncate().to_angle())
+}
+
+/// Beyond the numbers of shots that are played.
+const NUMBERS_FROM: u64 = 1 << 62;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::{Stroke, Table, World};
+
+    fn viewing() -> Viewing {
+        let table = Table::nine_foot();
+        let world = World::new(table.clone(), table.rack_eight(1)).unwrap();
+        let strike = |speed| world.strike(Stroke::straight(0.1, speed)).unwrap();
+        let mut recording = Recording::of(&table, "soft", strike(1.0));
+        recording.takes.push(Take {
+            title: "hard".to_owned(),
+            shot: strike(6.0),
+        });
+        Viewing::new(recording, 100.0).unwrap()
+    }
+
+    #[test]
+    fn slow_motion_shows_the_same_moments_later() {
+        let mut viewing = viewing();
+        assert_eq!(viewing.take(), 1, "the newest first");
+        let (number, clock, end) = viewing.shot_clock(100.5).unwrap();
+        assert_eq!((clock, end), (0.5, viewing.shot().duration_secs()));
+        let poses = viewing.poses(0.5);
+        assert_eq!(poses, viewing.shot().poses_at(0.5));
+        viewing.apply(Wish::Rate(0.25), 100.5);
+        let (slow, clock, slow_end) = viewing.shot_clock(100.5).unwrap();
+        assert!(slow != number && slow_end == 4.0 * end);
+        assert_eq!((clock, viewing.poses(clock)), (2.0, poses));
+    }
+
+    #[test]
+    fn standing_still_it_is_a_still_picture() {
+        let mut viewing = viewing();
+        viewing.apply(Wish::Seek(0.7), 101.0);
+        viewing.apply(Wish::Toggle, 101.0);
+        assert_eq!(viewing.shot_clock(109.0), None);
+        assert_eq!(viewing.poses(109.0), viewing.shot().poses_at(0.7));
+        viewing.apply(Wish::Step { forward: false }, 110.0);
+        let contacts: Vec<f64> = viewing.moments().iter().map(|m| m.secs).collect();
+        assert!(contacts.contains(&viewing.clock().moment_secs(0.0)));
+    }
+
+    #[test]
+    fn another_take_is_picked_shared_and_played_on_from() {
+        let mut viewing = viewing();
+        viewing.apply(Wish::Pick(7), 100.0);
+        assert_eq!(viewing.take(), 1);
+        viewing.apply(Wish::Pick(0), 100.0);
+        let shared = Recording::from_bytes(&viewing.excerpt().to_bytes().unwrap()).unwrap();
+        assert_eq!(
+            (shared.takes.len(), shared.takes[0].title.as_str()),
+            (1, "soft")
+        );
+        let world = World::new(
+            Table::nine_foot(),
+            crate::sim::Layout {
+                balls: viewing.start(),
+            },
+        )
+        .unwrap();
+        let rack = Table::nine_foot().rack_eight(1).balls;
+        let places = |balls: &[BallState]| balls.iter().map(|b| b.position).collect::<Vec<_>>();
+        assert_eq!(places(&world.balls()), places(&rack));
+        assert!(world.release().unwrap().duration_secs() == 0.0);
+    }
+}

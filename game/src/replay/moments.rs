@@ -1,0 +1,76 @@
+//! What is worth stopping at in a shot, in words.
+
+use crate::sim::{EventKind, Shot};
+
+/// Something that happened.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Moment {
+    /// Seconds since the stroke.
+    pub secs: f64,
+    /// For people: "the cue ball hits the 5".
+    pub words: String,
+    /// Whether two balls or a ball and a cushion meet, of which there are many.
+    pub is_contact: bool,
+}
+
+/// The contacts of a shot, in the order of time.
+pub fn moments(shot: &Shot) -> Vec<Moment> {
+    let moment = |event: &crate::sim::Event| {
+        words(&event.kind).map(|words| Moment {
+            secs: event.time_secs,
+            words,
+            is_contact: matches!(
+                event.kind,
+                EventKind::BallBall { .. } | EventKind::Cushion { .. }
+            ),
+        })
+    };
+    shot.events().iter().filter_map(moment).collect()
+}
+
+/// None for what cannot be seen at a glance.
+fn words(kind: &EventKind) -> Option<String> {
+    Some(match *kind {
+        EventKind::Strike { speed_m_s } => format!("the cue strikes at {speed_m_s:.1} m/s"),
+        EventKind::Miscue { .. } => "the tip slips off".to_owned(),
+        EventKind::BallBall { first, second, .. } => {
+            format!("{} hits {}", ball(first), ball(second))
+        }
+        EventKind::Cushion { ball: which, .. } => format!("{} meets a cushion", ball(which)),
+        EventKind::Pocketed { ball: which, .. } => format!("{} is potted", ball(which)),
+        EventKind::LeftTable { ball: which, .. } => format!("{} leaves the table", ball(which)),
+        EventKind::Bounces { .. } | EventKind::Rolls { .. } | EventKind::Rests { .. } => {
+            return None;
+        }
+    })
+}
+
+fn ball(number: u8) -> String {
+    match number {
+        0 => "the cue ball".to_owned(),
+        number => format!("the {number}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::{Stroke, Table, World};
+
+    #[test]
+    fn a_break_is_told_in_order() {
+        let table = Table::nine_foot();
+        let world = World::new(table.clone(), table.rack_eight(1)).unwrap();
+        let told = moments(&world.strike(Stroke::straight(0.0, 7.0)).unwrap());
+        assert!(told.is_sorted_by(|a, b| a.secs <= b.secs));
+        assert_eq!(told[0].words, "the cue strikes at 7.0 m/s");
+        assert!(
+            told[1].words.starts_with("the cue ball hits the "),
+            "{told:?}"
+        );
+        assert!(
+            told.iter()
+                .any(|moment| moment.words.ends_with("meets a cushion"))
+        );
+    }
+}

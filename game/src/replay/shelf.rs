@@ -1,0 +1,142 @@
+//! Recordings as files in one folder.
+
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use crate::sim::Recording;
+
+/// What a file is, by its name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// One shot.
+    Shot,
+    /// The shots of a match.
+    Match,
+    /// Balls to play from.
+    Layout,
+}
+
+impl Kind {
+    fn stem(self) -> &'static str {
+        match self {
+            Self::Shot => "shot",
+            Self::Match => "match",
+            Self::Layout => "layout",
+        }
+    }
+}
+
+/// A file on the shelf.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Kept {
+    /// Without its ending.
+    pub name: String,
+    /// Where it lies.
+    pub path: PathBuf,
+}
+
+/// The folder of a player's recordings.
+#[derive(Clone, Debug)]
+pub struct Shelf {
+    folder: PathBuf,
+}
+
+impl Shelf {
+    /// In a folder, which is made when something is first put there.
+    pub fn at(folder: PathBuf) -> Self {
+        Self { folder }
+    }
+
+    /// Where it is.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// What lies there, by name; of more than a thousand files only some.
+    ///
+    /// # Errors
+    /// A sentence with the folder if it cannot be read; one that is not there is empty.
+    pub fn list(&self) -> Result<Vec<Kept>, String> {
+        let entries = match fs::read_dir(&self.folder) {
+            Ok(entries) => entries,
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
+            Err(error) => return Err(format!("{}: {error}", self.folder.display())),
+        };
+        let kept = entries.filter_map(|entry| {
+            let path = entry.ok()?.path();
+            let name = path.file_stem()?.to_string_lossy().into_owned();
+            (path.extension()? == ENDING).then_some(Kept { name, path })
+        });
+        let mut kept: Vec<Kept> = kept.take(KEPT_MAX).collect();
+        kept.sort_by(|a, b| a.name.cmp(&b.name));
+        Ok(kept)
+    }
+
+    /// Puts a recording there under the next free name, and says where.
+    ///
+    /// # Errors
+    /// A sentence with the path.
+    pub fn put(&self, kind: Kind, recording: &Recording) -> Result<PathBuf, String> {
+        fs::create_dir_all(&self.folder).map_err(|error| {
+            format!("cannot make the folder {}: {error}", self.folder.display())
+        })?;
+        let path = next_path(&self.folder, kind.stem(), ENDING)?;
+        recording.save(&path).map_err(|error| error.to_string())?;
+        Ok(path)
+    }
+}
+
+/// The first of `stem_0001.ending` and so on that is not there.
+///
+/// # Errors
+/// A sentence with the folder if all are.
+pub(crate) fn next_path(folder: &Path, stem: &str, ending: &str) -> Result<PathBuf, String> {
+    let path = |number: u32| folder.join(format!("{stem}_{number:04}.{ending}"));
+    let mut numbers = 1..=NUMBER_MAX;
+    let free = numbers.find(|&number| !path(number).exists());
+    free.map(path).ok_or_else(|| {
+        format!(
+            "{} has {NUMBER_MAX} files of this kind: move some away",
+            folder.display()
+        )
+    })
+}
+
+const ENDING: &str = "carom";
+/// More than anyone would pick from.
+const KEPT_MAX: usize = 1000;
+const NUMBER_MAX: u32 = 9999;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::{Table, World};
+
+    #[test]
+    fn what_is_put_there_is_found_by_its_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let shelf = Shelf::at(folder.path().join("shots"));
+        assert_eq!(shelf.list(), Ok(Vec::new()));
+        let table = Table::nine_foot();
+        let world = World::new(table.clone(), table.rack_eight(1)).unwrap();
+        let layout = Recording::of(&table, "rack", world.release().unwrap());
+        for kind in [Kind::Layout, Kind::Shot, Kind::Layout] {
+            shelf.put(kind, &layout).unwrap();
+        }
+        fs::write(shelf.folder().join("notes.txt"), "").unwrap();
+        let names: Vec<String> = shelf.list().unwrap().into_iter().map(|k| k.name).collect();
+        assert_eq!(names, ["layout_0001", "layout_0002", "shot_0001"]);
+        let read = Recording::load(&shelf.list().unwrap()[0].path).unwrap();
+        assert_eq!(read.takes[0].title, "rack");
+        assert!(fs::metadata(&shelf.list().unwrap()[0].path).unwrap().len() < 4096);
+        fs::write(folder.path().join("file"), "").unwrap();
+        let blocked = Shelf::at(folder.path().join("file"));
+        assert!(
+            blocked
+                .put(Kind::Shot, &layout)
+                .unwrap_err()
+                .contains("file")
+        );
+    }
+}

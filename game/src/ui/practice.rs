@@ -1,0 +1,120 @@
+//! The page over a table that is being laid: balls follow the pointer, others come and go.
+
+use egui::{Align2, Area, Color32, Context, FontId, Id, Order as Layer, RichText, Stroke};
+use glam::{DVec2, DVec3};
+
+use super::aim::Sketch;
+use super::{replay, theme};
+use crate::booth::Order;
+use crate::camera::Projection;
+use crate::practice::Practice;
+use crate::replay::{Kept, Kind};
+
+/// Draws the page; what the player wants.
+pub fn panel(ctx: &Context, practice: &Practice, kept: &[Kept]) -> Option<Order> {
+    let area = Area::new(Id::unique("practice"))
+        .order(Layer::Middle)
+        .anchor(Align2::CENTER_BOTTOM, [0.0, -12.0]);
+    let page = area.show(ctx, |ui| {
+        let mut order = None;
+        theme::frame().show(ui, |ui| {
+            ui.set_width((ctx.content_rect().width() - 60.0).min(WIDTH));
+            let fault = practice.held().and_then(|held| held.fault.as_deref());
+            ui.label(
+                fault.unwrap_or("Drag the balls. A number puts its ball on the table or away"),
+            );
+            let lying = practice.numbers();
+            ui.horizontal_wrapped(|ui| {
+                for number in 0..=NUMBER_MAX {
+                    let is_there = lying.contains(&number);
+                    if ui.selectable_label(is_there, words(number)).clicked() {
+                        order = Some(if is_there {
+                            Order::TakeAway(number)
+                        } else {
+                            Order::Add(number)
+                        });
+                    }
+                }
+            });
+            ui.horizontal_wrapped(|ui| {
+                if ui.button("Play").clicked() {
+                    order = Some(Order::Play);
+                }
+                if ui.button("Keep this layout").clicked() {
+                    order = Some(Order::Keep(Kind::Layout));
+                }
+                if let Some(open) = replay::files(ui, kept) {
+                    order = Some(open);
+                }
+                if ui.button("Leave it as it was").clicked() {
+                    order = Some(Order::Close);
+                }
+                ui.label(
+                    RichText::new("Esc leaves it as it was")
+                        .color(theme::FAINT)
+                        .small(),
+                );
+            });
+        });
+        order
+    });
+    page.inner
+}
+
+/// What the pointer does to the balls, seen through `projection`.
+pub fn hand(ctx: &Context, projection: &Projection, practice: &Practice) -> Option<Order> {
+    let radius_m = practice.world().table().ball().radius_m;
+    let free = !ctx.egui_wants_pointer_input();
+    ctx.input(|input| {
+        let at = input.pointer.latest_pos()?;
+        let film = DVec2::new(f64::from(at.x), f64::from(at.y));
+        let place = projection.world_from_film(film, radius_m)?.truncate();
+        match practice.held() {
+            None if free && input.pointer.primary_pressed() => Some(Order::Grab(place)),
+            Some(_) if !input.pointer.primary_down() => Some(Order::LetGo),
+            Some(held) if held.at != place => Some(Order::Drag(place)),
+            _ => None,
+        }
+    })
+}
+
+/// A ring round the ball in the hand, with a sign of whether it may lie there.
+pub fn ring(sketch: &Sketch<'_>, practice: &Practice) {
+    let Some(held) = practice.held() else {
+        return;
+    };
+    let centre = DVec3::new(held.at.x, held.at.y, sketch.ball_radius_m);
+    let projection = sketch.projection;
+    let (Some(film), Some(scale)) = (
+        projection.film_from_world(centre),
+        projection.film_per_metre(centre),
+    ) else {
+        return;
+    };
+    let (sign, color) = match held.fault {
+        None => ("OK", FREE),
+        Some(_) => ("✖", theme::ALARM),
+    };
+    let at = sketch.screen.min + egui::vec2(film.x as f32, film.y as f32);
+    let radius = (1.35 * sketch.ball_radius_m * scale) as f32;
+    sketch
+        .painter
+        .circle_stroke(at, radius, Stroke::new(2.5, color));
+    let above = at - egui::vec2(0.0, radius + 4.0);
+    let font = FontId::proportional(18.0);
+    sketch
+        .painter
+        .text(above, Align2::CENTER_BOTTOM, sign, font, color);
+}
+
+fn words(number: u8) -> String {
+    match number {
+        0 => "Cue ball".to_owned(),
+        number => number.to_string(),
+    }
+}
+
+const WIDTH: f32 = 700.0;
+/// Of the balls that a room of pool has.
+const NUMBER_MAX: u8 = 15;
+const FREE: Color32 = Color32::from_rgb(150, 230, 160);

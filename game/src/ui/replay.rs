@@ -1,0 +1,185 @@
+//! The page over a shot of before: which one, its time, and what can be done with it.
+
+use egui::{
+    Align2, Area, ComboBox, Context, Id, Key, Order as Layer, RichText, ScrollArea, Slider, Ui,
+};
+
+use super::theme;
+use crate::booth::Order;
+use crate::replay::{Clock, Kept, Kind, Viewing, Wish};
+
+/// Draws the page; what the player wants. Works with the keyboard alone.
+pub fn panel(ctx: &Context, viewing: &Viewing, kept: &[Kept], now_secs: f64) -> Option<Order> {
+    let typed = keys(ctx, viewing, now_secs);
+    let area = Area::new(Id::unique("replay"))
+        .order(Layer::Middle)
+        .anchor(Align2::CENTER_BOTTOM, [0.0, -12.0]);
+    let clicked = area.show(ctx, |ui| {
+        let page = theme::frame().show(ui, |ui| {
+            ui.set_width((ctx.content_rect().width() - 60.0).min(WIDTH));
+            let picked = takes(ui, viewing);
+            let turned = time(ui, viewing, now_secs);
+            let done = deeds(ui, viewing, kept);
+            ui.label(RichText::new(KEYS).color(theme::FAINT).small());
+            picked.or(turned).or(done)
+        });
+        page.inner
+    });
+    clicked.inner.or(typed)
+}
+
+fn takes(ui: &mut Ui, viewing: &Viewing) -> Option<Order> {
+    let takes = &viewing.recording().takes;
+    let mut take = viewing.take();
+    let words = |i: usize| {
+        takes
+            .get(i)
+            .map_or("", |take| take.title.as_str())
+            .to_owned()
+    };
+    let list = ComboBox::from_id_salt("takes")
+        .width(ui.available_width() - 16.0)
+        .truncate();
+    let chosen = list.show_index(ui, &mut take, takes.len(), words);
+    chosen.changed().then_some(Order::Wish(Wish::Pick(take)))
+}
+
+fn time(ui: &mut Ui, viewing: &Viewing, now_secs: f64) -> Option<Order> {
+    let clock = viewing.clock();
+    let (mut moment, end) = (clock.moment_secs(now_secs), clock.end_secs());
+    let mut wish = None;
+    ui.horizontal(|ui| {
+        let step = |ui: &mut Ui, words: &str, forward: bool| {
+            let clicked = ui.button(words).clicked();
+            clicked.then_some(Wish::Step { forward })
+        };
+        wish = step(ui, "◀ Event", false);
+        let play = if clock.is_running() { "Pause" } else { "Play" };
+        if ui
+            .add_sized([64.0, 30.0], egui::Button::new(play))
+            .clicked()
+        {
+            wish = Some(Wish::Toggle);
+        }
+        wish = wish.or(step(ui, "Event ▶", true));
+        for rate in Clock::RATES {
+            let is_chosen = clock.rate() == rate;
+            if ui.selectable_label(is_chosen, rate_words(rate)).clicked() {
+                wish = Some(Wish::Rate(rate));
+            }
+        }
+        ui.spacing_mut().slider_width = (ui.available_width() - 110.0).max(60.0);
+        let slider = Slider::new(&mut moment, 0.0..=end.max(1e-3)).show_value(false);
+        if ui.add(slider).changed() {
+            wish = Some(Wish::Seek(moment));
+        }
+        ui.monospace(format!("{moment:5.2} / {end:.2} s"));
+    });
+    ui.label(happening(viewing, moment));
+    wish.map(Order::Wish)
+}
+
+fn rate_words(rate: f64) -> String {
+    match rate {
+        1.0 => "1×".to_owned(),
+        slow => format!("1/{:.0}×", 1.0 / slow),
+    }
+}
+
+/// The last thing that has happened.
+fn happening(viewing: &Viewing, moment_secs: f64) -> String {
+    let past = viewing.moments().iter();
+    let last = past
+        .take_while(|moment| moment.secs <= moment_secs + 1e-6)
+        .last();
+    last.map_or_else(
+        || "Nothing has happened yet".to_owned(),
+        |moment| format!("{:.3} s: {}", moment.secs, moment.words),
+    )
+}
+
+fn deeds(ui: &mut Ui, viewing: &Viewing, kept: &[Kept]) -> Option<Order> {
+    let mut order = None;
+    ui.horizontal_wrapped(|ui| {
+        if ui.button("Keep this shot").clicked() {
+            order = Some(Order::Keep(Kind::Shot));
+        }
+        let count = viewing.recording().takes.len();
+        if count > 1 && ui.button(format!("Keep all {count}")).clicked() {
+            order = Some(Order::Keep(Kind::Match));
+        }
+        if let Some(open) = files(ui, kept) {
+            order = Some(open);
+        }
+        let play = ui.button("Play from here");
+        if play
+            .on_hover_text("Lays the balls as they lay before this shot")
+            .clicked()
+        {
+            order = Some(Order::Play);
+        }
+        if ui.button("Back to the game").clicked() {
+            order = Some(Order::Close);
+        }
+    });
+    order
+}
+
+/// A list of the player's files.
+pub(super) fn files(ui: &mut Ui, kept: &[Kept]) -> Option<Order> {
+    let mut order = None;
+    ui.menu_button("Open", |ui| {
+        if kept.is_empty() {
+            ui.label("Nothing is kept yet");
+        }
+        ScrollArea::vertical().max_height(260.0).show(ui, |ui| {
+            for file in kept {
+                if ui.button(&file.name).clicked() {
+                    order = Some(Order::Open(file.path.clone()));
+                    ui.close();
+                }
+            }
+        });
+    });
+    order
+}
+
+fn keys(ctx: &Context, viewing: &Viewing, now_secs: f64) -> Option<Order> {
+    // Where a button has the keyboard, arrows and Space are for it.
+    if ctx.memory(|memory| memory.focused().is_some()) {
+        return None;
+    }
+    let moment = viewing.clock().moment_secs(now_secs);
+    let wishes = [
+        (Key::Space, Wish::Toggle),
+        (Key::ArrowLeft, Wish::Seek(moment - SCRUB_SECS)),
+        (Key::ArrowRight, Wish::Seek(moment + SCRUB_SECS)),
+        (Key::Comma, Wish::Step { forward: false }),
+        (Key::Period, Wish::Step { forward: true }),
+        (Key::P, Wish::Pick(viewing.take().wrapping_sub(1))),
+        (Key::N, Wish::Pick(viewing.take() + 1)),
+        (Key::Num1, Wish::Rate(Clock::RATES[0])),
+        (Key::Num2, Wish::Rate(Clock::RATES[1])),
+        (Key::Num3, Wish::Rate(Clock::RATES[2])),
+    ];
+    ctx.input(|input| {
+        let pressed = wishes.into_iter().find(|(key, _)| input.key_pressed(*key));
+        pressed.map(|(_, wish)| Order::Wish(wish))
+    })
+}
+
+const WIDTH: f32 = 760.0;
+/// A key's way through time.
+const SCRUB_SECS: f64 = 0.1;
+const KEYS: &str = "Space plays and stops · Left, Right turn time · Comma, Period go from event to event \
+                    · 1 2 3 choose the speed · P, N choose the shot · Esc goes back";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn speeds_are_told_as_fractions() {
+        assert_eq!(Clock::RATES.map(rate_words), ["1×", "1/4×", "1/10×"]);
+    }
+}
