@@ -163,7 +163,7 @@ fn check_nodes(farm: &Farm) -> Result<(), Error> {
     let mut reasons = Vec::new();
     for node in farm.nodes() {
         match node.state {
-            NodeState::Lost { why } => reasons.push(format!("{}: {why}", node.address)),
+            NodeState::Lost { why, .. } => reasons.push(format!("{}: {why}", node.address)),
             _ => return Ok(()),
         }
     }

@@ -7,7 +7,7 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::Context as _;
-use carom_farm::{Balancing, Farm, FarmConfig, FrameId, NodeState, NodeStatus};
+use carom_farm::{Balancing, Farm, FarmConfig, FrameId, NodeStatus};
 use carom_tracer::{ImageSize, Scene, SceneUpdate};
 use egui::{LayerId, Rect};
 use glam::DVec2;
