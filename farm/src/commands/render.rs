@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 use carom_farm::net::{self, NodeAddress};
-use carom_farm::{Farm, FarmConfig, LocalNode, Still};
+use carom_farm::{Balancing, Farm, FarmConfig, LocalNode, Still};
 use carom_tracer::film::Film;
 use carom_tracer::{ImageSize, Layers, Preset, RenderSettings, Scene, SceneUpdate};
 use indicatif::{ProgressBar, ProgressStyle};

@@ -210,6 +210,7 @@ fn plan() -> Plan {
         frames: (WARM_UP + 30) as u64,
         frames_in_flight: 1,
         period_secs: None,
+        looks_ahead: false,
         size: SIZE,
         tile_edge: TILE_EDGE,
         weather: Weather::default(),

@@ -9,7 +9,8 @@
 //! between two of them every ball moves with constant acceleration, known in closed form
 //! ([`Cloth`]). Rapier moves the balls in steps that land on the events; the laws set velocities.
 //! The simulation knows no clock, no frame rate and no randomness: the same world and stroke give
-//! the same bits on every run, in every build, on every machine.
+//! the same bits on every run, in every build, on every machine; where plain rapier plays
+//! ([`Engine::Rapier`]) its solver promises that for one build on one machine.
 //!
 //! A ball that is struck or knocked upwards flies: contacts in the air obey the same laws in three
 //! dimensions, at times that are as exact, because a parabola has a constant acceleration too.

@@ -52,6 +52,7 @@ pub(crate) fn nodes() -> Vec<NodeStatus> {
     let mut nodes: Vec<NodeStatus> = NODES.iter().map(node).collect();
     nodes[4].state = NodeState::Lost {
         why: "its connection broke".to_owned(),
+        retry_secs: Some(4),
     };
     nodes[4].lost_tiles = 37;
     nodes
@@ -127,7 +128,7 @@ fn frame(picture: u64) -> FrameStats {
         tile_edge: EDGE,
         tile_work: tile_work(grid),
         split_by_node: vec![LatencySplit::default(); NODES.len()],
-        reissued_tiles: u32::from(picture == 150) * 37 + u32::from(picture % 40 == 0) * 4,
+        reissued_tiles: u32::from(picture == 150) * 37 + u32::from(picture.is_multiple_of(40)) * 4,
         lost_tiles: u32::from(picture == 150) * 37,
         ..FrameStats::default()
     };

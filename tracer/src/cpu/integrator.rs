@@ -362,6 +362,10 @@ impl Prepared {
     }
 
     /// A shadow ray towards the lamp that a coat reflects, if it does.
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "what a path carries, in registers"
+    )]
     #[inline(always)]
     fn aim_at_mirrored_lamp<S: Simd>(
         &self,

@@ -1,6 +1,6 @@
 //! Predicted against actual: how well the balancer knows each node.
 
-use egui::{Align2, Color32, FontId, Sense, Stroke, Ui, Vec2};
+use egui::{Align2, Color32, FontId, Pos2, Sense, Stroke, Ui, Vec2};
 
 use super::figure::{explained, ms};
 use super::glossary as terms;
@@ -20,17 +20,19 @@ pub(super) fn show(ui: &mut Ui, record: &Record) {
     let (rect, response) = ui.allocate_exact_size(Vec2::new(side, SCATTER_HEIGHT), Sense::hover());
     let painter = ui.painter().with_clip_rect(rect);
     painter.rect_filled(rect, 2.0, Color32::from_black_alpha(120));
+    let write = |at: Pos2, align: Align2, words: &str, color: Color32| {
+        painter.text(at, align, words, FontId::monospace(10.0), color);
+    };
     let all = || points.iter().flat_map(|(_, a, b)| [*a, *b]);
     let (low, high) = (
         all().fold(f64::INFINITY, f64::min),
         all().fold(0.0, f64::max),
     );
     if points.is_empty() {
-        painter.text(
+        write(
             rect.center(),
             Align2::CENTER_CENTER,
             "no prediction yet",
-            FontId::monospace(10.0),
             FAINT,
         );
         return;
@@ -41,33 +43,21 @@ pub(super) fn show(ui: &mut Ui, record: &Record) {
         rect.min + Vec2::new(place(actual), 1.0 - place(predicted)) * rect.size()
     };
     painter.line_segment([at(low, low), at(high, high)], Stroke::new(1.0, FAINT));
-    let font = FontId::monospace(10.0);
     let axis = format!("predicted, {} to {} ms", ms(low), ms(high));
-    painter.text(
-        rect.left_top() + Vec2::new(3.0, 1.0),
-        Align2::LEFT_TOP,
-        axis,
-        font.clone(),
-        FAINT,
-    );
-    painter.text(
-        rect.right_bottom() - Vec2::new(3.0, 1.0),
+    let margin = Vec2::new(3.0, 1.0);
+    write(rect.left_top() + margin, Align2::LEFT_TOP, &axis, FAINT);
+    write(
+        rect.right_bottom() - margin,
         Align2::RIGHT_BOTTOM,
         "actual",
-        font.clone(),
         FAINT,
     );
     let mut words = Vec::new();
     for (index, predicted, actual) in points {
         let center = at(predicted, actual);
         painter.circle_filled(center, 3.0, palette::node(index));
-        painter.text(
-            center + Vec2::new(4.0, 0.0),
-            Align2::LEFT_CENTER,
-            index,
-            font.clone(),
-            INK,
-        );
+        let beside = center + Vec2::new(4.0, 0.0);
+        write(beside, Align2::LEFT_CENTER, &index.to_string(), INK);
         if response
             .hover_pos()
             .is_some_and(|pointer| pointer.distance(center) < NEAR)
