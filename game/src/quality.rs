@@ -59,10 +59,6 @@ pub const LADDER: [Level; 14] = [
     level(1.0, 16),
 ];
 
-/// How far each stop of [`LADDER`] is from the converged pool table at 480x270: mean FLIP, 0 to 1, as
-/// `carom bench quality` measures it.
-pub const LADDER_FLIP: [f64; 14] = [0.0; 14];
-
 /// Chooses a [`Level`], and how often there is a picture, from how long pictures really took.
 ///
 /// It learns what a path costs the farm (a fixed cost of each picture is spread over its paths)

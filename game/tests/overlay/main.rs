@@ -261,7 +261,7 @@ fn the_quality_dial_is_turned_beside_its_measured_trade() {
     let mut harness = harness(Level::Full, Vec2::new(900.0, 2400.0), 1.0);
     harness.get_by_label("Quality").click();
     harness.run_steps(4);
-    for part in ["1280x720", "160x90", "ms here", "FLIP"] {
+    for part in ["1280x720", "160x90", "ms here", "paths"] {
         assert!(has(&harness, part), "{part}");
     }
     harness.get_by_label("fine").click();

@@ -168,7 +168,8 @@ pub(super) fn tallies(ui: &mut Ui, stats: &Stats) {
     }
 }
 
-/// The quality dial, and its stops: what each costs here and how far it is from the truth.
+/// The quality dial, and its stops: what each costs here; `carom bench quality`
+/// measures how far each is from the truth.
 pub(super) fn quality(ui: &mut Ui, stats: &mut Stats, facts: &Facts<'_>) {
     let mut wanted = facts.dial;
     ui.horizontal(|ui| {
@@ -180,13 +181,13 @@ pub(super) fn quality(ui: &mut Ui, stats: &mut Stats, facts: &Facts<'_>) {
     if wanted != facts.dial {
         stats.wishes.push(Wish::Dial(wanted));
     }
-    for (stop, flip) in LADDER.iter().zip(crate::quality::LADDER_FLIP) {
+    for stop in LADDER {
         let size = stop.size(facts.window);
         let secs = facts
             .secs_per_path
             .map(|secs| secs * stop.cost() * facts.window.pixels() as f64);
         ui.horizontal_wrapped(|ui| {
-            ui.monospace(if *stop == facts.stop { ">" } else { " " });
+            ui.monospace(if stop == facts.stop { ">" } else { " " });
             figure(
                 ui,
                 &terms::LEVEL_SCALE,
@@ -198,7 +199,6 @@ pub(super) fn quality(ui: &mut Ui, stats: &mut Stats, facts: &Facts<'_>) {
                 &terms::LEVEL_MS,
                 &format!("{:>6}", secs.map_or_else(|| "-".to_owned(), ms)),
             );
-            figure(ui, &terms::LEVEL_ERROR, &format!("{flip:.3}"));
         });
     }
 }

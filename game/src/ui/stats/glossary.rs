@@ -83,7 +83,6 @@ terms! {
     LEVEL_SCALE "pixels" "Size of a traced picture at this stop of the dial."
     LEVEL_SAMPLES "paths" "Paths traced for each pixel at this stop."
     LEVEL_MS "ms here" "Milliseconds that a picture at this stop keeps this farm busy, from what its pictures have cost so far."
-    LEVEL_ERROR "FLIP" "Mean FLIP difference (0 the same, 1 black against white) from the converged pool table at this stop, stretched to full size: measured by carom bench quality."
 }
 
 #[cfg(test)]
