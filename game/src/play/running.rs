@@ -1,13 +1,16 @@
 //! A shot that is on: its clock and its camera.
 
 use crate::camera::{Orbit, Viewpoint, smoothstep};
-use crate::sim::Shot;
+use crate::sim::{Shot, Stroke};
 
 use super::cue::CueView;
 
 /// A shot that is on.
 #[derive(Debug)]
 pub(super) struct Running {
+    /// What it was struck with; nothing if it was played before: then there is no cue, and time can be
+    /// turned back.
+    pub(super) stroke: Option<Stroke>,
     /// What happens.
     pub(super) shot: Shot,
     /// When the tip meets the ball.
@@ -20,11 +23,14 @@ pub(super) struct Running {
     pub(super) bearing_rad: f64,
     /// Whether the camera cuts to the whole table instead of rising.
     pub(super) cuts: bool,
-    /// Whether it was played before: then there is no cue, and time can be turned back.
-    pub(super) is_replay: bool,
 }
 
 impl Running {
+    /// Whether it was played before.
+    pub(super) fn is_replay(&self) -> bool {
+        self.stroke.is_none()
+    }
+
     /// The moment on show at `now_secs`, in seconds since the blow; negative before it.
     pub(super) fn clock_secs(&self, now_secs: f64) -> f64 {
         now_secs - self.contact_secs

@@ -2,10 +2,12 @@
 //! keys, figures.
 
 pub mod aim;
+pub mod board;
 pub mod cue_panel;
 pub mod help;
 mod keys;
 pub mod menu;
+pub mod new_game;
 pub mod notes;
 mod preferences;
 pub mod theme;
