@@ -383,6 +383,6 @@ mod tests {
         harness.run();
         harness.get_by_label_contains("Foul: the cue ball touched no ball");
         harness.get_by_label_contains("Ada");
-        harness.get_by_label_contains("in hand anywhere on the table");
+        harness.get_by_label_contains("You are on");
     }
 }
