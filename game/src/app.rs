@@ -1,5 +1,6 @@
 //! The window: winit's events to the session and the session's picture to the display.
 
+use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -16,14 +17,17 @@ use winit::keyboard::PhysicalKey;
 use winit::window::{Fullscreen, Window, WindowId};
 
 use crate::args::Args;
+use crate::contest::{Match, Record};
 use crate::desk::Desk;
 use crate::display::{Display, Present, UiFrame};
 use crate::input::{Button, Event, Key};
-use crate::play::Outcome;
+use crate::play::{self, Outcome};
+use crate::rules::RuleSet;
 use crate::session::Session;
 use crate::settings::{Settings, Store};
 use crate::sound::Speaker;
 use crate::sound::speaker::Player;
+use crate::stage::Stage;
 use crate::ui;
 
 /// Plays in a window until it is closed.
@@ -32,10 +36,19 @@ use crate::ui;
 /// What was tried and what to install, if no window can be opened or drawn on.
 pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow::Result<()> {
     let event_loop = open_event_loop()?;
-    let (table, recording) = args.table_and_recording()?;
+    let (_, recording) = args.table_and_recording()?;
     let settings = store(args);
+    let kept_in = settings.path().map(|path| path.with_file_name(MATCH_FILE));
+    let mut notes = Vec::new();
+    let contest = match args.contest()? {
+        Some(contest) => contest,
+        None => left(kept_in.as_deref(), &mut notes, args.seed).map_err(anyhow::Error::msg)?,
+    };
     let chosen = &settings.settings;
-    let mut session = Session::new(config, table, args.seed, chosen.ball_set)?;
+    let mut session = Session::new(config, contest, chosen.ball_set)?;
+    if let Some(path) = kept_in {
+        session.keep_in(path);
+    }
     session.set_engine(chosen.physics);
     session.set_dial(chosen.quality);
     session.set_aids(chosen.aim_aids);
@@ -46,10 +59,15 @@ pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow:
     if let Some(recording) = recording {
         session.view(recording);
     }
+    let applied = settings.settings.clone();
+    let mut desk = Desk::new(settings, Speaker::new(Player::installed()));
+    for note in notes {
+        desk.tell(note, 0.0);
+    }
     let mut app = App {
         session,
-        applied: settings.settings.clone(),
-        desk: Desk::new(settings, Speaker::new(Player::installed())),
+        applied,
+        desk,
         size: args.size,
         present,
         screen: None,
@@ -60,6 +78,26 @@ pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow:
     event_loop.run_app(&mut app)?;
     app.leave();
     app.failure.map_or(Ok(()), Err)
+}
+
+/// The match that was left the last time, else a free table.
+fn left(path: Option<&Path>, notes: &mut Vec<String>, seed: u32) -> Result<Match, String> {
+    let kept = path.map_or(Ok(None), Record::load);
+    let played = kept.and_then(|record| record.map(|record| record.play()).transpose());
+    match played {
+        Ok(Some(contest)) if contest.at_table().is_some() => {
+            if contest.referee().rules() != RuleSet::Free {
+                notes.push(format!(
+                    "Your game of {} goes on; the menu begins another",
+                    contest.referee().sheet().name
+                ));
+            }
+            return Ok(contest);
+        }
+        Ok(_) => {}
+        Err(why) => notes.push(format!("The game that was left cannot go on: {why}")),
+    }
+    play::free_table(Stage::table(), seed)
 }
 
 /// The player's settings; options of the command line win for as long as it runs.
@@ -449,6 +487,8 @@ fn fullscreen(wanted: bool) -> Option<Fullscreen> {
     wanted.then_some(Fullscreen::Borderless(None))
 }
 
+/// Beside the settings.
+const MATCH_FILE: &str = "match.carom";
 /// At most this often a frame is drawn; the display may allow fewer.
 const REDRAW_PERIOD: Duration = Duration::from_millis(8);
 /// How often finished pictures are looked for.

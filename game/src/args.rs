@@ -9,8 +9,9 @@ use clap::{Parser, Subcommand, ValueEnum as _};
 
 use crate::ball_set::BallSet;
 use crate::bench::{Bench, trade};
-use crate::contest::MatchArgs;
+use crate::contest::{Match, MatchArgs, Player, Setup};
 use crate::display::Present;
+use crate::rules::RuleSet;
 use crate::sim::{Engine, Recording, Table};
 use crate::stage::Stage;
 use crate::video::{Target, View};
@@ -62,6 +63,17 @@ pub struct Args {
     /// of the shot to show]
     #[arg(long, value_name = "TABLE", value_parser = Table::built_in)]
     pub table: Option<Table>,
+    /// The game: free, eight, nine, straight, snooker or three-cushion [default: the one that was left,
+    /// else free]
+    #[arg(long, value_enum, value_name = "GAME")]
+    pub rules: Option<RuleSet>,
+    /// Who plays: names and computers, separated by a comma, such as me,ai:medium; or 2 for two people
+    /// [default: you against ai:medium]
+    #[arg(long, value_name = "PLAYERS")]
+    pub players: Option<String>,
+    /// Racks, frames or points to win [default: the game's own]
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub target: u32,
     /// What the balls are made of [default: as in the settings, else classic]
     #[arg(long, value_enum, value_name = "SET")]
     pub ball_set: Option<BallSet>,
@@ -176,6 +188,40 @@ impl Args {
             );
         }
         Ok((table, Some(recording)))
+    }
+
+    /// The match that the options ask for; none if they ask for none.
+    ///
+    /// # Errors
+    /// A sentence for players, a target or a table that the game does not allow.
+    pub fn contest(&self) -> anyhow::Result<Option<Match>> {
+        let wants_table = self.table.is_some() || self.replay.is_some();
+        if self.rules.is_none() && self.players.is_none() && self.target == 0 && !wants_table {
+            return Ok(None);
+        }
+        let rules = self.rules.unwrap_or_default();
+        let players = match (&self.players, rules) {
+            (Some(list), _) => Player::list(list),
+            (None, RuleSet::Free) => Ok(vec![Player::Human("You".to_owned())]),
+            (None, _) => Player::list("ai"),
+        };
+        let begun = players.and_then(|players| {
+            let own = Setup::new(rules, players, self.seed)?;
+            let table = match wants_table {
+                true => {
+                    self.table_and_recording()
+                        .map_err(|error| format!("{error:#}"))?
+                        .0
+                }
+                false => own.table,
+            };
+            Match::new(Setup {
+                table,
+                target: self.target,
+                ..own
+            })
+        });
+        begun.map(Some).map_err(anyhow::Error::msg)
     }
 
     fn config_file(&self) -> anyhow::Result<FarmConfig> {

@@ -4,6 +4,8 @@ use carom_tracer::{Material, Medium, Paint, Stripe};
 use clap::ValueEnum;
 use glam::Vec3;
 
+use crate::rules::RuleSet;
+
 /// A set of sixteen balls.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum BallSet {
@@ -22,10 +24,17 @@ impl BallSet {
     /// All sets.
     pub const ALL: [Self; 4] = [Self::Classic, Self::Glass, Self::Jade, Self::Metal];
 
-    /// What the ball of a number is made of; 0 is the cue ball.
-    pub fn material(self, number: u8) -> Material {
-        let colour = colour(number);
-        let is_striped = number > 8;
+    /// What the ball of a number is made of in a game; 0 is the cue ball. The balls of snooker and carom
+    /// have no numbers and no stripes.
+    pub fn material(self, rules: RuleSet, number: u8) -> Material {
+        let is_numbered = !matches!(rules, RuleSet::Snooker | RuleSet::ThreeCushion);
+        let colour = match rules {
+            RuleSet::Snooker => snooker_colour(number),
+            RuleSet::ThreeCushion => carom_colour(number),
+            _ => colour(number),
+        };
+        let is_striped = is_numbered && number > 8;
+        let number = if is_numbered { number } else { 0 };
         match self {
             Self::Classic => classic(number, colour, is_striped),
             Self::Glass => {
@@ -44,6 +53,7 @@ impl BallSet {
                 let albedo = stone.map(|c| 1.0 - 0.25 * (1.0 - c).powi(3) - 0.004);
                 clear(1.55, Vec3::splat(160.0), albedo)
             }
+            Self::Metal if !is_numbered => tinted_metal(colour),
             Self::Metal => metal(number),
         }
     }
@@ -96,6 +106,40 @@ fn metal(number: u8) -> Material {
     };
     let alpha = if number == 8 { 0.15 } else { 0.04 };
     Material::Conductor { eta, k, alpha }
+}
+
+/// A metal that reflects a colour: of index 1, where R = k² / (4 + k²) straight on.
+fn tinted_metal(colour: Vec3) -> Material {
+    let reflectance = colour.clamp(Vec3::splat(0.02), Vec3::splat(0.95));
+    let k = (4.0 * reflectance / (1.0 - reflectance)).map(f32::sqrt);
+    Material::Conductor {
+        eta: Vec3::ONE,
+        k,
+        alpha: 0.04,
+    }
+}
+
+/// Albedo of snooker's balls: 1 to 15 are red, 16 to 21 worth 2 to 7.
+fn snooker_colour(number: u8) -> Vec3 {
+    match number {
+        1..=15 => Vec3::new(0.45, 0.01, 0.012),
+        16 => Vec3::new(0.8, 0.58, 0.03),
+        17 => Vec3::new(0.01, 0.16, 0.06),
+        18 => Vec3::new(0.2, 0.07, 0.02),
+        19 => Vec3::new(0.02, 0.08, 0.5),
+        20 => Vec3::new(0.8, 0.3, 0.35),
+        21 => Vec3::splat(0.012),
+        _ => CREAM,
+    }
+}
+
+/// Albedo of carom's balls: the two cue balls are white and yellow, the third is red.
+fn carom_colour(number: u8) -> Vec3 {
+    match number {
+        1 => Vec3::new(0.8, 0.58, 0.03),
+        2 => Vec3::new(0.55, 0.015, 0.015),
+        _ => CREAM,
+    }
 }
 
 /// Albedo of a number's colour.

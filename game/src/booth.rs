@@ -329,7 +329,8 @@ impl Booth {
         }
     }
 
-    fn say(&mut self, sentence: String) {
+    /// Tells the player something.
+    pub fn say(&mut self, sentence: String) {
         self.news.push(sentence);
     }
 }
@@ -444,7 +445,7 @@ mod tests {
         booth.obey(Order::Keep(Kind::Layout), &game, 0.0);
         assert_eq!(booth.kept()[0].name, "layout_0001");
         let balls = booth.obey(Order::Play, &game, 0.0).unwrap();
-        game.lay(balls.clone()).unwrap();
+        game.lay(&balls).unwrap();
         assert_eq!(game.world().balls(), balls);
         booth.practise(&Game::new(2).unwrap());
         let path = booth.kept()[0].path.clone();
@@ -463,7 +464,7 @@ mod tests {
         std::fs::write(&torn, "carom shot\n").unwrap();
         booth.obey(Order::Open(torn), &game, 0.0);
         let other = crate::sim::Table::built_in("seven_foot").unwrap();
-        let other = Game::on(other, 1).unwrap();
+        let other = Game::of(crate::play::free_table(other, 1).unwrap());
         let shot = other.world().release().unwrap();
         booth.view(Recording::of(other.table(), "", shot), &game, 0.0);
         let news = booth.take_news();

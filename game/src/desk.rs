@@ -12,12 +12,13 @@ use egui::Context;
 use crate::input::{Action, Event, Input, Intent};
 use crate::lookout::Lookout;
 use crate::play::Outcome;
+use crate::rules::RuleSet;
 use crate::session::Session;
 use crate::settings::{Settings, Store};
 use crate::sound::{self, Speaker};
-use crate::ui::cue_panel;
 use crate::ui::menu::{self, Facts, Menu, Page};
 use crate::ui::notes::Notes;
+use crate::ui::{board, cue_panel};
 
 /// The player's side of the program.
 #[derive(Debug)]
@@ -27,6 +28,7 @@ pub struct Desk {
     way: Way,
     menu: Menu,
     help: bool,
+    log: bool,
     notes: Notes,
     lookout: Lookout,
     speaker: Speaker,
@@ -47,11 +49,17 @@ impl Desk {
             way: Way::default(),
             menu: Menu::default(),
             help: false,
+            log: false,
             notes,
             lookout: Lookout::default(),
             speaker,
             heard: None,
         }
+    }
+
+    /// Tells the player something.
+    pub fn tell(&mut self, sentence: String, now_secs: f64) {
+        self.notes.say(sentence, now_secs);
     }
 
     /// The settings that count now.
@@ -85,6 +93,7 @@ impl Desk {
         session: &mut Session,
         now_secs: f64,
     ) -> Outcome {
+        self.input.set_carrying(session.is_placing());
         if self.menu.page().is_some() {
             self.handle_page(event, session, now_secs);
             return Outcome::Stay;
@@ -138,6 +147,10 @@ impl Desk {
                 self.store.settings.aim_aids = self.store.settings.aim_aids.next();
                 self.save(now_secs);
             }
+            Intent::ToggleLog => {
+                self.log = !self.log;
+                session.redraw();
+            }
             Intent::ToggleHelp => {
                 self.help = !self.help;
                 session.redraw();
@@ -178,10 +191,12 @@ impl Desk {
             self.save(now_secs);
         }
         if self.menu.page().is_none() {
-            if let Some(cue) = session.cue(now_secs)
-                && let Some(intent) = cue_panel::panel(ctx, &cue)
-            {
-                session.act(intent, now_secs);
+            let board = session.board();
+            let asked = board::draw(ctx, &board, self.input.bindings(), self.log);
+            let cue = session.cue(now_secs).filter(|_| board.may_play);
+            let asked = asked.or(cue.and_then(|cue| cue_panel::panel(ctx, &cue)));
+            if let Some(intent) = asked {
+                self.act(intent, session, now_secs);
             }
             let is_known = session.has_played() || !session.is_game();
             menu::hints(ctx, &self.store, self.help, is_known);
@@ -189,6 +204,7 @@ impl Desk {
         }
         let (sound, farm) = (self.speaker.state(), session.farm_line());
         let facts = Facts {
+            is_free_table: session.board().view.rules == RuleSet::Free,
             sound: &sound,
             display,
             farm: &farm,
@@ -201,6 +217,12 @@ impl Desk {
             Some(menu::Order::Quit) => return Outcome::Quit,
             Some(menu::Order::Act(intent)) => {
                 session.act(intent, now_secs);
+            }
+            Some(menu::Order::Begin(game)) => {
+                let begun = game.begin(seed_of_clock()).map_err(anyhow::Error::msg);
+                if let Err(why) = begun.and_then(|contest| session.begin(contest)) {
+                    self.notes.say(why.to_string(), now_secs);
+                }
             }
             Some(menu::Order::Resume) | None => {}
         }
@@ -253,6 +275,12 @@ impl Desk {
             self.speaker.play(at, self.store.settings.volume, make);
         }
     }
+}
+
+/// Another rack for each game.
+fn seed_of_clock() -> u32 {
+    let now = std::time::UNIX_EPOCH.elapsed().unwrap_or_default();
+    now.subsec_nanos() ^ now.as_secs() as u32
 }
 
 /// How the pointer's present way, from rest to rest, has turned the aim: a way that ends on a panel was

@@ -11,15 +11,17 @@ use carom_tracer::{
 use glam::{DVec2, Quat, Vec2, Vec3};
 
 use crate::ball_set::BallSet;
+use crate::contest::ground;
+use crate::rules::{self, RuleSet};
 use crate::sim::{Cushion, Table};
 
-/// The room round `table`, whose balls are of `set`, as the game's scene.
-pub fn room(table: &Table, set: BallSet) -> Scene {
+/// The room round `table`, whose balls are those of a game and of `set`, as the game's scene.
+pub fn room(table: &Table, rules: RuleSet, set: BallSet) -> Scene {
     let mut room = Room {
         frame: Frame::of(table),
         objects: Vec::new(),
     };
-    room.balls(table);
+    room.balls(table, rules);
     room.bed(table);
     room.rails(table);
     room.castings(table);
@@ -39,7 +41,7 @@ pub fn room(table: &Table, set: BallSet) -> Scene {
         environment: Environment {
             radiance: Vec3::new(0.16, 0.15, 0.135),
         },
-        materials: materials(&room.frame, table, set),
+        materials: materials(&room.frame, table, rules, set),
         lamps: LAMP_X_M.map(|x| lamp(x, room.frame.scale)).into(),
         objects: room.objects,
     }
@@ -88,12 +90,18 @@ impl Room {
     }
 
     /// At rest where a rack would be, each with its number towards the player.
-    fn balls(&mut self, table: &Table) {
-        for ball in table.rack_eight(1).balls {
-            let number = ball.number;
+    fn balls(&mut self, table: &Table, rules: RuleSet) {
+        let racked = rules::rack(rules, &ground(table), 1);
+        let racked: BTreeMap<u8, DVec2> = racked.into_iter().map(|p| (p.ball, p.at)).collect();
+        for (number, at) in racked {
+            let body = if number == 0 {
+                table.cue_ball()
+            } else {
+                table.ball()
+            };
             let shape = Shape::Sphere {
-                center: ball.position.as_vec3(),
-                radius: ball.body.radius_m as f32,
+                center: at.extend(body.radius_m).as_vec3(),
+                radius: body.radius_m as f32,
                 rotation: Quat::IDENTITY,
             };
             self.add(format!("ball{number}"), &format!("ball {number}"), shape);
@@ -400,7 +408,12 @@ fn lamp(x: f32, scale: f32) -> Lamp {
     }
 }
 
-fn materials(frame: &Frame, table: &Table, set: BallSet) -> BTreeMap<String, Material> {
+fn materials(
+    frame: &Frame,
+    table: &Table,
+    rules: RuleSet,
+    set: BallSet,
+) -> BTreeMap<String, Material> {
     let middle = 0.5 * (frame.inside + frame.outer);
     let sights = Sights {
         spacing: (0.125 * table.length_m()) as f32,
@@ -457,7 +470,11 @@ fn materials(frame: &Frame, table: &Table, set: BallSet) -> BTreeMap<String, Mat
         ("picture blue", diffuse(Vec3::new(0.05, 0.1, 0.25))),
         ("picture gold", diffuse(Vec3::new(0.4, 0.28, 0.08))),
     ];
-    let balls = (0..16).map(|number| (format!("ball {number}"), set.material(number)));
+    let last = if rules == RuleSet::Snooker { 21 } else { 15 };
+    let balls = (0..=last).map(|number| {
+        let material = set.material(rules, number);
+        (format!("ball {number}"), material)
+    });
     let named = named.map(|(name, material)| (name.to_owned(), material));
     named.into_iter().chain(balls).collect()
 }
@@ -521,7 +538,7 @@ mod tests {
 
     fn nine_foot() -> (Table, CompiledScene) {
         let table = Table::nine_foot();
-        let mut scene = room(&table, BallSet::Classic);
+        let mut scene = room(&table, RuleSet::Free, BallSet::Classic);
         scene
             .objects
             .retain(|object| !object.name.starts_with("ball"));
@@ -538,7 +555,7 @@ mod tests {
     #[test]
     fn every_set_of_balls_makes_a_scene_with_sixteen() {
         for set in BallSet::ALL {
-            let scene = room(&Table::nine_foot(), set);
+            let scene = room(&Table::nine_foot(), RuleSet::Free, set);
             scene.validate().unwrap();
             let balls = scene.objects.iter().filter(|o| o.name.starts_with("ball"));
             assert_eq!(balls.count(), 16, "{set:?}");

@@ -15,6 +15,7 @@ use glam::DVec2;
 use crate::ball_set::BallSet;
 use crate::booth::{Booth, Show};
 use crate::camera::Projection;
+use crate::contest::{Match, Record};
 use crate::darkroom::Darkroom;
 use crate::director::{Director, Plan, Subject};
 use crate::display::Picture;
@@ -23,11 +24,11 @@ use crate::lookout;
 use crate::play::{Aids, CueView, Game, Outcome};
 use crate::quality::Dial;
 use crate::screenshot::Screenshot;
-use crate::sim::{BallBody, Engine, Recording, Shot, Table};
+use crate::sim::{BallBody, Engine, Recording, Shot};
 use crate::stage::Stage;
-use crate::ui;
 use crate::ui::stats::record::Seen;
 use crate::ui::stats::{Facts, Stats, Wish};
+use crate::ui::{self, board::Board};
 use crate::warp::Warp;
 
 /// A game in progress. Times are seconds since the program began.
@@ -38,6 +39,9 @@ pub struct Session {
     config: FarmConfig,
     scatterings_max: u32,
     pixels: ImageSize,
+    set: BallSet,
+    /// Where the match is kept, and how much of it is.
+    keeper: Option<(PathBuf, usize)>,
     stage: Stage,
     director: Director,
     darkroom: Darkroom,
@@ -54,6 +58,7 @@ pub struct Session {
     draw_secs: f64,
     /// The picture that was drawn last.
     serial: u64,
+    was_thinking: bool,
     dirty: bool,
     /// Whether the farm that is starting has to be told of another scene.
     is_scene_new: bool,
@@ -70,14 +75,16 @@ enum FarmSlot {
 }
 
 impl Session {
-    /// Begins a game on `table` with balls of `set` whose pictures come from the farm of `config`.
+    /// Goes on with a match, with balls of `set`; the pictures come from the farm of `config`.
     ///
     /// # Errors
-    /// A sentence if the balls cannot lie on the table.
-    pub fn new(config: FarmConfig, table: Table, seed: u32, set: BallSet) -> anyhow::Result<Self> {
-        let stage = Stage::around(&table, set);
+    /// A sentence if the room cannot be traced.
+    pub fn new(config: FarmConfig, contest: Match, set: BallSet) -> anyhow::Result<Self> {
+        let stage = Stage::of(&contest, set);
         Ok(Self {
-            game: Game::on(table, seed)?,
+            game: Game::of(contest),
+            set,
+            keeper: None,
             booth: Booth::of_player(),
             config: config.clone(),
             scatterings_max: set.scatterings_max(),
@@ -100,6 +107,7 @@ impl Session {
             last_tick_secs: 0.0,
             draw_secs: 0.0,
             serial: 0,
+            was_thinking: false,
             dirty: true,
             is_scene_new: false,
             is_hidden: false,
@@ -131,6 +139,45 @@ impl Session {
     /// Sentences for the player that are new.
     pub fn take_news(&mut self) -> Vec<String> {
         self.booth.take_news()
+    }
+
+    /// Keeps the match in this file from now on, whenever something was done.
+    pub fn keep_in(&mut self, path: PathBuf) {
+        self.keeper = Some((path, self.game.contest().deeds()));
+    }
+
+    fn keep_match(&mut self) {
+        let contest = self.game.contest();
+        let Some((path, kept)) = &mut self.keeper else {
+            return;
+        };
+        if *kept == contest.deeds() {
+            return;
+        }
+        *kept = contest.deeds();
+        if let Err(why) = Record::of(contest).save(path) {
+            tracing::error!("{why}");
+        }
+    }
+
+    /// What is shown of the match.
+    pub fn board(&mut self) -> Board {
+        let may_play = self.game.may_play();
+        let view = self.game.board();
+        let calls = may_play && (view.wants_call || view.may_push_out);
+        Board {
+            aimed: calls.then(|| self.game.aimed_ball()).flatten(),
+            call: calls.then(|| self.game.call_words()).flatten(),
+            pockets: calls.then(|| self.game.contest().ground().clone()),
+            may_play,
+            is_thinking: self.game.is_thinking(),
+            view,
+        }
+    }
+
+    /// Whether the pointer carries the cue ball.
+    pub fn is_placing(&self) -> bool {
+        self.game.placing().is_some()
     }
 
     fn keep_shot(&mut self) {
@@ -191,6 +238,11 @@ impl Session {
         self.game.tick(now_secs, dt_secs);
         self.booth.tick(now_secs);
         self.dirty |= self.booth.is_moving(&self.game);
+        if self.was_thinking != self.game.is_thinking() {
+            self.was_thinking = self.game.is_thinking();
+            self.dirty = true;
+        }
+        self.keep_match();
         if let Err(why) = self.exchange(now_secs) {
             tracing::error!("the farm: {why}");
             self.farm = FarmSlot::Failed(why);
@@ -224,11 +276,29 @@ impl Session {
     /// # Errors
     /// A sentence if the room cannot be traced with them.
     pub fn set_ball_set(&mut self, set: BallSet) -> anyhow::Result<()> {
-        let stage = Stage::around(self.game.table(), set);
+        self.set = set;
+        self.director.set_scatterings_max(set.scatterings_max());
+        self.set_stage(Stage::of(self.game.contest(), set))
+    }
+
+    /// Plays another match.
+    ///
+    /// # Errors
+    /// A sentence if its room cannot be traced.
+    pub fn begin(&mut self, contest: Match) -> anyhow::Result<()> {
+        let stage = Stage::of(&contest, self.set);
+        let was = std::mem::replace(&mut self.game, Game::of(contest));
+        self.game.go_on_as(&was);
+        if let Some((_, kept)) = &mut self.keeper {
+            *kept = usize::MAX;
+        }
+        self.set_stage(stage)
+    }
+
+    fn set_stage(&mut self, stage: Stage) -> anyhow::Result<()> {
         self.warp = Warp::new(stage.scene())?;
         self.stage = stage;
-        self.director.set_scatterings_max(set.scatterings_max());
-        self.scatterings_max = set.scatterings_max();
+        self.scatterings_max = self.set.scatterings_max();
         match &mut self.farm {
             FarmSlot::Ready(farm) => {
                 farm.cancel_before(FrameId(self.last_frame.0 + 1));
@@ -317,7 +387,9 @@ impl Session {
             FarmSlot::Ready(_) => self.director.is_at_rest(),
             FarmSlot::Failed(_) => true,
         };
-        let is_moving = self.booth.is_moving(&self.game) || self.booth.is_photographing();
+        let is_moving = self.booth.is_moving(&self.game)
+            || self.booth.is_photographing()
+            || self.game.is_thinking();
         self.is_hidden || (drawn && !self.dirty && !is_moving)
     }
 
@@ -407,9 +479,9 @@ impl Session {
         // Its outcome is drawn with the next frame.
         ctx.request_repaint();
         if let Some(balls) = self.booth.obey(order, &self.game, now_secs)
-            && let Err(error) = self.game.lay(balls)
+            && let Err(why) = self.game.lay(&balls)
         {
-            tracing::error!("{error}");
+            self.booth.say(why);
         }
     }
 
@@ -429,13 +501,34 @@ impl Session {
             painter,
             screen,
             projection: &projection,
-            ball_radius_m: BallBody::default().radius_m,
+            ball_radius_m: self.game.contest().ground().cue_radius_m,
         };
+        self.mark_balls(&sketch);
         if let Some(foresight) = self.game.foresight(now_secs) {
             sketch.foresight(foresight);
         }
         if let Some(cue) = cue {
             sketch.cue(cue);
+        }
+    }
+
+    /// Marks a cue ball that is carried, and balls that must not be hit first.
+    fn mark_balls(&mut self, sketch: &ui::aim::Sketch<'_>) {
+        if let Some(placing) = self.game.placing() {
+            let area = self.game.contest().hand();
+            sketch.area(self.game.contest().ground(), area);
+            sketch.carried(placing.at, placing.verdict.is_ok());
+            return;
+        }
+        if self.game.may_play() {
+            let view = self.game.board();
+            let lie = self.game.contest().lie();
+            let others = lie
+                .iter()
+                .filter(|p| p.ball != 0 && !view.on.contains(&p.ball));
+            for ball in others.filter(|_| !view.on.is_empty()) {
+                sketch.dimmed(ball.at, self.game.contest().ground().radius_m);
+            }
         }
     }
 
@@ -520,7 +613,7 @@ impl Session {
             FarmSlot::Failed(why) => Some(format!("No pictures: {why}")),
             FarmSlot::Ready(farm) if self.director.figures().pictures > 0 => {
                 let stands = lookout::standing(&farm.nodes());
-                stands.or_else(|| self.game.notice().map(str::to_owned))
+                stands.or_else(|| self.game_notice())
             }
             _ => lookout::standing(&self.nodes()),
         }
@@ -529,6 +622,12 @@ impl Session {
     /// What the player has chosen to give up first, since the last call.
     pub fn take_dial(&mut self) -> Option<Dial> {
         self.wished_dial.take()
+    }
+
+    fn game_notice(&self) -> Option<String> {
+        let placing = self.game.placing();
+        let refused = placing.and_then(|placing| placing.verdict.clone().err());
+        refused.or_else(|| self.game.notice().map(str::to_owned))
     }
 
     /// What the window needed for the last redraw, seconds.

@@ -4,7 +4,9 @@ use carom_tracer::{Camera, ObjectPose, Scene, SceneUpdate};
 use glam::{Quat, Vec3};
 
 use crate::ball_set::BallSet;
+use crate::contest::Match;
 use crate::room::room;
+use crate::rules::RuleSet;
 use crate::sim::{BallPose, Table};
 
 /// The pool table's scene, and which of its objects is which ball.
@@ -22,12 +24,18 @@ impl Stage {
 
     /// The same round another table.
     pub fn around(table: &Table, set: BallSet) -> Self {
-        Self::new(room(table, set))
+        Self::new(room(table, RuleSet::Free, set))
     }
 
     /// The table that is played on unless another is asked for.
     pub fn table() -> Table {
         Table::nine_foot()
+    }
+
+    /// The room of a match: its table, and the balls of its game.
+    pub fn of(contest: &Match, set: BallSet) -> Self {
+        let rules = contest.referee().rules();
+        Self::new(room(contest.world().table(), rules, set))
     }
 
     /// Objects called `ball0`, `ball1` … are the balls of those numbers.

@@ -12,11 +12,14 @@ mod adapter;
 mod advice;
 mod history;
 mod player;
+mod record;
 mod tournament;
 mod view;
 
 pub use adapter::{ground, report};
 pub use player::{Level, Player};
+use record::Deed;
+pub use record::Record;
 pub use tournament::{MatchArgs, Side, Tally, play_out};
 pub use view::{CallView, OptionView, PlayerView, View};
 
@@ -70,8 +73,11 @@ impl Setup {
 pub struct Match {
     ground: Ground,
     players: Vec<Player>,
+    /// What the match was begun with.
+    seed: u32,
     now: Moment,
     past: Vec<Turn>,
+    deeds: Vec<Deed>,
 }
 
 /// All that a shot or a choice may change.
@@ -92,6 +98,7 @@ struct Moment {
 #[derive(Clone, Debug)]
 pub struct Turn {
     before: Moment,
+    deeds_before: usize,
     /// Who played it.
     pub player: usize,
     /// How.
@@ -117,7 +124,8 @@ impl Match {
     pub fn new(setup: Setup) -> Result<Self, String> {
         let referee = Referee::new(setup.rules, setup.players.len(), setup.target, setup.seed)?;
         let needs_pockets = setup.rules != RuleSet::ThreeCushion;
-        if needs_pockets == setup.table.pockets().is_empty() {
+        let is_free = setup.rules == RuleSet::Free;
+        if !is_free && needs_pockets == setup.table.pockets().is_empty() {
             return Err(format!(
                 "{} cannot be played on the {}: it has {} pockets",
                 setup.rules.sheet().name,
@@ -141,6 +149,8 @@ impl Match {
                 shots: 0,
             },
             past: Vec::new(),
+            deeds: Vec::new(),
+            seed: setup.seed,
         })
     }
 
@@ -207,6 +217,13 @@ impl Match {
     /// Judges a shot that [`Match::strike`] gave for this stroke, and lays the table for the next.
     pub fn finish(&mut self, stroke: Stroke, shot: &Shot) -> &Verdict {
         let before = self.now.clone();
+        let deeds_before = self.deeds.len();
+        self.deeds.push(Deed::Shot {
+            place: self.cue_ball_in_hand(),
+            call: self.now.call,
+            stroke,
+            engine: self.now.world.engine().to_string(),
+        });
         let player = self.now.referee.turn();
         let inferred = self.now.call.is_none().then(|| self.inferred(stroke));
         let call = self.now.call.take().or(inferred.flatten());
@@ -218,6 +235,7 @@ impl Match {
         self.tell(player, &verdict);
         self.past.push(Turn {
             before,
+            deeds_before,
             player,
             stroke,
             call,
@@ -232,6 +250,43 @@ impl Match {
     /// Says what the next shot is to do; nothing takes the call back.
     pub fn call(&mut self, call: Option<Call>) {
         self.now.call = call;
+    }
+
+    /// What was said.
+    pub fn called(&self) -> Option<Call> {
+        self.now.call
+    }
+
+    /// How much was done, strokes and choices: it differs whenever the match has changed.
+    pub fn deeds(&self) -> usize {
+        self.deeds.len()
+    }
+
+    /// Where the cue ball lies that is in hand, if it is.
+    pub fn cue_ball_in_hand(&self) -> Option<DVec2> {
+        self.hand()?;
+        let cue_ball = self.lie().into_iter().find(|p| p.ball == 0);
+        cue_ball.map(|p| p.at)
+    }
+
+    /// Puts the balls of a free table so.
+    ///
+    /// # Errors
+    /// A sentence if they cannot lie like this, or in a game with rules: it stays as it was.
+    pub fn arrange(&mut self, balls: &[BallState]) -> Result<(), String> {
+        if self.now.referee.rules() != RuleSet::Free {
+            return Err("Balls are laid on the free table: the menu begins one".to_owned());
+        }
+        let world = &self.now.world;
+        let mut arranged = World::with_laws(world.table().clone(), *world.laws(), balls.to_vec())
+            .map_err(|error| error.to_string())?;
+        arranged.set_engine(world.engine());
+        let places = balls
+            .iter()
+            .map(|ball| (ball.number, ball.position.truncate()));
+        self.deeds.push(Deed::Layout(places.collect()));
+        self.now.world = arranged;
+        Ok(())
     }
 
     /// The call that counts for a stroke: what was said, or what is obvious from the aim.
@@ -293,6 +348,7 @@ impl Match {
         let player = self.now.referee.turn();
         let lie = self.lie();
         let verdict = self.now.referee.choose(&self.ground, &lie, choice)?;
+        self.deeds.push(Deed::Choice(choice));
         self.lay(&verdict);
         self.tell(player, &verdict);
         Ok(())
@@ -302,6 +358,7 @@ impl Match {
     pub fn concede(&mut self) {
         let player = self.now.referee.turn();
         let verdict = self.now.referee.concede();
+        self.deeds.push(Deed::Concede);
         self.tell(player, &verdict);
     }
 
@@ -310,6 +367,7 @@ impl Match {
         match self.past.pop() {
             Some(turn) => {
                 self.now = turn.before;
+                self.deeds.truncate(turn.deeds_before);
                 true
             }
             None => false,

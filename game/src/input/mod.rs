@@ -21,6 +21,8 @@ pub use action::{Action, CONTROLS, Control, Group};
 pub use binding::{BindingError, Bindings, Trigger, UnknownTrigger};
 pub use key::Key;
 
+use crate::rules::{Call, Choice};
+
 /// Something that happened at the window, in the words of no windowing library.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Event {
@@ -139,6 +141,26 @@ pub enum Intent {
     Practise,
     /// Take a picture in full quality.
     Photograph,
+    /// Take up a cue ball that is in hand, or put it down.
+    PickUp,
+    /// Hold the cue ball over this point of the window.
+    Point(DVec2),
+    /// Put the cue ball down.
+    Put,
+    /// Say what the shot is to do, or take it back.
+    Call(Option<Call>),
+    /// The next call, after the last none.
+    NextCall,
+    /// Decide what the rules leave to the player.
+    Choose(Choice),
+    /// Take the last shot back.
+    Undo,
+    /// Have the computer suggest a shot.
+    Suggest,
+    /// Have the computer play this shot.
+    TakeOver,
+    /// Show or hide what was said so far.
+    ToggleLog,
     /// Show or hide the keys.
     ToggleHelp,
     /// Show or hide the statistics.
@@ -154,6 +176,8 @@ pub struct Input {
     pointer: Option<DVec2>,
     hold: Option<Hold>,
     fine: BTreeSet<Trigger>,
+    /// Whether the pointer carries something over the table.
+    is_carrying: bool,
     /// Parts of a notch of the wheel, for actions that are done once.
     notches: f64,
 }
@@ -230,6 +254,11 @@ impl Input {
         (hold.action != Action::Orbit).then_some(Intent::Cancel)
     }
 
+    /// Lets the pointer carry something over the table, in place of turning the aim.
+    pub fn set_carrying(&mut self, is_carrying: bool) {
+        self.is_carrying = is_carrying;
+    }
+
     /// Takes note of a pointer that moves over something else than the table: it turns nothing.
     pub fn passes(&mut self, at: DVec2) {
         self.pointer = Some(at);
@@ -256,6 +285,7 @@ impl Input {
                 pitch_rad: moved.y * ORBIT_RAD_PER_POINT,
             }),
             Some(_) => None,
+            None if self.is_carrying => Some(Intent::Point(at)),
             None => {
                 let turn = -moved.x * AIM_RAD_PER_POINT * precision;
                 (turn != 0.0).then_some(Intent::Turn(turn))
@@ -272,6 +302,7 @@ impl Input {
             return None;
         }
         match action {
+            Action::Stroke if self.is_carrying => Some(Intent::Put),
             Action::Fine => {
                 self.fine.insert(trigger);
                 None

@@ -46,6 +46,17 @@ impl Aim {
         }
     }
 
+    /// The aim of a stroke.
+    pub fn of(stroke: &Stroke) -> Self {
+        Self {
+            bearing_rad: stroke.direction_rad,
+            tip: DVec2::new(stroke.side, stroke.vertical),
+            elevation_rad: stroke.elevation_rad,
+            power: power_of_speed(stroke.speed_m_s),
+            wanted_rad: stroke.elevation_rad,
+        }
+    }
+
     /// Turns the cue to the left.
     pub fn turn(&mut self, by_rad: f64) {
         self.bearing_rad = wrap_rad(self.bearing_rad + by_rad);

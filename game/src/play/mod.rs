@@ -1,26 +1,33 @@
-//! A game on a free table: aim, draw the cue back, strike, watch, aim again.
+//! A match as it is played: aim, draw the cue back, strike, watch, and so on with whoever is next.
 //!
 //! ```text
-//! aim ─▶ foresight            ┌─▶ running (the shot on show) ─▶ free_table (ready again)
-//!  └───▶ hand (draws the cue) ─┘
+//! seat (whose turn) ─▶ placing ─▶ aim ─▶ foresight
+//!  │                               └───▶ hand (draws the cue) ─▶ running (the shot on show) ─▶ seat
+//!  └─▶ mind (the computer's turn) ─────────────────────────────────┘
 //! ```
 //! Knows neither window nor farm; time is an argument.
 
 mod aim;
 mod cue;
 mod foresight;
-mod free_table;
 mod hand;
+mod mind;
+mod placing;
 mod reach;
 mod running;
+mod seat;
 #[cfg(test)]
 mod tests;
+
+use std::rc::Rc;
 
 use carom_tracer::Camera;
 use glam::{DVec2, DVec3};
 
 use crate::camera::{Dolly, Orbit, Projection, Viewpoint, wrap_rad};
+use crate::contest::{Match, Player, Setup, View};
 use crate::input::Intent;
+use crate::rules::RuleSet;
 use crate::sim::{self, BallPose, BallState, Shot, Stroke, Table, World};
 use crate::stage::Stage;
 
@@ -29,20 +36,22 @@ use cue::SWING_SECS;
 pub use cue::{CUE_LENGTH_M, CueView, cue_radius_m};
 pub use foresight::{Aids, Foresight, Way};
 use hand::{Hand, Swing};
+use mind::{Mind, Planned};
+pub use placing::Placing;
 use reach::Reach;
 use running::Running;
 
-/// One player's table.
+/// A match, and how it is looked at.
 #[derive(Debug)]
 pub struct Game {
-    table: Table,
-    world: World,
+    contest: Match,
+    board: Option<Rc<View>>,
+    mind: Option<Mind>,
     phase: Phase,
     aim: Aim,
     orbit: Orbit,
     dolly: Dolly,
     cuts: bool,
-    racks: u32,
     shots: u64,
     aids: Aids,
     foresight: Option<(Stroke, Option<Foresight>)>,
@@ -54,6 +63,10 @@ pub struct Game {
 enum Phase {
     /// Looking for the shot.
     Aiming,
+    /// Carrying the cue ball.
+    Placing(Placing),
+    /// Seeing the computer take aim.
+    Planned(Box<Planned>),
     /// Striking.
     Stroking(Hand),
     /// Watching.
@@ -70,42 +83,44 @@ pub enum Outcome {
 }
 
 impl Game {
-    /// A freshly racked table; `seed` draws the racks.
+    /// A free table, freshly racked; `seed` draws the racks.
     ///
     /// # Errors
-    /// [`sim::Error`] if the physics refuses its own table.
-    pub fn new(seed: u32) -> Result<Self, sim::Error> {
-        Self::on(Stage::table(), seed)
+    /// A sentence if the physics refuses its own table.
+    pub fn new(seed: u32) -> Result<Self, String> {
+        Ok(Self::of(free_table(Stage::table(), seed)?))
     }
 
-    /// The same on another table.
-    ///
-    /// # Errors
-    /// [`sim::Error`] if the balls cannot lie on it.
-    pub fn on(table: Table, seed: u32) -> Result<Self, sim::Error> {
-        let world = World::new(table.clone(), table.rack_eight(seed))?;
+    /// A match where it stands.
+    pub fn of(contest: Match) -> Self {
         let mut game = Self {
-            table,
-            world,
+            contest,
+            board: None,
+            mind: None,
             phase: Phase::Aiming,
             aim: Aim::LEVEL,
             orbit: Orbit::default(),
             dolly: Dolly::new(Viewpoint::overview(0.0)),
             cuts: false,
-            racks: seed,
             shots: 0,
             aids: Aids::default(),
             foresight: None,
             notice: None,
         };
-        game.clear_cue();
+        game.begin_turn();
         game.dolly = Dolly::new(game.aim_view());
-        Ok(game)
+        game
+    }
+
+    /// Plays with the aids, the physics and the cuts of another game, and counts its shots on.
+    pub fn go_on_as(&mut self, other: &Self) {
+        (self.aids, self.cuts, self.shots) = (other.aids, other.cuts, other.shots);
+        self.set_engine(other.contest.world().engine());
     }
 
     /// Lets something else move the balls from the next stroke on.
     pub fn set_engine(&mut self, engine: sim::Engine) {
-        self.world.set_engine(engine);
+        self.contest.set_engine(engine);
         self.foresight = None;
     }
 
@@ -114,32 +129,28 @@ impl Game {
         self.cuts = cuts;
     }
 
-    /// Puts the balls so, with nothing in motion.
+    /// Puts the balls of a free table so, with nothing in motion.
     ///
     /// # Errors
-    /// [`sim::Error::Layout`] if they cannot lie on the table like this; it stays as it was.
-    pub fn lay(&mut self, balls: Vec<BallState>) -> Result<(), sim::Error> {
-        let mut world = World::with_laws(self.table.clone(), *self.world.laws(), balls)?;
-        world.set_engine(self.world.engine());
-        self.world = world;
+    /// A sentence if they cannot lie like this, or in a game with rules; it stays as it was.
+    pub fn lay(&mut self, balls: &[BallState]) -> Result<(), String> {
+        self.contest.arrange(balls)?;
         if let Phase::Watching(running) = &self.phase {
             self.dolly = Dolly::new(running.from);
         }
         self.phase = Phase::Aiming;
-        self.foresight = None;
-        self.aim.level();
-        self.clear_cue();
+        self.begin_turn();
         Ok(())
     }
 
     /// The balls as they lay before the shot that is on, else as they lie.
     pub fn world(&self) -> &World {
-        &self.world
+        self.contest.world()
     }
 
     /// What is played on.
     pub fn table(&self) -> &Table {
-        &self.table
+        self.contest.world().table()
     }
 
     /// The shot that is on.
@@ -166,6 +177,9 @@ impl Game {
     /// Does what the player wants at `now_secs`. A stroke meets the ball `lead_secs` later, so
     /// that its first pictures are ready by then, but never so late that the player would wait.
     pub fn apply(&mut self, intent: Intent, now_secs: f64, lead_secs: f64, film: DVec2) -> Outcome {
+        if self.place(intent, now_secs, film) {
+            return Outcome::Stay;
+        }
         match intent {
             Intent::Escape if matches!(self.phase, Phase::Stroking(_)) => self.cancel(),
             Intent::Escape => return Outcome::Quit,
@@ -179,7 +193,17 @@ impl Game {
             | Intent::Strike
             | Intent::Cancel => self.stroke(intent, now_secs, lead_secs),
             Intent::Rack => self.rack(),
-            Intent::NextAids
+            Intent::Undo
+            | Intent::Choose(_)
+            | Intent::Call(_)
+            | Intent::NextCall
+            | Intent::Suggest
+            | Intent::TakeOver
+            | Intent::PickUp => self.decide(intent),
+            Intent::Point(_)
+            | Intent::Put
+            | Intent::ToggleLog
+            | Intent::NextAids
             | Intent::LookBack
             | Intent::Practise
             | Intent::Photograph
@@ -199,6 +223,11 @@ impl Game {
             {
                 self.end_shot(now_secs);
             }
+            Phase::Watching(_) => return,
+            Phase::Planned(_) => self.follow_plan(now_secs),
+            _ => self.think(now_secs),
+        }
+        match &self.phase {
             Phase::Watching(_) => {}
             _ if self.cuts => self.dolly = Dolly::new(self.aim_view()),
             _ => self.dolly.follow(self.aim_view(), dt_secs),
@@ -239,6 +268,8 @@ impl Game {
         let resting = CueView::resting(self.cue_ball()?, &self.aim);
         match &self.phase {
             Phase::Aiming => Some(resting),
+            Phase::Placing(_) => None,
+            Phase::Planned(planned) => self.planned_cue(planned, now_secs),
             Phase::Stroking(hand) => {
                 let power = hand.power(now_secs).unwrap_or(self.aim.power);
                 Some(resting.drawn(power, hand.drawn_m(now_secs)))
@@ -257,15 +288,21 @@ impl Game {
             Phase::Aiming => self.aim.power,
             // A rising power would change the prediction all the time.
             Phase::Stroking(hand) => hand.power(now_secs).unwrap_or(self.aim.power),
-            Phase::Watching(_) => return None,
+            Phase::Watching(_) | Phase::Planned(_) | Phase::Placing(_) => return None,
         };
+        if !self.may_play() && !matches!(self.phase, Phase::Stroking(_)) {
+            return None;
+        }
         let stroke = match self.aids {
             Aids::Full => self.aim.stroke(power),
             // Where the balls go at first depends little on the power.
             _ => self.aim.stroke(LINE_POWER),
         };
         if self.foresight.as_ref().is_none_or(|(of, _)| *of != stroke) {
-            self.foresight = Some((stroke, Foresight::of(&self.world, stroke, self.aids)));
+            self.foresight = Some((
+                stroke,
+                Foresight::of(self.contest.world(), stroke, self.aids),
+            ));
         }
         self.foresight
             .as_ref()
@@ -298,7 +335,7 @@ impl Game {
     /// Whether time alone changes what is seen.
     pub fn is_moving(&self) -> bool {
         match &self.phase {
-            Phase::Stroking(Hand::Charging(_)) | Phase::Watching(_) => true,
+            Phase::Stroking(Hand::Charging(_)) | Phase::Watching(_) | Phase::Planned(_) => true,
             _ => self.dolly.viewpoint() != self.aim_view(),
         }
     }
@@ -315,7 +352,7 @@ impl Game {
     }
 
     fn take_aim(&mut self, intent: Intent, now_secs: f64, film: DVec2) {
-        let is_aiming = matches!(self.phase, Phase::Aiming);
+        let is_aiming = matches!(self.phase, Phase::Aiming) && self.may_play();
         match intent {
             Intent::Turn(angle_rad) if is_aiming => self.aim.turn(angle_rad),
             Intent::AimAt(point) => self.aim_at(point, film, now_secs),
@@ -334,8 +371,8 @@ impl Game {
 
     /// Raises the cue over what is in its way.
     fn clear_cue(&mut self) {
-        let balls = self.world.balls();
-        if let Some(reach) = Reach::new(&self.world, &balls) {
+        let balls = self.contest.world().balls();
+        if let Some(reach) = Reach::new(self.contest.world(), &balls) {
             self.aim.clear(&reach);
         }
     }
@@ -343,7 +380,7 @@ impl Game {
     fn aim_at(&mut self, point: DVec2, film: DVec2, now_secs: f64) {
         let projection = Projection::new(&self.camera(now_secs), film.x, film.y);
         let target = projection.world_from_film(point, self.cue_ball().map_or(0.0, |ball| ball.z));
-        if let (Phase::Aiming, Some(target), Some(ball)) = (&self.phase, target, self.cue_ball()) {
+        if let (true, Some(target), Some(ball)) = (self.may_play(), target, self.cue_ball()) {
             let way = (target - ball).truncate();
             if way.length() > 0.01 {
                 self.aim.bearing_rad = way.to_angle();
@@ -352,6 +389,9 @@ impl Game {
     }
 
     fn stroke(&mut self, intent: Intent, now_secs: f64, lead_secs: f64) {
+        if matches!(self.phase, Phase::Aiming) && !self.may_play() {
+            return;
+        }
         let power = match (intent, &mut self.phase) {
             (Intent::BeginPull, Phase::Aiming) => return self.begin(Hand::Pulling(0.0)),
             (Intent::BeginCharge, Phase::Aiming) => return self.begin(Hand::Charging(now_secs)),
@@ -401,26 +441,32 @@ impl Game {
         self.phase = Phase::Aiming;
         self.notice = None;
         self.aim.set_power(power);
-        match self.world.strike(self.aim.stroke(power)) {
-            Ok(shot) => {
-                let slipped =
-                    |event: &sim::Event| matches!(event.kind, sim::EventKind::Miscue { .. });
-                if shot.events().iter().any(slipped) {
-                    self.notice = Some("Miscue: the tip slipped off the ball".to_owned());
-                }
-                self.shots += 1;
-                self.orbit.yaw_rad = 0.0;
-                self.phase = Phase::Watching(Box::new(Running {
-                    shot,
-                    contact_secs: now_secs + lead_secs.clamp(SWING_SECS.start, SWING_SECS.end),
-                    cue,
-                    from: self.dolly.viewpoint(),
-                    bearing_rad: self.aim.bearing_rad,
-                    cuts: self.cuts,
-                }));
-            }
+        let stroke = self.aim.stroke(power);
+        let contact_secs = now_secs + lead_secs.clamp(SWING_SECS.start, SWING_SECS.end);
+        match self.contest.strike(stroke) {
+            Ok(shot) => self.watch(stroke, shot, cue, contact_secs),
             Err(error) => self.notice = Some(error.to_string()),
         }
+    }
+
+    /// Shows a shot of the match.
+    fn watch(&mut self, stroke: Stroke, shot: Shot, cue: Option<CueView>, contact_secs: f64) {
+        let slipped = |event: &sim::Event| matches!(event.kind, sim::EventKind::Miscue { .. });
+        if shot.events().iter().any(slipped) {
+            self.notice = Some("Miscue: the tip slipped off the ball".to_owned());
+        }
+        (self.mind, self.board) = (None, None);
+        self.shots += 1;
+        self.orbit.yaw_rad = 0.0;
+        self.phase = Phase::Watching(Box::new(Running {
+            stroke,
+            shot,
+            contact_secs,
+            cue,
+            from: self.dolly.viewpoint(),
+            bearing_rad: stroke.direction_rad,
+            cuts: self.cuts,
+        }));
     }
 
     fn end_shot(&mut self, now_secs: f64) {
@@ -429,41 +475,42 @@ impl Game {
         };
         let end_secs = running.clock_secs(now_secs);
         self.dolly = Dolly::new(running.viewpoint(end_secs, self.orbit));
-        self.world.adopt(&running.shot);
-        self.aim.level();
-        self.foresight = None;
-        if let Some(notice) = free_table::settle(&mut self.world) {
-            self.notice = Some(notice);
-        }
-        self.clear_cue();
+        self.contest.finish(running.stroke, &running.shot);
+        self.begin_turn();
     }
 
     fn rack(&mut self) {
-        let seed = self.racks.wrapping_add(1);
-        match World::new(self.table.clone(), self.table.rack_eight(seed)) {
-            Ok(mut world) => {
-                world.set_engine(self.world.engine());
-                self.world = world;
-            }
-            Err(error) => self.notice = Some(error.to_string()),
+        if self.contest.referee().rules() != RuleSet::Free {
+            self.notice = Some(
+                "In a match the balls are racked by its rules: the menu begins a new game".into(),
+            );
+            return;
         }
+        let table = self.contest.world().table().clone();
+        let engine = self.contest.world().engine();
+        match free_table(table, self.contest.referee().seed().wrapping_add(1)) {
+            Ok(contest) => self.contest = contest,
+            Err(why) => self.notice = Some(why),
+        }
+        self.contest.set_engine(engine);
         if let Phase::Watching(running) = &self.phase {
             self.dolly = Dolly::new(running.from);
         }
-        self.phase = Phase::Aiming;
-        self.racks = seed;
-        self.foresight = None;
         self.aim = Aim::LEVEL;
-        self.clear_cue();
+        self.begin_turn();
     }
 
     fn lying(&self) -> impl Iterator<Item = BallPose> {
-        self.world.balls().into_iter().map(|ball| BallPose {
-            number: ball.number,
-            position: ball.position,
-            rotation: ball.orientation,
-            on_table: ball.phase.is_on_table(),
-        })
+        self.contest
+            .world()
+            .balls()
+            .into_iter()
+            .map(|ball| BallPose {
+                number: ball.number,
+                position: ball.position,
+                rotation: ball.orientation,
+                on_table: ball.phase.is_on_table(),
+            })
     }
 
     fn cue_ball(&self) -> Option<DVec3> {
@@ -472,12 +519,30 @@ impl Game {
     }
 
     fn aim_view(&self) -> Viewpoint {
+        if matches!(self.phase, Phase::Placing(_)) {
+            return Viewpoint::overview(0.0).adjusted(self.orbit);
+        }
         self.cue_ball()
             .map_or(Viewpoint::overview(self.aim.bearing_rad), |ball| {
                 Viewpoint::behind(ball, self.aim.bearing_rad)
             })
             .adjusted(self.orbit)
     }
+}
+
+/// A table without rules, for one.
+///
+/// # Errors
+/// A sentence if the balls cannot lie on it.
+pub fn free_table(table: Table, seed: u32) -> Result<Match, String> {
+    Match::new(Setup {
+        rules: RuleSet::Free,
+        players: vec![Player::Human("You".to_owned())],
+        target: 0,
+        seed,
+        table,
+        engine: sim::Engine::default(),
+    })
 }
 
 /// The power at which the way to the first contact is shown.

@@ -1,13 +1,15 @@
 //! A shot that is on: its clock and its camera.
 
 use crate::camera::{Orbit, Viewpoint, smoothstep};
-use crate::sim::Shot;
+use crate::sim::{Shot, Stroke};
 
 use super::cue::CueView;
 
 /// A shot that is on.
 #[derive(Debug)]
 pub(super) struct Running {
+    /// What it was struck with.
+    pub(super) stroke: Stroke,
     /// What happens.
     pub(super) shot: Shot,
     /// When the tip meets the ball.

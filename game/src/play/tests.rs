@@ -1,10 +1,19 @@
 //! The game as a player drives it: intents and time in, balls, camera and sentences out.
 
 use super::aim::cue_speed_m_s;
-use super::free_table::free_spot;
 use super::*;
 
 const FILM: DVec2 = DVec2::new(1280.0, 720.0);
+
+/// Where a ball is at a moment.
+fn ball(game: &Game, number: u8, moment_secs: f64) -> DVec3 {
+    let poses = game.poses(moment_secs);
+    poses
+        .iter()
+        .find(|pose| pose.number == number)
+        .unwrap()
+        .position
+}
 
 fn strike(game: &mut Game, power: f64, now_secs: f64) {
     for intent in [Intent::BeginPull, Intent::Pull(power), Intent::Release] {
@@ -96,16 +105,17 @@ fn the_camera_behind_the_ball_sees_the_ball_and_the_overview_the_whole_table() {
 #[test]
 fn a_pocketed_cue_ball_comes_back_where_there_is_room() {
     let mut game = Game::new(1).unwrap();
-    let head = game.table.head_spot();
+    let head = game.table().head_spot();
     // The left head corner is straight ahead at this bearing.
     game.aim.bearing_rad = (DVec2::new(-1.282, 0.647) - head).to_angle();
     strike(&mut game, 0.35, 0.0);
     watch(&mut game, 0.0);
-    assert!(
-        game.notice()
-            .is_some_and(|notice| notice.starts_with("Scratch"))
-    );
+    let banner = game.board().banner.clone();
+    assert!(banner.is_some_and(|banner| banner.contains("cue ball is lost")));
     assert!(game.cue_ball().unwrap().truncate().distance(head) < 1e-9);
+    assert!(game.placing().is_some(), "the player has it in hand");
+    game.apply(Intent::Put, 99.0, 0.2, FILM);
+    assert!(game.placing().is_none() && game.may_play());
 }
 
 #[test]
@@ -125,7 +135,7 @@ fn a_raised_cue_jumps_and_comes_level_again_after_the_shot() {
         FILM,
     );
     strike(&mut game, 0.6, 1.0);
-    let heights = (0..50).map(|i| game.poses(0.01 * f64::from(i))[0].position.z);
+    let heights = (0..50).map(|i| ball(&game, 0, 0.01 * f64::from(i)).z);
     assert!(heights.fold(0.0, f64::max) > 0.08, "the cue ball flies");
     watch(&mut game, 1.0);
     assert_eq!(game.cue(99.0).unwrap().elevation_rad, 0.0);
@@ -140,14 +150,6 @@ fn a_tip_set_too_far_out_miscues_and_says_so() {
         game.notice()
             .is_some_and(|notice| notice.starts_with("Miscue"))
     );
-}
-
-#[test]
-fn a_taken_spot_is_stepped_aside_from() {
-    let others = [DVec2::ZERO, DVec2::new(0.06, 0.0)];
-    let spot = free_spot(DVec2::ZERO, 0.03, &others);
-    assert!(others.iter().all(|other| other.distance(spot) > 0.06));
-    assert!(spot.length() < 0.12);
 }
 
 #[test]
@@ -215,9 +217,9 @@ fn a_cue_that_is_let_go_in_a_stroke_of_the_hand_does_not_strike() {
 #[test]
 fn the_cue_cannot_be_laid_lower_than_what_is_in_its_way() {
     let mut game = Game::new(1).unwrap();
-    let cue_ball = game.table.cue_ball().radius_m;
-    let x = -0.5 * game.table.length_m() + cue_ball + 0.001;
-    game.world.place(0, x, 0.0).unwrap();
+    let cue_ball = game.table().cue_ball().radius_m;
+    let x = -0.5 * game.table().length_m() + cue_ball + 0.001;
+    game.contest.place(DVec2::new(x, 0.0)).unwrap();
     game.apply(Intent::Turn(0.0), 0.0, 0.2, FILM);
     let least = game.aim().elevation_rad;
     assert!(least > 0.1, "{least}");
@@ -247,4 +249,147 @@ fn a_blow_that_is_under_way_is_struck_where_it_was_aimed() {
         game.apply(intent, 0.0, 0.2, FILM);
     }
     assert_eq!(game.aim(), aim);
+}
+
+fn eight(players: &str) -> Game {
+    let players = Player::list(players).unwrap();
+    Game::of(Match::new(Setup::new(RuleSet::Eight, players, 3).unwrap()).unwrap())
+}
+
+/// Lets shots play and computers think until a person is to do something.
+fn wait(game: &mut Game, mut now_secs: f64) -> f64 {
+    while !game.may_play() && game.contest().at_table().is_some() {
+        now_secs += 0.1;
+        game.tick(now_secs, 0.1);
+        std::thread::yield_now();
+    }
+    now_secs
+}
+
+#[test]
+fn a_computer_plays_in_its_turn_seen_and_judged_and_is_taken_back_with_the_shot_before() {
+    let mut game = eight("Ada,ai:easy");
+    let before = game.contest().lie();
+    strike(&mut game, 0.05, 0.0);
+    let mut now = watch(&mut game, 0.0);
+    assert!(game.board().is_foul, "{:?}", game.board().banner);
+    assert_eq!(game.contest().referee().turn(), 1);
+    assert!(!game.may_play());
+    let bearing = game.aim.bearing_rad;
+    game.apply(Intent::Turn(0.3), now, 0.2, FILM);
+    game.apply(Intent::Strike, now, 0.2, FILM);
+    assert_eq!(game.aim.bearing_rad, bearing, "it is not the person's turn");
+    assert!(game.shot_clock(now).is_none());
+    let mut seen = false;
+    while game.contest().turns().len() < 2 {
+        now += 0.1;
+        game.tick(now, 0.1);
+        seen |= matches!(game.phase, Phase::Planned(_)) && game.cue(now).is_some();
+        std::thread::yield_now();
+    }
+    assert!(seen, "its cue is seen before it strikes");
+    now = wait(&mut game, now);
+    game.apply(Intent::Undo, now, 0.2, FILM);
+    assert_eq!(game.contest().referee().turn(), 0);
+    assert_eq!(game.contest().lie(), before);
+    assert!(game.contest().turns().is_empty() && game.may_play());
+}
+
+#[test]
+fn a_cue_ball_in_hand_is_carried_and_put_down_only_where_it_may_lie() {
+    let mut game = eight("2");
+    let from = game.cue_ball().unwrap().truncate();
+    game.apply(Intent::PickUp, 0.0, 0.2, FILM);
+    // Away from the camera, over the head string.
+    for _ in 0..40 {
+        game.apply(Intent::MoveTip(DVec2::new(0.0, 0.1)), 0.0, 0.2, FILM);
+    }
+    let placing = game.placing().unwrap().clone();
+    assert!(
+        placing.at.x > from.x + 1.0 && placing.verdict.is_err(),
+        "{placing:?}"
+    );
+    game.apply(Intent::Put, 0.0, 0.2, FILM);
+    assert!(game.placing().is_some() && game.notice().is_some());
+    for _ in 0..44 {
+        game.apply(Intent::MoveTip(DVec2::new(0.025, -0.1)), 0.0, 0.2, FILM);
+    }
+    assert_eq!(game.placing().unwrap().verdict, Ok(()));
+    game.apply(Intent::Strike, 0.0, 0.2, FILM);
+    let there = game.cue_ball().unwrap().truncate();
+    assert!(game.placing().is_none() && there.x < from.x - 0.1 && there.y < from.y - 0.1);
+    game.apply(Intent::PickUp, 0.0, 0.2, FILM);
+    game.apply(Intent::MoveTip(DVec2::new(0.1, 0.0)), 0.0, 0.2, FILM);
+    game.apply(Intent::Escape, 0.0, 0.2, FILM);
+    assert_eq!(
+        game.cue_ball().unwrap().truncate(),
+        there,
+        "given up, it lies as before"
+    );
+}
+
+#[test]
+fn calls_go_round_and_never_hinder_the_stroke() {
+    let mut game = eight("2");
+    strike(&mut game, 0.9, 0.0);
+    let mut now = watch(&mut game, 0.0);
+    while game.contest().referee().is_break() || !game.contest().referee().options().is_empty() {
+        let choice = game.contest().referee().options().first().copied();
+        match choice {
+            Some(choice) => {
+                game.apply(Intent::Choose(choice), now, 0.2, FILM);
+            }
+            None => {
+                strike(&mut game, 0.9, now);
+                now = watch(&mut game, now);
+            }
+        }
+    }
+    if game.placing().is_some() {
+        game.apply(Intent::Put, now, 0.2, FILM);
+    }
+    assert!(game.contest().referee().wants_call());
+    let mut words = Vec::new();
+    for _ in 0..8 {
+        game.apply(Intent::NextCall, now, 0.2, FILM);
+        words.push(game.board().call.as_ref().map(|call| call.words.clone()));
+    }
+    assert_eq!(words[6].as_deref(), Some("a safety"));
+    assert_eq!(words[7], None, "{words:?}");
+    assert!(
+        words[0]
+            .as_ref()
+            .is_some_and(|words| words.contains("head")),
+        "{words:?}"
+    );
+    strike(&mut game, 0.3, now);
+    assert!(
+        game.shot_clock(now).is_some(),
+        "uncalled, it is struck all the same"
+    );
+}
+
+#[test]
+fn a_person_is_advised_and_can_let_the_computer_play() {
+    let mut game = eight("2");
+    game.apply(Intent::Suggest, 0.0, 0.2, FILM);
+    while game.is_thinking() {
+        game.tick(1.0, 0.1);
+        std::thread::yield_now();
+    }
+    assert!(
+        game.notice().is_some_and(|notice| notice.contains("m/s")),
+        "{:?}",
+        game.notice()
+    );
+    assert!(game.may_play());
+    game.apply(Intent::TakeOver, 1.0, 0.2, FILM);
+    assert!(!game.may_play());
+    let mut now = 1.0;
+    while game.contest().turns().is_empty() {
+        now += 0.1;
+        game.tick(now, 0.1);
+        std::thread::yield_now();
+    }
+    assert_eq!(game.contest().turns().len(), 1);
 }

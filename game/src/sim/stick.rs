@@ -6,6 +6,7 @@
 //! edge and shrinks with how squarely the tip meets the ball, down to nothing at the rim.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use super::{
     ball::BallBody,
@@ -15,7 +16,7 @@ use super::{
 };
 
 /// The player's blow to the cue ball.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Stroke {
     /// Direction of the cue seen from above, in rad anticlockwise from +x.
     pub direction_rad: f64,

@@ -5,6 +5,7 @@ use glam::{DVec2, DVec3};
 
 use crate::camera::Projection;
 use crate::play::{Aids, CUE_LENGTH_M, CueView, Foresight, Way, cue_radius_m};
+use crate::rules::{Area, Ground};
 use crate::sim::{AimContact, AimLine};
 
 /// Draws into `screen`, the window in points, which the projection's film covers.
@@ -119,6 +120,73 @@ impl Sketch<'_> {
         }
     }
 
+    /// A cue ball that is carried: a ring with a tick where it may lie, with a cross where not.
+    pub fn carried(&self, at: DVec2, is_legal: bool) {
+        let Some((center, radius)) = self.disc(at, self.ball_radius_m) else {
+            return;
+        };
+        let (tint, color) = if is_legal {
+            (LEGAL_TINT, LEGAL)
+        } else {
+            (ILLEGAL_TINT, ILLEGAL)
+        };
+        self.painter
+            .circle(center, radius * 1.15, tint, Stroke::new(2.5, color));
+        let point = |x: f32, y: f32| center + radius * egui::vec2(x, y);
+        let lines = if is_legal {
+            [
+                [point(-0.5, 0.0), point(-0.1, 0.4)],
+                [point(-0.1, 0.4), point(0.55, -0.45)],
+            ]
+        } else {
+            [
+                [point(-0.5, -0.5), point(0.5, 0.5)],
+                [point(-0.5, 0.5), point(0.5, -0.5)],
+            ]
+        };
+        for line in lines {
+            self.painter.line_segment(line, Stroke::new(3.0, color));
+        }
+    }
+
+    /// A ball that must not be hit first.
+    pub fn dimmed(&self, at: DVec2, radius_m: f64) {
+        if let Some((center, radius)) = self.disc(at, radius_m) {
+            self.painter.circle_filled(center, radius * 1.02, DIM);
+        }
+    }
+
+    /// The line that bounds where the cue ball may be put.
+    pub fn area(&self, ground: &Ground, area: Option<Area>) {
+        let stroke = Stroke::new(1.5, GUIDE);
+        let line = |from: DVec2, to: DVec2| self.segment(from.extend(0.0), to.extend(0.0), stroke);
+        let half = 0.5 * ground.width_m;
+        match area {
+            Some(Area::Kitchen) => {
+                let x = ground.head_spot().x;
+                line(DVec2::new(x, -half), DVec2::new(x, half));
+            }
+            Some(Area::D) => {
+                let (middle, radius) = (ground.baulk_spot(), ground.d_radius_m());
+                let at = |i: u32| {
+                    let angle = std::f64::consts::PI * (0.5 + f64::from(i) / f64::from(ARC));
+                    middle + radius * DVec2::from_angle(angle)
+                };
+                (0..ARC).for_each(|i| line(at(i), at(i + 1)));
+                line(at(ARC), at(0));
+            }
+            Some(Area::Anywhere) | None => {}
+        }
+    }
+
+    /// A ball on the cloth as it is seen.
+    fn disc(&self, at: DVec2, radius_m: f64) -> Option<(Pos2, f32)> {
+        let center = at.extend(radius_m);
+        let film = self.projection.film_from_world(center)?;
+        let scale = self.projection.film_per_metre(center)?;
+        Some((self.point(film), (radius_m * scale) as f32))
+    }
+
     fn path(&self, path: &[DVec3], stroke: Stroke) {
         for pair in path.windows(2) {
             self.segment(pair[0], pair[1], stroke);
@@ -182,6 +250,12 @@ impl Sketch<'_> {
     }
 }
 
+const ARC: u32 = 24;
+const LEGAL: Color32 = Color32::from_rgb(120, 230, 160);
+const LEGAL_TINT: Color32 = Color32::from_rgba_premultiplied(20, 60, 35, 90);
+const ILLEGAL: Color32 = Color32::from_rgb(255, 120, 90);
+const ILLEGAL_TINT: Color32 = Color32::from_rgba_premultiplied(80, 20, 10, 110);
+const DIM: Color32 = Color32::from_rgba_premultiplied(0, 0, 0, 130);
 const SLOPE: f64 = 0.06;
 const OBJECT_WAY_M: f64 = 0.35;
 const CUE_WAY_M: f64 = 0.2;

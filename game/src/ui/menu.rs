@@ -6,7 +6,8 @@
 use egui::{Align, Button, Context, Id, Layout, Modal, RichText, Ui};
 
 use super::keys::Rebinding;
-use super::{help, keys, preferences, theme};
+use super::new_game::NewGame;
+use super::{help, keys, new_game, preferences, theme};
 use crate::input::{Intent, Trigger};
 use crate::settings::Store;
 
@@ -15,6 +16,7 @@ use crate::settings::Store;
 pub struct Menu {
     page: Option<Page>,
     rebinding: Rebinding,
+    game: NewGame,
     /// Whether the page has just been opened: then its first button takes the keyboard.
     is_fresh: bool,
 }
@@ -24,6 +26,8 @@ pub struct Menu {
 pub enum Page {
     /// What there is to do.
     Top,
+    /// What to play.
+    NewGame,
     /// The settings.
     Settings,
     /// Which key does what, and how that is changed.
@@ -37,6 +41,8 @@ pub enum Order {
     Resume,
     /// What a key over the table would do.
     Act(Intent),
+    /// To begin another game.
+    Begin(NewGame),
     /// To end.
     Quit,
 }
@@ -44,6 +50,8 @@ pub enum Order {
 /// What pages show that is not in the settings.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Facts<'a> {
+    /// Whether the free table is played, on which the balls are racked at will.
+    pub is_free_table: bool,
     /// How sound is played, or why it is not.
     pub sound: &'a str,
     /// What draws the window.
@@ -71,7 +79,7 @@ impl Menu {
             return;
         }
         match self.page {
-            Some(Page::Settings) => self.open(Page::Top),
+            Some(Page::Settings | Page::NewGame) => self.open(Page::Top),
             Some(Page::Keys) => self.open(Page::Settings),
             Some(Page::Top) | None => self.close(),
         }
@@ -105,7 +113,15 @@ impl Menu {
         let shown = modal.show(ctx, |ui| {
             ui.set_max_height(ctx.content_rect().height() - 60.0);
             match page {
-                Page::Top => self.top(ui, is_fresh),
+                Page::Top => self.top(ui, is_fresh, facts.is_free_table),
+                Page::NewGame => {
+                    let begins = new_game::page(ui, &mut self.game, is_fresh);
+                    self.footer(ui, false, None);
+                    begins.then(|| {
+                        self.close();
+                        Order::Begin(self.game.clone())
+                    })
+                }
                 Page::Settings => {
                     let action = preferences::page(ui, store, facts);
                     self.footer(ui, is_fresh, action)
@@ -119,7 +135,7 @@ impl Menu {
         shown.inner
     }
 
-    fn top(&mut self, ui: &mut Ui, is_fresh: bool) -> Option<Order> {
+    fn top(&mut self, ui: &mut Ui, is_fresh: bool, is_free_table: bool) -> Option<Order> {
         ui.set_width(260.0);
         ui.vertical_centered(|ui| ui.heading("Carom"));
         ui.add_space(6.0);
@@ -128,13 +144,16 @@ impl Menu {
             self.close();
             order = Some(Order::Resume);
         }
-        for (words, intent) in [
-            ("Rack again", Intent::Rack),
-            ("Watch the shots of before", Intent::LookBack),
-            ("Lay the balls", Intent::Practise),
-            ("Take a picture", Intent::Photograph),
+        if entry(ui, "New game", false) {
+            self.open(Page::NewGame);
+        }
+        for (words, intent, is_for_all) in [
+            ("Rack again", Intent::Rack, false),
+            ("Watch the shots of before", Intent::LookBack, true),
+            ("Lay the balls", Intent::Practise, false),
+            ("Take a picture", Intent::Photograph, true),
         ] {
-            if entry(ui, words, false) {
+            if (is_for_all || is_free_table) && entry(ui, words, false) {
                 self.close();
                 order = Some(Order::Act(intent));
             }

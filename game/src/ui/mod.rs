@@ -2,10 +2,12 @@
 //! statistics.
 
 pub mod aim;
+pub mod board;
 pub mod cue_panel;
 pub mod help;
 mod keys;
 pub mod menu;
+pub mod new_game;
 pub mod notes;
 pub mod practice;
 mod preferences;

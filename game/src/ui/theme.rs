@@ -1,6 +1,9 @@
 //! The look of every panel: colours with enough contrast over any picture, and sizes of text.
 
-use egui::{Color32, Context, CornerRadius, FontId, Frame, Margin, Stroke, TextStyle};
+use egui::{
+    Color32, Context, CornerRadius, FontDefinitions, FontFamily, FontId, Frame, Margin, Stroke,
+    TextStyle,
+};
 
 /// Behind text: dark and half-transparent, so that text of [`INK`] keeps a contrast above 7 to 1 over
 /// any picture.
@@ -20,6 +23,7 @@ pub const ALARM: Color32 = Color32::from_rgb(255, 150, 120);
 /// fades.
 pub fn apply(ctx: &Context, text_scale: f32, reduced_motion: bool) {
     ctx.set_theme(egui::Theme::Dark);
+    ctx.set_fonts(fonts());
     ctx.set_zoom_factor(text_scale);
     // The settings own the scale.
     ctx.options_mut(|options| options.zoom_with_keyboard = false);
@@ -51,6 +55,33 @@ pub fn apply(ctx: &Context, text_scale: f32, reduced_motion: bool) {
             style.scroll_animation = egui::style::ScrollAnimation::none();
         }
     });
+}
+
+/// egui's fonts; signs that the one for text lacks, such as those of groups, come from that for figures.
+fn fonts() -> FontDefinitions {
+    let mut fonts = FontDefinitions::default();
+    let families = &mut fonts.families;
+    let figures = families.get(&FontFamily::Monospace).cloned();
+    let text = families.entry(FontFamily::Proportional).or_default();
+    for name in figures.unwrap_or_default() {
+        if !text.contains(&name) {
+            text.push(name);
+        }
+    }
+    fonts
+}
+
+/// Gives a test's context this look in its first frame, in which nothing can be drawn yet; then says so.
+#[cfg(test)]
+pub(super) fn is_dressed(ctx: &Context) -> bool {
+    let id = egui::Id::unique("dressed");
+    let was = ctx.data(|data| data.get_temp(id)).unwrap_or(false);
+    if !was {
+        apply(ctx, 1.0, false);
+        ctx.data_mut(|data| data.insert_temp(id, true));
+        ctx.request_repaint();
+    }
+    was
 }
 
 /// What panels over the picture stand on.

@@ -1,0 +1,115 @@
+//! The computer at the table: as a player, as an adviser, and in a person's place. It thinks beside the
+//! window; what it does is seen, the cue turning to the shot before it strikes.
+
+use crate::ai::{Decision, Skill, Thinking};
+use crate::camera::{smoothstep, wrap_rad};
+use crate::contest::Match;
+use crate::sim::{Shot, Stroke};
+
+use super::aim::Aim;
+
+/// A decision in the making.
+#[derive(Debug)]
+pub(super) struct Mind {
+    thinking: Thinking,
+    /// What it is for.
+    pub(super) purpose: Purpose,
+    skill: Skill,
+}
+
+/// What the computer thinks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Purpose {
+    /// To play its own shot, or a person's who asked for it.
+    Play,
+    /// To tell a person.
+    Advise,
+}
+
+impl Mind {
+    /// The computer's own shot.
+    ///
+    /// # Errors
+    /// A sentence if the system gives no thread.
+    pub(super) fn own(contest: &Match, skill: Skill) -> Result<Self, String> {
+        let thinking = Thinking::start(contest.position(), skill, contest.draw_seed())?;
+        Ok(Self {
+            thinking,
+            purpose: Purpose::Play,
+            skill,
+        })
+    }
+
+    /// A person's shot.
+    ///
+    /// # Errors
+    /// As [`Match::advise`].
+    pub(super) fn for_person(contest: &Match, purpose: Purpose) -> Result<Self, String> {
+        Ok(Self {
+            thinking: contest.advise()?,
+            purpose,
+            skill: Match::adviser(),
+        })
+    }
+
+    /// The decision, once it is made.
+    ///
+    /// # Errors
+    /// A sentence if the thinking broke off.
+    pub(super) fn poll(&self) -> Result<Option<(Decision, Skill)>, String> {
+        let decision = self.thinking.poll()?;
+        Ok(decision.map(|decision| (decision, self.skill)))
+    }
+}
+
+/// A shot of the computer's on its way to the blow.
+#[derive(Debug)]
+pub(super) struct Planned {
+    pub(super) stroke: Stroke,
+    pub(super) shot: Shot,
+    since_secs: f64,
+    from: Aim,
+    to: Aim,
+}
+
+impl Planned {
+    /// From where the cue points at `now_secs`.
+    pub(super) fn new(stroke: Stroke, shot: Shot, from: Aim, now_secs: f64) -> Self {
+        Self {
+            to: Aim::of(&stroke),
+            stroke,
+            shot,
+            since_secs: now_secs,
+            from,
+        }
+    }
+
+    /// Where the cue points at `now_secs`.
+    pub(super) fn aim(&self, now_secs: f64) -> Aim {
+        let s = smoothstep((now_secs - self.since_secs) / TURN_SECS);
+        let mix = |a: f64, b: f64| a + (b - a) * s;
+        let turned = wrap_rad(self.to.bearing_rad - self.from.bearing_rad);
+        Aim {
+            bearing_rad: wrap_rad(self.from.bearing_rad + turned * s),
+            tip: self.from.tip.lerp(self.to.tip, s),
+            elevation_rad: mix(self.from.elevation_rad, self.to.elevation_rad),
+            power: mix(self.from.power, self.to.power),
+            ..self.to
+        }
+    }
+
+    /// The share of the way back that the cue is drawn; none before it is.
+    pub(super) fn drawn(&self, now_secs: f64) -> Option<f64> {
+        let share = (now_secs - self.since_secs - TURN_SECS) / DRAW_SECS;
+        (share > 0.0).then(|| smoothstep(share))
+    }
+
+    /// Whether the cue is drawn back and the blow is due.
+    pub(super) fn is_due(&self, now_secs: f64) -> bool {
+        now_secs - self.since_secs >= TURN_SECS + DRAW_SECS
+    }
+}
+
+/// The cue turns to the shot, rests a moment there, and is drawn back: long enough to be followed.
+const TURN_SECS: f64 = 1.0;
+const DRAW_SECS: f64 = 0.6;

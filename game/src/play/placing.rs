@@ -1,0 +1,115 @@
+//! A cue ball in hand: carried over the table, put down where the rules and the other balls allow it.
+
+use glam::DVec2;
+
+use crate::camera::Projection;
+use crate::input::Intent;
+
+use super::{Game, Phase};
+
+/// A cue ball that is carried.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Placing {
+    /// Where it is held, in m.
+    pub at: DVec2,
+    /// Whether it may be put down there, or why not.
+    pub verdict: Result<(), String>,
+    /// Where it was taken up.
+    from: DVec2,
+}
+
+impl Game {
+    /// The cue ball that is carried, if it is.
+    pub fn placing(&self) -> Option<&Placing> {
+        match &self.phase {
+            Phase::Placing(placing) => Some(placing),
+            _ => None,
+        }
+    }
+
+    /// Takes the cue ball up, or puts it down again.
+    pub(super) fn pick_up(&mut self) {
+        if matches!(self.phase, Phase::Placing(_)) {
+            return self.put_down();
+        }
+        let Some(at) = self.contest.cue_ball_in_hand() else {
+            self.notice =
+                Some("The cue ball is not in hand: it is played from where it lies".into());
+            return;
+        };
+        self.phase = Phase::Placing(Placing {
+            at,
+            verdict: self.contest.may_place(at),
+            from: at,
+        });
+    }
+
+    /// Moves or puts down the ball that is carried; false if the intent is for something else.
+    pub(super) fn place(&mut self, intent: Intent, now_secs: f64, film: DVec2) -> bool {
+        let Phase::Placing(placing) = &self.phase else {
+            return false;
+        };
+        let at = placing.at;
+        match intent {
+            Intent::Point(point) => {
+                let projection = Projection::new(&self.camera(now_secs), film.x, film.y);
+                if let Some(seen) = projection.world_from_film(point, 0.0) {
+                    self.carry_to(seen.truncate());
+                }
+            }
+            Intent::MoveTip(by) => self.carry_to(at + self.on_screen(by * TIP_M)),
+            Intent::Turn(by_rad) => {
+                let steps = -by_rad.to_degrees();
+                self.carry_to(at + self.on_screen(DVec2::new(steps * TURN_M, 0.0)));
+            }
+            Intent::Put | Intent::Strike | Intent::BeginCharge | Intent::PickUp => self.put_down(),
+            Intent::Escape | Intent::Cancel => self.put_back(),
+            Intent::BeginPull | Intent::BeginSwing => {}
+            _ => return false,
+        }
+        true
+    }
+
+    /// So much to the right and away on the screen, on the table.
+    fn on_screen(&self, by: DVec2) -> DVec2 {
+        let ahead = DVec2::from_angle(self.dolly.viewpoint().bearing_rad);
+        ahead * by.y - ahead.perp() * by.x
+    }
+
+    fn carry_to(&mut self, at: DVec2) {
+        let verdict = self.contest.may_place(at);
+        if verdict.is_ok() {
+            // The picture shows it where it may lie.
+            let _ = self.contest.place(at);
+            self.foresight = None;
+        }
+        if let Phase::Placing(placing) = &mut self.phase {
+            (placing.at, placing.verdict) = (at, verdict);
+        }
+    }
+
+    fn put_down(&mut self) {
+        let Phase::Placing(placing) = &self.phase else {
+            return;
+        };
+        if let Err(why) = &placing.verdict {
+            self.notice = Some(why.clone());
+            return;
+        }
+        self.get_ready();
+    }
+
+    fn put_back(&mut self) {
+        if let Phase::Placing(placing) = &self.phase {
+            let from = placing.from;
+            // It lay there before.
+            let _ = self.contest.place(from);
+        }
+        self.get_ready();
+    }
+}
+
+/// A key's way, 5 % of a ball radius for the tip, is 20 mm here, and 2 mm in fine steps.
+const TIP_M: f64 = 0.4;
+/// The way of a degree of aim.
+const TURN_M: f64 = 0.02;

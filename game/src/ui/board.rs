@@ -1,0 +1,388 @@
+//! The match over the picture: who plays, what is on, what was said, and what can be decided. Nothing is
+//! said by colour alone.
+
+use std::rc::Rc;
+
+use egui::{
+    Align2, Area, Button, Context, Id, Order, Rect, RichText, ScrollArea, Sense, Stroke, Ui, Vec2,
+    WidgetInfo,
+};
+
+use super::theme;
+use crate::contest::{PlayerView, View};
+use crate::input::{Action, Bindings, Intent};
+use crate::rules::{Call, Ground, RuleSet};
+
+/// What the board shows.
+#[derive(Clone, Debug)]
+pub struct Board {
+    /// The match.
+    pub view: Rc<View>,
+    /// Whether a person may play now.
+    pub may_play: bool,
+    /// Whether the computer looks for a shot.
+    pub is_thinking: bool,
+    /// The ball that the cue points at.
+    pub aimed: Option<u8>,
+    /// What counts as called, in words.
+    pub call: Option<String>,
+    /// The table, where something can be called.
+    pub pockets: Option<Ground>,
+}
+
+/// Draws the board; what the player asks for with the pointer.
+pub fn draw(ctx: &Context, board: &Board, bindings: &Bindings, log: bool) -> Option<Intent> {
+    let mut wanted = None;
+    if board.view.rules != RuleSet::Free {
+        wanted = panel(
+            ctx,
+            "score",
+            Align2::CENTER_TOP,
+            Vec2::new(0.0, 8.0),
+            |ui| score(ui, board),
+        );
+    }
+    if board.pockets.is_some() {
+        let asked = panel(
+            ctx,
+            "call",
+            Align2::RIGHT_CENTER,
+            Vec2::new(-12.0, 0.0),
+            |ui| calls(ui, board, bindings),
+        );
+        wanted = wanted.or(asked);
+    }
+    let asked = panel(
+        ctx,
+        "deeds",
+        Align2::RIGHT_BOTTOM,
+        Vec2::new(-12.0, -12.0),
+        |ui| {
+            if log {
+                said(ui, &board.view);
+            }
+            deeds(ui, board, bindings)
+        },
+    );
+    wanted.or(asked)
+}
+
+fn panel(
+    ctx: &Context,
+    name: &str,
+    place: Align2,
+    offset: Vec2,
+    draw: impl FnOnce(&mut Ui) -> Option<Intent>,
+) -> Option<Intent> {
+    let area = Area::new(Id::unique(name))
+        .order(Order::Middle)
+        .anchor(place, offset);
+    area.show(ctx, |ui| theme::frame().show(ui, draw).inner)
+        .inner
+}
+
+/// Who plays whom, what stands, what is to be done.
+fn score(ui: &mut Ui, board: &Board) -> Option<Intent> {
+    let view = &board.view;
+    ui.set_max_width(0.62 * ui.ctx().content_rect().width());
+    ui.vertical_centered(|ui| {
+        ui.horizontal(|ui| {
+            for (index, player) in view.players.iter().enumerate() {
+                side(ui, player, index == view.turn && view.winner.is_none());
+                if index + 1 < view.players.len() {
+                    ui.label(
+                        RichText::new(format!("{} · {}", view.title, view.goal))
+                            .color(theme::FAINT),
+                    );
+                }
+            }
+        });
+        if let Some(banner) = &view.banner {
+            let words = RichText::new(banner.as_str()).strong();
+            ui.label(if view.is_foul {
+                words.color(theme::ALARM)
+            } else {
+                words
+            });
+        }
+        let prompt = match (board.is_thinking, board.may_play) {
+            (true, false) => format!("{} is thinking …", view.players[view.turn].name),
+            _ => view.prompt.clone(),
+        };
+        ui.label(RichText::new(prompt).color(theme::FAINT));
+        options(ui, board)
+    })
+    .inner
+}
+
+/// A player: a mark for who is at the table, the name, the score, the group in words, the balls left.
+fn side(ui: &mut Ui, player: &PlayerView, is_turn: bool) {
+    let mark = if is_turn { "▶ " } else { "   " };
+    let name = RichText::new(format!("{mark}{}", player.name));
+    let name = if is_turn {
+        name.strong().color(theme::ACCENT)
+    } else {
+        name
+    };
+    ui.vertical(|ui| {
+        ui.horizontal(|ui| {
+            ui.label(name);
+            ui.label(RichText::new(player.score.to_string()).heading());
+        });
+        if !player.state.is_empty() {
+            ui.label(RichText::new(&player.state).small());
+        }
+        if !player.left.is_empty() {
+            let left: Vec<String> = player.left.iter().map(u8::to_string).collect();
+            ui.label(RichText::new(format!("left: {}", left.join(" "))).small());
+        }
+    });
+}
+
+fn options(ui: &mut Ui, board: &Board) -> Option<Intent> {
+    if !board.may_play || board.view.options.is_empty() {
+        return None;
+    }
+    let mut wanted = None;
+    ui.horizontal_wrapped(|ui| {
+        for option in &board.view.options {
+            if ui.button(option.words).clicked() {
+                wanted = Some(Intent::Choose(option.choice));
+            }
+        }
+    });
+    wanted
+}
+
+/// A small map of the table with its pockets to click on, and what else can be called. A shot can be
+/// struck whatever is called.
+fn calls(ui: &mut Ui, board: &Board, bindings: &Bindings) -> Option<Intent> {
+    let (view, ground) = (&board.view, board.pockets.as_ref()?);
+    ui.set_max_width(MAP.x + 20.0);
+    ui.label(RichText::new("Call").color(theme::ACCENT));
+    let said = match (&board.call, view.call.is_some()) {
+        (Some(words), true) => format!("{words} (called)"),
+        (Some(words), false) => format!("{words} (by your aim)"),
+        (None, _) => "nothing: what falls does not count".to_owned(),
+    };
+    ui.label(RichText::new(said).small());
+    let mut wanted = None;
+    let called = view.call.as_ref().map(|call| call.call);
+    if view.wants_call && view.rules != RuleSet::Snooker {
+        wanted = map(ui, board, ground, called);
+        wanted = wanted.or(toggle(ui, "Safety", Call::Safety, called));
+    } else if view.wants_call {
+        for &ball in &view.on {
+            let call = Call::Pot { ball, pocket: None };
+            wanted = wanted.or(toggle(ui, &view.rules.ball_name(ball), call, called));
+        }
+    }
+    if view.may_push_out {
+        wanted = wanted.or(toggle(ui, "Push-out", Call::PushOut, called));
+    }
+    let key = bindings.words(Action::CallNext);
+    ui.label(
+        RichText::new(format!("{key}: the next"))
+            .small()
+            .color(theme::FAINT),
+    );
+    wanted
+}
+
+fn toggle(ui: &mut Ui, words: &str, call: Call, called: Option<Call>) -> Option<Intent> {
+    let is_on = called == Some(call);
+    let button = ui.selectable_label(is_on, words);
+    button
+        .clicked()
+        .then_some(Intent::Call((!is_on).then_some(call)))
+}
+
+fn map(ui: &mut Ui, board: &Board, ground: &Ground, called: Option<Call>) -> Option<Intent> {
+    let (rect, _) = ui.allocate_exact_size(MAP, Sense::hover());
+    let bed = rect.shrink(9.0);
+    ui.painter()
+        .rect_filled(bed, 3.0, egui::Color32::from_rgb(30, 80, 55));
+    let mut wanted = None;
+    for (index, pocket) in ground.pockets.iter().enumerate() {
+        // The head is to the left, as the player sees it from the long side.
+        let share = Vec2::new(
+            (pocket.x / ground.length_m + 0.5) as f32,
+            (0.5 - pocket.y / ground.width_m) as f32,
+        );
+        let center = bed.min + share.clamp(Vec2::ZERO, Vec2::ONE) * bed.size();
+        let hole = Rect::from_center_size(center, Vec2::splat(18.0));
+        let response = ui.interact(hole, ui.scope_id().with(index), Sense::CLICK);
+        let name = ground.pocket_name(index);
+        response.widget_info(|| WidgetInfo::labeled(egui::Role::Button, true, &name));
+        let is_called = matches!(called, Some(Call::Pot { pocket: Some(p), .. }) if p == index);
+        let radius = if response.hovered() { 8.0 } else { 6.5 };
+        ui.painter().circle(
+            center,
+            radius,
+            egui::Color32::BLACK,
+            Stroke::new(1.5, theme::INK),
+        );
+        if is_called {
+            ui.painter().circle_filled(center, 4.0, theme::ACCENT);
+        }
+        let ball = board.aimed.or(board.view.on.first().copied());
+        if let (true, Some(ball)) = (response.on_hover_text(&name).clicked(), ball) {
+            let pot = Call::Pot {
+                ball,
+                pocket: Some(index),
+            };
+            wanted = Some(Intent::Call((!is_called).then_some(pot)));
+        }
+    }
+    wanted
+}
+
+/// What can be done besides striking, each with its key.
+fn deeds(ui: &mut Ui, board: &Board, bindings: &Bindings) -> Option<Intent> {
+    let view = &board.view;
+    let rows = [
+        ("Undo", Action::Undo, view.undo > 0, Intent::Undo),
+        ("Suggest", Action::Suggest, board.may_play, Intent::Suggest),
+        (
+            "Play it for me",
+            Action::TakeOver,
+            board.may_play,
+            Intent::TakeOver,
+        ),
+        (
+            "Move the cue ball",
+            Action::PickUp,
+            board.may_play && view.hand.is_some(),
+            Intent::PickUp,
+        ),
+        ("Log", Action::Log, !view.log.is_empty(), Intent::ToggleLog),
+    ];
+    let mut wanted = None;
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 6.0;
+        for (words, action, is_possible, intent) in rows {
+            if action == Action::PickUp && !is_possible {
+                continue;
+            }
+            let words = RichText::new(format!("{words} ({})", bindings.words(action))).small();
+            if ui.add_enabled(is_possible, Button::new(words)).clicked() {
+                wanted = Some(intent);
+            }
+        }
+    });
+    wanted
+}
+
+fn said(ui: &mut Ui, view: &View) {
+    ui.set_max_width(420.0);
+    let area = ScrollArea::vertical()
+        .max_height(220.0)
+        .stick_to_bottom(true);
+    area.show(ui, |ui| {
+        for line in &view.log {
+            ui.label(RichText::new(line).small());
+        }
+    });
+}
+
+const MAP: Vec2 = Vec2::new(132.0, 76.0);
+
+#[cfg(test)]
+mod tests {
+    use std::cell::RefCell;
+
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable as _;
+
+    use super::*;
+    use crate::contest::{Match, Player, Setup};
+    use crate::sim::Stroke;
+
+    /// A match after its break, which leaves calls open.
+    fn broken() -> Match {
+        let players = Player::list("Ada,Bo").unwrap();
+        let mut game = Match::new(Setup::new(RuleSet::Eight, players, 3).unwrap()).unwrap();
+        let stroke = Stroke::straight(0.0, 8.0);
+        let shot = game.strike(stroke).unwrap();
+        game.finish(stroke, &shot);
+        game
+    }
+
+    fn board(game: &Match) -> Board {
+        Board {
+            view: Rc::new(game.view()),
+            may_play: true,
+            is_thinking: false,
+            aimed: Some(4),
+            call: None,
+            pockets: Some(game.ground().clone()),
+        }
+    }
+
+    fn clicked(board: &Board, label: &str) -> Vec<Intent> {
+        let intents = RefCell::new(Vec::new());
+        let bindings = Bindings::default();
+        let mut harness = Harness::builder()
+            .with_size(Vec2::new(1280.0, 720.0))
+            .build_ui(|ui| {
+                if theme::is_dressed(ui.ctx()) {
+                    let asked = draw(ui.ctx(), board, &bindings, true);
+                    intents.borrow_mut().extend(asked);
+                }
+            });
+        harness.run();
+        harness.get_by_label_contains(label).click();
+        harness.run();
+        drop(harness);
+        intents.into_inner()
+    }
+
+    #[test]
+    fn a_click_on_a_pocket_calls_the_ball_that_is_aimed_at() {
+        let board = board(&broken());
+        let call = Call::Pot {
+            ball: 4,
+            pocket: Some(0),
+        };
+        let name = board.pockets.as_ref().unwrap().pocket_name(0);
+        assert_eq!(clicked(&board, &name), [Intent::Call(Some(call))]);
+        assert_eq!(
+            clicked(&board, "Safety"),
+            [Intent::Call(Some(Call::Safety))]
+        );
+    }
+
+    #[test]
+    fn the_board_offers_what_can_be_done() {
+        let board = board(&broken());
+        assert_eq!(clicked(&board, "Undo"), [Intent::Undo]);
+        assert_eq!(clicked(&board, "Suggest"), [Intent::Suggest]);
+        assert_eq!(clicked(&board, "Play it for me"), [Intent::TakeOver]);
+    }
+
+    #[test]
+    fn a_foul_is_told_in_words_and_choices_are_buttons() {
+        let mut game = broken();
+        for angle in [1.0, 1.0] {
+            if let Some(&choice) = game.referee().options().first() {
+                game.choose(choice).unwrap();
+            }
+            let stroke = Stroke::straight(angle, 0.1);
+            let shot = game.strike(stroke).unwrap();
+            game.finish(stroke, &shot);
+        }
+        let board = board(&game);
+        let bindings = Bindings::default();
+        let mut harness = Harness::builder()
+            .with_size(Vec2::new(1280.0, 720.0))
+            .build_ui(|ui| {
+                if theme::is_dressed(ui.ctx()) {
+                    draw(ui.ctx(), &board, &bindings, false);
+                }
+            });
+        harness.run();
+        harness.get_by_label_contains("Foul: the cue ball touched no ball");
+        harness.get_by_label_contains("Ada");
+        harness.get_by_label_contains("You are on");
+    }
+}
