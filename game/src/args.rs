@@ -207,13 +207,11 @@ impl Args {
         };
         let begun = players.and_then(|players| {
             let own = Setup::new(rules, players, self.seed)?;
-            let table = match wants_table {
-                true => {
-                    self.table_and_recording()
-                        .map_err(|error| format!("{error:#}"))?
-                        .0
-                }
-                false => own.table,
+            let table = if wants_table {
+                let found = self.table_and_recording();
+                found.map_err(|error| format!("{error:#}"))?.0
+            } else {
+                own.table
             };
             Match::new(Setup {
                 table,

@@ -91,7 +91,10 @@ impl Match {
         View {
             rules: referee.rules(),
             title: sheet.name,
-            goal: format!("first to {} {}", referee.target(), sheet.unit),
+            goal: match referee.target() {
+                1 => format!("first to a {}", sheet.unit.trim_end_matches('s')),
+                target => format!("first to {target} {}", sheet.unit),
+            },
             players: (0..self.players.len())
                 .map(|i| self.player_view(i))
                 .collect(),

@@ -107,6 +107,7 @@ fn score(ui: &mut Ui, board: &Board) -> Option<Intent> {
         }
         let prompt = match (board.is_thinking, board.may_play) {
             (true, false) => format!("{} is thinking …", view.players[view.turn].name),
+            (false, false) if view.winner.is_none() => " ".to_owned(),
             _ => view.prompt.clone(),
         };
         ui.label(RichText::new(prompt).color(theme::FAINT));
@@ -261,9 +262,6 @@ fn deeds(ui: &mut Ui, board: &Board, bindings: &Bindings) -> Option<Intent> {
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 6.0;
         for (words, action, is_possible, intent) in rows {
-            if action == Action::PickUp && !is_possible {
-                continue;
-            }
             let words = RichText::new(format!("{words} ({})", bindings.words(action))).small();
             if ui.add_enabled(is_possible, Button::new(words)).clicked() {
                 wanted = Some(intent);

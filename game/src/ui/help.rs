@@ -46,7 +46,7 @@ pub fn table(ui: &mut egui::Ui, bindings: &Bindings) {
 pub fn legend(ctx: &Context, bindings: &Bindings) {
     Area::new(Id::unique("legend"))
         .order(Order::Background)
-        .anchor(Align2::CENTER_BOTTOM, egui::vec2(0.0, -14.0))
+        .anchor(Align2::CENTER_BOTTOM, egui::vec2(0.0, -60.0))
         .interactable(false)
         .show(ctx, |ui| {
             theme::frame().show(ui, |ui| {

@@ -29,7 +29,7 @@ pub struct Overlay<'a> {
 /// Draws the sentence near the bottom.
 pub fn draw(painter: &Painter, screen: Rect, overlay: &Overlay<'_>) {
     if let Some(notice) = overlay.notice {
-        let bottom = screen.center_bottom() - Vec2::new(0.0, 64.0);
+        let bottom = screen.center_bottom() - Vec2::new(0.0, 112.0);
         label(painter, bottom, Align2::CENTER_BOTTOM, notice, 16.0);
     }
 }
