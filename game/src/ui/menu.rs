@@ -3,7 +3,7 @@
 //! Every page works with the keyboard alone: arrows and Tab move, Enter or Space chooses, Esc goes
 //! back.
 
-use egui::{Align, Button, Context, Id, Layout, Modal, RichText, Ui};
+use egui::{Button, Context, Id, Modal, RichText, Ui};
 
 use super::keys::Rebinding;
 use super::new_game::NewGame;
@@ -173,7 +173,7 @@ impl Menu {
     /// The way back, at the foot of a page, and what the page itself asked for.
     fn footer(&mut self, ui: &mut Ui, is_fresh: bool, wanted: Option<Page>) -> Option<Order> {
         ui.separator();
-        ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+        ui.horizontal(|ui| {
             let back = ui.button("Back");
             if is_fresh {
                 back.request_focus();
