@@ -1,14 +1,13 @@
 //! The command line.
 
 use std::path::{Path, PathBuf};
-use std::sync::LazyLock;
 
 use carom_farm::{FarmConfig, LocalNode};
 use carom_tracer::{ImageSize, RenderSettings};
 use clap::{Parser, Subcommand, ValueEnum as _};
 
 use crate::ball_set::BallSet;
-use crate::bench::{Bench, trade};
+use crate::bench::Bench;
 use crate::contest::{Match, MatchArgs, Player, Setup};
 use crate::display::Present;
 use crate::rules::RuleSet;
@@ -101,7 +100,7 @@ pub struct Args {
     pub record: Option<PathBuf>,
     /// What moves the balls: exact, or rapier-N: plain rapier at N steps per second, 30 to 10000
     /// [default: as in the settings, else exact]
-    #[arg(long, value_name = "ENGINE", long_help = PHYSICS_HELP.as_str())]
+    #[arg(long, value_name = "ENGINE", long_help = PHYSICS_HELP)]
     pub physics: Option<Engine>,
     /// The settings file [default: carom/settings.toml in the platform's folder]
     #[arg(long, value_name = "FILE")]
@@ -233,15 +232,21 @@ impl Args {
     }
 }
 
-static PHYSICS_HELP: LazyLock<String> = LazyLock::new(|| {
-    format!(
-        "What moves the balls: exact (the billiards laws, from contact to contact) or rapier-N (the \
-         physics engine's own contacts and solver at N steps per second, 30 to 10000). What they \
-         cost and lose:\n\n{}\n\nA corner pocket a metre away forgives about 1.7°; a real break keeps \
-         76 % of its energy",
-        trade::measured_table()
-    )
-});
+/// Measured with `carom bench physics --part trade` on one core of a machine with AVX2.
+const PHYSICS_HELP: &str = "\
+What moves the balls: exact (the billiards laws, from contact to contact) or rapier-N (the physics
+engine's own contacts and solver at N steps per second, 30 to 10000). What the settings cost and lose:
+
+              error of a    reference   energy kept  CPU ms per  CPU ms for
+              30° cut at    shots, off  in a break   simulated   a whole
+              3 m/s         (median)    (real: 76 %) second      break
+  exact       0.000001°     0.001 mm    73 %          0.3          3
+  rapier-60   7.7°          223 mm      41 %          1.5         11
+  rapier-240  6.1°           50 mm      36 %          5.6         34
+  rapier-1000 1.7°           37 mm      26 %         20          108
+  rapier-4000 0.4°           50 mm      24 %         75          410
+
+A corner pocket a metre away forgives about 1.7°";
 
 #[cfg(test)]
 mod tests {

@@ -112,14 +112,14 @@ fn row(node: &NodeStatus) -> Row {
 fn print(row: &Row) {
     let Row {
         address,
-        state: _,
+        state,
         sentence,
         name,
         device,
         round_trip_ms,
         protocol,
     } = row;
-    print!("{address} {sentence}");
+    print!("{address} ({state}) {sentence}");
     if let (Some(name), Some(device)) = (name, device) {
         print!("; {name}, {device}, protocol {protocol}");
     }

@@ -14,6 +14,7 @@ use carom_protocol::FrameId;
 use carom_tracer::TileRun;
 
 use super::balancer::{Estimate, Line, fill};
+use super::roster::Node;
 use super::run::Run;
 use super::work::push_tile;
 use super::{Coordinator, NodeIndex};
@@ -197,6 +198,9 @@ impl Coordinator {
         let newcomer = self.newcomer();
         let frame = self.frames.iter().find(|frame| frame.id == id)?;
         let film = frame.film.as_ref()?;
+        // What has failed helps only where nothing else is left.
+        let can_help = |node: &Node| node.is_usable(frame.scene.0);
+        let has_trusted = self.nodes.iter().any(|n| can_help(n) && n.is_trusted());
         let mut arrivals = vec![f64::INFINITY; frame.grid.len() as usize];
         let mut free_tiles = vec![false; arrivals.len()];
         let (mut lines, mut helpers, mut help) = (Vec::new(), Vec::new(), Vec::new());
@@ -225,7 +229,7 @@ impl Coordinator {
             let Some(line) = node.estimate().or(newcomer) else {
                 continue;
             };
-            if node.is_usable(frame.scene.0) && node.is_trusted() {
+            if can_help(node) && (node.is_trusted() || !has_trusted) {
                 helpers.push(NodeIndex(index));
                 help.push(Line {
                     mute_work: node.rhythm.mute_work(),

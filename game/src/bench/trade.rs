@@ -1,13 +1,12 @@
 //! What accuracy costs: the laws from event to event against plain rapier, at many settings.
 
 use std::f64::consts::PI;
-use std::fmt::{self, Write as _};
-use std::sync::LazyLock;
+use std::fmt;
 
 use anyhow::Context as _;
 use cpu_time::ThreadTime;
 use glam::{DVec2, DVec3};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use carom_farm::chart::{Axis, Chart, Mark, Series};
 
@@ -22,7 +21,7 @@ use crate::sim::{
 };
 
 /// One setting: its errors and its costs.
-#[derive(Clone, Debug, Deserialize, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Trade {
     /// As `--physics` takes it, with the knobs that are not the usual.
     pub engine: String,
@@ -61,28 +60,6 @@ impl fmt::Display for Trade {
 pub const HEADING: &str = "engine                       cut error  mm off     energy    CPU ms,  \
                            CPU ms a   dearest\n                                   deg   \
                            (median)      kept  a break     second  10 ms, ms";
-
-/// What was measured on one core of a machine with AVX2, for help texts:
-/// `cargo run --release -- bench physics --part trade --json >game/src/bench/trade.json` writes it anew.
-pub static MEASURED: LazyLock<Vec<Trade>> = LazyLock::new(|| {
-    #[derive(Deserialize)]
-    struct Report {
-        trade: Vec<Trade>,
-    }
-    let report: Report = serde_json::from_str(include_str!("trade.json"))
-        .expect("the stored trade is what the bench writes: a test reads it");
-    report.trade
-});
-
-/// [`MEASURED`] of the settings with no more knobs than the steps, as a table.
-pub fn measured_table() -> String {
-    let usual = MEASURED.iter().filter(|trade| !trade.engine.contains(','));
-    usual.fold(HEADING.to_owned(), |mut table, trade| {
-        // Writing to a string cannot fail.
-        let _ = write!(table, "\n{trade}");
-        table
-    })
-}
 
 /// The settings that are compared.
 pub fn engines() -> Vec<Engine> {
@@ -263,37 +240,3 @@ const BREAK_M_S: f64 = 8.0;
 const FRAME_SECS: f64 = 0.01;
 /// The best of so many counts.
 const RUNS: u32 = 3;
-
-#[cfg(test)]
-mod tests {
-    use std::path::Path;
-
-    use super::*;
-
-    /// Errors are the same on every machine; times are those of the day they were measured.
-    #[test]
-    fn the_stored_errors_are_those_of_today() {
-        let names: Vec<_> = engines().iter().map(ToString::to_string).collect();
-        let stored: Vec<_> = MEASURED.iter().map(|trade| trade.engine.clone()).collect();
-        assert_eq!(stored, names);
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/references/physics");
-        let references = Reference::read_folder(&folder).expect("stored references");
-        for engine in ["exact", "rapier-240"] {
-            let stored = MEASURED
-                .iter()
-                .find(|trade| trade.engine == engine)
-                .unwrap();
-            let fresh = measure(engine.parse().unwrap(), &references).unwrap();
-            for (is, was) in [
-                (fresh.cut_error_deg, stored.cut_error_deg),
-                (fresh.median_max_mm, stored.median_max_mm),
-                (fresh.energy_kept, stored.energy_kept),
-            ] {
-                assert!(
-                    (is - was).abs() <= 1e-3 * was + 1e-6,
-                    "{engine}: {is}, stored {was}; rewrite the file as its docs say"
-                );
-            }
-        }
-    }
-}
