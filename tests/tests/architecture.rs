@@ -63,7 +63,10 @@ const LAYERS: &[(&[&str], &[&str])] = &[
     (&["wgpu"], &["tracer/src/gpu/", "game/"]),
     (&["fearless_simd"], &["tracer/src/cpu/", "tracer/src/post/"]),
     (&["zstd"], &["protocol/"]),
-    (&["postcard"], &["protocol/", "game/src/sim/"]),
+    (
+        &["postcard"],
+        &["protocol/", "game/src/contest/", "game/src/sim/"],
+    ),
     (&["carom_farm"], &["farm/", "game/", "tests/"]),
     (&["carom_protocol"], &["protocol/", "farm/", "tests/"]),
     (&["carom::"], &["game/"]),
