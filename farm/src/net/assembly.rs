@@ -29,6 +29,8 @@ struct Block {
     heard: Duration,
     asked: Option<Duration>,
     asks: u32,
+    /// Part of an answer has come: the others come as surely.
+    answered: bool,
 }
 
 impl Assembly {
@@ -78,9 +80,15 @@ impl Assembly {
         let bit = 1u64.checked_shl(u32::from(repair.index))?;
         let missing = block.delivered & bit == 0;
         block.delivered |= bit;
-        // The others of the answer come as surely as this one.
-        block.asks = ASKS_MAX;
+        block.answered = true;
         missing.then_some(repair.packet)
+    }
+
+    /// Takes note that the sender has sent all blocks up to this one.
+    pub(crate) fn expect(&mut self, now: Duration, number: u64) {
+        if number >= self.next {
+            self.block(now, number);
+        }
     }
 
     /// The next block of which pieces are missing for too long, if there is one; `round_trip` is
@@ -114,7 +122,7 @@ impl Assembly {
     /// A block that is not too old, and with it those before it of which nothing has come.
     fn block(&mut self, now: Duration, number: u64) -> Option<&mut Block> {
         let oldest = self.next.saturating_sub(BLOCKS_KEPT);
-        if number < oldest {
+        if number < oldest || number == u64::MAX {
             return None;
         }
         if number >= self.next {
@@ -145,6 +153,7 @@ impl Block {
             heard: now,
             asked: None,
             asks: 0,
+            answered: false,
         }
     }
 
@@ -189,11 +198,13 @@ impl Block {
 
     /// When it is asked for; `None` if it is whole or has been asked for often enough.
     fn due(&self, is_past: bool, round_trip: Duration) -> Option<Duration> {
-        if self.whole || self.asks >= ASKS_MAX {
+        if self.whole || self.answered || self.asks >= ASKS_MAX {
             return None;
         }
         Some(match self.asked {
-            Some(asked) => asked + round_trip + ANSWER_PATIENCE,
+            Some(asked) => {
+                asked + (round_trip + ANSWER_PATIENCE) * (1 << self.asks.saturating_sub(2))
+            }
             None if is_past => self.heard.max(self.began) + PAST_PATIENCE,
             None => self.heard + LAST_PATIENCE,
         })
@@ -298,8 +309,10 @@ const PAST_PATIENCE: Duration = Duration::from_millis(4);
 const LAST_PATIENCE: Duration = Duration::from_millis(8);
 /// An answer may be longer under way than the round trip.
 const ANSWER_PATIENCE: Duration = Duration::from_millis(10);
-/// The second time is for a question that was lost itself; after that the deadline is over.
-const ASKS_MAX: u32 = 3;
+/// A question may be lost itself, or come before a busy sender has ended the block. From the third on
+/// they are twice as far apart each time: no deadline is met any more, but a frame without one must
+/// be whole some time.
+const ASKS_MAX: u32 = 10;
 
 #[cfg(test)]
 mod tests {
@@ -323,6 +336,7 @@ mod tests {
         flying: Vec<(Duration, Vec<u8>)>,
         asked: Vec<(Duration, Vec<u8>)>,
         repairs: Vec<(Duration, Repair)>,
+        told: Vec<(Duration, u64)>,
         sent: (u64, u64),
         repeated: f64,
         random: Random,
@@ -340,6 +354,7 @@ mod tests {
                 flying: Vec::new(),
                 asked: Vec::new(),
                 repairs: Vec::new(),
+                told: Vec::new(),
                 sent: (0, 0),
                 repeated,
                 random: Random::new(5),
@@ -376,6 +391,13 @@ mod tests {
                 let packets = self.assembly.receive(at, datagram).unwrap();
                 self.came
                     .extend(packets.into_iter().map(|packet| (at, packet)));
+            }
+            if self.blocks.tell_due().is_some_and(|due| due <= now) {
+                let told = self.blocks.tell().map(|last| (now + round_trip / 2, last));
+                self.told.extend(told);
+            }
+            for (_, last) in self.told.extract_if(.., |(at, _)| *at <= now) {
+                self.assembly.expect(now, last);
             }
             while let Some(missing) = self.assembly.poll_missing(now, round_trip) {
                 let at = self.back.send(now, 17);
@@ -485,6 +507,38 @@ mod tests {
         assert!(pair.blocks.due().is_none() && pair.assembly.blocks.values().all(|b| b.asks == 0));
     }
 
+    /// Nothing comes of the only block, nor of the first four questions.
+    #[test]
+    fn a_last_block_that_is_lost_whole_is_missed_and_comes() {
+        let (mut blocks, mut assembly) = (Blocks::default(), Assembly::default());
+        let mut losses = LossMeter::new();
+        let (round_trip, packet) = (46 * MS, vec![7; 900]);
+        let sent = blocks.push(MS, packet.clone(), DATAGRAM_BYTES, &mut losses);
+        assert!(!sent.unwrap().is_empty() && blocks.tell_due().is_none());
+        blocks.close(&mut losses);
+        let told = blocks.tell_due().unwrap();
+        let last = blocks.tell().unwrap();
+        assert!(blocks.tell_due().is_none());
+        assembly.expect(told, last);
+        let mut now = told;
+        for lost in 0..5 {
+            now = assembly.next_timeout(round_trip).unwrap();
+            let asked = assembly.poll_missing(now, round_trip);
+            let Some(Datagram::Missing { block, held: 0 }) = asked else {
+                panic!("{asked:?}");
+            };
+            if lost < 4 {
+                continue;
+            }
+            let repairs = blocks.repair(block, 0).into_iter();
+            let came: Vec<_> = repairs
+                .filter_map(|repair| assembly.receive_repair(repair))
+                .collect();
+            assert_eq!(came, std::slice::from_ref(&packet));
+        }
+        assert!(now < Duration::from_secs(1) && assembly.next_timeout(round_trip).is_none());
+    }
+
     #[test]
     fn any_datagrams_are_met_by_a_packet_or_a_reason() {
         let mut random = Random::new(1);
@@ -523,7 +577,7 @@ mod tests {
     #[test]
     fn a_leap_of_block_numbers_costs_no_memory() {
         let mut assembly = Assembly::default();
-        for block in [0, u64::MAX - 1, 5, u64::MAX - 3] {
+        for block in [0, u64::MAX - 1, u64::MAX, 5, u64::MAX - 3] {
             let datagram = Datagram::Data {
                 block,
                 index: 0,

@@ -24,6 +24,8 @@ pub(crate) struct Blocks {
     /// Blocks whose packets may be asked for, the oldest first.
     kept: VecDeque<Block>,
     kept_bytes: usize,
+    /// The first block whose end the player has not been told of.
+    untold: u64,
 }
 
 #[derive(Debug, Default)]
@@ -107,6 +109,21 @@ impl Blocks {
         datagrams
     }
 
+    /// When [`Blocks::tell`] wants to be called: some time after a block that none follows. If all
+    /// of it is lost, no other tells the player that there was one.
+    pub(crate) fn tell_due(&self) -> Option<Duration> {
+        let last = self.kept.back()?;
+        let is_untold = self.open.pieces.is_empty() && last.number >= self.untold;
+        is_untold.then(|| last.began + BLOCK_AGE_MAX + TELL_AFTER)
+    }
+
+    /// The number of the last block.
+    pub(crate) fn tell(&mut self) -> Option<u64> {
+        let last = self.kept.back()?.number;
+        self.untold = last + 1;
+        Some(last)
+    }
+
     /// The packets of a block of which the player lacks a piece; each is handed out once.
     pub(crate) fn repair(&mut self, number: u64, held: u64) -> Vec<Repair> {
         let Some(block) = self.kept.iter_mut().find(|block| block.number == number) else {
@@ -188,5 +205,7 @@ const PIECES_MAX: usize = DATA_MAX;
 /// The last parity of a block comes this much after its first piece: what is lost is late by no
 /// more, and blocks are long enough for few parities.
 const BLOCK_AGE_MAX: Duration = Duration::from_millis(3);
+/// As long as tiles of one frame may be apart.
+const TELL_AFTER: Duration = Duration::from_millis(5);
 /// 1 s of 31.5 Mbit/s or 130 ms of 250.
 const KEPT_BYTES_MAX: usize = 4 << 20;

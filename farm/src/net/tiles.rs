@@ -3,7 +3,7 @@
 //! a stream.
 //!
 //! A stream is a tile packet, or [`REPAIR`], the number of a block, the packet's first piece in it,
-//! and the packet.
+//! and the packet, or [`LAST`] and the number of the last block that was sent.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -80,17 +80,15 @@ impl TileWriter {
     ) -> Fault {
         loop {
             while self.tails.try_join_next().is_some() {}
-            let due = self.blocks.due().map(|due| self.began + due);
+            let due = self.blocks.due().or_else(|| self.blocks.tell_due());
+            let due = due.map(|due| self.began + due);
             let sent = tokio::select! {
                 packet = packets.recv() => match packet {
                     Some(packet) => self.send(packet).await,
                     None => return Fault::Gone(ConnectionError::LocallyClosed),
                 },
                 Some((block, held)) = asked.recv() => self.repair(block, held).await,
-                () = wait_until(due) => {
-                    let parities = self.blocks.close(&mut self.losses);
-                    self.send_datagrams(parities).await
-                }
+                () = wait_until(due) => self.end_block().await,
             };
             if let Err(fault) = sent {
                 return fault;
@@ -150,6 +148,21 @@ impl TileWriter {
             }
         }
         Ok(())
+    }
+
+    /// Sends the parities of the open block, or tells which was the last.
+    async fn end_block(&mut self) -> Result<(), Fault> {
+        if self.blocks.due().is_some() {
+            let parities = self.blocks.close(&mut self.losses);
+            return self.send_datagrams(parities).await;
+        }
+        match self.blocks.tell() {
+            Some(last) => {
+                self.send_stream(None, &[&[LAST], &last.to_le_bytes()])
+                    .await
+            }
+            None => Ok(()),
+        }
     }
 
     async fn repair(&mut self, block: u64, held: u64) -> Result<(), Fault> {
@@ -299,6 +312,14 @@ impl TileReader {
                 });
                 Ok(packet.into_iter().collect())
             }
+            Some(&LAST) => {
+                let last = bytes[1..]
+                    .try_into()
+                    .map_err(|_| "the number of a block is cut off")?;
+                let now = self.began.elapsed();
+                self.assembly.expect(now, u64::from_le_bytes(last));
+                Ok(Vec::new())
+            }
             _ => {
                 self.note(false);
                 Ok(vec![bytes])
@@ -352,5 +373,7 @@ async fn read_stream(mut stream: RecvStream) -> Result<Vec<u8>, Option<Fault>> {
 /// First byte of a stream with a packet that was lost as datagrams; no tile packet begins so.
 const REPAIR: u8 = 0xff;
 const REPAIR_BYTES: usize = 10;
+/// Likewise of a stream that tells which block was the last.
+const LAST: u8 = 0xfe;
 /// Two frames at 31.5 Mbit/s, whatever the window is.
 const SEND_BYTES_MIN: u64 = 128 << 10;

@@ -137,7 +137,7 @@ fn pixels_survive_a_long_path_that_loses_and_reorders() {
     let config = PathConfig {
         delay: Duration::from_millis(8),
         jitter: Duration::from_millis(1),
-        loss: 0.03,
+        loss: 0.1,
         burst: 2.0,
         reorder: 0.1,
         ..PathConfig::default()

@@ -4,7 +4,6 @@
 //! so in the settings. A shot's sound is one WAV file in the folder for temporary files.
 
 use std::ffi::OsString;
-use std::fs;
 use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -12,6 +11,8 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
+
+use tempfile::TempPath;
 
 use super::Sound;
 
@@ -167,24 +168,22 @@ fn work(player: &Player, requests: &Receiver<Request>, state: &Mutex<String>) {
 /// A player at work, and its file.
 struct Playing {
     child: Child,
-    file: PathBuf,
+    _file: TempPath,
 }
 
 impl Playing {
     fn start(player: &Player, sound: &Sound, volume: f64) -> std::io::Result<Self> {
-        let file = std::env::temp_dir().join(format!("carom-{}.wav", std::process::id()));
-        // Others may write into this folder too: nothing that stands there is written through.
-        let _ = fs::remove_file(&file);
-        let mut out = BufWriter::new(fs::File::create_new(&file)?);
-        let written = sound.write_wav(volume, &mut out).and_then(|()| out.flush());
-        let child = written.and_then(|()| player.start(&file));
-        match child {
-            Ok(child) => Ok(Self { child, file }),
-            Err(error) => {
-                let _ = fs::remove_file(&file);
-                Err(error)
-            }
-        }
+        let mut file = tempfile::Builder::new()
+            .prefix("carom-")
+            .suffix(".wav")
+            .tempfile()?;
+        let mut out = BufWriter::new(&mut file);
+        sound.write_wav(volume, &mut out)?;
+        out.flush()?;
+        drop(out);
+        let file = file.into_temp_path();
+        let child = player.start(&file)?;
+        Ok(Self { child, _file: file })
     }
 
     fn is_over(&mut self) -> bool {
@@ -196,7 +195,6 @@ impl Drop for Playing {
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
-        let _ = fs::remove_file(&self.file);
     }
 }
 
@@ -224,6 +222,8 @@ const REAP_PERIOD: Duration = Duration::from_millis(500);
 
 #[cfg(all(test, unix))]
 mod tests {
+    use std::fs;
+
     use super::*;
     use crate::sound::RATE_HZ;
 
@@ -237,7 +237,7 @@ mod tests {
     fn keeper(folder: &Path) -> Player {
         let kept = folder.join("kept.wav");
         let script = format!(
-            "cp \"$0\" {0}.new && mv {0}.new {0} && sleep 600",
+            "cp \"$0\" {0}.new && mv {0}.new {0} && exec sleep 600",
             kept.display()
         );
         Player {
@@ -246,11 +246,13 @@ mod tests {
         }
     }
 
-    fn wait_for(path: &Path) -> Vec<u8> {
+    fn wait_for(path: &Path, speaker: &Speaker) -> Vec<u8> {
         loop {
             if let Ok(bytes) = fs::read(path) {
                 return bytes;
             }
+            let state = speaker.state();
+            assert!(state.starts_with("Played by"), "{state}");
             thread::yield_now();
         }
     }
@@ -261,7 +263,7 @@ mod tests {
         let speaker = Speaker::new(Some(keeper(folder.path())));
         let kept = folder.path().join("kept.wav");
         speaker.play(Instant::now() + Duration::from_secs(3600), 1.0, sound);
-        let early = wait_for(&kept);
+        let early = wait_for(&kept, &speaker);
         assert!(
             early[44..44 + 96_000].iter().all(|byte| *byte == 0),
             "it begins with silence"
@@ -269,7 +271,7 @@ mod tests {
         fs::remove_file(&kept).unwrap();
         // The first player would sleep on: it is ended for the second, and that one by the drop.
         speaker.play(Instant::now() - Duration::from_millis(500), 1.0, sound);
-        let late = wait_for(&kept);
+        let late = wait_for(&kept, &speaker);
         assert!(
             late.len() < 44 + RATE_HZ as usize,
             "what is over is left out"

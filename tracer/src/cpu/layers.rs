@@ -33,8 +33,9 @@ impl Prepared {
         (0..keys.len()).map(pixel).collect()
     }
 
-    /// Adds the first hits of a range of each pixel's samples to `sums`.
-    #[inline(always)]
+    /// Adds the first hits of a range of each pixel's samples to `sums`. It has three callers, and so
+    /// much in it that each copy costs a minute of a build.
+    #[inline(never)]
     pub(super) fn add_first_hits<S: Simd>(
         &self,
         simd: S,
@@ -43,26 +44,15 @@ impl Prepared {
         samples: Range<u32>,
         sums: &mut [Vec<f32>; LAYERS],
     ) {
-        for at in (0..keys.len()).step_by(LANES) {
-            let seen = simd.vectorize(
-                #[inline(always)]
-                || self.first_hits_at(simd, films, keys, samples.clone(), at),
-            );
-            let pixels = at..keys.len().min(at + LANES);
-            if pixels.len() == LANES {
-                for (sums, seen) in sums.iter_mut().zip(seen) {
-                    let sum = load(simd, sums, at) + seen;
-                    store(sums, at, sum);
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                for at in (0..keys.len()).step_by(LANES) {
+                    let seen = self.first_hits_at(simd, films, keys, samples.clone(), at);
+                    add(simd, seen, at..keys.len().min(at + LANES), sums);
                 }
-                continue;
-            }
-            for (sums, seen) in sums.iter_mut().zip(seen) {
-                let seen = seen.to_array();
-                for (sum, seen) in sums[pixels.clone()].iter_mut().zip(seen) {
-                    *sum += seen;
-                }
-            }
-        }
+            },
+        );
     }
 
     #[inline(always)]
@@ -186,6 +176,21 @@ impl Prepared {
         let front = direction.dot(emission.normal).simd_lt(0.0);
         let emitted = Vec3x::select(lit & front, emission.radiance, black);
         Vec3x::select(escaped, environment, emitted)
+    }
+}
+
+/// Adds what the first lanes saw to these pixels.
+#[inline(always)]
+fn add<S: Simd>(simd: S, seen: Seen<S>, pixels: Range<usize>, sums: &mut [Vec<f32>; LAYERS]) {
+    for (sums, seen) in sums.iter_mut().zip(seen) {
+        if pixels.len() == LANES {
+            let sum = load(simd, sums, pixels.start) + seen;
+            store(sums, pixels.start, sum);
+            continue;
+        }
+        for (sum, seen) in sums[pixels.clone()].iter_mut().zip(seen.to_array()) {
+            *sum += seen;
+        }
     }
 }
 
