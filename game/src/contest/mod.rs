@@ -11,62 +11,27 @@
 mod adapter;
 mod advice;
 mod history;
+mod laying;
 mod player;
 mod record;
+mod setup;
 mod tournament;
 mod view;
 
 pub use adapter::{ground, report};
+use laying::racked;
 pub use player::{Level, Player};
 use record::Deed;
 pub use record::Record;
+pub use setup::Setup;
 pub use tournament::{MatchArgs, Side, Tally, play_out};
 pub use view::{CallView, OptionView, PlayerView, View};
-
-use std::collections::HashSet;
 
 use glam::DVec2;
 
 use crate::ai::Position;
-use crate::rules::{
-    self, Area, Call, Choice, Dice, Ground, Lie, Placed, Referee, RuleSet, Verdict,
-};
-use crate::sim::{self, AimContact, BallState, Engine, Laws, Shot, Stroke, Table, World};
-
-/// What a match is begun with.
-#[derive(Clone, Debug)]
-pub struct Setup {
-    /// The game.
-    pub rules: RuleSet,
-    /// Who plays: as many as the game's [`rules::Sheet::players`] allows.
-    pub players: Vec<Player>,
-    /// Racks, frames or points to win; 0 for the game's own.
-    pub target: u32,
-    /// Draws the racks.
-    pub seed: u32,
-    /// The table; usually the one that the game's row names.
-    pub table: Table,
-    /// What moves the balls.
-    pub engine: Engine,
-}
-
-impl Setup {
-    /// A game on its own table.
-    ///
-    /// # Errors
-    /// A sentence if the table is not usable.
-    pub fn new(rules: RuleSet, players: Vec<Player>, seed: u32) -> Result<Self, String> {
-        let table = Table::built_in(rules.sheet().table).map_err(|error| error.to_string())?;
-        Ok(Self {
-            rules,
-            players,
-            target: 0,
-            seed,
-            table,
-            engine: Engine::default(),
-        })
-    }
-}
+use crate::rules::{self, Area, Call, Choice, Ground, Lie, Referee, RuleSet, Verdict};
+use crate::sim::{self, AimContact, Engine, Shot, Stroke, World};
 
 /// A match in progress.
 #[derive(Clone, Debug)]
@@ -269,26 +234,6 @@ impl Match {
         cue_ball.map(|p| p.at)
     }
 
-    /// Puts the balls of a free table so.
-    ///
-    /// # Errors
-    /// A sentence if they cannot lie like this, or in a game with rules: it stays as it was.
-    pub fn arrange(&mut self, balls: &[BallState]) -> Result<(), String> {
-        if self.now.referee.rules() != RuleSet::Free {
-            return Err("Balls are laid on the free table: the menu begins one".to_owned());
-        }
-        let world = &self.now.world;
-        let mut arranged = World::with_laws(world.table().clone(), *world.laws(), balls.to_vec())
-            .map_err(|error| error.to_string())?;
-        arranged.set_engine(world.engine());
-        let places = balls
-            .iter()
-            .map(|ball| (ball.number, ball.position.truncate()));
-        self.deeds.push(Deed::Layout(places.collect()));
-        self.now.world = arranged;
-        Ok(())
-    }
-
     /// The call that counts for a stroke: what was said, or what is obvious from the aim.
     pub fn call_for(&self, stroke: Stroke) -> Option<Call> {
         self.now.call.or_else(|| self.inferred(stroke))
@@ -384,57 +329,6 @@ impl Match {
         adapter::lie(&self.now.world.balls())
     }
 
-    /// Puts the balls where the verdict wants them.
-    fn lay(&mut self, verdict: &Verdict) {
-        if let Some(seed) = verdict.rack {
-            let rules = self.now.referee.rules();
-            let lie = rules::rack(rules, &self.ground, seed);
-            let (table, engine) = (self.now.world.table().clone(), self.now.world.engine());
-            match racked(&table, engine, &lie, seed) {
-                Ok(world) => self.now.world = world,
-                Err(error) => self.now.log.push(error),
-            }
-        }
-        self.put(verdict);
-        if verdict.swaps_cue_balls {
-            self.swap_cue_balls();
-        }
-    }
-
-    fn put(&mut self, verdict: &Verdict) {
-        // A ball may be put where another is about to leave.
-        let mut left: Vec<Placed> = verdict.moves.clone();
-        for _ in 0..=verdict.moves.len() {
-            let world = &mut self.now.world;
-            left.retain(|p| world.place(p.ball, p.at.x, p.at.y).is_err());
-        }
-        for p in left {
-            let name = self.now.referee.rules().ball_name(p.ball);
-            self.now.log.push(format!("There is no room for {name}"));
-        }
-    }
-
-    /// In carom the cue ball of the player at the table is 0.
-    fn swap_cue_balls(&mut self) {
-        let world = &self.now.world;
-        let mut balls = world.balls();
-        for ball in &mut balls {
-            ball.number = match ball.number {
-                0 => 1,
-                1 => 0,
-                other => other,
-            };
-        }
-        match World::with_laws(world.table().clone(), *world.laws(), balls) {
-            Ok(mut swapped) => {
-                swapped.set_engine(world.engine());
-                self.now.world = swapped;
-                self.now.swapped = !self.now.swapped;
-            }
-            Err(error) => self.now.log.push(error.to_string()),
-        }
-    }
-
     fn tell(&mut self, player: usize, verdict: &Verdict) {
         let name = &self.players[player].name();
         let lines = verdict.lines.iter().map(|line| format!("{name}: {line}"));
@@ -450,39 +344,18 @@ impl Match {
     }
 }
 
-/// A fresh table.
-fn racked(table: &Table, engine: Engine, lie: &Lie, seed: u32) -> Result<World, String> {
-    let mut dice = Dice::new(seed, TURNED);
-    let mut seen = HashSet::new();
-    let balls = lie.iter().filter(|p| seen.insert(p.ball)).map(|p| {
-        let body = if p.ball == 0 {
-            table.cue_ball()
-        } else {
-            table.ball()
-        };
-        BallState {
-            orientation: dice.rotation(),
-            ..BallState::at_rest(p.ball, p.at.x, p.at.y, &body)
-        }
-    });
-    let mut world = World::with_laws(table.clone(), Laws::default(), balls.collect())
-        .map_err(|error| error.to_string())?;
-    world.set_engine(engine);
-    Ok(world)
-}
-
 /// An odd number: draws of one shot are apart from those of the next.
 const SHOT_STEP: u32 = 0x9e37_79b1;
 /// Far more shots than a match has that anyone would take back.
 const TURNS_MAX: usize = 2000;
 /// As many lines as anyone would scroll through.
 const LOG_MAX: usize = 4000;
-/// Keeps how balls are turned apart from other draws of the same seed.
-const TURNED: u32 = 0x7475_726e;
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::rules::Placed;
+    use crate::sim::{BallState, Laws, Table};
 
     fn eight() -> Match {
         let players = Player::list("2").unwrap();

@@ -1,8 +1,13 @@
-//! Fouls, in words with the reason.
+//! Fouls, in words with the reason, and those that games have in common.
 
 use serde::{Deserialize, Serialize};
 
-use super::sheet::RuleSet;
+use super::{
+    ground::{Area, Placed},
+    referee::{Referee, Shot},
+    sheet::RuleSet,
+    verdict::Verdict,
+};
 
 /// What a player did wrong.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -102,6 +107,66 @@ impl Foul {
                     name(ball)
                 )
             }
+        }
+    }
+}
+
+impl Referee {
+    /// The fouls that games have in common, as far as the game's row asks for them (WPA 6).
+    pub(crate) fn standard_fouls(&self, shot: &Shot<'_>, on: &[u8], on_words: &str) -> Vec<Foul> {
+        let (report, sheet) = (shot.report, self.sheet());
+        let mut fouls = Vec::new();
+        if report.scratch().is_some() {
+            fouls.push(Foul::Scratch);
+        }
+        for ball in report.off_table() {
+            fouls.push(match ball {
+                0 => Foul::CueBallOff,
+                ball => Foul::BallOff { ball },
+            });
+        }
+        fouls.extend(self.contact_foul(shot, on, on_words));
+        if sheet.needs_rail && report.first_hit().is_some() && !report.rail_after_contact() {
+            fouls.push(Foul::NoRail);
+        }
+        if let Some(ball) = report.double_hit {
+            fouls.push(Foul::DoubleHit { ball });
+        }
+        fouls
+    }
+
+    fn contact_foul(&self, shot: &Shot<'_>, on: &[u8], on_words: &str) -> Option<Foul> {
+        let report = shot.report;
+        let Some(hit) = report.first_hit() else {
+            return Some(Foul::NoBallHit);
+        };
+        if !on.contains(&hit) {
+            let on = on_words.to_owned();
+            return Some(Foul::WrongBall { hit, on });
+        }
+        let head_x = shot.ground.head_spot().x;
+        let lies_behind = |p: &&Placed| p.ball == hit && p.at.x <= head_x;
+        let behind = report.before.iter().find(lies_behind).is_some();
+        let stays_behind = shot.hand == Some(Area::Kitchen) && report.reach_x_m <= head_x;
+        (behind && stays_behind).then_some(Foul::BehindHeadString { ball: hit })
+    }
+
+    /// A break that potted nothing and drove too few balls to cushions.
+    pub(crate) fn weak_break(&self, shot: &Shot<'_>) -> Option<Foul> {
+        let (driven, needed) = (shot.report.balls_to_rails(), self.sheet().break_rails);
+        (driven < needed).then_some(Foul::WeakBreak { driven, needed })
+    }
+
+    pub(crate) fn say_fouls(&self, verdict: &mut Verdict) {
+        let reasons: Vec<String> = verdict
+            .fouls
+            .iter()
+            .map(|foul| foul.words(self.rules()))
+            .collect();
+        if !reasons.is_empty() {
+            verdict
+                .lines
+                .insert(0, format!("Foul: {}", reasons.join("; ")));
         }
     }
 }

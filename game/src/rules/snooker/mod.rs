@@ -3,17 +3,19 @@
 //!
 //! Left out: the "miss" (14), which is a referee's opinion of how well a player tried.
 
+mod aim;
+
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    call::Call,
     foul::Foul,
     ground::{Area, Ground, Lie, Placed, own_spot},
     referee::{Game, Referee, Shot, with_moves},
     sheet::RuleSet,
     verdict::{Choice, Verdict},
 };
+use aim::{Aim, BLACK, On, YELLOW, is_colour, value};
 
 /// What snooker remembers of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -28,139 +30,6 @@ pub(crate) struct Snooker {
     pub(crate) run: i32,
     /// Whether the black was spotted again after a tie.
     pub(crate) tied: bool,
-}
-
-/// What is on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum On {
-    Red,
-    /// Any colour, the player's to nominate.
-    Colour,
-    /// This one, in the order of the end.
-    Last(u8),
-}
-
-impl On {
-    fn includes(self, ball: u8) -> bool {
-        match self {
-            Self::Red => is_red(ball),
-            Self::Colour => is_colour(ball),
-            Self::Last(colour) => ball == colour,
-        }
-    }
-
-    fn value(self) -> i32 {
-        match self {
-            Self::Red => 1,
-            Self::Colour => 7,
-            Self::Last(colour) => value(colour),
-        }
-    }
-}
-
-impl Snooker {
-    fn ball_on(self, lie: &Lie) -> On {
-        let lies = |wanted: fn(u8) -> bool| lie.iter().map(|p| p.ball).filter(|&b| wanted(b)).min();
-        if self.on_colour {
-            return On::Colour;
-        }
-        match lies(is_red) {
-            Some(_) => On::Red,
-            None => On::Last(lies(is_colour).unwrap_or(BLACK)),
-        }
-    }
-
-    /// The balls that may be hit first.
-    pub(crate) fn on(self, lie: &Lie) -> Vec<u8> {
-        let on = self.ball_on(lie);
-        let balls = lie.iter().map(|p| p.ball).filter(|&ball| ball != 0);
-        balls
-            .filter(|&ball| self.free_ball || on.includes(ball))
-            .collect()
-    }
-
-    /// What is on, in words.
-    pub(crate) fn on_words(self, lie: &Lie) -> String {
-        let on = match self.ball_on(lie) {
-            On::Red => "a red".to_owned(),
-            On::Colour => "a colour".to_owned(),
-            On::Last(colour) => RuleSet::Snooker.ball_name(colour),
-        };
-        if self.free_ball {
-            format!("{on}, with a free ball")
-        } else {
-            on
-        }
-    }
-}
-
-/// What a stroke has to hit, and what it is worth.
-#[derive(Clone, Copy, Debug)]
-struct Aim {
-    on: On,
-    /// The colour that was nominated, or taken as nominated because it was hit; the free ball.
-    nominated: Option<u8>,
-    is_free: bool,
-}
-
-impl Aim {
-    /// What is not nominated in words is taken from what is hit: the call never blocks the cue.
-    fn of(snooker: Snooker, shot: &Shot<'_>) -> Self {
-        let on = snooker.ball_on(&shot.report.before);
-        let said = match shot.call {
-            Some(Call::Pot { ball, .. }) => Some(ball),
-            _ => shot.report.first_hit(),
-        };
-        let is_free = snooker.free_ball && said.is_some_and(|ball| !on.includes(ball));
-        let nominated = said.filter(|&ball| is_free || on == On::Colour && is_colour(ball));
-        Self {
-            on,
-            nominated,
-            is_free,
-        }
-    }
-
-    fn allows(self, ball: u8) -> bool {
-        match self.nominated {
-            Some(nominated) if self.on == On::Colour || self.is_free => ball == nominated,
-            _ => self.on.includes(ball),
-        }
-    }
-
-    /// Points for potting a ball; none if it is not on. With a free ball the ball on counts too.
-    fn points(self, ball: u8) -> Option<i32> {
-        if self.is_free && Some(ball) == self.nominated {
-            return Some(self.on.value());
-        }
-        let counts = self.allows(ball) || self.is_free && self.on.includes(ball);
-        counts.then(|| value(ball))
-    }
-
-    /// Points of a stroke without a foul: with a free ball in place of a colour the two are one (12).
-    fn score(self, potted: &[u8]) -> i32 {
-        let points = || potted.iter().filter_map(|&ball| self.points(ball));
-        match self.on {
-            On::Last(_) => points().max().unwrap_or(0),
-            On::Red | On::Colour => points().sum(),
-        }
-    }
-
-    /// Of the ball that is on, for a foul: the highest, for a colour that was not nominated.
-    fn value(self) -> i32 {
-        match self.nominated {
-            Some(colour) if !self.is_free => value(colour),
-            _ => self.on.value(),
-        }
-    }
-
-    fn words(self) -> String {
-        match (self.on, self.nominated) {
-            (On::Colour | On::Red | On::Last(_), Some(ball)) => RuleSet::Snooker.ball_name(ball),
-            (On::Last(ball), None) => RuleSet::Snooker.ball_name(ball),
-            (On::Red, None) => "a red".to_owned(),
-            (On::Colour, None) => "a colour".to_owned(),
-        }
-    }
 }
 
 impl Referee {
@@ -429,28 +298,10 @@ fn penalty(aim: Aim, fouls: &[Foul]) -> i32 {
     concerned.chain([aim.value(), 4]).max().unwrap_or(4)
 }
 
-fn is_red(ball: u8) -> bool {
-    (1..YELLOW).contains(&ball)
-}
-
-fn is_colour(ball: u8) -> bool {
-    (YELLOW..=BLACK).contains(&ball)
-}
-
-fn value(ball: u8) -> i32 {
-    match ball {
-        YELLOW..=BLACK => i32::from(ball) - 14,
-        1..YELLOW => 1,
-        _ => 0,
-    }
-}
-
-const YELLOW: u8 = 16;
-const BLACK: u8 = 21;
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::rules::call::Call;
     use crate::rules::scene::{Scene, hit, off, pot, rail};
 
     const PINK: u8 = 20;
