@@ -117,8 +117,7 @@ fn assert_solid(table: &Table, shot: &Shot, t: f64) {
                 let (d, _) = behind(&table.noses()[cushion.nose]);
                 let inside = cushion.covers(ball.position.truncate());
                 let top = table.nose_height_m() + rails.rise_m * (-d / rails.cushion_width_m);
-                // Edges of facings and jaws do not rise with the top behind them.
-                inside && ball.position.z < top + 0.9 * ball.body.radius_m - rails.rise_m
+                inside && ball.position.z < top + 0.98 * ball.body.radius_m
             });
             let gone = !ball.phase.is_on_table();
             assert!(gone || !sunk, "{ball:?} is in a cushion's top at {t}");

@@ -59,10 +59,14 @@ impl Course {
         }
     }
 
-    /// The course in the plane across a level edge through `point` whose horizontal normal is
-    /// `across`: first coordinate the distance in front of the edge, second the height over it.
-    pub(crate) fn across_edge(&self, point: DVec3, across: DVec3) -> Self {
-        let project = |v: DVec3| DVec3::new(across.dot(v), v.z, 0.0);
+    /// The course in the plane across an edge through `point`, along two unit vectors: first coordinate
+    /// the distance in front of the edge, second the height over it.
+    pub(crate) fn across_edge(&self, point: DVec3, [across, up]: [DVec3; 2]) -> Self {
+        self.mapped(point, |v| DVec3::new(across.dot(v), up.dot(v), 0.0))
+    }
+
+    /// The course as a linear map shows it, seen from a fixed point.
+    pub(crate) fn mapped(&self, point: DVec3, project: impl Fn(DVec3) -> DVec3) -> Self {
         Self {
             position: project(self.position - point),
             velocity: project(self.velocity),
@@ -384,13 +388,13 @@ pub(crate) fn direction(from: DVec3, to: DVec3) -> DVec3 {
 /// What round-off may place on the wrong side of a boundary.
 const JOINT_M: f64 = 1e-6;
 /// This near the ring counts as touching.
-const RING_TOUCH_M: f64 = 1e-11;
+pub(crate) const RING_TOUCH_M: f64 = 1e-11;
 /// A step along a course near a ring is at most this long, and out of a touch at least that: a ball
 /// sinks into the ring by less than the bound of a touch in it.
 const RING_STEP_SECS: f64 = 0.02;
-const RING_STEP_LEAST_SECS: f64 = 1e-7;
+pub(crate) const RING_STEP_LEAST_SECS: f64 = 1e-7;
 /// Bounds the search near a grazed ring: as many of the longest steps are 80 s.
-const RING_STEPS_MAX: u32 = 4096;
+pub(crate) const RING_STEPS_MAX: u32 = 4096;
 
 #[cfg(test)]
 mod tests {

@@ -1,18 +1,20 @@
 //! What a ball in the air can touch, when, and in which direction it is pushed.
 //!
 //! The cushions are solid up to their noses; a ball over the nose meets its edge, and behind it the
-//! top that slopes up to the flat rail. The edges of facings and jaws are level, too, so that a ball that
-//! flies over them out of a pocket's throat may sink into that slope by its rise, 8 mm, before it is
-//! thrown up. A pocket has a rounded rim, where a slow ball tips over, and a wall. All distances are exact for the parabola on which the ball moves: polynomials, and
-//! for the level circles of rims and jaws [`reaches_ring`].
+//! top that slopes up to the flat rail, at which the facings and jaws of the pockets end (`edge.rs`,
+//! `post.rs`). A pocket has a rounded rim, where a slow ball tips over, and a wall. All distances are
+//! exact for the parabola on which the ball moves: polynomials, and for rims and jaws steps that
+//! cannot rush past the touch ([`reaches_ring`], `Post::reached`).
 
 use glam::{DVec2, DVec3};
 
 use super::{
     contact_time::{Course, direction, leaves_circle, reaches_plane, reaches_point, reaches_ring},
+    edge::Edge,
     elementary::hypot,
     event::Surface,
     pieces::first_touch,
+    post::Post,
     table::{Cushion, JOINT_SLACK_M, Nose, Pocket, Rails, Table},
 };
 
@@ -120,15 +122,15 @@ impl Scout<'_> {
         match obstacle {
             Obstacle::Nose(index) => {
                 let nose = &table.noses()[index];
-                let in_front = nose.normal().dot(center.truncate() - nose.from());
-                self.over_nose(nose.normal(), in_front, center.z)
+                let edge = Edge::over(nose, table.nose_height_m());
+                edge.out_to(center)
+                    .unwrap_or_else(|| self.off_face(nose.normal(), center.z))
             }
-            Obstacle::Jaw(index) => {
-                let jaw = table.jaws()[index];
-                let out = center.truncate() - jaw.center;
-                let away = out.try_normalize().unwrap_or(DVec2::X);
-                self.over_nose(away, out.length() - jaw.radius_m, center.z)
+            Obstacle::Jaw(index) if center.z < table.nose_height_m() => {
+                let out = center.truncate() - table.jaws()[index].center;
+                self.off_face(out.try_normalize().unwrap_or(DVec2::X), center.z)
             }
+            Obstacle::Jaw(index) => direction(Post::of(table, index).nearest(center).0, center),
             Obstacle::Rim(index) => {
                 let pocket = table.pockets()[index];
                 let out = (center.truncate() - pocket.center).normalize_or_zero();
@@ -165,52 +167,50 @@ impl Scout<'_> {
     }
 
     /// Below the nose's height the ball touches its line from below, as the law of cushions on
-    /// the cloth has it; above, from where it is.
-    fn over_nose(&self, away: DVec2, in_front: f64, height: f64) -> DVec3 {
-        let above = height - self.table.nose_height_m();
-        let reach = if above < 0.0 { self.radius_m } else { in_front };
-        (reach * away)
+    /// the cloth has it; over it, up to the edge of a facing, from beside.
+    fn off_face(&self, away: DVec2, height: f64) -> DVec3 {
+        let above = (height - self.table.nose_height_m()).min(0.0);
+        (self.radius_m * away)
             .extend(above)
             .try_normalize()
             .unwrap_or(DVec3::Z)
     }
 
     fn face(&self, course: &Course, nose: &Nose, horizon: f64) -> Option<f64> {
-        let nose_height_m = self.table.nose_height_m();
+        let edge = Edge::over(nose, self.table.nose_height_m());
         let front = nose.from() + self.radius_m * nose.normal();
-        let plane = (front.extend(0.0), nose.normal().extend(0.0));
+        let plane = (front.extend(0.0), edge.across);
         first_touch(
             (course, horizon),
             |course, horizon| reaches_plane(course, plane, self.radius_m, horizon),
-            |place| place.z < nose_height_m && nose.spans(place.truncate()),
+            |place| edge.height_over(place) < 0.0 && nose.spans(place.truncate()),
             |crossings| {
-                crossings.level(nose_height_m);
+                crossings.plane(edge.from, edge.up);
                 crossings.ends(nose.from(), nose.to());
             },
         )
     }
 
     fn edge(&self, course: &Course, nose: &Nose, horizon: f64) -> Option<f64> {
-        let nose_height_m = self.table.nose_height_m();
-        let (corner, across) = (nose.from().extend(nose_height_m), nose.normal());
+        let edge = Edge::over(nose, self.table.nose_height_m());
         let rails = self.table.rails();
         let behind = rails.map_or(0.0, |rails| self.radius_m * slope_sin(rails));
-        let last = nose.from() - behind * across;
         first_touch(
             (course, horizon),
             |course, horizon| {
-                let seen = course.across_edge(corner, across.extend(0.0));
+                let seen = course.across_edge(edge.from, [edge.across, edge.up]);
                 reaches_point(&seen, self.radius_m, horizon)
             },
             |place| {
-                place.z >= nose_height_m
-                    && across.dot(place.truncate() - nose.from()) >= -behind
-                    && nose.spans(place.truncate())
+                edge.height_over(place) >= 0.0
+                    && edge.distance_before(place) >= -behind
+                    && edge.spans(place)
             },
             |crossings| {
-                crossings.level(nose_height_m);
-                crossings.line(last, across);
-                crossings.ends(nose.from(), nose.to());
+                crossings.plane(edge.from, edge.up);
+                crossings.plane(edge.from - behind * edge.across, edge.across);
+                crossings.plane(edge.from, edge.along);
+                crossings.plane(edge.to, edge.along);
             },
         )
     }
@@ -225,17 +225,14 @@ impl Scout<'_> {
             |place| place.z < nose_height_m,
             |crossings| crossings.level(nose_height_m),
         );
-        let ring = (jaw.center.extend(nose_height_m), jaw.radius_m);
+        let post = Post::of(self.table, index);
         let edge = first_touch(
             (course, horizon),
-            |course, horizon| reaches_ring(course, ring, self.radius_m, horizon),
-            |place| {
-                let away = place.truncate().distance(jaw.center);
-                away >= jaw.radius_m - JOINT_SLACK_M && place.z >= nose_height_m
-            },
+            |course, horizon| post.reached(course, self.radius_m, horizon),
+            |place| place.z >= nose_height_m && !post.nearest(place).1,
             |crossings| {
                 crossings.level(nose_height_m);
-                crossings.circle(jaw.center, jaw.radius_m);
+                post.borders(crossings);
             },
         );
         [side, edge].into_iter().flatten().min_by(f64::total_cmp)
@@ -339,7 +336,7 @@ impl Scout<'_> {
         first_touch(
             (course, horizon),
             |course, horizon| {
-                let seen = course.across_edge(edge, across.extend(0.0));
+                let seen = course.across_edge(edge, [across.extend(0.0), DVec3::Z]);
                 reaches_point(&seen, self.radius_m, horizon)
             },
             |place| {

@@ -69,7 +69,12 @@ impl Crossings {
 
     /// The upright cylinder over a circle.
     pub(crate) fn circle(&mut self, center: DVec2, radius: f64) {
-        let (seen, horizon) = (self.course.flat_from(center), self.times[1]);
+        self.around(|course| course.flat_from(center), radius);
+    }
+
+    /// Where a course that is made of this one has a distance from the origin.
+    pub(crate) fn around(&mut self, seen: impl Fn(&Course) -> Course, radius: f64) {
+        let (seen, horizon) = (seen(&self.course), self.times[1]);
         let crossings = [
             reaches_point(&seen, radius, horizon),
             leaves_circle(&seen, radius, horizon),
@@ -85,7 +90,8 @@ impl Crossings {
         }
     }
 
-    fn plane(&mut self, point: DVec3, normal: DVec3) {
+    /// The plane through a point with a unit normal.
+    pub(crate) fn plane(&mut self, point: DVec3, normal: DVec3) {
         let horizon = self.times[1];
         for normal in [normal, -normal] {
             let crossing = reaches_plane(&self.course, (point, normal), 0.0, horizon);

@@ -17,6 +17,7 @@ pub struct Nose {
     from: DVec2,
     to: DVec2,
     normal: DVec2,
+    rises_m: [f64; 2],
 }
 
 impl Nose {
@@ -29,6 +30,7 @@ impl Nose {
                 from,
                 to,
                 normal: unit.perp(),
+                rises_m: [0.0; 2],
             }),
             _ => Err(Error::Table(format!(
                 "a nose from {from} to {to} has no length"
@@ -49,6 +51,12 @@ impl Nose {
     /// Unit vector towards the balls.
     pub fn normal(&self) -> DVec2 {
         self.normal
+    }
+
+    /// How much higher than the cushions' noses its edge is at its ends, in m: over 0 for the facing of
+    /// a pocket, which the cushion's top ends at as it rises.
+    pub(crate) fn rises_m(&self) -> [f64; 2] {
+        self.rises_m
     }
 
     /// Whether a point is beside the nose, not beyond its ends.
@@ -166,6 +174,7 @@ pub struct Table {
     bed_height_m: f64,
     noses: Vec<Nose>,
     jaws: Vec<Circle>,
+    jaw_slopes: Vec<DVec2>,
     pockets: Vec<Pocket>,
     cushions: Vec<Cushion>,
     rails: Option<Rails>,
@@ -256,6 +265,7 @@ impl Table {
             width_m: parts.width_m,
             nose_height_m: parts.nose_height_m,
             bed_height_m: BED_HEIGHT_M,
+            jaw_slopes: vec![DVec2::ZERO; parts.jaws.len()],
             jaws: parts.jaws,
             pockets: parts.pockets.iter().map(hole).collect(),
             cushions: Vec::new(),
@@ -275,7 +285,7 @@ impl Table {
         cushions: Vec<Cushion>,
     ) -> Self {
         let outer = 0.5 * DVec2::new(self.length_m, self.width_m) + plan.rails.width_m;
-        Self {
+        let mut raised = Self {
             bed_height_m: plan.bed_height_m,
             pockets,
             cushions,
@@ -285,6 +295,26 @@ impl Table {
             low: -outer,
             high: outer,
             ..self
+        };
+        raised.slant(plan.rails.rise_m / plan.rails.cushion_width_m);
+        raised
+    }
+
+    /// Lets facings and jaws end at the tops of their cushions, which rise behind the noses.
+    fn slant(&mut self, steepness: f64) {
+        for (index, cushion) in self.cushions.iter().enumerate() {
+            let line = self.noses[cushion.nose];
+            let next = self.cushions.get(index + 1);
+            let end = next.map_or(self.noses.len(), |next| next.nose);
+            for facing in &mut self.noses[cushion.nose + 1..end] {
+                facing.rises_m = [facing.from, facing.to]
+                    .map(|tip| steepness * line.normal.dot(line.from - tip));
+            }
+            for (jaw, slope) in self.jaws.iter().zip(&mut self.jaw_slopes) {
+                if cushion.jaws.contains(&Some(*jaw)) {
+                    *slope = -steepness * line.normal;
+                }
+            }
         }
     }
 
@@ -316,6 +346,11 @@ impl Table {
     /// Rounded jaws.
     pub fn jaws(&self) -> &[Circle] {
         &self.jaws
+    }
+
+    /// How steeply the cushions' tops rise over the jaws: gradients of their heights.
+    pub(crate) fn jaw_slopes(&self) -> &[DVec2] {
+        &self.jaw_slopes
     }
 
     /// Pockets.

@@ -1,0 +1,230 @@
+//! A rounded jaw: an upright cylinder that is cut off by its cushion's sloping top and by the level of
+//! the flat rail behind. What is left is convex, so that a ball's distance from it never curves
+//! downwards by more than the ball's own acceleration: [`Post::reached`] rests on that.
+
+use glam::{DVec2, DVec3};
+
+use super::{
+    contact_time::{Course, RING_STEP_LEAST_SECS, RING_STEPS_MAX, RING_TOUCH_M},
+    pieces::Crossings,
+    table::{Circle, JOINT_SLACK_M, Table},
+};
+
+/// A jaw under its tops.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Post {
+    circle: Circle,
+    /// The sloping one, and the flat one.
+    tops: [Top; 2],
+}
+
+/// A plane over a circle, by its height over the centre and its gradient.
+#[derive(Clone, Copy, Debug)]
+struct Top {
+    height_m: f64,
+    slope: DVec2,
+}
+
+impl Post {
+    /// A jaw of a table.
+    pub(crate) fn of(table: &Table, index: usize) -> Self {
+        let (circle, slope) = (table.jaws()[index], table.jaw_slopes()[index]);
+        // The circle touches the nose line, where the top begins to rise.
+        let height_m = table.nose_height_m() + circle.radius_m * slope.length();
+        let flat = Top {
+            height_m: table.rail_height_m(),
+            slope: DVec2::ZERO,
+        };
+        Self {
+            circle,
+            tops: [Top { height_m, slope }, flat],
+        }
+    }
+
+    /// The nearest point to a place outside, and whether it is on a top, not at its edge. Where the
+    /// tops meet at the edge it is that of the farther top: a ball may sink in there by the square of
+    /// the slope's angle over 8 in radii, 0.1 mm.
+    pub(crate) fn nearest(&self, place: DVec3) -> (DVec3, bool) {
+        let [sloping, flat] = self.tops.map(|top| top.nearest(self.circle, place));
+        if flat.0.distance_squared(place) > sloping.0.distance_squared(place) {
+            flat
+        } else {
+            sloping
+        }
+    }
+
+    /// First time in [0, `horizon`] at which a course comes within `distance` of it.
+    ///
+    /// Each step goes to where the distance cannot have fallen to the bound yet, and the last ones
+    /// converge as Newton's do.
+    pub(crate) fn reached(&self, course: &Course, distance: f64, horizon: f64) -> Option<f64> {
+        let acceleration = (2.0 * course.half_acceleration.length()).max(f64::MIN_POSITIVE);
+        let reach = distance + horizon * (course.velocity.length() + 0.5 * horizon * acceleration);
+        if course.position.distance(self.nearest(course.position).0) > reach {
+            return None;
+        }
+        let mut t = 0.0;
+        for _ in 0..RING_STEPS_MAX {
+            let place = course.at(t);
+            let out = place - self.nearest(place).0;
+            let gap = out.length() - distance;
+            let closing = -out.normalize_or_zero().dot(course.velocity_at(t));
+            if gap <= RING_TOUCH_M && closing > 0.0 {
+                return Some(t);
+            }
+            let gap = gap.max(0.0);
+            let root = (2.0 * gap * acceleration + closing * closing).sqrt();
+            let (step, least) = if closing > 0.0 {
+                (2.0 * gap / (root + closing), f64::EPSILON)
+            } else {
+                ((root - closing) / acceleration, RING_STEP_LEAST_SECS)
+            };
+            t += step.max(least);
+            if t > horizon {
+                return None;
+            }
+        }
+        None
+    }
+
+    /// Where a course crosses from over its tops to over their edges.
+    pub(crate) fn borders(&self, crossings: &mut Crossings) {
+        let Circle { center, radius_m } = self.circle;
+        for top in self.tops {
+            let seen = |course: &Course| {
+                let foot = |v| top.foot(v).extend(0.0);
+                course.mapped(center.extend(top.height_m), foot)
+            };
+            crossings.around(seen, radius_m);
+        }
+    }
+}
+
+impl Top {
+    /// The nearest point of the cylinder below it, and whether it is on the plane itself.
+    fn nearest(&self, circle: Circle, place: DVec3) -> (DVec3, bool) {
+        let axis = circle.center.extend(self.height_m);
+        let (seen, radius) = (place - axis, circle.radius_m);
+        let from_axis = seen.truncate().length();
+        let out = seen.truncate().normalize_or(DVec2::X);
+        let side = radius * out;
+        if from_axis >= radius && seen.z <= self.slope.dot(side) {
+            return (axis + side.extend(seen.z), false);
+        }
+        let foot = self.foot(seen);
+        if foot.length() < radius - JOINT_SLACK_M {
+            let height = self.slope.dot(foot).min(seen.z);
+            return (axis + foot.extend(height), true);
+        }
+        let edge = radius * self.edge_towards(seen, (foot.normalize_or(out), radius));
+        (axis + edge.extend(self.slope.dot(edge)), false)
+    }
+
+    /// The place square below another on the plane, both seen from over the axis.
+    fn foot(&self, seen: DVec3) -> DVec2 {
+        let over = seen.z - self.slope.dot(seen.truncate());
+        seen.truncate() + over / (1.0 + self.slope.length_squared()) * self.slope
+    }
+
+    /// The direction from the axis in which the edge, an ellipse, is nearest: by Newton's steps from a
+    /// direction nearby.
+    fn edge_towards(&self, seen: DVec3, (mut out, radius): (DVec2, f64)) -> DVec2 {
+        for _ in 0..NEWTON_STEPS_MAX {
+            let along = out.perp();
+            let below = radius * self.slope.dot(out) - seen.z;
+            let (climb, rise) = (self.slope.dot(along), self.slope.dot(out));
+            let tangent = below * climb - seen.truncate().dot(along);
+            let bend = seen.truncate().dot(out) + radius * climb * climb - below * rise;
+            let turn = tangent / bend;
+            if !(turn.is_finite() && turn.abs() > TURN_LEAST_RAD) {
+                break;
+            }
+            out = (out - turn * along).normalize();
+        }
+        out
+    }
+}
+
+/// Each doubles the digits, from a start that is right to the slope's square.
+const NEWTON_STEPS_MAX: u32 = 8;
+/// The distance errs by its square.
+const TURN_LEAST_RAD: f64 = 1e-10;
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    /// Of a place, over points all over the post's surface.
+    fn sampled_distance(post: &Post, place: DVec3) -> f64 {
+        let Circle { center, radius_m } = post.circle;
+        let height = |at: DVec2| {
+            let tops = post.tops.map(|top| top.height_m + top.slope.dot(at));
+            tops[0].min(tops[1])
+        };
+        let mut least = f64::INFINITY;
+        for turn in 0..20_000 {
+            let out = DVec2::from_angle(f64::from(turn) * std::f64::consts::TAU / 20_000.0);
+            let side = radius_m * out;
+            let point = (center + side).extend(height(side).min(place.z));
+            least = least.min(place.distance(point));
+        }
+        least
+    }
+
+    #[test]
+    fn the_nearest_point_is_the_nearest() {
+        let table = Table::built_in("snooker").unwrap();
+        let post = Post::of(&table, 0);
+        let Circle { center, radius_m } = post.circle;
+        let mut edges = 0;
+        for step in 0..400 {
+            let out = DVec2::from_angle(0.37 * f64::from(step));
+            let away = radius_m + 0.01 + 0.0001 * f64::from(step);
+            let height = table.nose_height_m() + 0.03 * (0.61 * f64::from(step)).sin();
+            let place = (center + away * out).extend(height);
+            let (nearest, on_top) = post.nearest(place);
+            let is_corner = post.tops[1].slope == DVec2::ZERO && {
+                let edge = nearest.truncate() - center;
+                let over = post.tops.map(|top| top.height_m + top.slope.dot(edge));
+                (over[0] - over[1]).abs() < 0.006
+            };
+            let error = place.distance(nearest) - sampled_distance(&post, place);
+            assert!(!on_top && error < 1e-9, "{place}: {error}");
+            let allowed = if is_corner { 2e-4 } else { 1e-6 };
+            assert!(error > -allowed, "{place}: {error}");
+            edges += u32::from(nearest.z < height);
+        }
+        assert!(edges > 100);
+    }
+
+    #[test]
+    fn a_ball_touches_where_its_distance_is_its_radius_and_not_before() {
+        let table = Table::nine_foot();
+        let post = Post::of(&table, 1);
+        let above = table.nose_height_m() + 0.05;
+        for step in 0..200 {
+            let out = DVec2::from_angle(0.1 * f64::from(step));
+            let side = 0.001 * f64::from(step % 30);
+            let course = Course {
+                position: (post.circle.center + 0.2 * out + side * out.perp()).extend(above),
+                velocity: (-2.0 * out).extend(-0.3),
+                half_acceleration: DVec3::new(0.0, 0.0, -4.905),
+            };
+            let gap = |t: f64| {
+                let place = course.at(t);
+                place.distance(post.nearest(place).0) - 0.028
+            };
+            let end = post.reached(&course, 0.028, 0.1);
+            if let Some(t) = end {
+                assert!(gap(t).abs() < 1e-10, "{step}: {}", gap(t));
+            }
+            let before = end.unwrap_or(0.1);
+            for part in 0..200 {
+                let t = before * f64::from(part) / 200.0;
+                assert!(gap(t) > 0.0, "{step}: in it at {t} before {before}");
+            }
+        }
+    }
+}
