@@ -7,7 +7,7 @@ use carom_tracer::{ImageSize, RenderSettings};
 use clap::{Parser, Subcommand, ValueEnum as _};
 
 use crate::ball_set::BallSet;
-use crate::bench::Bench;
+use crate::bench::{self, Bench};
 use crate::contest::{Match, MatchArgs, Player, Setup};
 use crate::display::Present;
 use crate::rules::RuleSet;
@@ -100,7 +100,7 @@ pub struct Args {
     pub record: Option<PathBuf>,
     /// What moves the balls: exact, or rapier-N: plain rapier at N steps per second, 30 to 10000
     /// [default: as in the settings, else exact]
-    #[arg(long, value_name = "ENGINE", long_help = PHYSICS_HELP)]
+    #[arg(long, value_name = "ENGINE", long_help = physics_help())]
     pub physics: Option<Engine>,
     /// The settings file [default: carom/settings.toml in the platform's folder]
     #[arg(long, value_name = "FILE")]
@@ -232,21 +232,18 @@ impl Args {
     }
 }
 
-/// Measured with `carom bench physics --part trade` on one core of a machine with AVX2.
-const PHYSICS_HELP: &str = "\
+/// What the settings cost and lose, as `carom bench physics --part trade` measured it.
+fn physics_help() -> String {
+    format!(
+        "\
 What moves the balls: exact (the billiards laws, from contact to contact) or rapier-N (the physics
 engine's own contacts and solver at N steps per second, 30 to 10000). What the settings cost and lose:
 
-              error of a    reference   energy kept  CPU ms per  CPU ms for
-              30° cut at    shots, off  in a break   simulated   a whole
-              3 m/s         (median)    (real: 76 %) second      break
-  exact       0.000001°     0.001 mm    73 %          0.3          3
-  rapier-60   7.7°          223 mm      41 %          1.5         11
-  rapier-240  6.1°           50 mm      36 %          5.6         34
-  rapier-1000 1.7°           37 mm      26 %         20          108
-  rapier-4000 0.4°           50 mm      24 %         75          410
-
-A corner pocket a metre away forgives about 1.7°";
+{}
+A corner pocket a metre away forgives about 1.7°",
+        bench::in_a_table()
+    )
+}
 
 #[cfg(test)]
 mod tests {

@@ -25,6 +25,7 @@ pub mod quality;
 pub mod reference;
 mod schema;
 pub mod trade;
+mod traded;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -41,6 +42,7 @@ use crowd::Crowd;
 use curves::Curve;
 use reference::Reference;
 use trade::Trade;
+pub use traded::{in_a_table, in_words};
 
 /// What can be measured.
 #[derive(Clone, Debug, Subcommand)]
@@ -235,6 +237,7 @@ fn draw(charts: &[(String, Chart)], folder: &Path) -> anyhow::Result<()> {
 
 /// Letters and digits of a chart's name.
 fn file_name(name: &str) -> String {
+    let name = name.replace('é', "e");
     let words = name.split(|c: char| !c.is_ascii_alphanumeric());
     let words: Vec<_> = words.filter(|word| !word.is_empty()).collect();
     format!("{}.svg", words.join("_"))

@@ -6,7 +6,7 @@ use std::fmt;
 use anyhow::Context as _;
 use cpu_time::ThreadTime;
 use glam::{DVec2, DVec3};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use carom_farm::chart::{Axis, Chart, Mark, Series};
 
@@ -21,7 +21,8 @@ use crate::sim::{
 };
 
 /// One setting: its errors and its costs.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Trade {
     /// As `--physics` takes it, with the knobs that are not the usual.
     pub engine: String,
@@ -229,7 +230,8 @@ pub(super) fn charts(trades: &[Trade]) -> Vec<Chart> {
 
 /// What a break may cost: CPU ms for the whole, per simulated second, and for the dearest 10 ms.
 pub const BARS_MS: [f64; 3] = [40.0, 6.0, 2.0];
-const STEPS_PER_SEC: [u32; 7] = [60, 120, 240, 480, 1000, 2000, 4000];
+/// Steps of plain rapier that are compared.
+pub const STEPS_PER_SEC: [u32; 7] = [60, 120, 240, 480, 1000, 2000, 4000];
 /// Starts of a cut, spread over the longest step.
 pub const PHASES: u32 = 16;
 /// Racks that are broken.
