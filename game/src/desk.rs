@@ -192,7 +192,12 @@ impl Desk {
         }
         if self.menu.page().is_none() {
             let board = session.board();
-            let asked = board::draw(ctx, &board, self.input.bindings(), self.log);
+            // Over a shot of before, or a table that is being laid, nothing of the game can be decided.
+            let bindings = self.input.bindings();
+            let asked = session
+                .is_game()
+                .then(|| board::draw(ctx, &board, bindings, self.log))
+                .flatten();
             let cue = session.cue(now_secs).filter(|_| board.may_play);
             let asked = asked.or(cue.and_then(|cue| cue_panel::panel(ctx, &cue)));
             if let Some(intent) = asked {

@@ -168,7 +168,7 @@ fn keys(ctx: &Context, viewing: &Viewing, now_secs: f64) -> Option<Order> {
     })
 }
 
-const WIDTH: f32 = 760.0;
+const WIDTH: f32 = 800.0;
 /// A key's way through time.
 const SCRUB_SECS: f64 = 0.1;
 const KEYS: &str = "Space plays and stops · Left, Right turn time · Comma, Period go from event to event \
