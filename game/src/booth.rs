@@ -14,6 +14,7 @@ use carom_tracer::Camera;
 use etcetera::BaseStrategy as _;
 use glam::DVec2;
 
+use crate::camera::Viewpoint;
 use crate::input::Intent;
 use crate::play::Game;
 use crate::practice::Practice;
@@ -130,7 +131,7 @@ impl Booth {
             takes: self.history.clone(),
         };
         self.list();
-        match Viewing::new(recording, now_secs) {
+        match Viewing::new(recording, game.table(), now_secs) {
             Some(viewing) => self.show = Show::Replay(Box::new(viewing)),
             None => self.say("There is no shot to look back at yet".to_owned()),
         }
@@ -145,7 +146,7 @@ impl Booth {
             ));
         }
         self.list();
-        if let Some(viewing) = Viewing::new(recording, now_secs) {
+        if let Some(viewing) = Viewing::new(recording, game.table(), now_secs) {
             self.show = Show::Replay(Box::new(viewing));
         }
     }
@@ -207,23 +208,20 @@ impl Booth {
     }
 
     /// Takes what the player does while something else than the game is on show; whether it did.
-    pub fn take(&mut self, intent: Intent, now_secs: f64) -> bool {
-        let look = |yaw_rad, pitch_rad, zoom| Wish::Look {
-            yaw_rad,
-            pitch_rad,
-            zoom,
-        };
+    pub fn take(&mut self, intent: Intent, game: &Game, now_secs: f64) -> bool {
         match (&mut self.show, intent) {
             (Show::Game, _) => return false,
             (_, Intent::Escape | Intent::LookBack | Intent::Practise) => self.show = Show::Game,
             // The game's camera looks at a table that is being laid.
-            (Show::Practice(_), Intent::Orbit { .. } | Intent::Zoom(_)) => return false,
-            (Show::Replay(viewing), Intent::Orbit { yaw_rad, pitch_rad }) => {
-                viewing.apply(look(yaw_rad, pitch_rad, 1.0), now_secs);
-            }
-            (Show::Replay(viewing), Intent::Zoom(zoom)) => {
-                viewing.apply(look(0.0, 0.0, zoom), now_secs);
-            }
+            (
+                Show::Practice(_),
+                Intent::Orbit { .. }
+                | Intent::Zoom(_)
+                | Intent::NextView
+                | Intent::Overhead
+                | Intent::LookFrom(_),
+            ) => return false,
+            (Show::Replay(viewing), intent) => viewing.look(intent, game.table(), now_secs),
             _ => {}
         }
         true
@@ -267,9 +265,14 @@ impl Booth {
 
     /// As [`Game::camera`], of what is on show.
     pub fn camera(&self, game: &Game, moment_secs: f64) -> Camera {
+        self.viewpoint(game, moment_secs).camera_in(game.table())
+    }
+
+    /// As [`Game::viewpoint`], of what is on show.
+    pub fn viewpoint(&self, game: &Game, moment_secs: f64) -> Viewpoint {
         match &self.show {
-            Show::Replay(viewing) => viewing.camera(),
-            Show::Game | Show::Practice(_) => game.camera(moment_secs),
+            Show::Replay(viewing) => viewing.viewpoint(game.table(), moment_secs),
+            Show::Game | Show::Practice(_) => game.viewpoint(moment_secs),
         }
     }
 
@@ -311,7 +314,7 @@ impl Booth {
         if recording.table != game.table().name() {
             return Err(format!("It was laid on another table, {}", recording.table));
         }
-        match Viewing::new(recording, now_secs) {
+        match Viewing::new(recording, game.table(), now_secs) {
             Some(viewing) => practice.lay(viewing.start()),
             None => Ok(()),
         }
@@ -431,10 +434,13 @@ mod tests {
         let (mut booth, mut game) = booth(folder.path());
         booth.practise(&game);
         assert!(
-            !booth.take(Intent::Zoom(1.1), 0.0),
+            !booth.take(Intent::Zoom(1.1), &game, 0.0),
             "the camera is the game's"
         );
-        assert!(booth.take(Intent::BeginPull, 0.0), "there is no stroke");
+        assert!(
+            booth.take(Intent::BeginPull, &game, 0.0),
+            "there is no stroke"
+        );
         for number in 2..=15 {
             booth.obey(Order::TakeAway(number), &game, 0.0);
         }

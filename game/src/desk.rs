@@ -105,9 +105,17 @@ impl Desk {
         }
         if let (Event::Pointer(at), true, false) = (event, taken, self.input.is_holding()) {
             self.input.passes(at);
-            if let Some(back) = self.way.take_back() {
+            if let Some(back) = self.way.reach_panel(now_secs) {
                 session.act(back, now_secs);
             }
+            return Outcome::Stay;
+        }
+        if let Event::Pointer(at) = event
+            && !self.input.is_holding()
+            && !session.is_placing()
+            && self.way.leads_from_panel(now_secs)
+        {
+            self.input.passes(at);
             return Outcome::Stay;
         }
         match self.input.handle(event) {
@@ -147,6 +155,10 @@ impl Desk {
                 self.store.settings.aim_aids = self.store.settings.aim_aids.next();
                 self.save(now_secs);
             }
+            // The page of a replay has keys of its own.
+            Intent::KeepView(_) | Intent::RecallView(_) if session.is_replay() => {}
+            Intent::KeepView(place) => self.keep_view(usize::from(place), session, now_secs),
+            Intent::RecallView(place) => self.recall_view(usize::from(place), session, now_secs),
             Intent::ToggleLog => {
                 self.log = !self.log;
                 session.redraw();
@@ -167,6 +179,34 @@ impl Desk {
             }
         }
         Outcome::Stay
+    }
+
+    fn keep_view(&mut self, place: usize, session: &mut Session, now_secs: f64) {
+        if let Some(saved) = self.store.settings.views.get_mut(place) {
+            *saved = Some(session.viewpoint(now_secs));
+            let key = self.input.bindings().words(Action::SavedView(place as u8));
+            let sentence = format!("View {} is saved: {key} shows it again", place + 1);
+            self.notes.say(sentence, now_secs);
+            self.save(now_secs);
+            session.redraw();
+        }
+    }
+
+    fn recall_view(&mut self, place: usize, session: &mut Session, now_secs: f64) {
+        match self.store.settings.views.get(place) {
+            Some(Some(saved)) => {
+                session.act(Intent::LookFrom(*saved), now_secs);
+            }
+            _ => {
+                let key = self.input.bindings().words(Action::KeepView(place as u8));
+                let sentence = format!(
+                    "There is no view {} yet: {key} saves what is seen",
+                    place + 1
+                );
+                self.notes.say(sentence, now_secs);
+                session.redraw();
+            }
+        }
     }
 
     fn open(&mut self, page: Page, session: &mut Session, now_secs: f64) {
@@ -191,17 +231,8 @@ impl Desk {
             self.save(now_secs);
         }
         if self.menu.page().is_none() {
-            let board = session.board();
-            // Over a shot of before, or a table that is being laid, nothing of the game can be decided.
-            let bindings = self.input.bindings();
-            let asked = session
-                .is_game()
-                .then(|| board::draw(ctx, &board, bindings, self.log))
-                .flatten();
-            let cue = session.cue(now_secs).filter(|_| board.may_play);
-            let asked = asked.or(cue.and_then(|cue| cue_panel::panel(ctx, &cue)));
-            if let Some(intent) = asked {
-                self.act(intent, session, now_secs);
+            if session.is_game() {
+                self.draw_game(ctx, session, now_secs);
             }
             let is_known = session.has_played() || !session.is_game();
             menu::hints(ctx, &self.store, self.help, is_known);
@@ -232,6 +263,18 @@ impl Desk {
             Some(menu::Order::Resume) | None => {}
         }
         Outcome::Stay
+    }
+
+    /// The match and the cue. Over a shot of before, or a table that is being laid, nothing of the game
+    /// can be decided.
+    fn draw_game(&mut self, ctx: &Context, session: &mut Session, now_secs: f64) {
+        let board = session.board();
+        let asked = board::draw(ctx, &board, self.input.bindings(), self.log);
+        let cue = session.cue(now_secs).filter(|_| board.may_play);
+        let asked = asked.or(cue.and_then(|cue| cue_panel::panel(ctx, &cue)));
+        if let Some(intent) = asked {
+            self.act(intent, session, now_secs);
+        }
     }
 
     /// Lets time pass: tells what is new of the farm, plays what is to be heard, follows the keys.
@@ -288,12 +331,13 @@ fn seed_of_clock() -> u32 {
     now.subsec_nanos() ^ now.as_secs() as u32
 }
 
-/// How the pointer's present way, from rest to rest, has turned the aim: a way that ends on a panel was
-/// none of aiming.
+/// How the pointer's present way, from rest to rest, has turned the aim: a way that begins or ends on a
+/// panel was none of aiming.
 #[derive(Clone, Copy, Debug, Default)]
 struct Way {
     turned_rad: f64,
     last_secs: f64,
+    is_from_panel: bool,
 }
 
 impl Way {
@@ -308,9 +352,20 @@ impl Way {
         self.last_secs = now_secs;
     }
 
-    fn take_back(&mut self) -> Option<Intent> {
+    /// The pointer is over a panel: what gives back the aim.
+    fn reach_panel(&mut self, now_secs: f64) -> Option<Intent> {
+        (self.is_from_panel, self.last_secs) = (true, now_secs);
         let turned_rad = std::mem::take(&mut self.turned_rad);
         (turned_rad != 0.0).then_some(Intent::Turn(-turned_rad))
+    }
+
+    /// Whether a pointer that moves over the table is still on its way from a panel.
+    fn leads_from_panel(&mut self, now_secs: f64) -> bool {
+        self.is_from_panel &= now_secs - self.last_secs < WAY_PAUSE_SECS;
+        if self.is_from_panel {
+            self.last_secs = now_secs;
+        }
+        self.is_from_panel
     }
 }
 
@@ -329,10 +384,19 @@ mod tests {
         for (turn, now_secs) in [(0.5, 1.0), (0.25, 2.0), (0.5, 2.1)] {
             way.note(Intent::Turn(turn), now_secs);
         }
-        assert_eq!(way.take_back(), Some(Intent::Turn(-0.75)));
-        assert_eq!(way.take_back(), None);
-        way.note(Intent::Turn(0.5), 2.2);
-        way.note(Intent::Strike, 2.3);
-        assert_eq!(way.take_back(), None);
+        assert_eq!(way.reach_panel(2.2), Some(Intent::Turn(-0.75)));
+        assert_eq!(way.reach_panel(2.2), None);
+        way.note(Intent::Turn(0.5), 2.3);
+        way.note(Intent::Strike, 2.4);
+        assert_eq!(way.reach_panel(2.5), None);
+    }
+
+    #[test]
+    fn a_way_from_a_panel_turns_nothing_until_the_pointer_rests() {
+        let mut way = Way::default();
+        assert!(!way.leads_from_panel(1.0));
+        way.reach_panel(1.0);
+        assert!(way.leads_from_panel(1.1) && way.leads_from_panel(1.4));
+        assert!(!way.leads_from_panel(1.9) && !way.leads_from_panel(1.95));
     }
 }

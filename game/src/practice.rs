@@ -287,7 +287,7 @@ mod tests {
         practice.take_away(9).unwrap();
         let layout = practice.layout("all but the 9").unwrap();
         let read = Recording::from_bytes(&layout.to_bytes().unwrap()).unwrap();
-        let viewing = Viewing::new(read, 0.0).unwrap();
+        let viewing = Viewing::new(read, practice.world().table(), 0.0).unwrap();
         let mut other = self::practice();
         other.lay(viewing.start()).unwrap();
         let places = |p: &Practice| p.poses().iter().map(|b| b.position).collect::<Vec<_>>();

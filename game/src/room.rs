@@ -47,6 +47,17 @@ pub fn room(table: &Table, rules: RuleSet, set: BallSet) -> Scene {
     }
 }
 
+/// The corners of a box round the lampshades and their bar, m: no camera goes there.
+pub fn lampshades(table: &Table) -> (Vec3, Vec3) {
+    let scale = Frame::of(table).scale;
+    let half = LAMP_HALF_M * Vec2::new(scale, 1.0) + SHADE_RIM_M;
+    let reach = Vec2::new(scale * LAMP_X_M[1], 0.0) + half;
+    (
+        (-reach).extend(LAMP_Z_M - SHADE_LIP_M),
+        reach.extend(LAMP_Z_M + SHADE_HEIGHT_M + BAR_M),
+    )
+}
+
 /// The main measures of a table.
 struct Frame {
     /// Half the length and width between the cushions' backs.
@@ -260,12 +271,12 @@ impl Room {
         }
         let bar = Shape::Box {
             min: Vec3::new(-0.9 * scale, -0.01, high),
-            max: Vec3::new(0.9 * scale, 0.01, high + 0.02),
+            max: Vec3::new(0.9 * scale, 0.01, high + BAR_M),
         };
         self.add("lamp bar", "brass", bar);
         for x in [-0.6 * scale, 0.6 * scale] {
             let rod = Shape::Box {
-                min: Vec3::new(x - 0.004, -0.004, high + 0.02),
+                min: Vec3::new(x - 0.004, -0.004, high + BAR_M),
                 max: Vec3::new(x + 0.004, 0.004, ROOM_HEIGHT_M),
             };
             self.add("lamp rod", "brass", rod);
@@ -521,6 +532,8 @@ const LAMP_HALF_M: Vec2 = Vec2::new(0.45, 0.18);
 const SHADE_RIM_M: f32 = 0.03;
 const SHADE_LIP_M: f32 = 0.02;
 const SHADE_HEIGHT_M: f32 = 0.15;
+/// The bar that the lamps hang from.
+const BAR_M: f32 = 0.02;
 /// Rise of a shade's sides over their run.
 const SHADE_SLOPE: f32 = 0.9;
 /// From the table to the walls: more than the player's farthest eye.

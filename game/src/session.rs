@@ -14,7 +14,7 @@ use glam::DVec2;
 
 use crate::ball_set::BallSet;
 use crate::booth::{Booth, Show};
-use crate::camera::Projection;
+use crate::camera::{Projection, Viewpoint};
 use crate::contest::{Match, Record};
 use crate::darkroom::Darkroom;
 use crate::director::{Director, Plan, Subject};
@@ -216,7 +216,7 @@ impl Session {
             self.photograph(now_secs);
             return Outcome::Stay;
         }
-        if self.booth.take(intent, now_secs) {
+        if self.booth.take(intent, &self.game, now_secs) {
             return Outcome::Stay;
         }
         match intent {
@@ -358,6 +358,11 @@ impl Session {
         matches!(self.booth.show(), Show::Game)
     }
 
+    /// Whether a shot of before is on show.
+    pub fn is_replay(&self) -> bool {
+        matches!(self.booth.show(), Show::Replay(_))
+    }
+
     /// Whether a shot was played: then the player knows how.
     pub fn has_played(&self) -> bool {
         self.game.shots() > 0
@@ -428,6 +433,11 @@ impl Session {
     fn moment(&self, now_secs: f64) -> f64 {
         let shot = self.booth.shot_clock(&self.game, now_secs);
         shot.map_or(0.0, |(_, clock, end)| clock.min(end))
+    }
+
+    /// The view on show.
+    pub fn viewpoint(&self, now_secs: f64) -> Viewpoint {
+        self.booth.viewpoint(&self.game, self.moment(now_secs))
     }
 
     /// What is on show at a moment of its shot, if one is on.

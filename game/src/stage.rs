@@ -12,6 +12,7 @@ use crate::sim::{BallPose, Table};
 /// The pool table's scene, and which of its objects is which ball.
 #[derive(Clone, Debug)]
 pub struct Stage {
+    table: Table,
     scene: Scene,
     balls: Vec<(u8, u32)>,
 }
@@ -24,7 +25,7 @@ impl Stage {
 
     /// The same round another table.
     pub fn around(table: &Table, set: BallSet) -> Self {
-        Self::new(room(table, RuleSet::Free, set))
+        Self::new(table, RuleSet::Free, set)
     }
 
     /// The table that is played on unless another is asked for.
@@ -35,11 +36,12 @@ impl Stage {
     /// The room of a match: its table, and the balls of its game.
     pub fn of(contest: &Match, set: BallSet) -> Self {
         let rules = contest.referee().rules();
-        Self::new(room(contest.world().table(), rules, set))
+        Self::new(contest.world().table(), rules, set)
     }
 
     /// Objects called `ball0`, `ball1` … are the balls of those numbers.
-    pub fn new(scene: Scene) -> Self {
+    fn new(table: &Table, rules: RuleSet, set: BallSet) -> Self {
+        let scene = room(table, rules, set);
         let numbered = |(index, object): (usize, &carom_tracer::Object)| {
             let number = object.name.strip_prefix("ball")?.parse().ok()?;
             Some((number, index as u32))
@@ -50,7 +52,16 @@ impl Stage {
             .enumerate()
             .filter_map(numbered)
             .collect();
-        Self { scene, balls }
+        Self {
+            table: table.clone(),
+            scene,
+            balls,
+        }
+    }
+
+    /// What the room was made round.
+    pub fn table_inside(&self) -> &Table {
+        &self.table
     }
 
     /// What a farm is given once.

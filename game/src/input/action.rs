@@ -31,6 +31,11 @@ pub enum Action {
     LookUp,
     ZoomIn,
     ZoomOut,
+    NextView,
+    Overhead,
+    /// By its place among [`crate::camera::SAVED_MAX`].
+    SavedView(u8),
+    KeepView(u8),
     Rack,
     PickUp,
     CallNext,
@@ -142,6 +147,10 @@ impl Action {
             Self::LookUp => pitch(-1.0),
             Self::ZoomIn => Intent::Zoom(ZOOM_STEP.powf(-steps)),
             Self::ZoomOut => Intent::Zoom(ZOOM_STEP.powf(steps)),
+            Self::NextView => Intent::NextView,
+            Self::Overhead => Intent::Overhead,
+            Self::SavedView(place) => Intent::RecallView(place),
+            Self::KeepView(place) => Intent::KeepView(place),
             Self::PowerUp => Intent::ChangePower(steps * POWER_STEP),
             Self::PowerDown => Intent::ChangePower(-steps * POWER_STEP),
             Self::Strike => Intent::Strike,
@@ -234,6 +243,16 @@ pub const CONTROLS: &[Control] = &[
     row(Group::View, Action::LookUp, "look-up", "look more from the side", &["Down"]),
     row(Group::View, Action::ZoomIn, "zoom-in", "go nearer", &["Wheel up", "Page up"]),
     row(Group::View, Action::ZoomOut, "zoom-out", "go farther off", &["Wheel down", "Page down"]),
+    row(Group::View, Action::NextView, "next-view", "the next view: behind the cue, from above, free, after the ball, from the pocket", &["V"]),
+    row(Group::View, Action::Overhead, "overhead", "look from above, or go back behind the cue", &["O"]),
+    row(Group::View, Action::SavedView(0), "view-1", "look from saved view 1", &["1"]),
+    row(Group::View, Action::SavedView(1), "view-2", "look from saved view 2", &["2"]),
+    row(Group::View, Action::SavedView(2), "view-3", "look from saved view 3", &["3"]),
+    row(Group::View, Action::SavedView(3), "view-4", "look from saved view 4", &["4"]),
+    row(Group::View, Action::KeepView(0), "keep-view-1", "save what is seen as view 1", &["5"]),
+    row(Group::View, Action::KeepView(1), "keep-view-2", "save what is seen as view 2", &["6"]),
+    row(Group::View, Action::KeepView(2), "keep-view-3", "save what is seen as view 3", &["7"]),
+    row(Group::View, Action::KeepView(3), "keep-view-4", "save what is seen as view 4", &["8"]),
     row(Group::Game, Action::PickUp, "pick-up", "take up a cue ball that is in hand, or put it down", &["B"]),
     row(Group::Game, Action::CallNext, "call", "call the next pocket, a safety, a push-out; after the last nothing", &["C"]),
     row(Group::Game, Action::Undo, "undo", "take the last shot back", &["U"]),
@@ -276,6 +295,15 @@ mod tests {
             .iter()
             .sum();
         assert_eq!(grouped, CONTROLS.len());
+    }
+
+    #[test]
+    fn every_saved_view_has_its_two_keys() {
+        for place in 0..crate::camera::SAVED_MAX as u8 {
+            for action in [Action::SavedView(place), Action::KeepView(place)] {
+                assert_eq!(action.control().action, action);
+            }
+        }
     }
 
     #[test]

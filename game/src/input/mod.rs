@@ -21,6 +21,7 @@ pub use action::{Action, CONTROLS, Control, Group};
 pub use binding::{BindingError, Bindings, Trigger, UnknownTrigger};
 pub use key::Key;
 
+use crate::camera::Viewpoint;
 use crate::rules::{Call, Choice};
 
 /// Something that happened at the window, in the words of no windowing library.
@@ -101,6 +102,16 @@ pub enum Intent {
     },
     /// Multiply the camera's distance.
     Zoom(f64),
+    /// Look from the next of the views.
+    NextView,
+    /// Look from above, or go back behind the cue.
+    Overhead,
+    /// Keep what is seen as the saved view of this place.
+    KeepView(u8),
+    /// Look from the saved view of this place.
+    RecallView(u8),
+    /// Look from here.
+    LookFrom(Viewpoint),
     /// Begin a stroke with the cue drawn back by hand.
     BeginPull,
     /// Draw the cue back to this share of its way, 0 to 1.

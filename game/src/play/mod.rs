@@ -19,16 +19,17 @@ mod seat;
 #[cfg(test)]
 mod tests;
 
+use std::cell::OnceCell;
 use std::rc::Rc;
 
 use carom_tracer::Camera;
 use glam::{DVec2, DVec3};
 
-use crate::camera::{Dolly, Orbit, Projection, Viewpoint, wrap_rad};
-use crate::contest::{Match, Player, Setup, View};
+use crate::camera::{Dolly, Projection, Sight, View, Viewpoint, Views, wrap_rad};
+use crate::contest::{self, Match, Player, Setup};
 use crate::input::Intent;
-use crate::rules::RuleSet;
-use crate::sim::{self, BallPose, BallState, Shot, Stroke, Table, World};
+use crate::rules::{Call, RuleSet};
+use crate::sim::{self, AimContact, BallPose, BallState, Pocket, Shot, Stroke, Table, World};
 use crate::stage::Stage;
 
 pub use aim::{Aim, CUE_SPEED_M_S_MAX, cue_speed_m_s, power_of_speed};
@@ -45,11 +46,11 @@ use running::Running;
 #[derive(Debug)]
 pub struct Game {
     contest: Match,
-    board: Option<Rc<View>>,
+    board: Option<Rc<contest::View>>,
     mind: Option<Mind>,
     phase: Phase,
     aim: Aim,
-    orbit: Orbit,
+    views: Views,
     dolly: Dolly,
     cuts: bool,
     shots: u64,
@@ -93,14 +94,15 @@ impl Game {
 
     /// A match where it stands.
     pub fn of(contest: Match) -> Self {
+        let table = contest.world().table();
         let mut game = Self {
+            views: Views::new(table),
+            dolly: Dolly::new(Viewpoint::overview(table, 0.0)),
             contest,
             board: None,
             mind: None,
             phase: Phase::Aiming,
             aim: Aim::LEVEL,
-            orbit: Orbit::default(),
-            dolly: Dolly::new(Viewpoint::overview(0.0)),
             cuts: false,
             shots: 0,
             aids: Aids::default(),
@@ -183,7 +185,11 @@ impl Game {
         match intent {
             Intent::Escape if matches!(self.phase, Phase::Stroking(_)) => self.cancel(),
             Intent::Escape => return Outcome::Quit,
-            Intent::Orbit { .. } | Intent::Zoom(_) => self.look(intent),
+            Intent::Orbit { .. }
+            | Intent::Zoom(_)
+            | Intent::NextView
+            | Intent::Overhead
+            | Intent::LookFrom(_) => self.look(intent, now_secs),
             Intent::BeginPull
             | Intent::BeginCharge
             | Intent::BeginSwing
@@ -204,6 +210,8 @@ impl Game {
             | Intent::Put
             | Intent::ToggleLog
             | Intent::NextAids
+            | Intent::KeepView(_)
+            | Intent::RecallView(_)
             | Intent::LookBack
             | Intent::Practise
             | Intent::Photograph
@@ -257,9 +265,14 @@ impl Game {
 
     /// The camera at `moment_secs` of the shot that is on, else now.
     pub fn camera(&self, moment_secs: f64) -> Camera {
+        self.viewpoint(moment_secs).camera_in(self.table())
+    }
+
+    /// The view at `moment_secs` of the shot that is on, else now.
+    pub fn viewpoint(&self, moment_secs: f64) -> Viewpoint {
         match &self.phase {
-            Phase::Watching(running) => running.viewpoint(moment_secs, self.orbit).camera(),
-            _ => self.dolly.viewpoint().camera(),
+            Phase::Watching(running) => running.viewpoint(moment_secs, &self.views, self.table()),
+            _ => self.dolly.viewpoint(),
         }
     }
 
@@ -340,14 +353,22 @@ impl Game {
         }
     }
 
-    fn look(&mut self, intent: Intent) {
-        match intent {
-            Intent::Orbit { yaw_rad, pitch_rad } => {
-                self.orbit.yaw_rad = wrap_rad(self.orbit.yaw_rad + yaw_rad);
-                self.orbit.pitch_rad = (self.orbit.pitch_rad + pitch_rad).clamp(-1.4, 1.4);
-            }
-            Intent::Zoom(factor) => self.orbit.zoom = (self.orbit.zoom * factor).clamp(0.3, 2.5),
-            _ => {}
+    fn look(&mut self, intent: Intent, now_secs: f64) {
+        let moment_secs = match &self.phase {
+            Phase::Watching(running) => running.clock_secs(now_secs),
+            _ => 0.0,
+        };
+        let now = self.viewpoint(moment_secs);
+        let table = self.contest.world().table();
+        if !self.views.take(intent, table, now) {
+            return;
+        }
+        if matches!(intent, Intent::Orbit { .. } | Intent::Zoom(_)) {
+            return;
+        }
+        self.notice = Some(format!("View: {}", self.views.view().name()));
+        if let Phase::Watching(running) = &mut self.phase {
+            running.turn(now, moment_secs);
         }
     }
 
@@ -457,15 +478,22 @@ impl Game {
         }
         (self.mind, self.board) = (None, None);
         self.shots += 1;
-        self.orbit.yaw_rad = 0.0;
+        self.views.straighten();
+        let pocket = self.pocket_ahead();
         self.phase = Phase::Watching(Box::new(Running {
             stroke,
             shot,
             contact_secs,
             cue,
             from: self.dolly.viewpoint(),
+            glide_secs: match self.views.view() {
+                View::Shooter => running::RISE_SECS,
+                _ => running::ARRIVE_SECS,
+            },
             bearing_rad: stroke.direction_rad,
+            pocket,
             cuts: self.cuts,
+            chase: OnceCell::new(),
         }));
     }
 
@@ -474,7 +502,7 @@ impl Game {
             return;
         };
         let end_secs = running.clock_secs(now_secs);
-        self.dolly = Dolly::new(running.viewpoint(end_secs, self.orbit));
+        self.dolly = Dolly::new(running.viewpoint(end_secs, &self.views, self.table()));
         self.contest.finish(running.stroke, &running.shot);
         self.begin_turn();
     }
@@ -519,14 +547,53 @@ impl Game {
     }
 
     fn aim_view(&self) -> Viewpoint {
-        if matches!(self.phase, Phase::Placing(_)) {
-            return Viewpoint::overview(0.0).adjusted(self.orbit);
+        let is_placing = matches!(self.phase, Phase::Placing(_));
+        self.views.viewpoint(&Sight {
+            table: self.table(),
+            ball: self.cue_ball().filter(|_| !is_placing),
+            bearing_rad: if is_placing {
+                0.0
+            } else {
+                self.aim.bearing_rad
+            },
+            pocket: self.pocket_ahead(),
+            is_wide: is_placing,
+        })
+    }
+
+    /// The pocket that is played to, if the view depends on it: the one that is called, else the one
+    /// ahead of the ball that the aim meets first.
+    fn pocket_ahead(&self) -> Option<usize> {
+        if self.views.view() != View::Pocket {
+            return None;
         }
-        self.cue_ball()
-            .map_or(Viewpoint::overview(self.aim.bearing_rad), |ball| {
-                Viewpoint::behind(ball, self.aim.bearing_rad)
-            })
-            .adjusted(self.orbit)
+        if let Some(Call::Pot {
+            pocket: Some(pocket),
+            ..
+        }) = self.contest.called()
+        {
+            return Some(pocket);
+        }
+        let stroke = self.aim.stroke(LINE_POWER);
+        let met = sim::predict(self.contest.world(), stroke).map(|line| line.contact);
+        let (from, way) = match met {
+            Ok(AimContact::Ball {
+                object,
+                object_direction,
+                ..
+            }) => (object, object_direction),
+            _ => (
+                self.cue_ball()?,
+                DVec2::from_angle(self.aim.bearing_rad).extend(0.0),
+            ),
+        };
+        let off_rad = |pocket: &Pocket| {
+            let wanted = pocket.center - from.truncate();
+            wrap_rad(wanted.to_angle() - way.truncate().to_angle()).abs()
+        };
+        let pockets = self.table().pockets().iter().enumerate();
+        let nearest = pockets.min_by(|(_, a), (_, b)| off_rad(a).total_cmp(&off_rad(b)));
+        nearest.map(|(index, _)| index)
     }
 }
 

@@ -1,7 +1,10 @@
 //! A shot that is on: its clock and its camera.
 
-use crate::camera::{Orbit, Viewpoint, smoothstep};
-use crate::sim::{Shot, Stroke};
+use std::cell::OnceCell;
+use std::ops::Range;
+
+use crate::camera::{Chase, Sight, View, Viewpoint, Views, smoothstep};
+use crate::sim::{Shot, Stroke, Table};
 
 use super::cue::CueView;
 
@@ -16,12 +19,18 @@ pub(super) struct Running {
     pub(super) contact_secs: f64,
     /// The cue as it was drawn back.
     pub(super) cue: Option<CueView>,
-    /// The view at the stroke.
+    /// The view at the stroke, or when another was chosen.
     pub(super) from: Viewpoint,
+    /// The moments between which the camera goes from there to the view that is chosen.
+    pub(super) glide_secs: Range<f64>,
     /// The cue's direction.
     pub(super) bearing_rad: f64,
-    /// Whether the camera cuts to the whole table instead of rising.
+    /// The pocket that was played to, if the view depends on it.
+    pub(super) pocket: Option<usize>,
+    /// Whether the camera cuts to where it would glide.
     pub(super) cuts: bool,
+    /// Once it is asked for.
+    pub(super) chase: OnceCell<Chase>,
 }
 
 impl Running {
@@ -30,16 +39,34 @@ impl Running {
         now_secs - self.contact_secs
     }
 
-    /// From behind the cue ball up and back to the whole table, as a function of the shot's own
-    /// time: pictures of the future know where the camera will be.
-    pub(super) fn viewpoint(&self, moment_secs: f64, orbit: Orbit) -> Viewpoint {
-        let s = (moment_secs - RISE_SECS.start) / (RISE_SECS.end - RISE_SECS.start);
-        let s = if self.cuts { s.signum() } else { s };
-        let s = smoothstep(s);
-        let overview = Viewpoint::overview(self.bearing_rad + orbit.yaw_rad);
-        self.from.lerp(overview, s)
+    /// From behind the cue ball up and back to the whole table, or to another view that is chosen, as
+    /// a function of the shot's own time: pictures of the future know where the camera will be.
+    pub(super) fn viewpoint(&self, moment_secs: f64, views: &Views, table: &Table) -> Viewpoint {
+        let chase = || Chase::new(&self.shot, self.cuts);
+        let follows = views.view() == View::Follow;
+        let wanted = views.viewpoint(&Sight {
+            table,
+            ball: follows.then(|| self.chase.get_or_init(chase).at(moment_secs)),
+            bearing_rad: self.bearing_rad,
+            pocket: self.pocket,
+            is_wide: true,
+        });
+        let Range { start, end } = self.glide_secs;
+        let s = (moment_secs - start) / (end - start);
+        let s = if self.cuts { s.ceil() } else { s };
+        self.from.lerp(wanted, smoothstep(s))
+    }
+
+    /// Goes from the view `now` to another that was chosen.
+    pub(super) fn turn(&mut self, now: Viewpoint, moment_secs: f64) {
+        self.from = now;
+        self.glide_secs = moment_secs..moment_secs + TURN_SECS;
     }
 }
 
 /// When the camera rises after the blow.
-const RISE_SECS: std::ops::Range<f64> = 0.1..1.7;
+pub(super) const RISE_SECS: Range<f64> = 0.1..1.7;
+/// Where the camera need not rise it is at its place when the balls begin to move.
+pub(super) const ARRIVE_SECS: Range<f64> = -0.2..0.2;
+/// From one view to another during a shot.
+const TURN_SECS: f64 = 0.6;

@@ -102,6 +102,88 @@ fn the_camera_behind_the_ball_sees_the_ball_and_the_overview_the_whole_table() {
     }
 }
 
+/// Goes on through the views until this one, and lets the camera arrive.
+fn look_from(game: &mut Game, view: View, now_secs: f64) {
+    while game.views.view() != view {
+        game.apply(Intent::NextView, now_secs, 0.2, FILM);
+    }
+    (0..200).for_each(|_| game.tick(now_secs, 0.02));
+}
+
+#[test]
+fn the_camera_glides_to_the_view_that_is_chosen_and_with_reduced_motion_cuts_there() {
+    let mut game = Game::new(1).unwrap();
+    let behind = game.viewpoint(0.0);
+    game.apply(Intent::Overhead, 0.0, 0.2, FILM);
+    assert_eq!(game.notice(), Some("View: from above"));
+    game.tick(0.0, 0.02);
+    let above = Viewpoint::overhead(game.table());
+    let under_way = game.viewpoint(0.0);
+    assert!(under_way != behind && under_way != above && game.is_moving());
+    (0..200).for_each(|_| game.tick(0.0, 0.02));
+    assert_eq!(game.viewpoint(0.0), above);
+    assert!(!game.is_moving());
+    game.set_cuts(true);
+    game.apply(Intent::Overhead, 0.0, 0.2, FILM);
+    game.tick(0.0, 0.02);
+    assert_eq!(game.viewpoint(0.0), behind);
+}
+
+#[test]
+fn a_view_that_is_chosen_during_a_shot_is_gone_to_from_what_is_seen() {
+    for cuts in [false, true] {
+        let mut game = Game::new(1).unwrap();
+        game.set_cuts(cuts);
+        strike(&mut game, 0.9, 0.0);
+        let contact = -game.shot_clock(0.0).unwrap().1;
+        let above = Viewpoint::overhead(game.table());
+        let now = contact + 2.5;
+        let (_, clock, _) = game.shot_clock(now).unwrap();
+        let before = game.viewpoint(clock);
+        game.apply(Intent::Overhead, now, 0.2, FILM);
+        assert_eq!(game.viewpoint(clock), before, "no jump");
+        let soon = game.viewpoint(2.8);
+        assert!(soon != before && cuts == (soon == above), "{soon:?}");
+        assert_eq!(game.viewpoint(4.0), above);
+    }
+}
+
+#[test]
+fn after_the_ball_the_camera_has_it_in_the_middle() {
+    let mut game = Game::new(1).unwrap();
+    look_from(&mut game, View::Follow, 0.0);
+    strike(&mut game, 0.35, 0.0);
+    for moment in [0.3, 0.5] {
+        let cue_ball = ball(&game, 0, moment);
+        let projection = Projection::new(&game.camera(moment), FILM.x, FILM.y);
+        let film = projection.film_from_world(cue_ball).unwrap();
+        let off = (film - 0.5 * FILM).abs();
+        assert!(off.cmplt(0.25 * FILM).all(), "{film} at {moment} s");
+    }
+}
+
+#[test]
+fn the_view_from_the_pocket_is_from_the_one_that_is_played_to() {
+    let mut game = Game::new(1).unwrap();
+    look_from(&mut game, View::Pocket, 0.0);
+    let table = game.table().clone();
+    for (index, pocket) in table.pockets().iter().enumerate() {
+        let from = game.cue_ball().unwrap().truncate();
+        game.aim.bearing_rad = (pocket.center - from).to_angle();
+        let stroke = game.aim.stroke(LINE_POWER);
+        let met = sim::predict(game.world(), stroke).unwrap().contact;
+        if !matches!(met, AimContact::Ball { .. }) {
+            assert_eq!(game.pocket_ahead(), Some(index));
+        }
+    }
+    let place = game.pocket_ahead().unwrap();
+    (0..200).for_each(|_| game.tick(0.0, 0.02));
+    assert_eq!(
+        game.viewpoint(0.0),
+        Viewpoint::from_pocket(&table.pockets()[place])
+    );
+}
+
 #[test]
 fn a_pocketed_cue_ball_comes_back_where_there_is_room() {
     let mut game = Game::new(1).unwrap();

@@ -12,10 +12,11 @@ mod clock;
 mod moments;
 mod shelf;
 
-use carom_tracer::Camera;
+use std::cell::OnceCell;
 
-use crate::camera::{Orbit, Viewpoint, wrap_rad};
-use crate::sim::{BallPose, BallState, Phase, Recording, Shot, Take};
+use crate::camera::{Chase, Sight, View, Viewpoint, Views};
+use crate::input::Intent;
+use crate::sim::{BallPose, BallState, Phase, Recording, Shot, Table, Take};
 
 pub use clock::Clock;
 pub use moments::{Moment, moments};
@@ -29,7 +30,8 @@ pub struct Viewing {
     take: usize,
     clock: Clock,
     moments: Vec<Moment>,
-    orbit: Orbit,
+    views: Views,
+    chase: OnceCell<Chase>,
 }
 
 /// What a viewer may want.
@@ -48,20 +50,11 @@ pub enum Wish {
     },
     /// Another shot of the list.
     Pick(usize),
-    /// To look around.
-    Look {
-        /// Added to the bearing, radians.
-        yaw_rad: f64,
-        /// Added to the pitch, radians.
-        pitch_rad: f64,
-        /// Factor on the distance.
-        zoom: f64,
-    },
 }
 
 impl Viewing {
-    /// Shows the last take of a recording; None if it has none.
-    pub fn new(recording: Recording, now_secs: f64) -> Option<Self> {
+    /// Shows the last take of a recording of `table`; None if it has none.
+    pub fn new(recording: Recording, table: &Table, now_secs: f64) -> Option<Self> {
         let take = recording.takes.len().checked_sub(1)?;
         let shot = &recording.takes[take].shot;
         Some(Self {
@@ -69,7 +62,8 @@ impl Viewing {
             moments: moments(shot),
             recording,
             take,
-            orbit: Orbit::default(),
+            views: Views::new(table),
+            chase: OnceCell::new(),
         })
     }
 
@@ -118,20 +112,23 @@ impl Viewing {
             }
             Wish::Pick(take) if take < self.recording.takes.len() => {
                 self.take = take;
+                self.chase = OnceCell::new();
                 self.clock = self.clock.restarted(self.shot().duration_secs(), now_secs);
                 self.moments = moments(self.shot());
             }
             Wish::Pick(_) => {}
-            Wish::Look {
-                yaw_rad,
-                pitch_rad,
-                zoom,
-            } => {
-                self.orbit.yaw_rad = wrap_rad(self.orbit.yaw_rad + yaw_rad);
-                self.orbit.pitch_rad = (self.orbit.pitch_rad + pitch_rad).clamp(-1.4, 1.4);
-                self.orbit.zoom = (self.orbit.zoom * zoom).clamp(0.3, 2.5);
-            }
         }
+    }
+
+    /// Does what the viewer wants of the camera.
+    pub fn look(&mut self, intent: Intent, table: &Table, now_secs: f64) {
+        let now = self.viewpoint(table, self.clock.moment_secs(now_secs) / self.clock.rate());
+        self.views.take(intent, table, now);
+    }
+
+    /// The view that is chosen.
+    pub fn view(&self) -> View {
+        self.views.view()
     }
 
     /// Lets time pass.
@@ -155,20 +152,37 @@ impl Viewing {
 
     /// The balls at a moment that [`Viewing::shot_clock`] counts; while time stands, as they are.
     pub fn poses(&self, display_secs: f64) -> Vec<BallPose> {
-        let moment_secs = if self.clock.is_running() {
-            display_secs * self.clock.rate()
-        } else {
-            // Standing, the clock shows the same at any time.
-            self.clock.moment_secs(0.0)
-        };
-        self.shot().poses_at(moment_secs.max(0.0))
+        self.shot().poses_at(self.moment_secs(display_secs))
     }
 
-    /// From where it is seen.
-    pub fn camera(&self) -> Camera {
-        Viewpoint::overview(bearing_rad(self.shot()))
-            .adjusted(self.orbit)
-            .camera()
+    /// From where it is seen, at a moment as [`Viewing::poses`] counts it.
+    pub fn viewpoint(&self, table: &Table, display_secs: f64) -> Viewpoint {
+        let follows = self.views.view() == View::Follow;
+        let chase = || {
+            let chase = self.chase.get_or_init(|| Chase::new(self.shot(), false));
+            chase.at(self.moment_secs(display_secs))
+        };
+        self.views.viewpoint(&Sight {
+            table,
+            ball: follows.then(chase),
+            bearing_rad: bearing_rad(self.shot()),
+            pocket: self
+                .shot()
+                .potted()
+                .next()
+                .map_or(Some(0), |(_, pocket)| Some(pocket)),
+            is_wide: true,
+        })
+    }
+
+    /// The moment of the shot that is meant by one that the display counts.
+    fn moment_secs(&self, display_secs: f64) -> f64 {
+        if self.clock.is_running() {
+            (display_secs * self.clock.rate()).max(0.0)
+        } else {
+            // Standing, the clock shows the same at any time.
+            self.clock.moment_secs(0.0).max(0.0)
+        }
     }
 
     /// The balls before the stroke, at rest: to be played on from.
@@ -203,7 +217,7 @@ const NUMBERS_FROM: u64 = 1 << 62;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::{Stroke, Table, World};
+    use crate::sim::{Stroke, World};
 
     fn viewing() -> Viewing {
         let table = Table::nine_foot();
@@ -214,7 +228,7 @@ mod tests {
             title: "hard".to_owned(),
             shot: strike(6.0),
         });
-        Viewing::new(recording, 100.0).unwrap()
+        Viewing::new(recording, &table, 100.0).unwrap()
     }
 
     #[test]

@@ -1,9 +1,11 @@
 //! Each setting's name in the file, and how it is read and written.
 
 use clap::ValueEnum;
-use toml_edit::{Array, Value};
+use glam::DVec3;
+use toml_edit::{Array, InlineTable, Value};
 
 use super::Settings;
+use crate::camera::{Viewpoint, wrap_rad};
 use crate::input::{Action, Bindings, CONTROLS, Trigger};
 use crate::sim::Engine;
 
@@ -46,6 +48,10 @@ pub const FIELDS: &[Field] = &[
     field("game", "ball-set", |s| name(&s.ball_set), |s, v| choice(v).map(|x| s.ball_set = x)),
     field("game", "physics", |s| s.physics.to_string().into(), |s, v| engine(v).map(|x| s.physics = x)),
     field("picture", "quality", |s| name(&s.quality), |s, v| choice(v).map(|x| s.quality = x)),
+    field("views", "view-1", |s| view(s.views[0]), |s, v| seen(v).map(|at| s.views[0] = at)),
+    field("views", "view-2", |s| view(s.views[1]), |s, v| seen(v).map(|at| s.views[1] = at)),
+    field("views", "view-3", |s| view(s.views[2]), |s, v| seen(v).map(|at| s.views[2] = at)),
+    field("views", "view-4", |s| view(s.views[3]), |s, v| seen(v).map(|at| s.views[3] = at)),
     field("sound", "volume", |s| s.volume.into(), |s, v| number(v, [0.0, 1.0]).map(|x| s.volume = x)),
 ];
 
@@ -88,6 +94,79 @@ fn engine(value: &Value) -> Result<Engine, String> {
     let engine = value.as_str().and_then(|word| word.parse().ok());
     engine.ok_or_else(|| "\"exact\" or \"rapier-N\" with N from 30 to 10000".to_owned())
 }
+
+/// A saved view as it is written: its parts rounded to what can be seen; none as `{}`.
+fn view(at: Option<Viewpoint>) -> Value {
+    let Some(at) = at else {
+        return Value::InlineTable(InlineTable::new());
+    };
+    let rows = VIEW_PARTS.iter().map(|part| {
+        let rounded = ((part.read)(&at) * VIEW_DIGITS).round() / VIEW_DIGITS;
+        (part.key, Value::from(rounded))
+    });
+    Value::InlineTable(rows.collect())
+}
+
+fn seen(value: &Value) -> Result<Option<Viewpoint>, String> {
+    let rows = value.as_inline_table().ok_or_else(view_words)?;
+    if rows.is_empty() {
+        return Ok(None);
+    }
+    let mut at = Viewpoint {
+        focus: DVec3::ZERO,
+        bearing_rad: 0.0,
+        pitch_rad: 0.0,
+        distance_m: 0.0,
+        fov_x_deg: 0.0,
+    };
+    for part in VIEW_PARTS {
+        let value = rows.get(part.key).ok_or_else(view_words)?;
+        let number = number(value, part.range);
+        (part.write)(&mut at, number.map_err(|_| view_words())?);
+    }
+    Ok(Some(at))
+}
+
+fn view_words() -> String {
+    let part =
+        |part: &ViewPart| format!("{} from {} to {}", part.key, part.range[0], part.range[1]);
+    let parts: Vec<String> = VIEW_PARTS.iter().map(part).collect();
+    format!("{{}} or a table in a line with {}", parts.join(", "))
+}
+
+/// A part of a saved view.
+struct ViewPart {
+    key: &'static str,
+    range: [f64; 2],
+    read: fn(&Viewpoint) -> f64,
+    write: fn(&mut Viewpoint, f64),
+}
+
+const fn part(
+    key: &'static str,
+    range: [f64; 2],
+    read: fn(&Viewpoint) -> f64,
+    write: fn(&mut Viewpoint, f64),
+) -> ViewPart {
+    ViewPart {
+        key,
+        range,
+        read,
+        write,
+    }
+}
+
+/// In ranges that hold what every view and every way of turning it can give.
+#[rustfmt::skip]
+const VIEW_PARTS: [ViewPart; 6] = [
+    part("x", [-4.0, 4.0], |at| at.focus.x, |at, x| at.focus.x = x),
+    part("y", [-4.0, 4.0], |at| at.focus.y, |at, y| at.focus.y = y),
+    part("bearing-deg", [-180.0, 180.0], |at| wrap_rad(at.bearing_rad).to_degrees(), |at, deg| at.bearing_rad = deg.to_radians()),
+    part("pitch-deg", [1.0, 85.0], |at| at.pitch_rad.to_degrees(), |at, deg| at.pitch_rad = deg.to_radians()),
+    part("distance-m", [0.5, 7.0], |at| at.distance_m, |at, m| at.distance_m = m),
+    part("fov-deg", [20.0, 90.0], |at| at.fov_x_deg, |at, deg| at.fov_x_deg = deg),
+];
+const VIEW_DIGITS: f64 = 1e4;
 
 /// What an action is bound to, as it is written.
 pub(super) fn triggers(bindings: &Bindings, action: Action) -> Value {

@@ -18,6 +18,7 @@ pub use field::{FIELDS, Field};
 pub use store::Store;
 
 use crate::ball_set::BallSet;
+use crate::camera::{SAVED_MAX, Viewpoint};
 use crate::input::Bindings;
 use crate::play::Aids;
 use crate::quality::Dial;
@@ -44,6 +45,8 @@ pub struct Settings {
     pub quality: Dial,
     /// Loudness, 0 to 1.
     pub volume: f64,
+    /// Views that the player has saved, by their places.
+    pub views: [Option<Viewpoint>; SAVED_MAX],
     /// Which key does what.
     pub bindings: Bindings,
 }
@@ -67,6 +70,7 @@ impl Default for Settings {
             physics: Engine::default(),
             quality: Dial::default(),
             volume: 0.7,
+            views: [None; SAVED_MAX],
             bindings: Bindings::default(),
         }
     }

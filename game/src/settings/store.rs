@@ -251,7 +251,19 @@ const BYTES_MAX: u64 = 1 << 20;
 mod tests {
     use super::*;
     use crate::ball_set::BallSet;
+    use crate::camera::Viewpoint;
     use crate::input::Trigger;
+
+    /// Of numbers that have few digits in the file.
+    fn a_view() -> Viewpoint {
+        Viewpoint {
+            focus: glam::DVec3::new(0.25, -0.5, 0.0),
+            bearing_rad: (-30f64).to_radians(),
+            pitch_rad: 20f64.to_radians(),
+            distance_m: 1.5,
+            fov_x_deg: 44.0,
+        }
+    }
 
     fn file(text: &str) -> (tempfile::TempDir, PathBuf) {
         let folder = tempfile::tempdir().unwrap();
@@ -300,6 +312,7 @@ mod tests {
             physics: "rapier-240".parse().unwrap(),
             quality: crate::quality::Dial::Fine,
             volume: 0.0,
+            views: [Some(a_view()), None, None, Some(a_view())],
             bindings,
         };
         store.save().unwrap();
@@ -328,6 +341,33 @@ mod tests {
         store.save().unwrap();
         let kept = fs::read_to_string(path).unwrap();
         assert_eq!(kept, text.replace("volume = 0.5 #", "volume = 0.75 #"));
+    }
+
+    #[test]
+    fn saved_views_are_lines_and_wrong_ones_are_told() {
+        let (_folder, path) = file("[views]\nview-1 = { x = 9 }\nview-2 = 3\n");
+        let mut store = Store::open(path.clone());
+        assert_eq!(store.settings.views, [None; 4]);
+        let told = store.complaints().join("\n");
+        for word in [
+            "[views] view-1",
+            "view-2 = 3",
+            "x from -4 to 4",
+            "distance-m from 0.5",
+        ] {
+            assert!(told.contains(word), "{word} in {told}");
+        }
+        store.settings.views[0] = Some(a_view());
+        store.save().unwrap();
+        let text = fs::read_to_string(&path).unwrap();
+        let line = "view-1 = { x = 0.25, y = -0.5, bearing-deg = -30.0, pitch-deg = 20.0, \
+                    distance-m = 1.5, fov-deg = 44.0 }";
+        assert!(text.contains(line), "{text}");
+        let mut again = Store::open(path.clone());
+        assert_eq!(again.settings.views, store.settings.views);
+        again.settings.views[0] = None;
+        again.save().unwrap();
+        assert_eq!(Store::open(path).settings.views, [None; 4]);
     }
 
     #[test]

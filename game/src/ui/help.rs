@@ -8,20 +8,25 @@ use crate::input::{Action, Bindings, Group};
 /// All controls in the middle of the window, under their headings.
 pub fn panel(ctx: &Context, bindings: &Bindings) {
     Area::new(Id::unique("help"))
-        .order(Order::Middle)
+        .order(Order::Foreground)
         .anchor(Align2::CENTER_CENTER, egui::Vec2::ZERO)
         .show(ctx, |ui| {
-            theme::frame().show(ui, |ui| {
-                ui.heading("Keys and mouse");
-                ui.set_max_height(ctx.content_rect().height() - 110.0);
-                ScrollArea::vertical().show(ui, |ui| table(ui, bindings));
-                let close = bindings.words(Action::Help);
-                ui.label(RichText::new(format!("{close} closes this")).color(theme::FAINT));
-            });
+            theme::frame()
+                .fill(theme::PANEL.to_opaque())
+                .show(ui, |ui| {
+                    ui.heading("Keys and mouse");
+                    let room = ctx.content_rect().size() - egui::vec2(60.0, 130.0);
+                    ui.set_max_width(room.x);
+                    ScrollArea::both()
+                        .max_height(room.y.max(80.0))
+                        .show(ui, |ui| table(ui, bindings));
+                    let close = bindings.words(Action::Help);
+                    ui.label(RichText::new(format!("{close} closes this")).color(theme::FAINT));
+                });
         });
 }
 
-/// The controls as a grid of two columns.
+/// The controls as a grid of two columns, under their headings.
 pub fn table(ui: &mut egui::Ui, bindings: &Bindings) {
     Grid::new("controls")
         .num_columns(2)
@@ -32,8 +37,12 @@ pub fn table(ui: &mut egui::Ui, bindings: &Bindings) {
                 ui.label(does);
                 ui.end_row();
             };
-            row(ui, "Mouse", AIM_BY_MOUSE, theme::ACCENT);
             for group in Group::ALL {
+                ui.label(RichText::new(group.title()).strong());
+                ui.end_row();
+                if group == Group::Aim {
+                    row(ui, "Mouse", AIM_BY_MOUSE, theme::ACCENT);
+                }
                 for control in group.controls() {
                     let keys = bindings.words(control.action);
                     row(ui, &keys, control.does, theme::ACCENT);

@@ -4,7 +4,7 @@ use carom_tracer::SceneUpdate;
 use clap::ValueEnum;
 
 use crate::camera::{Viewpoint, smoothstep};
-use crate::sim::{EventKind, Shot};
+use crate::sim::{EventKind, Shot, Table};
 use crate::stage::Stage;
 
 /// Where a film is seen from.
@@ -101,24 +101,27 @@ impl Footage {
         let shot = &self.shots[shot];
         let camera = match self.view {
             View::Table => self.stage.scene().camera,
-            View::Player => behind(shot, moment_secs).camera(),
+            View::Player => {
+                let table = self.stage.table_inside();
+                behind(table, shot, moment_secs).camera_in(table)
+            }
         };
         self.stage.update(camera, &shot.poses_at(moment_secs))
     }
 }
 
 /// From behind the cue ball up to the whole table.
-fn behind(shot: &Shot, moment_secs: f64) -> Viewpoint {
+fn behind(table: &Table, shot: &Shot, moment_secs: f64) -> Viewpoint {
     let cue_ball = shot
         .states_at(0.0)
         .into_iter()
         .find(|ball| ball.number == 0);
     let Some(cue_ball) = cue_ball.filter(|ball| ball.velocity.truncate().length() > 0.0) else {
-        return Viewpoint::overview(0.0);
+        return Viewpoint::overview(table, 0.0);
     };
     let bearing_rad = cue_ball.velocity.truncate().to_angle();
     let risen = smoothstep((moment_secs - RISE_SECS.start) / (RISE_SECS.end - RISE_SECS.start));
-    let overview = Viewpoint::overview(bearing_rad);
+    let overview = Viewpoint::overview(table, bearing_rad);
     Viewpoint::behind(cue_ball.position, bearing_rad).lerp(overview, risen)
 }
 

@@ -1,0 +1,28 @@
+//! Where the picture is taken from, and where a point of the table lands in it.
+//!
+//! ```text
+//! Views (the player's choice) ─▶ Viewpoint ─▶ Dolly (glides) ─▶ clear of the lamps ─▶ Camera
+//!        ▲ Chase (a ball on its way)
+//! ```
+
+mod chase;
+mod projection;
+mod viewpoint;
+mod views;
+
+pub use chase::Chase;
+pub use projection::Projection;
+pub use viewpoint::{Dolly, EYE_Z_M_MAX, EYE_Z_M_MIN, FOV_X_DEG, Orbit, Viewpoint};
+pub use views::{SAVED_MAX, Sight, View, Views};
+
+/// An angle's equal in (−π, π].
+pub fn wrap_rad(angle_rad: f64) -> f64 {
+    let turns = (angle_rad / std::f64::consts::TAU).round();
+    angle_rad - turns * std::f64::consts::TAU
+}
+
+/// From 0 to 1 with rest at both ends.
+pub fn smoothstep(s: f64) -> f64 {
+    let s = s.clamp(0.0, 1.0);
+    s * s * (3.0 - 2.0 * s)
+}

@@ -1,0 +1,150 @@
+//! A camera's map from the world to its film and back.
+
+use carom_tracer::Camera;
+use glam::{DVec2, DVec3};
+
+/// A camera's map from the world to its film, for overlays: the inverse of
+/// [`carom_tracer::compiled::camera_frame`].
+#[derive(Clone, Copy, Debug)]
+pub struct Projection {
+    eye: DVec3,
+    right: DVec3,
+    up: DVec3,
+    forward: DVec3,
+    film: DVec2,
+    focal: f64,
+}
+
+impl Projection {
+    /// The film is `width` × `height` in any unit; film positions come out in that unit, from the
+    /// top left.
+    pub fn new(camera: &Camera, width: f64, height: f64) -> Self {
+        let eye = camera.eye.as_dvec3();
+        let forward = (camera.target.as_dvec3() - eye).normalize();
+        let right = forward.cross(camera.up.as_dvec3()).normalize();
+        let half_angle = f64::from(camera.fov_x_deg).to_radians() * 0.5;
+        Self {
+            eye,
+            right,
+            up: right.cross(forward),
+            forward,
+            film: DVec2::new(width, height),
+            focal: 0.5 * width / half_angle.tan(),
+        }
+    }
+
+    /// Where `p` is seen; nothing if it lies behind the eye or too close to it.
+    pub fn film_from_world(&self, p: DVec3) -> Option<DVec2> {
+        let view = p - self.eye;
+        let depth = view.dot(self.forward);
+        (depth > NEAR_M).then(|| {
+            let offset = DVec2::new(view.dot(self.right), -view.dot(self.up));
+            0.5 * self.film + offset * (self.focal / depth)
+        })
+    }
+
+    /// Where the segment from `a` to `b` is seen, cut off just before the eye.
+    pub fn film_segment(&self, a: DVec3, b: DVec3) -> Option<[DVec2; 2]> {
+        let depth = |p: DVec3| (p - self.eye).dot(self.forward);
+        let (depth_a, depth_b) = (depth(a), depth(b));
+        let near = 2.0 * NEAR_M;
+        if depth_a <= near && depth_b <= near {
+            return None;
+        }
+        let cut = |from: DVec3, from_depth: f64, to: DVec3, to_depth: f64| {
+            if from_depth > near {
+                return from;
+            }
+            from + (to - from) * ((near - from_depth) / (to_depth - from_depth))
+        };
+        let (p, q) = (cut(a, depth_a, b, depth_b), cut(b, depth_b, a, depth_a));
+        Some([self.film_from_world(p)?, self.film_from_world(q)?])
+    }
+
+    /// How long one metre at `p`, across the view, is on the film.
+    pub fn film_per_metre(&self, p: DVec3) -> Option<f64> {
+        let depth = (p - self.eye).dot(self.forward);
+        (depth > NEAR_M).then(|| self.focal / depth)
+    }
+
+    /// The point at height `z` metres that is seen at `film`; nothing above the horizon.
+    pub fn world_from_film(&self, film: DVec2, z: f64) -> Option<DVec3> {
+        let offset = (film - 0.5 * self.film) / self.focal;
+        let direction = self.forward + self.right * offset.x - self.up * offset.y;
+        let distance = (z - self.eye.z) / direction.z;
+        (direction.z != 0.0 && distance > 0.0).then(|| self.eye + direction * distance)
+    }
+}
+
+const NEAR_M: f64 = 0.01;
+
+#[cfg(test)]
+mod tests {
+    use carom_tracer::ImageSize;
+    use carom_tracer::compiled::camera_frame;
+    use glam::Vec3;
+
+    use super::super::{FOV_X_DEG, Viewpoint};
+    use super::*;
+
+    fn view() -> Viewpoint {
+        Viewpoint {
+            focus: DVec3::new(0.2, -0.1, 0.0),
+            bearing_rad: 0.7,
+            pitch_rad: 0.4,
+            distance_m: 1.7,
+            fov_x_deg: FOV_X_DEG,
+        }
+    }
+
+    #[test]
+    fn a_point_is_projected_where_the_tracer_sees_it() {
+        let (camera, size) = (view().camera(), ImageSize::new(640, 360));
+        let (frame, projection) = (
+            camera_frame(&camera, size),
+            Projection::new(&camera, 640.0, 360.0),
+        );
+        let vec = |v: [f32; 3]| Vec3::from_array(v).as_dvec3();
+        for (x, y, t) in [
+            (0.5, 0.5, 1.0),
+            (320.0, 180.0, 2.0),
+            (639.0, 12.25, 0.3),
+            (17.0, 355.0, 7.0),
+        ] {
+            let direction = vec(frame.corner) + vec(frame.dx) * x + vec(frame.dy) * y;
+            let film = projection
+                .film_from_world(vec(frame.eye) + direction * t)
+                .unwrap();
+            // The tracer's camera is rounded to f32: 1e-7 of 640 pixels, a few times over.
+            assert!(
+                film.distance(DVec2::new(x, y)) < 2e-3,
+                "{film} for {x}, {y}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_cloth_under_a_film_position_is_seen_there() {
+        let projection = Projection::new(&view().camera(), 1280.0, 720.0);
+        let film = DVec2::new(200.0, 650.0);
+        let p = projection.world_from_film(film, 0.0).unwrap();
+        assert!(p.z.abs() < 1e-12);
+        assert!(projection.film_from_world(p).unwrap().distance(film) < 1e-6);
+        assert!(
+            projection
+                .world_from_film(DVec2::new(640.0, -2000.0), 0.0)
+                .is_none()
+        );
+    }
+
+    #[test]
+    fn a_segment_through_the_eye_is_cut_off_before_it() {
+        let projection = Projection::new(&view().camera(), 1280.0, 720.0);
+        let eye = view().camera().eye.as_dvec3();
+        let ahead = view().focus;
+        let [p, q] = projection.film_segment(ahead, eye - (ahead - eye)).unwrap();
+        assert!(p.is_finite() && q.is_finite());
+        let behind = eye - (ahead - eye);
+        assert!(projection.film_segment(behind, behind * 1.1).is_none());
+    }
+}

@@ -1,0 +1,227 @@
+//! Which view the player has chosen, and what was turned away from it.
+
+use glam::DVec3;
+
+use super::viewpoint::{Orbit, Viewpoint};
+use super::wrap_rad;
+use crate::input::Intent;
+use crate::sim::Table;
+
+/// A way of looking at the table.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum View {
+    /// Over the cue along the aim; during a shot, up and back to the whole table.
+    #[default]
+    Shooter,
+    /// The whole table from above.
+    Overhead,
+    /// Where the player has put it.
+    Orbit,
+    /// After the cue ball, and then after the ball that still moves.
+    Follow,
+    /// From behind the pocket that is played to.
+    Pocket,
+}
+
+impl View {
+    /// All, in the order in which a key goes through them.
+    pub const ALL: [Self; 5] = [
+        Self::Shooter,
+        Self::Overhead,
+        Self::Orbit,
+        Self::Follow,
+        Self::Pocket,
+    ];
+
+    /// For people, to follow "View:".
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Shooter => "behind the cue",
+            Self::Overhead => "from above",
+            Self::Orbit => "free",
+            Self::Follow => "after the ball",
+            Self::Pocket => "from the pocket",
+        }
+    }
+
+    /// The next that `table` has, and after the last the first.
+    fn next(self, table: &Table) -> Self {
+        let has = |view: &Self| *view != Self::Pocket || !table.pockets().is_empty();
+        let place = Self::ALL.iter().position(|view| *view == self);
+        let rest = &Self::ALL[place.map_or(0, |place| place + 1)..];
+        rest.iter().copied().find(has).unwrap_or_default()
+    }
+}
+
+/// What a view may depend on.
+#[derive(Clone, Copy, Debug)]
+pub struct Sight<'a> {
+    /// The table.
+    pub table: &'a Table,
+    /// Centre of the ball that is played or followed, if there is one, metres.
+    pub ball: Option<DVec3>,
+    /// Direction of the cue, radians.
+    pub bearing_rad: f64,
+    /// Index of the pocket that is played to.
+    pub pocket: Option<usize>,
+    /// Whether the whole table is of interest: during a shot, or while the cue ball is carried.
+    pub is_wide: bool,
+}
+
+/// The player's choice of views.
+#[derive(Clone, Copy, Debug)]
+pub struct Views {
+    view: View,
+    by: Orbit,
+    /// What [`View::Orbit`] is turned from.
+    free: Viewpoint,
+}
+
+/// How many views can be saved.
+pub const SAVED_MAX: usize = 4;
+
+impl Views {
+    /// Behind the cue.
+    pub fn new(table: &Table) -> Self {
+        Self {
+            view: View::Shooter,
+            by: Orbit::default(),
+            free: Viewpoint::overview(table, 0.0),
+        }
+    }
+
+    /// The view that is chosen.
+    pub fn view(&self) -> View {
+        self.view
+    }
+
+    /// Does what the player wants of the camera, which is `now`; false if it is for something else.
+    pub fn take(&mut self, intent: Intent, table: &Table, now: Viewpoint) -> bool {
+        match intent {
+            Intent::Orbit { yaw_rad, pitch_rad } => self.look(yaw_rad, pitch_rad, 1.0),
+            Intent::Zoom(zoom) => self.look(0.0, 0.0, zoom),
+            Intent::NextView => self.choose(self.view.next(table), now),
+            Intent::Overhead if self.view == View::Overhead => self.choose(View::Shooter, now),
+            Intent::Overhead => self.choose(View::Overhead, now),
+            Intent::LookFrom(saved) => self.choose(View::Orbit, saved),
+            _ => return false,
+        }
+        true
+    }
+
+    /// Looks along the cue again.
+    pub fn straighten(&mut self) {
+        if self.view == View::Shooter {
+            self.by.yaw_rad = 0.0;
+        }
+    }
+
+    /// What is to be seen.
+    pub fn viewpoint(&self, sight: &Sight<'_>) -> Viewpoint {
+        let (table, bearing_rad) = (sight.table, sight.bearing_rad);
+        let overview = Viewpoint::overview(table, bearing_rad);
+        let pocket = sight.pocket.and_then(|pocket| table.pockets().get(pocket));
+        let wanted = match (self.view, sight.ball, pocket) {
+            (View::Overhead, ..) => Viewpoint::overhead(table),
+            (View::Orbit, ..) => self.free,
+            (View::Shooter, Some(ball), _) if !sight.is_wide => {
+                Viewpoint::behind(ball, bearing_rad)
+            }
+            (View::Follow, Some(ball), _) => Viewpoint::beside(ball, bearing_rad),
+            (View::Pocket, _, Some(pocket)) => Viewpoint::from_pocket(pocket),
+            _ => overview,
+        };
+        if self.by == Orbit::default() {
+            return wanted;
+        }
+        wanted.adjusted(self.by)
+    }
+
+    fn choose(&mut self, view: View, free: Viewpoint) {
+        (self.view, self.by, self.free) = (view, Orbit::default(), free);
+    }
+
+    fn look(&mut self, yaw_rad: f64, pitch_rad: f64, zoom: f64) {
+        self.by = Orbit {
+            yaw_rad: wrap_rad(self.by.yaw_rad + yaw_rad),
+            pitch_rad: (self.by.pitch_rad + pitch_rad).clamp(-1.4, 1.4),
+            zoom: (self.by.zoom * zoom).clamp(0.3, 2.5),
+        };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sight(table: &Table) -> Sight<'_> {
+        Sight {
+            table,
+            ball: Some(DVec3::new(-0.6, 0.1, 0.028)),
+            bearing_rad: 0.4,
+            pocket: Some(1),
+            is_wide: false,
+        }
+    }
+
+    #[test]
+    fn a_key_goes_through_all_views_and_each_differs_from_the_one_before() {
+        let table = Table::nine_foot();
+        let mut views = Views::new(&table);
+        let mut seen: Vec<(View, Viewpoint)> = Vec::new();
+        for view in View::ALL {
+            assert_eq!(views.view(), view);
+            let at = views.viewpoint(&sight(&table));
+            // The free view begins where the camera is.
+            let before = seen.last().filter(|_| view != View::Orbit);
+            assert!(before.is_none_or(|(_, before)| *before != at), "{view:?}");
+            seen.push((view, at));
+            assert!(views.take(Intent::NextView, &table, at));
+        }
+        assert_eq!(views.view(), View::Shooter);
+    }
+
+    #[test]
+    fn a_table_without_pockets_has_no_view_from_one() {
+        let table = Table::built_in("carom").unwrap();
+        let mut views = Views::new(&table);
+        for _ in 0..10 {
+            let at = views.viewpoint(&sight(&table));
+            views.take(Intent::NextView, &table, at);
+            assert_ne!(views.view(), View::Pocket);
+        }
+    }
+
+    #[test]
+    fn from_above_and_back_with_one_key() {
+        let table = Table::nine_foot();
+        let mut views = Views::new(&table);
+        let at = views.viewpoint(&sight(&table));
+        views.take(Intent::Zoom(0.9), &table, at);
+        views.take(Intent::Overhead, &table, at);
+        assert_eq!(
+            views.viewpoint(&sight(&table)),
+            Viewpoint::overhead(&table),
+            "what was zoomed is of the view before"
+        );
+        views.take(Intent::Overhead, &table, at);
+        assert_eq!(views.viewpoint(&sight(&table)), at);
+    }
+
+    #[test]
+    fn a_saved_view_is_seen_as_it_was_and_turned_from_there() {
+        let table = Table::nine_foot();
+        let mut views = Views::new(&table);
+        let saved = Viewpoint::overhead(&table);
+        views.take(Intent::LookFrom(saved), &table, saved);
+        assert_eq!(views.viewpoint(&sight(&table)), saved);
+        let turn = Intent::Orbit {
+            yaw_rad: 0.01,
+            pitch_rad: 0.0,
+        };
+        views.take(turn, &table, saved);
+        let turned = views.viewpoint(&sight(&table));
+        let way = (turned.camera().eye - saved.camera().eye).length();
+        assert!(way > 0.0 && way < 0.05, "no jump: {way} m");
+    }
+}
