@@ -209,7 +209,8 @@ impl Desk {
         }
     }
 
-    fn open(&mut self, page: Page, session: &mut Session, now_secs: f64) {
+    /// Opens a page over the table; a stroke is given up.
+    pub fn open(&mut self, page: Page, session: &mut Session, now_secs: f64) {
         if let Some(intent) = self.input.let_go() {
             session.act(intent, now_secs);
         }

@@ -411,6 +411,7 @@ impl Session {
         let notice = self.notice();
         let overlay = ui::Overlay {
             notice: notice.as_deref(),
+            has_page: !self.is_game(),
         };
         ui::draw(&painter, screen, &overlay);
         let moves = std::mem::take(&mut self.dirty);

@@ -59,10 +59,12 @@ pub fn legend(ctx: &Context, bindings: &Bindings) {
         .interactable(false)
         .show(ctx, |ui| {
             theme::frame().show(ui, |ui| {
-                ui.horizontal(|ui| {
+                // Between the disc of the cue ball at the left and as much at the right.
+                ui.set_max_width(ctx.content_rect().width() - 2.0 * BESIDE_POINTS);
+                ui.horizontal_wrapped(|ui| {
                     for (keys, does) in first_steps(bindings) {
-                        ui.label(RichText::new(keys).color(theme::ACCENT));
-                        ui.label(does);
+                        ui.label(RichText::new(keys).small().color(theme::ACCENT));
+                        ui.label(RichText::new(does).small());
                         ui.add_space(8.0);
                     }
                 });
@@ -93,6 +95,7 @@ pub fn markdown(bindings: &Bindings) -> String {
     text
 }
 
+const BESIDE_POINTS: f32 = 124.0;
 const AIM_BY_MOUSE: &str = "aim: right and left turn the cue";
 
 #[cfg(test)]

@@ -24,13 +24,23 @@ use self::theme::{INK, PANEL};
 pub struct Overlay<'a> {
     /// A sentence for the player.
     pub notice: Option<&'a str>,
+    /// Whether a page takes the lower part of the window.
+    pub has_page: bool,
 }
 
-/// Draws the sentence near the bottom.
+/// Draws the sentence near the bottom, or at the top over a page.
 pub fn draw(painter: &Painter, screen: Rect, overlay: &Overlay<'_>) {
     if let Some(notice) = overlay.notice {
-        let bottom = screen.center_bottom() - Vec2::new(0.0, 112.0);
-        label(painter, bottom, Align2::CENTER_BOTTOM, notice, 16.0);
+        let (place, align) = if overlay.has_page {
+            (
+                screen.center_top() + Vec2::new(0.0, 24.0),
+                Align2::CENTER_TOP,
+            )
+        } else {
+            let bottom = screen.center_bottom() - Vec2::new(0.0, 112.0);
+            (bottom, Align2::CENTER_BOTTOM)
+        };
+        label(painter, place, align, notice, 16.0);
     }
 }
 

@@ -2,6 +2,8 @@
 //! how they look.
 
 mod fixture;
+#[path = "../looks/mod.rs"]
+mod looks;
 mod pictures;
 
 use std::collections::BTreeSet;

@@ -1,0 +1,197 @@
+//! The game's screens as a person meets them: by their words, by pressing them, and by how they look.
+//! There is no farm: the table is played all the same.
+
+#[path = "../looks/mod.rs"]
+mod looks;
+mod pictures;
+mod player;
+
+use carom::input::CONTROLS;
+use carom::rules::RuleSet;
+use carom::ui::menu::Page;
+use egui::accesskit::Toggled;
+use egui::{Key, Vec2};
+use egui_kittest::kittest::{NodeT as _, Queryable as _};
+use player::{Seat, at, click, harness, harness_of, press};
+
+#[test]
+fn the_menu_leads_to_every_page_and_back_and_out() {
+    let mut harness = harness(Seat::free());
+    for (entry, page) in [("New game", Page::NewGame), ("Settings", Page::Settings)] {
+        press(&mut harness, "Esc");
+        assert_eq!(harness.state().desk.page(), Some(Page::Top));
+        click(&mut harness, entry);
+        assert_eq!(harness.state().desk.page(), Some(page));
+        click(&mut harness, "Back");
+        assert_eq!(harness.state().desk.page(), Some(Page::Top));
+        click(&mut harness, "Resume");
+        assert_eq!(harness.state().desk.page(), None);
+    }
+    press(&mut harness, "Esc");
+    click(&mut harness, "Keys and mouse");
+    assert_eq!(harness.state().desk.page(), Some(Page::Keys));
+    for page in [Some(Page::Settings), Some(Page::Top), None] {
+        press(&mut harness, "Esc");
+        assert_eq!(harness.state().desk.page(), page);
+    }
+    press(&mut harness, "Esc");
+    assert!(!harness.state().has_quit);
+    click(&mut harness, "Quit");
+    assert!(harness.state().has_quit);
+}
+
+#[test]
+fn a_new_game_is_set_up_and_its_players_stand_on_the_board() {
+    let mut harness = harness(Seat::free());
+    press(&mut harness, "Esc");
+    for entry in ["New game", "9-ball", "A person at this machine", "Begin"] {
+        click(&mut harness, entry);
+    }
+    assert_eq!(harness.state().desk.page(), None);
+    assert_eq!(
+        harness.state_mut().session.board().view.rules,
+        RuleSet::Nine
+    );
+    for words in ["Player 1", "Player 2", "9-ball"] {
+        assert!(
+            harness.query_all_by_label_contains(words).count() > 0,
+            "{words}"
+        );
+    }
+}
+
+#[test]
+fn settings_are_changed_by_pressing_them() {
+    // As high as all of them.
+    let mut harness = harness_of(Seat::free(), Vec2::new(1280.0, 1200.0));
+    press(&mut harness, "Esc");
+    for entry in ["Settings", "Reduced motion", "125 %", "Glass"] {
+        click(&mut harness, entry);
+    }
+    let settings = harness.state().desk.settings();
+    assert!(settings.reduced_motion && settings.text_scale == 1.25);
+    assert_eq!(settings.ball_set, carom::ball_set::BallSet::Glass);
+    click(&mut harness, "Back to the defaults");
+    assert_eq!(harness.state().desk.settings().text_scale, 1.0);
+}
+
+#[test]
+fn the_list_of_keys_names_every_control_below_its_title() {
+    let mut harness = harness(Seat::free());
+    press(&mut harness, "F1");
+    for control in CONTROLS {
+        assert!(
+            harness.query_by_label(control.does).is_some(),
+            "{}",
+            control.does
+        );
+    }
+    let title = harness.get_by_label("Keys and mouse").rect();
+    let first = harness.get_by_label("Aim").rect();
+    assert!(title.bottom() <= first.top(), "{title} over {first}");
+    press(&mut harness, "Esc");
+    assert!(harness.query_by_label("Keys and mouse").is_none());
+}
+
+#[test]
+fn a_shot_is_looked_back_at_stopped_stepped_and_left() {
+    let mut harness = harness(Seat::free());
+    press(&mut harness, "F4");
+    assert!(!harness.state().session.is_replay(), "there is nothing yet");
+    press(&mut harness, "Enter");
+    harness.state_mut().wait();
+    press(&mut harness, "F4");
+    assert!(harness.state().session.is_replay());
+    click(&mut harness, "Pause");
+    for words in ["Event ▶", "1/4×", "Play"] {
+        click(&mut harness, words);
+    }
+    assert!(harness.query_by_label("Pause").is_some(), "it goes on");
+    click(&mut harness, "Pause");
+    let before = harness.state().viewpoint();
+    press(&mut harness, "O");
+    assert_ne!(harness.state().viewpoint(), before, "it is seen from above");
+    click(&mut harness, "Back to the game");
+    assert!(harness.state().session.is_game());
+}
+
+#[test]
+fn balls_are_laid_by_pressing_their_numbers_and_what_is_left_lies_as_before() {
+    let mut harness = harness(Seat::free());
+    press(&mut harness, "F5");
+    let is_there = |harness: &egui_kittest::Harness<'_, Seat>| {
+        harness.get_by_label("9").accesskit_node().toggled() == Some(Toggled::True)
+    };
+    assert!(is_there(&harness));
+    click(&mut harness, "9");
+    assert!(!is_there(&harness));
+    click(&mut harness, "Leave it as it was");
+    press(&mut harness, "F5");
+    assert!(is_there(&harness));
+    click(&mut harness, "9");
+    click(&mut harness, "Play");
+    assert!(harness.state().session.is_game());
+    press(&mut harness, "F5");
+    assert!(!is_there(&harness), "it is played without the 9");
+}
+
+#[test]
+fn the_page_of_a_replay_is_worked_with_keys_alone() {
+    let mut harness = harness(Seat::free());
+    press(&mut harness, "Enter");
+    harness.state_mut().wait();
+    press(&mut harness, "F4");
+    harness.key_press(Key::Space);
+    harness.run_steps(4);
+    assert!(harness.query_by_label("Play").is_some(), "it stands");
+    let view = harness.state().viewpoint();
+    harness.key_press(Key::Num2);
+    press(&mut harness, "2");
+    assert_eq!(harness.state().viewpoint(), view, "2 is a speed here");
+    press(&mut harness, "Esc");
+    assert!(harness.state().session.is_game());
+}
+
+#[test]
+fn the_pointer_turns_the_aim_over_the_table_and_not_over_a_panel_or_on_the_way_from_it() {
+    let mut seat = Seat::free();
+    // Given back, it may differ in its last bits.
+    let aim = |seat: &mut Seat| (seat.settled().bearing_rad * 1e9).round();
+    let start = aim(&mut seat);
+    seat.handle(at(600.0, 300.0), false);
+    seat.handle(at(640.0, 300.0), false);
+    let turned = aim(&mut seat);
+    assert_ne!(turned, start);
+    seat.now_secs += 5.0;
+    seat.handle(at(700.0, 300.0), false);
+    seat.handle(at(900.0, 300.0), true);
+    assert_eq!(aim(&mut seat), turned, "the way to the panel is given back");
+    seat.handle(at(1000.0, 300.0), true);
+    seat.handle(at(800.0, 300.0), false);
+    assert_eq!(aim(&mut seat), turned);
+    seat.now_secs += 5.0;
+    seat.handle(at(790.0, 300.0), false);
+    assert_ne!(aim(&mut seat), turned, "after a rest it aims again");
+}
+
+#[test]
+fn views_have_their_keys_and_saved_ones_come_back_the_next_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("settings.toml");
+    let mut seat = Seat::kept_in(path.clone());
+    let behind = seat.settled();
+    seat.key("1");
+    assert_eq!(seat.settled(), behind, "nothing is saved yet");
+    seat.key("V");
+    let above = seat.settled();
+    assert_ne!(above, behind);
+    seat.key("5");
+    seat.key("O");
+    assert_eq!(seat.settled(), behind);
+    let mut seat = Seat::kept_in(path);
+    seat.key("1");
+    let again = seat.settled();
+    let off = (again.camera().eye - above.camera().eye).length();
+    // The file keeps four digits.
+    assert!(off < 1e-3, "{off} m");
+}

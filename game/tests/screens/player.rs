@@ -1,0 +1,160 @@
+//! Someone who sits at the game: a session and a desk, without a window and without a farm.
+
+use std::path::PathBuf;
+
+use carom::ball_set::BallSet;
+use carom::camera::Viewpoint;
+use carom::contest::{Match, Player, Setup};
+use carom::desk::Desk;
+use carom::input::{Event, Key};
+use carom::play::{Outcome, free_table};
+use carom::rules::RuleSet;
+use carom::session::Session;
+use carom::settings::Store;
+use carom::sound::Speaker;
+use carom::stage::Stage;
+use carom::ui::theme;
+use carom_farm::{FarmConfig, LocalNode};
+use carom_tracer::ImageSize;
+use egui::{Ui, Vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable as _;
+use glam::DVec2;
+
+/// Session, desk and their time.
+pub(crate) struct Seat {
+    pub(crate) session: Session,
+    pub(crate) desk: Desk,
+    pub(crate) now_secs: f64,
+    pub(crate) has_quit: bool,
+}
+
+impl Seat {
+    /// At the free table.
+    pub(crate) fn free() -> Self {
+        Self::new(free_table(Stage::table(), 1).unwrap(), Store::default())
+    }
+
+    /// The same with settings in a file.
+    pub(crate) fn kept_in(settings: PathBuf) -> Self {
+        let contest = free_table(Stage::table(), 1).unwrap();
+        Self::new(contest, Store::open(settings))
+    }
+
+    /// At a game of 8-ball between two people.
+    pub(crate) fn eight() -> Self {
+        let players = Player::list("Ada,Bo").unwrap();
+        let setup = Setup::new(RuleSet::Eight, players, 3).unwrap();
+        Self::new(Match::new(setup).unwrap(), Store::default())
+    }
+
+    fn new(contest: Match, store: Store) -> Self {
+        let config = FarmConfig {
+            local: LocalNode::None,
+            ..FarmConfig::default()
+        };
+        let mut session = Session::new(config, contest, BallSet::Classic).unwrap();
+        session.resize(
+            ImageSize::new(0, 0),
+            DVec2::new(WINDOW.x.into(), WINDOW.y.into()),
+        );
+        Self {
+            session,
+            desk: Desk::new(store, Speaker::new(None)),
+            now_secs: 1.0,
+            has_quit: false,
+        }
+    }
+
+    /// A frame of 1/20 s.
+    pub(crate) fn draw(&mut self, ui: &mut Ui) {
+        self.now_secs += 0.05;
+        self.session.tick(self.now_secs);
+        self.desk.tick(&mut self.session, self.now_secs);
+        let ctx = ui.ctx();
+        self.session.draw(ctx, self.now_secs, DISPLAY);
+        let outcome = self
+            .desk
+            .draw(ctx, &mut self.session, self.now_secs, DISPLAY);
+        self.has_quit |= outcome == Outcome::Quit;
+    }
+
+    /// What happens at the window; `taken` says that it is over a panel.
+    pub(crate) fn handle(&mut self, event: Event, taken: bool) {
+        self.now_secs += 0.01;
+        self.desk
+            .handle(event, taken, &mut self.session, self.now_secs);
+    }
+
+    /// Presses a key and lets it go.
+    pub(crate) fn key(&mut self, label: &str) {
+        for pressed in [true, false] {
+            let event = Event::Key {
+                key: Key::from_label(label).unwrap(),
+                pressed,
+                repeat: false,
+            };
+            self.handle(event, false);
+        }
+    }
+
+    /// Lets a shot end.
+    pub(crate) fn wait(&mut self) {
+        while self.session.shot_clock(self.now_secs).is_some() {
+            self.now_secs += 0.5;
+            self.session.tick(self.now_secs);
+        }
+    }
+
+    /// From where it is seen now.
+    pub(crate) fn viewpoint(&self) -> Viewpoint {
+        self.session.viewpoint(self.now_secs)
+    }
+
+    /// From where it is seen once the camera has arrived.
+    pub(crate) fn settled(&mut self) -> Viewpoint {
+        let mut now_secs = self.now_secs;
+        for _ in 0..200 {
+            now_secs += 0.05;
+            self.session.tick(now_secs);
+        }
+        // The desk's time goes on as if nothing had been waited for.
+        self.viewpoint()
+    }
+}
+
+/// The pointer at a place of the window, points.
+pub(crate) fn at(x: f64, y: f64) -> Event {
+    Event::Pointer(DVec2::new(x, y))
+}
+
+/// A window in which someone sits.
+pub(crate) fn harness(seat: Seat) -> Harness<'static, Seat> {
+    harness_of(seat, WINDOW)
+}
+
+/// The same, of another size.
+pub(crate) fn harness_of(seat: Seat, size: Vec2) -> Harness<'static, Seat> {
+    let mut harness = Harness::builder()
+        .with_size(size)
+        .with_step_dt(0.05)
+        .with_context_setup(|ctx| theme::apply(ctx, 1.0, true))
+        .build_ui_state(|ui, seat: &mut Seat| seat.draw(ui), seat);
+    harness.run_steps(4);
+    harness
+}
+
+/// Presses a key of the game.
+pub(crate) fn press(harness: &mut Harness<'_, Seat>, label: &str) {
+    harness.state_mut().key(label);
+    harness.run_steps(4);
+}
+
+/// Presses what has this label, and lets what comes of it find its place.
+pub(crate) fn click(harness: &mut Harness<'_, Seat>, label: &str) {
+    harness.get_by_label(label).click();
+    harness.run_steps(12);
+}
+
+pub(crate) const WINDOW: Vec2 = Vec2::new(960.0, 540.0);
+const DISPLAY: &str = "a display";
