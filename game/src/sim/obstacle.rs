@@ -274,6 +274,7 @@ impl Scout<'_> {
             },
             |crossings| {
                 crossings.mouth(pocket);
+                crossings.circle(pocket.center, pocket.radius_m);
                 crossings.level(-pocket.rim_radius_m);
                 crossings.level(rail_height_m);
             },

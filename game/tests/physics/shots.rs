@@ -225,6 +225,26 @@ fn the_cue_ball_comes_back_into_hand() {
     assert!(world.strike(Stroke::straight(0.0, 1.0)).is_ok());
 }
 
+/// A ball that shot across a side pocket's mouth past the end of the far facing, into the wall.
+#[test]
+fn a_ball_that_crosses_a_pocket_stays_before_its_wall() {
+    let mut world = eight_ball(0);
+    world
+        .place(0, -0.297_660_978_028_897_3, 0.070_125_183_718_114_9)
+        .expect("free");
+    let stroke = Stroke {
+        elevation_rad: 0.256_398_959_699_780_44,
+        side: -0.33566053665492784,
+        vertical: -0.1618562090128194,
+        ..Stroke::straight(-1.130_735_134_196_903_6, 4.292_131_794_714_508)
+    };
+    let shot = world.strike(stroke).expect("it ends");
+    assert_energy_never_grows(&shot);
+    for event in shot.events() {
+        assert_in_order(world.table(), &shot.states_at(event.time_secs));
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 48, failure_persistence: None, ..Default::default() })]
 
