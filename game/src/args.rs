@@ -240,6 +240,7 @@ What moves the balls: exact (the billiards laws, from contact to contact) or rap
 engine's own contacts and solver at N steps per second, 30 to 10000). What the settings cost and lose:
 
 {}
+
 A corner pocket a metre away forgives about 1.7°",
         bench::in_a_table()
     )

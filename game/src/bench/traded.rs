@@ -64,7 +64,7 @@ pub fn in_a_table() -> String {
             figure(trade.worst_frame_ms),
         );
     }
-    table
+    table.trim_end().to_owned()
 }
 
 /// With two digits that count at least, and no exponent.
@@ -118,6 +118,7 @@ mod tests {
     fn the_texts_hold_the_figures() {
         let table = in_a_table();
         assert_eq!(table.lines().count(), 3 + 1 + STEPS_PER_SEC.len());
+        assert!(!table.ends_with('\n'));
         assert!(
             table.lines().all(|line| line.chars().count() < 90),
             "{table}"
