@@ -14,6 +14,8 @@ pub(crate) struct Assembly {
     blocks: BTreeMap<u64, Block>,
     /// The first block that has not been heard of.
     next: u64,
+    /// How long after a block had begun pieces of those before it still came, the most of late.
+    overtaken: Duration,
 }
 
 #[derive(Debug)]
@@ -98,9 +100,9 @@ impl Assembly {
         now: Duration,
         round_trip: Duration,
     ) -> Option<Datagram<'static>> {
-        let newest = self.next.saturating_sub(1);
+        let (newest, overtaken) = (self.next.saturating_sub(1), self.overtaken);
         let due = |(number, block): (&u64, &mut Block)| {
-            let asks = block.due(*number < newest, round_trip)? <= now;
+            let asks = block.due(*number < newest, overtaken, round_trip)? <= now;
             asks.then(|| {
                 (block.asked, block.asks) = (Some(now), block.asks + 1);
                 Datagram::Missing {
@@ -114,8 +116,9 @@ impl Assembly {
 
     /// When [`Assembly::poll_missing`] wants to be called.
     pub(crate) fn next_timeout(&self, round_trip: Duration) -> Option<Duration> {
-        let newest = self.next.saturating_sub(1);
-        let due = |(number, block): (&u64, &Block)| block.due(*number < newest, round_trip);
+        let (newest, overtaken) = (self.next.saturating_sub(1), self.overtaken);
+        let due =
+            |(number, block): (&u64, &Block)| block.due(*number < newest, overtaken, round_trip);
         self.blocks.iter().filter_map(due).min()
     }
 
@@ -130,10 +133,15 @@ impl Assembly {
             for skipped in first..=number {
                 self.blocks.insert(skipped, Block::new(now));
             }
+            self.overtaken = self.overtaken.mul_f64(OVERTAKEN_KEPT);
             self.next = number + 1;
             self.blocks = self
                 .blocks
                 .split_off(&self.next.saturating_sub(BLOCKS_KEPT));
+        }
+        if let Some(after) = self.blocks.get(&(number + 1)) {
+            let overtaken = now.saturating_sub(after.began).min(OVERTAKEN_MAX);
+            self.overtaken = self.overtaken.max(overtaken);
         }
         let block = self.blocks.get_mut(&number)?;
         block.heard = now;
@@ -197,7 +205,7 @@ impl Block {
     }
 
     /// When it is asked for; `None` if it is whole or has been asked for often enough.
-    fn due(&self, is_past: bool, round_trip: Duration) -> Option<Duration> {
+    fn due(&self, is_past: bool, overtaken: Duration, round_trip: Duration) -> Option<Duration> {
         if self.whole || self.answered || self.asks >= ASKS_MAX {
             return None;
         }
@@ -205,8 +213,8 @@ impl Block {
             Some(asked) => {
                 asked + (round_trip + ANSWER_PATIENCE) * (1 << self.asks.saturating_sub(2))
             }
-            None if is_past => self.heard.max(self.began) + PAST_PATIENCE,
-            None => self.heard + LAST_PATIENCE,
+            None if is_past => self.heard.max(self.began) + overtaken + PAST_PATIENCE,
+            None => self.heard + overtaken + LAST_PATIENCE,
         })
     }
 
@@ -303,7 +311,11 @@ impl Block {
 /// Half a second of three blocks a frame: far beyond any deadline. 24 MB at most.
 const BLOCKS_KEPT: u64 = 96;
 const PACKET_PIECE_BYTES_MAX: usize = 1500;
-/// Pieces that others overtook may still come.
+/// Each block; halved in two seconds of three blocks a frame.
+const OVERTAKEN_KEPT: f64 = 0.998;
+/// What comes later is not waited for, but asked for.
+const OVERTAKEN_MAX: Duration = Duration::from_millis(50);
+/// Pieces that others overtook may still come, and as late as others have.
 const PAST_PATIENCE: Duration = Duration::from_millis(4);
 /// Of the newest block the parities may still come: a block is open for 3 ms, and jitter.
 const LAST_PATIENCE: Duration = Duration::from_millis(8);
@@ -505,6 +517,23 @@ mod tests {
         let (late, pair) = play(long(0.0, 1.0), 0.0, 100);
         assert!(late.last().unwrap() < &(30 * MS));
         assert!(pair.blocks.due().is_none() && pair.assembly.blocks.values().all(|b| b.asks == 0));
+    }
+
+    /// Each fiftieth datagram overtakes others by 11 ms, four blocks.
+    #[test]
+    fn what_others_overtook_is_waited_for() {
+        let config = PathConfig {
+            reorder: 0.02,
+            ..long(0.0, 1.0)
+        };
+        let (late, pair) = play(config, 0.0, 100);
+        assert!(late.last().unwrap() < &(30 * MS), "{:?}", late.last());
+        let asks: u32 = pair.assembly.blocks.values().map(|block| block.asks).sum();
+        let blocks = pair.assembly.blocks.len();
+        assert!(
+            asks as usize * 20 < blocks,
+            "{asks} asks for {blocks} blocks"
+        );
     }
 
     /// Nothing comes of the only block, nor of the first four questions.

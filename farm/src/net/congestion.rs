@@ -7,11 +7,19 @@
 //! w ← min(2w, (1 − γ)·w + γ·(w · least / now + α))
 //! ```
 //!
-//! which rests where α bytes of this connection wait in the narrowest queue. A lost packet says
-//! nothing: radio and long paths lose them at random, and a rule that halves the window for each
-//! (Cubic) carried 4 of 31 Mbit/s at 1 % loss. Only when a twentieth is lost for several round
-//! trips is the path taken to have a queue too short for α. The start doubles the window each
-//! round trip until packets begin to wait.
+//! which rests where α bytes of this connection wait in the narrowest queue. No step goes below what
+//! was delivered in that round trip and α: what "now" says of a window that has been cut since would
+//! cut it twice.
+//!
+//! "Now" and "ever seen" are medians of a round's acknowledgements, and an acknowledgement counts as
+//! the lower quartile of its packets, not the least: one packet in fifty that overtakes others by a
+//! quarter of the round trip would else be the least, all others seem to wait, and the window shrink
+//! to next to nothing; and an acknowledgement that overtakes others speaks for all their packets.
+//!
+//! A lost packet says nothing: radio and long paths lose them at random, and a rule that halves the
+//! window for each (Cubic) carried 4 of 31 Mbit/s at 1 % loss. Only when a twentieth is lost for
+//! several round trips is the path taken to have a queue too short for α. The start adds half to the
+//! window each round trip until packets begin to wait.
 //!
 //! The rule is pure; [`Config`] is its form for quinn.
 
@@ -36,13 +44,15 @@ pub struct DelayWindow {
 }
 
 /// What has happened since the last change of the window.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Round {
     began: Duration,
     acked: f64,
     lost: f64,
-    /// The least round trip: jitter and late acknowledgements only ever add.
-    least: Option<Duration>,
+    /// Of the packets of the acknowledgement that is being taken.
+    ack: RoundTrips,
+    /// Of acknowledgements.
+    round_trips: RoundTrips,
     /// Whether the window held something back.
     limited: bool,
 }
@@ -68,17 +78,22 @@ impl DelayWindow {
     /// held more back.
     pub fn on_ack(&mut self, now: Duration, sent: Duration, bytes: u64, limited: bool) {
         let round_trip = now.saturating_sub(sent);
-        self.least.insert(now, round_trip);
         let round = &mut self.round;
         round.acked += bytes as f64;
         round.limited |= limited;
-        round.least = Some(
-            round
-                .least
-                .map_or(round_trip, |least| least.min(round_trip)),
-        );
+        round.ack.insert(round_trip);
+    }
+
+    /// An acknowledgement has been taken: of those packets that have been told since the last.
+    pub fn on_end_acks(&mut self, now: Duration) {
+        let round = &mut self.round;
+        let Some(round_trip) = round.ack.take_quantile(4) else {
+            return;
+        };
+        round.round_trips.insert(round_trip);
         let least = self.least.get().unwrap_or(round_trip);
-        if now.saturating_sub(round.began) >= least.max(ROUND_MIN) {
+        let passed = now.saturating_sub(round.began) >= least.max(ROUND_MIN);
+        if passed && round.round_trips.are_enough() {
             self.end_round(now);
         }
     }
@@ -106,18 +121,20 @@ impl DelayWindow {
     }
 
     fn end_round(&mut self, now: Duration) {
-        let round = std::mem::replace(
+        let mut round = std::mem::replace(
             &mut self.round,
             Round {
                 began: now,
                 ..Round::default()
             },
         );
-        let (Some(here), Some(least)) = (round.least, self.least.get()) else {
+        let Some(here) = round.round_trips.take_quantile(2) else {
             return;
         };
+        let least = self.least.insert(now, here);
         let secs = now.saturating_sub(round.began).as_secs_f64();
-        self.rate = (round.acked / secs.max(1e-6)).max(self.rate * RATE_KEPT);
+        let delivered_per_sec = round.acked / secs.max(1e-6);
+        self.rate = delivered_per_sec.max(self.rate * RATE_KEPT);
         let lost = round.lost / (round.lost + round.acked).max(1.0);
         self.loss += LOSS_GAIN * (lost - self.loss);
         let waits = here.saturating_sub(least);
@@ -125,20 +142,22 @@ impl DelayWindow {
             self.starting = false;
             self.loss = 0.0;
             self.window *= LOSS_FACTOR;
-        } else if self.starting && waits <= START_WAIT_MAX.max(least / 8) {
+        } else if self.starting && waits <= START_WAIT_MAX.max(least / 32) {
             if round.limited {
-                self.window *= 2.0;
+                let carried = delivered_per_sec * least.as_secs_f64() + self.alpha();
+                self.window += 0.5 * self.window.min(carried);
             }
         } else {
             if self.starting {
-                // It doubled a round trip ago: what was delivered since is what the path carries.
+                // It grew a round trip ago: what was delivered since is what the path carries.
                 self.starting = false;
                 self.window = self
                     .window
                     .min(self.rate * least.as_secs_f64() + self.alpha());
             }
             let ratio = least.as_secs_f64() / here.as_secs_f64().max(1e-6);
-            let target = self.window * ratio + self.alpha();
+            let delivered = delivered_per_sec * least.as_secs_f64();
+            let target = delivered.clamp(self.window * ratio, self.window) + self.alpha();
             let next = (1.0 - GAMMA) * self.window + GAMMA * target;
             // An application that sends less says nothing of what more would do.
             if round.limited || next < self.window {
@@ -161,6 +180,45 @@ impl DelayWindow {
     }
 }
 
+/// Round trips of packets or acknowledgements: a sample of them, evenly spread.
+#[derive(Clone, Debug, Default)]
+struct RoundTrips {
+    kept: Vec<Duration>,
+    /// Of so many, one is kept ...
+    stride: usize,
+    /// ... after so many more.
+    skips: usize,
+}
+
+impl RoundTrips {
+    fn insert(&mut self, round_trip: Duration) {
+        if self.skips > 0 {
+            self.skips -= 1;
+            return;
+        }
+        if self.kept.len() == ROUND_TRIPS_MAX {
+            self.kept = self.kept.iter().copied().step_by(2).collect();
+            self.stride = 2 * self.stride.max(1);
+        }
+        self.kept.push(round_trip);
+        self.skips = self.stride.saturating_sub(1);
+    }
+
+    /// The round trip that one in `part` are shorter than; none are kept then.
+    fn take_quantile(&mut self, part: usize) -> Option<Duration> {
+        let index = self.kept.len() / part;
+        let in_order = |kept: &mut [Duration]| *kept.select_nth_unstable(index).1;
+        let quantile = (!self.kept.is_empty()).then(|| in_order(&mut self.kept));
+        self.kept.clear();
+        (self.stride, self.skips) = (0, 0);
+        quantile
+    }
+
+    fn are_enough(&self) -> bool {
+        self.kept.len() >= ROUND_TRIPS_MIN
+    }
+}
+
 /// The least round trip of the last one to two [`LEAST_AGE`]s.
 #[derive(Clone, Copy, Debug, Default)]
 struct LeastRoundTrip {
@@ -170,11 +228,14 @@ struct LeastRoundTrip {
 }
 
 impl LeastRoundTrip {
-    fn insert(&mut self, now: Duration, round_trip: Duration) {
+    /// The least, with this one.
+    fn insert(&mut self, now: Duration, round_trip: Duration) -> Duration {
         if self.now.is_none() {
             self.since = now;
         }
-        self.now = Some(self.now.map_or(round_trip, |least| least.min(round_trip)));
+        let least = self.now.map_or(round_trip, |least| least.min(round_trip));
+        self.now = Some(least);
+        self.before.map_or(least, |before| before.min(least))
     }
 
     fn get(&self) -> Option<Duration> {
@@ -201,11 +262,15 @@ const ALPHA_SECS: f64 = 0.008;
 const ALPHA_PART: f64 = 16.0;
 /// The paper's own.
 const GAMMA: f64 = 0.5;
-/// Above it, or an eighth of the round trip, packets are taken to wait: jitter is seldom more in
-/// the least of a round.
+/// Above it, or so much of the round trip, packets are taken to wait: jitter is seldom more in the
+/// median of a round.
 const START_WAIT_MAX: Duration = Duration::from_millis(2);
 /// On a loopback a round trip has two packets, which say little.
 const ROUND_MIN: Duration = Duration::from_millis(2);
+/// If one acknowledgement in twelve is too early, more than half of so many are once in 100,000 rounds.
+const ROUND_TRIPS_MIN: usize = 12;
+/// Enough for a median.
+const ROUND_TRIPS_MAX: usize = 64;
 const LEAST_AGE: Duration = Duration::from_secs(10);
 const DRAIN_FACTOR: f64 = 0.75;
 /// Of bytes, over some eight rounds.
@@ -254,6 +319,10 @@ impl Controller for Adapter {
     ) {
         let (now, sent) = (self.since(now), self.since(sent));
         self.window.on_ack(now, sent, bytes, !app_limited);
+    }
+
+    fn on_end_acks(&mut self, now: Instant, _: u64, _: bool, _: Option<u64>) {
+        self.window.on_end_acks(self.since(now));
     }
 
     fn on_congestion_event(
