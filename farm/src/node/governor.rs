@@ -1,5 +1,13 @@
-//! Which precision a link carries: coarser when tiles keep waiting for it, finer when it would
-//! carry more. Pure; `now` is an argument.
+//! Which precision a link carries: coarser when tiles keep waiting for it, finer when it turns out
+//! to carry more. Pure; `now` is an argument.
+//!
+//! From one stop to the next, bytes may fall to a third: so the dial has places between them, at
+//! which messages are of the one or the other.
+//!
+//! What a link carries is known only while it is full: a window that is never full says nothing of
+//! what more would do. So the dial is turned slowly towards finer stops until most of that is used,
+//! further now and then, back at the first sign of a queue, and then it is left alone for twice as
+//! long as before.
 
 use std::time::Duration;
 
@@ -17,30 +25,50 @@ pub struct LinkMeasure {
 /// The precision of one client's tiles.
 #[derive(Clone, Debug)]
 pub(super) struct Governor {
-    precision: Precision,
+    /// A place among the stops, 0 for the finest.
+    level: f64,
+    /// By how much messages have been too fine until now.
+    owed: f64,
     changed: Duration,
+    /// The level before, while finer ones are tried.
+    on_trial: Option<f64>,
+    /// How long a level is kept before finer ones are tried.
+    patience: Duration,
     /// Since when it has been counted.
     since: Duration,
     offered_bytes: usize,
+    /// Bytes per second, over some frames.
+    offered_per_sec: f64,
     /// The least time that tiles have waited since then, and the rate.
     least: Option<(f64, f64)>,
+    /// The least time when it was last decided.
+    waited_secs: f64,
 }
 
 impl Governor {
     pub(super) const fn new() -> Self {
         Self {
-            precision: Precision::Exact,
+            level: 0.0,
+            owed: 0.0,
             changed: Duration::ZERO,
+            on_trial: None,
+            patience: PATIENCE_MIN,
             since: Duration::ZERO,
             offered_bytes: 0,
+            offered_per_sec: 0.0,
             least: None,
+            waited_secs: 0.0,
         }
     }
 
     /// The precision for the next tiles.
     pub(super) fn precision(&mut self, range: PrecisionRange) -> Precision {
-        self.precision = range.nearest(self.precision);
-        self.precision
+        let (finest, coarsest) = (range.finest as usize, range.coarsest as usize);
+        self.level = self.level.clamp(finest as f64, coarsest as f64);
+        let wanted = self.level + self.owed;
+        let stop = (wanted.round().max(0.0) as usize).clamp(finest, coarsest);
+        self.owed = (wanted - stop as f64).clamp(-1.0, 1.0);
+        Precision::ALL[stop]
     }
 
     /// Tiles have been encoded.
@@ -51,153 +79,265 @@ impl Governor {
     /// The transport has looked at its path.
     pub(super) fn measure(&mut self, now: Duration, link: LinkMeasure) {
         let wait = link.waiting_bytes as f64 / link.bytes_per_sec.max(1.0);
+        if let Some(before) = self.on_trial
+            && wait > STANDING_WAIT_SECS
+        {
+            self.take_back(now, before);
+        }
         let least = self.least.map_or(f64::INFINITY, |(wait, _)| wait);
         self.least = Some((wait.min(least), link.bytes_per_sec));
-        let secs = now.saturating_sub(self.since).as_secs_f64();
-        if secs < COUNTED_SECS {
+        let counted = now.saturating_sub(self.since);
+        let enough = if wait > HURRY_SECS { HURRIED } else { COUNTED };
+        if counted < enough {
             return;
         }
         let (least_wait, bytes_per_sec) = self.least.take().unwrap_or((wait, link.bytes_per_sec));
         let state = LinkState {
             bytes_per_sec,
-            offered_bytes_per_sec: self.offered_bytes as f64 / secs,
+            offered_bytes_per_sec: self.offered_bytes as f64 / counted.as_secs_f64(),
             standing_wait_secs: least_wait,
-            unchanged_secs: now.saturating_sub(self.changed).as_secs_f64(),
         };
         (self.since, self.offered_bytes) = (now, 0);
-        let next = choose(self.precision, &state);
-        if next != self.precision {
-            (self.precision, self.changed) = (next, now);
+        self.decide(now, counted, &state);
+    }
+
+    fn decide(&mut self, now: Duration, counted: Duration, link: &LinkState) {
+        self.offered_per_sec += OFFERED_GAIN * (link.offered_bytes_per_sec - self.offered_per_sec);
+        let waited_before = std::mem::replace(&mut self.waited_secs, link.standing_wait_secs);
+        let unchanged = now.saturating_sub(self.changed);
+        if unchanged < SETTLES {
+            return;
         }
+        if link.standing_wait_secs > STANDING_WAIT_SECS {
+            if link.standing_wait_secs > DRAINS * waited_before {
+                self.change(now, coarser(self.level, link));
+            }
+        } else if link.standing_wait_secs < 0.5 * STANDING_WAIT_SECS && self.level > 0.0 {
+            let is_known = self.offered_per_sec < FINER_LOAD * link.bytes_per_sec;
+            match self.on_trial {
+                Some(before) if before - self.level >= 1.0 => self.patience = PATIENCE_MIN,
+                None if !is_known && unchanged < self.patience => return,
+                None if !is_known => self.on_trial = Some(self.level),
+                _ => {}
+            }
+            let step = STOPS_PER_SEC * counted.as_secs_f64();
+            self.level = (self.level - step).max(0.0);
+        }
+    }
+
+    /// Ends a trial that has failed.
+    fn take_back(&mut self, now: Duration, before: f64) {
+        self.patience = (2 * self.patience).min(PATIENCE_MAX);
+        self.change(now, (self.level + STEP_BACK).max(before));
+    }
+
+    fn change(&mut self, now: Duration, level: f64) {
+        (self.level, self.changed, self.on_trial) = (level, now, None);
+        // What waits now was encoded before: it says nothing of this level.
+        (self.since, self.offered_bytes, self.least) = (now, 0, None);
     }
 }
 
-/// What [`choose`] goes by.
+/// What [`coarser`] goes by.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct LinkState {
     /// What the link carries.
     pub(super) bytes_per_sec: f64,
-    /// What is asked of it, at the present precision.
+    /// What is asked of it, at the present level.
     pub(super) offered_bytes_per_sec: f64,
     /// The least time that tiles have waited for it lately: bursts come and go, a queue stays.
     pub(super) standing_wait_secs: f64,
-    /// Since the last change.
-    pub(super) unchanged_secs: f64,
 }
 
-/// The precision that a link should have next, given that of now. Tiles that keep waiting take it
-/// at once to the finest stop of which the link carries [`COARSER_LOAD`]; a link that would carry
-/// the next finer stop with room to spare gets it after [`FINER_AFTER_SECS`], so that the two do
-/// not chase each other.
-pub(super) fn choose(now: Precision, link: &LinkState) -> Precision {
-    let offered = |precision| link.offered_bytes_per_sec * weight(precision) / weight(now);
-    if link.standing_wait_secs > STANDING_WAIT_SECS {
-        let coarser = Precision::ALL.into_iter().filter(|stop| *stop > now);
-        let fits = |stop: &Precision| offered(*stop) <= COARSER_LOAD * link.bytes_per_sec;
-        let coarsest = Precision::Lossy50;
-        return coarser.clone().find(fits).unwrap_or(coarsest);
-    }
-    match now.finer() {
-        Some(finer)
-            if link.unchanged_secs >= FINER_AFTER_SECS
-                && link.standing_wait_secs < 0.5 * STANDING_WAIT_SECS
-                && offered(finer) <= FINER_LOAD * link.bytes_per_sec =>
-        {
-            finer
-        }
-        _ => now,
-    }
+/// The level for a link on which tiles keep waiting: the finest of which it carries [`COARSER_LOAD`]
+/// beside what waits, within [`DRAIN_SECS`].
+pub(super) fn coarser(now: f64, link: &LinkState) -> f64 {
+    let step = STEP_BACK + link.standing_wait_secs / STEP_BACK_SECS;
+    let free = COARSER_LOAD - link.standing_wait_secs / DRAIN_SECS;
+    let share = free * link.bytes_per_sec / link.offered_bytes_per_sec.max(1.0);
+    level_of(share * weight(now)).max(now + step)
 }
 
 /// Bytes of a converged frame of each precision over those of an exact one, as `carom-farm bench
 /// codec` has them.
-const fn weight(precision: Precision) -> f64 {
-    match precision {
-        Precision::Exact => 1.0,
-        Precision::Within1 => 0.74,
-        Precision::Within2 => 0.65,
-        Precision::Lossy90 => 0.18,
-        Precision::Lossy75 => 0.07,
-        Precision::Lossy50 => 0.036,
+const WEIGHTS: [f64; Precision::ALL.len()] = [1.0, 0.74, 0.65, 0.18, 0.07, 0.036];
+
+/// The same between the stops.
+fn weight(level: f64) -> f64 {
+    let finer = (level as usize).min(WEIGHTS.len() - 2);
+    let share = (level - finer as f64).min(1.0);
+    WEIGHTS[finer] + share * (WEIGHTS[finer + 1] - WEIGHTS[finer])
+}
+
+/// The finest level with at most this weight; the coarsest, if none has.
+fn level_of(weight: f64) -> f64 {
+    let lighter = WEIGHTS.iter().position(|stop| *stop <= weight);
+    match lighter {
+        Some(0) => 0.0,
+        Some(stop) => {
+            let (heavy, light) = (WEIGHTS[stop - 1], WEIGHTS[stop]);
+            stop as f64 - (weight - light) / (heavy - light)
+        }
+        None => (WEIGHTS.len() - 1) as f64,
     }
 }
 
-/// Six frames: shorter ones may hold a burst and no pause.
-const COUNTED_SECS: f64 = 0.1;
-/// A frame and a half is too long, and what a window of 46 ms holds is not yet a queue.
-const STANDING_WAIT_SECS: f64 = 0.008;
-const COARSER_LOAD: f64 = 0.8;
-const FINER_LOAD: f64 = 0.6;
-const FINER_AFTER_SECS: f64 = 1.0;
+/// Two frames: shorter ones may hold a burst and no pause.
+const COUNTED: Duration = Duration::from_millis(35);
+/// A link that is far too slow: a second of its bytes may come in a moment.
+const HURRY_SECS: f64 = 0.033;
+const HURRIED: Duration = Duration::from_millis(5);
+/// What the transport has taken waits for some 20 ms already then.
+const STANDING_WAIT_SECS: f64 = 0.006;
+/// After a change, tiles that had been encoded before still leave for so long.
+const SETTLES: Duration = Duration::from_millis(50);
+/// Towards finer levels.
+const STOPS_PER_SEC: f64 = 0.5;
+/// Some six frames.
+const OFFERED_GAIN: f64 = 0.3;
+/// What is known to be carried is used up to here; more is tried.
+const FINER_LOAD: f64 = 0.85;
+/// From a level that was too fine: what has come to wait meanwhile must go as well.
+const STEP_BACK: f64 = 0.25;
+/// Pixels may be worse to compress than is known: the longer they wait, the longer the step.
+const STEP_BACK_SECS: f64 = 0.02;
+/// Before finer levels are tried, after some that held ...
+const PATIENCE_MIN: Duration = Duration::from_secs(2);
+/// ... and after many that did not: a frame late in two thousand.
+const PATIENCE_MAX: Duration = Duration::from_secs(32);
+const COARSER_LOAD: f64 = 0.9;
+/// A queue that gets shorter so fast needs no coarser level.
+const DRAINS: f64 = 0.8;
+const DRAIN_SECS: f64 = 0.1;
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn link(megabits: f64, offered: f64, wait_ms: f64, unchanged_secs: f64) -> LinkState {
+    fn link(megabits: f64, offered: f64, wait_ms: f64) -> LinkState {
         LinkState {
             bytes_per_sec: megabits * 125e3,
             offered_bytes_per_sec: offered * 125e3,
             standing_wait_secs: wait_ms * 1e-3,
-            unchanged_secs,
         }
     }
 
     #[test]
     fn a_link_that_is_too_slow_gets_what_it_carries_at_once() {
-        let next = |megabits| choose(Precision::Within1, &link(megabits, 383.0, 20.0, 0.1));
-        assert_eq!(next(450.0), Precision::Within2);
-        assert_eq!(next(130.0), Precision::Lossy90);
-        assert_eq!(next(50.0), Precision::Lossy75);
-        assert_eq!(next(5.0), Precision::Lossy50);
-    }
-
-    #[test]
-    fn a_burst_or_a_link_that_keeps_up_changes_nothing() {
-        for precision in Precision::ALL {
-            assert_eq!(choose(precision, &link(100.0, 90.0, 1.0, 9.0)), precision);
+        for (megabits, offered) in [(450.0, 515.0), (130.0, 383.0), (50.0, 383.0), (25.0, 31.0)] {
+            let level = coarser(1.0, &link(megabits, offered, 5.0));
+            let next = offered * weight(level) / weight(1.0);
+            let share = next / megabits;
+            assert!((0.5..0.86).contains(&share), "{share} of {megabits} Mbit/s");
         }
+        assert_eq!(coarser(1.0, &link(5.0, 383.0, 10.0)), 5.0);
     }
 
     #[test]
-    fn it_gets_finer_by_stops_with_room_to_spare_and_not_at_once() {
-        let next = |offered, secs| choose(Precision::Lossy75, &link(400.0, offered, 0.0, secs));
-        assert_eq!(next(36.0, 1.0), Precision::Lossy90);
-        assert_eq!(next(36.0, 0.5), Precision::Lossy75);
-        assert_eq!(next(150.0, 1.0), Precision::Lossy75);
+    fn what_waits_already_asks_for_coarser_levels() {
+        let next = |wait_ms| coarser(0.0, &link(100.0, 110.0, wait_ms));
+        assert!(next(9.0) < next(40.0) && next(40.0) < next(120.0));
     }
 
-    /// The link carries so much; what does not fit waits. No chase between two stops.
     #[test]
-    fn it_settles() {
-        for megabits in [3.0, 25.0, 50.0, 100.0, 250.0, 400.0, 1000.0] {
-            let mut governor = Governor::new();
-            let (mut waiting, mut changes, mut before) = (0.0, 0, Precision::Exact);
-            let range = PrecisionRange {
-                finest: Precision::Exact,
-                coarsest: Precision::Lossy50,
-            };
-            for frame in 0..1200 {
-                let precision = governor.precision(range);
-                if frame >= 600 {
-                    changes += u32::from(precision != before);
-                }
-                before = precision;
-                let bytes = 515e6 / 8.0 / 60.0 * weight(precision);
-                governor.offer(bytes as usize);
-                waiting = f64::max(waiting + bytes - megabits * 125e3 / 60.0, 0.0);
-                let link = LinkMeasure {
-                    bytes_per_sec: megabits * 125e3,
-                    waiting_bytes: waiting as usize,
-                };
-                governor.measure(Duration::from_secs_f64(f64::from(frame) / 60.0), link);
+    fn levels_and_weights_are_each_other() {
+        for level in 0..=50 {
+            let level = f64::from(level) / 10.0;
+            assert!((level_of(weight(level)) - level).abs() < 1e-9, "{level}");
+        }
+        assert_eq!((level_of(2.0), level_of(0.0)), (0.0, 5.0));
+    }
+
+    #[test]
+    fn between_two_stops_messages_are_of_the_one_or_the_other() {
+        let range = PrecisionRange {
+            finest: Precision::Exact,
+            coarsest: Precision::Lossy50,
+        };
+        let mut governor = Governor::new();
+        governor.level = 3.3;
+        let chosen: Vec<_> = (0..100).map(|_| governor.precision(range)).collect();
+        let coarse = chosen.iter().filter(|stop| **stop == Precision::Lossy75);
+        let fine = chosen.iter().filter(|stop| **stop == Precision::Lossy90);
+        assert_eq!((fine.count(), coarse.count()), (70, 30));
+        let only = PrecisionRange::only(Precision::Within2);
+        assert!((0..9).all(|_| governor.precision(only) == Precision::Within2));
+    }
+
+    /// A link that carries `megabits` at a frame's moment, 515 Mbit/s of exact pixels at 60 Hz, and
+    /// what does not fit waits until it is two frames old: for each frame what is sent of the link,
+    /// and how long its last tile waits, in seconds.
+    fn drive(megabits: impl Fn(u32) -> f64, frames: u32) -> Vec<(f64, f64)> {
+        let mut governor = Governor::new();
+        let range = PrecisionRange {
+            finest: Precision::Exact,
+            coarsest: Precision::Lossy50,
+        };
+        let (mut before, mut current, mut step) = (0.0, 0.0, 0);
+        let mut message = |rate: f64, begins: bool| {
+            if begins {
+                (before, current) = (current, 0.0);
             }
-            assert!(changes <= 2, "{changes} changes at {megabits} Mbit/s");
-            let settled = 515.0 * weight(before);
-            assert!(
-                settled <= megabits.max(19.0),
-                "{before} at {megabits} Mbit/s"
+            let bytes = 515e6 / 8.0 / 960.0 * WEIGHTS[governor.precision(range) as usize];
+            governor.offer(bytes as usize);
+            let carried = rate / 960.0;
+            let first = f64::min(before, carried);
+            (before, current) = (
+                before - first,
+                f64::max(current + bytes - carried + first, 0.0),
             );
+            let link = LinkMeasure {
+                bytes_per_sec: rate,
+                waiting_bytes: (before + current) as usize,
+            };
+            governor.measure(Duration::from_secs_f64(f64::from(step) / 960.0), link);
+            step += 1;
+            (bytes, (before + current) / rate)
+        };
+        let frame = |frame| {
+            let rate = megabits(frame) * 125e3;
+            let sent: Vec<(f64, f64)> = (0..16).map(|index| message(rate, index == 0)).collect();
+            let bytes: f64 = sent.iter().map(|(bytes, _)| bytes).sum();
+            (bytes * 60.0 / rate, sent[15].1)
+        };
+        (0..frames).map(frame).collect()
+    }
+
+    #[test]
+    fn it_settles_within_ten_frames_and_uses_the_link() {
+        for megabits in [22.0, 25.0, 50.0, 100.0, 250.0, 400.0, 500.0, 1000.0] {
+            let frames = drive(|_| megabits, 1800);
+            let is_slow = |(_, wait): &&(f64, f64)| *wait > 0.0333;
+            let slow = frames.iter().filter(is_slow).count();
+            assert!(slow < 10, "{slow} slow frames at {megabits} Mbit/s");
+            let longest = frames[60..].iter().map(|(_, wait)| *wait);
+            let longest = longest.fold(0.0, f64::max);
+            assert!(longest < 0.0167, "{longest} s at {megabits} Mbit/s");
+            let settled = &frames[600..];
+            let used = settled.iter().map(|(used, _)| used).sum::<f64>() / settled.len() as f64;
+            let most = f64::min(515.0 / megabits, 1.0);
+            assert!(used > 0.8 * most, "{used} of {megabits} Mbit/s");
         }
+    }
+
+    #[test]
+    fn a_link_that_gets_faster_is_used() {
+        let frames = drive(|frame| if frame < 600 { 25.0 } else { 1000.0 }, 4800);
+        assert!(frames[599].0 <= 1.1, "{:?}", frames[599]);
+        assert!(frames[4799].0 > 0.51, "{:?}", frames[4799]);
+    }
+
+    #[test]
+    fn a_burst_changes_nothing() {
+        let mut governor = Governor::new();
+        for step in 0..6000u32 {
+            let waiting_bytes = if step % 8 < 4 { 200_000 } else { 0 };
+            let link = LinkMeasure {
+                bytes_per_sec: 12.5e6,
+                waiting_bytes,
+            };
+            governor.measure(Duration::from_millis(2 * u64::from(step)), link);
+        }
+        assert_eq!(governor.level, 0.0);
     }
 }

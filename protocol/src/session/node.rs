@@ -59,9 +59,25 @@ pub struct NodeSession {
     unwanted: Vec<RunId>,
     answers: VecDeque<Vec<u8>>,
     /// Tiles and reports of runs, which a cancellation drops.
-    results: VecDeque<(RunId, Packet)>,
+    results: VecDeque<Answer>,
     results_bytes: usize,
+    /// Those of frames that newer ones have overtaken: sent when nothing else waits.
+    late: VecDeque<Answer>,
+    late_bytes: usize,
+    /// The newest frame that anything has been traced of.
+    newest: FrameId,
 }
+
+/// A packet of a run that waits for the network.
+#[derive(Debug)]
+struct Answer {
+    run: RunId,
+    frame: FrameId,
+    packet: Packet,
+}
+
+/// A frame and the next: a queue of two frames is too long, one that is shorter is soon gone.
+const FRAMES_IN_ORDER: u64 = 2;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
@@ -109,6 +125,9 @@ impl NodeSession {
             answers: VecDeque::new(),
             results: VecDeque::new(),
             results_bytes: 0,
+            late: VecDeque::new(),
+            late_bytes: 0,
+            newest: FrameId::default(),
         }
     }
 
@@ -143,10 +162,10 @@ impl NodeSession {
             let why = format!("{part:?} is not in the {left} tiles that are left of {whole:?}");
             return Err(Error::unsendable("tile message", why));
         }
-        let id = tiles.run;
+        let (id, frame) = (tiles.run, run.frame);
         let bytes = codec::encode_to_client(&ToClient::Tiles(tiles))?;
         run.tiles_left -= part.count;
-        self.queue_result(id, Channel::Tiles, bytes);
+        self.queue_result(id, frame, Channel::Tiles, bytes);
         Ok(true)
     }
 
@@ -167,7 +186,8 @@ impl NodeSession {
         }
         let bytes = codec::encode_to_client(&ToClient::RunDone(report))?;
         run.reported = true;
-        self.queue_result(report.run, Channel::Control, bytes);
+        let frame = run.frame;
+        self.queue_result(report.run, frame, Channel::Control, bytes);
         Ok(true)
     }
 
@@ -184,14 +204,24 @@ impl NodeSession {
     }
 
     /// The next packet to send: answers, then tiles and reports in the order they were handed
-    /// over.
+    /// over. On a link that carries too little, frames that newer ones have overtaken come last: in
+    /// order, all would be late by as long as the client waits before it cancels, and none of use.
     pub fn poll_transmit(&mut self) -> Option<Packet> {
         if let Some(bytes) = self.answers.pop_front() {
             let channel = Channel::Control;
             return Some(Packet { channel, bytes });
         }
-        let (run, packet) = self.results.pop_front()?;
-        self.results_bytes -= packet.bytes.len();
+        let Answer { run, packet, .. } = match self.results.pop_front() {
+            Some(answer) => {
+                self.results_bytes -= answer.packet.bytes.len();
+                answer
+            }
+            None => {
+                let answer = self.late.pop_front()?;
+                self.late_bytes -= answer.packet.bytes.len();
+                answer
+            }
+        };
         if packet.channel == Channel::Control {
             // Its report: the run is answered.
             if let Some(state) = self.runs.remove(&run) {
@@ -207,7 +237,7 @@ impl NodeSession {
     /// Whether [`TILES_QUEUED_BYTES_MAX`] bytes of tiles wait for the network: time to stop
     /// tracing until it has taken some.
     pub fn is_full(&self) -> bool {
-        self.results_bytes >= TILES_QUEUED_BYTES_MAX
+        self.results_bytes + self.late_bytes >= TILES_QUEUED_BYTES_MAX
     }
 
     /// The last runs, answered or not, that were cancelled since the last call: their tiles need not
@@ -216,7 +246,8 @@ impl NodeSession {
         std::mem::take(&mut self.unwanted)
     }
 
-    /// Bytes of tiles and reports that wait for the network.
+    /// Bytes of tiles and reports that wait for the network, but for those of frames that newer
+    /// ones have overtaken.
     pub fn waiting_bytes(&self) -> usize {
         self.results_bytes
     }
@@ -369,15 +400,50 @@ impl NodeSession {
         Some(NodeEvent::Cancelled(cancelled))
     }
 
-    fn queue_result(&mut self, run: RunId, channel: Channel, bytes: Vec<u8>) {
-        self.results_bytes += bytes.len();
-        self.results.push_back((run, Packet { channel, bytes }));
+    fn queue_result(&mut self, run: RunId, frame: FrameId, channel: Channel, bytes: Vec<u8>) {
+        if frame > self.newest {
+            self.newest = frame;
+            self.overtake();
+        }
+        let packet = Packet { channel, bytes };
+        let answer = Answer { run, frame, packet };
+        self.wait(answer);
+    }
+
+    /// Puts what is now too old behind everything else. A run stays in order: all of it is.
+    fn overtake(&mut self) {
+        let oldest = self.results.iter().map(|answer| answer.frame).min();
+        if oldest.is_none_or(|oldest| !self.is_overtaken(oldest)) {
+            return;
+        }
+        self.results_bytes = 0;
+        for answer in std::mem::take(&mut self.results) {
+            self.wait(answer);
+        }
+    }
+
+    fn wait(&mut self, answer: Answer) {
+        let bytes = answer.packet.bytes.len();
+        if self.is_overtaken(answer.frame) {
+            self.late_bytes += bytes;
+            self.late.push_back(answer);
+        } else {
+            self.results_bytes += bytes;
+            self.results.push_back(answer);
+        }
+    }
+
+    const fn is_overtaken(&self, frame: FrameId) -> bool {
+        frame.0.saturating_add(FRAMES_IN_ORDER) <= self.newest.0
     }
 
     fn drop_results(&mut self, unwanted: &[RunId]) {
-        self.results.retain(|(run, _)| !unwanted.contains(run));
-        let bytes = self.results.iter().map(|(_, packet)| packet.bytes.len());
-        self.results_bytes = bytes.sum();
+        let keep = |answers: &mut VecDeque<Answer>| -> usize {
+            answers.retain(|answer| !unwanted.contains(&answer.run));
+            answers.iter().map(|answer| answer.packet.bytes.len()).sum()
+        };
+        self.results_bytes = keep(&mut self.results);
+        self.late_bytes = keep(&mut self.late);
     }
 
     fn send_refusal(&mut self, run: RunId, why: RefusalReason) {

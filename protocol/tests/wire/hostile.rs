@@ -413,6 +413,56 @@ fn a_cancelled_run_takes_no_more_of_the_wire() {
     assert_eq!(node.poll_transmit(), None);
 }
 
+/// On a link that is too slow, what is two frames old would only come too late, and make all that
+/// follows late.
+#[test]
+fn a_frame_that_two_newer_ones_have_overtaken_waits_for_them() {
+    let (mut node, scene) = open_node();
+    for run in 1..=3 {
+        ask(&mut node, request(&scene, run)).unwrap();
+    }
+    let tiles = |run| TilesDone {
+        run: RunId(run),
+        tiles: TileRun { first: 4, count: 8 },
+        busy_micros: 1,
+        times: carom_protocol::NodeTimes::default(),
+        dropped_samples: 0,
+        pixels: black(8),
+    };
+    let done = |run| RunReport {
+        run: RunId(run),
+        ..RunReport::default()
+    };
+    let bytes = |node: &NodeSession| node.waiting_bytes();
+    assert_eq!(node.tiles(tiles(1)), Ok(true));
+    let one = bytes(&node);
+    assert_eq!(node.tiles(tiles(2)), Ok(true));
+    assert_eq!(bytes(&node), 2 * one);
+    assert_eq!(node.tiles(tiles(3)), Ok(true));
+    assert_eq!(bytes(&node), 2 * one);
+    assert_eq!(node.run_done(done(1)), Ok(true));
+    let sent: Vec<RunId> = std::iter::from_fn(|| answer(&mut node))
+        .map(|message| match message {
+            ToClient::Tiles(tiles) => tiles.run,
+            ToClient::RunDone(report) => report.run,
+            other => panic!("{other:?}"),
+        })
+        .collect();
+    assert_eq!(sent, [2, 3, 1, 1].map(RunId));
+    assert_eq!((bytes(&node), node.open_runs()), (0, 2));
+    // Cancelled, none of it is left.
+    ask(&mut node, request(&scene, 5)).unwrap();
+    node.tiles(TilesDone {
+        run: RunId(5),
+        ..tiles(5)
+    })
+    .unwrap();
+    node.tiles(tiles(3)).unwrap_err();
+    let cancelled = node.handle(to_node(&ToNode::CancelBefore(FrameId(9))));
+    assert!(matches!(cancelled, Ok(Some(NodeEvent::Cancelled(_)))));
+    assert_eq!(bytes(&node), 0);
+}
+
 #[test]
 fn a_node_says_of_a_run_only_what_it_was_asked() {
     let (mut node, scene) = open_node();

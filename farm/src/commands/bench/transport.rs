@@ -27,8 +27,9 @@ use crate::commands::inputs;
 ///
 /// A tile's time counts from when the tracer handed it over, and it is missing if it has not come
 /// 100 ms after its request, when the frame is cancelled. Loopback has no proxy and answers at
-/// once: its times are whole answers of 64 kB from their requests on. The first two seconds are
-/// counted apart, as "start".
+/// once: its times are whole answers of 64 kB from their requests on. All is of what comes after the
+/// first second; of that, "slow start" counts the frames that lack a tile or have one that is more
+/// than two frames later than the path.
 ///
 /// Carom sends by delay, and where the path is long and loses packets as datagrams with forward
 /// error correction; "streams" is the same without datagrams, BBR and Cubic are quinn's own control
@@ -64,8 +65,8 @@ struct Row {
     precision: &'static str,
     p50_ms: f64,
     p99_ms: f64,
-    /// Of the first two seconds.
-    start_p99_ms: f64,
+    /// Frames of the first second of which a tile is missing or more than two frames late.
+    start_slow_frames: usize,
     /// Of messages, in percent.
     missing_percent: f64,
     /// Of pixels that arrived.
@@ -147,8 +148,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut report = Report { runs: Vec::new() };
     if !args.json {
         println!(
-            "{:<20} {:<7} {:<9} {:>8} {:>8} {:>12} {:>9} {:>7}",
-            "path", "by", "precision", "p50 ms", "p99 ms", "start p99 ms", "missing", "Mbit/s"
+            "{:<20} {:<7} {:<9} {:>8} {:>8} {:>9} {:>7} {:>10}",
+            "path", "by", "precision", "p50 ms", "p99 ms", "missing", "Mbit/s", "slow start"
         );
     }
     let wanted = |case: &Case| {
@@ -177,15 +178,15 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 
 fn print_row(row: &Row) {
     println!(
-        "{:<20} {:<7} {:<9} {:>8.2} {:>8.2} {:>12.2} {:>7.2} % {:>7.1}",
+        "{:<20} {:<7} {:<9} {:>8.2} {:>8.2} {:>7.2} % {:>7.1} {:>10}",
         row.path,
         row.sender,
         row.precision,
         row.p50_ms,
         row.p99_ms,
-        row.start_p99_ms,
         row.missing_percent,
-        row.mbit_per_second
+        row.mbit_per_second,
+        row.start_slow_frames
     );
 }
 
@@ -326,9 +327,8 @@ struct Arrivals {
     requested: Vec<Instant>,
     /// Frame, and milliseconds.
     times: Vec<(u64, f64)>,
-    messages: u64,
-    bytes: usize,
-    whole: std::collections::BTreeMap<u64, u32>,
+    /// By frame: messages, tiles and bytes.
+    came: std::collections::BTreeMap<u64, (u32, u32, usize)>,
 }
 
 impl Arrivals {
@@ -348,12 +348,12 @@ impl Arrivals {
                     payload_bytes,
                     ..
                 }) => {
-                    self.bytes += payload_bytes;
-                    self.messages += 1;
-                    let came = self.whole.entry(frame.0).or_default();
-                    *came += tiles.count;
+                    let came = self.came.entry(frame.0).or_default();
+                    came.0 += 1;
+                    came.1 += tiles.count;
+                    came.2 += payload_bytes;
                     let since = match whole {
-                        true if *came < Noise::grid().len() => continue,
+                        true if came.1 < Noise::grid().len() => continue,
                         true => self.requested.get(frame.0 as usize).copied(),
                         false => setup.noise.handed_over(frame.0 as u32, tiles),
                     };
@@ -372,25 +372,35 @@ impl Arrivals {
 
     fn row(&self, args: &Args, case: &Case, sender: &'static str) -> Row {
         let frames = args.seconds * FRAMES_PER_SECOND;
-        let of = |part: std::ops::Range<u64>| {
-            let times = self.times.iter().filter(|(frame, _)| part.contains(frame));
-            let mut times: Vec<f64> = times.map(|(_, ms)| *ms).collect();
-            times.sort_unstable_by(f64::total_cmp);
-            times
-        };
-        let start_frames = 2 * FRAMES_PER_SECOND;
-        let (start, rest) = (of(0..start_frames), of(start_frames..frames));
-        let asked = (frames * u64::from(Noise::MESSAGES)) as f64;
+        let times = self.times.iter().filter(|(frame, _)| *frame >= START);
+        let mut times: Vec<f64> = times.map(|(_, ms)| *ms).collect();
+        times.sort_unstable_by(f64::total_cmp);
+        let came = self.came.range(START..);
+        let messages: u32 = came.clone().map(|(_, (messages, ..))| messages).sum();
+        let bytes: usize = came.map(|(_, (.., bytes))| bytes).sum();
+        let frames = (frames - START) as f64;
+        let asked = frames * f64::from(Noise::MESSAGES);
         Row {
             path: case.name,
             sender,
             precision: if case.governed { "governed" } else { "exact" },
-            p50_ms: quantile(&rest, 0.5),
-            p99_ms: quantile(&rest, 0.99),
-            start_p99_ms: quantile(&start, 0.99),
-            missing_percent: 100.0 * (1.0 - self.messages as f64 / asked),
-            mbit_per_second: 8e-6 * self.bytes as f64 / args.seconds as f64,
+            p50_ms: quantile(&times, 0.5),
+            p99_ms: quantile(&times, 0.99),
+            start_slow_frames: self.start_slow_frames(case),
+            missing_percent: 100.0 * (1.0 - f64::from(messages) / asked),
+            mbit_per_second: 8e-6 * bytes as f64 / (frames * PERIOD.as_secs_f64()),
         }
+    }
+
+    fn start_slow_frames(&self, case: &Case) -> usize {
+        let delay = case.path.map_or(Duration::ZERO, |path| path.delay);
+        let late_ms = (delay + 2 * PERIOD).as_secs_f64() * 1e3;
+        let is_slow = |frame: &u64| {
+            let tiles = self.came.get(frame).map_or(0, |(_, tiles, _)| *tiles);
+            let mut times = self.times.iter().filter(|(of, _)| of == frame);
+            tiles < Noise::grid().len() || times.any(|(_, ms)| *ms > late_ms)
+        };
+        (0..START).filter(is_slow).count()
     }
 }
 
@@ -401,6 +411,8 @@ fn quantile(sorted: &[f64], quantile: f64) -> f64 {
 }
 
 const FRAMES_PER_SECOND: u64 = 60;
+/// Frames of the start.
+const START: u64 = FRAMES_PER_SECOND;
 const PERIOD: Duration = Duration::from_nanos(16_666_667);
 const FRAME_RENDER: Duration = Duration::from_millis(8);
 /// 100 ms.
