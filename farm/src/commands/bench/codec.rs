@@ -1,5 +1,5 @@
-//! `carom-farm bench codec`: what tiles weigh on the wire, and how fast one core makes and reads
-//! them.
+//! `carom-farm bench codec`: what tiles weigh on the wire, how fast one core makes and reads them, and
+//! what it costs the eye.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -8,6 +8,7 @@ use anyhow::Context;
 use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
 use carom_protocol::tile_codec::{Decoder, Encoder, ReferenceTile, Source};
 use carom_protocol::{Precision, PrecisionRange, RunId, TilesDone, ToClient, codec};
+use carom_tracer::metrics::flip;
 use carom_tracer::tonemap::srgb8;
 use carom_tracer::{ImageSize, RadianceImage, Tile, TileGrid, TileRun};
 use cpu_time::ThreadTime;
@@ -22,7 +23,8 @@ use crate::commands::backend::Backend;
 /// Frames are traced here and kept in a temporary folder. Each message, eight tiles of 32 pixels,
 /// is told from the frame before, as when the client holds it; "cut" is told from nothing. Mbit/s
 /// are those of 60 frames a second, with the messages' headers and without QUIC's. Rates are bytes
-/// of sRGB pixels per second of CPU time, the best of the repetitions of each message.
+/// of sRGB pixels per second of CPU time, the best of the repetitions of each message. PSNR and FLIP
+/// compare with the exact pixels, FLIP in the last frame.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Print JSON.
@@ -69,6 +71,8 @@ struct Row {
     decode_mb_per_second: f64,
     /// Absent where each pixel is exact.
     psnr_db: Option<f64>,
+    /// 0 where each pixel is exact.
+    flip: f64,
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
@@ -85,6 +89,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     let pictures = [
         ("noisy", Picture::traced(args.spp)),
+        ("denoised", Picture::denoised(args.spp)),
         ("converged", Picture::traced(args.converged_spp)),
     ];
     for (name, picture) in pictures {
@@ -107,6 +112,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             "{}",
             serde_json::to_string(&report).context("results as JSON")?
         );
+    } else if args.size == ImageSize::new(1280, 720) && args.spp == 4 {
+        print_bars(&report.runs);
     }
     Ok(())
 }
@@ -120,6 +127,8 @@ struct Measured {
     encode_secs: f64,
     decode_secs: f64,
     squared_error: u64,
+    /// Of the last frame.
+    flip: f64,
 }
 
 impl Measured {
@@ -135,6 +144,7 @@ impl Measured {
             encode_mb_per_second: megabytes / self.encode_secs,
             decode_mb_per_second: megabytes / self.decode_secs,
             psnr_db: (self.squared_error > 0).then(|| 10.0 * (255.0 * 255.0 / mse).log10()),
+            flip: self.flip,
         }
     }
 }
@@ -152,6 +162,7 @@ fn measure(
         encoder: Encoder::new(),
         decoder: Decoder::new(),
         range: PrecisionRange::only(precision),
+        come: vec![[0; 3]; sequence[0].pixels.len()],
     };
     let grid = TileGrid::new(sequence[0].size, TILE_EDGE);
     let nothing: Kept = vec![None; grid.len() as usize];
@@ -173,6 +184,11 @@ fn measure(
         }
         sums.frames += 1;
     }
+    if let Some(last) = sequence.last().filter(|_| measured.squared_error > 0) {
+        let exact = last.pixels.iter().map(|light| srgb8(*light, EXPOSURE));
+        let exact: Vec<[u8; 3]> = exact.collect();
+        measured.flip = flip(last.size, &coders.come, &exact)?.mean;
+    }
     Ok(measured)
 }
 
@@ -180,6 +196,8 @@ struct Coders {
     encoder: Encoder,
     decoder: Decoder,
     range: PrecisionRange,
+    /// The last frame, as the client has it.
+    come: Vec<[u8; 3]>,
 }
 
 impl Coders {
@@ -232,6 +250,15 @@ impl Coders {
                 .map(|(a, b)| u64::from(a.abs_diff(*b)).pow(2));
             sums.squared_error += squares.sum::<u64>();
         }
+        let mut pixels = &decoded.pixels[..];
+        for tile in tiles {
+            for row in tile.y..tile.y + tile.height {
+                let start = row as usize * image.size.width as usize + tile.x as usize;
+                let (line, rest) = pixels.split_at(tile.width as usize);
+                self.come[start..][..line.len()].copy_from_slice(line);
+                pixels = rest;
+            }
+        }
         sums.pixel_bytes += decoded.pixels.as_flattened().len();
         sums.message_bytes += message_bytes(run, payload)?;
         for (place, (kept, come)) in stretch.zip(kept.into_iter().zip(decoded.kept)) {
@@ -274,8 +301,8 @@ fn print_heading(report: &Report) {
     let Report { width, height, .. } = report;
     println!("{width}x{height} at {FRAMES_PER_SECOND} frames per second");
     println!(
-        "{:<10} {:<10} {:<9} {:>9} {:>12} {:>12} {:>8}",
-        "picture", "motion", "precision", "Mbit/s", "encode MB/s", "decode MB/s", "PSNR dB"
+        "{:<10} {:<10} {:<9} {:>9} {:>12} {:>12} {:>8} {:>8}",
+        "picture", "motion", "precision", "Mbit/s", "encode MB/s", "decode MB/s", "PSNR dB", "FLIP"
     );
 }
 
@@ -284,17 +311,61 @@ fn print_row(row: &Row) {
         .psnr_db
         .map_or_else(|| "exact".to_owned(), |psnr| format!("{psnr:.1}"));
     println!(
-        "{:<10} {:<10} {:<9} {:>9.1} {:>12.0} {:>12.0} {:>8}",
+        "{:<10} {:<10} {:<9} {:>9.1} {:>12.0} {:>12.0} {:>8} {:>8.4}",
         row.picture,
         row.motion,
         row.precision.to_string(),
         row.mbit_per_second,
         row.encode_mb_per_second,
         row.decode_mb_per_second,
-        psnr
+        psnr,
+        row.flip
     );
 }
 
+/// What is asked of the codec, with what it does.
+fn print_bars(rows: &[Row]) {
+    println!();
+    for (picture, motion, precision, most) in BARS {
+        let here =
+            |row: &&Row| (row.picture, row.motion, row.precision) == (picture, motion, precision);
+        if let Some(row) = rows.iter().find(here) {
+            let met = if row.mbit_per_second <= most {
+                "met"
+            } else {
+                "missed"
+            };
+            let came = row.mbit_per_second;
+            println!(
+                "{met:<6} {picture}, {motion}, {precision}: {came:.1} of at most {most} Mbit/s"
+            );
+        }
+    }
+    let denoised = |row: &&Row| {
+        (row.picture, row.motion) == ("denoised", "cut") && row.precision <= Precision::Within2
+    };
+    let least = |rate: fn(&Row) -> f64| {
+        let rates = rows.iter().filter(denoised).map(rate);
+        rates.fold(f64::INFINITY, f64::min)
+    };
+    let encode = least(|row| row.encode_mb_per_second);
+    let decode = least(|row| row.decode_mb_per_second);
+    for (what, rate, bar) in [("encode", encode, 170.0), ("decode", decode, 500.0)] {
+        if rate.is_finite() {
+            let met = if rate >= bar { "met" } else { "missed" };
+            println!("{met:<6} {what} of denoised frames, cut: {rate:.0} of at least {bar} MB/s");
+        }
+    }
+}
+
+/// Most Mbit/s of 720p at 60 frames per second.
+const BARS: [(&str, &str, Precision, f64); 5] = [
+    ("denoised", "cut", Precision::Exact, 255.0),
+    ("denoised", "cut", Precision::Within2, 146.0),
+    ("denoised", "six balls", Precision::Exact, 60.0),
+    ("noisy", "six balls", Precision::Exact, 35.0),
+    ("noisy", "six balls", Precision::Within1, 30.0),
+];
 const FRAMES_PER_SECOND: f64 = 60.0;
 /// The farm's own tiles.
 const TILE_EDGE: u16 = 32;

@@ -21,12 +21,20 @@ use crate::commands::inputs;
 #[derive(Clone, Copy)]
 pub(super) struct Picture {
     samples: u32,
+    denoise: bool,
 }
 
 impl Picture {
     /// Of so many samples per pixel.
     pub(super) fn traced(samples: u32) -> Self {
-        Self { samples }
+        let denoise = false;
+        Self { samples, denoise }
+    }
+
+    /// The same, with the noise filtered.
+    pub(super) fn denoised(samples: u32) -> Self {
+        let denoise = true;
+        Self { samples, denoise }
     }
 }
 
@@ -94,6 +102,7 @@ impl Frames {
         scene.apply(&self.update(balls as f32 * FRAME_SECS, turns as f32 * FRAME_SECS))?;
         let settings = RenderSettings {
             samples: picture.samples,
+            denoise: picture.denoise,
             ..RenderSettings::default()
         };
         let path = self.path(picture, balls, turns);
@@ -110,7 +119,9 @@ impl Frames {
         let hash = SceneHash::of(&self.scene).0;
         let hash = u32::from_le_bytes([hash[0], hash[1], hash[2], hash[3]]);
         let (ImageSize { width, height }, samples) = (self.size, picture.samples);
-        let name = format!("{hash:08x}_{width}x{height}_{samples}spp_{balls}_{turns}.exr");
+        let filtered = if picture.denoise { "_denoised" } else { "" };
+        let name =
+            format!("{hash:08x}_{width}x{height}_{samples}spp{filtered}_{balls}_{turns}.exr");
         self.folder.join(name)
     }
 
