@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use carom_farm::{FarmConfig, LocalNode};
+use carom_farm::{Balancing, FarmConfig, LocalNode};
 use carom_tracer::{ImageSize, RenderSettings};
 use clap::{Parser, Subcommand, ValueEnum as _};
 
@@ -89,6 +89,10 @@ pub struct Args {
     /// gpu (an error if there is none) or none (farm nodes do all the work)
     #[arg(long)]
     pub backend: Option<LocalNode>,
+    /// How pictures are divided among nodes: the name of a balancer, as in the configuration's
+    /// `balancer` [default: water_filling_hedged, or --config's]
+    #[arg(long, value_name = "NAME")]
+    pub balancer: Option<Balancing>,
     /// How pictures get into the window [default: CAROM_PRESENT, else the first that works]
     #[arg(long, value_enum)]
     pub present: Option<Present>,
@@ -144,6 +148,9 @@ impl Args {
         }
         if let Some(backend) = self.backend {
             config.local = backend;
+        }
+        if let Some(balancer) = self.balancer {
+            config.balancer = balancer;
         }
         Ok(config)
     }
@@ -248,6 +255,8 @@ A corner pocket a metre away forgives about 1.7°",
 
 #[cfg(test)]
 mod tests {
+    use carom_farm::Algorithm;
+
     use super::*;
 
     #[test]
@@ -267,6 +276,8 @@ mod tests {
             "none",
             "--credentials",
             "keys",
+            "--balancer",
+            "cycles_hedged",
         ];
         let config = Args::parse_from(words).farm_config().unwrap();
         assert_eq!(config.nodes, ["a:1", "b:2"]);
@@ -274,6 +285,15 @@ mod tests {
             (config.local, config.credentials),
             (LocalNode::None, PathBuf::from("keys"))
         );
+        assert_eq!(config.balancer, Algorithm::Cycles.hedged());
+    }
+
+    #[test]
+    fn a_balancer_that_does_not_exist_is_named_with_those_that_do() {
+        let refused = Args::try_parse_from(["carom", "--balancer", "fair"]).unwrap_err();
+        let said = refused.to_string();
+        assert!(said.contains("no balancer `fair`"), "{said}");
+        assert!(said.contains("water_filling"), "{said}");
     }
 
     #[test]
