@@ -72,7 +72,8 @@ pub fn predict(world: &World, stroke: Stroke) -> Result<AimLine> {
 }
 
 fn first_contact(shot: &Shot) -> AimContact {
-    let Some(&Event { kind, time_secs }) = shot.events().last() else {
+    let stops = |event: &&Event| event.kind.stops_aim_line();
+    let Some(&Event { kind, time_secs }) = shot.events().iter().find(stops) else {
         return AimContact::Nothing;
     };
     let states = shot.states_at(time_secs);

@@ -82,7 +82,10 @@ impl<'a> Simulation<'a> {
     /// [`Error::Endless`] beyond [`EVENTS_PER_SECOND_MAX`] or [`SHOT_SECS_MAX`].
     pub(crate) fn run(mut self, until: Until) -> Result<Outcome> {
         while self.play_event()? {
-            if until == Until::CueBallContact && self.cue_ball_touched {
+            // A ball that the slate throws back at the cue ball touches it again at the same instant.
+            let next = self.agenda.earliest();
+            let is_over = next.is_none_or(|(time, _)| time > self.now);
+            if until == Until::CueBallContact && self.cue_ball_touched && is_over {
                 break;
             }
         }

@@ -106,6 +106,33 @@ fn a_search_is_bounded_and_knows_when_there_is_nothing() {
     assert_eq!(suggest(&world, &[0, 9], 400).expect("nothing to do"), None);
 }
 
+/// The ball that is hit from above is thrown back at the cue ball by the slate, at the same instant.
+#[test]
+fn a_ball_that_is_hit_twice_at_once_is_predicted_so() {
+    let world = eight_ball(67);
+    let stroke = Stroke {
+        vertical: -0.137_552_594_833_558_4,
+        elevation_rad: 0.285_228_968_475_161_8,
+        ..Stroke::straight(0.0, 5.492_801_234_759_820_5)
+    };
+    let AimContact::Ball { cue_direction, .. } = predict(&world, stroke).expect("valid").contact
+    else {
+        panic!("it hits the rack");
+    };
+    let shot = world.strike(stroke).expect("valid");
+    let meets =
+        |event: &&Event| matches!(event.kind, EventKind::BallBall { first, .. } if first == 0);
+    let at_once: Vec<f64> = shot
+        .events()
+        .iter()
+        .filter(meets)
+        .map(|event| event.time_secs)
+        .collect();
+    assert_eq!(at_once[0], at_once[1], "{at_once:?}");
+    let after = shot.states_at(at_once[0])[0].velocity;
+    assert_eq!(cue_direction, after.normalize_or_zero());
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 48, failure_persistence: None, ..Default::default() })]
 
