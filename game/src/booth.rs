@@ -19,8 +19,9 @@ use crate::input::Intent;
 use crate::play::Game;
 use crate::practice::Practice;
 use crate::replay::{Kept, Kind, Shelf, Viewing, Wish, moments};
+use crate::rules::RuleSet;
 use crate::screenshot::Screenshot;
-use crate::sim::{BallPose, BallState, Recording, Shot, Take};
+use crate::sim::{self, BallPose, BallState, Recording, Shot, Take};
 
 /// What is on show, and what is kept.
 #[derive(Debug)]
@@ -124,17 +125,36 @@ impl Booth {
         });
     }
 
-    /// Shows the history, its last shot first.
+    /// Shows the shots of a match with who played them and what came of them, or the history of a free
+    /// table; the last shot first.
     pub fn look_back(&mut self, game: &Game, now_secs: f64) {
-        let recording = Recording {
-            table: game.table().name().to_owned(),
-            takes: self.history.clone(),
+        let recording = match self.past(game) {
+            Ok(recording) => recording,
+            Err(error) => return self.say(error.to_string()),
         };
         self.list();
         match Viewing::new(recording, game.table(), now_secs) {
             Some(viewing) => self.show = Show::Replay(Box::new(viewing)),
             None => self.say("There is no shot to look back at yet".to_owned()),
         }
+    }
+
+    fn past(&self, game: &Game) -> sim::Result<Recording> {
+        if game.contest().referee().rules() == RuleSet::Free {
+            return Ok(Recording {
+                table: game.table().name().to_owned(),
+                takes: self.history.clone(),
+            });
+        }
+        let mut recording = game.contest().recording()?;
+        // The shot that is on is not judged yet.
+        recording
+            .takes
+            .extend(game.fresh_shot().map(|(_, shot)| Take {
+                title: title(recording.takes.len() as u64 + 1, shot),
+                shot: shot.clone(),
+            }));
+        Ok(recording)
     }
 
     /// Shows a recording of the game's table.
@@ -373,6 +393,7 @@ const TOLD_MAX: usize = 6;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::contest::{Match, Player, Setup};
     use crate::sim::Stroke;
 
     fn booth(folder: &Path) -> (Booth, Game) {
@@ -426,6 +447,34 @@ mod tests {
         let balls = booth.obey(Order::Play, &game, 3.0).unwrap();
         assert_eq!(balls.len(), 16);
         assert!(matches!(booth.show(), Show::Game));
+    }
+
+    #[test]
+    fn the_shots_of_a_match_say_who_played_them_and_what_came_of_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let (mut booth, _) = booth(folder.path());
+        let players = Player::list("Ada,Bo").unwrap();
+        let setup = Setup::new(RuleSet::Eight, players, 3).unwrap();
+        let mut game = Game::of(Match::new(setup).unwrap());
+        let titles = |booth: &Booth| match booth.show() {
+            Show::Replay(viewing) => {
+                let takes = viewing.recording().takes.iter();
+                takes.map(|take| take.title.clone()).collect()
+            }
+            _ => Vec::new(),
+        };
+        for intent in [Intent::SetPower(0.05), Intent::Strike] {
+            game.apply(intent, 0.0, 0.0, DVec2::ONE);
+        }
+        booth.look_back(&game, 0.0);
+        assert!(titles(&booth)[0].starts_with("Shot 1: the cue strikes"));
+        game.tick(60.0, 0.1);
+        booth.look_back(&game, 60.0);
+        let titles = titles(&booth);
+        assert!(
+            titles[0].starts_with("1. Ada: ") && titles.len() == 1,
+            "{titles:?}"
+        );
     }
 
     #[test]
