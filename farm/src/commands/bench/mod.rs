@@ -7,6 +7,7 @@ mod codec_frames;
 mod faults;
 mod latency;
 mod lookahead;
+mod loopback;
 mod noise;
 mod process;
 mod trace;

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
 use carom_tracer::{
-    CompiledScene, DeviceInfo, DeviceKind, Error, ImageSize, TileGrid, TileRadiance, TileRun,
+    CompiledScene, DeviceInfo, DeviceKind, Error, ImageSize, Tile, TileGrid, TileRadiance, TileRun,
     TraceJob, TraceStats, Tracer,
 };
 
@@ -37,6 +37,16 @@ impl Noise {
         let edge = TILE_EDGE as u32;
         let size = ImageSize::new(TILES_PER_MESSAGE_MAX * edge, Self::MESSAGES * edge);
         TileGrid::new(size, TILE_EDGE)
+    }
+
+    /// The tiles of the first message.
+    pub(super) fn message(&self) -> Vec<(Tile, Vec<[f32; 3]>)> {
+        let grid = Self::grid();
+        let run = TileRun {
+            first: 0,
+            count: TILES_PER_MESSAGE_MAX,
+        };
+        grid.tiles(run).zip(self.bank.iter().cloned()).collect()
     }
 
     /// When the message of these tiles left the tracer.

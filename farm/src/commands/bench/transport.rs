@@ -18,6 +18,7 @@ use carom_protocol::{
 use carom_tracer::{RenderSettings, SceneUpdate, Tracer};
 use serde::Serialize;
 
+use super::loopback::{self, Ready};
 use super::noise::Noise;
 use crate::commands::Failure;
 use crate::commands::inputs;
@@ -27,7 +28,9 @@ use crate::commands::inputs;
 ///
 /// A tile's time counts from when the tracer handed it over, and it is missing if it has not come
 /// 100 ms after its request, when the frame is cancelled. Loopback has no proxy and answers at
-/// once: its times are whole answers of 64 kB from their requests on. All is of what comes after the
+/// once: its times are whole answers of 64 kB from their requests on, with tracer and codec; "ready"
+/// is of a node that has its messages ready, the transport alone, which shall take at most 1 ms, and
+/// "bare" the same bytes over bare sockets, which tells how quiet the machine is. All is of what comes after the
 /// first second; of that, "slow start" counts the frames that lack a tile or have one that is more
 /// than two frames later than the path.
 ///
@@ -80,6 +83,8 @@ struct Case {
     path: Option<PathConfig>,
     /// Whether the node may choose among all precisions.
     governed: bool,
+    /// Whether the node has its messages ready.
+    ready: bool,
 }
 
 fn cases() -> Vec<Case> {
@@ -96,13 +101,17 @@ fn cases() -> Vec<Case> {
         name,
         path: Some(path),
         governed: false,
+        ready: false,
+    };
+    let loopback = |name, ready| Case {
+        name,
+        path: None,
+        governed: false,
+        ready,
     };
     vec![
-        Case {
-            name: "loopback",
-            path: None,
-            governed: false,
-        },
+        loopback("loopback", false),
+        loopback("loopback, ready", true),
         case("4 ms, 1 % loss", path(ms(2), 0.01, None)),
         case("46 ms", path(ms(23), 0.0, None)),
         case("46 ms, 1 % loss", path(ms(23), 0.01, None)),
@@ -159,10 +168,18 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     };
     for case in cases().iter().filter(|case| wanted(case)) {
         for (name, sending) in SENDERS {
-            if sending != Sending::default() && (args.own || case.governed) {
+            let only_own = args.own || case.governed || case.ready;
+            if sending != Sending::default() && only_own {
                 continue;
             }
             let row = measure(args, case, name, sending)?;
+            if !args.json {
+                print_row(&row);
+            }
+            report.runs.push(row);
+        }
+        if case.ready {
+            let row = bare(args)?;
             if !args.json {
                 print_row(&row);
             }
@@ -174,6 +191,23 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         println!("{json}");
     }
     Ok(())
+}
+
+fn bare(args: &Args) -> Result<Row, Failure> {
+    let count = (args.seconds - 1) * FRAMES_PER_SECOND;
+    let mut times = loopback::bare_sockets(count, PERIOD)?;
+    times.sort_unstable_by(f64::total_cmp);
+    let share = times.len() as f64 / count as f64;
+    Ok(Row {
+        path: "loopback, bare",
+        sender: "sockets",
+        precision: "exact",
+        p50_ms: quantile(&times, 0.5),
+        p99_ms: quantile(&times, 0.99),
+        start_slow_frames: 0,
+        missing_percent: 100.0 * (1.0 - share),
+        mbit_per_second: share * 65_536.0 * 8e-6 / PERIOD.as_secs_f64(),
+    })
 }
 
 fn print_row(row: &Row) {
@@ -217,7 +251,11 @@ impl Setup {
         let node = Node::new("node", Arc::clone(&noise) as Arc<dyn Tracer>);
         let stop = Stop::default();
         let stopped = stop.clone();
-        let serve = move || server.serve(&stopped, move |_| node.connect(), |_| {});
+        let (ready, tracer) = (case.ready, Arc::clone(&noise));
+        let serve = move || match ready {
+            true => server.serve(&stopped, move |_| Ready::new(&tracer), |_| {}),
+            false => server.serve(&stopped, move |_| node.connect(), |_| {}),
+        };
         let proxy = case
             .path
             .map(|path| Proxy::start(any, address, path, args.seed));
