@@ -171,24 +171,32 @@ pub struct RectangleData {
 pub struct LampData {
     /// Centre, metres.
     pub center: [f32; 3],
-    /// Area, m².
-    pub area: f32,
-    /// Half an edge, metres.
-    pub half_u: [f32; 3],
-    /// `1 / |half_u|²`.
-    pub inv_u2: f32,
-    /// Half the other edge, metres.
-    pub half_v: [f32; 3],
-    /// `1 / |half_v|²`.
-    pub inv_v2: f32,
-    /// Unit normal, the side that emits.
-    pub normal: [f32; 3],
     /// Mean radiance over that of the scene's brightest lamp, 0 to 1.
     pub brightness: f32,
+    /// Unit vector along an edge.
+    pub axis_u: [f32; 3],
+    /// Half that edge, metres.
+    pub length_u: f32,
+    /// Unit vector along the other edge.
+    pub axis_v: [f32; 3],
+    /// Half the other edge, metres.
+    pub length_v: f32,
+    /// Unit normal, the side that emits.
+    pub normal: [f32; 3],
+    /// 0.
+    pub padding: u32,
     /// Radiance, W·sr⁻¹·m⁻².
     pub radiance: [f32; 3],
     /// 0.
-    pub padding: u32,
+    pub more_padding: u32,
+}
+
+impl LampData {
+    /// Half of both edges: the lamp is `center + a·u + b·v`, `a, b ∈ [−1, 1]`.
+    pub fn half_edges(&self) -> [[f32; 3]; 2] {
+        let [u, v] = [(self.axis_u, self.length_u), (self.axis_v, self.length_v)];
+        [u, v].map(|(axis, length)| axis.map(|c| c * length))
+    }
 }
 
 /// [`MaterialData::kind`] of a diffuse surface, bare or coated.
@@ -543,16 +551,15 @@ fn lamps(lamps: &[Lamp]) -> Vec<LampData> {
 }
 
 fn lamp_data(lamp: &Lamp, brightness: f32) -> LampData {
-    let cross = lamp.half_u.as_dvec3().cross(lamp.half_v.as_dvec3());
+    let [half_u, half_v] = [lamp.half_u, lamp.half_v].map(Vec3::as_dvec3);
     LampData {
         center: lamp.center.to_array(),
-        area: (4.0 * cross.length()) as f32,
-        half_u: lamp.half_u.to_array(),
-        inv_u2: 1.0 / lamp.half_u.length_squared(),
-        half_v: lamp.half_v.to_array(),
-        inv_v2: 1.0 / lamp.half_v.length_squared(),
-        normal: unit(cross).to_array(),
         brightness,
+        axis_u: unit(half_u).to_array(),
+        length_u: half_u.length() as f32,
+        axis_v: unit(half_v).to_array(),
+        length_v: half_v.length() as f32,
+        normal: unit(half_u.cross(half_v)).to_array(),
         radiance: lamp.radiance.to_array(),
         ..LampData::zeroed()
     }
@@ -890,7 +897,6 @@ mod tests {
         let compiled = CompiledScene::new(&scene).unwrap();
         assert_eq!(compiled.lamps[0].normal, [1.0, 0.0, 0.0]);
         assert_eq!(compiled.rectangles[0].normal, [1.0, 0.0, 0.0]);
-        assert!((compiled.lamps[0].area / 0.012 - 1.0).abs() < 1e-6);
-        assert!((compiled.lamps[0].inv_v2 / 1e6 - 1.0).abs() < 1e-6);
+        assert!((compiled.lamps[0].length_v / 1e-3 - 1.0).abs() < 1e-6);
     }
 }

@@ -118,7 +118,7 @@ impl Geometry {
         let lamps = scene.lamps.iter().zip(lamps_first..);
         let lamps = lamps
             .map(|(l, id)| {
-                let [u, v] = [(l.half_u, l.inv_u2), (l.half_v, l.inv_v2)];
+                let [u, v] = [(l.axis_u, 1.0 / l.length_u), (l.axis_v, 1.0 / l.length_v)];
                 Panel::new(l.center, l.normal, u, v, id)
             })
             .collect();
@@ -479,15 +479,15 @@ impl Panel {
     fn new(
         center: [f32; 3],
         normal: [f32; 3],
-        (u, inv_u2): ([f32; 3], f32),
-        (v, inv_v2): ([f32; 3], f32),
+        (u, u_scale): ([f32; 3], f32),
+        (v, v_scale): ([f32; 3], f32),
         id: u32,
     ) -> Self {
         Self {
             center,
             normal,
-            u: u.map(|c| c * inv_u2),
-            v: v.map(|c| c * inv_v2),
+            u: u.map(|c| c * u_scale),
+            v: v.map(|c| c * v_scale),
             id,
         }
     }

@@ -165,15 +165,14 @@ fn triple<S: Simd>(simd: S, row: &Row, column: usize) -> Vec3x<S> {
 
 fn row(lamp: &LampData) -> Row {
     let mut row = [0.0; 20];
-    let lengths = [lamp.inv_u2, lamp.inv_v2].map(|inverse| 1.0 / inverse.sqrt());
     row[CENTER..][..3].copy_from_slice(&lamp.center);
-    row[AXIS_U..][..3].copy_from_slice(&lamp.half_u.map(|c| c / lengths[0]));
-    row[AXIS_V..][..3].copy_from_slice(&lamp.half_v.map(|c| c / lengths[1]));
+    row[AXIS_U..][..3].copy_from_slice(&lamp.axis_u);
+    row[AXIS_V..][..3].copy_from_slice(&lamp.axis_v);
     row[NORMAL..][..3].copy_from_slice(&lamp.normal);
     row[RADIANCE..][..3].copy_from_slice(&lamp.radiance);
     row[BRIGHTNESS] = lamp.brightness;
-    row[LENGTH_U] = lengths[0];
-    row[LENGTH_V] = lengths[1];
+    row[LENGTH_U] = lamp.length_u;
+    row[LENGTH_V] = lamp.length_v;
     row
 }
 

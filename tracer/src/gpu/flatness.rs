@@ -20,11 +20,8 @@ pub(crate) fn discs_coplanar(scene: &CompiledScene) -> bool {
 /// The same of lamps.
 pub(crate) fn lamps_coplanar(scene: &CompiledScene) -> bool {
     let plane = |lamp: &LampData| (lamp.center.into(), lamp.normal.into());
-    let edges = scene
-        .lamps
-        .iter()
-        .flat_map(|lamp| [lamp.half_u, lamp.half_v]);
-    let extents = edges.map(|edge| Vec3::from(edge).length());
+    let lamps = scene.lamps.iter();
+    let extents = lamps.flat_map(|lamp| [lamp.length_u, lamp.length_v]);
     in_one_plane(scene.lamps.iter().map(plane), extents, farthest(scene))
 }
 
@@ -64,7 +61,8 @@ fn in_one_plane(
 }
 
 fn corners(lamp: &LampData) -> impl Iterator<Item = Vec3> + use<> {
-    let [center, u, v] = [lamp.center, lamp.half_u, lamp.half_v].map(Vec3::from);
+    let center = Vec3::from(lamp.center);
+    let [u, v] = lamp.half_edges().map(Vec3::from);
     [u + v, u - v, v - u, -u - v]
         .into_iter()
         .map(move |corner| center + corner)
@@ -83,7 +81,7 @@ pub(crate) fn farthest(scene: &CompiledScene) -> f32 {
     let rectangles = scene.rectangles.iter();
     let rectangles = rectangles.map(|r| reach(r.center, length(r.half_u) + length(r.half_v)));
     let lamps = scene.lamps.iter();
-    let lamps = lamps.map(|l| reach(l.center, length(l.half_u) + length(l.half_v)));
+    let lamps = lamps.map(|l| reach(l.center, l.length_u + l.length_v));
     let carved = scene.carved.iter();
     let carved = carved.map(|c| reach(c.min, 0.0).max(reach(c.max, 0.0)));
     let surfaces = spheres

@@ -375,7 +375,7 @@ mod tests {
             layout!(DiscData, center radius normal material),
             layout!(RectangleData, center material half_u inv_u2 half_v inv_v2 normal),
             layout!(LampData,
-                center area half_u inv_u2 half_v inv_v2 normal brightness radiance),
+                center brightness axis_u length_u axis_v length_v normal radiance),
             layout!(MaterialData,
                 albedo ior stripe_albedo stripe_half_width diffuse_scale kind alpha flight_rate
                 eta pattern k number extinction grain_axis scattering sheen_roughness sheen sights),

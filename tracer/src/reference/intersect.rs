@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::carved::meet_carved;
 use crate::CompiledScene;
-use crate::compiled::{BoxData, DiscData, Primitive, SphereData};
+use crate::compiled::{BoxData, DiscData, LampData, Primitive, SphereData};
 
 /// A half-line.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -107,7 +107,7 @@ pub fn intersect_from(scene: &CompiledScene, ray: &Ray, left: Option<Departure>)
         }
     }
     for (i, lamp) in (0..).zip(&scene.lamps) {
-        let met = meet_rectangle(ray, lamp.center, lamp.half_u, lamp.half_v);
+        let met = meet_lamp(ray, lamp);
         offer(&mut nearest, Primitive::Lamp(i), met);
     }
     nearest.map(|hit| on_surface(scene, hit))
@@ -116,7 +116,7 @@ pub fn intersect_from(scene: &CompiledScene, ray: &Ray, left: Option<Departure>)
 /// Index and distance of the nearest lamp along a ray, whatever else is in between.
 pub(super) fn nearest_lamp(scene: &CompiledScene, ray: &Ray) -> Option<(usize, f64)> {
     let met = scene.lamps.iter().enumerate().filter_map(|(index, lamp)| {
-        let (t, _) = meet_rectangle(ray, lamp.center, lamp.half_u, lamp.half_v)?;
+        let (t, _) = meet_lamp(ray, lamp)?;
         (t > 0.0).then_some((index, t))
     });
     met.min_by(|a, b| a.1.total_cmp(&b.1))
@@ -223,6 +223,11 @@ fn meet_disc(disc: &DiscData, ray: &Ray) -> Option<(f64, DVec3)> {
     let n = vector(disc.normal).normalize();
     let (t, offset) = meet_plane(ray, vector(disc.center), n)?;
     (offset.length() <= f64::from(disc.radius)).then_some((t, n))
+}
+
+fn meet_lamp(ray: &Ray, lamp: &LampData) -> Option<(f64, DVec3)> {
+    let [half_u, half_v] = lamp.half_edges();
+    meet_rectangle(ray, lamp.center, half_u, half_v)
 }
 
 fn meet_rectangle(

@@ -101,13 +101,8 @@ pub fn choose_lamp(lamps: &[LampData], point: DVec3, mut u: [f64; 2]) -> Option<
 impl SeenLamp {
     /// The lamp seen from `point`.
     pub fn new(lamp: &LampData, point: DVec3) -> Self {
-        let lengths =
-            DVec2::new(f64::from(lamp.inv_u2), f64::from(lamp.inv_v2)).map(|i| 1.0 / i.sqrt());
-        let axes = [
-            vector(lamp.half_u) / lengths.x,
-            vector(lamp.half_v) / lengths.y,
-            vector(lamp.normal),
-        ];
+        let lengths = DVec2::new(f64::from(lamp.length_u), f64::from(lamp.length_v));
+        let axes = [lamp.axis_u, lamp.axis_v, lamp.normal].map(vector);
         let to_center = vector(lamp.center) - point;
         let distance = to_center.length();
         let unit = distance + lengths.x + lengths.y;

@@ -37,3 +37,27 @@ fn tile_of_block(block: u32) -> u32 {
     }
     return low;
 }
+
+// A block's pixels on their way to the film.
+var<workgroup> block_film: array<f32, 3u * BLOCK_EDGE * BLOCK_EDGE>;
+
+// Writes a number of each of the block's threads to the film so that neighbours write neighbours. A film
+// that lies in the host's memory takes each lonely write as a message of its own: 5 ms more of
+// 1280x720 pixels on an H200.
+fn set_block(place: Place, local: u32, v: vec3f) {
+    block_film[3u * local] = v.x;
+    block_film[3u * local + 1u] = v.y;
+    block_film[3u * local + 2u] = v.z;
+    workgroupBarrier();
+    let tile = tiles[place.tile];
+    let left = place.x - tile.x - local % BLOCK_EDGE;
+    let top = place.y - tile.y - local / BLOCK_EDGE;
+    let floats = 3u * BLOCK_EDGE;
+    for (var i = local; i < floats * BLOCK_EDGE; i += BLOCK_EDGE * BLOCK_EDGE) {
+        let y = top + i / floats;
+        let column = i % floats;
+        if (left + column / 3u < tile.width && y < tile.height) {
+            film[3u * (tile.first_pixel + y * tile.width + left) + column] = block_film[i];
+        }
+    }
+}

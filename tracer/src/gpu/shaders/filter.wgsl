@@ -185,18 +185,20 @@ fn resolve(
         return;
     }
     let place = place_of(block, local);
-    if (!place.is_inside) {
-        return;
+    var light = vec3f(0.0);
+    if (place.is_inside) {
+        light = result(place_in_region(place), place.pixel);
     }
-    let p = place_in_region(place);
+    set_block(place, local, light);
+}
+
+fn result(p: vec2i, pixel: u32) -> vec3f {
     var light = radiance_at(index_of(p));
     if (job.is_mixed != 0u) {
-        light = mixed(p, place.pixel, light);
+        light = mixed(p, pixel, light);
     }
-    let first = LAYERS_FLOATS * place.pixel + 7u;
-    for (var c = 0u; c < 3u; c++) {
-        film[3u * place.pixel + c] = light[c] + smooth_hits[first + c];
-    }
+    let first = LAYERS_FLOATS * pixel + 7u;
+    return light + vec3f(smooth_hits[first], smooth_hits[first + 1u], smooth_hits[first + 2u]);
 }
 
 fn radiance_at(i: u32) -> vec3f {

@@ -20,10 +20,16 @@ fn trace(
     let block = group.y * groups.x + group.x;
     if (block < job.block_count) {
         let place = place_of(block, local);
-        if (place.is_inside && OUTPUT == OUTPUT_LAYERS) {
-            trace_layers(place.x, place.y, place.pixel);
-        } else if (place.is_inside) {
-            trace_pixel(place.x, place.y, place.pixel, place.tile);
+        if (OUTPUT == OUTPUT_LAYERS) {
+            if (place.is_inside) {
+                trace_layers(place.x, place.y, place.pixel);
+            }
+        } else {
+            var sum = vec3f(0.0);
+            if (place.is_inside) {
+                sum = trace_pixel(place.x, place.y, place.pixel, place.tile);
+            }
+            set_block(place, local, sum);
         }
     }
     workgroupBarrier();
@@ -32,9 +38,9 @@ fn trace(
     }
 }
 
-// Takes the samples in order. A thread whose path has ended begins its next sample while its
+// Takes the samples in order and returns what the film is to hold. A thread whose path has ended begins its next sample while its
 // neighbours go on with theirs, so that long paths keep no lanes idle.
-fn trace_pixel(x: u32, y: u32, pixel: u32, tile: u32) {
+fn trace_pixel(x: u32, y: u32, pixel: u32, tile: u32) -> vec3f {
     var sum = Sum(vec3f(0.0), vec3f(0.0));
     if (job.sample_begin > 0u) {
         sum = Sum(film_at(pixel), film_lost_at(pixel));
@@ -55,16 +61,15 @@ fn trace_pixel(x: u32, y: u32, pixel: u32, tile: u32) {
         index += 1u;
         path = camera_path(x, y, job.first_sample + index);
     }
-    if (job.sample_end == job.samples) {
-        set_film(pixel, sum.value / f32(job.samples));
-    } else {
-        set_film(pixel, sum.value);
-        set_film_lost(pixel, sum.lost);
-    }
     atomicAdd(&group_rays, rays);
     if (dropped > 0u) {
         atomicAdd(&counters[2u + tile], dropped);
     }
+    if (job.sample_end == job.samples) {
+        return sum.value / f32(job.samples);
+    }
+    set_film_lost(pixel, sum.lost);
+    return sum.value;
 }
 
 // A sum of up to 65,536 samples: plain f32 would be off by 1 in 1000.
@@ -82,10 +87,6 @@ fn add(sum: Sum, term: vec3f) -> Sum {
 
 fn film_at(pixel: u32) -> vec3f {
     return film_numbers(3u * pixel);
-}
-
-fn set_film(pixel: u32, v: vec3f) {
-    set_film_numbers(3u * pixel, v);
 }
 
 fn film_numbers(first: u32) -> vec3f {

@@ -9,9 +9,9 @@ fn lamp_t(ray: Ray, index: u32) -> f32 {
     }
     let t = dot(to_center, normal) / slope;
     let q = fma(vec3f(t), ray.direction, -to_center);
-    let u = abs(dot(q, scene.lamps[index].half_u)) * scene.lamps[index].inv_u2;
-    let v = abs(dot(q, scene.lamps[index].half_v)) * scene.lamps[index].inv_v2;
-    return select(T_MISS, t, t > 0.0 && u <= 1.0 && v <= 1.0);
+    let u = abs(dot(q, scene.lamps[index].axis_u));
+    let v = abs(dot(q, scene.lamps[index].axis_v));
+    return select(T_MISS, t, t > 0.0 && u <= scene.lamps[index].length_u && v <= scene.lamps[index].length_v);
 }
 
 // No ray starts on a lamp, so that there is none to skip.
@@ -36,9 +36,9 @@ fn nearest_lamp_of_plane(ray: Ray, hit: ptr<function, Hit>) {
     let point = fma(vec3f(t), ray.direction, ray.origin);
     for (var i = 0u; i < LAMP_COUNT; i++) {
         let q = point - scene.lamps[i].center;
-        let u = abs(dot(q, scene.lamps[i].half_u)) * scene.lamps[i].inv_u2;
-        let v = abs(dot(q, scene.lamps[i].half_v)) * scene.lamps[i].inv_v2;
-        if (u <= 1.0 && v <= 1.0) {
+        let u = abs(dot(q, scene.lamps[i].axis_u));
+        let v = abs(dot(q, scene.lamps[i].axis_v));
+        if (u <= scene.lamps[i].length_u && v <= scene.lamps[i].length_v) {
             *hit = Hit(t, LAMP_FIRST + i);
             return;
         }

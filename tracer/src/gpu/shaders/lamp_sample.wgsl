@@ -38,28 +38,27 @@ struct LampDirection {
 const ROOT_MIN: f32 = 1e-30;
 
 fn see_lamp(index: u32, point: vec3f) -> SeenLamp {
-    let inverse_u = sqrt(scene.lamps[index].inv_u2);
-    let inverse_v = sqrt(scene.lamps[index].inv_v2);
-    let length_u = 1.0 / inverse_u;
-    let length_v = 1.0 / inverse_v;
-    let axis_u = scene.lamps[index].half_u * inverse_u;
-    let axis_v = scene.lamps[index].half_v * inverse_v;
+    let axis_u = scene.lamps[index].axis_u;
+    let axis_v = scene.lamps[index].axis_v;
+    let length_u = scene.lamps[index].length_u;
+    let length_v = scene.lamps[index].length_v;
     let normal = scene.lamps[index].normal;
     let to_center = scene.lamps[index].center - point;
     let distance = sqrt(dot(to_center, to_center));
     let unit = distance + length_u + length_v;
+    let per_unit = 1.0 / unit;
     let along_u = dot(to_center, axis_u);
     let along_v = dot(to_center, axis_v);
     return SeenLamp(
         axis_u,
         axis_v,
         normal,
-        vec2f(along_u - length_u, along_u + length_u) / unit,
-        vec2f(along_v - length_v, along_v + length_v) / unit,
-        -dot(to_center, normal) / unit,
-        4.0 * (length_u / unit) * (length_v / unit),
+        vec2f(along_u - length_u, along_u + length_u) * per_unit,
+        vec2f(along_v - length_v, along_v + length_v) * per_unit,
+        -dot(to_center, normal) * per_unit,
+        4.0 * (length_u * per_unit) * (length_v * per_unit),
         unit,
-        distance / unit,
+        distance * per_unit,
     );
 }
 

@@ -48,13 +48,12 @@ struct RectangleData {
 
 struct LampData {
     center: vec3f,
-    area: f32,
-    half_u: vec3f,
-    inv_u2: f32,
-    half_v: vec3f,
-    inv_v2: f32,
-    normal: vec3f,
     brightness: f32,
+    axis_u: vec3f,
+    length_u: f32,
+    axis_v: vec3f,
+    length_v: f32,
+    normal: vec3f,
     radiance: vec3f,
 }
 
