@@ -87,11 +87,11 @@ impl Lamps {
             let next = Chosen::new(simd, index, row, point);
             let sum_before = sum;
             sum += next.weight;
-            let one = Float::splat(simd, 1.0);
-            let kept = sum.simd_gt(0.0).select(sum_before / sum, one);
-            let taken = u[0].simd_ge(kept);
-            let stretched = (u[0] - kept) * sum / next.weight;
-            u[0] = taken.select(stretched, u[0] / kept).min(BELOW_1 as f32);
+            let at = u[0] * sum;
+            let seen = next.weight.simd_gt(0.0);
+            let taken = seen & at.simd_ge(sum_before);
+            let part = taken.select(at - sum_before, at) / taken.select(next.weight, sum_before);
+            u[0] = seen.select(part.min(BELOW_1 as f32), u[0]);
             chosen = Some(match chosen {
                 Some(chosen) => Chosen::select(taken, next, chosen),
                 None => next,

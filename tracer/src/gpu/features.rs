@@ -154,6 +154,8 @@ pub(crate) struct Features {
     pub(crate) lamps_coplanar: bool,
     /// Some lamp may be before the face of another.
     pub(crate) lamps_shade: bool,
+    /// Solid angles in metres would leave the range of f32.
+    pub(crate) lamps_scaled: bool,
     pub(crate) memory: SceneMemory,
 }
 
@@ -182,6 +184,7 @@ impl Features {
             discs_coplanar: flatness::discs_coplanar(scene),
             lamps_coplanar: flatness::lamps_coplanar(scene),
             lamps_shade: flatness::lamps_shade(scene),
+            lamps_scaled: needs_scale(scene),
             memory: SceneMemory::Uniform,
         };
         if layout::scene_bytes_len(&features) > uniform_bytes_max {
@@ -213,6 +216,15 @@ impl Features {
     pub(crate) const fn primitives(&self) -> u32 {
         self.spheres + self.boxes + self.discs + self.rectangles + self.faces + self.lamps
     }
+}
+
+/// Whether lamps are so small or so far away that eighth powers of lengths in metres, which solid
+/// angles are made of, are not well within the range of f32.
+fn needs_scale(scene: &CompiledScene) -> bool {
+    const METRES: std::ops::Range<f32> = 1e-3..1e3;
+    let lamps = scene.lamps.iter();
+    let mut lengths = lamps.flat_map(|lamp| [lamp.length_u, lamp.length_v]);
+    flatness::farthest(scene) >= METRES.end || lengths.any(|length| length < METRES.start)
 }
 
 /// Whether the difference of two coordinates, rounded, is off by more than 2⁻¹⁵ of a radius. A

@@ -96,6 +96,7 @@ fn constants(features: &Features) -> String {
          const COMPENSATED: bool = {};\n\
          const DISCS_COPLANAR: bool = {};\n\
          const LAMPS_COPLANAR: bool = {};\n\
+         const LAMPS_SCALED: bool = {};\n\
          const SPHERE_SLACK: f32 = {SPHERE_SLACK:e};\n\
          const HAS_STRIPE: bool = {};\n\
          const HAS_CLEAR: bool = {};\n\
@@ -114,6 +115,7 @@ fn constants(features: &Features) -> String {
         features.is_compensated,
         features.discs_coplanar,
         features.lamps_coplanar,
+        features.lamps_scaled,
         features.has_stripe,
         features.has_clear,
         features.has_number,
@@ -290,6 +292,7 @@ mod tests {
         discs_coplanar: true,
         lamps_coplanar: true,
         lamps_shade: true,
+        lamps_scaled: true,
         memory: SceneMemory::Uniform,
     };
 
@@ -319,6 +322,7 @@ mod tests {
                 discs_coplanar: i % 11 < 5,
                 lamps_coplanar: i % 13 < 6,
                 lamps_shade: i >> 6 > 1 && i % 3 == 1,
+                lamps_scaled: i % 19 < 9,
             }
         })
     }

@@ -1,6 +1,7 @@
 // Drawing a lamp and a direction to it: `reference/light.rs`.
 
-// A lamp in the frame of the point that sees it, in units of about its distance or size.
+// A lamp in the frame of the point that sees it, in units of about its distance or size if
+// `LAMPS_SCALED`, else in metres.
 struct SeenLamp {
     axis_u: vec3f,
     axis_v: vec3f,
@@ -45,7 +46,7 @@ fn see_lamp(index: u32, point: vec3f) -> SeenLamp {
     let normal = scene.lamps[index].normal;
     let to_center = scene.lamps[index].center - point;
     let distance = sqrt(dot(to_center, to_center));
-    let unit = distance + length_u + length_v;
+    let unit = select(1.0, distance + length_u + length_v, LAMPS_SCALED);
     let per_unit = 1.0 / unit;
     let along_u = dot(to_center, axis_u);
     let along_v = dot(to_center, axis_v);
@@ -66,31 +67,27 @@ fn choose_lamp(point: vec3f, random: vec2f) -> ChosenLamp {
     var chosen = ChosenLamp(0u, 0.0, false, 0.0, 0.0, random);
     for (var index = 0u; index < LAMP_COUNT; index++) {
         let seen = see_lamp(index, point);
-        if (!(seen.height > 0.0)) {
-            continue;
-        }
         var omega = solid_angle(seen);
         let by_area = omega < SOLID_ANGLE_MIN;
         if (by_area) {
             omega = seen.area * seen.height / (seen.distance * seen.distance * seen.distance);
         }
         let weight = scene.lamps[index].brightness * omega;
-        let sum_before = chosen.light_sum;
-        chosen.light_sum += weight;
-        if (!(chosen.light_sum > 0.0)) {
+        if (!(seen.height > 0.0 && weight > 0.0)) {
             continue;
         }
-        let kept = sum_before / chosen.light_sum;
-        if (chosen.u.x >= kept) {
-            chosen.u.x = (chosen.u.x - kept) * chosen.light_sum / weight;
+        let sum_before = chosen.light_sum;
+        chosen.light_sum += weight;
+        let at = chosen.u.x * chosen.light_sum;
+        var part = vec2f(at, sum_before);
+        if (at >= sum_before) {
+            part = vec2f(at - sum_before, weight);
             chosen.index = index;
             chosen.omega = omega;
             chosen.by_area = by_area;
             chosen.weight = weight;
-        } else {
-            chosen.u.x /= kept;
         }
-        chosen.u.x = min(chosen.u.x, BELOW_1);
+        chosen.u.x = min(part.x / part.y, BELOW_1);
     }
     return chosen;
 }
@@ -108,8 +105,11 @@ fn times_conjugate(a: vec2f, b: vec2f) -> vec2f {
 fn solid_angle(seen: SeenLamp) -> f32 {
     let x = seen.x;
     let y = seen.y;
-    let left = times_conjugate(corner(seen, x.x, y.y), corner(seen, x.x, y.x));
-    let right = times_conjugate(corner(seen, x.y, y.y), corner(seen, x.y, y.x));
+    let x2 = x * x + seen.height * seen.height;
+    let re = seen.height * sqrt(x2.xxyy + (y * y).yxyx);
+    let im = x.xxyy * y.yxyx;
+    let left = times_conjugate(vec2f(re.x, im.x), vec2f(re.y, im.y));
+    let right = times_conjugate(vec2f(re.z, im.z), vec2f(re.w, im.w));
     let product = times_conjugate(right, left);
     let angle = argument(product);
     let is_before = x.x < 0.0 && x.y > 0.0 && y.x < 0.0 && y.y > 0.0;
