@@ -442,6 +442,7 @@ impl Director {
                 size: level.size(self.window),
                 settings: RenderSettings {
                     samples: level.samples,
+                    denoise: level.denoise,
                     // Noise that differs from picture to picture averages out in the eye.
                     seed: self.orders as u32,
                     scatterings_max: self.scatterings_max,
@@ -459,7 +460,7 @@ impl Director {
         // Waiting and travelling delay a picture, but not the ones behind it.
         self.quality.observe(
             frame.size.pixels(),
-            pending.settings.samples,
+            &pending.settings,
             self.window,
             frame.stats.busy_secs,
         );

@@ -1,7 +1,7 @@
 //! How large and how smooth a picture can be while things move: the dial that holds the frame
 //! time.
 
-use carom_tracer::ImageSize;
+use carom_tracer::{ImageSize, RenderSettings};
 use clap::ValueEnum;
 
 /// What is given up first where the farm cannot make pictures that are both many and fine.
@@ -26,51 +26,59 @@ pub struct Level {
     pub scale: f64,
     /// Paths per pixel.
     pub samples: u32,
+    /// Whether it is denoised.
+    pub denoise: bool,
 }
 
 impl Level {
-    /// Paths per pixel of the window.
+    /// What a pixel of the window takes, in paths.
     pub fn cost(self) -> f64 {
-        self.scale * self.scale * f64::from(self.samples)
+        self.scale * self.scale * paths(self.samples, self.denoise)
     }
 
     /// The picture's size for a window of `window` pixels.
     pub fn size(self, window: ImageSize) -> ImageSize {
-        let edge = |pixels: u32| ((f64::from(pixels) * self.scale).round() as u32).max(1);
-        ImageSize::new(edge(window.width), edge(window.height))
+        window.scaled(self.scale)
     }
 }
 
-/// From the coarsest to the finest: each costs 1.3 to 2 times as much as the one before.
-pub const LADDER: [Level; 14] = [
-    level(0.125, 1),
-    level(0.1875, 1),
-    level(0.25, 1),
-    level(0.25, 2),
-    level(0.375, 1),
-    level(0.375, 2),
-    level(0.5, 2),
-    level(0.5, 3),
-    level(0.625, 3),
-    level(0.75, 4),
-    level(1.0, 4),
-    level(1.0, 6),
-    level(1.0, 10),
-    level(1.0, 16),
+/// Paths' worth of a pixel.
+fn paths(samples: u32, denoise: bool) -> f64 {
+    f64::from(samples) + if denoise { FILTER_PATHS } else { 0.0 }
+}
+
+/// From the coarsest to the finest, each at 1.4 to 2.3 times the cost of the one before: choices that
+/// no other beats in both time and error on the processor, as `carom-farm bench tradeoff` finds
+/// them, or nearly.
+pub const LADDER: [Level; 13] = [
+    noisy(0.125, 1),
+    noisy(0.125, 2),
+    noisy(0.125, 4),
+    noisy(0.25, 2),
+    noisy(0.25, 4),
+    noisy(0.375, 4),
+    denoised(0.375, 4),
+    denoised(0.5, 4),
+    denoised(0.625, 4),
+    denoised(0.75, 4),
+    denoised(1.0, 4),
+    denoised(1.0, 8),
+    denoised(1.0, 16),
 ];
 
 /// Chooses a [`Level`], and how often there is a picture, from how long pictures really took.
 ///
-/// It learns what a path costs the farm (a fixed cost of each picture is spread over its paths)
-/// and moves along [`LADDER`]: down at once when the next picture would be late, up one stop only
-/// after several pictures that leave clear room, and a stop that had to be left is not tried again
-/// before a pause that doubles each time.
+/// It learns what a path costs the farm, in noisy and in denoised pictures (a fixed cost of each
+/// picture is spread over its paths), and moves along [`LADDER`]: down at once when the next picture
+/// would be late, up one stop only after several pictures that leave clear room, and a stop that had
+/// to be left is not tried again before a pause that doubles each time.
 #[derive(Clone, Debug)]
 pub struct Quality {
     dial: Dial,
     period_secs: f64,
     stop: usize,
-    secs_per_path: Option<f64>,
+    /// Of noisy and of denoised pictures.
+    secs_per_path: [Option<f64>; 2],
     roomy: u32,
     patience: u32,
 }
@@ -82,7 +90,7 @@ impl Default for Quality {
             dial: Dial::default(),
             period_secs: STEADY_PERIOD_SECS,
             stop: 2,
-            secs_per_path: None,
+            secs_per_path: [None; 2],
             roomy: 0,
             patience: PATIENCE_MIN,
         }
@@ -105,27 +113,47 @@ impl Quality {
         };
     }
 
-    /// Takes in that a picture of `pixels` at `samples` kept the farm busy for `busy_secs`.
-    pub fn observe(&mut self, pixels: usize, samples: u32, window: ImageSize, busy_secs: f64) {
-        let paths = pixels as f64 * f64::from(samples);
-        let cost = busy_secs.max(1e-6) / paths;
-        // The mean of costs, not of speeds: one slow picture weighs more than one fast one.
-        let smooth = |old: f64| old + SMOOTHING * (cost - old);
-        let cost = self.secs_per_path.map_or(cost, smooth);
-        self.secs_per_path = Some(cost);
-        self.pace(cost, window);
-        self.choose(cost, window);
+    /// Takes in that a picture of `pixels` with `settings` kept the farm busy for `busy_secs`.
+    pub fn observe(
+        &mut self,
+        pixels: usize,
+        settings: &RenderSettings,
+        window: ImageSize,
+        busy_secs: f64,
+    ) {
+        let cost =
+            busy_secs.max(1e-6) / (pixels as f64 * paths(settings.samples, settings.denoise));
+        let kind = usize::from(settings.denoise);
+        match self.secs_per_path[kind] {
+            // A farm that is faster or slower is so for both kinds of pictures.
+            // The mean of costs, not of speeds: one slow picture weighs more than one fast one.
+            Some(old) => {
+                let change = 1.0 + SMOOTHING * (cost / old - 1.0);
+                for known in self.secs_per_path.iter_mut().flatten() {
+                    *known *= change;
+                }
+            }
+            None => self.secs_per_path[kind] = Some(cost),
+        }
+        self.pace(window);
+        self.choose(window);
+    }
+
+    /// Seconds that a picture of `level` will take; absent before the first picture.
+    pub fn secs(&self, level: Level, window: ImageSize) -> Option<f64> {
+        let [noisy, denoised] = self.secs_per_path;
+        let known = if level.denoise {
+            denoised.or(noisy)
+        } else {
+            noisy.or(denoised)
+        };
+        Some(level.cost() * window.pixels() as f64 * known?)
     }
 
     /// Seconds from one moving picture to the next: 60 a second where the farm can make them fine
     /// enough, else 30.
     pub fn period_secs(&self) -> f64 {
         self.period_secs
-    }
-
-    /// What a path costs the farm, in seconds; absent before the first picture.
-    pub fn secs_per_path(&self) -> Option<f64> {
-        self.secs_per_path
     }
 
     /// What the next moving picture should be.
@@ -135,15 +163,16 @@ impl Quality {
 
     /// Paths per pixel that fit into `secs` at full resolution, at least 1.
     pub fn samples_within(&self, secs: f64, window: ImageSize) -> u32 {
-        let paths = self.secs_per_path.map_or(0.0, |cost| secs / cost);
-        ((paths / window.pixels().max(1) as f64) as u32).clamp(1, 64)
+        let one = self.secs(noisy(1.0, 1), window);
+        // A cast of what is too large saturates.
+        one.map_or(1, |one| ((secs / one) as u32).clamp(1, 64))
     }
 
-    fn pace(&mut self, secs_per_path: f64, window: ImageSize) {
+    fn pace(&mut self, window: ImageSize) {
         if self.dial != Dial::Balanced {
             return;
         }
-        let secs = SMOOTH_LEVEL.cost() * window.pixels() as f64 * secs_per_path;
+        let secs = self.secs(SMOOTH_LEVEL, window).unwrap_or(0.0);
         if secs > SMOOTH_PERIOD_SECS * LATE {
             self.period_secs = STEADY_PERIOD_SECS;
         } else if secs <= SMOOTH_PERIOD_SECS * ROOMY {
@@ -151,9 +180,9 @@ impl Quality {
         }
     }
 
-    fn choose(&mut self, secs_per_path: f64, window: ImageSize) {
+    fn choose(&mut self, window: ImageSize) {
         let target_secs = self.period_secs;
-        let secs = |stop: usize| LADDER[stop].cost() * window.pixels() as f64 * secs_per_path;
+        let secs = |stop: usize| self.secs(LADDER[stop], window).unwrap_or(0.0);
         if secs(self.stop) > target_secs * LATE {
             let fits = |stop: &usize| secs(*stop) <= target_secs;
             self.stop = (0..self.stop).rev().find(fits).unwrap_or(0);
@@ -175,9 +204,23 @@ impl Quality {
     }
 }
 
-const fn level(scale: f64, samples: u32) -> Level {
-    Level { scale, samples }
+const fn noisy(scale: f64, samples: u32) -> Level {
+    Level {
+        scale,
+        samples,
+        denoise: false,
+    }
 }
+
+const fn denoised(scale: f64, samples: u32) -> Level {
+    Level {
+        denoise: true,
+        ..noisy(scale, samples)
+    }
+}
+
+/// What the denoiser takes of a processor for a pixel, in paths; a GPU's is learned.
+const FILTER_PATHS: f64 = 2.0;
 
 /// Where the farm cannot keep [`SMOOTH_PERIOD_SECS`]: in between, pictures are moved by
 /// [`crate::warp`].
@@ -187,7 +230,7 @@ const FINE_PERIOD_SECS: f64 = 1.0 / 15.0;
 /// A common display's rate.
 pub const SMOOTH_PERIOD_SECS: f64 = 1.0 / 60.0;
 /// Coarser pictures than this are not worth having twice as many of.
-const SMOOTH_LEVEL: Level = level(0.5, 3);
+const SMOOTH_LEVEL: Level = denoised(0.375, 4);
 /// Weight of the newest picture: half of a change is learned in three pictures.
 const SMOOTHING: f64 = 0.2;
 /// Over the target by this much, the picture gets coarser.
@@ -203,21 +246,69 @@ mod tests {
 
     const WINDOW: ImageSize = ImageSize::new(1280, 720);
 
-    /// Plays `pictures` on a farm of `speed(i)` paths per second and a fixed cost per picture.
+    /// A farm of `speed` paths per second, whose filter takes as long as so many of them.
+    #[derive(Clone, Copy)]
+    struct Load {
+        speed: f64,
+        filter_paths: f64,
+    }
+
+    impl Load {
+        fn of(speed: f64) -> Self {
+            let filter_paths = FILTER_PATHS;
+            Self {
+                speed,
+                filter_paths,
+            }
+        }
+
+        fn secs(self, level: Level) -> f64 {
+            let filter = if level.denoise {
+                self.filter_paths
+            } else {
+                0.0
+            };
+            let paths = f64::from(level.samples) + filter;
+            0.0015 + level.size(WINDOW).pixels() as f64 * paths / self.speed
+        }
+    }
+
+    /// Plays pictures on farms, each of which has that load.
+    fn play_loads(quality: &mut Quality, loads: impl Iterator<Item = Load>) -> Vec<Level> {
+        let picture = |load: Load| {
+            let level = quality.level();
+            let settings = RenderSettings {
+                samples: level.samples,
+                denoise: level.denoise,
+                ..RenderSettings::default()
+            };
+            let pixels = level.size(WINDOW).pixels();
+            quality.observe(pixels, &settings, WINDOW, load.secs(level));
+            level
+        };
+        loads.map(picture).collect()
+    }
+
     fn play(quality: &mut Quality, pictures: usize, speed: impl Fn(usize) -> f64) -> Vec<Level> {
-        (0..pictures)
-            .map(|i| {
-                let level = quality.level();
-                let pixels = level.size(WINDOW).pixels();
-                let busy = 0.0015 + pixels as f64 * f64::from(level.samples) / speed(i);
-                quality.observe(pixels, level.samples, WINDOW, busy);
-                level
-            })
-            .collect()
+        play_loads(quality, (0..pictures).map(|i| Load::of(speed(i))))
     }
 
     fn secs(level: Level, speed: f64) -> f64 {
-        0.0015 + level.cost() * WINDOW.pixels() as f64 / speed
+        Load::of(speed).secs(level)
+    }
+
+    fn stop_of(level: &Level) -> usize {
+        LADDER.iter().position(|stop| stop == level).unwrap()
+    }
+
+    fn changes(levels: &[Level]) -> usize {
+        let pairs = levels.windows(2);
+        pairs.filter(|pair| pair[0] != pair[1]).count()
+    }
+
+    /// ±33 %, the spread of a busy machine, in a fixed pattern.
+    fn noise(i: usize) -> f64 {
+        1.0 + 0.33 * ((i * 7919 % 101) as f64 / 50.0 - 1.0)
     }
 
     #[test]
@@ -237,8 +328,7 @@ mod tests {
                 secs(last, speed) <= quality.period_secs() * LATE,
                 "{last:?} at {speed}"
             );
-            let stop = LADDER.iter().position(|level| *level == last).unwrap();
-            if let Some(finer) = LADDER.get(stop + 1) {
+            if let Some(finer) = LADDER.get(stop_of(&last) + 1) {
                 assert!(
                     secs(*finer, speed) > quality.period_secs() * ROOMY * 0.9,
                     "{last:?} at {speed}"
@@ -262,14 +352,57 @@ mod tests {
     #[test]
     fn noise_of_a_third_does_not_make_it_swing() {
         let mut quality = Quality::default();
-        // A fixed pattern with the spread of a busy machine: ±33 %.
-        let speed = |i: usize| 1.2e7 * (1.0 + 0.33 * ((i * 7919 % 101) as f64 / 50.0 - 1.0));
-        let levels = play(&mut quality, 1000, speed);
-        let changes = levels[200..]
-            .windows(2)
-            .filter(|pair| pair[0] != pair[1])
-            .count();
+        let levels = play(&mut quality, 1000, |i| 1.2e7 * noise(i));
+        let changes = changes(&levels[200..]);
         assert!(changes <= 20, "{changes} changes in 800 pictures");
+    }
+
+    /// Steps of four times, with noise: it settles after each within 100 pictures.
+    #[test]
+    fn it_follows_steps_of_the_load_and_rests_between_them() {
+        for low in [3e6, 1.1e7, 4e7, 1.7e8] {
+            let mut quality = Quality::default();
+            let speed = |step: usize| if step % 2 == 0 { low } else { 4.0 * low };
+            let mut stops = Vec::new();
+            for step in 0..6 {
+                let levels = play(&mut quality, 400, |i| speed(step) * noise(i));
+                let changes = changes(&levels[100..]);
+                assert!(changes <= 8, "{changes} in step {step} from {low}");
+                let late = |level: &&Level| {
+                    secs(**level, speed(step)) > quality.period_secs() * LATE * 1.15
+                };
+                let late = levels[100..].iter().filter(late).count();
+                assert!(late <= 6, "{late} late in step {step} from {low}");
+                stops.push(stop_of(levels.last().unwrap()) as f64 / quality.period_secs());
+            }
+            for pair in stops.chunks(2) {
+                assert!(pair[1] > pair[0], "{stops:?} from {low}");
+            }
+        }
+    }
+
+    /// The filter costs a GPU next to nothing and some processors more than is thought.
+    #[test]
+    fn it_rests_whatever_the_filter_costs() {
+        for filter_paths in [0.1, 2.0, 9.0] {
+            for speed in [8e7, 1.3e8, 1.7e8, 2.2e8, 4e8] {
+                let mut quality = Quality::default();
+                let load = |i| Load {
+                    speed: speed * (1.0 + 0.3 * (noise(i) - 1.0)),
+                    filter_paths,
+                };
+                let levels = play_loads(&mut quality, (0..1000).map(load));
+                let changes = changes(&levels[200..]);
+                assert!(changes <= 8, "{changes} at {speed}, {filter_paths}");
+                let last = Load {
+                    speed,
+                    filter_paths,
+                }
+                .secs(*levels.last().unwrap());
+                let late = quality.period_secs() * LATE * 1.1;
+                assert!(last <= late, "{last} s at {speed}, {filter_paths}");
+            }
+        }
     }
 
     #[test]

@@ -22,7 +22,7 @@ use crate::display::Picture;
 use crate::input::Intent;
 use crate::lookout;
 use crate::play::{Aids, CueView, Game, Outcome};
-use crate::quality::Dial;
+use crate::quality::{Dial, LADDER};
 use crate::screenshot::Screenshot;
 use crate::sim::{BallBody, Engine, Recording, Shot};
 use crate::stage::Stage;
@@ -653,14 +653,15 @@ impl Session {
         self.stats.note_redraw(now_secs, moves);
         let nodes = self.nodes();
         let (figures, quality) = (self.director.figures(), self.director.quality());
+        let window = self.director.window();
         let facts = Facts {
             nodes: &nodes,
             balancing: self.balancing,
-            window: self.director.window(),
+            window,
             dial: quality.dial(),
             period_secs: quality.period_secs(),
             stop: quality.level(),
-            secs_per_path: quality.secs_per_path(),
+            stops_secs: LADDER.map(|stop| quality.secs(stop, window)),
             lead_secs: figures.lead_secs,
             skipped: figures.skipped,
             guessed: self.warp.guessed(),

@@ -184,7 +184,7 @@ fn facts(report: &Report) -> Facts<'_> {
         window: SIZE,
         period_secs: 1.0 / 60.0,
         stop: LADDER[10],
-        secs_per_path: Some(4e-9),
+        stops_secs: LADDER.map(|stop| Some(4e-3 * stop.cost())),
         lead_secs: 0.03,
         skipped: 2,
         guessed: Some(0.01),

@@ -66,7 +66,7 @@ pub(crate) fn facts<'a>(nodes: &'a [NodeStatus]) -> Facts<'a> {
         window: ImageSize::new(1280, 720),
         period_secs: 1.0 / 60.0,
         stop: LADDER[6],
-        secs_per_path: Some(1.2e-8),
+        stops_secs: LADDER.map(|stop| Some(0.011 * stop.cost())),
         lead_secs: 0.031,
         skipped: 3,
         guessed: Some(0.012),

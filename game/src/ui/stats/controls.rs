@@ -181,11 +181,8 @@ pub(super) fn quality(ui: &mut Ui, stats: &mut Stats, facts: &Facts<'_>) {
     if wanted != facts.dial {
         stats.wishes.push(Wish::Dial(wanted));
     }
-    for stop in LADDER {
+    for (stop, secs) in LADDER.into_iter().zip(facts.stops_secs) {
         let size = stop.size(facts.window);
-        let secs = facts
-            .secs_per_path
-            .map(|secs| secs * stop.cost() * facts.window.pixels() as f64);
         ui.horizontal_wrapped(|ui| {
             ui.monospace(if stop == facts.stop { ">" } else { " " });
             figure(
@@ -193,7 +190,9 @@ pub(super) fn quality(ui: &mut Ui, stats: &mut Stats, facts: &Facts<'_>) {
                 &terms::LEVEL_SCALE,
                 &format!("{:4}x{:<4}", size.width, size.height),
             );
-            figure(ui, &terms::LEVEL_SAMPLES, &format!("{:2}", stop.samples));
+            let filter = if stop.denoise { "+" } else { " " };
+            let samples = format!("{:2}{filter}", stop.samples);
+            figure(ui, &terms::LEVEL_SAMPLES, &samples);
             figure(
                 ui,
                 &terms::LEVEL_MS,

@@ -81,7 +81,7 @@ terms! {
     TALLY_MAX "max" "Mean over those pictures of the longest response time, milliseconds."
     RECORDING "recording" "Pictures that have been written to the files of the recording. Those for which the disk was too slow are left out and counted."
     LEVEL_SCALE "pixels" "Size of a traced picture at this stop of the dial."
-    LEVEL_SAMPLES "paths" "Paths traced for each pixel at this stop."
+    LEVEL_SAMPLES "paths" "Paths traced for each pixel at this stop; + where they are denoised."
     LEVEL_MS "ms here" "Milliseconds that a picture at this stop keeps this farm busy, from what its pictures have cost so far."
 }
 

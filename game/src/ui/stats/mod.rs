@@ -40,7 +40,7 @@ use self::maps::Maps;
 use self::record::{Record, Seen};
 use self::recorder::Recorder;
 use self::redraws::Redraws;
-use crate::quality::{Dial, Level as Stop};
+use crate::quality::{Dial, LADDER, Level as Stop};
 
 /// How much is shown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -86,8 +86,8 @@ pub struct Facts<'a> {
     pub period_secs: f64,
     /// What moving pictures are made of.
     pub stop: Stop,
-    /// What a path costs the farm, seconds; absent before the first picture.
-    pub secs_per_path: Option<f64>,
+    /// What a picture of each stop takes, seconds; absent before the first picture.
+    pub stops_secs: [Option<f64>; LADDER.len()],
     /// How far ahead pictures of a shot are asked for, seconds.
     pub lead_secs: f64,
     /// Pictures of shots that were passed over.
