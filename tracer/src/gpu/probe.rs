@@ -1,7 +1,8 @@
 //! The start-up probe: a GPU that does not trace a small scene as the reference does is not used.
 //!
-//! Drivers compile, fuse and round as they like, and now and then wrongly. The scene has every
-//! shape, both materials, a stripe and two lamps, so that every part of the kernel is run.
+//! Drivers compile, fuse and round as they like, and now and then wrongly. Of two scenes the first is
+//! of plain balls and boxes under lamps; the second has what most pictures lack: carved wood, a
+//! number, napped cloth, rough metal, and rough glass with a medium that scatters.
 
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -10,8 +11,8 @@ use std::sync::atomic::AtomicBool;
 use glam::{Quat, Vec3};
 
 use crate::{
-    Camera, CompiledScene, Environment, Error, ImageSize, Lamp, Material, Object, Reference,
-    RenderSettings, Scene, Shape, Stripe, Tile, TraceJob, Tracer,
+    Axis, Camera, CompiledScene, Cut, CutForm, Environment, Error, ImageSize, Lamp, Material,
+    Medium, Object, Paint, Reference, RenderSettings, Scene, Shape, Stripe, Tile, TraceJob, Tracer,
 };
 
 /// 32 × 24 pixels of 4 samples: 10 ms of the reference.
@@ -33,7 +34,12 @@ const PIXELS_OFF_MAX: usize = SIZE.pixels() / 50;
 /// # Errors
 /// [`Error::Device`] if it fails or too many pixels differ.
 pub(crate) fn prove(tracer: &dyn Tracer) -> Result<(), Error> {
-    let scene = CompiledScene::new(&scene())?;
+    prove_with(tracer, &scene())?;
+    prove_with(tracer, &dressed_scene())
+}
+
+fn prove_with(tracer: &dyn Tracer, scene: &Scene) -> Result<(), Error> {
+    let scene = CompiledScene::new(scene)?;
     let picture = trace(tracer, &scene)?;
     let truth = trace(&Reference, &scene)?;
     let off = (picture.iter().zip(&truth)).filter(|(a, b)| is_off(**a, **b));
@@ -143,6 +149,95 @@ pub(crate) fn scene() -> Scene {
     }
 }
 
+/// [`scene`] in other materials, its box carved, with a ball of rough wax beside the other.
+pub(crate) fn dressed_scene() -> Scene {
+    let mut scene = scene();
+    let tone = Vec3::new(0.6, 0.4, 0.2);
+    let wood = Paint::Wood {
+        light: tone,
+        dark: 0.4 * tone,
+        grain: Axis::X,
+        sights: None,
+    };
+    let ball = Paint::Ball {
+        albedo: tone,
+        stripe: Some(Stripe {
+            albedo: Vec3::splat(0.8),
+            half_width: 0.5,
+        }),
+        number: 9,
+    };
+    let materials = [
+        (
+            "ball",
+            Material::Coated {
+                ior: 1.5,
+                paint: ball,
+            },
+        ),
+        (
+            "wood",
+            Material::Coated {
+                ior: 1.5,
+                paint: wood,
+            },
+        ),
+        (
+            "cloth",
+            Material::Cloth {
+                albedo: Vec3::new(0.1, 0.5, 0.3),
+                sheen: Vec3::splat(0.3),
+                sheen_roughness: 0.3,
+            },
+        ),
+        (
+            "gold",
+            Material::Conductor {
+                eta: Vec3::new(0.143, 0.375, 1.442),
+                k: Vec3::new(3.983, 2.386, 1.603),
+                alpha: 0.3,
+            },
+        ),
+        (
+            "wax",
+            Material::Dielectric {
+                ior: 1.4,
+                alpha: 0.2,
+                medium: Some(Medium {
+                    extinction: Vec3::new(4.0, 5.0, 6.0),
+                    albedo: Vec3::new(0.9, 0.8, 0.7),
+                }),
+            },
+        ),
+    ];
+    for (name, material) in materials {
+        scene.materials.insert(name.to_owned(), material);
+    }
+    let block = Shape::Carved {
+        min: Vec3::new(-1.5, 0.6, -0.1),
+        max: Vec3::new(-0.4, 1.2, 0.9),
+        cuts: vec![Cut {
+            form: CutForm::Bore {
+                center: Vec3::new(-1.0, 0.9, 0.0),
+                radius: 0.2,
+            },
+            material: None,
+        }],
+    };
+    let [_, solid, disc, _] = &mut scene.objects[..] else {
+        return scene; // as it was made above, it has four
+    };
+    *solid = object((block, "wood"));
+    *disc = object((disc.shape.clone(), "gold"));
+    let wax = Shape::Sphere {
+        center: Vec3::new(-0.9, -0.6, 0.35),
+        radius: 0.35,
+        rotation: Quat::IDENTITY,
+    };
+    scene.objects.push(object((wax, "wax")));
+    scene
+}
+
 fn object((shape, material): (Shape, &str)) -> Object {
     Object {
         name: material.to_owned(),
@@ -159,5 +254,23 @@ fn lamp(x: f32, radiance: f32) -> Lamp {
         half_u: Vec3::new(0.0, 0.3, 0.0),
         half_v: Vec3::new(0.3, 0.0, 0.0),
         radiance: Vec3::new(radiance, radiance, 0.9 * radiance),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::features::{Features, ShapeKind};
+
+    #[test]
+    fn the_scenes_have_every_shape_and_every_material() {
+        let features = |scene: Scene| Features::of(&CompiledScene::new(&scene).unwrap(), u64::MAX);
+        let (plain, dressed) = (features(scene()), features(dressed_scene()));
+        for shape in ShapeKind::ALL {
+            assert!(plain.count(shape) + dressed.count(shape) > 0, "{shape:?}");
+        }
+        assert!(plain.lamps > 0 && plain.has_coat && plain.has_stripe && dressed.has_stripe);
+        assert!(dressed.has_number && dressed.has_wood && dressed.has_sheen);
+        assert!(dressed.has_gloss && dressed.has_clear);
     }
 }

@@ -10,6 +10,7 @@ mod lookahead;
 mod loopback;
 mod noise;
 mod process;
+mod specialise;
 mod trace;
 mod tradeoff;
 mod transport;
@@ -36,6 +37,7 @@ enum Bench {
     Transport(transport::Args),
     Latency(latency::Args),
     Lookahead(lookahead::Args),
+    Specialise(specialise::Args),
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
@@ -49,5 +51,6 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         Bench::Transport(args) => transport::run(args),
         Bench::Latency(args) => latency::run(args),
         Bench::Lookahead(args) => lookahead::run(args),
+        Bench::Specialise(args) => specialise::run(args),
     }
 }

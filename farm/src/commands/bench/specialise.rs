@@ -1,0 +1,421 @@
+//! `carom-farm bench specialise`: what it gains that a kernel has only what its scene requires.
+
+use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
+
+use anyhow::Context;
+use carom_tracer::{
+    Axis, CompiledScene, Cut, CutForm, ImageSize, Material, Object, Paint, RenderSettings, Scene,
+    Shape, Stripe, Tile, TileGrid, TraceJob, Tracer,
+};
+use cpu_time::ProcessTime;
+use glam::{Quat, Vec3};
+use serde::Serialize;
+
+use crate::commands::Failure;
+use crate::commands::backend::{self, Backend, Opened};
+use crate::commands::inputs::{self, NamedScene};
+
+/// What it gains that kernels have only what a scene requires.
+///
+/// Each scene is traced as it is, and with something added that is never seen: a material that no
+/// object has, or a small shape behind the camera. Kernels need code for it all the same. Printed is
+/// the time with it over the time without, of turns taken one after the other: CPU time of this
+/// process on a processor, the device's own on a GPU that tells it.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+    /// Scene file; may be repeated [default: the built-in pool table].
+    #[arg(long)]
+    scene: Vec<PathBuf>,
+    /// Only this back end [default: the CPU, and the GPU if there is one].
+    #[arg(long)]
+    backend: Option<Backend>,
+    /// Pixels.
+    #[arg(long, default_value = "640x360")]
+    size: ImageSize,
+    /// Samples per pixel.
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    spp: u32,
+    /// Turns; the best of each is taken.
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    repetitions: u32,
+}
+
+#[derive(Serialize)]
+struct Report {
+    scenes: Vec<Measured>,
+}
+
+#[derive(Serialize)]
+struct Measured {
+    scene: String,
+    backend: &'static str,
+    milliseconds: f64,
+    rows: Vec<Row>,
+}
+
+#[derive(Serialize)]
+struct Row {
+    left_out: &'static str,
+    /// Time with it over time without; absent where the scene uses it.
+    gain: Option<f64>,
+}
+
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let mut scenes = Vec::new();
+    for path in &args.scene {
+        scenes.push(inputs::scene(Some(path))?);
+    }
+    if scenes.is_empty() {
+        scenes.push(inputs::scene(None)?);
+    }
+    let opened = backend::open_all(args.backend, 0)?;
+    let is_compared = |opened: &&Opened| {
+        args.backend.is_some() || matches!(opened.backend, Backend::Cpu | Backend::Gpu)
+    };
+    let mut report = Report { scenes: Vec::new() };
+    for named in &scenes {
+        for opened in opened.iter().filter(is_compared) {
+            report.scenes.push(measure(opened, named, args)?);
+        }
+    }
+    if args.json {
+        let json = serde_json::to_string(&report).context("results as JSON")?;
+        println!("{json}");
+    } else {
+        report.scenes.iter().for_each(print);
+    }
+    Ok(())
+}
+
+fn measure(opened: &Opened, named: &NamedScene, args: &Args) -> Result<Measured, Failure> {
+    let mut everything = named.scene.clone();
+    let mut scenes = vec![CompiledScene::new(&named.scene)?];
+    let unused = PARTS.iter().filter(|part| !(part.is_used)(&named.scene));
+    let unused: Vec<&Part> = unused.collect();
+    for part in &unused {
+        let mut scene = named.scene.clone();
+        (part.add)(&mut scene);
+        (part.add)(&mut everything);
+        scenes.push(CompiledScene::new(&scene)?);
+    }
+    scenes.push(CompiledScene::new(&everything)?);
+    let mut least = vec![f64::INFINITY; scenes.len()];
+    // The first turn compiles kernels and fills caches.
+    for turn in 0..=args.repetitions {
+        for (scene, least) in scenes.iter().zip(&mut least) {
+            let milliseconds = milliseconds(opened.tracer.as_ref(), scene, args)?;
+            if turn > 0 {
+                *least = least.min(milliseconds);
+            }
+        }
+    }
+    let gain = |part: &Part| {
+        let index = unused.iter().position(|other| other.name == part.name)?;
+        Some(least[1 + index] / least[0])
+    };
+    let rows = PARTS.iter().map(|part| Row {
+        left_out: part.name,
+        gain: gain(part),
+    });
+    let all = Row {
+        left_out: "all of these",
+        gain: Some(least[scenes.len() - 1] / least[0]),
+    };
+    Ok(Measured {
+        scene: named.name.clone(),
+        backend: opened.backend.name(),
+        milliseconds: least[0],
+        rows: rows.chain([all]).collect(),
+    })
+}
+
+fn milliseconds(
+    tracer: &dyn Tracer,
+    scene: &CompiledScene,
+    args: &Args,
+) -> Result<f64, carom_tracer::Error> {
+    let grid = TileGrid::new(args.size, TILE_EDGE);
+    let tiles: Vec<Tile> = grid.tiles(grid.all()).collect();
+    let job = TraceJob {
+        size: args.size,
+        tiles: &tiles,
+        settings: RenderSettings {
+            samples: args.spp,
+            ..RenderSettings::default()
+        },
+        cancelled: &AtomicBool::new(false),
+    };
+    let begun = ProcessTime::now();
+    let stats = tracer.trace(scene, &job, &|_| {})?;
+    Ok(match stats.device_nanos {
+        0 => begun.elapsed().as_secs_f64() * 1e3,
+        nanos => nanos as f64 * 1e-6,
+    })
+}
+
+fn print(measured: &Measured) {
+    println!(
+        "{} on {}: {:.2} ms a picture",
+        measured.scene, measured.backend, measured.milliseconds
+    );
+    println!("  {:<24} {:>10}", "with, though not seen", "time over");
+    for row in &measured.rows {
+        let gain = row.gain.map(|gain| format!("{gain:.3}"));
+        let gain = gain.unwrap_or_else(|| "used".to_owned());
+        println!("  {:<24} {gain:>10}", row.left_out);
+    }
+}
+
+/// Something that scenes may do without.
+struct Part {
+    name: &'static str,
+    is_used: fn(&Scene) -> bool,
+    /// Adds it where nobody sees it.
+    add: fn(&mut Scene),
+}
+
+const PARTS: [Part; 12] = [
+    Part {
+        name: "a coat",
+        is_used: |scene| any_material(scene, is_coated),
+        add: |scene| add_material(scene, "coat", COAT),
+    },
+    Part {
+        name: "a stripe",
+        is_used: |scene| any_material(scene, is_striped),
+        add: |scene| {
+            let paint = Paint::Ball {
+                albedo: GREY,
+                stripe: Some(STRIPE),
+                number: 0,
+            };
+            add_material(scene, "stripe", Material::Coated { ior: 1.5, paint });
+        },
+    },
+    Part {
+        name: "a ball's number",
+        is_used: |scene| any_material(scene, is_numbered),
+        add: |scene| {
+            let paint = Paint::Ball {
+                albedo: GREY,
+                stripe: None,
+                number: 8,
+            };
+            add_material(scene, "number", Material::Coated { ior: 1.5, paint });
+        },
+    },
+    Part {
+        name: "wood",
+        is_used: |scene| any_material(scene, is_wood),
+        add: |scene| {
+            let paint = Paint::Wood {
+                light: GREY,
+                dark: GREY,
+                grain: Axis::X,
+                sights: None,
+            };
+            add_material(scene, "wood", Material::Coated { ior: 1.5, paint });
+        },
+    },
+    Part {
+        name: "napped cloth",
+        is_used: |scene| any_material(scene, |m| matches!(m, Material::Cloth { .. })),
+        add: |scene| {
+            let cloth = Material::Cloth {
+                albedo: GREY,
+                sheen: GREY,
+                sheen_roughness: 0.5,
+            };
+            add_material(scene, "cloth", cloth);
+        },
+    },
+    Part {
+        name: "a metal",
+        is_used: |scene| any_material(scene, |m| matches!(m, Material::Conductor { .. })),
+        add: |scene| {
+            let (eta, k) = (Vec3::ONE, Vec3::splat(3.0));
+            let metal = Material::Conductor { eta, k, alpha: 0.1 };
+            add_material(scene, "metal", metal);
+        },
+    },
+    Part {
+        name: "a clear body",
+        is_used: |scene| any_material(scene, |m| matches!(m, Material::Dielectric { .. })),
+        add: |scene| {
+            let glass = Material::Dielectric {
+                ior: 1.5,
+                alpha: 0.0,
+                medium: None,
+            };
+            add_material(scene, "glass", glass);
+        },
+    },
+    Part {
+        name: "a ball",
+        is_used: |scene| any_shape(scene, |shape| matches!(shape, Shape::Sphere { .. })),
+        add: |scene| {
+            let (center, radius, rotation) = (hidden(scene), SMALL_M, Quat::IDENTITY);
+            let ball = Shape::Sphere {
+                center,
+                radius,
+                rotation,
+            };
+            add_object(scene, ball);
+        },
+    },
+    Part {
+        name: "a box",
+        is_used: |scene| any_shape(scene, |shape| matches!(shape, Shape::Box { .. })),
+        add: |scene| {
+            let (min, max) = hidden_box(scene);
+            add_object(scene, Shape::Box { min, max });
+        },
+    },
+    Part {
+        name: "a carved box",
+        is_used: |scene| any_shape(scene, |shape| matches!(shape, Shape::Carved { .. })),
+        add: |scene| {
+            let (min, max) = hidden_box(scene);
+            let form = CutForm::Beyond {
+                point: max,
+                normal: Vec3::ONE,
+            };
+            let cuts = vec![Cut {
+                form,
+                material: None,
+            }];
+            add_object(scene, Shape::Carved { min, max, cuts });
+        },
+    },
+    Part {
+        name: "a disc",
+        is_used: |scene| any_shape(scene, |shape| matches!(shape, Shape::Disc { .. })),
+        add: |scene| {
+            let (center, normal, radius) = (hidden(scene), Vec3::Y, SMALL_M);
+            let disc = Shape::Disc {
+                center,
+                normal,
+                radius,
+            };
+            add_object(scene, disc);
+        },
+    },
+    Part {
+        name: "a rectangle",
+        is_used: |scene| any_shape(scene, |shape| matches!(shape, Shape::Rectangle { .. })),
+        add: |scene| {
+            let (center, half_u, half_v) = (hidden(scene), Vec3::X * SMALL_M, Vec3::Z * SMALL_M);
+            let rectangle = Shape::Rectangle {
+                center,
+                half_u,
+                half_v,
+            };
+            add_object(scene, rectangle);
+        },
+    },
+];
+
+fn any_material(scene: &Scene, is: impl Fn(&Material) -> bool) -> bool {
+    scene.materials.values().any(is)
+}
+
+fn any_shape(scene: &Scene, is: impl Fn(&Shape) -> bool) -> bool {
+    scene.objects.iter().any(|object| is(&object.shape))
+}
+
+fn is_coated(material: &Material) -> bool {
+    matches!(
+        material,
+        Material::SmoothPlastic { .. } | Material::Coated { .. }
+    )
+}
+
+fn is_striped(material: &Material) -> bool {
+    match material {
+        Material::SmoothPlastic { stripe, .. } => stripe.is_some(),
+        Material::Coated { paint, .. } => {
+            matches!(paint, Paint::Ball { stripe, .. } if stripe.is_some())
+        }
+        _ => false,
+    }
+}
+
+fn is_numbered(material: &Material) -> bool {
+    let Material::Coated { paint, .. } = material else {
+        return false;
+    };
+    matches!(paint, Paint::Ball { number, .. } if *number > 0)
+}
+
+fn is_wood(material: &Material) -> bool {
+    let Material::Coated { paint, .. } = material else {
+        return false;
+    };
+    matches!(paint, Paint::Wood { .. } | Paint::Planks { .. })
+}
+
+fn add_material(scene: &mut Scene, name: &str, material: Material) {
+    scene.materials.insert(format!("unused {name}"), material);
+}
+
+fn add_object(scene: &mut Scene, shape: Shape) {
+    let material = "unused grey".to_owned();
+    let grey = Material::Diffuse { albedo: GREY };
+    scene.materials.insert(material.clone(), grey);
+    scene.objects.push(Object {
+        name: "unseen".to_owned(),
+        material,
+        shape,
+    });
+}
+
+/// A place behind the camera, and a little beyond its own size.
+fn hidden(scene: &Scene) -> Vec3 {
+    let camera = &scene.camera;
+    camera.eye - (camera.target - camera.eye).normalize() * (3.0 * SMALL_M)
+}
+
+fn hidden_box(scene: &Scene) -> (Vec3, Vec3) {
+    let center = hidden(scene);
+    (center - SMALL_M, center + SMALL_M)
+}
+
+const SMALL_M: f32 = 0.02;
+const GREY: Vec3 = Vec3::splat(0.5);
+const STRIPE: Stripe = Stripe {
+    albedo: GREY,
+    half_width: 0.5,
+};
+const COAT: Material = Material::SmoothPlastic {
+    albedo: GREY,
+    ior: 1.5,
+    internal_reflectance: None,
+    stripe: None,
+};
+/// The farm's own tiles.
+const TILE_EDGE: u16 = 32;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_part_is_used_once_it_is_added_and_scenes_stay_valid() {
+        let plain = Scene {
+            materials: std::collections::BTreeMap::new(),
+            objects: Vec::new(),
+            ..inputs::scene(None).unwrap().scene
+        };
+        for part in &PARTS {
+            let mut scene = plain.clone();
+            assert!(!(part.is_used)(&scene), "{}", part.name);
+            (part.add)(&mut scene);
+            assert!((part.is_used)(&scene), "{}", part.name);
+            CompiledScene::new(&scene).unwrap();
+        }
+    }
+}
