@@ -137,7 +137,7 @@ impl Args {
     /// The farm that the configuration file and the options describe; options win.
     ///
     /// # Errors
-    /// A sentence with the file and what is wrong in it.
+    /// A sentence with the file and what is wrong in it, or that nobody would make pictures.
     pub fn farm_config(&self) -> anyhow::Result<FarmConfig> {
         let mut config = self.config_file()?;
         if !self.nodes.is_empty() {
@@ -152,6 +152,12 @@ impl Args {
         if let Some(balancer) = self.balancer {
             config.balancer = balancer;
         }
+        anyhow::ensure!(
+            config.local != LocalNode::None || !config.nodes.is_empty(),
+            "nobody makes pictures: this machine is not to (--backend none, or `local` in the \
+             configuration), and no farm node is named; name one with --node HOST:PORT, or let \
+             this machine trace with --backend auto"
+        );
         Ok(config)
     }
 
@@ -294,6 +300,13 @@ mod tests {
         let said = refused.to_string();
         assert!(said.contains("no balancer `fair`"), "{said}");
         assert!(said.contains("water_filling"), "{said}");
+    }
+
+    #[test]
+    fn a_farm_without_anybody_is_refused() {
+        let alone = Args::parse_from(["carom", "--backend", "none"]);
+        let said = alone.farm_config().unwrap_err().to_string();
+        assert!(said.contains("--node HOST:PORT"), "{said}");
     }
 
     #[test]

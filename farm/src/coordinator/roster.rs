@@ -325,11 +325,10 @@ impl Node {
             }
             _ => {}
         }
-        if let Some(since) = self.silent_since {
-            return lost(
-                format!("it has not answered for {:.1} s", now - since),
-                None,
-            );
+        if let Some(secs) = self.silent_since.map(|since| now - since)
+            && secs >= SILENCE_TOLD_SECS
+        {
+            return lost(format!("it has not answered for {secs:.0} s"), None);
         }
         let Some(scene) = scene else {
             return NodeState::Paired;
@@ -384,6 +383,9 @@ fn silence_margin_secs(kind: DeviceKind) -> f64 {
 
 /// How many times its predicted work a node may take before it counts as silent.
 const SILENCE_FACTOR: f64 = 6.0;
+/// Seconds from which on silence is told. Others take a silent node's work much earlier; most are only
+/// late.
+const SILENCE_TOLD_SECS: f64 = 2.0;
 /// Seconds that a node may take for its very first tiles, of unknown cost.
 const NEWCOMER_PATIENCE_SECS: f64 = 5.0;
 /// Seconds of pause after the first failure of a device; it doubles with each further one.
