@@ -362,7 +362,13 @@ mod tests {
     fn it_follows_steps_of_the_load_and_rests_between_them() {
         for low in [3e6, 1.1e7, 4e7, 1.7e8] {
             let mut quality = Quality::default();
-            let speed = |step: usize| if step % 2 == 0 { low } else { 4.0 * low };
+            let speed = |step: usize| {
+                if step.is_multiple_of(2) {
+                    low
+                } else {
+                    4.0 * low
+                }
+            };
             let mut stops = Vec::new();
             for step in 0..6 {
                 let levels = play(&mut quality, 400, |i| speed(step) * noise(i));

@@ -14,7 +14,7 @@ use bytemuck::bytes_of;
 
 use super::features::Output;
 use super::filter::{FilterBuffers, FilterKernels, Filtering};
-use super::frame::{FrameBuffers, PASSES_MAX, PIXEL_BYTES, Pass, ReadbackLayout, groups};
+use super::frame::{FrameBuffers, PASSES_MAX, Pass, ReadbackLayout, SUM_BYTES, groups};
 use super::layout::{self, DispatchData};
 use super::pipeline::Kernel;
 use super::schedule::{self, Chunk, ChunkLimits};
@@ -85,7 +85,7 @@ impl GpuTracer {
     }
 
     fn filtered_pixels_max(&self) -> u64 {
-        self.pixels_max * PIXEL_BYTES / FilterBuffers::PIXEL_BYTES_MAX
+        self.pixels_max * SUM_BYTES / FilterBuffers::PIXEL_BYTES_MAX
     }
 
     fn trace_region(

@@ -46,7 +46,7 @@ use crate::{
 use device::Device;
 use features::{Features, Output};
 use filter::FilterKernels;
-use frame::{BufferPool, FrameBuffers, PIXEL_BYTES, Pass, ReadbackLayout, groups};
+use frame::{BufferPool, FrameBuffers, Pass, ReadbackLayout, SUM_BYTES, groups};
 use layout::{DispatchData, TileEntry};
 use pipeline::{Kernel, KernelCache};
 use schedule::{Chunk, ChunkLimits, Pacer};
@@ -104,7 +104,7 @@ impl GpuTracer {
             filter: OnceLock::new(),
             pool: BufferPool::default(),
             pacer: Pacer::new(),
-            pixels_max: film_bytes_max / PIXEL_BYTES,
+            pixels_max: film_bytes_max / SUM_BYTES,
         };
         probe::prove(&tracer)?;
         Ok(tracer)
@@ -133,7 +133,7 @@ impl GpuTracer {
         buffers: &mut FrameBuffers,
         take: &Take<'_>,
     ) -> Result<TraceStats, Error> {
-        let pixels_max = self.pixels_max * PIXEL_BYTES / work.output.pixel_bytes();
+        let pixels_max = self.pixels_max * SUM_BYTES / work.output.pixel_bytes().max(SUM_BYTES);
         let mut stats = TraceStats::default();
         let mut next = 0;
         while next < work.job.tiles.len() {

@@ -152,6 +152,35 @@ pub(crate) fn scene() -> Scene {
 /// [`scene`] in other materials, its box carved, with a ball of rough wax beside the other.
 pub(crate) fn dressed_scene() -> Scene {
     let mut scene = scene();
+    for (name, material) in dressed_materials() {
+        scene.materials.insert(name.to_owned(), material);
+    }
+    let block = Shape::Carved {
+        min: Vec3::new(-1.5, 0.6, -0.1),
+        max: Vec3::new(-0.4, 1.2, 0.9),
+        cuts: vec![Cut {
+            form: CutForm::Bore {
+                center: Vec3::new(-1.0, 0.9, 0.0),
+                radius: 0.2,
+            },
+            material: None,
+        }],
+    };
+    let [_, solid, disc, _] = &mut scene.objects[..] else {
+        return scene; // as it was made above, it has four
+    };
+    *solid = object((block, "wood"));
+    *disc = object((disc.shape.clone(), "gold"));
+    let wax = Shape::Sphere {
+        center: Vec3::new(-0.9, -0.6, 0.35),
+        radius: 0.35,
+        rotation: Quat::IDENTITY,
+    };
+    scene.objects.push(object((wax, "wax")));
+    scene
+}
+
+fn dressed_materials() -> [(&'static str, Material); 5] {
     let tone = Vec3::new(0.6, 0.4, 0.2);
     let wood = Paint::Wood {
         light: tone,
@@ -167,7 +196,7 @@ pub(crate) fn dressed_scene() -> Scene {
         }),
         number: 9,
     };
-    let materials = [
+    [
         (
             "ball",
             Material::Coated {
@@ -209,33 +238,7 @@ pub(crate) fn dressed_scene() -> Scene {
                 }),
             },
         ),
-    ];
-    for (name, material) in materials {
-        scene.materials.insert(name.to_owned(), material);
-    }
-    let block = Shape::Carved {
-        min: Vec3::new(-1.5, 0.6, -0.1),
-        max: Vec3::new(-0.4, 1.2, 0.9),
-        cuts: vec![Cut {
-            form: CutForm::Bore {
-                center: Vec3::new(-1.0, 0.9, 0.0),
-                radius: 0.2,
-            },
-            material: None,
-        }],
-    };
-    let [_, solid, disc, _] = &mut scene.objects[..] else {
-        return scene; // as it was made above, it has four
-    };
-    *solid = object((block, "wood"));
-    *disc = object((disc.shape.clone(), "gold"));
-    let wax = Shape::Sphere {
-        center: Vec3::new(-0.9, -0.6, 0.35),
-        radius: 0.35,
-        rotation: Quat::IDENTITY,
-    };
-    scene.objects.push(object((wax, "wax")));
-    scene
+    ]
 }
 
 fn object((shape, material): (Shape, &str)) -> Object {

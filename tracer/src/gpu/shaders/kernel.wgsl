@@ -1,13 +1,12 @@
 // One thread per pixel of a run of tiles, in blocks of 8 x 8.
 
 @group(0) @binding(1) var<uniform> job: DispatchData;
-// Red, green, blue of each pixel, or its `Layers`: the sum of the samples so far, or their mean after
-// the last.
+// The mean of each pixel's samples: red, green, blue, or its `Layers`, whose sum lies here before.
 @group(0) @binding(3) var<storage, read_write> film: array<f32>;
 // Rays (low and high word), then the dropped samples of each tile.
 @group(0) @binding(4) var<storage, read_write> counters: array<atomic<u32>>;
-// What the sums in `film` have lost to rounding so far.
-@group(0) @binding(5) var<storage, read_write> film_lost: array<f32>;
+// Of each pixel whose samples are cut: their sum so far, and what that has lost to rounding.
+@group(0) @binding(5) var<storage, read_write> film_sums: array<f32>;
 
 var<workgroup> group_rays: atomic<u32>;
 
@@ -25,11 +24,13 @@ fn trace(
                 trace_layers(place.x, place.y, place.pixel);
             }
         } else {
-            var sum = vec3f(0.0);
+            var mean = vec3f(0.0);
             if (place.is_inside) {
-                sum = trace_pixel(place.x, place.y, place.pixel, place.tile);
+                mean = trace_pixel(place.x, place.y, place.pixel, place.tile);
             }
-            set_block(place, local, sum);
+            if (job.sample_end == job.samples) {
+                set_block(place, local, mean);
+            }
         }
     }
     workgroupBarrier();
@@ -38,12 +39,12 @@ fn trace(
     }
 }
 
-// Takes the samples in order and returns what the film is to hold. A thread whose path has ended begins its next sample while its
+// Takes the samples in order and returns their mean after the last. A thread whose path has ended begins its next sample while its
 // neighbours go on with theirs, so that long paths keep no lanes idle.
 fn trace_pixel(x: u32, y: u32, pixel: u32, tile: u32) -> vec3f {
     var sum = Sum(vec3f(0.0), vec3f(0.0));
     if (job.sample_begin > 0u) {
-        sum = Sum(film_at(pixel), film_lost_at(pixel));
+        sum = Sum(sums_at(6u * pixel), sums_at(6u * pixel + 3u));
     }
     var rays = 0u;
     var dropped = 0u;
@@ -68,8 +69,9 @@ fn trace_pixel(x: u32, y: u32, pixel: u32, tile: u32) -> vec3f {
     if (job.sample_end == job.samples) {
         return sum.value / f32(job.samples);
     }
-    set_film_lost(pixel, sum.lost);
-    return sum.value;
+    set_sums(6u * pixel, sum.value);
+    set_sums(6u * pixel + 3u, sum.lost);
+    return vec3f(0.0);
 }
 
 // A sum of up to 65,536 samples: plain f32 would be off by 1 in 1000.
@@ -85,10 +87,6 @@ fn add(sum: Sum, term: vec3f) -> Sum {
     return Sum(value, rounded(rounded(value) - sum.value) - whole);
 }
 
-fn film_at(pixel: u32) -> vec3f {
-    return film_numbers(3u * pixel);
-}
-
 fn film_numbers(first: u32) -> vec3f {
     return vec3f(film[first], film[first + 1u], film[first + 2u]);
 }
@@ -99,14 +97,14 @@ fn set_film_numbers(first: u32, v: vec3f) {
     film[first + 2u] = v.z;
 }
 
-fn film_lost_at(pixel: u32) -> vec3f {
-    return vec3f(film_lost[3u * pixel], film_lost[3u * pixel + 1u], film_lost[3u * pixel + 2u]);
+fn sums_at(first: u32) -> vec3f {
+    return vec3f(film_sums[first], film_sums[first + 1u], film_sums[first + 2u]);
 }
 
-fn set_film_lost(pixel: u32, v: vec3f) {
-    film_lost[3u * pixel] = v.x;
-    film_lost[3u * pixel + 1u] = v.y;
-    film_lost[3u * pixel + 2u] = v.z;
+fn set_sums(first: u32, v: vec3f) {
+    film_sums[first] = v.x;
+    film_sums[first + 1u] = v.y;
+    film_sums[first + 2u] = v.z;
 }
 
 // A 64-bit sum in two words.
