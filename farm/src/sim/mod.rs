@@ -194,8 +194,7 @@ impl Report {
     }
 }
 
-/// Runs a plan to its end, or until nothing can happen any more, or until `secs_max` of virtual
-/// time are over.
+/// Runs a plan to its end, or until `secs_max` of virtual time are over.
 ///
 /// # Panics
 /// If the coordinator breaks a rule towards a node: asks for tiles outside the picture or for more
@@ -306,7 +305,7 @@ impl<'a> Simulation<'a> {
             let next = self.agenda.peek();
             let next = next.map(|entry| Duration::from_nanos(entry.at.0));
             match (timeout, next) {
-                (None, None) => return,
+                (None, None) => self.now = end,
                 (Some(timeout), next) if next.is_none_or(|next| timeout < next) => {
                     self.now = self.now.max(timeout);
                     self.coordinator.handle_timeout(self.now);
