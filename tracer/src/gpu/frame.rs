@@ -24,7 +24,7 @@ const RAY_WORDS: u64 = 2;
 /// Bytes of a pixel: red, green and blue.
 pub(crate) const PIXEL_BYTES: u64 = Output::Radiance.pixel_bytes();
 /// Bytes of the sum of a pixel's samples, and of what it has lost to rounding. It stays on the
-/// device: reading it back from a film in the host's memory made cut pictures 8 times slower.
+/// device; the film may lie in the host's memory.
 pub(crate) const SUM_BYTES: u64 = 2 * PIXEL_BYTES;
 /// Workgroups along the x axis of a dispatch; any number below Vulkan's 65,535.
 const GROUPS_X_MAX: u32 = 32_768;

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use carom_tracer::{
@@ -104,6 +105,11 @@ fn measure(opened: &Opened, named: &NamedScene, args: &Args) -> Result<Measured,
     }
     scenes.push(CompiledScene::new(&everything)?);
     let mut least = vec![f64::INFINITY; scenes.len()];
+    // An idle GPU takes some 0.1 s to its full clock.
+    let begun = Instant::now();
+    while begun.elapsed() < WARM_UP {
+        milliseconds(opened.tracer.as_ref(), &scenes[0], args)?;
+    }
     // The first turn compiles kernels and fills caches.
     for turn in 0..=args.repetitions {
         for (scene, least) in scenes.iter().zip(&mut least) {
@@ -384,6 +390,7 @@ fn hidden_box(scene: &Scene) -> (Vec3, Vec3) {
     (center - SMALL_M, center + SMALL_M)
 }
 
+const WARM_UP: Duration = Duration::from_millis(500);
 const SMALL_M: f32 = 0.02;
 const GREY: Vec3 = Vec3::splat(0.5);
 const STRIPE: Stripe = Stripe {
