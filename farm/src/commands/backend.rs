@@ -1,12 +1,13 @@
 //! The back ends that a command line can name, opened.
 
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use carom_farm::hybrid::Hybrid;
 use carom_farm::local;
 use carom_tracer::cpu::CpuTracer;
 use carom_tracer::gpu::{AdapterChoice, GpuTracer};
-use carom_tracer::{Reference, Tracer};
+use carom_tracer::{DeviceKind, Reference, Tracer};
 use clap::ValueEnum;
 
 use crate::commands::Failure;
@@ -71,6 +72,25 @@ pub(crate) fn open_all(wanted: Option<Backend>, threads: usize) -> Result<Vec<Op
     }
     Ok(opened)
 }
+
+/// Lets a GPU that was idle come to its full clock, which takes it some 0.1 s: does `work` once, which
+/// compiles kernels, and goes on for a while.
+///
+/// # Errors
+/// Those of `work`.
+pub(crate) fn wake<E>(
+    tracer: &dyn Tracer,
+    mut work: impl FnMut() -> Result<(), E>,
+) -> Result<(), E> {
+    work()?;
+    let begun = Instant::now();
+    while tracer.info().kind == DeviceKind::Gpu && begun.elapsed() < WAKING {
+        work()?;
+    }
+    Ok(())
+}
+
+const WAKING: Duration = Duration::from_millis(300);
 
 /// What a node traces with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

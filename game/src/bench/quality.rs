@@ -101,5 +101,9 @@ mod tests {
             measured.windows(2).all(|pair| pair[1] < pair[0]),
             "{measured:?}"
         );
+        let [coarsest, .., finest] = measured[..] else {
+            panic!("there are {} stops", measured.len());
+        };
+        assert!(finest < 0.2 * coarsest, "{measured:?}");
     }
 }

@@ -84,18 +84,8 @@ mod tests {
     use carom_tracer::compiled::camera_frame;
     use glam::Vec3;
 
-    use super::super::{FOV_X_DEG, Viewpoint};
+    use super::super::viewpoint::tests::view;
     use super::*;
-
-    fn view() -> Viewpoint {
-        Viewpoint {
-            focus: DVec3::new(0.2, -0.1, 0.0),
-            bearing_rad: 0.7,
-            pitch_rad: 0.4,
-            distance_m: 1.7,
-            fov_x_deg: FOV_X_DEG,
-        }
-    }
 
     #[test]
     fn a_point_is_projected_where_the_tracer_sees_it() {

@@ -232,14 +232,14 @@ const SHADE_MARGIN_M: f32 = 0.03;
 const TIME_SECS: f64 = 0.12;
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use glam::DVec2;
     use proptest::prelude::*;
 
     use super::super::Projection;
     use super::*;
 
-    fn view() -> Viewpoint {
+    pub(in super::super) fn view() -> Viewpoint {
         Viewpoint {
             focus: DVec3::new(0.2, -0.1, 0.0),
             bearing_rad: 0.7,

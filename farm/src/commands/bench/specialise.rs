@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
-use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use carom_tracer::{
@@ -105,15 +104,14 @@ fn measure(opened: &Opened, named: &NamedScene, args: &Args) -> Result<Measured,
     }
     scenes.push(CompiledScene::new(&everything)?);
     let mut least = vec![f64::INFINITY; scenes.len()];
-    // An idle GPU takes some 0.1 s to its full clock.
-    let begun = Instant::now();
-    while begun.elapsed() < WARM_UP {
-        milliseconds(opened.tracer.as_ref(), &scenes[0], args)?;
-    }
+    let tracer = opened.tracer.as_ref();
+    backend::wake(tracer, || {
+        milliseconds(tracer, &scenes[0], args).map(|_| ())
+    })?;
     // The first turn compiles kernels and fills caches.
     for turn in 0..=args.repetitions {
         for (scene, least) in scenes.iter().zip(&mut least) {
-            let milliseconds = milliseconds(opened.tracer.as_ref(), scene, args)?;
+            let milliseconds = milliseconds(tracer, scene, args)?;
             if turn > 0 {
                 *least = least.min(milliseconds);
             }
@@ -194,24 +192,14 @@ const PARTS: [Part; 12] = [
         name: "a stripe",
         is_used: |scene| any_material(scene, is_striped),
         add: |scene| {
-            let paint = Paint::Ball {
-                albedo: GREY,
-                stripe: Some(STRIPE),
-                number: 0,
-            };
-            add_material(scene, "stripe", Material::Coated { ior: 1.5, paint });
+            add_material(scene, "stripe", ball(Some(STRIPE), 0));
         },
     },
     Part {
         name: "a ball's number",
         is_used: |scene| any_material(scene, is_numbered),
         add: |scene| {
-            let paint = Paint::Ball {
-                albedo: GREY,
-                stripe: None,
-                number: 8,
-            };
-            add_material(scene, "number", Material::Coated { ior: 1.5, paint });
+            add_material(scene, "number", ball(None, 8));
         },
     },
     Part {
@@ -364,6 +352,15 @@ fn is_wood(material: &Material) -> bool {
     matches!(paint, Paint::Wood { .. } | Paint::Planks { .. })
 }
 
+fn ball(stripe: Option<Stripe>, number: u8) -> Material {
+    let paint = Paint::Ball {
+        albedo: GREY,
+        stripe,
+        number,
+    };
+    Material::Coated { ior: 1.5, paint }
+}
+
 fn add_material(scene: &mut Scene, name: &str, material: Material) {
     scene.materials.insert(format!("unused {name}"), material);
 }
@@ -390,7 +387,6 @@ fn hidden_box(scene: &Scene) -> (Vec3, Vec3) {
     (center - SMALL_M, center + SMALL_M)
 }
 
-const WARM_UP: Duration = Duration::from_millis(500);
 const SMALL_M: f32 = 0.02;
 const GREY: Vec3 = Vec3::splat(0.5);
 const STRIPE: Stripe = Stripe {

@@ -7,8 +7,8 @@ use std::time::Instant;
 use anyhow::Context;
 use carom_farm::hybrid::Hybrid;
 use carom_tracer::{
-    CompiledScene, CpuTracer, ImageSize, RenderSettings, Tile, TileGrid, TileRadiance, TraceJob,
-    Tracer,
+    CompiledScene, CpuTracer, DeviceKind, ImageSize, RenderSettings, Tile, TileGrid, TileRadiance,
+    TraceJob, Tracer,
 };
 use cpu_time::ProcessTime;
 use serde::Serialize;
@@ -135,6 +135,12 @@ fn measure_all(opened: &[Opened], scene: &CompiledScene, args: &Args) -> anyhow:
         for (opened, (paths, primary)) in opened.iter().zip(&mut costs) {
             let samples = args.spp.unwrap_or(samples_default(opened.backend));
             let tracer = opened.tracer.as_ref();
+            // The others' turns let it sleep.
+            if tracer.info().kind == DeviceKind::Gpu {
+                backend::wake(tracer, || {
+                    trace(tracer, scene, args.size, settings(samples)).map(|_| ())
+                })?;
+            }
             paths.push(trace(tracer, scene, args.size, settings(samples))?);
             primary.push(trace(tracer, scene, args.size, camera_rays(samples))?);
         }
