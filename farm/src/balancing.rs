@@ -32,6 +32,21 @@ pub enum Algorithm {
     WaterFilling,
 }
 
+/// What of a frame is divided.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Distribution {
+    /// `tiles`: each node traces all samples of its part of the picture. Each pixel crosses the
+    /// network once.
+    #[default]
+    Tiles,
+    /// `samples`: each node traces other samples of the whole picture, merged as they come: whatever
+    /// is there early is the whole picture with more noise, and a node that is lost costs noise until
+    /// others have traced its samples. Costs the bytes of the picture once for each node, at most 16
+    /// times. Frames that cannot be merged (sRGB, denoised, of one sample) are divided by tiles.
+    Samples,
+}
+
 /// An algorithm, with or without hedging. Its name is the algorithm's, with `_hedged` at the end
 /// if it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -102,6 +117,34 @@ impl Balancing {
 impl Default for Balancing {
     fn default() -> Self {
         Algorithm::WaterFilling.hedged()
+    }
+}
+
+impl Distribution {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Tiles, Self::Samples];
+
+    /// What it is called everywhere.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Tiles => "tiles",
+            Self::Samples => "samples",
+        }
+    }
+}
+
+impl fmt::Display for Distribution {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for Distribution {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let named = Self::ALL.into_iter().find(|of| of.name() == text);
+        named.ok_or_else(|| "it must be tiles or samples".into())
     }
 }
 

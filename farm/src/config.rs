@@ -6,7 +6,7 @@ use std::str::FromStr;
 use carom_protocol::{Precision, PrecisionRange};
 use serde::{Deserialize, Serialize};
 
-use crate::{Balancing, Error};
+use crate::{Balancing, Distribution, Error};
 
 /// Configuration of a [`crate::Farm`]: command lines, `farm.toml` and applications fill it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -21,6 +21,8 @@ pub struct FarmConfig {
     pub credentials: PathBuf,
     /// How tiles are divided, and whether late ones are asked for again.
     pub balancer: Balancing,
+    /// What is divided: tiles, or samples of whole pictures where pictures can be merged.
+    pub distribution: Distribution,
     /// Pixels along a tile's edge, 8 to 128. Higher costs balance, lower costs bytes: tiles of 16
     /// compress 16–33 % worse than whole pictures, of 64 3–4 %.
     pub tile_edge: u16,
@@ -70,6 +72,7 @@ impl Default for FarmConfig {
             nodes: Vec::new(),
             credentials: PathBuf::from(".carom"),
             balancer: Balancing::default(),
+            distribution: Distribution::default(),
             tile_edge: 32,
             precision: PrecisionRange {
                 finest: Precision::Within1,

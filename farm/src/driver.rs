@@ -11,7 +11,7 @@ use crate::coordinator::{Action, Coordinator, NodeIndex};
 use crate::link::{Command, LinkEvent, MemoryLink};
 use crate::net::{Client, NodeAddress, NodeLink};
 use crate::node::Node;
-use crate::{Balancing, FarmConfig, Frame, FrameSpec, NodeStatus};
+use crate::{Balancing, Distribution, FarmConfig, Frame, FrameSpec, NodeStatus};
 
 /// What the thread is told. The queue has no bound of its own: a link passes on only what its
 /// session has asked for, and the caller's frames are counted by [`crate::Farm`].
@@ -21,6 +21,7 @@ pub(crate) enum Input {
     Submit(FrameId, Box<FrameSpec>, Option<Duration>),
     CancelBefore(FrameId),
     Balancing(Balancing),
+    Distribution(Distribution),
     AddLocal(Arc<dyn Tracer>),
     /// With what to call it, if it is the first.
     AddRemote(String, NodeAddress, Option<Client>),
@@ -62,8 +63,10 @@ enum Link {
 impl Driver {
     pub(crate) fn new(config: &FarmConfig) -> Self {
         let (inputs, receiver) = mpsc::channel();
+        let mut coordinator = Coordinator::new(config.balancer);
+        coordinator.set_distribution(config.distribution);
         Self {
-            coordinator: Coordinator::new(config.balancer),
+            coordinator,
             links: Vec::new(),
             tile_edge: config.tile_edge,
             started: Instant::now(),
@@ -180,6 +183,7 @@ impl Driver {
             }
             Input::CancelBefore(id) => self.coordinator.cancel_before(now, id),
             Input::Balancing(balancing) => self.coordinator.set_balancing(balancing),
+            Input::Distribution(what) => self.coordinator.set_distribution(what),
             Input::AddLocal(tracer) => self.add_local(tracer),
             Input::AddRemote(name, address, client) => {
                 if let Some(client) = client.or_else(|| self.client.take()) {

@@ -13,7 +13,9 @@ use carom_tracer::{CompiledScene, Scene, Tracer};
 
 use crate::driver::{Driver, Input};
 use crate::net::{Client, Credentials, NodeAddress, Role};
-use crate::{Balancing, Error, FarmConfig, Frame, FrameSpec, LocalNode, NodeStatus, local};
+use crate::{
+    Balancing, Distribution, Error, FarmConfig, Frame, FrameSpec, LocalNode, NodeStatus, local,
+};
 
 /// Many nodes as one tracer.
 ///
@@ -223,6 +225,11 @@ impl Farm {
     /// Divides frames in another way from the next one on.
     pub fn set_balancer(&mut self, balancing: Balancing) {
         self.send(Input::Balancing(balancing));
+    }
+
+    /// Divides frames by tiles or by samples from the next one on.
+    pub fn set_distribution(&mut self, distribution: Distribution) {
+        self.send(Input::Distribution(distribution));
     }
 
     /// Calls another node, as `host:port`, while the farm is running; it takes part once it answers.

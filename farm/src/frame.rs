@@ -32,8 +32,8 @@ pub struct Frame {
     pub size: ImageSize,
     /// The pixels, row-major from the top left.
     pub pixels: Pixels,
-    /// Tiles that were not there when the picture had to be shown: their pixels are black. The
-    /// picture comes again when it is whole, unless a later one has had to be shown by then.
+    /// Tiles that were not whole when the picture had to be shown: their pixels are black or, where
+    /// samples are divided, the mean of those that were there. The picture comes again when it is whole, unless a later one has had to be shown by then.
     pub missing: Vec<Tile>,
     /// How it was made.
     pub stats: FrameStats,
@@ -58,6 +58,8 @@ pub struct FrameStats {
     pub busy_secs: f64,
     /// How its tiles were divided.
     pub balancing: Balancing,
+    /// How often each tile was traced, with other samples each time: see [`crate::Distribution`].
+    pub passes: u32,
     /// Bytes of pixels as they crossed the link.
     pub payload_bytes: u64,
     /// Bytes of the same pixels before they were encoded.
@@ -72,7 +74,7 @@ pub struct FrameStats {
     pub duplicate_tiles: u32,
     /// Samples that were not finite and count as black.
     pub dropped_samples: u64,
-    /// Tiles that each node delivered, by index into [`crate::Farm::nodes`].
+    /// Tiles that each node delivered, a tile in each pass counted anew, by index into [`crate::Farm::nodes`].
     pub tiles_by_node: Vec<u32>,
     /// When each node's last tile came, in seconds from [`crate::Farm::submit`], by the same
     /// index; 0 for a node that delivered none.

@@ -60,7 +60,7 @@ pub mod sim;
 pub mod still;
 pub mod throttle;
 
-pub use balancing::{Algorithm, Balancing};
+pub use balancing::{Algorithm, Balancing, Distribution};
 pub use carom_protocol::{FrameId, NodeInfo, PixelFormat, Precision, PrecisionRange};
 pub use config::{FarmConfig, LocalNode};
 pub use coordinator::NodeIndex;

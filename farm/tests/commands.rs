@@ -270,6 +270,18 @@ fn a_picture_over_the_network_is_the_local_one_bit_for_bit() {
     let remote = [&remote[..], &["--out", "remote.exr"]].concat();
     done(dir, &[&picture[..], &remote].concat());
     assert_eq!(pixels(dir, "local.exr"), pixels(dir, "remote.exr"));
+    let merged = ["--distribution", "samples", "--out", "merged.exr"];
+    done(dir, &[&picture[..], &remote[..6], &merged].concat());
+    let local = RadianceImage::read_exr(dir.join("local.exr")).unwrap();
+    let merged = RadianceImage::read_exr(dir.join("merged.exr")).unwrap();
+    for (one, several) in local.pixels.iter().zip(&merged.pixels) {
+        for (one, several) in one.iter().zip(several) {
+            assert!(
+                (one - several).abs() <= 1e-6 * one.max(1.0),
+                "{one} and {several}"
+            );
+        }
+    }
     let png = ["--backend", "cpu", "--out", "local.png"];
     done(dir, &[&picture[..], &png].concat());
     let signature = &std::fs::read(dir.join("local.png")).unwrap()[..8];

@@ -7,7 +7,7 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::Context as _;
-use carom_farm::{Balancing, Farm, FarmConfig, FrameId, NodeStatus};
+use carom_farm::{Balancing, Distribution, Farm, FarmConfig, FrameId, NodeStatus};
 use carom_tracer::{ImageSize, Scene, SceneUpdate};
 use egui::{LayerId, Rect};
 use glam::DVec2;
@@ -52,6 +52,7 @@ pub struct Session {
     film: DVec2,
     stats: Stats,
     balancing: Balancing,
+    distribution: Distribution,
     /// What the player has chosen in the statistics; the settings follow.
     wished_dial: Option<Dial>,
     last_tick_secs: f64,
@@ -98,6 +99,7 @@ impl Session {
             warp: Warp::new(stage.scene())?,
             in_flight_max: config.frames_in_flight,
             balancing: config.balancer,
+            distribution: config.distribution,
             wished_dial: None,
             farm: start_farm(config, stage.scene().clone()),
             stage,
@@ -657,6 +659,7 @@ impl Session {
         let facts = Facts {
             nodes: &nodes,
             balancing: self.balancing,
+            distribution: self.distribution,
             window,
             dial: quality.dial(),
             period_secs: quality.period_secs(),
@@ -677,6 +680,12 @@ impl Session {
                     self.balancing = balancing;
                     if let FarmSlot::Ready(farm) = &mut self.farm {
                         farm.set_balancer(balancing);
+                    }
+                }
+                Wish::Distribution(distribution) => {
+                    self.distribution = distribution;
+                    if let FarmSlot::Ready(farm) = &mut self.farm {
+                        farm.set_distribution(distribution);
                     }
                 }
             }

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 use carom_farm::net::{self, NodeAddress};
-use carom_farm::{Balancing, Farm, FarmConfig, LocalNode, Still};
+use carom_farm::{Balancing, Distribution, Farm, FarmConfig, LocalNode, Still};
 use carom_tracer::film::Film;
 use carom_tracer::{ImageSize, Layers, Preset, RenderSettings, Scene, SceneUpdate};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -55,6 +55,10 @@ pub(crate) struct Args {
     /// `balancer` [default: water_filling_hedged, or --config's].
     #[arg(long, value_name = "NAME")]
     balancer: Option<Balancing>,
+    /// What is divided: tiles, or samples, of which each node then traces others of the whole picture
+    /// [default: tiles, or --config's]. Samples cost the bytes of the picture once for each node.
+    #[arg(long, value_name = "WHAT")]
+    distribution: Option<Distribution>,
     /// Filter the noise that is left, guided by what camera rays meet first: 4 samples then look
     /// like 16 and more. Samples come in fewer frames, each of which is filtered by itself.
     #[arg(long)]
@@ -214,6 +218,9 @@ fn config(args: &Args) -> Result<FarmConfig, Failure> {
     }
     if let Some(balancer) = args.balancer {
         config.balancer = balancer;
+    }
+    if let Some(distribution) = args.distribution {
+        config.distribution = distribution;
     }
     if config.local == LocalNode::None && config.nodes.is_empty() {
         return Err(Failure::Input(

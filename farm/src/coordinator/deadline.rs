@@ -57,18 +57,15 @@ impl FrameInFlight {
     /// What is there of it; nothing if it is finished.
     fn as_it_is(&mut self, now: f64) -> Option<Frame> {
         let film = self.film.as_ref()?;
-        let missing = film.missing(self.grid.all(), |_| true);
-        self.stats.late_tiles = missing.iter().map(|run| run.count).sum();
+        let late = film.missing(self.passes.all(), |_| true);
+        self.stats.late_tiles = late.iter().map(|run| run.count).sum();
         let mut stats = self.stats.clone();
         stats.makespan_secs = now - self.submitted;
         Some(Frame {
             id: self.id,
             size: self.spec.size,
-            pixels: film.pixels().clone(),
-            missing: missing
-                .into_iter()
-                .flat_map(|run| self.grid.tiles(run))
-                .collect(),
+            pixels: film.pixels(),
+            missing: film.lacking(),
             stats,
         })
     }

@@ -3,9 +3,10 @@
 
 use carom_protocol::limits::{RUN_SAMPLES_MAX, RUN_TILES_MAX};
 use carom_protocol::{FrameId, PrecisionRange, RunId, SceneHash, TraceRequest};
-use carom_tracer::{TileGrid, TileRun};
+use carom_tracer::{RenderSettings, TileRun};
 
 use super::balancer::{Candidate, Division, Estimate, Line, Pull, Shares, WaterFilling};
+use super::passes::{Passes, passes_for};
 use super::run::Run;
 use super::work::{Deal, WorkMap};
 use super::{Coordinator, NodeIndex};
@@ -16,7 +17,7 @@ use crate::link::Command;
 /// that each node goes on tracing the same part of the picture.
 #[derive(Debug, Default)]
 pub(super) struct LastDivision {
-    grid: Option<TileGrid>,
+    passes: Option<Passes>,
     runs: Vec<(NodeIndex, Vec<TileRun>)>,
 }
 
@@ -24,7 +25,7 @@ impl LastDivision {
     /// `deal`, or what it was before if the same nodes would be through nearly as early with it.
     fn settle(
         &mut self,
-        grid: TileGrid,
+        passes: Passes,
         work: &WorkMap,
         nodes: &[NodeIndex],
         lines: &[Line],
@@ -37,12 +38,12 @@ impl LastDivision {
                 work => line.a_secs + line.b_secs * work,
             };
         let same_nodes = self.runs.iter().map(|(node, _)| node).eq(nodes);
-        let keeps = self.grid == Some(grid)
+        let keeps = self.passes == Some(passes)
             && same_nodes
             && lines.iter().zip(&self.runs).map(finish).fold(0.0, f64::max)
                 <= HYSTERESIS * deal.finish_secs;
         if !keeps {
-            self.grid = Some(grid);
+            self.passes = Some(passes);
             self.runs = nodes.iter().copied().zip(deal.runs).collect();
         }
         &self.runs
@@ -95,7 +96,7 @@ impl Coordinator {
         let Some(frame) = self.frames.by_id(id) else {
             return Vec::new();
         };
-        let mut held = vec![false; frame.grid.len() as usize];
+        let mut held = vec![false; frame.passes.all().count as usize];
         for node in self.nodes.iter().filter(|node| node.silent_since.is_none()) {
             for run in node
                 .runs
@@ -112,7 +113,7 @@ impl Coordinator {
         }
         let film = frame.film.as_ref();
         film.map_or_else(Vec::new, |film| {
-            film.missing(frame.grid.all(), |tile| !held[tile as usize])
+            film.missing(frame.passes.all(), |tile| !held[tile as usize])
         })
     }
 
@@ -122,7 +123,11 @@ impl Coordinator {
         let Some(frame) = self.frames.by_id(id) else {
             return;
         };
-        let (grid, scene, all) = (frame.grid, frame.scene.0, [frame.grid.all()]);
+        let passes = passes_for(self.distribution, &frame.spec, &candidates);
+        if passes > 1 {
+            frame.cut(passes, self.costs.of(frame.passes.grid));
+        }
+        let (passes, scene, all) = (frame.passes, frame.scene.0, [frame.passes.all()]);
         let division = Division {
             work: frame.work.of_all(&all),
             tile_work: frame.work.mean_tile(),
@@ -132,7 +137,7 @@ impl Coordinator {
         let balancer = self.balancers.of(self.balancing.algorithm);
         let mut runs: Vec<_> = match balancer.divide(&division) {
             Shares::Pool => {
-                frame.pool = grid.all();
+                frame.pool = passes.all();
                 nodes.iter().for_each(|node| self.pull(now, *node));
                 return;
             }
@@ -143,12 +148,15 @@ impl Coordinator {
             Shares::Lines(lines) => {
                 let deal = frame.work.deal(&all, &lines);
                 let last = &mut self.last_division;
-                last.settle(grid, &frame.work, nodes, &lines, deal).to_vec()
+                last.settle(passes, &frame.work, nodes, &lines, deal)
+                    .to_vec()
             }
         };
         for (node, runs) in &runs {
             let hedged = self.balancing == Algorithm::WaterFilling.hedged();
-            for part in runs.iter().flat_map(|run| parts(*run, hedged)) {
+            // What is of several passes is several requests anyway.
+            let in_parts = |run: &TileRun| hedged && passes.split(*run).count() == 1;
+            for part in runs.iter().flat_map(|run| parts(*run, in_parts(run))) {
                 self.ask(now, id, *node, part, false);
             }
         }
@@ -242,7 +250,7 @@ impl Coordinator {
         let Some(frame) = self.frames.by_id(id) else {
             return;
         };
-        let mut probes = frame.grid.len().div_ceil(PROBE_TILES);
+        let mut probes = frame.passes.all().count.div_ceil(PROBE_TILES);
         for (index, _) in runs.iter().filter(|(_, runs)| runs.is_empty()) {
             if probes == 0 {
                 return;
@@ -259,7 +267,8 @@ impl Coordinator {
             let Some(frame) = self.frames.by_id(id) else {
                 return;
             };
-            let first = (id.0.wrapping_add(index.0 as u64) % u64::from(frame.grid.len())) as u32;
+            let units = u64::from(frame.passes.all().count);
+            let first = (id.0.wrapping_add(index.0 as u64) % units) as u32;
             self.ask(now, id, *index, TileRun { first, count: 1 }, true);
         }
     }
@@ -276,15 +285,16 @@ impl Coordinator {
         let Some(frame) = self.frames.by_id(id) else {
             return;
         };
+        let passes = frame.passes;
         let tile_samples =
-            u64::from(frame.grid.edge).pow(2) * u64::from(frame.spec.settings.samples);
+            u64::from(passes.grid.edge).pow(2) * u64::from(frame.spec.settings.samples);
         let most =
             (RUN_SAMPLES_MAX / tile_samples.max(1)).clamp(1, u64::from(RUN_TILES_MAX)) as u32;
-        let mut first = tiles.first;
-        while first < tiles.end() {
-            let count = most.min(tiles.end() - first);
-            self.ask_run(now, id, node, TileRun { first, count }, probe);
-            first += count;
+        for run in passes.split(tiles) {
+            for first in run.indices().step_by(most as usize) {
+                let count = most.min(run.end() - first);
+                self.ask_run(now, id, node, TileRun { first, count }, probe);
+            }
         }
     }
 
@@ -301,17 +311,22 @@ impl Coordinator {
         let finish = |line: Estimate| line.fixed_secs + wait_secs + line.secs_per_work * work;
         let expected = node.delivered().map(|line| now + finish(line));
         self.last_run = RunId(self.last_run.0 + 1);
-        let mut run = Run::new(now, id, frame.grid, tiles, work);
+        let mut run = Run::new(now, id, frame.passes, tiles, work);
         (run.expected, run.probe) = (expected, probe);
         node.ask(now, self.last_run, run);
+        let samples = frame.passes.samples(tiles.first);
         let request = Box::new(TraceRequest {
             frame: id,
             run: self.last_run,
             scene: frame.scene.0,
             update: frame.spec.update.clone(),
-            grid: frame.grid,
-            tiles,
-            settings: frame.spec.settings,
+            grid: frame.passes.grid,
+            tiles: frame.passes.tiles(tiles),
+            settings: RenderSettings {
+                samples: samples.len() as u32,
+                first_sample: frame.spec.settings.first_sample + samples.start,
+                ..frame.spec.settings
+            },
             format: frame.spec.format,
             precision: PrecisionRange::EXACT,
             held: Vec::new(),

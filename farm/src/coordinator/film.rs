@@ -2,44 +2,58 @@
 
 use carom_protocol::PixelFormat;
 use carom_protocol::tile_codec::TilePixels;
-use carom_tracer::{Tile, TileGrid, TileRun};
+use carom_tracer::{Tile, TileRun, film};
 
+use super::passes::Passes;
 use super::work::push_tile;
 use crate::Pixels;
 
-/// Pixels of a picture, and which tiles of it are there.
+/// Pixels of a picture, and which units of it are there.
 #[derive(Clone, Debug)]
 pub(super) struct Film {
-    grid: TileGrid,
-    pixels: Pixels,
+    passes: Passes,
+    content: Content,
     filled: Vec<bool>,
     missing: u32,
 }
 
+#[derive(Clone, Debug)]
+enum Content {
+    /// Of one pass.
+    Pixels(Pixels),
+    /// Sums over the passes that are there.
+    Sums(film::Film),
+}
+
 impl Film {
-    pub(super) fn new(grid: TileGrid, format: PixelFormat) -> Self {
-        let pixels = match format {
-            PixelFormat::Srgb8 { .. } => Pixels::Srgb8(vec![[0; 3]; grid.size.pixels()]),
+    /// A film of several passes is of linear pixels.
+    pub(super) fn new(passes: Passes, format: PixelFormat) -> Self {
+        let (size, units) = (passes.grid.size, passes.all().count);
+        let content = match format {
+            _ if passes.count() > 1 => Content::Sums(film::Film::new(size)),
+            PixelFormat::Srgb8 { .. } => {
+                Content::Pixels(Pixels::Srgb8(vec![[0; 3]; size.pixels()]))
+            }
             PixelFormat::LinearF16 | PixelFormat::LinearF32 => {
-                Pixels::Linear(vec![[0.0; 3]; grid.size.pixels()])
+                Content::Pixels(Pixels::Linear(vec![[0.0; 3]; size.pixels()]))
             }
         };
         Self {
-            grid,
-            pixels,
-            filled: vec![false; grid.len() as usize],
-            missing: grid.len(),
+            passes,
+            content,
+            filled: vec![false; units as usize],
+            missing: units,
         }
     }
 
-    /// Puts in those tiles of `run` that are not there yet and returns how many they are.
+    /// Puts in those units of `run`, of one pass, that are not there yet and returns how many they are.
     pub(super) fn fill(&mut self, run: TileRun, pixels: &TilePixels) -> u32 {
         let mut start = 0;
         let mut filled = 0;
         for index in run.indices() {
-            let tile = self.grid.tile(index);
+            let tile = self.passes.grid.tile(self.passes.tile(index));
             if !self.filled[index as usize] {
-                self.copy(tile, pixels, start);
+                self.put(index, tile, pixels, start);
                 self.filled[index as usize] = true;
                 filled += 1;
             }
@@ -53,7 +67,7 @@ impl Film {
         self.missing == 0
     }
 
-    /// The tiles from `range` that are not there and that `wanted` accepts.
+    /// The units from `range` that are not there and that `wanted` accepts.
     pub(super) fn missing(&self, range: TileRun, wanted: impl Fn(u32) -> bool) -> Vec<TileRun> {
         let mut runs = Vec::new();
         for tile in range.indices() {
@@ -64,24 +78,44 @@ impl Film {
         runs
     }
 
-    /// The picture as it is.
-    pub(super) fn pixels(&self) -> &Pixels {
-        &self.pixels
+    /// The tiles that are not whole.
+    pub(super) fn lacking(&self) -> Vec<Tile> {
+        let grid = self.passes.grid;
+        let passes = self.filled.chunks_exact(grid.len() as usize);
+        let whole = |tile: u32| passes.clone().all(|pass| pass[tile as usize]);
+        let tiles = grid.all().indices().filter(|tile| !whole(*tile));
+        tiles.map(|tile| grid.tile(tile)).collect()
+    }
+
+    /// The picture as it is: the mean of the samples that are there, black without any.
+    pub(super) fn pixels(&self) -> Pixels {
+        match &self.content {
+            Content::Pixels(pixels) => pixels.clone(),
+            Content::Sums(sums) => Pixels::Linear(sums.image().pixels),
+        }
     }
 
     /// The picture.
     pub(super) fn into_pixels(self) -> Pixels {
-        self.pixels
+        match self.content {
+            Content::Pixels(pixels) => pixels,
+            Content::Sums(sums) => Pixels::Linear(sums.image().pixels),
+        }
     }
 
-    fn copy(&mut self, tile: Tile, from: &TilePixels, start: usize) {
-        let width = self.grid.size.width as usize;
-        match (&mut self.pixels, from) {
-            (Pixels::Srgb8(to), TilePixels::Srgb8(from)) => {
+    fn put(&mut self, unit: u32, tile: Tile, from: &TilePixels, start: usize) {
+        let width = self.passes.grid.size.width as usize;
+        match (&mut self.content, from) {
+            (Content::Pixels(Pixels::Srgb8(to)), TilePixels::Srgb8(from)) => {
                 copy_rows(to, width, tile, &from[start..]);
             }
-            (Pixels::Linear(to), TilePixels::Linear(from)) => {
+            (Content::Pixels(Pixels::Linear(to)), TilePixels::Linear(from)) => {
                 copy_rows(to, width, tile, &from[start..]);
+            }
+            (Content::Sums(sums), TilePixels::Linear(from)) => {
+                let samples = self.passes.samples(unit).len() as u32;
+                let added = sums.add(tile, &from[start..start + tile.pixels()], samples);
+                added.expect("a tile of the grid lies in its picture");
             }
             _ => unreachable!("a session decodes pixels to the format that was asked for"),
         }

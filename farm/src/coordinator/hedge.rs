@@ -201,7 +201,7 @@ impl Coordinator {
         // What has failed helps only where nothing else is left.
         let can_help = |node: &Node| node.is_usable(frame.scene.0);
         let has_trusted = self.nodes.iter().any(|n| can_help(n) && n.is_trusted());
-        let mut arrivals = vec![f64::INFINITY; frame.grid.len() as usize];
+        let mut arrivals = vec![f64::INFINITY; frame.passes.all().count as usize];
         let mut free_tiles = vec![false; arrivals.len()];
         let (mut lines, mut helpers, mut help) = (Vec::new(), Vec::new(), Vec::new());
         for (index, node) in self.nodes.iter().enumerate() {
@@ -241,7 +241,7 @@ impl Coordinator {
         if help.is_empty() {
             return None;
         }
-        let missing = film.missing(frame.grid.all(), |_| true);
+        let missing = film.missing(frame.passes.all(), |_| true);
         lines.extend(&help);
         Some(Forecast {
             arrivals,

@@ -19,6 +19,7 @@ mod deadline;
 mod divide;
 mod film;
 mod hedge;
+mod passes;
 mod pipeline;
 mod progress;
 mod roster;
@@ -38,12 +39,13 @@ use carom_tracer::{Scene, TileGrid, TileRun};
 
 use self::balancer::{Balancers, Estimator, Observation, Outcome};
 use self::cost_map::CostMap;
+use self::passes::Passes;
 use self::pipeline::{FrameInFlight, Pipeline};
 use self::roster::{Connection, Node};
 use self::spare::Spare;
 use self::work::WorkMap;
 use crate::link::{Command, LinkEvent};
-use crate::{Balancing, Delivery, Frame, FrameSpec, NodeStatus};
+use crate::{Balancing, Delivery, Distribution, Frame, FrameSpec, NodeStatus};
 
 /// A node of a farm: its place in [`crate::Farm::nodes`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -67,6 +69,7 @@ pub enum Action {
 #[derive(Debug)]
 pub struct Coordinator {
     balancing: Balancing,
+    distribution: Distribution,
     balancers: Balancers,
     nodes: Vec<Node>,
     /// When to look at which node, at the earliest.
@@ -87,6 +90,7 @@ impl Coordinator {
     pub fn new(balancing: Balancing) -> Self {
         Self {
             balancing,
+            distribution: Distribution::Tiles,
             balancers: Balancers::default(),
             nodes: Vec::new(),
             timers: BinaryHeap::new(),
@@ -112,6 +116,11 @@ impl Coordinator {
         self.balancing = balancing;
     }
 
+    /// Divides frames by something else from the next one on.
+    pub fn set_distribution(&mut self, distribution: Distribution) {
+        self.distribution = distribution;
+    }
+
     /// Frames submitted from now on are of `scene`, whose hash is `hash`.
     pub fn set_scene(&mut self, hash: SceneHash, scene: Arc<Scene>) {
         for node in (0..self.nodes.len()).map(NodeIndex) {
@@ -133,11 +142,11 @@ impl Coordinator {
             .clone()
             .expect("a scene is set before frames are submitted");
         let grid = TileGrid::new(spec.size, tile_edge);
-        let work = WorkMap::new(grid, &spec.settings, self.costs.of(grid));
-        let all = work.of(grid.all());
-        self.spare.add_frame(all);
+        let passes = Passes::one(grid, spec.settings.samples);
+        let work = WorkMap::new(passes, self.costs.of(grid));
+        self.spare.add_frame(work.of(passes.all()));
         self.frames
-            .push(FrameInFlight::new(now, id, spec, scene, grid, work));
+            .push(FrameInFlight::new(now, id, spec, scene, passes, work));
         self.unheld = true;
         self.advance(now);
     }
@@ -277,6 +286,7 @@ impl Coordinator {
                 payload_bytes,
                 ..
             } => {
+                let tiles = self.units(index, run, tiles);
                 self.receive(now, index, run, tiles, busy_micros);
                 let dropped = u64::from(dropped_samples);
                 self.fill(
@@ -295,7 +305,10 @@ impl Coordinator {
                 tiles,
                 busy_micros,
                 ..
-            } => self.receive(now, index, run, tiles, busy_micros),
+            } => {
+                let tiles = self.units(index, run, tiles);
+                self.receive(now, index, run, tiles, busy_micros);
+            }
             ClientEvent::RunDone { report, .. } => self.close(now, index, report.run),
             ClientEvent::RunRefused { refusal, .. } => self.refused(now, index, refusal),
             ClientEvent::Pong(number) => node.pong(now, number),
@@ -306,6 +319,12 @@ impl Coordinator {
         if let Some(number) = self.nodes[index.0].ping(now) {
             self.command(index, Command::Ping(number));
         }
+    }
+
+    /// What tiles of a run are among the units of its frame.
+    fn units(&self, index: NodeIndex, id: RunId, tiles: TileRun) -> TileRun {
+        let run = self.nodes[index.0].runs.get(&id);
+        run.map_or(tiles, |run| run.passes.units(run.tiles.first, tiles))
     }
 
     /// Takes note of how long tiles took.
@@ -389,7 +408,7 @@ impl Coordinator {
         let (_, work, busy_secs) = run.pieces.last().copied().unwrap_or((tiles, 0.0, 0.0));
         frame.stats.deliveries.push(Delivery {
             node: index,
-            tiles,
+            tiles: run.passes.tiles(tiles),
             fresh_tiles: filled,
             work,
             expected_secs: run.expected.map(|at| at - frame.submitted),
@@ -526,7 +545,8 @@ impl Coordinator {
             } else {
                 secs / (line.secs_per_work * run.work_received)
             };
-            self.costs.learn(run.grid, *tiles, ratio);
+            let tiles = run.passes.tiles(*tiles);
+            self.costs.learn(run.passes.grid, tiles, ratio);
         }
     }
 

@@ -4,10 +4,11 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use carom_protocol::{FrameId, SceneHash};
-use carom_tracer::{Scene, TileGrid, TileRun};
+use carom_tracer::{Scene, TileRun};
 
 use super::NodeIndex;
 use super::film::Film;
+use super::passes::Passes;
 use super::work::WorkMap;
 use crate::{Frame, FrameSpec, FrameStats, LatencySplit};
 
@@ -17,7 +18,7 @@ pub(super) struct FrameInFlight {
     pub(super) id: FrameId,
     pub(super) spec: FrameSpec,
     pub(super) scene: (SceneHash, Arc<Scene>),
-    pub(super) grid: TileGrid,
+    pub(super) passes: Passes,
     pub(super) work: WorkMap,
     pub(super) submitted: f64,
     /// Absent once it is finished.
@@ -47,22 +48,23 @@ impl FrameInFlight {
         id: FrameId,
         spec: FrameSpec,
         scene: (SceneHash, Arc<Scene>),
-        grid: TileGrid,
+        passes: Passes,
         work: WorkMap,
     ) -> Self {
         let stats = FrameStats {
             raw_bytes: (spec.size.pixels() * spec.format.bytes()) as u64,
-            tile_edge: grid.edge,
+            tile_edge: passes.grid.edge,
+            passes: 1,
             tile_work: work.tiles().collect(),
             ..FrameStats::default()
         };
         Self {
             id,
             work,
-            film: Some(Film::new(grid, spec.format)),
+            film: Some(Film::new(passes, spec.format)),
             spec,
             scene,
-            grid,
+            passes,
             submitted: now,
             divided: false,
             pool: TileRun { first: 0, count: 0 },
@@ -75,6 +77,15 @@ impl FrameInFlight {
             busy_secs: Vec::new(),
             finished: None,
         }
+    }
+
+    /// Cuts it into passes before it is handed out. `costs` are of its tiles.
+    pub(super) fn cut(&mut self, count: u32, costs: &[f64]) {
+        let passes = Passes::several(self.passes.grid, self.spec.settings.samples, count);
+        self.work = WorkMap::new(passes, costs);
+        self.film = Some(Film::new(passes, self.spec.format));
+        self.stats.passes = count;
+        self.passes = passes;
     }
 
     /// A node worked on it.

@@ -1,16 +1,18 @@
 //! A request that a node has not answered in full.
 
 use carom_protocol::{FrameId, NodeTimes};
-use carom_tracer::{TileGrid, TileRun};
+use carom_tracer::TileRun;
 
 use super::balancer::Estimate;
+use super::passes::Passes;
 use crate::LatencySplit;
 
 /// Times are seconds on the client's clock.
 #[derive(Clone, Debug)]
 pub(super) struct Run {
     pub(super) frame: FrameId,
-    pub(super) grid: TileGrid,
+    pub(super) passes: Passes,
+    /// Units of one pass.
     pub(super) tiles: TileRun,
     pub(super) work: f64,
     pub(super) issued: f64,
@@ -38,11 +40,11 @@ pub(super) struct Run {
 }
 
 impl Run {
-    /// A request for `tiles`, of which nothing has come.
-    pub(super) fn new(now: f64, frame: FrameId, grid: TileGrid, tiles: TileRun, work: f64) -> Self {
+    /// A request for `tiles` of one pass, of which nothing has come.
+    pub(super) fn new(now: f64, frame: FrameId, passes: Passes, tiles: TileRun, work: f64) -> Self {
         Self {
             frame,
-            grid,
+            passes,
             tiles,
             work,
             issued: now,

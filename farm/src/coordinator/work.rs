@@ -1,10 +1,12 @@
 //! How much work tiles are, and how they are cut into shares.
 
-use carom_tracer::{RenderSettings, TileGrid, TileRun};
+use carom_tracer::TileRun;
 
 use super::balancer::{Line, fill};
+use super::passes::Passes;
 
-/// Predicted work of each tile of a picture, as sums over the tiles before it.
+/// Predicted work of each unit of a picture, as sums over those before it. Of a picture of one pass
+/// the units are its tiles.
 ///
 /// A unit is a pixel sample of average cost.
 #[derive(Clone, Debug)]
@@ -23,13 +25,15 @@ pub(super) struct Deal {
 
 impl WorkMap {
     /// `costs` says how many times the average a pixel of each tile costs.
-    pub(super) fn new(grid: TileGrid, settings: &RenderSettings, costs: &[f64]) -> Self {
-        let samples = f64::from(settings.samples);
+    pub(super) fn new(passes: Passes, costs: &[f64]) -> Self {
+        let units = passes.all();
         let mut sum = 0.0;
-        let mut before = Vec::with_capacity(grid.len() as usize + 1);
+        let mut before = Vec::with_capacity(units.count as usize + 1);
         before.push(0.0);
-        for (tile, cost) in grid.tiles(grid.all()).zip(costs) {
-            sum += tile.pixels() as f64 * samples * cost;
+        for unit in units.indices() {
+            let tile = passes.tile(unit);
+            let pixels = passes.grid.tile(tile).pixels() as f64;
+            sum += pixels * passes.samples(unit).len() as f64 * costs[tile as usize];
             before.push(sum);
         }
         Self { before }
@@ -209,7 +213,7 @@ pub(super) fn push_tile(runs: &mut Vec<TileRun>, tile: u32) {
 
 #[cfg(test)]
 mod tests {
-    use carom_tracer::ImageSize;
+    use carom_tracer::{ImageSize, TileGrid};
     use proptest::prelude::*;
 
     use super::*;
@@ -221,7 +225,7 @@ mod tests {
             holes in prop::collection::vec(any::<bool>(), 48),
         ) {
             let grid = TileGrid::new(ImageSize::new(80, 60), 10);
-            let map = WorkMap::new(grid, &RenderSettings::default(), &[1.0; 48]);
+            let map = WorkMap::new(Passes::one(grid, 1), &[1.0; 48]);
             let mut pieces = Vec::new();
             for tile in (0..grid.len()).filter(|tile| !holes[*tile as usize]) {
                 push_tile(&mut pieces, tile);

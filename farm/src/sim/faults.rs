@@ -13,7 +13,7 @@ use carom_tracer::ImageSize;
 use super::random::Random;
 use super::scenario::PERIOD_SECS;
 use super::{Change, NodePlan, Plan, Report, Weather, run};
-use crate::Balancing;
+use crate::{Balancing, Distribution};
 
 /// What came of a plan with faults.
 #[derive(Clone, Debug)]
@@ -79,6 +79,13 @@ pub fn fault_plan(seed: u64, hedged: bool) -> Plan {
     } else {
         1 + random.below(3) as usize
     };
+    let looks_ahead = pipelined && random.uniform() < 0.5;
+    let mut samples = 1;
+    if random.uniform() < 0.25 {
+        samples = SAMPLES;
+        let speeds = nodes.iter_mut().map(|node| &mut node.msamples_per_sec);
+        speeds.for_each(|speed| *speed *= f64::from(SAMPLES));
+    }
     Plan {
         seed,
         balancing: if hedged { Balancing::default() } else { any },
@@ -86,8 +93,10 @@ pub fn fault_plan(seed: u64, hedged: bool) -> Plan {
         frames: 120,
         frames_in_flight,
         period_secs: pipelined.then_some(PERIOD_SECS),
-        looks_ahead: pipelined && random.uniform() < 0.5,
+        looks_ahead,
         size: ImageSize::new(120, 80),
+        samples,
+        distribution: Distribution::Samples,
         tile_edge: 8,
         weather: Weather {
             cost_spread: 0.5,
@@ -154,7 +163,7 @@ pub fn run_faults(plan: &Plan) -> FaultRun {
     if report
         .frames
         .iter()
-        .any(|frame| tiles(frame) != report.tiles_per_frame)
+        .any(|frame| tiles(frame) != report.tiles_per_frame * frame.stats.passes)
     {
         wrong.push("tiles are counted wrong".into());
     }
@@ -234,5 +243,7 @@ fn latest(report: &Report) -> (f64, Option<FrameId>) {
 const SECS_MAX: f64 = 400.0;
 /// Frames before the first fault.
 const WARM_UP_FRAMES: usize = 5;
+/// Of each pixel where they are divided among nodes.
+const SAMPLES: u32 = 5;
 /// A timer's own lateness.
 const SHOWN_LATE_SECS_MAX: f64 = 1e-6;

@@ -18,6 +18,7 @@ mod world;
 
 use std::cmp::Ordering;
 use std::collections::{BTreeSet, BinaryHeap};
+use std::ops::Range;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -26,7 +27,7 @@ use carom_protocol::tile_codec::TilePixels;
 use carom_protocol::{FrameId, NodeInfo, PixelFormat, SceneHash, TraceRequest};
 use carom_tracer::{
     Camera, DeviceInfo, DeviceKind, Environment, ImageSize, RenderSettings, Scene, SceneUpdate,
-    Tile, TileGrid, TileRun,
+    TileGrid, TileRun,
 };
 use glam::Vec3;
 
@@ -41,7 +42,7 @@ use self::world::World;
 use crate::coordinator::{Action, Coordinator, NodeIndex};
 use crate::link::{Command, LinkEvent};
 use crate::pacing::{Lead, Schedule};
-use crate::{Balancing, Frame, FrameSpec, NodeStatus, Pixels};
+use crate::{Balancing, Distribution, Frame, FrameSpec, NodeStatus, Pixels};
 
 /// What to simulate.
 #[derive(Clone, Debug)]
@@ -60,8 +61,12 @@ pub struct Plan {
     pub period_secs: Option<f64>,
     /// Whether frames must be shown at the moments that [`Schedule`] has for 60 frames a second.
     pub looks_ahead: bool,
-    /// The picture, of one sample a pixel: its pixels are the work of a frame.
+    /// The picture: its pixels times their samples are the work of a frame.
     pub size: ImageSize,
+    /// Samples of each pixel.
+    pub samples: u32,
+    /// What is divided.
+    pub distribution: Distribution,
     /// Pixels along a tile's edge.
     pub tile_edge: u16,
     /// How much it varies.
@@ -266,6 +271,7 @@ struct Simulation<'a> {
 impl<'a> Simulation<'a> {
     fn new(plan: &'a Plan) -> Self {
         let mut coordinator = Coordinator::new(plan.balancing);
+        coordinator.set_distribution(plan.distribution);
         coordinator.set_scene(SceneHash([7; 32]), Arc::new(empty_scene()));
         let mut simulation = Self {
             plan,
@@ -362,7 +368,7 @@ impl<'a> Simulation<'a> {
             for (_, node, change) in self.plan.changes.iter().filter(|(at, ..)| *at == id) {
                 self.change(*node, *change);
             }
-            let spec = frame_spec(self.plan.size);
+            let spec = frame_spec(self.plan);
             self.coordinator
                 .submit(self.now, id, spec, self.plan.tile_edge);
             if let Some(at) = self.deadlines.last() {
@@ -438,8 +444,7 @@ impl<'a> Simulation<'a> {
 
     fn deliver(&mut self, mut frame: Frame) {
         let grid = self.plan.grid();
-        let right = expected_pixels(frame.id, grid, &frame.missing);
-        self.report.wrong_frames += u64::from(frame.pixels != right);
+        self.report.wrong_frames += u64::from(!is_right(&frame, grid, self.plan.samples));
         self.report.tiles_per_frame = grid.len();
         frame.pixels = Pixels::Linear(Vec::new());
         if frame.id.0 >= self.handed
@@ -506,24 +511,30 @@ fn frame_of(event: &ClientEvent) -> Option<FrameId> {
 /// The first frame is submitted when those nodes that are there from the start have connected.
 const START: Duration = Duration::from_millis(500);
 
-fn frame_spec(size: ImageSize) -> FrameSpec {
+fn frame_spec(plan: &Plan) -> FrameSpec {
     FrameSpec {
         update: SceneUpdate::default(),
-        size,
+        size: plan.size,
         settings: RenderSettings {
-            samples: 1,
+            samples: plan.samples,
             ..RenderSettings::default()
         },
         format: PixelFormat::LinearF32,
     }
 }
 
-/// What a simulated node sends for tiles: each pixel names its frame and its tile.
+/// What a simulated node sends for tiles: each pixel names its frame, its tile and its samples.
 fn tile_pixels(request: &TraceRequest, tiles: TileRun) -> TilePixels {
     let mut pixels = Vec::with_capacity(request.grid.pixels(tiles));
     for index in tiles.indices() {
         let count = request.grid.tile(index).pixels();
-        pixels.extend(std::iter::repeat_n(pixel(request.frame, index), count));
+        let first = request.settings.first_sample;
+        let pixel = pixel(
+            request.frame,
+            index,
+            first..first + request.settings.samples,
+        );
+        pixels.extend(std::iter::repeat_n(pixel, count));
     }
     TilePixels::Linear(pixels)
 }
@@ -533,28 +544,36 @@ fn poison(request: &TraceRequest, tiles: TileRun) -> TilePixels {
     TilePixels::Linear(vec![[f32::NAN; 3]; request.grid.pixels(tiles)])
 }
 
-/// With black where tiles are `missing`.
-fn expected_pixels(frame: FrameId, grid: TileGrid, missing: &[Tile]) -> Pixels {
-    let mut pixels = vec![[0.0; 3]; grid.size.pixels()];
-    let edge = u32::from(grid.edge);
-    for (position, to) in pixels.iter_mut().enumerate() {
-        let (x, y) = (
-            position as u32 % grid.size.width,
-            position as u32 / grid.size.width,
-        );
-        *to = pixel(frame, y / edge * grid.columns() + x / edge);
+/// Whether each pixel is what it should be: where tiles are missing black or, of several passes, the mean
+/// of some of its samples.
+fn is_right(frame: &Frame, grid: TileGrid, samples: u32) -> bool {
+    let Pixels::Linear(pixels) = &frame.pixels else {
+        return false;
+    };
+    let (width, edge) = (grid.size.width, u32::from(grid.edge));
+    let mut missing = vec![false; grid.len() as usize];
+    for tile in &frame.missing {
+        missing[(tile.y / edge * grid.columns() + tile.x / edge) as usize] = true;
     }
-    for tile in missing {
-        for y in tile.y..tile.y + tile.height {
-            let start = (y * grid.size.width + tile.x) as usize;
-            pixels[start..start + tile.width as usize].fill([0.0; 3]);
+    let [.., samples_are] = pixel(frame.id, 0, 0..samples);
+    let is_right = |(position, found): (usize, &[f32; 3])| {
+        let (x, y) = (position as u32 % width, position as u32 / width);
+        let tile = y / edge * grid.columns() + x / edge;
+        let [frame_is, tile_is] = [frame.id.0 as f32 + 1.0, tile as f32];
+        if !missing[tile as usize] {
+            let error = (found[2] / samples_are - 1.0).abs();
+            return found[..2] == [frame_is, tile_is] && error < 1e-6;
         }
-    }
-    Pixels::Linear(pixels)
+        *found == [0.0; 3] || frame.stats.passes > 1 && found[..2] == [frame_is, tile_is]
+    };
+    pixels.len() == grid.size.pixels() && pixels.iter().enumerate().all(is_right)
 }
 
-fn pixel(frame: FrameId, tile: u32) -> [f32; 3] {
-    [frame.0 as f32 + 1.0, tile as f32, 1.0]
+/// Squares, so that no range of samples has the mean of another.
+fn pixel(frame: FrameId, tile: u32, samples: Range<u32>) -> [f32; 3] {
+    let count = samples.len() as f64;
+    let sum: f64 = samples.map(|sample| f64::from(sample + 1).powi(2)).sum();
+    [frame.0 as f32 + 1.0, tile as f32, (sum / count) as f32]
 }
 
 fn info(index: NodeIndex) -> NodeInfo {

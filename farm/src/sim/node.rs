@@ -181,7 +181,8 @@ impl SimNode {
         }
         let piece = piece(job, self.streams);
         let grid = job.request.grid;
-        let work = |tile| grid.tile(tile).pixels() as f64 * world.cost(frame, tile);
+        let samples = f64::from(job.request.settings.samples);
+        let work = |tile| samples * grid.tile(tile).pixels() as f64 * world.cost(frame, tile);
         let work: f64 = piece.indices().map(work).sum();
         secs += work * self.pace * world.pace(self.index, frame);
         self.tiles_traced += u64::from(piece.count);

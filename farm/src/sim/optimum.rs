@@ -27,6 +27,7 @@ pub fn optimum_secs(plan: &Plan) -> Vec<f64> {
             .map(|index| line(plan, &world, NodeIndex(index), nodes[index], frame))
             .collect();
         let work = world.frame_cost(frame) * f64::from(plan.tile_edge).powi(2);
+        let work = work * f64::from(plan.samples);
         let capacity: f64 = lines.iter().map(|line| line.cap).sum();
         if lines.is_empty() || capacity < work {
             return f64::INFINITY;

@@ -7,8 +7,8 @@ use carom_tracer::ImageSize;
 use super::optimum::shares;
 use super::random::Random;
 use super::{Change, NodePlan, Plan, Weather};
-use crate::Balancing;
 use crate::coordinator::NodeIndex;
+use crate::{Balancing, Distribution};
 
 /// How far nodes are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -98,6 +98,8 @@ impl Scenario {
             period_secs: (self.mode == Mode::Pipelined).then_some(PERIOD_SECS),
             looks_ahead: false,
             size,
+            samples: 1,
+            distribution: Distribution::Tiles,
             tile_edge: 1,
             weather: WEATHER,
             changes: Vec::new(),

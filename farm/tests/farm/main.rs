@@ -3,6 +3,7 @@
 
 mod hybrid;
 mod pattern;
+mod samples;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

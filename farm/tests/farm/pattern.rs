@@ -1,5 +1,5 @@
 //! A tracer that costs nothing and is right or wrong in ways that can be told: its radiance is a
-//! hash of pixel, seed and camera.
+//! hash of pixel, sample, seed and camera.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Condvar, Mutex};
@@ -8,8 +8,8 @@ use std::time::Duration;
 use carom_farm::FrameSpec;
 use carom_tracer::sampling::{pixel_key, uniforms};
 use carom_tracer::{
-    Camera, CompiledScene, DeviceInfo, DeviceKind, Environment, Error, Material, Object, Scene,
-    Shape, Tile, TileRadiance, TraceJob, TraceStats, Tracer,
+    Camera, CompiledScene, DeviceInfo, DeviceKind, Environment, Error, Material, Object,
+    RenderSettings, Scene, Shape, Tile, TileRadiance, TraceJob, TraceStats, Tracer,
 };
 use glam::{Quat, Vec3};
 
@@ -131,7 +131,7 @@ impl Tracer for Pattern {
             }
             sink(TileRadiance {
                 index,
-                radiance: tile_radiance(*tile, &scene.camera, job.settings.seed),
+                radiance: tile_radiance(*tile, &scene.camera, &job.settings),
                 dropped_samples: 0,
             });
         }
@@ -152,16 +152,24 @@ pub(crate) fn picture_of(scene: &Scene, spec: &FrameSpec) -> Vec<[f32; 3]> {
         width: spec.size.width,
         height: spec.size.height,
     };
-    tile_radiance(tile, &scene.camera, spec.settings.seed)
+    tile_radiance(tile, &scene.camera, &spec.settings)
 }
 
-fn tile_radiance(tile: Tile, camera: &Camera, seed: u32) -> Vec<[f32; 3]> {
+/// The mean over the samples that are asked for.
+fn tile_radiance(tile: Tile, camera: &Camera, settings: &RenderSettings) -> Vec<[f32; 3]> {
     let rows = tile.y..tile.y + tile.height;
     let pixels = rows.flat_map(|y| (tile.x..tile.x + tile.width).map(move |x| pixel_key(x, y)));
     let block = camera.eye.z.to_bits();
+    let samples = settings.first_sample..settings.first_sample + settings.samples;
     let radiance = |pixel| {
-        let [r, g, b, _] = uniforms(pixel, 0, block, seed);
-        [r, g, b]
+        let mut sum = [0.0; 3];
+        for sample in samples.clone() {
+            let values = uniforms(pixel, sample, block, settings.seed);
+            for (sum, value) in sum.iter_mut().zip(values) {
+                *sum += f64::from(value);
+            }
+        }
+        sum.map(|sum| (sum / samples.len() as f64) as f32)
     };
     pixels.map(radiance).collect()
 }

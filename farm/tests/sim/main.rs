@@ -2,11 +2,12 @@
 
 mod bars;
 mod faults;
+mod samples;
 
 use carom_farm::Algorithm::{self, Ab, Equal, Naive, WaterFilling};
 use carom_farm::coordinator::balancer::{Line, fill};
 use carom_farm::sim::{Change, NodePlan, Plan, Report, Weather, run};
-use carom_farm::{Balancing, FrameStats, NodeState};
+use carom_farm::{Balancing, Distribution, FrameStats, NodeState};
 use carom_tracer::ImageSize;
 
 /// More virtual time than any run here needs.
@@ -23,6 +24,8 @@ fn plan(nodes: Vec<NodePlan>, algorithm: Algorithm, frames: u64) -> Plan {
         period_secs: None,
         looks_ahead: false,
         size: ImageSize::new(240, 160),
+        samples: 1,
+        distribution: Distribution::Tiles,
         tile_edge: 8,
         weather: Weather::default(),
         changes: Vec::new(),
@@ -71,27 +74,28 @@ fn checked(plan: &Plan) -> Report {
     assert_eq!(report.wrong_frames, 0, "seed {}", plan.seed);
     for frame in &report.frames {
         let delivered: u32 = frame.stats.tiles_by_node.iter().sum();
-        assert_eq!(delivered, report.tiles_per_frame);
+        assert_eq!(delivered, report.tiles_per_frame * frame.stats.passes);
         check_deliveries(&frame.stats);
     }
     report
 }
 
-/// Each tile is of one node, in the order of arrival.
+/// Each tile is of one node in each pass, in the order of arrival.
 fn check_deliveries(stats: &FrameStats) {
-    let mut came = vec![false; stats.tile_work.len()];
+    let mut came = vec![0; stats.tile_work.len()];
     let mut last_secs = 0.0;
     for delivery in &stats.deliveries {
-        let fresh = delivery
-            .tiles
-            .indices()
-            .filter(|tile| !came[*tile as usize]);
-        assert_eq!(fresh.count(), delivery.fresh_tiles as usize);
-        came[delivery.tiles.first as usize..delivery.tiles.end() as usize].fill(true);
+        let tiles = &mut came[delivery.tiles.first as usize..delivery.tiles.end() as usize];
+        if stats.passes == 1 {
+            let fresh = tiles.iter().filter(|times| **times == 0);
+            assert_eq!(fresh.count(), delivery.fresh_tiles as usize);
+        }
+        tiles.iter_mut().for_each(|times| *times += 1);
         assert!(last_secs <= delivery.arrived_secs, "{delivery:?}");
         last_secs = delivery.arrived_secs;
     }
-    assert!(came.iter().all(|came| *came), "a tile is of nobody");
+    let lacks = |times: &u32| *times < stats.passes;
+    assert!(!came.iter().any(lacks), "a tile is of nobody");
     assert_eq!(last_secs, stats.makespan_secs);
     assert!(stats.lost_tiles <= stats.reissued_tiles);
     assert!((0.0..=1.0).contains(&stats.balance_efficiency()));

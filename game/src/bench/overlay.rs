@@ -2,7 +2,7 @@
 
 use anyhow::Context as _;
 use carom_farm::sim::{NodePlan, Plan, Report, Weather, run};
-use carom_farm::{Balancing, Frame};
+use carom_farm::{Balancing, Distribution, Frame};
 use carom_tracer::ImageSize;
 use clap::Args;
 use cpu_time::ThreadTime;
@@ -180,6 +180,7 @@ fn facts(report: &Report) -> Facts<'_> {
     Facts {
         nodes: &report.nodes,
         balancing: Balancing::default(),
+        distribution: Distribution::default(),
         dial: Dial::default(),
         window: SIZE,
         period_secs: 1.0 / 60.0,
@@ -212,6 +213,8 @@ fn plan() -> Plan {
         period_secs: None,
         looks_ahead: false,
         size: SIZE,
+        samples: 1,
+        distribution: Distribution::default(),
         tile_edge: TILE_EDGE,
         weather: Weather::default(),
         changes: Vec::new(),

@@ -5,8 +5,8 @@ use carom::quality::{Dial, LADDER};
 use carom::ui::stats::record::Seen;
 use carom::ui::stats::{Facts, Level, Stats};
 use carom_farm::{
-    Algorithm, Balancing, Delivery, FrameStats, LatencySplit, NodeIndex, NodeInfo, NodeState,
-    NodeStatus,
+    Algorithm, Balancing, Delivery, Distribution, FrameStats, LatencySplit, NodeIndex, NodeInfo,
+    NodeState, NodeStatus,
 };
 use carom_tracer::sampling::uniforms;
 use carom_tracer::{DeviceInfo, DeviceKind, ImageSize, TileGrid, TileRun};
@@ -62,6 +62,7 @@ pub(crate) fn facts<'a>(nodes: &'a [NodeStatus]) -> Facts<'a> {
     Facts {
         nodes,
         balancing: Balancing::default(),
+        distribution: Distribution::default(),
         dial: Dial::default(),
         window: ImageSize::new(1280, 720),
         period_secs: 1.0 / 60.0,

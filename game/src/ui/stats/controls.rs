@@ -1,7 +1,7 @@
 //! What can be changed while the charts run: how pictures are divided, which map is over the picture,
 //! and whether the charts stand still.
 
-use carom_farm::{Algorithm, Balancing};
+use carom_farm::{Algorithm, Balancing, Distribution};
 use egui::{ComboBox, Ui};
 
 use super::figure::{figure, ms, percent};
@@ -15,6 +15,7 @@ use crate::quality::{Dial, LADDER};
 pub(super) fn show(ui: &mut Ui, stats: &mut Stats, facts: &Facts<'_>) {
     ui.horizontal_wrapped(|ui| {
         balancing(ui, stats, facts.balancing);
+        distribution(ui, stats, facts.distribution);
     });
     ui.horizontal(|ui| {
         ui.label("Map").on_hover_text("What is drawn over the picture for each tile of the picture that is looked at.");
@@ -54,6 +55,19 @@ fn balancing(ui: &mut Ui, stats: &mut Stats, now: Balancing) {
         .on_hover_text("Tiles that are late are asked of other nodes too, and the first result wins. Costs under 2 % of the work again; without it a picture waits for its slowest node.");
     if wanted != now {
         stats.wishes.push(Wish::Balancing(wanted));
+    }
+}
+
+fn distribution(ui: &mut Ui, stats: &mut Stats, now: Distribution) {
+    let mut by_samples = now == Distribution::Samples;
+    let changed = ui.checkbox(&mut by_samples, "by samples").on_hover_text("While nothing moves each node traces other samples of the whole picture, not its part of it. A node that is lost then costs noise and no part; the picture crosses the network once for each node.").changed();
+    if changed {
+        let wanted = if by_samples {
+            Distribution::Samples
+        } else {
+            Distribution::Tiles
+        };
+        stats.wishes.push(Wish::Distribution(wanted));
     }
 }
 

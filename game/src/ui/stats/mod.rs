@@ -30,7 +30,7 @@ mod table;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use carom_farm::{Balancing, NodeStatus};
+use carom_farm::{Balancing, Distribution, NodeStatus};
 use carom_tracer::ImageSize;
 use egui::Context;
 
@@ -78,6 +78,8 @@ pub struct Facts<'a> {
     pub nodes: &'a [NodeStatus],
     /// How pictures are divided from now on.
     pub balancing: Balancing,
+    /// What of them is divided from now on.
+    pub distribution: Distribution,
     /// What is given up first while things move.
     pub dial: Dial,
     /// Pixels of the window.
@@ -105,6 +107,8 @@ pub struct Facts<'a> {
 pub enum Wish {
     /// Divide pictures in this way.
     Balancing(Balancing),
+    /// Divide this of them.
+    Distribution(Distribution),
     /// Give up something else first.
     Dial(Dial),
 }

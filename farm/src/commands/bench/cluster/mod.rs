@@ -12,7 +12,8 @@ use carom_farm::coordinator::NodeIndex;
 use carom_farm::net::{PathConfig, interruption};
 use carom_farm::sim::{self, NodePlan, Plan, Report, Score, Weather, optimum_secs};
 use carom_farm::{
-    Algorithm, Balancing, Farm, FarmConfig, FrameId, LocalNode, Precision, PrecisionRange, local,
+    Algorithm, Balancing, Distribution, Farm, FarmConfig, FrameId, LocalNode, Precision,
+    PrecisionRange, local,
 };
 use carom_tracer::ImageSize;
 use serde::Serialize;
@@ -362,6 +363,8 @@ impl Bench<'_> {
             period_secs: pace.period.map(|period| period.as_secs_f64()),
             looks_ahead: false,
             size: size(self.args),
+            samples: 1,
+            distribution: Distribution::Tiles,
             tile_edge: self.args.tile_edge,
             weather: Weather::default(),
             changes: happened.iter().map(change).collect(),

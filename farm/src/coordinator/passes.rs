@@ -1,0 +1,165 @@
+//! A frame's units of work: its tiles, once for each pass over its samples.
+//!
+//! ```text
+//! one pass:   tile 0, tile 1, …            each with all samples
+//! two passes: tile 0, tile 1, … with the first half, tile 0, tile 1, … with the second half
+//! ```
+//!
+//! Balancers, hedging and takeover deal with runs of units in a row and need not know which it is. With
+//! as many passes as the fastest node is a part of the farm, each node gets other samples of the whole
+//! picture.
+
+use std::ops::Range;
+
+use carom_protocol::PixelFormat;
+use carom_tracer::{TileGrid, TileRun};
+
+use super::balancer::Candidate;
+use crate::{Distribution, FrameSpec};
+
+/// Units are numbered pass by pass, and within a pass tile by tile.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Passes {
+    pub(super) grid: TileGrid,
+    count: u32,
+    samples: u32,
+}
+
+impl Passes {
+    /// All samples of each tile at once.
+    pub(super) fn one(grid: TileGrid, samples: u32) -> Self {
+        Self::several(grid, samples, 1)
+    }
+
+    /// `count` passes, from 1 to `samples`, each over as many samples within one.
+    pub(super) fn several(grid: TileGrid, samples: u32, count: u32) -> Self {
+        Self {
+            grid,
+            count,
+            samples,
+        }
+    }
+
+    pub(super) fn count(self) -> u32 {
+        self.count
+    }
+
+    /// All units.
+    pub(super) fn all(self) -> TileRun {
+        TileRun {
+            first: 0,
+            count: self.grid.len() * self.count,
+        }
+    }
+
+    /// Which of a frame's samples a unit has.
+    pub(super) fn samples(self, unit: u32) -> Range<u32> {
+        let pass = u64::from(unit / self.grid.len());
+        let before = |pass: u64| (u64::from(self.samples) * pass / u64::from(self.count)) as u32;
+        before(pass)..before(pass + 1)
+    }
+
+    /// The tile of a unit.
+    pub(super) fn tile(self, unit: u32) -> u32 {
+        unit % self.grid.len()
+    }
+
+    /// The tiles of units of one pass.
+    pub(super) fn tiles(self, units: TileRun) -> TileRun {
+        TileRun {
+            first: self.tile(units.first),
+            ..units
+        }
+    }
+
+    /// The units of `tiles` in the pass of `unit`.
+    pub(super) fn units(self, unit: u32, tiles: TileRun) -> TileRun {
+        TileRun {
+            first: unit - self.tile(unit) + tiles.first,
+            ..tiles
+        }
+    }
+
+    /// Units in a row, pass by pass.
+    pub(super) fn split(self, units: TileRun) -> impl Iterator<Item = TileRun> {
+        let mut first = units.first;
+        std::iter::from_fn(move || {
+            let left = units.end() - first;
+            let count = left.min(self.grid.len() - self.tile(first));
+            let run = TileRun { first, count };
+            first += count;
+            (count > 0).then_some(run)
+        })
+    }
+}
+
+/// In how many passes a frame is traced by `candidates`: the fewest of which none has much more than
+/// one, so that as few pixels as can be cross the network twice.
+pub(super) fn passes_for(
+    distribution: Distribution,
+    spec: &FrameSpec,
+    candidates: &[Candidate],
+) -> u32 {
+    let is_linear = !matches!(spec.format, PixelFormat::Srgb8 { .. });
+    // Means of sRGB levels are wrong, and a filter does more with more samples.
+    if distribution == Distribution::Tiles || !is_linear || spec.settings.denoise {
+        return 1;
+    }
+    let estimates = candidates.iter().filter_map(|candidate| candidate.estimate);
+    let speeds: Vec<f64> = estimates.map(|line| 1.0 / line.secs_per_work).collect();
+    let fastest = speeds.iter().copied().fold(0.0, f64::max);
+    // Those of which nothing is known count as the fastest.
+    let unknown = (candidates.len() - speeds.len()) as f64;
+    let parts = if fastest > 0.0 {
+        speeds.iter().sum::<f64>() / fastest + unknown
+    } else {
+        unknown
+    };
+    let passes = (parts - ROUNDING).ceil() as u32;
+    passes.min(PASSES_MAX).min(spec.settings.samples).max(1)
+}
+
+/// Each pass sends the whole picture. With more nodes, several share a pass.
+const PASSES_MAX: u32 = 16;
+/// Equal nodes are one pass each, whatever their sum is rounded to.
+const ROUNDING: f64 = 1e-3;
+
+#[cfg(test)]
+mod tests {
+    use carom_tracer::ImageSize;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn passes_hold_each_sample_of_each_tile_once(
+            samples in 1..70_000u32,
+            count in 1..=PASSES_MAX,
+            cuts in prop::collection::vec(0.0..1.0f64, 0..6),
+        ) {
+            let grid = TileGrid::new(ImageSize::new(35, 20), 10);
+            let passes = Passes::several(grid, samples, count.min(samples));
+            let all = passes.all().count;
+            let mut ends: Vec<u32> = cuts.iter().map(|cut| (cut * f64::from(all)) as u32).collect();
+            ends.push(all);
+            ends.sort_unstable();
+            let mut next = vec![0; grid.len() as usize];
+            let mut first = 0;
+            for end in ends {
+                for run in passes.split(TileRun { first, count: end - first }) {
+                    let tiles = passes.tiles(run);
+                    prop_assert_eq!(passes.units(run.first, tiles), run);
+                    let range = passes.samples(run.first);
+                    prop_assert!(!range.is_empty());
+                    for tile in tiles.indices() {
+                        prop_assert_eq!(next[tile as usize], range.start);
+                        next[tile as usize] = range.end;
+                    }
+                }
+                first = end;
+            }
+            prop_assert!(next.iter().all(|next| *next == samples));
+        }
+    }
+}
