@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::{
     cpu::{best_ms, median},
+    deviation::Deviation,
     reference::{Kind, Reference},
 };
 
@@ -31,16 +32,18 @@ pub struct ShotReport {
     pub rms_mm: f64,
     /// To simulate the whole shot once: the best of several runs.
     pub cpu_ms: f64,
-    /// `shot`, `airborne` (until the first cushion), `cluster` or `break`: positions of the last
-    /// two are not comparable.
+    /// `shot`, `airborne` (until the first cushion), `cluster` (by the rule of the file's simulator) or
+    /// `break`, whose positions are not comparable.
     pub kind: &'static str,
     /// Length of the shot, in s.
     pub duration_secs: f64,
     /// Contacts and phase changes.
     pub events: usize,
-    /// For a cluster: difference of velocity of the ball that takes the blow, in m/s.
+    /// For a cluster by the game's own rule: largest distance of a ball from its reference, in mm.
+    pub own_rule_mm: f64,
+    /// For a cluster by that rule: difference of velocity of the ball that takes the blow, in m/s.
     pub fastest_off_m_s: f64,
-    /// For a cluster: the same of the ball that is farthest off.
+    /// For a cluster by that rule: the same of the ball that is farthest off.
     pub velocity_off_m_s: f64,
     /// When a ball is first over 1 mm off.
     pub parts_at_secs: Option<f64>,
@@ -74,6 +77,10 @@ impl ShotReport {
             std::hint::black_box(reference.play().is_ok());
         });
         let deviation = reference.deviation(&shot);
+        let own = match reference.kind {
+            Kind::Cluster => reference.deviation(&reference.play_by_own_rule()?),
+            Kind::Shot | Kind::Airborne | Kind::Break => Deviation::default(),
+        };
         Ok(Self {
             name: reference.name.clone(),
             max_mm: deviation.max_m * 1e3,
@@ -87,8 +94,9 @@ impl ShotReport {
             },
             duration_secs: shot.duration_secs(),
             events: shot.events().len(),
-            fastest_off_m_s: deviation.fastest_m_s,
-            velocity_off_m_s: deviation.velocity_m_s,
+            own_rule_mm: own.max_m * 1e3,
+            fastest_off_m_s: own.fastest_m_s,
+            velocity_off_m_s: own.velocity_m_s,
             parts_at_secs: deviation.parts_at_secs,
             pocketed_differently: deviation.pocketed_differently,
         })
@@ -96,7 +104,7 @@ impl ShotReport {
 
     /// Whether its positions are held to the reference's.
     pub fn is_comparable(&self) -> bool {
-        matches!(self.kind, "shot" | "airborne")
+        self.kind != "break"
     }
 }
 
@@ -117,8 +125,9 @@ impl fmt::Display for Accuracy {
                 "shot" => {}
                 "cluster" => write!(
                     f,
-                    "  cluster: {:.4} m/s off after it, the ball that takes the blow {:.4}",
-                    shot.velocity_off_m_s, shot.fastest_off_m_s
+                    "  by their rule; by ours {:.1} mm, {:.4} m/s after it, of the ball that takes the \
+                     blow {:.4}",
+                    shot.own_rule_mm, shot.velocity_off_m_s, shot.fastest_off_m_s
                 )?,
                 "break" => match shot.parts_at_secs {
                     Some(t) => write!(f, "  break: parts by 1 mm at {t:.2} s")?,
@@ -142,7 +151,7 @@ impl fmt::Display for Accuracy {
             .count();
         writeln!(
             f,
-            "{count} shots without breaks and clusters: median {:.4} mm (bar {MEDIAN_MAX_MM}), worst \
+            "{count} shots without breaks: median {:.4} mm (bar {MEDIAN_MAX_MM}), worst \
              {:.4} mm (bar {WORST_MAX_MM})",
             self.median_max_mm, self.worst_max_mm
         )

@@ -85,9 +85,6 @@ fn pairs<'a>(
 
 /// Beyond this distance two trajectories count as parted.
 const PART_M: f64 = 1e-3;
-/// After this time no ball of a struck cluster touches another. Until then its slow balls press on
-/// each other, and there the references' simulator has a rule of its own, by its authors' words
-/// without a theory behind it: of two balls that are nearly as fast one takes a tenth of the other's
-/// momentum. They go on colliding at 5 mm/s, every fifth of a millisecond, and rub each other's spin
-/// away ten times as fast as the force between them would.
+/// After this time no ball of a struck cluster touches another: until then its slow balls press on each
+/// other, which is a matter of the rule for that.
 const CLUSTER_SECS: f64 = 0.5;

@@ -11,7 +11,7 @@ use super::{
     deviation::Deviation,
     schema::{EventJson, File, Frame},
 };
-use crate::sim::{BallState, Engine, Shot, Stroke, World};
+use crate::sim::{BallState, Clinging, Engine, Shot, Stroke, World};
 
 /// One reference shot.
 #[derive(Clone, Debug)]
@@ -33,8 +33,8 @@ pub enum Kind {
     Shot,
     /// A rack is broken: chaotic, so that two right simulations part within a second.
     Break,
-    /// Balls touch at the start: which of them takes how much of the blow is a matter of the rule
-    /// for clusters, so that only the velocities after it can be compared.
+    /// Balls touch at the start, and some press on each other after the blow: played by the rule that
+    /// the file's simulator has for that ([`Clinging::Steals`]).
     Cluster,
     /// The file's simulator let the ball fly, and had no cushions in the air: comparable until the
     /// first cushion.
@@ -104,11 +104,14 @@ impl Reference {
             file.schema
         );
         let frame = Frame::of(&file.table.specs);
-        let states = file
+        let mut states = file
             .initial
             .iter()
             .map(|(id, ball)| Ok(ball.state(&frame, number(id)?, file.body())))
             .collect::<anyhow::Result<Vec<_>>>()?;
+        // The cue ball first, as the references' simulator has it: its rule for balls that keep touching
+        // depends on which ball of a pair is the first.
+        states.sort_by_key(|state| state.number);
         let kind = kind(&file, &states);
         let (times, balls) = samples(&frame, &file, kind)?;
         Ok(Self {
@@ -126,14 +129,39 @@ impl Reference {
         self.world.set_engine(engine);
     }
 
-    /// Plays the shot.
+    /// Plays the shot: a cluster by the rule of the file's simulator.
     ///
     /// # Errors
     /// A sentence with the shot's name, if the simulation refuses it.
     pub fn play(&self) -> anyhow::Result<Shot> {
+        let world = match self.kind {
+            Kind::Cluster => &self.stealing()?,
+            Kind::Shot | Kind::Break | Kind::Airborne => &self.world,
+        };
+        self.play_in(world)
+    }
+
+    /// Plays the shot by the game's own rule for balls that keep touching.
+    ///
+    /// # Errors
+    /// As [`Reference::play`].
+    pub fn play_by_own_rule(&self) -> anyhow::Result<Shot> {
+        self.play_in(&self.world)
+    }
+
+    fn stealing(&self) -> anyhow::Result<World> {
+        let mut laws = *self.world.laws();
+        laws.ball_ball.clinging = Clinging::Steals;
+        let table = self.world.table().clone();
+        let mut world = World::with_laws(table, laws, self.world.balls())?;
+        world.set_engine(self.world.engine());
+        Ok(world)
+    }
+
+    fn play_in(&self, world: &World) -> anyhow::Result<Shot> {
         let shot = match self.stroke {
-            Some(stroke) => self.world.strike(stroke),
-            None => self.world.release(),
+            Some(stroke) => world.strike(stroke),
+            None => world.release(),
         };
         shot.with_context(|| format!("the shot {}", self.name))
     }

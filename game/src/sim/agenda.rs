@@ -11,6 +11,7 @@ use super::{
     live::Live,
     obstacle::{Obstacle, Scout},
     table::{Pocket, Table},
+    theft::{Clinging, overlap},
 };
 
 /// What happens to a ball without another ball.
@@ -43,14 +44,16 @@ pub(crate) struct Agenda {
     /// Of each ball the earliest contact with a ball before it, and that ball: of several at the
     /// same time the first.
     firsts: Vec<(f64, usize)>,
+    clinging: Clinging,
 }
 
 impl Agenda {
-    pub(crate) fn new(balls: usize) -> Self {
+    pub(crate) fn new(balls: usize, clinging: Clinging) -> Self {
         Self {
             changes: vec![(f64::INFINITY, Change::PhaseEnds); balls],
             pairs: vec![f64::INFINITY; balls * balls.saturating_sub(1) / 2],
             firsts: vec![(f64::INFINITY, 0); balls],
+            clinging,
         }
     }
 
@@ -59,7 +62,8 @@ impl Agenda {
         self.changes[ball] = next_change(&balls[ball], table, now);
         for (other, live) in balls.iter().enumerate() {
             if other != ball {
-                self.pairs[pair(ball, other)] = contact_time(&balls[ball], live, now);
+                self.pairs[pair(ball, other)] =
+                    contact_time(&balls[ball], live, (now, self.clinging));
             }
         }
         self.firsts[ball] = self.first_contact(ball);
@@ -123,10 +127,13 @@ impl Agenda {
     }
 }
 
-fn contact_time(one: &Live, other: &Live, now: f64) -> f64 {
+fn contact_time(one: &Live, other: &Live, (now, clinging): (f64, Clinging)) -> f64 {
     let in_play = one.is_in_play() && other.is_in_play();
     if !in_play || !(one.is_moving() || other.is_moving()) {
         return f64::INFINITY;
+    }
+    if clinging == Clinging::Steals && overlap(one, other, now) {
+        return now;
     }
     let horizon = one.rest_of_motion(now).min(other.rest_of_motion(now));
     let course = one.course(now).relative_to(&other.course(now));

@@ -89,6 +89,11 @@ impl Bodies {
         body.set_translation(place, true);
     }
 
+    /// Puts the centre of a ball somewhere else.
+    pub(crate) fn set_place(&mut self, ball: usize, place: DVec3) {
+        self.world.bodies[self.balls[ball]].set_translation(place, true);
+    }
+
     /// Takes a ball out of play.
     pub(crate) fn remove(&mut self, ball: usize) {
         self.world.bodies[self.balls[ball]].set_enabled(false);

@@ -63,6 +63,7 @@ mod stepped;
 mod stick;
 mod suggest;
 mod table;
+mod theft;
 mod track;
 mod world;
 
@@ -86,4 +87,5 @@ pub(crate) use simulation::{Simulation, Until};
 pub use stick::{Cue, Stroke};
 pub use suggest::{Suggestion, suggest};
 pub use table::{Circle, Cushion, Nose, Pocket, Rails, Table, TableParts};
+pub use theft::Clinging;
 pub use world::World;

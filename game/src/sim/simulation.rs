@@ -22,6 +22,7 @@ use super::{
     live::Live,
     motion::{End, Motion},
     table::Table,
+    theft::Clinging,
     track::Track,
 };
 
@@ -65,7 +66,7 @@ impl<'a> Simulation<'a> {
                 .iter()
                 .map(|state| Live::new(table, laws, state))
                 .collect(),
-            agenda: Agenda::new(states.len()),
+            agenda: Agenda::new(states.len(), laws.ball_ball.clinging),
             events: Vec::new(),
             second: (0.0, 0),
             cue_ball_touched: false,
@@ -136,6 +137,9 @@ impl<'a> Simulation<'a> {
         self.advance_to(time);
         match happening {
             Happening::Alone(ball, change) => self.change(ball, change),
+            Happening::Pair(first, second) if self.laws.ball_ball.clinging == Clinging::Steals => {
+                self.collide_by_theft(first, second);
+            }
             Happening::Pair(first, second) => {
                 let pairs = self.agenda.together(first, second, time + INSTANT_SECS);
                 let pairs: Vec<_> = pairs
