@@ -2,7 +2,8 @@
 //! second, but what a rack does on average is a matter of the laws.
 //!
 //! Each break of the references is repeated with its balls moved by some micrometres. What the
-//! reference's own simulator found is one draw of the same lottery and must lie where ours do.
+//! reference's own simulator found is one draw of the same lottery and must lie where ours do; where
+//! it has drawn many times, its draws are compared with ours as a whole.
 
 use std::fmt;
 
@@ -10,7 +11,10 @@ use carom_tracer::sampling::pcg4d;
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 
-use super::reference::{Kind, Reference};
+use super::{
+    draws::{Draws, Theirs, chance},
+    reference::{Kind, Reference},
+};
 use crate::sim::{BallState, Engine, Result, Shot, Stroke, Table, World};
 
 /// One quantity of one kind of break over all seeds.
@@ -33,10 +37,18 @@ pub struct BreakStatistic {
     pub halves_differ: f64,
     /// The reference's draw, if there is one.
     pub reference: Option<f64>,
+    /// The other simulator's own draws of the same lottery, if there are any.
+    pub theirs: Option<Theirs>,
 }
 
 impl BreakStatistic {
-    fn over(rack: &str, quantity: &'static str, draws: &[f64], reference: Option<f64>) -> Self {
+    fn over(
+        rack: &str,
+        quantity: &'static str,
+        draws: &[f64],
+        reference: Option<f64>,
+        theirs: Option<&[f64]>,
+    ) -> Self {
         let half = |start: usize| {
             draws
                 .iter()
@@ -57,6 +69,15 @@ impl BreakStatistic {
             band: band(draws),
             halves_differ: if differ.is_finite() { differ } else { 0.0 },
             reference,
+            theirs: theirs.map(|theirs| {
+                let (mean, error) = moments(theirs);
+                Theirs {
+                    count: theirs.len(),
+                    mean,
+                    mean_within: 1.96 * error,
+                    chance: chance(draws, theirs),
+                }
+            }),
         }
     }
 
@@ -84,22 +105,38 @@ impl fmt::Display for BreakStatistic {
         )?;
         match (self.reference, self.reference_fits()) {
             (Some(value), Some(fits)) => {
-                write!(f, "  {value:8.4} {}", if fits { "fits" } else { "OUTSIDE" })
+                write!(
+                    f,
+                    "  {value:8.4} {:7}",
+                    if fits { "fits" } else { "OUTSIDE" }
+                )?;
             }
-            _ => Ok(()),
+            _ => {}
+        }
+        match self.theirs {
+            Some(theirs) => write!(
+                f,
+                "  {:5} {:8.4} ± {:.4}  {:.3}",
+                theirs.count, theirs.mean, theirs.mean_within, theirs.chance
+            ),
+            None => Ok(()),
         }
     }
 }
 
 /// The heading of a table of [`BreakStatistic`]s.
 pub const HEADING: &str = "rack                   quantity             seeds     mean, 95 % of it   \
-                           middle 95 % of draws halves reference";
+                           middle 95 % of draws halves  one shot         theirs mean, 95 % of it  chance";
 
 /// The breaks of the references, each repeated `seeds` times, and the game's own rack.
 ///
 /// # Errors
 /// A sentence with the shot that cannot be played.
-pub fn measure(references: &[Reference], seeds: u32) -> anyhow::Result<Vec<BreakStatistic>> {
+pub fn measure(
+    references: &[Reference],
+    theirs: &Draws,
+    seeds: u32,
+) -> anyhow::Result<Vec<BreakStatistic>> {
     let mut statistics = Vec::new();
     for reference in references
         .iter()
@@ -115,10 +152,11 @@ pub fn measure(references: &[Reference], seeds: u32) -> anyhow::Result<Vec<Break
             &reference.name,
             &draws,
             reference.outcome(ENERGY_AFTER_SECS),
+            theirs,
         ));
     }
     let own = (0..seeds).map(own_break).collect::<Result<Vec<_>>>()?;
-    statistics.extend(table("the game's eight-ball", &own, None));
+    statistics.extend(table("the game's eight-ball", &own, None, theirs));
     Ok(statistics)
 }
 
@@ -134,15 +172,30 @@ fn table(
     rack: &str,
     draws: &[BreakOutcome],
     reference: Option<BreakOutcome>,
+    theirs: &Draws,
 ) -> [BreakStatistic; 3] {
-    let row = |quantity, pick: fn(&BreakOutcome) -> f64| {
+    let row = |quantity, pick: fn(&BreakOutcome) -> f64, theirs: Option<&[f64]>| {
         let values: Vec<_> = draws.iter().map(pick).collect();
-        BreakStatistic::over(rack, quantity, &values, reference.as_ref().map(pick))
+        let reference = reference.as_ref().map(pick);
+        BreakStatistic::over(rack, quantity, &values, reference, theirs)
     };
+    let theirs = theirs.of(rack);
     [
-        row("energy kept", |outcome| outcome.energy_kept),
-        row("spread, m", |outcome| outcome.spread_m),
-        row("balls pocketed", |outcome| outcome.pocketed),
+        row(
+            "energy kept",
+            |outcome| outcome.energy_kept,
+            theirs.map(|rack| rack.energy_kept.as_slice()),
+        ),
+        row(
+            "spread, m",
+            |outcome| outcome.spread_m,
+            theirs.map(|rack| rack.spread_m.as_slice()),
+        ),
+        row(
+            "balls pocketed",
+            |outcome| outcome.pocketed,
+            theirs.map(|rack| rack.pocketed.as_slice()),
+        ),
     ]
 }
 

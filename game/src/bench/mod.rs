@@ -6,11 +6,13 @@
 //! closed-forms  sliding, rolling and spinning, against theory
 //! curves        rules and curves that are published, drawn with --plot
 //! breaks        many breaks of the same rack, by statistics
+//! air           balls in the air: the closed flight against rapier's solver
 //! crowd         up to 1,000 balls: what an event costs
 //! trade         plain rapier at many settings: error against CPU time
 //! ```
 
 pub mod accuracy;
+pub mod air;
 mod banks;
 pub mod breaks;
 pub mod closed_forms;
@@ -18,6 +20,7 @@ mod cpu;
 pub mod crowd;
 pub mod curves;
 pub mod deviation;
+pub mod draws;
 mod masse;
 pub mod overlay;
 pub mod prairie;
@@ -36,10 +39,12 @@ use clap::{Args, Subcommand, ValueEnum};
 use serde::Serialize;
 
 use accuracy::Accuracy;
+use air::Air;
 use breaks::BreakStatistic;
 use closed_forms::ClosedForm;
 use crowd::Crowd;
 use curves::Curve;
+use draws::{Agreement, Draws};
 use reference::Reference;
 use trade::Trade;
 pub use traded::{in_a_table, in_words};
@@ -75,6 +80,13 @@ pub struct PhysicsArgs {
     /// Folder of reference shots (schema phys-ref-1)
     #[arg(long, value_name = "DIR", default_value = "tests/references/physics")]
     pub references: PathBuf,
+    /// Breaks that another simulator drew many times, beside which ours are laid
+    #[arg(
+        long,
+        value_name = "FILE",
+        default_value = "tests/references/breaks.json"
+    )]
+    pub draws: PathBuf,
     /// Print JSON in place of tables
     #[arg(long)]
     pub json: bool,
@@ -100,6 +112,8 @@ pub enum Part {
     Curves,
     /// Many breaks of the same rack, by statistics
     Breaks,
+    /// Balls in the air: the closed flight against rapier's solver
+    Air,
     /// Up to 1,000 balls: what an event costs
     Crowd,
     /// Plain rapier at many settings: error against CPU time
@@ -117,6 +131,10 @@ struct Report {
     curves: Option<Vec<Curve>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     breaks: Option<Vec<BreakStatistic>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    breaks_agree: Option<Agreement>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    air: Option<Vec<Air>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     crowd: Option<Vec<Crowd>>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -155,7 +173,13 @@ impl PhysicsArgs {
             report.curves = Some(curves::measure()?);
         }
         if wants(Part::Breaks) {
-            report.breaks = Some(breaks::measure(&read()?, self.seeds)?);
+            let theirs = Draws::read(&self.draws).context("--draws names a file of breaks")?;
+            let rows = breaks::measure(&read()?, &theirs, self.seeds)?;
+            report.breaks_agree = Some(Agreement::of(&rows));
+            report.breaks = Some(rows);
+        }
+        if wants(Part::Air) {
+            report.air = Some(air::measure()?);
         }
         if wants(Part::Crowd) {
             report.crowd = Some(crowd::measure()?);
@@ -206,6 +230,19 @@ impl Report {
             println!("\nBreaks\n{}", breaks::HEADING);
             for statistic in breaks {
                 println!("{statistic}");
+            }
+        }
+        if let Some(agreement) = &self.breaks_agree {
+            println!("{agreement}");
+        }
+        if let Some(airs) = &self.air {
+            println!(
+                "\nIn the air (bar of the closed flight: {})\n{}",
+                air::OFF_MAX,
+                air::HEADING
+            );
+            for air in airs {
+                println!("{air}");
             }
         }
         if let Some(crowds) = &self.crowd {

@@ -1,14 +1,16 @@
 //! The simulation: its laws, whole shots, aiming, and reference shots of another simulator.
 
 mod aiming;
+mod handover;
 mod laws;
+mod limits;
 mod placing;
 mod references;
 mod shots;
 
 use std::{f64::consts::PI, path::Path};
 
-use carom::bench::{accuracy, breaks, closed_forms, curves, reference::Reference};
+use carom::bench::{accuracy, air, breaks, closed_forms, curves, draws, reference::Reference};
 use carom::sim::{
     AimContact, BallBallLaw, BallBody, BallState, CLUSTER_ENERGY_J, Error, Event, EventKind, Laws,
     Layout, Nose, Phase, REBOUND_ENERGY_J, Shot, Stroke, Suggestion, Table, TableParts, World,

@@ -43,6 +43,8 @@ fn struck_clusters_part_as_in_the_references() {
         .collect();
     assert_eq!(clusters.len(), 2);
     for shot in clusters {
+        // By their rule they are among the shots that follow the references; this is by ours.
+        assert!(shot.own_rule_mm > accuracy::WORST_MAX_MM, "{shot:?}");
         assert!(shot.fastest_off_m_s < 0.01, "of 2 m/s: {shot:?}");
         // The others press on each other for a while, for which the references have a rule and
         // `balls_that_press_on_each_other_move_as_in_lasting_contact` the theory.
@@ -53,7 +55,15 @@ fn struck_clusters_part_as_in_the_references() {
 
 #[test]
 fn breaks_of_the_references_are_draws_of_ours() {
-    let rows = breaks::measure(&references(), 40).expect("all can be played");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/references");
+    let theirs = draws::Draws::read(&folder.join("breaks.json")).expect("it is in the repository");
+    let rows = breaks::measure(&references(), &theirs, 100).expect("all can be played");
+    let agreement = draws::Agreement::of(&rows);
+    assert_eq!((agreement.comparisons, agreement.shots), (6, 6));
+    assert!(
+        agreement.chance_together > draws::CHANCE_TOGETHER_MIN,
+        "{agreement}"
+    );
     assert_eq!(
         rows.len(),
         9,
