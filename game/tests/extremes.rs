@@ -9,7 +9,8 @@
 //! | frames of 1e-6 … 1/30 s | `the_shot_does_not_depend_on_frames` |
 //! | frozen racks, triple and symmetric contacts | `a_symmetric_rack_stays_symmetric`, `two_balls_struck_at_once_part_alike`, `frozen_racks_end` |
 //! | Newton's cradle | `the_cradle_passes_the_blow_on` |
-//! | on a jaw, on a pocket's edge, between two cushions | `balls_on_edges_end` |
+//! | on a jaw, on a pocket's edge | `balls_on_edges_end` |
+//! | between two cushions; cuts of 89.9°; time reversed | `physics/limits.rs` |
 //! | grazing within 1e-9 | `a_graze_is_a_contact_or_none` |
 //! | 1,000 balls | `a_thousand_balls_come_to_rest` |
 //! | 80 m from the origin | `far_from_the_origin_is_as_near_it` |

@@ -55,6 +55,48 @@ fn position(seed: u32) -> Option<World> {
     World::new(Table::nine_foot(), Layout { balls }).ok()
 }
 
+/// The line ends where the shot first touches something, with the ball, the ghost and both ways that
+/// the shot has there, bit for bit.
+fn assert_predicted(world: &World, stroke: Stroke) {
+    let line = predict(world, stroke).expect("valid");
+    let shot = world.strike(stroke).expect("valid");
+    let touched = shot.events().iter().find(|event| match event.kind {
+        EventKind::BallBall { first, second, .. } => first == 0 || second == 0,
+        EventKind::Cushion { ball, .. }
+        | EventKind::Pocketed { ball, .. }
+        | EventKind::LeftTable { ball, .. } => ball == 0,
+        _ => false,
+    });
+    let t = touched.map_or(shot.duration_secs(), |event| event.time_secs);
+    let states = shot.states_at(t);
+    let of = |number: u8| {
+        let found = states.iter().find(|ball| ball.number == number);
+        *found.expect("it is there")
+    };
+    assert_eq!(*line.path.last().expect("not empty"), of(0).position);
+    let met = touched.map(|event| event.kind);
+    match line.contact {
+        AimContact::Ball {
+            number,
+            ghost,
+            object,
+            object_direction,
+            cue_direction,
+        } => {
+            let Some(EventKind::BallBall { first, second, .. }) = met else {
+                panic!("{:?} and {met:?}", line.contact);
+            };
+            assert_eq!(first.max(second), number);
+            assert_eq!([ghost, object], [of(0).position, of(number).position]);
+            assert_eq!(object_direction, of(number).velocity.normalize_or_zero());
+            assert_eq!(cue_direction, of(0).velocity.normalize_or_zero());
+        }
+        AimContact::Cushion { .. } => assert!(matches!(met, Some(EventKind::Cushion { .. }))),
+        AimContact::Pocket { .. } => assert!(matches!(met, Some(EventKind::Pocketed { .. }))),
+        _ => assert!(!matches!(met, Some(EventKind::BallBall { .. })), "{met:?}"),
+    }
+}
+
 #[test]
 fn a_suggested_stroke_does_what_it_says() {
     let (mut asked, mut found) = (0, 0);
@@ -148,21 +190,38 @@ proptest! {
     ) {
         let world = eight_ball(seed);
         let stroke = Stroke { direction_rad, speed_m_s, side, vertical, elevation_rad };
-        let line = predict(&world, stroke).expect("valid");
-        let shot = world.strike(stroke).expect("valid");
-        let end = *line.path.last().expect("not empty");
-        let touched = shot.events().iter().find(|event| match event.kind {
-            EventKind::BallBall { first, second, .. } => first == 0 || second == 0,
-            EventKind::Cushion { ball, .. }
-            | EventKind::Pocketed { ball, .. }
-            | EventKind::LeftTable { ball, .. } => ball == 0,
-            _ => false,
-        });
-        let t = touched.map_or(shot.duration_secs(), |event| event.time_secs);
-        let there = shot.states_at(t)[0];
-        prop_assert_eq!(end, there.position);
-        if let AimContact::Ball { cue_direction, .. } = line.contact {
-            prop_assert_eq!(cue_direction, there.velocity.normalize_or_zero());
+        assert_predicted(&world, stroke);
+    }
+
+    /// Balls anywhere, any legal stroke.
+    #[test]
+    fn the_prediction_is_the_shot_on_an_open_table(
+        seed in 0u32..100_000,
+        direction_rad in -PI..PI,
+        speed_m_s in 0.05..12.0,
+        side in -0.4..0.4,
+        vertical in -0.4..0.4,
+        elevation_rad in 0.0..1.2,
+    ) {
+        if let Some(world) = position(seed) {
+            let stroke = Stroke { direction_rad, speed_m_s, side, vertical, elevation_rad };
+            assert_predicted(&world, stroke);
+        }
+    }
+
+    /// What is suggested is a stroke like any other: aimed it shows what it does, and played it does
+    /// what was said.
+    #[test]
+    fn a_suggestion_is_aimed_and_played_as_it_was_found(seed in 0u32..100_000) {
+        if let Some(world) = position(seed)
+            && let Some(found) = suggest(&world, &[1, 2], 60).expect("within limits")
+        {
+            let shot = world.strike(found.stroke).expect("valid");
+            let pots = |event: &Event| matches!(event.kind, EventKind::Pocketed { ball, pocket, .. }
+                if (ball, pocket) == (found.ball, found.pocket));
+            prop_assert!(shot.events().iter().any(pots), "{found:?}");
+            prop_assert!(shot.final_states()[0].phase.is_on_table());
+            assert_predicted(&world, found.stroke);
         }
     }
 }
