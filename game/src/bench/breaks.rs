@@ -103,15 +103,9 @@ impl fmt::Display for BreakStatistic {
             high,
             self.halves_differ
         )?;
-        match (self.reference, self.reference_fits()) {
-            (Some(value), Some(fits)) => {
-                write!(
-                    f,
-                    "  {value:8.4} {:7}",
-                    if fits { "fits" } else { "OUTSIDE" }
-                )?;
-            }
-            _ => {}
+        if let (Some(value), Some(fits)) = (self.reference, self.reference_fits()) {
+            let words = if fits { "fits" } else { "OUTSIDE" };
+            write!(f, "  {value:8.4} {words:7}")?;
         }
         match self.theirs {
             Some(theirs) => write!(
