@@ -11,7 +11,7 @@ use std::collections::BTreeSet;
 use carom::quality::Dial;
 use carom::ui::stats::{Level, Stats, Wish};
 use carom::ui::theme;
-use carom_farm::Algorithm;
+use carom_farm::{Algorithm, Distribution};
 use egui::accesskit::Role;
 use egui::{Pos2, Rect, Vec2};
 use egui_kittest::Harness;
@@ -255,6 +255,13 @@ fn the_way_of_dividing_is_chosen_in_the_overlay() {
     assert_eq!(
         harness.state().wishes,
         [Wish::Balancing(Algorithm::WaterFilling.unhedged())]
+    );
+    harness.state_mut().wishes.clear();
+    harness.get_by_label("by samples").click();
+    harness.run_steps(2);
+    assert_eq!(
+        harness.state().wishes,
+        [Wish::Distribution(Distribution::Samples)]
     );
 }
 

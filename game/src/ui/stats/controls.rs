@@ -40,7 +40,7 @@ pub(super) fn show(ui: &mut Ui, stats: &mut Stats, facts: &Facts<'_>) {
 
 fn balancing(ui: &mut Ui, stats: &mut Stats, now: Balancing) {
     let mut wanted = now;
-    ComboBox::from_label("divides the pictures")
+    ComboBox::from_label("divides pictures")
         .height(420.0)
         .selected_text(now.algorithm.name())
         .show_ui(ui, |ui| {
