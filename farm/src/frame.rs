@@ -199,7 +199,10 @@ pub enum NodeState {
     /// Connected, and this farm has no scene yet.
     Paired,
     /// Connected, without this farm's scene yet.
-    Syncing,
+    Syncing {
+        /// How much of the scene has come to it.
+        percent: u8,
+    },
     /// Holds the scene.
     Ready,
     /// Holds the scene and has had work within the last second.
@@ -222,7 +225,7 @@ impl NodeState {
             Self::Starting => "starting",
             Self::Listening => "listening",
             Self::Paired => "paired",
-            Self::Syncing => "syncing",
+            Self::Syncing { .. } => "syncing",
             Self::Ready => "ready",
             Self::Rendering => "rendering",
             Self::Draining => "draining",
@@ -236,7 +239,9 @@ impl NodeState {
             Self::Starting => "is being called, or opens its device".into(),
             Self::Listening => "waits for a player".into(),
             Self::Paired => "is connected and waits for a scene".into(),
-            Self::Syncing => "is being sent the scene".into(),
+            Self::Syncing { percent } => {
+                format!("is being sent the scene and has {percent} % of it")
+            }
             Self::Ready => "holds the scene and waits for work".into(),
             Self::Rendering => "traces".into(),
             Self::Draining => "is shutting down".into(),
@@ -253,11 +258,12 @@ impl NodeState {
     }
 }
 
-/// Its word, and for a lost node why it is and when it is tried again.
+/// Its word, with how much of the scene it has, and for a lost node why it is and when it is tried again.
 impl fmt::Display for NodeState {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.word())?;
         match self {
+            Self::Syncing { percent } => write!(f, " {percent} %"),
             Self::Lost { why, retry_secs } => match retry_secs {
                 Some(secs) => write!(f, " ({why}, tried again within {secs} s)"),
                 None => write!(f, " ({why})"),

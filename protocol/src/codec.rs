@@ -146,6 +146,7 @@ pub(crate) fn to_client_kind(message: &ToClient) -> &'static str {
         ToClient::RunDone(_) => "report",
         ToClient::RunRefused(_) => "refusal",
         ToClient::Pong(_) => "pong",
+        ToClient::SceneComing { .. } => "progress of a scene",
     }
 }
 

@@ -52,6 +52,13 @@ impl Deframer {
         self.bytes.extend_from_slice(bytes);
     }
 
+    /// Of a packet that is not whole how many bytes are there, and how many it has; absent between
+    /// packets. To be asked when [`Deframer::next_packet`] had none.
+    pub fn under_way(&self) -> Option<(usize, usize)> {
+        let (&length, rest) = self.bytes[self.start..].split_first_chunk::<LENGTH_BYTES>()?;
+        Some((rest.len(), u32::from_le_bytes(length) as usize))
+    }
+
     /// The next whole packet.
     ///
     /// # Errors
@@ -117,6 +124,10 @@ mod tests {
                 deframer.push(bytes);
                 while let Some(packet) = deframer.next_packet().unwrap() {
                     out.push(packet);
+                }
+                if let Some((there, of)) = deframer.under_way() {
+                    assert!(there < of);
+                    assert_eq!(of, packets[out.len()].len());
                 }
             }
             assert_eq!(out, packets);

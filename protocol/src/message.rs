@@ -8,7 +8,7 @@ use crate::precision::PrecisionRange;
 /// Raised by every change of a message; both ends must speak the same. [`ToNode::Hello`] and
 /// [`ToClient::Welcome`] begin with their variant, 0, and this number in every version, so that
 /// ends of different versions can say so.
-pub const VERSION: u16 = 3;
+pub const VERSION: u16 = 4;
 
 /// BLAKE3 of a scene's postcard bytes: nodes keep scenes by it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -78,6 +78,12 @@ pub enum ToClient {
     RunRefused(Refusal),
     /// The answer to [`ToNode::Ping`].
     Pong(u64),
+    /// So many bytes of the message with the oldest scene that has no answer are there: said now
+    /// and then while a long one comes.
+    SceneComing {
+        /// At most the message's length.
+        bytes: u32,
+    },
 }
 
 /// What a node is.

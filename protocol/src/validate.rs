@@ -49,7 +49,9 @@ impl ToClient {
                     Ok(())
                 }
             },
-            Self::SceneReady(_) | Self::RunDone(_) | Self::Pong(_) => Ok(()),
+            Self::SceneReady(_) | Self::RunDone(_) | Self::Pong(_) | Self::SceneComing { .. } => {
+                Ok(())
+            }
         }
     }
 }

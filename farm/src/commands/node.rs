@@ -130,7 +130,7 @@ impl Watched {
     /// Says that it has come to a state, unless it was there already.
     fn come_to(&mut self, state: NodeState) {
         if self.state != state {
-            say(&format!("{} for {}", state.word(), self.player));
+            say(&format!("{state} for {}", self.player));
             self.state = state;
         }
     }
@@ -141,7 +141,7 @@ impl Peer for Watched {
         let message = codec::decode_to_node(&packet.bytes);
         let is_scene = matches!(message, Ok(ToNode::Scene { .. }));
         if is_scene {
-            self.come_to(NodeState::Syncing);
+            self.come_to(NodeState::Syncing { percent: 100 });
         }
         self.connection.handle(packet)?;
         if is_scene {
@@ -157,6 +157,12 @@ impl Peer for Watched {
             self.device = device;
         }
         Ok(())
+    }
+
+    fn arriving(&mut self, bytes: usize, of: usize) {
+        let percent = (100 * bytes / of.max(1)) as u8;
+        self.come_to(NodeState::Syncing { percent });
+        self.connection.arriving(bytes);
     }
 
     fn poll_transmit(&mut self) -> Option<Packet> {

@@ -269,6 +269,7 @@ impl Coordinator {
                 }
                 self.handle_ping(now, index);
             }
+            ClientEvent::SceneComing { hash, percent } => node.scene_coming(hash, percent),
             ClientEvent::SceneReady(hash) => {
                 if node.scene_ready(hash) {
                     self.unheld = true;

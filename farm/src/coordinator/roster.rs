@@ -19,6 +19,8 @@ pub(super) struct Node {
     pub(super) connection: Connection,
     /// Scenes that it has said it is ready for.
     scenes: BTreeSet<SceneHash>,
+    /// The scene that is on its way to it, and how much of it has come, in per cent.
+    scene_coming: Option<(SceneHash, u8)>,
     scene_refused: Option<(SceneHash, String)>,
     pub(super) runs: BTreeMap<RunId, Run>,
     pub(super) estimator: Estimator,
@@ -71,6 +73,7 @@ impl Node {
             address,
             connection: Connection::Connecting,
             scenes: BTreeSet::new(),
+            scene_coming: None,
             scene_refused: None,
             runs: BTreeMap::new(),
             estimator: Estimator::default(),
@@ -104,6 +107,7 @@ impl Node {
     pub(super) fn reset(&mut self, connection: Connection) {
         self.connection = connection;
         self.scenes.clear();
+        self.scene_coming = None;
         self.scene_refused = None;
         let runs = std::mem::take(&mut self.runs);
         runs.values().for_each(|run| self.lose(run));
@@ -116,6 +120,10 @@ impl Node {
     pub(super) fn scene_ready(&mut self, hash: SceneHash) -> bool {
         self.scene_refused = None;
         self.scenes.insert(hash)
+    }
+
+    pub(super) fn scene_coming(&mut self, hash: SceneHash, percent: u8) {
+        self.scene_coming = Some((hash, percent));
     }
 
     pub(super) fn scene_refused(&mut self, hash: SceneHash, why: String) {
@@ -334,7 +342,9 @@ impl Node {
             return NodeState::Paired;
         };
         if !self.scenes.contains(&scene) {
-            return NodeState::Syncing;
+            let of_it = self.scene_coming.filter(|(hash, _)| *hash == scene);
+            let percent = of_it.map_or(0, |(_, percent)| percent);
+            return NodeState::Syncing { percent };
         }
         let had_work = !self.runs.is_empty() || self.tiles > 0 && now - self.heard < WORK_SECS;
         if had_work {

@@ -26,6 +26,9 @@ pub trait Peer {
     /// Takes a packet; an error is the other side's fault and ends the connection.
     fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error>;
 
+    /// Hears how many bytes of a scene have come that is still on its way, and how many it has.
+    fn arriving(&mut self, _bytes: usize, _of: usize) {}
+
     /// The next packet to send, if there is one now.
     fn poll_transmit(&mut self) -> Option<Packet>;
 
@@ -52,6 +55,13 @@ pub(crate) struct Streams {
     pub(crate) role: Role,
 }
 
+/// What streams and datagrams bring.
+pub(crate) enum Incoming {
+    Packet(Packet),
+    /// So many bytes of a node's next control packet, a scene, of so many.
+    Part(usize, usize),
+}
+
 /// Why a connection can carry no more.
 pub(crate) enum Fault {
     /// It is gone.
@@ -72,6 +82,8 @@ const BLOCKS_ASKED_MAX: usize = 64;
 const COPY_DELAY: Duration = Duration::from_millis(3);
 /// Bytes that are taken from the control stream at once.
 const CHUNK_BYTES_MAX: usize = 64 << 10;
+/// A player hears at most so often how much of a scene has come.
+const SCENE_PARTS: usize = 16;
 /// Control packets go before tiles that have not left yet.
 const CONTROL_PRIORITY: i32 = 1;
 /// How long the last answer of a session that met an error may take to arrive.
@@ -94,7 +106,7 @@ pub(crate) async fn carry(streams: Streams, peer: &mut impl Peer) -> String {
 }
 
 struct Carrier {
-    incoming: mpsc::Receiver<Packet>,
+    incoming: mpsc::Receiver<Incoming>,
     control: mpsc::Sender<Vec<u8>>,
     tiles: mpsc::Sender<Vec<u8>>,
     /// One for each stream; all end when this is dropped.
@@ -166,7 +178,7 @@ impl Carrier {
                     }
                     _ => return Fault::Gone(self.connection.closed().await),
                 },
-                Some(packet) = self.incoming.recv() => self.hear(peer, packet).err(),
+                Some(incoming) = self.incoming.recv() => self.hear(peer, incoming).err(),
                 owner = poll_fn(|cx| peer.poll_owner(cx)), if pending.is_none() => match owner {
                     Ok(()) => None,
                     Err(why) => return Fault::Owner(why),
@@ -182,8 +194,11 @@ impl Carrier {
         }
     }
 
-    fn hear(&self, peer: &mut impl Peer, packet: Packet) -> Result<(), carom_protocol::Error> {
-        peer.handle(packet)?;
+    fn hear(&self, peer: &mut impl Peer, incoming: Incoming) -> Result<(), carom_protocol::Error> {
+        match incoming {
+            Incoming::Packet(packet) => peer.handle(packet)?,
+            Incoming::Part(bytes, of) => peer.arriving(bytes, of),
+        }
         let runs = peer.take_unwanted();
         if !runs.is_empty() {
             self.unwanted.send_modify(|unwanted| {
@@ -235,8 +250,9 @@ impl Carrier {
 async fn read_control(
     mut stream: RecvStream,
     role: Role,
-    to_session: mpsc::Sender<Packet>,
+    to_session: mpsc::Sender<Incoming>,
 ) -> Fault {
+    let mut told = 0;
     let mut deframer = Deframer::new(match role {
         Role::Player => limits::CONTROL_BYTES_MAX,
         Role::Node => limits::SCENE_BYTES_MAX,
@@ -257,9 +273,20 @@ async fn read_control(
                 Err(why) => return Fault::Rule(why.to_string()),
             };
             let channel = Channel::Control;
-            if to_session.send(Packet { channel, bytes }).await.is_err() {
+            let packet = Incoming::Packet(Packet { channel, bytes });
+            if to_session.send(packet).await.is_err() {
                 return Fault::Gone(ConnectionError::LocallyClosed);
             }
+            told = 0;
+        }
+        // A scene, by its length.
+        let long = |(_, of): &(usize, usize)| *of > limits::CONTROL_BYTES_MAX;
+        if let Some((there, of)) = deframer.under_way().filter(long)
+            && there >= told + of.div_ceil(SCENE_PARTS)
+        {
+            told = there;
+            // What ends the session is seen with the next packet.
+            let _ = to_session.send(Incoming::Part(there, of)).await;
         }
     }
 }
@@ -278,7 +305,7 @@ async fn write_control(mut stream: SendStream, mut packets: mpsc::Receiver<Vec<u
 /// A node's: questions for blocks, and copies of requests.
 async fn read_datagrams(
     connection: Connection,
-    to_session: mpsc::Sender<Packet>,
+    to_session: mpsc::Sender<Incoming>,
     asked: mpsc::Sender<Asked>,
 ) -> Fault {
     loop {
@@ -291,7 +318,8 @@ async fn read_datagrams(
             Some(Datagram::Missing { block, held }) => drop(asked.try_send((block, held))),
             Some(Datagram::Copy(bytes)) => {
                 let (channel, bytes) = (Channel::Copy, bytes.to_vec());
-                let _ = to_session.send(Packet { channel, bytes }).await;
+                let copy = Incoming::Packet(Packet { channel, bytes });
+                let _ = to_session.send(copy).await;
             }
             _ => return Fault::Rule("a datagram is none of a player's".into()),
         }

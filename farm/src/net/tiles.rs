@@ -23,7 +23,7 @@ use super::blocks::{Blocks, Repair};
 use super::datagram::Datagram;
 use super::endpoint::code;
 use super::loss::LossMeter;
-use super::packets::Fault;
+use super::packets::{Fault, Incoming};
 
 /// How the node's tiles come, for both ends to go by.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -240,7 +240,7 @@ async fn wait_until(due: Option<Instant>) {
 /// A player's end.
 pub(crate) struct TileReader {
     connection: Connection,
-    to_session: mpsc::Sender<Packet>,
+    to_session: mpsc::Sender<Incoming>,
     way: watch::Sender<Way>,
     began: Instant,
     assembly: Assembly,
@@ -249,7 +249,7 @@ pub(crate) struct TileReader {
 impl TileReader {
     pub(crate) fn new(
         connection: Connection,
-        to_session: mpsc::Sender<Packet>,
+        to_session: mpsc::Sender<Incoming>,
         way: watch::Sender<Way>,
     ) -> Self {
         Self {
@@ -344,7 +344,8 @@ impl TileReader {
     async fn deliver(&self, packets: Vec<Vec<u8>>) {
         for bytes in packets {
             let channel = Channel::Tiles;
-            let _ = self.to_session.send(Packet { channel, bytes }).await;
+            let packet = Incoming::Packet(Packet { channel, bytes });
+            let _ = self.to_session.send(packet).await;
         }
     }
 

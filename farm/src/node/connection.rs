@@ -97,6 +97,11 @@ impl NodeConnection {
         Ok(())
     }
 
+    /// So many bytes of a scene have come that is still on its way.
+    pub fn arriving(&mut self, bytes: usize) {
+        self.client.lock().session.arriving(bytes);
+    }
+
     /// Runs that nobody waits for any more, since the last call.
     pub fn take_unwanted(&mut self) -> Vec<RunId> {
         self.client.lock().session.take_unwanted()
@@ -144,6 +149,10 @@ impl NodeConnection {
 impl crate::net::Peer for NodeConnection {
     fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error> {
         Self::handle(self, packet)
+    }
+
+    fn arriving(&mut self, bytes: usize, _of: usize) {
+        Self::arriving(self, bytes);
     }
 
     fn poll_transmit(&mut self) -> Option<Packet> {

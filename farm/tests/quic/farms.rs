@@ -2,17 +2,20 @@
 
 use std::net::{SocketAddr, UdpSocket};
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, mpsc};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use carom_farm::net::{Authority, NodeServer, PathConfig, Proxy, Role, Stop, create_farm};
+use carom_farm::net::{
+    Authority, Client, Command, Credentials, LinkEvent, NodeServer, PathConfig, Proxy, Role, Stop,
+    create_farm,
+};
 use carom_farm::node::Node;
 use carom_farm::{Farm, FarmConfig, Frame, FrameSpec, LocalNode, NodeState, PrecisionRange};
-use carom_protocol::PixelFormat;
+use carom_protocol::{ClientEvent, PixelFormat, SceneHash};
 use carom_tracer::{
-    CompiledScene, CpuTracer, DeviceInfo, Error, ImageSize, RenderSettings, Scene, SceneUpdate,
-    TileRadiance, TraceJob, TraceStats, Tracer,
+    CompiledScene, CpuTracer, DeviceInfo, Error, ImageSize, Object, RenderSettings, Scene,
+    SceneUpdate, TileRadiance, TraceJob, TraceStats, Tracer,
 };
 
 use crate::greeter::{any_port, today};
@@ -280,3 +283,57 @@ fn a_node_that_does_not_answer_is_lost_with_what_to_check() {
     assert!(why.contains("does not answer"), "{why}");
     assert!(why.contains("firewall"), "{why}");
 }
+
+/// A scene of half a megabyte: its node says how much of it has come, and at last that all has.
+#[test]
+fn a_node_tells_how_much_of_a_long_scene_has_come() {
+    let dir = tempfile::tempdir().unwrap();
+    create_farm(dir.path()).unwrap();
+    let authority = Authority::load(dir.path()).unwrap();
+    let node = Running::start(&authority, any_port());
+    let mut scene = pool();
+    let ball = scene.objects[0].clone();
+    let copies = 0..OBJECTS - scene.objects.len();
+    scene.objects.extend(copies.map(|copy| Object {
+        name: format!("{copy:0>60}"),
+        ..ball.clone()
+    }));
+    let hash = SceneHash::of(&scene);
+    let player = Credentials::load(dir.path(), Role::Player).unwrap();
+    let client = Client::new(&player).unwrap();
+    let (events, heard) = mpsc::channel();
+    let address = node.address.to_string().parse().unwrap();
+    let link = client.link(address, PrecisionRange::EXACT, move |event| {
+        let _ = events.send(event);
+    });
+    let mut percents = Vec::new();
+    loop {
+        match heard.recv_timeout(PATIENCE).expect("the scene comes") {
+            LinkEvent::Session(ClientEvent::Welcome(_)) => {
+                assert!(link.send(Command::Scene(hash, Arc::new(scene.clone()))));
+            }
+            LinkEvent::Session(ClientEvent::SceneComing { hash: of, percent }) => {
+                assert_eq!(of, hash);
+                percents.push(percent);
+            }
+            LinkEvent::Session(ClientEvent::SceneReady(of)) => {
+                assert_eq!(of, hash);
+                break;
+            }
+            LinkEvent::Connecting => {}
+            other => panic!("{other:?}"),
+        }
+    }
+    // It comes in pieces of 64 KiB at most.
+    assert!((4..=16).contains(&percents.len()), "{percents:?}");
+    assert!(
+        percents.windows(2).all(|pair| pair[0] < pair[1]),
+        "{percents:?}"
+    );
+    assert!(
+        percents[0] > 0 && percents[percents.len() - 1] < 100,
+        "{percents:?}"
+    );
+}
+
+const OBJECTS: usize = 4000;

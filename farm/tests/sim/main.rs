@@ -3,6 +3,7 @@
 mod bars;
 mod faults;
 mod samples;
+mod states;
 
 use carom_farm::Algorithm::{self, Ab, Equal, Naive, WaterFilling};
 use carom_farm::coordinator::balancer::{Line, fill};

@@ -142,6 +142,7 @@ pub fn to_client_seeds() -> Vec<Vec<u8>> {
         ToClient::Tiles(tiles(1, GRID.all())),
         ToClient::RunDone(report(1)),
         ToClient::Pong(7),
+        ToClient::SceneComing { bytes: 70_000 },
     ];
     let bytes = messages.iter().map(encode_to_client);
     bytes.map(|bytes| bytes.expect("a right message")).collect()

@@ -21,6 +21,13 @@ use crate::{Error, codec};
 pub enum ClientEvent {
     /// The node answers. Always the first event.
     Welcome(NodeInfo),
+    /// So much of a scene has come to the node.
+    SceneComing {
+        /// Which scene.
+        hash: SceneHash,
+        /// From 0 to 100.
+        percent: u8,
+    },
     /// The node holds the scene.
     SceneReady(SceneHash),
     /// The node cannot use the scene.
@@ -110,8 +117,8 @@ pub struct ClientSession {
     refused: RefusedRuns,
     held: Held,
     last_run: Option<RunId>,
-    /// Scenes without an answer, in order.
-    scenes_asked: VecDeque<SceneHash>,
+    /// Scenes without an answer, in order, with the bytes of their messages.
+    scenes_asked: VecDeque<(SceneHash, usize)>,
     /// Pings without an answer, in order.
     pings: VecDeque<u64>,
     decoder: Decoder,
@@ -166,8 +173,9 @@ impl ClientSession {
         scene.validate().map_err(invalid)?;
         let scene = Box::new(scene.clone());
         self.send(&ToNode::Scene { hash, scene })?;
+        let bytes = self.packets.back().map_or(0, Vec::len);
         self.scenes.insert(hash, SceneStatus::Pending);
-        self.scenes_asked.push_back(hash);
+        self.scenes_asked.push_back((hash, bytes));
         Ok(SceneStatus::Pending)
     }
 
@@ -297,6 +305,7 @@ impl ClientSession {
             ToClient::RunDone(report) => self.run_done(report),
             ToClient::RunRefused(refusal) => self.run_refused(refusal),
             ToClient::Pong(number) => self.pong(number),
+            ToClient::SceneComing { bytes } => self.scene_coming(bytes as usize),
         }
     }
 
@@ -308,6 +317,19 @@ impl ClientSession {
         Ok(vec![ClientEvent::SceneReady(hash)])
     }
 
+    fn scene_coming(&mut self, bytes: usize) -> Result<Vec<ClientEvent>, Error> {
+        match self.scenes_asked.front() {
+            Some((hash, all)) if bytes <= *all => {
+                let (hash, percent) = (*hash, (100 * bytes / all) as u8);
+                Ok(vec![ClientEvent::SceneComing { hash, percent }])
+            }
+            _ => Err(Error::out_of_order(
+                "progress of a scene",
+                format!("no scene of {bytes} bytes was sent"),
+            )),
+        }
+    }
+
     fn scene_refused(&mut self, hash: SceneHash, why: String) -> Result<Vec<ClientEvent>, Error> {
         self.expect_answer(hash)?;
         self.scenes.remove(hash);
@@ -317,7 +339,7 @@ impl ClientSession {
     /// A node answers scenes in the order in which it gets them.
     fn expect_answer(&mut self, hash: SceneHash) -> Result<(), Error> {
         match self.scenes_asked.front() {
-            Some(asked) if *asked == hash => {
+            Some((asked, _)) if *asked == hash => {
                 self.scenes_asked.pop_front();
                 Ok(())
             }

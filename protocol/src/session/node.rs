@@ -144,6 +144,16 @@ impl NodeSession {
         event
     }
 
+    /// Tells the client how much of a packet has come that is too long to be anything but a scene; to
+    /// be called now and then while it comes, before it is handled.
+    pub fn arriving(&mut self, bytes: usize) {
+        let has_room = self.answers.len() < CONTROL_QUEUED_MAX;
+        if self.state == State::Open && has_room {
+            let bytes = u32::try_from(bytes).unwrap_or(u32::MAX);
+            self.send(&ToClient::SceneComing { bytes });
+        }
+    }
+
     /// Sends finished tiles of a run, in any order. `false` if the run is no longer wanted: stop
     /// it.
     ///

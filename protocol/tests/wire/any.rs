@@ -50,6 +50,7 @@ pub(crate) fn to_client() -> impl Strategy<Value = ToClient> {
         report().prop_map(ToClient::RunDone),
         refusal().prop_map(ToClient::RunRefused),
         any::<u64>().prop_map(ToClient::Pong),
+        any::<u32>().prop_map(|bytes| ToClient::SceneComing { bytes }),
     ]
 }
 

@@ -173,6 +173,41 @@ fn answers_need_questions() {
 }
 
 #[test]
+fn no_more_of_a_scene_comes_than_was_sent() {
+    let coming = |bytes: u32| control(&ToClient::SceneComing { bytes });
+    let scene = any::balls(100);
+    let hash = SceneHash::of(&scene);
+    let client = || {
+        let mut client = ClientSession::new();
+        client.handle(control(&welcome())).unwrap();
+        while client.poll_transmit().is_some() {}
+        client.set_scene(hash, &scene).unwrap();
+        let length = client.poll_transmit().unwrap().bytes.len() as u32;
+        (client, length)
+    };
+    let (mut whole, length) = client();
+    for (bytes, percent) in [(0, 0), (length / 2, 49), (length, 100)] {
+        let heard = whole.handle(coming(bytes)).unwrap();
+        let [
+            ClientEvent::SceneComing {
+                hash: of,
+                percent: said,
+            },
+        ] = heard[..]
+        else {
+            panic!("{heard:?}");
+        };
+        assert!(
+            of == hash && (percent..=percent + 1).contains(&said),
+            "{said}"
+        );
+    }
+    assert_closes(whole, [coming(length + 1)]);
+    let ready = control(&ToClient::SceneReady(hash));
+    assert_closes(client().0, [ready, coming(0)]);
+}
+
+#[test]
 fn messages_keep_to_their_channel() {
     let channel = Channel::Control;
     assert_closes(

@@ -284,6 +284,7 @@ impl Pair {
                     }
                 }
                 ClientEvent::Welcome(_) | ClientEvent::SceneReady(_) | ClientEvent::Pong(_) => {}
+                ClientEvent::SceneComing { percent, .. } => assert!(percent <= 100),
                 ClientEvent::SceneRefused { why, .. } => panic!("{why}"),
             }
         }

@@ -157,11 +157,10 @@ impl NodeSummary {
         Self {
             name: name_of(status).to_owned(),
             device: device.unwrap_or_default(),
-            state: state_sentence
-                .split(' ')
-                .next()
-                .unwrap_or_default()
-                .to_owned(),
+            state: match status.state {
+                NodeState::Lost { .. } => status.state.word().to_owned(),
+                _ => state_sentence.clone(),
+            },
             state_sentence,
             is_ready: status.state == NodeState::Ready,
             lost: status.lost_tiles,

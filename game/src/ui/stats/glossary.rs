@@ -53,7 +53,7 @@ terms! {
     DECODE "decode" "Critical path, 6 of 6: decoding, by this machine's clock, milliseconds."
     DRAW "draw" "Milliseconds that this machine needed for the last redraw: moving the picture, interface, and handing both to the display."
     NODE "node" "Number and name of the node, as in the map and the Gantt chart."
-    STATE "state" "Where the node stands: starting, paired (no scene yet), syncing (the scene is on its way), ready, or lost."
+    STATE "state" "Where the node stands: starting, paired (no scene yet), syncing (how much of the scene has come to it), ready, or lost."
     DEVICE "device" "What the node traces with."
     TILES "tiles" "Tiles of this picture that came from the node."
     SHARE "share" "The node's part of this picture's work, per cent."

@@ -208,7 +208,7 @@ static COLUMNS: &[Column] = &[
         format!("{:>2} {}", s.index, s.summary.name)
     }),
     alarming(
-        column(&terms::STATE, 11, |s| s.summary.state.clone()),
+        column(&terms::STATE, 13, |s| s.summary.state.clone()),
         |s| !s.summary.is_ready,
     ),
     column(&terms::DEVICE, 20, |s| s.summary.device.clone()),

@@ -1,0 +1,50 @@
+//! Where a node stands, as the coordinator tells it.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use carom_farm::NodeState::{Paired, Ready, Starting, Syncing};
+use carom_farm::coordinator::Coordinator;
+use carom_farm::net::LinkEvent;
+use carom_farm::{Balancing, NodeInfo, NodeState};
+use carom_protocol::{ClientEvent, SceneHash};
+use carom_tracer::{DeviceInfo, DeviceKind, Scene};
+
+#[test]
+fn a_node_is_syncing_until_it_holds_the_scene_and_tells_how_much_it_has() {
+    let scene = include_str!("../../../assets/scenes/pool.json");
+    let scene = Arc::new(Scene::from_json(scene).unwrap());
+    let [hash, other] = [1, 2].map(|byte| SceneHash([byte; 32]));
+    let mut coordinator = Coordinator::new(Balancing::default());
+    let node = coordinator.add_node("oak:4433".into());
+    let mut state_after = |event: Option<ClientEvent>, scene_is: Option<SceneHash>| {
+        if let Some(hash) = scene_is {
+            coordinator.set_scene(hash, Arc::clone(&scene));
+        }
+        if let Some(event) = event {
+            coordinator.handle(Duration::ZERO, node, LinkEvent::Session(event));
+        }
+        let state = coordinator.nodes(Duration::ZERO).remove(0).state;
+        (state.to_string(), state)
+    };
+    let welcome = ClientEvent::Welcome(NodeInfo {
+        name: "oak".into(),
+        device: DeviceInfo {
+            kind: DeviceKind::Cpu,
+            name: "a processor".into(),
+            width: 8,
+            threads: 2,
+        },
+    });
+    let coming = |hash, percent| Some(ClientEvent::SceneComing { hash, percent });
+    let is = |word: &str, state: NodeState| (word.to_owned(), state);
+    assert_eq!(state_after(None, None), is("starting", Starting));
+    assert_eq!(state_after(Some(welcome), None), is("paired", Paired));
+    let syncing = |percent| is(&format!("syncing {percent} %"), Syncing { percent });
+    assert_eq!(state_after(None, Some(hash)), syncing(0));
+    assert_eq!(state_after(coming(hash, 37), None), syncing(37));
+    assert_eq!(state_after(None, Some(other)), syncing(0));
+    assert_eq!(state_after(coming(other, 62), None), syncing(62));
+    let ready = Some(ClientEvent::SceneReady(other));
+    assert_eq!(state_after(ready, None), is("ready", Ready));
+}
