@@ -70,8 +70,24 @@ impl Simulation<'_> {
         } else {
             skimmed(away, before.velocity, after.velocity)
         };
+        if self.is_caught(ball, obstacle, away) {
+            after.velocity = after.velocity.z * DVec3::Z;
+        }
+        self.balls[ball].touched = Some((self.now, obstacle, away));
         self.report(kind);
         self.set_off(ball, after);
+    }
+
+    /// Whether a ball is between the upright edge of a facing and what is opposite: it would go to and
+    /// fro in ever shorter ways. What little level speed is left is lost there, and it falls.
+    fn is_caught(&self, ball: usize, obstacle: Obstacle, away: DVec3) -> bool {
+        let is_corner = |obstacle| matches!(obstacle, Obstacle::Corner(_));
+        self.balls[ball].touched.is_some_and(|(time, other, out)| {
+            other != obstacle
+                && (is_corner(other) || is_corner(obstacle))
+                && self.now - time < CAUGHT_SECS
+                && out.dot(away) < 0.0
+        })
     }
 
     /// A ball falls onto a level surface: the cloth, or a rail.
@@ -161,6 +177,8 @@ impl Simulation<'_> {
     }
 }
 
+/// A ball that goes from one contact to the one opposite in less time has nowhere to go.
+const CAUGHT_SECS: f64 = 1e-4;
 /// A ball that comes onto the flat rail from beside it, lower than this, is thrown up as by a cushion's
 /// slope: to lift it would be a gift of energy.
 const LANDING_SLACK_M: f64 = 1e-6;

@@ -1,6 +1,6 @@
 //! One ball in the midst of a shot.
 
-use glam::DQuat;
+use glam::{DQuat, DVec3};
 
 use super::{
     ball::{BallBody, BallState, Phase},
@@ -9,6 +9,7 @@ use super::{
     flight::Flight,
     laws::Laws,
     motion::{End, Motion},
+    obstacle::Obstacle,
     table::Table,
     track::{Leg, Track},
 };
@@ -21,6 +22,8 @@ pub(crate) struct Live {
     /// When the motion began.
     pub(crate) since_secs: f64,
     pub(crate) on_table: bool,
+    /// When it last touched what does not move, what that was, and the way out.
+    pub(crate) touched: Option<(f64, Obstacle, DVec3)>,
     track: Track,
 }
 
@@ -60,6 +63,7 @@ impl Live {
             motion,
             since_secs: 0.0,
             on_table,
+            touched: None,
             track,
         }
     }

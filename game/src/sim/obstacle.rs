@@ -31,6 +31,8 @@ pub(crate) enum Obstacle {
     Wall(usize),
     /// The edge where that wall meets the flat rail.
     Lip(usize),
+    /// The upright edge at the back of a facing: twice the cushion's index, and one more at its far end.
+    Corner(usize),
     /// The sloping top of a cushion.
     Slope(usize),
     /// The edge of the flat rail behind a cushion and beside it, up to the pockets' holes.
@@ -43,7 +45,7 @@ impl Obstacle {
     /// What it is made of.
     pub(crate) fn surface(self) -> Surface {
         match self {
-            Self::Rim(_) | Self::Wall(_) | Self::Lip(_) => Surface::Pocket,
+            Self::Rim(_) | Self::Wall(_) | Self::Lip(_) | Self::Corner(_) => Surface::Pocket,
             _ => Surface::Rail,
         }
     }
@@ -94,6 +96,10 @@ impl Scout<'_> {
                 consider(slope, Obstacle::Slope(index));
                 let crease = self.crease(course, (cushion, rails), horizon);
                 consider(crease, Obstacle::Crease(index));
+                for (end, place) in cushion.facing_backs().into_iter().enumerate() {
+                    let corner = place.and_then(|place| self.corner(course, place, horizon));
+                    consider(corner, Obstacle::Corner(2 * index + end));
+                }
             }
             consider(self.top(course, horizon), Obstacle::Top);
         }
@@ -148,6 +154,12 @@ impl Scout<'_> {
                 let out = (center.truncate() - pocket.center).normalize_or_zero();
                 let edge = pocket.center + pocket.bore_radius_m() * out;
                 direction(edge.extend(table.rail_height_m()), center)
+            }
+            Obstacle::Corner(index) => {
+                let [_, _, first, last] = table.cushions()[index / 2].corners;
+                let place = if index % 2 == 0 { first } else { last };
+                let height = center.z.min(table.rail_height_m());
+                direction(place.extend(height), center)
             }
             Obstacle::Slope(index) => {
                 let cushion = &table.cushions()[index];
@@ -297,6 +309,29 @@ impl Scout<'_> {
                 crossings.circle(pocket.center, ring.1);
             },
         )
+    }
+
+    fn corner(&self, course: &Course, place: DVec2, horizon: f64) -> Option<f64> {
+        let top = self.table.rail_height_m();
+        let side = first_touch(
+            (course, horizon),
+            |course, horizon| reaches_point(&course.flat_from(place), self.radius_m, horizon),
+            |center| (0.0..top).contains(&center.z),
+            |crossings| {
+                crossings.level(0.0);
+                crossings.level(top);
+            },
+        );
+        let tip = first_touch(
+            (course, horizon),
+            |course, horizon| {
+                let seen = course.mapped(place.extend(top), |v| v);
+                reaches_point(&seen, self.radius_m, horizon)
+            },
+            |center| center.z >= top,
+            |crossings| crossings.level(top),
+        );
+        [side, tip].into_iter().flatten().min_by(f64::total_cmp)
     }
 
     fn slope(

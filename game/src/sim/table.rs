@@ -148,6 +148,12 @@ impl Cushion {
         (0..4).map(|i| (self.corners[i], self.corners[(i + 1) % 4]))
     }
 
+    /// Where its facings end, at the back of the first and of the far end; none where it is mitred.
+    pub(crate) fn facing_backs(&self) -> [Option<DVec2>; 2] {
+        let [_, _, first, last] = self.corners;
+        [self.jaws[1].map(|_| first), self.jaws[0].map(|_| last)]
+    }
+
     /// Whether a point between the unrounded tips and their sides is beyond the roundings.
     fn is_rounded_off(&self, point: DVec2) -> bool {
         let [to, from, first_back, last_back] = self.corners;

@@ -117,3 +117,56 @@ fn time_runs_backwards_on_an_ideal_table() {
         assert!((end.velocity + start.velocity).length() < 10.0 * allowed_m.max(1e-12));
     }
 }
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 256, failure_persistence: None, ..Default::default() })]
+
+    /// Into any pocket of any table, rolling or in the air: it ends, and nothing passes the upright edge
+    /// at which a facing ends, unless it comes from under it.
+    #[test]
+    fn facings_end_in_an_edge_that_is_solid(
+        name in prop_oneof![Just("seven_foot"), Just("eight_foot"), Just("nine_foot"), Just("snooker")],
+        pocket in 0usize..6,
+        beside in (-0.07..0.07, -0.07..0.07),
+        from in (0.15..0.65, -1.3..1.3),
+        speed in 0.3..9.0,
+        rise in prop_oneof![Just(None), (1e-3..0.03, -0.5..1.0).prop_map(Some)],
+        spin in (-100.0..100.0, -100.0..100.0, -100.0..100.0),
+    ) {
+        let table = Table::built_in(name).expect("it ships with the game");
+        let (body, center) = (table.ball(), table.pockets()[pocket].center);
+        let ((distance, turn), speed): ((f64, f64), f64) = (from, speed);
+        let place = center - distance * DVec2::from_angle(turn).rotate(center.normalize());
+        let way = (center + DVec2::new(beside.0, beside.1) - place).normalize();
+        let (height, climb): (f64, f64) = rise.unwrap_or((0.0, 0.0));
+        let start = BallState {
+            position: place.extend(body.radius_m + height),
+            velocity: (speed * way).extend(climb),
+            spin: DVec3::from(spin),
+            phase: if rise.is_some() { Phase::Airborne } else { Phase::Sliding },
+            ..BallState::at_rest(1, 0.0, 0.0, &body)
+        };
+        if let Ok(world) = World::with_laws(table.clone(), Laws::default(), vec![start]) {
+            let shot = world.release().expect("it ends");
+            assert_energy_never_grows(&shot);
+            assert_before_facings_ends(&table, &shot);
+        }
+    }
+}
+
+fn assert_before_facings_ends(table: &Table, shot: &Shot) {
+    let backs = table
+        .cushions()
+        .iter()
+        .flat_map(|cushion| [cushion.corners[2], cushion.corners[3]]);
+    let backs: Vec<_> = backs.collect();
+    let end = shot.duration_secs().min(1.5);
+    let states = (0..1000).map(|step| shot.states_at(end * f64::from(step) / 1000.0)[0]);
+    for state in states.take_while(|state| state.phase.is_on_table() && state.position.z >= 0.0) {
+        for back in &backs {
+            let gap = state.position.truncate().distance(*back) - state.body.radius_m;
+            let over = state.position.z > table.nose_height_m();
+            assert!(over || gap > -1e-6, "{gap} m at {state:?}");
+        }
+    }
+}
