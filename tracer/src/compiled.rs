@@ -1,5 +1,7 @@
 //! A scene as flat plain-old-data arrays: the bytes that both back ends read.
 
+use std::sync::OnceLock;
+
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Quat, Vec3};
 
@@ -9,6 +11,7 @@ use crate::scene::validate::ALPHA_SMOOTH_MAX;
 use crate::scene::{
     Camera, Cut, CutForm, Lamp, Material, Medium, ObjectPose, Paint, Scene, SceneUpdate, Shape,
 };
+use crate::tree::BallTree;
 use crate::{Error, ImageSize};
 
 /// A validated scene, ready to trace. Primitives are sorted by shape; within a shape they keep
@@ -37,9 +40,25 @@ pub struct CompiledScene {
     pub materials: Vec<MaterialData>,
     /// Per object of the scene: its shape's array and its place in it.
     pub primitives: Vec<Primitive>,
+    /// When rays find balls by a tree.
+    pub hierarchy: Hierarchy,
+    /// Of the spheres as they are now, once somebody has asked for it.
+    tree: OnceLock<Option<BallTree>>,
     /// The spheres as the scene has them: what an update starts from.
     spheres_at_rest: Vec<SphereData>,
     camera_at_rest: Camera,
+}
+
+/// When rays find balls by a [`BallTree`] instead of meeting each of them: pictures are the same.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Hierarchy {
+    /// Where that is faster: each back end knows from how many balls on.
+    #[default]
+    WhereFaster,
+    /// Never.
+    Never,
+    /// Whenever there is a tree.
+    Always,
 }
 
 /// Where an object's data lies, and what a ray hit.
@@ -305,14 +324,17 @@ impl CompiledScene {
             lamps: lamps(&scene.lamps),
             materials: scene.materials.values().map(material_data).collect(),
             primitives: Vec::with_capacity(scene.objects.len()),
+            hierarchy: Hierarchy::default(),
+            tree: OnceLock::new(),
             spheres_at_rest: Vec::new(),
             camera_at_rest: scene.camera,
         };
+        let names: Vec<&str> = scene.materials.keys().map(String::as_str).collect();
+        let material = |name: &str| {
+            let place = names.binary_search(&name);
+            place.expect("validated: each object's material exists") as u32
+        };
         for object in &scene.objects {
-            let material = |name: &str| {
-                let place = scene.materials.keys().position(|key| key == name);
-                place.expect("validated: each object's material exists") as u32
-            };
             let primitive = compiled.push(&object.shape, material(&object.material), &material);
             compiled.primitives.push(primitive);
         }
@@ -430,6 +452,7 @@ impl CompiledScene {
 
     fn reset(&mut self) {
         self.spheres.clone_from(&self.spheres_at_rest);
+        self.tree = OnceLock::new();
         self.camera = self.camera_at_rest;
     }
 
@@ -464,6 +487,18 @@ impl CompiledScene {
                 self.primitives.len()
             ))),
         }
+    }
+
+    /// The tree by which a back end finds balls that is faster so from `spheres_min` on; made when
+    /// first asked for after [`CompiledScene::apply`]. None where rays are to meet each ball.
+    pub fn ball_tree(&self, spheres_min: usize) -> Option<&BallTree> {
+        let is_wanted = match self.hierarchy {
+            Hierarchy::WhereFaster => self.spheres.len() >= spheres_min,
+            Hierarchy::Never => false,
+            Hierarchy::Always => true,
+        };
+        let tree = || self.tree.get_or_init(|| BallTree::new(&self.spheres));
+        is_wanted.then(tree)?.as_ref()
     }
 
     /// The material of a primitive; none for a lamp.

@@ -27,6 +27,7 @@ pub mod settings;
 pub mod tile;
 pub mod tonemap;
 pub mod tracer;
+pub mod tree;
 
 pub use compiled::CompiledScene;
 pub use cpu::CpuTracer;

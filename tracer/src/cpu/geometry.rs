@@ -1,11 +1,13 @@
 //! Rays against every primitive: nearest hit and occlusion, a packet of lanes at a time.
 //!
-//! A scene of this size needs no hierarchy. Each primitive is broadcast to all lanes and first
-//! tested by its cheapest sufficient condition; the exact test runs only when some lane passes.
+//! A pool table needs no hierarchy. Each primitive is broadcast to all lanes and first tested by its
+//! cheapest sufficient condition; the exact test runs only when some lane passes. Many balls are
+//! found by a tree ([`super::forest`]).
 
 use fearless_simd::prelude::*;
 
 use super::carved::Carved;
+use super::forest::Forest;
 use super::lanes::{Float, Mask, Vec3x, Word};
 use crate::compiled::{BoxData, CompiledScene, DiscData, KIND_DIELECTRIC, SphereData};
 
@@ -15,13 +17,18 @@ pub(super) const NONE: u32 = u32::MAX;
 /// Set in the id of a clear body that a ray is inside of: it meets that body's far side.
 pub(super) const INSIDE: u32 = 1 << 31;
 
+/// From so many balls on a tree is faster: `carom-farm bench hierarchy` finds the crossing.
+const TREE_SPHERES_MIN: usize = 128;
+
 /// Directions closer to a slab's plane count as this close, so that no product is 0 · ∞.
 const DIRECTION_MIN: f32 = 1e-30;
 
 /// Everything a ray can meet. Ids number spheres, boxes, discs, rectangles, faces of carved boxes and
 /// lamps in this order, as [`super::surface::Surfaces`] lists them.
 pub(super) struct Geometry {
+    /// Empty if they are in the forest.
     spheres: Vec<Ball>,
+    forest: Option<Forest>,
     boxes: Vec<Slabs>,
     discs: Vec<Plate>,
     rectangles: Vec<Panel>,
@@ -42,8 +49,8 @@ pub(super) struct Rays<S: Simd> {
     /// The primitive that each ray starts on, which it cannot meet: all are convex. With [`INSIDE`]
     /// the clear body that it is inside of.
     pub(super) skip: Word<S>,
-    inverse: Vec3x<S>,
-    inverse_abs: Vec3x<S>,
+    pub(super) inverse: Vec3x<S>,
+    pub(super) inverse_abs: Vec3x<S>,
 }
 
 impl<S: Simd> Rays<S> {
@@ -92,10 +99,14 @@ impl Geometry {
         let mut id = || ids.next().expect("ids do not run out");
         let reach = reach(scene);
         let is_clear = |material: u32| scene.materials[material as usize].kind == KIND_DIELECTRIC;
+        let tree = scene.ball_tree(TREE_SPHERES_MIN);
+        let forest = tree.map(|tree| Forest::new(tree, &scene.spheres, reach));
+        let has_clear_ball = scene.spheres.iter().any(|s| is_clear(s.material));
         let spheres = scene.spheres.iter();
         let spheres = spheres.map(|s| Ball::new(s, reach, id(), is_clear(s.material)));
         // A radius of 0 hides a ball, but its id stays taken.
-        let spheres: Vec<Ball> = spheres.filter(|ball| ball.radius > 0.0).collect();
+        let spheres = spheres.filter(|ball| ball.radius > 0.0 && forest.is_none());
+        let spheres: Vec<Ball> = spheres.collect();
         let boxes = scene.boxes.iter();
         let boxes: Vec<Slabs> = boxes
             .map(|b| Slabs::new(b, id(), is_clear(b.material)))
@@ -122,10 +133,10 @@ impl Geometry {
                 Panel::new(l.center, l.normal, u, v, id)
             })
             .collect();
-        let has_clear =
-            spheres.iter().any(|ball| ball.is_clear) || boxes.iter().any(|slabs| slabs.is_clear);
+        let has_clear = has_clear_ball || boxes.iter().any(|slabs| slabs.is_clear);
         Self {
             spheres,
+            forest,
             boxes,
             discs,
             rectangles,
@@ -140,7 +151,10 @@ impl Geometry {
     /// there is none. The id of a clear body that is met from within has [`INSIDE`].
     #[inline(always)]
     pub(super) fn nearest<S: Simd>(&self, simd: S, rays: &Rays<S>) -> Nearest<S> {
-        let mut nearest = Nearest::none(simd);
+        let mut nearest = match &self.forest {
+            Some(forest) => forest.nearest(simd, rays),
+            None => Nearest::none(simd),
+        };
         for ball in &self.spheres {
             nearest.take(ball.meet(simd, rays, nearest.distance), ball.id);
         }
@@ -188,7 +202,10 @@ impl Geometry {
         distance: Float<S>,
         target: Word<S>,
     ) -> Mask<S> {
-        let mut dark = Mask::splat(simd, false);
+        let mut dark = match &self.forest {
+            Some(forest) => forest.occluded(simd, rays, distance),
+            None => Mask::splat(simd, false),
+        };
         for ball in &self.spheres {
             cast(&mut dark, ball.meet(simd, rays, distance));
         }
@@ -270,11 +287,15 @@ fn reach(scene: &CompiledScene) -> f32 {
     2.0 * from_world_origin.fold(far(eye, 0.0), f32::max)
 }
 
+/// No ray passes outside this radius and hits, whatever the rounding of the quick test.
+pub(super) fn reject_radius(radius: f32, reach: f32) -> f32 {
+    radius * 1.000_01 + reach * (8.0 * f32::EPSILON)
+}
+
 /// A sphere.
 struct Ball {
     center: [f32; 3],
     radius: f32,
-    /// No ray passes outside this radius and hits, whatever the rounding of the quick test.
     reject_radius: f32,
     id: u32,
     is_clear: bool,
@@ -285,7 +306,7 @@ impl Ball {
         Self {
             center: sphere.center,
             radius: sphere.radius,
-            reject_radius: sphere.radius * 1.000_01 + reach * (8.0 * f32::EPSILON),
+            reject_radius: reject_radius(sphere.radius, reach),
             id,
             is_clear,
         }
@@ -328,7 +349,7 @@ pub(super) struct Chord<S: Simd> {
     perpendicular: Vec3x<S>,
     half: Float<S>,
     near: Float<S>,
-    far: Float<S>,
+    pub(super) far: Float<S>,
     /// Where line and sphere meet.
     pub(super) real: Mask<S>,
 }

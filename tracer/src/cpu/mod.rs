@@ -21,6 +21,7 @@ mod batch;
 mod bsdf;
 mod carved;
 mod first_hit;
+mod forest;
 mod geometry;
 mod gloss;
 mod integrator;

@@ -5,6 +5,7 @@ use crate::compiled::{
     PATTERN_WOOD,
 };
 use crate::gpu::{flatness, layout};
+use crate::tree::BallTree;
 
 /// A shape's array in the scene, in the order in which primitives are numbered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -130,6 +131,8 @@ pub(crate) struct Features {
     pub(crate) lamps: u32,
     /// At least 1: an array has no length of 0.
     pub(crate) materials: u32,
+    /// Rays find balls by a tree.
+    pub(crate) has_tree: bool,
     /// Some material has a dielectric coat.
     pub(crate) has_coat: bool,
     /// Some material has a stripe.
@@ -172,6 +175,7 @@ impl Features {
             carved: scene.carved.len() as u32,
             lamps: scene.lamps.len() as u32,
             materials: scene.materials.len().max(1) as u32,
+            has_tree: ball_tree(scene).is_some(),
             has_coat: any(|material| material.kind == KIND_LAYERED && material.ior > 0.0),
             has_stripe: any(|material| material.stripe_half_width > 0.0),
             has_number: any(|material| material.pattern == PATTERN_NUMBER),
@@ -212,10 +216,22 @@ impl Features {
             .filter(move |shape| features.count(*shape) > 0)
     }
 
-    /// Surfaces that a ray is tested against.
-    pub(crate) const fn primitives(&self) -> u32 {
-        self.spheres + self.boxes + self.discs + self.rectangles + self.faces + self.lamps
+    /// Surfaces that a ray is tested against, or about as many as going down the tree costs.
+    pub(crate) fn primitives(&self) -> u32 {
+        let spheres = match self.has_tree {
+            true => TREE_SPHERES_MIN as u32 + 8 * self.spheres.ilog2(),
+            false => self.spheres,
+        };
+        spheres + self.boxes + self.discs + self.rectangles + self.faces + self.lamps
     }
+}
+
+/// From so many balls on a tree is faster: `carom-farm bench hierarchy` finds the crossing.
+const TREE_SPHERES_MIN: usize = 128;
+
+/// The tree by which rays find the balls of `scene`, where they do.
+pub(crate) fn ball_tree(scene: &CompiledScene) -> Option<&BallTree> {
+    scene.ball_tree(TREE_SPHERES_MIN)
 }
 
 /// Whether lamps are so small or so far away that eighth powers of lengths in metres, which solid

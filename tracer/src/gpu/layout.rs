@@ -7,8 +7,9 @@ use crate::compiled::{
     BoxData, CameraFrame, CarvedData, CompiledScene, DiscData, FaceData, LampData, MaterialData,
     RectangleData, SphereData,
 };
-use crate::gpu::features::{Features, ShapeKind};
+use crate::gpu::features::{self, Features, ShapeKind};
 use crate::gpu::flatness;
+use crate::tree::{LEAF_BALLS, SLACK, Subtree, leaves};
 use crate::{Error, ImageSize};
 
 /// What stands before the scene's arrays.
@@ -67,6 +68,33 @@ pub(crate) struct BoxBound {
     padding1: u32,
 }
 
+/// Both halves of a part of the balls' tree. Boxes are widened by [`SLACK`].
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(crate) struct TreeNode {
+    pub(crate) left_center: [f32; 3],
+    /// A node, or with [`TREE_LEAF`] a leaf.
+    pub(crate) left: u32,
+    pub(crate) left_half: [f32; 3],
+    pub(crate) right: u32,
+    pub(crate) right_center: [f32; 3],
+    padding0: u32,
+    pub(crate) right_half: [f32; 3],
+    padding1: u32,
+}
+
+/// Balls of a leaf. Where there is none, its radius is 0.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(crate) struct TreeLeaf {
+    /// Centre and radius.
+    pub(crate) balls: [[f32; 4]; LEAF_BALLS],
+    pub(crate) ids: [u32; LEAF_BALLS],
+}
+
+/// Set in the number of a leaf.
+pub(crate) const TREE_LEAF: u32 = 1 << 31;
+
 /// How much a box's bounds are wider than the box, over the largest coordinate of the scene. The
 /// quick test and the exact one together err by 12 · 2⁻²⁴ of it.
 const BOX_SLACK: f32 = 16.0 * 0.5 * f32::EPSILON;
@@ -83,6 +111,41 @@ impl SphereBound {
             center: sphere.center,
             power: power as f32,
         }
+    }
+}
+
+impl TreeNode {
+    fn new([left, right]: &[Subtree; 2], slack: f32) -> Self {
+        let center = |part: &Subtree| 0.5 * (part.min + part.max);
+        let half = |part: &Subtree| {
+            let center = center(part);
+            ((part.max - center).max(center - part.min) + slack).to_array()
+        };
+        let number = |part: &Subtree| match part.is_leaf() {
+            true => TREE_LEAF | (part.first / LEAF_BALLS as u32),
+            false => part.node,
+        };
+        Self {
+            left_center: center(left).to_array(),
+            left: number(left),
+            left_half: half(left),
+            right: number(right),
+            right_center: center(right).to_array(),
+            right_half: half(right),
+            ..Self::zeroed()
+        }
+    }
+}
+
+impl TreeLeaf {
+    fn new(ids: &[u32], spheres: &[SphereData]) -> Self {
+        let mut leaf = Self::zeroed();
+        for (place, &id) in ids.iter().enumerate() {
+            let SphereData { center, radius, .. } = spheres[id as usize];
+            leaf.balls[place] = [center[0], center[1], center[2], radius];
+            leaf.ids[place] = id;
+        }
+        leaf
     }
 }
 
@@ -105,12 +168,22 @@ pub(crate) fn scene_bytes_len(features: &Features) -> u64 {
         .shapes()
         .map(|shape| features.count(shape) as usize * element_bytes(shape));
     let arrays = shapes.sum::<usize>()
-        + features.spheres as usize * size_of::<SphereBound>()
+        + sphere_finders_bytes(features)
         + features.boxes as usize * size_of::<BoxBound>()
         + features.carved as usize * size_of::<CarvedData>()
         + features.lamps as usize * size_of::<LampData>()
         + features.materials as usize * size_of::<MaterialData>();
     (size_of::<SceneHeader>() + arrays) as u64
+}
+
+/// Of what rays find spheres by.
+fn sphere_finders_bytes(features: &Features) -> usize {
+    let spheres = features.spheres as usize;
+    if !features.has_tree {
+        return spheres * size_of::<SphereBound>();
+    }
+    let leaves = leaves(spheres);
+    (leaves - 1) * size_of::<TreeNode>() + leaves * size_of::<TreeLeaf>()
 }
 
 fn element_bytes(shape: ShapeKind) -> usize {
@@ -146,11 +219,24 @@ pub(crate) fn scene_bytes(scene: &CompiledScene, size: ImageSize) -> Result<Vec<
     if scene.materials.is_empty() {
         bytes.extend_from_slice(bytes_of(&MaterialData::zeroed()));
     }
-    let sphere_bounds: Vec<_> = scene.spheres.iter().map(SphereBound::new).collect();
     let farthest = flatness::farthest(scene);
+    if let Some(tree) = features::ball_tree(scene) {
+        let nodes = tree.nodes.iter();
+        let nodes: Vec<_> = nodes
+            .map(|halves| TreeNode::new(halves, SLACK * farthest))
+            .collect();
+        let leaves = tree.order.chunks(LEAF_BALLS);
+        let leaves: Vec<_> = leaves
+            .map(|ids| TreeLeaf::new(ids, &scene.spheres))
+            .collect();
+        bytes.extend_from_slice(cast_slice(&nodes));
+        bytes.extend_from_slice(cast_slice(&leaves));
+    } else {
+        let bounds: Vec<_> = scene.spheres.iter().map(SphereBound::new).collect();
+        bytes.extend_from_slice(cast_slice(&bounds));
+    }
     let boxes = scene.boxes.iter();
     let box_bounds: Vec<_> = boxes.map(|data| BoxBound::new(data, farthest)).collect();
-    bytes.extend_from_slice(cast_slice(&sphere_bounds));
     bytes.extend_from_slice(cast_slice(&box_bounds));
     Ok(bytes)
 }

@@ -529,3 +529,42 @@ fn normal_in_f64(ray: &[f32; 6]) -> Option<DVec3> {
     let half_squared = f64::from(RADIUS).powi(2) - nearest.length_squared();
     (half_squared > 0.0).then(|| (nearest - half_squared.sqrt() * direction).normalize())
 }
+
+/// What rays meet by the tree of balls is what they meet one by one.
+#[test]
+fn a_tree_of_balls_is_met_as_each_ball_by_itself() {
+    use crate::compiled::Hierarchy;
+    use crate::tree::crowd::{CROWDS, crowd, ray};
+    const COUNT: usize = 4096;
+    let body = "
+        let at = 7u * i;
+        let ray = Ray(triple(at), triple(at + 3u));
+        let skip = word(at + 6u);
+        let hit = nearest(ray, skip);
+        let limit = select(hit.t, 1.0, hit.primitive == NO_PRIMITIVE);
+        let before = occluded(ray, skip & ~INSIDE, NO_PRIMITIVE, 0.5 * limit);
+        let behind = occluded(ray, skip & ~INSIDE, NO_PRIMITIVE, 2.0 * limit);
+        result(i, vec4u(bitcast<u32>(hit.t), hit.primitive, u32(before), u32(behind)));";
+    for (seed, kind) in (0..).zip(CROWDS) {
+        let mut scene = crowd(kind, 300, seed);
+        let rays = (0..COUNT as u32).map(|i| ray(&scene, seed, i));
+        let words = rays.flat_map(|ray| {
+            let inside = if ray.is_inside { 1 << 31 } else { 0 };
+            let skip = ray.left.map_or(u32::MAX, |ball| ball | inside);
+            let [o, d] = [ray.origin, ray.direction].map(|v| v.to_array().map(f32::to_bits));
+            [o[0], o[1], o[2], d[0], d[1], d[2], skip]
+        });
+        let input: Vec<u32> = words.collect();
+        scene.hierarchy = Hierarchy::Never;
+        let Some(each) = run(&scene, body, &input, COUNT) else {
+            return;
+        };
+        scene.hierarchy = Hierarchy::Always;
+        let tree = run(&scene, body, &input, COUNT).unwrap();
+        let hits = each.iter().filter(|hit| hit[1] != u32::MAX).count();
+        assert!(hits > COUNT / 8, "{kind:?}: {hits} hits");
+        for (i, (found, expected)) in tree.iter().zip(&each).enumerate() {
+            assert_eq!(found, expected, "{kind:?}, ray {i}");
+        }
+    }
+}

@@ -7,11 +7,12 @@ use crate::compiled::{
     PATTERN_PLANKS, PATTERN_WOOD,
 };
 use crate::gpu::features::{Features, Output, SceneMemory, ShapeKind};
-use crate::gpu::layout::SPHERE_SLACK;
+use crate::gpu::layout::{SPHERE_SLACK, TREE_LEAF};
 use crate::paint;
 use crate::reference::light::{BELOW_1, SOLID_ANGLE_MIN};
 use crate::sampling::{BLOCK_CAMERA, SCRAMBLE};
 use crate::scene::validate::CUT_MARGIN_M;
+use crate::tree::{self, DEPTH_MAX, LEAF_BALLS};
 
 /// Pixels along the edge of the block that a workgroup traces.
 pub(crate) const BLOCK_EDGE: u32 = 8;
@@ -40,6 +41,12 @@ fn parts(features: &Features) -> Vec<&'static str> {
         include_str!("shaders/fresnel.wgsl"),
     ];
     parts.extend(features.shapes().map(shape_part));
+    if features.spheres > 0 {
+        parts.push(match features.has_tree {
+            true => include_str!("shaders/sphere_tree.wgsl"),
+            false => include_str!("shaders/sphere_each.wgsl"),
+        });
+    }
     parts.extend(match features.lamps {
         0 => &[include_str!("shaders/lamp_none.wgsl")][..],
         _ => &[
@@ -98,6 +105,9 @@ fn constants(features: &Features) -> String {
          const LAMPS_COPLANAR: bool = {};\n\
          const LAMPS_SCALED: bool = {};\n\
          const SPHERE_SLACK: f32 = {SPHERE_SLACK:e};\n\
+         const TREE_DEPTH_MAX: u32 = {DEPTH_MAX}u;\n\
+         const TREE_LEAF: u32 = {TREE_LEAF}u;\n\
+         const LEAF_BALLS: u32 = {LEAF_BALLS}u;\n\
          const HAS_STRIPE: bool = {};\n\
          const HAS_CLEAR: bool = {};\n\
          const HAS_NUMBER: bool = {};\n\
@@ -170,8 +180,15 @@ fn scene_declaration(features: &Features) -> String {
         "    materials: array<MaterialData, {}>,",
         features.materials
     );
+    let leaves = match features.has_tree {
+        true => tree::leaves(features.spheres as usize) as u32,
+        false => 0,
+    };
+    let bounds = features.spheres * u32::from(!features.has_tree);
     for (field, ty, count) in [
-        ("sphere_bounds", "SphereBound", features.spheres),
+        ("sphere_bounds", "SphereBound", bounds),
+        ("tree_nodes", "TreeNode", leaves.saturating_sub(1)),
+        ("tree_leaves", "TreeLeaf", leaves),
         ("box_bounds", "BoxBound", features.boxes),
     ] {
         if count > 0 {
@@ -268,7 +285,8 @@ mod tests {
         RectangleData, SphereData,
     };
     use crate::gpu::layout::{
-        BoxBound, DispatchData, SceneHeader, SphereBound, TileEntry, scene_bytes_len,
+        BoxBound, DispatchData, SceneHeader, SphereBound, TileEntry, TreeLeaf, TreeNode,
+        scene_bytes_len,
     };
 
     const ALL: Features = Features {
@@ -280,6 +298,7 @@ mod tests {
         carved: 2,
         lamps: 3,
         materials: 20,
+        has_tree: true,
         has_coat: true,
         has_stripe: true,
         has_number: true,
@@ -301,7 +320,8 @@ mod tests {
         (0..16 * 3 * 2 * 2_u32).map(|i| {
             let count = |bit: u32, count: u32| count * (i >> bit & 1);
             Features {
-                spheres: count(0, 3),
+                spheres: count(0, 3 + 7 * (i % 5)),
+                has_tree: i & 1 == 1 && i % 5 > 0,
                 boxes: count(1, 1),
                 discs: count(2, 2),
                 rectangles: count(3, 1),
@@ -370,7 +390,7 @@ mod tests {
     }
 
     #[rustfmt::skip]
-    fn layouts_in_rust() -> [Layout; 14] {
+    fn layouts_in_rust() -> [Layout; 16] {
         [
             layout!(SphereData, center radius stripe_axis material number_axis),
             layout!(BoxData, min material max),
@@ -384,6 +404,9 @@ mod tests {
                 albedo ior stripe_albedo stripe_half_width diffuse_scale kind alpha flight_rate
                 eta pattern k number extinction grain_axis scattering sheen_roughness sheen sights),
             layout!(SphereBound, center power),
+            layout!(TreeNode,
+                left_center left left_half right right_center right_half),
+            layout!(TreeLeaf, balls ids),
             layout!(BoxBound, center half),
             layout!(CameraFrame, eye corner dx dy),
             layout!(SceneHeader, camera environment zero),

@@ -56,9 +56,9 @@ use serde_json::ser::{Formatter, PrettyFormatter, Serializer};
 use crate::Error;
 use crate::scene::{Material, Scene, interchange};
 
-/// The longest scene file in bytes, more than a scene at every limit of [`super::validate`] takes.
-/// Longer ones are refused before they are parsed.
-pub const SCENE_BYTES_MAX: usize = 8 << 20;
+/// The longest scene file in bytes, more than a scene at every limit of [`super::validate`] takes if
+/// its names need no escapes. Longer ones are refused before they are parsed.
+pub const SCENE_BYTES_MAX: usize = 64 << 20;
 
 impl Scene {
     /// Reads and checks a scene file, in this format or the [`interchange`] schema.
@@ -281,8 +281,11 @@ impl Formatter for Layout {
 
 #[cfg(test)]
 mod tests {
+    use glam::{Quat, Vec3};
+
     use super::*;
     use crate::scene::validate::OBJECTS_MAX;
+    use crate::scene::{Object, Shape};
 
     const SCENE: &str = r#"{
         "camera": { "eye": [0, -2, 1], "target": [0, 0, 0], "up": [0, 0, 1], "fov_x_deg": 44 },
@@ -367,7 +370,7 @@ mod tests {
     fn too_many_objects_are_refused() {
         let mut scene = Scene::from_json(SCENE).unwrap();
         scene.objects = vec![scene.objects[0].clone(); OBJECTS_MAX + 1];
-        let sentence = "4097 objects: at most 4096";
+        let sentence = "131073 objects: at most 131072";
         assert!(scene.to_json().unwrap_err().to_string().contains(sentence));
         scene.objects.pop();
         scene.validate().unwrap();
@@ -376,18 +379,28 @@ mod tests {
     #[test]
     fn over_long_text_is_refused_before_it_is_parsed() {
         let refusal = refusal(&"[".repeat(SCENE_BYTES_MAX + 1));
-        assert!(refusal.contains("longer than 8388608 bytes"), "{refusal}");
+        assert!(refusal.contains("longer than 67108864 bytes"), "{refusal}");
     }
 
     #[test]
     fn the_longest_scene_fits_into_a_file() {
         let mut scene = Scene::from_json(SCENE).unwrap();
-        let name = "\u{1}".repeat(crate::scene::validate::NAME_BYTES_MAX);
+        let name = "n".repeat(crate::scene::validate::NAME_BYTES_MAX);
         scene.materials = BTreeMap::from([(name.clone(), scene.materials["ball"])]);
-        scene.objects[0].material.clone_from(&name);
-        scene.objects[0].name = name;
-        scene.objects = vec![scene.objects[0].clone(); OBJECTS_MAX];
-        let bytes = scene.to_json().unwrap().len();
+        let third = -1.0f32 / 3.0;
+        let shape = Shape::Sphere {
+            center: Vec3::splat(third),
+            radius: 1.0 / 3.0,
+            rotation: Quat::from_xyzw(third, third, third, third).normalize(),
+        };
+        scene.objects = vec![Object {
+            material: name.clone(),
+            name,
+            shape,
+        }];
+        let one = scene.to_json().unwrap().len();
+        scene.objects.push(scene.objects[0].clone());
+        let bytes = one + (scene.to_json().unwrap().len() - one) * OBJECTS_MAX;
         assert!(bytes < SCENE_BYTES_MAX, "{bytes}");
     }
 
@@ -417,7 +430,7 @@ mod tests {
 
         let huge = directory.path().join("huge.json");
         File::create(&huge).unwrap().set_len(1 << 40).unwrap();
-        assert!(refusal(&huge).contains("longer than 8388608 bytes"));
+        assert!(refusal(&huge).contains("longer than 67108864 bytes"));
 
         let slip = directory.path().join("slip.json");
         fs::write(&slip, SCENE.replace("44", "0")).unwrap();

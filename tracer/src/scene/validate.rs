@@ -7,8 +7,8 @@ use crate::scene::{
     Camera, CutForm, Lamp, Material, Medium, ObjectPose, Paint, Scene, Shape, Stripe,
 };
 
-/// The most objects in a scene: each ray meets each of them.
-pub const OBJECTS_MAX: usize = 4096;
+/// The most objects in a scene. Rays find balls by a tree; they meet each of the others.
+pub const OBJECTS_MAX: usize = 1 << 17;
 /// The most lamps in a scene.
 pub const LAMPS_MAX: usize = 64;
 /// The most materials in a scene.

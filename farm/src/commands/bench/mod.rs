@@ -5,6 +5,7 @@ mod cluster;
 mod codec;
 mod codec_frames;
 mod faults;
+mod hierarchy;
 mod latency;
 mod lookahead;
 mod loopback;
@@ -38,6 +39,7 @@ enum Bench {
     Latency(latency::Args),
     Lookahead(lookahead::Args),
     Specialise(specialise::Args),
+    Hierarchy(hierarchy::Args),
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
@@ -52,5 +54,6 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         Bench::Latency(args) => latency::run(args),
         Bench::Lookahead(args) => lookahead::run(args),
         Bench::Specialise(args) => specialise::run(args),
+        Bench::Hierarchy(args) => hierarchy::run(args),
     }
 }

@@ -13,14 +13,6 @@ fn box_slabs(origin: vec3f, inverse: vec3f, index: u32) -> Slabs {
     return Slabs(min(a, b), select(max(a, b), vec3f(T_MISS), is_within));
 }
 
-fn largest(v: vec3f) -> f32 {
-    return max(max(v.x, v.y), v.z);
-}
-
-fn smallest(v: vec3f) -> f32 {
-    return min(min(v.x, v.y), v.z);
-}
-
 fn box_t(ray: Ray, inverse: vec3f, index: u32) -> f32 {
     let slabs = box_slabs(ray.origin, inverse, index);
     let enter = largest(slabs.near);

@@ -73,4 +73,12 @@ fn inverse_direction(direction: vec3f) -> vec3f {
     return select(1.0 / direction, inverse, abs(direction) < vec3f(1.0 / INVERSE_MAX));
 }
 
+fn largest(v: vec3f) -> f32 {
+    return max(max(v.x, v.y), v.z);
+}
+
+fn smallest(v: vec3f) -> f32 {
+    return min(min(v.x, v.y), v.z);
+}
+
 const INVERSE_MAX: f32 = 1e30;
