@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
+use carom_tracer::compiled::Hierarchy;
 use carom_tracer::film::{Film, trace_image};
 use carom_tracer::metrics::rel_mse;
 use carom_tracer::{
@@ -15,9 +16,13 @@ use glam::Vec3;
 
 const SIZE: ImageSize = ImageSize::new(160, 90);
 
+fn asset(name: &str) -> CompiledScene {
+    let scenes = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/scenes/");
+    CompiledScene::new(&Scene::load(format!("{scenes}{name}")).unwrap()).unwrap()
+}
+
 fn pool() -> CompiledScene {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/scenes/pool.json");
-    CompiledScene::new(&Scene::load(path).unwrap()).unwrap()
+    asset("pool.json")
 }
 
 fn settings(first_sample: u32, samples: u32) -> RenderSettings {
@@ -67,6 +72,21 @@ fn share_different(a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
         !a.iter().zip(*b).all(|(a, b)| (a - b).abs() <= 1e-3 * scale)
     };
     a.iter().zip(b).filter(different).count() as f64 / a.len() as f64
+}
+
+/// Ten thousand balls that touch, on every instruction set.
+#[test]
+fn a_tree_of_balls_makes_the_picture_of_each_ball_by_itself() {
+    let mut scene = asset("pyramid.json");
+    for level in CpuTracer::levels_available() {
+        let tracer = CpuTracer::with_level(0, level).unwrap();
+        let [each, tree] = [Hierarchy::Never, Hierarchy::Always].map(|hierarchy| {
+            scene.hierarchy = hierarchy;
+            let (pixels, stats) = picture(&tracer, &scene, settings(0, 1), &tiles(32));
+            (pixels, stats.rays)
+        });
+        assert!(each == tree, "{level:?}");
+    }
 }
 
 #[test]

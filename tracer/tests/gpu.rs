@@ -29,12 +29,13 @@ fn gpu() -> Option<&'static GpuTracer> {
     }
 }
 
+fn asset(name: &str) -> Scene {
+    let scenes = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/scenes/");
+    Scene::load(format!("{scenes}{name}")).unwrap()
+}
+
 fn pool() -> Scene {
-    Scene::load(concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../assets/scenes/pool.json"
-    ))
-    .unwrap()
+    asset("pool.json")
 }
 
 fn compiled(scene: &Scene) -> CompiledScene {
@@ -134,6 +135,15 @@ fn assert_agrees(picture: &Picture, truth: &Picture) {
 fn mean(picture: &Picture) -> Vec3 {
     let sum: Vec3 = picture.pixels.iter().copied().map(Vec3::from).sum();
     sum / picture.pixels.len() as f32
+}
+
+/// The reference meets each of ten thousand balls by itself.
+#[test]
+fn a_tree_of_balls_agrees_with_the_reference_sample_for_sample() {
+    let Some(gpu) = gpu() else { return };
+    let (scene, size) = (compiled(&asset("pyramid.json")), ImageSize::new(48, 27));
+    let picture = whole(gpu, &scene, size, settings(1));
+    assert_agrees(&picture, &whole(&Reference, &scene, size, settings(1)));
 }
 
 #[test]
