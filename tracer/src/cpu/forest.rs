@@ -23,8 +23,10 @@ pub(super) struct Forest {
 /// Set in the number of a pack.
 const PACK: u32 = 1 << 31;
 
-/// Boxes of a node's parts, by lane; lanes without one have a box that nothing enters.
+/// Boxes of a node's parts, by lane.
 struct Branch {
+    /// A bit for each lane that has a part: rays that are no numbers enter any box.
+    lanes: u64,
     center: [[f32; LANES]; 3],
     half: [[f32; LANES]; 3],
     parts: [u32; LANES],
@@ -182,7 +184,7 @@ impl Branch {
         let far = half.scale_add(ray.inverse_abs, middle);
         let entry = near.x.max(near.y).max(near.z).max(0.0);
         let exit = far.x.min(far.y).min(far.z).min(limit);
-        let mut hits = entry.simd_le(exit).to_bitmask();
+        let mut hits = entry.simd_le(exit).to_bitmask() & self.lanes;
         if hits == 0 {
             return;
         }
@@ -304,8 +306,9 @@ impl Growth<'_> {
         }
         let number = forest.branches.len();
         forest.branches.push(Branch {
+            lanes: 0,
             center: [[0.0; LANES]; 3],
-            half: [[f32::NEG_INFINITY; LANES]; 3],
+            half: [[0.0; LANES]; 3],
             parts: [0; LANES],
         });
         for (lane, part) in self.parts(subtree).iter().enumerate() {
@@ -320,6 +323,7 @@ impl Growth<'_> {
                 branch.half[axis][lane] = half[axis];
             }
             branch.parts[lane] = grown;
+            branch.lanes |= 1 << lane;
         }
         number as u32
     }
