@@ -226,8 +226,9 @@ impl Features {
     }
 }
 
-/// From so many balls on a tree is faster: `carom-farm bench hierarchy` finds the crossing.
-const TREE_SPHERES_MIN: usize = 128;
+/// From so many balls on a tree is faster: from 192 to 512 on software Vulkan, by
+/// `carom-farm bench hierarchy --backend gpu`.
+const TREE_SPHERES_MIN: usize = 512;
 
 /// The tree by which rays find the balls of `scene`, where they do.
 pub(crate) fn ball_tree(scene: &CompiledScene) -> Option<&BallTree> {
