@@ -145,11 +145,10 @@ impl Forest {
     #[inline(always)]
     fn occluded_by_lane<S: Simd>(&self, simd: S, rays: &Rays<S>, distance: Float<S>) -> u64 {
         let columns = Columns::of(rays);
-        let distance = distance.to_array();
         let mut stack = Stack::new();
         let mut dark = 0;
-        for lane in 0..LANES {
-            if distance[lane] <= 0.0 {
+        for (lane, limit) in distance.to_array().into_iter().enumerate() {
+            if limit <= 0.0 {
                 continue;
             }
             let ray = columns.ray(simd, lane);
@@ -157,12 +156,11 @@ impl Forest {
             while let Some((_, part)) = stack.pop() {
                 if part & PACK == 0 {
                     let branch = &self.branches[part as usize];
-                    branch.enter(simd, &ray, distance[lane], &mut stack);
+                    branch.enter(simd, &ray, limit, &mut stack);
                     continue;
                 }
                 let met = self.packs[(part & !PACK) as usize].meet(simd, &ray);
-                let is_before =
-                    |(hit, t): (Mask<S>, Float<S>)| (hit & t.simd_lt(distance[lane])).any_true();
+                let is_before = |(hit, t): (Mask<S>, Float<S>)| (hit & t.simd_lt(limit)).any_true();
                 if met.is_some_and(is_before) {
                     dark |= 1 << lane;
                     stack.len = 0;

@@ -764,7 +764,10 @@ mod tests {
     #[test]
     fn counts_are_limited() {
         let objects = refusal(|s| s.objects = vec![object("o", sphere()); OBJECTS_MAX + 1]);
-        assert_says(&objects, "it has 4097 objects: at most 4096 are allowed");
+        assert_says(
+            &objects,
+            "it has 131073 objects: at most 131072 are allowed",
+        );
         let lamps = refusal(|s| s.lamps = vec![lamp(); LAMPS_MAX + 1]);
         assert_says(&lamps, "it has 65 lamps: at most 64 are allowed");
         let material = Material::Diffuse { albedo: Vec3::ONE };
