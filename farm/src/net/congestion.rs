@@ -11,8 +11,10 @@
 //! was delivered in that round trip and α: what "now" says of a window that has been cut since would
 //! cut it twice.
 //!
-//! "Now" and "ever seen" are medians of a round's acknowledgements, and an acknowledgement counts as
-//! the lower quartile of its packets, not the least: one packet in fifty that overtakes others by a
+//! "Ever seen" is the least median of a round's acknowledgements. "Now" is their lower quartile, for
+//! where others have a processor for more than half of the time, most are late, and no queue is why:
+//! with the median, a client that waits for its processor 12 of each 20 ms got 77 % of 31.5 Mbit/s,
+//! and all with the quartile. An acknowledgement counts as the lower quartile of its packets, not the least: one packet in fifty that overtakes others by a
 //! quarter of the round trip would else be the least, all others seem to wait, and the window shrink
 //! to next to nothing; and an acknowledgement that overtakes others speaks for all their packets.
 //!
@@ -87,9 +89,10 @@ impl DelayWindow {
     /// An acknowledgement has been taken: of those packets that have been told since the last.
     pub fn on_end_acks(&mut self, now: Duration) {
         let round = &mut self.round;
-        let Some(round_trip) = round.ack.take_quantile(4) else {
+        let Some(round_trip) = round.ack.quantile(4) else {
             return;
         };
+        round.ack = RoundTrips::default();
         round.round_trips.insert(round_trip);
         let least = self.least.get().unwrap_or(round_trip);
         let passed = now.saturating_sub(round.began) >= least.max(ROUND_MIN);
@@ -128,10 +131,12 @@ impl DelayWindow {
                 ..Round::default()
             },
         );
-        let Some(here) = round.round_trips.take_quantile(2) else {
+        let trips = &mut round.round_trips;
+        let (Some(early), Some(middle)) = (trips.quantile(4), trips.quantile(2)) else {
             return;
         };
-        let least = self.least.insert(now, here);
+        let least = self.least.insert(now, middle);
+        let here = early.max(least);
         let secs = now.saturating_sub(round.began).as_secs_f64();
         let delivered_per_sec = round.acked / secs.max(1e-6);
         self.rate = delivered_per_sec.max(self.rate * RATE_KEPT);
@@ -204,14 +209,11 @@ impl RoundTrips {
         self.skips = self.stride.saturating_sub(1);
     }
 
-    /// The round trip that one in `part` are shorter than; none are kept then.
-    fn take_quantile(&mut self, part: usize) -> Option<Duration> {
+    /// The round trip that one in `part` are shorter than.
+    fn quantile(&mut self, part: usize) -> Option<Duration> {
         let index = self.kept.len() / part;
         let in_order = |kept: &mut [Duration]| *kept.select_nth_unstable(index).1;
-        let quantile = (!self.kept.is_empty()).then(|| in_order(&mut self.kept));
-        self.kept.clear();
-        (self.stride, self.skips) = (0, 0);
-        quantile
+        (!self.kept.is_empty()).then(|| in_order(&mut self.kept))
     }
 
     fn are_enough(&self) -> bool {
@@ -263,13 +265,13 @@ const ALPHA_PART: f64 = 16.0;
 /// The paper's own.
 const GAMMA: f64 = 0.5;
 /// Above it, or so much of the round trip, packets are taken to wait: jitter is seldom more in the
-/// median of a round.
+/// quartile of a round.
 const START_WAIT_MAX: Duration = Duration::from_millis(2);
 /// On a loopback a round trip has two packets, which say little.
 const ROUND_MIN: Duration = Duration::from_millis(2);
 /// If one acknowledgement in twelve is too early, more than half of so many are once in 100,000 rounds.
 const ROUND_TRIPS_MIN: usize = 12;
-/// Enough for a median.
+/// Enough for both.
 const ROUND_TRIPS_MAX: usize = 64;
 const LEAST_AGE: Duration = Duration::from_secs(10);
 const DRAIN_FACTOR: f64 = 0.75;

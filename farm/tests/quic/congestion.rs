@@ -22,10 +22,21 @@ impl Outcome {
     }
 }
 
-/// Packets leave at 1.25 windows a round trip, as quinn paces them.
 fn drive(config: PathConfig, offered: f64, secs: u64) -> Outcome {
+    let window = DelayWindow::new(Duration::ZERO, PACKET as u16);
+    drive_from(window, config, offered, secs, |_| true)
+}
+
+/// Packets leave at 1.25 windows a round trip, as quinn paces them, and are acknowledged when the
+/// client's process `runs`.
+fn drive_from(
+    mut window: DelayWindow,
+    config: PathConfig,
+    offered: f64,
+    secs: u64,
+    runs: impl Fn(Duration) -> bool,
+) -> Outcome {
     let mut there = Path::new(config, 5);
-    let mut window = DelayWindow::new(Duration::ZERO, PACKET as u16);
     let mut backlog = 0.0;
     let mut allowance = 0.0;
     let mut flying: VecDeque<(Duration, Option<Duration>)> = VecDeque::new();
@@ -45,7 +56,8 @@ fn drive(config: PathConfig, offered: f64, secs: u64) -> Outcome {
         while index < flying.len() {
             let (sent, arrives) = flying[index];
             match arrives.map(|at| at + config.delay) {
-                Some(acked) if acked <= now => {
+                Some(due) if due <= now && runs(now) => {
+                    let acked = if runs(due) { due } else { now };
                     let limited = backlog >= PACKET as f64;
                     window.on_ack(acked, sent, PACKET, limited);
                     window.on_end_acks(acked);
@@ -147,15 +159,26 @@ fn the_first_frames_are_not_slow() {
 
 #[test]
 fn an_outage_ends_in_a_small_window_that_grows_again() {
-    let mut window = DelayWindow::new(Duration::ZERO, 1252);
-    window.on_outage(Duration::from_secs(3));
-    assert_eq!(window.bytes(), 4 * 1252);
-    let round_trip = Duration::from_millis(20);
-    for packet in 0..400 {
-        let now = Duration::from_secs(4) + packet * Duration::from_millis(1);
-        window.on_ack(now, now - round_trip, 1252, true);
-        window.on_end_acks(now);
+    let mut window = DelayWindow::new(Duration::ZERO, PACKET as u16);
+    window.on_outage(Duration::ZERO);
+    assert_eq!(window.bytes(), 4 * PACKET);
+    // To 80 kB by half each round trip.
+    let outcome = drive_from(window, path(20), 31.5e6, 1, |_| true);
+    let share = outcome.delivered * 8.0 / 31.5e6;
+    assert!(share > 0.8, "{share} of the first second's bytes");
+}
+
+#[test]
+fn a_client_that_waits_for_its_processor_is_not_slowed_further() {
+    for (waits_ms, of_ms) in [(4, 20), (8, 20), (12, 20), (30, 100), (50, 200)] {
+        let window = DelayWindow::new(Duration::ZERO, PACKET as u16);
+        let runs = |now: Duration| now.as_millis() % of_ms >= waits_ms;
+        let outcome = drive_from(window, path(46), 31.5e6, 6, runs);
+        let share = outcome.delivered * 8.0 / 6.0 / 31.5e6;
+        println!("{waits_ms} of {of_ms} ms: {share:.3}");
+        assert!(
+            share > 0.95,
+            "{share} of what was offered, {waits_ms} of {of_ms} ms"
+        );
     }
-    // 25 kB come through in a round trip.
-    assert!(window.bytes() > 100_000, "{}", window.bytes());
 }
