@@ -26,14 +26,20 @@ fn camera_path(x: u32, y: u32, sample: u32) -> Path {
     return Path(ray, NO_PRIMITIVE, vec3f(1.0), vec3f(0.0), SPECULAR, 0u, pixel, key);
 }
 
-// Follows the path along one edge; false when it has ended.
-fn advance(path: ptr<function, Path>, rays: ptr<function, u32>) -> bool {
+// What is to be done next with a path: trace its ray, scatter it where that met a surface, or nothing.
+const FLYING: u32 = 0u;
+const MET: u32 = 1u;
+const ENDED: u32 = 2u;
+
+// Follows the path along one edge, to `hit`.
+fn advance(path: ptr<function, Path>, hit: ptr<function, Hit>, rays: ptr<function, u32>) -> u32 {
     let ray = (*path).ray;
     *rays += 1u;
-    let hit = nearest(ray, (*path).skip);
+    let met = nearest(ray, (*path).skip);
+    *hit = met;
     if (HAS_CLEAR && ((*path).skip & INSIDE) != 0u && (*path).skip != NO_PRIMITIVE) {
         let u = scatter_numbers(path);
-        let flight = fly(material_of((*path).skip & ~INSIDE), hit.t, u.w);
+        let flight = fly(material_of((*path).skip & ~INSIDE), met.t, u.w);
         (*path).throughput *= flight.weight;
         if (flight.is_scattered) {
             let origin = fma(vec3f(flight.distance), ray.direction, ray.origin);
@@ -41,25 +47,24 @@ fn advance(path: ptr<function, Path>, rays: ptr<function, u32>) -> bool {
             (*path).pdf = SPECULAR;
             let is_last = (*path).bounce == job.scatterings_max;
             (*path).bounce += 1u;
-            return !is_last && any((*path).throughput != vec3f(0.0));
+            return select(FLYING, ENDED, is_last || all((*path).throughput == vec3f(0.0)));
         }
     }
-    if (hit.primitive >= LAMP_FIRST && is_emission(*path)) {
-        return false;
+    if (met.primitive >= LAMP_FIRST && is_emission(*path)) {
+        return ENDED;
     }
-    if (hit.primitive == NO_PRIMITIVE) {
+    if (met.primitive == NO_PRIMITIVE) {
         (*path).radiance += (*path).throughput * scene.header.environment;
-        return false;
+        return ENDED;
     }
-    if (hit.primitive >= LAMP_FIRST) {
-        (*path).radiance += (*path).throughput * lamp_found(ray, hit, (*path).pdf);
-        return false;
+    if (met.primitive >= LAMP_FIRST) {
+        (*path).radiance += (*path).throughput * lamp_found(ray, met, (*path).pdf);
+        return ENDED;
     }
     if ((*path).bounce == job.scatterings_max) {
-        return false;
+        return ENDED;
     }
-    let is_within = HAS_CLEAR && (*path).skip == (hit.primitive | INSIDE);
-    return scatter(path, surface_at(ray, hit, is_within), hit.primitive, rays);
+    return MET;
 }
 
 // Whether the light that a path ends in belongs to the emission of first hits, where that is traced
@@ -69,12 +74,11 @@ fn is_emission(path: Path) -> bool {
     return OUTPUT == OUTPUT_REFLECTED && path.bounce <= 1u && path.pdf <= 0.0 && !is_inside;
 }
 
-fn scatter(
-    path: ptr<function, Path>,
-    surface: Surface,
-    primitive: u32,
-    rays: ptr<function, u32>,
-) -> bool {
+// At the surface that the path's ray has met.
+fn scatter(path: ptr<function, Path>, hit: Hit, rays: ptr<function, u32>) -> u32 {
+    let primitive = hit.primitive;
+    let is_within = HAS_CLEAR && (*path).skip == (primitive | INSIDE);
+    let surface = surface_at((*path).ray, hit, is_within);
     let bounce = (*path).bounce;
     let wo = -(*path).ray.direction;
     let bsdf = bsdf_at(surface, wo);
@@ -101,7 +105,7 @@ fn scatter(
         (*path).pdf = max(next.pdf * light_sum, 1e-37);
     }
     (*path).bounce = bounce + 1u;
-    return any((*path).throughput != vec3f(0.0));
+    return select(FLYING, ENDED, all((*path).throughput == vec3f(0.0)));
 }
 
 // Direction in `yz`; choice of a clear body's lobe in `x` and flight through it in `w`.
