@@ -412,7 +412,6 @@ impl Screen {
         let name = self.display.name().to_owned();
         let mut outcome = Outcome::Stay;
         let output = self.egui.run_ui(raw, |ui| {
-            session.draw(ui.ctx(), now_secs, &name);
             if desk.draw(ui.ctx(), session, now_secs, &name) == Outcome::Quit {
                 outcome = Outcome::Quit;
             }

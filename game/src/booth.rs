@@ -15,10 +15,10 @@ use etcetera::BaseStrategy as _;
 use glam::DVec2;
 
 use crate::camera::Viewpoint;
-use crate::input::Intent;
+use crate::input::{Intent, Watch};
 use crate::play::Game;
 use crate::practice::Practice;
-use crate::replay::{Kept, Kind, Shelf, Viewing, Wish, moments};
+use crate::replay::{Kept, Kind, Shelf, Viewing, moments};
 use crate::rules::RuleSet;
 use crate::screenshot::Screenshot;
 use crate::sim::{self, BallPose, BallState, Recording, Shot, Take};
@@ -51,8 +51,8 @@ pub enum Show {
 /// What the player wants of the booth.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Order {
-    /// Of the replay's time and camera.
-    Wish(Wish),
+    /// Of the replay's time, or another of its shots.
+    Watch(Watch),
     /// To keep what is on show as a file.
     Keep(Kind),
     /// To show what a file holds, or lay the balls so.
@@ -212,8 +212,8 @@ impl Booth {
                 self.show = Show::Game;
                 return Some(balls);
             }
-            (Order::Wish(wish), Show::Replay(viewing)) => {
-                viewing.apply(wish, now_secs);
+            (Order::Watch(watch), Show::Replay(viewing)) => {
+                viewing.apply(watch, now_secs);
                 Ok(())
             }
             (Order::Keep(kind), _) => self.keep(kind),
@@ -241,6 +241,7 @@ impl Booth {
                 | Intent::Overhead
                 | Intent::LookFrom(_),
             ) => return false,
+            (Show::Replay(viewing), Intent::Watch(watch)) => viewing.apply(watch, now_secs),
             (Show::Replay(viewing), intent) => viewing.look(intent, game.table(), now_secs),
             _ => {}
         }

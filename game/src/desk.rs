@@ -7,9 +7,9 @@
 
 use std::time::{Duration, Instant};
 
-use egui::Context;
+use egui::{Context, Rect};
 
-use crate::input::{Action, Event, Input, Intent};
+use crate::input::{Action, Event, Input, Intent, Mode};
 use crate::lookout::Lookout;
 use crate::play::Outcome;
 use crate::rules::RuleSet;
@@ -94,6 +94,10 @@ impl Desk {
         now_secs: f64,
     ) -> Outcome {
         self.input.set_carrying(session.is_placing());
+        self.input.set_mode(match session.is_replay() {
+            true => Mode::Replay,
+            false => Mode::Table,
+        });
         if self.menu.page().is_some() {
             self.handle_page(event, session, now_secs);
             return Outcome::Stay;
@@ -132,7 +136,7 @@ impl Desk {
             return;
         };
         session.redraw();
-        let action = self.input.bindings().action(trigger);
+        let action = self.input.bindings().action(trigger, Mode::Table);
         if action == Some(Action::Menu) {
             self.menu.back();
             return self.save(now_secs);
@@ -155,8 +159,6 @@ impl Desk {
                 self.store.settings.aim_aids = self.store.settings.aim_aids.next();
                 self.save(now_secs);
             }
-            // The page of a replay has keys of its own.
-            Intent::KeepView(_) | Intent::RecallView(_) if session.is_replay() => {}
             Intent::KeepView(place) => self.keep_view(usize::from(place), session, now_secs),
             Intent::RecallView(place) => self.recall_view(usize::from(place), session, now_secs),
             Intent::ToggleLog => {
@@ -218,7 +220,7 @@ impl Desk {
         session.redraw();
     }
 
-    /// Draws pages, keys and sentences over the game.
+    /// Draws the game, and pages, keys and sentences over it.
     pub fn draw(
         &mut self,
         ctx: &Context,
@@ -226,17 +228,18 @@ impl Desk {
         now_secs: f64,
         display: &str,
     ) -> Outcome {
-        self.notes.draw(ctx);
+        let room = session.draw(ctx, self.input.bindings(), now_secs, display);
+        self.notes.draw(ctx, room);
         if let Some(dial) = session.take_dial() {
             self.store.settings.quality = dial;
             self.save(now_secs);
         }
         if self.menu.page().is_none() {
             if session.is_game() {
-                self.draw_game(ctx, session, now_secs);
+                self.draw_game(ctx, room, session, now_secs);
             }
             let is_known = session.has_played() || !session.is_game();
-            menu::hints(ctx, &self.store, self.help, is_known);
+            menu::hints(ctx, room, &self.store, self.help, is_known);
             return Outcome::Stay;
         }
         let (sound, farm) = (self.speaker.state(), session.farm_line());
@@ -268,11 +271,11 @@ impl Desk {
 
     /// The match and the cue. Over a shot of before, or a table that is being laid, nothing of the game
     /// can be decided.
-    fn draw_game(&mut self, ctx: &Context, session: &mut Session, now_secs: f64) {
+    fn draw_game(&mut self, ctx: &Context, room: Rect, session: &mut Session, now_secs: f64) {
         let board = session.board();
-        let asked = board::draw(ctx, &board, self.input.bindings(), self.log);
+        let asked = board::draw(ctx, room, &board, self.input.bindings(), self.log);
         let cue = session.cue(now_secs).filter(|_| board.may_play);
-        let asked = asked.or(cue.and_then(|cue| cue_panel::panel(ctx, &cue)));
+        let asked = asked.or(cue.and_then(|cue| cue_panel::panel(ctx, room, &cue)));
         if let Some(intent) = asked {
             self.act(intent, session, now_secs);
         }

@@ -2,7 +2,7 @@
 //!
 //! Settings, the help, the legend of keys and the table in README.md are made from [`CONTROLS`].
 
-use super::Intent;
+use super::{Intent, Watch};
 
 /// Something that a key, a button or the wheel can be bound to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -50,6 +50,25 @@ pub enum Action {
     Stats,
     Fullscreen,
     Menu,
+    ReplayPause,
+    ReplayBack,
+    ReplayForward,
+    ReplayEventBefore,
+    ReplayEventNext,
+    ReplayShotBefore,
+    ReplayShotNext,
+    /// By its place among [`Watch::RATES`].
+    ReplaySpeed(u8),
+}
+
+/// What is on show, which decides whose keys count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Mode {
+    /// The table.
+    #[default]
+    Table,
+    /// A shot of before: its own keys, and those of the table that it has no other use for.
+    Replay,
 }
 
 /// A row of the action map.
@@ -80,11 +99,20 @@ pub enum Group {
     View,
     /// The game and the program.
     Game,
+    /// Shots of before, while one is on show.
+    Replay,
 }
 
 impl Group {
     /// All, in the order of the help.
-    pub const ALL: [Self; 5] = [Self::Aim, Self::Stroke, Self::Spin, Self::View, Self::Game];
+    pub const ALL: [Self; 6] = [
+        Self::Aim,
+        Self::Stroke,
+        Self::Spin,
+        Self::View,
+        Self::Game,
+        Self::Replay,
+    ];
 
     /// For people.
     pub fn title(self) -> &'static str {
@@ -94,6 +122,7 @@ impl Group {
             Self::Spin => "Spin and elevation",
             Self::View => "View",
             Self::Game => "Game",
+            Self::Replay => "While a shot of before is watched",
         }
     }
 
@@ -115,6 +144,14 @@ impl Action {
     pub fn from_name(name: &str) -> Option<Self> {
         let row = CONTROLS.iter().find(|control| control.name == name)?;
         Some(row.action)
+    }
+
+    /// Where its keys count.
+    pub fn mode(self) -> Mode {
+        match self.control().group {
+            Group::Replay => Mode::Replay,
+            _ => Mode::Table,
+        }
     }
 
     /// Whether it lasts as long as its trigger is held: then it cannot be bound to the wheel.
@@ -170,12 +207,34 @@ impl Action {
             Self::Stats => Intent::ToggleStats,
             Self::Fullscreen => Intent::ToggleFullscreen,
             Self::Menu => Intent::Escape,
+            Self::ReplayPause
+            | Self::ReplayBack
+            | Self::ReplayForward
+            | Self::ReplayEventBefore
+            | Self::ReplayEventNext
+            | Self::ReplayShotBefore
+            | Self::ReplayShotNext
+            | Self::ReplaySpeed(_) => return self.watch(steps).map(Intent::Watch),
             Self::AimAtPointer
             | Self::Fine
             | Self::Stroke
             | Self::Charge
             | Self::Swing
             | Self::Orbit => return None,
+        })
+    }
+
+    fn watch(self, steps: f64) -> Option<Watch> {
+        Some(match self {
+            Self::ReplayPause => Watch::Toggle,
+            Self::ReplayBack => Watch::Skip(-steps * SKIP_SECS),
+            Self::ReplayForward => Watch::Skip(steps * SKIP_SECS),
+            Self::ReplayEventBefore => Watch::Step { forward: false },
+            Self::ReplayEventNext => Watch::Step { forward: true },
+            Self::ReplayShotBefore => Watch::Turn { forward: false },
+            Self::ReplayShotNext => Watch::Turn { forward: true },
+            Self::ReplaySpeed(place) => Watch::Rate(*Watch::RATES.get(usize::from(place))?),
+            _ => return None,
         })
     }
 
@@ -197,6 +256,10 @@ impl Action {
                 | Self::LookUp
                 | Self::ZoomIn
                 | Self::ZoomOut
+                | Self::ReplayBack
+                | Self::ReplayForward
+                | Self::ReplayEventBefore
+                | Self::ReplayEventNext
         )
     }
 }
@@ -267,6 +330,16 @@ pub const CONTROLS: &[Control] = &[
     row(Group::Game, Action::Stats, "stats", "statistics: a line, a card, everything, everything recorded, none", &["F3"]),
     row(Group::Game, Action::Fullscreen, "fullscreen", "fill the screen, or go back to a window", &["F11"]),
     row(Group::Game, Action::Menu, "menu", "give up the stroke; else open the menu", &["Esc"]),
+    row(Group::Replay, Action::ReplayPause, "replay-pause", "stop the shot, or let it go on", &["Space"]),
+    row(Group::Replay, Action::ReplayBack, "replay-back", "turn time back by 0.1 s", &["Left"]),
+    row(Group::Replay, Action::ReplayForward, "replay-forward", "turn it forward", &["Right"]),
+    row(Group::Replay, Action::ReplayEventBefore, "replay-event-before", "go to the event before", &[","]),
+    row(Group::Replay, Action::ReplayEventNext, "replay-event-next", "go to the next event", &["."]),
+    row(Group::Replay, Action::ReplayShotBefore, "replay-shot-before", "show the shot before", &["P"]),
+    row(Group::Replay, Action::ReplayShotNext, "replay-shot-next", "show the next shot", &["N"]),
+    row(Group::Replay, Action::ReplaySpeed(0), "replay-speed-1", "at its own speed", &["1"]),
+    row(Group::Replay, Action::ReplaySpeed(1), "replay-speed-2", "four times slower", &["2"]),
+    row(Group::Replay, Action::ReplaySpeed(2), "replay-speed-3", "ten times slower", &["3"]),
 ];
 
 const AIM_STEP_RAD: f64 = std::f64::consts::PI / 180.0;
@@ -276,6 +349,8 @@ const POWER_STEP: f64 = 0.05;
 const PITCH_STEP_RAD: f64 = 0.04;
 const TIP_STEP_RADII: f64 = 0.05;
 const ZOOM_STEP: f64 = 1.1;
+/// A key's way through the time of a replay.
+const SKIP_SECS: f64 = 0.1;
 
 #[cfg(test)]
 mod tests {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 
-use super::{Action, Button, CONTROLS, Key};
+use super::{Action, Button, CONTROLS, Key, Mode};
 
 /// What an action can be bound to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -56,10 +56,10 @@ impl FromStr for Trigger {
     }
 }
 
-/// The triggers of every action. A trigger does one thing: binding it elsewhere takes it away.
+/// The triggers of every action. In a mode a trigger does one thing: binding it elsewhere takes it away.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Bindings {
-    actions: BTreeMap<Trigger, Action>,
+    actions: BTreeMap<(Mode, Trigger), Action>,
 }
 
 /// Why a trigger cannot be bound to an action.
@@ -92,7 +92,8 @@ impl Default for Bindings {
                 .defaults
                 .iter()
                 .filter_map(|label| label.parse().ok());
-            actions.extend(triggers.map(|trigger: Trigger| (trigger, control.action)));
+            let mode = control.action.mode();
+            actions.extend(triggers.map(|trigger: Trigger| ((mode, trigger), control.action)));
         }
         Self { actions }
     }
@@ -111,8 +112,9 @@ impl Bindings {
     /// # Errors
     /// [`BindingError`] if another action has it, or if it cannot be held.
     pub fn bind(&mut self, trigger: Trigger, action: Action) -> Result<(), BindingError> {
-        if let Some(by) = self.action(trigger).filter(|by| *by != action) {
-            return Err(BindingError::Taken { trigger, by });
+        match self.actions.get(&(action.mode(), trigger)) {
+            Some(&by) if by != action => return Err(BindingError::Taken { trigger, by }),
+            _ => {}
         }
         self.rebind(trigger, action)
     }
@@ -125,7 +127,7 @@ impl Bindings {
         if action.is_held() && matches!(trigger, Trigger::WheelUp | Trigger::WheelDown) {
             return Err(BindingError::NotHeld { trigger, action });
         }
-        self.actions.insert(trigger, action);
+        self.actions.insert((action.mode(), trigger), action);
         Ok(())
     }
 
@@ -134,9 +136,11 @@ impl Bindings {
         self.actions.retain(|_, bound| *bound != action);
     }
 
-    /// What a trigger does.
-    pub fn action(&self, trigger: Trigger) -> Option<Action> {
-        self.actions.get(&trigger).copied()
+    /// What a trigger does in a mode: what the table's does where a replay has no other use for it.
+    pub fn action(&self, trigger: Trigger, mode: Mode) -> Option<Action> {
+        let own = self.actions.get(&(mode, trigger));
+        let of_table = || self.actions.get(&(Mode::Table, trigger));
+        own.or_else(of_table).copied()
     }
 
     /// What an action is bound to: first what it was bound to from the start, in that order.
@@ -148,7 +152,7 @@ impl Bindings {
             place.unwrap_or(defaults.len())
         };
         let bound = self.actions.iter().filter(|(_, to)| **to == action);
-        let mut triggers: Vec<Trigger> = bound.map(|(trigger, _)| *trigger).collect();
+        let mut triggers: Vec<Trigger> = bound.map(|((_, trigger), _)| *trigger).collect();
         triggers.sort_by_key(rank);
         triggers
     }
@@ -162,7 +166,9 @@ impl Bindings {
                 let both = ["Left", "Right"].map(|side| Key::from_label(&format!("{side} {name}")));
                 label.ends_with(name)
                     && both.iter().all(|key| {
-                        key.is_some_and(|key| self.action(Trigger::Key(key)) == Some(action))
+                        key.is_some_and(|key| {
+                            self.action(Trigger::Key(key), action.mode()) == Some(action)
+                        })
                     })
             });
             let word = either_side.map_or(label, str::to_owned);
@@ -207,7 +213,7 @@ mod tests {
         let w: Trigger = "w".parse().unwrap();
         let error = bindings.bind(w, Action::Rack).unwrap_err();
         assert!(error.to_string().contains("higher"), "{error}");
-        assert_eq!(bindings.action(w), Some(Action::TipUp));
+        assert_eq!(bindings.action(w, Mode::Table), Some(Action::TipUp));
         bindings.rebind(w, Action::Rack).unwrap();
         assert_eq!(bindings.words(Action::Rack), "R, W");
         assert_eq!(bindings.words(Action::TipUp), "nothing");

@@ -17,7 +17,7 @@ use std::collections::BTreeSet;
 
 use glam::DVec2;
 
-pub use action::{Action, CONTROLS, Control, Group};
+pub use action::{Action, CONTROLS, Control, Group, Mode};
 pub use binding::{BindingError, Bindings, Trigger, UnknownTrigger};
 pub use key::Key;
 
@@ -148,6 +148,8 @@ pub enum Intent {
     Rack,
     /// Watch shots of before, or go back to the game.
     LookBack,
+    /// Turn a replay's time, or show another of its shots.
+    Watch(Watch),
     /// Lay the balls, or leave them as they were.
     Practise,
     /// Take a picture in full quality.
@@ -180,10 +182,41 @@ pub enum Intent {
     ToggleFullscreen,
 }
 
+/// What a viewer may want of a shot of before.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Watch {
+    /// To stop, or to go on.
+    Toggle,
+    /// Another speed: seconds of the shot in a second.
+    Rate(f64),
+    /// Another moment of the shot, seconds since the stroke.
+    Seek(f64),
+    /// The moment so many seconds later; earlier if negative.
+    Skip(f64),
+    /// The next event, or the one before.
+    Step {
+        /// Whether the next one.
+        forward: bool,
+    },
+    /// Another shot of the list.
+    Pick(usize),
+    /// The next shot of the list, or the one before.
+    Turn {
+        /// Whether the next one.
+        forward: bool,
+    },
+}
+
+impl Watch {
+    /// The rates that are offered: real time and slow motion.
+    pub const RATES: [f64; 3] = [1.0, 0.25, 0.1];
+}
+
 /// What is bound, what is held, and since where.
 #[derive(Clone, Debug, Default)]
 pub struct Input {
     bindings: Bindings,
+    mode: Mode,
     pointer: Option<DVec2>,
     hold: Option<Hold>,
     fine: BTreeSet<Trigger>,
@@ -234,6 +267,11 @@ impl Input {
     /// What is bound to what.
     pub fn bindings(&self) -> &Bindings {
         &self.bindings
+    }
+
+    /// Says what is on show, whose keys count.
+    pub fn set_mode(&mut self, mode: Mode) {
+        self.mode = mode;
     }
 
     /// What `event` means.
@@ -308,7 +346,7 @@ impl Input {
         if !pressed {
             return self.released(trigger);
         }
-        let action = self.bindings.action(trigger)?;
+        let action = self.bindings.action(trigger, self.mode)?;
         if repeat && !action.repeats() {
             return None;
         }
@@ -364,7 +402,7 @@ impl Input {
         if self.notches * notches < 0.0 {
             self.notches = 0.0;
         }
-        let action = self.bindings.action(trigger)?;
+        let action = self.bindings.action(trigger, self.mode)?;
         if action.repeats() {
             return action.intent(notches.abs() * self.precision());
         }
@@ -586,6 +624,7 @@ mod tests {
             let trigger: Trigger = "Pad 5".parse().unwrap();
             bindings.bind(trigger, control.action).unwrap();
             let mut input = Input::new(bindings);
+            input.set_mode(control.action.mode());
             let events = [
                 at(0.0, 0.0),
                 key("Pad 5", true),
@@ -602,6 +641,17 @@ mod tests {
                 _ => assert_eq!(intents.len(), 1, "{}", control.name),
             }
         }
+    }
+
+    #[test]
+    fn keys_of_a_replay_count_before_those_of_the_table_and_only_there() {
+        let mut input = Input::default();
+        let press = [key("Space", true), key("Space", false), key("V", true)];
+        input.set_mode(Mode::Replay);
+        let watched = all(&mut input, &press);
+        assert_eq!(watched, [Intent::Watch(Watch::Toggle), Intent::NextView]);
+        input.set_mode(Mode::Table);
+        assert_eq!(all(&mut input, &press)[0], Intent::BeginCharge);
     }
 
     #[test]

@@ -14,9 +14,6 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// The rates that are offered: real time and slow motion.
-    pub const RATES: [f64; 3] = [1.0, 0.25, 0.1];
-
     /// Runs from the start of a shot that lasts `end_secs`.
     pub fn new(end_secs: f64, now_secs: f64) -> Self {
         Self {

@@ -15,7 +15,7 @@ mod shelf;
 use std::cell::OnceCell;
 
 use crate::camera::{Chase, Sight, View, Viewpoint, Views};
-use crate::input::Intent;
+use crate::input::{Intent, Watch};
 use crate::sim::{BallPose, BallState, Phase, Recording, Shot, Table, Take};
 
 pub use clock::Clock;
@@ -32,24 +32,6 @@ pub struct Viewing {
     moments: Vec<Moment>,
     views: Views,
     chase: OnceCell<Chase>,
-}
-
-/// What a viewer may want.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Wish {
-    /// To stop, or to go on.
-    Toggle,
-    /// Another speed: seconds of the shot in a second.
-    Rate(f64),
-    /// Another moment of the shot.
-    Seek(f64),
-    /// The next event, or the one before.
-    Step {
-        /// Whether the next one.
-        forward: bool,
-    },
-    /// Another shot of the list.
-    Pick(usize),
 }
 
 impl Viewing {
@@ -101,22 +83,30 @@ impl Viewing {
     }
 
     /// Does what the viewer wants.
-    pub fn apply(&mut self, wish: Wish, now_secs: f64) {
-        match wish {
-            Wish::Toggle => self.clock.toggle(now_secs),
-            Wish::Rate(rate) => self.clock.set_rate(rate, now_secs),
-            Wish::Seek(moment_secs) => self.clock.seek(moment_secs, now_secs),
-            Wish::Step { forward } => {
+    pub fn apply(&mut self, watch: Watch, now_secs: f64) {
+        match watch {
+            Watch::Toggle => self.clock.toggle(now_secs),
+            Watch::Rate(rate) => self.clock.set_rate(rate, now_secs),
+            Watch::Seek(moment_secs) => self.clock.seek(moment_secs, now_secs),
+            Watch::Skip(by_secs) => {
+                let moment_secs = self.clock.moment_secs(now_secs) + by_secs;
+                self.clock.seek(moment_secs, now_secs);
+            }
+            Watch::Turn { forward: true } => self.apply(Watch::Pick(self.take + 1), now_secs),
+            Watch::Turn { forward: false } => {
+                self.apply(Watch::Pick(self.take.wrapping_sub(1)), now_secs);
+            }
+            Watch::Step { forward } => {
                 let times: Vec<f64> = self.moments.iter().map(|moment| moment.secs).collect();
                 self.clock.step(&times, forward, now_secs);
             }
-            Wish::Pick(take) if take < self.recording.takes.len() => {
+            Watch::Pick(take) if take < self.recording.takes.len() => {
                 self.take = take;
                 self.chase = OnceCell::new();
                 self.clock = self.clock.restarted(self.shot().duration_secs(), now_secs);
                 self.moments = moments(self.shot());
             }
-            Wish::Pick(_) => {}
+            Watch::Pick(_) => {}
         }
     }
 
@@ -239,7 +229,7 @@ mod tests {
         assert_eq!((clock, end), (0.5, viewing.shot().duration_secs()));
         let poses = viewing.poses(0.5);
         assert_eq!(poses, viewing.shot().poses_at(0.5));
-        viewing.apply(Wish::Rate(0.25), 100.5);
+        viewing.apply(Watch::Rate(0.25), 100.5);
         let (slow, clock, slow_end) = viewing.shot_clock(100.5).unwrap();
         assert!(slow != number && slow_end == 4.0 * end);
         assert_eq!((clock, viewing.poses(clock)), (2.0, poses));
@@ -248,11 +238,11 @@ mod tests {
     #[test]
     fn standing_still_it_is_a_still_picture() {
         let mut viewing = viewing();
-        viewing.apply(Wish::Seek(0.7), 101.0);
-        viewing.apply(Wish::Toggle, 101.0);
+        viewing.apply(Watch::Seek(0.7), 101.0);
+        viewing.apply(Watch::Toggle, 101.0);
         assert_eq!(viewing.shot_clock(109.0), None);
         assert_eq!(viewing.poses(109.0), viewing.shot().poses_at(0.7));
-        viewing.apply(Wish::Step { forward: false }, 110.0);
+        viewing.apply(Watch::Step { forward: false }, 110.0);
         let contacts: Vec<f64> = viewing.moments().iter().map(|m| m.secs).collect();
         assert!(contacts.contains(&viewing.clock().moment_secs(0.0)));
     }
@@ -260,9 +250,9 @@ mod tests {
     #[test]
     fn another_take_is_picked_shared_and_played_on_from() {
         let mut viewing = viewing();
-        viewing.apply(Wish::Pick(7), 100.0);
+        viewing.apply(Watch::Pick(7), 100.0);
         assert_eq!(viewing.take(), 1);
-        viewing.apply(Wish::Pick(0), 100.0);
+        viewing.apply(Watch::Pick(0), 100.0);
         let shared = Recording::from_bytes(&viewing.excerpt().to_bytes().unwrap()).unwrap();
         assert_eq!(
             (shared.takes.len(), shared.takes[0].title.as_str()),

@@ -252,7 +252,7 @@ mod tests {
     use super::*;
     use crate::ball_set::BallSet;
     use crate::camera::Viewpoint;
-    use crate::input::Trigger;
+    use crate::input::{Mode, Trigger};
 
     /// Of numbers that have few digits in the file.
     fn a_view() -> Viewpoint {
@@ -403,7 +403,7 @@ mod tests {
         let store = Store::open(path);
         let action = |label: &str| {
             let trigger: Trigger = label.parse().unwrap();
-            store.settings.bindings.action(trigger)
+            store.settings.bindings.action(trigger, Mode::Table)
         };
         assert_eq!(action("W"), Some(Action::Rack));
         assert_eq!(action("F5"), Some(Action::Rack));

@@ -31,20 +31,30 @@ pub struct Board {
 }
 
 /// Draws the board; what the player asks for with the pointer.
-pub fn draw(ctx: &Context, board: &Board, bindings: &Bindings, log: bool) -> Option<Intent> {
+///
+/// It keeps to `room`, a part of the window; with `log` it tells what was said so far.
+pub fn draw(
+    ctx: &Context,
+    room: Rect,
+    board: &Board,
+    bindings: &Bindings,
+    log: bool,
+) -> Option<Intent> {
     let mut wanted = None;
     if board.view.rules != RuleSet::Free {
         wanted = panel(
             ctx,
+            room,
             "score",
             Align2::CENTER_TOP,
             Vec2::new(0.0, 8.0),
-            |ui| score(ui, board),
+            |ui| score(ui, room, board),
         );
     }
     if board.pockets.is_some() {
         let asked = panel(
             ctx,
+            room,
             "call",
             Align2::RIGHT_CENTER,
             Vec2::new(-12.0, 0.0),
@@ -54,6 +64,7 @@ pub fn draw(ctx: &Context, board: &Board, bindings: &Bindings, log: bool) -> Opt
     }
     let asked = panel(
         ctx,
+        room,
         "deeds",
         Align2::RIGHT_BOTTOM,
         Vec2::new(-12.0, -12.0),
@@ -69,6 +80,7 @@ pub fn draw(ctx: &Context, board: &Board, bindings: &Bindings, log: bool) -> Opt
 
 fn panel(
     ctx: &Context,
+    room: Rect,
     name: &str,
     place: Align2,
     offset: Vec2,
@@ -76,15 +88,16 @@ fn panel(
 ) -> Option<Intent> {
     let area = Area::new(Id::unique(name))
         .order(Order::Middle)
+        .constrain_to(room)
         .anchor(place, offset);
     area.show(ctx, |ui| theme::frame().show(ui, draw).inner)
         .inner
 }
 
 /// Who plays whom, what stands, what is to be done.
-fn score(ui: &mut Ui, board: &Board) -> Option<Intent> {
+fn score(ui: &mut Ui, room: Rect, board: &Board) -> Option<Intent> {
     let view = &board.view;
-    ui.set_max_width(0.62 * ui.ctx().content_rect().width());
+    ui.set_max_width(0.62 * room.width());
     ui.vertical_centered(|ui| {
         ui.horizontal(|ui| {
             for (index, player) in view.players.iter().enumerate() {
@@ -324,7 +337,7 @@ mod tests {
             .with_size(Vec2::new(1280.0, 720.0))
             .build_ui(|ui| {
                 if theme::is_dressed(ui.ctx()) {
-                    let asked = draw(ui.ctx(), board, &bindings, true);
+                    let asked = draw(ui.ctx(), ui.ctx().content_rect(), board, &bindings, true);
                     intents.borrow_mut().extend(asked);
                 }
             });
@@ -375,7 +388,7 @@ mod tests {
             .with_size(Vec2::new(1280.0, 720.0))
             .build_ui(|ui| {
                 if theme::is_dressed(ui.ctx()) {
-                    draw(ui.ctx(), &board, &bindings, false);
+                    draw(ui.ctx(), ui.ctx().content_rect(), &board, &bindings, false);
                 }
             });
         harness.run();

@@ -11,11 +11,11 @@ use crate::input::Intent;
 use crate::play::{CueView, cue_speed_m_s};
 use crate::sim;
 
-/// Draws both for the cue that is shown; what the player sets with the pointer.
-pub fn panel(ctx: &Context, cue: &CueView) -> Option<Intent> {
-    let screen = ctx.content_rect();
-    let bar_at = Pos2::new(screen.left() + 16.0, screen.center().y - 0.5 * BAR.y - 20.0);
-    let disc_at = screen.left_bottom() + Vec2::new(12.0, -2.0 * RADIUS - 20.0);
+/// Draws both for the cue that is shown at the left of `room`, a part of the window; what the player
+/// sets with the pointer.
+pub fn panel(ctx: &Context, room: Rect, cue: &CueView) -> Option<Intent> {
+    let bar_at = Pos2::new(room.left() + 16.0, room.center().y - 0.5 * BAR.y - 20.0);
+    let disc_at = room.left_bottom() + Vec2::new(12.0, -2.0 * RADIUS - 20.0);
     let power = area(ctx, "power", bar_at, |ui| power_bar(ui, cue.power));
     let tip = area(ctx, "spin", disc_at, |ui| spin_disc(ui, cue));
     tip.or(power)
@@ -165,7 +165,11 @@ mod tests {
         let cue = CueView::resting(DVec3::ZERO, &Aim::LEVEL);
         let mut harness = Harness::builder()
             .with_size(Vec2::new(1280.0, 720.0))
-            .build_ui(|ui| intents.borrow_mut().extend(panel(ui.ctx(), &cue)));
+            .build_ui(|ui| {
+                intents
+                    .borrow_mut()
+                    .extend(panel(ui.ctx(), ui.ctx().content_rect(), &cue))
+            });
         harness.run();
         let widget = harness.get_by_label_contains(label).rect();
         let at = widget.min + place * widget.size();

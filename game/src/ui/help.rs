@@ -1,6 +1,6 @@
 //! What the keys do, made from the action map: the help, the first steps, and the table in README.md.
 
-use egui::{Align2, Area, Color32, Context, Grid, Id, Order, RichText, ScrollArea};
+use egui::{Align2, Area, Color32, Context, Grid, Id, Order, Rect, RichText, ScrollArea};
 
 use super::theme;
 use crate::input::{Action, Bindings, Group};
@@ -51,16 +51,17 @@ pub fn table(ui: &mut egui::Ui, bindings: &Bindings) {
         });
 }
 
-/// The first steps, for the bottom of the window until the first shot.
-pub fn legend(ctx: &Context, bindings: &Bindings) {
+/// The first steps, for the bottom of a part of the window until the first shot.
+pub fn legend(ctx: &Context, room: Rect, bindings: &Bindings) {
     Area::new(Id::unique("legend"))
         .order(Order::Background)
+        .constrain_to(room)
         .anchor(Align2::CENTER_BOTTOM, egui::vec2(0.0, -60.0))
         .interactable(false)
         .show(ctx, |ui| {
             theme::frame().show(ui, |ui| {
                 // Between the disc of the cue ball at the left and as much at the right.
-                ui.set_max_width(ctx.content_rect().width() - 2.0 * BESIDE_POINTS);
+                ui.set_max_width(room.width() - 2.0 * BESIDE_POINTS);
                 ui.horizontal_wrapped(|ui| {
                     for (keys, does) in first_steps(bindings) {
                         ui.label(RichText::new(keys).small().color(theme::ACCENT));
@@ -90,7 +91,11 @@ pub fn markdown(bindings: &Bindings) -> String {
     text.push_str(&format!("| Mouse | {AIM_BY_MOUSE} |\n"));
     for control in Group::ALL.into_iter().flat_map(Group::controls) {
         let keys = bindings.words(control.action);
-        text.push_str(&format!("| {keys} | {} |\n", control.does));
+        let place = match control.group {
+            Group::Replay => "in a replay: ",
+            _ => "",
+        };
+        text.push_str(&format!("| {keys} | {place}{} |\n", control.does));
     }
     text
 }

@@ -3,7 +3,7 @@
 //! Every page works with the keyboard alone: arrows and Tab move, Enter or Space chooses, Esc goes
 //! back.
 
-use egui::{Button, Context, Id, Modal, RichText, Ui};
+use egui::{Button, Context, Id, Modal, Rect, RichText, Ui};
 
 use super::keys::Rebinding;
 use super::new_game::NewGame;
@@ -11,10 +11,10 @@ use super::{help, keys, new_game, preferences, theme};
 use crate::input::{Intent, Trigger};
 use crate::settings::Store;
 
-/// The pages over the table, and which is open.
+/// The pages over the table: those that led to the open one, and that one.
 #[derive(Clone, Debug, Default)]
 pub struct Menu {
-    page: Option<Page>,
+    pages: Vec<Page>,
     rebinding: Rebinding,
     game: NewGame,
     /// Whether the page has just been opened: then its first button takes the keyboard.
@@ -63,14 +63,14 @@ pub struct Facts<'a> {
 impl Menu {
     /// Opens a page.
     pub fn open(&mut self, page: Page) {
-        self.page = Some(page);
+        self.pages.push(page);
         self.is_fresh = true;
         self.rebinding = Rebinding::default();
     }
 
     /// Closes all pages.
     pub fn close(&mut self) {
-        self.page = None;
+        self.pages.clear();
     }
 
     /// Goes to the page before, or to the table.
@@ -78,21 +78,18 @@ impl Menu {
         if self.rebinding.give_up() {
             return;
         }
-        match self.page {
-            Some(Page::Settings | Page::NewGame) => self.open(Page::Top),
-            Some(Page::Keys) => self.open(Page::Settings),
-            Some(Page::Top) | None => self.close(),
-        }
+        self.pages.pop();
+        self.is_fresh = true;
     }
 
     /// The page that is open.
     pub fn page(&self) -> Option<Page> {
-        self.page
+        self.pages.last().copied()
     }
 
     /// Whether the next key, button or turn of the wheel is to be bound to something.
     pub fn wants_trigger(&self) -> bool {
-        self.page == Some(Page::Keys) && self.rebinding.wants_trigger()
+        self.page() == Some(Page::Keys) && self.rebinding.wants_trigger()
     }
 
     /// Takes that key; says whether it did.
@@ -106,7 +103,7 @@ impl Menu {
 
     /// Draws the open page.
     pub fn draw(&mut self, ctx: &Context, store: &mut Store, facts: Facts<'_>) -> Option<Order> {
-        let page = self.page?;
+        let page = self.page()?;
         let is_fresh = std::mem::take(&mut self.is_fresh);
         // Each page its own modal, so that none inherits another's size.
         let modal = Modal::new(Id::unique(("menu", page as u8)));
@@ -199,10 +196,10 @@ fn entry(ui: &mut Ui, words: &str, focus: bool) -> bool {
 }
 
 /// The keys over the table, while they are asked for, or the first steps until the first shot.
-pub fn hints(ctx: &Context, store: &Store, help: bool, has_played: bool) {
+pub fn hints(ctx: &Context, room: Rect, store: &Store, help: bool, has_played: bool) {
     if help {
         help::panel(ctx, &store.settings.bindings);
     } else if !has_played {
-        help::legend(ctx, &store.settings.bindings);
+        help::legend(ctx, room, &store.settings.bindings);
     }
 }

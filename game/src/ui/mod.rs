@@ -28,16 +28,13 @@ pub struct Overlay<'a> {
     pub has_page: bool,
 }
 
-/// Draws the sentence near the bottom, or at the top over a page.
-pub fn draw(painter: &Painter, screen: Rect, overlay: &Overlay<'_>) {
+/// Draws the sentence near the bottom of a part of the window, or at its top over a page.
+pub fn draw(painter: &Painter, room: Rect, overlay: &Overlay<'_>) {
     if let Some(notice) = overlay.notice {
         let (place, align) = if overlay.has_page {
-            (
-                screen.center_top() + Vec2::new(0.0, 24.0),
-                Align2::CENTER_TOP,
-            )
+            (room.center_top() + Vec2::new(0.0, 24.0), Align2::CENTER_TOP)
         } else {
-            let bottom = screen.center_bottom() - Vec2::new(0.0, 112.0);
+            let bottom = room.center_bottom() - Vec2::new(0.0, 112.0);
             (bottom, Align2::CENTER_BOTTOM)
         };
         label(painter, place, align, notice, 16.0);

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use egui::{Align2, Area, Context, Id, Order};
+use egui::{Align2, Area, Context, Id, Order, Rect};
 
 use super::theme;
 
@@ -34,17 +34,18 @@ impl Notes {
         self.lines.iter().map(|(_, until)| *until).reduce(f64::min)
     }
 
-    /// Draws them.
-    pub fn draw(&self, ctx: &Context) {
+    /// Draws them in a part of the window.
+    pub fn draw(&self, ctx: &Context, room: Rect) {
         if self.lines.is_empty() {
             return;
         }
         Area::new(Id::unique("notes"))
             .order(Order::Foreground)
+            .constrain_to(room)
             .anchor(Align2::RIGHT_TOP, egui::vec2(-12.0, 10.0))
             .interactable(false)
             .show(ctx, |ui| {
-                ui.set_max_width(WIDTH.min(0.5 * ctx.content_rect().width()));
+                ui.set_max_width(WIDTH.min(0.5 * room.width()));
                 for (sentence, _) in &self.lines {
                     theme::frame().show(ui, |ui| ui.label(sentence));
                 }

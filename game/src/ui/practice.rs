@@ -1,6 +1,6 @@
 //! The page over a table that is being laid: balls follow the pointer, others come and go.
 
-use egui::{Align2, Area, Color32, Context, FontId, Id, Order as Layer, RichText, Stroke};
+use egui::{Align2, Area, Color32, Context, FontId, Id, Order as Layer, Rect, RichText, Stroke};
 use glam::{DVec2, DVec3};
 
 use super::aim::Sketch;
@@ -10,15 +10,16 @@ use crate::camera::Projection;
 use crate::practice::Practice;
 use crate::replay::{Kept, Kind};
 
-/// Draws the page; what the player wants.
-pub fn panel(ctx: &Context, practice: &Practice, kept: &[Kept]) -> Option<Order> {
+/// Draws the page in a part of the window; what the player wants.
+pub fn panel(ctx: &Context, room: Rect, practice: &Practice, kept: &[Kept]) -> Option<Order> {
     let area = Area::new(Id::unique("practice"))
         .order(Layer::Middle)
+        .constrain_to(room)
         .anchor(Align2::CENTER_BOTTOM, [0.0, -12.0]);
     let page = area.show(ctx, |ui| {
         let mut order = None;
         theme::frame().show(ui, |ui| {
-            ui.set_width((ctx.content_rect().width() - 60.0).min(WIDTH));
+            ui.set_width((room.width() - 60.0).min(WIDTH));
             let fault = practice.held().and_then(|held| held.fault.as_deref());
             ui.label(
                 fault.unwrap_or("Drag the balls. A number puts its ball on the table or away"),

@@ -1,31 +1,39 @@
 //! The page over a shot of before: which one, its time, and what can be done with it.
 
 use egui::{
-    Align2, Area, ComboBox, Context, Id, Key, Order as Layer, RichText, ScrollArea, Slider, Ui,
+    Align2, Area, ComboBox, Context, Id, Order as Layer, Rect, RichText, ScrollArea, Slider, Ui,
 };
 
 use super::theme;
 use crate::booth::Order;
-use crate::replay::{Clock, Kept, Kind, Viewing, Wish};
+use crate::input::{Action, Bindings, Watch};
+use crate::replay::{Kept, Kind, Viewing};
 
-/// Draws the page; what the player wants. Works with the keyboard alone.
-pub fn panel(ctx: &Context, viewing: &Viewing, kept: &[Kept], now_secs: f64) -> Option<Order> {
-    let typed = keys(ctx, viewing, now_secs);
+/// Draws the page in a part of the window; what the player wants with the pointer.
+pub fn panel(
+    ctx: &Context,
+    room: Rect,
+    viewing: &Viewing,
+    kept: &[Kept],
+    bindings: &Bindings,
+    now_secs: f64,
+) -> Option<Order> {
     let area = Area::new(Id::unique("replay"))
         .order(Layer::Middle)
+        .constrain_to(room)
         .anchor(Align2::CENTER_BOTTOM, [0.0, -12.0]);
     let clicked = area.show(ctx, |ui| {
         let page = theme::frame().show(ui, |ui| {
-            ui.set_width((ctx.content_rect().width() - 60.0).min(WIDTH));
+            ui.set_width((room.width() - 60.0).min(WIDTH));
             let picked = takes(ui, viewing);
             let turned = time(ui, viewing, now_secs);
             let done = deeds(ui, viewing, kept);
-            ui.label(RichText::new(KEYS).color(theme::FAINT).small());
+            ui.label(RichText::new(keys(bindings)).color(theme::FAINT).small());
             picked.or(turned).or(done)
         });
         page.inner
     });
-    clicked.inner.or(typed)
+    clicked.inner
 }
 
 fn takes(ui: &mut Ui, viewing: &Viewing) -> Option<Order> {
@@ -41,7 +49,7 @@ fn takes(ui: &mut Ui, viewing: &Viewing) -> Option<Order> {
         .width(ui.available_width() - 16.0)
         .truncate();
     let chosen = list.show_index(ui, &mut take, takes.len(), words);
-    chosen.changed().then_some(Order::Wish(Wish::Pick(take)))
+    chosen.changed().then_some(Order::Watch(Watch::Pick(take)))
 }
 
 fn time(ui: &mut Ui, viewing: &Viewing, now_secs: f64) -> Option<Order> {
@@ -51,7 +59,7 @@ fn time(ui: &mut Ui, viewing: &Viewing, now_secs: f64) -> Option<Order> {
     ui.horizontal(|ui| {
         let step = |ui: &mut Ui, words: &str, forward: bool| {
             let clicked = ui.button(words).clicked();
-            clicked.then_some(Wish::Step { forward })
+            clicked.then_some(Watch::Step { forward })
         };
         wish = step(ui, "◀ Event", false);
         let play = if clock.is_running() { "Pause" } else { "Play" };
@@ -59,24 +67,24 @@ fn time(ui: &mut Ui, viewing: &Viewing, now_secs: f64) -> Option<Order> {
             .add_sized([64.0, 30.0], egui::Button::new(play))
             .clicked()
         {
-            wish = Some(Wish::Toggle);
+            wish = Some(Watch::Toggle);
         }
         wish = wish.or(step(ui, "Event ▶", true));
-        for rate in Clock::RATES {
+        for rate in Watch::RATES {
             let is_chosen = clock.rate() == rate;
             if ui.selectable_label(is_chosen, rate_words(rate)).clicked() {
-                wish = Some(Wish::Rate(rate));
+                wish = Some(Watch::Rate(rate));
             }
         }
         ui.spacing_mut().slider_width = (ui.available_width() - 110.0).max(60.0);
         let slider = Slider::new(&mut moment, 0.0..=end.max(1e-3)).show_value(false);
         if ui.add(slider).changed() {
-            wish = Some(Wish::Seek(moment));
+            wish = Some(Watch::Seek(moment));
         }
         ui.monospace(format!("{moment:5.2} / {end:.2} s"));
     });
     ui.label(happening(viewing, moment));
-    wish.map(Order::Wish)
+    wish.map(Order::Watch)
 }
 
 fn rate_words(rate: f64) -> String {
@@ -144,35 +152,24 @@ pub(super) fn files(ui: &mut Ui, kept: &[Kept]) -> Option<Order> {
     order
 }
 
-fn keys(ctx: &Context, viewing: &Viewing, now_secs: f64) -> Option<Order> {
-    // Where a button has the keyboard, arrows and Space are for it.
-    if ctx.memory(|memory| memory.focused().is_some()) {
-        return None;
-    }
-    let moment = viewing.clock().moment_secs(now_secs);
-    let wishes = [
-        (Key::Space, Wish::Toggle),
-        (Key::ArrowLeft, Wish::Seek(moment - SCRUB_SECS)),
-        (Key::ArrowRight, Wish::Seek(moment + SCRUB_SECS)),
-        (Key::Comma, Wish::Step { forward: false }),
-        (Key::Period, Wish::Step { forward: true }),
-        (Key::P, Wish::Pick(viewing.take().wrapping_sub(1))),
-        (Key::N, Wish::Pick(viewing.take() + 1)),
-        (Key::Num1, Wish::Rate(Clock::RATES[0])),
-        (Key::Num2, Wish::Rate(Clock::RATES[1])),
-        (Key::Num3, Wish::Rate(Clock::RATES[2])),
-    ];
-    ctx.input(|input| {
-        let pressed = wishes.into_iter().find(|(key, _)| input.key_pressed(*key));
-        pressed.map(|(_, wish)| Order::Wish(wish))
-    })
+/// The keys in a line.
+fn keys(bindings: &Bindings) -> String {
+    let words = |action| bindings.words(action);
+    let both = |one, other| format!("{} and {}", words(one), words(other));
+    let speeds = [0, 1, 2].map(|place| words(Action::ReplaySpeed(place)));
+    format!(
+        "{} plays and stops · {} turn time · {} go from event to event · {} choose the speed · \
+         {} choose the shot · {} goes back",
+        words(Action::ReplayPause),
+        both(Action::ReplayBack, Action::ReplayForward),
+        both(Action::ReplayEventBefore, Action::ReplayEventNext),
+        speeds.join(" "),
+        both(Action::ReplayShotBefore, Action::ReplayShotNext),
+        words(Action::Menu),
+    )
 }
 
 const WIDTH: f32 = 800.0;
-/// A key's way through time.
-const SCRUB_SECS: f64 = 0.1;
-const KEYS: &str = "Space plays and stops · Left, Right turn time · Comma, Period go from event to event \
-                    · 1 2 3 choose the speed · P, N choose the shot · Esc goes back";
 
 #[cfg(test)]
 mod tests {
@@ -180,6 +177,6 @@ mod tests {
 
     #[test]
     fn speeds_are_told_as_fractions() {
-        assert_eq!(Clock::RATES.map(rate_words), ["1×", "1/4×", "1/10×"]);
+        assert_eq!(Watch::RATES.map(rate_words), ["1×", "1/4×", "1/10×"]);
     }
 }

@@ -9,14 +9,15 @@ mod player;
 use carom::input::CONTROLS;
 use carom::rules::RuleSet;
 use carom::ui::menu::Page;
+use egui::Vec2;
 use egui::accesskit::Toggled;
-use egui::{Key, Vec2};
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use player::{Seat, at, click, harness, harness_of, press};
 
 #[test]
 fn the_menu_leads_to_every_page_and_back_and_out() {
-    let mut harness = harness(Seat::free());
+    // As high as the settings.
+    let mut harness = harness_of(Seat::free(), Vec2::new(1280.0, 1200.0));
     for (entry, page) in [("New game", Page::NewGame), ("Settings", Page::Settings)] {
         press(&mut harness, "Esc");
         assert_eq!(harness.state().desk.page(), Some(Page::Top));
@@ -30,6 +31,13 @@ fn the_menu_leads_to_every_page_and_back_and_out() {
     press(&mut harness, "Esc");
     click(&mut harness, "Keys and mouse");
     assert_eq!(harness.state().desk.page(), Some(Page::Keys));
+    for page in [Some(Page::Top), None] {
+        press(&mut harness, "Esc");
+        assert_eq!(harness.state().desk.page(), page);
+    }
+    press(&mut harness, "Esc");
+    click(&mut harness, "Settings");
+    click(&mut harness, "Change what keys do");
     for page in [Some(Page::Settings), Some(Page::Top), None] {
         press(&mut harness, "Esc");
         assert_eq!(harness.state().desk.page(), page);
@@ -141,15 +149,89 @@ fn the_page_of_a_replay_is_worked_with_keys_alone() {
     press(&mut harness, "Enter");
     harness.state_mut().wait();
     press(&mut harness, "F4");
-    harness.key_press(Key::Space);
-    harness.run_steps(4);
+    press(&mut harness, "Space");
     assert!(harness.query_by_label("Play").is_some(), "it stands");
     let view = harness.state().viewpoint();
-    harness.key_press(Key::Num2);
     press(&mut harness, "2");
     assert_eq!(harness.state().viewpoint(), view, "2 is a speed here");
+    for _ in 0..20 {
+        press(&mut harness, "Left");
+    }
+    for (key, moment) in [
+        ("Right", " 0.10 / "),
+        ("Right", " 0.20 / "),
+        ("Left", " 0.10 / "),
+    ] {
+        press(&mut harness, key);
+        assert!(harness.query_by_label_contains(moment).is_some(), "{key}");
+    }
     press(&mut harness, "Esc");
     assert!(harness.state().session.is_game());
+}
+
+#[test]
+fn the_keys_of_a_replay_can_be_others_and_its_page_names_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("settings.toml");
+    std::fs::write(&path, "[keys]\nreplay-pause = \"G\"\n").unwrap();
+    let mut harness = harness(Seat::kept_in(path));
+    press(&mut harness, "Enter");
+    harness.state_mut().wait();
+    press(&mut harness, "F4");
+    assert!(
+        harness
+            .query_by_label_contains("G plays and stops")
+            .is_some()
+    );
+    for (key, button) in [("Space", "Pause"), ("G", "Play")] {
+        press(&mut harness, key);
+        assert!(harness.query_by_label(button).is_some(), "{key}");
+    }
+}
+
+#[test]
+fn over_a_replay_nothing_of_the_game_can_be_decided() {
+    let mut harness = harness(Seat::eight());
+    press(&mut harness, "Enter");
+    harness.state_mut().wait();
+    harness.run_steps(4);
+    let suggest = |harness: &egui_kittest::Harness<'_, Seat>| {
+        harness.query_all_by_label_contains("Suggest").count()
+    };
+    assert_eq!(suggest(&harness), 1);
+    press(&mut harness, "F4");
+    assert!(harness.state().session.is_replay());
+    assert_eq!(suggest(&harness), 0);
+    press(&mut harness, "F5");
+    press(&mut harness, "F5");
+    assert_eq!(suggest(&harness), 0, "a table is being laid");
+}
+
+#[test]
+fn what_the_game_shows_lies_beside_the_statistics() {
+    let mut harness = harness_of(Seat::eight(), Vec2::new(1280.0, 720.0));
+    for _ in 0..3 {
+        press(&mut harness, "F3");
+    }
+    harness.run_steps(4);
+    let rect = |words: &str| {
+        let mut found = harness.query_all_by_label_contains(words);
+        found.next().unwrap_or_else(|| panic!("no {words}")).rect()
+    };
+    let (line, side, table) = (rect("1% low"), rect("Ways of dividing"), rect("node "));
+    let score = rect("Ada");
+    assert!(score.top() > line.bottom(), "{score} under {line}");
+    for words in ["Suggest", "Spin ", "Power "] {
+        let shown = rect(words);
+        assert!(
+            shown.bottom() < table.top(),
+            "{words}: {shown} over {table}"
+        );
+        assert!(
+            shown.right() < side.left(),
+            "{words}: {shown} beside {side}"
+        );
+    }
 }
 
 #[test]

@@ -72,7 +72,6 @@ impl Seat {
         self.session.tick(self.now_secs);
         self.desk.tick(&mut self.session, self.now_secs);
         let ctx = ui.ctx();
-        self.session.draw(ctx, self.now_secs, DISPLAY);
         let outcome = self
             .desk
             .draw(ctx, &mut self.session, self.now_secs, DISPLAY);

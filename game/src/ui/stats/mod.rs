@@ -32,7 +32,7 @@ use std::sync::Arc;
 
 use carom_farm::{Balancing, Distribution, NodeStatus};
 use carom_tracer::ImageSize;
-use egui::Context;
+use egui::{Context, Rect};
 
 use self::board::Board;
 use self::history::History;
@@ -205,15 +205,15 @@ impl Stats {
         }
     }
 
-    /// Draws what the level asks for.
-    pub fn draw(&mut self, ctx: &Context, now_secs: f64, facts: &Facts<'_>) {
+    /// Draws what the level asks for; the part of the window that it leaves free.
+    pub fn draw(&mut self, ctx: &Context, now_secs: f64, facts: &Facts<'_>) -> Rect {
         if self.level == Level::Off {
-            return;
+            return ctx.content_rect();
         }
         if now_secs - self.board_secs >= BOARD_SECS || now_secs < self.board_secs {
             self.refresh(now_secs, facts);
         }
-        panels::draw(self, ctx, facts);
+        panels::draw(self, ctx, facts)
     }
 
     /// What the player has asked for since the last call.

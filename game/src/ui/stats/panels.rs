@@ -12,8 +12,8 @@ use super::record::Record;
 use super::{Facts, Level, Stats, card, charts, controls, gantt, line, scatter};
 use crate::ui::theme;
 
-/// Draws what the level asks for.
-pub(super) fn draw(stats: &mut Stats, ctx: &Context, facts: &Facts<'_>) {
+/// Draws what the level asks for; the part of the screen that it leaves free.
+pub(super) fn draw(stats: &mut Stats, ctx: &Context, facts: &Facts<'_>) -> Rect {
     let screen = ctx.content_rect();
     if stats.level >= Level::Full {
         maps(stats, ctx, screen);
@@ -38,7 +38,7 @@ pub(super) fn draw(stats: &mut Stats, ctx: &Context, facts: &Facts<'_>) {
         });
     });
     if stats.level < Level::Full || !is_wide {
-        return;
+        return screen.with_min_y(above.bottom());
     }
     let table_height = stats.rows.height().min(TABLE_SHARE * screen.height()) + TABLE_MARGIN;
     let table = Rect::from_min_max(
@@ -58,6 +58,10 @@ pub(super) fn draw(stats: &mut Stats, ctx: &Context, facts: &Facts<'_>) {
     panel(ctx, "stats nodes", table, true, |ui| {
         nodes(ui, stats, table_height - TABLE_MARGIN);
     });
+    Rect::from_min_max(
+        Pos2::new(screen.left(), above.bottom()),
+        Pos2::new(side.left(), table.top()),
+    )
 }
 
 /// A panel as wide as `room` and no higher, or as high; the part of the screen that it takes.

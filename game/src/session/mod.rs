@@ -1,5 +1,7 @@
 //! A game and the farm that draws it, without a window: input in, picture and overlay out.
 
+mod drawing;
+
 use std::fs;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
@@ -9,12 +11,11 @@ use std::time::Duration;
 use anyhow::Context as _;
 use carom_farm::{Balancing, Distribution, Farm, FarmConfig, FrameId, NodeStatus};
 use carom_tracer::{ImageSize, Scene, SceneUpdate};
-use egui::{LayerId, Rect};
 use glam::DVec2;
 
 use crate::ball_set::BallSet;
 use crate::booth::{Booth, Show};
-use crate::camera::{Projection, Viewpoint};
+use crate::camera::Viewpoint;
 use crate::contest::{Match, Record};
 use crate::darkroom::Darkroom;
 use crate::director::{Director, Plan, Subject};
@@ -22,13 +23,13 @@ use crate::display::Picture;
 use crate::input::Intent;
 use crate::lookout;
 use crate::play::{Aids, CueView, Game, Outcome};
-use crate::quality::{Dial, LADDER};
+use crate::quality::Dial;
 use crate::screenshot::Screenshot;
-use crate::sim::{BallBody, Engine, Recording, Shot};
+use crate::sim::{Engine, Recording, Shot};
 use crate::stage::Stage;
+use crate::ui::board::Board;
+use crate::ui::stats::Stats;
 use crate::ui::stats::record::Seen;
-use crate::ui::stats::{Facts, Stats, Wish};
-use crate::ui::{self, board::Board};
 use crate::warp::Warp;
 
 /// A game in progress. Times are seconds since the program began.
@@ -400,26 +401,6 @@ impl Session {
         self.is_hidden || (drawn && !self.dirty && !is_moving)
     }
 
-    /// Draws the overlay with egui.
-    pub fn draw(&mut self, ctx: &egui::Context, now_secs: f64, present: &str) {
-        let screen = Rect::from_min_size(
-            egui::Pos2::ZERO,
-            egui::vec2(self.film.x as f32, self.film.y as f32),
-        );
-        let painter = ctx.layer_painter(LayerId::background());
-        let cue = self.cue(now_secs);
-        self.draw_aim(&painter, screen, cue.as_ref(), now_secs);
-        self.draw_booth(ctx, &painter, screen, now_secs);
-        let notice = self.notice();
-        let overlay = ui::Overlay {
-            notice: notice.as_deref(),
-            has_page: !self.is_game(),
-        };
-        ui::draw(&painter, screen, &overlay);
-        let moves = std::mem::take(&mut self.dirty);
-        self.draw_stats(ctx, now_secs, present, moves);
-    }
-
     /// The picture to show under the overlay at `now_secs`: the newest, as the table looks now.
     pub fn picture(&mut self, now_secs: f64) -> Option<&Picture> {
         let moment = self.moment(now_secs);
@@ -457,91 +438,6 @@ impl Session {
         if self.pixels.pixels() > 0 {
             let begin = |folder| Screenshot::begin(config, scene, still, folder);
             self.booth.photograph(begin);
-        }
-    }
-
-    /// Draws the page of what is shown in place of the game, and does what it asks for.
-    fn draw_booth(
-        &mut self,
-        ctx: &egui::Context,
-        painter: &egui::Painter,
-        screen: Rect,
-        now_secs: f64,
-    ) {
-        let kept = self.booth.kept();
-        let order = match self.booth.show() {
-            Show::Game => None,
-            Show::Replay(viewing) => ui::replay::panel(ctx, viewing, kept, now_secs),
-            Show::Practice(practice) => {
-                let camera = self.game.camera(self.moment(now_secs));
-                let projection = Projection::new(&camera, self.film.x, self.film.y);
-                let sketch = ui::aim::Sketch {
-                    painter,
-                    screen,
-                    projection: &projection,
-                    ball_radius_m: BallBody::default().radius_m,
-                };
-                ui::practice::ring(&sketch, practice);
-                let asked = ui::practice::panel(ctx, practice, kept);
-                asked.or_else(|| ui::practice::hand(ctx, &projection, practice))
-            }
-        };
-        let Some(order) = order else {
-            return;
-        };
-        // Its outcome is drawn with the next frame.
-        ctx.request_repaint();
-        if let Some(balls) = self.booth.obey(order, &self.game, now_secs)
-            && let Err(why) = self.game.lay(&balls)
-        {
-            self.booth.say(why);
-        }
-    }
-
-    fn draw_aim(
-        &mut self,
-        painter: &egui::Painter,
-        screen: Rect,
-        cue: Option<&CueView>,
-        now_secs: f64,
-    ) {
-        if !self.is_game() {
-            return;
-        }
-        let moment = self.moment(now_secs);
-        let projection = Projection::new(&self.game.camera(moment), self.film.x, self.film.y);
-        let sketch = ui::aim::Sketch {
-            painter,
-            screen,
-            projection: &projection,
-            ball_radius_m: self.game.contest().ground().cue_radius_m,
-        };
-        self.mark_balls(&sketch);
-        if let Some(foresight) = self.game.foresight(now_secs) {
-            sketch.foresight(foresight);
-        }
-        if let Some(cue) = cue {
-            sketch.cue(cue);
-        }
-    }
-
-    /// Marks a cue ball that is carried, and balls that must not be hit first.
-    fn mark_balls(&mut self, sketch: &ui::aim::Sketch<'_>) {
-        if let Some(placing) = self.game.placing() {
-            let area = self.game.contest().hand();
-            sketch.area(self.game.contest().ground(), area);
-            sketch.carried(placing.at, placing.verdict.is_ok());
-            return;
-        }
-        if self.game.may_play() {
-            let view = self.game.board();
-            let lie = self.game.contest().lie();
-            let others = lie
-                .iter()
-                .filter(|p| p.ball != 0 && !view.on.contains(&p.ball));
-            for ball in others.filter(|_| !view.on.is_empty()) {
-                sketch.dimmed(ball.at, self.game.contest().ground().radius_m);
-            }
         }
     }
 
@@ -621,75 +517,14 @@ impl Session {
         Ok(())
     }
 
-    fn notice(&self) -> Option<String> {
-        match &self.farm {
-            FarmSlot::Failed(why) => Some(format!("No pictures: {why}")),
-            FarmSlot::Ready(farm) if self.director.figures().pictures > 0 => {
-                let stands = lookout::standing(&farm.nodes());
-                stands.or_else(|| self.game_notice())
-            }
-            _ => lookout::standing(&self.nodes()),
-        }
-    }
-
     /// What the player has chosen to give up first, since the last call.
     pub fn take_dial(&mut self) -> Option<Dial> {
         self.wished_dial.take()
     }
 
-    fn game_notice(&self) -> Option<String> {
-        let placing = self.game.placing();
-        let refused = placing.and_then(|placing| placing.verdict.clone().err());
-        refused.or_else(|| self.game.notice().map(str::to_owned))
-    }
-
     /// What the window needed for the last redraw, seconds.
     pub fn note_draw(&mut self, draw_secs: f64) {
         self.draw_secs = draw_secs;
-    }
-
-    fn draw_stats(&mut self, ctx: &egui::Context, now_secs: f64, present: &str, moves: bool) {
-        if !self.stats.is_shown() {
-            return;
-        }
-        self.stats.note_redraw(now_secs, moves);
-        let nodes = self.nodes();
-        let (figures, quality) = (self.director.figures(), self.director.quality());
-        let window = self.director.window();
-        let facts = Facts {
-            nodes: &nodes,
-            balancing: self.balancing,
-            distribution: self.distribution,
-            window,
-            dial: quality.dial(),
-            period_secs: quality.period_secs(),
-            stop: quality.level(),
-            stops_secs: LADDER.map(|stop| quality.secs(stop, window)),
-            lead_secs: figures.lead_secs,
-            skipped: figures.skipped,
-            guessed: self.warp.guessed(),
-            draw_secs: self.draw_secs,
-            present,
-        };
-        self.stats.draw(ctx, now_secs, &facts);
-        for wish in self.stats.take_wishes() {
-            self.dirty = true;
-            match wish {
-                Wish::Dial(dial) => self.wished_dial = Some(dial),
-                Wish::Balancing(balancing) => {
-                    self.balancing = balancing;
-                    if let FarmSlot::Ready(farm) = &mut self.farm {
-                        farm.set_balancer(balancing);
-                    }
-                }
-                Wish::Distribution(distribution) => {
-                    self.distribution = distribution;
-                    if let FarmSlot::Ready(farm) = &mut self.farm {
-                        farm.set_distribution(distribution);
-                    }
-                }
-            }
-        }
     }
 }
 
