@@ -7,7 +7,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{LazyLock, Mutex};
 use std::thread;
 
-use carom_tracer::compiled::Hierarchy;
 use carom_tracer::gpu::AdapterChoice;
 use carom_tracer::{
     CompiledScene, Error, GpuTracer, ImageSize, ObjectPose, Reference, RenderSettings, Scene,
@@ -107,6 +106,12 @@ fn whole(
 /// Those are below 1 in 100, and unbiased: the means differ by less than 1 %.
 #[track_caller]
 fn assert_agrees(picture: &Picture, truth: &Picture) {
+    assert_agrees_but_for(0.01, picture, truth);
+}
+
+/// [`assert_agrees`], but for a given share of pixels.
+#[track_caller]
+fn assert_agrees_but_for(share: f64, picture: &Picture, truth: &Picture) {
     let differs = |(a, b): &(&[f32; 3], &[f32; 3])| {
         let (a, b) = (Vec3::from(**a), Vec3::from(**b));
         !(a - b).abs().cmple(1e-3 * (0.1 + b)).all()
@@ -114,7 +119,7 @@ fn assert_agrees(picture: &Picture, truth: &Picture) {
     let pairs = picture.pixels.iter().zip(&truth.pixels);
     let differing = pairs.filter(differs).count();
     assert!(
-        differing * 100 <= truth.pixels.len(),
+        differing as f64 <= share * truth.pixels.len() as f64,
         "{differing} of {} pixels differ",
         truth.pixels.len()
     );
@@ -138,16 +143,15 @@ fn mean(picture: &Picture) -> Vec3 {
     sum / picture.pixels.len() as f32
 }
 
-/// Ten thousand balls that touch, a few of them mirrors.
+/// Ten thousand balls that touch. Mirrors among them magnify rounding: twice as many paths may turn.
+/// (Met one by one they are too many turns of a loop for software Vulkan.)
 #[test]
-fn a_tree_of_balls_makes_the_picture_of_each_ball_by_itself() {
+fn a_tree_of_balls_agrees_with_the_reference_sample_for_sample() {
     let Some(gpu) = gpu() else { return };
-    let (mut scene, size) = (compiled(&asset("pyramid.json")), ImageSize::new(48, 27));
-    let [each, tree] = [Hierarchy::Never, Hierarchy::Always].map(|hierarchy| {
-        scene.hierarchy = hierarchy;
-        whole(gpu, &scene, size, settings(1))
-    });
-    assert_agrees(&tree, &each);
+    let (scene, size) = (compiled(&asset("pyramid.json")), ImageSize::new(48, 27));
+    let picture = whole(gpu, &scene, size, settings(1));
+    let truth = whole(&Reference, &scene, size, settings(1));
+    assert_agrees_but_for(0.02, &picture, &truth);
 }
 
 #[test]
