@@ -472,7 +472,7 @@ fn materials(
             },
         ),
         ("leather", diffuse(Vec3::new(0.035, 0.022, 0.016))),
-        ("chrome", metal(chrome, 0.08)),
+        ("chrome", metal(chrome, 0.22)),
         ("brass", metal(brass, 0.12)),
         ("enamel", lacquer(Vec3::new(0.01, 0.07, 0.035))),
         ("shade inside", diffuse(Vec3::splat(0.7))),

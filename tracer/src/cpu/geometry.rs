@@ -17,9 +17,9 @@ pub(super) const NONE: u32 = u32::MAX;
 /// Set in the id of a clear body that a ray is inside of: it meets that body's far side.
 pub(super) const INSIDE: u32 = 1 << 31;
 
-/// From so many balls on a tree is faster, by 1.1 there, 7 for 10,000 and 26 for 100,000 balls with
-/// AVX-512: `carom-farm bench hierarchy --backend cpu`.
-const TREE_SPHERES_MIN: usize = 512;
+/// From so many balls on a tree is faster: by 1.04 to 1.15 there, 1.5 for 512, 10 for 10,000 and 34 for
+/// 100,000 balls with AVX-512: `carom-farm bench hierarchy --backend cpu`.
+const TREE_SPHERES_MIN: usize = 192;
 
 /// Directions closer to a slab's plane count as this close, so that no product is 0 · ∞.
 const DIRECTION_MIN: f32 = 1e-30;
