@@ -1,6 +1,22 @@
 // Many balls: each ray goes down the tree, the nearer half of each part first. Pictures are those of
 // `sphere_each.wgsl`: of balls at one distance the first counts, in whatever order they are met.
 
+// Data that Rust writes. Both halves of a part of the tree: a node, or with `TREE_LEAF` a leaf.
+struct TreeNode {
+    left_center: vec3f,
+    left: u32,
+    left_half: vec3f,
+    right: u32,
+    right_center: vec3f,
+    right_half: vec3f,
+}
+
+struct TreeLeaf {
+    // Centre and radius.
+    balls: array<vec4f, LEAF_BALLS>,
+    ids: vec4u,
+}
+
 // Where a ray enters a part's box, `T_MISS` if it does not before `t_max`.
 fn part_entry(line: Line, center: vec3f, half: vec3f, t_max: f32) -> f32 {
     let middle = fma(center, line.inverse, -line.origin_inverse);

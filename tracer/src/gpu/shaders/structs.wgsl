@@ -83,22 +83,6 @@ struct SphereBound {
     power: f32,
 }
 
-// Both halves of a part of the tree of balls: a node, or with `TREE_LEAF` a leaf.
-struct TreeNode {
-    left_center: vec3f,
-    left: u32,
-    left_half: vec3f,
-    right: u32,
-    right_center: vec3f,
-    right_half: vec3f,
-}
-
-struct TreeLeaf {
-    // Centre and radius.
-    balls: array<vec4f, LEAF_BALLS>,
-    ids: vec4u,
-}
-
 struct BoxBound {
     center: vec3f,
     half: vec3f,
