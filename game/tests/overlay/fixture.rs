@@ -50,6 +50,7 @@ pub(crate) fn nodes() -> Vec<NodeStatus> {
             split: LatencySplit::default(),
         };
     let mut nodes: Vec<NodeStatus> = NODES.iter().map(node).collect();
+    nodes[1].state = NodeState::Rendering;
     nodes[4].state = NodeState::Lost {
         why: "its connection broke".to_owned(),
         retry_secs: Some(4),

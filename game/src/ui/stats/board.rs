@@ -162,7 +162,7 @@ impl NodeSummary {
                 _ => state_sentence.clone(),
             },
             state_sentence,
-            is_ready: status.state == NodeState::Ready,
+            is_ready: status.state.is_ready(),
             lost: status.lost_tiles,
             ..Self::default()
         }
