@@ -33,7 +33,8 @@ pub struct Frame {
     /// The pixels, row-major from the top left.
     pub pixels: Pixels,
     /// Tiles that were not whole when the picture had to be shown: their pixels are black or, where
-    /// samples are divided, the mean of those that were there. The picture comes again when it is whole, unless a later one has had to be shown by then.
+    /// samples are divided, the mean of those that were there. The picture comes again when it is
+    /// whole, unless a later one has had to be shown by then.
     pub missing: Vec<Tile>,
     /// How it was made.
     pub stats: FrameStats,
@@ -74,7 +75,8 @@ pub struct FrameStats {
     pub duplicate_tiles: u32,
     /// Samples that were not finite and count as black.
     pub dropped_samples: u64,
-    /// Tiles that each node delivered, a tile in each pass counted anew, by index into [`crate::Farm::nodes`].
+    /// Tiles that each node delivered, a tile in each pass counted anew, by index into
+    /// [`crate::Farm::nodes`].
     pub tiles_by_node: Vec<u32>,
     /// When each node's last tile came, in seconds from [`crate::Farm::submit`], by the same
     /// index; 0 for a node that delivered none.
@@ -258,7 +260,8 @@ impl NodeState {
     }
 }
 
-/// Its word, with how much of the scene it has, and for a lost node why it is and when it is tried again.
+/// Its word, with how much of the scene it has, and for a lost node why it is and when it is tried
+/// again.
 impl fmt::Display for NodeState {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.word())?;

@@ -1,14 +1,19 @@
 //! The back ends that a command line can name, opened.
 
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use carom_farm::hybrid::Hybrid;
 use carom_farm::local;
 use carom_tracer::cpu::CpuTracer;
 use carom_tracer::gpu::{AdapterChoice, GpuTracer};
-use carom_tracer::{DeviceKind, Reference, Tracer};
+use carom_tracer::{
+    CompiledScene, DeviceKind, ImageSize, Reference, RenderSettings, Tile, TileGrid, TraceJob,
+    Tracer,
+};
 use clap::ValueEnum;
+use cpu_time::ProcessTime;
 
 use crate::commands::Failure;
 
@@ -90,6 +95,37 @@ pub(crate) fn wake<E>(
     Ok(())
 }
 
+/// Milliseconds of a whole picture: the device's own where it tells them, else CPU time.
+///
+/// # Errors
+/// The tracer's.
+pub(crate) fn milliseconds(
+    tracer: &dyn Tracer,
+    scene: &CompiledScene,
+    size: ImageSize,
+    samples: u32,
+) -> Result<f64, carom_tracer::Error> {
+    let grid = TileGrid::new(size, TILE_EDGE);
+    let tiles: Vec<Tile> = grid.tiles(grid.all()).collect();
+    let job = TraceJob {
+        size,
+        tiles: &tiles,
+        settings: RenderSettings {
+            samples,
+            ..RenderSettings::default()
+        },
+        cancelled: &AtomicBool::new(false),
+    };
+    let begun = ProcessTime::now();
+    let stats = tracer.trace(scene, &job, &|_| {})?;
+    Ok(match stats.device_nanos {
+        0 => begun.elapsed().as_secs_f64() * 1e3,
+        nanos => nanos as f64 * 1e-6,
+    })
+}
+
+/// The farm's own tiles.
+const TILE_EDGE: u16 = 32;
 const WAKING: Duration = Duration::from_millis(300);
 
 /// What a node traces with.

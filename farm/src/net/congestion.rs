@@ -14,9 +14,10 @@
 //! "Ever seen" is the least median of a round's acknowledgements. "Now" is their lower quartile, for
 //! where others have a processor for more than half of the time, most are late, and no queue is why:
 //! with the median, a client that waits for its processor 12 of each 20 ms got 77 % of 31.5 Mbit/s,
-//! and all with the quartile. An acknowledgement counts as the lower quartile of its packets, not the least: one packet in fifty that overtakes others by a
-//! quarter of the round trip would else be the least, all others seem to wait, and the window shrink
-//! to next to nothing; and an acknowledgement that overtakes others speaks for all their packets.
+//! and all with the quartile. An acknowledgement counts as the lower quartile of its packets, not the
+//! least: one packet in fifty that overtakes others by a quarter of the round trip would else be the
+//! least, all others seem to wait, and the window shrink to next to nothing; and an acknowledgement
+//! that overtakes others speaks for all their packets.
 //!
 //! A lost packet says nothing: radio and long paths lose them at random, and a rule that halves the
 //! window for each (Cubic) carried 4 of 31 Mbit/s at 1 % loss. Only when a twentieth is lost for
@@ -92,7 +93,7 @@ impl DelayWindow {
         let Some(round_trip) = round.ack.quantile(4) else {
             return;
         };
-        round.ack = RoundTrips::default();
+        round.ack.clear();
         round.round_trips.insert(round_trip);
         let least = self.least.get().unwrap_or(round_trip);
         let passed = now.saturating_sub(round.began) >= least.max(ROUND_MIN);
@@ -214,6 +215,11 @@ impl RoundTrips {
         let index = self.kept.len() / part;
         let in_order = |kept: &mut [Duration]| *kept.select_nth_unstable(index).1;
         (!self.kept.is_empty()).then(|| in_order(&mut self.kept))
+    }
+
+    fn clear(&mut self) {
+        self.kept.clear();
+        (self.stride, self.skips) = (0, 0);
     }
 
     fn are_enough(&self) -> bool {

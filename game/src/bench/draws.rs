@@ -5,12 +5,12 @@
 //! Stephens' approximation; Press et al., "Numerical Recipes", 14.3). Many comparisons bring forth
 //! small chances by themselves, so that they are judged together (Šidák).
 
-use std::{collections::BTreeMap, fmt, fs, path::Path};
+use std::{collections::BTreeMap, fmt, path::Path};
 
 use anyhow::{Context as _, ensure};
 use serde::{Deserialize, Serialize};
 
-use super::breaks::BreakStatistic;
+use super::{breaks::BreakStatistic, reference::read_file};
 
 /// The draws of another simulator, by the name of the rack.
 #[derive(Clone, Debug, Deserialize)]
@@ -32,15 +32,8 @@ impl Draws {
     /// # Errors
     /// A sentence with the file and what is wrong in it.
     pub fn read(path: &Path) -> anyhow::Result<Self> {
-        let read = || -> anyhow::Result<Self> {
-            let size = fs::metadata(path)?.len();
-            ensure!(
-                size <= FILE_BYTES_MAX,
-                "it has {size} bytes: at most {FILE_BYTES_MAX} are read"
-            );
-            Self::parse(&fs::read_to_string(path)?)
-        };
-        read().with_context(|| format!("the draws of breaks {}", path.display()))
+        let read = read_file(path, FILE_BYTES_MAX).and_then(|json| Self::parse(&json));
+        read.with_context(|| format!("the draws of breaks {}", path.display()))
     }
 
     fn parse(json: &str) -> anyhow::Result<Self> {

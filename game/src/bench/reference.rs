@@ -41,6 +41,16 @@ pub enum Kind {
     Airborne,
 }
 
+/// The text of a file of at most so many bytes.
+pub(super) fn read_file(path: &Path, bytes_max: u64) -> anyhow::Result<String> {
+    let size = fs::metadata(path)?.len();
+    ensure!(
+        size <= bytes_max,
+        "it has {size} bytes: at most {bytes_max} are read"
+    );
+    Ok(fs::read_to_string(path)?)
+}
+
 /// The way of one ball.
 #[derive(Clone, Debug)]
 pub(super) struct Samples {
@@ -57,15 +67,8 @@ impl Reference {
     /// # Errors
     /// A sentence with the file and what is wrong in it.
     pub fn read(path: &Path) -> anyhow::Result<Self> {
-        let read = || -> anyhow::Result<Self> {
-            let size = fs::metadata(path)?.len();
-            ensure!(
-                size <= FILE_BYTES_MAX,
-                "it has {size} bytes: at most {FILE_BYTES_MAX} are read"
-            );
-            Self::parse(&fs::read_to_string(path)?)
-        };
-        read().with_context(|| format!("the reference {}", path.display()))
+        let read = read_file(path, FILE_BYTES_MAX).and_then(|json| Self::parse(&json));
+        read.with_context(|| format!("the reference {}", path.display()))
     }
 
     /// Reads every reference of a folder, by name; `index.json` is none.
@@ -135,7 +138,7 @@ impl Reference {
     /// A sentence with the shot's name, if the simulation refuses it.
     pub fn play(&self) -> anyhow::Result<Shot> {
         let world = match self.kind {
-            Kind::Cluster => &self.stealing()?,
+            Kind::Cluster => &self.stealing(0.0)?,
             Kind::Shot | Kind::Break | Kind::Airborne => &self.world,
         };
         self.play_in(world)
@@ -149,11 +152,24 @@ impl Reference {
         self.play_in(&self.world)
     }
 
-    fn stealing(&self) -> anyhow::Result<World> {
+    /// Plays a cluster as [`Reference::play`], with each ball `by_m` farther along the table than the one
+    /// before it.
+    ///
+    /// # Errors
+    /// As [`Reference::play`].
+    pub fn play_moved(&self, by_m: f64) -> anyhow::Result<Shot> {
+        self.play_in(&self.stealing(by_m)?)
+    }
+
+    fn stealing(&self, moved_m: f64) -> anyhow::Result<World> {
         let mut laws = *self.world.laws();
         laws.ball_ball.clinging = Clinging::Steals;
         let table = self.world.table().clone();
-        let mut world = World::with_laws(table, laws, self.world.balls())?;
+        let mut balls = self.world.balls();
+        for (place, ball) in balls.iter_mut().enumerate() {
+            ball.position.x += place as f64 * moved_m;
+        }
+        let mut world = World::with_laws(table, laws, balls)?;
         world.set_engine(self.world.engine());
         Ok(world)
     }

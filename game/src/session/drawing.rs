@@ -1,6 +1,6 @@
 //! What a session draws over the picture: the cue and its aim, pages, sentences, statistics.
 
-use egui::{LayerId, Rect};
+use egui::{LayerId, Painter, Rect};
 
 use super::{FarmSlot, Session};
 use crate::booth::Show;
@@ -12,16 +12,6 @@ use crate::quality::LADDER;
 use crate::sim::BallBody;
 use crate::ui;
 use crate::ui::stats::{Facts, Wish};
-
-/// Where pages are drawn, and whose keys they name.
-struct Pages<'a> {
-    ctx: &'a egui::Context,
-    painter: &'a egui::Painter,
-    screen: Rect,
-    /// The part of the screen that the statistics leave free.
-    room: Rect,
-    bindings: &'a Bindings,
-}
 
 impl Session {
     /// Draws the statistics, and what is marked on the table, with egui; the part of the window that the
@@ -35,21 +25,10 @@ impl Session {
     ) -> Rect {
         let moves = std::mem::take(&mut self.dirty);
         let room = self.draw_stats(ctx, now_secs, present, moves);
-        let screen = Rect::from_min_size(
-            egui::Pos2::ZERO,
-            egui::vec2(self.film.x as f32, self.film.y as f32),
-        );
         let painter = ctx.layer_painter(LayerId::background());
         let cue = self.cue(now_secs);
-        self.draw_aim(&painter, screen, cue.as_ref(), now_secs);
-        let pages = Pages {
-            ctx,
-            painter: &painter,
-            screen,
-            room,
-            bindings,
-        };
-        self.draw_booth(&pages, now_secs);
+        self.draw_aim(&painter, cue.as_ref(), now_secs);
+        self.draw_booth(&painter, room, bindings, now_secs);
         let notice = self.notice();
         let overlay = ui::Overlay {
             notice: notice.as_deref(),
@@ -60,14 +39,8 @@ impl Session {
     }
 
     /// Draws the page of what is shown in place of the game, and does what it asks for.
-    fn draw_booth(&mut self, pages: &Pages<'_>, now_secs: f64) {
-        let &Pages {
-            ctx,
-            painter,
-            screen,
-            room,
-            bindings,
-        } = pages;
+    fn draw_booth(&mut self, painter: &Painter, room: Rect, bindings: &Bindings, now_secs: f64) {
+        let (ctx, screen) = (painter.ctx(), self.screen());
         let kept = self.booth.kept();
         let order = match self.booth.show() {
             Show::Game => None,
@@ -100,13 +73,13 @@ impl Session {
         }
     }
 
-    fn draw_aim(
-        &mut self,
-        painter: &egui::Painter,
-        screen: Rect,
-        cue: Option<&CueView>,
-        now_secs: f64,
-    ) {
+    /// The window, in points.
+    fn screen(&self) -> Rect {
+        let size = egui::vec2(self.film.x as f32, self.film.y as f32);
+        Rect::from_min_size(egui::Pos2::ZERO, size)
+    }
+
+    fn draw_aim(&mut self, painter: &Painter, cue: Option<&CueView>, now_secs: f64) {
         if !self.is_game() {
             return;
         }
@@ -114,7 +87,7 @@ impl Session {
         let projection = Projection::new(&self.game.camera(moment), self.film.x, self.film.y);
         let sketch = ui::aim::Sketch {
             painter,
-            screen,
+            screen: self.screen(),
             projection: &projection,
             ball_radius_m: self.game.contest().ground().cue_radius_m,
         };

@@ -117,6 +117,13 @@ impl Simulation<'_> {
     }
 
     pub(super) fn collide(&mut self, first: usize, second: usize) {
+        let (_, [one, other]) = self.meet(first, second);
+        self.set_off(first, one);
+        self.set_off(second, other);
+    }
+
+    /// Reports that two balls meet; the way from the first to the second, and both after the blow.
+    pub(super) fn meet(&mut self, first: usize, second: usize) -> (DVec3, [Twist; 2]) {
         let bodies = [first, second].map(|ball| self.balls[ball].body);
         let normal = direction(self.bodies.position(first), self.bodies.position(second));
         let before = [first, second].map(|ball| self.balls[ball].twist(self.now));
@@ -126,12 +133,9 @@ impl Simulation<'_> {
             point: self.bodies.position(first) + bodies[0].radius_m * normal,
             speed_m_s: (before[0].velocity - before[1].velocity).dot(normal),
         });
-        let (after_first, after_second) =
-            self.laws
-                .ball_ball
-                .resolve(normal, (&bodies[0], before[0]), (&bodies[1], before[1]));
-        self.set_off(first, after_first);
-        self.set_off(second, after_second);
+        let law = &self.laws.ball_ball;
+        let (one, other) = law.resolve(normal, (&bodies[0], before[0]), (&bodies[1], before[1]));
+        (normal, [one, other])
     }
 
     /// Whether a pair approaches fast enough not to be a matter of the rule for clusters.

@@ -12,9 +12,7 @@
 
 use glam::DVec3;
 
-use super::{
-    ball_ball::Twist, contact_time::direction, event::EventKind, live::Live, simulation::Simulation,
-};
+use super::{ball_ball::Twist, contact_time::direction, live::Live, simulation::Simulation};
 
 /// What becomes of two balls whose contact leaves them together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -30,19 +28,7 @@ impl Simulation<'_> {
     /// A contact of two balls by [`Clinging::Steals`].
     pub(super) fn collide_by_theft(&mut self, first: usize, second: usize) {
         self.kiss(first, second);
-        let bodies = [first, second].map(|ball| self.balls[ball].body);
-        let normal = direction(self.bodies.position(first), self.bodies.position(second));
-        let before = [first, second].map(|ball| self.balls[ball].twist(self.now));
-        self.report(EventKind::BallBall {
-            first: self.balls[first].number,
-            second: self.balls[second].number,
-            point: self.bodies.position(first) + bodies[0].radius_m * normal,
-            speed_m_s: (before[0].velocity - before[1].velocity).dot(normal),
-        });
-        let (mut one, mut other) =
-            self.laws
-                .ball_ball
-                .resolve(normal, (&bodies[0], before[0]), (&bodies[1], before[1]));
+        let (normal, [mut one, mut other]) = self.meet(first, second);
         let stolen = stolen_m_s(normal, &one, &other);
         one.velocity += stolen * normal;
         other.velocity -= stolen * normal;

@@ -1,14 +1,13 @@
 //! `carom-farm bench hierarchy`: from how many balls on a tree is faster than each ball by itself.
 
 use std::collections::BTreeMap;
-use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use anyhow::Context;
 use carom_tracer::compiled::Hierarchy;
 use carom_tracer::{
-    Camera, CompiledScene, Environment, ImageSize, Lamp, Material, Object, RenderSettings, Scene,
-    SceneUpdate, Shape, Tile, TileGrid, TraceJob, Tracer, sampling,
+    Camera, CompiledScene, Environment, ImageSize, Lamp, Material, Object, Scene, SceneUpdate,
+    Shape, Tracer, sampling,
 };
 use cpu_time::ProcessTime;
 use glam::{Quat, Vec3};
@@ -152,25 +151,10 @@ fn picture(
 ) -> Result<f64, carom_tracer::Error> {
     scene.hierarchy = hierarchy;
     scene.apply(&SceneUpdate::default())?;
-    let grid = TileGrid::new(args.size, TILE_EDGE);
-    let tiles: Vec<Tile> = grid.tiles(grid.all()).collect();
-    let job = TraceJob {
-        size: args.size,
-        tiles: &tiles,
-        settings: RenderSettings {
-            samples: args.spp,
-            ..RenderSettings::default()
-        },
-        cancelled: &AtomicBool::new(false),
-    };
     let begun = ProcessTime::now();
     scene.ball_tree(usize::MAX);
     let built = begun.elapsed().as_secs_f64() * 1e3;
-    let stats = tracer.trace(scene, &job, &|_| {})?;
-    Ok(match stats.device_nanos {
-        0 => begun.elapsed().as_secs_f64() * 1e3,
-        nanos => built + nanos as f64 * 1e-6,
-    })
+    Ok(built + backend::milliseconds(tracer, scene, args.size, args.spp)?)
 }
 
 fn build(balls: u32, scene: &mut CompiledScene, args: &Args) -> Result<Build, Failure> {
@@ -288,8 +272,6 @@ fn cloud(balls: u32) -> Scene {
 const COUNTS: [u32; 16] = [
     8, 16, 32, 48, 64, 96, 128, 192, 256, 512, 1024, 4096, 10_000, 16_384, 65_536, 100_000,
 ];
-/// The farm's own tiles.
-const TILE_EDGE: u16 = 32;
 
 #[cfg(test)]
 mod tests {

@@ -1,14 +1,11 @@
 //! `carom-farm bench specialise`: what it gains that a kernel has only what its scene requires.
 
 use std::path::PathBuf;
-use std::sync::atomic::AtomicBool;
 
 use anyhow::Context;
 use carom_tracer::{
-    Axis, CompiledScene, Cut, CutForm, ImageSize, Material, Object, Paint, RenderSettings, Scene,
-    Shape, Stripe, Tile, TileGrid, TraceJob, Tracer,
+    Axis, CompiledScene, Cut, CutForm, ImageSize, Material, Object, Paint, Scene, Shape, Stripe,
 };
-use cpu_time::ProcessTime;
 use glam::{Quat, Vec3};
 use serde::Serialize;
 
@@ -106,12 +103,12 @@ fn measure(opened: &Opened, named: &NamedScene, args: &Args) -> Result<Measured,
     let mut least = vec![f64::INFINITY; scenes.len()];
     let tracer = opened.tracer.as_ref();
     backend::wake(tracer, || {
-        milliseconds(tracer, &scenes[0], args).map(|_| ())
+        backend::milliseconds(tracer, &scenes[0], args.size, args.spp).map(|_| ())
     })?;
     // The first turn compiles kernels and fills caches.
     for turn in 0..=args.repetitions {
         for (scene, least) in scenes.iter().zip(&mut least) {
-            let milliseconds = milliseconds(tracer, scene, args)?;
+            let milliseconds = backend::milliseconds(tracer, scene, args.size, args.spp)?;
             if turn > 0 {
                 *least = least.min(milliseconds);
             }
@@ -134,30 +131,6 @@ fn measure(opened: &Opened, named: &NamedScene, args: &Args) -> Result<Measured,
         backend: opened.backend.name(),
         milliseconds: least[0],
         rows: rows.chain([all]).collect(),
-    })
-}
-
-fn milliseconds(
-    tracer: &dyn Tracer,
-    scene: &CompiledScene,
-    args: &Args,
-) -> Result<f64, carom_tracer::Error> {
-    let grid = TileGrid::new(args.size, TILE_EDGE);
-    let tiles: Vec<Tile> = grid.tiles(grid.all()).collect();
-    let job = TraceJob {
-        size: args.size,
-        tiles: &tiles,
-        settings: RenderSettings {
-            samples: args.spp,
-            ..RenderSettings::default()
-        },
-        cancelled: &AtomicBool::new(false),
-    };
-    let begun = ProcessTime::now();
-    let stats = tracer.trace(scene, &job, &|_| {})?;
-    Ok(match stats.device_nanos {
-        0 => begun.elapsed().as_secs_f64() * 1e3,
-        nanos => nanos as f64 * 1e-6,
     })
 }
 
@@ -399,8 +372,6 @@ const COAT: Material = Material::SmoothPlastic {
     internal_reflectance: None,
     stripe: None,
 };
-/// The farm's own tiles.
-const TILE_EDGE: u16 = 32;
 
 #[cfg(test)]
 mod tests {

@@ -56,6 +56,21 @@ fn sphere_leave_t(ray: Ray, center: vec3f, radius: f32) -> f32 {
     return max(0.0, chord.middle_t + sqrt(max(0.0, chord.half_squared)));
 }
 
+// The primitive that the ray starts on, whose near side it cannot meet. Where it is inside of a clear
+// ball, that ball's far side is hit so far.
+fn own_sphere(line: Line, skip: u32, hit: ptr<function, Hit>) -> u32 {
+    if (!HAS_CLEAR) {
+        return skip;
+    }
+    let own = skip & ~INSIDE;
+    let inside = own - SPHERE_FIRST;
+    if ((skip & INSIDE) != 0u && inside < SPHERE_COUNT) {
+        let sphere = scene.spheres[inside];
+        *hit = Hit(sphere_leave_t(line.ray, sphere.center, sphere.radius), own);
+    }
+    return own;
+}
+
 // The normal is measured from the ray's nearest point, never as `origin + t d - center`.
 fn sphere_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
     let sphere = scene.spheres[index];

@@ -17,15 +17,7 @@ fn sphere_candidates(line: Line, first: u32) -> u32 {
 }
 
 fn nearest_sphere(line: Line, skip: u32, hit: ptr<function, Hit>) {
-    var own = skip;
-    if (HAS_CLEAR) {
-        own = skip & ~INSIDE;
-        let inside = own - SPHERE_FIRST;
-        if ((skip & INSIDE) != 0u && inside < SPHERE_COUNT) {
-            let sphere = scene.spheres[inside];
-            *hit = Hit(sphere_leave_t(line.ray, sphere.center, sphere.radius), own);
-        }
-    }
+    let own = own_sphere(line, skip, hit);
     for (var first = 0u; first < SPHERE_COUNT; first += 32u) {
         var candidates = sphere_candidates(line, first);
         while (candidates != 0u) {

@@ -26,15 +26,7 @@ fn part_entry(line: Line, center: vec3f, half: vec3f, t_max: f32) -> f32 {
 }
 
 fn nearest_sphere(line: Line, skip: u32, hit: ptr<function, Hit>) {
-    var own = skip;
-    if (HAS_CLEAR) {
-        own = skip & ~INSIDE;
-        let inside = own - SPHERE_FIRST;
-        if ((skip & INSIDE) != 0u && inside < SPHERE_COUNT) {
-            let sphere = scene.spheres[inside];
-            *hit = Hit(sphere_leave_t(line.ray, sphere.center, sphere.radius), own);
-        }
-    }
+    let own = own_sphere(line, skip, hit);
     var stack: array<u32, TREE_DEPTH_MAX>;
     var height = 0u;
     var part = 0u;
