@@ -13,7 +13,7 @@ use glam::{DVec2, Quat, Vec2, Vec3};
 use crate::ball_set::BallSet;
 use crate::contest::ground;
 use crate::rules::{self, RuleSet};
-use crate::sim::{Cushion, Table};
+use crate::sim::{Circle, Cushion, Table};
 
 /// The room round `table`, whose balls are those of a game and of `set`, as the game's scene.
 pub fn room(table: &Table, rules: RuleSet, set: BallSet) -> Scene {
@@ -31,6 +31,7 @@ pub fn room(table: &Table, rules: RuleSet, set: BallSet) -> Scene {
     room.stand(table);
     room.lampshades();
     room.walls();
+    room.cue_rack();
     Scene {
         camera: Camera {
             eye: room.frame.scale * Vec3::new(-2.02, -0.3, 0.56),
@@ -187,7 +188,8 @@ impl Room {
         }
     }
 
-    /// A cushion between two facings, under-cut below the nose and rising to the rail.
+    /// A cushion between two facings, under-cut below the nose and rising to the rail; its tips are
+    /// rounded as balls meet them.
     fn cushion(&mut self, table: &Table, cushion: &Cushion) {
         let [a, b, c, d] = cushion.corners.map(|corner| corner.as_vec2());
         let normal = table.noses()[cushion.nose].normal().as_vec2();
@@ -199,7 +201,9 @@ impl Room {
             let out = Vec2::new(to.y - from.y, from.x - to.x);
             beyond(from.extend(0.0), out.extend(0.0))
         };
-        let cuts = vec![
+        let tips = cushion.corners.into_iter().zip(cushion.jaws);
+        let rounded = tips.filter_map(|(tip, jaw)| Some(rounding(tip, jaw?)));
+        let cuts = [
             facing(b, c),
             facing(d, a),
             beyond(a.extend(nose + NOSE_HALF_M), (normal * rise).extend(depth)),
@@ -208,6 +212,7 @@ impl Room {
                 (normal * (nose - NOSE_HALF_M)).extend(-UNDERCUT_M),
             ),
         ];
+        let cuts = cuts.into_iter().chain(rounded).collect();
         let shape = Shape::Carved {
             min: low.extend(0.0),
             max: high.extend(self.frame.rail_height),
@@ -326,6 +331,57 @@ impl Room {
         }
     }
 
+    /// A cue on the wall beyond the foot of the table, where the player looks.
+    fn cue_rack(&mut self) {
+        let (half, floor) = (self.frame.outer + ROOM_MARGIN_M, self.frame.floor);
+        let foot = Vec3::new(half.x - 0.12, 1.45, floor + RACK_M);
+        let mut plank = |name: &str, material: &str, low: Vec3, high: Vec3| {
+            let (min, max) = (foot + low, foot + high);
+            self.add(name, material, Shape::Box { min, max });
+        };
+        plank(
+            "cue board",
+            "dark wood",
+            Vec3::new(0.06, -0.09, -0.12),
+            Vec3::new(0.11, 0.09, CUE_M + 0.1),
+        );
+        plank(
+            "cue tray",
+            "brass",
+            Vec3::new(-0.04, -0.07, -0.02),
+            Vec3::new(0.06, 0.07, 0.0),
+        );
+        plank(
+            "cue clip",
+            "brass",
+            Vec3::new(0.01, -0.012, 1.18),
+            Vec3::new(0.06, 0.012, 1.2),
+        );
+        self.cue(foot);
+    }
+
+    /// A cue that stands on its butt.
+    fn cue(&mut self, foot: Vec3) {
+        let mut low = 0.0;
+        for (part, high) in CUE_PARTS {
+            let wide = CUE_RADII_M[0] + 0.001;
+            let across = Vec3::new(wide, wide, 0.0);
+            let turned = CutForm::Turned {
+                center: foot,
+                radius: CUE_RADII_M[0],
+                taper: (CUE_RADII_M[1] - CUE_RADII_M[0]) / CUE_M,
+                beyond: Vec3::ZERO,
+            };
+            let shape = Shape::Carved {
+                min: foot - across + Vec3::Z * low,
+                max: foot + across + Vec3::Z * high,
+                cuts: vec![cut(turned)],
+            };
+            self.add(part, part, shape);
+            low = high;
+        }
+    }
+
     /// Four walls of a thickness round a rectangle, from the floor to `top`.
     fn ring(&mut self, name: &str, material: &str, inner: Vec2, thickness: f32, top: f32) {
         let floor = self.frame.floor;
@@ -396,6 +452,19 @@ fn bores(table: &Table) -> impl Iterator<Item = Cut> + '_ {
 fn trimmed(corner: Vec2, outer: Vec2) -> Cut {
     let point = corner * outer - corner * Vec2::new(TRIM_M, 0.0);
     beyond(point.extend(0.0), corner.extend(0.0))
+}
+
+/// The tip of a cushion outside its jaw.
+fn rounding(tip: DVec2, jaw: Circle) -> Cut {
+    let out = tip - jaw.center;
+    // As far out as the jaw touches the sides that meet in the tip.
+    let beyond = out * (jaw.radius_m * jaw.radius_m / out.length_squared());
+    cut(CutForm::Turned {
+        center: jaw.center.extend(0.0).as_vec3(),
+        radius: jaw.radius_m as f32,
+        taper: 0.0,
+        beyond: beyond.extend(0.0).as_vec3(),
+    })
 }
 
 fn cut(form: CutForm) -> Cut {
@@ -474,6 +543,11 @@ fn materials(
         ("leather", diffuse(Vec3::new(0.035, 0.022, 0.016))),
         ("chrome", metal(chrome, 0.22)),
         ("brass", metal(brass, 0.12)),
+        ("cue butt", wood(Axis::Z, None, 0.5)),
+        ("cue wrap", diffuse(Vec3::new(0.05, 0.06, 0.08))),
+        ("cue shaft", wood(Axis::Z, None, 2.6)),
+        ("cue ferrule", lacquer(Vec3::new(0.8, 0.78, 0.7))),
+        ("cue tip", diffuse(Vec3::new(0.06, 0.16, 0.3))),
         ("enamel", lacquer(Vec3::new(0.01, 0.07, 0.035))),
         ("shade inside", diffuse(Vec3::splat(0.7))),
         ("wall", diffuse(Vec3::new(0.45, 0.38, 0.27))),
@@ -540,6 +614,20 @@ const SHADE_SLOPE: f32 = 0.9;
 const ROOM_MARGIN_M: f32 = 5.2;
 const ROOM_HEIGHT_M: f32 = 2.4;
 const PANEL_HEIGHT_M: f32 = 1.0;
+/// From the floor to the foot of the cue.
+const RACK_M: f32 = 0.45;
+const CUE_M: f32 = 1.47;
+/// At the foot and at the tip.
+const CUE_RADII_M: [f32; 2] = [0.0147, 0.0065];
+/// Materials, and how high above the foot each part ends.
+const CUE_PARTS: [(&str, f32); 6] = [
+    ("cue butt", 0.13),
+    ("cue wrap", 0.43),
+    ("cue butt", 0.74),
+    ("cue shaft", 1.438),
+    ("cue ferrule", 1.463),
+    ("cue tip", CUE_M),
+];
 
 #[cfg(test)]
 mod tests {
@@ -592,6 +680,40 @@ mod tests {
             let low = (middle + 0.3 * nose.normal()).extend(0.005);
             let depth = (middle - met(&scene, low, -nose.normal().extend(0.0)).truncate()).length();
             assert!((0.005..0.02).contains(&depth), "{depth}");
+        }
+    }
+
+    #[test]
+    fn jaws_are_round_where_balls_meet_them() {
+        for table in [
+            Table::nine_foot(),
+            Table::parse(include_str!("../../assets/tables/snooker.json")).unwrap(),
+        ] {
+            let scene = room(&table, RuleSet::Free, BallSet::Classic);
+            let scene = CompiledScene::new(&scene).unwrap();
+            let height = table.nose_height_m();
+            let mut met_jaws = 0;
+            for cushion in table.cushions() {
+                let normal = table.noses()[cushion.nose].normal();
+                for (tip, jaw) in cushion.corners.into_iter().zip(cushion.jaws) {
+                    let Some(jaw) = jaw else { continue };
+                    met_jaws += 1;
+                    let out = (tip - jaw.center).normalize();
+                    // Towards the middle of the rounding, and a little to its sides.
+                    for turn in [-0.1, 0.0, 0.1] {
+                        let out = DVec2::from_angle(turn).rotate(out);
+                        let from = (jaw.center + (jaw.radius_m + 0.02) * out).extend(height);
+                        let point = met(&scene, from, -out.extend(0.0)).truncate();
+                        let radius = point.distance(jaw.center);
+                        assert!((radius - jaw.radius_m).abs() < 1e-6, "{radius} {jaw:?}");
+                    }
+                    // No cloth is left of the tip.
+                    let last = tip - 0.05 * jaw.radius_m * out - 1e-4 * normal;
+                    let down = met(&scene, last.extend(height + 0.1), DVec3::NEG_Z);
+                    assert!(down.z < 1e-6, "{down}");
+                }
+            }
+            assert!(met_jaws >= 12, "{met_jaws}");
         }
     }
 

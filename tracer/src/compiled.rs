@@ -134,13 +134,17 @@ pub const FACE_BORE: u32 = 2;
 /// [`FaceData::kind`] of a hollow: `a` and `b` are its corners.
 pub const FACE_HOLLOW: u32 = 3;
 
+/// [`FaceData::kind`] of a turned cut: `a` is its axis in x and y and the radius at z = 0, `b` is by
+/// how much that grows with z, and the x and y from the axis to the plane that it begins beyond.
+pub const FACE_TURNED: u32 = 4;
+
 /// A surface of a carved box.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct FaceData {
     /// See the kinds.
     pub a: [f32; 3],
-    /// [`FACE_BOX`], [`FACE_PLANE`], [`FACE_BORE`] or [`FACE_HOLLOW`].
+    /// [`FACE_BOX`], [`FACE_PLANE`], [`FACE_BORE`], [`FACE_HOLLOW`] or [`FACE_TURNED`].
     pub kind: u32,
     /// See the kinds.
     pub b: [f32; 3],
@@ -563,6 +567,16 @@ fn cut_face(form: &CutForm, material: u32) -> FaceData {
         }
         CutForm::Bore { center, radius } => (FACE_BORE, center, Vec3::new(radius, 0.0, 0.0)),
         CutForm::Hollow { min, max } => (FACE_HOLLOW, min, max),
+        CutForm::Turned {
+            center,
+            radius,
+            taper,
+            beyond,
+        } => (
+            FACE_TURNED,
+            Vec3::new(center.x, center.y, taper.mul_add(-center.z, radius)),
+            Vec3::new(taper, beyond.x, beyond.y),
+        ),
     };
     FaceData {
         a: a.to_array(),

@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 
 use carom_tracer::film::{trace_estimate, trace_image};
 use carom_tracer::metrics::{Estimate, Region, mean, region};
+use carom_tracer::reference::{Ray, intersect};
+use carom_tracer::sampling::uniforms;
 use carom_tracer::{
     Axis, Camera, CompiledScene, Cut, CutForm, Environment, ImageSize, Lamp, Material, Medium,
     Object, Paint, RadianceImage, Reference, RenderSettings, Scene, Shape, Sights, Stripe, Tile,
@@ -301,7 +303,7 @@ fn cut(form: CutForm, material: Option<&str>) -> Cut {
     }
 }
 
-/// A box with a bevel, a bore and a hollow.
+/// A box with a bevel, a bore, a hollow and a rounded edge.
 fn carved_block(bore_material: Option<&str>) -> Shape {
     Shape::Carved {
         min: Vec3::new(-0.5, -0.4, -0.3),
@@ -325,6 +327,15 @@ fn carved_block(bore_material: Option<&str>) -> Shape {
                 CutForm::Hollow {
                     min: Vec3::new(0.0, -0.2, -0.1),
                     max: Vec3::new(0.4, 0.25, 0.4),
+                },
+                None,
+            ),
+            cut(
+                CutForm::Turned {
+                    center: Vec3::new(0.4, -0.3, 0.0),
+                    radius: 0.1,
+                    taper: 0.0,
+                    beyond: Vec3::new(0.05, -0.05, 0.0),
                 },
                 None,
             ),
@@ -387,9 +398,18 @@ fn painted_still_life() -> Scene {
     ];
     let named = materials.map(|(name, material)| (name.to_owned(), material));
     scene.materials.extend(named);
-    let post = Shape::Box {
-        min: Vec3::new(0.6, 0.2, -0.3),
-        max: Vec3::new(0.7, 0.3, 0.5),
+    let post = Shape::Carved {
+        min: Vec3::new(0.55, 0.15, -0.3),
+        max: Vec3::new(0.75, 0.35, 0.5),
+        cuts: vec![cut(
+            CutForm::Turned {
+                center: Vec3::new(0.65, 0.25, 0.1),
+                radius: 0.06,
+                taper: -0.08,
+                beyond: Vec3::ZERO,
+            },
+            Some("nine"),
+        )],
     };
     scene.objects = vec![
         object("block", "wood", carved_block(Some("m"))),
@@ -490,6 +510,81 @@ fn napped_cloth_gives_back_less_light_than_comes_and_most_at_grazing_angles() {
     }
 }
 
+/// Walks along rays in small steps until it is in what the cuts leave.
+#[test]
+fn turned_bodies_are_met_where_a_walk_finds_them() {
+    const STEP: f64 = 2e-4;
+    let round = |center: Vec3, radius, taper, beyond| {
+        let form = CutForm::Turned {
+            center,
+            radius,
+            taper,
+            beyond,
+        };
+        cut(form, None)
+    };
+    let cone = round(Vec3::new(0.1, 0.0, -0.1), 0.2, -0.4, Vec3::ZERO);
+    let apex = round(Vec3::new(-0.1, 0.1, 0.0), 0.15, 1.0, Vec3::ZERO);
+    let beyond = Vec3::new(0.05, -0.05, 7.0);
+    let edge = round(Vec3::new(0.2, -0.1, 0.0), 0.1, 0.0, beyond);
+    for cut in [cone, apex, edge] {
+        let CutForm::Turned {
+            center,
+            radius,
+            taper,
+            beyond,
+        } = cut.form
+        else {
+            panic!("all are turned")
+        };
+        let (min, max) = (Vec3::new(-0.3, -0.2, -0.5), Vec3::new(0.3, 0.2, 0.5));
+        let is_body = |p: Vec3| {
+            let from_axis = (p - center).truncate();
+            let beyond = beyond.truncate();
+            let is_outside = from_axis.length() > radius + taper * (p.z - center.z);
+            let is_cut = is_outside && from_axis.dot(beyond) >= beyond.length_squared();
+            p.cmpge(min).all() && p.cmple(max).all() && !is_cut
+        };
+        let cuts = vec![cut];
+        let mut scene = furnace(Material::Diffuse { albedo: Vec3::ONE });
+        scene.objects = vec![object("turned", "m", Shape::Carved { min, max, cuts })];
+        let scene = CompiledScene::new(&scene).unwrap();
+        let (mut hits, mut wrong) = (0, 0);
+        for i in 0..600 {
+            let [a, b, c, d] = uniforms(i, 1, 2, 3);
+            let [e, f, ..] = uniforms(i, 1, 2, 4);
+            let origin = Vec3::new(2.0 * a - 1.0, -0.8, 2.0 * b - 1.0);
+            let target = Vec3::new(c, d, e) * (max - min) + min;
+            // Some come from above and below, nearly along the axis.
+            let origin = if f < 0.3 {
+                target + Vec3::new(0.05 * (a - 0.5), 0.05 * (b - 0.5), (f - 0.15).signum())
+            } else {
+                origin
+            };
+            let direction = (target - origin).normalize();
+            let (o, d) = (origin.as_dvec3(), direction.as_dvec3().normalize());
+            let walked = (1..10_000)
+                .map(|step| f64::from(step) * STEP)
+                .find(|t| is_body((o + *t * d).as_vec3()));
+            let ray = Ray {
+                origin: o,
+                direction: d,
+            };
+            let met = intersect(&scene, &ray).map(|hit| hit.t);
+            hits += u32::from(met.is_some());
+            let is_same = match (walked, met) {
+                (Some(walked), Some(met)) => (walked - met).abs() < 2.0 * STEP,
+                (None, None) => true,
+                _ => false,
+            };
+            wrong += u32::from(!is_same);
+        }
+        assert!(hits > 200, "{hits}");
+        // Corners that a step passes over.
+        assert!(wrong <= 6, "{wrong} of {hits}");
+    }
+}
+
 #[test]
 fn cuts_that_cannot_be_made_are_refused_with_their_reason() {
     let refusal = |form: CutForm, material: Option<&str>| {
@@ -526,6 +621,16 @@ fn cuts_that_cannot_be_made_are_refused_with_their_reason() {
             },
             None,
             "cut 0: its normal [0, 0, 0] must not be 0",
+        ),
+        (
+            CutForm::Turned {
+                center,
+                radius: 1.0,
+                taper: 1.5,
+                beyond: Vec3::ZERO,
+            },
+            None,
+            "cut 0: its taper is 1.5: it must be from -1 to 1",
         ),
         (
             CutForm::Hollow {

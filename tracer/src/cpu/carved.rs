@@ -4,7 +4,7 @@ use fearless_simd::prelude::*;
 
 use super::geometry::Rays;
 use super::lanes::{Float, Mask, Vec3x, Word};
-use crate::compiled::{CarvedData, FACE_BORE, FACE_PLANE, FaceData};
+use crate::compiled::{CarvedData, FACE_BORE, FACE_PLANE, FACE_TURNED, FaceData};
 use crate::scene::validate::CUT_MARGIN_M;
 
 /// A carved box. Its faces have the ids from `first` on: the box's own, then those of the cuts.
@@ -56,7 +56,7 @@ impl Carved {
                 if !within.any_true() {
                     continue;
                 }
-                let exit = exit(simd, cut, rays);
+                let exit = exit(simd, cut, rays, t);
                 let further = within & exit.simd_gt(t);
                 t = further.select(exit, t);
                 face = further.select(Word::splat(simd, id), face);
@@ -87,6 +87,14 @@ fn holds<S: Simd>(simd: S, cut: &FaceData, p: Vec3x<S>) -> Mask<S> {
             let radius = cut.b[0] + margin;
             x.mul_add(x, y * y).simd_lt(radius * radius)
         }
+        FACE_TURNED => {
+            let [taper, beyond_x, beyond_y] = cut.b;
+            let (x, y) = (p.x - cut.a[0], p.y - cut.a[1]);
+            let radius = p.z * taper + (cut.a[2] - margin);
+            let outside = x.mul_add(x, y * y).simd_gt(radius * radius) | radius.simd_lt(0.0);
+            let beyond = beyond_x.hypot(beyond_y);
+            outside & (x * beyond_x + y * beyond_y).simd_ge(beyond * (beyond - margin))
+        }
         _ => {
             p.x.simd_gt(cut.a[0] - margin)
                 & p.y.simd_gt(cut.a[1] - margin)
@@ -98,9 +106,9 @@ fn holds<S: Simd>(simd: S, cut: &FaceData, p: Vec3x<S>) -> Mask<S> {
     }
 }
 
-/// Where rays that are in a cut leave it.
+/// Where rays that are in a cut at `t` leave it.
 #[inline(always)]
-fn exit<S: Simd>(simd: S, cut: &FaceData, rays: &Rays<S>) -> Float<S> {
+fn exit<S: Simd>(simd: S, cut: &FaceData, rays: &Rays<S>, t: Float<S>) -> Float<S> {
     let infinite = Float::splat(simd, f32::INFINITY);
     match cut.kind {
         FACE_PLANE => {
@@ -118,9 +126,36 @@ fn exit<S: Simd>(simd: S, cut: &FaceData, rays: &Rays<S>) -> Float<S> {
             let t = (half.max(0.0).sqrt() - x.mul_add(dx, y * dy)) / d2;
             d2.simd_gt(0.0).select(t, infinite)
         }
+        FACE_TURNED => leave_turned(simd, cut, rays, t),
         _ => {
             let (_, far) = rays.slabs(simd, cut.a, cut.b);
             far.x.min(far.y).min(far.z)
         }
     }
+}
+
+/// Where the round body of a turned cut is met, or else the plane that the cut begins beyond.
+#[inline(always)]
+fn leave_turned<S: Simd>(simd: S, cut: &FaceData, rays: &Rays<S>, t: Float<S>) -> Float<S> {
+    let [taper, beyond_x, beyond_y] = cut.b;
+    let (x, y) = (rays.origin.x - cut.a[0], rays.origin.y - cut.a[1]);
+    let (dx, dy) = (rays.direction.x, rays.direction.y);
+    let radius = rays.origin.z * taper + cut.a[2];
+    let growth = rays.direction.z * taper;
+    let d2 = dx.mul_add(dx, dy * dy);
+    let along = x.mul_add(dx, y * dy);
+    let miss = x.mul_add(dy, -(y * dx));
+    let square = d2 - growth * growth;
+    let half_linear = along - growth * radius;
+    let quarter = d2 * (radius * radius) - miss * miss
+        + growth * (growth * x.mul_add(x, y * y) - 2.0 * along * radius);
+    let met = -(half_linear + quarter.max(0.0).sqrt()) / square;
+    let ahead = square.simd_lt(0.0) | square.mul_add(t, half_linear).simd_lt(0.0);
+    let real = quarter.simd_ge(0.0) & met.mul_add(growth, radius).simd_gt(0.0);
+    let body = ahead & real & square.simd_ne(0.0);
+    let slope = dx * beyond_x + dy * beyond_y;
+    let beyond_squared = beyond_x.mul_add(beyond_x, beyond_y * beyond_y);
+    let back = (Float::splat(simd, beyond_squared) - (x * beyond_x + y * beyond_y)) / slope;
+    let infinite = Float::splat(simd, f32::INFINITY);
+    body.select(met, slope.simd_lt(0.0).select(back, infinite))
 }

@@ -8,8 +8,8 @@ use super::lanes::{Float, LANES, Mask, Vec3x, Word};
 use super::paint::{PaintRow, paint_row, painted};
 use super::sheen::{Sheen, SheenRow};
 use crate::compiled::{
-    CompiledScene, FACE_BORE, FACE_BOX, FACE_PLANE, KIND_DIELECTRIC, KIND_LAYERED, MaterialData,
-    PATTERN_NONE, SphereData,
+    CompiledScene, FACE_BORE, FACE_BOX, FACE_PLANE, FACE_TURNED, KIND_DIELECTRIC, KIND_LAYERED,
+    MaterialData, PATTERN_NONE, SphereData,
 };
 
 /// One row of numbers per primitive that scatters, in the order of ids.
@@ -47,6 +47,8 @@ const KIND_FLAT: f32 = 2.0;
 const KIND_BORE: f32 = 3.0;
 /// The inside of a box.
 const KIND_HOLLOW: f32 = 4.0;
+/// An upright cone.
+const KIND_TURNED: f32 = 5.0;
 
 /// Where and what a packet of rays hit.
 pub(super) struct Hit<S: Simd> {
@@ -96,6 +98,7 @@ impl Surfaces {
                 FACE_BOX => KIND_BOX,
                 FACE_PLANE => KIND_FLAT,
                 FACE_BORE => KIND_BORE,
+                FACE_TURNED => KIND_TURNED,
                 _ => KIND_HOLLOW,
             };
             row(face.a, face.b, kind, face.material, [0.0; 3])
@@ -177,6 +180,15 @@ impl Surfaces {
             let per_radius = -1.0 / x.mul_add(x, y * y).sqrt();
             let inwards = Vec3x::new(x * per_radius, y * per_radius, x * 0.0);
             normal = Vec3x::select(bored, inwards, normal);
+        }
+        let turned = kind.simd_eq(KIND_TURNED);
+        if turned.any_true() {
+            let (x, y) = (position.x - first.x, position.y - first.y);
+            let across = 1.0 / x.mul_add(x, y * y).sqrt();
+            let taper = second.x;
+            let scale = 1.0 / (taper * taper + 1.0).sqrt();
+            let outwards = Vec3x::new(x * across, y * across, -taper) * scale;
+            normal = Vec3x::select(turned, outwards, normal);
         }
         if let Some(gloss) = &gloss {
             let inside = direction.mul_add(distance, origin);

@@ -1,8 +1,8 @@
 //! What a scene requires of the kernel: what it has none of is left out.
 
 use crate::compiled::{
-    CompiledScene, KIND_DIELECTRIC, KIND_LAYERED, MaterialData, PATTERN_NUMBER, PATTERN_PLANKS,
-    PATTERN_WOOD,
+    CompiledScene, FACE_TURNED, KIND_DIELECTRIC, KIND_LAYERED, MaterialData, PATTERN_NUMBER,
+    PATTERN_PLANKS, PATTERN_WOOD,
 };
 use crate::gpu::{flatness, layout};
 use crate::tree::BallTree;
@@ -133,6 +133,8 @@ pub(crate) struct Features {
     pub(crate) materials: u32,
     /// Rays find balls by a tree.
     pub(crate) has_tree: bool,
+    /// Some carved box has a turned cut.
+    pub(crate) has_turned: bool,
     /// Some material has a dielectric coat.
     pub(crate) has_coat: bool,
     /// Some material has a stripe.
@@ -176,6 +178,7 @@ impl Features {
             lamps: scene.lamps.len() as u32,
             materials: scene.materials.len().max(1) as u32,
             has_tree: ball_tree(scene).is_some(),
+            has_turned: scene.faces.iter().any(|face| face.kind == FACE_TURNED),
             has_coat: any(|material| material.kind == KIND_LAYERED && material.ior > 0.0),
             has_stripe: any(|material| material.stripe_half_width > 0.0),
             has_number: any(|material| material.pattern == PATTERN_NUMBER),

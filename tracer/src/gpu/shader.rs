@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 
 use crate::compiled::{
-    FACE_BORE, FACE_BOX, FACE_PLANE, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, PATTERN_NUMBER,
-    PATTERN_PLANKS, PATTERN_WOOD,
+    FACE_BORE, FACE_BOX, FACE_PLANE, FACE_TURNED, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED,
+    PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD,
 };
 use crate::gpu::features::{Features, Output, SceneMemory, ShapeKind};
 use crate::gpu::layout::{SPHERE_SLACK, TREE_LEAF};
@@ -118,6 +118,8 @@ fn constants(features: &Features) -> String {
          const FACE_BOX: u32 = {FACE_BOX}u;\n\
          const FACE_PLANE: u32 = {FACE_PLANE}u;\n\
          const FACE_BORE: u32 = {FACE_BORE}u;\n\
+         const FACE_TURNED: u32 = {FACE_TURNED}u;\n\
+         const HAS_TURNED: bool = {};\n\
          const CUT_MARGIN_M: f32 = {CUT_MARGIN_M:?};\n\
          const KIND_LAYERED: u32 = {KIND_LAYERED}u;\n\
          const KIND_CONDUCTOR: u32 = {KIND_CONDUCTOR}u;\n\
@@ -129,7 +131,8 @@ fn constants(features: &Features) -> String {
         features.has_stripe,
         features.has_clear,
         features.has_number,
-        features.has_wood
+        features.has_wood,
+        features.has_turned
     );
     _ = writeln!(text, "const OUTPUT: u32 = {}u;", features.output as u32);
     for output in Output::ALL {
@@ -302,6 +305,7 @@ mod tests {
         has_coat: true,
         has_stripe: true,
         has_number: true,
+        has_turned: true,
         has_wood: true,
         has_sheen: true,
         has_gloss: true,
@@ -333,6 +337,7 @@ mod tests {
                 materials: 1 + i % 5,
                 has_stripe: i % 3 == 0,
                 has_number: i % 11 < 6,
+                has_turned: i % 7 < 3,
                 has_wood: i % 13 < 7,
                 has_sheen: i % 17 < 8,
                 has_gloss: i % 7 < 4,

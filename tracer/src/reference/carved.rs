@@ -4,11 +4,11 @@
 //! it has met the body. A point is in a cut if it is closer to it than a margin, so that a ray that
 //! leaves a cut's surface never meets that surface for rounding.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::intersect::{Ray, vector};
 use crate::CompiledScene;
-use crate::compiled::{CarvedData, FACE_BORE, FACE_PLANE, FaceData};
+use crate::compiled::{CarvedData, FACE_BORE, FACE_PLANE, FACE_TURNED, FaceData};
 use crate::scene::validate::CUT_MARGIN_M;
 
 const MARGIN: f64 = CUT_MARGIN_M as f64;
@@ -36,7 +36,7 @@ pub(super) fn meet_carved(
             if !holds(cut, ray.origin + t * ray.direction) {
                 continue;
             }
-            let (exit, normal) = exit(cut, ray);
+            let (exit, normal) = exit(cut, ray, t);
             if exit > t {
                 (t, n, face) = (exit, normal, index);
             }
@@ -87,12 +87,17 @@ fn holds(cut: &FaceData, p: DVec3) -> bool {
     match cut.kind {
         FACE_PLANE => a.dot(p) > b.x - MARGIN,
         FACE_BORE => (p - a).truncate().length() < b.x + MARGIN,
+        FACE_TURNED => {
+            let (from_axis, beyond) = ((p - a).truncate(), DVec2::new(b.y, b.z));
+            from_axis.length() > a.z + b.x * p.z - MARGIN
+                && from_axis.dot(beyond) >= beyond.length_squared() - MARGIN * beyond.length()
+        }
         _ => p.cmpgt(a - MARGIN).all() && p.cmplt(b + MARGIN).all(),
     }
 }
 
-/// Where a ray that is in a cut leaves it, with the normal of the surface there.
-fn exit(cut: &FaceData, ray: &Ray) -> Side {
+/// Where a ray that is in a cut at `t` leaves it, with the normal of the surface there.
+fn exit(cut: &FaceData, ray: &Ray, t: f64) -> Side {
     let (a, b) = (vector(cut.a), vector(cut.b));
     match cut.kind {
         FACE_PLANE => {
@@ -114,6 +119,35 @@ fn exit(cut: &FaceData, ray: &Ray) -> Side {
             let n = -(from_axis + t * d).normalize();
             (t, n.extend(0.0))
         }
+        FACE_TURNED => leave_turned(a, b, ray, t),
         _ => slabs(a, b, ray).1,
     }
+}
+
+/// A turned cut is left where the ray comes to the round body, or else back over the plane. Being in
+/// the cut, the ray is outside the body at `t`: it has the body before it while it still nears it,
+/// or if it is steeper than the body's side.
+fn leave_turned(a: DVec3, b: DVec3, ray: &Ray, t: f64) -> Side {
+    let (from_axis, d) = ((ray.origin - a).truncate(), ray.direction.truncate());
+    let (taper, beyond) = (b.x, DVec2::new(b.y, b.z));
+    let radius = a.z + taper * ray.origin.z;
+    let growth = taper * ray.direction.z;
+    // |from_axis + t d|² = (radius + t growth)²
+    let square = d.length_squared() - growth * growth;
+    let half_linear = from_axis.dot(d) - growth * radius;
+    let miss = from_axis.perp_dot(d);
+    let quarter = d.length_squared() * radius * radius - miss * miss
+        + growth * (growth * from_axis.length_squared() - 2.0 * from_axis.dot(d) * radius);
+    let met = -(half_linear + quarter.max(0.0).sqrt()) / square;
+    let is_ahead = square < 0.0 || square * t + half_linear < 0.0;
+    if quarter >= 0.0 && square != 0.0 && is_ahead && radius + met * growth > 0.0 {
+        let outward = (from_axis + met * d).normalize();
+        return (met, outward.extend(-taper).normalize());
+    }
+    let slope = d.dot(beyond);
+    if slope >= 0.0 {
+        return (f64::INFINITY, DVec3::Z);
+    }
+    let back = (beyond.length_squared() - from_axis.dot(beyond)) / slope;
+    (back, beyond.normalize().extend(0.0))
 }

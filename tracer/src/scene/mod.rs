@@ -154,6 +154,21 @@ pub enum CutForm {
         /// Corner of the largest coordinates, in metres; above `min` on each axis.
         max: Vec3,
     },
+    /// All outside an upright round body, as if what remains were turned on a lathe: a post, a cue's
+    /// cone, or an upright edge that is rounded.
+    Turned {
+        /// Where its axis is `radius` away from its surface, in metres.
+        center: Vec3,
+        /// Radius in metres.
+        radius: f32,
+        /// By how much the radius grows with height, in [−1, 1].
+        #[serde(default)]
+        taper: f32,
+        /// Only what lies farther from the axis in this direction is cut: beyond the plane through
+        /// `center + beyond` at right angles to it. z does not matter; with 0 all round.
+        #[serde(default)]
+        beyond: Vec3,
+    },
 }
 
 /// A rectangle that emits from one side and is black from both.

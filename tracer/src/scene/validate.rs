@@ -37,6 +37,8 @@ pub const EXTINCTION_RATIO_MAX: f32 = 8.0;
 pub const CUTS_MAX: usize = 16;
 /// The most cuts of a scene.
 pub const CUTS_TOTAL_MAX: usize = 1024;
+/// The steepest that a turned cut's surface leans from upright.
+pub const TAPER_MAX: f32 = 1.0;
 /// Surfaces closer than this to a cut count as within it, in m: rounding must not put a ray that
 /// leaves a cut's surface back into the body.
 pub const CUT_MARGIN_M: f32 = 1e-5;
@@ -232,6 +234,22 @@ fn check_cut(form: &CutForm) -> Check {
             extent("its radius", radius)
         }
         CutForm::Hollow { min, max } => corners(min, max),
+        CutForm::Turned {
+            center,
+            radius,
+            taper,
+            beyond,
+        } => {
+            position("its center", center)?;
+            extent("its radius", radius)?;
+            position("its beyond", beyond)?;
+            if (-TAPER_MAX..=TAPER_MAX).contains(&taper) {
+                return Ok(());
+            }
+            Err(format!(
+                "its taper is {taper}: it must be from -{TAPER_MAX} to {TAPER_MAX}"
+            ))
+        }
     }
 }
 

@@ -155,7 +155,7 @@ struct Part {
     add: fn(&mut Scene),
 }
 
-const PARTS: [Part; 12] = [
+const PARTS: [Part; 13] = [
     Part {
         name: "a coat",
         is_used: |scene| any_material(scene, is_coated),
@@ -259,6 +259,24 @@ const PARTS: [Part; 12] = [
         },
     },
     Part {
+        name: "a turned cut",
+        is_used: |scene| any_shape(scene, is_turned),
+        add: |scene| {
+            let (min, max) = hidden_box(scene);
+            let form = CutForm::Turned {
+                center: hidden(scene),
+                radius: 0.5 * SMALL_M,
+                taper: 0.0,
+                beyond: Vec3::ZERO,
+            };
+            let cuts = vec![Cut {
+                form,
+                material: None,
+            }];
+            add_object(scene, Shape::Carved { min, max, cuts });
+        },
+    },
+    Part {
         name: "a disc",
         is_used: |scene| any_shape(scene, |shape| matches!(shape, Shape::Disc { .. })),
         add: |scene| {
@@ -292,6 +310,14 @@ fn any_material(scene: &Scene, is: impl Fn(&Material) -> bool) -> bool {
 
 fn any_shape(scene: &Scene, is: impl Fn(&Shape) -> bool) -> bool {
     scene.objects.iter().any(|object| is(&object.shape))
+}
+
+fn is_turned(shape: &Shape) -> bool {
+    let Shape::Carved { cuts, .. } = shape else {
+        return false;
+    };
+    cuts.iter()
+        .any(|cut| matches!(cut.form, CutForm::Turned { .. }))
 }
 
 fn is_coated(material: &Material) -> bool {

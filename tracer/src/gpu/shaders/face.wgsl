@@ -25,11 +25,52 @@ fn cut_holds(face: u32, p: vec3f) -> bool {
             let radius = b.x + CUT_MARGIN_M;
             return dot(q, q) < radius * radius;
         }
+        case FACE_TURNED: {
+            if (HAS_TURNED) {
+                return turned_holds(a, b, p);
+            }
+            return false;
+        }
         default: { return all(p > a - CUT_MARGIN_M) && all(p < b + CUT_MARGIN_M); }
     }
 }
 
-fn cut_exit(face: u32, ray: Ray, inverse: vec3f) -> f32 {
+// See `reference::carved`.
+fn turned_holds(a: vec3f, b: vec3f, p: vec3f) -> bool {
+    let q = p.xy - a.xy;
+    let radius = fma(p.z, b.x, a.z - CUT_MARGIN_M);
+    let beyond = length(b.yz);
+    return (dot(q, q) > radius * radius || radius < 0.0)
+        && dot(q, b.yz) >= beyond * (beyond - CUT_MARGIN_M);
+}
+
+fn turned_exit(a: vec3f, b: vec3f, ray: Ray, t: f32) -> f32 {
+    let q = ray.origin.xy - a.xy;
+    let d = ray.direction.xy;
+    let radius = fma(ray.origin.z, b.x, a.z);
+    let growth = ray.direction.z * b.x;
+    let d2 = dot(d, d);
+    let along = dot(q, d);
+    let miss = q.x * d.y - q.y * d.x;
+    let square = d2 - growth * growth;
+    let half_linear = along - growth * radius;
+    let quarter = d2 * (radius * radius) - miss * miss
+        + growth * (growth * dot(q, q) - 2.0 * along * radius);
+    let is_ahead = square < 0.0 || fma(square, t, half_linear) < 0.0;
+    if (quarter >= 0.0 && square != 0.0 && is_ahead) {
+        let met = -(half_linear + sqrt(quarter)) / square;
+        if (fma(met, growth, radius) > 0.0) {
+            return met;
+        }
+    }
+    let slope = dot(d, b.yz);
+    if (slope >= 0.0) {
+        return T_MISS;
+    }
+    return (dot(b.yz, b.yz) - dot(q, b.yz)) / slope;
+}
+
+fn cut_exit(face: u32, ray: Ray, inverse: vec3f, t: f32) -> f32 {
     let a = scene.faces[face].a;
     let b = scene.faces[face].b;
     switch scene.faces[face].kind {
@@ -50,6 +91,12 @@ fn cut_exit(face: u32, ray: Ray, inverse: vec3f) -> f32 {
             let miss = q.x * d.y - q.y * d.x;
             return (sqrt(max(0.0, d2 * b.x * b.x - miss * miss)) - dot(q, d)) / d2;
         }
+        case FACE_TURNED: {
+            if (HAS_TURNED) {
+                return turned_exit(a, b, ray, t);
+            }
+            return T_MISS;
+        }
         default: { return box_span(ray, inverse, a, b).y; }
     }
 }
@@ -66,14 +113,15 @@ fn carved_meet(ray: Ray, inverse: vec3f, index: u32, skip: u32, limit: f32) -> M
     if (t >= end) {
         return miss;
     }
-    // Each turn of the loop leaves a cut for good: there are no more turns than cuts.
-    for (var turn = 0u; turn < count; turn++) {
+    // Each turn of the loop leaves a cut, for good but for those that are turned: the ray may go through
+    // their round body, and out of what is left of it.
+    for (var turn = 0u; turn < select(count, 2u * count, HAS_TURNED); turn++) {
         let before = t;
         for (var cut = first + 1u; cut < first + count; cut++) {
             if (!cut_holds(cut, fma(vec3f(t), ray.direction, ray.origin))) {
                 continue;
             }
-            let leaves = cut_exit(cut, ray, inverse);
+            let leaves = cut_exit(cut, ray, inverse, t);
             if (leaves > t) {
                 t = leaves;
                 face = cut;
@@ -119,6 +167,8 @@ fn face_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
     var normal = a;
     if (kind == FACE_BORE) {
         normal = vec3f(-normalize(position.xy - a.xy), 0.0);
+    } else if (HAS_TURNED && kind == FACE_TURNED) {
+        normal = normalize(vec3f(normalize(position.xy - a.xy), -b.x));
     } else if (kind != FACE_PLANE) {
         // The box's outside is entered, a hollow's inside is left.
         let inverse = inverse_direction(ray.direction);
