@@ -319,7 +319,7 @@ impl ClientSession {
 
     fn scene_coming(&mut self, bytes: usize) -> Result<Vec<ClientEvent>, Error> {
         match self.scenes_asked.front() {
-            Some((hash, all)) if (1..=*all).contains(&bytes) => {
+            Some((hash, all)) if bytes <= *all => {
                 let (hash, percent) = (*hash, (100 * bytes / all) as u8);
                 Ok(vec![ClientEvent::SceneComing { hash, percent }])
             }
