@@ -49,7 +49,8 @@ pub fn to_client(bytes: &[u8]) {
 }
 
 /// A payload of sRGB tiles, told from tiles that are held, is an error or a picture of the size
-/// asked for, which then is held itself. The first two bytes say what was asked for.
+/// asked for, which then is held itself. The first two bytes say what was asked for, and whether all
+/// tiles are held or all but the first.
 pub fn srgb_tiles(bytes: &[u8]) {
     let Some(([width, height], payload)) = bytes.split_first_chunk() else {
         return;
@@ -60,7 +61,8 @@ pub fn srgb_tiles(bytes: &[u8]) {
         coarsest: Precision::Lossy50,
     };
     let held = held_tile(tile);
-    let tiles = [(tile, None), (tile, Some(&held)), (tile, Some(&held))];
+    let first = (*height >= ALL_HELD).then_some(&held);
+    let tiles = [(tile, first), (tile, Some(&held)), (tile, Some(&held))];
     let Ok(decoded) = Decoder::new().decode_srgb(range, &tiles, payload) else {
         return;
     };
@@ -177,17 +179,28 @@ pub fn srgb_tiles_seeds() -> Vec<Vec<u8>> {
         radiance,
         reference,
     };
-    let payload = |precision: &Precision| {
+    let payload = |height: u8, first, precision| {
         let tiles = [
-            source(&new, None),
+            source(&new, first),
             source(&changed, Some(&held)),
             source(&same, Some(&held)),
         ];
-        let (payload, _) = Encoder::new().encode_srgb(1.0, *precision, &tiles);
-        [&[16, 11], &payload[..]].concat()
+        let (payload, _) = Encoder::new().encode_srgb(1.0, precision, &tiles);
+        [&[16, height], &payload[..]].concat()
     };
-    Precision::ALL.iter().map(payload).collect()
+    let all = Precision::ALL.into_iter();
+    all.flat_map(|precision| {
+        [
+            payload(11, None, precision),
+            payload(ALL_HELD + 11, Some(&held), precision),
+        ]
+    })
+    .collect()
 }
+
+/// Added to the height, it says that all tiles are held; a whole number of times what
+/// [`small_tile`] takes heights modulo.
+const ALL_HELD: u8 = 160;
 
 fn small_tile(width: u8, height: u8) -> Tile {
     Tile {

@@ -8,9 +8,12 @@ use half::slice::{HalfBitsSliceExt, HalfFloatSliceExt};
 use zstd::bulk::Decompressor;
 use zstd::zstd_safe;
 
-use super::header::{Header, JPEG, STORED, ZSTD};
-use super::srgb::{self, Base, Mode, Reader};
-use super::{ReferenceTile, TilePixels, jpeg, planes};
+use super::changes::Changes;
+use super::header::{CHANGES, Header, JPEG, STORED, ZSTD};
+use super::join::Reader;
+use super::mode::{Base, Mode};
+use super::range_coder::RangeDecoder;
+use super::{ReferenceTile, TilePixels, jpeg, levels, planes};
 use crate::Error;
 use crate::limits::PIXELS_PER_MESSAGE_MAX;
 use crate::message::PixelFormat;
@@ -32,6 +35,7 @@ pub struct SrgbTiles {
 pub struct Decoder {
     zstd: Decompressor<'static>,
     planes: Vec<u8>,
+    changes: Changes,
 }
 
 impl Decoder {
@@ -41,8 +45,11 @@ impl Decoder {
     /// If there is no memory for a zstd context.
     pub fn new() -> Self {
         let zstd = Decompressor::new().expect("memory for a zstd context");
-        let planes = Vec::new();
-        Self { zstd, planes }
+        Self {
+            zstd,
+            planes: Vec::new(),
+            changes: Changes::new(),
+        }
     }
 
     /// The pixels of `tiles`, which are those that the client asked for: from them and `format`
@@ -99,6 +106,10 @@ impl Decoder {
             precision: header.precision,
         };
         match header.precision.step() {
+            Some(step) if header.storage == CHANGES => {
+                let changes = self.decode_changes(&header, step, tiles, count, &mut decoded);
+                changes.map_err(malformed)?;
+            }
             Some(step) => self.decode_levels(&header, step, tiles, count, &mut decoded)?,
             None => decode_lossy(&header, tiles, count, &mut decoded).map_err(malformed)?,
         }
@@ -140,7 +151,7 @@ impl Decoder {
             pixels = after;
             let base = reference.and_then(|held| held.base(precision, tile.pixels()));
             let joined = match mode {
-                None => base.map(|base| srgb::round(here, step, base)),
+                None => base.map(|base| levels::round(here, step, base)),
                 Some(mode) => reader.join(here, *mode, step, *tile, base),
             };
             joined.ok_or_else(|| Error::malformed(WHAT, NO_REFERENCE))?;
@@ -149,6 +160,40 @@ impl Decoder {
             decoded.kept.push(Arc::new(kept));
         }
         Ok(())
+    }
+
+    fn decode_changes(
+        &mut self,
+        header: &Header,
+        step: u8,
+        tiles: &[(Tile, Option<&Arc<ReferenceTile>>)],
+        count: usize,
+        decoded: &mut SrgbTiles,
+    ) -> Result<(), String> {
+        let precision = header.precision;
+        let mut coder = RangeDecoder::new(header.rest);
+        self.changes.begin();
+        decoded.pixels = Vec::with_capacity(count);
+        for (tile, reference) in tiles {
+            let base = reference.and_then(|held| held.base(precision, tile.pixels()));
+            let mut pixels = levels::of(step, base.ok_or(NO_REFERENCE)?);
+            if self.changes.changes(&mut coder, false) {
+                let width = tile.width as usize;
+                self.changes
+                    .tile(&mut coder, width, step, &mut pixels, None);
+            }
+            for channel in pixels.as_flattened_mut() {
+                *channel = channel.wrapping_mul(step);
+            }
+            decoded.pixels.extend_from_slice(&pixels);
+            let pixels = pixels.into_boxed_slice();
+            let kept = ReferenceTile { pixels, precision };
+            decoded.kept.push(Arc::new(kept));
+        }
+        if coder.is_at_end() {
+            return Ok(());
+        }
+        Err("its changes do not end where it does".into())
     }
 
     /// Planes of one of `sizes` bytes.

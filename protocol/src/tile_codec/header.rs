@@ -1,6 +1,6 @@
 //! What stands before the planes of a payload.
 
-use super::srgb::{Base, Colour, Mode};
+use super::mode::Mode;
 use crate::precision::Precision;
 
 /// What stands before the planes of sRGB tiles.
@@ -44,30 +44,14 @@ impl<'a> Header<'a> {
     }
 }
 
-impl Mode {
-    /// What all tiles of a message without modes have.
-    pub(super) const USUAL: Self = Self {
-        base: Base::Neighbour,
-        colour: Colour::Green,
-    };
-
-    fn number(self) -> u8 {
-        3 * self.base as u8 + self.colour as u8
-    }
-
-    fn of(number: u8) -> Result<Self, String> {
-        let bases = [Base::Neighbour, Base::Reference, Base::Marked];
-        let colours = [Colour::Green, Colour::Alone, Colour::Ratio];
-        let base = bases.get(usize::from(number / 3));
-        let base = *base.ok_or_else(|| format!("there is no mode {number}"))?;
-        let colour = colours[usize::from(number % 3)];
-        Ok(Self { base, colour })
-    }
+/// The first byte, without modes.
+pub(super) fn first(precision: Precision, storage: u8) -> u8 {
+    (precision as u8) << PRECISION_SHIFT | storage
 }
 
 /// The first byte, and the modes if any is not the usual one.
 pub(super) fn write(precision: Precision, modes: &[Option<Mode>]) -> Vec<u8> {
-    let first = (precision as u8) << PRECISION_SHIFT;
+    let first = first(precision, STORED);
     if modes.iter().all(|mode| *mode == Some(Mode::USUAL)) {
         return vec![first];
     }
@@ -87,6 +71,8 @@ pub(super) const STORED: u8 = 0;
 pub(super) const ZSTD: u8 = 1;
 /// A JPEG scan.
 pub(super) const JPEG: u8 = 2;
+/// The changes of each tile, range coded; no modes.
+pub(super) const CHANGES: u8 = 3;
 /// The bit that says that four bits for each tile follow, the first tile's the lowest.
 const MODES: u8 = 4;
 /// The bits above it are the precision.

@@ -119,6 +119,148 @@ proptest! {
     }
 }
 
+/// The light of a tile of which so many pixels of 256 have changed since `seed`.
+fn changed(tile: Tile, seed: u32, pixels: u32) -> Vec<[f32; 3]> {
+    let (before, after) = (light(tile, seed, 0.6), light(tile, seed + 1, 0.6));
+    let pairs = before.into_iter().zip(after).zip(0..);
+    let pick = |((before, after), index)| {
+        let changes = hash(seed ^ hash(index)) % 256 < pixels;
+        if changes { after } else { before }
+    };
+    pairs.map(pick).collect()
+}
+
+/// An encoder that has seen all pixels change for a while.
+fn busy_encoder() -> Encoder {
+    let mut encoder = Encoder::new();
+    let mut kept = None;
+    for seed in 0..20 {
+        let radiance = light(TILE, seed, 0.6);
+        let source = Source {
+            tile: TILE,
+            radiance: &radiance,
+            reference: kept.as_ref(),
+        };
+        let (_, sent) = encoder.encode_srgb(1.0, Precision::Exact, &[source; 8]);
+        kept = sent.into_iter().next();
+    }
+    encoder
+}
+
+/// A message of changed tiles, what it shows, and its tiles as node and client keep them.
+struct Told {
+    payload: Vec<u8>,
+    pixels: Vec<[u8; 3]>,
+    sent: Vec<Arc<ReferenceTile>>,
+    kept: Vec<Arc<ReferenceTile>>,
+}
+
+fn tell(
+    encoder: &mut Encoder,
+    precision: Precision,
+    tiles: &[(Tile, Vec<[f32; 3]>)],
+    held: &[Arc<ReferenceTile>],
+) -> Told {
+    let sources = tiles.iter().zip(held);
+    let sources: Vec<Source> = sources
+        .map(|((tile, radiance), held)| Source {
+            tile: *tile,
+            radiance,
+            reference: Some(held),
+        })
+        .collect();
+    let (payload, sent) = encoder.encode_srgb(1.0, precision, &sources);
+    let told: Vec<_> = tiles
+        .iter()
+        .zip(held)
+        .map(|((tile, _), held)| (*tile, Some(held)))
+        .collect();
+    let range = PrecisionRange::only(precision);
+    let decoded = Decoder::new().decode_srgb(range, &told, &payload).unwrap();
+    Told {
+        payload,
+        pixels: decoded.pixels,
+        sent,
+        kept: decoded.kept,
+    }
+}
+
+fn sent_whole(precision: Precision, tile: Tile, radiance: &[[f32; 3]]) -> Arc<ReferenceTile> {
+    let source = Source {
+        tile,
+        radiance,
+        reference: None,
+    };
+    let (_, mut kept) = Encoder::new().encode_srgb(1.0, precision, &[source]);
+    kept.remove(0)
+}
+
+proptest! {
+    #![proptest_config(any::config(60))]
+
+    /// As changes while few pixels do, as planes when the encoder has seen many.
+    #[test]
+    fn both_ways_of_telling_changes_give_the_same_pixels(
+        sizes in prop::collection::vec((1..70u32, 1..40u32, 0..257u32), 1..5),
+        seed: u32,
+        before in 0..3usize,
+        after in 0..3usize,
+    ) {
+        let seed = seed / 2;
+        let tile = |width, height| Tile { x: 0, y: 0, width, height };
+        let tiles: Vec<(Tile, Vec<[f32; 3]>)> = sizes
+            .iter()
+            .map(|&(width, height, pixels)| {
+                let tile = tile(width, height);
+                (tile, changed(tile, seed, pixels))
+            })
+            .collect();
+        let held: Vec<Arc<ReferenceTile>> = tiles
+            .iter()
+            .map(|(tile, _)| sent_whole(Precision::ALL[before], *tile, &light(*tile, seed, 0.6)))
+            .collect();
+        let (precision, bound) = BOUNDS[after];
+        let changes = tell(&mut Encoder::new(), precision, &tiles, &held);
+        let planes = tell(&mut busy_encoder(), precision, &tiles, &held);
+        let storage = [&changes, &planes].map(|told| told.payload[0] & 3);
+        prop_assert!(storage[0] == 3 && storage[1] < 2, "{:?}", storage);
+        prop_assert_eq!(&changes.pixels, &planes.pixels);
+        prop_assert_eq!(changes.sent, changes.kept);
+        let exact: Vec<[u8; 3]> = tiles.iter().flat_map(|(_, light)| shown(light)).collect();
+        prop_assert!(error(&changes.pixels, &exact) <= bound);
+    }
+}
+
+#[test]
+fn a_few_changes_are_told_in_far_fewer_bytes_than_planes_of_them() {
+    let seeds = [10, 20, 30, 40, 50, 60, 70, 80];
+    let held = seeds.map(|seed| sent_whole(Precision::Exact, TILE, &light(TILE, seed, 0.6)));
+    let bytes = |encoder: &mut Encoder, pixels| {
+        let tiles = seeds.map(|seed| (TILE, changed(TILE, seed, pixels)));
+        let told = tell(encoder, Precision::Exact, &tiles, &held);
+        told.payload.len()
+    };
+    for (pixels, percent) in [(2, 75), (13, 90)] {
+        let changes = bytes(&mut Encoder::new(), pixels);
+        let planes = bytes(&mut busy_encoder(), pixels);
+        assert!(
+            100 * changes <= percent * planes,
+            "{pixels}: {changes} of {planes} bytes"
+        );
+    }
+}
+
+#[test]
+fn an_encoder_tells_changes_again_once_the_picture_is_still() {
+    let mut encoder = busy_encoder();
+    let held = vec![sent_whole(Precision::Exact, TILE, &light(TILE, 7, 0.6)); 8];
+    let tiles = vec![(TILE, light(TILE, 7, 0.6)); 8];
+    let mut way = || tell(&mut encoder, Precision::Exact, &tiles, &held).payload[0] & 3;
+    let ways: Vec<u8> = (0..400).map(|_| way()).collect();
+    assert!(ways.is_sorted(), "{ways:?}");
+    assert_eq!([ways[0], ways[399]], [0, 3]);
+}
+
 #[test]
 fn a_tile_that_has_not_changed_is_a_few_bytes() {
     for precision in Precision::ALL {

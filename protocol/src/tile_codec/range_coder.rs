@@ -1,0 +1,329 @@
+//! Bits in as little space as they were likely: a binary range coder whose likelihoods are learnt.
+//!
+//! Range coding: Martin, "Range encoding: an algorithm for removing redundancy from a digitised
+//! message" (1979). A message is a number below 1, of which `low` are the last 64 bits that are not
+//! written yet and to which at most `range` may still be added; bit by bit `range` is divided
+//! in the proportion of the two likelihoods. Encoder and decoder are one [`Coder`], so that what is
+//! coded is described once, for both.
+
+/// One end of a message of bits.
+pub(super) trait Coder {
+    /// An encoder writes `bit`; a decoder knows no better and is told it. Either end learns.
+    fn bit(&mut self, model: &mut Bit, bit: bool) -> bool;
+
+    /// The same for up to 8 bits at once that are as likely 0 as 1.
+    fn raw(&mut self, count: u32, bits: u32) -> u32;
+}
+
+/// How likely a bit is, from those that came before: their share of zeros at first, then an average
+/// that forgets.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Bit {
+    /// Of 2¹⁶.
+    zero: u16,
+    seen: u16,
+}
+
+impl Bit {
+    /// As likely 0 as 1.
+    pub(super) const NEW: Self = Self {
+        zero: 1 << 15,
+        seen: 0,
+    };
+
+    #[inline(always)]
+    fn learn(&mut self, bit: bool) {
+        let target = if bit { LEAST } else { (1 << 16) - LEAST };
+        let error = target - i32::from(self.zero);
+        self.zero = (i32::from(self.zero) + ((error * RATES[usize::from(self.seen)]) >> 16)) as u16;
+        self.seen = (self.seen + 1).min(SEEN_MAX);
+    }
+}
+
+/// Writes a message.
+#[derive(Debug)]
+pub(super) struct RangeEncoder {
+    low: u64,
+    range: u64,
+    bytes: Vec<u8>,
+}
+
+impl RangeEncoder {
+    /// Appends to `bytes`.
+    pub(super) fn new(bytes: Vec<u8>) -> Self {
+        let (low, range) = (0, u64::MAX);
+        Self { low, range, bytes }
+    }
+
+    /// The whole message: what was there before and the fewest bytes that say what has been coded.
+    pub(super) fn finish(mut self) -> Vec<u8> {
+        let zeros = (1 << self.range.ilog2()) - 1;
+        self.add(self.low.wrapping_neg() & zeros);
+        let last = &self.low.to_be_bytes()[..last_bytes(self.range)];
+        self.bytes.extend_from_slice(last);
+        self.bytes
+    }
+
+    #[inline(always)]
+    fn add(&mut self, part: u64) {
+        let (low, carries) = self.low.overflowing_add(part);
+        self.low = low;
+        if carries {
+            self.carry();
+        }
+    }
+
+    /// Never beyond the message's first byte, as the whole is below 1.
+    fn carry(&mut self) {
+        for byte in self.bytes.iter_mut().rev() {
+            *byte = byte.wrapping_add(1);
+            if *byte != 0 {
+                break;
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn shift(&mut self) {
+        if self.range < RANGE_MIN {
+            let word = (self.low >> 32) as u32;
+            self.bytes.extend_from_slice(&word.to_be_bytes());
+            self.low <<= 32;
+            self.range <<= 32;
+        }
+    }
+}
+
+impl Coder for RangeEncoder {
+    #[inline(always)]
+    fn bit(&mut self, model: &mut Bit, bit: bool) -> bool {
+        let zeros = (self.range >> 16) * u64::from(model.zero);
+        if bit {
+            self.add(zeros);
+            self.range -= zeros;
+        } else {
+            self.range = zeros;
+        }
+        model.learn(bit);
+        self.shift();
+        bit
+    }
+
+    #[inline(always)]
+    fn raw(&mut self, count: u32, bits: u32) -> u32 {
+        self.range >>= count;
+        self.add(self.range * u64::from(bits));
+        self.shift();
+        bits
+    }
+}
+
+/// Reads a message. After its end come zeros, as many as are asked for.
+#[derive(Debug)]
+pub(super) struct RangeDecoder<'a> {
+    /// How much of `range` lies below the message.
+    code: u64,
+    range: u64,
+    rest: &'a [u8],
+    /// Bytes that were read after the end.
+    lacking: usize,
+}
+
+impl<'a> RangeDecoder<'a> {
+    pub(super) fn new(message: &'a [u8]) -> Self {
+        let mut decoder = Self {
+            code: 0,
+            range: u64::MAX,
+            rest: message,
+            lacking: 0,
+        };
+        decoder.read();
+        decoder.read();
+        decoder
+    }
+
+    /// Whether the message ends where its encoder would have ended it.
+    pub(super) fn is_at_end(&self) -> bool {
+        self.lacking == 8 - last_bytes(self.range)
+    }
+
+    #[inline(always)]
+    fn read(&mut self) {
+        let word = match self.rest.split_first_chunk() {
+            Some((word, rest)) => {
+                self.rest = rest;
+                *word
+            }
+            None => self.read_end(),
+        };
+        self.code = self.code << 32 | u64::from(u32::from_be_bytes(word));
+    }
+
+    #[cold]
+    fn read_end(&mut self) -> [u8; 4] {
+        let mut word = [0; 4];
+        word[..self.rest.len()].copy_from_slice(self.rest);
+        self.lacking += word.len() - self.rest.len();
+        self.rest = &[];
+        word
+    }
+
+    #[inline(always)]
+    fn shift(&mut self) {
+        if self.range < RANGE_MIN {
+            self.range <<= 32;
+            self.read();
+        }
+    }
+}
+
+impl Coder for RangeDecoder<'_> {
+    #[inline(always)]
+    fn bit(&mut self, model: &mut Bit, _: bool) -> bool {
+        let zeros = (self.range >> 16) * u64::from(model.zero);
+        let bit = self.code >= zeros;
+        if bit {
+            self.code -= zeros;
+            self.range -= zeros;
+        } else {
+            self.range = zeros;
+        }
+        model.learn(bit);
+        self.shift();
+        bit
+    }
+
+    #[inline(always)]
+    fn raw(&mut self, count: u32, _: u32) -> u32 {
+        self.range >>= count;
+        // More only in what no encoder wrote.
+        let bits = (self.code / self.range).min((1 << count) - 1);
+        self.code -= bits * self.range;
+        self.shift();
+        bits as u32
+    }
+}
+
+/// Bytes of `low` that must be written at the end: some multiple of a power of two that `range`
+/// holds lies within it, and nothing but zeros comes after.
+fn last_bytes(range: u64) -> usize {
+    (64 - range.ilog2()).div_ceil(8) as usize
+}
+
+/// Below it the next 32 bits are shifted in, so that likelihoods always have 16 bits to divide.
+const RANGE_MIN: u64 = 1 << 32;
+/// Neither value is ever taken to be less likely than a two-thousandth.
+const LEAST: i32 = 32;
+/// What a bit counts for once this many have been seen. Twice as many made tiles 1 % larger.
+const SEEN_MAX: u16 = 30;
+/// Of 2¹⁶: what a bit counts for when so many have been seen.
+const RATES: [i32; SEEN_MAX as usize + 1] = {
+    let mut rates = [0; SEEN_MAX as usize + 1];
+    let mut seen = 0;
+    while seen < rates.len() {
+        rates[seen] = (1 << 17) / (2 * seen as i32 + 5);
+        seen += 1;
+    }
+    rates
+};
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// What to code: the number of a model and a bit, or as many raw bits.
+    #[derive(Clone, Copy, Debug)]
+    enum Step {
+        Bit(usize, bool),
+        Raw(u32, u32),
+    }
+
+    fn code(coder: &mut impl Coder, steps: &[Step]) -> Vec<Step> {
+        let mut models = [Bit::NEW; 4];
+        let code = |step: &Step| match *step {
+            Step::Bit(model, bit) => Step::Bit(model, coder.bit(&mut models[model], bit)),
+            Step::Raw(count, bits) => Step::Raw(count, coder.raw(count, bits)),
+        };
+        steps.iter().map(code).collect()
+    }
+
+    fn unknown(step: &Step) -> Step {
+        match *step {
+            Step::Bit(model, _) => Step::Bit(model, false),
+            Step::Raw(count, _) => Step::Raw(count, 0),
+        }
+    }
+
+    fn same(a: &[Step], b: &[Step]) -> bool {
+        format!("{a:?}") == format!("{b:?}")
+    }
+
+    fn steps() -> impl Strategy<Value = Vec<Step>> {
+        // The first model's bits are nearly always 1, the second's 0: both ends of the range.
+        let bit = (0..4usize, any::<u8>()).prop_map(|(model, random)| {
+            let bit = match model {
+                0 => random != 0,
+                1 => random == 0,
+                _ => random & 1 != 0,
+            };
+            Step::Bit(model, bit)
+        });
+        let raw = (1..=8u32, any::<u32>())
+            .prop_map(|(count, random)| Step::Raw(count, random & ((1 << count) - 1)));
+        prop::collection::vec(prop_oneof![4 => bit, 1 => raw], 0..2000)
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_coded_comes_out_and_ends_where_it_ends(steps in steps()) {
+            let mut encoder = RangeEncoder::new(vec![7]);
+            code(&mut encoder, &steps);
+            let message = encoder.finish();
+            prop_assert_eq!(message[0], 7);
+            let message = &message[1..];
+            let asked: Vec<Step> = steps.iter().map(unknown).collect();
+            let mut decoder = RangeDecoder::new(message);
+            prop_assert!(same(&code(&mut decoder, &asked), &steps));
+            prop_assert!(decoder.is_at_end());
+            for other in [&message[..message.len() - 1], &[message, &[0]].concat()] {
+                let mut decoder = RangeDecoder::new(other);
+                let read = code(&mut decoder, &asked);
+                prop_assert!(!decoder.is_at_end() || !same(&read, &steps));
+            }
+        }
+
+        #[test]
+        fn any_bytes_are_some_bits(bytes: Vec<u8>, steps in steps()) {
+            code(&mut RangeDecoder::new(&bytes), &steps);
+        }
+    }
+
+    #[test]
+    fn ones_that_never_end_carry_through_all_bytes() {
+        let steps = vec![Step::Raw(8, 255); 40];
+        let mut encoder = RangeEncoder::new(Vec::new());
+        code(&mut encoder, &steps);
+        encoder.bit(&mut Bit::NEW.clone(), true);
+        let message = encoder.finish();
+        let mut decoder = RangeDecoder::new(&message);
+        assert!(same(
+            &code(&mut decoder, &vec![Step::Raw(8, 0); 40]),
+            &steps
+        ));
+        assert!(decoder.bit(&mut Bit::NEW.clone(), false));
+    }
+
+    #[test]
+    fn a_likely_bit_costs_little() {
+        let mut encoder = RangeEncoder::new(Vec::new());
+        let mut model = Bit::NEW;
+        for index in 0..8000 {
+            encoder.bit(&mut model, index % 20 == 0);
+        }
+        // A bit of 1 in 20 has 0.286 bits of information, a regular one even none.
+        let bytes = encoder.finish().len();
+        assert!(bytes < 8000 * 35 / 100 / 8, "{bytes}");
+    }
+}
