@@ -28,7 +28,7 @@ use crate::settings::{Settings, Store};
 use crate::sound::Speaker;
 use crate::sound::speaker::Player;
 use crate::stage::Stage;
-use crate::ui;
+use crate::ui::{self, passes::passes};
 
 /// Plays in a window until it is closed.
 ///
@@ -411,11 +411,14 @@ impl Screen {
         let raw = self.input.take_egui_input(&self.window);
         let name = self.display.name().to_owned();
         let mut outcome = Outcome::Stay;
-        let output = self.egui.run_ui(raw, |ui| {
-            if desk.draw(ui.ctx(), session, now_secs, &name) == Outcome::Quit {
-                outcome = Outcome::Quit;
-            }
-        });
+        let mut output = egui::FullOutput::default();
+        for raw in passes(raw) {
+            output.append(self.egui.run_ui(raw, |ui| {
+                if desk.draw(ui.ctx(), session, now_secs, &name) == Outcome::Quit {
+                    outcome = Outcome::Quit;
+                }
+            }));
+        }
         // What moves or fades is drawn again at once.
         let repaint = output.viewport_output.get(&egui::ViewportId::ROOT);
         if repaint.is_some_and(|viewport| viewport.repaint_delay.is_zero()) {

@@ -408,7 +408,7 @@ fn painted_still_life() -> Scene {
                 taper: -0.08,
                 beyond: Vec3::ZERO,
             },
-            Some("planks"),
+            Some("nine"),
         )],
     };
     scene.objects = vec![

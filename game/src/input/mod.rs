@@ -168,6 +168,8 @@ pub enum Intent {
     Choose(Choice),
     /// Take the last shot back.
     Undo,
+    /// Let the balls rest at once where the shot that is on leaves them.
+    Skip,
     /// Have the computer suggest a shot.
     Suggest,
     /// Have the computer play this shot.

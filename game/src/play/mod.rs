@@ -198,6 +198,7 @@ impl Game {
             | Intent::Release
             | Intent::Strike
             | Intent::Cancel => self.stroke(intent, now_secs, lead_secs),
+            Intent::Skip => self.end_shot(now_secs),
             Intent::Rack => self.rack(),
             Intent::Undo
             | Intent::Choose(_)
@@ -498,8 +499,12 @@ impl Game {
     }
 
     fn end_shot(&mut self, now_secs: f64) {
-        let Phase::Watching(running) = std::mem::replace(&mut self.phase, Phase::Aiming) else {
-            return;
+        let running = match std::mem::replace(&mut self.phase, Phase::Aiming) {
+            Phase::Watching(running) => running,
+            other => {
+                self.phase = other;
+                return;
+            }
         };
         let end_secs = running.clock_secs(now_secs);
         self.dolly = Dolly::new(running.viewpoint(end_secs, &self.views, self.table()));

@@ -44,6 +44,24 @@ fn a_stroke_plays_moves_balls_and_ends() {
 }
 
 #[test]
+fn a_shot_that_is_skipped_ends_as_one_that_is_watched() {
+    let [mut watched, mut skipped] = [1, 1].map(|seed| Game::new(seed).unwrap());
+    for game in [&mut watched, &mut skipped] {
+        strike(game, 0.9, 5.0);
+    }
+    watch(&mut watched, 5.0);
+    let seen = skipped.viewpoint(1.0);
+    let now = 6.0 - skipped.shot_clock(5.0).unwrap().1 - 1.0;
+    skipped.apply(Intent::Skip, now, 0.2, FILM);
+    assert_eq!(skipped.shot_clock(now), None);
+    assert_eq!(skipped.poses(0.0), watched.poses(0.0));
+    assert_eq!(skipped.viewpoint(0.0), seen, "the camera does not jump");
+    skipped.apply(Intent::BeginCharge, now, 0.2, FILM);
+    skipped.apply(Intent::Skip, now, 0.2, FILM);
+    assert!(skipped.is_moving(), "a stroke that is begun goes on");
+}
+
+#[test]
 fn a_stroke_that_is_given_up_leaves_the_table_alone() {
     let mut game = Game::new(1).unwrap();
     for intent in [

@@ -9,6 +9,7 @@ mod keys;
 pub mod menu;
 pub mod new_game;
 pub mod notes;
+pub mod passes;
 pub mod practice;
 mod preferences;
 pub mod replay;

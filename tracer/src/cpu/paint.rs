@@ -22,9 +22,14 @@ const NUMBER_AXIS: usize = 9;
 /// Local z of a ball.
 const UP: usize = 12;
 
-pub(super) fn paint_row(material: &MaterialData, number_axis: [f32; 3], up: [f32; 3]) -> PaintRow {
+/// With a ball's axes: only balls have numbers.
+pub(super) fn paint_row(material: &MaterialData, axes: Option<([f32; 3], [f32; 3])>) -> PaintRow {
     let mut row = [0.0; 16];
-    row[PATTERN] = material.pattern as f32;
+    row[PATTERN] = match (material.pattern, axes) {
+        (PATTERN_NUMBER, None) => PATTERN_NONE,
+        (pattern, _) => pattern,
+    } as f32;
+    let (number_axis, up) = axes.unwrap_or_default();
     row[NUMBER] = material.number as f32;
     row[GRAIN_AXIS] = material.grain_axis as f32;
     row[SIGHTS..][..3].copy_from_slice(&material.sights);

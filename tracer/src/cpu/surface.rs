@@ -243,10 +243,10 @@ fn paint_rows(scene: &CompiledScene) -> Vec<PaintRow> {
     }
     let axes = |ball: &SphereData| (ball.number_axis, ball.stripe_axis);
     let balls = scene.spheres.iter().map(axes);
-    let axes = balls.chain(std::iter::repeat(([0.0; 3], [0.0; 3])));
+    let axes = balls.map(Some).chain(std::iter::repeat(None));
     materials(scene)
         .zip(axes)
-        .map(|(material, (number_axis, up))| paint_row(material, number_axis, up))
+        .map(|(material, axes)| paint_row(material, axes))
         .collect()
 }
 
@@ -268,7 +268,10 @@ fn row(first: [f32; 3], second: [f32; 3], kind: f32, m: &MaterialData, axis: [f3
     row[ALBEDO..][..3].copy_from_slice(&m.albedo);
     row[DIFFUSE_SCALE] = m.diffuse_scale;
     row[STRIPE_ALBEDO..][..3].copy_from_slice(&m.stripe_albedo);
-    row[STRIPE_HALF_WIDTH] = m.stripe_half_width;
+    // Only balls have stripes.
+    if kind == KIND_SPHERE {
+        row[STRIPE_HALF_WIDTH] = m.stripe_half_width;
+    }
     row[STRIPE_AXIS..][..3].copy_from_slice(&axis);
     row
 }

@@ -1,0 +1,108 @@
+//! What of the window's events the interface takes at once.
+
+use egui::{Event, RawInput};
+
+/// Splits what came since the last picture where a button went down or up. egui looks for what is under
+/// the pointer once a pass, where it is at the end: of a slider that is drawn from one place to another
+/// between two slow pictures it would see a pointer that is already gone.
+pub fn passes(mut raw: RawInput) -> Vec<RawInput> {
+    let events = std::mem::take(&mut raw.events);
+    let mut passes = Vec::with_capacity(1);
+    let mut pass = raw.take();
+    let mut was_button = false;
+    for event in events {
+        let is_button = matches!(event, Event::PointerButton { .. });
+        let is_pointer = is_button || matches!(event, Event::PointerMoved(_));
+        // What is pressed is where the pointer was before.
+        if (was_button && is_pointer) || (is_button && !pass.events.is_empty()) {
+            passes.push(std::mem::replace(&mut pass, raw.clone()));
+        }
+        was_button = is_button;
+        pass.events.push(event);
+    }
+    passes.push(pass);
+    passes
+}
+
+#[cfg(test)]
+mod tests {
+    use egui::{Context, Modifiers, PointerButton, Pos2, Rect, Slider, Vec2, pos2};
+
+    use super::*;
+
+    fn button(pos: Pos2, pressed: bool) -> Event {
+        Event::PointerButton {
+            pos,
+            button: PointerButton::Primary,
+            pressed,
+            modifiers: Modifiers::NONE,
+        }
+    }
+
+    /// A slider's value after some frames.
+    fn slid(frames: impl IntoIterator<Item = RawInput>) -> f64 {
+        let (ctx, mut value) = (Context::default(), 0.0);
+        for raw in frames {
+            let output = ctx.run_ui(raw, |ui| {
+                ui.spacing_mut().slider_width = 200.0;
+                let slider = Slider::new(&mut value, 0.0..=1.0).show_value(false);
+                ui.put(
+                    Rect::from_min_size(Pos2::ZERO, Vec2::new(200.0, 20.0)),
+                    slider,
+                );
+            });
+            output.drop_without_applying_deltas();
+        }
+        value
+    }
+
+    #[test]
+    fn a_slider_follows_a_drag_between_two_pictures() {
+        let (from, to) = (pos2(20.0, 10.0), pos2(150.0, 10.0));
+        let events = vec![
+            Event::PointerMoved(from),
+            button(from, true),
+            Event::PointerMoved(pos2(90.0, 10.0)),
+            Event::PointerMoved(to),
+            button(to, false),
+            Event::PointerMoved(pos2(400.0, 300.0)),
+        ];
+        let quick = RawInput {
+            events: events.clone(),
+            ..RawInput::default()
+        };
+        let slow = events.into_iter().map(|event| RawInput {
+            events: vec![event],
+            ..RawInput::default()
+        });
+        let still = RawInput::default;
+        let slow = slid(std::iter::once(still()).chain(slow));
+        let quick = slid(std::iter::once(still()).chain(passes(quick)));
+        assert!(slow > 0.6, "{slow}");
+        assert_eq!(quick, slow);
+    }
+
+    #[test]
+    fn nothing_is_lost_or_said_twice() {
+        let at = pos2(1.0, 2.0);
+        let events = vec![
+            Event::Copy,
+            Event::PointerMoved(at),
+            button(at, true),
+            button(at, false),
+            Event::Cut,
+        ];
+        let raw = RawInput {
+            events: events.clone(),
+            dropped_files: vec![egui::DroppedFile::default()],
+            ..RawInput::default()
+        };
+        let passes = passes(raw);
+        let heard = passes.iter().flat_map(|pass| pass.events.clone());
+        assert_eq!(heard.collect::<Vec<_>>(), events);
+        assert_eq!(passes.len(), 3);
+        let files = passes.iter().map(|pass| pass.dropped_files.len());
+        assert_eq!(files.sum::<usize>(), 1);
+        assert_eq!(super::passes(RawInput::default()).len(), 1);
+    }
+}
