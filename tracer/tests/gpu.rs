@@ -9,8 +9,8 @@ use std::thread;
 
 use carom_tracer::gpu::AdapterChoice;
 use carom_tracer::{
-    CompiledScene, Error, GpuTracer, ImageSize, ObjectPose, Reference, RenderSettings, Scene,
-    SceneUpdate, Shape, Tile, TileGrid, TraceJob, TraceStats, Tracer,
+    CompiledScene, CpuTracer, Error, GpuTracer, ImageSize, Object, ObjectPose, Reference,
+    RenderSettings, Scene, SceneUpdate, Shape, Tile, TileGrid, TraceJob, TraceStats, Tracer,
 };
 use glam::{Quat, Vec3};
 
@@ -144,7 +144,6 @@ fn mean(picture: &Picture) -> Vec3 {
 }
 
 /// Ten thousand balls that touch. Mirrors among them magnify rounding: twice as many paths may turn.
-/// (Met one by one they are too many turns of a loop for software Vulkan.)
 #[test]
 fn a_tree_of_balls_agrees_with_the_reference_sample_for_sample() {
     let Some(gpu) = gpu() else { return };
@@ -185,6 +184,57 @@ fn the_longest_and_the_shortest_paths_agree_with_the_reference() {
         };
         let picture = whole(gpu, &scene, size, settings);
         assert_agrees(&picture, &whole(&Reference, &scene, size, settings));
+    }
+}
+
+/// Software Vulkan ends loops after so many turns, wherever they are.
+#[test]
+fn light_of_long_loops_is_all_there_or_refused() {
+    let Some(gpu) = gpu() else { return };
+    let mut scene = pool();
+    let object = scene.objects[0].clone();
+    for (boxes, samples) in [(0, 4096), (900, 16), (20_000, 1)] {
+        let row = |i: usize| {
+            let min = Vec3::new(60.0, 300.0 + 0.01 * i as f32, 60.0);
+            let max = min + 0.005;
+            let shape = Shape::Box { min, max };
+            Object {
+                shape,
+                ..object.clone()
+            }
+        };
+        scene.objects.extend((0..boxes).map(row));
+        let (scene, size) = (compiled(&scene), ImageSize::new(6, 4));
+        let job = TraceJob {
+            size,
+            tiles: &[Tile {
+                x: 0,
+                y: 0,
+                width: size.width,
+                height: size.height,
+            }],
+            settings: settings(samples),
+            cancelled: &AtomicBool::new(false),
+        };
+        match gpu.trace(&scene, &job, &|_| {}) {
+            Ok(_) => {
+                let picture = mean(&whole(gpu, &scene, size, settings(samples)));
+                let truth = mean(&whole(
+                    &CpuTracer::new().unwrap(),
+                    &scene,
+                    size,
+                    settings(samples),
+                ));
+                assert!(
+                    ((picture - truth) / truth).abs().max_element() < 2e-3,
+                    "{boxes} boxes: {picture} {truth}"
+                );
+            }
+            Err(Error::Device { message, .. }) => {
+                assert!(boxes == 20_000 && message.contains("loops"), "{message}");
+            }
+            Err(error) => panic!("{error}"),
+        }
     }
 }
 

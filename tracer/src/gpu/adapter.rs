@@ -107,9 +107,13 @@ fn describe(adapter: &wgpu::Adapter) -> AdapterDescription {
     AdapterDescription {
         driver: format!("{} {}", info.driver, info.driver_info),
         backend: info.backend.to_string(),
-        software: info.device_type == wgpu::DeviceType::Cpu,
+        software: is_software(&info),
         name: info.name,
     }
+}
+
+pub(crate) fn is_software(info: &wgpu::AdapterInfo) -> bool {
+    info.device_type == wgpu::DeviceType::Cpu
 }
 
 /// Lower is preferred.

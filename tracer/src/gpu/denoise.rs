@@ -123,8 +123,8 @@ impl GpuTracer {
         };
         self.device
             .guarded(|wgpu| filter.reserve(wgpu, filtering))?;
-        let primitives = self.features(scene, Output::Reflected).primitives();
-        let work_per_sample = schedule::work_per_sample(&job.settings, primitives);
+        let features = self.features(scene, Output::Reflected);
+        let work_per_sample = schedule::work_per_sample(&job.settings, features.primitives());
         let mut shot = Shot {
             tracer: self,
             job,
@@ -135,6 +135,7 @@ impl GpuTracer {
             limits: ChunkLimits {
                 pixels: u64::MAX,
                 samples: self.pacer.samples_per_dispatch(work_per_sample),
+                pixel_samples: self.pixel_samples(job, &features)?,
             },
             work_per_sample,
             stats: TraceStats::default(),

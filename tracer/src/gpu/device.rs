@@ -25,6 +25,8 @@ pub(crate) struct Device {
     pub(crate) tick_nanos: Option<f64>,
     /// Whether buffers that kernels write can be mapped.
     pub(crate) maps_storage: bool,
+    /// Whether a processor pretends to be a GPU.
+    pub(crate) is_software: bool,
     /// The first failure that no call reported.
     failure: Arc<Mutex<Option<String>>>,
 }
@@ -35,7 +37,8 @@ impl Device {
     /// # Errors
     /// [`Error::Device`] if it refuses.
     pub(crate) fn open(adapter: &wgpu::Adapter) -> Result<Self, Error> {
-        let name = adapter::label(&adapter.get_info());
+        let info = adapter.get_info();
+        let name = adapter::label(&info);
         let timestamps = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
         let mappable = adapter.features() & wgpu::Features::MAPPABLE_PRIMARY_BUFFERS;
         let request = adapter.request_device(&wgpu::DeviceDescriptor {
@@ -54,6 +57,7 @@ impl Device {
         Ok(Self {
             tick_nanos: (!timestamps.is_empty() && tick_nanos > 0.0).then_some(tick_nanos),
             maps_storage: !mappable.is_empty(),
+            is_software: adapter::is_software(&info),
             device,
             queue,
             name,

@@ -73,6 +73,8 @@ struct Work<'a> {
     scene: &'a [u8],
     /// See [`schedule::work_per_sample`].
     work_per_sample: f64,
+    /// See [`ChunkLimits`].
+    pixel_samples: u32,
 }
 
 impl GpuTracer {
@@ -140,6 +142,7 @@ impl GpuTracer {
             let limits = ChunkLimits {
                 pixels: pixels_max.min(Self::CHUNK_PIXELS_MAX),
                 samples: self.pacer.samples_per_dispatch(work.work_per_sample),
+                pixel_samples: work.pixel_samples,
             };
             let chunk = Chunk::next(work.job.tiles, next, work.job.settings.samples, limits);
             next = chunk.tiles.end;
@@ -264,11 +267,31 @@ impl GpuTracer {
             kernel: &*self.kernels.kernel(&self.device, features)?,
             scene: &layout::scene_bytes(scene, job.size)?,
             work_per_sample: schedule::work_per_sample(&job.settings, features.primitives()),
+            pixel_samples: self.pixel_samples(job, &features)?,
         };
         let mut buffers = self.pool.take(&self.device)?;
         let stats = self.trace_chunks(&work, &mut buffers, take)?;
         self.pool.put(buffers);
         Ok(stats)
+    }
+
+    /// Samples of a pixel that a dispatch may take.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if not one can be traced.
+    fn pixel_samples(&self, job: &TraceJob<'_>, features: &Features) -> Result<u32, Error> {
+        if !self.device.is_software {
+            return Ok(u32::MAX);
+        }
+        match schedule::software_samples(&job.settings, features.turns_per_ray()) {
+            0 => Err(self.device.error(format!(
+                "a scene of {} surfaces that each ray is tested against is too large at {} scatterings for this \
+                 driver, which ends long loops early; trace it on the CPU",
+                features.primitives(),
+                job.settings.scatterings_max
+            ))),
+            samples => Ok(samples),
+        }
     }
 
     fn features(&self, scene: &CompiledScene, output: Output) -> Features {

@@ -72,6 +72,18 @@ pub(crate) fn work_per_sample(settings: &RenderSettings, primitives: u32) -> f64
     (1.0 + 2.0 * f64::from(settings.scatterings_max)) * f64::from(primitives + 8)
 }
 
+/// Turns of a kernel's loops, all together, after which Mesa's llvmpipe ends them without a word
+/// (`LP_MAX_TGSI_LOOP_ITERATIONS`): the rest of the light would be missing.
+const SOFTWARE_TURNS_MAX: f64 = 65_535.0;
+
+/// How many of a pixel's samples a dispatch of software Vulkan gets through, if `turns_per_ray` is an
+/// upper bound: each scattering comes with four rays at most, to the surface, to its lamp, to its
+/// mirror's and, while neighbours are not so far, to the next.
+pub(crate) fn software_samples(settings: &RenderSettings, turns_per_ray: f64) -> u32 {
+    let edges = 1.0 + f64::from(settings.scatterings_max);
+    (SOFTWARE_TURNS_MAX / (4.0 * edges * (turns_per_ray + 8.0))) as u32
+}
+
 /// The most that one chunk may hold.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ChunkLimits {
@@ -79,6 +91,8 @@ pub(crate) struct ChunkLimits {
     pub(crate) pixels: u64,
     /// Samples that a dispatch should take.
     pub(crate) samples: u64,
+    /// Of one pixel, samples that it can take.
+    pub(crate) pixel_samples: u32,
 }
 
 /// Tiles that are traced and read back together.
@@ -143,7 +157,7 @@ impl Chunk {
     /// Samples of a dispatch over the whole chunk.
     pub(crate) fn samples_per_dispatch(&self, limits: ChunkLimits) -> u32 {
         let samples = limits.samples / (u64::from(self.blocks) * BLOCK_PIXELS).max(1);
-        samples.clamp(1, u64::from(u32::MAX)) as u32
+        samples.clamp(1, u64::from(limits.pixel_samples)) as u32
     }
 }
 
@@ -173,6 +187,7 @@ mod tests {
         let limits = ChunkLimits {
             pixels: 1 << 20,
             samples: 1 << 22,
+            pixel_samples: u32::MAX,
         };
         let chunks = chunks(&tiles, 16, limits);
         let mut next = 0;
@@ -194,6 +209,7 @@ mod tests {
         let limits = ChunkLimits {
             pixels: 1 << 23,
             samples: 1920 * 1088 * 16,
+            pixel_samples: u32::MAX,
         };
         let chunk = Chunk::next(&tiles, 0, 16, limits);
         assert_eq!(chunk.tiles, 0..tiles.len());
@@ -211,12 +227,33 @@ mod tests {
         let limits = ChunkLimits {
             pixels: 1,
             samples: 1,
+            pixel_samples: u32::MAX,
         };
         assert_eq!(chunks(&[tile; 3], 1000, limits).len(), 3);
         assert_eq!(
             chunks(&[tile], 1000, limits)[0].samples_per_dispatch(limits),
             1
         );
+    }
+
+    #[test]
+    fn no_dispatch_takes_more_of_a_pixel_s_samples_than_its_device_can() {
+        let chunk = Chunk::of(&[Tile {
+            x: 0,
+            y: 0,
+            width: 8,
+            height: 8,
+        }]);
+        let settings = RenderSettings::default();
+        let pixel_samples = software_samples(&settings, 40.0);
+        assert!((10..100).contains(&pixel_samples), "{pixel_samples}");
+        let limits = ChunkLimits {
+            pixels: 1 << 20,
+            samples: u64::MAX,
+            pixel_samples,
+        };
+        assert_eq!(chunk.samples_per_dispatch(limits), pixel_samples);
+        assert_eq!(software_samples(&settings, 1e5), 0);
     }
 
     #[test]

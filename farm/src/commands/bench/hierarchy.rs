@@ -109,30 +109,47 @@ fn sweep(
     let tracer = opened.tracer.as_ref();
     let mut rows = Vec::new();
     for (balls, scene) in scenes {
-        backend::wake(tracer, || {
-            picture(tracer, scene, Hierarchy::Always, args).map(|_| ())
-        })?;
-        let mut least = [f64::INFINITY; 2];
-        // The first turn compiles kernels and fills caches.
-        for turn in 0..=args.repetitions {
-            for (hierarchy, least) in [Hierarchy::Never, Hierarchy::Always].iter().zip(&mut least) {
-                let milliseconds = picture(tracer, scene, *hierarchy, args)?;
-                if turn > 0 {
-                    *least = least.min(milliseconds);
-                }
+        match compare(tracer, *balls, scene, args) {
+            Ok(row) => rows.push(row),
+            // Not every device can test so many.
+            Err(error) if !rows.is_empty() => {
+                eprintln!("{balls} balls are not compared there: {error}");
+                break;
             }
+            Err(error) => return Err(error.into()),
         }
-        let [each_milliseconds, tree_milliseconds] = least;
-        rows.push(Row {
-            balls: *balls,
-            each_milliseconds,
-            tree_milliseconds,
-        });
     }
     Ok(Swept {
         backend: opened.backend.name(),
         crossing: crossing(&rows),
         rows,
+    })
+}
+
+fn compare(
+    tracer: &dyn Tracer,
+    balls: u32,
+    scene: &mut CompiledScene,
+    args: &Args,
+) -> Result<Row, carom_tracer::Error> {
+    backend::wake(tracer, || {
+        picture(tracer, scene, Hierarchy::Always, args).map(|_| ())
+    })?;
+    let mut least = [f64::INFINITY; 2];
+    // The first turn compiles kernels and fills caches.
+    for turn in 0..=args.repetitions {
+        for (hierarchy, least) in [Hierarchy::Never, Hierarchy::Always].iter().zip(&mut least) {
+            let milliseconds = picture(tracer, scene, *hierarchy, args)?;
+            if turn > 0 {
+                *least = least.min(milliseconds);
+            }
+        }
+    }
+    let [each_milliseconds, tree_milliseconds] = least;
+    Ok(Row {
+        balls,
+        each_milliseconds,
+        tree_milliseconds,
     })
 }
 
