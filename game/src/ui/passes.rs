@@ -94,15 +94,12 @@ mod tests {
         ];
         let raw = RawInput {
             events: events.clone(),
-            dropped_files: vec![egui::DroppedFile::default()],
             ..RawInput::default()
         };
         let passes = passes(raw);
         let heard = passes.iter().flat_map(|pass| pass.events.clone());
         assert_eq!(heard.collect::<Vec<_>>(), events);
         assert_eq!(passes.len(), 3);
-        let files = passes.iter().map(|pass| pass.dropped_files.len());
-        assert_eq!(files.sum::<usize>(), 1);
         assert_eq!(super::passes(RawInput::default()).len(), 1);
     }
 }

@@ -6,7 +6,7 @@ use fearless_simd::prelude::*;
 
 use super::integrator::Prepared;
 use super::stream::Stream;
-use crate::layers::{LAYERS, smooth};
+use crate::layers::LAYERS;
 use crate::post::{Means, NoisyPixels};
 use crate::sampling::{pixel_key, sample_key};
 use crate::{RenderSettings, Tile};
@@ -24,11 +24,9 @@ pub(super) struct Scratch {
     /// Per channel and pixel: a sum and what rounding has taken from it (Kahan, "Pracniques:
     /// Further Remarks on Reducing Truncation Errors", CACM 8(1), 1965).
     sums: [Vec<(f32, f32)>; 3],
-    /// Of denoised pictures: sums of the first half of the samples, of all first hits, and of those
-    /// of as many samples as smooth outlines need.
+    /// Of denoised pictures: sums of the first half of the samples, and of all first hits.
     half: [Vec<f32>; 3],
     seen: [Vec<f32>; LAYERS],
-    smooth: [Vec<f32>; LAYERS],
 }
 
 /// A traced rectangle.
@@ -51,7 +49,6 @@ impl Scratch {
             sums: std::array::from_fn(|_| Vec::with_capacity(BATCH)),
             half: Default::default(),
             seen: Default::default(),
-            smooth: Default::default(),
         }
     }
 
@@ -190,13 +187,6 @@ impl Scratch {
         if !scene.notes_first_hits() {
             scene.add_first_hits(simd, &self.films, &self.keys, 0..samples, &mut self.seen);
         }
-        let smooth = smooth(scene.settings).map(|smooth| smooth.samples);
-        if let Some(rays) = smooth {
-            self.smooth.clone_from(&self.seen);
-            let more = samples..rays;
-            scene.add_first_hits(simd, &self.films, &self.keys, more, &mut self.smooth);
-            scale(&mut self.smooth, 1.0 / rays as f32);
-        }
         scale(&mut self.seen, 1.0 / samples as f32);
         scale(&mut self.half, 1.0 / (samples / 2).max(1) as f32);
         let mean = |sums: &Vec<(f32, f32)>| -> Vec<f32> {
@@ -209,7 +199,6 @@ impl Scratch {
                 radiance: radiance.each_ref().map(Vec::as_slice),
                 half: self.half.each_ref().map(Vec::as_slice),
                 hits: self.seen.each_ref().map(Vec::as_slice),
-                smooth: smooth.map(|_| self.smooth.each_ref().map(Vec::as_slice)),
             },
         );
     }

@@ -10,21 +10,20 @@ use super::integrator::Prepared;
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
 use super::stream::{load, load_words, store};
 use super::surface::Hit;
+use crate::Layers;
 use crate::layers::LAYERS;
 use crate::sampling::{pixel_key, sample_key};
-use crate::{Layers, Tile};
 
 /// The columns of [`Layers`].
 pub(super) type Seen<S> = [Float<S>; LAYERS];
 
 impl Prepared {
-    /// Means over the samples of each pixel of a tile.
+    /// Means over the samples of pixels, columns and rows of the picture.
     #[inline(always)]
-    pub(super) fn layers<S: Simd>(&self, simd: S, tile: Tile) -> Vec<Layers> {
-        let rows = tile.y..tile.y + tile.height;
-        let places = rows.flat_map(|y| (tile.x..tile.x + tile.width).map(move |x| (x, y)));
-        let (films, keys): (Vec<u32>, Vec<u32>) = places
-            .map(|(x, y)| ((y << 16) | x, pixel_key(x, y)))
+    pub(super) fn layers<S: Simd>(&self, simd: S, pixels: &[(u32, u32)]) -> Vec<Layers> {
+        let (films, keys): (Vec<u32>, Vec<u32>) = pixels
+            .iter()
+            .map(|&(x, y)| ((y << 16) | x, pixel_key(x, y)))
             .unzip();
         let mut sums: [Vec<f32>; LAYERS] = std::array::from_fn(|_| vec![0.0; keys.len()]);
         self.add_first_hits(simd, &films, &keys, 0..self.settings.samples, &mut sums);

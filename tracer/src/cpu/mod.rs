@@ -46,8 +46,8 @@ pub use first_hit::FirstHits;
 
 use crate::post::{FilterMemory, NoisyTile, NoisyTracer, trace_denoised};
 use crate::{
-    CompiledScene, DeviceInfo, DeviceKind, Error, Layers, Tile, TileLayers, TileRadiance, TraceJob,
-    TraceStats, Tracer,
+    CompiledScene, DeviceInfo, DeviceKind, Error, ImageSize, Layers, RenderSettings, Tile,
+    TileLayers, TileRadiance, TraceJob, TraceStats, Tracer,
 };
 use batch::{Scratch, Traced};
 use integrator::Prepared;
@@ -155,8 +155,8 @@ impl CpuTracer {
         }
     }
 
-    fn layers_of(&self, scene: &Prepared, tile: Tile) -> Vec<Layers> {
-        dispatch!(self.level, simd => scene.layers(simd, tile))
+    fn layers_of(&self, scene: &Prepared, pixels: &[(u32, u32)]) -> Vec<Layers> {
+        dispatch!(self.level, simd => scene.layers(simd, pixels))
     }
 
     fn trace_tile(
@@ -246,7 +246,10 @@ impl Tracer for CpuTracer {
         self.pool.install(|| {
             job.tiles.par_iter().enumerate().for_each(|(index, &tile)| {
                 if !job.cancelled.load(Ordering::Relaxed) {
-                    let pixels = self.layers_of(&prepared, tile);
+                    let rows = tile.y..tile.y + tile.height;
+                    let columns = |y| (tile.x..tile.x + tile.width).map(move |x| (x, y));
+                    let pixels: Vec<_> = rows.flat_map(columns).collect();
+                    let pixels = self.layers_of(&prepared, &pixels);
                     sink(TileLayers { index, pixels });
                 }
             });
@@ -272,7 +275,24 @@ impl NoisyTracer for CpuTracer {
             });
         }))
     }
+
+    fn trace_hits(
+        &self,
+        scene: &CompiledScene,
+        size: ImageSize,
+        settings: RenderSettings,
+        pixels: &[(u32, u32)],
+    ) -> Vec<Layers> {
+        let prepared = Prepared::new(scene, size, settings);
+        let parts = pixels.par_chunks(HITS_TOGETHER);
+        parts
+            .flat_map_iter(|pixels| self.layers_of(&prepared, pixels))
+            .collect()
+    }
 }
+
+/// Pixels whose first hits one of rayon's tasks looks for: 40 kB of sums.
+const HITS_TOGETHER: usize = 1024;
 
 impl Traced {
     fn joined(parts: Vec<Self>) -> Self {

@@ -15,8 +15,8 @@ use super::schedule::Chunk;
 use super::shader::BLOCK_EDGE;
 use crate::layers::SMOOTH_RAYS;
 use crate::post::weights::{
-    ALBEDO_FACTOR, ALBEDO_MIN, DEPTH_FACTOR, MIXED_MIN, NORMAL_FACTOR, STEPS, TAPS, half_ratio,
-    variances,
+    ALBEDO_FACTOR, ALBEDO_MIN, BRIGHTNESS_SHARE, DEPTH_FACTOR, MIXED_MIN, NORMAL_FACTOR,
+    OUTLINE_MIN, STEPS, TAPS, half_ratio, variances,
 };
 use crate::{Error, Tile};
 
@@ -176,7 +176,7 @@ impl Filtering<'_> {
             pipeline: &kernels.resolve,
             data,
             groups: groups(data.block_count),
-            uses: &[TILES, SMOOTH_HITS, GUIDES, LIGHT_FROM, FILM],
+            uses: &[TILES, HITS, SMOOTH_HITS, GUIDES, LIGHT_FROM, FILM],
             light_from: (STEPS.len() + 1) % 2,
         });
         steps
@@ -271,7 +271,9 @@ fn source() -> String {
          const ALBEDO_FACTOR: f32 = {ALBEDO_FACTOR:?};\n\
          const NORMAL_FACTOR: f32 = {NORMAL_FACTOR:?};\n\
          const DEPTH_FACTOR: f32 = {DEPTH_FACTOR:?};\n\
-         const MIXED_MIN: f32 = {MIXED_MIN:?};\n",
+         const MIXED_MIN: f32 = {MIXED_MIN:?};\n\
+         const OUTLINE_MIN: f32 = {OUTLINE_MIN:?};\n\
+         const BRIGHTNESS_SHARE: f32 = {BRIGHTNESS_SHARE:?};\n",
         Output::Layers.floats()
     );
     text += include_str!("shaders/structs.wgsl");

@@ -5,44 +5,42 @@
 //! counts by how near its albedo, normal and inverse depth are, and its light by the pixel's
 //! variance (Schied et al., "Spatiotemporal Variance-Guided Filtering", HPG 2017), which comes from
 //! how far two halves of the samples are apart. The variance falls with more samples, and the
-//! filter fades with it: pictures of many samples stay as they are.
-//!
-//! With fewer samples than outlines need, a pixel's first hits come from more camera rays than it
-//! has paths. Such a pixel becomes the mixture of its own light and one neighbour's that explains
-//! its albedo and normal best.
+//! filter fades with it: pictures of many samples stay as they are. Their outlines need none of what
+//! [`super::outline`] does for those of few.
 
+use std::ops::Range;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use fearless_simd::{Level, dispatch, prelude::*};
 use rayon::prelude::*;
 
-use super::noisy::{ALBEDO, EMISSION, INVERSE_DEPTH, LIGHT, NORMAL, NoisyTile, SMOOTH, VARIANCE};
+use super::noisy::{ALBEDO, EMISSION, INVERSE_DEPTH, LIGHT, NORMAL, NoisyTile, VARIANCE};
 use super::planes::{Float, LANES, Planes, Row, RowMut};
 use super::region::EMPTY;
 use super::weights::{
-    ALBEDO_FACTOR, ALBEDO_MIN, DEPTH_FACTOR, MIXED_MIN, NEIGHBOURS, NORMAL_FACTOR, STEPS, TAPS,
-    variances,
+    ALBEDO_FACTOR, ALBEDO_MIN, DEPTH_FACTOR, NEIGHBOURS, NORMAL_FACTOR, STEPS, TAPS, variances,
 };
 use crate::Tile;
 use crate::layers::SMOOTH_RAYS;
 
 /// No surface has this normal, so that nothing mixes with what was not traced.
-const NO_NORMAL: f32 = 1e6;
+pub(super) const NO_NORMAL: f32 = 1e6;
 
 /// A picture in the making, in planes.
 pub(super) struct Filter {
-    bounds: Tile,
+    pub(super) bounds: Tile,
     samples: u32,
     /// [`LIGHT`] and [`VARIANCE`].
-    light: Planes,
+    pub(super) light: Planes,
     /// What a pass makes of them.
     next: Planes,
-    /// What comes after them in [`super::NoisyPixels`], without emission.
-    guides: Planes,
+    /// What comes after them in [`super::NoisyPixels`]; of emission the sum over the channels, and only
+    /// where outlines are looked for.
+    pub(super) guides: Planes,
 }
 
 /// Where in [`Filter::guides`] a column is.
-const fn guide(column: usize) -> usize {
+pub(super) const fn guide(column: usize) -> usize {
     column - ALBEDO
 }
 
@@ -57,17 +55,14 @@ const KEPT_FLOATS_MAX: usize = 1 << 25;
 /// Takes in tiles, from any thread.
 pub(super) struct Intake<'a> {
     bounds: Tile,
+    takes_emission: bool,
     rows: Vec<Mutex<[RowMut<'a>; 2]>>,
 }
 
 impl Filter {
     /// Without pixels yet.
     pub(super) fn new(bounds: Tile, samples: u32, memory: &FilterMemory) -> Self {
-        let columns = if samples < SMOOTH_RAYS {
-            EMISSION
-        } else {
-            SMOOTH
-        };
+        let columns = EMISSION + usize::from(samples < SMOOTH_RAYS);
         let [light, next, guides] = std::mem::take(&mut *memory.lock());
         let mut filter = Self {
             bounds,
@@ -94,6 +89,7 @@ impl Filter {
         let rows = self.light.rows_mut().zip(self.guides.rows_mut());
         Intake {
             bounds: self.bounds,
+            takes_emission: self.samples < SMOOTH_RAYS,
             rows: rows
                 .map(|(light, guides)| Mutex::new([light, guides]))
                 .collect(),
@@ -152,15 +148,12 @@ impl Filter {
         }
     }
 
-    /// A tile's radiance without emission: light times albedo, mixed where first hits of more rays
-    /// say so.
+    /// A tile's radiance without emission: light times albedo.
     pub(super) fn radiance(&self, level: Level, tile: Tile) -> Vec<[f32; 3]> {
         let mut pixels = Vec::with_capacity(tile.pixels());
-        let left = (tile.x - self.bounds.x) as usize;
-        let right = left + tile.width as usize;
-        for y in (tile.y - self.bounds.y) as usize..(tile.y - self.bounds.y + tile.height) as usize
-        {
-            dispatch!(level, simd => self.resolve_row(simd, y, left, right, &mut pixels));
+        let (columns, rows) = self.places(tile);
+        for y in rows {
+            dispatch!(level, simd => self.resolve_row(simd, y, columns.clone(), &mut pixels));
         }
         pixels
     }
@@ -170,20 +163,27 @@ impl Filter {
         &self,
         simd: S,
         y: usize,
-        left: usize,
-        right: usize,
+        columns: Range<usize>,
         pixels: &mut Vec<[f32; 3]>,
     ) {
         let around = Around::new(self, y, 1);
-        for x in (left..right).step_by(LANES) {
-            let mut radiance = around.radiance(simd, x, 0, 0);
-            if self.samples < SMOOTH_RAYS {
-                radiance = around.mixed(simd, x, radiance);
-            }
-            let [r, g, b] = radiance.map(|channel| channel.to_array());
-            let lanes = LANES.min(right - x);
+        for x in columns.clone().step_by(LANES) {
+            let (guides, light) = around.at(0);
+            let albedo = guides.triple(simd, guide(ALBEDO), x, 0);
+            let light = light.triple(simd, LIGHT, x, 0);
+            let [r, g, b] = [0, 1, 2].map(|c| (light[c] * (albedo[c] + ALBEDO_MIN)).to_array());
+            let lanes = LANES.min(columns.end - x);
             pixels.extend((0..lanes).map(|lane| [r[lane], g[lane], b[lane]]));
         }
+    }
+
+    /// Columns and rows of a tile in the planes.
+    pub(super) fn places(&self, tile: Tile) -> (Range<usize>, Range<usize>) {
+        let (x, y) = (
+            (tile.x - self.bounds.x) as usize,
+            (tile.y - self.bounds.y) as usize,
+        );
+        (x..x + tile.width as usize, y..y + tile.height as usize)
     }
 }
 
@@ -203,6 +203,7 @@ impl Intake<'_> {
             .saturating_sub(tile.x)
             .min(tile.width) as usize;
         let x = (tile.x as usize + skipped).saturating_sub(bounds.x as usize);
+        let brightness = self.takes_emission.then(|| noisy.pixels.brightness());
         for row in 0..tile.height {
             let y = (tile.y + row).checked_sub(bounds.y);
             let Some(to) = y.and_then(|y| self.rows.get(y as usize)) else {
@@ -219,6 +220,9 @@ impl Intake<'_> {
                     None => {}
                 }
             }
+            if let Some(brightness) = &brightness {
+                guides.put(guide(EMISSION), x, &brightness[pixels]);
+            }
         }
     }
 }
@@ -232,13 +236,13 @@ struct Pass {
 }
 
 /// The rows that the taps of one row lie in.
-struct Around<'a> {
+pub(super) struct Around<'a> {
     guides: [Row<'a>; 3],
     light: [Row<'a>; 3],
 }
 
 impl<'a> Around<'a> {
-    fn new(filter: &'a Filter, y: usize, step: isize) -> Self {
+    pub(super) fn new(filter: &'a Filter, y: usize, step: isize) -> Self {
         let offsets = [-step, 0, step];
         Self {
             guides: offsets.map(|dy| filter.guides.row(y, dy)),
@@ -248,7 +252,7 @@ impl<'a> Around<'a> {
 
     /// Guides and light `dy` steps further down.
     #[inline(always)]
-    fn at(&self, dy: isize) -> (Row<'a>, Row<'a>) {
+    pub(super) fn at(&self, dy: isize) -> (Row<'a>, Row<'a>) {
         let row = 1usize.wrapping_add_signed(dy);
         (self.guides[row], self.light[row])
     }
@@ -274,51 +278,6 @@ impl<'a> Around<'a> {
         let inverse = 1.0 / count.max(1.0);
         let mean = sum.map(|sum| sum * inverse);
         (squares * inverse - dot(mean, mean)).max(0.0)
-    }
-
-    #[inline(always)]
-    fn radiance<S: Simd>(&self, simd: S, x: usize, dx: isize, dy: isize) -> [Float<S>; 3] {
-        let (guides, light) = self.at(dy);
-        let albedo = guides.triple(simd, guide(ALBEDO), x, dx);
-        let light = light.triple(simd, LIGHT, x, dx);
-        [
-            light[0] * (albedo[0] + ALBEDO_MIN),
-            light[1] * (albedo[1] + ALBEDO_MIN),
-            light[2] * (albedo[2] + ALBEDO_MIN),
-        ]
-    }
-
-    /// With `a` the appearance of a pixel, `s` that of more rays there, and `b` a neighbour's, the
-    /// mixture `a + t(b − a)` nearest to `s` has `t = (s−a)·(b−a) / |b−a|²`; of all neighbours that
-    /// one is taken whose mixture is nearest.
-    #[inline(always)]
-    fn mixed<S: Simd>(&self, simd: S, x: usize, radiance: [Float<S>; 3]) -> [Float<S>; 3] {
-        let guides = self.at(0).0;
-        let here = appearance(simd, guides, guide(ALBEDO), x, 0);
-        let wanted = difference(appearance(simd, guides, guide(SMOOTH), x, 0), here);
-        let mut nearest = product(wanted, wanted);
-        let mixes = nearest.simd_gt(MIXED_MIN);
-        if !mixes.any_true() {
-            return radiance;
-        }
-        let mut mixed = radiance;
-        for (dx, dy) in NEIGHBOURS {
-            let (dx, dy) = (dx as isize, dy as isize);
-            let there = appearance(simd, self.at(dy).0, guide(ALBEDO), x, dx);
-            let other = difference(there, here);
-            let share = product(wanted, other) / (product(other, other) + 1e-4);
-            let share = share.max(0.0).min(1.0);
-            let missing = difference(wanted, other.map(|other| other * share));
-            let missing = product(missing, missing);
-            // Whatever the neighbours in the lanes need.
-            let better = mixes & missing.simd_lt(nearest * 0.999);
-            nearest = better.select(missing, nearest);
-            let there = self.radiance(simd, x, dx, dy);
-            for ((mixed, radiance), there) in mixed.iter_mut().zip(radiance).zip(there) {
-                *mixed = better.select(share.mul_add(there - radiance, radiance), *mixed);
-            }
-        }
-        mixed
     }
 }
 
@@ -363,43 +322,15 @@ impl<S: Simd> Look<S> {
     }
 }
 
-/// Albedo and half the normal, whose difference between two sides of a box is larger.
-#[inline(always)]
-fn appearance<S: Simd>(
-    simd: S,
-    guides: Row<'_>,
-    plane: usize,
-    x: usize,
-    dx: isize,
-) -> [Float<S>; 6] {
-    let [r, g, b] = guides.triple(simd, plane, x, dx);
-    let n = guides.triple(simd, plane + 3, x, dx);
-    [r, g, b, n[0] * 0.5, n[1] * 0.5, n[2] * 0.5]
-}
-
 #[inline(always)]
 fn dot<S: Simd>(a: [Float<S>; 3], b: [Float<S>; 3]) -> Float<S> {
     a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
 }
 
 #[inline(always)]
-fn distance_squared<S: Simd>(a: [Float<S>; 3], b: [Float<S>; 3]) -> Float<S> {
+pub(super) fn distance_squared<S: Simd>(a: [Float<S>; 3], b: [Float<S>; 3]) -> Float<S> {
     let d = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
     dot(d, d)
-}
-
-#[inline(always)]
-fn difference<S: Simd>(a: [Float<S>; 6], b: [Float<S>; 6]) -> [Float<S>; 6] {
-    let mut difference = a;
-    for (a, b) in difference.iter_mut().zip(b) {
-        *a -= b;
-    }
-    difference
-}
-
-#[inline(always)]
-fn product<S: Simd>(a: [Float<S>; 6], b: [Float<S>; 6]) -> Float<S> {
-    dot([a[0], a[1], a[2]], [b[0], b[1], b[2]]) + dot([a[3], a[4], a[5]], [b[3], b[4], b[5]])
 }
 
 /// Guides lie in the order in which they come.

@@ -9,6 +9,7 @@
 
 mod filter;
 mod noisy;
+mod outline;
 mod planes;
 mod region;
 pub(crate) mod weights;

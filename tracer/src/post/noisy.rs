@@ -6,11 +6,15 @@ use std::sync::{Mutex, PoisonError};
 use rayon::prelude::*;
 
 use super::filter::{Filter, FilterMemory};
+use super::outline::Outlines;
 use super::region::{Region, leading};
 use super::weights::{ALBEDO_MIN, half_ratio};
 use crate::cpu::Level;
 use crate::layers::LAYERS;
-use crate::{CompiledScene, Error, Tile, TileRadiance, TraceJob, TraceStats};
+use crate::{
+    CompiledScene, Error, ImageSize, Layers, RenderSettings, Tile, TileRadiance, TraceJob,
+    TraceStats,
+};
 
 /// A tile before it is denoised.
 pub(crate) struct NoisyTile {
@@ -35,12 +39,9 @@ pub(super) const VARIANCE: usize = 3;
 pub(super) const ALBEDO: usize = 4;
 pub(super) const NORMAL: usize = 7;
 pub(super) const INVERSE_DEPTH: usize = 10;
-/// Albedo and normal of the first hits of [`crate::layers::smooth`] samples; empty if they are not
-/// more.
-pub(super) const SMOOTH: usize = 11;
-/// The emission of those; of the same samples if they are not more.
-pub(super) const EMISSION: usize = 17;
-const COLUMNS: usize = 20;
+/// Light that is not filtered.
+pub(super) const EMISSION: usize = 11;
+const COLUMNS: usize = 14;
 
 /// Means of pixels, in columns.
 pub(crate) struct Means<'a> {
@@ -50,8 +51,6 @@ pub(crate) struct Means<'a> {
     pub(crate) half: [&'a [f32]; 3],
     /// The columns of [`crate::Layers`].
     pub(crate) hits: [&'a [f32]; LAYERS],
-    /// The same of [`crate::layers::smooth`] samples, if they are more.
-    pub(crate) smooth: Option<[&'a [f32]; LAYERS]>,
 }
 
 impl NoisyPixels {
@@ -75,18 +74,19 @@ impl NoisyPixels {
             let [r, g, b] = [apart(0), apart(1), apart(2)];
             r * r + g * g + b * b
         }));
-        for (column, hits) in self.columns[ALBEDO..SMOOTH].iter_mut().zip(means.hits) {
+        for (column, hits) in self.columns[ALBEDO..].iter_mut().zip(means.hits) {
             column.extend_from_slice(hits);
         }
-        let smoothest = means.smooth.unwrap_or(means.hits);
-        for (column, hits) in self.columns[EMISSION..].iter_mut().zip(&smoothest[7..]) {
-            column.extend_from_slice(hits);
-        }
-        if let Some(smooth) = means.smooth {
-            for (column, hits) in self.columns[SMOOTH..EMISSION].iter_mut().zip(smooth) {
-                column.extend_from_slice(hits);
-            }
-        }
+    }
+
+    /// Of each pixel the sum of its emission.
+    pub(super) fn brightness(&self) -> Vec<f32> {
+        let [.., r, g, b] = &self.columns;
+        r.iter()
+            .zip(g)
+            .zip(b)
+            .map(|((r, g), b)| r + g + b)
+            .collect()
     }
 
     /// Light that is not filtered; none where it is all black.
@@ -116,6 +116,16 @@ pub(crate) trait NoisyTracer {
         job: &TraceJob<'_>,
         sink: &(dyn Fn(NoisyTile) + Sync),
     ) -> Result<TraceStats, Error>;
+
+    /// What the camera rays of single pixels, columns and rows of the job's picture, meet first: means
+    /// over the samples of `settings`.
+    fn trace_hits(
+        &self,
+        scene: &CompiledScene,
+        size: ImageSize,
+        settings: RenderSettings,
+        pixels: &[(u32, u32)],
+    ) -> Vec<Layers>;
 }
 
 /// Traces the job's tiles and their guard band, and hands over the denoised tiles.
@@ -185,15 +195,23 @@ fn trace_together(
         return Ok(stats);
     }
     filter.run(level);
+    let outlines = Outlines::find(tracer, level, scene, job, &filter);
     let wanted = traced
         .par_iter()
         .filter(|(index, ..)| *index < job.tiles.len());
     wanted.for_each(|(index, dropped_samples, emission)| {
-        let mut radiance = filter.radiance(level, job.tiles[*index]);
+        let tile = job.tiles[*index];
+        let mut radiance = filter.radiance(level, tile);
         for (c, emission) in emission.iter().flatten().enumerate() {
             for (pixel, emission) in radiance.iter_mut().zip(emission) {
                 pixel[c] += emission;
             }
+        }
+        for (place, hit) in outlines.of_tile(*index) {
+            let (x, y) = (place.0 - tile.x, place.1 - tile.y);
+            let mixed = filter.mixed(*place, hit);
+            radiance[(y * tile.width + x) as usize] =
+                std::array::from_fn(|c| mixed[c] + hit.emission[c]);
         }
         sink(TileRadiance {
             index: *index,

@@ -2,12 +2,13 @@
 
 use std::ops::Range;
 
-use fearless_simd::{f32x16, prelude::*};
+use fearless_simd::{f32x16, mask32x16, prelude::*};
 use rayon::prelude::*;
 
 use crate::Tile;
 
 pub(super) type Float<S> = f32x16<S>;
+pub(super) type Mask<S> = mask32x16<S>;
 pub(super) const LANES: usize = 16;
 
 /// Columns on each side of the picture.
@@ -65,6 +66,11 @@ impl Planes {
             row[columns.clone()].fill(value);
         }
         self.outside[columns].fill(value);
+    }
+
+    /// A number of one plane.
+    pub(super) fn get(&self, plane: usize, x: usize, y: usize) -> f32 {
+        self.data[y * self.floats + plane * self.stride + PAD + x]
     }
 
     pub(super) fn rows_mut(&mut self) -> impl Iterator<Item = RowMut<'_>> {

@@ -24,7 +24,7 @@ impl View<'_> {
         pixels.map(|(x, y)| self.pixel_layers(x, y)).collect()
     }
 
-    fn pixel_layers(&self, x: u32, y: u32) -> Layers {
+    pub(super) fn pixel_layers(&self, x: u32, y: u32) -> Layers {
         let mut sum = Sum::default();
         for taken in 0..self.settings.samples {
             let sample = self.settings.first_sample.wrapping_add(taken);

@@ -60,13 +60,12 @@ use rayon::prelude::*;
 
 use crate::compiled::{CameraFrame, LampData, Primitive};
 use crate::cpu::Level;
-use crate::layers::smooth;
 use crate::post::{FilterMemory, Means, NoisyPixels, NoisyTile, NoisyTracer, trace_denoised};
 use crate::sampling::{
     BLOCK_CAMERA, block_choice, block_light, block_scatter, pair, pixel_key, sample_key,
 };
 use crate::tracer::{DeviceInfo, DeviceKind, TileRadiance, TraceJob, TraceStats, Tracer};
-use crate::{CompiledScene, Error, Layers, RenderSettings, Tile, TileLayers};
+use crate::{CompiledScene, Error, ImageSize, Layers, RenderSettings, Tile, TileLayers};
 use intersect::{Departure, intersect_from, nearest_lamp, vector};
 pub use intersect::{Hit, Ray, intersect};
 use light::{LampPoint, choose_lamp, light_sum};
@@ -133,31 +132,41 @@ impl NoisyTracer for Reference {
         sink: &(dyn Fn(NoisyTile) + Sync),
     ) -> Result<TraceStats, Error> {
         let view = View::new(scene, job);
-        let smoother = smooth(job.settings).map(|settings| View { settings, ..view });
         Ok(view.trace(job, |index, tile, rows| {
             let hits = view.layers(tile);
-            let smooth = smoother.map(|view| view.layers(tile));
             let dropped_samples = rows.iter().map(|row| row.dropped_samples).sum();
             sink(NoisyTile {
                 index,
                 tile,
-                pixels: noisy_pixels(job.settings.samples, &rows, &hits, smooth.as_deref()),
+                pixels: noisy_pixels(job.settings.samples, &rows, &hits),
                 dropped_samples,
             });
         }))
     }
+
+    fn trace_hits(
+        &self,
+        scene: &CompiledScene,
+        size: ImageSize,
+        settings: RenderSettings,
+        pixels: &[(u32, u32)],
+    ) -> Vec<Layers> {
+        let frame = scene.camera_frame(size);
+        let view = View {
+            scene,
+            frame,
+            settings,
+        };
+        let pixels = pixels.par_iter();
+        pixels.map(|&(x, y)| view.pixel_layers(x, y)).collect()
+    }
 }
 
-fn noisy_pixels(
-    samples: u32,
-    rows: &[Row],
-    hits: &[Layers],
-    smooth: Option<&[Layers]>,
-) -> NoisyPixels {
+fn noisy_pixels(samples: u32, rows: &[Row], hits: &[Layers]) -> NoisyPixels {
     let layers = |hits: &[Layers]| columns(hits.iter().map(Layers::columns));
     let radiance = columns(rows.iter().flat_map(|row| row.radiance.iter().copied()));
     let half = columns(rows.iter().flat_map(|row| row.half.iter().copied()));
-    let (hits, smooth) = (layers(hits), smooth.map(layers));
+    let hits = layers(hits);
     let mut pixels = NoisyPixels::default();
     pixels.extend(
         samples,
@@ -165,9 +174,6 @@ fn noisy_pixels(
             radiance: radiance.each_ref().map(Vec::as_slice),
             half: half.each_ref().map(Vec::as_slice),
             hits: hits.each_ref().map(Vec::as_slice),
-            smooth: smooth
-                .as_ref()
-                .map(|smooth| smooth.each_ref().map(Vec::as_slice)),
         },
     );
     pixels

@@ -31,7 +31,8 @@ struct FilterData {
 // First hits: `Layers`.
 @group(0) @binding(5) var<storage, read> hits: array<f32>;
 @group(0) @binding(6) var<storage, read> smooth_hits: array<f32>;
-// Two of each pixel: albedo and inverse depth, normal and 1; all 0 where nothing was traced.
+// Two of each pixel: albedo and inverse depth, normal and 1 more than its emission's sum; all 0 where nothing
+// was traced.
 @group(0) @binding(7) var<storage, read_write> guides: array<vec4f>;
 // Light over albedo, and its variance.
 @group(0) @binding(8) var<storage, read> light_from: array<vec4f>;
@@ -74,7 +75,8 @@ fn take_in(
     let albedo = vec3f(hits[first], hits[first + 1u], hits[first + 2u]);
     let normal = vec3f(hits[first + 3u], hits[first + 4u], hits[first + 5u]);
     guides[2u * i] = vec4f(albedo, hits[first + 6u]);
-    guides[2u * i + 1u] = vec4f(normal, 1.0);
+    let brightness = hits[first + 7u] + hits[first + 8u] + hits[first + 9u];
+    guides[2u * i + 1u] = vec4f(normal, 1.0 + brightness);
     let pixel = 3u * place.pixel;
     var light = vec3f(second_half[pixel], second_half[pixel + 1u], second_half[pixel + 2u]);
     let divisor = albedo + ALBEDO_MIN;
@@ -193,12 +195,31 @@ fn resolve(
 }
 
 fn result(p: vec2i, pixel: u32) -> vec3f {
-    var light = radiance_at(index_of(p));
-    if (job.is_mixed != 0u) {
-        light = mixed(p, pixel, light);
-    }
+    let light = radiance_at(index_of(p));
     let first = LAYERS_FLOATS * pixel + 7u;
-    return light + vec3f(smooth_hits[first], smooth_hits[first + 1u], smooth_hits[first + 2u]);
+    if (job.is_mixed == 0u || !is_outlined(p)) {
+        return light + vec3f(hits[first], hits[first + 1u], hits[first + 2u]);
+    }
+    let emission = vec3f(smooth_hits[first], smooth_hits[first + 1u], smooth_hits[first + 2u]);
+    return mixed(p, pixel, light) + emission;
+}
+
+// Whether something else is seen beside a pixel.
+fn is_outlined(p: vec2i) -> bool {
+    return differs(p, vec2i(-1, 0)) || differs(p, vec2i(1, 0)) || differs(p, vec2i(0, -1))
+        || differs(p, vec2i(0, 1));
+}
+
+fn differs(p: vec2i, step: vec2i) -> bool {
+    if (!is_inside(p + step) || !is_traced(index_of(p + step))) {
+        return false;
+    }
+    let here = index_of(p);
+    let there = index_of(p + step);
+    let apart = difference(appearance(here), appearance(there));
+    let bright = vec2f(guides[2u * here + 1u].w, guides[2u * there + 1u].w) - 1.0;
+    return product(apart, apart) > OUTLINE_MIN
+        || abs(bright.x - bright.y) > BRIGHTNESS_SHARE * max(bright.x, bright.y);
 }
 
 fn radiance_at(i: u32) -> vec3f {
