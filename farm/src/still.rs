@@ -52,7 +52,7 @@ impl Still {
         let mut waiting = self.batches();
         waiting.retain(|batch| batch.first_sample >= done);
         let mut in_flight = VecDeque::new();
-        let mut quiet_since = Instant::now();
+        let mut lost_since = None;
         while !(waiting.is_empty() && in_flight.is_empty()) {
             while let Some(&batch) = waiting.front() {
                 match farm.submit(self.spec(batch)) {
@@ -65,9 +65,9 @@ impl Still {
                 let samples = in_flight.pop_front().map_or(0, |batch| batch.samples);
                 add(film, &frame, samples)?;
                 done += samples;
-                quiet_since = Instant::now();
-            } else if quiet_since.elapsed() > NODES_PATIENCE {
-                check_nodes(farm)?;
+                lost_since = None;
+            } else {
+                wait_for_nodes(farm, &mut lost_since)?;
             }
             watch(film, done)?;
         }
@@ -158,14 +158,21 @@ fn add(film: &mut Film, frame: &Frame, samples: u32) -> Result<(), Error> {
     Ok(())
 }
 
-/// Nodes that are being called may still come; when all are lost, nobody will.
-fn check_nodes(farm: &Farm) -> Result<(), Error> {
+/// Nodes that are being called or that are late may still come; when all have been lost for a while,
+/// nobody will.
+fn wait_for_nodes(farm: &Farm, lost_since: &mut Option<Instant>) -> Result<(), Error> {
     let mut reasons = Vec::new();
     for node in farm.nodes() {
         match node.state {
             NodeState::Lost { why, .. } => reasons.push(format!("{}: {why}", node.address)),
-            _ => return Ok(()),
+            _ => {
+                *lost_since = None;
+                return Ok(());
+            }
         }
+    }
+    if lost_since.get_or_insert_with(Instant::now).elapsed() < NODES_PATIENCE {
+        return Ok(());
     }
     Err(Error::NoNodes(reasons.join("; ")))
 }
