@@ -51,7 +51,7 @@ fn a_shot_that_is_skipped_ends_as_one_that_is_watched() {
     }
     watch(&mut watched, 5.0);
     let seen = skipped.viewpoint(1.0);
-    let now = 6.0 - skipped.shot_clock(5.0).unwrap().1 - 1.0;
+    let now = 6.0 - skipped.shot_clock(5.0).unwrap().1;
     skipped.apply(Intent::Skip, now, 0.2, FILM);
     assert_eq!(skipped.shot_clock(now), None);
     assert_eq!(skipped.poses(0.0), watched.poses(0.0));
