@@ -15,9 +15,9 @@ pub enum Precision {
     /// Each pixel bit for bit.
     #[default]
     Exact,
-    /// Each channel within one of 255 levels, which no eye sees; three quarters of the bytes.
+    /// Each channel within one of 255 levels, which no eye sees; seven tenths of the bytes.
     Within1,
-    /// Each channel within two levels: half of the bytes.
+    /// Each channel within two levels: six tenths of the bytes.
     Within2,
     /// JPEG of quality 90 in full colour resolution: a sixth of the bytes, 47 dB.
     Lossy90,

@@ -149,11 +149,15 @@ impl Decoder {
         for ((tile, reference), mode) in tiles.iter().zip(&header.modes) {
             let (here, after) = pixels.split_at_mut(tile.pixels());
             pixels = after;
-            let base = reference.and_then(|held| held.base(precision, tile.pixels()));
-            let joined = match mode {
-                None => base.map(|base| levels::round(here, step, base)),
-                Some(mode) => reader.join(here, *mode, step, *tile, base),
+            let Some(mode) = mode else {
+                let same = reference.and_then(|held| held.rounded(precision, *tile));
+                let same = same.ok_or_else(|| Error::malformed(WHAT, NO_REFERENCE))?;
+                here.copy_from_slice(&same.pixels);
+                decoded.kept.push(same);
+                continue;
             };
+            let base = reference.and_then(|held| held.base(precision, tile.pixels()));
+            let joined = reader.join(here, *mode, step, *tile, base);
             joined.ok_or_else(|| Error::malformed(WHAT, NO_REFERENCE))?;
             let pixels = Box::from(&*here);
             let kept = ReferenceTile { pixels, precision };
@@ -175,20 +179,21 @@ impl Decoder {
         self.changes.begin();
         decoded.pixels = Vec::with_capacity(count);
         for (tile, reference) in tiles {
-            let base = reference.and_then(|held| held.base(precision, tile.pixels()));
-            let mut pixels = levels::of(step, base.ok_or(NO_REFERENCE)?);
-            if self.changes.changes(&mut coder, false) {
+            let held = reference.ok_or(NO_REFERENCE)?;
+            let kept = if self.changes.changes(&mut coder, false) {
                 let width = tile.width as usize;
+                let base = held.base(precision, tile.pixels()).ok_or(NO_REFERENCE)?;
+                let mut pixels = levels::of(step, width, base);
                 self.changes
                     .tile(&mut coder, width, step, &mut pixels, None);
-            }
-            for channel in pixels.as_flattened_mut() {
-                *channel = channel.wrapping_mul(step);
-            }
-            decoded.pixels.extend_from_slice(&pixels);
-            let pixels = pixels.into_boxed_slice();
-            let kept = ReferenceTile { pixels, precision };
-            decoded.kept.push(Arc::new(kept));
+                levels::to_values(step, width, &mut pixels);
+                let pixels = pixels.into_boxed_slice();
+                Arc::new(ReferenceTile { pixels, precision })
+            } else {
+                held.rounded(precision, *tile).ok_or(NO_REFERENCE)?
+            };
+            decoded.pixels.extend_from_slice(&kept.pixels);
+            decoded.kept.push(kept);
         }
         if coder.is_at_end() {
             return Ok(());

@@ -120,8 +120,8 @@ impl Encoder {
             }
             _ => self.encode_planes(precision, step, sources, shown, &bases),
         };
-        let kept = shown.iter().map(|pixels| {
-            let pixels = levels::rounded(step, pixels);
+        let kept = sources.iter().zip(shown).map(|(source, pixels)| {
+            let pixels = levels::rounded(step, source.tile.width as usize, pixels);
             Arc::new(ReferenceTile { pixels, precision })
         });
         (payload, kept.collect())
@@ -138,10 +138,10 @@ impl Encoder {
         let mut coder = RangeEncoder::new(vec![header::first(precision, CHANGES)]);
         self.changes.begin();
         for ((source, pixels), held) in sources.iter().zip(shown).zip(held) {
-            let mut levels = levels::of(step, held);
-            let new = levels::of(step, pixels);
+            let width = source.tile.width as usize;
+            let mut levels = levels::of(step, width, held);
+            let new = levels::of(step, width, pixels);
             if self.changes.changes(&mut coder, levels != new) {
-                let width = source.tile.width as usize;
                 self.changes
                     .tile(&mut coder, width, step, &mut levels, Some(&new));
             }
@@ -223,7 +223,9 @@ fn encode_lossy(
     let mut scanned = Vec::new();
     for (source, pixels) in sources.iter().zip(shown) {
         let reference = source.reference;
-        if let Some(same) = reference.filter(|tile| tile.shows(precision, &pixels)) {
+        if let Some(same) =
+            reference.filter(|tile| tile.shows(precision, source.tile.width, &pixels))
+        {
             modes.push(None);
             kept.push(Arc::clone(same));
         } else {

@@ -2,7 +2,7 @@
 
 use carom_tracer::Tile;
 
-use super::levels::{levels, quantise, round};
+use super::levels::{self, quantise};
 use super::mode::{Base, Colour, Mode};
 use super::predict::{
     add, in_ratio, plus, plus_neighbours, plus_neighbours_in_place, predict, sized,
@@ -46,24 +46,26 @@ impl<'a> Reader<'a> {
         tile: Tile,
         reference: Option<&[[u8; 3]]>,
     ) -> Option<()> {
-        match mode.base {
-            Base::Marked => {
-                let (marks, rest) = self.marks.split_at(Self::mark_bytes(tile));
-                self.marks = rest;
-                let numbers = self.take(count(marks));
-                round(pixels, step, reference?);
-                return join_marked(pixels, marks, numbers, mode.colour, step);
-            }
-            Base::Neighbour => self.add_to_neighbours(pixels.len(), mode, tile.width as usize),
-            Base::Reference => {
-                quantise(&mut self.reference, levels(step), reference?);
+        let width = tile.width as usize;
+        if mode.base == Base::Marked {
+            let (marks, rest) = self.marks.split_at(Self::mark_bytes(tile));
+            self.marks = rest;
+            let numbers = self.take(count(marks));
+            pixels.copy_from_slice(&levels::of(step, width, reference?));
+            join_marked(pixels, marks, numbers, mode.colour)?;
+        } else {
+            if mode.base == Base::Neighbour {
+                self.add_to_neighbours(pixels.len(), mode, width);
+            } else {
+                quantise(&mut self.reference, step, width, reference?);
                 self.add_to_reference(mode);
             }
+            let [g, r, b] = &self.value;
+            for (pixel, ((g, r), b)) in pixels.iter_mut().zip(g.iter().zip(r).zip(b)) {
+                *pixel = [*r, *g, *b];
+            }
         }
-        let [g, r, b] = &self.value;
-        for (pixel, ((g, r), b)) in pixels.iter_mut().zip(g.iter().zip(r).zip(b)) {
-            *pixel = [r, g, b].map(|level| level.wrapping_mul(step));
-        }
+        levels::to_values(step, width, pixels);
         Some(())
     }
 
@@ -132,29 +134,27 @@ fn count(marks: &[u8]) -> usize {
     counts.sum()
 }
 
-/// `pixels` have the reference's levels already.
+/// `levels` are the reference's until then.
 fn join_marked(
-    pixels: &mut [[u8; 3]],
+    levels: &mut [[u8; 3]],
     marks: &[u8],
     [g, r, b]: [&[u8]; 3],
     colour: Colour,
-    step: u8,
 ) -> Option<()> {
     let mut numbers = g.iter().zip(r).zip(b);
-    for (group, &marks) in pixels.chunks_mut(8).zip(marks) {
+    for (group, &marks) in levels.chunks_mut(8).zip(marks) {
         let mut marks = marks;
         while marks != 0 {
             let pixel = group.get_mut(marks.trailing_zeros() as usize)?;
             let ((&g, &r), &b) = numbers.next()?;
-            let [red, green, blue] = pixel.map(|value| value / step);
+            let [red, green, blue] = *pixel;
             let value = green.wrapping_add(g);
             let bases = match colour {
                 Colour::Green => [red, blue].map(|base| base.wrapping_add(g)),
                 Colour::Alone => [red, blue],
                 Colour::Ratio => [red, blue].map(|base| in_ratio(value, green, base)),
             };
-            let level = [bases[0].wrapping_add(r), value, bases[1].wrapping_add(b)];
-            *pixel = level.map(|level| level.wrapping_mul(step));
+            *pixel = [bases[0].wrapping_add(r), value, bases[1].wrapping_add(b)];
             marks &= marks - 1;
         }
     }

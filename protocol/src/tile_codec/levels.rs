@@ -1,66 +1,84 @@
 //! The levels that are kept of a channel's 256 values, each value by itself, so that an error depends
-//! on nothing beside the pixel.
+//! on nothing beside the pixel and its row.
+//!
+//! From row to row the levels lie elsewhere, by a third or a fifth of the step between them, so that a
+//! soft surface is rounded up in one row and down in the next, and the eye, like FLIP, sees their mean
+//! rather than stripes of false colour. Denoised frames within one level have a FLIP of 0.010 so,
+//! against 0.035, for a quarter more bytes (`carom-farm bench codec`); within two levels they have 0.019
+//! and hardly more bytes than levels that lie still take within one.
 
 use super::predict::sized;
 use super::split::Channels;
 
-/// `from`, each channel at the nearest level that `step` keeps.
-pub(super) fn round(pixels: &mut [[u8; 3]], step: u8, from: &[[u8; 3]]) {
-    if step == 1 {
-        return pixels.copy_from_slice(from);
-    }
-    let levels = levels(step);
-    for (pixel, from) in pixels.iter_mut().zip(from) {
-        *pixel = from.map(|channel| levels[usize::from(channel)] * step);
-    }
-}
-
-/// A copy by [`round`].
-pub(super) fn rounded(step: u8, pixels: &[[u8; 3]]) -> Box<[[u8; 3]]> {
-    let mut rounded: Box<[[u8; 3]]> = pixels.into();
-    if step != 1 {
-        round(&mut rounded, step, pixels);
-    }
-    rounded
-}
-
-/// The level of each channel, in steps.
-pub(super) fn of(step: u8, pixels: &[[u8; 3]]) -> Vec<[u8; 3]> {
-    if step == 1 {
-        return pixels.to_vec();
-    }
-    let levels = levels(step);
-    let level = |channel: u8| levels[usize::from(channel)];
-    pixels.iter().map(|pixel| pixel.map(level)).collect()
-}
-
-/// The level of each value, in steps.
-pub(super) fn levels(step: u8) -> &'static [u8; 256] {
+/// By how much the levels of a row are more than multiples of the step, row after row. Neighbouring
+/// rows lie as far from each other as they can.
+fn shifts(step: u8) -> &'static [i8] {
     match step {
-        1 => const { &levels_of(1) },
-        3 => const { &levels_of(3) },
-        5 => const { &levels_of(5) },
+        1 => &[0],
+        3 => &[-1, 0, 1],
+        5 => &[0, 2, -1, 1, -2],
         _ => unreachable!("no precision has steps of {step}"),
     }
 }
 
-const fn levels_of(step: u16) -> [u8; 256] {
-    assert!(255 % step == 0, "black and white are levels");
-    let mut levels = [0; 256];
-    let mut value = 0;
-    while value < 256 {
-        levels[value as usize] = ((value + step / 2) / step) as u8;
-        value += 1;
+/// The levels of a tile, in steps.
+pub(super) fn of(step: u8, width: usize, pixels: &[[u8; 3]]) -> Vec<[u8; 3]> {
+    let mut levels = pixels.to_vec();
+    if step == 1 {
+        return levels;
+    }
+    for (row, shift) in levels.chunks_mut(width).zip(shifts(step).iter().cycle()) {
+        match step {
+            3 => divide::<3>(row.as_flattened_mut(), *shift),
+            _ => divide::<5>(row.as_flattened_mut(), *shift),
+        }
     }
     levels
 }
 
-pub(super) fn quantise(planes: &mut Channels, levels: &[u8; 256], pixels: &[[u8; 3]]) {
+/// The levels of a tile, channel by channel.
+pub(super) fn quantise(planes: &mut Channels, step: u8, width: usize, pixels: &[[u8; 3]]) {
+    let levels = of(step, width, pixels);
     let [g, r, b] = planes.each_mut().map(|plane| sized(plane, pixels.len()));
-    for (((pixel, g), r), b) in pixels.iter().zip(g).zip(r).zip(b) {
-        *r = levels[usize::from(pixel[0])];
-        *g = levels[usize::from(pixel[1])];
-        *b = levels[usize::from(pixel[2])];
+    for (((level, g), r), b) in levels.iter().zip(g).zip(r).zip(b) {
+        [*r, *g, *b] = *level;
+    }
+}
+
+/// Levels to values, in place.
+pub(super) fn to_values(step: u8, width: usize, levels: &mut [[u8; 3]]) {
+    if step == 1 {
+        return;
+    }
+    for (row, shift) in levels.chunks_mut(width).zip(shifts(step).iter().cycle()) {
+        match step {
+            3 => multiply::<3>(row.as_flattened_mut(), *shift),
+            _ => multiply::<5>(row.as_flattened_mut(), *shift),
+        }
+    }
+}
+
+/// `pixels`, each channel at the nearest level.
+pub(super) fn rounded(step: u8, width: usize, pixels: &[[u8; 3]]) -> Box<[[u8; 3]]> {
+    let mut rounded = of(step, width, pixels);
+    to_values(step, width, &mut rounded);
+    rounded.into_boxed_slice()
+}
+
+/// A processor divides many values at once by what it knows.
+fn divide<const STEP: u16>(values: &mut [u8], shift: i8) {
+    let half = (STEP / 2).wrapping_add_signed(-i16::from(shift));
+    for value in values {
+        *value = ((u16::from(*value) + half) / STEP) as u8;
+    }
+}
+
+/// The outermost levels are at the ends of what a byte holds, and so is what no encoder wrote.
+fn multiply<const STEP: u8>(levels: &mut [u8], shift: i8) {
+    let [up, down] = [shift, -shift].map(|shift| shift.max(0).cast_unsigned());
+    for level in levels {
+        let value = (*level).min(255 / STEP).wrapping_mul(STEP);
+        *level = value.saturating_add(up).saturating_sub(down);
     }
 }
 
@@ -68,15 +86,45 @@ pub(super) fn quantise(planes: &mut Channels, levels: &[u8; 256], pixels: &[[u8;
 mod tests {
     use super::*;
 
+    /// Each value, in each of many rows.
+    fn values() -> Vec<[u8; 3]> {
+        let pixels = (0..12).flat_map(|row| (0..=255).map(move |value| [value, 255 - value, row]));
+        pixels.collect()
+    }
+
     #[test]
     fn a_level_is_within_half_a_step() {
+        let values = values();
         for step in [1, 3, 5] {
-            let values: Vec<[u8; 3]> = (0..=255).map(|value| [value; 3]).collect();
-            for (value, rounded) in values.iter().zip(rounded(step, &values)) {
-                assert!(value[0].abs_diff(rounded[0]) <= step / 2, "{value:?}");
+            let rounded = rounded(step, 256, &values);
+            let pairs = values.as_flattened().iter().zip(rounded.as_flattened());
+            for (value, rounded) in pairs {
+                assert!(value.abs_diff(*rounded) <= step / 2, "{value} {rounded}");
             }
-            let again = rounded(step, &rounded(step, &values));
-            assert_eq!(again, rounded(step, &values));
+            assert_eq!(super::rounded(step, 256, &rounded), rounded);
+        }
+    }
+
+    #[test]
+    fn the_mean_of_rows_is_exact() {
+        for (step, count) in [(3, 3), (5, 5)] {
+            for value in step..=255 - step {
+                let rounded = rounded(step, 1, &vec![[value; 3]; count]);
+                let sum: usize = rounded.iter().map(|pixel| usize::from(pixel[0])).sum();
+                assert_eq!(sum, count * usize::from(value), "{rounded:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn planes_have_the_same_levels() {
+        let values = values();
+        for step in [1, 3, 5] {
+            let mut planes = Channels::default();
+            quantise(&mut planes, step, 256, &values);
+            let [g, r, b] = &planes;
+            let levels = g.iter().zip(r).zip(b).map(|((g, r), b)| [*r, *g, *b]);
+            assert!(levels.eq(of(step, 256, &values)));
         }
     }
 }

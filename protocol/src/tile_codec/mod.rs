@@ -97,12 +97,22 @@ impl ReferenceTile {
         (exact && self.pixels.len() == pixels).then_some(&*self.pixels)
     }
 
+    /// The same at `precision`, if something may be told from it at that.
+    fn rounded(self: &Arc<Self>, precision: Precision, tile: Tile) -> Option<Arc<Self>> {
+        let base = self.base(precision, tile.pixels())?;
+        if self.precision == precision {
+            return Some(Arc::clone(self));
+        }
+        let pixels = levels::rounded(precision.step()?, tile.width as usize, base);
+        Some(Arc::new(Self { pixels, precision }))
+    }
+
     /// Whether `pixels`, of a tile that is to be sent at a lossy `precision`, are shown already,
     /// at least as finely.
-    fn shows(&self, precision: Precision, pixels: &[[u8; 3]]) -> bool {
+    fn shows(&self, precision: Precision, width: u32, pixels: &[[u8; 3]]) -> bool {
         self.precision <= precision
             && match self.precision.step() {
-                Some(step) => *self.pixels == *levels::rounded(step, pixels),
+                Some(step) => *self.pixels == *levels::rounded(step, width as usize, pixels),
                 None => *self.pixels == *pixels,
             }
     }

@@ -7,7 +7,7 @@
 
 use carom_tracer::Tile;
 
-use super::levels::{levels, quantise};
+use super::levels::quantise;
 use super::mode::{Base, Colour, Mode};
 use super::predict::{minus, minus_neighbour, predict, sized, subtract_from};
 
@@ -105,11 +105,11 @@ impl Splitter {
         pixels: &[[u8; 3]],
         reference: Option<&[[u8; 3]]>,
     ) -> (Option<Mode>, usize) {
-        let levels = levels(step);
-        quantise(&mut self.value, levels, pixels);
+        let width = tile.width as usize;
+        quantise(&mut self.value, step, width, pixels);
         let (mut told, mut changed) = (None, pixels.len());
         if let Some(reference) = reference {
-            quantise(&mut self.reference, levels, reference);
+            quantise(&mut self.reference, step, width, reference);
             self.temporal
                 .tell_from_reference(&self.value, &self.reference);
             changed = count_changed(&self.temporal.differences);
@@ -124,8 +124,7 @@ impl Splitter {
             }
             told = Some((colour, cost));
         }
-        self.spatial
-            .tell_from_neighbours(&self.value, tile.width as usize);
+        self.spatial.tell_from_neighbours(&self.value, width);
         let (colour, cost) = self.spatial.cheapest();
         let mode = match told {
             Some((colour, less)) if less < cost => {
