@@ -30,6 +30,7 @@ mod loss;
 mod packets;
 mod path;
 mod proxy;
+mod received_block;
 mod refusal;
 pub mod server;
 mod tiles;
