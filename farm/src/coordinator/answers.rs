@@ -86,10 +86,10 @@ impl Coordinator {
         if let Some(expected) = node.next_message(None)
             && node.is_next(id)
         {
-            node.rhythm.observe(now - expected);
+            node.observe_lateness(id, now - expected);
         }
         self.unheld |= node.hear(now, id);
-        let pace = node.delivered().map_or(0.0, |line| line.secs_per_work);
+        let line = node.delivered();
         let Some(run) = node.runs.get_mut(&id) else {
             return;
         };
@@ -103,7 +103,7 @@ impl Coordinator {
             frame.note_busy(index, busy_secs);
             run.pieces.push((tiles, work, busy_secs));
         }
-        run.receive(now, tiles, work, busy_secs, pace);
+        run.receive(now, tiles, work, busy_secs, line);
         let of_frame = run.frame;
         node.prove(of_frame, work);
         if node.delivered().is_none() {
@@ -202,8 +202,11 @@ impl Coordinator {
         let late = run.expected.is_none_or(|expected| now >= expected);
         let missed = late && run.tiles_received == 0;
         let (secs, queue_secs) = (now - run.issued, run.queue_secs(round_trip_secs));
-        node.estimator
-            .observe_late(run.work, secs, queue_secs, missed);
+        // What a node has been asked for at once is late together, and once.
+        if node.late_of.replace(run.frame) != Some(run.frame) {
+            node.estimator
+                .observe_late(run.work, secs, queue_secs, missed);
+        }
     }
 
     fn refused(&mut self, now: f64, index: NodeIndex, refusal: Refusal) {
@@ -262,6 +265,9 @@ impl Coordinator {
             round_trip_secs: node.round_trip_secs(),
         };
         if ended {
+            if run.probe {
+                node.estimator.expect_little();
+            }
             node.estimator.observe(&observation);
             self.learn_costs(index, id, &observation);
         } else {

@@ -1,7 +1,7 @@
 //! Hands out tiles that nobody holds: whole frames by the chosen algorithm, the remains of lost
 //! runs to whoever finishes them first.
 
-use carom_protocol::limits::{RUN_SAMPLES_MAX, RUN_TILES_MAX};
+use carom_protocol::limits::{RUN_SAMPLES_MAX, RUN_TILES_MAX, RUNS_QUEUED_MAX};
 use carom_protocol::{FrameId, PrecisionRange, RunId, SceneHash, TraceRequest};
 use carom_tracer::{RenderSettings, TileRun};
 
@@ -153,11 +153,11 @@ impl Coordinator {
             }
         };
         for (node, runs) in &runs {
-            let hedged = self.balancing == Algorithm::WaterFilling.hedged();
-            // What is of several passes is several requests anyway.
-            let in_parts = |run: &TileRun| hedged && passes.split(*run).count() == 1;
-            for part in runs.iter().flat_map(|run| parts(*run, in_parts(run))) {
-                self.ask(now, id, *node, part, false);
+            for run in runs {
+                let most = self.parts_most(id, *node, *run);
+                for part in parts(*run, most) {
+                    self.ask(now, id, *node, part, false);
+                }
             }
         }
         if self.balancing.algorithm == Algorithm::WaterFilling {
@@ -167,6 +167,25 @@ impl Coordinator {
             self.probe(now, id, &runs);
         }
         self.aim(now, id);
+    }
+
+    /// In how many parts a node is asked for a run: one if they would not be taken back.
+    fn parts_most(&mut self, id: FrameId, node: NodeIndex, run: TileRun) -> u32 {
+        let in_flight = self.frames.unfinished().len();
+        let Some(frame) = self.frames.by_id(id) else {
+            return 1;
+        };
+        // What is of several passes is several requests anyway.
+        if self.balancing != Algorithm::WaterFilling.hedged() || frame.passes.split(run).count() > 1
+        {
+            return 1;
+        }
+        let pace = self.nodes[node.0]
+            .estimate()
+            .map_or(0.0, |line| line.secs_per_work);
+        let by_time = (pace * frame.work.of(run) / PART_SECS_MIN) as usize;
+        let by_room = RUNS_QUEUED_MAX / (2 * in_flight.max(1));
+        PARTS_MAX.min(by_time).min(by_room).max(1) as u32
     }
 
     fn divide_pieces(&mut self, now: f64, id: FrameId, pieces: &[TileRun], nodes: &[NodeIndex]) {
@@ -240,6 +259,7 @@ impl Coordinator {
         let target = of_frame.map(|prospect| prospect.finish()).reduce(f64::max);
         if let Some(frame) = self.frames.by_id(id) {
             frame.target = target.unwrap_or(f64::INFINITY);
+            frame.planned_secs = frame.planned_secs.min(frame.target - frame.submitted);
         }
         self.set_hedge(now, id);
     }
@@ -384,27 +404,28 @@ pub(super) fn usable(nodes: &[super::Node], scene: SceneHash) -> Vec<NodeIndex> 
     usable.map(|(index, _)| NodeIndex(index)).collect()
 }
 
-/// A node's share as several requests, of which the later ones can still be taken back when the
-/// first tiles turn out to be late.
-fn parts(run: TileRun, hedged: bool) -> Vec<TileRun> {
-    if !hedged || run.count < 4 {
-        return vec![run];
-    }
+/// A node's share as up to `most` requests, each smaller than the last: the later ones can still be
+/// taken back when the first tiles turn out to be late.
+fn parts(run: TileRun, most: u32) -> Vec<TileRun> {
     let mut parts = Vec::new();
     let mut first = run.first;
-    for share in PARTS {
-        let end = run.first + (f64::from(run.count) * share).ceil() as u32;
-        let count = end - first;
+    for part in 1..=most {
+        let x = f64::from(part) / f64::from(most);
+        let end = run.first + (f64::from(run.count) * x * (1.5 - 0.5 * x)).ceil() as u32;
+        let count = end.min(run.end()) - first;
         if count > 0 {
             parts.push(TileRun { first, count });
         }
-        first = end;
+        first += count;
     }
     parts
 }
 
-/// Where the parts of a share end.
-const PARTS: [f64; 4] = [0.35, 0.6, 0.8, 1.0];
+/// The most parts of a share. With six instead of four, frames of 1.143 times the optimum become
+/// 1.115 with 64 nodes on a local network, and 1.41 becomes 1.36 with 1000.
+const PARTS_MAX: usize = 6;
+/// What a GPU is given at once takes five times as long as giving it and reading it back.
+const PART_SECS_MIN: f64 = 0.25e-3;
 
 /// How much later than a new division an old one may end to be kept.
 const HYSTERESIS: f64 = 1.005;
@@ -412,3 +433,32 @@ const HYSTERESIS: f64 = 1.005;
 const PROBE_FRAMES: u64 = 20;
 /// One tile of so many is asked for as a probe.
 const PROBE_TILES: u32 = 1000;
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn parts_make_up_the_share_and_do_not_grow(
+            first in 0..1000u32,
+            count in 1..5000u32,
+            most in 1..=PARTS_MAX as u32,
+        ) {
+            let run = TileRun { first, count };
+            let parts = parts(run, most);
+            prop_assert!(parts.len() <= most as usize);
+            let mut next = first;
+            for part in &parts {
+                prop_assert_eq!(part.first, next);
+                prop_assert!(part.count > 0);
+                next = part.end();
+            }
+            prop_assert_eq!(next, run.end());
+            // Ends are rounded up, each by less than a tile.
+            prop_assert!(parts.windows(2).all(|pair| pair[1].count <= pair[0].count + 1));
+        }
+    }
+}

@@ -14,11 +14,24 @@ use carom_protocol::FrameId;
 use carom_tracer::TileRun;
 
 use super::balancer::{Estimate, Line, fill};
+use super::progress::Prospect;
 use super::roster::Node;
 use super::run::Run;
+use super::spare::Spare;
 use super::work::push_tile;
 use super::{Coordinator, NodeIndex};
 use crate::link::Command;
+
+/// From when on tiles are late.
+#[derive(Clone, Copy)]
+struct Bounds {
+    /// Those that nobody has begun with.
+    free: f64,
+    /// Those that will be traced twice.
+    twice: f64,
+    /// From here on they are gravely late.
+    grave: f64,
+}
 
 /// How a frame should go on if nothing is done.
 struct Forecast {
@@ -132,25 +145,30 @@ impl Coordinator {
         let Some(forecast) = self.forecast(now, id) else {
             return;
         };
-        let (spare, price) = (self.spare.work(), self.price());
+        let (spare, price) = (&self.spare, self.price());
         let Some(frame) = self.frames.by_id(id) else {
             return;
         };
         frame.target = forecast.level;
-        let margin = frame.margin_secs(price);
-        let mut until = forecast.level + margin;
+        let (margin, dear) = (frame.margin_secs(1.0), frame.margin_secs(price));
+        let mut bounds = Bounds {
+            free: forecast.level + margin,
+            twice: forecast.level + dear,
+            grave: frame.submitted + GRAVE_SHARE * frame.planned_secs + dear,
+        };
         for _ in 0..DEALS_MAX {
-            let late = forecast.late(until, spare, |tile| frame.work.of(one(tile)));
+            let late = forecast.late(bounds, spare, |tile| frame.work.of(one(tile)));
             if late.is_empty() {
                 return;
             }
             let deal = frame.work.deal(&late, &forecast.help);
-            if deal.finish_secs <= until + margin {
+            if deal.finish_secs <= bounds.free + margin {
                 self.take_back(now, id, &late);
-                self.ask_again(now, id, &forecast, deal.runs);
+                self.ask_again(now, id, &forecast, bounds.grave, deal.runs);
                 return;
             }
-            until = deal.finish_secs;
+            bounds.twice += deal.finish_secs - bounds.free;
+            bounds.free = deal.finish_secs;
         }
     }
 
@@ -163,8 +181,12 @@ impl Coordinator {
             let line = node.delivered();
             let mut kept = Vec::new();
             let mut cancelled = Vec::new();
-            for (run_id, run) in &mut node.runs {
-                let free = run.frame == id && run.counts() && is_free(now, run, line);
+            for prospect in node.prospects(now, None) {
+                let run_id = &prospect.run;
+                let Some(run) = node.runs.get_mut(run_id) else {
+                    continue;
+                };
+                let free = run.frame == id && run.counts() && is_free(now, run, &prospect, line);
                 if free && run.tiles.indices().any(is_late) {
                     run.cancelled = true;
                     cancelled.push(*run_id);
@@ -180,17 +202,27 @@ impl Coordinator {
         }
     }
 
-    fn ask_again(&mut self, now: f64, id: FrameId, forecast: &Forecast, runs: Vec<Vec<TileRun>>) {
-        for (node, runs) in forecast.helpers.iter().zip(runs) {
-            for run in runs {
-                if let Some(frame) = self.frames.by_id(id) {
-                    frame.stats.reissued_tiles += run.count;
-                    let twice = run.indices().filter(|tile| !forecast.free[*tile as usize]);
-                    let twice: f64 = twice.map(|tile| frame.work.of(one(tile))).sum();
-                    self.spare.take(twice);
+    fn ask_again(
+        &mut self,
+        now: f64,
+        id: FrameId,
+        forecast: &Forecast,
+        grave: f64,
+        runs: Vec<Vec<TileRun>>,
+    ) {
+        let runs = forecast.helpers.iter().zip(runs);
+        for (node, run) in
+            runs.flat_map(|(node, runs)| runs.into_iter().map(move |run| (node, run)))
+        {
+            if let Some(frame) = self.frames.by_id(id) {
+                frame.stats.reissued_tiles += run.count;
+                let twice = run.indices().filter(|tile| !forecast.free[*tile as usize]);
+                for tile in twice {
+                    let is_grave = forecast.arrivals[tile as usize] > grave;
+                    self.spare.take(frame.work.of(one(tile)), is_grave);
                 }
-                self.ask(now, id, *node, run, false);
             }
+            self.ask(now, id, *node, run, false);
         }
     }
 
@@ -202,7 +234,7 @@ impl Coordinator {
         let can_help = |node: &Node| node.is_usable(frame.scene.0);
         let has_trusted = self.nodes.iter().any(|n| can_help(n) && n.is_trusted());
         let mut arrivals = vec![f64::INFINITY; frame.passes.all().count as usize];
-        let mut free_tiles = vec![false; arrivals.len()];
+        let mut free_tiles = vec![true; arrivals.len()];
         let (mut lines, mut helpers, mut help) = (Vec::new(), Vec::new(), Vec::new());
         for (index, node) in self.nodes.iter().enumerate() {
             let mut free = now;
@@ -212,7 +244,7 @@ impl Coordinator {
                 if prospect.frame != id || run.probe || node.silent_since.is_some() {
                     continue;
                 }
-                let is_free = is_free(now, run, node.delivered());
+                let is_free = is_free(now, run, &prospect, node.delivered());
                 let mut at = prospect.begin;
                 for tile in film
                     .missing(run.tiles, |_| true)
@@ -222,7 +254,7 @@ impl Coordinator {
                     at += prospect.pace * frame.work.of(one(tile));
                     let arrival = &mut arrivals[tile as usize];
                     *arrival = arrival.min(at);
-                    free_tiles[tile as usize] = is_free;
+                    free_tiles[tile as usize] &= is_free;
                 }
                 lines.push(Line::new(prospect.begin, prospect.pace).capped(prospect.outstanding));
             }
@@ -231,10 +263,11 @@ impl Coordinator {
             };
             if can_help(node) && (node.is_trusted() || !has_trusted) {
                 helpers.push(NodeIndex(index));
+                let comes = now + line.fixed_secs + node.drift.of(id);
                 help.push(Line {
                     mute_work: node.rhythm.mute_work(),
                     guard_secs: node.rhythm.guard_secs(),
-                    ..Line::new(free.max(now + line.fixed_secs), line.secs_per_work)
+                    ..Line::new(free.max(comes), line.secs_per_work)
                 });
             }
         }
@@ -255,20 +288,28 @@ impl Coordinator {
 }
 
 impl Forecast {
-    /// The missing tiles that come after `until`, the latest first to be chosen, no more than
-    /// `spare` work.
-    fn late(&self, until: f64, spare: f64, work: impl Fn(u32) -> f64) -> Vec<TileRun> {
+    /// The missing tiles that come too late, the latest first to be chosen, no more than there is
+    /// spare work for.
+    fn late(&self, bounds: Bounds, spare: &Spare, work: impl Fn(u32) -> f64) -> Vec<TileRun> {
         let arrival = |tile: u32| self.arrivals[tile as usize];
+        let is_free = |tile: u32| self.free[tile as usize];
+        let until = |tile: u32| {
+            if is_free(tile) {
+                bounds.free
+            } else {
+                bounds.twice
+            }
+        };
         // What nobody holds is handed out elsewhere.
-        let late = |tile: &u32| arrival(*tile) > until && arrival(*tile).is_finite();
+        let late = |tile: &u32| arrival(*tile) > until(*tile) && arrival(*tile).is_finite();
         let mut late: Vec<u32> = self.missing.iter().copied().filter(late).collect();
         late.sort_by(|a, b| arrival(*b).total_cmp(&arrival(*a)));
         let mut sum = 0.0;
         late.retain(|tile| {
-            if !self.free[*tile as usize] {
+            if !is_free(*tile) {
                 sum += work(*tile);
             }
-            sum <= spare
+            sum <= spare.work(arrival(*tile) > bounds.grave)
         });
         late.sort_unstable();
         let mut runs = Vec::new();
@@ -278,12 +319,17 @@ impl Forecast {
 }
 
 /// Whether a node can be told in time not to begin with a run: half a round trip after it has
-/// been told, it must not have come to it.
-fn is_free(now: f64, run: &Run, line: Option<Estimate>) -> bool {
+/// been told, it must not have come to it. What is late may merely be late on its way; a node that is
+/// seen to have slowed down has not come as far as was expected.
+fn is_free(now: f64, run: &Run, prospect: &Prospect, line: Option<Estimate>) -> bool {
     let (Some(expected), Some(line)) = (run.expected, line) else {
         return false;
     };
-    let begin = expected - line.secs_per_work * run.work;
+    let begin = if prospect.pace > line.secs_per_work {
+        prospect.begin
+    } else {
+        expected - line.secs_per_work * run.work
+    };
     run.tiles_received == 0 && begin > now + line.fixed_secs
 }
 
@@ -291,8 +337,11 @@ fn one(first: u32) -> TileRun {
     TileRun { first, count: 1 }
 }
 
-/// How much the margin grows until nothing is spare.
+/// How much the margin grows until nothing is spare, for what will be traced twice.
 const PRICE: f64 = 8.0;
+/// A tile is gravely late if its frame takes this many times as long as planned for it. What there is
+/// in reserve for these makes three of four late frames after a fault punctual.
+const GRAVE_SHARE: f64 = 1.25;
 /// Seconds between two looks at a frame.
 const LOOK_PAUSE_SECS: f64 = 0.5e-3;
 /// The next look after one at which a message was late: when it is late by this share more.

@@ -29,6 +29,8 @@ pub(super) struct FrameInFlight {
     pub(super) pool: TileRun,
     /// When it should be whole.
     pub(super) target: f64,
+    /// How long it should take when it is divided.
+    pub(super) planned_secs: f64,
     /// When it is looked at for tiles that will be late; absent while there is no prediction.
     pub(super) hedge_at: Option<f64>,
     pub(super) last_look: f64,
@@ -69,6 +71,7 @@ impl FrameInFlight {
             divided: false,
             pool: TileRun { first: 0, count: 0 },
             target: f64::INFINITY,
+            planned_secs: f64::INFINITY,
             hedge_at: None,
             last_look: now,
             deadline: None,

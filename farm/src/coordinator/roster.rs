@@ -8,7 +8,7 @@ use carom_protocol::{FrameId, NodeInfo, RunId, SceneHash};
 use carom_tracer::DeviceKind;
 
 use super::balancer::{Estimate, Estimator};
-use super::progress::Rhythm;
+use super::progress::{Drift, Rhythm};
 use super::run::Run;
 use crate::{LatencySplit, NodeState, NodeStatus};
 
@@ -28,6 +28,9 @@ pub(super) struct Node {
     /// The most work that came for one frame, and what has come for the last one.
     pub(super) proven_work: f64,
     proving: (FrameId, f64),
+    /// The last frame of which something was given up.
+    pub(super) late_of: Option<FrameId>,
+    pub(super) drift: Drift,
     /// When it was last asked while nothing was open, or last answered.
     heard: f64,
     /// Whether it has been asked for work and has not been heard for longer than it should need.
@@ -80,6 +83,8 @@ impl Node {
             rhythm: Rhythm::default(),
             proven_work: 0.0,
             proving: (FrameId(0), 0.0),
+            late_of: None,
+            drift: Drift::default(),
             heard: 0.0,
             silent_since: None,
             rest: None,
@@ -103,7 +108,7 @@ impl Node {
     }
 
     /// Forgets all that a connection held; the estimates stay, for the node is most likely the
-    /// same when it comes back.
+    /// same when it comes back, but it has to prove them again.
     pub(super) fn reset(&mut self, connection: Connection) {
         self.connection = connection;
         self.scenes.clear();
@@ -112,6 +117,7 @@ impl Node {
         let runs = std::mem::take(&mut self.runs);
         runs.values().for_each(|run| self.lose(run));
         self.silent_since = None;
+        self.proven_work = 0.0;
         self.rest = None;
         self.failures = 0;
     }
@@ -149,6 +155,17 @@ impl Node {
             self.rhythm.false_alarm();
         }
         was_silent
+    }
+
+    /// Takes note that a message about a run is late by so much.
+    pub(super) fn observe_lateness(&mut self, id: RunId, secs: f64) {
+        self.rhythm.observe(secs);
+        let (Some(run), Some(line)) = (self.runs.get(&id), self.delivered()) else {
+            return;
+        };
+        // Such a message was expected some time after the one before it, which had its own lateness.
+        let follows = run.tiles_received > 0 || run.others_until > run.issued + line.fixed_secs;
+        self.drift.observe(run.frame, secs, follows);
     }
 
     /// Takes note of work that came for a frame.
@@ -271,19 +288,12 @@ impl Node {
         self.estimator.delivered()
     }
 
-    /// Seconds that a request would wait for earlier ones. Half of the fixed cost passes before a
-    /// request arrives, and during that time earlier ones are worked on.
+    /// Seconds that a request would wait for earlier ones: longer by as much again as these are late.
     pub(super) fn wait_secs(&self, now: f64) -> f64 {
-        let (outstanding, Some(estimate)) = (self.outstanding(), self.delivered()) else {
+        let (Some(last), Some(line)) = (self.prospects(now, None).pop(), self.delivered()) else {
             return 0.0;
         };
-        if outstanding == 0.0 {
-            return 0.0;
-        }
-        let delivered_after = self.heard - 0.5 * estimate.fixed_secs;
-        let free = delivered_after.max(now - estimate.secs_per_work * outstanding)
-            + estimate.secs_per_work * outstanding;
-        (free - now - 0.5 * estimate.fixed_secs).max(0.0)
+        (last.finish() - now - line.fixed_secs).max(0.0)
     }
 
     /// When something has to be done about this node.

@@ -29,6 +29,10 @@ pub(super) struct Run {
     /// What came of a frame that was still known: tiles, their work, and the seconds that the node
     /// says they took.
     pub(super) pieces: Vec<(TileRun, f64, f64)>,
+    /// Since when its pace is seen, and what had come by then: from the first message on, or from the
+    /// one before it, of another run.
+    seen_since: f64,
+    seen_work: f64,
     /// When the last tiles came.
     pub(super) heard: f64,
     pub(super) busy_secs: f64,
@@ -56,6 +60,8 @@ impl Run {
             burst_work: 0.0,
             burst_max: 0.0,
             pieces: Vec::new(),
+            seen_since: now,
+            seen_work: 0.0,
             heard: now,
             busy_secs: 0.0,
             decode_secs: 0.0,
@@ -63,16 +69,26 @@ impl Run {
         }
     }
 
-    /// Takes note of tiles that have come; at `pace` seconds per unit of work they take longer than
-    /// the time between messages that come together.
+    /// Takes note of tiles that have come of a node with that line: they take longer than the time
+    /// between messages that come together.
     pub(super) fn receive(
         &mut self,
         now: f64,
         tiles: TileRun,
         work: f64,
         busy_secs: f64,
-        pace: f64,
+        line: Option<Estimate>,
     ) {
+        let pace = line.map_or(0.0, |line| line.secs_per_work);
+        if self.tiles_received == 0 {
+            let asked = line.map_or(now, |line| self.issued + line.fixed_secs);
+            let follows = self.others_until > asked;
+            (self.seen_since, self.seen_work) = if follows {
+                (self.others_until, 0.0)
+            } else {
+                (now, work)
+            };
+        }
         let together = self.tiles_received > 0 && now - self.heard < TOGETHER * pace * work;
         self.burst_work = work + if together { self.burst_work } else { 0.0 };
         self.burst_max = self.burst_max.max(self.burst_work);
@@ -87,6 +103,17 @@ impl Run {
         match self.tiles_received {
             0 => (self.issued + line.fixed_secs).max(self.others_until),
             _ => self.heard,
+        }
+    }
+
+    /// Seconds per unit of work as it comes, of which `grace_secs` are put down to its way; 0 if that
+    /// cannot be told yet.
+    pub(super) fn pace(&self, grace_secs: f64) -> f64 {
+        let work = self.work_received - self.seen_work;
+        if work > 0.0 {
+            (self.heard - self.seen_since - grace_secs) / work
+        } else {
+            0.0
         }
     }
 

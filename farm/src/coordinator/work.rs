@@ -76,20 +76,13 @@ impl WorkMap {
                 finish_secs: filling.finish_secs,
             };
         };
-        let mut start = 0;
-        let take = |line: &Line| {
-            let end = queue.take(start, line, finish_secs);
-            let mut runs = Vec::new();
-            queue.tiles[start..end]
+        let mut runs = vec![Vec::new(); lines.len()];
+        queue.serve(lines, finish_secs, |line, tiles| {
+            tiles
                 .iter()
-                .for_each(|tile| push_tile(&mut runs, *tile));
-            start = end;
-            runs
-        };
-        Deal {
-            runs: lines.iter().map(take).collect(),
-            finish_secs,
-        }
+                .for_each(|tile| push_tile(&mut runs[line], *tile));
+        });
+        Deal { runs, finish_secs }
     }
 
     /// Deals the tiles of `pieces` out in their order, as near to `shares` as whole tiles allow.
@@ -145,25 +138,68 @@ impl Queue {
         self.before[self.tiles.len()]
     }
 
-    /// The end of what a line takes from `start` on if it must be through at `finish_secs`.
-    fn take(&self, start: usize, line: &Line, finish_secs: f64) -> usize {
-        let room = line.room(finish_secs);
-        if room <= 0.0 {
-            return start;
+    /// Lets the lines take what they are through with at `finish_secs`, each time the one of the next
+    /// [`Queue::window`] lines that the next tiles fit best. Whether all are taken.
+    fn serve(
+        &self,
+        lines: &[Line],
+        finish_secs: f64,
+        mut taken: impl FnMut(usize, &[u32]),
+    ) -> bool {
+        let rooms = lines.iter().map(|line| line.room(finish_secs)).enumerate();
+        let mut rooms = rooms.filter(|(_, room)| *room > 0.0);
+        let mut waiting: Vec<(usize, f64)> =
+            rooms.by_ref().take(self.window(lines.len())).collect();
+        let mut start = 0;
+        while start < self.tiles.len() {
+            let left_over = |place: usize| {
+                let room = waiting[place].1;
+                let end = self.end(start, room);
+                (room - (self.before[end] - self.before[start]), place, end)
+            };
+            let fits = (0..waiting.len()).map(left_over);
+            let Some((_, place, end)) = fits.min_by(|a, b| a.0.total_cmp(&b.0)) else {
+                return false;
+            };
+            taken(waiting[place].0, &self.tiles[start..end]);
+            start = end;
+            match rooms.next() {
+                Some(next) => waiting[place] = next,
+                None => drop(waiting.swap_remove(place)),
+            }
         }
+        true
+    }
+
+    /// Among how many lines a place in the queue is offered: where each takes but a few tiles, what
+    /// they leave over for want of half a tile would be a tenth of them all.
+    fn window(&self, lines: usize) -> usize {
+        if self.tiles.len() < FEW_TILES * lines {
+            WINDOW
+        } else {
+            1
+        }
+    }
+
+    /// The end of the tiles from `start` on that `room` holds.
+    fn end(&self, start: usize, room: f64) -> usize {
         let until = self.before[start] + room * (1.0 + ROUNDING);
-        start + self.before[start + 1..].partition_point(|work| *work <= until)
+        let mut step = 1;
+        while self
+            .before
+            .get(start + step)
+            .is_some_and(|work| *work <= until)
+        {
+            step *= 2;
+        }
+        let (low, high) = (start + step / 2, self.before.len().min(start + step));
+        low + self.before[low + 1..high].partition_point(|work| *work <= until)
     }
 
     /// The least time at which all are taken, to [`FINISH_PRECISION`]; `lowest` is no more than it.
     /// `None` if the lines' caps leave whole tiles over.
     fn finish(&self, lines: &[Line], lowest: f64) -> Option<f64> {
-        let takes_all = |finish: f64| {
-            let start = lines
-                .iter()
-                .fold(0, |start, line| self.take(start, line, finish));
-            start == self.tiles.len()
-        };
+        let takes_all = |finish: f64| self.serve(lines, finish, |_, _| {});
         let least_b = lines
             .iter()
             .map(|line| line.b_secs)
@@ -193,6 +229,9 @@ impl Queue {
     }
 }
 
+/// Lines that one place in a queue is offered to if there are fewer tiles a line than that.
+const WINDOW: usize = 4;
+const FEW_TILES: usize = 16;
 /// Relative error that sums of work may have.
 const ROUNDING: f64 = 1e-9;
 /// Of a deal's finish, as a share of it.
@@ -243,6 +282,35 @@ mod tests {
                 prop_assert!((map.of_all(runs) - share).abs() <= 1.001 * map.mean_tile());
                 prop_assert!(*share > 0.0 || runs.is_empty());
             }
+        }
+
+        #[test]
+        fn a_deal_hands_out_each_tile_once_and_in_time(
+            lines in prop::collection::vec((0.0..0.02f64, 1e-6..1e-3f64, 0.0..0.01f64), 1..24),
+            costs in prop::collection::vec(0.3..3.0f64, 48),
+        ) {
+            let grid = TileGrid::new(ImageSize::new(80, 60), 10);
+            let map = WorkMap::new(Passes::one(grid, 1), &costs);
+            let line = |&(a_secs, b_secs, guard_secs): &(f64, f64, f64)| Line {
+                mute_work: 150.0,
+                guard_secs,
+                ..Line::new(a_secs, b_secs)
+            };
+            let lines: Vec<Line> = lines.iter().map(line).collect();
+            let deal = map.deal(&[grid.all()], &lines);
+            let mut dealt: Vec<TileRun> = deal.runs.concat();
+            dealt.sort_by_key(|run| run.first);
+            let tiles: Vec<u32> = dealt.iter().flat_map(|run| run.indices()).collect();
+            prop_assert_eq!(tiles, grid.all().indices().collect::<Vec<_>>());
+            for (line, runs) in lines.iter().zip(&deal.runs) {
+                prop_assert!(runs.len() <= 1, "a line's tiles are in a row");
+                let work = map.of_all(runs);
+                let finish = line.a_secs + line.b_secs * work;
+                prop_assert!(work == 0.0 || finish <= deal.finish_secs * (1.0 + 1e-6));
+            }
+            // No line alone, taken as far as whole tiles go, is much better than all together.
+            let alone = lines.iter().map(|line| line.a_secs + line.guard_secs + line.b_secs * map.of(grid.all()));
+            prop_assert!(deal.finish_secs <= alone.fold(f64::INFINITY, f64::min) * 1.01 + 1e-9);
         }
     }
 }

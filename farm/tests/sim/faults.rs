@@ -27,6 +27,41 @@ fn whatever_goes_wrong_every_frame_comes_whole_and_right() {
     }
 }
 
+/// What a node says no sooner than it is too late: that it is slow.
+#[test]
+fn a_node_that_slows_down_delays_no_frame_by_two_periods() {
+    let mut worst: f64 = 0.0;
+    for streams in [true, false] {
+        for factor in [4.0, 12.0, 30.0] {
+            for at in [1.2, 1.2004, 1.2012, 1.202, 1.204] {
+                let mut nodes: Vec<NodePlan> = [(2e-4, 1.2), (1e-3, 2.0), (4e-3, 0.8), (1e-2, 3.0)]
+                    .map(|(trip, speed)| NodePlan::new(trip, speed))
+                    .into();
+                let slow = NodePlan {
+                    streams,
+                    jitter_secs: 3e-4,
+                    ..NodePlan::new(5e-4, 2.5)
+                };
+                nodes.push(slow.with(at, Change::Slow(factor)));
+                let report = run(
+                    &Plan {
+                        frames_in_flight: 8,
+                        period_secs: Some(PERIOD_SECS),
+                        size: ImageSize::new(120, 80),
+                        ..super::plan(nodes, Algorithm::WaterFilling, 120)
+                    },
+                    100.0,
+                );
+                assert_eq!((report.frames.len(), report.wrong_frames), (120, 0));
+                let late = report.worst_secs(20..120) - report.mean_secs(20..40);
+                worst = worst.max(late / PERIOD_SECS);
+            }
+        }
+    }
+    println!("at most {worst:.2} periods");
+    assert!(worst <= 2.0, "{worst} periods");
+}
+
 /// Of five equal nodes at 60 frames a second one falls silent; the others then do its work.
 #[test]
 fn a_frame_that_must_be_shown_is_shown_in_time_whatever_is_missing_of_it() {

@@ -126,6 +126,11 @@ impl Estimator {
         }
     }
 
+    /// Lets the next run count in full, however small it is.
+    pub fn expect_little(&mut self) {
+        self.usual_work = 0.0;
+    }
+
     /// Takes note that `work` had not come after `secs`, of which the request may have waited
     /// `queue_secs`: the node is at least as slow as that. `missed` says that nothing at all had
     /// come, which is most likely far from the bound.
@@ -327,6 +332,23 @@ mod tests {
         let ratio = |i: usize| f64::sqrt(off[i] / said[i]);
         assert!((0.67..1.5).contains(&ratio(0)), "A: {}", ratio(0));
         assert!((0.67..1.5).contains(&ratio(1)), "B: {}", ratio(1));
+    }
+
+    #[test]
+    fn a_tile_of_a_node_that_is_not_used_counts_in_full() {
+        let after_two_tiles = |probed: bool| {
+            let mut estimator = Estimator::default();
+            (0..10).for_each(|_| estimator.observe(&honest(1e5, 0.01, 1e-6)));
+            for _ in 0..2 {
+                if probed {
+                    estimator.expect_little();
+                }
+                estimator.observe(&honest(1e4, 0.01, 4e-6));
+            }
+            estimator.estimate().unwrap().secs_per_work
+        };
+        assert!((after_two_tiles(true) - 4e-6).abs() < 1e-12);
+        assert!(after_two_tiles(false) < 1.5e-6);
     }
 
     #[test]
