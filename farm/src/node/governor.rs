@@ -8,6 +8,9 @@
 //! what more would do. So the dial is turned slowly towards finer stops until most of that is used,
 //! further now and then, back at the first sign of a queue, and then it is left alone for twice as
 //! long as before.
+//!
+//! At the start a queue would be seen too late: a round trip after the first frames all those between
+//! wait in it already. So for half a second no more is asked of a link than it is known to carry.
 
 use std::time::Duration;
 
@@ -34,6 +37,8 @@ pub(super) struct Governor {
     on_trial: Option<f64>,
     /// How long a level is kept before finer ones are tried.
     patience: Duration,
+    /// When the first tiles had been encoded.
+    began: Option<Duration>,
     /// Since when it has been counted.
     since: Duration,
     offered_bytes: usize,
@@ -52,7 +57,8 @@ impl Governor {
             owed: 0.0,
             changed: Duration::ZERO,
             on_trial: None,
-            patience: PATIENCE_MIN,
+            patience: PATIENCE_FIRST,
+            began: None,
             since: Duration::ZERO,
             offered_bytes: 0,
             offered_per_sec: 0.0,
@@ -78,6 +84,9 @@ impl Governor {
 
     /// The transport has looked at its path.
     pub(super) fn measure(&mut self, now: Duration, link: LinkMeasure) {
+        if self.began.is_none() {
+            (self.began, self.since) = (Some(now), now);
+        }
         let wait = link.waiting_bytes as f64 / link.bytes_per_sec.max(1.0);
         if let Some(before) = self.on_trial
             && wait > STANDING_WAIT_SECS
@@ -105,6 +114,13 @@ impl Governor {
         self.offered_per_sec += OFFERED_GAIN * (link.offered_bytes_per_sec - self.offered_per_sec);
         let waited_before = std::mem::replace(&mut self.waited_secs, link.standing_wait_secs);
         let unchanged = now.saturating_sub(self.changed);
+        let began = self.began.unwrap_or(now);
+        let asked = link.offered_bytes_per_sec / link.bytes_per_sec.max(1.0);
+        let is_start = now.saturating_sub(began) < START && self.level < START_LEVEL;
+        if is_start && asked > COARSER_LOAD {
+            self.change(now, coarser(self.level, link).max(START_LEVEL));
+            return;
+        }
         if unchanged < SETTLES {
             return;
         }
@@ -115,19 +131,23 @@ impl Governor {
         } else if link.standing_wait_secs < 0.5 * STANDING_WAIT_SECS && self.level > 0.0 {
             let is_known = self.offered_per_sec < FINER_LOAD * link.bytes_per_sec;
             match self.on_trial {
-                Some(before) if before - self.level >= 1.0 => self.patience = PATIENCE_MIN,
+                Some(before) if before - self.level >= 1.0 => {
+                    self.patience = self.patience.min(PATIENCE_MIN);
+                }
                 None if !is_known && unchanged < self.patience => return,
                 None if !is_known => self.on_trial = Some(self.level),
                 _ => {}
             }
-            let step = STOPS_PER_SEC * counted.as_secs_f64();
+            let is_first = self.patience == PATIENCE_FIRST;
+            let stops_per_sec = if is_first { 2.0 } else { 1.0 } * STOPS_PER_SEC;
+            let step = stops_per_sec * counted.as_secs_f64();
             self.level = (self.level - step).max(0.0);
         }
     }
 
     /// Ends a trial that has failed.
     fn take_back(&mut self, now: Duration, before: f64) {
-        self.patience = (2 * self.patience).min(PATIENCE_MAX);
+        self.patience = (2 * self.patience).clamp(PATIENCE_MIN, PATIENCE_MAX);
         self.change(now, (self.level + STEP_BACK).max(before));
     }
 
@@ -189,9 +209,14 @@ const HURRY_SECS: f64 = 0.033;
 const HURRIED: Duration = Duration::from_millis(5);
 /// What the transport has taken waits for some 20 ms already then.
 const STANDING_WAIT_SECS: f64 = 0.006;
+/// Half a second: ten round trips of the longest paths that are played over.
+const START: Duration = Duration::from_millis(500);
+/// How these pixels compress is not known yet: of noise JPEG 90 takes more bytes than levels do, and 75
+/// few.
+const START_LEVEL: f64 = Precision::Lossy75 as usize as f64;
 /// After a change, tiles that had been encoded before still leave for so long.
 const SETTLES: Duration = Duration::from_millis(50);
-/// Towards finer levels.
+/// Towards finer levels; twice as fast before any has turned out too fine.
 const STOPS_PER_SEC: f64 = 0.5;
 /// Some six frames.
 const OFFERED_GAIN: f64 = 0.3;
@@ -201,7 +226,9 @@ const FINER_LOAD: f64 = 0.85;
 const STEP_BACK: f64 = 0.25;
 /// Pixels may be worse to compress than is known: the longer they wait, the longer the step.
 const STEP_BACK_SECS: f64 = 0.02;
-/// Before finer levels are tried, after some that held ...
+/// Before finer levels are tried the first time, when the start may have been too careful ...
+const PATIENCE_FIRST: Duration = Duration::from_millis(250);
+/// ... after some that held ...
 const PATIENCE_MIN: Duration = Duration::from_secs(2);
 /// ... and after many that did not: a frame late in two thousand.
 const PATIENCE_MAX: Duration = Duration::from_secs(32);
@@ -325,6 +352,24 @@ mod tests {
         let frames = drive(|frame| if frame < 600 { 25.0 } else { 1000.0 }, 4800);
         assert!(frames[599].0 <= 1.1, "{:?}", frames[599]);
         assert!(frames[4799].0 > 0.51, "{:?}", frames[4799]);
+    }
+
+    /// Nothing waits yet, as the first window takes it all.
+    #[test]
+    fn at_the_start_no_more_is_asked_of_a_link_than_it_is_known_to_carry() {
+        for (megabits, is_coarser) in [(20.0, true), (100.0, false)] {
+            let mut governor = Governor::new();
+            for message in 0..48u32 {
+                governor.offer(4061);
+                let link = LinkMeasure {
+                    bytes_per_sec: megabits * 125e3,
+                    waiting_bytes: 0,
+                };
+                let now = Duration::from_secs(3) + message * Duration::from_micros(1042);
+                governor.measure(now, link);
+            }
+            assert_eq!(governor.level > 0.0, is_coarser, "{megabits} Mbit/s");
+        }
     }
 
     #[test]
