@@ -11,30 +11,30 @@
 mod faults;
 mod node;
 mod optimum;
+mod picture;
+mod plan;
 pub(crate) mod random;
+mod report;
 mod scenario;
 mod score;
 mod world;
 
 use std::cmp::Ordering;
 use std::collections::{BTreeSet, BinaryHeap};
-use std::ops::Range;
 use std::sync::Arc;
 use std::time::Duration;
 
 use carom_protocol::session::ClientEvent;
-use carom_protocol::tile_codec::TilePixels;
-use carom_protocol::{FrameId, NodeInfo, PixelFormat, SceneHash, TraceRequest};
-use carom_tracer::{
-    Camera, DeviceInfo, DeviceKind, Environment, ImageSize, RenderSettings, Scene, SceneUpdate,
-    TileGrid, TileRun,
-};
-use glam::Vec3;
+use carom_protocol::{FrameId, NodeInfo, SceneHash};
+use carom_tracer::{DeviceInfo, DeviceKind};
 
 pub use self::faults::{FaultRun, fault_plan, run_faults};
 use self::node::{Answer, SimNode};
 pub use self::optimum::optimum_secs;
+use self::picture::{empty_scene, frame_spec, is_right};
+pub use self::plan::{Change, NodePlan, Plan};
 use self::random::Random;
+pub use self::report::Report;
 pub use self::scenario::{Mode, Network, PERIOD_SECS, Scenario};
 pub use self::score::Score;
 pub use self::world::Weather;
@@ -42,162 +42,7 @@ use self::world::World;
 use crate::coordinator::{Action, Coordinator, NodeIndex};
 use crate::link::{Command, LinkEvent};
 use crate::pacing::{Lead, Schedule};
-use crate::{Balancing, Distribution, Frame, FrameSpec, NodeStatus, Pixels};
-
-/// What to simulate.
-#[derive(Clone, Debug)]
-pub struct Plan {
-    /// Decides all that is random.
-    pub seed: u64,
-    /// Divides the frames.
-    pub balancing: Balancing,
-    /// The farm.
-    pub nodes: Vec<NodePlan>,
-    /// How many frames are submitted.
-    pub frames: u64,
-    /// How many may be in flight.
-    pub frames_in_flight: usize,
-    /// Seconds between submissions; absent: as soon as there is room.
-    pub period_secs: Option<f64>,
-    /// Whether frames must be shown at the moments that [`Schedule`] has for 60 frames a second.
-    pub looks_ahead: bool,
-    /// The picture: its pixels times their samples are the work of a frame.
-    pub size: ImageSize,
-    /// Samples of each pixel.
-    pub samples: u32,
-    /// What is divided.
-    pub distribution: Distribution,
-    /// Pixels along a tile's edge.
-    pub tile_edge: u16,
-    /// How much it varies.
-    pub weather: Weather,
-    /// What happens to nodes when a frame is submitted.
-    pub changes: Vec<(FrameId, NodeIndex, Change)>,
-}
-
-/// A simulated node.
-#[derive(Clone, Debug)]
-pub struct NodePlan {
-    /// Round trip without jitter, in seconds.
-    pub round_trip_secs: f64,
-    /// Mean of the jitter of each message, in seconds.
-    pub jitter_secs: f64,
-    /// Pixel samples per second, in millions.
-    pub msamples_per_sec: f64,
-    /// Whether tiles come as they are finished, as from a processor, or all at the end of a run.
-    pub streams: bool,
-    /// What share of its true busy time it reports; 1 is honest.
-    pub honesty: f64,
-    /// What happens to it, by the second.
-    pub changes: Vec<(f64, Change)>,
-}
-
-/// What happens to a node.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Change {
-    /// It takes that many times as long as before from now on.
-    Slow(f64),
-    /// It says nothing any more, and nobody notices but by that.
-    Silent,
-    /// Its connection breaks, which the client learns of at once.
-    Die,
-    /// It connects. A node with this among its changes is not there from the start.
-    Join,
-    /// Its device fails at each run from now on.
-    Fail,
-    /// It reports that share of its true busy time from now on.
-    Lie(f64),
-    /// It sends pixels that are not numbers from now on.
-    Poison,
-    /// The client sleeps for so many seconds.
-    Suspend(f64),
-}
-
-/// What came out.
-#[derive(Clone, Debug, Default)]
-pub struct Report {
-    /// The whole frames in the order of delivery; the pixels have been checked and dropped.
-    pub frames: Vec<Frame>,
-    /// Those that were shown with tiles missing, of which some came whole later.
-    pub partial: Vec<Frame>,
-    /// The most that a frame was handed over after it had to be shown, in seconds.
-    pub shown_late_secs: f64,
-    /// Frames in which any pixel was wrong or missing.
-    pub wrong_frames: u64,
-    /// Tiles in a frame.
-    pub tiles_per_frame: u32,
-    /// Tiles that devices have worked on, wanted or not.
-    pub tiles_traced: u64,
-    /// Submissions that came while as many frames as may be were in flight.
-    pub skipped: u64,
-    /// The nodes at the end.
-    pub nodes: Vec<NodeStatus>,
-    /// Virtual seconds that it took.
-    pub secs: f64,
-}
-
-impl Plan {
-    /// The picture's tiles.
-    pub fn grid(&self) -> TileGrid {
-        TileGrid::new(self.size, self.tile_edge)
-    }
-
-    /// Whether a node is not there from the start.
-    fn joins_later(&self, node: NodeIndex) -> bool {
-        let by_time = self.nodes[node.0].changes.iter();
-        let by_time = by_time.map(|(_, change)| *change);
-        let by_frame = self.changes.iter().filter(|(_, of, _)| *of == node);
-        let mut changes = by_time.chain(by_frame.map(|(.., change)| *change));
-        changes.any(|change| change == Change::Join)
-    }
-}
-
-impl NodePlan {
-    /// An honest node on a local network that streams its tiles.
-    pub fn new(round_trip_secs: f64, msamples_per_sec: f64) -> Self {
-        Self {
-            round_trip_secs,
-            jitter_secs: 0.0,
-            msamples_per_sec,
-            streams: true,
-            honesty: 1.0,
-            changes: Vec::new(),
-        }
-    }
-
-    /// The same with a change.
-    pub fn with(mut self, at_secs: f64, change: Change) -> Self {
-        self.changes.push((at_secs, change));
-        self
-    }
-}
-
-impl Report {
-    /// Mean time of the frames with an index in `range`, in seconds.
-    pub fn mean_secs(&self, range: std::ops::Range<usize>) -> f64 {
-        let frames = &self.frames[range];
-        let sum: f64 = frames.iter().map(|frame| frame.stats.makespan_secs).sum();
-        sum / frames.len() as f64
-    }
-
-    /// The longest time of a frame with an index in `range`, in seconds.
-    pub fn worst_secs(&self, range: std::ops::Range<usize>) -> f64 {
-        let times = self.frames[range]
-            .iter()
-            .map(|frame| frame.stats.makespan_secs);
-        times.fold(0.0, f64::max)
-    }
-
-    /// Tiles that came twice, as a share of all.
-    pub fn duplicate_share(&self) -> f64 {
-        let duplicates: u32 = self
-            .frames
-            .iter()
-            .map(|frame| frame.stats.duplicate_tiles)
-            .sum();
-        f64::from(duplicates) / (f64::from(self.tiles_per_frame) * self.frames.len() as f64)
-    }
-}
+use crate::{Frame, Pixels};
 
 /// Runs a plan to its end, or until `secs_max` of virtual time are over.
 ///
@@ -511,71 +356,6 @@ fn frame_of(event: &ClientEvent) -> Option<FrameId> {
 /// The first frame is submitted when those nodes that are there from the start have connected.
 const START: Duration = Duration::from_millis(500);
 
-fn frame_spec(plan: &Plan) -> FrameSpec {
-    FrameSpec {
-        update: SceneUpdate::default(),
-        size: plan.size,
-        settings: RenderSettings {
-            samples: plan.samples,
-            ..RenderSettings::default()
-        },
-        format: PixelFormat::LinearF32,
-    }
-}
-
-/// What a simulated node sends for tiles: each pixel names its frame, its tile and its samples.
-fn tile_pixels(request: &TraceRequest, tiles: TileRun) -> TilePixels {
-    let mut pixels = Vec::with_capacity(request.grid.pixels(tiles));
-    for index in tiles.indices() {
-        let count = request.grid.tile(index).pixels();
-        let first = request.settings.first_sample;
-        let pixel = pixel(
-            request.frame,
-            index,
-            first..first + request.settings.samples,
-        );
-        pixels.extend(std::iter::repeat_n(pixel, count));
-    }
-    TilePixels::Linear(pixels)
-}
-
-/// What a node sends that has gone wrong.
-fn poison(request: &TraceRequest, tiles: TileRun) -> TilePixels {
-    TilePixels::Linear(vec![[f32::NAN; 3]; request.grid.pixels(tiles)])
-}
-
-/// Whether each pixel is what it should be: where tiles are missing black or, of several passes, the mean
-/// of some of its samples.
-fn is_right(frame: &Frame, grid: TileGrid, samples: u32) -> bool {
-    let Pixels::Linear(pixels) = &frame.pixels else {
-        return false;
-    };
-    let (width, edge) = (grid.size.width, u32::from(grid.edge));
-    let mut missing = vec![false; grid.len() as usize];
-    for tile in &frame.missing {
-        missing[(tile.y / edge * grid.columns() + tile.x / edge) as usize] = true;
-    }
-    let [.., samples_are] = pixel(frame.id, 0, 0..samples);
-    let is_right = |(position, found): (usize, &[f32; 3])| {
-        let (x, y) = (position as u32 % width, position as u32 / width);
-        let tile = y / edge * grid.columns() + x / edge;
-        let [frame_is, tile_is] = [frame.id.0 as f32 + 1.0, tile as f32];
-        if !missing[tile as usize] {
-            let error = (found[2] / samples_are - 1.0).abs();
-            return found[..2] == [frame_is, tile_is] && error < 1e-6;
-        }
-        *found == [0.0; 3] || frame.stats.passes > 1 && found[..2] == [frame_is, tile_is]
-    };
-    pixels.len() == grid.size.pixels() && pixels.iter().enumerate().all(is_right)
-}
-
-/// Squares, so that no range of samples has the mean of another.
-fn pixel(frame: FrameId, tile: u32, samples: Range<u32>) -> [f32; 3] {
-    let count = samples.len() as f64;
-    let sum: f64 = samples.map(|sample| f64::from(sample + 1).powi(2)).sum();
-    [frame.0 as f32 + 1.0, tile as f32, (sum / count) as f32]
-}
-
 fn info(index: NodeIndex) -> NodeInfo {
     NodeInfo {
         name: format!("node {}", index.0),
@@ -585,23 +365,6 @@ fn info(index: NodeIndex) -> NodeInfo {
             width: 1,
             threads: 1,
         },
-    }
-}
-
-fn empty_scene() -> Scene {
-    Scene {
-        camera: Camera {
-            eye: Vec3::NEG_Y,
-            target: Vec3::ZERO,
-            up: Vec3::Z,
-            fov_x_deg: 40.0,
-        },
-        environment: Environment {
-            radiance: Vec3::ONE,
-        },
-        materials: std::collections::BTreeMap::new(),
-        objects: Vec::new(),
-        lamps: Vec::new(),
     }
 }
 

@@ -10,8 +10,9 @@ use carom_protocol::{
 };
 use carom_tracer::TileRun;
 
+use super::picture::{poison, tile_pixels};
 use super::world::World;
-use super::{NodePlan, OpenRuns, poison, tile_pixels};
+use super::{NodePlan, OpenRuns};
 use crate::coordinator::NodeIndex;
 use crate::link::Command;
 
