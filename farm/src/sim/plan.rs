@@ -22,7 +22,8 @@ pub struct Plan {
     pub frames_in_flight: usize,
     /// Seconds between submissions; absent: as soon as there is room.
     pub period_secs: Option<f64>,
-    /// Whether frames must be shown at the moments that [`crate::pacing::Schedule`] has for 60 frames a second.
+    /// Whether frames must be shown at the moments that [`crate::pacing::Schedule`] has for 60
+    /// frames a second.
     pub looks_ahead: bool,
     /// The picture: its pixels times their samples are the work of a frame.
     pub size: ImageSize,
