@@ -1,8 +1,9 @@
 //! `carom-farm bench trace`: pixel samples and rays per second of each back end.
 
+use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use carom_farm::hybrid::Hybrid;
@@ -96,7 +97,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     };
     let report = Report {
         scene: named.name,
-        hybrid_over_best_device: hybrid_over_best(&backends),
+        hybrid_over_best_device: hybrid_over_best(&opened, &backends, &scene, args)?,
         gpu_over_scalar_thread: gpu_over_scalar(&backends),
         backends,
         scaling,
@@ -217,11 +218,39 @@ fn rate(rows: &[Row], backend: Backend) -> Option<&Row> {
     rows.iter().find(|row| row.backend == backend.name())
 }
 
-fn hybrid_over_best(rows: &[Row]) -> Option<f64> {
-    let hybrid = rate(rows, Backend::Hybrid)?.msamples_per_second;
-    let cpu = rate(rows, Backend::Cpu)?.msamples_per_second;
-    let gpu = rate(rows, Backend::Gpu)?.msamples_per_second;
-    Some(hybrid / cpu.max(gpu))
+/// The rate of all devices together over that of the best one alone: the median of turns of one picture
+/// each. Pictures of some milliseconds scatter by several percent, and so does the best of a few.
+fn hybrid_over_best(
+    opened: &[Opened],
+    rows: &[Row],
+    scene: &CompiledScene,
+    args: &Args,
+) -> anyhow::Result<Option<f64>> {
+    let find = |backend| opened.iter().find(|opened| opened.backend == backend);
+    let speed = |backend| rate(rows, backend).map(|row| row.msamples_per_second);
+    let (Some(cpu), Some(gpu)) = (speed(Backend::Cpu), speed(Backend::Gpu)) else {
+        return Ok(None);
+    };
+    let best = if gpu > cpu {
+        Backend::Gpu
+    } else {
+        Backend::Cpu
+    };
+    let (Some(best), Some(hybrid)) = (find(best), find(Backend::Hybrid)) else {
+        return Ok(None);
+    };
+    let samples = args.spp.unwrap_or(samples_default(Backend::Hybrid));
+    let picture = |opened: &Opened| {
+        let traced = trace(opened.tracer.as_ref(), scene, args.size, settings(samples));
+        traced.map(|cost| cost.wall_secs)
+    };
+    let (begun, mut ratios) = (Instant::now(), Vec::new());
+    while ratios.len() < TURNS.start || ratios.len() < TURNS.end && begun.elapsed() < TURNS_TIME {
+        let (alone, together) = (picture(best)?, picture(hybrid)?);
+        ratios.push(alone / together);
+    }
+    ratios.sort_by(f64::total_cmp);
+    Ok(Some(ratios[ratios.len() / 2]))
 }
 
 fn gpu_over_scalar(rows: &[Row]) -> Option<f64> {
@@ -275,6 +304,10 @@ fn trace(
         rays: stats.rays,
     })
 }
+
+/// Of the hybrid and the best device alone.
+const TURNS: Range<usize> = 5..301;
+const TURNS_TIME: Duration = Duration::from_secs(5);
 
 /// The farm's own tiles.
 const TILE_EDGE: u16 = 32;
