@@ -115,7 +115,8 @@ fn raised(ui: &Ui, cue: &CueView, disc: Rect, slips: bool) {
         return;
     }
     let painter = ui.ctx().layer_painter(ui.layer_id());
-    let mut at = disc.right_center() + Vec2::new(10.0, 6.0 - 10.0 * words.len() as f32);
+    // Below the keys, which reach as far left in a small window.
+    let mut at = disc.right_bottom() + Vec2::new(10.0, -20.0 * words.len() as f32);
     for (text, color) in words {
         let galley = painter.layout_no_wrap(text, FontId::proportional(14.0), color);
         let rect = Rect::from_min_size(at, galley.size()).expand2(Vec2::new(6.0, 2.0));
