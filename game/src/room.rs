@@ -341,7 +341,7 @@ impl Room {
         };
         plank(
             "cue board",
-            "dark wood",
+            "wall",
             Vec3::new(0.06, -0.09, -0.12),
             Vec3::new(0.11, 0.09, CUE_M + 0.1),
         );
