@@ -26,13 +26,6 @@ pub struct Still {
     pub settings: RenderSettings,
 }
 
-/// A frame: a range of the picture's samples.
-#[derive(Clone, Copy)]
-struct Batch {
-    first_sample: u32,
-    samples: u32,
-}
-
 impl Still {
     /// Traces the samples from `done` on into `film`, as many frames at a time as the farm takes. The
     /// farm must have no other frames in flight. After each frame, and a few times a second while
@@ -49,21 +42,25 @@ impl Still {
         mut done: u32,
         watch: &mut dyn FnMut(&Film, u32) -> Result<(), E>,
     ) -> Result<(), E> {
-        let mut waiting = self.batches();
-        waiting.retain(|batch| batch.first_sample >= done);
+        let mut next = done;
         let mut in_flight = VecDeque::new();
         let mut lost_since = None;
-        while !(waiting.is_empty() && in_flight.is_empty()) {
-            while let Some(&batch) = waiting.front() {
-                match farm.submit(self.spec(batch)) {
-                    Ok(_) => in_flight.extend(waiting.pop_front()),
+        // How often the farm traces each tile of a frame: known with the first.
+        let mut passes = None;
+        while next < self.settings.samples || !in_flight.is_empty() {
+            while next < self.settings.samples && (passes.is_some() || in_flight.is_empty()) {
+                let samples = self.frame_samples(next, passes.unwrap_or(1));
+                match farm.submit(self.spec(next, samples)) {
+                    Ok(_) => in_flight.push_back(samples),
                     Err(Error::FramesInFlight { .. }) => break,
                     Err(why) => return Err(why.into()),
                 }
+                next += samples;
             }
             if let Some(frame) = farm.wait_frame(PATIENCE) {
-                let samples = in_flight.pop_front().map_or(0, |batch| batch.samples);
+                let samples = in_flight.pop_front().unwrap_or(0);
                 add(film, &frame, samples)?;
+                passes = Some(frame.stats.passes.max(1));
                 done += samples;
                 lost_since = None;
             } else {
@@ -110,33 +107,30 @@ impl Still {
         Ok(hits.concat())
     }
 
-    fn spec(&self, batch: Batch) -> FrameSpec {
+    fn spec(&self, first_sample: u32, samples: u32) -> FrameSpec {
         FrameSpec {
             update: self.update.clone(),
             size: self.size,
             settings: RenderSettings {
-                samples: batch.samples,
-                first_sample: batch.first_sample,
+                samples,
+                first_sample,
                 ..self.settings
             },
             format: PixelFormat::LinearF32,
         }
     }
 
-    /// Of frames that are denoised there are as few as can be: the filter does more with more samples.
-    fn batches(&self) -> VecDeque<Batch> {
+    /// Samples of the frame that begins at `first_sample`, of whose tiles each is traced `passes` times:
+    /// each pass is sent, so that there are as many times fewer frames. Of pictures that are denoised
+    /// there are as few as can be: the filter does more with more samples.
+    fn frame_samples(&self, first_sample: u32, passes: u32) -> u32 {
         let (pixels, spp) = (self.size.pixels(), self.settings.samples);
         let fewest = FRAME_SAMPLES_MIN.div_ceil(pixels);
         let most = (FRAME_SAMPLES_MAX / pixels).max(1);
         let frames = if self.settings.denoise { 1 } else { FRAMES };
-        let samples = (spp.div_ceil(frames) as usize).max(fewest).min(most) as u32;
-        let firsts = (0..spp).step_by(samples as usize);
-        firsts
-            .map(|first_sample| Batch {
-                first_sample,
-                samples: samples.min(spp - first_sample),
-            })
-            .collect()
+        let samples = (spp.div_ceil(frames) as usize).max(fewest).min(most);
+        let samples = samples.saturating_mul(passes as usize);
+        samples.min((spp - first_sample) as usize) as u32
     }
 }
 
@@ -195,29 +189,50 @@ const NODES_PATIENCE: Duration = Duration::from_secs(10);
 mod tests {
     use super::*;
 
+    fn still(width: u32, height: u32, samples: u32, denoise: bool) -> Still {
+        Still {
+            update: SceneUpdate::default(),
+            size: ImageSize::new(width, height),
+            settings: RenderSettings {
+                samples,
+                denoise,
+                ..RenderSettings::default()
+            },
+        }
+    }
+
+    /// Samples of each frame.
+    fn frames(still: &Still, passes: u32) -> Vec<u32> {
+        let mut next = 0;
+        std::iter::from_fn(|| {
+            let samples = still.frame_samples(next, passes);
+            next += samples;
+            (samples > 0).then_some(samples)
+        })
+        .collect()
+    }
+
     #[test]
     fn frames_cover_each_sample_once() {
         for (width, height) in [(1, 1), (32, 18), (1280, 720), (16_384, 16_384)] {
             for samples in [1, 2, 15, 16, 17, 64, 4096, 65_536] {
                 for denoise in [false, true] {
-                    let mut next = 0;
-                    let still = Still {
-                        update: SceneUpdate::default(),
-                        size: ImageSize::new(width, height),
-                        settings: RenderSettings {
-                            samples,
-                            denoise,
-                            ..RenderSettings::default()
-                        },
-                    };
-                    for batch in still.batches() {
-                        assert_eq!(batch.first_sample, next);
-                        assert!(batch.samples > 0);
-                        next += batch.samples;
+                    for passes in [1, 3, 1000] {
+                        let frames = frames(&still(width, height, samples, denoise), passes);
+                        assert_eq!(frames.iter().sum::<u32>(), samples);
                     }
-                    assert_eq!(next, samples);
                 }
             }
+        }
+    }
+
+    #[test]
+    fn what_is_sent_does_not_grow_with_the_nodes_that_trace_each_pixel() {
+        let still = still(1280, 720, 1024, false);
+        let alone = frames(&still, 1).len();
+        for passes in 2..=16 {
+            let sent = frames(&still, passes).len() * passes as usize;
+            assert!(sent < alone + passes as usize, "{sent} of {passes} nodes");
         }
     }
 }
