@@ -4,6 +4,7 @@ use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 use carom_tracer::Tile;
+use fearless_simd::Level;
 use half::slice::{HalfBitsSliceExt, HalfFloatSliceExt};
 use zstd::bulk::Decompressor;
 use zstd::zstd_safe;
@@ -36,6 +37,7 @@ pub struct Decoder {
     zstd: Decompressor<'static>,
     planes: Vec<u8>,
     changes: Changes,
+    level: Level,
 }
 
 impl Decoder {
@@ -49,6 +51,7 @@ impl Decoder {
             zstd,
             planes: Vec::new(),
             changes: Changes::new(),
+            level: Level::new(),
         }
     }
 
@@ -137,11 +140,12 @@ impl Decoder {
             }
         }
         let least = mark_bytes + 3 * dense;
+        let level = self.level;
         let planes = match (least, header.storage, header.rest) {
             (0, STORED, []) => &[],
             _ => self.unpack(header.storage, header.rest, least..=least + 3 * marked_max)?,
         };
-        let reader = Reader::new(planes, mark_bytes, dense);
+        let reader = Reader::new(level, planes, mark_bytes, dense);
         let mut reader = reader.ok_or_else(|| Error::malformed(WHAT, "its marks do not fit"))?;
         // Not before the planes have turned out to be there.
         decoded.pixels = vec![[0; 3]; count];

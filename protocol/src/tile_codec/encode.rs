@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use carom_tracer::Tile;
 use carom_tracer::tonemap::srgb8;
+use fearless_simd::Level;
 use zstd::bulk::Compressor;
 
 use super::changes::Changes;
@@ -11,7 +12,7 @@ use super::header::{self, CHANGES, JPEG, ZSTD};
 use super::mode::Mode;
 use super::range_coder::RangeEncoder;
 use super::split::{Numbers, Splitter};
-use super::{ReferenceTile, Source, jpeg, levels, planes};
+use super::{Past, ReferenceTile, Source, jpeg, levels, planes};
 use crate::limits::PIXELS_PER_MESSAGE_MAX;
 use crate::message::PixelFormat;
 use crate::precision::Precision;
@@ -24,8 +25,10 @@ pub struct Encoder {
     splitter: Splitter,
     numbers: Numbers,
     changes: Changes,
-    /// Of the pixels of tiles that are held, the share that changes, lately.
-    changing: f32,
+    /// How much less time a decoder has taken than it may, lately.
+    spare_nanos: f32,
+    past: Past,
+    level: Level,
 }
 
 impl Encoder {
@@ -40,7 +43,9 @@ impl Encoder {
             splitter: Splitter::default(),
             numbers: Numbers::default(),
             changes: Changes::new(),
-            changing: 0.0,
+            spare_nanos: SPARE_NANOS_MAX,
+            past: Past::default(),
+            level: Level::new(),
         }
     }
 
@@ -95,10 +100,16 @@ impl Encoder {
                     .collect()
             })
             .collect();
+        self.past = Past::default();
         match precision.step() {
             Some(step) => self.encode_levels(precision, step, sources, &shown),
-            None => encode_lossy(precision, sources, shown),
+            None => self.encode_lossy(precision, sources, shown),
         }
+    }
+
+    /// How the last message's pixels stand to what the client was sent before.
+    pub fn past(&self) -> Past {
+        self.past
     }
 
     fn encode_levels<'a>(
@@ -114,12 +125,15 @@ impl Encoder {
         };
         let bases: Vec<Option<&[[u8; 3]]>> = sources.iter().zip(shown).map(base).collect();
         let held: Option<Vec<&[[u8; 3]]>> = bases.iter().copied().collect();
-        let payload = match held {
-            Some(held) if self.changing < CHANGING_MAX => {
+        let (payload, nanos) = match held {
+            Some(held) if self.spare_nanos >= 0.0 => {
                 self.encode_changes(precision, step, sources, shown, &held)
             }
             _ => self.encode_planes(precision, step, sources, shown, &bases),
         };
+        let pixels: usize = shown.iter().map(Vec::len).sum();
+        let spare_nanos = self.spare_nanos + PIXEL_NANOS * pixels as f32 - nanos;
+        self.spare_nanos = spare_nanos.min(SPARE_NANOS_MAX);
         let kept = sources.iter().zip(shown).map(|(source, pixels)| {
             let pixels = levels::rounded(step, source.tile.width as usize, pixels);
             Arc::new(ReferenceTile { pixels, precision })
@@ -127,6 +141,7 @@ impl Encoder {
         (payload, kept.collect())
     }
 
+    /// The payload, and what it takes a decoder.
     fn encode_changes(
         &mut self,
         precision: Precision,
@@ -134,7 +149,7 @@ impl Encoder {
         sources: &[Source],
         shown: &[Vec<[u8; 3]>],
         held: &[&[[u8; 3]]],
-    ) -> Vec<u8> {
+    ) -> (Vec<u8>, f32) {
         let mut coder = RangeEncoder::new(vec![header::first(precision, CHANGES)]);
         self.changes.begin();
         for ((source, pixels), held) in sources.iter().zip(shown).zip(held) {
@@ -146,11 +161,16 @@ impl Encoder {
                     .tile(&mut coder, width, step, &mut levels, Some(&new));
             }
         }
-        let pixels = held.iter().map(|held| held.len()).sum();
-        self.see(self.changes.pixels() as usize, pixels);
-        coder.finish()
+        let payload = coder.finish();
+        let pixels: usize = held.iter().map(|held| held.len()).sum();
+        (self.past.known, self.past.changed) = (pixels, self.changes.pixels());
+        let nanos = HELD_NANOS * pixels as f32
+            + CHANGED_NANOS * self.changes.pixels() as f32
+            + CHANGES_BYTE_NANOS * payload.len() as f32;
+        (payload, nanos)
     }
 
+    /// The payload, and what it takes a decoder.
     fn encode_planes(
         &mut self,
         precision: Precision,
@@ -158,29 +178,62 @@ impl Encoder {
         sources: &[Source],
         shown: &[Vec<[u8; 3]>],
         bases: &[Option<&[[u8; 3]]>],
-    ) -> Vec<u8> {
+    ) -> (Vec<u8>, f32) {
         self.numbers.clear();
         let mut modes = Vec::with_capacity(sources.len());
         for ((source, pixels), base) in sources.iter().zip(shown).zip(bases) {
-            let (mode, changed) =
-                self.splitter
-                    .split(&mut self.numbers, step, source.tile, pixels, *base);
-            if base.is_some() {
-                self.see(changed, pixels.len());
-            }
+            let (numbers, tile) = (&mut self.numbers, source.tile);
+            let (level, splitter) = (self.level, &mut self.splitter);
+            let (mode, changed) = splitter.split(level, numbers, step, tile, pixels, *base);
+            let changed = source.reference.map(|held| match base {
+                Some(_) => changed,
+                None => held.changed(tile.width, pixels),
+            });
+            self.past.add(tile.pixels(), base.is_none(), changed);
             modes.push(mode);
         }
         self.numbers.write(&mut self.planes);
         let mut payload = header::write(precision, &modes);
         self.pack(&mut payload);
-        payload
+        let pixels: usize = shown.iter().map(Vec::len).sum();
+        (payload, PLANES_NANOS * pixels as f32)
     }
 
-    /// Notes that so many of these pixels have changed.
-    fn see(&mut self, changed: usize, pixels: usize) {
-        let share = changed as f32 / pixels.max(1) as f32;
-        let weight = (pixels as f32 / CHANGING_PIXELS).min(1.0);
-        self.changing += weight * (share - self.changing);
+    fn encode_lossy(
+        &mut self,
+        precision: Precision,
+        sources: &[Source],
+        shown: Vec<Vec<[u8; 3]>>,
+    ) -> (Vec<u8>, Vec<Arc<ReferenceTile>>) {
+        let mut modes = Vec::with_capacity(sources.len());
+        let mut kept = Vec::with_capacity(sources.len());
+        let mut scanned = Vec::new();
+        for (source, pixels) in sources.iter().zip(shown) {
+            let reference = source.reference;
+            let changed = reference.map(|held| held.changed(source.tile.width, &pixels));
+            self.past.add(pixels.len(), reference.is_none(), changed);
+            // What is shown at least as finely is not sent again.
+            let same = reference.filter(|held| changed == Some(0) && held.precision <= precision);
+            if let Some(same) = same {
+                modes.push(None);
+                kept.push(Arc::clone(same));
+            } else {
+                modes.push(Some(Mode::USUAL));
+                scanned.push(kept.len());
+                let pixels = pixels.into_boxed_slice();
+                kept.push(Arc::new(ReferenceTile { pixels, precision }));
+            }
+        }
+        let mut payload = header::write(precision, &modes);
+        if !scanned.is_empty() {
+            let tiles: Vec<(Tile, &[[u8; 3]])> = scanned
+                .iter()
+                .map(|&index| (sources[index].tile, &*kept[index].pixels))
+                .collect();
+            payload[0] |= JPEG;
+            payload.extend(jpeg::encode(precision, &tiles));
+        }
+        (payload, kept)
     }
 
     /// Appends the planes, compressed if that gains anything, and says so in the first byte.
@@ -213,40 +266,6 @@ impl Default for Encoder {
     }
 }
 
-fn encode_lossy(
-    precision: Precision,
-    sources: &[Source],
-    shown: Vec<Vec<[u8; 3]>>,
-) -> (Vec<u8>, Vec<Arc<ReferenceTile>>) {
-    let mut modes = Vec::with_capacity(sources.len());
-    let mut kept = Vec::with_capacity(sources.len());
-    let mut scanned = Vec::new();
-    for (source, pixels) in sources.iter().zip(shown) {
-        let reference = source.reference;
-        if let Some(same) =
-            reference.filter(|tile| tile.shows(precision, source.tile.width, &pixels))
-        {
-            modes.push(None);
-            kept.push(Arc::clone(same));
-        } else {
-            modes.push(Some(Mode::USUAL));
-            scanned.push(kept.len());
-            let pixels = pixels.into_boxed_slice();
-            kept.push(Arc::new(ReferenceTile { pixels, precision }));
-        }
-    }
-    let mut payload = header::write(precision, &modes);
-    if !scanned.is_empty() {
-        let tiles: Vec<(Tile, &[[u8; 3]])> = scanned
-            .iter()
-            .map(|&index| (sources[index].tile, &*kept[index].pixels))
-            .collect();
-        payload[0] |= JPEG;
-        payload.extend(jpeg::encode(precision, &tiles));
-    }
-    (payload, kept)
-}
-
 fn count_pixels(tiles: impl Iterator<Item = (Tile, usize)>) -> usize {
     let mut pixels = 0;
     for (tile, radiance) in tiles {
@@ -262,10 +281,18 @@ fn f16_bits(pixel: [f32; 3]) -> [u16; 3] {
     pixel.map(|channel| half::f16::from_f32(channel.clamp(-limit, limit)).to_bits())
 }
 
-/// Where more pixels change, as the camera moves, each is not worth 0.1 µs at either end.
-const CHANGING_MAX: f32 = 0.125;
-/// Over so many pixels the share is told: half a picture of 1280×720. Six balls that roll change 5 to
-/// 8 % of all pixels, most of them in a quarter of the picture.
-const CHANGING_PIXELS: f32 = 64.0 * 8192.0;
+/// What a decoder may take for a pixel on average, here and below of a core of 2023: 520 MB/s. Planes
+/// are quicker to read where much changes, as the camera turns, and take more bytes.
+const PIXEL_NANOS: f32 = 5.75;
+/// What it takes for a pixel of planes ...
+const PLANES_NANOS: f32 = 5.0;
+/// ... for one of a tile that is told by changes ...
+const HELD_NANOS: f32 = 0.8;
+/// ... beside it for one that has changed ...
+const CHANGED_NANOS: f32 = 52.0;
+/// ... and for each byte of changes.
+const CHANGES_BYTE_NANOS: f32 = 36.0;
+/// What is saved at most: of half a picture of 1280×720, as balls that roll are in a quarter of it.
+const SPARE_NANOS_MAX: f32 = 64.0 * 8192.0 * (PIXEL_NANOS - HELD_NANOS);
 /// Level 3 was larger and 2 to 4 times slower on noise once a predictor is used.
 const ZSTD_LEVEL: i32 = 1;

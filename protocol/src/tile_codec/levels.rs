@@ -12,6 +12,7 @@ use super::split::Channels;
 
 /// By how much the levels of a row are more than multiples of the step, row after row. Neighbouring
 /// rows lie as far from each other as they can.
+#[inline(always)]
 fn shifts(step: u8) -> &'static [i8] {
     match step {
         1 => &[0],
@@ -22,6 +23,7 @@ fn shifts(step: u8) -> &'static [i8] {
 }
 
 /// The levels of a tile, in steps.
+#[inline(always)]
 pub(super) fn of(step: u8, width: usize, pixels: &[[u8; 3]]) -> Vec<[u8; 3]> {
     let mut levels = pixels.to_vec();
     if step == 1 {
@@ -37,6 +39,7 @@ pub(super) fn of(step: u8, width: usize, pixels: &[[u8; 3]]) -> Vec<[u8; 3]> {
 }
 
 /// The levels of a tile, channel by channel.
+#[inline(always)]
 pub(super) fn quantise(planes: &mut Channels, step: u8, width: usize, pixels: &[[u8; 3]]) {
     let levels = of(step, width, pixels);
     let [g, r, b] = planes.each_mut().map(|plane| sized(plane, pixels.len()));
@@ -46,6 +49,7 @@ pub(super) fn quantise(planes: &mut Channels, step: u8, width: usize, pixels: &[
 }
 
 /// Levels to values, in place.
+#[inline(always)]
 pub(super) fn to_values(step: u8, width: usize, levels: &mut [[u8; 3]]) {
     if step == 1 {
         return;
@@ -59,6 +63,7 @@ pub(super) fn to_values(step: u8, width: usize, levels: &mut [[u8; 3]]) {
 }
 
 /// `pixels`, each channel at the nearest level.
+#[inline(always)]
 pub(super) fn rounded(step: u8, width: usize, pixels: &[[u8; 3]]) -> Box<[[u8; 3]]> {
     let mut rounded = of(step, width, pixels);
     to_values(step, width, &mut rounded);
@@ -66,6 +71,7 @@ pub(super) fn rounded(step: u8, width: usize, pixels: &[[u8; 3]]) -> Box<[[u8; 3
 }
 
 /// A processor divides many values at once by what it knows.
+#[inline(always)]
 fn divide<const STEP: u16>(values: &mut [u8], shift: i8) {
     let half = (STEP / 2).wrapping_add_signed(-i16::from(shift));
     for value in values {
@@ -74,6 +80,7 @@ fn divide<const STEP: u16>(values: &mut [u8], shift: i8) {
 }
 
 /// The outermost levels are at the ends of what a byte holds, and so is what no encoder wrote.
+#[inline(always)]
 fn multiply<const STEP: u8>(levels: &mut [u8], shift: i8) {
     let [up, down] = [shift, -shift].map(|shift| shift.max(0).cast_unsigned());
     for level in levels {

@@ -107,14 +107,43 @@ impl ReferenceTile {
         Some(Arc::new(Self { pixels, precision }))
     }
 
-    /// Whether `pixels`, of a tile that is to be sent at a lossy `precision`, are shown already,
-    /// at least as finely.
-    fn shows(&self, precision: Precision, width: u32, pixels: &[[u8; 3]]) -> bool {
-        self.precision <= precision
-            && match self.precision.step() {
-                Some(step) => *self.pixels == *levels::rounded(step, width as usize, pixels),
-                None => *self.pixels == *pixels,
-            }
+    /// How many of `pixels`, of the same tile, are shown otherwise as yet; all, if it has another size.
+    fn changed(&self, width: u32, pixels: &[[u8; 3]]) -> usize {
+        if self.pixels.len() != pixels.len() {
+            return pixels.len();
+        }
+        let count = |pixels: &[[u8; 3]]| {
+            let pairs = self.pixels.iter().zip(pixels);
+            pairs.filter(|(before, now)| before != now).count()
+        };
+        match self.precision.step() {
+            Some(step) if step > 1 => count(&levels::rounded(step, width as usize, pixels)),
+            _ => count(pixels),
+        }
+    }
+}
+
+/// How a message's pixels stand to what the client was sent before.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Past {
+    /// Pixels of tiles that it was sent before ...
+    pub known: usize,
+    /// ... and of them, those that are others now.
+    pub changed: usize,
+    /// Pixels of tiles that are told from nothing, for they are new or were told with losses.
+    pub whole: usize,
+}
+
+impl Past {
+    /// Adds a tile; `changed` is `None` for one that the client was not sent before.
+    fn add(&mut self, pixels: usize, is_whole: bool, changed: Option<usize>) {
+        if let Some(changed) = changed {
+            self.known += pixels;
+            self.changed += changed;
+        }
+        if is_whole {
+            self.whole += pixels;
+        }
     }
 }
 

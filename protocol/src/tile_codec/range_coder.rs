@@ -6,6 +6,8 @@
 //! in the proportion of the two likelihoods. Encoder and decoder are one [`Coder`], so that what is
 //! coded is described once, for both.
 
+use std::hint::select_unpredictable;
+
 /// One end of a message of bits.
 pub(super) trait Coder {
     /// An encoder writes `bit`; a decoder knows no better and is told it. Either end learns.
@@ -33,7 +35,7 @@ impl Bit {
 
     #[inline(always)]
     fn learn(&mut self, bit: bool) {
-        let target = if bit { LEAST } else { (1 << 16) - LEAST };
+        let target = select_unpredictable(bit, LEAST, (1 << 16) - LEAST);
         let error = target - i32::from(self.zero);
         self.zero = (i32::from(self.zero) + ((error * RATES[usize::from(self.seen)]) >> 16)) as u16;
         self.seen = (self.seen + 1).min(SEEN_MAX);
@@ -182,12 +184,9 @@ impl Coder for RangeDecoder<'_> {
     fn bit(&mut self, model: &mut Bit, _: bool) -> bool {
         let zeros = (self.range >> 16) * u64::from(model.zero);
         let bit = self.code >= zeros;
-        if bit {
-            self.code -= zeros;
-            self.range -= zeros;
-        } else {
-            self.range = zeros;
-        }
+        // Noise cannot be foreseen: a branch that cannot be either made all of this a sixth slower.
+        self.code -= select_unpredictable(bit, zeros, 0);
+        self.range = select_unpredictable(bit, self.range - zeros, zeros);
         model.learn(bit);
         self.shift();
         bit

@@ -6,6 +6,7 @@
 //! the encoder takes the one of the least sum of magnitudes. All sums are modulo 256.
 
 use carom_tracer::Tile;
+use fearless_simd::{Level, dispatch};
 
 use super::levels::quantise;
 use super::mode::{Base, Colour, Mode};
@@ -37,6 +38,7 @@ impl Numbers {
         }
     }
 
+    #[inline(always)]
     fn push(&mut self, numbers: [&Vec<u8>; 3], mode: Mode) {
         let [green, others @ ..] = numbers;
         let start = self.channels[0].len();
@@ -59,6 +61,7 @@ impl Numbers {
         }
     }
 
+    #[inline(always)]
     fn push_marked(&mut self, [green, red, blue]: [&Vec<u8>; 3]) {
         let groups = green.chunks(8).zip(red.chunks(8)).zip(blue.chunks(8));
         for ((g, r), b) in groups {
@@ -98,6 +101,20 @@ impl Splitter {
     /// Appends a tile's numbers and says what they are; `None`, with nothing appended, if the tile
     /// is as its reference is. The second number is that of the pixels that are not.
     pub(super) fn split(
+        &mut self,
+        level: Level,
+        numbers: &mut Numbers,
+        step: u8,
+        tile: Tile,
+        pixels: &[[u8; 3]],
+        reference: Option<&[[u8; 3]]>,
+    ) -> (Option<Mode>, usize) {
+        dispatch!(level, _ => self.split_wide(numbers, step, tile, pixels, reference))
+    }
+
+    /// The compiler makes of it what the processor has.
+    #[inline(always)]
+    fn split_wide(
         &mut self,
         numbers: &mut Numbers,
         step: u8,
@@ -141,6 +158,7 @@ impl Splitter {
 }
 
 impl Candidate {
+    #[inline(always)]
     fn tell_from_reference(&mut self, value: &Channels, reference: &Channels) {
         for (out, (value, base)) in self.differences.iter_mut().zip(value.iter().zip(reference)) {
             minus(sized(out, value.len()), value, base);
@@ -152,6 +170,7 @@ impl Candidate {
         }
     }
 
+    #[inline(always)]
     fn tell_from_neighbours(&mut self, value: &Channels, width: usize) {
         for (out, value) in self.differences.iter_mut().zip(value) {
             minus_neighbour(sized(out, value.len()), value, width);
@@ -167,6 +186,7 @@ impl Candidate {
     }
 
     /// The colours of least cost, and the cost.
+    #[inline(always)]
     fn cheapest(&self) -> (Colour, u32) {
         let [green, red, blue] = &self.differences;
         let from_green = |channel: &[u8]| {
@@ -188,6 +208,7 @@ impl Candidate {
         (best.0, of(green) + best.1)
     }
 
+    #[inline(always)]
     fn push(&self, numbers: &mut Numbers, mode: Mode) -> Mode {
         let [green, red, blue] = &self.differences;
         let planes = match mode.colour {
@@ -199,6 +220,7 @@ impl Candidate {
     }
 }
 
+#[inline(always)]
 fn magnitude(numbers: impl Iterator<Item = u8>) -> u32 {
     numbers
         .map(|number| u32::from(number.cast_signed().unsigned_abs()))
@@ -206,6 +228,7 @@ fn magnitude(numbers: impl Iterator<Item = u8>) -> u32 {
 }
 
 /// Pixels with a number that is not 0.
+#[inline(always)]
 fn count_changed([green, red, blue]: &Channels) -> usize {
     let numbers = green.iter().zip(red).zip(blue);
     numbers.filter(|((g, r), b)| (*g | *r | *b) != 0).count()

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use carom_protocol::session::{References, SentTiles};
-use carom_protocol::tile_codec::{Decoder, Encoder, ReferenceTile, Source, TilePixels};
+use carom_protocol::tile_codec::{Decoder, Encoder, Past, ReferenceTile, Source, TilePixels};
 use carom_protocol::{
     ClientEvent, ClientSession, FrameId, NodeEvent, NodeSession, PixelFormat, Precision,
     PrecisionRange, RunId, RunReport, SceneHash, TilesDone, TraceRequest,
@@ -259,6 +259,56 @@ fn an_encoder_tells_changes_again_once_the_picture_is_still() {
     let ways: Vec<u8> = (0..400).map(|_| way()).collect();
     assert!(ways.is_sorted(), "{ways:?}");
     assert_eq!([ways[0], ways[399]], [0, 3]);
+}
+
+/// Reading changes takes longer, the more there are: of many, as the camera turns, so many messages are
+/// planes that a decoder keeps its rate.
+#[test]
+fn the_more_changes_the_fewer_messages_tell_them_by_themselves() {
+    let held = vec![sent_whole(Precision::Exact, TILE, &light(TILE, 7, 0.6)); 8];
+    let told_by_changes = |pixels| {
+        let tiles = vec![(TILE, changed(TILE, 7, pixels)); 8];
+        let mut encoder = Encoder::new();
+        let mut ways = || tell(&mut encoder, Precision::Exact, &tiles, &held).payload[0] & 3;
+        let ways: Vec<u8> = (0..600).map(|_| ways()).skip(300).collect();
+        ways.iter().filter(|way| **way == 3).count()
+    };
+    let shares = [6, 24, 48, 256].map(told_by_changes);
+    assert_eq!(shares[0], 300);
+    assert!(shares.is_sorted_by(|less, more| less > more), "{shares:?}");
+    assert!(shares[3] < 15, "{shares:?}");
+}
+
+#[test]
+fn an_encoder_tells_what_its_pixels_were_told_from() {
+    let mut encoder = Encoder::new();
+    let mut send = |precision, radiance: &[[f32; 3]], reference: Option<&Arc<ReferenceTile>>| {
+        let source = Source {
+            tile: TILE,
+            radiance,
+            reference,
+        };
+        let (_, kept) = encoder.encode_srgb(1.0, precision, &[source]);
+        let Past {
+            known,
+            changed,
+            whole,
+        } = encoder.past();
+        ([known, changed, whole], kept[0].clone())
+    };
+    let (before, after) = (light(TILE, 7, 0.6), changed(TILE, 7, 20));
+    let pairs = shown(&before).into_iter().zip(shown(&after));
+    let differ = pairs.filter(|(before, after)| before != after).count();
+    for precision in [Precision::Exact, Precision::Lossy75] {
+        let (past, first) = send(precision, &before, None);
+        assert_eq!(past, [0, 0, 1024]);
+        let (past, _) = send(precision, &after, Some(&first));
+        assert_eq!(past, [1024, differ, 0]);
+    }
+    // Nothing can be told from a JPEG tile but what has changed in it.
+    let (_, lossy) = send(Precision::Lossy75, &before, None);
+    let (past, _) = send(Precision::Exact, &after, Some(&lossy));
+    assert_eq!(past, [1024, differ, 1024]);
 }
 
 #[test]
