@@ -6,6 +6,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll, Waker};
 use std::time::Instant;
 
+use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
 use carom_protocol::session::{NodeEvent, NodeSession, Packet, SentTiles};
 use carom_protocol::tile_codec::{Encoder, Source};
 use carom_protocol::{
@@ -15,6 +16,7 @@ use carom_tracer::{Tile, TileRun};
 
 use super::governor::{Governor, LinkMeasure};
 use super::queue::{Job, Queue};
+use super::weights::Weighed;
 
 /// The transport's end of a client's session; [`crate::net::Peer`] for QUIC.
 pub struct NodeConnection {
@@ -207,10 +209,16 @@ impl Client {
                 reference: reference.as_ref(),
             })
             .collect();
-        let precision = lock(&self.governor).precision(request.precision);
+        let place = part.first / TILES_PER_MESSAGE_MAX;
+        let precision = lock(&self.governor).precision(request.precision, place);
         let (payload, kept) = encoder.encode_srgb(exposure, precision, &sources);
         lock(&self.sent).insert(request, part, kept);
-        lock(&self.governor).offer(payload.len());
+        lock(&self.governor).offer(Weighed {
+            precision,
+            pixels: tiles.iter().map(|(tile, _)| tile.pixels()).sum(),
+            past: encoder.past(),
+            bytes: payload.len(),
+        });
         payload
     }
 

@@ -2,7 +2,8 @@
 //! to carry more. Pure; `now` is an argument.
 //!
 //! From one stop to the next, bytes may fall to a third: so the dial has places between them, at
-//! which messages are of the one or the other.
+//! which messages are of the one or the other: always the same ones, as a tile can be told only from one of its own
+//! kind. What stops weigh is learnt ([`Weights`]), and those that weigh more than finer ones are left out.
 //!
 //! What a link carries is known only while it is full: a window that is never full says nothing of
 //! what more would do. So the dial is turned slowly towards finer stops until most of that is used,
@@ -15,6 +16,8 @@
 use std::time::Duration;
 
 use carom_protocol::{Precision, PrecisionRange};
+
+use super::weights::{Weighed, Weights};
 
 /// What a transport knows of its path.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,8 +33,7 @@ pub struct LinkMeasure {
 pub(super) struct Governor {
     /// A place among the stops, 0 for the finest.
     level: f64,
-    /// By how much messages have been too fine until now.
-    owed: f64,
+    weights: Weights,
     changed: Duration,
     /// The level before, while finer ones are tried.
     on_trial: Option<f64>,
@@ -54,7 +56,7 @@ impl Governor {
     pub(super) const fn new() -> Self {
         Self {
             level: 0.0,
-            owed: 0.0,
+            weights: Weights::new(),
             changed: Duration::ZERO,
             on_trial: None,
             patience: PATIENCE_FIRST,
@@ -67,19 +69,24 @@ impl Governor {
         }
     }
 
-    /// The precision for the next tiles.
-    pub(super) fn precision(&mut self, range: PrecisionRange) -> Precision {
+    /// The precision for the tiles of the message at `place` in the picture.
+    pub(super) fn precision(&mut self, range: PrecisionRange, place: u32) -> Precision {
         let (finest, coarsest) = (range.finest as usize, range.coarsest as usize);
         self.level = self.level.clamp(finest as f64, coarsest as f64);
-        let wanted = self.level + self.owed;
-        let stop = (wanted.round().max(0.0) as usize).clamp(finest, coarsest);
-        self.owed = (wanted - stop as f64).clamp(-1.0, 1.0);
-        Precision::ALL[stop]
+        let stops = self.weights.between(self.level);
+        let is_coarser = drawn(place) < stops.share;
+        let stop = if is_coarser {
+            stops.coarser
+        } else {
+            stops.finer
+        };
+        Precision::ALL[stop.clamp(finest, coarsest)]
     }
 
     /// Tiles have been encoded.
-    pub(super) fn offer(&mut self, bytes: usize) {
-        self.offered_bytes += bytes;
+    pub(super) fn offer(&mut self, message: Weighed) {
+        self.weights.learn(message);
+        self.offered_bytes += message.bytes;
     }
 
     /// The transport has looked at its path.
@@ -118,7 +125,8 @@ impl Governor {
         let asked = link.offered_bytes_per_sec / link.bytes_per_sec.max(1.0);
         let is_start = now.saturating_sub(began) < START && self.level < START_LEVEL;
         if is_start && asked > COARSER_LOAD {
-            self.change(now, coarser(self.level, link).max(START_LEVEL));
+            let level = self.coarser(link).max(START_LEVEL);
+            self.change(now, level);
             return;
         }
         if unchanged < SETTLES {
@@ -126,7 +134,7 @@ impl Governor {
         }
         if link.standing_wait_secs > STANDING_WAIT_SECS {
             if link.standing_wait_secs > DRAINS * waited_before {
-                self.change(now, coarser(self.level, link));
+                self.change(now, self.coarser(link));
             }
         } else if link.standing_wait_secs < 0.5 * STANDING_WAIT_SECS && self.level > 0.0 {
             let is_known = self.offered_per_sec < FINER_LOAD * link.bytes_per_sec;
@@ -145,6 +153,18 @@ impl Governor {
         }
     }
 
+    /// The level for a link on which tiles keep waiting: the finest of which it carries [`COARSER_LOAD`]
+    /// beside what waits, within [`DRAIN_SECS`].
+    fn coarser(&self, link: &LinkState) -> f64 {
+        let step = STEP_BACK + link.standing_wait_secs / STEP_BACK_SECS;
+        let free = COARSER_LOAD - link.standing_wait_secs / DRAIN_SECS;
+        let share = free * link.bytes_per_sec / link.offered_bytes_per_sec.max(1.0);
+        let level = self
+            .weights
+            .level_of(share * self.weights.weight(self.level));
+        level.max(self.level + step)
+    }
+
     /// Ends a trial that has failed.
     fn take_back(&mut self, now: Duration, before: f64) {
         self.patience = (2 * self.patience).clamp(PATIENCE_MIN, PATIENCE_MAX);
@@ -158,48 +178,21 @@ impl Governor {
     }
 }
 
-/// What [`coarser`] goes by.
+/// What [`Governor::coarser`] goes by.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct LinkState {
+struct LinkState {
     /// What the link carries.
-    pub(super) bytes_per_sec: f64,
+    bytes_per_sec: f64,
     /// What is asked of it, at the present level.
-    pub(super) offered_bytes_per_sec: f64,
+    offered_bytes_per_sec: f64,
     /// The least time that tiles have waited for it lately: bursts come and go, a queue stays.
-    pub(super) standing_wait_secs: f64,
+    standing_wait_secs: f64,
 }
 
-/// The level for a link on which tiles keep waiting: the finest of which it carries [`COARSER_LOAD`]
-/// beside what waits, within [`DRAIN_SECS`].
-pub(super) fn coarser(now: f64, link: &LinkState) -> f64 {
-    let step = STEP_BACK + link.standing_wait_secs / STEP_BACK_SECS;
-    let free = COARSER_LOAD - link.standing_wait_secs / DRAIN_SECS;
-    let share = free * link.bytes_per_sec / link.offered_bytes_per_sec.max(1.0);
-    level_of(share * weight(now)).max(now + step)
-}
-
-/// Bytes of a converged frame of each precision over those of an exact one, as `carom-farm bench
-/// codec` has them.
-const WEIGHTS: [f64; Precision::ALL.len()] = [1.0, 0.74, 0.65, 0.18, 0.07, 0.036];
-
-/// The same between the stops.
-fn weight(level: f64) -> f64 {
-    let finer = (level as usize).min(WEIGHTS.len() - 2);
-    let share = (level - finer as f64).min(1.0);
-    WEIGHTS[finer] + share * (WEIGHTS[finer + 1] - WEIGHTS[finer])
-}
-
-/// The finest level with at most this weight; the coarsest, if none has.
-fn level_of(weight: f64) -> f64 {
-    let lighter = WEIGHTS.iter().position(|stop| *stop <= weight);
-    match lighter {
-        Some(0) => 0.0,
-        Some(stop) => {
-            let (heavy, light) = (WEIGHTS[stop - 1], WEIGHTS[stop]);
-            stop as f64 - (weight - light) / (heavy - light)
-        }
-        None => (WEIGHTS.len() - 1) as f64,
-    }
+/// A number from 0 to 1 for each place, those of neighbours far from each other: multiples of the golden
+/// ratio.
+fn drawn(place: u32) -> f64 {
+    f64::from(place.wrapping_mul(0x9e37_79b9)) / 4_294_967_296.0
 }
 
 /// Two frames: shorter ones may hold a burst and no pause.
@@ -239,6 +232,8 @@ const DRAIN_SECS: f64 = 0.1;
 
 #[cfg(test)]
 mod tests {
+    use carom_protocol::tile_codec::Past;
+
     use super::*;
 
     fn link(megabits: f64, offered: f64, wait_ms: f64) -> LinkState {
@@ -249,64 +244,121 @@ mod tests {
         }
     }
 
+    fn at(level: f64) -> Governor {
+        Governor {
+            level,
+            ..Governor::new()
+        }
+    }
+
     #[test]
     fn a_link_that_is_too_slow_gets_what_it_carries_at_once() {
         for (megabits, offered) in [(450.0, 515.0), (130.0, 383.0), (50.0, 383.0), (25.0, 31.0)] {
-            let level = coarser(1.0, &link(megabits, offered, 5.0));
+            let governor = at(1.0);
+            let level = governor.coarser(&link(megabits, offered, 5.0));
+            let weight = |level| governor.weights.weight(level);
             let next = offered * weight(level) / weight(1.0);
             let share = next / megabits;
             assert!((0.5..0.86).contains(&share), "{share} of {megabits} Mbit/s");
         }
-        assert_eq!(coarser(1.0, &link(5.0, 383.0, 10.0)), 5.0);
+        assert_eq!(at(1.0).coarser(&link(5.0, 383.0, 10.0)), 5.0);
     }
 
     #[test]
     fn what_waits_already_asks_for_coarser_levels() {
-        let next = |wait_ms| coarser(0.0, &link(100.0, 110.0, wait_ms));
+        let next = |wait_ms| at(0.0).coarser(&link(100.0, 110.0, wait_ms));
         assert!(next(9.0) < next(40.0) && next(40.0) < next(120.0));
     }
 
-    #[test]
-    fn levels_and_weights_are_each_other() {
-        for level in 0..=50 {
-            let level = f64::from(level) / 10.0;
-            assert!((level_of(weight(level)) - level).abs() < 1e-9, "{level}");
-        }
-        assert_eq!((level_of(2.0), level_of(0.0)), (0.0, 5.0));
-    }
+    const ANY: PrecisionRange = PrecisionRange {
+        finest: Precision::Exact,
+        coarsest: Precision::Lossy50,
+    };
 
     #[test]
-    fn between_two_stops_messages_are_of_the_one_or_the_other() {
-        let range = PrecisionRange {
-            finest: Precision::Exact,
-            coarsest: Precision::Lossy50,
+    fn between_two_stops_messages_are_of_the_one_or_the_other_and_stay_so() {
+        let mut governor = at(3.3);
+        let mut chosen = || -> Vec<_> {
+            (0..100)
+                .map(|place| governor.precision(ANY, place))
+                .collect()
         };
-        let mut governor = Governor::new();
-        governor.level = 3.3;
-        let chosen: Vec<_> = (0..100).map(|_| governor.precision(range)).collect();
-        let coarse = chosen.iter().filter(|stop| **stop == Precision::Lossy75);
-        let fine = chosen.iter().filter(|stop| **stop == Precision::Lossy90);
-        assert_eq!((fine.count(), coarse.count()), (70, 30));
+        let first = chosen();
+        let coarse = first.iter().filter(|stop| **stop == Precision::Lossy75);
+        let fine = first.iter().filter(|stop| **stop == Precision::Lossy90);
+        let [fine, coarse] = [fine.count(), coarse.count()];
+        assert!(
+            fine + coarse == 100 && fine.abs_diff(70) < 3,
+            "{fine} {coarse}"
+        );
+        assert_eq!(chosen(), first);
         let only = PrecisionRange::only(Precision::Within2);
-        assert!((0..9).all(|_| governor.precision(only) == Precision::Within2));
+        assert!((0..9).all(|place| governor.precision(only, place) == Precision::Within2));
     }
 
-    /// A link that carries `megabits` at a frame's moment, 515 Mbit/s of exact pixels at 60 Hz, and
-    /// what does not fit waits until it is two frames old: for each frame what is sent of the link,
-    /// and how long its last tile waits, in seconds.
-    fn drive(megabits: impl Fn(u32) -> f64, frames: u32) -> Vec<(f64, f64)> {
+    /// What a message weighs at a stop, in a frame and after what was sent there before: bytes over those
+    /// of an exact one of a turning camera, and the share of its pixels that changes to the eye.
+    type Content = fn(frame: u32, stop: usize, before: Option<usize>) -> (f64, f64);
+
+    /// Whether a message can be told from the one before.
+    fn is_told(stop: usize, before: Option<usize>) -> bool {
+        before.is_some_and(|before| stop >= 3 || before < 3)
+    }
+
+    /// All changes at once.
+    fn turning(_: u32, stop: usize, _: Option<usize>) -> (f64, f64) {
+        ([1.0, 0.74, 0.65, 0.18, 0.07, 0.036][stop], 1.0)
+    }
+
+    /// A few balls roll under a still camera: 20 Mbit/s of exact pixels and 30 of JPEG 90. What was JPEG before is told
+    /// from nothing.
+    fn few_balls(_: u32, stop: usize, before: Option<usize>) -> (f64, f64) {
+        let changed = [0.05, 0.03, 0.025, 0.05, 0.05, 0.05][stop];
+        match is_told(stop, before) {
+            true => ([0.039, 0.022, 0.017, 0.058, 0.021, 0.015][stop], changed),
+            false => (turning(0, stop, before).0, changed),
+        }
+    }
+
+    /// A frame as it was sent.
+    struct Sent {
+        /// Of what the link carries in a frame.
+        share: f64,
+        /// Seconds that its last tile waits.
+        wait: f64,
+        /// Messages of each stop.
+        stops: [u32; 6],
+    }
+
+    /// A link that carries `megabits` at a frame's moment, 515 Mbit/s of exact pixels at 60 Hz of a
+    /// turning camera, and what does not fit waits until it is two frames old.
+    fn drive(megabits: impl Fn(u32) -> f64, content: Content, frames: u32) -> Vec<Sent> {
         let mut governor = Governor::new();
-        let range = PrecisionRange {
-            finest: Precision::Exact,
-            coarsest: Precision::Lossy50,
-        };
         let (mut before, mut current, mut step) = (0.0, 0.0, 0);
-        let mut message = |rate: f64, begins: bool| {
-            if begins {
+        let mut held = [None; 16];
+        let mut message = |frame: u32, rate: f64, place: usize, stops: &mut [u32; 6]| {
+            if place == 0 {
                 (before, current) = (current, 0.0);
             }
-            let bytes = 515e6 / 8.0 / 960.0 * WEIGHTS[governor.precision(range) as usize];
-            governor.offer(bytes as usize);
+            let precision = governor.precision(ANY, place as u32);
+            let stop = precision as usize;
+            stops[stop] += 1;
+            let last = held[place].replace(stop);
+            let (weight, changed) = content(frame, stop, last);
+            let pixels = 515e6 / 8.0 / 960.0 / 0.37;
+            let bytes = 0.37 * pixels * weight;
+            let known = if last.is_some() { pixels } else { 0.0 };
+            let whole = if is_told(stop, last) { 0.0 } else { pixels };
+            governor.offer(Weighed {
+                precision,
+                pixels: pixels as usize,
+                past: Past {
+                    known: known as usize,
+                    changed: (known * changed) as usize,
+                    whole: whole as usize,
+                },
+                bytes: bytes as usize,
+            });
             let carried = rate / 960.0;
             let first = f64::min(before, carried);
             (before, current) = (
@@ -323,9 +375,14 @@ mod tests {
         };
         let frame = |frame| {
             let rate = megabits(frame) * 125e3;
-            let sent: Vec<(f64, f64)> = (0..16).map(|index| message(rate, index == 0)).collect();
-            let bytes: f64 = sent.iter().map(|(bytes, _)| bytes).sum();
-            (bytes * 60.0 / rate, sent[15].1)
+            let mut stops = [0; 6];
+            let (mut bytes, mut wait) = (0.0, 0.0);
+            for place in 0..16 {
+                let sent = message(frame, rate, place, &mut stops);
+                (bytes, wait) = (bytes + sent.0, sent.1);
+            }
+            let share = bytes * 60.0 / rate;
+            Sent { share, wait, stops }
         };
         (0..frames).map(frame).collect()
     }
@@ -333,15 +390,14 @@ mod tests {
     #[test]
     fn it_settles_within_ten_frames_and_uses_the_link() {
         for megabits in [22.0, 25.0, 50.0, 100.0, 250.0, 400.0, 500.0, 1000.0] {
-            let frames = drive(|_| megabits, 1800);
-            let is_slow = |(_, wait): &&(f64, f64)| *wait > 0.0333;
-            let slow = frames.iter().filter(is_slow).count();
+            let frames = drive(|_| megabits, turning, 1800);
+            let slow = frames.iter().filter(|frame| frame.wait > 0.0333).count();
             assert!(slow < 10, "{slow} slow frames at {megabits} Mbit/s");
-            let longest = frames[60..].iter().map(|(_, wait)| *wait);
+            let longest = frames[60..].iter().map(|frame| frame.wait);
             let longest = longest.fold(0.0, f64::max);
             assert!(longest < 0.0167, "{longest} s at {megabits} Mbit/s");
             let settled = &frames[600..];
-            let used = settled.iter().map(|(used, _)| used).sum::<f64>() / settled.len() as f64;
+            let used = settled.iter().map(|frame| frame.share).sum::<f64>() / settled.len() as f64;
             let most = f64::min(515.0 / megabits, 1.0);
             assert!(used > 0.8 * most, "{used} of {megabits} Mbit/s");
         }
@@ -349,9 +405,47 @@ mod tests {
 
     #[test]
     fn a_link_that_gets_faster_is_used() {
-        let frames = drive(|frame| if frame < 600 { 25.0 } else { 1000.0 }, 4800);
-        assert!(frames[599].0 <= 1.1, "{:?}", frames[599]);
-        assert!(frames[4799].0 > 0.51, "{:?}", frames[4799]);
+        let megabits = |frame| if frame < 600 { 25.0 } else { 1000.0 };
+        let frames = drive(megabits, turning, 4800);
+        assert!(frames[599].share <= 1.1, "{}", frames[599].share);
+        assert!(frames[4799].share > 0.51, "{}", frames[4799].share);
+    }
+
+    /// JPEG only while the first picture comes.
+    #[test]
+    fn a_still_camera_gets_exact_pixels_where_they_fit_though_jpeg_weighs_more() {
+        let frames = drive(|_| 25.0, few_balls, 1800);
+        let lossy = |sent: &Sent| sent.stops[3..].iter().sum::<u32>();
+        let last = frames.iter().rposition(|frame| lossy(frame) > 0);
+        assert!(last.is_none_or(|last| last < 300), "JPEG in frame {last:?}");
+        let settled = &frames[600..];
+        assert!(settled.iter().all(|frame| frame.stops[0] == 16));
+        assert!(settled.iter().all(|frame| frame.wait < 0.0167));
+    }
+
+    #[test]
+    fn a_camera_that_begins_to_turn_gets_coarser_and_back_to_exact_when_it_stops() {
+        let content: Content = |frame, stop, before| match frame {
+            600..1200 => turning(frame, stop, before),
+            _ => few_balls(frame, stop, before),
+        };
+        let frames = drive(|_| 25.0, content, 2400);
+        let late = frames[610..1200].iter().filter(|frame| frame.wait > 0.0333);
+        assert!(late.count() < 10);
+        assert!(frames[700..1200].iter().all(|frame| frame.share < 1.1));
+        assert!(frames[1800..].iter().all(|frame| frame.stops[0] == 16));
+        // Up and down again only as the camera starts and stops.
+        let level = |sent: &Sent| {
+            (0..6)
+                .map(|stop| stop as u32 * sent.stops[stop])
+                .sum::<u32>()
+        };
+        let levels: Vec<u32> = frames[640..1200].iter().map(level).collect();
+        let turns = levels
+            .windows(2)
+            .filter(|pair| pair[1] > pair[0] + 4)
+            .count();
+        assert!(turns < 5, "{turns} steps down");
     }
 
     /// Nothing waits yet, as the first window takes it all.
@@ -360,7 +454,12 @@ mod tests {
         for (megabits, is_coarser) in [(20.0, true), (100.0, false)] {
             let mut governor = Governor::new();
             for message in 0..48u32 {
-                governor.offer(4061);
+                governor.offer(Weighed {
+                    precision: Precision::Exact,
+                    pixels: 1352,
+                    past: Past::default(),
+                    bytes: 4061,
+                });
                 let link = LinkMeasure {
                     bytes_per_sec: megabits * 125e3,
                     waiting_bytes: 0,

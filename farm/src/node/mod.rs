@@ -14,6 +14,7 @@
 mod connection;
 mod governor;
 mod queue;
+mod weights;
 mod worker;
 
 use std::sync::Arc;
