@@ -105,6 +105,11 @@ impl Path {
         Some(self.arrived)
     }
 
+    /// How long a packet that is sent `now` waits for those before it.
+    pub(crate) fn queue_delay(&self, now: Duration) -> Duration {
+        self.free_at.saturating_sub(now)
+    }
+
     /// The chain of Gilbert (1960): bursts begin so often that the share is right.
     fn loses(&mut self) -> bool {
         let PathConfig { loss, burst, .. } = self.config;

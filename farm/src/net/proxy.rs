@@ -2,7 +2,7 @@
 //! where there is none.
 
 use std::cmp::Reverse;
-use std::collections::{BTreeMap, BinaryHeap};
+use std::collections::{BTreeMap, BinaryHeap, VecDeque};
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -36,6 +36,8 @@ struct Shared {
     changed: Condvar,
     passed: AtomicU64,
     lost: AtomicU64,
+    /// Of the server's packets.
+    queue_delays: Mutex<VecDeque<Duration>>,
     began: Instant,
 }
 
@@ -80,6 +82,7 @@ impl Proxy {
             changed: Condvar::new(),
             passed: AtomicU64::new(0),
             lost: AtomicU64::new(0),
+            queue_delays: Mutex::default(),
             began: Instant::now(),
         });
         let mut proxy = Self {
@@ -104,6 +107,12 @@ impl Proxy {
             passed: self.shared.passed.load(Ordering::Relaxed),
             lost: self.shared.lost.load(Ordering::Relaxed),
         }
+    }
+
+    /// How long the server's packets have waited for the rate since the last call, the latest
+    /// 65,536 of them.
+    pub fn take_queue_delays(&self) -> Vec<Duration> {
+        lock(&self.shared.queue_delays).drain(..).collect()
     }
 
     fn spawn(&mut self, work: impl FnOnce() + Send + 'static) -> io::Result<()> {
@@ -183,6 +192,7 @@ impl Shared {
             let mut buffer = vec![0; PACKET_BYTES_MAX];
             while !shared.stopped() {
                 if let Ok((length, _)) = receive.recv_from(&mut buffer) {
+                    shared.note(back.queue_delay(shared.began.elapsed()));
                     shared.send(&mut back, &socket, from, &buffer[..length]);
                 }
             }
@@ -213,6 +223,14 @@ impl Shared {
         due.packets.push(Reverse(packet));
         drop(due);
         self.changed.notify_one();
+    }
+
+    fn note(&self, queue_delay: Duration) {
+        let mut delays = lock(&self.queue_delays);
+        if delays.len() == PACKETS_MAX {
+            delays.pop_front();
+        }
+        delays.push_back(queue_delay);
     }
 
     /// Sends each packet when it is due.
@@ -253,8 +271,8 @@ fn open(address: SocketAddr) -> io::Result<UdpSocket> {
     Ok(socket)
 }
 
-fn lock(due: &Mutex<Due>) -> MutexGuard<'_, Due> {
-    due.lock().unwrap_or_else(PoisonError::into_inner)
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl PartialEq for Packet {

@@ -32,7 +32,9 @@ use crate::commands::inputs;
 /// is of a node that has its messages ready, the transport alone, which shall take at most 1 ms, and
 /// "bare" the same bytes over bare sockets, which tells how quiet the machine is. All is of what comes after the
 /// first second; of that, "slow start" counts the frames that lack a tile or have one that is more
-/// than two frames later than the path.
+/// than two frames later than the path. "queue ms" is of packets in the queue of the path's slowest
+/// link, 99 of 100 wait no longer there; the rest of a tile's time is the path's own, that
+/// of its own packets on that link, and what it waits for its turn at the node.
 ///
 /// Carom sends by delay, and where the path is long and loses packets as datagrams with forward
 /// error correction; "streams" is the same without datagrams, BBR and Cubic are quinn's own control
@@ -68,6 +70,9 @@ struct Row {
     precision: &'static str,
     p50_ms: f64,
     p99_ms: f64,
+    /// Of packets behind others in the queue of the path's slowest link, the 99th of 100; absent without
+    /// such a link.
+    queue_p99_ms: Option<f64>,
     /// Frames of the first second of which a tile is missing or more than two frames late.
     start_slow_frames: usize,
     /// Of messages, in percent.
@@ -157,8 +162,16 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut report = Report { runs: Vec::new() };
     if !args.json {
         println!(
-            "{:<20} {:<7} {:<9} {:>8} {:>8} {:>9} {:>7} {:>10}",
-            "path", "by", "precision", "p50 ms", "p99 ms", "missing", "Mbit/s", "slow start"
+            "{:<20} {:<7} {:<9} {:>8} {:>8} {:>9} {:>9} {:>7} {:>10}",
+            "path",
+            "by",
+            "precision",
+            "p50 ms",
+            "p99 ms",
+            "queue ms",
+            "missing",
+            "Mbit/s",
+            "slow start"
         );
     }
     let wanted = |case: &Case| {
@@ -204,6 +217,7 @@ fn bare(args: &Args) -> Result<Row, Failure> {
         precision: "exact",
         p50_ms: quantile(&times, 0.5),
         p99_ms: quantile(&times, 0.99),
+        queue_p99_ms: None,
         start_slow_frames: 0,
         missing_percent: 100.0 * (1.0 - share),
         mbit_per_second: share * 65_536.0 * 8e-6 / PERIOD.as_secs_f64(),
@@ -211,13 +225,16 @@ fn bare(args: &Args) -> Result<Row, Failure> {
 }
 
 fn print_row(row: &Row) {
+    let queue = row.queue_p99_ms;
+    let queue = queue.map_or_else(|| "-".to_owned(), |ms| format!("{ms:.1}"));
     println!(
-        "{:<20} {:<7} {:<9} {:>8.2} {:>8.2} {:>7.2} % {:>7.1} {:>10}",
+        "{:<20} {:<7} {:<9} {:>8.2} {:>8.2} {:>9} {:>7.2} % {:>7.1} {:>10}",
         row.path,
         row.sender,
         row.precision,
         row.p50_ms,
         row.p99_ms,
+        queue,
         row.missing_percent,
         row.mbit_per_second,
         row.start_slow_frames
@@ -232,7 +249,7 @@ struct Setup {
     stop: Stop,
     server: Option<std::thread::JoinHandle<()>>,
     _client: Client,
-    _proxy: Option<Proxy>,
+    proxy: Option<Proxy>,
 }
 
 impl Setup {
@@ -284,8 +301,20 @@ impl Setup {
             stop,
             server: Some(std::thread::spawn(serve)),
             _client: client,
-            _proxy: proxy,
+            proxy,
         })
+    }
+
+    /// Of packets since the last call; none without a slowest link.
+    fn queue_p99_ms(&self, case: &Case) -> Option<f64> {
+        let (proxy, _) = (self.proxy.as_ref()?, case.path?.rate?);
+        let delays = proxy.take_queue_delays();
+        let mut ms: Vec<f64> = delays
+            .iter()
+            .map(|delay| delay.as_secs_f64() * 1e3)
+            .collect();
+        ms.sort_unstable_by(f64::total_cmp);
+        Some(quantile(&ms, 0.99))
     }
 
     /// Waits for an event that `wanted` accepts.
@@ -329,6 +358,9 @@ fn measure(
     for frame in 0..=frames + DEADLINE_FRAMES {
         let due = began + PERIOD.mul_f64(frame as f64);
         arrivals.collect(&setup, due, case.path.is_none())?;
+        if frame == START {
+            let _ = setup.queue_p99_ms(case); // of the start
+        }
         if frame < frames {
             arrivals.requested.push(Instant::now());
             setup.link.send(Command::Trace(request(hash, frame)));
@@ -336,7 +368,11 @@ fn measure(
         let stale = frame.saturating_sub(DEADLINE_FRAMES);
         setup.link.send(Command::CancelBefore(FrameId(stale)));
     }
-    Ok(arrivals.row(args, case, sender))
+    let queue_p99_ms = setup.queue_p99_ms(case);
+    Ok(Row {
+        queue_p99_ms,
+        ..arrivals.row(args, case, sender)
+    })
 }
 
 fn request(scene: SceneHash, frame: u64) -> Box<TraceRequest> {
@@ -424,6 +460,7 @@ impl Arrivals {
             precision: if case.governed { "governed" } else { "exact" },
             p50_ms: quantile(&times, 0.5),
             p99_ms: quantile(&times, 0.99),
+            queue_p99_ms: None,
             start_slow_frames: self.start_slow_frames(case),
             missing_percent: 100.0 * (1.0 - f64::from(messages) / asked),
             mbit_per_second: 8e-6 * bytes as f64 / (frames * PERIOD.as_secs_f64()),
