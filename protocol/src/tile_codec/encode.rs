@@ -43,7 +43,7 @@ impl Encoder {
             splitter: Splitter::default(),
             numbers: Numbers::default(),
             changes: Changes::new(),
-            spare_nanos: SPARE_NANOS_MAX,
+            spare_nanos: 0.0,
             past: Past::default(),
             level: Level::new(),
         }
