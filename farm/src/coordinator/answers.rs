@@ -83,13 +83,13 @@ impl Coordinator {
     /// Takes note of how long tiles took.
     fn receive(&mut self, now: f64, index: NodeIndex, id: RunId, tiles: TileRun, micros: u32) {
         let node = &mut self.nodes[index.0];
-        if let Some(expected) = node.next_message(None)
-            && node.is_next(id)
-        {
-            node.observe_lateness(id, now - expected);
-        }
-        self.unheld |= node.hear(now, id);
         let line = node.delivered();
+        let Some(of_frame) = node.runs.get(&id).map(|run| run.frame) else {
+            return;
+        };
+        node.observe_lateness(now, id);
+        let is_first = node.begins_with(of_frame);
+        self.unheld |= node.hear(now, id, of_frame);
         let Some(run) = node.runs.get_mut(&id) else {
             return;
         };
@@ -103,8 +103,7 @@ impl Coordinator {
             frame.note_busy(index, busy_secs);
             run.pieces.push((tiles, work, busy_secs));
         }
-        run.receive(now, tiles, work, busy_secs, line);
-        let of_frame = run.frame;
+        run.receive(now, tiles, work, busy_secs, line, is_first);
         node.prove(of_frame, work);
         if node.delivered().is_none() {
             self.learn(index, id, false);
@@ -174,6 +173,8 @@ impl Coordinator {
         let id = frame.id;
         if frame.finish(now) {
             self.release(now, id);
+        } else {
+            self.take_back_needless(now, id, tiles);
         }
     }
 
@@ -242,8 +243,8 @@ impl Coordinator {
         if let Some(run) = node.runs.remove(&id) {
             self.unheld |= run.tiles_received < run.tiles.count;
             node.lose(&run);
+            self.unheld |= node.hear(now, id, run.frame) || !had_room;
         }
-        self.unheld |= node.hear(now, id) || !had_room;
     }
 
     /// Tells the estimator, and the balancers if it has ended, how a run went, if anything came.

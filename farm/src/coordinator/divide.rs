@@ -82,6 +82,7 @@ impl Coordinator {
                 let lost = pieces.iter().map(|run| run.count).sum::<u32>();
                 frame.stats.reissued_tiles += lost;
                 frame.stats.lost_tiles += lost;
+                frame.asked_again.extend(&pieces);
                 self.divide_pieces(now, id, &pieces, &nodes);
             } else {
                 frame.divided = true;
@@ -119,7 +120,7 @@ impl Coordinator {
 
     fn divide_whole(&mut self, now: f64, id: FrameId, nodes: &[NodeIndex]) {
         let period_secs = self.frames.period_secs();
-        let candidates = self.candidates(now, nodes);
+        let candidates = self.candidates(now, id, nodes);
         let Some(frame) = self.frames.by_id(id) else {
             return;
         };
@@ -153,12 +154,11 @@ impl Coordinator {
             }
         };
         for (node, runs) in &runs {
+            let mut shares = Vec::new();
             for run in runs {
-                let most = self.parts_most(id, *node, *run);
-                for part in parts(*run, most) {
-                    self.ask(now, id, *node, part, false);
-                }
+                shares.extend(parts(*run, self.parts_most(id, *node, *run)));
             }
+            self.ask(now, id, *node, &shares, false);
         }
         if self.balancing.algorithm == Algorithm::WaterFilling {
             let left_out = usable(&self.nodes, scene);
@@ -189,7 +189,7 @@ impl Coordinator {
     }
 
     fn divide_pieces(&mut self, now: f64, id: FrameId, pieces: &[TileRun], nodes: &[NodeIndex]) {
-        let candidates = self.candidates(now, nodes);
+        let candidates = self.candidates(now, id, nodes);
         let Some(frame) = self.frames.by_id(id) else {
             return;
         };
@@ -201,8 +201,7 @@ impl Coordinator {
         });
         let deal = frame.work.deal(pieces, &lines);
         for (node, runs) in nodes.iter().zip(deal.runs) {
-            runs.into_iter()
-                .for_each(|run| self.ask(now, id, *node, run, false));
+            self.ask(now, id, *node, &runs, false);
         }
         self.aim(now, id);
     }
@@ -215,7 +214,7 @@ impl Coordinator {
         let nodes = self.nodes.iter().filter(|node| node.is_open()).count();
         for id in self.frames.unfinished() {
             while let Some(tiles) = self.portion(index, id, nodes) {
-                self.ask(now, id, index, tiles, false);
+                self.ask(now, id, index, &[tiles], false);
                 self.set_hedge(now, id);
             }
         }
@@ -289,47 +288,59 @@ impl Coordinator {
             };
             let units = u64::from(frame.passes.all().count);
             let first = (id.0.wrapping_add(index.0 as u64) % units) as u32;
-            self.ask(now, id, *index, TileRun { first, count: 1 }, true);
+            self.ask(now, id, *index, &[TileRun { first, count: 1 }], true);
         }
     }
 
-    /// Asks a node for tiles, in several requests if they are many.
+    /// Asks a node for tiles, a run of them after the other, in several requests where they are many.
     pub(super) fn ask(
         &mut self,
         now: f64,
         id: FrameId,
         node: NodeIndex,
-        tiles: TileRun,
+        tiles: &[TileRun],
         probe: bool,
     ) {
-        let Some(frame) = self.frames.by_id(id) else {
+        let Some(frame) = self.frames.by_id(id).filter(|_| !tiles.is_empty()) else {
             return;
         };
+        let mut wait_secs = self.nodes[node.0].wait_secs(now, id);
         let passes = frame.passes;
         let tile_samples =
             u64::from(passes.grid.edge).pow(2) * u64::from(frame.spec.settings.samples);
         let most =
             (RUN_SAMPLES_MAX / tile_samples.max(1)).clamp(1, u64::from(RUN_TILES_MAX)) as u32;
-        for run in passes.split(tiles) {
+        for run in tiles.iter().flat_map(|run| passes.split(*run)) {
             for first in run.indices().step_by(most as usize) {
                 let count = most.min(run.end() - first);
-                self.ask_run(now, id, node, TileRun { first, count }, probe);
+                let tiles = TileRun { first, count };
+                wait_secs += self.ask_run(now, id, node, tiles, probe, wait_secs);
             }
         }
     }
 
-    fn ask_run(&mut self, now: f64, id: FrameId, index: NodeIndex, tiles: TileRun, probe: bool) {
+    /// Asks a node for tiles, which wait there for others for `wait_secs`. Returns for how long it should
+    /// be busy with them.
+    fn ask_run(
+        &mut self,
+        now: f64,
+        id: FrameId,
+        index: NodeIndex,
+        tiles: TileRun,
+        probe: bool,
+        wait_secs: f64,
+    ) -> f64 {
         let node = &mut self.nodes[index.0];
         let Some(frame) = self.frames.by_id(id) else {
-            return;
+            return 0.0;
         };
         if !node.has_room() {
-            return; // handed out again when a run of this node ends
+            return 0.0; // handed out again when a run of this node ends
         }
         let work = frame.work.of(tiles);
-        let wait_secs = node.wait_secs(now);
-        let finish = |line: Estimate| line.fixed_secs + wait_secs + line.secs_per_work * work;
-        let expected = node.delivered().map(|line| now + finish(line));
+        let line = node.delivered();
+        let busy_secs = line.map_or(0.0, |line| line.secs_per_work * work);
+        let expected = line.map(|line| now + line.fixed_secs + wait_secs + busy_secs);
         self.last_run = RunId(self.last_run.0 + 1);
         let mut run = Run::new(now, id, frame.passes, tiles, work);
         (run.expected, run.probe) = (expected, probe);
@@ -356,16 +367,17 @@ impl Coordinator {
         self.command(index, scene);
         self.command(index, Command::Trace(request));
         self.arm(index);
+        busy_secs
     }
 
-    fn candidates(&self, now: f64, nodes: &[NodeIndex]) -> Vec<Candidate> {
+    fn candidates(&self, now: f64, frame: FrameId, nodes: &[NodeIndex]) -> Vec<Candidate> {
         let hedged = self.balancing.hedged;
         let candidate = |index: &NodeIndex| {
             let node = &self.nodes[index.0];
             Candidate {
                 node: *index,
                 estimate: node.estimate(),
-                wait_secs: node.wait_secs(now),
+                wait_secs: node.wait_secs(now, frame),
                 proven_work: node.proven_work,
                 mute_work: node.rhythm.mute_work(),
                 guard_secs: if hedged {

@@ -67,6 +67,12 @@ impl Film {
         self.missing == 0
     }
 
+    pub(super) fn has(&self, run: TileRun) -> bool {
+        self.filled[run.first as usize..run.end() as usize]
+            .iter()
+            .all(|filled| *filled)
+    }
+
     /// The units from `range` that are not there and that `wanted` accepts.
     pub(super) fn missing(&self, range: TileRun, wanted: impl Fn(u32) -> bool) -> Vec<TileRun> {
         let mut runs = Vec::new();

@@ -14,7 +14,7 @@ use carom_protocol::FrameId;
 use carom_tracer::TileRun;
 
 use super::balancer::{Estimate, Line, fill};
-use super::progress::Prospect;
+use super::progress::{Prospect, begins_after};
 use super::roster::Node;
 use super::run::Run;
 use super::spare::Spare;
@@ -197,8 +197,36 @@ impl Coordinator {
             for run in cancelled {
                 self.command(index, Command::CancelRun(run));
             }
-            kept.into_iter()
-                .for_each(|run| self.ask(now, id, index, run, false));
+            self.ask(now, id, index, &kept, false);
+        }
+    }
+
+    /// Takes back what is still asked for of a frame and has come from others with `tiles`, of nodes
+    /// that have more to do: how long it takes the others teaches something.
+    pub(super) fn take_back_needless(&mut self, now: f64, id: FrameId, tiles: TileRun) {
+        let meets = |run: &TileRun| run.first < tiles.end() && tiles.first < run.end();
+        let Some(frame) = self.frames.by_id(id) else {
+            return;
+        };
+        let Some(film) = frame.film.as_ref() else {
+            return;
+        };
+        if !frame.asked_again.iter().any(meets) {
+            return;
+        }
+        let is_needless =
+            |run: &Run| run.frame == id && run.counts() && meets(&run.tiles) && film.has(run.tiles);
+        let mut needless = Vec::new();
+        for (index, node) in self.nodes.iter().enumerate() {
+            let open = node.runs.iter().filter(|(_, run)| run.outstanding() > 0.0);
+            let (unwanted, wanted): (Vec<_>, Vec<_>) = open.partition(|(_, run)| is_needless(run));
+            if !wanted.is_empty() {
+                needless.extend(unwanted.iter().map(|(run, _)| (NodeIndex(index), **run)));
+            }
+        }
+        for (node, run) in needless {
+            self.give_up(now, node, run);
+            self.command(node, Command::CancelRun(run));
         }
     }
 
@@ -210,19 +238,19 @@ impl Coordinator {
         grave: f64,
         runs: Vec<Vec<TileRun>>,
     ) {
-        let runs = forecast.helpers.iter().zip(runs);
-        for (node, run) in
-            runs.flat_map(|(node, runs)| runs.into_iter().map(move |run| (node, run)))
-        {
-            if let Some(frame) = self.frames.by_id(id) {
+        for (node, runs) in forecast.helpers.iter().zip(runs) {
+            let Some(frame) = self.frames.by_id(id) else {
+                return;
+            };
+            frame.asked_again.extend(&runs);
+            for run in &runs {
                 frame.stats.reissued_tiles += run.count;
-                let twice = run.indices().filter(|tile| !forecast.free[*tile as usize]);
-                for tile in twice {
+                for tile in run.indices().filter(|tile| !forecast.free[*tile as usize]) {
                     let is_grave = forecast.arrivals[tile as usize] > grave;
                     self.spare.take(frame.work.of(one(tile)), is_grave);
                 }
             }
-            self.ask(now, id, *node, run, false);
+            self.ask(now, id, *node, &runs, false);
         }
     }
 
@@ -237,14 +265,13 @@ impl Coordinator {
         let mut free_tiles = vec![true; arrivals.len()];
         let (mut lines, mut helpers, mut help) = (Vec::new(), Vec::new(), Vec::new());
         for (index, node) in self.nodes.iter().enumerate() {
-            let mut free = now;
-            for prospect in node.prospects(now, newcomer) {
-                free = prospect.finish();
+            let prospects = node.prospects(now, newcomer);
+            for prospect in &prospects {
                 let run = &node.runs[&prospect.run];
                 if prospect.frame != id || run.probe || node.silent_since.is_some() {
                     continue;
                 }
-                let is_free = is_free(now, run, &prospect, node.delivered());
+                let is_free = is_free(now, run, prospect, node.delivered());
                 let mut at = prospect.begin;
                 for tile in film
                     .missing(run.tiles, |_| true)
@@ -267,7 +294,7 @@ impl Coordinator {
                 help.push(Line {
                     mute_work: node.rhythm.mute_work(),
                     guard_secs: node.rhythm.guard_secs(),
-                    ..Line::new(free.max(comes), line.secs_per_work)
+                    ..Line::new(begins_after(&prospects, id, comes), line.secs_per_work)
                 });
             }
         }
@@ -318,19 +345,11 @@ impl Forecast {
     }
 }
 
-/// Whether a node can be told in time not to begin with a run: half a round trip after it has
-/// been told, it must not have come to it. What is late may merely be late on its way; a node that is
-/// seen to have slowed down has not come as far as was expected.
+/// Whether a node with that line can be told in time not to begin with a run: half a round trip after it
+/// has been told, it must not have come to it. What is late may merely be late on its way.
 fn is_free(now: f64, run: &Run, prospect: &Prospect, line: Option<Estimate>) -> bool {
-    let (Some(expected), Some(line)) = (run.expected, line) else {
-        return false;
-    };
-    let begin = if prospect.pace > line.secs_per_work {
-        prospect.begin
-    } else {
-        expected - line.secs_per_work * run.work
-    };
-    run.tiles_received == 0 && begin > now + line.fixed_secs
+    let told = |line: Estimate| now + line.fixed_secs + SOONER * (prospect.soonest - now);
+    run.tiles_received == 0 && line.is_some_and(|line| prospect.soonest > told(line))
 }
 
 fn one(first: u32) -> TileRun {
@@ -342,6 +361,8 @@ const PRICE: f64 = 8.0;
 /// A tile is gravely late if its frame takes this many times as long as planned for it. What there is
 /// in reserve for these makes three of four late frames after a fault punctual.
 const GRAVE_SHARE: f64 = 1.25;
+/// Share of the time until a node should begin with a run by which it may be earlier.
+const SOONER: f64 = 0.1;
 /// Seconds between two looks at a frame.
 const LOOK_PAUSE_SECS: f64 = 0.5e-3;
 /// The next look after one at which a message was late: when it is late by this share more.

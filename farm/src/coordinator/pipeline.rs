@@ -25,6 +25,8 @@ pub(super) struct FrameInFlight {
     pub(super) film: Option<Film>,
     /// Whether its tiles have been handed out once.
     pub(super) divided: bool,
+    /// What more than one node has been asked for.
+    pub(super) asked_again: Vec<TileRun>,
     /// Tiles that nodes have not taken yet, where they take them as they can.
     pub(super) pool: TileRun,
     /// When it should be whole.
@@ -69,6 +71,7 @@ impl FrameInFlight {
             passes,
             submitted: now,
             divided: false,
+            asked_again: Vec::new(),
             pool: TileRun { first: 0, count: 0 },
             target: f64::INFINITY,
             planned_secs: f64::INFINITY,

@@ -1,12 +1,15 @@
 //! How far nodes are with what they have been asked for, and when each part of it should come.
 //!
-//! A node works on one run after the other and sends tiles as they finish, so that what it has
-//! sent tells how late the rest will be, long before the end.
+//! A node works on one run after the other, of the oldest frame first, and sends tiles as they finish,
+//! so that what it has sent tells how late the rest will be, long before the end.
+
+use std::cmp::Ordering;
+
+use carom_protocol::{FrameId, RunId};
 
 use super::balancer::Estimate;
 use super::roster::Node;
 use super::run::Run;
-use carom_protocol::{FrameId, RunId};
 
 /// A run that is still wanted, as it should go on.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,6 +19,8 @@ pub(super) struct Prospect {
     /// When the first of its missing work begins to count, by the client's clock: the last missing
     /// tile comes at `begin + pace · outstanding`.
     pub(super) begin: f64,
+    /// The same if what is late is merely late on its way.
+    pub(super) soonest: f64,
     /// Seconds per unit of work.
     pub(super) pace: f64,
     pub(super) outstanding: f64,
@@ -36,22 +41,38 @@ pub(super) struct Rhythm {
     burst_share: f64,
     /// The most work of the last runs.
     usual_work: f64,
-    /// Mean deviation of messages from when they were expected, in seconds.
-    deviation_secs: f64,
-    /// How often that has been seen.
-    messages: u32,
+    /// Of all messages.
+    lateness: Lateness,
+    /// Of the first ones of frames: what is late then is on its way, or its node pauses.
+    first_lateness: Lateness,
     /// Grows when the node was taken for lost and was not.
     caution: f64,
 }
 
-impl Rhythm {
-    /// Takes note of how far a message was from when it was expected.
-    pub(super) fn observe(&mut self, lateness_secs: f64) {
+/// Mean deviation of messages from when they were expected.
+#[derive(Clone, Copy, Debug, Default)]
+struct Lateness {
+    deviation_secs: f64,
+    messages: u32,
+}
+
+impl Lateness {
+    fn observe(&mut self, secs: f64) {
         let most = OUTLIER * self.deviation_secs + OUTLIER_SECS;
-        let error = lateness_secs.abs().min(most);
+        let error = secs.abs().min(most);
         self.messages = self.messages.saturating_add(1);
         let gain = DEVIATION_GAIN.max(1.0 / f64::from(self.messages));
         self.deviation_secs += gain * (error - self.deviation_secs);
+    }
+}
+
+impl Rhythm {
+    /// Takes note of how far a message was from when it was expected, the first of a frame or another.
+    pub(super) fn observe(&mut self, lateness_secs: f64, is_first: bool) {
+        self.lateness.observe(lateness_secs);
+        if is_first {
+            self.first_lateness.observe(lateness_secs);
+        }
         self.caution *= CAUTION_KEPT;
     }
 
@@ -77,7 +98,7 @@ impl Rhythm {
 
     /// Seconds by which a message may well be late.
     pub(super) fn guard_secs(&self) -> f64 {
-        GUARD_FACTOR * self.deviation_secs
+        GUARD_FACTOR * self.lateness.deviation_secs
     }
 
     /// Takes note that the node was not lost after all.
@@ -98,10 +119,19 @@ impl Rhythm {
     }
 
     /// Seconds that a message may be late before its node counts as lost; absent until enough
-    /// has been seen.
-    fn patience_secs(&self) -> Option<f64> {
-        let secs = (LOST_FACTOR * self.deviation_secs).max(LOST_SECS_MIN);
-        (self.messages >= MESSAGES_MIN).then_some(secs * (1.0 + self.caution))
+    /// has been seen. More of one that holds `several_frames`: all of them would be traced twice.
+    fn patience_secs(&self, several_frames: bool) -> Option<f64> {
+        let Lateness {
+            deviation_secs,
+            messages,
+        } = self.first_lateness;
+        let factor = if several_frames {
+            LOST_FACTOR_SEVERAL
+        } else {
+            LOST_FACTOR
+        };
+        let secs = (factor * deviation_secs).max(LOST_SECS_MIN);
+        (messages >= MESSAGES_MIN).then_some(secs * (1.0 + self.caution))
     }
 }
 
@@ -132,6 +162,36 @@ impl Drift {
     }
 }
 
+/// Among runs in the order of their frames, the place of the one that a node turns to when it is
+/// through with all before at `free`: of those that have reached it by then the oldest frame's, else
+/// the one that reaches it first.
+fn served_next(waiting: &[(&RunId, &Run)], line: Estimate, free: Option<f64>) -> usize {
+    let is_there = |(_, run): &(&RunId, &Run)| free.is_some_and(|free| run.begins(line) <= free);
+    let sooner = |a: &usize, b: &usize| earlier(waiting[*a].1, waiting[*b].1, line);
+    let there = waiting.iter().position(is_there);
+    let first = || (0..waiting.len()).min_by(sooner);
+    there.or_else(first).unwrap_or(0)
+}
+
+/// Which run of a node counts from earlier on; what it has begun comes first.
+fn earlier(a: &Run, b: &Run, line: Estimate) -> Ordering {
+    let waits = |run: &Run| run.tiles_received == 0;
+    let begins = a.begins(line).total_cmp(&b.begins(line));
+    begins.then(waits(a).cmp(&waits(b)))
+}
+
+/// When that which is asked for a frame would begin to count if it could from `asked` on and its node
+/// has that to do: a node turns to the oldest frame first, but ends what it has begun.
+pub(super) fn begins_after(prospects: &[Prospect], frame: FrameId, asked: f64) -> f64 {
+    prospects.iter().fold(asked, |begin, before| {
+        if before.frame <= frame || before.begin < begin {
+            begin.max(before.finish())
+        } else {
+            begin
+        }
+    })
+}
+
 impl Node {
     /// What it still has to do, in the order in which it does it. `newcomer` is assumed of a node
     /// that has delivered nothing.
@@ -139,16 +199,21 @@ impl Node {
         let Some(line) = self.delivered().or(newcomer) else {
             return Vec::new();
         };
-        let mut prospects: Vec<Prospect> = Vec::new();
-        let mut pace = line.secs_per_work;
-        for (id, run) in self.runs.iter().filter(|(_, run)| run.outstanding() > 0.0) {
-            let asked = run.begins(line);
+        let wanted = self.runs.iter().filter(|(_, run)| run.outstanding() > 0.0);
+        let mut waiting: Vec<(&RunId, &Run)> = wanted.collect();
+        waiting.sort_by_key(|(_, run)| run.frame);
+        let mut prospects: Vec<Prospect> = Vec::with_capacity(waiting.len());
+        let (mut pace, mut soonest) = (line.secs_per_work, f64::NEG_INFINITY);
+        while !waiting.is_empty() {
             let before = prospects.last().map(Prospect::finish);
+            let (id, run) = waiting.remove(served_next(&waiting, line, before));
+            let asked = run.begins(line);
             let seen = run.pace(self.rhythm.guard_secs());
             if seen > SLOWED * pace {
                 pace = seen;
             }
             let mut begin = before.map_or(asked, |before| before.max(asked));
+            soonest = asked.max(soonest);
             if before.is_none() {
                 // What is late is taken to be late by as much again.
                 let next = begin + pace * self.rhythm.next_work(run);
@@ -158,9 +223,11 @@ impl Node {
                 run: *id,
                 frame: run.frame,
                 begin,
+                soonest,
                 pace,
                 outstanding: run.outstanding(),
             });
+            soonest += pace * run.outstanding();
         }
         prospects
     }
@@ -168,20 +235,26 @@ impl Node {
     /// When its next message should come; absent if nothing is asked of it or known about it.
     pub(super) fn next_message(&self, newcomer: Option<Estimate>) -> Option<f64> {
         let line = self.delivered().or(newcomer)?;
-        let run = self.runs.values().find(|run| run.outstanding() > 0.0)?;
+        let (_, run) = self.next_run(line)?;
         Some(run.begins(line) + line.secs_per_work * self.rhythm.next_work(run))
     }
 
-    /// Whether a message about that run is the next one that is expected.
-    pub(super) fn is_next(&self, id: RunId) -> bool {
-        let wanted = |(_, run): &(&RunId, &Run)| run.outstanding() > 0.0;
-        let first = self.runs.iter().find(wanted);
-        first.is_some_and(|(first, _)| *first == id)
+    /// The run that it is at, as far as can be told from what has come.
+    pub(super) fn next_run(&self, line: Estimate) -> Option<(RunId, &Run)> {
+        let wanted = self.runs.iter().filter(|(_, run)| run.outstanding() > 0.0);
+        let (id, run) = wanted.min_by(|(_, a), (_, b)| {
+            let order = earlier(a, b, line);
+            order.then(a.frame.cmp(&b.frame))
+        })?;
+        Some((*id, run))
     }
 
     /// When it counts as lost if nothing comes, by its own rhythm.
     pub(super) fn patience_ends(&self) -> Option<f64> {
-        Some(self.next_message(None)? + self.rhythm.patience_secs()?)
+        let mut frames = self.runs.values().map(|run| run.frame);
+        let first = frames.next();
+        let several_frames = frames.any(|frame| Some(frame) != first);
+        Some(self.next_message(None)? + self.rhythm.patience_secs(several_frames)?)
     }
 }
 
@@ -197,8 +270,10 @@ const BURST_GAIN: f64 = 0.25;
 /// What is left of the usual work with each smaller run.
 const USUAL_KEPT: f64 = 0.95;
 /// A node is taken for lost when its next message is late by this many mean deviations: of
-/// exponential delays one in three thousand is.
-const LOST_FACTOR: f64 = 8.0;
+/// exponential delays one in a hundred is.
+const LOST_FACTOR: f64 = 5.0;
+/// The same where it costs more to be wrong: one in a thousand is.
+const LOST_FACTOR_SEVERAL: f64 = 8.0;
 /// … and by at least this many seconds.
 const LOST_SECS_MIN: f64 = 3e-3;
 /// Bursts that are over before help comes. With 64 nodes on a local network, frames of 1.26 times
@@ -212,3 +287,99 @@ const MESSAGES_MIN: u32 = 8;
 const CAUTION_KEPT: f64 = 0.998;
 /// How much longer than others a node is waited for that has been taken for lost by mistake.
 const CAUTION_MAX: f64 = 8.0;
+
+#[cfg(test)]
+mod tests {
+    use carom_tracer::{ImageSize, TileGrid, TileRun};
+
+    use super::super::balancer::Observation;
+    use super::super::passes::Passes;
+    use super::*;
+
+    const FIXED_SECS: f64 = 0.01;
+    const PACE: f64 = 0.001;
+
+    /// A node with a known line that has been asked for runs of ten tiles, of `frames`, at `issued`.
+    fn node(asked: &[(u64, f64)]) -> Node {
+        let mut node = Node::new(String::new());
+        node.estimator.observe(&Observation {
+            work: 100.0,
+            response_secs: FIXED_SECS + 100.0 * PACE,
+            queue_secs: 0.0,
+            busy_secs: 100.0 * PACE,
+            round_trip_secs: Some(FIXED_SECS),
+        });
+        let passes = Passes::one(TileGrid::new(ImageSize::new(40, 1), 1), 1);
+        for (id, (frame, issued)) in asked.iter().enumerate() {
+            let tiles = TileRun {
+                first: 0,
+                count: 10,
+            };
+            let run = Run::new(*issued, FrameId(*frame), passes, tiles, 10.0);
+            node.ask(*issued, RunId(id as u64), run);
+        }
+        node
+    }
+
+    fn order(node: &Node, now: f64) -> Vec<u64> {
+        let prospects = node.prospects(now, None);
+        prospects.iter().map(|prospect| prospect.run.0).collect()
+    }
+
+    #[test]
+    fn what_is_asked_again_of_an_old_frame_comes_before_what_waits_of_later_ones() {
+        let mut node = node(&[(1, 0.0), (1, 0.0), (1, 0.0), (0, 0.002)]);
+        // It arrives when the first is being traced, which is ended.
+        assert_eq!(order(&node, 0.002), [0, 3, 1, 2]);
+        let [first, again, ..] = node.prospects(0.002, None)[..] else {
+            unreachable!()
+        };
+        assert!((again.begin - first.finish()).abs() < 1e-12);
+        // A message of the first tells that the others have waited.
+        node.hear(0.015, RunId(0), FrameId(1));
+        assert!(
+            node.runs
+                .values()
+                .skip(1)
+                .all(|run| run.others_until == 0.015)
+        );
+        let wait = |frame| node.wait_secs(0.002, FrameId(frame));
+        assert!(wait(2) > wait(0) + 19.0 * PACE, "{} {}", wait(2), wait(0));
+    }
+
+    #[test]
+    fn what_reaches_a_node_too_late_does_not_come_first() {
+        let node = node(&[(1, 0.0), (1, 0.0), (0, 0.015)]);
+        assert_eq!(order(&node, 0.015), [0, 1, 2]);
+    }
+
+    #[test]
+    fn a_pause_before_a_frame_is_not_taken_for_slowness_but_later_gaps_are() {
+        let mut node = node(&[(0, 0.0), (1, 0.0)]);
+        let line = node.delivered();
+        let eight = |first| TileRun { first, count: 8 };
+        let run = node.runs.get_mut(&RunId(1)).unwrap();
+        run.others_until = 0.02;
+        let paused = run.clone();
+        let receive = |run: &mut Run, now, is_first| {
+            run.receive(now, eight(0), 8.0, 0.008, line, is_first);
+        };
+        receive(run, 0.048, true);
+        assert_eq!(run.pace(0.0), 0.0);
+        let mut slow = paused;
+        receive(&mut slow, 0.048, false);
+        assert!((slow.pace(0.0) - 3.5 * PACE).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_node_is_waited_for_as_long_as_the_first_messages_of_frames_may_be_late() {
+        let mut rhythm = Rhythm::default();
+        for message in 0..200 {
+            let is_first = message % 10 == 0;
+            rhythm.observe(if is_first { 2e-3 } else { 0.0 }, is_first);
+        }
+        let patience = |several_frames| rhythm.patience_secs(several_frames).unwrap();
+        assert!(patience(false) > 0.9 * LOST_FACTOR * 2e-3);
+        assert!(patience(true) > 1.5 * patience(false));
+    }
+}

@@ -8,7 +8,7 @@ use carom_protocol::{FrameId, NodeInfo, RunId, SceneHash};
 use carom_tracer::DeviceKind;
 
 use super::balancer::{Estimate, Estimator};
-use super::progress::{Drift, Rhythm};
+use super::progress::{Drift, Rhythm, begins_after};
 use super::run::Run;
 use crate::{LatencySplit, NodeState, NodeStatus};
 
@@ -145,10 +145,13 @@ impl Node {
     }
 
     /// Takes note that it delivers, or says that it will not. `true` if it was silent.
-    pub(super) fn hear(&mut self, now: f64, about: RunId) -> bool {
+    /// What it has been asked for later than that run, or of a later frame, has waited meanwhile.
+    pub(super) fn hear(&mut self, now: f64, about: RunId, of: FrameId) -> bool {
         self.heard = now;
-        for (_, run) in self.runs.range_mut(RunId(about.0 + 1)..) {
-            run.others_until = now;
+        for (id, run) in &mut self.runs {
+            if *id > about || run.frame > of {
+                run.others_until = now;
+            }
         }
         let was_silent = self.silent_since.take().is_some();
         if was_silent {
@@ -157,15 +160,25 @@ impl Node {
         was_silent
     }
 
-    /// Takes note that a message about a run is late by so much.
-    pub(super) fn observe_lateness(&mut self, id: RunId, secs: f64) {
-        self.rhythm.observe(secs);
-        let (Some(run), Some(line)) = (self.runs.get(&id), self.delivered()) else {
+    /// Takes note of how late a message about a run is, if it is the one that was expected.
+    pub(super) fn observe_lateness(&mut self, now: f64, id: RunId) {
+        let (Some(expected), Some(line)) = (self.next_message(None), self.delivered()) else {
             return;
         };
+        let Some((_, run)) = self.next_run(line).filter(|(next, _)| *next == id) else {
+            return;
+        };
+        let secs = now - expected;
         // Such a message was expected some time after the one before it, which had its own lateness.
         let follows = run.tiles_received > 0 || run.others_until > run.issued + line.fixed_secs;
-        self.drift.observe(run.frame, secs, follows);
+        let frame = run.frame;
+        self.rhythm.observe(secs, self.begins_with(frame));
+        self.drift.observe(frame, secs, follows);
+    }
+
+    /// Whether what it has sent last was of another frame.
+    pub(super) fn begins_with(&self, frame: FrameId) -> bool {
+        self.proving.0 != frame
     }
 
     /// Takes note of work that came for a frame.
@@ -288,12 +301,14 @@ impl Node {
         self.estimator.delivered()
     }
 
-    /// Seconds that a request would wait for earlier ones: longer by as much again as these are late.
-    pub(super) fn wait_secs(&self, now: f64) -> f64 {
-        let (Some(last), Some(line)) = (self.prospects(now, None).pop(), self.delivered()) else {
+    /// Seconds that a request for a frame would wait for others: longer by as much again as these are
+    /// late.
+    pub(super) fn wait_secs(&self, now: f64, frame: FrameId) -> f64 {
+        let Some(line) = self.delivered() else {
             return 0.0;
         };
-        (last.finish() - now - line.fixed_secs).max(0.0)
+        let asked = now + line.fixed_secs;
+        begins_after(&self.prospects(now, None), frame, asked) - asked
     }
 
     /// When something has to be done about this node.

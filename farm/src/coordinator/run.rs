@@ -78,11 +78,12 @@ impl Run {
         work: f64,
         busy_secs: f64,
         line: Option<Estimate>,
+        is_first: bool,
     ) {
         let pace = line.map_or(0.0, |line| line.secs_per_work);
         if self.tiles_received == 0 {
             let asked = line.map_or(now, |line| self.issued + line.fixed_secs);
-            let follows = self.others_until > asked;
+            let follows = self.others_until > asked && !is_first;
             (self.seen_since, self.seen_work) = if follows {
                 (self.others_until, 0.0)
             } else {

@@ -1,4 +1,5 @@
-//! Runs that wait for the device, in the order in which they came.
+//! Runs that wait for the device: in the order in which they came, but of each client the oldest
+//! frame first, which is the next to be shown.
 //!
 //! A client's session lets no more than `RUNS_QUEUED_MAX` of its runs in.
 
@@ -50,7 +51,10 @@ impl Queue {
     }
 
     pub(super) fn push(&self, job: Job) {
-        lock(&self.state).jobs.push_back(job);
+        let mut state = lock(&self.state);
+        state.jobs.push_back(job);
+        state.put_in_order();
+        drop(state);
         self.changed.notify_one();
     }
 
@@ -130,9 +134,129 @@ impl Queue {
     }
 }
 
+impl State {
+    /// Lets the newest job change places with those of the same client that are of later frames: other
+    /// clients keep theirs.
+    fn put_in_order(&mut self) {
+        let mut place = self.jobs.len() - 1;
+        for other in (0..place).rev() {
+            let (job, before) = (&self.jobs[place], &self.jobs[other]);
+            if !Arc::ptr_eq(&job.client, &before.client) {
+                continue;
+            }
+            if before.request.frame <= job.request.frame {
+                return;
+            }
+            self.jobs.swap(place, other);
+            place = other;
+        }
+    }
+}
+
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Compiled scenes that a node keeps for all its clients.
 const COMPILED_KEPT_MAX: usize = 8;
+
+#[cfg(test)]
+mod tests {
+    use carom_protocol::session::ClientSession;
+    use carom_protocol::{FrameId, NodeInfo, PixelFormat, PrecisionRange, RunId};
+    use carom_tracer::{
+        DeviceInfo, DeviceKind, ImageSize, RenderSettings, SceneUpdate, TileGrid, TileRun,
+    };
+
+    use super::super::NodeConnection;
+    use super::*;
+
+    /// A client that has greeted a node of `queue` and asks it for frames, by the runs' numbers.
+    struct Asker {
+        session: ClientSession,
+        connection: NodeConnection,
+        runs: u64,
+    }
+
+    impl Asker {
+        fn new(queue: &Arc<Queue>) -> Self {
+            let device = DeviceInfo {
+                kind: DeviceKind::Cpu,
+                name: String::new(),
+                width: 1,
+                threads: 1,
+            };
+            let name = String::new();
+            let connection = NodeConnection::new(NodeInfo { name, device }, Arc::clone(queue));
+            let mut asker = Self {
+                session: ClientSession::new(),
+                connection,
+                runs: 0,
+            };
+            asker.exchange();
+            let scene = include_str!("../../../assets/scenes/pool.json");
+            let scene = Scene::from_json(scene).unwrap();
+            asker
+                .session
+                .set_scene(SceneHash::of(&scene), &scene)
+                .unwrap();
+            asker.exchange();
+            asker
+        }
+
+        fn exchange(&mut self) {
+            while let Some(packet) = self.session.poll_transmit() {
+                self.connection.handle(packet).unwrap();
+                while let Some(answer) = self.connection.poll_transmit() {
+                    self.session.handle(answer).unwrap();
+                }
+            }
+        }
+
+        fn ask(&mut self, frame: u64) {
+            let scene = include_str!("../../../assets/scenes/pool.json");
+            let scene = Scene::from_json(scene).unwrap();
+            let request = TraceRequest {
+                frame: FrameId(frame),
+                run: RunId(self.runs),
+                scene: SceneHash::of(&scene),
+                update: SceneUpdate::default(),
+                grid: TileGrid::new(ImageSize::new(8, 8), 8),
+                tiles: TileRun { first: 0, count: 1 },
+                settings: RenderSettings::default(),
+                format: PixelFormat::LinearF32,
+                precision: PrecisionRange::EXACT,
+                held: Vec::new(),
+            };
+            self.runs += 1;
+            self.session.trace(request).unwrap();
+            self.exchange();
+        }
+    }
+
+    #[test]
+    fn each_client_has_its_oldest_frame_traced_first_and_takes_no_turn_of_another() {
+        let queue = Arc::new(Queue::new());
+        let (mut near, mut far) = (Asker::new(&queue), Asker::new(&queue));
+        near.ask(7);
+        far.ask(2);
+        near.ask(8);
+        near.ask(8);
+        near.ask(6);
+        far.ask(3);
+        near.ask(7);
+        let next = || {
+            queue
+                .next(None)
+                .map(|job| (job.request.frame.0, job.request.run.0))
+        };
+        let order: Vec<_> = (0..7).filter_map(|_| next()).collect();
+        let (nears, fars) = ([(6, 3), (7, 0), (7, 4), (8, 1), (8, 2)], [(2, 0), (3, 1)]);
+        assert_eq!(
+            order,
+            [
+                nears[0], fars[0], nears[1], nears[2], nears[3], fars[1], nears[4]
+            ]
+        );
+    }
+}

@@ -145,14 +145,20 @@ impl SimNode {
             let why = RefusalReason::Device("it was told to fail".into());
             return vec![self.refuse(&request, why)];
         }
-        self.queue.push_back(Job {
+        let later = |job: &Job| {
+            let begun = job.tiles_done > 0 || self.working == Some(job.request.run);
+            !begun && job.request.frame > request.frame
+        };
+        let place = self.queue.iter().position(later);
+        let job = Job {
             request,
             tiles_done: 0,
             tiles_sent: 0,
             arrived: now,
             begun: now,
             message_begun: now,
-        });
+        };
+        self.queue.insert(place.unwrap_or(self.queue.len()), job);
         self.work(now, world)
     }
 
