@@ -1,5 +1,7 @@
 //! What a run is worth in which nodes slow down, die and join.
 
+use carom_protocol::limits::FRAMES_IN_FLIGHT_MAX;
+
 use super::Report;
 
 /// Frame times as multiples of the clairvoyant optimum's.
@@ -16,7 +18,7 @@ pub struct Score {
     pub recovery_frames: [Option<usize>; 3],
     /// Tiles that were traced more than once, of all.
     pub duplicates: f64,
-    /// The worst frame of the 50 after the death; NaN if there is no optimum.
+    /// The worst of the frames in flight at the death and of the 50 after it; NaN if there is no optimum.
     pub worst_after_death: f64,
     /// Mean over the settled frames of the deviation of the nodes' response times, in seconds.
     pub response_deviation_secs: f64,
@@ -25,9 +27,16 @@ pub struct Score {
 }
 
 impl Score {
-    /// Of a run of `frames` frames whose optimum is `optimum_secs`; before the frames `events` a
-    /// node slowed down, one died and one joined: `frames` or more for what did not happen.
-    pub fn new(frames: u64, events: [u64; 3], report: &Report, optimum_secs: &[f64]) -> Self {
+    /// Of a run of `frames` frames whose optimum is `optimum_secs`, `period_secs` apart if they are in
+    /// flight at once; before the frames `events` a node slowed down, one died and one joined:
+    /// `frames` or more for what did not happen.
+    pub fn new(
+        frames: u64,
+        period_secs: Option<f64>,
+        events: [u64; 3],
+        report: &Report,
+        optimum_secs: &[f64],
+    ) -> Self {
         let times = report.frames.iter().map(|frame| frame.stats.makespan_secs);
         let ratio = |(time, best): (f64, &f64)| {
             if best.is_finite() {
@@ -39,7 +48,8 @@ impl Score {
         let ratios: Vec<f64> = times.zip(optimum_secs).map(ratio).collect();
         let events = events.map(|event| event as usize);
         let quarter = (frames / 4) as usize;
-        let settled = settled(quarter, events, ratios.len());
+        let hit = events.map(|event| first_in_flight(event, period_secs, report));
+        let settled = settled(quarter, hit, ratios.len());
         let mut sorted: Vec<f64> = settled.iter().map(|index| ratios[*index]).collect();
         sorted.retain(|ratio| ratio.is_finite());
         sorted.sort_by(f64::total_cmp);
@@ -47,7 +57,8 @@ impl Score {
             .iter()
             .map(|index| report.frames[*index].stats.response_deviation_secs());
         let tiles = u64::from(report.tiles_per_frame) * report.frames.len() as u64;
-        let worst = ratios.iter().skip(events[1]).take(AFTER_DEATH);
+        let until = events[1] + AFTER_DEATH;
+        let worst = ratios.iter().take(until).skip(hit[1]);
         Self {
             mean: mean(sorted.iter().copied()),
             p99: sorted
@@ -61,6 +72,20 @@ impl Score {
             ratios,
         }
     }
+}
+
+/// The first of the frames that were not whole when `event` was submitted: what happened then has hit
+/// them too.
+fn first_in_flight(event: usize, period_secs: Option<f64>, report: &Report) -> usize {
+    let Some(period_secs) = period_secs else {
+        return event;
+    };
+    let in_flight = |index: &usize| {
+        let ago_secs = (event - index) as f64 * period_secs;
+        report.frames[*index].stats.makespan_secs > ago_secs
+    };
+    let before = event.saturating_sub(FRAMES_IN_FLIGHT_MAX)..event.min(report.frames.len());
+    before.into_iter().find(in_flight).unwrap_or(event)
 }
 
 /// Frames that are well after the start and after each event.
@@ -98,3 +123,44 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
 const WINDOW: usize = 8;
 /// Frames in which a death may show.
 const AFTER_DEATH: usize = 50;
+
+#[cfg(test)]
+mod tests {
+    use carom_protocol::FrameId;
+    use carom_tracer::ImageSize;
+
+    use super::super::PERIOD_SECS;
+    use super::*;
+    use crate::{Frame, FrameStats, Pixels};
+
+    /// Frames of three periods each, of which the one before the death takes two seconds.
+    fn report() -> Report {
+        let frame = |id| Frame {
+            id: FrameId(id),
+            size: ImageSize::new(1, 1),
+            pixels: Pixels::Linear(Vec::new()),
+            missing: Vec::new(),
+            stats: FrameStats {
+                makespan_secs: if id == 198 { 2.0 } else { 3.0 * PERIOD_SECS },
+                ..FrameStats::default()
+            },
+        };
+        Report {
+            frames: (0..400).map(frame).collect(),
+            tiles_per_frame: 1,
+            ..Report::default()
+        }
+    }
+
+    #[test]
+    fn a_death_hits_the_frames_that_are_in_flight_then() {
+        let optimum = [PERIOD_SECS; 400];
+        let score = |period| Score::new(400, period, [400, 200, 400], &report(), &optimum);
+        let pipelined = score(Some(PERIOD_SECS));
+        assert!((pipelined.worst_after_death - 120.0).abs() < 1e-9);
+        assert!((pipelined.mean - 3.0).abs() < 1e-9, "{}", pipelined.mean);
+        let closed = score(None);
+        assert!((closed.worst_after_death - 3.0).abs() < 1e-9);
+        assert!(closed.mean > 3.1, "{}", closed.mean);
+    }
+}

@@ -20,7 +20,8 @@ use crate::commands::Failure;
 /// four times as slow, after a half one falls silent, after three quarters a fast one joins. Times
 /// are multiples of the clairvoyant optimum: water-filling in real numbers that knows each frame's
 /// delays, pauses and costs beforehand. Pipelined it queues as well, and while a farm is too slow for
-/// 60 frames a second, or would be busy for over 95 % of the time, there is none.
+/// 60 frames a second, or would be busy for over 95 % of the time, there is none. What is in flight
+/// when something happens counts as hit by it.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Print JSON.
@@ -196,7 +197,13 @@ fn simulate(scenario: Scenario, balancing: Balancing) -> Run {
     let plan = scenario.plan(balancing);
     let report = sim::run(&plan, SECS_MAX);
     let (frames, events) = (scenario.frames, scenario.events());
-    let score = Score::new(frames, events, &report, &sim::optimum_secs(&plan));
+    let score = Score::new(
+        frames,
+        plan.period_secs,
+        events,
+        &report,
+        &sim::optimum_secs(&plan),
+    );
     Run {
         balancing,
         scenario,

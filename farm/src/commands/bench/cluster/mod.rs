@@ -382,7 +382,13 @@ fn figures(plan: &Plan, happened: &[Change], report: &Report) -> Figures {
         first(|action| matches!(action, Action::Kill | Action::Stop)),
         first(|action| action == Action::Join),
     ];
-    let score = Score::new(plan.frames, events, report, &optimum_secs(plan));
+    let score = Score::new(
+        plan.frames,
+        plan.period_secs,
+        events,
+        report,
+        &optimum_secs(plan),
+    );
     Figures {
         mean_ms: 1e3 * report.mean_secs(0..report.frames.len()),
         mean: score.mean,
