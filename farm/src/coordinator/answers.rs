@@ -241,7 +241,7 @@ impl Coordinator {
         let node = &mut self.nodes[index.0];
         let had_room = node.has_room();
         if let Some(run) = node.runs.remove(&id) {
-            self.unheld |= run.tiles_received < run.tiles.count;
+            self.unheld |= run.counts() && run.tiles_received < run.tiles.count;
             node.lose(&run);
             self.unheld |= node.hear(now, id, run.frame) || !had_room;
         }

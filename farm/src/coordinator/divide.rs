@@ -305,11 +305,14 @@ impl Coordinator {
             return;
         };
         let mut wait_secs = self.nodes[node.0].wait_secs(now, id);
+        // Nothing is sent if the node has it; a node keeps only the scenes used last.
+        let scene = super::scene_command(frame.scene.0, &frame.scene.1);
         let passes = frame.passes;
         let tile_samples =
             u64::from(passes.grid.edge).pow(2) * u64::from(frame.spec.settings.samples);
         let most =
             (RUN_SAMPLES_MAX / tile_samples.max(1)).clamp(1, u64::from(RUN_TILES_MAX)) as u32;
+        self.command(node, scene);
         for run in tiles.iter().flat_map(|run| passes.split(*run)) {
             for first in run.indices().step_by(most as usize) {
                 let count = most.min(run.end() - first);
@@ -317,6 +320,7 @@ impl Coordinator {
                 wait_secs += self.ask_run(now, id, node, tiles, probe, wait_secs);
             }
         }
+        self.arm(node);
     }
 
     /// Asks a node for tiles, which wait there for others for `wait_secs`. Returns for how long it should
@@ -362,11 +366,7 @@ impl Coordinator {
             precision: PrecisionRange::EXACT,
             held: Vec::new(),
         });
-        // Nothing is sent if the node has it; a node keeps only the scenes used last.
-        let scene = super::scene_command(frame.scene.0, &frame.scene.1);
-        self.command(index, scene);
         self.command(index, Command::Trace(request));
-        self.arm(index);
         busy_secs
     }
 
