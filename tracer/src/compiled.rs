@@ -92,8 +92,11 @@ pub struct SphereData {
     pub material: u32,
     /// Unit axis through the circles of its number in world space.
     pub number_axis: [f32; 3],
-    /// 0.
-    pub padding: u32,
+    /// 1 if light that is scattered inside aims at lamps through the boundary
+    /// ([`crate::reference::window`]), else 0: it is smooth, and all lamps look down on the whole ball
+    /// from half a radius above or more, so that none is seen from inside, straight, that is not from
+    /// where light leaves, or much larger.
+    pub is_window: u32,
 }
 
 /// An axis-aligned box.
@@ -342,6 +345,9 @@ impl CompiledScene {
             let primitive = compiled.push(&object.shape, material(&object.material), &material);
             compiled.primitives.push(primitive);
         }
+        for index in 0..compiled.spheres.len() {
+            compiled.spheres[index].is_window = compiled.is_window(index);
+        }
         compiled.spheres_at_rest.clone_from(&compiled.spheres);
         Ok(compiled)
     }
@@ -359,7 +365,7 @@ impl CompiledScene {
                     stripe_axis: ball_axis(rotation, DVec3::Z),
                     material,
                     number_axis: ball_axis(rotation, DVec3::X),
-                    padding: 0,
+                    is_window: 0,
                 });
                 Primitive::Sphere(self.spheres.len() as u32 - 1)
             }
@@ -476,8 +482,28 @@ impl CompiledScene {
                 )));
             }
             self.spheres[sphere] = posed(self.spheres_at_rest[sphere], pose);
+            self.spheres[sphere].is_window = self.is_window(sphere);
         }
         Ok(())
+    }
+
+    /// [`SphereData::is_window`].
+    fn is_window(&self, sphere: usize) -> u32 {
+        let sphere = &self.spheres[sphere];
+        let material = &self.materials[sphere.material as usize];
+        let center = Vec3::from_array(sphere.center);
+        let mut heights = self.lamps.iter().map(|lamp| {
+            let from_lamp = center - Vec3::from_array(lamp.center);
+            from_lamp.dot(Vec3::from_array(lamp.normal))
+        });
+        u32::from(
+            material.kind == KIND_DIELECTRIC
+                && material.alpha == 0.0
+                && material.flight_rate > 0.0
+                && material.ior >= 1.0
+                && sphere.radius > 0.0
+                && heights.all(|height| height >= 1.5 * sphere.radius),
+        )
     }
 
     fn movable_sphere(&self, object: u32) -> Result<usize, Error> {
@@ -550,7 +576,7 @@ fn posed(at_rest: SphereData, pose: &ObjectPose) -> SphereData {
         stripe_axis: ball_axis(pose.rotation, DVec3::Z),
         material: at_rest.material,
         number_axis: ball_axis(pose.rotation, DVec3::X),
-        padding: 0,
+        is_window: 0,
     }
 }
 

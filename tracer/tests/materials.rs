@@ -87,6 +87,54 @@ fn glass_gold_and_wax_agree_with_the_independent_renderer() {
     }
 }
 
+/// Aiming at lamps through the boundary of a ball takes and adds no light, and leaves less than a sixth of
+/// the variance: some ninth on the wax.
+#[test]
+fn lamps_aimed_at_from_inside_leave_little_noise_and_the_same_light() {
+    let scene = Scene::load(repository("assets/scenes/materials.json")).unwrap();
+    let aiming = CompiledScene::new(&scene).unwrap();
+    let mut by_chance = aiming.clone();
+    assert_eq!(
+        aiming
+            .spheres
+            .iter()
+            .map(|ball| ball.is_window)
+            .sum::<u32>(),
+        1
+    );
+    for ball in &mut by_chance.spheres {
+        ball.is_window = 0;
+    }
+    let size = ImageSize::new(480, 270);
+    let tiles = [(388, 110), (350, 168)].map(|(x, y)| Tile {
+        x,
+        y,
+        width: 16,
+        height: 16,
+    });
+    let settings = RenderSettings {
+        samples: 8,
+        scatterings_max: 63,
+        ..RenderSettings::default()
+    };
+    for tracer in tracers() {
+        let name = tracer.info().name;
+        let estimate =
+            |scene| trace_estimate(tracer.as_ref(), scene, size, settings, &tiles, 16).unwrap();
+        let (aiming, by_chance) = (estimate(&aiming), estimate(&by_chance));
+        for tile in tiles {
+            let region = region(&aiming, &by_chance, tile).unwrap();
+            assert!(region.z.iter().all(|z| z.abs() < 4.5), "{name}: {region:?}");
+        }
+        let variance = |estimate: &Estimate| {
+            let errors = estimate.stderr.pixels.as_flattened().iter();
+            errors.map(|&error| f64::from(error).powi(2)).sum::<f64>()
+        };
+        let share = variance(&aiming) / variance(&by_chance);
+        assert!(share < 1.0 / 6.0, "{name}: {share} of the variance");
+    }
+}
+
 /// A ball of `material` before a camera that sees nothing else, in uniform light of radiance 1.
 fn furnace(material: Material) -> Scene {
     let ball = Object {

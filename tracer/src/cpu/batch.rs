@@ -7,7 +7,7 @@ use fearless_simd::prelude::*;
 use super::integrator::Prepared;
 use super::stream::Stream;
 use crate::layers::LAYERS;
-use crate::post::{Means, NoisyPixels};
+use crate::post::{NoisyPixels, Sums};
 use crate::sampling::{pixel_key, sample_key};
 use crate::{RenderSettings, Tile};
 
@@ -79,7 +79,7 @@ impl Scratch {
                 let half = half.filter(|_| settings.denoise && settings.samples > 1);
                 traced.dropped_samples += self.accumulate(samples as usize, half);
                 if scene.notes_first_hits() {
-                    self.accumulate_seen(samples as usize);
+                    self.accumulate_seen(samples as usize, done == 0);
                 }
             }
             if settings.denoise {
@@ -110,8 +110,8 @@ impl Scratch {
             sums.clear();
             sums.resize(pixels, (0.0, 0.0));
         }
+        // Of these nothing is read before it is written.
         for sums in self.half.iter_mut().chain(&mut self.seen) {
-            sums.clear();
             sums.resize(pixels, 0.0);
         }
     }
@@ -169,10 +169,14 @@ impl Scratch {
     }
 
     #[inline(always)]
-    fn accumulate_seen(&mut self, samples: usize) {
+    fn accumulate_seen(&mut self, samples: usize, is_first: bool) {
         let pixels = self.keys.len();
         for (sums, column) in self.seen.iter_mut().zip(&self.stream.seen) {
-            for column in column.chunks_exact(pixels).take(samples) {
+            for (sample, column) in column.chunks_exact(pixels).take(samples).enumerate() {
+                if is_first && sample == 0 {
+                    sums.copy_from_slice(column);
+                    continue;
+                }
                 for (sum, &value) in sums.iter_mut().zip(column) {
                     *sum += value;
                 }
@@ -185,17 +189,17 @@ impl Scratch {
     fn resolve_noisy<S: Simd>(&mut self, simd: S, scene: &Prepared, noisy: &mut NoisyPixels) {
         let samples = scene.settings.samples;
         if !scene.notes_first_hits() {
+            for sums in &mut self.seen {
+                sums.fill(0.0);
+            }
             scene.add_first_hits(simd, &self.films, &self.keys, 0..samples, &mut self.seen);
         }
-        scale(&mut self.seen, 1.0 / samples as f32);
-        scale(&mut self.half, 1.0 / (samples / 2).max(1) as f32);
-        let mean = |sums: &Vec<(f32, f32)>| -> Vec<f32> {
-            sums.iter().map(|&(sum, _)| sum / samples as f32).collect()
-        };
-        let radiance = self.sums.each_ref().map(mean);
+        let radiance = (self.sums.each_ref())
+            .map(|sums| sums.iter().map(|&(sum, _)| sum).collect::<Vec<f32>>());
         noisy.extend(
             samples,
-            &Means {
+            &Sums {
+                counts: [samples, (samples / 2).max(1)],
                 radiance: radiance.each_ref().map(Vec::as_slice),
                 half: self.half.each_ref().map(Vec::as_slice),
                 hits: self.seen.each_ref().map(Vec::as_slice),
@@ -209,13 +213,6 @@ impl Scratch {
         let mean = |&(sum, _): &(f32, f32)| sum / samples as f32;
         let pixels = r.iter().zip(g).zip(b);
         radiance.extend(pixels.map(|((r, g), b)| [mean(r), mean(g), mean(b)]));
-    }
-}
-
-#[inline(always)]
-fn scale(columns: &mut [Vec<f32>], factor: f32) {
-    for value in columns.iter_mut().flatten() {
-        *value *= factor;
     }
 }
 

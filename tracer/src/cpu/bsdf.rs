@@ -33,8 +33,8 @@ pub(super) struct Scattered<S: Simd> {
     pub(super) wi: Vec3x<S>,
     /// `f · cos θ / pdf`, probability of the lobe included.
     pub(super) weight: Vec3x<S>,
-    /// Per solid angle; ∞ for what has no density, 0 for a coat's mirror, whose lamps have been
-    /// looked up.
+    /// Per solid angle; ∞ for what has no density, −∞ inside a body, 0 for a coat's mirror, whose lamps
+    /// have been looked up.
     pub(super) pdf: Float<S>,
 }
 

@@ -284,8 +284,11 @@ impl Stack {
 
 #[inline(always)]
 fn load<S: Simd>(simd: S, [x, y, z]: &[[f32; LANES]; 3]) -> Vec3x<S> {
-    let [x, y, z] = [x, y, z].map(|column| Float::load_array(simd, *column));
-    Vec3x::new(x, y, z)
+    Vec3x::new(
+        Float::load_array(simd, *x),
+        Float::load_array(simd, *y),
+        Float::load_array(simd, *z),
+    )
 }
 
 /// What a forest is grown from.

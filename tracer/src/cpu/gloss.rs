@@ -106,6 +106,12 @@ impl<S: Simd> Gloss<S> {
         self.scattered
     }
 
+    /// Where the boundary of a clear body is met from inside.
+    #[inline(always)]
+    pub(super) fn is_left(&self) -> Mask<S> {
+        self.clear & self.within
+    }
+
     /// Where light from `wi`, at `cos_i`, that comes straight from a lamp may be scattered to `wo`.
     #[inline(always)]
     pub(super) fn sees(&self, cos_i: Float<S>) -> Mask<S> {
@@ -203,7 +209,9 @@ impl<S: Simd> Gloss<S> {
         Scattered {
             wi: Vec3x::select(self.scattered, even, wi),
             weight: Vec3x::select(self.scattered, unweighted, weight),
-            pdf: self.rough.select(density, infinite),
+            pdf: self
+                .rough
+                .select(density, self.scattered.select(-infinite, infinite)),
         }
     }
 

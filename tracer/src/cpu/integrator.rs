@@ -10,10 +10,11 @@ use super::bsdf::Bsdf;
 use super::geometry::{Geometry, INSIDE, NONE, Nearest, Rays};
 use super::gloss::{SCATTERED, untagged};
 use super::lanes::{Float, Mask, Vec3x, Word};
-use super::light::Lamps;
+use super::light::{LampSample, Lamps};
 use super::sampling::pair;
 use super::stream::{Packet, Stream, load, load_words, packets, store, store_words};
 use super::surface::{Hit, Surfaces};
+use super::window::Windows;
 use crate::compiled::{CameraFrame, CompiledScene};
 use crate::sampling::{BLOCK_CAMERA, block_choice, block_light, block_scatter};
 use crate::{ImageSize, RenderSettings};
@@ -61,7 +62,7 @@ impl Prepared {
             if stream.len == 0 {
                 break;
             }
-            simd.vectorize(
+            rays += simd.vectorize(
                 #[inline(always)]
                 || self.shade(simd, stream, bounce),
             );
@@ -273,8 +274,10 @@ impl Prepared {
     }
 
     /// Scatters each path where it hit: a shadow ray towards a lamp and the path's next direction.
+    /// Returns the number of rays that this took.
     #[inline(always)]
-    fn shade<S: Simd>(&self, simd: S, stream: &mut Stream, bounce: u32) {
+    fn shade<S: Simd>(&self, simd: S, stream: &mut Stream, bounce: u32) -> u64 {
+        let mut rays = 0;
         for packet in packets(stream.len) {
             let at = packet.at;
             let tag = load_words(simd, &stream.primitive, at);
@@ -301,7 +304,15 @@ impl Prepared {
             let mut light_sum = Float::splat(simd, 0.0);
             if !self.lamps.is_empty() {
                 let u = pair(pixel, sample, block_light(bounce), seed);
-                light_sum = self.aim_at_lamp(simd, stream, at, alive, &hit, &bsdf, beta, u);
+                let lamp = self.lamps.sample(simd, hit.position, u);
+                self.aim_at_lamp(simd, stream, at, alive, &hit, &bsdf, beta, &lamp);
+                light_sum = lamp.light_sum;
+                if self.has_windows() {
+                    stream.shadows[OTHER].origin.store(at, hit.position);
+                    rays += self.aim_through_window(
+                        simd, stream, at, alive, bounce, &hit, beta, tag, &lamp,
+                    );
+                }
                 if self.looks_into_coats(bounce) {
                     self.aim_at_mirrored_lamp(simd, stream, at, alive, &hit, &bsdf, beta);
                 }
@@ -316,7 +327,13 @@ impl Prepared {
             stream.origin.store(at, hit.position);
             stream.direction.store(at, scattered.wi);
             stream.beta.store(at, beta.scale(scattered.weight));
-            store(&mut stream.pdf, at, weighed(scattered.pdf, light_sum));
+            let mut pdf = weighed(scattered.pdf, light_sum);
+            if self.has_windows() {
+                let before = load(simd, &stream.pdf, at);
+                let known = self.leaves_by_window(simd, before, &hit, -direction, distance, tag);
+                pdf = (known & !inside).select(Float::splat(simd, 0.0), pdf);
+            }
+            store(&mut stream.pdf, at, pdf);
             let mut left = tag;
             if self.surfaces.has_clear {
                 left = untagged(tag);
@@ -325,10 +342,97 @@ impl Prepared {
             let none = Word::splat(simd, NONE);
             store_words(&mut stream.primitive, at, alive.select(left, none));
         }
+        rays
     }
 
-    /// Next-event estimation: a shadow ray towards a random point of a random lamp. Returns the
-    /// lamps' `light_sum`.
+    fn has_windows(&self) -> bool {
+        !self.surfaces.windows.is_empty()
+    }
+
+    /// Where a ray that was scattered inside a ball and went `distance` from there leaves it by a way on
+    /// which lamps have been aimed at. `pdf` is that of the ray.
+    #[inline(always)]
+    fn leaves_by_window<S: Simd>(
+        &self,
+        simd: S,
+        pdf: Float<S>,
+        hit: &Hit<S>,
+        wo: Vec3x<S>,
+        distance: Float<S>,
+        tag: Word<S>,
+    ) -> Mask<S> {
+        let none = Mask::splat(simd, false);
+        let Some(gloss) = &hit.gloss else {
+            return none;
+        };
+        let from_inside = gloss.is_left() & pdf.simd_eq(f32::NEG_INFINITY);
+        let windows = Windows::new(simd, &self.surfaces.windows, tag, from_inside);
+        windows.map_or(none, |windows| {
+            windows.are_left(distance, hit.normal.dot(wo))
+        })
+    }
+
+    /// Next-event estimation of paths that were scattered inside a ball, through its boundary. Returns
+    /// the number of rays inside.
+    #[inline(always)]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "one packet's values, all in registers"
+    )]
+    fn aim_through_window<S: Simd>(
+        &self,
+        simd: S,
+        stream: &mut Stream,
+        at: usize,
+        alive: Mask<S>,
+        bounce: u32,
+        hit: &Hit<S>,
+        beta: Vec3x<S>,
+        tag: Word<S>,
+        lamp: &LampSample<S>,
+    ) -> u64 {
+        let Some(gloss) = &hit.gloss else {
+            return 0;
+        };
+        if bounce + 2 > self.settings.scatterings_max {
+            return 0;
+        }
+        let scattered = alive & gloss.is_scattered();
+        let Some(windows) = Windows::new(simd, &self.surfaces.windows, tag, scattered) else {
+            return 0;
+        };
+        let normal = self.lamps.emission(simd, lamp.index).normal;
+        let ways = windows.ways(simd, hit.position, lamp, normal);
+        if !ways.lanes.any_true() {
+            return 0;
+        }
+        // The ball itself is skipped. No lamp is inside.
+        let inner = Rays::new(simd, hit.position, ways.inner, untagged(tag));
+        let none = Word::splat(simd, NONE);
+        let open = ways.lanes & !self.geometry.occluded(simd, &inner, ways.inside, none);
+        let shadow = &mut stream.shadows[OTHER];
+        let (origin, direction) = (hit.position, shadow.direction.load(simd, at));
+        shadow
+            .origin
+            .store(at, Vec3x::select(open, ways.place, origin));
+        shadow
+            .direction
+            .store(at, Vec3x::select(open, ways.outer, direction));
+        let radiance = shadow.radiance.load(simd, at);
+        let through = beta.scale(lamp.radiance).scale(ways.weight);
+        shadow
+            .radiance
+            .store(at, Vec3x::select(open, through, radiance));
+        let distance = load(simd, &shadow.distance, at);
+        store(
+            &mut shadow.distance,
+            at,
+            open.select(ways.outside, distance),
+        );
+        u64::from(ways.lanes.to_bitmask().count_ones())
+    }
+
+    /// Next-event estimation: a shadow ray towards a random point of a random lamp.
     #[inline(always)]
     #[expect(
         clippy::too_many_arguments,
@@ -343,9 +447,8 @@ impl Prepared {
         hit: &Hit<S>,
         bsdf: &Bsdf<S>,
         beta: Vec3x<S>,
-        u: [Float<S>; 2],
-    ) -> Float<S> {
-        let lamp = self.lamps.sample(simd, hit.position, u);
+        lamp: &LampSample<S>,
+    ) {
         let cos_i = hit.normal.dot(lamp.wi);
         let (f_cos, bsdf_pdf) = bsdf.evaluate(simd, lamp.wi, cos_i);
         let weight = lamp.inverse_pdf * power_heuristic(bsdf_pdf * lamp.inverse_density);
@@ -358,7 +461,6 @@ impl Prepared {
         let zero = Float::splat(simd, 0.0);
         store(&mut shadow.distance, at, lit.select(lamp.distance, zero));
         store_words(&mut shadow.lamp, at, lamp.index + self.geometry.lamps_first);
-        lamp.light_sum
     }
 
     /// A shadow ray towards the lamp that a coat reflects, if it does.
@@ -418,7 +520,12 @@ impl Prepared {
                 continue;
             }
             rays += u64::from(traced);
-            let origin = stream.origin.load(simd, at);
+            let begins = if lobe == OTHER && self.has_windows() {
+                &shadow.origin
+            } else {
+                &stream.origin
+            };
+            let origin = begins.load(simd, at);
             let direction = shadow.direction.load(simd, at);
             // Shadow rays leave outwards, whatever the path does.
             let skip = load_words(simd, &stream.primitive, at) & !INSIDE;

@@ -33,6 +33,7 @@ mod sampling;
 mod sheen;
 mod stream;
 mod surface;
+mod window;
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};

@@ -16,7 +16,7 @@ pub(super) struct Stream {
     /// Light gathered so far.
     pub(super) radiance: Triple,
     /// Density of the last direction per solid angle times the lamps' `light_sum` where it began; ∞
-    /// if all light along it counts.
+    /// if all light along it counts, −∞ if so and it began where the path was scattered inside a body.
     pub(super) pdf: Box<[f32]>,
     /// Distance along the ray to what it hit; of a camera's ray until then, the length of its
     /// direction before that was made 1.
@@ -41,6 +41,8 @@ pub(super) struct Stream {
 
 /// A shadow ray per path, from the path's origin; only between shading and connecting.
 pub(super) struct Shadows {
+    /// Where it begins in scenes with windows, of the first.
+    pub(super) origin: Triple,
     pub(super) direction: Triple,
     /// To the lamp; 0 where there is nothing to test.
     pub(super) distance: Box<[f32]>,
@@ -137,8 +139,13 @@ impl Stream {
 
     #[inline(always)]
     pub(super) fn noted_light<S: Simd>(&self, simd: S, at: usize) -> (Float<S>, Vec3x<S>) {
-        let [depth, r, g, b] = [0, 1, 2, 3].map(|i| load(simd, &self.seen[INVERSE_DEPTH + i], at));
-        (depth, Vec3x::new(r, g, b))
+        let seen = |i: usize| &self.seen[INVERSE_DEPTH + i];
+        let emission = Vec3x::new(
+            load(simd, seen(1), at),
+            load(simd, seen(2), at),
+            load(simd, seen(3), at),
+        );
+        (load(simd, seen(0), at), emission)
     }
 
     #[inline(always)]
@@ -201,6 +208,7 @@ impl Stream {
 impl Shadows {
     fn new(rows: usize) -> Self {
         Self {
+            origin: Triple::new(rows),
             direction: Triple::new(rows),
             distance: vec![0.0; rows].into_boxed_slice(),
             lamp: vec![0; rows].into_boxed_slice(),

@@ -7,6 +7,7 @@ use super::gloss::{Flight, Gloss, GlossRow, gloss_row, untagged};
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
 use super::paint::{PaintRow, paint_row, painted};
 use super::sheen::{Sheen, SheenRow};
+use super::window::{WindowRow, window_row};
 use crate::compiled::{
     CompiledScene, FACE_BORE, FACE_BOX, FACE_PLANE, FACE_TURNED, KIND_DIELECTRIC, KIND_LAYERED,
     MaterialData, PATTERN_NONE, SphereData,
@@ -23,6 +24,8 @@ pub(super) struct Surfaces {
     sheen: Vec<SheenRow>,
     /// Paths go on inside of bodies and need to know what fills them.
     pub(super) has_clear: bool,
+    /// Empty if no ball is a window.
+    pub(super) windows: Vec<WindowRow>,
 }
 
 /// Geometry, then material; what the first seven hold depends on [`KIND`].
@@ -109,6 +112,7 @@ impl Surfaces {
             paint: paint_rows(scene),
             sheen: sheen_rows(scene),
             has_clear: (scene.materials.iter()).any(|m| m.kind == KIND_DIELECTRIC),
+            windows: window_rows(scene),
         }
     }
 
@@ -235,6 +239,16 @@ fn gloss_rows(scene: &CompiledScene) -> Vec<GlossRow> {
         return Vec::new();
     }
     materials(scene).map(gloss_row).collect()
+}
+
+fn window_rows(scene: &CompiledScene) -> Vec<WindowRow> {
+    if scene.spheres.iter().all(|ball| ball.is_window == 0) {
+        return Vec::new();
+    }
+    materials(scene)
+        .zip(&scene.spheres)
+        .map(|(material, ball)| window_row(ball, material))
+        .collect()
 }
 
 fn paint_rows(scene: &CompiledScene) -> Vec<PaintRow> {

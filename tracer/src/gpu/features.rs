@@ -149,6 +149,8 @@ pub(crate) struct Features {
     pub(crate) has_gloss: bool,
     /// Some material is clear.
     pub(crate) has_clear: bool,
+    /// Some ball may be a window: its material is clear and smooth and scatters light inside.
+    pub(crate) has_window: bool,
     pub(crate) output: Output,
     /// Balls are so far from the origin that the rounding of coordinates shows.
     pub(crate) is_compensated: bool,
@@ -186,6 +188,7 @@ impl Features {
             has_sheen: any(|material| material.sheen != [0.0; 3]),
             has_gloss: any(|material| material.kind != KIND_LAYERED),
             has_clear: any(|material| material.kind == KIND_DIELECTRIC),
+            has_window: has_window(scene),
             output: Output::Radiance,
             is_compensated: needs_compensation(scene),
             discs_coplanar: flatness::discs_coplanar(scene),
@@ -251,6 +254,15 @@ const TREE_SPHERES_MIN: usize = 128;
 /// The tree by which rays find the balls of `scene`, where they do.
 pub(crate) fn ball_tree(scene: &CompiledScene) -> Option<&BallTree> {
     scene.ball_tree(TREE_SPHERES_MIN)
+}
+
+/// Whether some ball may have [`crate::compiled::SphereData::is_window`], wherever it moves.
+fn has_window(scene: &CompiledScene) -> bool {
+    let scatters = |material: &MaterialData| {
+        material.kind == KIND_DIELECTRIC && material.alpha == 0.0 && material.flight_rate > 0.0
+    };
+    let mut balls = scene.spheres.iter();
+    !scene.lamps.is_empty() && balls.any(|ball| scatters(&scene.materials[ball.material as usize]))
 }
 
 /// Whether lamps are so small or so far away that eighth powers of lengths in metres, which solid

@@ -10,6 +10,7 @@ use crate::gpu::features::{Features, Output, SceneMemory, ShapeKind};
 use crate::gpu::layout::{SPHERE_SLACK, TREE_LEAF};
 use crate::paint;
 use crate::reference::light::{BELOW_1, SOLID_ANGLE_MIN};
+use crate::reference::window::STEPS;
 use crate::sampling::{BLOCK_CAMERA, SCRAMBLE};
 use crate::scene::validate::CUT_MARGIN_M;
 use crate::tree::{self, DEPTH_MAX, LEAF_BALLS};
@@ -74,6 +75,10 @@ fn parts(features: &Features) -> Vec<&'static str> {
         true => include_str!("shaders/medium.wgsl"),
         false => include_str!("shaders/medium_none.wgsl"),
     });
+    parts.push(match features.has_window {
+        true => include_str!("shaders/window.wgsl"),
+        false => include_str!("shaders/window_none.wgsl"),
+    });
     parts.push(include_str!("shaders/layers.wgsl"));
     parts.push(include_str!("shaders/path.wgsl"));
     parts.push(include_str!("shaders/block.wgsl"));
@@ -110,6 +115,8 @@ fn constants(features: &Features) -> String {
          const LEAF_BALLS: u32 = {LEAF_BALLS}u;\n\
          const HAS_STRIPE: bool = {};\n\
          const HAS_CLEAR: bool = {};\n\
+         const HAS_WINDOW: bool = {};\n\
+         const WINDOW_STEPS: u32 = {STEPS}u;\n\
          const HAS_NUMBER: bool = {};\n\
          const HAS_WOOD: bool = {};\n\
          const PATTERN_NUMBER: u32 = {PATTERN_NUMBER}u;\n\
@@ -130,6 +137,7 @@ fn constants(features: &Features) -> String {
         features.lamps_scaled,
         features.has_stripe,
         features.has_clear,
+        features.has_window,
         features.has_number,
         features.has_wood,
         features.has_turned
@@ -310,6 +318,7 @@ mod tests {
         has_sheen: true,
         has_gloss: true,
         has_clear: true,
+        has_window: true,
         output: Output::Radiance,
         is_compensated: true,
         discs_coplanar: true,
@@ -342,6 +351,7 @@ mod tests {
                 has_sheen: i % 17 < 8,
                 has_gloss: i % 7 < 4,
                 has_clear: i % 7 < 2,
+                has_window: i & 1 == 1 && i >> 6 > 0 && i % 7 == 1,
                 output: Output::ALL[i as usize % 3],
                 is_compensated: i % 5 < 2,
                 discs_coplanar: i % 11 < 5,

@@ -16,9 +16,10 @@ use rayon::prelude::*;
 
 use super::noisy::{ALBEDO, EMISSION, INVERSE_DEPTH, LIGHT, NORMAL, NoisyTile, VARIANCE};
 use super::planes::{Float, LANES, Planes, Row, RowMut};
-use super::region::EMPTY;
+use super::region::{EMPTY, Region};
+use super::variance::Columns;
 use super::weights::{
-    ALBEDO_FACTOR, ALBEDO_MIN, DEPTH_FACTOR, NEIGHBOURS, NORMAL_FACTOR, STEPS, TAPS, variances,
+    ALBEDO_FACTOR, ALBEDO_MIN, DEPTH_FACTOR, NORMAL_FACTOR, STEPS, TAPS, variances,
 };
 use crate::Tile;
 use crate::layers::SMOOTH_RAYS;
@@ -30,7 +31,7 @@ pub(super) const NO_NORMAL: f32 = 1e6;
 pub(super) struct Filter {
     pub(super) bounds: Tile,
     samples: u32,
-    /// [`LIGHT`] and [`VARIANCE`].
+    /// [`LIGHT`] and [`VARIANCE`]; after the last pass radiance without emission.
     pub(super) light: Planes,
     /// What a pass makes of them.
     next: Planes,
@@ -61,7 +62,8 @@ pub(super) struct Intake<'a> {
 
 impl Filter {
     /// Without pixels yet.
-    pub(super) fn new(bounds: Tile, samples: u32, memory: &FilterMemory) -> Self {
+    pub(super) fn new(region: &Region, samples: u32, memory: &FilterMemory) -> Self {
+        let bounds = region.bounds;
         let columns = EMISSION + usize::from(samples < SMOOTH_RAYS);
         let [light, next, guides] = std::mem::take(&mut *memory.lock());
         let mut filter = Self {
@@ -71,10 +73,13 @@ impl Filter {
             next: Planes::new(bounds, VARIANCE + 1, next),
             guides: Planes::new(bounds, guide(columns), guides),
         };
-        filter.light.fill(LIGHT..VARIANCE + 1, 0.0);
-        filter
-            .guides
-            .fill(guide(NORMAL)..guide(NORMAL) + 1, NO_NORMAL);
+        // What is not traced has no light and no normal.
+        filter.guides.surround(guide(NORMAL), NO_NORMAL);
+        for y in region.rows_with_holes() {
+            filter.light.fill_row(y, LIGHT..VARIANCE + 1, 0.0);
+            let normal = guide(NORMAL)..guide(NORMAL) + 1;
+            filter.guides.fill_row(y, normal, NO_NORMAL);
+        }
         filter
     }
 
@@ -96,7 +101,7 @@ impl Filter {
         }
     }
 
-    /// Smooths the light.
+    /// Smooths the light, which becomes radiance without emission.
     pub(super) fn run(&mut self, level: Level) {
         let mut next = std::mem::replace(&mut self.next, Planes::new(EMPTY, 0, Vec::new()));
         for (index, step) in STEPS.into_iter().enumerate() {
@@ -104,10 +109,12 @@ impl Filter {
                 step: step as isize,
                 variances: variances(self.samples, index),
                 is_first: index == 0,
+                is_last: index == STEPS.len() - 1,
             };
-            next.par_rows_mut().for_each(|(y, mut row)| {
-                dispatch!(level, simd => self.smooth_row(simd, y, pass, &mut row));
-            });
+            next.par_rows_mut()
+                .for_each_init(Columns::default, |columns, (y, mut row)| {
+                    dispatch!(level, simd => self.smooth_row(simd, y, pass, columns, &mut row));
+                });
             std::mem::swap(&mut self.light, &mut next);
         }
         self.next = next;
@@ -115,11 +122,22 @@ impl Filter {
 
     /// One pass of the wavelet.
     #[inline(always)]
-    fn smooth_row<S: Simd>(&self, simd: S, y: usize, pass: Pass, out: &mut RowMut<'_>) {
+    fn smooth_row<S: Simd>(
+        &self,
+        simd: S,
+        y: usize,
+        pass: Pass,
+        columns: &mut Columns,
+        out: &mut RowMut<'_>,
+    ) {
         let around = Around::new(self, y, pass.step);
-        for x in (0..self.bounds.width as usize).step_by(LANES) {
+        let (width, is_single) = (self.bounds.width as usize, self.samples == 1);
+        if pass.is_first {
+            columns.sum_up(simd, &around, width, is_single);
+        }
+        for x in (0..width).step_by(LANES) {
             let variance = if pass.is_first {
-                around.variance(simd, x, self.samples == 1)
+                columns.variance(simd, x, is_single)
             } else {
                 around.at(0).1.load(simd, VARIANCE, x, 0)
             };
@@ -142,39 +160,31 @@ impl Filter {
             }
             let inverse = 1.0 / weights;
             for (channel, sum) in sum.into_iter().enumerate() {
-                out.store(LIGHT + channel, x, sum * inverse);
+                let light = sum * inverse;
+                let light = if pass.is_last {
+                    light * (here.albedo[channel] + ALBEDO_MIN)
+                } else {
+                    light
+                };
+                out.store(LIGHT + channel, x, light);
             }
-            out.store(VARIANCE, x, variance * squares * (inverse * inverse));
+            if !pass.is_last {
+                out.store(VARIANCE, x, variance * squares * (inverse * inverse));
+            }
         }
     }
 
-    /// A tile's radiance without emission: light times albedo.
-    pub(super) fn radiance(&self, level: Level, tile: Tile) -> Vec<[f32; 3]> {
-        let mut pixels = Vec::with_capacity(tile.pixels());
+    /// A tile's radiance without emission, once the filter has run.
+    pub(super) fn radiance(&self, tile: Tile) -> Vec<[f32; 3]> {
         let (columns, rows) = self.places(tile);
+        let mut pixels = Vec::with_capacity(tile.pixels());
         for y in rows {
-            dispatch!(level, simd => self.resolve_row(simd, y, columns.clone(), &mut pixels));
+            let row = self.light.row(y, 0);
+            let [r, g, b] = [0, 1, 2].map(|c| row.numbers(LIGHT + c, columns.clone()));
+            let channels = r.iter().zip(g).zip(b);
+            pixels.extend(channels.map(|((&r, &g), &b)| [r, g, b]));
         }
         pixels
-    }
-
-    #[inline(always)]
-    fn resolve_row<S: Simd>(
-        &self,
-        simd: S,
-        y: usize,
-        columns: Range<usize>,
-        pixels: &mut Vec<[f32; 3]>,
-    ) {
-        let around = Around::new(self, y, 1);
-        for x in columns.clone().step_by(LANES) {
-            let (guides, light) = around.at(0);
-            let albedo = guides.triple(simd, guide(ALBEDO), x, 0);
-            let light = light.triple(simd, LIGHT, x, 0);
-            let [r, g, b] = [0, 1, 2].map(|c| (light[c] * (albedo[c] + ALBEDO_MIN)).to_array());
-            let lanes = LANES.min(columns.end - x);
-            pixels.extend((0..lanes).map(|lane| [r[lane], g[lane], b[lane]]));
-        }
     }
 
     /// Columns and rows of a tile in the planes.
@@ -233,6 +243,8 @@ struct Pass {
     variances: f32,
     /// Its variances are single pixels' yet.
     is_first: bool,
+    /// It makes radiance of light.
+    is_last: bool,
 }
 
 /// The rows that the taps of one row lie in.
@@ -255,29 +267,6 @@ impl<'a> Around<'a> {
     pub(super) fn at(&self, dy: isize) -> (Row<'a>, Row<'a>) {
         let row = 1usize.wrapping_add_signed(dy);
         (self.guides[row], self.light[row])
-    }
-
-    /// The mean variance of 3 × 3 pixels; of single samples, their variance among each other.
-    #[inline(always)]
-    fn variance<S: Simd>(&self, simd: S, x: usize, is_single: bool) -> Float<S> {
-        let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
-        let (mut count, mut sum, mut squares) = (zero, [zero; 3], zero);
-        for (dx, dy) in [(0, 0)].into_iter().chain(NEIGHBOURS) {
-            let (dx, dy) = (dx as isize, dy as isize);
-            let (guides, light) = self.at(dy);
-            let traced = guides.load(simd, guide(NORMAL), x, dx).simd_lt(NO_NORMAL);
-            count += traced.select(one, zero);
-            if is_single {
-                let light = light.triple(simd, LIGHT, x, dx);
-                squares += dot(light, light);
-                sum = [sum[0] + light[0], sum[1] + light[1], sum[2] + light[2]];
-            } else {
-                squares += light.load(simd, VARIANCE, x, dx);
-            }
-        }
-        let inverse = 1.0 / count.max(1.0);
-        let mean = sum.map(|sum| sum * inverse);
-        (squares * inverse - dot(mean, mean)).max(0.0)
     }
 }
 
@@ -323,7 +312,7 @@ impl<S: Simd> Look<S> {
 }
 
 #[inline(always)]
-fn dot<S: Simd>(a: [Float<S>; 3], b: [Float<S>; 3]) -> Float<S> {
+pub(super) fn dot<S: Simd>(a: [Float<S>; 3], b: [Float<S>; 3]) -> Float<S> {
     a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
 }
 

@@ -12,10 +12,11 @@ mod noisy;
 mod outline;
 mod planes;
 mod region;
+mod variance;
 pub(crate) mod weights;
 
 pub(crate) use filter::FilterMemory;
-pub(crate) use noisy::{Means, NoisyPixels, NoisyTile, NoisyTracer, in_parts, trace_denoised};
+pub(crate) use noisy::{NoisyPixels, NoisyTile, NoisyTracer, Sums, in_parts, trace_denoised};
 pub(crate) use region::Region;
 
 /// Pixels from which a denoised pixel takes light, in each direction. Wider finds more to average

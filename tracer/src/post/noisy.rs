@@ -33,7 +33,7 @@ pub(crate) struct NoisyPixels {
 
 /// Radiance without the light that is in [`crate::Layers::emission`], over albedo.
 pub(super) const LIGHT: usize = 0;
-/// Of its mean, over all channels; 0 of a single sample.
+/// Of its mean, over all channels; empty of single samples.
 pub(super) const VARIANCE: usize = 3;
 /// First hits of the same samples.
 pub(super) const ALBEDO: usize = 4;
@@ -43,8 +43,10 @@ pub(super) const INVERSE_DEPTH: usize = 10;
 pub(super) const EMISSION: usize = 11;
 const COLUMNS: usize = 14;
 
-/// Means of pixels, in columns.
-pub(crate) struct Means<'a> {
+/// Sums over the samples of pixels, in columns.
+pub(crate) struct Sums<'a> {
+    /// Samples that were summed up: all, and those of `half`; 1 where means are given.
+    pub(crate) counts: [u32; 2],
     /// Radiance without emission.
     pub(crate) radiance: [&'a [f32]; 3],
     /// The same of the first half of the samples, rounded down; of a single sample anything.
@@ -56,26 +58,36 @@ pub(crate) struct Means<'a> {
 impl NoisyPixels {
     /// Appends pixels of `samples` samples each. All columns must be as long as the first.
     #[inline(always)]
-    pub(crate) fn extend(&mut self, samples: u32, means: &Means<'_>) {
-        let pixels = means.radiance[0].len();
-        let [light, half] = [means.radiance, means.half].map(|c| c.map(|c| &c[..pixels]));
-        let albedo = [0, 1, 2].map(|c| &means.hits[c][..pixels]);
-        for c in 0..3 {
-            let over_albedo = |i: usize| light[c][i] / (albedo[c][i] + ALBEDO_MIN);
-            self.columns[LIGHT + c].extend((0..pixels).map(over_albedo));
+    pub(crate) fn extend(&mut self, samples: u32, sums: &Sums<'_>) {
+        let pixels = sums.radiance[0].len();
+        let [share, half_share] = sums.counts.map(|count| 1.0 / count as f32);
+        let begin = self.columns[LIGHT].len();
+        for (column, hits) in self.columns[ALBEDO..].iter_mut().zip(sums.hits) {
+            column.resize(begin + pixels, 0.0);
+            for (to, hit) in column[begin..].iter_mut().zip(hits) {
+                *to = hit * share;
+            }
         }
-        let ratio = if samples > 1 {
-            half_ratio(samples)
-        } else {
-            0.0
-        };
-        self.columns[VARIANCE].extend((0..pixels).map(|i| {
-            let apart = |c: usize| ratio * (half[c][i] - light[c][i]) / (albedo[c][i] + ALBEDO_MIN);
-            let [r, g, b] = [apart(0), apart(1), apart(2)];
-            r * r + g * g + b * b
-        }));
-        for (column, hits) in self.columns[ALBEDO..].iter_mut().zip(means.hits) {
-            column.extend_from_slice(hits);
+        let (before, hits) = self.columns.split_at_mut(ALBEDO);
+        let variance_of = (samples > 1).then(|| half_ratio(samples));
+        if variance_of.is_some() {
+            before[VARIANCE].resize(begin + pixels, 0.0);
+        }
+        for channel in 0..3 {
+            let albedo = &hits[channel][begin..];
+            let light = sums.radiance[channel];
+            before[LIGHT + channel].resize(begin + pixels, 0.0);
+            let to = before[LIGHT + channel][begin..].iter_mut();
+            for ((to, light), albedo) in to.zip(light).zip(albedo) {
+                *to = light * share / (albedo + ALBEDO_MIN);
+            }
+            let Some(ratio) = variance_of else { continue };
+            let to = before[VARIANCE][begin..].iter_mut();
+            let halves = light.iter().zip(sums.half[channel]);
+            for ((to, (light, half)), albedo) in to.zip(halves).zip(albedo) {
+                let apart = ratio * (half * half_share - light * share) / (albedo + ALBEDO_MIN);
+                *to += apart * apart;
+            }
         }
     }
 
@@ -180,7 +192,7 @@ fn trace_together(
         tiles: &region.tiles,
         ..*job
     };
-    let mut filter = Filter::new(region.bounds, job.settings.samples, memory);
+    let mut filter = Filter::new(&region, job.settings.samples, memory);
     let intake = filter.intake();
     let traced = Mutex::new(Vec::with_capacity(region.tiles.len()));
     let stats = tracer.trace_noisy(scene, &wider, &|tile| {
@@ -201,7 +213,7 @@ fn trace_together(
         .filter(|(index, ..)| *index < job.tiles.len());
     wanted.for_each(|(index, dropped_samples, emission)| {
         let tile = job.tiles[*index];
-        let mut radiance = filter.radiance(level, tile);
+        let mut radiance = filter.radiance(tile);
         for (c, emission) in emission.iter().flatten().enumerate() {
             for (pixel, emission) in radiance.iter_mut().zip(emission) {
                 pixel[c] += emission;

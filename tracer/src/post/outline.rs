@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::filter::{Around, Filter, NO_NORMAL, distance_squared, guide};
 use super::noisy::{ALBEDO, EMISSION, LIGHT, NORMAL, NoisyTracer};
 use super::planes::{Float, LANES, Mask};
-use super::weights::{ALBEDO_MIN, BRIGHTNESS_SHARE, MIXED_MIN, NEIGHBOURS, OUTLINE_MIN};
+use super::weights::{BRIGHTNESS_SHARE, MIXED_MIN, NEIGHBOURS, OUTLINE_MIN};
 use crate::layers::smooth;
 use crate::{CompiledScene, Layers, Tile, TraceJob};
 
@@ -133,10 +133,7 @@ impl Filter {
     }
 
     fn radiance_at(&self, x: usize, y: usize) -> [f32; 3] {
-        [0, 1, 2].map(|c| {
-            let albedo = self.guides.get(guide(ALBEDO) + c, x, y);
-            self.light.get(LIGHT + c, x, y) * (albedo + ALBEDO_MIN)
-        })
+        [0, 1, 2].map(|c| self.light.get(LIGHT + c, x, y))
     }
 }
 

@@ -59,13 +59,21 @@ impl Planes {
         self.data
     }
 
-    /// Fills planes, in and around the picture.
-    pub(super) fn fill(&mut self, planes: Range<usize>, value: f32) {
-        let columns = planes.start * self.stride..planes.end * self.stride;
+    /// Fills what lies around the picture in a plane.
+    pub(super) fn surround(&mut self, plane: usize, value: f32) {
+        let columns = plane * self.stride..(plane + 1) * self.stride;
         for row in self.data.chunks_exact_mut(self.floats) {
-            row[columns.clone()].fill(value);
+            let row = &mut row[columns.clone()];
+            row[..PAD].fill(value);
+            row[self.stride - PAD - LANES..].fill(value);
         }
         self.outside[columns].fill(value);
+    }
+
+    /// Fills a row of planes.
+    pub(super) fn fill_row(&mut self, y: usize, planes: Range<usize>, value: f32) {
+        let columns = planes.start * self.stride..planes.end * self.stride;
+        self.data[y * self.floats..][columns].fill(value);
     }
 
     /// A number of one plane.
@@ -98,11 +106,16 @@ impl Planes {
     }
 }
 
-impl Row<'_> {
+impl<'a> Row<'a> {
     #[inline(always)]
     pub(super) fn load<S: Simd>(self, simd: S, plane: usize, x: usize, dx: isize) -> Float<S> {
         let begin = plane * self.stride + (x + PAD).wrapping_add_signed(dx);
         Float::from_slice(simd, &self.data[begin..][..LANES])
+    }
+
+    /// The numbers of some columns of one plane.
+    pub(super) fn numbers(self, plane: usize, columns: Range<usize>) -> &'a [f32] {
+        &self.data[plane * self.stride + PAD..][columns]
     }
 
     #[inline(always)]

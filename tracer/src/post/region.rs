@@ -46,6 +46,27 @@ impl Region {
         let bounds = grown.into_iter().reduce(joined).unwrap_or(EMPTY);
         Self { bounds, tiles }
     }
+
+    /// Rows of the bounds, from 0, in which pixels are not traced.
+    pub(super) fn rows_with_holes(&self) -> Vec<usize> {
+        let bounds = self.bounds;
+        let width = bounds.width as usize;
+        let mut traced = vec![false; bounds.pixels()];
+        for tile in &self.tiles {
+            // Blocks may jut out.
+            let clipped = |begin: u32, length: u32, first: u32, bound: u32| {
+                let place = |x: u32| x.saturating_sub(first).min(bound) as usize;
+                place(begin)..place(begin + length)
+            };
+            let columns = clipped(tile.x, tile.width, bounds.x, bounds.width);
+            for y in clipped(tile.y, tile.height, bounds.y, bounds.height) {
+                traced[y * width..][columns.clone()].fill(true);
+            }
+        }
+        let rows = traced.chunks_exact(width.max(1)).enumerate();
+        let holed = rows.filter(|(_, row)| row.contains(&false));
+        holed.map(|(y, _)| y).collect()
+    }
 }
 
 /// How many of the first tiles may be filtered together, at least 1: a node that waited for all of a
@@ -192,6 +213,11 @@ mod tests {
         let size = ImageSize::new(203, 151);
         let grid = TileGrid::new(size, 32);
         let wanted: Vec<Tile> = grid.tiles(grid.all()).collect();
-        assert_eq!(Region::around(&wanted, size).tiles, wanted);
+        let mut region = Region::around(&wanted, size);
+        assert_eq!(region.tiles, wanted);
+        assert!(region.rows_with_holes().is_empty());
+        // A tile that lies there twice does not make up for one that is missing.
+        region.tiles[3] = region.tiles[2];
+        assert_eq!(region.rows_with_holes(), (0..32).collect::<Vec<_>>());
     }
 }

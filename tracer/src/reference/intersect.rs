@@ -277,7 +277,7 @@ mod tests {
             stripe_axis: [0.0, 0.0, 1.0],
             material: 0,
             number_axis: [1.0, 0.0, 0.0],
-            padding: 0,
+            is_window: 0,
         }
     }
 

@@ -52,6 +52,11 @@ impl Medium {
             weight: left(t),
         }
     }
+
+    /// What is left of light after `t` metres.
+    pub fn transmittance(&self, t: f64) -> DVec3 {
+        (-self.extinction * t).map(f64::exp)
+    }
 }
 
 /// A direction of equal density everywhere.

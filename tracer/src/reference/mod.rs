@@ -14,8 +14,9 @@
 //!    `block_choice(k)`, evenly by `block_scatter(k)`, which counts as a scattering. A ray that
 //!    meets nothing adds `beta · environment` and ends. A ray that meets a lamp ends; from the
 //!    front it adds `beta · radiance · w`, where `w` is 1 for camera rays and after what has no
-//!    density (a metal mirror, smooth glass, a medium), 0 after a coat's mirror, whose lamps step 3
-//!    has added, else the power heuristic of the pdf against `brightness / light_sum`. After
+//!    density (a metal mirror, smooth glass, a medium), 0 where step 3 has added the lamps (after a
+//!    coat's mirror, and where light that was scattered inside a ball leaves it by a [`window`]),
+//!    else the power heuristic of the pdf against `brightness / light_sum`. After
 //!    `scatterings_max` scatterings a ray that meets a surface ends black.
 //! 3. **Light.** The coat's share: if the nearest lamp in the mirror's direction is met from the
 //!    front and nothing is in between, adds `beta · F · radiance`. The other lobes' (block
@@ -23,7 +24,10 @@
 //!    stretched to [0, 1) again, and a direction uniform in its solid angle, or, where that is below
 //!    [`light::SOLID_ANGLE_MIN`], a point uniform in its area. Unless something is in between, adds
 //!    `beta · f · cos · radiance / pdf · w`, `w` weighing the same two densities as in step 2,
-//!    where `f` leaves out mirrors, and directions into a clear body are.
+//!    where `f` leaves out mirrors, and directions into a clear body are. Inside a ball that is a
+//!    window the same point is aimed at by the way that is bent at the boundary, if
+//!    that counts as a scattering that is left: a point that light falls on from `spread` per
+//!    solid angle.
 //! 4. **Scattering** (block `block_scatter(k)`). Metals and clear bodies: [`specular`], whose choice
 //!    to reflect takes `u[0]` of `block_choice(k)`. Others: with `F` the Fresnel reflectance seen
 //!    from `wo` and `a` the channel mean of the albedo at the hit, the mirror is chosen if `u[0]` is
@@ -52,15 +56,18 @@ pub mod microfacet;
 pub mod scatter;
 pub mod sheen;
 pub mod specular;
+pub mod window;
 
+use std::f64::consts::PI;
 use std::sync::atomic::Ordering;
 
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::compiled::{CameraFrame, LampData, Primitive};
+use crate::compiled::{CameraFrame, LampData, Primitive, SphereData};
 use crate::cpu::Level;
-use crate::post::{FilterMemory, Means, NoisyPixels, NoisyTile, NoisyTracer, trace_denoised};
+use crate::fresnel::fresnel_dielectric;
+use crate::post::{FilterMemory, NoisyPixels, NoisyTile, NoisyTracer, Sums, trace_denoised};
 use crate::sampling::{
     BLOCK_CAMERA, block_choice, block_light, block_scatter, pair, pixel_key, sample_key,
 };
@@ -71,6 +78,7 @@ pub use intersect::{Hit, Ray, intersect};
 use light::{LampPoint, choose_lamp, light_sum};
 use medium::{Medium, uniform_direction};
 use scatter::Scatter;
+use window::Passage;
 
 /// The f64 path tracer of this module, over rayon's threads.
 #[derive(Clone, Copy, Debug, Default)]
@@ -170,7 +178,8 @@ fn noisy_pixels(samples: u32, rows: &[Row], hits: &[Layers]) -> NoisyPixels {
     let mut pixels = NoisyPixels::default();
     pixels.extend(
         samples,
-        &Means {
+        &Sums {
+            counts: [1; 2],
             radiance: radiance.each_ref().map(Vec::as_slice),
             half: half.each_ref().map(Vec::as_slice),
             hits: hits.each_ref().map(Vec::as_slice),
@@ -320,15 +329,22 @@ impl<'a> View<'a> {
                 random(block_scatter(scattering)),
                 random(block_choice(scattering)),
             );
-            if let Some(medium) = self.medium(left) {
+            if let Some((medium, enclosing)) = self.medium(left) {
                 let flight = medium.fly(hit.t, u3);
                 beta *= flight.weight;
                 if let Some(distance) = flight.scattered_at {
+                    let point = ray.origin + distance * ray.direction;
+                    if let Some(window) = self.window(enclosing)
+                        && scattering + 2 <= self.settings.scatterings_max
+                    {
+                        let u = random(block_light(scattering));
+                        radiance += beta * self.light_through(&window, &medium, point, u, rays);
+                    }
                     ray = Ray {
-                        origin: ray.origin + distance * ray.direction,
+                        origin: point,
                         direction: uniform_direction(u1, u2),
                     };
-                    found = Found::UNWEIGHED;
+                    found = Found::SCATTERED;
                     continue;
                 }
             }
@@ -356,19 +372,90 @@ impl<'a> View<'a> {
                 origin: vertex.point,
                 direction: sample.wi,
             };
-            left = Some(vertex.departure(sample.wi));
+            let departure = vertex.departure(sample.wi);
+            let is_known =
+                found.is_scattered && !departure.is_inside && self.leaves_by_window(&vertex, hit.t);
+            left = Some(departure);
             found = Found {
-                pdf: sample.pdf,
+                pdf: if is_known { Some(0.0) } else { sample.pdf },
                 light_sum: vertex.light_sum,
+                is_scattered: false,
             };
         }
         radiance
     }
 
-    /// What a ray flies through.
-    fn medium(&self, left: Option<Departure>) -> Option<Medium> {
-        let enclosing = left.filter(|left| left.is_inside)?;
-        self.scene.material_of(enclosing.primitive).map(Medium::new)
+    /// What a ray flies through, and what that fills.
+    fn medium(&self, left: Option<Departure>) -> Option<(Medium, Primitive)> {
+        let enclosing = left.filter(|left| left.is_inside)?.primitive;
+        let material = self.scene.material_of(enclosing)?;
+        Some((Medium::new(material), enclosing))
+    }
+
+    /// A body through whose boundary light that is scattered inside aims at lamps.
+    fn window(&self, enclosing: Primitive) -> Option<Window<'a>> {
+        let Primitive::Sphere(index) = enclosing else {
+            return None;
+        };
+        let sphere = &self.scene.spheres[index as usize];
+        let material = self.scene.material_of(enclosing)?;
+        (sphere.is_window == 1).then_some(Window {
+            sphere,
+            ior: f64::from(material.ior),
+            primitive: enclosing,
+        })
+    }
+
+    /// Whether a ray that was scattered inside leaves, after `length`, by a way on which lamps have been
+    /// aimed at.
+    fn leaves_by_window(&self, vertex: &Vertex, length: f64) -> bool {
+        let cos_i = vertex.wo.dot(vertex.n);
+        self.window(vertex.primitive)
+            .is_some_and(|window| length <= f64::from(window.sphere.radius) * cos_i)
+    }
+
+    /// Next-event estimation through a window, of light that is scattered evenly at `point` inside.
+    fn light_through(
+        &self,
+        window: &Window<'_>,
+        medium: &Medium,
+        point: DVec3,
+        u: [f64; 2],
+        rays: &mut u64,
+    ) -> DVec3 {
+        let Some(chosen) = choose_lamp(&self.scene.lamps, point, u) else {
+            return DVec3::ZERO;
+        };
+        let lamp = &self.scene.lamps[chosen.index];
+        let normal = vector(lamp.normal);
+        let straight = chosen.seen.sample(chosen.u);
+        let target = point + straight.distance * straight.wi;
+        let Some(passage) = Passage::new(window.sphere, window.ior, point, target) else {
+            return DVec3::ZERO;
+        };
+        let [inside, outside] = passage.lengths;
+        *rays += 2;
+        let is_dark = |origin, direction, is_inside, length: f64| {
+            let departure = Departure {
+                primitive: window.primitive,
+                is_inside,
+            };
+            let met = intersect_from(self.scene, &Ray { origin, direction }, Some(departure));
+            let own = [window.primitive, Primitive::Lamp(chosen.index as u32)];
+            met.is_some_and(|hit| hit.t < length && !own.contains(&hit.primitive))
+        };
+        if is_dark(point, passage.inner, true, inside)
+            || is_dark(passage.place, passage.outer, false, outside)
+        {
+            return DVec3::ZERO;
+        }
+        let passed = 1.0 - fresnel_dielectric(passage.cos_i, 1.0 / window.ior);
+        // Radiance is denser by the square of the index inside.
+        let passed = passed * window.ior * window.ior * medium.transmittance(inside);
+        let cosines = passage.outer.dot(normal) / straight.wi.dot(normal);
+        let inverse_pdf = straight.inverse_pdf / chosen.probability;
+        let inverse_pdf = inverse_pdf * straight.distance.powi(2) * cosines / passage.spread;
+        passed * vector(lamp.radiance) * (inverse_pdf.max(0.0) / (4.0 * PI))
     }
 
     /// Weighted radiance of a lamp that a ray found.
@@ -448,6 +535,13 @@ impl<'a> View<'a> {
     }
 }
 
+/// A ball through whose boundary lamps are aimed at.
+struct Window<'a> {
+    sphere: &'a SphereData,
+    ior: f64,
+    primitive: Primitive,
+}
+
 /// How a ray's direction was found: what weighs a lamp along it.
 #[derive(Clone, Copy)]
 struct Found {
@@ -455,13 +549,21 @@ struct Found {
     pdf: Option<f64>,
     /// [`light_sum`] where the ray began.
     light_sum: f64,
+    /// It began where light was scattered inside a body.
+    is_scattered: bool,
 }
 
 impl Found {
-    /// By the camera, or in a medium.
+    /// By the camera.
     const UNWEIGHED: Self = Self {
         pdf: None,
         light_sum: 0.0,
+        is_scattered: false,
+    };
+    /// In a medium.
+    const SCATTERED: Self = Self {
+        is_scattered: true,
+        ..Self::UNWEIGHED
     };
 
     /// Or by the camera.

@@ -17,3 +17,5 @@ struct Evaluated {
 // Stands for the density of a direction that next-event estimation cannot find, so that light along
 // it counts in full.
 const SPECULAR: f32 = -1.0;
+// The same of a path that was scattered inside a body.
+const SCATTERED: f32 = -2.0;

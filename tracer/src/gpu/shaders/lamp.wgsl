@@ -62,7 +62,7 @@ fn lamp_found(ray: Ray, hit: Hit, pdf: f32) -> vec3f {
     if (dot(ray.direction, scene.lamps[index].normal) >= 0.0 || brightness == 0.0 || pdf == 0.0) {
         return vec3f(0.0);
     }
-    if (pdf == SPECULAR) {
+    if (pdf < 0.0) {
         return scene.lamps[index].radiance;
     }
     return scene.lamps[index].radiance * power_heuristic(brightness / pdf);

@@ -8,7 +8,7 @@ struct Path {
     throughput: vec3f,
     radiance: vec3f,
     // Density of the ray's direction times the lamps' `light_sum` where it began, which weighs a lamp
-    // that it finds; or `SPECULAR`.
+    // that it finds; or `SPECULAR` or `SCATTERED`.
     pdf: f32,
     bounce: u32,
     pixel: u32,
@@ -43,8 +43,13 @@ fn advance(path: ptr<function, Path>, hit: ptr<function, Hit>, rays: ptr<functio
         (*path).throughput *= flight.weight;
         if (flight.is_scattered) {
             let origin = fma(vec3f(flight.distance), ray.direction, ray.origin);
+            if (HAS_WINDOW && (*path).bounce + 2u <= job.scatterings_max) {
+                let v = pair((*path).pixel, (*path).sample, block_light((*path).bounce), job.seed);
+                let light = light_through((*path).skip & ~INSIDE, origin, v, rays);
+                (*path).radiance += (*path).throughput * light;
+            }
             (*path).ray = Ray(origin, uniform_direction(u.y, u.z));
-            (*path).pdf = SPECULAR;
+            (*path).pdf = SCATTERED;
             let is_last = (*path).bounce == job.scatterings_max;
             (*path).bounce += 1u;
             return select(FLYING, ENDED, is_last || all((*path).throughput == vec3f(0.0)));
@@ -92,6 +97,7 @@ fn scatter(path: ptr<function, Path>, hit: Hit, rays: ptr<function, u32>) -> u32
         (*path).radiance += (*path).throughput * light;
     }
     let next = bsdf_sample(bsdf, surface.normal, wo, scatter_numbers(path).xyz);
+    let was_scattered = HAS_WINDOW && (*path).pdf == SCATTERED;
     (*path).ray = Ray(surface.position, next.wi);
     (*path).skip = primitive;
     if (HAS_CLEAR && bsdf_is_clear(bsdf)) {
@@ -103,6 +109,10 @@ fn scatter(path: ptr<function, Path>, hit: Hit, rays: ptr<function, u32>) -> u32
     if (next.pdf > 0.0) {
         // Not 0 where there is no light: that is a coat's.
         (*path).pdf = max(next.pdf * light_sum, 1e-37);
+    }
+    if (was_scattered && ((*path).skip & INSIDE) == 0u
+        && leaves_by_window(primitive, hit.t, dot(surface.normal, wo))) {
+        (*path).pdf = 0.0;
     }
     (*path).bounce = bounce + 1u;
     return select(FLYING, ENDED, all((*path).throughput == vec3f(0.0)));

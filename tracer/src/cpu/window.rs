@@ -1,0 +1,242 @@
+//! Lamps seen from inside a clear ball, a lane each: the arithmetic of [`crate::reference::window`].
+
+use std::f32::consts::PI;
+
+use fearless_simd::prelude::*;
+
+use super::bsdf::fresnel;
+use super::gloss::{exp, untagged};
+use super::lanes::{Float, Mask, Vec3x, Word};
+use super::light::LampSample;
+use super::surface::Rows;
+use crate::compiled::{MaterialData, SphereData};
+use crate::reference::window::STEPS;
+
+/// One row of numbers per ball.
+pub(super) type WindowRow = [f32; 8];
+
+const CENTER: usize = 0;
+/// 0 of a ball that is no window.
+const RADIUS: usize = 3;
+const IOR: usize = 4;
+const EXTINCTION: usize = 5;
+
+pub(super) fn window_row(sphere: &SphereData, material: &MaterialData) -> WindowRow {
+    let mut row = [0.0; 8];
+    row[CENTER..][..3].copy_from_slice(&sphere.center);
+    row[RADIUS] = if sphere.is_window == 1 {
+        sphere.radius
+    } else {
+        0.0
+    };
+    row[IOR] = material.ior;
+    row[EXTINCTION..][..3].copy_from_slice(&material.extinction);
+    row
+}
+
+/// The windows of a packet.
+pub(super) struct Windows<S: Simd> {
+    /// The lanes that are at one.
+    pub(super) lanes: Mask<S>,
+    center: Vec3x<S>,
+    radius: Float<S>,
+    ior: Float<S>,
+    extinction: Vec3x<S>,
+}
+
+/// Ways from inside to lamps, bent at the boundary.
+pub(super) struct Ways<S: Simd> {
+    /// The lanes that have one.
+    pub(super) lanes: Mask<S>,
+    pub(super) place: Vec3x<S>,
+    pub(super) inner: Vec3x<S>,
+    pub(super) outer: Vec3x<S>,
+    /// Lengths inside and outside, metres.
+    pub(super) inside: Float<S>,
+    pub(super) outside: Float<S>,
+    /// What of a lamp's radiance is scattered towards the path, over the probability of all choices, if
+    /// nothing is in between.
+    pub(super) weight: Vec3x<S>,
+}
+
+/// Rays from inner points, each in the plane of its axis (x) and the outer point, in radii.
+struct PlaneRays<S: Simd> {
+    place: [Float<S>; 2],
+    inner: [Float<S>; 2],
+    outer: [Float<S>; 2],
+    length: Float<S>,
+    cos_i: Float<S>,
+    cos_o: Float<S>,
+}
+
+impl<S: Simd> PlaneRays<S> {
+    #[inline(always)]
+    fn new(r: Float<S>, ior: Float<S>, sine: Float<S>) -> Self {
+        let cos = cosine(sine);
+        let cos_i = cosine(r * sine);
+        let cos_o = cosine(ior * r * sine);
+        let length = (1.0 - r * r).max(0.0) / r.mul_add(cos, cos_i).max(TINY);
+        let place = [length.mul_add(cos, r), length * sine];
+        let power = cos_o - ior * cos_i;
+        Self {
+            place,
+            inner: [cos, sine],
+            outer: [
+                ior.mul_add(cos, power * place[0]),
+                ior.mul_add(sine, power * place[1]),
+            ],
+            length,
+            cos_i,
+            cos_o,
+        }
+    }
+
+    /// How far points lie on the side of larger angles.
+    #[inline(always)]
+    fn beside(&self, point: [Float<S>; 2]) -> Float<S> {
+        self.outer[0] * (point[1] - self.place[1]) - self.outer[1] * (point[0] - self.place[0])
+    }
+
+    /// Area across the ray at its end, over the solid angle at the inner point.
+    #[inline(always)]
+    fn spread(&self, ior: Float<S>, outside: Float<S>) -> Float<S> {
+        let moved = self.length / self.cos_i.max(TINY);
+        let bent = ior * self.cos_i / self.cos_o.max(TINY);
+        let turned = bent.mul_add(1.0 - moved, moved);
+        let in_plane = moved.mul_add(self.cos_o, outside * turned);
+        let power = ior * self.cos_i - self.cos_o;
+        in_plane * (ior - power * self.length).mul_add(outside, self.length)
+    }
+}
+
+impl<S: Simd> Windows<S> {
+    /// Those of the balls in `tag` for the lanes of `mask`; none if no lane is at one.
+    #[inline(always)]
+    pub(super) fn new(simd: S, table: &[WindowRow], tag: Word<S>, mask: Mask<S>) -> Option<Self> {
+        let balls = Word::splat(simd, table.len() as u32);
+        let body = untagged(tag);
+        let mask = mask & body.simd_lt(balls);
+        if !mask.any_true() {
+            return None;
+        }
+        let rows = Rows::new(table, mask.select(body, Word::splat(simd, 0)));
+        let radius = rows.number(simd, RADIUS);
+        let lanes = mask & radius.simd_gt(0.0);
+        lanes.any_true().then(|| Self {
+            lanes,
+            center: rows.triple(simd, CENTER),
+            radius,
+            ior: rows.number(simd, IOR),
+            extinction: rows.triple(simd, EXTINCTION),
+        })
+    }
+
+    /// Where a ray that was scattered inside leaves, after `length` and at `cos_i`, by a way on which
+    /// lamps have been aimed at.
+    #[inline(always)]
+    pub(super) fn are_left(&self, length: Float<S>, cos_i: Float<S>) -> Mask<S> {
+        self.lanes & length.simd_le(self.radius * cos_i)
+    }
+
+    /// From points inside to the lamps that were drawn, whose normals are given.
+    #[inline(always)]
+    pub(super) fn ways(
+        &self,
+        simd: S,
+        from: Vec3x<S>,
+        lamp: &LampSample<S>,
+        normal: Vec3x<S>,
+    ) -> Ways<S> {
+        let per_radius = 1.0 / self.radius;
+        let x = (from - self.center) * per_radius;
+        let distance = lamp.distance * per_radius;
+        let y = lamp.wi.mul_add(distance, x);
+        let r = x.length_squared().sqrt();
+        let axis = x * (1.0 / r.max(TINY));
+        let axis = Vec3x::select(r.simd_gt(0.0), axis, lamp.wi);
+        let along = y.dot(axis);
+        let across = y - axis * along;
+        let height = across.length_squared().sqrt();
+        let side = across * (1.0 / height.max(TINY));
+        let point = [along, height];
+        let (sine, found) = search(simd, r, self.ior, point);
+        let ray = PlaneRays::new(r, self.ior, sine);
+        let way = [point[0] - ray.place[0], point[1] - ray.place[1]];
+        let outside = way[0].mul_add(way[0], way[1] * way[1]).sqrt();
+        let inside = ray.length * self.radius;
+        let outer = axis.mul_add(ray.outer[0], side * ray.outer[1]);
+        let place = axis.mul_add(ray.place[0], side * ray.place[1]);
+
+        let reflected = fresnel(simd, ray.cos_i, 1.0 / self.ior);
+        // Radiance is denser by the square of the index inside.
+        let passed = (1.0 - reflected) * self.ior * self.ior;
+        let cosines = outer.dot(normal) / lamp.wi.dot(normal);
+        let spread = ray.spread(self.ior, outside);
+        let inverse_pdf = lamp.inverse_pdf * (distance * distance) * cosines / spread;
+        let left = self.extinction * -inside;
+        let left = Vec3x::new(exp(simd, left.x), exp(simd, left.y), exp(simd, left.z));
+        Ways {
+            lanes: self.lanes & found & lamp.distance.simd_gt(0.0),
+            place: place.mul_add(self.radius, self.center),
+            inner: axis.mul_add(ray.inner[0], side * ray.inner[1]),
+            outer,
+            inside,
+            outside: outside * self.radius,
+            weight: left * (passed * inverse_pdf.max(0.0) * (0.25 / PI)),
+        }
+    }
+}
+
+/// The sine at the inner point of the ray to each point outside, and where there is one.
+#[inline(always)]
+fn search<S: Simd>(
+    simd: S,
+    r: Float<S>,
+    ior: Float<S>,
+    point: [Float<S>; 2],
+) -> (Float<S>, Mask<S>) {
+    let (half, one) = (Float::splat(simd, 0.5), Float::splat(simd, 1.0));
+    let mut low = lowest(simd, r, point);
+    let mut high = (1.0 / (ior * r).max(TINY)).min(one);
+    let mut found = low.simd_lt(high);
+    let mut at_low = PlaneRays::new(r, ior, low).beside(point);
+    let mut at_high = PlaneRays::new(r, ior, high).beside(point);
+    found &= at_low.simd_ge(0.0) & at_high.simd_le(0.0);
+    let mut sine = low;
+    let (mut moved_low, mut moved_high) = (Mask::splat(simd, false), Mask::splat(simd, false));
+    for _ in 0..STEPS {
+        let part = at_low / (at_low - at_high).max(TINY);
+        sine = part.mul_add(high - low, low);
+        let at = PlaneRays::new(r, ior, sine).beside(point);
+        let moves_low = at.simd_gt(0.0);
+        let (halved_low, halved_high) = (at_low * half, at_high * half);
+        let at_low_kept = (moved_high & !moves_low).select(halved_low, at_low);
+        let at_high_kept = (moved_low & moves_low).select(halved_high, at_high);
+        low = moves_low.select(sine, low);
+        high = moves_low.select(high, sine);
+        at_low = moves_low.select(at, at_low_kept);
+        at_high = moves_low.select(at_high_kept, at);
+        (moved_low, moved_high) = (moves_low, !moves_low);
+    }
+    (sine, found)
+}
+
+/// The sine of the first ray whose place the point sees; 2 if that is on the other half.
+#[inline(always)]
+fn lowest<S: Simd>(simd: S, r: Float<S>, [x, y]: [Float<S>; 2]) -> Float<S> {
+    let cos = 1.0 / x.mul_add(x, y * y).sqrt();
+    let sin = cosine(cos);
+    let way_x = cos * cos.mul_add(x, sin * y) - r;
+    let way_y = cos * (cos * y - sin * x);
+    let sine = way_y / way_x.mul_add(way_x, way_y * way_y).sqrt();
+    let beyond = way_x.simd_gt(0.0).select(sine, Float::splat(simd, 2.0));
+    x.simd_ge(1.0).select(Float::splat(simd, 0.0), beyond)
+}
+
+#[inline(always)]
+fn cosine<S: Simd>(sine: Float<S>) -> Float<S> {
+    (1.0 - sine * sine).max(0.0).sqrt()
+}
+
+/// Keeps divisors off 0.
+const TINY: f32 = 1e-30;

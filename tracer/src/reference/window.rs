@@ -1,0 +1,293 @@
+//! The way from a point inside a clear ball to a point outside, bent where it passes the boundary.
+//!
+//! Light that is scattered inside would find a lamp through a smooth boundary by chance alone. Next-event
+//! estimation through a refracting surface (Walter, Zhao, Holzschuch and Bala, "Single Scattering in
+//! Refractive Media with Triangle Mesh Boundaries", SIGGRAPH 2009) has to find the ways by which Fermat's
+//! principle allows light to go. Through a sphere there may be several; of those that leave by the half
+//! towards which the inner point lies from the centre there is at most one, so that chance can be left
+//! with exactly the others.
+//!
+//! In units of the radius, let the inner point be at `r` on an axis through the centre, and a ray leave
+//! it at an angle θ ≤ 90° to that axis. It meets the boundary after `l = cos θi − r cos θ`, where
+//! `sin θi = r sin θ`, not beyond the middle of its chord: `l ≤ cos θi`. When θ grows, the point where it
+//! leaves moves on by `k = l / cos θi ≤ 1` of that angle, and its direction outside turns by
+//! `k + (1 − k) n cos θi / cos θo > 0`: the rays that leave in a plane through the axis spread and never
+//! cross, and as sideways they spread too, none crosses the axis. So each point outside lies on one of
+//! them or on none, and on which side of a ray it lies tells where to go on searching.
+
+use glam::{DVec2, DVec3};
+
+use super::intersect::vector;
+use crate::compiled::SphereData;
+
+/// Steps of the search: the last moves the ray by less than 1e-4 of the outer point's distance from the
+/// ball, which is what rounding to f32 does to it.
+pub const STEPS: u32 = 6;
+
+/// The bent way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Passage {
+    /// Where it passes the boundary.
+    pub place: DVec3,
+    /// Unit direction inside, from the inner point.
+    pub inner: DVec3,
+    /// Unit direction outside, away from the ball.
+    pub outer: DVec3,
+    /// Length inside and outside, metres.
+    pub lengths: [f64; 2],
+    /// Cosine between the normal and the way inside, above 0.
+    pub cos_i: f64,
+    /// Area, m², across the way at the outer point, that a solid angle of 1 sr at the inner one lights.
+    pub spread: f64,
+}
+
+/// A ray from the inner point, in the plane of the axis (x) and the outer point, in radii.
+struct PlaneRay {
+    place: DVec2,
+    inner: DVec2,
+    outer: DVec2,
+    length: f64,
+    cos_i: f64,
+    cos_o: f64,
+}
+
+impl PlaneRay {
+    /// Of the ray whose sine at the inner point is `sine`.
+    fn new(r: f64, ior: f64, sine: f64) -> Self {
+        let cosine = |sine: f64| (1.0 - sine * sine).max(0.0).sqrt();
+        let inner = DVec2::new(cosine(sine), sine);
+        let cos_i = cosine(r * sine);
+        let cos_o = cosine(ior * r * sine);
+        let length = (1.0 - r * r).max(0.0) / (cos_i + r * inner.x);
+        let place = DVec2::new(r + length * inner.x, length * sine);
+        Self {
+            place,
+            inner,
+            outer: ior * inner + (cos_o - ior * cos_i) * place,
+            length,
+            cos_i,
+            cos_o,
+        }
+    }
+
+    /// How far a point lies on the side of larger angles.
+    fn beside(&self, point: DVec2) -> f64 {
+        self.outer.perp_dot(point - self.place)
+    }
+}
+
+impl Passage {
+    /// The way from `from`, inside the ball or on it, to `to`, outside, by the half of the boundary towards
+    /// which `from` lies from the centre; none if there is no such way. `ior` is at least 1.
+    pub fn new(sphere: &SphereData, ior: f64, from: DVec3, to: DVec3) -> Option<Self> {
+        let center = vector(sphere.center);
+        let radius = f64::from(sphere.radius);
+        let (x, y) = ((from - center) / radius, (to - center) / radius);
+        let r = x.length();
+        let axis = if r > 0.0 { x / r } else { y.normalize() };
+        let along = y.dot(axis);
+        let across = y - along * axis;
+        let side = across.try_normalize().unwrap_or(DVec3::ZERO);
+        let point = DVec2::new(along, across.length());
+        let ray = search(r, ior, point)?;
+        let world = |v: DVec2| v.x * axis + v.y * side;
+        let outside = (point - ray.place).length();
+        Some(Self {
+            place: center + radius * world(ray.place),
+            inner: world(ray.inner),
+            outer: world(ray.outer),
+            lengths: [radius * ray.length, radius * outside],
+            cos_i: ray.cos_i,
+            spread: radius * radius * spread(&ray, ior, outside),
+        })
+    }
+}
+
+/// The ray that leaves towards a point outside, by the Illinois method (Dowell and Jarratt, "A modified
+/// regula falsi method", BIT 11, 1971).
+fn search(r: f64, ior: f64, point: DVec2) -> Option<PlaneRay> {
+    // Steeper rays are reflected, or leave by the other half.
+    let sine_max = (1.0 / (ior * r)).min(1.0);
+    let (mut low, mut high) = (lowest(r, point)?, sine_max);
+    if low >= high {
+        return None;
+    }
+    let beside = |sine: f64| PlaneRay::new(r, ior, sine).beside(point);
+    let (mut at_low, mut at_high) = (beside(low), beside(high));
+    if at_low < 0.0 || at_high > 0.0 {
+        return None;
+    }
+    let mut sine = low;
+    let mut moved_low = None;
+    for _ in 0..STEPS {
+        let part = at_low / (at_low - at_high).max(f64::MIN_POSITIVE);
+        sine = low + part * (high - low);
+        let at = beside(sine);
+        let moves_low = at > 0.0;
+        let is_repeated = moved_low.replace(moves_low) == Some(moves_low);
+        if moves_low {
+            (low, at_low) = (sine, at);
+            at_high *= if is_repeated { 0.5 } else { 1.0 };
+        } else {
+            (high, at_high) = (sine, at);
+            at_low *= if is_repeated { 0.5 } else { 1.0 };
+        }
+    }
+    Some(PlaneRay::new(r, ior, sine))
+}
+
+/// The sine of the first ray whose place the point sees: from a point that does not see the boundary on the
+/// axis, the one through where its tangent touches. None if that is on the other half.
+fn lowest(r: f64, point: DVec2) -> Option<f64> {
+    if point.x >= 1.0 {
+        return Some(0.0);
+    }
+    let cos = 1.0 / point.length();
+    let sin = (1.0 - cos * cos).max(0.0).sqrt();
+    let tangent = DVec2::new(cos, -sin).rotate(point) * cos;
+    let way = tangent - DVec2::new(r, 0.0);
+    (way.x > 0.0).then(|| way.y / way.length())
+}
+
+/// Across a ray, the area in its plane and sideways, over the angles at the inner point (Coddington's
+/// equations).
+fn spread(ray: &PlaneRay, ior: f64, outside: f64) -> f64 {
+    let moved = ray.length / ray.cos_i;
+    let bent = ior * ray.cos_i / ray.cos_o.max(f64::MIN_POSITIVE);
+    let in_plane = moved * ray.cos_o + outside * (moved + bent * (1.0 - moved));
+    let power = ior * ray.cos_i - ray.cos_o;
+    let sideways = ray.length + outside * (ior - power * ray.length);
+    in_plane * sideways
+}
+
+#[cfg(test)]
+mod tests {
+    use bytemuck::Zeroable;
+
+    use super::*;
+    use crate::fresnel::fresnel_dielectric;
+    use crate::reference::medium::uniform_direction;
+    use crate::sampling::uniforms;
+
+    const CASES: u32 = 20_000;
+
+    fn ball() -> SphereData {
+        SphereData {
+            center: [0.3, -0.2, 0.1],
+            radius: 0.028_575,
+            ..SphereData::zeroed()
+        }
+    }
+
+    /// A point inside, as likely near the boundary and the centre as elsewhere, and an index.
+    fn inside(i: u32) -> (DVec3, f64) {
+        let [a, b, c, d] = uniforms(i, 1, 2, 3).map(f64::from);
+        let r = match i % 3 {
+            0 => a.cbrt(),
+            1 => 1.0 - 10f64.powf(-1.0 - 6.0 * a),
+            _ => 10f64.powf(-1.0 - 6.0 * a),
+        };
+        let sphere = ball();
+        let center = vector(sphere.center);
+        let point = center + f64::from(sphere.radius) * r * uniform_direction(b, c);
+        (point, [1.0, 1.0001, 1.33, 1.5, 2.4][(d * 5.0) as usize])
+    }
+
+    /// Where a ray from inside leaves and its direction outside, if it is not reflected, and whether by
+    /// the half towards which it began.
+    fn leave(from: DVec3, direction: DVec3, ior: f64) -> (DVec3, Option<DVec3>, bool) {
+        let sphere = ball();
+        let (center, radius) = (vector(sphere.center), f64::from(sphere.radius));
+        let x = from - center;
+        let along = x.dot(direction);
+        let length = (radius * radius - x.length_squared() + along * along).sqrt() - along;
+        let place = from + length * direction;
+        let n = (place - center) / radius;
+        let cos_i = direction.dot(n);
+        let passes = fresnel_dielectric(cos_i, 1.0 / ior) < 1.0;
+        let cos_o = (1.0 - ior * ior * (1.0 - cos_i * cos_i)).max(0.0).sqrt();
+        let outer = ior * direction + (cos_o - ior * cos_i) * n;
+        (place, passes.then_some(outer), along >= 0.0)
+    }
+
+    #[test]
+    fn every_ray_that_leaves_by_the_near_half_is_found_again() {
+        let mut found = 0;
+        for i in 0..CASES {
+            let (from, ior) = inside(i);
+            let [a, b, c, _] = uniforms(i, 4, 5, 6).map(f64::from);
+            let direction = uniform_direction(a, b);
+            let (place, Some(outer), is_near) = leave(from, direction, ior) else {
+                continue;
+            };
+            let distance = 10f64.powf(-3.0 + 5.0 * c);
+            let to = place + distance * outer;
+            let passage = Passage::new(&ball(), ior, from, to);
+            if !is_near {
+                // Another way may lead there, but not this one.
+                assert!(passage.is_none_or(|passage| passage.inner.dot(direction) < 1.0 - 1e-12));
+                continue;
+            }
+            let Some(passage) = passage else {
+                // On the edge of what can be found, rounding decides.
+                let axis = (from - vector(ball().center)).normalize();
+                let cos_o = outer.dot(place - vector(ball().center)) / f64::from(ball().radius);
+                let edge = direction.dot(axis).min(cos_o);
+                assert!(edge < 1e-6, "{i}: {edge}, index {ior}, {distance} m");
+                continue;
+            };
+            found += 1;
+            let off = (passage.place + passage.lengths[1] * passage.outer - to).length();
+            assert!(
+                off < 1e-4 * (distance + 0.1),
+                "{i}: off by {off} of {distance}"
+            );
+            assert!((passage.inner - direction).length() < 1e-3, "{i}");
+            let normal = (passage.place - vector(ball().center)).normalize();
+            assert!(
+                (passage.cos_i - passage.inner.dot(normal)).abs() < 1e-6,
+                "{i}"
+            );
+            assert!((passage.outer.length() - 1.0).abs() < 1e-9, "{i}");
+        }
+        assert!(found > CASES / 4, "{found}");
+    }
+
+    /// By three rays close together.
+    #[test]
+    fn the_spread_is_that_of_neighbouring_rays() {
+        const APART: f64 = 1e-6;
+        for i in 0..CASES {
+            let (from, ior) = inside(i);
+            let [a, b, c, _] = uniforms(i, 7, 8, 9).map(f64::from);
+            let direction = uniform_direction(a, b);
+            let distance = 10f64.powf(-2.0 + 3.0 * c);
+            let (place, Some(outer), true) = leave(from, direction, ior) else {
+                continue;
+            };
+            let n = (place - vector(ball().center)).normalize();
+            let to = place + distance * outer;
+            if outer.dot(n) < 0.1 {
+                continue; // neighbours may be reflected
+            }
+            let Some(passage) = Passage::new(&ball(), ior, from, to) else {
+                continue;
+            };
+            let (t, b) = crate::reference::bsdf::basis(direction);
+            let moved = [t, b].map(|side| {
+                let (place, outer, _) = leave(from, (direction + APART * side).normalize(), ior);
+                let outer = outer.expect("not near the angle of total reflection");
+                // Where the neighbour passes the plane across the ray at its end.
+                let end =
+                    place + outer * ((to - place).dot(passage.outer) / outer.dot(passage.outer));
+                (end - to) / APART
+            });
+            let area = moved[0].cross(moved[1]).length();
+            assert!(
+                (area / passage.spread - 1.0).abs() < 2e-3,
+                "{i}: {area} {}",
+                passage.spread
+            );
+        }
+    }
+}
