@@ -106,7 +106,7 @@ fn lamps_aimed_at_from_inside_leave_little_noise_and_the_same_light() {
         ball.is_window = 0;
     }
     let size = ImageSize::new(480, 270);
-    let tiles = [(388, 110), (350, 168)].map(|(x, y)| Tile {
+    let tiles = [(72, 120), (110, 160)].map(|(x, y)| Tile {
         x,
         y,
         width: 16,
