@@ -28,6 +28,12 @@ impl Lead {
             .min(Self::SECS_MAX)
     }
 
+    /// How long after a click the stroke falls: when the first picture in which something has moved, one
+    /// of `period_secs` later, has just time to come.
+    pub fn stroke_delay_secs(&self, period_secs: f64) -> f64 {
+        (self.secs() - period_secs).max(0.0)
+    }
+
     /// How many pictures to have in flight so that one comes each `period_secs`, at most `max`: as
     /// many periods as the fastest of the last pictures took. Slower ones waited for others, and
     /// more in flight would make all wait.
@@ -53,7 +59,7 @@ const PICTURES_REMEMBERED: usize = 100;
 const FIRST_LEAD_SECS: f64 = 0.07;
 
 /// The moments to ask for: as close together as `period`, never before they can be ready, each
-/// after the last.
+/// after the last. The first is a period after the stroke: that of the stroke itself is on show.
 #[derive(Clone, Debug, Default)]
 pub struct Schedule {
     asked_secs: Option<f64>,
@@ -69,7 +75,7 @@ impl Schedule {
         period_secs: f64,
         end_secs: f64,
     ) -> Option<f64> {
-        let after_last = self.asked_secs.map_or(0.0, |asked| asked + period_secs);
+        let after_last = self.asked_secs.unwrap_or(0.0) + period_secs;
         if self.asked_secs.is_some_and(|asked| asked >= end_secs) {
             return None;
         }
@@ -160,12 +166,14 @@ mod tests {
         }
         assert!(covered >= 840, "{covered} of 900 came within the lead");
         assert!(lead.secs() < 0.08);
+        assert_eq!(lead.stroke_delay_secs(0.01), lead.secs() - 0.01);
+        assert_eq!(lead.stroke_delay_secs(1.0), 0.0);
     }
 
     #[test]
     fn moments_rise_end_with_the_end_and_are_never_in_the_past() {
         let mut schedule = Schedule::default();
-        let (mut clock, mut asked) = (-0.2, Vec::new());
+        let (mut clock, mut asked) = (1.0 / 30.0 - 0.2, Vec::new());
         while asked.last() != Some(&2.0) {
             while let Some(moment) = schedule.next(clock, 0.2, 1.0 / 30.0, 2.0) {
                 assert!(moment >= (clock + 0.2f64).min(2.0) && moment <= 2.0);
@@ -173,6 +181,7 @@ mod tests {
             }
             clock += 0.016;
         }
+        assert_eq!(asked[0], 1.0 / 30.0);
         assert!(asked.windows(2).all(|pair| pair[0] < pair[1]));
         assert!((60..=64).contains(&asked.len()), "{} pictures", asked.len());
         assert_eq!(schedule.next(9.0, 0.2, 1.0 / 30.0, 2.0), None);

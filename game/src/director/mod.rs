@@ -336,9 +336,9 @@ impl Director {
         }
     }
 
-    /// How long before the stroke pictures of a shot should be asked for.
-    pub fn lead_secs(&self) -> f64 {
-        self.lead.secs()
+    /// How long after a click the stroke should fall, so that pictures of the shot are there in time.
+    pub fn stroke_delay_secs(&self) -> f64 {
+        self.lead.stroke_delay_secs(self.quality.period_secs())
     }
 
     /// Whether the picture on show will not change by itself any more.

@@ -149,7 +149,7 @@ fn over_a_long_way_a_shot_keeps_its_clock_and_60_pictures_a_second() {
     for i in 0..500 {
         bench.step(&Subject::Live(scene_at(f64::from(i) * 0.001)));
     }
-    let start = bench.now_secs + bench.director.lead_secs();
+    let start = bench.now_secs + bench.director.stroke_delay_secs();
     let (mut errors, mut serials) = (Vec::new(), Vec::new());
     while bench.now_secs < start + 4.0 {
         let clock_secs = bench.now_secs - start;
@@ -190,7 +190,7 @@ fn over_a_long_way_the_hand_sees_60_drafts_a_second() {
     let warm = (0..500).map(&mut step).last().unwrap();
     let pictures = (500..1000).map(&mut step).last().unwrap() - warm;
     assert!(pictures >= 118, "{pictures} in 2 s");
-    let lag = bench.director.lead_secs();
+    let lag = bench.director.figures().lead_secs;
     assert!(lag < ROUND_TRIP_SECS + 0.03, "{lag} s behind the hand");
 }
 

@@ -227,8 +227,8 @@ impl Session {
             Intent::Practise => self.booth.practise(&self.game),
             _ => {}
         }
-        let lead_secs = self.director.lead_secs();
-        let outcome = self.game.apply(intent, now_secs, lead_secs, self.film);
+        let delay_secs = self.director.stroke_delay_secs();
+        let outcome = self.game.apply(intent, now_secs, delay_secs, self.film);
         self.keep_shot();
         outcome
     }

@@ -25,8 +25,8 @@ use crate::commands::proxy::PathArgs;
 /// of this machine behind a network as bad as asked for: --jitter 1 for a long way's.
 ///
 /// While the player aims, pictures of the present are asked for. At a click they are cancelled, and
-/// pictures of the shot are asked for as far ahead as 95 of the last hundred took; the stroke falls
-/// when the first should be there. Each refresh shows the latest picture whose moment has come. A
+/// pictures of the shot are asked for as far ahead as 95 of the last hundred took; the stroke falls so
+/// that the first in which something moves is there when it does. Each refresh shows the latest picture whose moment has come. A
 /// picture that is not whole at its moment is shown with its late tiles missing, which are counted.
 #[derive(clap::Args)]
 pub(crate) struct Args {
@@ -222,7 +222,8 @@ impl<'a> Table<'a> {
         let taken = self.wait_refresh(interrupted)?;
         self.farm.cancel_before(FrameId(self.last.0 + 1));
         self.asked.clear();
-        let begins = taken + Duration::from_secs_f64(self.lead.secs());
+        let delay_secs = self.lead.stroke_delay_secs(PERIOD.as_secs_f64());
+        let begins = taken + Duration::from_secs_f64(delay_secs);
         let (mut schedule, mut queue) = (Schedule::default(), Queue::default());
         let (mut shown, mut changed) = (0.0, false);
         let mut now = taken;
