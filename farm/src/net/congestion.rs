@@ -22,7 +22,8 @@
 //! A lost packet says nothing: radio and long paths lose them at random, and a rule that halves the
 //! window for each (Cubic) carried 4 of 31 Mbit/s at 1 % loss. Only when a twentieth is lost for
 //! several round trips is the path taken to have a queue too short for α. The start adds half to the
-//! window each round trip until packets begin to wait.
+//! window each round trip until packets begin to wait. A round lasts for a round trip and until
+//! enough acknowledgements have come to tell their quartile, or all of the window is acknowledged.
 //!
 //! The rule is pure; [`Config`] is its form for quinn.
 
@@ -97,7 +98,9 @@ impl DelayWindow {
         round.round_trips.insert(round_trip);
         let least = self.least.get().unwrap_or(round_trip);
         let passed = now.saturating_sub(round.began) >= least.max(ROUND_MIN);
-        if passed && round.round_trips.are_enough() {
+        // After an outage the window has fewer packets than that are acknowledged apart.
+        let is_whole = round.acked >= self.window - self.packet_bytes;
+        if passed && (is_whole || round.round_trips.are_enough()) {
             self.end_round(now);
         }
     }

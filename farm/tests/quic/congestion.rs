@@ -168,6 +168,24 @@ fn an_outage_ends_in_a_small_window_that_grows_again() {
     assert!(share > 0.8, "{share} of the first second's bytes");
 }
 
+/// A receiver may acknowledge all that came at once.
+#[test]
+fn after_an_outage_one_acknowledgement_a_round_trip_is_enough() {
+    let mut window = DelayWindow::new(Duration::ZERO, PACKET as u16);
+    window.on_outage(Duration::ZERO);
+    let mut round_trips = 0;
+    while window.bytes() < 200_000 {
+        let sent = 46 * round_trips;
+        round_trips += 1;
+        let [sent, now] = [sent, 46 * round_trips].map(Duration::from_millis);
+        for _ in 0..window.bytes() / PACKET {
+            window.on_ack(now, sent, PACKET, true);
+        }
+        window.on_end_acks(now);
+        assert!(round_trips < 12, "still {} bytes", window.bytes());
+    }
+}
+
 #[test]
 fn a_client_that_waits_for_its_processor_is_not_slowed_further() {
     for (waits_ms, of_ms) in [(4, 20), (8, 20), (12, 20), (30, 100), (50, 200)] {

@@ -74,7 +74,7 @@ fn search(r: f32, ior: f32, point: vec2f) -> f32 {
 }
 
 // Area across the ray at its end, over the solid angle at the inner point, in radii.
-fn spread(ray: PlaneRay, ior: f32, outside: f32) -> f32 {
+fn window_spread(ray: PlaneRay, ior: f32, outside: f32) -> f32 {
     let moved = ray.length / max(ray.cos_i, 1e-30);
     let bent = ior * ray.cos_i / max(ray.cos_o, 1e-30);
     let in_plane = moved * ray.cos_o + outside * (moved + bent * (1.0 - moved));
@@ -127,7 +127,7 @@ fn light_through(body: u32, from_point: vec3f, u: vec2f, rays: ptr<function, u32
     let cosines = dot(outer.direction, normal) / dot(straight.wi, normal);
     let length = straight.distance / radius;
     let inverse_pdf = straight.inverse_pdf * (chosen.light_sum / chosen.weight)
-        * length * length * cosines / spread(ray, ior, outside);
+        * length * length * cosines / window_spread(ray, ior, outside);
     return scene.lamps[chosen.index].radiance * left * (passed * max(inverse_pdf, 0.0) / (4.0 * PI));
 }
 
