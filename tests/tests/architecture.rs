@@ -61,7 +61,14 @@ const LAYERS: &[(&[&str], &[&str])] = &[
         &["game/"],
     ),
     (&["wgpu"], &["tracer/src/gpu/", "game/"]),
-    (&["fearless_simd"], &["tracer/src/cpu/", "tracer/src/post/"]),
+    (
+        &["fearless_simd"],
+        &[
+            "tracer/src/cpu/",
+            "tracer/src/post/",
+            "protocol/src/tile_codec/",
+        ],
+    ),
     (&["zstd"], &["protocol/"]),
     (
         &["postcard"],

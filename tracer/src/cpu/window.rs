@@ -196,12 +196,16 @@ fn search<S: Simd>(
     point: [Float<S>; 2],
 ) -> (Float<S>, Mask<S>) {
     let (half, one) = (Float::splat(simd, 0.5), Float::splat(simd, 1.0));
+    // Steeper rays are reflected, or leave by the other half.
+    let sine_max = (1.0 / (ior * r).max(TINY)).min(one);
+    let highest = highest(simd, r, point);
     let mut low = lowest(simd, r, point);
-    let mut high = (1.0 / (ior * r).max(TINY)).min(one);
+    let mut high = highest.min(sine_max);
     let mut found = low.simd_lt(high);
     let mut at_low = PlaneRays::new(r, ior, low).beside(point);
     let mut at_high = PlaneRays::new(r, ior, high).beside(point);
-    found &= at_low.simd_ge(0.0) & at_high.simd_le(0.0);
+    found &= at_low.simd_ge(0.0) & (at_high.simd_le(0.0) | highest.simd_le(sine_max));
+    at_high = at_high.min(0.0);
     let mut sine = low;
     let (mut moved_low, mut moved_high) = (Mask::splat(simd, false), Mask::splat(simd, false));
     for _ in 0..STEPS {
@@ -231,6 +235,15 @@ fn lowest<S: Simd>(simd: S, r: Float<S>, [x, y]: [Float<S>; 2]) -> Float<S> {
     let sine = way_y / way_x.mul_add(way_x, way_y * way_y).sqrt();
     let beyond = way_x.simd_gt(0.0).select(sine, Float::splat(simd, 2.0));
     x.simd_ge(1.0).select(Float::splat(simd, 0.0), beyond)
+}
+
+/// The sine of the ray to the place nearest to the point; 2 if that is on the other half.
+#[inline(always)]
+fn highest<S: Simd>(simd: S, r: Float<S>, [x, y]: [Float<S>; 2]) -> Float<S> {
+    let per_length = 1.0 / x.mul_add(x, y * y).sqrt();
+    let (way_x, way_y) = (x * per_length - r, y * per_length);
+    let sine = way_y / way_x.mul_add(way_x, way_y * way_y).sqrt();
+    way_x.simd_gt(0.0).select(sine, Float::splat(simd, 2.0))
 }
 
 #[inline(always)]

@@ -2,7 +2,7 @@
 
 use crate::compiled::{
     CompiledScene, FACE_TURNED, KIND_DIELECTRIC, KIND_LAYERED, MaterialData, PATTERN_NUMBER,
-    PATTERN_PLANKS, PATTERN_WOOD,
+    PATTERN_PLANKS, PATTERN_WOOD, SphereData,
 };
 use crate::gpu::{flatness, layout};
 use crate::tree::BallTree;
@@ -262,7 +262,8 @@ fn has_window(scene: &CompiledScene) -> bool {
         material.kind == KIND_DIELECTRIC && material.alpha == 0.0 && material.flight_rate > 0.0
     };
     let mut balls = scene.spheres.iter();
-    !scene.lamps.is_empty() && balls.any(|ball| scatters(&scene.materials[ball.material as usize]))
+    let material = |ball: &SphereData| scene.materials.get(ball.material as usize);
+    !scene.lamps.is_empty() && balls.any(|ball| material(ball).is_some_and(scatters))
 }
 
 /// Whether lamps are so small or so far away that eighth powers of lengths in metres, which solid

@@ -407,7 +407,7 @@ mod tests {
     #[rustfmt::skip]
     fn layouts_in_rust() -> [Layout; 16] {
         [
-            layout!(SphereData, center radius stripe_axis material number_axis),
+            layout!(SphereData, center radius stripe_axis material number_axis is_window),
             layout!(BoxData, min material max),
             layout!(CarvedData, min first_face max face_count),
             layout!(FaceData, a kind b material),

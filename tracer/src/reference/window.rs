@@ -108,15 +108,17 @@ impl Passage {
 fn search(r: f64, ior: f64, point: DVec2) -> Option<PlaneRay> {
     // Steeper rays are reflected, or leave by the other half.
     let sine_max = (1.0 / (ior * r)).min(1.0);
-    let (mut low, mut high) = (lowest(r, point)?, sine_max);
+    let highest = highest(r, point);
+    let (mut low, mut high) = (lowest(r, point)?, highest.min(sine_max));
     if low >= high {
         return None;
     }
     let beside = |sine: f64| PlaneRay::new(r, ior, sine).beside(point);
     let (mut at_low, mut at_high) = (beside(low), beside(high));
-    if at_low < 0.0 || at_high > 0.0 {
+    if at_low < 0.0 || (at_high > 0.0 && highest > sine_max) {
         return None;
     }
+    at_high = at_high.min(0.0);
     let mut sine = low;
     let mut moved_low = None;
     for _ in 0..STEPS {
@@ -147,6 +149,17 @@ fn lowest(r: f64, point: DVec2) -> Option<f64> {
     let tangent = DVec2::new(cos, -sin).rotate(point) * cos;
     let way = tangent - DVec2::new(r, 0.0);
     (way.x > 0.0).then(|| way.y / way.length())
+}
+
+/// The sine of the ray to the place nearest to the point, which lies on its lower side: rays beyond would
+/// have to turn back. Above 1 if that is on the other half.
+fn highest(r: f64, point: DVec2) -> f64 {
+    let way = point.normalize() - DVec2::new(r, 0.0);
+    if way.x > 0.0 {
+        way.y / way.length()
+    } else {
+        2.0
+    }
 }
 
 /// Across a ray, the area in its plane and sideways, over the angles at the inner point (Coddington's

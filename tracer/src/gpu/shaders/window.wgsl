@@ -40,18 +40,28 @@ fn lowest_sine(r: f32, point: vec2f) -> f32 {
     return select(2.0, way.y / sqrt(dot(way, way)), way.x > 0.0);
 }
 
+// The sine of the ray to the place nearest to the point, above 1 if that is on the other half.
+fn highest_sine(r: f32, point: vec2f) -> f32 {
+    let way = point / sqrt(dot(point, point)) - vec2f(r, 0.0);
+    return select(2.0, way.y / sqrt(dot(way, way)), way.x > 0.0);
+}
+
 // The sine at the inner point of the ray to `point`, above 1 if there is none.
 fn search(r: f32, ior: f32, point: vec2f) -> f32 {
+    // Steeper rays are reflected, or leave by the other half.
+    let sine_max = min(1.0, 1.0 / max(ior * r, 1e-30));
+    let highest = highest_sine(r, point);
     var low = lowest_sine(r, point);
-    var high = min(1.0, 1.0 / max(ior * r, 1e-30));
+    var high = min(sine_max, highest);
     if (low >= high) {
         return 2.0;
     }
     var at_low = beside(plane_ray(r, ior, low), point);
     var at_high = beside(plane_ray(r, ior, high), point);
-    if (at_low < 0.0 || at_high > 0.0) {
+    if (at_low < 0.0 || (at_high > 0.0 && highest > sine_max)) {
         return 2.0;
     }
+    at_high = min(at_high, 0.0);
     var sine = low;
     // Which end moved last: 1 the lower, −1 the upper.
     var moved = 0;
