@@ -119,18 +119,8 @@ fn constants(features: &Features) -> String {
          const WINDOW_STEPS: u32 = {STEPS}u;\n\
          const HAS_NUMBER: bool = {};\n\
          const HAS_WOOD: bool = {};\n\
-         const PATTERN_NUMBER: u32 = {PATTERN_NUMBER}u;\n\
-         const PATTERN_WOOD: u32 = {PATTERN_WOOD}u;\n\
-         const PATTERN_PLANKS: u32 = {PATTERN_PLANKS}u;\n\
-         const FACE_BOX: u32 = {FACE_BOX}u;\n\
-         const FACE_PLANE: u32 = {FACE_PLANE}u;\n\
-         const FACE_BORE: u32 = {FACE_BORE}u;\n\
-         const FACE_TURNED: u32 = {FACE_TURNED}u;\n\
          const HAS_TURNED: bool = {};\n\
-         const CUT_MARGIN_M: f32 = {CUT_MARGIN_M:?};\n\
-         const KIND_LAYERED: u32 = {KIND_LAYERED}u;\n\
-         const KIND_CONDUCTOR: u32 = {KIND_CONDUCTOR}u;\n\
-         const KIND_DIELECTRIC: u32 = {KIND_DIELECTRIC}u;\n",
+         const CUT_MARGIN_M: f32 = {CUT_MARGIN_M:?};\n",
         features.is_compensated,
         features.discs_coplanar,
         features.lamps_coplanar,
@@ -151,6 +141,7 @@ fn constants(features: &Features) -> String {
             output as u32
         );
     }
+    text += &kinds();
     let floats = Output::Layers.floats();
     _ = writeln!(text, "const LAYERS_FLOATS: u32 = {floats}u;");
     text += &paint::wgsl();
@@ -170,6 +161,22 @@ fn constants(features: &Features) -> String {
         "const LAMP_FIRST: u32 = {first}u;\nconst LAMP_COUNT: u32 = {lamps}u;"
     );
     text
+}
+
+/// Numbers that stand for kinds.
+fn kinds() -> String {
+    format!(
+        "const PATTERN_NUMBER: u32 = {PATTERN_NUMBER}u;\n\
+         const PATTERN_WOOD: u32 = {PATTERN_WOOD}u;\n\
+         const PATTERN_PLANKS: u32 = {PATTERN_PLANKS}u;\n\
+         const FACE_BOX: u32 = {FACE_BOX}u;\n\
+         const FACE_PLANE: u32 = {FACE_PLANE}u;\n\
+         const FACE_BORE: u32 = {FACE_BORE}u;\n\
+         const FACE_TURNED: u32 = {FACE_TURNED}u;\n\
+         const KIND_LAYERED: u32 = {KIND_LAYERED}u;\n\
+         const KIND_CONDUCTOR: u32 = {KIND_CONDUCTOR}u;\n\
+         const KIND_DIELECTRIC: u32 = {KIND_DIELECTRIC}u;\n"
+    )
 }
 
 /// The scene's arrays as one buffer, in the order of [`crate::gpu::layout::scene_bytes`].

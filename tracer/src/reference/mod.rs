@@ -314,11 +314,7 @@ impl<'a> View<'a> {
         let mut found = Found::UNWEIGHED;
         for scattering in 0..=self.settings.scatterings_max {
             *rays += 1;
-            // Of denoised pictures the first hits' emission is traced apart.
-            let is_emission = self.settings.denoise
-                && scattering <= 1
-                && found.is_mirror()
-                && left.is_none_or(|left: Departure| !left.is_inside);
+            let is_emission = scattering <= 1 && self.is_emission(found, left);
             let Some(hit) = intersect_from(self.scene, &ray, left) else {
                 if is_emission {
                     return radiance;
@@ -334,11 +330,10 @@ impl<'a> View<'a> {
                 beta *= flight.weight;
                 if let Some(distance) = flight.scattered_at {
                     let point = ray.origin + distance * ray.direction;
-                    if let Some(window) = self.window(enclosing)
-                        && scattering + 2 <= self.settings.scatterings_max
-                    {
+                    // The way through the boundary counts as a scattering.
+                    if scattering + 2 <= self.settings.scatterings_max {
                         let u = random(block_light(scattering));
-                        radiance += beta * self.light_through(&window, &medium, point, u, rays);
+                        radiance += beta * self.light_through(enclosing, &medium, point, u, rays);
                     }
                     ray = Ray {
                         origin: point,
@@ -372,10 +367,8 @@ impl<'a> View<'a> {
                 origin: vertex.point,
                 direction: sample.wi,
             };
-            let departure = vertex.departure(sample.wi);
-            let is_known =
-                found.is_scattered && !departure.is_inside && self.leaves_by_window(&vertex, hit.t);
-            left = Some(departure);
+            left = Some(vertex.departure(sample.wi));
+            let is_known = found.is_scattered && self.leaves_by_window(&vertex, left, hit.t);
             found = Found {
                 pdf: if is_known { Some(0.0) } else { sample.pdf },
                 light_sum: vertex.light_sum,
@@ -383,6 +376,13 @@ impl<'a> View<'a> {
             };
         }
         radiance
+    }
+
+    /// Whether light that a path ends in is first hits' emission, which for denoised pictures is traced
+    /// apart.
+    fn is_emission(&self, found: Found, left: Option<Departure>) -> bool {
+        let is_outside = left.is_none_or(|left| !left.is_inside);
+        self.settings.denoise && found.is_mirror() && is_outside
     }
 
     /// What a ray flies through, and what that fills.
@@ -408,21 +408,25 @@ impl<'a> View<'a> {
 
     /// Whether a ray that was scattered inside leaves, after `length`, by a way on which lamps have been
     /// aimed at.
-    fn leaves_by_window(&self, vertex: &Vertex, length: f64) -> bool {
+    fn leaves_by_window(&self, vertex: &Vertex, left: Option<Departure>, length: f64) -> bool {
         let cos_i = vertex.wo.dot(vertex.n);
-        self.window(vertex.primitive)
-            .is_some_and(|window| length <= f64::from(window.sphere.radius) * cos_i)
+        left.is_some_and(|left| !left.is_inside)
+            && (self.window(vertex.primitive))
+                .is_some_and(|window| length <= f64::from(window.sphere.radius) * cos_i)
     }
 
     /// Next-event estimation through a window, of light that is scattered evenly at `point` inside.
     fn light_through(
         &self,
-        window: &Window<'_>,
+        enclosing: Primitive,
         medium: &Medium,
         point: DVec3,
         u: [f64; 2],
         rays: &mut u64,
     ) -> DVec3 {
+        let Some(window) = self.window(enclosing) else {
+            return DVec3::ZERO;
+        };
         let Some(chosen) = choose_lamp(&self.scene.lamps, point, u) else {
             return DVec3::ZERO;
         };
