@@ -88,7 +88,7 @@ fn glass_gold_and_wax_agree_with_the_independent_renderer() {
 }
 
 /// Aiming at lamps through the boundary of a ball takes and adds no light, and leaves less than a sixth of
-/// the variance: some ninth on the wax.
+/// the variance on the wax.
 #[test]
 fn lamps_aimed_at_from_inside_leave_little_noise_and_the_same_light() {
     let scene = Scene::load(repository("assets/scenes/materials.json")).unwrap();
