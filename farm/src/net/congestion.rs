@@ -21,9 +21,13 @@
 //!
 //! A lost packet says nothing: radio and long paths lose them at random, and a rule that halves the
 //! window for each (Cubic) carried 4 of 31 Mbit/s at 1 % loss. Only when a twentieth is lost for
-//! several round trips is the path taken to have a queue too short for α. The start adds half to the
-//! window each round trip until packets begin to wait. A round lasts for a round trip and until
-//! enough acknowledgements have come to tell their quartile, or all of the window is acknowledged.
+//! several round trips is the path taken to have a queue too short for α.
+//!
+//! The first window is as much as leaves no more than two frames waiting on 25 Mbit/s, which a
+//! longer round trip makes more: over 46 ms 219 kB, 31.5 Mbit/s and their parities, so that the
+//! first frames are not slow. Half is added each round trip until packets begin to wait. A round lasts for a round trip
+//! and until enough acknowledgements have come to tell their quartile, or all of the window is
+//! acknowledged; a pause before it does not count.
 //!
 //! The rule is pure; [`Config`] is its form for quinn.
 
@@ -31,6 +35,7 @@ use std::any::Any;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use quinn::Connection;
 use quinn::congestion::{Controller, ControllerFactory};
 
 /// The window of one connection; times are from any moment that stays the same.
@@ -39,8 +44,12 @@ pub struct DelayWindow {
     window: f64,
     packet_bytes: f64,
     starting: bool,
+    /// The least round trip, while nothing has been seen yet of what the path carries.
+    untried: Option<Duration>,
     least: LeastRoundTrip,
     round: Round,
+    /// The last acknowledgement.
+    heard: Duration,
     /// Share of bytes lost, over some rounds.
     loss: f64,
     /// Bytes per second that were delivered, the most of the last rounds.
@@ -65,14 +74,16 @@ impl DelayWindow {
     /// A window before anything is known of the path.
     pub fn new(now: Duration, packet_bytes: u16) -> Self {
         Self {
-            window: INITIAL_BYTES,
+            window: first_window(Duration::ZERO),
             packet_bytes: f64::from(packet_bytes),
             starting: true,
+            untried: Some(FIRST_ROUND_TRIP_MAX),
             least: LeastRoundTrip::default(),
             round: Round {
                 began: now,
                 ..Round::default()
             },
+            heard: now,
             loss: 0.0,
             rate: 0.0,
         }
@@ -82,6 +93,10 @@ impl DelayWindow {
     /// held more back.
     pub fn on_ack(&mut self, now: Duration, sent: Duration, bytes: u64, limited: bool) {
         let round_trip = now.saturating_sub(sent);
+        let pause = sent.saturating_sub(std::mem::replace(&mut self.heard, now));
+        if pause > Duration::ZERO {
+            self.end_pause(now, pause);
+        }
         let round = &mut self.round;
         round.acked += bytes as f64;
         round.limited |= limited;
@@ -97,6 +112,10 @@ impl DelayWindow {
         round.ack.clear();
         round.round_trips.insert(round_trip);
         let least = self.least.get().unwrap_or(round_trip);
+        if let Some(first) = &mut self.untried {
+            *first = round_trip.min(*first);
+            self.window = first_window(*first);
+        }
         let passed = now.saturating_sub(round.began) >= least.max(ROUND_MIN);
         // After an outage the window has fewer packets than that are acknowledged apart.
         let is_whole = round.acked >= self.window - self.packet_bytes;
@@ -115,6 +134,7 @@ impl DelayWindow {
         let packet_bytes = self.packet_bytes as u16;
         *self = Self::new(now, packet_bytes);
         self.window = PACKETS_MIN * self.packet_bytes;
+        self.untried = None;
     }
 
     /// Largest packets are of so many bytes now.
@@ -125,6 +145,33 @@ impl DelayWindow {
     /// Bytes that may be on their way.
     pub fn bytes(&self) -> u64 {
         self.window as u64
+    }
+
+    /// Bytes that may be on their way and that the path is known to carry, or so likely that pixels
+    /// need not be coarser for it.
+    pub fn known_bytes(&self) -> u64 {
+        match self.untried {
+            Some(_) => self.window.min(KNOWN_BYTES) as u64,
+            None => self.bytes(),
+        }
+    }
+
+    /// Nothing was on its way for so long. What little came before says how long a round trip is, and
+    /// nothing of the window.
+    fn end_pause(&mut self, now: Duration, pause: Duration) {
+        if self.round.limited {
+            self.round.began += pause;
+            return;
+        }
+        let round = Round {
+            began: now,
+            ..Round::default()
+        };
+        let mut trips = std::mem::replace(&mut self.round, round).round_trips;
+        let is_sure = trips.kept.len() >= PAUSED_TRIPS_MIN;
+        if let Some(middle) = trips.quantile(2).filter(|_| is_sure) {
+            self.least.insert(now, middle);
+        }
     }
 
     fn end_round(&mut self, now: Duration) {
@@ -147,6 +194,9 @@ impl DelayWindow {
         let lost = round.lost / (round.lost + round.acked).max(1.0);
         self.loss += LOSS_GAIN * (lost - self.loss);
         let waits = here.saturating_sub(least);
+        if round.limited || waits > START_WAIT_MAX {
+            self.untried = None;
+        }
         if self.loss > LOSS_MAX {
             self.starting = false;
             self.loss = 0.0;
@@ -262,9 +312,21 @@ impl LeastRoundTrip {
     }
 }
 
-/// Two frames of 65 kB, 31.5 Mbit/s: a farm's first frames are not slow. On 25 Mbit/s it is 42 ms
-/// of queue, once.
-const INITIAL_BYTES: f64 = 131_072.0;
+/// What 25 Mbit/s carry in two frames and the time over which a window is spread.
+fn first_window(round_trip: Duration) -> f64 {
+    FIRST_BYTES_PER_SEC * (round_trip.as_secs_f64() / PACE + FIRST_QUEUE_SECS)
+}
+
+/// Windows that leave in a round trip, as quinn paces them.
+const PACE: f64 = 1.25;
+
+const FIRST_BYTES_PER_SEC: f64 = 25e6 / 8.0;
+/// Two frames.
+const FIRST_QUEUE_SECS: f64 = 2.0 / 60.0;
+/// A handshake that took longer says more of the machine than of the path.
+const FIRST_ROUND_TRIP_MAX: Duration = Duration::from_millis(150);
+/// Two frames of 65 kB.
+const KNOWN_BYTES: f64 = 131_072.0;
 /// Bytes of ours that wait in the narrowest queue: 5 ms at 25 Mbit/s ...
 const ALPHA_BYTES: f64 = 16_384.0;
 /// ... and no longer than this on slower ones.
@@ -280,7 +342,9 @@ const START_WAIT_MAX: Duration = Duration::from_millis(2);
 const ROUND_MIN: Duration = Duration::from_millis(2);
 /// If one acknowledgement in twelve is too early, more than half of so many are once in 100,000 rounds.
 const ROUND_TRIPS_MIN: usize = 12;
-/// Enough for both.
+/// Three of four that overtook others by chance are rare enough.
+const PAUSED_TRIPS_MIN: usize = 4;
+/// Enough for all.
 const ROUND_TRIPS_MAX: usize = 64;
 const LEAST_AGE: Duration = Duration::from_secs(10);
 const DRAIN_FACTOR: f64 = 0.75;
@@ -311,6 +375,18 @@ impl ControllerFactory for Config {
 struct Adapter {
     began: Instant,
     window: DelayWindow,
+}
+
+/// Bytes that may be on their way over a connection and that its path is known to carry.
+pub(crate) fn known_bytes(connection: &Connection) -> u64 {
+    match connection
+        .congestion_state()
+        .into_any()
+        .downcast::<Adapter>()
+    {
+        Ok(adapter) => adapter.window.known_bytes(),
+        Err(_) => connection.stats().path.cwnd,
+    }
 }
 
 impl Adapter {
@@ -363,7 +439,7 @@ impl Controller for Adapter {
     }
 
     fn initial_window(&self) -> u64 {
-        INITIAL_BYTES as u64
+        first_window(Duration::ZERO) as u64
     }
 
     fn into_any(self: Box<Self>) -> Box<dyn Any> {

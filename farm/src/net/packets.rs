@@ -18,8 +18,8 @@ use tokio::task::JoinSet;
 use crate::net::credentials::Role;
 use crate::net::datagram::Datagram;
 use crate::net::endpoint::code;
-use crate::net::refusal;
 use crate::net::tiles::{Asked, TileReader, TileWriter, Way};
+use crate::net::{congestion, refusal};
 
 /// What packets are carried for: a session and whoever owns it.
 pub trait Peer {
@@ -212,9 +212,9 @@ impl Carrier {
 
     /// Bytes of tiles per second that may leave.
     fn carries(&self) -> f64 {
-        let path = self.connection.stats().path;
+        let bytes = congestion::known_bytes(&self.connection) as f64;
         let overhead = self.way.borrow().overhead.max(1.0);
-        path.cwnd as f64 / path.rtt.as_secs_f64().max(1e-4) / overhead
+        bytes / self.connection.rtt().as_secs_f64().max(1e-4) / overhead
     }
 
     /// Sends a player's request a second time, if its loss is to be feared.
