@@ -76,11 +76,14 @@ impl Tracer for Noise {
         sink: &(dyn Fn(TileRadiance) + Sync),
     ) -> Result<TraceStats, Error> {
         let group = TILES_PER_MESSAGE_MAX as usize;
+        let mut due = Instant::now();
         for first in (0..job.tiles.len()).step_by(group) {
             if job.cancelled.load(Ordering::Relaxed) {
                 break;
             }
-            std::thread::sleep(self.pause); // the work of a device
+            // The work of a device, which waits for no processor.
+            due += self.pause;
+            std::thread::sleep(due.saturating_duration_since(Instant::now()));
             let key = (job.settings.seed, first as u32);
             let mut handed = self
                 .handed_over
