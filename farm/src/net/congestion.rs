@@ -11,13 +11,13 @@
 //! was delivered in that round trip and α: what "now" says of a window that has been cut since would
 //! cut it twice.
 //!
-//! "Ever seen" is the least median of a round's acknowledgements. "Now" is their lower quartile, for
-//! where others have a processor for more than half of the time, most are late, and no queue is why:
-//! with the median, a client that waits for its processor 12 of each 20 ms got 77 % of 31.5 Mbit/s,
-//! and all with the quartile. An acknowledgement counts as the lower quartile of its packets, not the
-//! least: one packet in fifty that overtakes others by a quarter of the round trip would else be the
-//! least, all others seem to wait, and the window shrink to next to nothing; and an acknowledgement
-//! that overtakes others speaks for all their packets.
+//! "Ever seen" is the least upper quartile of a round's acknowledgements. "Now" is their lower one,
+//! for where others have a processor for more than half of the time, most are late, and no queue is
+//! why: with the median, a client that waits for its processor 12 of each 20 ms got 77 % of
+//! 31.5 Mbit/s, and all with the quartile. An acknowledgement counts as the longest way of its
+//! packets: one packet in fifty that overtakes others by a quarter of the round trip would else be
+//! the least, all others seem to wait, and the window shrink to next to nothing. One that overtakes
+//! others leaves those nothing to tell: so a median may be too early, one round in a thousand.
 //!
 //! A lost packet says nothing: radio and long paths lose them at random, and a rule that halves the
 //! window for each (Cubic) carried 4 of 31 Mbit/s at 1 % loss. Only when a twentieth is lost for
@@ -62,8 +62,8 @@ struct Round {
     began: Duration,
     acked: f64,
     lost: f64,
-    /// Of the packets of the acknowledgement that is being taken.
-    ack: RoundTrips,
+    /// The longest of the packets of the acknowledgement that is being taken.
+    ack: Option<Duration>,
     /// Of acknowledgements.
     round_trips: RoundTrips,
     /// Whether the window held something back.
@@ -100,16 +100,15 @@ impl DelayWindow {
         let round = &mut self.round;
         round.acked += bytes as f64;
         round.limited |= limited;
-        round.ack.insert(round_trip);
+        round.ack = round.ack.max(Some(round_trip));
     }
 
     /// An acknowledgement has been taken: of those packets that have been told since the last.
     pub fn on_end_acks(&mut self, now: Duration) {
         let round = &mut self.round;
-        let Some(round_trip) = round.ack.quantile(4) else {
+        let Some(round_trip) = round.ack.take() else {
             return;
         };
-        round.ack.clear();
         round.round_trips.insert(round_trip);
         let least = self.least.get().unwrap_or(round_trip);
         if let Some(first) = &mut self.untried {
@@ -167,10 +166,11 @@ impl DelayWindow {
             began: now,
             ..Round::default()
         };
-        let mut trips = std::mem::replace(&mut self.round, round).round_trips;
-        let is_sure = trips.kept.len() >= PAUSED_TRIPS_MIN;
-        if let Some(middle) = trips.quantile(2).filter(|_| is_sure) {
-            self.least.insert(now, middle);
+        let trips = std::mem::replace(&mut self.round, round).round_trips.kept;
+        if let Some(longest) = trips.iter().max()
+            && trips.len() >= PAUSED_TRIPS_MIN
+        {
+            self.least.insert(now, *longest);
         }
     }
 
@@ -183,10 +183,10 @@ impl DelayWindow {
             },
         );
         let trips = &mut round.round_trips;
-        let (Some(early), Some(middle)) = (trips.quantile(4), trips.quantile(2)) else {
+        let (Some(early), Some(late)) = (trips.quantile(0.25), trips.quantile(0.75)) else {
             return;
         };
-        let least = self.least.insert(now, middle);
+        let least = self.least.insert(now, late);
         let here = early.max(least);
         let secs = now.saturating_sub(round.began).as_secs_f64();
         let delivered_per_sec = round.acked / secs.max(1e-6);
@@ -206,30 +206,36 @@ impl DelayWindow {
                 let carried = delivered_per_sec * least.as_secs_f64() + self.alpha();
                 self.window += 0.5 * self.window.min(carried);
             }
-        } else {
-            if self.starting {
-                // It grew a round trip ago: what was delivered since is what the path carries.
-                self.starting = false;
-                self.window = self
-                    .window
-                    .min(self.rate * least.as_secs_f64() + self.alpha());
-            }
-            let ratio = least.as_secs_f64() / here.as_secs_f64().max(1e-6);
-            let delivered = delivered_per_sec * least.as_secs_f64();
-            let target = delivered.clamp(self.window * ratio, self.window) + self.alpha();
-            let next = (1.0 - GAMMA) * self.window + GAMMA * target;
-            // An application that sends less says nothing of what more would do.
-            if round.limited || next < self.window {
-                self.window = next.min(2.0 * self.window);
-            }
+        } else if round.limited || 2.0 * delivered_per_sec * here.as_secs_f64() >= self.window {
+            self.follow_delay(&round, delivered_per_sec * least.as_secs_f64(), waits);
         }
         if self.least.is_stale(now) {
             // To see the path without what this connection keeps waiting in it.
             self.least.renew(now);
-            self.window *= DRAIN_FACTOR;
+            if round.limited {
+                self.window *= DRAIN_FACTOR;
+            }
         }
         let floor = PACKETS_MIN * self.packet_bytes;
         self.window = self.window.clamp(floor, BYTES_MAX);
+    }
+
+    /// The paper's rule; `delivered` in the least round trip. Not for an application that has half of
+    /// the window on its way or less: what its packets wait for is not each other.
+    fn follow_delay(&mut self, round: &Round, delivered: f64, waits: Duration) {
+        let least = self.least.get().unwrap_or_default().as_secs_f64();
+        if self.starting {
+            // It grew a round trip ago: what was delivered since is what the path carries.
+            self.starting = false;
+            self.window = self.window.min(self.rate * least + self.alpha());
+        }
+        let ratio = least / (least + waits.as_secs_f64()).max(1e-6);
+        let target = delivered.clamp(self.window * ratio, self.window) + self.alpha();
+        let next = (1.0 - GAMMA) * self.window + GAMMA * target;
+        // An application that sends less says nothing of what more would do.
+        if round.limited || next < self.window {
+            self.window = next.min(2.0 * self.window);
+        }
     }
 
     fn alpha(&self) -> f64 {
@@ -239,7 +245,7 @@ impl DelayWindow {
     }
 }
 
-/// Round trips of packets or acknowledgements: a sample of them, evenly spread.
+/// Round trips of acknowledgements: a sample of them, evenly spread.
 #[derive(Clone, Debug, Default)]
 struct RoundTrips {
     kept: Vec<Duration>,
@@ -263,16 +269,10 @@ impl RoundTrips {
         self.skips = self.stride.saturating_sub(1);
     }
 
-    /// The round trip that one in `part` are shorter than.
-    fn quantile(&mut self, part: usize) -> Option<Duration> {
-        let index = self.kept.len() / part;
-        let in_order = |kept: &mut [Duration]| *kept.select_nth_unstable(index).1;
-        (!self.kept.is_empty()).then(|| in_order(&mut self.kept))
-    }
-
-    fn clear(&mut self) {
-        self.kept.clear();
-        (self.stride, self.skips) = (0, 0);
+    /// The round trip that this share of them are shorter than.
+    fn quantile(&mut self, share: f64) -> Option<Duration> {
+        let index = (self.kept.len().checked_sub(1)? as f64 * share) as usize;
+        Some(*self.kept.select_nth_unstable(index).1)
     }
 
     fn are_enough(&self) -> bool {

@@ -120,6 +120,65 @@ fn packets_that_overtake_others_do_not_slow_it() {
     assert!(rate > 0.98 * 31.5e6, "{rate}");
 }
 
+/// The least window of a minute in which an application sends 37 Mbit/s, which the window lets pass,
+/// over a path that reorders packets and acknowledgements of two packets each.
+fn least_window(reorder: f64, seed: u64) -> u64 {
+    let config = PathConfig {
+        reorder,
+        jitter: Duration::from_micros(200),
+        ..path(46)
+    };
+    let mut window = DelayWindow::new(Duration::ZERO, PACKET as u16);
+    let (mut there, mut back) = (Path::new(config, seed), Path::new(config, seed + 1));
+    let packets = (0..60 * 3720u32).map(|packet| {
+        let (frame, place) = (packet / 62, packet % 62);
+        let sent = frame * Duration::from_micros(16_667) + place * Duration::from_micros(129);
+        let came = there.send(sent, PACKET as usize);
+        (came.expect("nothing is lost"), sent)
+    });
+    let mut came: Vec<(Duration, Duration)> = packets.collect();
+    came.sort_unstable();
+    let told = came.iter().step_by(2).map(|(came, _)| {
+        let arrives = back.send(*came, 40).expect("nothing is lost");
+        (arrives, *came)
+    });
+    let mut told: Vec<(Duration, Duration)> = told.collect();
+    told.sort_unstable();
+    let (mut acked, mut least) = (0, u64::MAX);
+    for (now, until) in told {
+        while let Some((_, sent)) = came.get(acked).filter(|(came, _)| *came <= until) {
+            window.on_ack(now, *sent, PACKET, false);
+            acked += 1;
+        }
+        window.on_end_acks(now);
+        least = least.min(window.bytes());
+    }
+    least
+}
+
+/// An acknowledgement that overtakes others leaves them nothing to tell, so that those that come early
+/// may be the most of a round.
+#[test]
+fn acknowledgements_that_overtake_others_do_not_slow_it() {
+    for seed in [1, 3, 5, 7] {
+        let least = least_window(0.02, seed);
+        assert!(least >= 175_000, "{least} bytes");
+    }
+}
+
+/// Requests are small and far apart, and their packets wait for processors; then comes a scene.
+#[test]
+fn who_sends_little_keeps_the_window() {
+    let mut window = DelayWindow::new(Duration::ZERO, PACKET as u16);
+    for request in 0..60 * 60u32 {
+        let sent = request * Duration::from_micros(16_667);
+        let waits = Duration::from_micros(u64::from(request * 7919 % 20_000));
+        window.on_ack(sent + Duration::from_millis(46) + waits, sent, 300, false);
+        window.on_end_acks(sent + Duration::from_millis(46) + waits);
+    }
+    assert!(window.bytes() > 200_000, "{} bytes", window.bytes());
+}
+
 #[test]
 fn a_slow_link_is_filled_and_its_queue_stays_short() {
     for (rate, round_trip_ms) in [(25e6, 46), (25e6, 10), (5e6, 46), (100e6, 46)] {
