@@ -6,6 +6,8 @@
 //! and the packet, or [`LAST`] and the number of the last block that was sent.
 
 use std::collections::VecDeque;
+use std::future::{Future, poll_fn};
+use std::task::Poll;
 use std::time::{Duration, Instant};
 
 use carom_protocol::limits;
@@ -264,7 +266,7 @@ impl TileReader {
     /// Reads tiles until the connection ends. QUIC's limit on streams bounds how many are read at
     /// once.
     pub(crate) async fn run(mut self) -> Fault {
-        let mut streams: JoinSet<Result<Vec<u8>, Option<Fault>>> = JoinSet::new();
+        let mut streams: JoinSet<Read> = JoinSet::new();
         loop {
             let round_trip = self.connection.rtt();
             let due = self.assembly.next_timeout(round_trip);
@@ -272,18 +274,24 @@ impl TileReader {
             let packets = tokio::select! {
                 stream = self.connection.accept_uni() => match stream {
                     Ok(stream) => {
-                        streams.spawn(read_stream(stream));
-                        continue;
+                        let mut read = Box::pin(read_stream(stream));
+                        // Short streams are there whole, as a rule: no task has to be woken for them.
+                        match poll_fn(|cx| Poll::Ready(read.as_mut().poll(cx))).await {
+                            Poll::Ready(read) => self.take_read(read),
+                            Poll::Pending => {
+                                streams.spawn(read);
+                                continue;
+                            }
+                        }
                     }
                     Err(why) => return Fault::Gone(why),
                 },
                 Some(read) = streams.join_next() => match read {
-                    Ok(Ok(bytes)) => self.take_stream(bytes),
-                    Ok(Err(None)) | Err(_) => continue,
-                    Ok(Err(Some(fault))) => return fault,
+                    Ok(read) => self.take_read(read),
+                    Err(_) => continue,
                 },
                 datagram = self.connection.read_datagram() => match datagram {
-                    Ok(bytes) => self.take_datagram(&bytes),
+                    Ok(bytes) => self.take_datagram(&bytes).map_err(broken),
                     Err(why) => return Fault::Gone(why),
                 },
                 () = wait_until(due) => {
@@ -293,8 +301,16 @@ impl TileReader {
             };
             match packets {
                 Ok(packets) => self.deliver(packets).await,
-                Err(why) => return Fault::Rule(why.into()),
+                Err(fault) => return fault,
             }
+        }
+    }
+
+    fn take_read(&mut self, read: Read) -> Result<Vec<Vec<u8>>, Fault> {
+        match read {
+            Ok(bytes) => self.take_stream(bytes).map_err(broken),
+            Err(None) => Ok(Vec::new()),
+            Err(Some(fault)) => Err(fault),
         }
     }
 
@@ -359,7 +375,9 @@ impl TileReader {
 }
 
 /// A stream's bytes; no fault if the node has dropped tiles that nobody waits for.
-async fn read_stream(mut stream: RecvStream) -> Result<Vec<u8>, Option<Fault>> {
+type Read = Result<Vec<u8>, Option<Fault>>;
+
+async fn read_stream(mut stream: RecvStream) -> Read {
     match stream
         .read_to_end(limits::TILES_BYTES_MAX + REPAIR_BYTES)
         .await
@@ -369,6 +387,10 @@ async fn read_stream(mut stream: RecvStream) -> Result<Vec<u8>, Option<Fault>> {
         Err(ReadToEndError::Read(ReadError::ConnectionLost(why))) => Err(Some(Fault::Gone(why))),
         Err(why) => Err(Some(Fault::Rule(format!("a stream of tiles: {why}")))),
     }
+}
+
+fn broken(why: &str) -> Fault {
+    Fault::Rule(why.into())
 }
 
 /// First byte of a stream with a packet that was lost as datagrams; no tile packet begins so.
