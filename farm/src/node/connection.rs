@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll, Waker};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
 use carom_protocol::session::{NodeEvent, NodeSession, Packet, SentTiles};
@@ -41,6 +41,8 @@ struct State {
     waker: Option<Waker>,
     /// Whether a worker has put something in since the transport last asked.
     ready: bool,
+    /// How long a worker waits for the transport to take something; nothing, once it has in vain.
+    patience: Duration,
     closed: bool,
 }
 
@@ -51,6 +53,7 @@ impl NodeConnection {
             cancelled: BTreeMap::new(),
             waker: None,
             ready: false,
+            patience: PATIENCE,
             closed: false,
         };
         let client = Arc::new(Client {
@@ -122,11 +125,12 @@ impl NodeConnection {
 
     /// The next packet to send, if there is one now.
     pub fn poll_transmit(&mut self) -> Option<Packet> {
-        let packet = self.client.lock().session.poll_transmit();
-        if packet.is_some() {
-            self.client.drained.notify_all();
-        }
-        packet
+        let mut state = self.client.lock();
+        let packet = state.session.poll_transmit()?;
+        state.patience = PATIENCE;
+        drop(state);
+        self.client.drained.notify_all();
+        Some(packet)
     }
 
     /// The next packet to send; wakes `cx` when there is one.
@@ -255,13 +259,20 @@ impl Client {
         wake(state);
     }
 
-    /// Waits while the network takes tiles more slowly than they are traced.
+    /// Waits while the network takes tiles more slowly than they are traced. Gives the run up if it
+    /// takes none at all: others wait for the device.
     pub(super) fn wait_for_room(&self, cancelled: &AtomicBool) {
         let full = |state: &mut State| {
             state.session.is_full() && !state.closed && !cancelled.load(Ordering::Relaxed)
         };
-        let state = self.drained.wait_while(self.lock(), full);
-        drop(state);
+        let state = self.lock();
+        let patience = state.patience;
+        let waited = self.drained.wait_timeout_while(state, patience, full);
+        let (mut state, waited) = waited.unwrap_or_else(PoisonError::into_inner);
+        if waited.timed_out() {
+            state.patience = Duration::ZERO;
+            cancelled.store(true, Ordering::Relaxed);
+        }
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {
@@ -280,5 +291,94 @@ fn wake(mut state: MutexGuard<'_, State>) {
     drop(state);
     if let Some(waker) = waker {
         waker.wake();
+    }
+}
+
+/// As long as a connection on which nothing is heard is kept.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+#[cfg(test)]
+mod tests {
+    use carom_protocol::limits::TILES_QUEUED_BYTES_MAX;
+    use carom_protocol::session::ClientSession;
+    use carom_protocol::{FrameId, NodeTimes, PrecisionRange, SceneHash};
+    use carom_tracer::{
+        DeviceInfo, DeviceKind, ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid,
+    };
+
+    use super::*;
+
+    /// A player who has asked for tiles of a megabyte a message, with the session's node.
+    fn asked(messages: u32) -> (ClientSession, NodeConnection) {
+        let device = DeviceInfo {
+            kind: DeviceKind::Cpu,
+            name: String::new(),
+            width: 1,
+            threads: 1,
+        };
+        let (name, queue) = (String::new(), Arc::new(Queue::new()));
+        let mut connection = NodeConnection::new(NodeInfo { name, device }, queue);
+        let mut session = ClientSession::new();
+        let mut exchange = |session: &mut ClientSession| {
+            while let Some(packet) = session.poll_transmit() {
+                connection.handle(packet).unwrap();
+                while let Some(answer) = connection.poll_transmit() {
+                    session.handle(answer).unwrap();
+                }
+            }
+        };
+        exchange(&mut session);
+        let scene = Scene::from_json(include_str!("../../../assets/scenes/pool.json")).unwrap();
+        let hash = SceneHash::of(&scene);
+        session.set_scene(hash, &scene).unwrap();
+        let count = TILES_PER_MESSAGE_MAX * messages;
+        let request = TraceRequest {
+            frame: FrameId(0),
+            run: RunId(0),
+            scene: hash,
+            update: SceneUpdate::default(),
+            grid: TileGrid::new(ImageSize::new(8 * count, 8), 8),
+            tiles: TileRun { first: 0, count },
+            settings: RenderSettings::default(),
+            format: PixelFormat::LinearF32,
+            precision: PrecisionRange::EXACT,
+            held: Vec::new(),
+        };
+        session.trace(request).unwrap();
+        exchange(&mut session);
+        (session, connection)
+    }
+
+    /// The device is for others as well.
+    #[test]
+    fn who_takes_no_tiles_keeps_a_worker_waiting_once() {
+        let messages = (TILES_QUEUED_BYTES_MAX >> 20) as u32 + 1;
+        let (_session, mut connection) = asked(messages);
+        let client = Arc::clone(&connection.client);
+        client.lock().patience = Duration::from_millis(1);
+        for message in 0..messages {
+            let first = message * TILES_PER_MESSAGE_MAX;
+            let count = TILES_PER_MESSAGE_MAX;
+            let sent = client.tiles(TilesDone {
+                run: RunId(0),
+                tiles: TileRun { first, count },
+                busy_micros: 0,
+                times: NodeTimes::default(),
+                dropped_samples: 0,
+                pixels: vec![0; 1 << 20],
+            });
+            assert!(sent, "message {message}");
+        }
+        let cancelled = AtomicBool::new(false);
+        client.wait_for_room(&cancelled);
+        assert!(cancelled.load(Ordering::Relaxed));
+        assert_eq!(client.lock().patience, Duration::ZERO);
+        for _ in 0..2 {
+            assert!(connection.poll_transmit().is_some());
+        }
+        assert_eq!(client.lock().patience, PATIENCE);
+        let cancelled = AtomicBool::new(false);
+        client.wait_for_room(&cancelled);
+        assert!(!cancelled.load(Ordering::Relaxed));
     }
 }
