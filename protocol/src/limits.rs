@@ -16,7 +16,7 @@ pub const PIXELS_PER_MESSAGE_MAX: usize =
 /// Bytes of a tile message: incompressible floats and the header.
 pub const TILES_BYTES_MAX: usize = PIXELS_PER_MESSAGE_MAX * 12 + 4096;
 /// Runs that a node holds for a client; more are refused as busy. Eight frames in flight, each
-/// with as many re-issued runs again, twice over.
+/// with as many re-issued runs again, twice over. Who needs more asks others, or when one ends.
 pub const RUNS_QUEUED_MAX: usize = 32;
 /// Scenes that a node keeps; the least recently used goes first.
 pub const SCENES_KEPT_MAX: usize = 4;

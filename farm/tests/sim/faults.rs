@@ -27,6 +27,31 @@ fn whatever_goes_wrong_every_frame_comes_whole_and_right() {
     }
 }
 
+/// What 23 had been asked for of eight frames in flight is more runs than a node takes over 46 ms: the
+/// others wait for room.
+#[test]
+fn a_node_that_is_asked_for_all_that_it_takes_loses_nothing() {
+    for balancing in [
+        Algorithm::WaterFilling.hedged(),
+        Algorithm::WaterFilling.unhedged(),
+    ] {
+        let node = |at: usize| match at {
+            0 => NodePlan::new(0.046, 2.0),
+            _ => NodePlan::new(0.046, 0.5 + at as f64).with(1.5 + 0.004 * at as f64, Change::Die),
+        };
+        let nodes = (0..24).map(node).collect();
+        let plan = Plan {
+            balancing,
+            frames_in_flight: 8,
+            period_secs: Some(PERIOD_SECS),
+            size: ImageSize::new(320, 240),
+            ..super::plan(nodes, Algorithm::WaterFilling, 180)
+        };
+        let report = run(&plan, 100.0);
+        assert_eq!((report.frames.len(), report.wrong_frames), (180, 0));
+    }
+}
+
 /// What a node says no sooner than it is too late: that it is slow.
 #[test]
 fn a_node_that_slows_down_delays_no_frame_by_two_periods() {
