@@ -182,7 +182,7 @@ impl Coordinator {
     pub(super) fn release(&mut self, now: f64, frame: FrameId) {
         for node in (0..self.nodes.len()).map(NodeIndex) {
             let runs = self.nodes[node.0].runs.iter();
-            let open = runs.filter(|(_, run)| run.frame == frame && run.counts());
+            let open = runs.filter(|(_, run)| run.frame == frame && run.is_wanted());
             let open = open.filter(|(_, run)| run.tiles_received < run.tiles.count);
             let open: Vec<RunId> = open.map(|(run, _)| *run).collect();
             for run in open {

@@ -75,7 +75,7 @@ impl Coordinator {
         }
         let margin = frame.margin_secs(price);
         let (soonest, mut due) = (frame.last_look + LOOK_PAUSE_SECS, None::<f64>);
-        for node in self.nodes.iter().filter(|node| node.silent_since.is_none()) {
+        for node in &self.nodes {
             if !node
                 .runs
                 .values()
@@ -214,8 +214,9 @@ impl Coordinator {
         if !frame.asked_again.iter().any(meets) {
             return;
         }
-        let is_needless =
-            |run: &Run| run.frame == id && run.counts() && meets(&run.tiles) && film.has(run.tiles);
+        let is_needless = |run: &Run| {
+            run.frame == id && run.is_wanted() && meets(&run.tiles) && film.has(run.tiles)
+        };
         let mut needless = Vec::new();
         for (index, node) in self.nodes.iter().enumerate() {
             let open = node.runs.iter().filter(|(_, run)| run.outstanding() > 0.0);
@@ -268,7 +269,7 @@ impl Coordinator {
             let prospects = node.prospects(now, newcomer);
             for prospect in &prospects {
                 let run = &node.runs[&prospect.run];
-                if prospect.frame != id || run.probe || node.silent_since.is_some() {
+                if prospect.frame != id || run.probe || run.lost {
                     continue;
                 }
                 let is_free = is_free(now, run, prospect, node.delivered());

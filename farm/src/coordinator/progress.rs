@@ -4,6 +4,7 @@
 //! so that what it has sent tells how late the rest will be, long before the end.
 
 use std::cmp::Ordering;
+use std::collections::BTreeMap;
 
 use carom_protocol::{FrameId, RunId};
 
@@ -251,10 +252,29 @@ impl Node {
 
     /// When it counts as lost if nothing comes, by its own rhythm.
     pub(super) fn patience_ends(&self) -> Option<f64> {
+        Some(self.next_message(None)? + self.patience_secs()?)
+    }
+
+    /// The same for each frame that it still holds, by when its first message for that one should
+    /// come: most pauses end, and meanwhile what it is asked for later waits its turn.
+    pub(super) fn patience_ends_by_frame(&self) -> Option<BTreeMap<FrameId, f64>> {
+        let patience_secs = self.patience_secs()?;
+        let mut ends = BTreeMap::new();
+        for prospect in self.prospects(0.0, None) {
+            let run = &self.runs[&prospect.run];
+            let next = prospect.soonest + prospect.pace * self.rhythm.next_work(run);
+            if !run.lost {
+                ends.entry(run.frame).or_insert(next + patience_secs);
+            }
+        }
+        Some(ends)
+    }
+
+    fn patience_secs(&self) -> Option<f64> {
         let mut frames = self.runs.values().map(|run| run.frame);
         let first = frames.next();
         let several_frames = frames.any(|frame| Some(frame) != first);
-        Some(self.next_message(None)? + self.rhythm.patience_secs(several_frames)?)
+        self.rhythm.patience_secs(several_frames)
     }
 }
 
@@ -381,5 +401,55 @@ mod tests {
         let patience = |several_frames| rhythm.patience_secs(several_frames).unwrap();
         assert!(patience(false) > 0.9 * LOST_FACTOR * 2e-3);
         assert!(patience(true) > 1.5 * patience(false));
+    }
+
+    #[test]
+    fn a_silent_node_keeps_what_it_should_not_have_come_to_yet() {
+        let mut node = node(&[(0, 0.0), (0, 0.0), (1, 0.016)]);
+        for _ in 0..MESSAGES_MIN {
+            node.rhythm.observe(0.0, true);
+        }
+        let lost = |node: &Node| -> Vec<bool> { node.runs.values().map(|run| run.lost).collect() };
+        // The first message of frame 0 is due at 20 ms, that of frame 1 at 40.
+        let first = FIXED_SECS + 10.0 * PACE + LOST_SECS_MIN;
+        assert!(!node.falls_silent(first - 1e-6, true));
+        assert!(node.falls_silent(first + 1e-6, true));
+        assert_eq!(lost(&node), [true, true, false]);
+        // Work that it is asked for while it is silent is not relied on.
+        let more = node.runs[&RunId(2)].clone();
+        node.ask(first, RunId(3), more);
+        assert_eq!(lost(&node), [true, true, false, true]);
+        let second = first + 20.0 * PACE;
+        assert!(!node.falls_silent(second - 1e-6, true));
+        assert!(node.falls_silent(second + 1e-6, true));
+        assert_eq!(lost(&node), [true; 4]);
+        assert!(node.hear(second + 1e-3, RunId(0), FrameId(0)));
+        assert_eq!(lost(&node), [false; 4]);
+    }
+
+    #[test]
+    fn an_unhedged_node_loses_all_at_once() {
+        let mut node = node(&[(0, 0.0), (1, 0.016)]);
+        for _ in 0..MESSAGES_MIN {
+            node.rhythm.observe(0.0, true);
+        }
+        assert!(node.falls_silent(10.0, false));
+        assert!(node.runs.values().all(|run| run.lost));
+    }
+
+    #[test]
+    fn what_is_asked_of_a_node_whose_messages_are_early_is_expected_early() {
+        let mut node = node(&[(0, 0.0), (1, 0.0)]);
+        node.drift.observe(FrameId(0), -0.003, false);
+        // Frame 0 ends at 20 ms; asked for at 12, more of it is there just before that.
+        let asked = 0.012;
+        let begins = asked + FIXED_SECS - 0.003 + node.wait_secs(asked, FrameId(0));
+        assert!((begins - 0.020).abs() < 1e-12, "{begins}");
+        let mut more = node.runs[&RunId(0)].clone();
+        (more.issued, more.drift_secs) = (asked, node.drift.of(FrameId(0)));
+        node.ask(asked, RunId(2), more);
+        let prospects = node.prospects(asked, None);
+        assert_eq!(prospects[1].run, RunId(2));
+        assert!((prospects[1].begin - begins).abs() < 1e-12);
     }
 }

@@ -137,10 +137,11 @@ impl Node {
     }
 
     /// Adds a run that is being asked for.
-    pub(super) fn ask(&mut self, now: f64, id: RunId, run: Run) {
+    pub(super) fn ask(&mut self, now: f64, id: RunId, mut run: Run) {
         if self.runs.is_empty() {
             self.heard = now;
         }
+        run.lost = self.silent_since.is_some();
         self.runs.insert(id, run);
     }
 
@@ -156,6 +157,7 @@ impl Node {
         let was_silent = self.silent_since.take().is_some();
         if was_silent {
             self.rhythm.false_alarm();
+            self.runs.values_mut().for_each(|run| run.lost = false);
         }
         was_silent
     }
@@ -204,8 +206,7 @@ impl Node {
 
     /// Counts what is still missing of a run that has ended, if it was wanted.
     pub(super) fn lose(&mut self, run: &Run) {
-        // Of a node that is silent they are counted already.
-        if run.counts() && self.silent_since.is_none() {
+        if run.counts() {
             self.lost_tiles += u64::from(run.tiles.count.saturating_sub(run.tiles_received));
         }
     }
@@ -256,17 +257,26 @@ impl Node {
         }
     }
 
-    /// Whether it has just become silent: asked for work, and nothing has come for far longer
-    /// than predicted.
+    /// Whether runs have just been lost: it has been asked for work, and nothing has come for far
+    /// longer than predicted. Then it is silent. What it should not have come to even now is not lost
+    /// yet.
     pub(super) fn falls_silent(&mut self, now: f64, hedged: bool) -> bool {
-        let silent = self.silence_due(hedged).is_some_and(|due| due <= now);
-        if silent {
-            let runs = std::mem::take(&mut self.runs);
-            runs.values().for_each(|run| self.lose(run));
-            self.runs = runs;
-            self.silent_since = Some(self.heard);
+        if self.silence_due(hedged).is_none_or(|due| due > now) {
+            return false;
         }
-        silent
+        let ends = self.patience_ends_by_frame().filter(|_| hedged);
+        let is_lost = |run: &Run| match &ends {
+            Some(ends) => ends.get(&run.frame).is_none_or(|end| *end <= now),
+            None => true,
+        };
+        let mut runs = std::mem::take(&mut self.runs);
+        for run in runs.values_mut().filter(|run| is_lost(run)) {
+            self.lose(run);
+            run.lost = true;
+        }
+        self.runs = runs;
+        self.silent_since = self.silent_since.or(Some(self.heard));
+        true
     }
 
     pub(super) fn is_open(&self) -> bool {
@@ -307,7 +317,7 @@ impl Node {
         let Some(line) = self.delivered() else {
             return 0.0;
         };
-        let asked = now + line.fixed_secs;
+        let asked = now + line.fixed_secs + self.drift.of(frame);
         begins_after(&self.prospects(now, None), frame, asked) - asked
     }
 
@@ -389,8 +399,12 @@ impl Node {
     }
 
     fn silence_due(&self, hedged: bool) -> Option<f64> {
+        if self.silent_since.is_some() {
+            let ends = self.patience_ends_by_frame().filter(|_| hedged)?;
+            return ends.into_values().reduce(f64::min);
+        }
         // A run that has been cancelled must be answered too.
-        if self.silent_since.is_some() || self.runs.is_empty() {
+        if self.runs.is_empty() {
             return None;
         }
         if hedged && let Some(due) = self.patience_ends() {

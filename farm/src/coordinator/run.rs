@@ -16,11 +16,15 @@ pub(super) struct Run {
     pub(super) tiles: TileRun,
     pub(super) work: f64,
     pub(super) issued: f64,
+    /// By how much its node's messages for its frame were late when it was asked for: see [`super::progress::Drift`].
+    pub(super) drift_secs: f64,
     /// When the last tile should come; absent while nothing is known of the node.
     pub(super) expected: Option<f64>,
     /// Whether the frame does without: the tile has been asked of another node too.
     pub(super) probe: bool,
     pub(super) cancelled: bool,
+    /// Whether its node has been silent for so long that others are asked for it.
+    pub(super) lost: bool,
     pub(super) tiles_received: u32,
     pub(super) work_received: f64,
     /// Work of the messages that came together last, and the most of any.
@@ -52,9 +56,11 @@ impl Run {
             tiles,
             work,
             issued: now,
+            drift_secs: 0.0,
             expected: None,
             probe: false,
             cancelled: false,
+            lost: false,
             tiles_received: 0,
             work_received: 0.0,
             burst_work: 0.0,
@@ -102,7 +108,7 @@ impl Run {
     /// From when on its missing work counts, by the client's clock, if nothing else is before it.
     pub(super) fn begins(&self, line: Estimate) -> f64 {
         match self.tiles_received {
-            0 => (self.issued + line.fixed_secs).max(self.others_until),
+            0 => (self.issued + line.fixed_secs + self.drift_secs).max(self.others_until),
             _ => self.heard,
         }
     }
@@ -148,6 +154,11 @@ impl Run {
 
     /// Whether the frame relies on it.
     pub(super) fn counts(&self) -> bool {
+        self.is_wanted() && !self.lost
+    }
+
+    /// Whether it is taken back when the frame needs it no more.
+    pub(super) fn is_wanted(&self) -> bool {
         !self.cancelled && !self.probe
     }
 
