@@ -434,7 +434,7 @@ fn parts(run: TileRun, most: u32) -> Vec<TileRun> {
 /// again of an older frame. With eight instead of six, frames of 1.089 times the optimum become 1.073
 /// with 64 nodes on a local network, and the 99th percentile of frames at 60 a second becomes 1.46
 /// with 1000 far nodes instead of 1.55.
-const PARTS_MAX: usize = 6;
+const PARTS_MAX: usize = 8;
 /// What a GPU is given at once takes five times as long as giving it and reading it back.
 const PART_SECS_MIN: f64 = 0.25e-3;
 
