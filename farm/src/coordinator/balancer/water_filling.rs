@@ -67,7 +67,7 @@ impl WaterFilling {
     /// The lines of `division`'s candidates.
     ///
     /// A node may get no more than `GROWTH_MAX` times what it has been seen to deliver, and, with
-    /// frames pipelined, no more than it can do in a frame's period, or its queue would grow. One
+    /// frames pipelined, a little less than it can do in a frame's period, or its queue would grow. One
     /// that has delivered nothing is taken to be as fast as the others on average and gets a
     /// quarter of an equal share.
     pub fn lines(division: &Division<'_>) -> Vec<Line> {
@@ -81,13 +81,15 @@ impl WaterFilling {
             / count;
         let mean_fixed = known.iter().map(|line| line.fixed_secs).sum::<f64>() / count;
         let probe = division.work / (GROWTH_MAX * candidates.len() as f64);
+        let busy = (division.work / (division.period_secs * mean_speed * count)).min(1.0);
+        let busy_secs_max = division.period_secs * (1.0 - IDLE_SHARE * (1.0 - busy));
         let line = |candidate: &Candidate| {
             let (fixed_secs, b_secs) = match candidate.estimate {
                 Some(estimate) => (estimate.fixed_secs, estimate.secs_per_work),
                 None if mean_speed > 0.0 => (mean_fixed, 1.0 / mean_speed),
                 None => (0.0, 1.0),
             };
-            let in_period = division.period_secs / b_secs;
+            let in_period = busy_secs_max / b_secs;
             let proven = (GROWTH_MAX * candidate.proven_work).max(probe);
             Line {
                 mute_work: candidate.mute_work,
@@ -162,11 +164,16 @@ fn level(work: f64, lines: &[Line]) -> f64 {
 
 /// How much more than ever before a node may get at once.
 const GROWTH_MAX: f64 = 4.0;
+/// Share of what all nodes together could do beside frames at their pace by which each is left idle: near
+/// nodes that have no time to spare cannot help when others are late. With 64 far nodes the 99th
+/// percentile of frames at 60 a second is 1.33 times the optimum instead of 1.37.
+const IDLE_SHARE: f64 = 0.1;
 
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
 
+    use super::super::Estimate;
     use super::*;
 
     #[test]
@@ -193,6 +200,42 @@ mod tests {
         assert!((filling.shares[0] - 20.0).abs() < 1e-9, "{filling:?}");
         assert!((filling.shares[1] - 80.0).abs() < 1e-9);
         assert!((filling.finish_secs - 0.32).abs() < 1e-9);
+    }
+
+    #[test]
+    fn nodes_are_left_some_time_to_help_while_others_have_some() {
+        let caps = |period_secs: f64| -> Vec<f64> {
+            let candidate = |node| Candidate {
+                node: crate::NodeIndex(node),
+                estimate: Some(Estimate {
+                    fixed_secs: 0.001,
+                    secs_per_work: 1e-3,
+                }),
+                wait_secs: 0.0,
+                proven_work: 1e3,
+                mute_work: 0.0,
+                guard_secs: 0.0,
+            };
+            let division = Division {
+                work: 20.0,
+                tile_work: 1.0,
+                period_secs,
+                candidates: &[0, 1].map(candidate),
+            };
+            let lines = WaterFilling::lines(&division);
+            lines.iter().map(|line| line.cap).collect()
+        };
+        // Half of 40 is idle, and each may do 20.
+        let idle = 20.0 * 0.5 * IDLE_SHARE;
+        assert!(
+            caps(0.02)
+                .iter()
+                .all(|cap| (cap - (20.0 - idle)).abs() < 1e-9)
+        );
+        // Nothing is idle.
+        assert!(caps(0.01).iter().all(|cap| (cap - 10.0).abs() < 1e-9));
+        // Frames come one by one.
+        assert!(caps(f64::INFINITY).iter().all(|cap| *cap > 1e3));
     }
 
     proptest! {
