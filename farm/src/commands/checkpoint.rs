@@ -162,9 +162,8 @@ fn read(bytes: &[u8]) -> Option<(Header, Film)> {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeMap;
-
-    use carom_tracer::{Camera, Environment, Tile};
+    use carom_farm::sim::empty_scene;
+    use carom_tracer::Tile;
     use glam::Vec3;
 
     use super::*;
@@ -172,20 +171,9 @@ mod tests {
     const SIZE: ImageSize = ImageSize::new(5, 3);
 
     fn scene(eye: f32) -> Scene {
-        Scene {
-            camera: Camera {
-                eye: Vec3::new(0.0, eye, 1.0),
-                target: Vec3::ZERO,
-                up: Vec3::Z,
-                fov_x_deg: 40.0,
-            },
-            environment: Environment {
-                radiance: Vec3::ONE,
-            },
-            materials: BTreeMap::new(),
-            objects: Vec::new(),
-            lamps: Vec::new(),
-        }
+        let mut scene = empty_scene();
+        scene.camera.eye = Vec3::new(0.0, eye, 1.0);
+        scene
     }
 
     fn checkpoint(folder: &Path, eye: f32, samples: u32) -> Checkpoint {

@@ -77,7 +77,8 @@ fn pixel(frame: FrameId, tile: u32, samples: Range<u32>) -> [f32; 3] {
     [frame.0 as f32 + 1.0, tile as f32, (sum / count) as f32]
 }
 
-pub(super) fn empty_scene() -> Scene {
+/// A scene without anything in it: whatever is looked at is as bright.
+pub fn empty_scene() -> Scene {
     Scene {
         camera: Camera {
             eye: Vec3::NEG_Y,
