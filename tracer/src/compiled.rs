@@ -11,7 +11,7 @@ use crate::scene::validate::ALPHA_SMOOTH_MAX;
 use crate::scene::{
     Camera, Cut, CutForm, Lamp, Material, Medium, ObjectPose, Paint, Scene, SceneUpdate, Shape,
 };
-use crate::tree::BallTree;
+use crate::tree::{Bounds, Tree};
 use crate::{Error, ImageSize};
 
 /// A validated scene, ready to trace. Primitives are sorted by shape; within a shape they keep
@@ -40,25 +40,52 @@ pub struct CompiledScene {
     pub materials: Vec<MaterialData>,
     /// Per object of the scene: its shape's array and its place in it.
     pub primitives: Vec<Primitive>,
-    /// When rays find balls by a tree.
+    /// When rays find primitives by a tree.
     pub hierarchy: Hierarchy,
-    /// Of the spheres as they are now, once somebody has asked for it.
-    tree: OnceLock<Option<BallTree>>,
+    /// Of each shape as it is now, once somebody has asked for it.
+    trees: [OnceLock<Option<Tree>>; ShapeKind::ALL.len()],
     /// The spheres as the scene has them: what an update starts from.
     spheres_at_rest: Vec<SphereData>,
     camera_at_rest: Camera,
 }
 
-/// When rays find balls by a [`BallTree`] instead of meeting each of them: pictures are the same.
+/// When rays find primitives of a shape by a [`Tree`] instead of meeting each of them: pictures are the same
+/// but where a ray that grazes a flat shape is rounded to its edge.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Hierarchy {
-    /// Where that is faster: each back end knows from how many balls on.
+    /// Where that is faster: each back end knows from how many on.
     #[default]
     WhereFaster,
     /// Never.
     Never,
     /// Whenever there is a tree.
     Always,
+}
+
+/// A shape's array in the scene, in the order in which back ends number primitives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ShapeKind {
+    /// [`CompiledScene::spheres`].
+    Sphere,
+    /// [`CompiledScene::boxes`].
+    Box,
+    /// [`CompiledScene::discs`].
+    Disc,
+    /// [`CompiledScene::rectangles`].
+    Rectangle,
+    /// [`CompiledScene::faces`].
+    Face,
+}
+
+impl ShapeKind {
+    /// All of them.
+    pub const ALL: [Self; 5] = [
+        Self::Sphere,
+        Self::Box,
+        Self::Disc,
+        Self::Rectangle,
+        Self::Face,
+    ];
 }
 
 /// Where an object's data lies, and what a ray hit.
@@ -332,7 +359,7 @@ impl CompiledScene {
             materials: scene.materials.values().map(material_data).collect(),
             primitives: Vec::with_capacity(scene.objects.len()),
             hierarchy: Hierarchy::default(),
-            tree: OnceLock::new(),
+            trees: Default::default(),
             spheres_at_rest: Vec::new(),
             camera_at_rest: scene.camera,
         };
@@ -462,7 +489,7 @@ impl CompiledScene {
 
     fn reset(&mut self) {
         self.spheres.clone_from(&self.spheres_at_rest);
-        self.tree = OnceLock::new();
+        self.trees[ShapeKind::Sphere as usize] = OnceLock::new();
         self.camera = self.camera_at_rest;
     }
 
@@ -519,16 +546,39 @@ impl CompiledScene {
         }
     }
 
-    /// The tree by which a back end finds balls that is faster so from `spheres_min` on; made when
-    /// first asked for after [`CompiledScene::apply`]. None where rays are to meet each ball.
-    pub fn ball_tree(&self, spheres_min: usize) -> Option<&BallTree> {
+    /// How many primitives of a shape there are.
+    pub fn count(&self, shape: ShapeKind) -> usize {
+        match shape {
+            ShapeKind::Sphere => self.spheres.len(),
+            ShapeKind::Box => self.boxes.len(),
+            ShapeKind::Disc => self.discs.len(),
+            ShapeKind::Rectangle => self.rectangles.len(),
+            ShapeKind::Face => self.faces.len(),
+        }
+    }
+
+    /// The tree by which a back end finds the primitives of a shape that is faster so from `least` of them
+    /// on; made when first asked for, that of balls again after [`CompiledScene::apply`]. None where rays
+    /// are to meet each of them, and for the faces of carved boxes, which are few
+    /// ([`crate::scene::validate::CUTS_TOTAL_MAX`]).
+    pub fn tree(&self, shape: ShapeKind, least: usize) -> Option<&Tree> {
         let is_wanted = match self.hierarchy {
-            Hierarchy::WhereFaster => self.spheres.len() >= spheres_min,
+            Hierarchy::WhereFaster => self.count(shape) >= least,
             Hierarchy::Never => false,
             Hierarchy::Always => true,
         };
-        let tree = || self.tree.get_or_init(|| BallTree::new(&self.spheres));
+        let tree = || self.trees[shape as usize].get_or_init(|| self.grow(shape));
         is_wanted.then(tree)?.as_ref()
+    }
+
+    fn grow(&self, shape: ShapeKind) -> Option<Tree> {
+        match shape {
+            ShapeKind::Sphere => Tree::new(self.spheres.iter().map(Bounds::from)),
+            ShapeKind::Box => Tree::new(self.boxes.iter().map(Bounds::from)),
+            ShapeKind::Disc => Tree::new(self.discs.iter().map(Bounds::from)),
+            ShapeKind::Rectangle => Tree::new(self.rectangles.iter().map(Bounds::from)),
+            ShapeKind::Face => None,
+        }
     }
 
     /// The material of a primitive; none for a lamp.

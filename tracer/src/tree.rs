@@ -1,54 +1,105 @@
-//! A hierarchy of boxes round a scene's balls: which few of many a ray may meet.
+//! A hierarchy of boxes round many primitives of a shape: which few of them a ray may meet.
 //!
 //! A binary tree by the surface area heuristic (MacDonald and Booth, "Heuristics for ray tracing
 //! using space subdivision", The Visual Computer 6, 1990) over bins (Wald, "On fast Construction of
-//! SAH-based Bounding Volume Hierarchies", 2007). Every leaf but the last has [`LEAF_BALLS`] balls:
-//! each cut is moved to the next multiple. So the tree of a number of balls always has the same
+//! SAH-based Bounding Volume Hierarchies", 2007). Every leaf but the last has [`LEAF`] primitives:
+//! each cut is moved to the next multiple. So the tree of a number of them always has the same
 //! number of nodes wherever they are, kernels keep their layout from frame to frame, and the tree
 //! can be built by several threads into memory that is taken once.
 
 use glam::Vec3;
 
-use crate::compiled::SphereData;
+use crate::compiled::{BoxData, DiscData, RectangleData, SphereData};
 
-/// Balls of a leaf; the last one may have fewer.
-pub const LEAF_BALLS: usize = 4;
+/// Primitives of a leaf; the last one may have fewer.
+pub const LEAF: usize = 4;
 /// Inner nodes from the root to any leaf, at most.
 pub const DEPTH_MAX: u32 = 32;
 /// How far, over the largest coordinate of the scene, boxes must be widened by those who test rays
-/// in f32: tests of boxes and of balls together err by less than half of this.
+/// in f32: tests of boxes and of what is in them together err by less than half of this. Only where a ray
+/// grazes a flat shape may a test find it further outside its box; then a tree misses it.
 pub const SLACK: f32 = 64.0 * 0.5 * f32::EPSILON;
 
-/// Balls by place.
+/// What a primitive lies in.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Corner of the smallest coordinates, metres.
+    pub min: Vec3,
+    /// Corner of the largest.
+    pub max: Vec3,
+}
+
+impl Bounds {
+    fn around(center: [f32; 3], half: Vec3) -> Self {
+        let center = Vec3::from(center);
+        Self {
+            min: center - half,
+            max: center + half,
+        }
+    }
+}
+
+impl From<&SphereData> for Bounds {
+    fn from(sphere: &SphereData) -> Self {
+        Self::around(sphere.center, Vec3::splat(sphere.radius))
+    }
+}
+
+impl From<&BoxData> for Bounds {
+    fn from(data: &BoxData) -> Self {
+        Self {
+            min: data.min.into(),
+            max: data.max.into(),
+        }
+    }
+}
+
+impl From<&DiscData> for Bounds {
+    fn from(disc: &DiscData) -> Self {
+        // Sines of the angles between the normal and the axes.
+        let [x, y, z] = disc.normal;
+        let sines = Vec3::new(y.hypot(z), z.hypot(x), x.hypot(y));
+        Self::around(disc.center, disc.radius * sines)
+    }
+}
+
+impl From<&RectangleData> for Bounds {
+    fn from(rectangle: &RectangleData) -> Self {
+        let half = Vec3::from(rectangle.half_u).abs() + Vec3::from(rectangle.half_v).abs();
+        Self::around(rectangle.center, half)
+    }
+}
+
+/// Primitives by place.
 #[derive(Clone, Debug, PartialEq)]
-pub struct BallTree {
+pub struct Tree {
     /// All of them.
     pub root: Subtree,
-    /// Places in [`crate::CompiledScene::spheres`], leaf by leaf.
+    /// Indices of the primitives, leaf by leaf.
     pub order: Vec<u32>,
     /// Both halves of each part that is not a leaf, depth first: one fewer than leaves.
     pub nodes: Vec<[Subtree; 2]>,
 }
 
-/// A part of the balls, and the box round them.
+/// A part of the primitives, and the box round them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Subtree {
     /// Corner of the smallest coordinates, metres.
     pub min: Vec3,
     /// Corner of the largest.
     pub max: Vec3,
-    /// Its first ball in [`BallTree::order`], a multiple of [`LEAF_BALLS`].
+    /// Its first primitive in [`Tree::order`], a multiple of [`LEAF`].
     pub first: u32,
-    /// Its balls; a leaf if there are no more than [`LEAF_BALLS`].
+    /// Its primitives; a leaf if there are no more than [`LEAF`].
     pub count: u32,
-    /// Its halves in [`BallTree::nodes`]; of a leaf without meaning.
+    /// Its halves in [`Tree::nodes`]; of a leaf without meaning.
     pub node: u32,
 }
 
 impl Subtree {
     /// Whether it is not divided further.
     pub fn is_leaf(&self) -> bool {
-        self.count as usize <= LEAF_BALLS
+        self.count as usize <= LEAF
     }
 
     /// Half the surface of its box, m².
@@ -57,48 +108,51 @@ impl Subtree {
     }
 }
 
-impl BallTree {
-    /// The tree of `spheres`, hidden ones among them; none if they are no more than one leaf. By
-    /// the threads of the current pool: `carom-farm bench hierarchy` prints how long it takes.
-    pub fn new(spheres: &[SphereData]) -> Option<Self> {
-        if spheres.len() <= LEAF_BALLS {
+impl Tree {
+    /// The tree of primitives in `bounds`; none if they are no more than one leaf. By the threads of
+    /// the current pool: `carom-farm bench hierarchy` prints how long it takes.
+    pub fn new(bounds: impl ExactSizeIterator<Item = Bounds>) -> Option<Self> {
+        if bounds.len() <= LEAF {
             return None;
         }
-        let balls = spheres.iter().zip(0u32..).map(|(sphere, index)| Ball {
-            center: sphere.center.into(),
-            radius: sphere.radius,
-            index,
-        });
-        let mut balls: Vec<Ball> = balls.collect();
-        let mut nodes = vec![[Subtree::default(); 2]; leaves(balls.len()) - 1];
+        let mut items: Vec<Item> = bounds
+            .zip(0u32..)
+            .map(|(bounds, index)| Item { bounds, index })
+            .collect();
+        let mut nodes = vec![[Subtree::default(); 2]; leaves(items.len()) - 1];
         let root = Part {
-            balls: &mut balls,
+            items: &mut items,
             nodes: &mut nodes,
             first: 0,
             node: 0,
             depth: 0,
         }
         .build();
-        let order = balls.iter().map(|ball| ball.index).collect();
+        let order = items.iter().map(|item| item.index).collect();
         Some(Self { root, order, nodes })
     }
 }
 
-/// Leaves of the tree of so many balls.
-pub const fn leaves(balls: usize) -> usize {
-    balls.div_ceil(LEAF_BALLS)
+/// Leaves of the tree of so many primitives.
+pub const fn leaves(primitives: usize) -> usize {
+    primitives.div_ceil(LEAF)
 }
 
 #[derive(Clone, Copy)]
-struct Ball {
-    center: Vec3,
-    radius: f32,
+struct Item {
+    bounds: Bounds,
     index: u32,
+}
+
+impl Item {
+    fn center(&self) -> Vec3 {
+        0.5 * self.bounds.min + 0.5 * self.bounds.max
+    }
 }
 
 /// What is to become a subtree.
 struct Part<'a> {
-    balls: &'a mut [Ball],
+    items: &'a mut [Item],
     nodes: &'a mut [[Subtree; 2]],
     first: u32,
     node: u32,
@@ -108,38 +162,38 @@ struct Part<'a> {
 impl Part<'_> {
     fn build(self) -> Subtree {
         let Self {
-            balls,
+            items,
             nodes,
             first,
             node,
             depth,
         } = self;
         let subtree = Subtree {
-            min: least(balls.iter().map(|ball| ball.center - ball.radius)),
-            max: most(balls.iter().map(|ball| ball.center + ball.radius)),
+            min: least(items.iter().map(|item| item.bounds.min)),
+            max: most(items.iter().map(|item| item.bounds.max)),
             first,
-            count: balls.len() as u32,
+            count: items.len() as u32,
             node,
         };
         let Some((halves, nodes)) = nodes.split_first_mut() else {
             return subtree;
         };
-        let is_large = balls.len() >= PARALLEL_MIN;
-        let left = divide(balls, depth);
-        let (left_balls, right_balls) = balls.split_at_mut(left);
+        let is_large = items.len() >= PARALLEL_MIN;
+        let left = divide(items, depth);
+        let (left_items, right_items) = items.split_at_mut(left);
         let (left_nodes, right_nodes) = nodes.split_at_mut(leaves(left) - 1);
         let left = Part {
             first,
             node: node + 1,
             depth: depth + 1,
-            balls: left_balls,
+            items: left_items,
             nodes: left_nodes,
         };
         let right = Part {
-            first: first + left.balls.len() as u32,
+            first: first + left.items.len() as u32,
             node: left.node + left.nodes.len() as u32,
             depth: depth + 1,
-            balls: right_balls,
+            items: right_items,
             nodes: right_nodes,
         };
         let (left, right) = if is_large {
@@ -152,13 +206,13 @@ impl Part<'_> {
     }
 }
 
-/// Puts the balls of one half before those of the other; returns how many, a multiple of
-/// [`LEAF_BALLS`].
-fn divide(balls: &mut [Ball], depth: u32) -> usize {
-    let low = least(balls.iter().map(|ball| ball.center));
-    let extent = most(balls.iter().map(|ball| ball.center)) - low;
+/// Puts the primitives of one half before those of the other; returns how many, a multiple of
+/// [`LEAF`].
+fn divide(items: &mut [Item], depth: u32) -> usize {
+    let low = least(items.iter().map(Item::center));
+    let extent = most(items.iter().map(Item::center)) - low;
     let axis = extent.max_position();
-    let leaves = leaves(balls.len());
+    let leaves = leaves(items.len());
     // Halves by number, from here on, would reach the last level: each has no more than half the
     // leaves, rounded up.
     let is_deep = depth + leaves.next_power_of_two().ilog2() >= DEPTH_MAX;
@@ -166,21 +220,21 @@ fn divide(balls: &mut [Ball], depth: u32) -> usize {
     let left = if is_deep || !bins_per_metre.is_finite() {
         leaves / 2
     } else {
-        let bin = |ball: &Ball| ((ball.center[axis] - low[axis]) * bins_per_metre) as usize;
-        let left = cheapest_cut(balls, |ball| bin(ball).min(BINS - 1));
-        (left + LEAF_BALLS / 2) / LEAF_BALLS
+        let bin = |item: &Item| ((item.center()[axis] - low[axis]) * bins_per_metre) as usize;
+        let left = cheapest_cut(items, |item| bin(item).min(BINS - 1));
+        (left + LEAF / 2) / LEAF
     };
-    let left = left.clamp(1, leaves - 1) * LEAF_BALLS;
-    let by_place = |a: &Ball, b: &Ball| a.center[axis].total_cmp(&b.center[axis]);
-    balls.select_nth_unstable_by(left, by_place);
+    let left = left.clamp(1, leaves - 1) * LEAF;
+    let by_place = |a: &Item, b: &Item| a.center()[axis].total_cmp(&b.center()[axis]);
+    items.select_nth_unstable_by(left, by_place);
     left
 }
 
-/// How many balls lie below the cut between two bins that makes the fewest rays times balls.
-fn cheapest_cut(balls: &[Ball], bin: impl Fn(&Ball) -> usize) -> usize {
+/// How many primitives lie below the cut between two bins that makes the fewest rays times primitives.
+fn cheapest_cut(items: &[Item], bin: impl Fn(&Item) -> usize) -> usize {
     let mut bins = [Bin::EMPTY; BINS];
-    for ball in balls {
-        bins[bin(ball)].take(ball);
+    for item in items {
+        bins[bin(item)].take(item);
     }
     let mut above = [0.0; BINS];
     let mut whole = Bin::EMPTY;
@@ -189,7 +243,7 @@ fn cheapest_cut(balls: &[Ball], bin: impl Fn(&Ball) -> usize) -> usize {
         *cost = whole.cost();
     }
     let mut below = Bin::EMPTY;
-    let (mut best, mut least) = (balls.len() / 2, f32::INFINITY);
+    let (mut best, mut least) = (items.len() / 2, f32::INFINITY);
     for (bin, above) in bins.iter().zip(&above[1..]) {
         below.join(bin);
         let cost = below.cost() + above;
@@ -214,9 +268,9 @@ impl Bin {
         count: 0,
     };
 
-    fn take(&mut self, ball: &Ball) {
-        self.min = self.min.min(ball.center - ball.radius);
-        self.max = self.max.max(ball.center + ball.radius);
+    fn take(&mut self, item: &Item) {
+        self.min = self.min.min(item.bounds.min);
+        self.max = self.max.max(item.bounds.max);
         self.count += 1;
     }
 
@@ -248,166 +302,11 @@ fn most(points: impl Iterator<Item = Vec3>) -> Vec3 {
 }
 
 const BINS: usize = 16;
-/// Parts with fewer balls are not worth a task.
+/// Parts with fewer primitives are not worth a task.
 const PARALLEL_MIN: usize = 4096;
 
-/// Scenes of balls and rays among them, on which trees are tested against each ball by itself.
 #[cfg(test)]
-pub(crate) mod crowd {
-    use std::collections::BTreeMap;
-
-    use glam::{Quat, Vec3};
-
-    use crate::sampling::uniforms;
-    use crate::{Camera, CompiledScene, Environment, Material, Object, Scene, Shape};
-
-    #[derive(Clone, Copy, Debug)]
-    pub(crate) enum Crowd {
-        /// Here and there, through each other too.
-        Cloud,
-        /// In a lattice, each touching its neighbours.
-        Touching,
-        /// Several in the same place.
-        Coincident,
-        /// From a micrometre to a metre.
-        Sized,
-        /// Along a line, with gaps that grow to a kilometre.
-        Growing,
-        /// A cloud of glass.
-        Glass,
-        /// A hundred kilometres from the origin.
-        Far,
-    }
-
-    pub(crate) const CROWDS: [Crowd; 7] = [
-        Crowd::Cloud,
-        Crowd::Touching,
-        Crowd::Coincident,
-        Crowd::Sized,
-        Crowd::Growing,
-        Crowd::Glass,
-        Crowd::Far,
-    ];
-
-    /// Place and radius of ball `i` of `count`.
-    fn ball(kind: Crowd, count: u32, seed: u32, i: u32) -> (Vec3, f32) {
-        let [x, y, z, r] = uniforms(i, seed, 7, 0);
-        let (cloud, small) = (
-            2.0 * Vec3::new(x, y, z) - 1.0,
-            (count as f32).cbrt().recip(),
-        );
-        match kind {
-            Crowd::Cloud | Crowd::Glass => (cloud, (0.05 + 0.6 * r) * small),
-            Crowd::Touching => {
-                let edge = (count as f32).cbrt().ceil() as u32;
-                let place = [i % edge, i / edge % edge, i / edge / edge];
-                (0.25 * Vec3::from(place.map(|at| at as f32)), 0.125)
-            }
-            Crowd::Coincident => {
-                let [x, y, z, r] = uniforms(i / 3, seed, 7, 0);
-                (2.0 * Vec3::new(x, y, z) - 1.0, (0.2 + 0.5 * r) * small)
-            }
-            Crowd::Sized => (cloud, 10f32.powf(-6.0 * r)),
-            Crowd::Growing => (
-                Vec3::new(1000f32.powf(i as f32 / count as f32) - 1.0, 0.1 * y, 0.0),
-                0.05 * (1.0 + i as f32 / count as f32),
-            ),
-            Crowd::Far => (cloud + Vec3::new(1e5, -1e5, 3e4), 0.5 * small),
-        }
-    }
-
-    pub(crate) fn crowd(kind: Crowd, count: u32, seed: u32) -> CompiledScene {
-        let albedo = Vec3::ONE;
-        let material = match kind {
-            Crowd::Glass => Material::Dielectric {
-                ior: 1.5,
-                alpha: 0.0,
-                medium: None,
-            },
-            _ => Material::Diffuse { albedo },
-        };
-        let object = |i| {
-            let (center, radius) = ball(kind, count, seed, i);
-            let rotation = Quat::IDENTITY;
-            let shape = Shape::Sphere {
-                center,
-                radius,
-                rotation,
-            };
-            let (name, material) = (String::new(), "m".to_owned());
-            Object {
-                name,
-                material,
-                shape,
-            }
-        };
-        let (target, _) = ball(kind, count, seed, 0);
-        let scene = Scene {
-            camera: Camera {
-                eye: target + 3.0,
-                target,
-                up: Vec3::Z,
-                fov_x_deg: 40.0,
-            },
-            environment: Environment { radiance: albedo },
-            materials: BTreeMap::from([("m".to_owned(), material)]),
-            objects: (0..count).map(object).collect(),
-            lamps: Vec::new(),
-        };
-        CompiledScene::new(&scene).unwrap()
-    }
-
-    pub(crate) struct CrowdRay {
-        pub(crate) origin: Vec3,
-        /// Of unit length.
-        pub(crate) direction: Vec3,
-        /// The ball that it leaves.
-        pub(crate) left: Option<u32>,
-        /// It crosses that ball's inside.
-        pub(crate) is_inside: bool,
-    }
-
-    /// From the eye, from between the balls or from one's surface, at a ball, along an axis or
-    /// anywhere.
-    pub(crate) fn ray(scene: &CompiledScene, seed: u32, i: u32) -> CrowdRay {
-        let [a, b, c, d] = uniforms(i, seed, 8, 0);
-        let [e, f, g, h] = uniforms(i, seed, 9, 0);
-        let balls = &scene.spheres;
-        let some = |u: f32| (u * balls.len() as f32) as usize;
-        let aside = (Vec3::new(e, f, g) - 0.5)
-            .try_normalize()
-            .unwrap_or(Vec3::X);
-        let from = &balls[some(a)];
-        let (center, radius) = (Vec3::from(from.center), from.radius);
-        let is_left = i % 4 > 1 && radius > 0.0;
-        let origin = match i % 4 {
-            0 => scene.camera.eye,
-            1 => center + 2.0 * aside * (b - 0.5),
-            _ => center + radius * aside,
-        };
-        let at = &balls[some(c)];
-        let aim = Vec3::from(at.center) + 1.1 * at.radius * (Vec3::new(f, g, h) - 0.5);
-        let direction = match i / 4 % 8 {
-            0 => Vec3::AXES[some(d) % 3],
-            1 => -Vec3::AXES[some(d) % 3],
-            2 => Vec3::new(g, h, e) - 0.5,
-            _ => aim - origin,
-        };
-        let mut direction = direction.try_normalize().unwrap_or(Vec3::Y);
-        let is_inside = is_left && i % 4 == 3 && scene.materials[0].ior > 1.0;
-        let outwards = direction.dot(aside);
-        if is_left && (outwards < 0.0) != is_inside {
-            direction -= 2.0 * outwards * aside;
-            direction = direction.normalize();
-        }
-        CrowdRay {
-            origin,
-            direction,
-            left: is_left.then_some(some(a) as u32),
-            is_inside,
-        }
-    }
-}
+pub(crate) mod crowd;
 
 #[cfg(test)]
 mod tests {
@@ -450,9 +349,9 @@ mod tests {
     }
 
     /// Checks a part and returns the longest way down.
-    fn check(tree: &BallTree, spheres: &[SphereData], part: &Subtree) -> u32 {
+    fn check(tree: &Tree, spheres: &[SphereData], part: &Subtree) -> u32 {
         let range = part.first as usize..(part.first + part.count) as usize;
-        assert!(range.start.is_multiple_of(LEAF_BALLS));
+        assert!(range.start.is_multiple_of(LEAF));
         for &index in &tree.order[range] {
             let sphere = &spheres[index as usize];
             let center = Vec3::from(sphere.center);
@@ -474,7 +373,7 @@ mod tests {
     fn every_ball_lies_in_one_leaf_and_in_the_boxes_above_it() {
         for count in [5, 8, 9, 63, 64, 65, 1000, 10_000] {
             for spheres in crowds(count) {
-                let tree = BallTree::new(&spheres).unwrap();
+                let tree = Tree::new(spheres.iter().map(Bounds::from)).unwrap();
                 let mut order = tree.order.clone();
                 order.sort_unstable();
                 assert!(order.into_iter().eq(0..count as u32));
@@ -486,10 +385,52 @@ mod tests {
     }
 
     #[test]
-    fn few_balls_have_no_tree() {
-        for count in 0..=LEAF_BALLS {
+    fn few_primitives_have_no_tree() {
+        for count in 0..=LEAF {
             let spheres = vec![sphere(Vec3::ONE, 0.5); count];
-            assert_eq!(BallTree::new(&spheres), None);
+            assert_eq!(Tree::new(spheres.iter().map(Bounds::from)), None);
+        }
+    }
+
+    /// Points of a flat shape lie in its bounds, and some near each side.
+    #[test]
+    fn bounds_of_flat_shapes_are_tight() {
+        for i in 0..1000 {
+            let [a, b, c, radius] = uniforms(i, 3, 1, 0);
+            let normal = (Vec3::new(a, b, c) - 0.5).normalize();
+            let (u, v) = normal.any_orthonormal_pair();
+            let disc = DiscData {
+                center: [a, b, c],
+                radius,
+                normal: normal.to_array(),
+                material: 0,
+            };
+            let around = |turn: u32| {
+                let (sin, cos) = (turn as f32 * std::f32::consts::TAU / 720.0).sin_cos();
+                Vec3::new(a, b, c) + radius * (cos * u + sin * v)
+            };
+            let [half_u, half_v] = [u * radius, v * (2.0 * radius)].map(|half| half.to_array());
+            let rectangle = RectangleData {
+                center: disc.center,
+                half_u,
+                half_v,
+                ..bytemuck::Zeroable::zeroed()
+            };
+            let corner = |turn: u32| {
+                let [x, y] = [1, 2].map(|bit| if turn & bit == 0 { 1.0 } else { -1.0 });
+                Vec3::new(a, b, c) + radius * (x * u + y * 2.0 * v)
+            };
+            for (bounds, points) in [
+                (
+                    Bounds::from(&disc),
+                    (0..720).map(around).collect::<Vec<_>>(),
+                ),
+                (Bounds::from(&rectangle), (0..4).map(corner).collect()),
+            ] {
+                let (low, high) = (least(points.iter().copied()), most(points.into_iter()));
+                assert!((low - bounds.min).abs().max_element() < 1e-4 * radius + 1e-6);
+                assert!((high - bounds.max).abs().max_element() < 1e-4 * radius + 1e-6);
+            }
         }
     }
 }

@@ -1,21 +1,23 @@
-//! Many balls: each ray by itself against the boxes of sixteen parts at once, then against sixteen
-//! balls at once.
+//! Many primitives of a shape: each ray by itself against the boxes of sixteen parts at once, then
+//! against sixteen primitives at once.
 //!
-//! The [`BallTree`] with inner nodes joined until they have a part per lane (Wald, Benthin and
+//! The [`Tree`] with inner nodes joined until they have a part per lane (Wald, Benthin and
 //! Boulos, "Getting rid of packets", 2008): paths have spread by their second ray, and packets of
 //! them would visit nearly all that each of their rays does.
 
+use std::marker::PhantomData;
+
 use fearless_simd::prelude::*;
 
-use super::geometry::{Chord, INSIDE, NONE, Nearest, Rays, reject_radius};
+use super::geometry::{NONE, Nearest, One, Rays};
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
-use crate::compiled::SphereData;
-use crate::tree::{BallTree, DEPTH_MAX, SLACK, Subtree};
+use super::shapes::{Meeting, Shape, Solids};
+use crate::tree::{DEPTH_MAX, SLACK, Subtree, Tree};
 
-/// Balls under a tree of wide nodes.
-pub(super) struct Forest {
+/// Primitives under a tree of wide nodes.
+pub(super) struct Forest<F, const N: usize> {
     branches: Vec<Branch>,
-    packs: Vec<Pack>,
+    packs: Vec<Pack<F, N>>,
     /// A branch, or with [`PACK`] a pack.
     root: u32,
 }
@@ -32,22 +34,12 @@ struct Branch {
     parts: [u32; LANES],
 }
 
-/// Balls by lane; lanes without one have a radius that nothing passes.
-struct Pack {
-    center: [[f32; LANES]; 3],
-    radius: [f32; LANES],
-    /// See [`reject_radius`]; NaN where nothing is to be met.
-    reject_radius: [f32; LANES],
+/// Primitives by lane; the numbers of lanes without one are NaN.
+struct Pack<F, const N: usize> {
+    numbers: [[f32; LANES]; N],
     id: [u32; LANES],
-}
-
-/// One ray in all lanes.
-struct Ray<S: Simd> {
-    origin: Vec3x<S>,
-    direction: Vec3x<S>,
-    inverse: Vec3x<S>,
-    inverse_abs: Vec3x<S>,
-    skip: u32,
+    has_clear: bool,
+    shape: PhantomData<F>,
 }
 
 /// Rays by lane.
@@ -67,41 +59,39 @@ struct Stack {
 
 const STACK_PARTS: usize = ((DEPTH_MAX + 1) as usize) * LANES;
 
-impl Forest {
-    /// `reach` is an upper bound of the distance from any ray's origin to any ball's centre.
-    pub(super) fn new(tree: &BallTree, spheres: &[SphereData], reach: f32) -> Self {
+impl<F: Shape<N>, const N: usize> Forest<F, N> {
+    /// Of what is not hidden of `each`. `reach` is twice the largest coordinate of the scene.
+    pub(super) fn new(tree: &Tree, each: &[Option<One<F, N>>], reach: f32) -> Self {
         let mut forest = Self {
             branches: Vec::new(),
             packs: Vec::new(),
             root: 0,
         };
-        let growth = Growth {
-            tree,
-            spheres,
-            reach,
-        };
-        forest.root = growth.grow(&mut forest, &tree.root);
+        forest.root = Growth { tree, each, reach }.grow(&mut forest, &tree.root);
         forest
     }
 
-    /// The nearest ball of each ray, of equals the first.
+    /// Takes what rays meet before what they have met, or as far away with a smaller id.
     #[inline(always)]
-    pub(super) fn nearest<S: Simd>(&self, simd: S, rays: &Rays<S>) -> Nearest<S> {
+    pub(super) fn nearest<S: Simd>(&self, simd: S, rays: &Rays<S>, nearest: &mut Nearest<S>) {
         let (distance, id) = simd.vectorize(
             #[inline(always)]
-            || self.nearest_by_lane(simd, rays),
+            || self.nearest_by_lane(simd, rays, nearest),
         );
-        Nearest {
-            distance: Float::load_array(simd, distance),
-            id: Word::load_array(simd, id),
-        }
+        nearest.distance = Float::load_array(simd, distance);
+        nearest.id = Word::load_array(simd, id);
     }
 
     #[inline(always)]
-    fn nearest_by_lane<S: Simd>(&self, simd: S, rays: &Rays<S>) -> ([f32; LANES], [u32; LANES]) {
+    fn nearest_by_lane<S: Simd>(
+        &self,
+        simd: S,
+        rays: &Rays<S>,
+        nearest: &Nearest<S>,
+    ) -> ([f32; LANES], [u32; LANES]) {
         let columns = Columns::of(rays);
         let mut stack = Stack::new();
-        let (mut distance, mut id) = ([f32::INFINITY; LANES], [NONE; LANES]);
+        let (mut distance, mut id) = (nearest.distance.to_array(), nearest.id.to_array());
         for lane in 0..LANES {
             let ray = columns.ray(simd, lane);
             stack.push(0.0, self.root);
@@ -115,7 +105,7 @@ impl Forest {
                     continue;
                 }
                 let pack = &self.packs[(part & !PACK) as usize];
-                let Some((hit, t)) = pack.meet(simd, &ray) else {
+                let Some((hit, t)) = pack.meet(simd, &ray, distance[lane].next_up()) else {
                     continue;
                 };
                 let (t, mut hits) = (t.to_array(), hit.to_bitmask());
@@ -132,23 +122,35 @@ impl Forest {
         (distance, id)
     }
 
-    /// Where a ball lies before `distance`; not where that is 0.
+    /// Adds where a primitive lies before `distance` to `dark`.
     #[inline(always)]
-    pub(super) fn occluded<S: Simd>(&self, simd: S, rays: &Rays<S>, distance: Float<S>) -> Mask<S> {
-        let dark = simd.vectorize(
+    pub(super) fn occlude<S: Simd>(
+        &self,
+        simd: S,
+        rays: &Rays<S>,
+        distance: Float<S>,
+        dark: &mut Mask<S>,
+    ) {
+        let lanes = dark.to_bitmask();
+        let lanes = simd.vectorize(
             #[inline(always)]
-            || self.occluded_by_lane(simd, rays, distance),
+            || self.occlude_by_lane(simd, rays, distance, lanes),
         );
-        Mask::from_bitmask(simd, dark)
+        *dark = Mask::from_bitmask(simd, lanes);
     }
 
     #[inline(always)]
-    fn occluded_by_lane<S: Simd>(&self, simd: S, rays: &Rays<S>, distance: Float<S>) -> u64 {
+    fn occlude_by_lane<S: Simd>(
+        &self,
+        simd: S,
+        rays: &Rays<S>,
+        distance: Float<S>,
+        mut dark: u64,
+    ) -> u64 {
         let columns = Columns::of(rays);
         let mut stack = Stack::new();
-        let mut dark = 0;
         for (lane, limit) in distance.to_array().into_iter().enumerate() {
-            if limit <= 0.0 {
+            if limit <= 0.0 || dark >> lane & 1 == 1 {
                 continue;
             }
             let ray = columns.ray(simd, lane);
@@ -159,9 +161,8 @@ impl Forest {
                     branch.enter(simd, &ray, limit, &mut stack);
                     continue;
                 }
-                let met = self.packs[(part & !PACK) as usize].meet(simd, &ray);
-                let is_before = |(hit, t): (Mask<S>, Float<S>)| (hit & t.simd_lt(limit)).any_true();
-                if met.is_some_and(is_before) {
+                let met = self.packs[(part & !PACK) as usize].meet(simd, &ray, limit);
+                if met.is_some_and(|(hit, _)| hit.any_true()) {
                     dark |= 1 << lane;
                     stack.len = 0;
                 }
@@ -174,7 +175,7 @@ impl Forest {
 impl Branch {
     /// Puts the parts whose boxes the ray enters up to `limit` on the stack, the nearest on top.
     #[inline(always)]
-    fn enter<S: Simd>(&self, simd: S, ray: &Ray<S>, limit: f32, stack: &mut Stack) {
+    fn enter<S: Simd>(&self, simd: S, ray: &Rays<S>, limit: f32, stack: &mut Stack) {
         let center = load(simd, &self.center);
         let half = load(simd, &self.half);
         let middle = (center - ray.origin).scale(ray.inverse);
@@ -195,31 +196,21 @@ impl Branch {
     }
 }
 
-impl Pack {
-    /// Where the ray meets the balls; the test of `geometry`'s `Ball`, operation by operation.
+impl<F: Shape<N>, const N: usize> Pack<F, N> {
+    /// Where the ray meets primitives before `limit`.
     #[inline(always)]
-    fn meet<S: Simd>(&self, simd: S, ray: &Ray<S>) -> Option<(Mask<S>, Float<S>)> {
-        let center = load(simd, &self.center);
-        let from_center = ray.origin - center;
-        let closest = -from_center.dot(ray.direction);
-        let miss_squared = ray.direction.mul_add(closest, from_center).length_squared();
-        let reject = Float::load_array(simd, self.reject_radius);
-        let candidate = miss_squared.simd_le(reject * reject) & closest.simd_gt(-reject);
-        if !candidate.any_true() {
-            return None;
+    fn meet<S: Simd>(&self, simd: S, ray: &Rays<S>, limit: f32) -> Meeting<S> {
+        let mut numbers = [Float::splat(simd, 0.0); N];
+        for (lanes, number) in numbers.iter_mut().zip(&self.numbers) {
+            *lanes = Float::load_array(simd, *number);
         }
-        let radius = Float::load_array(simd, self.radius);
-        let chord = Chord::new(ray.origin, ray.direction, center, radius);
-        let mut t = chord.first();
-        let mut hit = candidate & chord.real & t.simd_gt(0.0);
-        let id = Word::load_array(simd, self.id);
-        if ray.skip & INSIDE != 0 {
-            // Empty lanes have the id of no primitive, and `skip` may be that.
-            let within = (id | INSIDE).simd_eq(ray.skip) & id.simd_ne(NONE);
-            t = within.select(chord.far.max(0.0), t);
-            hit |= within;
-        }
-        Some((hit & id.simd_ne(ray.skip), t))
+        let solids = Solids {
+            numbers,
+            id: Word::load_array(simd, self.id),
+            has_clear: self.has_clear,
+        };
+        let (hit, t) = F::meet(ray, &solids, Float::splat(simd, limit))?;
+        Some((hit & solids.id.simd_ne(NONE), t))
     }
 }
 
@@ -235,17 +226,23 @@ impl Columns {
         }
     }
 
+    /// One ray in all lanes.
     #[inline(always)]
-    fn ray<S: Simd>(&self, simd: S, lane: usize) -> Ray<S> {
-        let inverse = Vec3x::splat(simd, self.inverse.map(|column| column[lane]));
-        Ray {
-            origin: Vec3x::splat(simd, self.origin.map(|column| column[lane])),
-            direction: Vec3x::splat(simd, self.direction.map(|column| column[lane])),
+    fn ray<S: Simd>(&self, simd: S, lane: usize) -> Rays<S> {
+        let inverse = splat(simd, &self.inverse, lane);
+        Rays {
+            origin: splat(simd, &self.origin, lane),
+            direction: splat(simd, &self.direction, lane),
+            skip: Word::splat(simd, self.skip[lane]),
             inverse,
             inverse_abs: inverse.abs(),
-            skip: self.skip[lane],
         }
     }
+}
+
+#[inline(always)]
+fn splat<S: Simd>(simd: S, [x, y, z]: &[[f32; LANES]; 3], lane: usize) -> Vec3x<S> {
+    Vec3x::splat(simd, [x[lane], y[lane], z[lane]])
 }
 
 impl Stack {
@@ -292,15 +289,15 @@ fn load<S: Simd>(simd: S, [x, y, z]: &[[f32; LANES]; 3]) -> Vec3x<S> {
 }
 
 /// What a forest is grown from.
-struct Growth<'a> {
-    tree: &'a BallTree,
-    spheres: &'a [SphereData],
+struct Growth<'a, F, const N: usize> {
+    tree: &'a Tree,
+    each: &'a [Option<One<F, N>>],
     reach: f32,
 }
 
-impl Growth<'_> {
+impl<F, const N: usize> Growth<'_, F, N> {
     /// The number of the branch or pack that becomes of `subtree`.
-    fn grow(&self, forest: &mut Forest, subtree: &Subtree) -> u32 {
+    fn grow(&self, forest: &mut Forest<F, N>, subtree: &Subtree) -> u32 {
         if subtree.count as usize <= LANES {
             forest.packs.push(self.pack(subtree));
             return PACK | (forest.packs.len() - 1) as u32;
@@ -314,7 +311,6 @@ impl Growth<'_> {
         });
         for (lane, part) in self.parts(subtree).iter().enumerate() {
             let center = 0.5 * (part.min + part.max);
-            // `reach` is twice the largest coordinate.
             let slack = 0.5 * SLACK * self.reach;
             let half = (part.max - center).max(center - part.min) + slack;
             let grown = self.grow(forest, part);
@@ -347,24 +343,23 @@ impl Growth<'_> {
         parts
     }
 
-    fn pack(&self, subtree: &Subtree) -> Pack {
+    fn pack(&self, subtree: &Subtree) -> Pack<F, N> {
         let mut pack = Pack {
-            center: [[0.0; LANES]; 3],
-            radius: [0.0; LANES],
-            reject_radius: [f32::NAN; LANES],
+            numbers: [[f32::NAN; LANES]; N],
             id: [NONE; LANES],
+            has_clear: false,
+            shape: PhantomData,
         };
         let order = &self.tree.order[subtree.first as usize..][..subtree.count as usize];
-        let spheres = order.iter().map(|&id| (id, &self.spheres[id as usize]));
-        // A radius of 0 hides a ball.
-        let visible = spheres.filter(|(_, sphere)| sphere.radius > 0.0);
-        for (lane, (id, sphere)) in visible.enumerate() {
-            for axis in 0..3 {
-                pack.center[axis][lane] = sphere.center[axis];
+        let visible = order
+            .iter()
+            .filter_map(|&id| self.each[id as usize].as_ref());
+        for (lane, one) in visible.enumerate() {
+            for (column, number) in pack.numbers.iter_mut().zip(one.numbers) {
+                column[lane] = number;
             }
-            pack.radius[lane] = sphere.radius;
-            pack.reject_radius[lane] = reject_radius(sphere.radius, self.reach);
-            pack.id[lane] = id;
+            pack.id[lane] = one.id;
+            pack.has_clear |= one.is_clear;
         }
         pack
     }
@@ -375,16 +370,16 @@ mod tests {
     use fearless_simd::{Level, dispatch};
     use glam::Vec3;
 
-    use super::super::geometry::Geometry;
+    use super::super::geometry::{Geometry, INSIDE};
     use super::*;
-    use crate::compiled::Hierarchy;
-    use crate::tree::crowd::{CROWDS, crowd, ray};
+    use crate::compiled::{Hierarchy, ShapeKind};
+    use crate::tree::crowd::{CROWDS, SHAPES, crowd, ray};
     use crate::{CompiledScene, CpuTracer};
 
     type Packet = ([[f32; LANES]; 6], [u32; LANES]);
     type Answer = ([u32; LANES], [u32; LANES], [u64; 2]);
 
-    /// Bits of the distance to the nearest ball, its id, and what is occluded from half that way
+    /// Bits of the distance to the nearest primitive, its id, and what is occluded from half that way
     /// and from twice it.
     #[inline(always)]
     fn meet<S: Simd>(simd: S, geometry: &Geometry, (six, skip): &Packet) -> Answer {
@@ -415,8 +410,8 @@ mod tests {
                     columns.0[axis + 3][lane] = ray.direction[axis];
                 }
                 columns.1[lane] = match ray.left {
-                    Some(ball) if ray.is_inside => ball | INSIDE,
-                    Some(ball) => ball,
+                    Some(left) if ray.is_inside => left | INSIDE,
+                    Some(left) => left,
                     None => NONE,
                 };
             }
@@ -425,7 +420,7 @@ mod tests {
         (0..count).map(packet).collect()
     }
 
-    /// Compares the forest with each ball by itself; returns how many rays hit.
+    /// Compares the forest with each primitive by itself; returns how many rays hit.
     fn compare(level: Level, mut scene: CompiledScene, packets: &[Packet]) -> u32 {
         scene.hierarchy = Hierarchy::Never;
         let each = Geometry::new(&scene);
@@ -442,15 +437,20 @@ mod tests {
     }
 
     #[test]
-    fn rays_meet_the_balls_that_they_meet_one_by_one_bit_for_bit() {
+    fn rays_meet_what_they_meet_one_by_one_bit_for_bit() {
         const PACKETS: u32 = 20_000 / LANES as u32 / 5;
         for level in CpuTracer::levels_available() {
-            for kind in CROWDS {
-                for (seed, count) in [5, 17, 64, 300, 1500].into_iter().enumerate() {
-                    let scene = crowd(kind, count, seed as u32);
-                    let packets = packets(&scene, seed as u32, PACKETS);
-                    let hits = compare(level, scene, &packets);
-                    assert!(hits > PACKETS, "{kind:?}, {count} balls: {hits} hits");
+            for shape in SHAPES {
+                for kind in CROWDS {
+                    for (seed, count) in (0..).zip([5, 17, 64, 300, 1500]) {
+                        let scene = crowd(kind, shape, count, seed);
+                        let packets = packets(&scene, seed, PACKETS);
+                        let hits = compare(level, scene, &packets);
+                        assert!(
+                            hits > PACKETS / 2,
+                            "{shape:?} {kind:?}, {count}: {hits} hits"
+                        );
+                    }
                 }
             }
         }
@@ -458,24 +458,28 @@ mod tests {
 
     #[test]
     fn numbers_that_are_none_miss() {
-        let scene = crowd(CROWDS[0], 300, 0);
-        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, 1e-40] {
-            for column in 0..6 {
-                let mut packet: Packet = ([[0.1; LANES]; 6], [NONE; LANES]);
-                packet.0[column] = [bad; LANES];
+        for shape in SHAPES {
+            let scene = crowd(CROWDS[0], shape, 300, 0);
+            for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, 1e-40] {
+                for column in 0..6 {
+                    let mut packet: Packet = ([[0.1; LANES]; 6], [NONE; LANES]);
+                    packet.0[column] = [bad; LANES];
+                    compare(Level::new(), scene.clone(), &[packet]);
+                }
+            }
+            for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0] {
+                let packet: Packet = ([[bad; LANES]; 6], [NONE; LANES]);
                 compare(Level::new(), scene.clone(), &[packet]);
             }
-            let packet: Packet = ([[bad; LANES]; 6], [NONE; LANES]);
-            compare(Level::new(), scene.clone(), &[packet]);
         }
     }
 
     #[test]
     fn moved_and_hidden_balls_are_found_where_they_are() {
         use crate::{ObjectPose, SceneUpdate};
-        let mut scene = crowd(CROWDS[0], 200, 3);
+        let mut scene = crowd(CROWDS[0], ShapeKind::Sphere, 200, 3);
         scene.hierarchy = Hierarchy::Always;
-        assert!(scene.ball_tree(0).is_some());
+        assert!(scene.tree(ShapeKind::Sphere, 0).is_some());
         let poses = (0..60).map(|object| ObjectPose {
             object,
             position: Vec3::new(0.02 * object as f32 - 0.6, 0.3, 1.2),

@@ -1,15 +1,17 @@
 //! Rays against every primitive: nearest hit and occlusion, a packet of lanes at a time.
 //!
-//! A pool table needs no hierarchy. Each primitive is broadcast to all lanes and first tested by its
-//! cheapest sufficient condition; the exact test runs only when some lane passes. Many balls are
-//! found by a tree ([`super::forest`]).
+//! A pool table needs no hierarchy: each primitive is broadcast to all lanes. Many of a shape are found
+//! by a tree ([`super::forest`]).
+
+use std::marker::PhantomData;
 
 use fearless_simd::prelude::*;
 
 use super::carved::Carved;
 use super::forest::Forest;
 use super::lanes::{Float, Mask, Vec3x, Word};
-use crate::compiled::{BoxData, CompiledScene, DiscData, KIND_DIELECTRIC, SphereData};
+use super::shapes::{Ball, Meeting, Panel, Plate, Shape, Slabs, Solids};
+use crate::compiled::{CompiledScene, KIND_DIELECTRIC, ShapeKind};
 
 /// The id of no primitive.
 pub(super) const NONE: u32 = u32::MAX;
@@ -17,28 +19,37 @@ pub(super) const NONE: u32 = u32::MAX;
 /// Set in the id of a clear body that a ray is inside of: it meets that body's far side.
 pub(super) const INSIDE: u32 = 1 << 31;
 
-/// From so many balls on a tree is faster: by 1.04 to 1.15 there, 1.5 for 512, 10 for 10,000 and 34 for
-/// 100,000 balls with AVX-512: `carom-farm bench hierarchy --backend cpu`.
-const TREE_SPHERES_MIN: usize = 192;
-
 /// Directions closer to a slab's plane count as this close, so that no product is 0 · ∞.
 const DIRECTION_MIN: f32 = 1e-30;
 
 /// Everything a ray can meet. Ids number spheres, boxes, discs, rectangles, faces of carved boxes and
 /// lamps in this order, as [`super::surface::Surfaces`] lists them.
 pub(super) struct Geometry {
-    /// Empty if they are in the forest.
-    spheres: Vec<Ball>,
-    forest: Option<Forest>,
-    boxes: Vec<Slabs>,
-    discs: Vec<Plate>,
-    rectangles: Vec<Panel>,
+    spheres: Many<Ball, 6>,
+    boxes: Many<Slabs, 6>,
+    discs: Many<Plate, 7>,
+    rectangles: Many<Panel, 12>,
     carved: Vec<Carved>,
-    lamps: Vec<Panel>,
+    lamps: Many<Panel, 12>,
     /// The id of the first lamp; a hit of this id or above ends its path.
     pub(super) lamps_first: u32,
     /// Some spheres or boxes are clear, so that rays go on inside.
     has_clear: bool,
+}
+
+/// The primitives of a shape.
+struct Many<F, const N: usize> {
+    /// Empty if they are in the forest.
+    each: Vec<One<F, N>>,
+    forest: Option<Forest<F, N>>,
+}
+
+/// A primitive.
+pub(super) struct One<F, const N: usize> {
+    pub(super) numbers: [f32; N],
+    pub(super) id: u32,
+    pub(super) is_clear: bool,
+    shape: PhantomData<F>,
 }
 
 /// Rays with what their tests share.
@@ -96,48 +107,45 @@ fn inverse_component<S: Simd>(simd: S, d: Float<S>) -> Float<S> {
 
 impl Geometry {
     pub(super) fn new(scene: &CompiledScene) -> Self {
-        let mut ids = 0u32..;
-        let mut id = || ids.next().expect("ids do not run out");
         let reach = reach(scene);
         let is_clear = |material: u32| scene.materials[material as usize].kind == KIND_DIELECTRIC;
-        let tree = scene.ball_tree(TREE_SPHERES_MIN);
-        let forest = tree.map(|tree| Forest::new(tree, &scene.spheres, reach));
-        let has_clear_ball = scene.spheres.iter().any(|s| is_clear(s.material));
-        let spheres = scene.spheres.iter();
-        let spheres = spheres.map(|s| Ball::new(s, reach, id(), is_clear(s.material)));
-        // A radius of 0 hides a ball, but its id stays taken.
-        let spheres = spheres.filter(|ball| ball.radius > 0.0 && forest.is_none());
-        let spheres: Vec<Ball> = spheres.collect();
-        let boxes = scene.boxes.iter();
-        let boxes: Vec<Slabs> = boxes
-            .map(|b| Slabs::new(b, id(), is_clear(b.material)))
-            .collect();
-        let discs = scene.discs.iter().map(|d| Plate::new(d, id())).collect();
-        let rectangles = scene.rectangles.iter();
-        let rectangles = rectangles
-            .map(|r| {
-                let [u, v] = [(r.half_u, r.inv_u2), (r.half_v, r.inv_v2)];
-                Panel::new(r.center, r.normal, u, v, id())
-            })
-            .collect();
+        let mut first = 0;
+        let spheres = scene.spheres.iter().zip(first..).map(|(sphere, id)| {
+            let numbers = Ball::numbers(sphere, reach)?;
+            Some(One::new(numbers, id, is_clear(sphere.material)))
+        });
+        let spheres = Many::new(scene, ShapeKind::Sphere, spheres.collect());
+        first += scene.spheres.len() as u32;
+        let boxes = scene.boxes.iter().zip(first..).map(|(data, id)| {
+            let numbers = Slabs::numbers(data);
+            Some(One::new(numbers, id, is_clear(data.material)))
+        });
+        let boxes = Many::new(scene, ShapeKind::Box, boxes.collect());
+        first += scene.boxes.len() as u32;
+        let discs = scene.discs.iter().zip(first..);
+        let discs = discs.map(|(disc, id)| Some(One::new(Plate::numbers(disc), id, false)));
+        let discs = Many::new(scene, ShapeKind::Disc, discs.collect());
+        first += scene.discs.len() as u32;
+        let rectangles = scene.rectangles.iter().zip(first..);
+        let rectangles =
+            rectangles.map(|(data, id)| Some(One::new(Panel::numbers(data), id, false)));
+        let rectangles = Many::new(scene, ShapeKind::Rectangle, rectangles.collect());
         // As many ids as there are faces.
-        let faces_first = id();
+        let faces_first = first + scene.rectangles.len() as u32;
         let lamps_first = faces_first + scene.faces.len() as u32;
         let carved = scene.carved.iter();
         let carved = carved
             .map(|c| Carved::new(c, &scene.faces, faces_first))
             .collect();
         let lamps = scene.lamps.iter().zip(lamps_first..);
-        let lamps = lamps
-            .map(|(l, id)| {
-                let [u, v] = [(l.axis_u, 1.0 / l.length_u), (l.axis_v, 1.0 / l.length_v)];
-                Panel::new(l.center, l.normal, u, v, id)
-            })
-            .collect();
-        let has_clear = has_clear_ball || boxes.iter().any(|slabs| slabs.is_clear);
+        let lamps = lamps.map(|(lamp, id)| One::new(Panel::lamp_numbers(lamp), id, false));
+        let lamps = Many {
+            each: lamps.collect(),
+            forest: None,
+        };
+        let has_clear = has_clear(scene);
         Self {
             spheres,
-            forest,
             boxes,
             discs,
             rectangles,
@@ -152,31 +160,18 @@ impl Geometry {
     /// there is none. The id of a clear body that is met from within has [`INSIDE`].
     #[inline(always)]
     pub(super) fn nearest<S: Simd>(&self, simd: S, rays: &Rays<S>) -> Nearest<S> {
-        let mut nearest = match &self.forest {
-            Some(forest) => forest.nearest(simd, rays),
-            None => Nearest::none(simd),
-        };
-        for ball in &self.spheres {
-            nearest.take(ball.meet(simd, rays, nearest.distance), ball.id);
-        }
-        for slabs in &self.boxes {
-            nearest.take(slabs.meet(simd, rays, nearest.distance), slabs.id);
-        }
-        for plate in &self.discs {
-            nearest.take(plate.meet(simd, rays, nearest.distance), plate.id);
-        }
-        for panel in &self.rectangles {
-            nearest.take(panel.meet(simd, rays, nearest.distance), panel.id);
-        }
+        let mut nearest = Nearest::none(simd);
+        self.spheres.nearest(simd, rays, &mut nearest);
+        self.boxes.nearest(simd, rays, &mut nearest);
+        self.discs.nearest(simd, rays, &mut nearest);
+        self.rectangles.nearest(simd, rays, &mut nearest);
         for carved in &self.carved {
             if let Some((hit, t, face)) = carved.meet(simd, rays, nearest.distance) {
                 nearest.distance = hit.select(t, nearest.distance);
                 nearest.id = hit.select(face, nearest.id);
             }
         }
-        for panel in &self.lamps {
-            nearest.take(panel.meet(simd, rays, nearest.distance), panel.id);
-        }
+        self.lamps.nearest(simd, rays, &mut nearest);
         if self.has_clear {
             let within = rays.skip.simd_eq(nearest.id | INSIDE);
             nearest.id = within.select(rays.skip, nearest.id);
@@ -188,9 +183,7 @@ impl Geometry {
     #[inline(always)]
     pub(super) fn nearest_lamp<S: Simd>(&self, simd: S, rays: &Rays<S>) -> Nearest<S> {
         let mut nearest = Nearest::none(simd);
-        for panel in &self.lamps {
-            nearest.take(panel.meet(simd, rays, nearest.distance), panel.id);
-        }
+        self.lamps.nearest(simd, rays, &mut nearest);
         nearest
     }
 
@@ -203,38 +196,88 @@ impl Geometry {
         distance: Float<S>,
         target: Word<S>,
     ) -> Mask<S> {
-        let mut dark = match &self.forest {
-            Some(forest) => forest.occluded(simd, rays, distance),
-            None => Mask::splat(simd, false),
-        };
-        for ball in &self.spheres {
-            cast(&mut dark, ball.meet(simd, rays, distance));
-        }
-        for slabs in &self.boxes {
-            cast(&mut dark, slabs.meet(simd, rays, distance));
-        }
-        for plate in &self.discs {
-            cast(&mut dark, plate.meet(simd, rays, distance));
-        }
-        for panel in &self.rectangles {
-            cast(&mut dark, panel.meet(simd, rays, distance));
-        }
+        let mut dark = Mask::splat(simd, false);
+        self.spheres.occlude(simd, rays, distance, &mut dark);
+        self.boxes.occlude(simd, rays, distance, &mut dark);
+        self.discs.occlude(simd, rays, distance, &mut dark);
+        self.rectangles.occlude(simd, rays, distance, &mut dark);
         for carved in &self.carved {
             if let Some((hit, ..)) = carved.meet(simd, rays, distance) {
                 dark |= hit;
             }
         }
-        for panel in &self.lamps {
-            if let Some((hit, _)) = panel.meet(simd, rays, distance) {
-                dark |= hit & target.simd_ne(panel.id);
+        for lamp in &self.lamps.each {
+            if let Some((hit, _)) = Panel::meet(rays, &lamp.solids(simd), distance) {
+                dark |= hit & target.simd_ne(lamp.id);
             }
         }
         dark
     }
 }
 
-/// Where the lanes that meet a primitive do.
-type Meeting<S> = Option<(Mask<S>, Float<S>)>;
+impl<F: Shape<N>, const N: usize> Many<F, N> {
+    /// None are hidden.
+    fn new(scene: &CompiledScene, shape: ShapeKind, each: Vec<Option<One<F, N>>>) -> Self {
+        match scene.tree(shape, F::TREE_MIN) {
+            Some(tree) => Self {
+                forest: Some(Forest::new(tree, &each, reach(scene))),
+                each: Vec::new(),
+            },
+            None => Self {
+                each: each.into_iter().flatten().collect(),
+                forest: None,
+            },
+        }
+    }
+
+    #[inline(always)]
+    fn nearest<S: Simd>(&self, simd: S, rays: &Rays<S>, nearest: &mut Nearest<S>) {
+        if let Some(forest) = &self.forest {
+            forest.nearest(simd, rays, nearest);
+        }
+        for one in &self.each {
+            nearest.take(F::meet(rays, &one.solids(simd), nearest.distance), one.id);
+        }
+    }
+
+    /// Adds where one of them lies before `distance` to `dark`.
+    #[inline(always)]
+    fn occlude<S: Simd>(&self, simd: S, rays: &Rays<S>, distance: Float<S>, dark: &mut Mask<S>) {
+        if let Some(forest) = &self.forest {
+            forest.occlude(simd, rays, distance, dark);
+        }
+        for one in &self.each {
+            if let Some((hit, _)) = F::meet(rays, &one.solids(simd), distance) {
+                *dark |= hit;
+            }
+        }
+    }
+}
+
+impl<F, const N: usize> One<F, N> {
+    fn new(numbers: [f32; N], id: u32, is_clear: bool) -> Self {
+        Self {
+            numbers,
+            id,
+            is_clear,
+            shape: PhantomData,
+        }
+    }
+
+    /// The same in all lanes.
+    #[inline(always)]
+    fn solids<S: Simd>(&self, simd: S) -> Solids<S, N> {
+        let mut numbers = [Float::splat(simd, 0.0); N];
+        for (lanes, number) in numbers.iter_mut().zip(self.numbers) {
+            *lanes = Float::splat(simd, number);
+        }
+        Solids {
+            numbers,
+            id: Word::splat(simd, self.id),
+            has_clear: self.is_clear,
+        }
+    }
+}
 
 /// The nearest primitive so far, per lane.
 pub(super) struct Nearest<S: Simd> {
@@ -260,11 +303,10 @@ impl<S: Simd> Nearest<S> {
     }
 }
 
-#[inline(always)]
-fn cast<S: Simd>(dark: &mut Mask<S>, meeting: Meeting<S>) {
-    if let Some((hit, _)) = meeting {
-        *dark |= hit;
-    }
+fn has_clear(scene: &CompiledScene) -> bool {
+    let spheres = scene.spheres.iter().map(|sphere| sphere.material);
+    let mut materials = spheres.chain(scene.boxes.iter().map(|data| data.material));
+    materials.any(|material| scene.materials[material as usize].kind == KIND_DIELECTRIC)
 }
 
 /// An upper bound of the distance from any ray's origin to any sphere's centre.
@@ -286,278 +328,6 @@ fn reach(scene: &CompiledScene) -> f32 {
         .chain(rectangles)
         .chain(carved);
     2.0 * from_world_origin.fold(far(eye, 0.0), f32::max)
-}
-
-/// No ray passes outside this radius and hits, whatever the rounding of the quick test.
-pub(super) fn reject_radius(radius: f32, reach: f32) -> f32 {
-    radius * 1.000_01 + reach * (8.0 * f32::EPSILON)
-}
-
-/// A sphere.
-struct Ball {
-    center: [f32; 3],
-    radius: f32,
-    reject_radius: f32,
-    id: u32,
-    is_clear: bool,
-}
-
-impl Ball {
-    fn new(sphere: &SphereData, reach: f32, id: u32, is_clear: bool) -> Self {
-        Self {
-            center: sphere.center,
-            radius: sphere.radius,
-            reject_radius: reject_radius(sphere.radius, reach),
-            id,
-            is_clear,
-        }
-    }
-
-    #[inline(always)]
-    fn meet<S: Simd>(&self, simd: S, rays: &Rays<S>, limit: Float<S>) -> Meeting<S> {
-        let center = Vec3x::splat(simd, self.center);
-        let from_center = rays.origin - center;
-        let closest = -from_center.dot(rays.direction);
-        let miss_squared = rays
-            .direction
-            .mul_add(closest, from_center)
-            .length_squared();
-        let reject = self.reject_radius;
-        let candidate = miss_squared.simd_le(reject * reject) & closest.simd_gt(-reject);
-        if !candidate.any_true() {
-            return None;
-        }
-        let radius = Float::splat(simd, self.radius);
-        let chord = Chord::new(rays.origin, rays.direction, center, radius);
-        let mut t = chord.first();
-        let mut hit = chord.real & t.simd_gt(0.0);
-        if self.is_clear {
-            let within = rays.skip.simd_eq(self.id | INSIDE);
-            t = within.select(chord.far.max(0.0), t);
-            hit |= within;
-        }
-        let hit = hit & t.simd_lt(limit) & rays.skip.simd_ne(self.id);
-        Some((hit, t))
-    }
-}
-
-/// The part of a line inside a sphere, right in f32 however far the origin is: the difference of
-/// origin and centre keeps its rounding error (Knuth's TwoDiff), and the foot of the perpendicular
-/// is projected twice. Haines et al., "Precision Improvements for Ray/Sphere Intersection", Ray
-/// Tracing Gems ch. 7, 2019, goes halfway.
-pub(super) struct Chord<S: Simd> {
-    /// From the centre to the line, at right angles to it.
-    perpendicular: Vec3x<S>,
-    half: Float<S>,
-    near: Float<S>,
-    pub(super) far: Float<S>,
-    /// Where line and sphere meet.
-    pub(super) real: Mask<S>,
-}
-
-impl<S: Simd> Chord<S> {
-    #[inline(always)]
-    pub(super) fn new(
-        origin: Vec3x<S>,
-        direction: Vec3x<S>,
-        center: Vec3x<S>,
-        radius: Float<S>,
-    ) -> Self {
-        let (x, x_error) = two_diff(origin.x, center.x);
-        let (y, y_error) = two_diff(origin.y, center.y);
-        let (z, z_error) = two_diff(origin.z, center.z);
-        let error = Vec3x::new(x_error, y_error, z_error);
-        let closest = -Vec3x::new(x, y, z).dot(direction);
-        // The products cancel against x, y and z: without fused rounding nothing would be left.
-        let rough = Vec3x::new(
-            direction.x.mul_add_precise(closest, x),
-            direction.y.mul_add_precise(closest, y),
-            direction.z.mul_add_precise(closest, z),
-        ) + error;
-        let correction = -rough.dot(direction);
-        let perpendicular = direction.mul_add(correction, rough);
-        let discriminant = radius * radius - perpendicular.length_squared();
-        let half = discriminant.max(0.0).sqrt();
-        Self {
-            perpendicular,
-            half,
-            near: (closest - half) + correction,
-            far: (closest + half) + correction,
-            real: discriminant.simd_ge(0.0),
-        }
-    }
-
-    /// Distance along the ray to the first meeting point that is ahead.
-    #[inline(always)]
-    pub(super) fn first(&self) -> Float<S> {
-        self.near.simd_gt(0.0).select(self.near, self.far)
-    }
-
-    /// That point as seen from the centre, which keeps the digits that `origin + t · direction`
-    /// has lost; for rays `within` the sphere, the far one.
-    #[inline(always)]
-    pub(super) fn first_from_center(&self, direction: Vec3x<S>, within: Mask<S>) -> Vec3x<S> {
-        let is_near = self.near.simd_gt(0.0) & !within;
-        let half = is_near.select(-self.half, self.half);
-        direction.mul_add(half, self.perpendicular)
-    }
-}
-
-/// `a − b` and what rounding took from it.
-#[inline(always)]
-fn two_diff<S: Simd>(a: Float<S>, b: Float<S>) -> (Float<S>, Float<S>) {
-    let difference = a - b;
-    let b_part = difference - a;
-    (difference, (a - (difference - b_part)) - (b + b_part))
-}
-
-/// An axis-aligned box as three slabs.
-struct Slabs {
-    center: [f32; 3],
-    half: [f32; 3],
-    id: u32,
-    is_clear: bool,
-}
-
-impl Slabs {
-    fn new(data: &BoxData, id: u32, is_clear: bool) -> Self {
-        let center: [f32; 3] = std::array::from_fn(|i| 0.5 * (data.min[i] + data.max[i]));
-        // Rounded up, so that rays within a face and through an edge hit.
-        let half = std::array::from_fn(|i| {
-            let half = (data.max[i] - center[i]).max(center[i] - data.min[i]);
-            half.next_up().next_up()
-        });
-        Self {
-            center,
-            half,
-            id,
-            is_clear,
-        }
-    }
-
-    #[inline(always)]
-    fn meet<S: Simd>(&self, simd: S, rays: &Rays<S>, limit: Float<S>) -> Meeting<S> {
-        let to_center = Vec3x::splat(simd, self.center) - rays.origin;
-        let middle = to_center.scale(rays.inverse);
-        let half = Vec3x::splat(simd, self.half);
-        let near = (-half).scale_add(rays.inverse_abs, middle);
-        let far = half.scale_add(rays.inverse_abs, middle);
-        let entry = near.x.max(near.y).max(near.z);
-        let exit = far.x.min(far.y).min(far.z);
-        let hit = entry.max(0.0).simd_le(exit.min(limit)) & rays.skip.simd_ne(self.id);
-        if self.is_clear {
-            let within = rays.skip.simd_eq(self.id | INSIDE);
-            let t = entry.simd_gt(0.0).select(entry, exit);
-            let t = within.select(exit.max(0.0), t);
-            let ahead = hit & t.simd_gt(0.0);
-            return Some(((ahead | within) & t.simd_lt(limit), t));
-        }
-        if !hit.any_true() {
-            return None;
-        }
-        let t = entry.simd_gt(0.0).select(entry, exit);
-        Some((hit & t.simd_gt(0.0) & t.simd_lt(limit), t))
-    }
-}
-
-/// A disc.
-struct Plate {
-    center: [f32; 3],
-    normal: [f32; 3],
-    radius_squared: f32,
-    id: u32,
-}
-
-impl Plate {
-    fn new(disc: &DiscData, id: u32) -> Self {
-        Self {
-            center: disc.center,
-            normal: disc.normal,
-            radius_squared: disc.radius * disc.radius,
-            id,
-        }
-    }
-
-    #[inline(always)]
-    fn meet<S: Simd>(&self, simd: S, rays: &Rays<S>, limit: Float<S>) -> Meeting<S> {
-        let crossing = Crossing::new(simd, rays, self.center, self.normal);
-        let bound = crossing.denominator * crossing.denominator * self.radius_squared;
-        let inside = crossing.from_center.length_squared().simd_le(bound);
-        crossing.finish(rays, inside, limit, self.id)
-    }
-}
-
-/// A rectangle, of an object or a lamp.
-struct Panel {
-    center: [f32; 3],
-    normal: [f32; 3],
-    /// Half edges over their squared length: dot products with them are in [−1, 1] inside.
-    u: [f32; 3],
-    v: [f32; 3],
-    id: u32,
-}
-
-impl Panel {
-    fn new(
-        center: [f32; 3],
-        normal: [f32; 3],
-        (u, u_scale): ([f32; 3], f32),
-        (v, v_scale): ([f32; 3], f32),
-        id: u32,
-    ) -> Self {
-        Self {
-            center,
-            normal,
-            u: u.map(|c| c * u_scale),
-            v: v.map(|c| c * v_scale),
-            id,
-        }
-    }
-
-    #[inline(always)]
-    fn meet<S: Simd>(&self, simd: S, rays: &Rays<S>, limit: Float<S>) -> Meeting<S> {
-        let crossing = Crossing::new(simd, rays, self.center, self.normal);
-        let bound = crossing.denominator.abs();
-        let along_u = crossing.from_center.dot(Vec3x::splat(simd, self.u)).abs();
-        let along_v = crossing.from_center.dot(Vec3x::splat(simd, self.v)).abs();
-        let inside = along_u.simd_le(bound) & along_v.simd_le(bound);
-        crossing.finish(rays, inside, limit, self.id)
-    }
-}
-
-/// Where rays cross a plane, as fractions: most crossings lie outside the shape and need no
-/// division.
-struct Crossing<S: Simd> {
-    numerator: Float<S>,
-    denominator: Float<S>,
-    /// From the centre to the crossing, times the denominator.
-    from_center: Vec3x<S>,
-}
-
-impl<S: Simd> Crossing<S> {
-    #[inline(always)]
-    fn new(simd: S, rays: &Rays<S>, center: [f32; 3], normal: [f32; 3]) -> Self {
-        let normal = Vec3x::splat(simd, normal);
-        let from_center = rays.origin - Vec3x::splat(simd, center);
-        let denominator = rays.direction.dot(normal);
-        let numerator = -from_center.dot(normal);
-        Self {
-            numerator,
-            denominator,
-            from_center: rays.direction.mul_add(numerator, from_center * denominator),
-        }
-    }
-
-    #[inline(always)]
-    fn finish(self, rays: &Rays<S>, inside: Mask<S>, limit: Float<S>, id: u32) -> Meeting<S> {
-        let ahead = (self.numerator * self.denominator).simd_gt(0.0);
-        let candidate = inside & ahead & rays.skip.simd_ne(id);
-        if !candidate.any_true() {
-            return None;
-        }
-        let t = self.numerator / self.denominator;
-        Some((candidate & t.simd_gt(0.0) & t.simd_lt(limit), t))
-    }
 }
 
 #[cfg(test)]

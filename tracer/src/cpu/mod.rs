@@ -30,6 +30,7 @@ mod layers;
 mod light;
 mod paint;
 mod sampling;
+mod shapes;
 mod sheen;
 mod stream;
 mod surface;

@@ -2,10 +2,11 @@
 
 use fearless_simd::prelude::*;
 
-use super::geometry::{Chord, INSIDE, inverse};
+use super::geometry::{INSIDE, inverse};
 use super::gloss::{Flight, Gloss, GlossRow, gloss_row, untagged};
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
 use super::paint::{PaintRow, paint_row, painted};
+use super::shapes::Chord;
 use super::sheen::{Sheen, SheenRow};
 use super::window::{WindowRow, window_row};
 use crate::compiled::{

@@ -2,31 +2,12 @@
 
 use crate::compiled::{
     CompiledScene, FACE_TURNED, KIND_DIELECTRIC, KIND_LAYERED, MaterialData, PATTERN_NUMBER,
-    PATTERN_PLANKS, PATTERN_WOOD, SphereData,
+    PATTERN_PLANKS, PATTERN_WOOD, ShapeKind, SphereData,
 };
 use crate::gpu::{flatness, layout};
-use crate::tree::BallTree;
-
-/// A shape's array in the scene, in the order in which primitives are numbered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum ShapeKind {
-    Sphere,
-    Box,
-    Disc,
-    Rectangle,
-    /// The faces of carved boxes.
-    Face,
-}
+use crate::tree::Tree;
 
 impl ShapeKind {
-    pub(crate) const ALL: [Self; 5] = [
-        Self::Sphere,
-        Self::Box,
-        Self::Disc,
-        Self::Rectangle,
-        Self::Face,
-    ];
-
     /// The prefix or suffix of its functions in WGSL.
     pub(crate) const fn function(self) -> &'static str {
         match self {
@@ -46,6 +27,23 @@ impl ShapeKind {
             Self::Disc => "DISC",
             Self::Rectangle => "RECTANGLE",
             Self::Face => "FACE",
+        }
+    }
+
+    /// What a quick test of whether a ray may meet one needs, if there is such a test.
+    pub(crate) const fn bound(self) -> Option<&'static str> {
+        match self {
+            Self::Sphere => Some("SphereBound"),
+            Self::Box => Some("BoxBound"),
+            Self::Disc | Self::Rectangle | Self::Face => None,
+        }
+    }
+
+    /// A leaf of its tree.
+    pub(crate) const fn leaf(self) -> &'static str {
+        match self {
+            Self::Sphere => "SphereLeaf",
+            _ => "vec4u",
         }
     }
 
@@ -131,8 +129,8 @@ pub(crate) struct Features {
     pub(crate) lamps: u32,
     /// At least 1: an array has no length of 0.
     pub(crate) materials: u32,
-    /// Rays find balls by a tree.
-    pub(crate) has_tree: bool,
+    /// Rays find the primitives of a shape by a tree.
+    pub(crate) trees: [bool; ShapeKind::ALL.len()],
     /// Some carved box has a turned cut.
     pub(crate) has_turned: bool,
     /// Some material has a dielectric coat.
@@ -179,7 +177,7 @@ impl Features {
             carved: scene.carved.len() as u32,
             lamps: scene.lamps.len() as u32,
             materials: scene.materials.len().max(1) as u32,
-            has_tree: ball_tree(scene).is_some(),
+            trees: ShapeKind::ALL.map(|shape| tree(scene, shape).is_some()),
             has_turned: scene.faces.iter().any(|face| face.kind == FACE_TURNED),
             has_coat: any(|material| material.kind == KIND_LAYERED && material.ior > 0.0),
             has_stripe: any(|material| material.stripe_half_width > 0.0),
@@ -197,7 +195,10 @@ impl Features {
             lamps_scaled: needs_scale(scene),
             memory: SceneMemory::Uniform,
         };
-        if layout::scene_bytes_len(&features) > uniform_bytes_max {
+        // Rays of a group go down a tree by different ways, and a device reads constants for them in turn:
+        // twice the time for 256 balls.
+        let has_tree = features.trees.contains(&true);
+        if has_tree || layout::scene_bytes_len(&features) > uniform_bytes_max {
             features.memory = SceneMemory::Storage;
         }
         features
@@ -222,38 +223,52 @@ impl Features {
             .filter(move |shape| features.count(*shape) > 0)
     }
 
-    /// Surfaces that a ray is tested against, or about as many as going down the tree costs.
+    /// Whether rays find the primitives of a shape by a tree.
+    pub(crate) const fn has_tree(&self, shape: ShapeKind) -> bool {
+        self.trees[shape as usize]
+    }
+
+    /// Surfaces that a ray is tested against, or about as many as going down trees costs.
     pub(crate) fn primitives(&self) -> u32 {
-        let spheres = self.spheres_tested();
-        spheres + self.boxes + self.discs + self.rectangles + self.faces + self.lamps
+        let tested = ShapeKind::ALL.map(|shape| self.tested(shape));
+        tested.iter().sum::<u32>() + self.lamps
     }
 
     /// Turns that the loops of a ray take at most: those that go from cut to cut come round again, and
     /// some rays through a tree meet four times as much as most.
     pub(crate) fn turns_per_ray(&self) -> f64 {
-        let tree = if self.has_tree {
-            3 * self.spheres_tested()
-        } else {
-            0
-        };
-        1.05 * f64::from(self.primitives() + tree + 2 * self.faces)
+        let in_trees = ShapeKind::ALL
+            .into_iter()
+            .filter(|shape| self.has_tree(*shape));
+        let trees: u32 = in_trees.map(|shape| self.tested(shape)).sum();
+        1.05 * f64::from(self.primitives() + 3 * trees + 2 * self.faces)
     }
 
-    fn spheres_tested(&self) -> u32 {
-        match self.has_tree {
-            true => TREE_SPHERES_MIN as u32 + 8 * self.spheres.ilog2(),
-            false => self.spheres,
+    fn tested(&self, shape: ShapeKind) -> u32 {
+        let count = self.count(shape);
+        match self.has_tree(shape) {
+            true => tree_min(shape) as u32 + 8 * count.ilog2(),
+            false => count,
         }
     }
 }
 
-/// From so many balls on a tree is faster: by 1.1 there, 1.4 for 256 and 3.4 for 10,000 balls on an H200:
-/// `carom-farm bench hierarchy --backend gpu`.
-const TREE_SPHERES_MIN: usize = 128;
+/// From so many on, rays find the primitives of a shape faster by a tree: on an H200 by 1.04 (discs) to
+/// 1.3 there, and for 10,000 by 10 (balls), 61, 83 and 110:
+/// `carom-farm bench hierarchy --backend gpu --size 960x540`.
+const fn tree_min(shape: ShapeKind) -> usize {
+    match shape {
+        ShapeKind::Sphere => 256,
+        ShapeKind::Box => 96,
+        ShapeKind::Disc => 48,
+        ShapeKind::Rectangle => 32,
+        ShapeKind::Face => usize::MAX,
+    }
+}
 
-/// The tree by which rays find the balls of `scene`, where they do.
-pub(crate) fn ball_tree(scene: &CompiledScene) -> Option<&BallTree> {
-    scene.ball_tree(TREE_SPHERES_MIN)
+/// The tree by which rays find the primitives of a shape, where they do.
+pub(crate) fn tree(scene: &CompiledScene, shape: ShapeKind) -> Option<&Tree> {
+    scene.tree(shape, tree_min(shape))
 }
 
 /// Whether some ball may have [`crate::compiled::SphereData::is_window`], wherever it moves.

@@ -5,11 +5,11 @@ use glam::Vec3;
 
 use crate::compiled::{
     BoxData, CameraFrame, CarvedData, CompiledScene, DiscData, FaceData, LampData, MaterialData,
-    RectangleData, SphereData,
+    RectangleData, ShapeKind, SphereData,
 };
-use crate::gpu::features::{self, Features, ShapeKind};
+use crate::gpu::features::{self, Features};
 use crate::gpu::flatness;
-use crate::tree::{LEAF_BALLS, SLACK, Subtree, leaves};
+use crate::tree::{LEAF, SLACK, Subtree, leaves};
 use crate::{Error, ImageSize};
 
 /// What stands before the scene's arrays.
@@ -68,7 +68,7 @@ pub(crate) struct BoxBound {
     padding1: u32,
 }
 
-/// Both halves of a part of the balls' tree. Boxes are widened by [`SLACK`].
+/// Both halves of a part of a tree. Boxes are widened by [`SLACK`].
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(crate) struct TreeNode {
@@ -83,13 +83,13 @@ pub(crate) struct TreeNode {
     padding1: u32,
 }
 
-/// Balls of a leaf. Where there is none, its radius is 0.
+/// Balls of a leaf, the last one repeated.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-pub(crate) struct TreeLeaf {
+pub(crate) struct SphereLeaf {
     /// Centre and radius.
-    pub(crate) balls: [[f32; 4]; LEAF_BALLS],
-    pub(crate) ids: [u32; LEAF_BALLS],
+    pub(crate) balls: [[f32; 4]; LEAF],
+    pub(crate) indices: [u32; LEAF],
 }
 
 /// Set in the number of a leaf.
@@ -122,7 +122,7 @@ impl TreeNode {
             ((part.max - center).max(center - part.min) + slack).to_array()
         };
         let number = |part: &Subtree| match part.is_leaf() {
-            true => TREE_LEAF | (part.first / LEAF_BALLS as u32),
+            true => TREE_LEAF | (part.first / LEAF as u32),
             false => part.node,
         };
         Self {
@@ -137,15 +137,14 @@ impl TreeNode {
     }
 }
 
-impl TreeLeaf {
-    fn new(ids: &[u32], spheres: &[SphereData]) -> Self {
-        let mut leaf = Self::zeroed();
-        for (place, &id) in ids.iter().enumerate() {
-            let SphereData { center, radius, .. } = spheres[id as usize];
-            leaf.balls[place] = [center[0], center[1], center[2], radius];
-            leaf.ids[place] = id;
-        }
-        leaf
+impl SphereLeaf {
+    fn new(indices: [u32; LEAF], spheres: &[SphereData]) -> Self {
+        let balls = indices.map(|index| {
+            let sphere = &spheres[index as usize];
+            let [x, y, z] = sphere.center;
+            [x, y, z, sphere.radius]
+        });
+        Self { balls, indices }
     }
 }
 
@@ -168,22 +167,33 @@ pub(crate) fn scene_bytes_len(features: &Features) -> u64 {
         .shapes()
         .map(|shape| features.count(shape) as usize * element_bytes(shape));
     let arrays = shapes.sum::<usize>()
-        + sphere_finders_bytes(features)
-        + features.boxes as usize * size_of::<BoxBound>()
+        + features
+            .shapes()
+            .map(|shape| finders_bytes(features, shape))
+            .sum::<usize>()
         + features.carved as usize * size_of::<CarvedData>()
         + features.lamps as usize * size_of::<LampData>()
         + features.materials as usize * size_of::<MaterialData>();
     (size_of::<SceneHeader>() + arrays) as u64
 }
 
-/// Of what rays find spheres by.
-fn sphere_finders_bytes(features: &Features) -> usize {
-    let spheres = features.spheres as usize;
-    if !features.has_tree {
-        return spheres * size_of::<SphereBound>();
+/// Of what rays find the primitives of a shape by.
+fn finders_bytes(features: &Features, shape: ShapeKind) -> usize {
+    let count = features.count(shape) as usize;
+    if features.has_tree(shape) {
+        let leaves = leaves(count);
+        let leaf_bytes = match shape {
+            ShapeKind::Sphere => size_of::<SphereLeaf>(),
+            _ => size_of::<[u32; LEAF]>(),
+        };
+        return (leaves - 1) * size_of::<TreeNode>() + leaves * leaf_bytes;
     }
-    let leaves = leaves(spheres);
-    (leaves - 1) * size_of::<TreeNode>() + leaves * size_of::<TreeLeaf>()
+    count
+        * match shape {
+            ShapeKind::Sphere => size_of::<SphereBound>(),
+            ShapeKind::Box => size_of::<BoxBound>(),
+            ShapeKind::Disc | ShapeKind::Rectangle | ShapeKind::Face => 0,
+        }
 }
 
 fn element_bytes(shape: ShapeKind) -> usize {
@@ -220,25 +230,45 @@ pub(crate) fn scene_bytes(scene: &CompiledScene, size: ImageSize) -> Result<Vec<
         bytes.extend_from_slice(bytes_of(&MaterialData::zeroed()));
     }
     let farthest = flatness::farthest(scene);
-    if let Some(tree) = features::ball_tree(scene) {
+    for shape in ShapeKind::ALL {
+        bytes.extend(finders(scene, shape, farthest));
+    }
+    Ok(bytes)
+}
+
+/// What rays find the primitives of a shape by.
+fn finders(scene: &CompiledScene, shape: ShapeKind, farthest: f32) -> Vec<u8> {
+    if let Some(tree) = features::tree(scene, shape) {
         let nodes = tree.nodes.iter();
         let nodes: Vec<_> = nodes
             .map(|halves| TreeNode::new(halves, SLACK * farthest))
             .collect();
-        let leaves = tree.order.chunks(LEAF_BALLS);
-        let leaves: Vec<_> = leaves
-            .map(|ids| TreeLeaf::new(ids, &scene.spheres))
-            .collect();
-        bytes.extend_from_slice(cast_slice(&nodes));
-        bytes.extend_from_slice(cast_slice(&leaves));
-    } else {
-        let bounds: Vec<_> = scene.spheres.iter().map(SphereBound::new).collect();
-        bytes.extend_from_slice(cast_slice(&bounds));
+        let leaves = tree.order.chunks(LEAF).map(|indices| {
+            let last = indices.len() - 1;
+            std::array::from_fn(|i| indices[i.min(last)])
+        });
+        let leaves: Vec<[u32; LEAF]> = leaves.collect();
+        if shape == ShapeKind::Sphere {
+            let leaves = leaves.into_iter();
+            let leaves: Vec<_> = leaves
+                .map(|indices| SphereLeaf::new(indices, &scene.spheres))
+                .collect();
+            return [cast_slice(&nodes), cast_slice::<_, u8>(&leaves)].concat();
+        }
+        return [cast_slice(&nodes), cast_slice::<_, u8>(&leaves)].concat();
     }
-    let boxes = scene.boxes.iter();
-    let box_bounds: Vec<_> = boxes.map(|data| BoxBound::new(data, farthest)).collect();
-    bytes.extend_from_slice(cast_slice(&box_bounds));
-    Ok(bytes)
+    match shape {
+        ShapeKind::Sphere => {
+            let bounds: Vec<_> = scene.spheres.iter().map(SphereBound::new).collect();
+            cast_slice(&bounds).to_vec()
+        }
+        ShapeKind::Box => {
+            let boxes = scene.boxes.iter();
+            let bounds: Vec<_> = boxes.map(|data| BoxBound::new(data, farthest)).collect();
+            cast_slice(&bounds).to_vec()
+        }
+        ShapeKind::Disc | ShapeKind::Rectangle | ShapeKind::Face => Vec::new(),
+    }
 }
 
 fn check_materials(scene: &CompiledScene) -> Result<(), Error> {

@@ -263,7 +263,8 @@ fn lamp(x: f32, radiance: f32) -> Lamp {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::features::{Features, ShapeKind};
+    use crate::compiled::ShapeKind;
+    use crate::gpu::features::Features;
 
     #[test]
     fn the_scenes_have_every_shape_and_every_material() {

@@ -4,16 +4,16 @@ use std::fmt::Write as _;
 
 use crate::compiled::{
     FACE_BORE, FACE_BOX, FACE_PLANE, FACE_TURNED, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED,
-    PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD,
+    PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, ShapeKind,
 };
-use crate::gpu::features::{Features, Output, SceneMemory, ShapeKind};
+use crate::gpu::features::{Features, Output, SceneMemory};
 use crate::gpu::layout::{SPHERE_SLACK, TREE_LEAF};
 use crate::paint;
 use crate::reference::light::{BELOW_1, SOLID_ANGLE_MIN};
 use crate::reference::window::STEPS;
 use crate::sampling::{BLOCK_CAMERA, SCRAMBLE};
 use crate::scene::validate::CUT_MARGIN_M;
-use crate::tree::{self, DEPTH_MAX, LEAF_BALLS};
+use crate::tree::{self, DEPTH_MAX, LEAF};
 
 /// Pixels along the edge of the block that a workgroup traces.
 pub(crate) const BLOCK_EDGE: u32 = 8;
@@ -24,6 +24,9 @@ pub(crate) fn source(features: &Features) -> String {
     text += &scene_declaration(features);
     for part in parts(features) {
         text += part;
+    }
+    for shape in features.shapes() {
+        text += &find_part(shape, features.has_tree(shape));
     }
     text += &nearest(features);
     text += &occluded(features);
@@ -42,11 +45,8 @@ fn parts(features: &Features) -> Vec<&'static str> {
         include_str!("shaders/fresnel.wgsl"),
     ];
     parts.extend(features.shapes().map(shape_part));
-    if features.spheres > 0 {
-        parts.push(match features.has_tree {
-            true => include_str!("shaders/sphere_tree.wgsl"),
-            false => include_str!("shaders/sphere_each.wgsl"),
-        });
+    if features.trees.contains(&true) {
+        parts.push(include_str!("shaders/tree.wgsl"));
     }
     parts.extend(match features.lamps {
         0 => &[include_str!("shaders/lamp_none.wgsl")][..],
@@ -96,6 +96,29 @@ fn shape_part(shape: ShapeKind) -> &'static str {
     }
 }
 
+/// How rays find the primitives of a shape.
+fn find_part(shape: ShapeKind, has_tree: bool) -> String {
+    if has_tree {
+        let leaf = match shape {
+            ShapeKind::Sphere => include_str!("shaders/sphere_leaf.wgsl"),
+            _ => include_str!("shaders/shape_leaf.wgsl"),
+        };
+        return [leaf, include_str!("shaders/shape_tree.wgsl")]
+            .concat()
+            .replace("SHAPE_FIRST", &format!("{}_FIRST", shape.constant()))
+            .replace("SHAPE", shape.function());
+    }
+    let each = match shape {
+        ShapeKind::Sphere => include_str!("shaders/sphere_each.wgsl"),
+        ShapeKind::Box => include_str!("shaders/box_each.wgsl"),
+        ShapeKind::Disc => include_str!("shaders/disc_each.wgsl"),
+        ShapeKind::Rectangle => include_str!("shaders/rectangle_each.wgsl"),
+        // Its part has that too.
+        ShapeKind::Face => "",
+    };
+    each.to_owned()
+}
+
 /// Numbers that Rust owns.
 fn constants(features: &Features) -> String {
     let [a, b, c] = SCRAMBLE;
@@ -112,7 +135,7 @@ fn constants(features: &Features) -> String {
          const SPHERE_SLACK: f32 = {SPHERE_SLACK:e};\n\
          const TREE_DEPTH_MAX: u32 = {DEPTH_MAX}u;\n\
          const TREE_LEAF: u32 = {TREE_LEAF}u;\n\
-         const LEAF_BALLS: u32 = {LEAF_BALLS}u;\n\
+         const LEAF: u32 = {LEAF}u;\n\
          const HAS_STRIPE: bool = {};\n\
          const HAS_CLEAR: bool = {};\n\
          const HAS_WINDOW: bool = {};\n\
@@ -198,19 +221,19 @@ fn scene_declaration(features: &Features) -> String {
         "    materials: array<MaterialData, {}>,",
         features.materials
     );
-    let leaves = match features.has_tree {
-        true => tree::leaves(features.spheres as usize) as u32,
-        false => 0,
-    };
-    let bounds = features.spheres * u32::from(!features.has_tree);
-    for (field, ty, count) in [
-        ("sphere_bounds", "SphereBound", bounds),
-        ("tree_nodes", "TreeNode", leaves.saturating_sub(1)),
-        ("tree_leaves", "TreeLeaf", leaves),
-        ("box_bounds", "BoxBound", features.boxes),
-    ] {
-        if count > 0 {
-            _ = writeln!(text, "    {field}: array<{ty}, {count}>,");
+    for shape in features.shapes() {
+        let (name, count) = (shape.function(), features.count(shape));
+        if features.has_tree(shape) {
+            let leaves = tree::leaves(count as usize);
+            let nodes = leaves - 1;
+            let leaf = shape.leaf();
+            _ = writeln!(
+                text,
+                "    {name}_nodes: array<TreeNode, {nodes}>,\n    \
+                 {name}_leaves: array<{leaf}, {leaves}>,"
+            );
+        } else if let Some(bound) = shape.bound() {
+            _ = writeln!(text, "    {name}_bounds: array<{bound}, {count}>,");
         }
     }
     let space = match features.memory {
@@ -303,7 +326,7 @@ mod tests {
         RectangleData, SphereData,
     };
     use crate::gpu::layout::{
-        BoxBound, DispatchData, SceneHeader, SphereBound, TileEntry, TreeLeaf, TreeNode,
+        BoxBound, DispatchData, SceneHeader, SphereBound, SphereLeaf, TileEntry, TreeNode,
         scene_bytes_len,
     };
 
@@ -311,12 +334,12 @@ mod tests {
         spheres: 16,
         boxes: 6,
         discs: 6,
-        rectangles: 2,
+        rectangles: 8,
         faces: 9,
         carved: 2,
         lamps: 3,
         materials: 20,
-        has_tree: true,
+        trees: [true, false, true, true, false],
         has_coat: true,
         has_stripe: true,
         has_number: true,
@@ -341,10 +364,16 @@ mod tests {
             let count = |bit: u32, count: u32| count * (i >> bit & 1);
             Features {
                 spheres: count(0, 3 + 7 * (i % 5)),
-                has_tree: i & 1 == 1 && i % 5 > 0,
-                boxes: count(1, 1),
-                discs: count(2, 2),
-                rectangles: count(3, 1),
+                trees: [
+                    i & 1 == 1 && i % 5 > 0,
+                    i >> 1 & 1 == 1 && i % 3 > 1,
+                    i >> 2 & 1 == 1 && i % 7 > 3,
+                    i >> 3 & 1 == 1 && i % 11 > 5,
+                    false,
+                ],
+                boxes: count(1, 1 + 7 * (i % 3)),
+                discs: count(2, 2 + 3 * (i % 7)),
+                rectangles: count(3, 1 + i % 11),
                 faces: 5 * (i / 2 % 2),
                 carved: i / 2 % 2,
                 has_coat: i >> 4 & 1 == 1,
@@ -428,7 +457,7 @@ mod tests {
             layout!(SphereBound, center power),
             layout!(TreeNode,
                 left_center left left_half right right_center right_half),
-            layout!(TreeLeaf, balls ids),
+            layout!(SphereLeaf, balls indices),
             layout!(BoxBound, center half),
             layout!(CameraFrame, eye corner dx dy),
             layout!(SceneHeader, camera environment zero),

@@ -7,7 +7,7 @@ use crate::scene::{
     Camera, CutForm, Lamp, Material, Medium, ObjectPose, Paint, Scene, Shape, Stripe,
 };
 
-/// The most objects in a scene. Rays find balls by a tree; they meet each of the others.
+/// The most objects in a scene. Rays find many of a shape by a tree.
 pub const OBJECTS_MAX: usize = 1 << 17;
 /// The most lamps in a scene.
 pub const LAMPS_MAX: usize = 64;

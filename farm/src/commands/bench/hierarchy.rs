@@ -1,27 +1,29 @@
-//! `carom-farm bench hierarchy`: from how many balls on a tree is faster than each ball by itself.
+//! `carom-farm bench hierarchy`: from how many primitives on a tree is faster than each by itself.
 
 use std::collections::BTreeMap;
+use std::hint::black_box;
 use std::time::Instant;
 
 use anyhow::Context;
-use carom_tracer::compiled::Hierarchy;
+use carom_tracer::compiled::{Hierarchy, ShapeKind};
+use carom_tracer::tree::{Bounds, Tree};
 use carom_tracer::{
     Camera, CompiledScene, Environment, ImageSize, Lamp, Material, Object, Scene, SceneUpdate,
     Shape, Tracer, sampling,
 };
 use cpu_time::ProcessTime;
-use glam::{Quat, Vec3};
+use glam::{EulerRot, Quat, Vec3};
 use serde::Serialize;
 
 use crate::commands::Failure;
 use crate::commands::backend::{self, Backend, Opened};
 
-/// From how many balls on a tree is faster than each ball by itself.
+/// From how many primitives of a shape on a tree is faster than each by itself.
 ///
-/// Clouds of 8 to 100,000 balls that fill the same room are traced with and without the tree, which
-/// is built anew for each picture as it is when balls move. Printed are the time of a picture, CPU
-/// time of this process on a processor, the device's own and that of building the tree on a GPU that
-/// tells it, and the crossing: the fewest balls from which on the tree was faster.
+/// Clouds of 8 to 100,000 of them that fill the same room are traced with and without the tree. That of
+/// balls is built anew for each picture as it is when they move; others are built once. Printed are the
+/// time of a picture, CPU time of this process on a processor, the device's own and that of building
+/// the tree on a GPU that tells it, and the crossing: the fewest from which on the tree was faster.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Print JSON.
@@ -36,12 +38,45 @@ pub(crate) struct Args {
     /// Samples per pixel.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     spp: u32,
-    /// The most balls.
+    /// Only this shape; may be repeated.
+    #[arg(long, value_enum)]
+    shape: Vec<Many>,
+    /// The most primitives.
     #[arg(long, default_value_t = 100_000, value_parser = clap::value_parser!(u32).range(8..=100_000))]
-    balls_max: u32,
+    count_max: u32,
     /// Turns; the best of each is taken.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
     repetitions: u32,
+}
+
+/// What there are many of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Serialize)]
+#[serde(rename_all = "snake_case")]
+enum Many {
+    Balls,
+    Boxes,
+    Discs,
+    Rectangles,
+}
+
+impl Many {
+    fn tree(self, scene: &CompiledScene) -> Option<Tree> {
+        match self {
+            Self::Balls => Tree::new(scene.spheres.iter().map(Bounds::from)),
+            Self::Boxes => Tree::new(scene.boxes.iter().map(Bounds::from)),
+            Self::Discs => Tree::new(scene.discs.iter().map(Bounds::from)),
+            Self::Rectangles => Tree::new(scene.rectangles.iter().map(Bounds::from)),
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Balls => "balls",
+            Self::Boxes => "boxes",
+            Self::Discs => "discs",
+            Self::Rectangles => "rectangles",
+        }
+    }
 }
 
 #[derive(Serialize)]
@@ -53,7 +88,8 @@ struct Report {
 /// Of a tree, on all threads.
 #[derive(Serialize)]
 struct Build {
-    balls: u32,
+    shape: Many,
+    count: u32,
     cpu_milliseconds: f64,
     milliseconds: f64,
 }
@@ -61,36 +97,50 @@ struct Build {
 #[derive(Serialize)]
 struct Swept {
     backend: &'static str,
-    /// The fewest balls from which on the tree was faster.
+    shape: Many,
+    /// The fewest from which on the tree was faster.
     crossing: Option<u32>,
     rows: Vec<Row>,
 }
 
 #[derive(Serialize)]
 struct Row {
-    balls: u32,
+    count: u32,
     each_milliseconds: f64,
     tree_milliseconds: f64,
 }
 
+/// Scenes with more and more of a shape.
+struct Clouds {
+    shape: Many,
+    scenes: Vec<(u32, CompiledScene)>,
+}
+
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let counts = COUNTS.into_iter().filter(|count| *count <= args.balls_max);
-    let mut scenes = Vec::new();
-    for count in counts {
-        scenes.push((count, CompiledScene::new(&cloud(count))?));
-    }
+    let shapes = match &args.shape[..] {
+        [] => <Many as clap::ValueEnum>::value_variants(),
+        shapes => shapes,
+    };
+    let mut clouds = shapes
+        .iter()
+        .map(|shape| Clouds::new(*shape, args.count_max))
+        .collect::<Result<Vec<_>, _>>()?;
     let opened = backend::open_all(args.backend, 0)?;
     let is_compared = |opened: &&Opened| {
         args.backend.is_some() || matches!(opened.backend, Backend::Cpu | Backend::Gpu)
     };
     let mut backends = Vec::new();
     for opened in opened.iter().filter(is_compared) {
-        backends.push(sweep(opened, &mut scenes, args)?);
+        for clouds in &mut clouds {
+            backends.push(sweep(opened, clouds, args)?);
+        }
     }
-    let build = scenes
-        .iter_mut()
-        .map(|(balls, scene)| build(*balls, scene, args))
-        .collect::<Result<_, _>>()?;
+    let mut build = Vec::new();
+    for clouds in &mut clouds {
+        for (count, scene) in &clouds.scenes {
+            build.push(time_build(clouds.shape, *count, scene, args));
+        }
+    }
     let report = Report { build, backends };
     if args.json {
         let json = serde_json::to_string(&report).context("results as JSON")?;
@@ -101,19 +151,28 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     Ok(())
 }
 
-fn sweep(
-    opened: &Opened,
-    scenes: &mut [(u32, CompiledScene)],
-    args: &Args,
-) -> Result<Swept, Failure> {
+impl Clouds {
+    fn new(shape: Many, count_max: u32) -> Result<Self, carom_tracer::Error> {
+        let counts = COUNTS.into_iter().filter(|count| *count <= count_max);
+        let scenes = counts.map(|count| Ok((count, CompiledScene::new(&cloud(shape, count))?)));
+        Ok(Self {
+            shape,
+            scenes: scenes.collect::<Result<_, carom_tracer::Error>>()?,
+        })
+    }
+}
+
+fn sweep(opened: &Opened, clouds: &mut Clouds, args: &Args) -> Result<Swept, Failure> {
     let tracer = opened.tracer.as_ref();
+    let shape = clouds.shape;
     let mut rows = Vec::new();
-    for (balls, scene) in scenes {
-        match compare(tracer, *balls, scene, args) {
+    for (count, scene) in &mut clouds.scenes {
+        match compare(tracer, *count, scene, args) {
             Ok(row) => rows.push(row),
             // Not every device can test so many.
             Err(error) if !rows.is_empty() => {
-                eprintln!("{balls} balls are not compared there: {error}");
+                let name = shape.name();
+                eprintln!("{count} {name} are not compared there: {error}");
                 break;
             }
             Err(error) => return Err(error.into()),
@@ -121,6 +180,7 @@ fn sweep(
     }
     Ok(Swept {
         backend: opened.backend.name(),
+        shape,
         crossing: crossing(&rows),
         rows,
     })
@@ -128,7 +188,7 @@ fn sweep(
 
 fn compare(
     tracer: &dyn Tracer,
-    balls: u32,
+    count: u32,
     scene: &mut CompiledScene,
     args: &Args,
 ) -> Result<Row, carom_tracer::Error> {
@@ -147,7 +207,7 @@ fn compare(
     }
     let [each_milliseconds, tree_milliseconds] = least;
     Ok(Row {
-        balls,
+        count,
         each_milliseconds,
         tree_milliseconds,
     })
@@ -156,7 +216,7 @@ fn compare(
 fn crossing(rows: &[Row]) -> Option<u32> {
     let is_faster = |row: &&Row| row.tree_milliseconds < row.each_milliseconds;
     let faster = rows.iter().rev().take_while(is_faster);
-    faster.last().map(|row| row.balls)
+    faster.last().map(|row| row.count)
 }
 
 /// Milliseconds of a picture whose balls have moved.
@@ -169,64 +229,98 @@ fn picture(
     scene.hierarchy = hierarchy;
     scene.apply(&SceneUpdate::default())?;
     let begun = ProcessTime::now();
-    scene.ball_tree(usize::MAX);
+    for shape in ShapeKind::ALL {
+        scene.tree(shape, usize::MAX);
+    }
     let built = begun.elapsed().as_secs_f64() * 1e3;
     Ok(built + backend::milliseconds(tracer, scene, args.size, args.spp)?)
 }
 
-fn build(balls: u32, scene: &mut CompiledScene, args: &Args) -> Result<Build, Failure> {
-    scene.hierarchy = Hierarchy::Always;
+fn time_build(shape: Many, count: u32, scene: &CompiledScene, args: &Args) -> Build {
     let mut least = Build {
-        balls,
+        shape,
+        count,
         cpu_milliseconds: f64::INFINITY,
         milliseconds: f64::INFINITY,
     };
     for _ in 0..=args.repetitions {
-        scene.apply(&SceneUpdate::default())?;
         let (wall, core) = (Instant::now(), ProcessTime::now());
-        scene.ball_tree(0);
+        black_box(shape.tree(scene));
         let (wall, core) = (wall.elapsed(), core.elapsed());
         least.milliseconds = least.milliseconds.min(wall.as_secs_f64() * 1e3);
         least.cpu_milliseconds = least.cpu_milliseconds.min(core.as_secs_f64() * 1e3);
     }
-    Ok(least)
+    least
 }
 
 fn print(report: &Report) {
     for swept in &report.backends {
+        let name = swept.shape.name();
         println!("{}, milliseconds a picture", swept.backend);
         println!(
-            "{:>8} {:>10} {:>10} {:>12}",
-            "balls", "each", "tree", "each / tree"
+            "{name:>10} {:>10} {:>10} {:>12}",
+            "each", "tree", "each / tree"
         );
         for row in &swept.rows {
             println!(
-                "{:>8} {:>10.2} {:>10.2} {:>12.3}",
-                row.balls,
+                "{:>10} {:>10.2} {:>10.2} {:>12.3}",
+                row.count,
                 row.each_milliseconds,
                 row.tree_milliseconds,
                 row.each_milliseconds / row.tree_milliseconds
             );
         }
         match swept.crossing {
-            Some(balls) => println!("the tree is faster from {balls} balls on"),
+            Some(count) => println!("the tree is faster from {count} {name} on"),
             None => println!("the tree is not faster"),
         }
     }
-    println!("building the tree: balls, milliseconds of CPU time, and on all threads");
+    println!("building the tree: of how many, milliseconds of CPU time, and on all threads");
     for build in &report.build {
         let Build {
-            balls,
+            shape,
+            count,
             cpu_milliseconds,
             milliseconds,
         } = build;
-        println!("{balls:>8} {cpu_milliseconds:>10.3} {milliseconds:>10.3}");
+        let name = shape.name();
+        println!("{count:>8} {name:<10} {cpu_milliseconds:>10.3} {milliseconds:>10.3}");
     }
 }
 
-/// Balls here and there over a floor, all together always of the same volume.
-fn cloud(balls: u32) -> Scene {
-    let radius = 0.25 * (4.0 / balls as f32).cbrt();
+/// Primitive `i` of a cloud, all of which together have always the same volume, or area.
+fn shape(many: Many, count: u32, i: u32) -> Shape {
+    let body = 0.25 * (4.0 / count as f32).cbrt();
+    let flat = 0.4 * (4.0 / count as f32).sqrt();
+    let [x, y, z, turn] = sampling::uniforms(i, count, 0, 0);
+    let normal = Quat::from_euler(EulerRot::XYZ, 6.0 * turn, 9.0 * x, 0.0) * Vec3::Z;
+    let [u, v] = <[Vec3; 2]>::from(normal.any_orthonormal_pair());
+    let place = |half: f32| Vec3::new(2.0 * x - 1.0, 2.0 * y - 1.0, half + z);
+    match many {
+        Many::Balls => Shape::Sphere {
+            center: place(body),
+            radius: body,
+            rotation: Quat::IDENTITY,
+        },
+        Many::Boxes => Shape::Box {
+            min: place(body) - 0.8 * body,
+            max: place(body) + 0.8 * body,
+        },
+        Many::Discs => Shape::Disc {
+            center: place(flat),
+            normal,
+            radius: flat,
+        },
+        Many::Rectangles => Shape::Rectangle {
+            center: place(flat),
+            half_u: flat * u,
+            half_v: 0.8 * flat * v,
+        },
+    }
+}
+
+/// Primitives here and there over a floor.
+fn cloud(many: Many, count: u32) -> Scene {
     let plastic = |albedo| Material::SmoothPlastic {
         albedo,
         ior: 1.5,
@@ -244,17 +338,10 @@ fn cloud(balls: u32) -> Scene {
     let mut materials: BTreeMap<String, Material> = materials.collect();
     let albedo = Vec3::new(0.2, 0.5, 0.3);
     materials.insert("floor".to_owned(), Material::Diffuse { albedo });
-    let ball = |i: u32| {
-        let [x, y, z, _] = sampling::uniforms(i, balls, 0, 0);
-        Object {
-            name: String::new(),
-            material: format!("plastic {}", i % 3),
-            shape: Shape::Sphere {
-                center: Vec3::new(2.0 * x - 1.0, 2.0 * y - 1.0, radius + z),
-                radius,
-                rotation: Quat::IDENTITY,
-            },
-        }
+    let object = |i: u32| Object {
+        name: String::new(),
+        material: format!("plastic {}", i % 3),
+        shape: shape(many, count, i),
     };
     let floor = Object {
         name: "floor".to_owned(),
@@ -275,7 +362,7 @@ fn cloud(balls: u32) -> Scene {
             radiance: Vec3::new(0.3, 0.35, 0.4),
         },
         materials,
-        objects: (0..balls).map(ball).chain([floor]).collect(),
+        objects: (0..count).map(object).chain([floor]).collect(),
         lamps: vec![Lamp {
             name: "lamp".to_owned(),
             center: Vec3::new(0.0, 0.0, 3.0),
@@ -296,8 +383,8 @@ mod tests {
 
     #[test]
     fn the_crossing_is_where_the_tree_begins_to_stay_faster() {
-        let row = |(balls, tree_milliseconds): (u32, f64)| Row {
-            balls,
+        let row = |(count, tree_milliseconds): (u32, f64)| Row {
+            count,
             each_milliseconds: 2.0,
             tree_milliseconds,
         };
@@ -315,9 +402,13 @@ mod tests {
 
     #[test]
     fn clouds_are_scenes_up_to_the_largest() {
-        for count in [COUNTS[0], COUNTS[COUNTS.len() - 1]] {
-            let scene = CompiledScene::new(&cloud(count)).unwrap();
-            assert_eq!(scene.spheres.len(), count as usize);
+        for shape in <Many as clap::ValueEnum>::value_variants() {
+            for count in [COUNTS[0], COUNTS[COUNTS.len() - 1]] {
+                let scene = CompiledScene::new(&cloud(*shape, count)).unwrap();
+                assert_eq!(scene.primitives.len(), count as usize + 1, "{shape:?}");
+                let leaves = shape.tree(&scene).unwrap().nodes.len() + 1;
+                assert!(leaves >= count as usize / 4, "{shape:?}");
+            }
         }
     }
 }

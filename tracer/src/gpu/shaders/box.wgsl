@@ -13,66 +13,30 @@ fn box_slabs(origin: vec3f, inverse: vec3f, index: u32) -> Slabs {
     return Slabs(min(a, b), select(max(a, b), vec3f(T_MISS), is_within));
 }
 
-fn box_t(ray: Ray, inverse: vec3f, index: u32) -> f32 {
-    let slabs = box_slabs(ray.origin, inverse, index);
+fn box_t(line: Line, index: u32) -> f32 {
+    let slabs = box_slabs(line.ray.origin, line.inverse, index);
     let enter = largest(slabs.near);
     let leave = smallest(slabs.far);
     let t = select(leave, enter, enter > 0.0);
     return select(T_MISS, t, enter <= leave && leave > 0.0);
 }
 
-// Bit i is set if the ray may meet box `first + i` before `t_max`: three products of each slab are
-// the ray's own, which rounds worse, so that the bounds are a little wider than the boxes.
-fn box_candidates(line: Line, first: u32, t_max: f32) -> u32 {
-    var candidates = 0u;
-    for (var i = 0u; i < min(BOX_COUNT - first, 32u); i++) {
-        let bound = scene.box_bounds[first + i];
-        let middle = fma(bound.center, line.inverse, -line.origin_inverse);
-        let enter = largest(fma(-bound.half, line.inverse_abs, middle));
-        let leave = smallest(fma(bound.half, line.inverse_abs, middle));
-        candidates |= select(0u, 1u << i, max(enter, 0.0) <= min(leave, t_max));
+// The primitive that the ray starts on, whose near side it cannot meet. Where it is inside of a clear
+// box, that box's far side is hit so far.
+fn own_box(line: Line, skip: u32, hit: ptr<function, Hit>) -> u32 {
+    if (!HAS_CLEAR) {
+        return skip;
     }
-    return candidates;
-}
-
-fn nearest_box(line: Line, skip: u32, hit: ptr<function, Hit>) {
-    var own = skip;
-    if (HAS_CLEAR) {
-        own = skip & ~INSIDE;
-        let inside = own - BOX_FIRST;
-        if ((skip & INSIDE) != 0u && inside < BOX_COUNT) {
-            let slabs = box_slabs(line.ray.origin, line.inverse, inside);
-            let t = max(0.0, smallest(slabs.far));
-            if (t < (*hit).t) {
-                *hit = Hit(t, own);
-            }
+    let own = skip & ~INSIDE;
+    let inside = own - BOX_FIRST;
+    if ((skip & INSIDE) != 0u && inside < BOX_COUNT) {
+        let slabs = box_slabs(line.ray.origin, line.inverse, inside);
+        let t = max(0.0, smallest(slabs.far));
+        if (t < (*hit).t) {
+            *hit = Hit(t, own);
         }
     }
-    for (var first = 0u; first < BOX_COUNT; first += 32u) {
-        var candidates = box_candidates(line, first, (*hit).t);
-        while (candidates != 0u) {
-            let i = first + firstTrailingBit(candidates);
-            candidates &= candidates - 1u;
-            let t = box_t(line.ray, line.inverse, i);
-            if (t < (*hit).t && BOX_FIRST + i != own) {
-                *hit = Hit(t, BOX_FIRST + i);
-            }
-        }
-    }
-}
-
-fn box_occludes(line: Line, skip: u32, t_max: f32) -> bool {
-    for (var first = 0u; first < BOX_COUNT; first += 32u) {
-        var candidates = box_candidates(line, first, t_max);
-        while (candidates != 0u) {
-            let i = first + firstTrailingBit(candidates);
-            candidates &= candidates - 1u;
-            if (box_t(line.ray, line.inverse, i) < t_max && BOX_FIRST + i != skip) {
-                return true;
-            }
-        }
-    }
-    return false;
+    return own;
 }
 
 fn box_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {

@@ -1,6 +1,7 @@
 // Rectangles.
 
-fn rectangle_t(ray: Ray, index: u32) -> f32 {
+fn rectangle_t(line: Line, index: u32) -> f32 {
+    let ray = line.ray;
     let to_center = scene.rectangles[index].center - ray.origin;
     let normal = scene.rectangles[index].normal;
     let slope = dot(ray.direction, normal);
@@ -14,22 +15,9 @@ fn rectangle_t(ray: Ray, index: u32) -> f32 {
     return select(T_MISS, t, t > 0.0 && u <= 1.0 && v <= 1.0);
 }
 
-fn nearest_rectangle(line: Line, skip: u32, hit: ptr<function, Hit>) {
-    for (var i = 0u; i < RECTANGLE_COUNT; i++) {
-        let t = rectangle_t(line.ray, i);
-        if (t < (*hit).t && RECTANGLE_FIRST + i != skip) {
-            *hit = Hit(t, RECTANGLE_FIRST + i);
-        }
-    }
-}
-
-fn rectangle_occludes(line: Line, skip: u32, t_max: f32) -> bool {
-    for (var i = 0u; i < RECTANGLE_COUNT; i++) {
-        if (rectangle_t(line.ray, i) < t_max && RECTANGLE_FIRST + i != skip) {
-            return true;
-        }
-    }
-    return false;
+// Nothing can be inside of one.
+fn own_rectangle(line: Line, skip: u32, hit: ptr<function, Hit>) -> u32 {
+    return skip;
 }
 
 fn rectangle_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {

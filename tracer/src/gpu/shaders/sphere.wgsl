@@ -40,7 +40,7 @@ fn minus_product(f: vec3f, b: f32, d: vec3f) -> vec3f {
 }
 
 // Distance to the sphere, `T_MISS` if the ray does not meet it; so for a radius of 0.
-fn sphere_t(ray: Ray, center: vec3f, radius: f32) -> f32 {
+fn ball_t(ray: Ray, center: vec3f, radius: f32) -> f32 {
     let chord = sphere_chord(ray, center, radius);
     if (chord.half_squared <= 0.0) {
         return T_MISS;
@@ -48,6 +48,10 @@ fn sphere_t(ray: Ray, center: vec3f, radius: f32) -> f32 {
     let half = sqrt(chord.half_squared);
     let t = select(chord.middle_t + half, chord.middle_t - half, chord.middle_t > half);
     return select(T_MISS, t, t > 0.0);
+}
+
+fn sphere_t(line: Line, index: u32) -> f32 {
+    return ball_t(line.ray, scene.spheres[index].center, scene.spheres[index].radius);
 }
 
 // The far side, from inside: at no distance if rounding has put the origin outside.

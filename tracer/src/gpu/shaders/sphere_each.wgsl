@@ -23,7 +23,7 @@ fn nearest_sphere(line: Line, skip: u32, hit: ptr<function, Hit>) {
         while (candidates != 0u) {
             let i = first + firstTrailingBit(candidates);
             candidates &= candidates - 1u;
-            let t = sphere_t(line.ray, scene.spheres[i].center, scene.spheres[i].radius);
+            let t = sphere_t(line, i);
             if (t < (*hit).t && SPHERE_FIRST + i != own) {
                 *hit = Hit(t, SPHERE_FIRST + i);
             }
@@ -37,7 +37,7 @@ fn sphere_occludes(line: Line, skip: u32, t_max: f32) -> bool {
         while (candidates != 0u) {
             let i = first + firstTrailingBit(candidates);
             candidates &= candidates - 1u;
-            let t = sphere_t(line.ray, scene.spheres[i].center, scene.spheres[i].radius);
+            let t = sphere_t(line, i);
             if (t < t_max && SPHERE_FIRST + i != skip) {
                 return true;
             }

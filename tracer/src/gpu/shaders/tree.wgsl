@@ -1,0 +1,19 @@
+// What the trees of all shapes share.
+
+// Data that Rust writes: both halves of a part of a tree, each a node, or with `TREE_LEAF` a leaf.
+struct TreeNode {
+    left_center: vec3f,
+    left: u32,
+    left_half: vec3f,
+    right: u32,
+    right_center: vec3f,
+    right_half: vec3f,
+}
+
+// Where a ray enters a part's box, `T_MISS` if it does not before `t_max`.
+fn part_entry(line: Line, center: vec3f, half: vec3f, t_max: f32) -> f32 {
+    let middle = fma(center, line.inverse, -line.origin_inverse);
+    let enter = max(largest(fma(-half, line.inverse_abs, middle)), 0.0);
+    let leave = smallest(fma(half, line.inverse_abs, middle));
+    return select(T_MISS, enter, enter <= min(leave, t_max));
+}

@@ -1,0 +1,223 @@
+//! Scenes of many primitives of a shape and rays among them, on which trees are tested against each by
+//! itself.
+
+use std::collections::BTreeMap;
+
+use glam::{Quat, Vec3};
+
+use crate::compiled::ShapeKind;
+use crate::sampling::uniforms;
+use crate::{Camera, CompiledScene, Environment, Material, Object, Scene, Shape};
+
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Crowd {
+    /// Here and there, through each other too.
+    Cloud,
+    /// In a lattice, each touching its neighbours.
+    Touching,
+    /// Several in the same place.
+    Coincident,
+    /// From a few micrometres to a metre.
+    Sized,
+    /// Along a line, with gaps that grow to a kilometre.
+    Growing,
+    /// A cloud of glass.
+    Glass,
+    /// A hundred kilometres from the origin.
+    Far,
+}
+
+pub(crate) const CROWDS: [Crowd; 7] = [
+    Crowd::Cloud,
+    Crowd::Touching,
+    Crowd::Coincident,
+    Crowd::Sized,
+    Crowd::Growing,
+    Crowd::Glass,
+    Crowd::Far,
+];
+
+pub(crate) const SHAPES: [ShapeKind; 4] = [
+    ShapeKind::Sphere,
+    ShapeKind::Box,
+    ShapeKind::Disc,
+    ShapeKind::Rectangle,
+];
+
+/// Place and radius of primitive `i` of `count`.
+fn place(kind: Crowd, count: u32, seed: u32, i: u32) -> (Vec3, f32) {
+    let [x, y, z, r] = uniforms(i, seed, 7, 0);
+    let (cloud, small) = (
+        2.0 * Vec3::new(x, y, z) - 1.0,
+        (count as f32).cbrt().recip(),
+    );
+    match kind {
+        Crowd::Cloud | Crowd::Glass => (cloud, (0.05 + 0.6 * r) * small),
+        Crowd::Touching => {
+            let edge = (count as f32).cbrt().ceil() as u32;
+            let place = [i % edge, i / edge % edge, i / edge / edge];
+            (0.25 * Vec3::from(place.map(|at| at as f32)), 0.125)
+        }
+        Crowd::Coincident => {
+            let [x, y, z, r] = uniforms(i / 3, seed, 7, 0);
+            (2.0 * Vec3::new(x, y, z) - 1.0, (0.2 + 0.5 * r) * small)
+        }
+        Crowd::Sized => (cloud, 10f32.powf(-5.5 * r)),
+        Crowd::Growing => (
+            Vec3::new(1000f32.powf(i as f32 / count as f32) - 1.0, 0.1 * y, 0.0),
+            0.05 * (1.0 + i as f32 / count as f32),
+        ),
+        Crowd::Far => (cloud + Vec3::new(1e5, -1e5, 3e4), 0.5 * small),
+    }
+}
+
+fn shape(of: ShapeKind, kind: Crowd, (center, radius): (Vec3, f32), i: u32) -> Shape {
+    let [a, b, c, d] = uniforms(i, 5, 7, 0);
+    let normal = (Vec3::new(a, b, c) - 0.5).normalize();
+    let (u, v) = normal.any_orthonormal_pair();
+    match of {
+        ShapeKind::Sphere => Shape::Sphere {
+            center,
+            radius,
+            rotation: Quat::IDENTITY,
+        },
+        ShapeKind::Box => {
+            let half = match kind {
+                Crowd::Touching => Vec3::splat(radius),
+                _ => radius * Vec3::new(1.0, 0.5 + 0.5 * a, 0.5 + 0.5 * b),
+            };
+            Shape::Box {
+                min: center - half,
+                max: center + half,
+            }
+        }
+        ShapeKind::Disc => Shape::Disc {
+            center,
+            normal,
+            radius,
+        },
+        ShapeKind::Rectangle => Shape::Rectangle {
+            center,
+            half_u: radius * u,
+            half_v: radius * (0.5 + 0.5 * d) * v,
+        },
+        ShapeKind::Face => panic!("faces have no tree"),
+    }
+}
+
+/// A crowd of one shape; flat ones are never of glass.
+pub(crate) fn crowd(kind: Crowd, of: ShapeKind, count: u32, seed: u32) -> CompiledScene {
+    let albedo = Vec3::ONE;
+    let is_body = matches!(of, ShapeKind::Sphere | ShapeKind::Box);
+    let material = match kind {
+        Crowd::Glass if is_body => Material::Dielectric {
+            ior: 1.5,
+            alpha: 0.0,
+            medium: None,
+        },
+        _ => Material::Diffuse { albedo },
+    };
+    let object = |i| Object {
+        name: String::new(),
+        material: "m".to_owned(),
+        shape: shape(of, kind, place(kind, count, seed, i), i),
+    };
+    let (target, _) = place(kind, count, seed, 0);
+    let scene = Scene {
+        camera: Camera {
+            eye: target + 3.0,
+            target,
+            up: Vec3::Z,
+            fov_x_deg: 40.0,
+        },
+        environment: Environment { radiance: albedo },
+        materials: BTreeMap::from([("m".to_owned(), material)]),
+        objects: (0..count).map(object).collect(),
+        lamps: Vec::new(),
+    };
+    CompiledScene::new(&scene).unwrap()
+}
+
+pub(crate) struct CrowdRay {
+    pub(crate) origin: Vec3,
+    /// Of unit length.
+    pub(crate) direction: Vec3,
+    /// The primitive that it leaves.
+    pub(crate) left: Option<u32>,
+    /// It crosses that one's inside.
+    pub(crate) is_inside: bool,
+}
+
+/// Centre of a primitive and half its extent.
+fn extent(scene: &CompiledScene, i: usize) -> (Vec3, Vec3) {
+    let (center, half) = if let Some(sphere) = scene.spheres.get(i) {
+        (sphere.center, Vec3::splat(sphere.radius))
+    } else if let Some(data) = scene.boxes.get(i) {
+        let (min, max) = (Vec3::from(data.min), Vec3::from(data.max));
+        ((0.5 * (min + max)).to_array(), 0.5 * (max - min))
+    } else if let Some(disc) = scene.discs.get(i) {
+        (disc.center, Vec3::splat(disc.radius))
+    } else {
+        let data = &scene.rectangles[i];
+        let half = Vec3::from(data.half_u).abs() + Vec3::from(data.half_v).abs();
+        (data.center, half)
+    };
+    (center.into(), half)
+}
+
+/// A point on a primitive's surface and the normal there: of flat ones the centre, and the side that is
+/// not told.
+fn surface(scene: &CompiledScene, i: usize, aside: Vec3) -> (Vec3, Option<Vec3>) {
+    let (center, half) = extent(scene, i);
+    if i < scene.spheres.len() {
+        return (center + half * aside, Some(aside));
+    }
+    if i < scene.boxes.len() {
+        let axis = aside.abs().max_position();
+        let normal = aside[axis].signum() * Vec3::AXES[axis];
+        return (center + half * aside / aside[axis].abs(), Some(normal));
+    }
+    (center, None)
+}
+
+/// From the eye, from between the primitives or from one's surface, at one, along an axis or anywhere.
+pub(crate) fn ray(scene: &CompiledScene, seed: u32, i: u32) -> CrowdRay {
+    let [a, b, c, d] = uniforms(i, seed, 8, 0);
+    let [e, f, g, h] = uniforms(i, seed, 9, 0);
+    let some = |u: f32| (u * scene.primitives.len() as f32) as usize;
+    let aside = (Vec3::new(e, f, g) - 0.5)
+        .try_normalize()
+        .unwrap_or(Vec3::X);
+    let from = some(a);
+    let (center, half) = extent(scene, from);
+    let is_left = i % 4 > 1 && half != Vec3::ZERO;
+    let (on, normal) = surface(scene, from, aside);
+    let origin = match i % 4 {
+        0 => scene.camera.eye,
+        1 => center + 2.0 * aside * (b - 0.5),
+        _ => on,
+    };
+    let (at, at_half) = extent(scene, some(c));
+    let aim = at + 1.1 * at_half * (Vec3::new(f, g, h) - 0.5);
+    let direction = match i / 4 % 8 {
+        0 => Vec3::AXES[some(d) % 3],
+        1 => -Vec3::AXES[some(d) % 3],
+        2 => Vec3::new(g, h, e) - 0.5,
+        _ => aim - origin,
+    };
+    let mut direction = direction.try_normalize().unwrap_or(Vec3::Y);
+    let is_inside = is_left && i % 4 == 3 && normal.is_some() && scene.materials[0].ior > 1.0;
+    if let Some(normal) = normal {
+        let outwards = direction.dot(normal);
+        if is_left && (outwards < 0.0) != is_inside {
+            direction -= 2.0 * outwards * normal;
+            direction = direction.normalize();
+        }
+    }
+    CrowdRay {
+        origin,
+        direction,
+        left: is_left.then_some(from as u32),
+        is_inside,
+    }
+}
