@@ -39,7 +39,10 @@ fn run(scene: &CompiledScene, body: &str, input: &[u32], count: usize) -> Option
     assert_eq!(count % 64, 0);
     let device = device()?;
     let features = Features::of(scene, 65_536);
-    assert_eq!(features.memory, SceneMemory::Uniform);
+    let memory = match features.memory {
+        SceneMemory::Uniform => wgpu::BufferUsages::UNIFORM,
+        SceneMemory::Storage => wgpu::BufferUsages::STORAGE,
+    };
     let text = shader::source(&features) + ENTRY + body + "}";
     let scene = scene_bytes(scene, ImageSize::new(1, 1)).unwrap();
     let bytes = 16 * count as u64;
@@ -53,12 +56,12 @@ fn run(scene: &CompiledScene, body: &str, input: &[u32], count: usize) -> Option
                     mapped_at_creation: false,
                 })
             };
-            let uniform = buffer(scene.len(), wgpu::BufferUsages::UNIFORM);
+            let scene_buffer = buffer(scene.len(), memory);
             let source = buffer(size_of_val(input), wgpu::BufferUsages::STORAGE);
             let results = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
             let output = buffer(bytes as usize, results);
             let readback = buffer(bytes as usize, wgpu::BufferUsages::MAP_READ);
-            device.queue.write_buffer(&uniform, 0, &scene);
+            device.queue.write_buffer(&scene_buffer, 0, &scene);
             device.queue.write_buffer(&source, 0, cast_slice(input));
             let mut encoder = wgpu.create_command_encoder(&Default::default());
             let pipeline = pipeline(wgpu, text);
@@ -66,7 +69,7 @@ fn run(scene: &CompiledScene, body: &str, input: &[u32], count: usize) -> Option
                 wgpu,
                 &mut encoder,
                 &pipeline,
-                [&uniform, &source, &output],
+                [&scene_buffer, &source, &output],
                 count,
             );
             encoder.copy_buffer_to_buffer(&output, 0, &readback, 0, bytes);
