@@ -216,7 +216,7 @@ impl Geometry {
 }
 
 impl<F: Shape<N>, const N: usize> Many<F, N> {
-    /// None are hidden.
+    /// `each` is by index; what is hidden is none.
     fn new(scene: &CompiledScene, shape: ShapeKind, each: Vec<Option<One<F, N>>>) -> Self {
         match scene.tree(shape, F::TREE_MIN) {
             Some(tree) => Self {
