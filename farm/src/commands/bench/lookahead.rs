@@ -26,8 +26,9 @@ use crate::commands::proxy::PathArgs;
 ///
 /// While the player aims, pictures of the present are asked for. At a click they are cancelled, and
 /// pictures of the shot are asked for as far ahead as 95 of the last hundred took; the stroke falls so
-/// that the first in which something moves is there when it does. Each refresh shows the latest picture whose moment has come. A
-/// picture that is not whole at its moment is shown with its late tiles missing, which are counted.
+/// that the first in which something moves is there in time in three of four cases. Each refresh shows
+/// the latest picture whose moment has come. A picture that is not whole at its moment is shown with its
+/// late tiles missing, which are counted.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Print JSON.
