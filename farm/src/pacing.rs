@@ -60,9 +60,10 @@ const PICTURES_REMEMBERED: usize = 100;
 /// Before the first picture has come.
 const FIRST_LEAD_SECS: f64 = 0.07;
 
-/// The moments to ask for: as close together as `period`, never before they can be ready, each
-/// after the last. The first is a period after the stroke: that of the stroke itself is on show. Where
-/// moments are a little late, the next are a little further apart until they are not: none is left out.
+/// The moments to ask for: as close together as `period`, each after the last. The first is a period after
+/// the stroke: that of the stroke itself is on show. Where a moment comes less than a period before it
+/// is nearly sure to be ready, the next are a little further apart until they are; where more, the
+/// next is one that is.
 #[derive(Clone, Debug, Default)]
 pub struct Schedule {
     asked_secs: Option<f64>,

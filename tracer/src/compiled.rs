@@ -571,7 +571,8 @@ impl CompiledScene {
         is_wanted.then(tree)?.as_ref()
     }
 
-    fn grow(&self, shape: ShapeKind) -> Option<Tree> {
+    /// The tree of a shape's primitives, made anew; none if they are no more than a leaf.
+    pub fn grow(&self, shape: ShapeKind) -> Option<Tree> {
         match shape {
             ShapeKind::Sphere => Tree::new(self.spheres.iter().map(Bounds::from)),
             ShapeKind::Box => Tree::new(self.boxes.iter().map(Bounds::from)),

@@ -25,9 +25,9 @@
 //!
 //! The first window is as much as leaves no more than two frames waiting on 25 Mbit/s, which a
 //! longer round trip makes more: over 46 ms 219 kB, 31.5 Mbit/s and their parities, so that the
-//! first frames are not slow. Half is added each round trip until packets begin to wait. A round lasts for a round trip
-//! and until enough acknowledgements have come to tell their quartile, or all of the window is
-//! acknowledged; a pause before it does not count.
+//! first frames are not slow. Half is added each round trip until packets begin to wait. A round
+//! lasts for a round trip and until enough acknowledgements have come to tell their quartile, or all
+//! of the window is acknowledged; a pause before it does not count.
 //!
 //! The rule is pure; [`Config`] is its form for quinn.
 

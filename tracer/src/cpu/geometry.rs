@@ -114,22 +114,22 @@ impl Geometry {
             let numbers = Ball::numbers(sphere, reach)?;
             Some(One::new(numbers, id, is_clear(sphere.material)))
         });
-        let spheres = Many::new(scene, ShapeKind::Sphere, spheres.collect());
+        let spheres = Many::new(scene, ShapeKind::Sphere, spheres.collect(), reach);
         first += scene.spheres.len() as u32;
         let boxes = scene.boxes.iter().zip(first..).map(|(data, id)| {
             let numbers = Slabs::numbers(data);
             Some(One::new(numbers, id, is_clear(data.material)))
         });
-        let boxes = Many::new(scene, ShapeKind::Box, boxes.collect());
+        let boxes = Many::new(scene, ShapeKind::Box, boxes.collect(), reach);
         first += scene.boxes.len() as u32;
         let discs = scene.discs.iter().zip(first..);
         let discs = discs.map(|(disc, id)| Some(One::new(Plate::numbers(disc), id, false)));
-        let discs = Many::new(scene, ShapeKind::Disc, discs.collect());
+        let discs = Many::new(scene, ShapeKind::Disc, discs.collect(), reach);
         first += scene.discs.len() as u32;
         let rectangles = scene.rectangles.iter().zip(first..);
         let rectangles =
             rectangles.map(|(data, id)| Some(One::new(Panel::numbers(data), id, false)));
-        let rectangles = Many::new(scene, ShapeKind::Rectangle, rectangles.collect());
+        let rectangles = Many::new(scene, ShapeKind::Rectangle, rectangles.collect(), reach);
         // As many ids as there are faces.
         let faces_first = first + scene.rectangles.len() as u32;
         let lamps_first = faces_first + scene.faces.len() as u32;
@@ -216,11 +216,16 @@ impl Geometry {
 }
 
 impl<F: Shape<N>, const N: usize> Many<F, N> {
-    /// `each` is by index; what is hidden is none.
-    fn new(scene: &CompiledScene, shape: ShapeKind, each: Vec<Option<One<F, N>>>) -> Self {
+    /// `each` is by index; what is hidden is none. `reach` is that of the scene.
+    fn new(
+        scene: &CompiledScene,
+        shape: ShapeKind,
+        each: Vec<Option<One<F, N>>>,
+        reach: f32,
+    ) -> Self {
         match scene.tree(shape, F::TREE_MIN) {
             Some(tree) => Self {
-                forest: Some(Forest::new(tree, &each, reach(scene))),
+                forest: Some(Forest::new(tree, &each, reach)),
                 each: Vec::new(),
             },
             None => Self {

@@ -6,7 +6,6 @@ use std::time::Instant;
 
 use anyhow::Context;
 use carom_tracer::compiled::{Hierarchy, ShapeKind};
-use carom_tracer::tree::{Bounds, Tree};
 use carom_tracer::{
     Camera, CompiledScene, Environment, ImageSize, Lamp, Material, Object, Scene, SceneUpdate,
     Shape, Tracer, sampling,
@@ -60,12 +59,12 @@ enum Many {
 }
 
 impl Many {
-    fn tree(self, scene: &CompiledScene) -> Option<Tree> {
+    fn kind(self) -> ShapeKind {
         match self {
-            Self::Balls => Tree::new(scene.spheres.iter().map(Bounds::from)),
-            Self::Boxes => Tree::new(scene.boxes.iter().map(Bounds::from)),
-            Self::Discs => Tree::new(scene.discs.iter().map(Bounds::from)),
-            Self::Rectangles => Tree::new(scene.rectangles.iter().map(Bounds::from)),
+            Self::Balls => ShapeKind::Sphere,
+            Self::Boxes => ShapeKind::Box,
+            Self::Discs => ShapeKind::Disc,
+            Self::Rectangles => ShapeKind::Rectangle,
         }
     }
 
@@ -136,7 +135,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         }
     }
     let mut build = Vec::new();
-    for clouds in &mut clouds {
+    for clouds in &clouds {
         for (count, scene) in &clouds.scenes {
             build.push(time_build(clouds.shape, *count, scene, args));
         }
@@ -245,7 +244,7 @@ fn time_build(shape: Many, count: u32, scene: &CompiledScene, args: &Args) -> Bu
     };
     for _ in 0..=args.repetitions {
         let (wall, core) = (Instant::now(), ProcessTime::now());
-        black_box(shape.tree(scene));
+        black_box(scene.grow(shape.kind()));
         let (wall, core) = (wall.elapsed(), core.elapsed());
         least.milliseconds = least.milliseconds.min(wall.as_secs_f64() * 1e3);
         least.cpu_milliseconds = least.cpu_milliseconds.min(core.as_secs_f64() * 1e3);
@@ -406,7 +405,7 @@ mod tests {
             for count in [COUNTS[0], COUNTS[COUNTS.len() - 1]] {
                 let scene = CompiledScene::new(&cloud(*shape, count)).unwrap();
                 assert_eq!(scene.primitives.len(), count as usize + 1, "{shape:?}");
-                let leaves = shape.tree(&scene).unwrap().nodes.len() + 1;
+                let leaves = scene.grow(shape.kind()).unwrap().nodes.len() + 1;
                 assert!(leaves >= count as usize / 4, "{shape:?}");
             }
         }
