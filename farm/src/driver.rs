@@ -16,7 +16,7 @@ use crate::{Balancing, Distribution, FarmConfig, Frame, FrameSpec, NodeStatus};
 /// What the thread is told. The queue has no bound of its own: a link passes on only what its
 /// session has asked for, and the caller's frames are counted by [`crate::Farm`].
 pub(crate) enum Input {
-    Link(NodeIndex, LinkEvent),
+    Link(NodeIndex, Vec<LinkEvent>),
     Scene(SceneHash, Arc<Scene>),
     Submit(FrameId, Box<FrameSpec>, Option<Duration>),
     CancelBefore(FrameId),
@@ -173,7 +173,11 @@ impl Driver {
         let now = self.now();
         self.statuses_stale = true;
         match input {
-            Input::Link(node, event) => self.coordinator.handle(now, node, event),
+            Input::Link(node, events) => {
+                for event in events {
+                    self.coordinator.handle(now, node, event);
+                }
+            }
             Input::Scene(hash, scene) => self.coordinator.set_scene(hash, scene),
             Input::Submit(id, spec, deadline) => {
                 self.coordinator.submit(now, id, *spec, self.tile_edge);
@@ -210,9 +214,9 @@ impl Driver {
         Link::Memory(MemoryLink::new(&node, self.events(index)), node)
     }
 
-    fn events(&self, index: NodeIndex) -> impl Fn(LinkEvent) + Send + 'static {
+    fn events(&self, index: NodeIndex) -> impl Fn(Vec<LinkEvent>) + Send + 'static {
         let inputs = self.inputs.clone();
-        move |event| drop(inputs.send(Input::Link(index, event)))
+        move |events| drop(inputs.send(Input::Link(index, events)))
     }
 
     /// How long to wait for the next input; `None` for ever.

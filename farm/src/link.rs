@@ -9,7 +9,8 @@
 //! [`LinkEvent::Connecting`] and, if it is made, [`ClientEvent::Welcome`], and ends with
 //! [`LinkEvent::Lost`]; commands that were meant for an earlier connection are dropped. Packets
 //! become events, and pixels are decoded, on the link's own thread: [`crate::net::NodeLink`] over
-//! QUIC, [`MemoryLink`] here. Over memory the session and the packets are the same, so that
+//! QUIC, [`MemoryLink`] here. Events are handed on together, as they come: to wake a thread for each
+//! took more time than to decode it. Over memory the session and the packets are the same, so that
 //! playing on one machine takes the path that a farm takes.
 
 use std::sync::Arc;
@@ -68,17 +69,23 @@ pub enum LinkEvent {
 pub struct LinkSession<F> {
     session: ClientSession,
     precision: PrecisionRange,
-    events: F,
+    /// Not handed on yet.
+    events: Vec<LinkEvent>,
+    /// How long those took to decode.
+    decoding: Duration,
+    hand_on: F,
 }
 
-impl<F: FnMut(LinkEvent)> LinkSession<F> {
+impl<F: FnMut(Vec<LinkEvent>)> LinkSession<F> {
     /// The session of a connection that has just been made, over which sRGB tiles come as exactly
-    /// as `precision` has it; its greeting waits to be sent.
-    pub fn new(precision: PrecisionRange, events: F) -> Self {
+    /// as `precision` has it; its greeting waits to be sent. `hand_on` gets events, one or more.
+    pub fn new(precision: PrecisionRange, hand_on: F) -> Self {
         Self {
             session: ClientSession::new(),
             precision,
-            events,
+            events: Vec::new(),
+            decoding: Duration::ZERO,
+            hand_on,
         }
     }
 
@@ -97,7 +104,8 @@ impl<F: FnMut(LinkEvent)> LinkSession<F> {
         }
     }
 
-    /// Takes a packet from the node and reports what it says.
+    /// Takes a packet from the node. What it says is handed on by [`LinkSession::flush`], which must
+    /// follow when no more packets are there, or here when many have been decoded.
     ///
     /// # Errors
     /// What rule the node broke: the connection must end.
@@ -106,11 +114,23 @@ impl<F: FnMut(LinkEvent)> LinkSession<F> {
         for event in self.session.handle(packet)? {
             if let ClientEvent::Tiles { run, .. } = event {
                 let took = begun.elapsed();
-                (self.events)(LinkEvent::Decoded { run, took });
+                self.decoding += took;
+                self.events.push(LinkEvent::Decoded { run, took });
             }
-            (self.events)(LinkEvent::Session(event));
+            self.events.push(LinkEvent::Session(event));
+        }
+        if self.decoding >= DECODING_MAX {
+            self.flush();
         }
         Ok(())
+    }
+
+    /// Hands on what has been heard, if anything.
+    pub fn flush(&mut self) {
+        self.decoding = Duration::ZERO;
+        if !self.events.is_empty() {
+            (self.hand_on)(std::mem::take(&mut self.events));
+        }
     }
 
     /// The next packet to send.
@@ -125,7 +145,7 @@ impl<F: FnMut(LinkEvent)> LinkSession<F> {
             let why = RefusalReason::Invalid(why.to_string());
             let refusal = Refusal { run, why };
             let event = ClientEvent::RunRefused { frame, refusal };
-            (self.events)(LinkEvent::Session(event));
+            self.events.push(LinkEvent::Session(event));
         }
     }
 }
@@ -138,14 +158,16 @@ pub struct MemoryLink {
 }
 
 impl MemoryLink {
-    /// Connects to `node`. `events` is called on the link's thread.
-    pub fn new(node: &Arc<Node>, mut events: impl FnMut(LinkEvent) + Send + 'static) -> Self {
+    /// Connects to `node`. `events` is called on the link's thread, with one or more.
+    pub fn new(node: &Arc<Node>, mut events: impl FnMut(Vec<LinkEvent>) + Send + 'static) -> Self {
         let (commands, receiver) = mailbox::mailbox();
         let connection = node.connect();
         let carry = move || {
-            events(LinkEvent::Connecting);
-            let why = carry(receiver, connection, &mut events);
-            events(LinkEvent::Lost { why, retry: None });
+            events(vec![LinkEvent::Connecting]);
+            let mut session = LinkSession::new(PrecisionRange::EXACT, &mut events);
+            let why = carry(receiver, connection, &mut session);
+            session.flush();
+            events(vec![LinkEvent::Lost { why, retry: None }]);
         };
         let thread = std::thread::Builder::new().name("carom-link".into());
         Self {
@@ -175,11 +197,10 @@ impl Drop for MemoryLink {
 fn carry(
     commands: mailbox::Receiver<Command>,
     mut connection: NodeConnection,
-    events: &mut impl FnMut(LinkEvent),
+    session: &mut LinkSession<impl FnMut(Vec<LinkEvent>)>,
 ) -> String {
     let waker = Waker::from(Arc::new(Unpark(std::thread::current())));
     let mut cx = Context::from_waker(&waker);
-    let mut session = LinkSession::new(PrecisionRange::EXACT, events);
     loop {
         let mut idle = true;
         match commands.poll_recv(&mut cx) {
@@ -202,10 +223,14 @@ fn carry(
             idle = false;
         }
         if idle {
+            session.flush();
             std::thread::park();
         }
     }
 }
+
+/// Tiles that took so long to decode wait no longer for others.
+const DECODING_MAX: Duration = Duration::from_micros(200);
 
 struct Unpark(Thread);
 

@@ -7,7 +7,12 @@ mod commands;
 use std::process::ExitCode;
 
 use clap::Parser;
+use mimalloc::MiMalloc;
 use tracing_subscriber::EnvFilter;
+
+/// An answer of 64 KiB over a loopback takes a fifth less time than with glibc's allocator.
+#[global_allocator]
+static ALLOCATOR: MiMalloc = MiMalloc;
 
 /// Many machines as one path tracer.
 #[derive(Parser)]

@@ -52,6 +52,9 @@ pub(crate) struct PathArgs {
     /// Packets that overtake others, in percent.
     #[arg(long, default_value_t = 0.0)]
     reorder: f64,
+    /// Bytes of the longest packets that pass, without the headers of IP and UDP.
+    #[arg(long, default_value_t = 1472)]
+    packet: usize,
 }
 
 impl PathArgs {
@@ -70,6 +73,7 @@ impl PathArgs {
             rate: self.rate.map(|megabits| 1e6 * megabits),
             queue_bytes: (1e3 * self.queue) as usize,
             reorder: 0.01 * self.reorder,
+            packet_bytes_max: self.packet,
         };
         config.validate().map_err(Failure::Input)?;
         Ok(config)

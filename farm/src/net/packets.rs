@@ -26,6 +26,9 @@ pub trait Peer {
     /// Takes a packet; an error is the other side's fault and ends the connection.
     fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error>;
 
+    /// No more packets are there for now, nor is anything that this side's owner wants.
+    fn heard_all(&mut self) {}
+
     /// Hears how many bytes of a scene have come that is still on its way, and how many it has.
     fn arriving(&mut self, _bytes: usize, _of: usize) {}
 
@@ -72,9 +75,11 @@ pub(crate) enum Fault {
     Owner(String),
 }
 
-/// Packets on their way between the session and a stream's task, per channel. Small: what waits
+/// Packets on their way from the session to a stream's task, per channel. Small: what waits
 /// is better kept by the session, which can still drop it.
 const PACKETS_WAITING_MAX: usize = 4;
+/// Packets that have come and not been looked at: as many as come at once.
+const PACKETS_HEARD_MAX: usize = 16;
 /// Blocks that a player asks for and that have not been looked at; it repeats what is dropped.
 const BLOCKS_ASKED_MAX: usize = 64;
 /// A request's copy leaves so much later: a burst of losses does not take both, and a frame is not
@@ -128,7 +133,7 @@ impl Carrier {
             role,
         } = streams;
         let _ = send.set_priority(CONTROL_PRIORITY);
-        let (to_session, incoming) = mpsc::channel(PACKETS_WAITING_MAX);
+        let (to_session, incoming) = mpsc::channel(PACKETS_HEARD_MAX);
         let (control, control_out) = mpsc::channel(PACKETS_WAITING_MAX);
         let (tiles, tiles_out) = mpsc::channel(PACKETS_WAITING_MAX);
         let unwanted = watch::Sender::default();
@@ -158,7 +163,9 @@ impl Carrier {
 
     async fn run(mut self, peer: &mut impl Peer) -> Fault {
         let mut pending: Option<Packet> = None;
+        let mut heard = Vec::with_capacity(PACKETS_HEARD_MAX);
         loop {
+            peer.heard_all();
             pending = pending.or_else(|| peer.poll_transmit());
             let out = match pending.as_ref().map(|packet| packet.channel) {
                 Some(Channel::Tiles) => &self.tiles,
@@ -178,7 +185,9 @@ impl Carrier {
                     }
                     _ => return Fault::Gone(self.connection.closed().await),
                 },
-                Some(incoming) = self.incoming.recv() => self.hear(peer, incoming).err(),
+                1.. = self.incoming.recv_many(&mut heard, PACKETS_HEARD_MAX) => {
+                    heard.drain(..).try_for_each(|incoming| self.hear(peer, incoming)).err()
+                }
                 owner = poll_fn(|cx| peer.poll_owner(cx)), if pending.is_none() => match owner {
                     Ok(()) => None,
                     Err(why) => return Fault::Owner(why),

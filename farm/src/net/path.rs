@@ -22,6 +22,8 @@ pub struct PathConfig {
     pub queue_bytes: usize,
     /// Share of packets that arrive before those ahead of them, 0 to 1.
     pub reorder: f64,
+    /// Bytes of the longest packets that pass; longer ones are lost, as a sender finds out.
+    pub packet_bytes_max: usize,
 }
 
 impl Default for PathConfig {
@@ -34,6 +36,7 @@ impl Default for PathConfig {
             rate: None,
             queue_bytes: 256 * 1024,
             reorder: 0.0,
+            packet_bytes_max: ETHERNET_BYTES,
         }
     }
 }
@@ -54,6 +57,12 @@ impl PathConfig {
         }
         if self.rate.is_some_and(|rate| !(1e3..=1e12).contains(&rate)) {
             return Err("the rate must be from 1e3 to 1e12 bits per second".into());
+        }
+        if self.packet_bytes_max < QUIC_BYTES_MIN {
+            return Err(format!(
+                "packets of at most {} bytes pass: QUIC sends no shorter ones than {QUIC_BYTES_MIN}",
+                self.packet_bytes_max
+            ));
         }
         if self.delay.max(self.jitter) > DELAY_MAX {
             return Err(format!("delay and jitter must be at most {DELAY_MAX:?}"));
@@ -88,6 +97,9 @@ impl Path {
 
     /// When a packet that is sent `now` arrives; `None` if it is lost.
     pub fn send(&mut self, now: Duration, bytes: usize) -> Option<Duration> {
+        if bytes > self.config.packet_bytes_max {
+            return None;
+        }
         let lost = self.loses();
         let left = self.leaves_queue(now, bytes)?;
         if lost {
@@ -138,5 +150,9 @@ impl Path {
     }
 }
 
+/// What Ethernet's 1500 bytes leave after the headers of IPv4 and UDP.
+const ETHERNET_BYTES: usize = 1472;
+/// RFC 9000, 14.
+const QUIC_BYTES_MIN: usize = 1200;
 /// Packets that wait longer are of no use to anybody.
 const DELAY_MAX: Duration = Duration::from_secs(10);

@@ -303,8 +303,10 @@ fn a_node_tells_how_much_of_a_long_scene_has_come() {
     let client = Client::new(&player).unwrap();
     let (events, heard) = mpsc::channel();
     let address = node.address.to_string().parse().unwrap();
-    let link = client.link(address, PrecisionRange::EXACT, move |event| {
-        let _ = events.send(event);
+    let link = client.link(address, PrecisionRange::EXACT, move |all| {
+        for event in all {
+            let _ = events.send(event);
+        }
     });
     let mut percents = Vec::new();
     loop {

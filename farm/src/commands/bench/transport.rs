@@ -1,5 +1,6 @@
 //! `carom-farm bench transport`: tiles over real sockets and bad paths, by way of sending.
 
+use std::collections::BTreeMap;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
@@ -29,9 +30,9 @@ use crate::commands::inputs;
 /// A tile's time counts from when the tracer handed it over, and it is missing if it has not come
 /// 100 ms after its request, when the frame is cancelled. Loopback has no proxy and answers at
 /// once: its times are whole answers of 64 kB from their requests on, with tracer and codec; "ready"
-/// is of a node that has its messages ready, the transport alone, which shall take at most 1 ms, and
-/// "bare" the same bytes over bare sockets, which tells how quiet the machine is. All is of what comes after the
-/// first second; of that, "slow start" counts the frames that lack a tile or have one that is more
+/// is of a node that has its messages ready, less what the player decodes, the transport alone, which
+/// shall take at most 1 ms, and "bare" the same bytes over bare sockets, which tells how quiet the
+/// machine is. All is of what comes after the first second; of that, "slow start" counts the frames that lack a tile or have one that is more
 /// than two frames later than the path. "queue ms" is of packets in the queue of the path's slowest
 /// link, 99 of 100 wait no longer there; the rest of a tile's time is the path's own, that
 /// of its own packets on that link, and what it waits for its turn at the node.
@@ -245,7 +246,7 @@ fn print_row(row: &Row) {
 struct Setup {
     noise: Arc<Noise>,
     link: NodeLink,
-    events: Receiver<(Instant, LinkEvent)>,
+    events: Receiver<(Instant, Vec<LinkEvent>)>,
     stop: Stop,
     server: Option<std::thread::JoinHandle<()>>,
     _client: Client,
@@ -291,8 +292,8 @@ impl Setup {
             },
             false => PrecisionRange::EXACT,
         };
-        let link = client.link(address, range, move |event| {
-            drop(sender.send((Instant::now(), event)));
+        let link = client.link(address, range, move |events| {
+            drop(sender.send((Instant::now(), events)));
         });
         Ok(Self {
             noise,
@@ -322,9 +323,9 @@ impl Setup {
         let deadline = Instant::now() + PATIENCE;
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
-            let event = self.events.recv_timeout(left);
-            let (_, event) = event.map_err(|_| anyhow!("the node does not answer"))?;
-            if wanted(&event) {
+            let events = self.events.recv_timeout(left);
+            let (_, events) = events.map_err(|_| anyhow!("the node does not answer"))?;
+            if events.iter().any(&wanted) {
                 return Ok(());
             }
         }
@@ -357,7 +358,7 @@ fn measure(
     let began = Instant::now();
     for frame in 0..=frames + DEADLINE_FRAMES {
         let due = began + PERIOD.mul_f64(frame as f64);
-        arrivals.collect(&setup, due, case.path.is_none())?;
+        arrivals.collect(&setup, case, due)?;
         if frame == START {
             let _ = setup.queue_p99_ms(case); // of the start
         }
@@ -401,47 +402,78 @@ struct Arrivals {
     requested: Vec<Instant>,
     /// Frame, and milliseconds.
     times: Vec<(u64, f64)>,
-    /// By frame: messages, tiles and bytes.
-    came: std::collections::BTreeMap<u64, (u32, u32, usize)>,
+    /// By frame.
+    came: BTreeMap<u64, Came>,
+}
+
+/// What has come of a frame.
+#[derive(Default)]
+struct Came {
+    messages: u32,
+    tiles: u32,
+    bytes: usize,
+    /// How long it took to decode.
+    decoding: Duration,
 }
 
 impl Arrivals {
     /// Takes events until `due`.
-    fn collect(&mut self, setup: &Setup, due: Instant, whole: bool) -> Result<(), Failure> {
+    fn collect(&mut self, setup: &Setup, case: &Case, due: Instant) -> Result<(), Failure> {
         loop {
             let left = due.saturating_duration_since(Instant::now());
-            let (at, event) = match setup.events.recv_timeout(left) {
-                Ok(event) => event,
+            let (at, events) = match setup.events.recv_timeout(left) {
+                Ok(events) => events,
                 Err(RecvTimeoutError::Timeout) => return Ok(()),
                 Err(RecvTimeoutError::Disconnected) => return Err(anyhow!("the link ended").into()),
             };
-            match event {
-                LinkEvent::Session(ClientEvent::Tiles {
-                    frame,
-                    tiles,
-                    payload_bytes,
-                    ..
-                }) => {
-                    let came = self.came.entry(frame.0).or_default();
-                    came.0 += 1;
-                    came.1 += tiles.count;
-                    came.2 += payload_bytes;
-                    let since = match whole {
-                        true if came.1 < Noise::grid().len() => continue,
-                        true => self.requested.get(frame.0 as usize).copied(),
-                        false => setup.noise.handed_over(frame.0 as u32, tiles),
-                    };
-                    if let Some(since) = since {
-                        let ms = at.saturating_duration_since(since).as_secs_f64() * 1e3;
-                        self.times.push((frame.0, ms));
-                    }
-                }
-                LinkEvent::Lost { why, .. } => {
-                    return Err(anyhow!("the link was lost: {why}").into());
-                }
-                _ => {}
+            for event in events {
+                self.take(setup, case, at, event)?;
             }
         }
+    }
+
+    fn take(
+        &mut self,
+        setup: &Setup,
+        case: &Case,
+        at: Instant,
+        event: LinkEvent,
+    ) -> Result<(), Failure> {
+        let (frame, tiles, bytes) = match event {
+            LinkEvent::Session(ClientEvent::Tiles {
+                frame,
+                tiles,
+                payload_bytes,
+                ..
+            }) => (frame.0, tiles, payload_bytes),
+            // A frame has one run, of its number.
+            LinkEvent::Decoded { run, took } => {
+                self.came.entry(run.0).or_default().decoding += took;
+                return Ok(());
+            }
+            LinkEvent::Lost { why, .. } => {
+                return Err(anyhow!("the link was lost: {why}").into());
+            }
+            _ => return Ok(()),
+        };
+        let came = self.came.entry(frame).or_default();
+        came.messages += 1;
+        came.tiles += tiles.count;
+        came.bytes += bytes;
+        let since = match case.path {
+            None if came.tiles < Noise::grid().len() => None,
+            None => self.requested.get(frame as usize).copied(),
+            Some(_) => setup.noise.handed_over(frame as u32, tiles),
+        };
+        let since = since.map(|since| match case.ready {
+            true => since + came.decoding,
+            false => since,
+        });
+        if let Some(since) = since {
+            let ms = at.saturating_duration_since(since).as_secs_f64() * 1e3;
+            self.times.push((frame, ms));
+        }
+        Ok(())
     }
 
     fn row(&self, args: &Args, case: &Case, sender: &'static str) -> Row {
@@ -450,8 +482,8 @@ impl Arrivals {
         let mut times: Vec<f64> = times.map(|(_, ms)| *ms).collect();
         times.sort_unstable_by(f64::total_cmp);
         let came = self.came.range(START..);
-        let messages: u32 = came.clone().map(|(_, (messages, ..))| messages).sum();
-        let bytes: usize = came.map(|(_, (.., bytes))| bytes).sum();
+        let messages: u32 = came.clone().map(|(_, came)| came.messages).sum();
+        let bytes: usize = came.map(|(_, came)| came.bytes).sum();
         let frames = (frames - START) as f64;
         let asked = frames * f64::from(Noise::MESSAGES);
         Row {
@@ -471,7 +503,7 @@ impl Arrivals {
         let delay = case.path.map_or(Duration::ZERO, |path| path.delay);
         let late_ms = (delay + 2 * PERIOD).as_secs_f64() * 1e3;
         let is_slow = |frame: &u64| {
-            let tiles = self.came.get(frame).map_or(0, |(_, tiles, _)| *tiles);
+            let tiles = self.came.get(frame).map_or(0, |came| came.tiles);
             let mut times = self.times.iter().filter(|(of, _)| of == frame);
             tiles < Noise::grid().len() || times.any(|(_, ms)| *ms > late_ms)
         };
