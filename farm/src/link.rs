@@ -239,3 +239,48 @@ impl Wake for Unpark {
         self.0.unpark();
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use carom_protocol::NodeInfo;
+    use carom_protocol::session::NodeSession;
+    use carom_tracer::{DeviceInfo, DeviceKind};
+
+    use super::*;
+
+    #[test]
+    fn events_are_handed_on_together() {
+        let device = DeviceInfo {
+            kind: DeviceKind::Cpu,
+            name: String::new(),
+            width: 1,
+            threads: 1,
+        };
+        let mut node = NodeSession::new(NodeInfo {
+            name: "oak".into(),
+            device,
+        });
+        let mut handed = Vec::new();
+        let mut link = LinkSession::new(PrecisionRange::EXACT, |events| handed.push(events));
+        for ping in 0..3 {
+            while let Some(packet) = link.poll_transmit() {
+                node.handle(packet).unwrap();
+            }
+            while let Some(packet) = node.poll_transmit() {
+                link.handle(packet).unwrap();
+            }
+            link.command(Command::Ping(ping));
+        }
+        link.flush();
+        link.flush();
+        let [events] = &handed[..] else {
+            panic!("{handed:?}");
+        };
+        let pong = |number| LinkEvent::Session(ClientEvent::Pong(number));
+        assert!(matches!(
+            events[0],
+            LinkEvent::Session(ClientEvent::Welcome(_))
+        ));
+        assert_eq!(events[1..], [pong(0), pong(1)]);
+    }
+}

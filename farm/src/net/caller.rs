@@ -124,7 +124,7 @@ fn unreachable(address: SocketAddr, why: &ConnectError) -> String {
 mod tests {
     use std::net::Ipv4Addr;
     use std::sync::Arc;
-    use std::time::{Duration, SystemTime};
+    use std::time::{Duration, Instant, SystemTime};
 
     use quinn::ServerConfig;
     use quinn::crypto::rustls::QuicServerConfig;
@@ -133,6 +133,9 @@ mod tests {
 
     use super::*;
     use crate::net::authority::{Authority, Issued};
+    use crate::net::endpoint::Sending;
+    use crate::net::path::PathConfig;
+    use crate::net::proxy::Proxy;
 
     const DAY: Duration = Duration::from_secs(24 * 3600);
 
@@ -158,11 +161,7 @@ mod tests {
         let today = SystemTime::now() - DAY..SystemTime::now() + DAY;
         let player = farm.credentials(Role::Player, "player", today).unwrap();
         let caller = Caller::new(&player).unwrap();
-        let runtime = tokio::runtime::Builder::new_current_thread()
-            .enable_all()
-            .build()
-            .unwrap();
-        runtime.block_on(async {
+        runtime().block_on(async {
             let impostor = impostor(shown, alpn);
             let address = impostor.local_addr().unwrap().to_string().parse().unwrap();
             let (called, answered) = tokio::join!(caller.call(&address), async {
@@ -206,19 +205,61 @@ mod tests {
         assert!(why.contains("speak different protocols"), "{why}");
     }
 
+    /// Bytes of the longest packets, once they are over `least`, between a player and a node over
+    /// loopback or a path.
+    fn packet_bytes(path: Option<PathConfig>, least: u16) -> u16 {
+        let farm = Authority::generate().unwrap();
+        let today = SystemTime::now() - DAY..SystemTime::now() + DAY;
+        let issue = |role, name| farm.credentials(role, name, today.clone()).unwrap();
+        let (node, player) = (issue(Role::Node, "node"), issue(Role::Player, "player"));
+        let any_port = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
+        runtime().block_on(async {
+            let config = endpoint::server_config(&node, Sending::default()).unwrap();
+            let node = endpoint::open_server(any_port, config).unwrap();
+            let address = node.local_addr().unwrap();
+            let proxy = path.map(|path| Proxy::start(any_port, address, path, 1).unwrap());
+            let address = proxy.as_ref().map_or(address, Proxy::local_addr);
+            let caller = Caller::new(&player).unwrap();
+            let address = address.to_string().parse().unwrap();
+            let answer = async { node.accept().await.unwrap().await.unwrap() };
+            let (called, answered) = tokio::join!(caller.call(&address), answer);
+            let _streams = called.map_err(|why| panic!("{why}")).ok();
+            let deadline = Instant::now() + PATIENCE;
+            while answered.stats().path.current_mtu <= least && Instant::now() < deadline {
+                tokio::time::sleep(Duration::from_millis(1)).await;
+            }
+            answered.stats().path.current_mtu
+        })
+    }
+
+    #[test]
+    fn packets_are_as_long_as_the_path_takes() {
+        // A search ends within 20 bytes.
+        assert!((6500..=6544).contains(&packet_bytes(None, 6500)));
+        let ethernet = PathConfig::default();
+        let bytes = packet_bytes(Some(ethernet), 1452);
+        assert!((1453..=1472).contains(&bytes), "{bytes}");
+    }
+
+    fn runtime() -> tokio::runtime::Runtime {
+        tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()
+            .unwrap()
+    }
+
+    /// A node that does not answer is a failure of the test, not its end.
+    const PATIENCE: Duration = Duration::from_secs(60);
+
     #[test]
     fn a_name_that_nobody_has_is_named() {
         let farm = Authority::generate().unwrap();
         let now = SystemTime::now();
         let player = farm.credentials(Role::Player, "player", now - DAY..now + DAY);
         let caller = Caller::new(&player.unwrap()).unwrap();
-        let runtime = tokio::runtime::Builder::new_current_thread()
-            .enable_all()
-            .build()
-            .unwrap();
         // RFC 6761: no name under `invalid` is ever given to anybody.
         let nobody = "nobody.invalid:4433".parse().unwrap();
-        let why = runtime.block_on(caller.call(&nobody)).err().unwrap();
+        let why = runtime().block_on(caller.call(&nobody)).err().unwrap();
         assert!(why.contains("the name `nobody.invalid`"), "{why}");
     }
 }

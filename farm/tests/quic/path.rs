@@ -7,6 +7,23 @@ use carom_farm::net::{Path, PathConfig};
 const MS: Duration = Duration::from_millis(1);
 
 #[test]
+fn packets_pass_that_are_short_enough() {
+    let config = PathConfig {
+        packet_bytes_max: 1400,
+        ..PathConfig::default()
+    };
+    let mut path = Path::new(config, 1);
+    let passes = [1400, 1401, 1200].map(|bytes| path.send(MS, bytes).is_some());
+    assert_eq!(passes, [true, false, true]);
+    let config = PathConfig {
+        packet_bytes_max: 1199,
+        ..config
+    };
+    let why = config.validate().unwrap_err();
+    assert!(why.contains("1199"), "{why}");
+}
+
+#[test]
 fn losses_come_as_often_and_in_such_bursts_as_asked_for() {
     for (loss, burst) in [(0.01, 1.0), (0.01, 4.0), (0.2, 6.0), (0.5, 2.0)] {
         let config = PathConfig {

@@ -1,0 +1,244 @@
+use super::*;
+
+fn at(x: f64, y: f64) -> Event {
+    Event::Pointer(DVec2::new(x, y))
+}
+
+fn button(button: Button, pressed: bool) -> Event {
+    Event::Button { button, pressed }
+}
+
+fn key(label: &str, pressed: bool) -> Event {
+    Event::Key {
+        key: Key::from_label(label).unwrap(),
+        pressed,
+        repeat: false,
+    }
+}
+
+fn held(label: &str) -> Event {
+    Event::Key {
+        key: Key::from_label(label).unwrap(),
+        pressed: true,
+        repeat: true,
+    }
+}
+
+fn all(input: &mut Input, events: &[Event]) -> Vec<Intent> {
+    events
+        .iter()
+        .filter_map(|event| input.handle(*event))
+        .collect()
+}
+
+#[test]
+fn entering_the_window_does_not_turn_the_aim() {
+    let mut input = Input::default();
+    assert_eq!(
+        all(
+            &mut input,
+            &[at(5.0, 5.0), Event::PointerLeft, at(900.0, 5.0)]
+        ),
+        []
+    );
+    assert_eq!(
+        input.handle(at(910.0, 70.0)),
+        Some(Intent::Turn(-10.0 * AIM_RAD_PER_POINT))
+    );
+}
+
+#[test]
+fn fine_aim_is_ten_times_finer() {
+    let mut input = Input::default();
+    let turned = all(
+        &mut input,
+        &[
+            at(0.0, 0.0),
+            at(10.0, 0.0),
+            key("Left Ctrl", true),
+            at(20.0, 0.0),
+        ],
+    );
+    let [Intent::Turn(coarse), Intent::Turn(fine)] = turned[..] else {
+        panic!("{turned:?}")
+    };
+    assert!((coarse / fine - 10.0).abs() < 1e-9);
+}
+
+#[test]
+fn pulling_sets_the_power_leaves_the_aim_and_strikes_when_released() {
+    let mut input = Input::default();
+    let events = [
+        at(100.0, 100.0),
+        button(Button::Left, true),
+        at(150.0, 100.0 + PULL_POINTS / 2.0),
+        at(150.0, 5000.0),
+        button(Button::Left, false),
+    ];
+    let expected = [
+        Intent::BeginPull,
+        Intent::Pull(0.5),
+        Intent::Pull(1.0),
+        Intent::Release,
+    ];
+    assert_eq!(all(&mut input, &events), expected);
+}
+
+#[test]
+fn the_right_button_gives_up_a_stroke_and_its_release_does_nothing() {
+    let mut input = Input::default();
+    let events = [
+        at(0.0, 0.0),
+        button(Button::Left, true),
+        button(Button::Right, true),
+        button(Button::Right, false),
+        button(Button::Left, false),
+    ];
+    assert_eq!(
+        all(&mut input, &events),
+        [Intent::BeginPull, Intent::Cancel]
+    );
+}
+
+#[test]
+fn space_charges_once_while_it_repeats() {
+    let mut input = Input::default();
+    let repeat = held("Space");
+    let events = [
+        key("Space", true),
+        repeat,
+        repeat,
+        key("Space", false),
+        key("Space", false),
+    ];
+    assert_eq!(
+        all(&mut input, &events),
+        [Intent::BeginCharge, Intent::Release]
+    );
+}
+
+#[test]
+fn a_stroke_does_not_survive_the_loss_of_focus() {
+    let mut input = Input::default();
+    let events = [key("Space", true), Event::FocusLost, key("Space", false)];
+    assert_eq!(
+        all(&mut input, &events),
+        [Intent::BeginCharge, Intent::Cancel]
+    );
+}
+
+#[test]
+fn fine_power_is_ten_times_finer() {
+    let mut input = Input::default();
+    let events = [
+        at(0.0, 0.0),
+        button(Button::Left, true),
+        at(0.0, 0.5 * PULL_POINTS),
+        key("Left Shift", true),
+        at(0.0, 0.6 * PULL_POINTS),
+    ];
+    let drawn = all(&mut input, &events);
+    let [Intent::BeginPull, Intent::Pull(coarse), Intent::Pull(fine)] = drawn[..] else {
+        panic!("{drawn:?}")
+    };
+    assert!((coarse - 0.5).abs() < 1e-9 && (fine - 0.51).abs() < 1e-9);
+}
+
+#[test]
+fn a_cue_in_hand_follows_the_pointer_until_it_is_let_go() {
+    let mut input = Input::default();
+    let events = [
+        at(0.0, 0.0),
+        key("F", true),
+        at(30.0, 40.0),
+        key("F", false),
+    ];
+    let expected = [
+        Intent::BeginSwing,
+        Intent::Swing(40.0 * SWING_M_PER_POINT),
+        Intent::Release,
+    ];
+    assert_eq!(all(&mut input, &events), expected);
+}
+
+#[test]
+fn keys_step_by_a_degree_and_finely_by_a_tenth() {
+    let mut input = Input::default();
+    let events = [
+        key("Left", true),
+        held("Left"),
+        key("Left", false),
+        key("Right Shift", true),
+        key("Right", true),
+        key("Right Shift", false),
+        key("Right", true),
+    ];
+    let degree = 1f64.to_radians();
+    let expected = [degree, degree, -0.1 * degree, -degree].map(Intent::Turn);
+    assert_eq!(all(&mut input, &events), expected);
+}
+
+#[test]
+fn what_is_done_once_does_not_repeat_while_its_key_is_held() {
+    let mut input = Input::default();
+    let events = [key("R", true), held("R"), held("R")];
+    assert_eq!(all(&mut input, &events), [Intent::Rack]);
+}
+
+#[test]
+fn every_control_works_from_another_trigger() {
+    for control in CONTROLS {
+        let mut bindings = Bindings::none();
+        let trigger: Trigger = "Pad 5".parse().unwrap();
+        bindings.bind(trigger, control.action).unwrap();
+        let mut input = Input::new(bindings);
+        input.set_mode(control.action.mode());
+        let events = [
+            at(0.0, 0.0),
+            key("Pad 5", true),
+            at(0.0, 9.0),
+            key("Pad 5", false),
+        ];
+        let intents = all(&mut input, &events);
+        match control.action {
+            Action::Fine => assert_eq!(intents, []),
+            Action::Orbit => assert!(matches!(intents[..], [Intent::Orbit { .. }])),
+            Action::Stroke | Action::Charge | Action::Swing => {
+                assert_eq!(intents.last(), Some(&Intent::Release), "{}", control.name);
+            }
+            _ => assert_eq!(intents.len(), 1, "{}", control.name),
+        }
+    }
+}
+
+#[test]
+fn keys_of_a_replay_count_before_those_of_the_table_and_only_there() {
+    let mut input = Input::default();
+    let press = [key("Space", true), key("Space", false), key("V", true)];
+    input.set_mode(Mode::Replay);
+    let watched = all(&mut input, &press);
+    assert_eq!(watched, [Intent::Watch(Watch::Toggle), Intent::NextView]);
+    input.set_mode(Mode::Table);
+    assert_eq!(all(&mut input, &press)[0], Intent::BeginCharge);
+}
+
+#[test]
+fn a_toggle_on_the_wheel_takes_a_whole_notch() {
+    let mut bindings = Bindings::default();
+    bindings.rebind(Trigger::WheelUp, Action::Rack).unwrap();
+    let mut input = Input::new(bindings);
+    let turns = [0.4, 0.4, 0.4, 0.4, -0.2, 0.7, 0.2].map(Event::Wheel);
+    assert_eq!(
+        all(&mut input, &turns),
+        [Intent::Rack, Action::ZoomOut.intent(0.2).unwrap()]
+    );
+}
+
+#[test]
+fn the_wheel_zooms_by_its_notches() {
+    let mut input = Input::default();
+    assert_eq!(
+        input.handle(Event::Wheel(-2.0)),
+        Action::ZoomOut.intent(2.0)
+    );
+}

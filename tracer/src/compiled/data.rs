@@ -1,0 +1,238 @@
+//! What back ends read of each primitive, lamp, material and camera: plain old data, laid out as WGSL has
+//! its structs.
+
+use bytemuck::{Pod, Zeroable};
+
+/// A ball. A radius of 0 hides it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct SphereData {
+    /// Centre, metres.
+    pub center: [f32; 3],
+    /// Radius, metres; 0 if hidden.
+    pub radius: f32,
+    /// Unit axis of the stripe in world space.
+    pub stripe_axis: [f32; 3],
+    /// Index of its material.
+    pub material: u32,
+    /// Unit axis through the circles of its number in world space.
+    pub number_axis: [f32; 3],
+    /// 1 if light that is scattered inside aims at lamps through the boundary
+    /// ([`crate::reference::window`]), else 0: it is smooth, and all lamps look down on the whole ball
+    /// from half a radius above or more, so that none is seen from inside, straight, that is not from
+    /// where light leaves, or much larger.
+    pub is_window: u32,
+}
+
+/// An axis-aligned box.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct BoxData {
+    /// Smallest corner, metres.
+    pub min: [f32; 3],
+    /// Index of its material.
+    pub material: u32,
+    /// Largest corner, metres.
+    pub max: [f32; 3],
+    /// 0.
+    pub padding: u32,
+}
+
+/// A box from which parts are taken away.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct CarvedData {
+    /// Smallest corner, metres.
+    pub min: [f32; 3],
+    /// Index of its first face, that of the box itself; its cuts follow.
+    pub first_face: u32,
+    /// Largest corner, metres.
+    pub max: [f32; 3],
+    /// How many faces it has, the box's among them.
+    pub face_count: u32,
+}
+
+/// [`FaceData::kind`] of a carved box itself: `a` and `b` are its corners.
+pub const FACE_BOX: u32 = 0;
+/// [`FaceData::kind`] of a plane: `a` is its normal out of the body, `b[0]` its distance from the
+/// origin along it.
+pub const FACE_PLANE: u32 = 1;
+/// [`FaceData::kind`] of a bore: `a` is a point of its axis, `b[0]` its radius.
+pub const FACE_BORE: u32 = 2;
+/// [`FaceData::kind`] of a hollow: `a` and `b` are its corners.
+pub const FACE_HOLLOW: u32 = 3;
+
+/// [`FaceData::kind`] of a turned cut: `a` is its axis in x and y and the radius at z = 0, `b` is by
+/// how much that grows with z, and the x and y from the axis to the plane that it begins beyond.
+pub const FACE_TURNED: u32 = 4;
+
+/// A surface of a carved box.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct FaceData {
+    /// See the kinds.
+    pub a: [f32; 3],
+    /// [`FACE_BOX`], [`FACE_PLANE`], [`FACE_BORE`], [`FACE_HOLLOW`] or [`FACE_TURNED`].
+    pub kind: u32,
+    /// See the kinds.
+    pub b: [f32; 3],
+    /// Index of its material.
+    pub material: u32,
+}
+
+/// A round plate.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct DiscData {
+    /// Centre, metres.
+    pub center: [f32; 3],
+    /// Radius, metres.
+    pub radius: f32,
+    /// Unit normal.
+    pub normal: [f32; 3],
+    /// Index of its material.
+    pub material: u32,
+}
+
+/// A rectangle: `center + a·half_u + b·half_v`, `a, b ∈ [−1, 1]`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct RectangleData {
+    /// Centre, metres.
+    pub center: [f32; 3],
+    /// Index of its material.
+    pub material: u32,
+    /// Half an edge, metres.
+    pub half_u: [f32; 3],
+    /// `1 / |half_u|²`.
+    pub inv_u2: f32,
+    /// Half the other edge, metres.
+    pub half_v: [f32; 3],
+    /// `1 / |half_v|²`.
+    pub inv_v2: f32,
+    /// Unit normal, along `half_u × half_v`.
+    pub normal: [f32; 3],
+    /// 0.
+    pub padding: u32,
+}
+
+/// A lamp, as a rectangle that emits along its normal.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct LampData {
+    /// Centre, metres.
+    pub center: [f32; 3],
+    /// Mean radiance over that of the scene's brightest lamp, 0 to 1.
+    pub brightness: f32,
+    /// Unit vector along an edge.
+    pub axis_u: [f32; 3],
+    /// Half that edge, metres.
+    pub length_u: f32,
+    /// Unit vector along the other edge.
+    pub axis_v: [f32; 3],
+    /// Half the other edge, metres.
+    pub length_v: f32,
+    /// Unit normal, the side that emits.
+    pub normal: [f32; 3],
+    /// 0.
+    pub padding: u32,
+    /// Radiance, W·sr⁻¹·m⁻².
+    pub radiance: [f32; 3],
+    /// 0.
+    pub more_padding: u32,
+}
+
+impl LampData {
+    /// Half of both edges: the lamp is `center + a·u + b·v`, `a, b ∈ [−1, 1]`.
+    pub fn half_edges(&self) -> [[f32; 3]; 2] {
+        let [u, v] = [(self.axis_u, self.length_u), (self.axis_v, self.length_v)];
+        [u, v].map(|(axis, length)| axis.map(|c| c * length))
+    }
+}
+
+/// [`MaterialData::kind`] of a diffuse surface, bare or coated.
+pub const KIND_LAYERED: u32 = 0;
+/// [`MaterialData::kind`] of a metal.
+pub const KIND_CONDUCTOR: u32 = 1;
+/// [`MaterialData::kind`] of a clear body.
+pub const KIND_DIELECTRIC: u32 = 2;
+
+/// [`MaterialData::pattern`] of plain and striped materials.
+pub const PATTERN_NONE: u32 = 0;
+/// [`MaterialData::pattern`] of numbered balls.
+pub const PATTERN_NUMBER: u32 = 1;
+/// [`MaterialData::pattern`] of wood.
+pub const PATTERN_WOOD: u32 = 2;
+/// [`MaterialData::pattern`] of planks.
+pub const PATTERN_PLANKS: u32 = 3;
+
+/// A material. Diffuse ones have `ior` 0 and `diffuse_scale` 1.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct MaterialData {
+    /// Albedo.
+    pub albedo: [f32; 3],
+    /// Index of refraction of the coat or the body; 0 for none.
+    pub ior: f32,
+    /// Albedo inside the stripe.
+    pub stripe_albedo: [f32; 3],
+    /// The stripe is where `|n · stripe_axis|` is below this; 0 for none.
+    pub stripe_half_width: f32,
+    /// `1 / (η² (1 − F_dr,int))`.
+    pub diffuse_scale: f32,
+    /// [`KIND_LAYERED`], [`KIND_CONDUCTOR`] or [`KIND_DIELECTRIC`].
+    pub kind: u32,
+    /// GGX width α; 0 where smooth.
+    pub alpha: f32,
+    /// The rate of the exponential law that distances inside are drawn from, m⁻¹; 0 where nothing
+    /// scatters.
+    pub flight_rate: f32,
+    /// Index of refraction of a metal, real part.
+    pub eta: [f32; 3],
+    /// [`PATTERN_NONE`], [`PATTERN_NUMBER`], [`PATTERN_WOOD`] or [`PATTERN_PLANKS`]. The rings of
+    /// wood have the stripe's albedo.
+    pub pattern: u32,
+    /// Imaginary part.
+    pub k: [f32; 3],
+    /// A ball's number.
+    pub number: u32,
+    /// Extinction coefficient σt of the medium inside, m⁻¹.
+    pub extinction: [f32; 3],
+    /// The axis of wood's grain: 0, 1 or 2.
+    pub grain_axis: u32,
+    /// Scattering coefficient of the medium over `flight_rate`.
+    pub scattering: [f32; 3],
+    /// Width of a cloth's sheen.
+    pub sheen_roughness: f32,
+    /// Strength of a cloth's sheen, over 2π.
+    pub sheen: [f32; 3],
+    /// 0.
+    pub padding0: u32,
+    /// Spacing of sights, their x in end rails and y in side rails, metres; 0 for none.
+    pub sights: [f32; 3],
+    /// 0.
+    pub padding1: u32,
+}
+
+/// A camera for one image size: the ray through film position `(x, y)`, in pixels from the top
+/// left, leaves `eye` along `corner + x·dx + y·dy` (not of unit length).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct CameraFrame {
+    /// The pinhole, metres.
+    pub eye: [f32; 3],
+    /// 0.
+    pub padding0: u32,
+    /// Direction of the film's top left corner.
+    pub corner: [f32; 3],
+    /// 0.
+    pub padding1: u32,
+    /// Step of one pixel to the right.
+    pub dx: [f32; 3],
+    /// 0.
+    pub padding2: u32,
+    /// Step of one pixel down.
+    pub dy: [f32; 3],
+    /// 0.
+    pub padding3: u32,
+}

@@ -1,0 +1,140 @@
+//! Materials of a scene as back ends read them.
+
+use bytemuck::Zeroable as _;
+use glam::Vec3;
+
+use super::{
+    KIND_CONDUCTOR, KIND_DIELECTRIC, MaterialData, PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS,
+    PATTERN_WOOD,
+};
+use crate::fresnel::internal_diffuse_reflectance;
+use crate::reference::sheen::sheen_reflectance_max;
+use crate::scene::validate::ALPHA_SMOOTH_MAX;
+use crate::scene::{Material, Medium, Paint};
+
+pub(super) fn material_data(material: &Material) -> MaterialData {
+    match *material {
+        Material::Diffuse { albedo } => MaterialData {
+            albedo: albedo.to_array(),
+            diffuse_scale: 1.0,
+            ..MaterialData::zeroed()
+        },
+        Material::SmoothPlastic {
+            albedo,
+            ior,
+            internal_reflectance,
+            stripe,
+        } => {
+            let eta = f64::from(ior);
+            let internal =
+                internal_reflectance.map_or_else(|| internal_diffuse_reflectance(eta), f64::from);
+            MaterialData {
+                albedo: albedo.to_array(),
+                ior,
+                stripe_albedo: stripe.map_or(Vec3::ZERO, |stripe| stripe.albedo).to_array(),
+                stripe_half_width: stripe.map_or(0.0, |stripe| stripe.half_width),
+                diffuse_scale: (1.0 / (eta * eta * (1.0 - internal))) as f32,
+                ..MaterialData::zeroed()
+            }
+        }
+        Material::Coated { ior, paint } => {
+            let coat = Material::SmoothPlastic {
+                albedo: Vec3::ZERO,
+                ior,
+                internal_reflectance: None,
+                stripe: None,
+            };
+            painted(material_data(&coat), &paint)
+        }
+        Material::Cloth {
+            albedo,
+            sheen,
+            sheen_roughness,
+        } => {
+            let most = sheen_reflectance_max(f64::from(sheen_roughness)) as f32;
+            let left = 1.0 - sheen.max_element() * most;
+            MaterialData {
+                albedo: (albedo * left.max(0.0)).to_array(),
+                diffuse_scale: 1.0,
+                sheen: (sheen / (2.0 * std::f32::consts::PI)).to_array(),
+                sheen_roughness,
+                ..MaterialData::zeroed()
+            }
+        }
+        Material::Conductor { eta, k, alpha } => MaterialData {
+            kind: KIND_CONDUCTOR,
+            alpha: rough_alpha(alpha),
+            eta: eta.to_array(),
+            k: k.to_array(),
+            ..MaterialData::zeroed()
+        },
+        Material::Dielectric { ior, alpha, medium } => MaterialData {
+            kind: KIND_DIELECTRIC,
+            ior,
+            alpha: rough_alpha(alpha),
+            ..medium.map_or_else(MaterialData::zeroed, |medium| medium_data(&medium))
+        },
+    }
+}
+
+fn painted(coat: MaterialData, paint: &Paint) -> MaterialData {
+    match *paint {
+        Paint::Ball {
+            albedo,
+            stripe,
+            number,
+        } => MaterialData {
+            albedo: albedo.to_array(),
+            stripe_albedo: stripe.map_or(Vec3::ZERO, |stripe| stripe.albedo).to_array(),
+            stripe_half_width: stripe.map_or(0.0, |stripe| stripe.half_width),
+            pattern: if number > 0 {
+                PATTERN_NUMBER
+            } else {
+                PATTERN_NONE
+            },
+            number: u32::from(number),
+            ..coat
+        },
+        Paint::Wood {
+            light,
+            dark,
+            grain,
+            sights,
+        } => MaterialData {
+            albedo: light.to_array(),
+            stripe_albedo: dark.to_array(),
+            pattern: PATTERN_WOOD,
+            grain_axis: grain as u32,
+            sights: sights.map_or([0.0; 3], |s| [s.spacing, s.end_x, s.side_y]),
+            ..coat
+        },
+        Paint::Planks { light, dark } => MaterialData {
+            albedo: light.to_array(),
+            stripe_albedo: dark.to_array(),
+            pattern: PATTERN_PLANKS,
+            ..coat
+        },
+    }
+}
+
+fn rough_alpha(alpha: f32) -> f32 {
+    if alpha < ALPHA_SMOOTH_MAX { 0.0 } else { alpha }
+}
+
+/// Distances are drawn for the clearest channel, so that no channel's weight grows on the way.
+fn medium_data(medium: &Medium) -> MaterialData {
+    let Medium { extinction, albedo } = *medium;
+    let data = MaterialData {
+        extinction: extinction.to_array(),
+        ..MaterialData::zeroed()
+    };
+    if albedo == Vec3::ZERO {
+        return data;
+    }
+    let flight_rate = extinction.min_element();
+    MaterialData {
+        flight_rate,
+        scattering: (albedo * extinction / flight_rate).to_array(),
+        ..data
+    }
+}
