@@ -41,6 +41,7 @@ pub use authority::{Authority, Issued, add_node, create_farm};
 pub use client::{Client, Command, LinkEvent, NodeLink};
 pub use congestion::DelayWindow;
 pub use credentials::{Credentials, Role};
+pub(crate) use endpoint::IDLE;
 pub use endpoint::{Congestion, Sending};
 pub use interruption::interruption;
 pub use packets::Peer;

@@ -295,7 +295,7 @@ fn wake(mut state: MutexGuard<'_, State>) {
 }
 
 /// As long as a connection on which nothing is heard is kept.
-const PATIENCE: Duration = Duration::from_secs(5);
+const PATIENCE: Duration = crate::net::IDLE;
 
 #[cfg(test)]
 mod tests {
