@@ -122,3 +122,31 @@ fn a_frame_that_must_be_shown_is_shown_in_time_whatever_is_missing_of_it() {
     assert!(late(&waits) >= 5 * fifth, "{} tiles", late(&waits));
     assert!(late(&hedged) <= fifth, "{} tiles", late(&hedged));
 }
+
+/// A node that was hardly ever asked for anything is turned to when the others are lost, and is lost with
+/// them.
+#[test]
+fn no_frame_is_late_by_two_periods_if_all_but_the_own_node_are_lost_and_one_was_in_reserve() {
+    for at in [1.2, 1.204, 1.208, 1.212] {
+        let own = NodePlan::new(2e-4, 1.2);
+        let others = [(4e-4, 6.0), (6e-4, 5.0), (1e-3, 4.0), (6e-3, 0.7)];
+        let others = others.map(|(trip, speed)| NodePlan::new(trip, speed));
+        let lost = others.map(|node| node.with(at, Change::Silent));
+        let report = run(
+            &Plan {
+                frames_in_flight: 8,
+                period_secs: Some(PERIOD_SECS),
+                size: ImageSize::new(120, 80),
+                ..super::plan(
+                    [vec![own], lost.into()].concat(),
+                    Algorithm::WaterFilling,
+                    120,
+                )
+            },
+            100.0,
+        );
+        assert_eq!((report.frames.len(), report.wrong_frames), (120, 0));
+        let late = (report.worst_secs(20..120) - report.mean_secs(20..40)) / PERIOD_SECS;
+        assert!(late <= 2.0, "{late} periods");
+    }
+}
