@@ -9,6 +9,8 @@ use super::Report;
 pub struct Score {
     /// Each frame's time; NaN where there is no optimum.
     pub ratios: Vec<f64>,
+    /// Those of the settled frames, rising, without NaN.
+    pub settled: Vec<f64>,
     /// Mean over the settled frames; NaN if the run has none.
     pub mean: f64,
     /// 99th percentile of the settled frames; NaN if the run has none.
@@ -69,6 +71,7 @@ impl Score {
             worst_after_death: worst.fold(f64::NAN, |worst, ratio| worst.max(*ratio)),
             response_deviation_secs: mean(deviations),
             lost: frames - report.frames.len() as u64 + report.skipped,
+            settled: sorted,
             ratios,
         }
     }

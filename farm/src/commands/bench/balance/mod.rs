@@ -1,5 +1,6 @@
 //! `carom-farm bench balance`: the balancing algorithms on simulated farms.
 
+mod bars;
 mod decision;
 mod plot;
 
@@ -145,6 +146,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         );
     } else {
         print_tables(&output);
+        bars::print(&runs);
     }
     Ok(())
 }
