@@ -173,7 +173,7 @@ impl Link {
             commands: &mut self.commands,
         };
         let why = packets::carry(streams, &mut player).await;
-        player.heard_all();
+        player.flush();
         why
     }
 }
@@ -189,7 +189,7 @@ impl Peer for Player<'_> {
         self.session.handle(packet)
     }
 
-    fn heard_all(&mut self) {
+    fn flush(&mut self) {
         self.session.flush();
     }
 

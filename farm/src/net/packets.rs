@@ -26,8 +26,8 @@ pub trait Peer {
     /// Takes a packet; an error is the other side's fault and ends the connection.
     fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error>;
 
-    /// No more packets are there for now, nor is anything that this side's owner wants.
-    fn heard_all(&mut self) {}
+    /// Hands on what has come of the packets that were there.
+    fn flush(&mut self) {}
 
     /// Hears how many bytes of a scene have come that is still on its way, and how many it has.
     fn arriving(&mut self, _bytes: usize, _of: usize) {}
@@ -165,7 +165,7 @@ impl Carrier {
         let mut pending: Option<Packet> = None;
         let mut heard = Vec::with_capacity(PACKETS_HEARD_MAX);
         loop {
-            peer.heard_all();
+            peer.flush();
             pending = pending.or_else(|| peer.poll_transmit());
             let out = match pending.as_ref().map(|packet| packet.channel) {
                 Some(Channel::Tiles) => &self.tiles,
