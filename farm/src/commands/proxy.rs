@@ -53,7 +53,7 @@ pub(crate) struct PathArgs {
     #[arg(long, default_value_t = 0.0)]
     reorder: f64,
     /// Bytes of the longest packets that pass, without the headers of IP and UDP.
-    #[arg(long, default_value_t = 1472)]
+    #[arg(long, default_value_t = PathConfig::default().packet_bytes_max)]
     packet: usize,
 }
 

@@ -16,7 +16,7 @@ pub struct Score {
     /// 99th percentile of the settled frames; NaN if the run has none.
     pub p99: f64,
     /// Frames after each event until eight in a row are, on average, within a tenth of what they
-    /// settle to; absent if that never happens.
+    /// settle to, all that there are if that never happens; absent where there is no optimum.
     pub recovery_frames: [Option<usize>; 3],
     /// Tiles that were traced more than once, of all.
     pub duplicates: f64,
@@ -111,6 +111,7 @@ fn recovery(ratios: &[f64], event: usize, quarter: usize) -> Option<usize> {
     windows
         .into_iter()
         .find(|start| window(start) <= 1.1 * settled)
+        .or(Some(after.len()))
 }
 
 fn mean(values: impl Iterator<Item = f64>) -> f64 {

@@ -50,12 +50,13 @@ pub(super) fn print(runs: &[Run]) {
     }
 }
 
-/// Of all frames that have settled, and the worst run; what a farm has none of is nothing.
+/// Of all frames that have settled, and the worst run. Without any settled frame nothing is met; an event
+/// after which there is no optimum says nothing.
 fn measures(runs: &[&Run], nodes: usize, network: Network) -> Vec<Measure> {
     let scores = || runs.iter().map(|run| &run.score);
     let mut ratios: Vec<f64> = scores().flat_map(|score| score.settled.clone()).collect();
     ratios.sort_by(f64::total_cmp);
-    let mean = ratios.iter().sum::<f64>() / ratios.len().max(1) as f64;
+    let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
     let p99 = ratios.get((0.99 * ratios.len() as f64) as usize);
     let most = |of: fn(&Score) -> f64| scores().map(of).fold(0.0, f64::max);
     let recovery = |score: &Score| {
@@ -77,7 +78,7 @@ fn measures(runs: &[&Run], nodes: usize, network: Network) -> Vec<Measure> {
     let twice = |score: &Score| 100.0 * score.duplicates;
     let mut measures = vec![
         measure("mean", mean, mean_max, 3),
-        measure("p99", p99.copied().unwrap_or(0.0), 1.5, 2),
+        measure("p99", p99.copied().unwrap_or(f64::NAN), 1.5, 2),
         measure("recovery in frames", most(recovery), 10.0, 0),
         measure("traced twice in percent", most(twice), 2.0, 2),
     ];
