@@ -1,7 +1,13 @@
-//! The documents name what exists, and dependencies point one way.
+//! Laws of the repository: documents name what exists, dependencies point one way, names say what
+//! they name.
+
+mod imports;
+mod names;
+mod sources;
 
 use std::fs;
-use std::path::{Path, PathBuf};
+
+use sources::{Source, code_lines, root, sources};
 
 #[test]
 fn paths_named_in_the_documents_exist() {
@@ -81,7 +87,7 @@ const LAYERS: &[(&[&str], &[&str])] = &[
 
 #[test]
 fn each_library_is_named_only_in_its_layer() {
-    for (path, text) in sources() {
+    for Source { path, text } in sources() {
         for (crates, folders) in LAYERS {
             if folders.iter().any(|folder| path.starts_with(folder)) {
                 continue;
@@ -99,7 +105,7 @@ fn each_library_is_named_only_in_its_layer() {
 #[test]
 fn tracer_and_protocol_know_no_socket_clock_or_window() {
     let forbidden = ["std::net", "Instant", "SystemTime", "thread::sleep"];
-    for (path, text) in sources() {
+    for Source { path, text } in sources() {
         if !path.starts_with("tracer/src/") && !path.starts_with("protocol/src/") {
             continue;
         }
@@ -154,47 +160,4 @@ fn names_crate(line: &str, name: &str) -> bool {
     line.match_indices(&path).any(|(at, _)| {
         !line[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_' || c == ':' || c == '`')
     })
-}
-
-/// Numbered lines without comments.
-fn code_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
-    text.lines()
-        .enumerate()
-        .filter(|(_, line)| !line.trim_start().starts_with("//"))
-        .map(|(index, line)| (index + 1, line.split("//").next().unwrap_or(line)))
-}
-
-/// Every Rust source outside `tests/tests`, with its path from the root.
-fn sources() -> Vec<(String, String)> {
-    let mut files = Vec::new();
-    for folder in ["tracer", "protocol", "farm", "game"] {
-        collect(&root().join(folder), &mut files);
-    }
-    assert!(files.len() > 20, "only {} sources were found", files.len());
-    files
-}
-
-fn collect(folder: &Path, files: &mut Vec<(String, String)>) {
-    for entry in fs::read_dir(folder).expect("a source folder") {
-        let path = entry.expect("a folder entry").path();
-        if path.is_dir() && !path.ends_with("target") {
-            collect(&path, files);
-        } else if path.extension().is_some_and(|extension| extension == "rs") {
-            let name = path
-                .strip_prefix(root())
-                .expect("inside the root")
-                .to_string_lossy();
-            files.push((
-                name.replace('\\', "/"),
-                fs::read_to_string(&path).expect("a source"),
-            ));
-        }
-    }
-}
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .parent()
-        .expect("the workspace root")
-        .to_owned()
 }
