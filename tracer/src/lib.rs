@@ -19,9 +19,9 @@ pub mod layers;
 pub mod metrics;
 pub mod paint;
 pub mod post;
-pub mod reference;
 pub mod reproject;
 pub mod sampling;
+pub mod scalar;
 pub mod scene;
 pub mod settings;
 pub mod tile;
@@ -36,7 +36,7 @@ pub use film::Film;
 pub use gpu::GpuTracer;
 pub use image_file::RadianceImage;
 pub use layers::{Layers, TileLayers};
-pub use reference::Reference;
+pub use scalar::Reference;
 pub use scene::{
     Axis, Camera, Cut, CutForm, Environment, Lamp, Material, Medium, Object, ObjectPose, Paint,
     Scene, SceneUpdate, Shape, Sights, Stripe,

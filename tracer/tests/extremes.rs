@@ -3,18 +3,18 @@
 //!
 //! | # | extreme | where |
 //! |---|---|---|
-//! | 1 | a ball from 1 m to 10⁷ m | `cpu::geometry`, `gpu::leaf_tests`: `balls_are_met_…`; `reference::intersect` |
+//! | 1 | a ball from 1 m to 10⁷ m | `cpu::geometry`, `gpu::leaf_tests`: `balls_are_met_…`; `scalar::intersect` |
 //! | 2 | grazing rays, by the ulp | `cpu::geometry`, `gpu::leaf_tests`: `rays_that_graze_a_ball_…` |
 //! | 3 | from a surface outwards and inwards | `laws`: white furnace; `materials`: Beer's law over the chord |
 //! | 4 | the eye inside a ball | here |
-//! | 5 | rays along the faces of a box | `cpu::geometry`, `gpu::leaf_tests`: `rays_in_the_planes_of_a_box_…`; `reference::intersect` |
+//! | 5 | rays along the faces of a box | `cpu::geometry`, `gpu::leaf_tests`: `rays_in_the_planes_of_a_box_…`; `scalar::intersect` |
 //! | 6 | denormal directions | the same |
-//! | 7 | poses and rays that are no numbers | `compiled`: `a_refused_update_…`; `reference::intersect`; `gpu`: `samples_that_are_not_finite_…` |
+//! | 7 | poses and rays that are no numbers | `compiled`: `a_refused_update_…`; `scalar::intersect`; `gpu`: `samples_that_are_not_finite_…` |
 //! | 8 | balls that touch, overlap, coincide | here |
 //! | 9 | contact shadows | here |
 //! | 10 | degenerate lamps | here; without area: `scene::validate` |
 //! | 11 | lamps of 10³⁰ and of 0 | here |
-//! | 12 | roughness 0, tiny, 1 | `materials`, `reference::specular` |
+//! | 12 | roughness 0, tiny, 1 | `materials`, `scalar::specular` |
 //! | 13 | indices 1, nearly 1, 1000 | here; `fresnel`; `laws` |
 //! | 14 | albedo 0, 1, above | `laws`; `scene::validate` |
 //! | 15 | fireflies | here |

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 
 use carom_tracer::film::{trace_estimate, trace_image};
 use carom_tracer::metrics::{Estimate, Region, mean, region};
-use carom_tracer::reference::{Ray, intersect};
 use carom_tracer::sampling::uniforms;
+use carom_tracer::scalar::{Ray, intersect};
 use carom_tracer::{
     Axis, Camera, CompiledScene, Cut, CutForm, Environment, ImageSize, Lamp, Material, Medium,
     Object, Paint, RadianceImage, Reference, RenderSettings, Scene, Shape, Sights, Stripe, Tile,

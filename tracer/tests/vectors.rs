@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use carom_tracer::compiled::Primitive;
-use carom_tracer::reference::bsdf::Bsdf;
-use carom_tracer::reference::{camera_ray, intersect};
+use carom_tracer::scalar::bsdf::Bsdf;
+use carom_tracer::scalar::{camera_ray, intersect};
 use carom_tracer::{CompiledScene, ImageSize, Material, Scene, Shape};
 use serde::Deserialize;
 

@@ -1,5 +1,5 @@
 use carom_tracer::CompiledScene;
-use carom_tracer::reference::{Ray, intersect};
+use carom_tracer::scalar::{Ray, intersect};
 use glam::DVec3;
 
 use super::*;

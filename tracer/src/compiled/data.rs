@@ -18,7 +18,7 @@ pub struct SphereData {
     /// Unit axis through the circles of its number in world space.
     pub number_axis: [f32; 3],
     /// 1 if light that is scattered inside aims at lamps through the boundary
-    /// ([`crate::reference::window`]), else 0: it is smooth, and all lamps look down on the whole ball
+    /// ([`crate::scalar::window`]), else 0: it is smooth, and all lamps look down on the whole ball
     /// from half a radius above or more, so that none is seen from inside, straight, that is not from
     /// where light leaves, or much larger.
     pub is_window: u32,

@@ -8,7 +8,7 @@ use super::{
     PATTERN_WOOD,
 };
 use crate::fresnel::internal_diffuse_reflectance;
-use crate::reference::sheen::sheen_reflectance_max;
+use crate::scalar::sheen::sheen_reflectance_max;
 use crate::scene::validate::ALPHA_SMOOTH_MAX;
 use crate::scene::{Material, Medium, Paint};
 

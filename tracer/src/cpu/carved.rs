@@ -1,4 +1,4 @@
-//! Boxes from which parts are taken away, a lane each: the walk of [`crate::reference::carved`].
+//! Boxes from which parts are taken away, a lane each: the walk of [`crate::scalar::carved`].
 
 use fearless_simd::prelude::*;
 

@@ -345,8 +345,8 @@ mod tests {
     use super::super::lanes::LANES;
     use super::*;
     use crate::compiled::Primitive;
-    use crate::reference::{Ray, intersect};
     use crate::sampling::uniforms;
+    use crate::scalar::{Ray, intersect};
     use crate::{Camera, CpuTracer, Environment, Material, Object, Scene, Shape};
 
     type Six = [[f32; LANES]; 6];

@@ -1,5 +1,5 @@
 //! Metals, clear bodies and what fills them, a lane each: the arithmetic of
-//! [`crate::reference::specular`] and [`crate::reference::medium`].
+//! [`crate::scalar::specular`] and [`crate::scalar::medium`].
 //!
 //! Only packets that met such a surface come here, and only scenes that have one pack its rows.
 

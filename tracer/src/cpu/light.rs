@@ -1,4 +1,4 @@
-//! Lamps as points see them, a lane each: the arithmetic of [`crate::reference::light`].
+//! Lamps as points see them, a lane each: the arithmetic of [`crate::scalar::light`].
 
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
@@ -8,7 +8,7 @@ use super::lanes::{Float, Mask, Vec3x, Word};
 use super::sampling::sin_cos_turns;
 use super::surface::Rows;
 use crate::compiled::LampData;
-use crate::reference::light::{BELOW_1, SOLID_ANGLE_MIN};
+use crate::scalar::light::{BELOW_1, SOLID_ANGLE_MIN};
 
 /// The lamps of a scene.
 pub(super) struct Lamps {
@@ -176,7 +176,7 @@ fn row(lamp: &LampData) -> Row {
     row
 }
 
-/// A lamp in the frame of the point that sees it: [`crate::reference::light::SeenLamp`].
+/// A lamp in the frame of the point that sees it: [`crate::scalar::light::SeenLamp`].
 struct Seen<S: Simd> {
     axes: [Vec3x<S>; 3],
     x: [Float<S>; 2],
@@ -397,8 +397,8 @@ mod tests {
 
     use super::super::lanes::LANES;
     use super::*;
-    use crate::reference::light::choose_lamp;
     use crate::sampling::uniforms;
+    use crate::scalar::light::choose_lamp;
     use crate::scene::{Environment, Lamp};
     use crate::{Camera, CompiledScene, Scene};
 

@@ -1,4 +1,4 @@
-//! The sheen of napped cloth, a lane each: the arithmetic of [`crate::reference::sheen`].
+//! The sheen of napped cloth, a lane each: the arithmetic of [`crate::scalar::sheen`].
 
 use fearless_simd::prelude::*;
 

@@ -1,4 +1,4 @@
-//! Lamps seen from inside a clear ball, a lane each: the arithmetic of [`crate::reference::window`].
+//! Lamps seen from inside a clear ball, a lane each: the arithmetic of [`crate::scalar::window`].
 
 use std::f32::consts::PI;
 
@@ -10,7 +10,7 @@ use super::lanes::{Float, Mask, Vec3x, Word};
 use super::light::LampSample;
 use super::surface::Rows;
 use crate::compiled::{MaterialData, SphereData};
-use crate::reference::window::STEPS;
+use crate::scalar::window::STEPS;
 
 /// One row of numbers per ball.
 pub(super) type WindowRow = [f32; 8];

@@ -10,10 +10,10 @@ use super::layout::scene_bytes;
 use super::{probe, shader};
 use crate::compiled::{Primitive, SphereData};
 use crate::fresnel::fresnel_dielectric;
-use crate::reference::bsdf::basis;
-use crate::reference::light::choose_lamp;
-use crate::reference::{Ray, intersect};
 use crate::sampling::{pcg4d, uniforms};
+use crate::scalar::bsdf::basis;
+use crate::scalar::light::choose_lamp;
+use crate::scalar::{Ray, intersect};
 use crate::{CompiledScene, ImageSize};
 
 /// A device, or none and a reason.

@@ -9,9 +9,9 @@ use crate::compiled::{
 use crate::gpu::features::{Features, Output, SceneMemory};
 use crate::gpu::layout::{SPHERE_SLACK, TREE_LEAF};
 use crate::paint;
-use crate::reference::light::{BELOW_1, SOLID_ANGLE_MIN};
-use crate::reference::window::STEPS;
 use crate::sampling::{BLOCK_CAMERA, SCRAMBLE};
+use crate::scalar::light::{BELOW_1, SOLID_ANGLE_MIN};
+use crate::scalar::window::STEPS;
 use crate::scene::validate::CUT_MARGIN_M;
 use crate::tree::{self, DEPTH_MAX, LEAF};
 

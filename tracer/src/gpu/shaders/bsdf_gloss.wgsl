@@ -1,5 +1,5 @@
 // Metals and clear bodies, smooth and rough, beside the layered materials: see
-// `reference::specular` for the sources. `clear` bodies let light pass; what fills them is in
+// `scalar::specular` for the sources. `clear` bodies let light pass; what fills them is in
 // medium.wgsl.
 
 struct Bsdf {

@@ -1,5 +1,5 @@
 // Boxes from which parts are taken away: a ray enters the box and leaves in turn each cut that it
-// finds itself in (see `reference::carved`).
+// finds itself in (see `scalar::carved`).
 
 struct Met {
     t: f32,
@@ -35,7 +35,7 @@ fn cut_holds(face: u32, p: vec3f) -> bool {
     }
 }
 
-// See `reference::carved`.
+// See `scalar::carved`.
 fn turned_holds(a: vec3f, b: vec3f, p: vec3f) -> bool {
     let q = p.xy - a.xy;
     let radius = fma(p.z, b.x, a.z - CUT_MARGIN_M);

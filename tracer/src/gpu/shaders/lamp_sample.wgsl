@@ -1,4 +1,4 @@
-// Drawing a lamp and a direction to it: `reference/light.rs`.
+// Drawing a lamp and a direction to it: `scalar/light.rs`.
 
 // A lamp in the frame of the point that sees it, in units of about its distance or size if
 // `LAMPS_SCALED`, else in metres.

@@ -1,4 +1,4 @@
-// Lamps seen from inside a clear ball, by ways that are bent at its boundary: `reference/window.rs`.
+// Lamps seen from inside a clear ball, by ways that are bent at its boundary: `scalar/window.rs`.
 
 // A ray from the inner point, in the plane of the axis (x) and the outer point, in radii.
 struct PlaneRay {

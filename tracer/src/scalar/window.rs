@@ -179,8 +179,8 @@ mod tests {
 
     use super::*;
     use crate::fresnel::fresnel_dielectric;
-    use crate::reference::medium::uniform_direction;
     use crate::sampling::uniforms;
+    use crate::scalar::medium::uniform_direction;
 
     const CASES: u32 = 20_000;
 
@@ -286,7 +286,7 @@ mod tests {
             let Some(passage) = Passage::new(&ball(), ior, from, to) else {
                 continue;
             };
-            let (t, b) = crate::reference::bsdf::basis(direction);
+            let (t, b) = crate::scalar::bsdf::basis(direction);
             let moved = [t, b].map(|side| {
                 let (place, outer, _) = leave(from, (direction + APART * side).normalize(), ior);
                 let outer = outer.expect("not near the angle of total reflection");
