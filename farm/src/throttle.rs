@@ -94,7 +94,7 @@ impl Throttled {
         let wall_secs = begun.elapsed().as_secs_f64();
         let alone_secs = match info.kind {
             DeviceKind::Gpu => wall_secs,
-            DeviceKind::Cpu | DeviceKind::Reference => {
+            DeviceKind::Cpu | DeviceKind::Scalar => {
                 used.elapsed().as_secs_f64() / f64::from(info.threads.max(1))
             }
         };

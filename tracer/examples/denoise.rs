@@ -14,7 +14,7 @@ use carom_tracer::gpu::AdapterChoice;
 use carom_tracer::metrics::{flip, rel_mse};
 use carom_tracer::tonemap::srgb8;
 use carom_tracer::{
-    CompiledScene, CpuTracer, GpuTracer, ImageSize, RadianceImage, Reference, RenderSettings,
+    CompiledScene, CpuTracer, GpuTracer, ImageSize, RadianceImage, RenderSettings, ScalarTracer,
     Scene, Tile, TileGrid, TraceJob, Tracer,
 };
 
@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let tracer: Box<dyn Tracer> = match arguments.next().as_deref() {
         None | Some("cpu") => Box::new(CpuTracer::with_threads(1)?),
         Some("gpu") => Box::new(GpuTracer::new(&AdapterChoice::Any)?),
-        Some("reference") => Box::new(Reference),
+        Some("scalar") => Box::new(ScalarTracer),
         Some(name) => return Err(format!("no back end is called {name}").into()),
     };
     let folder = arguments.next().map(PathBuf::from);

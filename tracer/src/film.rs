@@ -16,12 +16,12 @@ use crate::{
 ///
 /// ```
 /// use carom_tracer::film::{Film, trace_image};
-/// use carom_tracer::{CompiledScene, ImageSize, Reference, RenderSettings, Scene};
+/// use carom_tracer::{CompiledScene, ImageSize, ScalarTracer, RenderSettings, Scene};
 ///
 /// let pool = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/scenes/pool.json");
 /// let scene = CompiledScene::new(&Scene::load(pool)?)?;
 /// let size = ImageSize::new(32, 18);
-/// let film: Film = trace_image(&Reference, &scene, size, RenderSettings::default())?;
+/// let film: Film = trace_image(&ScalarTracer, &scene, size, RenderSettings::default())?;
 /// assert_eq!(film.dropped_samples(), 0);
 /// let mean = film.image().pixels[9 * 32 + 16];
 /// assert!(mean[1] > mean[0], "the cloth is green");

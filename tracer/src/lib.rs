@@ -36,7 +36,7 @@ pub use film::Film;
 pub use gpu::GpuTracer;
 pub use image_file::RadianceImage;
 pub use layers::{Layers, TileLayers};
-pub use scalar::Reference;
+pub use scalar::ScalarTracer;
 pub use scene::{
     Axis, Camera, Cut, CutForm, Environment, Lamp, Material, Medium, Object, ObjectPose, Paint,
     Scene, SceneUpdate, Shape, Sights, Stripe,

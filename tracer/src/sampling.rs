@@ -1,7 +1,7 @@
 //! Random numbers of a path: Owen-scrambled Sobol points, spread over samples and pixels at once.
 //!
 //! A number depends on (pixel, sample, block, seed) alone, so the picture does not depend on who
-//! traced which tile. The same integer arithmetic runs in the reference, in SIMD and in WGSL.
+//! traced which tile. The same integer arithmetic runs in the scalar tracer, in SIMD and in WGSL.
 //!
 //! A path takes its numbers in pairs, a *block* each. The pairs of a block are points of Sobol's
 //! two-dimensional sequence. Which one belongs to (pixel, sample) makes two promises at once, each

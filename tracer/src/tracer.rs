@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicBool;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{CompiledScene, Error, ImageSize, Reference, RenderSettings, Tile, TileLayers};
+use crate::{CompiledScene, Error, ImageSize, RenderSettings, ScalarTracer, Tile, TileLayers};
 
 /// A device that traces tiles. It keeps nothing between calls but caches, so that any number of
 /// threads may call it at once: a GPU has two frames in flight when two threads do.
@@ -26,7 +26,7 @@ pub trait Tracer: Send + Sync {
     ) -> Result<TraceStats, Error>;
 
     /// Finds what the camera rays of `job`'s samples meet first, and hands it over like
-    /// [`Tracer::trace`]. By default the reference does it, which is slow but right.
+    /// [`Tracer::trace`]. By default the scalar tracer does it, slowly.
     ///
     /// # Errors
     /// As those of [`Tracer::trace`].
@@ -36,7 +36,7 @@ pub trait Tracer: Send + Sync {
         job: &TraceJob<'_>,
         sink: &(dyn Fn(TileLayers) + Sync),
     ) -> Result<(), Error> {
-        Reference.layers(scene, job, sink)
+        ScalarTracer.layers(scene, job, sink)
     }
 }
 
@@ -122,8 +122,8 @@ pub enum DeviceKind {
     Cpu,
     /// Compute shaders.
     Gpu,
-    /// The f64 reference.
-    Reference,
+    /// The scalar tracer.
+    Scalar,
 }
 
 /// A device in words and numbers.

@@ -1,5 +1,5 @@
 //! What the CPU tracer promises beyond the laws of light: the same picture however it is cut,
-//! threaded or vectorised, and the reference's picture sample for sample.
+//! threaded or vectorised, and the scalar tracer's picture sample for sample.
 
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -9,7 +9,7 @@ use carom_tracer::compiled::Hierarchy;
 use carom_tracer::film::{Film, trace_image};
 use carom_tracer::metrics::rel_mse;
 use carom_tracer::{
-    Camera, CompiledScene, CpuTracer, Environment, Error, ImageSize, Reference, RenderSettings,
+    Camera, CompiledScene, CpuTracer, Environment, Error, ImageSize, RenderSettings, ScalarTracer,
     Scene, Tile, TileGrid, TraceJob, TraceStats, Tracer,
 };
 use glam::Vec3;
@@ -118,9 +118,9 @@ fn every_instruction_set_gives_the_same_picture() {
 }
 
 #[test]
-fn every_sample_agrees_with_the_reference() {
+fn every_sample_agrees_with_scalar() {
     let scene = pool();
-    let (expected, _) = picture(&Reference, &scene, settings(0, 1), &tiles(64));
+    let (expected, _) = picture(&ScalarTracer, &scene, settings(0, 1), &tiles(64));
     for level in CpuTracer::levels_available() {
         let tracer = CpuTracer::with_level(0, level).unwrap();
         let (pixels, stats) = picture(&tracer, &scene, settings(0, 1), &tiles(64));
@@ -150,11 +150,11 @@ fn a_sample_range_is_the_mean_of_its_parts() {
 
 /// What is shown while nothing moves: frames of other samples, added up.
 #[test]
-fn disjoint_ranges_of_samples_converge_to_the_reference() {
+fn disjoint_sample_ranges_converge_to_scalar() {
     let (scene, size) = (pool(), ImageSize::new(64, 36));
     let mut truth = settings(0, 256);
     truth.seed = 1; // noise of its own
-    let truth = trace_image(&Reference, &scene, size, truth)
+    let truth = trace_image(&ScalarTracer, &scene, size, truth)
         .unwrap()
         .image();
     let tracer = CpuTracer::new().unwrap();
@@ -172,7 +172,7 @@ fn disjoint_ranges_of_samples_converge_to_the_reference() {
         errors.push(rel_mse(&film.image(), &truth).unwrap());
     }
     assert_eq!(film.samples_min(), 64);
-    // The reference's own noise is a part of what is left.
+    // The scalar tracer's own noise is a part of what is left.
     assert!(errors[3] < 0.3 * errors[0], "{errors:?}");
     assert!(errors[15] < 0.12 * errors[0], "{errors:?}");
     assert!(

@@ -10,7 +10,7 @@ use std::sync::atomic::AtomicBool;
 use carom_tracer::film::{trace_image, trace_tiles};
 use carom_tracer::metrics::rel_mse;
 use carom_tracer::{
-    CompiledScene, CpuTracer, Film, ImageSize, Layers, RadianceImage, Reference, RenderSettings,
+    CompiledScene, CpuTracer, Film, ImageSize, Layers, RadianceImage, RenderSettings, ScalarTracer,
     Scene, Tile, TileGrid, TileRun, TraceJob, Tracer,
 };
 use tracers::tracers;
@@ -72,7 +72,7 @@ fn apart(a: &Layers, b: &Layers) -> f32 {
 #[test]
 fn layers_agree_between_all_tracers() {
     let scene = pool();
-    let truth = layers(&Reference, &scene, 3);
+    let truth = layers(&ScalarTracer, &scene, 3);
     let shines = |hit: &&Layers| hit.emission[0] > 0.1 && hit.albedo != [0.0; 3];
     assert!(truth.iter().any(|hit| shines(&hit)), "no lamp is reflected");
     for tracer in tracers() {
@@ -165,7 +165,7 @@ fn every_tracer_filters_alike() {
             let film = trace_image(tracer, &scene, size, denoised(samples));
             film.unwrap().image()
         };
-        let truth = picture(&Reference);
+        let truth = picture(&ScalarTracer);
         for tracer in tracers() {
             let image = picture(&**tracer);
             let far = |(a, b): &(&[f32; 3], &[f32; 3])| {

@@ -1,5 +1,5 @@
-//! Scenes and views at the edge of what numbers hold, on the reference, on every instruction set of
-//! the processor and on the GPU.
+//! Scenes and views at the edge of what numbers hold, on the scalar tracer, on every instruction set
+//! of the processor and on the GPU.
 //!
 //! | # | extreme | where |
 //! |---|---|---|
@@ -33,7 +33,7 @@ use carom_tracer::film::trace_image;
 use carom_tracer::metrics::mean;
 use carom_tracer::{
     Camera, CompiledScene, CpuTracer, Environment, ImageSize, Lamp, Material, Object,
-    RadianceImage, Reference, RenderSettings, Scene, Shape, Tracer,
+    RadianceImage, RenderSettings, ScalarTracer, Scene, Shape, Tracer,
 };
 use glam::{Quat, Vec3};
 use tracers::tracers;
@@ -165,7 +165,7 @@ fn balls_that_touch_overlap_or_coincide_shine_no_more_than_their_light() {
         scene.camera.fov_x_deg = 12.0;
         scene = with(scene, ball(center(0.0), 0.028_575));
         scene = with(scene, ball(center(distance), 0.028_575));
-        let truth = picture(&Reference, &scene, SIZE, 4);
+        let truth = picture(&ScalarTracer, &scene, SIZE, 4);
         each(|tracer, name| {
             let seen = picture(tracer, &scene, SIZE, 4);
             let in_range = |c: &f32| (0.0..=1.000_01).contains(c);
@@ -360,7 +360,7 @@ fn pictures_of_a_pixel_and_of_a_line_are_traced() {
         ImageSize::new(16_384, 1),
         ImageSize::new(1, 16_384),
     ] {
-        let truth = picture(&Reference, &scene, size, 1);
+        let truth = picture(&ScalarTracer, &scene, size, 1);
         each(|tracer, name| {
             let seen = picture(tracer, &scene, size, 1);
             assert_follows(&seen, &truth, size.pixels() / 200, name);
@@ -370,13 +370,13 @@ fn pictures_of_a_pixel_and_of_a_line_are_traced() {
 
 /// At 0.01° and 480 pixels an f32 direction has steps of a sixth of a pixel: outlines move by that.
 #[test]
-fn the_narrowest_and_the_widest_view_agree_with_the_reference() {
+fn extreme_fields_of_view_agree_with_scalar() {
     for (fov, off_max) in [(0.01f32, 24), (179.0, 8)] {
         let eye = Vec3::new(0.0, -3.0, 0.5);
         let mut scene = with(view(eye, Vec3::new(0.3, 0.0, 0.3), 1.0), floor());
         scene.camera.fov_x_deg = fov;
         scene = with(scene, ball(0.3 * Vec3::Z, 0.3));
-        let truth = picture(&Reference, &scene, SIZE, 2);
+        let truth = picture(&ScalarTracer, &scene, SIZE, 2);
         each(|tracer, name| {
             let seen = picture(tracer, &scene, SIZE, 2);
             assert_follows(&seen, &truth, off_max, &format!("{name} at {fov}°"));

@@ -1,4 +1,4 @@
-//! The GPU against the reference, and against itself however its work is cut.
+//! The GPU against the scalar tracer, and against itself however its work is cut.
 //!
 //! Any adapter will do, software Vulkan too (`mesa-vulkan-drivers`); without one the tests are
 //! skipped, unless `CAROM_REQUIRE_GPU` is set.
@@ -9,8 +9,8 @@ use std::thread;
 
 use carom_tracer::gpu::AdapterChoice;
 use carom_tracer::{
-    CompiledScene, CpuTracer, Error, GpuTracer, ImageSize, Object, ObjectPose, Reference,
-    RenderSettings, Scene, SceneUpdate, Shape, Tile, TileGrid, TraceJob, TraceStats, Tracer,
+    CompiledScene, CpuTracer, Error, GpuTracer, ImageSize, Object, ObjectPose, RenderSettings,
+    ScalarTracer, Scene, SceneUpdate, Shape, Tile, TileGrid, TraceJob, TraceStats, Tracer,
 };
 use glam::{Quat, Vec3};
 
@@ -145,16 +145,16 @@ fn mean(picture: &Picture) -> Vec3 {
 
 /// Ten thousand balls that touch. Mirrors among them magnify rounding: twice as many paths may turn.
 #[test]
-fn a_tree_of_balls_agrees_with_the_reference_sample_for_sample() {
+fn bvh_of_balls_agrees_with_scalar_per_sample() {
     let Some(gpu) = gpu() else { return };
     let (scene, size) = (compiled(&asset("pyramid.json")), ImageSize::new(48, 27));
     let picture = whole(gpu, &scene, size, settings(1));
-    let truth = whole(&Reference, &scene, size, settings(1));
+    let truth = whole(&ScalarTracer, &scene, size, settings(1));
     assert_agrees_but_for(0.02, &picture, &truth);
 }
 
 #[test]
-fn the_pool_table_agrees_with_the_reference_sample_for_sample() {
+fn pool_table_agrees_with_scalar_per_sample() {
     let Some(gpu) = gpu() else { return };
     let (scene, size) = (compiled(&pool()), ImageSize::new(96, 54));
     let first_sample = u32::MAX; // the index wraps
@@ -169,12 +169,12 @@ fn the_pool_table_agrees_with_the_reference_sample_for_sample() {
         },
     ] {
         let picture = whole(gpu, &scene, size, settings);
-        assert_agrees(&picture, &whole(&Reference, &scene, size, settings));
+        assert_agrees(&picture, &whole(&ScalarTracer, &scene, size, settings));
     }
 }
 
 #[test]
-fn the_longest_and_the_shortest_paths_agree_with_the_reference() {
+fn longest_and_shortest_paths_agree_with_scalar() {
     let Some(gpu) = gpu() else { return };
     let (scene, size) = (compiled(&pool()), ImageSize::new(48, 27));
     for scatterings_max in [0, 1, RenderSettings::SCATTERINGS_MAX] {
@@ -183,7 +183,7 @@ fn the_longest_and_the_shortest_paths_agree_with_the_reference() {
             ..settings(2)
         };
         let picture = whole(gpu, &scene, size, settings);
-        assert_agrees(&picture, &whole(&Reference, &scene, size, settings));
+        assert_agrees(&picture, &whole(&ScalarTracer, &scene, size, settings));
     }
 }
 
@@ -239,7 +239,7 @@ fn light_of_long_loops_is_all_there_or_refused() {
 }
 
 #[test]
-fn posed_and_hidden_balls_agree_with_the_reference() {
+fn posed_and_hidden_balls_agree_with_scalar() {
     let Some(gpu) = gpu() else { return };
     let (mut scene, size) = (compiled(&pool()), ImageSize::new(64, 36));
     let is_ball = |shape: &Shape| matches!(shape, Shape::Sphere { .. });
@@ -261,11 +261,11 @@ fn posed_and_hidden_balls_agree_with_the_reference() {
     };
     scene.apply(&update).unwrap();
     let picture = whole(gpu, &scene, size, settings(2));
-    assert_agrees(&picture, &whole(&Reference, &scene, size, settings(2)));
+    assert_agrees(&picture, &whole(&ScalarTracer, &scene, size, settings(2)));
 }
 
 #[test]
-fn every_subset_of_a_scene_agrees_with_the_reference() {
+fn every_subset_of_a_scene_agrees_with_scalar() {
     let Some(gpu) = gpu() else { return };
     let size = ImageSize::new(32, 18);
     for left_out in 0..6 {
@@ -282,13 +282,13 @@ fn every_subset_of_a_scene_agrees_with_the_reference() {
         }
         let scene = compiled(&scene);
         let picture = whole(gpu, &scene, size, settings(1));
-        let truth = whole(&Reference, &scene, size, settings(1));
+        let truth = whole(&ScalarTracer, &scene, size, settings(1));
         assert_agrees(&picture, &truth);
     }
 }
 
 #[test]
-fn a_scene_too_large_for_uniform_memory_agrees_with_the_reference() {
+fn scene_beyond_uniform_memory_agrees_with_scalar() {
     let Some(gpu) = gpu() else { return };
     let mut scene = pool();
     let ball = scene
@@ -310,7 +310,7 @@ fn a_scene_too_large_for_uniform_memory_agrees_with_the_reference() {
     }
     let (scene, size) = (compiled(&scene), ImageSize::new(24, 16));
     let picture = whole(gpu, &scene, size, settings(1));
-    assert_agrees(&picture, &whole(&Reference, &scene, size, settings(1)));
+    assert_agrees(&picture, &whole(&ScalarTracer, &scene, size, settings(1)));
 }
 
 #[test]
@@ -470,7 +470,7 @@ fn samples_that_are_not_finite_are_counted_and_black() {
             settings: settings(4),
             cancelled: &AtomicBool::new(false),
         };
-        let tiles = [gpu as &dyn Tracer, &Reference].map(|tracer| {
+        let tiles = [gpu as &dyn Tracer, &ScalarTracer].map(|tracer| {
             let tile = Mutex::new(None);
             let keep = |done| *tile.lock().unwrap() = Some(done);
             tracer.trace(&scene, &job, &keep).unwrap();
@@ -530,7 +530,7 @@ fn a_material_that_does_not_exist_is_refused() {
 }
 
 #[test]
-fn balls_far_from_the_origin_agree_with_the_reference() {
+fn balls_far_from_the_origin_agree_with_scalar() {
     let Some(gpu) = gpu() else { return };
     let (mut scene, size) = (pool(), ImageSize::new(48, 27));
     // Multiples of 1/64 m: the spacing of f32 there, so that all coordinates stay exact.
@@ -552,5 +552,5 @@ fn balls_far_from_the_origin_agree_with_the_reference() {
     }
     let scene = compiled(&scene);
     let picture = whole(gpu, &scene, size, settings(1));
-    assert_agrees(&picture, &whole(&Reference, &scene, size, settings(1)));
+    assert_agrees(&picture, &whole(&ScalarTracer, &scene, size, settings(1)));
 }

@@ -11,7 +11,7 @@ use carom_tracer::film::{Film, trace_image, trace_tiles};
 use carom_tracer::metrics::mean;
 use carom_tracer::{
     Camera, CompiledScene, Environment, ImageSize, Lamp, Material, Object, ObjectPose,
-    RadianceImage, Reference, RenderSettings, Scene, SceneUpdate, Shape, Stripe, Tile, TileGrid,
+    RadianceImage, RenderSettings, ScalarTracer, Scene, SceneUpdate, Shape, Stripe, Tile, TileGrid,
     TileRadiance, TraceJob, Tracer,
 };
 use glam::{Quat, Vec3};
@@ -418,9 +418,9 @@ fn cut(pixels: &[[f32; 3]], tile: Tile) -> Vec<[f32; 3]> {
 /// The same random numbers lead through the same paths: pixels differ by rounding, but for the few
 /// whose path rounding sends past the other side of an outline.
 #[test]
-fn each_tracer_follows_the_reference_sample_by_sample() {
+fn each_tracer_agrees_with_scalar_per_sample() {
     let scene = still_life();
-    let expected = image(&Reference, &scene, settings(4));
+    let expected = image(&ScalarTracer, &scene, settings(4));
     let is_off = |a: &[f32; 3], b: &[f32; 3]| {
         let channels = a.iter().zip(b);
         channels

@@ -11,7 +11,7 @@ use carom_tracer::sampling::uniforms;
 use carom_tracer::scalar::{Ray, intersect};
 use carom_tracer::{
     Axis, Camera, CompiledScene, Cut, CutForm, Environment, ImageSize, Lamp, Material, Medium,
-    Object, Paint, RadianceImage, Reference, RenderSettings, Scene, Shape, Sights, Stripe, Tile,
+    Object, Paint, RadianceImage, RenderSettings, ScalarTracer, Scene, Shape, Sights, Stripe, Tile,
     Tracer,
 };
 use glam::{Quat, Vec3};
@@ -305,10 +305,10 @@ fn a_clear_box_vanishes_in_uniform_light() {
     }
 }
 
-/// With the same random numbers the fast tracers follow the reference's paths until a rounding
+/// With the same random numbers the fast tracers follow the scalar tracer's paths until a rounding
 /// turns one: lenses and long walks magnify it, so that more pixels differ than on a pool table.
 #[test]
-fn every_tracer_follows_the_reference_s_paths() {
+fn every_tracer_follows_scalar_paths() {
     let scene = Scene::load(repository("assets/scenes/materials.json")).unwrap();
     let scene = CompiledScene::new(&scene).unwrap();
     let settings = RenderSettings {
@@ -319,7 +319,7 @@ fn every_tracer_follows_the_reference_s_paths() {
     let size = ImageSize::new(96, 54);
     let picture =
         |tracer: &dyn Tracer| trace_image(tracer, &scene, size, settings).unwrap().image();
-    let expected = picture(&Reference);
+    let expected = picture(&ScalarTracer);
     for tracer in tracers() {
         let pixels = picture(tracer.as_ref()).pixels;
         let pairs = pixels.iter().zip(&expected.pixels);
@@ -488,13 +488,13 @@ fn painted_still_life() -> Scene {
 }
 
 #[test]
-fn carved_and_painted_things_agree_with_the_reference_sample_for_sample() {
+fn csg_and_paint_agree_with_scalar_per_sample() {
     let scene = CompiledScene::new(&painted_still_life()).unwrap();
     let settings = RenderSettings::default();
     let size = ImageSize::new(160, 90);
     let picture =
         |tracer: &dyn Tracer| trace_image(tracer, &scene, size, settings).unwrap().image();
-    let expected = picture(&Reference);
+    let expected = picture(&ScalarTracer);
     for tracer in tracers() {
         let image = picture(tracer.as_ref());
         let pairs = image.pixels.iter().zip(&expected.pixels);

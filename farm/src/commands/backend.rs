@@ -9,7 +9,7 @@ use carom_farm::local;
 use carom_tracer::cpu::CpuTracer;
 use carom_tracer::gpu::{AdapterChoice, GpuTracer};
 use carom_tracer::{
-    CompiledScene, DeviceKind, ImageSize, Reference, RenderSettings, Tile, TileGrid, TraceJob,
+    CompiledScene, DeviceKind, ImageSize, RenderSettings, ScalarTracer, Tile, TileGrid, TraceJob,
     Tracer,
 };
 use clap::ValueEnum;
@@ -26,19 +26,19 @@ pub(crate) enum Backend {
     Gpu,
     /// Both at once, as a node uses them.
     Hybrid,
-    /// The f64 reference: slow.
-    Reference,
+    /// One sample at a time in f64: slow.
+    Scalar,
 }
 
 impl Backend {
-    const ALL: [Self; 4] = [Self::Cpu, Self::Gpu, Self::Hybrid, Self::Reference];
+    const ALL: [Self; 4] = [Self::Cpu, Self::Gpu, Self::Hybrid, Self::Scalar];
 
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Cpu => "cpu",
             Self::Gpu => "gpu",
             Self::Hybrid => "hybrid",
-            Self::Reference => "reference",
+            Self::Scalar => "scalar",
         }
     }
 
@@ -51,7 +51,7 @@ impl Backend {
                 let devices = vec![Self::Gpu.open(threads)?, Self::Cpu.open(threads)?];
                 Arc::new(Hybrid::new(devices, Vec::new()))
             }
-            Self::Reference => Arc::new(Reference),
+            Self::Scalar => Arc::new(ScalarTracer),
         })
     }
 }

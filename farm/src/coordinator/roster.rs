@@ -426,7 +426,7 @@ impl Node {
 fn silence_margin_secs(kind: DeviceKind) -> f64 {
     match kind {
         DeviceKind::Gpu => 0.03,
-        DeviceKind::Cpu | DeviceKind::Reference => 0.25,
+        DeviceKind::Cpu | DeviceKind::Scalar => 0.25,
     }
 }
 

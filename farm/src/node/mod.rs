@@ -40,7 +40,7 @@ impl Node {
     pub fn new(name: impl Into<String>, tracer: Arc<dyn Tracer>) -> Arc<Self> {
         let workers = match tracer.info().kind {
             DeviceKind::Gpu => 2,
-            DeviceKind::Cpu | DeviceKind::Reference => 1,
+            DeviceKind::Cpu | DeviceKind::Scalar => 1,
         };
         let queue = Arc::new(Queue::new());
         for _ in 0..workers {

@@ -30,7 +30,7 @@ pub(crate) fn info() -> NodeInfo {
     NodeInfo {
         name: "oak".into(),
         device: DeviceInfo {
-            kind: DeviceKind::Reference,
+            kind: DeviceKind::Scalar,
             name: "test".into(),
             width: 1,
             threads: 1,

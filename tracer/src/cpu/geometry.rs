@@ -411,7 +411,7 @@ mod tests {
         (Vec3::new(r * cos, r * sin, z).normalize(), c, d)
     }
 
-    /// Traces rays through all lanes of `level`; compares with the f64 reference and returns how
+    /// Traces rays through all lanes of `level`; compares with the f64 scalar tracer and returns how
     /// many disagree on what is hit, how many hit, and the worst error of the distance: relative
     /// beyond 1 m, in metres before.
     fn compare(level: Level, scene: &CompiledScene, rays: &[(Vec3, Vec3)]) -> (usize, usize, f64) {
@@ -455,7 +455,7 @@ mod tests {
     }
 
     #[test]
-    fn every_shape_is_met_where_the_reference_meets_it() {
+    fn shapes_are_hit_where_scalar_rays_hit() {
         let shapes = [
             sphere(Vec3::new(0.3, -0.2, 0.1), 0.4),
             Shape::Box {

@@ -163,7 +163,7 @@ impl<S: Simd> Gloss<S> {
         (Vec3x::select(valid, f_cos, black), valid.select(pdf, zero))
     }
 
-    /// Draws a direction as the reference does; the lanes whose ray goes on inside are set in
+    /// Draws a direction as the scalar tracer does; the lanes whose ray goes on inside are set in
     /// `inside`.
     #[inline(always)]
     pub(super) fn sample(

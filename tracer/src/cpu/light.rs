@@ -457,7 +457,7 @@ mod tests {
     }
 
     #[test]
-    fn lanes_draw_the_reference_s_lamps_and_directions() {
+    fn lanes_sample_lights_as_scalar() {
         let (data, lamps) = (lamps(), Lamps::new(&lamps()));
         let mut differing = 0;
         for packet in 0..1024 {

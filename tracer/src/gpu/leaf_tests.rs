@@ -175,7 +175,7 @@ fn pairs_and_their_blocks_are_those_of_the_processor_bit_for_bit() {
 }
 
 #[test]
-fn lamps_and_directions_to_them_are_the_reference_s() {
+fn light_samples_are_those_of_scalar() {
     const COUNT: usize = 8192;
     let scene = probe_scene();
     let point = |i: usize| DVec3::from_slice(&random(i)) * 4.0 - DVec3::new(2.0, 2.0, 1.9);
@@ -242,7 +242,7 @@ fn infinities_and_nan_are_told_from_numbers() {
 }
 
 #[test]
-fn directions_are_cosine_weighted_as_the_reference_s() {
+fn cosine_samples_are_those_of_scalar() {
     const COUNT: usize = 8192;
     let normal = |i: usize| {
         let [a, b, ..] = random(i + COUNT);
@@ -289,7 +289,7 @@ fn directions_are_cosine_weighted_as_the_reference_s() {
 }
 
 #[test]
-fn fresnel_reflectance_is_that_of_the_reference() {
+fn fresnel_reflectance_is_that_of_scalar() {
     const COUNT: usize = 4096;
     let index = |i: usize| [1.0, 1.000_001, 1.33, 1.5, 2.4, 1000.0][i % 6];
     let cos = |i: usize| [0.0, 1.0, 1e-6, random(i)[0], random(i)[1]][i % 5] as f32;
@@ -332,7 +332,7 @@ fn rays(count: usize) -> Vec<[f32; 6]> {
 }
 
 #[test]
-fn rays_meet_what_the_reference_s_rays_meet() {
+fn rays_hit_what_scalar_rays_hit() {
     // One lamp lower than the other, before its face; far from the origin for its size.
     let mut lamps = probe::scene();
     lamps.lamps[1].center.z = 1.9;

@@ -427,11 +427,11 @@ mod tests {
 
     #[test]
     fn a_tracer_that_is_wrong_does_not_pass_the_probe() {
-        /// The reference with other random numbers: right on average, wrong sample for sample.
+        /// The scalar tracer with other random numbers: right on average, wrong sample for sample.
         struct Wrong;
         impl Tracer for Wrong {
             fn info(&self) -> DeviceInfo {
-                crate::Reference.info()
+                crate::ScalarTracer.info()
             }
             fn trace(
                 &self,
@@ -441,10 +441,10 @@ mod tests {
             ) -> Result<TraceStats, Error> {
                 let mut job = *job;
                 job.settings.seed += 1;
-                crate::Reference.trace(scene, &job, sink)
+                crate::ScalarTracer.trace(scene, &job, sink)
             }
         }
-        probe::prove(&crate::Reference).unwrap();
+        probe::prove(&crate::ScalarTracer).unwrap();
         let error = probe::prove(&Wrong).unwrap_err().to_string();
         assert!(error.contains("start-up probe"), "{error}");
     }

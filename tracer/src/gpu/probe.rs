@@ -1,4 +1,4 @@
-//! The start-up probe: a GPU that does not trace a small scene as the reference does is not used.
+//! The start-up probe: a GPU that does not trace a small scene as the scalar tracer does is not used.
 //!
 //! Drivers compile, fuse and round as they like, and now and then wrongly. Of two scenes the first is
 //! of plain balls and boxes under lamps; the second has what most pictures lack: carved wood, a
@@ -12,10 +12,11 @@ use glam::{Quat, Vec3};
 
 use crate::{
     Axis, Camera, CompiledScene, Cut, CutForm, Environment, Error, ImageSize, Lamp, Material,
-    Medium, Object, Paint, Reference, RenderSettings, Scene, Shape, Stripe, Tile, TraceJob, Tracer,
+    Medium, Object, Paint, RenderSettings, ScalarTracer, Scene, Shape, Stripe, Tile, TraceJob,
+    Tracer,
 };
 
-/// 32 × 24 pixels of 4 samples: 10 ms of the reference.
+/// 32 × 24 pixels of 4 samples: 10 ms of the scalar tracer.
 const SIZE: ImageSize = ImageSize::new(32, 24);
 const SETTINGS: RenderSettings = RenderSettings {
     samples: 4,
@@ -29,7 +30,7 @@ const SETTINGS: RenderSettings = RenderSettings {
 const ERROR_MAX: f32 = 1e-3;
 const PIXELS_OFF_MAX: usize = SIZE.pixels() / 50;
 
-/// Compares `tracer` with the reference.
+/// Compares `tracer` with the scalar tracer.
 ///
 /// # Errors
 /// [`Error::Device`] if it fails or too many pixels differ.
@@ -41,7 +42,7 @@ pub(crate) fn prove(tracer: &dyn Tracer) -> Result<(), Error> {
 fn prove_with(tracer: &dyn Tracer, scene: &Scene) -> Result<(), Error> {
     let scene = CompiledScene::new(scene)?;
     let picture = trace(tracer, &scene)?;
-    let truth = trace(&Reference, &scene)?;
+    let truth = trace(&ScalarTracer, &scene)?;
     let off = (picture.iter().zip(&truth)).filter(|(a, b)| is_off(**a, **b));
     let off = off.count();
     if picture.len() == truth.len() && off <= PIXELS_OFF_MAX {

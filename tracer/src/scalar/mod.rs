@@ -1,5 +1,4 @@
-//! The reference path tracer: f64, scalar, short. It is the truth that the fast ones are tested
-//! against.
+//! The scalar path tracer: f64, one sample at a time, with the random numbers of the fast tracers.
 //!
 //! # Estimator
 //! The fast tracers follow it sample for sample, to the rounding of f32. With `k` counting
@@ -82,13 +81,13 @@ use window::Passage;
 
 /// The f64 path tracer of this module, over rayon's threads.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Reference;
+pub struct ScalarTracer;
 
-impl Tracer for Reference {
+impl Tracer for ScalarTracer {
     fn info(&self) -> DeviceInfo {
         DeviceInfo {
-            kind: DeviceKind::Reference,
-            name: "f64 reference".to_owned(),
+            kind: DeviceKind::Scalar,
+            name: "f64 scalar".to_owned(),
             width: 1,
             threads: rayon::current_num_threads() as u32,
         }
@@ -132,7 +131,7 @@ impl Tracer for Reference {
     }
 }
 
-impl NoisyTracer for Reference {
+impl NoisyTracer for ScalarTracer {
     fn trace_noisy(
         &self,
         scene: &CompiledScene,

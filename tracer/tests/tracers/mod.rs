@@ -3,11 +3,11 @@
 use std::sync::LazyLock;
 
 use carom_tracer::gpu::{AdapterChoice, GpuTracer, adapters};
-use carom_tracer::{CpuTracer, Reference, Tracer};
+use carom_tracer::{CpuTracer, ScalarTracer, Tracer};
 
 static TRACERS: LazyLock<Vec<Box<dyn Tracer>>> = LazyLock::new(|| {
     let mut tracers: Vec<Box<dyn Tracer>> =
-        vec![Box::new(Reference), Box::new(CpuTracer::new().unwrap())];
+        vec![Box::new(ScalarTracer), Box::new(CpuTracer::new().unwrap())];
     tracers.extend(gpu());
     tracers
 });

@@ -23,7 +23,7 @@ use crate::commands::inputs;
 /// A pixel sample is one path of at most 5 scatterings; `primary` are camera rays alone. Core-seconds
 /// are CPU time of this process, so that other programs on the machine do not count. The back ends
 /// take turns, and the best of the repetitions is shown. The scalar thread that others are compared
-/// with is the f64 reference's.
+/// with is the scalar tracer's.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Print JSON.
@@ -35,7 +35,7 @@ pub(crate) struct Args {
     /// Pixels.
     #[arg(long, default_value = "1280x720")]
     size: ImageSize,
-    /// Samples per pixel of one repetition [default: 4; 1 for the reference].
+    /// Samples per pixel of one repetition [default: 4; 1 for the scalar tracer].
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     spp: Option<u32>,
     /// Repetitions after one that warms up.
@@ -176,7 +176,7 @@ fn warm_up(opened: &Opened, scene: &CompiledScene, args: &Args) -> Result<(), ca
     let measured = args.spp.unwrap_or(samples_default(opened.backend));
     let (jobs, samples) = match opened.backend {
         Backend::Hybrid => (Hybrid::JOBS_UNTIL_SETTLED, measured),
-        Backend::Cpu | Backend::Gpu | Backend::Reference => (1, 1),
+        Backend::Cpu | Backend::Gpu | Backend::Scalar => (1, 1),
     };
     for settings in [settings(samples), camera_rays(samples)] {
         for _ in 0..jobs {
@@ -254,7 +254,7 @@ fn hybrid_over_best(
 }
 
 fn gpu_over_scalar(rows: &[Row]) -> Option<f64> {
-    let scalar = rate(rows, Backend::Reference)?.msamples_per_core_second;
+    let scalar = rate(rows, Backend::Scalar)?.msamples_per_core_second;
     Some(rate(rows, Backend::Gpu)?.msamples_per_second / scalar)
 }
 
@@ -263,7 +263,7 @@ fn samples_default(backend: Backend) -> u32 {
     match backend {
         Backend::Cpu => 4,
         Backend::Gpu | Backend::Hybrid => 16,
-        Backend::Reference => 1,
+        Backend::Scalar => 1,
     }
 }
 

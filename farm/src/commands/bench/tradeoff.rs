@@ -96,8 +96,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         rows: Vec::new(),
     };
     for opened in backend::open_all(args.backend, 0)? {
-        // The f64 reference is slower than both and no better.
-        if opened.backend == Backend::Reference && args.backend.is_none() {
+        // The scalar tracer is slower than both and no better.
+        if opened.backend == Backend::Scalar && args.backend.is_none() {
             continue;
         }
         let rows = sweep(&opened, &scene, &reference, args.repetitions);
