@@ -11,8 +11,8 @@
 use std::error::Error;
 use std::sync::atomic::AtomicBool;
 
-use carom::ball_set::BallSet;
-use carom::stage::Stage;
+use carom::scene::ball_materials::BallSet;
+use carom::scene::table_scene::Stage;
 use carom_tracer::film::trace_image;
 use carom_tracer::{
     Camera, CompiledScene, CpuTracer, ImageSize, RenderSettings, Scene, Tile, TraceJob, Tracer,

@@ -6,14 +6,14 @@ use carom_farm::{Balancing, FarmConfig, LocalNode};
 use carom_tracer::{ImageSize, RenderSettings};
 use clap::{Parser, Subcommand, ValueEnum as _};
 
-use crate::ball_set::BallSet;
 use crate::bench::{self, Bench};
+use crate::capture::video::{Target, View};
 use crate::contest::{Match, MatchArgs, Player, Setup};
 use crate::display::Present;
 use crate::rules::RuleSet;
+use crate::scene::ball_materials::BallSet;
+use crate::scene::table_scene::Stage;
 use crate::sim::{Engine, Recording, Table};
-use crate::stage::Stage;
-use crate::video::{Target, View};
 
 /// Pool, path-traced in real time by a farm of any mix of GPUs and CPUs.
 ///

@@ -3,8 +3,9 @@
 use std::process::ExitCode;
 
 use carom::args::{Args, Command};
+use carom::capture::headless;
 use carom::display::Present;
-use carom::{app, headless, sound};
+use carom::{app, audio};
 use carom_farm::FarmConfig;
 use clap::Parser as _;
 use mimalloc::MiMalloc;
@@ -25,7 +26,7 @@ fn main() -> ExitCode {
         Some(Command::Bench(bench)) => return finish(bench.run(), 1),
         Some(Command::Match(games)) => return finish(games.run(), 1),
         Some(Command::Sound { out, replay, speed }) => {
-            return finish(sound::write_shot(out, replay.as_deref(), *speed), 1);
+            return finish(audio::write_shot(out, replay.as_deref(), *speed), 1);
         }
         None => {}
     }

@@ -10,9 +10,9 @@ use egui::{Context, LayerId, Pos2, RawInput, Rect, Vec2};
 use serde::Serialize;
 
 use super::cpu::{median, ms_since};
-use crate::quality::{Dial, LADDER};
+use crate::frame::quality::{Dial, LADDER};
+use crate::ui::stats::frame_record::Seen;
 use crate::ui::stats::maps::{Kind, Maps};
-use crate::ui::stats::record::Seen;
 use crate::ui::stats::{Facts, Level, Stats, gantt};
 use crate::ui::theme;
 

@@ -9,10 +9,10 @@ use carom_tracer::tonemap::srgb8;
 use carom_tracer::{CompiledScene, CpuTracer, ImageSize, RadianceImage, RenderSettings, Scene};
 use clap::Args;
 
-use crate::director::EXPOSURE;
 use crate::display::Picture;
 use crate::display::software::scale_linear;
-use crate::quality::{LADDER, Level};
+use crate::frame::quality::{LADDER, Level};
+use crate::frame::scheduler::EXPOSURE;
 
 /// Each stop is traced as a share of the reference's size, stretched over it as the window does, and
 /// compared by FLIP.

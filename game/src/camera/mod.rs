@@ -5,15 +5,15 @@
 //!        ▲ Chase (a ball on its way)
 //! ```
 
-mod chase;
+mod follow_camera;
 mod projection;
+mod view_selection;
 mod viewpoint;
-mod views;
 
-pub use chase::Chase;
+pub use follow_camera::Chase;
 pub use projection::Projection;
+pub use view_selection::{SAVED_MAX, Sight, View, Views};
 pub use viewpoint::{Dolly, EYE_Z_M_MAX, EYE_Z_M_MIN, FOV_X_DEG, Orbit, Viewpoint};
-pub use views::{SAVED_MAX, Sight, View, Views};
 
 /// An angle's equal in (−π, π].
 pub fn wrap_rad(angle_rad: f64) -> f64 {

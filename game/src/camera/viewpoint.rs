@@ -6,7 +6,7 @@ use carom_tracer::Camera;
 use glam::{DVec3, Vec3};
 
 use super::wrap_rad;
-use crate::room;
+use crate::scene::room;
 use crate::sim::{Pocket, Table};
 
 /// Full horizontal field of view of most views, in degrees.

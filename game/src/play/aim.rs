@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 
-use super::reach::Reach;
+use super::cue_clearance::Reach;
 use crate::camera::wrap_rad;
 use crate::sim::Stroke;
 

@@ -7,17 +7,18 @@
 //! ```
 //! Knows neither window nor farm; time is an argument.
 
+mod active_shot;
+mod ai_turn;
 mod aim;
+mod ball_in_hand;
 mod cue;
-mod foresight;
-mod hand;
-mod mind;
-mod placing;
-mod reach;
-mod running;
-mod seat;
+mod cue_clearance;
+pub mod practice;
+mod shot_preview;
+mod stroke_input;
 #[cfg(test)]
 mod tests;
+mod turn_control;
 
 use std::cell::OnceCell;
 use std::rc::Rc;
@@ -29,18 +30,18 @@ use crate::camera::{Dolly, Projection, Sight, View, Viewpoint, Views, wrap_rad};
 use crate::contest::{self, Match, Player, Setup};
 use crate::input::Intent;
 use crate::rules::{Call, RuleSet};
+use crate::scene::table_scene::Stage;
 use crate::sim::{self, AimContact, BallPose, BallState, Pocket, Shot, Stroke, Table, World};
-use crate::stage::Stage;
 
+use active_shot::Running;
+use ai_turn::{Mind, Planned};
 pub use aim::{Aim, CUE_SPEED_M_S_MAX, cue_speed_m_s, power_of_speed};
+pub use ball_in_hand::Placing;
 use cue::SWING_SECS;
 pub use cue::{CUE_LENGTH_M, CueView, cue_radius_m};
-pub use foresight::{Aids, Foresight, Way};
-use hand::{Hand, Swing};
-use mind::{Mind, Planned};
-pub use placing::Placing;
-use reach::Reach;
-use running::Running;
+use cue_clearance::Reach;
+pub use shot_preview::{Aids, Foresight, Way};
+use stroke_input::{Hand, Swing};
 
 /// A match, and how it is looked at.
 #[derive(Debug)]
@@ -488,8 +489,8 @@ impl Game {
             cue,
             from: self.dolly.viewpoint(),
             glide_secs: match self.views.view() {
-                View::Shooter => running::RISE_SECS,
-                _ => running::ARRIVE_SECS,
+                View::Shooter => active_shot::RISE_SECS,
+                _ => active_shot::ARRIVE_SECS,
             },
             bearing_rad: stroke.direction_rad,
             pocket,

@@ -72,7 +72,7 @@ fn a_stroke_that_is_given_up_leaves_the_table_alone() {
     ] {
         game.apply(intent, 1.0, 0.2, FILM);
     }
-    strike(&mut game, 0.5 * super::hand::PULL_MIN, 1.0);
+    strike(&mut game, 0.5 * super::stroke_input::PULL_MIN, 1.0);
     assert_eq!(game.shot_clock(1.0), None);
 }
 

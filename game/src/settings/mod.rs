@@ -17,11 +17,11 @@ mod store;
 pub use field::{FIELDS, Field};
 pub use store::Store;
 
-use crate::ball_set::BallSet;
 use crate::camera::{SAVED_MAX, Viewpoint};
+use crate::frame::quality::Dial;
 use crate::input::Bindings;
 use crate::play::Aids;
-use crate::quality::Dial;
+use crate::scene::ball_materials::BallSet;
 use crate::sim::Engine;
 
 /// All settings.

@@ -250,9 +250,9 @@ const BYTES_MAX: u64 = 1 << 20;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ball_set::BallSet;
     use crate::camera::Viewpoint;
     use crate::input::{Mode, Trigger};
+    use crate::scene::ball_materials::BallSet;
 
     /// Of numbers that have few digits in the file.
     fn a_view() -> Viewpoint {
@@ -310,7 +310,7 @@ mod tests {
             aim_aids: crate::play::Aids::Full,
             ball_set: BallSet::Jade,
             physics: "rapier-240".parse().unwrap(),
-            quality: crate::quality::Dial::Fine,
+            quality: crate::frame::quality::Dial::Fine,
             volume: 0.0,
             views: [Some(a_view()), None, None, Some(a_view())],
             bindings,

@@ -2,19 +2,19 @@
 //! statistics.
 
 pub mod aim;
-pub mod board;
 pub mod cue_panel;
 pub mod help;
+pub mod input_batches;
 mod keys;
+pub mod match_hud;
 pub mod menu;
 pub mod new_game;
-pub mod notes;
-pub mod passes;
 pub mod practice;
 mod preferences;
 pub mod replay;
 pub mod stats;
 pub mod theme;
+pub mod toasts;
 
 use egui::{Align2, CornerRadius, FontId, Painter, Pos2, Rect, Vec2};
 

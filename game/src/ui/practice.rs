@@ -5,10 +5,10 @@ use glam::{DVec2, DVec3};
 
 use super::aim::Sketch;
 use super::{replay, theme};
-use crate::booth::Order;
+use crate::app::screen_mode::Order;
 use crate::camera::Projection;
-use crate::practice::Practice;
-use crate::replay::{Kept, Kind};
+use crate::capture::{Kept, Kind};
+use crate::play::practice::Practice;
 
 /// Draws the page in a part of the window; what the player wants.
 pub fn panel(ctx: &Context, room: Rect, practice: &Practice, kept: &[Kept]) -> Option<Order> {

@@ -5,9 +5,10 @@ use egui::{
 };
 
 use super::theme;
-use crate::booth::Order;
+use crate::app::screen_mode::Order;
+use crate::capture::replay::Viewing;
+use crate::capture::{Kept, Kind};
 use crate::input::{Action, Bindings, Watch};
-use crate::replay::{Kept, Kind, Viewing};
 
 /// Draws the page in a part of the window; what the player wants with the pointer.
 pub fn panel(

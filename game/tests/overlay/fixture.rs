@@ -1,8 +1,8 @@
 //! A farm of five nodes that never was: three hundred pictures, first divided in equal parts, then by
 //! the nodes' speeds; the last node is lost.
 
-use carom::quality::{Dial, LADDER};
-use carom::ui::stats::record::Seen;
+use carom::frame::quality::{Dial, LADDER};
+use carom::ui::stats::frame_record::Seen;
 use carom::ui::stats::{Facts, Level, Stats};
 use carom_farm::{
     Algorithm, Balancing, Delivery, Distribution, FrameStats, LatencySplit, NodeIndex, NodeInfo,

@@ -8,7 +8,7 @@ mod pictures;
 
 use std::collections::BTreeSet;
 
-use carom::quality::Dial;
+use carom::frame::quality::Dial;
 use carom::ui::stats::{Level, Stats, Wish};
 use carom::ui::theme;
 use carom_farm::{Algorithm, Distribution};

@@ -78,7 +78,10 @@ fn settings_are_changed_by_pressing_them() {
     }
     let settings = harness.state().desk.settings();
     assert!(settings.reduced_motion && settings.text_scale == 1.25);
-    assert_eq!(settings.ball_set, carom::ball_set::BallSet::Glass);
+    assert_eq!(
+        settings.ball_set,
+        carom::scene::ball_materials::BallSet::Glass
+    );
     click(&mut harness, "Back to the defaults");
     assert_eq!(harness.state().desk.settings().text_scale, 1.0);
 }

@@ -2,17 +2,17 @@
 
 use std::path::PathBuf;
 
-use carom::ball_set::BallSet;
+use carom::app::app_shell::Desk;
+use carom::app::session::Session;
+use carom::audio::Speaker;
 use carom::camera::Viewpoint;
 use carom::contest::{Match, Player, Setup};
-use carom::desk::Desk;
 use carom::input::{Event, Key};
 use carom::play::{Outcome, free_table};
 use carom::rules::RuleSet;
-use carom::session::Session;
+use carom::scene::ball_materials::BallSet;
+use carom::scene::table_scene::Stage;
 use carom::settings::Store;
-use carom::sound::Speaker;
-use carom::stage::Stage;
 use carom::ui::theme;
 use carom_farm::{FarmConfig, LocalNode};
 use carom_tracer::ImageSize;

@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use egui::{Align2, Color32, FontId, Pos2, Rect, Response, Sense, Shape, Stroke, Ui, Vec2};
 
-use super::figure::{explained, marked, ms};
+use super::frame_record::Record;
 use super::glossary::{self as terms, Term};
 use super::palette;
-use super::record::Record;
+use super::value_label::{explained, marked, ms};
 use crate::ui::theme::{FAINT, INK};
 
 /// The tops of the charts' scales; they do not follow every spike down at once.

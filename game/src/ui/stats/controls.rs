@@ -4,12 +4,12 @@
 use carom_farm::{Algorithm, Balancing, Distribution};
 use egui::{ComboBox, Ui};
 
-use super::figure::{figure, ms, percent};
 use super::glossary as terms;
 use super::maps::Kind;
 use super::recorder::Recorder;
+use super::value_label::{figure, ms, percent};
 use super::{Facts, Level, Stats, Wish, palette};
-use crate::quality::{Dial, LADDER};
+use crate::frame::quality::{Dial, LADDER};
 
 /// Algorithm, map, freeze, and what the recording does.
 pub(super) fn show(ui: &mut Ui, stats: &mut Stats, facts: &Facts<'_>) {

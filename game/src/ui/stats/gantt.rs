@@ -4,9 +4,9 @@ use carom_farm::Delivery;
 use egui::epaint::Mesh;
 use egui::{Align2, Color32, FontId, Pos2, Rect, Sense, Shape, Ui, Vec2};
 
-use super::figure::ms;
+use super::frame_record::Record;
 use super::palette;
-use super::record::Record;
+use super::value_label::ms;
 use crate::ui::theme::{ALARM, FAINT, INK};
 
 /// Draws a picture's chart, as wide as there is room.

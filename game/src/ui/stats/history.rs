@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use carom_farm::{Balancing, NodeStatus};
 
-use super::record::{Record, Seen};
+use super::frame_record::{Record, Seen};
 
 /// The last [`History::FRAMES_MAX`] pictures, and what each way of dividing them has reached so far.
 #[derive(Debug, Default)]
@@ -155,7 +155,7 @@ fn detail_bytes(record: &Record) -> usize {
     record
         .detail
         .as_ref()
-        .map_or(0, super::record::Detail::bytes)
+        .map_or(0, super::frame_record::Detail::bytes)
 }
 
 #[cfg(test)]

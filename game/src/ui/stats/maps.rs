@@ -6,8 +6,8 @@ use egui::{
     TextureOptions, Vec2,
 };
 
+use super::frame_record::{Detail, Record};
 use super::palette;
-use super::record::{Detail, Record};
 use crate::ui::theme::INK;
 
 /// What is drawn over the picture.

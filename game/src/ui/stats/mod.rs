@@ -6,26 +6,26 @@
 //!                    └─────▶ Recorder (a thread) ─▶ CSV, JSON lines
 //! ```
 //!
-//! The model ([`history`], [`record`], [`redraws`], [`board`]) knows nothing of egui. While the
+//! The model ([`history`], [`frame_record`], [`frame_rate`], [`summary`]) knows nothing of egui. While the
 //! overlay is hidden nothing is taken in and nothing is drawn.
 
-pub mod board;
-mod card;
 mod charts;
+mod compact;
 mod controls;
-mod figure;
+pub mod frame_rate;
+pub mod frame_record;
 pub(crate) mod gantt;
 pub mod glossary;
 pub mod history;
-mod line;
 pub mod maps;
 mod palette;
 mod panels;
-pub mod record;
+mod prediction_plot;
 pub mod recorder;
-pub mod redraws;
-mod scatter;
+mod status_line;
+pub mod summary;
 mod table;
+mod value_label;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -34,13 +34,13 @@ use carom_farm::{Balancing, Distribution, NodeStatus};
 use carom_tracer::ImageSize;
 use egui::{Context, Rect};
 
-use self::board::Board;
+use self::frame_rate::Redraws;
+use self::frame_record::{Record, Seen};
 use self::history::History;
 use self::maps::Maps;
-use self::record::{Record, Seen};
 use self::recorder::Recorder;
-use self::redraws::Redraws;
-use crate::quality::{Dial, LADDER, Level as Stop};
+use self::summary::Board;
+use crate::frame::quality::{Dial, LADDER, Level as Stop};
 
 /// How much is shown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]

@@ -8,8 +8,8 @@ use egui::{
     Vec2,
 };
 
-use super::record::Record;
-use super::{Facts, Level, Stats, card, charts, controls, gantt, line, scatter};
+use super::frame_record::Record;
+use super::{Facts, Level, Stats, charts, compact, controls, gantt, prediction_plot, status_line};
 use crate::ui::theme;
 
 /// Draws what the level asks for; the part of the screen that it leaves free.
@@ -90,9 +90,9 @@ fn line(ui: &mut Ui, stats: &Stats, facts: &Facts<'_>) {
     let records = stats.history.records();
     let newest = records.iter().skip(records.len().saturating_sub(SPARKLINE));
     let sparkline: Vec<f32> = newest.map(|record| record.makespan_secs as f32).collect();
-    line::show(ui, &stats.board, &sparkline, facts);
+    status_line::show(ui, &stats.board, &sparkline, facts);
     if stats.level == Level::Card {
-        card::show(ui, &stats.board, facts);
+        compact::show(ui, &stats.board, facts);
     }
 }
 
@@ -100,7 +100,7 @@ fn line(ui: &mut Ui, stats: &Stats, facts: &Facts<'_>) {
 fn column(ui: &mut Ui, stats: &mut Stats, facts: &Facts<'_>) {
     ui.set_min_width(ui.available_width());
     controls::show(ui, stats, facts);
-    card::show(ui, &stats.board, facts);
+    compact::show(ui, &stats.board, facts);
     let inspected: Option<Arc<Record>> = stats.inspected().cloned();
     if let Some(record) = &inspected {
         section(ui, "Picture, node by node", true, |ui| {
@@ -118,7 +118,7 @@ fn column(ui: &mut Ui, stats: &mut Stats, facts: &Facts<'_>) {
     });
     if let Some(record) = &inspected {
         section(ui, "Predicted against actual", true, |ui| {
-            scatter::show(ui, record)
+            prediction_plot::show(ui, record)
         });
     }
     section(ui, "Redraws over time", false, |ui| {

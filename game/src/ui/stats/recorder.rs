@@ -8,7 +8,7 @@ use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 
-use super::record::{NodeRecord, Record};
+use super::frame_record::{NodeRecord, Record};
 
 /// Writes records as CSV, a row for each node and picture, and as JSON lines, one for each picture.
 #[derive(Debug)]
@@ -273,7 +273,7 @@ mod tests {
     }
 
     fn record(frame: u64) -> Arc<Record> {
-        let seen = super::super::record::Seen {
+        let seen = super::super::frame_record::Seen {
             frame,
             at_secs: 1.5,
             size: carom_tracer::ImageSize::new(64, 32),

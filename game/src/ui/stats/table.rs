@@ -4,10 +4,10 @@
 use egui::text::{LayoutJob, TextFormat};
 use egui::{FontId, Response, Role, ScrollArea, Sense, Ui, Vec2, WidgetInfo};
 
-use super::board::{Board, NodeSummary};
-use super::figure::ms;
+use super::frame_record::{NodeRecord, Record};
 use super::glossary::{self as terms, Term};
-use super::record::{NodeRecord, Record};
+use super::summary::{Board, NodeSummary};
+use super::value_label::ms;
 use crate::ui::theme::{ACCENT, ALARM, INK};
 
 /// The table's text.

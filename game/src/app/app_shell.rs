@@ -1,0 +1,406 @@
+//! What surrounds the game without a window: settings, keys, pages, sentences, sound.
+//!
+//! ```text
+//! Event ─▶ Desk ─▶ page open? ─▶ menu
+//!                  else      ─▶ Input ─▶ Intent ─▶ Session
+//! ```
+
+use std::time::{Duration, Instant};
+
+use egui::{Context, Rect};
+
+use crate::app::farm_notifications::Lookout;
+use crate::app::session::Session;
+use crate::audio::{self, Speaker};
+use crate::input::{Action, Event, Input, Intent, Mode};
+use crate::play::Outcome;
+use crate::rules::RuleSet;
+use crate::settings::{Settings, Store};
+use crate::ui::menu::{self, Facts, Menu, Page};
+use crate::ui::toasts::Notes;
+use crate::ui::{cue_panel, match_hud};
+
+/// The player's side of the program.
+#[derive(Debug)]
+pub struct Desk {
+    store: Store,
+    input: Input,
+    way: Way,
+    menu: Menu,
+    help: bool,
+    log: bool,
+    notes: Notes,
+    lookout: Lookout,
+    speaker: Speaker,
+    /// The shot that is heard, and whether it was over when it was last looked at.
+    heard: Option<(u64, bool)>,
+}
+
+impl Desk {
+    /// With the player's settings; sound goes to `speaker`.
+    pub fn new(store: Store, speaker: Speaker) -> Self {
+        let mut notes = Notes::default();
+        for complaint in store.complaints() {
+            notes.say(complaint.clone(), 0.0);
+        }
+        Self {
+            input: Input::new(store.settings.bindings.clone()),
+            store,
+            way: Way::default(),
+            menu: Menu::default(),
+            help: false,
+            log: false,
+            notes,
+            lookout: Lookout::default(),
+            speaker,
+            heard: None,
+        }
+    }
+
+    /// Tells the player something.
+    pub fn tell(&mut self, sentence: String, now_secs: f64) {
+        self.notes.say(sentence, now_secs);
+    }
+
+    /// The settings that count now.
+    pub fn settings(&self) -> &Settings {
+        &self.store.settings
+    }
+
+    /// Changes settings that have no page, such as the window's size.
+    pub fn settings_mut(&mut self) -> &mut Settings {
+        &mut self.store.settings
+    }
+
+    /// Keeps the settings; what hinders is told.
+    pub fn save(&mut self, now_secs: f64) {
+        if let Err(why) = self.store.save() {
+            tracing::error!("{why}");
+            self.notes.say(why, now_secs);
+        }
+    }
+
+    /// The page that is open over the table.
+    pub fn page(&self) -> Option<Page> {
+        self.menu.page()
+    }
+
+    /// Does what an event means, to the pages or to the game. `taken` says that egui has used it.
+    pub fn handle(
+        &mut self,
+        event: Event,
+        taken: bool,
+        session: &mut Session,
+        now_secs: f64,
+    ) -> Outcome {
+        self.input.set_carrying(session.is_placing());
+        self.input.set_mode(match session.is_replay() {
+            true => Mode::Replay,
+            false => Mode::Table,
+        });
+        if self.menu.page().is_some() {
+            self.handle_page(event, session, now_secs);
+            return Outcome::Stay;
+        }
+        // What comes up must be seen even where egui has used it, or it would be held for ever.
+        let begins = event.trigger().is_some();
+        if taken && begins {
+            return Outcome::Stay;
+        }
+        if let (Event::Pointer(at), true, false) = (event, taken, self.input.is_holding()) {
+            self.input.passes(at);
+            if let Some(back) = self.way.reach_panel(now_secs) {
+                session.act(back, now_secs);
+            }
+            return Outcome::Stay;
+        }
+        if let Event::Pointer(at) = event
+            && !self.input.is_holding()
+            && !session.is_placing()
+            && self.way.leads_from_panel(now_secs)
+        {
+            self.input.passes(at);
+            return Outcome::Stay;
+        }
+        match self.input.handle(event) {
+            Some(intent) => {
+                self.way.note(intent, now_secs);
+                self.act(intent, session, now_secs)
+            }
+            None => Outcome::Stay,
+        }
+    }
+
+    fn handle_page(&mut self, event: Event, session: &mut Session, now_secs: f64) {
+        let Some(trigger) = event.trigger() else {
+            return;
+        };
+        session.redraw();
+        let action = self.input.bindings().action(trigger, Mode::Table);
+        if action == Some(Action::Menu) {
+            self.menu.back();
+            return self.save(now_secs);
+        }
+        if self.menu.take_trigger(trigger, &mut self.store) {
+            return;
+        }
+        if action == Some(Action::Fullscreen) {
+            self.store.settings.fullscreen ^= true;
+        }
+    }
+
+    fn act(&mut self, intent: Intent, session: &mut Session, now_secs: f64) -> Outcome {
+        match intent {
+            Intent::ToggleFullscreen => {
+                self.store.settings.fullscreen ^= true;
+                self.save(now_secs);
+            }
+            Intent::NextAids => {
+                self.store.settings.aim_aids = self.store.settings.aim_aids.next();
+                self.save(now_secs);
+            }
+            Intent::KeepView(place) => self.keep_view(usize::from(place), session, now_secs),
+            Intent::RecallView(place) => self.recall_view(usize::from(place), session, now_secs),
+            Intent::ToggleLog => {
+                self.log = !self.log;
+                session.redraw();
+            }
+            Intent::ToggleHelp => {
+                self.help = !self.help;
+                session.redraw();
+            }
+            Intent::Escape if self.help => {
+                self.help = false;
+                session.redraw();
+            }
+            // Where there is no stroke to give up, the way out is the menu.
+            intent => {
+                if session.act(intent, now_secs) == Outcome::Quit {
+                    self.open(Page::Top, session, now_secs);
+                }
+            }
+        }
+        Outcome::Stay
+    }
+
+    fn keep_view(&mut self, place: usize, session: &mut Session, now_secs: f64) {
+        if let Some(saved) = self.store.settings.views.get_mut(place) {
+            *saved = Some(session.viewpoint(now_secs));
+            let key = self.input.bindings().words(Action::SavedView(place as u8));
+            let sentence = format!("View {} is saved: {key} shows it again", place + 1);
+            self.notes.say(sentence, now_secs);
+            self.save(now_secs);
+            session.redraw();
+        }
+    }
+
+    fn recall_view(&mut self, place: usize, session: &mut Session, now_secs: f64) {
+        match self.store.settings.views.get(place) {
+            Some(Some(saved)) => {
+                session.act(Intent::LookFrom(*saved), now_secs);
+            }
+            _ => {
+                let key = self.input.bindings().words(Action::KeepView(place as u8));
+                let sentence = format!(
+                    "There is no view {} yet: {key} saves what is seen",
+                    place + 1
+                );
+                self.notes.say(sentence, now_secs);
+                session.redraw();
+            }
+        }
+    }
+
+    /// Opens a page over the table; a stroke is given up.
+    pub fn open(&mut self, page: Page, session: &mut Session, now_secs: f64) {
+        if let Some(intent) = self.input.let_go() {
+            session.act(intent, now_secs);
+        }
+        self.menu.open(page);
+        session.redraw();
+    }
+
+    /// Draws the game, and pages, keys and sentences over it.
+    pub fn draw(
+        &mut self,
+        ctx: &Context,
+        session: &mut Session,
+        now_secs: f64,
+        display: &str,
+    ) -> Outcome {
+        let room = session.draw(ctx, self.input.bindings(), now_secs, display);
+        self.notes.draw(ctx, room);
+        if let Some(dial) = session.take_dial() {
+            self.store.settings.quality = dial;
+            self.save(now_secs);
+        }
+        if self.menu.page().is_none() {
+            if session.is_game() {
+                self.draw_game(ctx, room, session, now_secs);
+            }
+            let is_known = session.has_played() || !session.is_game();
+            menu::hints(ctx, room, &self.store, self.help, is_known);
+            return Outcome::Stay;
+        }
+        let (sound, farm) = (self.speaker.state(), session.farm_line());
+        let facts = Facts {
+            is_free_table: session.board().view.rules == RuleSet::Free,
+            sound: &sound,
+            display,
+            farm: &farm,
+        };
+        let order = self.menu.draw(ctx, &mut self.store, facts);
+        if self.menu.page().is_none() {
+            self.save(now_secs);
+        }
+        match order {
+            Some(menu::Order::Quit) => return Outcome::Quit,
+            Some(menu::Order::Act(intent)) => {
+                session.act(intent, now_secs);
+            }
+            Some(menu::Order::Begin(game)) => {
+                let begun = game.begin(seed_of_clock()).map_err(anyhow::Error::msg);
+                if let Err(why) = begun.and_then(|contest| session.begin(contest)) {
+                    self.notes.say(why.to_string(), now_secs);
+                }
+            }
+            Some(menu::Order::Resume) | None => {}
+        }
+        Outcome::Stay
+    }
+
+    /// The match and the cue. Over a shot of before, or a table that is being laid, nothing of the game
+    /// can be decided.
+    fn draw_game(&mut self, ctx: &Context, room: Rect, session: &mut Session, now_secs: f64) {
+        let board = session.board();
+        let asked = match_hud::draw(ctx, room, &board, self.input.bindings(), self.log);
+        let cue = session.cue(now_secs).filter(|_| board.may_play);
+        let asked = asked.or(cue.and_then(|cue| cue_panel::panel(ctx, room, &cue)));
+        if let Some(intent) = asked {
+            self.act(intent, session, now_secs);
+        }
+    }
+
+    /// Lets time pass: tells what is new of the farm, plays what is to be heard, follows the keys.
+    pub fn tick(&mut self, session: &mut Session, now_secs: f64) {
+        if *self.input.bindings() != self.store.settings.bindings {
+            self.input = Input::new(self.store.settings.bindings.clone());
+        }
+        let news = self.lookout.observe(&session.nodes(), now_secs);
+        let has_news = !news.is_empty();
+        for sentence in news {
+            tracing::info!("{sentence}");
+            self.notes.say(sentence, now_secs);
+        }
+        for sentence in session.take_news() {
+            self.notes.say(sentence, now_secs);
+            session.redraw();
+        }
+        if self.notes.tick(now_secs) || has_news {
+            session.redraw();
+        }
+        self.listen(session, now_secs);
+    }
+
+    /// When something changes without input or farm.
+    pub fn next_secs(&self) -> Option<f64> {
+        self.notes.next_secs()
+    }
+
+    fn listen(&mut self, session: &Session, now_secs: f64) {
+        let Some((number, clock_secs, end_secs)) = session.shot_clock(now_secs) else {
+            // The balls were racked under a shot that was on.
+            if self.heard.take_if(|heard| !heard.1).is_some() {
+                self.speaker.stop();
+            }
+            return;
+        };
+        let is_new = self.heard.is_none_or(|heard| heard.0 != number);
+        self.heard = Some((number, clock_secs > end_secs - OVER_SECS));
+        if let (true, Some(shot)) = (is_new, session.shot()) {
+            let ahead = Duration::from_secs_f64((-clock_secs).max(0.0));
+            let behind = Duration::from_secs_f64(clock_secs.max(0.0));
+            let now = Instant::now();
+            let at = now.checked_sub(behind).unwrap_or(now) + ahead;
+            let shot = shot.clone();
+            let make = move || audio::of_shot(&shot);
+            self.speaker.play(at, self.store.settings.volume, make);
+        }
+    }
+}
+
+/// Another rack for each game.
+fn seed_of_clock() -> u32 {
+    let now = std::time::UNIX_EPOCH.elapsed().unwrap_or_default();
+    now.subsec_nanos() ^ now.as_secs() as u32
+}
+
+/// How the pointer's present way, from rest to rest, has turned the aim: a way that begins or ends on a
+/// panel was none of aiming.
+#[derive(Clone, Copy, Debug, Default)]
+struct Way {
+    turned_rad: f64,
+    last_secs: f64,
+    is_from_panel: bool,
+}
+
+impl Way {
+    fn note(&mut self, intent: Intent, now_secs: f64) {
+        match intent {
+            Intent::Turn(by_rad) if now_secs - self.last_secs < WAY_PAUSE_SECS => {
+                self.turned_rad += by_rad;
+            }
+            Intent::Turn(by_rad) => self.turned_rad = by_rad,
+            _ => self.turned_rad = 0.0,
+        }
+        self.last_secs = now_secs;
+    }
+
+    /// The pointer is over a panel: what gives back the aim.
+    fn reach_panel(&mut self, now_secs: f64) -> Option<Intent> {
+        (self.is_from_panel, self.last_secs) = (true, now_secs);
+        let turned_rad = std::mem::take(&mut self.turned_rad);
+        (turned_rad != 0.0).then_some(Intent::Turn(-turned_rad))
+    }
+
+    /// Whether a pointer that moves over the table is still on its way from a panel.
+    fn leads_from_panel(&mut self, now_secs: f64) -> bool {
+        self.is_from_panel &= now_secs - self.last_secs < WAY_PAUSE_SECS;
+        if self.is_from_panel {
+            self.last_secs = now_secs;
+        }
+        self.is_from_panel
+    }
+}
+
+/// A pointer that rests so long has arrived.
+const WAY_PAUSE_SECS: f64 = 0.4;
+/// So shortly before its end a shot may be over without having been cut off.
+const OVER_SECS: f64 = 0.3;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_way_to_a_panel_gives_back_the_aim_and_aiming_before_a_rest_stays() {
+        let mut way = Way::default();
+        for (turn, now_secs) in [(0.5, 1.0), (0.25, 2.0), (0.5, 2.1)] {
+            way.note(Intent::Turn(turn), now_secs);
+        }
+        assert_eq!(way.reach_panel(2.2), Some(Intent::Turn(-0.75)));
+        assert_eq!(way.reach_panel(2.2), None);
+        way.note(Intent::Turn(0.5), 2.3);
+        way.note(Intent::Strike, 2.4);
+        assert_eq!(way.reach_panel(2.5), None);
+    }
+
+    #[test]
+    fn a_way_from_a_panel_turns_nothing_until_the_pointer_rests() {
+        let mut way = Way::default();
+        assert!(!way.leads_from_panel(1.0));
+        way.reach_panel(1.0);
+        assert!(way.leads_from_panel(1.1) && way.leads_from_panel(1.4));
+        assert!(!way.leads_from_panel(1.9) && !way.leads_from_panel(1.95));
+    }
+}

@@ -1,0 +1,151 @@
+//! The sound of a shot: each contact of the simulation struck as a small instrument, in a room.
+//!
+//! ```text
+//! Shot's events ─▶ score ─▶ voice (modes rung by the contact's force) ─▶ room ─▶ speaker or WAV
+//! ```
+//!
+//! A shot is simulated whole before it is watched, so its whole sound is made at once and every click
+//! falls on its sample. Nothing here needs a library of the system: see [`playback`].
+
+mod events;
+mod modal_synthesis;
+pub mod playback;
+mod reverb;
+
+pub use events::of_shot;
+pub use playback::Speaker;
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+
+use anyhow::Context as _;
+
+use crate::scene::table_scene::Stage;
+use crate::sim::{Recording, Shot, Stroke, World};
+
+/// Samples of one second.
+pub const RATE_HZ: u32 = 48_000;
+
+/// One channel at [`RATE_HZ`], from −1 to 1.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Sound {
+    /// The samples.
+    pub samples: Vec<f32>,
+}
+
+impl Sound {
+    /// The same, begun `secs` later; earlier if negative, where what came before is cut off.
+    #[must_use]
+    pub fn shifted(&self, secs: f64) -> Self {
+        let samples = (secs.abs() * f64::from(RATE_HZ)).round() as usize;
+        let samples = if secs < 0.0 {
+            self.samples.get(samples..).unwrap_or_default().to_vec()
+        } else {
+            let silence = std::iter::repeat_n(0.0, samples.min(SILENCE_MAX));
+            silence.chain(self.samples.iter().copied()).collect()
+        };
+        Self { samples }
+    }
+
+    /// Writes a WAV file of 16 bits, `volume` from 0 to 1 times as loud.
+    ///
+    /// # Errors
+    /// The writer's.
+    pub fn write_wav(&self, volume: f64, out: &mut impl Write) -> io::Result<()> {
+        let bytes = u32::try_from(2 * self.samples.len()).map_err(io::Error::other)?;
+        out.write_all(b"RIFF")?;
+        out.write_all(&(36 + bytes).to_le_bytes())?;
+        out.write_all(b"WAVEfmt ")?;
+        out.write_all(&16u32.to_le_bytes())?;
+        let [pcm, channels, bits] = [1u16, 1, 16];
+        out.write_all(&pcm.to_le_bytes())?;
+        out.write_all(&channels.to_le_bytes())?;
+        out.write_all(&RATE_HZ.to_le_bytes())?;
+        out.write_all(&(RATE_HZ * 2).to_le_bytes())?;
+        out.write_all(&2u16.to_le_bytes())?;
+        out.write_all(&bits.to_le_bytes())?;
+        out.write_all(b"data")?;
+        out.write_all(&bytes.to_le_bytes())?;
+        let scale = volume.clamp(0.0, 1.0) as f32 * f32::from(i16::MAX);
+        let words = self.samples.iter().map(|sample| (sample * scale) as i16);
+        let body: Vec<u8> = words.flat_map(i16::to_le_bytes).collect();
+        out.write_all(&body)
+    }
+}
+
+/// Writes the sound of a recorded shot, or of a break of `speed_m_s`, as a WAV file, and prints what
+/// it was.
+///
+/// # Errors
+/// A sentence with the file or the number that is wrong.
+pub fn write_shot(out: &Path, replay: Option<&Path>, speed_m_s: f64) -> anyhow::Result<()> {
+    let shot = match replay {
+        Some(path) => Recording::load(path)?.takes.into_iter().next(),
+        None => None,
+    };
+    let shot = match shot {
+        Some(take) => take.shot,
+        None => break_shot(speed_m_s)?,
+    };
+    let sound = of_shot(&shot);
+    let unwritable = || format!("{} cannot be written", out.display());
+    let mut file = BufWriter::new(File::create(out).with_context(unwritable)?);
+    let written = sound.write_wav(1.0, &mut file).and_then(|()| file.flush());
+    written.with_context(unwritable)?;
+    println!(
+        "{}: {:.2} s of {} events",
+        out.display(),
+        sound.samples.len() as f64 / f64::from(RATE_HZ),
+        shot.events().len()
+    );
+    Ok(())
+}
+
+fn break_shot(speed_m_s: f64) -> anyhow::Result<Shot> {
+    let table = Stage::table();
+    let rack = table.rack_eight(1);
+    Ok(World::new(table, rack)?.strike(Stroke::straight(0.0, speed_m_s))?)
+}
+
+/// Ten seconds: more silence than any shot begins with.
+const SILENCE_MAX: usize = 480_000;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wav_file_has_its_header_and_its_samples() {
+        let sound = Sound {
+            samples: vec![0.0, 1.0, -1.0],
+        };
+        let mut bytes = Vec::new();
+        sound.write_wav(0.5, &mut bytes).unwrap();
+        assert_eq!(bytes.len(), 44 + 6);
+        assert_eq!(&bytes[..4], b"RIFF");
+        assert_eq!(u32::from_le_bytes(bytes[4..8].try_into().unwrap()), 42);
+        assert_eq!(
+            u32::from_le_bytes(bytes[24..28].try_into().unwrap()),
+            RATE_HZ
+        );
+        let words = bytes[44..]
+            .chunks_exact(2)
+            .map(|word| i16::from_le_bytes([word[0], word[1]]));
+        assert_eq!(words.collect::<Vec<_>>(), [0, 16_383, -16_383]);
+    }
+
+    #[test]
+    fn a_sound_begins_later_or_in_its_middle() {
+        let sound = Sound {
+            samples: vec![0.1, 0.2, 0.3],
+        };
+        let sample_secs = 1.0 / f64::from(RATE_HZ);
+        assert_eq!(
+            sound.shifted(2.0 * sample_secs).samples,
+            [0.0, 0.0, 0.1, 0.2, 0.3]
+        );
+        assert_eq!(sound.shifted(-2.0 * sample_secs).samples, [0.3]);
+        assert_eq!(sound.shifted(-9.0).samples, [0f32; 0]);
+    }
+}

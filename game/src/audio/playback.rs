@@ -1,0 +1,301 @@
+//! Playing a sound through the system's own player program.
+//!
+//! No library of the system is linked: a machine without any sound builds and runs the same, and says
+//! so in the settings. A shot's sound is one WAV file in the folder for temporary files.
+
+use std::ffi::OsString;
+use std::io::{BufWriter, Write as _};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use tempfile::TempPath;
+
+use super::Sound;
+
+/// A program that plays a WAV file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Player {
+    /// Its path.
+    pub program: PathBuf,
+    /// What stands before the file's name.
+    pub arguments: Vec<OsString>,
+}
+
+/// Plays one sound at a time, on a thread of its own.
+#[derive(Debug)]
+pub struct Speaker {
+    requests: Option<Sender<Request>>,
+    thread: Option<JoinHandle<()>>,
+    state: Arc<Mutex<String>>,
+}
+
+enum Request {
+    Play {
+        sound: Box<dyn FnOnce() -> Sound + Send>,
+        /// When the sound's first sample is to be heard.
+        at: Instant,
+        volume: f64,
+    },
+    Stop,
+}
+
+impl Player {
+    /// The first of the known players that is installed.
+    pub fn installed() -> Option<Self> {
+        let path = std::env::var_os("PATH")?;
+        let folders: Vec<PathBuf> = std::env::split_paths(&path).collect();
+        KNOWN.iter().find_map(|(name, arguments)| {
+            let file = format!("{name}{}", std::env::consts::EXE_SUFFIX);
+            let mut programs = folders.iter().map(|folder| folder.join(&file));
+            Some(Self {
+                program: programs.find(|program| program.is_file())?,
+                arguments: arguments.iter().map(OsString::from).collect(),
+            })
+        })
+    }
+
+    fn start(&self, file: &Path) -> std::io::Result<Child> {
+        Command::new(&self.program)
+            .args(&self.arguments)
+            .arg(file)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+    }
+}
+
+impl Speaker {
+    /// Plays through `player`; with none, nothing is heard.
+    pub fn new(player: Option<Player>) -> Self {
+        let words = match &player {
+            Some(player) => format!("Played by {}", player.program.display()),
+            None => silence(),
+        };
+        let state = Arc::new(Mutex::new(words));
+        let (requests, received) = channel();
+        let thread = player.and_then(|player| {
+            let state = state.clone();
+            let work = move || work(&player, &received, &state);
+            thread::Builder::new()
+                .name("sound".to_owned())
+                .spawn(work)
+                .ok()
+        });
+        Self {
+            requests: thread.is_some().then_some(requests),
+            thread,
+            state,
+        }
+    }
+
+    /// How sound is played, or why there is none: a sentence for the settings.
+    pub fn state(&self) -> String {
+        self.state
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
+    }
+
+    /// Plays what `sound` makes, in place of what was playing; its first sample is to be heard at
+    /// `at`, and what should have been heard already is left out.
+    pub fn play(&self, at: Instant, volume: f64, sound: impl FnOnce() -> Sound + Send + 'static) {
+        if volume > 0.0 {
+            self.send(Request::Play {
+                sound: Box::new(sound),
+                at,
+                volume,
+            });
+        }
+    }
+
+    /// Ends what is playing.
+    pub fn stop(&self) {
+        self.send(Request::Stop);
+    }
+
+    fn send(&self, request: Request) {
+        if let Some(requests) = &self.requests {
+            // The thread lives as long as the speaker.
+            let _ = requests.send(request);
+        }
+    }
+}
+
+impl Drop for Speaker {
+    fn drop(&mut self) {
+        self.requests = None;
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+fn work(player: &Player, requests: &Receiver<Request>, state: &Mutex<String>) {
+    let mut playing: Option<Playing> = None;
+    loop {
+        let request = match requests.recv_timeout(REAP_PERIOD) {
+            Ok(request) => request,
+            Err(RecvTimeoutError::Timeout) => {
+                playing.take_if(|playing| playing.is_over());
+                continue;
+            }
+            Err(RecvTimeoutError::Disconnected) => return,
+        };
+        playing = None;
+        let Request::Play { sound, at, volume } = request else {
+            continue;
+        };
+        let sound = sound();
+        // The player's own start is made up for; a sound that is late begins in its middle.
+        let now = Instant::now() + START_TIME;
+        let late_secs = now.saturating_duration_since(at).as_secs_f64();
+        let early_secs = at.saturating_duration_since(now).as_secs_f64();
+        match Playing::start(player, &sound.shifted(early_secs - late_secs), volume) {
+            Ok(started) => playing = Some(started),
+            Err(error) => {
+                let words = format!("No sound: {}: {error}", player.program.display());
+                *state.lock().unwrap_or_else(PoisonError::into_inner) = words;
+            }
+        }
+    }
+}
+
+/// A player at work, and its file.
+struct Playing {
+    child: Child,
+    _file: TempPath,
+}
+
+impl Playing {
+    fn start(player: &Player, sound: &Sound, volume: f64) -> std::io::Result<Self> {
+        let mut file = tempfile::Builder::new()
+            .prefix("carom-")
+            .suffix(".wav")
+            .tempfile()?;
+        let mut out = BufWriter::new(&mut file);
+        sound.write_wav(volume, &mut out)?;
+        out.flush()?;
+        drop(out);
+        let file = file.into_temp_path();
+        let child = player.start(&file)?;
+        Ok(Self { child, _file: file })
+    }
+
+    fn is_over(&mut self) -> bool {
+        !matches!(self.child.try_wait(), Ok(None))
+    }
+}
+
+impl Drop for Playing {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn silence() -> String {
+    let names: Vec<&str> = KNOWN.iter().map(|(name, _)| *name).collect();
+    format!(
+        "No sound: none of {} is installed. On Debian or Ubuntu `apt install alsa-utils` brings aplay",
+        names.join(", ")
+    )
+}
+
+/// Players, and what they need to be told. The first three come with PipeWire, PulseAudio and ALSA,
+/// afplay with macOS; the others with ffmpeg and SoX.
+const KNOWN: [(&str, &[&str]); 6] = [
+    ("pw-play", &[]),
+    ("paplay", &["--latency-msec=30"]),
+    ("aplay", &["-q"]),
+    ("afplay", &[]),
+    ("ffplay", &["-nodisp", "-autoexit", "-loglevel", "quiet"]),
+    ("play", &["-q"]),
+];
+/// From a player's start to its first sample, about: it opens its device and fills a buffer.
+const START_TIME: Duration = Duration::from_millis(30);
+const REAP_PERIOD: Duration = Duration::from_millis(500);
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::fs;
+
+    use super::*;
+    use crate::audio::RATE_HZ;
+
+    fn sound() -> Sound {
+        Sound {
+            samples: vec![0.5; RATE_HZ as usize],
+        }
+    }
+
+    /// A player that keeps what it was given.
+    fn keeper(folder: &Path) -> Player {
+        let kept = folder.join("kept.wav");
+        let script = format!(
+            "cp \"$0\" {0}.new && mv {0}.new {0} && exec sleep 600",
+            kept.display()
+        );
+        Player {
+            program: "/bin/sh".into(),
+            arguments: vec!["-c".into(), script.into()],
+        }
+    }
+
+    fn wait_for(path: &Path, speaker: &Speaker) -> Vec<u8> {
+        loop {
+            if let Ok(bytes) = fs::read(path) {
+                return bytes;
+            }
+            let state = speaker.state();
+            assert!(state.starts_with("Played by"), "{state}");
+            thread::yield_now();
+        }
+    }
+
+    #[test]
+    fn a_sound_reaches_the_player_and_the_next_takes_its_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let speaker = Speaker::new(Some(keeper(folder.path())));
+        let kept = folder.path().join("kept.wav");
+        speaker.play(Instant::now() + Duration::from_secs(3600), 1.0, sound);
+        let early = wait_for(&kept, &speaker);
+        assert!(
+            early[44..44 + 96_000].iter().all(|byte| *byte == 0),
+            "it begins with silence"
+        );
+        fs::remove_file(&kept).unwrap();
+        // The first player would sleep on: it is ended for the second, and that one by the drop.
+        speaker.play(Instant::now() - Duration::from_millis(500), 1.0, sound);
+        let late = wait_for(&kept, &speaker);
+        assert!(
+            late.len() < 44 + RATE_HZ as usize,
+            "what is over is left out"
+        );
+        drop(speaker);
+    }
+
+    #[test]
+    fn a_player_that_cannot_be_started_is_told() {
+        let speaker = Speaker::new(Some(Player {
+            program: "/no/such/player".into(),
+            arguments: Vec::new(),
+        }));
+        speaker.play(Instant::now(), 1.0, sound);
+        while !speaker.state().starts_with("No sound: /no/such/player") {
+            thread::yield_now();
+        }
+    }
+
+    #[test]
+    fn without_a_player_there_is_silence_and_a_sentence() {
+        let speaker = Speaker::new(None);
+        speaker.play(Instant::now(), 1.0, sound);
+        speaker.stop();
+        assert!(speaker.state().contains("apt install alsa-utils"));
+    }
+}

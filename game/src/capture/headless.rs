@@ -1,0 +1,407 @@
+//! Carom without a window: a shot through the farm into files.
+//!
+//! ```text
+//! rack, stroke ─┐
+//! recording ────┴▶ Footage ─▶ Farm (several frames in flight) ─▶ Reel: frame_0000.png …
+//!                                                                 ├─▶ a film, or break.png
+//!                                                                 └─▶ stats.json
+//! ```
+
+use std::collections::VecDeque;
+use std::fs::{self, File};
+use std::io::{BufWriter, Write as _};
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, bail};
+use carom_farm::{
+    Farm, FarmConfig, Frame, FrameSpec, FrameStats, NodeState, NodeStatus, PixelFormat, Pixels,
+    PrecisionRange, net,
+};
+use carom_tracer::{ImageSize, RenderSettings};
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
+
+use crate::args::Args;
+use crate::capture::video::{Footage, Job, Reel, Target, assemble};
+use crate::frame::scheduler::EXPOSURE;
+use crate::play::CUE_SPEED_M_S_MAX;
+use crate::scene::table_scene::Stage;
+use crate::sim::{Engine, Recording, Shot, Stroke, Table, World};
+
+/// What `stats.json` holds.
+#[derive(Debug, Serialize)]
+struct Report {
+    settings: Settings,
+    nodes: Vec<Node>,
+    /// Those that this run traced.
+    frames: Vec<FrameReport>,
+    totals: Totals,
+}
+
+/// How the frames were asked for.
+#[derive(Clone, Copy, Debug, Serialize)]
+struct Settings {
+    width: u32,
+    height: u32,
+    samples: u32,
+    scatterings_max: u32,
+    seed: u32,
+    denoise: bool,
+    frames: u32,
+    frames_per_sec: u16,
+}
+
+/// A node as the farm saw it at the end.
+#[derive(Debug, Serialize)]
+struct Node {
+    address: String,
+    device: Option<String>,
+    tiles: u64,
+    fixed_secs: f64,
+    msamples_per_sec: f64,
+    lost: Option<String>,
+}
+
+/// One frame.
+#[derive(Debug, Serialize)]
+struct FrameReport {
+    index: u32,
+    /// Of the shots on show.
+    shot: usize,
+    /// The moment of the shot, seconds since the stroke.
+    moment_secs: f64,
+    #[serde(flatten)]
+    stats: FrameStats,
+}
+
+/// All frames together.
+#[derive(Debug, Default, Serialize)]
+struct Totals {
+    wall_secs: f64,
+    msamples_per_sec: f64,
+    payload_bytes: u64,
+    reissued_tiles: u64,
+    duplicate_tiles: u64,
+    dropped_samples: u64,
+    tiles_by_node: Vec<u64>,
+}
+
+/// Renders the shot that `args` describe: a recorded one, or a break.
+///
+/// # Errors
+/// A sentence: a folder that cannot be written or holds an unfinished film of another kind, a farm
+/// that cannot be built or does not answer, an interruption and how to go on.
+pub fn run(args: &Args, config: FarmConfig) -> anyhow::Result<()> {
+    let footage = footage(args)?;
+    let settings = settings(args, &footage);
+    let target = match &args.video {
+        Some(target) => target.clone(),
+        None => Target::Folder(args.out.clone()),
+    };
+    let job = Job::of(&footage, settings.size(), settings.render())?;
+    let mut reel = Reel::open(&target.reel(), job, settings.size())?;
+    let interrupted = net::interruption().context("Ctrl-C")?;
+    let report = match make(config, &footage, settings, &mut reel, &interrupted) {
+        Ok(report) => report,
+        Err(error) if reel.kept() > 0 => return Err(error.context(going_on(&reel))),
+        Err(error) => {
+            // Nothing has begun; what cannot be removed does no harm.
+            let _ = reel.remove();
+            return Err(error);
+        }
+    };
+    let proceed = &mut || proceed(&interrupted);
+    let film = match &args.video {
+        Some(target) => target.clone(),
+        None => Target::Apng(args.out.join("break.png")),
+    };
+    assemble(&reel, &film, settings.frames_per_sec, proceed).with_context(|| going_on(&reel))?;
+    reel.finish()?;
+    if let Target::Folder(folder) = &target {
+        write_report(&report, &folder.join("stats.json"))?;
+    } else {
+        reel.remove()?;
+    }
+    println!("{}", done(settings, &target, &film));
+    Ok(())
+}
+
+/// What was made, and where it is.
+fn done(settings: Settings, target: &Target, film: &Target) -> String {
+    let Settings {
+        width,
+        height,
+        frames,
+        ..
+    } = settings;
+    let path = target.path().display();
+    match target {
+        Target::Folder(_) if target != film => {
+            format!("{frames} frames of {width}x{height}, break.png and stats.json are in {path}")
+        }
+        Target::Folder(_) => {
+            format!("{frames} frames of {width}x{height} and stats.json are in {path}")
+        }
+        _ => format!("{path} has {frames} frames of {width}x{height}"),
+    }
+}
+
+fn going_on(reel: &Reel) -> String {
+    format!(
+        "{} of {} frames are kept in {}, and the same command goes on with them",
+        reel.kept(),
+        reel.frames(),
+        reel.folder().display()
+    )
+}
+
+fn proceed(interrupted: &AtomicBool) -> anyhow::Result<()> {
+    if interrupted.load(Ordering::Relaxed) {
+        bail!("interrupted");
+    }
+    Ok(())
+}
+
+fn footage(args: &Args) -> anyhow::Result<Footage> {
+    let (table, recording) = args.table_and_recording()?;
+    let recording = match recording {
+        Some(recording) => recording,
+        None => Recording::of(
+            &table,
+            "A break",
+            break_shot(&table, args.seed, args.physics.unwrap_or_default())?,
+        ),
+    };
+    if let Some(folder) = &args.record {
+        keep(&recording, folder)?;
+    }
+    let mut shots: Vec<Shot> = recording.takes.into_iter().map(|take| take.shot).collect();
+    let stage = Stage::around(&table, args.ball_set.unwrap_or_default());
+    let (view, rate) = (args.view, args.fps);
+    if args.video.is_none() {
+        let frames = args.frames.unwrap_or(FRAMES);
+        return Ok(Footage::impact(
+            stage,
+            shots.swap_remove(0),
+            view,
+            rate,
+            frames,
+        ));
+    }
+    let film = Footage::whole(stage, shots, view, rate);
+    Ok(film.cut(args.frames.unwrap_or(u32::MAX)))
+}
+
+fn settings(args: &Args, footage: &Footage) -> Settings {
+    let (size, samples) = if args.video.is_some() {
+        (ImageSize::new(1280, 720), 64)
+    } else {
+        (ImageSize::new(640, 360), 16)
+    };
+    let size = args.size.unwrap_or(size);
+    Settings {
+        width: size.width,
+        height: size.height,
+        samples: args.spp.unwrap_or(samples),
+        scatterings_max: args.ball_set.unwrap_or_default().scatterings_max(),
+        seed: args.seed,
+        denoise: args.denoise,
+        frames: footage.frames(),
+        frames_per_sec: footage.frames_per_sec(),
+    }
+}
+
+impl Settings {
+    fn size(&self) -> ImageSize {
+        ImageSize::new(self.width, self.height)
+    }
+
+    fn render(&self) -> RenderSettings {
+        RenderSettings {
+            samples: self.samples,
+            first_sample: 0,
+            scatterings_max: self.scatterings_max,
+            seed: self.seed,
+            denoise: self.denoise,
+        }
+    }
+}
+
+/// A hard, straight break.
+fn break_shot(table: &Table, seed: u32, engine: Engine) -> anyhow::Result<Shot> {
+    let mut world = World::new(table.clone(), table.rack_eight(seed))?;
+    world.set_engine(engine);
+    Ok(world.strike(Stroke::straight(0.0, CUE_SPEED_M_S_MAX))?)
+}
+
+fn keep(recording: &Recording, folder: &Path) -> anyhow::Result<()> {
+    fs::create_dir_all(folder)
+        .with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    Ok(recording.save(&folder.join("shot_0001.carom"))?)
+}
+
+/// Traces the frames that the reel lacks.
+fn make(
+    config: FarmConfig,
+    footage: &Footage,
+    settings: Settings,
+    reel: &mut Reel,
+    interrupted: &AtomicBool,
+) -> anyhow::Result<Report> {
+    // Files are kept: a link that is too slow for exact pixels makes them later, not worse.
+    let mut farm = Farm::new(FarmConfig {
+        precision: PrecisionRange::EXACT,
+        ..config
+    })?;
+    farm.set_scene(footage.stage().scene())?;
+    let begun = Instant::now();
+    let frames = render(&mut farm, footage, settings, reel, interrupted)?;
+    Ok(Report {
+        totals: totals(&frames, settings, begun.elapsed()),
+        nodes: farm.nodes().into_iter().map(node).collect(),
+        settings,
+        frames,
+    })
+}
+
+/// Has the missing frames traced, as many at a time as the farm takes, keeping each as it is finished.
+fn render(
+    farm: &mut Farm,
+    footage: &Footage,
+    settings: Settings,
+    reel: &mut Reel,
+    interrupted: &AtomicBool,
+) -> anyhow::Result<Vec<FrameReport>> {
+    let bar = progress_bar(settings.frames);
+    if reel.kept() > 0 {
+        eprintln!("Going on: {}", going_on(reel));
+        bar.set_position(reel.kept().into());
+        bar.reset_eta();
+    }
+    let mut waiting: VecDeque<u32> = reel.missing().collect();
+    let mut in_flight = VecDeque::new();
+    let mut frames: Vec<FrameReport> = Vec::new();
+    while !(waiting.is_empty() && in_flight.is_empty()) {
+        while let Some(&index) = waiting.front() {
+            match farm.submit(spec(footage, index, settings)) {
+                Ok(_) => in_flight.extend(waiting.pop_front()),
+                Err(carom_farm::Error::FramesInFlight { .. }) => break,
+                Err(error) => return Err(error.into()),
+            }
+        }
+        let frame = next_frame(farm, interrupted)?;
+        let Some(index) = in_flight.pop_front() else {
+            bail!("the farm sent a frame that was not asked for");
+        };
+        reel.keep(index, bytes(&frame)?)?;
+        bar.inc(1);
+        let (shot, moment_secs) = footage.moment(index);
+        frames.push(FrameReport {
+            index,
+            shot,
+            moment_secs,
+            stats: frame.stats,
+        });
+    }
+    bar.finish_and_clear();
+    Ok(frames)
+}
+
+fn spec(footage: &Footage, index: u32, settings: Settings) -> FrameSpec {
+    FrameSpec {
+        update: footage.update(index),
+        size: settings.size(),
+        settings: settings.render(),
+        format: PixelFormat::Srgb8 { exposure: EXPOSURE },
+    }
+}
+
+/// Waits for the next frame; gives up with the nodes' own words when none comes.
+fn next_frame(farm: &mut Farm, interrupted: &AtomicBool) -> anyhow::Result<Frame> {
+    let begun = Instant::now();
+    loop {
+        proceed(interrupted)?;
+        if let Some(frame) = farm.wait_frame(Duration::from_millis(200)) {
+            return Ok(frame);
+        }
+        let nodes = farm.nodes();
+        let ready = nodes.iter().any(|node| node.state.is_ready());
+        if !ready && begun.elapsed() > PATIENCE {
+            bail!("no node is ready to trace: {}", states(&nodes));
+        }
+    }
+}
+
+fn states(nodes: &[NodeStatus]) -> String {
+    let words = |node: &NodeStatus| format!("{} {}", node.address, node.state.sentence());
+    if nodes.is_empty() {
+        return "the farm has no nodes".to_owned();
+    }
+    nodes.iter().map(words).collect::<Vec<_>>().join(", ")
+}
+
+fn bytes(frame: &Frame) -> anyhow::Result<&[u8]> {
+    match &frame.pixels {
+        Pixels::Srgb8(rgb) => Ok(bytemuck::cast_slice(rgb)),
+        Pixels::Linear(_) => bail!("the farm sent radiance where colours were asked for"),
+    }
+}
+
+fn totals(frames: &[FrameReport], settings: Settings, wall: Duration) -> Totals {
+    let mut totals = Totals::default();
+    for FrameReport { stats, .. } in frames {
+        totals.payload_bytes += stats.payload_bytes;
+        totals.reissued_tiles += u64::from(stats.reissued_tiles);
+        totals.duplicate_tiles += u64::from(stats.duplicate_tiles);
+        totals.dropped_samples += stats.dropped_samples;
+        let nodes = totals.tiles_by_node.len().max(stats.tiles_by_node.len());
+        totals.tiles_by_node.resize(nodes, 0);
+        for (sum, tiles) in totals.tiles_by_node.iter_mut().zip(&stats.tiles_by_node) {
+            *sum += u64::from(*tiles);
+        }
+    }
+    let pixels = ImageSize::new(settings.width, settings.height).pixels() as f64;
+    let samples = pixels * f64::from(settings.samples) * frames.len() as f64;
+    totals.wall_secs = wall.as_secs_f64();
+    totals.msamples_per_sec = samples / totals.wall_secs / 1e6;
+    totals
+}
+
+fn node(status: NodeStatus) -> Node {
+    Node {
+        address: status.address,
+        device: status.info.map(|info| info.device.name),
+        tiles: status.tiles,
+        fixed_secs: status.fixed_secs,
+        msamples_per_sec: status.msamples_per_sec,
+        lost: match status.state {
+            NodeState::Lost { why, .. } => Some(why),
+            _ => None,
+        },
+    }
+}
+
+fn write_report(report: &Report, path: &Path) -> anyhow::Result<()> {
+    let write = || -> anyhow::Result<()> {
+        let mut file = BufWriter::new(File::create(path)?);
+        serde_json::to_writer_pretty(&mut file, report)?;
+        writeln!(file)?;
+        file.flush()?;
+        Ok(())
+    };
+    write().with_context(|| format!("cannot write {}", path.display()))
+}
+
+fn progress_bar(frames: u32) -> ProgressBar {
+    let template = "{bar:40} {pos}/{len} frames, {per_sec}, {eta} left";
+    let style =
+        ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
+    ProgressBar::new(u64::from(frames)).with_style(style)
+}
+
+/// Of a break, where no number is given.
+const FRAMES: u32 = 48;
+/// How long to wait for a first node.
+const PATIENCE: Duration = Duration::from_secs(60);

@@ -1,0 +1,6 @@
+//! Frames of the farm on their way to the window: scheduling, accumulation, reprojection, quality.
+
+pub mod accumulation;
+pub mod quality;
+pub mod reprojection;
+pub mod scheduler;

@@ -1,0 +1,216 @@
+//! The newest picture as the table looks now: between pictures, and while one is still on its way,
+//! camera and balls move on by [`carom_tracer::reproject`].
+
+use carom_tracer::reproject::View;
+use carom_tracer::{CompiledScene, Error, ImageSize, Scene, SceneUpdate, Tile};
+
+use crate::display::Picture;
+
+/// Moves pictures. Costs 40 ns of processor time a pixel of the moved picture, on all threads, and
+/// nothing while the newest picture is of the present.
+#[derive(Debug)]
+pub struct Warp {
+    scene: CompiledScene,
+    /// What the picture of that serial number was taken of.
+    from: Option<(u64, View)>,
+    moved: Option<Moved>,
+    count: u64,
+}
+
+#[derive(Debug)]
+struct Moved {
+    /// The serial number of the picture that was moved.
+    of: u64,
+    picture: Picture,
+    guessed: f64,
+}
+
+impl Warp {
+    /// For pictures of `scene`.
+    ///
+    /// # Errors
+    /// [`Error::InvalidScene`] with the first rule that the scene breaks.
+    pub fn new(scene: &Scene) -> Result<Self, Error> {
+        Ok(Self {
+            scene: CompiledScene::new(scene)?,
+            from: None,
+            moved: None,
+            count: 0,
+        })
+    }
+
+    /// `picture` as the scene looks after `now`; itself if it was taken of that, or if either
+    /// does not fit the scene.
+    pub fn follow<'a>(&'a mut self, picture: &'a Picture, now: &SceneUpdate) -> &'a Picture {
+        if picture.update == *now {
+            self.moved = None;
+            return picture;
+        }
+        let done = |moved: &Moved| moved.of == picture.serial && moved.picture.update == *now;
+        if !self.moved.as_ref().is_some_and(done) {
+            self.moved = self.moved(picture, now);
+        }
+        self.moved.as_ref().map_or(picture, |moved| &moved.picture)
+    }
+
+    /// Puts what the picture `before` shows into the `missing` tiles of `picture`, moved to where it
+    /// is now; leaves them if either does not fit the scene.
+    pub fn fill(&mut self, picture: &mut Picture, missing: &[Tile], before: &Picture) {
+        let Some(moved) = self.moved(before, &picture.update) else {
+            return;
+        };
+        let (from, width) = (moved.picture.size, picture.size.width as usize);
+        let scaled = |at: u32, to: u32, from: u32| (at * from / to) as usize;
+        for tile in missing {
+            for y in tile.y..tile.y + tile.height {
+                let row = scaled(y, picture.size.height, from.height) * from.width as usize;
+                for x in tile.x..tile.x + tile.width {
+                    let place = row + scaled(x, picture.size.width, from.width);
+                    picture.rgba[y as usize * width + x as usize] = moved.picture.rgba[place];
+                }
+            }
+        }
+    }
+
+    /// The share of the picture on show that the newest one did not hold, if it had to be moved.
+    pub fn guessed(&self) -> Option<f64> {
+        self.moved.as_ref().map(|moved| moved.guessed)
+    }
+
+    /// Pictures moved, ever.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    fn moved(&mut self, picture: &Picture, now: &SceneUpdate) -> Option<Moved> {
+        if self
+            .from
+            .as_ref()
+            .is_none_or(|(of, _)| *of != picture.serial)
+        {
+            self.scene.apply(&picture.update).ok()?;
+            self.from = Some((picture.serial, View::new(&self.scene, picture.size)));
+        }
+        self.scene.apply(now).ok()?;
+        let size = moved_size(picture.size);
+        let to = View::new(&self.scene, size);
+        let (_, from) = self.from.as_ref()?;
+        let reprojected = from.reproject(&picture.rgba, &to);
+        self.count += 1;
+        Some(Moved {
+            of: picture.serial,
+            guessed: reprojected.guessed as f64 / size.pixels().max(1) as f64,
+            picture: Picture {
+                serial: SERIALS_FIRST + self.count,
+                size,
+                rgba: reprojected.pixels,
+                update: now.clone(),
+            },
+        })
+    }
+}
+
+/// What moves fast needs no more pixels than can be moved in a few milliseconds.
+fn moved_size(size: ImageSize) -> ImageSize {
+    let share = (PIXELS_MAX as f64 / size.pixels().max(1) as f64)
+        .sqrt()
+        .min(1.0);
+    let edge = |pixels: u32| ((f64::from(pixels) * share).round() as u32).max(1);
+    ImageSize::new(edge(size.width), edge(size.height))
+}
+
+/// 640 × 360: 9 ms of processor time.
+const PIXELS_MAX: usize = 640 * 360;
+/// Moved pictures are numbered from here: traced ones never get so far.
+const SERIALS_FIRST: u64 = 1 << 63;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::ball_materials::BallSet;
+    use crate::scene::table_scene::Stage;
+
+    fn picture(update: SceneUpdate) -> Picture {
+        let size = ImageSize::new(64, 36);
+        let gray = |i: usize| [(i % 64 * 4) as u8, 0, 0, 255];
+        Picture {
+            serial: 7,
+            size,
+            rgba: (0..size.pixels()).map(gray).collect(),
+            update,
+        }
+    }
+
+    fn turned(stage: &Stage, radians: f32) -> SceneUpdate {
+        let mut camera = stage.scene().camera;
+        let turn = glam::Quat::from_rotation_z(radians);
+        camera.eye = camera.target + turn * (camera.eye - camera.target);
+        SceneUpdate {
+            camera: Some(camera),
+            poses: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_picture_of_the_present_is_shown_as_it_is() {
+        let stage = Stage::room(BallSet::Classic);
+        let mut warp = Warp::new(stage.scene()).unwrap();
+        let picture = picture(turned(&stage, 0.1));
+        assert_eq!(warp.follow(&picture, &picture.update.clone()).serial, 7);
+        assert_eq!((warp.count(), warp.guessed()), (0, None));
+    }
+
+    #[test]
+    fn a_picture_of_the_past_is_moved_once_for_each_new_view() {
+        let stage = Stage::room(BallSet::Classic);
+        let mut warp = Warp::new(stage.scene()).unwrap();
+        let picture = picture(turned(&stage, 0.0));
+        let view = turned(&stage, 0.02);
+        let first = warp.follow(&picture, &view).clone();
+        assert_ne!((first.serial, &first.rgba), (7, &picture.rgba));
+        assert_eq!(warp.follow(&picture, &view).serial, first.serial);
+        assert_ne!(
+            warp.follow(&picture, &turned(&stage, 0.03)).serial,
+            first.serial
+        );
+        assert_eq!(warp.count(), 2);
+        assert!(warp.guessed().unwrap() < 0.1);
+    }
+
+    #[test]
+    fn missing_tiles_are_taken_from_where_the_picture_before_shows_them() {
+        let stage = Stage::room(BallSet::Classic);
+        let mut warp = Warp::new(stage.scene()).unwrap();
+        let before = picture(turned(&stage, 0.0));
+        let right = |warp: &mut Warp, update: &SceneUpdate| warp.follow(&before, update).clone();
+        for radians in [0.0, 0.02] {
+            let update = turned(&stage, radians);
+            let right = right(&mut warp, &update);
+            let mut holed = Picture {
+                serial: 8,
+                rgba: vec![[9; 4]; before.rgba.len()],
+                update,
+                ..before.clone()
+            };
+            let tile = Tile {
+                x: 16,
+                y: 8,
+                width: 24,
+                height: 12,
+            };
+            warp.fill(&mut holed, &[tile], &before);
+            for (place, pixel) in holed.rgba.iter().enumerate() {
+                let (x, y) = (place as u32 % 64, place as u32 / 64);
+                let inside = (16..40).contains(&x) && (8..20).contains(&y);
+                assert_eq!(*pixel, if inside { right.rgba[place] } else { [9; 4] });
+            }
+        }
+    }
+
+    #[test]
+    fn large_pictures_are_moved_with_fewer_pixels_of_the_same_shape() {
+        let size = moved_size(ImageSize::new(2560, 1440));
+        assert_eq!((size.width, size.height), (640, 360));
+        assert_eq!(moved_size(ImageSize::new(0, 0)), ImageSize::new(1, 1));
+    }
+}

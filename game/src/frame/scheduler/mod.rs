@@ -1,0 +1,523 @@
+//! What to ask of the farm next, and which finished picture is on show.
+//!
+//! ```text
+//!            things move          │ a draft at the quality that holds the frame time
+//! live ──────────────────────────▶│
+//!            nothing moves        │ disjoint sample ranges at full size, merged in linear light
+//! shot ──────────────────────────▶  moments of the future, each shown when its time comes
+//! ```
+//!
+//! The director knows neither farm nor clock: times are arguments, so that tests play hours in
+//! milliseconds.
+
+#[cfg(test)]
+mod tests;
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use carom_farm::pacing::{Lead, Queue, Schedule};
+use carom_farm::{Frame, FrameId, FrameSpec, PixelFormat, Pixels};
+use carom_tracer::{ImageSize, RenderSettings, SceneUpdate, Tile};
+
+use crate::display::Picture;
+use crate::frame::accumulation::{Negative, Print};
+use crate::frame::quality::{Dial, Level, Quality};
+
+/// What the player looks at.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Subject {
+    /// The table as it is now.
+    Live(SceneUpdate),
+    /// A shot that plays on its own clock.
+    Shot {
+        /// Differs for each shot.
+        number: u64,
+        /// The moment on show, seconds since the stroke; negative before it.
+        clock_secs: f64,
+        /// When the last ball rests.
+        end_secs: f64,
+    },
+}
+
+/// A picture to ask for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Order {
+    /// What to submit.
+    pub spec: FrameSpec,
+    /// When it must be shown, from now on, if it must: see [`carom_farm::Farm::submit_by`].
+    pub deadline: Option<Duration>,
+    role: Role,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Role {
+    Draft,
+    Refinement,
+    Moment(f64),
+}
+
+/// What the farm should do now.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Plan {
+    /// Nothing.
+    Rest,
+    /// Drop every picture that is not finished.
+    CancelAll,
+    /// Trace this.
+    Trace(Order),
+}
+
+/// Figures for the player.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Figures {
+    /// Size of the picture on show.
+    pub size: ImageSize,
+    /// Paths per pixel of the picture on show.
+    pub samples: u32,
+    /// From asking to the last tile, of the latest picture, seconds.
+    pub makespan_secs: f64,
+    /// Tiles of the latest picture.
+    pub tiles: u32,
+    /// Tiles that were asked for again, ever.
+    pub reissued_tiles: u64,
+    /// Pictures finished, ever.
+    pub pictures: u64,
+    /// Tiles that were not there when their pictures had to be shown, and that the picture before
+    /// stood in for, ever.
+    pub late_tiles: u64,
+    /// Pictures of a shot that were passed over because a later one was due, ever.
+    pub skipped: u64,
+    /// How far ahead of its moment a picture is asked for, seconds.
+    pub lead_secs: f64,
+}
+
+impl Default for Figures {
+    fn default() -> Self {
+        Self {
+            size: ImageSize::new(0, 0),
+            samples: 0,
+            makespan_secs: 0.0,
+            tiles: 0,
+            reissued_tiles: 0,
+            pictures: 0,
+            late_tiles: 0,
+            skipped: 0,
+            lead_secs: 0.0,
+        }
+    }
+}
+
+/// Turns a [`Subject`] into orders and finished frames into the picture on show.
+#[derive(Debug)]
+pub struct Director {
+    window: ImageSize,
+    scatterings_max: u32,
+    quality: Quality,
+    lead: Lead,
+    in_flight_max: usize,
+    subject: Option<Subject>,
+    still_since_secs: f64,
+    drafted: bool,
+    refinement: Option<Refinement>,
+    schedule: Schedule,
+    moments: Queue<Moment>,
+    pending: VecDeque<Pending>,
+    orders: u64,
+    serial: u64,
+    shown: Option<Picture>,
+    /// Of the shot, if the picture on show is of it.
+    shown_moment: Option<f64>,
+    figures: Figures,
+}
+
+/// A picture of a shot, perhaps with tiles missing.
+#[derive(Debug)]
+struct Moment {
+    picture: Picture,
+    missing: Vec<Tile>,
+}
+
+/// Puts into a picture what is missing of it, from the picture that was on show before.
+pub type Fill<'a> = &'a mut dyn FnMut(&mut Picture, &[Tile], &Picture);
+
+#[derive(Clone, Debug)]
+struct Pending {
+    id: FrameId,
+    role: Role,
+    settings: RenderSettings,
+    update: SceneUpdate,
+}
+
+impl Director {
+    /// For a window of `window` pixels, a farm that takes `in_flight_max` pictures at once, and
+    /// paths of `scatterings_max` scatterings.
+    pub fn new(window: ImageSize, in_flight_max: usize, scatterings_max: u32) -> Self {
+        Self {
+            window,
+            scatterings_max,
+            quality: Quality::default(),
+            lead: Lead::default(),
+            in_flight_max,
+            subject: None,
+            still_since_secs: 0.0,
+            drafted: false,
+            refinement: None,
+            schedule: Schedule::default(),
+            moments: Queue::default(),
+            pending: VecDeque::new(),
+            orders: 0,
+            serial: 0,
+            shown: None,
+            shown_moment: None,
+            figures: Figures::default(),
+        }
+    }
+
+    /// What is given up first while things move.
+    pub fn set_dial(&mut self, dial: Dial) {
+        self.quality.set_dial(dial);
+    }
+
+    /// From the next picture on, paths have this many scatterings.
+    pub fn set_scatterings_max(&mut self, scatterings_max: u32) {
+        self.scatterings_max = scatterings_max;
+    }
+
+    /// Follows the window's size.
+    pub fn resize(&mut self, window: ImageSize) {
+        if self.window != window {
+            self.window = window;
+            self.subject = None;
+        }
+    }
+
+    /// Pixels of the window.
+    pub fn window(&self) -> ImageSize {
+        self.window
+    }
+
+    /// Decides what the farm, which can take `room` more frames, should do next; call until it says
+    /// [`Plan::Rest`]. `at` gives the scene at a moment of the shot.
+    pub fn plan(
+        &mut self,
+        now_secs: f64,
+        subject: &Subject,
+        room: usize,
+        at: &dyn Fn(f64) -> SceneUpdate,
+    ) -> Plan {
+        if self.window.pixels() == 0 {
+            return Plan::Rest;
+        }
+        let cancel = self.turn_to(now_secs, subject);
+        if cancel && !self.pending.is_empty() {
+            self.pending.clear();
+            return Plan::CancelAll;
+        }
+        if room == 0 {
+            return Plan::Rest;
+        }
+        let order = match subject {
+            Subject::Live(update) => self.live_order(now_secs, update),
+            Subject::Shot {
+                clock_secs,
+                end_secs,
+                ..
+            } => {
+                let (lead, clock) = (self.lead.secs(), *clock_secs);
+                self.schedule
+                    .next(clock, lead, self.quality.period_secs(), *end_secs)
+                    .map(|moment| Order {
+                        deadline: Some(Duration::from_secs_f64((moment - clock).max(0.0))),
+                        ..self.level_order(at(moment), Role::Moment(moment))
+                    })
+            }
+        };
+        order.map_or(Plan::Rest, Plan::Trace)
+    }
+
+    /// Notes that `order` was submitted as `id`.
+    pub fn submitted(&mut self, id: FrameId, order: &Order) {
+        self.pending.push_back(Pending {
+            id,
+            role: order.role,
+            settings: order.spec.settings,
+            update: order.spec.update.clone(),
+        });
+    }
+
+    /// Takes in a finished frame; what must be merged with others goes through a
+    /// [`crate::frame::accumulation`]. Frames that have been cancelled are ignored.
+    pub fn finished(&mut self, frame: Frame) -> Option<Negative> {
+        let is_frame = |pending: &Pending| pending.id == frame.id;
+        let place = self.pending.iter().position(is_frame)?;
+        let pending = if frame.missing.is_empty() {
+            let pending = self.pending.remove(place)?;
+            self.measure(&pending, &frame);
+            pending
+        } else {
+            self.figures.late_tiles += frame.missing.len() as u64;
+            self.pending[place].clone()
+        };
+        let samples = pending.settings.samples;
+        match (pending.role, frame.pixels) {
+            (Role::Draft, Pixels::Srgb8(rgb)) => {
+                self.show(frame.size, opaque(&rgb), samples, pending.update);
+            }
+            (Role::Moment(at), Pixels::Srgb8(rgb)) => {
+                let picture = self.picture_of(frame.size, opaque(&rgb), pending.update);
+                self.add_moment(frame.id, at, picture, frame.missing);
+                self.figures.samples = samples;
+            }
+            (Role::Refinement, Pixels::Linear(radiance)) => {
+                return Some(Negative {
+                    series: self.refinement.as_ref()?.series,
+                    size: frame.size,
+                    radiance,
+                    samples,
+                });
+            }
+            // A farm that answers in another format than it was asked for breaks its contract.
+            (role, _) => tracing::error!("frame {} of {role:?} has another format", frame.id.0),
+        }
+        None
+    }
+
+    /// Takes in merged sample ranges; those of a picture that is not wanted any more are ignored.
+    pub fn printed(&mut self, print: Print) {
+        let wanted = |refinement: &&mut Refinement| refinement.series == print.series;
+        let Some(refinement) = self.refinement.as_mut().filter(wanted) else {
+            return;
+        };
+        refinement.printed = print.samples;
+        // Fewer would look rougher than the draft, whose pixels are larger.
+        if print.samples >= SHOWN_SAMPLES_MIN {
+            let update = refinement.update.clone();
+            self.show(print.size, print.rgba, print.samples, update);
+        }
+    }
+
+    /// The picture on show at this moment of the subject. What is missing of it is put in by `fill`.
+    pub fn picture(&mut self, fill: Fill<'_>) -> Option<&Picture> {
+        if let Some(Subject::Shot { clock_secs, .. }) = self.subject
+            && let Some((at, moment)) = self.moments.due(clock_secs)
+        {
+            self.put_up(at, moment, fill);
+        }
+        self.shown.as_ref()
+    }
+
+    /// A picture with tiles missing is shown only if there is one to fill them from.
+    fn put_up(&mut self, at: f64, moment: Moment, fill: Fill<'_>) {
+        let Moment {
+            mut picture,
+            missing,
+        } = moment;
+        match &self.shown {
+            _ if missing.is_empty() => {}
+            Some(before) => fill(&mut picture, &missing, before),
+            None => return,
+        }
+        self.figures.size = picture.size;
+        self.shown = Some(picture);
+        self.shown_moment = Some(at);
+    }
+
+    /// Takes in a picture of the shot. One that had to be shown before it was whole comes twice;
+    /// those before it do not come any more.
+    fn add_moment(&mut self, id: FrameId, at: f64, picture: Picture, missing: Vec<Tile>) {
+        let comes =
+            |pending: &Pending| pending.id >= id || !matches!(pending.role, Role::Moment(_));
+        self.pending.retain(comes);
+        match self.shown_moment {
+            Some(shown) if at < shown => {}
+            Some(shown) if at == shown && missing.is_empty() => self.shown = Some(picture),
+            _ => self.moments.push(at, Moment { picture, missing }),
+        }
+    }
+
+    /// How long after a click the stroke should fall, so that pictures of the shot are there in time.
+    pub fn stroke_delay_secs(&self) -> f64 {
+        self.lead.stroke_delay_secs(self.quality.period_secs())
+    }
+
+    /// Whether the picture on show will not change by itself any more.
+    pub fn is_at_rest(&self) -> bool {
+        let finished = self
+            .refinement
+            .as_ref()
+            .is_some_and(|refinement| refinement.printed >= SAMPLES_MAX);
+        self.pending.is_empty() && finished
+    }
+
+    /// What moving pictures are made of, and why.
+    pub fn quality(&self) -> &Quality {
+        &self.quality
+    }
+
+    /// Paths per pixel of a picture that was submitted and has not been taken in.
+    pub fn samples_of(&self, id: FrameId) -> Option<u32> {
+        let pending = self.pending.iter().find(|pending| pending.id == id)?;
+        Some(pending.settings.samples)
+    }
+
+    /// For the player.
+    pub fn figures(&self) -> Figures {
+        Figures {
+            skipped: self.moments.skipped,
+            lead_secs: self.lead.secs(),
+            ..self.figures
+        }
+    }
+
+    /// Notes what is looked at; whether pictures in flight are of no use any more.
+    fn turn_to(&mut self, now_secs: f64, subject: &Subject) -> bool {
+        let before = self.subject.replace(subject.clone());
+        let same = match (&before, subject) {
+            (Some(Subject::Live(a)), Subject::Live(b)) => a == b,
+            (Some(Subject::Shot { number: a, .. }), Subject::Shot { number: b, .. }) => a == b,
+            _ => false,
+        };
+        if same {
+            return false;
+        }
+        self.still_since_secs = now_secs;
+        self.drafted = false;
+        self.refinement = None;
+        self.schedule = Schedule::default();
+        self.moments.clear();
+        self.shown_moment = None;
+        // Drafts are answers to the player's hand and are shown although the hand has moved on.
+        self.pending
+            .iter()
+            .any(|pending| pending.role != Role::Draft)
+            || matches!(subject, Subject::Shot { .. })
+    }
+
+    fn live_order(&mut self, now_secs: f64, update: &SceneUpdate) -> Option<Order> {
+        if !self.drafted {
+            // More in flight than the way to the farm is long would lag behind the hand.
+            let period_secs = self.quality.period_secs();
+            let drafts_max = self
+                .lead
+                .pictures_in_flight(period_secs, self.in_flight_max);
+            let room = self.pending.len() < drafts_max;
+            self.drafted |= room;
+            return room.then(|| self.level_order(update.clone(), Role::Draft));
+        }
+        let moved_lately = now_secs - self.still_since_secs < STILL_SECS;
+        if moved_lately || self.pending.len() >= REFINEMENTS_MAX {
+            return None;
+        }
+        let samples = self.quality.samples_within(REFINEMENT_SECS, self.window);
+        let refinement = self.refinement.get_or_insert(Refinement {
+            series: self.orders,
+            update: update.clone(),
+            asked: 0,
+            printed: 0,
+        });
+        let samples = samples.min(SAMPLES_MAX - refinement.asked);
+        let first_sample = refinement.asked;
+        refinement.asked += samples;
+        (samples > 0).then(|| Order {
+            spec: FrameSpec {
+                update: update.clone(),
+                size: self.window,
+                settings: RenderSettings {
+                    samples,
+                    first_sample,
+                    scatterings_max: self.scatterings_max,
+                    ..RenderSettings::default()
+                },
+                format: PixelFormat::LinearF16,
+            },
+            deadline: None,
+            role: Role::Refinement,
+        })
+    }
+
+    fn level_order(&mut self, update: SceneUpdate, role: Role) -> Order {
+        let level: Level = self.quality.level();
+        self.orders += 1;
+        Order {
+            spec: FrameSpec {
+                update,
+                size: level.size(self.window),
+                settings: RenderSettings {
+                    samples: level.samples,
+                    denoise: level.denoise,
+                    // Noise that differs from picture to picture averages out in the eye.
+                    seed: self.orders as u32,
+                    scatterings_max: self.scatterings_max,
+                    ..RenderSettings::default()
+                },
+                format: PixelFormat::Srgb8 { exposure: EXPOSURE },
+            },
+            deadline: None,
+            role,
+        }
+    }
+
+    fn measure(&mut self, pending: &Pending, frame: &Frame) {
+        let makespan = frame.stats.makespan_secs;
+        // Waiting and travelling delay a picture, but not the ones behind it.
+        self.quality.observe(
+            frame.size.pixels(),
+            &pending.settings,
+            self.window,
+            frame.stats.busy_secs,
+        );
+        if pending.role != Role::Refinement {
+            self.lead.observe(makespan);
+        }
+        self.figures.makespan_secs = makespan;
+        self.figures.tiles = frame.stats.tiles_by_node.iter().sum();
+        self.figures.reissued_tiles += u64::from(frame.stats.reissued_tiles);
+        self.figures.pictures += 1;
+    }
+
+    fn show(&mut self, size: ImageSize, rgba: Vec<[u8; 4]>, samples: u32, update: SceneUpdate) {
+        self.figures.size = size;
+        self.figures.samples = samples;
+        self.shown = Some(self.picture_of(size, rgba, update));
+    }
+
+    fn picture_of(&mut self, size: ImageSize, rgba: Vec<[u8; 4]>, update: SceneUpdate) -> Picture {
+        self.serial += 1;
+        Picture {
+            serial: self.serial,
+            size,
+            rgba,
+            update,
+        }
+    }
+}
+
+/// A picture that grows by disjoint sample ranges.
+#[derive(Debug)]
+struct Refinement {
+    /// The number of the draft that it refines.
+    series: u64,
+    update: SceneUpdate,
+    /// Sample indices below this have been asked for.
+    asked: u32,
+    /// Paths per pixel that have come back as a picture.
+    printed: u32,
+}
+
+fn opaque(rgb: &[[u8; 3]]) -> Vec<[u8; 4]> {
+    rgb.iter().map(|&[r, g, b]| [r, g, b, 255]).collect()
+}
+
+/// The scene's lamps are set for it.
+pub const EXPOSURE: f32 = 1.0;
+/// Nothing has moved for this long: refine.
+const STILL_SECS: f64 = 0.1;
+/// What one refinement may take. Longer wastes less on fixed costs, shorter shows progress and
+/// leaves the farm sooner to the player's next move.
+const REFINEMENT_SECS: f64 = 0.25;
+/// Refinement ends here: its error is a 32nd of one sample's, below a step of 8 bits.
+const SAMPLES_MAX: u32 = 1024;
+const SHOWN_SAMPLES_MIN: u32 = 2;
+/// One is traced while pixels of another travel; more would keep nodes from the next draft.
+const REFINEMENTS_MAX: usize = 3;

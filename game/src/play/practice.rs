@@ -1,0 +1,335 @@
+//! A table whose balls are put where the player likes, to practise from.
+//!
+//! ```text
+//! grab ─▶ drag (where it would lie, and whether it may) ─▶ let_go
+//! add, take_away, layout (a recording in which nothing moves)
+//! ```
+
+use glam::{DVec2, DVec3};
+
+use crate::capture::replay::at_rest;
+use crate::sim::{self, BallPose, BallState, Recording, World};
+
+/// A table that is being laid.
+#[derive(Clone, Debug)]
+pub struct Practice {
+    world: World,
+    held: Option<Held>,
+}
+
+/// A ball in the hand.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Held {
+    /// Which.
+    pub number: u8,
+    /// Where its centre would be, seen from above, in m.
+    pub at: DVec2,
+    /// Why it cannot lie there; None if it can.
+    pub fault: Option<String>,
+}
+
+impl Practice {
+    /// Begins with a table as it is. Balls that are in motion come to rest where they are.
+    ///
+    /// # Errors
+    /// [`sim::Error::Layout`] if balls that were in the air cannot lie below.
+    pub fn new(world: &World) -> sim::Result<Self> {
+        let world = with_balls(world, at_rest(world.balls()))?;
+        Ok(Self { world, held: None })
+    }
+
+    /// The table, with a ball in the hand where it was before.
+    pub fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// The ball in the hand.
+    pub fn held(&self) -> Option<&Held> {
+        self.held.as_ref()
+    }
+
+    /// Takes the ball at a place into the hand, or the nearest one beside it; false if there is none.
+    pub fn grab(&mut self, at: DVec2) -> bool {
+        let distance = |ball: &BallState| ball.position.truncate().distance(at);
+        let balls = self.world.balls().into_iter();
+        let near = balls
+            .filter(|ball| ball.phase.is_on_table())
+            .filter(|ball| distance(ball) < REACH_RADII * ball.body.radius_m)
+            .min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        self.held = near.map(|ball| Held {
+            number: ball.number,
+            at: ball.position.truncate(),
+            fault: None,
+        });
+        self.held.is_some()
+    }
+
+    /// Moves the ball in the hand.
+    pub fn drag(&mut self, at: DVec2) {
+        let Some(held) = &mut self.held else {
+            return;
+        };
+        let half = 0.5 * DVec2::new(self.world.table().length_m(), self.world.table().width_m());
+        if at.is_finite() {
+            held.at = at.clamp(-half, half);
+        }
+        held.fault = self
+            .world
+            .clone()
+            .place(held.number, held.at.x, held.at.y)
+            .is_err()
+            .then(|| NO_ROOM.to_owned());
+    }
+
+    /// Puts the ball in the hand down.
+    ///
+    /// # Errors
+    /// A sentence if it cannot lie there; it is back where it was.
+    pub fn let_go(&mut self) -> Result<(), String> {
+        let Some(Held { number, at, .. }) = self.held.take() else {
+            return Ok(());
+        };
+        let placed = self.world.place(number, at.x, at.y);
+        placed.map_err(|_| NO_ROOM.to_owned())
+    }
+
+    /// Puts another ball on the table, as near to its middle as there is room, into the hand.
+    ///
+    /// # Errors
+    /// A sentence if the ball is there already, or there is no room.
+    pub fn add(&mut self, number: u8) -> Result<(), String> {
+        let mut balls = self.world.balls();
+        let lies = |ball: &BallState| ball.number == number && ball.phase.is_on_table();
+        if balls.iter().any(lies) {
+            return Err(format!("{} is on the table already", name(number)));
+        }
+        balls.retain(|ball| ball.number != number);
+        let table = self.world.table();
+        let body = if number == 0 {
+            table.cue_ball()
+        } else {
+            table.ball()
+        };
+        let place = |at: DVec2| {
+            let ball = BallState::at_rest(number, at.x, at.y, &body);
+            let mut balls = balls.clone();
+            balls.push(ball);
+            with_balls(&self.world, balls).ok()
+        };
+        let mut places = rings(1.1 * body.radius_m, table.length_m());
+        let found = places.find_map(place);
+        self.world =
+            found.ok_or_else(|| format!("there is no room for {} on the table", name(number)))?;
+        Ok(())
+    }
+
+    /// Takes a ball off the table; the one in the hand, if it is that.
+    ///
+    /// # Errors
+    /// A sentence if it is not there.
+    pub fn take_away(&mut self, number: u8) -> Result<(), String> {
+        let mut balls = self.world.balls();
+        let before = balls.len();
+        balls.retain(|ball| ball.number != number);
+        if balls.len() == before {
+            return Err(format!("{} is not on the table", name(number)));
+        }
+        self.world = with_balls(&self.world, balls).map_err(|error| error.to_string())?;
+        self.held = self.held.take().filter(|held| held.number != number);
+        Ok(())
+    }
+
+    /// The numbers of the balls on the table, ascending.
+    pub fn numbers(&self) -> Vec<u8> {
+        let balls = self.world.balls().into_iter();
+        let mut numbers: Vec<u8> = balls
+            .filter(|ball| ball.phase.is_on_table())
+            .map(|ball| ball.number)
+            .collect();
+        numbers.sort_unstable();
+        numbers
+    }
+
+    /// Where the balls are drawn, the one in the hand at the hand.
+    pub fn poses(&self) -> Vec<BallPose> {
+        let balls = self.world.balls().into_iter();
+        let pose = |ball: BallState| {
+            let held = self.held.as_ref().filter(|held| held.number == ball.number);
+            BallPose {
+                number: ball.number,
+                position: held.map_or(ball.position, |held| {
+                    DVec3::new(held.at.x, held.at.y, ball.body.radius_m)
+                }),
+                rotation: ball.orientation,
+                on_table: ball.phase.is_on_table(),
+            }
+        };
+        balls.map(pose).collect()
+    }
+
+    /// The layout as a recording, to be kept and shared.
+    ///
+    /// # Errors
+    /// Those of [`World::release`].
+    pub fn layout(&self, title: &str) -> sim::Result<Recording> {
+        let still = self.world.release()?;
+        Ok(Recording::of(self.world.table(), title, still))
+    }
+
+    /// Lays the balls as they lie at the start of a shot or in a layout.
+    ///
+    /// # Errors
+    /// A sentence if they cannot lie so on this table.
+    pub fn lay(&mut self, balls: Vec<BallState>) -> Result<(), String> {
+        self.world = with_balls(&self.world, balls).map_err(|error| error.to_string())?;
+        self.held = None;
+        Ok(())
+    }
+}
+
+/// The same table and laws with other balls.
+fn with_balls(world: &World, balls: Vec<BallState>) -> sim::Result<World> {
+    let mut laid = World::with_laws(world.table().clone(), *world.laws(), balls)?;
+    laid.set_engine(world.engine());
+    Ok(laid)
+}
+
+/// Places round the middle, nearest first, `step_m` apart.
+fn rings(step_m: f64, reach_m: f64) -> impl Iterator<Item = DVec2> {
+    let rings = (reach_m / step_m).ceil() as u32;
+    (0..rings).flat_map(move |ring| {
+        let count = (6 * ring).max(1);
+        (0..count).map(move |i| {
+            let turn_rad = std::f64::consts::TAU * f64::from(i) / f64::from(count);
+            DVec2::from_angle(turn_rad) * step_m * f64::from(ring)
+        })
+    })
+}
+
+fn name(number: u8) -> String {
+    match number {
+        0 => "the cue ball".to_owned(),
+        number => format!("the {number}"),
+    }
+}
+
+/// What is pointed at within so many radii of a ball is that ball.
+const REACH_RADII: f64 = 1.6;
+const NO_ROOM: &str = "It must lie on the cloth, clear of cushions, pockets and other balls";
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::capture::replay::Viewing;
+    use crate::sim::Table;
+
+    fn practice() -> Practice {
+        let table = Table::nine_foot();
+        let world = World::new(table.clone(), table.rack_eight(1)).unwrap();
+        Practice::new(&world).unwrap()
+    }
+
+    #[test]
+    fn a_ball_is_dragged_and_refused_where_it_cannot_lie() {
+        let mut practice = practice();
+        let head = practice.world().table().head_spot();
+        assert!(!practice.grab(DVec2::new(0.0, 0.3)));
+        assert!(practice.grab(head + DVec2::new(0.02, 0.0)));
+        assert_eq!(practice.held().unwrap().number, 0);
+        practice.drag(DVec2::new(0.1, 0.2));
+        assert_eq!(practice.held().unwrap().fault, None);
+        assert_eq!(
+            practice.poses()[0].position.truncate(),
+            DVec2::new(0.1, 0.2)
+        );
+        practice.let_go().unwrap();
+        // On another ball, and outside the table.
+        for at in [practice.world().table().foot_spot(), DVec2::new(9.0, 9.0)] {
+            assert!(practice.grab(DVec2::new(0.1, 0.2)));
+            practice.drag(at);
+            assert!(practice.held().unwrap().fault.is_some());
+            assert!(practice.let_go().unwrap_err().contains("clear of"));
+        }
+        let lies = practice.world().balls()[0].position.truncate();
+        assert_eq!(lies, DVec2::new(0.1, 0.2));
+    }
+
+    #[test]
+    fn balls_come_and_go() {
+        let mut practice = practice();
+        assert!(practice.add(3).unwrap_err().contains("already"));
+        for number in 1..=15 {
+            practice.take_away(number).unwrap();
+        }
+        assert!(
+            practice
+                .take_away(3)
+                .unwrap_err()
+                .contains("not on the table")
+        );
+        assert_eq!(practice.numbers(), [0]);
+        for number in [8, 3] {
+            practice.add(number).unwrap();
+        }
+        assert_eq!(practice.numbers(), [0, 3, 8]);
+        let reach = 2.0 * practice.world().table().ball().radius_m;
+        let balls = practice.world().balls();
+        let [eight, three] = [8, 3].map(|n| balls.iter().find(|b| b.number == n).unwrap());
+        let apart = eight.position.distance(three.position);
+        assert!(apart >= reach && apart < 1.5 * reach, "{apart}");
+    }
+
+    #[test]
+    fn a_layout_is_kept_and_laid_again() {
+        let mut practice = practice();
+        practice.take_away(9).unwrap();
+        let layout = practice.layout("all but the 9").unwrap();
+        let read = Recording::from_bytes(&layout.to_bytes().unwrap()).unwrap();
+        let viewing = Viewing::new(read, practice.world().table(), 0.0).unwrap();
+        let mut other = self::practice();
+        other.lay(viewing.start()).unwrap();
+        let places = |p: &Practice| p.poses().iter().map(|b| b.position).collect::<Vec<_>>();
+        assert_eq!(places(&other), places(&practice));
+        let mut carom = Practice::new(
+            &World::new(
+                Table::built_in("seven_foot").unwrap(),
+                crate::sim::Layout { balls: Vec::new() },
+            )
+            .unwrap(),
+        )
+        .unwrap();
+        assert!(
+            carom
+                .lay(vec![BallState::at_rest(
+                    1,
+                    1.2,
+                    0.0,
+                    &carom.world().table().ball()
+                )])
+                .is_err()
+        );
+    }
+
+    proptest! {
+        #[test]
+        fn what_may_be_put_down_is_put_down_and_nothing_else(
+            x in -2.0f64..2.0, y in -1.2f64..1.2, ball in 0u8..16,
+        ) {
+            let mut practice = practice();
+            let from = practice.world().balls()[usize::from(ball)].position.truncate();
+            prop_assert!(practice.grab(from));
+            let number = practice.held().unwrap().number;
+            practice.drag(DVec2::new(x, y));
+            let held = practice.held().unwrap().clone();
+            let put = practice.let_go();
+            prop_assert_eq!(put.is_ok(), held.fault.is_none());
+            let lies = practice.world().balls();
+            let lies = lies.iter().find(|b| b.number == number).unwrap().position.truncate();
+            prop_assert_eq!(lies, if put.is_ok() { held.at } else { from });
+            // The table stays one that can be played on.
+            prop_assert!(practice.world().release().is_ok());
+        }
+    }
+}

@@ -1,0 +1,290 @@
+//! A player's seat in a match: whose turn it is, what is decided before a stroke, and what the computer
+//! does in its turn.
+
+use std::rc::Rc;
+
+use crate::contest::{Match, View};
+use crate::input::Intent;
+use crate::rules::{Call, Calls, RuleSet};
+use crate::sim::{self, AimContact};
+
+use super::ai_turn::{Mind, Planned, Purpose};
+use super::aim::Aim;
+use super::cue::SWING_SECS;
+use super::{CueView, Game, Phase};
+
+impl Game {
+    /// The match.
+    pub fn contest(&self) -> &Match {
+        &self.contest
+    }
+
+    /// Everything that is shown of the match.
+    pub fn board(&mut self) -> Rc<View> {
+        let contest = &self.contest;
+        Rc::clone(self.board.get_or_insert_with(|| Rc::new(contest.view())))
+    }
+
+    /// Whether the computer is looking for a shot.
+    pub fn is_thinking(&self) -> bool {
+        self.mind.is_some()
+    }
+
+    /// Whether a person is to play, and nothing is under way.
+    pub fn may_play(&self) -> bool {
+        let player = self.contest.at_table();
+        let is_person = player.is_some_and(|player| player.level().is_none());
+        let is_free = matches!(self.phase, Phase::Aiming | Phase::Placing(_));
+        let plays = |mind: &Mind| mind.purpose == Purpose::Play;
+        is_person && is_free && !self.mind.as_ref().is_some_and(plays)
+    }
+
+    /// The ball that the aim meets first.
+    pub fn aimed_ball(&self) -> Option<u8> {
+        let stroke = self.aim.stroke(self.aim.power);
+        match sim::predict(self.contest.world(), stroke).ok()?.contact {
+            AimContact::Ball { number, .. } => Some(number),
+            _ => None,
+        }
+    }
+
+    /// What counts as called for the present aim, in words; none if nothing does.
+    pub fn call_words(&self) -> Option<String> {
+        let call = self.contest.call_for(self.aim.stroke(self.aim.power))?;
+        Some(self.contest.call_words(call))
+    }
+
+    /// Decides something that is no stroke.
+    pub(super) fn decide(&mut self, intent: Intent) {
+        match intent {
+            Intent::Undo => self.undo(),
+            Intent::Choose(choice) if self.may_play() => {
+                if let Err(why) = self.contest.choose(choice) {
+                    self.notice = Some(why);
+                }
+                self.begin_turn();
+            }
+            Intent::Call(call) if self.may_play() => self.call(call),
+            Intent::NextCall if self.may_play() => self.call(self.next_call()),
+            Intent::Suggest if self.may_play() => self.ask(Purpose::Advise),
+            Intent::TakeOver if self.may_play() => self.ask(Purpose::Play),
+            Intent::PickUp if self.may_play() => self.pick_up(),
+            _ => {}
+        }
+    }
+
+    fn call(&mut self, call: Option<Call>) {
+        self.contest.call(call);
+        self.board = None;
+    }
+
+    /// The call after the present one: none, each pocket for the ball that is aimed at, a safety, a
+    /// push-out where there is one; in snooker the colours.
+    fn next_call(&self) -> Option<Call> {
+        let referee = self.contest.referee();
+        let on = referee.on(&self.contest.lie());
+        let mut calls = vec![None];
+        let pot = |ball, pocket| Some(Call::Pot { ball, pocket });
+        match referee.sheet().calls {
+            Calls::Pocket => {
+                let ball = self.aimed_ball().or(on.first().copied()).unwrap_or(1);
+                let pockets = 0..self.contest.ground().pockets.len();
+                calls.extend(pockets.map(|pocket| pot(ball, Some(pocket))));
+                calls.push(Some(Call::Safety));
+            }
+            Calls::Colour => calls.extend(on.iter().map(|&ball| pot(ball, None))),
+            Calls::Nothing => {}
+        }
+        if referee.may_push_out() {
+            calls.push(Some(Call::PushOut));
+        }
+        // A call of before may have been for another ball.
+        let pocket = |call: &Option<Call>| match *call {
+            Some(Call::Pot {
+                pocket: Some(pocket),
+                ..
+            }) => Some(pocket),
+            _ => None,
+        };
+        let now = self.contest.called();
+        let same = |call: &Option<Call>| {
+            *call == now || (pocket(call).is_some() && pocket(call) == pocket(&now))
+        };
+        let place = calls.iter().position(same).unwrap_or(0);
+        calls[(place + 1) % calls.len()]
+    }
+
+    /// Takes shots back until a person is at the table again.
+    fn undo(&mut self) {
+        if matches!(self.phase, Phase::Watching(_)) {
+            self.notice = Some("Wait until the balls rest to take the shot back".to_owned());
+            return;
+        }
+        self.mind = None;
+        let mut taken = 0;
+        while self.contest.undo() {
+            taken += 1;
+            let player = self.contest.at_table();
+            if player.is_some_and(|player| player.level().is_none()) {
+                break;
+            }
+        }
+        self.begin_turn();
+        self.notice = Some(match taken {
+            0 => "There is no shot to take back".to_owned(),
+            1 => "The last shot is taken back".to_owned(),
+            shots => format!("The last {shots} shots are taken back"),
+        });
+    }
+
+    fn ask(&mut self, purpose: Purpose) {
+        if self.mind.is_some() {
+            return;
+        }
+        match Mind::for_person(&self.contest, purpose) {
+            Ok(mind) => {
+                self.mind = Some(mind);
+                self.notice = Some("Looking for a shot …".to_owned());
+            }
+            Err(why) => self.notice = Some(why),
+        }
+    }
+
+    /// Makes the table ready for the player whose turn it is; a cue ball that was lost is taken up.
+    pub(super) fn begin_turn(&mut self) {
+        self.get_ready();
+        let referee = self.contest.referee();
+        let is_racked = referee.is_break() && referee.rules() != RuleSet::Free;
+        let is_lost = self.contest.turns().last().is_some_and(|turn| {
+            turn.verdict.is_foul() || turn.verdict.moves.iter().any(|moved| moved.ball == 0)
+        });
+        let is_in_hand = referee.hand().is_some() && referee.options().is_empty();
+        if is_in_hand && is_lost && !is_racked && self.may_play() {
+            self.pick_up();
+        }
+    }
+
+    /// Aims afresh.
+    pub(super) fn get_ready(&mut self) {
+        self.phase = Phase::Aiming;
+        (self.foresight, self.board, self.mind) = (None, None, None);
+        self.aim.level();
+        if self.contest.referee().rules() != RuleSet::Free {
+            self.aim_at_nearest();
+        }
+        self.clear_cue();
+    }
+
+    /// Points the cue at the nearest of the balls that may be hit.
+    fn aim_at_nearest(&mut self) {
+        let lie = self.contest.lie();
+        let on = self.contest.referee().on(&lie);
+        let Some(cue_ball) = self.cue_ball().map(|ball| ball.truncate()) else {
+            return;
+        };
+        let legal = lie.iter().filter(|p| on.contains(&p.ball));
+        let nearest = legal.min_by(|a, b| {
+            let way = |at: glam::DVec2| at.distance_squared(cue_ball);
+            way(a.at).total_cmp(&way(b.at))
+        });
+        if let Some(ball) = nearest.filter(|ball| ball.at.distance(cue_ball) > 1e-6) {
+            self.aim.bearing_rad = (ball.at - cue_ball).to_angle();
+        }
+    }
+
+    /// Lets the computer think in its turn, and does what it has decided.
+    pub(super) fn think(&mut self, now_secs: f64) {
+        let level = self.contest.at_table().and_then(|player| player.level());
+        if let (None, Some(level), Phase::Aiming) = (&self.mind, level, &self.phase) {
+            match Mind::own(&self.contest, level.into()) {
+                Ok(mind) => self.mind = Some(mind),
+                Err(why) => self.notice = Some(why),
+            }
+        }
+        let Some(mind) = &self.mind else {
+            return;
+        };
+        let purpose = mind.purpose;
+        match mind.poll() {
+            Ok(None) => {}
+            Ok(Some((decision, skill))) => {
+                self.mind = None;
+                let done = match purpose {
+                    Purpose::Play => self.carry_out(&decision, &skill, now_secs),
+                    Purpose::Advise => self.show_advice(&decision),
+                };
+                if let Err(why) = done {
+                    self.notice = Some(why);
+                }
+            }
+            Err(why) => {
+                self.mind = None;
+                self.notice = Some(why);
+            }
+        }
+    }
+
+    fn carry_out(
+        &mut self,
+        decision: &crate::ai::Decision,
+        skill: &crate::ai::Skill,
+        now_secs: f64,
+    ) -> Result<(), String> {
+        self.notice = None;
+        self.board = None;
+        let struck = self.contest.carry_out(decision, skill)?;
+        self.board = None;
+        match struck {
+            Some((stroke, shot)) => {
+                let planned = Planned::new(stroke, shot, self.aim, now_secs);
+                self.phase = Phase::Planned(Box::new(planned));
+            }
+            None => self.begin_turn(),
+        }
+        Ok(())
+    }
+
+    /// Says what the computer would do, and points the cue so.
+    fn show_advice(&mut self, decision: &crate::ai::Decision) -> Result<(), String> {
+        self.notice = Some(self.contest.advice_words(decision));
+        if decision.choice.is_some() {
+            return Ok(());
+        }
+        if let Some(at) = decision.place {
+            self.contest.place(at)?;
+        }
+        self.phase = Phase::Aiming;
+        self.contest.call(decision.call);
+        self.aim = Aim::of(&decision.stroke);
+        (self.board, self.foresight) = (None, None);
+        self.clear_cue();
+        Ok(())
+    }
+
+    /// The computer's blow, once its cue is drawn back.
+    pub(super) fn follow_plan(&mut self, now_secs: f64) {
+        let Phase::Planned(planned) = &self.phase else {
+            return;
+        };
+        self.aim = planned.aim(now_secs);
+        if !planned.is_due(now_secs) {
+            return;
+        }
+        let cue = self.cue(now_secs);
+        let Phase::Planned(planned) = std::mem::replace(&mut self.phase, Phase::Aiming) else {
+            return;
+        };
+        let Planned { stroke, shot, .. } = *planned;
+        self.watch(stroke, shot, cue, now_secs + SWING_SECS.end);
+    }
+
+    /// The cue of a shot that the computer has planned.
+    pub(super) fn planned_cue(&self, planned: &Planned, now_secs: f64) -> Option<CueView> {
+        let aim = planned.aim(now_secs);
+        let resting = CueView::resting(self.cue_ball()?, &aim);
+        Some(match planned.drawn(now_secs) {
+            Some(share) => resting.drawn(aim.power, super::cue::DRAW_M * aim.power * share),
+            None => resting,
+        })
+    }
+}

@@ -1,0 +1,116 @@
+use carom_tracer::CompiledScene;
+use carom_tracer::scalar::{Ray, intersect};
+use glam::DVec3;
+
+use super::*;
+
+fn nine_foot() -> (Table, CompiledScene) {
+    let table = Table::nine_foot();
+    let mut scene = room(&table, RuleSet::Free, BallSet::Classic);
+    scene
+        .objects
+        .retain(|object| !object.name.starts_with("ball"));
+    let scene = CompiledScene::new(&scene).unwrap();
+    (table, scene)
+}
+
+/// Where a ray meets the room.
+fn met(scene: &CompiledScene, origin: DVec3, direction: DVec3) -> DVec3 {
+    let direction = direction.normalize();
+    intersect(scene, &Ray { origin, direction }).unwrap().point
+}
+
+#[test]
+fn every_set_of_balls_makes_a_scene_with_sixteen() {
+    for set in BallSet::ALL {
+        let scene = room(&Table::nine_foot(), RuleSet::Free, set);
+        scene.validate().unwrap();
+        let balls = scene.objects.iter().filter(|o| o.name.starts_with("ball"));
+        assert_eq!(balls.count(), 16, "{set:?}");
+    }
+}
+
+#[test]
+fn cushions_stand_where_balls_meet_them() {
+    let (table, scene) = nine_foot();
+    let height = table.nose_height_m();
+    for cushion in table.cushions() {
+        let nose = &table.noses()[cushion.nose];
+        let middle = 0.5 * (nose.from() + nose.to());
+        let from = (middle + 0.3 * nose.normal()).extend(height);
+        let point = met(&scene, from, -nose.normal().extend(0.0));
+        assert!(
+            (point.truncate() - middle).length() < 1e-6,
+            "{point} {middle}"
+        );
+        // Under the nose the cushion draws back.
+        let low = (middle + 0.3 * nose.normal()).extend(0.005);
+        let depth = (middle - met(&scene, low, -nose.normal().extend(0.0)).truncate()).length();
+        assert!((0.005..0.02).contains(&depth), "{depth}");
+    }
+}
+
+#[test]
+fn jaws_are_round_where_balls_meet_them() {
+    for table in [
+        Table::nine_foot(),
+        Table::parse(include_str!("../../../../assets/tables/snooker.json")).unwrap(),
+    ] {
+        let scene = room(&table, RuleSet::Free, BallSet::Classic);
+        let scene = CompiledScene::new(&scene).unwrap();
+        let height = table.nose_height_m();
+        let mut met_jaws = 0;
+        for cushion in table.cushions() {
+            for (tip, jaw) in cushion.corners.into_iter().zip(cushion.jaws) {
+                let Some(jaw) = jaw else { continue };
+                met_jaws += 1;
+                let out = (tip - jaw.center).normalize();
+                // Towards the middle of the rounding, and a little to its sides.
+                for turn in [-0.1, 0.0, 0.1] {
+                    let out = DVec2::from_angle(turn).rotate(out);
+                    let from = (jaw.center + (jaw.radius_m + 0.02) * out).extend(height);
+                    let point = met(&scene, from, -out.extend(0.0)).truncate();
+                    let radius = point.distance(jaw.center);
+                    assert!((radius - jaw.radius_m).abs() < 1e-6, "{radius} {jaw:?}");
+                }
+                // No cloth is left of the tip.
+                let last = 0.5 * (tip + jaw.center + jaw.radius_m * out);
+                let down = met(&scene, last.extend(height + 0.1), DVec3::NEG_Z);
+                assert!(down.z < 1e-6, "{down}");
+            }
+        }
+        assert!(met_jaws >= 12, "{met_jaws}");
+    }
+}
+
+#[test]
+fn pockets_are_holes_as_wide_as_the_simulation_s() {
+    let (table, scene) = nine_foot();
+    for pocket in table.pockets() {
+        let inside = pocket.center + 0.9 * pocket.radius_m * pocket.mouth;
+        let down = met(&scene, inside.extend(0.5), DVec3::NEG_Z);
+        assert!((down.z + f64::from(POCKET_DEPTH_M)).abs() < 1e-6, "{down}");
+        let outside = pocket.center + 1.1 * pocket.radius_m * pocket.mouth;
+        let down = met(&scene, outside.extend(0.5), DVec3::NEG_Z);
+        assert!(down.z.abs() < 1e-6, "{down}");
+        let back = met(
+            &scene,
+            pocket.center.extend(0.02),
+            -pocket.mouth.extend(0.0),
+        );
+        let radius = (back.truncate() - pocket.center).length();
+        assert!((radius - pocket.radius_m).abs() < 1e-6, "{radius}");
+    }
+}
+
+#[test]
+fn a_ball_rolls_over_nothing_but_cloth() {
+    let (table, scene) = nine_foot();
+    let half = 0.5 * DVec2::new(table.length_m(), table.width_m()) - table.ball().radius_m;
+    for i in 0..400 {
+        let share = DVec2::new(f64::from(i % 20), f64::from(i / 20)) / 19.0;
+        let place = half * (2.0 * share - 1.0);
+        let point = met(&scene, place.extend(table.rail_height_m()), DVec3::NEG_Z);
+        assert!(point.z.abs() < 1e-6, "{point}");
+    }
+}

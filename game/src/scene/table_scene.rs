@@ -1,0 +1,138 @@
+//! From ball poses and a camera to what the tracer draws.
+
+use carom_tracer::{Camera, ObjectPose, Scene, SceneUpdate};
+use glam::{Quat, Vec3};
+
+use crate::contest::Match;
+use crate::rules::RuleSet;
+use crate::scene::ball_materials::BallSet;
+use crate::scene::room::room;
+use crate::sim::{BallPose, Table};
+
+/// The pool table's scene, and which of its objects is which ball.
+#[derive(Clone, Debug)]
+pub struct Stage {
+    table: Table,
+    scene: Scene,
+    balls: Vec<(u8, u32)>,
+}
+
+impl Stage {
+    /// The pool room of the game with balls of `set`, round [`Stage::table`].
+    pub fn room(set: BallSet) -> Self {
+        Self::around(&Self::table(), set)
+    }
+
+    /// The same round another table.
+    pub fn around(table: &Table, set: BallSet) -> Self {
+        Self::new(table, RuleSet::Free, set)
+    }
+
+    /// The table that is played on unless another is asked for.
+    pub fn table() -> Table {
+        Table::nine_foot()
+    }
+
+    /// The room of a match: its table, and the balls of its game.
+    pub fn of(contest: &Match, set: BallSet) -> Self {
+        let rules = contest.referee().rules();
+        Self::new(contest.world().table(), rules, set)
+    }
+
+    /// Objects called `ball0`, `ball1` … are the balls of those numbers.
+    fn new(table: &Table, rules: RuleSet, set: BallSet) -> Self {
+        let scene = room(table, rules, set);
+        let numbered = |(index, object): (usize, &carom_tracer::Object)| {
+            let number = object.name.strip_prefix("ball")?.parse().ok()?;
+            Some((number, index as u32))
+        };
+        let balls = scene
+            .objects
+            .iter()
+            .enumerate()
+            .filter_map(numbered)
+            .collect();
+        Self {
+            table: table.clone(),
+            scene,
+            balls,
+        }
+    }
+
+    /// What the room was made round.
+    pub fn table_inside(&self) -> &Table {
+        &self.table
+    }
+
+    /// What a farm is given once.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// A frame's difference to the scene: balls that are pocketed or absent are left out of the
+    /// picture.
+    pub fn update(&self, camera: Camera, poses: &[BallPose]) -> SceneUpdate {
+        let pose_of = |&(number, object): &(u8, u32)| {
+            let pose = poses
+                .iter()
+                .find(|pose| pose.number == number && pose.on_table);
+            ObjectPose {
+                object,
+                position: pose.map_or(Vec3::ZERO, |pose| pose.position.as_vec3()),
+                rotation: pose.map_or(Quat::IDENTITY, |pose| pose.rotation.as_quat().normalize()),
+                visible: pose.is_some(),
+            }
+        };
+        SceneUpdate {
+            camera: Some(camera),
+            poses: self.balls.iter().map(pose_of).collect(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use carom_tracer::{CompiledScene, Shape};
+    use glam::{DQuat, DVec3};
+
+    use super::*;
+
+    fn pose(number: u8, x: f64, on_table: bool) -> BallPose {
+        BallPose {
+            number,
+            position: DVec3::new(x, 0.1, 0.028575),
+            rotation: DQuat::from_rotation_x(x),
+            on_table,
+        }
+    }
+
+    #[test]
+    fn the_room_has_sixteen_balls() {
+        let stage = Stage::room(BallSet::Classic);
+        let mut numbers: Vec<u8> = stage.balls.iter().map(|(number, _)| *number).collect();
+        numbers.sort_unstable();
+        assert_eq!(numbers, (0..16).collect::<Vec<u8>>());
+        for (_, object) in &stage.balls {
+            assert!(matches!(
+                stage.scene.objects[*object as usize].shape,
+                Shape::Sphere { .. }
+            ));
+        }
+    }
+
+    #[test]
+    fn balls_are_drawn_where_they_lie_and_pocketed_ones_are_not() {
+        let stage = Stage::room(BallSet::Classic);
+        let poses = [pose(0, 0.25, true), pose(9, -0.5, false)];
+        let update = stage.update(stage.scene().camera, &poses);
+        let mut compiled = CompiledScene::new(stage.scene()).unwrap();
+        compiled.apply(&update).unwrap();
+        let visible: Vec<_> = compiled
+            .spheres
+            .iter()
+            .filter(|ball| ball.radius > 0.0)
+            .collect();
+        assert_eq!(visible.len(), 1);
+        assert_eq!(visible[0].center, [0.25, 0.1, 0.028575]);
+    }
+}

@@ -1,0 +1,94 @@
+//! The second level: rates, and where the last picture's time went.
+
+use carom_farm::LatencySplit;
+use egui::{Rect, RichText, Sense, Shape, Ui, Vec2, epaint::Mesh};
+
+use super::glossary::{self as terms, Term};
+use super::summary::Board;
+use super::value_label::{figure, figure_or_alarm, marked, ms, percent};
+use super::{Facts, palette};
+
+/// Draws the figures that the line has no room for.
+pub(super) fn show(ui: &mut Ui, board: &Board, facts: &Facts<'_>) {
+    let rates = &board.rates;
+    ui.horizontal_wrapped(|ui| {
+        figure(ui, &terms::FPS_MEAN, &format!("{:3.0}", rates.mean));
+        figure(ui, &terms::LOW_01, &format!("{:3.0}", rates.low_01_percent));
+        figure(ui, &terms::DRAW, &format!("{} ms", ms(facts.draw_secs)));
+        figure(ui, &terms::LEAD, &format!("{} ms", ms(facts.lead_secs)));
+        figure(ui, &terms::SKIPPED, &facts.skipped.to_string());
+        if let Some(share) = facts.guessed {
+            figure(ui, &terms::GUESSED, &format!("{:.1} %", share * 1e2));
+        }
+        figure(ui, &terms::REISSUED, &(board.late + board.lost).to_string());
+        figure(ui, &terms::TWICE, &board.twice.to_string());
+        figure_or_alarm(
+            ui,
+            &terms::DROPPED,
+            &board.dropped.to_string(),
+            board.dropped > 0,
+        );
+        figure(ui, &terms::DISPLAY, facts.present);
+    });
+    if let Some(record) = &board.record {
+        ui.horizontal_wrapped(|ui| {
+            figure(ui, &terms::IDEAL, &format!("{} ms", ms(record.ideal_secs)));
+            figure(ui, &terms::IDLE, &format!("{} %", percent(record.idle())));
+            if let Some(index) = record.straggler {
+                figure(ui, &terms::STRAGGLER, &format!("node {index}"));
+            }
+        });
+        if let Some(split) = record.critical_split() {
+            critical_path(ui, &split);
+        }
+    }
+    ui.label(RichText::new(board.diagnosis()).strong());
+}
+
+/// A bar of the six stages, and their names and times under it.
+fn critical_path(ui: &mut Ui, split: &LatencySplit) {
+    let stages = stages(split);
+    let sum: f64 = stages.iter().map(|(_, secs)| secs).sum();
+    let width = ui.available_width().min(BAR_WIDTH);
+    let (rect, response) = ui.allocate_exact_size(Vec2::new(width, BAR_HEIGHT), Sense::hover());
+    let mut mesh = Mesh::default();
+    let mut left = rect.left();
+    let pointer = response.hover_pos();
+    let mut under = None;
+    for ((term, secs), color) in stages.iter().zip(palette::STAGES) {
+        let part = Vec2::new(rect.width() * (secs / sum.max(1e-9)) as f32, rect.height());
+        let stage = Rect::from_min_size(egui::pos2(left, rect.top()), part);
+        mesh.add_colored_rect(stage, color);
+        left = stage.right();
+        if pointer.is_some_and(|pointer| stage.contains(pointer)) {
+            under = Some((term, secs));
+        }
+    }
+    ui.painter().add(Shape::mesh(mesh));
+    if let Some((term, secs)) = under {
+        response.on_hover_ui_at_pointer(|ui| {
+            ui.set_max_width(320.0);
+            ui.label(format!("{} {} ms. {}", term.label, ms(*secs), term.meaning));
+        });
+    }
+    ui.horizontal_wrapped(|ui| {
+        for ((term, secs), color) in stages.iter().zip(palette::STAGES) {
+            marked(ui, term, &ms(*secs), color);
+        }
+    });
+}
+
+/// In the order in which a tile goes through them.
+pub(super) fn stages(split: &LatencySplit) -> [(&'static Term, f64); 6] {
+    [
+        (&terms::ASKED, split.request_secs),
+        (&terms::NETWORK, split.network_secs),
+        (&terms::QUEUE, split.queue_secs),
+        (&terms::TRACE, split.trace_secs),
+        (&terms::ENCODE, split.encode_secs),
+        (&terms::DECODE, split.decode_secs),
+    ]
+}
+
+const BAR_WIDTH: f32 = 560.0;
+const BAR_HEIGHT: f32 = 12.0;

@@ -1,0 +1,195 @@
+//! What the panels say, made from the history a few times a second: numbers that change sixty times
+//! a second cannot be read, and percentiles need not be sorted so often.
+
+use std::sync::Arc;
+
+use carom_farm::{NodeState, NodeStatus};
+
+use super::Facts;
+use super::frame_rate::{Rates, Redraws};
+use super::frame_record::{NodeRecord, Record, mean_and_deviation};
+use super::history::{History, name_of};
+
+/// Figures over all pictures that are kept, and of the one that is looked at.
+#[derive(Debug, Default)]
+pub struct Board {
+    /// Redraws a second.
+    pub rates: Rates,
+    /// Pictures a second.
+    pub pictures_per_sec: f64,
+    /// The picture that is looked at.
+    pub record: Option<Arc<Record>>,
+    /// By index.
+    pub nodes: Vec<NodeSummary>,
+    /// Nodes that can trace.
+    pub ready: usize,
+    /// Megabits a second of pixels.
+    pub mbit_per_sec: f64,
+    /// Raw bytes over those that crossed the link.
+    pub ratio: f64,
+    /// Tiles that were asked for again because they would have come late.
+    pub late: u64,
+    /// Tiles that were asked for again because their node was lost.
+    pub lost: u64,
+    /// Tiles that came twice.
+    pub twice: u64,
+    /// Samples that were not finite.
+    pub dropped: u64,
+}
+
+/// A node over all pictures that are kept.
+#[derive(Clone, Debug, Default)]
+pub struct NodeSummary {
+    /// What it is called.
+    pub name: String,
+    /// What it traces with.
+    pub device: String,
+    /// A word.
+    pub state: String,
+    /// A sentence.
+    pub state_sentence: String,
+    /// Whether it can trace.
+    pub is_ready: bool,
+    /// Mean response, seconds.
+    pub mean_secs: f64,
+    /// Its standard deviation.
+    pub deviation_secs: f64,
+    /// Its 99th percentile.
+    pub p99_secs: f64,
+    /// The longest.
+    pub max_secs: f64,
+    /// Tiles that came well after their prediction.
+    pub late: u64,
+    /// Tiles that it lost since the program began.
+    pub lost: u64,
+    /// Tiles that another node had brought before.
+    pub twice: u64,
+}
+
+impl Board {
+    /// Figures of `history`, and of `record` in it.
+    pub fn new(
+        history: &History,
+        redraws: &Redraws,
+        record: Option<Arc<Record>>,
+        facts: &Facts<'_>,
+    ) -> Self {
+        let records = history.records();
+        let sum = |value: fn(&Record) -> u64| records.iter().map(|record| value(record)).sum();
+        let (bytes, raw): (u64, u64) = (sum(|r| r.payload_bytes), sum(|r| r.raw_bytes));
+        let per_picture = bytes as f64 / records.len().max(1) as f64;
+        let pictures_per_sec = history.rate();
+        let nodes = NodeSummary::all(history, facts);
+        Self {
+            rates: redraws.rates(),
+            pictures_per_sec,
+            record,
+            ready: nodes.iter().filter(|node| node.is_ready).count(),
+            nodes,
+            mbit_per_sec: per_picture * pictures_per_sec * 8e-6,
+            ratio: if bytes > 0 {
+                raw as f64 / bytes as f64
+            } else {
+                1.0
+            },
+            late: sum(|r| u64::from(r.reissued_tiles.saturating_sub(r.lost_tiles))),
+            lost: sum(|r| u64::from(r.lost_tiles)),
+            twice: sum(|r| u64::from(r.duplicate_tiles)),
+            dropped: sum(|r| r.dropped_samples),
+        }
+    }
+
+    /// The picture's worst trouble in a sentence.
+    pub fn diagnosis(&self) -> String {
+        let Some(record) = &self.record else {
+            return "No picture has come yet".to_owned();
+        };
+        let Some((index, node)) = straggler(record) else {
+            return "No tile has come yet".to_owned();
+        };
+        let name = &node.name;
+        let lost = self.nodes.iter().filter(|node| !node.is_ready).count();
+        if record.took_part().count() == 1 {
+            return format!("Node {index} ({name}) traces alone: {}", stage(node));
+        }
+        if record.efficiency() > GOOD {
+            let aside = match lost {
+                0 => String::new(),
+                1 => "; one node takes no part".to_owned(),
+                lost => format!("; {lost} nodes take no part"),
+            };
+            return format!("Well divided: all nodes end nearly together{aside}");
+        }
+        format!("Node {index} ({name}) comes last: {}", stage(node))
+    }
+}
+
+impl NodeSummary {
+    /// All nodes at once: records are long, so that each is walked once, from front to back.
+    fn all(history: &History, facts: &Facts<'_>) -> Vec<Self> {
+        let mut nodes: Vec<Self> = facts.nodes.iter().map(Self::of_status).collect();
+        let mut responses = vec![Vec::with_capacity(history.records().len()); nodes.len()];
+        for record in history.records() {
+            let of_record = record
+                .nodes
+                .iter()
+                .zip(nodes.iter_mut().zip(&mut responses));
+            for (seen, (node, responses)) in of_record.filter(|(seen, _)| seen.tiles > 0) {
+                responses.push(seen.response_secs);
+                node.late += u64::from(seen.late_tiles);
+                node.twice += u64::from(seen.duplicate_tiles);
+            }
+        }
+        for (node, responses) in nodes.iter_mut().zip(&mut responses) {
+            (node.mean_secs, node.deviation_secs) = mean_and_deviation(responses);
+            node.max_secs = responses.iter().copied().fold(0.0, f64::max);
+            if !responses.is_empty() {
+                let place = (responses.len() - 1) * 99 / 100;
+                node.p99_secs = *responses.select_nth_unstable_by(place, f64::total_cmp).1;
+            }
+        }
+        nodes
+    }
+
+    fn of_status(status: &NodeStatus) -> Self {
+        let state_sentence = status.state.to_string();
+        let device = status.info.as_ref().map(|info| info.device.name.clone());
+        Self {
+            name: name_of(status).to_owned(),
+            device: device.unwrap_or_default(),
+            state: match status.state {
+                NodeState::Lost { .. } => status.state.word().to_owned(),
+                _ => state_sentence.clone(),
+            },
+            state_sentence,
+            is_ready: status.state.is_ready(),
+            lost: status.lost_tiles,
+            ..Self::default()
+        }
+    }
+}
+
+fn straggler(record: &Record) -> Option<(usize, &NodeRecord)> {
+    let index = record.straggler?;
+    Some((index, record.nodes.get(index)?))
+}
+
+/// Where most of a node's last tile's time went.
+fn stage(node: &NodeRecord) -> String {
+    let split = &node.split;
+    let stages = [
+        (split.request_secs, "waiting to be asked"),
+        (split.network_secs, "network"),
+        (split.queue_secs, "waiting for its device"),
+        (split.trace_secs, "tracing"),
+        (split.encode_secs, "encoding"),
+        (split.decode_secs, "decoding here"),
+    ];
+    let longest = stages.iter().max_by(|a, b| a.0.total_cmp(&b.0));
+    let (secs, word) = longest.copied().unwrap_or_default();
+    let [part, whole] = [secs, node.response_secs].map(|secs| secs * 1e3);
+    format!("{part:.1} of its {whole:.1} ms are {word}")
+}
+
+/// Above this efficiency there is nothing to complain of.
+const GOOD: f64 = 0.9;
