@@ -1,6 +1,6 @@
 //! One file per subcommand: arguments in, calls of the library, lines out.
 
-mod add;
+mod add_node;
 mod backend;
 mod bench;
 mod checkpoint;
@@ -21,7 +21,7 @@ pub(crate) use failure::Failure;
 #[derive(Subcommand)]
 pub(crate) enum Command {
     Init(init::Args),
-    Add(add::Args),
+    Add(add_node::Args),
     Node(node::Args),
     Proxy(proxy::Args),
     Render(render::Args),
@@ -34,7 +34,7 @@ impl Command {
     pub(crate) fn run(self) -> Result<(), Failure> {
         match self {
             Self::Init(args) => init::run(&args),
-            Self::Add(args) => add::run(&args),
+            Self::Add(args) => add_node::run(&args),
             Self::Node(args) => node::run(&args),
             Self::Proxy(args) => proxy::run(&args),
             Self::Render(args) => render::run(&args),

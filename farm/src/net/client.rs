@@ -15,9 +15,9 @@ use crate::Error;
 use crate::link::LinkSession;
 pub use crate::link::{Command, LinkEvent};
 use crate::net::address::NodeAddress;
-use crate::net::caller::Caller;
+use crate::net::connection_driver::{self, Peer};
+use crate::net::connector::Caller;
 use crate::net::credentials::Credentials;
-use crate::net::packets::{self, Peer};
 
 /// All of a player's links.
 pub struct Client {
@@ -172,7 +172,7 @@ impl Link {
             session: LinkSession::new(self.precision, &mut self.events),
             commands: &mut self.commands,
         };
-        let why = packets::carry(streams, &mut player).await;
+        let why = connection_driver::carry(streams, &mut player).await;
         player.flush();
         why
     }

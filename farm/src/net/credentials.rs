@@ -9,7 +9,7 @@ use x509_parser::extensions::GeneralName;
 use x509_parser::prelude::{FromDer, X509Certificate};
 
 use crate::Error;
-use crate::net::{refusal, tls};
+use crate::net::{connection_error, tls};
 
 /// What a certificate entitles its holder to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -95,7 +95,7 @@ impl Credentials {
     ) -> Result<Self, String> {
         let name = common_name(&certificate)?;
         tls::verify_chain(&authority, &certificate, role, UnixTime::now())
-            .map_err(|why| refusal::own_certificate(&why, role))?;
+            .map_err(|why| connection_error::own_certificate(&why, role))?;
         Ok(Self {
             authority,
             certificate,

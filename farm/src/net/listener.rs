@@ -9,10 +9,10 @@ use quinn::{Connection, Endpoint, Incoming};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use crate::Error;
+use crate::net::connection_driver::Streams;
 use crate::net::credentials::{Credentials, Role};
 use crate::net::endpoint::Sending;
-use crate::net::packets::Streams;
-use crate::net::{endpoint, refusal};
+use crate::net::{connection_error, endpoint};
 
 /// Players that a node serves at once: one that plays, one that has crashed and not been given
 /// up yet, and a render or two beside. They share the device; more would make it slow for all.
@@ -103,7 +103,7 @@ async fn authenticate(
     place: OwnedSemaphorePermit,
     players: &Arc<Semaphore>,
 ) -> Result<(Streams, OwnedSemaphorePermit), String> {
-    let gone = |why| refusal::connection(&why, Role::Node);
+    let gone = |why| connection_error::connection(&why, Role::Node);
     let connection: Connection = tokio::time::timeout(endpoint::HANDSHAKE, incoming)
         .await
         .map_err(|_| "the handshake took too long")?

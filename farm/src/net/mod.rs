@@ -15,36 +15,32 @@
 //! over a socket.
 
 mod address;
-mod assembly;
 pub mod authority;
-mod blocks;
-mod caller;
 pub mod client;
 mod congestion;
+mod connection_driver;
+mod connection_error;
+mod connector;
 pub mod credentials;
-mod datagram;
 mod endpoint;
-mod interruption;
+mod fec;
 mod listener;
-mod loss;
-mod packets;
 mod path;
 mod proxy;
-mod received_block;
-mod refusal;
 pub mod server;
-mod tiles;
+mod signals;
+mod tile_transport;
 mod tls;
 
 pub use address::NodeAddress;
 pub use authority::{Authority, Issued, add_node, create_farm};
 pub use client::{Client, Command, LinkEvent, NodeLink};
 pub use congestion::DelayWindow;
+pub use connection_driver::Peer;
 pub use credentials::{Credentials, Role};
 pub(crate) use endpoint::IDLE;
 pub use endpoint::{Congestion, Sending};
-pub use interruption::interruption;
-pub use packets::Peer;
 pub use path::{Path, PathConfig};
 pub use proxy::{Proxy, ProxyCounts};
 pub use server::{NodeServer, ServerEvent, Stop};
+pub use signals::interruption;

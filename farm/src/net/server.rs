@@ -7,11 +7,11 @@ use tokio::runtime::Runtime;
 use tokio::sync::Notify;
 
 use crate::Error;
+use crate::net::connection_driver::{self, Peer, Streams};
 use crate::net::credentials::Credentials;
 use crate::net::endpoint::Sending;
-use crate::net::interruption::Signals;
 use crate::net::listener::Listener;
-use crate::net::packets::{self, Peer, Streams};
+use crate::net::signals::Signals;
 
 /// What becomes of a player's connection.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -127,7 +127,7 @@ impl NodeServer {
             async move {
                 let player = streams.connection.remote_address();
                 events(ServerEvent::Paired { player });
-                let why = packets::carry(streams, &mut connect(player)).await;
+                let why = connection_driver::carry(streams, &mut connect(player)).await;
                 events(ServerEvent::Lost { player, why });
             }
         };

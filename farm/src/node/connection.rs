@@ -14,9 +14,9 @@ use carom_protocol::{
 };
 use carom_tracer::{Tile, TileRun};
 
-use super::governor::{Governor, LinkMeasure};
+use super::bitrate_control::{Governor, LinkMeasure};
 use super::queue::{Job, Queue};
-use super::weights::Weighed;
+use super::rate_model::Weighed;
 
 /// The transport's end of a client's session; [`crate::net::Peer`] for QUIC.
 pub struct NodeConnection {

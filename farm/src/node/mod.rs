@@ -11,10 +11,10 @@
 //! counts only from when the device was through with earlier work, so that runs which overlap on
 //! a GPU are not counted twice.
 
+mod bitrate_control;
 mod connection;
-mod governor;
 mod queue;
-mod weights;
+mod rate_model;
 mod worker;
 
 use std::sync::Arc;
@@ -23,8 +23,8 @@ use std::time::Duration;
 use carom_protocol::NodeInfo;
 use carom_tracer::{DeviceKind, Tracer};
 
+pub use bitrate_control::LinkMeasure;
 pub use connection::NodeConnection;
-pub use governor::LinkMeasure;
 use queue::Queue;
 
 /// One device, shared by any number of clients.

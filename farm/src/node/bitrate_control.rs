@@ -17,7 +17,7 @@ use std::time::Duration;
 
 use carom_protocol::{Precision, PrecisionRange};
 
-use super::weights::{Weighed, Weights};
+use super::rate_model::{Weighed, Weights};
 
 /// What a transport knows of its path.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use super::blocks::{BEGINS, WORD_BYTES};
 use super::datagram::DATA_MAX;
+use super::encoder::{BEGINS, WORD_BYTES};
 
 /// A block that is not whole, or was not until a moment ago.
 #[derive(Debug)]

@@ -4,11 +4,11 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use super::blocks::Repair;
+use super::block::Block;
 use super::datagram::Datagram;
-use super::received_block::Block;
+use super::encoder::Repair;
 
-/// The receiver's end of [`super::blocks`].
+/// The receiver's end of [`super::encoder`].
 #[derive(Debug, Default)]
 pub(crate) struct Assembly {
     /// Those that are not whole, and those that were until a moment ago.
@@ -142,10 +142,10 @@ const OVERTAKEN_MAX: Duration = Duration::from_millis(50);
 
 #[cfg(test)]
 mod tests {
-    use super::super::blocks::Blocks;
-    use super::super::loss::LossMeter;
-    use super::super::path::{Path, PathConfig};
+    use super::super::encoder::Blocks;
+    use super::super::loss_estimator::LossMeter;
     use super::*;
+    use crate::net::path::{Path, PathConfig};
     use crate::sim::random::Random;
 
     const MS: Duration = Duration::from_millis(1);

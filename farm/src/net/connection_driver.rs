@@ -1,5 +1,5 @@
 //! A session's packets over one connection: control packets framed on one stream of both
-//! directions, tile packets as [`super::tiles`] has it. While tiles come as datagrams, the path
+//! directions, tile packets as [`super::tile_transport`] has it. While tiles come as datagrams, the path
 //! loses packets, and a request is sent twice: on the stream and, a moment later, as a datagram.
 
 use std::collections::VecDeque;
@@ -16,10 +16,10 @@ use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
 
 use crate::net::credentials::Role;
-use crate::net::datagram::Datagram;
 use crate::net::endpoint::code;
-use crate::net::tiles::{Asked, TileReader, TileWriter, Way};
-use crate::net::{congestion, refusal};
+use crate::net::fec::datagram::Datagram;
+use crate::net::tile_transport::{Asked, TileReader, TileWriter, Way};
+use crate::net::{congestion, connection_error};
 
 /// What packets are carried for: a session and whoever owns it.
 pub trait Peer {
@@ -98,7 +98,7 @@ const LAST_WORDS: Duration = Duration::from_secs(1);
 pub(crate) async fn carry(streams: Streams, peer: &mut impl Peer) -> String {
     let (connection, role) = (streams.connection.clone(), streams.role);
     match Carrier::new(streams).run(peer).await {
-        Fault::Gone(why) => refusal::connection(&why, role),
+        Fault::Gone(why) => connection_error::connection(&why, role),
         Fault::Rule(why) => {
             connection.close(code::PROTOCOL, why.as_bytes());
             why

@@ -7,9 +7,9 @@ use quinn::{ClientConfig, ConnectError, Connection, Endpoint};
 
 use crate::Error;
 use crate::net::address::NodeAddress;
+use crate::net::connection_driver::Streams;
 use crate::net::credentials::{Credentials, Role};
-use crate::net::packets::Streams;
-use crate::net::{endpoint, refusal, tls};
+use crate::net::{connection_error, endpoint, tls};
 
 /// A player's sockets, one for each address family that is needed.
 pub(crate) struct Caller {
@@ -60,7 +60,7 @@ impl Caller {
         };
         open(connection)
             .await
-            .map_err(|why| refusal::connection(&why, Role::Player))
+            .map_err(|why| connection_error::connection(&why, Role::Player))
     }
 
     fn socket(&self, peer: SocketAddr) -> std::io::Result<Endpoint> {
@@ -105,7 +105,7 @@ async fn open(connection: Connection) -> Result<Streams, quinn::ConnectionError>
 fn first_refusal(address: SocketAddr, why: &quinn::ConnectionError) -> String {
     match why {
         quinn::ConnectionError::TimedOut => silent(address),
-        why => refusal::connection(why, Role::Player),
+        why => connection_error::connection(why, Role::Player),
     }
 }
 

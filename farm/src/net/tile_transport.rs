@@ -20,12 +20,12 @@ use quinn::{
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
 
-use super::assembly::Assembly;
-use super::blocks::{Blocks, Repair};
-use super::datagram::Datagram;
+use super::connection_driver::{Fault, Incoming};
 use super::endpoint::code;
-use super::loss::LossMeter;
-use super::packets::{Fault, Incoming};
+use super::fec::datagram::Datagram;
+use super::fec::decoder::Assembly;
+use super::fec::encoder::{Blocks, Repair};
+use super::fec::loss_estimator::LossMeter;
 
 /// How the node's tiles come, for both ends to go by.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

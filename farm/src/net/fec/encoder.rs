@@ -15,7 +15,7 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use super::datagram::{DATA_MAX, Datagram, HEADER_BYTES};
-use super::loss::LossMeter;
+use super::loss_estimator::LossMeter;
 
 /// The sender's end.
 #[derive(Debug, Default)]
