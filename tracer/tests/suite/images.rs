@@ -1,16 +1,14 @@
 //! Pictures of the pool scene against the independent renderer's.
 
-mod tracers;
-
 use std::path::{Path, PathBuf};
 
+use crate::tracers::tracers;
 use carom_tracer::film::{trace_estimate, trace_image};
 use carom_tracer::metrics::{Estimate, Region, flip, region, rel_mse};
 use carom_tracer::tonemap::srgb8;
 use carom_tracer::{
     CompiledScene, CpuTracer, RadianceImage, RenderSettings, Scene, Tile, TileGrid,
 };
-use tracers::tracers;
 
 /// 8 batches of 8 samples: enough for a standard error, few enough for a test.
 const BATCHES: u32 = 8;

@@ -24,11 +24,10 @@
 //! | 19 | seams between devices | `laws`: `each_tracer_follows_…`; `images` |
 //! | 20 | fields of view of 0.01° and 179° | here; views that see nothing: `scene::validate` |
 
-mod tracers;
-
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
+use crate::tracers::tracers;
 use carom_tracer::film::trace_image;
 use carom_tracer::metrics::mean;
 use carom_tracer::{
@@ -36,7 +35,6 @@ use carom_tracer::{
     RadianceImage, RenderSettings, ScalarTracer, Scene, Shape, Tracer,
 };
 use glam::{Quat, Vec3};
-use tracers::tracers;
 
 const SIZE: ImageSize = ImageSize::new(24, 16);
 

@@ -1,7 +1,5 @@
 //! Glass, gold and wax: against the independent renderer's picture, and laws of light.
 
-mod tracers;
-
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -16,7 +14,7 @@ use carom_tracer::{
 };
 use glam::{Quat, Vec3};
 
-use tracers::tracers;
+use crate::tracers::tracers;
 
 fn repository(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)

@@ -1,19 +1,17 @@
 //! What the denoiser promises: less error, the same picture however it is cut, nothing blurred that
 //! has an edge, and no change where there is no noise.
 
-mod tracers;
-
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
 
+use crate::tracers::tracers;
 use carom_tracer::film::{trace_image, trace_tiles};
 use carom_tracer::metrics::rel_mse;
 use carom_tracer::{
     CompiledScene, CpuTracer, Film, ImageSize, Layers, RadianceImage, RenderSettings, ScalarTracer,
     Scene, Tile, TileGrid, TileRun, TraceJob, Tracer,
 };
-use tracers::tracers;
 
 fn repository(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)

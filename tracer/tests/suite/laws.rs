@@ -1,12 +1,11 @@
 //! Laws of light that every tracer keeps, on scenes whose radiance is known.
 
-mod tracers;
-
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use crate::tracers::tracers;
 use carom_tracer::film::{Film, trace_image, trace_tiles};
 use carom_tracer::metrics::mean;
 use carom_tracer::{
@@ -15,7 +14,6 @@ use carom_tracer::{
     TileRadiance, TraceJob, Tracer,
 };
 use glam::{Quat, Vec3};
-use tracers::tracers;
 
 /// What f32 arithmetic over a path of five scatterings may lose.
 const ROUNDING: f64 = 1e-5;

@@ -1,0 +1,12 @@
+//! Tests of the tracers by their results, in one program: each program of its own would link the whole
+//! crate and its dependencies again.
+
+mod cpu;
+mod denoise;
+mod extremes;
+mod gpu;
+mod images;
+mod laws;
+mod materials;
+mod tracers;
+mod vectors;
