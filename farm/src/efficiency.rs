@@ -1,8 +1,8 @@
 //! How well a frame was divided: what it took against what the same nodes could have done.
 
 use crate::FrameStats;
+use crate::balancer::{Line, fill};
 use crate::coordinator::NodeIndex;
-use crate::coordinator::balancer::{Line, fill};
 
 /// What a node did for a frame; times are seconds from its submission.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -14,7 +14,8 @@ use carom_tracer::{CompiledScene, Scene, Tracer};
 use crate::driver::{Driver, Input};
 use crate::net::{Client, Credentials, NodeAddress, Role};
 use crate::{
-    Balancing, Distribution, Error, FarmConfig, Frame, FrameSpec, LocalNode, NodeStatus, local,
+    Balancing, Distribution, Error, FarmConfig, Frame, FrameSpec, LocalNode, NodeStatus,
+    local_devices,
 };
 
 /// Many nodes as one tracer.
@@ -75,9 +76,9 @@ impl Farm {
         let mut driver = Driver::new(&config);
         match config.local {
             LocalNode::None => {}
-            LocalNode::Auto => driver.add_local_later(|| local::auto(0)),
-            LocalNode::Cpu => driver.add_local(local::cpu(0)?),
-            LocalNode::Gpu => driver.add_local(local::gpu()?),
+            LocalNode::Auto => driver.add_local_later(|| local_devices::auto(0)),
+            LocalNode::Cpu => driver.add_local(local_devices::cpu(0)?),
+            LocalNode::Gpu => driver.add_local(local_devices::gpu()?),
         }
         Self::start(&config, driver, remotes)
     }

@@ -37,10 +37,13 @@
 //! ```
 //!
 //! Submitting never waits, several frames are in flight at once, and nodes may come, slow down or
-//! die meanwhile: see [`Farm`]. How work is divided is in [`coordinator::balancer`], how a farm is
+//! die meanwhile: see [`Farm`]. How work is divided is in [`balancer`], how a farm is
 //! tried out on virtual time in [`sim`].
 
+pub mod accumulated_render;
+pub mod balancer;
 pub mod balancing;
+mod channel;
 pub mod chart;
 pub mod config;
 pub mod coordinator;
@@ -49,17 +52,16 @@ mod efficiency;
 pub mod error;
 mod farm;
 pub mod frame;
-pub mod hybrid;
 pub mod link;
-pub mod local;
-mod mailbox;
+pub mod local_devices;
+pub mod multi_device;
 pub mod net;
 pub mod node;
 pub mod pacing;
 pub mod sim;
-pub mod still;
 pub mod throttle;
 
+pub use accumulated_render::Still;
 pub use balancing::{Algorithm, Balancing, Distribution};
 pub use carom_protocol::{FrameId, NodeInfo, PixelFormat, Precision, PrecisionRange};
 pub use config::{FarmConfig, LocalNode};
@@ -70,4 +72,3 @@ pub use farm::Farm;
 pub use frame::{
     Delivery, Frame, FrameSpec, FrameStats, LatencySplit, NodeState, NodeStatus, Pixels,
 };
-pub use still::Still;

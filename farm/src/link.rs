@@ -24,7 +24,7 @@ use carom_protocol::{
 };
 use carom_tracer::Scene;
 
-use crate::mailbox;
+use crate::channel;
 use crate::node::{Node, NodeConnection};
 
 /// What the coordinator asks of a node; each is a call of [`ClientSession`].
@@ -153,14 +153,14 @@ impl<F: FnMut(Vec<LinkEvent>)> LinkSession<F> {
 /// A link to a node in this process.
 pub struct MemoryLink {
     /// Taken when dropped, which ends the thread.
-    commands: Option<mailbox::Sender<Command>>,
+    commands: Option<channel::Sender<Command>>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl MemoryLink {
     /// Connects to `node`. `events` is called on the link's thread, with one or more.
     pub fn new(node: &Arc<Node>, mut events: impl FnMut(Vec<LinkEvent>) + Send + 'static) -> Self {
-        let (commands, receiver) = mailbox::mailbox();
+        let (commands, receiver) = channel::channel();
         let connection = node.connect();
         let carry = move || {
             events(vec![LinkEvent::Connecting]);
@@ -195,7 +195,7 @@ impl Drop for MemoryLink {
 
 /// Carries packets between a session and a node until one of them ends; says why.
 fn carry(
-    commands: mailbox::Receiver<Command>,
+    commands: channel::Receiver<Command>,
     mut connection: NodeConnection,
     session: &mut LinkSession<impl FnMut(Vec<LinkEvent>)>,
 ) -> String {

@@ -4,8 +4,8 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
-use carom_farm::hybrid::Hybrid;
-use carom_farm::local;
+use carom_farm::local_devices;
+use carom_farm::multi_device::Hybrid;
 use carom_tracer::cpu::CpuTracer;
 use carom_tracer::gpu::{AdapterChoice, GpuTracer};
 use carom_tracer::{
@@ -143,9 +143,9 @@ impl NodeBackend {
     /// Opens the back end; 0 threads are one per core.
     pub(crate) fn open(self, threads: usize) -> Result<Arc<dyn Tracer>, carom_tracer::Error> {
         match self {
-            Self::Auto => local::auto(threads),
-            Self::Cpu => local::cpu(threads),
-            Self::Gpu => local::gpu(),
+            Self::Auto => local_devices::auto(threads),
+            Self::Cpu => local_devices::cpu(threads),
+            Self::Gpu => local_devices::gpu(),
         }
     }
 }

@@ -10,23 +10,21 @@
 //!
 //! Architecture invariant: a tile enters a film only from a node that was asked for it, the first
 //! one wins, and a node's word about time never counts for more than the client's own clock
-//! supports ([`balancer::Estimator`]).
+//! supports ([`crate::balancer::Estimator`]).
 
-pub mod balancer;
-
-mod answers;
+mod arrival_model;
+mod assignment;
 mod cost_map;
-mod deadline;
-mod divide;
-mod film;
-mod hedge;
-mod passes;
-mod pipeline;
-mod progress;
-mod roster;
-mod run;
-mod spare;
-mod work;
+mod frame_buffer;
+mod frame_deadline;
+mod frame_queue;
+mod hedge_budget;
+mod node_messages;
+mod node_state;
+mod open_request;
+mod partition;
+mod recovery;
+mod sample_passes;
 
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
@@ -36,13 +34,13 @@ use std::time::Duration;
 use carom_protocol::{FrameId, RunId, SceneHash};
 use carom_tracer::{Scene, TileGrid};
 
-use self::balancer::Balancers;
 use self::cost_map::CostMap;
-use self::passes::Passes;
-use self::pipeline::{FrameInFlight, Pipeline};
-use self::roster::{Connection, Node};
-use self::spare::Spare;
-use self::work::WorkMap;
+use self::frame_queue::{FrameInFlight, Pipeline};
+use self::hedge_budget::Spare;
+use self::node_state::{Connection, Node};
+use self::partition::WorkMap;
+use self::sample_passes::Passes;
+use crate::balancer::Balancers;
 use crate::link::{Command, LinkEvent};
 use crate::{Balancing, Distribution, Frame, FrameSpec, NodeStatus};
 
@@ -78,7 +76,7 @@ pub struct Coordinator {
     frames: Pipeline,
     scene: Option<(SceneHash, Arc<Scene>)>,
     last_run: RunId,
-    last_division: divide::LastDivision,
+    last_division: assignment::LastDivision,
     /// Whether there may be tiles that nobody holds.
     unheld: bool,
     actions: VecDeque<Action>,
@@ -98,7 +96,7 @@ impl Coordinator {
             frames: Pipeline::default(),
             scene: None,
             last_run: RunId(0),
-            last_division: divide::LastDivision::default(),
+            last_division: assignment::LastDivision::default(),
             unheld: false,
             actions: VecDeque::new(),
         }

@@ -5,8 +5,8 @@ use carom_protocol::FrameId;
 
 use super::world::World;
 use super::{Change, NodePlan, Plan};
+use crate::balancer::{Line, fill};
 use crate::coordinator::NodeIndex;
-use crate::coordinator::balancer::{Line, fill};
 
 /// The least seconds that each frame of a plan could take; infinite where the nodes cannot do all the
 /// work at the plan's pace, or do little else: what waits there grows from frame to frame, and frames

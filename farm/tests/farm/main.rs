@@ -1,7 +1,7 @@
 //! Laws of a farm of in-process nodes, on real threads: what a picture may depend on, and what may
 //! happen to nodes while it is traced.
 
-mod hybrid;
+mod multi_device;
 mod pattern;
 mod samples;
 

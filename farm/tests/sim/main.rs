@@ -6,7 +6,7 @@ mod samples;
 mod states;
 
 use carom_farm::Algorithm::{self, Ab, Equal, Naive, WaterFilling};
-use carom_farm::coordinator::balancer::{Line, fill};
+use carom_farm::balancer::{Line, fill};
 use carom_farm::sim::{Change, NodePlan, Plan, Report, Weather, run};
 use carom_farm::{Balancing, Distribution, FrameStats, NodeState};
 use carom_tracer::ImageSize;

@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
-use carom_farm::hybrid::Hybrid;
+use carom_farm::multi_device::Hybrid;
 use carom_tracer::{
     CompiledScene, CpuTracer, DeviceKind, ImageSize, RenderSettings, Tile, TileGrid, TileRadiance,
     TraceJob, Tracer,

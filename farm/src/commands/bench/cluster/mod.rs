@@ -13,7 +13,7 @@ use carom_farm::net::{PathConfig, interruption};
 use carom_farm::sim::{self, NodePlan, Plan, Report, Score, Weather, optimum_secs};
 use carom_farm::{
     Algorithm, Balancing, Distribution, Farm, FarmConfig, FrameId, LocalNode, Precision,
-    PrecisionRange, local,
+    PrecisionRange, local_devices,
 };
 use carom_tracer::ImageSize;
 use serde::Serialize;
@@ -221,7 +221,10 @@ fn size(args: &Args) -> ImageSize {
 }
 
 fn pictures(args: &Args) -> Result<Pictures, Failure> {
-    let mut farm = Farm::with_tracers(config(args, Balancing::default()), vec![local::cpu(0)?])?;
+    let mut farm = Farm::with_tracers(
+        config(args, Balancing::default()),
+        vec![local_devices::cpu(0)?],
+    )?;
     farm.set_scene(&inputs::scene(None)?.scene)?;
     Pictures::new(&mut farm, size(args), args.spp)
 }

@@ -8,24 +8,16 @@
 //! for more. Every algorithm learns from every run, whichever of them divides, so that a switch
 //! takes effect with what is known already.
 
-mod ab;
-mod cycles;
-mod equal;
+mod baselines;
 mod estimator;
-mod naive;
-mod pull;
 mod water_filling;
 
-pub use ab::Ab;
-pub use cycles::Cycles;
-pub use equal::Equal;
+pub use baselines::{Ab, Cycles, Equal, Naive, Pull};
 pub use estimator::{Estimate, EstimateError, Estimator, Observation};
-pub use naive::Naive;
-pub use pull::Pull;
 pub use water_filling::{Filling, Line, WaterFilling, fill};
 
-use super::NodeIndex;
 use crate::Algorithm;
+use crate::NodeIndex;
 
 /// A node that can take part in a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use carom_tracer::gpu::AdapterChoice;
 use carom_tracer::{CpuTracer, Error, GpuTracer, Tracer};
 
-use crate::hybrid::Hybrid;
+use crate::multi_device::Hybrid;
 
 /// All that this machine traces with: every real GPU that passes its probe, and the CPU with
 /// `threads` threads, 0 for one per core.

@@ -3,12 +3,13 @@
 //!
 //! Kept as it was reported, and with averages that forget. Averages over the run make it slow to notice that a node has changed,
 //! and nodes with A ≥ T are cut off at nothing without computing T again; both are what
-//! [`super::WaterFilling`] does better, and the comparison shows by how much.
+//! [`crate::balancer::WaterFilling`] does better, and the comparison shows by how much.
 
 use std::collections::BTreeMap;
 
-use super::{Balancer, Division, Equal, Outcome, Shares, in_proportion};
-use crate::coordinator::NodeIndex;
+use super::Equal;
+use crate::NodeIndex;
+use crate::balancer::{Balancer, Division, Outcome, Shares, in_proportion};
 
 /// See [`crate::Algorithm::Ab`] and [`crate::Algorithm::AbExponential`].
 #[derive(Debug)]
@@ -118,7 +119,7 @@ const SECS_PER_TILE_MIN: f64 = 1e-9;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::coordinator::balancer::Candidate;
+    use crate::balancer::Candidate;
 
     #[test]
     fn all_finish_together_after_sixty_equal_frames() {

@@ -4,7 +4,7 @@
 //! memory bandwidth, cores and power from the first. So frames are timed both ways. The better way
 //! is kept, and the other one is tried again now and then.
 
-use crate::coordinator::balancer::{Estimator, Line, Observation, fill};
+use crate::balancer::{Estimator, Line, Observation, fill};
 
 /// A device's run.
 pub(super) struct Spent {

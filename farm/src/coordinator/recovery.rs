@@ -13,13 +13,13 @@
 use carom_protocol::FrameId;
 use carom_tracer::TileRun;
 
-use super::balancer::{Estimate, Line, fill};
-use super::progress::{Prospect, begins_after};
-use super::roster::Node;
-use super::run::Run;
-use super::spare::Spare;
-use super::work::push_tile;
+use super::arrival_model::{Prospect, begins_after};
+use super::hedge_budget::Spare;
+use super::node_state::Node;
+use super::open_request::Run;
+use super::partition::push_tile;
 use super::{Coordinator, NodeIndex};
+use crate::balancer::{Estimate, Line, fill};
 use crate::link::Command;
 
 /// From when on tiles are late.

@@ -5,12 +5,12 @@ use carom_protocol::limits::{RUN_SAMPLES_MAX, RUN_TILES_MAX, RUNS_QUEUED_MAX};
 use carom_protocol::{FrameId, PrecisionRange, RunId, SceneHash, TraceRequest};
 use carom_tracer::{RenderSettings, TileRun};
 
-use super::balancer::{Candidate, Division, Estimate, Line, Pull, Shares, WaterFilling};
-use super::passes::{Passes, passes_for};
-use super::run::Run;
-use super::work::{Deal, WorkMap};
+use super::open_request::Run;
+use super::partition::{Deal, WorkMap};
+use super::sample_passes::{Passes, passes_for};
 use super::{Coordinator, NodeIndex};
 use crate::Algorithm;
+use crate::balancer::{Candidate, Division, Estimate, Line, Pull, Shares, WaterFilling};
 use crate::link::Command;
 
 /// How the last whole frame was divided: kept while a new division would hardly end earlier, so

@@ -4,8 +4,8 @@ use carom_protocol::PixelFormat;
 use carom_protocol::tile_codec::TilePixels;
 use carom_tracer::{Tile, TileRun, film};
 
-use super::passes::Passes;
-use super::work::push_tile;
+use super::partition::push_tile;
+use super::sample_passes::Passes;
 use crate::Pixels;
 
 /// Pixels of a picture, and which units of it are there.

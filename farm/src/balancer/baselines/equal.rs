@@ -1,6 +1,6 @@
 //! The same work for each node: what balancing is measured against.
 
-use super::{Balancer, Division, Outcome, Shares};
+use crate::balancer::{Balancer, Division, Outcome, Shares};
 
 /// See [`crate::Algorithm::Equal`].
 #[derive(Debug, Default)]

@@ -4,7 +4,7 @@
 //! slow nodes hold at the end is waited for. Portions shrink as the pool does (guided
 //! self-scheduling: Polychronopoulos and Kuck, IEEE Transactions on Computers 36, 1987).
 
-use super::{Balancer, Division, Estimate, Outcome, Shares};
+use crate::balancer::{Balancer, Division, Estimate, Outcome, Shares};
 
 /// See [`crate::Algorithm::Pull`].
 #[derive(Debug)]

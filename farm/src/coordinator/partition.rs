@@ -2,8 +2,8 @@
 
 use carom_tracer::TileRun;
 
-use super::balancer::{Line, fill};
-use super::passes::Passes;
+use super::sample_passes::Passes;
+use crate::balancer::{Line, fill};
 
 /// Predicted work of each unit of a picture, as sums over those before it. Of a picture of one pass
 /// the units are its tiles.

@@ -8,9 +8,9 @@ use std::collections::BTreeMap;
 
 use carom_protocol::{FrameId, RunId};
 
-use super::balancer::Estimate;
-use super::roster::Node;
-use super::run::Run;
+use super::node_state::Node;
+use super::open_request::Run;
+use crate::balancer::Estimate;
 
 /// A run that is still wanted, as it should go on.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -320,9 +320,9 @@ const CAUTION_MAX: f64 = 8.0;
 mod tests {
     use carom_tracer::{ImageSize, TileGrid, TileRun};
 
-    use super::super::balancer::Observation;
-    use super::super::passes::Passes;
+    use super::super::sample_passes::Passes;
     use super::*;
+    use crate::balancer::Observation;
 
     const FIXED_SECS: f64 = 0.01;
     const PACE: f64 = 0.001;

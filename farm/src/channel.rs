@@ -21,7 +21,7 @@ struct State<T> {
 }
 
 /// A new queue.
-pub(crate) fn mailbox<T>() -> (Sender<T>, Receiver<T>) {
+pub(crate) fn channel<T>() -> (Sender<T>, Receiver<T>) {
     let state = Arc::new(Mutex::new(State {
         queue: VecDeque::new(),
         closed: false,

@@ -7,9 +7,9 @@ use carom_protocol::limits::RUNS_QUEUED_MAX;
 use carom_protocol::{FrameId, NodeInfo, RunId, SceneHash};
 use carom_tracer::DeviceKind;
 
-use super::balancer::{Estimate, Estimator};
-use super::progress::{Drift, Rhythm, begins_after};
-use super::run::Run;
+use super::arrival_model::{Drift, Rhythm, begins_after};
+use super::open_request::Run;
+use crate::balancer::{Estimate, Estimator};
 use crate::{LatencySplit, NodeState, NodeStatus};
 
 /// Times are seconds on the client's clock.

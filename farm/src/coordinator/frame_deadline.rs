@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use carom_protocol::FrameId;
 
-use super::pipeline::FrameInFlight;
+use super::frame_queue::FrameInFlight;
 use super::{Action, Coordinator};
 use crate::Frame;
 

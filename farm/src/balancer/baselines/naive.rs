@@ -4,8 +4,8 @@
 
 use std::collections::BTreeMap;
 
-use super::{Balancer, Division, Outcome, Shares, in_proportion};
-use crate::coordinator::NodeIndex;
+use crate::NodeIndex;
+use crate::balancer::{Balancer, Division, Outcome, Shares, in_proportion};
 
 /// See [`crate::Algorithm::Naive`], [`crate::Algorithm::NaiveMean`] and
 /// [`crate::Algorithm::NaiveFrozen`].
@@ -95,7 +95,7 @@ const RESPONSE_SECS_MIN: f64 = 1e-6;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::coordinator::balancer::Candidate;
+    use crate::balancer::Candidate;
 
     #[test]
     fn work_follows_the_last_speed() {

@@ -3,9 +3,9 @@
 use carom_protocol::{FrameId, NodeTimes};
 use carom_tracer::TileRun;
 
-use super::balancer::Estimate;
-use super::passes::Passes;
+use super::sample_passes::Passes;
 use crate::LatencySplit;
+use crate::balancer::Estimate;
 
 /// Times are seconds on the client's clock.
 #[derive(Clone, Debug)]
@@ -16,7 +16,7 @@ pub(super) struct Run {
     pub(super) tiles: TileRun,
     pub(super) work: f64,
     pub(super) issued: f64,
-    /// By how much its node's messages for its frame were late when it was asked for: see [`super::progress::Drift`].
+    /// By how much its node's messages for its frame were late when it was asked for: see [`super::arrival_model::Drift`].
     pub(super) drift_secs: f64,
     /// When the last tile should come; absent while nothing is known of the node.
     pub(super) expected: Option<f64>,

@@ -6,8 +6,8 @@
 
 use std::collections::BTreeMap;
 
-use super::{Balancer, Division, Outcome, Shares, in_proportion};
-use crate::coordinator::NodeIndex;
+use crate::NodeIndex;
+use crate::balancer::{Balancer, Division, Outcome, Shares, in_proportion};
 
 /// See [`crate::Algorithm::Cycles`].
 #[derive(Debug, Default)]
@@ -80,7 +80,7 @@ const RESPONSE_SECS_MIN: f64 = 1e-6;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::coordinator::balancer::Candidate;
+    use crate::balancer::Candidate;
 
     #[test]
     fn times_of_two_nodes_come_within_the_dead_band() {

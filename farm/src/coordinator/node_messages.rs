@@ -5,9 +5,9 @@ use carom_protocol::tile_codec::TilePixels;
 use carom_protocol::{FrameId, NodeTimes, Refusal, RefusalReason, RunId};
 use carom_tracer::TileRun;
 
-use super::balancer::{Estimator, Observation, Outcome};
-use super::{Coordinator, NodeIndex, film, scene_command};
+use super::{Coordinator, NodeIndex, frame_buffer, scene_command};
 use crate::Delivery;
+use crate::balancer::{Estimator, Observation, Outcome};
 use crate::link::Command;
 
 impl Coordinator {
@@ -127,7 +127,7 @@ impl Coordinator {
         times: NodeTimes,
     ) {
         let nodes = self.nodes.len();
-        if !film::is_finite(pixels) {
+        if !frame_buffer::is_finite(pixels) {
             let why = "it sent pixels that are not numbers".into();
             self.nodes[index.0].rest(now, Some(why));
             self.give_up(now, index, id);

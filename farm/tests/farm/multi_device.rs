@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 
 use carom_farm::Farm;
-use carom_farm::hybrid::Hybrid;
+use carom_farm::multi_device::Hybrid;
 use carom_tracer::gpu::AdapterChoice;
 use carom_tracer::{
     CompiledScene, CpuTracer, Error, GpuTracer, ImageSize, RenderSettings, Scene, TileGrid,

@@ -14,7 +14,7 @@ use std::ops::Range;
 use carom_protocol::PixelFormat;
 use carom_tracer::{TileGrid, TileRun};
 
-use super::balancer::Candidate;
+use crate::balancer::Candidate;
 use crate::{Distribution, FrameSpec};
 
 /// Units are numbered pass by pass, and within a pass tile by tile.

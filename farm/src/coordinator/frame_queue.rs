@@ -7,9 +7,9 @@ use carom_protocol::{FrameId, SceneHash};
 use carom_tracer::{Scene, TileRun};
 
 use super::NodeIndex;
-use super::film::Film;
-use super::passes::Passes;
-use super::work::WorkMap;
+use super::frame_buffer::Film;
+use super::partition::WorkMap;
+use super::sample_passes::Passes;
 use crate::{Frame, FrameSpec, FrameStats, LatencySplit};
 
 /// A frame that has been submitted and not been delivered.

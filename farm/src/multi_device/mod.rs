@@ -5,12 +5,12 @@
 //!                           └ what a failed device leaves is traced by the others
 //! ```
 //!
-//! The split is that of frames among nodes ([`crate::coordinator::balancer`]): each device's line
+//! The split is that of frames among nodes ([`crate::balancer`]): each device's line
 //! y = A + B·w, learned from its own runs, and the earliest common finish over these lines. A
-//! device that does not make frames shorter is left out ([`ledger`]). A device that fails rests,
+//! device that does not make frames shorter is left out ([`device_model`]). A device that fails rests,
 //! and its name says why, so that a fallback is seen wherever the device is named.
 
-mod ledger;
+mod device_model;
 
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -22,7 +22,7 @@ use carom_protocol::limits::NODE_NAME_BYTES_MAX;
 use carom_tracer::{
     CompiledScene, DeviceInfo, Error, Tile, TileLayers, TileRadiance, TraceJob, TraceStats, Tracer,
 };
-use ledger::{Kind, Ledgers, Spent};
+use device_model::{Kind, Ledgers, Spent};
 
 /// Traces with several devices at once.
 pub struct Hybrid {
@@ -52,7 +52,7 @@ struct Part {
 
 impl Hybrid {
     /// Jobs of a kind until it is known whether the devices are better used together for it.
-    pub const JOBS_UNTIL_SETTLED: u32 = 2 * ledger::TRIAL_JOBS;
+    pub const JOBS_UNTIL_SETTLED: u32 = 2 * device_model::TRIAL_JOBS;
 
     /// `devices` as one, the quickest first: it traces alone until the others are known. `absent`
     /// says of each device that cannot be used why.

@@ -1,0 +1,14 @@
+//! Algorithms that [`super::WaterFilling`] is compared with: those of the 2016 distributed ray
+//! tracer, the rule of Blender Cycles, and work stealing.
+
+mod ab;
+mod cycles;
+mod equal;
+mod naive;
+mod work_stealing;
+
+pub use ab::Ab;
+pub use cycles::Cycles;
+pub use equal::Equal;
+pub use naive::Naive;
+pub use work_stealing::Pull;
