@@ -2,18 +2,19 @@
 
 use std::path::{Path, PathBuf};
 
+use carom_billiards::game_match::{Match, Player, Setup};
+use carom_billiards::physics::{Engine, Recording, Table};
+use carom_billiards::rules::RuleSet;
 use carom_farm::{Balancing, FarmConfig, LocalNode};
 use carom_tracer::{ImageSize, RenderSettings};
 use clap::{Parser, Subcommand, ValueEnum as _};
 
 use crate::bench::{self, Bench};
 use crate::capture::video::{Target, View};
-use crate::contest::{Match, MatchArgs, Player, Setup};
 use crate::display::Present;
-use crate::rules::RuleSet;
+use crate::play::tournament::MatchArgs;
 use crate::scene::ball_materials::BallSet;
 use crate::scene::table_scene::Stage;
-use crate::sim::{Engine, Recording, Table};
 
 /// Pool, path-traced in real time by a farm of any mix of GPUs and CPUs.
 ///

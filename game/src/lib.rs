@@ -15,20 +15,16 @@
 //! Only [`app`] and [`display`] know winit and wgpu; everything else takes time and events as
 //! arguments. [`capture`] renders shots to files through the same farm.
 
-pub mod ai;
 pub mod app;
 pub mod args;
 pub mod audio;
 pub mod bench;
 pub mod camera;
 pub mod capture;
-pub mod contest;
 pub mod display;
 pub mod frame;
 pub mod input;
 pub mod play;
-pub mod rules;
 pub mod scene;
 pub mod settings;
-pub mod sim;
 pub mod ui;

@@ -7,6 +7,7 @@
 
 use std::time::{Duration, Instant};
 
+use carom_billiards::rules::RuleSet;
 use egui::{Context, Rect};
 
 use crate::app::farm_notifications::Lookout;
@@ -14,7 +15,6 @@ use crate::app::session::Session;
 use crate::audio::{self, Speaker};
 use crate::input::{Action, Event, Input, Intent, Mode};
 use crate::play::Outcome;
-use crate::rules::RuleSet;
 use crate::settings::{Settings, Store};
 use crate::ui::menu::{self, Facts, Menu, Page};
 use crate::ui::toasts::Notes;

@@ -10,6 +10,8 @@
 
 use std::path::{Path, PathBuf};
 
+use carom_billiards::physics::{self, BallPose, BallState, Recording, Shot, Take};
+use carom_billiards::rules::RuleSet;
 use carom_tracer::Camera;
 use etcetera::BaseStrategy as _;
 use glam::DVec2;
@@ -21,8 +23,6 @@ use crate::capture::{Kept, Kind, Shelf, moments};
 use crate::input::{Intent, Watch};
 use crate::play::Game;
 use crate::play::practice::Practice;
-use crate::rules::RuleSet;
-use crate::sim::{self, BallPose, BallState, Recording, Shot, Take};
 
 /// What is on show, and what is kept.
 #[derive(Debug)]
@@ -140,7 +140,7 @@ impl Booth {
         }
     }
 
-    fn past(&self, game: &Game) -> sim::Result<Recording> {
+    fn past(&self, game: &Game) -> physics::Result<Recording> {
         if game.contest().referee().rules() == RuleSet::Free {
             return Ok(Recording {
                 table: game.table().name().to_owned(),
@@ -395,8 +395,8 @@ const TOLD_MAX: usize = 6;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contest::{Match, Player, Setup};
-    use crate::sim::Stroke;
+    use carom_billiards::game_match::{Match, Player, Setup};
+    use carom_billiards::physics::Stroke;
 
     fn booth(folder: &Path) -> (Booth, Game) {
         (Booth::with(Ok(folder.to_owned())), Game::new(1).unwrap())
@@ -520,7 +520,7 @@ mod tests {
         let torn = folder.path().join("torn.carom");
         std::fs::write(&torn, "carom shot\n").unwrap();
         booth.obey(Order::Open(torn), &game, 0.0);
-        let other = crate::sim::Table::built_in("seven_foot").unwrap();
+        let other = carom_billiards::physics::Table::built_in("seven_foot").unwrap();
         let other = Game::of(crate::play::free_table(other, 1).unwrap());
         let shot = other.world().release().unwrap();
         booth.view(Recording::of(other.table(), "", shot), &game, 0.0);

@@ -1,8 +1,9 @@
 //! Which contacts of a shot sound, when and how hard.
 
+use carom_billiards::physics::{EventKind, Shot, Surface};
+
 use super::modal_synthesis::Voice;
 use super::{RATE_HZ, Sound, reverb};
-use crate::sim::{EventKind, Shot, Surface};
 
 /// The sound of a whole shot; its first sample is the blow.
 pub fn of_shot(shot: &Shot) -> Sound {
@@ -91,7 +92,7 @@ const GRAVITY_M_S2: f64 = 9.81;
 mod tests {
     use super::*;
     use crate::scene::table_scene::Stage;
-    use crate::sim::{Stroke, World};
+    use carom_billiards::physics::{Stroke, World};
 
     fn break_shot(speed_m_s: f64) -> Shot {
         let table = Stage::table();

@@ -20,9 +20,9 @@ use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use anyhow::Context as _;
+use carom_billiards::physics::{Recording, Shot, Stroke, World};
 
 use crate::scene::table_scene::Stage;
-use crate::sim::{Recording, Shot, Stroke, World};
 
 /// Samples of one second.
 pub const RATE_HZ: u32 = 48_000;

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use carom_billiards::physics::Shot;
 use serde::Serialize;
 
 use super::{
@@ -9,7 +10,6 @@ use super::{
     deviation::Deviation,
     reference::{Kind, Reference},
 };
-use crate::sim::Shot;
 
 /// How a folder of references was met.
 #[derive(Clone, Debug, Serialize)]

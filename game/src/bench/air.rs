@@ -7,6 +7,9 @@
 
 use std::fmt;
 
+use carom_billiards::physics::{
+    BallBallLaw, BallBody, BallState, Engine, Laws, Phase, Rapier, Result, Shot, World,
+};
 use cpu_time::ThreadTime;
 use glam::DVec3;
 use serde::Serialize;
@@ -15,9 +18,6 @@ use super::{
     cpu::ms_since,
     prairie::prairie,
     trade::{PHASES, STEPS_PER_SEC},
-};
-use crate::sim::{
-    BallBallLaw, BallBody, BallState, Engine, Laws, Phase, Rapier, Result, Shot, World,
 };
 
 /// One way of flying: its errors and its cost.

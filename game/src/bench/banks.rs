@@ -2,6 +2,7 @@
 //! shorter than a slow one, which has the way to curve as it takes up its roll; running english
 //! makes a bank longer, reverse english shorter (Alciatore, "Banks and kicks").
 
+use carom_billiards::physics::{BallBody, Event, EventKind, Result};
 use glam::DVec3;
 
 use carom_farm::chart::{Axis, Chart, Series};
@@ -10,7 +11,6 @@ use super::{
     curves::Curve,
     prairie::{EDGE_M, ball, solo_of},
 };
-use crate::sim::{BallBody, Event, EventKind, Result};
 
 /// A rolling ball that goes to a cushion.
 #[derive(Clone, Copy)]

@@ -7,6 +7,7 @@
 
 use std::fmt;
 
+use carom_billiards::physics::{BallState, Engine, Result, Shot, Stroke, Table, World};
 use carom_tracer::sampling::pcg4d;
 use glam::{DVec2, DVec3};
 use serde::Serialize;
@@ -15,7 +16,6 @@ use super::{
     draws::{Draws, Theirs, chance},
     reference::{Kind, Reference},
 };
-use crate::sim::{BallState, Engine, Result, Shot, Stroke, Table, World};
 
 /// One quantity of one kind of break over all seeds.
 #[derive(Clone, Debug, Serialize)]

@@ -2,11 +2,11 @@
 
 use std::fmt;
 
+use carom_billiards::physics::{BallBody, Cloth, Event, EventKind, Laws, Shot};
 use glam::DVec3;
 use serde::Serialize;
 
 use super::prairie::{ball, released, solo};
-use crate::sim::{BallBody, Cloth, Event, EventKind, Laws, Shot};
 
 /// One quantity, measured and in theory.
 #[derive(Clone, Debug, Serialize)]

@@ -5,6 +5,9 @@
 
 use std::fmt;
 
+use carom_billiards::physics::{
+    BallBody, BallState, CLUSTER_ENERGY_J, Event, EventKind, Laws, Result, Shot,
+};
 use cpu_time::ThreadTime;
 use glam::DVec3;
 use serde::Serialize;
@@ -12,9 +15,6 @@ use serde::Serialize;
 use super::{
     cpu::ms_since,
     prairie::{ball, prairie},
-};
-use crate::sim::{
-    BallBody, BallState, CLUSTER_ENERGY_J, Event, EventKind, Laws, Result, Shot, Simulation, Until,
 };
 
 /// A field of balls into which a fast one is shot.
@@ -83,7 +83,7 @@ pub fn measure() -> Result<Vec<Crowd>> {
 fn played(balls: usize, gap_m: f64) -> Result<Crowd> {
     let (table, laws, field) = (prairie()?, Laws::default(), field(balls, gap_m));
     let begun = ThreadTime::now();
-    let shot = Shot::new(Simulation::new(&table, &laws, &field).run(Until::Rest)?);
+    let shot = Shot::of_balls(&table, &laws, &field)?;
     let cpu_ms = ms_since(begun);
     let ends = shot.final_states();
     let moves = |(a, b): &(&BallState, &BallState)| a.position.distance(b.position) > 1e-6;

@@ -7,16 +7,16 @@
 use std::f64::consts::FRAC_PI_2;
 use std::fmt;
 
+use carom_billiards::physics::{
+    BallBallLaw, BallBody, BallState, Cue, Event, EventKind, Laws, Layout, Result, Shot, Stroke,
+    World,
+};
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 
 use carom_farm::chart::{Axis, Chart, Series};
 
 use super::prairie::{ball, prairie, released};
-use crate::sim::{
-    BallBallLaw, BallBody, BallState, Cue, Event, EventKind, Laws, Layout, Result, Shot, Stroke,
-    World,
-};
 
 /// A published rule or curve, and how far the simulation is from it.
 #[derive(Clone, Debug, Serialize)]

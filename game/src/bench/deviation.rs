@@ -1,7 +1,8 @@
 //! How far a simulated shot is from its reference.
 
+use carom_billiards::physics::{BallState, Shot};
+
 use super::reference::{Kind, Reference, Samples};
-use crate::sim::{BallState, Shot};
 
 /// How far a shot is from its reference, over the time in which they are comparable.
 #[derive(Clone, Copy, Debug, Default)]

@@ -1,5 +1,6 @@
 //! Massé: strokes with a raised cue, whose ball curves.
 
+use carom_billiards::physics::{Cue, Event, EventKind, Laws, Result, Shot, Stroke, World};
 use glam::{DVec2, DVec3};
 
 use carom_farm::chart::{Axis, Chart, Series};
@@ -8,7 +9,6 @@ use super::{
     curves::Curve,
     prairie::{ball, prairie},
 };
-use crate::sim::{Cue, Event, EventKind, Laws, Result, Shot, Stroke, World};
 
 /// The direction that the ball takes in the end, against Coriolis's construction: parallel to the
 /// line from where the ball touches the cloth to where the cue's line through the tip meets it.

@@ -1,14 +1,13 @@
 //! A cloth without an end, and balls on it that are already in motion.
 
+use carom_billiards::physics::{BallBody, BallState, Laws, Shot, Table, TableParts, World};
 use glam::{DVec2, DVec3};
-
-use crate::sim::{BallBody, BallState, Laws, Shot, Table, TableParts, World};
 
 /// A square of cushions, ten kilometres apart, so that none is ever reached.
 ///
 /// # Errors
 /// None: its parts are valid.
-pub fn prairie() -> crate::sim::Result<Table> {
+pub fn prairie() -> carom_billiards::physics::Result<Table> {
     let half = EDGE_M;
     let corners = [[-half, -half], [half, -half], [half, half], [-half, half]].map(DVec2::from);
     Table::from_parts(TableParts {
@@ -35,7 +34,7 @@ pub fn ball(number: u8, x: f64, y: f64, velocity: DVec3, spin: DVec3) -> BallSta
 ///
 /// # Errors
 /// Those of the simulation.
-pub fn released(laws: Laws, balls: Vec<BallState>) -> crate::sim::Result<Shot> {
+pub fn released(laws: Laws, balls: Vec<BallState>) -> carom_billiards::physics::Result<Shot> {
     World::with_laws(prairie()?, laws, balls)?.release()
 }
 
@@ -43,7 +42,7 @@ pub fn released(laws: Laws, balls: Vec<BallState>) -> crate::sim::Result<Shot> {
 ///
 /// # Errors
 /// Those of the simulation.
-pub fn solo(velocity: DVec3, spin: DVec3) -> crate::sim::Result<Shot> {
+pub fn solo(velocity: DVec3, spin: DVec3) -> carom_billiards::physics::Result<Shot> {
     solo_of(ball(0, 0.0, 0.0, velocity, spin))
 }
 
@@ -51,7 +50,7 @@ pub fn solo(velocity: DVec3, spin: DVec3) -> crate::sim::Result<Shot> {
 ///
 /// # Errors
 /// Those of the simulation.
-pub fn solo_of(ball: BallState) -> crate::sim::Result<Shot> {
+pub fn solo_of(ball: BallState) -> carom_billiards::physics::Result<Shot> {
     released(Laws::default(), vec![ball])
 }
 

@@ -4,6 +4,7 @@
 use std::{fs, path::Path};
 
 use anyhow::{Context as _, bail, ensure};
+use carom_billiards::physics::{BallState, Clinging, Engine, Shot, Stroke, World};
 use glam::DVec3;
 
 use super::{
@@ -11,7 +12,6 @@ use super::{
     deviation::Deviation,
     schema::{EventJson, File, Frame},
 };
-use crate::sim::{BallState, Clinging, Engine, Shot, Stroke, World};
 
 /// One reference shot.
 #[derive(Clone, Debug)]

@@ -6,13 +6,12 @@
 
 use std::collections::BTreeMap;
 
-use glam::{DQuat, DVec2, DVec3};
-use serde::Deserialize;
-
-use crate::sim::{
+use carom_billiards::physics::{
     BallBallLaw, BallBody, BallState, BounceLaw, Circle, Cloth, Cue, CushionLaw, Laws, Phase,
     Stroke, Stronge, Table, TableParts,
 };
+use glam::{DQuat, DVec2, DVec3};
+use serde::Deserialize;
 
 /// From the references' frame to the simulation's: a quarter turn and a shift to the middle.
 pub(super) struct Frame {

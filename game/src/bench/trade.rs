@@ -4,6 +4,10 @@ use std::f64::consts::PI;
 use std::fmt;
 
 use anyhow::Context as _;
+use carom_billiards::physics::{
+    BallBallLaw, BallBody, Engine, Event, EventKind, Laws, Rapier, Result, Shot, Stroke, Table,
+    World,
+};
 use cpu_time::ThreadTime;
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
@@ -14,10 +18,6 @@ use super::{
     cpu::{median, ms_since},
     prairie::{ball, prairie},
     reference::{Kind, Reference},
-};
-use crate::sim::{
-    BallBallLaw, BallBody, Engine, Event, EventKind, Laws, Rapier, Result, Shot, Stroke, Table,
-    World,
 };
 
 /// One setting: its errors and its costs.

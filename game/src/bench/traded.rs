@@ -8,10 +8,10 @@
 use std::fmt::Write as _;
 use std::sync::LazyLock;
 
+use carom_billiards::physics::Engine;
 use serde::Deserialize;
 
 use super::trade::Trade;
-use crate::sim::Engine;
 
 /// The file: a bench's report with the trade alone.
 #[derive(Debug, Deserialize)]

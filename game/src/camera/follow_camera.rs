@@ -1,9 +1,9 @@
 //! The way of a camera that follows a shot.
 
+use carom_billiards::physics::{BallPose, Shot};
 use glam::DVec3;
 
 use super::smoothstep;
-use crate::sim::{BallPose, Shot};
 
 /// Where a camera looks that follows the cue ball until it rests, and then the ball that rests last.
 ///
@@ -109,7 +109,7 @@ const LEFT_M: f64 = 0.4;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::{Stroke, Table, World};
+    use carom_billiards::physics::{Stroke, Table, World};
 
     fn shot(speed_m_s: f64) -> Shot {
         let table = Table::nine_foot();

@@ -1,11 +1,11 @@
 //! Which view the player has chosen, and what was turned away from it.
 
+use carom_billiards::physics::Table;
 use glam::DVec3;
 
 use super::viewpoint::{Orbit, Viewpoint};
 use super::wrap_rad;
 use crate::input::Intent;
-use crate::sim::Table;
 
 /// A way of looking at the table.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

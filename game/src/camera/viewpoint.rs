@@ -2,12 +2,12 @@
 
 use std::f64::consts::FRAC_PI_2;
 
+use carom_billiards::physics::{Pocket, Table};
 use carom_tracer::Camera;
 use glam::{DVec3, Vec3};
 
 use super::wrap_rad;
 use crate::scene::room;
-use crate::sim::{Pocket, Table};
 
 /// Full horizontal field of view of most views, in degrees.
 pub const FOV_X_DEG: f64 = 44.0;

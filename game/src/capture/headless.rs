@@ -15,6 +15,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
+use carom_billiards::physics::{Engine, Recording, Shot, Stroke, Table, World};
 use carom_farm::{
     Farm, FarmConfig, Frame, FrameSpec, FrameStats, NodeState, NodeStatus, PixelFormat, Pixels,
     PrecisionRange, net,
@@ -28,7 +29,6 @@ use crate::capture::video::{Footage, Job, Reel, Target, assemble};
 use crate::frame::scheduler::EXPOSURE;
 use crate::play::CUE_SPEED_M_S_MAX;
 use crate::scene::table_scene::Stage;
-use crate::sim::{Engine, Recording, Shot, Stroke, Table, World};
 
 /// What `stats.json` holds.
 #[derive(Debug, Serialize)]

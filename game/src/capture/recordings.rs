@@ -4,7 +4,7 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use crate::sim::Recording;
+use carom_billiards::physics::Recording;
 
 /// What a file is, by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -111,7 +111,7 @@ const NUMBER_MAX: u32 = 9999;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::{Table, World};
+    use carom_billiards::physics::{Table, World};
 
     #[test]
     fn what_is_put_there_is_found_by_its_name() {

@@ -1,6 +1,6 @@
 //! What is worth stopping at in a shot, in words.
 
-use crate::sim::{EventKind, Shot};
+use carom_billiards::physics::{EventKind, Shot};
 
 /// Something that happened.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,7 +15,7 @@ pub struct Moment {
 
 /// The contacts of a shot, in the order of time.
 pub fn moments(shot: &Shot) -> Vec<Moment> {
-    let moment = |event: &crate::sim::Event| {
+    let moment = |event: &carom_billiards::physics::Event| {
         words(&event.kind).map(|words| Moment {
             secs: event.time_secs,
             words,
@@ -55,7 +55,7 @@ fn ball(number: u8) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::{Stroke, Table, World};
+    use carom_billiards::physics::{Stroke, Table, World};
 
     #[test]
     fn a_break_is_told_in_order() {

@@ -17,6 +17,7 @@ mod tests;
 
 use std::collections::BTreeSet;
 
+use carom_billiards::rules::{Call, Choice};
 use glam::DVec2;
 
 pub use action::{Action, CONTROLS, Control, Group, Mode};
@@ -24,7 +25,6 @@ pub use binding::{BindingError, Bindings, Trigger, UnknownTrigger};
 pub use key::Key;
 
 use crate::camera::Viewpoint;
-use crate::rules::{Call, Choice};
 
 /// Something that happened at the window, in the words of no windowing library.
 #[derive(Clone, Copy, Debug, PartialEq)]

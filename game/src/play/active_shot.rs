@@ -3,8 +3,9 @@
 use std::cell::OnceCell;
 use std::ops::Range;
 
+use carom_billiards::physics::{Shot, Stroke, Table};
+
 use crate::camera::{Chase, Sight, View, Viewpoint, Views, smoothstep};
-use crate::sim::{Shot, Stroke, Table};
 
 use super::cue::CueView;
 

@@ -1,10 +1,11 @@
 //! The computer at the table: as a player, as an adviser, and in a person's place. It thinks beside the
 //! window; what it does is seen, the cue turning to the shot before it strikes.
 
-use crate::ai::{Decision, Skill, Thinking};
+use carom_billiards::ai::{Decision, Skill, Thinking};
+use carom_billiards::game_match::Match;
+use carom_billiards::physics::{Shot, Stroke};
+
 use crate::camera::{smoothstep, wrap_rad};
-use crate::contest::Match;
-use crate::sim::{Shot, Stroke};
 
 use super::aim::Aim;
 

@@ -1,10 +1,10 @@
 //! Where the cue points, and how fast it is at which power.
 
+use carom_billiards::physics::Stroke;
 use glam::DVec2;
 
 use super::cue_clearance::Reach;
 use crate::camera::wrap_rad;
-use crate::sim::Stroke;
 
 /// The cue's speed at full power, m/s: a hard break.
 pub const CUE_SPEED_M_S_MAX: f64 = 10.0;

@@ -1,10 +1,10 @@
 //! How low the cue can lie: it passes over rails and balls, never through them.
 
+use carom_billiards::physics::{BallState, Stroke, Table, World};
 use glam::{DVec2, DVec3};
 
 use super::aim::Aim;
 use super::cue::{CUE_LENGTH_M, DRAW_M, cue_radius_m};
-use crate::sim::{BallState, Stroke, Table, World};
 
 /// The cue ball and what may be in the cue's way.
 #[derive(Clone, Copy, Debug)]
@@ -130,7 +130,7 @@ fn top_m(table: &Table, place: DVec2) -> f64 {
         });
         return table.nose_height_m() + rise;
     }
-    let in_jaw = |jaw: &crate::sim::Circle| place.distance(jaw.center) < jaw.radius_m;
+    let in_jaw = |jaw: &carom_billiards::physics::Circle| place.distance(jaw.center) < jaw.radius_m;
     if table.jaws().iter().any(in_jaw) {
         return table.nose_height_m();
     }
@@ -150,7 +150,7 @@ const MARGIN_M: f64 = 0.002;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::{Layout, Phase};
+    use carom_billiards::physics::{Layout, Phase};
 
     /// The elevation with the cue ball at `place`, other balls at `others`, along a bearing.
     fn elevation_deg(place: (f64, f64), others: &[(f64, f64)], bearing_deg: f64) -> f64 {

@@ -18,20 +18,23 @@ mod shot_preview;
 mod stroke_input;
 #[cfg(test)]
 mod tests;
+pub mod tournament;
 mod turn_control;
 
 use std::cell::OnceCell;
 use std::rc::Rc;
 
+use carom_billiards::game_match::{self, Match, Player, Setup};
+use carom_billiards::physics::{
+    self, AimContact, BallPose, BallState, Pocket, Shot, Stroke, Table, World,
+};
+use carom_billiards::rules::{Call, RuleSet};
 use carom_tracer::Camera;
 use glam::{DVec2, DVec3};
 
 use crate::camera::{Dolly, Projection, Sight, View, Viewpoint, Views, wrap_rad};
-use crate::contest::{self, Match, Player, Setup};
 use crate::input::Intent;
-use crate::rules::{Call, RuleSet};
 use crate::scene::table_scene::Stage;
-use crate::sim::{self, AimContact, BallPose, BallState, Pocket, Shot, Stroke, Table, World};
 
 use active_shot::Running;
 use ai_turn::{Mind, Planned};
@@ -47,7 +50,7 @@ use stroke_input::{Hand, Swing};
 #[derive(Debug)]
 pub struct Game {
     contest: Match,
-    board: Option<Rc<contest::View>>,
+    board: Option<Rc<game_match::View>>,
     mind: Option<Mind>,
     phase: Phase,
     aim: Aim,
@@ -122,7 +125,7 @@ impl Game {
     }
 
     /// Lets something else move the balls from the next stroke on.
-    pub fn set_engine(&mut self, engine: sim::Engine) {
+    pub fn set_engine(&mut self, engine: physics::Engine) {
         self.contest.set_engine(engine);
         self.foresight = None;
     }
@@ -474,7 +477,8 @@ impl Game {
 
     /// Shows a shot of the match.
     fn watch(&mut self, stroke: Stroke, shot: Shot, cue: Option<CueView>, contact_secs: f64) {
-        let slipped = |event: &sim::Event| matches!(event.kind, sim::EventKind::Miscue { .. });
+        let slipped =
+            |event: &physics::Event| matches!(event.kind, physics::EventKind::Miscue { .. });
         if shot.events().iter().any(slipped) {
             self.notice = Some("Miscue: the tip slipped off the ball".to_owned());
         }
@@ -581,7 +585,7 @@ impl Game {
             return Some(pocket);
         }
         let stroke = self.aim.stroke(LINE_POWER);
-        let met = sim::predict(self.contest.world(), stroke).map(|line| line.contact);
+        let met = physics::predict(self.contest.world(), stroke).map(|line| line.contact);
         let (from, way) = match met {
             Ok(AimContact::Ball {
                 object,
@@ -614,7 +618,7 @@ pub fn free_table(table: Table, seed: u32) -> Result<Match, String> {
         target: 0,
         seed,
         table,
-        engine: sim::Engine::default(),
+        engine: physics::Engine::default(),
     })
 }
 

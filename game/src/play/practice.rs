@@ -5,10 +5,10 @@
 //! add, take_away, layout (a recording in which nothing moves)
 //! ```
 
+use carom_billiards::physics::{self, BallPose, BallState, Recording, World};
 use glam::{DVec2, DVec3};
 
 use crate::capture::replay::at_rest;
-use crate::sim::{self, BallPose, BallState, Recording, World};
 
 /// A table that is being laid.
 #[derive(Clone, Debug)]
@@ -32,8 +32,8 @@ impl Practice {
     /// Begins with a table as it is. Balls that are in motion come to rest where they are.
     ///
     /// # Errors
-    /// [`sim::Error::Layout`] if balls that were in the air cannot lie below.
-    pub fn new(world: &World) -> sim::Result<Self> {
+    /// [`physics::Error::Layout`] if balls that were in the air cannot lie below.
+    pub fn new(world: &World) -> physics::Result<Self> {
         let world = with_balls(world, at_rest(world.balls()))?;
         Ok(Self { world, held: None })
     }
@@ -171,7 +171,7 @@ impl Practice {
     ///
     /// # Errors
     /// Those of [`World::release`].
-    pub fn layout(&self, title: &str) -> sim::Result<Recording> {
+    pub fn layout(&self, title: &str) -> physics::Result<Recording> {
         let still = self.world.release()?;
         Ok(Recording::of(self.world.table(), title, still))
     }
@@ -188,7 +188,7 @@ impl Practice {
 }
 
 /// The same table and laws with other balls.
-fn with_balls(world: &World, balls: Vec<BallState>) -> sim::Result<World> {
+fn with_balls(world: &World, balls: Vec<BallState>) -> physics::Result<World> {
     let mut laid = World::with_laws(world.table().clone(), *world.laws(), balls)?;
     laid.set_engine(world.engine());
     Ok(laid)
@@ -223,7 +223,7 @@ mod tests {
 
     use super::*;
     use crate::capture::replay::Viewing;
-    use crate::sim::Table;
+    use carom_billiards::physics::Table;
 
     fn practice() -> Practice {
         let table = Table::nine_foot();
@@ -295,7 +295,7 @@ mod tests {
         let mut carom = Practice::new(
             &World::new(
                 Table::built_in("seven_foot").unwrap(),
-                crate::sim::Layout { balls: Vec::new() },
+                carom_billiards::physics::Layout { balls: Vec::new() },
             )
             .unwrap(),
         )

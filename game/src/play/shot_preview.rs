@@ -1,9 +1,8 @@
 //! What the player is shown of the shot to come: by the code that will play it.
 
+use carom_billiards::physics::{self, AimLine, Shot, Stroke, World};
 use clap::ValueEnum;
 use glam::DVec3;
-
-use crate::sim::{self, AimLine, Shot, Stroke, World};
 
 /// How much is shown of the shot to come.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
@@ -77,7 +76,7 @@ impl Foresight {
             Aids::Full => ways(&world.strike(stroke).ok()?),
             _ => Vec::new(),
         };
-        let line = sim::predict(world, stroke).ok()?;
+        let line = physics::predict(world, stroke).ok()?;
         Some(Self { aids, line, ways })
     }
 }
@@ -106,7 +105,7 @@ fn ways(shot: &Shot) -> Vec<Way> {
 }
 
 impl Way {
-    fn begin(pose: &sim::BallPose) -> Self {
+    fn begin(pose: &physics::BallPose) -> Self {
         Self {
             number: pose.number,
             path: vec![pose.position],
@@ -121,7 +120,7 @@ const PIECES_MAX: u32 = 400;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::Table;
+    use carom_billiards::physics::Table;
 
     fn world() -> World {
         let table = Table::nine_foot();

@@ -189,7 +189,7 @@ fn the_view_from_the_pocket_is_from_the_one_that_is_played_to() {
         let from = game.cue_ball().unwrap().truncate();
         game.aim.bearing_rad = (pocket.center - from).to_angle();
         let stroke = game.aim.stroke(LINE_POWER);
-        let met = sim::predict(game.world(), stroke).unwrap().contact;
+        let met = physics::predict(game.world(), stroke).unwrap().contact;
         if !matches!(met, AimContact::Ball { .. }) {
             assert_eq!(game.pocket_ahead(), Some(index));
         }
@@ -297,7 +297,7 @@ fn a_stroke_of_the_hand_strikes_where_the_cue_meets_the_ball() {
     }
     let (_, shot) = game.fresh_shot().unwrap();
     let struck = shot.events().iter().find_map(|event| match event.kind {
-        sim::EventKind::Strike { speed_m_s } => Some(speed_m_s),
+        physics::EventKind::Strike { speed_m_s } => Some(speed_m_s),
         _ => None,
     });
     // Two centimetres in each hundredth of a second.

@@ -3,10 +3,11 @@
 
 use std::rc::Rc;
 
-use crate::contest::{Match, View};
+use carom_billiards::game_match::{Match, View};
+use carom_billiards::physics::{self, AimContact};
+use carom_billiards::rules::{Call, Calls, RuleSet};
+
 use crate::input::Intent;
-use crate::rules::{Call, Calls, RuleSet};
-use crate::sim::{self, AimContact};
 
 use super::ai_turn::{Mind, Planned, Purpose};
 use super::aim::Aim;
@@ -42,7 +43,7 @@ impl Game {
     /// The ball that the aim meets first.
     pub fn aimed_ball(&self) -> Option<u8> {
         let stroke = self.aim.stroke(self.aim.power);
-        match sim::predict(self.contest.world(), stroke).ok()?.contact {
+        match physics::predict(self.contest.world(), stroke).ok()?.contact {
             AimContact::Ball { number, .. } => Some(number),
             _ => None,
         }
@@ -226,8 +227,8 @@ impl Game {
 
     fn carry_out(
         &mut self,
-        decision: &crate::ai::Decision,
-        skill: &crate::ai::Skill,
+        decision: &carom_billiards::ai::Decision,
+        skill: &carom_billiards::ai::Skill,
         now_secs: f64,
     ) -> Result<(), String> {
         self.notice = None;
@@ -245,7 +246,7 @@ impl Game {
     }
 
     /// Says what the computer would do, and points the cue so.
-    fn show_advice(&mut self, decision: &crate::ai::Decision) -> Result<(), String> {
+    fn show_advice(&mut self, decision: &carom_billiards::ai::Decision) -> Result<(), String> {
         self.notice = Some(self.contest.advice_words(decision));
         if decision.choice.is_some() {
             return Ok(());

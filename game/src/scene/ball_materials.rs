@@ -1,10 +1,9 @@
 //! What the balls are made of.
 
+use carom_billiards::rules::RuleSet;
 use carom_tracer::{Material, Medium, Paint, Stripe};
 use clap::ValueEnum;
 use glam::Vec3;
-
-use crate::rules::RuleSet;
 
 /// A set of sixteen balls.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]

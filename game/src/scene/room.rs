@@ -8,15 +8,15 @@ mod tests;
 
 use std::collections::BTreeMap;
 
+use carom_billiards::physics::{Circle, Cushion, Table};
+use carom_billiards::rules::{self, RuleSet};
+use carom_billiards::shot_report::ground;
 use carom_tracer::{
     Axis, Camera, Cut, CutForm, Environment, Lamp, Material, Object, Paint, Scene, Shape, Sights,
 };
 use glam::{DVec2, Quat, Vec2, Vec3};
 
-use crate::contest::ground;
-use crate::rules::{self, RuleSet};
 use crate::scene::ball_materials::BallSet;
-use crate::sim::{Circle, Cushion, Table};
 
 /// The room round `table`, whose balls are those of a game and of `set`, as the game's scene.
 pub fn room(table: &Table, rules: RuleSet, set: BallSet) -> Scene {

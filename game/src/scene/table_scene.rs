@@ -1,13 +1,13 @@
 //! From ball poses and a camera to what the tracer draws.
 
+use carom_billiards::game_match::Match;
+use carom_billiards::physics::{BallPose, Table};
+use carom_billiards::rules::RuleSet;
 use carom_tracer::{Camera, ObjectPose, Scene, SceneUpdate};
 use glam::{Quat, Vec3};
 
-use crate::contest::Match;
-use crate::rules::RuleSet;
 use crate::scene::ball_materials::BallSet;
 use crate::scene::room::room;
-use crate::sim::{BallPose, Table};
 
 /// The pool table's scene, and which of its objects is which ball.
 #[derive(Clone, Debug)]

@@ -1,5 +1,6 @@
 //! Each setting's name in the file, and how it is read and written.
 
+use carom_billiards::physics::Engine;
 use clap::ValueEnum;
 use glam::DVec3;
 use toml_edit::{Array, InlineTable, Value};
@@ -7,7 +8,6 @@ use toml_edit::{Array, InlineTable, Value};
 use super::Settings;
 use crate::camera::{Viewpoint, wrap_rad};
 use crate::input::{Action, Bindings, CONTROLS, Trigger};
-use crate::sim::Engine;
 
 /// A line of the settings file.
 #[derive(Clone, Copy)]

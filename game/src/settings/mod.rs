@@ -17,12 +17,13 @@ mod store;
 pub use field::{FIELDS, Field};
 pub use store::Store;
 
+use carom_billiards::physics::Engine;
+
 use crate::camera::{SAVED_MAX, Viewpoint};
 use crate::frame::quality::Dial;
 use crate::input::Bindings;
 use crate::play::Aids;
 use crate::scene::ball_materials::BallSet;
-use crate::sim::Engine;
 
 /// All settings.
 #[derive(Clone, Debug, PartialEq)]

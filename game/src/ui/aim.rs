@@ -1,12 +1,12 @@
 //! Cue stick, aim line and ghost ball, projected into the picture by the current camera.
 
+use carom_billiards::physics::{AimContact, AimLine};
+use carom_billiards::rules::{Area, Ground};
 use egui::{Color32, Painter, Pos2, Rect, Shape, Stroke};
 use glam::{DVec2, DVec3};
 
 use crate::camera::Projection;
 use crate::play::{Aids, CUE_LENGTH_M, CueView, Foresight, Way, cue_radius_m};
-use crate::rules::{Area, Ground};
-use crate::sim::{AimContact, AimLine};
 
 /// Draws into `screen`, the window in points, which the projection's film covers.
 #[derive(Clone, Copy)]

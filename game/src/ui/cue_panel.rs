@@ -1,5 +1,6 @@
 //! The spin disc and the power bar: they show what keys and strokes set, and can be clicked and dragged.
 
+use carom_billiards::physics;
 use egui::{
     Align2, Area, Color32, Context, CornerRadius, FontId, Id, Order, Pos2, Rect, Response, Role,
     Sense, Stroke, StrokeKind, Ui, Vec2, WidgetInfo,
@@ -9,7 +10,6 @@ use glam::DVec2;
 use super::theme::{FAINT, INK, PANEL};
 use crate::input::Intent;
 use crate::play::{CueView, cue_speed_m_s};
-use crate::sim;
 
 /// Draws both for the cue that is shown at the left of `room`, a part of the window; what the player
 /// sets with the pointer.
@@ -78,7 +78,7 @@ fn spin_disc(ui: &mut Ui, cue: &CueView) -> Option<Intent> {
     let (center, painter) = (rect.center(), ui.painter());
     painter.circle_filled(center, RADIUS + 4.0, PANEL);
     painter.circle_filled(center, RADIUS, Color32::from_rgb(232, 226, 210));
-    let limit = sim::Cue::default().miscue_offset();
+    let limit = physics::Cue::default().miscue_offset();
     let ring = Stroke::new(rim_width(&response), Color32::from_gray(120));
     painter.circle_stroke(center, RADIUS * limit as f32, ring);
     let tip = center + Vec2::new(cue.tip.x as f32, -cue.tip.y as f32) * RADIUS;

@@ -3,15 +3,15 @@
 
 use std::rc::Rc;
 
+use carom_billiards::game_match::{PlayerView, View};
+use carom_billiards::rules::{Call, Ground, RuleSet};
 use egui::{
     Align2, Area, Button, Context, Id, Order, Rect, RichText, ScrollArea, Sense, Stroke, Ui, Vec2,
     WidgetInfo,
 };
 
 use super::theme;
-use crate::contest::{PlayerView, View};
 use crate::input::{Action, Bindings, Intent};
-use crate::rules::{Call, Ground, RuleSet};
 
 /// What the board shows.
 #[derive(Clone, Debug)]
@@ -306,8 +306,8 @@ mod tests {
     use egui_kittest::kittest::Queryable as _;
 
     use super::*;
-    use crate::contest::{Match, Player, Setup};
-    use crate::sim::Stroke;
+    use carom_billiards::game_match::{Match, Player, Setup};
+    use carom_billiards::physics::Stroke;
 
     /// A match after its break, which leaves calls open.
     fn broken() -> Match {

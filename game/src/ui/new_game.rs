@@ -1,11 +1,12 @@
 //! The page on which a new game is begun.
 
+use carom_billiards::ai::Level;
+use carom_billiards::game_match::{Match, Player, Setup};
+use carom_billiards::rules::RuleSet;
 use clap::ValueEnum as _;
 use egui::{Grid, RichText, Ui};
 
 use super::theme;
-use crate::contest::{Level, Match, Player, Setup};
-use crate::rules::RuleSet;
 
 /// What the player wants to play.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -1,5 +1,6 @@
 //! The page of settings. Each choice explains itself; what it trades is said with measured figures.
 
+use carom_billiards::physics::Engine;
 use clap::ValueEnum;
 use egui::{Grid, RichText, ScrollArea, Slider, Ui};
 
@@ -7,7 +8,6 @@ use super::menu::{Facts, Page};
 use super::theme;
 use crate::bench;
 use crate::settings::{Settings, Store};
-use crate::sim::Engine;
 
 /// Draws the settings and changes them; returns the page that was asked for.
 pub(super) fn page(ui: &mut Ui, store: &mut Store, facts: Facts<'_>) -> Option<Page> {

@@ -7,8 +7,8 @@ mod pictures;
 mod player;
 
 use carom::input::CONTROLS;
-use carom::rules::RuleSet;
 use carom::ui::menu::Page;
+use carom_billiards::rules::RuleSet;
 use egui::Vec2;
 use egui::accesskit::Toggled;
 use egui_kittest::kittest::{NodeT as _, Queryable as _};

@@ -56,17 +56,11 @@ const LAYERS: &[(&[&str], &[&str])] = &[
         &["farm/src/net/", "farm/tests/quic/"],
     ),
     (
-        &[
-            "winit",
-            "egui",
-            "egui_winit",
-            "egui_wgpu",
-            "softbuffer",
-            "rapier3d",
-        ],
-        &["game/"],
+        &["winit", "egui", "egui_winit", "egui_wgpu", "softbuffer"],
+        &["game/src/", "game/tests/", "game/examples/", "tests/bench/"],
     ),
-    (&["wgpu"], &["tracer/src/gpu/", "game/"]),
+    (&["rapier3d"], &["game/billiards/"]),
+    (&["wgpu"], &["tracer/src/gpu/", "game/src/", "tests/bench/"]),
     (
         &["fearless_simd"],
         &[
@@ -76,13 +70,25 @@ const LAYERS: &[(&[&str], &[&str])] = &[
         ],
     ),
     (&["zstd"], &["protocol/"]),
+    (&["postcard"], &["protocol/", "game/billiards/"]),
     (
-        &["postcard"],
-        &["protocol/", "game/src/contest/", "game/src/sim/"],
+        &["carom_farm", "carom_tracer"],
+        &[
+            "tracer/",
+            "protocol/",
+            "farm/",
+            "game/src/",
+            "game/tests/",
+            "game/examples/",
+            "tests/",
+        ],
     ),
-    (&["carom_farm"], &["farm/", "game/", "tests/"]),
+    (&["carom_billiards"], &["game/", "tests/"]),
     (&["carom_protocol"], &["protocol/", "farm/", "tests/"]),
-    (&["carom::"], &["game/"]),
+    (
+        &["carom::"],
+        &["game/src/", "game/tests/", "game/examples/", "tests/bench/"],
+    ),
 ];
 
 #[test]

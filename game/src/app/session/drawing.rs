@@ -1,5 +1,6 @@
 //! What a session draws over the picture: the cue and its aim, pages, sentences, statistics.
 
+use carom_billiards::physics::BallBody;
 use egui::{LayerId, Painter, Rect};
 
 use super::{FarmSlot, Session};
@@ -9,7 +10,6 @@ use crate::camera::Projection;
 use crate::frame::quality::LADDER;
 use crate::input::Bindings;
 use crate::play::CueView;
-use crate::sim::BallBody;
 use crate::ui;
 use crate::ui::stats::{Facts, Wish};
 

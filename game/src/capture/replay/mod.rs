@@ -12,10 +12,11 @@ mod clock;
 
 use std::cell::OnceCell;
 
+use carom_billiards::physics::{BallPose, BallState, Phase, Recording, Shot, Table, Take};
+
 use crate::camera::{Chase, Sight, View, Viewpoint, Views};
 use crate::capture::{Moment, moments};
 use crate::input::{Intent, Watch};
-use crate::sim::{BallPose, BallState, Phase, Recording, Shot, Table, Take};
 
 pub use clock::Clock;
 
@@ -203,7 +204,7 @@ const NUMBERS_FROM: u64 = 1 << 62;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::{Stroke, World};
+    use carom_billiards::physics::{Stroke, World};
 
     fn viewing() -> Viewing {
         let table = Table::nine_foot();
@@ -256,7 +257,7 @@ mod tests {
         );
         let world = World::new(
             Table::nine_foot(),
-            crate::sim::Layout {
+            carom_billiards::physics::Layout {
                 balls: viewing.start(),
             },
         )

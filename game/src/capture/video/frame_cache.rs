@@ -263,7 +263,7 @@ mod tests {
     use crate::capture::video::View;
     use crate::scene::ball_materials::BallSet;
     use crate::scene::table_scene::Stage;
-    use crate::sim::{Stroke, World};
+    use carom_billiards::physics::{Stroke, World};
 
     const SIZE: ImageSize = ImageSize::new(4, 2);
 

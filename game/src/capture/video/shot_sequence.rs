@@ -1,11 +1,11 @@
 //! What a film shows, frame by frame: shots one after the other, at their own times.
 
+use carom_billiards::physics::{EventKind, Shot, Table};
 use carom_tracer::SceneUpdate;
 use clap::ValueEnum;
 
 use crate::camera::{Viewpoint, smoothstep};
 use crate::scene::table_scene::Stage;
-use crate::sim::{EventKind, Shot, Table};
 
 /// Where a film is seen from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -126,7 +126,8 @@ fn behind(table: &Table, shot: &Shot, moment_secs: f64) -> Viewpoint {
 }
 
 fn first_contact_secs(shot: &Shot) -> f64 {
-    let is_contact = |event: &&crate::sim::Event| matches!(event.kind, EventKind::BallBall { .. });
+    let is_contact =
+        |event: &&carom_billiards::physics::Event| matches!(event.kind, EventKind::BallBall { .. });
     let contact = shot.events().iter().find(is_contact);
     contact.map_or(0.0, |event| event.time_secs)
 }
@@ -142,7 +143,7 @@ const RISE_SECS: std::ops::Range<f64> = 0.1..1.7;
 mod tests {
     use super::*;
     use crate::scene::ball_materials::BallSet;
-    use crate::sim::{Stroke, World};
+    use carom_billiards::physics::{Stroke, World};
 
     fn shot(speed_m_s: f64) -> Shot {
         let table = Stage::table();

@@ -1,0 +1,132 @@
+//! Strokes that only mean to hit a ball, for breaks, safeties and escapes; and, for carom, strokes all
+//! round.
+
+use std::f64::consts::TAU;
+
+use glam::DVec2;
+
+use super::Position;
+use crate::physics::Stroke;
+use crate::rng::Dice;
+use crate::rules::RuleSet;
+
+/// Strokes to be tried, `count` at most, in an order that the dice draw: half of them straight at a
+/// ball that is on, full or thin, half anywhere, for ways by cushions.
+pub(crate) fn hits(position: &Position, count: u32, dice: &mut Dice) -> Vec<Stroke> {
+    let lie = position.lie();
+    let on = position.referee.on(&lie);
+    let Some(cue) = lie.iter().find(|p| p.ball == 0).map(|p| p.at) else {
+        return Vec::new();
+    };
+    let reach = position.ground.radius_m + position.ground.cue_radius_m;
+    let mut targets: Vec<DVec2> = lie
+        .iter()
+        .filter(|p| on.contains(&p.ball))
+        .map(|p| p.at)
+        .collect();
+    targets.sort_by(|a, b| a.distance(cue).total_cmp(&b.distance(cue)));
+    if position.referee.is_break() {
+        return breaks(position, cue, &targets, reach, count.min(HITS_MAX), dice);
+    }
+    let count = count.min(HITS_MAX);
+    let is_carom = position.referee.rules() == RuleSet::ThreeCushion;
+    (0..count)
+        .map(|i| {
+            let target = targets.get(i as usize / 2 % targets.len().max(1));
+            let (bearing_rad, speeds) = match target {
+                Some(&target) if i % 2 == 0 || is_carom => (
+                    towards(cue, target, reach, 2.0 * dice.unit() - 1.0),
+                    (0.6, 3.5),
+                ),
+                _ => (TAU * dice.unit(), (1.0, 4.0)),
+            };
+            if is_carom {
+                carom(bearing_rad, i, dice)
+            } else {
+                let speed = speeds.0 + (speeds.1 - speeds.0) * dice.unit();
+                Stroke {
+                    vertical: 0.6 * (dice.unit() - 0.5),
+                    ..Stroke::straight(bearing_rad, speed)
+                }
+            }
+        })
+        .collect()
+}
+
+/// Ways round the table are long and want side.
+fn carom(bearing_rad: f64, i: u32, dice: &mut Dice) -> Stroke {
+    let bearing_rad = if i % 3 == 2 {
+        TAU * dice.unit()
+    } else {
+        bearing_rad
+    };
+    Stroke {
+        side: 0.8 * (dice.unit() - 0.5),
+        vertical: 0.7 * (dice.unit() - 0.3),
+        ..Stroke::straight(bearing_rad, 2.0 + 3.5 * dice.unit())
+    }
+}
+
+/// The direction in which the cue ball meets a ball: in its middle for 0, on its right edge for 1.
+fn towards(cue: DVec2, target: DVec2, reach: f64, thin: f64) -> f64 {
+    let way = target - cue;
+    let half = (reach / way.length().max(reach)).asin();
+    way.to_angle() - 0.97 * thin * half
+}
+
+/// Hard and full where a break should spread the balls, soft and thin where it should not.
+fn breaks(
+    position: &Position,
+    cue: DVec2,
+    targets: &[DVec2],
+    reach: f64,
+    count: u32,
+    dice: &mut Dice,
+) -> Vec<Stroke> {
+    let is_hard = matches!(
+        position.referee.rules(),
+        RuleSet::Eight | RuleSet::Nine | RuleSet::Free
+    );
+    if position.referee.rules() == RuleSet::ThreeCushion {
+        let red = targets.first().copied().unwrap_or(DVec2::X);
+        return (0..count)
+            .map(|i| {
+                let thin = 2.0 * dice.unit() - 1.0;
+                carom(towards(cue, red, reach, thin), 0, dice).harder(i)
+            })
+            .collect();
+    }
+    let corners = if is_hard { 1 } else { targets.len() };
+    (0..count.min(BREAKS_MAX))
+        .filter_map(|i| {
+            let target = *targets.get(i as usize % corners.max(1))?;
+            let (thin, speed) = if is_hard {
+                (0.1 * (dice.unit() - 0.5), 7.5 + 2.0 * dice.unit())
+            } else {
+                let edge = if dice.unit() < 0.5 { 1.0 } else { -1.0 };
+                (edge * (0.4 + 0.55 * dice.unit()), 1.5 + 2.0 * dice.unit())
+            };
+            Some(Stroke::straight(towards(cue, target, reach, thin), speed))
+        })
+        .collect()
+}
+
+trait Harder {
+    fn harder(self, step: u32) -> Self;
+}
+
+impl Harder for Stroke {
+    /// Every other one a third harder.
+    fn harder(self, step: u32) -> Self {
+        let factor = if step % 2 == 1 { 1.33 } else { 1.0 };
+        Self {
+            speed_m_s: self.speed_m_s * factor,
+            ..self
+        }
+    }
+}
+
+/// More find nothing better, and each takes memory.
+const HITS_MAX: u32 = 5000;
+/// A break is dear to simulate.
+const BREAKS_MAX: u32 = 24;

@@ -1,0 +1,34 @@
+//! The computer's strengths, by name.
+
+use serde::{Deserialize, Serialize};
+
+/// How well the computer plays.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[serde(rename_all = "snake_case")]
+pub enum Level {
+    /// Misses most shots that are not straight in
+    Easy,
+    /// Pots easy shots, and sometimes two in a row
+    #[default]
+    Medium,
+    /// Pots most shots and thinks of the next
+    Hard,
+    /// Hardly misses
+    Expert,
+}
+
+impl Level {
+    /// All levels, weakest first.
+    pub const ALL: [Self; 4] = [Self::Easy, Self::Medium, Self::Hard, Self::Expert];
+
+    /// Its name.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Easy => "easy",
+            Self::Medium => "medium",
+            Self::Hard => "hard",
+            Self::Expert => "expert",
+        }
+    }
+}

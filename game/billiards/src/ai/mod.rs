@@ -1,0 +1,51 @@
+//! The computer as a player: it strikes through the same calls as a person, and errs as one.
+//!
+//! ```text
+//! Position ─► lines (pots by geometry) ─┐
+//!          ─► hits (thin, full, by cushions) ─► strokes ─► simulated, judged, worth ─► the best few
+//!                                                          again under the level's error ─► Decision
+//! ```
+//! It knows the rules only through the [`Referee`]: a stroke is worth what the verdict on it says and
+//! what the table then offers to whoever is next. Thinking is bounded by a number of simulated shots
+//! and takes everything in a fixed order, so that the same position and seed give the same decision.
+
+mod hits;
+mod level;
+mod lines;
+mod place;
+mod skill;
+mod think;
+mod thinking;
+mod worth;
+
+pub use level::Level;
+pub use skill::Skill;
+pub use think::{Decision, think};
+pub use thinking::Thinking;
+
+use crate::physics::World;
+use crate::rules::{Ground, Lie, Placed, Referee};
+
+/// What the computer looks at: the table, and where the match stands.
+#[derive(Clone, Debug)]
+pub struct Position {
+    /// The marks of the table.
+    pub ground: Ground,
+    /// The balls.
+    pub world: World,
+    /// The rules.
+    pub referee: Referee,
+}
+
+impl Position {
+    pub(crate) fn lie(&self) -> Lie {
+        let balls = self.world.balls().into_iter();
+        balls
+            .filter(|ball| ball.phase.is_on_table())
+            .map(|ball| Placed {
+                ball: ball.number,
+                at: ball.position.truncate(),
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,112 @@
+//! How well a level plays: how far its strokes are off, and how long it thinks.
+
+use super::Level;
+use crate::physics::Stroke;
+use crate::rng::Dice;
+
+/// What makes a level.
+///
+/// The errors are normal, and in the proportion in which the programs at the Computer Olympiad's pool
+/// tournaments erred: 0.125° of direction, 0.1° of elevation, 0.5 mm of the tip each way (Stanford's
+/// FastFiz, `GaussianNoise`, at magnitude 1). Its 0.075 m/s of speed are here a share of the speed, as
+/// much as at 2 m/s: people control a soft stroke better than a hard one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Skill {
+    /// Multiples of the tournament's error. Higher: misses more.
+    pub error: f64,
+    /// Shots to simulate before a stroke. Higher: finds better strokes, thinks longer; a shot takes
+    /// about 0.1 to 1 ms.
+    pub shots: u32,
+    /// Strokes that are tried again under the player's own error, and how often each. Higher: takes
+    /// fewer risks.
+    pub trials: (usize, u32),
+    /// How much the next shot counts, 0 to 1.
+    pub foresight: f64,
+}
+
+impl From<Level> for Skill {
+    fn from(level: Level) -> Self {
+        let (error, shots, trials, foresight) = match level {
+            Level::Easy => (8.0, 24, (1, 1), 0.0),
+            Level::Medium => (3.0, 60, (3, 3), 0.3),
+            Level::Hard => (1.0, 150, (5, 6), 0.6),
+            Level::Expert => (0.4, 300, (6, 10), 0.7),
+        };
+        Self {
+            error,
+            shots,
+            trials,
+            foresight,
+        }
+    }
+}
+
+impl Skill {
+    /// The stroke that comes of an intended one.
+    pub fn stray(&self, stroke: Stroke, dice: &mut Dice) -> Stroke {
+        let mut off = |deviation: f64| self.error * deviation * dice.normal();
+        let strayed = Stroke {
+            direction_rad: stroke.direction_rad + off(DIRECTION_RAD),
+            speed_m_s: (stroke.speed_m_s * (1.0 + off(SPEED_SHARE)))
+                .clamp(SPEED_M_S_MIN, Stroke::SPEED_MAX_M_S),
+            side: stroke.side + off(TIP_RADII),
+            vertical: stroke.vertical + off(TIP_RADII),
+            elevation_rad: (stroke.elevation_rad + off(ELEVATION_RAD))
+                .clamp(0.0, Stroke::ELEVATION_MAX_RAD),
+        };
+        // Nobody aims so far out that the tip would slip.
+        let share = (TIP_RADII_MAX / strayed.offset()).min(1.0);
+        Stroke {
+            side: strayed.side * share,
+            vertical: strayed.vertical * share,
+            ..strayed
+        }
+    }
+
+    /// Standard deviation of the cue's direction, in rad.
+    pub(crate) fn direction_rad(&self) -> f64 {
+        self.error * DIRECTION_RAD
+    }
+}
+
+const DIRECTION_RAD: f64 = 0.125 * std::f64::consts::PI / 180.0;
+const ELEVATION_RAD: f64 = 0.1 * std::f64::consts::PI / 180.0;
+/// 0.5 mm of a pool ball's radius.
+const TIP_RADII: f64 = 0.5 / 28.575;
+const SPEED_SHARE: f64 = 0.075 / 2.0;
+const SPEED_M_S_MIN: f64 = 0.1;
+const TIP_RADII_MAX: f64 = 0.5;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_level_errs_as_much_as_it_says() {
+        for level in Level::ALL {
+            let skill = Skill::from(level);
+            let mut dice = Dice::new(5, 0);
+            let meant = Stroke::straight(1.0, 2.0);
+            let squares: f64 = (0..4000)
+                .map(|_| (skill.stray(meant, &mut dice).direction_rad - 1.0).powi(2))
+                .sum();
+            let deviation = (squares / 4000.0).sqrt();
+            let wanted = skill.error * 0.125f64.to_radians();
+            assert!((deviation / wanted - 1.0).abs() < 0.05, "{level:?}");
+        }
+    }
+
+    #[test]
+    fn no_stray_stroke_is_refused_or_slips() {
+        let skill = Skill {
+            error: 50.0,
+            ..Level::Easy.into()
+        };
+        let mut dice = Dice::new(1, 2);
+        for _ in 0..1000 {
+            let stroke = skill.stray(Stroke::straight(0.3, 19.0), &mut dice);
+            stroke.validate().unwrap();
+            assert!(stroke.offset() <= TIP_RADII_MAX + 1e-12);
+        }
+    }
+}

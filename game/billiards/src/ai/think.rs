@@ -1,0 +1,288 @@
+//! From a position to what the computer does.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use glam::DVec2;
+
+use super::{
+    Position,
+    hits::hits,
+    lines::{Line, lines},
+    place::place,
+    skill::Skill,
+    worth::worth,
+};
+use crate::physics::{AimContact, Stroke, predict};
+use crate::rng::Dice;
+use crate::rules::{Call, Calls, Choice};
+
+/// What the computer does, in this order.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Decision {
+    /// What it decides, if there was a choice; after [`Choice::Return`] and the like the other player
+    /// is at the table and the rest does not count.
+    pub choice: Option<Choice>,
+    /// Where it puts the cue ball, if it is in hand and does not stay.
+    pub place: Option<DVec2>,
+    /// What it says.
+    pub call: Option<Call>,
+    /// How it means to strike: [`Skill::stray`] makes of it what it does.
+    pub stroke: Stroke,
+    /// What it hopes for, about −1 to 1.
+    pub worth: f64,
+    /// Shots that were simulated, in whole or up to the first contact.
+    pub simulated: u32,
+}
+
+/// Thinks. `seed` draws what is tried; the same position and seed give the same decision. Ends early,
+/// with the best so far, once `stop` is set.
+pub fn think(position: &Position, skill: &Skill, seed: u32, stop: &AtomicBool) -> Decision {
+    let mut position = position.clone();
+    let choice = decide(&mut position, skill);
+    let mut place_at = None;
+    if let Some(area) = position.referee.hand() {
+        place_at =
+            place(&position, area, skill).filter(|at| position.world.place(0, at.x, at.y).is_ok());
+    }
+    let mut search = Search {
+        position: &position,
+        skill,
+        dice: Dice::new(seed, THINK),
+        left: skill.shots,
+        found: Vec::new(),
+        stop,
+    };
+    search.pots();
+    search.others();
+    search.weigh();
+    let best = search.found.first().copied();
+    let simulated = skill.shots - search.left;
+    let fallback = Found {
+        stroke: Stroke::straight(0.0, 2.0),
+        call: None,
+        worth: -1.0,
+    };
+    let best = best.unwrap_or(fallback);
+    Decision {
+        choice,
+        place: place_at,
+        call: best.call,
+        stroke: best.stroke,
+        worth: best.worth,
+        simulated,
+    }
+}
+
+/// Plays on where there is a fair pot; else lets the other player, or takes what is offered.
+fn decide(position: &mut Position, skill: &Skill) -> Option<Choice> {
+    let options = position.referee.options().to_vec();
+    if options.is_empty() {
+        return None;
+    }
+    let lie = position.lie();
+    let on = position.referee.on(&lie);
+    let found = lines(&position.ground, &lie, &on, skill);
+    let is_fair = found.first().is_some_and(|line| line.chance > FAIR);
+    let instead = [Choice::Return, Choice::TakeInHand, Choice::SpotBalls];
+    let other = instead.into_iter().find(|choice| options.contains(choice));
+    let choice = match other {
+        Some(other) if !is_fair => other,
+        _ => Choice::Accept,
+    };
+    if let Ok(verdict) = position.referee.choose(&position.ground, &lie, choice) {
+        for p in &verdict.moves {
+            // A ball that finds no room stays: the match says so when it comes to it.
+            let _ = position.world.place(p.ball, p.at.x, p.at.y);
+        }
+    }
+    Some(choice)
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Found {
+    stroke: Stroke,
+    call: Option<Call>,
+    worth: f64,
+}
+
+struct Search<'a> {
+    position: &'a Position,
+    skill: &'a Skill,
+    dice: Dice,
+    left: u32,
+    found: Vec<Found>,
+    stop: &'a AtomicBool,
+}
+
+impl Search<'_> {
+    /// Straight pots, likeliest first, each with several touches.
+    fn pots(&mut self) {
+        if self.position.referee.is_break() {
+            return;
+        }
+        let lie = self.position.lie();
+        let on = self.position.referee.on(&lie);
+        let found = lines(&self.position.ground, &lie, &on, self.skill);
+        let reserve = self.reserve();
+        for line in found.iter().take(LINES_MAX) {
+            for (stretch, vertical) in TOUCHES {
+                if self.left <= reserve {
+                    return;
+                }
+                let speed_m_s = (stretch * (0.9 + 0.75 * line.length_m)).clamp(0.8, 6.0);
+                let stroke = Stroke {
+                    vertical,
+                    ..Stroke::straight(line.bearing_rad, speed_m_s)
+                };
+                if let Some(stroke) = self.aimed(line, stroke) {
+                    self.consider(stroke, self.pot_call(line));
+                }
+            }
+        }
+    }
+
+    /// Breaks, safeties, escapes, caroms.
+    fn others(&mut self) {
+        let trials = self.skill.trials;
+        let kept = (trials.0 as u32 * trials.1).min(self.left / 2);
+        let good = self.found.iter().any(|found| found.worth > GOOD);
+        let count = (self.left - kept) / if good { 3 } else { 1 };
+        let call = (self.calls() == Calls::Pocket && !self.position.referee.is_break())
+            .then_some(Call::Safety);
+        for stroke in hits(self.position, count, &mut self.dice) {
+            if self.left <= kept {
+                return;
+            }
+            self.consider(stroke, call);
+        }
+    }
+
+    /// The best few again, as the player would really strike them.
+    fn weigh(&mut self) {
+        self.sort();
+        let (count, trials) = self.skill.trials;
+        self.found.truncate(count.max(1));
+        if trials < 2 || self.found.len() < 2 {
+            return;
+        }
+        for index in 0..self.found.len() {
+            let found = self.found[index];
+            // Common draws: what differs is the stroke, not the luck.
+            let mut dice = Dice::new(trials, WEIGH);
+            let (mut sum, mut tried) = (0.0, 0.0);
+            for _ in 0..trials {
+                let strayed = self.skill.stray(found.stroke, &mut dice);
+                if let Some(worth) = self.simulated(strayed, found.call) {
+                    sum += worth;
+                    tried += 1.0;
+                }
+            }
+            self.found[index].worth = if tried > 0.0 { sum / tried } else { -1.0 };
+        }
+        self.sort();
+    }
+
+    /// Best first; of equals the one found first.
+    fn sort(&mut self) {
+        self.found.sort_by(|a, b| b.worth.total_cmp(&a.worth));
+    }
+
+    fn consider(&mut self, stroke: Stroke, call: Option<Call>) {
+        if let Some(worth) = self.simulated(stroke, call) {
+            self.found.push(Found {
+                stroke,
+                call,
+                worth,
+            });
+        }
+    }
+
+    fn simulated(&mut self, stroke: Stroke, call: Option<Call>) -> Option<f64> {
+        if !self.counts() {
+            return None;
+        }
+        let shot = self.position.world.strike(stroke).ok()?;
+        Some(worth(self.position, &stroke, &shot, call, self.skill))
+    }
+
+    /// The stroke turned until the object ball leaves for the pocket: throw, squirt and swerve are in
+    /// the simulation.
+    fn aimed(&mut self, line: &Line, mut stroke: Stroke) -> Option<Stroke> {
+        for _ in 0..CORRECTIONS {
+            if !self.counts() {
+                return None;
+            }
+            let contact = predict(&self.position.world, stroke).ok()?.contact;
+            let AimContact::Ball {
+                number,
+                object_direction,
+                ..
+            } = contact
+            else {
+                return None;
+            };
+            let way = object_direction.truncate();
+            if number != line.ball || way == DVec2::ZERO {
+                return None;
+            }
+            let off = line.to_pocket.angle_to(way);
+            if off.abs() < AIMED_RAD {
+                break;
+            }
+            // A cue turned to the left meets the ball more on its left and sends it to the right.
+            stroke.direction_rad += (off / line.lever).clamp(-0.2, 0.2);
+        }
+        Some(stroke)
+    }
+
+    fn pot_call(&self, line: &Line) -> Option<Call> {
+        let pocket = match self.calls() {
+            Calls::Nothing => return None,
+            Calls::Pocket => Some(line.pocket),
+            Calls::Colour => None,
+        };
+        Some(Call::Pot {
+            ball: line.ball,
+            pocket,
+        })
+    }
+
+    fn calls(&self) -> Calls {
+        self.position.referee.sheet().calls
+    }
+
+    /// What is left for other strokes and for trials.
+    fn reserve(&self) -> u32 {
+        let (count, trials) = self.skill.trials;
+        (count as u32 * trials).min(self.skill.shots / 2) + self.skill.shots / 6
+    }
+
+    /// Whether one more simulation is allowed; it then counts.
+    fn counts(&mut self) -> bool {
+        let allowed = self.left > 0 && !self.stop.load(Ordering::Relaxed);
+        self.left -= u32::from(allowed);
+        allowed
+    }
+}
+
+/// How much harder than needed, and where the tip goes: follow, stun and draw.
+const TOUCHES: [(f64, f64); 6] = [
+    (1.0, 0.0),
+    (1.0, 0.3),
+    (1.3, -0.3),
+    (0.75, 0.15),
+    (1.6, 0.0),
+    (1.6, 0.35),
+];
+const LINES_MAX: usize = 8;
+/// Predictions to aim one stroke.
+const CORRECTIONS: u32 = 3;
+/// 3 mm off after 2 m.
+const AIMED_RAD: f64 = 1.5e-3;
+/// A pot that is worth trying.
+const FAIR: f64 = 0.35;
+/// Worth more than any safety.
+const GOOD: f64 = 0.3;
+/// Streams of draws.
+const THINK: u32 = 0x7468_696e;
+const WEIGH: u32 = 0x7765_6967;

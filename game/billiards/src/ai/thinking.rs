@@ -1,0 +1,91 @@
+//! Thinking beside the window, which never waits for it.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::thread;
+
+use super::{
+    Position,
+    skill::Skill,
+    think::{Decision, think},
+};
+
+/// A decision in the making, on a thread of its own. Dropped, it stops within a simulated shot.
+#[derive(Debug)]
+pub struct Thinking {
+    decision: Receiver<Decision>,
+    stop: Arc<AtomicBool>,
+}
+
+impl Thinking {
+    /// Begins.
+    ///
+    /// # Errors
+    /// A sentence if the system gives no thread.
+    pub fn start(position: Position, skill: Skill, seed: u32) -> Result<Self, String> {
+        let (sender, decision) = channel();
+        let stop = Arc::new(AtomicBool::new(false));
+        let stopped = Arc::clone(&stop);
+        let run = move || {
+            // Nobody waits any more once the receiver is gone.
+            let _ = sender.send(think(&position, &skill, seed, &stopped));
+        };
+        thread::Builder::new()
+            .name("computer player".to_owned())
+            .spawn(run)
+            .map_err(|error| format!("the computer cannot think: {error}"))?;
+        Ok(Self { decision, stop })
+    }
+
+    /// The decision, once it is made.
+    ///
+    /// # Errors
+    /// A sentence if the thinking broke off.
+    pub fn poll(&self) -> Result<Option<Decision>, String> {
+        match self.decision.try_recv() {
+            Ok(decision) => Ok(Some(decision)),
+            Err(TryRecvError::Empty) => Ok(None),
+            Err(TryRecvError::Disconnected) => Err("the computer stopped thinking".to_owned()),
+        }
+    }
+
+    /// Wants the best of what was found so far.
+    pub fn hurry(&self) {
+        self.stop.store(true, Ordering::Relaxed);
+    }
+}
+
+impl Drop for Thinking {
+    fn drop(&mut self) {
+        self.hurry();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ai::Level;
+    use crate::game_match::{Match, Player, Setup};
+    use crate::rules::RuleSet;
+
+    #[test]
+    fn thinking_aside_decides_the_same_and_can_be_hurried() {
+        let players = Player::list("ai:easy,ai:easy").unwrap();
+        let game = Match::new(Setup::new(RuleSet::Nine, players, 2).unwrap()).unwrap();
+        let skill = Skill::from(Level::Easy);
+        let here = think(&game.position(), &skill, 7, &AtomicBool::new(false));
+        assert!(here.simulated > 0 && here.simulated <= skill.shots);
+        let aside = Thinking::start(game.position(), skill, 7).unwrap();
+        assert_eq!(aside.decision.recv().unwrap(), here);
+        assert!(aside.decision.recv().is_err(), "it decides once");
+
+        let endless = Skill {
+            shots: u32::MAX,
+            ..skill
+        };
+        let aside = Thinking::start(game.position(), endless, 7).unwrap();
+        aside.hurry();
+        assert!(aside.decision.recv().unwrap().simulated < u32::MAX);
+    }
+}

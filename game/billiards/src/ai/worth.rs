@@ -1,0 +1,97 @@
+//! What a shot is worth to the player who makes it.
+
+use super::{Position, lines::lines, skill::Skill};
+use crate::physics::{Shot, Stroke};
+use crate::rules::{Area, Call, Lie, Referee, RuleSet, Verdict, laid};
+use crate::shot_report::report;
+
+/// What a shot is worth, about −1 (all is lost) to 1 (all is won): what the referee makes of it, and
+/// what the table then offers to whoever is next.
+pub(crate) fn worth(
+    position: &Position,
+    stroke: &Stroke,
+    shot: &Shot,
+    call: Option<Call>,
+    skill: &Skill,
+) -> f64 {
+    let player = position.referee.turn();
+    let report = report(&position.world, stroke, shot);
+    let mut referee = position.referee.clone();
+    let verdict = referee.judge(&position.ground, &report, call);
+    if let Some(won) = rack_won(&position.referee, &referee, player) {
+        return if won { 1.0 } else { -1.0 };
+    }
+    let lie = laid(&report.after, &verdict.moves);
+    let gained = gain(&position.referee, &verdict);
+    let mine = referee.turn() == player;
+    let offered = offer(position, &referee, &lie, skill);
+    let near = if position.referee.rules() == RuleSet::ThreeCushion {
+        nearness(&report)
+    } else {
+        0.0
+    };
+    let next = if mine { offered } else { -offered };
+    gained + near + OFFER * skill.foresight.max(0.1) * next
+        - if verdict.is_foul() { FOUL } else { 0.0 }
+}
+
+/// Whether the shot won a rack, frame or match, or lost one; none if it goes on.
+fn rack_won(before: &Referee, after: &Referee, player: usize) -> Option<bool> {
+    if let Some(winner) = after.winner() {
+        return Some(winner == player);
+    }
+    let is_points = before.sheet().unit == "points";
+    let other = (player + 1) % before.scores().len();
+    let rose = |who: usize| after.scores()[who] > before.scores()[who];
+    match () {
+        () if is_points => None,
+        () if rose(player) => Some(true),
+        () if other != player && rose(other) => Some(false),
+        () => None,
+    }
+}
+
+/// What the shot itself brought.
+fn gain(referee: &Referee, verdict: &Verdict) -> f64 {
+    match referee.rules() {
+        RuleSet::Snooker => {
+            0.05 * f64::from(verdict.points.min(7)) + if verdict.goes_on { 0.25 } else { 0.0 }
+        }
+        RuleSet::ThreeCushion => 0.8 * f64::from(verdict.points),
+        RuleSet::Straight => 0.3 * f64::from(verdict.points.clamp(-2, 3)),
+        RuleSet::Free | RuleSet::Eight | RuleSet::Nine => {
+            if verdict.goes_on {
+                0.35
+            } else {
+                0.0
+            }
+        }
+    }
+}
+
+/// The chance that whoever is at the table makes the next shot.
+fn offer(position: &Position, referee: &Referee, lie: &Lie, skill: &Skill) -> f64 {
+    if referee.hand() == Some(Area::Anywhere) && !referee.is_break() {
+        return IN_HAND;
+    }
+    if referee.rules() == RuleSet::ThreeCushion {
+        return 0.0;
+    }
+    let on = referee.on(lie);
+    let found = lines(&position.ground, lie, &on, skill);
+    found.first().map_or(0.0, |line| line.chance)
+}
+
+/// Of a carom that was not made: how much of it was there.
+fn nearness(report: &crate::rules::Report) -> f64 {
+    let mut balls: Vec<u8> = report.contacts().collect();
+    balls.sort_unstable();
+    balls.dedup();
+    0.1 * balls.len() as f64
+}
+
+/// The next shot is worth this much at most.
+const OFFER: f64 = 0.5;
+const FOUL: f64 = 0.3;
+/// With the cue ball in hand there is nearly always a pot.
+const IN_HAND: f64 = 0.95;

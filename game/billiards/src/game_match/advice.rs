@@ -1,0 +1,201 @@
+//! What the computer would do in a player's place: shown to the player, or done.
+//!
+//! ```text
+//! Match ── advise ─► Thinking ─► Decision ── advice_words ─► a sentence
+//!                                    └────── carry_out ────► Stroke, Shot ─(watched)─► finish
+//! ```
+
+use super::Match;
+use crate::ai::{Decision, Level, Skill, Thinking};
+use crate::physics::{self, AimContact, Shot, Stroke, predict};
+use crate::rng::Dice;
+use crate::rules::{self, Choice};
+
+impl Match {
+    /// How the computer plays when it plays for a person.
+    pub fn adviser() -> Skill {
+        Level::Hard.into()
+    }
+
+    /// Looks for a good shot of the player at the table, beside the window. Its decision holds until
+    /// the match changes.
+    ///
+    /// # Errors
+    /// A sentence if the match is over, or the system gives no thread.
+    pub fn advise(&self) -> Result<Thinking, String> {
+        if self.at_table().is_none() {
+            return Err("The match is over: there is no shot to suggest".to_owned());
+        }
+        Thinking::start(self.position(), Self::adviser(), self.draw_seed())
+    }
+
+    /// A decision as a sentence, for the position that it was made in.
+    pub fn advice_words(&self, decision: &Decision) -> String {
+        let mut parts = Vec::new();
+        if let Some(choice) = decision.choice {
+            parts.push(choice.words().to_lowercase());
+            if gives_away(choice) {
+                return sentence(&parts);
+            }
+        }
+        if decision.place.is_some() {
+            parts.push("put the cue ball at the mark".to_owned());
+        }
+        parts.push(self.target_words(decision));
+        parts.push(touch_words(&decision.stroke));
+        sentence(&parts)
+    }
+
+    /// What the stroke is for.
+    fn target_words(&self, decision: &Decision) -> String {
+        if let Some(call) = decision.call {
+            return format!("play {}", self.call_words(call));
+        }
+        let mut world = self.world().clone();
+        // Where that is not possible the mark cannot be shown either, and the words stay true.
+        let placed = decision
+            .place
+            .is_none_or(|at| world.place(0, at.x, at.y).is_ok());
+        let line = predict(&world, decision.stroke);
+        match line.ok().filter(|_| placed).map(|line| line.contact) {
+            Some(AimContact::Ball { number, .. }) => {
+                format!("hit {}", self.referee().rules().ball_name(number))
+            }
+            _ => "play by the cushions".to_owned(),
+        }
+    }
+
+    /// Does what was decided: chooses, places the cue ball, calls, and strikes with the error of
+    /// `skill`. The shot is to be shown and then given to [`Match::finish`]; None if the choice gave
+    /// the table to the other player.
+    ///
+    /// # Errors
+    /// A sentence if the decision cannot be carried out: it was made for another position.
+    pub fn carry_out(
+        &mut self,
+        decision: &Decision,
+        skill: &Skill,
+    ) -> Result<Option<(Stroke, Shot)>, String> {
+        if let Some(choice) = decision.choice {
+            self.choose(choice)?;
+            if gives_away(choice) {
+                return Ok(None);
+            }
+        }
+        if let Some(at) = decision.place {
+            self.place(at)?;
+        }
+        self.call(decision.call);
+        let mut dice = Dice::new(self.draw_seed(), STRAY);
+        let strayed = skill.stray(decision.stroke, &mut dice);
+        // A stray stroke that cannot be played is played as it was meant.
+        let strike = |stroke| self.strike(stroke).map(|shot| Some((stroke, shot)));
+        let struck = strike(strayed).or_else(|_| strike(decision.stroke));
+        struck.map_err(|error: physics::Error| error.to_string())
+    }
+}
+
+fn gives_away(choice: Choice) -> bool {
+    matches!(choice, Choice::Return | Choice::RerackReturn)
+}
+
+/// How the tip meets the ball, and how hard.
+fn touch_words(stroke: &Stroke) -> String {
+    let side = |value: f64, less: &str, more: &str| match value {
+        v if v < -TOUCH_MIN => format!(" {less}"),
+        v if v > TOUCH_MIN => format!(" {more}"),
+        _ => String::new(),
+    };
+    let height = side(stroke.vertical, "low", "high");
+    let width = side(stroke.side, "on the left", "on the right");
+    let place = match (height.as_str(), width.as_str()) {
+        ("", "") => " in the middle".to_owned(),
+        _ => format!("{height}{width}"),
+    };
+    format!("tip{place}, {:.1} m/s", stroke.speed_m_s)
+}
+
+fn sentence(parts: &[String]) -> String {
+    rules::capital(&parts.join("; "))
+}
+
+/// Nearer to the middle, in radii, nobody sees a difference.
+const TOUCH_MIN: f64 = 0.04;
+/// How strokes go astray, apart from other draws.
+const STRAY: u32 = 0x7374_7261;
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicBool;
+
+    use super::*;
+    use crate::ai::think;
+    use crate::game_match::{Player, Setup};
+    use crate::rules::RuleSet;
+
+    fn game(rules: RuleSet) -> Match {
+        let players = Player::list("Ada,Bo").unwrap();
+        Match::new(Setup::new(rules, players, 4).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn in_each_game_a_person_is_advised_and_can_let_the_computer_play() {
+        for rules in RuleSet::ALL {
+            let mut game = game(rules);
+            let skill = Skill {
+                shots: 40,
+                ..Match::adviser()
+            };
+            for _ in 0..4 {
+                let seed = game.draw_seed();
+                let decision = think(&game.position(), &skill, seed, &AtomicBool::new(false));
+                let words = game.advice_words(&decision);
+                assert!(
+                    words.ends_with("m/s") || decision.choice.is_some(),
+                    "{words}"
+                );
+                let Some((stroke, shot)) = game.carry_out(&decision, &skill).unwrap() else {
+                    continue;
+                };
+                let judged = game.turns().len();
+                game.finish(stroke, &shot);
+                assert_eq!(game.turns().len(), judged + 1);
+            }
+            assert!(!game.turns().is_empty(), "{rules:?}");
+        }
+    }
+
+    #[test]
+    fn advice_stands_as_long_as_its_position_and_ends_with_the_match() {
+        let mut game = game(RuleSet::Nine);
+        assert!(game.advise().is_ok());
+        let decision = Decision {
+            choice: Some(Choice::Return),
+            place: None,
+            call: None,
+            stroke: Stroke::straight(0.0, 1.0),
+            worth: 0.0,
+            simulated: 0,
+        };
+        assert!(game.carry_out(&decision, &Match::adviser()).is_err());
+        while game.at_table().is_some() {
+            game.concede();
+        }
+        assert!(game.advise().unwrap_err().contains("over"));
+    }
+
+    #[test]
+    fn advice_says_where_the_tip_goes() {
+        let stroke = Stroke {
+            side: -0.2,
+            vertical: 0.3,
+            ..Stroke::straight(0.0, 2.04)
+        };
+        assert_eq!(touch_words(&stroke), "tip high on the left, 2.0 m/s");
+        assert_eq!(
+            touch_words(&Stroke::straight(0.0, 1.0)),
+            "tip in the middle, 1.0 m/s"
+        );
+        assert_eq!(sentence(&["a".to_owned(), "b".to_owned()]), "A; b");
+    }
+}

@@ -1,0 +1,80 @@
+//! The shots of a match as a recording: to be watched again, kept and shared.
+
+use super::{Match, Turn};
+use crate::physics::{self, Recording, TITLE_BYTES_MAX, Take};
+
+impl Match {
+    /// All shots that can be taken back, each with who played it and what came of it. They are struck
+    /// again, which gives the same shots and takes a few milliseconds each.
+    ///
+    /// # Errors
+    /// Those of [`physics::World::strike`], which the match has had none of.
+    pub fn recording(&self) -> physics::Result<Recording> {
+        let take = |(index, turn): (usize, &Turn)| {
+            Ok(Take {
+                title: self.title(index + 1, turn),
+                shot: turn.world().strike(turn.stroke)?,
+            })
+        };
+        Ok(Recording {
+            table: self.world().table().name().to_owned(),
+            takes: self
+                .turns()
+                .iter()
+                .enumerate()
+                .map(take)
+                .collect::<physics::Result<_>>()?,
+        })
+    }
+
+    fn title(&self, number: usize, turn: &Turn) -> String {
+        let mut title = format!("{number}. {}", self.players()[turn.player]);
+        if !turn.verdict.lines.is_empty() {
+            title += &format!(": {}", turn.verdict.lines.join(". "));
+        }
+        let letters = title.chars().filter(|letter| !letter.is_control());
+        let mut bytes = 0;
+        letters
+            .take_while(|letter| {
+                bytes += letter.len_utf8();
+                bytes <= TITLE_BYTES_MAX
+            })
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::game_match::{Player, Setup, play_out};
+    use crate::rules::RuleSet;
+
+    #[test]
+    fn a_match_is_recorded_as_it_was_played() {
+        let players = Player::list("ai:easy,ai:easy").unwrap();
+        let mut game = Match::new(Setup::new(RuleSet::Nine, players, 5).unwrap()).unwrap();
+        assert!(game.recording().unwrap().takes.is_empty());
+        play_out(&mut game, 5).unwrap();
+        let recording = game.recording().unwrap();
+        assert_eq!(recording.takes.len(), game.turns().len());
+        assert!(recording.takes[0].title.starts_with("1. Computer (easy)"));
+        let last = &recording.takes[recording.takes.len() - 1];
+        let cue_ball = |balls: &[physics::BallState]| balls[0].position;
+        // What fell is put back after a shot: a ball that stayed lies where the shot left it.
+        let after = game.world().balls();
+        let stayed = last
+            .shot
+            .final_states()
+            .into_iter()
+            .find(|ball| ball.number != 0 && ball.phase.is_on_table());
+        let stayed = stayed.unwrap();
+        let lies = after
+            .iter()
+            .find(|ball| ball.number == stayed.number)
+            .unwrap();
+        assert_eq!(lies.position, stayed.position);
+        let again = Recording::from_bytes(&recording.to_bytes().unwrap()).unwrap();
+        let (one, two) = (&again.takes[0].shot, &recording.takes[0].shot);
+        assert_eq!(cue_ball(&one.states_at(0.3)), cue_ball(&two.states_at(0.3)));
+    }
+}

@@ -1,0 +1,105 @@
+//! How the table is laid: racks, balls that are put back, the cue balls of carom that change places.
+
+use std::collections::HashSet;
+
+use super::{Deed, Match};
+use crate::physics::{BallState, Engine, Laws, Table, World};
+use crate::rng::Dice;
+use crate::rules::{self, Lie, Placed, RuleSet, Verdict};
+
+impl Match {
+    /// Puts the balls of a free table so.
+    ///
+    /// # Errors
+    /// A sentence if they cannot lie like this, or in a game with rules: it stays as it was.
+    pub fn arrange(&mut self, balls: &[BallState]) -> Result<(), String> {
+        if self.now.referee.rules() != RuleSet::Free {
+            return Err("Balls are laid on the free table: the menu begins one".to_owned());
+        }
+        let world = &self.now.world;
+        let mut arranged = World::with_laws(world.table().clone(), *world.laws(), balls.to_vec())
+            .map_err(|error| error.to_string())?;
+        arranged.set_engine(world.engine());
+        let places = balls
+            .iter()
+            .map(|ball| (ball.number, ball.position.truncate()));
+        self.deeds.push(Deed::Layout(places.collect()));
+        self.now.world = arranged;
+        Ok(())
+    }
+
+    /// Puts the balls where the verdict wants them.
+    pub(super) fn lay(&mut self, verdict: &Verdict) {
+        if let Some(seed) = verdict.rack {
+            let rules = self.now.referee.rules();
+            let lie = rules::rack(rules, &self.ground, seed);
+            let (table, engine) = (self.now.world.table().clone(), self.now.world.engine());
+            match racked(&table, engine, &lie, seed) {
+                Ok(world) => self.now.world = world,
+                Err(error) => self.now.log.push(error),
+            }
+        }
+        self.put(verdict);
+        if verdict.swaps_cue_balls {
+            self.swap_cue_balls();
+        }
+    }
+
+    fn put(&mut self, verdict: &Verdict) {
+        // A ball may be put where another is about to leave.
+        let mut left: Vec<Placed> = verdict.moves.clone();
+        for _ in 0..=verdict.moves.len() {
+            let world = &mut self.now.world;
+            left.retain(|p| world.place(p.ball, p.at.x, p.at.y).is_err());
+        }
+        for p in left {
+            let name = self.now.referee.rules().ball_name(p.ball);
+            self.now.log.push(format!("There is no room for {name}"));
+        }
+    }
+
+    /// In carom the cue ball of the player at the table is 0.
+    fn swap_cue_balls(&mut self) {
+        let world = &self.now.world;
+        let mut balls = world.balls();
+        for ball in &mut balls {
+            ball.number = match ball.number {
+                0 => 1,
+                1 => 0,
+                other => other,
+            };
+        }
+        match World::with_laws(world.table().clone(), *world.laws(), balls) {
+            Ok(mut swapped) => {
+                swapped.set_engine(world.engine());
+                self.now.world = swapped;
+                self.now.swapped = !self.now.swapped;
+            }
+            Err(error) => self.now.log.push(error.to_string()),
+        }
+    }
+}
+
+/// A fresh table.
+pub(super) fn racked(table: &Table, engine: Engine, lie: &Lie, seed: u32) -> Result<World, String> {
+    let mut dice = Dice::new(seed, TURNED);
+    let mut seen = HashSet::new();
+    let balls = lie.iter().filter(|p| seen.insert(p.ball)).map(|p| {
+        let body = if p.ball == 0 {
+            table.cue_ball()
+        } else {
+            table.ball()
+        };
+        BallState {
+            orientation: dice.rotation(),
+            ..BallState::at_rest(p.ball, p.at.x, p.at.y, &body)
+        }
+    });
+    let mut world = World::with_laws(table.clone(), Laws::default(), balls.collect())
+        .map_err(|error| error.to_string())?;
+    world.set_engine(engine);
+    Ok(world)
+}
+
+/// Keeps how balls are turned apart from other draws of the same seed.
+const TURNED: u32 = 0x7475_726e;

@@ -1,0 +1,450 @@
+//! A match: players, a table, the rules, and what has happened so far.
+//!
+//! ```text
+//! Setup ─► Match ── strike(Stroke) ─► Shot ──(it is watched)──► finish ─► Verdict
+//!            │  ▲                                                 │
+//!            │  └── call, place, choose, undo ◄── the player ◄────┘
+//!            └─► View: everything that is shown of it
+//! ```
+//! No window, no clock: the same setup, strokes and choices give the same match.
+
+mod advice;
+mod history;
+mod laying;
+mod player;
+mod record;
+mod setup;
+mod tournament;
+mod view;
+
+use laying::racked;
+pub use player::Player;
+use record::Deed;
+pub use record::Record;
+pub use setup::Setup;
+pub use tournament::{Side, Tally, Tournament, play_out};
+pub use view::{CallView, OptionView, PlayerView, View};
+
+use glam::DVec2;
+
+use crate::ai::Position;
+use crate::physics::{self, AimContact, Engine, Shot, Stroke, World};
+use crate::rules::{self, Area, Call, Choice, Ground, Lie, Referee, RuleSet, Verdict};
+use crate::shot_report::{ground, lie, report};
+
+/// A match in progress.
+#[derive(Clone, Debug)]
+pub struct Match {
+    ground: Ground,
+    players: Vec<Player>,
+    /// What the match was begun with.
+    seed: u32,
+    now: Moment,
+    past: Vec<Turn>,
+    deeds: Vec<Deed>,
+}
+
+/// All that a shot or a choice may change.
+#[derive(Clone, Debug)]
+struct Moment {
+    world: World,
+    /// Whether ball 0 is the one that was 1 at the start.
+    swapped: bool,
+    referee: Referee,
+    call: Option<Call>,
+    log: Vec<String>,
+    banner: Option<String>,
+    /// Shots played so far, for what is drawn.
+    shots: u32,
+}
+
+/// A shot that was played.
+#[derive(Clone, Debug)]
+pub struct Turn {
+    before: Moment,
+    deeds_before: usize,
+    /// Who played it.
+    pub player: usize,
+    /// How.
+    pub stroke: Stroke,
+    /// What was called, in words or by what was obvious.
+    pub call: Option<Call>,
+    /// What came of it.
+    pub verdict: Verdict,
+}
+
+impl Turn {
+    /// The table as it was before the stroke: struck again, it gives the same shot.
+    pub fn world(&self) -> &World {
+        &self.before.world
+    }
+}
+
+impl Match {
+    /// A match at its first break.
+    ///
+    /// # Errors
+    /// A sentence for players, a target or a table that the game does not allow.
+    pub fn new(setup: Setup) -> Result<Self, String> {
+        let referee = Referee::new(setup.rules, setup.players.len(), setup.target, setup.seed)?;
+        let needs_pockets = setup.rules != RuleSet::ThreeCushion;
+        let is_free = setup.rules == RuleSet::Free;
+        if !is_free && needs_pockets == setup.table.pockets().is_empty() {
+            return Err(format!(
+                "{} cannot be played on the {}: it has {} pockets",
+                setup.rules.sheet().name,
+                setup.table.name().to_lowercase(),
+                setup.table.pockets().len()
+            ));
+        }
+        let ground = ground(&setup.table);
+        let lie = rules::rack(setup.rules, &ground, setup.seed);
+        let world = racked(&setup.table, setup.engine, &lie, setup.seed)?;
+        Ok(Self {
+            ground,
+            players: setup.players,
+            now: Moment {
+                world,
+                swapped: false,
+                referee,
+                call: None,
+                log: Vec::new(),
+                banner: None,
+                shots: 0,
+            },
+            past: Vec::new(),
+            deeds: Vec::new(),
+            seed: setup.seed,
+        })
+    }
+
+    /// The table.
+    pub fn world(&self) -> &World {
+        &self.now.world
+    }
+
+    /// What a computer looks at.
+    pub fn position(&self) -> Position {
+        Position {
+            ground: self.ground.clone(),
+            world: self.now.world.clone(),
+            referee: self.now.referee.clone(),
+        }
+    }
+
+    /// Draws what a computer tries and how it errs: another number for each shot.
+    pub fn draw_seed(&self) -> u32 {
+        let shots = self.now.shots.wrapping_mul(SHOT_STEP);
+        self.now.referee.seed().wrapping_add(shots)
+    }
+
+    /// The rules' side of the match.
+    pub fn referee(&self) -> &Referee {
+        &self.now.referee
+    }
+
+    /// The marks of the table.
+    pub fn ground(&self) -> &Ground {
+        &self.ground
+    }
+
+    /// Who plays.
+    pub fn players(&self) -> &[Player] {
+        &self.players
+    }
+
+    /// The player at the table; none once the match is over.
+    pub fn at_table(&self) -> Option<&Player> {
+        let over = self.now.referee.winner().is_some();
+        (!over).then(|| &self.players[self.now.referee.turn()])
+    }
+
+    /// The shots that were played, in order.
+    pub fn turns(&self) -> &[Turn] {
+        &self.past
+    }
+
+    /// What was said, in order.
+    pub fn log(&self) -> &[String] {
+        &self.now.log
+    }
+
+    /// Simulates a stroke of the player at the table. The match stays as it is until
+    /// [`Match::finish`].
+    ///
+    /// # Errors
+    /// Those of [`World::strike`].
+    pub fn strike(&self, stroke: Stroke) -> physics::Result<Shot> {
+        self.now.world.strike(stroke)
+    }
+
+    /// Judges a shot that [`Match::strike`] gave for this stroke, and lays the table for the next.
+    pub fn finish(&mut self, stroke: Stroke, shot: &Shot) -> &Verdict {
+        let before = self.now.clone();
+        let deeds_before = self.deeds.len();
+        self.deeds.push(Deed::Shot {
+            place: self.cue_ball_in_hand(),
+            call: self.now.call,
+            stroke,
+            engine: self.now.world.engine().to_string(),
+        });
+        let player = self.now.referee.turn();
+        let inferred = self.now.call.is_none().then(|| self.inferred(stroke));
+        let call = self.now.call.take().or(inferred.flatten());
+        let report = report(&self.now.world, &stroke, shot);
+        let verdict = self.now.referee.judge(&self.ground, &report, call);
+        self.now.world.adopt(shot);
+        self.now.shots = self.now.shots.wrapping_add(1);
+        self.lay(&verdict);
+        self.tell(player, &verdict);
+        self.past.push(Turn {
+            before,
+            deeds_before,
+            player,
+            stroke,
+            call,
+            verdict,
+        });
+        if self.past.len() > TURNS_MAX {
+            self.past.remove(0);
+        }
+        &self.past[self.past.len() - 1].verdict
+    }
+
+    /// Says what the next shot is to do; nothing takes the call back.
+    pub fn call(&mut self, call: Option<Call>) {
+        self.now.call = call;
+    }
+
+    /// What was said.
+    pub fn called(&self) -> Option<Call> {
+        self.now.call
+    }
+
+    /// How much was done, strokes and choices: it differs whenever the match has changed.
+    pub fn deeds(&self) -> usize {
+        self.deeds.len()
+    }
+
+    /// Where the cue ball lies that is in hand, if it is.
+    pub fn cue_ball_in_hand(&self) -> Option<DVec2> {
+        self.hand()?;
+        let cue_ball = self.lie().into_iter().find(|p| p.ball == 0);
+        cue_ball.map(|p| p.at)
+    }
+
+    /// The call that counts for a stroke: what was said, or what is obvious from the aim.
+    pub fn call_for(&self, stroke: Stroke) -> Option<Call> {
+        self.now.call.or_else(|| self.inferred(stroke))
+    }
+
+    fn inferred(&self, stroke: Stroke) -> Option<Call> {
+        if !self.now.referee.wants_call() {
+            return None;
+        }
+        match physics::predict(&self.now.world, stroke).ok()?.contact {
+            AimContact::Ball {
+                number,
+                object,
+                object_direction,
+                ..
+            } => rules::infer(
+                &self.ground,
+                number,
+                object.truncate(),
+                object_direction.truncate(),
+            ),
+            _ => None,
+        }
+    }
+
+    /// Where the cue ball is in hand, if it is.
+    pub fn hand(&self) -> Option<Area> {
+        self.now.referee.hand()
+    }
+
+    /// Whether the cue ball may be put at a place.
+    ///
+    /// # Errors
+    /// A sentence that says why not.
+    pub fn may_place(&self, at: DVec2) -> Result<(), String> {
+        let Some(area) = self.hand() else {
+            return Err("The cue ball is not in hand: it is played from where it lies".to_owned());
+        };
+        self.ground.may_place(&self.lie(), at, area)
+    }
+
+    /// Puts the cue ball there.
+    ///
+    /// # Errors
+    /// As [`Match::may_place`]; it stays where it was.
+    pub fn place(&mut self, at: DVec2) -> Result<(), String> {
+        self.may_place(at)?;
+        let placed = self.now.world.place(0, at.x, at.y);
+        placed.map_err(|_| "The cue ball must lie on the cloth, clear of the cushions".to_owned())
+    }
+
+    /// The player at the table decides. A stroke without a choice plays the balls as they lie.
+    ///
+    /// # Errors
+    /// A sentence if there is no such choice now.
+    pub fn choose(&mut self, choice: Choice) -> Result<(), String> {
+        let player = self.now.referee.turn();
+        let lie = self.lie();
+        let verdict = self.now.referee.choose(&self.ground, &lie, choice)?;
+        self.deeds.push(Deed::Choice(choice));
+        self.lay(&verdict);
+        self.tell(player, &verdict);
+        Ok(())
+    }
+
+    /// The player at the table gives up.
+    pub fn concede(&mut self) {
+        let player = self.now.referee.turn();
+        let verdict = self.now.referee.concede();
+        self.deeds.push(Deed::Concede);
+        self.tell(player, &verdict);
+    }
+
+    /// Takes the last shot back, with what was chosen since. False if there is none.
+    pub fn undo(&mut self) -> bool {
+        match self.past.pop() {
+            Some(turn) => {
+                self.now = turn.before;
+                self.deeds.truncate(turn.deeds_before);
+                true
+            }
+            None => false,
+        }
+    }
+
+    /// Lets something else move the balls from the next stroke on.
+    pub fn set_engine(&mut self, engine: Engine) {
+        self.now.world.set_engine(engine);
+    }
+
+    /// The balls on the table.
+    pub fn lie(&self) -> Lie {
+        lie(&self.now.world.balls())
+    }
+
+    fn tell(&mut self, player: usize, verdict: &Verdict) {
+        let name = &self.players[player].name();
+        let lines = verdict.lines.iter().map(|line| format!("{name}: {line}"));
+        self.now.log.extend(lines);
+        let winner = self.now.referee.winner();
+        if let Some(winner) = winner {
+            let name = self.players[winner].name();
+            self.now.log.push(format!("{name} wins the match"));
+        }
+        let extra = self.now.log.len().saturating_sub(LOG_MAX);
+        self.now.log.drain(..extra);
+        self.now.banner = (!verdict.lines.is_empty()).then(|| verdict.lines.join(". "));
+    }
+}
+
+/// An odd number: draws of one shot are apart from those of the next.
+const SHOT_STEP: u32 = 0x9e37_79b1;
+/// Far more shots than a match has that anyone would take back.
+const TURNS_MAX: usize = 2000;
+/// As many lines as anyone would scroll through.
+const LOG_MAX: usize = 4000;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::physics::{BallState, Laws, Table};
+    use crate::rules::Placed;
+
+    fn eight() -> Match {
+        let players = Player::list("2").unwrap();
+        Match::new(Setup::new(RuleSet::Eight, players, 3).unwrap()).unwrap()
+    }
+
+    fn play(game: &mut Match, stroke: Stroke) -> Verdict {
+        let shot = game.strike(stroke).unwrap();
+        game.finish(stroke, &shot).clone()
+    }
+
+    #[test]
+    fn a_break_is_judged_told_and_taken_back() {
+        let mut game = eight();
+        let racked = game.lie();
+        assert_eq!(
+            game.view().prompt,
+            "Break. The cue ball is in hand behind the head string"
+        );
+        let verdict = play(&mut game, Stroke::straight(0.0, 8.0));
+        assert!(!verdict.is_foul(), "{verdict:?}");
+        let view = game.view();
+        assert!(!game.referee().is_break() && view.undo == 1);
+        assert_eq!(view.turn, usize::from(!verdict.goes_on));
+        assert_ne!(game.lie(), racked);
+        assert!(game.undo() && !game.undo());
+        assert_eq!((game.lie(), game.view().undo), (racked, 0));
+        assert_eq!(
+            play(&mut game, Stroke::straight(0.0, 8.0)),
+            verdict,
+            "the same again"
+        );
+    }
+
+    #[test]
+    fn a_stroke_into_nothing_gives_the_other_player_the_cue_ball_in_hand() {
+        let mut game = eight();
+        play(&mut game, Stroke::straight(0.0, 8.0));
+        game.now
+            .referee
+            .choose(&game.ground, &game.lie(), Choice::Accept)
+            .ok();
+        let turn = game.referee().turn();
+        let verdict = play(&mut game, Stroke::straight(1.0, 0.05));
+        assert!(
+            verdict.lines[0].starts_with("Foul: the cue ball touched no ball"),
+            "{verdict:?}"
+        );
+        assert_eq!(game.referee().turn(), 1 - turn);
+        let view = game.view();
+        assert!(view.is_foul && view.banner.is_some_and(|banner| banner.starts_with("Foul")));
+        assert_eq!(view.hand, Some(Area::Anywhere));
+        assert!(game.place(DVec2::new(5.0, 0.0)).is_err());
+        let taken = game.lie().iter().find(|p| p.ball != 0).unwrap().at;
+        assert!(game.place(taken).unwrap_err().contains("touch"));
+        let free = game.ground().place_in_hand(&game.lie(), Area::Anywhere);
+        game.place(free).unwrap();
+        assert!(game.lie().contains(&Placed { ball: 0, at: free }));
+    }
+
+    #[test]
+    fn an_obvious_pot_is_called_by_its_aim() {
+        let mut game = eight();
+        play(&mut game, Stroke::straight(0.0, 8.0));
+        let world = &mut game.now.world;
+        let lying: Vec<u8> = world.balls().iter().map(|ball| ball.number).collect();
+        // One ball before the left foot corner, the cue ball in line, the others out of the way.
+        let world_lie = [(0, 0.6, -0.035), (lying[0].max(1), 1.0, 0.365)];
+        let table = world.table().clone();
+        let body = table.ball();
+        let balls = world_lie.map(|(n, x, y)| BallState::at_rest(n, x, y, &body));
+        *world = World::with_laws(table, Laws::default(), balls.to_vec()).unwrap();
+        let stroke = Stroke::straight(45f64.to_radians(), 2.0);
+        let Some(Call::Pot {
+            pocket: Some(pocket),
+            ..
+        }) = game.call_for(stroke)
+        else {
+            panic!("nothing is obvious");
+        };
+        assert_eq!(game.ground().pocket_name(pocket), "the left foot corner");
+        assert!(play(&mut game, stroke).goes_on);
+    }
+
+    #[test]
+    fn a_game_with_pockets_is_refused_on_a_table_without() {
+        let mut setup = Setup::new(RuleSet::Eight, Player::list("2").unwrap(), 1).unwrap();
+        setup.table = Table::built_in("carom").unwrap();
+        assert!(Match::new(setup).unwrap_err().contains("pockets"));
+        let three = vec![Player::Human("a".into()); 3];
+        assert!(Match::new(Setup::new(RuleSet::Eight, three, 1).unwrap()).is_err());
+    }
+}

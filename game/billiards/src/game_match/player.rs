@@ -1,0 +1,124 @@
+//! Who plays.
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+use crate::ai::Level;
+
+/// Someone who plays.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Player {
+    /// A person, by name.
+    Human(String),
+    /// The computer.
+    Computer(Level),
+}
+
+impl Player {
+    /// For the player to read.
+    pub fn name(&self) -> String {
+        match self {
+            Self::Human(name) => name.clone(),
+            Self::Computer(level) => format!("Computer ({})", level.words()),
+        }
+    }
+
+    /// The computer's level; none for a person.
+    pub fn level(&self) -> Option<Level> {
+        match self {
+            Self::Human(_) => None,
+            Self::Computer(level) => Some(*level),
+        }
+    }
+
+    /// Reads the players of a match: a number of people (`2`), or names separated by commas, of which
+    /// `ai`, `ai:easy`, `ai:medium`, `ai:hard` and `ai:expert` are the computer. One computer alone
+    /// plays against a person.
+    ///
+    /// # Errors
+    /// A sentence with what is wrong.
+    pub fn list(text: &str) -> Result<Vec<Self>, String> {
+        if let Ok(people) = text.parse::<usize>() {
+            return match people {
+                1..=PLAYERS_MAX => Ok((1..=people)
+                    .map(|i| Self::Human(format!("Player {i}")))
+                    .collect()),
+                _ => Err(format!("{people} players are not 1 to {PLAYERS_MAX}")),
+            };
+        }
+        let mut players: Vec<Self> = text.split(',').map(str::parse).collect::<Result<_, _>>()?;
+        if let [Self::Computer(_)] = players[..] {
+            players.insert(0, Self::Human("You".to_owned()));
+        }
+        if players.len() > PLAYERS_MAX {
+            return Err(format!(
+                "{} players are more than {PLAYERS_MAX}",
+                players.len()
+            ));
+        }
+        Ok(players)
+    }
+}
+
+impl FromStr for Player {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let text = text.trim();
+        if text == "ai" {
+            return Ok(Self::Computer(Level::default()));
+        }
+        if let Some(level) = text.strip_prefix("ai:") {
+            let level = Level::ALL.into_iter().find(|known| known.words() == level);
+            return level.map(Self::Computer).ok_or_else(|| {
+                format!(
+                    "`{text}` is no player: the levels are ai:easy, ai:medium, ai:hard, ai:expert"
+                )
+            });
+        }
+        let fits = (1..=NAME_LETTERS_MAX).contains(&text.chars().count());
+        if !fits || text.chars().any(char::is_control) {
+            return Err(format!(
+                "a player's name has 1 to {NAME_LETTERS_MAX} letters, not `{text}`"
+            ));
+        }
+        Ok(Self::Human(text.to_owned()))
+    }
+}
+
+impl fmt::Display for Player {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.name())
+    }
+}
+
+const PLAYERS_MAX: usize = 2;
+const NAME_LETTERS_MAX: usize = 24;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn players_are_read_from_a_number_or_from_names() {
+        let human = |name: &str| Player::Human(name.to_owned());
+        assert_eq!(
+            Player::list("2").unwrap(),
+            [human("Player 1"), human("Player 2")]
+        );
+        assert_eq!(
+            Player::list("ai:hard").unwrap(),
+            [human("You"), Player::Computer(Level::Hard)]
+        );
+        assert_eq!(
+            Player::list("Ada, ai").unwrap(),
+            [human("Ada"), Player::Computer(Level::Medium)]
+        );
+        for wrong in ["0", "3", "ai:perfect", "", "a,b,c"] {
+            assert!(Player::list(wrong).is_err(), "{wrong}");
+        }
+    }
+}

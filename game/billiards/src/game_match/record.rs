@@ -1,0 +1,268 @@
+//! A match as a file: what it was begun with and what was done. It is played again to where it stood,
+//! shot by shot, by the physics that gives the same bits on every machine.
+//!
+//! ```text
+//! "carom match" 0x0A | version u16 | postcard: game, players, seed, table, deeds
+//! ```
+
+use std::{fs, path::Path};
+
+use glam::DVec2;
+use serde::{Deserialize, Serialize};
+
+use super::{Match, Player, Setup};
+use crate::physics::{BallState, Engine, Stroke, Table};
+use crate::rules::{Call, Choice, RuleSet};
+
+/// All that makes a match what it is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    rules: RuleSet,
+    players: Vec<Player>,
+    target: u32,
+    seed: u32,
+    table: String,
+    deeds: Vec<Deed>,
+}
+
+/// Something that a player did and that counts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) enum Deed {
+    /// A stroke, with the call that was said and the place of a cue ball that was in hand.
+    Shot {
+        place: Option<DVec2>,
+        call: Option<Call>,
+        stroke: Stroke,
+        engine: String,
+    },
+    /// Balls laid on a free table: number and place of each.
+    Layout(Vec<(u8, DVec2)>),
+    /// A choice.
+    Choice(Choice),
+    /// Giving up.
+    Concede,
+}
+
+impl Record {
+    /// Of a match as it stands.
+    pub fn of(game: &Match) -> Self {
+        Self {
+            rules: game.referee().rules(),
+            players: game.players().to_vec(),
+            target: game.referee().target(),
+            seed: game.seed,
+            table: game.world().table().name().to_owned(),
+            deeds: game.deeds.clone(),
+        }
+    }
+
+    /// Plays it again.
+    ///
+    /// # Errors
+    /// A sentence if it is no match: then nothing of it can be used.
+    pub fn play(&self) -> Result<Match, String> {
+        let mut game = Match::new(Setup {
+            rules: self.rules,
+            players: self.players.clone(),
+            target: self.target,
+            seed: self.seed,
+            table: Table::named(&self.table)
+                .ok_or(format!("there is no table `{}`", self.table))?,
+            engine: Engine::default(),
+        })?;
+        for (number, deed) in self.deeds.iter().enumerate() {
+            let done = game.redo(deed);
+            done.map_err(|why| format!("step {} cannot be done: {why}", number + 1))?;
+        }
+        Ok(game)
+    }
+
+    /// The bytes of a file.
+    ///
+    /// # Errors
+    /// A sentence for a match of more than [`BYTES_MAX`].
+    pub fn to_bytes(&self) -> Result<Vec<u8>, String> {
+        let mut bytes = MAGIC.to_vec();
+        bytes.extend(VERSION.to_le_bytes());
+        bytes.extend(postcard::to_stdvec(self).map_err(|error| error.to_string())?);
+        check_size(bytes.len() as u64)?;
+        Ok(bytes)
+    }
+
+    /// Reads what [`Record::to_bytes`] wrote.
+    ///
+    /// # Errors
+    /// A sentence: another kind of file, another version, or damage.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
+        check_size(bytes.len() as u64)?;
+        let rest = bytes
+            .strip_prefix(MAGIC)
+            .ok_or("it does not begin as a match does")?;
+        let (version, body) = rest
+            .split_first_chunk()
+            .ok_or("it ends within its version")?;
+        let version = u16::from_le_bytes(*version);
+        if version != VERSION {
+            return Err(format!(
+                "its version is {version}, this program reads {VERSION}"
+            ));
+        }
+        let (record, left): (Self, _) = postcard::take_from_bytes(body)
+            .map_err(|error| format!("it is cut off or damaged ({error})"))?;
+        if !left.is_empty() {
+            return Err(format!("{} bytes follow its end", left.len()));
+        }
+        Ok(record)
+    }
+
+    /// Writes a file: whole, or not at all.
+    ///
+    /// # Errors
+    /// A sentence with the path.
+    pub fn save(&self, path: &Path) -> Result<(), String> {
+        let written = |bytes: Vec<u8>| {
+            if let Some(folder) = path.parent() {
+                fs::create_dir_all(folder)?;
+            }
+            let fresh = path.with_extension("new");
+            fs::write(&fresh, bytes)?;
+            fs::rename(&fresh, path)
+        };
+        let named = |why: String| format!("{} cannot be written: {why}", path.display());
+        let bytes = self.to_bytes().map_err(named)?;
+        written(bytes).map_err(|error| named(error.to_string()))
+    }
+
+    /// Reads a file; nothing if there is none.
+    ///
+    /// # Errors
+    /// A sentence with the path, as [`Record::from_bytes`].
+    pub fn load(path: &Path) -> Result<Option<Self>, String> {
+        if !path.is_file() {
+            return Ok(None);
+        }
+        let named = |why: String| format!("{} cannot be read: {why}", path.display());
+        let size = fs::metadata(path).map_err(|error| named(error.to_string()))?;
+        check_size(size.len()).map_err(named)?;
+        let bytes = fs::read(path).map_err(|error| named(error.to_string()))?;
+        Self::from_bytes(&bytes).map(Some).map_err(named)
+    }
+}
+
+impl Match {
+    /// Does what was done before.
+    fn redo(&mut self, deed: &Deed) -> Result<(), String> {
+        match deed {
+            Deed::Shot {
+                place,
+                call,
+                stroke,
+                engine,
+            } => {
+                if self.at_table().is_none() {
+                    return Err("the match was over before it".to_owned());
+                }
+                self.set_engine(engine.parse().map_err(|error| format!("{error}"))?);
+                if place.is_some() && *place != self.cue_ball_in_hand() {
+                    place.map_or(Ok(()), |at| self.place(at))?;
+                }
+                self.call(*call);
+                let shot = self.strike(*stroke).map_err(|error| error.to_string())?;
+                self.finish(*stroke, &shot);
+            }
+            Deed::Layout(places) => {
+                let table = self.world().table();
+                let lying = places.iter().map(|&(number, at)| {
+                    let body = if number == 0 {
+                        table.cue_ball()
+                    } else {
+                        table.ball()
+                    };
+                    BallState::at_rest(number, at.x, at.y, &body)
+                });
+                let balls: Vec<_> = lying.collect();
+                self.arrange(&balls)?;
+            }
+            Deed::Choice(choice) => self.choose(*choice)?,
+            Deed::Concede => self.concede(),
+        }
+        Ok(())
+    }
+}
+
+fn check_size(bytes: u64) -> Result<(), String> {
+    if bytes > BYTES_MAX {
+        return Err(format!("it has {bytes} bytes, more than {BYTES_MAX}"));
+    }
+    Ok(())
+}
+
+const MAGIC: &[u8] = b"carom match\n";
+const VERSION: u16 = 1;
+/// A shot takes about 60 bytes: more shots than anyone plays in a match.
+const BYTES_MAX: u64 = 4 << 20;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn played() -> Match {
+        let players = Player::list("Ada,ai:hard").unwrap();
+        let mut game = Match::new(Setup::new(RuleSet::Eight, players, 7).unwrap()).unwrap();
+        for (angle, speed) in [(0.0, 8.0), (0.7, 3.0), (2.0, 4.0), (-1.0, 2.0)] {
+            if game.hand().is_some() {
+                let at = game.ground().head_spot() + DVec2::new(-0.1, 0.02);
+                // Where it may not lie it stays.
+                let _ = game.place(at);
+            }
+            let stroke = Stroke::straight(angle, speed);
+            let shot = game.strike(stroke).unwrap();
+            game.finish(stroke, &shot);
+            if let Some(&choice) = game.referee().options().first() {
+                game.choose(choice).unwrap();
+            }
+        }
+        game
+    }
+
+    #[test]
+    fn a_match_goes_on_where_it_was_left() {
+        let game = played();
+        let bytes = Record::of(&game).to_bytes().unwrap();
+        let again = Record::from_bytes(&bytes).unwrap().play().unwrap();
+        assert_eq!(again.world().balls(), game.world().balls());
+        assert_eq!(again.referee(), game.referee());
+        assert_eq!(again.view(), game.view());
+    }
+
+    #[test]
+    fn what_was_taken_back_was_not_done() {
+        let mut game = played();
+        let last = game.turns().len();
+        game.undo();
+        game.undo();
+        let again = Record::of(&game).play().unwrap();
+        assert_eq!(again.turns().len(), last - 2);
+        assert_eq!(again.view(), game.view());
+    }
+
+    #[test]
+    fn damaged_files_are_refused_and_none_is_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("deep/match.carom");
+        assert_eq!(Record::load(&path), Ok(None));
+        let record = Record::of(&played());
+        record.save(&path).unwrap();
+        assert_eq!(Record::load(&path), Ok(Some(record.clone())));
+        let bytes = record.to_bytes().unwrap();
+        for end in 0..bytes.len() {
+            assert!(Record::from_bytes(&bytes[..end]).is_err(), "{end}");
+        }
+        fs::write(&path, b"something else").unwrap();
+        let why = Record::load(&path).unwrap_err();
+        assert!(
+            why.contains("match.carom") && why.contains("does not begin"),
+            "{why}"
+        );
+    }
+}

@@ -1,0 +1,40 @@
+//! What a match is begun with.
+
+use super::Player;
+use crate::physics::{Engine, Table};
+use crate::rules::RuleSet;
+
+/// What a match is begun with.
+#[derive(Clone, Debug)]
+pub struct Setup {
+    /// The game.
+    pub rules: RuleSet,
+    /// Who plays: as many as the game's [`crate::rules::Sheet::players`] allows.
+    pub players: Vec<Player>,
+    /// Racks, frames or points to win; 0 for the game's own.
+    pub target: u32,
+    /// Draws the racks.
+    pub seed: u32,
+    /// The table; usually the one that the game's row names.
+    pub table: Table,
+    /// What moves the balls.
+    pub engine: Engine,
+}
+
+impl Setup {
+    /// A game on its own table.
+    ///
+    /// # Errors
+    /// A sentence if the table is not usable.
+    pub fn new(rules: RuleSet, players: Vec<Player>, seed: u32) -> Result<Self, String> {
+        let table = Table::built_in(rules.sheet().table).map_err(|error| error.to_string())?;
+        Ok(Self {
+            rules,
+            players,
+            target: 0,
+            seed,
+            table,
+            engine: Engine::default(),
+        })
+    }
+}

@@ -1,0 +1,245 @@
+//! Series of matches of computers against each other.
+
+use std::fmt::Write as _;
+use std::sync::atomic::AtomicBool;
+
+use serde::Serialize;
+
+use super::{Match, Player, Setup};
+use crate::ai::{Level, Skill, think};
+use crate::rules::{RuleSet, Verdict};
+
+/// A series of matches between two computers.
+#[derive(Clone, Debug)]
+pub struct Tournament {
+    /// The game.
+    pub rules: RuleSet,
+    /// The levels of the two; they take turns to begin.
+    pub levels: [Level; 2],
+    /// Matches to play.
+    pub games: u32,
+    /// Racks, frames or points that win a match; 0 for the game's own.
+    pub target: u32,
+    /// Draws the racks and the errors: the same seed gives the same matches.
+    pub seed: u32,
+}
+
+/// What a series of matches came to.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Tally {
+    /// The game.
+    pub rules: RuleSet,
+    /// The players' side of it.
+    pub players: Vec<Side>,
+    /// Matches without an end within [`SHOTS_MAX`] shots.
+    pub unfinished: u32,
+    /// Shots of all matches.
+    pub shots: u32,
+}
+
+/// One player's side of a series.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Side {
+    /// Who.
+    pub name: String,
+    /// Matches won.
+    pub wins: u32,
+    /// Shots played.
+    pub shots: u32,
+    /// Of those, fouls.
+    pub fouls: u32,
+    /// Balls potted as the rules want it; points by caroms.
+    pub pots: u32,
+}
+
+impl Tournament {
+    /// Plays the matches.
+    ///
+    /// # Errors
+    /// A sentence for a game without an end, or a target that the game does not have.
+    pub fn play(&self) -> Result<Tally, String> {
+        if self.rules == RuleSet::Free {
+            return Err("the free table has no end and no winner: choose another game".to_owned());
+        }
+        let [first, second] = self.levels;
+        let mut tally = Tally::new(self.rules, [first, second]);
+        for game in 0..self.games {
+            let swapped = game % 2 == 1;
+            let order = if swapped {
+                [second, first]
+            } else {
+                [first, second]
+            };
+            let seed = self.seed.wrapping_add(game.wrapping_mul(SEED_STEP));
+            let players = order.map(Player::Computer).to_vec();
+            let setup = Setup {
+                target: self.target,
+                ..Setup::new(self.rules, players, seed)?
+            };
+            let mut game = Match::new(setup)?;
+            play_out(&mut game, SHOTS_MAX)?;
+            tally.add(&game, swapped);
+        }
+        Ok(tally)
+    }
+}
+
+/// Lets the computers play until the match is over, or for so many shots.
+///
+/// # Errors
+/// A sentence if a person is to play.
+pub fn play_out(game: &mut Match, shots_max: u32) -> Result<(), String> {
+    for _ in 0..shots_max {
+        let Some(player) = game.at_table() else {
+            return Ok(());
+        };
+        let level = player.level();
+        let level = level.ok_or_else(|| format!("it is the turn of {player}, a person"))?;
+        game.play_computer(&level.into())?;
+    }
+    Ok(())
+}
+
+impl Match {
+    /// Thinks for the player at the table and plays what comes of it, errors included: one shot, or a
+    /// choice that gives the table to the other.
+    ///
+    /// # Errors
+    /// A sentence if the decision cannot be carried out.
+    pub fn play_computer(&mut self, skill: &Skill) -> Result<Option<Verdict>, String> {
+        let decision = think(
+            &self.position(),
+            skill,
+            self.draw_seed(),
+            &AtomicBool::new(false),
+        );
+        let Some((stroke, shot)) = self.carry_out(&decision, skill)? else {
+            return Ok(None);
+        };
+        Ok(Some(self.finish(stroke, &shot).clone()))
+    }
+}
+
+impl Tally {
+    fn new(rules: RuleSet, levels: [Level; 2]) -> Self {
+        let side = |level: Level| Side {
+            name: level.words().to_owned(),
+            wins: 0,
+            shots: 0,
+            fouls: 0,
+            pots: 0,
+        };
+        Self {
+            rules,
+            players: levels.map(side).to_vec(),
+            unfinished: 0,
+            shots: 0,
+        }
+    }
+
+    fn add(&mut self, game: &Match, swapped: bool) {
+        let side = |player: usize| if swapped { 1 - player } else { player };
+        match game.referee().winner() {
+            Some(winner) => self.players[side(winner)].wins += 1,
+            None => self.unfinished += 1,
+        }
+        for turn in game.turns() {
+            let side = &mut self.players[side(turn.player)];
+            side.shots += 1;
+            side.fouls += u32::from(turn.verdict.is_foul());
+            let caroms = turn.verdict.points.max(0) as u32;
+            side.pots += if self.rules == RuleSet::ThreeCushion {
+                caroms
+            } else {
+                turn.verdict.pots.len() as u32
+            };
+            self.shots += 1;
+        }
+    }
+
+    /// For people to read.
+    pub fn table(&self) -> String {
+        let mut table = format!(
+            "{}\n{:<8} {:>5} {:>7} {:>7} {:>9}\n",
+            self.rules.sheet().name,
+            "player",
+            "wins",
+            "shots",
+            "fouls",
+            "per shot"
+        );
+        for side in &self.players {
+            let per_shot = f64::from(side.pots) / f64::from(side.shots.max(1));
+            // Writing to a string cannot fail.
+            let _ = writeln!(
+                table,
+                "{:<8} {:>5} {:>7} {:>7} {:>9.2}",
+                side.name, side.wins, side.shots, side.fouls, per_shot
+            );
+        }
+        let _ = writeln!(table, "unfinished: {}", self.unfinished);
+        table
+    }
+}
+
+/// A match that lasts longer has no end: the longest seen has about 600 shots.
+const SHOTS_MAX: u32 = 3000;
+/// Keeps the racks of one match apart from those of the next.
+const SEED_STEP: u32 = 7919;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn series(rules: RuleSet, levels: [Level; 2], target: u32, games: u32) -> Tally {
+        let tournament = Tournament {
+            rules,
+            levels,
+            games,
+            target,
+            seed: 3,
+        };
+        tournament.play().unwrap()
+    }
+
+    #[test]
+    fn a_whole_match_of_computers_ends_in_each_game() {
+        for (rules, target) in [
+            (RuleSet::Eight, 1),
+            (RuleSet::Nine, 1),
+            (RuleSet::Straight, 6),
+            (RuleSet::Snooker, 1),
+            (RuleSet::ThreeCushion, 1),
+        ] {
+            let tally = series(rules, [Level::Easy, Level::Medium], target, 1);
+            assert_eq!(tally.unfinished, 0, "{rules:?}");
+            let wins: u32 = tally.players.iter().map(|side| side.wins).sum();
+            assert_eq!(wins, 1, "{rules:?}");
+            assert!(tally.shots > 0 && tally.table().contains("easy"));
+        }
+    }
+
+    #[test]
+    fn the_stronger_wins_and_the_same_seed_gives_the_same_matches() {
+        let tally = series(RuleSet::Nine, [Level::Easy, Level::Hard], 1, 8);
+        assert!(tally.players[1].wins > tally.players[0].wins, "{tally:?}");
+        let few = series(RuleSet::Nine, [Level::Easy, Level::Hard], 1, 2);
+        assert_eq!(few, series(RuleSet::Nine, [Level::Easy, Level::Hard], 1, 2));
+    }
+
+    #[test]
+    fn games_without_an_end_and_too_long_ones_are_refused() {
+        let refused = |rules, target| {
+            let tournament = Tournament {
+                rules,
+                levels: [Level::Medium; 2],
+                games: 1,
+                target,
+                seed: 1,
+            };
+            tournament.play().unwrap_err()
+        };
+        assert!(refused(RuleSet::Free, 0).contains("no end"));
+        assert!(refused(RuleSet::Nine, 5000).contains("too long"));
+    }
+}

@@ -1,0 +1,23 @@
+//! Billiards without a window: physics, the rules of six games, computer players, and matches.
+//!
+//! ```text
+//!            Stroke                Shot               ShotReport             Verdict
+//! player ─────────────▶ physics ─────────▶ game_match ───────────▶ rules ─────────────▶ game_match
+//!   ▲                   World::strike      what happened           Referee::judge       whose turn
+//!   └── ai::think ◀───────────────────────────────── position ◀───────────────────────────────┘
+//! ```
+//!
+//! - [`physics`]: tables, laws of motion and contact, and whole shots computed event by event;
+//! - [`rules`]: free of physics, what happened goes in and a verdict comes out;
+//! - [`ai`]: the computer as a player, through the same calls as a person;
+//! - [`game_match`]: players, a table, the rules, and what has happened so far.
+//!
+//! The crate knows no clock, no window, no frame rate and no randomness of the machine: the same
+//! strokes give the same bits.
+
+pub mod ai;
+pub mod game_match;
+pub mod physics;
+pub mod rng;
+pub mod rules;
+pub mod shot_report;

@@ -1,0 +1,90 @@
+//! The simulation of billiards: laws of motion and contact, and shots played out from them.
+//!
+//! ```text
+//! Table + Layout ─► World ── strike(Stroke) ─► Shot ── poses_at(t) ─► the picture
+//!                     ▲                          │ ── events() ─────► rules, sound
+//!                     └───────── adopt ◄─────────┘
+//! ```
+//! A shot is simulated as a whole at the stroke, which takes milliseconds, from event to event:
+//! between two of them every ball moves with constant acceleration, known in closed form
+//! ([`Cloth`]). Rapier moves the balls in steps that land on the events; the laws set velocities.
+//! The simulation knows no clock, no frame rate and no randomness: the same world and stroke give
+//! the same bits on every run, in every build, on every machine; where plain rapier plays
+//! ([`Engine::Rapier`]) its solver promises that for one build on one machine.
+//!
+//! A ball that is struck or knocked upwards flies: contacts in the air obey the same laws in three
+//! dimensions, at times that are as exact, because a parabola has a constant acceleration too.
+//!
+//! ```
+//! use carom_billiards::physics::{Stroke, Table, World};
+//!
+//! let table = Table::nine_foot();
+//! let rack = table.rack_eight(7);
+//! let mut world = World::new(table, rack)?;
+//! let shot = world.strike(Stroke::straight(0.0, 8.0))?;
+//! for frame in 0..(shot.duration_secs() * 60.0) as u32 {
+//!     let poses = shot.poses_at(f64::from(frame) / 60.0);
+//!     assert_eq!(poses.len(), 16);
+//! }
+//! world.adopt(&shot);
+//! # Ok::<(), carom_billiards::physics::Error>(())
+//! ```
+
+mod agenda;
+mod aim;
+mod ball;
+mod ball_ball;
+mod bodies;
+mod bounce;
+mod cloth;
+mod contact;
+mod contact_time;
+mod cushion;
+mod edge;
+mod elementary;
+mod engine;
+mod error;
+mod event;
+mod flight;
+mod laws;
+mod live;
+mod motion;
+mod obstacle;
+mod orientation;
+mod pieces;
+mod plan;
+mod post;
+mod rack;
+mod recording;
+mod shot;
+mod simulation;
+mod simultaneous;
+mod stepped;
+mod stick;
+mod suggest;
+mod table;
+mod theft;
+mod track;
+mod world;
+
+pub use aim::{AimContact, AimLine, predict};
+pub use ball::{BallBody, BallPose, BallState, Phase};
+pub use ball_ball::{BallBallLaw, CLUSTER_ENERGY_J, CLUSTER_SPEED_M_S};
+pub use bounce::BounceLaw;
+pub use cloth::Cloth;
+pub use cushion::{CushionLaw, Mathavan, REBOUND_ENERGY_J, REBOUND_SPEED_M_S, Stronge};
+pub use engine::{Engine, Rapier};
+pub use error::{Error, Result};
+pub use event::{Event, EventKind, Surface};
+pub use flight::HOP_LEAST_M;
+pub use laws::Laws;
+pub use plan::{PocketPlan, TablePlan};
+pub use rack::Layout;
+pub use recording::{BYTES_MAX, Recording, TAKES_MAX, TITLE_BYTES_MAX, Take};
+pub use shot::Shot;
+pub use simulation::{EVENTS_PER_SECOND_MAX, SHOT_SECS_MAX};
+pub use stick::{Cue, Stroke};
+pub use suggest::{Suggestion, suggest};
+pub use table::{Circle, Cushion, Nose, Pocket, Rails, Table, TableParts};
+pub use theft::Clinging;
+pub use world::World;

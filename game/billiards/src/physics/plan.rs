@@ -1,0 +1,367 @@
+//! A table as data: the dimensions that specifications give, and the shape that follows.
+//!
+//! ```text
+//!            back                 The facing turns away from the nose line by 180° − cut angle;
+//!      ________________           jaws are rounded where they meet. The mouth is measured
+//!     /                \          between the unrounded tips, the shelf from the mouth to where
+//!    / facing    facing \         the level cloth ends.
+//!   (____________________)  ←── rounded jaw
+//!    ↑       nose       ↑
+//!  mouth              mouth
+//! ```
+
+use glam::DVec2;
+use serde::Deserialize;
+
+use super::{
+    ball::BallBody,
+    elementary::{sin_cos, tan},
+    error::{Error, Result},
+    table::{Circle, Cushion, Pocket, Rails, Table, TableParts},
+};
+
+/// The dimensions of a table, as its file holds them.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TablePlan {
+    /// For the player.
+    pub name: String,
+    /// Where the figures come from.
+    pub source: String,
+    /// Playing surface from nose to nose along x, in m.
+    pub length_m: f64,
+    /// Playing surface from nose to nose along y, in m.
+    pub width_m: f64,
+    /// Height of the cloth over the floor, in m.
+    pub bed_height_m: f64,
+    /// Height of the noses over the cloth, in m: over a ball's radius, under its diameter.
+    pub nose_height_m: f64,
+    /// Cushions' tops and what is around them.
+    pub rails: Rails,
+    /// The pockets in the corners; none on a carom table.
+    pub corner_pockets: Option<PocketPlan>,
+    /// The pockets in the middle of the long sides; only with corner pockets.
+    pub side_pockets: Option<PocketPlan>,
+    /// The balls.
+    pub ball: BallBody,
+    /// The cue ball, if it differs.
+    pub cue_ball: Option<BallBody>,
+}
+
+/// The dimensions of a pocket.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PocketPlan {
+    /// Between the tips of the cushions, in m.
+    pub mouth_m: f64,
+    /// Between nose line and facing inside of the cushion, in degrees, 90 to 179.
+    pub cut_deg: f64,
+    /// Radius of the rounded jaws, in m.
+    pub jaw_radius_m: f64,
+    /// From the mouth to where the level cloth ends, in m; negative if the hole reaches out.
+    pub shelf_m: f64,
+    /// Radius of the hole where the level cloth ends, in m.
+    pub radius_m: f64,
+    /// Radius of the slate's rounded edge, in m.
+    pub rim_radius_m: f64,
+    /// How far a ball falls before it is gone, in m.
+    pub depth_m: f64,
+}
+
+impl TablePlan {
+    /// # Errors
+    /// [`Error::Table`] for a dimension out of its range, or pockets that leave no cushion.
+    pub fn build(&self) -> Result<Table> {
+        self.validate()?;
+        let mut shape = Shape {
+            cushion_width_m: self.rails.cushion_width_m,
+            ..Shape::default()
+        };
+        let corners = self.corners();
+        for side in 0..4 {
+            let (from, to) = (corners[side], corners[(side + 1) % 4]);
+            self.lay_side(&mut shape, from, to);
+        }
+        let flat = Table::from_parts(TableParts {
+            name: self.name.clone(),
+            length_m: self.length_m,
+            width_m: self.width_m,
+            nose_height_m: self.nose_height_m,
+            noses: shape.noses,
+            jaws: shape.jaws,
+            pockets: Vec::new(),
+        })?;
+        Ok(flat.raised(self, self.pockets(), shape.cushions))
+    }
+
+    /// The cushions of one side, which runs with the balls on its left.
+    fn lay_side(&self, shape: &mut Shape, from: DVec2, to: DVec2) {
+        let along = (to - from).normalize();
+        let corner = self.corner_pockets.map(|pocket| Tip {
+            pocket,
+            inset_m: pocket.mouth_m * 0.5f64.sqrt(),
+        });
+        let side = self.side_pockets.map(|pocket| Tip {
+            pocket,
+            inset_m: 0.5 * pocket.mouth_m,
+        });
+        if side.is_some() && along.y == 0.0 {
+            let middle = from.midpoint(to);
+            shape.lay_cushion((from, corner), (middle, side));
+            shape.lay_cushion((middle, side), (to, corner));
+        } else {
+            shape.lay_cushion((from, corner), (to, corner));
+        }
+    }
+
+    /// Where the nose lines meet, anticlockwise from −x, −y.
+    fn corners(&self) -> [DVec2; 4] {
+        let half = 0.5 * DVec2::new(self.length_m, self.width_m);
+        [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| half * DVec2::new(x, y))
+    }
+
+    /// The pockets, from −x to +x, first those at −y.
+    fn pockets(&self) -> Vec<Pocket> {
+        let half = 0.5 * DVec2::new(self.length_m, self.width_m);
+        let mut pockets = Vec::new();
+        for across in [-1.0, 1.0] {
+            for along in [-1.0, 0.0, 1.0] {
+                let plan = if along == 0.0 {
+                    self.side_pockets
+                } else {
+                    self.corner_pockets
+                };
+                let Some(plan) = plan else { continue };
+                let outward = DVec2::new(along, across).normalize();
+                // The mouth of a corner lies half its width inside of the corner.
+                let inset = if along == 0.0 {
+                    0.0
+                } else {
+                    0.5 * plan.mouth_m
+                };
+                let mouth = half * DVec2::new(along, across) - inset * outward;
+                pockets.push(Pocket {
+                    center: mouth + (plan.shelf_m + plan.radius_m) * outward,
+                    radius_m: plan.radius_m,
+                    mouth: -outward,
+                    rim_radius_m: plan.rim_radius_m,
+                    depth_m: plan.depth_m,
+                });
+            }
+        }
+        pockets
+    }
+
+    fn validate(&self) -> Result<()> {
+        let reject = |message: String| Err(Error::Table(format!("{}: {message}", self.name)));
+        let radius = self.ball.radius_m;
+        let size = 0.1..1e4;
+        let small = 1e-4..1.0;
+        let mut checks = vec![
+            ("length", self.length_m, size.clone()),
+            ("width", self.width_m, size),
+            ("height of the bed", self.bed_height_m, 0.1..10.0),
+            (
+                "height of the noses",
+                self.nose_height_m,
+                radius..2.0 * radius,
+            ),
+            (
+                "width of the cushions",
+                self.rails.cushion_width_m,
+                small.clone(),
+            ),
+            (
+                "rise of the cushions",
+                self.rails.rise_m,
+                0.0..self.rails.cushion_width_m,
+            ),
+            (
+                "width of the rails",
+                self.rails.width_m,
+                self.rails.cushion_width_m..2.0,
+            ),
+            ("mass of the balls", self.ball.mass_kg, 1e-6..1e3),
+            ("radius of the balls", radius, 1e-4..10.0),
+        ];
+        for pocket in self.corner_pockets.iter().chain(&self.side_pockets) {
+            checks.extend([
+                ("mouth of a pocket", pocket.mouth_m, 2.0 * radius..1.0),
+                ("cut angle of a pocket", pocket.cut_deg, 90.0..179.0),
+                ("jaw radius of a pocket", pocket.jaw_radius_m, small.clone()),
+                ("shelf of a pocket", pocket.shelf_m, -pocket.radius_m..1.0),
+                ("radius of a pocket", pocket.radius_m, radius..1.0),
+                (
+                    "rim radius of a pocket",
+                    pocket.rim_radius_m,
+                    0.0..pocket.radius_m - radius,
+                ),
+                ("depth of a pocket", pocket.depth_m, 0.0..self.bed_height_m),
+            ]);
+        }
+        let outside = |(_, value, range): &(_, f64, std::ops::Range<f64>)| {
+            !(range.start..=range.end).contains(value)
+        };
+        if let Some((name, value, range)) = checks.into_iter().find(outside) {
+            return reject(format!(
+                "the {name} is {value}, not from {} to {}",
+                range.start, range.end
+            ));
+        }
+        if self.side_pockets.is_some() && self.corner_pockets.is_none() {
+            return reject("it has side pockets but no corner pockets".to_owned());
+        }
+        let mouths =
+            |pocket: Option<PocketPlan>| pocket.map_or(0.0, |p| p.mouth_m + 2.0 * p.jaw_radius_m);
+        let taken = 2.0 * (mouths(self.corner_pockets) + mouths(self.side_pockets));
+        if taken > self.width_m.min(self.length_m) {
+            return reject(format!("its pockets take {taken} m and leave no cushion"));
+        }
+        Ok(())
+    }
+}
+
+/// Where a pocket ends a cushion.
+#[derive(Clone, Copy)]
+struct Tip {
+    pocket: PocketPlan,
+    /// From where the side begins, or the pocket's middle, to the unrounded tip.
+    inset_m: f64,
+}
+
+/// What the cushions are made of.
+#[derive(Default)]
+struct Shape {
+    cushion_width_m: f64,
+    noses: Vec<[DVec2; 2]>,
+    jaws: Vec<Circle>,
+    cushions: Vec<Cushion>,
+}
+
+impl Shape {
+    /// A cushion between two stations of a side; without a pocket it is mitred.
+    fn lay_cushion(
+        &mut self,
+        (start, opens): (DVec2, Option<Tip>),
+        (stop, ends): (DVec2, Option<Tip>),
+    ) {
+        let along = (stop - start).normalize();
+        let inward = along.perp();
+        let inset = |tip: Option<Tip>| tip.map_or(0.0, |tip| tip.inset_m);
+        let (from, to) = (start + inset(opens) * along, stop - inset(ends) * along);
+        let nose = self.noses.len();
+        self.noses.push([from, to]);
+        let (first_back, first_jaw) = self.lay_end(from, -along, inward, opens);
+        let (last_back, last_jaw) = self.lay_end(to, along, inward, ends);
+        let rounded = |tip: Option<Tip>| tip.map_or(0.0, |tip| tip.pocket.tangent_m());
+        self.noses[nose] = [from + rounded(opens) * along, to - rounded(ends) * along];
+        self.cushions.push(Cushion {
+            nose,
+            corners: [to, from, first_back, last_back],
+            jaws: [last_jaw, first_jaw],
+        });
+    }
+
+    /// Jaw and facing at an end whose unrounded `tip` points along `outward`; returns where the
+    /// facing meets the back, and the jaw.
+    fn lay_end(
+        &mut self,
+        tip: DVec2,
+        outward: DVec2,
+        inward: DVec2,
+        end: Option<Tip>,
+    ) -> (DVec2, Option<Circle>) {
+        let Some(Tip { pocket, .. }) = end else {
+            return (tip + self.cushion_width_m * (outward - inward), None);
+        };
+        let (sin, cos) = sin_cos(pocket.turn_rad());
+        let facing = cos * outward - sin * inward;
+        let length = self.cushion_width_m / sin;
+        let tangent = pocket.tangent_m();
+        let back = tip + length * facing;
+        if length > tangent {
+            let ends = [tip + tangent * facing, back];
+            // Balls are on the left of a line: at the far end that is from the tip backwards.
+            let is_far = outward.perp() == inward;
+            self.noses
+                .push(if is_far { ends } else { [ends[1], ends[0]] });
+        }
+        let jaw = Circle {
+            center: tip - tangent * outward - pocket.jaw_radius_m * inward,
+            radius_m: pocket.jaw_radius_m,
+        };
+        self.jaws.push(jaw);
+        (back, Some(jaw))
+    }
+}
+
+impl PocketPlan {
+    fn turn_rad(&self) -> f64 {
+        (180.0 - self.cut_deg).to_radians()
+    }
+
+    /// From the unrounded tip to where the rounding begins.
+    fn tangent_m(&self) -> f64 {
+        self.jaw_radius_m * tan(0.5 * self.turn_rad())
+    }
+}
+
+impl Table {
+    /// A table that ships with the game, by the name of its file in `assets/tables`.
+    ///
+    /// # Errors
+    /// [`Error::Table`] with the names there are, for another one.
+    pub fn built_in(name: &str) -> Result<Self> {
+        match BUILT_IN.iter().find(|(known, _)| *known == name) {
+            Some((_, json)) => Self::parse(json),
+            None => {
+                let names: Vec<&str> = Self::built_in_names().collect();
+                Err(Error::Table(format!(
+                    "there is no table `{name}`: there are {}",
+                    names.join(", ")
+                )))
+            }
+        }
+    }
+
+    /// The table that ships with the game under this name for the player.
+    pub fn named(name: &str) -> Option<Self> {
+        let mut tables = BUILT_IN
+            .iter()
+            .filter_map(|(_, json)| Self::parse(json).ok());
+        tables.find(|table| table.name() == name)
+    }
+
+    /// Names for [`Table::built_in`].
+    pub fn built_in_names() -> impl Iterator<Item = &'static str> {
+        BUILT_IN.iter().map(|(name, _)| *name)
+    }
+
+    /// A 9-foot pool table: 2.54 × 1.27 m between noses, six pockets.
+    pub fn nine_foot() -> Self {
+        Self::built_in("nine_foot").expect("the built-in tables are valid: a test reads them")
+    }
+}
+
+const BUILT_IN: [(&str, &str); 5] = [
+    (
+        "seven_foot",
+        include_str!("../../../../assets/tables/seven_foot.json"),
+    ),
+    (
+        "eight_foot",
+        include_str!("../../../../assets/tables/eight_foot.json"),
+    ),
+    (
+        "nine_foot",
+        include_str!("../../../../assets/tables/nine_foot.json"),
+    ),
+    (
+        "snooker",
+        include_str!("../../../../assets/tables/snooker.json"),
+    ),
+    (
+        "carom",
+        include_str!("../../../../assets/tables/carom.json"),
+    ),
+];

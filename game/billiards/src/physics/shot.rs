@@ -1,0 +1,83 @@
+//! A shot that has been simulated: where every ball is at each instant.
+
+use super::{
+    ball::{BallPose, BallState},
+    error::Result,
+    event::{Event, EventKind},
+    laws::Laws,
+    simulation::{Outcome, Simulation, Until},
+    table::Table,
+    track::Track,
+};
+
+/// A whole shot, from the stroke until all balls are at rest.
+#[derive(Clone, Debug)]
+pub struct Shot {
+    tracks: Vec<Track>,
+    events: Vec<Event>,
+    duration_secs: f64,
+}
+
+impl Shot {
+    pub(crate) fn new(outcome: Outcome) -> Self {
+        let Outcome {
+            tracks,
+            events,
+            end_secs,
+        } = outcome;
+        Self {
+            tracks,
+            events,
+            duration_secs: end_secs,
+        }
+    }
+
+    /// What balls in motion do on a table, until all are at rest: [`super::World::release`] for
+    /// fields of balls that no world holds, with numbers that repeat.
+    ///
+    /// # Errors
+    /// [`super::Error::Unsettled`] if they do not come to rest.
+    pub fn of_balls(table: &Table, laws: &Laws, balls: &[BallState]) -> Result<Self> {
+        Ok(Self::new(
+            Simulation::new(table, laws, balls).run(Until::Rest)?,
+        ))
+    }
+
+    pub(crate) fn tracks(&self) -> &[Track] {
+        &self.tracks
+    }
+
+    /// When the last ball came to rest, in s.
+    pub fn duration_secs(&self) -> f64 {
+        self.duration_secs
+    }
+
+    /// Poses at a time in s, in the order of the world's balls; before 0 as at 0, after the end as
+    /// at rest. Exact at any instant: nothing is interpolated.
+    pub fn poses_at(&self, t: f64) -> Vec<BallPose> {
+        self.tracks.iter().map(|track| track.pose_at(t)).collect()
+    }
+
+    /// States at a time in s; at the instant of an event, those after it.
+    pub fn states_at(&self, t: f64) -> Vec<BallState> {
+        self.tracks.iter().map(|track| track.state_at(t)).collect()
+    }
+
+    /// The balls when all is over.
+    pub fn final_states(&self) -> Vec<BallState> {
+        self.states_at(self.duration_secs)
+    }
+
+    /// Numbers of the balls that fell into pockets, in their order, with the pockets' indices.
+    pub fn potted(&self) -> impl Iterator<Item = (u8, usize)> {
+        self.events.iter().filter_map(|event| match event.kind {
+            EventKind::Pocketed { ball, pocket, .. } => Some((ball, pocket)),
+            _ => None,
+        })
+    }
+
+    /// What happened, in the order of time.
+    pub fn events(&self) -> &[Event] {
+        &self.events
+    }
+}

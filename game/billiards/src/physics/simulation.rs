@@ -1,0 +1,390 @@
+//! The simulation of one shot, from event to event.
+//!
+//! ```text
+//! earliest event ─► rapier moves all balls to it ─► the law of that event sets the velocities
+//!       ▲                                                            │
+//!       └──── contact times of the balls that changed ◄──────────────┘
+//! ```
+//! Events at the same instant are taken in a fixed order: phase changes and cushions by ball, then
+//! pairs, those that share balls together. Nothing else decides, so that a shot has the same bits on every run.
+
+use glam::DVec3;
+
+use super::{
+    agenda::{Agenda, Change, Happening},
+    ball::{BallState, Phase},
+    ball_ball::Twist,
+    bodies::Bodies,
+    error::{Error, Result},
+    event::{Event, EventKind},
+    flight::{Flight, hop_speed_m_s},
+    laws::Laws,
+    live::Live,
+    motion::{End, Motion},
+    table::Table,
+    theft::Clinging,
+    track::Track,
+};
+
+/// When the simulation ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Until {
+    /// All balls are at rest.
+    Rest,
+    /// Ball 0 touched a ball or a cushion or left the table.
+    CueBallContact,
+}
+
+/// What came out of a simulation.
+pub(crate) struct Outcome {
+    pub(crate) tracks: Vec<Track>,
+    pub(crate) events: Vec<Event>,
+    pub(crate) end_secs: f64,
+}
+
+pub(crate) struct Simulation<'a> {
+    pub(super) table: &'a Table,
+    pub(super) laws: &'a Laws,
+    pub(super) bodies: Bodies,
+    pub(super) now: f64,
+    pub(super) balls: Vec<Live>,
+    agenda: Agenda,
+    events: Vec<Event>,
+    /// When the current second of counting began, and the events since.
+    second: (f64, u32),
+    cue_ball_touched: bool,
+}
+
+impl<'a> Simulation<'a> {
+    pub(crate) fn new(table: &'a Table, laws: &'a Laws, states: &[BallState]) -> Self {
+        let mut simulation = Self {
+            table,
+            laws,
+            bodies: Bodies::new(table, states),
+            now: 0.0,
+            balls: states
+                .iter()
+                .map(|state| Live::new(table, laws, state))
+                .collect(),
+            agenda: Agenda::new(states.len(), laws.ball_ball.clinging),
+            events: Vec::new(),
+            second: (0.0, 0),
+            cue_ball_touched: false,
+        };
+        for ball in 0..simulation.balls.len() {
+            simulation.foresee(ball);
+        }
+        simulation
+    }
+
+    /// Simulates to the end.
+    ///
+    /// # Errors
+    /// [`Error::Endless`] beyond [`EVENTS_PER_SECOND_MAX`] or [`SHOT_SECS_MAX`].
+    pub(crate) fn run(mut self, until: Until) -> Result<Outcome> {
+        while self.play_event()? {
+            // A ball that the slate throws back at the cue ball touches it again at the same instant.
+            let next = self.agenda.earliest();
+            let is_over = next.is_none_or(|(time, _)| time > self.now);
+            if until == Until::CueBallContact && self.cue_ball_touched && is_over {
+                break;
+            }
+        }
+        Ok(self.finish())
+    }
+
+    /// Simulates to the end and calls `each` after every `frame_secs` of the shot. The shot does
+    /// not depend on it: a frame ends between two events and changes nothing.
+    ///
+    /// # Errors
+    /// As [`Simulation::run`].
+    pub(crate) fn run_in_frames(
+        mut self,
+        frame_secs: f64,
+        each: &mut dyn FnMut(),
+    ) -> Result<Outcome> {
+        let mut frames = 0.0;
+        while let Some((time, _)) = self.agenda.earliest() {
+            while time > (frames + 1.0) * frame_secs {
+                frames += 1.0;
+                each();
+            }
+            self.play_event()?;
+        }
+        Ok(self.finish())
+    }
+
+    fn finish(self) -> Outcome {
+        let end_secs = self.now;
+        let tracks = self
+            .balls
+            .into_iter()
+            .map(|ball| ball.finish(end_secs))
+            .collect();
+        Outcome {
+            tracks,
+            events: self.events,
+            end_secs,
+        }
+    }
+
+    /// Plays the next event; false if there is none.
+    fn play_event(&mut self) -> Result<bool> {
+        let Some((time, happening)) = self.agenda.earliest() else {
+            return Ok(false);
+        };
+        self.count_event(time)?;
+        self.advance_to(time);
+        match happening {
+            Happening::Alone(ball, change) => self.change(ball, change),
+            Happening::Pair(first, second) if self.laws.ball_ball.clinging == Clinging::Steals => {
+                self.collide_by_theft(first, second);
+            }
+            Happening::Pair(first, second) => {
+                let pairs = self.agenda.together(first, second, time + INSTANT_SECS);
+                let pairs: Vec<_> = pairs
+                    .into_iter()
+                    .filter(|&pair| self.meets_fast(pair))
+                    .collect();
+                match pairs.as_slice() {
+                    [] | [_] => self.collide(first, second),
+                    pairs => self.collide_together(pairs),
+                }
+            }
+        }
+        Ok(true)
+    }
+
+    fn advance_to(&mut self, time: f64) {
+        let step = time - self.now;
+        if step > 0.0 {
+            let now = self.now;
+            let motions = self
+                .balls
+                .iter()
+                .map(|ball| (&ball.motion, now - ball.since_secs));
+            self.bodies.advance(step, motions);
+            self.now = time;
+        }
+    }
+
+    /// The law of the event sets the ball's twist.
+    fn change(&mut self, ball: usize, change: Change) {
+        match change {
+            Change::PhaseEnds => self.end_phase(ball),
+            Change::Touches(obstacle) => self.touch(ball, obstacle),
+            Change::Pocket(pocket) if self.table.pockets()[pocket].depth_m == 0.0 => {
+                self.pocket(ball, pocket);
+            }
+            Change::Pocket(pocket) => {
+                let twist = self.balls[ball].twist(self.now);
+                let position = self.bodies.position(ball);
+                let drop = self.flight(ball).drop_into(pocket, position, twist);
+                self.begin(ball, drop, twist);
+            }
+            Change::RailEnds => {
+                let twist = self.balls[ball].twist(self.now);
+                self.fly(ball, twist);
+            }
+            Change::LeavesTable => self.leave_table(ball),
+        }
+    }
+
+    fn end_phase(&mut self, ball: usize) {
+        let ended = self.balls[ball].motion;
+        let (velocity, spin) = ended.end_state();
+        let twist = Twist { velocity, spin };
+        match ended.end {
+            End::Lands => return self.land(ball, twist),
+            End::Sinks(pocket) => return self.pocket(ball, pocket),
+            End::HitsFloor => return self.take_away(ball, Phase::OffTable),
+            End::SlipStops | End::RollStops | End::SpinStops | End::Never => {}
+        }
+        self.lie(ball, twist);
+        let Live { number, motion, .. } = self.balls[ball];
+        match motion.phase {
+            Phase::Rolling if ended.phase == Phase::Sliding => {
+                self.report(EventKind::Rolls { ball: number });
+            }
+            Phase::Resting if self.balls[ball].is_on_rail() => {
+                self.report_leaving(ball);
+                self.take_away(ball, Phase::OffTable);
+            }
+            Phase::Resting => self.report(EventKind::Rests { ball: number }),
+            _ => {}
+        }
+    }
+
+    /// Begins a ball's motion after a blow. What lies stays down unless the blow, or the slate's
+    /// answer to it, makes it hop.
+    pub(super) fn set_off(&mut self, ball: usize, mut after: Twist) {
+        let Live { body, motion, .. } = &self.balls[ball];
+        let hop = self.hop_speed_m_s();
+        if motion.phase == Phase::Airborne {
+            return self.fly(ball, after);
+        }
+        if -self.laws.slate.restitution * after.velocity.z >= hop {
+            after = self.laws.slate.resolve(body, DVec3::Z, after);
+        }
+        if after.velocity.z >= hop {
+            self.fly(ball, after);
+        } else {
+            self.lie(ball, after);
+        }
+    }
+
+    /// Begins the motion of a ball that lies on a level surface: what is left of vertical speed
+    /// is lost.
+    pub(super) fn lie(&mut self, ball: usize, mut twist: Twist) {
+        twist.velocity.z = 0.0;
+        let position = self.bodies.position(ball);
+        let motion = self
+            .laws
+            .cloth
+            .motion(&self.balls[ball].body, position, twist);
+        self.begin(ball, motion, twist);
+    }
+
+    /// Begins the motion of a ball in the air.
+    pub(super) fn fly(&mut self, ball: usize, twist: Twist) {
+        let motion = self.flight(ball).motion(self.bodies.position(ball), twist);
+        self.begin(ball, motion, twist);
+    }
+
+    fn flight(&self, ball: usize) -> Flight<'a> {
+        Flight {
+            table: self.table,
+            gravity_m_s2: self.laws.cloth.gravity_m_s2,
+            radius_m: self.balls[ball].body.radius_m,
+        }
+    }
+
+    fn begin(&mut self, ball: usize, motion: Motion, twist: Twist) {
+        let orientation = self.balls[ball].set_off(self.now, motion);
+        self.bodies.set_twist(ball, twist, orientation);
+        self.foresee(ball);
+    }
+
+    pub(super) fn hop_speed_m_s(&self) -> f64 {
+        hop_speed_m_s(self.laws.cloth.gravity_m_s2)
+    }
+
+    fn pocket(&mut self, ball: usize, pocket: usize) {
+        let number = self.balls[ball].number;
+        let speed_m_s = self.balls[ball].twist(self.now).velocity.length();
+        self.report(EventKind::Pocketed {
+            ball: number,
+            pocket,
+            speed_m_s,
+        });
+        self.take_away(ball, Phase::Pocketed);
+    }
+
+    /// A ball passes the outer edge: from a flat table it is gone, from a real one it falls.
+    fn leave_table(&mut self, ball: usize) {
+        self.report_leaving(ball);
+        if self.table.rails().is_none() {
+            return self.take_away(ball, Phase::OffTable);
+        }
+        let twist = self.balls[ball].twist(self.now);
+        let flight = self.flight(ball);
+        let fall = flight.fall_to_floor(self.bodies.position(ball), twist);
+        self.begin(ball, fall, twist);
+    }
+
+    fn report_leaving(&mut self, ball: usize) {
+        self.report(EventKind::LeftTable {
+            ball: self.balls[ball].number,
+            point: self.bodies.position(ball),
+            speed_m_s: self.balls[ball].twist(self.now).velocity.length(),
+        });
+    }
+
+    fn take_away(&mut self, ball: usize, phase: Phase) {
+        self.bodies.remove(ball);
+        self.balls[ball].take_away(self.now, phase);
+        self.foresee(ball);
+    }
+
+    pub(super) fn report(&mut self, kind: EventKind) {
+        self.cue_ball_touched |= kind.stops_aim_line();
+        self.events.push(Event {
+            time_secs: self.now,
+            kind,
+        });
+    }
+
+    /// Plans anew for a ball whose motion changed.
+    fn foresee(&mut self, ball: usize) {
+        self.agenda.foresee(ball, &self.balls, self.table, self.now);
+    }
+
+    fn count_event(&mut self, time: f64) -> Result<()> {
+        let (since, events) = &mut self.second;
+        if time - *since >= 1.0 {
+            (*since, *events) = (time, 0);
+        }
+        *events += 1;
+        let racks = self.balls.len().div_ceil(RACK_BALLS) as u32;
+        if *events > racks * EVENTS_PER_SECOND_MAX || time > SHOT_SECS_MAX {
+            return Err(Error::Endless {
+                time_secs: time,
+                events: *events,
+            });
+        }
+        Ok(())
+    }
+}
+
+/// Contacts this close count as one: sound crosses a ball in ten thousand times as long.
+const INSTANT_SECS: f64 = 1e-9;
+/// More events than this for every sixteen balls within a simulated second are an error: a break has
+/// a few hundred in all.
+pub const EVENTS_PER_SECOND_MAX: u32 = 20_000;
+/// With the cue ball.
+const RACK_BALLS: usize = 16;
+/// Longer shots are an error: on an endless cloth a ball of 100 m/s rolls for 730 s, and one of
+/// 10⁴ rad/s turns in place for 920 s.
+pub const SHOT_SECS_MAX: f64 = 3600.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::physics::stick::Stroke;
+
+    /// Contact times come from polynomials; rapier's narrow phase, which knows nothing of them,
+    /// must find that no ball is ever inside another or a cushion, and that a contact is touch.
+    #[test]
+    fn rapier_sees_contacts_where_the_polynomials_put_them() {
+        let (table, laws) = (Table::nine_foot(), Laws::default());
+        let mut states = table.rack_eight(9).balls;
+        let twist = laws
+            .cue
+            .strike(&states[0].body, &Stroke::straight(0.01, 9.0));
+        states[0].velocity = twist.velocity;
+        let mut simulation = Simulation::new(&table, &laws, &states);
+        let mut contacts = 0;
+        while simulation.play_event().expect("within limits") {
+            let gaps = simulation.bodies.contact_gaps_m();
+            let deepest = gaps.iter().copied().fold(f64::INFINITY, f64::min);
+            assert!(
+                deepest > -1e-9,
+                "an overlap of {deepest} m at {} s",
+                simulation.now
+            );
+            if let Some(Event {
+                kind: EventKind::BallBall { .. },
+                time_secs,
+            }) = simulation.events.last()
+                && *time_secs == simulation.now
+            {
+                assert!(
+                    deepest < 1e-9,
+                    "a contact {deepest} m apart at {time_secs} s"
+                );
+                contacts += 1;
+            }
+        }
+        assert!(contacts > 20, "{contacts} contacts");
+    }
+}

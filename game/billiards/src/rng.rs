@@ -1,0 +1,78 @@
+//! Random draws as a hash of a seed and how many were drawn: the same on every machine.
+
+use std::f64::consts::TAU;
+
+use glam::DQuat;
+
+/// A sequence of draws.
+#[derive(Clone, Debug)]
+pub struct Dice {
+    seed: u32,
+    stream: u32,
+    drawn: u32,
+}
+
+impl Dice {
+    /// Draws of a seed; different streams are independent.
+    pub fn new(seed: u32, stream: u32) -> Self {
+        Self {
+            seed,
+            stream,
+            drawn: 0,
+        }
+    }
+
+    /// Uniform in [0, 1).
+    pub fn unit(&mut self) -> f64 {
+        self.drawn = self.drawn.wrapping_add(1);
+        let [word, ..] = pcg4d([self.drawn, self.seed, self.stream, DICE]);
+        f64::from(word) / 4_294_967_296.0
+    }
+
+    /// Normally distributed with mean 0 and deviation 1 (Box and Muller, 1958).
+    pub fn normal(&mut self) -> f64 {
+        let radius = (-2.0 * (1.0 - self.unit()).ln()).sqrt();
+        radius * (TAU * self.unit()).cos()
+    }
+
+    /// Fisher and Yates.
+    pub fn shuffle<T>(&mut self, items: &mut [T]) {
+        for last in (1..items.len()).rev() {
+            let other = (self.unit() * (last + 1) as f64) as usize;
+            items.swap(last, other.min(last));
+        }
+    }
+
+    /// Uniform over all rotations: Shoemake, "Uniform random rotations", Graphics Gems III.
+    pub fn rotation(&mut self) -> DQuat {
+        let (radius, first, second) = (self.unit(), TAU * self.unit(), TAU * self.unit());
+        let (low, high) = ((1.0 - radius).sqrt(), radius.sqrt());
+        DQuat::from_xyzw(
+            low * first.sin(),
+            low * first.cos(),
+            high * second.sin(),
+            high * second.cos(),
+        )
+        .normalize()
+    }
+}
+
+/// Hashes four words to four: PCG4D of Jarzynski and Olano, "Hash Functions for GPU Rendering",
+/// JCGT 9(3), 2020.
+pub(crate) fn pcg4d(v: [u32; 4]) -> [u32; 4] {
+    let [mut x, mut y, mut z, mut w] =
+        v.map(|word| word.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
+    let mix = |x: &mut u32, y: &mut u32, z: &mut u32, w: &mut u32| {
+        *x = x.wrapping_add(y.wrapping_mul(*w));
+        *y = y.wrapping_add(z.wrapping_mul(*x));
+        *z = z.wrapping_add(x.wrapping_mul(*y));
+        *w = w.wrapping_add(y.wrapping_mul(*z));
+    };
+    mix(&mut x, &mut y, &mut z, &mut w);
+    [x, y, z, w] = [x, y, z, w].map(|word| word ^ (word >> 16));
+    mix(&mut x, &mut y, &mut z, &mut w);
+    [x, y, z, w]
+}
+
+/// Keeps these numbers apart from others drawn with the same seed.
+const DICE: u32 = 0x6469_6365;

@@ -1,0 +1,43 @@
+//! The rules of the games, free of physics: what happened goes in, a verdict in words comes out.
+//!
+//! ```text
+//! Report (contacts, cushions, pockets, where the balls lie) ─┐
+//! Call (ball and pocket, safety, push-out)  ─────────────────┼─► Referee ─► Verdict
+//! Sheet (the rule set's row of the table of rules)  ─────────┘   (turn,      (fouls, words, balls to
+//!                                                                 scores)     be put back, next turn)
+//! ```
+//! What the games have in common is a table with a row for each ([`Sheet`]); each game's own file
+//! holds what is left. Sources: "WPA" is The Rules of Play of the World Pool-Billiard Association,
+//! effective 15 March 2016; "WPBSA" the Official Rules of the Game of Snooker, section 3; "UMB" the
+//! World Rules of Carom Billiard of the Union Mondiale de Billard, 1 January 1989. They are cited by
+//! section.
+//!
+//! What asks for an arbiter's opinion is left out: a deliberate foul, snooker's "miss", slow play.
+
+mod call;
+mod eight;
+mod foul;
+mod free;
+mod ground;
+mod nine;
+mod rack;
+mod referee;
+mod report;
+#[cfg(test)]
+mod scene;
+mod sheet;
+mod snooker;
+mod straight;
+mod three_cushion;
+mod verdict;
+
+pub use call::{Call, infer};
+pub use eight::Group;
+pub use foul::Foul;
+pub(crate) use free::capital;
+pub use ground::{Area, Ground, Lie, Placed};
+pub use rack::rack;
+pub use referee::{Referee, with_moves as laid};
+pub use report::{Happening, Report};
+pub use sheet::{Calls, RuleSet, Sheet};
+pub use verdict::{Choice, Verdict};

@@ -1,0 +1,189 @@
+//! The table of rules: a row for each game.
+
+use serde::{Deserialize, Serialize};
+
+use super::ground::Area;
+
+/// A game.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
+pub enum RuleSet {
+    /// A table without rules: everything is allowed
+    #[default]
+    Free,
+    /// 8-ball: a group of seven each, then the 8
+    Eight,
+    /// 9-ball: always the lowest first, the 9 wins
+    Nine,
+    /// Straight pool, 14.1 continuous: any called ball is a point
+    Straight,
+    /// Snooker: reds and colours in turn, then the colours in order
+    Snooker,
+    /// Three-cushion carom: three cushions before the second ball
+    ThreeCushion,
+}
+
+/// What must be said before a shot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Calls {
+    /// Nothing.
+    Nothing,
+    /// The ball and its pocket, unless they are obvious.
+    Pocket,
+    /// The colour to be hit, unless it is obvious.
+    Colour,
+}
+
+/// A game's row of the table of rules.
+#[derive(Clone, Debug)]
+pub struct Sheet {
+    /// For the player.
+    pub name: &'static str,
+    /// Where the rules are written.
+    pub source: &'static str,
+    /// The table that it is meant for: a name for [`crate::physics::Table::built_in`].
+    pub table: &'static str,
+    /// How many may play.
+    pub players: std::ops::RangeInclusive<usize>,
+    /// Where the cue ball is in hand for the break.
+    pub start: Option<Area>,
+    /// Where it is in hand after it was lost.
+    pub after_loss: Area,
+    /// Where it is in hand after any foul.
+    pub after_foul: Option<Area>,
+    /// Whether a ball must reach a cushion after the contact.
+    pub needs_rail: bool,
+    /// How many object balls a break must drive to cushions, if it pots none.
+    pub break_rails: usize,
+    /// What is called.
+    pub calls: Calls,
+    /// How many fouls in a row are punished.
+    pub fouls_in_row: Option<u8>,
+    /// What a match is played to, unless a player says otherwise.
+    pub target: u32,
+    /// What is counted.
+    pub unit: &'static str,
+}
+
+impl RuleSet {
+    /// All games.
+    pub const ALL: [Self; 6] = [
+        Self::Free,
+        Self::Eight,
+        Self::Nine,
+        Self::Straight,
+        Self::Snooker,
+        Self::ThreeCushion,
+    ];
+
+    /// The game's row.
+    pub fn sheet(self) -> Sheet {
+        SHEETS[self as usize].clone()
+    }
+
+    /// A ball's name, with its article.
+    pub fn ball_name(self, ball: u8) -> String {
+        match (self, ball) {
+            (_, 0) => "the cue ball".to_owned(),
+            (Self::Snooker, 1..=15) => "a red".to_owned(),
+            (Self::Snooker, 16..=21) => format!("the {}", COLOURS[usize::from(ball) - 16]),
+            (Self::ThreeCushion, 1) => "the other cue ball".to_owned(),
+            (Self::ThreeCushion, 2) => "the red".to_owned(),
+            _ => format!("the {ball}"),
+        }
+    }
+}
+
+/// Names of snooker's balls 16 to 21, which are worth 2 to 7.
+const COLOURS: [&str; 6] = ["yellow", "green", "brown", "blue", "pink", "black"];
+
+const FREE: Sheet = Sheet {
+    name: "Free table",
+    source: "",
+    table: "nine_foot",
+    players: 1..=2,
+    start: Some(Area::Anywhere),
+    after_loss: Area::Anywhere,
+    after_foul: None,
+    needs_rail: false,
+    break_rails: 0,
+    calls: Calls::Nothing,
+    fouls_in_row: None,
+    target: 1,
+    unit: "racks",
+};
+
+const POOL: Sheet = Sheet {
+    players: 2..=2,
+    start: Some(Area::Kitchen),
+    after_foul: Some(Area::Anywhere),
+    needs_rail: true,
+    break_rails: 4,
+    ..FREE
+};
+
+const SHEETS: [Sheet; 6] = [
+    FREE,
+    Sheet {
+        name: "8-ball",
+        source: "WPA 3",
+        calls: Calls::Pocket,
+        ..POOL
+    },
+    Sheet {
+        name: "9-ball",
+        source: "WPA 2",
+        fouls_in_row: Some(3),
+        ..POOL
+    },
+    Sheet {
+        name: "Straight pool",
+        source: "WPA 4",
+        after_loss: Area::Kitchen,
+        after_foul: None,
+        break_rails: 2,
+        calls: Calls::Pocket,
+        fouls_in_row: Some(3),
+        target: 50,
+        unit: "points",
+        ..POOL
+    },
+    Sheet {
+        name: "Snooker",
+        source: "WPBSA 3",
+        table: "snooker",
+        players: 2..=2,
+        start: Some(Area::D),
+        after_loss: Area::D,
+        calls: Calls::Colour,
+        unit: "frames",
+        ..FREE
+    },
+    Sheet {
+        name: "Three-cushion",
+        source: "UMB 83",
+        table: "carom",
+        players: 2..=2,
+        start: None,
+        target: 10,
+        unit: "points",
+        ..FREE
+    },
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_game_has_its_row_and_its_table() {
+        for rules in RuleSet::ALL {
+            let sheet = rules.sheet();
+            crate::physics::Table::built_in(sheet.table).unwrap();
+            assert!(sheet.target > 0 && *sheet.players.start() > 0);
+        }
+        assert_eq!(RuleSet::Snooker.sheet().name, "Snooker");
+        assert_eq!(RuleSet::ThreeCushion.sheet().source, "UMB 83");
+    }
+}

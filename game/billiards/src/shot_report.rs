@@ -1,0 +1,185 @@
+//! From a simulated shot to what a referee sees of it.
+
+use glam::{DVec2, DVec3};
+
+use crate::physics::{BallState, EventKind, Nose, Shot, Stroke, Table, World};
+use crate::rules::{Ground, Happening, Lie, Placed, Report};
+
+/// What of a table concerns the rules.
+pub fn ground(table: &Table) -> Ground {
+    Ground {
+        length_m: table.length_m(),
+        width_m: table.width_m(),
+        radius_m: table.ball().radius_m,
+        cue_radius_m: table.cue_ball().radius_m,
+        pockets: table.pockets().iter().map(|pocket| pocket.center).collect(),
+    }
+}
+
+/// The balls that are on the table.
+pub(crate) fn lie(balls: &[BallState]) -> Lie {
+    let on_table = balls.iter().filter(|ball| ball.phase.is_on_table());
+    on_table
+        .map(|ball| Placed {
+            ball: ball.number,
+            at: ball.position.truncate(),
+        })
+        .collect()
+}
+
+/// What a referee sees of a shot that `stroke` began on `world`.
+pub fn report(world: &World, stroke: &Stroke, shot: &Shot) -> Report {
+    let balls = world.balls();
+    let before = lie(&balls);
+    let contact = first_contact(shot);
+    let way = cue_ball_way(shot, contact.map_or(shot.duration_secs(), |(secs, _)| secs));
+    Report {
+        happenings: happenings(world.table(), &balls, shot),
+        frozen: frozen(&balls),
+        miscue: shot
+            .events()
+            .iter()
+            .any(|event| matches!(event.kind, EventKind::Miscue { .. })),
+        double_hit: contact.and_then(|contact| double_hit(world, stroke, shot, contact)),
+        jumped: jumped(&balls, contact.map(|(_, ball)| ball), &way),
+        reach_x_m: way.iter().map(|at| at.x).fold(f64::NEG_INFINITY, f64::max),
+        after: lie(&shot.final_states()),
+        before,
+    }
+}
+
+fn happenings(table: &Table, balls: &[BallState], shot: &Shot) -> Vec<Happening> {
+    let seen = |(index, event): (usize, &crate::physics::Event)| match event.kind {
+        EventKind::BallBall { first, second, .. } => Some(Happening::Contact {
+            one: first,
+            other: second,
+        }),
+        EventKind::Cushion { ball, point, .. } => {
+            is_driven(table, balls, shot, (index, ball, point))
+                .then_some(Happening::Cushion { ball })
+        }
+        EventKind::Pocketed { ball, pocket, .. } => Some(Happening::Pocketed { ball, pocket }),
+        EventKind::LeftTable { ball, .. } => Some(Happening::LeftTable { ball }),
+        _ => None,
+    };
+    shot.events().iter().enumerate().filter_map(seen).collect()
+}
+
+/// Whether a ball that touches a cushion did not touch the same at the start, or left it since.
+fn is_driven(
+    table: &Table,
+    balls: &[BallState],
+    shot: &Shot,
+    (index, ball, point): (usize, u8, DVec3),
+) -> bool {
+    let gap = |nose: &Nose, at: DVec2| nose.normal().dot(at - nose.from());
+    let touched = table.noses().iter().min_by(|a, b| {
+        gap(a, point.truncate())
+            .abs()
+            .total_cmp(&gap(b, point.truncate()).abs())
+    });
+    let Some((nose, place)) = touched.zip(balls.iter().position(|b| b.number == ball)) else {
+        return true;
+    };
+    let radius_m = balls[place].body.radius_m;
+    let is_away = |at: DVec3| gap(nose, at.truncate()) - radius_m > FROZEN_M;
+    if is_away(balls[place].position) {
+        return true;
+    }
+    let times: Vec<f64> = shot.events()[..=index]
+        .iter()
+        .map(|e| e.time_secs)
+        .collect();
+    let between = times.windows(2).map(|pair| 0.5 * (pair[0] + pair[1]));
+    let at = |t: f64| shot.states_at(t)[place].position;
+    times.iter().copied().chain(between).any(|t| is_away(at(t)))
+}
+
+/// Balls that touch the cue ball.
+fn frozen(balls: &[BallState]) -> Vec<u8> {
+    let on_table = || balls.iter().filter(|ball| ball.phase.is_on_table());
+    let Some(cue_ball) = on_table().find(|ball| ball.number == 0) else {
+        return Vec::new();
+    };
+    let touches = |ball: &&BallState| ball.number != 0 && gap_m(cue_ball, ball) < FROZEN_M;
+    on_table().filter(touches).map(|ball| ball.number).collect()
+}
+
+fn gap_m(one: &BallState, other: &BallState) -> f64 {
+    one.position.distance(other.position) - one.body.radius_m - other.body.radius_m
+}
+
+/// When the cue ball first touches a ball, and which.
+fn first_contact(shot: &Shot) -> Option<(f64, u8)> {
+    shot.events().iter().find_map(|event| match event.kind {
+        EventKind::BallBall { first, second, .. } if first == 0 || second == 0 => {
+            Some((event.time_secs, first.max(second)))
+        }
+        _ => None,
+    })
+}
+
+/// The cue ball's centre up to a time.
+fn cue_ball_way(shot: &Shot, end_secs: f64) -> Vec<DVec3> {
+    let at = |i: u32| {
+        let states = shot.states_at(end_secs * f64::from(i) / f64::from(WAY_PIECES));
+        let cue_ball = states.into_iter().find(|ball| ball.number == 0)?;
+        Some(cue_ball.position)
+    };
+    (0..=WAY_PIECES).filter_map(at).collect()
+}
+
+/// The ball that the cue ball was over on its way.
+fn jumped(balls: &[BallState], hit: Option<u8>, way: &[DVec3]) -> Option<u8> {
+    let cue_radius_m = balls.iter().find(|b| b.number == 0)?.body.radius_m;
+    let others = balls
+        .iter()
+        .filter(|b| b.phase.is_on_table() && b.number != 0 && Some(b.number) != hit);
+    others
+        .filter(|ball| {
+            let least = OVER_SHARE * (cue_radius_m + ball.body.radius_m);
+            let over = |at: &&DVec3| at.truncate().distance(ball.position.truncate()) < least;
+            way.iter().find(over).is_some()
+        })
+        .map(|ball| ball.number)
+        .next()
+}
+
+/// The ball that is hit so near to the cue ball, and so full, that the tip on its way forward meets
+/// the cue ball again (WPA 6.7): the cue goes on at what speed the blow left it for the length of a
+/// follow-through, and the cue ball after the contact is slower. A thin hit, which leaves the cue ball
+/// its speed, is none; nor is one with a raised cue that the cloth stops first.
+fn double_hit(
+    world: &World,
+    stroke: &Stroke,
+    shot: &Shot,
+    (contact_secs, ball): (f64, u8),
+) -> Option<u8> {
+    let balls = world.balls();
+    let find = |balls: &[BallState], number: u8| balls.iter().find(|b| b.number == number).copied();
+    let (cue_ball, object) = (find(&balls, 0)?, find(&balls, ball)?);
+    let gap = gap_m(&cue_ball, &object);
+    let height_m = cue_ball.body.radius_m * (1.0 + stroke.vertical);
+    let reach_m = FOLLOW_M.min(height_m / stroke.elevation_rad.tan().max(1e-9));
+    if !(FROZEN_M..reach_m).contains(&gap) {
+        return None;
+    }
+    let forward = DVec2::from_angle(stroke.direction_rad).extend(0.0);
+    let struck = find(&shot.states_at(0.0), 0)?.velocity.length();
+    let mass_share = cue_ball.body.mass_kg / world.laws().cue.mass_kg;
+    let cue_m_s = stroke.speed_m_s - mass_share * struck;
+    let after = find(&shot.states_at(contact_secs), 0)?
+        .velocity
+        .dot(forward);
+    (after < cue_m_s * stroke.elevation_rad.cos()).then_some(ball)
+}
+
+/// Balls and cushions this close touch: a tenth of a millimetre.
+const FROZEN_M: f64 = 1e-4;
+/// How far a cue goes on after a blow: an inch, the width of a chalk, within which players are taught
+/// to expect a double hit (Alciatore, "Illustrated Principles", 2004).
+const FOLLOW_M: f64 = 0.025;
+/// Enough pieces of a way for no ball to slip between.
+const WAY_PIECES: u32 = 64;
+/// A ball is jumped where the centres, seen from above, are nearer than this share of touching.
+const OVER_SHARE: f64 = 0.9;
