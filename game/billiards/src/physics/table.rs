@@ -365,7 +365,7 @@ impl Table {
     }
 
     /// The pocket whose hole is under a point.
-    pub(crate) fn pocket_under(&self, point: DVec2) -> Option<usize> {
+    pub fn pocket_under(&self, point: DVec2) -> Option<usize> {
         let holds = |pocket: &Pocket| point.distance(pocket.center) < pocket.radius_m;
         self.pockets.iter().position(holds)
     }
@@ -386,7 +386,7 @@ impl Table {
     }
 
     /// Whether the flat top of a rail is under a point.
-    pub(crate) fn is_rail_under(&self, point: DVec2) -> bool {
+    pub fn is_rail_under(&self, point: DVec2) -> bool {
         let (low, high) = self.inside_of_rails();
         let inside =
             point.cmpgt(low - JOINT_SLACK_M).all() && point.cmplt(high + JOINT_SLACK_M).all();
