@@ -5,7 +5,7 @@
 
 Needs the Python packages `mitsuba` (its LLVM back end a libLLVM.so of version 16 or newer) and `numpy` and
 a release build of `carom-farm`. Prints Msample per core-second of both, from the CPU time of both
-processes' threads, and their ratio, where the whole picture is traced with the 5 scatterings that ours is
+processes' threads, and their ratio, where the whole picture is traced with the maximum depth of 5 that ours is
 measured with; and the ratio of the pictures' means, with the standard error that Mitsuba's has, which says
 whether both have traced the same light.
 
@@ -14,7 +14,7 @@ from a medium: `--about` and `--scale` give Mitsuba the scene moved to another o
 changes what is moved and nothing else. For the wax ball of the materials scene:
 
     python3 tests/compare_mitsuba.py --scene assets/scenes/materials.json --size 480x270 \\
-        --scatterings 63 --spp 256 --crop 20,85,125,125 --about=-0.496,0.042,0.05 --scale 100
+        --max-depth 63 --spp 256 --crop 20,85,125,125 --about=-0.496,0.042,0.05 --scale 100
 """
 
 import argparse
@@ -26,7 +26,7 @@ import sys
 import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-SCATTERINGS = 5
+MAX_DEPTH = 5
 
 
 def main():
@@ -37,12 +37,12 @@ def main():
     parser.add_argument("--repetitions", default=3, type=int)
     parser.add_argument("--variant", default="llvm_ad_rgb", help="Mitsuba's back end")
     parser.add_argument("--size", default=[1280, 720], type=numbers(int, 2, "x"), help="pixels")
-    parser.add_argument("--scatterings", default=SCATTERINGS, type=int, help="of a path, at most")
+    parser.add_argument("--max-depth", default=MAX_DEPTH, type=int, help="maximum path depth")
     parser.add_argument("--crop", type=numbers(int, 4), help="x,y,width,height that are compared")
     parser.add_argument("--about", default=[0, 0, 0], type=numbers(float, 3), help="Mitsuba's origin")
     parser.add_argument("--scale", default=1.0, type=float, help="Mitsuba's units in a metre")
     args = parser.parse_args()
-    is_timed = args.scatterings == SCATTERINGS and not args.crop
+    is_timed = args.max_depth == MAX_DEPTH and not args.crop
     args.crop = args.crop or [0, 0, *args.size]
     try:
         import mitsuba
@@ -119,7 +119,7 @@ def mean_carom(mitsuba, args):
     with tempfile.TemporaryDirectory() as folder:
         picture = pathlib.Path(folder) / "picture.exr"
         command = [args.carom, "render", "--out", picture, "--backend", "cpu", "--scene", args.scene]
-        command += ["--size", size(args), "--spp", args.spp, "--scatterings", args.scatterings]
+        command += ["--size", size(args), "--spp", args.spp, "--max-depth", args.max_depth]
         subprocess.run([str(word) for word in command], check=True, capture_output=True)
         x, y, width, height = args.crop
         bitmap = mitsuba.Bitmap(str(picture))
@@ -162,7 +162,7 @@ def scene_dict(mitsuba, scene, args):
         "type": "scene",
         "integrator": {
             "type": "volpath" if '"medium"' in json.dumps(scene) else "path",
-            "max_depth": args.scatterings + 1,
+            "max_depth": args.max_depth + 1,
             "rr_depth": 10_000,
         },
         "sensor": {

@@ -17,7 +17,7 @@ pub struct FrameSpec {
     pub update: SceneUpdate,
     /// Pixels.
     pub size: ImageSize,
-    /// Samples, path length and seed.
+    /// Samples, maximum depth and seed.
     pub settings: RenderSettings,
     /// How pixels come back.
     pub format: PixelFormat,

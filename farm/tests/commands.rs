@@ -111,7 +111,7 @@ fn pictures_that_cannot_be_made_are_refused() {
         ("--size=-1x5 --out a.png", "size"),
         ("--spp 0 --out a.png", "spp"),
         ("--spp 99999999 --out a.png", "spp"),
-        ("--scatterings 65 --out a.png", "scatterings"),
+        ("--max-depth 65 --out a.png", "depth"),
         ("--out a.gif", ".png or .exr"),
         ("--out a", ".png or .exr"),
         ("--out nowhere/a.png", "nowhere"),

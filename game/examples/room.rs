@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let room = CompiledScene::new(&scene)?;
     let settings = RenderSettings {
         samples,
-        scatterings_max: set.scatterings_max(),
+        max_depth: set.max_depth(),
         ..RenderSettings::default()
     };
     if let Some(path) = arguments.next() {

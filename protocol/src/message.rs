@@ -110,7 +110,7 @@ pub struct TraceRequest {
     pub grid: TileGrid,
     /// The node's part.
     pub tiles: TileRun,
-    /// Samples, path length and seed.
+    /// Samples, maximum depth and seed.
     pub settings: RenderSettings,
     /// How pixels come back.
     pub format: PixelFormat,

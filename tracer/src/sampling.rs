@@ -149,22 +149,22 @@ fn spread(mut bits: u32) -> u32 {
 /// Block of the camera ray: position in the pixel.
 pub const BLOCK_CAMERA: u32 = 0;
 
-/// Block of the `bounce`-th scattering, counted from 0: direction, and with it a coat's lobe.
+/// Block of the scattering event at `depth`, counted from 0: direction, and with it a coat's lobe.
 #[inline]
-pub const fn block_scatter(bounce: u32) -> u32 {
-    1 + 3 * bounce
+pub const fn block_scatter(depth: u32) -> u32 {
+    1 + 3 * depth
 }
 
-/// Block of next-event estimation at that scattering: lamp and point on it.
+/// Block of next-event estimation at that depth: lamp and point on it.
 #[inline]
-pub const fn block_light(bounce: u32) -> u32 {
-    2 + 3 * bounce
+pub const fn block_light(depth: u32) -> u32 {
+    2 + 3 * depth
 }
 
 /// Block of a clear body: whether light is reflected there, and how far it flies before that.
 #[inline]
-pub const fn block_choice(bounce: u32) -> u32 {
-    3 + 3 * bounce
+pub const fn block_choice(depth: u32) -> u32 {
+    3 + 3 * depth
 }
 
 #[cfg(test)]

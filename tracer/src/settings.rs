@@ -15,10 +15,10 @@ pub struct RenderSettings {
     /// `samples` complements the first: their mean is the picture of both their samples. Ranges
     /// that begin at a multiple of their length, a power of two, are the best spread.
     pub first_sample: u32,
-    /// Surface scatterings of a path, 0 to [`RenderSettings::SCATTERINGS_MAX`]; light found by the
-    /// edge after the last one counts. Higher costs a ray and a shadow ray each; lower loses
+    /// Maximum path depth: scattering events per path, 0 to [`RenderSettings::DEPTH_MAX`]; light
+    /// found by the edge after the last one counts. Higher costs a ray and a shadow ray each; lower loses
     /// light that has been reflected more often.
-    pub scatterings_max: u32,
+    pub max_depth: u32,
     /// Chooses the random numbers: pictures of different seeds are independent.
     pub seed: u32,
     /// Whether pictures are denoised ([`crate::post`]). On a processor it costs as much time as
@@ -31,8 +31,8 @@ pub struct RenderSettings {
 impl RenderSettings {
     /// The most samples that one request may ask of a pixel.
     pub const SAMPLES_MAX: u32 = 65_536;
-    /// The longest path.
-    pub const SCATTERINGS_MAX: u32 = 64;
+    /// The largest maximum depth.
+    pub const DEPTH_MAX: u32 = 64;
 
     /// Checks the ranges.
     ///
@@ -46,11 +46,11 @@ impl RenderSettings {
                 Self::SAMPLES_MAX
             )));
         }
-        if self.scatterings_max > Self::SCATTERINGS_MAX {
+        if self.max_depth > Self::DEPTH_MAX {
             return Err(Error::InvalidSettings(format!(
-                "paths of {} scatterings are asked for: at most {} are allowed",
-                self.scatterings_max,
-                Self::SCATTERINGS_MAX
+                "a maximum depth of {} is asked for: at most {} is allowed",
+                self.max_depth,
+                Self::DEPTH_MAX
             )));
         }
         Ok(())
@@ -62,7 +62,7 @@ impl Default for RenderSettings {
         Self {
             samples: 4,
             first_sample: 0,
-            scatterings_max: 5,
+            max_depth: 5,
             seed: 0,
             denoise: false,
         }

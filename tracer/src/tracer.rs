@@ -47,7 +47,7 @@ pub struct TraceJob<'a> {
     pub size: ImageSize,
     /// Tiles inside `size`.
     pub tiles: &'a [Tile],
-    /// Samples, path length and seed.
+    /// Samples, maximum depth and seed.
     pub settings: RenderSettings,
     /// Looked at now and then; `true` ends the work early.
     pub cancelled: &'a AtomicBool,

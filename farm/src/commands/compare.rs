@@ -30,9 +30,9 @@ pub(crate) struct Args {
     /// Samples per pixel; powers of two are spread best.
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     spp: u32,
-    /// Surface scatterings of a path.
+    /// Maximum path depth: surface scattering events per path.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(0..=64))]
-    scatterings: u32,
+    max_depth: u32,
     /// Chooses the random numbers.
     #[arg(long, default_value_t = 0)]
     seed: u32,
@@ -82,7 +82,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let tracer = args.backend.open(0)?;
     let settings = RenderSettings {
         samples: args.spp,
-        scatterings_max: args.scatterings,
+        max_depth: args.max_depth,
         seed: args.seed,
         denoise: args.denoise,
         ..RenderSettings::default()

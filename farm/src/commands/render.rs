@@ -32,9 +32,9 @@ pub(crate) struct Args {
     /// Samples per pixel.
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     spp: u32,
-    /// Surface scatterings of a path.
+    /// Maximum path depth: surface scattering events per path.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(0..=64))]
-    scatterings: u32,
+    max_depth: u32,
     /// Chooses the random numbers.
     #[arg(long, default_value_t = 0)]
     seed: u32,
@@ -194,7 +194,7 @@ impl Args {
             settings: RenderSettings {
                 samples: self.spp,
                 first_sample: 0,
-                scatterings_max: self.scatterings,
+                max_depth: self.max_depth,
                 seed: self.seed,
                 denoise: self.denoise,
             },

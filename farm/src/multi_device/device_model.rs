@@ -35,7 +35,7 @@ impl Spent {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Kind {
     pub(super) samples: u32,
-    pub(super) scatterings_max: u32,
+    pub(super) max_depth: u32,
     /// log₂ of the pixels.
     pub(super) pixels_log2: u32,
 }
@@ -266,7 +266,7 @@ mod tests {
         let mut ledgers = Ledgers::new(2);
         let kind = |samples| Kind {
             samples,
-            scatterings_max: 5,
+            max_depth: 5,
             pixels_log2: 20,
         };
         let helped = Machine {

@@ -193,7 +193,7 @@ impl Work<'_> {
     fn kind(&self) -> Kind {
         Kind {
             samples: self.job.settings.samples,
-            scatterings_max: self.job.settings.scatterings_max,
+            max_depth: self.job.settings.max_depth,
             pixels_log2: self.pixels().max(1).ilog2(),
         }
     }

@@ -46,7 +46,7 @@ struct Settings {
     width: u32,
     height: u32,
     samples: u32,
-    scatterings_max: u32,
+    max_depth: u32,
     seed: u32,
     denoise: bool,
     frames: u32,
@@ -205,7 +205,7 @@ fn settings(args: &Args, footage: &Footage) -> Settings {
         width: size.width,
         height: size.height,
         samples: args.spp.unwrap_or(samples),
-        scatterings_max: args.ball_set.unwrap_or_default().scatterings_max(),
+        max_depth: args.ball_set.unwrap_or_default().max_depth(),
         seed: args.seed,
         denoise: args.denoise,
         frames: footage.frames(),
@@ -222,7 +222,7 @@ impl Settings {
         RenderSettings {
             samples: self.samples,
             first_sample: 0,
-            scatterings_max: self.scatterings_max,
+            max_depth: self.max_depth,
             seed: self.seed,
             denoise: self.denoise,
         }

@@ -63,13 +63,13 @@ impl Screenshot {
     }
 
     /// What is traced for a window: as it is, with little noise left.
-    pub fn of(update: SceneUpdate, size: ImageSize, scatterings_max: u32) -> Still {
+    pub fn of(update: SceneUpdate, size: ImageSize, max_depth: u32) -> Still {
         Still {
             update,
             size,
             settings: RenderSettings {
                 samples: SAMPLES,
-                scatterings_max,
+                max_depth,
                 ..RenderSettings::default()
             },
         }

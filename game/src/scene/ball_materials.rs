@@ -57,9 +57,9 @@ impl BallSet {
         }
     }
 
-    /// Scatterings of a path that show the set: light goes in and out of glass, and walks through
+    /// Maximum path depth that shows the set: light goes in and out of glass, and walks through
     /// stone. Longer paths cost time in proportion.
-    pub fn scatterings_max(self) -> u32 {
+    pub fn max_depth(self) -> u32 {
         match self {
             Self::Classic | Self::Metal => 5,
             Self::Glass => 9,

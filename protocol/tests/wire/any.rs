@@ -103,7 +103,7 @@ pub(crate) fn request() -> impl Strategy<Value = TraceRequest> {
             settings: RenderSettings {
                 samples: work.0,
                 first_sample: work.1,
-                scatterings_max: work.2,
+                max_depth: work.2,
                 seed,
                 denoise: work.3,
             },

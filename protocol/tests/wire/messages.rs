@@ -114,7 +114,7 @@ const RULES: [Rule; 18] = [
     ("tiles beyond the end", |r| r.tiles.first = r.grid.len()),
     ("tiles beyond all numbers", |r| r.tiles.first = u32::MAX),
     ("no sample", |r| r.settings.samples = 0),
-    ("paths too long", |r| r.settings.scatterings_max = u32::MAX),
+    ("paths too deep", |r| r.settings.max_depth = u32::MAX),
     ("an exposure that is no number", |r| {
         r.format = PixelFormat::Srgb8 { exposure: f32::NAN };
     }),

@@ -11,7 +11,7 @@ use crate::post::{NoisyPixels, Sums};
 use crate::sampling::{pixel_key, sample_key};
 use crate::{RenderSettings, Tile};
 
-/// Paths in a batch: enough to fill the packets of later bounces, few enough for the cache. Half
+/// Paths in a batch: enough to fill the packets of deeper vertices, few enough for the cache. Half
 /// as many are as fast.
 const BATCH: usize = 2048;
 

@@ -48,30 +48,30 @@ impl Prepared {
     #[inline(always)]
     pub(super) fn trace<S: Simd>(&self, simd: S, stream: &mut Stream) -> u64 {
         let mut rays = 0;
-        let scatterings_max = self.settings.scatterings_max;
+        let max_depth = self.settings.max_depth;
         simd.vectorize(
             #[inline(always)]
             || self.generate(simd, stream),
         );
-        for bounce in 0..=scatterings_max {
-            let last = bounce == scatterings_max;
+        for depth in 0..=max_depth {
+            let last = depth == max_depth;
             rays += simd.vectorize(
                 #[inline(always)]
-                || self.extend(simd, stream, bounce, last),
+                || self.extend(simd, stream, depth, last),
             );
             if stream.len == 0 {
                 break;
             }
             rays += simd.vectorize(
                 #[inline(always)]
-                || self.shade(simd, stream, bounce),
+                || self.shade(simd, stream, depth),
             );
             if !self.lamps.is_empty() {
                 rays += simd.vectorize(
                     #[inline(always)]
                     || self.connect(simd, stream, OTHER),
                 );
-                if self.looks_into_coats(bounce) {
+                if self.looks_into_coats(depth) {
                     rays += simd.vectorize(
                         #[inline(always)]
                         || self.connect(simd, stream, MIRROR),
@@ -84,20 +84,20 @@ impl Prepared {
 
     /// Whether lamps that a coat reflects are looked up: of denoised pictures the first hits' mirrors
     /// are traced apart.
-    fn looks_into_coats(&self, bounce: u32) -> bool {
-        self.has_coat && (bounce > 0 || !self.settings.denoise)
+    fn looks_into_coats(&self, depth: u32) -> bool {
+        self.has_coat && (depth > 0 || !self.settings.denoise)
     }
 
     /// Whether what paths meet is noted for the filter. They keep their places then, also those that
     /// end.
-    fn sees(&self, bounce: u32) -> bool {
-        bounce == 0 && self.notes_first_hits()
+    fn sees(&self, depth: u32) -> bool {
+        depth == 0 && self.notes_first_hits()
     }
 
     /// Whether paths note their first hits: those of pictures that are denoised, unless they are not
     /// scattered at all.
     pub(super) fn notes_first_hits(&self) -> bool {
-        self.settings.denoise && self.settings.scatterings_max > 0
+        self.settings.denoise && self.settings.max_depth > 0
     }
 
     /// Camera rays through a random point of each path's pixel.
@@ -149,7 +149,7 @@ impl Prepared {
     /// Finds what each path meets next, ends those that meet light or nothing, or all if this is
     /// their last edge, and closes the ranks of the others. Returns the number of rays.
     #[inline(always)]
-    fn extend<S: Simd>(&self, simd: S, stream: &mut Stream, bounce: u32, last: bool) -> u64 {
+    fn extend<S: Simd>(&self, simd: S, stream: &mut Stream, depth: u32, last: bool) -> u64 {
         let (mut kept, mut rays) = (0, 0);
         for packet in packets(stream.len) {
             let at = packet.at;
@@ -159,21 +159,21 @@ impl Prepared {
             let edges = Rays::new(simd, origin, direction, skip);
             let mut nearest = self.geometry.nearest(simd, &edges);
             let mut alive = packet.mask(simd);
-            if bounce > 0 {
+            if depth > 0 {
                 // Those that ended and kept their place have not left any primitive.
                 alive &= skip.simd_ne(NONE);
             }
             rays += u64::from(alive.to_bitmask().count_ones());
             let mut met = nearest.id;
             if self.surfaces.has_clear {
-                self.fly(simd, stream, at, bounce, &mut nearest);
+                self.fly(simd, stream, at, depth, &mut nearest);
                 met = untagged(nearest.id);
             }
             let unscattered = met.simd_ge(self.geometry.lamps_first) & alive;
             if unscattered.any_true() {
                 let light_id = unscattered.select(nearest.id, Word::splat(simd, NONE));
                 let mut light = self.found_light(simd, stream, at, light_id);
-                if self.settings.denoise && bounce <= 1 {
+                if self.settings.denoise && depth <= 1 {
                     light = self.without_emission(simd, stream, at, light);
                 }
                 let radiance = stream.radiance.load(simd, at);
@@ -183,7 +183,7 @@ impl Prepared {
             if last {
                 let radiance = stream.radiance.load(simd, at);
                 stream.finish(packet, scattering, radiance);
-            } else if self.sees(bounce) {
+            } else if self.sees(depth) {
                 // In the order of slots, in which first hits are noted.
                 let emission = self.emission(simd, direction, &nearest, unscattered);
                 let length = load(simd, &stream.distance, at);
@@ -214,7 +214,7 @@ impl Prepared {
         simd: S,
         stream: &mut Stream,
         at: usize,
-        bounce: u32,
+        depth: u32,
         nearest: &mut Nearest<S>,
     ) {
         let skip = load_words(simd, &stream.primitive, at);
@@ -225,7 +225,7 @@ impl Prepared {
         }
         let pixel = load_words(simd, &stream.pixel, at);
         let sample = load_words(simd, &stream.sample, at);
-        let [_, u] = pair(pixel, sample, block_choice(bounce), self.settings.seed);
+        let [_, u] = pair(pixel, sample, block_choice(depth), self.settings.seed);
         let flight = self.surfaces.fly(simd, within, skip, nearest.distance, u);
         let beta = stream.beta.load(simd, at);
         stream.beta.store(at, beta.scale(flight.weight));
@@ -276,7 +276,7 @@ impl Prepared {
     /// Scatters each path where it hit: a shadow ray towards a lamp and the path's next direction.
     /// Returns the number of rays that this took.
     #[inline(always)]
-    fn shade<S: Simd>(&self, simd: S, stream: &mut Stream, bounce: u32) -> u64 {
+    fn shade<S: Simd>(&self, simd: S, stream: &mut Stream, depth: u32) -> u64 {
         let mut rays = 0;
         for packet in packets(stream.len) {
             let at = packet.at;
@@ -292,7 +292,7 @@ impl Prepared {
             let distance = load(simd, &stream.distance, at);
             let hit = self.surfaces.hit(simd, origin, direction, distance, tag);
             let bsdf = Bsdf::new(simd, &hit, -direction);
-            if self.sees(bounce) {
+            if self.sees(depth) {
                 let (inverse_depth, emitted) = stream.noted_light(simd, at);
                 let seen = self.seen(simd, alive, tag, &hit, &bsdf, inverse_depth, emitted);
                 stream.note(at, seen);
@@ -303,24 +303,24 @@ impl Prepared {
             let seed = self.settings.seed;
             let mut light_sum = Float::splat(simd, 0.0);
             if !self.lamps.is_empty() {
-                let u = pair(pixel, sample, block_light(bounce), seed);
+                let u = pair(pixel, sample, block_light(depth), seed);
                 let lamp = self.lamps.sample(simd, hit.position, u);
                 self.aim_at_lamp(simd, stream, at, alive, &hit, &bsdf, beta, &lamp);
                 light_sum = lamp.light_sum;
                 if self.has_windows() {
                     stream.shadows[OTHER].origin.store(at, hit.position);
                     rays += self.aim_through_window(
-                        simd, stream, at, alive, bounce, &hit, beta, tag, &lamp,
+                        simd, stream, at, alive, depth, &hit, beta, tag, &lamp,
                     );
                 }
-                if self.looks_into_coats(bounce) {
+                if self.looks_into_coats(depth) {
                     self.aim_at_mirrored_lamp(simd, stream, at, alive, &hit, &bsdf, beta);
                 }
             }
-            let [u1, u2] = pair(pixel, sample, block_scatter(bounce), seed);
+            let [u1, u2] = pair(pixel, sample, block_scatter(depth), seed);
             let mut u0 = u1;
             if hit.gloss.is_some() {
-                [u0, _] = pair(pixel, sample, block_choice(bounce), seed);
+                [u0, _] = pair(pixel, sample, block_choice(depth), seed);
             }
             let mut inside = Mask::splat(simd, false);
             let scattered = bsdf.sample(simd, [u0, u1, u2], &mut inside);
@@ -385,7 +385,7 @@ impl Prepared {
         stream: &mut Stream,
         at: usize,
         alive: Mask<S>,
-        bounce: u32,
+        depth: u32,
         hit: &Hit<S>,
         beta: Vec3x<S>,
         tag: Word<S>,
@@ -394,7 +394,7 @@ impl Prepared {
         let Some(gloss) = &hit.gloss else {
             return 0;
         };
-        if bounce + 2 > self.settings.scatterings_max {
+        if depth + 2 > self.settings.max_depth {
             return 0;
         }
         let scattered = alive & gloss.is_scattered();

@@ -14,7 +14,7 @@
 //!
 //! SIMD code stays in functions marked `#[inline(always)]`, never in closures: the compiler may
 //! leave those out of line, where they have baseline instructions only, at a third of the speed.
-//! The pool scene, at most 5 scatterings: 10 Msample and 29 Mray per core-second with AVX2 on a
+//! The pool scene, max depth 5: 10 Msample and 29 Mray per core-second with AVX2 on a
 //! 2.4 GHz EPYC of 2021 (`examples/trace_speed.rs`); three quarters of it is intersection.
 
 mod batch;

@@ -250,7 +250,7 @@ impl Shot<'_> {
             samples: part.settings.samples,
             first_sample: part.settings.first_sample,
             seed: part.settings.seed,
-            scatterings_max: part.settings.scatterings_max,
+            max_depth: part.settings.max_depth,
         };
         let slot = submission.passes.len();
         let bindings = (self.tracer.device)

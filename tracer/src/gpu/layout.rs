@@ -33,7 +33,7 @@ pub(crate) struct DispatchData {
     pub(crate) samples: u32,
     pub(crate) first_sample: u32,
     pub(crate) seed: u32,
-    pub(crate) scatterings_max: u32,
+    pub(crate) max_depth: u32,
 }
 
 /// A tile, and how many blocks and pixels come before it.

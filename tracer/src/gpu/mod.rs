@@ -193,7 +193,7 @@ impl GpuTracer {
                 samples: settings.samples,
                 first_sample: settings.first_sample,
                 seed: settings.seed,
-                scatterings_max: settings.scatterings_max,
+                max_depth: settings.max_depth,
             };
             let samples = u64::from(end - begin) * chunk.pixels;
             pass.uniforms = bytes_of(&data).to_vec();
@@ -285,10 +285,10 @@ impl GpuTracer {
         }
         match schedule::software_samples(&job.settings, features.turns_per_ray()) {
             0 => Err(self.device.error(format!(
-                "a scene of {} surfaces that each ray is tested against is too large at {} scatterings for this \
+                "a scene of {} surfaces that each ray is tested against is too large at a maximum depth of {} for this \
                  driver, which ends long loops early; trace it on the CPU",
                 features.primitives(),
-                job.settings.scatterings_max
+                job.settings.max_depth
             ))),
             samples => Ok(samples),
         }

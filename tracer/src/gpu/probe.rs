@@ -21,7 +21,7 @@ const SIZE: ImageSize = ImageSize::new(32, 24);
 const SETTINGS: RenderSettings = RenderSettings {
     samples: 4,
     first_sample: 0,
-    scatterings_max: 4,
+    max_depth: 4,
     seed: 1,
     denoise: false,
 };

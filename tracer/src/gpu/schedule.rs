@@ -69,7 +69,7 @@ impl Pacer {
 /// An upper bound of a sample's work, in surfaces tested: path edges and shadow rays, each against
 /// all primitives, and about eight primitives' worth of shading.
 pub(crate) fn work_per_sample(settings: &RenderSettings, primitives: u32) -> f64 {
-    (1.0 + 2.0 * f64::from(settings.scatterings_max)) * f64::from(primitives + 8)
+    (1.0 + 2.0 * f64::from(settings.max_depth)) * f64::from(primitives + 8)
 }
 
 /// Turns of a kernel's loops, all together, after which Mesa's llvmpipe ends them without a word
@@ -80,7 +80,7 @@ const SOFTWARE_TURNS_MAX: f64 = 65_535.0;
 /// upper bound: each scattering comes with four rays at most, to the surface, to its lamp, to its
 /// mirror's and, while neighbours are not so far, to the next.
 pub(crate) fn software_samples(settings: &RenderSettings, turns_per_ray: f64) -> u32 {
-    let edges = 1.0 + f64::from(settings.scatterings_max);
+    let edges = 1.0 + f64::from(settings.max_depth);
     (SOFTWARE_TURNS_MAX / (4.0 * edges * (turns_per_ray + 8.0))) as u32
 }
 

@@ -463,7 +463,7 @@ mod tests {
             layout!(SceneHeader, camera environment zero),
             layout!(DispatchData,
                 tile_count block_count sample_begin sample_end samples first_sample seed
-                scatterings_max),
+                max_depth),
             layout!(TileEntry, x y width height first_block first_pixel),
         ]
     }

@@ -1,8 +1,8 @@
 //! The scalar path tracer: f64, one sample at a time, with the random numbers of the fast tracers.
 //!
 //! # Estimator
-//! The fast tracers follow it sample for sample, to the rounding of f32. With `k` counting
-//! scatterings from 0 and `u = sampling::pair(pixel, sample, block, seed)`:
+//! The fast tracers follow it sample for sample, to the rounding of f32. With `k` the
+//! depth, from 0, and `u = sampling::pair(pixel, sample, block, seed)`:
 //!
 //! 1. **Camera.** The ray goes through film position `pixel + u` of block `BLOCK_CAMERA`.
 //! 2. **Edge.** The nearest primitive with `t > 0` is hit, the first of equals in the order
@@ -16,7 +16,7 @@
 //!    density (a metal mirror, smooth glass, a medium), 0 where step 3 has added the lamps (after a
 //!    coat's mirror, and where light that was scattered inside a ball leaves it by a [`window`]),
 //!    else the power heuristic of the pdf against `brightness / light_sum`. After
-//!    `scatterings_max` scatterings a ray that meets a surface ends black.
+//!    `max_depth` scattering events a ray that meets a surface ends black.
 //! 3. **Light.** The coat's share: if the nearest lamp in the mirror's direction is met from the
 //!    front and nothing is in between, adds `beta · F · radiance`. The other lobes' (block
 //!    `block_light(k)`): a lamp drawn by brightness times solid angle with `u[0]`, which is then
@@ -311,9 +311,9 @@ impl<'a> View<'a> {
         let (mut radiance, mut beta) = (DVec3::ZERO, DVec3::ONE);
         let mut left = None;
         let mut found = Found::UNWEIGHED;
-        for scattering in 0..=self.settings.scatterings_max {
+        for depth in 0..=self.settings.max_depth {
             *rays += 1;
-            let is_emission = scattering <= 1 && self.is_emission(found, left);
+            let is_emission = depth <= 1 && self.is_emission(found, left);
             let Some(hit) = intersect_from(self.scene, &ray, left) else {
                 if is_emission {
                     return radiance;
@@ -321,8 +321,8 @@ impl<'a> View<'a> {
                 return radiance + beta * self.scene.environment.as_dvec3();
             };
             let ([u1, u2], [u0, u3]) = (
-                random(block_scatter(scattering)),
-                random(block_choice(scattering)),
+                random(block_scatter(depth)),
+                random(block_choice(depth)),
             );
             if let Some((medium, enclosing)) = self.medium(left) {
                 let flight = medium.fly(hit.t, u3);
@@ -330,8 +330,8 @@ impl<'a> View<'a> {
                 if let Some(distance) = flight.scattered_at {
                     let point = ray.origin + distance * ray.direction;
                     // The way through the boundary counts as a scattering.
-                    if scattering + 2 <= self.settings.scatterings_max {
-                        let u = random(block_light(scattering));
+                    if depth + 2 <= self.settings.max_depth {
+                        let u = random(block_light(depth));
                         radiance += beta * self.light_through(enclosing, &medium, point, u, rays);
                     }
                     ray = Ray {
@@ -349,14 +349,14 @@ impl<'a> View<'a> {
                 let lamp = &self.scene.lamps[lamp as usize];
                 return radiance + beta * self.lamp_met(lamp, &ray, &hit, found);
             }
-            if scattering == self.settings.scatterings_max {
+            if depth == self.settings.max_depth {
                 return radiance;
             }
             let vertex = Vertex::new(self.scene, &ray, &hit);
-            if !self.settings.denoise || scattering > 0 {
+            if !self.settings.denoise || depth > 0 {
                 radiance += beta * self.mirrored_light(&vertex, rays);
             }
-            radiance += beta * self.direct_light(&vertex, random(block_light(scattering)), rays);
+            radiance += beta * self.direct_light(&vertex, random(block_light(depth)), rays);
             let sample = vertex.scatter.sample(vertex.wo, vertex.n, [u0, u1, u2, u3]);
             beta *= sample.weight;
             if beta == DVec3::ZERO {

@@ -193,7 +193,7 @@ fn a_ball_s_shadow_reaches_the_point_that_it_rests_on() {
         let size = ImageSize::new(32, 32);
         let settings = RenderSettings {
             samples: 256,
-            scatterings_max: 1,
+            max_depth: 1,
             ..RenderSettings::default()
         };
         let compiled = CompiledScene::new(&scene).unwrap();

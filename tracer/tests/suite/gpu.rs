@@ -165,7 +165,7 @@ fn pool_table_agrees_with_scalar_per_sample() {
             samples: 2,
             seed: 77,
             denoise: false,
-            scatterings_max: 2,
+            max_depth: 2,
         },
     ] {
         let picture = whole(gpu, &scene, size, settings);
@@ -177,9 +177,9 @@ fn pool_table_agrees_with_scalar_per_sample() {
 fn longest_and_shortest_paths_agree_with_scalar() {
     let Some(gpu) = gpu() else { return };
     let (scene, size) = (compiled(&pool()), ImageSize::new(48, 27));
-    for scatterings_max in [0, 1, RenderSettings::SCATTERINGS_MAX] {
+    for max_depth in [0, 1, RenderSettings::DEPTH_MAX] {
         let settings = RenderSettings {
-            scatterings_max,
+            max_depth,
             ..settings(2)
         };
         let picture = whole(gpu, &scene, size, settings);

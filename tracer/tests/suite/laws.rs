@@ -15,7 +15,7 @@ use carom_tracer::{
 };
 use glam::{Quat, Vec3};
 
-/// What f32 arithmetic over a path of five scatterings may lose.
+/// What f32 arithmetic over a path of depth five may lose.
 const ROUNDING: f64 = 1e-5;
 
 const SIZE: ImageSize = ImageSize::new(24, 16);
@@ -332,9 +332,9 @@ fn radiance_is_linear_in_the_lamps_and_the_environment() {
 fn longer_paths_only_add_light() {
     let scene = still_life();
     for tracer in tracers() {
-        let at = |scatterings_max| {
+        let at = |max_depth| {
             let settings = RenderSettings {
-                scatterings_max,
+                max_depth,
                 ..settings(4)
             };
             image(tracer.as_ref(), &scene, settings)
@@ -356,7 +356,7 @@ fn longer_paths_only_add_light() {
 #[test]
 fn paths_without_scattering_show_lights_alone() {
     let settings = RenderSettings {
-        scatterings_max: 0,
+        max_depth: 0,
         ..settings(1)
     };
     for tracer in tracers() {
@@ -545,7 +545,7 @@ fn work_that_makes_no_sense_is_refused() {
         assert!(trace(ImageSize::new(0, 16), &[], settings(1)));
         assert!(trace(SIZE, &[], settings(0)));
         let long = RenderSettings {
-            scatterings_max: 65,
+            max_depth: 65,
             ..settings(1)
         };
         assert!(trace(SIZE, &[], long));

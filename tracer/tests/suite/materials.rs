@@ -62,7 +62,7 @@ fn glass_gold_and_wax_agree_with_the_independent_renderer() {
     let tiles: Vec<Tile> = PLACES.iter().map(tile).collect();
     let settings = RenderSettings {
         samples: 8,
-        scatterings_max: 63,
+        max_depth: 63,
         ..RenderSettings::default()
     };
     for tracer in tracers() {
@@ -112,7 +112,7 @@ fn lamps_aimed_at_from_inside_leave_little_noise_and_the_same_light() {
     });
     let settings = RenderSettings {
         samples: 8,
-        scatterings_max: 63,
+        max_depth: 63,
         ..RenderSettings::default()
     };
     for tracer in tracers() {
@@ -182,7 +182,7 @@ fn trace(tracer: &dyn Tracer, scene: &Scene, settings: RenderSettings) -> Radian
 fn long_paths(samples: u32) -> RenderSettings {
     RenderSettings {
         samples,
-        scatterings_max: 63,
+        max_depth: 63,
         ..RenderSettings::default()
     }
 }
@@ -230,7 +230,7 @@ fn a_rough_ball_gives_back_nearly_all_uniform_light_and_never_more() {
     }
 }
 
-/// A medium that scatters and does not absorb, of one mean free path: 63 scatterings lose less than
+/// A medium that scatters and does not absorb, of one mean free path: depth 63 loses less than
 /// 1e-3 of the light.
 #[test]
 fn a_medium_that_does_not_absorb_takes_no_light() {
@@ -311,7 +311,7 @@ fn every_tracer_follows_scalar_paths() {
     let scene = CompiledScene::new(&scene).unwrap();
     let settings = RenderSettings {
         samples: 1,
-        scatterings_max: 16,
+        max_depth: 16,
         ..RenderSettings::default()
     };
     let size = ImageSize::new(96, 54);

@@ -20,7 +20,7 @@ use crate::commands::inputs;
 
 /// Pixel samples and rays per second of each back end of this machine.
 ///
-/// A pixel sample is one path of at most 5 scatterings; `primary` are camera rays alone. Core-seconds
+/// A pixel sample is one path of maximum depth 5; `primary` are camera rays alone. Core-seconds
 /// are CPU time of this process, so that other programs on the machine do not count. The back ends
 /// take turns, and the best of the repetitions is shown. The scalar thread that others are compared
 /// with is the scalar tracer's.
@@ -276,7 +276,7 @@ fn settings(samples: u32) -> RenderSettings {
 
 fn camera_rays(samples: u32) -> RenderSettings {
     RenderSettings {
-        scatterings_max: 0,
+        max_depth: 0,
         ..settings(samples)
     }
 }
@@ -315,7 +315,7 @@ const TILE_EDGE: u16 = 32;
 fn print_table(report: &Report, size: ImageSize) {
     let ImageSize { width, height } = size;
     println!(
-        "{}, {width}x{height}, at most 5 scatterings, best repetition",
+        "{}, {width}x{height}, max depth 5, best repetition",
         report.scene
     );
     println!(

@@ -23,7 +23,7 @@ use crate::commands::Failure;
 use crate::commands::backend::{self, Backend, Opened};
 use crate::commands::inputs;
 
-/// Error against time and bytes, over resolution, samples, path length, denoiser and precision.
+/// Error against time and bytes, over resolution, samples, depth, denoiser and precision.
 ///
 /// Each picture is measured as it reaches the screen: traced at its share of the reference's size,
 /// encoded and decoded, and stretched. Time is the best of the repetitions: CPU time of this
@@ -56,7 +56,7 @@ pub(crate) struct Args {
 struct Choice {
     scale: f64,
     samples: u32,
-    scatterings_max: u32,
+    max_depth: u32,
     denoise: bool,
     precision: Precision,
 }
@@ -226,7 +226,7 @@ fn trace(
     let size = screen.scaled(choice.scale);
     let settings = RenderSettings {
         samples: choice.samples,
-        scatterings_max: choice.scatterings_max,
+        max_depth: choice.max_depth,
         denoise: choice.denoise,
         ..RenderSettings::default()
     };
@@ -284,7 +284,7 @@ impl Choice {
         Self {
             scale: preset.scale(),
             samples: settings.samples,
-            scatterings_max: settings.scatterings_max,
+            max_depth: settings.max_depth,
             denoise: settings.denoise,
             precision: Precision::Exact,
         }
@@ -296,7 +296,7 @@ impl Choice {
     }
 }
 
-/// Resolution, samples and denoiser all with each other; path length and precision by themselves.
+/// Resolution, samples and denoiser all with each other; depth and precision by themselves.
 fn choices() -> Vec<Choice> {
     let full = Choice::of(Preset::High);
     let mut choices: Vec<Choice> = Preset::ALL.map(Choice::of).to_vec();
@@ -310,8 +310,8 @@ fn choices() -> Vec<Choice> {
             }));
         }
     }
-    choices.extend([1, 2, 3].map(|scatterings_max| Choice {
-        scatterings_max,
+    choices.extend([1, 2, 3].map(|max_depth| Choice {
+        max_depth,
         ..full
     }));
     choices.extend(Precision::ALL.map(|precision| Choice { precision, ..full }));
@@ -400,7 +400,7 @@ fn print_table(report: &Report) {
             row.backend,
             row.choice.scale,
             row.choice.samples,
-            row.choice.scatterings_max,
+            row.choice.max_depth,
             if row.choice.denoise { "yes" } else { "no" },
             row.choice.precision.to_string(),
             row.milliseconds,

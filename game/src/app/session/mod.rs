@@ -38,7 +38,7 @@ pub struct Session {
     booth: Booth,
     /// Of the farm, for pictures that are kept.
     config: FarmConfig,
-    scatterings_max: u32,
+    max_depth: u32,
     pixels: ImageSize,
     set: BallSet,
     /// Where the match is kept, and how much of it is.
@@ -89,12 +89,12 @@ impl Session {
             keeper: None,
             booth: Booth::of_player(),
             config: config.clone(),
-            scatterings_max: set.scatterings_max(),
+            max_depth: set.max_depth(),
             pixels: ImageSize::new(0, 0),
             director: Director::new(
                 ImageSize::new(0, 0),
                 config.frames_in_flight,
-                set.scatterings_max(),
+                set.max_depth(),
             ),
             darkroom: Darkroom::open()?,
             warp: Warp::new(stage.scene())?,
@@ -280,7 +280,7 @@ impl Session {
     /// A sentence if the room cannot be traced with them.
     pub fn set_ball_set(&mut self, set: BallSet) -> anyhow::Result<()> {
         self.set = set;
-        self.director.set_scatterings_max(set.scatterings_max());
+        self.director.set_max_depth(set.max_depth());
         self.set_stage(Stage::of(self.game.contest(), set))
     }
 
@@ -301,7 +301,7 @@ impl Session {
     fn set_stage(&mut self, stage: Stage) -> anyhow::Result<()> {
         self.warp = Warp::new(stage.scene())?;
         self.stage = stage;
-        self.scatterings_max = self.set.scatterings_max();
+        self.max_depth = self.set.max_depth();
         match &mut self.farm {
             FarmSlot::Ready(farm) => {
                 farm.cancel_before(FrameId(self.last_frame.0 + 1));
@@ -433,7 +433,7 @@ impl Session {
 
     fn photograph(&mut self, now_secs: f64) {
         let update = self.update(self.moment(now_secs));
-        let still = Screenshot::of(update, self.pixels, self.scatterings_max);
+        let still = Screenshot::of(update, self.pixels, self.max_depth);
         let (config, scene) = (self.config.clone(), self.stage.scene().clone());
         if self.pixels.pixels() > 0 {
             let begin = |folder| Screenshot::begin(config, scene, still, folder);

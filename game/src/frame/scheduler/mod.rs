@@ -112,7 +112,7 @@ impl Default for Figures {
 #[derive(Debug)]
 pub struct Director {
     window: ImageSize,
-    scatterings_max: u32,
+    max_depth: u32,
     quality: Quality,
     lead: Lead,
     in_flight_max: usize,
@@ -151,11 +151,11 @@ struct Pending {
 
 impl Director {
     /// For a window of `window` pixels, a farm that takes `in_flight_max` pictures at once, and
-    /// paths of `scatterings_max` scatterings.
-    pub fn new(window: ImageSize, in_flight_max: usize, scatterings_max: u32) -> Self {
+    /// paths of depth `max_depth` at most.
+    pub fn new(window: ImageSize, in_flight_max: usize, max_depth: u32) -> Self {
         Self {
             window,
-            scatterings_max,
+            max_depth,
             quality: Quality::default(),
             lead: Lead::default(),
             in_flight_max,
@@ -179,9 +179,9 @@ impl Director {
         self.quality.set_dial(dial);
     }
 
-    /// From the next picture on, paths have this many scatterings.
-    pub fn set_scatterings_max(&mut self, scatterings_max: u32) {
-        self.scatterings_max = scatterings_max;
+    /// Maximum path depth from the next picture on.
+    pub fn set_max_depth(&mut self, max_depth: u32) {
+        self.max_depth = max_depth;
     }
 
     /// Follows the window's size.
@@ -426,7 +426,7 @@ impl Director {
                 settings: RenderSettings {
                     samples,
                     first_sample,
-                    scatterings_max: self.scatterings_max,
+                    max_depth: self.max_depth,
                     ..RenderSettings::default()
                 },
                 format: PixelFormat::LinearF16,
@@ -448,7 +448,7 @@ impl Director {
                     denoise: level.denoise,
                     // Noise that differs from picture to picture averages out in the eye.
                     seed: self.orders as u32,
-                    scatterings_max: self.scatterings_max,
+                    max_depth: self.max_depth,
                     ..RenderSettings::default()
                 },
                 format: PixelFormat::Srgb8 { exposure: EXPOSURE },

@@ -1,4 +1,4 @@
-// One path: from the camera over scatterings to a lamp or the environment.
+// One path: from the camera over its vertices to a lamp or the environment.
 
 struct Path {
     ray: Ray,
@@ -10,7 +10,7 @@ struct Path {
     // Density of the ray's direction times the lamps' `light_sum` where it began, which weighs a lamp
     // that it finds; or `SPECULAR` or `SCATTERED`.
     pdf: f32,
-    bounce: u32,
+    depth: u32,
     pixel: u32,
     sample: u32,
 }
@@ -43,15 +43,15 @@ fn advance(path: ptr<function, Path>, hit: ptr<function, Hit>, rays: ptr<functio
         (*path).throughput *= flight.weight;
         if (flight.is_scattered) {
             let origin = fma(vec3f(flight.distance), ray.direction, ray.origin);
-            if (HAS_WINDOW && (*path).bounce + 2u <= job.scatterings_max) {
-                let v = pair((*path).pixel, (*path).sample, block_light((*path).bounce), job.seed);
+            if (HAS_WINDOW && (*path).depth + 2u <= job.max_depth) {
+                let v = pair((*path).pixel, (*path).sample, block_light((*path).depth), job.seed);
                 let light = light_through((*path).skip & ~INSIDE, origin, v, rays);
                 (*path).radiance += (*path).throughput * light;
             }
             (*path).ray = Ray(origin, uniform_direction(u.y, u.z));
             (*path).pdf = SCATTERED;
-            let is_last = (*path).bounce == job.scatterings_max;
-            (*path).bounce += 1u;
+            let is_last = (*path).depth == job.max_depth;
+            (*path).depth += 1u;
             return select(FLYING, ENDED, is_last || all((*path).throughput == vec3f(0.0)));
         }
     }
@@ -66,7 +66,7 @@ fn advance(path: ptr<function, Path>, hit: ptr<function, Hit>, rays: ptr<functio
         (*path).radiance += (*path).throughput * lamp_found(ray, met, (*path).pdf);
         return ENDED;
     }
-    if ((*path).bounce == job.scatterings_max) {
+    if ((*path).depth == job.max_depth) {
         return ENDED;
     }
     return MET;
@@ -76,7 +76,7 @@ fn advance(path: ptr<function, Path>, hit: ptr<function, Hit>, rays: ptr<functio
 // apart: it was found by the camera or by a mirror, `SPECULAR` or a coat's.
 fn is_emission(path: Path) -> bool {
     let is_inside = (path.skip & INSIDE) != 0u && path.skip != NO_PRIMITIVE;
-    return OUTPUT == OUTPUT_REFLECTED && path.bounce <= 1u && path.pdf <= 0.0 && !is_inside;
+    return OUTPUT == OUTPUT_REFLECTED && path.depth <= 1u && path.pdf <= 0.0 && !is_inside;
 }
 
 // At the surface that the path's ray has met.
@@ -84,14 +84,14 @@ fn scatter(path: ptr<function, Path>, hit: Hit, rays: ptr<function, u32>) -> u32
     let primitive = hit.primitive;
     let is_within = HAS_CLEAR && (*path).skip == (primitive | INSIDE);
     let surface = surface_at((*path).ray, hit, is_within);
-    let bounce = (*path).bounce;
+    let depth = (*path).depth;
     let wo = -(*path).ray.direction;
     let bsdf = bsdf_at(surface, wo);
     var light_sum = 0.0;
     if (LAMP_COUNT > 0u) {
-        let u = pair((*path).pixel, (*path).sample, block_light(bounce), job.seed);
+        let u = pair((*path).pixel, (*path).sample, block_light(depth), job.seed);
         var light = direct_light(surface, bsdf, wo, primitive, u, rays, &light_sum);
-        if (OUTPUT != OUTPUT_REFLECTED || bounce > 0u) {
+        if (OUTPUT != OUTPUT_REFLECTED || depth > 0u) {
             light += mirrored_light(surface, bsdf, wo, primitive, rays);
         }
         (*path).radiance += (*path).throughput * light;
@@ -114,16 +114,16 @@ fn scatter(path: ptr<function, Path>, hit: Hit, rays: ptr<function, u32>) -> u32
         && leaves_by_window(primitive, hit.t, dot(surface.normal, wo))) {
         (*path).pdf = 0.0;
     }
-    (*path).bounce = bounce + 1u;
+    (*path).depth = depth + 1u;
     return select(FLYING, ENDED, all((*path).throughput == vec3f(0.0)));
 }
 
 // Direction in `yz`; choice of a clear body's lobe in `x` and flight through it in `w`.
 fn scatter_numbers(path: ptr<function, Path>) -> vec4f {
-    let direction = pair((*path).pixel, (*path).sample, block_scatter((*path).bounce), job.seed);
+    let direction = pair((*path).pixel, (*path).sample, block_scatter((*path).depth), job.seed);
     var choice = vec2f(0.0);
     if (HAS_CLEAR) {
-        choice = pair((*path).pixel, (*path).sample, block_choice((*path).bounce), job.seed);
+        choice = pair((*path).pixel, (*path).sample, block_choice((*path).depth), job.seed);
     }
     return vec4f(choice.x, direction, choice.y);
 }

@@ -73,16 +73,16 @@ fn spread(bits: u32) -> u32 {
     return (v | (v << 1u)) & 0x55555555u;
 }
 
-fn block_scatter(bounce: u32) -> u32 {
-    return 1u + 3u * bounce;
+fn block_scatter(depth: u32) -> u32 {
+    return 1u + 3u * depth;
 }
 
-fn block_light(bounce: u32) -> u32 {
-    return 2u + 3u * bounce;
+fn block_light(depth: u32) -> u32 {
+    return 2u + 3u * depth;
 }
 
-fn block_choice(bounce: u32) -> u32 {
-    return 3u + 3u * bounce;
+fn block_choice(depth: u32) -> u32 {
+    return 3u + 3u * depth;
 }
 
 // (cos, sin) of 2πu for u in [0, 1). The built-in functions may be wrong by 2⁻¹¹ (Vulkan

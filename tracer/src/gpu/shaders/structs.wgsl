@@ -110,7 +110,7 @@ struct DispatchData {
     samples: u32,
     first_sample: u32,
     seed: u32,
-    scatterings_max: u32,
+    max_depth: u32,
 }
 
 struct TileEntry {
