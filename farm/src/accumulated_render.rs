@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 use carom_protocol::PixelFormat;
 use carom_tracer::film::Film;
 use carom_tracer::{
-    CompiledScene, CpuTracer, ImageSize, Layers, RenderSettings, Scene, SceneUpdate, Tile,
-    TraceJob, Tracer,
+    Aovs, CompiledScene, CpuTracer, ImageSize, RenderSettings, Scene, SceneUpdate, Tile, TraceJob,
+    Tracer,
 };
 
 use crate::{Error, Farm, Frame, FrameSpec, NodeState, Pixels};
@@ -71,12 +71,12 @@ impl Still {
         Ok(())
     }
 
-    /// What camera rays meet first in each pixel, row-major, for layers of a picture file: a matter of
+    /// What camera rays meet first in each pixel, row-major, for AOVs of a picture file: a matter of
     /// moments, which this machine's processor can spare.
     ///
     /// # Errors
     /// [`Error::Tracer`] if the update does not fit the scene.
-    pub fn layers(&self, scene: &Scene) -> Result<Vec<Layers>, Error> {
+    pub fn aovs(&self, scene: &Scene) -> Result<Vec<Aovs>, Error> {
         let ImageSize { width, height } = self.size;
         // Row by row, so that they come together without being moved.
         let rows: Vec<Tile> = (0..height)
@@ -91,7 +91,7 @@ impl Still {
             size: self.size,
             tiles: &rows,
             settings: RenderSettings {
-                samples: self.settings.samples.min(LAYER_SAMPLES_MAX),
+                samples: self.settings.samples.min(AOV_SAMPLES_MAX),
                 ..self.settings
             },
             cancelled: &AtomicBool::new(false),
@@ -99,7 +99,7 @@ impl Still {
         let mut scene = CompiledScene::new(scene)?;
         scene.apply(&self.update)?;
         let hits = Mutex::new(vec![Vec::new(); rows.len()]);
-        CpuTracer::new()?.layers(&scene, &job, &|row| {
+        CpuTracer::new()?.aovs(&scene, &job, &|row| {
             let mut hits = hits.lock().unwrap_or_else(PoisonError::into_inner);
             hits[row.index] = row.pixels;
         })?;
@@ -178,8 +178,8 @@ const FRAME_SAMPLES_MIN: usize = 1 << 21;
 /// and one of more is long to repeat when a node is lost. The bounds depend on the picture alone,
 /// so that it is the same bit for bit whoever traces it.
 const FRAME_SAMPLES_MAX: usize = 1 << 26;
-/// Camera rays of a pixel of a layer: their outlines are smooth then.
-const LAYER_SAMPLES_MAX: u32 = 16;
+/// Camera rays of a pixel of an AOV: their outlines are smooth then.
+const AOV_SAMPLES_MAX: u32 = 16;
 /// How long to wait for a frame before looking at what else there is.
 const PATIENCE: Duration = Duration::from_millis(200);
 /// How long to wait for nodes when none is left.

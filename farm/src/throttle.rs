@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use carom_tracer::{
-    CompiledScene, DeviceInfo, DeviceKind, Error, Tile, TileLayers, TileRadiance, TraceJob,
+    CompiledScene, DeviceInfo, DeviceKind, Error, Tile, TileAovs, TileRadiance, TraceJob,
     TraceStats, Tracer,
 };
 use cpu_time::ProcessTime;
@@ -162,13 +162,13 @@ impl Tracer for Throttled {
         Ok(sum)
     }
 
-    fn layers(
+    fn aovs(
         &self,
         scene: &CompiledScene,
         job: &TraceJob<'_>,
-        sink: &(dyn Fn(TileLayers) + Sync),
+        sink: &(dyn Fn(TileAovs) + Sync),
     ) -> Result<(), Error> {
-        self.tracer.layers(scene, job, sink)
+        self.tracer.aovs(scene, job, sink)
     }
 }
 

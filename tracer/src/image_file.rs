@@ -11,7 +11,7 @@ use exr::prelude::{
 };
 
 use crate::tonemap::srgb8;
-use crate::{Error, ImageSize, Layers, Tile};
+use crate::{Aovs, Error, ImageSize, Tile};
 
 /// Radiance per pixel: linear Rec. 709, W·sr⁻¹·m⁻².
 #[derive(Clone, Debug, PartialEq)]
@@ -108,7 +108,7 @@ impl RadianceImage {
     /// # Errors
     /// As those of [`RadianceImage::write_exr`]; [`Error::InvalidSettings`] if there are not as many
     /// first hits as pixels.
-    pub fn write_exr_layers(&self, path: impl AsRef<Path>, hits: &[Layers]) -> Result<(), Error> {
+    pub fn write_exr_with_aovs(&self, path: impl AsRef<Path>, hits: &[Aovs]) -> Result<(), Error> {
         if hits.len() != self.pixels.len() {
             return Err(Error::InvalidSettings(format!(
                 "{} first hits are to be the layers of {} pixels",
@@ -117,7 +117,7 @@ impl RadianceImage {
             )));
         }
         let radiance = |c: usize| self.pixels.iter().map(|pixel| pixel[c]).collect();
-        let layer = |value: &dyn Fn(&Layers) -> f32| hits.iter().map(value).collect();
+        let layer = |value: &dyn Fn(&Aovs) -> f32| hits.iter().map(value).collect();
         let channel = |name: &str, values: Vec<f32>| {
             openexr::AnyChannel::new(name, openexr::FlatSamples::F32(values))
         };
@@ -125,7 +125,7 @@ impl RadianceImage {
             channel("R", radiance(0)),
             channel("G", radiance(1)),
             channel("B", radiance(2)),
-            channel("Z", layer(&Layers::depth)),
+            channel("Z", layer(&Aovs::depth)),
             channel("albedo.R", layer(&|hit| hit.albedo[0])),
             channel("albedo.G", layer(&|hit| hit.albedo[1])),
             channel("albedo.B", layer(&|hit| hit.albedo[2])),
@@ -217,14 +217,14 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("layers.exr");
         let image = gradient();
-        let hit = |i: usize| Layers {
+        let hit = |i: usize| Aovs {
             albedo: [0.5, i as f32, 0.25],
             normal: [0.0, 0.6, -0.8],
             inverse_depth: i as f32,
             emission: [9.0; 3],
         };
-        let hits: Vec<Layers> = (0..image.pixels.len()).map(hit).collect();
-        image.write_exr_layers(&path, &hits).unwrap();
+        let hits: Vec<Aovs> = (0..image.pixels.len()).map(hit).collect();
+        image.write_exr_with_aovs(&path, &hits).unwrap();
         assert_eq!(RadianceImage::read_exr(&path).unwrap(), image);
         let file = openexr::read_all_flat_layers_from_file(&path).unwrap();
         let channels = &file.layer_data[0].channel_data.list;
@@ -239,7 +239,7 @@ mod tests {
         };
         assert_eq!(values(3)[..3], [f32::INFINITY, 1.0, 0.5]);
         assert_eq!((values(5)[2], values(9)[7]), (2.0, -0.8));
-        assert!(image.write_exr_layers(&path, &hits[1..]).is_err());
+        assert!(image.write_exr_with_aovs(&path, &hits[1..]).is_err());
     }
 
     #[test]

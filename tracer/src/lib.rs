@@ -8,6 +8,7 @@
 //!
 //! The crate knows no network, no window and no clock.
 
+pub mod aov;
 pub mod compiled;
 pub mod cpu;
 pub mod error;
@@ -15,7 +16,6 @@ pub mod film;
 pub mod fresnel;
 pub mod gpu;
 pub mod image_file;
-pub mod layers;
 pub mod metrics;
 pub mod paint;
 pub mod post;
@@ -29,13 +29,14 @@ pub mod tonemap;
 pub mod tracer;
 pub mod tree;
 
+pub use aov::{Aovs, TileAovs};
 pub use compiled::CompiledScene;
 pub use cpu::CpuTracer;
 pub use error::Error;
 pub use film::Film;
 pub use gpu::GpuTracer;
 pub use image_file::RadianceImage;
-pub use layers::{Layers, TileLayers};
+pub use aov::{Aovs, TileAovs};
 pub use scalar::ScalarTracer;
 pub use scene::{
     Axis, Camera, Cut, CutForm, Environment, Lamp, Material, Medium, Object, ObjectPose, Paint,

@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicBool;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{CompiledScene, Error, ImageSize, RenderSettings, ScalarTracer, Tile, TileLayers};
+use crate::{CompiledScene, Error, ImageSize, RenderSettings, ScalarTracer, Tile, TileAovs};
 
 /// A device that traces tiles. It keeps nothing between calls but caches, so that any number of
 /// threads may call it at once: a GPU has two frames in flight when two threads do.
@@ -30,13 +30,13 @@ pub trait Tracer: Send + Sync {
     ///
     /// # Errors
     /// As those of [`Tracer::trace`].
-    fn layers(
+    fn aovs(
         &self,
         scene: &CompiledScene,
         job: &TraceJob<'_>,
-        sink: &(dyn Fn(TileLayers) + Sync),
+        sink: &(dyn Fn(TileAovs) + Sync),
     ) -> Result<(), Error> {
-        ScalarTracer.layers(scene, job, sink)
+        ScalarTracer.aovs(scene, job, sink)
     }
 }
 

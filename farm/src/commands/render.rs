@@ -8,7 +8,7 @@ use anyhow::Context;
 use carom_farm::net::{self, NodeAddress};
 use carom_farm::{Balancing, Distribution, Farm, FarmConfig, LocalNode, Still};
 use carom_tracer::film::Film;
-use carom_tracer::{ImageSize, Layers, Preset, RenderSettings, Scene, SceneUpdate};
+use carom_tracer::{Aovs, ImageSize, Preset, RenderSettings, Scene, SceneUpdate};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::commands::Failure;
@@ -101,7 +101,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     let layered = args.out.iter().any(|out| out.format == Format::Exr);
     let hits = if layered {
-        still.layers(&named.scene)?
+        still.aovs(&named.scene)?
     } else {
         Vec::new()
     };
@@ -240,11 +240,11 @@ fn progress_bar(spp: u32) -> ProgressBar {
 }
 
 /// Writes beside the file and then renames, so that no half a picture is ever seen.
-fn write(film: &Film, hits: &[Layers], out: &Output) -> Result<(), Failure> {
+fn write(film: &Film, hits: &[Aovs], out: &Output) -> Result<(), Failure> {
     let partial = out.path.with_extension("partial");
     let image = film.image();
     match out.format {
-        Format::Exr => image.write_exr_layers(&partial, hits)?,
+        Format::Exr => image.write_exr_with_aovs(&partial, hits)?,
         Format::Png => image.write_png(&partial, 1.0)?,
     }
     std::fs::rename(&partial, &out.path)

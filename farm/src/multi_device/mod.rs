@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 
 use carom_protocol::limits::NODE_NAME_BYTES_MAX;
 use carom_tracer::{
-    CompiledScene, DeviceInfo, Error, Tile, TileLayers, TileRadiance, TraceJob, TraceStats, Tracer,
+    CompiledScene, DeviceInfo, Error, Tile, TileAovs, TileRadiance, TraceJob, TraceStats, Tracer,
 };
 use device_model::{Kind, Ledgers, Spent};
 
@@ -266,17 +266,17 @@ impl Tracer for Hybrid {
     }
 
     /// The first device that can finds all of them.
-    fn layers(
+    fn aovs(
         &self,
         scene: &CompiledScene,
         job: &TraceJob<'_>,
-        sink: &(dyn Fn(TileLayers) + Sync),
+        sink: &(dyn Fn(TileAovs) + Sync),
     ) -> Result<(), Error> {
         for index in self.usable() {
             let device = &self.devices[index];
             let found = Mutex::new(Vec::new());
             let keep = |tile| lock(&found).push(tile);
-            match device.tracer.layers(scene, job, &keep) {
+            match device.tracer.aovs(scene, job, &keep) {
                 Ok(()) => {
                     let found = found.into_inner().unwrap_or_else(PoisonError::into_inner);
                     found.into_iter().for_each(sink);

@@ -119,12 +119,12 @@ fn make(
     };
     still.trace(&mut farm, &mut film, 0, &mut watch)?;
     drop(farm);
-    let hits = still.layers(scene)?;
+    let hits = still.aovs(scene)?;
     fs::create_dir_all(folder)?;
     let path = next_path(folder, "still", "png").map_err(anyhow::Error::msg)?;
     let image = film.image();
     let partial = folder.join("still.partial");
-    image.write_exr_layers(&partial, &hits)?;
+    image.write_exr_with_aovs(&partial, &hits)?;
     fs::rename(&partial, path.with_extension("exr"))?;
     image.write_png(&partial, EXPOSURE)?;
     fs::rename(&partial, &path)?;

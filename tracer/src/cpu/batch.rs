@@ -6,7 +6,7 @@ use fearless_simd::prelude::*;
 
 use super::integrator::Prepared;
 use super::stream::Stream;
-use crate::layers::LAYERS;
+use crate::aov::AOV_CHANNELS;
 use crate::post::{NoisyPixels, Sums};
 use crate::sampling::{pixel_key, sample_key};
 use crate::{RenderSettings, Tile};
@@ -26,7 +26,7 @@ pub(super) struct Scratch {
     sums: [Vec<(f32, f32)>; 3],
     /// Of denoised pictures: sums of the first half of the samples, and of all first hits.
     half: [Vec<f32>; 3],
-    seen: [Vec<f32>; LAYERS],
+    seen: [Vec<f32>; AOV_CHANNELS],
 }
 
 /// A traced rectangle.

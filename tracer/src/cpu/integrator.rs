@@ -309,9 +309,8 @@ impl Prepared {
                 light_sum = lamp.light_sum;
                 if self.has_windows() {
                     stream.shadows[OTHER].origin.store(at, hit.position);
-                    rays += self.aim_through_window(
-                        simd, stream, at, alive, depth, &hit, beta, tag, &lamp,
-                    );
+                    rays += self
+                        .aim_through_window(simd, stream, at, alive, depth, &hit, beta, tag, &lamp);
                 }
                 if self.looks_into_coats(depth) {
                     self.aim_at_mirrored_lamp(simd, stream, at, alive, &hit, &bsdf, beta);

@@ -17,6 +17,7 @@
 //! The pool scene, max depth 5: 10 Msample and 29 Mray per core-second with AVX2 on a
 //! 2.4 GHz EPYC of 2021 (`examples/trace_speed.rs`); three quarters of it is intersection.
 
+mod aov;
 mod batch;
 mod bsdf;
 mod carved;
@@ -26,7 +27,6 @@ mod geometry;
 mod gloss;
 mod integrator;
 mod lanes;
-mod layers;
 mod light;
 mod paint;
 mod sampling;
@@ -48,8 +48,8 @@ pub use first_hit::FirstHits;
 
 use crate::post::{FilterMemory, NoisyTile, NoisyTracer, trace_denoised};
 use crate::{
-    CompiledScene, DeviceInfo, DeviceKind, Error, ImageSize, Layers, RenderSettings, Tile,
-    TileLayers, TileRadiance, TraceJob, TraceStats, Tracer,
+    Aovs, CompiledScene, DeviceInfo, DeviceKind, Error, ImageSize, RenderSettings, Tile, TileAovs,
+    TileRadiance, TraceJob, TraceStats, Tracer,
 };
 use batch::{Scratch, Traced};
 use integrator::Prepared;
@@ -157,8 +157,8 @@ impl CpuTracer {
         }
     }
 
-    fn layers_of(&self, scene: &Prepared, pixels: &[(u32, u32)]) -> Vec<Layers> {
-        dispatch!(self.level, simd => scene.layers(simd, pixels))
+    fn pixel_aovs(&self, scene: &Prepared, pixels: &[(u32, u32)]) -> Vec<Aovs> {
+        dispatch!(self.level, simd => scene.aovs(simd, pixels))
     }
 
     fn trace_tile(
@@ -237,11 +237,11 @@ impl Tracer for CpuTracer {
         }))
     }
 
-    fn layers(
+    fn aovs(
         &self,
         scene: &CompiledScene,
         job: &TraceJob<'_>,
-        sink: &(dyn Fn(TileLayers) + Sync),
+        sink: &(dyn Fn(TileAovs) + Sync),
     ) -> Result<(), Error> {
         job.validate()?;
         let prepared = Prepared::new(scene, job.size, job.settings);
@@ -251,8 +251,8 @@ impl Tracer for CpuTracer {
                     let rows = tile.y..tile.y + tile.height;
                     let columns = |y| (tile.x..tile.x + tile.width).map(move |x| (x, y));
                     let pixels: Vec<_> = rows.flat_map(columns).collect();
-                    let pixels = self.layers_of(&prepared, &pixels);
-                    sink(TileLayers { index, pixels });
+                    let pixels = self.pixel_aovs(&prepared, &pixels);
+                    sink(TileAovs { index, pixels });
                 }
             });
         });
@@ -284,11 +284,11 @@ impl NoisyTracer for CpuTracer {
         size: ImageSize,
         settings: RenderSettings,
         pixels: &[(u32, u32)],
-    ) -> Vec<Layers> {
+    ) -> Vec<Aovs> {
         let prepared = Prepared::new(scene, size, settings);
         let parts = pixels.par_chunks(HITS_TOGETHER);
         parts
-            .flat_map_iter(|pixels| self.layers_of(&prepared, pixels))
+            .flat_map_iter(|pixels| self.pixel_aovs(&prepared, pixels))
             .collect()
     }
 }

@@ -3,7 +3,7 @@
 use fearless_simd::{f32x8, mask32x8, prelude::*, u32x8};
 
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
-use crate::layers::LAYERS;
+use crate::aov::AOV_CHANNELS;
 
 /// Paths in flight of one thread. Memory is taken once and kept.
 pub(super) struct Stream {
@@ -36,7 +36,7 @@ pub(super) struct Stream {
     /// Radiance of the paths that have ended, by slot.
     pub(super) finished: Triple,
     /// First hits by slot, of denoised pictures.
-    pub(super) seen: [Box<[f32]>; LAYERS],
+    pub(super) seen: [Box<[f32]>; AOV_CHANNELS],
 }
 
 /// A shadow ray per path, from the path's origin; only between shading and connecting.
@@ -149,7 +149,7 @@ impl Stream {
     }
 
     #[inline(always)]
-    pub(super) fn note<S: Simd>(&mut self, at: usize, seen: [Float<S>; LAYERS]) {
+    pub(super) fn note<S: Simd>(&mut self, at: usize, seen: [Float<S>; AOV_CHANNELS]) {
         for (column, seen) in self.seen.iter_mut().zip(seen) {
             store(column, at, seen);
         }

@@ -19,7 +19,7 @@ use super::layout::{self, DispatchData};
 use super::pipeline::Kernel;
 use super::schedule::{self, Chunk, ChunkLimits};
 use super::{GpuTracer, deliver};
-use crate::layers::smooth;
+use crate::aov::smooth;
 use crate::post::weights::STEPS;
 use crate::post::{Region, in_parts};
 use crate::{CompiledScene, Error, RenderSettings, TileRadiance, TraceJob, TraceStats};
@@ -169,7 +169,7 @@ impl GpuTracer {
             let features = self.features(scene, output);
             self.kernels.kernel(&self.device, features)
         };
-        let (paths, layers) = (kernel(Output::Reflected)?, kernel(Output::Layers)?);
+        let (paths, aovs) = (kernel(Output::Reflected)?, kernel(Output::Aovs)?);
         let part = |kernel: &Arc<Kernel>, settings, target| Part {
             kernel: Arc::clone(kernel),
             settings,
@@ -179,9 +179,9 @@ impl GpuTracer {
         if half > 0 {
             parts.push(part(&paths, range(0, half), Target::Half(1)));
         }
-        parts.push(part(&layers, settings, Target::Hits(0)));
+        parts.push(part(&aovs, settings, Target::Hits(0)));
         if let Some(smoother) = smooth(settings) {
-            parts.push(part(&layers, smoother, Target::Hits(1)));
+            parts.push(part(&aovs, smoother, Target::Hits(1)));
         }
         Ok(parts)
     }

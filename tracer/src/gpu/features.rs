@@ -84,21 +84,21 @@ pub(crate) enum SceneMemory {
 pub(crate) enum Output {
     /// radiance,
     Radiance,
-    /// radiance without what is in [`crate::Layers::emission`],
+    /// radiance without what is in [`crate::Aovs::emission`],
     Reflected,
-    /// or its [`crate::Layers`].
-    Layers,
+    /// or its [`crate::Aovs`].
+    Aovs,
 }
 
 impl Output {
-    pub(crate) const ALL: [Self; 3] = [Self::Radiance, Self::Reflected, Self::Layers];
+    pub(crate) const ALL: [Self; 3] = [Self::Radiance, Self::Reflected, Self::Aovs];
 
     /// Its name in WGSL.
     pub(crate) const fn constant(self) -> &'static str {
         match self {
             Self::Radiance => "OUTPUT_RADIANCE",
             Self::Reflected => "OUTPUT_REFLECTED",
-            Self::Layers => "OUTPUT_LAYERS",
+            Self::Aovs => "OUTPUT_AOVS",
         }
     }
 
@@ -106,7 +106,7 @@ impl Output {
     pub(crate) const fn floats(self) -> usize {
         match self {
             Self::Radiance | Self::Reflected => 3,
-            Self::Layers => 10,
+            Self::Aovs => 10,
         }
     }
 

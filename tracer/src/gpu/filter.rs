@@ -13,7 +13,7 @@ use super::features::Output;
 use super::frame::{FrameBuffers, Pass, SLOT_BYTES, buffer, groups, reserve, whole};
 use super::schedule::Chunk;
 use super::shader::BLOCK_EDGE;
-use crate::layers::SMOOTH_RAYS;
+use crate::aov::SMOOTH_RAYS;
 use crate::post::weights::{
     ALBEDO_FACTOR, ALBEDO_MIN, BRIGHTNESS_SHARE, DEPTH_FACTOR, MIXED_MIN, NORMAL_FACTOR,
     OUTLINE_MIN, STEPS, TAPS, half_ratio, variances,
@@ -202,7 +202,7 @@ impl Filtering<'_> {
 
 impl FilterBuffers {
     /// Bytes of the largest buffer for each traced pixel.
-    pub(crate) const PIXEL_BYTES_MAX: u64 = Output::Layers.pixel_bytes();
+    pub(crate) const PIXEL_BYTES_MAX: u64 = Output::Aovs.pixel_bytes();
 
     pub(crate) fn new(device: &wgpu::Device) -> Self {
         let empty = || buffer(device, VECTOR_BYTES, USAGE);
@@ -222,12 +222,12 @@ impl FilterBuffers {
         let [second, first] = &mut self.halves;
         let [hits, smooth] = &mut self.hits;
         reserve(device, second, traced(Output::Reflected), USAGE);
-        reserve(device, hits, traced(Output::Layers), USAGE);
+        reserve(device, hits, traced(Output::Aovs), USAGE);
         if samples > 1 {
             reserve(device, first, traced(Output::Reflected), USAGE);
         }
         if samples < SMOOTH_RAYS {
-            reserve(device, smooth, traced(Output::Layers), USAGE);
+            reserve(device, smooth, traced(Output::Aovs), USAGE);
         }
         reserve(device, &mut self.guides, 2 * dense, USAGE);
         for light in &mut self.light {
@@ -266,7 +266,7 @@ impl FilterBuffers {
 fn source() -> String {
     let mut text = format!(
         "const BLOCK_EDGE: u32 = {BLOCK_EDGE}u;\n\
-         const LAYERS_FLOATS: u32 = {}u;\n\
+         const AOV_FLOATS: u32 = {}u;\n\
          const ALBEDO_MIN: f32 = {ALBEDO_MIN:?};\n\
          const ALBEDO_FACTOR: f32 = {ALBEDO_FACTOR:?};\n\
          const NORMAL_FACTOR: f32 = {NORMAL_FACTOR:?};\n\
@@ -274,7 +274,7 @@ fn source() -> String {
          const MIXED_MIN: f32 = {MIXED_MIN:?};\n\
          const OUTLINE_MIN: f32 = {OUTLINE_MIN:?};\n\
          const BRIGHTNESS_SHARE: f32 = {BRIGHTNESS_SHARE:?};\n",
-        Output::Layers.floats()
+        Output::Aovs.floats()
     );
     text += include_str!("shaders/structs.wgsl");
     text += include_str!("shaders/block.wgsl");

@@ -15,13 +15,13 @@
 //! rounding sends a path another way by more, and not at all between partitions.
 
 mod adapter;
+mod aov;
 mod denoise;
 mod device;
 mod features;
 mod filter;
 mod flatness;
 mod frame;
-mod layers;
 mod layout;
 mod pipeline;
 mod probe;
@@ -40,7 +40,7 @@ use rayon::prelude::*;
 pub use adapter::{AdapterChoice, AdapterDescription, adapters};
 
 use crate::{
-    CompiledScene, DeviceInfo, DeviceKind, Error, Tile, TileLayers, TileRadiance, TraceJob,
+    CompiledScene, DeviceInfo, DeviceKind, Error, Tile, TileAovs, TileRadiance, TraceJob,
     TraceStats, Tracer,
 };
 use device::Device;
@@ -237,14 +237,14 @@ impl Tracer for GpuTracer {
         })
     }
 
-    fn layers(
+    fn aovs(
         &self,
         scene: &CompiledScene,
         job: &TraceJob<'_>,
-        sink: &(dyn Fn(TileLayers) + Sync),
+        sink: &(dyn Fn(TileAovs) + Sync),
     ) -> Result<(), Error> {
         self.check(job)?;
-        self.find_layers(scene, job, sink)
+        self.trace_aovs(scene, job, sink)
     }
 }
 

@@ -79,7 +79,7 @@ fn parts(features: &Features) -> Vec<&'static str> {
         true => include_str!("shaders/window.wgsl"),
         false => include_str!("shaders/window_none.wgsl"),
     });
-    parts.push(include_str!("shaders/layers.wgsl"));
+    parts.push(include_str!("shaders/aov.wgsl"));
     parts.push(include_str!("shaders/path.wgsl"));
     parts.push(include_str!("shaders/block.wgsl"));
     parts.push(include_str!("shaders/kernel.wgsl"));
@@ -165,8 +165,8 @@ fn constants(features: &Features) -> String {
         );
     }
     text += &kinds();
-    let floats = Output::Layers.floats();
-    _ = writeln!(text, "const LAYERS_FLOATS: u32 = {floats}u;");
+    let floats = Output::Aovs.floats();
+    _ = writeln!(text, "const AOV_FLOATS: u32 = {floats}u;");
     text += &paint::wgsl();
     let mut first = 0;
     for shape in ShapeKind::ALL {

@@ -22,7 +22,7 @@ use super::weights::{
     ALBEDO_FACTOR, ALBEDO_MIN, DEPTH_FACTOR, NORMAL_FACTOR, STEPS, TAPS, variances,
 };
 use crate::Tile;
-use crate::layers::SMOOTH_RAYS;
+use crate::aov::SMOOTH_RAYS;
 
 /// No surface has this normal, so that nothing mixes with what was not traced.
 pub(super) const NO_NORMAL: f32 = 1e6;

@@ -9,11 +9,10 @@ use super::filter::{Filter, FilterMemory};
 use super::outline::Outlines;
 use super::region::{Region, leading};
 use super::weights::{ALBEDO_MIN, half_ratio};
+use crate::aov::AOV_CHANNELS;
 use crate::cpu::Level;
-use crate::layers::LAYERS;
 use crate::{
-    CompiledScene, Error, ImageSize, Layers, RenderSettings, Tile, TileRadiance, TraceJob,
-    TraceStats,
+    Aovs, CompiledScene, Error, ImageSize, RenderSettings, Tile, TileRadiance, TraceJob, TraceStats,
 };
 
 /// A tile before it is denoised.
@@ -31,7 +30,7 @@ pub(crate) struct NoisyPixels {
     pub(super) columns: [Vec<f32>; COLUMNS],
 }
 
-/// Radiance without the light that is in [`crate::Layers::emission`], over albedo.
+/// Radiance without the light that is in [`crate::Aovs::emission`], over albedo.
 pub(super) const LIGHT: usize = 0;
 /// Of its mean, over all channels; empty of single samples.
 pub(super) const VARIANCE: usize = 3;
@@ -51,8 +50,8 @@ pub(crate) struct Sums<'a> {
     pub(crate) radiance: [&'a [f32]; 3],
     /// The same of the first half of the samples, rounded down; of a single sample anything.
     pub(crate) half: [&'a [f32]; 3],
-    /// The columns of [`crate::Layers`].
-    pub(crate) hits: [&'a [f32]; LAYERS],
+    /// The columns of [`crate::Aovs`].
+    pub(crate) hits: [&'a [f32]; AOV_CHANNELS],
 }
 
 impl NoisyPixels {
@@ -137,7 +136,7 @@ pub(crate) trait NoisyTracer {
         size: ImageSize,
         settings: RenderSettings,
         pixels: &[(u32, u32)],
-    ) -> Vec<Layers>;
+    ) -> Vec<Aovs>;
 }
 
 /// Traces the job's tiles and their guard band, and hands over the denoised tiles.

@@ -10,14 +10,14 @@ use super::filter::{Around, Filter, NO_NORMAL, distance_squared, guide};
 use super::noisy::{ALBEDO, EMISSION, LIGHT, NORMAL, NoisyTracer};
 use super::planes::{Float, LANES, Mask};
 use super::weights::{BRIGHTNESS_SHARE, MIXED_MIN, NEIGHBOURS, OUTLINE_MIN};
-use crate::layers::smooth;
-use crate::{CompiledScene, Layers, Tile, TraceJob};
+use crate::aov::smooth;
+use crate::{Aovs, CompiledScene, Tile, TraceJob};
 
 /// Pixels that more rays look at than they have paths, and what those meet.
 #[derive(Default)]
 pub(super) struct Outlines {
     pixels: Vec<(u32, u32)>,
-    hits: Vec<Layers>,
+    hits: Vec<Aovs>,
     /// Where each tile's end.
     ends: Vec<usize>,
 }
@@ -46,7 +46,7 @@ impl Outlines {
     }
 
     /// The pixels of the tile of this index.
-    pub(super) fn of_tile(&self, index: usize) -> impl Iterator<Item = (&(u32, u32), &Layers)> {
+    pub(super) fn of_tile(&self, index: usize) -> impl Iterator<Item = (&(u32, u32), &Aovs)> {
         let end = self.ends.get(index).copied().unwrap_or(0);
         let begin = index
             .checked_sub(1)
@@ -93,7 +93,7 @@ impl Filter {
     /// appearance of the pixel, `s` that of more rays there, and `b` a neighbour's, the mixture
     /// `a + t(b − a)` nearest to `s` has `t = (s−a)·(b−a) / |b−a|²`; of all neighbours that one is taken
     /// whose mixture is nearest.
-    pub(super) fn mixed(&self, (x, y): (u32, u32), smooth: &Layers) -> [f32; 3] {
+    pub(super) fn mixed(&self, (x, y): (u32, u32), smooth: &Aovs) -> [f32; 3] {
         let (x, y) = ((x - self.bounds.x) as usize, (y - self.bounds.y) as usize);
         let own = self.radiance_at(x, y);
         let here = self.appearance_at(x, y);

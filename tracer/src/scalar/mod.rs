@@ -48,7 +48,7 @@
 pub mod bsdf;
 pub mod carved;
 pub mod intersect;
-mod layers;
+mod aov;
 pub mod light;
 pub mod medium;
 pub mod microfacet;
@@ -71,7 +71,7 @@ use crate::sampling::{
     BLOCK_CAMERA, block_choice, block_light, block_scatter, pair, pixel_key, sample_key,
 };
 use crate::tracer::{DeviceInfo, DeviceKind, TileRadiance, TraceJob, TraceStats, Tracer};
-use crate::{CompiledScene, Error, ImageSize, Layers, RenderSettings, Tile, TileLayers};
+use crate::{Aovs, CompiledScene, Error, ImageSize, RenderSettings, Tile, TileAovs};
 use intersect::{Departure, intersect_from, nearest_lamp, vector};
 pub use intersect::{Hit, Ray, intersect};
 use light::{LampPoint, choose_lamp, light_sum};
@@ -113,18 +113,18 @@ impl Tracer for ScalarTracer {
         }))
     }
 
-    fn layers(
+    fn aovs(
         &self,
         scene: &CompiledScene,
         job: &TraceJob<'_>,
-        sink: &(dyn Fn(TileLayers) + Sync),
+        sink: &(dyn Fn(TileAovs) + Sync),
     ) -> Result<(), Error> {
         job.validate()?;
         let view = View::new(scene, job);
         job.tiles.par_iter().enumerate().for_each(|(index, &tile)| {
             if !job.cancelled.load(Ordering::Relaxed) {
-                let pixels = view.layers(tile);
-                sink(TileLayers { index, pixels });
+                let pixels = view.aovs(tile);
+                sink(TileAovs { index, pixels });
             }
         });
         Ok(())
@@ -140,7 +140,7 @@ impl NoisyTracer for ScalarTracer {
     ) -> Result<TraceStats, Error> {
         let view = View::new(scene, job);
         Ok(view.trace(job, |index, tile, rows| {
-            let hits = view.layers(tile);
+            let hits = view.aovs(tile);
             let dropped_samples = rows.iter().map(|row| row.dropped_samples).sum();
             sink(NoisyTile {
                 index,
@@ -157,7 +157,7 @@ impl NoisyTracer for ScalarTracer {
         size: ImageSize,
         settings: RenderSettings,
         pixels: &[(u32, u32)],
-    ) -> Vec<Layers> {
+    ) -> Vec<Aovs> {
         let frame = scene.camera_frame(size);
         let view = View {
             scene,
@@ -165,15 +165,15 @@ impl NoisyTracer for ScalarTracer {
             settings,
         };
         let pixels = pixels.par_iter();
-        pixels.map(|&(x, y)| view.pixel_layers(x, y)).collect()
+        pixels.map(|&(x, y)| view.pixel_aovs(x, y)).collect()
     }
 }
 
-fn noisy_pixels(samples: u32, rows: &[Row], hits: &[Layers]) -> NoisyPixels {
-    let layers = |hits: &[Layers]| columns(hits.iter().map(Layers::columns));
+fn noisy_pixels(samples: u32, rows: &[Row], hits: &[Aovs]) -> NoisyPixels {
+    let aovs = |hits: &[Aovs]| columns(hits.iter().map(Aovs::columns));
     let radiance = columns(rows.iter().flat_map(|row| row.radiance.iter().copied()));
     let half = columns(rows.iter().flat_map(|row| row.half.iter().copied()));
-    let hits = layers(hits);
+    let hits = aovs(hits);
     let mut pixels = NoisyPixels::default();
     pixels.extend(
         samples,
@@ -320,10 +320,7 @@ impl<'a> View<'a> {
                 }
                 return radiance + beta * self.scene.environment.as_dvec3();
             };
-            let ([u1, u2], [u0, u3]) = (
-                random(block_scatter(depth)),
-                random(block_choice(depth)),
-            );
+            let ([u1, u2], [u0, u3]) = (random(block_scatter(depth)), random(block_choice(depth)));
             if let Some((medium, enclosing)) = self.medium(left) {
                 let flight = medium.fly(hit.t, u3);
                 beta *= flight.weight;

@@ -9,7 +9,7 @@ use crate::tracers::tracers;
 use carom_tracer::film::{trace_image, trace_tiles};
 use carom_tracer::metrics::rel_mse;
 use carom_tracer::{
-    CompiledScene, CpuTracer, Film, ImageSize, Layers, RadianceImage, RenderSettings, ScalarTracer,
+    CompiledScene, CpuTracer, Film, ImageSize, Aovs, RadianceImage, RenderSettings, ScalarTracer,
     Scene, Tile, TileGrid, TileRun, TraceJob, Tracer,
 };
 
@@ -33,7 +33,7 @@ fn denoised(samples: u32) -> RenderSettings {
     }
 }
 
-fn layers(tracer: &dyn Tracer, scene: &CompiledScene, samples: u32) -> Vec<Layers> {
+fn aovs(tracer: &dyn Tracer, scene: &CompiledScene, samples: u32) -> Vec<Aovs> {
     let tile = Tile {
         x: 0,
         y: 0,
@@ -50,14 +50,14 @@ fn layers(tracer: &dyn Tracer, scene: &CompiledScene, samples: u32) -> Vec<Layer
         cancelled: &AtomicBool::new(false),
     };
     let pixels = Mutex::new(Vec::new());
-    let sink = |done: carom_tracer::TileLayers| pixels.lock().unwrap().extend(done.pixels);
-    tracer.layers(scene, &job, &sink).unwrap();
+    let sink = |done: carom_tracer::TileAovs| pixels.lock().unwrap().extend(done.pixels);
+    tracer.aovs(scene, &job, &sink).unwrap();
     pixels.into_inner().unwrap()
 }
 
 /// Largest difference in any of the numbers.
-fn apart(a: &Layers, b: &Layers) -> f32 {
-    let numbers = |hit: &Layers| {
+fn apart(a: &Aovs, b: &Aovs) -> f32 {
+    let numbers = |hit: &Aovs| {
         let [albedo, normal, emission] = [hit.albedo, hit.normal, hit.emission];
         [albedo, normal, emission, [hit.inverse_depth, 0.0, 0.0]].concat()
     };
@@ -68,13 +68,13 @@ fn apart(a: &Layers, b: &Layers) -> f32 {
 }
 
 #[test]
-fn layers_agree_between_all_tracers() {
+fn aovs_agree_between_all_tracers() {
     let scene = pool();
-    let truth = layers(&ScalarTracer, &scene, 3);
-    let shines = |hit: &&Layers| hit.emission[0] > 0.1 && hit.albedo != [0.0; 3];
+    let truth = aovs(&ScalarTracer, &scene, 3);
+    let shines = |hit: &&Aovs| hit.emission[0] > 0.1 && hit.albedo != [0.0; 3];
     assert!(truth.iter().any(|hit| shines(&hit)), "no lamp is reflected");
     for tracer in tracers() {
-        let found = layers(&**tracer, &scene, 3);
+        let found = aovs(&**tracer, &scene, 3);
         assert_eq!(found.len(), truth.len());
         // Rounding sends a ray past the other side of an outline now and then.
         let off = truth
@@ -91,7 +91,7 @@ fn layers_agree_between_all_tracers() {
 }
 
 #[test]
-fn paths_and_layers_add_up_to_the_whole_picture() {
+fn paths_and_aovs_add_up_to_the_whole_picture() {
     let scene = pool();
     let size = ImageSize::new(96, 54);
     for tracer in tracers() {
@@ -249,7 +249,7 @@ fn stripes_and_reflected_lamps_stay_sharp() {
             cancelled: &AtomicBool::new(false),
         };
         let lit = Mutex::new(Vec::new());
-        let sink = |done: carom_tracer::TileLayers| {
+        let sink = |done: carom_tracer::TileAovs| {
             let tile = tiles[done.index];
             for (i, hit) in (0..).zip(&done.pixels) {
                 let (x, y) = (tile.x + i % tile.width, tile.y + i / tile.width);
@@ -261,7 +261,7 @@ fn stripes_and_reflected_lamps_stay_sharp() {
                 }
             }
         };
-        tracer.layers(&scene, &job, &sink).unwrap();
+        tracer.aovs(&scene, &job, &sink).unwrap();
         lit.into_inner().unwrap()
     };
     let luminance = |image: &RadianceImage, i: usize| {

@@ -310,10 +310,7 @@ fn choices() -> Vec<Choice> {
             }));
         }
     }
-    choices.extend([1, 2, 3].map(|max_depth| Choice {
-        max_depth,
-        ..full
-    }));
+    choices.extend([1, 2, 3].map(|max_depth| Choice { max_depth, ..full }));
     choices.extend(Precision::ALL.map(|precision| Choice { precision, ..full }));
     let mut once: Vec<Choice> = Vec::new();
     for choice in choices {

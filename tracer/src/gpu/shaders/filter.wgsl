@@ -28,7 +28,7 @@ struct FilterData {
 // Means of the second and the first half of the samples; of a single sample the second alone.
 @group(0) @binding(3) var<storage, read> second_half: array<f32>;
 @group(0) @binding(4) var<storage, read> first_half: array<f32>;
-// First hits: `Layers`.
+// First hits: `Aovs`.
 @group(0) @binding(5) var<storage, read> hits: array<f32>;
 @group(0) @binding(6) var<storage, read> smooth_hits: array<f32>;
 // Two of each pixel: albedo and inverse depth, normal and 1 more than its emission's sum; all 0 where nothing
@@ -71,7 +71,7 @@ fn take_in(
         return;
     }
     let i = index_of(p);
-    let first = LAYERS_FLOATS * place.pixel;
+    let first = AOV_FLOATS * place.pixel;
     let albedo = vec3f(hits[first], hits[first + 1u], hits[first + 2u]);
     let normal = vec3f(hits[first + 3u], hits[first + 4u], hits[first + 5u]);
     guides[2u * i] = vec4f(albedo, hits[first + 6u]);
@@ -196,7 +196,7 @@ fn resolve(
 
 fn result(p: vec2i, pixel: u32) -> vec3f {
     let light = radiance_at(index_of(p));
-    let first = LAYERS_FLOATS * pixel + 7u;
+    let first = AOV_FLOATS * pixel + 7u;
     if (job.is_mixed == 0u || !is_outlined(p)) {
         return light + vec3f(hits[first], hits[first + 1u], hits[first + 2u]);
     }
@@ -246,7 +246,7 @@ fn difference(a: Appearance, b: Appearance) -> Appearance {
 
 // The mixture with a neighbour that comes nearest to what more rays have met.
 fn mixed(p: vec2i, pixel: u32, light: vec3f) -> vec3f {
-    let first = LAYERS_FLOATS * pixel;
+    let first = AOV_FLOATS * pixel;
     let albedo = vec3f(smooth_hits[first], smooth_hits[first + 1u], smooth_hits[first + 2u]);
     let normal = vec3f(smooth_hits[first + 3u], smooth_hits[first + 4u], smooth_hits[first + 5u]);
     let here = appearance(index_of(p));

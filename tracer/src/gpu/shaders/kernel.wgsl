@@ -1,7 +1,7 @@
 // One thread per pixel of a run of tiles, in blocks of 8 x 8.
 
 @group(0) @binding(1) var<uniform> job: DispatchData;
-// The mean of each pixel's samples: red, green, blue, or its `Layers`, whose sum lies here before.
+// The mean of each pixel's samples: red, green, blue, or its `Aovs`, whose sum lies here before.
 @group(0) @binding(3) var<storage, read_write> film: array<f32>;
 // Rays (low and high word), then the dropped samples of each tile.
 @group(0) @binding(4) var<storage, read_write> counters: array<atomic<u32>>;
@@ -19,9 +19,9 @@ fn trace(
     let block = group.y * groups.x + group.x;
     if (block < job.block_count) {
         let place = place_of(block, local);
-        if (OUTPUT == OUTPUT_LAYERS) {
+        if (OUTPUT == OUTPUT_AOVS) {
             if (place.is_inside) {
-                trace_layers(place.x, place.y, place.pixel);
+                trace_aovs(place.x, place.y, place.pixel);
             }
         } else {
             var mean = vec3f(0.0);

@@ -1,6 +1,6 @@
-// What camera rays meet first: see `Layers`, whose numbers lie in the film in its order.
+// What camera rays meet first: see `Aovs`, whose numbers lie in the film in its order.
 
-struct Layers {
+struct Aovs {
     albedo: vec3f,
     normal: vec3f,
     inverse_depth: f32,
@@ -8,10 +8,10 @@ struct Layers {
 }
 
 // Means over the pixel's samples.
-fn trace_layers(x: u32, y: u32, pixel: u32) {
-    var sum = Layers(vec3f(0.0), vec3f(0.0), 0.0, vec3f(0.0));
+fn trace_aovs(x: u32, y: u32, pixel: u32) {
+    var sum = Aovs(vec3f(0.0), vec3f(0.0), 0.0, vec3f(0.0));
     if (job.sample_begin > 0u) {
-        sum = layers_at(pixel);
+        sum = aovs_at(pixel);
     }
     for (var index = job.sample_begin; index < job.sample_end; index++) {
         let hit = first_hit(camera_path(x, y, job.first_sample + index).ray);
@@ -21,20 +21,20 @@ fn trace_layers(x: u32, y: u32, pixel: u32) {
         sum.emission += hit.emission;
     }
     let share = select(1.0, 1.0 / f32(job.samples), job.sample_end == job.samples);
-    let first = LAYERS_FLOATS * pixel;
+    let first = AOV_FLOATS * pixel;
     set_film_numbers(first, sum.albedo * share);
     set_film_numbers(first + 3u, sum.normal * share);
     film[first + 6u] = sum.inverse_depth * share;
     set_film_numbers(first + 7u, sum.emission * share);
 }
 
-fn layers_at(pixel: u32) -> Layers {
-    let first = LAYERS_FLOATS * pixel;
-    return Layers(film_numbers(first), film_numbers(first + 3u), film[first + 6u], film_numbers(first + 7u));
+fn aovs_at(pixel: u32) -> Aovs {
+    let first = AOV_FLOATS * pixel;
+    return Aovs(film_numbers(first), film_numbers(first + 3u), film[first + 6u], film_numbers(first + 7u));
 }
 
-fn first_hit(ray: Ray) -> Layers {
-    var met = Layers(vec3f(0.0), vec3f(0.0), 0.0, vec3f(0.0));
+fn first_hit(ray: Ray) -> Aovs {
+    var met = Aovs(vec3f(0.0), vec3f(0.0), 0.0, vec3f(0.0));
     let hit = nearest(ray, NO_PRIMITIVE);
     if (hit.primitive >= LAMP_FIRST) {
         met.emission = emission(ray, hit);

@@ -1,4 +1,4 @@
-//! What camera rays meet first: guides of the denoiser and layers of picture files.
+//! Arbitrary output variables (AOVs) of first hits: guides of the denoiser and layers of EXR files.
 
 use crate::RenderSettings;
 
@@ -6,7 +6,7 @@ use crate::RenderSettings;
 ///
 /// A ray that meets a lamp or nothing has neither albedo nor normal, and its inverse depth is 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Layers {
+pub struct Aovs {
     /// Reflectance of the surface, 0 to 1; under a coat that of the base.
     pub albedo: [f32; 3],
     /// World-space unit normals on the camera's side; shorter where they differ.
@@ -19,12 +19,12 @@ pub struct Layers {
     pub emission: [f32; 3],
 }
 
-/// Numbers of [`Layers`].
-pub(crate) const LAYERS: usize = 10;
+/// Numbers of [`Aovs`].
+pub(crate) const AOV_CHANNELS: usize = 10;
 
-impl Layers {
+impl Aovs {
     /// The numbers in their order: 3, 3, 1 and 3.
-    pub(crate) fn from_columns(columns: [f32; LAYERS]) -> Self {
+    pub(crate) fn from_columns(columns: [f32; AOV_CHANNELS]) -> Self {
         let [r, g, b, x, y, z, inverse_depth, er, eg, eb] = columns;
         Self {
             albedo: [r, g, b],
@@ -34,8 +34,8 @@ impl Layers {
         }
     }
 
-    /// What [`Layers::from_columns`] takes.
-    pub(crate) fn columns(&self) -> [f32; LAYERS] {
+    /// What [`Aovs::from_columns`] takes.
+    pub(crate) fn columns(&self) -> [f32; AOV_CHANNELS] {
         let ([r, g, b], [x, y, z], [er, eg, eb]) = (self.albedo, self.normal, self.emission);
         [r, g, b, x, y, z, self.inverse_depth, er, eg, eb]
     }
@@ -48,11 +48,11 @@ impl Layers {
 
 /// First hits of a finished tile.
 #[derive(Clone, Debug, PartialEq)]
-pub struct TileLayers {
+pub struct TileAovs {
     /// Index into [`crate::TraceJob::tiles`].
     pub index: usize,
     /// Row-major: `tile.width × tile.height`.
-    pub pixels: Vec<Layers>,
+    pub pixels: Vec<Aovs>,
 }
 
 /// The fewest camera rays of a pixel whose outlines look smooth; denoised pictures of fewer paths

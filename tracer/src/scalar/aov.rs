@@ -6,7 +6,7 @@ use super::intersect::{Departure, Hit, Ray, intersect_from, vector};
 use super::{Vertex, View, camera_ray};
 use crate::compiled::Primitive;
 use crate::sampling::{BLOCK_CAMERA, pair, pixel_key, sample_key};
-use crate::{Layers, Tile};
+use crate::{Aovs, Tile};
 
 #[derive(Clone, Copy, Default)]
 struct Sum {
@@ -18,13 +18,13 @@ struct Sum {
 
 impl View<'_> {
     /// Means over the samples of each pixel of a tile.
-    pub(super) fn layers(&self, tile: Tile) -> Vec<Layers> {
+    pub(super) fn aovs(&self, tile: Tile) -> Vec<Aovs> {
         let rows = tile.y..tile.y + tile.height;
         let pixels = rows.flat_map(|y| (tile.x..tile.x + tile.width).map(move |x| (x, y)));
-        pixels.map(|(x, y)| self.pixel_layers(x, y)).collect()
+        pixels.map(|(x, y)| self.pixel_aovs(x, y)).collect()
     }
 
-    pub(super) fn pixel_layers(&self, x: u32, y: u32) -> Layers {
+    pub(super) fn pixel_aovs(&self, x: u32, y: u32) -> Aovs {
         let mut sum = Sum::default();
         for taken in 0..self.settings.samples {
             let sample = self.settings.first_sample.wrapping_add(taken);
@@ -35,7 +35,7 @@ impl View<'_> {
         }
         let share = 1.0 / f64::from(self.settings.samples);
         let mean = |sum: DVec3| (sum * share).as_vec3().to_array();
-        Layers {
+        Aovs {
             albedo: mean(sum.albedo),
             normal: mean(sum.normal),
             inverse_depth: (sum.inverse_depth * share) as f32,

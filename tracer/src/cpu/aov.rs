@@ -10,25 +10,25 @@ use super::integrator::Prepared;
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
 use super::stream::{load, load_words, store};
 use super::surface::Hit;
-use crate::Layers;
-use crate::layers::LAYERS;
+use crate::Aovs;
+use crate::aov::AOV_CHANNELS;
 use crate::sampling::{pixel_key, sample_key};
 
-/// The columns of [`Layers`].
-pub(super) type Seen<S> = [Float<S>; LAYERS];
+/// The columns of [`Aovs`].
+pub(super) type Seen<S> = [Float<S>; AOV_CHANNELS];
 
 impl Prepared {
     /// Means over the samples of pixels, columns and rows of the picture.
     #[inline(always)]
-    pub(super) fn layers<S: Simd>(&self, simd: S, pixels: &[(u32, u32)]) -> Vec<Layers> {
+    pub(super) fn aovs<S: Simd>(&self, simd: S, pixels: &[(u32, u32)]) -> Vec<Aovs> {
         let (films, keys): (Vec<u32>, Vec<u32>) = pixels
             .iter()
             .map(|&(x, y)| ((y << 16) | x, pixel_key(x, y)))
             .unzip();
-        let mut sums: [Vec<f32>; LAYERS] = std::array::from_fn(|_| vec![0.0; keys.len()]);
+        let mut sums: [Vec<f32>; AOV_CHANNELS] = std::array::from_fn(|_| vec![0.0; keys.len()]);
         self.add_first_hits(simd, &films, &keys, 0..self.settings.samples, &mut sums);
         let share = 1.0 / self.settings.samples as f32;
-        let pixel = |i: usize| Layers::from_columns(sums.each_ref().map(|sums| sums[i] * share));
+        let pixel = |i: usize| Aovs::from_columns(sums.each_ref().map(|sums| sums[i] * share));
         (0..keys.len()).map(pixel).collect()
     }
 
@@ -41,7 +41,7 @@ impl Prepared {
         films: &[u32],
         keys: &[u32],
         samples: Range<u32>,
-        sums: &mut [Vec<f32>; LAYERS],
+        sums: &mut [Vec<f32>; AOV_CHANNELS],
     ) {
         simd.vectorize(
             #[inline(always)]
@@ -73,7 +73,7 @@ impl Prepared {
             let (films, keys) = (words(films), words(keys));
             (Word::load_array(simd, films), Word::load_array(simd, keys))
         };
-        let mut sum = [Float::splat(simd, 0.0); LAYERS];
+        let mut sum = [Float::splat(simd, 0.0); AOV_CHANNELS];
         for sample in samples {
             let sample = self.settings.first_sample.wrapping_add(sample);
             let sample = Word::splat(simd, sample_key(sample));
@@ -180,7 +180,7 @@ impl Prepared {
 
 /// Adds what the first lanes saw to these pixels.
 #[inline(always)]
-fn add<S: Simd>(simd: S, seen: Seen<S>, pixels: Range<usize>, sums: &mut [Vec<f32>; LAYERS]) {
+fn add<S: Simd>(simd: S, seen: Seen<S>, pixels: Range<usize>, sums: &mut [Vec<f32>; AOV_CHANNELS]) {
     for (sums, seen) in sums.iter_mut().zip(seen) {
         if pixels.len() == LANES {
             let sum = load(simd, sums, pixels.start) + seen;
