@@ -196,9 +196,9 @@ def scene_dict(mitsuba, scene, args):
         inside = scene["materials"][thing["material"]].get("dielectric", {}).get("medium")
         if inside:
             result[f"object{index}"]["interior"] = medium(inside)
-    for index, lamp in enumerate(scene["lamps"]):
-        emitter = {"type": "area", "radiance": rgb(lamp["radiance"])}
-        result[f"lamp{index}"] = {**rectangle(mitsuba, lamp), "emitter": emitter}
+    for index, light in enumerate(scene["area_lights"]):
+        emitter = {"type": "area", "radiance": rgb(light["radiance"])}
+        result[f"light{index}"] = {**rectangle(mitsuba, light), "emitter": emitter}
     return result
 
 

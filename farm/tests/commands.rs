@@ -74,9 +74,9 @@ fn scenes_that_cannot_be_drawn_are_refused_with_the_place() {
         first_sphere(scene)["radius"] = json!(1e300)
     });
     spoiled(dir, "many.json", |scene| {
-        let lamps = scene["lamps"].as_array_mut().unwrap();
-        let one = lamps[0].clone();
-        lamps.resize(5000, one);
+        let lights = scene["area_lights"].as_array_mut().unwrap();
+        let one = lights[0].clone();
+        lights.resize(5000, one);
     });
     // A billion spheres: the file has the length, and takes no room on the disk.
     let huge = File::create(dir.join("huge.json")).unwrap();

@@ -4,7 +4,7 @@ use crate::RenderSettings;
 
 /// Means over a pixel's camera rays, which go where those of its paths go.
 ///
-/// A ray that meets a lamp or nothing has neither albedo nor normal, and its inverse depth is 0.
+/// A ray that meets an area light or nothing has neither albedo nor normal, and its inverse depth is 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Aovs {
     /// Reflectance of the surface, 0 to 1; under a coat that of the base.
@@ -14,7 +14,7 @@ pub struct Aovs {
     /// Of the distance along the camera's axis, m⁻¹. Over a plane its mean is the value at the
     /// pixel's middle, where the mean of the distance itself is not.
     pub inverse_depth: f32,
-    /// Light of lamps and environment that comes straight, or by a first mirror: the sharpest part
+    /// Light of area lights and environment that comes straight, or by a first mirror: the sharpest part
     /// of a picture, and without noise but that of where the rays go.
     pub emission: [f32; 3],
 }

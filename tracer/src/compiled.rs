@@ -11,12 +11,12 @@ use bytemuck::Zeroable as _;
 use glam::{DVec3, Quat, Vec3};
 
 pub use self::data::{
-    BoxData, CameraFrame, CarvedData, DiscData, FACE_BORE, FACE_BOX, FACE_HOLLOW, FACE_PLANE,
-    FACE_TURNED, FaceData, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, LampData, MaterialData,
+    AreaLightData, BoxData, CameraFrame, CarvedData, DiscData, FACE_BORE, FACE_BOX, FACE_HOLLOW,
+    FACE_PLANE, FACE_TURNED, FaceData, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, MaterialData,
     PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, RectangleData, SphereData,
 };
 use self::material::material_data;
-use crate::scene::{Camera, Cut, CutForm, Lamp, ObjectPose, Scene, SceneUpdate, Shape};
+use crate::scene::{AreaLight, Camera, Cut, CutForm, ObjectPose, Scene, SceneUpdate, Shape};
 use crate::tree::{Bounds, Tree};
 use crate::{Error, ImageSize};
 
@@ -41,7 +41,7 @@ pub struct CompiledScene {
     /// Surfaces of carved boxes: each one's box, then its cuts.
     pub faces: Vec<FaceData>,
     /// Emitting rectangles; rays end on them.
-    pub lamps: Vec<LampData>,
+    pub area_lights: Vec<AreaLightData>,
     /// Materials; primitives hold indices.
     pub materials: Vec<MaterialData>,
     /// Per object of the scene: its shape's array and its place in it.
@@ -107,8 +107,8 @@ pub enum Primitive {
     Rectangle(u32),
     /// Index into [`CompiledScene::faces`]; for an object its first face.
     Face(u32),
-    /// Index into [`CompiledScene::lamps`].
-    Lamp(u32),
+    /// Index into [`CompiledScene::area_lights`].
+    AreaLight(u32),
 }
 
 impl CompiledScene {
@@ -127,7 +127,7 @@ impl CompiledScene {
             rectangles: Vec::new(),
             carved: Vec::new(),
             faces: Vec::new(),
-            lamps: lamps(&scene.lamps),
+            area_lights: area_lights(&scene.area_lights),
             materials: scene.materials.values().map(material_data).collect(),
             primitives: Vec::with_capacity(scene.objects.len()),
             hierarchy: Hierarchy::default(),
@@ -291,9 +291,9 @@ impl CompiledScene {
         let sphere = &self.spheres[sphere];
         let material = &self.materials[sphere.material as usize];
         let center = Vec3::from_array(sphere.center);
-        let mut heights = self.lamps.iter().map(|lamp| {
-            let from_lamp = center - Vec3::from_array(lamp.center);
-            from_lamp.dot(Vec3::from_array(lamp.normal))
+        let mut heights = self.area_lights.iter().map(|light| {
+            let from_light = center - Vec3::from_array(light.center);
+            from_light.dot(Vec3::from_array(light.normal))
         });
         u32::from(
             material.kind == KIND_DIELECTRIC
@@ -354,7 +354,7 @@ impl CompiledScene {
         }
     }
 
-    /// The material of a primitive; none for a lamp.
+    /// The material of a primitive; none for an area light.
     pub fn material_of(&self, primitive: Primitive) -> Option<&MaterialData> {
         let material = match primitive {
             Primitive::Sphere(i) => self.spheres[i as usize].material,
@@ -362,7 +362,7 @@ impl CompiledScene {
             Primitive::Disc(i) => self.discs[i as usize].material,
             Primitive::Rectangle(i) => self.rectangles[i as usize].material,
             Primitive::Face(i) => self.faces[i as usize].material,
-            Primitive::Lamp(_) => return None,
+            Primitive::AreaLight(_) => return None,
         };
         Some(&self.materials[material as usize])
     }
@@ -439,26 +439,29 @@ fn unit(v: DVec3) -> Vec3 {
     v.normalize().as_vec3()
 }
 
-fn lamps(lamps: &[Lamp]) -> Vec<LampData> {
-    let mean = |lamp: &Lamp| lamp.radiance.as_dvec3().element_sum() / 3.0;
-    let brightest = lamps.iter().map(mean).fold(f64::MIN_POSITIVE, f64::max);
-    lamps
+fn area_lights(area_lights: &[AreaLight]) -> Vec<AreaLightData> {
+    let mean = |light: &AreaLight| light.radiance.as_dvec3().element_sum() / 3.0;
+    let brightest = area_lights
         .iter()
-        .map(|lamp| lamp_data(lamp, (mean(lamp) / brightest) as f32))
+        .map(mean)
+        .fold(f64::MIN_POSITIVE, f64::max);
+    area_lights
+        .iter()
+        .map(|light| area_light_data(light, (mean(light) / brightest) as f32))
         .collect()
 }
 
-fn lamp_data(lamp: &Lamp, brightness: f32) -> LampData {
-    let [half_u, half_v] = [lamp.half_u, lamp.half_v].map(Vec3::as_dvec3);
-    LampData {
-        center: lamp.center.to_array(),
+fn area_light_data(light: &AreaLight, brightness: f32) -> AreaLightData {
+    let [half_u, half_v] = [light.half_u, light.half_v].map(Vec3::as_dvec3);
+    AreaLightData {
+        center: light.center.to_array(),
         brightness,
         axis_u: unit(half_u).to_array(),
         length_u: half_u.length() as f32,
         axis_v: unit(half_v).to_array(),
         length_v: half_v.length() as f32,
         normal: unit(half_u.cross(half_v)).to_array(),
-        radiance: lamp.radiance.to_array(),
-        ..LampData::zeroed()
+        radiance: light.radiance.to_array(),
+        ..AreaLightData::zeroed()
     }
 }

@@ -36,11 +36,10 @@ pub use error::Error;
 pub use film::Film;
 pub use gpu::GpuTracer;
 pub use image_file::RadianceImage;
-pub use aov::{Aovs, TileAovs};
 pub use scalar::ScalarTracer;
 pub use scene::{
-    Axis, Camera, Cut, CutForm, Environment, Lamp, Material, Medium, Object, ObjectPose, Paint,
-    Scene, SceneUpdate, Shape, Sights, Stripe,
+    AreaLight, Axis, Camera, Cut, CutForm, Environment, Material, Medium, Object, ObjectPose,
+    Paint, Scene, SceneUpdate, Shape, Sights, Stripe,
 };
 pub use settings::{Preset, RenderSettings};
 pub use tile::{ImageSize, Tile, TileGrid, TileRun};

@@ -155,7 +155,7 @@ pub const fn block_scatter(depth: u32) -> u32 {
     1 + 3 * depth
 }
 
-/// Block of next-event estimation at that depth: lamp and point on it.
+/// Block of next-event estimation at that depth: area light and point on it.
 #[inline]
 pub const fn block_light(depth: u32) -> u32 {
     2 + 3 * depth

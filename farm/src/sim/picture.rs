@@ -91,6 +91,6 @@ pub fn empty_scene() -> Scene {
         },
         materials: BTreeMap::new(),
         objects: Vec::new(),
-        lamps: Vec::new(),
+        area_lights: Vec::new(),
     }
 }

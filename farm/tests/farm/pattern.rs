@@ -202,6 +202,6 @@ pub(crate) fn scene() -> Scene {
                 rotation: Quat::IDENTITY,
             },
         }],
-        lamps: Vec::new(),
+        area_lights: Vec::new(),
     }
 }

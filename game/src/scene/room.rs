@@ -12,7 +12,8 @@ use carom_billiards::physics::{Circle, Cushion, Table};
 use carom_billiards::rules::{self, RuleSet};
 use carom_billiards::shot_report::ground;
 use carom_tracer::{
-    Axis, Camera, Cut, CutForm, Environment, Lamp, Material, Object, Paint, Scene, Shape, Sights,
+    AreaLight, Axis, Camera, Cut, CutForm, Environment, Material, Object, Paint, Scene, Shape,
+    Sights,
 };
 use glam::{DVec2, Quat, Vec2, Vec3};
 
@@ -46,7 +47,7 @@ pub fn room(table: &Table, rules: RuleSet, set: BallSet) -> Scene {
             radiance: Vec3::new(0.16, 0.15, 0.135),
         },
         materials: materials(&room.frame, table, rules, set),
-        lamps: LAMP_X_M.map(|x| lamp(x, room.frame.scale)).into(),
+        area_lights: LAMP_X_M.map(|x| area_light(x, room.frame.scale)).into(),
         objects: room.objects,
     }
 }
@@ -481,8 +482,8 @@ fn beyond(point: Vec3, normal: Vec3) -> Cut {
     cut(CutForm::Beyond { point, normal })
 }
 
-fn lamp(x: f32, scale: f32) -> Lamp {
-    Lamp {
+fn area_light(x: f32, scale: f32) -> AreaLight {
+    AreaLight {
         name: format!("lamp at {x}"),
         center: Vec3::new(scale * x, 0.0, LAMP_Z_M),
         half_u: Vec3::X * scale * LAMP_HALF_M.x,

@@ -85,7 +85,7 @@ pub(crate) fn balls(balls: usize) -> Scene {
         },
         materials: BTreeMap::from([("resin".into(), Material::Diffuse { albedo })]),
         objects: (0..balls).map(object).collect(),
-        lamps: Vec::new(),
+        area_lights: Vec::new(),
     }
 }
 

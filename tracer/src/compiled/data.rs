@@ -1,4 +1,4 @@
-//! What back ends read of each primitive, lamp, material and camera: plain old data, laid out as WGSL has
+//! What back ends read of each primitive, area light, material and camera: plain old data, laid out as WGSL has
 //! its structs.
 
 use bytemuck::{Pod, Zeroable};
@@ -17,8 +17,8 @@ pub struct SphereData {
     pub material: u32,
     /// Unit axis through the circles of its number in world space.
     pub number_axis: [f32; 3],
-    /// 1 if light that is scattered inside aims at lamps through the boundary
-    /// ([`crate::scalar::window`]), else 0: it is smooth, and all lamps look down on the whole ball
+    /// 1 if light that is scattered inside aims at area lights through the boundary
+    /// ([`crate::scalar::window`]), else 0: it is smooth, and all area lights look down on the whole ball
     /// from half a radius above or more, so that none is seen from inside, straight, that is not from
     /// where light leaves, or much larger.
     pub is_window: u32,
@@ -116,13 +116,13 @@ pub struct RectangleData {
     pub padding: u32,
 }
 
-/// A lamp, as a rectangle that emits along its normal.
+/// An area light, as a rectangle that emits along its normal.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-pub struct LampData {
+pub struct AreaLightData {
     /// Centre, metres.
     pub center: [f32; 3],
-    /// Mean radiance over that of the scene's brightest lamp, 0 to 1.
+    /// Mean radiance over that of the scene's brightest area light, 0 to 1.
     pub brightness: f32,
     /// Unit vector along an edge.
     pub axis_u: [f32; 3],
@@ -142,8 +142,8 @@ pub struct LampData {
     pub more_padding: u32,
 }
 
-impl LampData {
-    /// Half of both edges: the lamp is `center + a·u + b·v`, `a, b ∈ [−1, 1]`.
+impl AreaLightData {
+    /// Half of both edges: the area light is `center + a·u + b·v`, `a, b ∈ [−1, 1]`.
     pub fn half_edges(&self) -> [[f32; 3]; 2] {
         let [u, v] = [(self.axis_u, self.length_u), (self.axis_v, self.length_v)];
         [u, v].map(|(axis, length)| axis.map(|c| c * length))

@@ -39,7 +39,7 @@ fn scene() -> Scene {
             object("cube", cube),
             object("second", ball(2.0)),
         ],
-        lamps: Vec::new(),
+        area_lights: Vec::new(),
     }
 }
 
@@ -183,10 +183,10 @@ fn the_camera_s_corners_span_its_field_of_view() {
 }
 
 #[test]
-fn lamps_and_plates_face_along_u_cross_v() {
+fn lights_and_rectangles_face_along_u_cross_v() {
     let mut scene = scene();
     let (half_u, half_v) = (Vec3::new(0.0, 3.0, 0.0), Vec3::new(0.0, 0.0, 1e-3));
-    scene.lamps.push(Lamp {
+    scene.area_lights.push(AreaLight {
         name: String::new(),
         center: Vec3::ZERO,
         half_u,
@@ -199,7 +199,7 @@ fn lamps_and_plates_face_along_u_cross_v() {
         half_v,
     };
     let compiled = CompiledScene::new(&scene).unwrap();
-    assert_eq!(compiled.lamps[0].normal, [1.0, 0.0, 0.0]);
+    assert_eq!(compiled.area_lights[0].normal, [1.0, 0.0, 0.0]);
     assert_eq!(compiled.rectangles[0].normal, [1.0, 0.0, 0.0]);
-    assert!((compiled.lamps[0].length_v / 1e-3 - 1.0).abs() < 1e-6);
+    assert!((compiled.area_lights[0].length_v / 1e-3 - 1.0).abs() < 1e-6);
 }

@@ -100,7 +100,7 @@ impl Prepared {
         length: Float<S>,
         nearest: &Nearest<S>,
     ) -> Seen<S> {
-        let ended = nearest.id.simd_ge(self.geometry.lamps_first);
+        let ended = nearest.id.simd_ge(self.geometry.area_lights_first);
         let emitted = self.emission(simd, direction, nearest, ended);
         if ended.all_true() {
             let zero = Vec3x::splat(simd, [0.0; 3]);
@@ -137,7 +137,7 @@ impl Prepared {
             let mirrored = bsdf.mirrored();
             let rays = Rays::new(simd, hit.position, mirrored, id);
             let nearest = self.geometry.nearest(simd, &rays);
-            let lit = mirror & nearest.id.simd_ge(self.geometry.lamps_first);
+            let lit = mirror & nearest.id.simd_ge(self.geometry.area_lights_first);
             let emission = self.emission(simd, mirrored, &nearest, lit);
             emitted = emission.scale_add(reflectance, emitted);
         }
@@ -150,7 +150,7 @@ impl Prepared {
         )
     }
 
-    /// Light of the lamp or the environment in which rays end, for the lanes in `mask`.
+    /// Light of the area light or the environment in which rays end, for the lanes in `mask`.
     #[inline(always)]
     pub(super) fn emission<S: Simd>(
         &self,
@@ -169,9 +169,9 @@ impl Prepared {
         if !lit.any_true() {
             return Vec3x::select(escaped, environment, black);
         }
-        let lamp = nearest.id - self.geometry.lamps_first;
-        let lamp = lit.select(lamp, Word::splat(simd, 0));
-        let emission = self.lamps.emission(simd, lamp);
+        let light = nearest.id - self.geometry.area_lights_first;
+        let light = lit.select(light, Word::splat(simd, 0));
+        let emission = self.area_lights.emission(simd, light);
         let front = direction.dot(emission.normal).simd_lt(0.0);
         let emitted = Vec3x::select(lit & front, emission.radiance, black);
         Vec3x::select(escaped, environment, emitted)

@@ -33,7 +33,7 @@ pub(super) struct Scattered<S: Simd> {
     pub(super) wi: Vec3x<S>,
     /// `f · cos θ / pdf`, probability of the lobe included.
     pub(super) weight: Vec3x<S>,
-    /// Per solid angle; ∞ for what has no density, −∞ inside a body, 0 for a coat's mirror, whose lamps
+    /// Per solid angle; ∞ for what has no density, −∞ inside a body, 0 for a coat's mirror, whose area lights
     /// have been looked up.
     pub(super) pdf: Float<S>,
 }
@@ -69,7 +69,7 @@ impl<S: Simd> Bsdf<S> {
         bsdf
     }
 
-    /// Where light that comes straight from a lamp at `cos_i` may be scattered to `wo`.
+    /// Where light that comes straight from an area light at `cos_i` may be scattered to `wo`.
     #[inline(always)]
     pub(super) fn sees(&self, cos_i: Float<S>) -> Mask<S> {
         let faces = cos_i.simd_gt(0.0);

@@ -23,16 +23,16 @@ pub(super) const INSIDE: u32 = 1 << 31;
 const DIRECTION_MIN: f32 = 1e-30;
 
 /// Everything a ray can meet. Ids number spheres, boxes, discs, rectangles, faces of carved boxes and
-/// lamps in this order, as [`super::surface::Surfaces`] lists them.
+/// area lights in this order, as [`super::surface::Surfaces`] lists them.
 pub(super) struct Geometry {
     spheres: Many<Ball, 6>,
     boxes: Many<Slabs, 6>,
     discs: Many<Plate, 7>,
     rectangles: Many<Panel, 12>,
     carved: Vec<Carved>,
-    lamps: Many<Panel, 12>,
-    /// The id of the first lamp; a hit of this id or above ends its path.
-    pub(super) lamps_first: u32,
+    area_lights: Many<Panel, 12>,
+    /// The id of the first area light; a hit of this id or above ends its path.
+    pub(super) area_lights_first: u32,
     /// Some spheres or boxes are clear, so that rays go on inside.
     has_clear: bool,
 }
@@ -132,15 +132,16 @@ impl Geometry {
         let rectangles = Many::new(scene, ShapeKind::Rectangle, rectangles.collect(), reach);
         // As many ids as there are faces.
         let faces_first = first + scene.rectangles.len() as u32;
-        let lamps_first = faces_first + scene.faces.len() as u32;
+        let area_lights_first = faces_first + scene.faces.len() as u32;
         let carved = scene.carved.iter();
         let carved = carved
             .map(|c| Carved::new(c, &scene.faces, faces_first))
             .collect();
-        let lamps = scene.lamps.iter().zip(lamps_first..);
-        let lamps = lamps.map(|(lamp, id)| One::new(Panel::lamp_numbers(lamp), id, false));
-        let lamps = Many {
-            each: lamps.collect(),
+        let area_lights = scene.area_lights.iter().zip(area_lights_first..);
+        let area_lights =
+            area_lights.map(|(light, id)| One::new(Panel::area_light_numbers(light), id, false));
+        let area_lights = Many {
+            each: area_lights.collect(),
             forest: None,
         };
         let has_clear = has_clear(scene);
@@ -150,8 +151,8 @@ impl Geometry {
             discs,
             rectangles,
             carved,
-            lamps,
-            lamps_first,
+            area_lights,
+            area_lights_first,
             has_clear,
         }
     }
@@ -171,7 +172,7 @@ impl Geometry {
                 nearest.id = hit.select(face, nearest.id);
             }
         }
-        self.lamps.nearest(simd, rays, &mut nearest);
+        self.area_lights.nearest(simd, rays, &mut nearest);
         if self.has_clear {
             let within = rays.skip.simd_eq(nearest.id | INSIDE);
             nearest.id = within.select(rays.skip, nearest.id);
@@ -179,15 +180,15 @@ impl Geometry {
         nearest
     }
 
-    /// [`Geometry::nearest`] of the lamps alone.
+    /// [`Geometry::nearest`] of the area lights alone.
     #[inline(always)]
-    pub(super) fn nearest_lamp<S: Simd>(&self, simd: S, rays: &Rays<S>) -> Nearest<S> {
+    pub(super) fn nearest_area_light<S: Simd>(&self, simd: S, rays: &Rays<S>) -> Nearest<S> {
         let mut nearest = Nearest::none(simd);
-        self.lamps.nearest(simd, rays, &mut nearest);
+        self.area_lights.nearest(simd, rays, &mut nearest);
         nearest
     }
 
-    /// Where something lies before `distance`, the lamp of id `target` aside.
+    /// Where something lies before `distance`, the area light of id `target` aside.
     #[inline(always)]
     pub(super) fn occluded<S: Simd>(
         &self,
@@ -206,9 +207,9 @@ impl Geometry {
                 dark |= hit;
             }
         }
-        for lamp in &self.lamps.each {
-            if let Some((hit, _)) = Panel::meet(rays, &lamp.solids(simd), distance) {
-                dark |= hit & target.simd_ne(lamp.id);
+        for light in &self.area_lights.each {
+            if let Some((hit, _)) = Panel::meet(rays, &light.solids(simd), distance) {
+                dark |= hit & target.simd_ne(light.id);
             }
         }
         dark
@@ -389,7 +390,7 @@ mod tests {
             },
             materials: BTreeMap::from([("m".to_owned(), Material::Diffuse { albedo })]),
             objects: shapes.iter().map(object).collect(),
-            lamps: Vec::new(),
+            area_lights: Vec::new(),
         };
         CompiledScene::new(&scene).unwrap()
     }
@@ -440,7 +441,9 @@ mod tests {
                     Primitive::Sphere(i) => i,
                     Primitive::Box(i) => i + scene.spheres.len() as u32,
                     Primitive::Disc(i) => i + (scene.spheres.len() + scene.boxes.len()) as u32,
-                    Primitive::Rectangle(_) | Primitive::Lamp(_) => geometry.lamps_first - 1,
+                    Primitive::Rectangle(_) | Primitive::AreaLight(_) => {
+                        geometry.area_lights_first - 1
+                    }
                     Primitive::Face(_) => panic!("no carved boxes here"),
                 };
                 if id[lane] == number {

@@ -112,7 +112,7 @@ impl<S: Simd> Gloss<S> {
         self.clear & self.within
     }
 
-    /// Where light from `wi`, at `cos_i`, that comes straight from a lamp may be scattered to `wo`.
+    /// Where light from `wi`, at `cos_i`, that comes straight from an area light may be scattered to `wo`.
     #[inline(always)]
     pub(super) fn sees(&self, cos_i: Float<S>) -> Mask<S> {
         let outside = self.clear & self.within;

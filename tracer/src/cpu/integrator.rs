@@ -1,16 +1,16 @@
 //! The path tracer as stages over a stream: extend, shade, connect, until all paths have ended.
 //!
-//! Next-event estimation towards the lamps and directions from the BSDF are weighed by the power
+//! Next-event estimation towards the area lights and directions from the BSDF are weighed by the power
 //! heuristic (Veach, "Robust Monte Carlo Methods for Light Transport Simulation", 1997, §9.2);
 //! the environment is found by the BSDF's directions alone.
 
 use fearless_simd::{i32x16, prelude::*};
 
+use super::area_light::{AreaLights, SampledAreaLight};
 use super::bsdf::Bsdf;
 use super::geometry::{Geometry, INSIDE, NONE, Nearest, Rays};
 use super::gloss::{SCATTERED, untagged};
 use super::lanes::{Float, Mask, Vec3x, Word};
-use super::light::{LampSample, Lamps};
 use super::sampling::pair;
 use super::stream::{Packet, Stream, load, load_words, packets, store, store_words};
 use super::surface::{Hit, Surfaces};
@@ -25,7 +25,7 @@ pub(super) struct Prepared {
     pub(super) environment: [f32; 3],
     pub(super) geometry: Geometry,
     pub(super) surfaces: Surfaces,
-    pub(super) lamps: Lamps,
+    pub(super) area_lights: AreaLights,
     has_coat: bool,
     pub(super) settings: RenderSettings,
 }
@@ -37,7 +37,7 @@ impl Prepared {
             environment: scene.environment.to_array(),
             geometry: Geometry::new(scene),
             surfaces: Surfaces::new(scene),
-            lamps: Lamps::new(&scene.lamps),
+            area_lights: AreaLights::new(&scene.area_lights),
             has_coat: scene.materials.iter().any(|material| material.ior > 0.0),
             settings,
         }
@@ -66,7 +66,7 @@ impl Prepared {
                 #[inline(always)]
                 || self.shade(simd, stream, depth),
             );
-            if !self.lamps.is_empty() {
+            if !self.area_lights.is_empty() {
                 rays += simd.vectorize(
                     #[inline(always)]
                     || self.connect(simd, stream, OTHER),
@@ -82,7 +82,7 @@ impl Prepared {
         rays
     }
 
-    /// Whether lamps that a coat reflects are looked up: of denoised pictures the first hits' mirrors
+    /// Whether area lights that a coat reflects are looked up: of denoised pictures the first hits' mirrors
     /// are traced apart.
     fn looks_into_coats(&self, depth: u32) -> bool {
         self.has_coat && (depth > 0 || !self.settings.denoise)
@@ -169,7 +169,7 @@ impl Prepared {
                 self.fly(simd, stream, at, depth, &mut nearest);
                 met = untagged(nearest.id);
             }
-            let unscattered = met.simd_ge(self.geometry.lamps_first) & alive;
+            let unscattered = met.simd_ge(self.geometry.area_lights_first) & alive;
             if unscattered.any_true() {
                 let light_id = unscattered.select(nearest.id, Word::splat(simd, NONE));
                 let mut light = self.found_light(simd, stream, at, light_id);
@@ -233,26 +233,26 @@ impl Prepared {
         nearest.id = flight.scattered.select(skip | SCATTERED, nearest.id);
     }
 
-    /// Light that comes in along rays that meet a lamp or nothing.
+    /// Light that comes in along rays that meet an area light or nothing.
     #[inline(always)]
     fn found_light<S: Simd>(&self, simd: S, stream: &Stream, at: usize, id: Word<S>) -> Vec3x<S> {
         let beta = stream.beta.load(simd, at);
         let environment = beta.scale(Vec3x::splat(simd, self.environment));
         let escaped = id.simd_eq(NONE);
-        if escaped.all_true() || self.lamps.is_empty() {
+        if escaped.all_true() || self.area_lights.is_empty() {
             return environment;
         }
-        let first = self.geometry.lamps_first;
+        let first = self.geometry.area_lights_first;
         let lit = id.simd_ge(first) & !escaped;
-        let lamp = lit.select(id - first, Word::splat(simd, 0));
-        let emission = self.lamps.emission(simd, lamp);
-        let cos_lamp = -stream.direction.load(simd, at).dot(emission.normal);
+        let light = lit.select(id - first, Word::splat(simd, 0));
+        let emission = self.area_lights.emission(simd, light);
+        let cos_light = -stream.direction.load(simd, at).dot(emission.normal);
         let pdf = load(simd, &stream.pdf, at);
-        // A lamp that does not shine has no brightness: 0 / 0.
+        // An area light that does not shine has no brightness: 0 / 0.
         let weight = power_heuristic(emission.brightness.max(f32::MIN_POSITIVE) / pdf);
         let emitted = beta.scale(emission.radiance) * weight;
         let black = Vec3x::splat(simd, [0.0; 3]);
-        let emitted = Vec3x::select(lit & cos_lamp.simd_gt(0.0), emitted, black);
+        let emitted = Vec3x::select(lit & cos_light.simd_gt(0.0), emitted, black);
         Vec3x::select(escaped, environment, emitted)
     }
 
@@ -273,7 +273,7 @@ impl Prepared {
         Vec3x::select(scattered | within, light, Vec3x::splat(simd, [0.0; 3]))
     }
 
-    /// Scatters each path where it hit: a shadow ray towards a lamp and the path's next direction.
+    /// Scatters each path where it hit: a shadow ray towards an area light and the path's next direction.
     /// Returns the number of rays that this took.
     #[inline(always)]
     fn shade<S: Simd>(&self, simd: S, stream: &mut Stream, depth: u32) -> u64 {
@@ -301,19 +301,20 @@ impl Prepared {
             let pixel = load_words(simd, &stream.pixel, at);
             let sample = load_words(simd, &stream.sample, at);
             let seed = self.settings.seed;
-            let mut light_sum = Float::splat(simd, 0.0);
-            if !self.lamps.is_empty() {
+            let mut light_weight_sum = Float::splat(simd, 0.0);
+            if !self.area_lights.is_empty() {
                 let u = pair(pixel, sample, block_light(depth), seed);
-                let lamp = self.lamps.sample(simd, hit.position, u);
-                self.aim_at_lamp(simd, stream, at, alive, &hit, &bsdf, beta, &lamp);
-                light_sum = lamp.light_sum;
+                let light = self.area_lights.sample(simd, hit.position, u);
+                self.queue_shadow_ray(simd, stream, at, alive, &hit, &bsdf, beta, &light);
+                light_weight_sum = light.light_weight_sum;
                 if self.has_windows() {
                     stream.shadows[OTHER].origin.store(at, hit.position);
-                    rays += self
-                        .aim_through_window(simd, stream, at, alive, depth, &hit, beta, tag, &lamp);
+                    rays += self.queue_refracted_shadow_ray(
+                        simd, stream, at, alive, depth, &hit, beta, tag, &light,
+                    );
                 }
                 if self.looks_into_coats(depth) {
-                    self.aim_at_mirrored_lamp(simd, stream, at, alive, &hit, &bsdf, beta);
+                    self.queue_coat_shadow_ray(simd, stream, at, alive, &hit, &bsdf, beta);
                 }
             }
             let [u1, u2] = pair(pixel, sample, block_scatter(depth), seed);
@@ -326,7 +327,7 @@ impl Prepared {
             stream.origin.store(at, hit.position);
             stream.direction.store(at, scattered.wi);
             stream.beta.store(at, beta.scale(scattered.weight));
-            let mut pdf = weighed(scattered.pdf, light_sum);
+            let mut pdf = weighed(scattered.pdf, light_weight_sum);
             if self.has_windows() {
                 let before = load(simd, &stream.pdf, at);
                 let known = self.leaves_by_window(simd, before, &hit, -direction, distance, tag);
@@ -349,7 +350,7 @@ impl Prepared {
     }
 
     /// Where a ray that was scattered inside a ball and went `distance` from there leaves it by a way on
-    /// which lamps have been aimed at. `pdf` is that of the ray.
+    /// which area lights have been aimed at. `pdf` is that of the ray.
     #[inline(always)]
     fn leaves_by_window<S: Simd>(
         &self,
@@ -378,7 +379,7 @@ impl Prepared {
         clippy::too_many_arguments,
         reason = "one packet's values, all in registers"
     )]
-    fn aim_through_window<S: Simd>(
+    fn queue_refracted_shadow_ray<S: Simd>(
         &self,
         simd: S,
         stream: &mut Stream,
@@ -388,7 +389,7 @@ impl Prepared {
         hit: &Hit<S>,
         beta: Vec3x<S>,
         tag: Word<S>,
-        lamp: &LampSample<S>,
+        light: &SampledAreaLight<S>,
     ) -> u64 {
         let Some(gloss) = &hit.gloss else {
             return 0;
@@ -400,12 +401,12 @@ impl Prepared {
         let Some(windows) = Windows::new(simd, &self.surfaces.windows, tag, scattered) else {
             return 0;
         };
-        let normal = self.lamps.emission(simd, lamp.index).normal;
-        let ways = windows.ways(simd, hit.position, lamp, normal);
+        let normal = self.area_lights.emission(simd, light.index).normal;
+        let ways = windows.ways(simd, hit.position, light, normal);
         if !ways.lanes.any_true() {
             return 0;
         }
-        // The ball itself is skipped. No lamp is inside.
+        // The ball itself is skipped. No area light is inside.
         let inner = Rays::new(simd, hit.position, ways.inner, untagged(tag));
         let none = Word::splat(simd, NONE);
         let open = ways.lanes & !self.geometry.occluded(simd, &inner, ways.inside, none);
@@ -418,7 +419,7 @@ impl Prepared {
             .direction
             .store(at, Vec3x::select(open, ways.outer, direction));
         let radiance = shadow.radiance.load(simd, at);
-        let through = beta.scale(lamp.radiance).scale(ways.weight);
+        let through = beta.scale(light.radiance).scale(ways.weight);
         shadow
             .radiance
             .store(at, Vec3x::select(open, through, radiance));
@@ -431,13 +432,13 @@ impl Prepared {
         u64::from(ways.lanes.to_bitmask().count_ones())
     }
 
-    /// Next-event estimation: a shadow ray towards a random point of a random lamp.
+    /// Next-event estimation: a shadow ray towards a random point of a random area light.
     #[inline(always)]
     #[expect(
         clippy::too_many_arguments,
         reason = "one packet's values, all in registers"
     )]
-    fn aim_at_lamp<S: Simd>(
+    fn queue_shadow_ray<S: Simd>(
         &self,
         simd: S,
         stream: &mut Stream,
@@ -446,29 +447,33 @@ impl Prepared {
         hit: &Hit<S>,
         bsdf: &Bsdf<S>,
         beta: Vec3x<S>,
-        lamp: &LampSample<S>,
+        light: &SampledAreaLight<S>,
     ) {
-        let cos_i = hit.normal.dot(lamp.wi);
-        let (f_cos, bsdf_pdf) = bsdf.evaluate(simd, lamp.wi, cos_i);
-        let weight = lamp.inverse_pdf * power_heuristic(bsdf_pdf * lamp.inverse_density);
-        let lit = alive & bsdf.sees(cos_i) & lamp.distance.simd_gt(0.0);
+        let cos_i = hit.normal.dot(light.wi);
+        let (f_cos, bsdf_pdf) = bsdf.evaluate(simd, light.wi, cos_i);
+        let weight = light.inverse_pdf * power_heuristic(bsdf_pdf * light.inverse_density);
+        let lit = alive & bsdf.sees(cos_i) & light.distance.simd_gt(0.0);
         let shadow = &mut stream.shadows[OTHER];
-        shadow.direction.store(at, lamp.wi);
+        shadow.direction.store(at, light.wi);
         shadow
             .radiance
-            .store(at, beta.scale(f_cos).scale(lamp.radiance) * weight);
+            .store(at, beta.scale(f_cos).scale(light.radiance) * weight);
         let zero = Float::splat(simd, 0.0);
-        store(&mut shadow.distance, at, lit.select(lamp.distance, zero));
-        store_words(&mut shadow.lamp, at, lamp.index + self.geometry.lamps_first);
+        store(&mut shadow.distance, at, lit.select(light.distance, zero));
+        store_words(
+            &mut shadow.light,
+            at,
+            light.index + self.geometry.area_lights_first,
+        );
     }
 
-    /// A shadow ray towards the lamp that a coat reflects, if it does.
+    /// A shadow ray towards the area light that a coat reflects, if it does.
     #[expect(
         clippy::too_many_arguments,
         reason = "what a path carries, in registers"
     )]
     #[inline(always)]
-    fn aim_at_mirrored_lamp<S: Simd>(
+    fn queue_coat_shadow_ray<S: Simd>(
         &self,
         simd: S,
         stream: &mut Stream,
@@ -488,24 +493,27 @@ impl Prepared {
         }
         let wi = bsdf.mirrored();
         let rays = Rays::new(simd, hit.position, wi, Word::splat(simd, NONE));
-        let nearest = self.geometry.nearest_lamp(simd, &rays);
+        let nearest = self.geometry.nearest_area_light(simd, &rays);
         let met = coated & nearest.id.simd_ne(NONE);
         if !met.any_true() {
             store(&mut shadow.distance, at, zero);
             return;
         }
-        let index = met.select(nearest.id - self.geometry.lamps_first, Word::splat(simd, 0));
-        let emission = self.lamps.emission(simd, index);
+        let index = met.select(
+            nearest.id - self.geometry.area_lights_first,
+            Word::splat(simd, 0),
+        );
+        let emission = self.area_lights.emission(simd, index);
         let lit = met & wi.dot(emission.normal).simd_lt(0.0);
         shadow.direction.store(at, wi);
         shadow
             .radiance
             .store(at, beta.scale(emission.radiance) * reflectance);
         store(&mut shadow.distance, at, lit.select(nearest.distance, zero));
-        store_words(&mut shadow.lamp, at, nearest.id);
+        store_words(&mut shadow.light, at, nearest.id);
     }
 
-    /// Adds the light of the shadow rays of a `lobe` that reach their lamp. Returns how many were
+    /// Adds the light of the shadow rays of a `lobe` that reach their area light. Returns how many were
     /// traced.
     #[inline(always)]
     fn connect<S: Simd>(&self, simd: S, stream: &mut Stream, lobe: usize) -> u64 {
@@ -528,9 +536,9 @@ impl Prepared {
             let direction = shadow.direction.load(simd, at);
             // Shadow rays leave outwards, whatever the path does.
             let skip = load_words(simd, &stream.primitive, at) & !INSIDE;
-            let lamp = load_words(simd, &shadow.lamp, at);
+            let light = load_words(simd, &shadow.light, at);
             let shadow_rays = Rays::new(simd, origin, direction, skip);
-            let dark = self.geometry.occluded(simd, &shadow_rays, distance, lamp);
+            let dark = self.geometry.occluded(simd, &shadow_rays, distance, light);
             let radiance = stream.radiance.load(simd, at);
             let added = radiance + shadow.radiance.load(simd, at);
             let radiance = Vec3x::select(lit & !dark, added, radiance);
@@ -544,15 +552,15 @@ impl Prepared {
 const OTHER: usize = 0;
 const MIRROR: usize = 1;
 
-/// A density times the lamps' sum, 0 and ∞ as they are and nothing else 0 where there is no light.
+/// A density times the area lights' sum, 0 and ∞ as they are and nothing else 0 where there is no light.
 #[inline(always)]
-fn weighed<S: Simd>(pdf: Float<S>, light_sum: Float<S>) -> Float<S> {
-    let product = pdf * light_sum.max(f32::MIN_POSITIVE);
+fn weighed<S: Simd>(pdf: Float<S>, light_weight_sum: Float<S>) -> Float<S> {
+    let product = pdf * light_weight_sum.max(f32::MIN_POSITIVE);
     pdf.simd_gt(0.0).select(product.max(f32::MIN_POSITIVE), pdf)
 }
 
 /// The power heuristic (β = 2) for a strategy beside another of `density_ratio` times its density.
-/// By their quotient: the squares of densities towards tiny lamps would overflow.
+/// By their quotient: the squares of densities towards tiny area lights would overflow.
 #[inline(always)]
 fn power_heuristic<S: Simd>(density_ratio: Float<S>) -> Float<S> {
     1.0 / density_ratio.mul_add(density_ratio, Float::splat(density_ratio.token(), 1.0))

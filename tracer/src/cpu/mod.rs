@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! tile → strips → batches of paths:  generate → (extend → shade → connect)* → accumulate
-//!                                                  │        │        └ shadow rays to the lamps
+//!                                                  │        │        └ shadow rays to the area lights
 //!                                                  │        └ BSDF, next direction
 //!                                                  └ nearest hit; ended paths leave the stream
 //! ```
@@ -18,6 +18,7 @@
 //! 2.4 GHz EPYC of 2021 (`examples/trace_speed.rs`); three quarters of it is intersection.
 
 mod aov;
+mod area_light;
 mod batch;
 mod bsdf;
 mod carved;
@@ -27,7 +28,6 @@ mod geometry;
 mod gloss;
 mod integrator;
 mod lanes;
-mod light;
 mod paint;
 mod sampling;
 mod shapes;

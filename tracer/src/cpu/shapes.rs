@@ -6,7 +6,7 @@ use fearless_simd::prelude::*;
 
 use super::geometry::{INSIDE, Rays};
 use super::lanes::{Float, Mask, Vec3x, Word};
-use crate::compiled::{BoxData, DiscData, LampData, RectangleData, SphereData};
+use crate::compiled::{AreaLightData, BoxData, DiscData, RectangleData, SphereData};
 
 /// A shape whose primitives are `N` numbers.
 pub(super) trait Shape<const N: usize> {
@@ -226,7 +226,7 @@ impl Shape<7> for Plate {
     }
 }
 
-/// A rectangle, of an object or a lamp: centre, normal, and half edges over their squared length, so that
+/// A rectangle, of an object or an area light: centre, normal, and half edges over their squared length, so that
 /// dot products with them are in [−1, 1] inside.
 pub(super) struct Panel;
 
@@ -237,10 +237,10 @@ impl Panel {
         join([rectangle.center, rectangle.normal, u, v])
     }
 
-    pub(super) fn lamp_numbers(lamp: &LampData) -> [f32; 12] {
-        let u = lamp.axis_u.map(|c| c * (1.0 / lamp.length_u));
-        let v = lamp.axis_v.map(|c| c * (1.0 / lamp.length_v));
-        join([lamp.center, lamp.normal, u, v])
+    pub(super) fn area_light_numbers(light: &AreaLightData) -> [f32; 12] {
+        let u = light.axis_u.map(|c| c * (1.0 / light.length_u));
+        let v = light.axis_v.map(|c| c * (1.0 / light.length_v));
+        join([light.center, light.normal, u, v])
     }
 }
 

@@ -15,7 +15,7 @@ pub(super) struct Stream {
     pub(super) beta: Triple,
     /// Light gathered so far.
     pub(super) radiance: Triple,
-    /// Density of the last direction per solid angle times the lamps' `light_sum` where it began; ∞
+    /// Density of the last direction per solid angle times the area lights' `light_weight_sum` where it began; ∞
     /// if all light along it counts, −∞ if so and it began where the path was scattered inside a body.
     pub(super) pdf: Box<[f32]>,
     /// Distance along the ray to what it hit; of a camera's ray until then, the length of its
@@ -44,9 +44,9 @@ pub(super) struct Shadows {
     /// Where it begins in scenes with windows, of the first.
     pub(super) origin: Triple,
     pub(super) direction: Triple,
-    /// To the lamp; 0 where there is nothing to test.
+    /// To the area light; 0 where there is nothing to test.
     pub(super) distance: Box<[f32]>,
-    pub(super) lamp: Box<[u32]>,
+    pub(super) light: Box<[u32]>,
     /// What arrives if nothing is in between.
     pub(super) radiance: Triple,
 }
@@ -155,7 +155,7 @@ impl Stream {
         }
     }
 
-    /// Notes that a packet has no path alive: it has met light or nothing and aims at no lamp.
+    /// Notes that a packet has no path alive: it has met light or nothing and aims at no area light.
     #[inline(always)]
     pub(super) fn note_none<S: Simd>(&mut self, simd: S, at: usize) {
         let zero = Float::splat(simd, 0.0);
@@ -211,7 +211,7 @@ impl Shadows {
             origin: Triple::new(rows),
             direction: Triple::new(rows),
             distance: vec![0.0; rows].into_boxed_slice(),
-            lamp: vec![0; rows].into_boxed_slice(),
+            light: vec![0; rows].into_boxed_slice(),
             radiance: Triple::new(rows),
         }
     }

@@ -1,13 +1,13 @@
-//! Lamps seen from inside a clear ball, a lane each: the arithmetic of [`crate::scalar::window`].
+//! Area lights seen from inside a clear ball, a lane each: the arithmetic of [`crate::scalar::window`].
 
 use std::f32::consts::PI;
 
 use fearless_simd::prelude::*;
 
+use super::area_light::SampledAreaLight;
 use super::bsdf::fresnel;
 use super::gloss::{exp, untagged};
 use super::lanes::{Float, Mask, Vec3x, Word};
-use super::light::LampSample;
 use super::surface::Rows;
 use crate::compiled::{MaterialData, SphereData};
 use crate::scalar::window::STEPS;
@@ -44,7 +44,7 @@ pub(super) struct Windows<S: Simd> {
     extinction: Vec3x<S>,
 }
 
-/// Ways from inside to lamps, bent at the boundary.
+/// Ways from inside to area lights, bent at the boundary.
 pub(super) struct Ways<S: Simd> {
     /// The lanes that have one.
     pub(super) lanes: Mask<S>,
@@ -54,7 +54,7 @@ pub(super) struct Ways<S: Simd> {
     /// Lengths inside and outside, metres.
     pub(super) inside: Float<S>,
     pub(super) outside: Float<S>,
-    /// What of a lamp's radiance is scattered towards the path, over the probability of all choices, if
+    /// What of an area light's radiance is scattered towards the path, over the probability of all choices, if
     /// nothing is in between.
     pub(super) weight: Vec3x<S>,
 }
@@ -132,28 +132,28 @@ impl<S: Simd> Windows<S> {
     }
 
     /// Where a ray that was scattered inside leaves, after `length` and at `cos_i`, by a way on which
-    /// lamps have been aimed at.
+    /// area lights have been aimed at.
     #[inline(always)]
     pub(super) fn are_left(&self, length: Float<S>, cos_i: Float<S>) -> Mask<S> {
         self.lanes & length.simd_le(self.radius * cos_i)
     }
 
-    /// From points inside to the lamps that were drawn, whose normals are given.
+    /// From points inside to the area lights that were drawn, whose normals are given.
     #[inline(always)]
     pub(super) fn ways(
         &self,
         simd: S,
         from: Vec3x<S>,
-        lamp: &LampSample<S>,
+        light: &SampledAreaLight<S>,
         normal: Vec3x<S>,
     ) -> Ways<S> {
         let per_radius = 1.0 / self.radius;
         let x = (from - self.center) * per_radius;
-        let distance = lamp.distance * per_radius;
-        let y = lamp.wi.mul_add(distance, x);
+        let distance = light.distance * per_radius;
+        let y = light.wi.mul_add(distance, x);
         let r = x.length_squared().sqrt();
         let axis = x * (1.0 / r.max(TINY));
-        let axis = Vec3x::select(r.simd_gt(0.0), axis, lamp.wi);
+        let axis = Vec3x::select(r.simd_gt(0.0), axis, light.wi);
         let along = y.dot(axis);
         let across = y - axis * along;
         let height = across.length_squared().sqrt();
@@ -170,13 +170,13 @@ impl<S: Simd> Windows<S> {
         let reflected = fresnel(simd, ray.cos_i, 1.0 / self.ior);
         // Radiance is denser by the square of the index inside.
         let passed = (1.0 - reflected) * self.ior * self.ior;
-        let cosines = outer.dot(normal) / lamp.wi.dot(normal);
+        let cosines = outer.dot(normal) / light.wi.dot(normal);
         let spread = ray.spread(self.ior, outside);
-        let inverse_pdf = lamp.inverse_pdf * (distance * distance) * cosines / spread;
+        let inverse_pdf = light.inverse_pdf * (distance * distance) * cosines / spread;
         let left = self.extinction * -inside;
         let left = Vec3x::new(exp(simd, left.x), exp(simd, left.y), exp(simd, left.z));
         Ways {
-            lanes: self.lanes & found & lamp.distance.simd_gt(0.0),
+            lanes: self.lanes & found & light.distance.simd_gt(0.0),
             place: place.mul_add(self.radius, self.center),
             inner: axis.mul_add(ray.inner[0], side * ray.inner[1]),
             outer,

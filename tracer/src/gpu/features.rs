@@ -126,7 +126,7 @@ pub(crate) struct Features {
     pub(crate) faces: u32,
     /// Carved boxes, which the faces belong to.
     pub(crate) carved: u32,
-    pub(crate) lamps: u32,
+    pub(crate) area_lights: u32,
     /// At least 1: an array has no length of 0.
     pub(crate) materials: u32,
     /// Rays find the primitives of a shape by a tree.
@@ -155,12 +155,12 @@ pub(crate) struct Features {
     /// All discs lie in one plane, which a ray meets once, and are not so far from the origin for
     /// their size that rounding there shows.
     pub(crate) discs_coplanar: bool,
-    /// The same of lamps.
-    pub(crate) lamps_coplanar: bool,
-    /// Some lamp may be before the face of another.
-    pub(crate) lamps_shade: bool,
+    /// The same of area lights.
+    pub(crate) area_lights_coplanar: bool,
+    /// Some area light may be before the face of another.
+    pub(crate) area_lights_occlude: bool,
     /// Solid angles in metres would leave the range of f32.
-    pub(crate) lamps_scaled: bool,
+    pub(crate) area_lights_scaled: bool,
     pub(crate) memory: SceneMemory,
 }
 
@@ -175,7 +175,7 @@ impl Features {
             rectangles: scene.rectangles.len() as u32,
             faces: scene.faces.len() as u32,
             carved: scene.carved.len() as u32,
-            lamps: scene.lamps.len() as u32,
+            area_lights: scene.area_lights.len() as u32,
             materials: scene.materials.len().max(1) as u32,
             trees: ShapeKind::ALL.map(|shape| tree(scene, shape).is_some()),
             has_turned: scene.faces.iter().any(|face| face.kind == FACE_TURNED),
@@ -190,9 +190,9 @@ impl Features {
             output: Output::Radiance,
             is_compensated: needs_compensation(scene),
             discs_coplanar: flatness::discs_coplanar(scene),
-            lamps_coplanar: flatness::lamps_coplanar(scene),
-            lamps_shade: flatness::lamps_shade(scene),
-            lamps_scaled: needs_scale(scene),
+            area_lights_coplanar: flatness::area_lights_coplanar(scene),
+            area_lights_occlude: flatness::area_lights_occlude(scene),
+            area_lights_scaled: needs_scale(scene),
             memory: SceneMemory::Uniform,
         };
         // Rays of a group go down a tree by different ways, and a device reads constants for them in turn:
@@ -231,7 +231,7 @@ impl Features {
     /// Surfaces that a ray is tested against, or about as many as going down trees costs.
     pub(crate) fn primitives(&self) -> u32 {
         let tested = ShapeKind::ALL.map(|shape| self.tested(shape));
-        tested.iter().sum::<u32>() + self.lamps
+        tested.iter().sum::<u32>() + self.area_lights
     }
 
     /// Turns that the loops of a ray take at most: those that go from cut to cut come round again, and
@@ -278,15 +278,15 @@ fn has_window(scene: &CompiledScene) -> bool {
     };
     let mut balls = scene.spheres.iter();
     let material = |ball: &SphereData| scene.materials.get(ball.material as usize);
-    !scene.lamps.is_empty() && balls.any(|ball| material(ball).is_some_and(scatters))
+    !scene.area_lights.is_empty() && balls.any(|ball| material(ball).is_some_and(scatters))
 }
 
-/// Whether lamps are so small or so far away that eighth powers of lengths in metres, which solid
+/// Whether area lights are so small or so far away that eighth powers of lengths in metres, which solid
 /// angles are made of, are not well within the range of f32.
 fn needs_scale(scene: &CompiledScene) -> bool {
     const METRES: std::ops::Range<f32> = 1e-3..1e3;
-    let lamps = scene.lamps.iter();
-    let mut lengths = lamps.flat_map(|lamp| [lamp.length_u, lamp.length_v]);
+    let area_lights = scene.area_lights.iter();
+    let mut lengths = area_lights.flat_map(|light| [light.length_u, light.length_v]);
     flatness::farthest(scene) >= METRES.end || lengths.any(|length| length < METRES.start)
 }
 

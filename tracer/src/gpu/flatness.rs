@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use crate::compiled::{CompiledScene, DiscData, LampData};
+use crate::compiled::{AreaLightData, CompiledScene, DiscData};
 
 /// Coordinates over the smallest extent up to which a point of a plane, which is off by 4 · 2⁻²⁴ of
 /// its coordinates, is off by less than a thousandth of that extent.
@@ -17,28 +17,36 @@ pub(crate) fn discs_coplanar(scene: &CompiledScene) -> bool {
     in_one_plane(scene.discs.iter().map(plane), extents, farthest(scene))
 }
 
-/// The same of lamps.
-pub(crate) fn lamps_coplanar(scene: &CompiledScene) -> bool {
-    let plane = |lamp: &LampData| (lamp.center.into(), lamp.normal.into());
-    let lamps = scene.lamps.iter();
-    let extents = lamps.flat_map(|lamp| [lamp.length_u, lamp.length_v]);
-    in_one_plane(scene.lamps.iter().map(plane), extents, farthest(scene))
+/// The same of area lights.
+pub(crate) fn area_lights_coplanar(scene: &CompiledScene) -> bool {
+    let plane = |light: &AreaLightData| (light.center.into(), light.normal.into());
+    let area_lights = scene.area_lights.iter();
+    let extents = area_lights.flat_map(|light| [light.length_u, light.length_v]);
+    in_one_plane(
+        scene.area_lights.iter().map(plane),
+        extents,
+        farthest(scene),
+    )
 }
 
-/// Whether a point of some lamp is before another's face: only there is it between that lamp and
-/// what the lamp shines on.
-pub(crate) fn lamps_shade(scene: &CompiledScene) -> bool {
+/// Whether a point of some area light is before another's face: only there is it between that area light and
+/// what the area light shines on.
+pub(crate) fn area_lights_occlude(scene: &CompiledScene) -> bool {
     let rounding = ROUNDING * farthest(scene);
-    let before = |lamp: &LampData, other: &LampData| {
+    let before = |light: &AreaLightData, other: &AreaLightData| {
         let (center, normal) = (Vec3::from(other.center), Vec3::from(other.normal));
-        corners(lamp).any(|corner| (corner - center).dot(normal) > rounding)
+        corners(light).any(|corner| (corner - center).dot(normal) > rounding)
     };
-    let lamps = scene.lamps.iter().enumerate();
-    let mut pairs = lamps.flat_map(|(i, lamp)| {
-        let others = scene.lamps.iter().enumerate().filter(move |(j, _)| *j != i);
-        others.map(move |(_, other)| (lamp, other))
+    let area_lights = scene.area_lights.iter().enumerate();
+    let mut pairs = area_lights.flat_map(|(i, light)| {
+        let others = scene
+            .area_lights
+            .iter()
+            .enumerate()
+            .filter(move |(j, _)| *j != i);
+        others.map(move |(_, other)| (light, other))
     });
-    pairs.any(|(lamp, other)| before(lamp, other))
+    pairs.any(|(light, other)| before(light, other))
 }
 
 /// Whether planes, each a point and a unit normal, are one, and no extent is so small for the
@@ -60,9 +68,9 @@ fn in_one_plane(
     })
 }
 
-fn corners(lamp: &LampData) -> impl Iterator<Item = Vec3> + use<> {
-    let center = Vec3::from(lamp.center);
-    let [u, v] = lamp.half_edges().map(Vec3::from);
+fn corners(light: &AreaLightData) -> impl Iterator<Item = Vec3> + use<> {
+    let center = Vec3::from(light.center);
+    let [u, v] = light.half_edges().map(Vec3::from);
     [u + v, u - v, v - u, -u - v]
         .into_iter()
         .map(move |corner| center + corner)
@@ -80,8 +88,8 @@ pub(crate) fn farthest(scene: &CompiledScene) -> f32 {
     let discs = scene.discs.iter().map(|d| reach(d.center, d.radius));
     let rectangles = scene.rectangles.iter();
     let rectangles = rectangles.map(|r| reach(r.center, length(r.half_u) + length(r.half_v)));
-    let lamps = scene.lamps.iter();
-    let lamps = lamps.map(|l| reach(l.center, l.length_u + l.length_v));
+    let area_lights = scene.area_lights.iter();
+    let area_lights = area_lights.map(|l| reach(l.center, l.length_u + l.length_v));
     let carved = scene.carved.iter();
     let carved = carved.map(|c| reach(c.min, 0.0).max(reach(c.max, 0.0)));
     let surfaces = spheres
@@ -89,7 +97,7 @@ pub(crate) fn farthest(scene: &CompiledScene) -> f32 {
         .chain(carved)
         .chain(discs)
         .chain(rectangles)
-        .chain(lamps);
+        .chain(area_lights);
     surfaces.fold(reach(scene.camera.eye.to_array(), 0.0), f32::max)
 }
 
@@ -98,41 +106,50 @@ mod tests {
     use super::*;
     use crate::gpu::probe;
 
-    fn lamps(moved: Vec3, tilt: Vec3) -> CompiledScene {
+    fn area_lights(moved: Vec3, tilt: Vec3) -> CompiledScene {
         let mut scene = probe::scene();
-        scene.lamps[1].center += moved;
-        scene.lamps[1].half_u += tilt;
+        scene.area_lights[1].center += moved;
+        scene.area_lights[1].half_u += tilt;
         CompiledScene::new(&scene).unwrap()
     }
 
     #[test]
-    fn lamps_are_coplanar_side_by_side_and_nowhere_else() {
-        assert!(lamps_coplanar(&lamps(Vec3::ZERO, Vec3::ZERO)));
-        assert!(lamps_coplanar(&lamps(
+    fn lights_side_by_side_are_coplanar() {
+        assert!(area_lights_coplanar(&area_lights(Vec3::ZERO, Vec3::ZERO)));
+        assert!(area_lights_coplanar(&area_lights(
             Vec3::new(0.3, -2.0, 0.0),
             Vec3::ZERO
         )));
-        assert!(!lamps_coplanar(&lamps(
+        assert!(!area_lights_coplanar(&area_lights(
             Vec3::new(0.0, 0.0, 1e-3),
             Vec3::ZERO
         )));
-        assert!(!lamps_coplanar(&lamps(
+        assert!(!area_lights_coplanar(&area_lights(
             Vec3::ZERO,
             Vec3::new(0.0, 0.0, 1e-3)
         )));
         // So far away that points of the plane are rounded to half a metre.
-        assert!(!lamps_coplanar(&lamps(
+        assert!(!area_lights_coplanar(&area_lights(
             Vec3::new(5e6, 0.0, 0.0),
             Vec3::ZERO
         )));
     }
 
     #[test]
-    fn a_lamp_shades_another_from_before_its_face_only() {
-        assert!(!lamps_shade(&lamps(Vec3::ZERO, Vec3::ZERO)));
+    fn light_occludes_another_only_before_its_face() {
+        assert!(!area_lights_occlude(&area_lights(Vec3::ZERO, Vec3::ZERO)));
         // They shine down: the lower one is before the face of the upper one, whichever it is.
-        assert!(lamps_shade(&lamps(Vec3::new(0.0, 0.0, -0.1), Vec3::ZERO)));
-        assert!(lamps_shade(&lamps(Vec3::new(0.0, 0.0, 0.1), Vec3::ZERO)));
-        assert!(lamps_shade(&lamps(Vec3::ZERO, Vec3::new(0.0, 0.0, 0.1))));
+        assert!(area_lights_occlude(&area_lights(
+            Vec3::new(0.0, 0.0, -0.1),
+            Vec3::ZERO
+        )));
+        assert!(area_lights_occlude(&area_lights(
+            Vec3::new(0.0, 0.0, 0.1),
+            Vec3::ZERO
+        )));
+        assert!(area_lights_occlude(&area_lights(
+            Vec3::ZERO,
+            Vec3::new(0.0, 0.0, 0.1)
+        )));
     }
 }

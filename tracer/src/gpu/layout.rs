@@ -4,8 +4,8 @@ use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
 use glam::Vec3;
 
 use crate::compiled::{
-    BoxData, CameraFrame, CarvedData, CompiledScene, DiscData, FaceData, LampData, MaterialData,
-    RectangleData, ShapeKind, SphereData,
+    AreaLightData, BoxData, CameraFrame, CarvedData, CompiledScene, DiscData, FaceData,
+    MaterialData, RectangleData, ShapeKind, SphereData,
 };
 use crate::gpu::features::{self, Features};
 use crate::gpu::flatness;
@@ -172,7 +172,7 @@ pub(crate) fn scene_bytes_len(features: &Features) -> u64 {
             .map(|shape| finders_bytes(features, shape))
             .sum::<usize>()
         + features.carved as usize * size_of::<CarvedData>()
-        + features.lamps as usize * size_of::<LampData>()
+        + features.area_lights as usize * size_of::<AreaLightData>()
         + features.materials as usize * size_of::<MaterialData>();
     (size_of::<SceneHeader>() + arrays) as u64
 }
@@ -224,7 +224,7 @@ pub(crate) fn scene_bytes(scene: &CompiledScene, size: ImageSize) -> Result<Vec<
     bytes.extend_from_slice(cast_slice(&scene.rectangles));
     bytes.extend_from_slice(cast_slice(&scene.faces));
     bytes.extend_from_slice(cast_slice(&scene.carved));
-    bytes.extend_from_slice(cast_slice(&scene.lamps));
+    bytes.extend_from_slice(cast_slice(&scene.area_lights));
     bytes.extend_from_slice(cast_slice(&scene.materials));
     if scene.materials.is_empty() {
         bytes.extend_from_slice(bytes_of(&MaterialData::zeroed()));

@@ -11,8 +11,8 @@ use super::{probe, shader};
 use crate::compiled::{Primitive, SphereData};
 use crate::fresnel::fresnel_dielectric;
 use crate::sampling::{pcg4d, uniforms};
+use crate::scalar::area_light::sample_light;
 use crate::scalar::bsdf::basis;
-use crate::scalar::light::choose_lamp;
 use crate::scalar::{Ray, intersect};
 use crate::{CompiledScene, ImageSize};
 
@@ -188,9 +188,9 @@ fn light_samples_are_those_of_scalar() {
         .collect();
     let body = "
         let at = 5u * i;
-        let chosen = choose_lamp(triple(at), vec2f(number(at + 3u), number(at + 4u)));
-        let drawn = sample_lamp(see_lamp(chosen.index, triple(at)), chosen);
-        let inverse_pdf = drawn.inverse_pdf * chosen.light_sum / chosen.weight;
+        let chosen = sample_light(triple(at), vec2f(number(at + 3u), number(at + 4u)));
+        let drawn = sample_direction(spherical_rectangle(chosen.index, triple(at)), chosen);
+        let inverse_pdf = drawn.inverse_pdf * chosen.light_weight_sum / chosen.weight;
         result(i, vec4u(bitcast<vec3u>(drawn.wi),
             select(bitcast<u32>(inverse_pdf), 0u, chosen.weight == 0.0)));";
     let Some(results) = run(&scene, body, &input, COUNT) else {
@@ -200,7 +200,7 @@ fn light_samples_are_those_of_scalar() {
     for (i, [x, y, z, inverse_pdf]) in results.into_iter().enumerate() {
         let [u, v, ..] = random(i + COUNT);
         let point = point(i).as_vec3().as_dvec3();
-        let Some(chosen) = choose_lamp(&scene.lamps, point, [u, v]) else {
+        let Some(chosen) = sample_light(&scene.area_lights, point, [u, v]) else {
             assert_eq!(inverse_pdf, 0);
             continue;
         };
@@ -333,19 +333,22 @@ fn rays(count: usize) -> Vec<[f32; 6]> {
 
 #[test]
 fn rays_hit_what_scalar_rays_hit() {
-    // One lamp lower than the other, before its face; far from the origin for its size.
-    let mut lamps = probe::scene();
-    lamps.lamps[1].center.z = 1.9;
-    let mut far = lamps.clone();
+    // One area light lower than the other, before its face; far from the origin for its size.
+    let mut unequal = probe::scene();
+    unequal.area_lights[1].center.z = 1.9;
+    let mut far = unequal.clone();
     far.camera.eye.x = 1e5;
-    for (scene, lamps_shade) in [(probe::scene(), false), (lamps, true), (far, true)] {
+    for (scene, area_lights_occlude) in [(probe::scene(), false), (unequal, true), (far, true)] {
         let scene = CompiledScene::new(&scene).unwrap();
-        assert_eq!(Features::of(&scene, 65_536).lamps_shade, lamps_shade);
-        compare_rays(&scene, lamps_shade);
+        assert_eq!(
+            Features::of(&scene, 65_536).area_lights_occlude,
+            area_lights_occlude
+        );
+        compare_rays(&scene, area_lights_occlude);
     }
 }
 
-fn compare_rays(scene: &CompiledScene, lamps_shade: bool) {
+fn compare_rays(scene: &CompiledScene, area_lights_occlude: bool) {
     const COUNT: usize = 16_384;
     let rays = rays(COUNT);
     let input: Vec<u32> = rays.as_flattened().iter().map(|v| v.to_bits()).collect();
@@ -368,12 +371,12 @@ fn compare_rays(scene: &CompiledScene, lamps_shade: bool) {
             Primitive::Disc(_) => 2,
             Primitive::Rectangle(_) => 3,
             Primitive::Face(_) => panic!("the scene has no carved box"),
-            Primitive::Lamp(i) => 4 + i,
+            Primitive::AreaLight(i) => 4 + i,
         });
         let t_expected = hit.map_or(f64::INFINITY, |hit| hit.t);
         let t = f64::from(f32::from_bits(t));
-        // Behind a lamp that is not asked about there may be anything.
-        let is_shadow_known = lamps_shade || !(4..u32::MAX).contains(&expected);
+        // Behind an area light that is not asked about there may be anything.
+        let is_shadow_known = area_lights_occlude || !(4..u32::MAX).contains(&expected);
         let is_shadow_same = (shadowed == 1) == (t_expected < 1.5)
             || (t_expected - 1.5).abs() < 1e-5
             || !is_shadow_known;

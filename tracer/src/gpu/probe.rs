@@ -1,7 +1,7 @@
 //! The start-up probe: a GPU that does not trace a small scene as the scalar tracer does is not used.
 //!
 //! Drivers compile, fuse and round as they like, and now and then wrongly. Of two scenes the first is
-//! of plain balls and boxes under lamps; the second has what most pictures lack: carved wood, a
+//! of plain balls and boxes under area lights; the second has what most pictures lack: carved wood, a
 //! number, napped cloth, rough metal, and rough glass with a medium that scatters.
 
 use std::collections::BTreeMap;
@@ -11,7 +11,7 @@ use std::sync::atomic::AtomicBool;
 use glam::{Quat, Vec3};
 
 use crate::{
-    Axis, Camera, CompiledScene, Cut, CutForm, Environment, Error, ImageSize, Lamp, Material,
+    AreaLight, Axis, Camera, CompiledScene, Cut, CutForm, Environment, Error, ImageSize, Material,
     Medium, Object, Paint, RenderSettings, ScalarTracer, Scene, Shape, Stripe, Tile, TraceJob,
     Tracer,
 };
@@ -87,7 +87,7 @@ fn trace(tracer: &dyn Tracer, scene: &CompiledScene) -> Result<Vec<[f32; 3]>, Er
     Ok(picture.into_inner().expect("no sink panics"))
 }
 
-/// A ball, a box and two plates under two lamps.
+/// A ball, a box and two plates under two area lights.
 pub(crate) fn scene() -> Scene {
     let materials = [
         (
@@ -146,7 +146,7 @@ pub(crate) fn scene() -> Scene {
         },
         materials: BTreeMap::from(materials.map(|(name, material)| (name.to_owned(), material))),
         objects: shapes.map(object).into(),
-        lamps: vec![lamp(-0.8, 6.0), lamp(1.4, 9.0)],
+        area_lights: vec![light(-0.8, 6.0), light(1.4, 9.0)],
     }
 }
 
@@ -250,9 +250,9 @@ fn object((shape, material): (Shape, &str)) -> Object {
     }
 }
 
-/// A lamp that shines down from 2 m.
-fn lamp(x: f32, radiance: f32) -> Lamp {
-    Lamp {
+/// An area light that shines down from 2 m.
+fn light(x: f32, radiance: f32) -> AreaLight {
+    AreaLight {
         name: "lamp".to_owned(),
         center: Vec3::new(x, 0.0, 2.0),
         half_u: Vec3::new(0.0, 0.3, 0.0),
@@ -274,7 +274,7 @@ mod tests {
         for shape in ShapeKind::ALL {
             assert!(plain.count(shape) + dressed.count(shape) > 0, "{shape:?}");
         }
-        assert!(plain.lamps > 0 && plain.has_coat && plain.has_stripe && dressed.has_stripe);
+        assert!(plain.area_lights > 0 && plain.has_coat && plain.has_stripe && dressed.has_stripe);
         assert!(dressed.has_number && dressed.has_wood && dressed.has_sheen);
         assert!(dressed.has_gloss && dressed.has_clear);
     }

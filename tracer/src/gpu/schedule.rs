@@ -77,7 +77,7 @@ pub(crate) fn work_per_sample(settings: &RenderSettings, primitives: u32) -> f64
 const SOFTWARE_TURNS_MAX: f64 = 65_535.0;
 
 /// How many of a pixel's samples a dispatch of software Vulkan gets through, if `turns_per_ray` is an
-/// upper bound: each scattering comes with four rays at most, to the surface, to its lamp, to its
+/// upper bound: each scattering comes with four rays at most, to the surface, to its area light, to its
 /// mirror's and, while neighbours are not so far, to the next.
 pub(crate) fn software_samples(settings: &RenderSettings, turns_per_ray: f64) -> u32 {
     let edges = 1.0 + f64::from(settings.max_depth);

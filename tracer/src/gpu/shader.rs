@@ -10,7 +10,7 @@ use crate::gpu::features::{Features, Output, SceneMemory};
 use crate::gpu::layout::{SPHERE_SLACK, TREE_LEAF};
 use crate::paint;
 use crate::sampling::{BLOCK_CAMERA, SCRAMBLE};
-use crate::scalar::light::{BELOW_1, SOLID_ANGLE_MIN};
+use crate::scalar::area_light::{BELOW_1, SOLID_ANGLE_MIN};
 use crate::scalar::window::STEPS;
 use crate::scene::validate::CUT_MARGIN_M;
 use crate::tree::{self, DEPTH_MAX, LEAF};
@@ -48,11 +48,11 @@ fn parts(features: &Features) -> Vec<&'static str> {
     if features.trees.contains(&true) {
         parts.push(include_str!("shaders/tree.wgsl"));
     }
-    parts.extend(match features.lamps {
-        0 => &[include_str!("shaders/lamp_none.wgsl")][..],
+    parts.extend(match features.area_lights {
+        0 => &[include_str!("shaders/area_light_none.wgsl")][..],
         _ => &[
-            include_str!("shaders/lamp.wgsl"),
-            include_str!("shaders/lamp_sample.wgsl"),
+            include_str!("shaders/area_light.wgsl"),
+            include_str!("shaders/area_light_sample.wgsl"),
         ],
     });
     parts.push(match features.has_coat {
@@ -130,8 +130,8 @@ fn constants(features: &Features) -> String {
          const BLOCK_CAMERA: u32 = {BLOCK_CAMERA}u;\n\
          const COMPENSATED: bool = {};\n\
          const DISCS_COPLANAR: bool = {};\n\
-         const LAMPS_COPLANAR: bool = {};\n\
-         const LAMPS_SCALED: bool = {};\n\
+         const AREA_LIGHTS_COPLANAR: bool = {};\n\
+         const AREA_LIGHTS_SCALED: bool = {};\n\
          const SPHERE_SLACK: f32 = {SPHERE_SLACK:e};\n\
          const TREE_DEPTH_MAX: u32 = {DEPTH_MAX}u;\n\
          const TREE_LEAF: u32 = {TREE_LEAF}u;\n\
@@ -146,8 +146,8 @@ fn constants(features: &Features) -> String {
          const CUT_MARGIN_M: f32 = {CUT_MARGIN_M:?};\n",
         features.is_compensated,
         features.discs_coplanar,
-        features.lamps_coplanar,
-        features.lamps_scaled,
+        features.area_lights_coplanar,
+        features.area_lights_scaled,
         features.has_stripe,
         features.has_clear,
         features.has_window,
@@ -177,11 +177,11 @@ fn constants(features: &Features) -> String {
         );
         first += count;
     }
-    let lamps = features.lamps;
+    let lights = features.area_lights;
     _ = writeln!(text, "const CARVED_COUNT: u32 = {}u;", features.carved);
     _ = writeln!(
         text,
-        "const LAMP_FIRST: u32 = {first}u;\nconst LAMP_COUNT: u32 = {lamps}u;"
+        "const AREA_LIGHT_FIRST: u32 = {first}u;\nconst AREA_LIGHT_COUNT: u32 = {lights}u;"
     );
     text
 }
@@ -213,8 +213,12 @@ fn scene_declaration(features: &Features) -> String {
         let count = features.carved;
         _ = writeln!(text, "    carved: array<CarvedData, {count}>,");
     }
-    if features.lamps > 0 {
-        _ = writeln!(text, "    lamps: array<LampData, {}>,", features.lamps);
+    if features.area_lights > 0 {
+        _ = writeln!(
+            text,
+            "    area_lights: array<AreaLightData, {}>,",
+            features.area_lights
+        );
     }
     _ = writeln!(
         text,
@@ -253,7 +257,7 @@ fn nearest(features: &Features) -> String {
         "fn nearest(ray: Ray, skip: u32) -> Hit {\n    let line = line_of(ray);\n    \
          var hit = Hit(T_MISS, NO_PRIMITIVE);\n",
     );
-    for name in shape_and_lamp_names(features) {
+    for name in shape_and_area_light_names(features) {
         _ = writeln!(text, "    nearest_{name}(line, skip, &hit);");
     }
     text + "    return hit;\n}\n"
@@ -261,7 +265,7 @@ fn nearest(features: &Features) -> String {
 
 fn occluded(features: &Features) -> String {
     let mut text = String::from(
-        "fn occluded(ray: Ray, skip: u32, target_lamp: u32, t_max: f32) -> bool {\n    \
+        "fn occluded(ray: Ray, skip: u32, target_light: u32, t_max: f32) -> bool {\n    \
          let line = line_of(ray);\n",
     );
     for shape in features.shapes() {
@@ -271,8 +275,8 @@ fn occluded(features: &Features) -> String {
             "    if ({name}_occludes(line, skip, t_max)) {{ return true; }}"
         );
     }
-    if features.lamps_shade {
-        text += "    if (lamp_occludes(ray, target_lamp, t_max)) { return true; }\n";
+    if features.area_lights_occlude {
+        text += "    if (area_light_occludes(ray, target_light, t_max)) { return true; }\n";
     }
     text + "    return false;\n}\n"
 }
@@ -309,9 +313,9 @@ fn material_of(features: &Features) -> String {
     text + "    return 0u;\n}\n"
 }
 
-fn shape_and_lamp_names(features: &Features) -> impl Iterator<Item = &'static str> {
-    let lamp = (features.lamps > 0).then_some("lamp");
-    features.shapes().map(ShapeKind::function).chain(lamp)
+fn shape_and_area_light_names(features: &Features) -> impl Iterator<Item = &'static str> {
+    let light = (features.area_lights > 0).then_some("area_light");
+    features.shapes().map(ShapeKind::function).chain(light)
 }
 
 #[cfg(test)]
@@ -322,7 +326,7 @@ mod tests {
 
     use super::*;
     use crate::compiled::{
-        BoxData, CameraFrame, CarvedData, DiscData, FaceData, LampData, MaterialData,
+        AreaLightData, BoxData, CameraFrame, CarvedData, DiscData, FaceData, MaterialData,
         RectangleData, SphereData,
     };
     use crate::gpu::layout::{
@@ -337,7 +341,7 @@ mod tests {
         rectangles: 8,
         faces: 9,
         carved: 2,
-        lamps: 3,
+        area_lights: 3,
         materials: 20,
         trees: [true, false, true, true, false],
         has_coat: true,
@@ -352,9 +356,9 @@ mod tests {
         output: Output::Radiance,
         is_compensated: true,
         discs_coplanar: true,
-        lamps_coplanar: true,
-        lamps_shade: true,
-        lamps_scaled: true,
+        area_lights_coplanar: true,
+        area_lights_occlude: true,
+        area_lights_scaled: true,
         memory: SceneMemory::Uniform,
     };
 
@@ -378,7 +382,7 @@ mod tests {
                 carved: i / 2 % 2,
                 has_coat: i >> 4 & 1 == 1,
                 memory: [SceneMemory::Uniform, SceneMemory::Storage][(i >> 5 & 1) as usize],
-                lamps: i >> 6,
+                area_lights: i >> 6,
                 materials: 1 + i % 5,
                 has_stripe: i % 3 == 0,
                 has_number: i % 11 < 6,
@@ -391,9 +395,9 @@ mod tests {
                 output: Output::ALL[i as usize % 3],
                 is_compensated: i % 5 < 2,
                 discs_coplanar: i % 11 < 5,
-                lamps_coplanar: i % 13 < 6,
-                lamps_shade: i >> 6 > 1 && i % 3 == 1,
-                lamps_scaled: i % 19 < 9,
+                area_lights_coplanar: i % 13 < 6,
+                area_lights_occlude: i >> 6 > 1 && i % 3 == 1,
+                area_lights_scaled: i % 19 < 9,
             }
         })
     }
@@ -449,7 +453,7 @@ mod tests {
             layout!(FaceData, a kind b material),
             layout!(DiscData, center radius normal material),
             layout!(RectangleData, center material half_u inv_u2 half_v inv_v2 normal),
-            layout!(LampData,
+            layout!(AreaLightData,
                 center brightness axis_u length_u axis_v length_v normal radiance),
             layout!(MaterialData,
                 albedo ior stripe_albedo stripe_half_width diffuse_scale kind alpha flight_rate

@@ -45,7 +45,7 @@ impl View<'_> {
 
     fn add(&self, sum: &mut Sum, ray: &Ray) {
         let hit = intersect_from(self.scene, ray, None);
-        let Some(hit) = hit.filter(|hit| !matches!(hit.primitive, Primitive::Lamp(_))) else {
+        let Some(hit) = hit.filter(|hit| !matches!(hit.primitive, Primitive::AreaLight(_))) else {
             sum.emission += self.emission(ray, hit.as_ref());
             return;
         };
@@ -72,12 +72,12 @@ impl View<'_> {
         }
     }
 
-    /// Light of the lamp or the environment that a ray ends in.
+    /// Light of the area light or the environment that a ray ends in.
     fn emission(&self, ray: &Ray, met: Option<&Hit>) -> DVec3 {
         match met.map(|hit| (hit, hit.primitive)) {
             None => self.scene.environment.as_dvec3(),
-            Some((hit, Primitive::Lamp(lamp))) if ray.direction.dot(hit.n) < 0.0 => {
-                vector(self.scene.lamps[lamp as usize].radiance)
+            Some((hit, Primitive::AreaLight(light))) if ray.direction.dot(hit.n) < 0.0 => {
+                vector(self.scene.area_lights[light as usize].radiance)
             }
             Some(_) => DVec3::ZERO,
         }

@@ -38,13 +38,13 @@ pub struct BsdfSample {
     /// `f · |cos wi| / pdf`; 0 if the path ends.
     pub weight: DVec3,
     /// Density of `wi` per solid angle that light found along it is weighed with beside next-event
-    /// estimation; none if that cannot find it, 0 if it has: a coat's mirror, whose lamps
+    /// estimation; none if that cannot find it, 0 if it has: a coat's mirror, whose area lights
     /// [`crate::reference`] looks up.
     pub pdf: Option<f64>,
 }
 
 impl Bsdf {
-    /// The scattering at a hit. A lamp reflects nothing.
+    /// The scattering at a hit. An area light reflects nothing.
     pub fn at(scene: &CompiledScene, hit: &Hit) -> Self {
         let Some(material) = scene.material_of(hit.primitive) else {
             return Self::black();

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::carved::meet_carved;
 use crate::CompiledScene;
-use crate::compiled::{BoxData, DiscData, LampData, Primitive, SphereData};
+use crate::compiled::{AreaLightData, BoxData, DiscData, Primitive, SphereData};
 
 /// A half-line.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,7 +22,7 @@ pub struct Hit {
     pub t: f64,
     /// The point, on the surface to the rounding of f64.
     pub point: DVec3,
-    /// Unit normal: out of a solid, along the normal of a plate or lamp, whichever side is met.
+    /// Unit normal: out of a solid, along the normal of a plate or area light, whichever side is met.
     pub n: DVec3,
     /// What was met.
     pub primitive: Primitive,
@@ -37,8 +37,8 @@ pub struct Departure {
     pub is_inside: bool,
 }
 
-/// The nearest hit of all primitives, lamps among them; of equal distances the first in the order
-/// spheres, boxes, discs, rectangles, lamps.
+/// The nearest hit of all primitives, area lights among them; of equal distances the first in the order
+/// spheres, boxes, discs, rectangles, area lights.
 pub fn intersect(scene: &CompiledScene, ray: &Ray) -> Option<Hit> {
     intersect_from(scene, ray, None)
 }
@@ -106,19 +106,23 @@ pub fn intersect_from(scene: &CompiledScene, ray: &Ray, left: Option<Departure>)
             }
         }
     }
-    for (i, lamp) in (0..).zip(&scene.lamps) {
-        let met = meet_lamp(ray, lamp);
-        offer(&mut nearest, Primitive::Lamp(i), met);
+    for (i, light) in (0..).zip(&scene.area_lights) {
+        let met = intersect_area_light(ray, light);
+        offer(&mut nearest, Primitive::AreaLight(i), met);
     }
     nearest.map(|hit| on_surface(scene, hit))
 }
 
-/// Index and distance of the nearest lamp along a ray, whatever else is in between.
-pub(super) fn nearest_lamp(scene: &CompiledScene, ray: &Ray) -> Option<(usize, f64)> {
-    let met = scene.lamps.iter().enumerate().filter_map(|(index, lamp)| {
-        let (t, _) = meet_lamp(ray, lamp)?;
-        (t > 0.0).then_some((index, t))
-    });
+/// Index and distance of the nearest area light along a ray, whatever else is in between.
+pub(super) fn nearest_area_light(scene: &CompiledScene, ray: &Ray) -> Option<(usize, f64)> {
+    let met = scene
+        .area_lights
+        .iter()
+        .enumerate()
+        .filter_map(|(index, light)| {
+            let (t, _) = intersect_area_light(ray, light)?;
+            (t > 0.0).then_some((index, t))
+        });
     met.min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
@@ -225,9 +229,9 @@ fn meet_disc(disc: &DiscData, ray: &Ray) -> Option<(f64, DVec3)> {
     (offset.length() <= f64::from(disc.radius)).then_some((t, n))
 }
 
-fn meet_lamp(ray: &Ray, lamp: &LampData) -> Option<(f64, DVec3)> {
-    let [half_u, half_v] = lamp.half_edges();
-    meet_rectangle(ray, lamp.center, half_u, half_v)
+fn intersect_area_light(ray: &Ray, light: &AreaLightData) -> Option<(f64, DVec3)> {
+    let [half_u, half_v] = light.half_edges();
+    meet_rectangle(ray, light.center, half_u, half_v)
 }
 
 fn meet_rectangle(

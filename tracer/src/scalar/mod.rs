@@ -6,22 +6,22 @@
 //!
 //! 1. **Camera.** The ray goes through film position `pixel + u` of block `BLOCK_CAMERA`.
 //! 2. **Edge.** The nearest primitive with `t > 0` is hit, the first of equals in the order
-//!    spheres, boxes, discs, rectangles, carved boxes, lamps. The primitive that the ray leaves is skipped: each
+//!    spheres, boxes, discs, rectangles, carved boxes, area lights. The primitive that the ray leaves is skipped: each
 //!    is convex, so an outward ray cannot meet it again, and no origin need be offset; a ray inside
 //!    a clear body meets that body's far side and no other of its own. There it flies freely first:
 //!    it is scattered after `−ln(1 − u[1]) / flight_rate` metres if that is nearer, with `u` of block
 //!    `block_choice(k)`, evenly by `block_scatter(k)`, which counts as a scattering. A ray that
-//!    meets nothing adds `beta · environment` and ends. A ray that meets a lamp ends; from the
+//!    meets nothing adds `beta · environment` and ends. A ray that meets an area light ends; from the
 //!    front it adds `beta · radiance · w`, where `w` is 1 for camera rays and after what has no
-//!    density (a metal mirror, smooth glass, a medium), 0 where step 3 has added the lamps (after a
+//!    density (a metal mirror, smooth glass, a medium), 0 where step 3 has added the area lights (after a
 //!    coat's mirror, and where light that was scattered inside a ball leaves it by a [`window`]),
-//!    else the power heuristic of the pdf against `brightness / light_sum`. After
+//!    else the power heuristic of the pdf against `brightness / light_weight_sum`. After
 //!    `max_depth` scattering events a ray that meets a surface ends black.
-//! 3. **Light.** The coat's share: if the nearest lamp in the mirror's direction is met from the
+//! 3. **Light.** The coat's share: if the nearest area light in the mirror's direction is met from the
 //!    front and nothing is in between, adds `beta · F · radiance`. The other lobes' (block
-//!    `block_light(k)`): a lamp drawn by brightness times solid angle with `u[0]`, which is then
+//!    `block_light(k)`): an area light drawn by brightness times solid angle with `u[0]`, which is then
 //!    stretched to [0, 1) again, and a direction uniform in its solid angle, or, where that is below
-//!    [`light::SOLID_ANGLE_MIN`], a point uniform in its area. Unless something is in between, adds
+//!    [`area_light::SOLID_ANGLE_MIN`], a point uniform in its area. Unless something is in between, adds
 //!    `beta · f · cos · radiance / pdf · w`, `w` weighing the same two densities as in step 2,
 //!    where `f` leaves out mirrors, and directions into a clear body are. Inside a ball that is a
 //!    window the same point is aimed at by the way that is bent at the boundary, if
@@ -36,20 +36,20 @@
 //!    whose weight is 0 ends.
 //!
 //! What each part is worth at 16 samples on the pool table (relMSE; the whole 2.8e-4, 2.85 rays a
-//! sample): points of step 1 that are independent, 1.5e-3; lamps drawn uniformly, 3.9e-4; lamps by
+//! sample): points of step 1 that are independent, 1.5e-3; area lights drawn uniformly, 3.9e-4; area lights by
 //! chance alone after the mirror, 7.5e-4; the balance heuristic, 1.1e-3. What would cost more than
-//! it is worth: every lamp at each scattering, 2.6e-4 for 3.75 rays.
+//! it is worth: every area light at each scattering, 2.6e-4 for 3.75 rays.
 //!
 //! The environment is found by scattering alone. There is no Russian roulette and no clamping; a
 //! sample that is not finite counts as black and is reported.
 //!
 //! [`intersect()`], [`camera_ray`] and [`bsdf::Bsdf`] are public for tests of each part.
 
+mod aov;
+pub mod area_light;
 pub mod bsdf;
 pub mod carved;
 pub mod intersect;
-mod aov;
-pub mod light;
 pub mod medium;
 pub mod microfacet;
 pub mod scatter;
@@ -63,7 +63,7 @@ use std::sync::atomic::Ordering;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::compiled::{CameraFrame, LampData, Primitive, SphereData};
+use crate::compiled::{AreaLightData, CameraFrame, Primitive, SphereData};
 use crate::cpu::Level;
 use crate::fresnel::fresnel_dielectric;
 use crate::post::{FilterMemory, NoisyPixels, NoisyTile, NoisyTracer, Sums, trace_denoised};
@@ -72,9 +72,9 @@ use crate::sampling::{
 };
 use crate::tracer::{DeviceInfo, DeviceKind, TileRadiance, TraceJob, TraceStats, Tracer};
 use crate::{Aovs, CompiledScene, Error, ImageSize, RenderSettings, Tile, TileAovs};
-use intersect::{Departure, intersect_from, nearest_lamp, vector};
+use area_light::{LightDirection, light_weight_sum, sample_light};
+use intersect::{Departure, intersect_from, nearest_area_light, vector};
 pub use intersect::{Hit, Ray, intersect};
-use light::{LampPoint, choose_lamp, light_sum};
 use medium::{Medium, uniform_direction};
 use scatter::Scatter;
 use window::Passage;
@@ -234,8 +234,8 @@ struct Vertex {
     /// `wo` is inside the body.
     is_inside: bool,
     scatter: Scatter,
-    /// [`light_sum`] at the point.
-    light_sum: f64,
+    /// [`light_weight_sum`] at the point.
+    light_weight_sum: f64,
 }
 
 impl<'a> View<'a> {
@@ -339,19 +339,19 @@ impl<'a> View<'a> {
                     continue;
                 }
             }
-            if let Primitive::Lamp(lamp) = hit.primitive {
+            if let Primitive::AreaLight(light) = hit.primitive {
                 if is_emission {
                     return radiance;
                 }
-                let lamp = &self.scene.lamps[lamp as usize];
-                return radiance + beta * self.lamp_met(lamp, &ray, &hit, found);
+                let light = &self.scene.area_lights[light as usize];
+                return radiance + beta * self.emission_with_mis(light, &ray, &hit, found);
             }
             if depth == self.settings.max_depth {
                 return radiance;
             }
             let vertex = Vertex::new(self.scene, &ray, &hit);
             if !self.settings.denoise || depth > 0 {
-                radiance += beta * self.mirrored_light(&vertex, rays);
+                radiance += beta * self.coat_reflected_light(&vertex, rays);
             }
             radiance += beta * self.direct_light(&vertex, random(block_light(depth)), rays);
             let sample = vertex.scatter.sample(vertex.wo, vertex.n, [u0, u1, u2, u3]);
@@ -367,7 +367,7 @@ impl<'a> View<'a> {
             let is_known = found.is_scattered && self.leaves_by_window(&vertex, left, hit.t);
             found = Found {
                 pdf: if is_known { Some(0.0) } else { sample.pdf },
-                light_sum: vertex.light_sum,
+                light_weight_sum: vertex.light_weight_sum,
                 is_scattered: false,
             };
         }
@@ -388,7 +388,7 @@ impl<'a> View<'a> {
         Some((Medium::new(material), enclosing))
     }
 
-    /// A body through whose boundary light that is scattered inside aims at lamps.
+    /// A body through whose boundary light that is scattered inside aims at area lights.
     fn window(&self, enclosing: Primitive) -> Option<Window<'a>> {
         let Primitive::Sphere(index) = enclosing else {
             return None;
@@ -402,7 +402,7 @@ impl<'a> View<'a> {
         })
     }
 
-    /// Whether a ray that was scattered inside leaves, after `length`, by a way on which lamps have been
+    /// Whether a ray that was scattered inside leaves, after `length`, by a way on which area lights have been
     /// aimed at.
     fn leaves_by_window(&self, vertex: &Vertex, left: Option<Departure>, length: f64) -> bool {
         let cos_i = vertex.wo.dot(vertex.n);
@@ -423,11 +423,11 @@ impl<'a> View<'a> {
         let Some(window) = self.window(enclosing) else {
             return DVec3::ZERO;
         };
-        let Some(chosen) = choose_lamp(&self.scene.lamps, point, u) else {
+        let Some(chosen) = sample_light(&self.scene.area_lights, point, u) else {
             return DVec3::ZERO;
         };
-        let lamp = &self.scene.lamps[chosen.index];
-        let normal = vector(lamp.normal);
+        let light = &self.scene.area_lights[chosen.index];
+        let normal = vector(light.normal);
         let straight = chosen.seen.sample(chosen.u);
         let target = point + straight.distance * straight.wi;
         let Some(passage) = Passage::new(window.sphere, window.ior, point, target) else {
@@ -441,7 +441,7 @@ impl<'a> View<'a> {
                 is_inside,
             };
             let met = intersect_from(self.scene, &Ray { origin, direction }, Some(departure));
-            let own = [window.primitive, Primitive::Lamp(chosen.index as u32)];
+            let own = [window.primitive, Primitive::AreaLight(chosen.index as u32)];
             met.is_some_and(|hit| hit.t < length && !own.contains(&hit.primitive))
         };
         if is_dark(point, passage.inner, true, inside)
@@ -455,22 +455,28 @@ impl<'a> View<'a> {
         let cosines = passage.outer.dot(normal) / straight.wi.dot(normal);
         let inverse_pdf = straight.inverse_pdf / chosen.probability;
         let inverse_pdf = inverse_pdf * straight.distance.powi(2) * cosines / passage.spread;
-        passed * vector(lamp.radiance) * (inverse_pdf.max(0.0) / (4.0 * PI))
+        passed * vector(light.radiance) * (inverse_pdf.max(0.0) / (4.0 * PI))
     }
 
-    /// Weighted radiance of a lamp that a ray found.
-    fn lamp_met(&self, lamp: &LampData, ray: &Ray, hit: &Hit, found: Found) -> DVec3 {
-        if ray.direction.dot(hit.n) >= 0.0 || lamp.brightness == 0.0 {
+    /// Weighted radiance of an area light that a ray found.
+    fn emission_with_mis(
+        &self,
+        light: &AreaLightData,
+        ray: &Ray,
+        hit: &Hit,
+        found: Found,
+    ) -> DVec3 {
+        if ray.direction.dot(hit.n) >= 0.0 || light.brightness == 0.0 {
             return DVec3::ZERO;
         }
-        let density = f64::from(lamp.brightness) / found.light_sum;
+        let density = f64::from(light.brightness) / found.light_weight_sum;
         let weight = found.pdf.map_or(1.0, |pdf| power_heuristic(pdf, density));
-        weight * vector(lamp.radiance)
+        weight * vector(light.radiance)
     }
 
-    /// Light of the lamp that a coat reflects: drawn by chance alone, this small, bright image
+    /// Light of the area light that a coat reflects: drawn by chance alone, this small, bright image
     /// would be most of the noise of a ball.
-    fn mirrored_light(&self, vertex: &Vertex, rays: &mut u64) -> DVec3 {
+    fn coat_reflected_light(&self, vertex: &Vertex, rays: &mut u64) -> DVec3 {
         let cos_o = vertex.wo.dot(vertex.n);
         let reflectance = vertex.scatter.coat(cos_o);
         if reflectance == 0.0 {
@@ -480,25 +486,25 @@ impl<'a> View<'a> {
             origin: vertex.point,
             direction: 2.0 * cos_o * vertex.n - vertex.wo,
         };
-        let Some((index, distance)) = nearest_lamp(self.scene, &ray) else {
+        let Some((index, distance)) = nearest_area_light(self.scene, &ray) else {
             return DVec3::ZERO;
         };
-        let lamp = &self.scene.lamps[index];
-        if ray.direction.dot(vector(lamp.normal)) >= 0.0
+        let light = &self.scene.area_lights[index];
+        if ray.direction.dot(vector(light.normal)) >= 0.0
             || self.is_occluded(vertex, ray.direction, distance, index, rays)
         {
             return DVec3::ZERO;
         }
-        reflectance * vector(lamp.radiance)
+        reflectance * vector(light.radiance)
     }
 
-    /// Next-event estimation: light that comes straight from one point of one lamp.
+    /// Next-event estimation: light that comes straight from one point of one area light.
     fn direct_light(&self, vertex: &Vertex, u: [f64; 2], rays: &mut u64) -> DVec3 {
-        let Some(chosen) = choose_lamp(&self.scene.lamps, vertex.point, u) else {
+        let Some(chosen) = sample_light(&self.scene.area_lights, vertex.point, u) else {
             return DVec3::ZERO;
         };
-        let lamp = &self.scene.lamps[chosen.index];
-        let LampPoint {
+        let light = &self.scene.area_lights[chosen.index];
+        let LightDirection {
             wi,
             distance,
             inverse_pdf,
@@ -510,13 +516,13 @@ impl<'a> View<'a> {
         {
             return DVec3::ZERO;
         }
-        let density = f64::from(lamp.brightness) / vertex.light_sum;
+        let density = f64::from(light.brightness) / vertex.light_weight_sum;
         let weight = power_heuristic(density, pdf_scatter);
         let cos_i = wi.dot(vertex.n).abs();
-        f * vector(lamp.radiance) * (cos_i * weight * inverse_pdf / chosen.probability)
+        f * vector(light.radiance) * (cos_i * weight * inverse_pdf / chosen.probability)
     }
 
-    /// Whether something is in between a vertex and a point of lamp `index`.
+    /// Whether something is in between a vertex and a point of area light `index`.
     fn is_occluded(
         &self,
         vertex: &Vertex,
@@ -531,24 +537,26 @@ impl<'a> View<'a> {
             direction,
         };
         let met = intersect_from(self.scene, &ray, Some(vertex.departure(direction)));
-        met.is_some_and(|hit| hit.t < distance && hit.primitive != Primitive::Lamp(index as u32))
+        met.is_some_and(|hit| {
+            hit.t < distance && hit.primitive != Primitive::AreaLight(index as u32)
+        })
     }
 }
 
-/// A ball through whose boundary lamps are aimed at.
+/// A ball through whose boundary area lights are aimed at.
 struct Window<'a> {
     sphere: &'a SphereData,
     ior: f64,
     primitive: Primitive,
 }
 
-/// How a ray's direction was found: what weighs a lamp along it.
+/// How a ray's direction was found: what weighs an area light along it.
 #[derive(Clone, Copy)]
 struct Found {
     /// That of [`bsdf::BsdfSample`].
     pdf: Option<f64>,
-    /// [`light_sum`] where the ray began.
-    light_sum: f64,
+    /// [`light_weight_sum`] where the ray began.
+    light_weight_sum: f64,
     /// It began where light was scattered inside a body.
     is_scattered: bool,
 }
@@ -557,7 +565,7 @@ impl Found {
     /// By the camera.
     const UNWEIGHED: Self = Self {
         pdf: None,
-        light_sum: 0.0,
+        light_weight_sum: 0.0,
         is_scattered: false,
     };
     /// In a medium.
@@ -583,7 +591,7 @@ impl Vertex {
             primitive: hit.primitive,
             is_inside,
             scatter: Scatter::at(scene, hit, is_inside),
-            light_sum: light_sum(&scene.lamps, hit.point),
+            light_weight_sum: light_weight_sum(&scene.area_lights, hit.point),
         }
     }
 

@@ -21,7 +21,7 @@ pub enum Scatter {
 }
 
 impl Scatter {
-    /// The scattering at a hit, for light that leaves inside a body or outside. A lamp reflects
+    /// The scattering at a hit, for light that leaves inside a body or outside. An area light reflects
     /// nothing.
     pub fn at(scene: &CompiledScene, hit: &Hit, is_inside: bool) -> Self {
         let Some(material) = scene.material_of(hit.primitive) else {

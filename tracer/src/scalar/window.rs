@@ -1,6 +1,6 @@
 //! The way from a point inside a clear ball to a point outside, bent where it passes the boundary.
 //!
-//! Light that is scattered inside would find a lamp through a smooth boundary by chance alone. Next-event
+//! Light that is scattered inside would find an area light through a smooth boundary by chance alone. Next-event
 //! estimation through a refracting surface (Walter, Zhao, Holzschuch and Bala, "Single Scattering in
 //! Refractive Media with Triangle Mesh Boundaries", SIGGRAPH 2009) has to find the ways by which Fermat's
 //! principle allows light to go. Through a sphere there may be several; of those that leave by the half

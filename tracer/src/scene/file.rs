@@ -2,7 +2,7 @@
 //!
 //! A file holds one [`Scene`], field by field; lengths are in metres, radiance and albedo are
 //! linear Rec. 709 triples, +z is up. Fields that the format does not know are refused, so that a
-//! slip of the pen is not drawn as something else. `lamps`, a sphere's `rotation` (x, y, z, w) and
+//! slip of the pen is not drawn as something else. `area_lights`, a sphere's `rotation` (x, y, z, w) and
 //! a coat's `internal_reflectance` and `stripe` may be left out.
 //!
 //! ```
@@ -31,7 +31,7 @@
 //!         { "name": "wall", "material": "cloth", "shape": { "rectangle": {
 //!             "center": [0, 3, 0], "half_u": [3, 0, 0], "half_v": [0, 0, 2] } } }
 //!     ],
-//!     "lamps": [
+//!     "area_lights": [
 //!         { "name": "lamp", "center": [0, 0, 1], "half_u": [0.45, 0, 0], "half_v": [0, -0.18, 0],
 //!           "radiance": [17, 15.5, 13] }
 //!     ]
@@ -217,7 +217,7 @@ fn limit(bytes: usize) -> Result<(), String> {
 }
 
 /// serde_json's indented layout, but for vectors, which stay on one line: only the lists of the
-/// scene itself, its objects and lamps, are broken into lines.
+/// scene itself, its objects and area lights, are broken into lines.
 #[derive(Default)]
 struct Layout {
     pretty: PrettyFormatter<'static>,
@@ -364,6 +364,17 @@ mod tests {
             "\"materials\": { \"ball\": { \"diffuse\": { \"albedo\": [0, 0, 0] } },",
         );
         assert!(refusal(&twice).contains("the material `ball` is given twice"));
+    }
+
+    #[test]
+    fn keys_of_older_scene_files_still_load() {
+        let light = r#"[{ "name": "l", "center": [0, 0, 1], "half_u": [1, 0, 0],
+            "half_v": [0, -1, 0], "radiance": [1, 1, 1] }]"#;
+        let scene = |key: &str| {
+            let text = SCENE.replace("\"objects\"", &format!("\"{key}\": {light}, \"objects\""));
+            Scene::from_json(&text).unwrap()
+        };
+        assert_eq!(scene("lamps"), scene("area_lights"));
     }
 
     #[test]

@@ -17,7 +17,7 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 
 use super::file::parse_error;
-use super::{Camera, Environment, Lamp, Material, Object, Scene, Shape, Stripe};
+use super::{AreaLight, Camera, Environment, Material, Object, Scene, Shape, Stripe};
 use crate::Error;
 
 /// Sine of half the band of every striped ball in this schema.
@@ -138,7 +138,7 @@ impl File {
         let spheres = self.spheres.into_iter().map(Sphere::into_object);
         let boxes = self.boxes.into_iter().map(Slab::into_object);
         let discs = self.discs.into_iter().map(Disc::into_object);
-        let lamps = self.lights.into_iter().enumerate();
+        let area_lights = self.lights.into_iter().enumerate();
         Ok(Scene {
             camera: Camera {
                 eye: self.camera.eye,
@@ -155,15 +155,15 @@ impl File {
                 .map(|(name, surface)| (name, surface.into_material()))
                 .collect(),
             objects: spheres.chain(boxes).chain(discs).collect(),
-            lamps: lamps
-                .map(|(i, light)| light.into_lamp(i))
+            area_lights: area_lights
+                .map(|(i, light)| light.into_area_light(i))
                 .collect::<Result<_, _>>()?,
         })
     }
 }
 
 impl Light {
-    fn into_lamp(self, index: usize) -> Result<Lamp, String> {
+    fn into_area_light(self, index: usize) -> Result<AreaLight, String> {
         let Self::Rect {
             center,
             half_x,
@@ -183,7 +183,7 @@ impl Light {
                  edges are along x and y"
             ));
         }
-        Ok(Lamp {
+        Ok(AreaLight {
             name: format!("lamp{index}"),
             center,
             half_u: Vec3::new(half_x, 0.0, 0.0),

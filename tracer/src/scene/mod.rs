@@ -27,8 +27,8 @@ pub struct Scene {
     /// Surfaces. Their index here is what [`ObjectPose::object`] names.
     pub objects: Vec<Object>,
     /// Rectangles that emit light and reflect none.
-    #[serde(default)]
-    pub lamps: Vec<Lamp>,
+    #[serde(default, alias = "lamps")]
+    pub area_lights: Vec<AreaLight>,
 }
 
 /// A pinhole camera with square pixels and a box filter; row 0 of its image is the top.
@@ -174,7 +174,7 @@ pub enum CutForm {
 /// A rectangle that emits from one side and is black from both.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Lamp {
+pub struct AreaLight {
     /// Shown in messages and statistics; need not be unique.
     pub name: String,
     /// Centre in metres.

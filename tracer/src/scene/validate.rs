@@ -7,13 +7,13 @@ use glam::{Quat, Vec3};
 
 use crate::Error;
 use crate::scene::{
-    Camera, CutForm, Lamp, Material, Medium, ObjectPose, Paint, Scene, Shape, Stripe,
+    AreaLight, Camera, CutForm, Material, Medium, ObjectPose, Paint, Scene, Shape, Stripe,
 };
 
 /// The most objects in a scene. Rays find many of a shape by a tree.
 pub const OBJECTS_MAX: usize = 1 << 17;
-/// The most lamps in a scene.
-pub const LAMPS_MAX: usize = 64;
+/// The most area lights in a scene.
+pub const AREA_LIGHTS_MAX: usize = 64;
 /// The most materials in a scene.
 pub const MATERIALS_MAX: usize = 1024;
 /// The longest name in bytes.
@@ -63,7 +63,7 @@ impl Scene {
 
     fn check(&self) -> Check {
         count("objects", self.objects.len(), OBJECTS_MAX)?;
-        count("lamps", self.lamps.len(), LAMPS_MAX)?;
+        count("area lights", self.area_lights.len(), AREA_LIGHTS_MAX)?;
         count("materials", self.materials.len(), MATERIALS_MAX)?;
         let cuts = self.objects.iter().map(|object| match &object.shape {
             Shape::Carved { cuts, .. } => cuts.len(),
@@ -100,9 +100,10 @@ impl Scene {
                 )));
             }
         }
-        for (index, lamp) in self.lamps.iter().enumerate() {
-            name(&lamp.name)?;
-            check_lamp(lamp).map_err(|why| format!("lamp {index} `{}`: {why}", lamp.name))?;
+        for (index, light) in self.area_lights.iter().enumerate() {
+            name(&light.name)?;
+            check_area_light(light)
+                .map_err(|why| format!("area light {index} `{}`: {why}", light.name))?;
         }
         Ok(())
     }
@@ -267,9 +268,9 @@ fn corners(min: Vec3, max: Vec3) -> Check {
     ))
 }
 
-fn check_lamp(lamp: &Lamp) -> Check {
-    rectangle(lamp.center, lamp.half_u, lamp.half_v)?;
-    radiance("lamp", lamp.radiance)
+fn check_area_light(light: &AreaLight) -> Check {
+    rectangle(light.center, light.half_u, light.half_v)?;
+    radiance("area light", light.radiance)
 }
 
 fn rectangle(center: Vec3, half_u: Vec3, half_v: Vec3) -> Check {

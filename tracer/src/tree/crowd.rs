@@ -133,7 +133,7 @@ pub(crate) fn crowd(kind: Crowd, of: ShapeKind, count: u32, seed: u32) -> Compil
         environment: Environment { radiance: albedo },
         materials: BTreeMap::from([("m".to_owned(), material)]),
         objects: (0..count).map(object).collect(),
-        lamps: Vec::new(),
+        area_lights: Vec::new(),
     };
     CompiledScene::new(&scene).unwrap()
 }

@@ -229,7 +229,7 @@ fn an_empty_scene_shows_its_environment() {
         environment: Environment { radiance },
         materials: BTreeMap::new(),
         objects: Vec::new(),
-        lamps: Vec::new(),
+        area_lights: Vec::new(),
     };
     let scene = CompiledScene::new(&scene).unwrap();
     for level in CpuTracer::levels_available() {

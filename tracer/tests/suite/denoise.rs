@@ -9,7 +9,7 @@ use crate::tracers::tracers;
 use carom_tracer::film::{trace_image, trace_tiles};
 use carom_tracer::metrics::rel_mse;
 use carom_tracer::{
-    CompiledScene, CpuTracer, Film, ImageSize, Aovs, RadianceImage, RenderSettings, ScalarTracer,
+    Aovs, CompiledScene, CpuTracer, Film, ImageSize, RadianceImage, RenderSettings, ScalarTracer,
     Scene, Tile, TileGrid, TileRun, TraceJob, Tracer,
 };
 
@@ -72,7 +72,10 @@ fn aovs_agree_between_all_tracers() {
     let scene = pool();
     let truth = aovs(&ScalarTracer, &scene, 3);
     let shines = |hit: &&Aovs| hit.emission[0] > 0.1 && hit.albedo != [0.0; 3];
-    assert!(truth.iter().any(|hit| shines(&hit)), "no lamp is reflected");
+    assert!(
+        truth.iter().any(|hit| shines(&hit)),
+        "no area light is reflected"
+    );
     for tracer in tracers() {
         let found = aovs(&**tracer, &scene, 3);
         assert_eq!(found.len(), truth.len());
@@ -233,7 +236,7 @@ fn the_error_falls_until_hardly_any_is_left() {
 /// Mean squared difference of neighbours across the edges that the reference has: where blur would
 /// lower it.
 #[test]
-fn stripes_and_reflected_lamps_stay_sharp() {
+fn stripes_and_reflected_lights_stay_sharp() {
     let (scene, reference) = (pool(), reference());
     let tracer = CpuTracer::new().unwrap();
     let image = trace_image(&tracer, &scene, reference.size, denoised(4))
@@ -266,7 +269,7 @@ fn stripes_and_reflected_lamps_stay_sharp() {
     };
     let luminance = |image: &RadianceImage, i: usize| {
         let [r, g, b] = image.pixels[i];
-        // As seen on a screen, so that the lamps' own brightness is not all that counts.
+        // As seen on a screen, so that the area lights' own brightness is not all that counts.
         (0.2126 * r + 0.7152 * g + 0.0722 * b).min(1.0)
     };
     let (mut truth, mut along) = (0.0, 0.0);

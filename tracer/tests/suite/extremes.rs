@@ -12,8 +12,8 @@
 //! | 7 | poses and rays that are no numbers | `compiled`: `a_refused_update_…`; `scalar::intersect`; `gpu`: `samples_that_are_not_finite_…` |
 //! | 8 | balls that touch, overlap, coincide | here |
 //! | 9 | contact shadows | here |
-//! | 10 | degenerate lamps | here; without area: `scene::validate` |
-//! | 11 | lamps of 10³⁰ and of 0 | here |
+//! | 10 | degenerate area lights | here; without area: `scene::validate` |
+//! | 11 | area lights of 10³⁰ and of 0 | here |
 //! | 12 | roughness 0, tiny, 1 | `materials`, `scalar::specular` |
 //! | 13 | indices 1, nearly 1, 1000 | here; `fresnel`; `laws` |
 //! | 14 | albedo 0, 1, above | `laws`; `scene::validate` |
@@ -31,7 +31,7 @@ use crate::tracers::tracers;
 use carom_tracer::film::trace_image;
 use carom_tracer::metrics::mean;
 use carom_tracer::{
-    Camera, CompiledScene, CpuTracer, Environment, ImageSize, Lamp, Material, Object,
+    AreaLight, Camera, CompiledScene, CpuTracer, Environment, ImageSize, Material, Object,
     RadianceImage, RenderSettings, ScalarTracer, Scene, Shape, Tracer,
 };
 use glam::{Quat, Vec3};
@@ -74,7 +74,7 @@ fn view(eye: Vec3, target: Vec3, environment: f32) -> Scene {
         },
         materials: BTreeMap::from([("grey".to_owned(), diffuse(0.5))]),
         objects: Vec::new(),
-        lamps: Vec::new(),
+        area_lights: Vec::new(),
     }
 }
 
@@ -109,8 +109,8 @@ fn floor() -> Shape {
     }
 }
 
-fn lamp(center: Vec3, half_u: Vec3, half_v: Vec3, radiance: f32) -> Lamp {
-    Lamp {
+fn light(center: Vec3, half_u: Vec3, half_v: Vec3, radiance: f32) -> AreaLight {
+    AreaLight {
         name: "lamp".to_owned(),
         center,
         half_u,
@@ -207,9 +207,9 @@ fn a_ball_s_shadow_reaches_the_point_that_it_rests_on() {
     }
 }
 
-/// Irradiance of a small lamp: `L A cos θ cos θ' / d²`.
+/// Irradiance of a small area light: `L A cos θ cos θ' / d²`.
 #[test]
-fn lamps_of_a_millionth_of_a_metre_shine_as_their_area_says() {
+fn micrometre_lights_shine_by_their_area() {
     for (half, radiance) in [(1e-2f32, 1e4f32), (1e-4, 1e8), (1e-6, 1e12)] {
         for (x, z) in [(0.0f32, 1.0f32), (0.7, 0.5), (3.0, 0.2)] {
             let point = Vec3::new(-1.0, 0.5, 0.0);
@@ -219,8 +219,8 @@ fn lamps_of_a_millionth_of_a_metre_shine_as_their_area_says() {
             );
             let center = point + Vec3::new(x, 0.0, z);
             scene
-                .lamps
-                .push(lamp(center, half * Vec3::X, -half * Vec3::Y, radiance));
+                .area_lights
+                .push(light(center, half * Vec3::X, -half * Vec3::Y, radiance));
             let (x, z) = (f64::from(x), f64::from(z));
             let (area, distance2) = (4.0 * f64::from(half).powi(2), x * x + z * z);
             let expected = 0.5 / PI * f64::from(radiance) * area * z * z / distance2.powi(2);
@@ -233,25 +233,25 @@ fn lamps_of_a_millionth_of_a_metre_shine_as_their_area_says() {
 }
 
 #[test]
-fn lamps_edge_on_or_in_the_surface_they_light_give_finite_light() {
+fn edge_on_lights_give_finite_radiance() {
     let point = Vec3::new(0.3, 0.2, 0.0);
-    let lamps = [
+    let area_lights = [
         // In the plane of the floor, under the point and beside it; upright, the point in its plane;
         // a hair above the floor.
-        lamp(Vec3::ZERO, Vec3::X, Vec3::Y, 5.0),
-        lamp(Vec3::new(2.0, 0.0, 0.0), Vec3::X, Vec3::NEG_Y, 5.0),
-        lamp(Vec3::new(0.3, 1.0, 0.5), 0.2 * Vec3::Y, 0.2 * Vec3::Z, 5.0),
-        lamp(Vec3::new(0.0, 0.0, 1e-6), Vec3::X, Vec3::NEG_Y, 5.0),
+        light(Vec3::ZERO, Vec3::X, Vec3::Y, 5.0),
+        light(Vec3::new(2.0, 0.0, 0.0), Vec3::X, Vec3::NEG_Y, 5.0),
+        light(Vec3::new(0.3, 1.0, 0.5), 0.2 * Vec3::Y, 0.2 * Vec3::Z, 5.0),
+        light(Vec3::new(0.0, 0.0, 1e-6), Vec3::X, Vec3::NEG_Y, 5.0),
     ];
-    for (index, lamp) in lamps.into_iter().enumerate() {
+    for (index, light) in area_lights.into_iter().enumerate() {
         let mut scene = with(view(point + Vec3::new(0.0, -1.5, 1.0), point, 0.0), floor());
-        scene.lamps.push(lamp);
+        scene.area_lights.push(light);
         each(|tracer, name| {
             let seen = picture(tracer, &scene, SIZE, 8);
             let in_range = |c: &f32| (0.0..=5.001).contains(c);
             assert!(
                 seen.pixels.as_flattened().iter().all(in_range),
-                "{name}, lamp {index}"
+                "{name}, area light {index}"
             );
         });
     }
@@ -265,10 +265,10 @@ fn radiance_is_linear_from_nothing_to_ten_to_the_thirtieth() {
         ball(0.3 * Vec3::Z, 0.3),
     );
     scene.camera.fov_x_deg = 40.0;
-    let one = lamp(Vec3::new(0.2, 0.0, 1.5), 0.5 * Vec3::X, -0.3 * Vec3::Y, 1.0);
-    scene.lamps = vec![
+    let one = light(Vec3::new(0.2, 0.0, 1.5), 0.5 * Vec3::X, -0.3 * Vec3::Y, 1.0);
+    scene.area_lights = vec![
         one.clone(),
-        lamp(
+        light(
             Vec3::new(-1.0, 0.0, 1.0),
             0.2 * Vec3::X,
             -0.2 * Vec3::Y,
@@ -278,8 +278,8 @@ fn radiance_is_linear_from_nothing_to_ten_to_the_thirtieth() {
     let scaled = |scale: f32| {
         let mut scaled = scene.clone();
         scaled.environment.radiance *= scale;
-        for lamp in &mut scaled.lamps {
-            lamp.radiance *= scale;
+        for light in &mut scaled.area_lights {
+            light.radiance *= scale;
         }
         scaled
     };
@@ -329,9 +329,9 @@ fn coats_of_every_index_keep_the_furnace_white() {
     }
 }
 
-/// No estimate of a sample exceeds the brightest lamp: nothing needs to be clamped.
+/// No estimate of a sample exceeds the brightest area light: nothing needs to be clamped.
 #[test]
-fn no_sample_is_brighter_than_the_brightest_lamp() {
+fn no_sample_is_brighter_than_brightest_light() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/scenes/pool.json");
     let scene = Scene::load(path).unwrap();
     each(|tracer, name| {

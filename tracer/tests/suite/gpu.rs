@@ -271,8 +271,8 @@ fn every_subset_of_a_scene_agrees_with_scalar() {
     for left_out in 0..6 {
         let mut scene = pool();
         match left_out {
-            0 => scene.lamps.clear(),
-            1 => scene.lamps.truncate(1),
+            0 => scene.area_lights.clear(),
+            1 => scene.area_lights.truncate(1),
             2 => scene.objects.clear(),
             kind => scene.objects.retain(|object| match object.shape {
                 Shape::Sphere { .. } => kind != 3,
@@ -356,7 +356,7 @@ fn frames_in_flight_at_once_do_not_disturb_each_other() {
     let Some(gpu) = gpu() else { return };
     let size = ImageSize::new(48, 27);
     let mut unlit = pool();
-    unlit.lamps.clear();
+    unlit.area_lights.clear();
     let scenes = [compiled(&pool()), compiled(&unlit)];
     let frame = |i: u32| {
         let settings = RenderSettings {
@@ -443,7 +443,7 @@ fn the_longest_sum_loses_nothing() {
     let Some(gpu) = gpu() else { return };
     let mut scene = pool();
     scene.objects.clear();
-    scene.lamps.clear();
+    scene.area_lights.clear();
     scene.environment.radiance = Vec3::new(0.1, 0.3, 1e-3);
     let settings = settings(RenderSettings::SAMPLES_MAX);
     let picture = whole(gpu, &compiled(&scene), ImageSize::new(2, 2), settings);
@@ -461,7 +461,7 @@ fn samples_that_are_not_finite_are_counted_and_black() {
     let Some(gpu) = gpu() else { return };
     let mut scene = compiled(&pool());
     for spoilt in [f32::INFINITY, f32::NAN] {
-        // Paths that end on a lamp or within the table stay finite.
+        // Paths that end on an area light or within the table stay finite.
         scene.environment = Vec3::new(0.0, spoilt, 0.0);
         let grid = TileGrid::new(ImageSize::new(32, 18), 32);
         let job = TraceJob {
@@ -547,8 +547,8 @@ fn balls_far_from_the_origin_agree_with_scalar() {
         };
         *center = snap(*center);
     }
-    for lamp in &mut scene.lamps {
-        lamp.center = snap(lamp.center);
+    for light in &mut scene.area_lights {
+        light.center = snap(light.center);
     }
     let scene = compiled(&scene);
     let picture = whole(gpu, &scene, size, settings(1));

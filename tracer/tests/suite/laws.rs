@@ -9,7 +9,7 @@ use crate::tracers::tracers;
 use carom_tracer::film::{Film, trace_image, trace_tiles};
 use carom_tracer::metrics::mean;
 use carom_tracer::{
-    Camera, CompiledScene, Environment, ImageSize, Lamp, Material, Object, ObjectPose,
+    AreaLight, Camera, CompiledScene, Environment, ImageSize, Material, Object, ObjectPose,
     RadianceImage, RenderSettings, ScalarTracer, Scene, SceneUpdate, Shape, Stripe, Tile, TileGrid,
     TileRadiance, TraceJob, Tracer,
 };
@@ -68,7 +68,7 @@ fn empty(environment: f32) -> Scene {
         },
         materials: BTreeMap::new(),
         objects: Vec::new(),
-        lamps: Vec::new(),
+        area_lights: Vec::new(),
     }
 }
 
@@ -92,9 +92,9 @@ fn ball() -> Shape {
     }
 }
 
-/// A lamp of 2 m × 1 m at `z`, facing down or up.
-fn lamp(z: f32, facing_down: bool, radiance: f32) -> Lamp {
-    Lamp {
+/// An area light of 2 m × 1 m at `z`, facing down or up.
+fn light(z: f32, facing_down: bool, radiance: f32) -> AreaLight {
+    AreaLight {
         name: "lamp".to_owned(),
         center: Vec3::new(0.0, 0.0, z),
         half_u: Vec3::new(1.0, 0.0, 0.0),
@@ -111,17 +111,17 @@ fn floor() -> Shape {
     }
 }
 
-/// A floor seen from aside, so near that the picture is of one point, and a lamp above it.
+/// A floor seen from aside, so near that the picture is of one point, and an area light above it.
 fn lit_floor(point: Vec3, facing_down: bool) -> Scene {
     let mut scene = with(empty(0.0), diffuse(0.5), floor());
-    scene.lamps.push(lamp(1.5, facing_down, 10.0));
+    scene.area_lights.push(light(1.5, facing_down, 10.0));
     scene.camera.eye = point + Vec3::new(0.0, -0.1, 0.05);
     scene.camera.target = point;
     scene.camera.fov_x_deg = 0.5;
     scene
 }
 
-/// A little of everything: balls, a box, a disc, a lamp that is seen, and one that is not.
+/// A little of everything: balls, a box, a disc, an area light that is seen, and one that is not.
 fn still_life() -> Scene {
     let striped = Material::SmoothPlastic {
         albedo: Vec3::new(0.8, 0.7, 0.6),
@@ -151,7 +151,7 @@ fn still_life() -> Scene {
     scene = with(scene, plastic(0.4, 1.5), ball(0.55, 0.25));
     scene = with(scene, diffuse(0.2), block);
     scene = with(scene, plastic(0.0, 1.4), disc);
-    scene.lamps = vec![lamp(1.2, true, 8.0), lamp(3.0, true, 20.0)];
+    scene.area_lights = vec![light(1.2, true, 8.0), light(3.0, true, 20.0)];
     scene.camera.eye = Vec3::new(0.2, -3.0, 1.2);
     scene.camera.target = Vec3::new(0.0, 0.0, 0.4);
     scene.camera.fov_x_deg = 45.0;
@@ -249,7 +249,7 @@ fn form_factor(a: f64, b: f64) -> f64 {
 }
 
 #[test]
-fn a_floor_under_a_lamp_is_as_bright_as_its_form_factor_says() {
+fn floor_radiance_equals_form_factor() {
     for (x, y) in [(0.0f32, 0.0f32), (0.7, -0.3), (2.5, 1.0)] {
         let scene = lit_floor(Vec3::new(x, y, 0.0), true);
         let (x, y) = (f64::from(x), f64::from(y));
@@ -264,13 +264,17 @@ fn a_floor_under_a_lamp_is_as_bright_as_its_form_factor_says() {
 }
 
 #[test]
-fn a_lamp_shines_and_is_seen_from_one_side() {
+fn area_light_emits_from_one_side() {
     for tracer in tracers() {
         let dark = image(tracer.as_ref(), &lit_floor(Vec3::ZERO, false), settings(16));
-        assert_eq!(mean(&dark), [0.0; 3], "the floor behind a lamp stays black");
+        assert_eq!(
+            mean(&dark),
+            [0.0; 3],
+            "the floor behind an area light stays black"
+        );
 
         let mut scene = empty(1.0);
-        scene.lamps.push(lamp(0.0, true, 10.0));
+        scene.area_lights.push(light(0.0, true, 10.0));
         scene.camera.up = Vec3::Y;
         scene.camera.target = Vec3::ZERO;
         for (eye_z, radiance) in [(-1.0, 10.0), (1.0, 0.0)] {
@@ -311,12 +315,12 @@ fn a_hidden_ball_is_as_if_it_were_not_there() {
 }
 
 #[test]
-fn radiance_is_linear_in_the_lamps_and_the_environment() {
+fn radiance_is_linear_in_emitters() {
     let scene = still_life();
     let mut brighter = scene.clone();
     brighter.environment.radiance *= 4.0;
-    for lamp in &mut brighter.lamps {
-        lamp.radiance *= 4.0;
+    for light in &mut brighter.area_lights {
+        light.radiance *= 4.0;
     }
     for tracer in tracers() {
         let mut expected = image(tracer.as_ref(), &scene, settings(4));

@@ -8,7 +8,7 @@ use carom_tracer::metrics::{Estimate, Region, mean, region};
 use carom_tracer::sampling::uniforms;
 use carom_tracer::scalar::{Ray, intersect};
 use carom_tracer::{
-    Axis, Camera, CompiledScene, Cut, CutForm, Environment, ImageSize, Lamp, Material, Medium,
+    AreaLight, Axis, Camera, CompiledScene, Cut, CutForm, Environment, ImageSize, Material, Medium,
     Object, Paint, RadianceImage, RenderSettings, ScalarTracer, Scene, Shape, Sights, Stripe, Tile,
     Tracer,
 };
@@ -85,10 +85,10 @@ fn glass_gold_and_wax_agree_with_the_independent_renderer() {
     }
 }
 
-/// Aiming at lamps through the boundary of a ball takes and adds no light, and leaves less than a sixth of
+/// Aiming at area lights through the boundary of a ball takes and adds no light, and leaves less than a sixth of
 /// the variance on the wax.
 #[test]
-fn lamps_aimed_at_from_inside_leave_little_noise_and_the_same_light() {
+fn refracted_nee_is_unbiased_and_quiet() {
     let scene = Scene::load(repository("assets/scenes/materials.json")).unwrap();
     let aiming = CompiledScene::new(&scene).unwrap();
     let mut by_chance = aiming.clone();
@@ -156,7 +156,7 @@ fn furnace(material: Material) -> Scene {
         },
         materials: BTreeMap::from([("m".to_owned(), material)]),
         objects: vec![ball],
-        lamps: Vec::new(),
+        area_lights: Vec::new(),
     }
 }
 
@@ -389,7 +389,7 @@ fn carved_block(bore_material: Option<&str>) -> Shape {
     }
 }
 
-/// A carved block, numbered balls, wood, planks and cloth under a lamp.
+/// A carved block, numbered balls, wood, planks and cloth under an area light.
 #[expect(clippy::too_many_lines, reason = "a scene as data")]
 fn painted_still_life() -> Scene {
     let coated = |paint| Material::Coated { ior: 1.5, paint };
@@ -473,7 +473,7 @@ fn painted_still_life() -> Scene {
         ),
     ];
     scene.environment.radiance = Vec3::splat(0.1);
-    scene.lamps = vec![Lamp {
+    scene.area_lights = vec![AreaLight {
         name: "lamp".to_owned(),
         center: Vec3::new(0.0, 0.0, 1.5),
         half_u: Vec3::new(0.5, 0.0, 0.0),

@@ -55,15 +55,18 @@ fn the_conversion_keeps_numbers_names_and_stripes() {
     let text = std::fs::read_to_string(repository("tests/references/pool_scene.json")).unwrap();
     let json: serde_json::Value = serde_json::from_str(&text).unwrap();
     let scene = Scene::load(repository("tests/references/pool_scene.json")).unwrap();
-    assert_eq!((scene.objects.len(), scene.lamps.len()), (16 + 12 + 6, 2));
+    assert_eq!(
+        (scene.objects.len(), scene.area_lights.len()),
+        (16 + 12 + 6, 2)
+    );
     assert_eq!(scene.objects[15].name, "ball15");
 
     let compiled = CompiledScene::new(&scene).unwrap();
     assert!(
         compiled
-            .lamps
+            .area_lights
             .iter()
-            .all(|lamp| lamp.normal == [0.0, 0.0, -1.0])
+            .all(|light| light.normal == [0.0, 0.0, -1.0])
     );
     let number = |value: &serde_json::Value| value.as_f64().unwrap();
     for (ball, sphere) in json["spheres"]

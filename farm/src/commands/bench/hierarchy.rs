@@ -7,7 +7,7 @@ use std::time::Instant;
 use anyhow::Context;
 use carom_tracer::compiled::{Hierarchy, ShapeKind};
 use carom_tracer::{
-    Camera, CompiledScene, Environment, ImageSize, Lamp, Material, Object, Scene, SceneUpdate,
+    AreaLight, Camera, CompiledScene, Environment, ImageSize, Material, Object, Scene, SceneUpdate,
     Shape, Tracer, sampling,
 };
 use cpu_time::ProcessTime;
@@ -362,7 +362,7 @@ fn cloud(many: Many, count: u32) -> Scene {
         },
         materials,
         objects: (0..count).map(object).chain([floor]).collect(),
-        lamps: vec![Lamp {
+        area_lights: vec![AreaLight {
             name: "lamp".to_owned(),
             center: Vec3::new(0.0, 0.0, 3.0),
             half_u: Vec3::X,

@@ -36,7 +36,7 @@ fn aovs_at(pixel: u32) -> Aovs {
 fn first_hit(ray: Ray) -> Aovs {
     var met = Aovs(vec3f(0.0), vec3f(0.0), 0.0, vec3f(0.0));
     let hit = nearest(ray, NO_PRIMITIVE);
-    if (hit.primitive >= LAMP_FIRST) {
+    if (hit.primitive >= AREA_LIGHT_FIRST) {
         met.emission = emission(ray, hit);
         return met;
     }
@@ -56,13 +56,13 @@ fn first_hit(ray: Ray) -> Aovs {
     return met;
 }
 
-// Light of the lamp or the environment that a ray ends in.
+// Light of the area light or the environment that a ray ends in.
 fn emission(ray: Ray, hit: Hit) -> vec3f {
     if (hit.primitive == NO_PRIMITIVE) {
         return scene.header.environment;
     }
-    if (hit.primitive >= LAMP_FIRST) {
-        return lamp_found(ray, hit, SPECULAR);
+    if (hit.primitive >= AREA_LIGHT_FIRST) {
+        return emission_with_mis(ray, hit, SPECULAR);
     }
     return vec3f(0.0);
 }

@@ -1,7 +1,7 @@
 // What the materials share. Both directions leave the surface, `wo` on the normal's side.
 
 // `weight` is f · |cos θi| / pdf; `pdf` is per solid angle, `SPECULAR` where there is none, 0
-// for a coat's mirror, whose lamps `mirrored_light` has looked up.
+// for a coat's mirror, whose area lights `coat_reflected_light` has looked up.
 struct BsdfSample {
     wi: vec3f,
     weight: vec3f,

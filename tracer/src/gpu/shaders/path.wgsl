@@ -1,4 +1,4 @@
-// One path: from the camera over its vertices to a lamp or the environment.
+// One path: from the camera over its vertices to an area light or the environment.
 
 struct Path {
     ray: Ray,
@@ -7,7 +7,7 @@ struct Path {
     skip: u32,
     throughput: vec3f,
     radiance: vec3f,
-    // Density of the ray's direction times the lamps' `light_sum` where it began, which weighs a lamp
+    // Density of the ray's direction times the area lights' `light_weight_sum` where it began, which weighs an area light
     // that it finds; or `SPECULAR` or `SCATTERED`.
     pdf: f32,
     depth: u32,
@@ -55,15 +55,15 @@ fn advance(path: ptr<function, Path>, hit: ptr<function, Hit>, rays: ptr<functio
             return select(FLYING, ENDED, is_last || all((*path).throughput == vec3f(0.0)));
         }
     }
-    if (met.primitive >= LAMP_FIRST && is_emission(*path)) {
+    if (met.primitive >= AREA_LIGHT_FIRST && is_emission(*path)) {
         return ENDED;
     }
     if (met.primitive == NO_PRIMITIVE) {
         (*path).radiance += (*path).throughput * scene.header.environment;
         return ENDED;
     }
-    if (met.primitive >= LAMP_FIRST) {
-        (*path).radiance += (*path).throughput * lamp_found(ray, met, (*path).pdf);
+    if (met.primitive >= AREA_LIGHT_FIRST) {
+        (*path).radiance += (*path).throughput * emission_with_mis(ray, met, (*path).pdf);
         return ENDED;
     }
     if ((*path).depth == job.max_depth) {
@@ -87,12 +87,12 @@ fn scatter(path: ptr<function, Path>, hit: Hit, rays: ptr<function, u32>) -> u32
     let depth = (*path).depth;
     let wo = -(*path).ray.direction;
     let bsdf = bsdf_at(surface, wo);
-    var light_sum = 0.0;
-    if (LAMP_COUNT > 0u) {
+    var light_weight_sum = 0.0;
+    if (AREA_LIGHT_COUNT > 0u) {
         let u = pair((*path).pixel, (*path).sample, block_light(depth), job.seed);
-        var light = direct_light(surface, bsdf, wo, primitive, u, rays, &light_sum);
+        var light = direct_light(surface, bsdf, wo, primitive, u, rays, &light_weight_sum);
         if (OUTPUT != OUTPUT_REFLECTED || depth > 0u) {
-            light += mirrored_light(surface, bsdf, wo, primitive, rays);
+            light += coat_reflected_light(surface, bsdf, wo, primitive, rays);
         }
         (*path).radiance += (*path).throughput * light;
     }
@@ -108,7 +108,7 @@ fn scatter(path: ptr<function, Path>, hit: Hit, rays: ptr<function, u32>) -> u32
     (*path).pdf = next.pdf;
     if (next.pdf > 0.0) {
         // Not 0 where there is no light: that is a coat's.
-        (*path).pdf = max(next.pdf * light_sum, 1e-37);
+        (*path).pdf = max(next.pdf * light_weight_sum, 1e-37);
     }
     if (was_scattered && ((*path).skip & INSIDE) == 0u
         && leaves_by_window(primitive, hit.t, dot(surface.normal, wo))) {

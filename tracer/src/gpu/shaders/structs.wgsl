@@ -47,7 +47,7 @@ struct RectangleData {
     normal: vec3f,
 }
 
-struct LampData {
+struct AreaLightData {
     center: vec3f,
     brightness: f32,
     axis_u: vec3f,

@@ -1,4 +1,4 @@
-// Lamps seen from inside a clear ball, by ways that are bent at its boundary: `scalar/window.rs`.
+// Area lights seen from inside a clear ball, by ways that are bent at its boundary: `scalar/window.rs`.
 
 // A ray from the inner point, in the plane of the axis (x) and the outer point, in radii.
 struct PlaneRay {
@@ -97,11 +97,11 @@ fn light_through(body: u32, from_point: vec3f, u: vec2f, rays: ptr<function, u32
     if (body >= SPHERE_COUNT || scene.spheres[min(body, SPHERE_COUNT - 1u)].is_window == 0u) {
         return vec3f(0.0);
     }
-    let chosen = choose_lamp(from_point, u);
+    let chosen = sample_light(from_point, u);
     if (chosen.weight == 0.0) {
         return vec3f(0.0);
     }
-    let straight = sample_lamp(see_lamp(chosen.index, from_point), chosen);
+    let straight = sample_direction(spherical_rectangle(chosen.index, from_point), chosen);
     let center = scene.spheres[body].center;
     let radius = scene.spheres[body].radius;
     let material = scene.spheres[body].material;
@@ -133,15 +133,15 @@ fn light_through(body: u32, from_point: vec3f, u: vec2f, rays: ptr<function, u32
     // Radiance is denser by the square of the index inside.
     let passed = (1.0 - fresnel_dielectric(ray.cos_i, 1.0 / ior)) * ior * ior;
     let left = exp(-scene.materials[material].extinction * (radius * ray.length));
-    let normal = scene.lamps[chosen.index].normal;
+    let normal = scene.area_lights[chosen.index].normal;
     let cosines = dot(outer.direction, normal) / dot(straight.wi, normal);
     let length = straight.distance / radius;
-    let inverse_pdf = straight.inverse_pdf * (chosen.light_sum / chosen.weight)
+    let inverse_pdf = straight.inverse_pdf * (chosen.light_weight_sum / chosen.weight)
         * length * length * cosines / window_spread(ray, ior, outside);
-    return scene.lamps[chosen.index].radiance * left * (passed * max(inverse_pdf, 0.0) / (4.0 * PI));
+    return scene.area_lights[chosen.index].radiance * left * (passed * max(inverse_pdf, 0.0) / (4.0 * PI));
 }
 
-// Whether a ray that was scattered inside leaves, after `length` and at `cos_i`, by a way on which lamps
+// Whether a ray that was scattered inside leaves, after `length` and at `cos_i`, by a way on which area lights
 // have been aimed at.
 fn leaves_by_window(body: u32, length: f32, cos_i: f32) -> bool {
     let sphere = min(body, SPHERE_COUNT - 1u);

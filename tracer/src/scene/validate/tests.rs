@@ -17,8 +17,8 @@ fn sphere() -> Shape {
     }
 }
 
-fn lamp() -> Lamp {
-    Lamp {
+fn light() -> AreaLight {
+    AreaLight {
         name: "l".to_owned(),
         center: Vec3::ZERO,
         half_u: Vec3::X,
@@ -40,7 +40,7 @@ fn scene() -> Scene {
         },
         materials: [("m".to_owned(), Material::Diffuse { albedo: Vec3::ONE })].into(),
         objects: vec![object("o", sphere())],
-        lamps: vec![lamp()],
+        area_lights: vec![light()],
     }
 }
 
@@ -188,14 +188,14 @@ fn plates_without_extent_are_refused() {
 }
 
 #[test]
-fn lamps_keep_the_rules_of_rectangles_and_radiance() {
+fn area_lights_keep_the_rules_of_rectangles() {
     assert_says(
-        &refusal(|s| s.lamps[0].half_v = Vec3::X),
-        "lamp 0 `l`: its half_u",
+        &refusal(|s| s.area_lights[0].half_v = Vec3::X),
+        "area light 0 `l`: its half_u",
     );
     for radiance in [-1.0, f32::NAN, f32::INFINITY, 1e31] {
-        let refusal = refusal(|scene| scene.lamps[0].radiance.y = radiance);
-        assert_says(&refusal, "lamp 0 `l`: the lamp's radiance is");
+        let refusal = refusal(|scene| scene.area_lights[0].radiance.y = radiance);
+        assert_says(&refusal, "area light 0 `l`: the area light's radiance is");
     }
     let refusal = refusal(|scene| scene.environment.radiance.z = -0.1);
     assert_says(&refusal, "the environment's radiance is [1, 1, -0.1]");
@@ -257,7 +257,10 @@ fn names_are_short_and_materials_exist() {
         &refusal(|s| s.objects[0].material.clone_from(&long)),
         sentence,
     );
-    assert_says(&refusal(|s| s.lamps[0].name.clone_from(&long)), sentence);
+    assert_says(
+        &refusal(|s| s.area_lights[0].name.clone_from(&long)),
+        sentence,
+    );
     let material = Material::Diffuse { albedo: Vec3::ONE };
     assert_says(
         &refusal(|s| s.materials = [(long, material)].into()),
@@ -277,8 +280,11 @@ fn counts_are_limited() {
         &objects,
         "it has 131073 objects: at most 131072 are allowed",
     );
-    let lamps = refusal(|s| s.lamps = vec![lamp(); LAMPS_MAX + 1]);
-    assert_says(&lamps, "it has 65 lamps: at most 64 are allowed");
+    let area_lights = refusal(|s| s.area_lights = vec![light(); AREA_LIGHTS_MAX + 1]);
+    assert_says(
+        &area_lights,
+        "it has 65 area lights: at most 64 are allowed",
+    );
     let material = Material::Diffuse { albedo: Vec3::ONE };
     let many = (0..=MATERIALS_MAX).map(|i| (i.to_string(), material));
     let materials = refusal(|s| s.materials = many.collect());

@@ -1,9 +1,9 @@
-//! Lamps as a point sees them, and how one of them and a direction to it are drawn.
+//! Area lights as a point sees them, and how one of them and a direction to it are drawn.
 
 use glam::{DVec2, DVec3};
 
 use super::intersect::vector;
-use crate::compiled::LampData;
+use crate::compiled::AreaLightData;
 
 /// A rectangle that subtends less, in sr, is sampled by area: there the solid angle is a difference
 /// of nearly equal numbers, and the two ways of sampling hardly differ.
@@ -12,31 +12,31 @@ pub const SOLID_ANGLE_MIN: f64 = 1e-3;
 /// The largest of [`crate::sampling::pair`]'s numbers.
 pub const BELOW_1: f64 = 1.0 - 1.0 / 16_777_216.0;
 
-/// A lamp's rectangle in a frame along its edges and its normal whose origin is the point that
-/// sees it. The unit of length is about the lamp's distance or its size, whichever is larger, so
+/// An area light's rectangle in a frame along its edges and its normal whose origin is the point that
+/// sees it. The unit of length is about the area light's distance or its size, whichever is larger, so
 /// that no product leaves the range of f32, in which the other tracers compute the same.
 #[derive(Clone, Copy, Debug)]
-pub struct SeenLamp {
+pub struct SphericalRectangle {
     axes: [DVec3; 3],
     /// Low and high end along the first edge.
     x: [f64; 2],
     /// Low and high end along the second edge.
     y: [f64; 2],
-    /// Of the point above the lamp's plane, on the side that shines.
+    /// Of the point above the area light's plane, on the side that shines.
     height: f64,
     /// Of the unit of length, metres.
     unit: f64,
-    /// Solid angle, sr, or what it would be if all of the lamp were as far away as its centre.
+    /// Solid angle, sr, or what it would be if all of the area light were as far away as its centre.
     omega: f64,
     /// Area, in square units.
     area: f64,
     by_area: bool,
 }
 
-/// A point of a lamp, as the direction to it.
+/// A point of an area light, as the direction to it.
 #[derive(Clone, Copy, Debug)]
-pub struct LampPoint {
-    /// Unit direction from the point that sees the lamp.
+pub struct LightDirection {
+    /// Unit direction from the point that sees the area light.
     pub wi: DVec3,
     /// Distance, metres.
     pub distance: f64,
@@ -44,38 +44,42 @@ pub struct LampPoint {
     pub inverse_pdf: f64,
 }
 
-/// A lamp that was drawn among all.
+/// An area light that was drawn among all.
 #[derive(Clone, Copy, Debug)]
-pub struct ChosenLamp {
-    /// Index into the scene's lamps.
+pub struct SampledLight {
+    /// Index into the scene's area lights.
     pub index: usize,
     /// How it is seen.
-    pub seen: SeenLamp,
+    pub seen: SphericalRectangle,
     /// Probability with which it was drawn.
     pub probability: f64,
     /// What is left of the random numbers: uniform again.
     pub u: [f64; 2],
 }
 
-/// The sum over all lamps of brightness times solid angle: a direction to a lamp is drawn with
+/// The sum over all area lights of brightness times solid angle: a direction to an area light is drawn with
 /// density `brightness / sum`.
-pub fn light_sum(lamps: &[LampData], point: DVec3) -> f64 {
-    lamps
+pub fn light_weight_sum(area_lights: &[AreaLightData], point: DVec3) -> f64 {
+    area_lights
         .iter()
-        .map(|lamp| SeenLamp::new(lamp, point).weight(lamp))
+        .map(|light| SphericalRectangle::new(light, point).weight(light))
         .sum()
 }
 
-/// Draws a lamp by brightness times solid angle with `u[0]`; none if `point` sees none that shines.
-/// One pass over the lamps: each takes the place of the one chosen so far with the probability that
-/// it has among those up to it, by the upper end of `u[0]`, so that lamps keep their order: for two
+/// Draws an area light by brightness times solid angle with `u[0]`; none if `point` sees none that shines.
+/// One pass over the area lights: each takes the place of the one chosen so far with the probability that
+/// it has among those up to it, by the upper end of `u[0]`, so that area lights keep their order: for two
 /// that lie side by side the other order costs a third more error.
-pub fn choose_lamp(lamps: &[LampData], point: DVec3, mut u: [f64; 2]) -> Option<ChosenLamp> {
+pub fn sample_light(
+    area_lights: &[AreaLightData],
+    point: DVec3,
+    mut u: [f64; 2],
+) -> Option<SampledLight> {
     let mut sum = 0.0;
-    let mut chosen: Option<(usize, SeenLamp, f64)> = None;
-    for (index, lamp) in lamps.iter().enumerate() {
-        let seen = SeenLamp::new(lamp, point);
-        let weight = seen.weight(lamp);
+    let mut chosen: Option<(usize, SphericalRectangle, f64)> = None;
+    for (index, light) in area_lights.iter().enumerate() {
+        let seen = SphericalRectangle::new(light, point);
+        let weight = seen.weight(light);
         let kept = if sum + weight > 0.0 {
             sum / (sum + weight)
         } else {
@@ -90,7 +94,7 @@ pub fn choose_lamp(lamps: &[LampData], point: DVec3, mut u: [f64; 2]) -> Option<
         }
         u[0] = u[0].min(BELOW_1);
     }
-    chosen.map(|(index, seen, weight)| ChosenLamp {
+    chosen.map(|(index, seen, weight)| SampledLight {
         index,
         seen,
         probability: weight / sum,
@@ -98,12 +102,12 @@ pub fn choose_lamp(lamps: &[LampData], point: DVec3, mut u: [f64; 2]) -> Option<
     })
 }
 
-impl SeenLamp {
-    /// The lamp seen from `point`.
-    pub fn new(lamp: &LampData, point: DVec3) -> Self {
-        let lengths = DVec2::new(f64::from(lamp.length_u), f64::from(lamp.length_v));
-        let axes = [lamp.axis_u, lamp.axis_v, lamp.normal].map(vector);
-        let to_center = vector(lamp.center) - point;
+impl SphericalRectangle {
+    /// The area light seen from `point`.
+    pub fn new(light: &AreaLightData, point: DVec3) -> Self {
+        let lengths = DVec2::new(f64::from(light.length_u), f64::from(light.length_v));
+        let axes = [light.axis_u, light.axis_v, light.normal].map(vector);
+        let to_center = vector(light.center) - point;
         let distance = to_center.length();
         let unit = distance + lengths.x + lengths.y;
         let along = axes.map(|axis| to_center.dot(axis) / unit);
@@ -128,8 +132,8 @@ impl SeenLamp {
         seen
     }
 
-    fn weight(&self, lamp: &LampData) -> f64 {
-        f64::from(lamp.brightness) * self.omega
+    fn weight(&self, light: &AreaLightData) -> f64 {
+        f64::from(light.brightness) * self.omega
     }
 
     /// A complex number whose argument is the solid angle of the rectangle from (0, 0) to the
@@ -146,7 +150,7 @@ impl SeenLamp {
         let right = conjugate_product(self.corner(x1, y1), self.corner(x1, y0));
         let product = conjugate_product(right, left);
         let angle = product.y.atan2(product.x);
-        // Below 0 it is either above π or, for a lamp nearly edge on, 0 and rounding. The latter is
+        // Below 0 it is either above π or, for an area light nearly edge on, 0 and rounding. The latter is
         // the case where the point does not lie before the rectangle.
         let is_before = x0 < 0.0 && x1 > 0.0 && y0 < 0.0 && y1 > 0.0;
         if angle < 0.0 && (is_before || product.x < 0.0) {
@@ -157,7 +161,7 @@ impl SeenLamp {
     }
 
     /// Draws a direction, uniformly over the solid angle.
-    pub fn sample(&self, [u, v]: [f64; 2]) -> LampPoint {
+    pub fn sample(&self, [u, v]: [f64; 2]) -> LightDirection {
         let (x, y) = if self.by_area {
             let at = |[low, high]: [f64; 2], u: f64| low + u * (high - low);
             (at(self.x, u), at(self.y, v))
@@ -166,7 +170,7 @@ impl SeenLamp {
         };
         let to_point = x * self.axes[0] + y * self.axes[1] - self.height * self.axes[2];
         let distance = (x * x + y * y + self.height * self.height).sqrt();
-        LampPoint {
+        LightDirection {
             wi: to_point / distance,
             distance: distance * self.unit,
             inverse_pdf: if self.by_area {

@@ -1,8 +1,8 @@
-// Drawing a lamp and a direction to it: `scalar/light.rs`.
+// Drawing an area light and a direction to it: `scalar/area_light.rs`.
 
-// A lamp in the frame of the point that sees it, in units of about its distance or size if
-// `LAMPS_SCALED`, else in metres.
-struct SeenLamp {
+// An area light in the frame of the point that sees it, in units of about its distance or size if
+// `AREA_LIGHTS_SCALED`, else in metres.
+struct SphericalRectangle {
     axis_u: vec3f,
     axis_v: vec3f,
     normal: vec3f,
@@ -18,18 +18,18 @@ struct SeenLamp {
     distance: f32,
 }
 
-// A lamp drawn by its `weight`, brightness times solid angle, among all, whose sum is `light_sum`.
-struct ChosenLamp {
+// An area light drawn by its `weight`, brightness times solid angle, among all, whose sum is `light_weight_sum`.
+struct SampledLight {
     index: u32,
     omega: f32,
     by_area: bool,
     weight: f32,
-    light_sum: f32,
+    light_weight_sum: f32,
     // What is left of the random numbers.
     u: vec2f,
 }
 
-struct LampDirection {
+struct LightDirection {
     wi: vec3f,
     distance: f32,
     inverse_pdf: f32,
@@ -38,19 +38,19 @@ struct LampDirection {
 // What is under a root counts at least as this much.
 const ROOT_MIN: f32 = 1e-30;
 
-fn see_lamp(index: u32, point: vec3f) -> SeenLamp {
-    let axis_u = scene.lamps[index].axis_u;
-    let axis_v = scene.lamps[index].axis_v;
-    let length_u = scene.lamps[index].length_u;
-    let length_v = scene.lamps[index].length_v;
-    let normal = scene.lamps[index].normal;
-    let to_center = scene.lamps[index].center - point;
+fn spherical_rectangle(index: u32, point: vec3f) -> SphericalRectangle {
+    let axis_u = scene.area_lights[index].axis_u;
+    let axis_v = scene.area_lights[index].axis_v;
+    let length_u = scene.area_lights[index].length_u;
+    let length_v = scene.area_lights[index].length_v;
+    let normal = scene.area_lights[index].normal;
+    let to_center = scene.area_lights[index].center - point;
     let distance = sqrt(dot(to_center, to_center));
-    let unit = select(1.0, distance + length_u + length_v, LAMPS_SCALED);
+    let unit = select(1.0, distance + length_u + length_v, AREA_LIGHTS_SCALED);
     let per_unit = 1.0 / unit;
     let along_u = dot(to_center, axis_u);
     let along_v = dot(to_center, axis_v);
-    return SeenLamp(
+    return SphericalRectangle(
         axis_u,
         axis_v,
         normal,
@@ -63,22 +63,22 @@ fn see_lamp(index: u32, point: vec3f) -> SeenLamp {
     );
 }
 
-fn choose_lamp(point: vec3f, random: vec2f) -> ChosenLamp {
-    var chosen = ChosenLamp(0u, 0.0, false, 0.0, 0.0, random);
-    for (var index = 0u; index < LAMP_COUNT; index++) {
-        let seen = see_lamp(index, point);
+fn sample_light(point: vec3f, random: vec2f) -> SampledLight {
+    var chosen = SampledLight(0u, 0.0, false, 0.0, 0.0, random);
+    for (var index = 0u; index < AREA_LIGHT_COUNT; index++) {
+        let seen = spherical_rectangle(index, point);
         var omega = solid_angle(seen);
         let by_area = omega < SOLID_ANGLE_MIN;
         if (by_area) {
             omega = seen.area * seen.height / (seen.distance * seen.distance * seen.distance);
         }
-        let weight = scene.lamps[index].brightness * omega;
+        let weight = scene.area_lights[index].brightness * omega;
         if (!(seen.height > 0.0 && weight > 0.0)) {
             continue;
         }
-        let sum_before = chosen.light_sum;
-        chosen.light_sum += weight;
-        let at = chosen.u.x * chosen.light_sum;
+        let sum_before = chosen.light_weight_sum;
+        chosen.light_weight_sum += weight;
+        let at = chosen.u.x * chosen.light_weight_sum;
         var part = vec2f(at, sum_before);
         if (at >= sum_before) {
             part = vec2f(at - sum_before, weight);
@@ -93,7 +93,7 @@ fn choose_lamp(point: vec3f, random: vec2f) -> ChosenLamp {
 }
 
 // A complex number whose argument is the solid angle from (0, 0) to the corner.
-fn corner(seen: SeenLamp, x: f32, y: f32) -> vec2f {
+fn corner(seen: SphericalRectangle, x: f32, y: f32) -> vec2f {
     return vec2f(seen.height * sqrt(x * x + y * y + seen.height * seen.height), x * y);
 }
 
@@ -102,7 +102,7 @@ fn times_conjugate(a: vec2f, b: vec2f) -> vec2f {
     return vec2f(a.x * b.x + a.y * b.y, a.y * b.x - a.x * b.y);
 }
 
-fn solid_angle(seen: SeenLamp) -> f32 {
+fn solid_angle(seen: SphericalRectangle) -> f32 {
     let x = seen.x;
     let y = seen.y;
     let x2 = x * x + seen.height * seen.height;
@@ -134,7 +134,7 @@ fn argument(z: vec2f) -> f32 {
     return select(angle, -angle, z.y < 0.0);
 }
 
-fn sample_lamp(seen: SeenLamp, chosen: ChosenLamp) -> LampDirection {
+fn sample_direction(seen: SphericalRectangle, chosen: SampledLight) -> LightDirection {
     var at = vec2f(mix(seen.x.x, seen.x.y, chosen.u.x), mix(seen.y.x, seen.y.y, chosen.u.y));
     if (!chosen.by_area) {
         at = sample_solid_angle(seen, chosen.omega, chosen.u);
@@ -146,11 +146,11 @@ fn sample_lamp(seen: SeenLamp, chosen: ChosenLamp) -> LampDirection {
         seen.area * seen.height / (distance * distance * distance),
         chosen.by_area,
     );
-    return LampDirection(to_point / distance, distance * seen.unit, inverse_pdf);
+    return LightDirection(to_point / distance, distance * seen.unit, inverse_pdf);
 }
 
 // Ureña, Fajardo and King, "An Area-Preserving Parametrization for Spherical Rectangles", EGSR 2013.
-fn sample_solid_angle(seen: SeenLamp, omega: f32, u: vec2f) -> vec2f {
+fn sample_solid_angle(seen: SphericalRectangle, omega: f32, u: vec2f) -> vec2f {
     let h2 = seen.height * seen.height;
     let low = seen.y.x;
     let high = seen.y.y;

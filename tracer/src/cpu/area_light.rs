@@ -1,4 +1,4 @@
-//! Lamps as points see them, a lane each: the arithmetic of [`crate::scalar::light`].
+//! Area lights as points see them, a lane each: the arithmetic of [`crate::scalar::area_light`].
 
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
@@ -7,11 +7,11 @@ use fearless_simd::prelude::*;
 use super::lanes::{Float, Mask, Vec3x, Word};
 use super::sampling::sin_cos_turns;
 use super::surface::Rows;
-use crate::compiled::LampData;
-use crate::scalar::light::{BELOW_1, SOLID_ANGLE_MIN};
+use crate::compiled::AreaLightData;
+use crate::scalar::area_light::{BELOW_1, SOLID_ANGLE_MIN};
 
-/// The lamps of a scene.
-pub(super) struct Lamps {
+/// The area lights of a scene.
+pub(super) struct AreaLights {
     rows: Vec<Row>,
 }
 
@@ -28,32 +28,32 @@ const BRIGHTNESS: usize = 15;
 const LENGTH_U: usize = 16;
 const LENGTH_V: usize = 17;
 
-/// What a ray needs that meets a lamp.
+/// What a ray needs that meets an area light.
 pub(super) struct Emission<S: Simd> {
     pub(super) normal: Vec3x<S>,
     pub(super) radiance: Vec3x<S>,
     pub(super) brightness: Float<S>,
 }
 
-/// A lamp drawn among all, and a direction to it.
-pub(super) struct LampSample<S: Simd> {
+/// An area light drawn among all, and a direction to it.
+pub(super) struct SampledAreaLight<S: Simd> {
     pub(super) index: Word<S>,
     pub(super) wi: Vec3x<S>,
-    /// 0 where no lamp is seen.
+    /// 0 where no area light is seen.
     pub(super) distance: Float<S>,
     /// Inverse density of `wi` per solid angle.
     pub(super) inverse_pdf: Float<S>,
-    /// Inverse of the density that the power heuristic takes: `light_sum / brightness`.
+    /// Inverse of the density that the power heuristic takes: `light_weight_sum / brightness`.
     pub(super) inverse_density: Float<S>,
     pub(super) radiance: Vec3x<S>,
-    /// The sum over all lamps of brightness times solid angle.
-    pub(super) light_sum: Float<S>,
+    /// The sum over all area lights of brightness times solid angle.
+    pub(super) light_weight_sum: Float<S>,
 }
 
-impl Lamps {
-    pub(super) fn new(lamps: &[LampData]) -> Self {
+impl AreaLights {
+    pub(super) fn new(area_lights: &[AreaLightData]) -> Self {
         Self {
-            rows: lamps.iter().map(row).collect(),
+            rows: area_lights.iter().map(row).collect(),
         }
     }
 
@@ -71,7 +71,7 @@ impl Lamps {
         }
     }
 
-    /// Draws a lamp by brightness times solid angle with `u[0]` and a direction to it with what is
+    /// Draws an area light by brightness times solid angle with `u[0]` and a direction to it with what is
     /// left of both.
     #[inline(always)]
     pub(super) fn sample<S: Simd>(
@@ -79,7 +79,7 @@ impl Lamps {
         simd: S,
         point: Vec3x<S>,
         mut u: [Float<S>; 2],
-    ) -> LampSample<S> {
+    ) -> SampledAreaLight<S> {
         let zero = Float::splat(simd, 0.0);
         let mut sum = zero;
         let mut chosen: Option<Chosen<S>> = None;
@@ -97,23 +97,23 @@ impl Lamps {
                 None => next,
             });
         }
-        let chosen = chosen.expect("lanes aim at lamps where there are some");
+        let chosen = chosen.expect("lanes aim at area lights where there are some");
         let at = chosen.seen.sample(simd, chosen.omega, chosen.by_area, u);
         let inverse_probability = sum / chosen.weight;
         let visible = chosen.weight.simd_gt(0.0);
-        LampSample {
+        SampledAreaLight {
             index: chosen.index,
             wi: at.wi,
             distance: visible.select(at.distance, zero),
             inverse_pdf: at.inverse_pdf * inverse_probability,
             inverse_density: chosen.omega * inverse_probability,
             radiance: chosen.radiance,
-            light_sum: sum,
+            light_weight_sum: sum,
         }
     }
 }
 
-/// The lamp drawn so far.
+/// The area light drawn so far.
 struct Chosen<S: Simd> {
     index: Word<S>,
     seen: Seen<S>,
@@ -163,20 +163,20 @@ fn triple<S: Simd>(simd: S, row: &Row, column: usize) -> Vec3x<S> {
     Vec3x::splat(simd, [row[column], row[column + 1], row[column + 2]])
 }
 
-fn row(lamp: &LampData) -> Row {
+fn row(light: &AreaLightData) -> Row {
     let mut row = [0.0; 20];
-    row[CENTER..][..3].copy_from_slice(&lamp.center);
-    row[AXIS_U..][..3].copy_from_slice(&lamp.axis_u);
-    row[AXIS_V..][..3].copy_from_slice(&lamp.axis_v);
-    row[NORMAL..][..3].copy_from_slice(&lamp.normal);
-    row[RADIANCE..][..3].copy_from_slice(&lamp.radiance);
-    row[BRIGHTNESS] = lamp.brightness;
-    row[LENGTH_U] = lamp.length_u;
-    row[LENGTH_V] = lamp.length_v;
+    row[CENTER..][..3].copy_from_slice(&light.center);
+    row[AXIS_U..][..3].copy_from_slice(&light.axis_u);
+    row[AXIS_V..][..3].copy_from_slice(&light.axis_v);
+    row[NORMAL..][..3].copy_from_slice(&light.normal);
+    row[RADIANCE..][..3].copy_from_slice(&light.radiance);
+    row[BRIGHTNESS] = light.brightness;
+    row[LENGTH_U] = light.length_u;
+    row[LENGTH_V] = light.length_v;
     row
 }
 
-/// A lamp in the frame of the point that sees it: [`crate::scalar::light::SeenLamp`].
+/// An area light in the frame of the point that sees it: [`crate::scalar::area_light::SphericalRectangle`].
 struct Seen<S: Simd> {
     axes: [Vec3x<S>; 3],
     x: [Float<S>; 2],
@@ -398,13 +398,13 @@ mod tests {
     use super::super::lanes::LANES;
     use super::*;
     use crate::sampling::uniforms;
-    use crate::scalar::light::choose_lamp;
-    use crate::scene::{Environment, Lamp};
+    use crate::scalar::area_light::sample_light;
+    use crate::scene::{AreaLight, Environment};
     use crate::{Camera, CompiledScene, Scene};
 
-    /// Two lamps of other shapes and directions.
-    fn lamps() -> Vec<LampData> {
-        let lamp = |center, half_u, half_v, radiance| Lamp {
+    /// Two area lights of other shapes and directions.
+    fn area_lights() -> Vec<AreaLightData> {
+        let light = |center, half_u, half_v, radiance| AreaLight {
             name: "lamp".to_owned(),
             center,
             half_u,
@@ -423,14 +423,14 @@ mod tests {
             },
             materials: Default::default(),
             objects: Vec::new(),
-            lamps: vec![
-                lamp(
+            area_lights: vec![
+                light(
                     Vec3::new(0.2, 0.1, 1.0),
                     Vec3::new(0.45, 0.0, 0.0),
                     Vec3::new(0.0, -0.18, 0.0),
                     17.0,
                 ),
-                lamp(
+                light(
                     Vec3::new(1.5, 0.0, 0.5),
                     Vec3::new(0.0, 0.3, 0.3),
                     Vec3::new(0.0, 0.2, -0.2),
@@ -438,27 +438,31 @@ mod tests {
                 ),
             ],
         };
-        CompiledScene::new(&scene).unwrap().lamps
+        CompiledScene::new(&scene).unwrap().area_lights
     }
 
     #[inline(always)]
-    fn drawn<S: Simd>(simd: S, lamps: &Lamps, points: &[[f32; LANES]; 5]) -> [[f32; LANES]; 6] {
+    fn drawn<S: Simd>(
+        simd: S,
+        area_lights: &AreaLights,
+        points: &[[f32; LANES]; 5],
+    ) -> [[f32; LANES]; 6] {
         let [x, y, z, u, v] = points.map(|lane| Float::load_array(simd, lane));
-        let drawn = lamps.sample(simd, Vec3x::new(x, y, z), [u, v]);
+        let drawn = area_lights.sample(simd, Vec3x::new(x, y, z), [u, v]);
         [
             drawn.wi.x,
             drawn.wi.y,
             drawn.wi.z,
             drawn.distance,
             drawn.inverse_pdf,
-            drawn.light_sum,
+            drawn.light_weight_sum,
         ]
         .map(|column| column.to_array())
     }
 
     #[test]
     fn lanes_sample_lights_as_scalar() {
-        let (data, lamps) = (lamps(), Lamps::new(&lamps()));
+        let (data, area_lights) = (area_lights(), AreaLights::new(&area_lights()));
         let mut differing = 0;
         for packet in 0..1024 {
             let lane = |lane| uniforms(packet, lane, 0, 1);
@@ -471,11 +475,11 @@ mod tests {
                     column => more(i as u32)[column - 3],
                 })
             });
-            let got = dispatch!(Level::new(), simd => drawn(simd, &lamps, &points));
+            let got = dispatch!(Level::new(), simd => drawn(simd, &area_lights, &points));
             for lane in 0..LANES {
                 let [x, y, z, u, v] = points.map(|column| f64::from(column[lane]));
                 let [wx, wy, wz, distance, inverse_pdf, _] = got.map(|c| f64::from(c[lane]));
-                let Some(chosen) = choose_lamp(&data, DVec3::new(x, y, z), [u, v]) else {
+                let Some(chosen) = sample_light(&data, DVec3::new(x, y, z), [u, v]) else {
                     assert_eq!(distance, 0.0);
                     continue;
                 };

@@ -1,10 +1,10 @@
-// A scene without lamps.
+// A scene without area lights.
 
-fn lamp_found(ray: Ray, hit: Hit, pdf: f32) -> vec3f {
+fn emission_with_mis(ray: Ray, hit: Hit, pdf: f32) -> vec3f {
     return vec3f(0.0);
 }
 
-fn mirrored_light(
+fn coat_reflected_light(
     surface: Surface,
     bsdf: Bsdf,
     wo: vec3f,
@@ -21,7 +21,7 @@ fn direct_light(
     skip: u32,
     u: vec2f,
     rays: ptr<function, u32>,
-    light_sum: ptr<function, f32>,
+    light_weight_sum: ptr<function, f32>,
 ) -> vec3f {
     return vec3f(0.0);
 }

@@ -1,0 +1,133 @@
+// Area lights: rectangles that end every ray and emit from one side.
+
+fn area_light_t(ray: Ray, index: u32) -> f32 {
+    let to_center = scene.area_lights[index].center - ray.origin;
+    let normal = scene.area_lights[index].normal;
+    let slope = dot(ray.direction, normal);
+    if (slope == 0.0) {
+        return T_MISS;
+    }
+    let t = dot(to_center, normal) / slope;
+    let q = fma(vec3f(t), ray.direction, -to_center);
+    let u = abs(dot(q, scene.area_lights[index].axis_u));
+    let v = abs(dot(q, scene.area_lights[index].axis_v));
+    return select(T_MISS, t, t > 0.0 && u <= scene.area_lights[index].length_u && v <= scene.area_lights[index].length_v);
+}
+
+// No ray starts on an area light, so that there is none to skip.
+fn nearest_area_light(line: Line, skip: u32, hit: ptr<function, Hit>) {
+    if (AREA_LIGHTS_COPLANAR) {
+        nearest_coplanar_area_light(line.ray, hit);
+        return;
+    }
+    for (var i = 0u; i < AREA_LIGHT_COUNT; i++) {
+        let t = area_light_t(line.ray, i);
+        if (t < (*hit).t) {
+            *hit = Hit(t, AREA_LIGHT_FIRST + i);
+        }
+    }
+}
+
+fn nearest_coplanar_area_light(ray: Ray, hit: ptr<function, Hit>) {
+    let t = plane_t(ray, scene.area_lights[0].center, scene.area_lights[0].normal);
+    if (!(t > 0.0 && t < (*hit).t)) {
+        return;
+    }
+    let point = fma(vec3f(t), ray.direction, ray.origin);
+    for (var i = 0u; i < AREA_LIGHT_COUNT; i++) {
+        let q = point - scene.area_lights[i].center;
+        let u = abs(dot(q, scene.area_lights[i].axis_u));
+        let v = abs(dot(q, scene.area_lights[i].axis_v));
+        if (u <= scene.area_lights[i].length_u && v <= scene.area_lights[i].length_v) {
+            *hit = Hit(t, AREA_LIGHT_FIRST + i);
+            return;
+        }
+    }
+}
+
+// Whether another area light than the one that is asked for is in the way.
+fn area_light_occludes(ray: Ray, target_light: u32, t_max: f32) -> bool {
+    for (var i = 0u; i < AREA_LIGHT_COUNT; i++) {
+        if (i != target_light && area_light_t(ray, i) < t_max) {
+            return true;
+        }
+    }
+    return false;
+}
+
+// What a ray that meets an area light brings back: `pdf` is that of `Path`.
+fn emission_with_mis(ray: Ray, hit: Hit, pdf: f32) -> vec3f {
+    let index = hit.primitive - AREA_LIGHT_FIRST;
+    let brightness = scene.area_lights[index].brightness;
+    if (dot(ray.direction, scene.area_lights[index].normal) >= 0.0 || brightness == 0.0 || pdf == 0.0) {
+        return vec3f(0.0);
+    }
+    if (pdf < 0.0) {
+        return scene.area_lights[index].radiance;
+    }
+    return scene.area_lights[index].radiance * power_heuristic(brightness / pdf);
+}
+
+// Light of the area light that a coat reflects.
+fn coat_reflected_light(
+    surface: Surface,
+    bsdf: Bsdf,
+    wo: vec3f,
+    skip: u32,
+    rays: ptr<function, u32>,
+) -> vec3f {
+    let reflectance = bsdf_coat(bsdf);
+    if (reflectance == 0.0) {
+        return vec3f(0.0);
+    }
+    let wi = 2.0 * dot(surface.normal, wo) * surface.normal - wo;
+    let ray = Ray(surface.position, wi);
+    var hit = Hit(T_MISS, NO_PRIMITIVE);
+    nearest_area_light(line_of(ray), skip, &hit);
+    if (hit.primitive == NO_PRIMITIVE) {
+        return vec3f(0.0);
+    }
+    let index = hit.primitive - AREA_LIGHT_FIRST;
+    if (dot(wi, scene.area_lights[index].normal) >= 0.0) {
+        return vec3f(0.0);
+    }
+    *rays += 1u;
+    if (occluded(ray, skip, index, hit.t)) {
+        return vec3f(0.0);
+    }
+    return reflectance * scene.area_lights[index].radiance;
+}
+
+// Next-event estimation from `surface`, times the BSDF and the cosine, MIS-weighted.
+fn direct_light(
+    surface: Surface,
+    bsdf: Bsdf,
+    wo: vec3f,
+    skip: u32,
+    u: vec2f,
+    rays: ptr<function, u32>,
+    light_weight_sum: ptr<function, f32>,
+) -> vec3f {
+    let chosen = sample_light(surface.position, u);
+    *light_weight_sum = chosen.light_weight_sum;
+    if (chosen.weight == 0.0) {
+        return vec3f(0.0);
+    }
+    let direction = sample_direction(spherical_rectangle(chosen.index, surface.position), chosen);
+    let cos_i = dot(surface.normal, direction.wi);
+    let scattered = bsdf_eval(bsdf, surface.normal, wo, direction.wi);
+    let f = scattered.f;
+    // Through a clear boundary area lights are seen from inside, and no area light is inside.
+    let is_lit = (cos_i > 0.0) != (bsdf_is_clear(bsdf) && surface.is_inside);
+    if (!is_lit || all(f == vec3f(0.0))) {
+        return vec3f(0.0);
+    }
+    *rays += 1u;
+    if (occluded(Ray(surface.position, direction.wi), skip, chosen.index, direction.distance)) {
+        return vec3f(0.0);
+    }
+    let inverse_probability = chosen.light_weight_sum / chosen.weight;
+    let weight = power_heuristic(scattered.pdf * chosen.omega * inverse_probability);
+    let inverse_pdf = direction.inverse_pdf * inverse_probability;
+    return f * scene.area_lights[chosen.index].radiance * (abs(cos_i) * weight * inverse_pdf);
+}
