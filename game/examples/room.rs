@@ -12,7 +12,7 @@ use std::error::Error;
 use std::sync::atomic::AtomicBool;
 
 use carom::scene::ball_materials::BallSet;
-use carom::scene::table_scene::Stage;
+use carom::scene::table_scene::TableScene;
 use carom_tracer::film::trace_image;
 use carom_tracer::{
     Camera, CompiledScene, CpuTracer, ImageSize, RenderSettings, Scene, Tile, TraceJob, Tracer,
@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let size: ImageSize = arguments.next().as_deref().unwrap_or("640x360").parse()?;
 
     let tracer = CpuTracer::new()?;
-    let mut scene = Stage::room(set).scene().clone();
+    let mut scene = TableScene::room(set).scene().clone();
     scene.camera = camera(&view)?;
     let room = CompiledScene::new(&scene)?;
     let settings = RenderSettings {

@@ -10,11 +10,11 @@ use carom_tracer::{ImageSize, RenderSettings};
 use clap::{Parser, Subcommand, ValueEnum as _};
 
 use crate::bench::{self, Bench};
-use crate::capture::video::{Target, View};
+use crate::capture::video::{VideoTarget, VideoView};
 use crate::display::Present;
 use crate::play::tournament::MatchArgs;
 use crate::scene::ball_materials::BallSet;
-use crate::scene::table_scene::Stage;
+use crate::scene::table_scene::TableScene;
 
 /// Pool, path-traced in real time by a farm of any mix of GPUs and CPUs.
 ///
@@ -32,8 +32,8 @@ pub struct Args {
     /// Make a film of the shot of --replay, or of a break, in place of opening a window: a name that
     /// ends in .y4m (for video encoders) or .png (animated), or a folder of PNG files. Frames are kept
     /// as they come: after an interruption the same command goes on
-    #[arg(long, value_name = "FILM", value_parser = Target::parse, conflicts_with = "out")]
-    pub video: Option<Target>,
+    #[arg(long, value_name = "FILM", value_parser = VideoTarget::parse, conflicts_with = "out")]
+    pub video: Option<VideoTarget>,
     /// Frames to render without a window, 1 to 1000000 [default: 48 of a break, all of a film]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub frames: Option<u32>,
@@ -42,7 +42,7 @@ pub struct Args {
     pub fps: u16,
     /// Where the frames are seen from
     #[arg(long, value_enum, default_value_t)]
-    pub view: View,
+    pub view: VideoView,
     /// Size of the frames, or of the window: WIDTHxHEIGHT in pixels [default: 640x360 for frames,
     /// 1280x720 for a film and the window]
     #[arg(long, value_name = "WxH")]
@@ -183,14 +183,14 @@ impl Args {
     /// # Errors
     /// A sentence with the file and what is wrong with it.
     pub fn table_and_recording(&self) -> anyhow::Result<(Table, Option<Recording>)> {
-        let asked = || self.table.clone().unwrap_or_else(Stage::table);
+        let asked = || self.table.clone().unwrap_or_else(TableScene::table);
         let Some(path) = &self.replay else {
             return Ok((asked(), None));
         };
         let recording = Recording::load(path)?;
         let table = match &self.table {
             Some(table) => table.clone(),
-            None => Table::named(&recording.table).unwrap_or_else(Stage::table),
+            None => Table::named(&recording.table).unwrap_or_else(TableScene::table),
         };
         if recording.table != table.name() {
             anyhow::bail!(

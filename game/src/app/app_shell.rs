@@ -1,8 +1,8 @@
 //! What surrounds the game without a window: settings, keys, pages, sentences, sound.
 //!
 //! ```text
-//! Event ─▶ Desk ─▶ page open? ─▶ menu
-//!                  else      ─▶ Input ─▶ Intent ─▶ Session
+//! Event ─▶ AppShell ─▶ page open? ─▶ menu
+//!                  else      ─▶ Input ─▶ Intent ─▶ GameSession
 //! ```
 
 use std::time::{Duration, Instant};
@@ -10,56 +10,56 @@ use std::time::{Duration, Instant};
 use carom_billiards::rules::RuleSet;
 use egui::{Context, Rect};
 
-use crate::app::farm_notifications::Lookout;
-use crate::app::session::Session;
-use crate::audio::{self, Speaker};
-use crate::input::{Action, Event, Input, Intent, Mode};
+use crate::app::farm_notifications::FarmNotifier;
+use crate::app::session::GameSession;
+use crate::audio::{self, Playback};
+use crate::input::{Action, BindingContext, Event, Input, Intent};
 use crate::play::Outcome;
-use crate::settings::{Settings, Store};
-use crate::ui::menu::{self, Facts, Menu, Page};
-use crate::ui::toasts::Notes;
+use crate::settings::{Settings, SettingsStore};
+use crate::ui::menu::{self, Menu, MenuInput, Page};
+use crate::ui::toasts::Toasts;
 use crate::ui::{cue_panel, match_hud};
 
 /// The player's side of the program.
 #[derive(Debug)]
-pub struct Desk {
-    store: Store,
+pub struct AppShell {
+    store: SettingsStore,
     input: Input,
-    way: Way,
+    travel: PointerTravel,
     menu: Menu,
     help: bool,
     log: bool,
-    notes: Notes,
-    lookout: Lookout,
-    speaker: Speaker,
+    toasts: Toasts,
+    notifier: FarmNotifier,
+    playback: Playback,
     /// The shot that is heard, and whether it was over when it was last looked at.
     heard: Option<(u64, bool)>,
 }
 
-impl Desk {
-    /// With the player's settings; sound goes to `speaker`.
-    pub fn new(store: Store, speaker: Speaker) -> Self {
-        let mut notes = Notes::default();
-        for complaint in store.complaints() {
-            notes.say(complaint.clone(), 0.0);
+impl AppShell {
+    /// With the player's settings; sound goes to `playback`.
+    pub fn new(store: SettingsStore, playback: Playback) -> Self {
+        let mut toasts = Toasts::default();
+        for warning in store.warnings() {
+            toasts.push(warning.clone(), 0.0);
         }
         Self {
             input: Input::new(store.settings.bindings.clone()),
             store,
-            way: Way::default(),
+            travel: PointerTravel::default(),
             menu: Menu::default(),
             help: false,
             log: false,
-            notes,
-            lookout: Lookout::default(),
-            speaker,
+            toasts,
+            notifier: FarmNotifier::default(),
+            playback,
             heard: None,
         }
     }
 
     /// Tells the player something.
-    pub fn tell(&mut self, sentence: String, now_secs: f64) {
-        self.notes.say(sentence, now_secs);
+    pub fn notify(&mut self, sentence: String, now_secs: f64) {
+        self.toasts.push(sentence, now_secs);
     }
 
     /// The settings that count now.
@@ -76,7 +76,7 @@ impl Desk {
     pub fn save(&mut self, now_secs: f64) {
         if let Err(why) = self.store.save() {
             tracing::error!("{why}");
-            self.notes.say(why, now_secs);
+            self.toasts.push(why, now_secs);
         }
     }
 
@@ -90,13 +90,13 @@ impl Desk {
         &mut self,
         event: Event,
         taken: bool,
-        session: &mut Session,
+        session: &mut GameSession,
         now_secs: f64,
     ) -> Outcome {
         self.input.set_carrying(session.is_placing());
         self.input.set_mode(match session.is_replay() {
-            true => Mode::Replay,
-            false => Mode::Table,
+            true => BindingContext::Replay,
+            false => BindingContext::Table,
         });
         if self.menu.page().is_some() {
             self.handle_page(event, session, now_secs);
@@ -109,7 +109,7 @@ impl Desk {
         }
         if let (Event::Pointer(at), true, false) = (event, taken, self.input.is_holding()) {
             self.input.passes(at);
-            if let Some(back) = self.way.reach_panel(now_secs) {
+            if let Some(back) = self.travel.enter_panel(now_secs) {
                 session.act(back, now_secs);
             }
             return Outcome::Stay;
@@ -117,26 +117,26 @@ impl Desk {
         if let Event::Pointer(at) = event
             && !self.input.is_holding()
             && !session.is_placing()
-            && self.way.leads_from_panel(now_secs)
+            && self.travel.came_from_panel(now_secs)
         {
             self.input.passes(at);
             return Outcome::Stay;
         }
         match self.input.handle(event) {
             Some(intent) => {
-                self.way.note(intent, now_secs);
+                self.travel.note(intent, now_secs);
                 self.act(intent, session, now_secs)
             }
             None => Outcome::Stay,
         }
     }
 
-    fn handle_page(&mut self, event: Event, session: &mut Session, now_secs: f64) {
+    fn handle_page(&mut self, event: Event, session: &mut GameSession, now_secs: f64) {
         let Some(trigger) = event.trigger() else {
             return;
         };
         session.redraw();
-        let action = self.input.bindings().action(trigger, Mode::Table);
+        let action = self.input.bindings().action(trigger, BindingContext::Table);
         if action == Some(Action::Menu) {
             self.menu.back();
             return self.save(now_secs);
@@ -149,7 +149,7 @@ impl Desk {
         }
     }
 
-    fn act(&mut self, intent: Intent, session: &mut Session, now_secs: f64) -> Outcome {
+    fn act(&mut self, intent: Intent, session: &mut GameSession, now_secs: f64) -> Outcome {
         match intent {
             Intent::ToggleFullscreen => {
                 self.store.settings.fullscreen ^= true;
@@ -173,7 +173,7 @@ impl Desk {
                 self.help = false;
                 session.redraw();
             }
-            // Where there is no stroke to give up, the way out is the menu.
+            // Where there is no stroke to give up, the travel out is the menu.
             intent => {
                 if session.act(intent, now_secs) == Outcome::Quit {
                     self.open(Page::Top, session, now_secs);
@@ -183,18 +183,18 @@ impl Desk {
         Outcome::Stay
     }
 
-    fn keep_view(&mut self, place: usize, session: &mut Session, now_secs: f64) {
+    fn keep_view(&mut self, place: usize, session: &mut GameSession, now_secs: f64) {
         if let Some(saved) = self.store.settings.views.get_mut(place) {
             *saved = Some(session.viewpoint(now_secs));
             let key = self.input.bindings().words(Action::SavedView(place as u8));
             let sentence = format!("View {} is saved: {key} shows it again", place + 1);
-            self.notes.say(sentence, now_secs);
+            self.toasts.push(sentence, now_secs);
             self.save(now_secs);
             session.redraw();
         }
     }
 
-    fn recall_view(&mut self, place: usize, session: &mut Session, now_secs: f64) {
+    fn recall_view(&mut self, place: usize, session: &mut GameSession, now_secs: f64) {
         match self.store.settings.views.get(place) {
             Some(Some(saved)) => {
                 session.act(Intent::LookFrom(*saved), now_secs);
@@ -205,14 +205,14 @@ impl Desk {
                     "There is no view {} yet: {key} saves what is seen",
                     place + 1
                 );
-                self.notes.say(sentence, now_secs);
+                self.toasts.push(sentence, now_secs);
                 session.redraw();
             }
         }
     }
 
     /// Opens a page over the table; a stroke is given up.
-    pub fn open(&mut self, page: Page, session: &mut Session, now_secs: f64) {
+    pub fn open(&mut self, page: Page, session: &mut GameSession, now_secs: f64) {
         if let Some(intent) = self.input.let_go() {
             session.act(intent, now_secs);
         }
@@ -224,14 +224,14 @@ impl Desk {
     pub fn draw(
         &mut self,
         ctx: &Context,
-        session: &mut Session,
+        session: &mut GameSession,
         now_secs: f64,
         display: &str,
     ) -> Outcome {
         let room = session.draw(ctx, self.input.bindings(), now_secs, display);
-        self.notes.draw(ctx, room);
-        if let Some(dial) = session.take_dial() {
-            self.store.settings.quality = dial;
+        self.toasts.draw(ctx, room);
+        if let Some(preference) = session.take_requested_quality() {
+            self.store.settings.quality = preference;
             self.save(now_secs);
         }
         if self.menu.page().is_none() {
@@ -242,9 +242,9 @@ impl Desk {
             menu::hints(ctx, room, &self.store, self.help, is_known);
             return Outcome::Stay;
         }
-        let (sound, farm) = (self.speaker.state(), session.farm_line());
-        let facts = Facts {
-            is_free_table: session.board().view.rules == RuleSet::Free,
+        let (sound, farm) = (self.playback.state(), session.farm_line());
+        let facts = MenuInput {
+            is_free_table: session.match_hud().view.rules == RuleSet::Free,
             sound: &sound,
             display,
             farm: &farm,
@@ -254,27 +254,27 @@ impl Desk {
             self.save(now_secs);
         }
         match order {
-            Some(menu::Order::Quit) => return Outcome::Quit,
-            Some(menu::Order::Act(intent)) => {
+            Some(menu::MenuCommand::Quit) => return Outcome::Quit,
+            Some(menu::MenuCommand::Act(intent)) => {
                 session.act(intent, now_secs);
             }
-            Some(menu::Order::Begin(game)) => {
+            Some(menu::MenuCommand::Begin(game)) => {
                 let begun = game.begin(seed_of_clock()).map_err(anyhow::Error::msg);
                 if let Err(why) = begun.and_then(|contest| session.begin(contest)) {
-                    self.notes.say(why.to_string(), now_secs);
+                    self.toasts.push(why.to_string(), now_secs);
                 }
             }
-            Some(menu::Order::Resume) | None => {}
+            Some(menu::MenuCommand::Resume) | None => {}
         }
         Outcome::Stay
     }
 
     /// The match and the cue. Over a shot of before, or a table that is being laid, nothing of the game
     /// can be decided.
-    fn draw_game(&mut self, ctx: &Context, room: Rect, session: &mut Session, now_secs: f64) {
-        let board = session.board();
-        let asked = match_hud::draw(ctx, room, &board, self.input.bindings(), self.log);
-        let cue = session.cue(now_secs).filter(|_| board.may_play);
+    fn draw_game(&mut self, ctx: &Context, room: Rect, session: &mut GameSession, now_secs: f64) {
+        let hud = session.match_hud();
+        let asked = match_hud::draw(ctx, room, &hud, self.input.bindings(), self.log);
+        let cue = session.cue(now_secs).filter(|_| hud.may_play);
         let asked = asked.or(cue.and_then(|cue| cue_panel::panel(ctx, room, &cue)));
         if let Some(intent) = asked {
             self.act(intent, session, now_secs);
@@ -282,36 +282,36 @@ impl Desk {
     }
 
     /// Lets time pass: tells what is new of the farm, plays what is to be heard, follows the keys.
-    pub fn tick(&mut self, session: &mut Session, now_secs: f64) {
+    pub fn tick(&mut self, session: &mut GameSession, now_secs: f64) {
         if *self.input.bindings() != self.store.settings.bindings {
             self.input = Input::new(self.store.settings.bindings.clone());
         }
-        let news = self.lookout.observe(&session.nodes(), now_secs);
+        let news = self.notifier.observe(&session.nodes(), now_secs);
         let has_news = !news.is_empty();
         for sentence in news {
             tracing::info!("{sentence}");
-            self.notes.say(sentence, now_secs);
+            self.toasts.push(sentence, now_secs);
         }
-        for sentence in session.take_news() {
-            self.notes.say(sentence, now_secs);
+        for sentence in session.take_notifications() {
+            self.toasts.push(sentence, now_secs);
             session.redraw();
         }
-        if self.notes.tick(now_secs) || has_news {
+        if self.toasts.tick(now_secs) || has_news {
             session.redraw();
         }
-        self.listen(session, now_secs);
+        self.update_sound(session, now_secs);
     }
 
     /// When something changes without input or farm.
     pub fn next_secs(&self) -> Option<f64> {
-        self.notes.next_secs()
+        self.toasts.next_secs()
     }
 
-    fn listen(&mut self, session: &Session, now_secs: f64) {
+    fn update_sound(&mut self, session: &GameSession, now_secs: f64) {
         let Some((number, clock_secs, end_secs)) = session.shot_clock(now_secs) else {
             // The balls were racked under a shot that was on.
             if self.heard.take_if(|heard| !heard.1).is_some() {
-                self.speaker.stop();
+                self.playback.stop();
             }
             return;
         };
@@ -324,7 +324,7 @@ impl Desk {
             let at = now.checked_sub(behind).unwrap_or(now) + ahead;
             let shot = shot.clone();
             let make = move || audio::of_shot(&shot);
-            self.speaker.play(at, self.store.settings.volume, make);
+            self.playback.play(at, self.store.settings.volume, make);
         }
     }
 }
@@ -335,16 +335,16 @@ fn seed_of_clock() -> u32 {
     now.subsec_nanos() ^ now.as_secs() as u32
 }
 
-/// How the pointer's present way, from rest to rest, has turned the aim: a way that begins or ends on a
+/// How the pointer's present travel, from rest to rest, has turned the aim: a travel that begins or ends on a
 /// panel was none of aiming.
 #[derive(Clone, Copy, Debug, Default)]
-struct Way {
+struct PointerTravel {
     turned_rad: f64,
     last_secs: f64,
     is_from_panel: bool,
 }
 
-impl Way {
+impl PointerTravel {
     fn note(&mut self, intent: Intent, now_secs: f64) {
         match intent {
             Intent::Turn(by_rad) if now_secs - self.last_secs < WAY_PAUSE_SECS => {
@@ -357,14 +357,14 @@ impl Way {
     }
 
     /// The pointer is over a panel: what gives back the aim.
-    fn reach_panel(&mut self, now_secs: f64) -> Option<Intent> {
+    fn enter_panel(&mut self, now_secs: f64) -> Option<Intent> {
         (self.is_from_panel, self.last_secs) = (true, now_secs);
         let turned_rad = std::mem::take(&mut self.turned_rad);
         (turned_rad != 0.0).then_some(Intent::Turn(-turned_rad))
     }
 
-    /// Whether a pointer that moves over the table is still on its way from a panel.
-    fn leads_from_panel(&mut self, now_secs: f64) -> bool {
+    /// Whether a pointer that moves over the table is still on its travel from a panel.
+    fn came_from_panel(&mut self, now_secs: f64) -> bool {
         self.is_from_panel &= now_secs - self.last_secs < WAY_PAUSE_SECS;
         if self.is_from_panel {
             self.last_secs = now_secs;
@@ -384,23 +384,23 @@ mod tests {
 
     #[test]
     fn a_way_to_a_panel_gives_back_the_aim_and_aiming_before_a_rest_stays() {
-        let mut way = Way::default();
+        let mut travel = PointerTravel::default();
         for (turn, now_secs) in [(0.5, 1.0), (0.25, 2.0), (0.5, 2.1)] {
-            way.note(Intent::Turn(turn), now_secs);
+            travel.note(Intent::Turn(turn), now_secs);
         }
-        assert_eq!(way.reach_panel(2.2), Some(Intent::Turn(-0.75)));
-        assert_eq!(way.reach_panel(2.2), None);
-        way.note(Intent::Turn(0.5), 2.3);
-        way.note(Intent::Strike, 2.4);
-        assert_eq!(way.reach_panel(2.5), None);
+        assert_eq!(travel.enter_panel(2.2), Some(Intent::Turn(-0.75)));
+        assert_eq!(travel.enter_panel(2.2), None);
+        travel.note(Intent::Turn(0.5), 2.3);
+        travel.note(Intent::Strike, 2.4);
+        assert_eq!(travel.enter_panel(2.5), None);
     }
 
     #[test]
     fn a_way_from_a_panel_turns_nothing_until_the_pointer_rests() {
-        let mut way = Way::default();
-        assert!(!way.leads_from_panel(1.0));
-        way.reach_panel(1.0);
-        assert!(way.leads_from_panel(1.1) && way.leads_from_panel(1.4));
-        assert!(!way.leads_from_panel(1.9) && !way.leads_from_panel(1.95));
+        let mut travel = PointerTravel::default();
+        assert!(!travel.came_from_panel(1.0));
+        travel.enter_panel(1.0);
+        assert!(travel.came_from_panel(1.1) && travel.came_from_panel(1.4));
+        assert!(!travel.came_from_panel(1.9) && !travel.came_from_panel(1.95));
     }
 }

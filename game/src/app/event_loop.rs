@@ -18,16 +18,16 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop};
 use winit::keyboard::PhysicalKey;
 use winit::window::{Fullscreen, Window, WindowId};
 
-use crate::app::app_shell::Desk;
-use crate::app::session::Session;
+use crate::app::app_shell::AppShell;
+use crate::app::session::GameSession;
 use crate::args::Args;
-use crate::audio::Speaker;
-use crate::audio::playback::Player;
+use crate::audio::Playback;
+use crate::audio::playback::PlayerProgram;
 use crate::display::{Display, Present, UiFrame};
 use crate::input::{Button, Event, Key};
 use crate::play::{self, Outcome};
-use crate::scene::table_scene::Stage;
-use crate::settings::{Settings, Store};
+use crate::scene::table_scene::TableScene;
+use crate::settings::{Settings, SettingsStore};
 use crate::ui::{self, input_batches::passes};
 
 /// Plays in a window until it is closed.
@@ -45,14 +45,14 @@ pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow:
         None => left(kept_in.as_deref(), &mut notes, args.seed).map_err(anyhow::Error::msg)?,
     };
     let chosen = &settings.settings;
-    let mut session = Session::new(config, contest, chosen.ball_set)?;
+    let mut session = GameSession::new(config, contest, chosen.ball_set)?;
     if let Some(path) = kept_in {
-        session.keep_in(path);
+        session.autosave_to(path);
     }
     session.set_engine(chosen.physics);
-    session.set_dial(chosen.quality);
+    session.set_quality_preference(chosen.quality);
     session.set_aids(chosen.aim_aids);
-    session.set_cuts(chosen.reduced_motion);
+    session.set_instant_camera(chosen.reduced_motion);
     if let Some(folder) = &args.record {
         session.record(folder.clone())?;
     }
@@ -60,14 +60,14 @@ pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow:
         session.view(recording);
     }
     let applied = settings.settings.clone();
-    let mut desk = Desk::new(settings, Speaker::new(Player::installed()));
+    let mut shell = AppShell::new(settings, Playback::new(PlayerProgram::installed()));
     for note in notes {
-        desk.tell(note, 0.0);
+        shell.notify(note, 0.0);
     }
     let mut app = App {
         session,
         applied,
-        desk,
+        shell,
         size: args.size,
         present,
         screen: None,
@@ -97,16 +97,16 @@ fn left(path: Option<&Path>, notes: &mut Vec<String>, seed: u32) -> Result<Match
         Ok(_) => {}
         Err(why) => notes.push(format!("The game that was left cannot go on: {why}")),
     }
-    play::free_table(Stage::table(), seed)
+    play::free_table(TableScene::table(), seed)
 }
 
 /// The player's settings; options of the command line win for as long as it runs.
-fn store(args: &Args) -> Store {
+fn store(args: &Args) -> SettingsStore {
     let mut store = match &args.settings {
-        Some(path) => Store::open(path.clone()),
-        None => Store::of_player(),
+        Some(path) => SettingsStore::open(path.clone()),
+        None => SettingsStore::of_player(),
     };
-    store.lend(|settings| {
+    store.with_override(|settings| {
         settings.ball_set = args.ball_set.unwrap_or(settings.ball_set);
         settings.physics = args.physics.unwrap_or(settings.physics);
     });
@@ -156,8 +156,8 @@ fn no_display() -> String {
 }
 
 struct App {
-    session: Session,
-    desk: Desk,
+    session: GameSession,
+    shell: AppShell,
     /// The settings that window and session follow already.
     applied: Settings,
     size: Option<ImageSize>,
@@ -211,8 +211,8 @@ impl ApplicationHandler for App {
                 let now_secs = self.begun.elapsed().as_secs_f64();
                 if let Some(event) = translate(&event, scale) {
                     let taken = taken.consumed || screen.is_over_panel(event);
-                    let (desk, session) = (&mut self.desk, &mut self.session);
-                    let outcome = desk.handle(event, taken, session, now_secs);
+                    let (shell, session) = (&mut self.shell, &mut self.session);
+                    let outcome = shell.handle(event, taken, session, now_secs);
                     self.follow(event_loop, outcome);
                 }
             }
@@ -222,7 +222,7 @@ impl ApplicationHandler for App {
     fn about_to_wait(&mut self, event_loop: &ActiveEventLoop) {
         let now_secs = self.begun.elapsed().as_secs_f64();
         self.session.tick(now_secs);
-        self.desk.tick(&mut self.session, now_secs);
+        self.shell.tick(&mut self.session, now_secs);
         let now = Instant::now();
         if let Some(screen) = &self.screen
             && self.session.needs_redraw()
@@ -232,7 +232,7 @@ impl ApplicationHandler for App {
             screen.window.request_redraw();
         }
         let pause = if self.session.is_at_rest() {
-            let next_secs = self.desk.next_secs().unwrap_or(f64::INFINITY) - now_secs;
+            let next_secs = self.shell.next_secs().unwrap_or(f64::INFINITY) - now_secs;
             Duration::from_secs_f64(next_secs.clamp(0.0, REST_PERIOD.as_secs_f64()))
         } else {
             POLL_PERIOD
@@ -243,7 +243,7 @@ impl ApplicationHandler for App {
 
 impl App {
     fn open(&self, event_loop: &ActiveEventLoop) -> anyhow::Result<Screen> {
-        let settings = self.desk.settings();
+        let settings = self.shell.settings();
         let attributes = Window::default_attributes().with_title("Carom");
         let attributes = match self.size {
             Some(size) => attributes.with_inner_size(PhysicalSize::new(size.width, size.height)),
@@ -259,20 +259,20 @@ impl App {
         Screen::open(Arc::new(window), event_loop, self.present, settings)
     }
 
-    /// Does what the desk asks, and what changed settings mean for window and session.
+    /// Does what the shell asks, and what changed settings mean for window and session.
     fn follow(&mut self, event_loop: &ActiveEventLoop, outcome: Outcome) {
         if outcome == Outcome::Quit {
             event_loop.exit();
         }
-        let (now, before) = (self.desk.settings().clone(), self.applied.clone());
+        let (now, before) = (self.shell.settings().clone(), self.applied.clone());
         if now == before {
             return;
         }
         self.applied = now.clone();
         self.session.set_engine(now.physics);
-        self.session.set_dial(now.quality);
+        self.session.set_quality_preference(now.quality);
         self.session.set_aids(now.aim_aids);
-        self.session.set_cuts(now.reduced_motion);
+        self.session.set_instant_camera(now.reduced_motion);
         if now.ball_set != before.ball_set
             && let Err(error) = self.session.set_ball_set(now.ball_set)
         {
@@ -300,9 +300,9 @@ impl App {
                 .to_logical::<f64>(screen.window.scale_factor());
             let [min, max] = Settings::WINDOW_EDGE;
             let edge = |points: f64| (points.round() as u32).clamp(min, max);
-            self.desk.settings_mut().window = [edge(size.width), edge(size.height)];
+            self.shell.settings_mut().window = [edge(size.width), edge(size.height)];
         }
-        self.desk.save(self.begun.elapsed().as_secs_f64());
+        self.shell.save(self.begun.elapsed().as_secs_f64());
     }
 
     fn follow_size(&mut self, screen: &Screen) {
@@ -330,7 +330,7 @@ impl App {
         let Some(screen) = &mut self.screen else {
             return;
         };
-        let drawn = screen.draw(&mut self.session, &mut self.desk, now_secs);
+        let drawn = screen.draw(&mut self.session, &mut self.shell, now_secs);
         let why = match drawn {
             Ok(outcome) => return self.follow(event_loop, outcome),
             Err(why) => why,
@@ -340,7 +340,7 @@ impl App {
             return self.fail(event_loop, error);
         }
         tracing::warn!("{}: {why}; going on without a GPU", screen.display.name());
-        let (window, settings) = (screen.window.clone(), self.desk.settings());
+        let (window, settings) = (screen.window.clone(), self.shell.settings());
         match Screen::open(window, event_loop, Some(Present::Software), settings) {
             Ok(reopened) => self.screen = Some(reopened),
             Err(error) => self.fail(event_loop, error),
@@ -403,8 +403,8 @@ impl Screen {
 
     fn draw(
         &mut self,
-        session: &mut Session,
-        desk: &mut Desk,
+        session: &mut GameSession,
+        shell: &mut AppShell,
         now_secs: f64,
     ) -> Result<Outcome, String> {
         let begun = Instant::now();
@@ -414,7 +414,7 @@ impl Screen {
         let mut output = egui::FullOutput::default();
         for raw in passes(raw) {
             output.append(self.egui.run_ui(raw, |ui| {
-                if desk.draw(ui.ctx(), session, now_secs, &name) == Outcome::Quit {
+                if shell.draw(ui.ctx(), session, now_secs, &name) == Outcome::Quit {
                     outcome = Outcome::Quit;
                 }
             }));

@@ -16,16 +16,16 @@ use carom_tracer::DeviceKind;
 
 /// Remembers what was said.
 #[derive(Clone, Debug, Default)]
-pub struct Lookout {
-    seen: Vec<Seen>,
+pub struct FarmNotifier {
+    seen: Vec<NodeNotice>,
     /// Whether the player knows that there is no GPU.
     told_of_cpu: bool,
 }
 
 #[derive(Clone, Debug, Default)]
-struct Seen {
+struct NodeNotice {
     /// Nothing is known yet.
-    standing: Option<Standing>,
+    standing: Option<Availability>,
     was_ready: bool,
     slow: bool,
     far: bool,
@@ -34,15 +34,15 @@ struct Seen {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Standing {
+enum Availability {
     Ready,
     Lost,
 }
 
-impl Lookout {
+impl FarmNotifier {
     /// What is new of `nodes` at `now_secs`, a sentence each.
     pub fn observe(&mut self, nodes: &[NodeStatus], now_secs: f64) -> Vec<String> {
-        self.seen.resize_with(nodes.len(), Seen::default);
+        self.seen.resize_with(nodes.len(), NodeNotice::default);
         let mut notes = Vec::new();
         notes.extend(self.cpu_only(nodes));
         let fastest = nodes
@@ -88,11 +88,11 @@ impl Lookout {
     }
 }
 
-impl Seen {
+impl NodeNotice {
     fn changed(&mut self, node: &NodeStatus, others: bool) -> Option<String> {
         let (standing, why) = match &node.state {
-            NodeState::Ready | NodeState::Rendering => (Standing::Ready, ""),
-            NodeState::Lost { why, .. } => (Standing::Lost, why.as_str()),
+            NodeState::Ready | NodeState::Rendering => (Availability::Ready, ""),
+            NodeState::Lost { why, .. } => (Availability::Lost, why.as_str()),
             _ => return None,
         };
         if self.standing.replace(standing) == Some(standing) {
@@ -105,12 +105,12 @@ impl Seen {
             "the last picture stays until a node answers"
         };
         let note = match (standing, self.was_ready) {
-            (Standing::Ready, false) => None,
-            (Standing::Ready, true) => Some(format!("{name} is back")),
-            (Standing::Lost, true) => Some(format!("{name} is lost ({why}): {rest}")),
-            (Standing::Lost, false) => Some(format!("{name} cannot be used ({why}): {rest}")),
+            (Availability::Ready, false) => None,
+            (Availability::Ready, true) => Some(format!("{name} is back")),
+            (Availability::Lost, true) => Some(format!("{name} is lost ({why}): {rest}")),
+            (Availability::Lost, false) => Some(format!("{name} cannot be used ({why}): {rest}")),
         };
-        self.was_ready |= standing == Standing::Ready;
+        self.was_ready |= standing == Availability::Ready;
         note
     }
 
@@ -242,13 +242,13 @@ mod tests {
         }
     }
 
-    fn told(lookout: &mut Lookout, nodes: &[NodeStatus], now_secs: f64) -> String {
+    fn told(lookout: &mut FarmNotifier, nodes: &[NodeStatus], now_secs: f64) -> String {
         lookout.observe(nodes, now_secs).join("\n")
     }
 
     #[test]
     fn a_farm_that_works_is_not_spoken_of() {
-        let mut lookout = Lookout::default();
+        let mut lookout = FarmNotifier::default();
         let nodes = [
             node("local", NodeState::Ready),
             node("attic:1", NodeState::Ready),
@@ -261,7 +261,7 @@ mod tests {
 
     #[test]
     fn without_a_gpu_the_threads_are_named_once() {
-        let mut lookout = Lookout::default();
+        let mut lookout = FarmNotifier::default();
         let mut local = node("local", NodeState::Ready);
         local.info = Some(NodeInfo {
             name: String::new(),
@@ -278,7 +278,7 @@ mod tests {
 
     #[test]
     fn a_node_that_is_lost_is_told_once_and_again_when_it_is_back() {
-        let mut lookout = Lookout::default();
+        let mut lookout = FarmNotifier::default();
         let farm = |state: NodeState| [node("local", NodeState::Ready), node("attic:1", state)];
         told(&mut lookout, &farm(NodeState::Ready), 0.0);
         let said = told(&mut lookout, &farm(lost("it no longer answers")), 1.0);
@@ -299,7 +299,7 @@ mod tests {
 
     #[test]
     fn a_node_that_comes_and_goes_is_not_a_stream_of_sentences() {
-        let mut lookout = Lookout::default();
+        let mut lookout = FarmNotifier::default();
         let states = (0..100).map(|i| {
             if i % 2 == 0 {
                 NodeState::Ready
@@ -317,7 +317,7 @@ mod tests {
 
     #[test]
     fn when_all_are_lost_the_sentence_stays_and_names_each() {
-        let mut lookout = Lookout::default();
+        let mut lookout = FarmNotifier::default();
         let nodes = [
             node(
                 "attic:1",
@@ -355,7 +355,7 @@ mod tests {
 
     #[test]
     fn a_slow_node_is_told_once_with_how_slow() {
-        let mut lookout = Lookout::default();
+        let mut lookout = FarmNotifier::default();
         let farm = |speed: f64| {
             let mut slow = node("attic:1", NodeState::Ready);
             slow.msamples_per_sec = speed;
@@ -373,7 +373,7 @@ mod tests {
 
     #[test]
     fn a_slow_network_is_told_with_its_round_trip() {
-        let mut lookout = Lookout::default();
+        let mut lookout = FarmNotifier::default();
         let mut far = node("attic:1", NodeState::Ready);
         far.round_trip = Some(Duration::from_millis(320));
         assert!(told(&mut lookout, &[far], 0.0).contains("320 ms"));

@@ -20,13 +20,13 @@ pub fn of_shot(shot: &Shot) -> Sound {
 }
 
 /// When, what, and how fast.
-type Note = (f64, Voice, f64);
+type ScheduledStrike = (f64, Voice, f64);
 
-fn is_heard((at_secs, _, speed_m_s): &Note) -> bool {
+fn is_heard((at_secs, _, speed_m_s): &ScheduledStrike) -> bool {
     (AUDIBLE_M_S..SPEED_M_S_MAX).contains(speed_m_s) && (0.0..SECS_MAX).contains(at_secs)
 }
 
-fn play(notes: &[Note]) -> Vec<f32> {
+fn play(notes: &[ScheduledStrike]) -> Vec<f32> {
     let mut samples = Vec::new();
     for &(at_secs, voice, speed_m_s) in notes {
         let at = at_secs * f64::from(RATE_HZ);
@@ -37,7 +37,7 @@ fn play(notes: &[Note]) -> Vec<f32> {
         }
         // Clicks of the same moment are out of step at the ear, so that their energies add up and not
         // their amplitudes: a rack bursts in a hundred contacts within a few milliseconds.
-        let together = |note: &&Note| (note.0 - at_secs).abs() < TOGETHER_SECS;
+        let together = |note: &&ScheduledStrike| (note.0 - at_secs).abs() < TOGETHER_SECS;
         let share = 1.0 / (notes.iter().filter(together).count() as f32).sqrt();
         for (out, sample) in samples[first..].iter_mut().zip(&struck) {
             *out += share * sample;
@@ -91,11 +91,11 @@ const GRAVITY_M_S2: f64 = 9.81;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::table_scene::Stage;
+    use crate::scene::table_scene::TableScene;
     use carom_billiards::physics::{Stroke, World};
 
     fn break_shot(speed_m_s: f64) -> Shot {
-        let table = Stage::table();
+        let table = TableScene::table();
         let world = World::new(table.clone(), table.rack_eight(1)).unwrap();
         world.strike(Stroke::straight(0.0, speed_m_s)).unwrap()
     }

@@ -13,7 +13,7 @@ pub mod playback;
 mod reverb;
 
 pub use events::of_shot;
-pub use playback::Speaker;
+pub use playback::Playback;
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -22,7 +22,7 @@ use std::path::Path;
 use anyhow::Context as _;
 use carom_billiards::physics::{Recording, Shot, Stroke, World};
 
-use crate::scene::table_scene::Stage;
+use crate::scene::table_scene::TableScene;
 
 /// Samples of one second.
 pub const RATE_HZ: u32 = 48_000;
@@ -103,7 +103,7 @@ pub fn write_shot(out: &Path, replay: Option<&Path>, speed_m_s: f64) -> anyhow::
 }
 
 fn break_shot(speed_m_s: f64) -> anyhow::Result<Shot> {
-    let table = Stage::table();
+    let table = TableScene::table();
     let rack = table.rack_eight(1);
     Ok(World::new(table, rack)?.strike(Stroke::straight(0.0, speed_m_s))?)
 }

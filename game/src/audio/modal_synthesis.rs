@@ -32,19 +32,19 @@ pub(super) enum Voice {
 }
 
 /// One mode: frequency in Hz, time in which it falls to 1/e in s, strength.
-type Mode = (f64, f64, f64);
+type VibrationMode = (f64, f64, f64);
 
-struct Body {
+struct StruckBody {
     /// Of the contact at 1 m/s.
     contact_secs: f64,
     /// The largest sample at 1 m/s.
     loudness: f64,
-    modes: &'static [Mode],
+    modes: &'static [VibrationMode],
 }
 
 impl Voice {
-    fn body(self) -> Body {
-        let (contact_secs, loudness, modes): (f64, f64, &'static [Mode]) = match self {
+    fn body(self) -> StruckBody {
+        let (contact_secs, loudness, modes): (f64, f64, &'static [VibrationMode]) = match self {
             Self::Tip => (
                 1.0e-3,
                 0.07,
@@ -78,7 +78,7 @@ impl Voice {
                 &[(75.0, 0.06, 1.0), (160.0, 0.05, 0.7), (640.0, 0.02, 0.3)],
             ),
         };
-        Body {
+        StruckBody {
             contact_secs,
             loudness,
             modes,
@@ -97,7 +97,7 @@ impl Voice {
 }
 
 /// What the modes radiate: the change of their sum.
-fn ring(body: &Body, speed_m_s: f64, begin: f64) -> Vec<f64> {
+fn ring(body: &StruckBody, speed_m_s: f64, begin: f64) -> Vec<f64> {
     let rate = f64::from(RATE_HZ);
     let contact = (body.contact_secs * speed_m_s.powf(-0.2) * rate).max(2.0);
     let longest = body.modes.iter().map(|mode| mode.1).fold(0.0, f64::max);

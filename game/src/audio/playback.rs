@@ -1,4 +1,4 @@
-//! Playing a sound through the system's own player program.
+//! Playback through the system's own player program.
 //!
 //! No library of the system is linked: a machine without any sound builds and runs the same, and says
 //! so in the settings. A shot's sound is one WAV file in the folder for temporary files.
@@ -18,7 +18,7 @@ use super::Sound;
 
 /// A program that plays a WAV file.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Player {
+pub struct PlayerProgram {
     /// Its path.
     pub program: PathBuf,
     /// What stands before the file's name.
@@ -27,13 +27,13 @@ pub struct Player {
 
 /// Plays one sound at a time, on a thread of its own.
 #[derive(Debug)]
-pub struct Speaker {
-    requests: Option<Sender<Request>>,
+pub struct Playback {
+    requests: Option<Sender<PlaybackRequest>>,
     thread: Option<JoinHandle<()>>,
     state: Arc<Mutex<String>>,
 }
 
-enum Request {
+enum PlaybackRequest {
     Play {
         sound: Box<dyn FnOnce() -> Sound + Send>,
         /// When the sound's first sample is to be heard.
@@ -43,7 +43,7 @@ enum Request {
     Stop,
 }
 
-impl Player {
+impl PlayerProgram {
     /// The first of the known players that is installed.
     pub fn installed() -> Option<Self> {
         let path = std::env::var_os("PATH")?;
@@ -69,9 +69,9 @@ impl Player {
     }
 }
 
-impl Speaker {
+impl Playback {
     /// Plays through `player`; with none, nothing is heard.
-    pub fn new(player: Option<Player>) -> Self {
+    pub fn new(player: Option<PlayerProgram>) -> Self {
         let words = match &player {
             Some(player) => format!("Played by {}", player.program.display()),
             None => silence(),
@@ -105,7 +105,7 @@ impl Speaker {
     /// `at`, and what should have been heard already is left out.
     pub fn play(&self, at: Instant, volume: f64, sound: impl FnOnce() -> Sound + Send + 'static) {
         if volume > 0.0 {
-            self.send(Request::Play {
+            self.send(PlaybackRequest::Play {
                 sound: Box::new(sound),
                 at,
                 volume,
@@ -115,10 +115,10 @@ impl Speaker {
 
     /// Ends what is playing.
     pub fn stop(&self) {
-        self.send(Request::Stop);
+        self.send(PlaybackRequest::Stop);
     }
 
-    fn send(&self, request: Request) {
+    fn send(&self, request: PlaybackRequest) {
         if let Some(requests) = &self.requests {
             // The thread lives as long as the speaker.
             let _ = requests.send(request);
@@ -126,7 +126,7 @@ impl Speaker {
     }
 }
 
-impl Drop for Speaker {
+impl Drop for Playback {
     fn drop(&mut self) {
         self.requests = None;
         if let Some(thread) = self.thread.take() {
@@ -135,8 +135,8 @@ impl Drop for Speaker {
     }
 }
 
-fn work(player: &Player, requests: &Receiver<Request>, state: &Mutex<String>) {
-    let mut playing: Option<Playing> = None;
+fn work(player: &PlayerProgram, requests: &Receiver<PlaybackRequest>, state: &Mutex<String>) {
+    let mut playing: Option<PlayingSound> = None;
     loop {
         let request = match requests.recv_timeout(REAP_PERIOD) {
             Ok(request) => request,
@@ -147,7 +147,7 @@ fn work(player: &Player, requests: &Receiver<Request>, state: &Mutex<String>) {
             Err(RecvTimeoutError::Disconnected) => return,
         };
         playing = None;
-        let Request::Play { sound, at, volume } = request else {
+        let PlaybackRequest::Play { sound, at, volume } = request else {
             continue;
         };
         let sound = sound();
@@ -155,7 +155,7 @@ fn work(player: &Player, requests: &Receiver<Request>, state: &Mutex<String>) {
         let now = Instant::now() + START_TIME;
         let late_secs = now.saturating_duration_since(at).as_secs_f64();
         let early_secs = at.saturating_duration_since(now).as_secs_f64();
-        match Playing::start(player, &sound.shifted(early_secs - late_secs), volume) {
+        match PlayingSound::start(player, &sound.shifted(early_secs - late_secs), volume) {
             Ok(started) => playing = Some(started),
             Err(error) => {
                 let words = format!("No sound: {}: {error}", player.program.display());
@@ -166,13 +166,13 @@ fn work(player: &Player, requests: &Receiver<Request>, state: &Mutex<String>) {
 }
 
 /// A player at work, and its file.
-struct Playing {
+struct PlayingSound {
     child: Child,
     _file: TempPath,
 }
 
-impl Playing {
-    fn start(player: &Player, sound: &Sound, volume: f64) -> std::io::Result<Self> {
+impl PlayingSound {
+    fn start(player: &PlayerProgram, sound: &Sound, volume: f64) -> std::io::Result<Self> {
         let mut file = tempfile::Builder::new()
             .prefix("carom-")
             .suffix(".wav")
@@ -191,7 +191,7 @@ impl Playing {
     }
 }
 
-impl Drop for Playing {
+impl Drop for PlayingSound {
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
@@ -234,19 +234,19 @@ mod tests {
     }
 
     /// A player that keeps what it was given.
-    fn keeper(folder: &Path) -> Player {
+    fn keeper(folder: &Path) -> PlayerProgram {
         let kept = folder.join("kept.wav");
         let script = format!(
             "cp \"$0\" {0}.new && mv {0}.new {0} && exec sleep 600",
             kept.display()
         );
-        Player {
+        PlayerProgram {
             program: "/bin/sh".into(),
             arguments: vec!["-c".into(), script.into()],
         }
     }
 
-    fn wait_for(path: &Path, speaker: &Speaker) -> Vec<u8> {
+    fn wait_for(path: &Path, speaker: &Playback) -> Vec<u8> {
         loop {
             if let Ok(bytes) = fs::read(path) {
                 return bytes;
@@ -260,7 +260,7 @@ mod tests {
     #[test]
     fn a_sound_reaches_the_player_and_the_next_takes_its_place() {
         let folder = tempfile::tempdir().unwrap();
-        let speaker = Speaker::new(Some(keeper(folder.path())));
+        let speaker = Playback::new(Some(keeper(folder.path())));
         let kept = folder.path().join("kept.wav");
         speaker.play(Instant::now() + Duration::from_secs(3600), 1.0, sound);
         let early = wait_for(&kept, &speaker);
@@ -281,7 +281,7 @@ mod tests {
 
     #[test]
     fn a_player_that_cannot_be_started_is_told() {
-        let speaker = Speaker::new(Some(Player {
+        let speaker = Playback::new(Some(PlayerProgram {
             program: "/no/such/player".into(),
             arguments: Vec::new(),
         }));
@@ -293,7 +293,7 @@ mod tests {
 
     #[test]
     fn without_a_player_there_is_silence_and_a_sentence() {
-        let speaker = Speaker::new(None);
+        let speaker = Playback::new(None);
         speaker.play(Instant::now(), 1.0, sound);
         speaker.stop();
         assert!(speaker.state().contains("apt install alsa-utils"));

@@ -10,10 +10,10 @@ use egui::{Context, LayerId, Pos2, RawInput, Rect, Vec2};
 use serde::Serialize;
 
 use super::cpu::{median, ms_since};
-use crate::frame::quality::{Dial, LADDER};
-use crate::ui::stats::frame_record::Seen;
-use crate::ui::stats::maps::{Kind, Maps};
-use crate::ui::stats::{Facts, Level, Stats, gantt};
+use crate::frame::quality::{QUALITY_LEVELS, QualityPreference};
+use crate::ui::stats::frame_record::FrameSample;
+use crate::ui::stats::maps::{MapKind, Maps};
+use crate::ui::stats::{Stats, StatsInput, StatsLevel, gantt};
 use crate::ui::theme;
 
 /// Pictures of a simulated farm, one for each redraw, at a window of 1280x720 points. CPU time of this
@@ -25,7 +25,7 @@ pub struct OverlayArgs {
     /// Print JSON in place of a table
     #[arg(long)]
     pub json: bool,
-    /// Redraws of each kind
+    /// FrameRate of each kind
     #[arg(long, default_value_t = 300, value_parser = clap::value_parser!(u32).range(30..=100_000))]
     pub redraws: u32,
 }
@@ -83,10 +83,10 @@ pub fn measure(redraws: u32) -> anyhow::Result<Vec<Cost>> {
     );
     let mut costs = vec![cost("nothing at all", redraws, |_, _| {})];
     for (shown, level) in [
-        ("hidden", Level::Off),
-        ("line", Level::Line),
-        ("card", Level::Card),
-        ("full", Level::Full),
+        ("hidden", StatsLevel::Off),
+        ("line", StatsLevel::Line),
+        ("card", StatsLevel::Card),
+        ("full", StatsLevel::Full),
     ] {
         let mut stats = Stats::new(std::env::temp_dir());
         stats.set_level(level);
@@ -110,7 +110,7 @@ pub fn measure(redraws: u32) -> anyhow::Result<Vec<Cost>> {
         }));
     }
     let mut stats = Stats::new(std::env::temp_dir());
-    stats.set_level(Level::Line);
+    stats.set_level(StatsLevel::Line);
     frames
         .iter()
         .zip(0..)
@@ -123,7 +123,11 @@ pub fn measure(redraws: u32) -> anyhow::Result<Vec<Cost>> {
     let mut maps = Maps::default();
     costs.push(cost("bars and maps", redraws, |ctx, i| {
         record.frame = i;
-        maps.kind = if i % 2 == 0 { Kind::Owner } else { Kind::Cost };
+        maps.kind = if i % 2 == 0 {
+            MapKind::Owner
+        } else {
+            MapKind::Cost
+        };
         let painter = ctx.layer_painter(LayerId::background());
         maps.draw(ctx, &painter, screen(), &record);
         egui::Area::new(egui::Id::unique("bars"))
@@ -165,8 +169,8 @@ fn cost(shown: &'static str, redraws: u32, mut draw: impl FnMut(&Context, u64)) 
     }
 }
 
-fn seen<'a>(frame: &Frame, number: u64, report: &'a Report) -> Seen<'a> {
-    Seen {
+fn seen<'a>(frame: &Frame, number: u64, report: &'a Report) -> FrameSample<'a> {
+    FrameSample {
         frame: number,
         at_secs: number as f64 / 60.0,
         size: SIZE,
@@ -176,19 +180,19 @@ fn seen<'a>(frame: &Frame, number: u64, report: &'a Report) -> Seen<'a> {
     }
 }
 
-fn facts(report: &Report) -> Facts<'_> {
-    Facts {
+fn facts(report: &Report) -> StatsInput<'_> {
+    StatsInput {
         nodes: &report.nodes,
         balancing: Balancing::default(),
         distribution: Distribution::default(),
-        dial: Dial::default(),
+        preference: QualityPreference::default(),
         window: SIZE,
         period_secs: 1.0 / 60.0,
-        stop: LADDER[10],
-        stops_secs: LADDER.map(|stop| Some(4e-3 * stop.cost())),
+        stop: QUALITY_LEVELS[10],
+        level_secs: QUALITY_LEVELS.map(|stop| Some(4e-3 * stop.cost())),
         lead_secs: 0.03,
         skipped: 2,
-        guessed: Some(0.01),
+        disocclusion_fraction: Some(0.01),
         draw_secs: 0.002,
         present: "a simulation",
     }
@@ -232,5 +236,5 @@ const TILES: usize = 120 * 68;
 const SECS_MAX: f64 = 600.0;
 /// Frames before every node has its share.
 const WARM_UP: usize = 30;
-/// Redraws before layout and texts are in egui's caches.
+/// FrameRate before layout and texts are in egui's caches.
 const SETTLING: u64 = 20;

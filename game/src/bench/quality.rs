@@ -9,9 +9,9 @@ use carom_tracer::tonemap::srgb8;
 use carom_tracer::{CompiledScene, CpuTracer, ImageSize, RadianceImage, RenderSettings, Scene};
 use clap::Args;
 
-use crate::display::Picture;
+use crate::display::DisplayFrame;
 use crate::display::software::scale_linear;
-use crate::frame::quality::{LADDER, Level};
+use crate::frame::quality::{QUALITY_LEVELS, QualityLevel};
 use crate::frame::scheduler::EXPOSURE;
 
 /// Each stop is traced as a share of the reference's size, stretched over it as the window does, and
@@ -32,7 +32,7 @@ impl QualityArgs {
         let reference = RadianceImage::read_exr(&self.reference)
             .context("--reference names a picture of the pool table as linear EXR")?;
         println!("  scale  paths  denoised     FLIP");
-        for (level, error) in LADDER.iter().zip(measure(&reference)?) {
+        for (level, error) in QUALITY_LEVELS.iter().zip(measure(&reference)?) {
             let denoised = if level.denoise { "yes" } else { "no" };
             let (scale, samples) = (level.scale, level.samples);
             println!("{scale:>7} {samples:>6}  {denoised:>8} {error:>8.4}");
@@ -53,7 +53,7 @@ pub fn measure(reference: &RadianceImage) -> anyhow::Result<Vec<f64>> {
         .iter()
         .map(|light| srgb8(*light, EXPOSURE))
         .collect();
-    let error = |level: &Level| {
+    let error = |level: &QualityLevel| {
         let size = level.size(reference.size);
         let settings = RenderSettings {
             samples: level.samples,
@@ -64,7 +64,7 @@ pub fn measure(reference: &RadianceImage) -> anyhow::Result<Vec<f64>> {
         let shown = stretched(&image, reference.size);
         Ok(flip(reference.size, &shown, &truth)?.mean)
     };
-    LADDER.iter().map(error).collect()
+    QUALITY_LEVELS.iter().map(error).collect()
 }
 
 fn stretched(image: &RadianceImage, size: ImageSize) -> Vec<[u8; 3]> {
@@ -72,7 +72,7 @@ fn stretched(image: &RadianceImage, size: ImageSize) -> Vec<[u8; 3]> {
         let [r, g, b] = srgb8(*light, EXPOSURE);
         [r, g, b, 255]
     };
-    let picture = Picture {
+    let picture = DisplayFrame {
         serial: 0,
         size: image.size,
         rgba: image.pixels.iter().map(opaque).collect(),

@@ -11,13 +11,13 @@ use super::smoothstep;
 /// before a cushion does. It is a function of the shot's own time: pictures of the future know where
 /// the camera will be.
 #[derive(Clone, Debug)]
-pub struct Chase {
+pub struct FollowCamera {
     /// Every [`STEP_SECS`] from the stroke on, on the cloth, m.
     focus: Vec<DVec3>,
     cuts: bool,
 }
 
-impl Chase {
+impl FollowCamera {
     /// Follows `shot`; with `cuts` the camera stands still and jumps after a ball that is about to
     /// leave the middle of the picture.
     pub fn new(shot: &Shot, cuts: bool) -> Self {
@@ -126,7 +126,7 @@ mod tests {
     #[test]
     fn the_cue_ball_is_followed_and_then_what_rests_last() {
         let shot = shot(7.0);
-        let chase = Chase::new(&shot, false);
+        let chase = FollowCamera::new(&shot, false);
         let end = shot.duration_secs();
         assert!(chase.at(-1.0).distance(place(&shot, 0, 0.0)) < 1e-9);
         let resting = |number: &u8| {
@@ -143,7 +143,7 @@ mod tests {
     #[test]
     fn a_ball_that_rolls_straight_is_never_left_behind() {
         let shot = shot(1.5);
-        let chase = Chase::new(&shot, false);
+        let chase = FollowCamera::new(&shot, false);
         for moment in [0.0, 0.1, 0.2, 0.3] {
             let behind_m = chase.at(moment).distance(place(&shot, 0, moment));
             // Sliding, it slows down: by that much over the steps of the mean.
@@ -154,7 +154,10 @@ mod tests {
     #[test]
     fn the_way_is_smooth_and_with_cuts_it_stands_between_jumps() {
         let shot = shot(7.0);
-        let (smooth, cut) = (Chase::new(&shot, false), Chase::new(&shot, true));
+        let (smooth, cut) = (
+            FollowCamera::new(&shot, false),
+            FollowCamera::new(&shot, true),
+        );
         let (mut stood, mut fastest) = (0, 0.0f64);
         let steps = (shot.duration_secs() * 60.0) as u32;
         for step in 0..steps {

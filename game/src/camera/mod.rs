@@ -1,8 +1,8 @@
 //! Where the picture is taken from, and where a point of the table lands in it.
 //!
 //! ```text
-//! Views (the player's choice) ─▶ Viewpoint ─▶ Dolly (glides) ─▶ clear of the lamps ─▶ Camera
-//!        ▲ Chase (a ball on its way)
+//! ViewSelection (the player's choice) ─▶ Viewpoint ─▶ CameraSmoother (glides) ─▶ clear of the lamps ─▶ Camera
+//!        ▲ FollowCamera (a ball on its way)
 //! ```
 
 mod follow_camera;
@@ -10,10 +10,10 @@ mod projection;
 mod view_selection;
 mod viewpoint;
 
-pub use follow_camera::Chase;
+pub use follow_camera::FollowCamera;
 pub use projection::Projection;
-pub use view_selection::{SAVED_MAX, Sight, View, Views};
-pub use viewpoint::{Dolly, EYE_Z_M_MAX, EYE_Z_M_MIN, FOV_X_DEG, Orbit, Viewpoint};
+pub use view_selection::{CameraView, SAVED_MAX, ViewContext, ViewSelection};
+pub use viewpoint::{CameraSmoother, EYE_Z_M_MAX, EYE_Z_M_MIN, FOV_X_DEG, Orbit, Viewpoint};
 
 /// An angle's equal in (−π, π].
 pub fn wrap_rad(angle_rad: f64) -> f64 {

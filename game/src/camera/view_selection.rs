@@ -9,7 +9,7 @@ use crate::input::Intent;
 
 /// A way of looking at the table.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum View {
+pub enum CameraView {
     /// Over the cue along the aim; during a shot, up and back to the whole table.
     #[default]
     Shooter,
@@ -23,7 +23,7 @@ pub enum View {
     Pocket,
 }
 
-impl View {
+impl CameraView {
     /// All, in the order in which a key goes through them.
     pub const ALL: [Self; 5] = [
         Self::Shooter,
@@ -55,7 +55,7 @@ impl View {
 
 /// What a view may depend on.
 #[derive(Clone, Copy, Debug)]
-pub struct Sight<'a> {
+pub struct ViewContext<'a> {
     /// The table.
     pub table: &'a Table,
     /// Centre of the ball that is played or followed, if there is one, metres.
@@ -70,28 +70,28 @@ pub struct Sight<'a> {
 
 /// The player's choice of views.
 #[derive(Clone, Copy, Debug)]
-pub struct Views {
-    view: View,
+pub struct ViewSelection {
+    view: CameraView,
     by: Orbit,
-    /// What [`View::Orbit`] is turned from.
+    /// What [`CameraView::Orbit`] is turned from.
     free: Viewpoint,
 }
 
 /// How many views can be saved.
 pub const SAVED_MAX: usize = 4;
 
-impl Views {
+impl ViewSelection {
     /// Behind the cue.
     pub fn new(table: &Table) -> Self {
         Self {
-            view: View::Shooter,
+            view: CameraView::Shooter,
             by: Orbit::default(),
             free: Viewpoint::overview(table, 0.0),
         }
     }
 
     /// The view that is chosen.
-    pub fn view(&self) -> View {
+    pub fn view(&self) -> CameraView {
         self.view
     }
 
@@ -101,9 +101,11 @@ impl Views {
             Intent::Orbit { yaw_rad, pitch_rad } => self.look(yaw_rad, pitch_rad, 1.0),
             Intent::Zoom(zoom) => self.look(0.0, 0.0, zoom),
             Intent::NextView => self.choose(self.view.next(table), now),
-            Intent::Overhead if self.view == View::Overhead => self.choose(View::Shooter, now),
-            Intent::Overhead => self.choose(View::Overhead, now),
-            Intent::LookFrom(saved) => self.choose(View::Orbit, saved),
+            Intent::Overhead if self.view == CameraView::Overhead => {
+                self.choose(CameraView::Shooter, now)
+            }
+            Intent::Overhead => self.choose(CameraView::Overhead, now),
+            Intent::LookFrom(saved) => self.choose(CameraView::Orbit, saved),
             _ => return false,
         }
         true
@@ -111,24 +113,24 @@ impl Views {
 
     /// Looks along the cue again.
     pub fn straighten(&mut self) {
-        if self.view == View::Shooter {
+        if self.view == CameraView::Shooter {
             self.by.yaw_rad = 0.0;
         }
     }
 
     /// What is to be seen.
-    pub fn viewpoint(&self, sight: &Sight<'_>) -> Viewpoint {
+    pub fn viewpoint(&self, sight: &ViewContext<'_>) -> Viewpoint {
         let (table, bearing_rad) = (sight.table, sight.bearing_rad);
         let overview = Viewpoint::overview(table, bearing_rad);
         let pocket = sight.pocket.and_then(|pocket| table.pockets().get(pocket));
         let wanted = match (self.view, sight.ball, pocket) {
-            (View::Overhead, ..) => Viewpoint::overhead(table),
-            (View::Orbit, ..) => self.free,
-            (View::Shooter, Some(ball), _) if !sight.is_wide => {
+            (CameraView::Overhead, ..) => Viewpoint::overhead(table),
+            (CameraView::Orbit, ..) => self.free,
+            (CameraView::Shooter, Some(ball), _) if !sight.is_wide => {
                 Viewpoint::behind(ball, bearing_rad)
             }
-            (View::Follow, Some(ball), _) => Viewpoint::beside(ball, bearing_rad),
-            (View::Pocket, _, Some(pocket)) => Viewpoint::from_pocket(pocket),
+            (CameraView::Follow, Some(ball), _) => Viewpoint::beside(ball, bearing_rad),
+            (CameraView::Pocket, _, Some(pocket)) => Viewpoint::from_pocket(pocket),
             _ => overview,
         };
         if self.by == Orbit::default() {
@@ -137,7 +139,7 @@ impl Views {
         wanted.adjusted(self.by)
     }
 
-    fn choose(&mut self, view: View, free: Viewpoint) {
+    fn choose(&mut self, view: CameraView, free: Viewpoint) {
         (self.view, self.by, self.free) = (view, Orbit::default(), free);
     }
 
@@ -154,8 +156,8 @@ impl Views {
 mod tests {
     use super::*;
 
-    fn sight(table: &Table) -> Sight<'_> {
-        Sight {
+    fn sight(table: &Table) -> ViewContext<'_> {
+        ViewContext {
             table,
             ball: Some(DVec3::new(-0.6, 0.1, 0.028)),
             bearing_rad: 0.4,
@@ -167,35 +169,35 @@ mod tests {
     #[test]
     fn a_key_goes_through_all_views_and_each_differs_from_the_one_before() {
         let table = Table::nine_foot();
-        let mut views = Views::new(&table);
-        let mut seen: Vec<(View, Viewpoint)> = Vec::new();
-        for view in View::ALL {
+        let mut views = ViewSelection::new(&table);
+        let mut seen: Vec<(CameraView, Viewpoint)> = Vec::new();
+        for view in CameraView::ALL {
             assert_eq!(views.view(), view);
             let at = views.viewpoint(&sight(&table));
             // The free view begins where the camera is.
-            let before = seen.last().filter(|_| view != View::Orbit);
+            let before = seen.last().filter(|_| view != CameraView::Orbit);
             assert!(before.is_none_or(|(_, before)| *before != at), "{view:?}");
             seen.push((view, at));
             assert!(views.take(Intent::NextView, &table, at));
         }
-        assert_eq!(views.view(), View::Shooter);
+        assert_eq!(views.view(), CameraView::Shooter);
     }
 
     #[test]
     fn a_table_without_pockets_has_no_view_from_one() {
         let table = Table::built_in("carom").unwrap();
-        let mut views = Views::new(&table);
+        let mut views = ViewSelection::new(&table);
         for _ in 0..10 {
             let at = views.viewpoint(&sight(&table));
             views.take(Intent::NextView, &table, at);
-            assert_ne!(views.view(), View::Pocket);
+            assert_ne!(views.view(), CameraView::Pocket);
         }
     }
 
     #[test]
     fn from_above_and_back_with_one_key() {
         let table = Table::nine_foot();
-        let mut views = Views::new(&table);
+        let mut views = ViewSelection::new(&table);
         let at = views.viewpoint(&sight(&table));
         views.take(Intent::Zoom(0.9), &table, at);
         views.take(Intent::Overhead, &table, at);
@@ -211,7 +213,7 @@ mod tests {
     #[test]
     fn a_saved_view_is_seen_as_it_was_and_turned_from_there() {
         let table = Table::nine_foot();
-        let mut views = Views::new(&table);
+        let mut views = ViewSelection::new(&table);
         let saved = Viewpoint::overhead(&table);
         views.take(Intent::LookFrom(saved), &table, saved);
         assert_eq!(views.viewpoint(&sight(&table)), saved);

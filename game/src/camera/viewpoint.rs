@@ -1,4 +1,4 @@
-//! Views as people think of them.
+//! The camera's views and the player's choice among them.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -186,11 +186,11 @@ impl Default for Orbit {
 /// A camera that glides to where it is wanted and then rests exactly there, so that a still
 /// picture can be told from a moving one.
 #[derive(Clone, Copy, Debug)]
-pub struct Dolly {
+pub struct CameraSmoother {
     at: Viewpoint,
 }
 
-impl Dolly {
+impl CameraSmoother {
     /// Starts at rest.
     pub fn new(at: Viewpoint) -> Self {
         Self { at }
@@ -361,7 +361,7 @@ pub(super) mod tests {
             bearing_rad: 3.0,
             ..view()
         };
-        let (mut coarse, mut fine) = (Dolly::new(view()), Dolly::new(view()));
+        let (mut coarse, mut fine) = (CameraSmoother::new(view()), CameraSmoother::new(view()));
         coarse.follow(wanted, 0.1);
         (0..10).for_each(|_| fine.follow(wanted, 0.01));
         assert!((coarse.viewpoint().bearing_rad - fine.viewpoint().bearing_rad).abs() < 1e-9);

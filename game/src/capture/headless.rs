@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! rack, stroke ─┐
-//! recording ────┴▶ Footage ─▶ Farm (several frames in flight) ─▶ Reel: frame_0000.png …
+//! recording ────┴▶ ShotSequence ─▶ Farm (several frames in flight) ─▶ FrameCache: frame_0000.png …
 //!                                                                 ├─▶ a film, or break.png
 //!                                                                 └─▶ stats.json
 //! ```
@@ -25,24 +25,24 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
 use crate::args::Args;
-use crate::capture::video::{Footage, Job, Reel, Target, assemble};
+use crate::capture::video::{FrameCache, RenderJob, ShotSequence, VideoTarget, assemble};
 use crate::frame::scheduler::EXPOSURE;
 use crate::play::CUE_SPEED_M_S_MAX;
-use crate::scene::table_scene::Stage;
+use crate::scene::table_scene::TableScene;
 
 /// What `stats.json` holds.
 #[derive(Debug, Serialize)]
-struct Report {
-    settings: Settings,
-    nodes: Vec<Node>,
+struct HeadlessReport {
+    settings: ReportSettings,
+    nodes: Vec<ReportNode>,
     /// Those that this run traced.
     frames: Vec<FrameReport>,
-    totals: Totals,
+    totals: ReportTotals,
 }
 
 /// How the frames were asked for.
 #[derive(Clone, Copy, Debug, Serialize)]
-struct Settings {
+struct ReportSettings {
     width: u32,
     height: u32,
     samples: u32,
@@ -55,7 +55,7 @@ struct Settings {
 
 /// A node as the farm saw it at the end.
 #[derive(Debug, Serialize)]
-struct Node {
+struct ReportNode {
     address: String,
     device: Option<String>,
     tiles: u64,
@@ -78,7 +78,7 @@ struct FrameReport {
 
 /// All frames together.
 #[derive(Debug, Default, Serialize)]
-struct Totals {
+struct ReportTotals {
     wall_secs: f64,
     msamples_per_sec: f64,
     payload_bytes: u64,
@@ -98,10 +98,10 @@ pub fn run(args: &Args, config: FarmConfig) -> anyhow::Result<()> {
     let settings = settings(args, &footage);
     let target = match &args.video {
         Some(target) => target.clone(),
-        None => Target::Folder(args.out.clone()),
+        None => VideoTarget::Folder(args.out.clone()),
     };
-    let job = Job::of(&footage, settings.size(), settings.render())?;
-    let mut reel = Reel::open(&target.reel(), job, settings.size())?;
+    let job = RenderJob::of(&footage, settings.size(), settings.render())?;
+    let mut reel = FrameCache::open(&target.reel(), job, settings.size())?;
     let interrupted = net::interruption().context("Ctrl-C")?;
     let report = match make(config, &footage, settings, &mut reel, &interrupted) {
         Ok(report) => report,
@@ -115,11 +115,11 @@ pub fn run(args: &Args, config: FarmConfig) -> anyhow::Result<()> {
     let proceed = &mut || proceed(&interrupted);
     let film = match &args.video {
         Some(target) => target.clone(),
-        None => Target::Apng(args.out.join("break.png")),
+        None => VideoTarget::Apng(args.out.join("break.png")),
     };
     assemble(&reel, &film, settings.frames_per_sec, proceed).with_context(|| going_on(&reel))?;
     reel.finish()?;
-    if let Target::Folder(folder) = &target {
+    if let VideoTarget::Folder(folder) = &target {
         write_report(&report, &folder.join("stats.json"))?;
     } else {
         reel.remove()?;
@@ -129,8 +129,8 @@ pub fn run(args: &Args, config: FarmConfig) -> anyhow::Result<()> {
 }
 
 /// What was made, and where it is.
-fn done(settings: Settings, target: &Target, film: &Target) -> String {
-    let Settings {
+fn done(settings: ReportSettings, target: &VideoTarget, film: &VideoTarget) -> String {
+    let ReportSettings {
         width,
         height,
         frames,
@@ -138,17 +138,17 @@ fn done(settings: Settings, target: &Target, film: &Target) -> String {
     } = settings;
     let path = target.path().display();
     match target {
-        Target::Folder(_) if target != film => {
+        VideoTarget::Folder(_) if target != film => {
             format!("{frames} frames of {width}x{height}, break.png and stats.json are in {path}")
         }
-        Target::Folder(_) => {
+        VideoTarget::Folder(_) => {
             format!("{frames} frames of {width}x{height} and stats.json are in {path}")
         }
         _ => format!("{path} has {frames} frames of {width}x{height}"),
     }
 }
 
-fn going_on(reel: &Reel) -> String {
+fn going_on(reel: &FrameCache) -> String {
     format!(
         "{} of {} frames are kept in {}, and the same command goes on with them",
         reel.kept(),
@@ -164,7 +164,7 @@ fn proceed(interrupted: &AtomicBool) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn footage(args: &Args) -> anyhow::Result<Footage> {
+fn footage(args: &Args) -> anyhow::Result<ShotSequence> {
     let (table, recording) = args.table_and_recording()?;
     let recording = match recording {
         Some(recording) => recording,
@@ -178,11 +178,11 @@ fn footage(args: &Args) -> anyhow::Result<Footage> {
         keep(&recording, folder)?;
     }
     let mut shots: Vec<Shot> = recording.takes.into_iter().map(|take| take.shot).collect();
-    let stage = Stage::around(&table, args.ball_set.unwrap_or_default());
+    let stage = TableScene::around(&table, args.ball_set.unwrap_or_default());
     let (view, rate) = (args.view, args.fps);
     if args.video.is_none() {
         let frames = args.frames.unwrap_or(FRAMES);
-        return Ok(Footage::impact(
+        return Ok(ShotSequence::impact(
             stage,
             shots.swap_remove(0),
             view,
@@ -190,18 +190,18 @@ fn footage(args: &Args) -> anyhow::Result<Footage> {
             frames,
         ));
     }
-    let film = Footage::whole(stage, shots, view, rate);
+    let film = ShotSequence::whole(stage, shots, view, rate);
     Ok(film.cut(args.frames.unwrap_or(u32::MAX)))
 }
 
-fn settings(args: &Args, footage: &Footage) -> Settings {
+fn settings(args: &Args, footage: &ShotSequence) -> ReportSettings {
     let (size, samples) = if args.video.is_some() {
         (ImageSize::new(1280, 720), 64)
     } else {
         (ImageSize::new(640, 360), 16)
     };
     let size = args.size.unwrap_or(size);
-    Settings {
+    ReportSettings {
         width: size.width,
         height: size.height,
         samples: args.spp.unwrap_or(samples),
@@ -213,7 +213,7 @@ fn settings(args: &Args, footage: &Footage) -> Settings {
     }
 }
 
-impl Settings {
+impl ReportSettings {
     fn size(&self) -> ImageSize {
         ImageSize::new(self.width, self.height)
     }
@@ -245,11 +245,11 @@ fn keep(recording: &Recording, folder: &Path) -> anyhow::Result<()> {
 /// Traces the frames that the reel lacks.
 fn make(
     config: FarmConfig,
-    footage: &Footage,
-    settings: Settings,
-    reel: &mut Reel,
+    footage: &ShotSequence,
+    settings: ReportSettings,
+    reel: &mut FrameCache,
     interrupted: &AtomicBool,
-) -> anyhow::Result<Report> {
+) -> anyhow::Result<HeadlessReport> {
     // Files are kept: a link that is too slow for exact pixels makes them later, not worse.
     let mut farm = Farm::new(FarmConfig {
         precision: PrecisionRange::EXACT,
@@ -258,7 +258,7 @@ fn make(
     farm.set_scene(footage.stage().scene())?;
     let begun = Instant::now();
     let frames = render(&mut farm, footage, settings, reel, interrupted)?;
-    Ok(Report {
+    Ok(HeadlessReport {
         totals: totals(&frames, settings, begun.elapsed()),
         nodes: farm.nodes().into_iter().map(node).collect(),
         settings,
@@ -269,9 +269,9 @@ fn make(
 /// Has the missing frames traced, as many at a time as the farm takes, keeping each as it is finished.
 fn render(
     farm: &mut Farm,
-    footage: &Footage,
-    settings: Settings,
-    reel: &mut Reel,
+    footage: &ShotSequence,
+    settings: ReportSettings,
+    reel: &mut FrameCache,
     interrupted: &AtomicBool,
 ) -> anyhow::Result<Vec<FrameReport>> {
     let bar = progress_bar(settings.frames);
@@ -309,7 +309,7 @@ fn render(
     Ok(frames)
 }
 
-fn spec(footage: &Footage, index: u32, settings: Settings) -> FrameSpec {
+fn spec(footage: &ShotSequence, index: u32, settings: ReportSettings) -> FrameSpec {
     FrameSpec {
         update: footage.update(index),
         size: settings.size(),
@@ -349,8 +349,8 @@ fn bytes(frame: &Frame) -> anyhow::Result<&[u8]> {
     }
 }
 
-fn totals(frames: &[FrameReport], settings: Settings, wall: Duration) -> Totals {
-    let mut totals = Totals::default();
+fn totals(frames: &[FrameReport], settings: ReportSettings, wall: Duration) -> ReportTotals {
+    let mut totals = ReportTotals::default();
     for FrameReport { stats, .. } in frames {
         totals.payload_bytes += stats.payload_bytes;
         totals.reissued_tiles += u64::from(stats.reissued_tiles);
@@ -369,8 +369,8 @@ fn totals(frames: &[FrameReport], settings: Settings, wall: Duration) -> Totals 
     totals
 }
 
-fn node(status: NodeStatus) -> Node {
-    Node {
+fn node(status: NodeStatus) -> ReportNode {
+    ReportNode {
         address: status.address,
         device: status.info.map(|info| info.device.name),
         tiles: status.tiles,
@@ -383,7 +383,7 @@ fn node(status: NodeStatus) -> Node {
     }
 }
 
-fn write_report(report: &Report, path: &Path) -> anyhow::Result<()> {
+fn write_report(report: &HeadlessReport, path: &Path) -> anyhow::Result<()> {
     let write = || -> anyhow::Result<()> {
         let mut file = BufWriter::new(File::create(path)?);
         serde_json::to_writer_pretty(&mut file, report)?;

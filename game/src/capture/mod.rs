@@ -8,5 +8,5 @@ mod timeline;
 pub mod video;
 
 pub(crate) use recordings::next_path;
-pub use recordings::{Kept, Kind, Shelf};
-pub use timeline::{Moment, moments};
+pub use recordings::{RecordingKind, RecordingStore, SavedRecording};
+pub use timeline::{TimelineEvent, timeline_events};

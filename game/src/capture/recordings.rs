@@ -8,7 +8,7 @@ use carom_billiards::physics::Recording;
 
 /// What a file is, by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum RecordingKind {
     /// One shot.
     Shot,
     /// The shots of a match.
@@ -17,7 +17,7 @@ pub enum Kind {
     Layout,
 }
 
-impl Kind {
+impl RecordingKind {
     fn stem(self) -> &'static str {
         match self {
             Self::Shot => "shot",
@@ -29,7 +29,7 @@ impl Kind {
 
 /// A file on the shelf.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Kept {
+pub struct SavedRecording {
     /// Without its ending.
     pub name: String,
     /// Where it lies.
@@ -38,11 +38,11 @@ pub struct Kept {
 
 /// The folder of a player's recordings.
 #[derive(Clone, Debug)]
-pub struct Shelf {
+pub struct RecordingStore {
     folder: PathBuf,
 }
 
-impl Shelf {
+impl RecordingStore {
     /// In a folder, which is made when something is first put there.
     pub fn at(folder: PathBuf) -> Self {
         Self { folder }
@@ -57,7 +57,7 @@ impl Shelf {
     ///
     /// # Errors
     /// A sentence with the folder if it cannot be read; one that is not there is empty.
-    pub fn list(&self) -> Result<Vec<Kept>, String> {
+    pub fn list(&self) -> Result<Vec<SavedRecording>, String> {
         let entries = match fs::read_dir(&self.folder) {
             Ok(entries) => entries,
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
@@ -66,9 +66,9 @@ impl Shelf {
         let kept = entries.filter_map(|entry| {
             let path = entry.ok()?.path();
             let name = path.file_stem()?.to_string_lossy().into_owned();
-            (path.extension()? == ENDING).then_some(Kept { name, path })
+            (path.extension()? == ENDING).then_some(SavedRecording { name, path })
         });
-        let mut kept: Vec<Kept> = kept.take(KEPT_MAX).collect();
+        let mut kept: Vec<SavedRecording> = kept.take(KEPT_MAX).collect();
         kept.sort_by(|a, b| a.name.cmp(&b.name));
         Ok(kept)
     }
@@ -77,7 +77,7 @@ impl Shelf {
     ///
     /// # Errors
     /// A sentence with the path.
-    pub fn put(&self, kind: Kind, recording: &Recording) -> Result<PathBuf, String> {
+    pub fn save(&self, kind: RecordingKind, recording: &Recording) -> Result<PathBuf, String> {
         fs::create_dir_all(&self.folder).map_err(|error| {
             format!("cannot make the folder {}: {error}", self.folder.display())
         })?;
@@ -116,13 +116,17 @@ mod tests {
     #[test]
     fn what_is_put_there_is_found_by_its_name() {
         let folder = tempfile::tempdir().unwrap();
-        let shelf = Shelf::at(folder.path().join("shots"));
+        let shelf = RecordingStore::at(folder.path().join("shots"));
         assert_eq!(shelf.list(), Ok(Vec::new()));
         let table = Table::nine_foot();
         let world = World::new(table.clone(), table.rack_eight(1)).unwrap();
         let layout = Recording::of(&table, "rack", world.release().unwrap());
-        for kind in [Kind::Layout, Kind::Shot, Kind::Layout] {
-            shelf.put(kind, &layout).unwrap();
+        for kind in [
+            RecordingKind::Layout,
+            RecordingKind::Shot,
+            RecordingKind::Layout,
+        ] {
+            shelf.save(kind, &layout).unwrap();
         }
         fs::write(shelf.folder().join("notes.txt"), "").unwrap();
         let names: Vec<String> = shelf.list().unwrap().into_iter().map(|k| k.name).collect();
@@ -131,10 +135,10 @@ mod tests {
         assert_eq!(read.takes[0].title, "rack");
         assert!(fs::metadata(&shelf.list().unwrap()[0].path).unwrap().len() < 4096);
         fs::write(folder.path().join("file"), "").unwrap();
-        let blocked = Shelf::at(folder.path().join("file"));
+        let blocked = RecordingStore::at(folder.path().join("file"));
         assert!(
             blocked
-                .put(Kind::Shot, &layout)
+                .save(RecordingKind::Shot, &layout)
                 .unwrap_err()
                 .contains("file")
         );

@@ -141,18 +141,24 @@ mod tests {
 
     use super::*;
     use crate::scene::ball_materials::BallSet;
-    use crate::scene::table_scene::Stage;
+    use crate::scene::table_scene::TableScene;
 
     fn begin(folder: &Path, size: ImageSize, samples: u32) -> Screenshot {
-        let stage = Stage::room(BallSet::Classic);
-        let update = stage.update(stage.scene().camera, &[]);
+        let table_scene = TableScene::room(BallSet::Classic);
+        let update = table_scene.update(table_scene.scene().camera, &[]);
         let mut still = Screenshot::of(update, size, 5);
         still.settings.samples = samples;
         let config = FarmConfig {
             local: LocalNode::Cpu,
             ..FarmConfig::default()
         };
-        Screenshot::begin(config, stage.scene().clone(), still, folder.to_owned()).unwrap()
+        Screenshot::begin(
+            config,
+            table_scene.scene().clone(),
+            still,
+            folder.to_owned(),
+        )
+        .unwrap()
     }
 
     #[test]

@@ -4,7 +4,7 @@ use carom_billiards::physics::{EventKind, Shot};
 
 /// Something that happened.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Moment {
+pub struct TimelineEvent {
     /// Seconds since the stroke.
     pub secs: f64,
     /// For people: "the cue ball hits the 5".
@@ -14,9 +14,9 @@ pub struct Moment {
 }
 
 /// The contacts of a shot, in the order of time.
-pub fn moments(shot: &Shot) -> Vec<Moment> {
+pub fn timeline_events(shot: &Shot) -> Vec<TimelineEvent> {
     let moment = |event: &carom_billiards::physics::Event| {
-        words(&event.kind).map(|words| Moment {
+        words(&event.kind).map(|words| TimelineEvent {
             secs: event.time_secs,
             words,
             is_contact: matches!(
@@ -61,7 +61,7 @@ mod tests {
     fn a_break_is_told_in_order() {
         let table = Table::nine_foot();
         let world = World::new(table.clone(), table.rack_eight(1)).unwrap();
-        let told = moments(&world.strike(Stroke::straight(0.0, 7.0)).unwrap());
+        let told = timeline_events(&world.strike(Stroke::straight(0.0, 7.0)).unwrap());
         assert!(told.is_sorted_by(|a, b| a.secs <= b.secs));
         assert_eq!(told[0].words, "the cue strikes at 7.0 m/s");
         assert!(

@@ -8,7 +8,7 @@ use wgpu::CurrentSurfaceTexture as Current;
 use winit::event_loop::OwnedDisplayHandle;
 use winit::window::Window;
 
-use super::{Picture, UiFrame};
+use super::{DisplayFrame, UiFrame};
 
 /// A window's surface and what is drawn on it.
 pub struct GpuDisplay {
@@ -70,7 +70,7 @@ impl GpuDisplay {
     ///
     /// # Errors
     /// After `FAILURES_MAX` frames in a row that the surface refused.
-    pub fn show(&mut self, picture: Option<&Picture>, ui: &UiFrame) -> Result<(), String> {
+    pub fn show(&mut self, picture: Option<&DisplayFrame>, ui: &UiFrame) -> Result<(), String> {
         for (id, images) in &ui.textures.set {
             for image in images {
                 self.egui
@@ -89,7 +89,7 @@ impl GpuDisplay {
         &self.name
     }
 
-    fn draw(&mut self, picture: Option<&Picture>, ui: &UiFrame) -> Result<(), String> {
+    fn draw(&mut self, picture: Option<&DisplayFrame>, ui: &UiFrame) -> Result<(), String> {
         if self.config.width == 0 || self.config.height == 0 {
             return Ok(());
         }
@@ -242,7 +242,7 @@ impl PicturePass {
         }
     }
 
-    fn upload(&mut self, device: &wgpu::Device, queue: &wgpu::Queue, picture: &Picture) {
+    fn upload(&mut self, device: &wgpu::Device, queue: &wgpu::Queue, picture: &DisplayFrame) {
         let extent = wgpu::Extent3d {
             width: picture.size.width,
             height: picture.size.height,

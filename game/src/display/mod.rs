@@ -17,7 +17,7 @@ pub use software::SoftwareDisplay;
 
 /// A picture to show, stretched over the whole window.
 #[derive(Clone, Debug)]
-pub struct Picture {
+pub struct DisplayFrame {
     /// Differs for each picture.
     pub serial: u64,
     /// Pixels across and down.
@@ -109,7 +109,7 @@ impl Display {
     ///
     /// # Errors
     /// Why this display can show nothing any more.
-    pub fn show(&mut self, picture: Option<&Picture>, ui: &UiFrame) -> Result<(), String> {
+    pub fn show(&mut self, picture: Option<&DisplayFrame>, ui: &UiFrame) -> Result<(), String> {
         match self {
             Self::Gpu(display) => display.show(picture, ui),
             Self::Software(display) => display.show(picture, ui),

@@ -27,7 +27,7 @@ impl Canvas<'_> {
 /// Draws egui's output; keeps its textures.
 #[derive(Debug, Default)]
 pub struct Rasterizer {
-    textures: HashMap<TextureId, Texture>,
+    textures: HashMap<TextureId, RasterTexture>,
 }
 
 impl Rasterizer {
@@ -66,7 +66,7 @@ impl Rasterizer {
             let Some(texture) = self.textures.get(&mesh.texture_id) else {
                 continue;
             };
-            let clip = Clip::new(*clip_rect, pixels_per_point, canvas);
+            let clip = ClipRect::new(*clip_rect, pixels_per_point, canvas);
             draw_mesh(canvas, mesh, texture, clip, pixels_per_point);
         }
     }
@@ -75,7 +75,7 @@ impl Rasterizer {
         let ImageData::Color(image) = &delta.image;
         let [width, height] = image.size;
         let Some([left, top]) = delta.pos else {
-            let texture = Texture {
+            let texture = RasterTexture {
                 width,
                 height,
                 texels: image.pixels.clone(),
@@ -95,14 +95,14 @@ impl Rasterizer {
 }
 
 #[derive(Debug)]
-struct Texture {
+struct RasterTexture {
     width: usize,
     height: usize,
     texels: Vec<Color32>,
     filter: TextureFilter,
 }
 
-impl Texture {
+impl RasterTexture {
     fn sample(&self, uv: Pos2) -> [f32; 4] {
         let (x, y) = (uv.x * self.width as f32, uv.y * self.height as f32);
         if self.filter == TextureFilter::Nearest {
@@ -132,12 +132,12 @@ impl Texture {
 
 /// Pixels that may be touched: columns and rows, the ends excluded.
 #[derive(Clone, Copy)]
-struct Clip {
+struct ClipRect {
     x: [i32; 2],
     y: [i32; 2],
 }
 
-impl Clip {
+impl ClipRect {
     fn new(rect: Rect, pixels_per_point: f32, canvas: &Canvas<'_>) -> Self {
         let range = |from: f32, to: f32, end: usize| {
             [from, to].map(|v| ((v * pixels_per_point).round() as i32).clamp(0, end as i32))
@@ -152,8 +152,8 @@ impl Clip {
 fn draw_mesh(
     canvas: &mut Canvas<'_>,
     mesh: &Mesh,
-    texture: &Texture,
-    clip: Clip,
+    texture: &RasterTexture,
+    clip: ClipRect,
     pixels_per_point: f32,
 ) {
     for corners in mesh.indices.chunks_exact(3) {
@@ -176,8 +176,8 @@ fn draw_triangle(
     canvas: &mut Canvas<'_>,
     corners: [Vertex; 3],
     area: f32,
-    texture: &Texture,
-    clip: Clip,
+    texture: &RasterTexture,
+    clip: ClipRect,
 ) {
     let positions = corners.map(|corner| corner.pos);
     let bounds = |axis: fn(Pos2) -> f32, clip: [i32; 2]| {
@@ -187,7 +187,7 @@ fn draw_triangle(
         (low.floor() as i32).max(clip[0])..(high.ceil() as i32).min(clip[1])
     };
     let edges = [(1, 2), (2, 0), (0, 1)].map(|(i, j)| (positions[i], positions[j]));
-    let paint = Paint::new(corners, texture);
+    let paint = RasterPaint::new(corners, texture);
     for y in bounds(|p| p.y, clip.y) {
         for x in bounds(|p| p.x, clip.x) {
             let center = Pos2::new(x as f32 + 0.5, y as f32 + 0.5);
@@ -213,16 +213,16 @@ fn cross(a: Pos2, b: Pos2, c: Pos2) -> f32 {
 }
 
 /// What a triangle's pixels are coloured with.
-struct Paint<'a> {
+struct RasterPaint<'a> {
     colors: [[f32; 4]; 3],
     uvs: [Pos2; 3],
-    texture: &'a Texture,
+    texture: &'a RasterTexture,
     /// The texel under all of it, if it is but one: all of egui's shapes but its text.
     texel: Option<[f32; 4]>,
 }
 
-impl<'a> Paint<'a> {
-    fn new(corners: [Vertex; 3], texture: &'a Texture) -> Self {
+impl<'a> RasterPaint<'a> {
+    fn new(corners: [Vertex; 3], texture: &'a RasterTexture) -> Self {
         let uvs = corners.map(|corner| corner.uv);
         let flat = uvs[0] == uvs[1] && uvs[1] == uvs[2];
         Self {

@@ -8,7 +8,7 @@ use winit::event_loop::OwnedDisplayHandle;
 use winit::window::Window;
 
 use super::raster::{Canvas, Rasterizer};
-use super::{Picture, UiFrame};
+use super::{DisplayFrame, UiFrame};
 
 /// A window's pixels in memory.
 pub struct SoftwareDisplay {
@@ -47,7 +47,7 @@ impl SoftwareDisplay {
     ///
     /// # Errors
     /// The system's reason.
-    pub fn show(&mut self, picture: Option<&Picture>, ui: &UiFrame) -> Result<(), String> {
+    pub fn show(&mut self, picture: Option<&DisplayFrame>, ui: &UiFrame) -> Result<(), String> {
         self.rasterizer.set_textures(&ui.textures);
         let shown = self.draw(picture, ui);
         self.rasterizer.free_textures(&ui.textures);
@@ -56,7 +56,7 @@ impl SoftwareDisplay {
 
     fn draw(
         &mut self,
-        picture: Option<&Picture>,
+        picture: Option<&DisplayFrame>,
         ui: &UiFrame,
     ) -> Result<(), softbuffer::SoftBufferError> {
         let [width, height] = [self.size.width, self.size.height].map(NonZeroU32::new);
@@ -78,7 +78,7 @@ impl SoftwareDisplay {
         buffer.present()
     }
 
-    fn scale(&mut self, picture: Option<&Picture>) {
+    fn scale(&mut self, picture: Option<&DisplayFrame>) {
         let Some(picture) = picture else {
             self.scaled.clear();
             self.scaled.resize(self.size.pixels(), 0);
@@ -94,7 +94,7 @@ impl SoftwareDisplay {
 }
 
 /// Stretches `picture` to `size` with linear filtering between pixel centres, as a GPU does.
-pub(crate) fn scale_linear(picture: &Picture, size: ImageSize, out: &mut Vec<u32>) {
+pub(crate) fn scale_linear(picture: &DisplayFrame, size: ImageSize, out: &mut Vec<u32>) {
     out.clear();
     let columns = taps(picture.size.width, size.width);
     for (top, bottom, fy) in taps(picture.size.height, size.height) {
@@ -134,14 +134,14 @@ fn taps(from: u32, to: u32) -> Vec<(usize, usize, u32)> {
 mod tests {
     use super::*;
 
-    fn scaled(picture: &Picture, width: u32, height: u32) -> Vec<u32> {
+    fn scaled(picture: &DisplayFrame, width: u32, height: u32) -> Vec<u32> {
         let mut out = Vec::new();
         scale_linear(picture, ImageSize::new(width, height), &mut out);
         out
     }
 
-    fn picture(width: u32, height: u32, gray: &[u8]) -> Picture {
-        Picture {
+    fn picture(width: u32, height: u32, gray: &[u8]) -> DisplayFrame {
+        DisplayFrame {
             update: carom_tracer::SceneUpdate::default(),
             serial: 1,
             size: ImageSize::new(width, height),

@@ -12,7 +12,7 @@ use crate::frame::scheduler::EXPOSURE;
 
 /// One sample range of a picture.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Negative {
+pub struct SampleBatch {
     /// Which picture: ranges of the same one are merged.
     pub series: u64,
     /// Pixels across and down.
@@ -25,7 +25,7 @@ pub struct Negative {
 
 /// A picture of all ranges so far.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Print {
+pub struct AccumulatedFrame {
     /// Which picture.
     pub series: u64,
     /// Pixels across and down.
@@ -38,17 +38,17 @@ pub struct Print {
 
 /// Merges one picture's ranges; a range of another picture begins anew.
 #[derive(Debug, Default)]
-pub struct Bath {
+pub struct Accumulator {
     film: Option<(u64, Film)>,
 }
 
-impl Bath {
+impl Accumulator {
     /// Adds a range to its picture.
     ///
     /// # Errors
     /// [`Error::InvalidSettings`] if its size is not that of its picture.
-    pub fn add(&mut self, negative: &Negative) -> Result<(), Error> {
-        let Negative { series, size, .. } = *negative;
+    pub fn add(&mut self, batch: &SampleBatch) -> Result<(), Error> {
+        let SampleBatch { series, size, .. } = *batch;
         if self.film.as_ref().is_none_or(|(of, _)| *of != series) {
             self.film = Some((series, Film::new(size)));
         }
@@ -59,19 +59,19 @@ impl Bath {
             height: size.height,
         };
         match &mut self.film {
-            Some((_, film)) => film.add(whole, &negative.radiance, negative.samples),
+            Some((_, film)) => film.add(whole, &batch.radiance, batch.samples),
             None => Ok(()),
         }
     }
 
     /// The picture so far.
-    pub fn print(&self) -> Option<Print> {
+    pub fn frame(&self) -> Option<AccumulatedFrame> {
         let (series, film) = self.film.as_ref()?;
         let tone_map = |&radiance: &[f32; 3]| {
             let [r, g, b] = srgb8(radiance, EXPOSURE);
             [r, g, b, 255]
         };
-        Some(Print {
+        Some(AccumulatedFrame {
             series: *series,
             size: film.size(),
             rgba: film.image().pixels.iter().map(tone_map).collect(),
@@ -80,50 +80,50 @@ impl Bath {
     }
 }
 
-/// A [`Bath`] on its own thread, which ends with this handle.
+/// An [`Accumulator`] on its own thread, which ends with this handle.
 #[derive(Debug)]
-pub struct Darkroom {
-    negatives: Sender<Negative>,
-    prints: Receiver<Print>,
+pub struct AccumulationThread {
+    batches: Sender<SampleBatch>,
+    frames: Receiver<AccumulatedFrame>,
 }
 
-impl Darkroom {
+impl AccumulationThread {
     /// Starts the thread.
     ///
     /// # Errors
     /// The system's reason.
     pub fn open() -> std::io::Result<Self> {
-        let (negatives, inbox) = channel();
-        let (outbox, prints) = channel();
+        let (batches, inbox) = channel();
+        let (outbox, frames) = channel();
         thread::Builder::new()
-            .name("darkroom".to_owned())
-            .spawn(move || develop(&inbox, &outbox))?;
-        Ok(Self { negatives, prints })
+            .name("accumulation".to_owned())
+            .spawn(move || run(&inbox, &outbox))?;
+        Ok(Self { batches, frames })
     }
 
     /// Hands a range over; its picture comes later.
-    pub fn develop(&self, negative: Negative) {
-        if self.negatives.send(negative).is_err() {
+    pub fn submit(&self, batch: SampleBatch) {
+        if self.batches.send(batch).is_err() {
             tracing::error!("the thread that merges pictures has ended");
         }
     }
 
     /// A picture that is ready.
-    pub fn poll(&self) -> Option<Print> {
-        self.prints.try_recv().ok()
+    pub fn poll(&self) -> Option<AccumulatedFrame> {
+        self.frames.try_recv().ok()
     }
 }
 
-fn develop(inbox: &Receiver<Negative>, outbox: &Sender<Print>) {
-    let mut bath = Bath::default();
+fn run(inbox: &Receiver<SampleBatch>, outbox: &Sender<AccumulatedFrame>) {
+    let mut accumulator = Accumulator::default();
     while let Ok(first) = inbox.recv() {
-        // Ranges that came meanwhile share one print: printing is the slow part.
-        for negative in std::iter::once(first).chain(inbox.try_iter()) {
-            if let Err(error) = bath.add(&negative) {
+        // Ranges that came meanwhile share one frame: printing is the slow part.
+        for batch in std::iter::once(first).chain(inbox.try_iter()) {
+            if let Err(error) = accumulator.add(&batch) {
                 tracing::error!("a sample range is left out: {error}");
             }
         }
-        let sent = bath.print().map(|print| outbox.send(print));
+        let sent = accumulator.frame().map(|frame| outbox.send(frame));
         if sent.is_some_and(|sent| sent.is_err()) {
             return;
         }
@@ -134,9 +134,9 @@ fn develop(inbox: &Receiver<Negative>, outbox: &Sender<Print>) {
 mod tests {
     use super::*;
 
-    fn negative(series: u64, radiance: f32, samples: u32) -> Negative {
+    fn batch(series: u64, radiance: f32, samples: u32) -> SampleBatch {
         let size = ImageSize::new(2, 2);
-        Negative {
+        SampleBatch {
             series,
             size,
             radiance: vec![[radiance; 3]; 4],
@@ -146,32 +146,32 @@ mod tests {
 
     #[test]
     fn ranges_are_weighted_by_their_samples_in_linear_light() {
-        let mut bath = Bath::default();
-        bath.add(&negative(1, 0.0, 3)).unwrap();
-        bath.add(&negative(1, 0.856_164_6, 1)).unwrap();
-        let print = bath.print().unwrap();
+        let mut accumulator = Accumulator::default();
+        accumulator.add(&batch(1, 0.0, 3)).unwrap();
+        accumulator.add(&batch(1, 0.856_164_6, 1)).unwrap();
+        let frame = accumulator.frame().unwrap();
         // A quarter of it is 0.21404 in linear light, which is 128 in sRGB; a mean of the tone-mapped
         // values would be 60.
-        assert_eq!((print.samples, print.rgba[3]), (4, [128, 128, 128, 255]));
+        assert_eq!((frame.samples, frame.rgba[3]), (4, [128, 128, 128, 255]));
     }
 
     #[test]
     fn another_picture_begins_anew() {
-        let mut bath = Bath::default();
-        bath.add(&negative(1, 0.5, 3)).unwrap();
-        bath.add(&negative(2, 1.0, 1)).unwrap();
-        let print = bath.print().unwrap();
+        let mut accumulator = Accumulator::default();
+        accumulator.add(&batch(1, 0.5, 3)).unwrap();
+        accumulator.add(&batch(2, 1.0, 1)).unwrap();
+        let frame = accumulator.frame().unwrap();
         assert_eq!(
-            (print.series, print.samples, print.rgba[0]),
+            (frame.series, frame.samples, frame.rgba[0]),
             (2, 1, [255; 4])
         );
     }
 
     #[test]
     fn the_thread_prints_what_it_is_given() {
-        let darkroom = Darkroom::open().unwrap();
-        darkroom.develop(negative(7, 1.0, 2));
-        let print = darkroom.prints.recv().unwrap();
-        assert_eq!((print.series, print.samples), (7, 2));
+        let accumulation = AccumulationThread::open().unwrap();
+        accumulation.submit(batch(7, 1.0, 2));
+        let frame = accumulation.frames.recv().unwrap();
+        assert_eq!((frame.series, frame.samples), (7, 2));
     }
 }

@@ -1,4 +1,4 @@
-//! How large and how smooth a picture can be while things move: the dial that holds the frame
+//! How large and how smooth a picture can be while things move: the level that holds the frame
 //! time.
 
 use carom_tracer::{ImageSize, RenderSettings};
@@ -9,7 +9,7 @@ use clap::ValueEnum;
 /// Twice the time for a picture is twice the paths, and four times the paths of a pixel have 7 times
 /// less squared error (relMSE 2.0e-3 at 4, 3.0e-4 at 16: `carom-farm compare` prints it).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum Dial {
+pub enum QualityPreference {
     /// 60 pictures a second, however coarse
     Smooth,
     /// 60 a second where they are fine enough, else 30: twice the paths
@@ -21,7 +21,7 @@ pub enum Dial {
 
 /// What a moving picture is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Level {
+pub struct QualityLevel {
     /// Pixels along an edge, as a share of the window's.
     pub scale: f64,
     /// Paths per pixel.
@@ -30,7 +30,7 @@ pub struct Level {
     pub denoise: bool,
 }
 
-impl Level {
+impl QualityLevel {
     /// What a pixel of the window takes, in paths.
     pub fn cost(self) -> f64 {
         self.scale * self.scale * paths(self.samples, self.denoise)
@@ -50,7 +50,7 @@ fn paths(samples: u32, denoise: bool) -> f64 {
 /// From the coarsest to the finest, each at 1.4 to 2.3 times the cost of the one before: choices that
 /// no other beats in both time and error on the processor, as `carom-farm bench tradeoff` finds
 /// them, or nearly.
-pub const LADDER: [Level; 13] = [
+pub const QUALITY_LEVELS: [QualityLevel; 13] = [
     noisy(0.125, 1),
     noisy(0.125, 2),
     noisy(0.125, 4),
@@ -66,15 +66,15 @@ pub const LADDER: [Level; 13] = [
     denoised(1.0, 16),
 ];
 
-/// Chooses a [`Level`], and how often there is a picture, from how long pictures really took.
+/// Chooses a [`QualityLevel`], and how often there is a picture, from how long pictures really took.
 ///
 /// It learns what a path costs the farm, in noisy and in denoised pictures (a fixed cost of each
-/// picture is spread over its paths), and moves along [`LADDER`]: down at once when the next picture
+/// picture is spread over its paths), and moves along [`QUALITY_LEVELS`]: down at once when the next picture
 /// would be late, up one stop only after several pictures that leave clear room, and a stop that had
 /// to be left is not tried again before a pause that doubles each time.
 #[derive(Clone, Debug)]
 pub struct Quality {
-    dial: Dial,
+    preference: QualityPreference,
     period_secs: f64,
     stop: usize,
     /// Of noisy and of denoised pictures.
@@ -87,7 +87,7 @@ impl Default for Quality {
     /// Begins coarse, so that the first picture comes at once.
     fn default() -> Self {
         Self {
-            dial: Dial::default(),
+            preference: QualityPreference::default(),
             period_secs: STEADY_PERIOD_SECS,
             stop: 2,
             secs_per_path: [None; 2],
@@ -99,17 +99,17 @@ impl Default for Quality {
 
 impl Quality {
     /// What is given up first.
-    pub fn dial(&self) -> Dial {
-        self.dial
+    pub fn preference(&self) -> QualityPreference {
+        self.preference
     }
 
     /// Gives up something else first, from the next picture on.
-    pub fn set_dial(&mut self, dial: Dial) {
-        self.dial = dial;
-        self.period_secs = match dial {
-            Dial::Smooth => SMOOTH_PERIOD_SECS,
-            Dial::Balanced => STEADY_PERIOD_SECS,
-            Dial::Fine => FINE_PERIOD_SECS,
+    pub fn set_quality_preference(&mut self, preference: QualityPreference) {
+        self.preference = preference;
+        self.period_secs = match preference {
+            QualityPreference::Smooth => SMOOTH_PERIOD_SECS,
+            QualityPreference::Balanced => STEADY_PERIOD_SECS,
+            QualityPreference::Fine => FINE_PERIOD_SECS,
         };
     }
 
@@ -140,7 +140,7 @@ impl Quality {
     }
 
     /// Seconds that a picture of `level` will take; absent before the first picture.
-    pub fn secs(&self, level: Level, window: ImageSize) -> Option<f64> {
+    pub fn secs(&self, level: QualityLevel, window: ImageSize) -> Option<f64> {
         let [noisy, denoised] = self.secs_per_path;
         let known = if level.denoise {
             denoised.or(noisy)
@@ -157,8 +157,8 @@ impl Quality {
     }
 
     /// What the next moving picture should be.
-    pub fn level(&self) -> Level {
-        LADDER[self.stop]
+    pub fn level(&self) -> QualityLevel {
+        QUALITY_LEVELS[self.stop]
     }
 
     /// Paths per pixel that fit into `secs` at full resolution, at least 1.
@@ -169,7 +169,7 @@ impl Quality {
     }
 
     fn pace(&mut self, window: ImageSize) {
-        if self.dial != Dial::Balanced {
+        if self.preference != QualityPreference::Balanced {
             return;
         }
         let secs = self.secs(SMOOTH_LEVEL, window).unwrap_or(0.0);
@@ -182,7 +182,7 @@ impl Quality {
 
     fn choose(&mut self, window: ImageSize) {
         let target_secs = self.period_secs;
-        let secs = |stop: usize| self.secs(LADDER[stop], window).unwrap_or(0.0);
+        let secs = |stop: usize| self.secs(QUALITY_LEVELS[stop], window).unwrap_or(0.0);
         if secs(self.stop) > target_secs * LATE {
             let fits = |stop: &usize| secs(*stop) <= target_secs;
             self.stop = (0..self.stop).rev().find(fits).unwrap_or(0);
@@ -191,7 +191,7 @@ impl Quality {
             return;
         }
         let next = self.stop + 1;
-        if next == LADDER.len() || secs(next) > target_secs * ROOMY {
+        if next == QUALITY_LEVELS.len() || secs(next) > target_secs * ROOMY {
             self.roomy = 0;
             return;
         }
@@ -204,16 +204,16 @@ impl Quality {
     }
 }
 
-const fn noisy(scale: f64, samples: u32) -> Level {
-    Level {
+const fn noisy(scale: f64, samples: u32) -> QualityLevel {
+    QualityLevel {
         scale,
         samples,
         denoise: false,
     }
 }
 
-const fn denoised(scale: f64, samples: u32) -> Level {
-    Level {
+const fn denoised(scale: f64, samples: u32) -> QualityLevel {
+    QualityLevel {
         denoise: true,
         ..noisy(scale, samples)
     }
@@ -230,7 +230,7 @@ const FINE_PERIOD_SECS: f64 = 1.0 / 15.0;
 /// A common display's rate.
 pub const SMOOTH_PERIOD_SECS: f64 = 1.0 / 60.0;
 /// Coarser pictures than this are not worth having twice as many of.
-const SMOOTH_LEVEL: Level = denoised(0.375, 4);
+const SMOOTH_LEVEL: QualityLevel = denoised(0.375, 4);
 /// Weight of the newest picture: half of a change is learned in three pictures.
 const SMOOTHING: f64 = 0.2;
 /// Over the target by this much, the picture gets coarser.
@@ -262,7 +262,7 @@ mod tests {
             }
         }
 
-        fn secs(self, level: Level) -> f64 {
+        fn secs(self, level: QualityLevel) -> f64 {
             let filter = if level.denoise {
                 self.filter_paths
             } else {
@@ -274,7 +274,7 @@ mod tests {
     }
 
     /// Plays pictures on farms, each of which has that load.
-    fn play_loads(quality: &mut Quality, loads: impl Iterator<Item = Load>) -> Vec<Level> {
+    fn play_loads(quality: &mut Quality, loads: impl Iterator<Item = Load>) -> Vec<QualityLevel> {
         let picture = |load: Load| {
             let level = quality.level();
             let settings = RenderSettings {
@@ -289,19 +289,26 @@ mod tests {
         loads.map(picture).collect()
     }
 
-    fn play(quality: &mut Quality, pictures: usize, speed: impl Fn(usize) -> f64) -> Vec<Level> {
+    fn play(
+        quality: &mut Quality,
+        pictures: usize,
+        speed: impl Fn(usize) -> f64,
+    ) -> Vec<QualityLevel> {
         play_loads(quality, (0..pictures).map(|i| Load::of(speed(i))))
     }
 
-    fn secs(level: Level, speed: f64) -> f64 {
+    fn secs(level: QualityLevel, speed: f64) -> f64 {
         Load::of(speed).secs(level)
     }
 
-    fn stop_of(level: &Level) -> usize {
-        LADDER.iter().position(|stop| stop == level).unwrap()
+    fn stop_of(level: &QualityLevel) -> usize {
+        QUALITY_LEVELS
+            .iter()
+            .position(|stop| stop == level)
+            .unwrap()
     }
 
-    fn changes(levels: &[Level]) -> usize {
+    fn changes(levels: &[QualityLevel]) -> usize {
         let pairs = levels.windows(2);
         pairs.filter(|pair| pair[0] != pair[1]).count()
     }
@@ -313,7 +320,7 @@ mod tests {
 
     #[test]
     fn the_ladder_rises_in_small_steps() {
-        for pair in LADDER.windows(2) {
+        for pair in QUALITY_LEVELS.windows(2) {
             let rise = pair[1].cost() / pair[0].cost();
             assert!((1.1..=2.3).contains(&rise), "{pair:?} rises {rise} times");
         }
@@ -328,7 +335,7 @@ mod tests {
                 secs(last, speed) <= quality.period_secs() * LATE,
                 "{last:?} at {speed}"
             );
-            if let Some(finer) = LADDER.get(stop_of(&last) + 1) {
+            if let Some(finer) = QUALITY_LEVELS.get(stop_of(&last) + 1) {
                 assert!(
                     secs(*finer, speed) > quality.period_secs() * ROOMY * 0.9,
                     "{last:?} at {speed}"
@@ -374,7 +381,7 @@ mod tests {
                 let levels = play(&mut quality, 400, |i| speed(step) * noise(i));
                 let changes = changes(&levels[100..]);
                 assert!(changes <= 8, "{changes} in step {step} from {low}");
-                let late = |level: &&Level| {
+                let late = |level: &&QualityLevel| {
                     secs(**level, speed(step)) > quality.period_secs() * LATE * 1.15
                 };
                 let late = levels[100..].iter().filter(late).count();
@@ -424,16 +431,16 @@ mod tests {
 
     #[test]
     fn the_dial_trades_pictures_for_paths() {
-        let level = |dial: Dial| {
+        let level = |preference: QualityPreference| {
             let mut quality = Quality::default();
-            quality.set_dial(dial);
+            quality.set_quality_preference(preference);
             play(&mut quality, 200, |_| 3e7);
             (quality.period_secs(), quality.level().cost())
         };
         let (smooth, balanced, fine) = (
-            level(Dial::Smooth),
-            level(Dial::Balanced),
-            level(Dial::Fine),
+            level(QualityPreference::Smooth),
+            level(QualityPreference::Balanced),
+            level(QualityPreference::Fine),
         );
         assert!(smooth.0 < balanced.0 && balanced.0 < fine.0);
         assert!(
@@ -444,6 +451,9 @@ mod tests {
 
     #[test]
     fn a_tiny_window_still_has_a_pixel() {
-        assert_eq!(LADDER[0].size(ImageSize::new(1, 1)), ImageSize::new(1, 1));
+        assert_eq!(
+            QUALITY_LEVELS[0].size(ImageSize::new(1, 1)),
+            ImageSize::new(1, 1)
+        );
     }
 }

@@ -4,28 +4,28 @@
 use carom_tracer::reproject::View;
 use carom_tracer::{CompiledScene, Error, ImageSize, Scene, SceneUpdate, Tile};
 
-use crate::display::Picture;
+use crate::display::DisplayFrame;
 
 /// Moves pictures. Costs 40 ns of processor time a pixel of the moved picture, on all threads, and
 /// nothing while the newest picture is of the present.
 #[derive(Debug)]
-pub struct Warp {
+pub struct Reprojector {
     scene: CompiledScene,
     /// What the picture of that serial number was taken of.
     from: Option<(u64, View)>,
-    moved: Option<Moved>,
+    moved: Option<ReprojectedFrame>,
     count: u64,
 }
 
 #[derive(Debug)]
-struct Moved {
+struct ReprojectedFrame {
     /// The serial number of the picture that was moved.
     of: u64,
-    picture: Picture,
-    guessed: f64,
+    picture: DisplayFrame,
+    disocclusion_fraction: f64,
 }
 
-impl Warp {
+impl Reprojector {
     /// For pictures of `scene`.
     ///
     /// # Errors
@@ -41,12 +41,17 @@ impl Warp {
 
     /// `picture` as the scene looks after `now`; itself if it was taken of that, or if either
     /// does not fit the scene.
-    pub fn follow<'a>(&'a mut self, picture: &'a Picture, now: &SceneUpdate) -> &'a Picture {
+    pub fn reproject_to<'a>(
+        &'a mut self,
+        picture: &'a DisplayFrame,
+        now: &SceneUpdate,
+    ) -> &'a DisplayFrame {
         if picture.update == *now {
             self.moved = None;
             return picture;
         }
-        let done = |moved: &Moved| moved.of == picture.serial && moved.picture.update == *now;
+        let done =
+            |moved: &ReprojectedFrame| moved.of == picture.serial && moved.picture.update == *now;
         if !self.moved.as_ref().is_some_and(done) {
             self.moved = self.moved(picture, now);
         }
@@ -55,7 +60,7 @@ impl Warp {
 
     /// Puts what the picture `before` shows into the `missing` tiles of `picture`, moved to where it
     /// is now; leaves them if either does not fit the scene.
-    pub fn fill(&mut self, picture: &mut Picture, missing: &[Tile], before: &Picture) {
+    pub fn fill(&mut self, picture: &mut DisplayFrame, missing: &[Tile], before: &DisplayFrame) {
         let Some(moved) = self.moved(before, &picture.update) else {
             return;
         };
@@ -73,8 +78,8 @@ impl Warp {
     }
 
     /// The share of the picture on show that the newest one did not hold, if it had to be moved.
-    pub fn guessed(&self) -> Option<f64> {
-        self.moved.as_ref().map(|moved| moved.guessed)
+    pub fn disocclusion_fraction(&self) -> Option<f64> {
+        self.moved.as_ref().map(|moved| moved.disocclusion_fraction)
     }
 
     /// Pictures moved, ever.
@@ -82,7 +87,7 @@ impl Warp {
         self.count
     }
 
-    fn moved(&mut self, picture: &Picture, now: &SceneUpdate) -> Option<Moved> {
+    fn moved(&mut self, picture: &DisplayFrame, now: &SceneUpdate) -> Option<ReprojectedFrame> {
         if self
             .from
             .as_ref()
@@ -97,10 +102,10 @@ impl Warp {
         let (_, from) = self.from.as_ref()?;
         let reprojected = from.reproject(&picture.rgba, &to);
         self.count += 1;
-        Some(Moved {
+        Some(ReprojectedFrame {
             of: picture.serial,
-            guessed: reprojected.guessed as f64 / size.pixels().max(1) as f64,
-            picture: Picture {
+            disocclusion_fraction: reprojected.guessed as f64 / size.pixels().max(1) as f64,
+            picture: DisplayFrame {
                 serial: SERIALS_FIRST + self.count,
                 size,
                 rgba: reprojected.pixels,
@@ -121,19 +126,19 @@ fn moved_size(size: ImageSize) -> ImageSize {
 
 /// 640 × 360: 9 ms of processor time.
 const PIXELS_MAX: usize = 640 * 360;
-/// Moved pictures are numbered from here: traced ones never get so far.
+/// Reprojected frames are numbered from here: traced ones never get so far.
 const SERIALS_FIRST: u64 = 1 << 63;
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::scene::ball_materials::BallSet;
-    use crate::scene::table_scene::Stage;
+    use crate::scene::table_scene::TableScene;
 
-    fn picture(update: SceneUpdate) -> Picture {
+    fn picture(update: SceneUpdate) -> DisplayFrame {
         let size = ImageSize::new(64, 36);
         let gray = |i: usize| [(i % 64 * 4) as u8, 0, 0, 255];
-        Picture {
+        DisplayFrame {
             serial: 7,
             size,
             rgba: (0..size.pixels()).map(gray).collect(),
@@ -141,8 +146,8 @@ mod tests {
         }
     }
 
-    fn turned(stage: &Stage, radians: f32) -> SceneUpdate {
-        let mut camera = stage.scene().camera;
+    fn turned(table_scene: &TableScene, radians: f32) -> SceneUpdate {
+        let mut camera = table_scene.scene().camera;
         let turn = glam::Quat::from_rotation_z(radians);
         camera.eye = camera.target + turn * (camera.eye - camera.target);
         SceneUpdate {
@@ -153,40 +158,55 @@ mod tests {
 
     #[test]
     fn a_picture_of_the_present_is_shown_as_it_is() {
-        let stage = Stage::room(BallSet::Classic);
-        let mut warp = Warp::new(stage.scene()).unwrap();
-        let picture = picture(turned(&stage, 0.1));
-        assert_eq!(warp.follow(&picture, &picture.update.clone()).serial, 7);
-        assert_eq!((warp.count(), warp.guessed()), (0, None));
+        let table_scene = TableScene::room(BallSet::Classic);
+        let mut reprojector = Reprojector::new(table_scene.scene()).unwrap();
+        let picture = picture(turned(&table_scene, 0.1));
+        assert_eq!(
+            reprojector
+                .reproject_to(&picture, &picture.update.clone())
+                .serial,
+            7
+        );
+        assert_eq!(
+            (reprojector.count(), reprojector.disocclusion_fraction()),
+            (0, None)
+        );
     }
 
     #[test]
     fn a_picture_of_the_past_is_moved_once_for_each_new_view() {
-        let stage = Stage::room(BallSet::Classic);
-        let mut warp = Warp::new(stage.scene()).unwrap();
-        let picture = picture(turned(&stage, 0.0));
-        let view = turned(&stage, 0.02);
-        let first = warp.follow(&picture, &view).clone();
+        let table_scene = TableScene::room(BallSet::Classic);
+        let mut reprojector = Reprojector::new(table_scene.scene()).unwrap();
+        let picture = picture(turned(&table_scene, 0.0));
+        let view = turned(&table_scene, 0.02);
+        let first = reprojector.reproject_to(&picture, &view).clone();
         assert_ne!((first.serial, &first.rgba), (7, &picture.rgba));
-        assert_eq!(warp.follow(&picture, &view).serial, first.serial);
-        assert_ne!(
-            warp.follow(&picture, &turned(&stage, 0.03)).serial,
+        assert_eq!(
+            reprojector.reproject_to(&picture, &view).serial,
             first.serial
         );
-        assert_eq!(warp.count(), 2);
-        assert!(warp.guessed().unwrap() < 0.1);
+        assert_ne!(
+            reprojector
+                .reproject_to(&picture, &turned(&table_scene, 0.03))
+                .serial,
+            first.serial
+        );
+        assert_eq!(reprojector.count(), 2);
+        assert!(reprojector.disocclusion_fraction().unwrap() < 0.1);
     }
 
     #[test]
     fn missing_tiles_are_taken_from_where_the_picture_before_shows_them() {
-        let stage = Stage::room(BallSet::Classic);
-        let mut warp = Warp::new(stage.scene()).unwrap();
-        let before = picture(turned(&stage, 0.0));
-        let right = |warp: &mut Warp, update: &SceneUpdate| warp.follow(&before, update).clone();
+        let table_scene = TableScene::room(BallSet::Classic);
+        let mut reprojector = Reprojector::new(table_scene.scene()).unwrap();
+        let before = picture(turned(&table_scene, 0.0));
+        let right = |reprojector: &mut Reprojector, update: &SceneUpdate| {
+            reprojector.reproject_to(&before, update).clone()
+        };
         for radians in [0.0, 0.02] {
-            let update = turned(&stage, radians);
-            let right = right(&mut warp, &update);
-            let mut holed = Picture {
+            let update = turned(&table_scene, radians);
+            let right = right(&mut reprojector, &update);
+            let mut holed = DisplayFrame {
                 serial: 8,
                 rgba: vec![[9; 4]; before.rgba.len()],
                 update,
@@ -198,7 +218,7 @@ mod tests {
                 width: 24,
                 height: 12,
             };
-            warp.fill(&mut holed, &[tile], &before);
+            reprojector.fill(&mut holed, &[tile], &before);
             for (place, pixel) in holed.rgba.iter().enumerate() {
                 let (x, y) = (place as u32 % 64, place as u32 / 64);
                 let inside = (16..40).contains(&x) && (8..20).contains(&y);

@@ -1,12 +1,12 @@
 //! Every control of the game: its name, what it does in a sentence, and what it is bound to at first.
 //!
-//! Settings, the help, the legend of keys and the table in README.md are made from [`CONTROLS`].
+//! Settings, the help, the legend of keys and the table in README.md are made from [`ACTIONS`].
 
-use super::{Intent, Watch};
+use super::{Intent, ReplayControl};
 
 /// Something that a key, a button or the wheel can be bound to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[expect(missing_docs, reason = "each is described in a row of CONTROLS")]
+#[expect(missing_docs, reason = "each is described in a row of ACTIONS")]
 pub enum Action {
     AimLeft,
     AimRight,
@@ -58,13 +58,13 @@ pub enum Action {
     ReplayEventNext,
     ReplayShotBefore,
     ReplayShotNext,
-    /// By its place among [`Watch::RATES`].
+    /// By its place among [`ReplayControl::RATES`].
     ReplaySpeed(u8),
 }
 
 /// What is on show, which decides whose keys count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Mode {
+pub enum BindingContext {
     /// The table.
     #[default]
     Table,
@@ -74,7 +74,7 @@ pub enum Mode {
 
 /// A row of the action map.
 #[derive(Clone, Copy, Debug)]
-pub struct Control {
+pub struct ActionSpec {
     /// What is done.
     pub action: Action,
     /// The name in the settings file.
@@ -128,30 +128,30 @@ impl Group {
     }
 
     /// The rows under this heading.
-    pub fn controls(self) -> impl Iterator<Item = &'static Control> {
-        CONTROLS.iter().filter(move |control| control.group == self)
+    pub fn controls(self) -> impl Iterator<Item = &'static ActionSpec> {
+        ACTIONS.iter().filter(move |control| control.group == self)
     }
 }
 
 impl Action {
     /// Its row.
-    pub fn control(self) -> &'static Control {
-        let mut rows = CONTROLS.iter();
+    pub fn control(self) -> &'static ActionSpec {
+        let mut rows = ACTIONS.iter();
         // A test checks that every action has a row.
-        rows.find(|row| row.action == self).unwrap_or(&CONTROLS[0])
+        rows.find(|row| row.action == self).unwrap_or(&ACTIONS[0])
     }
 
     /// The action with this name in the settings file.
     pub fn from_name(name: &str) -> Option<Self> {
-        let row = CONTROLS.iter().find(|control| control.name == name)?;
+        let row = ACTIONS.iter().find(|control| control.name == name)?;
         Some(row.action)
     }
 
     /// Where its keys count.
-    pub fn mode(self) -> Mode {
+    pub fn mode(self) -> BindingContext {
         match self.control().group {
-            Group::Replay => Mode::Replay,
-            _ => Mode::Table,
+            Group::Replay => BindingContext::Replay,
+            _ => BindingContext::Table,
         }
     }
 
@@ -226,16 +226,18 @@ impl Action {
         })
     }
 
-    fn watch(self, steps: f64) -> Option<Watch> {
+    fn watch(self, steps: f64) -> Option<ReplayControl> {
         Some(match self {
-            Self::ReplayPause => Watch::Toggle,
-            Self::ReplayBack => Watch::Skip(-steps * SKIP_SECS),
-            Self::ReplayForward => Watch::Skip(steps * SKIP_SECS),
-            Self::ReplayEventBefore => Watch::Step { forward: false },
-            Self::ReplayEventNext => Watch::Step { forward: true },
-            Self::ReplayShotBefore => Watch::Turn { forward: false },
-            Self::ReplayShotNext => Watch::Turn { forward: true },
-            Self::ReplaySpeed(place) => Watch::Rate(*Watch::RATES.get(usize::from(place))?),
+            Self::ReplayPause => ReplayControl::Toggle,
+            Self::ReplayBack => ReplayControl::Skip(-steps * SKIP_SECS),
+            Self::ReplayForward => ReplayControl::Skip(steps * SKIP_SECS),
+            Self::ReplayEventBefore => ReplayControl::Step { forward: false },
+            Self::ReplayEventNext => ReplayControl::Step { forward: true },
+            Self::ReplayShotBefore => ReplayControl::Turn { forward: false },
+            Self::ReplayShotNext => ReplayControl::Turn { forward: true },
+            Self::ReplaySpeed(place) => {
+                ReplayControl::Rate(*ReplayControl::RATES.get(usize::from(place))?)
+            }
             _ => return None,
         })
     }
@@ -272,8 +274,8 @@ const fn row(
     name: &'static str,
     does: &'static str,
     defaults: &'static [&'static str],
-) -> Control {
-    Control {
+) -> ActionSpec {
+    ActionSpec {
         action,
         name,
         does,
@@ -284,7 +286,7 @@ const fn row(
 
 /// The action map. Turning the aim with the mouse needs no binding.
 #[rustfmt::skip]
-pub const CONTROLS: &[Control] = &[
+pub const ACTIONS: &[ActionSpec] = &[
     row(Group::Aim, Action::AimLeft, "aim-left", "aim a degree to the left", &["Left"]),
     row(Group::Aim, Action::AimRight, "aim-right", "aim a degree to the right", &["Right"]),
     row(Group::Aim, Action::AimAtPointer, "aim-at-pointer", "aim at the point under the pointer", &["Mouse middle"]),
@@ -327,8 +329,8 @@ pub const CONTROLS: &[Control] = &[
     row(Group::Game, Action::Log, "log", "show or hide what was said so far", &["L"]),
     row(Group::Game, Action::Rack, "rack", "on the free table: rack the balls again", &["R"]),
     row(Group::Game, Action::LookBack, "look-back", "watch the shots of before: slowly, step by step, kept as files", &["F4"]),
-    row(Group::Game, Action::Practise, "practise", "lay the balls as you like", &["F5"]),
-    row(Group::Game, Action::Photograph, "photograph", "keep a picture in full quality, as PNG and EXR", &["F12"]),
+    row(Group::Game, Action::Practise, "open_practice", "lay the balls as you like", &["F5"]),
+    row(Group::Game, Action::Photograph, "take_screenshot", "keep a picture in full quality, as PNG and EXR", &["F12"]),
     row(Group::Game, Action::Help, "help", "show or hide the keys", &["F1", "H"]),
     row(Group::Game, Action::Stats, "stats", "statistics: a line, a card, everything, everything recorded, none", &["F3"]),
     row(Group::Game, Action::Fullscreen, "fullscreen", "fill the screen, or go back to a window", &["F11"]),
@@ -361,10 +363,10 @@ mod tests {
 
     #[test]
     fn names_and_sentences_are_of_one_action_each() {
-        for (i, control) in CONTROLS.iter().enumerate() {
+        for (i, control) in ACTIONS.iter().enumerate() {
             assert_eq!(Action::from_name(control.name), Some(control.action));
             assert_eq!(control.action.control().name, control.name);
-            let others = CONTROLS.iter().skip(i + 1);
+            let others = ACTIONS.iter().skip(i + 1);
             others.for_each(|other| assert_ne!(other.does, control.does));
             assert!(!control.defaults.is_empty(), "{}", control.name);
         }
@@ -372,7 +374,7 @@ mod tests {
             .map(|group| group.controls().count())
             .iter()
             .sum();
-        assert_eq!(grouped, CONTROLS.len());
+        assert_eq!(grouped, ACTIONS.len());
     }
 
     #[test]
@@ -386,7 +388,7 @@ mod tests {
 
     #[test]
     fn an_action_is_held_or_pressed() {
-        for control in CONTROLS {
+        for control in ACTIONS {
             let pressed = control.action.intent(1.0).is_some();
             let special = control.action.is_held() || control.action == Action::AimAtPointer;
             assert!(pressed != special, "{}", control.name);

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 
-use super::{Action, Button, CONTROLS, Key, Mode};
+use super::{ACTIONS, Action, BindingContext, Button, Key};
 
 /// What an action can be bound to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -59,7 +59,7 @@ impl FromStr for Trigger {
 /// The triggers of every action. In a mode a trigger does one thing: binding it elsewhere takes it away.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Bindings {
-    actions: BTreeMap<(Mode, Trigger), Action>,
+    actions: BTreeMap<(BindingContext, Trigger), Action>,
 }
 
 /// Why a trigger cannot be bound to an action.
@@ -86,7 +86,7 @@ pub enum BindingError {
 impl Default for Bindings {
     fn default() -> Self {
         let mut actions = BTreeMap::new();
-        for control in CONTROLS {
+        for control in ACTIONS {
             // A test checks that every default is a trigger, and of one action.
             let triggers = control
                 .defaults
@@ -137,9 +137,9 @@ impl Bindings {
     }
 
     /// What a trigger does in a mode: what the table's does where a replay has no other use for it.
-    pub fn action(&self, trigger: Trigger, mode: Mode) -> Option<Action> {
+    pub fn action(&self, trigger: Trigger, mode: BindingContext) -> Option<Action> {
         let own = self.actions.get(&(mode, trigger));
-        let of_table = || self.actions.get(&(Mode::Table, trigger));
+        let of_table = || self.actions.get(&(BindingContext::Table, trigger));
         own.or_else(of_table).copied()
     }
 
@@ -184,7 +184,7 @@ impl Bindings {
 
     /// Actions that nothing is bound to.
     pub fn unbound(&self) -> impl Iterator<Item = Action> {
-        let actions = CONTROLS.iter().map(|control| control.action);
+        let actions = ACTIONS.iter().map(|control| control.action);
         actions.filter(|action| !self.actions.values().any(|bound| bound == action))
     }
 }
@@ -196,7 +196,7 @@ mod tests {
     #[test]
     fn every_default_is_a_trigger_of_one_action_that_suits_it() {
         let mut bindings = Bindings::none();
-        for control in CONTROLS {
+        for control in ACTIONS {
             for label in control.defaults {
                 let trigger: Trigger = label.parse().unwrap();
                 assert_eq!(trigger.to_string(), *label);
@@ -213,7 +213,10 @@ mod tests {
         let w: Trigger = "w".parse().unwrap();
         let error = bindings.bind(w, Action::Rack).unwrap_err();
         assert!(error.to_string().contains("higher"), "{error}");
-        assert_eq!(bindings.action(w, Mode::Table), Some(Action::TipUp));
+        assert_eq!(
+            bindings.action(w, BindingContext::Table),
+            Some(Action::TipUp)
+        );
         bindings.rebind(w, Action::Rack).unwrap();
         assert_eq!(bindings.words(Action::Rack), "R, W");
         assert_eq!(bindings.words(Action::TipUp), "nothing");

@@ -6,7 +6,7 @@
 //!          pressed     player's    is for    does
 //! ```
 //!
-//! A new control is a variant of [`Action`], a row of [`CONTROLS`] and an arm where it becomes an
+//! A new control is a variant of [`Action`], a row of [`ACTIONS`] and an arm where it becomes an
 //! [`Intent`]; help, settings and README.md follow.
 
 pub mod action;
@@ -20,7 +20,7 @@ use std::collections::BTreeSet;
 use carom_billiards::rules::{Call, Choice};
 use glam::DVec2;
 
-pub use action::{Action, CONTROLS, Control, Group, Mode};
+pub use action::{ACTIONS, Action, ActionSpec, BindingContext, Group};
 pub use binding::{BindingError, Bindings, Trigger, UnknownTrigger};
 pub use key::Key;
 
@@ -151,7 +151,7 @@ pub enum Intent {
     /// Watch shots of before, or go back to the game.
     LookBack,
     /// Turn a replay's time, or show another of its shots.
-    Watch(Watch),
+    Watch(ReplayControl),
     /// Lay the balls, or leave them as they were.
     Practise,
     /// Take a picture in full quality.
@@ -188,7 +188,7 @@ pub enum Intent {
 
 /// What a viewer may want of a shot of before.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Watch {
+pub enum ReplayControl {
     /// To stop, or to go on.
     Toggle,
     /// Another speed: seconds of the shot in a second.
@@ -211,7 +211,7 @@ pub enum Watch {
     },
 }
 
-impl Watch {
+impl ReplayControl {
     /// The rates that are offered: real time and slow motion.
     pub const RATES: [f64; 3] = [1.0, 0.25, 0.1];
 }
@@ -220,7 +220,7 @@ impl Watch {
 #[derive(Clone, Debug, Default)]
 pub struct Input {
     bindings: Bindings,
-    mode: Mode,
+    mode: BindingContext,
     pointer: Option<DVec2>,
     hold: Option<Hold>,
     fine: BTreeSet<Trigger>,
@@ -274,7 +274,7 @@ impl Input {
     }
 
     /// Says what is on show, whose keys count.
-    pub fn set_mode(&mut self, mode: Mode) {
+    pub fn set_mode(&mut self, mode: BindingContext) {
         self.mode = mode;
     }
 

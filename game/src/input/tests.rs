@@ -187,7 +187,7 @@ fn what_is_done_once_does_not_repeat_while_its_key_is_held() {
 
 #[test]
 fn every_control_works_from_another_trigger() {
-    for control in CONTROLS {
+    for control in ACTIONS {
         let mut bindings = Bindings::none();
         let trigger: Trigger = "Pad 5".parse().unwrap();
         bindings.bind(trigger, control.action).unwrap();
@@ -215,10 +215,13 @@ fn every_control_works_from_another_trigger() {
 fn keys_of_a_replay_count_before_those_of_the_table_and_only_there() {
     let mut input = Input::default();
     let press = [key("Space", true), key("Space", false), key("V", true)];
-    input.set_mode(Mode::Replay);
+    input.set_mode(BindingContext::Replay);
     let watched = all(&mut input, &press);
-    assert_eq!(watched, [Intent::Watch(Watch::Toggle), Intent::NextView]);
-    input.set_mode(Mode::Table);
+    assert_eq!(
+        watched,
+        [Intent::Watch(ReplayControl::Toggle), Intent::NextView]
+    );
+    input.set_mode(BindingContext::Table);
     assert_eq!(all(&mut input, &press)[0], Intent::BeginCharge);
 }
 

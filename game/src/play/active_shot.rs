@@ -3,15 +3,14 @@
 use std::cell::OnceCell;
 use std::ops::Range;
 
+use crate::camera::{CameraView, FollowCamera, ViewContext, ViewSelection, Viewpoint, smoothstep};
 use carom_billiards::physics::{Shot, Stroke, Table};
-
-use crate::camera::{Chase, Sight, View, Viewpoint, Views, smoothstep};
 
 use super::cue::CueView;
 
 /// A shot that is on.
 #[derive(Debug)]
-pub(super) struct Running {
+pub(super) struct ActiveShot {
     /// What it was struck with.
     pub(super) stroke: Stroke,
     /// What happens.
@@ -28,13 +27,13 @@ pub(super) struct Running {
     pub(super) bearing_rad: f64,
     /// The pocket that was played to, if the view depends on it.
     pub(super) pocket: Option<usize>,
-    /// Whether the camera cuts to where it would glide.
-    pub(super) cuts: bool,
+    /// Whether the camera instant_camera to where it would glide.
+    pub(super) instant_camera: bool,
     /// Once it is asked for.
-    pub(super) chase: OnceCell<Chase>,
+    pub(super) chase: OnceCell<FollowCamera>,
 }
 
-impl Running {
+impl ActiveShot {
     /// The moment on show at `now_secs`, in seconds since the blow; negative before it.
     pub(super) fn clock_secs(&self, now_secs: f64) -> f64 {
         now_secs - self.contact_secs
@@ -42,10 +41,15 @@ impl Running {
 
     /// From behind the cue ball up and back to the whole table, or to another view that is chosen, as
     /// a function of the shot's own time: pictures of the future know where the camera will be.
-    pub(super) fn viewpoint(&self, moment_secs: f64, views: &Views, table: &Table) -> Viewpoint {
-        let chase = || Chase::new(&self.shot, self.cuts);
-        let follows = views.view() == View::Follow;
-        let wanted = views.viewpoint(&Sight {
+    pub(super) fn viewpoint(
+        &self,
+        moment_secs: f64,
+        views: &ViewSelection,
+        table: &Table,
+    ) -> Viewpoint {
+        let chase = || FollowCamera::new(&self.shot, self.instant_camera);
+        let follows = views.view() == CameraView::Follow;
+        let wanted = views.viewpoint(&ViewContext {
             table,
             ball: follows.then(|| self.chase.get_or_init(chase).at(moment_secs)),
             bearing_rad: self.bearing_rad,
@@ -54,7 +58,7 @@ impl Running {
         });
         let Range { start, end } = self.glide_secs;
         let s = (moment_secs - start) / (end - start);
-        let s = if self.cuts { s.ceil() } else { s };
+        let s = if self.instant_camera { s.ceil() } else { s };
         self.from.lerp(wanted, smoothstep(s))
     }
 

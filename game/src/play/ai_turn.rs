@@ -11,23 +11,23 @@ use super::aim::Aim;
 
 /// A decision in the making.
 #[derive(Debug)]
-pub(super) struct Mind {
+pub(super) struct AiTurn {
     thinking: Thinking,
     /// What it is for.
-    pub(super) purpose: Purpose,
+    pub(super) purpose: AiTask,
     skill: Skill,
 }
 
 /// What the computer thinks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Purpose {
+pub(super) enum AiTask {
     /// To play its own shot, or a person's who asked for it.
     Play,
     /// To tell a person.
     Advise,
 }
 
-impl Mind {
+impl AiTurn {
     /// The computer's own shot.
     ///
     /// # Errors
@@ -36,7 +36,7 @@ impl Mind {
         let thinking = Thinking::start(contest.position(), skill, contest.draw_seed())?;
         Ok(Self {
             thinking,
-            purpose: Purpose::Play,
+            purpose: AiTask::Play,
             skill,
         })
     }
@@ -45,7 +45,7 @@ impl Mind {
     ///
     /// # Errors
     /// As [`Match::advise`].
-    pub(super) fn for_person(contest: &Match, purpose: Purpose) -> Result<Self, String> {
+    pub(super) fn for_person(contest: &Match, purpose: AiTask) -> Result<Self, String> {
         Ok(Self {
             thinking: contest.advise()?,
             purpose,
@@ -65,7 +65,7 @@ impl Mind {
 
 /// A shot of the computer's on its way to the blow.
 #[derive(Debug)]
-pub(super) struct Planned {
+pub(super) struct PlannedStroke {
     pub(super) stroke: Stroke,
     pub(super) shot: Shot,
     since_secs: f64,
@@ -73,7 +73,7 @@ pub(super) struct Planned {
     to: Aim,
 }
 
-impl Planned {
+impl PlannedStroke {
     /// From where the cue points at `now_secs`.
     pub(super) fn new(stroke: Stroke, shot: Shot, from: Aim, now_secs: f64) -> Self {
         Self {

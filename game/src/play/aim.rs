@@ -3,7 +3,7 @@
 use carom_billiards::physics::Stroke;
 use glam::DVec2;
 
-use super::cue_clearance::Reach;
+use super::cue_clearance::CueClearance;
 use crate::camera::wrap_rad;
 
 /// The cue's speed at full power, m/s: a hard break.
@@ -83,7 +83,7 @@ impl Aim {
     }
 
     /// Raises the cue as far as the player wants, and as what is in its way demands.
-    pub fn clear(&mut self, reach: &Reach<'_>) {
+    pub fn clear(&mut self, reach: &CueClearance<'_>) {
         self.elevation_rad = reach.lowest_clear_rad(self, self.wanted_rad);
     }
 }

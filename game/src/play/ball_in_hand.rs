@@ -9,7 +9,7 @@ use super::{Game, Phase};
 
 /// A cue ball that is carried.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Placing {
+pub struct BallInHand {
     /// Where it is held, in m.
     pub at: DVec2,
     /// Whether it may be put down there, or why not.
@@ -20,9 +20,9 @@ pub struct Placing {
 
 impl Game {
     /// The cue ball that is carried, if it is.
-    pub fn placing(&self) -> Option<&Placing> {
+    pub fn ball_in_hand(&self) -> Option<&BallInHand> {
         match &self.phase {
-            Phase::Placing(placing) => Some(placing),
+            Phase::Placing(ball_in_hand) => Some(ball_in_hand),
             _ => None,
         }
     }
@@ -37,7 +37,7 @@ impl Game {
                 Some("The cue ball is not in hand: it is played from where it lies".into());
             return;
         };
-        self.phase = Phase::Placing(Placing {
+        self.phase = Phase::Placing(BallInHand {
             at,
             verdict: self.contest.may_place(at),
             from: at,
@@ -46,10 +46,10 @@ impl Game {
 
     /// Moves or puts down the ball that is carried; false if the intent is for something else.
     pub(super) fn place(&mut self, intent: Intent, now_secs: f64, film: DVec2) -> bool {
-        let Phase::Placing(placing) = &self.phase else {
+        let Phase::Placing(ball_in_hand) = &self.phase else {
             return false;
         };
-        let at = placing.at;
+        let at = ball_in_hand.at;
         match intent {
             Intent::Point(point) => {
                 let projection = Projection::new(&self.camera(now_secs), film.x, film.y);
@@ -72,7 +72,7 @@ impl Game {
 
     /// So much to the right and away on the screen, on the table.
     fn on_screen(&self, by: DVec2) -> DVec2 {
-        let ahead = DVec2::from_angle(self.dolly.viewpoint().bearing_rad);
+        let ahead = DVec2::from_angle(self.smoother.viewpoint().bearing_rad);
         ahead * by.y - ahead.perp() * by.x
     }
 
@@ -81,18 +81,18 @@ impl Game {
         if verdict.is_ok() {
             // The picture shows it where it may lie.
             let _ = self.contest.place(at);
-            self.foresight = None;
+            self.shot_preview = None;
         }
-        if let Phase::Placing(placing) = &mut self.phase {
-            (placing.at, placing.verdict) = (at, verdict);
+        if let Phase::Placing(ball_in_hand) = &mut self.phase {
+            (ball_in_hand.at, ball_in_hand.verdict) = (at, verdict);
         }
     }
 
     fn put_down(&mut self) {
-        let Phase::Placing(placing) = &self.phase else {
+        let Phase::Placing(ball_in_hand) = &self.phase else {
             return;
         };
-        if let Err(why) = &placing.verdict {
+        if let Err(why) = &ball_in_hand.verdict {
             self.notice = Some(why.clone());
             return;
         }
@@ -100,8 +100,8 @@ impl Game {
     }
 
     fn put_back(&mut self) {
-        if let Phase::Placing(placing) = &self.phase {
-            let from = placing.from;
+        if let Phase::Placing(ball_in_hand) = &self.phase {
+            let from = ball_in_hand.from;
             // It lay there before.
             let _ = self.contest.place(from);
         }

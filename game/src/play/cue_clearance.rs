@@ -8,13 +8,13 @@ use super::cue::{CUE_LENGTH_M, DRAW_M, cue_radius_m};
 
 /// The cue ball and what may be in the cue's way.
 #[derive(Clone, Copy, Debug)]
-pub struct Reach<'a> {
+pub struct CueClearance<'a> {
     table: &'a Table,
     cue_ball: BallState,
     balls: &'a [BallState],
 }
 
-impl<'a> Reach<'a> {
+impl<'a> CueClearance<'a> {
     /// Over the balls as they lie; nothing without a cue ball on the table.
     pub fn new(world: &'a World, balls: &'a [BallState]) -> Option<Self> {
         let is_cue_ball = |ball: &&BallState| ball.number == 0 && ball.phase.is_on_table();
@@ -30,7 +30,7 @@ impl<'a> Reach<'a> {
     pub fn lowest_clear_rad(&self, aim: &Aim, wanted_rad: f64) -> f64 {
         let ground = self.ground(aim.bearing_rad);
         let clear = |elevation_rad: f64| {
-            let rod = Rod::new(&self.cue_ball, aim, elevation_rad);
+            let rod = CueShaft::new(&self.cue_ball, aim, elevation_rad);
             rod.is_over(&ground) && !self.balls.iter().any(|ball| rod.touches(ball))
         };
         if clear(wanted_rad) {
@@ -69,14 +69,14 @@ impl<'a> Reach<'a> {
 }
 
 /// The cue in space.
-struct Rod {
+struct CueShaft {
     /// The middle of the tip's end, where it would touch the ball.
     tip: DVec3,
     back: DVec3,
     cue_ball: DVec2,
 }
 
-impl Rod {
+impl CueShaft {
     fn new(cue_ball: &BallState, aim: &Aim, elevation_rad: f64) -> Self {
         let along = DVec2::from_angle(aim.bearing_rad).extend(0.0);
         let across = DVec3::new(along.y, -along.x, 0.0);
@@ -161,7 +161,7 @@ mod tests {
         let balls = places.into_iter().enumerate().map(ball).collect();
         let world = World::new(table.clone(), Layout { balls }).unwrap();
         let balls = world.balls();
-        let reach = Reach::new(&world, &balls).unwrap();
+        let reach = CueClearance::new(&world, &balls).unwrap();
         let aim = Aim {
             bearing_rad: bearing_deg.to_radians(),
             ..Aim::LEVEL
@@ -219,17 +219,18 @@ mod tests {
         balls[0].position = DVec3::new(0.2, 0.55, balls[0].body.radius_m);
         let world = World::new(table, Layout { balls }).unwrap();
         let balls = world.balls();
-        let reach = Reach::new(&world, &balls).unwrap();
+        let reach = CueClearance::new(&world, &balls).unwrap();
         for degrees in (-180..180).step_by(3) {
             let mut aim = Aim {
                 bearing_rad: f64::from(degrees).to_radians(),
                 ..Aim::LEVEL
             };
             aim.clear(&reach);
-            let rod = |elevation_rad| Rod::new(&balls[0], &aim, elevation_rad);
+            let rod = |elevation_rad| CueShaft::new(&balls[0], &aim, elevation_rad);
             let ground = reach.ground(aim.bearing_rad);
-            let touches =
-                |rod: &Rod| !rod.is_over(&ground) || balls.iter().any(|ball| rod.touches(ball));
+            let touches = |rod: &CueShaft| {
+                !rod.is_over(&ground) || balls.iter().any(|ball| rod.touches(ball))
+            };
             assert!(!touches(&rod(aim.elevation_rad)), "{degrees}");
             if aim.elevation_rad > 0.0 {
                 assert!(touches(&rod(aim.elevation_rad - 1e-4)), "{degrees}");
@@ -247,7 +248,7 @@ mod tests {
         balls[1].phase = Phase::Pocketed;
         let world = World::new(table, Layout { balls }).unwrap();
         let balls = world.balls();
-        let reach = Reach::new(&world, &balls).unwrap();
+        let reach = CueClearance::new(&world, &balls).unwrap();
         assert!(reach.lowest_clear_rad(&Aim::LEVEL, 0.0) < 0.1);
     }
 }

@@ -1,9 +1,9 @@
 //! A match as it is played: aim, draw the cue back, strike, watch, and so on with whoever is next.
 //!
 //! ```text
-//! seat (whose turn) ─▶ placing ─▶ aim ─▶ foresight
+//! seat (whose turn) ─▶ ball_in_hand ─▶ aim ─▶ shot_preview
 //!  │                               └───▶ hand (draws the cue) ─▶ running (the shot on show) ─▶ seat
-//!  └─▶ mind (the computer's turn) ─────────────────────────────────┘
+//!  └─▶ ai_turn (the computer's turn) ─────────────────────────────────┘
 //! ```
 //! Knows neither window nor farm; time is an argument.
 
@@ -32,34 +32,36 @@ use carom_billiards::rules::{Call, RuleSet};
 use carom_tracer::Camera;
 use glam::{DVec2, DVec3};
 
-use crate::camera::{Dolly, Projection, Sight, View, Viewpoint, Views, wrap_rad};
+use crate::camera::{
+    CameraSmoother, CameraView, Projection, ViewContext, ViewSelection, Viewpoint, wrap_rad,
+};
 use crate::input::Intent;
-use crate::scene::table_scene::Stage;
+use crate::scene::table_scene::TableScene;
 
-use active_shot::Running;
-use ai_turn::{Mind, Planned};
+use active_shot::ActiveShot;
+use ai_turn::{AiTurn, PlannedStroke};
 pub use aim::{Aim, CUE_SPEED_M_S_MAX, cue_speed_m_s, power_of_speed};
-pub use ball_in_hand::Placing;
+pub use ball_in_hand::BallInHand;
 use cue::SWING_SECS;
 pub use cue::{CUE_LENGTH_M, CueView, cue_radius_m};
-use cue_clearance::Reach;
-pub use shot_preview::{Aids, Foresight, Way};
-use stroke_input::{Hand, Swing};
+use cue_clearance::CueClearance;
+pub use shot_preview::{AimAids, BallPath, ShotPreview};
+use stroke_input::{StrokeInput, SwingInput};
 
 /// A match, and how it is looked at.
 #[derive(Debug)]
 pub struct Game {
     contest: Match,
     board: Option<Rc<game_match::View>>,
-    mind: Option<Mind>,
+    ai_turn: Option<AiTurn>,
     phase: Phase,
     aim: Aim,
-    views: Views,
-    dolly: Dolly,
-    cuts: bool,
+    views: ViewSelection,
+    smoother: CameraSmoother,
+    instant_camera: bool,
     shots: u64,
-    aids: Aids,
-    foresight: Option<(Stroke, Option<Foresight>)>,
+    aids: AimAids,
+    shot_preview: Option<(Stroke, Option<ShotPreview>)>,
     notice: Option<String>,
 }
 
@@ -69,13 +71,13 @@ enum Phase {
     /// Looking for the shot.
     Aiming,
     /// Carrying the cue ball.
-    Placing(Placing),
+    Placing(BallInHand),
     /// Seeing the computer take aim.
-    Planned(Box<Planned>),
+    Planned(Box<PlannedStroke>),
     /// Striking.
-    Stroking(Hand),
+    Stroking(StrokeInput),
     /// Watching.
-    Watching(Box<Running>),
+    Watching(Box<ActiveShot>),
 }
 
 /// What is asked of the program around the game.
@@ -93,46 +95,47 @@ impl Game {
     /// # Errors
     /// A sentence if the physics refuses its own table.
     pub fn new(seed: u32) -> Result<Self, String> {
-        Ok(Self::of(free_table(Stage::table(), seed)?))
+        Ok(Self::of(free_table(TableScene::table(), seed)?))
     }
 
     /// A match where it stands.
     pub fn of(contest: Match) -> Self {
         let table = contest.world().table();
         let mut game = Self {
-            views: Views::new(table),
-            dolly: Dolly::new(Viewpoint::overview(table, 0.0)),
+            views: ViewSelection::new(table),
+            smoother: CameraSmoother::new(Viewpoint::overview(table, 0.0)),
             contest,
             board: None,
-            mind: None,
+            ai_turn: None,
             phase: Phase::Aiming,
             aim: Aim::LEVEL,
-            cuts: false,
+            instant_camera: false,
             shots: 0,
-            aids: Aids::default(),
-            foresight: None,
+            aids: AimAids::default(),
+            shot_preview: None,
             notice: None,
         };
         game.begin_turn();
-        game.dolly = Dolly::new(game.aim_view());
+        game.smoother = CameraSmoother::new(game.aim_view());
         game
     }
 
-    /// Plays with the aids, the physics and the cuts of another game, and counts its shots on.
-    pub fn go_on_as(&mut self, other: &Self) {
-        (self.aids, self.cuts, self.shots) = (other.aids, other.cuts, other.shots);
+    /// Plays with the aids, the physics and the instant_camera of another game, and counts its shots on.
+    pub fn inherit_options(&mut self, other: &Self) {
+        (self.aids, self.instant_camera, self.shots) =
+            (other.aids, other.instant_camera, other.shots);
         self.set_engine(other.contest.world().engine());
     }
 
     /// Lets something else move the balls from the next stroke on.
     pub fn set_engine(&mut self, engine: physics::Engine) {
         self.contest.set_engine(engine);
-        self.foresight = None;
+        self.shot_preview = None;
     }
 
     /// Lets the camera cut to where it would glide.
-    pub fn set_cuts(&mut self, cuts: bool) {
-        self.cuts = cuts;
+    pub fn set_instant_camera(&mut self, instant_camera: bool) {
+        self.instant_camera = instant_camera;
     }
 
     /// Puts the balls of a free table so, with nothing in motion.
@@ -142,7 +145,7 @@ impl Game {
     pub fn lay(&mut self, balls: &[BallState]) -> Result<(), String> {
         self.contest.arrange(balls)?;
         if let Phase::Watching(running) = &self.phase {
-            self.dolly = Dolly::new(running.from);
+            self.smoother = CameraSmoother::new(running.from);
         }
         self.phase = Phase::Aiming;
         self.begin_turn();
@@ -242,8 +245,8 @@ impl Game {
         }
         match &self.phase {
             Phase::Watching(_) => {}
-            _ if self.cuts => self.dolly = Dolly::new(self.aim_view()),
-            _ => self.dolly.follow(self.aim_view(), dt_secs),
+            _ if self.instant_camera => self.smoother = CameraSmoother::new(self.aim_view()),
+            _ => self.smoother.follow(self.aim_view(), dt_secs),
         }
     }
 
@@ -277,7 +280,7 @@ impl Game {
     pub fn viewpoint(&self, moment_secs: f64) -> Viewpoint {
         match &self.phase {
             Phase::Watching(running) => running.viewpoint(moment_secs, &self.views, self.table()),
-            _ => self.dolly.viewpoint(),
+            _ => self.smoother.viewpoint(),
         }
     }
 
@@ -301,7 +304,7 @@ impl Game {
 
     /// Where the balls would go, by the code that moves them, as far as the aids show it; nothing
     /// during a shot.
-    pub fn foresight(&mut self, now_secs: f64) -> Option<&Foresight> {
+    pub fn shot_preview(&mut self, now_secs: f64) -> Option<&ShotPreview> {
         let power = match &self.phase {
             Phase::Aiming => self.aim.power,
             // A rising power would change the prediction all the time.
@@ -312,30 +315,34 @@ impl Game {
             return None;
         }
         let stroke = match self.aids {
-            Aids::Full => self.aim.stroke(power),
+            AimAids::Full => self.aim.stroke(power),
             // Where the balls go at first depends little on the power.
             _ => self.aim.stroke(LINE_POWER),
         };
-        if self.foresight.as_ref().is_none_or(|(of, _)| *of != stroke) {
-            self.foresight = Some((
+        if self
+            .shot_preview
+            .as_ref()
+            .is_none_or(|(of, _)| *of != stroke)
+        {
+            self.shot_preview = Some((
                 stroke,
-                Foresight::of(self.contest.world(), stroke, self.aids),
+                ShotPreview::of(self.contest.world(), stroke, self.aids),
             ));
         }
-        self.foresight
+        self.shot_preview
             .as_ref()
-            .and_then(|(_, foresight)| foresight.as_ref())
+            .and_then(|(_, shot_preview)| shot_preview.as_ref())
     }
 
     /// How much of the shot to come is shown.
-    pub fn aids(&self) -> Aids {
+    pub fn aids(&self) -> AimAids {
         self.aids
     }
 
     /// Shows more or less of the shot to come.
-    pub fn set_aids(&mut self, aids: Aids) {
+    pub fn set_aids(&mut self, aids: AimAids) {
         if std::mem::replace(&mut self.aids, aids) != aids {
-            self.foresight = None;
+            self.shot_preview = None;
             self.notice = Some(format!("Aim: {}", aids.name()));
         }
     }
@@ -353,8 +360,10 @@ impl Game {
     /// Whether time alone changes what is seen.
     pub fn is_moving(&self) -> bool {
         match &self.phase {
-            Phase::Stroking(Hand::Charging(_)) | Phase::Watching(_) | Phase::Planned(_) => true,
-            _ => self.dolly.viewpoint() != self.aim_view(),
+            Phase::Stroking(StrokeInput::Charging(_)) | Phase::Watching(_) | Phase::Planned(_) => {
+                true
+            }
+            _ => self.smoother.viewpoint() != self.aim_view(),
         }
     }
 
@@ -398,7 +407,7 @@ impl Game {
     /// Raises the cue over what is in its way.
     fn clear_cue(&mut self) {
         let balls = self.contest.world().balls();
-        if let Some(reach) = Reach::new(self.contest.world(), &balls) {
+        if let Some(reach) = CueClearance::new(self.contest.world(), &balls) {
             self.aim.clear(&reach);
         }
     }
@@ -419,16 +428,18 @@ impl Game {
             return;
         }
         let power = match (intent, &mut self.phase) {
-            (Intent::BeginPull, Phase::Aiming) => return self.begin(Hand::Pulling(0.0)),
-            (Intent::BeginCharge, Phase::Aiming) => return self.begin(Hand::Charging(now_secs)),
-            (Intent::BeginSwing, Phase::Aiming) => {
-                return self.begin(Hand::Swinging(Swing::default()));
+            (Intent::BeginPull, Phase::Aiming) => return self.begin(StrokeInput::Pulling(0.0)),
+            (Intent::BeginCharge, Phase::Aiming) => {
+                return self.begin(StrokeInput::Charging(now_secs));
             }
-            (Intent::Pull(power), Phase::Stroking(Hand::Pulling(pulled))) => {
+            (Intent::BeginSwing, Phase::Aiming) => {
+                return self.begin(StrokeInput::Swinging(SwingInput::default()));
+            }
+            (Intent::Pull(power), Phase::Stroking(StrokeInput::Pulling(pulled))) => {
                 *pulled = power;
                 return;
             }
-            (Intent::Swing(back_m), Phase::Stroking(Hand::Swinging(swing))) => {
+            (Intent::Swing(back_m), Phase::Stroking(StrokeInput::Swinging(swing))) => {
                 swing.swing(back_m, now_secs)
             }
             (Intent::Release, Phase::Stroking(hand)) => {
@@ -447,7 +458,7 @@ impl Game {
         }
     }
 
-    fn begin(&mut self, hand: Hand) {
+    fn begin(&mut self, hand: StrokeInput) {
         self.phase = Phase::Stroking(hand);
         self.notice = None;
     }
@@ -482,23 +493,23 @@ impl Game {
         if shot.events().iter().any(slipped) {
             self.notice = Some("Miscue: the tip slipped off the ball".to_owned());
         }
-        (self.mind, self.board) = (None, None);
+        (self.ai_turn, self.board) = (None, None);
         self.shots += 1;
         self.views.straighten();
         let pocket = self.pocket_ahead();
-        self.phase = Phase::Watching(Box::new(Running {
+        self.phase = Phase::Watching(Box::new(ActiveShot {
             stroke,
             shot,
             contact_secs,
             cue,
-            from: self.dolly.viewpoint(),
+            from: self.smoother.viewpoint(),
             glide_secs: match self.views.view() {
-                View::Shooter => active_shot::RISE_SECS,
+                CameraView::Shooter => active_shot::RISE_SECS,
                 _ => active_shot::ARRIVE_SECS,
             },
             bearing_rad: stroke.direction_rad,
             pocket,
-            cuts: self.cuts,
+            instant_camera: self.instant_camera,
             chase: OnceCell::new(),
         }));
     }
@@ -512,7 +523,7 @@ impl Game {
             }
         };
         let end_secs = running.clock_secs(now_secs);
-        self.dolly = Dolly::new(running.viewpoint(end_secs, &self.views, self.table()));
+        self.smoother = CameraSmoother::new(running.viewpoint(end_secs, &self.views, self.table()));
         self.contest.finish(running.stroke, &running.shot);
         self.begin_turn();
     }
@@ -532,7 +543,7 @@ impl Game {
         }
         self.contest.set_engine(engine);
         if let Phase::Watching(running) = &self.phase {
-            self.dolly = Dolly::new(running.from);
+            self.smoother = CameraSmoother::new(running.from);
         }
         self.aim = Aim::LEVEL;
         self.begin_turn();
@@ -558,7 +569,7 @@ impl Game {
 
     fn aim_view(&self) -> Viewpoint {
         let is_placing = matches!(self.phase, Phase::Placing(_));
-        self.views.viewpoint(&Sight {
+        self.views.viewpoint(&ViewContext {
             table: self.table(),
             ball: self.cue_ball().filter(|_| !is_placing),
             bearing_rad: if is_placing {
@@ -574,7 +585,7 @@ impl Game {
     /// The pocket that is played to, if the view depends on it: the one that is called, else the one
     /// ahead of the ball that the aim meets first.
     fn pocket_ahead(&self) -> Option<usize> {
-        if self.views.view() != View::Pocket {
+        if self.views.view() != CameraView::Pocket {
             return None;
         }
         if let Some(Call::Pot {

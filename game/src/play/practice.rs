@@ -1,4 +1,4 @@
-//! A table whose balls are put where the player likes, to practise from.
+//! A table whose balls are put where the player likes, to open_practice from.
 //!
 //! ```text
 //! grab ─▶ drag (where it would lie, and whether it may) ─▶ let_go
@@ -14,12 +14,12 @@ use crate::capture::replay::at_rest;
 #[derive(Clone, Debug)]
 pub struct Practice {
     world: World,
-    held: Option<Held>,
+    held: Option<HeldBall>,
 }
 
 /// A ball in the hand.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Held {
+pub struct HeldBall {
     /// Which.
     pub number: u8,
     /// Where its centre would be, seen from above, in m.
@@ -44,7 +44,7 @@ impl Practice {
     }
 
     /// The ball in the hand.
-    pub fn held(&self) -> Option<&Held> {
+    pub fn held(&self) -> Option<&HeldBall> {
         self.held.as_ref()
     }
 
@@ -56,7 +56,7 @@ impl Practice {
             .filter(|ball| ball.phase.is_on_table())
             .filter(|ball| distance(ball) < REACH_RADII * ball.body.radius_m)
             .min_by(|a, b| distance(a).total_cmp(&distance(b)));
-        self.held = near.map(|ball| Held {
+        self.held = near.map(|ball| HeldBall {
             number: ball.number,
             at: ball.position.truncate(),
             fault: None,
@@ -86,7 +86,7 @@ impl Practice {
     /// # Errors
     /// A sentence if it cannot lie there; it is back where it was.
     pub fn let_go(&mut self) -> Result<(), String> {
-        let Some(Held { number, at, .. }) = self.held.take() else {
+        let Some(HeldBall { number, at, .. }) = self.held.take() else {
             return Ok(());
         };
         let placed = self.world.place(number, at.x, at.y);
@@ -222,7 +222,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::capture::replay::Viewing;
+    use crate::capture::replay::ReplayPlayer;
     use carom_billiards::physics::Table;
 
     fn practice() -> Practice {
@@ -287,7 +287,7 @@ mod tests {
         practice.take_away(9).unwrap();
         let layout = practice.layout("all but the 9").unwrap();
         let read = Recording::from_bytes(&layout.to_bytes().unwrap()).unwrap();
-        let viewing = Viewing::new(read, practice.world().table(), 0.0).unwrap();
+        let viewing = ReplayPlayer::new(read, practice.world().table(), 0.0).unwrap();
         let mut other = self::practice();
         other.lay(viewing.start()).unwrap();
         let places = |p: &Practice| p.poses().iter().map(|b| b.position).collect::<Vec<_>>();

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 /// How much is shown of the shot to come.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
-pub enum Aids {
+pub enum AimAids {
     /// Nothing but the cue
     Off,
     /// The cue ball's way to what it meets first
@@ -18,7 +18,7 @@ pub enum Aids {
     Full,
 }
 
-impl Aids {
+impl AimAids {
     /// All, from least to most.
     pub const ALL: [Self; 4] = [Self::Off, Self::Line, Self::Ghost, Self::Full];
 
@@ -46,18 +46,18 @@ impl Aids {
 
 /// What a stroke will do, as far as it is shown.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Foresight {
+pub struct ShotPreview {
     /// Whether more than the cue ball's way is shown.
-    pub aids: Aids,
+    pub aids: AimAids,
     /// To the first contact.
     pub line: AimLine,
-    /// With [`Aids::Full`]: of each ball that moves.
-    pub ways: Vec<Way>,
+    /// With [`AimAids::Full`]: of each ball that moves.
+    pub ways: Vec<BallPath>,
 }
 
 /// Where a ball goes.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Way {
+pub struct BallPath {
     /// Its number.
     pub number: u8,
     /// Centres, in m, from the stroke to rest.
@@ -66,14 +66,14 @@ pub struct Way {
     pub stays: bool,
 }
 
-impl Foresight {
+impl ShotPreview {
     /// Of `stroke`; nothing for a stroke that cannot be struck: striking it says why.
-    pub(super) fn of(world: &World, stroke: Stroke, aids: Aids) -> Option<Self> {
-        if aids == Aids::Off {
+    pub(super) fn of(world: &World, stroke: Stroke, aids: AimAids) -> Option<Self> {
+        if aids == AimAids::Off {
             return None;
         }
         let ways = match aids {
-            Aids::Full => ways(&world.strike(stroke).ok()?),
+            AimAids::Full => ways(&world.strike(stroke).ok()?),
             _ => Vec::new(),
         };
         let line = physics::predict(world, stroke).ok()?;
@@ -82,7 +82,7 @@ impl Foresight {
 }
 
 /// Sampled often enough to look smooth, and at each event, so that corners are sharp.
-fn ways(shot: &Shot) -> Vec<Way> {
+fn ways(shot: &Shot) -> Vec<BallPath> {
     let end_secs = shot.duration_secs();
     let pieces = ((end_secs / PIECE_SECS).ceil() as u32).clamp(1, PIECES_MAX);
     let even = (0..=pieces).map(|i| end_secs * f64::from(i) / f64::from(pieces));
@@ -91,7 +91,7 @@ fn ways(shot: &Shot) -> Vec<Way> {
         .collect();
     times.sort_by(f64::total_cmp);
     times.dedup();
-    let mut ways: Vec<Way> = shot.poses_at(0.0).iter().map(Way::begin).collect();
+    let mut ways: Vec<BallPath> = shot.poses_at(0.0).iter().map(BallPath::begin).collect();
     for time in times {
         for (way, pose) in ways.iter_mut().zip(shot.poses_at(time)) {
             way.stays = pose.on_table;
@@ -104,7 +104,7 @@ fn ways(shot: &Shot) -> Vec<Way> {
     ways
 }
 
-impl Way {
+impl BallPath {
     fn begin(pose: &physics::BallPose) -> Self {
         Self {
             number: pose.number,
@@ -131,12 +131,15 @@ mod tests {
     #[test]
     fn the_prediction_ends_where_the_shot_ends() {
         let (world, stroke) = (world(), Stroke::straight(0.02, 6.0));
-        let foresight = Foresight::of(&world, stroke, Aids::Full).unwrap();
+        let shot_preview = ShotPreview::of(&world, stroke, AimAids::Full).unwrap();
         let shot = world.strike(stroke).unwrap();
         let ends = shot.final_states();
         let starts = world.balls();
         for (start, end) in starts.iter().zip(&ends) {
-            let way = foresight.ways.iter().find(|way| way.number == end.number);
+            let way = shot_preview
+                .ways
+                .iter()
+                .find(|way| way.number == end.number);
             match way {
                 Some(way) => {
                     assert_eq!(way.path.last(), Some(&end.position), "ball {}", end.number);
@@ -145,19 +148,19 @@ mod tests {
                 None => assert_eq!(start.position, end.position, "ball {}", end.number),
             }
         }
-        assert!(foresight.ways.len() > 10, "a break moves the rack");
+        assert!(shot_preview.ways.len() > 10, "a break moves the rack");
     }
 
     #[test]
     fn the_levels_show_more_and_more() {
         let stroke = Stroke::straight(0.0, 3.0);
-        let of = |aids| Foresight::of(&world(), stroke, aids);
-        assert_eq!(of(Aids::Off), None);
-        let line = of(Aids::Line).unwrap();
+        let of = |aids| ShotPreview::of(&world(), stroke, aids);
+        assert_eq!(of(AimAids::Off), None);
+        let line = of(AimAids::Line).unwrap();
         assert!(line.ways.is_empty());
-        assert_eq!(line.line, of(Aids::Full).unwrap().line);
-        let mut aids = Aids::Off;
-        for expected in [Aids::Line, Aids::Ghost, Aids::Full, Aids::Off] {
+        assert_eq!(line.line, of(AimAids::Full).unwrap().line);
+        let mut aids = AimAids::Off;
+        for expected in [AimAids::Line, AimAids::Ghost, AimAids::Full, AimAids::Off] {
             aids = aids.next();
             assert_eq!(aids, expected);
         }
@@ -166,7 +169,7 @@ mod tests {
     #[test]
     fn a_stroke_that_cannot_be_struck_is_not_foreseen() {
         assert_eq!(
-            Foresight::of(&world(), Stroke::straight(0.0, 99.0), Aids::Full),
+            ShotPreview::of(&world(), Stroke::straight(0.0, 99.0), AimAids::Full),
             None
         );
     }

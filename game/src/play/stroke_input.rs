@@ -5,25 +5,25 @@ use super::cue::DRAW_M;
 
 /// A stroke that is begun.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Hand {
+pub(super) enum StrokeInput {
     /// Drawn back with the pointer, so far, 0 to 1; let go, it strikes.
     Pulling(f64),
     /// Drawn back with time, since; let go, it strikes.
     Charging(f64),
     /// Moved back and forth with the pointer, as a real cue is; it strikes where the tip meets the
     /// ball.
-    Swinging(Swing),
+    Swinging(SwingInput),
 }
 
 /// A cue that follows the hand.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Swing {
+pub(super) struct SwingInput {
     back_m: f64,
     /// The latest times in s, and how far back the tip was then in m.
     trail: Vec<(f64, f64)>,
 }
 
-impl Hand {
+impl StrokeInput {
     /// The power of the stroke as it is at `now_secs`, 0 to 1; none while it swings.
     pub(super) fn power(&self, now_secs: f64) -> Option<f64> {
         match *self {
@@ -49,7 +49,7 @@ impl Hand {
     }
 }
 
-impl Swing {
+impl SwingInput {
     /// Moves the cue back by so many m, forward if negative; the power of the blow when its tip has
     /// come forward to the ball: by the mean speed of the hand over the last moments.
     pub(super) fn swing(&mut self, back_m: f64, now_secs: f64) -> Option<f64> {
@@ -87,7 +87,7 @@ mod tests {
 
     /// Draws back and pushes forward at a speed, reported every 8 ms; the cue's speed at the ball.
     fn speed_of_stroke(speed_m_s: f64) -> Option<f64> {
-        let (mut swing, mut now) = (Swing::default(), 1.0);
+        let (mut swing, mut now) = (SwingInput::default(), 1.0);
         for _ in 0..20 {
             now += 0.008;
             assert_eq!(swing.swing(0.01, now), None);
@@ -113,7 +113,7 @@ mod tests {
 
     #[test]
     fn a_cue_that_was_not_drawn_back_does_not_strike() {
-        let mut swing = Swing::default();
+        let mut swing = SwingInput::default();
         assert_eq!(swing.swing(-0.5, 1.0), None);
         assert_eq!(swing.swing(0.005, 1.01), None);
         assert_eq!(swing.swing(-0.5, 1.02), None);

@@ -121,7 +121,7 @@ fn the_camera_behind_the_ball_sees_the_ball_and_the_overview_the_whole_table() {
 }
 
 /// Goes on through the views until this one, and lets the camera arrive.
-fn look_from(game: &mut Game, view: View, now_secs: f64) {
+fn look_from(game: &mut Game, view: CameraView, now_secs: f64) {
     while game.views.view() != view {
         game.apply(Intent::NextView, now_secs, 0.2, FILM);
     }
@@ -141,7 +141,7 @@ fn the_camera_glides_to_the_view_that_is_chosen_and_with_reduced_motion_cuts_the
     (0..200).for_each(|_| game.tick(0.0, 0.02));
     assert_eq!(game.viewpoint(0.0), above);
     assert!(!game.is_moving());
-    game.set_cuts(true);
+    game.set_instant_camera(true);
     game.apply(Intent::Overhead, 0.0, 0.2, FILM);
     game.tick(0.0, 0.02);
     assert_eq!(game.viewpoint(0.0), behind);
@@ -149,9 +149,9 @@ fn the_camera_glides_to_the_view_that_is_chosen_and_with_reduced_motion_cuts_the
 
 #[test]
 fn a_view_that_is_chosen_during_a_shot_is_gone_to_from_what_is_seen() {
-    for cuts in [false, true] {
+    for instant_camera in [false, true] {
         let mut game = Game::new(1).unwrap();
-        game.set_cuts(cuts);
+        game.set_instant_camera(instant_camera);
         strike(&mut game, 0.9, 0.0);
         let contact = -game.shot_clock(0.0).unwrap().1;
         let above = Viewpoint::overhead(game.table());
@@ -161,7 +161,10 @@ fn a_view_that_is_chosen_during_a_shot_is_gone_to_from_what_is_seen() {
         game.apply(Intent::Overhead, now, 0.2, FILM);
         assert_eq!(game.viewpoint(clock), before, "no jump");
         let soon = game.viewpoint(2.8);
-        assert!(soon != before && cuts == (soon == above), "{soon:?}");
+        assert!(
+            soon != before && instant_camera == (soon == above),
+            "{soon:?}"
+        );
         assert_eq!(game.viewpoint(4.0), above);
     }
 }
@@ -169,7 +172,7 @@ fn a_view_that_is_chosen_during_a_shot_is_gone_to_from_what_is_seen() {
 #[test]
 fn after_the_ball_the_camera_has_it_in_the_middle() {
     let mut game = Game::new(1).unwrap();
-    look_from(&mut game, View::Follow, 0.0);
+    look_from(&mut game, CameraView::Follow, 0.0);
     strike(&mut game, 0.35, 0.0);
     for moment in [0.3, 0.5] {
         let cue_ball = ball(&game, 0, moment);
@@ -183,7 +186,7 @@ fn after_the_ball_the_camera_has_it_in_the_middle() {
 #[test]
 fn the_view_from_the_pocket_is_from_the_one_that_is_played_to() {
     let mut game = Game::new(1).unwrap();
-    look_from(&mut game, View::Pocket, 0.0);
+    look_from(&mut game, CameraView::Pocket, 0.0);
     let table = game.table().clone();
     for (index, pocket) in table.pockets().iter().enumerate() {
         let from = game.cue_ball().unwrap().truncate();
@@ -213,9 +216,9 @@ fn a_pocketed_cue_ball_comes_back_where_there_is_room() {
     let banner = game.board().banner.clone();
     assert!(banner.is_some_and(|banner| banner.contains("cue ball is lost")));
     assert!(game.cue_ball().unwrap().truncate().distance(head) < 1e-9);
-    assert!(game.placing().is_some(), "the player has it in hand");
+    assert!(game.ball_in_hand().is_some(), "the player has it in hand");
     game.apply(Intent::Put, 99.0, 0.2, FILM);
-    assert!(game.placing().is_none() && game.may_play());
+    assert!(game.ball_in_hand().is_none() && game.may_play());
 }
 
 #[test]
@@ -261,11 +264,11 @@ fn soft_shots_have_most_of_the_way() {
 #[test]
 fn enter_strikes_with_the_power_that_is_set_and_the_shot_is_the_one_foreseen() {
     let mut game = Game::new(1).unwrap();
-    game.set_aids(Aids::Full);
+    game.set_aids(AimAids::Full);
     for intent in [Intent::SetPower(0.55), Intent::Turn(0.01)] {
         game.apply(intent, 0.0, 0.2, FILM);
     }
-    let ways = game.foresight(0.0).unwrap().ways.clone();
+    let ways = game.shot_preview(0.0).unwrap().ways.clone();
     game.apply(Intent::Strike, 0.0, 0.2, FILM);
     let (_, _, end) = game.shot_clock(0.0).unwrap();
     let poses = game.poses(end);
@@ -274,7 +277,7 @@ fn enter_strikes_with_the_power_that_is_set_and_the_shot_is_the_one_foreseen() {
         assert_eq!(way.path.last(), Some(&pose.position), "ball {}", way.number);
     }
     assert!(
-        game.foresight(0.0).is_none(),
+        game.shot_preview(0.0).is_none(),
         "nothing is foreseen during a shot"
     );
 }
@@ -404,20 +407,20 @@ fn a_cue_ball_in_hand_is_carried_and_put_down_only_where_it_may_lie() {
     for _ in 0..40 {
         game.apply(Intent::MoveTip(DVec2::new(0.0, 0.1)), 0.0, 0.2, FILM);
     }
-    let placing = game.placing().unwrap().clone();
+    let ball_in_hand = game.ball_in_hand().unwrap().clone();
     assert!(
-        placing.at.x > from.x + 1.0 && placing.verdict.is_err(),
-        "{placing:?}"
+        ball_in_hand.at.x > from.x + 1.0 && ball_in_hand.verdict.is_err(),
+        "{ball_in_hand:?}"
     );
     game.apply(Intent::Put, 0.0, 0.2, FILM);
-    assert!(game.placing().is_some() && game.notice().is_some());
+    assert!(game.ball_in_hand().is_some() && game.notice().is_some());
     for _ in 0..44 {
         game.apply(Intent::MoveTip(DVec2::new(0.025, -0.1)), 0.0, 0.2, FILM);
     }
-    assert_eq!(game.placing().unwrap().verdict, Ok(()));
+    assert_eq!(game.ball_in_hand().unwrap().verdict, Ok(()));
     game.apply(Intent::Strike, 0.0, 0.2, FILM);
     let there = game.cue_ball().unwrap().truncate();
-    assert!(game.placing().is_none() && there.x < from.x - 0.1 && there.y < from.y - 0.1);
+    assert!(game.ball_in_hand().is_none() && there.x < from.x - 0.1 && there.y < from.y - 0.1);
     game.apply(Intent::PickUp, 0.0, 0.2, FILM);
     game.apply(Intent::MoveTip(DVec2::new(0.1, 0.0)), 0.0, 0.2, FILM);
     game.apply(Intent::Escape, 0.0, 0.2, FILM);
@@ -445,7 +448,7 @@ fn calls_go_round_and_never_hinder_the_stroke() {
             }
         }
     }
-    if game.placing().is_some() {
+    if game.ball_in_hand().is_some() {
         game.apply(Intent::Put, now, 0.2, FILM);
     }
     assert!(game.contest().referee().wants_call());

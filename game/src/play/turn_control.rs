@@ -9,7 +9,7 @@ use carom_billiards::rules::{Call, Calls, RuleSet};
 
 use crate::input::Intent;
 
-use super::ai_turn::{Mind, Planned, Purpose};
+use super::ai_turn::{AiTask, AiTurn, PlannedStroke};
 use super::aim::Aim;
 use super::cue::SWING_SECS;
 use super::{CueView, Game, Phase};
@@ -28,7 +28,7 @@ impl Game {
 
     /// Whether the computer is looking for a shot.
     pub fn is_thinking(&self) -> bool {
-        self.mind.is_some()
+        self.ai_turn.is_some()
     }
 
     /// Whether a person is to play, and nothing is under way.
@@ -36,8 +36,8 @@ impl Game {
         let player = self.contest.at_table();
         let is_person = player.is_some_and(|player| player.level().is_none());
         let is_free = matches!(self.phase, Phase::Aiming | Phase::Placing(_));
-        let plays = |mind: &Mind| mind.purpose == Purpose::Play;
-        is_person && is_free && !self.mind.as_ref().is_some_and(plays)
+        let plays = |ai_turn: &AiTurn| ai_turn.purpose == AiTask::Play;
+        is_person && is_free && !self.ai_turn.as_ref().is_some_and(plays)
     }
 
     /// The ball that the aim meets first.
@@ -67,8 +67,8 @@ impl Game {
             }
             Intent::Call(call) if self.may_play() => self.call(call),
             Intent::NextCall if self.may_play() => self.call(self.next_call()),
-            Intent::Suggest if self.may_play() => self.ask(Purpose::Advise),
-            Intent::TakeOver if self.may_play() => self.ask(Purpose::Play),
+            Intent::Suggest if self.may_play() => self.ask(AiTask::Advise),
+            Intent::TakeOver if self.may_play() => self.ask(AiTask::Play),
             Intent::PickUp if self.may_play() => self.pick_up(),
             _ => {}
         }
@@ -121,7 +121,7 @@ impl Game {
             self.notice = Some("Wait until the balls rest to take the shot back".to_owned());
             return;
         }
-        self.mind = None;
+        self.ai_turn = None;
         let mut taken = 0;
         while self.contest.undo() {
             taken += 1;
@@ -138,13 +138,13 @@ impl Game {
         });
     }
 
-    fn ask(&mut self, purpose: Purpose) {
-        if self.mind.is_some() {
+    fn ask(&mut self, purpose: AiTask) {
+        if self.ai_turn.is_some() {
             return;
         }
-        match Mind::for_person(&self.contest, purpose) {
-            Ok(mind) => {
-                self.mind = Some(mind);
+        match AiTurn::for_person(&self.contest, purpose) {
+            Ok(ai_turn) => {
+                self.ai_turn = Some(ai_turn);
                 self.notice = Some("Looking for a shot …".to_owned());
             }
             Err(why) => self.notice = Some(why),
@@ -168,7 +168,7 @@ impl Game {
     /// Aims afresh.
     pub(super) fn get_ready(&mut self) {
         self.phase = Phase::Aiming;
-        (self.foresight, self.board, self.mind) = (None, None, None);
+        (self.shot_preview, self.board, self.ai_turn) = (None, None, None);
         self.aim.level();
         if self.contest.referee().rules() != RuleSet::Free {
             self.aim_at_nearest();
@@ -196,30 +196,30 @@ impl Game {
     /// Lets the computer think in its turn, and does what it has decided.
     pub(super) fn think(&mut self, now_secs: f64) {
         let level = self.contest.at_table().and_then(|player| player.level());
-        if let (None, Some(level), Phase::Aiming) = (&self.mind, level, &self.phase) {
-            match Mind::own(&self.contest, level.into()) {
-                Ok(mind) => self.mind = Some(mind),
+        if let (None, Some(level), Phase::Aiming) = (&self.ai_turn, level, &self.phase) {
+            match AiTurn::own(&self.contest, level.into()) {
+                Ok(ai_turn) => self.ai_turn = Some(ai_turn),
                 Err(why) => self.notice = Some(why),
             }
         }
-        let Some(mind) = &self.mind else {
+        let Some(ai_turn) = &self.ai_turn else {
             return;
         };
-        let purpose = mind.purpose;
-        match mind.poll() {
+        let purpose = ai_turn.purpose;
+        match ai_turn.poll() {
             Ok(None) => {}
             Ok(Some((decision, skill))) => {
-                self.mind = None;
+                self.ai_turn = None;
                 let done = match purpose {
-                    Purpose::Play => self.carry_out(&decision, &skill, now_secs),
-                    Purpose::Advise => self.show_advice(&decision),
+                    AiTask::Play => self.carry_out(&decision, &skill, now_secs),
+                    AiTask::Advise => self.show_advice(&decision),
                 };
                 if let Err(why) = done {
                     self.notice = Some(why);
                 }
             }
             Err(why) => {
-                self.mind = None;
+                self.ai_turn = None;
                 self.notice = Some(why);
             }
         }
@@ -237,7 +237,7 @@ impl Game {
         self.board = None;
         match struck {
             Some((stroke, shot)) => {
-                let planned = Planned::new(stroke, shot, self.aim, now_secs);
+                let planned = PlannedStroke::new(stroke, shot, self.aim, now_secs);
                 self.phase = Phase::Planned(Box::new(planned));
             }
             None => self.begin_turn(),
@@ -257,7 +257,7 @@ impl Game {
         self.phase = Phase::Aiming;
         self.contest.call(decision.call);
         self.aim = Aim::of(&decision.stroke);
-        (self.board, self.foresight) = (None, None);
+        (self.board, self.shot_preview) = (None, None);
         self.clear_cue();
         Ok(())
     }
@@ -275,12 +275,12 @@ impl Game {
         let Phase::Planned(planned) = std::mem::replace(&mut self.phase, Phase::Aiming) else {
             return;
         };
-        let Planned { stroke, shot, .. } = *planned;
+        let PlannedStroke { stroke, shot, .. } = *planned;
         self.watch(stroke, shot, cue, now_secs + SWING_SECS.end);
     }
 
     /// The cue of a shot that the computer has planned.
-    pub(super) fn planned_cue(&self, planned: &Planned, now_secs: f64) -> Option<CueView> {
+    pub(super) fn planned_cue(&self, planned: &PlannedStroke, now_secs: f64) -> Option<CueView> {
         let aim = planned.aim(now_secs);
         let resting = CueView::resting(self.cue_ball()?, &aim);
         Some(match planned.drawn(now_secs) {

@@ -11,14 +11,14 @@ use crate::scene::room::room;
 
 /// The pool table's scene, and which of its objects is which ball.
 #[derive(Clone, Debug)]
-pub struct Stage {
+pub struct TableScene {
     table: Table,
     scene: Scene,
     balls: Vec<(u8, u32)>,
 }
 
-impl Stage {
-    /// The pool room of the game with balls of `set`, round [`Stage::table`].
+impl TableScene {
+    /// The pool room of the game with balls of `set`, round [`TableScene::table`].
     pub fn room(set: BallSet) -> Self {
         Self::around(&Self::table(), set)
     }
@@ -108,13 +108,17 @@ mod tests {
 
     #[test]
     fn the_room_has_sixteen_balls() {
-        let stage = Stage::room(BallSet::Classic);
-        let mut numbers: Vec<u8> = stage.balls.iter().map(|(number, _)| *number).collect();
+        let table_scene = TableScene::room(BallSet::Classic);
+        let mut numbers: Vec<u8> = table_scene
+            .balls
+            .iter()
+            .map(|(number, _)| *number)
+            .collect();
         numbers.sort_unstable();
         assert_eq!(numbers, (0..16).collect::<Vec<u8>>());
-        for (_, object) in &stage.balls {
+        for (_, object) in &table_scene.balls {
             assert!(matches!(
-                stage.scene.objects[*object as usize].shape,
+                table_scene.scene.objects[*object as usize].shape,
                 Shape::Sphere { .. }
             ));
         }
@@ -122,10 +126,10 @@ mod tests {
 
     #[test]
     fn balls_are_drawn_where_they_lie_and_pocketed_ones_are_not() {
-        let stage = Stage::room(BallSet::Classic);
+        let table_scene = TableScene::room(BallSet::Classic);
         let poses = [pose(0, 0.25, true), pose(9, -0.5, false)];
-        let update = stage.update(stage.scene().camera, &poses);
-        let mut compiled = CompiledScene::new(stage.scene()).unwrap();
+        let update = table_scene.update(table_scene.scene().camera, &poses);
+        let mut compiled = CompiledScene::new(table_scene.scene()).unwrap();
         compiled.apply(&update).unwrap();
         let visible: Vec<_> = compiled
             .spheres

@@ -7,11 +7,11 @@ use toml_edit::{Array, InlineTable, Value};
 
 use super::Settings;
 use crate::camera::{Viewpoint, wrap_rad};
-use crate::input::{Action, Bindings, CONTROLS, Trigger};
+use crate::input::{ACTIONS, Action, Bindings, Trigger};
 
 /// A line of the settings file.
 #[derive(Clone, Copy)]
-pub struct Field {
+pub struct SettingsField {
     /// The heading.
     pub table: &'static str,
     /// The name under it.
@@ -27,8 +27,8 @@ const fn field(
     key: &'static str,
     read: fn(&Settings) -> Value,
     write: fn(&mut Settings, &Value) -> Result<(), String>,
-) -> Field {
-    Field {
+) -> SettingsField {
+    SettingsField {
         table,
         key,
         read,
@@ -38,7 +38,7 @@ const fn field(
 
 /// All settings but the keys.
 #[rustfmt::skip]
-pub const FIELDS: &[Field] = &[
+pub const FIELDS: &[SettingsField] = &[
     field("window", "width", |s| i64::from(s.window[0]).into(), |s, v| edge(v).map(|w| s.window[0] = w)),
     field("window", "height", |s| i64::from(s.window[1]).into(), |s, v| edge(v).map(|h| s.window[1] = h)),
     field("window", "fullscreen", |s| s.fullscreen.into(), |s, v| switch(v).map(|on| s.fullscreen = on)),
@@ -129,13 +129,13 @@ fn seen(value: &Value) -> Result<Option<Viewpoint>, String> {
 
 fn view_words() -> String {
     let part =
-        |part: &ViewPart| format!("{} from {} to {}", part.key, part.range[0], part.range[1]);
+        |part: &ViewpointPart| format!("{} from {} to {}", part.key, part.range[0], part.range[1]);
     let parts: Vec<String> = VIEW_PARTS.iter().map(part).collect();
     format!("{{}} or a table in a line with {}", parts.join(", "))
 }
 
 /// A part of a saved view.
-struct ViewPart {
+struct ViewpointPart {
     key: &'static str,
     range: [f64; 2],
     read: fn(&Viewpoint) -> f64,
@@ -147,8 +147,8 @@ const fn part(
     range: [f64; 2],
     read: fn(&Viewpoint) -> f64,
     write: fn(&mut Viewpoint, f64),
-) -> ViewPart {
-    ViewPart {
+) -> ViewpointPart {
+    ViewpointPart {
         key,
         range,
         read,
@@ -158,7 +158,7 @@ const fn part(
 
 /// In ranges that hold what every view and every way of turning it can give.
 #[rustfmt::skip]
-const VIEW_PARTS: [ViewPart; 6] = [
+const VIEW_PARTS: [ViewpointPart; 6] = [
     part("x", [-4.0, 4.0], |at| at.focus.x, |at, x| at.focus.x = x),
     part("y", [-4.0, 4.0], |at| at.focus.y, |at, y| at.focus.y = y),
     part("bearing-deg", [-180.0, 180.0], |at| wrap_rad(at.bearing_rad).to_degrees(), |at, deg| at.bearing_rad = deg.to_radians()),
@@ -191,28 +191,28 @@ pub(super) fn read_triggers(value: &Value) -> Result<Vec<Trigger>, String> {
 /// Binds what the player has chosen, and what is left of the defaults. Says what could not be bound.
 pub(super) fn bind(chosen: &[(Action, Vec<Trigger>)]) -> (Bindings, Vec<String>) {
     let mut bindings = Bindings::none();
-    let mut complaints = Vec::new();
+    let mut warnings = Vec::new();
     for (action, triggers) in chosen {
         for trigger in triggers {
             if let Err(error) = bindings.bind(*trigger, *action) {
-                complaints.push(format!("[keys] {}: {error}", action.control().name));
+                warnings.push(format!("[keys] {}: {error}", action.control().name));
             }
         }
     }
     let is_chosen = |action: Action| chosen.iter().any(|(of, _)| *of == action);
-    for control in CONTROLS.iter().filter(|control| !is_chosen(control.action)) {
+    for control in ACTIONS.iter().filter(|control| !is_chosen(control.action)) {
         for trigger in Bindings::default().triggers(control.action) {
             // Taken by the player's choice: that is what it was for.
             let _ = bindings.bind(trigger, control.action);
         }
     }
     let lost = bindings.unbound().filter(|action| !is_chosen(*action));
-    complaints.extend(lost.map(|action| {
+    warnings.extend(lost.map(|action| {
         let control = action.control();
         format!(
             "nothing is left for \"{}\": give [keys] {} a key",
             control.does, control.name
         )
     }));
-    (bindings, complaints)
+    (bindings, warnings)
 }

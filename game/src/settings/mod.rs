@@ -8,21 +8,21 @@
 //! rack = ["R", "F5"]
 //! ```
 //!
-//! [`Store`] reads and writes the file. Only what was changed is written, so comments, unknown names
+//! [`SettingsStore`] reads and writes the file. Only what was changed is written, so comments, unknown names
 //! and values that could not be read stay as they were.
 
 mod field;
 mod store;
 
-pub use field::{FIELDS, Field};
-pub use store::Store;
+pub use field::{FIELDS, SettingsField};
+pub use store::SettingsStore;
 
 use carom_billiards::physics::Engine;
 
 use crate::camera::{SAVED_MAX, Viewpoint};
-use crate::frame::quality::Dial;
+use crate::frame::quality::QualityPreference;
 use crate::input::Bindings;
-use crate::play::Aids;
+use crate::play::AimAids;
 use crate::scene::ball_materials::BallSet;
 
 /// All settings.
@@ -37,13 +37,13 @@ pub struct Settings {
     /// Cuts instead of camera rides, and panels that do not slide or fade.
     pub reduced_motion: bool,
     /// How much of a shot is shown beforehand: the difficulty of the game.
-    pub aim_aids: Aids,
+    pub aim_aids: AimAids,
     /// What the balls are made of.
     pub ball_set: BallSet,
     /// What moves them.
     pub physics: Engine,
     /// What is given up first while things move.
-    pub quality: Dial,
+    pub quality: QualityPreference,
     /// Loudness, 0 to 1.
     pub volume: f64,
     /// Views that the player has saved, by their places.
@@ -66,10 +66,10 @@ impl Default for Settings {
             fullscreen: false,
             text_scale: 1.0,
             reduced_motion: false,
-            aim_aids: Aids::default(),
+            aim_aids: AimAids::default(),
             ball_set: BallSet::default(),
             physics: Engine::default(),
-            quality: Dial::default(),
+            quality: QualityPreference::default(),
             volume: 0.7,
             views: [None; SAVED_MAX],
             bindings: Bindings::default(),

@@ -9,22 +9,22 @@ use toml_edit::{DocumentMut, Item, Value};
 
 use super::Settings;
 use super::field::{self, FIELDS};
-use crate::input::{Action, CONTROLS};
+use crate::input::{ACTIONS, Action};
 
 /// Settings and where they are kept.
 #[derive(Clone, Debug, Default)]
-pub struct Store {
+pub struct SettingsStore {
     /// What counts now.
     pub settings: Settings,
     saved: Settings,
     document: DocumentMut,
     path: Option<PathBuf>,
-    complaints: Vec<String>,
+    warnings: Vec<String>,
     /// The file is no TOML: it is moved aside before a new one is written.
     is_broken: bool,
 }
 
-impl Store {
+impl SettingsStore {
     /// The file of this player: `carom/settings.toml` in the platform's folder for configuration
     /// (`$XDG_CONFIG_HOME`, `~/.config`, `~/Library/Preferences` or `%APPDATA%`). Where the platform
     /// names none, settings last as long as the program.
@@ -32,14 +32,14 @@ impl Store {
         match etcetera::base_strategy::choose_native_strategy() {
             Ok(folders) => Self::open(folders.config_dir().join("carom").join("settings.toml")),
             Err(error) => Self {
-                complaints: vec![format!("Settings will not be kept: {error}")],
+                warnings: vec![format!("Settings will not be kept: {error}")],
                 ..Self::default()
             },
         }
     }
 
     /// Reads a file. One that is not there, or wrong, gives the defaults for what it lacks, and
-    /// [`Store::complaints`] say what is wrong.
+    /// [`SettingsStore::warnings`] say what is wrong.
     pub fn open(path: PathBuf) -> Self {
         let mut store = Self::default();
         match read(&path) {
@@ -48,8 +48,8 @@ impl Store {
             Err(error) => store.give_up(error.to_string()),
         }
         let name = path.display().to_string();
-        for complaint in &mut store.complaints {
-            *complaint = format!("{name}: {complaint}");
+        for warning in &mut store.warnings {
+            *warning = format!("{name}: {warning}");
         }
         store.saved = store.settings.clone();
         store.path = Some(path);
@@ -57,8 +57,8 @@ impl Store {
     }
 
     /// What is wrong with the file, a sentence each.
-    pub fn complaints(&self) -> &[String] {
-        &self.complaints
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
     }
 
     /// Where the settings are kept.
@@ -68,7 +68,7 @@ impl Store {
 
     /// Changes settings for this run of the program only: they are not written, unless the player
     /// changes them again.
-    pub fn lend(&mut self, change: impl Fn(&mut Settings)) {
+    pub fn with_override(&mut self, change: impl Fn(&mut Settings)) {
         change(&mut self.settings);
         change(&mut self.saved);
     }
@@ -114,7 +114,7 @@ impl Store {
             };
             if let Err(wanted) = written {
                 let shown = item.to_string();
-                self.complaints.push(format!(
+                self.warnings.push(format!(
                     "[{}] {} = {} is not used: it must be {wanted}",
                     field.table,
                     field.key,
@@ -129,7 +129,7 @@ impl Store {
     fn parse_keys(&mut self) {
         let rows = self.document.get("keys").and_then(Item::as_table_like);
         let mut chosen = Vec::new();
-        for control in CONTROLS {
+        for control in ACTIONS {
             let row = rows.and_then(|rows| rows.get(control.name));
             let Some(value) = row.and_then(Item::as_value) else {
                 continue;
@@ -137,13 +137,13 @@ impl Store {
             match field::read_triggers(value) {
                 Ok(triggers) => chosen.push((control.action, triggers)),
                 Err(why) => self
-                    .complaints
+                    .warnings
                     .push(format!("[keys] {}: {why}", control.name)),
             }
         }
-        let (bindings, complaints) = field::bind(&chosen);
+        let (bindings, warnings) = field::bind(&chosen);
         self.settings.bindings = bindings;
-        self.complaints.extend(complaints);
+        self.warnings.extend(warnings);
     }
 
     fn name_unknown(&mut self) {
@@ -166,12 +166,12 @@ impl Store {
         let said = unknown
             .into_iter()
             .map(|name| format!("{name} is no setting: it is kept as it is"));
-        self.complaints.extend(said);
+        self.warnings.extend(said);
     }
 
     fn give_up(&mut self, why: String) {
         self.is_broken = true;
-        self.complaints.push(format!(
+        self.warnings.push(format!(
             "it cannot be read, the defaults count (when a setting is changed it is kept beside, as \
              settings.broken.toml): {why}"
         ));
@@ -184,7 +184,7 @@ impl Store {
                 enter(&mut self.document, field.table, field.key, value);
             }
         }
-        for control in CONTROLS {
+        for control in ACTIONS {
             let triggers = |settings: &Settings| settings.bindings.triggers(control.action);
             if triggers(&self.settings) != triggers(&self.saved) {
                 let value = field::triggers(&self.settings.bindings, control.action);
@@ -251,7 +251,7 @@ const BYTES_MAX: u64 = 1 << 20;
 mod tests {
     use super::*;
     use crate::camera::Viewpoint;
-    use crate::input::{Mode, Trigger};
+    use crate::input::{BindingContext, Trigger};
     use crate::scene::ball_materials::BallSet;
 
     /// Of numbers that have few digits in the file.
@@ -277,7 +277,7 @@ mod tests {
     fn without_a_file_the_defaults_count_and_the_first_change_makes_it() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("new/settings.toml");
-        let mut store = Store::open(path.clone());
+        let mut store = SettingsStore::open(path.clone());
         assert_eq!(store.settings, Settings::default());
         store.save().unwrap();
         assert!(!path.exists(), "nothing to write");
@@ -287,13 +287,13 @@ mod tests {
             fs::read_to_string(&path).unwrap().trim(),
             "[sound]\nvolume = 0.25"
         );
-        assert_eq!(Store::open(path).settings, store.settings);
+        assert_eq!(SettingsStore::open(path).settings, store.settings);
     }
 
     #[test]
     fn every_setting_survives_a_round_trip() {
         let folder = tempfile::tempdir().unwrap();
-        let mut store = Store::open(folder.path().join("settings.toml"));
+        let mut store = SettingsStore::open(folder.path().join("settings.toml"));
         let bindings = {
             let mut bindings = store.settings.bindings.clone();
             bindings
@@ -307,17 +307,17 @@ mod tests {
             fullscreen: true,
             text_scale: 1.5,
             reduced_motion: true,
-            aim_aids: crate::play::Aids::Full,
+            aim_aids: crate::play::AimAids::Full,
             ball_set: BallSet::Jade,
             physics: "rapier-240".parse().unwrap(),
-            quality: crate::frame::quality::Dial::Fine,
+            quality: crate::frame::quality::QualityPreference::Fine,
             volume: 0.0,
             views: [Some(a_view()), None, None, Some(a_view())],
             bindings,
         };
         store.save().unwrap();
-        let again = Store::open(folder.path().join("settings.toml"));
-        assert_eq!(again.complaints(), [] as [String; 0]);
+        let again = SettingsStore::open(folder.path().join("settings.toml"));
+        assert_eq!(again.warnings(), [] as [String; 0]);
         assert_eq!(again.settings, store.settings);
     }
 
@@ -326,9 +326,9 @@ mod tests {
         let text = "# mine\n[interface]\ntext-scale = 9 # large\nreduced-motion = true\n\n\
                     [sound]\nvolume = 0.5 # not loud\necho = 3\n\n[later]\nx = 1\n";
         let (_folder, path) = file(text);
-        let mut store = Store::open(path.clone());
+        let mut store = SettingsStore::open(path.clone());
         assert!(store.settings.reduced_motion && store.settings.text_scale == 1.0);
-        let told = store.complaints().join("\n");
+        let told = store.warnings().join("\n");
         for word in [
             "settings.toml: [interface] text-scale = 9",
             "from 0.75 to 2",
@@ -346,9 +346,9 @@ mod tests {
     #[test]
     fn saved_views_are_lines_and_wrong_ones_are_told() {
         let (_folder, path) = file("[views]\nview-1 = { x = 9 }\nview-2 = 3\n");
-        let mut store = Store::open(path.clone());
+        let mut store = SettingsStore::open(path.clone());
         assert_eq!(store.settings.views, [None; 4]);
-        let told = store.complaints().join("\n");
+        let told = store.warnings().join("\n");
         for word in [
             "[views] view-1",
             "view-2 = 3",
@@ -363,32 +363,32 @@ mod tests {
         let line = "view-1 = { x = 0.25, y = -0.5, bearing-deg = -30.0, pitch-deg = 20.0, \
                     distance-m = 1.5, fov-deg = 44.0 }";
         assert!(text.contains(line), "{text}");
-        let mut again = Store::open(path.clone());
+        let mut again = SettingsStore::open(path.clone());
         assert_eq!(again.settings.views, store.settings.views);
         again.settings.views[0] = None;
         again.save().unwrap();
-        assert_eq!(Store::open(path).settings.views, [None; 4]);
+        assert_eq!(SettingsStore::open(path).settings.views, [None; 4]);
     }
 
     #[test]
     fn a_file_that_is_no_toml_is_kept_beside_the_new_one() {
         let (_folder, path) = file("volume = = 3");
-        let mut store = Store::open(path.clone());
-        assert!(store.complaints()[0].contains("cannot be read"));
+        let mut store = SettingsStore::open(path.clone());
+        assert!(store.warnings()[0].contains("cannot be read"));
         store.save().unwrap();
         assert_eq!(fs::read_to_string(&path).unwrap(), "volume = = 3");
         store.settings.volume = 0.1;
         store.save().unwrap();
         let beside = path.with_extension("broken.toml");
         assert_eq!(fs::read_to_string(beside).unwrap(), "volume = = 3");
-        assert_eq!(Store::open(path).settings.volume, 0.1);
+        assert_eq!(SettingsStore::open(path).settings.volume, 0.1);
     }
 
     #[test]
     fn a_heading_that_is_no_table_is_told_and_left_alone() {
         let (_folder, path) = file("sound = 3\n");
-        let mut store = Store::open(path.clone());
-        assert!(store.complaints()[0].contains("sound is no setting"));
+        let mut store = SettingsStore::open(path.clone());
+        assert!(store.warnings()[0].contains("sound is no setting"));
         store.settings.volume = 0.1;
         store.settings.fullscreen = true;
         store.save().unwrap();
@@ -400,15 +400,18 @@ mod tests {
     fn keys_move_to_where_the_player_wants_them_and_conflicts_are_told() {
         let (_folder, path) =
             file("[keys]\nrack = [\"W\", \"F5\"]\nstats = \"F5\"\nhelp = [\"Hyper\"]\n");
-        let store = Store::open(path);
+        let store = SettingsStore::open(path);
         let action = |label: &str| {
             let trigger: Trigger = label.parse().unwrap();
-            store.settings.bindings.action(trigger, Mode::Table)
+            store
+                .settings
+                .bindings
+                .action(trigger, BindingContext::Table)
         };
         assert_eq!(action("W"), Some(Action::Rack));
         assert_eq!(action("F5"), Some(Action::Rack));
         assert_eq!(action("F1"), Some(Action::Help), "the default counts");
-        let told = store.complaints().join("\n");
+        let told = store.warnings().join("\n");
         for word in [
             "F5 is taken",
             "`Hyper` is no key",
@@ -422,7 +425,7 @@ mod tests {
     fn a_file_that_cannot_be_written_is_told() {
         let folder = tempfile::tempdir().unwrap();
         fs::write(folder.path().join("file"), "").unwrap();
-        let mut store = Store::open(folder.path().join("file/settings.toml"));
+        let mut store = SettingsStore::open(folder.path().join("file/settings.toml"));
         store.settings.volume = 0.1;
         let error = store.save().unwrap_err();
         assert!(error.contains("file/settings.toml"), "{error}");

@@ -6,11 +6,11 @@ use egui::{Color32, Painter, Pos2, Rect, Shape, Stroke};
 use glam::{DVec2, DVec3};
 
 use crate::camera::Projection;
-use crate::play::{Aids, CUE_LENGTH_M, CueView, Foresight, Way, cue_radius_m};
+use crate::play::{AimAids, BallPath, CUE_LENGTH_M, CueView, ShotPreview, cue_radius_m};
 
 /// Draws into `screen`, the window in points, which the projection's film covers.
 #[derive(Clone, Copy)]
-pub struct Sketch<'a> {
+pub struct AimOverlay<'a> {
     /// Where to draw.
     pub painter: &'a Painter,
     /// The window.
@@ -21,22 +21,22 @@ pub struct Sketch<'a> {
     pub ball_radius_m: f64,
 }
 
-impl Sketch<'_> {
+impl AimOverlay<'_> {
     /// Where the balls will go, as far as the aids show it.
-    pub fn foresight(&self, foresight: &Foresight) {
-        for way in &foresight.ways {
+    pub fn shot_preview(&self, shot_preview: &ShotPreview) {
+        for way in &shot_preview.ways {
             self.whole_way(way);
         }
-        if foresight.aids != Aids::Full {
-            self.path(&foresight.line.path, Stroke::new(1.6, GUIDE));
+        if shot_preview.aids != AimAids::Full {
+            self.path(&shot_preview.line.path, Stroke::new(1.6, GUIDE));
         }
-        if foresight.aids != Aids::Line {
-            self.contact(&foresight.line, foresight.aids);
+        if shot_preview.aids != AimAids::Line {
+            self.contact(&shot_preview.line, shot_preview.aids);
         }
     }
 
     /// A ball's way to where it rests, ringed, or to its pocket, crossed.
-    fn whole_way(&self, way: &Way) {
+    fn whole_way(&self, way: &BallPath) {
         let (color, width) = match way.number {
             0 => (GUIDE, 1.8),
             _ => (OBJECT, 1.4),
@@ -63,8 +63,8 @@ impl Sketch<'_> {
     }
 
     /// What the cue ball meets, and where both go from there.
-    fn contact(&self, line: &AimLine, aids: Aids) {
-        let ways = aids == Aids::Ghost;
+    fn contact(&self, line: &AimLine, aids: AimAids) {
+        let ways = aids == AimAids::Ghost;
         match line.contact {
             AimContact::Ball {
                 ghost,

@@ -15,7 +15,7 @@ use crate::input::{Action, Bindings, Intent};
 
 /// What the board shows.
 #[derive(Clone, Debug)]
-pub struct Board {
+pub struct MatchHud {
     /// The match.
     pub view: Rc<View>,
     /// Whether a person may play now.
@@ -36,7 +36,7 @@ pub struct Board {
 pub fn draw(
     ctx: &Context,
     room: Rect,
-    board: &Board,
+    board: &MatchHud,
     bindings: &Bindings,
     log: bool,
 ) -> Option<Intent> {
@@ -95,7 +95,7 @@ fn panel(
 }
 
 /// Who plays whom, what stands, what is to be done.
-fn score(ui: &mut Ui, room: Rect, board: &Board) -> Option<Intent> {
+fn score(ui: &mut Ui, room: Rect, board: &MatchHud) -> Option<Intent> {
     let view = &board.view;
     ui.set_max_width(0.62 * room.width());
     ui.vertical_centered(|ui| {
@@ -153,7 +153,7 @@ fn side(ui: &mut Ui, player: &PlayerView, is_turn: bool) {
     });
 }
 
-fn options(ui: &mut Ui, board: &Board) -> Option<Intent> {
+fn options(ui: &mut Ui, board: &MatchHud) -> Option<Intent> {
     if !board.may_play || board.view.options.is_empty() {
         return None;
     }
@@ -170,7 +170,7 @@ fn options(ui: &mut Ui, board: &Board) -> Option<Intent> {
 
 /// A small map of the table with its pockets to click on, and what else can be called. A shot can be
 /// struck whatever is called.
-fn calls(ui: &mut Ui, board: &Board, bindings: &Bindings) -> Option<Intent> {
+fn calls(ui: &mut Ui, board: &MatchHud, bindings: &Bindings) -> Option<Intent> {
     let (view, ground) = (&board.view, board.pockets.as_ref()?);
     ui.set_max_width(MAP.x + 20.0);
     ui.label(RichText::new("Call").color(theme::ACCENT));
@@ -211,7 +211,7 @@ fn toggle(ui: &mut Ui, words: &str, call: Call, called: Option<Call>) -> Option<
         .then_some(Intent::Call((!is_on).then_some(call)))
 }
 
-fn map(ui: &mut Ui, board: &Board, ground: &Ground, called: Option<Call>) -> Option<Intent> {
+fn map(ui: &mut Ui, board: &MatchHud, ground: &Ground, called: Option<Call>) -> Option<Intent> {
     let (rect, _) = ui.allocate_exact_size(MAP, Sense::hover());
     let bed = rect.shrink(9.0);
     ui.painter()
@@ -252,7 +252,7 @@ fn map(ui: &mut Ui, board: &Board, ground: &Ground, called: Option<Call>) -> Opt
 }
 
 /// What can be done besides striking, each with its key.
-fn deeds(ui: &mut Ui, board: &Board, bindings: &Bindings) -> Option<Intent> {
+fn deeds(ui: &mut Ui, board: &MatchHud, bindings: &Bindings) -> Option<Intent> {
     let view = &board.view;
     let rows = [
         ("Undo", Action::Undo, view.undo > 0, Intent::Undo),
@@ -319,8 +319,8 @@ mod tests {
         game
     }
 
-    fn board(game: &Match) -> Board {
-        Board {
+    fn board(game: &Match) -> MatchHud {
+        MatchHud {
             view: Rc::new(game.view()),
             may_play: true,
             is_thinking: false,
@@ -330,7 +330,7 @@ mod tests {
         }
     }
 
-    fn clicked(board: &Board, label: &str) -> Vec<Intent> {
+    fn clicked(board: &MatchHud, label: &str) -> Vec<Intent> {
         let intents = RefCell::new(Vec::new());
         let bindings = Bindings::default();
         let mut harness = Harness::builder()

@@ -9,7 +9,7 @@ use super::keys::Rebinding;
 use super::new_game::NewGame;
 use super::{help, keys, new_game, preferences, theme};
 use crate::input::{Intent, Trigger};
-use crate::settings::Store;
+use crate::settings::SettingsStore;
 
 /// The pages over the table: those that led to the open one, and that one.
 #[derive(Clone, Debug, Default)]
@@ -36,7 +36,7 @@ pub enum Page {
 
 /// What a page asks for; changed settings are in the store.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Order {
+pub enum MenuCommand {
     /// To go on with the game.
     Resume,
     /// What a key over the table would do.
@@ -49,7 +49,7 @@ pub enum Order {
 
 /// What pages show that is not in the settings.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Facts<'a> {
+pub struct MenuInput<'a> {
     /// Whether the free table is played, on which the balls are racked at will.
     pub is_free_table: bool,
     /// How sound is played, or why it is not.
@@ -93,7 +93,7 @@ impl Menu {
     }
 
     /// Takes that key; says whether it did.
-    pub fn take_trigger(&mut self, trigger: Trigger, store: &mut Store) -> bool {
+    pub fn take_trigger(&mut self, trigger: Trigger, store: &mut SettingsStore) -> bool {
         let wanted = self.wants_trigger();
         if wanted {
             self.rebinding.take(trigger, &mut store.settings.bindings);
@@ -102,7 +102,12 @@ impl Menu {
     }
 
     /// Draws the open page.
-    pub fn draw(&mut self, ctx: &Context, store: &mut Store, facts: Facts<'_>) -> Option<Order> {
+    pub fn draw(
+        &mut self,
+        ctx: &Context,
+        store: &mut SettingsStore,
+        facts: MenuInput<'_>,
+    ) -> Option<MenuCommand> {
         let page = self.page()?;
         let is_fresh = std::mem::take(&mut self.is_fresh);
         // Each page its own modal, so that none inherits another's size.
@@ -116,7 +121,7 @@ impl Menu {
                     self.footer(ui, false, None);
                     begins.then(|| {
                         self.close();
-                        Order::Begin(self.game.clone())
+                        MenuCommand::Begin(self.game.clone())
                     })
                 }
                 Page::Settings => {
@@ -132,14 +137,14 @@ impl Menu {
         shown.inner
     }
 
-    fn top(&mut self, ui: &mut Ui, is_fresh: bool, is_free_table: bool) -> Option<Order> {
+    fn top(&mut self, ui: &mut Ui, is_fresh: bool, is_free_table: bool) -> Option<MenuCommand> {
         ui.set_width(260.0);
         ui.vertical_centered(|ui| ui.heading("Carom"));
         ui.add_space(6.0);
         let mut order = None;
         if entry(ui, "Resume", is_fresh) {
             self.close();
-            order = Some(Order::Resume);
+            order = Some(MenuCommand::Resume);
         }
         if entry(ui, "New game", false) {
             self.open(Page::NewGame);
@@ -152,7 +157,7 @@ impl Menu {
         ] {
             if (is_for_all || is_free_table) && entry(ui, words, false) {
                 self.close();
-                order = Some(Order::Act(intent));
+                order = Some(MenuCommand::Act(intent));
             }
         }
         if entry(ui, "Settings", false) {
@@ -162,13 +167,13 @@ impl Menu {
             self.open(Page::Keys);
         }
         if entry(ui, "Quit", false) {
-            order = Some(Order::Quit);
+            order = Some(MenuCommand::Quit);
         }
         order
     }
 
     /// The way back, at the foot of a page, and what the page itself asked for.
-    fn footer(&mut self, ui: &mut Ui, is_fresh: bool, wanted: Option<Page>) -> Option<Order> {
+    fn footer(&mut self, ui: &mut Ui, is_fresh: bool, wanted: Option<Page>) -> Option<MenuCommand> {
         ui.separator();
         ui.horizontal(|ui| {
             let back = ui.button("Back");
@@ -196,7 +201,7 @@ fn entry(ui: &mut Ui, words: &str, focus: bool) -> bool {
 }
 
 /// The keys over the table, while they are asked for, or the first steps until the first shot.
-pub fn hints(ctx: &Context, room: Rect, store: &Store, help: bool, has_played: bool) {
+pub fn hints(ctx: &Context, room: Rect, store: &SettingsStore, help: bool, has_played: bool) {
     if help {
         help::panel(ctx, &store.settings.bindings);
     } else if !has_played {

@@ -3,15 +3,20 @@
 use egui::{Align2, Area, Color32, Context, FontId, Id, Order as Layer, Rect, RichText, Stroke};
 use glam::{DVec2, DVec3};
 
-use super::aim::Sketch;
+use super::aim::AimOverlay;
 use super::{replay, theme};
 use crate::app::screen_mode::Order;
 use crate::camera::Projection;
-use crate::capture::{Kept, Kind};
+use crate::capture::{RecordingKind, SavedRecording};
 use crate::play::practice::Practice;
 
 /// Draws the page in a part of the window; what the player wants.
-pub fn panel(ctx: &Context, room: Rect, practice: &Practice, kept: &[Kept]) -> Option<Order> {
+pub fn panel(
+    ctx: &Context,
+    room: Rect,
+    practice: &Practice,
+    kept: &[SavedRecording],
+) -> Option<Order> {
     let area = Area::new(Id::unique("practice"))
         .order(Layer::Middle)
         .constrain_to(room)
@@ -42,7 +47,7 @@ pub fn panel(ctx: &Context, room: Rect, practice: &Practice, kept: &[Kept]) -> O
                     order = Some(Order::Play);
                 }
                 if ui.button("Keep this layout").clicked() {
-                    order = Some(Order::Keep(Kind::Layout));
+                    order = Some(Order::Keep(RecordingKind::Layout));
                 }
                 if let Some(open) = replay::files(ui, kept) {
                     order = Some(open);
@@ -80,7 +85,7 @@ pub fn hand(ctx: &Context, projection: &Projection, practice: &Practice) -> Opti
 }
 
 /// A ring round the ball in the hand, with a sign of whether it may lie there.
-pub fn ring(sketch: &Sketch<'_>, practice: &Practice) {
+pub fn ring(sketch: &AimOverlay<'_>, practice: &Practice) {
     let Some(held) = practice.held() else {
         return;
     };

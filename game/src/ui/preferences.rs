@@ -4,13 +4,13 @@ use carom_billiards::physics::Engine;
 use clap::ValueEnum;
 use egui::{Grid, RichText, ScrollArea, Slider, Ui};
 
-use super::menu::{Facts, Page};
+use super::menu::{MenuInput, Page};
 use super::theme;
 use crate::bench;
-use crate::settings::{Settings, Store};
+use crate::settings::{Settings, SettingsStore};
 
 /// Draws the settings and changes them; returns the page that was asked for.
-pub(super) fn page(ui: &mut Ui, store: &mut Store, facts: Facts<'_>) -> Option<Page> {
+pub(super) fn page(ui: &mut Ui, store: &mut SettingsStore, facts: MenuInput<'_>) -> Option<Page> {
     let mut wanted = None;
     ui.set_width(640.0_f32.min(ui.ctx().content_rect().width() - 60.0));
     ui.heading("Settings");
@@ -32,8 +32,8 @@ pub(super) fn page(ui: &mut Ui, store: &mut Store, facts: Facts<'_>) -> Option<P
                     }
                     ui.end_row();
                 });
-            for complaint in store.complaints() {
-                ui.label(RichText::new(complaint).color(theme::ALARM));
+            for warning in store.warnings() {
+                ui.label(RichText::new(warning).color(theme::ALARM));
             }
         });
     ui.horizontal(|ui| {
@@ -72,7 +72,7 @@ fn game(ui: &mut Ui, settings: &mut Settings) {
     ui.end_row();
 }
 
-fn picture(ui: &mut Ui, settings: &mut Settings, facts: Facts<'_>) {
+fn picture(ui: &mut Ui, settings: &mut Settings, facts: MenuInput<'_>) {
     choice(ui, "While things move", &mut settings.quality);
     ui.label("Picture from");
     ui.vertical(|ui| {
@@ -105,7 +105,7 @@ fn interface(ui: &mut Ui, settings: &mut Settings) {
     ui.end_row();
 }
 
-fn sound(ui: &mut Ui, settings: &mut Settings, facts: Facts<'_>) {
+fn sound(ui: &mut Ui, settings: &mut Settings, facts: MenuInput<'_>) {
     ui.label("Sound");
     ui.vertical(|ui| {
         let mut percent = (settings.volume * 100.0).round() as i32;

@@ -6,16 +6,16 @@ use egui::{
 
 use super::theme;
 use crate::app::screen_mode::Order;
-use crate::capture::replay::Viewing;
-use crate::capture::{Kept, Kind};
-use crate::input::{Action, Bindings, Watch};
+use crate::capture::replay::ReplayPlayer;
+use crate::capture::{RecordingKind, SavedRecording};
+use crate::input::{Action, Bindings, ReplayControl};
 
 /// Draws the page in a part of the window; what the player wants with the pointer.
 pub fn panel(
     ctx: &Context,
     room: Rect,
-    viewing: &Viewing,
-    kept: &[Kept],
+    player: &ReplayPlayer,
+    kept: &[SavedRecording],
     bindings: &Bindings,
     now_secs: f64,
 ) -> Option<Order> {
@@ -26,9 +26,9 @@ pub fn panel(
     let clicked = area.show(ctx, |ui| {
         let page = theme::frame().show(ui, |ui| {
             ui.set_width((room.width() - 60.0).min(WIDTH));
-            let picked = takes(ui, viewing);
-            let turned = time(ui, viewing, now_secs);
-            let done = deeds(ui, viewing, kept);
+            let picked = takes(ui, player);
+            let turned = time(ui, player, now_secs);
+            let done = deeds(ui, player, kept);
             ui.label(RichText::new(keys(bindings)).color(theme::FAINT).small());
             picked.or(turned).or(done)
         });
@@ -37,9 +37,9 @@ pub fn panel(
     clicked.inner
 }
 
-fn takes(ui: &mut Ui, viewing: &Viewing) -> Option<Order> {
-    let takes = &viewing.recording().takes;
-    let mut take = viewing.take();
+fn takes(ui: &mut Ui, player: &ReplayPlayer) -> Option<Order> {
+    let takes = &player.recording().takes;
+    let mut take = player.take();
     let words = |i: usize| {
         takes
             .get(i)
@@ -50,17 +50,19 @@ fn takes(ui: &mut Ui, viewing: &Viewing) -> Option<Order> {
         .width(ui.available_width() - 16.0)
         .truncate();
     let chosen = list.show_index(ui, &mut take, takes.len(), words);
-    chosen.changed().then_some(Order::Watch(Watch::Pick(take)))
+    chosen
+        .changed()
+        .then_some(Order::Watch(ReplayControl::Pick(take)))
 }
 
-fn time(ui: &mut Ui, viewing: &Viewing, now_secs: f64) -> Option<Order> {
-    let clock = viewing.clock();
+fn time(ui: &mut Ui, player: &ReplayPlayer, now_secs: f64) -> Option<Order> {
+    let clock = player.clock();
     let (mut moment, end) = (clock.moment_secs(now_secs), clock.end_secs());
     let mut wish = None;
     ui.horizontal(|ui| {
         let step = |ui: &mut Ui, words: &str, forward: bool| {
             let clicked = ui.button(words).clicked();
-            clicked.then_some(Watch::Step { forward })
+            clicked.then_some(ReplayControl::Step { forward })
         };
         wish = step(ui, "◀ Event", false);
         let play = if clock.is_running() { "Pause" } else { "Play" };
@@ -68,23 +70,23 @@ fn time(ui: &mut Ui, viewing: &Viewing, now_secs: f64) -> Option<Order> {
             .add_sized([64.0, 30.0], egui::Button::new(play))
             .clicked()
         {
-            wish = Some(Watch::Toggle);
+            wish = Some(ReplayControl::Toggle);
         }
         wish = wish.or(step(ui, "Event ▶", true));
-        for rate in Watch::RATES {
+        for rate in ReplayControl::RATES {
             let is_chosen = clock.rate() == rate;
             if ui.selectable_label(is_chosen, rate_words(rate)).clicked() {
-                wish = Some(Watch::Rate(rate));
+                wish = Some(ReplayControl::Rate(rate));
             }
         }
         ui.spacing_mut().slider_width = (ui.available_width() - 110.0).max(60.0);
         let slider = Slider::new(&mut moment, 0.0..=end.max(1e-3)).show_value(false);
         if ui.add(slider).changed() {
-            wish = Some(Watch::Seek(moment));
+            wish = Some(ReplayControl::Seek(moment));
         }
         ui.monospace(format!("{moment:5.2} / {end:.2} s"));
     });
-    ui.label(happening(viewing, moment));
+    ui.label(happening(player, moment));
     wish.map(Order::Watch)
 }
 
@@ -96,8 +98,8 @@ fn rate_words(rate: f64) -> String {
 }
 
 /// The last thing that has happened.
-fn happening(viewing: &Viewing, moment_secs: f64) -> String {
-    let past = viewing.moments().iter();
+fn happening(player: &ReplayPlayer, moment_secs: f64) -> String {
+    let past = player.timeline_events().iter();
     let last = past
         .take_while(|moment| moment.secs <= moment_secs + 1e-6)
         .last();
@@ -107,15 +109,15 @@ fn happening(viewing: &Viewing, moment_secs: f64) -> String {
     )
 }
 
-fn deeds(ui: &mut Ui, viewing: &Viewing, kept: &[Kept]) -> Option<Order> {
+fn deeds(ui: &mut Ui, player: &ReplayPlayer, kept: &[SavedRecording]) -> Option<Order> {
     let mut order = None;
     ui.horizontal_wrapped(|ui| {
         if ui.button("Keep this shot").clicked() {
-            order = Some(Order::Keep(Kind::Shot));
+            order = Some(Order::Keep(RecordingKind::Shot));
         }
-        let count = viewing.recording().takes.len();
+        let count = player.recording().takes.len();
         if count > 1 && ui.button(format!("Keep all {count}")).clicked() {
-            order = Some(Order::Keep(Kind::Match));
+            order = Some(Order::Keep(RecordingKind::Match));
         }
         if let Some(open) = files(ui, kept) {
             order = Some(open);
@@ -135,7 +137,7 @@ fn deeds(ui: &mut Ui, viewing: &Viewing, kept: &[Kept]) -> Option<Order> {
 }
 
 /// A list of the player's files.
-pub(super) fn files(ui: &mut Ui, kept: &[Kept]) -> Option<Order> {
+pub(super) fn files(ui: &mut Ui, kept: &[SavedRecording]) -> Option<Order> {
     let mut order = None;
     ui.menu_button("Open", |ui| {
         if kept.is_empty() {
@@ -178,6 +180,9 @@ mod tests {
 
     #[test]
     fn speeds_are_told_as_fractions() {
-        assert_eq!(Watch::RATES.map(rate_words), ["1×", "1/4×", "1/10×"]);
+        assert_eq!(
+            ReplayControl::RATES.map(rate_words),
+            ["1×", "1/4×", "1/10×"]
+        );
     }
 }

@@ -8,13 +8,13 @@ use super::theme;
 
 /// The sentences on show.
 #[derive(Clone, Debug, Default)]
-pub struct Notes {
+pub struct Toasts {
     lines: VecDeque<(String, f64)>,
 }
 
-impl Notes {
+impl Toasts {
     /// Shows a sentence from `now_secs` on, long enough to be read twice; the oldest gives way.
-    pub fn say(&mut self, sentence: String, now_secs: f64) {
+    pub fn push(&mut self, sentence: String, now_secs: f64) {
         let secs = STAY_SECS + sentence.chars().count() as f64 / LETTERS_PER_SEC;
         self.lines.push_back((sentence, now_secs + secs));
         while self.lines.len() > LINES_MAX {
@@ -65,9 +65,9 @@ mod tests {
 
     #[test]
     fn sentences_go_when_they_could_be_read_and_the_oldest_gives_way() {
-        let mut notes = Notes::default();
+        let mut notes = Toasts::default();
         for i in 0..6 {
-            notes.say(format!("sentence {i}"), f64::from(i));
+            notes.push(format!("sentence {i}"), f64::from(i));
         }
         assert_eq!(notes.lines.len(), LINES_MAX);
         assert!(notes.lines[0].0.ends_with('2'));

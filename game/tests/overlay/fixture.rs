@@ -1,9 +1,9 @@
 //! A farm of five nodes that never was: three hundred pictures, first divided in equal parts, then by
 //! the nodes' speeds; the last node is lost.
 
-use carom::frame::quality::{Dial, LADDER};
-use carom::ui::stats::frame_record::Seen;
-use carom::ui::stats::{Facts, Level, Stats};
+use carom::frame::quality::{QUALITY_LEVELS, QualityPreference};
+use carom::ui::stats::frame_record::FrameSample;
+use carom::ui::stats::{Stats, StatsInput, StatsLevel};
 use carom_farm::{
     Algorithm, Balancing, Delivery, Distribution, FrameStats, LatencySplit, NodeIndex, NodeInfo,
     NodeState, NodeStatus,
@@ -59,26 +59,26 @@ pub(crate) fn nodes() -> Vec<NodeStatus> {
     nodes
 }
 
-pub(crate) fn facts<'a>(nodes: &'a [NodeStatus]) -> Facts<'a> {
-    Facts {
+pub(crate) fn facts<'a>(nodes: &'a [NodeStatus]) -> StatsInput<'a> {
+    StatsInput {
         nodes,
         balancing: Balancing::default(),
         distribution: Distribution::default(),
-        dial: Dial::default(),
+        preference: QualityPreference::default(),
         window: ImageSize::new(1280, 720),
         period_secs: 1.0 / 60.0,
-        stop: LADDER[6],
-        stops_secs: LADDER.map(|stop| Some(0.011 * stop.cost())),
+        stop: QUALITY_LEVELS[6],
+        level_secs: QUALITY_LEVELS.map(|stop| Some(0.011 * stop.cost())),
         lead_secs: 0.031,
         skipped: 3,
-        guessed: Some(0.012),
+        disocclusion_fraction: Some(0.012),
         draw_secs: 0.0021,
         present: "llvmpipe",
     }
 }
 
 /// An overlay that has seen all of it, at a level.
-pub(crate) fn overlay(level: Level, folder: &std::path::Path) -> Stats {
+pub(crate) fn overlay(level: StatsLevel, folder: &std::path::Path) -> Stats {
     let mut stats = Stats::new(folder.to_path_buf());
     stats.set_level(level);
     for i in 0..PICTURES {
@@ -92,7 +92,7 @@ pub(crate) fn overlay(level: Level, folder: &std::path::Path) -> Stats {
 }
 
 pub(crate) fn take(stats: &mut Stats, picture: u64) {
-    stats.take(Seen {
+    stats.take(FrameSample {
         frame: picture,
         at_secs: picture as f64 / 48.0,
         size: SIZE,

@@ -8,8 +8,8 @@ mod pictures;
 
 use std::collections::BTreeSet;
 
-use carom::frame::quality::Dial;
-use carom::ui::stats::{Level, Stats, Wish};
+use carom::frame::quality::QualityPreference;
+use carom::ui::stats::{Stats, StatsCommand, StatsLevel};
 use carom::ui::theme;
 use carom_farm::{Algorithm, Distribution};
 use egui::accesskit::Role;
@@ -21,10 +21,10 @@ use fixture::{PICTURES, facts, nodes, overlay, take};
 struct State {
     stats: Stats,
     now_secs: f64,
-    wishes: Vec<Wish>,
+    wishes: Vec<StatsCommand>,
 }
 
-fn harness(level: Level, size: Vec2, text_scale: f32) -> Harness<'static, State> {
+fn harness(level: StatsLevel, size: Vec2, text_scale: f32) -> Harness<'static, State> {
     let folder = tempfile::tempdir().unwrap();
     let state = State {
         stats: overlay(level, folder.path()),
@@ -75,27 +75,27 @@ fn has(harness: &Harness<'_, State>, part: &str) -> bool {
 
 #[test]
 fn f3_goes_through_all_levels_and_back_to_none() {
-    let mut level = Level::Off;
+    let mut level = StatsLevel::Off;
     let mut seen = vec![level];
-    while level.next() != Level::Off {
+    while level.next() != StatsLevel::Off {
         level = level.next();
         seen.push(level);
     }
     assert_eq!(
         seen,
         [
-            Level::Off,
-            Level::Line,
-            Level::Card,
-            Level::Full,
-            Level::Recording
+            StatsLevel::Off,
+            StatsLevel::Line,
+            StatsLevel::Card,
+            StatsLevel::Full,
+            StatsLevel::Recording
         ]
     );
 }
 
 #[test]
 fn a_hidden_overlay_draws_nothing_and_keeps_nothing() {
-    let harness = harness(Level::Off, WINDOW, 1.0);
+    let harness = harness(StatsLevel::Off, WINDOW, 1.0);
     assert!(labels(&harness).is_empty());
     let mut nothing = Harness::builder().with_size(WINDOW).build_ui(|_| {});
     nothing.run_steps(4);
@@ -138,7 +138,11 @@ fn each_level_shows_what_the_one_before_does_and_more() {
         "equal",
         "water_filling_hedged",
     ];
-    let (on_line, on_card, on_full) = (of(Level::Line), of(Level::Card), of(Level::Full));
+    let (on_line, on_card, on_full) = (
+        of(StatsLevel::Line),
+        of(StatsLevel::Card),
+        of(StatsLevel::Full),
+    );
     for word in line {
         assert!(
             has(&on_line, word) && has(&on_card, word) && has(&on_full, word),
@@ -158,7 +162,7 @@ fn each_level_shows_what_the_one_before_does_and_more() {
 /// The numbers of the fixture, as anyone can work them out.
 #[test]
 fn the_numbers_are_those_of_the_pictures() {
-    let harness = harness(Level::Full, WINDOW, 1.0);
+    let harness = harness(StatsLevel::Full, WINDOW, 1.0);
     // 300 pictures at 48 a second; every fortieth asked for four tiles again, one for 37 more.
     assert!(has(&harness, "pictures/s 48.0"));
     assert!(has(&harness, "late 32") && has(&harness, "lost 37!") && has(&harness, "again 69"));
@@ -185,7 +189,7 @@ fn every_number_has_a_tooltip_that_defines_it() {
         .iter()
         .map(|term| term.meaning)
         .collect();
-    for level in [Level::Line, Level::Card, Level::Full] {
+    for level in [StatsLevel::Line, StatsLevel::Card, StatsLevel::Full] {
         let mut harness = harness(level, WINDOW, 1.0);
         let numbers: Vec<(String, Rect)> = labels(&harness)
             .into_iter()
@@ -210,7 +214,7 @@ fn every_number_has_a_tooltip_that_defines_it() {
 
 #[test]
 fn a_frozen_picture_stays_while_others_come_and_its_neighbours_are_reached() {
-    let mut harness = harness(Level::Full, WINDOW, 1.0);
+    let mut harness = harness(StatsLevel::Full, WINDOW, 1.0);
     harness.get_by_label("Freeze").click();
     harness.run_steps(2);
     let frozen =
@@ -240,34 +244,34 @@ fn a_frozen_picture_stays_while_others_come_and_its_neighbours_are_reached() {
 
 #[test]
 fn the_way_of_dividing_is_chosen_in_the_overlay() {
-    let mut harness = harness(Level::Full, WINDOW, 1.0);
+    let mut harness = harness(StatsLevel::Full, WINDOW, 1.0);
     harness.get_by_role(Role::ComboBox).click();
     harness.run_steps(3);
     harness.get_by_label("cycles").click();
     harness.run_steps(2);
     assert_eq!(
         harness.state().wishes,
-        [Wish::Balancing(Algorithm::Cycles.hedged())]
+        [StatsCommand::Balancing(Algorithm::Cycles.hedged())]
     );
     harness.state_mut().wishes.clear();
     harness.get_by_label("hedged").click();
     harness.run_steps(2);
     assert_eq!(
         harness.state().wishes,
-        [Wish::Balancing(Algorithm::WaterFilling.unhedged())]
+        [StatsCommand::Balancing(Algorithm::WaterFilling.unhedged())]
     );
     harness.state_mut().wishes.clear();
     harness.get_by_label("by samples").click();
     harness.run_steps(2);
     assert_eq!(
         harness.state().wishes,
-        [Wish::Distribution(Distribution::Samples)]
+        [StatsCommand::Distribution(Distribution::Samples)]
     );
 }
 
 #[test]
 fn the_quality_dial_is_turned_beside_its_measured_trade() {
-    let mut harness = harness(Level::Full, Vec2::new(900.0, 2400.0), 1.0);
+    let mut harness = harness(StatsLevel::Full, Vec2::new(900.0, 2400.0), 1.0);
     harness.get_by_label("Quality").click();
     harness.run_steps(4);
     for part in ["1280x720", "160x90", "ms here", "paths"] {
@@ -275,12 +279,15 @@ fn the_quality_dial_is_turned_beside_its_measured_trade() {
     }
     harness.get_by_label("fine").click();
     harness.run_steps(2);
-    assert_eq!(harness.state().wishes, [Wish::Dial(Dial::Fine)]);
+    assert_eq!(
+        harness.state().wishes,
+        [StatsCommand::QualityPreference(QualityPreference::Fine)]
+    );
 }
 
 #[test]
 fn the_map_tells_whose_a_tile_is() {
-    let mut harness = harness(Level::Full, WINDOW, 1.0);
+    let mut harness = harness(StatsLevel::Full, WINDOW, 1.0);
     harness.get_by_label("owner").click();
     harness.run_steps(2);
     // The last node that is there has the tiles at the bottom; the first, those at the top.
@@ -322,7 +329,7 @@ fn texts(harness: &Harness<'_, State>) -> Vec<(String, Rect, Rect)> {
 fn nothing_overlaps_or_is_cut_off_in_any_window_at_any_size_of_text() {
     for size in [WINDOW, Vec2::new(640.0, 360.0)] {
         for text_scale in [1.0, 2.0] {
-            for level in [Level::Line, Level::Card, Level::Full] {
+            for level in [StatsLevel::Line, StatsLevel::Card, StatsLevel::Full] {
                 let harness = harness(level, size, text_scale);
                 let texts = texts(&harness);
                 let case = format!("{level:?} at {size} x {text_scale}");
@@ -352,10 +359,10 @@ fn nothing_overlaps_or_is_cut_off_in_any_window_at_any_size_of_text() {
 #[test]
 fn recording_begins_and_ends_with_its_level() {
     let folder = tempfile::tempdir().unwrap();
-    let mut stats = overlay(Level::Recording, folder.path());
+    let mut stats = overlay(StatsLevel::Recording, folder.path());
     stats.freeze(10);
     take(&mut stats, PICTURES);
-    stats.set_level(Level::Off);
+    stats.set_level(StatsLevel::Off);
     take(&mut stats, PICTURES + 1);
     let lines = std::fs::read_to_string(folder.path().join("stats_0001.jsonl")).unwrap();
     // All that came, also while the charts stood still, but for what the disk was too slow for.

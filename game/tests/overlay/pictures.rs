@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use carom::ui::stats::Level;
-use carom::ui::stats::maps::Kind;
+use carom::ui::stats::StatsLevel;
+use carom::ui::stats::maps::MapKind;
 
 use crate::fixture::{facts, nodes, overlay};
 use crate::looks::{Gpu, Look};
@@ -12,15 +12,15 @@ use crate::looks::{Gpu, Look};
 fn each_level_looks_as_it_did() {
     let sizes = [(1280, 720), (640, 360)];
     let levels = [
-        (Level::Line, "line"),
-        (Level::Card, "card"),
-        (Level::Full, "full"),
+        (StatsLevel::Line, "line"),
+        (StatsLevel::Card, "card"),
+        (StatsLevel::Full, "full"),
     ];
     let gpu = Gpu::open();
     let mut differing = Vec::new();
     for (size, text_scale) in sizes.into_iter().flat_map(|size| [(size, 1), (size, 2)]) {
         for (level, name) in levels {
-            let look = look(level, size, text_scale as f32, Kind::None);
+            let look = look(level, size, text_scale as f32, MapKind::None);
             let name = format!("{name}_{}x{}_text_{text_scale}.png", size.0, size.1);
             differing.extend(look.differences(&folder().join(name), gpu.as_ref()));
         }
@@ -32,9 +32,9 @@ fn each_level_looks_as_it_did() {
 fn the_maps_look_as_they_did() {
     let gpu = Gpu::open();
     let mut differing = Vec::new();
-    for (kind, name) in [(Kind::Owner, "owner"), (Kind::Cost, "cost")] {
+    for (kind, name) in [(MapKind::Owner, "owner"), (MapKind::Cost, "cost")] {
         let path = folder().join(format!("map_{name}.png"));
-        let look = look(Level::Full, (1280, 720), 1.0, kind);
+        let look = look(StatsLevel::Full, (1280, 720), 1.0, kind);
         differing.extend(look.differences(&path, gpu.as_ref()));
     }
     assert!(differing.is_empty(), "{}", differing.join("\n"));
@@ -47,7 +47,7 @@ fn folder() -> PathBuf {
     ))
 }
 
-fn look(level: Level, size: (u32, u32), text_scale: f32, map: Kind) -> Look {
+fn look(level: StatsLevel, size: (u32, u32), text_scale: f32, map: MapKind) -> Look {
     let temporary = tempfile::tempdir().unwrap();
     let mut stats = overlay(level, temporary.path());
     stats.show_map(map);

@@ -6,7 +6,7 @@ mod looks;
 mod pictures;
 mod player;
 
-use carom::input::CONTROLS;
+use carom::input::ACTIONS;
 use carom::ui::menu::Page;
 use carom_billiards::rules::RuleSet;
 use egui::Vec2;
@@ -20,27 +20,27 @@ fn the_menu_leads_to_every_page_and_back_and_out() {
     let mut harness = harness_of(Seat::free(), Vec2::new(1280.0, 1200.0));
     for (entry, page) in [("New game", Page::NewGame), ("Settings", Page::Settings)] {
         press(&mut harness, "Esc");
-        assert_eq!(harness.state().desk.page(), Some(Page::Top));
+        assert_eq!(harness.state().shell.page(), Some(Page::Top));
         click(&mut harness, entry);
-        assert_eq!(harness.state().desk.page(), Some(page));
+        assert_eq!(harness.state().shell.page(), Some(page));
         click(&mut harness, "Back");
-        assert_eq!(harness.state().desk.page(), Some(Page::Top));
+        assert_eq!(harness.state().shell.page(), Some(Page::Top));
         click(&mut harness, "Resume");
-        assert_eq!(harness.state().desk.page(), None);
+        assert_eq!(harness.state().shell.page(), None);
     }
     press(&mut harness, "Esc");
     click(&mut harness, "Keys and mouse");
-    assert_eq!(harness.state().desk.page(), Some(Page::Keys));
+    assert_eq!(harness.state().shell.page(), Some(Page::Keys));
     for page in [Some(Page::Top), None] {
         press(&mut harness, "Esc");
-        assert_eq!(harness.state().desk.page(), page);
+        assert_eq!(harness.state().shell.page(), page);
     }
     press(&mut harness, "Esc");
     click(&mut harness, "Settings");
     click(&mut harness, "Change what keys do");
     for page in [Some(Page::Settings), Some(Page::Top), None] {
         press(&mut harness, "Esc");
-        assert_eq!(harness.state().desk.page(), page);
+        assert_eq!(harness.state().shell.page(), page);
     }
     press(&mut harness, "Esc");
     assert!(!harness.state().has_quit);
@@ -55,9 +55,9 @@ fn a_new_game_is_set_up_and_its_players_stand_on_the_board() {
     for entry in ["New game", "9-ball", "A person at this machine", "Begin"] {
         click(&mut harness, entry);
     }
-    assert_eq!(harness.state().desk.page(), None);
+    assert_eq!(harness.state().shell.page(), None);
     assert_eq!(
-        harness.state_mut().session.board().view.rules,
+        harness.state_mut().session.match_hud().view.rules,
         RuleSet::Nine
     );
     for words in ["Player 1", "Player 2", "9-ball"] {
@@ -76,21 +76,21 @@ fn settings_are_changed_by_pressing_them() {
     for entry in ["Settings", "Reduced motion", "125 %", "Glass"] {
         click(&mut harness, entry);
     }
-    let settings = harness.state().desk.settings();
+    let settings = harness.state().shell.settings();
     assert!(settings.reduced_motion && settings.text_scale == 1.25);
     assert_eq!(
         settings.ball_set,
         carom::scene::ball_materials::BallSet::Glass
     );
     click(&mut harness, "Back to the defaults");
-    assert_eq!(harness.state().desk.settings().text_scale, 1.0);
+    assert_eq!(harness.state().shell.settings().text_scale, 1.0);
 }
 
 #[test]
 fn the_list_of_keys_names_every_control_below_its_title() {
     let mut harness = harness(Seat::free());
     press(&mut harness, "F1");
-    for control in CONTROLS {
+    for control in ACTIONS {
         assert!(
             harness.query_by_label(control.does).is_some(),
             "{}",

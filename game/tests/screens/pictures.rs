@@ -30,7 +30,7 @@ fn screens() -> Vec<(&'static str, Seat)> {
     };
     let page = |page| {
         let mut seat = Seat::eight();
-        seat.desk.open(page, &mut seat.session, 1.0);
+        seat.shell.open(page, &mut seat.session, 1.0);
         seat
     };
     vec![

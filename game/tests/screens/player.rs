@@ -1,16 +1,16 @@
-//! Someone who sits at the game: a session and a desk, without a window and without a farm.
+//! Someone who sits at the game: a session and a shell, without a window and without a farm.
 
 use std::path::PathBuf;
 
-use carom::app::app_shell::Desk;
-use carom::app::session::Session;
-use carom::audio::Speaker;
+use carom::app::app_shell::AppShell;
+use carom::app::session::GameSession;
+use carom::audio::Playback;
 use carom::camera::Viewpoint;
 use carom::input::{Event, Key};
 use carom::play::{Outcome, free_table};
 use carom::scene::ball_materials::BallSet;
-use carom::scene::table_scene::Stage;
-use carom::settings::Store;
+use carom::scene::table_scene::TableScene;
+use carom::settings::SettingsStore;
 use carom::ui::theme;
 use carom_billiards::game_match::{Match, Player, Setup};
 use carom_billiards::rules::RuleSet;
@@ -21,10 +21,10 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 use glam::DVec2;
 
-/// Session, desk and their time.
+/// GameSession, shell and their time.
 pub(crate) struct Seat {
-    pub(crate) session: Session,
-    pub(crate) desk: Desk,
+    pub(crate) session: GameSession,
+    pub(crate) shell: AppShell,
     pub(crate) now_secs: f64,
     pub(crate) has_quit: bool,
 }
@@ -32,35 +32,38 @@ pub(crate) struct Seat {
 impl Seat {
     /// At the free table.
     pub(crate) fn free() -> Self {
-        Self::new(free_table(Stage::table(), 1).unwrap(), Store::default())
+        Self::new(
+            free_table(TableScene::table(), 1).unwrap(),
+            SettingsStore::default(),
+        )
     }
 
     /// The same with settings in a file.
     pub(crate) fn kept_in(settings: PathBuf) -> Self {
-        let contest = free_table(Stage::table(), 1).unwrap();
-        Self::new(contest, Store::open(settings))
+        let contest = free_table(TableScene::table(), 1).unwrap();
+        Self::new(contest, SettingsStore::open(settings))
     }
 
     /// At a game of 8-ball between two people.
     pub(crate) fn eight() -> Self {
         let players = Player::list("Ada,Bo").unwrap();
         let setup = Setup::new(RuleSet::Eight, players, 3).unwrap();
-        Self::new(Match::new(setup).unwrap(), Store::default())
+        Self::new(Match::new(setup).unwrap(), SettingsStore::default())
     }
 
-    fn new(contest: Match, store: Store) -> Self {
+    fn new(contest: Match, store: SettingsStore) -> Self {
         let config = FarmConfig {
             local: LocalNode::None,
             ..FarmConfig::default()
         };
-        let mut session = Session::new(config, contest, BallSet::Classic).unwrap();
+        let mut session = GameSession::new(config, contest, BallSet::Classic).unwrap();
         session.resize(
             ImageSize::new(0, 0),
             DVec2::new(WINDOW.x.into(), WINDOW.y.into()),
         );
         Self {
             session,
-            desk: Desk::new(store, Speaker::new(None)),
+            shell: AppShell::new(store, Playback::new(None)),
             now_secs: 1.0,
             has_quit: false,
         }
@@ -70,10 +73,10 @@ impl Seat {
     pub(crate) fn draw(&mut self, ui: &mut Ui) {
         self.now_secs += 0.05;
         self.session.tick(self.now_secs);
-        self.desk.tick(&mut self.session, self.now_secs);
+        self.shell.tick(&mut self.session, self.now_secs);
         let ctx = ui.ctx();
         let outcome = self
-            .desk
+            .shell
             .draw(ctx, &mut self.session, self.now_secs, DISPLAY);
         self.has_quit |= outcome == Outcome::Quit;
     }
@@ -81,7 +84,7 @@ impl Seat {
     /// What happens at the window; `taken` says that it is over a panel.
     pub(crate) fn handle(&mut self, event: Event, taken: bool) {
         self.now_secs += 0.01;
-        self.desk
+        self.shell
             .handle(event, taken, &mut self.session, self.now_secs);
     }
 
@@ -117,7 +120,7 @@ impl Seat {
             now_secs += 0.05;
             self.session.tick(now_secs);
         }
-        // The desk's time goes on as if nothing had been waited for.
+        // The shell's time goes on as if nothing had been waited for.
         self.viewpoint()
     }
 }

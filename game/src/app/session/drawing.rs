@@ -3,17 +3,17 @@
 use carom_billiards::physics::BallBody;
 use egui::{LayerId, Painter, Rect};
 
-use super::{FarmSlot, Session};
+use super::{FarmState, GameSession};
 use crate::app::farm_notifications;
-use crate::app::screen_mode::Show;
+use crate::app::screen_mode::Mode;
 use crate::camera::Projection;
-use crate::frame::quality::LADDER;
+use crate::frame::quality::QUALITY_LEVELS;
 use crate::input::Bindings;
 use crate::play::CueView;
 use crate::ui;
-use crate::ui::stats::{Facts, Wish};
+use crate::ui::stats::{StatsCommand, StatsInput};
 
-impl Session {
+impl GameSession {
     /// Draws the statistics, and what is marked on the table, with egui; the part of the window that the
     /// statistics leave free.
     pub fn draw(
@@ -28,7 +28,7 @@ impl Session {
         let painter = ctx.layer_painter(LayerId::background());
         let cue = self.cue(now_secs);
         self.draw_aim(&painter, cue.as_ref(), now_secs);
-        self.draw_booth(&painter, room, bindings, now_secs);
+        self.draw_mode(&painter, room, bindings, now_secs);
         let notice = self.notice();
         let overlay = ui::Overlay {
             notice: notice.as_deref(),
@@ -39,18 +39,16 @@ impl Session {
     }
 
     /// Draws the page of what is shown in place of the game, and does what it asks for.
-    fn draw_booth(&mut self, painter: &Painter, room: Rect, bindings: &Bindings, now_secs: f64) {
+    fn draw_mode(&mut self, painter: &Painter, room: Rect, bindings: &Bindings, now_secs: f64) {
         let (ctx, screen) = (painter.ctx(), self.screen());
-        let kept = self.booth.kept();
-        let order = match self.booth.show() {
-            Show::Game => None,
-            Show::Replay(viewing) => {
-                ui::replay::panel(ctx, room, viewing, kept, bindings, now_secs)
-            }
-            Show::Practice(practice) => {
+        let kept = self.modes.files();
+        let order = match self.modes.mode() {
+            Mode::Game => None,
+            Mode::Replay(player) => ui::replay::panel(ctx, room, player, kept, bindings, now_secs),
+            Mode::Practice(practice) => {
                 let camera = self.game.camera(self.moment(now_secs));
                 let projection = Projection::new(&camera, self.film.x, self.film.y);
-                let sketch = ui::aim::Sketch {
+                let sketch = ui::aim::AimOverlay {
                     painter,
                     screen,
                     projection: &projection,
@@ -66,10 +64,10 @@ impl Session {
         };
         // Its outcome is drawn with the next frame.
         ctx.request_repaint();
-        if let Some(balls) = self.booth.obey(order, &self.game, now_secs)
+        if let Some(balls) = self.modes.handle_command(order, &self.game, now_secs)
             && let Err(why) = self.game.lay(&balls)
         {
-            self.booth.say(why);
+            self.modes.notify(why);
         }
     }
 
@@ -85,15 +83,15 @@ impl Session {
         }
         let moment = self.moment(now_secs);
         let projection = Projection::new(&self.game.camera(moment), self.film.x, self.film.y);
-        let sketch = ui::aim::Sketch {
+        let sketch = ui::aim::AimOverlay {
             painter,
             screen: self.screen(),
             projection: &projection,
             ball_radius_m: self.game.contest().ground().cue_radius_m,
         };
         self.mark_balls(&sketch);
-        if let Some(foresight) = self.game.foresight(now_secs) {
-            sketch.foresight(foresight);
+        if let Some(shot_preview) = self.game.shot_preview(now_secs) {
+            sketch.shot_preview(shot_preview);
         }
         if let Some(cue) = cue {
             sketch.cue(cue);
@@ -101,11 +99,11 @@ impl Session {
     }
 
     /// Marks a cue ball that is carried, and balls that must not be hit first.
-    fn mark_balls(&mut self, sketch: &ui::aim::Sketch<'_>) {
-        if let Some(placing) = self.game.placing() {
+    fn mark_balls(&mut self, sketch: &ui::aim::AimOverlay<'_>) {
+        if let Some(ball_in_hand) = self.game.ball_in_hand() {
             let area = self.game.contest().hand();
             sketch.area(self.game.contest().ground(), area);
-            sketch.carried(placing.at, placing.verdict.is_ok());
+            sketch.carried(ball_in_hand.at, ball_in_hand.verdict.is_ok());
             return;
         }
         if self.game.may_play() {
@@ -122,8 +120,8 @@ impl Session {
 
     fn notice(&self) -> Option<String> {
         match &self.farm {
-            FarmSlot::Failed(why) => Some(format!("No pictures: {why}")),
-            FarmSlot::Ready(farm) if self.director.figures().pictures > 0 => {
+            FarmState::Failed(why) => Some(format!("No pictures: {why}")),
+            FarmState::Ready(farm) if self.scheduler.stats().pictures > 0 => {
                 let stands = farm_notifications::standing(&farm.nodes());
                 stands.or_else(|| self.game_notice())
             }
@@ -132,8 +130,8 @@ impl Session {
     }
 
     fn game_notice(&self) -> Option<String> {
-        let placing = self.game.placing();
-        let refused = placing.and_then(|placing| placing.verdict.clone().err());
+        let ball_in_hand = self.game.ball_in_hand();
+        let refused = ball_in_hand.and_then(|ball_in_hand| ball_in_hand.verdict.clone().err());
         refused.or_else(|| self.game.notice().map(str::to_owned))
     }
 
@@ -149,20 +147,20 @@ impl Session {
         }
         self.stats.note_redraw(now_secs, moves);
         let nodes = self.nodes();
-        let (figures, quality) = (self.director.figures(), self.director.quality());
-        let window = self.director.window();
-        let facts = Facts {
+        let (figures, quality) = (self.scheduler.stats(), self.scheduler.quality());
+        let window = self.scheduler.window();
+        let facts = StatsInput {
             nodes: &nodes,
             balancing: self.balancing,
             distribution: self.distribution,
             window,
-            dial: quality.dial(),
+            preference: quality.preference(),
             period_secs: quality.period_secs(),
             stop: quality.level(),
-            stops_secs: LADDER.map(|stop| quality.secs(stop, window)),
+            level_secs: QUALITY_LEVELS.map(|stop| quality.secs(stop, window)),
             lead_secs: figures.lead_secs,
             skipped: figures.skipped,
-            guessed: self.warp.guessed(),
+            disocclusion_fraction: self.reprojector.disocclusion_fraction(),
             draw_secs: self.draw_secs,
             present,
         };
@@ -170,16 +168,18 @@ impl Session {
         for wish in self.stats.take_wishes() {
             self.dirty = true;
             match wish {
-                Wish::Dial(dial) => self.wished_dial = Some(dial),
-                Wish::Balancing(balancing) => {
+                StatsCommand::QualityPreference(preference) => {
+                    self.requested_quality = Some(preference)
+                }
+                StatsCommand::Balancing(balancing) => {
                     self.balancing = balancing;
-                    if let FarmSlot::Ready(farm) = &mut self.farm {
+                    if let FarmState::Ready(farm) = &mut self.farm {
                         farm.set_balancer(balancing);
                     }
                 }
-                Wish::Distribution(distribution) => {
+                StatsCommand::Distribution(distribution) => {
                     self.distribution = distribution;
-                    if let FarmSlot::Ready(farm) = &mut self.farm {
+                    if let FarmState::Ready(farm) = &mut self.farm {
                         farm.set_distribution(distribution);
                     }
                 }

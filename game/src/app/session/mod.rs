@@ -16,26 +16,26 @@ use carom_tracer::{ImageSize, Scene, SceneUpdate};
 use glam::DVec2;
 
 use crate::app::farm_notifications;
-use crate::app::screen_mode::{Booth, Show};
+use crate::app::screen_mode::{Mode, ModeController};
 use crate::camera::Viewpoint;
 use crate::capture::screenshot::Screenshot;
-use crate::display::Picture;
-use crate::frame::accumulation::Darkroom;
-use crate::frame::quality::Dial;
-use crate::frame::reprojection::Warp;
-use crate::frame::scheduler::{Director, Plan, Subject};
+use crate::display::DisplayFrame;
+use crate::frame::accumulation::AccumulationThread;
+use crate::frame::quality::QualityPreference;
+use crate::frame::reprojection::Reprojector;
+use crate::frame::scheduler::{FrameScheduler, SchedulerAction, ViewTarget};
 use crate::input::Intent;
-use crate::play::{Aids, CueView, Game, Outcome};
+use crate::play::{AimAids, CueView, Game, Outcome};
 use crate::scene::ball_materials::BallSet;
-use crate::scene::table_scene::Stage;
-use crate::ui::match_hud::Board;
+use crate::scene::table_scene::TableScene;
+use crate::ui::match_hud::MatchHud;
 use crate::ui::stats::Stats;
-use crate::ui::stats::frame_record::Seen;
+use crate::ui::stats::frame_record::FrameSample;
 
 /// A game in progress. Times are seconds since the program began.
-pub struct Session {
+pub struct GameSession {
     game: Game,
-    booth: Booth,
+    modes: ModeController,
     /// Of the farm, for pictures that are kept.
     config: FarmConfig,
     max_depth: u32,
@@ -43,11 +43,11 @@ pub struct Session {
     set: BallSet,
     /// Where the match is kept, and how much of it is.
     keeper: Option<(PathBuf, usize)>,
-    stage: Stage,
-    director: Director,
-    darkroom: Darkroom,
-    warp: Warp,
-    farm: FarmSlot,
+    table_scene: TableScene,
+    scheduler: FrameScheduler,
+    accumulation: AccumulationThread,
+    reprojector: Reprojector,
+    farm: FarmState,
     in_flight_max: usize,
     last_frame: FrameId,
     film: DVec2,
@@ -55,7 +55,7 @@ pub struct Session {
     balancing: Balancing,
     distribution: Distribution,
     /// What the player has chosen in the statistics; the settings follow.
-    wished_dial: Option<Dial>,
+    requested_quality: Option<QualityPreference>,
     last_tick_secs: f64,
     draw_secs: f64,
     /// The picture that was drawn last.
@@ -70,40 +70,40 @@ pub struct Session {
 }
 
 /// The farm is built beside the window: looking for a GPU takes a second.
-enum FarmSlot {
+enum FarmState {
     Starting(Receiver<Result<Farm, carom_farm::Error>>),
     Ready(Box<Farm>),
     Failed(String),
 }
 
-impl Session {
+impl GameSession {
     /// Goes on with a match, with balls of `set`; the pictures come from the farm of `config`.
     ///
     /// # Errors
     /// A sentence if the room cannot be traced.
     pub fn new(config: FarmConfig, contest: Match, set: BallSet) -> anyhow::Result<Self> {
-        let stage = Stage::of(&contest, set);
+        let table_scene = TableScene::of(&contest, set);
         Ok(Self {
             game: Game::of(contest),
             set,
             keeper: None,
-            booth: Booth::of_player(),
+            modes: ModeController::of_player(),
             config: config.clone(),
             max_depth: set.max_depth(),
             pixels: ImageSize::new(0, 0),
-            director: Director::new(
+            scheduler: FrameScheduler::new(
                 ImageSize::new(0, 0),
                 config.frames_in_flight,
                 set.max_depth(),
             ),
-            darkroom: Darkroom::open()?,
-            warp: Warp::new(stage.scene())?,
+            accumulation: AccumulationThread::open()?,
+            reprojector: Reprojector::new(table_scene.scene())?,
             in_flight_max: config.frames_in_flight,
             balancing: config.balancer,
             distribution: config.distribution,
-            wished_dial: None,
-            farm: start_farm(config, stage.scene().clone()),
-            stage,
+            requested_quality: None,
+            farm: start_farm(config, table_scene.scene().clone()),
+            table_scene,
             last_frame: FrameId::default(),
             film: DVec2::ONE,
             stats: Stats::new(PathBuf::from(STATS_FOLDER)),
@@ -136,20 +136,20 @@ impl Session {
 
     /// Shows shots that were kept.
     pub fn view(&mut self, recording: Recording) {
-        self.booth.view(recording, &self.game, self.last_tick_secs);
+        self.modes.view(recording, &self.game, self.last_tick_secs);
     }
 
     /// Sentences for the player that are new.
-    pub fn take_news(&mut self) -> Vec<String> {
-        self.booth.take_news()
+    pub fn take_notifications(&mut self) -> Vec<String> {
+        self.modes.take_notifications()
     }
 
     /// Keeps the match in this file from now on, whenever something was done.
-    pub fn keep_in(&mut self, path: PathBuf) {
+    pub fn autosave_to(&mut self, path: PathBuf) {
         self.keeper = Some((path, self.game.contest().deeds()));
     }
 
-    fn keep_match(&mut self) {
+    fn autosave(&mut self) {
         let contest = self.game.contest();
         let Some((path, kept)) = &mut self.keeper else {
             return;
@@ -164,11 +164,11 @@ impl Session {
     }
 
     /// What is shown of the match.
-    pub fn board(&mut self) -> Board {
+    pub fn match_hud(&mut self) -> MatchHud {
         let may_play = self.game.may_play();
         let view = self.game.board();
         let calls = may_play && (view.wants_call || view.may_push_out);
-        Board {
+        MatchHud {
             aimed: calls.then(|| self.game.aimed_ball()).flatten(),
             call: calls.then(|| self.game.call_words()).flatten(),
             pockets: calls.then(|| self.game.contest().ground().clone()),
@@ -180,14 +180,14 @@ impl Session {
 
     /// Whether the pointer carries the cue ball.
     pub fn is_placing(&self) -> bool {
-        self.game.placing().is_some()
+        self.game.ball_in_hand().is_some()
     }
 
     fn keep_shot(&mut self) {
         let Some((number, shot)) = self.game.fresh_shot() else {
             return;
         };
-        self.booth.note(number, shot);
+        self.modes.record_shot(number, shot);
         let Some((folder, last)) = &mut self.recorder else {
             return;
         };
@@ -203,7 +203,7 @@ impl Session {
 
     /// Follows the window: its size in pixels, and in points.
     pub fn resize(&mut self, pixels: ImageSize, points: DVec2) {
-        self.director.resize(pixels);
+        self.scheduler.resize(pixels);
         self.pixels = pixels;
         self.film = points;
         self.dirty = true;
@@ -216,18 +216,18 @@ impl Session {
             self.stats.set_level(self.stats.level().next());
         }
         if intent == Intent::Photograph {
-            self.photograph(now_secs);
+            self.take_screenshot(now_secs);
             return Outcome::Stay;
         }
-        if self.booth.take(intent, &self.game, now_secs) {
+        if self.modes.handle_intent(intent, &self.game, now_secs) {
             return Outcome::Stay;
         }
         match intent {
-            Intent::LookBack => self.booth.look_back(&self.game, now_secs),
-            Intent::Practise => self.booth.practise(&self.game),
+            Intent::LookBack => self.modes.open_replay(&self.game, now_secs),
+            Intent::Practise => self.modes.open_practice(&self.game),
             _ => {}
         }
-        let delay_secs = self.director.stroke_delay_secs();
+        let delay_secs = self.scheduler.stroke_delay_secs();
         let outcome = self.game.apply(intent, now_secs, delay_secs, self.film);
         self.keep_shot();
         outcome
@@ -239,28 +239,28 @@ impl Session {
         let dt_secs = (now_secs - self.last_tick_secs).clamp(0.0, TICK_SECS_MAX);
         self.last_tick_secs = now_secs;
         self.game.tick(now_secs, dt_secs);
-        self.booth.tick(now_secs);
-        self.dirty |= self.booth.is_moving(&self.game);
+        self.modes.tick(now_secs);
+        self.dirty |= self.modes.is_moving(&self.game);
         if self.was_thinking != self.game.is_thinking() {
             self.was_thinking = self.game.is_thinking();
             self.dirty = true;
         }
-        self.keep_match();
+        self.autosave();
         if let Err(why) = self.exchange(now_secs) {
             tracing::error!("the farm: {why}");
-            self.farm = FarmSlot::Failed(why);
+            self.farm = FarmState::Failed(why);
         }
     }
 
     /// Shows more or less of the shot to come.
-    pub fn set_aids(&mut self, aids: Aids) {
+    pub fn set_aids(&mut self, aids: AimAids) {
         self.game.set_aids(aids);
         self.dirty = true;
     }
 
     /// Lets the camera cut to where it would glide.
-    pub fn set_cuts(&mut self, cuts: bool) {
-        self.game.set_cuts(cuts);
+    pub fn set_instant_camera(&mut self, instant_camera: bool) {
+        self.game.set_instant_camera(instant_camera);
     }
 
     /// The cue, while there is one to show.
@@ -269,8 +269,8 @@ impl Session {
     }
 
     /// What is given up first while things move.
-    pub fn set_dial(&mut self, dial: Dial) {
-        self.director.set_dial(dial);
+    pub fn set_quality_preference(&mut self, preference: QualityPreference) {
+        self.scheduler.set_quality_preference(preference);
         self.dirty = true;
     }
 
@@ -280,8 +280,8 @@ impl Session {
     /// A sentence if the room cannot be traced with them.
     pub fn set_ball_set(&mut self, set: BallSet) -> anyhow::Result<()> {
         self.set = set;
-        self.director.set_max_depth(set.max_depth());
-        self.set_stage(Stage::of(self.game.contest(), set))
+        self.scheduler.set_max_depth(set.max_depth());
+        self.set_table_scene(TableScene::of(self.game.contest(), set))
     }
 
     /// Plays another match.
@@ -289,27 +289,27 @@ impl Session {
     /// # Errors
     /// A sentence if its room cannot be traced.
     pub fn begin(&mut self, contest: Match) -> anyhow::Result<()> {
-        let stage = Stage::of(&contest, self.set);
+        let table_scene = TableScene::of(&contest, self.set);
         let was = std::mem::replace(&mut self.game, Game::of(contest));
-        self.game.go_on_as(&was);
+        self.game.inherit_options(&was);
         if let Some((_, kept)) = &mut self.keeper {
             *kept = usize::MAX;
         }
-        self.set_stage(stage)
+        self.set_table_scene(table_scene)
     }
 
-    fn set_stage(&mut self, stage: Stage) -> anyhow::Result<()> {
-        self.warp = Warp::new(stage.scene())?;
-        self.stage = stage;
+    fn set_table_scene(&mut self, table_scene: TableScene) -> anyhow::Result<()> {
+        self.reprojector = Reprojector::new(table_scene.scene())?;
+        self.table_scene = table_scene;
         self.max_depth = self.set.max_depth();
         match &mut self.farm {
-            FarmSlot::Ready(farm) => {
+            FarmState::Ready(farm) => {
                 farm.cancel_before(FrameId(self.last_frame.0 + 1));
-                farm.set_scene(self.stage.scene())?;
+                farm.set_scene(self.table_scene.scene())?;
             }
             // It starts with the scene of before.
-            FarmSlot::Starting(_) => self.is_scene_new = true,
-            FarmSlot::Failed(_) => {}
+            FarmState::Starting(_) => self.is_scene_new = true,
+            FarmState::Failed(_) => {}
         }
         self.dirty = true;
         Ok(())
@@ -324,7 +324,7 @@ impl Session {
     /// How each node of the farm is; none while it starts, or if it could not.
     pub fn nodes(&self) -> Vec<NodeStatus> {
         match &self.farm {
-            FarmSlot::Ready(farm) => farm.nodes(),
+            FarmState::Ready(farm) => farm.nodes(),
             _ => Vec::new(),
         }
     }
@@ -332,38 +332,38 @@ impl Session {
     /// The farm in a line.
     pub fn farm_line(&self) -> String {
         match &self.farm {
-            FarmSlot::Failed(why) => format!("No pictures: {why}"),
+            FarmState::Failed(why) => format!("No pictures: {why}"),
             _ => farm_notifications::line(&self.nodes()),
         }
     }
 
     /// The shot that is on.
     pub fn shot(&self) -> Option<&Shot> {
-        match self.booth.show() {
-            Show::Replay(viewing) => Some(viewing.shot()),
-            Show::Game | Show::Practice(_) => self.game.shot(),
+        match self.modes.mode() {
+            Mode::Replay(player) => Some(player.shot()),
+            Mode::Game | Mode::Practice(_) => self.game.shot(),
         }
     }
 
     /// The number of the shot that is on at its own speed, the moment on show and that of its end, in
     /// seconds since the blow.
     pub fn shot_clock(&self, now_secs: f64) -> Option<(u64, f64, f64)> {
-        let is_slow = match self.booth.show() {
-            Show::Replay(viewing) => viewing.clock().rate() != 1.0,
-            Show::Game | Show::Practice(_) => false,
+        let is_slow = match self.modes.mode() {
+            Mode::Replay(player) => player.clock().rate() != 1.0,
+            Mode::Game | Mode::Practice(_) => false,
         };
-        let clock = self.booth.shot_clock(&self.game, now_secs);
+        let clock = self.modes.shot_clock(&self.game, now_secs);
         clock.filter(|_| !is_slow)
     }
 
     /// Whether the game is on show, and nothing in its place.
     pub fn is_game(&self) -> bool {
-        matches!(self.booth.show(), Show::Game)
+        matches!(self.modes.mode(), Mode::Game)
     }
 
     /// Whether a shot of before is on show.
     pub fn is_replay(&self) -> bool {
-        matches!(self.booth.show(), Show::Replay(_))
+        matches!(self.modes.mode(), Mode::Replay(_))
     }
 
     /// Whether a shot was played: then the player knows how.
@@ -376,13 +376,14 @@ impl Session {
         self.dirty = true;
     }
 
-    /// Whether something has changed since the last [`Session::draw`].
+    /// Whether something has changed since the last [`GameSession::draw`].
     pub fn needs_redraw(&mut self) -> bool {
-        let warp = &mut self.warp;
-        let fill =
-            &mut |picture: &mut _, missing: &_, before: &_| warp.fill(picture, missing, before);
+        let reprojector = &mut self.reprojector;
+        let fill = &mut |picture: &mut _, missing: &_, before: &_| {
+            reprojector.fill(picture, missing, before)
+        };
         let serial = self
-            .director
+            .scheduler
             .picture(fill)
             .map_or(0, |picture| picture.serial);
         self.dirty || serial != self.serial
@@ -391,66 +392,67 @@ impl Session {
     /// Whether nothing will change without input.
     pub fn is_at_rest(&self) -> bool {
         let drawn = match &self.farm {
-            FarmSlot::Starting(_) => false,
-            FarmSlot::Ready(_) => self.director.is_at_rest(),
-            FarmSlot::Failed(_) => true,
+            FarmState::Starting(_) => false,
+            FarmState::Ready(_) => self.scheduler.is_at_rest(),
+            FarmState::Failed(_) => true,
         };
-        let is_moving = self.booth.is_moving(&self.game)
-            || self.booth.is_photographing()
+        let is_moving = self.modes.is_moving(&self.game)
+            || self.modes.is_taking_screenshot()
             || self.game.is_thinking();
         self.is_hidden || (drawn && !self.dirty && !is_moving)
     }
 
     /// The picture to show under the overlay at `now_secs`: the newest, as the table looks now.
-    pub fn picture(&mut self, now_secs: f64) -> Option<&Picture> {
+    pub fn picture(&mut self, now_secs: f64) -> Option<&DisplayFrame> {
         let moment = self.moment(now_secs);
         let now = self.update(moment);
-        let warp = &mut self.warp;
-        let fill =
-            &mut |picture: &mut _, missing: &_, before: &_| warp.fill(picture, missing, before);
-        let picture = self.director.picture(fill)?;
+        let reprojector = &mut self.reprojector;
+        let fill = &mut |picture: &mut _, missing: &_, before: &_| {
+            reprojector.fill(picture, missing, before)
+        };
+        let picture = self.scheduler.picture(fill)?;
         self.serial = picture.serial;
-        Some(self.warp.follow(picture, &now))
+        Some(self.reprojector.reproject_to(picture, &now))
     }
 
     /// The moment on show of the shot that is on.
     fn moment(&self, now_secs: f64) -> f64 {
-        let shot = self.booth.shot_clock(&self.game, now_secs);
+        let shot = self.modes.shot_clock(&self.game, now_secs);
         shot.map_or(0.0, |(_, clock, end)| clock.min(end))
     }
 
     /// The view on show.
     pub fn viewpoint(&self, now_secs: f64) -> Viewpoint {
-        self.booth.viewpoint(&self.game, self.moment(now_secs))
+        self.modes.viewpoint(&self.game, self.moment(now_secs))
     }
 
     /// What is on show at a moment of its shot, if one is on.
     fn update(&self, moment: f64) -> SceneUpdate {
-        let (booth, game) = (&self.booth, &self.game);
-        let camera = booth.camera(game, moment);
-        self.stage.update(camera, &booth.poses(game, moment))
+        let (modes, game) = (&self.modes, &self.game);
+        let camera = modes.camera(game, moment);
+        self.table_scene.update(camera, &modes.poses(game, moment))
     }
 
-    fn photograph(&mut self, now_secs: f64) {
+    fn take_screenshot(&mut self, now_secs: f64) {
         let update = self.update(self.moment(now_secs));
         let still = Screenshot::of(update, self.pixels, self.max_depth);
-        let (config, scene) = (self.config.clone(), self.stage.scene().clone());
+        let (config, scene) = (self.config.clone(), self.table_scene.scene().clone());
         if self.pixels.pixels() > 0 {
             let begin = |folder| Screenshot::begin(config, scene, still, folder);
-            self.booth.photograph(begin);
+            self.modes.take_screenshot(begin);
         }
     }
 
     fn exchange(&mut self, now_secs: f64) -> Result<(), String> {
         self.settle_farm()?;
-        let FarmSlot::Ready(farm) = &mut self.farm else {
+        let FarmState::Ready(farm) = &mut self.farm else {
             return Ok(());
         };
         while let Some(frame) = farm.poll_frame() {
             if self.stats.is_shown() {
                 let stats = frame.stats.clone();
-                let samples = self.director.samples_of(frame.id).unwrap_or(0);
-                self.stats.take(Seen {
+                let samples = self.scheduler.samples_of(frame.id).unwrap_or(0);
+                self.stats.take(FrameSample {
                     frame: frame.id.0,
                     at_secs: now_secs,
                     size: frame.size,
@@ -459,56 +461,56 @@ impl Session {
                     nodes: &farm.nodes(),
                 });
             }
-            if let Some(negative) = self.director.finished(frame) {
-                self.darkroom.develop(negative);
+            if let Some(batch) = self.scheduler.finished(frame) {
+                self.accumulation.submit(batch);
             }
         }
-        while let Some(print) = self.darkroom.poll() {
-            self.director.printed(print);
+        while let Some(frame) = self.accumulation.poll() {
+            self.scheduler.accumulated(frame);
         }
         if self.is_hidden {
             farm.cancel_before(FrameId(self.last_frame.0 + 1));
             return Ok(());
         }
-        let (booth, game, stage) = (&self.booth, &self.game, &self.stage);
-        let shot = booth.shot_clock(game, now_secs);
+        let (modes, game, table_scene) = (&self.modes, &self.game, &self.table_scene);
+        let shot = modes.shot_clock(game, now_secs);
         let scene_at = |moment: f64| {
-            let camera = booth.camera(game, moment);
-            stage.update(camera, &booth.poses(game, moment))
+            let camera = modes.camera(game, moment);
+            table_scene.update(camera, &modes.poses(game, moment))
         };
-        let subject = match shot {
-            Some((number, clock_secs, end_secs)) => Subject::Shot {
+        let target = match shot {
+            Some((number, clock_secs, end_secs)) => ViewTarget::Shot {
                 number,
                 clock_secs,
                 end_secs,
             },
-            None => Subject::Live(scene_at(now_secs)),
+            None => ViewTarget::Live(scene_at(now_secs)),
         };
         loop {
             let room = self.in_flight_max.saturating_sub(farm.in_flight());
-            match self.director.plan(now_secs, &subject, room, &scene_at) {
-                Plan::Rest => return Ok(()),
-                Plan::CancelAll => farm.cancel_before(FrameId(self.last_frame.0 + 1)),
-                Plan::Trace(order) => {
+            match self.scheduler.plan(now_secs, &target, room, &scene_at) {
+                SchedulerAction::Rest => return Ok(()),
+                SchedulerAction::CancelAll => farm.cancel_before(FrameId(self.last_frame.0 + 1)),
+                SchedulerAction::Trace(order) => {
                     let submitted = farm.submit_by(order.spec.clone(), order.deadline);
                     self.last_frame = submitted.map_err(|error| error.to_string())?;
-                    self.director.submitted(self.last_frame, &order);
+                    self.scheduler.submitted(self.last_frame, &order);
                 }
             }
         }
     }
 
     fn settle_farm(&mut self) -> Result<(), String> {
-        let FarmSlot::Starting(receiver) = &self.farm else {
+        let FarmState::Starting(receiver) = &self.farm else {
             return Ok(());
         };
         match receiver.try_recv() {
             Ok(Ok(mut farm)) => {
                 if std::mem::take(&mut self.is_scene_new) {
-                    farm.set_scene(self.stage.scene())
+                    farm.set_scene(self.table_scene.scene())
                         .map_err(|error| error.to_string())?;
                 }
-                self.farm = FarmSlot::Ready(Box::new(farm));
+                self.farm = FarmState::Ready(Box::new(farm));
             }
             Ok(Err(error)) => return Err(error.to_string()),
             Err(TryRecvError::Empty) => {}
@@ -518,8 +520,8 @@ impl Session {
     }
 
     /// What the player has chosen to give up first, since the last call.
-    pub fn take_dial(&mut self) -> Option<Dial> {
-        self.wished_dial.take()
+    pub fn take_requested_quality(&mut self) -> Option<QualityPreference> {
+        self.requested_quality.take()
     }
 
     /// What the window needed for the last redraw, seconds.
@@ -528,16 +530,16 @@ impl Session {
     }
 }
 
-impl Drop for Session {
+impl Drop for GameSession {
     /// A GPU's driver must not be set up in a process that is exiting meanwhile.
     fn drop(&mut self) {
-        if let FarmSlot::Starting(farm) = &self.farm {
+        if let FarmState::Starting(farm) = &self.farm {
             let _ = farm.recv_timeout(START_PATIENCE);
         }
     }
 }
 
-fn start_farm(config: FarmConfig, scene: Scene) -> FarmSlot {
+fn start_farm(config: FarmConfig, scene: Scene) -> FarmState {
     let (sender, receiver) = channel();
     let start = move || {
         let farm = Farm::new(config).and_then(|mut farm| farm.set_scene(&scene).map(|()| farm));
@@ -548,8 +550,8 @@ fn start_farm(config: FarmConfig, scene: Scene) -> FarmSlot {
         .name("farm start".to_owned())
         .spawn(start)
     {
-        Ok(_) => FarmSlot::Starting(receiver),
-        Err(error) => FarmSlot::Failed(error.to_string()),
+        Ok(_) => FarmState::Starting(receiver),
+        Err(error) => FarmState::Failed(error.to_string()),
     }
 }
 

@@ -2,7 +2,7 @@
 
 /// The time of one shot on show. `now_secs` is the display's time; it never runs backwards.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Clock {
+pub struct ReplayClock {
     /// The moment on show at `since_secs`.
     moment_secs: f64,
     since_secs: f64,
@@ -13,7 +13,7 @@ pub struct Clock {
     turns: u64,
 }
 
-impl Clock {
+impl ReplayClock {
     /// Runs from the start of a shot that lasts `end_secs`.
     pub fn new(end_secs: f64, now_secs: f64) -> Self {
         Self {
@@ -131,7 +131,7 @@ mod tests {
 
     #[test]
     fn it_runs_at_its_rate_and_stops_at_the_end() {
-        let mut clock = Clock::new(2.0, 10.0);
+        let mut clock = ReplayClock::new(2.0, 10.0);
         assert_eq!(clock.moment_secs(10.5), 0.5);
         clock.set_rate(0.25, 11.0);
         assert_eq!(clock.moment_secs(13.0), 1.5);
@@ -148,7 +148,7 @@ mod tests {
 
     #[test]
     fn it_steps_from_event_to_event() {
-        let mut clock = Clock::new(2.0, 0.0);
+        let mut clock = ReplayClock::new(2.0, 0.0);
         let moments = [0.0, 0.5, 0.500_01, 1.2];
         let mut step = |forward| {
             clock.step(&moments, forward, 0.0);
@@ -163,7 +163,7 @@ mod tests {
 
     #[test]
     fn a_layout_has_no_time() {
-        let mut clock = Clock::new(0.0, 5.0);
+        let mut clock = ReplayClock::new(0.0, 5.0);
         assert!(!clock.is_running());
         clock.toggle(6.0);
         assert_eq!((clock.is_running(), clock.moment_secs(7.0)), (false, 0.0));
@@ -175,7 +175,7 @@ mod tests {
             end in 0.0f64..100.0,
             deeds in prop::collection::vec((0u8..5, -10.0f64..110.0, 0.0f64..3.0), 0..40),
         ) {
-            let mut clock = Clock::new(end, 0.0);
+            let mut clock = ReplayClock::new(end, 0.0);
             let mut now = 0.0;
             for (deed, value, pause) in deeds {
                 let turns = clock.turns();

@@ -2,9 +2,9 @@
 //! from a list, kept as files.
 //!
 //! ```text
-//! Recording (takes) ─▶ Viewing ─┬─ Clock (runs, slows, stands, is turned)
+//! Recording (takes) ─▶ ReplayPlayer ─┬─ ReplayClock (runs, slows, stands, is turned)
 //!        ▲   ▲                  └─▶ poses and camera, as a game gives them
-//!    Shelf   Match::recording
+//!    RecordingStore   Match::recording
 //! ```
 //! Knows neither window nor farm; time is an argument.
 
@@ -12,36 +12,35 @@ mod clock;
 
 use std::cell::OnceCell;
 
+use crate::camera::{CameraView, FollowCamera, ViewContext, ViewSelection, Viewpoint};
+use crate::capture::{TimelineEvent, timeline_events};
+use crate::input::{Intent, ReplayControl};
 use carom_billiards::physics::{BallPose, BallState, Phase, Recording, Shot, Table, Take};
 
-use crate::camera::{Chase, Sight, View, Viewpoint, Views};
-use crate::capture::{Moment, moments};
-use crate::input::{Intent, Watch};
-
-pub use clock::Clock;
+pub use clock::ReplayClock;
 
 /// A recording on show.
 #[derive(Clone, Debug)]
-pub struct Viewing {
+pub struct ReplayPlayer {
     recording: Recording,
     take: usize,
-    clock: Clock,
-    moments: Vec<Moment>,
-    views: Views,
-    chase: OnceCell<Chase>,
+    clock: ReplayClock,
+    timeline: Vec<TimelineEvent>,
+    views: ViewSelection,
+    chase: OnceCell<FollowCamera>,
 }
 
-impl Viewing {
+impl ReplayPlayer {
     /// Shows the last take of a recording of `table`; None if it has none.
     pub fn new(recording: Recording, table: &Table, now_secs: f64) -> Option<Self> {
         let take = recording.takes.len().checked_sub(1)?;
         let shot = &recording.takes[take].shot;
         Some(Self {
-            clock: Clock::new(shot.duration_secs(), now_secs),
-            moments: moments(shot),
+            clock: ReplayClock::new(shot.duration_secs(), now_secs),
+            timeline: timeline_events(shot),
             recording,
             take,
-            views: Views::new(table),
+            views: ViewSelection::new(table),
             chase: OnceCell::new(),
         })
     }
@@ -57,13 +56,13 @@ impl Viewing {
     }
 
     /// Its time.
-    pub fn clock(&self) -> &Clock {
+    pub fn clock(&self) -> &ReplayClock {
         &self.clock
     }
 
     /// What happens in it.
-    pub fn moments(&self) -> &[Moment] {
-        &self.moments
+    pub fn timeline_events(&self) -> &[TimelineEvent] {
+        &self.timeline
     }
 
     /// The shot on show.
@@ -80,30 +79,32 @@ impl Viewing {
     }
 
     /// Does what the viewer wants.
-    pub fn apply(&mut self, watch: Watch, now_secs: f64) {
+    pub fn apply(&mut self, watch: ReplayControl, now_secs: f64) {
         match watch {
-            Watch::Toggle => self.clock.toggle(now_secs),
-            Watch::Rate(rate) => self.clock.set_rate(rate, now_secs),
-            Watch::Seek(moment_secs) => self.clock.seek(moment_secs, now_secs),
-            Watch::Skip(by_secs) => {
+            ReplayControl::Toggle => self.clock.toggle(now_secs),
+            ReplayControl::Rate(rate) => self.clock.set_rate(rate, now_secs),
+            ReplayControl::Seek(moment_secs) => self.clock.seek(moment_secs, now_secs),
+            ReplayControl::Skip(by_secs) => {
                 let moment_secs = self.clock.moment_secs(now_secs) + by_secs;
                 self.clock.seek(moment_secs, now_secs);
             }
-            Watch::Turn { forward: true } => self.apply(Watch::Pick(self.take + 1), now_secs),
-            Watch::Turn { forward: false } => {
-                self.apply(Watch::Pick(self.take.wrapping_sub(1)), now_secs);
+            ReplayControl::Turn { forward: true } => {
+                self.apply(ReplayControl::Pick(self.take + 1), now_secs)
             }
-            Watch::Step { forward } => {
-                let times: Vec<f64> = self.moments.iter().map(|moment| moment.secs).collect();
+            ReplayControl::Turn { forward: false } => {
+                self.apply(ReplayControl::Pick(self.take.wrapping_sub(1)), now_secs);
+            }
+            ReplayControl::Step { forward } => {
+                let times: Vec<f64> = self.timeline.iter().map(|moment| moment.secs).collect();
                 self.clock.step(&times, forward, now_secs);
             }
-            Watch::Pick(take) if take < self.recording.takes.len() => {
+            ReplayControl::Pick(take) if take < self.recording.takes.len() => {
                 self.take = take;
                 self.chase = OnceCell::new();
                 self.clock = self.clock.restarted(self.shot().duration_secs(), now_secs);
-                self.moments = moments(self.shot());
+                self.timeline = timeline_events(self.shot());
             }
-            Watch::Pick(_) => {}
+            ReplayControl::Pick(_) => {}
         }
     }
 
@@ -114,7 +115,7 @@ impl Viewing {
     }
 
     /// The view that is chosen.
-    pub fn view(&self) -> View {
+    pub fn view(&self) -> CameraView {
         self.views.view()
     }
 
@@ -137,19 +138,21 @@ impl Viewing {
         })
     }
 
-    /// The balls at a moment that [`Viewing::shot_clock`] counts; while time stands, as they are.
+    /// The balls at a moment that [`ReplayPlayer::shot_clock`] counts; while time stands, as they are.
     pub fn poses(&self, display_secs: f64) -> Vec<BallPose> {
         self.shot().poses_at(self.moment_secs(display_secs))
     }
 
-    /// From where it is seen, at a moment as [`Viewing::poses`] counts it.
+    /// From where it is seen, at a moment as [`ReplayPlayer::poses`] counts it.
     pub fn viewpoint(&self, table: &Table, display_secs: f64) -> Viewpoint {
-        let follows = self.views.view() == View::Follow;
+        let follows = self.views.view() == CameraView::Follow;
         let chase = || {
-            let chase = self.chase.get_or_init(|| Chase::new(self.shot(), false));
+            let chase = self
+                .chase
+                .get_or_init(|| FollowCamera::new(self.shot(), false));
             chase.at(self.moment_secs(display_secs))
         };
-        self.views.viewpoint(&Sight {
+        self.views.viewpoint(&ViewContext {
             table,
             ball: follows.then(chase),
             bearing_rad: bearing_rad(self.shot()),
@@ -206,7 +209,7 @@ mod tests {
     use super::*;
     use carom_billiards::physics::{Stroke, World};
 
-    fn viewing() -> Viewing {
+    fn player() -> ReplayPlayer {
         let table = Table::nine_foot();
         let world = World::new(table.clone(), table.rack_eight(1)).unwrap();
         let strike = |speed| world.strike(Stroke::straight(0.1, speed)).unwrap();
@@ -215,42 +218,42 @@ mod tests {
             title: "hard".to_owned(),
             shot: strike(6.0),
         });
-        Viewing::new(recording, &table, 100.0).unwrap()
+        ReplayPlayer::new(recording, &table, 100.0).unwrap()
     }
 
     #[test]
     fn slow_motion_shows_the_same_moments_later() {
-        let mut viewing = viewing();
-        assert_eq!(viewing.take(), 1, "the newest first");
-        let (number, clock, end) = viewing.shot_clock(100.5).unwrap();
-        assert_eq!((clock, end), (0.5, viewing.shot().duration_secs()));
-        let poses = viewing.poses(0.5);
-        assert_eq!(poses, viewing.shot().poses_at(0.5));
-        viewing.apply(Watch::Rate(0.25), 100.5);
-        let (slow, clock, slow_end) = viewing.shot_clock(100.5).unwrap();
+        let mut player = player();
+        assert_eq!(player.take(), 1, "the newest first");
+        let (number, clock, end) = player.shot_clock(100.5).unwrap();
+        assert_eq!((clock, end), (0.5, player.shot().duration_secs()));
+        let poses = player.poses(0.5);
+        assert_eq!(poses, player.shot().poses_at(0.5));
+        player.apply(ReplayControl::Rate(0.25), 100.5);
+        let (slow, clock, slow_end) = player.shot_clock(100.5).unwrap();
         assert!(slow != number && slow_end == 4.0 * end);
-        assert_eq!((clock, viewing.poses(clock)), (2.0, poses));
+        assert_eq!((clock, player.poses(clock)), (2.0, poses));
     }
 
     #[test]
     fn standing_still_it_is_a_still_picture() {
-        let mut viewing = viewing();
-        viewing.apply(Watch::Seek(0.7), 101.0);
-        viewing.apply(Watch::Toggle, 101.0);
-        assert_eq!(viewing.shot_clock(109.0), None);
-        assert_eq!(viewing.poses(109.0), viewing.shot().poses_at(0.7));
-        viewing.apply(Watch::Step { forward: false }, 110.0);
-        let contacts: Vec<f64> = viewing.moments().iter().map(|m| m.secs).collect();
-        assert!(contacts.contains(&viewing.clock().moment_secs(0.0)));
+        let mut player = player();
+        player.apply(ReplayControl::Seek(0.7), 101.0);
+        player.apply(ReplayControl::Toggle, 101.0);
+        assert_eq!(player.shot_clock(109.0), None);
+        assert_eq!(player.poses(109.0), player.shot().poses_at(0.7));
+        player.apply(ReplayControl::Step { forward: false }, 110.0);
+        let contacts: Vec<f64> = player.timeline_events().iter().map(|m| m.secs).collect();
+        assert!(contacts.contains(&player.clock().moment_secs(0.0)));
     }
 
     #[test]
     fn another_take_is_picked_shared_and_played_on_from() {
-        let mut viewing = viewing();
-        viewing.apply(Watch::Pick(7), 100.0);
-        assert_eq!(viewing.take(), 1);
-        viewing.apply(Watch::Pick(0), 100.0);
-        let shared = Recording::from_bytes(&viewing.excerpt().to_bytes().unwrap()).unwrap();
+        let mut player = player();
+        player.apply(ReplayControl::Pick(7), 100.0);
+        assert_eq!(player.take(), 1);
+        player.apply(ReplayControl::Pick(0), 100.0);
+        let shared = Recording::from_bytes(&player.excerpt().to_bytes().unwrap()).unwrap();
         assert_eq!(
             (shared.takes.len(), shared.takes[0].title.as_str()),
             (1, "soft")
@@ -258,7 +261,7 @@ mod tests {
         let world = World::new(
             Table::nine_foot(),
             carom_billiards::physics::Layout {
-                balls: viewing.start(),
+                balls: player.start(),
             },
         )
         .unwrap();

@@ -11,12 +11,12 @@ use anyhow::{Context as _, bail, ensure};
 use carom_tracer::{ImageSize, RenderSettings};
 use serde::{Deserialize, Serialize};
 
-use super::{Footage, frame_bytes, write_png};
+use super::{ShotSequence, frame_bytes, write_png};
 use crate::frame::scheduler::EXPOSURE;
 
 /// Whose frames a folder holds.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Job {
+pub struct RenderJob {
     /// Of all that the frames' pixels depend on, in hexadecimal.
     hash: String,
     frames: u32,
@@ -26,13 +26,13 @@ pub struct Job {
     done: bool,
 }
 
-impl Job {
+impl RenderJob {
     /// Of a film at a size, with settings.
     ///
     /// # Errors
     /// If a number of the scene cannot be written down.
     pub fn of(
-        footage: &Footage,
+        footage: &ShotSequence,
         size: ImageSize,
         settings: RenderSettings,
     ) -> anyhow::Result<Self> {
@@ -59,20 +59,20 @@ impl Job {
 
 /// The frames of a job.
 #[derive(Debug)]
-pub struct Reel {
+pub struct FrameCache {
     folder: PathBuf,
-    job: Job,
+    job: RenderJob,
     size: ImageSize,
     kept: Vec<bool>,
 }
 
-impl Reel {
+impl FrameCache {
     /// Begins in a folder, which is made if there is none; or goes on with the frames of the same job
     /// that are there. Frames of a finished film make room.
     ///
     /// # Errors
     /// A sentence with the folder if it holds an unfinished film of another job, or cannot be used.
-    pub fn open(folder: &Path, job: Job, size: ImageSize) -> anyhow::Result<Self> {
+    pub fn open(folder: &Path, job: RenderJob, size: ImageSize) -> anyhow::Result<Self> {
         fs::create_dir_all(folder)
             .with_context(|| format!("cannot make the folder {}", folder.display()))?;
         let mut reel = Self {
@@ -160,7 +160,7 @@ impl Reel {
         })
     }
 
-    /// Notes that the film is whole: the next job may take the folder.
+    /// Toasts that the film is whole: the next job may take the folder.
     ///
     /// # Errors
     /// A sentence with the path.
@@ -183,7 +183,7 @@ impl Reel {
     }
 
     /// Throws the frames of another job away, unless it is not finished.
-    fn make_room(&self, before: &Job) -> anyhow::Result<()> {
+    fn make_room(&self, before: &RenderJob) -> anyhow::Result<()> {
         let held = (0..before.frames)
             .filter(|&i| self.path(i).is_file())
             .count();
@@ -210,7 +210,7 @@ impl Reel {
     }
 
     /// The job whose frames are there; none if nothing tells.
-    fn before(&self) -> anyhow::Result<Option<Job>> {
+    fn before(&self) -> anyhow::Result<Option<RenderJob>> {
         let path = self.job_path();
         let text = match fs::read_to_string(&path) {
             Ok(text) => text,
@@ -219,7 +219,7 @@ impl Reel {
                 return Err(error).with_context(|| format!("cannot read {}", path.display()));
             }
         };
-        let job: Job = serde_json::from_str(&text).with_context(|| {
+        let job: RenderJob = serde_json::from_str(&text).with_context(|| {
             format!(
                 "{} tells of no film: delete it, or name another folder",
                 path.display()
@@ -260,24 +260,24 @@ const FRAMES_MAX: u32 = 1 << 20;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::video::View;
+    use crate::capture::video::VideoView;
     use crate::scene::ball_materials::BallSet;
-    use crate::scene::table_scene::Stage;
+    use crate::scene::table_scene::TableScene;
     use carom_billiards::physics::{Stroke, World};
 
     const SIZE: ImageSize = ImageSize::new(4, 2);
 
-    fn job(speed_m_s: f64, samples: u32, frames: u32) -> Job {
-        let table = Stage::table();
+    fn job(speed_m_s: f64, samples: u32, frames: u32) -> RenderJob {
+        let table = TableScene::table();
         let world = World::new(table.clone(), table.rack_eight(1)).unwrap();
         let shot = world.strike(Stroke::straight(1.2, speed_m_s)).unwrap();
-        let stage = Stage::room(BallSet::Classic);
-        let footage = Footage::whole(stage, vec![shot], View::Table, 30).cut(frames);
+        let stage = TableScene::room(BallSet::Classic);
+        let footage = ShotSequence::whole(stage, vec![shot], VideoView::Table, 30).cut(frames);
         let settings = RenderSettings {
             samples,
             ..RenderSettings::default()
         };
-        Job::of(&footage, SIZE, settings).unwrap()
+        RenderJob::of(&footage, SIZE, settings).unwrap()
     }
 
     fn frame(value: u8) -> Vec<u8> {
@@ -287,10 +287,10 @@ mod tests {
     #[test]
     fn a_film_goes_on_with_the_frames_that_are_there() {
         let folder = tempfile::tempdir().unwrap();
-        let mut first = Reel::open(folder.path(), job(0.5, 1, 4), SIZE).unwrap();
+        let mut first = FrameCache::open(folder.path(), job(0.5, 1, 4), SIZE).unwrap();
         first.keep(0, &frame(10)).unwrap();
         first.keep(2, &frame(30)).unwrap();
-        let mut second = Reel::open(folder.path(), job(0.5, 1, 4), SIZE).unwrap();
+        let mut second = FrameCache::open(folder.path(), job(0.5, 1, 4), SIZE).unwrap();
         assert_eq!(second.missing().collect::<Vec<u32>>(), [1, 3]);
         assert_eq!(second.read(2).unwrap(), frame(30));
         second.keep(1, &frame(20)).unwrap();
@@ -303,10 +303,10 @@ mod tests {
     #[test]
     fn an_unfinished_film_is_never_lost_to_another_and_a_finished_one_makes_room() {
         let folder = tempfile::tempdir().unwrap();
-        let mut first = Reel::open(folder.path(), job(0.5, 1, 4), SIZE).unwrap();
+        let mut first = FrameCache::open(folder.path(), job(0.5, 1, 4), SIZE).unwrap();
         first.keep(0, &frame(1)).unwrap();
         for other in [job(0.6, 1, 4), job(0.5, 2, 4), job(0.5, 1, 5)] {
-            let refused = Reel::open(folder.path(), other, SIZE)
+            let refused = FrameCache::open(folder.path(), other, SIZE)
                 .unwrap_err()
                 .to_string();
             assert!(
@@ -315,14 +315,14 @@ mod tests {
             );
         }
         first.finish().unwrap();
-        let second = Reel::open(folder.path(), job(0.5, 2, 4), SIZE).unwrap();
+        let second = FrameCache::open(folder.path(), job(0.5, 2, 4), SIZE).unwrap();
         assert_eq!(second.kept(), 0);
         // The same film, asked for again after it was finished, is traced again.
         drop(second);
-        let mut third = Reel::open(folder.path(), job(0.5, 2, 4), SIZE).unwrap();
+        let mut third = FrameCache::open(folder.path(), job(0.5, 2, 4), SIZE).unwrap();
         third.keep(1, &frame(1)).unwrap();
         third.finish().unwrap();
-        let again = Reel::open(folder.path(), job(0.5, 2, 4), SIZE).unwrap();
+        let again = FrameCache::open(folder.path(), job(0.5, 2, 4), SIZE).unwrap();
         assert_eq!(again.kept(), 0);
     }
 
@@ -330,17 +330,17 @@ mod tests {
     fn pictures_of_unknown_origin_are_not_taken_for_frames() {
         let folder = tempfile::tempdir().unwrap();
         write_png(&folder.path().join("frame_0001.png"), SIZE, &frame(9)).unwrap();
-        let reel = Reel::open(folder.path(), job(0.5, 1, 4), SIZE).unwrap();
+        let reel = FrameCache::open(folder.path(), job(0.5, 1, 4), SIZE).unwrap();
         assert_eq!(reel.kept(), 0);
         fs::write(folder.path().join("job.json"), "{}").unwrap();
-        let error = Reel::open(folder.path(), job(0.5, 1, 4), SIZE).unwrap_err();
+        let error = FrameCache::open(folder.path(), job(0.5, 1, 4), SIZE).unwrap_err();
         assert!(error.to_string().contains("tells of no film"), "{error}");
     }
 
     #[test]
     fn a_damaged_frame_is_named() {
         let folder = tempfile::tempdir().unwrap();
-        let mut reel = Reel::open(folder.path(), job(0.5, 1, 2), SIZE).unwrap();
+        let mut reel = FrameCache::open(folder.path(), job(0.5, 1, 2), SIZE).unwrap();
         reel.keep(0, &frame(7)).unwrap();
         let path = folder.path().join("frame_0000.png");
         let whole = fs::read(&path).unwrap();

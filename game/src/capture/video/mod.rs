@@ -1,7 +1,7 @@
 //! Shots as a film: frames by the farm, kept as they come, then put together into one file.
 //!
 //! ```text
-//! Footage (what is seen when) ─▶ Farm ─▶ Reel (frames in a folder, by the job's hash)
+//! ShotSequence (what is seen when) ─▶ Farm ─▶ FrameCache (frames in a folder, by the job's hash)
 //!                                          └─▶ film.y4m, film.png (animated), or the folder itself
 //! ```
 
@@ -17,13 +17,13 @@ use anyhow::Context as _;
 use carom_tracer::ImageSize;
 
 pub use apng::{Animation, write_png};
-pub use frame_cache::{Job, Reel};
-pub use shot_sequence::{Footage, View};
+pub use frame_cache::{FrameCache, RenderJob};
+pub use shot_sequence::{ShotSequence, VideoView};
 pub use y4m::Y4m;
 
 /// Where a film goes; its kind is told by the name's ending.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Target {
+pub enum VideoTarget {
     /// YUV4MPEG2, which video encoders read: `.y4m`.
     Y4m(PathBuf),
     /// An animated PNG: `.png`.
@@ -32,7 +32,7 @@ pub enum Target {
     Folder(PathBuf),
 }
 
-impl Target {
+impl VideoTarget {
     /// Reads a path.
     ///
     /// # Errors
@@ -77,8 +77,8 @@ impl Target {
 /// # Errors
 /// A sentence with the path; what `between` says.
 pub fn assemble(
-    reel: &Reel,
-    target: &Target,
+    reel: &FrameCache,
+    target: &VideoTarget,
     frames_per_sec: u16,
     between: &mut dyn FnMut() -> anyhow::Result<()>,
 ) -> anyhow::Result<()> {
@@ -87,8 +87,8 @@ pub fn assemble(
     partial.push(".partial");
     let partial = PathBuf::from(partial);
     match target {
-        Target::Folder(_) => return Ok(()),
-        Target::Y4m(_) => {
+        VideoTarget::Folder(_) => return Ok(()),
+        VideoTarget::Y4m(_) => {
             let mut film = Y4m::create(&partial, reel.size(), frames_per_sec)?;
             for index in 0..reel.frames() {
                 between()?;
@@ -96,7 +96,7 @@ pub fn assemble(
             }
             film.finish()?;
         }
-        Target::Apng(_) => {
+        VideoTarget::Apng(_) => {
             let frames = reel.frames();
             let mut film = Animation::create(&partial, reel.size(), frames, frames_per_sec)?;
             for index in 0..frames {
@@ -120,15 +120,18 @@ mod tests {
 
     #[test]
     fn the_ending_tells_the_kind_and_the_reel_lies_beside() {
-        let film = Target::parse("a/shot.y4m").unwrap();
-        assert_eq!(film, Target::Y4m("a/shot.y4m".into()));
+        let film = VideoTarget::parse("a/shot.y4m").unwrap();
+        assert_eq!(film, VideoTarget::Y4m("a/shot.y4m".into()));
         assert_eq!(film.reel(), Path::new("a/shot.y4m.frames"));
-        assert_eq!(Target::parse("b.png"), Ok(Target::Apng("b.png".into())));
-        let folder = Target::parse("frames").unwrap();
+        assert_eq!(
+            VideoTarget::parse("b.png"),
+            Ok(VideoTarget::Apng("b.png".into()))
+        );
+        let folder = VideoTarget::parse("frames").unwrap();
         assert_eq!(folder.reel(), folder.path());
         for wrong in ["shot.mp4", "shot.PNG.gz", ""] {
             assert!(
-                Target::parse(wrong).unwrap_err().contains(".y4m"),
+                VideoTarget::parse(wrong).unwrap_err().contains(".y4m"),
                 "{wrong}"
             );
         }

@@ -5,11 +5,11 @@ use carom_tracer::SceneUpdate;
 use clap::ValueEnum;
 
 use crate::camera::{Viewpoint, smoothstep};
-use crate::scene::table_scene::Stage;
+use crate::scene::table_scene::TableScene;
 
 /// Where a film is seen from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum View {
+pub enum VideoView {
     /// From a fixed place beside the table
     #[default]
     Table,
@@ -19,10 +19,10 @@ pub enum View {
 
 /// A film that is not yet traced.
 #[derive(Clone, Debug)]
-pub struct Footage {
-    stage: Stage,
+pub struct ShotSequence {
+    stage: TableScene,
     shots: Vec<Shot>,
-    view: View,
+    view: VideoView,
     frames_per_sec: u16,
     /// Where each shot begins, seconds since its stroke.
     first_secs: f64,
@@ -30,9 +30,14 @@ pub struct Footage {
     starts: Vec<u32>,
 }
 
-impl Footage {
+impl ShotSequence {
     /// Whole shots, each with a moment of rest after it. `frames_per_sec` is at least 1.
-    pub fn whole(stage: Stage, shots: Vec<Shot>, view: View, frames_per_sec: u16) -> Self {
+    pub fn whole(
+        stage: TableScene,
+        shots: Vec<Shot>,
+        view: VideoView,
+        frames_per_sec: u16,
+    ) -> Self {
         let frames = |shot: &Shot| {
             let secs = shot.duration_secs() + REST_SECS;
             (secs * f64::from(frames_per_sec)).ceil() as u32
@@ -53,7 +58,13 @@ impl Footage {
     }
 
     /// The first `frames` of a shot from shortly before balls meet.
-    pub fn impact(stage: Stage, shot: Shot, view: View, frames_per_sec: u16, frames: u32) -> Self {
+    pub fn impact(
+        stage: TableScene,
+        shot: Shot,
+        view: VideoView,
+        frames_per_sec: u16,
+        frames: u32,
+    ) -> Self {
         let first_secs = (first_contact_secs(&shot) - LEAD_IN_SECS).max(0.0);
         Self {
             first_secs,
@@ -72,7 +83,7 @@ impl Footage {
     }
 
     /// The room.
-    pub fn stage(&self) -> &Stage {
+    pub fn stage(&self) -> &TableScene {
         &self.stage
     }
 
@@ -100,8 +111,8 @@ impl Footage {
         let (shot, moment_secs) = self.moment(frame);
         let shot = &self.shots[shot];
         let camera = match self.view {
-            View::Table => self.stage.scene().camera,
-            View::Player => {
+            VideoView::Table => self.stage.scene().camera,
+            VideoView::Player => {
                 let table = self.stage.table_inside();
                 behind(table, shot, moment_secs).camera_in(table)
             }
@@ -146,7 +157,7 @@ mod tests {
     use carom_billiards::physics::{Stroke, World};
 
     fn shot(speed_m_s: f64) -> Shot {
-        let table = Stage::table();
+        let table = TableScene::table();
         let world = World::new(table.clone(), table.rack_eight(1)).unwrap();
         world.strike(Stroke::straight(1.2, speed_m_s)).unwrap()
     }
@@ -155,7 +166,12 @@ mod tests {
     fn shots_follow_each_other_at_their_own_times() {
         let shots = vec![shot(0.5), shot(0.2)];
         let ends: Vec<f64> = shots.iter().map(Shot::duration_secs).collect();
-        let film = Footage::whole(Stage::room(BallSet::Classic), shots, View::Player, 24);
+        let film = ShotSequence::whole(
+            TableScene::room(BallSet::Classic),
+            shots,
+            VideoView::Player,
+            24,
+        );
         assert_eq!(film.moment(0), (0, 0.0));
         let second = (0..film.frames()).find(|&i| film.moment(i).0 == 1).unwrap();
         let (_, last_secs) = film.moment(second - 1);
@@ -172,11 +188,17 @@ mod tests {
 
     #[test]
     fn a_break_is_shown_from_shortly_before_its_impact() {
-        let table = Stage::table();
+        let table = TableScene::table();
         let world = World::new(table.clone(), table.rack_eight(1)).unwrap();
         let soft = world.strike(Stroke::straight(0.0, 2.0)).unwrap();
         let contact = first_contact_secs(&soft);
-        let film = Footage::impact(Stage::room(BallSet::Classic), soft, View::Table, 30, 5);
+        let film = ShotSequence::impact(
+            TableScene::room(BallSet::Classic),
+            soft,
+            VideoView::Table,
+            30,
+            5,
+        );
         let (_, first_secs) = film.moment(0);
         assert!((contact - first_secs - LEAD_IN_SECS).abs() < 1e-9);
         assert_eq!(film.frames(), 5);

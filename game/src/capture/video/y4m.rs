@@ -19,7 +19,7 @@ use super::frame_bytes;
 pub struct Y4m {
     file: BufWriter<File>,
     size: ImageSize,
-    matrix: Matrix,
+    matrix: YuvMatrix,
 }
 
 impl Y4m {
@@ -38,7 +38,7 @@ impl Y4m {
             Ok(Self {
                 file,
                 size,
-                matrix: Matrix::of(size),
+                matrix: YuvMatrix::of(size),
             })
         };
         begin().with_context(|| format!("cannot write {}", path.display()))
@@ -81,12 +81,12 @@ impl Y4m {
 
 /// The shares of red and blue in luma.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Matrix {
+struct YuvMatrix {
     red: f32,
     blue: f32,
 }
 
-impl Matrix {
+impl YuvMatrix {
     /// ITU-R BT.709-6, item 3.2.
     const HIGH: Self = Self {
         red: 0.2126,
@@ -135,12 +135,12 @@ mod tests {
             ([0, 0, 255], [32, 240, 118]),
         ];
         for (rgb, ycc) in high {
-            assert_eq!(Matrix::HIGH.ycc(rgb), ycc, "{rgb:?}");
+            assert_eq!(YuvMatrix::HIGH.ycc(rgb), ycc, "{rgb:?}");
         }
-        assert_eq!(Matrix::STANDARD.ycc([255, 0, 0]), [81, 90, 240]);
-        assert_eq!(Matrix::STANDARD.ycc([0, 255, 0]), [145, 54, 34]);
-        assert_eq!(Matrix::of(ImageSize::new(640, 360)), Matrix::STANDARD);
-        assert_eq!(Matrix::of(ImageSize::new(1280, 720)), Matrix::HIGH);
+        assert_eq!(YuvMatrix::STANDARD.ycc([255, 0, 0]), [81, 90, 240]);
+        assert_eq!(YuvMatrix::STANDARD.ycc([0, 255, 0]), [145, 54, 34]);
+        assert_eq!(YuvMatrix::of(ImageSize::new(640, 360)), YuvMatrix::STANDARD);
+        assert_eq!(YuvMatrix::of(ImageSize::new(1280, 720)), YuvMatrix::HIGH);
     }
 
     #[test]

@@ -7,7 +7,7 @@
 //! shot ──────────────────────────▶  moments of the future, each shown when its time comes
 //! ```
 //!
-//! The director knows neither farm nor clock: times are arguments, so that tests play hours in
+//! The scheduler knows neither farm nor clock: times are arguments, so that tests play hours in
 //! milliseconds.
 
 #[cfg(test)]
@@ -20,20 +20,20 @@ use carom_farm::pacing::{Lead, Queue, Schedule};
 use carom_farm::{Frame, FrameId, FrameSpec, PixelFormat, Pixels};
 use carom_tracer::{ImageSize, RenderSettings, SceneUpdate, Tile};
 
-use crate::display::Picture;
-use crate::frame::accumulation::{Negative, Print};
-use crate::frame::quality::{Dial, Level, Quality};
+use crate::display::DisplayFrame;
+use crate::frame::accumulation::{AccumulatedFrame, SampleBatch};
+use crate::frame::quality::{Quality, QualityLevel, QualityPreference};
 
 /// What the player looks at.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Subject {
+pub enum ViewTarget {
     /// The table as it is now.
     Live(SceneUpdate),
     /// A shot that plays on its own clock.
     Shot {
         /// Differs for each shot.
         number: u64,
-        /// The moment on show, seconds since the stroke; negative before it.
+        /// The moment on show, seconds since the stroke; batch before it.
         clock_secs: f64,
         /// When the last ball rests.
         end_secs: f64,
@@ -42,35 +42,35 @@ pub enum Subject {
 
 /// A picture to ask for.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Order {
+pub struct FrameRequest {
     /// What to submit.
     pub spec: FrameSpec,
     /// When it must be shown, from now on, if it must: see [`carom_farm::Farm::submit_by`].
     pub deadline: Option<Duration>,
-    role: Role,
+    role: RequestKind,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Role {
-    Draft,
-    Refinement,
-    Moment(f64),
+enum RequestKind {
+    Interactive,
+    Accumulation,
+    Lookahead(f64),
 }
 
 /// What the farm should do now.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Plan {
+pub enum SchedulerAction {
     /// Nothing.
     Rest,
     /// Drop every picture that is not finished.
     CancelAll,
     /// Trace this.
-    Trace(Order),
+    Trace(FrameRequest),
 }
 
 /// Figures for the player.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Figures {
+pub struct SchedulerStats {
     /// Size of the picture on show.
     pub size: ImageSize,
     /// Paths per pixel of the picture on show.
@@ -92,7 +92,7 @@ pub struct Figures {
     pub lead_secs: f64,
 }
 
-impl Default for Figures {
+impl Default for SchedulerStats {
     fn default() -> Self {
         Self {
             size: ImageSize::new(0, 0),
@@ -108,48 +108,48 @@ impl Default for Figures {
     }
 }
 
-/// Turns a [`Subject`] into orders and finished frames into the picture on show.
+/// Turns a [`ViewTarget`] into requests and finished frames into the picture on show.
 #[derive(Debug)]
-pub struct Director {
+pub struct FrameScheduler {
     window: ImageSize,
     max_depth: u32,
     quality: Quality,
     lead: Lead,
     in_flight_max: usize,
-    subject: Option<Subject>,
+    target: Option<ViewTarget>,
     still_since_secs: f64,
     drafted: bool,
-    refinement: Option<Refinement>,
+    refinement: Option<AccumulationState>,
     schedule: Schedule,
-    moments: Queue<Moment>,
-    pending: VecDeque<Pending>,
-    orders: u64,
+    moments: Queue<TimedFrame>,
+    pending: VecDeque<PendingFrame>,
+    requests: u64,
     serial: u64,
-    shown: Option<Picture>,
+    shown: Option<DisplayFrame>,
     /// Of the shot, if the picture on show is of it.
     shown_moment: Option<f64>,
-    figures: Figures,
+    stats: SchedulerStats,
 }
 
 /// A picture of a shot, perhaps with tiles missing.
 #[derive(Debug)]
-struct Moment {
-    picture: Picture,
+struct TimedFrame {
+    picture: DisplayFrame,
     missing: Vec<Tile>,
 }
 
 /// Puts into a picture what is missing of it, from the picture that was on show before.
-pub type Fill<'a> = &'a mut dyn FnMut(&mut Picture, &[Tile], &Picture);
+pub type FillMissing<'a> = &'a mut dyn FnMut(&mut DisplayFrame, &[Tile], &DisplayFrame);
 
 #[derive(Clone, Debug)]
-struct Pending {
+struct PendingFrame {
     id: FrameId,
-    role: Role,
+    role: RequestKind,
     settings: RenderSettings,
     update: SceneUpdate,
 }
 
-impl Director {
+impl FrameScheduler {
     /// For a window of `window` pixels, a farm that takes `in_flight_max` pictures at once, and
     /// paths of depth `max_depth` at most.
     pub fn new(window: ImageSize, in_flight_max: usize, max_depth: u32) -> Self {
@@ -159,24 +159,24 @@ impl Director {
             quality: Quality::default(),
             lead: Lead::default(),
             in_flight_max,
-            subject: None,
+            target: None,
             still_since_secs: 0.0,
             drafted: false,
             refinement: None,
             schedule: Schedule::default(),
             moments: Queue::default(),
             pending: VecDeque::new(),
-            orders: 0,
+            requests: 0,
             serial: 0,
             shown: None,
             shown_moment: None,
-            figures: Figures::default(),
+            stats: SchedulerStats::default(),
         }
     }
 
     /// What is given up first while things move.
-    pub fn set_dial(&mut self, dial: Dial) {
-        self.quality.set_dial(dial);
+    pub fn set_quality_preference(&mut self, preference: QualityPreference) {
+        self.quality.set_quality_preference(preference);
     }
 
     /// Maximum path depth from the next picture on.
@@ -188,7 +188,7 @@ impl Director {
     pub fn resize(&mut self, window: ImageSize) {
         if self.window != window {
             self.window = window;
-            self.subject = None;
+            self.target = None;
         }
     }
 
@@ -198,28 +198,28 @@ impl Director {
     }
 
     /// Decides what the farm, which can take `room` more frames, should do next; call until it says
-    /// [`Plan::Rest`]. `at` gives the scene at a moment of the shot.
+    /// [`SchedulerAction::Rest`]. `at` gives the scene at a moment of the shot.
     pub fn plan(
         &mut self,
         now_secs: f64,
-        subject: &Subject,
+        target: &ViewTarget,
         room: usize,
         at: &dyn Fn(f64) -> SceneUpdate,
-    ) -> Plan {
+    ) -> SchedulerAction {
         if self.window.pixels() == 0 {
-            return Plan::Rest;
+            return SchedulerAction::Rest;
         }
-        let cancel = self.turn_to(now_secs, subject);
+        let cancel = self.set_target(now_secs, target);
         if cancel && !self.pending.is_empty() {
             self.pending.clear();
-            return Plan::CancelAll;
+            return SchedulerAction::CancelAll;
         }
         if room == 0 {
-            return Plan::Rest;
+            return SchedulerAction::Rest;
         }
-        let order = match subject {
-            Subject::Live(update) => self.live_order(now_secs, update),
-            Subject::Shot {
+        let request = match target {
+            ViewTarget::Live(update) => self.live_order(now_secs, update),
+            ViewTarget::Shot {
                 clock_secs,
                 end_secs,
                 ..
@@ -227,50 +227,50 @@ impl Director {
                 let (lead, clock) = (self.lead.secs(), *clock_secs);
                 self.schedule
                     .next(clock, lead, self.quality.period_secs(), *end_secs)
-                    .map(|moment| Order {
+                    .map(|moment| FrameRequest {
                         deadline: Some(Duration::from_secs_f64((moment - clock).max(0.0))),
-                        ..self.level_order(at(moment), Role::Moment(moment))
+                        ..self.level_order(at(moment), RequestKind::Lookahead(moment))
                     })
             }
         };
-        order.map_or(Plan::Rest, Plan::Trace)
+        request.map_or(SchedulerAction::Rest, SchedulerAction::Trace)
     }
 
-    /// Notes that `order` was submitted as `id`.
-    pub fn submitted(&mut self, id: FrameId, order: &Order) {
-        self.pending.push_back(Pending {
+    /// Toasts that `request` was submitted as `id`.
+    pub fn submitted(&mut self, id: FrameId, request: &FrameRequest) {
+        self.pending.push_back(PendingFrame {
             id,
-            role: order.role,
-            settings: order.spec.settings,
-            update: order.spec.update.clone(),
+            role: request.role,
+            settings: request.spec.settings,
+            update: request.spec.update.clone(),
         });
     }
 
     /// Takes in a finished frame; what must be merged with others goes through a
     /// [`crate::frame::accumulation`]. Frames that have been cancelled are ignored.
-    pub fn finished(&mut self, frame: Frame) -> Option<Negative> {
-        let is_frame = |pending: &Pending| pending.id == frame.id;
+    pub fn finished(&mut self, frame: Frame) -> Option<SampleBatch> {
+        let is_frame = |pending: &PendingFrame| pending.id == frame.id;
         let place = self.pending.iter().position(is_frame)?;
         let pending = if frame.missing.is_empty() {
             let pending = self.pending.remove(place)?;
             self.measure(&pending, &frame);
             pending
         } else {
-            self.figures.late_tiles += frame.missing.len() as u64;
+            self.stats.late_tiles += frame.missing.len() as u64;
             self.pending[place].clone()
         };
         let samples = pending.settings.samples;
         match (pending.role, frame.pixels) {
-            (Role::Draft, Pixels::Srgb8(rgb)) => {
+            (RequestKind::Interactive, Pixels::Srgb8(rgb)) => {
                 self.show(frame.size, opaque(&rgb), samples, pending.update);
             }
-            (Role::Moment(at), Pixels::Srgb8(rgb)) => {
+            (RequestKind::Lookahead(at), Pixels::Srgb8(rgb)) => {
                 let picture = self.picture_of(frame.size, opaque(&rgb), pending.update);
                 self.add_moment(frame.id, at, picture, frame.missing);
-                self.figures.samples = samples;
+                self.stats.samples = samples;
             }
-            (Role::Refinement, Pixels::Linear(radiance)) => {
-                return Some(Negative {
+            (RequestKind::Accumulation, Pixels::Linear(radiance)) => {
+                return Some(SampleBatch {
                     series: self.refinement.as_ref()?.series,
                     size: frame.size,
                     radiance,
@@ -284,32 +284,32 @@ impl Director {
     }
 
     /// Takes in merged sample ranges; those of a picture that is not wanted any more are ignored.
-    pub fn printed(&mut self, print: Print) {
-        let wanted = |refinement: &&mut Refinement| refinement.series == print.series;
+    pub fn accumulated(&mut self, frame: AccumulatedFrame) {
+        let wanted = |refinement: &&mut AccumulationState| refinement.series == frame.series;
         let Some(refinement) = self.refinement.as_mut().filter(wanted) else {
             return;
         };
-        refinement.printed = print.samples;
+        refinement.accumulated = frame.samples;
         // Fewer would look rougher than the draft, whose pixels are larger.
-        if print.samples >= SHOWN_SAMPLES_MIN {
+        if frame.samples >= SHOWN_SAMPLES_MIN {
             let update = refinement.update.clone();
-            self.show(print.size, print.rgba, print.samples, update);
+            self.show(frame.size, frame.rgba, frame.samples, update);
         }
     }
 
-    /// The picture on show at this moment of the subject. What is missing of it is put in by `fill`.
-    pub fn picture(&mut self, fill: Fill<'_>) -> Option<&Picture> {
-        if let Some(Subject::Shot { clock_secs, .. }) = self.subject
+    /// The picture on show at this moment of the target. What is missing of it is put in by `fill`.
+    pub fn picture(&mut self, fill: FillMissing<'_>) -> Option<&DisplayFrame> {
+        if let Some(ViewTarget::Shot { clock_secs, .. }) = self.target
             && let Some((at, moment)) = self.moments.due(clock_secs)
         {
-            self.put_up(at, moment, fill);
+            self.present(at, moment, fill);
         }
         self.shown.as_ref()
     }
 
     /// A picture with tiles missing is shown only if there is one to fill them from.
-    fn put_up(&mut self, at: f64, moment: Moment, fill: Fill<'_>) {
-        let Moment {
+    fn present(&mut self, at: f64, moment: TimedFrame, fill: FillMissing<'_>) {
+        let TimedFrame {
             mut picture,
             missing,
         } = moment;
@@ -318,21 +318,22 @@ impl Director {
             Some(before) => fill(&mut picture, &missing, before),
             None => return,
         }
-        self.figures.size = picture.size;
+        self.stats.size = picture.size;
         self.shown = Some(picture);
         self.shown_moment = Some(at);
     }
 
     /// Takes in a picture of the shot. One that had to be shown before it was whole comes twice;
     /// those before it do not come any more.
-    fn add_moment(&mut self, id: FrameId, at: f64, picture: Picture, missing: Vec<Tile>) {
-        let comes =
-            |pending: &Pending| pending.id >= id || !matches!(pending.role, Role::Moment(_));
+    fn add_moment(&mut self, id: FrameId, at: f64, picture: DisplayFrame, missing: Vec<Tile>) {
+        let comes = |pending: &PendingFrame| {
+            pending.id >= id || !matches!(pending.role, RequestKind::Lookahead(_))
+        };
         self.pending.retain(comes);
         match self.shown_moment {
             Some(shown) if at < shown => {}
             Some(shown) if at == shown && missing.is_empty() => self.shown = Some(picture),
-            _ => self.moments.push(at, Moment { picture, missing }),
+            _ => self.moments.push(at, TimedFrame { picture, missing }),
         }
     }
 
@@ -346,7 +347,7 @@ impl Director {
         let finished = self
             .refinement
             .as_ref()
-            .is_some_and(|refinement| refinement.printed >= SAMPLES_MAX);
+            .is_some_and(|refinement| refinement.accumulated >= SAMPLES_MAX);
         self.pending.is_empty() && finished
     }
 
@@ -362,20 +363,22 @@ impl Director {
     }
 
     /// For the player.
-    pub fn figures(&self) -> Figures {
-        Figures {
+    pub fn stats(&self) -> SchedulerStats {
+        SchedulerStats {
             skipped: self.moments.skipped,
             lead_secs: self.lead.secs(),
-            ..self.figures
+            ..self.stats
         }
     }
 
-    /// Notes what is looked at; whether pictures in flight are of no use any more.
-    fn turn_to(&mut self, now_secs: f64, subject: &Subject) -> bool {
-        let before = self.subject.replace(subject.clone());
-        let same = match (&before, subject) {
-            (Some(Subject::Live(a)), Subject::Live(b)) => a == b,
-            (Some(Subject::Shot { number: a, .. }), Subject::Shot { number: b, .. }) => a == b,
+    /// Toasts what is looked at; whether pictures in flight are of no use any more.
+    fn set_target(&mut self, now_secs: f64, target: &ViewTarget) -> bool {
+        let before = self.target.replace(target.clone());
+        let same = match (&before, target) {
+            (Some(ViewTarget::Live(a)), ViewTarget::Live(b)) => a == b,
+            (Some(ViewTarget::Shot { number: a, .. }), ViewTarget::Shot { number: b, .. }) => {
+                a == b
+            }
             _ => false,
         };
         if same {
@@ -390,11 +393,11 @@ impl Director {
         // Drafts are answers to the player's hand and are shown although the hand has moved on.
         self.pending
             .iter()
-            .any(|pending| pending.role != Role::Draft)
-            || matches!(subject, Subject::Shot { .. })
+            .any(|pending| pending.role != RequestKind::Interactive)
+            || matches!(target, ViewTarget::Shot { .. })
     }
 
-    fn live_order(&mut self, now_secs: f64, update: &SceneUpdate) -> Option<Order> {
+    fn live_order(&mut self, now_secs: f64, update: &SceneUpdate) -> Option<FrameRequest> {
         if !self.drafted {
             // More in flight than the way to the farm is long would lag behind the hand.
             let period_secs = self.quality.period_secs();
@@ -403,23 +406,23 @@ impl Director {
                 .pictures_in_flight(period_secs, self.in_flight_max);
             let room = self.pending.len() < drafts_max;
             self.drafted |= room;
-            return room.then(|| self.level_order(update.clone(), Role::Draft));
+            return room.then(|| self.level_order(update.clone(), RequestKind::Interactive));
         }
         let moved_lately = now_secs - self.still_since_secs < STILL_SECS;
         if moved_lately || self.pending.len() >= REFINEMENTS_MAX {
             return None;
         }
         let samples = self.quality.samples_within(REFINEMENT_SECS, self.window);
-        let refinement = self.refinement.get_or_insert(Refinement {
-            series: self.orders,
+        let refinement = self.refinement.get_or_insert(AccumulationState {
+            series: self.requests,
             update: update.clone(),
             asked: 0,
-            printed: 0,
+            accumulated: 0,
         });
         let samples = samples.min(SAMPLES_MAX - refinement.asked);
         let first_sample = refinement.asked;
         refinement.asked += samples;
-        (samples > 0).then(|| Order {
+        (samples > 0).then(|| FrameRequest {
             spec: FrameSpec {
                 update: update.clone(),
                 size: self.window,
@@ -432,14 +435,14 @@ impl Director {
                 format: PixelFormat::LinearF16,
             },
             deadline: None,
-            role: Role::Refinement,
+            role: RequestKind::Accumulation,
         })
     }
 
-    fn level_order(&mut self, update: SceneUpdate, role: Role) -> Order {
-        let level: Level = self.quality.level();
-        self.orders += 1;
-        Order {
+    fn level_order(&mut self, update: SceneUpdate, role: RequestKind) -> FrameRequest {
+        let level: QualityLevel = self.quality.level();
+        self.requests += 1;
+        FrameRequest {
             spec: FrameSpec {
                 update,
                 size: level.size(self.window),
@@ -447,7 +450,7 @@ impl Director {
                     samples: level.samples,
                     denoise: level.denoise,
                     // Noise that differs from picture to picture averages out in the eye.
-                    seed: self.orders as u32,
+                    seed: self.requests as u32,
                     max_depth: self.max_depth,
                     ..RenderSettings::default()
                 },
@@ -458,7 +461,7 @@ impl Director {
         }
     }
 
-    fn measure(&mut self, pending: &Pending, frame: &Frame) {
+    fn measure(&mut self, pending: &PendingFrame, frame: &Frame) {
         let makespan = frame.stats.makespan_secs;
         // Waiting and travelling delay a picture, but not the ones behind it.
         self.quality.observe(
@@ -467,24 +470,29 @@ impl Director {
             self.window,
             frame.stats.busy_secs,
         );
-        if pending.role != Role::Refinement {
+        if pending.role != RequestKind::Accumulation {
             self.lead.observe(makespan);
         }
-        self.figures.makespan_secs = makespan;
-        self.figures.tiles = frame.stats.tiles_by_node.iter().sum();
-        self.figures.reissued_tiles += u64::from(frame.stats.reissued_tiles);
-        self.figures.pictures += 1;
+        self.stats.makespan_secs = makespan;
+        self.stats.tiles = frame.stats.tiles_by_node.iter().sum();
+        self.stats.reissued_tiles += u64::from(frame.stats.reissued_tiles);
+        self.stats.pictures += 1;
     }
 
     fn show(&mut self, size: ImageSize, rgba: Vec<[u8; 4]>, samples: u32, update: SceneUpdate) {
-        self.figures.size = size;
-        self.figures.samples = samples;
+        self.stats.size = size;
+        self.stats.samples = samples;
         self.shown = Some(self.picture_of(size, rgba, update));
     }
 
-    fn picture_of(&mut self, size: ImageSize, rgba: Vec<[u8; 4]>, update: SceneUpdate) -> Picture {
+    fn picture_of(
+        &mut self,
+        size: ImageSize,
+        rgba: Vec<[u8; 4]>,
+        update: SceneUpdate,
+    ) -> DisplayFrame {
         self.serial += 1;
-        Picture {
+        DisplayFrame {
             serial: self.serial,
             size,
             rgba,
@@ -495,14 +503,14 @@ impl Director {
 
 /// A picture that grows by disjoint sample ranges.
 #[derive(Debug)]
-struct Refinement {
+struct AccumulationState {
     /// The number of the draft that it refines.
     series: u64,
     update: SceneUpdate,
     /// Sample indices below this have been asked for.
     asked: u32,
     /// Paths per pixel that have come back as a picture.
-    printed: u32,
+    accumulated: u32,
 }
 
 fn opaque(rgb: &[[u8; 3]]) -> Vec<[u8; 4]> {
@@ -516,7 +524,7 @@ const STILL_SECS: f64 = 0.1;
 /// What one refinement may take. Longer wastes less on fixed costs, shorter shows progress and
 /// leaves the farm sooner to the player's next move.
 const REFINEMENT_SECS: f64 = 0.25;
-/// Refinement ends here: its error is a 32nd of one sample's, below a step of 8 bits.
+/// Accumulation ends here: its error is a 32nd of one sample's, below a step of 8 bits.
 const SAMPLES_MAX: u32 = 1024;
 const SHOWN_SAMPLES_MIN: u32 = 2;
 /// One is traced while pixels of another travel; more would keep nodes from the next draft.

@@ -1,4 +1,4 @@
-//! The director with a farm on virtual time.
+//! The scheduler with a farm on virtual time.
 
 use carom_farm::FrameStats;
 use carom_tracer::Camera;
@@ -6,7 +6,7 @@ use carom_tracer::sampling::uniforms;
 use glam::Vec3;
 
 use super::*;
-use crate::frame::accumulation::Bath;
+use crate::frame::accumulation::Accumulator;
 use crate::frame::quality::{SMOOTH_PERIOD_SECS, STEADY_PERIOD_SECS};
 
 const WINDOW: ImageSize = ImageSize::new(64, 36);
@@ -27,50 +27,50 @@ fn scene_at(x: f64) -> SceneUpdate {
 
 /// A farm of one node on virtual time: frames are traced one after another, each pixel the
 /// first sample's index or the camera's place.
-struct Bench {
-    director: Director,
-    bath: Bath,
+struct TestBench {
+    scheduler: FrameScheduler,
+    accumulator: Accumulator,
     now_secs: f64,
     free_at_secs: f64,
     paths_per_sec: f64,
     round_trip_secs: f64,
     next_id: u64,
     waiting: VecDeque<(f64, Frame)>,
-    orders: Vec<Order>,
+    requests: Vec<FrameRequest>,
     cancels: usize,
 }
 
-impl Bench {
+impl TestBench {
     fn new(paths_per_sec: f64) -> Self {
         Self {
-            director: Director::new(WINDOW, IN_FLIGHT_MAX, 5),
-            bath: Bath::default(),
+            scheduler: FrameScheduler::new(WINDOW, IN_FLIGHT_MAX, 5),
+            accumulator: Accumulator::default(),
             now_secs: 0.0,
             free_at_secs: 0.0,
             paths_per_sec,
             round_trip_secs: 0.0,
             next_id: 0,
             waiting: VecDeque::new(),
-            orders: Vec::new(),
+            requests: Vec::new(),
             cancels: 0,
         }
     }
 
-    fn step(&mut self, subject: &Subject) {
+    fn step(&mut self, target: &ViewTarget) {
         loop {
-            match self.director.plan(
+            match self.scheduler.plan(
                 self.now_secs,
-                subject,
+                target,
                 IN_FLIGHT_MAX.saturating_sub(self.waiting.len()),
                 &scene_at,
             ) {
-                Plan::Rest => break,
-                Plan::CancelAll => {
+                SchedulerAction::Rest => break,
+                SchedulerAction::CancelAll => {
                     self.cancels += 1;
                     self.waiting.clear();
                     self.free_at_secs = self.now_secs;
                 }
-                Plan::Trace(order) => self.submit(order),
+                SchedulerAction::Trace(request) => self.submit(request),
             }
         }
         self.now_secs += STEP_SECS;
@@ -80,15 +80,16 @@ impl Bench {
             .is_some_and(|(done, _)| *done <= self.now_secs)
         {
             let (_, frame) = self.waiting.pop_front().unwrap();
-            if let Some(negative) = self.director.finished(frame) {
-                self.bath.add(&negative).unwrap();
-                self.director.printed(self.bath.print().unwrap());
+            if let Some(batch) = self.scheduler.finished(frame) {
+                self.accumulator.add(&batch).unwrap();
+                self.scheduler
+                    .accumulated(self.accumulator.frame().unwrap());
             }
         }
     }
 
-    fn picture(&mut self) -> Option<&Picture> {
-        self.director.picture(&mut |_, _, _| {})
+    fn picture(&mut self) -> Option<&DisplayFrame> {
+        self.scheduler.picture(&mut |_, _, _| {})
     }
 
     /// Half a round trip, with exponential jitter of 1 ms over a long way.
@@ -100,24 +101,28 @@ impl Bench {
         0.5 * self.round_trip_secs - 0.001 * f64::from(1.0 - u).ln()
     }
 
-    fn submit(&mut self, order: Order) {
-        let paths = order.spec.size.pixels() as f64 * f64::from(order.spec.settings.samples);
+    fn submit(&mut self, request: FrameRequest) {
+        let paths = request.spec.size.pixels() as f64 * f64::from(request.spec.settings.samples);
         let arrived = self.now_secs + self.way_secs();
         let busy_secs = 0.001 + paths / self.paths_per_sec;
         let done = self.free_at_secs.max(arrived) + busy_secs;
         self.free_at_secs = done;
-        // Pictures come in order.
+        // Pictures come in request.
         let before = self.waiting.back().map_or(0.0, |(done, _)| *done);
         let done = before.max(done + self.way_secs());
         self.next_id += 1;
         let id = FrameId(self.next_id);
-        let place = order.spec.update.camera.map_or(0.0, |camera| camera.eye.x);
-        let pixels = match order.spec.format {
+        let place = request
+            .spec
+            .update
+            .camera
+            .map_or(0.0, |camera| camera.eye.x);
+        let pixels = match request.spec.format {
             PixelFormat::Srgb8 { .. } => Pixels::Srgb8(vec![
                 [(place * 100.0).round() as u8; 3];
-                order.spec.size.pixels()
+                request.spec.size.pixels()
             ]),
-            _ => Pixels::Linear(vec![[0.25; 3]; order.spec.size.pixels()]),
+            _ => Pixels::Linear(vec![[0.25; 3]; request.spec.size.pixels()]),
         };
         let stats = FrameStats {
             makespan_secs: done - self.now_secs,
@@ -128,14 +133,14 @@ impl Bench {
             done,
             Frame {
                 id,
-                size: order.spec.size,
+                size: request.spec.size,
                 pixels,
                 missing: Vec::new(),
                 stats,
             },
         ));
-        self.director.submitted(id, &order);
-        self.orders.push(order);
+        self.scheduler.submitted(id, &request);
+        self.requests.push(request);
     }
 }
 
@@ -144,21 +149,21 @@ const ROUND_TRIP_SECS: f64 = 0.046;
 
 #[test]
 fn over_a_long_way_a_shot_keeps_its_clock_and_60_pictures_a_second() {
-    let mut bench = Bench::new(4e6);
+    let mut bench = TestBench::new(4e6);
     bench.round_trip_secs = ROUND_TRIP_SECS;
     for i in 0..500 {
-        bench.step(&Subject::Live(scene_at(f64::from(i) * 0.001)));
+        bench.step(&ViewTarget::Live(scene_at(f64::from(i) * 0.001)));
     }
-    let start = bench.now_secs + bench.director.stroke_delay_secs();
+    let start = bench.now_secs + bench.scheduler.stroke_delay_secs();
     let (mut errors, mut serials) = (Vec::new(), Vec::new());
     while bench.now_secs < start + 4.0 {
         let clock_secs = bench.now_secs - start;
-        let subject = Subject::Shot {
+        let target = ViewTarget::Shot {
             number: 1,
             clock_secs,
             end_secs: 5.0,
         };
-        bench.step(&subject);
+        bench.step(&target);
         if clock_secs < 0.0 {
             continue;
         }
@@ -181,31 +186,34 @@ fn over_a_long_way_a_shot_keeps_its_clock_and_60_pictures_a_second() {
 
 #[test]
 fn over_a_long_way_the_hand_sees_60_drafts_a_second() {
-    let mut bench = Bench::new(4e6);
+    let mut bench = TestBench::new(4e6);
     bench.round_trip_secs = ROUND_TRIP_SECS;
     let mut step = |i: u32| {
-        bench.step(&Subject::Live(scene_at(f64::from(i) * 0.001)));
-        bench.director.figures().pictures
+        bench.step(&ViewTarget::Live(scene_at(f64::from(i) * 0.001)));
+        bench.scheduler.stats().pictures
     };
     let warm = (0..500).map(&mut step).last().unwrap();
     let pictures = (500..1000).map(&mut step).last().unwrap() - warm;
     assert!(pictures >= 118, "{pictures} in 2 s");
-    let lag = bench.director.figures().lead_secs;
+    let lag = bench.scheduler.stats().lead_secs;
     assert!(lag < ROUND_TRIP_SECS + 0.03, "{lag} s behind the hand");
 }
 
 #[test]
 fn a_still_table_is_drafted_once_and_then_refined_by_disjoint_samples() {
-    let mut bench = Bench::new(1e5);
-    let subject = Subject::Live(scene_at(0.5));
-    (0..2000).for_each(|_| bench.step(&subject));
-    let (draft, refinements) = bench.orders.split_first().unwrap();
-    assert_eq!(draft.role, Role::Draft);
+    let mut bench = TestBench::new(1e5);
+    let target = ViewTarget::Live(scene_at(0.5));
+    (0..2000).for_each(|_| bench.step(&target));
+    let (draft, refinements) = bench.requests.split_first().unwrap();
+    assert_eq!(draft.role, RequestKind::Interactive);
     let mut next = 0;
-    for order in refinements {
-        assert_eq!((order.role, order.spec.size), (Role::Refinement, WINDOW));
-        assert_eq!(order.spec.settings.first_sample, next);
-        next += order.spec.settings.samples;
+    for request in refinements {
+        assert_eq!(
+            (request.role, request.spec.size),
+            (RequestKind::Accumulation, WINDOW)
+        );
+        assert_eq!(request.spec.settings.first_sample, next);
+        next += request.spec.settings.samples;
     }
     assert!(next > 100 && next <= SAMPLES_MAX, "{next} samples in 8 s");
     // 0.25 in linear light is 137 in sRGB.
@@ -214,44 +222,52 @@ fn a_still_table_is_drafted_once_and_then_refined_by_disjoint_samples() {
 
 #[test]
 fn refinement_ends_and_then_nothing_is_asked() {
-    let mut bench = Bench::new(1e8);
-    let subject = Subject::Live(scene_at(0.5));
-    (0..3000).for_each(|_| bench.step(&subject));
-    assert!(bench.director.is_at_rest());
-    let asked: u32 = bench.orders[1..]
+    let mut bench = TestBench::new(1e8);
+    let target = ViewTarget::Live(scene_at(0.5));
+    (0..3000).for_each(|_| bench.step(&target));
+    assert!(bench.scheduler.is_at_rest());
+    let asked: u32 = bench.requests[1..]
         .iter()
-        .map(|order| order.spec.settings.samples)
+        .map(|request| request.spec.settings.samples)
         .sum();
     assert_eq!(asked, SAMPLES_MAX);
 }
 
 #[test]
 fn a_movement_stops_refinement_and_is_drafted_at_once() {
-    let mut bench = Bench::new(1e5);
-    (0..200).for_each(|_| bench.step(&Subject::Live(scene_at(0.5))));
-    assert_eq!(bench.orders.last().unwrap().role, Role::Refinement);
-    bench.step(&Subject::Live(scene_at(0.7)));
+    let mut bench = TestBench::new(1e5);
+    (0..200).for_each(|_| bench.step(&ViewTarget::Live(scene_at(0.5))));
     assert_eq!(
-        (bench.cancels, bench.orders.last().unwrap().role),
-        (1, Role::Draft)
+        bench.requests.last().unwrap().role,
+        RequestKind::Accumulation
     );
-    (0..20).for_each(|_| bench.step(&Subject::Live(scene_at(0.7))));
+    bench.step(&ViewTarget::Live(scene_at(0.7)));
+    assert_eq!(
+        (bench.cancels, bench.requests.last().unwrap().role),
+        (1, RequestKind::Interactive)
+    );
+    (0..20).for_each(|_| bench.step(&ViewTarget::Live(scene_at(0.7))));
     assert_eq!(bench.picture().unwrap().rgba[0][0], 70);
 }
 
 #[test]
 fn while_the_hand_moves_drafts_keep_coming() {
-    let mut bench = Bench::new(1e5);
+    let mut bench = TestBench::new(1e5);
     for i in 0..250 {
-        bench.step(&Subject::Live(scene_at(f64::from(i) * 0.01)));
+        bench.step(&ViewTarget::Live(scene_at(f64::from(i) * 0.01)));
     }
-    assert!(bench.orders.iter().all(|order| order.role == Role::Draft));
+    assert!(
+        bench
+            .requests
+            .iter()
+            .all(|request| request.role == RequestKind::Interactive)
+    );
     assert_eq!(bench.cancels, 0);
     // One second at 30 pictures a second, more or less.
     assert!(
-        (15..=120).contains(&bench.orders.len()),
+        (15..=120).contains(&bench.requests.len()),
         "{} drafts",
-        bench.orders.len()
+        bench.requests.len()
     );
 }
 
@@ -274,64 +290,64 @@ fn frame(id: u64, value: u8, missing: bool) -> Frame {
 
 #[test]
 fn what_is_late_is_filled_from_the_picture_before_until_it_comes() {
-    let mut director = Director::new(WINDOW, IN_FLIGHT_MAX, 5);
-    let at = |director: &mut Director, clock_secs: f64| {
-        let shot = Subject::Shot {
+    let mut scheduler = FrameScheduler::new(WINDOW, IN_FLIGHT_MAX, 5);
+    let at = |scheduler: &mut FrameScheduler, clock_secs: f64| {
+        let shot = ViewTarget::Shot {
             number: 1,
             clock_secs,
             end_secs: 2.0,
         };
-        director.plan(clock_secs + 1.0, &shot, 1, &scene_at)
+        scheduler.plan(clock_secs + 1.0, &shot, 1, &scene_at)
     };
     let mut moments = Vec::new();
     for id in 0..3 {
-        let Plan::Trace(order) = at(&mut director, 0.017 * f64::from(id)) else {
+        let SchedulerAction::Trace(request) = at(&mut scheduler, 0.017 * f64::from(id)) else {
             panic!("a moment is asked for");
         };
-        let Role::Moment(moment) = order.role else {
+        let RequestKind::Lookahead(moment) = request.role else {
             panic!("it is a moment");
         };
-        let deadline = order.deadline.unwrap().as_secs_f64();
+        let deadline = request.deadline.unwrap().as_secs_f64();
         assert!((deadline - (moment - 0.017 * f64::from(id))).abs() < 1e-6);
         moments.push(moment);
-        director.submitted(FrameId(u64::from(id as u32)), &order);
+        scheduler.submitted(FrameId(u64::from(id as u32)), &request);
     }
     let fills = std::cell::RefCell::new(Vec::new());
-    let look = |director: &mut Director, clock_secs: f64| {
-        at(director, clock_secs);
-        let fill = &mut |picture: &mut Picture, missing: &[Tile], before: &Picture| {
+    let look = |scheduler: &mut FrameScheduler, clock_secs: f64| {
+        at(scheduler, clock_secs);
+        let fill = &mut |picture: &mut DisplayFrame, missing: &[Tile], before: &DisplayFrame| {
             assert_eq!(missing[0].width, WINDOW.width / 2);
             picture.rgba[0] = before.rgba[0];
             fills.borrow_mut().push(picture.serial);
         };
-        let picture = director.picture(fill);
+        let picture = scheduler.picture(fill);
         picture.map(|picture| (picture.rgba[0][0], picture.rgba[WINDOW.pixels() - 1][0]))
     };
     // Nothing to fill it from: nothing is shown.
-    director.finished(frame(0, 10, true));
-    assert_eq!(look(&mut director, moments[0] + 0.001), None);
-    director.finished(frame(0, 10, false));
-    assert_eq!(look(&mut director, moments[0] + 0.002), Some((10, 10)));
-    director.finished(frame(1, 20, true));
-    assert_eq!(look(&mut director, moments[1] + 0.001), Some((10, 20)));
+    scheduler.finished(frame(0, 10, true));
+    assert_eq!(look(&mut scheduler, moments[0] + 0.001), None);
+    scheduler.finished(frame(0, 10, false));
+    assert_eq!(look(&mut scheduler, moments[0] + 0.002), Some((10, 10)));
+    scheduler.finished(frame(1, 20, true));
+    assert_eq!(look(&mut scheduler, moments[1] + 0.001), Some((10, 20)));
     // The late tiles replace what stood in for them, at once.
-    director.finished(frame(1, 20, false));
-    assert_eq!(look(&mut director, moments[1] + 0.002), Some((20, 20)));
-    director.finished(frame(2, 30, false));
-    assert_eq!(look(&mut director, moments[2] + 0.001), Some((30, 30)));
+    scheduler.finished(frame(1, 20, false));
+    assert_eq!(look(&mut scheduler, moments[1] + 0.002), Some((20, 20)));
+    scheduler.finished(frame(2, 30, false));
+    assert_eq!(look(&mut scheduler, moments[2] + 0.001), Some((30, 30)));
     assert_eq!(fills.borrow().len(), 1);
-    assert_eq!(director.figures().late_tiles, 2);
-    assert_eq!(director.figures().pictures, 3);
+    assert_eq!(scheduler.stats().late_tiles, 2);
+    assert_eq!(scheduler.stats().pictures, 3);
 }
 
 #[test]
 fn a_shot_is_shown_on_its_own_clock_whatever_the_latency() {
-    let mut bench = Bench::new(4e5);
+    let mut bench = TestBench::new(4e5);
     let start = 0.3;
     let mut errors = Vec::new();
     while bench.now_secs < start + 2.0 {
         let clock_secs = bench.now_secs - start;
-        bench.step(&Subject::Shot {
+        bench.step(&ViewTarget::Shot {
             number: 1,
             clock_secs,
             end_secs: 2.5,
@@ -347,10 +363,10 @@ fn a_shot_is_shown_on_its_own_clock_whatever_the_latency() {
         errors.len() > 100 && worst <= 2.0 * STEADY_PERIOD_SECS + 0.006,
         "off by {worst} s"
     );
-    let skipped = bench.director.figures().skipped as usize;
+    let skipped = bench.scheduler.stats().skipped as usize;
     assert!(
-        skipped * 20 <= bench.orders.len(),
+        skipped * 20 <= bench.requests.len(),
         "{skipped} of {} skipped",
-        bench.orders.len()
+        bench.requests.len()
     );
 }

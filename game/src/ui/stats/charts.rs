@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use egui::{Align2, Color32, FontId, Pos2, Rect, Response, Sense, Shape, Stroke, Ui, Vec2};
 
-use super::frame_record::Record;
+use super::frame_record::FrameRecord;
 use super::glossary::{self as terms, Term};
 use super::palette;
 use super::value_label::{explained, marked, ms};
@@ -65,10 +65,10 @@ impl Scales {
     pub(super) fn show(
         &mut self,
         ui: &mut Ui,
-        records: &[&Arc<Record>],
+        records: &[&Arc<FrameRecord>],
         inspected: u64,
     ) -> Option<usize> {
-        let curve = |term, color, value: fn(&Record) -> f64| Curve {
+        let curve = |term, color, value: fn(&FrameRecord) -> f64| Curve {
             term,
             color,
             values: records.iter().map(|record| value(record) as f32).collect(),
@@ -179,7 +179,7 @@ impl Chart<'_> {
 }
 
 /// Where the way of dividing changed, with its name, and which picture is inspected.
-fn marks(ui: &Ui, rect: Rect, records: &[&Arc<Record>], inspected: u64) {
+fn marks(ui: &Ui, rect: Rect, records: &[&Arc<FrameRecord>], inspected: u64) {
     let painter = ui.painter().with_clip_rect(rect);
     let count = records.len();
     for (i, pair) in records.windows(2).enumerate() {
@@ -218,7 +218,7 @@ pub(super) fn sparkline(ui: &mut Ui, values: &[f32]) {
     explained(response, &SPARKLINE);
 }
 
-fn tell(record: &Record) -> String {
+fn tell(record: &FrameRecord) -> String {
     let (mean, deviation) = record.response_mean_and_deviation();
     format!(
         "picture {} by {}: {} ms, ideal {} ms, responses {} ± {} ms. Press to stand still here",
@@ -231,7 +231,7 @@ fn tell(record: &Record) -> String {
     )
 }
 
-fn response_max_secs(record: &Record) -> f64 {
+fn response_max_secs(record: &FrameRecord) -> f64 {
     record
         .took_part()
         .map(|(_, node)| node.response_secs)

@@ -4,12 +4,12 @@ use carom_farm::LatencySplit;
 use egui::{Rect, RichText, Sense, Shape, Ui, Vec2, epaint::Mesh};
 
 use super::glossary::{self as terms, Term};
-use super::summary::Board;
+use super::summary::StatsSummary;
 use super::value_label::{figure, figure_or_alarm, marked, ms, percent};
-use super::{Facts, palette};
+use super::{StatsInput, palette};
 
 /// Draws the figures that the line has no room for.
-pub(super) fn show(ui: &mut Ui, board: &Board, facts: &Facts<'_>) {
+pub(super) fn show(ui: &mut Ui, board: &StatsSummary, facts: &StatsInput<'_>) {
     let rates = &board.rates;
     ui.horizontal_wrapped(|ui| {
         figure(ui, &terms::FPS_MEAN, &format!("{:3.0}", rates.mean));
@@ -17,7 +17,7 @@ pub(super) fn show(ui: &mut Ui, board: &Board, facts: &Facts<'_>) {
         figure(ui, &terms::DRAW, &format!("{} ms", ms(facts.draw_secs)));
         figure(ui, &terms::LEAD, &format!("{} ms", ms(facts.lead_secs)));
         figure(ui, &terms::SKIPPED, &facts.skipped.to_string());
-        if let Some(share) = facts.guessed {
+        if let Some(share) = facts.disocclusion_fraction {
             figure(ui, &terms::GUESSED, &format!("{:.1} %", share * 1e2));
         }
         figure(ui, &terms::REISSUED, &(board.late + board.lost).to_string());

@@ -5,14 +5,14 @@ use carom_farm::{Algorithm, Balancing, Distribution};
 use egui::{ComboBox, Ui};
 
 use super::glossary as terms;
-use super::maps::Kind;
+use super::maps::MapKind;
 use super::recorder::Recorder;
 use super::value_label::{figure, ms, percent};
-use super::{Facts, Level, Stats, Wish, palette};
-use crate::frame::quality::{Dial, LADDER};
+use super::{Stats, StatsCommand, StatsInput, StatsLevel, palette};
+use crate::frame::quality::{QUALITY_LEVELS, QualityPreference};
 
 /// Algorithm, map, freeze, and what the recording does.
-pub(super) fn show(ui: &mut Ui, stats: &mut Stats, facts: &Facts<'_>) {
+pub(super) fn show(ui: &mut Ui, stats: &mut Stats, facts: &StatsInput<'_>) {
     ui.horizontal_wrapped(|ui| {
         balancing(ui, stats, facts.balancing);
         distribution(ui, stats, facts.distribution);
@@ -20,18 +20,18 @@ pub(super) fn show(ui: &mut Ui, stats: &mut Stats, facts: &Facts<'_>) {
     ui.horizontal(|ui| {
         ui.label("Map").on_hover_text("What is drawn over the picture for each tile of the picture that is looked at.");
         for (kind, word, meaning) in [
-            (Kind::None, "none", "The picture alone."),
-            (Kind::Owner, "owner", "A colour and a number for each node: whose each tile is, by the first delivery."),
-            (Kind::Cost, "cost", "What the balancer has learned that each tile costs: dark blue a quarter of the mean or less, green the mean, yellow four times the mean or more."),
+            (MapKind::None, "none", "The picture alone."),
+            (MapKind::Owner, "owner", "A colour and a number for each node: whose each tile is, by the first delivery."),
+            (MapKind::Cost, "cost", "What the balancer has learned that each tile costs: dark blue a quarter of the mean or less, green the mean, yellow four times the mean or more."),
         ] {
             ui.selectable_value(&mut stats.maps.kind, kind, word).on_hover_text(meaning);
         }
     });
-    if stats.maps.kind == Kind::Cost {
+    if stats.maps.kind == MapKind::Cost {
         legend(ui);
     }
     freeze(ui, stats);
-    if stats.level == Level::Recording
+    if stats.level == StatsLevel::Recording
         && let Some(recorder) = &stats.recorder
     {
         recording(ui, recorder);
@@ -54,7 +54,7 @@ fn balancing(ui: &mut Ui, stats: &mut Stats, now: Balancing) {
     ui.checkbox(&mut wanted.hedged, "hedged")
         .on_hover_text("Tiles that are late are asked of other nodes too, and the first result wins. Costs under 2 % of the work again; without it a picture waits for its slowest node.");
     if wanted != now {
-        stats.wishes.push(Wish::Balancing(wanted));
+        stats.wishes.push(StatsCommand::Balancing(wanted));
     }
 }
 
@@ -67,7 +67,7 @@ fn distribution(ui: &mut Ui, stats: &mut Stats, now: Distribution) {
         } else {
             Distribution::Tiles
         };
-        stats.wishes.push(Wish::Distribution(wanted));
+        stats.wishes.push(StatsCommand::Distribution(wanted));
     }
 }
 
@@ -133,7 +133,7 @@ fn freeze(ui: &mut Ui, stats: &mut Stats) {
             stats.freeze(place + 1);
         }
         if ui.button("Go on").on_hover_text("The charts follow the newest picture again.").clicked() {
-            stats.thaw();
+            stats.unfreeze();
         }
         ui.label(format!("Frozen at picture {}", frozen.frame));
     });
@@ -182,20 +182,20 @@ pub(super) fn tallies(ui: &mut Ui, stats: &Stats) {
     }
 }
 
-/// The quality dial, and its stops: what each costs here; `carom bench quality`
+/// The quality preference, and its stops: what each costs here; `carom bench quality`
 /// measures how far each is from the truth.
-pub(super) fn quality(ui: &mut Ui, stats: &mut Stats, facts: &Facts<'_>) {
-    let mut wanted = facts.dial;
+pub(super) fn quality(ui: &mut Ui, stats: &mut Stats, facts: &StatsInput<'_>) {
+    let mut wanted = facts.preference;
     ui.horizontal(|ui| {
-        for (dial, word, meaning) in DIALS {
-            ui.selectable_value(&mut wanted, dial, word)
+        for (preference, word, meaning) in DIALS {
+            ui.selectable_value(&mut wanted, preference, word)
                 .on_hover_text(meaning);
         }
     });
-    if wanted != facts.dial {
-        stats.wishes.push(Wish::Dial(wanted));
+    if wanted != facts.preference {
+        stats.wishes.push(StatsCommand::QualityPreference(wanted));
     }
-    for (stop, secs) in LADDER.into_iter().zip(facts.stops_secs) {
+    for (stop, secs) in QUALITY_LEVELS.into_iter().zip(facts.level_secs) {
         let size = stop.size(facts.window);
         ui.horizontal_wrapped(|ui| {
             ui.monospace(if stop == facts.stop { ">" } else { " " });
@@ -216,19 +216,19 @@ pub(super) fn quality(ui: &mut Ui, stats: &mut Stats, facts: &Facts<'_>) {
     }
 }
 
-const DIALS: [(Dial, &str, &str); 3] = [
+const DIALS: [(QualityPreference, &str, &str); 3] = [
     (
-        Dial::Smooth,
+        QualityPreference::Smooth,
         "smooth",
         "60 pictures a second, however coarse.",
     ),
     (
-        Dial::Balanced,
+        QualityPreference::Balanced,
         "balanced",
         "60 a second where they are fine enough, else 30: twice the paths.",
     ),
     (
-        Dial::Fine,
+        QualityPreference::Fine,
         "fine",
         "15 a second: four times the paths, a seventh of the squared error.",
     ),

@@ -4,12 +4,12 @@ use std::collections::VecDeque;
 
 /// Times between redraws of the window while something moves.
 #[derive(Debug, Default)]
-pub struct Redraws {
+pub struct FrameRate {
     last: Option<(f64, bool)>,
     intervals_secs: VecDeque<f64>,
 }
 
-/// Redraws a second.
+/// FrameRate a second.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Rates {
     /// Of the last quarter of a second.
@@ -22,11 +22,11 @@ pub struct Rates {
     pub low_01_percent: f64,
 }
 
-impl Redraws {
+impl FrameRate {
     /// Intervals that are kept.
     pub const INTERVALS_MAX: usize = 1000;
 
-    /// Notes a redraw; `moves` says that something has moved since the one before. Pauses in which
+    /// Toasts a redraw; `moves` says that something has moved since the one before. Pauses in which
     /// nothing moves are no slow frames.
     pub fn note(&mut self, now_secs: f64, moves: bool) {
         let last = self.last.replace((now_secs, moves));
@@ -83,8 +83,8 @@ const NOW_SECS: f64 = 0.25;
 mod tests {
     use super::*;
 
-    fn play(intervals: impl IntoIterator<Item = f64>) -> Redraws {
-        let mut redraws = Redraws::default();
+    fn play(intervals: impl IntoIterator<Item = f64>) -> FrameRate {
+        let mut redraws = FrameRate::default();
         let mut now = 1.0;
         redraws.note(now, true);
         for secs in intervals {
@@ -123,9 +123,9 @@ mod tests {
 
     #[test]
     fn memory_is_bounded_and_nothing_divides_by_zero() {
-        assert_eq!(Redraws::default().rates(), Rates::default());
+        assert_eq!(FrameRate::default().rates(), Rates::default());
         let redraws = play([0.0; 5000]);
-        assert_eq!(redraws.intervals_secs().len(), Redraws::INTERVALS_MAX);
+        assert_eq!(redraws.intervals_secs().len(), FrameRate::INTERVALS_MAX);
         assert_eq!(redraws.rates(), Rates::default());
     }
 }

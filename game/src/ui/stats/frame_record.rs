@@ -8,7 +8,7 @@ use serde::Serialize;
 
 /// A finished picture as it came from the farm.
 #[derive(Debug)]
-pub struct Seen<'a> {
+pub struct FrameSample<'a> {
     /// Its number.
     pub frame: u64,
     /// When it was taken from the farm, seconds since the program began.
@@ -25,7 +25,7 @@ pub struct Seen<'a> {
 
 /// How a picture was made. Times are seconds from its submission.
 #[derive(Clone, Debug, Serialize)]
-pub struct Record {
+pub struct FrameRecord {
     /// Its number.
     pub frame: u64,
     /// When it was taken from the farm, seconds since the program began.
@@ -108,9 +108,9 @@ pub struct Detail {
     pub deliveries: Vec<Delivery>,
 }
 
-impl Record {
+impl FrameRecord {
     /// Of a picture whose nodes are called `names`.
-    pub fn new(seen: Seen<'_>, names: &[Arc<str>]) -> Self {
+    pub fn new(seen: FrameSample<'_>, names: &[Arc<str>]) -> Self {
         let stats = seen.stats;
         let efforts = stats.efforts();
         let work: f64 = efforts.iter().map(|effort| effort.work).sum();

@@ -4,13 +4,13 @@ use carom_farm::Delivery;
 use egui::epaint::Mesh;
 use egui::{Align2, Color32, FontId, Pos2, Rect, Sense, Shape, Ui, Vec2};
 
-use super::frame_record::Record;
+use super::frame_record::FrameRecord;
 use super::palette;
 use super::value_label::ms;
 use crate::ui::theme::{ALARM, FAINT, INK};
 
 /// Draws a picture's chart, as wide as there is room.
-pub(crate) fn show(ui: &mut Ui, record: &Record) {
+pub(crate) fn show(ui: &mut Ui, record: &FrameRecord) {
     let Some(detail) = &record.detail else {
         ui.label("The bars of this picture are not kept any more: it is too long ago.");
         return;
@@ -26,7 +26,7 @@ pub(crate) fn show(ui: &mut Ui, record: &Record) {
     );
     let (rect, response) = ui.allocate_exact_size(size, Sense::hover());
     let end_secs = record.makespan_secs.max(1e-6);
-    let plan = Plan {
+    let plan = GanttLayout {
         bars: Rect::from_min_max(
             rect.min + Vec2::new(NAME_WIDTH, 0.0),
             rect.max - Vec2::new(0.0, AXIS_HEIGHT),
@@ -41,7 +41,7 @@ pub(crate) fn show(ui: &mut Ui, record: &Record) {
     let mut mesh = Mesh::default();
     mesh.reserve_vertices(detail.deliveries.len() * 20);
     mesh.reserve_triangles(detail.deliveries.len() * 10);
-    let mut lanes = vec![Lane::default(); record.nodes.len()];
+    let mut lanes = vec![GanttLane::default(); record.nodes.len()];
     let pointer = response.hover_pos();
     let mut under = None;
     for delivery in &detail.deliveries {
@@ -62,7 +62,7 @@ pub(crate) fn show(ui: &mut Ui, record: &Record) {
     }
 }
 
-struct Plan {
+struct GanttLayout {
     bars: Rect,
     row_height: f32,
     end_secs: f64,
@@ -70,12 +70,12 @@ struct Plan {
 
 /// Until when a node has traced, and until when what it sent has come.
 #[derive(Clone, Copy, Default)]
-struct Lane {
+struct GanttLane {
     traced: f64,
     arrived: f64,
 }
 
-impl Plan {
+impl GanttLayout {
     fn x(&self, secs: f64) -> f32 {
         self.bars.left() + self.bars.width() * (secs / self.end_secs).clamp(0.0, 1.0) as f32
     }
@@ -83,7 +83,13 @@ impl Plan {
     /// Tracing as a thick bar that ends where the tiles set out, which is no earlier than what was traced
     /// before; what comes before the first bar and after each one as a thin line: the way to the node
     /// and back, with encoding and decoding at its ends.
-    fn delivery(&self, mesh: &mut Mesh, delivery: &Delivery, row: usize, lane: &mut Lane) -> Rect {
+    fn delivery(
+        &self,
+        mesh: &mut Mesh,
+        delivery: &Delivery,
+        row: usize,
+        lane: &mut GanttLane,
+    ) -> Rect {
         let split = &delivery.split;
         let top = self.bars.top() + self.row_height * row as f32;
         let mut bar = |from: f64, to: f64, height: f32, color: Color32| {
@@ -114,7 +120,7 @@ impl Plan {
         bar(traced, encoded.max(traced), 0.4, encode);
         bar(decoding.max(traced), arrived, 0.4, decode);
         bar(begun, traced, 0.9, if is_fresh { trace } else { ALARM });
-        *lane = Lane { traced, arrived };
+        *lane = GanttLane { traced, arrived };
         Rect::from_min_max(
             Pos2::new(self.x(begun), top),
             Pos2::new(self.x(traced.max(begun)) + 1.0, top + self.row_height),
@@ -130,7 +136,7 @@ impl Plan {
         mesh.add_colored_rect(line, color);
     }
 
-    fn labels(&self, ui: &Ui, record: &Record, rows: &[usize], rect: Rect) {
+    fn labels(&self, ui: &Ui, record: &FrameRecord, rows: &[usize], rect: Rect) {
         let painter = ui.painter().with_clip_rect(rect.expand(2.0));
         let font = FontId::monospace(10.0);
         // As many names as there is room for.

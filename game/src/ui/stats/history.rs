@@ -5,22 +5,22 @@ use std::sync::Arc;
 
 use carom_farm::{Balancing, NodeStatus};
 
-use super::frame_record::{Record, Seen};
+use super::frame_record::{FrameRecord, FrameSample};
 
 /// The last [`History::FRAMES_MAX`] pictures, and what each way of dividing them has reached so far.
 #[derive(Debug, Default)]
 pub struct History {
-    records: VecDeque<Arc<Record>>,
+    records: VecDeque<Arc<FrameRecord>>,
     detail_bytes: usize,
     /// Records before this one have no detail any more.
     detailed_from: usize,
     names: Vec<Arc<str>>,
-    tallies: Vec<Tally>,
+    tallies: Vec<AlgorithmSummary>,
 }
 
 /// What a way of dividing pictures has reached since the program began.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tally {
+pub struct AlgorithmSummary {
     /// Which.
     pub balancing: Balancing,
     /// Pictures.
@@ -30,7 +30,7 @@ pub struct Tally {
     max_sum: f64,
 }
 
-impl Tally {
+impl AlgorithmSummary {
     fn of(balancing: Balancing) -> Self {
         Self {
             balancing,
@@ -68,9 +68,9 @@ impl History {
     pub const DETAIL_BYTES_MAX: usize = 16 << 20;
 
     /// Takes in a finished picture.
-    pub fn push(&mut self, seen: Seen<'_>) -> Arc<Record> {
+    pub fn push(&mut self, seen: FrameSample<'_>) -> Arc<FrameRecord> {
         self.follow_names(seen.nodes);
-        let record = Arc::new(Record::new(seen, &self.names));
+        let record = Arc::new(FrameRecord::new(seen, &self.names));
         self.tally(&record);
         self.detail_bytes += detail_bytes(&record);
         self.records.push_back(Arc::clone(&record));
@@ -92,17 +92,17 @@ impl History {
     }
 
     /// From the oldest to the newest.
-    pub fn records(&self) -> &VecDeque<Arc<Record>> {
+    pub fn records(&self) -> &VecDeque<Arc<FrameRecord>> {
         &self.records
     }
 
     /// The newest.
-    pub fn newest(&self) -> Option<&Arc<Record>> {
+    pub fn newest(&self) -> Option<&Arc<FrameRecord>> {
         self.records.back()
     }
 
     /// Each way of dividing that has been used, in the order of its first use.
-    pub fn tallies(&self) -> &[Tally] {
+    pub fn tallies(&self) -> &[AlgorithmSummary] {
         &self.tallies
     }
 
@@ -116,10 +116,10 @@ impl History {
         (self.records.len() - 1) as f64 / secs
     }
 
-    fn tally(&mut self, record: &Record) {
-        let is_it = |tally: &Tally| tally.balancing == record.balancing;
+    fn tally(&mut self, record: &FrameRecord) {
+        let is_it = |tally: &AlgorithmSummary| tally.balancing == record.balancing;
         let place = self.tallies.iter().position(is_it).unwrap_or_else(|| {
-            self.tallies.push(Tally::of(record.balancing));
+            self.tallies.push(AlgorithmSummary::of(record.balancing));
             self.tallies.len() - 1
         });
         let tally = &mut self.tallies[place];
@@ -151,7 +151,7 @@ pub fn name_of(node: &NodeStatus) -> &str {
         .unwrap_or(&node.address)
 }
 
-fn detail_bytes(record: &Record) -> usize {
+fn detail_bytes(record: &FrameRecord) -> usize {
     record
         .detail
         .as_ref()
@@ -166,7 +166,7 @@ mod tests {
     use super::*;
 
     fn push(history: &mut History, frame: u64, tiles: usize, balancing: Balancing) {
-        history.push(Seen {
+        history.push(FrameSample {
             frame,
             at_secs: frame as f64 / 50.0,
             size: ImageSize::new(1920, 1080),

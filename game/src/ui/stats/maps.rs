@@ -6,13 +6,13 @@ use egui::{
     TextureOptions, Vec2,
 };
 
-use super::frame_record::{Detail, Record};
+use super::frame_record::{Detail, FrameRecord};
 use super::palette;
 use crate::ui::theme::INK;
 
 /// What is drawn over the picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Kind {
+pub enum MapKind {
     /// Nothing.
     #[default]
     None,
@@ -26,10 +26,10 @@ pub enum Kind {
 #[derive(Default)]
 pub struct Maps {
     /// What is drawn.
-    pub kind: Kind,
+    pub kind: MapKind,
     texture: Option<TextureHandle>,
     /// The picture that the texture is of, and its kind.
-    shown: Option<(u64, Kind)>,
+    shown: Option<(u64, MapKind)>,
     owners: Vec<u16>,
 }
 
@@ -43,8 +43,14 @@ impl std::fmt::Debug for Maps {
 
 impl Maps {
     /// Draws the map of a picture over `screen`, which the picture fills.
-    pub(crate) fn draw(&mut self, ctx: &Context, painter: &Painter, screen: Rect, record: &Record) {
-        if self.kind == Kind::None {
+    pub(crate) fn draw(
+        &mut self,
+        ctx: &Context,
+        painter: &Painter,
+        screen: Rect,
+        record: &FrameRecord,
+    ) {
+        if self.kind == MapKind::None {
             return;
         }
         let Some(detail) = &record.detail else {
@@ -55,7 +61,7 @@ impl Maps {
             self.shown = Some((record.frame, self.kind));
             self.owners = owners(detail, grid.len() as usize);
             let image = match self.kind {
-                Kind::Cost => costs(detail, grid),
+                MapKind::Cost => costs(detail, grid),
                 _ => ownership(&self.owners, grid),
             };
             match &mut self.texture {
@@ -77,16 +83,17 @@ impl Maps {
             uv,
             Color32::WHITE,
         );
-        if self.kind == Kind::Owner {
+        if self.kind == MapKind::Owner {
             self.numbers(painter, screen, grid, record.nodes.len());
         }
     }
 
     /// What is under the pointer, in words.
-    pub(super) fn tell(&self, pointer: Pos2, screen: Rect, record: &Record) -> Option<String> {
+    pub(super) fn tell(&self, pointer: Pos2, screen: Rect, record: &FrameRecord) -> Option<String> {
         let detail = record.detail.as_ref()?;
         let grid = grid_of(record, detail);
-        if self.kind == Kind::None || self.shown?.0 != record.frame || !screen.contains(pointer) {
+        if self.kind == MapKind::None || self.shown?.0 != record.frame || !screen.contains(pointer)
+        {
             return None;
         }
         let at = (pointer - screen.min) / tile_size(screen, grid);
@@ -174,7 +181,7 @@ fn image(grid: TileGrid, colors: impl Iterator<Item = Color32>) -> ColorImage {
     ColorImage::new([grid.columns() as usize, grid.rows() as usize], pixels)
 }
 
-fn grid_of(record: &Record, detail: &Detail) -> TileGrid {
+fn grid_of(record: &FrameRecord, detail: &Detail) -> TileGrid {
     TileGrid::new(
         ImageSize::new(record.width, record.height),
         detail.tile_edge.max(1),

@@ -1,7 +1,7 @@
 //! What the farm does, over the picture: a line, a card, or everything, live or frozen.
 //!
 //! ```text
-//! Farm ─▶ Seen ─▶ History ─▶ Board (a few times a second) ─▶ line, card, table
+//! Farm ─▶ FrameSample ─▶ History ─▶ StatsSummary (a few times a second) ─▶ line, card, table
 //!                    │  └──▶ charts, Gantt, maps (meshes and a texture, each frame)
 //!                    └─────▶ Recorder (a thread) ─▶ CSV, JSON lines
 //! ```
@@ -34,17 +34,17 @@ use carom_farm::{Balancing, Distribution, NodeStatus};
 use carom_tracer::ImageSize;
 use egui::{Context, Rect};
 
-use self::frame_rate::Redraws;
-use self::frame_record::{Record, Seen};
+use self::frame_rate::FrameRate;
+use self::frame_record::{FrameRecord, FrameSample};
 use self::history::History;
 use self::maps::Maps;
 use self::recorder::Recorder;
-use self::summary::Board;
-use crate::frame::quality::{Dial, LADDER, Level as Stop};
+use self::summary::StatsSummary;
+use crate::frame::quality::{QUALITY_LEVELS, QualityLevel, QualityPreference};
 
 /// How much is shown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Level {
+pub enum StatsLevel {
     /// Nothing.
     #[default]
     Off,
@@ -58,7 +58,7 @@ pub enum Level {
     Recording,
 }
 
-impl Level {
+impl StatsLevel {
     /// The next one; after the last comes none.
     pub fn next(self) -> Self {
         match self {
@@ -73,7 +73,7 @@ impl Level {
 
 /// What the overlay shows beside the history.
 #[derive(Clone, Copy, Debug)]
-pub struct Facts<'a> {
+pub struct StatsInput<'a> {
     /// The nodes now.
     pub nodes: &'a [NodeStatus],
     /// How pictures are divided from now on.
@@ -81,21 +81,21 @@ pub struct Facts<'a> {
     /// What of them is divided from now on.
     pub distribution: Distribution,
     /// What is given up first while things move.
-    pub dial: Dial,
+    pub preference: QualityPreference,
     /// Pixels of the window.
     pub window: ImageSize,
     /// Seconds from one moving picture to the next: the budget.
     pub period_secs: f64,
     /// What moving pictures are made of.
-    pub stop: Stop,
+    pub stop: QualityLevel,
     /// What a picture of each stop takes, seconds; absent before the first picture.
-    pub stops_secs: [Option<f64>; LADDER.len()],
+    pub level_secs: [Option<f64>; QUALITY_LEVELS.len()],
     /// How far ahead pictures of a shot are asked for, seconds.
     pub lead_secs: f64,
     /// Pictures of shots that were passed over.
     pub skipped: u64,
     /// Share of the window that the newest traced picture did not hold.
-    pub guessed: Option<f64>,
+    pub disocclusion_fraction: Option<f64>,
     /// What the last redraw took, seconds.
     pub draw_secs: f64,
     /// What puts pictures into the window.
@@ -104,46 +104,46 @@ pub struct Facts<'a> {
 
 /// What the player has asked for in the overlay.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Wish {
+pub enum StatsCommand {
     /// Divide pictures in this way.
     Balancing(Balancing),
     /// Divide this of them.
     Distribution(Distribution),
     /// Give up something else first.
-    Dial(Dial),
+    QualityPreference(QualityPreference),
 }
 
 /// The overlay.
 #[derive(Debug)]
 pub struct Stats {
-    level: Level,
+    level: StatsLevel,
     history: History,
-    redraws: Redraws,
-    board: Board,
+    redraws: FrameRate,
+    board: StatsSummary,
     board_secs: f64,
     /// The picture that is inspected; the newest if there is none.
-    frozen: Option<Arc<Record>>,
+    frozen: Option<Arc<FrameRecord>>,
     maps: Maps,
     scales: charts::Scales,
-    rows: table::Rows,
+    rows: table::NodeRows,
     recorder: Option<Recorder>,
     folder: PathBuf,
-    wishes: Vec<Wish>,
+    wishes: Vec<StatsCommand>,
 }
 
 impl Stats {
     /// Hidden; recordings will go into `folder`.
     pub fn new(folder: PathBuf) -> Self {
         Self {
-            level: Level::Off,
+            level: StatsLevel::Off,
             history: History::default(),
-            redraws: Redraws::default(),
-            board: Board::default(),
+            redraws: FrameRate::default(),
+            board: StatsSummary::default(),
             board_secs: f64::NEG_INFINITY,
             frozen: None,
             maps: Maps::default(),
             scales: charts::Scales::default(),
-            rows: table::Rows::default(),
+            rows: table::NodeRows::default(),
             recorder: None,
             folder,
             wishes: Vec::new(),
@@ -151,35 +151,35 @@ impl Stats {
     }
 
     /// Shows as much as that; recording begins and ends with its level.
-    pub fn set_level(&mut self, level: Level) {
+    pub fn set_level(&mut self, level: StatsLevel) {
         if level == self.level {
             return;
         }
         self.level = level;
         self.board_secs = f64::NEG_INFINITY;
-        if level < Level::Full {
+        if level < StatsLevel::Full {
             self.frozen = None;
         }
         self.recorder = match level {
-            Level::Recording => Some(Recorder::start(&self.folder)),
+            StatsLevel::Recording => Some(Recorder::start(&self.folder)),
             _ => None,
         };
     }
 
     /// Whether pictures are to be taken in: not while the overlay is hidden.
     pub fn is_shown(&self) -> bool {
-        self.level != Level::Off
+        self.level != StatsLevel::Off
     }
 
     /// How much is shown.
-    pub fn level(&self) -> Level {
+    pub fn level(&self) -> StatsLevel {
         self.level
     }
 
     /// Takes in a finished picture. While a picture is inspected the history stands still; what is
     /// recorded goes on.
-    pub fn take(&mut self, seen: Seen<'_>) {
-        if self.level == Level::Off || (self.frozen.is_some() && self.recorder.is_none()) {
+    pub fn take(&mut self, seen: FrameSample<'_>) {
+        if self.level == StatsLevel::Off || (self.frozen.is_some() && self.recorder.is_none()) {
             return;
         }
         if self.frozen.is_none() {
@@ -194,11 +194,11 @@ impl Stats {
                 .map(history::name_of)
                 .map(Arc::from)
                 .collect();
-            recorder.write(Arc::new(Record::new(seen, &names)));
+            recorder.write(Arc::new(FrameRecord::new(seen, &names)));
         }
     }
 
-    /// Notes a redraw of the window; `moves` says that something has moved since the one before.
+    /// Toasts a redraw of the window; `moves` says that something has moved since the one before.
     pub fn note_redraw(&mut self, now_secs: f64, moves: bool) {
         if self.is_shown() {
             self.redraws.note(now_secs, moves);
@@ -206,8 +206,8 @@ impl Stats {
     }
 
     /// Draws what the level asks for; the part of the window that it leaves free.
-    pub fn draw(&mut self, ctx: &Context, now_secs: f64, facts: &Facts<'_>) -> Rect {
-        if self.level == Level::Off {
+    pub fn draw(&mut self, ctx: &Context, now_secs: f64, facts: &StatsInput<'_>) -> Rect {
+        if self.level == StatsLevel::Off {
             return ctx.content_rect();
         }
         if now_secs - self.board_secs >= BOARD_SECS || now_secs < self.board_secs {
@@ -217,12 +217,12 @@ impl Stats {
     }
 
     /// What the player has asked for since the last call.
-    pub fn take_wishes(&mut self) -> Vec<Wish> {
+    pub fn take_wishes(&mut self) -> Vec<StatsCommand> {
         std::mem::take(&mut self.wishes)
     }
 
     /// Draws a map over the picture.
-    pub fn show_map(&mut self, kind: maps::Kind) {
+    pub fn show_map(&mut self, kind: maps::MapKind) {
         self.maps.kind = kind;
     }
 
@@ -232,7 +232,7 @@ impl Stats {
     }
 
     /// The picture that is inspected, if the charts stand still.
-    pub fn frozen(&self) -> Option<&Arc<Record>> {
+    pub fn frozen(&self) -> Option<&Arc<FrameRecord>> {
         self.frozen.as_ref()
     }
 
@@ -244,20 +244,20 @@ impl Stats {
     }
 
     /// Goes on.
-    pub fn thaw(&mut self) {
+    pub fn unfreeze(&mut self) {
         self.frozen = None;
         self.board_secs = f64::NEG_INFINITY;
     }
 
     /// The picture that is looked at.
-    fn inspected(&self) -> Option<&Arc<Record>> {
+    fn inspected(&self) -> Option<&Arc<FrameRecord>> {
         self.frozen.as_ref().or_else(|| self.history.newest())
     }
 
-    fn refresh(&mut self, now_secs: f64, facts: &Facts<'_>) {
+    fn refresh(&mut self, now_secs: f64, facts: &StatsInput<'_>) {
         self.board_secs = now_secs;
         let record = self.inspected().cloned();
-        self.board = Board::new(&self.history, &self.redraws, record, facts);
+        self.board = StatsSummary::new(&self.history, &self.redraws, record, facts);
         self.rows.refresh(&self.board);
     }
 }

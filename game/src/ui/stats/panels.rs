@@ -8,19 +8,21 @@ use egui::{
     Vec2,
 };
 
-use super::frame_record::Record;
-use super::{Facts, Level, Stats, charts, compact, controls, gantt, prediction_plot, status_line};
+use super::frame_record::FrameRecord;
+use super::{
+    Stats, StatsInput, StatsLevel, charts, compact, controls, gantt, prediction_plot, status_line,
+};
 use crate::ui::theme;
 
 /// Draws what the level asks for; the part of the screen that it leaves free.
-pub(super) fn draw(stats: &mut Stats, ctx: &Context, facts: &Facts<'_>) -> Rect {
+pub(super) fn draw(stats: &mut Stats, ctx: &Context, facts: &StatsInput<'_>) -> Rect {
     let screen = ctx.content_rect();
-    if stats.level >= Level::Full {
+    if stats.level >= StatsLevel::Full {
         maps(stats, ctx, screen);
     }
     let is_wide = screen.width() >= WIDE.x && screen.height() >= WIDE.y;
     let height = match stats.level {
-        Level::Line | Level::Card => screen.height() - BELOW_CARD,
+        StatsLevel::Line | StatsLevel::Card => screen.height() - BELOW_CARD,
         _ if is_wide => screen.height(),
         _ => SHARE_OF_SMALL * screen.height(),
     };
@@ -31,13 +33,13 @@ pub(super) fn draw(stats: &mut Stats, ctx: &Context, facts: &Facts<'_>) -> Rect 
             .auto_shrink([false, true]);
         area.show(ui, |ui| {
             line(ui, stats, facts);
-            if stats.level >= Level::Full && !is_wide {
+            if stats.level >= StatsLevel::Full && !is_wide {
                 column(ui, stats, facts);
                 nodes(ui, stats, f32::INFINITY);
             }
         });
     });
-    if stats.level < Level::Full || !is_wide {
+    if stats.level < StatsLevel::Full || !is_wide {
         return screen.with_min_y(above.bottom());
     }
     let table_height = stats.rows.height().min(TABLE_SHARE * screen.height()) + TABLE_MARGIN;
@@ -86,22 +88,22 @@ fn panel(ctx: &Context, id: &str, room: Rect, fills: bool, add: impl FnOnce(&mut
     shown.response.rect
 }
 
-fn line(ui: &mut Ui, stats: &Stats, facts: &Facts<'_>) {
+fn line(ui: &mut Ui, stats: &Stats, facts: &StatsInput<'_>) {
     let records = stats.history.records();
     let newest = records.iter().skip(records.len().saturating_sub(SPARKLINE));
     let sparkline: Vec<f32> = newest.map(|record| record.makespan_secs as f32).collect();
     status_line::show(ui, &stats.board, &sparkline, facts);
-    if stats.level == Level::Card {
+    if stats.level == StatsLevel::Card {
         compact::show(ui, &stats.board, facts);
     }
 }
 
 /// Everything but the line and the nodes, one under the other.
-fn column(ui: &mut Ui, stats: &mut Stats, facts: &Facts<'_>) {
+fn column(ui: &mut Ui, stats: &mut Stats, facts: &StatsInput<'_>) {
     ui.set_min_width(ui.available_width());
     controls::show(ui, stats, facts);
     compact::show(ui, &stats.board, facts);
-    let inspected: Option<Arc<Record>> = stats.inspected().cloned();
+    let inspected: Option<Arc<FrameRecord>> = stats.inspected().cloned();
     if let Some(record) = &inspected {
         section(ui, "Picture, node by node", true, |ui| {
             gantt::show(ui, record)
@@ -143,7 +145,7 @@ fn column(ui: &mut Ui, stats: &mut Stats, facts: &Facts<'_>) {
 fn time_series(ui: &mut Ui, stats: &mut Stats, inspected: u64) -> Option<usize> {
     let records = stats.history.records();
     let before = records.len().saturating_sub(charts::PICTURES);
-    let newest: Vec<&Arc<Record>> = records.iter().skip(before).collect();
+    let newest: Vec<&Arc<FrameRecord>> = records.iter().skip(before).collect();
     let pressed = stats.scales.show(ui, &newest, inspected);
     pressed.map(|place| before + place)
 }

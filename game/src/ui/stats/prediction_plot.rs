@@ -2,7 +2,7 @@
 
 use egui::{Align2, Color32, FontId, Pos2, Sense, Stroke, Ui, Vec2};
 
-use super::frame_record::Record;
+use super::frame_record::FrameRecord;
 use super::glossary as terms;
 use super::palette;
 use super::value_label::{explained, ms};
@@ -10,7 +10,7 @@ use crate::ui::theme::{FAINT, INK};
 
 /// Predicted against actual response of each node, both on the same logarithmic scale: what lies
 /// below the line came later than predicted.
-pub(super) fn show(ui: &mut Ui, record: &Record) {
+pub(super) fn show(ui: &mut Ui, record: &FrameRecord) {
     let points: Vec<(usize, f64, f64)> = record
         .took_part()
         .filter_map(|(index, node)| Some((index, node.predicted_secs?, node.response_secs)))

@@ -8,19 +8,19 @@ use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 
-use super::frame_record::{NodeRecord, Record};
+use super::frame_record::{FrameRecord, NodeRecord};
 
 /// Writes records as CSV, a row for each node and picture, and as JSON lines, one for each picture.
 #[derive(Debug)]
 pub struct Recorder {
-    queue: Option<SyncSender<Arc<Record>>>,
+    queue: Option<SyncSender<Arc<FrameRecord>>>,
     thread: Option<JoinHandle<()>>,
-    state: Arc<Mutex<State>>,
+    state: Arc<Mutex<RecorderState>>,
 }
 
 /// How far a recording is.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct State {
+pub struct RecorderState {
     /// Where it goes, for people.
     pub place: String,
     /// Pictures that are in the files.
@@ -32,7 +32,7 @@ pub struct State {
 }
 
 /// Both files.
-struct Files<W> {
+struct RecordFiles<W> {
     csv: W,
     lines: W,
 }
@@ -46,22 +46,22 @@ impl Recorder {
             Err(why) => Self {
                 queue: None,
                 thread: None,
-                state: Arc::new(Mutex::new(State {
+                state: Arc::new(Mutex::new(RecorderState {
                     failure: Some(format!(
                         "no file can be made in {}: {why}",
                         folder.display()
                     )),
-                    ..State::default()
+                    ..RecorderState::default()
                 })),
             },
         }
     }
 
-    fn into<W: Write + Send + 'static>(place: String, files: Files<W>) -> Self {
+    fn into<W: Write + Send + 'static>(place: String, files: RecordFiles<W>) -> Self {
         let (queue, records) = sync_channel(QUEUE_MAX);
-        let state = Arc::new(Mutex::new(State {
+        let state = Arc::new(Mutex::new(RecorderState {
             place,
-            ..State::default()
+            ..RecorderState::default()
         }));
         let of_thread = Arc::clone(&state);
         let write = move || write_all(&records, files, &of_thread);
@@ -83,7 +83,7 @@ impl Recorder {
     }
 
     /// Hands a picture's record to the thread; never waits.
-    pub fn write(&mut self, record: Arc<Record>) {
+    pub fn write(&mut self, record: Arc<FrameRecord>) {
         let Some(queue) = &self.queue else {
             return;
         };
@@ -93,7 +93,7 @@ impl Recorder {
     }
 
     /// How far it is.
-    pub fn state(&self) -> State {
+    pub fn state(&self) -> RecorderState {
         self.state
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
@@ -111,8 +111,8 @@ impl Drop for Recorder {
     }
 }
 
-/// Files with a number that no file there has yet.
-fn create(folder: &Path) -> io::Result<(String, Files<BufWriter<File>>)> {
+/// RecordFiles with a number that no file there has yet.
+fn create(folder: &Path) -> io::Result<(String, RecordFiles<BufWriter<File>>)> {
     fs::create_dir_all(folder)?;
     for number in 1..=FILES_MAX {
         let path = |ending: &str| folder.join(format!("stats_{number:04}.{ending}"));
@@ -122,14 +122,18 @@ fn create(folder: &Path) -> io::Result<(String, Files<BufWriter<File>>)> {
         };
         let lines = BufWriter::new(File::create(path("jsonl"))?);
         let place = format!("{} and .jsonl", path("csv").display());
-        return Ok((place, Files { csv, lines }));
+        return Ok((place, RecordFiles { csv, lines }));
     }
     Err(io::Error::other(format!(
         "there are {FILES_MAX} recordings in it already"
     )))
 }
 
-fn write_all<W: Write>(records: &Receiver<Arc<Record>>, mut files: Files<W>, state: &Mutex<State>) {
+fn write_all<W: Write>(
+    records: &Receiver<Arc<FrameRecord>>,
+    mut files: RecordFiles<W>,
+    state: &Mutex<RecorderState>,
+) {
     let mut header = writeln!(files.csv, "{}", header());
     while let Ok(record) = records.recv() {
         let written = std::mem::replace(&mut header, Ok(())).and_then(|()| files.write(&record));
@@ -145,9 +149,9 @@ fn write_all<W: Write>(records: &Receiver<Arc<Record>>, mut files: Files<W>, sta
     }
 }
 
-impl<W: Write> Files<W> {
+impl<W: Write> RecordFiles<W> {
     /// Whole pictures only: what is in the files can be read at any time.
-    fn write(&mut self, record: &Record) -> io::Result<()> {
+    fn write(&mut self, record: &FrameRecord) -> io::Result<()> {
         self.csv.write_all(rows(record).as_bytes())?;
         let line = serde_json::to_string(record)?;
         self.lines.write_all(line.as_bytes())?;
@@ -157,19 +161,19 @@ impl<W: Write> Files<W> {
     }
 }
 
-fn change(state: &Mutex<State>, change: impl FnOnce(&mut State)) {
+fn change(state: &Mutex<RecorderState>, change: impl FnOnce(&mut RecorderState)) {
     change(&mut state.lock().unwrap_or_else(PoisonError::into_inner));
 }
 
 /// A column of the CSV file: its name and its value.
-type Column = (&'static str, fn(&Record, &NodeRecord) -> String);
+type CsvColumn = (&'static str, fn(&FrameRecord, &NodeRecord) -> String);
 
 fn header() -> String {
     let names = COLUMNS.map(|(name, _)| name);
     format!("{},{}", "node", names.join(","))
 }
 
-fn rows(record: &Record) -> String {
+fn rows(record: &FrameRecord) -> String {
     let mut rows = String::new();
     for (index, node) in record.nodes.iter().enumerate() {
         let values = COLUMNS.map(|(_, value)| value(record, node));
@@ -189,7 +193,7 @@ fn number(value: f64) -> String {
 }
 
 #[rustfmt::skip]
-const COLUMNS: [Column; 32] = [
+const COLUMNS: [CsvColumn; 32] = [
     ("name", |_, node| quoted(&node.name)),
     ("frame", |record, _| record.frame.to_string()),
     ("at_secs", |record, _| number(record.at_secs)),
@@ -236,11 +240,11 @@ mod tests {
     use super::*;
 
     /// Fails like a disk that is full after so many bytes.
-    struct Disk {
+    struct SlowDisk {
         left: usize,
     }
 
-    impl Write for Disk {
+    impl Write for SlowDisk {
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
             self.left = self
                 .left
@@ -255,12 +259,12 @@ mod tests {
     }
 
     /// Writes nothing until it is told to.
-    struct Stuck {
+    struct StuckDisk {
         go: Receiver<()>,
         begun: Sender<()>,
     }
 
-    impl Write for Stuck {
+    impl Write for StuckDisk {
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
             let _ = self.begun.send(());
             let _ = self.go.recv();
@@ -272,8 +276,8 @@ mod tests {
         }
     }
 
-    fn record(frame: u64) -> Arc<Record> {
-        let seen = super::super::frame_record::Seen {
+    fn record(frame: u64) -> Arc<FrameRecord> {
+        let seen = super::super::frame_record::FrameSample {
             frame,
             at_secs: 1.5,
             size: carom_tracer::ImageSize::new(64, 32),
@@ -296,7 +300,7 @@ mod tests {
                 split: carom_farm::LatencySplit::default(),
             }],
         };
-        Arc::new(Record::new(seen, &["a, \"b\"".into()]))
+        Arc::new(FrameRecord::new(seen, &["a, \"b\"".into()]))
     }
 
     #[test]
@@ -334,9 +338,9 @@ mod tests {
 
     #[test]
     fn a_full_disk_is_told_and_stops_the_recording_alone() {
-        let files = Files {
-            csv: Disk { left: 5000 },
-            lines: Disk { left: 1 << 20 },
+        let files = RecordFiles {
+            csv: SlowDisk { left: 5000 },
+            lines: SlowDisk { left: 1 << 20 },
         };
         let mut recorder = Recorder::into("a disk".to_owned(), files);
         (0..200).for_each(|frame| recorder.write(record(frame)));
@@ -351,15 +355,15 @@ mod tests {
     #[test]
     fn a_disk_that_hangs_keeps_no_frame_waiting() {
         let ((go, waits), (begins, begun)) = (channel(), channel());
-        let stuck = Stuck {
+        let stuck = StuckDisk {
             go: waits,
             begun: begins,
         };
         let (never, nothing) = channel();
         drop(never);
-        let files = Files {
+        let files = RecordFiles {
             csv: stuck,
-            lines: Stuck {
+            lines: StuckDisk {
                 go: nothing,
                 begun: channel().0,
             },

@@ -4,12 +4,12 @@ use carom_tracer::ImageSize;
 use egui::Ui;
 
 use super::glossary as terms;
-use super::summary::Board;
+use super::summary::StatsSummary;
 use super::value_label::{figure, figure_or_alarm, ms, percent};
-use super::{Facts, charts};
+use super::{StatsInput, charts};
 
 /// Draws the figures one after the other; they wrap where the window is narrow.
-pub(super) fn show(ui: &mut Ui, board: &Board, sparkline: &[f32], facts: &Facts<'_>) {
+pub(super) fn show(ui: &mut Ui, board: &StatsSummary, sparkline: &[f32], facts: &StatsInput<'_>) {
     let rates = &board.rates;
     ui.horizontal_wrapped(|ui| {
         figure(ui, &terms::FPS, &format!("{:3.0}", rates.now));

@@ -5,20 +5,20 @@ use std::sync::Arc;
 
 use carom_farm::{NodeState, NodeStatus};
 
-use super::Facts;
-use super::frame_rate::{Rates, Redraws};
-use super::frame_record::{NodeRecord, Record, mean_and_deviation};
+use super::StatsInput;
+use super::frame_rate::{FrameRate, Rates};
+use super::frame_record::{FrameRecord, NodeRecord, mean_and_deviation};
 use super::history::{History, name_of};
 
-/// Figures over all pictures that are kept, and of the one that is looked at.
+/// SchedulerStats over all pictures that are kept, and of the one that is looked at.
 #[derive(Debug, Default)]
-pub struct Board {
-    /// Redraws a second.
+pub struct StatsSummary {
+    /// FrameRate a second.
     pub rates: Rates,
     /// Pictures a second.
     pub pictures_per_sec: f64,
     /// The picture that is looked at.
-    pub record: Option<Arc<Record>>,
+    pub record: Option<Arc<FrameRecord>>,
     /// By index.
     pub nodes: Vec<NodeSummary>,
     /// Nodes that can trace.
@@ -66,16 +66,16 @@ pub struct NodeSummary {
     pub twice: u64,
 }
 
-impl Board {
-    /// Figures of `history`, and of `record` in it.
+impl StatsSummary {
+    /// SchedulerStats of `history`, and of `record` in it.
     pub fn new(
         history: &History,
-        redraws: &Redraws,
-        record: Option<Arc<Record>>,
-        facts: &Facts<'_>,
+        redraws: &FrameRate,
+        record: Option<Arc<FrameRecord>>,
+        facts: &StatsInput<'_>,
     ) -> Self {
         let records = history.records();
-        let sum = |value: fn(&Record) -> u64| records.iter().map(|record| value(record)).sum();
+        let sum = |value: fn(&FrameRecord) -> u64| records.iter().map(|record| value(record)).sum();
         let (bytes, raw): (u64, u64) = (sum(|r| r.payload_bytes), sum(|r| r.raw_bytes));
         let per_picture = bytes as f64 / records.len().max(1) as f64;
         let pictures_per_sec = history.rate();
@@ -126,7 +126,7 @@ impl Board {
 
 impl NodeSummary {
     /// All nodes at once: records are long, so that each is walked once, from front to back.
-    fn all(history: &History, facts: &Facts<'_>) -> Vec<Self> {
+    fn all(history: &History, facts: &StatsInput<'_>) -> Vec<Self> {
         let mut nodes: Vec<Self> = facts.nodes.iter().map(Self::of_status).collect();
         let mut responses = vec![Vec::with_capacity(history.records().len()); nodes.len()];
         for record in history.records() {
@@ -169,7 +169,7 @@ impl NodeSummary {
     }
 }
 
-fn straggler(record: &Record) -> Option<(usize, &NodeRecord)> {
+fn straggler(record: &FrameRecord) -> Option<(usize, &NodeRecord)> {
     let index = record.straggler?;
     Some((index, record.nodes.get(index)?))
 }

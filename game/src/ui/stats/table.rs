@@ -4,49 +4,49 @@
 use egui::text::{LayoutJob, TextFormat};
 use egui::{FontId, Response, Role, ScrollArea, Sense, Ui, Vec2, WidgetInfo};
 
-use super::frame_record::{NodeRecord, Record};
+use super::frame_record::{FrameRecord, NodeRecord};
 use super::glossary::{self as terms, Term};
-use super::summary::{Board, NodeSummary};
+use super::summary::{NodeSummary, StatsSummary};
 use super::value_label::ms;
 use crate::ui::theme::{ACCENT, ALARM, INK};
 
 /// The table's text.
 #[derive(Debug, Default)]
-pub(super) struct Rows {
-    rows: Vec<Row>,
+pub(super) struct NodeRows {
+    rows: Vec<NodeRow>,
 }
 
 #[derive(Debug)]
-struct Row {
+struct NodeRow {
     job: LayoutJob,
     /// Of the node's state.
     sentence: String,
 }
 
 /// What a cell is made of.
-struct Seen<'a> {
+struct NodeCell<'a> {
     index: usize,
     summary: &'a NodeSummary,
     node: Option<&'a NodeRecord>,
-    record: Option<&'a Record>,
+    record: Option<&'a FrameRecord>,
 }
 
-struct Column {
+struct TableColumn {
     term: &'static Term,
     /// Characters, with the gap to the next.
     width: usize,
-    cell: fn(&Seen<'_>) -> String,
+    cell: fn(&NodeCell<'_>) -> String,
     /// Whether the cell tells of trouble.
-    alarm: fn(&Seen<'_>) -> bool,
+    alarm: fn(&NodeCell<'_>) -> bool,
 }
 
-impl Rows {
+impl NodeRows {
     /// Writes the table anew.
-    pub(super) fn refresh(&mut self, board: &Board) {
+    pub(super) fn refresh(&mut self, board: &StatsSummary) {
         let record = board.record.as_deref();
         let row = |(index, summary): (usize, &NodeSummary)| {
             let node = record.and_then(|record| record.nodes.get(index));
-            let seen = Seen {
+            let seen = NodeCell {
                 index,
                 summary,
                 node,
@@ -67,7 +67,7 @@ impl Rows {
                 };
                 job.append(&padded, 0.0, format(bad));
             }
-            Row {
+            NodeRow {
                 job,
                 sentence: summary.state_sentence.clone(),
             }
@@ -161,18 +161,18 @@ fn format(bad: bool) -> TextFormat {
     TextFormat::simple(FontId::monospace(SIZE), if bad { ALARM } else { INK })
 }
 
-fn is_text(column: &Column) -> bool {
+fn is_text(column: &TableColumn) -> bool {
     column.width >= TEXT_WIDTH && column.term.label.chars().all(char::is_lowercase)
 }
 
 /// A column of what a node did for the picture; nothing if it took no part.
-fn of_node(seen: &Seen<'_>, value: impl Fn(&NodeRecord) -> String) -> String {
+fn of_node(seen: &NodeCell<'_>, value: impl Fn(&NodeRecord) -> String) -> String {
     let took_part = seen.node.filter(|node| node.tiles > 0);
     took_part.map_or_else(|| "-".to_owned(), value)
 }
 
 /// The same of what was known of it.
-fn known(seen: &Seen<'_>, value: impl Fn(&NodeRecord) -> String) -> String {
+fn known(seen: &NodeCell<'_>, value: impl Fn(&NodeRecord) -> String) -> String {
     let known = seen.node.filter(|node| node.msamples_per_sec > 0.0);
     known.map_or_else(|| "-".to_owned(), value)
 }
@@ -182,7 +182,7 @@ fn error(node: &NodeRecord) -> Option<f64> {
     Some(node.response_secs / predicted - 1.0)
 }
 
-fn ratio(seen: &Seen<'_>, node: &NodeRecord) -> f64 {
+fn ratio(seen: &NodeCell<'_>, node: &NodeRecord) -> f64 {
     let tiles: u32 = seen
         .record
         .map_or(0, |record| record.nodes.iter().map(|node| node.tiles).sum());
@@ -190,8 +190,12 @@ fn ratio(seen: &Seen<'_>, node: &NodeRecord) -> f64 {
     raw * f64::from(node.tiles) / f64::from(tiles.max(1)) / node.payload_bytes.max(1) as f64
 }
 
-const fn column(term: &'static Term, width: usize, cell: fn(&Seen<'_>) -> String) -> Column {
-    Column {
+const fn column(
+    term: &'static Term,
+    width: usize,
+    cell: fn(&NodeCell<'_>) -> String,
+) -> TableColumn {
+    TableColumn {
         term,
         width,
         cell,
@@ -199,11 +203,11 @@ const fn column(term: &'static Term, width: usize, cell: fn(&Seen<'_>) -> String
     }
 }
 
-const fn alarming(column: Column, alarm: fn(&Seen<'_>) -> bool) -> Column {
-    Column { alarm, ..column }
+const fn alarming(column: TableColumn, alarm: fn(&NodeCell<'_>) -> bool) -> TableColumn {
+    TableColumn { alarm, ..column }
 }
 
-static COLUMNS: &[Column] = &[
+static COLUMNS: &[TableColumn] = &[
     column(&terms::NODE, 15, |s| {
         format!("{:>2} {}", s.index, s.summary.name)
     }),
