@@ -11,12 +11,12 @@ use bytemuck::Zeroable as _;
 use glam::{DVec3, Quat, Vec3};
 
 pub use self::data::{
-    AreaLightData, BoxData, CameraFrame, CarvedData, DiscData, FACE_BORE, FACE_BOX, FACE_HOLLOW,
-    FACE_PLANE, FACE_TURNED, FaceData, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, MaterialData,
+    AreaLightData, BoxData, CameraFrame, CsgBoxData, DiscData, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX, CSG_FACE_INNER_BOX,
+    CSG_FACE_PLANE, CSG_FACE_CONE, CsgFaceData, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, MaterialData,
     PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, RectangleData, SphereData,
 };
 use self::material::material_data;
-use crate::scene::{AreaLight, Camera, Cut, CutForm, ObjectPose, Scene, SceneUpdate, Shape};
+use crate::scene::{AreaLight, Camera, Subtraction, CsgSolid, ObjectPose, Scene, SceneUpdate, Shape};
 use crate::tree::{Bounds, Tree};
 use crate::{Error, ImageSize};
 
@@ -36,10 +36,10 @@ pub struct CompiledScene {
     pub discs: Vec<DiscData>,
     /// Rectangles.
     pub rectangles: Vec<RectangleData>,
-    /// Boxes from which parts are taken away.
-    pub carved: Vec<CarvedData>,
-    /// Surfaces of carved boxes: each one's box, then its cuts.
-    pub faces: Vec<FaceData>,
+    /// Boxes with solids subtracted.
+    pub csg_boxes: Vec<CsgBoxData>,
+    /// Surfaces of CSG boxes: each one's box, then its subtractions.
+    pub csg_faces: Vec<CsgFaceData>,
     /// Emitting rectangles; rays end on them.
     pub area_lights: Vec<AreaLightData>,
     /// Materials; primitives hold indices.
@@ -79,8 +79,8 @@ pub enum ShapeKind {
     Disc,
     /// [`CompiledScene::rectangles`].
     Rectangle,
-    /// [`CompiledScene::faces`].
-    Face,
+    /// [`CompiledScene::csg_faces`].
+    CsgFace,
 }
 
 impl ShapeKind {
@@ -90,7 +90,7 @@ impl ShapeKind {
         Self::Box,
         Self::Disc,
         Self::Rectangle,
-        Self::Face,
+        Self::CsgFace,
     ];
 }
 
@@ -105,8 +105,8 @@ pub enum Primitive {
     Disc(u32),
     /// Index into [`CompiledScene::rectangles`].
     Rectangle(u32),
-    /// Index into [`CompiledScene::faces`]; for an object its first face.
-    Face(u32),
+    /// Index into [`CompiledScene::csg_faces`]; for an object its first face.
+    CsgFace(u32),
     /// Index into [`CompiledScene::area_lights`].
     AreaLight(u32),
 }
@@ -125,8 +125,8 @@ impl CompiledScene {
             boxes: Vec::new(),
             discs: Vec::new(),
             rectangles: Vec::new(),
-            carved: Vec::new(),
-            faces: Vec::new(),
+            csg_boxes: Vec::new(),
+            csg_faces: Vec::new(),
             area_lights: area_lights(&scene.area_lights),
             materials: scene.materials.values().map(material_data).collect(),
             primitives: Vec::with_capacity(scene.objects.len()),
@@ -178,8 +178,8 @@ impl CompiledScene {
                 });
                 Primitive::Box(self.boxes.len() as u32 - 1)
             }
-            Shape::Carved { min, max, ref cuts } => {
-                self.push_carved([min, max], cuts, material, named)
+            Shape::CsgBox { min, max, ref subtractions } => {
+                self.push_csg_box([min, max], subtractions, material, named)
             }
             Shape::Disc {
                 center,
@@ -215,33 +215,33 @@ impl CompiledScene {
         }
     }
 
-    fn push_carved(
+    fn push_csg_box(
         &mut self,
         [min, max]: [Vec3; 2],
-        cuts: &[Cut],
+        subtractions: &[Subtraction],
         material: u32,
         named: &dyn Fn(&str) -> u32,
     ) -> Primitive {
-        let first_face = self.faces.len() as u32;
-        let cut_faces = cuts.iter().map(|cut| {
-            let material = cut.material.as_deref().map_or(material, named);
-            cut_face(&cut.form, material)
+        let first_face = self.csg_faces.len() as u32;
+        let subtraction_faces = subtractions.iter().map(|subtraction| {
+            let material = subtraction.material.as_deref().map_or(material, named);
+            subtraction_face(&subtraction.solid, material)
         });
         let (min, max) = (min.to_array(), max.to_array());
-        self.carved.push(CarvedData {
+        self.csg_boxes.push(CsgBoxData {
             min,
             first_face,
             max,
-            face_count: 1 + cuts.len() as u32,
+            face_count: 1 + subtractions.len() as u32,
         });
-        self.faces.push(FaceData {
+        self.csg_faces.push(CsgFaceData {
             a: min,
-            kind: FACE_BOX,
+            kind: CSG_FACE_OUTER_BOX,
             b: max,
             material,
         });
-        self.faces.extend(cut_faces);
-        Primitive::Face(first_face)
+        self.csg_faces.extend(subtraction_faces);
+        Primitive::CsgFace(first_face)
     }
 
     /// Puts camera and objects where `update` wants them; what it does not name goes back to
@@ -325,14 +325,14 @@ impl CompiledScene {
             ShapeKind::Box => self.boxes.len(),
             ShapeKind::Disc => self.discs.len(),
             ShapeKind::Rectangle => self.rectangles.len(),
-            ShapeKind::Face => self.faces.len(),
+            ShapeKind::CsgFace => self.csg_faces.len(),
         }
     }
 
     /// The tree by which a back end finds the primitives of a shape that is faster so from `least` of them
     /// on; made when first asked for, that of balls again after [`CompiledScene::apply`]. None where rays
-    /// are to meet each of them, and for the faces of carved boxes, which are few
-    /// ([`crate::scene::validate::CUTS_TOTAL_MAX`]).
+    /// are to meet each of them, and for the faces of CSG boxes, which are few
+    /// ([`crate::scene::validate::SUBTRACTIONS_TOTAL_MAX`]).
     pub fn tree(&self, shape: ShapeKind, least: usize) -> Option<&Tree> {
         let is_wanted = match self.hierarchy {
             Hierarchy::WhereFaster => self.count(shape) >= least,
@@ -350,7 +350,7 @@ impl CompiledScene {
             ShapeKind::Box => Tree::new(self.boxes.iter().map(Bounds::from)),
             ShapeKind::Disc => Tree::new(self.discs.iter().map(Bounds::from)),
             ShapeKind::Rectangle => Tree::new(self.rectangles.iter().map(Bounds::from)),
-            ShapeKind::Face => None,
+            ShapeKind::CsgFace => None,
         }
     }
 
@@ -361,7 +361,7 @@ impl CompiledScene {
             Primitive::Box(i) => self.boxes[i as usize].material,
             Primitive::Disc(i) => self.discs[i as usize].material,
             Primitive::Rectangle(i) => self.rectangles[i as usize].material,
-            Primitive::Face(i) => self.faces[i as usize].material,
+            Primitive::CsgFace(i) => self.csg_faces[i as usize].material,
             Primitive::AreaLight(_) => return None,
         };
         Some(&self.materials[material as usize])
@@ -407,27 +407,27 @@ fn ball_axis(world_from_ball: Quat, axis: DVec3) -> [f32; 3] {
     unit(world_from_ball.as_dquat().normalize() * axis).to_array()
 }
 
-fn cut_face(form: &CutForm, material: u32) -> FaceData {
-    let (kind, a, b) = match *form {
-        CutForm::Beyond { point, normal } => {
+fn subtraction_face(solid: &CsgSolid, material: u32) -> CsgFaceData {
+    let (kind, a, b) = match *solid {
+        CsgSolid::HalfSpace { point, normal } => {
             let n = normal.as_dvec3().normalize();
             let offset = n.dot(point.as_dvec3()) as f32;
-            (FACE_PLANE, n.as_vec3(), Vec3::new(offset, 0.0, 0.0))
+            (CSG_FACE_PLANE, n.as_vec3(), Vec3::new(offset, 0.0, 0.0))
         }
-        CutForm::Bore { center, radius } => (FACE_BORE, center, Vec3::new(radius, 0.0, 0.0)),
-        CutForm::Hollow { min, max } => (FACE_HOLLOW, min, max),
-        CutForm::Turned {
+        CsgSolid::Cylinder { center, radius } => (CSG_FACE_CYLINDER, center, Vec3::new(radius, 0.0, 0.0)),
+        CsgSolid::Box { min, max } => (CSG_FACE_INNER_BOX, min, max),
+        CsgSolid::ConeExterior {
             center,
             radius,
             taper,
             beyond,
         } => (
-            FACE_TURNED,
+            CSG_FACE_CONE,
             Vec3::new(center.x, center.y, taper.mul_add(-center.z, radius)),
             Vec3::new(taper, beyond.x, beyond.y),
         ),
     };
-    FaceData {
+    CsgFaceData {
         a: a.to_array(),
         kind,
         b: b.to_array(),

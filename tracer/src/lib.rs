@@ -38,7 +38,7 @@ pub use gpu::GpuTracer;
 pub use image_file::RadianceImage;
 pub use scalar::ScalarTracer;
 pub use scene::{
-    AreaLight, Axis, Camera, Cut, CutForm, Environment, Material, Medium, Object, ObjectPose,
+    AreaLight, Axis, Camera, Subtraction, CsgSolid, Environment, Material, Medium, Object, ObjectPose,
     Paint, Scene, SceneUpdate, Shape, Sights, Stripe,
 };
 pub use settings::{Preset, RenderSettings};

@@ -12,7 +12,7 @@ use carom_billiards::physics::{Circle, Cushion, Table};
 use carom_billiards::rules::{self, RuleSet};
 use carom_billiards::shot_report::ground;
 use carom_tracer::{
-    AreaLight, Axis, Camera, Cut, CutForm, Environment, Material, Object, Paint, Scene, Shape,
+    AreaLight, Axis, Camera, Subtraction, CsgSolid, Environment, Material, Object, Paint, Scene, Shape,
     Sights,
 };
 use glam::{DVec2, Quat, Vec2, Vec3};
@@ -127,11 +127,11 @@ impl Room {
     /// The slate under its cloth, with the pockets' holes.
     fn bed(&mut self, table: &Table) {
         let inside = self.frame.inside;
-        let cuts = bores(table).collect();
-        let shape = Shape::Carved {
+        let subtractions = bores(table).collect();
+        let shape = Shape::CsgBox {
             min: (-inside).extend(-POCKET_DEPTH_M),
             max: inside.extend(0.0),
-            cuts,
+            subtractions,
         };
         self.add("bed", "cloth", shape);
     }
@@ -139,19 +139,19 @@ impl Room {
     /// The wooden frame: bevelled outside, open inside, bored for the pockets.
     fn rails(&mut self, table: &Table) {
         let (outer, top) = (self.frame.outer, self.frame.rail_height);
-        let mut cuts = vec![self.opening()];
-        cuts.extend(bores(table));
+        let mut subtractions = vec![self.opening()];
+        subtractions.extend(bores(table));
         for (side, normal) in [(outer.x, Vec3::X), (outer.y, Vec3::Y)] {
             for sign in [-1.0, 1.0] {
                 let edge = sign * normal * (side - BEVEL_M) + Vec3::Z * top;
-                cuts.push(beyond(edge, sign * normal + Vec3::Z));
+                subtractions.push(beyond(edge, sign * normal + Vec3::Z));
             }
         }
-        cuts.extend(corners().map(|corner| trimmed(corner, outer)));
-        let shape = Shape::Carved {
+        subtractions.extend(corners().map(|corner| trimmed(corner, outer)));
+        let shape = Shape::CsgBox {
             min: (-outer).extend(-APRON_M),
             max: outer.extend(top),
-            cuts,
+            subtractions,
         };
         self.add("rails", "rail wood", shape);
     }
@@ -160,7 +160,7 @@ impl Room {
     fn castings(&mut self, table: &Table) {
         let (inside, outer) = (self.frame.inside, self.frame.outer + CASTING_M);
         let top = self.frame.rail_height + CASTING_M;
-        let holes: Vec<Cut> = bores(table).collect();
+        let holes: Vec<Subtraction> = bores(table).collect();
         for (index, (pocket, bore)) in table.pockets().iter().zip(holes).enumerate() {
             let center = pocket.center.as_vec2();
             let reach = pocket.radius_m as f32 + CASTING_RIM_M;
@@ -179,14 +179,14 @@ impl Room {
             } else {
                 (near * Vec2::new(1.0, side.y), far * Vec2::new(1.0, side.y))
             };
-            let mut cuts = vec![self.opening(), bore];
+            let mut subtractions = vec![self.opening(), bore];
             if is_corner {
-                cuts.push(trimmed(side, outer));
+                subtractions.push(trimmed(side, outer));
             }
-            let shape = Shape::Carved {
+            let shape = Shape::CsgBox {
                 min: a.min(b).extend(-CASTING_DEPTH_M),
                 max: a.max(b).extend(top),
-                cuts,
+                subtractions,
             };
             self.add(format!("casting{index}"), "chrome", shape);
         }
@@ -207,7 +207,7 @@ impl Room {
         };
         let tips = cushion.corners.into_iter().zip(cushion.jaws);
         let rounded = tips.filter_map(|(tip, jaw)| Some(rounding(tip, jaw?)));
-        let cuts = [
+        let subtractions = [
             facing(b, c),
             facing(d, a),
             beyond(a.extend(nose + NOSE_HALF_M), (normal * rise).extend(depth)),
@@ -216,11 +216,11 @@ impl Room {
                 (normal * (nose - NOSE_HALF_M)).extend(-UNDERCUT_M),
             ),
         ];
-        let cuts = cuts.into_iter().chain(rounded).collect();
-        let shape = Shape::Carved {
+        let subtractions = subtractions.into_iter().chain(rounded).collect();
+        let shape = Shape::CsgBox {
             min: low.extend(0.0),
             max: high.extend(self.frame.rail_height),
-            cuts,
+            subtractions,
         };
         self.add(format!("cushion{}", cushion.nose), "cushion cloth", shape);
     }
@@ -237,10 +237,10 @@ impl Room {
         self.add("pocket floor", "leather", tray);
         for corner in corners() {
             let center = corner * (outer - LEG_INSET_M);
-            let leg = Shape::Carved {
+            let leg = Shape::CsgBox {
                 min: (center - LEG_HALF_M).extend(floor),
                 max: (center + LEG_HALF_M).extend(-APRON_M),
-                cuts: [Vec3::X, Vec3::Y, Vec3::NEG_X, Vec3::NEG_Y]
+                subtractions: [Vec3::X, Vec3::Y, Vec3::NEG_X, Vec3::NEG_Y]
                     .map(|side| {
                         let top = center.extend(-APRON_M) + side * LEG_HALF_M;
                         beyond(top, side - Vec3::Z * LEG_TAPER)
@@ -260,8 +260,8 @@ impl Room {
         for x in LAMP_X_M {
             let center = Vec2::new(scale * x, 0.0);
             let hollow = lamp_half + 0.004;
-            let mut cuts = vec![Cut {
-                form: CutForm::Hollow {
+            let mut subtractions = vec![Subtraction {
+                solid: CsgSolid::Box {
                     min: (center - hollow).extend(low - 1.0),
                     max: (center + hollow).extend(LAMP_Z_M + 0.004),
                 },
@@ -269,12 +269,12 @@ impl Room {
             }];
             for side in [Vec3::X, Vec3::Y, Vec3::NEG_X, Vec3::NEG_Y] {
                 let foot = center.extend(LAMP_Z_M + 0.01) + side * half.dot(side.truncate().abs());
-                cuts.push(beyond(foot, side + Vec3::Z * SHADE_SLOPE));
+                subtractions.push(beyond(foot, side + Vec3::Z * SHADE_SLOPE));
             }
-            let shade = Shape::Carved {
+            let shade = Shape::CsgBox {
                 min: (center - half).extend(low),
                 max: (center + half).extend(high),
-                cuts,
+                subtractions,
             };
             self.add("lampshade", "enamel", shade);
         }
@@ -370,16 +370,16 @@ impl Room {
         for (part, high) in CUE_PARTS {
             let wide = CUE_RADII_M[0] + 0.001;
             let across = Vec3::new(wide, wide, 0.0);
-            let turned = CutForm::Turned {
+            let cone = CsgSolid::ConeExterior {
                 center: foot,
                 radius: CUE_RADII_M[0],
                 taper: (CUE_RADII_M[1] - CUE_RADII_M[0]) / CUE_M,
                 beyond: Vec3::ZERO,
             };
-            let shape = Shape::Carved {
+            let shape = Shape::CsgBox {
                 min: foot - across + Vec3::Z * low,
                 max: foot + across + Vec3::Z * high,
-                cuts: vec![cut(turned)],
+                subtractions: vec![subtraction(cone)],
             };
             self.add(part, part, shape);
             low = high;
@@ -389,14 +389,14 @@ impl Room {
     /// Four walls of a thickness round a rectangle, from the floor to `top`.
     fn ring(&mut self, name: &str, material: &str, inner: Vec2, thickness: f32, top: f32) {
         let floor = self.frame.floor;
-        let hollow = cut(CutForm::Hollow {
+        let hollow = subtraction(CsgSolid::Box {
             min: (-inner).extend(floor - 1.0),
             max: inner.extend(top + 1.0),
         });
-        let shape = Shape::Carved {
+        let shape = Shape::CsgBox {
             min: (-inner - thickness).extend(floor),
             max: (inner + thickness).extend(top),
-            cuts: vec![hollow],
+            subtractions: vec![hollow],
         };
         self.add(name, material, shape);
     }
@@ -426,9 +426,9 @@ impl Room {
     }
 
     /// What the rails leave open: cloth and cushions.
-    fn opening(&self) -> Cut {
+    fn opening(&self) -> Subtraction {
         let inside = self.frame.inside;
-        cut(CutForm::Hollow {
+        subtraction(CsgSolid::Box {
             min: (-inside).extend(-1.0),
             max: inside.extend(1.0),
         })
@@ -442,9 +442,9 @@ fn corners() -> impl Iterator<Item = Vec2> {
 }
 
 /// The pockets' holes, lined with leather.
-fn bores(table: &Table) -> impl Iterator<Item = Cut> + '_ {
-    table.pockets().iter().map(|pocket| Cut {
-        form: CutForm::Bore {
+fn bores(table: &Table) -> impl Iterator<Item = Subtraction> + '_ {
+    table.pockets().iter().map(|pocket| Subtraction {
+        solid: CsgSolid::Cylinder {
             center: pocket.center.as_vec2().extend(0.0),
             radius: pocket.radius_m as f32,
         },
@@ -453,17 +453,17 @@ fn bores(table: &Table) -> impl Iterator<Item = Cut> + '_ {
 }
 
 /// The upright edge at a corner of the table, cut off.
-fn trimmed(corner: Vec2, outer: Vec2) -> Cut {
+fn trimmed(corner: Vec2, outer: Vec2) -> Subtraction {
     let point = corner * outer - corner * Vec2::new(TRIM_M, 0.0);
     beyond(point.extend(0.0), corner.extend(0.0))
 }
 
 /// The tip of a cushion outside its jaw.
-fn rounding(tip: DVec2, jaw: Circle) -> Cut {
+fn rounding(tip: DVec2, jaw: Circle) -> Subtraction {
     let out = tip - jaw.center;
     // As far out as the jaw touches the sides that meet in the tip.
     let beyond = out * (jaw.radius_m * jaw.radius_m / out.length_squared());
-    cut(CutForm::Turned {
+    subtraction(CsgSolid::ConeExterior {
         center: jaw.center.extend(0.0).as_vec3(),
         radius: jaw.radius_m as f32,
         taper: 0.0,
@@ -471,15 +471,15 @@ fn rounding(tip: DVec2, jaw: Circle) -> Cut {
     })
 }
 
-fn cut(form: CutForm) -> Cut {
-    Cut {
-        form,
+fn subtraction(solid: CsgSolid) -> Subtraction {
+    Subtraction {
+        solid,
         material: None,
     }
 }
 
-fn beyond(point: Vec3, normal: Vec3) -> Cut {
-    cut(CutForm::Beyond { point, normal })
+fn beyond(point: Vec3, normal: Vec3) -> Subtraction {
+    subtraction(CsgSolid::HalfSpace { point, normal })
 }
 
 fn area_light(x: f32, scale: f32) -> AreaLight {

@@ -38,13 +38,13 @@ pub struct BoxData {
     pub padding: u32,
 }
 
-/// A box from which parts are taken away.
+/// A box with solids subtracted.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-pub struct CarvedData {
+pub struct CsgBoxData {
     /// Smallest corner, metres.
     pub min: [f32; 3],
-    /// Index of its first face, that of the box itself; its cuts follow.
+    /// Index of its first face, that of the box itself; its subtractions follow.
     pub first_face: u32,
     /// Largest corner, metres.
     pub max: [f32; 3],
@@ -52,27 +52,27 @@ pub struct CarvedData {
     pub face_count: u32,
 }
 
-/// [`FaceData::kind`] of a carved box itself: `a` and `b` are its corners.
-pub const FACE_BOX: u32 = 0;
-/// [`FaceData::kind`] of a plane: `a` is its normal out of the body, `b[0]` its distance from the
+/// [`CsgFaceData::kind`] of a CSG box itself: `a` and `b` are its corners.
+pub const CSG_FACE_OUTER_BOX: u32 = 0;
+/// [`CsgFaceData::kind`] of a plane: `a` is its normal out of the body, `b[0]` its distance from the
 /// origin along it.
-pub const FACE_PLANE: u32 = 1;
-/// [`FaceData::kind`] of a bore: `a` is a point of its axis, `b[0]` its radius.
-pub const FACE_BORE: u32 = 2;
-/// [`FaceData::kind`] of a hollow: `a` and `b` are its corners.
-pub const FACE_HOLLOW: u32 = 3;
+pub const CSG_FACE_PLANE: u32 = 1;
+/// [`CsgFaceData::kind`] of a cylinder: `a` is a point of its axis, `b[0]` its radius.
+pub const CSG_FACE_CYLINDER: u32 = 2;
+/// [`CsgFaceData::kind`] of a subtracted box: `a` and `b` are its corners.
+pub const CSG_FACE_INNER_BOX: u32 = 3;
 
-/// [`FaceData::kind`] of a turned cut: `a` is its axis in x and y and the radius at z = 0, `b` is by
+/// [`CsgFaceData::kind`] of a cone's exterior: `a` is its axis in x and y and the radius at z = 0, `b` is by
 /// how much that grows with z, and the x and y from the axis to the plane that it begins beyond.
-pub const FACE_TURNED: u32 = 4;
+pub const CSG_FACE_CONE: u32 = 4;
 
-/// A surface of a carved box.
+/// A surface of a CSG box.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-pub struct FaceData {
+pub struct CsgFaceData {
     /// See the kinds.
     pub a: [f32; 3],
-    /// [`FACE_BOX`], [`FACE_PLANE`], [`FACE_BORE`], [`FACE_HOLLOW`] or [`FACE_TURNED`].
+    /// [`CSG_FACE_OUTER_BOX`], [`CSG_FACE_PLANE`], [`CSG_FACE_CYLINDER`], [`CSG_FACE_INNER_BOX`] or [`CSG_FACE_CONE`].
     pub kind: u32,
     /// See the kinds.
     pub b: [f32; 3],

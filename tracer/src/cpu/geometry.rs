@@ -7,7 +7,7 @@ use std::marker::PhantomData;
 
 use fearless_simd::prelude::*;
 
-use super::carved::Carved;
+use super::csg::CsgBox;
 use super::forest::Forest;
 use super::lanes::{Float, Mask, Vec3x, Word};
 use super::shapes::{Ball, Meeting, Panel, Plate, Shape, Slabs, Solids};
@@ -22,14 +22,14 @@ pub(super) const INSIDE: u32 = 1 << 31;
 /// Directions closer to a slab's plane count as this close, so that no product is 0 · ∞.
 const DIRECTION_MIN: f32 = 1e-30;
 
-/// Everything a ray can meet. Ids number spheres, boxes, discs, rectangles, faces of carved boxes and
+/// Everything a ray can meet. Ids number spheres, boxes, discs, rectangles, faces of CSG boxes and
 /// area lights in this order, as [`super::surface::Surfaces`] lists them.
 pub(super) struct Geometry {
     spheres: Many<Ball, 6>,
     boxes: Many<Slabs, 6>,
     discs: Many<Plate, 7>,
     rectangles: Many<Panel, 12>,
-    carved: Vec<Carved>,
+    csg_boxes: Vec<CsgBox>,
     area_lights: Many<Panel, 12>,
     /// The id of the first area light; a hit of this id or above ends its path.
     pub(super) area_lights_first: u32,
@@ -131,11 +131,11 @@ impl Geometry {
             rectangles.map(|(data, id)| Some(One::new(Panel::numbers(data), id, false)));
         let rectangles = Many::new(scene, ShapeKind::Rectangle, rectangles.collect(), reach);
         // As many ids as there are faces.
-        let faces_first = first + scene.rectangles.len() as u32;
-        let area_lights_first = faces_first + scene.faces.len() as u32;
-        let carved = scene.carved.iter();
-        let carved = carved
-            .map(|c| Carved::new(c, &scene.faces, faces_first))
+        let csg_faces_first = first + scene.rectangles.len() as u32;
+        let area_lights_first = csg_faces_first + scene.csg_faces.len() as u32;
+        let csg_boxes = scene.csg_boxes.iter();
+        let csg_boxes = csg_boxes
+            .map(|c| CsgBox::new(c, &scene.csg_faces, csg_faces_first))
             .collect();
         let area_lights = scene.area_lights.iter().zip(area_lights_first..);
         let area_lights =
@@ -150,7 +150,7 @@ impl Geometry {
             boxes,
             discs,
             rectangles,
-            carved,
+            csg_boxes,
             area_lights,
             area_lights_first,
             has_clear,
@@ -166,8 +166,8 @@ impl Geometry {
         self.boxes.nearest(simd, rays, &mut nearest);
         self.discs.nearest(simd, rays, &mut nearest);
         self.rectangles.nearest(simd, rays, &mut nearest);
-        for carved in &self.carved {
-            if let Some((hit, t, face)) = carved.meet(simd, rays, nearest.distance) {
+        for csg_box in &self.csg_boxes {
+            if let Some((hit, t, face)) = csg_box.intersect(simd, rays, nearest.distance) {
                 nearest.distance = hit.select(t, nearest.distance);
                 nearest.id = hit.select(face, nearest.id);
             }
@@ -202,8 +202,8 @@ impl Geometry {
         self.boxes.occlude(simd, rays, distance, &mut dark);
         self.discs.occlude(simd, rays, distance, &mut dark);
         self.rectangles.occlude(simd, rays, distance, &mut dark);
-        for carved in &self.carved {
-            if let Some((hit, ..)) = carved.meet(simd, rays, distance) {
+        for csg_box in &self.csg_boxes {
+            if let Some((hit, ..)) = csg_box.intersect(simd, rays, distance) {
                 dark |= hit;
             }
         }
@@ -326,13 +326,13 @@ fn reach(scene: &CompiledScene) -> f32 {
     let discs = scene.discs.iter().map(|d| far(d.center, d.radius));
     let rectangles = scene.rectangles.iter();
     let rectangles = rectangles.map(|r| far(r.center, length(r.half_u) + length(r.half_v)));
-    let carved = scene.carved.iter();
-    let carved = carved.map(|c| far(c.min, 0.0).max(far(c.max, 0.0)));
+    let csg_boxes = scene.csg_boxes.iter();
+    let csg_boxes = csg_boxes.map(|c| far(c.min, 0.0).max(far(c.max, 0.0)));
     let from_world_origin = spheres
         .chain(boxes)
         .chain(discs)
         .chain(rectangles)
-        .chain(carved);
+        .chain(csg_boxes);
     2.0 * from_world_origin.fold(far(eye, 0.0), f32::max)
 }
 
@@ -444,7 +444,7 @@ mod tests {
                     Primitive::Rectangle(_) | Primitive::AreaLight(_) => {
                         geometry.area_lights_first - 1
                     }
-                    Primitive::Face(_) => panic!("no carved boxes here"),
+                    Primitive::CsgFace(_) => panic!("no CSG boxes here"),
                 };
                 if id[lane] == number {
                     let t = f64::from(t[lane]) * length;

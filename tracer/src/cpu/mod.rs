@@ -21,7 +21,7 @@ mod aov;
 mod area_light;
 mod batch;
 mod bsdf;
-mod carved;
+mod csg;
 mod first_hit;
 mod forest;
 mod geometry;

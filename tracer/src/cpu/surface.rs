@@ -10,7 +10,7 @@ use super::shapes::Chord;
 use super::sheen::{Sheen, SheenRow};
 use super::window::{WindowRow, window_row};
 use crate::compiled::{
-    CompiledScene, FACE_BORE, FACE_BOX, FACE_PLANE, FACE_TURNED, KIND_DIELECTRIC, KIND_LAYERED,
+    CompiledScene, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE, CSG_FACE_CONE, KIND_DIELECTRIC, KIND_LAYERED,
     MaterialData, PATTERN_NONE, SphereData,
 };
 
@@ -47,12 +47,12 @@ const STRIPE_AXIS: usize = 16;
 const KIND_SPHERE: f32 = 0.0;
 const KIND_BOX: f32 = 1.0;
 const KIND_FLAT: f32 = 2.0;
-/// The inside of an upright bore.
-const KIND_BORE: f32 = 3.0;
+/// The inside of an upright cylindrical hole.
+const KIND_CYLINDER: f32 = 3.0;
 /// The inside of a box.
-const KIND_HOLLOW: f32 = 4.0;
+const KIND_INNER_BOX: f32 = 4.0;
 /// An upright cone.
-const KIND_TURNED: f32 = 5.0;
+const KIND_CONE: f32 = 5.0;
 
 /// Where and what a packet of rays hit.
 pub(super) struct Hit<S: Simd> {
@@ -97,13 +97,13 @@ impl Surfaces {
         }
         rows.extend(scene.discs.iter().map(|d| flat(d.normal, d.material)));
         rows.extend(scene.rectangles.iter().map(|r| flat(r.normal, r.material)));
-        rows.extend(scene.faces.iter().map(|face| {
+        rows.extend(scene.csg_faces.iter().map(|face| {
             let kind = match face.kind {
-                FACE_BOX => KIND_BOX,
-                FACE_PLANE => KIND_FLAT,
-                FACE_BORE => KIND_BORE,
-                FACE_TURNED => KIND_TURNED,
-                _ => KIND_HOLLOW,
+                CSG_FACE_OUTER_BOX => KIND_BOX,
+                CSG_FACE_PLANE => KIND_FLAT,
+                CSG_FACE_CYLINDER => KIND_CYLINDER,
+                CSG_FACE_CONE => KIND_CONE,
+                _ => KIND_INNER_BOX,
             };
             row(face.a, face.b, kind, face.material, [0.0; 3])
         }));
@@ -171,29 +171,29 @@ impl Surfaces {
             position = Vec3x::select(sphere, first + from_center, position);
             normal = Vec3x::select(sphere, from_center * (1.0 / second.x), normal);
         }
-        let hollow = kind.simd_eq(KIND_HOLLOW);
-        let boxed = kind.simd_eq(KIND_BOX) | hollow;
+        let hollow = kind.simd_eq(KIND_INNER_BOX);
+        let boxed = kind.simd_eq(KIND_BOX) | inner_box;
         if boxed.any_true() {
-            within |= hollow;
+            within |= inner_box;
             let face = Face::new(simd, origin, direction, first, second, within);
             position = Vec3x::select(boxed, face.put(simd, position), position);
             normal = Vec3x::select(boxed, face.normal, normal);
         }
-        let bored = kind.simd_eq(KIND_BORE);
-        if bored.any_true() {
+        let cylinder = kind.simd_eq(KIND_CYLINDER);
+        if cylinder.any_true() {
             let (x, y) = (position.x - first.x, position.y - first.y);
             let per_radius = -1.0 / x.mul_add(x, y * y).sqrt();
             let inwards = Vec3x::new(x * per_radius, y * per_radius, x * 0.0);
-            normal = Vec3x::select(bored, inwards, normal);
+            normal = Vec3x::select(cylinder, inwards, normal);
         }
-        let turned = kind.simd_eq(KIND_TURNED);
-        if turned.any_true() {
+        let cone = kind.simd_eq(KIND_CONE);
+        if cone.any_true() {
             let (x, y) = (position.x - first.x, position.y - first.y);
             let across = 1.0 / x.mul_add(x, y * y).sqrt();
             let taper = second.x;
             let scale = 1.0 / (taper * taper + 1.0).sqrt();
             let outwards = Vec3x::new(x * across, y * across, -taper) * scale;
-            normal = Vec3x::select(turned, outwards, normal);
+            normal = Vec3x::select(cone, outwards, normal);
         }
         if let Some(gloss) = &gloss {
             let inside = direction.mul_add(distance, origin);
@@ -229,7 +229,7 @@ fn materials(scene: &CompiledScene) -> impl Iterator<Item = &MaterialData> {
     let boxes = scene.boxes.iter().map(|b| b.material);
     let discs = scene.discs.iter().map(|d| d.material);
     let rectangles = scene.rectangles.iter().map(|r| r.material);
-    let faces = scene.faces.iter().map(|f| f.material);
+    let faces = scene.csg_faces.iter().map(|f| f.material);
     let indices = spheres.chain(boxes).chain(discs).chain(rectangles);
     let indices = indices.chain(faces);
     indices.map(|material| &scene.materials[material as usize])
@@ -360,7 +360,7 @@ impl<S: Simd> Face<S> {
         let entry = (front - origin).scale(inverse);
         let exit = (back - origin).scale(inverse);
         let entered = entry.x.max(entry.y).max(entry.z).simd_gt(0.0) & !within;
-        // The last slab entered, or the first one left, whose distances are turned round.
+        // The last slab entered, or the first one left, whose distances are cone round.
         let rank = Vec3x::select(entered, entry, -exit);
         let by_x = rank.x.simd_ge(rank.y) & rank.x.simd_ge(rank.z);
         let by_y = rank.y.simd_ge(rank.z) & !by_x;

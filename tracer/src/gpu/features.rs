@@ -1,7 +1,7 @@
 //! What a scene requires of the kernel: what it has none of is left out.
 
 use crate::compiled::{
-    CompiledScene, FACE_TURNED, KIND_DIELECTRIC, KIND_LAYERED, MaterialData, PATTERN_NUMBER,
+    CompiledScene, CSG_FACE_CONE, KIND_DIELECTRIC, KIND_LAYERED, MaterialData, PATTERN_NUMBER,
     PATTERN_PLANKS, PATTERN_WOOD, ShapeKind, SphereData,
 };
 use crate::gpu::{flatness, layout};
@@ -15,7 +15,7 @@ impl ShapeKind {
             Self::Box => "box",
             Self::Disc => "disc",
             Self::Rectangle => "rectangle",
-            Self::Face => "face",
+            Self::CsgFace => "csg_face",
         }
     }
 
@@ -26,7 +26,7 @@ impl ShapeKind {
             Self::Box => "BOX",
             Self::Disc => "DISC",
             Self::Rectangle => "RECTANGLE",
-            Self::Face => "FACE",
+            Self::CsgFace => "CSG_FACE",
         }
     }
 
@@ -35,7 +35,7 @@ impl ShapeKind {
         match self {
             Self::Sphere => Some("SphereBound"),
             Self::Box => Some("BoxBound"),
-            Self::Disc | Self::Rectangle | Self::Face => None,
+            Self::Disc | Self::Rectangle | Self::CsgFace => None,
         }
     }
 
@@ -54,7 +54,7 @@ impl ShapeKind {
             Self::Box => "boxes",
             Self::Disc => "discs",
             Self::Rectangle => "rectangles",
-            Self::Face => "faces",
+            Self::CsgFace => "csg_faces",
         }
     }
 
@@ -65,7 +65,7 @@ impl ShapeKind {
             Self::Box => "BoxData",
             Self::Disc => "DiscData",
             Self::Rectangle => "RectangleData",
-            Self::Face => "FaceData",
+            Self::CsgFace => "CsgFaceData",
         }
     }
 }
@@ -123,16 +123,16 @@ pub(crate) struct Features {
     pub(crate) boxes: u32,
     pub(crate) discs: u32,
     pub(crate) rectangles: u32,
-    pub(crate) faces: u32,
-    /// Carved boxes, which the faces belong to.
-    pub(crate) carved: u32,
+    pub(crate) csg_faces: u32,
+    /// CSG boxes, which the faces belong to.
+    pub(crate) csg_boxes: u32,
     pub(crate) area_lights: u32,
     /// At least 1: an array has no length of 0.
     pub(crate) materials: u32,
     /// Rays find the primitives of a shape by a tree.
     pub(crate) trees: [bool; ShapeKind::ALL.len()],
-    /// Some carved box has a turned cut.
-    pub(crate) has_turned: bool,
+    /// Some CSG box has a cone's exterior.
+    pub(crate) has_csg_cone: bool,
     /// Some material has a dielectric coat.
     pub(crate) has_coat: bool,
     /// Some material has a stripe.
@@ -173,12 +173,12 @@ impl Features {
             boxes: scene.boxes.len() as u32,
             discs: scene.discs.len() as u32,
             rectangles: scene.rectangles.len() as u32,
-            faces: scene.faces.len() as u32,
-            carved: scene.carved.len() as u32,
+            csg_faces: scene.csg_faces.len() as u32,
+            csg_boxes: scene.csg_boxes.len() as u32,
             area_lights: scene.area_lights.len() as u32,
             materials: scene.materials.len().max(1) as u32,
             trees: ShapeKind::ALL.map(|shape| tree(scene, shape).is_some()),
-            has_turned: scene.faces.iter().any(|face| face.kind == FACE_TURNED),
+            has_csg_cone: scene.csg_faces.iter().any(|face| face.kind == CSG_FACE_CONE),
             has_coat: any(|material| material.kind == KIND_LAYERED && material.ior > 0.0),
             has_stripe: any(|material| material.stripe_half_width > 0.0),
             has_number: any(|material| material.pattern == PATTERN_NUMBER),
@@ -211,7 +211,7 @@ impl Features {
             ShapeKind::Box => self.boxes,
             ShapeKind::Disc => self.discs,
             ShapeKind::Rectangle => self.rectangles,
-            ShapeKind::Face => self.faces,
+            ShapeKind::CsgFace => self.csg_faces,
         }
     }
 
@@ -234,14 +234,14 @@ impl Features {
         tested.iter().sum::<u32>() + self.area_lights
     }
 
-    /// Turns that the loops of a ray take at most: those that go from cut to cut come round again, and
+    /// Turns that the loops of a ray take at most: those that go from subtraction to subtraction come round again, and
     /// some rays through a tree meet four times as much as most.
     pub(crate) fn turns_per_ray(&self) -> f64 {
         let in_trees = ShapeKind::ALL
             .into_iter()
             .filter(|shape| self.has_tree(*shape));
         let trees: u32 = in_trees.map(|shape| self.tested(shape)).sum();
-        1.05 * f64::from(self.primitives() + 3 * trees + 2 * self.faces)
+        1.05 * f64::from(self.primitives() + 3 * trees + 2 * self.csg_faces)
     }
 
     fn tested(&self, shape: ShapeKind) -> u32 {
@@ -262,7 +262,7 @@ const fn tree_min(shape: ShapeKind) -> usize {
         ShapeKind::Box => 96,
         ShapeKind::Disc => 48,
         ShapeKind::Rectangle => 32,
-        ShapeKind::Face => usize::MAX,
+        ShapeKind::CsgFace => usize::MAX,
     }
 }
 

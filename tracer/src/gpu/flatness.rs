@@ -90,11 +90,11 @@ pub(crate) fn farthest(scene: &CompiledScene) -> f32 {
     let rectangles = rectangles.map(|r| reach(r.center, length(r.half_u) + length(r.half_v)));
     let area_lights = scene.area_lights.iter();
     let area_lights = area_lights.map(|l| reach(l.center, l.length_u + l.length_v));
-    let carved = scene.carved.iter();
-    let carved = carved.map(|c| reach(c.min, 0.0).max(reach(c.max, 0.0)));
+    let csg_boxes = scene.csg_boxes.iter();
+    let csg_boxes = csg_boxes.map(|c| reach(c.min, 0.0).max(reach(c.max, 0.0)));
     let surfaces = spheres
         .chain(boxes)
-        .chain(carved)
+        .chain(csg_boxes)
         .chain(discs)
         .chain(rectangles)
         .chain(area_lights);

@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
 use glam::Vec3;
 
 use crate::compiled::{
-    AreaLightData, BoxData, CameraFrame, CarvedData, CompiledScene, DiscData, FaceData,
+    AreaLightData, BoxData, CameraFrame, CsgBoxData, CompiledScene, DiscData, CsgFaceData,
     MaterialData, RectangleData, ShapeKind, SphereData,
 };
 use crate::gpu::features::{self, Features};
@@ -171,7 +171,7 @@ pub(crate) fn scene_bytes_len(features: &Features) -> u64 {
             .shapes()
             .map(|shape| finders_bytes(features, shape))
             .sum::<usize>()
-        + features.carved as usize * size_of::<CarvedData>()
+        + features.csg_boxes as usize * size_of::<CsgBoxData>()
         + features.area_lights as usize * size_of::<AreaLightData>()
         + features.materials as usize * size_of::<MaterialData>();
     (size_of::<SceneHeader>() + arrays) as u64
@@ -192,7 +192,7 @@ fn finders_bytes(features: &Features, shape: ShapeKind) -> usize {
         * match shape {
             ShapeKind::Sphere => size_of::<SphereBound>(),
             ShapeKind::Box => size_of::<BoxBound>(),
-            ShapeKind::Disc | ShapeKind::Rectangle | ShapeKind::Face => 0,
+            ShapeKind::Disc | ShapeKind::Rectangle | ShapeKind::CsgFace => 0,
         }
 }
 
@@ -202,7 +202,7 @@ fn element_bytes(shape: ShapeKind) -> usize {
         ShapeKind::Box => size_of::<BoxData>(),
         ShapeKind::Disc => size_of::<DiscData>(),
         ShapeKind::Rectangle => size_of::<RectangleData>(),
-        ShapeKind::Face => size_of::<FaceData>(),
+        ShapeKind::CsgFace => size_of::<CsgFaceData>(),
     }
 }
 
@@ -222,8 +222,8 @@ pub(crate) fn scene_bytes(scene: &CompiledScene, size: ImageSize) -> Result<Vec<
     bytes.extend_from_slice(cast_slice(&scene.boxes));
     bytes.extend_from_slice(cast_slice(&scene.discs));
     bytes.extend_from_slice(cast_slice(&scene.rectangles));
-    bytes.extend_from_slice(cast_slice(&scene.faces));
-    bytes.extend_from_slice(cast_slice(&scene.carved));
+    bytes.extend_from_slice(cast_slice(&scene.csg_faces));
+    bytes.extend_from_slice(cast_slice(&scene.csg_boxes));
     bytes.extend_from_slice(cast_slice(&scene.area_lights));
     bytes.extend_from_slice(cast_slice(&scene.materials));
     if scene.materials.is_empty() {
@@ -267,7 +267,7 @@ fn finders(scene: &CompiledScene, shape: ShapeKind, farthest: f32) -> Vec<u8> {
             let bounds: Vec<_> = boxes.map(|data| BoxBound::new(data, farthest)).collect();
             cast_slice(&bounds).to_vec()
         }
-        ShapeKind::Disc | ShapeKind::Rectangle | ShapeKind::Face => Vec::new(),
+        ShapeKind::Disc | ShapeKind::Rectangle | ShapeKind::CsgFace => Vec::new(),
     }
 }
 
@@ -276,7 +276,7 @@ fn check_materials(scene: &CompiledScene) -> Result<(), Error> {
     let boxes = scene.boxes.iter().map(|solid| solid.material);
     let discs = scene.discs.iter().map(|disc| disc.material);
     let rectangles = scene.rectangles.iter().map(|rectangle| rectangle.material);
-    let faces = scene.faces.iter().map(|face| face.material);
+    let faces = scene.csg_faces.iter().map(|face| face.material);
     let materials = spheres.chain(boxes).chain(discs).chain(rectangles);
     let highest = materials.chain(faces).max();
     match highest {

@@ -370,7 +370,7 @@ fn compare_rays(scene: &CompiledScene, area_lights_occlude: bool) {
             Primitive::Box(_) => 1,
             Primitive::Disc(_) => 2,
             Primitive::Rectangle(_) => 3,
-            Primitive::Face(_) => panic!("the scene has no carved box"),
+            Primitive::CsgFace(_) => panic!("the scene has no CSG box"),
             Primitive::AreaLight(i) => 4 + i,
         });
         let t_expected = hit.map_or(f64::INFINITY, |hit| hit.t);

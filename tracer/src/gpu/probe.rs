@@ -1,7 +1,7 @@
 //! The start-up probe: a GPU that does not trace a small scene as the scalar tracer does is not used.
 //!
 //! Drivers compile, fuse and round as they like, and now and then wrongly. Of two scenes the first is
-//! of plain balls and boxes under area lights; the second has what most pictures lack: carved wood, a
+//! of plain balls and boxes under area lights; the second has what most pictures lack: a wooden CSG box, a
 //! number, napped cloth, rough metal, and rough glass with a medium that scatters.
 
 use std::collections::BTreeMap;
@@ -11,7 +11,7 @@ use std::sync::atomic::AtomicBool;
 use glam::{Quat, Vec3};
 
 use crate::{
-    AreaLight, Axis, Camera, CompiledScene, Cut, CutForm, Environment, Error, ImageSize, Material,
+    AreaLight, Axis, Camera, CompiledScene, Subtraction, CsgSolid, Environment, Error, ImageSize, Material,
     Medium, Object, Paint, RenderSettings, ScalarTracer, Scene, Shape, Stripe, Tile, TraceJob,
     Tracer,
 };
@@ -156,11 +156,11 @@ pub(crate) fn dressed_scene() -> Scene {
     for (name, material) in dressed_materials() {
         scene.materials.insert(name.to_owned(), material);
     }
-    let block = Shape::Carved {
+    let block = Shape::CsgBox {
         min: Vec3::new(-1.5, 0.6, -0.1),
         max: Vec3::new(-0.4, 1.2, 0.9),
-        cuts: vec![Cut {
-            form: CutForm::Bore {
+        subtractions: vec![Subtraction {
+            solid: CsgSolid::Cylinder {
                 center: Vec3::new(-1.0, 0.9, 0.0),
                 radius: 0.2,
             },

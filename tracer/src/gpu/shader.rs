@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::compiled::{
-    FACE_BORE, FACE_BOX, FACE_PLANE, FACE_TURNED, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED,
+    CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE, CSG_FACE_CONE, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED,
     PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, ShapeKind,
 };
 use crate::gpu::features::{Features, Output, SceneMemory};
@@ -12,7 +12,7 @@ use crate::paint;
 use crate::sampling::{BLOCK_CAMERA, SCRAMBLE};
 use crate::scalar::area_light::{BELOW_1, SOLID_ANGLE_MIN};
 use crate::scalar::window::STEPS;
-use crate::scene::validate::CUT_MARGIN_M;
+use crate::scene::validate::CSG_MARGIN_M;
 use crate::tree::{self, DEPTH_MAX, LEAF};
 
 /// Pixels along the edge of the block that a workgroup traces.
@@ -92,7 +92,7 @@ fn shape_part(shape: ShapeKind) -> &'static str {
         ShapeKind::Box => include_str!("shaders/box.wgsl"),
         ShapeKind::Disc => include_str!("shaders/disc.wgsl"),
         ShapeKind::Rectangle => include_str!("shaders/rectangle.wgsl"),
-        ShapeKind::Face => include_str!("shaders/face.wgsl"),
+        ShapeKind::CsgFace => include_str!("shaders/csg.wgsl"),
     }
 }
 
@@ -114,7 +114,7 @@ fn find_part(shape: ShapeKind, has_tree: bool) -> String {
         ShapeKind::Disc => include_str!("shaders/disc_each.wgsl"),
         ShapeKind::Rectangle => include_str!("shaders/rectangle_each.wgsl"),
         // Its part has that too.
-        ShapeKind::Face => "",
+        ShapeKind::CsgFace => "",
     };
     each.to_owned()
 }
@@ -142,8 +142,8 @@ fn constants(features: &Features) -> String {
          const WINDOW_STEPS: u32 = {STEPS}u;\n\
          const HAS_NUMBER: bool = {};\n\
          const HAS_WOOD: bool = {};\n\
-         const HAS_TURNED: bool = {};\n\
-         const CUT_MARGIN_M: f32 = {CUT_MARGIN_M:?};\n",
+         const HAS_CSG_CONE: bool = {};\n\
+         const CSG_MARGIN_M: f32 = {CSG_MARGIN_M:?};\n",
         features.is_compensated,
         features.discs_coplanar,
         features.area_lights_coplanar,
@@ -153,7 +153,7 @@ fn constants(features: &Features) -> String {
         features.has_window,
         features.has_number,
         features.has_wood,
-        features.has_turned
+        features.has_csg_cone
     );
     _ = writeln!(text, "const OUTPUT: u32 = {}u;", features.output as u32);
     for output in Output::ALL {
@@ -178,7 +178,7 @@ fn constants(features: &Features) -> String {
         first += count;
     }
     let lights = features.area_lights;
-    _ = writeln!(text, "const CARVED_COUNT: u32 = {}u;", features.carved);
+    _ = writeln!(text, "const CSG_BOX_COUNT: u32 = {}u;", features.csg_boxes);
     _ = writeln!(
         text,
         "const AREA_LIGHT_FIRST: u32 = {first}u;\nconst AREA_LIGHT_COUNT: u32 = {lights}u;"
@@ -192,10 +192,10 @@ fn kinds() -> String {
         "const PATTERN_NUMBER: u32 = {PATTERN_NUMBER}u;\n\
          const PATTERN_WOOD: u32 = {PATTERN_WOOD}u;\n\
          const PATTERN_PLANKS: u32 = {PATTERN_PLANKS}u;\n\
-         const FACE_BOX: u32 = {FACE_BOX}u;\n\
-         const FACE_PLANE: u32 = {FACE_PLANE}u;\n\
-         const FACE_BORE: u32 = {FACE_BORE}u;\n\
-         const FACE_TURNED: u32 = {FACE_TURNED}u;\n\
+         const CSG_FACE_OUTER_BOX: u32 = {CSG_FACE_OUTER_BOX}u;\n\
+         const CSG_FACE_PLANE: u32 = {CSG_FACE_PLANE}u;\n\
+         const CSG_FACE_CYLINDER: u32 = {CSG_FACE_CYLINDER}u;\n\
+         const CSG_FACE_CONE: u32 = {CSG_FACE_CONE}u;\n\
          const KIND_LAYERED: u32 = {KIND_LAYERED}u;\n\
          const KIND_CONDUCTOR: u32 = {KIND_CONDUCTOR}u;\n\
          const KIND_DIELECTRIC: u32 = {KIND_DIELECTRIC}u;\n"
@@ -209,9 +209,9 @@ fn scene_declaration(features: &Features) -> String {
         let (field, ty, count) = (shape.array(), shape.type_name(), features.count(shape));
         _ = writeln!(text, "    {field}: array<{ty}, {count}>,");
     }
-    if features.carved > 0 {
-        let count = features.carved;
-        _ = writeln!(text, "    carved: array<CarvedData, {count}>,");
+    if features.csg_boxes > 0 {
+        let count = features.csg_boxes;
+        _ = writeln!(text, "    csg_boxes: array<CsgBoxData, {count}>,");
     }
     if features.area_lights > 0 {
         _ = writeln!(
@@ -326,7 +326,7 @@ mod tests {
 
     use super::*;
     use crate::compiled::{
-        AreaLightData, BoxData, CameraFrame, CarvedData, DiscData, FaceData, MaterialData,
+        AreaLightData, BoxData, CameraFrame, CsgBoxData, DiscData, CsgFaceData, MaterialData,
         RectangleData, SphereData,
     };
     use crate::gpu::layout::{
@@ -339,15 +339,15 @@ mod tests {
         boxes: 6,
         discs: 6,
         rectangles: 8,
-        faces: 9,
-        carved: 2,
+        csg_faces: 9,
+        csg_boxes: 2,
         area_lights: 3,
         materials: 20,
         trees: [true, false, true, true, false],
         has_coat: true,
         has_stripe: true,
         has_number: true,
-        has_turned: true,
+        has_csg_cone: true,
         has_wood: true,
         has_sheen: true,
         has_gloss: true,
@@ -378,15 +378,15 @@ mod tests {
                 boxes: count(1, 1 + 7 * (i % 3)),
                 discs: count(2, 2 + 3 * (i % 7)),
                 rectangles: count(3, 1 + i % 11),
-                faces: 5 * (i / 2 % 2),
-                carved: i / 2 % 2,
+                csg_faces: 5 * (i / 2 % 2),
+                csg_boxes: i / 2 % 2,
                 has_coat: i >> 4 & 1 == 1,
                 memory: [SceneMemory::Uniform, SceneMemory::Storage][(i >> 5 & 1) as usize],
                 area_lights: i >> 6,
                 materials: 1 + i % 5,
                 has_stripe: i % 3 == 0,
                 has_number: i % 11 < 6,
-                has_turned: i % 7 < 3,
+                has_csg_cone: i % 7 < 3,
                 has_wood: i % 13 < 7,
                 has_sheen: i % 17 < 8,
                 has_gloss: i % 7 < 4,
@@ -449,8 +449,8 @@ mod tests {
         [
             layout!(SphereData, center radius stripe_axis material number_axis is_window),
             layout!(BoxData, min material max),
-            layout!(CarvedData, min first_face max face_count),
-            layout!(FaceData, a kind b material),
+            layout!(CsgBoxData, min first_face max face_count),
+            layout!(CsgFaceData, a kind b material),
             layout!(DiscData, center radius normal material),
             layout!(RectangleData, center material half_u inv_u2 half_v inv_v2 normal),
             layout!(AreaLightData,

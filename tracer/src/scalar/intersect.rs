@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::carved::meet_carved;
+use super::csg::intersect_csg_box;
 use crate::CompiledScene;
 use crate::compiled::{AreaLightData, BoxData, DiscData, Primitive, SphereData};
 
@@ -91,17 +91,17 @@ pub fn intersect_from(scene: &CompiledScene, ray: &Ray, left: Option<Departure>)
         let met = meet_rectangle(ray, plate.center, plate.half_u, plate.half_v);
         offer(&mut nearest, Primitive::Rectangle(i), met);
     }
-    for carved in &scene.carved {
-        let own = carved.first_face..carved.first_face + carved.face_count;
-        let is_left = matches!(skipped, Some(Primitive::Face(face)) if own.contains(&face));
-        if let Some((t, n, face)) = meet_carved(scene, carved, ray, is_left) {
+    for csg_box in &scene.csg_boxes {
+        let own = csg_box.first_face..csg_box.first_face + csg_box.face_count;
+        let is_left = matches!(skipped, Some(Primitive::CsgFace(face)) if own.contains(&face));
+        if let Some((t, n, face)) = intersect_csg_box(scene, csg_box, ray, is_left) {
             let is_nearest = nearest.is_none_or(|hit| t < hit.t);
             if t > 0.0 && is_nearest {
                 nearest = Some(Hit {
                     t,
                     point: ray.origin + t * ray.direction,
                     n,
-                    primitive: Primitive::Face(face),
+                    primitive: Primitive::CsgFace(face),
                 });
             }
         }

@@ -6,7 +6,7 @@
 //!
 //! 1. **Camera.** The ray goes through film position `pixel + u` of block `BLOCK_CAMERA`.
 //! 2. **Edge.** The nearest primitive with `t > 0` is hit, the first of equals in the order
-//!    spheres, boxes, discs, rectangles, carved boxes, area lights. The primitive that the ray leaves is skipped: each
+//!    spheres, boxes, discs, rectangles, CSG boxes, area lights. The primitive that the ray leaves is skipped: each
 //!    is convex, so an outward ray cannot meet it again, and no origin need be offset; a ray inside
 //!    a clear body meets that body's far side and no other of its own. There it flies freely first:
 //!    it is scattered after `−ln(1 − u[1]) / flight_rate` metres if that is nearer, with `u` of block
@@ -48,7 +48,7 @@
 mod aov;
 pub mod area_light;
 pub mod bsdf;
-pub mod carved;
+pub mod csg;
 pub mod intersect;
 pub mod medium;
 pub mod microfacet;

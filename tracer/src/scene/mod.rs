@@ -88,14 +88,16 @@ pub enum Shape {
     },
     /// A box with faces parallel to the axes from which parts are taken away: a slate with its
     /// pockets, a bevelled cushion, a hollow lampshade.
-    Carved {
+    #[serde(alias = "carved")]
+    CsgBox {
         /// Corner of the smallest coordinates, in metres.
         min: Vec3,
         /// Corner of the largest coordinates, in metres; above `min` on each axis.
         max: Vec3,
-        /// What is taken away, at most [`validate::CUTS_MAX`]. Surfaces closer than
-        /// [`validate::CUT_MARGIN_M`] to a cut count as within it.
-        cuts: Vec<Cut>,
+        /// What is taken away, at most [`validate::SUBTRACTIONS_MAX`]. Surfaces closer than
+        /// [`validate::CSG_MARGIN_M`] to a subtraction count as within it.
+        #[serde(alias = "cuts")]
+        subtractions: Vec<Subtraction>,
     },
     /// A flat round plate, seen from both sides.
     Disc {
@@ -117,46 +119,51 @@ pub enum Shape {
     },
 }
 
-/// A part that is taken away from a [`Shape::Carved`].
+/// A solid that is subtracted from a [`Shape::CsgBox`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Cut {
-    /// The part's form.
-    pub form: CutForm,
-    /// A key of [`Scene::materials`] for the surface that the cut lays open; the object's own if
+pub struct Subtraction {
+    /// The solid.
+    #[serde(alias = "form")]
+    pub solid: CsgSolid,
+    /// A key of [`Scene::materials`] for the surface that the subtraction lays open; the object's own if
     /// absent.
     #[serde(default)]
     pub material: Option<String>,
 }
 
-/// The form of what a [`Cut`] takes away.
+/// The solid of a [`Subtraction`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum CutForm {
+pub enum CsgSolid {
     /// All beyond a plane: where `normal · (p − point) > 0`.
-    Beyond {
+    #[serde(alias = "beyond")]
+    HalfSpace {
         /// A point of the plane, in metres.
         point: Vec3,
         /// Normal out of what remains, any length but 0.
         normal: Vec3,
     },
-    /// An upright round hole without end.
-    Bore {
+    /// An infinite upright cylinder: a round hole.
+    #[serde(alias = "bore")]
+    Cylinder {
         /// Its axis, in metres; z does not matter.
         center: Vec3,
         /// Radius in metres.
         radius: f32,
     },
     /// A box with faces parallel to the axes.
-    Hollow {
+    #[serde(alias = "hollow")]
+    Box {
         /// Corner of the smallest coordinates, in metres.
         min: Vec3,
         /// Corner of the largest coordinates, in metres; above `min` on each axis.
         max: Vec3,
     },
-    /// All outside an upright round body, as if what remains were turned on a lathe: a post, a cue's
-    /// cone, or an upright edge that is rounded.
-    Turned {
+    /// Everything outside an upright cone or cylinder: what remains is a post, a cue's cone, or a box
+    /// with a rounded upright edge.
+    #[serde(alias = "turned")]
+    ConeExterior {
         /// Where its axis is `radius` away from its surface, in metres.
         center: Vec3,
         /// Radius in metres.
@@ -164,7 +171,7 @@ pub enum CutForm {
         /// By how much the radius grows with height, in [−1, 1].
         #[serde(default)]
         taper: f32,
-        /// Only what lies farther from the axis in this direction is cut: beyond the plane through
+        /// Only what lies farther from the axis in this direction is subtracted: beyond the plane through
         /// `center + beyond` at right angles to it. z does not matter; with 0 all round.
         #[serde(default)]
         beyond: Vec3,

@@ -7,7 +7,7 @@ use glam::{Quat, Vec3};
 
 use crate::Error;
 use crate::scene::{
-    AreaLight, Camera, CutForm, Material, Medium, ObjectPose, Paint, Scene, Shape, Stripe,
+    AreaLight, Camera, CsgSolid, Material, Medium, ObjectPose, Paint, Scene, Shape, Stripe,
 };
 
 /// The most objects in a scene. Rays find many of a shape by a tree.
@@ -36,15 +36,15 @@ pub const EXTINCTION_PER_M_MAX: f32 = 1e6;
 /// In a medium that scatters no channel's extinction is more than this many times another's:
 /// distances are drawn for the clearest channel, and the others' weights would spread too far.
 pub const EXTINCTION_RATIO_MAX: f32 = 8.0;
-/// The most cuts of one carved box: each ray that comes near it meets each of them.
-pub const CUTS_MAX: usize = 16;
-/// The most cuts of a scene.
-pub const CUTS_TOTAL_MAX: usize = 1024;
-/// The steepest that a turned cut's surface leans from upright.
+/// The most subtractions of one CSG box: each ray that comes near it meets each of them.
+pub const SUBTRACTIONS_MAX: usize = 16;
+/// The most subtractions of a scene.
+pub const SUBTRACTIONS_TOTAL_MAX: usize = 1024;
+/// The steepest that a cone's surface leans from upright.
 pub const TAPER_MAX: f32 = 1.0;
-/// Surfaces closer than this to a cut count as within it, in m: rounding must not put a ray that
-/// leaves a cut's surface back into the body.
-pub const CUT_MARGIN_M: f32 = 1e-5;
+/// Surfaces closer than this to a subtraction count as within it, in m: rounding must not put a ray that
+/// leaves a subtraction's surface back into the body.
+pub const CSG_MARGIN_M: f32 = 1e-5;
 /// The range of the width of a sheen.
 pub const SHEEN_ROUGHNESS: std::ops::RangeInclusive<f32> = 0.1..=1.0;
 /// The range of a full horizontal field of view in degrees.
@@ -65,11 +65,11 @@ impl Scene {
         count("objects", self.objects.len(), OBJECTS_MAX)?;
         count("area lights", self.area_lights.len(), AREA_LIGHTS_MAX)?;
         count("materials", self.materials.len(), MATERIALS_MAX)?;
-        let cuts = self.objects.iter().map(|object| match &object.shape {
-            Shape::Carved { cuts, .. } => cuts.len(),
+        let subtractions = self.objects.iter().map(|object| match &object.shape {
+            Shape::CsgBox { subtractions, .. } => subtractions.len(),
             _ => 0,
         });
-        count("cuts", cuts.sum(), CUTS_TOTAL_MAX)?;
+        count("subtractions", subtractions.sum(), SUBTRACTIONS_TOTAL_MAX)?;
         self.camera.validate()?;
         radiance("environment", self.environment.radiance)?;
         for (key, material) in &self.materials {
@@ -81,7 +81,7 @@ impl Scene {
             name(&object.material)?;
             let place = |why| format!("object {index} `{}`: {why}", object.name);
             check_shape(&object.shape).map_err(place)?;
-            self.check_cuts(&object.shape).map_err(place)?;
+            self.check_subtractions(&object.shape).map_err(place)?;
             if !self.materials.contains_key(&object.material) {
                 return Err(place(format!(
                     "its material `{}` is not among the scene's materials",
@@ -110,20 +110,20 @@ impl Scene {
 }
 
 impl Scene {
-    fn check_cuts(&self, shape: &Shape) -> Check {
-        let Shape::Carved { cuts, .. } = shape else {
+    fn check_subtractions(&self, shape: &Shape) -> Check {
+        let Shape::CsgBox { subtractions, .. } = shape else {
             return Ok(());
         };
-        if cuts.len() > CUTS_MAX {
+        if subtractions.len() > SUBTRACTIONS_MAX {
             return Err(format!(
-                "it has {} cuts: at most {CUTS_MAX} are allowed",
-                cuts.len()
+                "it has {} subtractions: at most {SUBTRACTIONS_MAX} are allowed",
+                subtractions.len()
             ));
         }
-        for (index, cut) in cuts.iter().enumerate() {
-            let place = |why| format!("cut {index}: {why}");
-            check_cut(&cut.form).map_err(place)?;
-            let Some(material) = &cut.material else {
+        for (index, subtraction) in subtractions.iter().enumerate() {
+            let place = |why| format!("subtraction {index}: {why}");
+            check_solid(&subtraction.solid).map_err(place)?;
+            let Some(material) = &subtraction.material else {
                 continue;
             };
             match self.materials.get(material) {
@@ -201,7 +201,7 @@ fn check_shape(shape: &Shape) -> Check {
             extent("its radius", radius)?;
             rotation(turn)
         }
-        Shape::Box { min, max } | Shape::Carved { min, max, .. } => corners(min, max),
+        Shape::Box { min, max } | Shape::CsgBox { min, max, .. } => corners(min, max),
         Shape::Disc {
             center,
             normal,
@@ -223,9 +223,9 @@ fn check_shape(shape: &Shape) -> Check {
     }
 }
 
-fn check_cut(form: &CutForm) -> Check {
-    match *form {
-        CutForm::Beyond { point, normal } => {
+fn check_solid(solid: &CsgSolid) -> Check {
+    match *solid {
+        CsgSolid::HalfSpace { point, normal } => {
             position("its point", point)?;
             finite("its normal", normal)?;
             if normal == Vec3::ZERO {
@@ -233,12 +233,12 @@ fn check_cut(form: &CutForm) -> Check {
             }
             Ok(())
         }
-        CutForm::Bore { center, radius } => {
+        CsgSolid::Cylinder { center, radius } => {
             position("its center", center)?;
             extent("its radius", radius)
         }
-        CutForm::Hollow { min, max } => corners(min, max),
-        CutForm::Turned {
+        CsgSolid::Box { min, max } => corners(min, max),
+        CsgSolid::ConeExterior {
             center,
             radius,
             taper,

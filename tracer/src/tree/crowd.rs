@@ -101,7 +101,7 @@ fn shape(of: ShapeKind, kind: Crowd, (center, radius): (Vec3, f32), i: u32) -> S
             half_u: radius * u,
             half_v: radius * (0.5 + 0.5 * d) * v,
         },
-        ShapeKind::Face => panic!("faces have no tree"),
+        ShapeKind::CsgFace => panic!("faces have no tree"),
     }
 }
 

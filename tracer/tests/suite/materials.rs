@@ -8,7 +8,7 @@ use carom_tracer::metrics::{Estimate, Region, mean, region};
 use carom_tracer::sampling::uniforms;
 use carom_tracer::scalar::{Ray, intersect};
 use carom_tracer::{
-    AreaLight, Axis, Camera, CompiledScene, Cut, CutForm, Environment, ImageSize, Material, Medium,
+    AreaLight, Axis, Camera, CompiledScene, Subtraction, CsgSolid, Environment, ImageSize, Material, Medium,
     Object, Paint, RadianceImage, RenderSettings, ScalarTracer, Scene, Shape, Sights, Stripe, Tile,
     Tracer,
 };
@@ -342,42 +342,42 @@ fn object(name: &str, material: &str, shape: Shape) -> Object {
     }
 }
 
-fn cut(form: CutForm, material: Option<&str>) -> Cut {
-    Cut {
-        form,
+fn subtraction(solid: CsgSolid, material: Option<&str>) -> Subtraction {
+    Subtraction {
+        solid,
         material: material.map(str::to_owned),
     }
 }
 
 /// A box with a bevel, a bore, a hollow and a rounded edge.
-fn carved_block(bore_material: Option<&str>) -> Shape {
-    Shape::Carved {
+fn csg_block(bore_material: Option<&str>) -> Shape {
+    Shape::CsgBox {
         min: Vec3::new(-0.5, -0.4, -0.3),
         max: Vec3::new(0.5, 0.4, 0.2),
-        cuts: vec![
-            cut(
-                CutForm::Beyond {
+        subtractions: vec![
+            subtraction(
+                CsgSolid::HalfSpace {
                     point: Vec3::new(0.0, -0.4, 0.1),
                     normal: Vec3::new(0.0, -1.0, 1.0),
                 },
                 None,
             ),
-            cut(
-                CutForm::Bore {
+            subtraction(
+                CsgSolid::Cylinder {
                     center: Vec3::new(-0.2, 0.0, 0.0),
                     radius: 0.15,
                 },
                 bore_material,
             ),
-            cut(
-                CutForm::Hollow {
+            subtraction(
+                CsgSolid::Box {
                     min: Vec3::new(0.0, -0.2, -0.1),
                     max: Vec3::new(0.4, 0.25, 0.4),
                 },
                 None,
             ),
-            cut(
-                CutForm::Turned {
+            subtraction(
+                CsgSolid::ConeExterior {
                     center: Vec3::new(0.4, -0.3, 0.0),
                     radius: 0.1,
                     taper: 0.0,
@@ -389,7 +389,7 @@ fn carved_block(bore_material: Option<&str>) -> Shape {
     }
 }
 
-/// A carved block, numbered balls, wood, planks and cloth under an area light.
+/// A CSG block, numbered balls, wood, planks and cloth under an area light.
 #[expect(clippy::too_many_lines, reason = "a scene as data")]
 fn painted_still_life() -> Scene {
     let coated = |paint| Material::Coated { ior: 1.5, paint };
@@ -444,11 +444,11 @@ fn painted_still_life() -> Scene {
     ];
     let named = materials.map(|(name, material)| (name.to_owned(), material));
     scene.materials.extend(named);
-    let post = Shape::Carved {
+    let post = Shape::CsgBox {
         min: Vec3::new(0.55, 0.15, -0.3),
         max: Vec3::new(0.75, 0.35, 0.5),
-        cuts: vec![cut(
-            CutForm::Turned {
+        subtractions: vec![subtraction(
+            CsgSolid::ConeExterior {
                 center: Vec3::new(0.65, 0.25, 0.1),
                 radius: 0.06,
                 taper: -0.08,
@@ -458,7 +458,7 @@ fn painted_still_life() -> Scene {
         )],
     };
     scene.objects = vec![
-        object("block", "wood", carved_block(Some("m"))),
+        object("block", "wood", csg_block(Some("m"))),
         object("nine", "nine", sphere(-0.4, -0.1, 2.0)),
         object("twelve", "twelve", sphere(0.25, -0.55, -1.4)),
         object("post", "upright", post),
@@ -517,9 +517,9 @@ fn csg_and_paint_agree_with_scalar_per_sample() {
 
 /// White furnace of a concave body: light that is caught in a bore gets out again.
 #[test]
-fn a_white_carved_box_vanishes_in_uniform_light() {
+fn white_csg_box_vanishes_in_uniform_light() {
     let mut scene = furnace(Material::Diffuse { albedo: Vec3::ONE });
-    scene.objects = vec![object("block", "m", carved_block(None))];
+    scene.objects = vec![object("block", "m", csg_block(None))];
     scene.camera.eye = Vec3::new(0.3, -1.0, 3.0);
     for tracer in tracers() {
         let image = trace(tracer.as_ref(), &scene, long_paths(16));
@@ -556,30 +556,30 @@ fn napped_cloth_gives_back_less_light_than_comes_and_most_at_grazing_angles() {
     }
 }
 
-/// Walks along rays in small steps until it is in what the cuts leave.
+/// Walks along rays in small steps until it is in what the subtractions leave.
 #[test]
-fn turned_bodies_are_met_where_a_walk_finds_them() {
+fn cones_are_hit_where_ray_marching_finds_them() {
     const STEP: f64 = 2e-4;
     let round = |center: Vec3, radius, taper, beyond| {
-        let form = CutForm::Turned {
+        let solid = CsgSolid::ConeExterior {
             center,
             radius,
             taper,
             beyond,
         };
-        cut(form, None)
+        subtraction(solid, None)
     };
     let cone = round(Vec3::new(0.1, 0.0, -0.1), 0.2, -0.4, Vec3::ZERO);
     let apex = round(Vec3::new(-0.1, 0.1, 0.0), 0.15, 1.0, Vec3::ZERO);
     let beyond = Vec3::new(0.05, -0.05, 7.0);
     let edge = round(Vec3::new(0.2, -0.1, 0.0), 0.1, 0.0, beyond);
-    for cut in [cone, apex, edge] {
-        let CutForm::Turned {
+    for subtraction in [cone, apex, edge] {
+        let CsgSolid::ConeExterior {
             center,
             radius,
             taper,
             beyond,
-        } = cut.form
+        } = subtraction.solid
         else {
             panic!("all are turned")
         };
@@ -591,9 +591,9 @@ fn turned_bodies_are_met_where_a_walk_finds_them() {
             let is_cut = is_outside && from_axis.dot(beyond) >= beyond.length_squared();
             p.cmpge(min).all() && p.cmple(max).all() && !is_cut
         };
-        let cuts = vec![cut];
+        let subtractions = vec![subtraction];
         let mut scene = furnace(Material::Diffuse { albedo: Vec3::ONE });
-        scene.objects = vec![object("turned", "m", Shape::Carved { min, max, cuts })];
+        scene.objects = vec![object("turned", "m", Shape::CsgBox { min, max, subtractions })];
         let scene = CompiledScene::new(&scene).unwrap();
         let (mut hits, mut wrong) = (0, 0);
         for i in 0..600 {
@@ -632,28 +632,28 @@ fn turned_bodies_are_met_where_a_walk_finds_them() {
 }
 
 #[test]
-fn cuts_that_cannot_be_made_are_refused_with_their_reason() {
-    let refusal = |form: CutForm, material: Option<&str>| {
+fn invalid_subtractions_are_refused_with_reasons() {
+    let refusal = |solid: CsgSolid, material: Option<&str>| {
         let mut scene = furnace(Material::Diffuse { albedo: Vec3::ONE });
-        scene.objects[0].shape = Shape::Carved {
+        scene.objects[0].shape = Shape::CsgBox {
             min: Vec3::NEG_ONE,
             max: Vec3::ONE,
-            cuts: vec![cut(form, material)],
+            subtractions: vec![subtraction(solid, material)],
         };
         CompiledScene::new(&scene).unwrap_err().to_string()
     };
     let (center, point) = (Vec3::ZERO, Vec3::ZERO);
     for (form, material, sentence) in [
         (
-            CutForm::Bore {
+            CsgSolid::Cylinder {
                 center,
                 radius: 0.0,
             },
             None,
-            "cut 0: its radius is 0 m",
+            "subtraction 0: its radius is 0 m",
         ),
         (
-            CutForm::Bore {
+            CsgSolid::Cylinder {
                 center,
                 radius: 1.0,
             },
@@ -661,30 +661,30 @@ fn cuts_that_cannot_be_made_are_refused_with_their_reason() {
             "its material `n` is not among",
         ),
         (
-            CutForm::Beyond {
+            CsgSolid::HalfSpace {
                 point,
                 normal: Vec3::ZERO,
             },
             None,
-            "cut 0: its normal [0, 0, 0] must not be 0",
+            "subtraction 0: its normal [0, 0, 0] must not be 0",
         ),
         (
-            CutForm::Turned {
+            CsgSolid::ConeExterior {
                 center,
                 radius: 1.0,
                 taper: 1.5,
                 beyond: Vec3::ZERO,
             },
             None,
-            "cut 0: its taper is 1.5: it must be from -1 to 1",
+            "subtraction 0: its taper is 1.5: it must be from -1 to 1",
         ),
         (
-            CutForm::Hollow {
+            CsgSolid::Box {
                 min: Vec3::ONE,
                 max: Vec3::ONE,
             },
             None,
-            "cut 0: its min [1, 1, 1] must be below its max",
+            "subtraction 0: its min [1, 1, 1] must be below its max",
         ),
     ] {
         let refusal = refusal(form, material);

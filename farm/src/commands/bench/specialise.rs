@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use carom_tracer::{
-    Axis, CompiledScene, Cut, CutForm, ImageSize, Material, Object, Paint, Scene, Shape, Stripe,
+    Axis, CompiledScene, Subtraction, CsgSolid, ImageSize, Material, Object, Paint, Scene, Shape, Stripe,
 };
 use glam::{Quat, Vec3};
 use serde::Serialize;
@@ -243,37 +243,37 @@ const PARTS: [Part; 13] = [
         },
     },
     Part {
-        name: "a carved box",
-        is_used: |scene| any_shape(scene, |shape| matches!(shape, Shape::Carved { .. })),
+        name: "a CSG box",
+        is_used: |scene| any_shape(scene, |shape| matches!(shape, Shape::CsgBox { .. })),
         add: |scene| {
             let (min, max) = hidden_box(scene);
-            let form = CutForm::Beyond {
+            let solid = CsgSolid::HalfSpace {
                 point: max,
                 normal: Vec3::ONE,
             };
-            let cuts = vec![Cut {
-                form,
+            let subtractions = vec![Subtraction {
+                solid,
                 material: None,
             }];
-            add_object(scene, Shape::Carved { min, max, cuts });
+            add_object(scene, Shape::CsgBox { min, max, subtractions });
         },
     },
     Part {
-        name: "a turned cut",
+        name: "a subtracted cone",
         is_used: |scene| any_shape(scene, is_turned),
         add: |scene| {
             let (min, max) = hidden_box(scene);
-            let form = CutForm::Turned {
+            let solid = CsgSolid::ConeExterior {
                 center: hidden(scene),
                 radius: 0.5 * SMALL_M,
                 taper: 0.0,
                 beyond: Vec3::ZERO,
             };
-            let cuts = vec![Cut {
-                form,
+            let subtractions = vec![Subtraction {
+                solid,
                 material: None,
             }];
-            add_object(scene, Shape::Carved { min, max, cuts });
+            add_object(scene, Shape::CsgBox { min, max, subtractions });
         },
     },
     Part {
@@ -313,11 +313,11 @@ fn any_shape(scene: &Scene, is: impl Fn(&Shape) -> bool) -> bool {
 }
 
 fn is_turned(shape: &Shape) -> bool {
-    let Shape::Carved { cuts, .. } = shape else {
+    let Shape::CsgBox { subtractions, .. } = shape else {
         return false;
     };
-    cuts.iter()
-        .any(|cut| matches!(cut.form, CutForm::Turned { .. }))
+    subtractions.iter()
+        .any(|subtraction| matches!(subtraction.solid, CsgSolid::ConeExterior { .. }))
 }
 
 fn is_coated(material: &Material) -> bool {

@@ -16,14 +16,14 @@ struct BoxData {
     max: vec3f,
 }
 
-struct CarvedData {
+struct CsgBoxData {
     min: vec3f,
     first_face: u32,
     max: vec3f,
     face_count: u32,
 }
 
-struct FaceData {
+struct CsgFaceData {
     a: vec3f,
     kind: u32,
     b: vec3f,

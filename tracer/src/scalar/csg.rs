@@ -1,42 +1,42 @@
-//! Boxes from which parts are taken away.
+//! Boxes with solids subtracted.
 //!
-//! A ray enters the box, and leaves in turn each cut that it finds itself in; where it is in none,
-//! it has met the body. A point is in a cut if it is closer to it than a margin, so that a ray that
-//! leaves a cut's surface never meets that surface for rounding.
+//! A ray enters the box, and leaves in turn each subtraction that it finds itself in; where it is in none,
+//! it has met the body. A point is in a subtraction if it is closer to it than a margin, so that a ray that
+//! leaves a subtraction's surface never meets that surface for rounding.
 
 use glam::{DVec2, DVec3};
 
 use super::intersect::{Ray, vector};
 use crate::CompiledScene;
-use crate::compiled::{CarvedData, FACE_BORE, FACE_PLANE, FACE_TURNED, FaceData};
-use crate::scene::validate::CUT_MARGIN_M;
+use crate::compiled::{CsgBoxData, CSG_FACE_CYLINDER, CSG_FACE_PLANE, CSG_FACE_CONE, CsgFaceData};
+use crate::scene::validate::CSG_MARGIN_M;
 
-const MARGIN: f64 = CUT_MARGIN_M as f64;
+const MARGIN: f64 = CSG_MARGIN_M as f64;
 
-/// Where a ray meets a carved box: distance, normal and face. A ray that leaves the body may meet
-/// it again across a cut, after [`CUT_MARGIN_M`] at least. Nothing is met from within the body.
-pub(super) fn meet_carved(
+/// Where a ray meets a CSG box: distance, normal and face. A ray that leaves the body may meet
+/// it again across a subtraction, after [`CSG_MARGIN_M`] at least. Nothing is met from within the body.
+pub(super) fn intersect_csg_box(
     scene: &CompiledScene,
-    carved: &CarvedData,
+    csg_box: &CsgBoxData,
     ray: &Ray,
     is_left: bool,
 ) -> Option<(f64, DVec3, u32)> {
-    let (enter, leave) = slabs(vector(carved.min), vector(carved.max), ray);
+    let (enter, leave) = slabs(vector(csg_box.min), vector(csg_box.max), ray);
     let start = enter.0.max(if is_left { MARGIN } else { 0.0 });
     if start >= leave.0 || leave.0.is_infinite() {
         return None;
     }
-    let first = carved.first_face;
-    let cuts = first + 1..first + carved.face_count;
+    let first = csg_box.first_face;
+    let subtractions = first + 1..first + csg_box.face_count;
     let (mut t, mut n, mut face) = (start, enter.1, first);
     loop {
         let before = t;
-        for index in cuts.clone() {
-            let cut = &scene.faces[index as usize];
-            if !holds(cut, ray.origin + t * ray.direction) {
+        for index in subtractions.clone() {
+            let subtraction = &scene.csg_faces[index as usize];
+            if !contains(subtraction, ray.origin + t * ray.direction) {
                 continue;
             }
-            let (exit, normal) = exit(cut, ray, t);
+            let (exit, normal) = exit(subtraction, ray, t);
             if exit > t {
                 (t, n, face) = (exit, normal, index);
             }
@@ -81,13 +81,13 @@ fn slabs(min: DVec3, max: DVec3, ray: &Ray) -> (Side, Side) {
     (enter, leave)
 }
 
-/// Whether a point is taken away by a cut.
-fn holds(cut: &FaceData, p: DVec3) -> bool {
-    let (a, b) = (vector(cut.a), vector(cut.b));
-    match cut.kind {
-        FACE_PLANE => a.dot(p) > b.x - MARGIN,
-        FACE_BORE => (p - a).truncate().length() < b.x + MARGIN,
-        FACE_TURNED => {
+/// Whether a point is taken away by a subtraction.
+fn contains(subtraction: &CsgFaceData, p: DVec3) -> bool {
+    let (a, b) = (vector(subtraction.a), vector(subtraction.b));
+    match subtraction.kind {
+        CSG_FACE_PLANE => a.dot(p) > b.x - MARGIN,
+        CSG_FACE_CYLINDER => (p - a).truncate().length() < b.x + MARGIN,
+        CSG_FACE_CONE => {
             let (from_axis, beyond) = ((p - a).truncate(), DVec2::new(b.y, b.z));
             from_axis.length() > a.z + b.x * p.z - MARGIN
                 && from_axis.dot(beyond) >= beyond.length_squared() - MARGIN * beyond.length()
@@ -96,18 +96,18 @@ fn holds(cut: &FaceData, p: DVec3) -> bool {
     }
 }
 
-/// Where a ray that is in a cut at `t` leaves it, with the normal of the surface there.
-fn exit(cut: &FaceData, ray: &Ray, t: f64) -> Side {
-    let (a, b) = (vector(cut.a), vector(cut.b));
-    match cut.kind {
-        FACE_PLANE => {
+/// Where a ray that is in a subtraction at `t` leaves it, with the normal of the surface there.
+fn exit(subtraction: &CsgFaceData, ray: &Ray, t: f64) -> Side {
+    let (a, b) = (vector(subtraction.a), vector(subtraction.b));
+    match subtraction.kind {
+        CSG_FACE_PLANE => {
             let slope = a.dot(ray.direction);
             if slope >= 0.0 {
                 return (f64::INFINITY, a);
             }
             ((b.x - a.dot(ray.origin)) / slope, a)
         }
-        FACE_BORE => {
+        CSG_FACE_CYLINDER => {
             let (from_axis, d) = ((ray.origin - a).truncate(), ray.direction.truncate());
             let d2 = d.length_squared();
             if d2 == 0.0 {
@@ -119,15 +119,15 @@ fn exit(cut: &FaceData, ray: &Ray, t: f64) -> Side {
             let n = -(from_axis + t * d).normalize();
             (t, n.extend(0.0))
         }
-        FACE_TURNED => leave_turned(a, b, ray, t),
+        CSG_FACE_CONE => exit_cone_exterior(a, b, ray, t),
         _ => slabs(a, b, ray).1,
     }
 }
 
-/// A turned cut is left where the ray comes to the round body, or else back over the plane. Being in
-/// the cut, the ray is outside the body at `t`: it has the body before it while it still nears it,
+/// A cone's exterior is left where the ray comes to the round body, or else back over the plane. Being in
+/// the subtraction, the ray is outside the body at `t`: it has the body before it while it still nears it,
 /// or if it is steeper than the body's side.
-fn leave_turned(a: DVec3, b: DVec3, ray: &Ray, t: f64) -> Side {
+fn exit_cone_exterior(a: DVec3, b: DVec3, ray: &Ray, t: f64) -> Side {
     let (from_axis, d) = ((ray.origin - a).truncate(), ray.direction.truncate());
     let (taper, beyond) = (b.x, DVec2::new(b.y, b.z));
     let radius = a.z + taper * ray.origin.z;

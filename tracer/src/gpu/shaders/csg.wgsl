@@ -1,5 +1,5 @@
-// Boxes from which parts are taken away: a ray enters the box and leaves in turn each cut that it
-// finds itself in (see `scalar::carved`).
+// Boxes with solids subtracted: a ray enters the box and leaves in turn each subtraction that it
+// finds itself in (see `scalar::csg`).
 
 struct Met {
     t: f32,
@@ -15,36 +15,36 @@ fn box_span(ray: Ray, inverse: vec3f, low: vec3f, high: vec3f) -> vec2f {
     return vec2f(max(max(near.x, near.y), near.z), min(min(far.x, far.y), far.z));
 }
 
-fn cut_holds(face: u32, p: vec3f) -> bool {
-    let a = scene.faces[face].a;
-    let b = scene.faces[face].b;
-    switch scene.faces[face].kind {
-        case FACE_PLANE: { return dot(p, a) > b.x - CUT_MARGIN_M; }
-        case FACE_BORE: {
+fn subtraction_contains(face: u32, p: vec3f) -> bool {
+    let a = scene.csg_faces[face].a;
+    let b = scene.csg_faces[face].b;
+    switch scene.csg_faces[face].kind {
+        case CSG_FACE_PLANE: { return dot(p, a) > b.x - CSG_MARGIN_M; }
+        case CSG_FACE_CYLINDER: {
             let q = p.xy - a.xy;
-            let radius = b.x + CUT_MARGIN_M;
+            let radius = b.x + CSG_MARGIN_M;
             return dot(q, q) < radius * radius;
         }
-        case FACE_TURNED: {
-            if (HAS_TURNED) {
-                return turned_holds(a, b, p);
+        case CSG_FACE_CONE: {
+            if (HAS_CSG_CONE) {
+                return cone_exterior_contains(a, b, p);
             }
             return false;
         }
-        default: { return all(p > a - CUT_MARGIN_M) && all(p < b + CUT_MARGIN_M); }
+        default: { return all(p > a - CSG_MARGIN_M) && all(p < b + CSG_MARGIN_M); }
     }
 }
 
-// See `scalar::carved`.
-fn turned_holds(a: vec3f, b: vec3f, p: vec3f) -> bool {
+// See `scalar::csg`.
+fn cone_exterior_contains(a: vec3f, b: vec3f, p: vec3f) -> bool {
     let q = p.xy - a.xy;
-    let radius = fma(p.z, b.x, a.z - CUT_MARGIN_M);
+    let radius = fma(p.z, b.x, a.z - CSG_MARGIN_M);
     let beyond = length(b.yz);
     return (dot(q, q) > radius * radius || radius < 0.0)
-        && dot(q, b.yz) >= beyond * (beyond - CUT_MARGIN_M);
+        && dot(q, b.yz) >= beyond * (beyond - CSG_MARGIN_M);
 }
 
-fn turned_exit(a: vec3f, b: vec3f, ray: Ray, t: f32) -> f32 {
+fn exit_cone_exterior(a: vec3f, b: vec3f, ray: Ray, t: f32) -> f32 {
     let q = ray.origin.xy - a.xy;
     let d = ray.direction.xy;
     let radius = fma(ray.origin.z, b.x, a.z);
@@ -70,18 +70,18 @@ fn turned_exit(a: vec3f, b: vec3f, ray: Ray, t: f32) -> f32 {
     return (dot(b.yz, b.yz) - dot(q, b.yz)) / slope;
 }
 
-fn cut_exit(face: u32, ray: Ray, inverse: vec3f, t: f32) -> f32 {
-    let a = scene.faces[face].a;
-    let b = scene.faces[face].b;
-    switch scene.faces[face].kind {
-        case FACE_PLANE: {
+fn exit_subtraction(face: u32, ray: Ray, inverse: vec3f, t: f32) -> f32 {
+    let a = scene.csg_faces[face].a;
+    let b = scene.csg_faces[face].b;
+    switch scene.csg_faces[face].kind {
+        case CSG_FACE_PLANE: {
             let slope = dot(ray.direction, a);
             if (slope >= 0.0) {
                 return T_MISS;
             }
             return (b.x - dot(ray.origin, a)) / slope;
         }
-        case FACE_BORE: {
+        case CSG_FACE_CYLINDER: {
             let q = ray.origin.xy - a.xy;
             let d = ray.direction.xy;
             let d2 = dot(d, d);
@@ -91,9 +91,9 @@ fn cut_exit(face: u32, ray: Ray, inverse: vec3f, t: f32) -> f32 {
             let miss = q.x * d.y - q.y * d.x;
             return (sqrt(max(0.0, d2 * b.x * b.x - miss * miss)) - dot(q, d)) / d2;
         }
-        case FACE_TURNED: {
-            if (HAS_TURNED) {
-                return turned_exit(a, b, ray, t);
+        case CSG_FACE_CONE: {
+            if (HAS_CSG_CONE) {
+                return exit_cone_exterior(a, b, ray, t);
             }
             return T_MISS;
         }
@@ -101,30 +101,30 @@ fn cut_exit(face: u32, ray: Ray, inverse: vec3f, t: f32) -> f32 {
     }
 }
 
-fn carved_meet(ray: Ray, inverse: vec3f, index: u32, skip: u32, limit: f32) -> Met {
+fn intersect_csg_box(ray: Ray, inverse: vec3f, index: u32, skip: u32, limit: f32) -> Met {
     let miss = Met(T_MISS, 0u);
-    let span = box_span(ray, inverse, scene.carved[index].min, scene.carved[index].max);
-    let first = scene.carved[index].first_face;
-    let count = scene.carved[index].face_count;
-    let is_left = (skip - FACE_FIRST) - first < count;
+    let span = box_span(ray, inverse, scene.csg_boxes[index].min, scene.csg_boxes[index].max);
+    let first = scene.csg_boxes[index].first_face;
+    let count = scene.csg_boxes[index].face_count;
+    let is_left = (skip - CSG_FACE_FIRST) - first < count;
     let end = min(span.y, limit);
-    var t = max(span.x, select(0.0, CUT_MARGIN_M, is_left));
+    var t = max(span.x, select(0.0, CSG_MARGIN_M, is_left));
     var face = first;
     if (t >= end) {
         return miss;
     }
-    // Each turn of the loop leaves a cut, for good but for those that are turned: the ray may go through
+    // Each turn of the loop leaves a subtraction, for good but for those that are turned: the ray may go through
     // their round body, and out of what is left of it.
-    for (var turn = 0u; turn < select(count, 2u * count, HAS_TURNED); turn++) {
+    for (var turn = 0u; turn < select(count, 2u * count, HAS_CSG_CONE); turn++) {
         let before = t;
-        for (var cut = first + 1u; cut < first + count; cut++) {
-            if (!cut_holds(cut, fma(vec3f(t), ray.direction, ray.origin))) {
+        for (var subtraction = first + 1u; subtraction < first + count; subtraction++) {
+            if (!subtraction_contains(subtraction, fma(vec3f(t), ray.direction, ray.origin))) {
                 continue;
             }
-            let leaves = cut_exit(cut, ray, inverse, t);
+            let leaves = exit_subtraction(subtraction, ray, inverse, t);
             if (leaves > t) {
                 t = leaves;
-                face = cut;
+                face = subtraction;
             }
             if (t >= end) {
                 return miss;
@@ -140,41 +140,41 @@ fn carved_meet(ray: Ray, inverse: vec3f, index: u32, skip: u32, limit: f32) -> M
     return Met(t, face);
 }
 
-fn nearest_face(line: Line, skip: u32, hit: ptr<function, Hit>) {
-    for (var i = 0u; i < CARVED_COUNT; i++) {
-        let met = carved_meet(line.ray, line.inverse, i, skip, (*hit).t);
+fn nearest_csg_face(line: Line, skip: u32, hit: ptr<function, Hit>) {
+    for (var i = 0u; i < CSG_BOX_COUNT; i++) {
+        let met = intersect_csg_box(line.ray, line.inverse, i, skip, (*hit).t);
         if (met.t < (*hit).t) {
-            *hit = Hit(met.t, FACE_FIRST + met.face);
+            *hit = Hit(met.t, CSG_FACE_FIRST + met.face);
         }
     }
 }
 
-fn face_occludes(line: Line, skip: u32, t_max: f32) -> bool {
-    for (var i = 0u; i < CARVED_COUNT; i++) {
-        if (carved_meet(line.ray, line.inverse, i, skip, t_max).t < t_max) {
+fn csg_face_occludes(line: Line, skip: u32, t_max: f32) -> bool {
+    for (var i = 0u; i < CSG_BOX_COUNT; i++) {
+        if (intersect_csg_box(line.ray, line.inverse, i, skip, t_max).t < t_max) {
             return true;
         }
     }
     return false;
 }
 
-fn face_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
-    let a = scene.faces[index].a;
-    let b = scene.faces[index].b;
-    let kind = scene.faces[index].kind;
-    let material = scene.faces[index].material;
+fn csg_face_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
+    let a = scene.csg_faces[index].a;
+    let b = scene.csg_faces[index].b;
+    let kind = scene.csg_faces[index].kind;
+    let material = scene.csg_faces[index].material;
     var position = fma(vec3f(t), ray.direction, ray.origin);
     var normal = a;
-    if (kind == FACE_BORE) {
+    if (kind == CSG_FACE_CYLINDER) {
         normal = vec3f(-normalize(position.xy - a.xy), 0.0);
-    } else if (HAS_TURNED && kind == FACE_TURNED) {
+    } else if (HAS_CSG_CONE && kind == CSG_FACE_CONE) {
         normal = normalize(vec3f(normalize(position.xy - a.xy), -b.x));
-    } else if (kind != FACE_PLANE) {
+    } else if (kind != CSG_FACE_PLANE) {
         // The box's outside is entered, a hollow's inside is left.
         let inverse = inverse_direction(ray.direction);
         let from_low = (a - ray.origin) * inverse;
         let from_high = (b - ray.origin) * inverse;
-        let is_outside = kind == FACE_BOX;
+        let is_outside = kind == CSG_FACE_OUTER_BOX;
         let span = box_span(ray, inverse, a, b);
         let leaves = max(from_low, from_high) == vec3f(span.y);
         let face = select(leaves, min(from_low, from_high) == vec3f(span.x), is_outside);

@@ -1,35 +1,35 @@
-//! Boxes from which parts are taken away, a lane each: the walk of [`crate::scalar::carved`].
+//! Boxes with solids subtracted, a lane each: the walk of [`crate::scalar::csg`].
 
 use fearless_simd::prelude::*;
 
 use super::geometry::Rays;
 use super::lanes::{Float, Mask, Vec3x, Word};
-use crate::compiled::{CarvedData, FACE_BORE, FACE_PLANE, FACE_TURNED, FaceData};
-use crate::scene::validate::CUT_MARGIN_M;
+use crate::compiled::{CsgBoxData, CSG_FACE_CYLINDER, CSG_FACE_PLANE, CSG_FACE_CONE, CsgFaceData};
+use crate::scene::validate::CSG_MARGIN_M;
 
-/// A carved box. Its faces have the ids from `first` on: the box's own, then those of the cuts.
-pub(super) struct Carved {
+/// A CSG box. Its faces have the ids from `first` on: the box's own, then those of the subtractions.
+pub(super) struct CsgBox {
     min: [f32; 3],
     max: [f32; 3],
-    cuts: Vec<FaceData>,
+    subtractions: Vec<CsgFaceData>,
     first: u32,
 }
 
-impl Carved {
+impl CsgBox {
     /// `first_id` is the id of the scene's first face.
-    pub(super) fn new(carved: &CarvedData, faces: &[FaceData], first_id: u32) -> Self {
-        let own = carved.first_face as usize..(carved.first_face + carved.face_count) as usize;
+    pub(super) fn new(csg_box: &CsgBoxData, faces: &[CsgFaceData], first_id: u32) -> Self {
+        let own = csg_box.first_face as usize..(csg_box.first_face + csg_box.face_count) as usize;
         Self {
-            min: carved.min,
-            max: carved.max,
-            cuts: faces[own][1..].to_vec(),
-            first: first_id + carved.first_face,
+            min: csg_box.min,
+            max: csg_box.max,
+            subtractions: faces[own][1..].to_vec(),
+            first: first_id + csg_box.first_face,
         }
     }
 
     /// Where rays meet the body before `limit`, and which face of it.
     #[inline(always)]
-    pub(super) fn meet<S: Simd>(
+    pub(super) fn intersect<S: Simd>(
         &self,
         simd: S,
         rays: &Rays<S>,
@@ -38,10 +38,10 @@ impl Carved {
         let (near, far) = rays.slabs(simd, self.min, self.max);
         let enter = near.x.max(near.y).max(near.z);
         let end = far.x.min(far.y).min(far.z).min(limit);
-        let last = self.first + self.cuts.len() as u32;
+        let last = self.first + self.subtractions.len() as u32;
         let left = rays.skip.simd_ge(self.first) & rays.skip.simd_le(last);
         let zero = Float::splat(simd, 0.0);
-        let start = left.select(Float::splat(simd, CUT_MARGIN_M), zero);
+        let start = left.select(Float::splat(simd, CSG_MARGIN_M), zero);
         let mut t = enter.max(start);
         let mut open = t.simd_lt(end);
         if !open.any_true() {
@@ -51,12 +51,12 @@ impl Carved {
         let mut face = first;
         loop {
             let mut moved = Mask::splat(simd, false);
-            for (cut, id) in self.cuts.iter().zip(self.first + 1..) {
-                let within = open & holds(simd, cut, rays.direction.mul_add(t, rays.origin));
+            for (subtraction, id) in self.subtractions.iter().zip(self.first + 1..) {
+                let within = open & contains(simd, subtraction, rays.direction.mul_add(t, rays.origin));
                 if !within.any_true() {
                     continue;
                 }
-                let exit = exit(simd, cut, rays, t);
+                let exit = exit(simd, subtraction, rays, t);
                 let further = within & exit.simd_gt(t);
                 t = further.select(exit, t);
                 face = further.select(Word::splat(simd, id), face);
@@ -76,71 +76,71 @@ impl Carved {
     }
 }
 
-/// Where points are taken away by a cut.
+/// Where points are taken away by a subtraction.
 #[inline(always)]
-fn holds<S: Simd>(simd: S, cut: &FaceData, p: Vec3x<S>) -> Mask<S> {
-    let margin = CUT_MARGIN_M;
-    match cut.kind {
-        FACE_PLANE => p.dot(Vec3x::splat(simd, cut.a)).simd_gt(cut.b[0] - margin),
-        FACE_BORE => {
-            let (x, y) = (p.x - cut.a[0], p.y - cut.a[1]);
-            let radius = cut.b[0] + margin;
+fn contains<S: Simd>(simd: S, subtraction: &CsgFaceData, p: Vec3x<S>) -> Mask<S> {
+    let margin = CSG_MARGIN_M;
+    match subtraction.kind {
+        CSG_FACE_PLANE => p.dot(Vec3x::splat(simd, subtraction.a)).simd_gt(subtraction.b[0] - margin),
+        CSG_FACE_CYLINDER => {
+            let (x, y) = (p.x - subtraction.a[0], p.y - subtraction.a[1]);
+            let radius = subtraction.b[0] + margin;
             x.mul_add(x, y * y).simd_lt(radius * radius)
         }
-        FACE_TURNED => {
-            let [taper, beyond_x, beyond_y] = cut.b;
-            let (x, y) = (p.x - cut.a[0], p.y - cut.a[1]);
-            let radius = p.z * taper + (cut.a[2] - margin);
+        CSG_FACE_CONE => {
+            let [taper, beyond_x, beyond_y] = subtraction.b;
+            let (x, y) = (p.x - subtraction.a[0], p.y - subtraction.a[1]);
+            let radius = p.z * taper + (subtraction.a[2] - margin);
             let outside = x.mul_add(x, y * y).simd_gt(radius * radius) | radius.simd_lt(0.0);
             let beyond = beyond_x.hypot(beyond_y);
             outside & (x * beyond_x + y * beyond_y).simd_ge(beyond * (beyond - margin))
         }
         _ => {
-            p.x.simd_gt(cut.a[0] - margin)
-                & p.y.simd_gt(cut.a[1] - margin)
-                & p.z.simd_gt(cut.a[2] - margin)
-                & p.x.simd_lt(cut.b[0] + margin)
-                & p.y.simd_lt(cut.b[1] + margin)
-                & p.z.simd_lt(cut.b[2] + margin)
+            p.x.simd_gt(subtraction.a[0] - margin)
+                & p.y.simd_gt(subtraction.a[1] - margin)
+                & p.z.simd_gt(subtraction.a[2] - margin)
+                & p.x.simd_lt(subtraction.b[0] + margin)
+                & p.y.simd_lt(subtraction.b[1] + margin)
+                & p.z.simd_lt(subtraction.b[2] + margin)
         }
     }
 }
 
-/// Where rays that are in a cut at `t` leave it.
+/// Where rays that are in a subtraction at `t` leave it.
 #[inline(always)]
-fn exit<S: Simd>(simd: S, cut: &FaceData, rays: &Rays<S>, t: Float<S>) -> Float<S> {
+fn exit<S: Simd>(simd: S, subtraction: &CsgFaceData, rays: &Rays<S>, t: Float<S>) -> Float<S> {
     let infinite = Float::splat(simd, f32::INFINITY);
-    match cut.kind {
-        FACE_PLANE => {
-            let normal = Vec3x::splat(simd, cut.a);
+    match subtraction.kind {
+        CSG_FACE_PLANE => {
+            let normal = Vec3x::splat(simd, subtraction.a);
             let slope = rays.direction.dot(normal);
-            let t = (Float::splat(simd, cut.b[0]) - rays.origin.dot(normal)) / slope;
+            let t = (Float::splat(simd, subtraction.b[0]) - rays.origin.dot(normal)) / slope;
             slope.simd_lt(0.0).select(t, infinite)
         }
-        FACE_BORE => {
-            let (x, y) = (rays.origin.x - cut.a[0], rays.origin.y - cut.a[1]);
+        CSG_FACE_CYLINDER => {
+            let (x, y) = (rays.origin.x - subtraction.a[0], rays.origin.y - subtraction.a[1]);
             let (dx, dy) = (rays.direction.x, rays.direction.y);
             let d2 = dx.mul_add(dx, dy * dy);
             let miss = x.mul_add(dy, -(y * dx));
-            let half = d2 * (cut.b[0] * cut.b[0]) - miss * miss;
+            let half = d2 * (subtraction.b[0] * subtraction.b[0]) - miss * miss;
             let t = (half.max(0.0).sqrt() - x.mul_add(dx, y * dy)) / d2;
             d2.simd_gt(0.0).select(t, infinite)
         }
-        FACE_TURNED => leave_turned(simd, cut, rays, t),
+        CSG_FACE_CONE => exit_cone_exterior(simd, subtraction, rays, t),
         _ => {
-            let (_, far) = rays.slabs(simd, cut.a, cut.b);
+            let (_, far) = rays.slabs(simd, subtraction.a, subtraction.b);
             far.x.min(far.y).min(far.z)
         }
     }
 }
 
-/// Where the round body of a turned cut is met, or else the plane that the cut begins beyond.
+/// Where the cone is met, or else the plane that the subtraction begins beyond.
 #[inline(always)]
-fn leave_turned<S: Simd>(simd: S, cut: &FaceData, rays: &Rays<S>, t: Float<S>) -> Float<S> {
-    let [taper, beyond_x, beyond_y] = cut.b;
-    let (x, y) = (rays.origin.x - cut.a[0], rays.origin.y - cut.a[1]);
+fn exit_cone_exterior<S: Simd>(simd: S, subtraction: &CsgFaceData, rays: &Rays<S>, t: Float<S>) -> Float<S> {
+    let [taper, beyond_x, beyond_y] = subtraction.b;
+    let (x, y) = (rays.origin.x - subtraction.a[0], rays.origin.y - subtraction.a[1]);
     let (dx, dy) = (rays.direction.x, rays.direction.y);
-    let radius = rays.origin.z * taper + cut.a[2];
+    let radius = rays.origin.z * taper + subtraction.a[2];
     let growth = rays.direction.z * taper;
     let d2 = dx.mul_add(dx, dy * dy);
     let along = x.mul_add(dx, y * dy);
