@@ -17,7 +17,7 @@ pub mod fresnel;
 pub mod gpu;
 pub mod image_file;
 pub mod metrics;
-pub mod paint;
+pub mod texture;
 pub mod post;
 pub mod reproject;
 pub mod sampling;
@@ -39,7 +39,7 @@ pub use image_file::RadianceImage;
 pub use scalar::ScalarTracer;
 pub use scene::{
     AreaLight, Axis, Camera, Subtraction, CsgSolid, Environment, Material, Medium, Object, ObjectPose,
-    Paint, Scene, SceneUpdate, Shape, Sights, Stripe,
+    ProceduralTexture, Scene, SceneUpdate, Shape, Sights, Stripe,
 };
 pub use settings::{Preset, RenderSettings};
 pub use tile::{ImageSize, Tile, TileGrid, TileRun};

@@ -1,7 +1,7 @@
 //! What the balls are made of.
 
 use carom_billiards::rules::RuleSet;
-use carom_tracer::{Material, Medium, Paint, Stripe};
+use carom_tracer::{Material, Medium, ProceduralTexture, Stripe};
 use clap::ValueEnum;
 use glam::Vec3;
 
@@ -75,7 +75,7 @@ fn classic(number: u8, colour: Vec3, is_striped: bool) -> Material {
     });
     Material::Coated {
         ior: 1.5,
-        paint: Paint::Ball {
+        texture: ProceduralTexture::Ball {
             albedo: if is_striped { CREAM } else { colour },
             stripe,
             number,

@@ -12,7 +12,7 @@ use carom_billiards::physics::{Circle, Cushion, Table};
 use carom_billiards::rules::{self, RuleSet};
 use carom_billiards::shot_report::ground;
 use carom_tracer::{
-    AreaLight, Axis, Camera, Subtraction, CsgSolid, Environment, Material, Object, Paint, Scene, Shape,
+    AreaLight, Axis, Camera, Subtraction, CsgSolid, Environment, Material, Object, ProceduralTexture, Scene, Shape,
     Sights,
 };
 use glam::{DVec2, Quat, Vec2, Vec3};
@@ -516,7 +516,7 @@ fn materials(
         sheen_roughness: 0.35,
     };
     let diffuse = |albedo| Material::Diffuse { albedo };
-    let planks = Paint::Planks {
+    let planks = ProceduralTexture::Planks {
         light: Vec3::new(0.26, 0.15, 0.075),
         dark: Vec3::new(0.10, 0.05, 0.025),
     };
@@ -541,7 +541,7 @@ fn materials(
             "floor",
             Material::Coated {
                 ior: 1.4,
-                paint: planks,
+                texture: planks,
             },
         ),
         ("leather", diffuse(Vec3::new(0.035, 0.022, 0.016))),
@@ -572,7 +572,7 @@ fn materials(
 fn wood(grain: Axis, sights: Option<Sights>, tone: f32) -> Material {
     Material::Coated {
         ior: 1.5,
-        paint: Paint::Wood {
+        texture: ProceduralTexture::Wood {
             light: Vec3::new(0.30, 0.125, 0.045) * tone,
             dark: Vec3::new(0.085, 0.028, 0.011) * tone,
             grain,

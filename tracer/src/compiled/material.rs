@@ -10,7 +10,7 @@ use super::{
 use crate::fresnel::internal_diffuse_reflectance;
 use crate::scalar::sheen::sheen_reflectance_max;
 use crate::scene::validate::ALPHA_SMOOTH_MAX;
-use crate::scene::{Material, Medium, Paint};
+use crate::scene::{Material, Medium, ProceduralTexture};
 
 pub(super) fn material_data(material: &Material) -> MaterialData {
     match *material {
@@ -37,14 +37,14 @@ pub(super) fn material_data(material: &Material) -> MaterialData {
                 ..MaterialData::zeroed()
             }
         }
-        Material::Coated { ior, paint } => {
+        Material::Coated { ior, texture } => {
             let coat = Material::SmoothPlastic {
                 albedo: Vec3::ZERO,
                 ior,
                 internal_reflectance: None,
                 stripe: None,
             };
-            painted(material_data(&coat), &paint)
+            textured(material_data(&coat), &texture)
         }
         Material::Cloth {
             albedo,
@@ -77,9 +77,9 @@ pub(super) fn material_data(material: &Material) -> MaterialData {
     }
 }
 
-fn painted(coat: MaterialData, paint: &Paint) -> MaterialData {
-    match *paint {
-        Paint::Ball {
+fn textured(coat: MaterialData, texture: &ProceduralTexture) -> MaterialData {
+    match *texture {
+        ProceduralTexture::Ball {
             albedo,
             stripe,
             number,
@@ -95,7 +95,7 @@ fn painted(coat: MaterialData, paint: &Paint) -> MaterialData {
             number: u32::from(number),
             ..coat
         },
-        Paint::Wood {
+        ProceduralTexture::Wood {
             light,
             dark,
             grain,
@@ -108,7 +108,7 @@ fn painted(coat: MaterialData, paint: &Paint) -> MaterialData {
             sights: sights.map_or([0.0; 3], |s| [s.spacing, s.end_x, s.side_y]),
             ..coat
         },
-        Paint::Planks { light, dark } => MaterialData {
+        ProceduralTexture::Planks { light, dark } => MaterialData {
             albedo: light.to_array(),
             stripe_albedo: dark.to_array(),
             pattern: PATTERN_PLANKS,

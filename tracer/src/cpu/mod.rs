@@ -28,7 +28,7 @@ mod geometry;
 mod gloss;
 mod integrator;
 mod lanes;
-mod paint;
+mod texture;
 mod sampling;
 mod shapes;
 mod sheen;

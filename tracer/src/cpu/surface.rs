@@ -5,7 +5,7 @@ use fearless_simd::prelude::*;
 use super::geometry::{INSIDE, inverse};
 use super::gloss::{Flight, Gloss, GlossRow, gloss_row, untagged};
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
-use super::paint::{PaintRow, paint_row, painted};
+use super::texture::{TextureRow, texture_row, textured};
 use super::shapes::Chord;
 use super::sheen::{Sheen, SheenRow};
 use super::window::{WindowRow, window_row};
@@ -19,8 +19,8 @@ pub(super) struct Surfaces {
     rows: Vec<Row>,
     /// Empty if all are diffuse, bare or coated.
     gloss: Vec<GlossRow>,
-    /// Empty if nothing is painted.
-    paint: Vec<PaintRow>,
+    /// Empty without procedural textures.
+    texture: Vec<TextureRow>,
     /// Some cloth has a sheen.
     sheen: Vec<SheenRow>,
     /// Paths go on inside of bodies and need to know what fills them.
@@ -110,7 +110,7 @@ impl Surfaces {
         Self {
             rows,
             gloss: gloss_rows(scene),
-            paint: paint_rows(scene),
+            texture: texture_rows(scene),
             sheen: sheen_rows(scene),
             has_clear: (scene.materials.iter()).any(|m| m.kind == KIND_DIELECTRIC),
             windows: window_rows(scene),
@@ -207,8 +207,8 @@ impl Surfaces {
             let striped = normal.dot(axis).abs().simd_lt(half_width);
             albedo = Vec3x::select(striped, rows.triple(simd, STRIPE_ALBEDO), albedo);
         }
-        if !self.paint.is_empty() {
-            albedo = painted(simd, &self.paint, id, position, normal, albedo);
+        if !self.texture.is_empty() {
+            albedo = textured(simd, &self.texture, id, position, normal, albedo);
         }
         let behind = normal.dot(direction).simd_gt(0.0);
         Hit {
@@ -252,7 +252,7 @@ fn window_rows(scene: &CompiledScene) -> Vec<WindowRow> {
         .collect()
 }
 
-fn paint_rows(scene: &CompiledScene) -> Vec<PaintRow> {
+fn texture_rows(scene: &CompiledScene) -> Vec<TextureRow> {
     if scene.materials.iter().all(|m| m.pattern == PATTERN_NONE) {
         return Vec::new();
     }
@@ -261,7 +261,7 @@ fn paint_rows(scene: &CompiledScene) -> Vec<PaintRow> {
     let axes = balls.map(Some).chain(std::iter::repeat(None));
     materials(scene)
         .zip(axes)
-        .map(|(material, axes)| paint_row(material, axes))
+        .map(|(material, axes)| texture_row(material, axes))
         .collect()
 }
 

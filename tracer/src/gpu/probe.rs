@@ -12,7 +12,7 @@ use glam::{Quat, Vec3};
 
 use crate::{
     AreaLight, Axis, Camera, CompiledScene, Subtraction, CsgSolid, Environment, Error, ImageSize, Material,
-    Medium, Object, Paint, RenderSettings, ScalarTracer, Scene, Shape, Stripe, Tile, TraceJob,
+    Medium, Object, ProceduralTexture, RenderSettings, ScalarTracer, Scene, Shape, Stripe, Tile, TraceJob,
     Tracer,
 };
 
@@ -183,13 +183,13 @@ pub(crate) fn dressed_scene() -> Scene {
 
 fn dressed_materials() -> [(&'static str, Material); 5] {
     let tone = Vec3::new(0.6, 0.4, 0.2);
-    let wood = Paint::Wood {
+    let wood = ProceduralTexture::Wood {
         light: tone,
         dark: 0.4 * tone,
         grain: Axis::X,
         sights: None,
     };
-    let ball = Paint::Ball {
+    let ball = ProceduralTexture::Ball {
         albedo: tone,
         stripe: Some(Stripe {
             albedo: Vec3::splat(0.8),
@@ -202,14 +202,14 @@ fn dressed_materials() -> [(&'static str, Material); 5] {
             "ball",
             Material::Coated {
                 ior: 1.5,
-                paint: ball,
+                texture: ball,
             },
         ),
         (
             "wood",
             Material::Coated {
                 ior: 1.5,
-                paint: wood,
+                texture: wood,
             },
         ),
         (

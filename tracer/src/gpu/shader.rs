@@ -8,7 +8,7 @@ use crate::compiled::{
 };
 use crate::gpu::features::{Features, Output, SceneMemory};
 use crate::gpu::layout::{SPHERE_SLACK, TREE_LEAF};
-use crate::paint;
+use crate::texture;
 use crate::sampling::{BLOCK_CAMERA, SCRAMBLE};
 use crate::scalar::area_light::{BELOW_1, SOLID_ANGLE_MIN};
 use crate::scalar::window::STEPS;
@@ -68,8 +68,8 @@ fn parts(features: &Features) -> Vec<&'static str> {
         false => include_str!("shaders/sheen_none.wgsl"),
     });
     parts.push(match features.has_number || features.has_wood {
-        true => include_str!("shaders/paint.wgsl"),
-        false => include_str!("shaders/paint_none.wgsl"),
+        true => include_str!("shaders/texture.wgsl"),
+        false => include_str!("shaders/texture_none.wgsl"),
     });
     parts.push(match features.has_clear {
         true => include_str!("shaders/medium.wgsl"),
@@ -167,7 +167,7 @@ fn constants(features: &Features) -> String {
     text += &kinds();
     let floats = Output::Aovs.floats();
     _ = writeln!(text, "const AOV_FLOATS: u32 = {floats}u;");
-    text += &paint::wgsl();
+    text += &texture::wgsl();
     let mut first = 0;
     for shape in ShapeKind::ALL {
         let (name, count) = (shape.constant(), features.count(shape));
@@ -295,7 +295,7 @@ fn surface_at(features: &Features) -> String {
     text += "    return Surface(vec3f(0.0), vec3f(0.0), vec3f(0.0), 0u, false);\n}\n";
     text + "fn surface_at(ray: Ray, hit: Hit, is_within: bool) -> Surface {\n    \
             var surface = bare_surface_at(ray, hit, is_within);\n    \
-            if (HAS_WOOD) { surface.albedo = painted(surface); }\n    \
+            if (HAS_WOOD) { surface.albedo = textured(surface); }\n    \
             return surface;\n}\n"
 }
 

@@ -12,7 +12,7 @@ use super::sheen::sheen;
 use crate::CompiledScene;
 use crate::compiled::{MaterialData, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, Primitive};
 use crate::fresnel::fresnel_dielectric;
-use crate::paint::{numbered, wood};
+use crate::texture::{numbered, wood};
 
 /// How one point of a surface scatters: a mirror of weight `F(cos wo)` over
 /// `f = albedo/π · (1−F(cos wo))(1−F(cos wi)) · diffuse_scale`, `F` being 0 without a coat.

@@ -228,7 +228,8 @@ pub enum Material {
         /// 1.5.
         ior: f32,
         /// What the base looks like.
-        paint: Paint,
+        #[serde(alias = "paint")]
+        texture: ProceduralTexture,
     },
     /// Napped cloth: Lambert and the sheen of fibres that stand up from it, after Estevez and Kulla,
     /// "Production Friendly Microfacet Sheen BRDF" (SIGGRAPH 2017 course), with the shadowing of
@@ -270,7 +271,7 @@ pub enum Material {
 /// What a coated base looks like.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Paint {
+pub enum ProceduralTexture {
     /// A pool ball: its number stands in white circles round the ball's local +x and −x, upright
     /// along z.
     Ball {

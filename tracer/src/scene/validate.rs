@@ -7,7 +7,7 @@ use glam::{Quat, Vec3};
 
 use crate::Error;
 use crate::scene::{
-    AreaLight, Camera, CsgSolid, Material, Medium, ObjectPose, Paint, Scene, Shape, Stripe,
+    AreaLight, Camera, CsgSolid, Material, Medium, ObjectPose, ProceduralTexture, Scene, Shape, Stripe,
 };
 
 /// The most objects in a scene. Rays find many of a shape by a tree.
@@ -308,9 +308,9 @@ fn check_material(material: &Material) -> Check {
             }
             stripe.map_or(Ok(()), |stripe| check_stripe(&stripe))
         }
-        Material::Coated { ior, paint } => {
+        Material::Coated { ior, texture } => {
             check_ior(ior)?;
-            check_paint(&paint)
+            check_texture(&texture)
         }
         Material::Cloth {
             albedo,
@@ -364,9 +364,9 @@ fn check_stripe(stripe: &Stripe) -> Check {
     ))
 }
 
-fn check_paint(paint: &Paint) -> Check {
-    match *paint {
-        Paint::Ball {
+fn check_texture(texture: &ProceduralTexture) -> Check {
+    match *texture {
+        ProceduralTexture::Ball {
             albedo,
             stripe,
             number,
@@ -377,7 +377,7 @@ fn check_paint(paint: &Paint) -> Check {
             }
             stripe.map_or(Ok(()), |stripe| check_stripe(&stripe))
         }
-        Paint::Wood {
+        ProceduralTexture::Wood {
             light,
             dark,
             sights,
@@ -390,7 +390,7 @@ fn check_paint(paint: &Paint) -> Check {
             extent("the end_x of its sights", sights.end_x)?;
             extent("the side_y of its sights", sights.side_y)
         }
-        Paint::Planks { light, dark } => {
+        ProceduralTexture::Planks { light, dark } => {
             check_albedo("its light albedo", light)?;
             check_albedo("its dark albedo", dark)
         }

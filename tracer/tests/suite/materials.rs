@@ -9,7 +9,7 @@ use carom_tracer::sampling::uniforms;
 use carom_tracer::scalar::{Ray, intersect};
 use carom_tracer::{
     AreaLight, Axis, Camera, CompiledScene, Subtraction, CsgSolid, Environment, ImageSize, Material, Medium,
-    Object, Paint, RadianceImage, RenderSettings, ScalarTracer, Scene, Shape, Sights, Stripe, Tile,
+    Object, ProceduralTexture, RadianceImage, RenderSettings, ScalarTracer, Scene, Shape, Sights, Stripe, Tile,
     Tracer,
 };
 use glam::{Quat, Vec3};
@@ -391,11 +391,11 @@ fn csg_block(bore_material: Option<&str>) -> Shape {
 
 /// A CSG block, numbered balls, wood, planks and cloth under an area light.
 #[expect(clippy::too_many_lines, reason = "a scene as data")]
-fn painted_still_life() -> Scene {
-    let coated = |paint| Material::Coated { ior: 1.5, paint };
+fn textured_still_life() -> Scene {
+    let coated = |texture| Material::Coated { ior: 1.5, texture };
     let (light, dark) = (Vec3::new(0.5, 0.3, 0.15), Vec3::new(0.2, 0.08, 0.03));
     let wood = |grain, sights| {
-        coated(Paint::Wood {
+        coated(ProceduralTexture::Wood {
             light,
             dark,
             grain,
@@ -412,7 +412,7 @@ fn painted_still_life() -> Scene {
         half_width: 0.5,
     });
     let ball = |number, stripe| {
-        coated(Paint::Ball {
+        coated(ProceduralTexture::Ball {
             albedo: Vec3::splat(0.7),
             stripe,
             number,
@@ -438,7 +438,7 @@ fn painted_still_life() -> Scene {
         ("wood", wood(Axis::Y, None)),
         ("rails", wood(Axis::X, sights)),
         ("upright", wood(Axis::Z, None)),
-        ("planks", coated(Paint::Planks { light, dark })),
+        ("planks", coated(ProceduralTexture::Planks { light, dark })),
         ("nine", ball(9, stripe)),
         ("twelve", ball(12, None)),
     ];
@@ -486,8 +486,8 @@ fn painted_still_life() -> Scene {
 }
 
 #[test]
-fn csg_and_paint_agree_with_scalar_per_sample() {
-    let scene = CompiledScene::new(&painted_still_life()).unwrap();
+fn csg_and_textures_agree_with_scalar_per_sample() {
+    let scene = CompiledScene::new(&textured_still_life()).unwrap();
     let settings = RenderSettings::default();
     let size = ImageSize::new(160, 90);
     let picture =

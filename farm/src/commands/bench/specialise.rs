@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use carom_tracer::{
-    Axis, CompiledScene, Subtraction, CsgSolid, ImageSize, Material, Object, Paint, Scene, Shape, Stripe,
+    Axis, CompiledScene, Subtraction, CsgSolid, ImageSize, Material, Object, ProceduralTexture, Scene, Shape, Stripe,
 };
 use glam::{Quat, Vec3};
 use serde::Serialize;
@@ -179,13 +179,13 @@ const PARTS: [Part; 13] = [
         name: "wood",
         is_used: |scene| any_material(scene, is_wood),
         add: |scene| {
-            let paint = Paint::Wood {
+            let texture = ProceduralTexture::Wood {
                 light: GREY,
                 dark: GREY,
                 grain: Axis::X,
                 sights: None,
             };
-            add_material(scene, "wood", Material::Coated { ior: 1.5, paint });
+            add_material(scene, "wood", Material::Coated { ior: 1.5, texture });
         },
     },
     Part {
@@ -330,34 +330,34 @@ fn is_coated(material: &Material) -> bool {
 fn is_striped(material: &Material) -> bool {
     match material {
         Material::SmoothPlastic { stripe, .. } => stripe.is_some(),
-        Material::Coated { paint, .. } => {
-            matches!(paint, Paint::Ball { stripe, .. } if stripe.is_some())
+        Material::Coated { texture, .. } => {
+            matches!(texture, ProceduralTexture::Ball { stripe, .. } if stripe.is_some())
         }
         _ => false,
     }
 }
 
 fn is_numbered(material: &Material) -> bool {
-    let Material::Coated { paint, .. } = material else {
+    let Material::Coated { texture, .. } = material else {
         return false;
     };
-    matches!(paint, Paint::Ball { number, .. } if *number > 0)
+    matches!(texture, ProceduralTexture::Ball { number, .. } if *number > 0)
 }
 
 fn is_wood(material: &Material) -> bool {
-    let Material::Coated { paint, .. } = material else {
+    let Material::Coated { texture, .. } = material else {
         return false;
     };
-    matches!(paint, Paint::Wood { .. } | Paint::Planks { .. })
+    matches!(texture, ProceduralTexture::Wood { .. } | ProceduralTexture::Planks { .. })
 }
 
 fn ball(stripe: Option<Stripe>, number: u8) -> Material {
-    let paint = Paint::Ball {
+    let texture = ProceduralTexture::Ball {
         albedo: GREY,
         stripe,
         number,
     };
-    Material::Coated { ior: 1.5, paint }
+    Material::Coated { ior: 1.5, texture }
 }
 
 fn add_material(scene: &mut Scene, name: &str, material: Material) {

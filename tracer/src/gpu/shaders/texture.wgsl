@@ -1,4 +1,4 @@
-// What is painted on surfaces: numbers on balls, the grain of wood (see `paint` in Rust).
+// Procedural textures: numbers on balls, the grain of wood (see `texture` in Rust).
 
 fn stroke_distance(index: u32, p: vec2f) -> f32 {
     let ends = STROKE_ENDS[index];
@@ -88,7 +88,7 @@ fn wood(material: u32, p: vec3f) -> vec3f {
     return mix(light, rings, shade);
 }
 
-fn painted(surface: Surface) -> vec3f {
+fn textured(surface: Surface) -> vec3f {
     let pattern = scene.materials[surface.material].pattern;
     if (pattern == PATTERN_WOOD || pattern == PATTERN_PLANKS) {
         return wood(surface.material, surface.position);

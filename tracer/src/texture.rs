@@ -1,4 +1,4 @@
-//! What is painted on surfaces: numbers on balls, the grain of wood.
+//! Procedural textures: numbers on balls, the grain of wood.
 //!
 //! Everything is a formula of the point, so that it is sharp at every distance and the samples of a
 //! pixel smooth it. The waves are `wave(t) = sin 2πt`; the same formulas run in SIMD and WGSL.

@@ -1,9 +1,9 @@
-// A scene in which nothing is painted.
+// A scene without procedural textures.
 
 fn numbered(number: u32, n: vec3f, axis: vec3f, up: vec3f, base: vec3f) -> vec3f {
     return base;
 }
 
-fn painted(surface: Surface) -> vec3f {
+fn textured(surface: Surface) -> vec3f {
     return surface.albedo;
 }

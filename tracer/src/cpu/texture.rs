@@ -1,4 +1,4 @@
-//! What is painted on surfaces, a lane each: the formulas of [`crate::paint`].
+//! Procedural textures, a lane each: the formulas of [`crate::texture`].
 
 use fearless_simd::prelude::*;
 
@@ -6,12 +6,12 @@ use super::lanes::{Float, LANES, Mask, Vec3x, Word};
 use super::sampling::sin_cos_turns;
 use super::surface::Rows;
 use crate::compiled::{MaterialData, PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD};
-use crate::paint::{
+use crate::texture::{
     CIRCLE_ALBEDO, CIRCLE_SINE, INK_ALBEDO, PLANK_GAP, PLANK_M, SIGHT_ALBEDO, SIGHT_HALF_M, is_ink,
 };
 
 /// One row of numbers per primitive that scatters, in the order of ids.
-pub(super) type PaintRow = [f32; 16];
+pub(super) type TextureRow = [f32; 16];
 
 const PATTERN: usize = 0;
 const NUMBER: usize = 1;
@@ -23,7 +23,7 @@ const NUMBER_AXIS: usize = 9;
 const UP: usize = 12;
 
 /// With a ball's axes: only balls have numbers.
-pub(super) fn paint_row(material: &MaterialData, axes: Option<([f32; 3], [f32; 3])>) -> PaintRow {
+pub(super) fn texture_row(material: &MaterialData, axes: Option<([f32; 3], [f32; 3])>) -> TextureRow {
     let mut row = [0.0; 16];
     row[PATTERN] = match (material.pattern, axes) {
         (PATTERN_NUMBER, None) => PATTERN_NONE,
@@ -39,11 +39,11 @@ pub(super) fn paint_row(material: &MaterialData, axes: Option<([f32; 3], [f32; 3
     row
 }
 
-/// `albedo` with what is painted over it. `normal` points out of balls.
+/// `albedo` with the texture over it. `normal` points out of balls.
 #[inline(always)]
-pub(super) fn painted<S: Simd>(
+pub(super) fn textured<S: Simd>(
     simd: S,
-    table: &[PaintRow],
+    table: &[TextureRow],
     id: Word<S>,
     position: Vec3x<S>,
     normal: Vec3x<S>,
@@ -54,18 +54,18 @@ pub(super) fn painted<S: Simd>(
     if pattern.simd_eq(PATTERN_NONE as f32).all_true() {
         return albedo;
     }
-    let mut painted = albedo;
+    let mut textured = albedo;
     let numbered_lanes = pattern.simd_eq(PATTERN_NUMBER as f32);
     if numbered_lanes.any_true() {
-        painted = numbered(simd, &rows, numbered_lanes, normal, painted);
+        textured = numbered(simd, &rows, numbered_lanes, normal, textured);
     }
     let planks = pattern.simd_eq(PATTERN_PLANKS as f32);
     let wooden = planks | pattern.simd_eq(PATTERN_WOOD as f32);
     if wooden.any_true() {
         let wood = wood(simd, &rows, planks, position, albedo);
-        painted = Vec3x::select(wooden, wood, painted);
+        textured = Vec3x::select(wooden, wood, textured);
     }
-    painted
+    textured
 }
 
 /// The few lanes within a circle look up their numbers one by one.
@@ -102,8 +102,8 @@ fn numbered<S: Simd>(
     }
     let ink = Mask::from_bitmask(simd, ink);
     let white = Vec3x::splat(simd, CIRCLE_ALBEDO);
-    let paint = Vec3x::select(ink, Vec3x::splat(simd, INK_ALBEDO), white);
-    Vec3x::select(circle, paint, albedo)
+    let texture = Vec3x::select(ink, Vec3x::splat(simd, INK_ALBEDO), white);
+    Vec3x::select(circle, texture, albedo)
 }
 
 #[inline(always)]
