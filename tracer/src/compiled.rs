@@ -11,12 +11,15 @@ use bytemuck::Zeroable as _;
 use glam::{DVec3, Quat, Vec3};
 
 pub use self::data::{
-    AreaLightData, BoxData, CameraFrame, CsgBoxData, DiscData, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX, CSG_FACE_INNER_BOX,
-    CSG_FACE_PLANE, CSG_FACE_CONE, CsgFaceData, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, MaterialData,
-    PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, RectangleData, SphereData,
+    AreaLightData, BoxData, CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_INNER_BOX,
+    CSG_FACE_OUTER_BOX, CSG_FACE_PLANE, CameraFrame, CsgBoxData, CsgFaceData, DiscData,
+    KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, MaterialData, PATTERN_NONE, PATTERN_NUMBER,
+    PATTERN_PLANKS, PATTERN_WOOD, RectangleData, SphereData,
 };
 use self::material::material_data;
-use crate::scene::{AreaLight, Camera, Subtraction, CsgSolid, ObjectPose, Scene, SceneUpdate, Shape};
+use crate::scene::{
+    AreaLight, Camera, CsgSolid, ObjectPose, Scene, SceneUpdate, Shape, Subtraction,
+};
 use crate::tree::{Bounds, Tree};
 use crate::{Error, ImageSize};
 
@@ -178,9 +181,11 @@ impl CompiledScene {
                 });
                 Primitive::Box(self.boxes.len() as u32 - 1)
             }
-            Shape::CsgBox { min, max, ref subtractions } => {
-                self.push_csg_box([min, max], subtractions, material, named)
-            }
+            Shape::CsgBox {
+                min,
+                max,
+                ref subtractions,
+            } => self.push_csg_box([min, max], subtractions, material, named),
             Shape::Disc {
                 center,
                 normal,
@@ -414,7 +419,9 @@ fn subtraction_face(solid: &CsgSolid, material: u32) -> CsgFaceData {
             let offset = n.dot(point.as_dvec3()) as f32;
             (CSG_FACE_PLANE, n.as_vec3(), Vec3::new(offset, 0.0, 0.0))
         }
-        CsgSolid::Cylinder { center, radius } => (CSG_FACE_CYLINDER, center, Vec3::new(radius, 0.0, 0.0)),
+        CsgSolid::Cylinder { center, radius } => {
+            (CSG_FACE_CYLINDER, center, Vec3::new(radius, 0.0, 0.0))
+        }
         CsgSolid::Box { min, max } => (CSG_FACE_INNER_BOX, min, max),
         CsgSolid::ConeExterior {
             center,

@@ -17,13 +17,13 @@ pub mod fresnel;
 pub mod gpu;
 pub mod image_file;
 pub mod metrics;
-pub mod texture;
 pub mod post;
 pub mod reproject;
 pub mod sampling;
 pub mod scalar;
 pub mod scene;
 pub mod settings;
+pub mod texture;
 pub mod tile;
 pub mod tonemap;
 pub mod tracer;
@@ -38,8 +38,8 @@ pub use gpu::GpuTracer;
 pub use image_file::RadianceImage;
 pub use scalar::ScalarTracer;
 pub use scene::{
-    AreaLight, Axis, Camera, Subtraction, CsgSolid, Environment, Material, Medium, Object, ObjectPose,
-    ProceduralTexture, Scene, SceneUpdate, Shape, Sights, Stripe,
+    AreaLight, Axis, Camera, CsgSolid, Environment, Material, Medium, Object, ObjectPose,
+    ProceduralTexture, Scene, SceneUpdate, Shape, Sights, Stripe, Subtraction,
 };
 pub use settings::{Preset, RenderSettings};
 pub use tile::{ImageSize, Tile, TileGrid, TileRun};

@@ -12,8 +12,8 @@ use carom_billiards::physics::{Circle, Cushion, Table};
 use carom_billiards::rules::{self, RuleSet};
 use carom_billiards::shot_report::ground;
 use carom_tracer::{
-    AreaLight, Axis, Camera, Subtraction, CsgSolid, Environment, Material, Object, ProceduralTexture, Scene, Shape,
-    Sights,
+    AreaLight, Axis, Camera, CsgSolid, Environment, Material, Object, ProceduralTexture, Scene,
+    Shape, Sights, Subtraction,
 };
 use glam::{DVec2, Quat, Vec2, Vec3};
 

@@ -4,7 +4,7 @@ use fearless_simd::prelude::*;
 
 use super::geometry::Rays;
 use super::lanes::{Float, Mask, Vec3x, Word};
-use crate::compiled::{CsgBoxData, CSG_FACE_CYLINDER, CSG_FACE_PLANE, CSG_FACE_CONE, CsgFaceData};
+use crate::compiled::{CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_PLANE, CsgBoxData, CsgFaceData};
 use crate::scene::validate::CSG_MARGIN_M;
 
 /// A CSG box. Its faces have the ids from `first` on: the box's own, then those of the subtractions.
@@ -52,7 +52,8 @@ impl CsgBox {
         loop {
             let mut moved = Mask::splat(simd, false);
             for (subtraction, id) in self.subtractions.iter().zip(self.first + 1..) {
-                let within = open & contains(simd, subtraction, rays.direction.mul_add(t, rays.origin));
+                let within =
+                    open & contains(simd, subtraction, rays.direction.mul_add(t, rays.origin));
                 if !within.any_true() {
                     continue;
                 }
@@ -81,7 +82,9 @@ impl CsgBox {
 fn contains<S: Simd>(simd: S, subtraction: &CsgFaceData, p: Vec3x<S>) -> Mask<S> {
     let margin = CSG_MARGIN_M;
     match subtraction.kind {
-        CSG_FACE_PLANE => p.dot(Vec3x::splat(simd, subtraction.a)).simd_gt(subtraction.b[0] - margin),
+        CSG_FACE_PLANE => p
+            .dot(Vec3x::splat(simd, subtraction.a))
+            .simd_gt(subtraction.b[0] - margin),
         CSG_FACE_CYLINDER => {
             let (x, y) = (p.x - subtraction.a[0], p.y - subtraction.a[1]);
             let radius = subtraction.b[0] + margin;
@@ -118,7 +121,10 @@ fn exit<S: Simd>(simd: S, subtraction: &CsgFaceData, rays: &Rays<S>, t: Float<S>
             slope.simd_lt(0.0).select(t, infinite)
         }
         CSG_FACE_CYLINDER => {
-            let (x, y) = (rays.origin.x - subtraction.a[0], rays.origin.y - subtraction.a[1]);
+            let (x, y) = (
+                rays.origin.x - subtraction.a[0],
+                rays.origin.y - subtraction.a[1],
+            );
             let (dx, dy) = (rays.direction.x, rays.direction.y);
             let d2 = dx.mul_add(dx, dy * dy);
             let miss = x.mul_add(dy, -(y * dx));
@@ -136,9 +142,17 @@ fn exit<S: Simd>(simd: S, subtraction: &CsgFaceData, rays: &Rays<S>, t: Float<S>
 
 /// Where the cone is met, or else the plane that the subtraction begins beyond.
 #[inline(always)]
-fn exit_cone_exterior<S: Simd>(simd: S, subtraction: &CsgFaceData, rays: &Rays<S>, t: Float<S>) -> Float<S> {
+fn exit_cone_exterior<S: Simd>(
+    simd: S,
+    subtraction: &CsgFaceData,
+    rays: &Rays<S>,
+    t: Float<S>,
+) -> Float<S> {
     let [taper, beyond_x, beyond_y] = subtraction.b;
-    let (x, y) = (rays.origin.x - subtraction.a[0], rays.origin.y - subtraction.a[1]);
+    let (x, y) = (
+        rays.origin.x - subtraction.a[0],
+        rays.origin.y - subtraction.a[1],
+    );
     let (dx, dy) = (rays.direction.x, rays.direction.y);
     let radius = rays.origin.z * taper + subtraction.a[2];
     let growth = rays.direction.z * taper;

@@ -28,12 +28,12 @@ mod geometry;
 mod gloss;
 mod integrator;
 mod lanes;
-mod texture;
 mod sampling;
 mod shapes;
 mod sheen;
 mod stream;
 mod surface;
+mod texture;
 mod window;
 
 use std::sync::atomic::{AtomicU64, Ordering};

@@ -5,13 +5,13 @@ use fearless_simd::prelude::*;
 use super::geometry::{INSIDE, inverse};
 use super::gloss::{Flight, Gloss, GlossRow, gloss_row, untagged};
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
-use super::texture::{TextureRow, texture_row, textured};
 use super::shapes::Chord;
 use super::sheen::{Sheen, SheenRow};
+use super::texture::{TextureRow, texture_row, textured};
 use super::window::{WindowRow, window_row};
 use crate::compiled::{
-    CompiledScene, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE, CSG_FACE_CONE, KIND_DIELECTRIC, KIND_LAYERED,
-    MaterialData, PATTERN_NONE, SphereData,
+    CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE, CompiledScene,
+    KIND_DIELECTRIC, KIND_LAYERED, MaterialData, PATTERN_NONE, SphereData,
 };
 
 /// One row of numbers per primitive that scatters, in the order of ids.
@@ -171,7 +171,7 @@ impl Surfaces {
             position = Vec3x::select(sphere, first + from_center, position);
             normal = Vec3x::select(sphere, from_center * (1.0 / second.x), normal);
         }
-        let hollow = kind.simd_eq(KIND_INNER_BOX);
+        let inner_box = kind.simd_eq(KIND_INNER_BOX);
         let boxed = kind.simd_eq(KIND_BOX) | inner_box;
         if boxed.any_true() {
             within |= inner_box;

@@ -23,7 +23,10 @@ const NUMBER_AXIS: usize = 9;
 const UP: usize = 12;
 
 /// With a ball's axes: only balls have numbers.
-pub(super) fn texture_row(material: &MaterialData, axes: Option<([f32; 3], [f32; 3])>) -> TextureRow {
+pub(super) fn texture_row(
+    material: &MaterialData,
+    axes: Option<([f32; 3], [f32; 3])>,
+) -> TextureRow {
     let mut row = [0.0; 16];
     row[PATTERN] = match (material.pattern, axes) {
         (PATTERN_NUMBER, None) => PATTERN_NONE,

@@ -1,7 +1,7 @@
 //! What a scene requires of the kernel: what it has none of is left out.
 
 use crate::compiled::{
-    CompiledScene, CSG_FACE_CONE, KIND_DIELECTRIC, KIND_LAYERED, MaterialData, PATTERN_NUMBER,
+    CSG_FACE_CONE, CompiledScene, KIND_DIELECTRIC, KIND_LAYERED, MaterialData, PATTERN_NUMBER,
     PATTERN_PLANKS, PATTERN_WOOD, ShapeKind, SphereData,
 };
 use crate::gpu::{flatness, layout};
@@ -178,7 +178,10 @@ impl Features {
             area_lights: scene.area_lights.len() as u32,
             materials: scene.materials.len().max(1) as u32,
             trees: ShapeKind::ALL.map(|shape| tree(scene, shape).is_some()),
-            has_csg_cone: scene.csg_faces.iter().any(|face| face.kind == CSG_FACE_CONE),
+            has_csg_cone: scene
+                .csg_faces
+                .iter()
+                .any(|face| face.kind == CSG_FACE_CONE),
             has_coat: any(|material| material.kind == KIND_LAYERED && material.ior > 0.0),
             has_stripe: any(|material| material.stripe_half_width > 0.0),
             has_number: any(|material| material.pattern == PATTERN_NUMBER),

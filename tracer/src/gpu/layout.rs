@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
 use glam::Vec3;
 
 use crate::compiled::{
-    AreaLightData, BoxData, CameraFrame, CsgBoxData, CompiledScene, DiscData, CsgFaceData,
+    AreaLightData, BoxData, CameraFrame, CompiledScene, CsgBoxData, CsgFaceData, DiscData,
     MaterialData, RectangleData, ShapeKind, SphereData,
 };
 use crate::gpu::features::{self, Features};

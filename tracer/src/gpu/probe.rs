@@ -11,9 +11,9 @@ use std::sync::atomic::AtomicBool;
 use glam::{Quat, Vec3};
 
 use crate::{
-    AreaLight, Axis, Camera, CompiledScene, Subtraction, CsgSolid, Environment, Error, ImageSize, Material,
-    Medium, Object, ProceduralTexture, RenderSettings, ScalarTracer, Scene, Shape, Stripe, Tile, TraceJob,
-    Tracer,
+    AreaLight, Axis, Camera, CompiledScene, CsgSolid, Environment, Error, ImageSize, Material,
+    Medium, Object, ProceduralTexture, RenderSettings, ScalarTracer, Scene, Shape, Stripe,
+    Subtraction, Tile, TraceJob, Tracer,
 };
 
 /// 32 × 24 pixels of 4 samples: 10 ms of the scalar tracer.

@@ -3,16 +3,16 @@
 use std::fmt::Write as _;
 
 use crate::compiled::{
-    CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE, CSG_FACE_CONE, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED,
-    PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, ShapeKind,
+    CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE, KIND_CONDUCTOR,
+    KIND_DIELECTRIC, KIND_LAYERED, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, ShapeKind,
 };
 use crate::gpu::features::{Features, Output, SceneMemory};
 use crate::gpu::layout::{SPHERE_SLACK, TREE_LEAF};
-use crate::texture;
 use crate::sampling::{BLOCK_CAMERA, SCRAMBLE};
 use crate::scalar::area_light::{BELOW_1, SOLID_ANGLE_MIN};
 use crate::scalar::window::STEPS;
 use crate::scene::validate::CSG_MARGIN_M;
+use crate::texture;
 use crate::tree::{self, DEPTH_MAX, LEAF};
 
 /// Pixels along the edge of the block that a workgroup traces.
@@ -326,7 +326,7 @@ mod tests {
 
     use super::*;
     use crate::compiled::{
-        AreaLightData, BoxData, CameraFrame, CsgBoxData, DiscData, CsgFaceData, MaterialData,
+        AreaLightData, BoxData, CameraFrame, CsgBoxData, CsgFaceData, DiscData, MaterialData,
         RectangleData, SphereData,
     };
     use crate::gpu::layout::{

@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 
 use super::intersect::{Ray, vector};
 use crate::CompiledScene;
-use crate::compiled::{CsgBoxData, CSG_FACE_CYLINDER, CSG_FACE_PLANE, CSG_FACE_CONE, CsgFaceData};
+use crate::compiled::{CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_PLANE, CsgBoxData, CsgFaceData};
 use crate::scene::validate::CSG_MARGIN_M;
 
 const MARGIN: f64 = CSG_MARGIN_M as f64;

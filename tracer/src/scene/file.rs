@@ -375,6 +375,28 @@ mod tests {
             Scene::from_json(&text).unwrap()
         };
         assert_eq!(scene("lamps"), scene("area_lights"));
+
+        let (old, new) = (
+            r#"{ "carved": { "min": [0, 0, 0], "max": [1, 1, 1], "cuts": [
+                { "form": { "beyond": { "point": [0, 0, 0], "normal": [0, 0, 1] } } },
+                { "form": { "bore": { "center": [0, 0, 0], "radius": 0.1 } } },
+                { "form": { "hollow": { "min": [0, 0, 0], "max": [1, 1, 1] } } },
+                { "form": { "turned": { "center": [0, 0, 0], "radius": 0.1 } } }] } }"#,
+            r#"{ "csg_box": { "min": [0, 0, 0], "max": [1, 1, 1], "subtractions": [
+                { "solid": { "half_space": { "point": [0, 0, 0], "normal": [0, 0, 1] } } },
+                { "solid": { "cylinder": { "center": [0, 0, 0], "radius": 0.1 } } },
+                { "solid": { "box": { "min": [0, 0, 0], "max": [1, 1, 1] } } },
+                { "solid": { "cone_exterior": { "center": [0, 0, 0], "radius": 0.1 } } }] } }"#,
+        );
+        let [old, new] = [old, new].map(|text| serde_json::from_str::<Shape>(text).unwrap());
+        assert_eq!(old, new);
+
+        let coated = |key: &str| {
+            let planks = r#"{ "planks": { "light": [1, 1, 1], "dark": [0, 0, 0] } }"#;
+            let text = format!(r#"{{ "coated": {{ "ior": 1.5, "{key}": {planks} }} }}"#);
+            serde_json::from_str::<Material>(&text).unwrap()
+        };
+        assert_eq!(coated("paint"), coated("texture"));
     }
 
     #[test]

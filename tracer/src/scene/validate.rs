@@ -7,7 +7,8 @@ use glam::{Quat, Vec3};
 
 use crate::Error;
 use crate::scene::{
-    AreaLight, Camera, CsgSolid, Material, Medium, ObjectPose, ProceduralTexture, Scene, Shape, Stripe,
+    AreaLight, Camera, CsgSolid, Material, Medium, ObjectPose, ProceduralTexture, Scene, Shape,
+    Stripe,
 };
 
 /// The most objects in a scene. Rays find many of a shape by a tree.

@@ -8,9 +8,9 @@ use carom_tracer::metrics::{Estimate, Region, mean, region};
 use carom_tracer::sampling::uniforms;
 use carom_tracer::scalar::{Ray, intersect};
 use carom_tracer::{
-    AreaLight, Axis, Camera, CompiledScene, Subtraction, CsgSolid, Environment, ImageSize, Material, Medium,
-    Object, ProceduralTexture, RadianceImage, RenderSettings, ScalarTracer, Scene, Shape, Sights, Stripe, Tile,
-    Tracer,
+    AreaLight, Axis, Camera, CompiledScene, CsgSolid, Environment, ImageSize, Material, Medium,
+    Object, ProceduralTexture, RadianceImage, RenderSettings, ScalarTracer, Scene, Shape, Sights,
+    Stripe, Subtraction, Tile, Tracer,
 };
 use glam::{Quat, Vec3};
 
@@ -556,7 +556,25 @@ fn napped_cloth_gives_back_less_light_than_comes_and_most_at_grazing_angles() {
     }
 }
 
-/// Walks along rays in small steps until it is in what the subtractions leave.
+/// The `i`-th of random rays towards points of a box.
+fn ray_into_box(min: Vec3, max: Vec3, i: u32) -> Ray {
+    let [a, b, c, d] = uniforms(i, 1, 2, 3);
+    let [e, f, ..] = uniforms(i, 1, 2, 4);
+    let target = Vec3::new(c, d, e) * (max - min) + min;
+    // Some come from above and below, nearly along the axis.
+    let origin = if f < 0.3 {
+        target + Vec3::new(0.05 * (a - 0.5), 0.05 * (b - 0.5), (f - 0.15).signum())
+    } else {
+        Vec3::new(2.0 * a - 1.0, -0.8, 2.0 * b - 1.0)
+    };
+    let direction = (target - origin).normalize();
+    Ray {
+        origin: origin.as_dvec3(),
+        direction: direction.as_dvec3().normalize(),
+    }
+}
+
+/// Marches along rays in small steps until they are in what the subtractions leave.
 #[test]
 fn cones_are_hit_where_ray_marching_finds_them() {
     const STEP: f64 = 2e-4;
@@ -581,7 +599,7 @@ fn cones_are_hit_where_ray_marching_finds_them() {
             beyond,
         } = subtraction.solid
         else {
-            panic!("all are turned")
+            panic!("all are cones")
         };
         let (min, max) = (Vec3::new(-0.3, -0.2, -0.5), Vec3::new(0.3, 0.2, 0.5));
         let is_body = |p: Vec3| {
@@ -593,29 +611,22 @@ fn cones_are_hit_where_ray_marching_finds_them() {
         };
         let subtractions = vec![subtraction];
         let mut scene = furnace(Material::Diffuse { albedo: Vec3::ONE });
-        scene.objects = vec![object("turned", "m", Shape::CsgBox { min, max, subtractions })];
+        scene.objects = vec![object(
+            "cone",
+            "m",
+            Shape::CsgBox {
+                min,
+                max,
+                subtractions,
+            },
+        )];
         let scene = CompiledScene::new(&scene).unwrap();
         let (mut hits, mut wrong) = (0, 0);
         for i in 0..600 {
-            let [a, b, c, d] = uniforms(i, 1, 2, 3);
-            let [e, f, ..] = uniforms(i, 1, 2, 4);
-            let origin = Vec3::new(2.0 * a - 1.0, -0.8, 2.0 * b - 1.0);
-            let target = Vec3::new(c, d, e) * (max - min) + min;
-            // Some come from above and below, nearly along the axis.
-            let origin = if f < 0.3 {
-                target + Vec3::new(0.05 * (a - 0.5), 0.05 * (b - 0.5), (f - 0.15).signum())
-            } else {
-                origin
-            };
-            let direction = (target - origin).normalize();
-            let (o, d) = (origin.as_dvec3(), direction.as_dvec3().normalize());
+            let ray = ray_into_box(min, max, i);
             let walked = (1..10_000)
                 .map(|step| f64::from(step) * STEP)
-                .find(|t| is_body((o + *t * d).as_vec3()));
-            let ray = Ray {
-                origin: o,
-                direction: d,
-            };
+                .find(|t| is_body((ray.origin + *t * ray.direction).as_vec3()));
             let met = intersect(&scene, &ray).map(|hit| hit.t);
             hits += u32::from(met.is_some());
             let is_same = match (walked, met) {

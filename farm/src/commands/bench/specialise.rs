@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use carom_tracer::{
-    Axis, CompiledScene, Subtraction, CsgSolid, ImageSize, Material, Object, ProceduralTexture, Scene, Shape, Stripe,
+    Axis, CompiledScene, CsgSolid, ImageSize, Material, Object, ProceduralTexture, Scene, Shape,
+    Stripe, Subtraction,
 };
 use glam::{Quat, Vec3};
 use serde::Serialize;
@@ -255,7 +256,14 @@ const PARTS: [Part; 13] = [
                 solid,
                 material: None,
             }];
-            add_object(scene, Shape::CsgBox { min, max, subtractions });
+            add_object(
+                scene,
+                Shape::CsgBox {
+                    min,
+                    max,
+                    subtractions,
+                },
+            );
         },
     },
     Part {
@@ -273,7 +281,14 @@ const PARTS: [Part; 13] = [
                 solid,
                 material: None,
             }];
-            add_object(scene, Shape::CsgBox { min, max, subtractions });
+            add_object(
+                scene,
+                Shape::CsgBox {
+                    min,
+                    max,
+                    subtractions,
+                },
+            );
         },
     },
     Part {
@@ -316,7 +331,8 @@ fn is_turned(shape: &Shape) -> bool {
     let Shape::CsgBox { subtractions, .. } = shape else {
         return false;
     };
-    subtractions.iter()
+    subtractions
+        .iter()
         .any(|subtraction| matches!(subtraction.solid, CsgSolid::ConeExterior { .. }))
 }
 
@@ -348,7 +364,10 @@ fn is_wood(material: &Material) -> bool {
     let Material::Coated { texture, .. } = material else {
         return false;
     };
-    matches!(texture, ProceduralTexture::Wood { .. } | ProceduralTexture::Planks { .. })
+    matches!(
+        texture,
+        ProceduralTexture::Wood { .. } | ProceduralTexture::Planks { .. }
+    )
 }
 
 fn ball(stripe: Option<Stripe>, number: u8) -> Material {
