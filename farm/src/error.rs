@@ -1,4 +1,9 @@
-//! What can go wrong with a farm, and whose fault it is.
+//! The errors of a farm: each variant names who is at fault and carries the values that are wrong.
+
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+
+use crate::net::peer::{CertificateFault, DisconnectReason, Role};
 
 /// Errors of the public API. A node that fails is no error: its work goes elsewhere and
 /// [`crate::Farm::nodes`] says why.
@@ -10,9 +15,6 @@ pub enum Error {
     /// The configuration contradicts itself: a sentence with the value.
     #[error("{0}")]
     Config(String),
-    /// A certificate or key is missing, unreadable or not what its role needs.
-    #[error("{0}")]
-    Credentials(String),
     /// A socket could not be opened.
     #[error("{address}: {source}")]
     Socket {
@@ -20,6 +22,218 @@ pub enum Error {
         address: String,
         /// The system's reason.
         source: std::io::Error,
+    },
+    /// A file of the credentials does not exist.
+    #[error("{} does not exist: {advice}", path.display())]
+    CredentialsMissing {
+        /// The file.
+        path: PathBuf,
+        /// The command that creates it.
+        advice: &'static str,
+    },
+    /// A file or folder of the credentials cannot be read or written.
+    #[error("{}: {source}", path.display())]
+    CredentialsFile {
+        /// The file or folder.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// A file of the credentials does not hold what its name says.
+    #[error("{}: this is not a PEM {item}: {reason}", path.display())]
+    CredentialsPem {
+        /// The file.
+        path: PathBuf,
+        /// `certificate` or `private key`.
+        item: &'static str,
+        /// The parser's reason.
+        reason: String,
+    },
+    /// This side's own certificate is not what its role needs.
+    #[error("{}the certificate {fault}", prefix(path.as_deref()))]
+    Certificate {
+        /// Its file; absent if it is in memory only.
+        path: Option<PathBuf>,
+        /// The fault that a peer would refuse it for.
+        fault: CertificateFault,
+    },
+    /// A certificate and a key do not belong together, or TLS cannot use them.
+    #[error("the certificate and its key cannot be used: {reason}")]
+    KeyPair {
+        /// The TLS library's reason.
+        reason: String,
+    },
+    /// A certificate cannot be created.
+    #[error("cannot create a certificate: {reason}")]
+    CertificateCreation {
+        /// The TLS library's reason.
+        reason: String,
+    },
+    /// The folder for a new farm holds one already.
+    #[error(
+        "{} exists: this folder already holds a farm, and a new authority would lock out all its \
+         nodes. Choose another folder with --dir, or delete the old farm yourself",
+        path.display()
+    )]
+    FarmExists {
+        /// The file that shows it.
+        path: PathBuf,
+    },
+    /// The folder for a new node holds one already.
+    #[error(
+        "{} exists: use --renew to replace it, or choose another folder with --out",
+        path.display()
+    )]
+    NodeExists {
+        /// The node's key.
+        path: PathBuf,
+    },
+    /// The folder for a new node holds the farm's authority.
+    #[error(
+        "{} holds the farm's authority, which no node may see: choose another folder with --out",
+        folder.display()
+    )]
+    AuthorityExposed {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// A node's name is not usable as a folder and in a certificate.
+    #[error(
+        "`{}` is not a valid node name: use 1 to {length_max} letters, digits, `-`, `_` or `.`, \
+         starting with a letter or digit",
+        name.escape_debug()
+    )]
+    NodeName {
+        /// The name.
+        name: String,
+        /// The longest name that is accepted.
+        length_max: usize,
+    },
+    /// A node's address cannot be parsed.
+    #[error("`{}` is not a node address: {fault}, as in `oak.example:4433`", text.escape_debug())]
+    NodeAddress {
+        /// The text.
+        text: String,
+        /// The rule that it breaks.
+        fault: &'static str,
+    },
+    /// The name of a node's host cannot be resolved.
+    #[error("cannot resolve the name `{host}`: {source}")]
+    NameResolution {
+        /// The name.
+        host: String,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// The name of a node's host has no address.
+    #[error("the name `{host}` has no address")]
+    NameWithoutAddress {
+        /// The name.
+        host: String,
+    },
+    /// Nothing answers at a node's address.
+    #[error(
+        "{address} does not answer: check that the node is running and that firewalls let its UDP \
+         port through"
+    )]
+    NoAnswer {
+        /// The address.
+        address: SocketAddr,
+    },
+    /// A node's address is not one that a connection can be opened to.
+    #[error("cannot connect to {address}: {reason}")]
+    Unreachable {
+        /// The address.
+        address: SocketAddr,
+        /// The QUIC library's reason.
+        reason: String,
+    },
+    /// No address of a node's host led to a connection: the errors, one for each.
+    #[error("{}", join(errors))]
+    NoAddressConnects {
+        /// The errors.
+        errors: Vec<Error>,
+    },
+    /// The other side's certificate is not accepted.
+    #[error("its certificate {fault}")]
+    PeerCertificate {
+        /// The fault.
+        fault: CertificateFault,
+    },
+    /// The other side does not accept this side's certificate.
+    #[error("the {by} refused the connection: our certificate {fault}")]
+    CertificateRefused {
+        /// The other side.
+        by: Role,
+        /// The fault.
+        fault: CertificateFault,
+    },
+    /// The two sides have no application protocol in common.
+    #[error("the two sides speak different protocols: update the older one")]
+    ProtocolMismatch,
+    /// The TLS handshake failed for a reason other than a certificate.
+    #[error("the TLS handshake failed with alert {alert}")]
+    Handshake {
+        /// The number of the alert (RFC 8446, 6).
+        alert: u8,
+    },
+    /// The handshake took too long.
+    #[error("the handshake timed out")]
+    HandshakeTimeout,
+    /// A player connected and opened no control stream.
+    #[error("the player opened no control stream")]
+    NoControlStream,
+    /// A player was turned away because the node serves as many as it accepts.
+    #[error("refused: {players_max} players are already connected")]
+    NodeFull {
+        /// Players that the node accepts.
+        players_max: usize,
+    },
+    /// The other side ended the connection, or is gone.
+    #[error("the {peer} {reason}")]
+    Disconnected {
+        /// The other side.
+        peer: Role,
+        /// Its reason.
+        reason: DisconnectReason,
+    },
+    /// The connection failed on this side.
+    #[error("the connection broke: {reason}")]
+    ConnectionBroken {
+        /// The QUIC library's reason.
+        reason: String,
+    },
+    /// This side has closed the connection.
+    #[error("the connection is closed")]
+    ConnectionClosed,
+    /// The application has dropped the farm that a link belongs to.
+    #[error("the farm has shut down")]
+    FarmClosed,
+    /// The other side broke a rule of the session.
+    #[error(transparent)]
+    Protocol(#[from] carom_protocol::Error),
+    /// The other side ended the control stream without closing the connection.
+    #[error("the control stream ended")]
+    ControlStreamEnded,
+    /// A stream failed in a way that QUIC does not allow.
+    #[error("the stream of {content} broke: {reason}")]
+    Stream {
+        /// `control messages` or `tiles`.
+        content: &'static str,
+        /// The QUIC library's reason.
+        reason: String,
+    },
+    /// The other side sent a datagram or stream that forward error correction cannot use.
+    #[error("tiles cannot be decoded: {rule}")]
+    ErrorCorrection {
+        /// The rule that was broken.
+        rule: &'static str,
+    },
+    /// A task of this process panicked.
+    #[error("a task failed: {reason}")]
+    Task {
+        /// The panic.
+        reason: String,
     },
     /// As many frames are in flight as the configuration allows: poll first.
     #[error("{in_flight} frames are in flight already: take one with poll_frame first")]
@@ -33,4 +247,36 @@ pub enum Error {
     /// No scene has been set.
     #[error("no scene is set: call set_scene first")]
     NoScene,
+}
+
+impl Error {
+    /// Whether the caller's arguments, or files that they name, are wrong, so that trying again
+    /// without changing them is futile.
+    pub fn is_invalid_input(&self) -> bool {
+        match self {
+            Self::Tracer(error) => !matches!(error, carom_tracer::Error::Device { .. }),
+            Self::Config(_)
+            | Self::CredentialsMissing { .. }
+            | Self::CredentialsFile { .. }
+            | Self::CredentialsPem { .. }
+            | Self::Certificate { .. }
+            | Self::KeyPair { .. }
+            | Self::CertificateCreation { .. }
+            | Self::FarmExists { .. }
+            | Self::NodeExists { .. }
+            | Self::AuthorityExposed { .. }
+            | Self::NodeName { .. }
+            | Self::NodeAddress { .. } => true,
+            _ => false,
+        }
+    }
+}
+
+fn prefix(path: Option<&Path>) -> String {
+    path.map_or_else(String::new, |path| format!("{}: ", path.display()))
+}
+
+fn join(errors: &[Error]) -> String {
+    let errors: Vec<String> = errors.iter().map(Error::to_string).collect();
+    errors.join("; ")
 }

@@ -55,7 +55,7 @@ impl Remotes {
             return Ok(None);
         }
         let addresses = config.nodes.iter().map(|node| node.parse());
-        let addresses = addresses.collect::<Result<_, _>>().map_err(Error::Config)?;
+        let addresses = addresses.collect::<Result<_, _>>()?;
         let credentials = Credentials::load(&config.credentials, Role::Player)?;
         let client = Client::new(&credentials)?;
         Ok(Some(Self { client, addresses }))
@@ -66,8 +66,8 @@ impl Farm {
     /// Starts the local node and calls the remote ones; waits for neither.
     ///
     /// # Errors
-    /// [`Error::Config`] if a value is out of range or an address is none,
-    /// [`Error::Credentials`] or [`Error::Socket`] if there are remote nodes and they cannot be
+    /// [`Error::Config`] if a value is out of range, [`Error::NodeAddress`] if an address cannot be
+    /// parsed, an error of the credentials or [`Error::Socket`] if there are remote nodes and they cannot be
     /// called, [`Error::Tracer`] if [`LocalNode::Gpu`] is asked for and there is none.
     pub fn new(config: FarmConfig) -> Result<Self, Error> {
         // Before any device is opened: a program that ends over a mistake while a driver is being
@@ -236,11 +236,11 @@ impl Farm {
     /// Calls another node, as `host:port`, while the farm is running; it takes part once it answers.
     ///
     /// # Errors
-    /// [`Error::Config`] if the address is none or there are as many nodes as a farm may have,
-    /// [`Error::Credentials`] or [`Error::Socket`] if this is the first remote node and none can be
+    /// [`Error::NodeAddress`] if the address cannot be parsed, [`Error::Config`] if there are as many
+    /// nodes as a farm may have, an error of the credentials or [`Error::Socket`] if this is the first remote node and none can be
     /// called.
     pub fn add_node(&mut self, node: &str) -> Result<(), Error> {
-        let address = node.parse().map_err(Error::Config)?;
+        let address = node.parse()?;
         if self.nodes().len() >= NODES_MAX {
             return Err(Error::Config(format!(
                 "{node} would be one node too many: at most {NODES_MAX} are allowed"

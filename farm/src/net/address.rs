@@ -1,8 +1,10 @@
-//! Where a node is: a host and a port, resolved anew at each call.
+//! A node's address: a host and a port, resolved anew for each connection.
 
 use std::fmt;
 use std::net::{Ipv6Addr, SocketAddr};
 use std::str::FromStr;
+
+use crate::Error;
 
 /// `host:port`; the host is a name, an IPv4 address or an IPv6 address in brackets.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
@@ -15,28 +17,31 @@ pub struct NodeAddress {
 const HOST_BYTES_MAX: usize = 253;
 
 impl NodeAddress {
-    /// Asks the system for the host's addresses.
-    pub(crate) async fn resolve(&self) -> Result<Vec<SocketAddr>, String> {
+    /// The host's addresses, by the system's resolver.
+    pub(crate) async fn resolve(&self) -> Result<Vec<SocketAddr>, Error> {
         let found = tokio::net::lookup_host((self.host.as_str(), self.port)).await;
         let addresses: Vec<SocketAddr> = found
-            .map_err(|why| format!("the name `{}` could not be resolved: {why}", self.host))?
+            .map_err(|source| Error::NameResolution {
+                host: self.host.clone(),
+                source,
+            })?
             .collect();
         if addresses.is_empty() {
-            return Err(format!("the name `{}` has no address", self.host));
+            return Err(Error::NameWithoutAddress {
+                host: self.host.clone(),
+            });
         }
         Ok(addresses)
     }
 }
 
 impl FromStr for NodeAddress {
-    type Err = String;
+    type Err = Error;
 
-    fn from_str(text: &str) -> Result<Self, String> {
-        let refused = |why: &str| {
-            format!(
-                "`{}` is no node: {why}, as in `oak.example:4433`",
-                text.escape_debug()
-            )
+    fn from_str(text: &str) -> Result<Self, Error> {
+        let refused = |fault| Error::NodeAddress {
+            text: text.to_owned(),
+            fault,
         };
         let (host, port) = text
             .rsplit_once(':')
@@ -49,7 +54,7 @@ impl FromStr for NodeAddress {
             Some(rest) => {
                 let inner = rest.strip_suffix(']').unwrap_or_default();
                 if inner.parse::<Ipv6Addr>().is_err() {
-                    return Err(refused("what is in brackets must be an IPv6 address"));
+                    return Err(refused("the brackets must hold an IPv6 address"));
                 }
                 inner
             }
@@ -84,7 +89,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_printed_is_what_was_parsed() {
+    fn display_is_the_inverse_of_parsing() {
         for text in [
             "oak:4433",
             "10.0.0.7:1",
@@ -96,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn anything_else_is_refused_with_the_rule() {
+    fn malformed_addresses_are_refused_with_the_rule() {
         let long = format!("{}:1", "a".repeat(HOST_BYTES_MAX + 1));
         for text in [
             "",
@@ -114,8 +119,8 @@ mod tests {
             "o\0k:1",
             &long,
         ] {
-            let why = text.parse::<NodeAddress>().unwrap_err();
-            assert!(why.contains("is no node"), "{text}: {why}");
+            let error = text.parse::<NodeAddress>().unwrap_err().to_string();
+            assert!(error.contains("is not a node address"), "{text}: {error}");
         }
     }
 }

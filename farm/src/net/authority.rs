@@ -1,4 +1,4 @@
-//! The farm's own certificate authority: made once, kept by the player, never on a node.
+//! A farm's own certificate authority: created once, kept by the player, never on a node.
 
 use std::fs::{self, OpenOptions};
 use std::io::Write;
@@ -13,7 +13,8 @@ use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 
 use crate::Error;
-use crate::net::credentials::{AUTHORITY_FILE, Credentials, Role};
+use crate::net::credentials::{AUTHORITY_FILE, Credentials};
+use crate::net::peer::Role;
 
 const DAY: Duration = Duration::from_secs(24 * 3600);
 /// The authority and the player's certificate outlive any farm: whoever can replace the one on
@@ -42,22 +43,18 @@ pub struct Authority {
     issuer: Issuer<'static, KeyPair>,
 }
 
-/// Makes a farm in `dir`: `ca.pem`, `ca.key`, `player.pem`, `player.key`.
+/// Creates a farm in `dir`: `ca.pem`, `ca.key`, `player.pem`, `player.key`.
 ///
 /// # Errors
-/// [`Error::Credentials`] if the folder holds a farm already, or cannot be written.
+/// [`Error::FarmExists`], or [`Error::CredentialsFile`] if the folder cannot be written.
 pub fn create_farm(dir: &Path) -> Result<(), Error> {
     for file in [AUTHORITY_FILE, AUTHORITY_KEY_FILE] {
         let path = dir.join(file);
         if path.exists() {
-            return Err(Error::Credentials(format!(
-                "{} exists: this folder holds a farm already, and a new authority would lock all \
-                 its nodes out. Choose another folder with --dir, or remove the old farm yourself",
-                path.display()
-            )));
+            return Err(Error::FarmExists { path });
         }
     }
-    fs::create_dir_all(dir).map_err(|why| io(dir, &why))?;
+    fs::create_dir_all(dir).map_err(|source| io(dir, source))?;
     let authority = Authority::generate()?;
     let player = authority.issue(Role::Player, "player", lasting(AUTHORITY_LIFE))?;
     save(dir, Role::Player, &authority, &player)?;
@@ -68,42 +65,37 @@ pub fn create_farm(dir: &Path) -> Result<(), Error> {
     )
 }
 
-/// Makes a node's folder `out` (absent: `dir/nodes/NAME`) with `ca.pem`, `node.pem` and
+/// Creates a node's folder `out` (absent: `dir/nodes/NAME`) with `ca.pem`, `node.pem` and
 /// `node.key`, valid for 30 days, and returns it.
 ///
 /// # Errors
-/// [`Error::Credentials`] if the name is not usable, if `dir` holds no farm, if the folder holds
-/// a node already and `renew` is false, or if it cannot be written.
+/// [`Error::NodeName`]; [`Error::CredentialsMissing`] if `dir` holds no farm; [`Error::NodeExists`]
+/// unless `renew` is set; [`Error::AuthorityExposed`]; [`Error::CredentialsFile`] if the folder
+/// cannot be written.
 pub fn add_node(dir: &Path, name: &str, out: Option<&Path>, renew: bool) -> Result<PathBuf, Error> {
     check_name(name)?;
     let authority = Authority::load(dir)?;
     let out = out.map_or_else(|| dir.join("nodes").join(name), Path::to_path_buf);
     let key = out.join(Role::Node.key_file());
     if key.exists() && !renew {
-        return Err(Error::Credentials(format!(
-            "{} exists: give --renew to replace it, or another folder with --out",
-            key.display()
-        )));
+        return Err(Error::NodeExists { path: key });
     }
     if out.join(AUTHORITY_KEY_FILE).exists() {
-        return Err(Error::Credentials(format!(
-            "{} holds a farm's authority, which no node may see: choose another folder with --out",
-            out.display()
-        )));
+        return Err(Error::AuthorityExposed { folder: out });
     }
-    fs::create_dir_all(&out).map_err(|why| io(&out, &why))?;
+    fs::create_dir_all(&out).map_err(|source| io(&out, source))?;
     let issued = authority.issue(Role::Node, name, lasting(NODE_LIFE))?;
     save(&out, Role::Node, &authority, &issued)?;
     Ok(out)
 }
 
 impl Authority {
-    /// A new authority with a P-256 key, in memory.
+    /// Creates an authority with a P-256 key, in memory.
     ///
     /// # Errors
-    /// [`Error::Credentials`] if the system gives no randomness.
+    /// [`Error::CertificateCreation`] if the system gives no randomness.
     pub fn generate() -> Result<Self, Error> {
-        let key = KeyPair::generate().map_err(|why| failed(&why))?;
+        let key = KeyPair::generate().map_err(|error| not_created(&error))?;
         let mut params = CertificateParams::default();
         let validity = lasting(AUTHORITY_LIFE);
         params.not_before = validity.start.into();
@@ -118,7 +110,9 @@ impl Authority {
         params.distinguished_name = subject(&format!("Carom farm {id}"));
         params.is_ca = IsCa::Ca(BasicConstraints::Constrained(0));
         params.key_usages = vec![KeyUsagePurpose::KeyCertSign, KeyUsagePurpose::CrlSign];
-        let certificate = params.self_signed(&key).map_err(|why| failed(&why))?;
+        let certificate = params
+            .self_signed(&key)
+            .map_err(|error| not_created(&error))?;
         Ok(Self {
             certificate_pem: certificate.pem(),
             issuer: Issuer::new(params, key),
@@ -128,15 +122,15 @@ impl Authority {
     /// Reads `ca.pem` and `ca.key`.
     ///
     /// # Errors
-    /// [`Error::Credentials`] with the file.
+    /// [`Error::CredentialsMissing`], [`Error::CredentialsFile`] or [`Error::CredentialsPem`].
     pub fn load(dir: &Path) -> Result<Self, Error> {
         let certificate_path = dir.join(AUTHORITY_FILE);
         let certificate_pem = read(&certificate_path)?;
         let key_path = dir.join(AUTHORITY_KEY_FILE);
         let key = KeyPair::from_pem(&read(&key_path)?)
-            .map_err(|why| Error::Credentials(format!("{}: {why}", key_path.display())))?;
+            .map_err(|error| not_pem(&key_path, "private key", &error))?;
         let issuer = Issuer::from_ca_cert_pem(&certificate_pem, key)
-            .map_err(|why| Error::Credentials(format!("{}: {why}", certificate_path.display())))?;
+            .map_err(|error| not_pem(&certificate_path, "certificate", &error))?;
         Ok(Self {
             certificate_pem,
             issuer,
@@ -148,30 +142,30 @@ impl Authority {
         &self.certificate_pem
     }
 
-    /// A new key and its certificate.
+    /// Creates a key and issues its certificate.
     ///
     /// # Errors
-    /// [`Error::Credentials`] if the system gives no randomness.
+    /// [`Error::CertificateCreation`] if the system gives no randomness.
     pub fn issue(
         &self,
         role: Role,
         name: &str,
         validity: std::ops::Range<SystemTime>,
     ) -> Result<Issued, Error> {
-        let key = KeyPair::generate().map_err(|why| failed(&why))?;
+        let key = KeyPair::generate().map_err(|error| not_created(&error))?;
         let certificate = self
             .sign(role, name, validity, &key)
-            .map_err(|why| failed(&why))?;
+            .map_err(|error| not_created(&error))?;
         Ok(Issued {
             certificate_pem: certificate.pem(),
             key_pem: key.serialize_pem(),
         })
     }
 
-    /// As [`Authority::issue`], checked and ready for an endpoint, never on a disk.
+    /// Issues credentials that are ready for an endpoint and never on a disk.
     ///
     /// # Errors
-    /// [`Error::Credentials`] also if the certificate is not valid now.
+    /// [`Error::CertificateCreation`], or [`Error::Certificate`] if it is not valid now.
     pub fn credentials(
         &self,
         role: Role,
@@ -179,16 +173,16 @@ impl Authority {
         validity: std::ops::Range<SystemTime>,
     ) -> Result<Credentials, Error> {
         let issued = self.issue(role, name, validity)?;
-        let certificate =
-            |pem: &str| CertificateDer::from_pem_slice(pem.as_bytes()).map_err(|why| failed(&why));
+        let certificate = |pem: &str| {
+            CertificateDer::from_pem_slice(pem.as_bytes()).map_err(|error| not_created(&error))
+        };
         let key = PrivateKeyDer::from_pem_slice(issued.key_pem.as_bytes());
         Credentials::new(
             certificate(&self.certificate_pem)?,
             certificate(&issued.certificate_pem)?,
-            key.map_err(|why| failed(&why))?,
+            key.map_err(|error| not_created(&error))?,
             role,
         )
-        .map_err(Error::Credentials)
     }
 
     fn sign(
@@ -220,11 +214,10 @@ fn check_name(name: &str) -> Result<(), Error> {
     if first_is_plain && name.len() <= NAME_BYTES_MAX && name.chars().all(plain) {
         return Ok(());
     }
-    Err(Error::Credentials(format!(
-        "`{}` cannot be a node's name: it must have 1 to {NAME_BYTES_MAX} letters, digits, `-`, \
-         `_` or `.`, and begin with a letter or digit",
-        name.escape_debug()
-    )))
+    Err(Error::NodeName {
+        name: name.to_owned(),
+        length_max: NAME_BYTES_MAX,
+    })
 }
 
 fn subject(name: &str) -> DistinguishedName {
@@ -241,11 +234,11 @@ fn lasting(life: Duration) -> std::ops::Range<SystemTime> {
 fn save(dir: &Path, role: Role, authority: &Authority, issued: &Issued) -> Result<(), Error> {
     let write = |file: &str, text: &str| {
         let path = dir.join(file);
-        fs::write(&path, text).map_err(|why| io(&path, &why))
+        fs::write(&path, text).map_err(|source| io(&path, source))
     };
     let key = dir.join(role.key_file());
     if key.exists() {
-        fs::remove_file(&key).map_err(|why| io(&key, &why))?;
+        fs::remove_file(&key).map_err(|source| io(&key, source))?;
     }
     write_private(&key, &issued.key_pem)?;
     write(role.certificate_file(), &issued.certificate_pem)?;
@@ -261,24 +254,38 @@ fn write_private(path: &Path, text: &str) -> Result<(), Error> {
     options
         .open(path)
         .and_then(|mut file| file.write_all(text.as_bytes()))
-        .map_err(|why| io(path, &why))
+        .map_err(|source| io(path, source))
 }
 
 fn read(path: &Path) -> Result<String, Error> {
-    fs::read_to_string(path).map_err(|why| {
-        Error::Credentials(format!(
-            "{}: {why}: the farm's authority is made by `carom-farm init`",
-            path.display()
-        ))
+    fs::read_to_string(path).map_err(|source| match source.kind() {
+        std::io::ErrorKind::NotFound => Error::CredentialsMissing {
+            path: path.to_path_buf(),
+            advice: "create the farm's authority with `carom-farm init`",
+        },
+        _ => io(path, source),
     })
 }
 
-fn io(path: &Path, why: &std::io::Error) -> Error {
-    Error::Credentials(format!("{}: {why}", path.display()))
+fn io(path: &Path, source: std::io::Error) -> Error {
+    Error::CredentialsFile {
+        path: path.to_path_buf(),
+        source,
+    }
 }
 
-fn failed(why: &dyn std::fmt::Display) -> Error {
-    Error::Credentials(format!("a certificate could not be made: {why}"))
+fn not_pem(path: &Path, item: &'static str, error: &rcgen::Error) -> Error {
+    Error::CredentialsPem {
+        path: path.to_path_buf(),
+        item,
+        reason: error.to_string(),
+    }
+}
+
+fn not_created(error: &dyn std::fmt::Display) -> Error {
+    Error::CertificateCreation {
+        reason: error.to_string(),
+    }
 }
 
 #[cfg(test)]
@@ -286,17 +293,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_farm_is_never_overwritten() {
+    fn an_existing_farm_is_never_overwritten() {
         let dir = tempfile::tempdir().unwrap();
         create_farm(dir.path()).unwrap();
         let key = fs::read(dir.path().join(AUTHORITY_KEY_FILE)).unwrap();
         let refused = create_farm(dir.path()).unwrap_err().to_string();
-        assert!(refused.contains("holds a farm already"), "{refused}");
+        assert!(refused.contains("already holds a farm"), "{refused}");
         assert_eq!(key, fs::read(dir.path().join(AUTHORITY_KEY_FILE)).unwrap());
     }
 
     #[test]
-    fn an_interrupted_start_can_be_repeated() {
+    fn an_interrupted_init_can_be_repeated() {
         let dir = tempfile::tempdir().unwrap();
         create_farm(dir.path()).unwrap();
         fs::remove_file(dir.path().join(AUTHORITY_KEY_FILE)).unwrap();
@@ -307,7 +314,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn only_the_owner_reads_keys() {
+    fn keys_are_readable_by_their_owner_only() {
         use std::os::unix::fs::PermissionsExt;
         let dir = tempfile::tempdir().unwrap();
         create_farm(dir.path()).unwrap();
@@ -323,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn a_node_is_replaced_only_when_asked() {
+    fn a_node_is_replaced_only_on_renewal() {
         let dir = tempfile::tempdir().unwrap();
         create_farm(dir.path()).unwrap();
         let node = add_node(dir.path(), "oak", None, false).unwrap();
@@ -336,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn names_that_leave_the_folder_are_refused() {
+    fn node_names_cannot_leave_the_folder() {
         let dir = tempfile::tempdir().unwrap();
         create_farm(dir.path()).unwrap();
         let long = "a".repeat(NAME_BYTES_MAX + 1);
@@ -345,7 +352,7 @@ mod tests {
         ] {
             let refused = add_node(dir.path(), name, None, false).unwrap_err();
             assert!(
-                refused.to_string().contains("cannot be a node's name"),
+                refused.to_string().contains("is not a valid node name"),
                 "{refused}"
             );
         }
@@ -366,7 +373,7 @@ mod tests {
     }
 
     #[test]
-    fn a_certificate_of_the_other_role_is_refused_before_any_socket_opens() {
+    fn loading_refuses_the_other_roles_certificate() {
         let dir = tempfile::tempdir().unwrap();
         create_farm(dir.path()).unwrap();
         for ext in ["pem", "key"] {
@@ -380,7 +387,7 @@ mod tests {
     }
 
     #[test]
-    fn an_expired_certificate_says_so() {
+    fn expired_certificates_are_refused() {
         let authority = Authority::generate().unwrap();
         let now = SystemTime::now();
         let refused = authority

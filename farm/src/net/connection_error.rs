@@ -1,112 +1,85 @@
-//! Why a connection did not come about or ended, as a sentence that says what to do.
+//! quinn's connection errors as [`Error`]s that say who is at fault and what to do.
 
 use quinn::ConnectionError;
-use rustls::{CertificateError, Error};
 
-use crate::net::credentials::Role;
-use crate::net::endpoint::code;
+use crate::Error;
+use crate::net::close_code;
+use crate::net::peer::{CertificateFault, DisconnectReason, Role};
 
-/// Why this program's own certificate would be refused by its peers.
-pub(crate) fn own_certificate(why: &Error, role: Role) -> String {
-    let noun = role.noun();
-    let Error::InvalidCertificate(why) = why else {
-        return format!("the certificate cannot be used: {why}");
-    };
-    match why {
-        CertificateError::Expired | CertificateError::ExpiredContext { .. } => {
-            format!("the certificate has expired: {}", renewal(role))
-        }
-        CertificateError::NotValidYet | CertificateError::NotValidYetContext { .. } => {
-            "the certificate is not valid yet: is this machine's clock right?".into()
-        }
-        CertificateError::InvalidPurpose
-        | CertificateError::InvalidPurposeContext { .. }
-        | CertificateError::ApplicationVerificationFailure => {
-            format!("the certificate does not have the role of a {noun}")
-        }
-        CertificateError::UnknownIssuer | CertificateError::BadSignature => {
-            "the certificate is of another farm than the ca.pem beside it".into()
-        }
-        why => format!("the certificate cannot be used: {why}"),
-    }
-}
-
-/// Why a connection failed or ended, seen from `us`.
-pub(crate) fn connection(why: &ConnectionError, us: Role) -> String {
-    let peer = match us {
-        Role::Player => Role::Node,
-        Role::Node => Role::Player,
-    };
-    match why {
-        ConnectionError::TransportError(error) => match alert(error.code.into()) {
-            Some(alert) => certificate_of(alert, peer, "its"),
-            None => format!("the connection broke: {error}"),
+/// The error of a connection that failed or ended, seen from the side with role `own`.
+pub(crate) fn connection(error: &ConnectionError, own: Role) -> Error {
+    let peer = own.peer();
+    let disconnected = |reason| Error::Disconnected { peer, reason };
+    match error {
+        ConnectionError::TransportError(error) => match tls_alert(error.code.into()) {
+            Some(alert) => match certificate_fault(alert, peer) {
+                Some(fault) => Error::PeerCertificate { fault },
+                None => handshake(alert),
+            },
+            None => Error::ConnectionBroken {
+                reason: error.to_string(),
+            },
         },
-        ConnectionError::ConnectionClosed(close) => match alert(close.error_code.into()) {
-            Some(alert) => format!(
-                "the {} refused us: {}",
-                peer.noun(),
-                certificate_of(alert, us, "our")
-            ),
+        ConnectionError::ConnectionClosed(close) => match tls_alert(close.error_code.into()) {
+            Some(alert) => match certificate_fault(alert, own) {
+                Some(fault) => Error::CertificateRefused { by: peer, fault },
+                None => handshake(alert),
+            },
             None if close.error_code == quinn_proto::TransportErrorCode::CONNECTION_REFUSED => {
-                format!("the {} accepts no connection now", peer.noun())
+                disconnected(DisconnectReason::Refusing)
             }
-            None => format!("the {} broke the connection: {close}", peer.noun()),
+            None => disconnected(DisconnectReason::Broken(close.to_string())),
         },
-        ConnectionError::ApplicationClosed(close) => application(close, peer),
-        ConnectionError::TimedOut => format!("the {} no longer answers", peer.noun()),
-        ConnectionError::Reset => format!("the {} has been restarted", peer.noun()),
-        ConnectionError::VersionMismatch => {
-            format!("the {} speaks another version of QUIC", peer.noun())
-        }
-        ConnectionError::LocallyClosed => "we closed the connection".into(),
-        ConnectionError::CidsExhausted => "the connection ran out of identifiers".into(),
+        ConnectionError::ApplicationClosed(close) => disconnected(application_reason(close)),
+        ConnectionError::TimedOut => disconnected(DisconnectReason::TimedOut),
+        ConnectionError::Reset => disconnected(DisconnectReason::Restarted),
+        ConnectionError::VersionMismatch => disconnected(DisconnectReason::QuicVersion),
+        ConnectionError::LocallyClosed => Error::ConnectionClosed,
+        ConnectionError::CidsExhausted => Error::ConnectionBroken {
+            reason: "it ran out of connection identifiers".into(),
+        },
     }
 }
 
 /// TLS alerts are QUIC's errors 0x100 to 0x1ff (RFC 9001, 4.8).
-fn alert(code: u64) -> Option<u8> {
+fn tls_alert(code: u64) -> Option<u8> {
     (code >> 8 == 1).then_some((code & 0xff) as u8)
 }
 
-/// What is wrong with the certificate of `holder`; alert numbers are from RFC 8446, 6.
-fn certificate_of(alert: u8, holder: Role, whose: &str) -> String {
+/// The fault of the certificate of `holder` that a TLS alert reports (RFC 8446, 6.2).
+fn certificate_fault(alert: u8, holder: Role) -> Option<CertificateFault> {
+    Some(match alert {
+        116 => CertificateFault::Missing,
+        45 => CertificateFault::Expired(holder),
+        48 | 51 => CertificateFault::OtherFarm,
+        43 | 49 => CertificateFault::WrongRole(holder),
+        42 | 44 | 46 => CertificateFault::Unusable(format!("TLS alert {alert}")),
+        _ => return None,
+    })
+}
+
+/// The error of a handshake that fails over something other than a certificate.
+fn handshake(alert: u8) -> Error {
     match alert {
-        116 => format!("{whose} side showed no certificate"),
-        45 => format!("{whose} certificate has expired: {}", renewal(holder)),
-        48 | 51 => format!("{whose} certificate is of another farm"),
-        43 | 49 => {
-            let noun = holder.noun();
-            format!("{whose} certificate does not have the role of a {noun}")
-        }
-        42 | 44 | 46 => format!("{whose} certificate is not usable"),
-        70 | 120 => "the two speak different protocols: update the older one".into(),
-        alert => format!("the TLS handshake failed with alert {alert}"),
+        70 | 120 => Error::ProtocolMismatch,
+        alert => Error::Handshake { alert },
     }
 }
 
-fn application(close: &quinn::ApplicationClose, peer: Role) -> String {
-    let noun = peer.noun();
-    // The peer is authenticated, but a terminal is not its canvas.
-    let reason: String = String::from_utf8_lossy(&close.reason)
-        .chars()
-        .filter(|c| !c.is_control())
-        .take(REASON_CHARS_MAX)
-        .collect();
+fn application_reason(close: &quinn::ApplicationClose) -> DisconnectReason {
     match close.error_code {
-        code::DONE => format!("the {noun} has closed the connection"),
-        code::FULL => format!("the {noun} serves as many players as it may"),
-        code::DRAINING => format!("the {noun} is shutting down"),
-        _ if reason.is_empty() => format!("the {noun} has closed the connection"),
-        _ => format!("the {noun} has closed the connection: {reason}"),
+        close_code::DONE => DisconnectReason::Closed(String::new()),
+        close_code::FULL => DisconnectReason::Full,
+        close_code::DRAINING => DisconnectReason::Draining,
+        // The peer is authenticated, but its text must not control a terminal.
+        _ => DisconnectReason::Closed(
+            String::from_utf8_lossy(&close.reason)
+                .chars()
+                .filter(|c| !c.is_control())
+                .take(REASON_CHARS_MAX)
+                .collect(),
+        ),
     }
 }
 
 const REASON_CHARS_MAX: usize = 200;
-
-fn renewal(role: Role) -> &'static str {
-    match role {
-        Role::Node => "make a new one with `carom-farm add NAME --renew` and copy it to the node",
-        Role::Player => "make a new farm with `carom-farm init` in another folder",
-    }
-}

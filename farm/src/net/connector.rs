@@ -1,18 +1,20 @@
-//! Calls nodes: names to addresses, addresses to authenticated connections.
+//! A player's connections to nodes: from names to addresses, from addresses to authenticated
+//! connections.
 
 use std::net::SocketAddr;
 use std::sync::Mutex;
 
-use quinn::{ClientConfig, ConnectError, Connection, Endpoint};
+use quinn::{ClientConfig, Connection, Endpoint};
 
 use crate::Error;
 use crate::net::address::NodeAddress;
 use crate::net::connection_driver::Streams;
-use crate::net::credentials::{Credentials, Role};
-use crate::net::{connection_error, endpoint, tls};
+use crate::net::credentials::Credentials;
+use crate::net::peer::Role;
+use crate::net::{close_code, connection_error, endpoint, tls};
 
 /// A player's sockets, one for each address family that is needed.
-pub(crate) struct Caller {
+pub(crate) struct Connector {
     config: ClientConfig,
     sockets: Mutex<Sockets>,
 }
@@ -23,9 +25,9 @@ struct Sockets {
     v6: Option<Endpoint>,
 }
 
-impl Caller {
+impl Connector {
     /// # Errors
-    /// [`Error::Credentials`] if the credentials are no player's.
+    /// [`Error::KeyPair`] if the credentials cannot be used.
     pub(crate) fn new(credentials: &Credentials) -> Result<Self, Error> {
         Ok(Self {
             config: endpoint::client_config(credentials)?,
@@ -33,37 +35,45 @@ impl Caller {
         })
     }
 
-    /// Connects to the first of the node's addresses that answers. The error is a sentence.
-    pub(crate) async fn call(&self, node: &NodeAddress) -> Result<Streams, String> {
-        let mut refusals = Vec::new();
+    /// Connects to the first of the node's addresses that answers.
+    pub(crate) async fn connect(&self, node: &NodeAddress) -> Result<Streams, Error> {
+        let mut errors = Vec::new();
         for address in node.resolve().await?.into_iter().take(ADDRESSES_MAX) {
-            match self.call_address(address).await {
+            match self.connect_address(address).await {
                 Ok(streams) => return Ok(streams),
-                Err(why) => refusals.push(why),
+                Err(error) => errors.push(error),
             }
         }
-        refusals.dedup();
-        Err(refusals.join("; "))
+        // Both families of one host often fail alike.
+        errors.dedup_by_key(|error| error.to_string());
+        Err(Error::NoAddressConnects { errors })
     }
 
-    async fn call_address(&self, address: SocketAddr) -> Result<Streams, String> {
-        let endpoint = self
-            .socket(address)
-            .map_err(|why| format!("{address}: {why}"))?;
+    async fn connect_address(&self, address: SocketAddr) -> Result<Streams, Error> {
+        let endpoint = self.socket(address).map_err(|source| Error::Socket {
+            address: address.to_string(),
+            source,
+        })?;
         let config = self.config.clone();
         let connecting = endpoint
             .connect_with(config, address, tls::SERVER_NAME)
-            .map_err(|why| unreachable(address, &why))?;
-        let connection = match tokio::time::timeout(endpoint::HANDSHAKE, connecting).await {
-            Ok(connected) => connected.map_err(|why| first_refusal(address, &why))?,
-            Err(_) => return Err(silent(address)),
+            .map_err(|error| Error::Unreachable {
+                address,
+                reason: error.to_string(),
+            })?;
+        let connection = match tokio::time::timeout(endpoint::HANDSHAKE_TIMEOUT, connecting).await {
+            Ok(Ok(connection)) => connection,
+            Ok(Err(quinn::ConnectionError::TimedOut)) | Err(_) => {
+                return Err(Error::NoAnswer { address });
+            }
+            Ok(Err(error)) => return Err(connection_error::connection(&error, Role::Player)),
         };
         open(connection)
             .await
-            .map_err(|why| connection_error::connection(&why, Role::Player))
+            .map_err(|error| connection_error::connection(&error, Role::Player))
     }
 
-    fn socket(&self, peer: SocketAddr) -> std::io::Result<Endpoint> {
+    fn socket(&self, peer: SocketAddr) -> Result<Endpoint, std::io::Error> {
         let mut sockets = self.sockets.lock().unwrap_or_else(|held| held.into_inner());
         let socket = match peer {
             SocketAddr::V4(_) => &mut sockets.v4,
@@ -83,13 +93,14 @@ impl Caller {
             [sockets.v4.clone(), sockets.v6.clone()]
         };
         for endpoint in endpoints.into_iter().flatten() {
-            endpoint.close(endpoint::code::DONE, b"");
+            endpoint.close(close_code::DONE, b"");
             endpoint.wait_idle().await;
         }
     }
 }
 
-/// A host of more addresses than that is a list of hosts.
+/// A host with more addresses than this is a list of hosts, each of which may take a whole
+/// handshake's time to fail.
 const ADDRESSES_MAX: usize = 4;
 
 async fn open(connection: Connection) -> Result<Streams, quinn::ConnectionError> {
@@ -100,24 +111,6 @@ async fn open(connection: Connection) -> Result<Streams, quinn::ConnectionError>
         receive,
         role: Role::Player,
     })
-}
-
-fn first_refusal(address: SocketAddr, why: &quinn::ConnectionError) -> String {
-    match why {
-        quinn::ConnectionError::TimedOut => silent(address),
-        why => connection_error::connection(why, Role::Player),
-    }
-}
-
-fn silent(address: SocketAddr) -> String {
-    format!(
-        "{address} does not answer: is the node running, and does a firewall let its UDP port \
-         through?"
-    )
-}
-
-fn unreachable(address: SocketAddr, why: &ConnectError) -> String {
-    format!("{address} cannot be called: {why}")
 }
 
 #[cfg(test)]
@@ -133,13 +126,13 @@ mod tests {
 
     use super::*;
     use crate::net::authority::{Authority, Issued};
-    use crate::net::endpoint::Sending;
+    use crate::net::endpoint::TransportOptions;
     use crate::net::path::PathConfig;
     use crate::net::proxy::Proxy;
 
     const DAY: Duration = Duration::from_secs(24 * 3600);
 
-    /// A node that shows `certificate` and asks for none: all it wants is to be talked to.
+    /// A node that shows some certificate and accepts any player.
     fn impostor(shown: &Issued, alpn: &[u8]) -> Endpoint {
         let certificate = CertificateDer::from_pem_slice(shown.certificate_pem.as_bytes());
         let key = PrivateKeyDer::from_pem_slice(shown.key_pem.as_bytes()).unwrap();
@@ -156,24 +149,25 @@ mod tests {
         Endpoint::server(ServerConfig::with_crypto(crypto), any_port).unwrap()
     }
 
-    /// What a player of `farm` says of an impostor; panics if it talks to it.
-    fn said_of(farm: &Authority, shown: &Issued, alpn: &[u8]) -> String {
+    /// The error with which a player of `farm` refuses an impostor; panics if it accepts it.
+    fn refusal_of(farm: &Authority, shown: &Issued, alpn: &[u8]) -> String {
         let today = SystemTime::now() - DAY..SystemTime::now() + DAY;
         let player = farm.credentials(Role::Player, "player", today).unwrap();
-        let caller = Caller::new(&player).unwrap();
+        let connector = Connector::new(&player).unwrap();
         runtime().block_on(async {
             let impostor = impostor(shown, alpn);
             let address = impostor.local_addr().unwrap().to_string().parse().unwrap();
-            let (called, answered) = tokio::join!(caller.call(&address), async {
+            let (connected, answered) = tokio::join!(connector.connect(&address), async {
                 impostor.accept().await.unwrap().await
             });
             assert!(answered.is_err(), "the player finished the handshake");
-            called.err().expect("the player talks to an impostor")
+            let error = connected.err().expect("the player accepts an impostor");
+            error.to_string()
         })
     }
 
     #[test]
-    fn a_player_talks_to_nodes_of_its_farm_only() {
+    fn players_accept_nodes_of_their_farm_only() {
         let (farm, other) = (
             Authority::generate().unwrap(),
             Authority::generate().unwrap(),
@@ -192,21 +186,20 @@ mod tests {
             key_pem: key.serialize_pem(),
         };
         for (shown, sentence) in [
-            (&alien, "its certificate is of another farm"),
-            (&own, "its certificate is of another farm"),
+            (&alien, "its certificate belongs to another farm"),
+            (&own, "its certificate belongs to another farm"),
             (&player, "its certificate does not have the role of a node"),
             (&expired, "its certificate has expired"),
         ] {
-            let why = said_of(&farm, shown, tls::ALPN);
+            let why = refusal_of(&farm, shown, tls::ALPN);
             assert!(why.starts_with(sentence), "{why}");
         }
         let node = farm.issue(Role::Node, "oak", today).unwrap();
-        let why = said_of(&farm, &node, b"carom/2");
+        let why = refusal_of(&farm, &node, b"carom/2");
         assert!(why.contains("speak different protocols"), "{why}");
     }
 
-    /// Bytes of the longest packets, once they are over `least`, between a player and a node over
-    /// loopback or a path.
+    /// The path MTU, once it exceeds `least`, between a player and a node over loopback or a path.
     fn packet_bytes(path: Option<PathConfig>, least: u16) -> u16 {
         let farm = Authority::generate().unwrap();
         let today = SystemTime::now() - DAY..SystemTime::now() + DAY;
@@ -214,17 +207,17 @@ mod tests {
         let (node, player) = (issue(Role::Node, "node"), issue(Role::Player, "player"));
         let any_port = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
         runtime().block_on(async {
-            let config = endpoint::server_config(&node, Sending::default()).unwrap();
+            let config = endpoint::server_config(&node, TransportOptions::default()).unwrap();
             let node = endpoint::open_server(any_port, config).unwrap();
             let address = node.local_addr().unwrap();
             let proxy = path.map(|path| Proxy::start(any_port, address, path, 1).unwrap());
             let address = proxy.as_ref().map_or(address, Proxy::local_addr);
-            let caller = Caller::new(&player).unwrap();
+            let connector = Connector::new(&player).unwrap();
             let address = address.to_string().parse().unwrap();
             let answer = async { node.accept().await.unwrap().await.unwrap() };
-            let (called, answered) = tokio::join!(caller.call(&address), answer);
-            let _streams = called.map_err(|why| panic!("{why}")).ok();
-            let deadline = Instant::now() + PATIENCE;
+            let (connected, answered) = tokio::join!(connector.connect(&address), answer);
+            let _streams = connected.unwrap_or_else(|error| panic!("{error}"));
+            let deadline = Instant::now() + TIMEOUT;
             while answered.stats().path.current_mtu <= least && Instant::now() < deadline {
                 tokio::time::sleep(Duration::from_millis(1)).await;
             }
@@ -233,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn packets_are_as_long_as_the_path_takes() {
+    fn packets_grow_to_the_path_mtu() {
         // A search ends within 20 bytes.
         assert!((6500..=6544).contains(&packet_bytes(None, 6500)));
         let ethernet = PathConfig::default();
@@ -248,18 +241,22 @@ mod tests {
             .unwrap()
     }
 
-    /// A node that does not answer is a failure of the test, not its end.
-    const PATIENCE: Duration = Duration::from_secs(60);
+    /// Far longer than a search for the MTU takes.
+    const TIMEOUT: Duration = Duration::from_secs(60);
 
     #[test]
-    fn a_name_that_nobody_has_is_named() {
+    fn unresolvable_names_are_reported() {
         let farm = Authority::generate().unwrap();
         let now = SystemTime::now();
         let player = farm.credentials(Role::Player, "player", now - DAY..now + DAY);
-        let caller = Caller::new(&player.unwrap()).unwrap();
+        let connector = Connector::new(&player.unwrap()).unwrap();
         // RFC 6761: no name under `invalid` is ever given to anybody.
         let nobody = "nobody.invalid:4433".parse().unwrap();
-        let why = runtime().block_on(caller.call(&nobody)).err().unwrap();
-        assert!(why.contains("the name `nobody.invalid`"), "{why}");
+        let error = runtime()
+            .block_on(connector.connect(&nobody))
+            .err()
+            .unwrap();
+        let error = error.to_string();
+        assert!(error.contains("the name `nobody.invalid`"), "{error}");
     }
 }

@@ -1,5 +1,5 @@
-//! Lets players in: address, certificate, place, in that order and each before the next costs
-//! anything.
+//! Admission of players to a node: by address, certificate and number, in this order, each checked
+//! before the next costs anything.
 
 use std::future::Future;
 use std::net::SocketAddr;
@@ -10,12 +10,13 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use crate::Error;
 use crate::net::connection_driver::Streams;
-use crate::net::credentials::{Credentials, Role};
-use crate::net::endpoint::Sending;
-use crate::net::{connection_error, endpoint};
+use crate::net::credentials::Credentials;
+use crate::net::endpoint::{self, TransportOptions};
+use crate::net::peer::Role;
+use crate::net::{close_code, connection_error};
 
-/// Players that a node serves at once: one that plays, one that has crashed and not been given
-/// up yet, and a render or two beside. They share the device; more would make it slow for all.
+/// Players that a node serves at once: one that plays, one that has crashed and whose connection has
+/// not timed out, and a render or two. They share the device; more would make it slow for all.
 pub(crate) const PLAYERS_MAX: usize = 4;
 
 /// A node's socket.
@@ -28,14 +29,14 @@ impl Listener {
     /// Opens the socket. Needs a tokio runtime.
     ///
     /// # Errors
-    /// [`Error::Credentials`] if the credentials are no node's, [`Error::Socket`] if the address
-    /// is in use or not this machine's.
+    /// [`Error::KeyPair`] if the credentials cannot be used, [`Error::Socket`] if the address
+    /// is in use or does not belong to this machine.
     pub(crate) fn bind(
         address: SocketAddr,
         credentials: &Credentials,
-        sending: Sending,
+        options: TransportOptions,
     ) -> Result<Self, Error> {
-        let config = endpoint::server_config(credentials, sending)?;
+        let config = endpoint::server_config(credentials, options)?;
         let endpoint = endpoint::open_server(address, config).map_err(|source| Error::Socket {
             address: address.to_string(),
             source,
@@ -43,8 +44,8 @@ impl Listener {
         Ok(Self { endpoint })
     }
 
-    /// Where it listens, with the port that the system chose if 0 was asked for.
-    pub(crate) fn local_addr(&self) -> std::io::Result<SocketAddr> {
+    /// The bound address, with the port that the system chose if 0 was asked for.
+    pub(crate) fn local_addr(&self) -> Result<SocketAddr, std::io::Error> {
         self.endpoint.local_addr()
     }
 
@@ -57,15 +58,15 @@ impl Listener {
         let handshakes = Arc::new(Semaphore::new(endpoint::HANDSHAKES_MAX));
         let players = Arc::new(Semaphore::new(PLAYERS_MAX));
         while let Some(incoming) = self.endpoint.accept().await {
-            let Some((incoming, place)) = screen(incoming, &handshakes) else {
+            let Some((incoming, permit)) = screen(incoming, &handshakes) else {
                 continue;
             };
             let (players, serve) = (Arc::clone(&players), serve.clone());
             tokio::spawn(async move {
                 let from = incoming.remote_address();
-                match authenticate(incoming, place, &players).await {
+                match authenticate(incoming, permit, &players).await {
                     Ok((streams, _player)) => serve(streams).await,
-                    Err(why) => tracing::info!("{from}: {why}"),
+                    Err(error) => tracing::info!("{from}: {error}"),
                 }
             });
         }
@@ -73,19 +74,18 @@ impl Listener {
 
     /// Tells all players that the node is shutting down, and waits until they know.
     pub(crate) async fn drain(&self) {
-        self.endpoint
-            .close(endpoint::code::DRAINING, b"shutting down");
-        let _ = tokio::time::timeout(endpoint::HANDSHAKE, self.endpoint.wait_idle()).await;
+        self.endpoint.close(close_code::DRAINING, b"shutting down");
+        let _ = tokio::time::timeout(endpoint::HANDSHAKE_TIMEOUT, self.endpoint.wait_idle()).await;
     }
 }
 
-/// What a stranger may cost before its address and certificate are known: nothing when
-/// [`endpoint::HANDSHAKES_MAX`] others are at it, one stateless packet when many are.
+/// Bounds the cost of a stranger whose address and certificate are not known yet: nothing when
+/// [`endpoint::HANDSHAKES_MAX`] handshakes are under way, one stateless packet when many are.
 fn screen(
     incoming: Incoming,
     handshakes: &Arc<Semaphore>,
 ) -> Option<(Incoming, OwnedSemaphorePermit)> {
-    let Ok(place) = Arc::clone(handshakes).try_acquire_owned() else {
+    let Ok(permit) = Arc::clone(handshakes).try_acquire_owned() else {
         incoming.ignore();
         return None;
     };
@@ -94,32 +94,33 @@ fn screen(
         let _ = incoming.retry();
         return None;
     }
-    Some((incoming, place))
+    Some((incoming, permit))
 }
 
 /// Completes the handshake, which checks the certificate, and waits for the control stream.
 async fn authenticate(
     incoming: Incoming,
-    place: OwnedSemaphorePermit,
+    handshake: OwnedSemaphorePermit,
     players: &Arc<Semaphore>,
-) -> Result<(Streams, OwnedSemaphorePermit), String> {
-    let gone = |why| connection_error::connection(&why, Role::Node);
-    let connection: Connection = tokio::time::timeout(endpoint::HANDSHAKE, incoming)
-        .await
-        .map_err(|_| "the handshake took too long")?
-        .map_err(gone)?;
-    let Ok(player) = Arc::clone(players).try_acquire_owned() else {
-        connection.close(endpoint::code::FULL, b"");
-        return Err(format!(
-            "refused: {PLAYERS_MAX} players are connected already"
-        ));
-    };
-    let (send, receive) = tokio::time::timeout(endpoint::HANDSHAKE, connection.accept_bi())
-        .await
-        .map_err(|_| "the player opened no control stream")?
-        .map_err(gone)?;
-    drop(place);
+) -> Result<(Streams, OwnedSemaphorePermit), Error> {
     let role = Role::Node;
+    let lost = |error| connection_error::connection(&error, role);
+    let connection: Connection = tokio::time::timeout(endpoint::HANDSHAKE_TIMEOUT, incoming)
+        .await
+        .map_err(|_| Error::HandshakeTimeout)?
+        .map_err(lost)?;
+    let Ok(player) = Arc::clone(players).try_acquire_owned() else {
+        connection.close(close_code::FULL, b"");
+        return Err(Error::NodeFull {
+            players_max: PLAYERS_MAX,
+        });
+    };
+    let control = tokio::time::timeout(endpoint::HANDSHAKE_TIMEOUT, connection.accept_bi());
+    let (send, receive) = control
+        .await
+        .map_err(|_| Error::NoControlStream)?
+        .map_err(lost)?;
+    drop(handshake);
     let streams = Streams {
         connection,
         send,

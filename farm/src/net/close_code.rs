@@ -1,0 +1,14 @@
+//! Application error codes of QUIC connections and streams.
+
+use quinn::VarInt;
+
+/// An ordinary end.
+pub(crate) const DONE: VarInt = VarInt::from_u32(0);
+/// The node serves as many players as it accepts.
+pub(crate) const FULL: VarInt = VarInt::from_u32(1);
+/// The node is shutting down.
+pub(crate) const DRAINING: VarInt = VarInt::from_u32(2);
+/// The peer broke the protocol; the close reason says how.
+pub(crate) const PROTOCOL: VarInt = VarInt::from_u32(3);
+/// Nobody waits for a stream's tiles any more.
+pub(crate) const STALE: VarInt = VarInt::from_u32(4);

@@ -1,0 +1,147 @@
+//! The two sides of a connection as errors speak of them: roles, certificate faults and reasons
+//! for a disconnect.
+
+use std::fmt;
+
+/// The right that a certificate grants its holder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Role {
+    /// Requests pictures from nodes.
+    Player,
+    /// Traces for players.
+    Node,
+}
+
+impl Role {
+    /// The URI in the certificate's subject alternative names that grants the role.
+    pub const fn uri(self) -> &'static str {
+        match self {
+            Self::Player => "carom://role/player",
+            Self::Node => "carom://role/node",
+        }
+    }
+
+    /// The role of the other side.
+    pub(crate) const fn peer(self) -> Self {
+        match self {
+            Self::Player => Self::Node,
+            Self::Node => Self::Player,
+        }
+    }
+
+    pub(crate) const fn certificate_file(self) -> &'static str {
+        match self {
+            Self::Player => "player.pem",
+            Self::Node => "node.pem",
+        }
+    }
+
+    pub(crate) const fn key_file(self) -> &'static str {
+        match self {
+            Self::Player => "player.key",
+            Self::Node => "node.key",
+        }
+    }
+
+    /// The command that creates credentials of the role.
+    pub(crate) const fn creation_advice(self) -> &'static str {
+        match self {
+            Self::Player => {
+                "create the farm's credentials with `carom-farm init`, or name their folder"
+            }
+            Self::Node => {
+                "create the node's credentials with `carom-farm add-node NAME` on the machine that \
+                 holds the farm's authority, and copy that folder here"
+            }
+        }
+    }
+
+    const fn renewal_advice(self) -> &'static str {
+        match self {
+            Self::Node => {
+                "renew it with `carom-farm add-node NAME --renew` and copy it to the node"
+            }
+            Self::Player => "create a new farm with `carom-farm init` in another folder",
+        }
+    }
+}
+
+/// `player` or `node`.
+impl fmt::Display for Role {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Player => "player",
+            Self::Node => "node",
+        })
+    }
+}
+
+/// The reason why a certificate is not accepted; displays as a predicate: "has expired: …".
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum CertificateFault {
+    /// None was shown.
+    Missing,
+    /// It is past its last day; of a holder of this role.
+    Expired(Role),
+    /// Its first day is yet to come.
+    NotYetValid,
+    /// It does not grant this role.
+    WrongRole(Role),
+    /// Another farm's authority issued it.
+    OtherFarm,
+    /// The `ca.pem` in the same folder did not issue it.
+    OtherAuthority,
+    /// TLS has another objection.
+    Unusable(String),
+}
+
+impl fmt::Display for CertificateFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Missing => f.write_str("is missing"),
+            Self::Expired(role) => write!(f, "has expired: {}", role.renewal_advice()),
+            Self::NotYetValid => f.write_str("is not valid yet: check this machine's clock"),
+            Self::WrongRole(role) => write!(f, "does not have the role of a {role}"),
+            Self::OtherFarm => f.write_str("belongs to another farm"),
+            Self::OtherAuthority => f.write_str("was not issued by the ca.pem beside it"),
+            Self::Unusable(reason) => write!(f, "cannot be used: {reason}"),
+        }
+    }
+}
+
+/// The reason why the other side ended a connection; displays as a predicate: "is shutting down".
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum DisconnectReason {
+    /// It closed the connection, with an explanation or an empty one.
+    Closed(String),
+    /// It already serves as many players as it accepts.
+    Full,
+    /// It is shutting down.
+    Draining,
+    /// It accepts no connection.
+    Refusing,
+    /// Its QUIC layer gave the connection up.
+    Broken(String),
+    /// It has been silent for too long.
+    TimedOut,
+    /// It has lost its state.
+    Restarted,
+    /// It supports no common version of QUIC.
+    QuicVersion,
+}
+
+impl fmt::Display for DisconnectReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Closed(reason) if reason.is_empty() => f.write_str("has closed the connection"),
+            Self::Closed(reason) => write!(f, "has closed the connection: {reason}"),
+            Self::Full => f.write_str("already serves as many players as it accepts"),
+            Self::Draining => f.write_str("is shutting down"),
+            Self::Refusing => f.write_str("accepts no connections at the moment"),
+            Self::Broken(reason) => write!(f, "broke the connection: {reason}"),
+            Self::TimedOut => f.write_str("no longer answers"),
+            Self::Restarted => f.write_str("has restarted"),
+            Self::QuicVersion => f.write_str("supports another version of QUIC"),
+        }
+    }
+}
