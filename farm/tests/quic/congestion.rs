@@ -3,7 +3,7 @@
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
-use carom_farm::net::{DelayWindow, Path, PathConfig};
+use carom_farm::net::{DelayBasedController, Path, PathConfig};
 
 const PACKET: u64 = 1252;
 const STEP: Duration = Duration::from_micros(100);
@@ -23,14 +23,14 @@ impl Outcome {
 }
 
 fn drive(config: PathConfig, offered: f64, secs: u64) -> Outcome {
-    let window = DelayWindow::new(Duration::ZERO, PACKET as u16);
+    let window = DelayBasedController::new(Duration::ZERO, PACKET as u16);
     drive_from(window, config, offered, secs, |_| true)
 }
 
 /// Packets leave at 1.25 windows a round trip, as quinn paces them, and are acknowledged when the
 /// client's process `runs`.
 fn drive_from(
-    mut window: DelayWindow,
+    mut window: DelayBasedController,
     config: PathConfig,
     offered: f64,
     secs: u64,
@@ -50,7 +50,7 @@ fn drive_from(
     while now < end {
         now += STEP;
         backlog = f64::min(backlog + offered / 8.0 * STEP.as_secs_f64(), 1e7);
-        let pace = 1.25 * window.bytes() as f64 / smoothed;
+        let pace = 1.25 * window.window_bytes() as f64 / smoothed;
         allowance = f64::min(allowance + pace * STEP.as_secs_f64(), 16.0 * PACKET as f64);
         let mut index = 0;
         while index < flying.len() {
@@ -58,8 +58,8 @@ fn drive_from(
             match arrives.map(|at| at + config.delay) {
                 Some(due) if due <= now && runs(now) => {
                     let acked = if runs(due) { due } else { now };
-                    let limited = backlog >= PACKET as f64;
-                    window.on_ack(acked, sent, PACKET, limited);
+                    let app_limited = backlog < PACKET as f64;
+                    window.on_ack(acked, sent, PACKET, app_limited);
                     window.on_end_acks(acked);
                     outcome.delivered += PACKET as f64;
                     if sent > end / 2 {
@@ -78,7 +78,7 @@ fn drive_from(
         }
         while backlog >= PACKET as f64
             && allowance >= PACKET as f64
-            && (flying.len() as u64 + 1) * PACKET <= window.bytes()
+            && (flying.len() as u64 + 1) * PACKET <= window.window_bytes()
         {
             backlog -= PACKET as f64;
             allowance -= PACKET as f64;
@@ -128,7 +128,7 @@ fn least_window(reorder: f64, seed: u64) -> u64 {
         jitter: Duration::from_micros(200),
         ..path(46)
     };
-    let mut window = DelayWindow::new(Duration::ZERO, PACKET as u16);
+    let mut window = DelayBasedController::new(Duration::ZERO, PACKET as u16);
     let (mut there, mut back) = (Path::new(config, seed), Path::new(config, seed + 1));
     let packets = (0..60 * 3720u32).map(|packet| {
         let (frame, place) = (packet / 62, packet % 62);
@@ -147,11 +147,11 @@ fn least_window(reorder: f64, seed: u64) -> u64 {
     let (mut acked, mut least) = (0, u64::MAX);
     for (now, until) in told {
         while let Some((_, sent)) = came.get(acked).filter(|(came, _)| *came <= until) {
-            window.on_ack(now, *sent, PACKET, false);
+            window.on_ack(now, *sent, PACKET, true);
             acked += 1;
         }
         window.on_end_acks(now);
-        least = least.min(window.bytes());
+        least = least.min(window.window_bytes());
     }
     least
 }
@@ -169,14 +169,18 @@ fn acknowledgements_that_overtake_others_do_not_slow_it() {
 /// Requests are small and far apart, and their packets wait for processors; then comes a scene.
 #[test]
 fn who_sends_little_keeps_the_window() {
-    let mut window = DelayWindow::new(Duration::ZERO, PACKET as u16);
+    let mut window = DelayBasedController::new(Duration::ZERO, PACKET as u16);
     for request in 0..60 * 60u32 {
         let sent = request * Duration::from_micros(16_667);
         let waits = Duration::from_micros(u64::from(request * 7919 % 20_000));
-        window.on_ack(sent + Duration::from_millis(46) + waits, sent, 300, false);
+        window.on_ack(sent + Duration::from_millis(46) + waits, sent, 300, true);
         window.on_end_acks(sent + Duration::from_millis(46) + waits);
     }
-    assert!(window.bytes() > 200_000, "{} bytes", window.bytes());
+    assert!(
+        window.window_bytes() > 200_000,
+        "{} bytes",
+        window.window_bytes()
+    );
 }
 
 #[test]
@@ -214,12 +218,12 @@ fn a_short_queue_is_not_flooded() {
 /// than two frames, and the longest that one waited in the path's queue, in milliseconds.
 fn first_second(config: PathConfig, idle: Duration) -> (usize, f64) {
     const FRAME_PACKETS: u32 = 62;
-    let mut window = DelayWindow::new(Duration::ZERO, PACKET as u16);
+    let mut window = DelayBasedController::new(Duration::ZERO, PACKET as u16);
     let (mut there, mut allowance) = (Path::new(config, 5), 0.0);
     let round_trip = 2 * config.delay + STEP;
     for packet in 1..6 {
         let now = packet * round_trip;
-        window.on_ack(now, now - round_trip, PACKET, false);
+        window.on_ack(now, now - round_trip, PACKET, true);
         window.on_end_acks(now);
     }
     let began = 6 * round_trip + idle;
@@ -234,16 +238,16 @@ fn first_second(config: PathConfig, idle: Duration) -> (usize, f64) {
     let mut now = began;
     while !packets.is_empty() {
         now += STEP;
-        let pace = 1.25 * window.bytes() as f64 / round_trip.as_secs_f64();
+        let pace = 1.25 * window.window_bytes() as f64 / round_trip.as_secs_f64();
         allowance = f64::min(allowance + pace * STEP.as_secs_f64(), 16.0 * PACKET as f64);
         while let Some((sent, acked)) = flying.pop_front_if(|(_, acked)| *acked <= now) {
-            let limited = packets.front().is_some_and(|due| *due <= now);
-            window.on_ack(acked, sent, PACKET, limited);
+            let app_limited = packets.front().is_none_or(|due| *due > now);
+            window.on_ack(acked, sent, PACKET, app_limited);
             window.on_end_acks(acked);
         }
         while packets.front().is_some_and(|due| *due <= now)
             && allowance >= PACKET as f64
-            && (flying.len() as u64 + 1) * PACKET <= window.bytes()
+            && (flying.len() as u64 + 1) * PACKET <= window.window_bytes()
         {
             allowance -= PACKET as f64;
             let due = packets.pop_front().unwrap_or_default();
@@ -283,24 +287,24 @@ fn the_first_frames_are_not_slow_and_fill_no_slow_link() {
 #[test]
 fn what_a_path_is_known_to_carry_is_not_its_first_window() {
     let round_trip = Duration::from_millis(46);
-    let mut window = DelayWindow::new(Duration::ZERO, PACKET as u16);
-    window.on_ack(round_trip, Duration::ZERO, PACKET, false);
+    let mut window = DelayBasedController::new(Duration::ZERO, PACKET as u16);
+    window.on_ack(round_trip, Duration::ZERO, PACKET, true);
     window.on_end_acks(round_trip);
-    assert!(window.known_bytes() < window.bytes());
+    assert!(window.validated_bytes() < window.window_bytes());
     let pause = Duration::from_secs(2);
     for packet in 0..300 {
         let sent = pause + packet * Duration::from_micros(200);
-        window.on_ack(sent + round_trip, sent, PACKET, true);
+        window.on_ack(sent + round_trip, sent, PACKET, false);
         window.on_end_acks(sent + round_trip);
     }
-    assert_eq!(window.known_bytes(), window.bytes());
+    assert_eq!(window.validated_bytes(), window.window_bytes());
 }
 
 #[test]
 fn an_outage_ends_in_a_small_window_that_grows_again() {
-    let mut window = DelayWindow::new(Duration::ZERO, PACKET as u16);
-    window.on_outage(Duration::ZERO);
-    assert_eq!(window.bytes(), 4 * PACKET);
+    let mut window = DelayBasedController::new(Duration::ZERO, PACKET as u16);
+    window.on_persistent_congestion(Duration::ZERO);
+    assert_eq!(window.window_bytes(), 4 * PACKET);
     // To 80 kB by half each round trip.
     let outcome = drive_from(window, path(20), 31.5e6, 1, |_| true);
     let share = outcome.delivered * 8.0 / 31.5e6;
@@ -310,25 +314,25 @@ fn an_outage_ends_in_a_small_window_that_grows_again() {
 /// A receiver may acknowledge all that came at once.
 #[test]
 fn after_an_outage_one_acknowledgement_a_round_trip_is_enough() {
-    let mut window = DelayWindow::new(Duration::ZERO, PACKET as u16);
-    window.on_outage(Duration::ZERO);
+    let mut window = DelayBasedController::new(Duration::ZERO, PACKET as u16);
+    window.on_persistent_congestion(Duration::ZERO);
     let mut round_trips = 0;
-    while window.bytes() < 200_000 {
+    while window.window_bytes() < 200_000 {
         let sent = 46 * round_trips;
         round_trips += 1;
         let [sent, now] = [sent, 46 * round_trips].map(Duration::from_millis);
-        for _ in 0..window.bytes() / PACKET {
-            window.on_ack(now, sent, PACKET, true);
+        for _ in 0..window.window_bytes() / PACKET {
+            window.on_ack(now, sent, PACKET, false);
         }
         window.on_end_acks(now);
-        assert!(round_trips < 12, "still {} bytes", window.bytes());
+        assert!(round_trips < 12, "still {} bytes", window.window_bytes());
     }
 }
 
 #[test]
 fn a_client_that_waits_for_its_processor_is_not_slowed_further() {
     for (waits_ms, of_ms) in [(4, 20), (8, 20), (12, 20), (30, 100), (50, 200)] {
-        let window = DelayWindow::new(Duration::ZERO, PACKET as u16);
+        let window = DelayBasedController::new(Duration::ZERO, PACKET as u16);
         let runs = |now: Duration| now.as_millis() % of_ms >= waits_ms;
         let outcome = drive_from(window, path(46), 31.5e6, 6, runs);
         let share = outcome.delivered * 8.0 / 6.0 / 31.5e6;

@@ -1,6 +1,9 @@
-//! Congestion control of the connections that carry tiles.
+//! Congestion control of the connections that carry tiles: a delay-based window in the manner of
+//! FAST TCP, and its adapter to quinn.
 
-mod delay_window;
+mod controller;
+mod delay_based;
+mod rtt;
 
-pub use delay_window::DelayWindow;
-pub(crate) use delay_window::{Config, known_bytes};
+pub(crate) use controller::{ControllerConfig, validated_bytes};
+pub use delay_based::DelayBasedController;
