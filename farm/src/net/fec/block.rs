@@ -1,162 +1,171 @@
-//! One block of datagrams as it comes: its pieces, its parities, and the packets that they make.
+//! One received block: its symbols, and the packets that they restore.
 
 use std::time::Duration;
 
-use super::datagram::DATA_MAX;
-use super::encoder::{BEGINS, WORD_BYTES};
+use super::datagram::SOURCE_SYMBOLS_MAX;
+use super::{PACKET_START, SYMBOL_BYTES_MAX, WORD_BYTES};
 
-/// A block that is not whole, or was not until a moment ago.
+/// A block that is being received, or was until a moment ago.
 #[derive(Debug)]
-pub(super) struct Block {
-    pieces: Vec<Option<Vec<u8>>>,
-    parities: Vec<Option<Vec<u8>>>,
-    /// Pieces, once a parity has come.
-    count: Option<usize>,
-    /// Bit i: the packet that begins at piece i has been handed out.
+pub(super) struct ReceivedBlock {
+    source_symbols: Vec<Option<Vec<u8>>>,
+    repair_symbols: Vec<Option<Vec<u8>>>,
+    /// Source symbols of the block, known from its first repair symbol.
+    source_count: Option<usize>,
+    /// Bit i: the packet that starts at symbol i has been delivered.
     pub(super) delivered: u64,
-    whole: bool,
-    pub(super) began: Duration,
-    pub(super) heard: Duration,
-    pub(super) asked: Option<Duration>,
-    pub(super) asks: u32,
-    /// Part of an answer has come: the others come as surely.
+    decoded: bool,
+    pub(super) created: Duration,
+    pub(super) last_arrival: Duration,
+    pub(super) last_nack: Option<Duration>,
+    pub(super) nacks: u32,
+    /// Whether a retransmission has come: the others are on reliable streams as well.
     pub(super) answered: bool,
 }
 
-impl Block {
+impl ReceivedBlock {
     pub(super) fn new(now: Duration) -> Self {
         Self {
-            pieces: Vec::new(),
-            parities: Vec::new(),
-            count: None,
+            source_symbols: Vec::new(),
+            repair_symbols: Vec::new(),
+            source_count: None,
             delivered: 0,
-            whole: false,
-            began: now,
-            heard: now,
-            asked: None,
-            asks: 0,
+            decoded: false,
+            created: now,
+            last_arrival: now,
+            last_nack: None,
+            nacks: 0,
             answered: false,
         }
     }
 
-    pub(super) fn insert_piece(&mut self, index: usize, bytes: &[u8]) -> Result<(), &'static str> {
-        if self.count.is_some_and(|count| index >= count) {
-            return Err("a piece is outside of its block");
+    pub(super) fn insert_source(&mut self, index: usize, bytes: &[u8]) -> Result<(), &'static str> {
+        if self.source_count.is_some_and(|count| index >= count) {
+            return Err("a source symbol lies outside its block");
         }
         if bytes.len() <= WORD_BYTES {
-            return Err("a piece has no content");
+            return Err("a source symbol has no content");
         }
-        if self.pieces.len() <= index {
-            self.pieces.resize(index + 1, None);
+        if self.source_symbols.len() <= index {
+            self.source_symbols.resize(index + 1, None);
         }
-        self.pieces[index].get_or_insert_with(|| bytes.to_vec());
+        self.source_symbols[index].get_or_insert_with(|| bytes.to_vec());
         Ok(())
     }
 
-    pub(super) fn insert_parity(
+    pub(super) fn insert_repair(
         &mut self,
-        count: usize,
-        parities: u8,
-        index: u8,
+        source_count: usize,
+        repair_count: usize,
+        index: usize,
         bytes: &[u8],
     ) -> Result<(), &'static str> {
-        let others = |known: usize| known != count || self.parities.len() != usize::from(parities);
-        if self.count.is_some_and(others) || self.pieces.len() > count {
-            return Err("parities of one block count it differently");
+        let contradicts =
+            |known: usize| known != source_count || self.repair_symbols.len() != repair_count;
+        if self.source_count.is_some_and(contradicts) || self.source_symbols.len() > source_count {
+            return Err("the repair symbols of a block contradict each other");
         }
-        self.count = Some(count);
-        self.pieces.resize(count, None);
-        self.parities.resize(usize::from(parities), None);
-        self.parities[usize::from(index)].get_or_insert_with(|| bytes.to_vec());
+        self.source_count = Some(source_count);
+        self.source_symbols.resize(source_count, None);
+        self.repair_symbols.resize(repair_count, None);
+        self.repair_symbols[index].get_or_insert_with(|| bytes.to_vec());
         Ok(())
     }
 
-    /// Bit i: piece i is here.
-    pub(super) fn held(&self) -> u64 {
-        let here = |(index, piece): (usize, &Option<Vec<u8>>)| u64::from(piece.is_some()) << index;
-        let pieces = self.pieces.iter().enumerate().map(here);
-        pieces.fold(0, |held, piece| held | piece)
+    /// Bit i: source symbol i has been received.
+    pub(super) fn received(&self) -> u64 {
+        let symbols = self.source_symbols.iter().enumerate();
+        let bits = symbols.map(|(index, symbol)| u64::from(symbol.is_some()) << index);
+        bits.fold(0, |received, bit| received | bit)
     }
 
-    /// When it is asked for; `None` if it is whole or has been asked for often enough.
-    pub(super) fn due(
+    /// The time of the next NACK; `None` if the block is complete or has been NACKed often enough.
+    pub(super) fn nack_timeout(
         &self,
-        is_past: bool,
-        overtaken: Duration,
-        round_trip: Duration,
+        is_newest: bool,
+        reordering: Duration,
+        rtt: Duration,
     ) -> Option<Duration> {
-        if self.whole || self.answered || self.asks >= ASKS_MAX {
+        if self.decoded || self.answered || self.nacks >= NACKS_MAX {
             return None;
         }
-        Some(match self.asked {
-            Some(asked) => {
-                asked + (round_trip + ANSWER_PATIENCE) * (1 << self.asks.saturating_sub(2))
+        Some(match self.last_nack {
+            Some(last_nack) => {
+                let backoff = 1 << self.nacks.saturating_sub(2);
+                last_nack + (rtt + RETRANSMISSION_SLACK) * backoff
             }
-            None if is_past => self.heard.max(self.began) + overtaken + PAST_PATIENCE,
-            None => self.heard + overtaken + LAST_PATIENCE,
+            None if is_newest => self.last_arrival + reordering + NEWEST_DELAY,
+            None => self.last_arrival.max(self.created) + reordering + OLDER_DELAY,
         })
     }
 
-    /// Computes what is missing if there are parities enough; the packets that it makes whole.
-    pub(super) fn repair(&mut self) -> Result<Vec<Vec<u8>>, &'static str> {
-        let Some(count) = self.count.filter(|_| !self.whole) else {
+    /// Restores lost source symbols if enough symbols have come; the packets that are complete now.
+    pub(super) fn decode(&mut self) -> Result<Vec<Vec<u8>>, &'static str> {
+        let Some(source_count) = self.source_count.filter(|_| !self.decoded) else {
             return Ok(Vec::new());
         };
-        let here = self.pieces.iter().flatten().count();
-        if here + self.parities.iter().flatten().count() < count {
+        let received = self.source_symbols.iter().flatten().count();
+        if received + self.repair_symbols.iter().flatten().count() < source_count {
             return Ok(Vec::new());
         }
-        if here < count {
-            self.compute(count)?;
+        if received < source_count {
+            self.restore(source_count)?;
         }
-        self.whole = true;
+        self.decoded = true;
         let mut packets = Vec::new();
-        for index in 0..count {
+        for index in 0..source_count {
             packets.extend(self.packet_at(index)?);
         }
         Ok(packets)
     }
 
-    fn compute(&mut self, count: usize) -> Result<(), &'static str> {
-        let parities = self.parities.iter().enumerate();
-        let parities: Vec<(usize, &Vec<u8>)> = parities
-            .filter_map(|(index, parity)| Some((index, parity.as_ref()?)))
+    fn restore(&mut self, source_count: usize) -> Result<(), &'static str> {
+        let repair = self.repair_symbols.iter().enumerate();
+        let repair: Vec<(usize, &Vec<u8>)> = repair
+            .filter_map(|(index, symbol)| Some((index, symbol.as_ref()?)))
             .collect();
-        let bytes = parities.first().map_or(0, |(_, parity)| parity.len());
-        let padded = |(index, piece): (usize, &Option<Vec<u8>>)| {
-            let mut piece = piece.clone()?;
-            piece.resize(bytes.max(piece.len()), 0);
-            Some((index, piece))
+        // The last symbol of a packet travels without its padding.
+        let symbol_bytes = repair.first().map_or(0, |(_, symbol)| symbol.len());
+        let padded = |(index, symbol): (usize, &Option<Vec<u8>>)| {
+            let mut symbol = symbol.clone()?;
+            symbol.resize(symbol_bytes.max(symbol.len()), 0);
+            Some((index, symbol))
         };
-        let pieces: Vec<_> = self.pieces.iter().enumerate().filter_map(padded).collect();
-        let computed = reed_solomon_simd::decode(count, self.parities.len(), pieces, parities)
-            .map_err(|_| "the lengths of pieces and parities differ")?;
-        for (index, piece) in computed {
-            self.pieces[index] = Some(piece);
+        let source = self.source_symbols.iter().enumerate();
+        let source: Vec<_> = source.filter_map(padded).collect();
+        let repair_count = self.repair_symbols.len();
+        let restored = reed_solomon_simd::decode(source_count, repair_count, source, repair)
+            .map_err(|_| "the symbols of a block differ in length")?;
+        for (index, symbol) in restored {
+            self.source_symbols[index] = Some(symbol);
         }
         Ok(())
     }
 
-    /// The packet that has a part in piece `index`, if it is whole and has not been handed out.
-    pub(super) fn packet_around(&mut self, index: usize) -> Result<Vec<Vec<u8>>, &'static str> {
-        let begins = |index: &usize| self.word(*index).is_none_or(|word| word & BEGINS != 0);
-        let Some(first) = (0..=index).rev().find(begins) else {
-            return Err("a block begins within a packet");
+    /// The packet that symbol `index` belongs to, if it is complete and has not been delivered.
+    pub(super) fn packet_around(&mut self, index: usize) -> Result<Option<Vec<u8>>, &'static str> {
+        // A symbol that has not come ends the search as well: the packet may start there.
+        let may_start = |index: &usize| {
+            self.word(*index)
+                .is_none_or(|word| word & PACKET_START != 0)
         };
-        Ok(self.packet_at(first)?.into_iter().collect())
+        let Some(first) = (0..=index).rev().find(may_start) else {
+            return Err("a block starts within a packet");
+        };
+        self.packet_at(first)
     }
 
-    /// The packet that begins in piece `first`; `None` if none does, it is not whole, or it has
-    /// been handed out.
+    /// The packet that starts in symbol `first`; `None` if none does, it is incomplete, or it has
+    /// been delivered.
     fn packet_at(&mut self, first: usize) -> Result<Option<Vec<u8>>, &'static str> {
-        let Some(word) = self.word(first).filter(|word| word & BEGINS != 0) else {
+        let Some(word) = self.word(first).filter(|word| word & PACKET_START != 0) else {
             return Ok(None);
         };
         if self.delivered & (1 << first) != 0 {
             return Ok(None);
         }
-        let length = (word & !BEGINS) as usize;
-        if length > DATA_MAX * PACKET_PIECE_BYTES_MAX {
+        let length = (word & !PACKET_START) as usize;
+        if length > SOURCE_SYMBOLS_MAX * SYMBOL_BYTES_MAX {
             return Err("a packet is longer than a block");
         }
         let mut packet = Vec::with_capacity(length);
@@ -165,13 +174,13 @@ impl Block {
             if left == 0 {
                 break;
             }
-            let Some(Some(piece)) = self.pieces.get(index) else {
+            let Some(Some(symbol)) = self.source_symbols.get(index) else {
                 return Ok(None);
             };
             if index > first && self.word(index) != Some(left as u32) {
-                return Err("a packet's pieces do not follow each other");
+                return Err("the symbols of a packet do not follow each other");
             }
-            let part = &piece[WORD_BYTES..];
+            let part = &symbol[WORD_BYTES..];
             packet.extend_from_slice(&part[..part.len().min(left)]);
         }
         if packet.is_empty() {
@@ -182,19 +191,18 @@ impl Block {
     }
 
     fn word(&self, index: usize) -> Option<u32> {
-        let word = self.pieces.get(index)?.as_ref()?.first_chunk()?;
+        let word = self.source_symbols.get(index)?.as_ref()?.first_chunk()?;
         Some(u32::from_le_bytes(*word))
     }
 }
 
-const PACKET_PIECE_BYTES_MAX: usize = 1500;
-/// Pieces that others overtook may still come, and as late as others have.
-const PAST_PATIENCE: Duration = Duration::from_millis(4);
-/// Of the newest block the parities may still come: a block is open for 3 ms, and jitter.
-const LAST_PATIENCE: Duration = Duration::from_millis(8);
-/// An answer may be longer under way than the round trip.
-const ANSWER_PATIENCE: Duration = Duration::from_millis(10);
-/// A question may be lost itself, or come before a busy sender has ended the block. From the third on
-/// they are twice as far apart each time: no deadline is met any more, but a frame without one must
-/// be whole some time.
-const ASKS_MAX: u32 = 10;
+/// Symbols of an older block that others overtook may still come, and as late as others have.
+const OLDER_DELAY: Duration = Duration::from_millis(4);
+/// The repair symbols of the newest block may still come: it stays open for 3 ms, and jitter.
+const NEWEST_DELAY: Duration = Duration::from_millis(8);
+/// Added to the round-trip time that a retransmission takes.
+const RETRANSMISSION_SLACK: Duration = Duration::from_millis(10);
+/// A NACK may be lost itself, or come before a busy sender has closed the block. From the third on
+/// the interval doubles: no deadline is met any more, but a frame without one must complete some
+/// time.
+const NACKS_MAX: u32 = 10;

@@ -1,36 +1,37 @@
-//! Datagrams back to tile packets, however they come: late, twice, in another order or not at all.
-//! What the parities do not repair is asked for. Pure; `now` is an argument.
+//! The receiver of forward error correction: datagrams to packets, whether they come late, twice, in
+//! another order or not at all.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use super::block::Block;
+use super::Retransmission;
+use super::block::ReceivedBlock;
 use super::datagram::Datagram;
-use super::encoder::Repair;
 
-/// The receiver's end of [`super::encoder`].
+/// The decoder of one connection's tile packets.
 #[derive(Debug, Default)]
-pub(crate) struct Assembly {
-    /// Those that are not whole, and those that were until a moment ago.
-    blocks: BTreeMap<u64, Block>,
-    /// The first block that has not been heard of.
+pub(crate) struct FecDecoder {
+    /// The last [`BLOCKS_KEPT`] blocks.
+    blocks: BTreeMap<u64, ReceivedBlock>,
+    /// The first block of which nothing has come.
     next: u64,
-    /// How long after a block had begun pieces of those before it still came, the most of late.
-    overtaken: Duration,
+    /// How long after the creation of a block symbols of the one before still came: the recent
+    /// maximum.
+    reordering: Duration,
 }
 
-impl Assembly {
-    /// Takes a datagram that is for players; the packets that it makes whole.
+impl FecDecoder {
+    /// Handles a datagram for players; the packets that are complete now.
     ///
     /// # Errors
-    /// What the sender did wrong.
-    pub(crate) fn receive(
+    /// The rule that the sender broke.
+    pub(crate) fn on_datagram(
         &mut self,
         now: Duration,
         datagram: Datagram<'_>,
     ) -> Result<Vec<Vec<u8>>, &'static str> {
         match datagram {
-            Datagram::Data {
+            Datagram::Source {
                 block,
                 index,
                 bytes,
@@ -38,112 +39,111 @@ impl Assembly {
                 let Some(block) = self.block(now, block) else {
                     return Ok(Vec::new());
                 };
-                block.insert_piece(usize::from(index), bytes)?;
-                let mut packets = block.packet_around(usize::from(index))?;
-                packets.extend(block.repair()?);
+                block.insert_source(usize::from(index), bytes)?;
+                let packet = block.packet_around(usize::from(index))?;
+                let mut packets: Vec<_> = packet.into_iter().collect();
+                packets.extend(block.decode()?);
                 Ok(packets)
             }
-            Datagram::Parity {
+            Datagram::Repair {
                 block,
-                data,
-                parity,
+                source_count,
+                repair_count,
                 index,
                 bytes,
             } => {
                 let Some(block) = self.block(now, block) else {
                     return Ok(Vec::new());
                 };
-                block.insert_parity(usize::from(data), parity, index, bytes)?;
-                block.repair()
+                let counts = [source_count, repair_count, index].map(usize::from);
+                block.insert_repair(counts[0], counts[1], counts[2], bytes)?;
+                block.decode()
             }
-            Datagram::Missing { .. } | Datagram::Copy(_) => Err("a datagram is for nodes"),
+            Datagram::Nack { .. } | Datagram::RequestCopy(_) => Err("the datagram is for nodes"),
         }
     }
 
-    /// Takes a packet that was sent whole; it, if it is still missing.
-    pub(crate) fn receive_repair(&mut self, repair: Repair) -> Option<Vec<u8>> {
-        let block = self.blocks.get_mut(&repair.block)?;
-        let bit = 1u64.checked_shl(u32::from(repair.index))?;
-        let missing = block.delivered & bit == 0;
+    /// Handles a packet that was sent once more; returns it if it is still missing.
+    pub(crate) fn on_retransmission(&mut self, retransmission: Retransmission) -> Option<Vec<u8>> {
+        let block = self.blocks.get_mut(&retransmission.block)?;
+        let bit = 1u64.checked_shl(u32::from(retransmission.index))?;
+        let is_missing = block.delivered & bit == 0;
         block.delivered |= bit;
         block.answered = true;
-        missing.then_some(repair.packet)
+        is_missing.then_some(retransmission.packet)
     }
 
-    /// Takes note that the sender has sent all blocks up to this one.
-    pub(crate) fn expect(&mut self, now: Duration, number: u64) {
+    /// Handles the sender's word that it has sent all blocks up to this one.
+    pub(crate) fn on_announcement(&mut self, now: Duration, number: u64) {
         if number >= self.next {
             self.block(now, number);
         }
     }
 
-    /// The next block of which pieces are missing for too long, if there is one; `round_trip` is
-    /// how long an answer takes.
-    pub(crate) fn poll_missing(
-        &mut self,
-        now: Duration,
-        round_trip: Duration,
-    ) -> Option<Datagram<'static>> {
-        let (newest, overtaken) = (self.next.saturating_sub(1), self.overtaken);
-        let due = |(number, block): (&u64, &mut Block)| {
-            let asks = block.due(*number < newest, overtaken, round_trip)? <= now;
-            asks.then(|| {
-                (block.asked, block.asks) = (Some(now), block.asks + 1);
-                Datagram::Missing {
+    /// The next NACK that is due, if there is one.
+    pub(crate) fn poll_nack(&mut self, now: Duration, rtt: Duration) -> Option<Datagram<'static>> {
+        let (newest, reordering) = (self.next.saturating_sub(1), self.reordering);
+        let nack = |(number, block): (&u64, &mut ReceivedBlock)| {
+            let timeout = block.nack_timeout(*number >= newest, reordering, rtt)?;
+            (timeout <= now).then(|| {
+                (block.last_nack, block.nacks) = (Some(now), block.nacks + 1);
+                Datagram::Nack {
                     block: *number,
-                    held: block.held(),
+                    received: block.received(),
                 }
             })
         };
-        self.blocks.iter_mut().find_map(due)
+        self.blocks.iter_mut().find_map(nack)
     }
 
-    /// When [`Assembly::poll_missing`] wants to be called.
-    pub(crate) fn next_timeout(&self, round_trip: Duration) -> Option<Duration> {
-        let (newest, overtaken) = (self.next.saturating_sub(1), self.overtaken);
-        let due =
-            |(number, block): (&u64, &Block)| block.due(*number < newest, overtaken, round_trip);
-        self.blocks.iter().filter_map(due).min()
+    /// The time at which [`FecDecoder::poll_nack`] must be called.
+    pub(crate) fn nack_timeout(&self, rtt: Duration) -> Option<Duration> {
+        let newest = self.next.saturating_sub(1);
+        let timeout = |(number, block): (&u64, &ReceivedBlock)| {
+            block.nack_timeout(*number >= newest, self.reordering, rtt)
+        };
+        self.blocks.iter().filter_map(timeout).min()
     }
 
-    /// A block that is not too old, and with it those before it of which nothing has come.
-    fn block(&mut self, now: Duration, number: u64) -> Option<&mut Block> {
+    /// A block that is not too old, created with those before it of which nothing has come.
+    fn block(&mut self, now: Duration, number: u64) -> Option<&mut ReceivedBlock> {
         let oldest = self.next.saturating_sub(BLOCKS_KEPT);
         if number < oldest || number == u64::MAX {
             return None;
         }
         if number >= self.next {
+            // However far the number leaps, only the last BLOCKS_KEPT blocks are created.
             let first = self.next.max((number + 1).saturating_sub(BLOCKS_KEPT));
             for skipped in first..=number {
-                self.blocks.insert(skipped, Block::new(now));
+                self.blocks.insert(skipped, ReceivedBlock::new(now));
             }
-            self.overtaken = self.overtaken.mul_f64(OVERTAKEN_KEPT);
+            self.reordering = self.reordering.mul_f64(REORDERING_DECAY);
             self.next = number + 1;
             self.blocks = self
                 .blocks
                 .split_off(&self.next.saturating_sub(BLOCKS_KEPT));
         }
         if let Some(after) = self.blocks.get(&(number + 1)) {
-            let overtaken = now.saturating_sub(after.began).min(OVERTAKEN_MAX);
-            self.overtaken = self.overtaken.max(overtaken);
+            let late = now.saturating_sub(after.created).min(REORDERING_MAX);
+            self.reordering = self.reordering.max(late);
         }
         let block = self.blocks.get_mut(&number)?;
-        block.heard = now;
+        block.last_arrival = now;
         Some(block)
     }
 }
 
-/// Half a second of three blocks a frame: far beyond any deadline. 24 MB at most.
+/// Half a second of three blocks a frame, far beyond any deadline; 24 MB at most.
 const BLOCKS_KEPT: u64 = 96;
-/// Each block; halved in two seconds of three blocks a frame.
-const OVERTAKEN_KEPT: f64 = 0.998;
-/// What comes later is not waited for, but asked for.
-const OVERTAKEN_MAX: Duration = Duration::from_millis(50);
+/// A block: halved in two seconds of three blocks a frame.
+const REORDERING_DECAY: f64 = 0.998;
+/// A longer delay is taken for a loss.
+const REORDERING_MAX: Duration = Duration::from_millis(50);
 
 #[cfg(test)]
 mod tests {
-    use super::super::encoder::Blocks;
-    use super::super::loss_estimator::LossMeter;
+    use super::super::encoder::FecEncoder;
+    use super::super::loss_estimator::LossEstimator;
     use super::*;
     use crate::net::path::{Path, PathConfig};
     use crate::sim::random::Random;
@@ -151,40 +151,41 @@ mod tests {
     const MS: Duration = Duration::from_millis(1);
     const DATAGRAM_BYTES: usize = 1400;
 
-    /// A sender and a receiver with a path each way between them.
-    struct Pair {
-        blocks: Blocks,
-        assembly: Assembly,
-        losses: LossMeter,
+    /// A sender and a receiver with a path in each direction between them.
+    struct CodecPair {
+        encoder: FecEncoder,
+        decoder: FecDecoder,
+        losses: LossEstimator,
         there: Path,
         back: Path,
-        /// When, and what; answers whole.
-        flying: Vec<(Duration, Vec<u8>)>,
-        asked: Vec<(Duration, Vec<u8>)>,
-        repairs: Vec<(Duration, Repair)>,
-        told: Vec<(Duration, u64)>,
+        /// In flight with their arrival times.
+        datagrams: Vec<(Duration, Vec<u8>)>,
+        nacks: Vec<(Duration, Vec<u8>)>,
+        retransmissions: Vec<(Duration, Retransmission)>,
+        announcements: Vec<(Duration, u64)>,
+        /// Datagrams that were sent, and those that were lost.
         sent: (u64, u64),
-        repeated: f64,
+        duplicated: f64,
         random: Random,
-        came: Vec<(Duration, Vec<u8>)>,
+        delivered: Vec<(Duration, Vec<u8>)>,
     }
 
-    impl Pair {
-        fn new(config: PathConfig, repeated: f64) -> Self {
+    impl CodecPair {
+        fn new(config: PathConfig, duplicated: f64) -> Self {
             Self {
-                blocks: Blocks::default(),
-                assembly: Assembly::default(),
-                losses: LossMeter::new(),
+                encoder: FecEncoder::default(),
+                decoder: FecDecoder::default(),
+                losses: LossEstimator::new(),
                 there: Path::new(config, 3),
                 back: Path::new(config, 4),
-                flying: Vec::new(),
-                asked: Vec::new(),
-                repairs: Vec::new(),
-                told: Vec::new(),
+                datagrams: Vec::new(),
+                nacks: Vec::new(),
+                retransmissions: Vec::new(),
+                announcements: Vec::new(),
                 sent: (0, 0),
-                repeated,
+                duplicated,
                 random: Random::new(5),
-                came: Vec::new(),
+                delivered: Vec::new(),
             }
         }
 
@@ -194,61 +195,65 @@ mod tests {
                 self.sent.0 += 1;
                 match self.there.send(now, datagram.len()) {
                     Some(at) => {
-                        if self.random.uniform() < self.repeated {
-                            self.flying.push((at + 7 * MS, datagram.clone()));
+                        if self.random.uniform() < self.duplicated {
+                            self.datagrams.push((at + 7 * MS, datagram.clone()));
                         }
-                        self.flying.push((at, datagram));
+                        self.datagrams.push((at, datagram));
                     }
                     None => self.sent.1 += 1,
                 }
             }
         }
 
-        fn step(&mut self, now: Duration, round_trip: Duration) {
-            if self.blocks.due().is_some_and(|due| due <= now) {
-                let parities = self.blocks.close(&mut self.losses);
-                self.send(now, parities);
+        fn step(&mut self, now: Duration, rtt: Duration) {
+            if self.encoder.close_timeout().is_some_and(|at| at <= now) {
+                let repair = self.encoder.close(&mut self.losses);
+                self.send(now, repair);
                 self.losses.observe(self.sent.0, self.sent.1);
             }
-            let mut arrived: Vec<_> = self.flying.extract_if(.., |(at, _)| *at <= now).collect();
+            let mut arrived: Vec<_> = self
+                .datagrams
+                .extract_if(.., |(at, _)| *at <= now)
+                .collect();
             arrived.sort_by_key(|(at, _)| *at);
             for (at, bytes) in arrived {
                 let datagram = Datagram::parse(&bytes).unwrap();
-                let packets = self.assembly.receive(at, datagram).unwrap();
-                self.came
+                let packets = self.decoder.on_datagram(at, datagram).unwrap();
+                self.delivered
                     .extend(packets.into_iter().map(|packet| (at, packet)));
             }
-            if self.blocks.tell_due().is_some_and(|due| due <= now) {
-                let told = self.blocks.tell().map(|last| (now + round_trip / 2, last));
-                self.told.extend(told);
+            if self.encoder.announce_timeout().is_some_and(|at| at <= now) {
+                let last = self.encoder.announce_last();
+                self.announcements
+                    .extend(last.map(|last| (now + rtt / 2, last)));
             }
-            for (_, last) in self.told.extract_if(.., |(at, _)| *at <= now) {
-                self.assembly.expect(now, last);
+            for (_, last) in self.announcements.extract_if(.., |(at, _)| *at <= now) {
+                self.decoder.on_announcement(now, last);
             }
-            while let Some(missing) = self.assembly.poll_missing(now, round_trip) {
+            while let Some(nack) = self.decoder.poll_nack(now, rtt) {
                 let at = self.back.send(now, 17);
-                self.asked.extend(at.map(|at| (at, missing.to_bytes())));
+                self.nacks.extend(at.map(|at| (at, nack.to_bytes())));
             }
-            for (at, bytes) in self.asked.extract_if(.., |(at, _)| *at <= now) {
-                let Some(Datagram::Missing { block, held }) = Datagram::parse(&bytes) else {
-                    panic!("a question was not understood");
+            for (at, bytes) in self.nacks.extract_if(.., |(at, _)| *at <= now) {
+                let Some(Datagram::Nack { block, received }) = Datagram::parse(&bytes) else {
+                    panic!("a NACK cannot be parsed");
                 };
-                let answers = self.blocks.repair(block, held).into_iter();
-                self.losses.on_unrepaired();
-                let answers = answers.map(|repair| (at + round_trip / 2, repair));
-                self.repairs.extend(answers);
+                let packets = self.encoder.retransmit(block, received).into_iter();
+                self.losses.on_decoding_failure();
+                let packets = packets.map(|packet| (at + rtt / 2, packet));
+                self.retransmissions.extend(packets);
             }
-            for (at, repair) in self.repairs.extract_if(.., |(at, _)| *at <= now) {
-                let packet = self.assembly.receive_repair(repair);
-                self.came.extend(packet.map(|packet| (at, packet)));
+            for (at, packet) in self.retransmissions.extract_if(.., |(at, _)| *at <= now) {
+                let packet = self.decoder.on_retransmission(packet);
+                self.delivered.extend(packet.map(|packet| (at, packet)));
             }
         }
     }
 
-    /// Sixteen packets of 4 kB over 8 ms of each frame, each numbered: how late each came, sorted.
-    fn play(config: PathConfig, repeated: f64, frames: u32) -> (Vec<Duration>, Pair) {
-        let mut pair = Pair::new(config, repeated);
-        let round_trip = 2 * config.delay + MS;
+    /// Sends sixteen numbered packets of 4 kB over 8 ms of each frame; their delays, sorted.
+    fn transfer(config: PathConfig, duplicated: f64, frames: u32) -> (Vec<Duration>, CodecPair) {
+        let mut pair = CodecPair::new(config, duplicated);
+        let rtt = 2 * config.delay + MS;
         let mut sent = Vec::new();
         let half_ms = Duration::from_micros(500);
         for tick in 0..frames * 33 + 600 {
@@ -258,24 +263,28 @@ mod tests {
                 packet[..4].copy_from_slice(&(sent.len() as u32).to_le_bytes());
                 sent.push((now, packet.clone()));
                 let losses = &mut pair.losses;
-                let datagrams = pair.blocks.push(now, packet, DATAGRAM_BYTES, losses);
+                let datagrams = pair.encoder.push(now, packet, DATAGRAM_BYTES, losses);
                 pair.send(now, datagrams.unwrap());
             }
-            pair.step(now, round_trip);
+            pair.step(now, rtt);
         }
-        let mut late = vec![None; sent.len()];
-        for (at, packet) in &pair.came {
+        let mut delays = vec![None; sent.len()];
+        for (at, packet) in &pair.delivered {
             let number = u32::from_le_bytes(*packet.first_chunk().unwrap()) as usize;
             assert_eq!(*packet, sent[number].1, "packet {number} has changed");
-            assert_eq!(late[number], None, "packet {number} came twice");
-            late[number] = Some(*at - sent[number].0);
+            assert_eq!(delays[number], None, "packet {number} came twice");
+            delays[number] = Some(*at - sent[number].0);
         }
-        let mut late: Vec<Duration> = late.into_iter().map(|at| at.unwrap_or(9999 * MS)).collect();
-        late.sort_unstable();
-        (late, pair)
+        let lost = 9999 * MS;
+        let mut delays: Vec<Duration> = delays
+            .into_iter()
+            .map(|delay| delay.unwrap_or(lost))
+            .collect();
+        delays.sort_unstable();
+        (delays, pair)
     }
 
-    fn long(loss: f64, burst: f64) -> PathConfig {
+    fn long_path(loss: f64, burst: f64) -> PathConfig {
         PathConfig {
             delay: 23 * MS,
             jitter: Duration::from_micros(200),
@@ -285,28 +294,28 @@ mod tests {
         }
     }
 
-    fn quantile(late: &[Duration], share: f64) -> Duration {
-        late[((late.len() - 1) as f64 * share) as usize]
+    fn quantile(delays: &[Duration], share: f64) -> Duration {
+        delays[((delays.len() - 1) as f64 * share) as usize]
     }
 
     #[test]
-    fn one_packet_in_a_hundred_lost_delays_no_tile_by_a_round_trip() {
-        let (late, pair) = play(long(0.01, 1.0), 0.0, 300);
+    fn one_percent_loss_costs_no_round_trip() {
+        let (delays, pair) = transfer(long_path(0.01, 1.0), 0.0, 300);
         assert!(
-            quantile(&late, 0.99) < 29 * MS,
+            quantile(&delays, 0.99) < 29 * MS,
             "{:?}",
-            quantile(&late, 0.99)
+            quantile(&delays, 0.99)
         );
-        assert!(quantile(&late, 0.9995) < 90 * MS);
-        assert!(late.last().unwrap() < &(200 * MS), "{:?}", late.last());
-        let packets: usize = pair.came.iter().map(|(_, packet)| packet.len()).sum();
+        assert!(quantile(&delays, 0.9995) < 90 * MS);
+        assert!(delays.last().unwrap() < &(200 * MS), "{:?}", delays.last());
+        let packets: usize = pair.delivered.iter().map(|(_, packet)| packet.len()).sum();
         let overhead = pair.sent.0 as f64 * DATAGRAM_BYTES as f64 / packets as f64;
         assert!(overhead < 1.5, "{overhead}");
     }
 
     #[test]
-    fn bursts_reordering_and_repeats_lose_nothing_and_change_nothing() {
-        for (loss, burst, reorder, repeated) in [
+    fn bursts_reordering_and_duplicates_lose_nothing() {
+        for (loss, burst, reorder, duplicated) in [
             (0.01, 4.0, 0.0, 0.0),
             (0.02, 6.0, 0.0, 0.0),
             (0.0, 1.0, 0.3, 0.3),
@@ -314,11 +323,11 @@ mod tests {
         ] {
             let config = PathConfig {
                 reorder,
-                ..long(loss, burst)
+                ..long_path(loss, burst)
             };
-            let (late, _) = play(config, repeated, 80);
-            let missing = late.iter().filter(|late| **late > 100 * MS).count();
-            let share = missing as f64 / late.len() as f64;
+            let (delays, _) = transfer(config, duplicated, 80);
+            let missing = delays.iter().filter(|delay| **delay > 100 * MS).count();
+            let share = missing as f64 / delays.len() as f64;
             assert!(
                 share < 0.005,
                 "{share} missing at {loss}, {burst}, {reorder}"
@@ -327,66 +336,69 @@ mod tests {
     }
 
     #[test]
-    fn a_path_that_loses_nothing_is_never_asked_twice() {
-        let (late, pair) = play(long(0.0, 1.0), 0.0, 100);
-        assert!(late.last().unwrap() < &(30 * MS));
-        assert!(pair.blocks.due().is_none() && pair.assembly.blocks.values().all(|b| b.asks == 0));
+    fn a_path_without_loss_needs_no_nack() {
+        let (delays, pair) = transfer(long_path(0.0, 1.0), 0.0, 100);
+        assert!(delays.last().unwrap() < &(30 * MS));
+        assert!(
+            pair.encoder.close_timeout().is_none()
+                && pair.decoder.blocks.values().all(|b| b.nacks == 0)
+        );
     }
 
     /// Each fiftieth datagram overtakes others by 11 ms, four blocks.
     #[test]
-    fn what_others_overtook_is_waited_for() {
+    fn reordered_symbols_are_waited_for() {
         let config = PathConfig {
             reorder: 0.02,
-            ..long(0.0, 1.0)
+            ..long_path(0.0, 1.0)
         };
-        let (late, pair) = play(config, 0.0, 100);
-        assert!(late.last().unwrap() < &(30 * MS), "{:?}", late.last());
-        let asks: u32 = pair.assembly.blocks.values().map(|block| block.asks).sum();
-        let blocks = pair.assembly.blocks.len();
+        let (delays, pair) = transfer(config, 0.0, 100);
+        assert!(delays.last().unwrap() < &(30 * MS), "{:?}", delays.last());
+        let nacks: u32 = pair.decoder.blocks.values().map(|block| block.nacks).sum();
+        let blocks = pair.decoder.blocks.len();
         assert!(
-            asks as usize * 20 < blocks,
-            "{asks} asks for {blocks} blocks"
+            nacks as usize * 20 < blocks,
+            "{nacks} NACKs for {blocks} blocks"
         );
     }
 
-    /// Nothing comes of the only block, nor of the first four questions.
+    /// All of the only block is lost, and the first four NACKs.
     #[test]
-    fn a_last_block_that_is_lost_whole_is_missed_and_comes() {
-        let (mut blocks, mut assembly) = (Blocks::default(), Assembly::default());
-        let mut losses = LossMeter::new();
-        let (round_trip, packet) = (46 * MS, vec![7; 900]);
-        let sent = blocks.push(MS, packet.clone(), DATAGRAM_BYTES, &mut losses);
-        assert!(!sent.unwrap().is_empty() && blocks.tell_due().is_none());
-        blocks.close(&mut losses);
-        let told = blocks.tell_due().unwrap();
-        let last = blocks.tell().unwrap();
-        assert!(blocks.tell_due().is_none());
-        assembly.expect(told, last);
-        let mut now = told;
+    fn a_last_block_that_is_lost_whole_is_recovered() {
+        let (mut encoder, mut decoder) = (FecEncoder::default(), FecDecoder::default());
+        let mut losses = LossEstimator::new();
+        let (rtt, packet) = (46 * MS, vec![7; 900]);
+        let sent = encoder.push(MS, packet.clone(), DATAGRAM_BYTES, &mut losses);
+        assert!(!sent.unwrap().is_empty() && encoder.announce_timeout().is_none());
+        encoder.close(&mut losses);
+        let announced = encoder.announce_timeout().unwrap();
+        let last = encoder.announce_last().unwrap();
+        assert!(encoder.announce_timeout().is_none());
+        decoder.on_announcement(announced, last);
+        let mut now = announced;
         for lost in 0..5 {
-            now = assembly.next_timeout(round_trip).unwrap();
-            let asked = assembly.poll_missing(now, round_trip);
-            let Some(Datagram::Missing { block, held: 0 }) = asked else {
-                panic!("{asked:?}");
+            now = decoder.nack_timeout(rtt).unwrap();
+            let nack = decoder.poll_nack(now, rtt);
+            let Some(Datagram::Nack { block, received: 0 }) = nack else {
+                panic!("{nack:?}");
             };
             if lost < 4 {
                 continue;
             }
-            let repairs = blocks.repair(block, 0).into_iter();
-            let came: Vec<_> = repairs
-                .filter_map(|repair| assembly.receive_repair(repair))
+            let packets = encoder.retransmit(block, 0).into_iter();
+            let delivered: Vec<_> = packets
+                .filter_map(|packet| decoder.on_retransmission(packet))
                 .collect();
-            assert_eq!(came, std::slice::from_ref(&packet));
+            assert_eq!(delivered, std::slice::from_ref(&packet));
         }
-        assert!(now < Duration::from_secs(1) && assembly.next_timeout(round_trip).is_none());
+        assert!(now < Duration::from_secs(1) && decoder.nack_timeout(rtt).is_none());
     }
 
     #[test]
-    fn any_datagrams_are_met_by_a_packet_or_a_reason() {
+    fn no_datagrams_panic_the_decoder() {
         let mut random = Random::new(1);
         for _ in 0..2000 {
-            let mut assembly = Assembly::default();
+            let mut decoder = FecDecoder::default();
             for _ in 0..20 {
                 let bytes: Vec<u8> = (0..2 + random.below(12))
                     .map(|_| random.word() as u8)
@@ -394,22 +406,22 @@ mod tests {
                 let block = random.below(3);
                 let index = random.below(4) as u8;
                 let datagram = match random.below(2) {
-                    0 => Datagram::Data {
+                    0 => Datagram::Source {
                         block,
                         index,
                         bytes: &bytes,
                     },
-                    _ => Datagram::Parity {
+                    _ => Datagram::Repair {
                         block,
-                        data: 1 + random.below(4) as u8,
-                        parity: 4,
+                        source_count: 1 + random.below(4) as u8,
+                        repair_count: 4,
                         index,
                         bytes: &bytes,
                     },
                 };
                 let written = datagram.to_bytes();
                 if let Some(datagram) = Datagram::parse(&written)
-                    && assembly.receive(MS, datagram).is_err()
+                    && decoder.on_datagram(MS, datagram).is_err()
                 {
                     break;
                 }
@@ -419,15 +431,15 @@ mod tests {
 
     #[test]
     fn a_leap_of_block_numbers_costs_no_memory() {
-        let mut assembly = Assembly::default();
+        let mut decoder = FecDecoder::default();
         for block in [0, u64::MAX - 1, u64::MAX, 5, u64::MAX - 3] {
-            let datagram = Datagram::Data {
+            let datagram = Datagram::Source {
                 block,
                 index: 0,
                 bytes: &[8, 0, 0, 0x80, 1, 2],
             };
-            assert_eq!(assembly.receive(MS, datagram), Ok(Vec::new()));
-            assert!(assembly.blocks.len() <= BLOCKS_KEPT as usize);
+            assert_eq!(decoder.on_datagram(MS, datagram), Ok(Vec::new()));
+            assert!(decoder.blocks.len() <= BLOCKS_KEPT as usize);
         }
     }
 }
