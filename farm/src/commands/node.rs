@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::task::{Context, Poll};
 
 use carom_farm::NodeState;
-use carom_farm::net::{Credentials, NodeServer, Peer, Role, ServerEvent, Stop};
+use carom_farm::net::{Credentials, NodeServer, PacketHandler, Role, ServerEvent, StopHandle};
 use carom_farm::node::{Node, NodeConnection};
 use carom_farm::throttle::{Share, Throttled};
 use carom_protocol::session::Packet;
@@ -51,7 +51,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     say(NodeState::Starting.word());
     let tracer = args.backend.open(usize::from(args.threads))?;
     let tracer = Arc::new(Throttled::new(tracer, share.clone()));
-    let stop = Stop::default();
+    let stop = StopHandle::default();
     if args.commands {
         let stop = stop.clone();
         std::thread::spawn(move || {
@@ -136,7 +136,7 @@ impl Watched {
     }
 }
 
-impl Peer for Watched {
+impl PacketHandler for Watched {
     fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error> {
         let message = codec::decode_to_node(&packet.bytes);
         let is_scene = matches!(message, Ok(ToNode::Scene { .. }));
@@ -159,25 +159,25 @@ impl Peer for Watched {
         Ok(())
     }
 
-    fn arriving(&mut self, bytes: usize, of: usize) {
+    fn on_scene_progress(&mut self, bytes: usize, of: usize) {
         let percent = (100 * bytes / of.max(1)) as u8;
         self.come_to(NodeState::Syncing { percent });
-        self.connection.arriving(bytes);
+        self.connection.on_scene_progress(bytes);
     }
 
     fn poll_transmit(&mut self) -> Option<Packet> {
         self.connection.poll_transmit()
     }
 
-    fn poll_owner(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), String>> {
-        self.connection.poll_owner(cx)
+    fn poll_commands(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), carom_farm::Error>> {
+        self.connection.poll_commands(cx)
     }
 
-    fn take_unwanted(&mut self) -> Vec<RunId> {
-        self.connection.take_unwanted()
+    fn take_cancelled(&mut self) -> Vec<RunId> {
+        self.connection.take_cancelled()
     }
 
-    fn measure(&mut self, bytes_per_sec: f64) {
-        self.connection.measure(bytes_per_sec);
+    fn on_bandwidth(&mut self, bytes_per_sec: f64) {
+        self.connection.on_bandwidth(bytes_per_sec);
     }
 }

@@ -1,4 +1,5 @@
-//! A player's links: one task a node, which calls, runs the session, decodes, and calls again.
+//! A player's links to nodes: one task each, which connects, runs the session, decodes tiles, and
+//! reconnects.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -15,51 +16,51 @@ use crate::Error;
 use crate::link::LinkSession;
 pub use crate::link::{Command, LinkEvent};
 use crate::net::address::NodeAddress;
-use crate::net::connection_driver::{self, Peer};
-use crate::net::connector::Caller;
+use crate::net::connection_driver::{self, PacketHandler};
+use crate::net::connector::Connector;
 use crate::net::credentials::Credentials;
 
-/// All of a player's links.
+/// The network side of a player: its threads, sockets and links.
 pub struct Client {
-    networks: Vec<Network>,
+    threads: Vec<NetworkThread>,
     links: AtomicUsize,
 }
 
-/// A thread with its sockets and links of its own.
-struct Network {
+/// A thread with sockets and links of its own.
+struct NetworkThread {
     runtime: Runtime,
-    caller: Arc<Caller>,
+    connector: Arc<Connector>,
 }
 
-/// One node, called until this is dropped.
+/// The link to one node; reconnects until it is dropped.
 pub struct NodeLink {
     commands: mpsc::Sender<Command>,
     task: tokio::task::AbortHandle,
 }
 
-/// Pauses between calls. A node that restarts is back within a second; one that is down costs a
-/// packet every five seconds.
-const PAUSE_FIRST: Duration = Duration::from_millis(200);
-const PAUSE_MAX: Duration = Duration::from_secs(5);
-/// A connection that has held so long is called again at once: what ended it was an accident.
-const SETTLED: Duration = Duration::from_secs(2);
-/// A 720p frame takes 5 ms to decode; links are shared out over so many threads. Threads that share
-/// links wake each other for each message: an answer of 64 KiB over a loopback took 0.9 ms instead of
-/// 0.7, and 1.8 instead of 1.1 in one case of a hundred.
+/// The backoff between attempts to connect. A node that restarts is back within a second; one that
+/// is down costs a packet every five seconds.
+const BACKOFF_FIRST: Duration = Duration::from_millis(200);
+const BACKOFF_MAX: Duration = Duration::from_secs(5);
+/// After a connection that lasted this long the backoff starts anew: its end was an accident.
+const STABLE_AFTER: Duration = Duration::from_secs(2);
+/// Threads that links are distributed over, as a 720p frame takes 5 ms to decode. One runtime for all
+/// would wake its threads for each message: an answer of 64 KiB over a loopback took 0.9 ms instead of
+/// 0.7 at the median, 1.8 instead of 1.1 at the 99th percentile.
 const THREADS: usize = 4;
-/// Commands that wait for a link's task. The coordinator asks for far fewer at once.
+/// Commands that wait for a link's task; the coordinator issues far fewer at once.
 const COMMANDS_MAX: usize = 1024;
-/// How long a leaving player waits for nodes to hear of it.
-const FAREWELL: Duration = Duration::from_millis(200);
+/// Bounds the wait of a leaving player for its nodes' acknowledgement.
+const CLOSE_TIMEOUT: Duration = Duration::from_millis(200);
 
 impl Client {
-    /// Starts the network threads. No socket is opened before the first call.
+    /// Starts the network threads. No socket is opened before the first link.
     ///
     /// # Errors
-    /// [`Error::Credentials`] if the credentials are no player's, [`Error::Socket`] if the system
-    /// has no threads left.
+    /// [`Error::KeyPair`] if the credentials cannot be used, [`Error::Socket`] if the system has
+    /// no threads left.
     pub fn new(credentials: &Credentials) -> Result<Self, Error> {
-        let network = |_| {
+        let thread = |_| {
             let runtime = tokio::runtime::Builder::new_multi_thread()
                 .worker_threads(1)
                 .thread_name("carom-net")
@@ -69,17 +70,18 @@ impl Client {
                     address: "network threads".into(),
                     source,
                 })?;
-            let caller = Arc::new(Caller::new(credentials)?);
-            Ok(Network { runtime, caller })
+            let connector = Arc::new(Connector::new(credentials)?);
+            Ok(NetworkThread { runtime, connector })
         };
         Ok(Self {
-            networks: (0..THREADS).map(network).collect::<Result<_, Error>>()?,
+            threads: (0..THREADS).map(thread).collect::<Result<_, Error>>()?,
             links: AtomicUsize::new(0),
         })
     }
 
-    /// Calls a node until the link is dropped; sRGB tiles come as exactly as `precision` has it.
-    /// `events` is called on a network thread, with one or more, and must not block.
+    /// Connects to a node, and reconnects until the link is dropped; `precision` bounds the precision
+    /// of its sRGB tiles. `events` is called on a network thread, with one or more, and must not
+    /// block.
     pub fn link(
         &self,
         address: NodeAddress,
@@ -87,10 +89,10 @@ impl Client {
         events: impl FnMut(Vec<LinkEvent>) + Send + 'static,
     ) -> NodeLink {
         let (commands, receiver) = mpsc::channel(COMMANDS_MAX);
-        let turn = self.links.fetch_add(1, Ordering::Relaxed);
-        let network = &self.networks[turn % self.networks.len()];
-        let link = Link {
-            caller: Arc::clone(&network.caller),
+        let index = self.links.fetch_add(1, Ordering::Relaxed);
+        let thread = &self.threads[index % self.threads.len()];
+        let link = LinkTask {
+            connector: Arc::clone(&thread.connector),
             address,
             precision,
             commands: receiver,
@@ -98,29 +100,30 @@ impl Client {
         };
         NodeLink {
             commands,
-            task: network.runtime.spawn(link.keep_calling()).abort_handle(),
+            task: thread.runtime.spawn(link.run()).abort_handle(),
         }
     }
 }
 
 impl Drop for Client {
     fn drop(&mut self) {
-        let farewell = |network: &Network| {
-            let caller = Arc::clone(&network.caller);
-            let farewell = async move { tokio::time::timeout(FAREWELL, caller.close()).await };
-            network.runtime.spawn(farewell)
+        // All at once, so that the timeouts do not add up.
+        let close = |thread: &NetworkThread| {
+            let connector = Arc::clone(&thread.connector);
+            let close = async move { tokio::time::timeout(CLOSE_TIMEOUT, connector.close()).await };
+            thread.runtime.spawn(close)
         };
-        let farewells: Vec<_> = self.networks.iter().map(farewell).collect();
-        for (network, farewell) in self.networks.drain(..).zip(farewells) {
-            let _ = network.runtime.block_on(farewell);
-            network.runtime.shutdown_background();
+        let closing: Vec<_> = self.threads.iter().map(close).collect();
+        for (thread, closed) in self.threads.drain(..).zip(closing) {
+            let _ = thread.runtime.block_on(closed);
+            thread.runtime.shutdown_background();
         }
     }
 }
 
 impl NodeLink {
-    /// Asks something of the node. Without a connection it is dropped, as is everything that was
-    /// asked of a connection that is lost. `false` if too much is waiting already.
+    /// Sends a command to the node. It is dropped while there is no connection, and with a
+    /// connection that is lost. `false` if too many commands are waiting.
     pub fn send(&self, command: Command) -> bool {
         self.commands.try_send(command).is_ok()
     }
@@ -133,58 +136,58 @@ impl Drop for NodeLink {
 }
 
 /// The task behind a [`NodeLink`].
-struct Link {
-    caller: Arc<Caller>,
+struct LinkTask {
+    connector: Arc<Connector>,
     address: NodeAddress,
     precision: PrecisionRange,
     commands: mpsc::Receiver<Command>,
-    events: Events,
+    events: EventSink,
 }
 
-type Events = Box<dyn FnMut(Vec<LinkEvent>) + Send>;
+type EventSink = Box<dyn FnMut(Vec<LinkEvent>) + Send>;
 
-impl Link {
-    async fn keep_calling(mut self) {
-        let mut pause = PAUSE_FIRST;
+impl LinkTask {
+    async fn run(mut self) {
+        let mut backoff = BACKOFF_FIRST;
         loop {
-            let called = Instant::now();
+            let started = Instant::now();
             (self.events)(vec![LinkEvent::Connecting]);
-            let why = self.call().await;
-            if called.elapsed() >= SETTLED {
-                pause = PAUSE_FIRST;
+            let why = self.connect().await.to_string();
+            if started.elapsed() >= STABLE_AFTER {
+                backoff = BACKOFF_FIRST;
             }
-            let retry = Some(pause);
+            let retry = Some(backoff);
             (self.events)(vec![LinkEvent::Lost { why, retry }]);
-            tokio::time::sleep(pause).await;
-            pause = (pause * 2).min(PAUSE_MAX);
+            tokio::time::sleep(backoff).await;
+            backoff = (backoff * 2).min(BACKOFF_MAX);
         }
     }
 
-    /// One connection from call to loss.
-    async fn call(&mut self) -> String {
-        let streams = match self.caller.call(&self.address).await {
+    /// Connects, runs the session until the connection is lost, and returns the reason.
+    async fn connect(&mut self) -> Error {
+        let streams = match self.connector.connect(&self.address).await {
             Ok(streams) => streams,
-            Err(why) => return why,
+            Err(error) => return error,
         };
-        // They were meant for the connection before this one.
+        // Commands that were meant for the connection before this one.
         while self.commands.try_recv().is_ok() {}
-        let mut player = Player {
+        let mut player = PlayerSession {
             session: LinkSession::new(self.precision, &mut self.events),
             commands: &mut self.commands,
         };
-        let why = connection_driver::carry(streams, &mut player).await;
+        let error = connection_driver::drive(streams, &mut player).await;
         player.flush();
-        why
+        error
     }
 }
 
 /// The player's side of one connection.
-struct Player<'a> {
-    session: LinkSession<&'a mut Events>,
+struct PlayerSession<'a> {
+    session: LinkSession<&'a mut EventSink>,
     commands: &'a mut mpsc::Receiver<Command>,
 }
 
-impl Peer for Player<'_> {
+impl PacketHandler for PlayerSession<'_> {
     fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error> {
         self.session.handle(packet)
     }
@@ -197,9 +200,9 @@ impl Peer for Player<'_> {
         self.session.poll_transmit()
     }
 
-    fn poll_owner(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), String>> {
+    fn poll_commands(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), Error>> {
         self.commands.poll_recv(cx).map(|command| {
-            self.session.command(command.ok_or("the farm is gone")?);
+            self.session.command(command.ok_or(Error::FarmClosed)?);
             Ok(())
         })
     }

@@ -1,6 +1,7 @@
-//! A session's packets over one connection: control packets framed on one stream of both
-//! directions, tile packets as [`super::tile_transport`] has it. While tiles come as datagrams, the path
-//! loses packets, and a request is sent twice: on the stream and, a moment later, as a datagram.
+//! The driver of one connection: carries a session's packets, control packets framed on one
+//! bidirectional stream, tile packets as [`super::tile_transport`] has it. While tiles travel as
+//! datagrams the path loses packets, and requests are sent twice: on the stream and, a moment later,
+//! as a datagram.
 
 use std::collections::VecDeque;
 use std::future::poll_fn;
@@ -15,38 +16,42 @@ use quinn::{Connection, ConnectionError, ReadError, RecvStream, SendStream};
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
 
-use crate::net::credentials::Role;
-use crate::net::endpoint::code;
+use crate::Error;
+use crate::net::connection_event::{Arrival, ConnectionEnd};
 use crate::net::fec::datagram::Datagram;
-use crate::net::tile_transport::{Asked, TileReader, TileWriter, Way};
-use crate::net::{congestion, connection_error};
+use crate::net::peer::Role;
+use crate::net::tile_transport::{Nack, TileReceiver, TileSender, TileTransport};
+use crate::net::{close_code, congestion, connection_error};
 
-/// What packets are carried for: a session and whoever owns it.
-pub trait Peer {
-    /// Takes a packet; an error is the other side's fault and ends the connection.
+/// A session and its owner, as the driver of their connection sees them.
+pub trait PacketHandler {
+    /// Handles a packet; an error is the other side's fault and ends the connection.
+    ///
+    /// # Errors
+    /// The rule that the other side broke.
     fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error>;
 
-    /// Hands on what has come of the packets that were there.
+    /// Passes on the events of the packets that have been handled.
     fn flush(&mut self) {}
 
-    /// Hears how many bytes of a scene have come that is still on its way, and how many it has.
-    fn arriving(&mut self, _bytes: usize, _of: usize) {}
+    /// Handles the arrival of a part of a scene.
+    fn on_scene_progress(&mut self, _received_bytes: usize, _total_bytes: usize) {}
 
     /// The next packet to send, if there is one now.
     fn poll_transmit(&mut self) -> Option<Packet>;
 
-    /// Does what this side's owner wants of the session, such as the next command. Ready when
-    /// [`Peer::poll_transmit`] may have something new, or with a sentence when the connection
-    /// shall end; pending when there is nothing to do, with the task to be woken.
-    fn poll_owner(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), String>>;
+    /// Executes the next command of this side's owner. Ready when [`PacketHandler::poll_transmit`]
+    /// may have a packet, or with an error to close the connection; otherwise pending, and wakes
+    /// `cx`.
+    fn poll_commands(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), Error>>;
 
-    /// Runs whose tiles nobody waits for any more, since the last call: those under way are reset.
-    fn take_unwanted(&mut self) -> Vec<RunId> {
+    /// Runs that have been cancelled since the last call: their streams are reset.
+    fn take_cancelled(&mut self) -> Vec<RunId> {
         Vec::new()
     }
 
-    /// Hears how many bytes per second the path carries.
-    fn measure(&mut self, _bytes_per_sec: f64) {}
+    /// Handles a new estimate of what the path carries.
+    fn on_bandwidth(&mut self, _bytes_per_sec: f64) {}
 }
 
 /// A new connection with its control stream.
@@ -54,77 +59,60 @@ pub(crate) struct Streams {
     pub(crate) connection: Connection,
     pub(crate) send: SendStream,
     pub(crate) receive: RecvStream,
-    /// What this side is.
+    /// The role of this side.
     pub(crate) role: Role,
 }
 
-/// What streams and datagrams bring.
-pub(crate) enum Incoming {
-    Packet(Packet),
-    /// So many bytes of a node's next control packet, a scene, of so many.
-    Part(usize, usize),
-}
-
-/// Why a connection can carry no more.
-pub(crate) enum Fault {
-    /// It is gone.
-    Gone(ConnectionError),
-    /// The other side broke a rule; it shall know which.
-    Rule(String),
-    /// This side's owner has had enough.
-    Owner(String),
-}
-
-/// Packets on their way from the session to a stream's task, per channel. Small: what waits
-/// is better kept by the session, which can still drop it.
-const PACKETS_WAITING_MAX: usize = 4;
-/// Packets that have come and not been looked at: as many as come at once.
-const PACKETS_HEARD_MAX: usize = 16;
-/// Blocks that a player asks for and that have not been looked at; it repeats what is dropped.
-const BLOCKS_ASKED_MAX: usize = 64;
-/// A request's copy leaves so much later: a burst of losses does not take both, and a frame is not
-/// late if it takes one.
-const COPY_DELAY: Duration = Duration::from_millis(3);
-/// Bytes that are taken from the control stream at once.
+/// Packets between the session and a stream's task, per channel. Few: packets that wait are better
+/// kept by the session, which can still drop them.
+const PACKETS_SENDING_MAX: usize = 4;
+/// Packets that have arrived and wait to be handled: as many as arrive at once.
+const PACKETS_ARRIVED_MAX: usize = 16;
+/// NACKs that wait to be answered; the player repeats those that are dropped.
+const NACKS_MAX: usize = 64;
+/// A request's copy leaves this much later: a burst of losses does not take both, and a frame whose
+/// request it takes is not late.
+const REQUEST_COPY_DELAY: Duration = Duration::from_millis(3);
+/// Bytes that are read from the control stream at once.
 const CHUNK_BYTES_MAX: usize = 64 << 10;
-/// A player hears at most so often how much of a scene has come.
-const SCENE_PARTS: usize = 16;
-/// Control packets go before tiles that have not left yet.
+/// Reports of a scene's progress.
+const SCENE_REPORTS_MAX: usize = 16;
+/// Control packets leave before tiles.
 const CONTROL_PRIORITY: i32 = 1;
-/// How long the last answer of a session that met an error may take to arrive.
-const LAST_WORDS: Duration = Duration::from_secs(1);
+/// Bounds the final flush of a session that met an error.
+const FINAL_FLUSH_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// Carries packets until the connection ends, closes it, and says why.
-pub(crate) async fn carry(streams: Streams, peer: &mut impl Peer) -> String {
+/// Carries packets until the connection ends, closes it, and returns the reason.
+pub(crate) async fn drive(streams: Streams, handler: &mut impl PacketHandler) -> Error {
     let (connection, role) = (streams.connection.clone(), streams.role);
-    match Carrier::new(streams).run(peer).await {
-        Fault::Gone(why) => connection_error::connection(&why, role),
-        Fault::Rule(why) => {
-            connection.close(code::PROTOCOL, why.as_bytes());
-            why
+    match ConnectionDriver::new(streams).run(handler).await {
+        ConnectionEnd::Lost(error) => connection_error::connection(&error, role),
+        ConnectionEnd::Violation(error) => {
+            connection.close(close_code::PROTOCOL, error.to_string().as_bytes());
+            error
         }
-        Fault::Owner(why) => {
-            connection.close(code::DONE, b"");
-            why
+        ConnectionEnd::Closed(error) => {
+            connection.close(close_code::DONE, b"");
+            error
         }
     }
 }
 
-struct Carrier {
-    incoming: mpsc::Receiver<Incoming>,
+struct ConnectionDriver {
+    arrivals: mpsc::Receiver<Arrival>,
     control: mpsc::Sender<Vec<u8>>,
     tiles: mpsc::Sender<Vec<u8>>,
-    /// One for each stream; all end when this is dropped.
-    tasks: JoinSet<Fault>,
-    writer: tokio::task::JoinHandle<()>,
+    /// One for each kind of stream; all end when this is dropped.
+    tasks: JoinSet<ConnectionEnd>,
+    control_writer: tokio::task::JoinHandle<()>,
     connection: Connection,
-    /// The last runs that nobody waits for.
-    unwanted: watch::Sender<VecDeque<RunId>>,
-    way: watch::Receiver<Way>,
+    /// The last runs that were cancelled.
+    cancelled: watch::Sender<VecDeque<RunId>>,
+    transport: watch::Receiver<TileTransport>,
     role: Role,
 }
 
-impl Carrier {
+impl ConnectionDriver {
     fn new(streams: Streams) -> Self {
         let Streams {
             connection,
@@ -133,135 +121,149 @@ impl Carrier {
             role,
         } = streams;
         let _ = send.set_priority(CONTROL_PRIORITY);
-        let (to_session, incoming) = mpsc::channel(PACKETS_HEARD_MAX);
-        let (control, control_out) = mpsc::channel(PACKETS_WAITING_MAX);
-        let (tiles, tiles_out) = mpsc::channel(PACKETS_WAITING_MAX);
-        let unwanted = watch::Sender::default();
-        let (way, way_now) = watch::channel(Way::default());
+        let (to_session, arrivals) = mpsc::channel(PACKETS_ARRIVED_MAX);
+        let (control, control_packets) = mpsc::channel(PACKETS_SENDING_MAX);
+        let (tiles, tile_packets) = mpsc::channel(PACKETS_SENDING_MAX);
+        let cancelled = watch::Sender::default();
+        let (transport_sender, transport) = watch::channel(TileTransport::default());
         let mut tasks = JoinSet::new();
         tasks.spawn(read_control(receive, role, to_session.clone()));
         if role == Role::Player {
-            tasks.spawn(TileReader::new(connection.clone(), to_session, way).run());
+            let receiver = TileReceiver::new(connection.clone(), to_session, transport_sender);
+            tasks.spawn(receiver.run());
         } else {
-            let (asked, asked_out) = mpsc::channel(BLOCKS_ASKED_MAX);
-            let writer = TileWriter::new(connection.clone(), unwanted.subscribe(), way);
-            tasks.spawn(writer.run(tiles_out, asked_out));
-            tasks.spawn(read_datagrams(connection.clone(), to_session, asked));
+            let (nack_sender, nacks) = mpsc::channel(NACKS_MAX);
+            let subscription = cancelled.subscribe();
+            let sender = TileSender::new(connection.clone(), subscription, transport_sender);
+            tasks.spawn(sender.run(tile_packets, nacks));
+            tasks.spawn(read_datagrams(connection.clone(), to_session, nack_sender));
         }
         Self {
-            incoming,
+            arrivals,
             control,
             tiles,
             tasks,
-            writer: tokio::spawn(write_control(send, control_out)),
+            control_writer: tokio::spawn(write_control(send, control_packets)),
             connection,
-            unwanted,
-            way: way_now,
+            cancelled,
+            transport,
             role,
         }
     }
 
-    async fn run(mut self, peer: &mut impl Peer) -> Fault {
+    async fn run(mut self, handler: &mut impl PacketHandler) -> ConnectionEnd {
         let mut pending: Option<Packet> = None;
-        let mut heard = Vec::with_capacity(PACKETS_HEARD_MAX);
+        let mut arrived = Vec::with_capacity(PACKETS_ARRIVED_MAX);
         loop {
-            peer.flush();
-            pending = pending.or_else(|| peer.poll_transmit());
+            handler.flush();
+            pending = pending.or_else(|| handler.poll_transmit());
             let out = match pending.as_ref().map(|packet| packet.channel) {
                 Some(Channel::Tiles) => &self.tiles,
                 _ => &self.control,
             };
-            let broken = tokio::select! {
-                // What has come is heard before why no more will come.
+            let violation = tokio::select! {
+                // Packets that have arrived are handled before the end of the connection.
                 biased;
                 permit = out.reserve(), if pending.is_some() => match (permit, pending.take()) {
                     (Ok(permit), Some(packet)) => {
                         match packet.channel {
-                            Channel::Tiles => peer.measure(self.carries()),
-                            _ => self.copy(&packet.bytes),
+                            Channel::Tiles => handler.on_bandwidth(self.tile_bytes_per_sec()),
+                            _ => self.send_copy(&packet.bytes),
                         }
                         permit.send(packet.bytes);
                         None
                     }
-                    _ => return Fault::Gone(self.connection.closed().await),
+                    _ => return ConnectionEnd::Lost(self.connection.closed().await),
                 },
-                1.. = self.incoming.recv_many(&mut heard, PACKETS_HEARD_MAX) => {
-                    heard.drain(..).try_for_each(|incoming| self.hear(peer, incoming)).err()
+                1.. = self.arrivals.recv_many(&mut arrived, PACKETS_ARRIVED_MAX) => {
+                    let mut arrivals = arrived.drain(..);
+                    arrivals.try_for_each(|arrival| self.on_arrival(handler, arrival)).err()
                 }
-                owner = poll_fn(|cx| peer.poll_owner(cx)), if pending.is_none() => match owner {
-                    Ok(()) => None,
-                    Err(why) => return Fault::Owner(why),
-                },
-                Some(fault) = self.tasks.join_next() => {
-                    return fault.unwrap_or_else(|panic| Fault::Rule(panic.to_string()));
+                command = poll_fn(|cx| handler.poll_commands(cx)), if pending.is_none() => {
+                    match command {
+                        Ok(()) => None,
+                        Err(error) => return ConnectionEnd::Closed(error),
+                    }
+                }
+                Some(end) = self.tasks.join_next() => {
+                    return end.unwrap_or_else(|panic| ConnectionEnd::Violation(Error::Task {
+                        reason: panic.to_string(),
+                    }));
                 }
             };
-            if let Some(error) = broken {
-                self.last_words(peer, pending).await;
-                return Fault::Rule(error.to_string());
+            if let Some(error) = violation {
+                self.final_flush(handler, pending).await;
+                return ConnectionEnd::Violation(error.into());
             }
         }
     }
 
-    fn hear(&self, peer: &mut impl Peer, incoming: Incoming) -> Result<(), carom_protocol::Error> {
-        match incoming {
-            Incoming::Packet(packet) => peer.handle(packet)?,
-            Incoming::Part(bytes, of) => peer.arriving(bytes, of),
+    fn on_arrival(
+        &self,
+        handler: &mut impl PacketHandler,
+        arrival: Arrival,
+    ) -> Result<(), carom_protocol::Error> {
+        match arrival {
+            Arrival::Packet(packet) => handler.handle(packet)?,
+            Arrival::SceneProgress {
+                received_bytes,
+                total_bytes,
+            } => handler.on_scene_progress(received_bytes, total_bytes),
         }
-        let runs = peer.take_unwanted();
+        let runs = handler.take_cancelled();
         if !runs.is_empty() {
-            self.unwanted.send_modify(|unwanted| {
-                unwanted.extend(runs);
-                let excess = unwanted.len().saturating_sub(limits::RUNS_REFUSED_KEPT);
-                unwanted.drain(..excess);
+            self.cancelled.send_modify(|cancelled| {
+                cancelled.extend(runs);
+                let excess = cancelled.len().saturating_sub(limits::RUNS_REFUSED_KEPT);
+                cancelled.drain(..excess);
             });
         }
         Ok(())
     }
 
-    /// Bytes of tiles per second that may leave.
-    fn carries(&self) -> f64 {
-        let bytes = congestion::known_bytes(&self.connection) as f64;
-        let overhead = self.way.borrow().overhead.max(1.0);
+    /// Bytes of tiles per second that the path is known to carry, repair symbols deducted.
+    fn tile_bytes_per_sec(&self) -> f64 {
+        let bytes = congestion::validated_bytes(&self.connection) as f64;
+        let overhead = self.transport.borrow().overhead.max(1.0);
         bytes / self.connection.rtt().as_secs_f64().max(1e-4) / overhead
     }
 
-    /// Sends a player's request a second time, if its loss is to be feared.
-    fn copy(&self, request: &[u8]) {
-        let wanted = self.role == Role::Player && self.way.borrow().datagrams;
-        if !wanted || !codec::is_trace(request) {
+    /// Sends a player's request a second time if the path loses packets.
+    fn send_copy(&self, request: &[u8]) {
+        let is_lossy = self.role == Role::Player && self.transport.borrow().datagrams;
+        if !is_lossy || !codec::is_trace(request) {
             return;
         }
-        let copy = Datagram::Copy(request).to_bytes();
+        let copy = Datagram::RequestCopy(request).to_bytes();
         let connection = self.connection.clone();
         tokio::spawn(async move {
-            tokio::time::sleep(COPY_DELAY).await;
-            // One that is too long for a datagram has only the stream, as all have elsewhere.
+            tokio::time::sleep(REQUEST_COPY_DELAY).await;
+            // One that is too long for a datagram has the stream alone.
             let _ = connection.send_datagram(copy.into());
         });
     }
 
-    /// A session that met an error may still have an answer, such as its version.
-    async fn last_words(mut self, peer: &mut impl Peer, mut pending: Option<Packet>) {
-        let spoken = async {
-            while let Some(packet) = pending.take().or_else(|| peer.poll_transmit()) {
+    /// Sends what the session still has to say after an error, such as its version.
+    async fn final_flush(mut self, handler: &mut impl PacketHandler, mut pending: Option<Packet>) {
+        let flushed = async {
+            while let Some(packet) = pending.take().or_else(|| handler.poll_transmit()) {
                 if packet.channel == Channel::Control {
                     let _ = self.control.send(packet.bytes).await;
                 }
             }
             drop(self.control);
-            let _ = (&mut self.writer).await;
+            let _ = (&mut self.control_writer).await;
         };
-        let _ = tokio::time::timeout(LAST_WORDS, spoken).await;
+        let _ = tokio::time::timeout(FINAL_FLUSH_TIMEOUT, flushed).await;
     }
 }
 
 async fn read_control(
     mut stream: RecvStream,
     role: Role,
-    to_session: mpsc::Sender<Incoming>,
-) -> Fault {
-    let mut told = 0;
+    to_session: mpsc::Sender<Arrival>,
+) -> ConnectionEnd {
+    let mut reported_bytes = 0;
     let mut deframer = Deframer::new(match role {
         Role::Player => limits::CONTROL_BYTES_MAX,
         Role::Node => limits::SCENE_BYTES_MAX,
@@ -270,37 +272,46 @@ async fn read_control(
         match stream.read_chunk(CHUNK_BYTES_MAX, true).await {
             Ok(Some(chunk)) => deframer.push(&chunk.bytes),
             Ok(None) | Err(ReadError::Reset(_)) => {
-                return Fault::Rule("the control stream has been ended".into());
+                return ConnectionEnd::Violation(Error::ControlStreamEnded);
             }
-            Err(ReadError::ConnectionLost(why)) => return Fault::Gone(why),
-            Err(why) => return Fault::Rule(why.to_string()),
+            Err(ReadError::ConnectionLost(error)) => return ConnectionEnd::Lost(error),
+            Err(error) => {
+                return ConnectionEnd::Violation(Error::Stream {
+                    content: "control messages",
+                    reason: error.to_string(),
+                });
+            }
         }
         loop {
             let bytes = match deframer.next_packet() {
                 Ok(Some(bytes)) => bytes,
                 Ok(None) => break,
-                Err(why) => return Fault::Rule(why.to_string()),
+                Err(error) => return ConnectionEnd::Violation(error.into()),
             };
             let channel = Channel::Control;
-            let packet = Incoming::Packet(Packet { channel, bytes });
+            let packet = Arrival::Packet(Packet { channel, bytes });
             if to_session.send(packet).await.is_err() {
-                return Fault::Gone(ConnectionError::LocallyClosed);
+                return ConnectionEnd::Lost(ConnectionError::LocallyClosed);
             }
-            told = 0;
+            reported_bytes = 0;
         }
-        // A scene, by its length.
-        let long = |(_, of): &(usize, usize)| *of > limits::CONTROL_BYTES_MAX;
-        if let Some((there, of)) = deframer.under_way().filter(long)
-            && there >= told + of.div_ceil(SCENE_PARTS)
+        // Only scenes are longer than this.
+        let is_scene = |(_, total): &(usize, usize)| *total > limits::CONTROL_BYTES_MAX;
+        if let Some((received_bytes, total_bytes)) = deframer.under_way().filter(is_scene)
+            && received_bytes >= reported_bytes + total_bytes.div_ceil(SCENE_REPORTS_MAX)
         {
-            told = there;
-            // What ends the session is seen with the next packet.
-            let _ = to_session.send(Incoming::Part(there, of)).await;
+            reported_bytes = received_bytes;
+            // Should the session have ended, the next packet shows it.
+            let progress = Arrival::SceneProgress {
+                received_bytes,
+                total_bytes,
+            };
+            let _ = to_session.send(progress).await;
         }
     }
 }
 
-/// Ends the stream when there is nothing more to come, and waits until all has arrived.
+/// Writes packets until there are no more, ends the stream and waits until all has arrived.
 async fn write_control(mut stream: SendStream, mut packets: mpsc::Receiver<Vec<u8>>) {
     while let Some(packet) = packets.recv().await {
         if stream.write_all(&framing::frame(&packet)).await.is_err() {
@@ -311,26 +322,32 @@ async fn write_control(mut stream: SendStream, mut packets: mpsc::Receiver<Vec<u
     let _ = stream.stopped().await;
 }
 
-/// A node's: questions for blocks, and copies of requests.
+/// Reads a player's datagrams: NACKs and copies of requests.
 async fn read_datagrams(
     connection: Connection,
-    to_session: mpsc::Sender<Incoming>,
-    asked: mpsc::Sender<Asked>,
-) -> Fault {
+    to_session: mpsc::Sender<Arrival>,
+    nacks: mpsc::Sender<Nack>,
+) -> ConnectionEnd {
     loop {
         let bytes = match connection.read_datagram().await {
             Ok(bytes) => bytes,
-            Err(why) => return Fault::Gone(why),
+            Err(error) => return ConnectionEnd::Lost(error),
         };
         match Datagram::parse(&bytes) {
-            // If many wait, the player will ask again.
-            Some(Datagram::Missing { block, held }) => drop(asked.try_send((block, held))),
-            Some(Datagram::Copy(bytes)) => {
+            // Should too many wait, the player repeats it.
+            Some(Datagram::Nack { block, received }) => {
+                drop(nacks.try_send(Nack { block, received }));
+            }
+            Some(Datagram::RequestCopy(bytes)) => {
                 let (channel, bytes) = (Channel::Copy, bytes.to_vec());
-                let copy = Incoming::Packet(Packet { channel, bytes });
+                let copy = Arrival::Packet(Packet { channel, bytes });
                 let _ = to_session.send(copy).await;
             }
-            _ => return Fault::Rule("a datagram is none of a player's".into()),
+            _ => {
+                return ConnectionEnd::Violation(Error::ErrorCorrection {
+                    rule: "a player sends no such datagram",
+                });
+            }
         }
     }
 }

@@ -1,31 +1,34 @@
-//! Farms over QUIC: the only code that knows quinn, rustls, tokio and certificates.
+//! Farms over QUIC: the only code that names quinn, rustls, tokio and certificates.
 //!
 //! ```text
-//! authority ──init, add──▶ folders ──load──▶ credentials ──▶ tls ──▶ endpoint
+//! authority ──init, add-node──▶ folders ──▶ credentials ──▶ tls ──▶ endpoint
 //!                                                                      │
-//!            player: client ──▶ caller ──────┐                         │
-//!                                            ├── packets ── sessions ──┘
+//!            player: client ──▶ connector ───┐                         │
+//!                                            ├── connection_driver ────┘
 //!            node:   server ──▶ listener ────┘      │
-//!                                                 tiles ──▶ streams, or on lossy long paths (loss)
-//!                                                           blocks ──▶ datagrams ──▶ assembly
+//!                                            tile_transport ──▶ streams, or on lossy long paths
+//!                                                               fec: encoder ──▶ datagrams ──▶ decoder
 //! ```
 //!
-//! Both ends prove who they are by a certificate of the farm's own authority that names their
-//! role; nothing is allocated for a peer before it has. There is no other way to talk to a node
-//! over a socket.
+//! Both ends authenticate each other by certificates of the farm's own authority that name their
+//! role; nothing is allocated for a peer before. There is no other way to reach a node over a socket.
 
 mod address;
 pub mod authority;
+mod certificate;
 pub mod client;
+mod close_code;
 mod congestion;
 mod connection_driver;
 mod connection_error;
+mod connection_event;
 mod connector;
 pub mod credentials;
 mod endpoint;
 mod fec;
 mod listener;
 mod path;
+pub(crate) mod peer;
 mod proxy;
 pub mod server;
 mod signals;
@@ -35,12 +38,12 @@ mod tls;
 pub use address::NodeAddress;
 pub use authority::{Authority, Issued, add_node, create_farm};
 pub use client::{Client, Command, LinkEvent, NodeLink};
-pub use congestion::DelayWindow;
-pub use connection_driver::Peer;
-pub use credentials::{Credentials, Role};
-pub(crate) use endpoint::IDLE;
-pub use endpoint::{Congestion, Sending};
+pub use congestion::DelayBasedController;
+pub use connection_driver::PacketHandler;
+pub use credentials::Credentials;
+pub use endpoint::{CongestionControl, TransportOptions};
 pub use path::{Path, PathConfig};
+pub use peer::{CertificateFault, DisconnectReason, Role};
 pub use proxy::{Proxy, ProxyCounts};
-pub use server::{NodeServer, ServerEvent, Stop};
+pub use server::{NodeServer, ServerEvent, StopHandle};
 pub use signals::interruption;

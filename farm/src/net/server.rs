@@ -1,31 +1,36 @@
-//! A node's socket: serves up to four players at once until it is told to stop.
+//! The network side of a node: its socket, which serves up to four players at once until it is
+//! stopped.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
+use std::task::{Context, Poll};
 
+use carom_protocol::RunId;
+use carom_protocol::session::Packet;
 use tokio::runtime::Runtime;
 use tokio::sync::Notify;
 
 use crate::Error;
-use crate::net::connection_driver::{self, Peer, Streams};
+use crate::net::connection_driver::{self, PacketHandler, Streams};
 use crate::net::credentials::Credentials;
-use crate::net::endpoint::Sending;
+use crate::net::endpoint::TransportOptions;
 use crate::net::listener::Listener;
 use crate::net::signals::Signals;
+use crate::node::NodeConnection;
 
-/// What becomes of a player's connection.
+/// A change in a node's connections.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ServerEvent {
-    /// A player with a right certificate has opened a session.
+    /// A player with a valid certificate has opened a session.
     Paired {
-        /// From where.
+        /// Its address.
         player: SocketAddr,
     },
-    /// A player is gone.
+    /// A player's connection has ended.
     Lost {
-        /// From where.
+        /// Its address.
         player: SocketAddr,
-        /// A sentence.
+        /// The reason, for a person to read.
         why: String,
     },
     /// The node is shutting down.
@@ -36,44 +41,44 @@ pub enum ServerEvent {
 pub struct NodeServer {
     runtime: Runtime,
     listener: Listener,
-    /// Listened for from the start: a node that says that it listens ends well when told to.
+    /// Caught from the start: a node that has said it listens shuts down in order.
     signals: Signals,
 }
 
-/// Stops a [`NodeServer`] from another thread.
+/// A handle that stops a [`NodeServer`] from another thread.
 #[derive(Clone, Debug, Default)]
-pub struct Stop(Arc<Notify>);
+pub struct StopHandle(Arc<Notify>);
 
-impl Stop {
-    /// Ends [`NodeServer::serve`], now or as soon as it begins.
+impl StopHandle {
+    /// Ends [`NodeServer::serve`], now or as soon as it starts.
     pub fn stop(&self) {
         self.0.notify_one();
     }
 }
 
-/// Sealing takes 2 ms of a core for a megabyte, and tiles are encoded elsewhere. With two threads, which
-/// wake each other for each message, an answer of 64 KiB over a loopback takes a fifth more processor
-/// time and leaves in smaller pieces.
+/// Encryption takes 2 ms of a core for a megabyte, and tiles are encoded elsewhere. Two threads wake
+/// each other for each message: an answer of 64 KiB over a loopback then takes a fifth more processor
+/// time and leaves in smaller packets.
 const THREADS: usize = 1;
 
 impl NodeServer {
     /// Opens the socket.
     ///
     /// # Errors
-    /// [`Error::Credentials`] if the credentials are no node's, [`Error::Socket`] if the address
-    /// is in use or not this machine's.
+    /// [`Error::KeyPair`] if the credentials cannot be used, [`Error::Socket`] if the address is in
+    /// use or does not belong to this machine.
     pub fn bind(address: SocketAddr, credentials: &Credentials) -> Result<Self, Error> {
-        Self::bind_with(address, credentials, Sending::default())
+        Self::bind_with_options(address, credentials, TransportOptions::default())
     }
 
-    /// The same with another way of sending, to compare.
+    /// Opens the socket with another transport of tiles, for comparison.
     ///
     /// # Errors
     /// As [`NodeServer::bind`].
-    pub fn bind_with(
+    pub fn bind_with_options(
         address: SocketAddr,
         credentials: &Credentials,
-        sending: Sending,
+        options: TransportOptions,
     ) -> Result<Self, Error> {
         let failed = |source| Error::Socket {
             address: address.to_string(),
@@ -88,7 +93,7 @@ impl NodeServer {
         let (listener, signals) = {
             let _inside = runtime.enter();
             let signals = Signals::listen().map_err(failed)?;
-            (Listener::bind(address, credentials, sending)?, signals)
+            (Listener::bind(address, credentials, options)?, signals)
         };
         Ok(Self {
             runtime,
@@ -97,7 +102,7 @@ impl NodeServer {
         })
     }
 
-    /// Where it listens, with the port that the system chose if 0 was asked for.
+    /// The bound address, with the port that the system chose if 0 was asked for.
     ///
     /// # Errors
     /// [`Error::Socket`] if the system does not know.
@@ -109,10 +114,11 @@ impl NodeServer {
     }
 
     /// Serves players until `stop`, Ctrl-C or SIGTERM; then tells them that the node is shutting
-    /// down, so that their coordinators ask others at once. `connect` makes a player's session.
-    pub fn serve<P: Peer + Send>(
+    /// down, so that their coordinators turn to other nodes at once. `connect` creates a player's
+    /// session.
+    pub fn serve<P: PacketHandler + Send>(
         self,
-        stop: &Stop,
+        stop: &StopHandle,
         connect: impl Fn(SocketAddr) -> P + Clone + Send + Sync + 'static,
         events: impl Fn(ServerEvent) + Clone + Send + Sync + 'static,
     ) {
@@ -127,7 +133,8 @@ impl NodeServer {
             async move {
                 let player = streams.connection.remote_address();
                 events(ServerEvent::Paired { player });
-                let why = connection_driver::carry(streams, &mut connect(player)).await;
+                let error = connection_driver::drive(streams, &mut connect(player)).await;
+                let why = error.to_string();
                 events(ServerEvent::Lost { player, why });
             }
         };
@@ -140,5 +147,31 @@ impl NodeServer {
             draining(ServerEvent::Draining);
             listener.drain().await;
         });
+    }
+}
+
+impl PacketHandler for NodeConnection {
+    fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error> {
+        Self::handle(self, packet)
+    }
+
+    fn on_scene_progress(&mut self, received_bytes: usize, _total_bytes: usize) {
+        Self::on_scene_progress(self, received_bytes);
+    }
+
+    fn poll_transmit(&mut self) -> Option<Packet> {
+        Self::poll_transmit(self)
+    }
+
+    fn poll_commands(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), Error>> {
+        self.poll_ready(cx).map(Ok)
+    }
+
+    fn take_cancelled(&mut self) -> Vec<RunId> {
+        Self::take_cancelled(self)
+    }
+
+    fn on_bandwidth(&mut self, bytes_per_sec: f64) {
+        Self::on_bandwidth(self, bytes_per_sec);
     }
 }

@@ -1,4 +1,4 @@
-//! Ctrl-C, and what service managers send instead.
+//! The signals that ask a program to end: Ctrl-C, and SIGTERM from service managers.
 
 use std::io;
 use std::sync::Arc;
@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// A flag that turns true at the first Ctrl-C or SIGTERM, which then no longer end the program.
 ///
 /// # Errors
-/// If the system has no thread left or does not tell of signals.
-pub fn interruption() -> io::Result<Arc<AtomicBool>> {
+/// If the system has no thread left or does not report signals.
+pub fn interruption() -> Result<Arc<AtomicBool>, io::Error> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;
@@ -27,7 +27,7 @@ pub fn interruption() -> io::Result<Arc<AtomicBool>> {
     Ok(flag)
 }
 
-/// Ctrl-C and SIGTERM, which do not end the program by themselves from [`Signals::listen`] on.
+/// A stream of Ctrl-C and SIGTERM, which from [`Signals::listen`] on do not end the program.
 pub(crate) struct Signals {
     #[cfg(unix)]
     interrupt: tokio::signal::unix::Signal,
@@ -38,9 +38,9 @@ pub(crate) struct Signals {
 }
 
 impl Signals {
-    /// Listens from now on; to be called inside a runtime.
+    /// Catches signals from now on; must be called inside a runtime.
     #[cfg(unix)]
-    pub(crate) fn listen() -> io::Result<Self> {
+    pub(crate) fn listen() -> Result<Self, io::Error> {
         use tokio::signal::unix::{SignalKind, signal};
         Ok(Self {
             interrupt: signal(SignalKind::interrupt())?,
@@ -48,14 +48,14 @@ impl Signals {
         })
     }
 
-    /// Listens from now on; to be called inside a runtime.
+    /// Catches signals from now on; must be called inside a runtime.
     #[cfg(windows)]
-    pub(crate) fn listen() -> io::Result<Self> {
+    pub(crate) fn listen() -> Result<Self, io::Error> {
         let interrupt = tokio::signal::windows::ctrl_c()?;
         Ok(Self { interrupt })
     }
 
-    /// Waits for the first of them, also of those that came before the call.
+    /// Waits for the next signal; one that came before the call counts.
     pub(crate) async fn recv(&mut self) {
         #[cfg(unix)]
         tokio::select! {

@@ -1,9 +1,8 @@
-//! Tile packets over a connection: each on a stream of its own, or, where the path is long and
-//! loses packets, as datagrams with parities; what they do not repair is asked for, and comes on
-//! a stream.
+//! The transport of tile packets: each on a stream of its own, or, where the path is long and loses
+//! packets, as datagrams with [forward error correction](super::fec).
 //!
-//! A stream is a tile packet, or [`REPAIR`], the number of a block, the packet's first piece in it,
-//! and the packet, or [`LAST`] and the number of the last block that was sent.
+//! A stream holds a tile packet; or [`RETRANSMISSION`], the number of a block, the index of the
+//! packet's first symbol in it and the packet; or [`LAST_BLOCK`] and the number of the last block.
 
 use std::collections::VecDeque;
 use std::future::{Future, poll_fn};
@@ -20,57 +19,63 @@ use quinn::{
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
 
-use super::connection_driver::{Fault, Incoming};
-use super::endpoint::code;
+use super::close_code;
+use super::connection_event::{Arrival, ConnectionEnd};
+use super::fec::Retransmission;
 use super::fec::datagram::Datagram;
-use super::fec::decoder::Assembly;
-use super::fec::encoder::{Blocks, Repair};
-use super::fec::loss_estimator::LossMeter;
+use super::fec::decoder::FecDecoder;
+use super::fec::encoder::FecEncoder;
+use super::fec::loss_estimator::LossEstimator;
+use crate::Error;
 
-/// How the node's tiles come, for both ends to go by.
+/// The present transport of a node's tiles, as both ends go by it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Way {
-    /// Whether the last ones came as datagrams.
+pub(crate) struct TileTransport {
+    /// Whether the last tiles travelled as datagrams.
     pub(crate) datagrams: bool,
     /// Bytes on the path for each byte of tiles, 1 or more.
     pub(crate) overhead: f64,
 }
 
-/// What a player does not have of a block: its number, and which pieces it has.
-pub(crate) type Asked = (u64, u64);
-
-/// A node's end. What waits for the network waits in the session, which can still drop it.
-pub(crate) struct TileWriter {
-    connection: Connection,
-    /// Runs that nobody waits for: their streams are reset, so that their lost packets are not
-    /// sent again.
-    unwanted: watch::Receiver<VecDeque<RunId>>,
-    way: watch::Sender<Way>,
-    began: Instant,
-    losses: LossMeter,
-    blocks: Blocks,
-    /// Whether this end sends datagrams at all.
-    datagrams: bool,
-    /// Streams that have been written and not been acknowledged.
-    tails: JoinSet<()>,
+/// A player's report of a block that it cannot decode.
+pub(crate) struct Nack {
+    pub(crate) block: u64,
+    /// Bit i: source symbol i has been received.
+    pub(crate) received: u64,
 }
 
-impl TileWriter {
+/// A node's end. Packets that wait for the network wait in the session, which can still drop them.
+pub(crate) struct TileSender {
+    connection: Connection,
+    /// Runs that nobody waits for: their streams are reset, so that lost packets of theirs are not
+    /// retransmitted.
+    cancelled: watch::Receiver<VecDeque<RunId>>,
+    transport: watch::Sender<TileTransport>,
+    start: Instant,
+    losses: LossEstimator,
+    encoder: FecEncoder,
+    /// Whether this end sends datagrams at all.
+    fec: bool,
+    /// Waits for the acknowledgement of written streams.
+    unacknowledged: JoinSet<()>,
+}
+
+impl TileSender {
     pub(crate) fn new(
         connection: Connection,
-        unwanted: watch::Receiver<VecDeque<RunId>>,
-        way: watch::Sender<Way>,
+        cancelled: watch::Receiver<VecDeque<RunId>>,
+        transport: watch::Sender<TileTransport>,
     ) -> Self {
-        let datagrams = connection.datagram_send_buffer_space() > 0;
+        let fec = connection.datagram_send_buffer_space() > 0;
         Self {
             connection,
-            datagrams,
-            unwanted,
-            way,
-            began: Instant::now(),
-            losses: LossMeter::new(),
-            blocks: Blocks::default(),
-            tails: JoinSet::new(),
+            fec,
+            cancelled,
+            transport,
+            start: Instant::now(),
+            losses: LossEstimator::new(),
+            encoder: FecEncoder::default(),
+            unacknowledged: JoinSet::new(),
         }
     }
 
@@ -78,121 +83,133 @@ impl TileWriter {
     pub(crate) async fn run(
         mut self,
         mut packets: mpsc::Receiver<Vec<u8>>,
-        mut asked: mpsc::Receiver<Asked>,
-    ) -> Fault {
+        mut nacks: mpsc::Receiver<Nack>,
+    ) -> ConnectionEnd {
         loop {
-            while self.tails.try_join_next().is_some() {}
-            let due = self.blocks.due().or_else(|| self.blocks.tell_due());
-            let due = due.map(|due| self.began + due);
+            while self.unacknowledged.try_join_next().is_some() {}
+            let timeout = self.encoder.close_timeout();
+            let timeout = timeout.or_else(|| self.encoder.announce_timeout());
+            let timeout = timeout.map(|timeout| self.start + timeout);
             let sent = tokio::select! {
                 packet = packets.recv() => match packet {
                     Some(packet) => self.send(packet).await,
-                    None => return Fault::Gone(ConnectionError::LocallyClosed),
+                    None => return ConnectionEnd::Lost(ConnectionError::LocallyClosed),
                 },
-                Some((block, held)) = asked.recv() => self.repair(block, held).await,
-                () = wait_until(due) => self.end_block().await,
+                Some(nack) = nacks.recv() => self.retransmit(nack).await,
+                () = sleep_until(timeout) => self.on_timeout().await,
             };
-            if let Err(fault) = sent {
-                return fault;
+            if let Err(end) = sent {
+                return end;
             }
         }
     }
 
-    async fn send(&mut self, packet: Vec<u8>) -> Result<(), Fault> {
+    async fn send(&mut self, packet: Vec<u8>) -> Result<(), ConnectionEnd> {
         let run = codec::run_of_tiles(&packet);
-        if self.is_stale(run) {
+        if self.is_cancelled(run) {
             return Ok(());
         }
-        let Some(datagram_bytes) = self.datagram_bytes() else {
+        let Some(datagram_bytes) = self.choose_transport() else {
             return self.send_stream(run, &[&packet]).await;
         };
-        let now = self.began.elapsed();
-        let pieces = self
-            .blocks
-            .push(now, packet, datagram_bytes, &mut self.losses);
-        match pieces {
+        let now = self.start.elapsed();
+        let losses = &mut self.losses;
+        match self.encoder.push(now, packet, datagram_bytes, losses) {
             Ok(datagrams) => self.send_datagrams(datagrams).await,
             Err(packet) => self.send_stream(run, &[&packet]).await,
         }
     }
 
-    /// How long datagrams may be, if tiles are to go as such.
-    fn datagram_bytes(&mut self) -> Option<usize> {
+    /// The length of datagrams that tiles are to travel in; `None` for streams.
+    fn choose_transport(&mut self) -> Option<usize> {
         let path = self.connection.stats().path;
         self.losses.observe(path.sent_packets, path.lost_packets);
-        let wanted = self.datagrams && self.losses.wants_datagrams(path.rtt);
-        let bytes = self.connection.max_datagram_size().filter(|_| wanted);
-        let way = match bytes {
-            Some(_) => Way {
+        let wants_fec = self.fec && self.losses.wants_fec(path.rtt);
+        let datagram_bytes = self.connection.max_datagram_size().filter(|_| wants_fec);
+        let transport = match datagram_bytes {
+            Some(_) => TileTransport {
                 datagrams: true,
                 overhead: self.losses.overhead(),
             },
-            None => Way {
+            None => TileTransport {
                 datagrams: false,
                 overhead: 1.0,
             },
         };
-        self.way.send_if_modified(|before| {
-            let changed = *before != way;
-            *before = way;
+        self.transport.send_if_modified(|before| {
+            let changed = *before != transport;
+            *before = transport;
             changed
         });
-        bytes
+        datagram_bytes
     }
 
-    async fn send_datagrams(&mut self, datagrams: Vec<Vec<u8>>) -> Result<(), Fault> {
+    async fn send_datagrams(&mut self, datagrams: Vec<Vec<u8>>) -> Result<(), ConnectionEnd> {
         for datagram in datagrams {
             match self.connection.send_datagram_wait(datagram.into()).await {
-                // One that has become too long for the path is lost like others.
+                // The path MTU has shrunk meanwhile: lost like others.
                 Ok(()) | Err(SendDatagramError::TooLarge) => {}
-                Err(SendDatagramError::ConnectionLost(why)) => return Err(Fault::Gone(why)),
-                Err(why) => return Err(Fault::Rule(why.to_string())),
+                Err(SendDatagramError::ConnectionLost(error)) => {
+                    return Err(ConnectionEnd::Lost(error));
+                }
+                Err(error) => return Err(broken(&error)),
             }
         }
         Ok(())
     }
 
-    /// Sends the parities of the open block, or tells which was the last.
-    async fn end_block(&mut self) -> Result<(), Fault> {
-        if self.blocks.due().is_some() {
-            let parities = self.blocks.close(&mut self.losses);
-            return self.send_datagrams(parities).await;
+    /// Sends the repair symbols of the open block, or announces the last one.
+    async fn on_timeout(&mut self) -> Result<(), ConnectionEnd> {
+        if self.encoder.close_timeout().is_some() {
+            let repair = self.encoder.close(&mut self.losses);
+            return self.send_datagrams(repair).await;
         }
-        match self.blocks.tell() {
+        match self.encoder.announce_last() {
             Some(last) => {
-                self.send_stream(None, &[&[LAST], &last.to_le_bytes()])
-                    .await
+                let parts: [&[u8]; 2] = [&[LAST_BLOCK], &last.to_le_bytes()];
+                self.send_stream(None, &parts).await
             }
             None => Ok(()),
         }
     }
 
-    async fn repair(&mut self, block: u64, held: u64) -> Result<(), Fault> {
-        let repairs = self.blocks.repair(block, held);
-        if !repairs.is_empty() {
-            self.losses.on_unrepaired();
+    async fn retransmit(&mut self, nack: Nack) -> Result<(), ConnectionEnd> {
+        let packets = self.encoder.retransmit(nack.block, nack.received);
+        if !packets.is_empty() {
+            self.losses.on_decoding_failure();
         }
-        for repair in repairs {
-            let run = codec::run_of_tiles(&repair.packet);
-            if self.is_stale(run) {
+        for Retransmission {
+            block,
+            index,
+            packet,
+        } in packets
+        {
+            let run = codec::run_of_tiles(&packet);
+            if self.is_cancelled(run) {
                 continue;
             }
-            let header = [&[REPAIR], &repair.block.to_le_bytes()[..], &[repair.index]].concat();
-            self.send_stream(run, &[&header, &repair.packet]).await?;
+            let header = [&[RETRANSMISSION], &block.to_le_bytes()[..], &[index]].concat();
+            self.send_stream(run, &[&header, &packet]).await?;
         }
         Ok(())
     }
 
-    fn is_stale(&self, run: Option<RunId>) -> bool {
-        run.is_some_and(|run| self.unwanted.borrow().contains(&run))
+    fn is_cancelled(&self, run: Option<RunId>) -> bool {
+        run.is_some_and(|run| self.cancelled.borrow().contains(&run))
     }
 
-    async fn send_stream(&mut self, run: Option<RunId>, parts: &[&[u8]]) -> Result<(), Fault> {
-        let mut stale = self.unwanted.clone();
+    async fn send_stream(
+        &mut self,
+        run: Option<RunId>,
+        parts: &[&[u8]],
+    ) -> Result<(), ConnectionEnd> {
+        let mut cancelled = self.cancelled.clone();
         let cwnd = self.connection.stats().path.cwnd;
+        // quinn's own buffer of 4 MB would hide the queue from the bitrate control.
         self.connection
             .set_send_window(cwnd + (cwnd / 8).max(SEND_BYTES_AHEAD));
-        let mut stream = self.connection.open_uni().await.map_err(Fault::Gone)?;
+        let stream = self.connection.open_uni().await;
+        let mut stream = stream.map_err(ConnectionEnd::Lost)?;
         let write = async {
             for part in parts {
                 stream.write_all(part).await?;
@@ -201,203 +218,217 @@ impl TileWriter {
         };
         let written = tokio::select! {
             written = write => Some(written),
-            () = wait_until_stale(&mut stale, run) => None,
+            () = wait_until_cancelled(&mut cancelled, run) => None,
         };
         match written {
-            None => drop(stream.reset(code::STALE)),
+            None => drop(stream.reset(close_code::STALE)),
             Some(Ok(())) => {
                 let _ = stream.finish();
-                self.tails.spawn(async move {
+                self.unacknowledged.spawn(async move {
                     tokio::select! {
                         _ = stream.stopped() => {}
-                        () = wait_until_stale(&mut stale, run) => drop(stream.reset(code::STALE)),
+                        () = wait_until_cancelled(&mut cancelled, run) => {
+                            drop(stream.reset(close_code::STALE));
+                        }
                     }
                 });
             }
             // The player does not want these tiles any more.
             Some(Err(WriteError::Stopped(_))) => {}
-            Some(Err(WriteError::ConnectionLost(why))) => return Err(Fault::Gone(why)),
-            Some(Err(why)) => return Err(Fault::Rule(why.to_string())),
+            Some(Err(WriteError::ConnectionLost(error))) => {
+                return Err(ConnectionEnd::Lost(error));
+            }
+            Some(Err(error)) => return Err(broken(&error)),
         }
         Ok(())
     }
 }
 
-/// For ever, if the connection ends before.
-async fn wait_until_stale(unwanted: &mut watch::Receiver<VecDeque<RunId>>, run: Option<RunId>) {
-    let is_stale = |unwanted: &VecDeque<RunId>| run.is_some_and(|run| unwanted.contains(&run));
-    if unwanted.wait_for(is_stale).await.is_err() {
+/// Never returns if the connection ends before.
+async fn wait_until_cancelled(
+    cancelled: &mut watch::Receiver<VecDeque<RunId>>,
+    run: Option<RunId>,
+) {
+    let is_cancelled = |runs: &VecDeque<RunId>| run.is_some_and(|run| runs.contains(&run));
+    if cancelled.wait_for(is_cancelled).await.is_err() {
         std::future::pending::<()>().await;
     }
 }
 
-/// For ever, if there is no such time.
-async fn wait_until(due: Option<Instant>) {
-    match due {
-        Some(due) => tokio::time::sleep_until(due.into()).await,
+/// Never returns without a deadline.
+async fn sleep_until(deadline: Option<Instant>) {
+    match deadline {
+        Some(deadline) => tokio::time::sleep_until(deadline.into()).await,
         None => std::future::pending().await,
     }
 }
 
 /// A player's end.
-pub(crate) struct TileReader {
+pub(crate) struct TileReceiver {
     connection: Connection,
-    to_session: mpsc::Sender<Incoming>,
-    way: watch::Sender<Way>,
-    began: Instant,
-    assembly: Assembly,
+    to_session: mpsc::Sender<Arrival>,
+    transport: watch::Sender<TileTransport>,
+    start: Instant,
+    decoder: FecDecoder,
 }
 
-impl TileReader {
+impl TileReceiver {
     pub(crate) fn new(
         connection: Connection,
-        to_session: mpsc::Sender<Incoming>,
-        way: watch::Sender<Way>,
+        to_session: mpsc::Sender<Arrival>,
+        transport: watch::Sender<TileTransport>,
     ) -> Self {
         Self {
             connection,
             to_session,
-            way,
-            began: Instant::now(),
-            assembly: Assembly::default(),
+            transport,
+            start: Instant::now(),
+            decoder: FecDecoder::default(),
         }
     }
 
-    /// Reads tiles until the connection ends. QUIC's limit on streams bounds how many are read at
-    /// once.
-    pub(crate) async fn run(mut self) -> Fault {
-        let mut streams: JoinSet<Read> = JoinSet::new();
+    /// Receives tiles until the connection ends. QUIC's limit on streams bounds how many are read
+    /// at once.
+    pub(crate) async fn run(mut self) -> ConnectionEnd {
+        let mut streams: JoinSet<StreamRead> = JoinSet::new();
         loop {
-            let round_trip = self.connection.rtt();
-            let due = self.assembly.next_timeout(round_trip);
-            let due = due.map(|due| self.began + due);
+            let rtt = self.connection.rtt();
+            let timeout = self.decoder.nack_timeout(rtt);
+            let timeout = timeout.map(|timeout| self.start + timeout);
             let packets = tokio::select! {
                 stream = self.connection.accept_uni() => match stream {
                     Ok(stream) => {
                         let mut read = Box::pin(read_stream(stream));
-                        // Short streams are there whole, as a rule: no task has to be woken for them.
+                        // Short streams have usually arrived whole: no task has to wake for them.
                         match poll_fn(|cx| Poll::Ready(read.as_mut().poll(cx))).await {
-                            Poll::Ready(read) => self.take_read(read),
+                            Poll::Ready(read) => self.on_read(read),
                             Poll::Pending => {
                                 streams.spawn(read);
                                 continue;
                             }
                         }
                     }
-                    Err(why) => return Fault::Gone(why),
+                    Err(error) => return ConnectionEnd::Lost(error),
                 },
                 Some(read) = streams.join_next() => match read {
-                    Ok(read) => self.take_read(read),
+                    Ok(read) => self.on_read(read),
                     Err(_) => continue,
                 },
                 datagram = self.connection.read_datagram() => match datagram {
-                    Ok(bytes) => self.take_datagram(&bytes).map_err(broken),
-                    Err(why) => return Fault::Gone(why),
+                    Ok(bytes) => self.on_datagram(&bytes).map_err(violation),
+                    Err(error) => return ConnectionEnd::Lost(error),
                 },
-                () = wait_until(due) => {
-                    self.ask(round_trip);
+                () = sleep_until(timeout) => {
+                    self.send_nacks(rtt);
                     continue;
                 }
             };
             match packets {
                 Ok(packets) => self.deliver(packets).await,
-                Err(fault) => return fault,
+                Err(end) => return end,
             }
         }
     }
 
-    fn take_read(&mut self, read: Read) -> Result<Vec<Vec<u8>>, Fault> {
+    fn on_read(&mut self, read: StreamRead) -> Result<Vec<Vec<u8>>, ConnectionEnd> {
         match read {
-            Ok(bytes) => self.take_stream(bytes).map_err(broken),
+            Ok(bytes) => self.on_stream(bytes).map_err(violation),
             Err(None) => Ok(Vec::new()),
-            Err(Some(fault)) => Err(fault),
+            Err(Some(end)) => Err(end),
         }
     }
 
-    fn take_stream(&mut self, bytes: Vec<u8>) -> Result<Vec<Vec<u8>>, &'static str> {
+    fn on_stream(&mut self, bytes: Vec<u8>) -> Result<Vec<Vec<u8>>, &'static str> {
         match bytes.first() {
-            Some(&REPAIR) => {
+            Some(&RETRANSMISSION) => {
                 let (header, packet) = bytes
-                    .split_first_chunk::<REPAIR_BYTES>()
-                    .ok_or("a stream of tiles is too short")?;
+                    .split_first_chunk::<RETRANSMISSION_HEADER_BYTES>()
+                    .ok_or("a retransmission is too short")?;
                 let [_, block @ .., index] = *header;
-                let packet = self.assembly.receive_repair(Repair {
+                let packet = self.decoder.on_retransmission(Retransmission {
                     block: u64::from_le_bytes(block),
                     index,
                     packet: packet.to_vec(),
                 });
                 Ok(packet.into_iter().collect())
             }
-            Some(&LAST) => {
+            Some(&LAST_BLOCK) => {
                 let last = bytes[1..]
                     .try_into()
-                    .map_err(|_| "the number of a block is cut off")?;
-                let now = self.began.elapsed();
-                self.assembly.expect(now, u64::from_le_bytes(last));
+                    .map_err(|_| "the number of the last block is malformed")?;
+                let now = self.start.elapsed();
+                self.decoder.on_announcement(now, u64::from_le_bytes(last));
                 Ok(Vec::new())
             }
             _ => {
-                self.note(false);
+                self.set_transport(false);
                 Ok(vec![bytes])
             }
         }
     }
 
-    fn take_datagram(&mut self, bytes: &[u8]) -> Result<Vec<Vec<u8>>, &'static str> {
-        self.note(true);
-        let datagram = Datagram::parse(bytes).ok_or("a datagram cannot be read")?;
-        self.assembly.receive(self.began.elapsed(), datagram)
+    fn on_datagram(&mut self, bytes: &[u8]) -> Result<Vec<Vec<u8>>, &'static str> {
+        self.set_transport(true);
+        let datagram = Datagram::parse(bytes).ok_or("a datagram is malformed")?;
+        self.decoder.on_datagram(self.start.elapsed(), datagram)
     }
 
-    fn ask(&mut self, round_trip: Duration) {
-        let now = self.began.elapsed();
-        while let Some(missing) = self.assembly.poll_missing(now, round_trip) {
-            // One that does not leave is repeated like one that gets lost.
-            let _ = self.connection.send_datagram(missing.to_bytes().into());
+    fn send_nacks(&mut self, rtt: Duration) {
+        let now = self.start.elapsed();
+        while let Some(nack) = self.decoder.poll_nack(now, rtt) {
+            // One that cannot be sent is repeated like one that is lost.
+            let _ = self.connection.send_datagram(nack.to_bytes().into());
         }
     }
 
     async fn deliver(&self, packets: Vec<Vec<u8>>) {
         for bytes in packets {
             let channel = Channel::Tiles;
-            let packet = Incoming::Packet(Packet { channel, bytes });
+            let packet = Arrival::Packet(Packet { channel, bytes });
             let _ = self.to_session.send(packet).await;
         }
     }
 
-    fn note(&self, datagrams: bool) {
-        self.way.send_if_modified(|way| {
-            let changed = way.datagrams != datagrams;
-            way.datagrams = datagrams;
+    fn set_transport(&self, datagrams: bool) {
+        self.transport.send_if_modified(|transport| {
+            let changed = transport.datagrams != datagrams;
+            transport.datagrams = datagrams;
             changed
         });
     }
 }
 
-/// A stream's bytes; no fault if the node has dropped tiles that nobody waits for.
-type Read = Result<Vec<u8>, Option<Fault>>;
+/// The bytes of a stream; an error without an end if the node has cancelled the tiles.
+type StreamRead = Result<Vec<u8>, Option<ConnectionEnd>>;
 
-async fn read_stream(mut stream: RecvStream) -> Read {
-    match stream
-        .read_to_end(limits::TILES_BYTES_MAX + REPAIR_BYTES)
-        .await
-    {
+async fn read_stream(mut stream: RecvStream) -> StreamRead {
+    let bytes_max = limits::TILES_BYTES_MAX + RETRANSMISSION_HEADER_BYTES;
+    match stream.read_to_end(bytes_max).await {
         Ok(bytes) => Ok(bytes),
         Err(ReadToEndError::Read(ReadError::Reset(_))) => Err(None),
-        Err(ReadToEndError::Read(ReadError::ConnectionLost(why))) => Err(Some(Fault::Gone(why))),
-        Err(why) => Err(Some(Fault::Rule(format!("a stream of tiles: {why}")))),
+        Err(ReadToEndError::Read(ReadError::ConnectionLost(error))) => {
+            Err(Some(ConnectionEnd::Lost(error)))
+        }
+        Err(error) => Err(Some(broken(&error))),
     }
 }
 
-fn broken(why: &str) -> Fault {
-    Fault::Rule(why.into())
+fn violation(rule: &'static str) -> ConnectionEnd {
+    ConnectionEnd::Violation(Error::ErrorCorrection { rule })
 }
 
-/// First byte of a stream with a packet that was lost as datagrams; no tile packet begins so.
-const REPAIR: u8 = 0xff;
-const REPAIR_BYTES: usize = 10;
-/// Likewise of a stream that tells which block was the last.
-const LAST: u8 = 0xfe;
-/// What waits here beyond the window, the governor does not see and nobody can drop: enough that
-/// the window is always full, 6 ms of 25 Mbit/s.
+fn broken(error: &dyn std::fmt::Display) -> ConnectionEnd {
+    ConnectionEnd::Violation(Error::Stream {
+        content: "tiles",
+        reason: error.to_string(),
+    })
+}
+
+/// The first byte of a stream with a packet that was lost as datagrams; no tile packet starts so.
+const RETRANSMISSION: u8 = 0xff;
+const RETRANSMISSION_HEADER_BYTES: usize = 10;
+/// The first byte of a stream with the number of the last block; no tile packet starts so.
+const LAST_BLOCK: u8 = 0xfe;
+/// Bytes buffered beyond the congestion window, which the bitrate control does not see and nobody can
+/// drop: enough to keep the window full, 6 ms of 25 Mbit/s.
 const SEND_BYTES_AHEAD: u64 = 16 << 10;

@@ -18,7 +18,7 @@ use super::bitrate_control::{Governor, LinkMeasure};
 use super::queue::{Job, Queue};
 use super::rate_model::Weighed;
 
-/// The transport's end of a client's session; [`crate::net::Peer`] for QUIC.
+/// The transport's end of a client's session.
 pub struct NodeConnection {
     client: Arc<Client>,
     queue: Arc<Queue>,
@@ -42,7 +42,7 @@ struct State {
     /// Whether a worker has put something in since the transport last asked.
     ready: bool,
     /// How long a worker waits for the transport to take something; nothing, once it has in vain.
-    patience: Duration,
+    stall_timeout: Duration,
     closed: bool,
 }
 
@@ -53,7 +53,7 @@ impl NodeConnection {
             cancelled: BTreeMap::new(),
             waker: None,
             ready: false,
-            patience: PATIENCE,
+            stall_timeout: STALL_TIMEOUT,
             closed: false,
         };
         let client = Arc::new(Client {
@@ -102,18 +102,18 @@ impl NodeConnection {
         Ok(())
     }
 
-    /// So many bytes of a scene have come that is still on its way.
-    pub fn arriving(&mut self, bytes: usize) {
-        self.client.lock().session.arriving(bytes);
+    /// Handles the arrival of a part of a scene: of so many bytes until now.
+    pub fn on_scene_progress(&mut self, received_bytes: usize) {
+        self.client.lock().session.arriving(received_bytes);
     }
 
-    /// Runs that nobody waits for any more, since the last call.
-    pub fn take_unwanted(&mut self) -> Vec<RunId> {
+    /// Runs that have been cancelled since the last call.
+    pub fn take_cancelled(&mut self) -> Vec<RunId> {
         self.client.lock().session.take_unwanted()
     }
 
-    /// Takes note of what the link carries, `bytes_per_sec`.
-    pub fn measure(&mut self, bytes_per_sec: f64) {
+    /// Handles a new estimate of what the link carries.
+    pub fn on_bandwidth(&mut self, bytes_per_sec: f64) {
         let waiting_bytes = self.client.lock().session.waiting_bytes();
         let link = LinkMeasure {
             bytes_per_sec,
@@ -127,7 +127,7 @@ impl NodeConnection {
     pub fn poll_transmit(&mut self) -> Option<Packet> {
         let mut state = self.client.lock();
         let packet = state.session.poll_transmit()?;
-        state.patience = PATIENCE;
+        state.stall_timeout = STALL_TIMEOUT;
         drop(state);
         self.client.drained.notify_all();
         Some(packet)
@@ -149,32 +149,6 @@ impl NodeConnection {
         }
         state.waker = Some(cx.waker().clone());
         Poll::Pending
-    }
-}
-
-impl crate::net::Peer for NodeConnection {
-    fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error> {
-        Self::handle(self, packet)
-    }
-
-    fn arriving(&mut self, bytes: usize, _of: usize) {
-        Self::arriving(self, bytes);
-    }
-
-    fn poll_transmit(&mut self) -> Option<Packet> {
-        Self::poll_transmit(self)
-    }
-
-    fn poll_owner(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), String>> {
-        self.poll_ready(cx).map(Ok)
-    }
-
-    fn take_unwanted(&mut self) -> Vec<RunId> {
-        Self::take_unwanted(self)
-    }
-
-    fn measure(&mut self, bytes_per_sec: f64) {
-        Self::measure(self, bytes_per_sec);
     }
 }
 
@@ -266,11 +240,11 @@ impl Client {
             state.session.is_full() && !state.closed && !cancelled.load(Ordering::Relaxed)
         };
         let state = self.lock();
-        let patience = state.patience;
-        let waited = self.drained.wait_timeout_while(state, patience, full);
+        let stall_timeout = state.stall_timeout;
+        let waited = self.drained.wait_timeout_while(state, stall_timeout, full);
         let (mut state, waited) = waited.unwrap_or_else(PoisonError::into_inner);
         if waited.timed_out() {
-            state.patience = Duration::ZERO;
+            state.stall_timeout = Duration::ZERO;
             cancelled.store(true, Ordering::Relaxed);
         }
     }
@@ -294,8 +268,9 @@ fn wake(mut state: MutexGuard<'_, State>) {
     }
 }
 
-/// As long as a connection on which nothing is heard is kept.
-const PATIENCE: Duration = crate::net::IDLE;
+/// How long a client may accept no tiles before its runs are given up: others wait for the device.
+/// A connection may be silent for as long.
+pub(crate) const STALL_TIMEOUT: Duration = Duration::from_secs(5);
 
 #[cfg(test)]
 mod tests {
@@ -355,7 +330,7 @@ mod tests {
         let messages = (TILES_QUEUED_BYTES_MAX >> 20) as u32 + 1;
         let (_session, mut connection) = asked(messages);
         let client = Arc::clone(&connection.client);
-        client.lock().patience = Duration::from_millis(1);
+        client.lock().stall_timeout = Duration::from_millis(1);
         for message in 0..messages {
             let first = message * TILES_PER_MESSAGE_MAX;
             let count = TILES_PER_MESSAGE_MAX;
@@ -372,11 +347,11 @@ mod tests {
         let cancelled = AtomicBool::new(false);
         client.wait_for_room(&cancelled);
         assert!(cancelled.load(Ordering::Relaxed));
-        assert_eq!(client.lock().patience, Duration::ZERO);
+        assert_eq!(client.lock().stall_timeout, Duration::ZERO);
         for _ in 0..2 {
             assert!(connection.poll_transmit().is_some());
         }
-        assert_eq!(client.lock().patience, PATIENCE);
+        assert_eq!(client.lock().stall_timeout, STALL_TIMEOUT);
         let cancelled = AtomicBool::new(false);
         client.wait_for_room(&cancelled);
         assert!(!cancelled.load(Ordering::Relaxed));

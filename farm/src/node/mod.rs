@@ -25,6 +25,7 @@ use carom_tracer::{DeviceKind, Tracer};
 
 pub use bitrate_control::LinkMeasure;
 pub use connection::NodeConnection;
+pub(crate) use connection::STALL_TIMEOUT;
 use queue::Queue;
 
 /// One device, shared by any number of clients.

@@ -7,8 +7,8 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use carom_farm::net::{
-    Authority, Client, Command, Credentials, LinkEvent, NodeServer, PathConfig, Proxy, Role, Stop,
-    create_farm,
+    Authority, Client, Command, Credentials, LinkEvent, NodeServer, PathConfig, Proxy, Role,
+    StopHandle, create_farm,
 };
 use carom_farm::node::Node;
 use carom_farm::{Farm, FarmConfig, Frame, FrameSpec, LocalNode, NodeState, PrecisionRange};
@@ -26,7 +26,7 @@ const PATIENCE: Duration = Duration::from_secs(120);
 /// A node behind a socket, on a thread of its own.
 struct Running {
     address: SocketAddr,
-    stop: Stop,
+    stop: StopHandle,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -41,7 +41,7 @@ impl Running {
         let server = NodeServer::bind(address, &credentials).unwrap();
         let address = server.local_addr().unwrap();
         let node = Node::new("oak", tracer);
-        let stop = Stop::default();
+        let stop = StopHandle::default();
         let stopped = stop.clone();
         let thread = std::thread::spawn(move || {
             server.serve(&stopped, move |_| node.connect(), |_| {});

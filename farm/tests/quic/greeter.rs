@@ -7,7 +7,7 @@ use std::task::{Context, Poll};
 use std::thread::JoinHandle;
 use std::time::{Duration, SystemTime};
 
-use carom_farm::net::{Authority, NodeServer, Peer, Role, ServerEvent, Stop};
+use carom_farm::net::{Authority, NodeServer, PacketHandler, Role, ServerEvent, StopHandle};
 use carom_protocol::NodeInfo;
 use carom_protocol::session::{NodeSession, Packet};
 use carom_tracer::{DeviceInfo, DeviceKind};
@@ -43,7 +43,7 @@ struct CountedSession {
     packets: Arc<AtomicUsize>,
 }
 
-impl Peer for CountedSession {
+impl PacketHandler for CountedSession {
     fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error> {
         self.packets.fetch_add(1, Ordering::SeqCst);
         self.session.handle(packet).map(drop)
@@ -53,14 +53,14 @@ impl Peer for CountedSession {
         self.session.poll_transmit()
     }
 
-    fn poll_owner(&mut self, _: &mut Context<'_>) -> Poll<Result<(), String>> {
+    fn poll_commands(&mut self, _: &mut Context<'_>) -> Poll<Result<(), carom_farm::Error>> {
         Poll::Pending
     }
 }
 
 pub(crate) struct Greeter {
     pub(crate) address: SocketAddr,
-    stop: Stop,
+    stop: StopHandle,
     thread: Option<JoinHandle<()>>,
     packets: Arc<AtomicUsize>,
     sessions: Arc<AtomicUsize>,
@@ -71,7 +71,7 @@ impl Greeter {
         let credentials = authority.credentials(Role::Node, "oak", today()).unwrap();
         let server = NodeServer::bind(any_port(), &credentials).unwrap();
         let address = server.local_addr().unwrap();
-        let stop = Stop::default();
+        let stop = StopHandle::default();
         let (packets, sessions): (Arc<AtomicUsize>, Arc<AtomicUsize>) = Default::default();
         let (stopped, counted, paired) = (stop.clone(), packets.clone(), sessions.clone());
         let thread = std::thread::spawn(move || {

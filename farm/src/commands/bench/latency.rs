@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
-use carom_farm::net::{Authority, NodeServer, PathConfig, Proxy, Role, Stop, create_farm};
+use carom_farm::net::{Authority, NodeServer, PathConfig, Proxy, Role, StopHandle, create_farm};
 use carom_farm::node::Node;
 use carom_farm::{
     Farm, FarmConfig, Frame, FrameId, FrameSpec, LatencySplit, LocalNode, PixelFormat, Pixels,
@@ -119,7 +119,7 @@ fn print_row(row: &Row) {
 struct Setup {
     farm: Farm,
     _proxy: Option<Proxy>,
-    stop: Stop,
+    stop: StopHandle,
     server: Option<std::thread::JoinHandle<()>>,
     credentials: PathBuf,
 }
@@ -137,7 +137,7 @@ impl Setup {
         let server = NodeServer::bind(any, &node_credentials)?;
         let address = server.local_addr()?;
         let node = Node::new("node", Arc::new(CpuTracer::with_threads(0)?));
-        let stop = Stop::default();
+        let stop = StopHandle::default();
         let stopped = stop.clone();
         let serve = move || server.serve(&stopped, move |_| node.connect(), |_| {});
         let proxy = path.map(|path| Proxy::start(any, address, path, args.seed));

@@ -6,7 +6,7 @@ use std::task::{Context as TaskContext, Poll};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
-use carom_farm::net::Peer;
+use carom_farm::net::PacketHandler;
 use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
 use carom_protocol::session::{NodeEvent, NodeSession, Packet};
 use carom_protocol::tile_codec::{Encoder, Source};
@@ -69,7 +69,7 @@ impl Ready {
     }
 }
 
-impl Peer for Ready {
+impl PacketHandler for Ready {
     fn handle(&mut self, packet: Packet) -> Result<(), Error> {
         match self.session.handle(packet)? {
             Some(NodeEvent::Trace { request, .. }) => self.answer(&request),
@@ -81,7 +81,7 @@ impl Peer for Ready {
         self.session.poll_transmit()
     }
 
-    fn poll_owner(&mut self, _: &mut TaskContext<'_>) -> Poll<Result<(), String>> {
+    fn poll_commands(&mut self, _: &mut TaskContext<'_>) -> Poll<Result<(), carom_farm::Error>> {
         Poll::Pending
     }
 }

@@ -9,8 +9,8 @@ use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::{Context, anyhow};
 use carom_farm::net::{
-    Authority, Client, Command, Congestion, LinkEvent, NodeLink, NodeServer, PathConfig, Proxy,
-    Role, Sending, Stop,
+    Authority, Client, Command, CongestionControl, LinkEvent, NodeLink, NodeServer, PathConfig,
+    Proxy, Role, StopHandle, TransportOptions,
 };
 use carom_farm::node::Node;
 use carom_protocol::session::ClientEvent;
@@ -147,18 +147,15 @@ fn cases() -> Vec<Case> {
 }
 
 /// Ways of sending, with their names.
-const SENDERS: [(&str, Sending); 4] = [
-    ("Carom", sending(Congestion::Delay, true)),
-    ("streams", sending(Congestion::Delay, false)),
-    ("BBR", sending(Congestion::Bbr, false)),
-    ("Cubic", sending(Congestion::Cubic, false)),
+const SENDERS: [(&str, TransportOptions); 4] = [
+    ("Carom", sending(CongestionControl::DelayBased, true)),
+    ("streams", sending(CongestionControl::DelayBased, false)),
+    ("BBR", sending(CongestionControl::Bbr, false)),
+    ("Cubic", sending(CongestionControl::Cubic, false)),
 ];
 
-const fn sending(congestion: Congestion, datagrams: bool) -> Sending {
-    Sending {
-        congestion,
-        datagrams,
-    }
+const fn sending(congestion: CongestionControl, fec: bool) -> TransportOptions {
+    TransportOptions { congestion, fec }
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
@@ -185,7 +182,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     for case in cases().iter().filter(|case| wanted(case)) {
         for (name, sending) in SENDERS {
             let only_own = args.own || case.governed || case.ready;
-            if sending != Sending::default() && only_own {
+            if sending != TransportOptions::default() && only_own {
                 continue;
             }
             let row = measure(args, case, name, sending)?;
@@ -249,27 +246,27 @@ struct Setup {
     noise: Arc<Noise>,
     link: NodeLink,
     events: Receiver<(Instant, Vec<LinkEvent>)>,
-    stop: Stop,
+    stop: StopHandle,
     server: Option<std::thread::JoinHandle<()>>,
     _client: Client,
     proxy: Option<Proxy>,
 }
 
 impl Setup {
-    fn new(args: &Args, case: &Case, sending: Sending) -> Result<Self, Failure> {
+    fn new(args: &Args, case: &Case, sending: TransportOptions) -> Result<Self, Failure> {
         let now = SystemTime::now();
         let day = Duration::from_secs(24 * 3600);
         let authority = Authority::generate()?;
         let issue = |role, name| authority.credentials(role, name, now - day..now + day);
         let any = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
-        let server = NodeServer::bind_with(any, &issue(Role::Node, "node")?, sending)?;
+        let server = NodeServer::bind_with_options(any, &issue(Role::Node, "node")?, sending)?;
         let address = server.local_addr()?;
         let pause = case
             .path
             .map_or(Duration::ZERO, |_| FRAME_RENDER / Noise::MESSAGES);
         let noise = Arc::new(Noise::new(pause));
         let node = Node::new("node", Arc::clone(&noise) as Arc<dyn Tracer>);
-        let stop = Stop::default();
+        let stop = StopHandle::default();
         let stopped = stop.clone();
         let (ready, tracer) = (case.ready, Arc::clone(&noise));
         let serve = move || match ready {
@@ -347,7 +344,7 @@ fn measure(
     args: &Args,
     case: &Case,
     sender: &'static str,
-    sending: Sending,
+    sending: TransportOptions,
 ) -> Result<Row, Failure> {
     let setup = Setup::new(args, case, sending)?;
     let scene = Arc::new(inputs::scene(None)?.scene);
