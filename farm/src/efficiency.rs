@@ -106,7 +106,7 @@ const BUSY_SECS_MIN: f64 = 1e-7;
 
 #[cfg(test)]
 mod tests {
-    use carom_tracer::TileRun;
+    use carom_tracer::TileRange;
     use proptest::prelude::*;
 
     use super::*;
@@ -119,7 +119,7 @@ mod tests {
         for &(node, count, arrived_secs, busy_secs) in deliveries {
             stats.deliveries.push(Delivery {
                 node: NodeIndex(node),
-                tiles: TileRun { first, count },
+                tiles: TileRange { first, count },
                 fresh_tiles: count,
                 work: f64::from(count),
                 expected_secs: Some(0.010),

@@ -4,7 +4,7 @@ use std::fmt;
 use std::time::Duration;
 
 use carom_protocol::{FrameId, NodeInfo, PixelFormat};
-use carom_tracer::{ImageSize, RenderSettings, SceneUpdate, Tile, TileRun};
+use carom_tracer::{ImageSize, RenderSettings, SceneUpdate, Tile, TileRange};
 use serde::Serialize;
 
 use crate::Balancing;
@@ -100,7 +100,7 @@ pub struct Delivery {
     /// Who traced them.
     pub node: NodeIndex,
     /// Which.
-    pub tiles: TileRun,
+    pub tiles: TileRange,
     /// How many of them had not come from another node before.
     pub fresh_tiles: u32,
     /// Their predicted work, in pixel samples of average cost.

@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 
 use carom_protocol::session::{ClientEvent, ClientSession, Packet};
 use carom_protocol::{
-    FrameId, PrecisionRange, Refusal, RefusalReason, RunId, SceneHash, TraceRequest,
+    FrameId, PrecisionRange, Refusal, RefusalReason, RequestId, SceneHash, TraceRequest,
 };
 use carom_tracer::Scene;
 
@@ -36,8 +36,8 @@ pub enum Command {
     Trace(Box<TraceRequest>),
     /// [`ClientSession::cancel_before`].
     CancelBefore(FrameId),
-    /// [`ClientSession::cancel_run`].
-    CancelRun(RunId),
+    /// [`ClientSession::cancel_request`].
+    CancelRequest(RequestId),
     /// [`ClientSession::ping`].
     Ping(u64),
 }
@@ -52,7 +52,7 @@ pub enum LinkEvent {
     /// How long the tiles of the next event took to decode, by the client's clock.
     Decoded {
         /// Whose tiles.
-        run: RunId,
+        request: RequestId,
         /// From packet to pixels.
         took: Duration,
     },
@@ -95,7 +95,7 @@ impl<F: FnMut(Vec<LinkEvent>)> LinkSession<F> {
         let done = match command {
             Command::Scene(hash, scene) => session.set_scene(hash, &scene).map(drop),
             Command::CancelBefore(frame) => session.cancel_before(frame),
-            Command::CancelRun(run) => session.cancel_run(run),
+            Command::CancelRequest(run) => session.cancel_request(run),
             Command::Ping(number) => session.ping(number),
             Command::Trace(request) => return self.trace(*request),
         };
@@ -112,10 +112,10 @@ impl<F: FnMut(Vec<LinkEvent>)> LinkSession<F> {
     pub fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error> {
         let begun = Instant::now();
         for event in self.session.handle(packet)? {
-            if let ClientEvent::Tiles { run, .. } = event {
+            if let ClientEvent::Tiles { request, .. } = event {
                 let took = begun.elapsed();
                 self.decoding += took;
-                self.events.push(LinkEvent::Decoded { run, took });
+                self.events.push(LinkEvent::Decoded { request, took });
             }
             self.events.push(LinkEvent::Session(event));
         }
@@ -140,11 +140,11 @@ impl<F: FnMut(Vec<LinkEvent>)> LinkSession<F> {
 
     fn trace(&mut self, mut request: TraceRequest) {
         request.precision = self.precision;
-        let (frame, run) = (request.frame, request.run);
+        let (frame, id) = (request.frame, request.id);
         if let Err(why) = self.session.trace(request) {
             let why = RefusalReason::Invalid(why.to_string());
-            let refusal = Refusal { run, why };
-            let event = ClientEvent::RunRefused { frame, refusal };
+            let refusal = Refusal { request: id, why };
+            let event = ClientEvent::RequestRefused { frame, refusal };
             self.events.push(LinkEvent::Session(event));
         }
     }

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use carom_protocol::PixelFormat;
 use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
 use carom_protocol::tile_codec::{Decoder, Encoder};
-use carom_tracer::{ImageSize, Tile, TileGrid, TileRun};
+use carom_tracer::{ImageSize, Tile, TileGrid, TileRange};
 
 fn main() {
     println!("picture format   bytes left  encode MB/s  decode MB/s");
@@ -83,7 +83,7 @@ fn picture(grain: f32) -> Vec<Message> {
     firsts
         .map(|first| {
             let count = TILES_PER_MESSAGE_MAX.min(grid.len() - first);
-            let tiles = grid.tiles(TileRun { first, count });
+            let tiles = grid.tiles(TileRange { first, count });
             tiles.map(|tile| (tile, radiance(tile, grain))).collect()
         })
         .collect()

@@ -11,7 +11,7 @@ use serde::de::DeserializeOwned;
 
 use crate::Error;
 use crate::limits::{CONTROL_BYTES_MAX, SCENE_BYTES_MAX, TILES_BYTES_MAX};
-use crate::message::{RunId, SceneHash, ToClient, ToNode, VERSION};
+use crate::message::{RequestId, SceneHash, ToClient, ToNode, VERSION};
 
 impl SceneHash {
     /// The hash under which nodes keep `scene`. Equal scenes have equal hashes, bit for bit of
@@ -107,13 +107,13 @@ pub fn decode_to_client(bytes: &[u8]) -> Result<ToClient, Error> {
     Ok(message)
 }
 
-/// The run of a tile message, from its first bytes alone; `None` if it is none.
-pub fn run_of_tiles(bytes: &[u8]) -> Option<RunId> {
+/// The request of a tile message, from its first bytes alone; `None` if it is none.
+pub fn request_of_tiles(bytes: &[u8]) -> Option<RequestId> {
     let (&TILES_VARIANT, rest) = bytes.split_first()? else {
         return None;
     };
-    let (run, _) = postcard::take_from_bytes(rest).ok()?;
-    Some(run)
+    let (request, _) = postcard::take_from_bytes(rest).ok()?;
+    Some(request)
 }
 
 /// Whether `bytes` are a trace request, from the first of them alone.
@@ -132,7 +132,7 @@ pub(crate) fn to_node_kind(message: &ToNode) -> &'static str {
         ToNode::Hello { .. } => "greeting",
         ToNode::Scene { .. } => "scene",
         ToNode::Trace(_) => "trace request",
-        ToNode::CancelBefore(_) | ToNode::CancelRun(_) => "cancellation",
+        ToNode::CancelBefore(_) | ToNode::CancelRequest(_) => "cancellation",
         ToNode::Ping(_) => "ping",
     }
 }
@@ -143,8 +143,8 @@ pub(crate) fn to_client_kind(message: &ToClient) -> &'static str {
         ToClient::Welcome { .. } => "welcome",
         ToClient::SceneReady(_) | ToClient::SceneRefused { .. } => "answer to a scene",
         ToClient::Tiles(_) => "tile message",
-        ToClient::RunDone(_) => "report",
-        ToClient::RunRefused(_) => "refusal",
+        ToClient::RequestDone(_) => "report",
+        ToClient::RequestRefused(_) => "refusal",
         ToClient::Pong(_) => "pong",
         ToClient::SceneComing { .. } => "progress of a scene",
     }
@@ -239,7 +239,7 @@ const TILES_VARIANT: u8 = 3;
 mod tests {
     use super::*;
     use crate::message::{NodeInfo, NodeTimes, TilesDone};
-    use carom_tracer::{DeviceInfo, DeviceKind, TileRun};
+    use carom_tracer::{DeviceInfo, DeviceKind, TileRange};
 
     fn welcome(version: u16) -> ToClient {
         let device = DeviceInfo {
@@ -255,8 +255,8 @@ mod tests {
 
     fn tiles(pixels: Vec<u8>) -> ToClient {
         ToClient::Tiles(TilesDone {
-            run: RunId(1),
-            tiles: TileRun { first: 0, count: 1 },
+            request: RequestId(1),
+            tiles: TileRange { first: 0, count: 1 },
             busy_micros: 1,
             times: NodeTimes::default(),
             dropped_samples: 0,

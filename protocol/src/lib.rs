@@ -6,8 +6,8 @@
 //!         ◀────────────────────────── Welcome      both check the version
 //!   Scene ──────────────────────────────────▶      once per content hash
 //!         ◀─────────────────────── SceneReady
-//!   Trace ──────────────────────────────────▶      camera, poses, a run of tiles
-//!         ◀──────────────── Tiles … Tiles, RunDone
+//!   Trace ──────────────────────────────────▶      camera, poses, a request of tiles
+//!         ◀──────────────── Tiles … Tiles, RequestDone
 //! ```
 //!
 //! The crate knows no socket, no clock and no thread: [`session`] turns packets into events and
@@ -29,23 +29,23 @@
 //! while pictures == 0 {
 //!     while let Some(packet) = client.poll_transmit() {
 //!         let Some(NodeEvent::Trace { request, .. }) = node.handle(packet)? else { continue };
-//!         let (run, tiles, tile) = (request.run, request.tiles, request.grid.tile(0));
+//!         let (request, tiles, tile) = (request.id, request.tiles, request.grid.tile(0));
 //!         let radiance = vec![[1.0; 3]; tile.pixels()]; // here a tracer works
 //!         let pixels = Encoder::new().encode(request.format, &[(tile, &radiance)]);
-//!         node.tiles(TilesDone { run, tiles, busy_micros: 9, times: NodeTimes::default(),
+//!         node.tiles(TilesDone { request, tiles, busy_micros: 9, times: NodeTimes::default(),
 //!             dropped_samples: 0, pixels })?;
-//!         node.run_done(RunReport { run, ..RunReport::default() })?;
+//!         node.request_done(RequestReport { request, ..RequestReport::default() })?;
 //!     }
 //!     while let Some(packet) = node.poll_transmit() {
 //!         for event in client.handle(packet)? {
 //!             match event {
 //!                 ClientEvent::SceneReady(scene) => client.trace(TraceRequest {
-//!                     frame: FrameId(0), run: RunId(0), scene, update: SceneUpdate::default(),
+//!                     frame: FrameId(0), id: RequestId(0), scene, update: SceneUpdate::default(),
 //!                     grid, tiles: grid.all(), settings: RenderSettings::default(),
 //!                     format: PixelFormat::LinearF16,
 //!                     precision: PrecisionRange::EXACT, held: Vec::new(),
 //!                 })?,
-//!                 ClientEvent::RunDone { .. } => pictures += 1,
+//!                 ClientEvent::RequestDone { .. } => pictures += 1,
 //!                 _ => {}
 //!             }
 //!         }
@@ -66,8 +66,8 @@ mod validate;
 
 pub use error::Error;
 pub use message::{
-    FrameId, HeldTiles, NodeInfo, NodeTimes, PixelFormat, Refusal, RefusalReason, RunId, RunReport,
-    SceneHash, TilesDone, ToClient, ToNode, TraceRequest,
+    FrameId, HeldTiles, NodeInfo, NodeTimes, PixelFormat, Refusal, RefusalReason, RequestId,
+    RequestReport, SceneHash, TilesDone, ToClient, ToNode, TraceRequest,
 };
 pub use precision::{Precision, PrecisionRange};
 pub use session::{

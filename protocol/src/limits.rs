@@ -15,28 +15,28 @@ pub const PIXELS_PER_MESSAGE_MAX: usize =
     TILES_PER_MESSAGE_MAX as usize * TILE_EDGE_MAX as usize * TILE_EDGE_MAX as usize;
 /// Bytes of a tile message: incompressible floats and the header.
 pub const TILES_BYTES_MAX: usize = PIXELS_PER_MESSAGE_MAX * 12 + 4096;
-/// Runs that a node holds for a client; more are refused as busy. Eight frames in flight, each
-/// with as many re-issued runs again, twice over. Who needs more asks others, or when one ends.
-pub const RUNS_QUEUED_MAX: usize = 32;
+/// Requests that a node holds for a client; more are refused as busy. Eight frames in flight, each
+/// with as many re-issued requests again, twice over. Who needs more asks others, or when one ends.
+pub const REQUESTS_QUEUED_MAX: usize = 32;
 /// Scenes that a node keeps; the least recently used goes first.
 pub const SCENES_KEPT_MAX: usize = 4;
-/// Pixel samples of one run: a minute of one slow core.
-pub const RUN_SAMPLES_MAX: u64 = 1 << 32;
+/// Pixel samples of one request: a minute of one slow core.
+pub const REQUEST_SAMPLES_MAX: u64 = 1 << 32;
 /// Bytes of a sentence from a peer.
 pub const SENTENCE_BYTES_MAX: usize = 1024;
 /// Frames that a client has in flight.
 pub const FRAMES_IN_FLIGHT_MAX: usize = 8;
 /// Nodes of one farm.
 pub const NODES_MAX: usize = 1024;
-/// Tiles of one run: a 4K picture in tiles of 8 pixels has 129,600. Bounds the lists that a node
+/// Tiles of one request: a 4K picture in tiles of 8 pixels has 129,600. Bounds the lists that a node
 /// makes of a request of 200 bytes.
-pub const RUN_TILES_MAX: u32 = 1 << 17;
+pub const REQUEST_TILES_MAX: u32 = 1 << 17;
 /// Bytes of a node's or a device's name: a domain name has at most 253.
 pub const NODE_NAME_BYTES_MAX: usize = 255;
-/// Runs of one connection from which a client holds tiles: twice the frames in flight. Bounds what
+/// Requests of one connection from which a client holds tiles: twice the frames in flight. Bounds what
 /// it keeps of a node that is asked for other tiles now.
-pub const HELD_RUNS_MAX: usize = 2 * FRAMES_IN_FLIGHT_MAX;
-/// Stretches of held tiles that a request names: one if all tiles of the run before have come; each
+pub const REFERENCE_REQUESTS_MAX: usize = 2 * FRAMES_IN_FLIGHT_MAX;
+/// Stretches of held tiles that a request names: one if all tiles of the request before have come; each
 /// late message splits one.
 pub const HELD_STRETCHES_MAX: usize = 64;
 /// Bytes of sent tiles that a node remembers for a client: eleven 720p frames or five of 1080p.
@@ -47,6 +47,6 @@ pub const TILES_QUEUED_BYTES_MAX: usize = 64 * 1024 * 1024;
 /// Control packets that wait in a session for the network; a peer that asks for more answers
 /// without reading any is cut off.
 pub const CONTROL_QUEUED_MAX: usize = 1024;
-/// Runs refused by a node that the client remembers, so as to tell their late tiles from tiles
+/// Requests refused by a node that the client remembers, so as to tell their late tiles from tiles
 /// that were never asked for: four seconds of frames.
-pub const RUNS_REFUSED_KEPT: usize = 256;
+pub const REQUESTS_REFUSED_KEPT: usize = 256;

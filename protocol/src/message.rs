@@ -1,6 +1,8 @@
 //! The messages, as plain data. [`crate::codec`] turns them into bytes and back.
 
-use carom_tracer::{DeviceInfo, ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid, TileRun};
+use carom_tracer::{
+    DeviceInfo, ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid, TileRange,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::precision::PrecisionRange;
@@ -24,7 +26,7 @@ pub struct FrameId(pub u64);
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize,
 )]
-pub struct RunId(pub u64);
+pub struct RequestId(pub u64);
 
 /// From the client to a node.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -43,10 +45,10 @@ pub enum ToNode {
     },
     /// Tiles to trace.
     Trace(Box<TraceRequest>),
-    /// All runs of frames before this one are no longer wanted.
+    /// All requests of frames before this one are no longer wanted.
     CancelBefore(FrameId),
-    /// One run is no longer wanted.
-    CancelRun(RunId),
+    /// One request is no longer wanted.
+    CancelRequest(RequestId),
     /// Answered at once by [`ToClient::Pong`] with the same number.
     Ping(u64),
 }
@@ -70,12 +72,12 @@ pub enum ToClient {
         /// A sentence for the user.
         why: String,
     },
-    /// Some tiles of a run, finished.
+    /// Some tiles of a request, finished.
     Tiles(TilesDone),
-    /// All tiles of a run have been sent.
-    RunDone(RunReport),
-    /// A run was not begun or not finished.
-    RunRefused(Refusal),
+    /// All tiles of a request have been sent.
+    RequestDone(RequestReport),
+    /// A request was not begun or not finished.
+    RequestRefused(Refusal),
     /// The answer to [`ToNode::Ping`].
     Pong(u64),
     /// So many bytes of the message with the oldest scene that has no answer are there: said now
@@ -98,10 +100,10 @@ pub struct NodeInfo {
 /// Tiles to trace: a whole picture's description and one node's part of it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TraceRequest {
-    /// The picture. A request for a frame and tiles may be repeated under another `run`.
+    /// The picture. A request for a frame and tiles may be repeated under another id.
     pub frame: FrameId,
     /// This request.
-    pub run: RunId,
+    pub id: RequestId,
     /// A scene that the node has reported ready.
     pub scene: SceneHash,
     /// Camera and poses.
@@ -109,24 +111,24 @@ pub struct TraceRequest {
     /// The whole picture and its tiles.
     pub grid: TileGrid,
     /// The node's part.
-    pub tiles: TileRun,
+    pub tiles: TileRange,
     /// Samples, maximum depth and seed.
     pub settings: RenderSettings,
     /// How pixels come back.
     pub format: PixelFormat,
     /// How exactly, if as [`PixelFormat::Srgb8`].
     pub precision: PrecisionRange,
-    /// Which of the tiles the client holds from earlier runs. The session fills it in.
+    /// Which of the tiles the client holds from earlier requests. The session fills it in.
     pub held: Vec<HeldTiles>,
 }
 
 /// Tiles that a client has got and remembers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct HeldTiles {
-    /// The run that they came from.
-    pub run: RunId,
+    /// The request that they came from.
+    pub request: RequestId,
     /// Which tiles of the same grid.
-    pub tiles: TileRun,
+    pub tiles: TileRange,
 }
 
 impl TraceRequest {
@@ -161,13 +163,13 @@ impl PixelFormat {
     }
 }
 
-/// Finished tiles of a run: at most [`crate::limits::TILES_PER_MESSAGE_MAX`].
+/// Finished tiles of a request: at most [`crate::limits::TILES_PER_MESSAGE_MAX`].
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TilesDone {
     /// The request.
-    pub run: RunId,
+    pub request: RequestId,
     /// Part of the request's tiles.
-    pub tiles: TileRun,
+    pub tiles: TileRange,
     /// Microseconds of tracing and encoding that these tiles took, by the node's clock.
     pub busy_micros: u32,
     /// Where the time since the request came has gone.
@@ -183,7 +185,7 @@ pub struct TilesDone {
 /// after the other, in microseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct NodeTimes {
-    /// Until the run was begun.
+    /// Until the request was begun.
     pub queue_micros: u32,
     /// From then until the last of the message's tiles was traced.
     pub trace_micros: u32,
@@ -191,11 +193,11 @@ pub struct NodeTimes {
     pub encode_micros: u32,
 }
 
-/// How a run went, by the node's own clock: durations only.
+/// How a request went, by the node's own clock: durations only.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct RunReport {
+pub struct RequestReport {
     /// The request.
-    pub run: RunId,
+    pub request: RequestId,
     /// Microseconds from arrival until the first tile was begun.
     pub queue_micros: u32,
     /// Microseconds of tracing.
@@ -204,11 +206,11 @@ pub struct RunReport {
     pub encode_micros: u32,
 }
 
-/// Why a run was not done.
+/// Why a request was not done.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Refusal {
     /// The request.
-    pub run: RunId,
+    pub request: RequestId,
     /// The reason.
     pub why: RefusalReason,
 }

@@ -1,10 +1,10 @@
 //! What a message must keep beyond its form. Decoded values have passed these checks, and so
 //! have those that are sent: a peer that breaks one is not this program.
 
-use carom_tracer::{SceneUpdate, TileGrid, TileRun};
+use carom_tracer::{SceneUpdate, TileGrid, TileRange};
 
 use crate::limits::{
-    HELD_STRETCHES_MAX, NODE_NAME_BYTES_MAX, POSES_MAX, RUN_SAMPLES_MAX, RUN_TILES_MAX,
+    HELD_STRETCHES_MAX, NODE_NAME_BYTES_MAX, POSES_MAX, REQUEST_SAMPLES_MAX, REQUEST_TILES_MAX,
     SENTENCE_BYTES_MAX, TILE_EDGE_MAX, TILES_PER_MESSAGE_MAX,
 };
 use crate::message::{
@@ -26,7 +26,7 @@ impl ToNode {
             Self::Hello { .. }
             | Self::Scene { .. }
             | Self::CancelBefore(_)
-            | Self::CancelRun(_)
+            | Self::CancelRequest(_)
             | Self::Ping(_) => Ok(()),
         }
     }
@@ -43,27 +43,28 @@ impl ToClient {
             Self::Welcome { node, .. } => node.validate(),
             Self::SceneRefused { why, .. } => sentence(why),
             Self::Tiles(tiles) => tiles.validate(),
-            Self::RunRefused(refusal) => match &refusal.why {
+            Self::RequestRefused(refusal) => match &refusal.why {
                 RefusalReason::Invalid(why) | RefusalReason::Device(why) => sentence(why),
                 RefusalReason::Cancelled | RefusalReason::Busy | RefusalReason::UnknownScene => {
                     Ok(())
                 }
             },
-            Self::SceneReady(_) | Self::RunDone(_) | Self::Pong(_) | Self::SceneComing { .. } => {
-                Ok(())
-            }
+            Self::SceneReady(_)
+            | Self::RequestDone(_)
+            | Self::Pong(_)
+            | Self::SceneComing { .. } => Ok(()),
         }
     }
 }
 
 impl TraceRequest {
-    /// Checks every number against its range and the work against [`RUN_SAMPLES_MAX`].
+    /// Checks every number against its range and the work against [`REQUEST_SAMPLES_MAX`].
     ///
     /// # Errors
     /// A sentence that names the value and the rule.
     pub fn validate(&self) -> Check {
         check_grid(self.grid)?;
-        check_run(self.grid, self.tiles)?;
+        check_tiles(self.grid, self.tiles)?;
         self.settings
             .validate()
             .map_err(|error| error.to_string())?;
@@ -73,10 +74,10 @@ impl TraceRequest {
         self.check_held()?;
         let pixels = self.grid.pixels(self.tiles) as u64;
         let samples = pixels * u64::from(self.settings.samples);
-        if samples > RUN_SAMPLES_MAX {
+        if samples > REQUEST_SAMPLES_MAX {
             return Err(format!(
-                "{pixels} pixels of {} samples are asked for: at most {RUN_SAMPLES_MAX} samples \
-                 are allowed in one run",
+                "{pixels} pixels of {} samples are asked for: at most {REQUEST_SAMPLES_MAX} samples \
+                 are allowed in one request",
                 self.settings.samples
             ));
         }
@@ -92,14 +93,14 @@ impl TraceRequest {
             HELD_STRETCHES_MAX,
         )?;
         let mut from = self.tiles.first;
-        for HeldTiles { run, tiles } in &self.held {
+        for HeldTiles { request, tiles } in &self.held {
             let inside = tiles.first.checked_add(tiles.count);
             let inside = inside.is_some_and(|end| end <= self.tiles.end());
-            if tiles.count == 0 || tiles.first < from || !inside || *run >= self.run {
+            if tiles.count == 0 || tiles.first < from || !inside || *request >= self.id {
                 return Err(format!(
-                    "held are {tiles:?} of {run:?}: stretches must be in order, in {:?} and of \
-                     earlier runs than {:?}",
-                    self.tiles, self.run
+                    "held are {tiles:?} of {request:?}: stretches must be in order, in {:?} and of \
+                     earlier requests than {:?}",
+                    self.tiles, self.id
                 ));
             }
             from = tiles.end();
@@ -140,7 +141,7 @@ impl NodeInfo {
 
 impl TilesDone {
     fn validate(&self) -> Check {
-        let TileRun { first, count } = self.tiles;
+        let TileRange { first, count } = self.tiles;
         if !(1..=TILES_PER_MESSAGE_MAX).contains(&count) {
             return Err(format!(
                 "it has {count} tiles: it must be from 1 to {TILES_PER_MESSAGE_MAX}"
@@ -164,19 +165,19 @@ fn check_grid(grid: TileGrid) -> Check {
     ))
 }
 
-fn check_run(grid: TileGrid, run: TileRun) -> Check {
-    if !(1..=RUN_TILES_MAX).contains(&run.count) {
+fn check_tiles(grid: TileGrid, tiles: TileRange) -> Check {
+    if !(1..=REQUEST_TILES_MAX).contains(&tiles.count) {
         return Err(format!(
-            "a run of {} tiles is asked for: it must be from 1 to {RUN_TILES_MAX}",
-            run.count
+            "{} tiles are asked for: it must be from 1 to {REQUEST_TILES_MAX}",
+            tiles.count
         ));
     }
-    match run.first.checked_add(run.count) {
+    match tiles.first.checked_add(tiles.count) {
         Some(end) if end <= grid.len() => Ok(()),
         _ => Err(format!(
             "{} tiles from {} on are asked for: the picture has {}",
-            run.count,
-            run.first,
+            tiles.count,
+            tiles.first,
             grid.len()
         )),
     }

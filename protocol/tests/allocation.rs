@@ -88,18 +88,18 @@ fn announced_lengths_are_not_believed() {
 fn a_list_of_poses_that_lies_costs_what_came() {
     let request = TraceRequest {
         frame: carom_protocol::FrameId(1),
-        run: carom_protocol::RunId(1),
+        id: carom_protocol::RequestId(1),
         scene: carom_protocol::SceneHash([1; 32]),
         update: carom_tracer::SceneUpdate::default(),
         grid: carom_tracer::TileGrid::new(carom_tracer::ImageSize::new(8, 8), 8),
-        tiles: carom_tracer::TileRun { first: 0, count: 1 },
+        tiles: carom_tracer::TileRange { first: 0, count: 1 },
         settings: carom_tracer::RenderSettings::default(),
         format: PixelFormat::LinearF16,
         precision: carom_protocol::PrecisionRange::EXACT,
         held: Vec::new(),
     };
     let bytes = postcard::to_stdvec(&ToNode::Trace(Box::new(request))).unwrap();
-    // Variant, frame, run, hash, no camera; then the number of poses.
+    // Variant, frame, request, hash, no camera; then the number of poses.
     let poses_at = 1 + 1 + 1 + 32 + 1;
     assert_eq!(bytes[poses_at], 0);
     let lie = [&bytes[..poses_at], &SIXTY_THOUSAND, &[0x20; 64_000]].concat();

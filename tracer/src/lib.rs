@@ -42,5 +42,5 @@ pub use scene::{
     ProceduralTexture, Scene, SceneUpdate, Shape, Sights, Stripe, Subtraction,
 };
 pub use settings::{Preset, RenderSettings};
-pub use tile::{ImageSize, Tile, TileGrid, TileRun};
+pub use tile::{ImageSize, Tile, TileGrid, TileRange};
 pub use tracer::{DeviceInfo, DeviceKind, TileRadiance, TraceJob, TraceStats, Tracer};

@@ -133,8 +133,8 @@ impl TileGrid {
     }
 
     /// All tiles as one run.
-    pub const fn all(self) -> TileRun {
-        TileRun {
+    pub const fn all(self) -> TileRange {
+        TileRange {
             first: 0,
             count: self.len(),
         }
@@ -159,26 +159,26 @@ impl TileGrid {
     }
 
     /// The tiles of a run, in order.
-    pub fn tiles(self, run: TileRun) -> impl ExactSizeIterator<Item = Tile> {
+    pub fn tiles(self, run: TileRange) -> impl ExactSizeIterator<Item = Tile> {
         (run.first..run.end()).map(move |index| self.tile(index))
     }
 
     /// Number of pixels in a run's tiles.
-    pub fn pixels(self, run: TileRun) -> usize {
+    pub fn pixels(self, run: TileRange) -> usize {
         self.tiles(run).map(Tile::pixels).sum()
     }
 }
 
 /// Tiles that follow one another in a [`TileGrid`]'s order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-pub struct TileRun {
+pub struct TileRange {
     /// Number of the first tile.
     pub first: u32,
     /// How many tiles.
     pub count: u32,
 }
 
-impl TileRun {
+impl TileRange {
     /// The number after the last tile, saturating.
     pub const fn end(self) -> u32 {
         self.first.saturating_add(self.count)

@@ -11,7 +11,7 @@ use carom_farm::net::{Credentials, NodeServer, PacketHandler, Role, ServerEvent,
 use carom_farm::node::{Node, NodeConnection};
 use carom_farm::throttle::{Share, Throttled};
 use carom_protocol::session::Packet;
-use carom_protocol::{RunId, ToNode, codec};
+use carom_protocol::{RequestId, ToNode, codec};
 use carom_tracer::Tracer as _;
 
 use crate::commands::Failure;
@@ -173,7 +173,7 @@ impl PacketHandler for Watched {
         self.connection.poll_commands(cx)
     }
 
-    fn take_cancelled(&mut self) -> Vec<RunId> {
+    fn take_cancelled(&mut self) -> Vec<RequestId> {
         self.connection.take_cancelled()
     }
 

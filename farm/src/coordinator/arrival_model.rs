@@ -6,7 +6,7 @@
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
-use carom_protocol::{FrameId, RunId};
+use carom_protocol::{FrameId, RequestId};
 
 use super::node_state::Node;
 use super::open_request::Run;
@@ -15,7 +15,7 @@ use crate::balancer::Estimate;
 /// A run that is still wanted, as it should go on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Prospect {
-    pub(super) run: RunId,
+    pub(super) run: RequestId,
     pub(super) frame: FrameId,
     /// When the first of its missing work begins to count, by the client's clock: the last missing
     /// tile comes at `begin + pace · outstanding`.
@@ -171,8 +171,9 @@ impl Drift {
 /// Among runs in the order of their frames, the place of the one that a node turns to when it is
 /// through with all before at `free`: of those that have reached it by then the oldest frame's, else
 /// the one that reaches it first.
-fn served_next(waiting: &[(&RunId, &Run)], line: Estimate, free: Option<f64>) -> usize {
-    let is_there = |(_, run): &(&RunId, &Run)| free.is_some_and(|free| run.begins(line) <= free);
+fn served_next(waiting: &[(&RequestId, &Run)], line: Estimate, free: Option<f64>) -> usize {
+    let is_there =
+        |(_, run): &(&RequestId, &Run)| free.is_some_and(|free| run.begins(line) <= free);
     let sooner = |a: &usize, b: &usize| earlier(waiting[*a].1, waiting[*b].1, line);
     let there = waiting.iter().position(is_there);
     let first = || (0..waiting.len()).min_by(sooner);
@@ -206,7 +207,7 @@ impl Node {
             return Vec::new();
         };
         let wanted = self.runs.iter().filter(|(_, run)| run.outstanding() > 0.0);
-        let mut waiting: Vec<(&RunId, &Run)> = wanted.collect();
+        let mut waiting: Vec<(&RequestId, &Run)> = wanted.collect();
         waiting.sort_by_key(|(_, run)| run.frame);
         let mut prospects: Vec<Prospect> = Vec::with_capacity(waiting.len());
         let (mut pace, mut soonest) = (line.secs_per_work, f64::NEG_INFINITY);
@@ -246,7 +247,7 @@ impl Node {
     }
 
     /// The run that it is at, as far as can be told from what has come.
-    pub(super) fn next_run(&self, line: Estimate) -> Option<(RunId, &Run)> {
+    pub(super) fn next_run(&self, line: Estimate) -> Option<(RequestId, &Run)> {
         let wanted = self.runs.iter().filter(|(_, run)| run.outstanding() > 0.0);
         let (id, run) = wanted.min_by(|(_, a), (_, b)| {
             let order = earlier(a, b, line);
@@ -318,7 +319,7 @@ const CAUTION_MAX: f64 = 8.0;
 
 #[cfg(test)]
 mod tests {
-    use carom_tracer::{ImageSize, TileGrid, TileRun};
+    use carom_tracer::{ImageSize, TileGrid, TileRange};
 
     use super::super::sample_passes::Passes;
     use super::*;
@@ -339,12 +340,12 @@ mod tests {
         });
         let passes = Passes::one(TileGrid::new(ImageSize::new(40, 1), 1), 1);
         for (id, (frame, issued)) in asked.iter().enumerate() {
-            let tiles = TileRun {
+            let tiles = TileRange {
                 first: 0,
                 count: 10,
             };
             let run = Run::new(*issued, FrameId(*frame), passes, tiles, 10.0);
-            node.ask(*issued, RunId(id as u64), run);
+            node.ask(*issued, RequestId(id as u64), run);
         }
         node
     }
@@ -364,7 +365,7 @@ mod tests {
         };
         assert!((again.begin - first.finish()).abs() < 1e-12);
         // A message of the first tells that the others have waited.
-        node.hear(0.015, RunId(0), FrameId(1));
+        node.hear(0.015, RequestId(0), FrameId(1));
         assert!(
             node.runs
                 .values()
@@ -385,8 +386,8 @@ mod tests {
     fn a_pause_before_a_frame_is_not_taken_for_slowness_but_later_gaps_are() {
         let mut node = node(&[(0, 0.0), (1, 0.0)]);
         let line = node.delivered();
-        let eight = |first| TileRun { first, count: 8 };
-        let run = node.runs.get_mut(&RunId(1)).unwrap();
+        let eight = |first| TileRange { first, count: 8 };
+        let run = node.runs.get_mut(&RequestId(1)).unwrap();
         run.others_until = 0.02;
         let paused = run.clone();
         let receive = |run: &mut Run, now, is_first| {
@@ -424,14 +425,14 @@ mod tests {
         assert!(node.falls_silent(first + 1e-6, true));
         assert_eq!(lost(&node), [true, true, false]);
         // Work that it is asked for while it is silent is not relied on.
-        let more = node.runs[&RunId(2)].clone();
-        node.ask(first, RunId(3), more);
+        let more = node.runs[&RequestId(2)].clone();
+        node.ask(first, RequestId(3), more);
         assert_eq!(lost(&node), [true, true, false, true]);
         let second = first + 20.0 * PACE;
         assert!(!node.falls_silent(second - 1e-6, true));
         assert!(node.falls_silent(second + 1e-6, true));
         assert_eq!(lost(&node), [true; 4]);
-        assert!(node.hear(second + 1e-3, RunId(0), FrameId(0)));
+        assert!(node.hear(second + 1e-3, RequestId(0), FrameId(0)));
         assert_eq!(lost(&node), [false; 4]);
     }
 
@@ -453,11 +454,11 @@ mod tests {
         let asked = 0.012;
         let begins = asked + FIXED_SECS - 0.003 + node.wait_secs(asked, FrameId(0));
         assert!((begins - 0.020).abs() < 1e-12, "{begins}");
-        let mut more = node.runs[&RunId(0)].clone();
+        let mut more = node.runs[&RequestId(0)].clone();
         (more.issued, more.drift_secs) = (asked, node.drift.of(FrameId(0)));
-        node.ask(asked, RunId(2), more);
+        node.ask(asked, RequestId(2), more);
         let prospects = node.prospects(asked, None);
-        assert_eq!(prospects[1].run, RunId(2));
+        assert_eq!(prospects[1].run, RequestId(2));
         assert!((prospects[1].begin - begins).abs() < 1e-12);
     }
 }

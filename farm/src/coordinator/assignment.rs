@@ -1,9 +1,9 @@
 //! Hands out tiles that nobody holds: whole frames by the chosen algorithm, the remains of lost
 //! runs to whoever finishes them first.
 
-use carom_protocol::limits::{RUN_SAMPLES_MAX, RUN_TILES_MAX, RUNS_QUEUED_MAX};
-use carom_protocol::{FrameId, PrecisionRange, RunId, SceneHash, TraceRequest};
-use carom_tracer::{RenderSettings, TileRun};
+use carom_protocol::limits::{REQUEST_SAMPLES_MAX, REQUEST_TILES_MAX, REQUESTS_QUEUED_MAX};
+use carom_protocol::{FrameId, PrecisionRange, RequestId, SceneHash, TraceRequest};
+use carom_tracer::{RenderSettings, TileRange};
 
 use super::open_request::Run;
 use super::partition::{Deal, WorkMap};
@@ -18,7 +18,7 @@ use crate::link::Command;
 #[derive(Debug, Default)]
 pub(super) struct LastDivision {
     passes: Option<Passes>,
-    runs: Vec<(NodeIndex, Vec<TileRun>)>,
+    runs: Vec<(NodeIndex, Vec<TileRange>)>,
 }
 
 impl LastDivision {
@@ -30,9 +30,9 @@ impl LastDivision {
         nodes: &[NodeIndex],
         lines: &[Line],
         deal: Deal,
-    ) -> &[(NodeIndex, Vec<TileRun>)] {
+    ) -> &[(NodeIndex, Vec<TileRange>)] {
         let finish =
-            |(line, (_, runs)): (&Line, &(NodeIndex, Vec<TileRun>))| match work.of_all(runs) {
+            |(line, (_, runs)): (&Line, &(NodeIndex, Vec<TileRange>))| match work.of_all(runs) {
                 0.0 => 0.0,
                 work if work > HYSTERESIS * line.cap => f64::INFINITY,
                 work => line.a_secs + line.b_secs * work,
@@ -93,7 +93,7 @@ impl Coordinator {
     }
 
     /// The tiles of a frame that are neither there nor asked of a node that answers.
-    fn unheld_tiles(&mut self, id: FrameId) -> Vec<TileRun> {
+    fn unheld_tiles(&mut self, id: FrameId) -> Vec<TileRange> {
         let Some(frame) = self.frames.by_id(id) else {
             return Vec::new();
         };
@@ -170,7 +170,7 @@ impl Coordinator {
     }
 
     /// In how many parts a node is asked for a run: one if they would not be taken back.
-    fn parts_most(&mut self, id: FrameId, node: NodeIndex, run: TileRun) -> u32 {
+    fn parts_most(&mut self, id: FrameId, node: NodeIndex, run: TileRange) -> u32 {
         let in_flight = self.frames.unfinished().len();
         let Some(frame) = self.frames.by_id(id) else {
             return 1;
@@ -184,11 +184,11 @@ impl Coordinator {
             .estimate()
             .map_or(0.0, |line| line.secs_per_work);
         let by_time = (pace * frame.work.of(run) / PART_SECS_MIN) as usize;
-        let by_room = RUNS_QUEUED_MAX / (2 * in_flight.max(1));
+        let by_room = REQUESTS_QUEUED_MAX / (2 * in_flight.max(1));
         PARTS_MAX.min(by_time).min(by_room).max(1) as u32
     }
 
-    fn divide_pieces(&mut self, now: f64, id: FrameId, pieces: &[TileRun], nodes: &[NodeIndex]) {
+    fn divide_pieces(&mut self, now: f64, id: FrameId, pieces: &[TileRange], nodes: &[NodeIndex]) {
         let candidates = self.candidates(now, id, nodes);
         let Some(frame) = self.frames.by_id(id) else {
             return;
@@ -221,7 +221,7 @@ impl Coordinator {
     }
 
     /// What a node takes next from the pool of a frame, if anything.
-    fn portion(&mut self, index: NodeIndex, id: FrameId, nodes: usize) -> Option<TileRun> {
+    fn portion(&mut self, index: NodeIndex, id: FrameId, nodes: usize) -> Option<TileRange> {
         let node = &self.nodes[index.0];
         let frame = self.frames.by_id(id)?;
         if frame.pool.count == 0 || !node.is_usable(frame.scene.0) {
@@ -236,7 +236,7 @@ impl Coordinator {
         let portion = Pull::portion(pool, nodes, tile).min(free);
         let first = frame.pool.first;
         let fits = |count: &u32| {
-            frame.work.of(TileRun {
+            frame.work.of(TileRange {
                 first,
                 count: *count,
             }) <= portion
@@ -244,7 +244,7 @@ impl Coordinator {
         let count = (2..=frame.pool.count).take_while(fits).last().unwrap_or(1);
         frame.pool.first += count;
         frame.pool.count -= count;
-        Some(TileRun { first, count })
+        Some(TileRange { first, count })
     }
 
     /// Takes the latest finish that is expected of any node as the frame's target.
@@ -265,7 +265,7 @@ impl Coordinator {
 
     /// Asks nodes that got nothing for one tile now and then, beside the node whose tile it is:
     /// they may have become faster, and nothing else would tell.
-    fn probe(&mut self, now: f64, id: FrameId, runs: &[(NodeIndex, Vec<TileRun>)]) {
+    fn probe(&mut self, now: f64, id: FrameId, runs: &[(NodeIndex, Vec<TileRange>)]) {
         let Some(frame) = self.frames.by_id(id) else {
             return;
         };
@@ -288,7 +288,7 @@ impl Coordinator {
             };
             let units = u64::from(frame.passes.all().count);
             let first = (id.0.wrapping_add(index.0 as u64) % units) as u32;
-            self.ask(now, id, *index, &[TileRun { first, count: 1 }], true);
+            self.ask(now, id, *index, &[TileRange { first, count: 1 }], true);
         }
     }
 
@@ -298,7 +298,7 @@ impl Coordinator {
         now: f64,
         id: FrameId,
         node: NodeIndex,
-        tiles: &[TileRun],
+        tiles: &[TileRange],
         probe: bool,
     ) {
         let Some(frame) = self.frames.by_id(id).filter(|_| !tiles.is_empty()) else {
@@ -309,13 +309,13 @@ impl Coordinator {
         let passes = frame.passes;
         let tile_samples =
             u64::from(passes.grid.edge).pow(2) * u64::from(frame.spec.settings.samples);
-        let most =
-            (RUN_SAMPLES_MAX / tile_samples.max(1)).clamp(1, u64::from(RUN_TILES_MAX)) as u32;
+        let most = (REQUEST_SAMPLES_MAX / tile_samples.max(1))
+            .clamp(1, u64::from(REQUEST_TILES_MAX)) as u32;
         let mut runs = Vec::new();
         for run in tiles.iter().flat_map(|run| passes.split(*run)) {
             for first in run.indices().step_by(most as usize) {
                 let count = most.min(run.end() - first);
-                let tiles = TileRun { first, count };
+                let tiles = TileRange { first, count };
                 let mut run = Run::new(now, id, passes, tiles, frame.work.of(tiles));
                 run.probe = probe;
                 runs.push(run);
@@ -344,11 +344,11 @@ impl Coordinator {
         run.drift_secs = node.drift.of(run.frame);
         let comes = |line: Estimate| run.issued + line.fixed_secs + run.drift_secs;
         run.expected = line.map(|line| comes(line) + wait_secs + busy_secs);
-        self.last_run = RunId(self.last_run.0 + 1);
+        self.last_run = RequestId(self.last_run.0 + 1);
         let samples = frame.passes.samples(run.tiles.first);
         let request = Box::new(TraceRequest {
             frame: run.frame,
-            run: self.last_run,
+            id: self.last_run,
             scene: frame.scene.0,
             update: frame.spec.update.clone(),
             grid: frame.passes.grid,
@@ -415,7 +415,7 @@ pub(super) fn usable(nodes: &[super::Node], scene: SceneHash) -> Vec<NodeIndex> 
 
 /// A node's share as up to `most` requests, each smaller than the last: the later ones can still be
 /// taken back when the first tiles turn out to be late.
-fn parts(run: TileRun, most: u32) -> Vec<TileRun> {
+fn parts(run: TileRange, most: u32) -> Vec<TileRange> {
     let mut parts = Vec::new();
     let mut first = run.first;
     for part in 1..=most {
@@ -423,7 +423,7 @@ fn parts(run: TileRun, most: u32) -> Vec<TileRun> {
         let end = run.first + (f64::from(run.count) * x * (1.5 - 0.5 * x)).ceil() as u32;
         let count = end.min(run.end()) - first;
         if count > 0 {
-            parts.push(TileRun { first, count });
+            parts.push(TileRange { first, count });
         }
         first += count;
     }
@@ -458,7 +458,7 @@ mod tests {
             count in 1..5000u32,
             most in 1..=PARTS_MAX as u32,
         ) {
-            let run = TileRun { first, count };
+            let run = TileRange { first, count };
             let parts = parts(run, most);
             prop_assert!(parts.len() <= most as usize);
             let mut next = first;

@@ -1,6 +1,6 @@
 //! What each tile costs, learned from the frames before.
 
-use carom_tracer::{TileGrid, TileRun};
+use carom_tracer::{TileGrid, TileRange};
 
 /// Cost of each tile as a multiple of the average. Two frames in a row cost nearly the same in the
 /// same place, so that a division that knows the dear places ends more evenly: in simulation 1.34
@@ -24,7 +24,7 @@ impl CostMap {
     }
 
     /// Takes note that tiles took `ratio` times what had been predicted.
-    pub(super) fn learn(&mut self, grid: TileGrid, tiles: TileRun, ratio: f64) {
+    pub(super) fn learn(&mut self, grid: TileGrid, tiles: TileRange, ratio: f64) {
         if self.grid != Some(grid) || ratio.is_nan() {
             return;
         }
@@ -58,7 +58,7 @@ mod tests {
             for first in [0, 2] {
                 let ratio = truth[first] / costs[first];
                 let first = first as u32;
-                map.learn(grid, TileRun { first, count: 2 }, ratio);
+                map.learn(grid, TileRange { first, count: 2 }, ratio);
             }
         }
         for (cost, truth) in map.of(grid).iter().zip(truth) {
@@ -73,7 +73,7 @@ mod tests {
         map.of(grid);
         for ratio in [0.0, f64::INFINITY, f64::NAN, -1.0] {
             for _ in 0..100 {
-                map.learn(grid, TileRun { first: 1, count: 1 }, ratio);
+                map.learn(grid, TileRange { first: 1, count: 1 }, ratio);
             }
             let costs = map.of(grid);
             assert!(

@@ -2,7 +2,7 @@
 
 use carom_protocol::PixelFormat;
 use carom_protocol::tile_codec::TilePixels;
-use carom_tracer::{Tile, TileRun, film};
+use carom_tracer::{Tile, TileRange, film};
 
 use super::partition::push_tile;
 use super::sample_passes::Passes;
@@ -47,7 +47,7 @@ impl Film {
     }
 
     /// Puts in those units of `run`, of one pass, that are not there yet and returns how many they are.
-    pub(super) fn fill(&mut self, run: TileRun, pixels: &TilePixels) -> u32 {
+    pub(super) fn fill(&mut self, run: TileRange, pixels: &TilePixels) -> u32 {
         let mut start = 0;
         let mut filled = 0;
         for index in run.indices() {
@@ -67,14 +67,14 @@ impl Film {
         self.missing == 0
     }
 
-    pub(super) fn has(&self, run: TileRun) -> bool {
+    pub(super) fn has(&self, run: TileRange) -> bool {
         self.filled[run.first as usize..run.end() as usize]
             .iter()
             .all(|filled| *filled)
     }
 
     /// The units from `range` that are not there and that `wanted` accepts.
-    pub(super) fn missing(&self, range: TileRun, wanted: impl Fn(u32) -> bool) -> Vec<TileRun> {
+    pub(super) fn missing(&self, range: TileRange, wanted: impl Fn(u32) -> bool) -> Vec<TileRange> {
         let mut runs = Vec::new();
         for tile in range.indices() {
             if !self.filled[tile as usize] && wanted(tile) {

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use carom_protocol::{FrameId, SceneHash};
-use carom_tracer::{Scene, TileRun};
+use carom_tracer::{Scene, TileRange};
 
 use super::NodeIndex;
 use super::frame_buffer::Film;
@@ -26,9 +26,9 @@ pub(super) struct FrameInFlight {
     /// Whether its tiles have been handed out once.
     pub(super) divided: bool,
     /// What more than one node has been asked for.
-    pub(super) asked_again: Vec<TileRun>,
+    pub(super) asked_again: Vec<TileRange>,
     /// Tiles that nodes have not taken yet, where they take them as they can.
-    pub(super) pool: TileRun,
+    pub(super) pool: TileRange,
     /// When it should be whole.
     pub(super) target: f64,
     /// How long it should take when it is divided.
@@ -72,7 +72,7 @@ impl FrameInFlight {
             submitted: now,
             divided: false,
             asked_again: Vec::new(),
-            pool: TileRun { first: 0, count: 0 },
+            pool: TileRange { first: 0, count: 0 },
             target: f64::INFINITY,
             planned_secs: f64::INFINITY,
             hedge_at: None,

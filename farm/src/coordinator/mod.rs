@@ -31,7 +31,7 @@ use std::collections::{BinaryHeap, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
-use carom_protocol::{FrameId, RunId, SceneHash};
+use carom_protocol::{FrameId, RequestId, SceneHash};
 use carom_tracer::{Scene, TileGrid};
 
 use self::cost_map::CostMap;
@@ -75,7 +75,7 @@ pub struct Coordinator {
     spare: Spare,
     frames: Pipeline,
     scene: Option<(SceneHash, Arc<Scene>)>,
-    last_run: RunId,
+    last_run: RequestId,
     last_division: assignment::LastDivision,
     /// Whether there may be tiles that nobody holds.
     unheld: bool,
@@ -95,7 +95,7 @@ impl Coordinator {
             spare: Spare::default(),
             frames: Pipeline::default(),
             scene: None,
-            last_run: RunId(0),
+            last_run: RequestId(0),
             last_division: assignment::LastDivision::default(),
             unheld: false,
             actions: VecDeque::new(),
@@ -155,7 +155,7 @@ impl Coordinator {
         for node in (0..self.nodes.len()).map(NodeIndex) {
             let runs = self.nodes[node.0].runs.iter();
             let dropped = runs.filter(|(_, run)| run.frame < id && !run.cancelled);
-            let dropped: Vec<RunId> = dropped.map(|(run, _)| *run).collect();
+            let dropped: Vec<RequestId> = dropped.map(|(run, _)| *run).collect();
             for &run in &dropped {
                 self.give_up(now, node, run);
             }
@@ -176,8 +176,8 @@ impl Coordinator {
                 self.disconnect(node, Connection::Lost { why, retry_at });
             }
             LinkEvent::Session(event) => self.handle_session(now, node, event),
-            LinkEvent::Decoded { run, took } => {
-                if let Some(run) = self.nodes[node.0].runs.get_mut(&run) {
+            LinkEvent::Decoded { request, took } => {
+                if let Some(run) = self.nodes[node.0].runs.get_mut(&request) {
                     run.decode_secs = took.as_secs_f64();
                 }
                 return;

@@ -2,8 +2,8 @@
 
 use carom_protocol::session::ClientEvent;
 use carom_protocol::tile_codec::TilePixels;
-use carom_protocol::{FrameId, NodeTimes, Refusal, RefusalReason, RunId};
-use carom_tracer::TileRun;
+use carom_protocol::{FrameId, NodeTimes, Refusal, RefusalReason, RequestId};
+use carom_tracer::TileRange;
 
 use super::{Coordinator, NodeIndex, frame_buffer, scene_command};
 use crate::Delivery;
@@ -30,7 +30,7 @@ impl Coordinator {
             }
             ClientEvent::SceneRefused { hash, why } => node.scene_refused(hash, why),
             ClientEvent::Tiles {
-                run,
+                request: run,
                 tiles,
                 pixels,
                 busy_micros,
@@ -54,7 +54,7 @@ impl Coordinator {
                 );
             }
             ClientEvent::TilesLate {
-                run,
+                request: run,
                 tiles,
                 busy_micros,
                 ..
@@ -62,8 +62,8 @@ impl Coordinator {
                 let tiles = self.units(index, run, tiles);
                 self.receive(now, index, run, tiles, busy_micros);
             }
-            ClientEvent::RunDone { report, .. } => self.close(now, index, report.run),
-            ClientEvent::RunRefused { refusal, .. } => self.refused(now, index, refusal),
+            ClientEvent::RequestDone { report, .. } => self.close(now, index, report.request),
+            ClientEvent::RequestRefused { refusal, .. } => self.refused(now, index, refusal),
             ClientEvent::Pong(number) => node.pong(now, number),
         }
     }
@@ -75,13 +75,20 @@ impl Coordinator {
     }
 
     /// What tiles of a run are among the units of its frame.
-    fn units(&self, index: NodeIndex, id: RunId, tiles: TileRun) -> TileRun {
+    fn units(&self, index: NodeIndex, id: RequestId, tiles: TileRange) -> TileRange {
         let run = self.nodes[index.0].runs.get(&id);
         run.map_or(tiles, |run| run.passes.units(run.tiles.first, tiles))
     }
 
     /// Takes note of how long tiles took.
-    fn receive(&mut self, now: f64, index: NodeIndex, id: RunId, tiles: TileRun, micros: u32) {
+    fn receive(
+        &mut self,
+        now: f64,
+        index: NodeIndex,
+        id: RequestId,
+        tiles: TileRange,
+        micros: u32,
+    ) {
         let node = &mut self.nodes[index.0];
         let line = node.delivered();
         let Some(of_frame) = node.runs.get(&id).map(|run| run.frame) else {
@@ -119,8 +126,8 @@ impl Coordinator {
         &mut self,
         now: f64,
         index: NodeIndex,
-        id: RunId,
-        tiles: TileRun,
+        id: RequestId,
+        tiles: TileRange,
         pixels: &TilePixels,
         dropped_samples: u64,
         payload_bytes: usize,
@@ -131,7 +138,7 @@ impl Coordinator {
             let why = "it sent pixels that are not numbers".into();
             self.nodes[index.0].rest(now, Some(why));
             self.give_up(now, index, id);
-            self.command(index, Command::CancelRun(id));
+            self.command(index, Command::CancelRequest(id));
             self.unheld = true;
             return;
         }
@@ -184,16 +191,16 @@ impl Coordinator {
             let runs = self.nodes[node.0].runs.iter();
             let open = runs.filter(|(_, run)| run.frame == frame && run.is_wanted());
             let open = open.filter(|(_, run)| run.tiles_received < run.tiles.count);
-            let open: Vec<RunId> = open.map(|(run, _)| *run).collect();
+            let open: Vec<RequestId> = open.map(|(run, _)| *run).collect();
             for run in open {
                 self.give_up(now, node, run);
-                self.command(node, Command::CancelRun(run));
+                self.command(node, Command::CancelRequest(run));
             }
         }
     }
 
     /// Marks a run as not wanted, and learns from its lateness.
-    pub(super) fn give_up(&mut self, now: f64, index: NodeIndex, id: RunId) {
+    pub(super) fn give_up(&mut self, now: f64, index: NodeIndex, id: RequestId) {
         let node = &mut self.nodes[index.0];
         let round_trip_secs = node.round_trip_secs();
         let Some(run) = node.runs.get_mut(&id) else {
@@ -214,7 +221,7 @@ impl Coordinator {
         let node = &mut self.nodes[index.0];
         let wanted = node
             .runs
-            .get(&refusal.run)
+            .get(&refusal.request)
             .is_some_and(|run| !run.cancelled);
         match refusal.why {
             RefusalReason::Cancelled | RefusalReason::Busy if wanted => node.rest(now, None),
@@ -232,11 +239,11 @@ impl Coordinator {
                 node.rest(now, Some(format!("its device failed: {why}")));
             }
         }
-        self.close(now, index, refusal.run);
+        self.close(now, index, refusal.request);
     }
 
     /// Ends a run; one that was refused may leave tiles that nobody holds.
-    fn close(&mut self, now: f64, index: NodeIndex, id: RunId) {
+    fn close(&mut self, now: f64, index: NodeIndex, id: RequestId) {
         self.learn(index, id, true);
         let node = &mut self.nodes[index.0];
         let had_room = node.has_room();
@@ -248,7 +255,7 @@ impl Coordinator {
     }
 
     /// Tells the estimator, and the balancers if it has ended, how a run went, if anything came.
-    fn learn(&mut self, index: NodeIndex, id: RunId, ended: bool) {
+    fn learn(&mut self, index: NodeIndex, id: RequestId, ended: bool) {
         let node = &mut self.nodes[index.0];
         let Some(run) = node.runs.get(&id) else {
             return;
@@ -288,7 +295,7 @@ impl Coordinator {
 
     /// Lets the cost map know how long each part of a run took. What the node says counts only
     /// within the run; how long the whole took is what its estimate has been told.
-    fn learn_costs(&mut self, index: NodeIndex, id: RunId, seen: &Observation) {
+    fn learn_costs(&mut self, index: NodeIndex, id: RequestId, seen: &Observation) {
         let node = &mut self.nodes[index.0];
         let run = &node.runs[&id];
         if run.tiles_received == run.tiles.count {

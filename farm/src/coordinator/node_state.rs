@@ -3,8 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use carom_protocol::limits::RUNS_QUEUED_MAX;
-use carom_protocol::{FrameId, NodeInfo, RunId, SceneHash};
+use carom_protocol::limits::REQUESTS_QUEUED_MAX;
+use carom_protocol::{FrameId, NodeInfo, RequestId, SceneHash};
 use carom_tracer::DeviceKind;
 
 use super::arrival_model::{Drift, Rhythm, begins_after};
@@ -22,7 +22,7 @@ pub(super) struct Node {
     /// The scene that is on its way to it, and how much of it has come, in per cent.
     scene_coming: Option<(SceneHash, u8)>,
     scene_refused: Option<(SceneHash, String)>,
-    pub(super) runs: BTreeMap<RunId, Run>,
+    pub(super) runs: BTreeMap<RequestId, Run>,
     pub(super) estimator: Estimator,
     pub(super) rhythm: Rhythm,
     /// The most work that came for one frame, and what has come for the last one.
@@ -137,7 +137,7 @@ impl Node {
     }
 
     /// Adds a run that is being asked for.
-    pub(super) fn ask(&mut self, now: f64, id: RunId, mut run: Run) {
+    pub(super) fn ask(&mut self, now: f64, id: RequestId, mut run: Run) {
         if self.runs.is_empty() {
             self.heard = now;
         }
@@ -147,7 +147,7 @@ impl Node {
 
     /// Takes note that it delivers, or says that it will not. `true` if it was silent.
     /// What it has been asked for later than that run, or of a later frame, has waited meanwhile.
-    pub(super) fn hear(&mut self, now: f64, about: RunId, of: FrameId) -> bool {
+    pub(super) fn hear(&mut self, now: f64, about: RequestId, of: FrameId) -> bool {
         self.heard = now;
         for (id, run) in &mut self.runs {
             if *id > about || run.frame > of {
@@ -163,7 +163,7 @@ impl Node {
     }
 
     /// Takes note of how late a message about a run is, if it is the one that was expected.
-    pub(super) fn observe_lateness(&mut self, now: f64, id: RunId) {
+    pub(super) fn observe_lateness(&mut self, now: f64, id: RequestId) {
         let (Some(expected), Some(line)) = (self.next_message(None), self.delivered()) else {
             return;
         };
@@ -294,7 +294,7 @@ impl Node {
     }
 
     pub(super) fn has_room(&self) -> bool {
-        self.runs.len() < RUNS_QUEUED_MAX
+        self.runs.len() < REQUESTS_QUEUED_MAX
     }
 
     pub(super) fn round_trip_secs(&self) -> Option<f64> {

@@ -1,7 +1,7 @@
 //! A request that a node has not answered in full.
 
 use carom_protocol::{FrameId, NodeTimes};
-use carom_tracer::TileRun;
+use carom_tracer::TileRange;
 
 use super::sample_passes::Passes;
 use crate::LatencySplit;
@@ -13,7 +13,7 @@ pub(super) struct Run {
     pub(super) frame: FrameId,
     pub(super) passes: Passes,
     /// Units of one pass.
-    pub(super) tiles: TileRun,
+    pub(super) tiles: TileRange,
     pub(super) work: f64,
     pub(super) issued: f64,
     /// By how much its node's messages for its frame were late when it was asked for: see [`super::arrival_model::Drift`].
@@ -32,7 +32,7 @@ pub(super) struct Run {
     pub(super) burst_max: f64,
     /// What came of a frame that was still known: tiles, their work, and the seconds that the node
     /// says they took.
-    pub(super) pieces: Vec<(TileRun, f64, f64)>,
+    pub(super) pieces: Vec<(TileRange, f64, f64)>,
     /// Since when its pace is seen, and what had come by then: from the first message on, or from the
     /// one before it, of another run.
     seen_since: f64,
@@ -49,7 +49,13 @@ pub(super) struct Run {
 
 impl Run {
     /// A request for `tiles` of one pass, of which nothing has come.
-    pub(super) fn new(now: f64, frame: FrameId, passes: Passes, tiles: TileRun, work: f64) -> Self {
+    pub(super) fn new(
+        now: f64,
+        frame: FrameId,
+        passes: Passes,
+        tiles: TileRange,
+        work: f64,
+    ) -> Self {
         Self {
             frame,
             passes,
@@ -80,7 +86,7 @@ impl Run {
     pub(super) fn receive(
         &mut self,
         now: f64,
-        tiles: TileRun,
+        tiles: TileRange,
         work: f64,
         busy_secs: f64,
         line: Option<Estimate>,

@@ -1,6 +1,6 @@
 //! How much work tiles are, and how they are cut into shares.
 
-use carom_tracer::TileRun;
+use carom_tracer::TileRange;
 
 use super::sample_passes::Passes;
 use crate::balancer::{Line, fill};
@@ -18,7 +18,7 @@ pub(super) struct WorkMap {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Deal {
     /// The tiles of each line, in the order of the lines.
-    pub(super) runs: Vec<Vec<TileRun>>,
+    pub(super) runs: Vec<Vec<TileRange>>,
     /// On the clock that the lines are on.
     pub(super) finish_secs: f64,
 }
@@ -40,12 +40,12 @@ impl WorkMap {
     }
 
     /// The work of a run of tiles.
-    pub(super) fn of(&self, run: TileRun) -> f64 {
+    pub(super) fn of(&self, run: TileRange) -> f64 {
         self.before[run.end() as usize] - self.before[run.first as usize]
     }
 
     /// The work of several runs.
-    pub(super) fn of_all(&self, runs: &[TileRun]) -> f64 {
+    pub(super) fn of_all(&self, runs: &[TileRange]) -> f64 {
         runs.iter().map(|run| self.of(*run)).sum()
     }
 
@@ -67,7 +67,7 @@ impl WorkMap {
     ///
     /// Rounding the optimum in real numbers instead would give a tile to nodes that need far
     /// longer than T for one.
-    pub(super) fn deal(&self, pieces: &[TileRun], lines: &[Line]) -> Deal {
+    pub(super) fn deal(&self, pieces: &[TileRange], lines: &[Line]) -> Deal {
         let queue = Queue::new(self, pieces);
         let filling = fill(queue.work(), lines);
         let Some(finish_secs) = queue.finish(lines, filling.finish_secs) else {
@@ -87,7 +87,7 @@ impl WorkMap {
 
     /// Deals the tiles of `pieces` out in their order, as near to `shares` as whole tiles allow.
     /// All are dealt; those with no share get none.
-    pub(super) fn cut(&self, pieces: &[TileRun], shares: &[f64]) -> Vec<Vec<TileRun>> {
+    pub(super) fn cut(&self, pieces: &[TileRange], shares: &[f64]) -> Vec<Vec<TileRange>> {
         let last = shares.iter().rposition(|share| *share > 0.0);
         let mut tiles = pieces.iter().flat_map(|run| run.indices()).peekable();
         let (mut dealt, mut target) = (0.0, 0.0);
@@ -98,7 +98,7 @@ impl WorkMap {
             while *share > 0.0
                 && let Some(&tile) = tiles.peek()
             {
-                let work = self.of(TileRun {
+                let work = self.of(TileRange {
                     first: tile,
                     count: 1,
                 });
@@ -122,13 +122,13 @@ struct Queue {
 }
 
 impl Queue {
-    fn new(work: &WorkMap, pieces: &[TileRun]) -> Self {
+    fn new(work: &WorkMap, pieces: &[TileRange]) -> Self {
         let tiles: Vec<u32> = pieces.iter().flat_map(|run| run.indices()).collect();
         let mut before = Vec::with_capacity(tiles.len() + 1);
         let mut sum = 0.0;
         before.push(sum);
         for &first in &tiles {
-            sum += work.of(TileRun { first, count: 1 });
+            sum += work.of(TileRange { first, count: 1 });
             before.push(sum);
         }
         Self { tiles, before }
@@ -240,10 +240,10 @@ const FINISH_PRECISION: f64 = 2e-3;
 const STEP_SECS_MAX: f64 = 1e4;
 
 /// Appends a tile to runs that stay as few as can be.
-pub(super) fn push_tile(runs: &mut Vec<TileRun>, tile: u32) {
+pub(super) fn push_tile(runs: &mut Vec<TileRange>, tile: u32) {
     match runs.last_mut() {
         Some(run) if run.end() == tile => run.count += 1,
-        _ => runs.push(TileRun {
+        _ => runs.push(TileRange {
             first: tile,
             count: 1,
         }),
@@ -274,7 +274,7 @@ mod tests {
             prop_assume!(sum > 0.0);
             let shares: Vec<f64> = weights.iter().map(|weight| weight / sum * work).collect();
             let dealt = map.cut(&pieces, &shares);
-            let tiles = |runs: &[TileRun]| -> Vec<u32> {
+            let tiles = |runs: &[TileRange]| -> Vec<u32> {
                 runs.iter().flat_map(|run| run.indices()).collect()
             };
             prop_assert_eq!(tiles(&dealt.concat()), tiles(&pieces));
@@ -298,7 +298,7 @@ mod tests {
             };
             let lines: Vec<Line> = lines.iter().map(line).collect();
             let deal = map.deal(&[grid.all()], &lines);
-            let mut dealt: Vec<TileRun> = deal.runs.concat();
+            let mut dealt: Vec<TileRange> = deal.runs.concat();
             dealt.sort_by_key(|run| run.first);
             let tiles: Vec<u32> = dealt.iter().flat_map(|run| run.indices()).collect();
             prop_assert_eq!(tiles, grid.all().indices().collect::<Vec<_>>());

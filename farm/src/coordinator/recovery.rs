@@ -11,7 +11,7 @@
 //! `carom-farm bench balance` prints what it gains and what it costs.
 
 use carom_protocol::FrameId;
-use carom_tracer::TileRun;
+use carom_tracer::TileRange;
 
 use super::arrival_model::{Prospect, begins_after};
 use super::hedge_budget::Spare;
@@ -177,7 +177,7 @@ impl Coordinator {
 
     /// Cancels the runs that their nodes have not begun and that hold any of the `late` tiles, and
     /// asks for the other tiles of them anew.
-    fn take_back(&mut self, now: f64, id: FrameId, late: &[TileRun]) {
+    fn take_back(&mut self, now: f64, id: FrameId, late: &[TileRange]) {
         let is_late = |tile: u32| late.iter().any(|run| run.first <= tile && tile < run.end());
         for index in (0..self.nodes.len()).map(NodeIndex) {
             let node = &mut self.nodes[index.0];
@@ -198,7 +198,7 @@ impl Coordinator {
                 }
             }
             for run in cancelled {
-                self.command(index, Command::CancelRun(run));
+                self.command(index, Command::CancelRequest(run));
             }
             self.ask(now, id, index, &kept, false);
         }
@@ -206,8 +206,8 @@ impl Coordinator {
 
     /// Takes back what is still asked for of a frame and has come from others with `tiles`, of nodes
     /// that have more to do: how long it takes the others teaches something.
-    pub(super) fn take_back_needless(&mut self, now: f64, id: FrameId, tiles: TileRun) {
-        let meets = |run: &TileRun| run.first < tiles.end() && tiles.first < run.end();
+    pub(super) fn take_back_needless(&mut self, now: f64, id: FrameId, tiles: TileRange) {
+        let meets = |run: &TileRange| run.first < tiles.end() && tiles.first < run.end();
         let Some(frame) = self.frames.by_id(id) else {
             return;
         };
@@ -230,7 +230,7 @@ impl Coordinator {
         }
         for (node, run) in needless {
             self.give_up(now, node, run);
-            self.command(node, Command::CancelRun(run));
+            self.command(node, Command::CancelRequest(run));
         }
     }
 
@@ -240,7 +240,7 @@ impl Coordinator {
         id: FrameId,
         forecast: &Forecast,
         grave: f64,
-        runs: Vec<Vec<TileRun>>,
+        runs: Vec<Vec<TileRange>>,
     ) {
         for (node, runs) in forecast.helpers.iter().zip(runs) {
             let Some(frame) = self.frames.by_id(id) else {
@@ -321,7 +321,7 @@ impl Coordinator {
 impl Forecast {
     /// The missing tiles that come too late, the latest first to be chosen, no more than there is
     /// spare work for.
-    fn late(&self, bounds: Bounds, spare: &Spare, work: impl Fn(u32) -> f64) -> Vec<TileRun> {
+    fn late(&self, bounds: Bounds, spare: &Spare, work: impl Fn(u32) -> f64) -> Vec<TileRange> {
         let arrival = |tile: u32| self.arrivals[tile as usize];
         let is_free = |tile: u32| self.free[tile as usize];
         let until = |tile: u32| {
@@ -356,8 +356,8 @@ fn is_free(now: f64, run: &Run, prospect: &Prospect, line: Option<Estimate>) -> 
     run.tiles_received == 0 && line.is_some_and(|line| prospect.soonest > told(line))
 }
 
-fn one(first: u32) -> TileRun {
-    TileRun { first, count: 1 }
+fn one(first: u32) -> TileRange {
+    TileRange { first, count: 1 }
 }
 
 /// How much the margin grows until nothing is spare, for what will be traced twice.

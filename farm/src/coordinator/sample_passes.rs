@@ -12,7 +12,7 @@
 use std::ops::Range;
 
 use carom_protocol::PixelFormat;
-use carom_tracer::{TileGrid, TileRun};
+use carom_tracer::{TileGrid, TileRange};
 
 use crate::balancer::Candidate;
 use crate::{Distribution, FrameSpec};
@@ -45,8 +45,8 @@ impl Passes {
     }
 
     /// All units.
-    pub(super) fn all(self) -> TileRun {
-        TileRun {
+    pub(super) fn all(self) -> TileRange {
+        TileRange {
             first: 0,
             count: self.grid.len() * self.count,
         }
@@ -65,28 +65,28 @@ impl Passes {
     }
 
     /// The tiles of units of one pass.
-    pub(super) fn tiles(self, units: TileRun) -> TileRun {
-        TileRun {
+    pub(super) fn tiles(self, units: TileRange) -> TileRange {
+        TileRange {
             first: self.tile(units.first),
             ..units
         }
     }
 
     /// The units of `tiles` in the pass of `unit`.
-    pub(super) fn units(self, unit: u32, tiles: TileRun) -> TileRun {
-        TileRun {
+    pub(super) fn units(self, unit: u32, tiles: TileRange) -> TileRange {
+        TileRange {
             first: unit - self.tile(unit) + tiles.first,
             ..tiles
         }
     }
 
     /// Units in a row, pass by pass.
-    pub(super) fn split(self, units: TileRun) -> impl Iterator<Item = TileRun> {
+    pub(super) fn split(self, units: TileRange) -> impl Iterator<Item = TileRange> {
         let mut first = units.first;
         std::iter::from_fn(move || {
             let left = units.end() - first;
             let count = left.min(self.grid.len() - self.tile(first));
-            let run = TileRun { first, count };
+            let run = TileRange { first, count };
             first += count;
             (count > 0).then_some(run)
         })
@@ -147,7 +147,7 @@ mod tests {
             let mut next = vec![0; grid.len() as usize];
             let mut first = 0;
             for end in ends {
-                for run in passes.split(TileRun { first, count: end - first }) {
+                for run in passes.split(TileRange { first, count: end - first }) {
                     let tiles = passes.tiles(run);
                     prop_assert_eq!(passes.units(run.first, tiles), run);
                     let range = passes.samples(run.first);

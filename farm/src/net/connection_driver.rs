@@ -11,7 +11,7 @@ use std::time::Duration;
 use carom_protocol::framing::{self, Deframer};
 use carom_protocol::limits;
 use carom_protocol::session::{Channel, Packet};
-use carom_protocol::{RunId, codec};
+use carom_protocol::{RequestId, codec};
 use quinn::{Connection, ConnectionError, ReadError, RecvStream, SendStream};
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
@@ -46,7 +46,7 @@ pub trait PacketHandler {
     fn poll_commands(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), Error>>;
 
     /// Runs that have been cancelled since the last call: their streams are reset.
-    fn take_cancelled(&mut self) -> Vec<RunId> {
+    fn take_cancelled(&mut self) -> Vec<RequestId> {
         Vec::new()
     }
 
@@ -107,7 +107,7 @@ struct ConnectionDriver {
     control_writer: tokio::task::JoinHandle<()>,
     connection: Connection,
     /// The last runs that were cancelled.
-    cancelled: watch::Sender<VecDeque<RunId>>,
+    cancelled: watch::Sender<VecDeque<RequestId>>,
     transport: watch::Receiver<TileTransport>,
     role: Role,
 }
@@ -214,7 +214,7 @@ impl ConnectionDriver {
         if !runs.is_empty() {
             self.cancelled.send_modify(|cancelled| {
                 cancelled.extend(runs);
-                let excess = cancelled.len().saturating_sub(limits::RUNS_REFUSED_KEPT);
+                let excess = cancelled.len().saturating_sub(limits::REQUESTS_REFUSED_KEPT);
                 cancelled.drain(..excess);
             });
         }

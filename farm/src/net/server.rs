@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::task::{Context, Poll};
 
-use carom_protocol::RunId;
+use carom_protocol::RequestId;
 use carom_protocol::session::Packet;
 use tokio::runtime::Runtime;
 use tokio::sync::Notify;
@@ -167,7 +167,7 @@ impl PacketHandler for NodeConnection {
         self.poll_ready(cx).map(Ok)
     }
 
-    fn take_cancelled(&mut self) -> Vec<RunId> {
+    fn take_cancelled(&mut self) -> Vec<RequestId> {
         Self::take_cancelled(self)
     }
 

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use carom_protocol::limits;
 use carom_protocol::session::{Channel, Packet};
-use carom_protocol::{RunId, codec};
+use carom_protocol::{RequestId, codec};
 use quinn::{
     Connection, ConnectionError, ReadError, ReadToEndError, RecvStream, SendDatagramError,
     WriteError,
@@ -49,7 +49,7 @@ pub(crate) struct TileSender {
     connection: Connection,
     /// Runs that nobody waits for: their streams are reset, so that lost packets of theirs are not
     /// retransmitted.
-    cancelled: watch::Receiver<VecDeque<RunId>>,
+    cancelled: watch::Receiver<VecDeque<RequestId>>,
     transport: watch::Sender<TileTransport>,
     start: Instant,
     losses: LossEstimator,
@@ -63,7 +63,7 @@ pub(crate) struct TileSender {
 impl TileSender {
     pub(crate) fn new(
         connection: Connection,
-        cancelled: watch::Receiver<VecDeque<RunId>>,
+        cancelled: watch::Receiver<VecDeque<RequestId>>,
         transport: watch::Sender<TileTransport>,
     ) -> Self {
         let fec = connection.datagram_send_buffer_space() > 0;
@@ -105,7 +105,7 @@ impl TileSender {
     }
 
     async fn send(&mut self, packet: Vec<u8>) -> Result<(), ConnectionEnd> {
-        let run = codec::run_of_tiles(&packet);
+        let run = codec::request_of_tiles(&packet);
         if self.is_cancelled(run) {
             return Ok(());
         }
@@ -184,7 +184,7 @@ impl TileSender {
             packet,
         } in packets
         {
-            let run = codec::run_of_tiles(&packet);
+            let run = codec::request_of_tiles(&packet);
             if self.is_cancelled(run) {
                 continue;
             }
@@ -194,13 +194,13 @@ impl TileSender {
         Ok(())
     }
 
-    fn is_cancelled(&self, run: Option<RunId>) -> bool {
+    fn is_cancelled(&self, run: Option<RequestId>) -> bool {
         run.is_some_and(|run| self.cancelled.borrow().contains(&run))
     }
 
     async fn send_stream(
         &mut self,
-        run: Option<RunId>,
+        run: Option<RequestId>,
         parts: &[&[u8]],
     ) -> Result<(), ConnectionEnd> {
         let mut cancelled = self.cancelled.clone();
@@ -246,10 +246,10 @@ impl TileSender {
 
 /// Never returns if the connection ends before.
 async fn wait_until_cancelled(
-    cancelled: &mut watch::Receiver<VecDeque<RunId>>,
-    run: Option<RunId>,
+    cancelled: &mut watch::Receiver<VecDeque<RequestId>>,
+    run: Option<RequestId>,
 ) {
-    let is_cancelled = |runs: &VecDeque<RunId>| run.is_some_and(|run| runs.contains(&run));
+    let is_cancelled = |runs: &VecDeque<RequestId>| run.is_some_and(|run| runs.contains(&run));
     if cancelled.wait_for(is_cancelled).await.is_err() {
         std::future::pending::<()>().await;
     }

@@ -10,9 +10,9 @@ use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
 use carom_protocol::session::{NodeEvent, NodeSession, Packet, SentTiles};
 use carom_protocol::tile_codec::{Encoder, Source};
 use carom_protocol::{
-    NodeInfo, PixelFormat, RefusalReason, RunId, RunReport, TilesDone, TraceRequest,
+    NodeInfo, PixelFormat, RefusalReason, RequestId, RequestReport, TilesDone, TraceRequest,
 };
-use carom_tracer::{Tile, TileRun};
+use carom_tracer::{Tile, TileRange};
 
 use super::bitrate_control::{Governor, LinkMeasure};
 use super::queue::{Job, Queue};
@@ -37,7 +37,7 @@ pub(super) struct Client {
 struct State {
     session: NodeSession,
     /// Flags of runs that are neither done nor refused.
-    cancelled: BTreeMap<RunId, Arc<AtomicBool>>,
+    cancelled: BTreeMap<RequestId, Arc<AtomicBool>>,
     waker: Option<Waker>,
     /// Whether a worker has put something in since the transport last asked.
     ready: bool,
@@ -78,7 +78,7 @@ impl NodeConnection {
             None | Some(NodeEvent::Scene { .. }) => {}
             Some(NodeEvent::Trace { request, scene }) => {
                 let cancelled = Arc::new(AtomicBool::new(false));
-                state.cancelled.insert(request.run, Arc::clone(&cancelled));
+                state.cancelled.insert(request.id, Arc::clone(&cancelled));
                 drop(state);
                 self.queue.push(Job {
                     client: Arc::clone(&self.client),
@@ -88,9 +88,9 @@ impl NodeConnection {
                     arrived: Instant::now(),
                 });
             }
-            Some(NodeEvent::Cancelled(runs)) => {
-                for run in runs {
-                    if let Some(flag) = state.cancelled.remove(&run) {
+            Some(NodeEvent::Cancelled(requests)) => {
+                for request in requests {
+                    if let Some(flag) = state.cancelled.remove(&request) {
                         flag.store(true, Ordering::Relaxed);
                     }
                 }
@@ -108,7 +108,7 @@ impl NodeConnection {
     }
 
     /// Runs that have been cancelled since the last call.
-    pub fn take_cancelled(&mut self) -> Vec<RunId> {
+    pub fn take_cancelled(&mut self) -> Vec<RequestId> {
         self.client.lock().session.take_unwanted()
     }
 
@@ -171,7 +171,7 @@ impl Client {
         &self,
         encoder: &mut Encoder,
         request: &TraceRequest,
-        part: TileRun,
+        part: TileRange,
         tiles: &[(Tile, &[[f32; 3]])],
     ) -> Vec<u8> {
         let PixelFormat::Srgb8 { exposure } = request.format else {
@@ -215,21 +215,21 @@ impl Client {
     }
 
     /// Ends a run whose tiles have all been sent.
-    pub(super) fn run_done(&self, report: RunReport) {
+    pub(super) fn request_done(&self, report: RequestReport) {
         let mut state = self.lock();
-        state.cancelled.remove(&report.run);
-        if let Err(why) = state.session.run_done(report) {
+        state.cancelled.remove(&report.request);
+        if let Err(why) = state.session.request_done(report) {
             let why = RefusalReason::Device(format!("the tracer left tiles out: {why}"));
-            state.session.refuse(report.run, why);
+            state.session.refuse(report.request, why);
         }
         wake(state);
     }
 
     /// Ends a run that cannot be finished.
-    pub(super) fn refuse(&self, run: RunId, why: RefusalReason) {
+    pub(super) fn refuse(&self, request: RequestId, why: RefusalReason) {
         let mut state = self.lock();
-        state.cancelled.remove(&run);
-        state.session.refuse(run, why);
+        state.cancelled.remove(&request);
+        state.session.refuse(request, why);
         wake(state);
     }
 
@@ -309,11 +309,11 @@ mod tests {
         let count = TILES_PER_MESSAGE_MAX * messages;
         let request = TraceRequest {
             frame: FrameId(0),
-            run: RunId(0),
+            id: RequestId(0),
             scene: hash,
             update: SceneUpdate::default(),
             grid: TileGrid::new(ImageSize::new(8 * count, 8), 8),
-            tiles: TileRun { first: 0, count },
+            tiles: TileRange { first: 0, count },
             settings: RenderSettings::default(),
             format: PixelFormat::LinearF32,
             precision: PrecisionRange::EXACT,
@@ -335,8 +335,8 @@ mod tests {
             let first = message * TILES_PER_MESSAGE_MAX;
             let count = TILES_PER_MESSAGE_MAX;
             let sent = client.tiles(TilesDone {
-                run: RunId(0),
-                tiles: TileRun { first, count },
+                request: RequestId(0),
+                tiles: TileRange { first, count },
                 busy_micros: 0,
                 times: NodeTimes::default(),
                 dropped_samples: 0,

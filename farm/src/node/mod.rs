@@ -3,7 +3,7 @@
 //! ```text
 //! NodeConnection (NodeSession) ──Job──▶ queue ──▶ worker: Tracer::trace ─▶ groups of tiles
 //!       ▲  one per client                                                      │
-//!       └──────────────── TilesDone, RunDone ◀── encoded on rayon's threads ◀──┘
+//!       └──────────────── TilesDone, RequestDone ◀── encoded on rayon's threads ◀──┘
 //! ```
 //!
 //! A tracer that fails or panics costs a refused run, never the node. Stale and cancelled runs

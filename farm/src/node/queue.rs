@@ -1,7 +1,7 @@
 //! Runs that wait for the device: in the order in which they came, but of each client the oldest
 //! frame first, which is the next to be shown.
 //!
-//! A client's session lets no more than `RUNS_QUEUED_MAX` of its runs in.
+//! A client's session lets no more than `REQUESTS_QUEUED_MAX` of its runs in.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -163,9 +163,9 @@ const COMPILED_KEPT_MAX: usize = 8;
 #[cfg(test)]
 mod tests {
     use carom_protocol::session::ClientSession;
-    use carom_protocol::{FrameId, NodeInfo, PixelFormat, PrecisionRange, RunId};
+    use carom_protocol::{FrameId, NodeInfo, PixelFormat, PrecisionRange, RequestId};
     use carom_tracer::{
-        DeviceInfo, DeviceKind, ImageSize, RenderSettings, SceneUpdate, TileGrid, TileRun,
+        DeviceInfo, DeviceKind, ImageSize, RenderSettings, SceneUpdate, TileGrid, TileRange,
     };
 
     use super::super::NodeConnection;
@@ -218,11 +218,11 @@ mod tests {
             let scene = Scene::from_json(scene).unwrap();
             let request = TraceRequest {
                 frame: FrameId(frame),
-                run: RunId(self.runs),
+                id: RequestId(self.runs),
                 scene: SceneHash::of(&scene),
                 update: SceneUpdate::default(),
                 grid: TileGrid::new(ImageSize::new(8, 8), 8),
-                tiles: TileRun { first: 0, count: 1 },
+                tiles: TileRange { first: 0, count: 1 },
                 settings: RenderSettings::default(),
                 format: PixelFormat::LinearF32,
                 precision: PrecisionRange::EXACT,
@@ -248,7 +248,7 @@ mod tests {
         let next = || {
             queue
                 .next(None)
-                .map(|job| (job.request.frame.0, job.request.run.0))
+                .map(|job| (job.request.frame.0, job.request.id.0))
         };
         let order: Vec<_> = (0..7).filter_map(|_| next()).collect();
         let (nears, fars) = ([(6, 3), (7, 0), (7, 4), (8, 1), (8, 2)], [(2, 0), (3, 1)]);

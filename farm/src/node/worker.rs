@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 
 use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
 use carom_protocol::tile_codec::Encoder;
-use carom_protocol::{NodeTimes, RefusalReason, RunReport, TilesDone};
-use carom_tracer::{Error, Tile, TileRadiance, TileRun, TraceJob, Tracer};
+use carom_protocol::{NodeTimes, RefusalReason, RequestReport, TilesDone};
+use carom_tracer::{Error, Tile, TileRadiance, TileRange, TraceJob, Tracer};
 
 use super::queue::{Job, Queue};
 
@@ -58,22 +58,22 @@ struct Group {
 fn run(queue: &Queue, tracer: &dyn Tracer, job: &Job) {
     let running = Running::new(queue, job);
     let traced = catch_unwind(AssertUnwindSafe(|| running.trace(tracer)));
-    let run = job.request.run;
+    let id = job.request.id;
     match traced {
         Ok(Ok(())) if job.cancelled.load(Ordering::Relaxed) => {
-            job.client.refuse(run, RefusalReason::Cancelled);
+            job.client.refuse(id, RefusalReason::Cancelled);
         }
-        Ok(Ok(())) => job.client.run_done(running.report()),
+        Ok(Ok(())) => job.client.request_done(running.report()),
         Ok(Err(why @ Error::InvalidScene(_) | why @ Error::InvalidUpdate(_))) => {
             job.client
-                .refuse(run, RefusalReason::Invalid(why.to_string()));
+                .refuse(id, RefusalReason::Invalid(why.to_string()));
         }
         Ok(Err(why)) => job
             .client
-            .refuse(run, RefusalReason::Device(why.to_string())),
+            .refuse(id, RefusalReason::Device(why.to_string())),
         Err(panic) => {
             let why = format!("the tracer panicked: {}", panic_message(&*panic));
-            job.client.refuse(run, RefusalReason::Device(why));
+            job.client.refuse(id, RefusalReason::Device(why));
         }
     }
 }
@@ -158,7 +158,7 @@ impl<'a> Running<'a> {
             .iter()
             .map(|tile| tile.as_deref().unwrap_or_default());
         let tiles: Vec<(Tile, &[[f32; 3]])> = tiles.zip(radiance).collect();
-        let part = TileRun {
+        let part = TileRange {
             first: request.tiles.first + first as u32,
             count: tiles.len() as u32,
         };
@@ -167,7 +167,7 @@ impl<'a> Running<'a> {
         let nanos = begun.elapsed().as_nanos() as u64;
         self.encode_nanos.fetch_add(nanos, Ordering::Relaxed);
         self.job.client.tiles(TilesDone {
-            run: request.run,
+            request: request.id,
             tiles: part,
             busy_micros: micros(self.queue.busy_since(self.begun)),
             times: NodeTimes {
@@ -184,10 +184,10 @@ impl<'a> Running<'a> {
         micros(self.begun.saturating_duration_since(self.job.arrived))
     }
 
-    fn report(&self) -> RunReport {
+    fn report(&self) -> RequestReport {
         let encode = Duration::from_nanos(self.encode_nanos.load(Ordering::Relaxed));
-        RunReport {
-            run: self.job.request.run,
+        RequestReport {
+            request: self.job.request.id,
             queue_micros: self.queue_micros(),
             trace_micros: micros(self.begun.elapsed()),
             encode_micros: micros(encode),

@@ -348,8 +348,8 @@ fn frame_of(event: &ClientEvent) -> Option<FrameId> {
     match event {
         ClientEvent::Tiles { frame, .. }
         | ClientEvent::TilesLate { frame, .. }
-        | ClientEvent::RunDone { frame, .. }
-        | ClientEvent::RunRefused { frame, .. } => Some(*frame),
+        | ClientEvent::RequestDone { frame, .. }
+        | ClientEvent::RequestRefused { frame, .. } => Some(*frame),
         _ => None,
     }
 }
@@ -370,4 +370,4 @@ fn info(index: NodeIndex) -> NodeInfo {
 }
 
 /// Runs that a node's session would have open.
-type OpenRuns = BTreeSet<carom_protocol::RunId>;
+type OpenRuns = BTreeSet<carom_protocol::RequestId>;

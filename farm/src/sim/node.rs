@@ -3,12 +3,12 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use carom_protocol::limits::{RUNS_QUEUED_MAX, TILES_PER_MESSAGE_MAX};
+use carom_protocol::limits::{REQUESTS_QUEUED_MAX, TILES_PER_MESSAGE_MAX};
 use carom_protocol::session::ClientEvent;
 use carom_protocol::{
-    FrameId, NodeTimes, Refusal, RefusalReason, RunId, RunReport, SceneHash, TraceRequest,
+    FrameId, NodeTimes, Refusal, RefusalReason, RequestId, RequestReport, SceneHash, TraceRequest,
 };
-use carom_tracer::TileRun;
+use carom_tracer::TileRange;
 
 use super::picture::{poison, tile_pixels};
 use super::world::World;
@@ -42,8 +42,8 @@ pub(super) struct SimNode {
     /// Number of the step that is waited for.
     step: u64,
     /// What the device works on.
-    working: Option<RunId>,
-    last_run: Option<RunId>,
+    working: Option<RequestId>,
+    last_run: Option<RequestId>,
     /// As the client sees them.
     open: OpenRuns,
     /// The frame for which it has paused, if the weather made it.
@@ -91,10 +91,10 @@ impl SimNode {
     pub(super) fn check(&mut self, command: &Command) {
         if let Command::Trace(request) = command {
             assert!(request.tiles.count > 0 && request.tiles.end() <= request.grid.len());
-            assert!(self.last_run.is_none_or(|last| request.run > last));
-            self.last_run = Some(request.run);
-            self.open.insert(request.run);
-            assert!(self.open.len() <= RUNS_QUEUED_MAX, "{:?}", self.open);
+            assert!(self.last_run.is_none_or(|last| request.id > last));
+            self.last_run = Some(request.id);
+            self.open.insert(request.id);
+            assert!(self.open.len() <= REQUESTS_QUEUED_MAX, "{:?}", self.open);
         }
     }
 
@@ -124,7 +124,7 @@ impl SimNode {
             }
             Command::Ping(number) => vec![Answer::Event(ClientEvent::Pong(number))],
             Command::Trace(request) => self.queue(now, world, *request),
-            Command::CancelRun(run) => self.cancel(|job| job.request.run == run),
+            Command::CancelRequest(run) => self.cancel(|job| job.request.id == run),
             Command::CancelBefore(frame) => self.cancel(|job| job.request.frame < frame),
         }
     }
@@ -146,7 +146,7 @@ impl SimNode {
             return vec![self.refuse(&request, why)];
         }
         let later = |job: &Job| {
-            let begun = job.tiles_done > 0 || self.working == Some(job.request.run);
+            let begun = job.tiles_done > 0 || self.working == Some(job.request.id);
             !begun && job.request.frame > request.frame
         };
         let place = self.queue.iter().position(later);
@@ -193,17 +193,17 @@ impl SimNode {
         let work: f64 = piece.indices().map(work).sum();
         secs += work * self.pace * world.pace(self.index, frame);
         self.tiles_traced += u64::from(piece.count);
-        self.working = Some(job.request.run);
+        self.working = Some(job.request.id);
         self.step += 1;
         let done = now + Duration::from_secs_f64(secs);
         vec![Answer::StepAt(done, self.step)]
     }
 
     /// Sends what is through, in messages as full as may be.
-    fn finish(&mut self, now: Duration, done: Option<RunId>) -> Vec<Answer> {
+    fn finish(&mut self, now: Duration, done: Option<RequestId>) -> Vec<Answer> {
         // If the run was cancelled meanwhile, another one is at the front.
         let front = self.queue.front_mut();
-        let Some(job) = front.filter(|job| Some(job.request.run) == done) else {
+        let Some(job) = front.filter(|job| Some(job.request.id) == done) else {
             return Vec::new();
         };
         job.tiles_done += piece(job, self.streams).count;
@@ -214,13 +214,13 @@ impl SimNode {
         while job.tiles_sent + TILES_PER_MESSAGE_MAX <= job.tiles_done
             || whole && job.tiles_sent < job.tiles_done
         {
-            let tiles = TileRun {
+            let tiles = TileRange {
                 first: job.request.tiles.first + job.tiles_sent,
                 count: TILES_PER_MESSAGE_MAX.min(job.tiles_done - job.tiles_sent),
             };
             answers.push(Answer::Event(ClientEvent::Tiles {
                 frame: job.request.frame,
-                run: job.request.run,
+                request: job.request.id,
                 tiles,
                 pixels: if self.poisoned {
                     poison(&job.request, tiles)
@@ -240,31 +240,34 @@ impl SimNode {
             job.message_begun = now;
         }
         if whole {
-            let report = RunReport {
-                run: job.request.run,
+            let report = RequestReport {
+                request: job.request.id,
                 queue_micros: (job.begun - job.arrived).as_micros() as u32,
-                ..RunReport::default()
+                ..RequestReport::default()
             };
             let frame = job.request.frame;
-            self.open.remove(&report.run);
+            self.open.remove(&report.request);
             self.queue.pop_front();
-            answers.push(Answer::Event(ClientEvent::RunDone { frame, report }));
+            answers.push(Answer::Event(ClientEvent::RequestDone { frame, report }));
         }
         answers
     }
 
     fn refuse(&mut self, request: &TraceRequest, why: RefusalReason) -> Answer {
-        let (frame, run) = (request.frame, request.run);
-        self.open.remove(&run);
-        let refusal = Refusal { run, why };
-        Answer::Event(ClientEvent::RunRefused { frame, refusal })
+        self.open.remove(&request.id);
+        let frame = request.frame;
+        let refusal = Refusal {
+            request: request.id,
+            why,
+        };
+        Answer::Event(ClientEvent::RequestRefused { frame, refusal })
     }
 }
 
 /// What the device works on next: a tile, or all.
-fn piece(job: &Job, streams: bool) -> TileRun {
+fn piece(job: &Job, streams: bool) -> TileRange {
     let left = job.request.tiles.count - job.tiles_done;
-    TileRun {
+    TileRange {
         first: job.request.tiles.first + job.tiles_done,
         count: if streams { left.min(1) } else { left },
     }

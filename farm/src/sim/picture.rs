@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use carom_protocol::tile_codec::TilePixels;
 use carom_protocol::{FrameId, PixelFormat, TraceRequest};
-use carom_tracer::{Camera, Environment, RenderSettings, Scene, SceneUpdate, TileGrid, TileRun};
+use carom_tracer::{Camera, Environment, RenderSettings, Scene, SceneUpdate, TileGrid, TileRange};
 use glam::Vec3;
 
 use super::Plan;
@@ -25,7 +25,7 @@ pub(super) fn frame_spec(plan: &Plan) -> FrameSpec {
 }
 
 /// What a simulated node sends for tiles: each pixel names its frame, its tile and its samples.
-pub(super) fn tile_pixels(request: &TraceRequest, tiles: TileRun) -> TilePixels {
+pub(super) fn tile_pixels(request: &TraceRequest, tiles: TileRange) -> TilePixels {
     let mut pixels = Vec::with_capacity(request.grid.pixels(tiles));
     for index in tiles.indices() {
         let count = request.grid.tile(index).pixels();
@@ -41,7 +41,7 @@ pub(super) fn tile_pixels(request: &TraceRequest, tiles: TileRun) -> TilePixels 
 }
 
 /// What a node sends that has gone wrong.
-pub(super) fn poison(request: &TraceRequest, tiles: TileRun) -> TilePixels {
+pub(super) fn poison(request: &TraceRequest, tiles: TileRange) -> TilePixels {
     TilePixels::Linear(vec![[f32::NAN; 3]; request.grid.pixels(tiles)])
 }
 

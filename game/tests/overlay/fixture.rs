@@ -9,7 +9,7 @@ use carom_farm::{
     NodeState, NodeStatus,
 };
 use carom_tracer::sampling::uniforms;
-use carom_tracer::{DeviceInfo, DeviceKind, ImageSize, TileGrid, TileRun};
+use carom_tracer::{DeviceInfo, DeviceKind, ImageSize, TileGrid, TileRange};
 
 pub(crate) const SIZE: ImageSize = ImageSize::new(640, 360);
 pub(crate) const PICTURES: u64 = 300;
@@ -155,7 +155,7 @@ fn frame(picture: u64) -> FrameStats {
             first += 1;
         }
         let pace = 1e-6 / msamples * (0.9 + 0.2 * noise(picture, node));
-        let run = TileRun {
+        let run = TileRange {
             first: begin,
             count: first - begin,
         };
@@ -187,14 +187,14 @@ fn frame(picture: u64) -> FrameStats {
 fn deliver(
     stats: &mut FrameStats,
     node: usize,
-    run: TileRun,
+    run: TileRange,
     fixed_secs: f64,
     pace: f64,
     predicted: f64,
 ) {
     let (mut now, mut first) = (0.0001 + fixed_secs, run.first);
     while first < run.end() {
-        let tiles = TileRun {
+        let tiles = TileRange {
             first,
             count: 16.min(run.end() - first),
         };

@@ -5,16 +5,17 @@ use std::sync::Arc;
 
 use carom_protocol::codec::{decode_to_client, decode_to_node, encode_to_client, encode_to_node};
 use carom_protocol::framing::{Deframer, frame};
-use carom_protocol::limits::RUNS_QUEUED_MAX;
+use carom_protocol::limits::REQUESTS_QUEUED_MAX;
 use carom_protocol::message::VERSION;
 use carom_protocol::tile_codec::{Decoder, Encoder, ReferenceTile, Source};
 use carom_protocol::{
     Channel, ClientSession, FrameId, NodeEvent, NodeInfo, NodeSession, NodeTimes, Packet,
-    PixelFormat, Precision, PrecisionRange, RunId, RunReport, SceneHash, TilesDone, ToClient,
-    ToNode, TraceRequest,
+    PixelFormat, Precision, PrecisionRange, RequestId, RequestReport, SceneHash, TilesDone,
+    ToClient, ToNode, TraceRequest,
 };
 use carom_tracer::{
-    DeviceInfo, DeviceKind, ImageSize, RenderSettings, Scene, SceneUpdate, Tile, TileGrid, TileRun,
+    DeviceInfo, DeviceKind, ImageSize, RenderSettings, Scene, SceneUpdate, Tile, TileGrid,
+    TileRange,
 };
 
 /// A target: its name, its body and inputs to begin from.
@@ -142,7 +143,7 @@ pub fn to_client_seeds() -> Vec<Vec<u8>> {
         },
         ToClient::SceneReady(hash),
         ToClient::Tiles(tiles(1, GRID.all())),
-        ToClient::RunDone(report(1)),
+        ToClient::RequestDone(report(1)),
         ToClient::Pong(7),
         ToClient::SceneComing { bytes: 70_000 },
     ];
@@ -235,7 +236,7 @@ pub fn framing_seeds() -> Vec<Vec<u8>> {
     ]
 }
 
-/// Steps, each what to do, the length of its bytes and these: a whole run, and one whose client
+/// Steps, each what to do, the length of its bytes and these: a whole request, and one whose client
 /// sends it more than it asked for.
 pub fn session_seeds() -> Vec<Vec<u8>> {
     let step = |what: u8, bytes: &[u8]| {
@@ -290,7 +291,7 @@ impl Pair {
         match what % 7 {
             ASK => {
                 self.asked += 1;
-                // Refused when too many are open, or a stray run has closed the client.
+                // Refused when too many are open, or a stray request has closed the client.
                 drop(self.client.trace(request(self.asked)));
             }
             TALK => self.talk(),
@@ -312,8 +313,8 @@ impl Pair {
                 bytes,
             }),
         }
-        assert!(self.client.open_runs() <= RUNS_QUEUED_MAX);
-        assert!(self.node.open_runs() <= RUNS_QUEUED_MAX);
+        assert!(self.client.open_requests() <= REQUESTS_QUEUED_MAX);
+        assert!(self.node.open_requests() <= REQUESTS_QUEUED_MAX);
     }
 
     fn talk(&mut self) {
@@ -328,10 +329,10 @@ impl Pair {
 
     fn work(&mut self) {
         for request in std::mem::take(&mut self.work) {
-            let tiles = tiles(request.run.0, request.tiles);
+            let tiles = tiles(request.id.0, request.tiles);
             // Not wanted any more, or of tiles that only a stray request asked for.
             if self.node.tiles(tiles) == Ok(true) && !self.node.is_full() {
-                drop(self.node.run_done(report(request.run.0)));
+                drop(self.node.request_done(report(request.id.0)));
             }
         }
     }
@@ -397,43 +398,43 @@ fn node_info() -> NodeInfo {
     }
 }
 
-fn request(run: u64) -> TraceRequest {
+fn request(id: u64) -> TraceRequest {
     TraceRequest {
-        frame: FrameId(run),
-        run: RunId(run),
+        frame: FrameId(id),
+        id: RequestId(id),
         scene: SceneHash::of(&scene()),
         update: SceneUpdate::default(),
         grid: GRID,
         tiles: GRID.all(),
         settings: RenderSettings::default(),
-        format: format_of(run as u8),
+        format: format_of(id as u8),
         precision: carom_protocol::PrecisionRange::EXACT,
         held: Vec::new(),
     }
 }
 
 /// Black tiles; wrong ones if a request asks for others than [`request`] does.
-fn tiles(run: u64, tiles: TileRun) -> TilesDone {
+fn tiles(request: u64, tiles: TileRange) -> TilesDone {
     let black = [[0.0; 3]; 64];
     let lit: Vec<(Tile, &[[f32; 3]])> = GRID
         .tiles(GRID.all())
         .map(|tile| (tile, &black[..]))
         .collect();
     TilesDone {
-        run: RunId(run),
+        request: RequestId(request),
         tiles,
         busy_micros: 3,
         times: NodeTimes::default(),
         dropped_samples: 0,
-        pixels: Encoder::new().encode(format_of(run as u8), &lit),
+        pixels: Encoder::new().encode(format_of(request as u8), &lit),
     }
 }
 
-fn report(run: u64) -> RunReport {
-    let run = RunId(run);
-    RunReport {
-        run,
-        ..RunReport::default()
+fn report(request: u64) -> RequestReport {
+    let request = RequestId(request);
+    RequestReport {
+        request,
+        ..RequestReport::default()
     }
 }
 

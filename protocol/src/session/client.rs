@@ -2,16 +2,16 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use carom_tracer::{Scene, Tile, TileRun};
+use carom_tracer::{Scene, Tile, TileRange};
 
 use super::held::Held;
-use super::runs::{RefusedRuns, Run};
+use super::runs::{OpenRequest, RefusedRequests};
 use super::scenes::SceneCache;
 use super::{Channel, Packet};
-use crate::limits::{CONTROL_QUEUED_MAX, RUNS_QUEUED_MAX};
+use crate::limits::{CONTROL_QUEUED_MAX, REQUESTS_QUEUED_MAX};
 use crate::message::{
-    FrameId, NodeInfo, NodeTimes, PixelFormat, Refusal, RefusalReason, RunId, RunReport, SceneHash,
-    TilesDone, ToClient, ToNode, TraceRequest, VERSION,
+    FrameId, NodeInfo, NodeTimes, PixelFormat, Refusal, RefusalReason, RequestId, RequestReport,
+    SceneHash, TilesDone, ToClient, ToNode, TraceRequest, VERSION,
 };
 use crate::tile_codec::{Decoder, TilePixels};
 use crate::{Error, codec};
@@ -37,14 +37,14 @@ pub enum ClientEvent {
         /// A sentence for the user.
         why: String,
     },
-    /// Tiles of a run, each once and only tiles that were asked for.
+    /// Tiles of a request, each once and only tiles that were asked for.
     Tiles {
         /// The picture.
         frame: FrameId,
         /// The request.
-        run: RunId,
+        request: RequestId,
         /// Which tiles of the picture's grid.
-        tiles: TileRun,
+        tiles: TileRange,
         /// Their pixels.
         pixels: TilePixels,
         /// Microseconds of tracing and encoding, by the node's clock.
@@ -56,29 +56,29 @@ pub enum ClientEvent {
         /// Bytes that the pixels took on the wire.
         payload_bytes: usize,
     },
-    /// Tiles of a run that has been cancelled: nobody wants the pixels, which were not decoded,
+    /// Tiles of a request that has been cancelled: nobody wants the pixels, which were not decoded,
     /// but the time they took says how fast the node is.
     TilesLate {
         /// The picture.
         frame: FrameId,
         /// The request.
-        run: RunId,
+        request: RequestId,
         /// Which tiles of the picture's grid.
-        tiles: TileRun,
+        tiles: TileRange,
         /// Microseconds of tracing and encoding, by the node's clock.
         busy_micros: u32,
         /// Bytes that the pixels took on the wire.
         payload_bytes: usize,
     },
-    /// All tiles of a run have come, or the run was cancelled too late. The last event of the run.
-    RunDone {
+    /// All tiles of a request have come, or the request was cancelled too late. The last event of the request.
+    RequestDone {
         /// The picture.
         frame: FrameId,
         /// How it went.
-        report: RunReport,
+        report: RequestReport,
     },
-    /// A run will not be finished. The last event of the run.
-    RunRefused {
+    /// A request will not be finished. The last event of the request.
+    RequestRefused {
         /// The picture.
         frame: FrameId,
         /// The request, and why.
@@ -100,23 +100,23 @@ pub enum SceneStatus {
 
 /// The client's end of a connection: see [`crate::session`].
 ///
-/// A report can overtake the last tiles of its run, which travel on other streams. So the session
+/// A report can overtake the last tiles of its request, which travel on other streams. So the session
 /// keeps a report that comes early and hands it out after the last tile. A node that reports a
-/// run and never sends its tiles gains nothing: the run just stays open until it is cancelled,
+/// request and never sends its tiles gains nothing: the request just stays open until it is cancelled,
 /// as with a node that says nothing at all.
 ///
-/// Tiles of a cancelled run that still come are [`ClientEvent::TilesLate`]; those that come after
+/// Tiles of a cancelled request that still come are [`ClientEvent::TilesLate`]; those that come after
 /// the node's last word on it are counted by [`ClientSession::late_tiles`] and dropped. The last
-/// word is [`ClientEvent::RunRefused`], or [`ClientEvent::RunDone`] if the cancellation came too
+/// word is [`ClientEvent::RequestRefused`], or [`ClientEvent::RequestDone`] if the cancellation came too
 /// late, or has been heard already if the report had overtaken the tiles.
 pub struct ClientSession {
     state: State,
     scenes: SceneCache<SceneStatus>,
-    /// Runs asked for and neither done nor refused, at most [`RUNS_QUEUED_MAX`].
-    runs: BTreeMap<RunId, Run>,
-    refused: RefusedRuns,
+    /// Requests asked for and neither done nor refused, at most [`REQUESTS_QUEUED_MAX`].
+    requests: BTreeMap<RequestId, OpenRequest>,
+    refused: RefusedRequests,
     held: Held,
-    last_run: Option<RunId>,
+    last_request: Option<RequestId>,
     /// Scenes without an answer, in order, with the bytes of their messages.
     scenes_asked: VecDeque<(SceneHash, usize)>,
     /// Pings without an answer, in order.
@@ -141,10 +141,10 @@ impl ClientSession {
         let mut session = Self {
             state: State::New,
             scenes: SceneCache::new(),
-            runs: BTreeMap::new(),
-            refused: RefusedRuns::default(),
+            requests: BTreeMap::new(),
+            refused: RefusedRequests::default(),
             held: Held::default(),
-            last_run: None,
+            last_request: None,
             scenes_asked: VecDeque::new(),
             pings: VecDeque::new(),
             decoder: Decoder::new(),
@@ -180,53 +180,53 @@ impl ClientSession {
     }
 
     /// Asks for tiles, once there has been [`ClientEvent::Welcome`], which tiles could overtake.
-    /// Runs of one session must have rising numbers; gaps are fine.
+    /// Requests of one session must have rising numbers; gaps are fine.
     ///
     /// # Errors
-    /// [`Error::Unsendable`] before the welcome, if the request is invalid, its scene is not [set], its run is not
-    /// above the last one or [`RUNS_QUEUED_MAX`] runs are open, and as [`ClientSession::ping`].
+    /// [`Error::Unsendable`] before the welcome, if the request is invalid, its scene is not [set], its request is not
+    /// above the last one or [`REQUESTS_QUEUED_MAX`] requests are open, and as [`ClientSession::ping`].
     ///
     /// [set]: ClientSession::set_scene
     pub fn trace(&mut self, mut request: TraceRequest) -> Result<(), Error> {
         let unsendable = |why: String| Err(Error::unsendable("trace request", why));
-        let run = request.run;
+        let id = request.id;
         if self.state != State::Open {
             return unsendable("the node has not answered, or is at fault".into());
         }
-        if self.last_run.is_some_and(|last| run <= last) {
-            return unsendable(format!("{run:?} is not above the one before"));
+        if self.last_request.is_some_and(|last| id <= last) {
+            return unsendable(format!("{id:?} is not above the one before"));
         }
-        if self.runs.len() >= RUNS_QUEUED_MAX {
-            return unsendable(format!("{RUNS_QUEUED_MAX} runs are open"));
+        if self.requests.len() >= REQUESTS_QUEUED_MAX {
+            return unsendable(format!("{REQUESTS_QUEUED_MAX} requests are open"));
         }
         if self.scenes.peek_mut(request.scene).is_none() {
             return unsendable("the node does not hold its scene".into());
         }
         let references = self.held.name(&mut request);
-        let (hash, state) = (request.scene, Run::new(&request, references));
+        let (hash, state) = (request.scene, OpenRequest::new(&request, references));
         self.send(&ToNode::Trace(Box::new(request)))?;
         self.scenes.touch(hash);
-        self.last_run = Some(run);
-        self.runs.insert(run, state);
+        self.last_request = Some(id);
+        self.requests.insert(id, state);
         Ok(())
     }
 
-    /// Cancels all runs of frames before `frame`.
+    /// Cancels all requests of frames before `frame`.
     ///
     /// # Errors
     /// As [`ClientSession::ping`].
     pub fn cancel_before(&mut self, frame: FrameId) -> Result<(), Error> {
         let message = ToNode::CancelBefore(frame);
-        self.cancel(&message, |_, run| run.frame < frame)
+        self.cancel(&message, |_, request| request.frame < frame)
     }
 
-    /// Cancels one run; does nothing if it is done, refused or cancelled already.
+    /// Cancels one request; does nothing if it is done, refused or cancelled already.
     ///
     /// # Errors
     /// As [`ClientSession::ping`].
-    pub fn cancel_run(&mut self, run: RunId) -> Result<(), Error> {
-        let message = ToNode::CancelRun(run);
-        self.cancel(&message, |id, _| id == run)
+    pub fn cancel_request(&mut self, request: RequestId) -> Result<(), Error> {
+        let message = ToNode::CancelRequest(request);
+        self.cancel(&message, |id, _| id == request)
     }
 
     /// Asks for a [`ClientEvent::Pong`] with the same number.
@@ -243,7 +243,7 @@ impl ClientSession {
         Ok(())
     }
 
-    /// Takes a packet from the node. There are two events when the last tiles of a run come
+    /// Takes a packet from the node. There are two events when the last tiles of a request come
     /// after its report.
     ///
     /// # Errors
@@ -264,12 +264,12 @@ impl ClientSession {
         Some(Packet { channel, bytes })
     }
 
-    /// Runs asked for and neither done nor refused.
-    pub fn open_runs(&self) -> usize {
-        self.runs.len()
+    /// Requests asked for and neither done nor refused.
+    pub fn open_requests(&self) -> usize {
+        self.requests.len()
     }
 
-    /// Tiles that came for runs which the node had refused, after a cancellation as a rule.
+    /// Tiles that came for requests which the node had refused, after a cancellation as a rule.
     pub fn late_tiles(&self) -> u64 {
         self.late_tiles
     }
@@ -302,8 +302,8 @@ impl ClientSession {
             ToClient::SceneReady(hash) => self.scene_ready(hash),
             ToClient::SceneRefused { hash, why } => self.scene_refused(hash, why),
             ToClient::Tiles(tiles) => self.take_tiles(&tiles),
-            ToClient::RunDone(report) => self.run_done(report),
-            ToClient::RunRefused(refusal) => self.run_refused(refusal),
+            ToClient::RequestDone(report) => self.request_done(report),
+            ToClient::RequestRefused(refusal) => self.run_refused(refusal),
             ToClient::Pong(number) => self.pong(number),
             ToClient::SceneComing { bytes } => self.scene_coming(bytes as usize),
         }
@@ -351,38 +351,38 @@ impl ClientSession {
     }
 
     fn take_tiles(&mut self, done: &TilesDone) -> Result<Vec<ClientEvent>, Error> {
-        let Some(run) = self.runs.get_mut(&done.run) else {
-            return self.take_tiles_of_no_run(done.run);
+        let Some(request) = self.requests.get_mut(&done.request) else {
+            return self.take_tiles_of_closed_request(done.request);
         };
-        run.receive(done.tiles)?;
-        let (frame, payload_bytes) = (run.frame, done.pixels.len());
-        let tiles = if run.cancelled {
+        request.receive(done.tiles)?;
+        let (frame, payload_bytes) = (request.frame, done.pixels.len());
+        let tiles = if request.cancelled {
             ClientEvent::TilesLate {
                 frame,
-                run: done.run,
+                request: done.request,
                 tiles: done.tiles,
                 busy_micros: done.busy_micros,
                 payload_bytes,
             }
         } else {
-            let pixels = match run.format {
+            let pixels = match request.format {
                 PixelFormat::Srgb8 { .. } => {
-                    let told = run.with_references(done.tiles);
-                    let decoded = self
-                        .decoder
-                        .decode_srgb(run.precision, &told, &done.pixels)?;
+                    let told = request.with_references(done.tiles);
+                    let decoded =
+                        self.decoder
+                            .decode_srgb(request.precision, &told, &done.pixels)?;
                     self.held
-                        .insert(run.grid, done.run, done.tiles, decoded.kept);
+                        .insert(request.grid, done.request, done.tiles, decoded.kept);
                     TilePixels::Srgb8(decoded.pixels)
                 }
                 format => {
-                    let sizes: Vec<Tile> = run.grid.tiles(done.tiles).collect();
+                    let sizes: Vec<Tile> = request.grid.tiles(done.tiles).collect();
                     self.decoder.decode(format, &sizes, &done.pixels)?
                 }
             };
             ClientEvent::Tiles {
                 frame,
-                run: done.run,
+                request: done.request,
                 tiles: done.tiles,
                 pixels,
                 busy_micros: done.busy_micros,
@@ -391,63 +391,70 @@ impl ClientSession {
                 payload_bytes,
             }
         };
-        let Some(report) = run.report.filter(|_| run.missing == 0) else {
+        let Some(report) = request.report.filter(|_| request.missing == 0) else {
             return Ok(vec![tiles]);
         };
-        self.runs.remove(&report.run);
-        Ok(vec![tiles, ClientEvent::RunDone { frame, report }])
+        self.requests.remove(&report.request);
+        Ok(vec![tiles, ClientEvent::RequestDone { frame, report }])
     }
 
-    fn take_tiles_of_no_run(&mut self, run: RunId) -> Result<Vec<ClientEvent>, Error> {
-        if !self.refused.may_hold(run) {
-            let why = format!("{run:?} is not open");
+    fn take_tiles_of_closed_request(
+        &mut self,
+        request: RequestId,
+    ) -> Result<Vec<ClientEvent>, Error> {
+        if !self.refused.may_hold(request) {
+            let why = format!("{request:?} is not open");
             return Err(Error::out_of_order("tile message", why));
         }
         self.late_tiles += 1;
         Ok(Vec::new())
     }
 
-    fn run_done(&mut self, report: RunReport) -> Result<Vec<ClientEvent>, Error> {
+    fn request_done(&mut self, report: RequestReport) -> Result<Vec<ClientEvent>, Error> {
         const WHAT: &str = "report";
-        let Some(run) = self.runs.get_mut(&report.run) else {
-            // The client cancelled a run whose report was still on its way, and a node may not
-            // say two last words: so the run was never asked for, or is done.
+        let Some(request) = self.requests.get_mut(&report.request) else {
+            // The client cancelled a request whose report was still on its way, and a node may not
+            // say two last words: so the request was never asked for, or is done.
             return Err(Error::out_of_order(
                 WHAT,
-                format!("{:?} is not open", report.run),
+                format!("{:?} is not open", report.request),
             ));
         };
-        if run.report.is_some() {
+        if request.report.is_some() {
             return Err(Error::out_of_order(WHAT, "there has been one"));
         }
-        let frame = run.frame;
-        if run.missing > 0 && !run.cancelled {
-            run.report = Some(report);
+        let frame = request.frame;
+        if request.missing > 0 && !request.cancelled {
+            request.report = Some(report);
             return Ok(Vec::new());
         }
-        if run.missing > 0 {
-            self.refused.insert(report.run);
+        if request.missing > 0 {
+            self.refused.insert(report.request);
         }
-        self.runs.remove(&report.run);
-        Ok(vec![ClientEvent::RunDone { frame, report }])
+        self.requests.remove(&report.request);
+        Ok(vec![ClientEvent::RequestDone { frame, report }])
     }
 
     fn run_refused(&mut self, refusal: Refusal) -> Result<Vec<ClientEvent>, Error> {
         const WHAT: &str = "refusal";
-        let id = refusal.run;
-        let Some(run) = self.runs.get(&id).filter(|run| run.report.is_none()) else {
+        let id = refusal.request;
+        let Some(request) = self
+            .requests
+            .get(&id)
+            .filter(|request| request.report.is_none())
+        else {
             return Err(Error::out_of_order(WHAT, format!("{id:?} is not open")));
         };
-        if refusal.why == RefusalReason::Cancelled && !run.cancelled {
+        if refusal.why == RefusalReason::Cancelled && !request.cancelled {
             return Err(Error::out_of_order(
                 WHAT,
                 format!("{id:?} was not cancelled"),
             ));
         }
-        let frame = run.frame;
-        self.runs.remove(&id);
+        let frame = request.frame;
+        self.requests.remove(&id);
         self.refused.insert(id);
-        Ok(vec![ClientEvent::RunRefused { frame, refusal }])
+        Ok(vec![ClientEvent::RequestRefused { frame, refusal }])
     }
 
     fn pong(&mut self, number: u64) -> Result<Vec<ClientEvent>, Error> {
@@ -462,20 +469,28 @@ impl ClientSession {
     fn cancel(
         &mut self,
         message: &ToNode,
-        unwanted: impl Fn(RunId, &Run) -> bool,
+        unwanted: impl Fn(RequestId, &OpenRequest) -> bool,
     ) -> Result<(), Error> {
-        let is_news = |run: &RunId, state: &Run| !state.cancelled && unwanted(*run, state);
-        if !self.runs.iter().any(|(run, state)| is_news(run, state)) {
+        let is_news = |request: &RequestId, state: &OpenRequest| {
+            !state.cancelled && unwanted(*request, state)
+        };
+        if !self
+            .requests
+            .iter()
+            .any(|(request, state)| is_news(request, state))
+        {
             return Ok(());
         }
         self.send(message)?;
-        // The node's last word has come already where the report has: the run ends here.
-        let reported = |run: &RunId, state: &mut Run| state.report.is_some() && is_news(run, state);
-        for (run, _) in self.runs.extract_if(.., reported) {
-            self.refused.insert(run);
+        // The node's last word has come already where the report has: the request ends here.
+        let reported = |request: &RequestId, state: &mut OpenRequest| {
+            state.report.is_some() && is_news(request, state)
+        };
+        for (request, _) in self.requests.extract_if(.., reported) {
+            self.refused.insert(request);
         }
-        for (run, state) in &mut self.runs {
-            state.cancelled |= unwanted(*run, state);
+        for (request, state) in &mut self.requests {
+            state.cancelled |= unwanted(*request, state);
         }
         Ok(())
     }

@@ -1,28 +1,28 @@
 //! Which tiles both ends remember, so that later ones can be told from them.
 //!
-//! The client says with each request which tiles of earlier runs it holds there; the node tells a
+//! The client says with each request which tiles of earlier requests it holds there; the node tells a
 //! tile from one that was named and that it remembers too, or from nothing. So a tile is only ever
 //! told from one that has arrived, and whichever end forgets costs bytes and nothing else.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
-use carom_tracer::{TileGrid, TileRun};
+use carom_tracer::{TileGrid, TileRange};
 
-use crate::limits::{HELD_RUNS_MAX, HELD_STRETCHES_MAX, SENT_TILES_BYTES_MAX};
-use crate::message::{HeldTiles, PixelFormat, RunId, TraceRequest};
+use crate::limits::{HELD_STRETCHES_MAX, REFERENCE_REQUESTS_MAX, SENT_TILES_BYTES_MAX};
+use crate::message::{HeldTiles, PixelFormat, RequestId, TraceRequest};
 use crate::tile_codec::ReferenceTile;
 
 /// What each tile of a stretch may be told from.
 pub type References = Vec<Option<Arc<ReferenceTile>>>;
 
-/// The client's end: the last tile that came at each place of the last [`HELD_RUNS_MAX`] runs.
+/// The client's end: the last tile that came at each place of the last [`REFERENCE_REQUESTS_MAX`] requests.
 #[derive(Debug, Default)]
 pub(super) struct Held {
     grid: Option<TileGrid>,
-    tiles: BTreeMap<u32, (RunId, Arc<ReferenceTile>)>,
-    /// Runs with tiles in here, in the order in which they began to come.
-    runs: VecDeque<RunId>,
+    tiles: BTreeMap<u32, (RequestId, Arc<ReferenceTile>)>,
+    /// Requests with tiles in here, in the order in which they began to come.
+    requests: VecDeque<RequestId>,
 }
 
 impl Held {
@@ -39,15 +39,20 @@ impl Held {
         }
         let place = |tile: u32| (tile - request.tiles.first) as usize;
         let mut references = vec![None; request.tiles.count as usize];
-        for (&tile, (run, held)) in self.tiles.range(request.tiles.indices()) {
+        for (&tile, (id, held)) in self.tiles.range(request.tiles.indices()) {
             let stretches = request.held.len();
             match request.held.last_mut() {
-                Some(last) if last.run == *run && last.tiles.end() == tile => last.tiles.count += 1,
+                Some(last) if last.request == *id && last.tiles.end() == tile => {
+                    last.tiles.count += 1
+                }
                 _ if stretches == HELD_STRETCHES_MAX => break,
                 _ => {
                     let (first, count) = (tile, 1);
-                    let tiles = TileRun { first, count };
-                    request.held.push(HeldTiles { run: *run, tiles });
+                    let tiles = TileRange { first, count };
+                    request.held.push(HeldTiles {
+                        request: *id,
+                        tiles,
+                    });
                 }
             }
             references[place(tile)] = Some(Arc::clone(held));
@@ -59,25 +64,26 @@ impl Held {
     pub(super) fn insert(
         &mut self,
         grid: TileGrid,
-        run: RunId,
-        tiles: TileRun,
+        request: RequestId,
+        tiles: TileRange,
         kept: Vec<Arc<ReferenceTile>>,
     ) {
         if self.grid != Some(grid) {
             return;
         }
-        if !self.runs.contains(&run) {
-            self.runs.push_back(run);
+        if !self.requests.contains(&request) {
+            self.requests.push_back(request);
         }
         for (tile, kept) in tiles.indices().zip(kept) {
             match self.tiles.get(&tile) {
-                Some((newer, _)) if *newer > run => {}
-                _ => drop(self.tiles.insert(tile, (run, kept))),
+                Some((newer, _)) if *newer > request => {}
+                _ => drop(self.tiles.insert(tile, (request, kept))),
             }
         }
-        if self.runs.len() > HELD_RUNS_MAX {
-            let oldest = self.runs.pop_front();
-            self.tiles.retain(|_, (run, _)| Some(*run) != oldest);
+        if self.requests.len() > REFERENCE_REQUESTS_MAX {
+            let oldest = self.requests.pop_front();
+            self.tiles
+                .retain(|_, (request, _)| Some(*request) != oldest);
         }
     }
 }
@@ -87,15 +93,15 @@ impl Held {
 #[derive(Debug, Default)]
 pub struct SentTiles {
     grid: Option<TileGrid>,
-    tiles: BTreeMap<(u32, RunId), Arc<ReferenceTile>>,
+    tiles: BTreeMap<(u32, RequestId), Arc<ReferenceTile>>,
     /// In the order of sending; some may have been dropped already.
-    order: VecDeque<(u32, RunId)>,
+    order: VecDeque<(u32, RequestId)>,
     bytes: usize,
 }
 
 impl SentTiles {
     /// What `tiles`, of a request's own, may be told from.
-    pub fn references(&mut self, request: &TraceRequest, tiles: TileRun) -> References {
+    pub fn references(&mut self, request: &TraceRequest, tiles: TileRange) -> References {
         let mut references = vec![None; tiles.count as usize];
         if self.grid != Some(request.grid) {
             return references;
@@ -103,8 +109,8 @@ impl SentTiles {
         for held in &request.held {
             let stretch = held.tiles.first.max(tiles.first)..held.tiles.end().min(tiles.end());
             for tile in stretch {
-                self.drop_before(tile, held.run);
-                let reference = self.tiles.get(&(tile, held.run));
+                self.drop_before(tile, held.request);
+                let reference = self.tiles.get(&(tile, held.request));
                 references[(tile - tiles.first) as usize] = reference.cloned();
             }
         }
@@ -115,7 +121,7 @@ impl SentTiles {
     pub fn insert(
         &mut self,
         request: &TraceRequest,
-        tiles: TileRun,
+        tiles: TileRange,
         kept: Vec<Arc<ReferenceTile>>,
     ) {
         if self.grid != Some(request.grid) {
@@ -124,8 +130,8 @@ impl SentTiles {
         }
         for (tile, kept) in tiles.indices().zip(kept) {
             self.bytes += kept.bytes();
-            self.order.push_back((tile, request.run));
-            if let Some(before) = self.tiles.insert((tile, request.run), kept) {
+            self.order.push_back((tile, request.id));
+            if let Some(before) = self.tiles.insert((tile, request.id), kept) {
                 self.bytes -= before.bytes();
             }
         }
@@ -138,15 +144,15 @@ impl SentTiles {
     }
 
     /// The client holds a later one: it will not name these again.
-    fn drop_before(&mut self, tile: u32, run: RunId) {
-        let stale = self.tiles.range((tile, RunId(0))..(tile, run));
-        let stale: Vec<(u32, RunId)> = stale.map(|(key, _)| *key).collect();
+    fn drop_before(&mut self, tile: u32, request: RequestId) {
+        let stale = self.tiles.range((tile, RequestId(0))..(tile, request));
+        let stale: Vec<(u32, RequestId)> = stale.map(|(key, _)| *key).collect();
         for key in stale {
             self.forget(key);
         }
     }
 
-    fn forget(&mut self, key: (u32, RunId)) {
+    fn forget(&mut self, key: (u32, RequestId)) {
         if let Some(tile) = self.tiles.remove(&key) {
             self.bytes -= tile.bytes();
         }

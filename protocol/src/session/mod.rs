@@ -7,7 +7,7 @@
 //!              ◀── events ── └───────────────┘ ◀──── handle ───── bytes
 //!                            ┌─────────────┐
 //!              ◀── events ── │ NodeSession │ ◀──── handle ─────── bytes
-//!    tiles, run_done, … ───▶ └─────────────┘ ─ poll_transmit ───▶ bytes
+//!    tiles, request_done, … ───▶ └─────────────┘ ─ poll_transmit ───▶ bytes
 //! ```
 //!
 //! A transport keeps the packets of [`Channel::Control`] in order and delivers all packets

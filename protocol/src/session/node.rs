@@ -3,17 +3,17 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
-use carom_tracer::{Scene, SceneUpdate, Shape, TileRun};
+use carom_tracer::{Scene, SceneUpdate, Shape, TileRange};
 
 use super::scenes::SceneCache;
 use super::{Channel, Packet};
 use crate::limits::{
-    CONTROL_QUEUED_MAX, NODE_NAME_BYTES_MAX, RUNS_QUEUED_MAX, RUNS_REFUSED_KEPT,
+    CONTROL_QUEUED_MAX, NODE_NAME_BYTES_MAX, REQUESTS_QUEUED_MAX, REQUESTS_REFUSED_KEPT,
     SENTENCE_BYTES_MAX, TILES_QUEUED_BYTES_MAX,
 };
 use crate::message::{
-    FrameId, NodeInfo, Refusal, RefusalReason, RunId, RunReport, SceneHash, TilesDone, ToClient,
-    ToNode, TraceRequest, VERSION,
+    FrameId, NodeInfo, Refusal, RefusalReason, RequestId, RequestReport, SceneHash, TilesDone,
+    ToClient, ToNode, TraceRequest, VERSION,
 };
 use crate::validate::cut;
 use crate::{Error, codec};
@@ -28,7 +28,7 @@ pub enum NodeEvent {
         /// The scene; it can be drawn.
         scene: Arc<Scene>,
     },
-    /// Tiles to trace, and to answer by [`NodeSession::tiles`] and [`NodeSession::run_done`] or
+    /// Tiles to trace, and to answer by [`NodeSession::tiles`] and [`NodeSession::request_done`] or
     /// by [`NodeSession::refuse`]. The update fits the scene.
     Trace {
         /// The request.
@@ -36,9 +36,9 @@ pub enum NodeEvent {
         /// Its scene.
         scene: Arc<Scene>,
     },
-    /// Runs to stop and to take from the queue. The client has been told; what else is said of
+    /// Requests to stop and to take from the queue. The client has been told; what else is said of
     /// them is dropped.
-    Cancelled(Vec<RunId>),
+    Cancelled(Vec<RequestId>),
 }
 
 /// The node's end of a connection: see [`crate::session`].
@@ -47,18 +47,18 @@ pub struct NodeSession {
     info: NodeInfo,
     state: State,
     scenes: SceneCache<Arc<Scene>>,
-    /// Runs asked for and not yet answered on the wire, at most [`RUNS_QUEUED_MAX`].
-    runs: BTreeMap<RunId, Run>,
+    /// Requests asked for and not yet answered on the wire, at most [`REQUESTS_QUEUED_MAX`].
+    requests: BTreeMap<RequestId, AcceptedRequest>,
     /// Of the requests that have come in order.
-    last_run: Option<RunId>,
-    /// Runs above it that have been begun by a copy, at most [`RUNS_QUEUED_MAX`].
-    begun: BTreeSet<RunId>,
-    /// The last [`RUNS_REFUSED_KEPT`] runs that were answered in full: their tiles may be under way.
-    answered: VecDeque<(RunId, Run)>,
+    last_request: Option<RequestId>,
+    /// Requests above it that have been begun by a copy, at most [`REQUESTS_QUEUED_MAX`].
+    begun: BTreeSet<RequestId>,
+    /// The last [`REQUESTS_REFUSED_KEPT`] requests that were answered in full: their tiles may be under way.
+    answered: VecDeque<(RequestId, AcceptedRequest)>,
     /// Of both, those cancelled since the transport last asked.
-    unwanted: Vec<RunId>,
+    unwanted: Vec<RequestId>,
     answers: VecDeque<Vec<u8>>,
-    /// Tiles and reports of runs, which a cancellation drops.
+    /// Tiles and reports of requests, which a cancellation drops.
     results: VecDeque<Answer>,
     results_bytes: usize,
     /// Those of frames that newer ones have overtaken: sent when nothing else waits.
@@ -68,10 +68,10 @@ pub struct NodeSession {
     newest: FrameId,
 }
 
-/// A packet of a run that waits for the network.
+/// A packet of a request that waits for the network.
 #[derive(Debug)]
 struct Answer {
-    run: RunId,
+    request: RequestId,
     frame: FrameId,
     packet: Packet,
 }
@@ -89,14 +89,14 @@ enum State {
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Run {
+struct AcceptedRequest {
     frame: FrameId,
-    tiles: TileRun,
+    tiles: TileRange,
     tiles_left: u32,
     reported: bool,
 }
 
-impl Run {
+impl AcceptedRequest {
     const fn new(request: &TraceRequest) -> Self {
         Self {
             frame: request.frame,
@@ -117,8 +117,8 @@ impl NodeSession {
             info,
             state: State::New,
             scenes: SceneCache::new(),
-            runs: BTreeMap::new(),
-            last_run: None,
+            requests: BTreeMap::new(),
+            last_request: None,
             begun: BTreeSet::new(),
             answered: VecDeque::new(),
             unwanted: Vec::new(),
@@ -154,61 +154,61 @@ impl NodeSession {
         }
     }
 
-    /// Sends finished tiles of a run, in any order. `false` if the run is no longer wanted: stop
+    /// Sends finished tiles of a request, in any order. `false` if the request is no longer wanted: stop
     /// it.
     ///
     /// Tiles that the network has not taken pile up here: wait while [`NodeSession::is_full`].
     ///
     /// # Errors
-    /// [`Error::Unsendable`] if the tiles are not in the run, or more than are left of it.
+    /// [`Error::Unsendable`] if the tiles are not in the request, or more than are left of it.
     pub fn tiles(&mut self, tiles: TilesDone) -> Result<bool, Error> {
-        let Some(run) = self.runs.get_mut(&tiles.run) else {
+        let Some(request) = self.requests.get_mut(&tiles.request) else {
             return Ok(false);
         };
         let part = tiles.tiles;
-        let inside = run.tiles.first <= part.first && part.end() <= run.tiles.end();
-        if !inside || part.count > run.tiles_left {
-            let (left, whole) = (run.tiles_left, run.tiles);
+        let inside = request.tiles.first <= part.first && part.end() <= request.tiles.end();
+        if !inside || part.count > request.tiles_left {
+            let (left, whole) = (request.tiles_left, request.tiles);
             let why = format!("{part:?} is not in the {left} tiles that are left of {whole:?}");
             return Err(Error::unsendable("tile message", why));
         }
-        let (id, frame) = (tiles.run, run.frame);
+        let (id, frame) = (tiles.request, request.frame);
         let bytes = codec::encode_to_client(&ToClient::Tiles(tiles))?;
-        run.tiles_left -= part.count;
+        request.tiles_left -= part.count;
         self.queue_result(id, frame, Channel::Tiles, bytes);
         Ok(true)
     }
 
-    /// Ends a run whose tiles have all been handed over. `false` if the run was no longer wanted.
+    /// Ends a request whose tiles have all been handed over. `false` if the request was no longer wanted.
     ///
     /// # Errors
-    /// [`Error::Unsendable`] if tiles are missing, or if the run was reported already.
-    pub fn run_done(&mut self, report: RunReport) -> Result<bool, Error> {
-        let Some(run) = self.runs.get_mut(&report.run) else {
+    /// [`Error::Unsendable`] if tiles are missing, or if the request was reported already.
+    pub fn request_done(&mut self, report: RequestReport) -> Result<bool, Error> {
+        let Some(request) = self.requests.get_mut(&report.request) else {
             return Ok(false);
         };
-        if run.tiles_left > 0 || run.reported {
-            let why = match run.reported {
+        if request.tiles_left > 0 || request.reported {
+            let why = match request.reported {
                 true => "there has been one".into(),
-                false => format!("{} tiles are missing", run.tiles_left),
+                false => format!("{} tiles are missing", request.tiles_left),
             };
             return Err(Error::unsendable("report", why));
         }
-        let bytes = codec::encode_to_client(&ToClient::RunDone(report))?;
-        run.reported = true;
-        let frame = run.frame;
-        self.queue_result(report.run, frame, Channel::Control, bytes);
+        let bytes = codec::encode_to_client(&ToClient::RequestDone(report))?;
+        request.reported = true;
+        let frame = request.frame;
+        self.queue_result(report.request, frame, Channel::Control, bytes);
         Ok(true)
     }
 
-    /// Ends a run that was not begun or cannot be finished, and drops its tiles that still wait.
-    /// `false` if the run was no longer wanted. Sentences of more than [`SENTENCE_BYTES_MAX`]
+    /// Ends a request that was not begun or cannot be finished, and drops its tiles that still wait.
+    /// `false` if the request was no longer wanted. Sentences of more than [`SENTENCE_BYTES_MAX`]
     /// bytes are cut.
-    pub fn refuse(&mut self, run: RunId, why: RefusalReason) -> bool {
-        let wanted = self.runs.remove(&run).is_some();
+    pub fn refuse(&mut self, request: RequestId, why: RefusalReason) -> bool {
+        let wanted = self.requests.remove(&request).is_some();
         if wanted {
-            self.drop_results(&[run]);
-            self.send_refusal(run, why);
+            self.drop_results(&[request]);
+            self.send_refusal(request, why);
         }
         wanted
     }
@@ -221,7 +221,9 @@ impl NodeSession {
             let channel = Channel::Control;
             return Some(Packet { channel, bytes });
         }
-        let Answer { run, packet, .. } = match self.results.pop_front() {
+        let Answer {
+            request, packet, ..
+        } = match self.results.pop_front() {
             Some(answer) => {
                 self.results_bytes -= answer.packet.bytes.len();
                 answer
@@ -233,11 +235,11 @@ impl NodeSession {
             }
         };
         if packet.channel == Channel::Control {
-            // Its report: the run is answered.
-            if let Some(state) = self.runs.remove(&run) {
-                self.answered.push_back((run, state));
+            // Its report: the request is answered.
+            if let Some(state) = self.requests.remove(&request) {
+                self.answered.push_back((request, state));
             }
-            if self.answered.len() > RUNS_REFUSED_KEPT {
+            if self.answered.len() > REQUESTS_REFUSED_KEPT {
                 self.answered.pop_front();
             }
         }
@@ -250,9 +252,9 @@ impl NodeSession {
         self.results_bytes + self.late_bytes >= TILES_QUEUED_BYTES_MAX
     }
 
-    /// The last runs, answered or not, that were cancelled since the last call: their tiles need not
+    /// The last requests, answered or not, that were cancelled since the last call: their tiles need not
     /// be sent again if they get lost.
-    pub fn take_unwanted(&mut self) -> Vec<RunId> {
+    pub fn take_unwanted(&mut self) -> Vec<RequestId> {
         std::mem::take(&mut self.unwanted)
     }
 
@@ -262,9 +264,9 @@ impl NodeSession {
         self.results_bytes
     }
 
-    /// Runs asked for and not yet answered on the wire.
-    pub fn open_runs(&self) -> usize {
-        self.runs.len()
+    /// Requests asked for and not yet answered on the wire.
+    pub fn open_requests(&self) -> usize {
+        self.requests.len()
     }
 
     fn try_handle(&mut self, packet: Packet) -> Result<Option<NodeEvent>, Error> {
@@ -298,8 +300,8 @@ impl NodeSession {
             ToNode::Hello { .. } => Ok(None),
             ToNode::Scene { hash, scene } => Ok(self.keep(hash, *scene)),
             ToNode::Trace(request) => self.queue(request),
-            ToNode::CancelBefore(frame) => Ok(self.cancel(|_, run| run.frame < frame)),
-            ToNode::CancelRun(cancelled) => Ok(self.cancel(|run, _| run == cancelled)),
+            ToNode::CancelBefore(frame) => Ok(self.cancel(|_, request| request.frame < frame)),
+            ToNode::CancelRequest(cancelled) => Ok(self.cancel(|request, _| request == cancelled)),
             ToNode::Ping(number) => {
                 self.send(&ToClient::Pong(number));
                 Ok(None)
@@ -333,28 +335,28 @@ impl NodeSession {
     }
 
     fn queue(&mut self, request: Box<TraceRequest>) -> Result<Option<NodeEvent>, Error> {
-        let run = request.run;
-        if self.last_run.is_some_and(|last| run <= last) {
-            let why = format!("{run:?} is not above the one before");
+        let id = request.id;
+        if self.last_request.is_some_and(|last| id <= last) {
+            let why = format!("{id:?} is not above the one before");
             return Err(Error::out_of_order("trace request", why));
         }
-        self.last_run = Some(run);
-        let begun = self.begun.remove(&run);
+        self.last_request = Some(id);
+        let begun = self.begun.remove(&id);
         // First the scene is used, then the request may be refused: the client does the same.
         let refusal = match self.scenes.touch(request.scene) {
             _ if begun => return Ok(None),
             None => RefusalReason::UnknownScene,
-            Some(_) if self.runs.len() >= RUNS_QUEUED_MAX => RefusalReason::Busy,
+            Some(_) if self.requests.len() >= REQUESTS_QUEUED_MAX => RefusalReason::Busy,
             Some(scene) => match check_fit(scene, &request.update) {
                 Err(why) => RefusalReason::Invalid(why),
                 Ok(()) => {
-                    self.runs.insert(run, Run::new(&request));
+                    self.requests.insert(id, AcceptedRequest::new(&request));
                     let scene = Arc::clone(scene);
                     return Ok(Some(NodeEvent::Trace { request, scene }));
                 }
             },
         };
-        self.send_refusal(run, refusal);
+        self.send_refusal(id, refusal);
         Ok(None)
     }
 
@@ -368,59 +370,74 @@ impl NodeSession {
             let what = Channel::Copy.packet_name();
             return Err(Error::out_of_order(what, "only requests have copies"));
         };
-        let run = request.run;
-        let come = self.last_run.is_some_and(|last| run <= last) || self.begun.contains(&run);
-        let full = self.runs.len().max(self.begun.len()) >= RUNS_QUEUED_MAX;
+        let id = request.id;
+        let come = self.last_request.is_some_and(|last| id <= last) || self.begun.contains(&id);
+        let full = self.requests.len().max(self.begun.len()) >= REQUESTS_QUEUED_MAX;
         let scene = self.scenes.peek(request.scene);
         let fits = |scene: &&Arc<Scene>| check_fit(scene, &request.update).is_ok();
         let Some(scene) = scene.filter(fits).filter(|_| !come && !full) else {
             return Ok(None);
         };
         let scene = Arc::clone(scene);
-        self.begun.insert(run);
-        self.runs.insert(run, Run::new(&request));
+        self.begun.insert(id);
+        self.requests.insert(id, AcceptedRequest::new(&request));
         Ok(Some(NodeEvent::Trace { request, scene }))
     }
 
-    /// Refuses the runs that `unwanted` chooses and drops their results that still wait.
-    fn cancel(&mut self, unwanted: impl Fn(RunId, &Run) -> bool) -> Option<NodeEvent> {
+    /// Refuses the requests that `unwanted` chooses and drops their results that still wait.
+    fn cancel(
+        &mut self,
+        unwanted: impl Fn(RequestId, &AcceptedRequest) -> bool,
+    ) -> Option<NodeEvent> {
         // What a copy has begun was asked for after this.
         let begun = &self.begun;
-        let unwanted = |run: RunId, state: &Run| !begun.contains(&run) && unwanted(run, state);
-        let cancelled: Vec<RunId> = self
-            .runs
-            .extract_if(.., |run, state| unwanted(*run, state))
-            .map(|(run, _)| run)
+        let unwanted = |request: RequestId, state: &AcceptedRequest| {
+            !begun.contains(&request) && unwanted(request, state)
+        };
+        let cancelled: Vec<RequestId> = self
+            .requests
+            .extract_if(.., |request, state| unwanted(*request, state))
+            .map(|(request, _)| request)
             .collect();
         self.unwanted.extend(&cancelled);
-        self.answered.retain(|(run, state)| {
-            let dropped = unwanted(*run, state);
-            self.unwanted.extend(dropped.then_some(*run));
+        self.answered.retain(|(request, state)| {
+            let dropped = unwanted(*request, state);
+            self.unwanted.extend(dropped.then_some(*request));
             !dropped
         });
-        let excess = self.unwanted.len().saturating_sub(RUNS_REFUSED_KEPT);
+        let excess = self.unwanted.len().saturating_sub(REQUESTS_REFUSED_KEPT);
         self.unwanted.drain(..excess);
         if cancelled.is_empty() {
             return None;
         }
         self.drop_results(&cancelled);
-        for run in &cancelled {
-            self.send_refusal(*run, RefusalReason::Cancelled);
+        for request in &cancelled {
+            self.send_refusal(*request, RefusalReason::Cancelled);
         }
         Some(NodeEvent::Cancelled(cancelled))
     }
 
-    fn queue_result(&mut self, run: RunId, frame: FrameId, channel: Channel, bytes: Vec<u8>) {
+    fn queue_result(
+        &mut self,
+        request: RequestId,
+        frame: FrameId,
+        channel: Channel,
+        bytes: Vec<u8>,
+    ) {
         if frame > self.newest {
             self.newest = frame;
             self.overtake();
         }
         let packet = Packet { channel, bytes };
-        let answer = Answer { run, frame, packet };
+        let answer = Answer {
+            request,
+            frame,
+            packet,
+        };
         self.wait(answer);
     }
 
-    /// Puts what is now too old behind everything else. A run stays in order: all of it is.
+    /// Puts what is now too old behind everything else. A request stays in order: all of it is.
     fn overtake(&mut self) {
         let oldest = self.results.iter().map(|answer| answer.frame).min();
         if oldest.is_none_or(|oldest| !self.is_overtaken(oldest)) {
@@ -447,22 +464,22 @@ impl NodeSession {
         frame.0.saturating_add(FRAMES_IN_ORDER) <= self.newest.0
     }
 
-    fn drop_results(&mut self, unwanted: &[RunId]) {
+    fn drop_results(&mut self, unwanted: &[RequestId]) {
         let keep = |answers: &mut VecDeque<Answer>| -> usize {
-            answers.retain(|answer| !unwanted.contains(&answer.run));
+            answers.retain(|answer| !unwanted.contains(&answer.request));
             answers.iter().map(|answer| answer.packet.bytes.len()).sum()
         };
         self.results_bytes = keep(&mut self.results);
         self.late_bytes = keep(&mut self.late);
     }
 
-    fn send_refusal(&mut self, run: RunId, why: RefusalReason) {
+    fn send_refusal(&mut self, request: RequestId, why: RefusalReason) {
         let why = match why {
             RefusalReason::Invalid(why) => RefusalReason::Invalid(cut(why, SENTENCE_BYTES_MAX)),
             RefusalReason::Device(why) => RefusalReason::Device(cut(why, SENTENCE_BYTES_MAX)),
             RefusalReason::Cancelled | RefusalReason::Busy | RefusalReason::UnknownScene => why,
         };
-        self.send(&ToClient::RunRefused(Refusal { run, why }));
+        self.send(&ToClient::RequestRefused(Refusal { request, why }));
     }
 
     fn send(&mut self, message: &ToClient) {

@@ -1,44 +1,44 @@
-//! What a client knows of the runs it asked for.
+//! What a client knows of the requests it asked for.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use carom_tracer::{Tile, TileGrid, TileRun};
+use carom_tracer::{Tile, TileGrid, TileRange};
 
 use super::held::References;
 use crate::Error;
-use crate::limits::RUNS_REFUSED_KEPT;
-use crate::message::{FrameId, PixelFormat, RunId, RunReport, TraceRequest};
+use crate::limits::REQUESTS_REFUSED_KEPT;
+use crate::message::{FrameId, PixelFormat, RequestId, RequestReport, TraceRequest};
 use crate::precision::PrecisionRange;
 use crate::tile_codec::ReferenceTile;
 
-/// A run that is neither done nor refused.
+/// A request that is neither done nor refused.
 #[derive(Debug)]
-pub(super) struct Run {
+pub(super) struct OpenRequest {
     pub(super) frame: FrameId,
     pub(super) grid: TileGrid,
-    tiles: TileRun,
+    tiles: TileRange,
     pub(super) format: PixelFormat,
     pub(super) precision: PrecisionRange,
-    /// What its tiles may be told from, by place in the run; empty for linear formats.
+    /// What its tiles may be told from, by place in the request; empty for linear formats.
     pub(super) references: References,
-    /// By the tile's place in the run.
+    /// By the tile's place in the request.
     received: Vec<bool>,
     pub(super) missing: u32,
     pub(super) cancelled: bool,
     /// A report that came before the last tile.
-    pub(super) report: Option<RunReport>,
+    pub(super) report: Option<RequestReport>,
 }
 
-/// The last [`RUNS_REFUSED_KEPT`] refused runs, whose tiles may still be on their way.
+/// The last [`REQUESTS_REFUSED_KEPT`] refused requests, whose tiles may still be on their way.
 #[derive(Debug, Default)]
-pub(super) struct RefusedRuns {
-    kept: VecDeque<RunId>,
-    /// The highest run that has been forgotten; up to here nothing is known for sure.
-    forgotten: Option<RunId>,
+pub(super) struct RefusedRequests {
+    kept: VecDeque<RequestId>,
+    /// The highest request that has been forgotten; up to here nothing is known for sure.
+    forgotten: Option<RequestId>,
 }
 
-impl Run {
+impl OpenRequest {
     pub(super) fn new(request: &TraceRequest, references: References) -> Self {
         Self {
             frame: request.frame,
@@ -57,7 +57,7 @@ impl Run {
     /// The tiles of a message, each with what it may be told from.
     pub(super) fn with_references(
         &self,
-        tiles: TileRun,
+        tiles: TileRange,
     ) -> Vec<(Tile, Option<&Arc<ReferenceTile>>)> {
         let place = |tile: u32| (tile - self.tiles.first) as usize;
         let reference = |tile| self.references.get(place(tile))?.as_ref();
@@ -68,10 +68,13 @@ impl Run {
     }
 
     /// Notes that `tiles` have come.
-    pub(super) fn receive(&mut self, tiles: TileRun) -> Result<(), Error> {
+    pub(super) fn receive(&mut self, tiles: TileRange) -> Result<(), Error> {
         const WHAT: &str = "tile message";
         if tiles.first < self.tiles.first || tiles.end() > self.tiles.end() {
-            let why = format!("{tiles:?} was not asked for: the run is {:?}", self.tiles);
+            let why = format!(
+                "{tiles:?} was not asked for: the request is {:?}",
+                self.tiles
+            );
             return Err(Error::out_of_order(WHAT, why));
         }
         self.received.resize(self.tiles.count as usize, false);
@@ -87,16 +90,16 @@ impl Run {
     }
 }
 
-impl RefusedRuns {
-    pub(super) fn insert(&mut self, run: RunId) {
-        self.kept.push_back(run);
-        if self.kept.len() > RUNS_REFUSED_KEPT {
+impl RefusedRequests {
+    pub(super) fn insert(&mut self, request: RequestId) {
+        self.kept.push_back(request);
+        if self.kept.len() > REQUESTS_REFUSED_KEPT {
             self.forgotten = self.forgotten.max(self.kept.pop_front());
         }
     }
 
-    /// Whether the run was refused, or is so old that it may have been.
-    pub(super) fn may_hold(&self, run: RunId) -> bool {
-        Some(run) <= self.forgotten || self.kept.contains(&run)
+    /// Whether the request was refused, or is so old that it may have been.
+    pub(super) fn may_hold(&self, request: RequestId) -> bool {
+        Some(request) <= self.forgotten || self.kept.contains(&request)
     }
 }

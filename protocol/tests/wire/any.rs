@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 
 use carom_protocol::limits::{POSES_MAX, SENTENCE_BYTES_MAX, TILE_EDGE_MAX, TILES_PER_MESSAGE_MAX};
 use carom_protocol::{
-    FrameId, NodeInfo, NodeTimes, PixelFormat, Refusal, RefusalReason, RunId, RunReport, SceneHash,
-    TilesDone, ToClient, ToNode, TraceRequest, message::VERSION,
+    FrameId, NodeInfo, NodeTimes, PixelFormat, Refusal, RefusalReason, RequestId, RequestReport,
+    SceneHash, TilesDone, ToClient, ToNode, TraceRequest, message::VERSION,
 };
 use carom_tracer::{
     Camera, DeviceInfo, DeviceKind, Environment, ImageSize, Material, Object, ObjectPose,
-    RenderSettings, Scene, SceneUpdate, Shape, TileGrid, TileRun,
+    RenderSettings, Scene, SceneUpdate, Shape, TileGrid, TileRange,
 };
 use glam::{Quat, Vec3};
 use proptest::prelude::*;
@@ -33,7 +33,7 @@ pub(crate) fn to_node() -> impl Strategy<Value = ToNode> {
         }),
         request().prop_map(|request| ToNode::Trace(Box::new(request))),
         any::<u64>().prop_map(|frame| ToNode::CancelBefore(FrameId(frame))),
-        any::<u64>().prop_map(|run| ToNode::CancelRun(RunId(run))),
+        any::<u64>().prop_map(|request| ToNode::CancelRequest(RequestId(request))),
         any::<u64>().prop_map(ToNode::Ping),
     ]
 }
@@ -47,8 +47,8 @@ pub(crate) fn to_client() -> impl Strategy<Value = ToClient> {
         hash().prop_map(ToClient::SceneReady),
         (hash(), sentence()).prop_map(|(hash, why)| ToClient::SceneRefused { hash, why }),
         tiles_done().prop_map(ToClient::Tiles),
-        report().prop_map(ToClient::RunDone),
-        refusal().prop_map(ToClient::RunRefused),
+        report().prop_map(ToClient::RequestDone),
+        refusal().prop_map(ToClient::RequestRefused),
         any::<u64>().prop_map(ToClient::Pong),
         any::<u32>().prop_map(|bytes| ToClient::SceneComing { bytes }),
     ]
@@ -93,9 +93,9 @@ pub(crate) fn request() -> impl Strategy<Value = TraceRequest> {
     let ids = (any::<u64>(), any::<u64>(), hash(), any::<u32>());
     let work = (1..=64u32, any::<u32>(), 0..=64u32, any::<bool>());
     (ids, grid_and_run(), update(), work, format()).prop_map(
-        |((frame, run, scene, seed), (grid, tiles), update, work, format)| TraceRequest {
+        |((frame, id, scene, seed), (grid, tiles), update, work, format)| TraceRequest {
             frame: FrameId(frame),
-            run: RunId(run),
+            id: RequestId(id),
             scene,
             update,
             grid,
@@ -122,14 +122,14 @@ pub(crate) fn format() -> impl Strategy<Value = PixelFormat> {
     ]
 }
 
-fn grid_and_run() -> impl Strategy<Value = (TileGrid, TileRun)> {
+fn grid_and_run() -> impl Strategy<Value = (TileGrid, TileRange)> {
     let size = (1..2000u32, 1..2000u32);
     (size, 8..=TILE_EDGE_MAX, any::<[prop::sample::Index; 2]>()).prop_map(
         |((width, height), edge, [first, count])| {
             let grid = TileGrid::new(ImageSize::new(width, height), edge);
             let first = first.index(grid.len() as usize) as u32;
             let count = 1 + count.index((grid.len() - first) as usize) as u32;
-            (grid, TileRun { first, count })
+            (grid, TileRange { first, count })
         },
     )
 }
@@ -172,12 +172,12 @@ fn scene() -> impl Strategy<Value = Scene> {
 }
 
 fn tiles_done() -> impl Strategy<Value = TilesDone> {
-    let run = (any::<u64>(), 0..1000u32, 1..=TILES_PER_MESSAGE_MAX);
+    let request = (any::<u64>(), 0..1000u32, 1..=TILES_PER_MESSAGE_MAX);
     let pixels = prop::collection::vec(any::<u8>(), 0..4000);
-    (run, any::<u32>(), any::<u32>(), pixels).prop_map(
-        |((run, first, count), busy_micros, dropped_samples, pixels)| TilesDone {
-            run: RunId(run),
-            tiles: TileRun { first, count },
+    (request, any::<u32>(), any::<u32>(), pixels).prop_map(
+        |((request, first, count), busy_micros, dropped_samples, pixels)| TilesDone {
+            request: RequestId(request),
+            tiles: TileRange { first, count },
             busy_micros,
             times: NodeTimes {
                 queue_micros: busy_micros / 2,
@@ -205,9 +205,9 @@ fn node() -> impl Strategy<Value = NodeInfo> {
     )
 }
 
-fn report() -> impl Strategy<Value = RunReport> {
-    any::<(u64, u32, u32, u32)>().prop_map(|(run, queue, trace, encode)| RunReport {
-        run: RunId(run),
+fn report() -> impl Strategy<Value = RequestReport> {
+    any::<(u64, u32, u32, u32)>().prop_map(|(request, queue, trace, encode)| RequestReport {
+        request: RequestId(request),
         queue_micros: queue,
         trace_micros: trace,
         encode_micros: encode,
@@ -222,8 +222,8 @@ fn refusal() -> impl Strategy<Value = Refusal> {
         sentence().prop_map(RefusalReason::Invalid),
         sentence().prop_map(RefusalReason::Device),
     ];
-    (any::<u64>(), why).prop_map(|(run, why)| Refusal {
-        run: RunId(run),
+    (any::<u64>(), why).prop_map(|(request, why)| Refusal {
+        request: RequestId(request),
         why,
     })
 }

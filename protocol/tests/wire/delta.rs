@@ -6,10 +6,10 @@ use carom_protocol::session::{References, SentTiles};
 use carom_protocol::tile_codec::{Decoder, Encoder, Past, ReferenceTile, Source, TilePixels};
 use carom_protocol::{
     ClientEvent, ClientSession, FrameId, NodeEvent, NodeSession, PixelFormat, Precision,
-    PrecisionRange, RunId, RunReport, SceneHash, TilesDone, TraceRequest,
+    PrecisionRange, RequestId, RequestReport, SceneHash, TilesDone, TraceRequest,
 };
 use carom_tracer::tonemap::srgb8;
-use carom_tracer::{ImageSize, RenderSettings, SceneUpdate, Tile, TileGrid, TileRun};
+use carom_tracer::{ImageSize, RenderSettings, SceneUpdate, Tile, TileGrid, TileRange};
 use proptest::prelude::*;
 
 use crate::any;
@@ -370,14 +370,14 @@ fn a_tile_told_from_one_that_is_not_held_is_an_error() {
 const GRID: TileGrid = TileGrid::new(ImageSize::new(96, 80), 32);
 
 /// Tiles as the client's screen has them.
-type Shown = Vec<(TileRun, Vec<[u8; 3]>)>;
+type Shown = Vec<(TileRange, Vec<[u8; 3]>)>;
 
 /// Two sessions and what the node remembers.
 struct Pair {
     client: ClientSession,
     node: NodeSession,
     sent: SentTiles,
-    run: u64,
+    request: u64,
     encoder: Encoder,
 }
 
@@ -390,18 +390,18 @@ impl Pair {
             client,
             node: NodeSession::new(any::node_info("node")),
             sent: SentTiles::default(),
-            run: 0,
+            request: 0,
             encoder: Encoder::new(),
         };
         pair.exchange(0, |_| false);
         pair
     }
 
-    fn ask(&mut self, tiles: TileRun, precision: Precision) {
-        self.run += 1;
+    fn ask(&mut self, tiles: TileRange, precision: Precision) {
+        self.request += 1;
         let request = TraceRequest {
-            frame: FrameId(self.run),
-            run: RunId(self.run),
+            frame: FrameId(self.request),
+            id: RequestId(self.request),
             scene: SceneHash::of(&any::balls(2)),
             update: SceneUpdate::default(),
             grid: GRID,
@@ -447,7 +447,7 @@ impl Pair {
     fn answer(&mut self, request: &TraceRequest, seed: u32) {
         for first in request.tiles.indices().step_by(2) {
             let count = 2.min(request.tiles.end() - first);
-            let part = TileRun { first, count };
+            let part = TileRange { first, count };
             let references: References = self.sent.references(request, part);
             let radiance: Vec<_> = GRID
                 .tiles(part)
@@ -467,7 +467,7 @@ impl Pair {
             let (pixels, kept) = self.encoder.encode_srgb(1.0, precision, &sources);
             self.sent.insert(request, part, kept);
             let done = TilesDone {
-                run: request.run,
+                request: request.id,
                 tiles: part,
                 busy_micros: 1,
                 times: carom_protocol::NodeTimes::default(),
@@ -476,11 +476,11 @@ impl Pair {
             };
             self.node.tiles(done).unwrap();
         }
-        let report = RunReport {
-            run: request.run,
-            ..RunReport::default()
+        let report = RequestReport {
+            request: request.id,
+            ..RequestReport::default()
         };
-        self.node.run_done(report).unwrap();
+        self.node.request_done(report).unwrap();
     }
 }
 
@@ -498,13 +498,13 @@ proptest! {
                 pair.sent = SentTiles::default();
             }
             let count = count.min(GRID.len() - first);
-            pair.ask(TileRun { first, count }, Precision::Exact);
+            pair.ask(TileRange { first, count }, Precision::Exact);
             let (pictures, _) = pair.exchange(seed, |index| losses >> (index % 8) & 1 != 0);
             for (tiles, pixels) in pictures {
                 let traced = GRID.tiles(tiles).flat_map(|tile| shown(&light(tile, seed, 0.3)));
                 prop_assert_eq!(traced.collect::<Vec<_>>(), pixels);
             }
-            // Lost tiles leave their run open.
+            // Lost tiles leave their request open.
             pair.client.cancel_before(FrameId(u64::MAX)).unwrap();
             let (late, _) = pair.exchange(seed, |_| false);
             prop_assert!(late.is_empty());

@@ -1,16 +1,16 @@
 //! Peers that break the rules are told which, and cost no more than the limits say.
 
 use carom_protocol::codec::{decode_to_client, encode_to_client, encode_to_node};
-use carom_protocol::limits::{CONTROL_QUEUED_MAX, RUNS_QUEUED_MAX, RUNS_REFUSED_KEPT};
+use carom_protocol::limits::{CONTROL_QUEUED_MAX, REQUESTS_QUEUED_MAX, REQUESTS_REFUSED_KEPT};
 use carom_protocol::message::VERSION;
 use carom_protocol::tile_codec::Encoder;
 use carom_protocol::{
     Channel, ClientEvent, ClientSession, Error, FrameId, NodeEvent, NodeSession, Packet,
-    PixelFormat, Refusal, RefusalReason, RunId, RunReport, SceneHash, TilesDone, ToClient, ToNode,
-    TraceRequest,
+    PixelFormat, Refusal, RefusalReason, RequestId, RequestReport, SceneHash, TilesDone, ToClient,
+    ToNode, TraceRequest,
 };
 use carom_tracer::{
-    ImageSize, ObjectPose, RenderSettings, Scene, SceneUpdate, Tile, TileGrid, TileRun,
+    ImageSize, ObjectPose, RenderSettings, Scene, SceneUpdate, Tile, TileGrid, TileRange,
 };
 use glam::{Quat, Vec3};
 
@@ -28,14 +28,14 @@ fn to_node(message: &ToNode) -> Packet {
     Packet { channel, bytes }
 }
 
-fn request(scene: &Scene, run: u64) -> TraceRequest {
+fn request(scene: &Scene, id: u64) -> TraceRequest {
     TraceRequest {
-        frame: FrameId(run),
-        run: RunId(run),
+        frame: FrameId(id),
+        id: RequestId(id),
         scene: SceneHash::of(scene),
         update: SceneUpdate::default(),
         grid: GRID,
-        tiles: TileRun { first: 4, count: 8 },
+        tiles: TileRange { first: 4, count: 8 },
         settings: RenderSettings::default(),
         format: PixelFormat::Srgb8 { exposure: 1.0 },
         precision: carom_protocol::PrecisionRange::EXACT,
@@ -50,7 +50,7 @@ fn welcome() -> ToClient {
     }
 }
 
-/// A client that has been welcomed and waits for tiles 4 to 11, by runs 5 and 7.
+/// A client that has been welcomed and waits for tiles 4 to 11, by requests 5 and 7.
 fn waiting_client() -> ClientSession {
     let mut client = ClientSession::new();
     client.handle(control(&welcome())).unwrap();
@@ -61,10 +61,10 @@ fn waiting_client() -> ClientSession {
     client
 }
 
-fn tiles_of(run: u64, first: u32, pixels: Vec<u8>, count: u32) -> Packet {
+fn tiles_of(request: u64, first: u32, pixels: Vec<u8>, count: u32) -> Packet {
     let message = ToClient::Tiles(TilesDone {
-        run: RunId(run),
-        tiles: TileRun { first, count },
+        request: RequestId(request),
+        tiles: TileRange { first, count },
         busy_micros: 1,
         times: carom_protocol::NodeTimes::default(),
         dropped_samples: 0,
@@ -86,20 +86,20 @@ fn black(count: u32) -> Vec<u8> {
     Encoder::new().encode(PixelFormat::Srgb8 { exposure: 1.0 }, &lit)
 }
 
-fn tiles(run: u64, first: u32, count: u32) -> Packet {
-    tiles_of(run, first, black(count), count)
+fn tiles(request: u64, first: u32, count: u32) -> Packet {
+    tiles_of(request, first, black(count), count)
 }
 
-fn done(run: u64) -> Packet {
-    control(&ToClient::RunDone(RunReport {
-        run: RunId(run),
-        ..RunReport::default()
+fn done(request: u64) -> Packet {
+    control(&ToClient::RequestDone(RequestReport {
+        request: RequestId(request),
+        ..RequestReport::default()
     }))
 }
 
-fn refused(run: u64, why: RefusalReason) -> Packet {
-    let run = RunId(run);
-    control(&ToClient::RunRefused(Refusal { run, why }))
+fn refused(request: u64, why: RefusalReason) -> Packet {
+    let request = RequestId(request);
+    control(&ToClient::RequestRefused(Refusal { request, why }))
 }
 
 /// The client closes on the last of these packets and not before, and stays closed.
@@ -114,7 +114,7 @@ fn assert_closes(mut client: ClientSession, packets: impl IntoIterator<Item = Pa
 
 #[test]
 fn tiles_that_were_not_asked_for_are_refused() {
-    assert_closes(waiting_client(), [tiles(6, 4, 1)]); // a run of another node
+    assert_closes(waiting_client(), [tiles(6, 4, 1)]); // a request of another node
     assert_closes(waiting_client(), [tiles(8, 4, 1)]);
     assert_closes(waiting_client(), [tiles(5, 3, 1)]);
     assert_closes(waiting_client(), [tiles(5, 11, 2)]);
@@ -144,7 +144,7 @@ fn a_report_before_the_tiles_is_kept_until_they_have_come() {
     let events = client.handle(tiles(5, 8, 4)).unwrap();
     assert!(matches!(
         events[..],
-        [ClientEvent::Tiles { .. }, ClientEvent::RunDone { .. }]
+        [ClientEvent::Tiles { .. }, ClientEvent::RequestDone { .. }]
     ));
     assert_closes(client, [done(5)]);
 }
@@ -227,16 +227,16 @@ fn messages_keep_to_their_channel() {
 #[test]
 fn late_tiles_of_cancelled_runs_are_no_fault() {
     let mut client = waiting_client();
-    client.cancel_run(RunId(5)).unwrap();
+    client.cancel_request(RequestId(5)).unwrap();
     let events = client.handle(tiles(5, 4, 2)).unwrap();
     assert!(matches!(events[..], [ClientEvent::TilesLate { .. }]));
     client.handle(refused(5, RefusalReason::Cancelled)).unwrap();
     assert_eq!(client.handle(tiles(5, 6, 2)), Ok(vec![]));
     assert_eq!(client.late_tiles(), 1);
-    // A report had come, so the node says no more: the run ends with its cancellation.
+    // A report had come, so the node says no more: the request ends with its cancellation.
     client.handle(done(7)).unwrap();
     client.cancel_before(FrameId(8)).unwrap();
-    assert_eq!(client.open_runs(), 0);
+    assert_eq!(client.open_requests(), 0);
     assert_eq!(client.handle(tiles(7, 4, 1)), Ok(vec![]));
     assert_closes(client, [done(7)]);
 }
@@ -245,10 +245,12 @@ fn late_tiles_of_cancelled_runs_are_no_fault() {
 fn what_a_client_remembers_of_refused_runs_is_bounded_and_forgives() {
     let mut client = waiting_client();
     let scene = any::balls(2);
-    let runs = RUNS_REFUSED_KEPT as u64 + 10;
-    for run in 100..100 + runs {
-        client.trace(request(&scene, run)).unwrap();
-        client.handle(refused(run, RefusalReason::Busy)).unwrap();
+    let requests = REQUESTS_REFUSED_KEPT as u64 + 10;
+    for id in 100..100 + requests {
+        client.trace(request(&scene, id)).unwrap();
+        client
+            .handle(refused(id, RefusalReason::Busy))
+            .unwrap();
     }
     assert_eq!(
         client.handle(tiles(100, 4, 1)),
@@ -256,11 +258,11 @@ fn what_a_client_remembers_of_refused_runs_is_bounded_and_forgives() {
         "forgotten, hence forgiven"
     );
     assert_eq!(
-        client.handle(tiles(99 + runs, 4, 1)),
+        client.handle(tiles(99 + requests, 4, 1)),
         Ok(vec![]),
         "remembered"
     );
-    assert_closes(client, [tiles(100 + runs, 4, 1)]);
+    assert_closes(client, [tiles(100 + requests, 4, 1)]);
 }
 
 #[test]
@@ -279,7 +281,7 @@ fn a_caller_that_asks_for_the_impossible_changes_nothing() {
     let mut broken = any::balls(1);
     broken.camera.fov_x_deg = 0.0;
     assert!(client.set_scene(SceneHash::of(&broken), &broken).is_err());
-    assert_eq!((client.poll_transmit(), client.open_runs()), (None, 2));
+    assert_eq!((client.poll_transmit(), client.open_requests()), (None, 2));
     assert!(client.trace(request(&held, 8)).is_ok());
 }
 
@@ -313,7 +315,7 @@ fn answer(node: &mut NodeSession) -> Option<ToClient> {
 
 #[test]
 fn nothing_comes_before_hello_and_hello_comes_once() {
-    for message in [ToNode::Ping(1), ToNode::CancelRun(RunId(1))] {
+    for message in [ToNode::Ping(1), ToNode::CancelRequest(RequestId(1))] {
         let mut node = NodeSession::new(any::node_info("near"));
         assert!(matches!(
             node.handle(to_node(&message)),
@@ -363,12 +365,12 @@ fn requests_that_do_not_fit_are_refused_without_an_event() {
         assert_eq!(ask(&mut node, request), Ok(None));
     }
     let why = |message| match message {
-        Some(ToClient::RunRefused(refusal)) => refusal.why,
+        Some(ToClient::RequestRefused(refusal)) => refusal.why,
         other => panic!("{other:?}"),
     };
     assert_eq!(why(answer(&mut node)), RefusalReason::UnknownScene);
     assert!(matches!(why(answer(&mut node)), RefusalReason::Invalid(_)));
-    assert_eq!(node.open_runs(), 0);
+    assert_eq!(node.open_requests(), 0);
 }
 
 #[test]
@@ -390,19 +392,19 @@ fn a_scene_that_cannot_be_drawn_is_refused() {
 #[test]
 fn a_queue_that_is_full_is_busy() {
     let (mut node, scene) = open_node();
-    for run in 0..RUNS_QUEUED_MAX as u64 {
-        assert!(ask(&mut node, request(&scene, run)).unwrap().is_some());
+    for id in 0..REQUESTS_QUEUED_MAX as u64 {
+        assert!(ask(&mut node, request(&scene, id)).unwrap().is_some());
     }
-    let next = RUNS_QUEUED_MAX as u64;
+    let next = REQUESTS_QUEUED_MAX as u64;
     assert_eq!(ask(&mut node, request(&scene, next)), Ok(None));
     let busy = Refusal {
-        run: RunId(next),
+        request: RequestId(next),
         why: RefusalReason::Busy,
     };
-    assert_eq!(answer(&mut node), Some(ToClient::RunRefused(busy)));
+    assert_eq!(answer(&mut node), Some(ToClient::RequestRefused(busy)));
     assert!(
         ask(&mut node, request(&scene, next)).is_err(),
-        "a run used twice"
+        "a request used twice"
     );
 }
 
@@ -421,8 +423,8 @@ fn a_cancelled_run_takes_no_more_of_the_wire() {
     let (mut node, scene) = open_node();
     ask(&mut node, request(&scene, 1)).unwrap();
     let part = |first, count| TilesDone {
-        run: RunId(1),
-        tiles: TileRun { first, count },
+        request: RequestId(1),
+        tiles: TileRange { first, count },
         busy_micros: 1,
         times: carom_protocol::NodeTimes::default(),
         dropped_samples: 0,
@@ -430,20 +432,23 @@ fn a_cancelled_run_takes_no_more_of_the_wire() {
     };
     assert_eq!(node.tiles(part(4, 4)), Ok(true));
     let cancelled = node.handle(to_node(&ToNode::CancelBefore(FrameId(2))));
-    assert_eq!(cancelled, Ok(Some(NodeEvent::Cancelled(vec![RunId(1)]))));
+    assert_eq!(
+        cancelled,
+        Ok(Some(NodeEvent::Cancelled(vec![RequestId(1)])))
+    );
     assert_eq!(node.tiles(part(8, 4)), Ok(false));
     assert_eq!(
-        node.run_done(RunReport {
-            run: RunId(1),
-            ..RunReport::default()
+        node.request_done(RequestReport {
+            request: RequestId(1),
+            ..RequestReport::default()
         }),
         Ok(false)
     );
-    assert!(!node.refuse(RunId(1), RefusalReason::Busy));
-    let (run, why) = (RunId(1), RefusalReason::Cancelled);
+    assert!(!node.refuse(RequestId(1), RefusalReason::Busy));
+    let (request, why) = (RequestId(1), RefusalReason::Cancelled);
     assert_eq!(
         answer(&mut node),
-        Some(ToClient::RunRefused(Refusal { run, why }))
+        Some(ToClient::RequestRefused(Refusal { request, why }))
     );
     assert_eq!(node.poll_transmit(), None);
 }
@@ -453,20 +458,20 @@ fn a_cancelled_run_takes_no_more_of_the_wire() {
 #[test]
 fn a_frame_that_two_newer_ones_have_overtaken_waits_for_them() {
     let (mut node, scene) = open_node();
-    for run in 1..=3 {
-        ask(&mut node, request(&scene, run)).unwrap();
+    for id in 1..=3 {
+        ask(&mut node, request(&scene, id)).unwrap();
     }
-    let tiles = |run| TilesDone {
-        run: RunId(run),
-        tiles: TileRun { first: 4, count: 8 },
+    let tiles = |request| TilesDone {
+        request: RequestId(request),
+        tiles: TileRange { first: 4, count: 8 },
         busy_micros: 1,
         times: carom_protocol::NodeTimes::default(),
         dropped_samples: 0,
         pixels: black(8),
     };
-    let done = |run| RunReport {
-        run: RunId(run),
-        ..RunReport::default()
+    let done = |request| RequestReport {
+        request: RequestId(request),
+        ..RequestReport::default()
     };
     let bytes = |node: &NodeSession| node.waiting_bytes();
     assert_eq!(node.tiles(tiles(1)), Ok(true));
@@ -475,20 +480,20 @@ fn a_frame_that_two_newer_ones_have_overtaken_waits_for_them() {
     assert_eq!(bytes(&node), 2 * one);
     assert_eq!(node.tiles(tiles(3)), Ok(true));
     assert_eq!(bytes(&node), 2 * one);
-    assert_eq!(node.run_done(done(1)), Ok(true));
-    let sent: Vec<RunId> = std::iter::from_fn(|| answer(&mut node))
+    assert_eq!(node.request_done(done(1)), Ok(true));
+    let sent: Vec<RequestId> = std::iter::from_fn(|| answer(&mut node))
         .map(|message| match message {
-            ToClient::Tiles(tiles) => tiles.run,
-            ToClient::RunDone(report) => report.run,
+            ToClient::Tiles(tiles) => tiles.request,
+            ToClient::RequestDone(report) => report.request,
             other => panic!("{other:?}"),
         })
         .collect();
-    assert_eq!(sent, [2, 3, 1, 1].map(RunId));
-    assert_eq!((bytes(&node), node.open_runs()), (0, 2));
+    assert_eq!(sent, [2, 3, 1, 1].map(RequestId));
+    assert_eq!((bytes(&node), node.open_requests()), (0, 2));
     // Cancelled, none of it is left.
     ask(&mut node, request(&scene, 5)).unwrap();
     node.tiles(TilesDone {
-        run: RunId(5),
+        request: RequestId(5),
         ..tiles(5)
     })
     .unwrap();
@@ -503,22 +508,22 @@ fn a_node_says_of_a_run_only_what_it_was_asked() {
     let (mut node, scene) = open_node();
     ask(&mut node, request(&scene, 1)).unwrap();
     let part = |first, count| TilesDone {
-        run: RunId(1),
-        tiles: TileRun { first, count },
+        request: RequestId(1),
+        tiles: TileRange { first, count },
         busy_micros: 1,
         times: carom_protocol::NodeTimes::default(),
         dropped_samples: 0,
         pixels: black(count),
     };
-    let report = RunReport {
-        run: RunId(1),
-        ..RunReport::default()
+    let report = RequestReport {
+        request: RequestId(1),
+        ..RequestReport::default()
     };
     assert!(node.tiles(part(3, 1)).is_err());
-    assert!(node.run_done(report).is_err());
+    assert!(node.request_done(report).is_err());
     assert_eq!(node.tiles(part(4, 6)), Ok(true));
     assert!(node.tiles(part(9, 3)).is_err(), "only two are left");
     assert_eq!(node.tiles(part(10, 2)), Ok(true));
-    assert_eq!(node.run_done(report), Ok(true));
-    assert!(node.run_done(report).is_err());
+    assert_eq!(node.request_done(report), Ok(true));
+    assert!(node.request_done(report).is_err());
 }

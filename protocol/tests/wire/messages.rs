@@ -1,12 +1,12 @@
 //! Messages arrive as they were sent, and no bytes harm a decoder.
 
 use carom_protocol::codec::{decode_to_client, decode_to_node, encode_to_client, encode_to_node};
-use carom_protocol::limits::{POSES_MAX, RUN_TILES_MAX, SENTENCE_BYTES_MAX, TILE_EDGE_MAX};
+use carom_protocol::limits::{POSES_MAX, REQUEST_TILES_MAX, SENTENCE_BYTES_MAX, TILE_EDGE_MAX};
 use carom_protocol::{
-    Error, HeldTiles, PixelFormat, Precision, Refusal, RefusalReason, RunId, SceneHash, ToClient,
-    ToNode, TraceRequest,
+    Error, HeldTiles, PixelFormat, Precision, Refusal, RefusalReason, RequestId, SceneHash,
+    ToClient, ToNode, TraceRequest,
 };
-use carom_tracer::{ImageSize, ObjectPose, TileGrid, TileRun};
+use carom_tracer::{ImageSize, ObjectPose, TileGrid, TileRange};
 use glam::{Quat, Vec3};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
@@ -97,9 +97,9 @@ proptest! {
     }
 }
 
-fn held(run: u64, first: u32, count: u32) -> HeldTiles {
-    let (run, tiles) = (RunId(run), TileRun { first, count });
-    HeldTiles { run, tiles }
+fn held(request: u64, first: u32, count: u32) -> HeldTiles {
+    let (request, tiles) = (RequestId(request), TileRange { first, count });
+    HeldTiles { request, tiles }
 }
 
 type Rule = (&'static str, fn(&mut TraceRequest));
@@ -125,15 +125,15 @@ const RULES: [Rule; 18] = [
         (r.precision.finest, r.precision.coarsest) = (Precision::Within2, Precision::Exact);
     }),
     ("tiles held that are not asked for", |r| {
-        r.run = RunId(9);
+        r.id = RequestId(9);
         r.held = vec![held(8, r.tiles.first, r.tiles.count + 1)];
     }),
     ("tiles held twice", |r| {
-        r.run = RunId(9);
+        r.id = RequestId(9);
         r.held = vec![held(8, r.tiles.first, 1), held(7, r.tiles.first, 1)];
     }),
-    ("tiles held of a run to come", |r| {
-        r.run = RunId(9);
+    ("tiles held of a request to come", |r| {
+        r.id = RequestId(9);
         r.held = vec![held(9, r.tiles.first, 1)];
     }),
     ("a ball at no place", |r| {
@@ -165,9 +165,9 @@ fn a_run_has_a_bounded_list_of_tiles() {
     let mut request = any::request().new_tree(&mut runner).unwrap().current();
     request.grid = grid;
     request.settings.samples = 1;
-    request.tiles = TileRun {
+    request.tiles = TileRange {
         first: 0,
-        count: RUN_TILES_MAX,
+        count: REQUEST_TILES_MAX,
     };
     assert_eq!(request.validate(), Ok(()));
     request.tiles.count += 1;
@@ -177,8 +177,8 @@ fn a_run_has_a_bounded_list_of_tiles() {
 #[test]
 fn a_sentence_has_its_limit() {
     let refusal = |bytes: usize| {
-        ToClient::RunRefused(Refusal {
-            run: RunId(1),
+        ToClient::RequestRefused(Refusal {
+            request: RequestId(1),
             why: RefusalReason::Device("x".repeat(bytes)),
         })
     };

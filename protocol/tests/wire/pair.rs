@@ -3,13 +3,13 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
-use carom_protocol::limits::{RUNS_QUEUED_MAX, SCENES_KEPT_MAX, TILES_PER_MESSAGE_MAX};
+use carom_protocol::limits::{REQUESTS_QUEUED_MAX, SCENES_KEPT_MAX, TILES_PER_MESSAGE_MAX};
 use carom_protocol::tile_codec::{Encoder, TilePixels};
 use carom_protocol::{
     Channel, ClientEvent, ClientSession, FrameId, NodeEvent, NodeSession, Packet, PixelFormat,
-    RefusalReason, RunId, RunReport, SceneHash, TilesDone, TraceRequest,
+    RefusalReason, RequestId, RequestReport, SceneHash, TilesDone, TraceRequest,
 };
-use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid, TileRun};
+use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid, TileRange};
 use proptest::prelude::*;
 
 use crate::any;
@@ -25,18 +25,18 @@ struct Pair {
     scenes: Vec<(SceneHash, Arc<Scene>)>,
     to_node: VecDeque<Packet>,
     copies: Vec<Packet>,
-    /// Runs that the node has been told to trace.
-    begun: BTreeSet<RunId>,
+    /// Requests that the node has been told to trace.
+    begun: BTreeSet<RequestId>,
     to_client: VecDeque<Packet>,
     tiles_to_client: Vec<Packet>,
     /// The node's work: the request and the next tile.
-    work: BTreeMap<RunId, (TraceRequest, u32)>,
-    runs: BTreeMap<RunId, Run>,
+    work: BTreeMap<RequestId, (TraceRequest, u32)>,
+    requests: BTreeMap<RequestId, SentRequest>,
 }
 
-/// What the client has of a run.
-struct Run {
-    tiles: TileRun,
+/// What the client has of a request.
+struct SentRequest {
+    tiles: TileRange,
     received: BTreeSet<u32>,
     cancelled: bool,
     ended: bool,
@@ -59,7 +59,7 @@ impl Pair {
             to_client: VecDeque::new(),
             tiles_to_client: Vec::new(),
             work: BTreeMap::new(),
-            runs: BTreeMap::new(),
+            requests: BTreeMap::new(),
         };
         pair.drain(); // hello, welcome
         pair
@@ -69,7 +69,7 @@ impl Pair {
     fn step(&mut self, what: u8, detail: usize) {
         match what % 14 {
             0 | 1 => self.ask(detail),
-            2 => self.cancel_run(detail),
+            2 => self.cancel_request(detail),
             3 => self.cancel_before(detail),
             4 => self.client.ping(detail as u64).unwrap(),
             5 | 6 => self.deliver_to_node(),
@@ -100,18 +100,18 @@ impl Pair {
     }
 
     fn ask(&mut self, detail: usize) {
-        if self.client.open_runs() == RUNS_QUEUED_MAX {
+        if self.client.open_requests() == REQUESTS_QUEUED_MAX {
             return;
         }
         let (hash, scene) = &self.scenes[detail % SCENES];
         self.client.set_scene(*hash, scene).unwrap();
-        let run = RunId(self.runs.len() as u64 * 3);
+        let id = RequestId(self.requests.len() as u64 * 3);
         let first = detail as u32 % GRID.len();
         let count = 1 + detail as u32 / 7 % (GRID.len() - first);
-        let tiles = TileRun { first, count };
+        let tiles = TileRange { first, count };
         let request = TraceRequest {
-            frame: frame_of(run),
-            run,
+            frame: frame_of(id),
+            id,
             scene: *hash,
             update: SceneUpdate::default(),
             grid: GRID,
@@ -123,9 +123,9 @@ impl Pair {
         };
         self.client.trace(request).unwrap();
         let (received, cancelled, ended) = (BTreeSet::new(), false, false);
-        self.runs.insert(
-            run,
-            Run {
+        self.requests.insert(
+            id,
+            SentRequest {
                 tiles,
                 received,
                 cancelled,
@@ -134,23 +134,23 @@ impl Pair {
         );
     }
 
-    fn cancel_run(&mut self, detail: usize) {
-        let Some(run) = pick(self.runs.keys(), detail) else {
+    fn cancel_request(&mut self, detail: usize) {
+        let Some(request) = pick(self.requests.keys(), detail) else {
             return;
         };
-        self.client.cancel_run(run).unwrap();
-        self.runs.get_mut(&run).unwrap().cancelled = true;
+        self.client.cancel_request(request).unwrap();
+        self.requests.get_mut(&request).unwrap().cancelled = true;
     }
 
     fn cancel_before(&mut self, detail: usize) {
-        let frame = FrameId((detail % (self.runs.len() + 1)) as u64 / 2);
+        let frame = FrameId((detail % (self.requests.len() + 1)) as u64 / 2);
         self.client.cancel_before(frame).unwrap();
-        for (_, run) in self
-            .runs
+        for (_, request) in self
+            .requests
             .iter_mut()
             .filter(|(id, _)| frame_of(**id) < frame)
         {
-            run.cancelled = true;
+            request.cancelled = true;
         }
     }
 
@@ -172,15 +172,15 @@ impl Pair {
         match self.node.handle(packet).unwrap() {
             Some(NodeEvent::Trace { request, scene }) => {
                 assert_eq!(SceneHash::of(&scene), request.scene);
-                let run = request.run;
-                assert!(self.begun.insert(run), "{run:?} is begun twice");
-                self.work.insert(run, (*request, 0));
+                let id = request.id;
+                assert!(self.begun.insert(id), "{id:?} is begun twice");
+                self.work.insert(id, (*request, 0));
             }
-            Some(NodeEvent::Cancelled(runs)) => {
-                for run in runs {
+            Some(NodeEvent::Cancelled(requests)) => {
+                for request in requests {
                     self.work
-                        .remove(&run)
-                        .expect("a cancelled run is one that was asked for");
+                        .remove(&request)
+                        .expect("a cancelled request is one that was asked for");
                 }
             }
             Some(NodeEvent::Scene { hash, scene }) => assert_eq!(SceneHash::of(&scene), hash),
@@ -188,26 +188,26 @@ impl Pair {
         }
     }
 
-    /// Some tiles of a run, or its report after the last.
+    /// Some tiles of a request, or its report after the last.
     fn work(&mut self, detail: usize) {
-        let Some(run) = pick(self.work.keys(), detail) else {
+        let Some(id) = pick(self.work.keys(), detail) else {
             return;
         };
-        let (request, next) = self.work.get_mut(&run).unwrap();
+        let (request, next) = self.work.get_mut(&id).unwrap();
         let left = request.tiles.count - *next;
         if left == 0 {
-            self.node.run_done(report(run)).unwrap();
-            self.work.remove(&run);
+            self.node.request_done(report(id)).unwrap();
+            self.work.remove(&id);
             return;
         }
         let count = left.min(1 + detail as u32 % TILES_PER_MESSAGE_MAX);
         let first = request.tiles.first + *next;
-        let tiles = TileRun { first, count };
+        let tiles = TileRange { first, count };
         *next += count;
-        let pixels = encode(&mut self.encoder, run, tiles);
+        let pixels = encode(&mut self.encoder, id, tiles);
         let (busy_micros, dropped_samples) = (count, first);
         let done = TilesDone {
-            run,
+            request: id,
             tiles,
             busy_micros,
             times: carom_protocol::NodeTimes::default(),
@@ -221,14 +221,14 @@ impl Pair {
         if !detail.is_multiple_of(5) {
             return; // a device that fails all the time would leave little to test
         }
-        let Some(run) = pick(self.work.keys(), detail) else {
+        let Some(request) = pick(self.work.keys(), detail) else {
             return;
         };
         assert!(
             self.node
-                .refuse(run, RefusalReason::Device("it is on fire".into()))
+                .refuse(request, RefusalReason::Device("it is on fire".into()))
         );
-        self.work.remove(&run);
+        self.work.remove(&request);
     }
 
     fn deliver_to_client(&mut self) {
@@ -250,33 +250,39 @@ impl Pair {
             match event {
                 ClientEvent::Tiles {
                     frame,
-                    run,
+                    request,
                     tiles,
                     pixels,
                     ..
                 } => {
-                    assert_eq!(frame, frame_of(run));
-                    assert!(!self.runs[&run].cancelled);
-                    assert_eq!(pixels, TilePixels::Linear(radiance(run, tiles).concat()));
-                    self.receive(run, tiles);
+                    assert_eq!(frame, frame_of(request));
+                    assert!(!self.requests[&request].cancelled);
+                    assert_eq!(
+                        pixels,
+                        TilePixels::Linear(radiance(request, tiles).concat())
+                    );
+                    self.receive(request, tiles);
                 }
-                ClientEvent::TilesLate { run, tiles, .. } => {
-                    assert!(self.runs[&run].cancelled);
-                    self.receive(run, tiles);
+                ClientEvent::TilesLate { request, tiles, .. } => {
+                    assert!(self.requests[&request].cancelled);
+                    self.receive(request, tiles);
                 }
-                ClientEvent::RunDone {
+                ClientEvent::RequestDone {
                     frame,
                     report: heard,
                 } => {
-                    assert_eq!((frame, heard), (frame_of(heard.run), report(heard.run)));
-                    let run = self.end(heard.run);
-                    let whole = run.received.len() == run.tiles.count as usize;
-                    assert!(whole || run.cancelled);
+                    assert_eq!(
+                        (frame, heard),
+                        (frame_of(heard.request), report(heard.request))
+                    );
+                    let request = self.end(heard.request);
+                    let whole = request.received.len() == request.tiles.count as usize;
+                    assert!(whole || request.cancelled);
                 }
-                ClientEvent::RunRefused { refusal, .. } => {
-                    let run = self.end(refusal.run);
+                ClientEvent::RequestRefused { refusal, .. } => {
+                    let request = self.end(refusal.request);
                     match refusal.why {
-                        RefusalReason::Cancelled => assert!(run.cancelled),
+                        RefusalReason::Cancelled => assert!(request.cancelled),
                         RefusalReason::Device(_) => {}
                         // The client never asks for more than the node takes, and knows which
                         // scenes it keeps.
@@ -290,19 +296,22 @@ impl Pair {
         }
     }
 
-    fn receive(&mut self, run: RunId, tiles: TileRun) {
-        let run = self.runs.get_mut(&run).unwrap();
-        assert!(!run.ended);
+    fn receive(&mut self, request: RequestId, tiles: TileRange) {
+        let request = self.requests.get_mut(&request).unwrap();
+        assert!(!request.ended);
         for tile in tiles.indices() {
-            assert!(run.tiles.indices().contains(&tile));
-            assert!(run.received.insert(tile), "tile {tile} came twice");
+            assert!(request.tiles.indices().contains(&tile));
+            assert!(request.received.insert(tile), "tile {tile} came twice");
         }
     }
 
-    fn end(&mut self, run: RunId) -> &Run {
-        let run = self.runs.get_mut(&run).unwrap();
-        assert!(!std::mem::replace(&mut run.ended, true), "two last words");
-        run
+    fn end(&mut self, request: RequestId) -> &SentRequest {
+        let request = self.requests.get_mut(&request).unwrap();
+        assert!(
+            !std::mem::replace(&mut request.ended, true),
+            "two last words"
+        );
+        request
     }
 
     /// Lets everything that is under way come to its end.
@@ -324,32 +333,32 @@ impl Pair {
     }
 }
 
-fn frame_of(run: RunId) -> FrameId {
-    FrameId(run.0 / 6)
+fn frame_of(request: RequestId) -> FrameId {
+    FrameId(request.0 / 6)
 }
 
-fn report(run: RunId) -> RunReport {
-    let queue_micros = run.0 as u32;
-    RunReport {
-        run,
+fn report(request: RequestId) -> RequestReport {
+    let queue_micros = request.0 as u32;
+    RequestReport {
+        request,
         queue_micros,
-        ..RunReport::default()
+        ..RequestReport::default()
     }
 }
 
-/// Light that tells run, tile and pixel.
-fn radiance(run: RunId, tiles: TileRun) -> Vec<Vec<[f32; 3]>> {
+/// Light that tells request, tile and pixel.
+fn radiance(request: RequestId, tiles: TileRange) -> Vec<Vec<[f32; 3]>> {
     let tile = |index: u32| {
         let pixels = 0..GRID.tile(index).pixels();
         pixels
-            .map(|pixel| [run.0 as f32, index as f32, pixel as f32])
+            .map(|pixel| [request.0 as f32, index as f32, pixel as f32])
             .collect()
     };
     tiles.indices().map(tile).collect()
 }
 
-fn encode(encoder: &mut Encoder, run: RunId, tiles: TileRun) -> Vec<u8> {
-    let radiance = radiance(run, tiles);
+fn encode(encoder: &mut Encoder, request: RequestId, tiles: TileRange) -> Vec<u8> {
+    let radiance = radiance(request, tiles);
     let lit: Vec<_> = GRID
         .tiles(tiles)
         .zip(radiance.iter().map(|tile| &tile[..]))
@@ -357,9 +366,12 @@ fn encode(encoder: &mut Encoder, run: RunId, tiles: TileRun) -> Vec<u8> {
     encoder.encode(PixelFormat::LinearF32, &lit)
 }
 
-fn pick<'a>(mut runs: impl ExactSizeIterator<Item = &'a RunId>, detail: usize) -> Option<RunId> {
-    let count = runs.len().max(1);
-    runs.nth(detail % count).copied()
+fn pick<'a>(
+    mut requests: impl ExactSizeIterator<Item = &'a RequestId>,
+    detail: usize,
+) -> Option<RequestId> {
+    let count = requests.len().max(1);
+    requests.nth(detail % count).copied()
 }
 
 proptest! {
@@ -374,9 +386,9 @@ proptest! {
             pair.step(what, detail);
         }
         pair.drain();
-        prop_assert_eq!((pair.client.open_runs(), pair.node.open_runs()), (0, 0));
-        for (id, run) in &pair.runs {
-            prop_assert!(run.ended || run.cancelled, "{:?} has not ended", id);
+        prop_assert_eq!((pair.client.open_requests(), pair.node.open_requests()), (0, 0));
+        for (id, request) in &pair.requests {
+            prop_assert!(request.ended || request.cancelled, "{:?} has not ended", id);
         }
     }
 }

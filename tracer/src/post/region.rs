@@ -160,7 +160,7 @@ fn push_spans(tiles: &mut Vec<Tile>, row: u32, needed: &[bool], size: ImageSize)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{TileGrid, TileRun};
+    use crate::{TileGrid, TileRange};
 
     fn covers(tiles: &[Tile], x: u32, y: u32) -> bool {
         let holds =
@@ -173,7 +173,7 @@ mod tests {
         let size = ImageSize::new(203, 151);
         for (edge, first, count) in [(32, 0, 1), (32, 9, 8), (13, 40, 50), (203, 0, 1), (8, 7, 1)] {
             let grid = TileGrid::new(size, edge);
-            let wanted: Vec<Tile> = grid.tiles(TileRun { first, count }).collect();
+            let wanted: Vec<Tile> = grid.tiles(TileRange { first, count }).collect();
             let region = Region::around(&wanted, size);
             assert_eq!(region.tiles[..wanted.len()], wanted);
             for (x, y) in (0..size.height).flat_map(|y| (0..size.width).map(move |x| (x, y))) {

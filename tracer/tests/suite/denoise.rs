@@ -10,7 +10,7 @@ use carom_tracer::film::{trace_image, trace_tiles};
 use carom_tracer::metrics::rel_mse;
 use carom_tracer::{
     Aovs, CompiledScene, CpuTracer, Film, ImageSize, RadianceImage, RenderSettings, ScalarTracer,
-    Scene, Tile, TileGrid, TileRun, TraceJob, Tracer,
+    Scene, Tile, TileGrid, TileRange, TraceJob, Tracer,
 };
 
 fn repository(path: &str) -> PathBuf {
@@ -130,7 +130,7 @@ fn any_partition_gives_the_same_bits() {
     let grid = TileGrid::new(ImageSize::new(203, 117), 32);
     for tracer in tracers() {
         for samples in [1, 5] {
-            let trace = |run: TileRun| {
+            let trace = |run: TileRange| {
                 let tiles: Vec<Tile> = grid.tiles(run).collect();
                 trace_tiles(&**tracer, &scene, grid.size, denoised(samples), &tiles)
                     .unwrap()
@@ -139,7 +139,7 @@ fn any_partition_gives_the_same_bits() {
             let whole = trace(grid.all());
             let mut joined = vec![[0.0; 3]; grid.size.pixels()];
             for (first, end) in [(0, 1), (1, 9), (9, 10), (10, grid.len())] {
-                let part = trace(TileRun {
+                let part = trace(TileRange {
                     first,
                     count: end - first,
                 });

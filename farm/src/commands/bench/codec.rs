@@ -7,10 +7,10 @@ use std::sync::Arc;
 use anyhow::Context;
 use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
 use carom_protocol::tile_codec::{Decoder, Encoder, ReferenceTile, Source};
-use carom_protocol::{Precision, PrecisionRange, RunId, TilesDone, ToClient, codec};
+use carom_protocol::{Precision, PrecisionRange, RequestId, TilesDone, ToClient, codec};
 use carom_tracer::metrics::flip;
 use carom_tracer::tonemap::srgb8;
-use carom_tracer::{ImageSize, RadianceImage, Tile, TileGrid, TileRun};
+use carom_tracer::{ImageSize, RadianceImage, Tile, TileGrid, TileRange};
 use cpu_time::ThreadTime;
 use serde::Serialize;
 
@@ -207,7 +207,7 @@ fn play(
         };
         for first in (0..grid.len()).step_by(TILES_PER_MESSAGE_MAX as usize) {
             let count = TILES_PER_MESSAGE_MAX.min(grid.len() - first);
-            let run = TileRun { first, count };
+            let run = TileRange { first, count };
             coders.message(sums, image, grid, run, &mut sent, &mut held)?;
         }
         sums.frames += 1;
@@ -230,7 +230,7 @@ impl Coders {
         sums: &mut Measured,
         image: &RadianceImage,
         grid: TileGrid,
-        run: TileRun,
+        run: TileRange,
         sent: &mut Kept,
         held: &mut Kept,
     ) -> Result<(), Failure> {
@@ -289,9 +289,9 @@ impl Coders {
 }
 
 /// Bytes of the whole message, with numbers as they are after a while of play.
-fn message_bytes(tiles: TileRun, pixels: Vec<u8>) -> Result<usize, Failure> {
+fn message_bytes(tiles: TileRange, pixels: Vec<u8>) -> Result<usize, Failure> {
     let message = ToClient::Tiles(TilesDone {
-        run: RunId(10_000),
+        request: RequestId(10_000),
         tiles,
         busy_micros: 5000,
         times: carom_protocol::NodeTimes::default(),

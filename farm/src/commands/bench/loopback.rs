@@ -10,8 +10,10 @@ use carom_farm::net::PacketHandler;
 use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
 use carom_protocol::session::{NodeEvent, NodeSession, Packet};
 use carom_protocol::tile_codec::{Encoder, Source};
-use carom_protocol::{Error, NodeInfo, NodeTimes, Precision, RunReport, TilesDone, TraceRequest};
-use carom_tracer::{TileRun, Tracer};
+use carom_protocol::{
+    Error, NodeInfo, NodeTimes, Precision, RequestReport, TilesDone, TraceRequest,
+};
+use carom_tracer::{TileRange, Tracer};
 
 use super::noise::Noise;
 use crate::commands::Failure;
@@ -45,7 +47,6 @@ impl Ready {
     }
 
     fn answer(&mut self, request: &TraceRequest) -> Result<(), Error> {
-        let run = request.run;
         for first in request
             .tiles
             .indices()
@@ -53,19 +54,19 @@ impl Ready {
         {
             let count = TILES_PER_MESSAGE_MAX;
             self.session.tiles(TilesDone {
-                run,
-                tiles: TileRun { first, count },
+                request: request.id,
+                tiles: TileRange { first, count },
                 busy_micros: 0,
                 times: NodeTimes::default(),
                 dropped_samples: 0,
                 pixels: self.message.clone(),
             })?;
         }
-        let report = RunReport {
-            run,
-            ..RunReport::default()
+        let report = RequestReport {
+            request: request.id,
+            ..RequestReport::default()
         };
-        self.session.run_done(report).map(drop)
+        self.session.request_done(report).map(drop)
     }
 }
 

@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 
 use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
 use carom_tracer::{
-    CompiledScene, DeviceInfo, DeviceKind, Error, ImageSize, Tile, TileGrid, TileRadiance, TileRun,
-    TraceJob, TraceStats, Tracer,
+    CompiledScene, DeviceInfo, DeviceKind, Error, ImageSize, Tile, TileGrid, TileRadiance,
+    TileRange, TraceJob, TraceStats, Tracer,
 };
 
 /// Hands out pixels that no codec makes smaller, a message of tiles at a time, and remembers when.
@@ -42,7 +42,7 @@ impl Noise {
     /// The tiles of the first message.
     pub(super) fn message(&self) -> Vec<(Tile, Vec<[f32; 3]>)> {
         let grid = Self::grid();
-        let run = TileRun {
+        let run = TileRange {
             first: 0,
             count: TILES_PER_MESSAGE_MAX,
         };
@@ -50,7 +50,7 @@ impl Noise {
     }
 
     /// When the message of these tiles left the tracer.
-    pub(super) fn handed_over(&self, seed: u32, tiles: TileRun) -> Option<Instant> {
+    pub(super) fn handed_over(&self, seed: u32, tiles: TileRange) -> Option<Instant> {
         let handed = self
             .handed_over
             .lock()

@@ -14,7 +14,7 @@ use carom_tracer::metrics::{flip, mean_ratio, rel_mse};
 use carom_tracer::tonemap::{linear, srgb8};
 use carom_tracer::{
     CompiledScene, DeviceKind, ImageSize, Preset, RadianceImage, RenderSettings, Tile, TileGrid,
-    TileRun, Tracer,
+    TileRange, Tracer,
 };
 use cpu_time::ProcessTime;
 use serde::Serialize;
@@ -248,7 +248,7 @@ fn transmit(image: &RadianceImage, precision: Precision) -> anyhow::Result<(Scre
     let mut bytes = 0;
     for first in (0..grid.len()).step_by(TILES_PER_MESSAGE_MAX as usize) {
         let count = TILES_PER_MESSAGE_MAX.min(grid.len() - first);
-        let tiles: Vec<Tile> = grid.tiles(TileRun { first, count }).collect();
+        let tiles: Vec<Tile> = grid.tiles(TileRange { first, count }).collect();
         let radiance: Vec<Vec<[f32; 3]>> = tiles.iter().map(|tile| image.cut(*tile)).collect();
         let source = |(&tile, radiance)| Source {
             tile,

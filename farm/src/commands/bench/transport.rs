@@ -15,7 +15,7 @@ use carom_farm::net::{
 use carom_farm::node::Node;
 use carom_protocol::session::ClientEvent;
 use carom_protocol::{
-    FrameId, PixelFormat, Precision, PrecisionRange, RunId, SceneHash, TraceRequest,
+    FrameId, PixelFormat, Precision, PrecisionRange, RequestId, SceneHash, TraceRequest,
 };
 use carom_tracer::{RenderSettings, SceneUpdate, Tracer};
 use serde::Serialize;
@@ -379,7 +379,7 @@ fn request(scene: SceneHash, frame: u64) -> Box<TraceRequest> {
     let grid = Noise::grid();
     Box::new(TraceRequest {
         frame: FrameId(frame),
-        run: RunId(frame),
+        id: RequestId(frame),
         scene,
         update: SceneUpdate::default(),
         grid,

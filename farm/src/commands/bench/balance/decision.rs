@@ -9,7 +9,7 @@ use carom_farm::link::{Command, LinkEvent};
 use carom_farm::{Balancing, FrameId, FrameSpec, NodeInfo, PixelFormat};
 use carom_protocol::session::ClientEvent;
 use carom_protocol::tile_codec::TilePixels;
-use carom_protocol::{RunId, RunReport, SceneHash, TraceRequest};
+use carom_protocol::{RequestId, RequestReport, SceneHash, TraceRequest};
 use carom_tracer::{DeviceInfo, DeviceKind, ImageSize, RenderSettings, Scene, SceneUpdate};
 use cpu_time::ThreadTime;
 use serde::Serialize;
@@ -69,7 +69,8 @@ fn divide(coordinator: &mut Coordinator, frame: u64) -> f64 {
 
 /// Answers what the nodes are asked, in the order of time, until the frame is there.
 fn answer_all(coordinator: &mut Coordinator, mut now: Duration) {
-    let mut asked: BTreeMap<(Duration, RunId), (NodeIndex, Box<TraceRequest>)> = BTreeMap::new();
+    let mut asked: BTreeMap<(Duration, RequestId), (NodeIndex, Box<TraceRequest>)> =
+        BTreeMap::new();
     loop {
         while let Some(action) = coordinator.poll_action() {
             match action {
@@ -79,7 +80,7 @@ fn answer_all(coordinator: &mut Coordinator, mut now: Duration) {
                     command: Command::Trace(request),
                 } => {
                     let done = now + busy(node, &request) + Duration::from_millis(1);
-                    asked.insert((done, request.run), (node, request));
+                    asked.insert((done, request.id), (node, request));
                 }
                 Action::Command { .. } => {}
             }
@@ -97,10 +98,10 @@ fn busy(node: NodeIndex, request: &TraceRequest) -> Duration {
 }
 
 fn answer(coordinator: &mut Coordinator, now: Duration, node: NodeIndex, request: &TraceRequest) {
-    let (frame, run) = (request.frame, request.run);
+    let frame = request.frame;
     let tiles = ClientEvent::Tiles {
         frame,
-        run,
+        request: request.id,
         tiles: request.tiles,
         pixels: TilePixels::Linear(vec![[1.0; 3]; request.tiles.count as usize]),
         busy_micros: busy(node, request).as_micros() as u32,
@@ -109,11 +110,11 @@ fn answer(coordinator: &mut Coordinator, now: Duration, node: NodeIndex, request
         payload_bytes: 1,
     };
     coordinator.handle(now, node, LinkEvent::Session(tiles));
-    let report = RunReport {
-        run,
-        ..RunReport::default()
+    let report = RequestReport {
+        request: request.id,
+        ..RequestReport::default()
     };
-    let done = ClientEvent::RunDone { frame, report };
+    let done = ClientEvent::RequestDone { frame, report };
     coordinator.handle(now, node, LinkEvent::Session(done));
 }
 

@@ -66,9 +66,9 @@ impl Arrivals {
                 payload_bytes,
                 ..
             }) => (frame.0, tiles, payload_bytes),
-            // A frame has one run, of its number.
-            LinkEvent::Decoded { run, took } => {
-                self.came.entry(run.0).or_default().decoding += took;
+            // A frame has one request, of its number.
+            LinkEvent::Decoded { request, took } => {
+                self.came.entry(request.0).or_default().decoding += took;
                 return Ok(());
             }
             LinkEvent::Lost { why, .. } => {
