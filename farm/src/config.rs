@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use carom_protocol::{Precision, PrecisionRange};
+use carom_protocol::{PixelPrecision, PrecisionRange};
 use serde::{Deserialize, Serialize};
 
 use crate::{Balancing, Distribution, Error};
@@ -75,8 +75,8 @@ impl Default for FarmConfig {
             distribution: Distribution::default(),
             tile_edge: 32,
             precision: PrecisionRange {
-                finest: Precision::Within1,
-                coarsest: Precision::Lossy50,
+                finest: PixelPrecision::Within1,
+                coarsest: PixelPrecision::Lossy50,
             },
             frames_in_flight: 8,
         }

@@ -63,7 +63,7 @@ pub mod throttle;
 
 pub use accumulated_render::Still;
 pub use balancing::{Algorithm, Balancing, Distribution};
-pub use carom_protocol::{FrameId, NodeInfo, PixelFormat, Precision, PrecisionRange};
+pub use carom_protocol::{FrameId, NodeInfo, PixelFormat, PixelPrecision, PrecisionRange};
 pub use config::{FarmConfig, LocalNode};
 pub use coordinator::NodeIndex;
 pub use efficiency::NodeEffort;

@@ -43,7 +43,7 @@
 //!                     frame: FrameId(0), id: RequestId(0), scene, update: SceneUpdate::default(),
 //!                     grid, tiles: grid.all(), settings: RenderSettings::default(),
 //!                     format: PixelFormat::LinearF16,
-//!                     precision: PrecisionRange::EXACT, held: Vec::new(),
+//!                     precision: PrecisionRange::EXACT, references: Vec::new(),
 //!                 })?,
 //!                 ClientEvent::RequestDone { .. } => pictures += 1,
 //!                 _ => {}
@@ -66,10 +66,10 @@ mod validate;
 
 pub use error::Error;
 pub use message::{
-    FrameId, HeldTiles, NodeInfo, NodeTimes, PixelFormat, Refusal, RefusalReason, RequestId,
+    FrameId, NodeInfo, NodeTimes, PixelFormat, ReferenceRange, Refusal, RefusalReason, RequestId,
     RequestReport, SceneHash, TilesDone, ToClient, ToNode, TraceRequest,
 };
-pub use precision::{Precision, PrecisionRange};
+pub use precision::{PixelPrecision, PrecisionRange};
 pub use session::{
     Channel, ClientEvent, ClientSession, NodeEvent, NodeSession, Packet, SceneStatus,
 };

@@ -38,10 +38,10 @@ pub const NODE_NAME_BYTES_MAX: usize = 255;
 pub const REFERENCE_REQUESTS_MAX: usize = 2 * FRAMES_IN_FLIGHT_MAX;
 /// Stretches of held tiles that a request names: one if all tiles of the request before have come; each
 /// late message splits one.
-pub const HELD_STRETCHES_MAX: usize = 64;
+pub const REFERENCE_RANGES_MAX: usize = 64;
 /// Bytes of sent tiles that a node remembers for a client: eleven 720p frames or five of 1080p.
 /// Beyond, tiles are told from nothing.
-pub const SENT_TILES_BYTES_MAX: usize = 32 * 1024 * 1024;
+pub const SENT_REFERENCES_BYTES_MAX: usize = 32 * 1024 * 1024;
 /// Bytes of tiles that wait in a node's session for the network: a 4K picture of half floats.
 pub const TILES_QUEUED_BYTES_MAX: usize = 64 * 1024 * 1024;
 /// Control packets that wait in a session for the network; a peer that asks for more answers

@@ -119,12 +119,12 @@ pub struct TraceRequest {
     /// How exactly, if as [`PixelFormat::Srgb8`].
     pub precision: PrecisionRange,
     /// Which of the tiles the client holds from earlier requests. The session fills it in.
-    pub held: Vec<HeldTiles>,
+    pub references: Vec<ReferenceRange>,
 }
 
 /// Tiles that a client has got and remembers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct HeldTiles {
+pub struct ReferenceRange {
     /// The request that they came from.
     pub request: RequestId,
     /// Which tiles of the same grid.

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
     Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
 )]
 #[serde(rename_all = "snake_case")]
-pub enum Precision {
+pub enum PixelPrecision {
     /// Each pixel bit for bit.
     #[default]
     Exact,
@@ -27,7 +27,7 @@ pub enum Precision {
     Lossy50,
 }
 
-impl Precision {
+impl PixelPrecision {
     /// All stops, the finest first.
     pub const ALL: [Self; 6] = [
         Self::Exact,
@@ -61,7 +61,7 @@ impl Precision {
 }
 
 /// `exact`, `within1`, `within2`, `lossy90`, `lossy75` or `lossy50`, for command lines.
-impl std::str::FromStr for Precision {
+impl std::str::FromStr for PixelPrecision {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -75,7 +75,7 @@ impl std::str::FromStr for Precision {
     }
 }
 
-impl std::fmt::Display for Precision {
+impl std::fmt::Display for PixelPrecision {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Self::Exact => "exact",
@@ -92,17 +92,17 @@ impl std::fmt::Display for Precision {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct PrecisionRange {
     /// Sent while the link carries it.
-    pub finest: Precision,
+    pub finest: PixelPrecision,
     /// Sent when the link is slowest.
-    pub coarsest: Precision,
+    pub coarsest: PixelPrecision,
 }
 
 impl PrecisionRange {
     /// Exact pixels only.
-    pub const EXACT: Self = Self::only(Precision::Exact);
+    pub const EXACT: Self = Self::only(PixelPrecision::Exact);
 
     /// One stop.
-    pub const fn only(precision: Precision) -> Self {
+    pub const fn only(precision: PixelPrecision) -> Self {
         Self {
             finest: precision,
             coarsest: precision,
@@ -110,12 +110,12 @@ impl PrecisionRange {
     }
 
     /// Whether `precision` is allowed.
-    pub fn contains(self, precision: Precision) -> bool {
+    pub fn contains(self, precision: PixelPrecision) -> bool {
         (self.finest..=self.coarsest).contains(&precision)
     }
 
     /// The allowed stop that is nearest to `precision`.
-    pub fn nearest(self, precision: Precision) -> Precision {
+    pub fn nearest(self, precision: PixelPrecision) -> PixelPrecision {
         precision.min(self.coarsest).max(self.finest)
     }
 
@@ -140,14 +140,14 @@ mod tests {
 
     #[test]
     fn stops_are_in_order_and_named() {
-        for (index, precision) in Precision::ALL.into_iter().enumerate() {
+        for (index, precision) in PixelPrecision::ALL.into_iter().enumerate() {
             assert_eq!(precision as usize, index);
             assert_eq!(precision.to_string().parse(), Ok(precision));
             assert_eq!(
-                precision.coarser().and_then(Precision::finer),
-                Some(precision).filter(|precision| *precision != Precision::Lossy50)
+                precision.coarser().and_then(PixelPrecision::finer),
+                Some(precision).filter(|precision| *precision != PixelPrecision::Lossy50)
             );
         }
-        assert!("jpeg".parse::<Precision>().is_err());
+        assert!("jpeg".parse::<PixelPrecision>().is_err());
     }
 }

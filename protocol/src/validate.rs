@@ -4,11 +4,11 @@
 use carom_tracer::{SceneUpdate, TileGrid, TileRange};
 
 use crate::limits::{
-    HELD_STRETCHES_MAX, NODE_NAME_BYTES_MAX, POSES_MAX, REQUEST_SAMPLES_MAX, REQUEST_TILES_MAX,
+    NODE_NAME_BYTES_MAX, POSES_MAX, REFERENCE_RANGES_MAX, REQUEST_SAMPLES_MAX, REQUEST_TILES_MAX,
     SENTENCE_BYTES_MAX, TILE_EDGE_MAX, TILES_PER_MESSAGE_MAX,
 };
 use crate::message::{
-    HeldTiles, NodeInfo, PixelFormat, RefusalReason, TilesDone, ToClient, ToNode, TraceRequest,
+    NodeInfo, PixelFormat, ReferenceRange, RefusalReason, TilesDone, ToClient, ToNode, TraceRequest,
 };
 
 /// A sentence that names the value and the rule.
@@ -71,7 +71,7 @@ impl TraceRequest {
         check_update(&self.update)?;
         self.format.validate()?;
         self.precision.validate()?;
-        self.check_held()?;
+        self.check_references()?;
         let pixels = self.grid.pixels(self.tiles) as u64;
         let samples = pixels * u64::from(self.settings.samples);
         if samples > REQUEST_SAMPLES_MAX {
@@ -86,14 +86,14 @@ impl TraceRequest {
 }
 
 impl TraceRequest {
-    fn check_held(&self) -> Check {
+    fn check_references(&self) -> Check {
         at_most(
             "stretches of held tiles",
-            self.held.len(),
-            HELD_STRETCHES_MAX,
+            self.references.len(),
+            REFERENCE_RANGES_MAX,
         )?;
         let mut from = self.tiles.first;
-        for HeldTiles { request, tiles } in &self.held {
+        for ReferenceRange { request, tiles } in &self.references {
             let inside = tiles.first.checked_add(tiles.count);
             let inside = inside.is_some_and(|end| end <= self.tiles.end());
             if tiles.count == 0 || tiles.first < from || !inside || *request >= self.id {

@@ -7,7 +7,7 @@ use carom_protocol::codec::{decode_to_client, decode_to_node};
 use carom_protocol::framing::Deframer;
 use carom_protocol::limits::SCENE_BYTES_MAX;
 use carom_protocol::tile_codec::Decoder;
-use carom_protocol::{PixelFormat, Precision, PrecisionRange, ToNode, TraceRequest};
+use carom_protocol::{PixelFormat, PixelPrecision, PrecisionRange, ToNode, TraceRequest};
 use carom_tracer::Tile;
 
 /// Counts what each thread asks for.
@@ -96,7 +96,7 @@ fn a_list_of_poses_that_lies_costs_what_came() {
         settings: carom_tracer::RenderSettings::default(),
         format: PixelFormat::LinearF16,
         precision: carom_protocol::PrecisionRange::EXACT,
-        held: Vec::new(),
+        references: Vec::new(),
     };
     let bytes = postcard::to_stdvec(&ToNode::Trace(Box::new(request))).unwrap();
     // Variant, frame, request, hash, no camera; then the number of poses.
@@ -150,8 +150,8 @@ fn a_scan_costs_no_more_than_was_asked_for() {
     };
     let size = 8 * 3 * tile.pixels();
     let range = PrecisionRange {
-        finest: Precision::Exact,
-        coarsest: Precision::Lossy50,
+        finest: PixelPrecision::Exact,
+        coarsest: PixelPrecision::Lossy50,
     };
     let mut decoder = Decoder::new();
     let frame = [

@@ -360,7 +360,7 @@ impl Coordinator {
             },
             format: frame.spec.format,
             precision: PrecisionRange::EXACT,
-            held: Vec::new(),
+            references: Vec::new(),
         });
         node.ask(run.issued, self.last_run, run);
         self.command(index, Command::Trace(request));

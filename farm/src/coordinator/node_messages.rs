@@ -53,7 +53,7 @@ impl Coordinator {
                     times,
                 );
             }
-            ClientEvent::TilesLate {
+            ClientEvent::TilesStale {
                 request: run,
                 tiles,
                 busy_micros,

@@ -15,7 +15,7 @@
 
 use std::time::Duration;
 
-use carom_protocol::{Precision, PrecisionRange};
+use carom_protocol::{PixelPrecision, PrecisionRange};
 
 use super::rate_model::{Weighed, Weights};
 
@@ -70,7 +70,7 @@ impl Governor {
     }
 
     /// The precision for the tiles of the message at `place` in the picture.
-    pub(super) fn precision(&mut self, range: PrecisionRange, place: u32) -> Precision {
+    pub(super) fn precision(&mut self, range: PrecisionRange, place: u32) -> PixelPrecision {
         let (finest, coarsest) = (range.finest as usize, range.coarsest as usize);
         self.level = self.level.clamp(finest as f64, coarsest as f64);
         let stops = self.weights.between(self.level);
@@ -80,7 +80,7 @@ impl Governor {
         } else {
             stops.finer
         };
-        Precision::ALL[stop.clamp(finest, coarsest)]
+        PixelPrecision::ALL[stop.clamp(finest, coarsest)]
     }
 
     /// Tiles have been encoded.
@@ -206,7 +206,7 @@ const STANDING_WAIT_SECS: f64 = 0.006;
 const START: Duration = Duration::from_millis(500);
 /// How these pixels compress is not known yet: of noise JPEG 90 takes more bytes than levels do, and 75
 /// few.
-const START_LEVEL: f64 = Precision::Lossy75 as usize as f64;
+const START_LEVEL: f64 = PixelPrecision::Lossy75 as usize as f64;
 /// After a change, tiles that had been encoded before still leave for so long.
 const SETTLES: Duration = Duration::from_millis(50);
 /// Towards finer levels; twice as fast before any has turned out too fine.
@@ -232,7 +232,7 @@ const DRAIN_SECS: f64 = 0.1;
 
 #[cfg(test)]
 mod tests {
-    use carom_protocol::tile_codec::Past;
+    use carom_protocol::tile_codec::DeltaStats;
 
     use super::*;
 
@@ -271,8 +271,8 @@ mod tests {
     }
 
     const ANY: PrecisionRange = PrecisionRange {
-        finest: Precision::Exact,
-        coarsest: Precision::Lossy50,
+        finest: PixelPrecision::Exact,
+        coarsest: PixelPrecision::Lossy50,
     };
 
     #[test]
@@ -284,16 +284,20 @@ mod tests {
                 .collect()
         };
         let first = chosen();
-        let coarse = first.iter().filter(|stop| **stop == Precision::Lossy75);
-        let fine = first.iter().filter(|stop| **stop == Precision::Lossy90);
+        let coarse = first
+            .iter()
+            .filter(|stop| **stop == PixelPrecision::Lossy75);
+        let fine = first
+            .iter()
+            .filter(|stop| **stop == PixelPrecision::Lossy90);
         let [fine, coarse] = [fine.count(), coarse.count()];
         assert!(
             fine + coarse == 100 && fine.abs_diff(70) < 3,
             "{fine} {coarse}"
         );
         assert_eq!(chosen(), first);
-        let only = PrecisionRange::only(Precision::Within2);
-        assert!((0..9).all(|place| governor.precision(only, place) == Precision::Within2));
+        let only = PrecisionRange::only(PixelPrecision::Within2);
+        assert!((0..9).all(|place| governor.precision(only, place) == PixelPrecision::Within2));
     }
 
     /// What a message weighs at a stop, in a frame and after what was sent there before: bytes over those
@@ -347,15 +351,15 @@ mod tests {
             let (weight, changed) = content(frame, stop, last);
             let pixels = 515e6 / 8.0 / 960.0 / 0.37;
             let bytes = 0.37 * pixels * weight;
-            let known = if last.is_some() { pixels } else { 0.0 };
-            let whole = if is_told(stop, last) { 0.0 } else { pixels };
+            let referenced = if last.is_some() { pixels } else { 0.0 };
+            let intra = if is_told(stop, last) { 0.0 } else { pixels };
             governor.offer(Weighed {
                 precision,
                 pixels: pixels as usize,
-                past: Past {
-                    known: known as usize,
-                    changed: (known * changed) as usize,
-                    whole: whole as usize,
+                delta: DeltaStats {
+                    referenced: referenced as usize,
+                    changed: (referenced * changed) as usize,
+                    intra: intra as usize,
                 },
                 bytes: bytes as usize,
             });
@@ -455,9 +459,9 @@ mod tests {
             let mut governor = Governor::new();
             for message in 0..48u32 {
                 governor.offer(Weighed {
-                    precision: Precision::Exact,
+                    precision: PixelPrecision::Exact,
                     pixels: 1352,
-                    past: Past::default(),
+                    delta: DeltaStats::default(),
                     bytes: 4061,
                 });
                 let link = LinkMeasure {

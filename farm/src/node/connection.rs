@@ -7,8 +7,8 @@ use std::task::{Context, Poll, Waker};
 use std::time::{Duration, Instant};
 
 use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
-use carom_protocol::session::{NodeEvent, NodeSession, Packet, SentTiles};
-use carom_protocol::tile_codec::{Encoder, Source};
+use carom_protocol::session::{NodeEvent, NodeSession, Packet, SentReferences};
+use carom_protocol::tile_codec::{Encoder, TileInput};
 use carom_protocol::{
     NodeInfo, PixelFormat, RefusalReason, RequestId, RequestReport, TilesDone, TraceRequest,
 };
@@ -29,7 +29,7 @@ pub(super) struct Client {
     state: Mutex<State>,
     /// Told when the transport has taken a packet.
     drained: Condvar,
-    sent: Mutex<SentTiles>,
+    sent: Mutex<SentReferences>,
     governor: Mutex<Governor>,
     began: Instant,
 }
@@ -178,10 +178,10 @@ impl Client {
             return encoder.encode(request.format, tiles);
         };
         let references = lock(&self.sent).references(request, part);
-        let sources: Vec<Source> = tiles
+        let sources: Vec<TileInput> = tiles
             .iter()
             .zip(&references)
-            .map(|(&(tile, radiance), reference)| Source {
+            .map(|(&(tile, radiance), reference)| TileInput {
                 tile,
                 radiance,
                 reference: reference.as_ref(),
@@ -194,7 +194,7 @@ impl Client {
         lock(&self.governor).offer(Weighed {
             precision,
             pixels: tiles.iter().map(|(tile, _)| tile.pixels()).sum(),
-            past: encoder.past(),
+            delta: encoder.delta_stats(),
             bytes: payload.len(),
         });
         payload
@@ -317,7 +317,7 @@ mod tests {
             settings: RenderSettings::default(),
             format: PixelFormat::LinearF32,
             precision: PrecisionRange::EXACT,
-            held: Vec::new(),
+            references: Vec::new(),
         };
         session.trace(request).unwrap();
         exchange(&mut session);

@@ -226,7 +226,7 @@ mod tests {
                 settings: RenderSettings::default(),
                 format: PixelFormat::LinearF32,
                 precision: PrecisionRange::EXACT,
-                held: Vec::new(),
+                references: Vec::new(),
             };
             self.runs += 1;
             self.session.trace(request).unwrap();

@@ -5,8 +5,8 @@
 //! weigh whole: with a few balls that roll under a still camera JPEG 90 may weigh more than exact
 //! pixels. So which stops are worth anything is found as they are used.
 
-use carom_protocol::Precision;
-use carom_protocol::tile_codec::Past;
+use carom_protocol::PixelPrecision;
+use carom_protocol::tile_codec::DeltaStats;
 
 /// What tiles weigh at each stop.
 #[derive(Clone, Debug)]
@@ -27,9 +27,9 @@ struct Seen {
 /// A message of tiles.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Weighed {
-    pub(super) precision: Precision,
+    pub(super) precision: PixelPrecision,
     pub(super) pixels: usize,
-    pub(super) past: Past,
+    pub(super) delta: DeltaStats,
     pub(super) bytes: usize,
 }
 
@@ -56,9 +56,9 @@ impl Weights {
 
     /// Takes note of a message.
     pub(super) fn learn(&mut self, message: Weighed) {
-        let (stop, past) = (message.precision as usize, message.past);
-        if past.known > 0 {
-            let share = past.changed as f64 / past.known as f64;
+        let (stop, delta) = (message.precision as usize, message.delta);
+        if delta.referenced > 0 {
+            let share = delta.changed as f64 / delta.referenced as f64;
             let changing = (share * HIDDEN[stop]).min(1.0);
             let before = self.changing.unwrap_or(changing);
             self.changing = Some(before + (changing - before) / CHANGING_MESSAGES);
@@ -72,12 +72,12 @@ impl Weights {
         let seen = &mut self.seen[stop];
         seen.messages += 1.0;
         seen.bytes += message.bytes as f64;
-        let told = message.pixels.saturating_sub(past.whole) as f64;
+        let told = message.pixels.saturating_sub(delta.intra) as f64;
         let told = told * expected(stop, self.changing.unwrap_or(1.0));
-        seen.expected_bytes += EXACT_BYTES * (told + WHOLE[stop] * past.whole as f64);
+        seen.expected_bytes += EXACT_BYTES * (told + WHOLE[stop] * delta.intra as f64);
     }
 
-    /// Bytes at a place among the stops over those of an exact picture without a past.
+    /// Bytes at a place among the stops over those of an exact picture without a reference.
     pub(super) fn weight(&self, level: f64) -> f64 {
         let weights = self.all();
         let Between {
@@ -169,7 +169,7 @@ fn between(weights: &[f64; STOPS], level: f64) -> Between {
     }
 }
 
-const STOPS: usize = Precision::ALL.len();
+const STOPS: usize = PixelPrecision::ALL.len();
 /// Bytes of a converged frame of each precision over those of an exact one, as `carom-farm bench
 /// codec` has them ...
 const WHOLE: [f64; STOPS] = [1.0, 0.74, 0.65, 0.18, 0.07, 0.036];
@@ -199,7 +199,7 @@ mod tests {
     fn learn(
         weights: &mut Weights,
         messages: u32,
-        precision: Precision,
+        precision: PixelPrecision,
         changing: f64,
         bytes: usize,
     ) {
@@ -207,10 +207,10 @@ mod tests {
             weights.learn(Weighed {
                 precision,
                 pixels: 8192,
-                past: Past {
-                    known: 8192,
+                delta: DeltaStats {
+                    referenced: 8192,
                     changed: (8192.0 * changing) as usize,
-                    whole: 0,
+                    intra: 0,
                 },
                 bytes,
             });
@@ -220,7 +220,7 @@ mod tests {
     #[test]
     fn levels_and_weights_are_each_other() {
         let mut weights = Weights::new();
-        learn(&mut weights, 64, Precision::Exact, 1.0, 3000);
+        learn(&mut weights, 64, PixelPrecision::Exact, 1.0, 3000);
         for level in 0..=50 {
             let level = f64::from(level) / 10.0;
             let back = weights.level_of(weights.weight(level));
@@ -232,14 +232,14 @@ mod tests {
     #[test]
     fn a_stop_never_tried_is_scaled_by_what_its_neighbours_turned_out_to_weigh() {
         let (mut weights, prior) = (Weights::new(), Weights::new());
-        learn(&mut weights, 200, Precision::Within2, 1.0, 4000);
+        learn(&mut weights, 200, PixelPrecision::Within2, 1.0, 4000);
         let all = weights.all();
         let factor = 4000.0 / 8192.0 / EXACT_BYTES / WHOLE[2];
         for (now, before) in all.iter().zip(prior.all()) {
             assert!((now / before / factor - 1.0).abs() < 0.01, "{all:?}");
         }
         // Each is nearest to what was seen nearest to it.
-        learn(&mut weights, 200, Precision::Lossy75, 1.0, 100);
+        learn(&mut weights, 200, PixelPrecision::Lossy75, 1.0, 100);
         let [now, before] = [weights.all(), all];
         assert!((now[0] / before[0] - 1.0).abs() < 0.1, "{now:?}");
         assert!(now[5] < 0.3 * before[5], "{now:?}");
@@ -249,9 +249,9 @@ mod tests {
     fn a_stop_that_weighs_more_than_a_finer_one_is_passed_over() {
         let mut weights = Weights::new();
         let seen = [
-            (Precision::Exact, 640),
-            (Precision::Within2, 270),
-            (Precision::Lossy90, 540),
+            (PixelPrecision::Exact, 640),
+            (PixelPrecision::Within2, 270),
+            (PixelPrecision::Lossy90, 540),
         ];
         for (precision, bytes) in seen {
             learn(
@@ -262,7 +262,7 @@ mod tests {
                 bytes,
             );
         }
-        learn(&mut weights, 64, Precision::Lossy75, 0.05, 240);
+        learn(&mut weights, 64, PixelPrecision::Lossy75, 0.05, 240);
         let middle = Between {
             finer: 2,
             coarser: 4,
@@ -276,9 +276,9 @@ mod tests {
     #[test]
     fn what_was_seen_long_ago_counts_no_more() {
         let mut weights = Weights::new();
-        learn(&mut weights, 500, Precision::Lossy90, 1.0, 4000);
+        learn(&mut weights, 500, PixelPrecision::Lossy90, 1.0, 4000);
         let before = weights.all()[3];
-        learn(&mut weights, 8000, Precision::Exact, 1.0, 3000);
+        learn(&mut weights, 8000, PixelPrecision::Exact, 1.0, 3000);
         let now = weights.all()[3];
         assert!(now < 0.5 * before, "{before} {now}");
     }

@@ -347,7 +347,7 @@ impl<'a> Simulation<'a> {
 fn frame_of(event: &ClientEvent) -> Option<FrameId> {
     match event {
         ClientEvent::Tiles { frame, .. }
-        | ClientEvent::TilesLate { frame, .. }
+        | ClientEvent::TilesStale { frame, .. }
         | ClientEvent::RequestDone { frame, .. }
         | ClientEvent::RequestRefused { frame, .. } => Some(*frame),
         _ => None,

@@ -7,10 +7,10 @@ use carom_protocol::codec::{decode_to_client, decode_to_node, encode_to_client, 
 use carom_protocol::framing::{Deframer, frame};
 use carom_protocol::limits::REQUESTS_QUEUED_MAX;
 use carom_protocol::message::VERSION;
-use carom_protocol::tile_codec::{Decoder, Encoder, ReferenceTile, Source};
+use carom_protocol::tile_codec::{Decoder, Encoder, ReferenceTile, TileInput};
 use carom_protocol::{
     Channel, ClientSession, FrameId, NodeEvent, NodeInfo, NodeSession, NodeTimes, Packet,
-    PixelFormat, Precision, PrecisionRange, RequestId, RequestReport, SceneHash, TilesDone,
+    PixelFormat, PixelPrecision, PrecisionRange, RequestId, RequestReport, SceneHash, TilesDone,
     ToClient, ToNode, TraceRequest,
 };
 use carom_tracer::{
@@ -58,8 +58,8 @@ pub fn srgb_tiles(bytes: &[u8]) {
     };
     let tile = small_tile(*width, *height);
     let range = PrecisionRange {
-        finest: Precision::Exact,
-        coarsest: Precision::Lossy50,
+        finest: PixelPrecision::Exact,
+        coarsest: PixelPrecision::Lossy50,
     };
     let held = held_tile(tile);
     let first = (*height >= ALL_HELD).then_some(&held);
@@ -68,14 +68,18 @@ pub fn srgb_tiles(bytes: &[u8]) {
         return;
     };
     assert_eq!(decoded.pixels.len(), 3 * tile.pixels());
-    assert_eq!(decoded.kept.len(), 3);
+    assert_eq!(decoded.references.len(), 3);
     assert!(
         decoded
-            .kept
+            .references
             .iter()
             .all(|kept| kept.bytes() == 3 * tile.pixels())
     );
-    let kept = [(tile, None), (tile, Some(&decoded.kept[0])), (tile, None)];
+    let kept = [
+        (tile, None),
+        (tile, Some(&decoded.references[0])),
+        (tile, None),
+    ];
     drop(Decoder::new().decode_srgb(range, &kept, payload));
 }
 
@@ -175,21 +179,21 @@ pub fn srgb_tiles_seeds() -> Vec<Vec<u8>> {
     let new: Vec<[f32; 3]> = (0..tile.pixels()).map(|i| [i as f32 * 0.002; 3]).collect();
     let changed: Vec<[f32; 3]> = ramp(tile).map(|[r, g, b]| [r, g, b + 0.02]).collect();
     let same: Vec<[f32; 3]> = ramp(tile).collect();
-    let source = |radiance, reference| Source {
+    let input = |radiance, reference| TileInput {
         tile,
         radiance,
         reference,
     };
     let payload = |height: u8, first, precision| {
         let tiles = [
-            source(&new, first),
-            source(&changed, Some(&held)),
-            source(&same, Some(&held)),
+            input(&new, first),
+            input(&changed, Some(&held)),
+            input(&same, Some(&held)),
         ];
         let (payload, _) = Encoder::new().encode_srgb(1.0, precision, &tiles);
         [&[16, height], &payload[..]].concat()
     };
-    let all = Precision::ALL.into_iter();
+    let all = PixelPrecision::ALL.into_iter();
     all.flat_map(|precision| {
         [
             payload(11, None, precision),
@@ -218,12 +222,12 @@ fn ramp(tile: Tile) -> impl Iterator<Item = [f32; 3]> {
 
 fn held_tile(tile: Tile) -> Arc<ReferenceTile> {
     let radiance: Vec<[f32; 3]> = ramp(tile).collect();
-    let source = Source {
+    let input = TileInput {
         tile,
         radiance: &radiance,
         reference: None,
     };
-    let (_, mut kept) = Encoder::new().encode_srgb(1.0, Precision::Exact, &[source]);
+    let (_, mut kept) = Encoder::new().encode_srgb(1.0, PixelPrecision::Exact, &[input]);
     kept.remove(0)
 }
 
@@ -409,7 +413,7 @@ fn request(id: u64) -> TraceRequest {
         settings: RenderSettings::default(),
         format: format_of(id as u8),
         precision: carom_protocol::PrecisionRange::EXACT,
-        held: Vec::new(),
+        references: Vec::new(),
     }
 }
 

@@ -58,7 +58,7 @@ pub enum ClientEvent {
     },
     /// Tiles of a request that has been cancelled: nobody wants the pixels, which were not decoded,
     /// but the time they took says how fast the node is.
-    TilesLate {
+    TilesStale {
         /// The picture.
         frame: FrameId,
         /// The request.
@@ -105,7 +105,7 @@ pub enum SceneStatus {
 /// request and never sends its tiles gains nothing: the request just stays open until it is cancelled,
 /// as with a node that says nothing at all.
 ///
-/// Tiles of a cancelled request that still come are [`ClientEvent::TilesLate`]; those that come after
+/// Tiles of a cancelled request that still come are [`ClientEvent::TilesStale`]; those that come after
 /// the node's last word on it are counted by [`ClientSession::late_tiles`] and dropped. The last
 /// word is [`ClientEvent::RequestRefused`], or [`ClientEvent::RequestDone`] if the cancellation came too
 /// late, or has been heard already if the report had overtaken the tiles.
@@ -357,7 +357,7 @@ impl ClientSession {
         request.receive(done.tiles)?;
         let (frame, payload_bytes) = (request.frame, done.pixels.len());
         let tiles = if request.cancelled {
-            ClientEvent::TilesLate {
+            ClientEvent::TilesStale {
                 frame,
                 request: done.request,
                 tiles: done.tiles,
@@ -372,7 +372,7 @@ impl ClientSession {
                         self.decoder
                             .decode_srgb(request.precision, &told, &done.pixels)?;
                     self.held
-                        .insert(request.grid, done.request, done.tiles, decoded.kept);
+                        .insert(request.grid, done.request, done.tiles, decoded.references);
                     TilePixels::Srgb8(decoded.pixels)
                 }
                 format => {

@@ -9,8 +9,8 @@ use std::sync::Arc;
 
 use carom_tracer::{TileGrid, TileRange};
 
-use crate::limits::{HELD_STRETCHES_MAX, REFERENCE_REQUESTS_MAX, SENT_TILES_BYTES_MAX};
-use crate::message::{HeldTiles, PixelFormat, RequestId, TraceRequest};
+use crate::limits::{REFERENCE_RANGES_MAX, REFERENCE_REQUESTS_MAX, SENT_REFERENCES_BYTES_MAX};
+use crate::message::{PixelFormat, ReferenceRange, RequestId, TraceRequest};
 use crate::tile_codec::ReferenceTile;
 
 /// What each tile of a stretch may be told from.
@@ -29,7 +29,7 @@ impl Held {
     /// Names the tiles that are held where `request` asks for some; and hands them out, to be
     /// kept until its tiles have come.
     pub(super) fn name(&mut self, request: &mut TraceRequest) -> References {
-        request.held.clear();
+        request.references.clear();
         if !matches!(request.format, PixelFormat::Srgb8 { .. }) {
             return Vec::new();
         }
@@ -40,16 +40,16 @@ impl Held {
         let place = |tile: u32| (tile - request.tiles.first) as usize;
         let mut references = vec![None; request.tiles.count as usize];
         for (&tile, (id, held)) in self.tiles.range(request.tiles.indices()) {
-            let stretches = request.held.len();
-            match request.held.last_mut() {
+            let stretches = request.references.len();
+            match request.references.last_mut() {
                 Some(last) if last.request == *id && last.tiles.end() == tile => {
                     last.tiles.count += 1
                 }
-                _ if stretches == HELD_STRETCHES_MAX => break,
+                _ if stretches == REFERENCE_RANGES_MAX => break,
                 _ => {
                     let (first, count) = (tile, 1);
                     let tiles = TileRange { first, count };
-                    request.held.push(HeldTiles {
+                    request.references.push(ReferenceRange {
                         request: *id,
                         tiles,
                     });
@@ -89,9 +89,9 @@ impl Held {
 }
 
 /// The node's end: the tiles it has sent to a client, until that holds later ones or
-/// [`SENT_TILES_BYTES_MAX`] bytes are kept.
+/// [`SENT_REFERENCES_BYTES_MAX`] bytes are kept.
 #[derive(Debug, Default)]
-pub struct SentTiles {
+pub struct SentReferences {
     grid: Option<TileGrid>,
     tiles: BTreeMap<(u32, RequestId), Arc<ReferenceTile>>,
     /// In the order of sending; some may have been dropped already.
@@ -99,14 +99,14 @@ pub struct SentTiles {
     bytes: usize,
 }
 
-impl SentTiles {
+impl SentReferences {
     /// What `tiles`, of a request's own, may be told from.
     pub fn references(&mut self, request: &TraceRequest, tiles: TileRange) -> References {
         let mut references = vec![None; tiles.count as usize];
         if self.grid != Some(request.grid) {
             return references;
         }
-        for held in &request.held {
+        for held in &request.references {
             let stretch = held.tiles.first.max(tiles.first)..held.tiles.end().min(tiles.end());
             for tile in stretch {
                 self.drop_before(tile, held.request);
@@ -135,7 +135,8 @@ impl SentTiles {
                 self.bytes -= before.bytes();
             }
         }
-        while self.bytes > SENT_TILES_BYTES_MAX || self.order.len() > 2 * self.tiles.len() + 64 {
+        while self.bytes > SENT_REFERENCES_BYTES_MAX || self.order.len() > 2 * self.tiles.len() + 64
+        {
             let Some(oldest) = self.order.pop_front() else {
                 return;
             };

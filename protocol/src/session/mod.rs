@@ -23,7 +23,7 @@ mod runs;
 mod scenes;
 
 pub use client::{ClientEvent, ClientSession, SceneStatus};
-pub use held::{References, SentTiles};
+pub use held::{References, SentReferences};
 pub use node::{NodeEvent, NodeSession};
 
 /// A whole message on its way.

@@ -18,7 +18,7 @@ use super::{ReferenceTile, TilePixels, jpeg, levels, planes};
 use crate::Error;
 use crate::limits::PIXELS_PER_MESSAGE_MAX;
 use crate::message::PixelFormat;
-use crate::precision::{Precision, PrecisionRange};
+use crate::precision::{PixelPrecision, PrecisionRange};
 
 /// sRGB tiles out of a payload.
 #[derive(Clone, Debug)]
@@ -26,9 +26,9 @@ pub struct SrgbTiles {
     /// Tile after tile, each row-major.
     pub pixels: Vec<[u8; 3]>,
     /// The tiles, to be remembered.
-    pub kept: Vec<Arc<ReferenceTile>>,
+    pub references: Vec<Arc<ReferenceTile>>,
     /// What the node chose.
-    pub precision: Precision,
+    pub precision: PixelPrecision,
 }
 
 /// Turns payloads into pixels. Keep one per thread or connection: its buffer and its zstd context,
@@ -105,7 +105,7 @@ impl Decoder {
         }
         let mut decoded = SrgbTiles {
             pixels: Vec::new(),
-            kept: Vec::with_capacity(tiles.len()),
+            references: Vec::with_capacity(tiles.len()),
             precision: header.precision,
         };
         match header.precision.step() {
@@ -157,7 +157,7 @@ impl Decoder {
                 let same = reference.and_then(|held| held.rounded(precision, *tile));
                 let same = same.ok_or_else(|| Error::malformed(WHAT, NO_REFERENCE))?;
                 here.copy_from_slice(&same.pixels);
-                decoded.kept.push(same);
+                decoded.references.push(same);
                 continue;
             };
             let base = reference.and_then(|held| held.base(precision, tile.pixels()));
@@ -165,7 +165,7 @@ impl Decoder {
             joined.ok_or_else(|| Error::malformed(WHAT, NO_REFERENCE))?;
             let pixels = Box::from(&*here);
             let kept = ReferenceTile { pixels, precision };
-            decoded.kept.push(Arc::new(kept));
+            decoded.references.push(Arc::new(kept));
         }
         Ok(())
     }
@@ -197,7 +197,7 @@ impl Decoder {
                 held.rounded(precision, *tile).ok_or(NO_REFERENCE)?
             };
             decoded.pixels.extend_from_slice(&kept.pixels);
-            decoded.kept.push(kept);
+            decoded.references.push(kept);
         }
         if coder.is_at_end() {
             return Ok(());
@@ -270,11 +270,11 @@ fn decode_lossy(
                 here.copy_from_slice(pixels);
                 let pixels = Box::from(pixels);
                 let tile = ReferenceTile { pixels, precision };
-                decoded.kept.push(Arc::new(tile));
+                decoded.references.push(Arc::new(tile));
             }
             (None, Some(same)) if same.pixels.len() == here.len() => {
                 here.copy_from_slice(&same.pixels);
-                decoded.kept.push(Arc::clone(same));
+                decoded.references.push(Arc::clone(same));
             }
             _ => return Err(NO_REFERENCE.into()),
         }

@@ -12,10 +12,10 @@ use super::header::{self, CHANGES, JPEG, ZSTD};
 use super::mode::Mode;
 use super::range_coder::RangeEncoder;
 use super::split::{Numbers, Splitter};
-use super::{Past, ReferenceTile, Source, jpeg, levels, planes};
+use super::{DeltaStats, ReferenceTile, TileInput, jpeg, levels, planes};
 use crate::limits::PIXELS_PER_MESSAGE_MAX;
 use crate::message::PixelFormat;
-use crate::precision::Precision;
+use crate::precision::PixelPrecision;
 
 /// Turns radiance into payloads. Keep one per thread: its buffers and its zstd context, some
 /// 600 kB, are used again.
@@ -27,7 +27,7 @@ pub struct Encoder {
     changes: Changes,
     /// How much less time a decoder has taken than it may, lately.
     spare_nanos: f32,
-    past: Past,
+    delta: DeltaStats,
     level: Level,
 }
 
@@ -44,7 +44,7 @@ impl Encoder {
             numbers: Numbers::default(),
             changes: Changes::new(),
             spare_nanos: 0.0,
-            past: Past::default(),
+            delta: DeltaStats::default(),
             level: Level::new(),
         }
     }
@@ -60,13 +60,13 @@ impl Encoder {
     /// [`PIXELS_PER_MESSAGE_MAX`] pixels.
     pub fn encode(&mut self, format: PixelFormat, tiles: &[(Tile, &[[f32; 3]])]) -> Vec<u8> {
         if let PixelFormat::Srgb8 { exposure } = format {
-            let source = |&(tile, radiance)| Source {
+            let input = |&(tile, radiance)| TileInput {
                 tile,
                 radiance,
                 reference: None,
             };
-            let sources: Vec<Source> = tiles.iter().map(source).collect();
-            return self.encode_srgb(exposure, Precision::Exact, &sources).0;
+            let inputs: Vec<TileInput> = tiles.iter().map(input).collect();
+            return self.encode_srgb(exposure, PixelPrecision::Exact, &inputs).0;
         }
         let pixels = count_pixels(tiles.iter().map(|&(tile, radiance)| (tile, radiance.len())));
         self.planes.resize(pixels * format.bytes(), 0);
@@ -86,56 +86,50 @@ impl Encoder {
     pub fn encode_srgb(
         &mut self,
         exposure: f32,
-        precision: Precision,
-        sources: &[Source],
+        precision: PixelPrecision,
+        inputs: &[TileInput],
     ) -> (Vec<u8>, Vec<Arc<ReferenceTile>>) {
-        count_pixels(sources.iter().map(|s| (s.tile, s.radiance.len())));
-        let shown: Vec<Vec<[u8; 3]>> = sources
+        count_pixels(inputs.iter().map(|s| (s.tile, s.radiance.len())));
+        let shown: Vec<Vec<[u8; 3]>> = inputs
             .iter()
-            .map(|source| {
-                source
-                    .radiance
-                    .iter()
-                    .map(|l| srgb8(*l, exposure))
-                    .collect()
-            })
+            .map(|input| input.radiance.iter().map(|l| srgb8(*l, exposure)).collect())
             .collect();
-        self.past = Past::default();
+        self.delta = DeltaStats::default();
         match precision.step() {
-            Some(step) => self.encode_levels(precision, step, sources, &shown),
-            None => self.encode_lossy(precision, sources, shown),
+            Some(step) => self.encode_levels(precision, step, inputs, &shown),
+            None => self.encode_lossy(precision, inputs, shown),
         }
     }
 
     /// How the last message's pixels stand to what the client was sent before.
-    pub fn past(&self) -> Past {
-        self.past
+    pub fn delta_stats(&self) -> DeltaStats {
+        self.delta
     }
 
     fn encode_levels<'a>(
         &mut self,
-        precision: Precision,
+        precision: PixelPrecision,
         step: u8,
-        sources: &[Source<'a>],
+        inputs: &[TileInput<'a>],
         shown: &[Vec<[u8; 3]>],
     ) -> (Vec<u8>, Vec<Arc<ReferenceTile>>) {
-        let base = |(source, pixels): (&Source<'a>, &Vec<[u8; 3]>)| {
-            let reference = source.reference?;
+        let base = |(input, pixels): (&TileInput<'a>, &Vec<[u8; 3]>)| {
+            let reference = input.reference?;
             reference.base(precision, pixels.len())
         };
-        let bases: Vec<Option<&[[u8; 3]]>> = sources.iter().zip(shown).map(base).collect();
+        let bases: Vec<Option<&[[u8; 3]]>> = inputs.iter().zip(shown).map(base).collect();
         let held: Option<Vec<&[[u8; 3]]>> = bases.iter().copied().collect();
         let (payload, nanos) = match held {
             Some(held) if self.spare_nanos >= 0.0 => {
-                self.encode_changes(precision, step, sources, shown, &held)
+                self.encode_changes(precision, step, inputs, shown, &held)
             }
-            _ => self.encode_planes(precision, step, sources, shown, &bases),
+            _ => self.encode_planes(precision, step, inputs, shown, &bases),
         };
         let pixels: usize = shown.iter().map(Vec::len).sum();
         let spare_nanos = self.spare_nanos + PIXEL_NANOS * pixels as f32 - nanos;
         self.spare_nanos = spare_nanos.min(SPARE_NANOS_MAX);
-        let kept = sources.iter().zip(shown).map(|(source, pixels)| {
-            let pixels = levels::rounded(step, source.tile.width as usize, pixels);
+        let kept = inputs.iter().zip(shown).map(|(input, pixels)| {
+            let pixels = levels::rounded(step, input.tile.width as usize, pixels);
             Arc::new(ReferenceTile { pixels, precision })
         });
         (payload, kept.collect())
@@ -144,16 +138,16 @@ impl Encoder {
     /// The payload, and what it takes a decoder.
     fn encode_changes(
         &mut self,
-        precision: Precision,
+        precision: PixelPrecision,
         step: u8,
-        sources: &[Source],
+        inputs: &[TileInput],
         shown: &[Vec<[u8; 3]>],
         held: &[&[[u8; 3]]],
     ) -> (Vec<u8>, f32) {
         let mut coder = RangeEncoder::new(vec![header::first(precision, CHANGES)]);
         self.changes.begin();
-        for ((source, pixels), held) in sources.iter().zip(shown).zip(held) {
-            let width = source.tile.width as usize;
+        for ((input, pixels), held) in inputs.iter().zip(shown).zip(held) {
+            let width = input.tile.width as usize;
             let mut levels = levels::of(step, width, held);
             let new = levels::of(step, width, pixels);
             if self.changes.changes(&mut coder, levels != new) {
@@ -163,7 +157,7 @@ impl Encoder {
         }
         let payload = coder.finish();
         let pixels: usize = held.iter().map(|held| held.len()).sum();
-        (self.past.known, self.past.changed) = (pixels, self.changes.pixels());
+        (self.delta.referenced, self.delta.changed) = (pixels, self.changes.pixels());
         let nanos = HELD_NANOS * pixels as f32
             + CHANGED_NANOS * self.changes.pixels() as f32
             + CHANGES_BYTE_NANOS * payload.len() as f32;
@@ -173,23 +167,23 @@ impl Encoder {
     /// The payload, and what it takes a decoder.
     fn encode_planes(
         &mut self,
-        precision: Precision,
+        precision: PixelPrecision,
         step: u8,
-        sources: &[Source],
+        inputs: &[TileInput],
         shown: &[Vec<[u8; 3]>],
         bases: &[Option<&[[u8; 3]]>],
     ) -> (Vec<u8>, f32) {
         self.numbers.clear();
-        let mut modes = Vec::with_capacity(sources.len());
-        for ((source, pixels), base) in sources.iter().zip(shown).zip(bases) {
-            let (numbers, tile) = (&mut self.numbers, source.tile);
+        let mut modes = Vec::with_capacity(inputs.len());
+        for ((input, pixels), base) in inputs.iter().zip(shown).zip(bases) {
+            let (numbers, tile) = (&mut self.numbers, input.tile);
             let (level, splitter) = (self.level, &mut self.splitter);
             let (mode, changed) = splitter.split(level, numbers, step, tile, pixels, *base);
-            let changed = source.reference.map(|held| match base {
+            let changed = input.reference.map(|held| match base {
                 Some(_) => changed,
                 None => held.changed(tile.width, pixels),
             });
-            self.past.add(tile.pixels(), base.is_none(), changed);
+            self.delta.add(tile.pixels(), base.is_none(), changed);
             modes.push(mode);
         }
         self.numbers.write(&mut self.planes);
@@ -201,17 +195,17 @@ impl Encoder {
 
     fn encode_lossy(
         &mut self,
-        precision: Precision,
-        sources: &[Source],
+        precision: PixelPrecision,
+        inputs: &[TileInput],
         shown: Vec<Vec<[u8; 3]>>,
     ) -> (Vec<u8>, Vec<Arc<ReferenceTile>>) {
-        let mut modes = Vec::with_capacity(sources.len());
-        let mut kept = Vec::with_capacity(sources.len());
+        let mut modes = Vec::with_capacity(inputs.len());
+        let mut kept = Vec::with_capacity(inputs.len());
         let mut scanned = Vec::new();
-        for (source, pixels) in sources.iter().zip(shown) {
-            let reference = source.reference;
-            let changed = reference.map(|held| held.changed(source.tile.width, &pixels));
-            self.past.add(pixels.len(), reference.is_none(), changed);
+        for (input, pixels) in inputs.iter().zip(shown) {
+            let reference = input.reference;
+            let changed = reference.map(|held| held.changed(input.tile.width, &pixels));
+            self.delta.add(pixels.len(), reference.is_none(), changed);
             // What is shown at least as finely is not sent again.
             let same = reference.filter(|held| changed == Some(0) && held.precision <= precision);
             if let Some(same) = same {
@@ -228,7 +222,7 @@ impl Encoder {
         if !scanned.is_empty() {
             let tiles: Vec<(Tile, &[[u8; 3]])> = scanned
                 .iter()
-                .map(|&index| (sources[index].tile, &*kept[index].pixels))
+                .map(|&index| (inputs[index].tile, &*kept[index].pixels))
                 .collect();
             payload[0] |= JPEG;
             payload.extend(jpeg::encode(precision, &tiles));

@@ -1,11 +1,11 @@
 //! What stands before the planes of a payload.
 
 use super::mode::Mode;
-use crate::precision::Precision;
+use crate::precision::PixelPrecision;
 
 /// What stands before the planes of sRGB tiles.
 pub(super) struct Header<'a> {
-    pub(super) precision: Precision,
+    pub(super) precision: PixelPrecision,
     pub(super) storage: u8,
     /// `None` for a tile that is as its reference is.
     pub(super) modes: Vec<Option<Mode>>,
@@ -15,7 +15,7 @@ pub(super) struct Header<'a> {
 impl<'a> Header<'a> {
     pub(super) fn parse(payload: &'a [u8], tiles: usize) -> Result<Self, String> {
         let (&first, rest) = payload.split_first().ok_or("it has no bytes")?;
-        let precision = Precision::ALL.get(usize::from(first >> PRECISION_SHIFT));
+        let precision = PixelPrecision::ALL.get(usize::from(first >> PRECISION_SHIFT));
         let precision = *precision.ok_or("its first byte names no precision")?;
         let storage = first & STORAGE_MASK;
         if first & MODES == 0 {
@@ -45,12 +45,12 @@ impl<'a> Header<'a> {
 }
 
 /// The first byte, without modes.
-pub(super) fn first(precision: Precision, storage: u8) -> u8 {
+pub(super) fn first(precision: PixelPrecision, storage: u8) -> u8 {
     (precision as u8) << PRECISION_SHIFT | storage
 }
 
 /// The first byte, and the modes if any is not the usual one.
-pub(super) fn write(precision: Precision, modes: &[Option<Mode>]) -> Vec<u8> {
+pub(super) fn write(precision: PixelPrecision, modes: &[Option<Mode>]) -> Vec<u8> {
     let first = first(precision, STORED);
     if modes.iter().all(|mode| *mode == Some(Mode::USUAL)) {
         return vec![first];

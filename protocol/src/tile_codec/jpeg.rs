@@ -12,10 +12,10 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-use crate::precision::Precision;
+use crate::precision::PixelPrecision;
 
 /// The scan of the tiles' pixels, each row-major.
-pub(super) fn encode(precision: Precision, tiles: &[(Tile, &[[u8; 3]])]) -> Vec<u8> {
+pub(super) fn encode(precision: PixelPrecision, tiles: &[(Tile, &[[u8; 3]])]) -> Vec<u8> {
     let (width, height) = stacked(tiles.iter().map(|(tile, _)| *tile));
     let mut pixels = Vec::with_capacity(width * height);
     for (tile, tile_pixels) in tiles {
@@ -34,7 +34,7 @@ pub(super) fn encode(precision: Precision, tiles: &[(Tile, &[[u8; 3]])]) -> Vec<
 /// The tiles' pixels, tile after tile, from their scan. What is missing in a scan that is cut
 /// short is grey.
 pub(super) fn decode(
-    precision: Precision,
+    precision: PixelPrecision,
     tiles: &[Tile],
     scan: &[u8],
 ) -> Result<Vec<[u8; 3]>, String> {
@@ -73,10 +73,15 @@ fn stacked(tiles: impl Iterator<Item = Tile>) -> (usize, usize) {
     })
 }
 
-fn whole_file(precision: Precision, pixels: &[[u8; 3]], width: usize, height: usize) -> Vec<u8> {
+fn whole_file(
+    precision: PixelPrecision,
+    pixels: &[[u8; 3]],
+    width: usize,
+    height: usize,
+) -> Vec<u8> {
     let (quality, sampling) = match precision {
-        Precision::Lossy75 => (75, SamplingFactor::F_2_2),
-        Precision::Lossy50 => (50, SamplingFactor::F_2_2),
+        PixelPrecision::Lossy75 => (75, SamplingFactor::F_2_2),
+        PixelPrecision::Lossy50 => (50, SamplingFactor::F_2_2),
         _ => (90, SamplingFactor::F_1_1),
     };
     let mut file = Vec::with_capacity(HEADER_BYTES + pixels.len());
@@ -93,17 +98,22 @@ fn whole_file(precision: Precision, pixels: &[[u8; 3]], width: usize, height: us
 }
 
 /// All that stands before the scan: the same for each picture of a precision, but for its size.
-fn header(precision: Precision, width: usize, height: usize) -> Vec<u8> {
+fn header(precision: PixelPrecision, width: usize, height: usize) -> Vec<u8> {
     static HEADERS: LazyLock<[Vec<u8>; 3]> = LazyLock::new(|| {
-        [Precision::Lossy90, Precision::Lossy75, Precision::Lossy50].map(|precision| {
+        [
+            PixelPrecision::Lossy90,
+            PixelPrecision::Lossy75,
+            PixelPrecision::Lossy50,
+        ]
+        .map(|precision| {
             let mut file = whole_file(precision, &[[0; 3]], 1, 1);
             file.truncate(scan_start(&file));
             file
         })
     });
     let mut header = match precision {
-        Precision::Lossy75 => HEADERS[1].clone(),
-        Precision::Lossy50 => HEADERS[2].clone(),
+        PixelPrecision::Lossy75 => HEADERS[1].clone(),
+        PixelPrecision::Lossy50 => HEADERS[2].clone(),
         _ => HEADERS[0].clone(),
     };
     let frame = segments(&header).find(|(marker, _)| *marker == START_OF_FRAME);
@@ -144,8 +154,12 @@ mod tests {
     /// Both ends make the header on their own. Whoever changes it raises the protocol's version.
     #[test]
     fn the_header_is_that_of_this_version() {
-        let hashes = [Precision::Lossy90, Precision::Lossy75, Precision::Lossy50]
-            .map(|precision| blake3::hash(&header(precision, 32, 256)).to_hex()[..8].to_owned());
+        let hashes = [
+            PixelPrecision::Lossy90,
+            PixelPrecision::Lossy75,
+            PixelPrecision::Lossy50,
+        ]
+        .map(|precision| blake3::hash(&header(precision, 32, 256)).to_hex()[..8].to_owned());
         assert_eq!(
             (hashes.join(" ").as_str(), crate::message::VERSION),
             ("887c3f94 831cfbb7 a65872f9", 4)
@@ -154,7 +168,11 @@ mod tests {
 
     #[test]
     fn the_header_made_apart_is_the_files_own() {
-        for precision in [Precision::Lossy90, Precision::Lossy75, Precision::Lossy50] {
+        for precision in [
+            PixelPrecision::Lossy90,
+            PixelPrecision::Lossy75,
+            PixelPrecision::Lossy50,
+        ] {
             for (width, height) in [(1, 1), (32, 256), (17, 40), (128, 1024)] {
                 let file = whole_file(precision, &vec![[7; 3]; width * height], width, height);
                 assert_eq!(header(precision, width, height), file[..scan_start(&file)]);

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! A payload is one byte (bits 0–1: how the planes are stored, bit 2: whether modes follow, bits
-//! 3–5: the [`Precision`]), four bits of mode a tile if any is not the usual one, and the planes:
+//! 3–5: the [`PixelPrecision`]), four bits of mode a tile if any is not the usual one, and the planes:
 //! as they are (noise does not shrink), as one zstd frame or as a JPEG scan; or, as long as few
 //! pixels change, the changes of all tiles as one message of a range coder. Left prediction and
 //! zstd level 1 were the best trade of 20 measured on this content; higher levels and the median
@@ -47,7 +47,7 @@ use std::sync::Arc;
 
 use carom_tracer::Tile;
 
-use crate::precision::Precision;
+use crate::precision::PixelPrecision;
 
 pub use decode::{Decoder, SrgbTiles};
 pub use encode::Encoder;
@@ -82,7 +82,7 @@ pub struct ReferenceTile {
     /// Row-major. Of a lossy tile the client keeps what it has shown, the node what it was made
     /// of: it can be repeated, but nothing can be told from it.
     pixels: Box<[[u8; 3]]>,
-    precision: Precision,
+    precision: PixelPrecision,
 }
 
 impl ReferenceTile {
@@ -92,13 +92,13 @@ impl ReferenceTile {
     }
 
     /// What a tile of `pixels` pixels may be told from at `precision`.
-    fn base(&self, precision: Precision, pixels: usize) -> Option<&[[u8; 3]]> {
+    fn base(&self, precision: PixelPrecision, pixels: usize) -> Option<&[[u8; 3]]> {
         let exact = self.precision.step().is_some() && precision.step().is_some();
         (exact && self.pixels.len() == pixels).then_some(&*self.pixels)
     }
 
     /// The same at `precision`, if something may be told from it at that.
-    fn rounded(self: &Arc<Self>, precision: Precision, tile: Tile) -> Option<Arc<Self>> {
+    fn rounded(self: &Arc<Self>, precision: PixelPrecision, tile: Tile) -> Option<Arc<Self>> {
         let base = self.base(precision, tile.pixels())?;
         if self.precision == precision {
             return Some(Arc::clone(self));
@@ -125,31 +125,31 @@ impl ReferenceTile {
 
 /// How a message's pixels stand to what the client was sent before.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Past {
+pub struct DeltaStats {
     /// Pixels of tiles that it was sent before ...
-    pub known: usize,
+    pub referenced: usize,
     /// ... and of them, those that are others now.
     pub changed: usize,
     /// Pixels of tiles that are told from nothing, for they are new or were told with losses.
-    pub whole: usize,
+    pub intra: usize,
 }
 
-impl Past {
+impl DeltaStats {
     /// Adds a tile; `changed` is `None` for one that the client was not sent before.
-    fn add(&mut self, pixels: usize, is_whole: bool, changed: Option<usize>) {
+    fn add(&mut self, pixels: usize, is_intra: bool, changed: Option<usize>) {
         if let Some(changed) = changed {
-            self.known += pixels;
+            self.referenced += pixels;
             self.changed += changed;
         }
-        if is_whole {
-            self.whole += pixels;
+        if is_intra {
+            self.intra += pixels;
         }
     }
 }
 
 /// A traced tile that is to be sent as sRGB.
 #[derive(Clone, Copy, Debug)]
-pub struct Source<'a> {
+pub struct TileInput<'a> {
     /// Its place in the picture.
     pub tile: Tile,
     /// Row-major.

@@ -109,7 +109,7 @@ pub(crate) fn request() -> impl Strategy<Value = TraceRequest> {
             },
             format,
             precision: carom_protocol::PrecisionRange::EXACT,
-            held: Vec::new(),
+            references: Vec::new(),
         },
     )
 }

@@ -2,10 +2,12 @@
 
 use std::sync::Arc;
 
-use carom_protocol::session::{References, SentTiles};
-use carom_protocol::tile_codec::{Decoder, Encoder, Past, ReferenceTile, Source, TilePixels};
+use carom_protocol::session::{References, SentReferences};
+use carom_protocol::tile_codec::{
+    Decoder, DeltaStats, Encoder, ReferenceTile, TileInput, TilePixels,
+};
 use carom_protocol::{
-    ClientEvent, ClientSession, FrameId, NodeEvent, NodeSession, PixelFormat, Precision,
+    ClientEvent, ClientSession, FrameId, NodeEvent, NodeSession, PixelFormat, PixelPrecision,
     PrecisionRange, RequestId, RequestReport, SceneHash, TilesDone, TraceRequest,
 };
 use carom_tracer::tonemap::srgb8;
@@ -21,10 +23,10 @@ const TILE: Tile = Tile {
     height: 32,
 };
 /// The worst error of a channel, in levels; of the lossy ones it is a mean.
-const BOUNDS: [(Precision, u8); 3] = [
-    (Precision::Exact, 0),
-    (Precision::Within1, 1),
-    (Precision::Within2, 2),
+const BOUNDS: [(PixelPrecision, u8); 3] = [
+    (PixelPrecision::Exact, 0),
+    (PixelPrecision::Within1, 1),
+    (PixelPrecision::Within2, 2),
 ];
 
 fn hash(mut x: u32) -> u32 {
@@ -63,21 +65,21 @@ impl Ends {
     /// One tile there and back: bytes, what is shown, what node and client keep.
     fn send(
         &mut self,
-        precision: Precision,
+        precision: PixelPrecision,
         radiance: &[[f32; 3]],
         sent: Option<&Arc<ReferenceTile>>,
         held: Option<&Arc<ReferenceTile>>,
     ) -> (usize, Vec<[u8; 3]>, [Arc<ReferenceTile>; 2]) {
-        let source = Source {
+        let input = TileInput {
             tile: TILE,
             radiance,
             reference: sent,
         };
-        let (payload, mut kept) = self.encoder.encode_srgb(1.0, precision, &[source]);
+        let (payload, mut kept) = self.encoder.encode_srgb(1.0, precision, &[input]);
         let range = PrecisionRange::only(precision);
         let decoded = self.decoder.decode_srgb(range, &[(TILE, held)], &payload);
         let mut decoded = decoded.unwrap();
-        let ends = [kept.remove(0), decoded.kept.remove(0)];
+        let ends = [kept.remove(0), decoded.references.remove(0)];
         (payload.len(), decoded.pixels, ends)
     }
 }
@@ -105,7 +107,7 @@ proptest! {
         let mut ends = Ends::new();
         let mut kept: Option<[Arc<ReferenceTile>; 2]> = None;
         for (index, seed) in precisions.into_iter().zip(seeds) {
-            let precision = Precision::ALL[index];
+            let precision = PixelPrecision::ALL[index];
             let radiance = light(TILE, seed, grain);
             let [sent, held] = kept.as_ref().map_or([None, None], |[a, b]| [Some(a), Some(b)]);
             let (_, pixels, now) = ends.send(precision, &radiance, sent, held);
@@ -136,12 +138,12 @@ fn busy_encoder() -> Encoder {
     let mut kept = None;
     for seed in 0..20 {
         let radiance = light(TILE, seed, 0.6);
-        let source = Source {
+        let input = TileInput {
             tile: TILE,
             radiance: &radiance,
             reference: kept.as_ref(),
         };
-        let (_, sent) = encoder.encode_srgb(1.0, Precision::Exact, &[source; 8]);
+        let (_, sent) = encoder.encode_srgb(1.0, PixelPrecision::Exact, &[input; 8]);
         kept = sent.into_iter().next();
     }
     encoder
@@ -157,19 +159,19 @@ struct Told {
 
 fn tell(
     encoder: &mut Encoder,
-    precision: Precision,
+    precision: PixelPrecision,
     tiles: &[(Tile, Vec<[f32; 3]>)],
     held: &[Arc<ReferenceTile>],
 ) -> Told {
-    let sources = tiles.iter().zip(held);
-    let sources: Vec<Source> = sources
-        .map(|((tile, radiance), held)| Source {
+    let inputs = tiles.iter().zip(held);
+    let inputs: Vec<TileInput> = inputs
+        .map(|((tile, radiance), held)| TileInput {
             tile: *tile,
             radiance,
             reference: Some(held),
         })
         .collect();
-    let (payload, sent) = encoder.encode_srgb(1.0, precision, &sources);
+    let (payload, sent) = encoder.encode_srgb(1.0, precision, &inputs);
     let told: Vec<_> = tiles
         .iter()
         .zip(held)
@@ -181,17 +183,17 @@ fn tell(
         payload,
         pixels: decoded.pixels,
         sent,
-        kept: decoded.kept,
+        kept: decoded.references,
     }
 }
 
-fn sent_whole(precision: Precision, tile: Tile, radiance: &[[f32; 3]]) -> Arc<ReferenceTile> {
-    let source = Source {
+fn sent_whole(precision: PixelPrecision, tile: Tile, radiance: &[[f32; 3]]) -> Arc<ReferenceTile> {
+    let input = TileInput {
         tile,
         radiance,
         reference: None,
     };
-    let (_, mut kept) = Encoder::new().encode_srgb(1.0, precision, &[source]);
+    let (_, mut kept) = Encoder::new().encode_srgb(1.0, precision, &[input]);
     kept.remove(0)
 }
 
@@ -217,7 +219,7 @@ proptest! {
             .collect();
         let held: Vec<Arc<ReferenceTile>> = tiles
             .iter()
-            .map(|(tile, _)| sent_whole(Precision::ALL[before], *tile, &light(*tile, seed, 0.6)))
+            .map(|(tile, _)| sent_whole(PixelPrecision::ALL[before], *tile, &light(*tile, seed, 0.6)))
             .collect();
         let (precision, bound) = BOUNDS[after];
         let changes = tell(&mut Encoder::new(), precision, &tiles, &held);
@@ -234,10 +236,10 @@ proptest! {
 #[test]
 fn a_few_changes_are_told_in_far_fewer_bytes_than_planes_of_them() {
     let seeds = [10, 20, 30, 40, 50, 60, 70, 80];
-    let held = seeds.map(|seed| sent_whole(Precision::Exact, TILE, &light(TILE, seed, 0.6)));
+    let held = seeds.map(|seed| sent_whole(PixelPrecision::Exact, TILE, &light(TILE, seed, 0.6)));
     let bytes = |encoder: &mut Encoder, pixels| {
         let tiles = seeds.map(|seed| (TILE, changed(TILE, seed, pixels)));
-        let told = tell(encoder, Precision::Exact, &tiles, &held);
+        let told = tell(encoder, PixelPrecision::Exact, &tiles, &held);
         told.payload.len()
     };
     for (pixels, percent) in [(2, 75), (13, 90)] {
@@ -253,9 +255,9 @@ fn a_few_changes_are_told_in_far_fewer_bytes_than_planes_of_them() {
 #[test]
 fn an_encoder_tells_changes_again_once_the_picture_is_still() {
     let mut encoder = busy_encoder();
-    let held = vec![sent_whole(Precision::Exact, TILE, &light(TILE, 7, 0.6)); 8];
+    let held = vec![sent_whole(PixelPrecision::Exact, TILE, &light(TILE, 7, 0.6)); 8];
     let tiles = vec![(TILE, light(TILE, 7, 0.6)); 8];
-    let mut way = || tell(&mut encoder, Precision::Exact, &tiles, &held).payload[0] & 3;
+    let mut way = || tell(&mut encoder, PixelPrecision::Exact, &tiles, &held).payload[0] & 3;
     let ways: Vec<u8> = (0..400).map(|_| way()).collect();
     assert!(ways.is_sorted(), "{ways:?}");
     assert_eq!([ways[0], ways[399]], [0, 3]);
@@ -265,11 +267,11 @@ fn an_encoder_tells_changes_again_once_the_picture_is_still() {
 /// planes that a decoder keeps its rate.
 #[test]
 fn the_more_changes_the_fewer_messages_tell_them_by_themselves() {
-    let held = vec![sent_whole(Precision::Exact, TILE, &light(TILE, 7, 0.6)); 8];
+    let held = vec![sent_whole(PixelPrecision::Exact, TILE, &light(TILE, 7, 0.6)); 8];
     let told_by_changes = |pixels| {
         let tiles = vec![(TILE, changed(TILE, 7, pixels)); 8];
         let mut encoder = Encoder::new();
-        let mut ways = || tell(&mut encoder, Precision::Exact, &tiles, &held).payload[0] & 3;
+        let mut ways = || tell(&mut encoder, PixelPrecision::Exact, &tiles, &held).payload[0] & 3;
         let ways: Vec<u8> = (0..600).map(|_| ways()).skip(300).collect();
         ways.iter().filter(|way| **way == 3).count()
     };
@@ -283,37 +285,37 @@ fn the_more_changes_the_fewer_messages_tell_them_by_themselves() {
 fn an_encoder_tells_what_its_pixels_were_told_from() {
     let mut encoder = Encoder::new();
     let mut send = |precision, radiance: &[[f32; 3]], reference: Option<&Arc<ReferenceTile>>| {
-        let source = Source {
+        let input = TileInput {
             tile: TILE,
             radiance,
             reference,
         };
-        let (_, kept) = encoder.encode_srgb(1.0, precision, &[source]);
-        let Past {
-            known,
+        let (_, kept) = encoder.encode_srgb(1.0, precision, &[input]);
+        let DeltaStats {
+            referenced,
             changed,
-            whole,
-        } = encoder.past();
-        ([known, changed, whole], kept[0].clone())
+            intra,
+        } = encoder.delta_stats();
+        ([referenced, changed, intra], kept[0].clone())
     };
     let (before, after) = (light(TILE, 7, 0.6), changed(TILE, 7, 20));
     let pairs = shown(&before).into_iter().zip(shown(&after));
     let differ = pairs.filter(|(before, after)| before != after).count();
-    for precision in [Precision::Exact, Precision::Lossy75] {
-        let (past, first) = send(precision, &before, None);
-        assert_eq!(past, [0, 0, 1024]);
-        let (past, _) = send(precision, &after, Some(&first));
-        assert_eq!(past, [1024, differ, 0]);
+    for precision in [PixelPrecision::Exact, PixelPrecision::Lossy75] {
+        let (delta, first) = send(precision, &before, None);
+        assert_eq!(delta, [0, 0, 1024]);
+        let (delta, _) = send(precision, &after, Some(&first));
+        assert_eq!(delta, [1024, differ, 0]);
     }
     // Nothing can be told from a JPEG tile but what has changed in it.
-    let (_, lossy) = send(Precision::Lossy75, &before, None);
-    let (past, _) = send(Precision::Exact, &after, Some(&lossy));
-    assert_eq!(past, [1024, differ, 1024]);
+    let (_, lossy) = send(PixelPrecision::Lossy75, &before, None);
+    let (delta, _) = send(PixelPrecision::Exact, &after, Some(&lossy));
+    assert_eq!(delta, [1024, differ, 1024]);
 }
 
 #[test]
 fn a_tile_that_has_not_changed_is_a_few_bytes() {
-    for precision in Precision::ALL {
+    for precision in PixelPrecision::ALL {
         let mut ends = Ends::new();
         let radiance = light(TILE, 1, 0.4);
         let (first, before, [sent, held]) = ends.send(precision, &radiance, None, None);
@@ -327,21 +329,22 @@ fn a_tile_that_has_not_changed_is_a_few_bytes() {
 fn a_shown_tile_is_not_refined_by_a_coarser_one() {
     let mut ends = Ends::new();
     let radiance = light(TILE, 1, 0.4);
-    let (_, exact, [sent, held]) = ends.send(Precision::Exact, &radiance, None, None);
-    let (bytes, pixels, _) = ends.send(Precision::Lossy50, &radiance, Some(&sent), Some(&held));
+    let (_, exact, [sent, held]) = ends.send(PixelPrecision::Exact, &radiance, None, None);
+    let (bytes, pixels, _) =
+        ends.send(PixelPrecision::Lossy50, &radiance, Some(&sent), Some(&held));
     assert_eq!((bytes < 10, pixels), (true, exact));
 }
 
 #[test]
 fn a_client_that_asks_for_exact_pixels_is_sent_no_others() {
     let radiance = light(TILE, 1, 0.1);
-    for precision in &Precision::ALL[1..] {
-        let source = Source {
+    for precision in &PixelPrecision::ALL[1..] {
+        let input = TileInput {
             tile: TILE,
             radiance: &radiance,
             reference: None,
         };
-        let (payload, _) = Encoder::new().encode_srgb(1.0, *precision, &[source]);
+        let (payload, _) = Encoder::new().encode_srgb(1.0, *precision, &[input]);
         let range = PrecisionRange::EXACT;
         let refused = Decoder::new().decode_srgb(range, &[(TILE, None)], &payload);
         let why = refused.unwrap_err().to_string();
@@ -353,14 +356,14 @@ fn a_client_that_asks_for_exact_pixels_is_sent_no_others() {
 fn a_tile_told_from_one_that_is_not_held_is_an_error() {
     let mut ends = Ends::new();
     let radiance = light(TILE, 1, 0.1);
-    for precision in Precision::ALL {
+    for precision in PixelPrecision::ALL {
         let (_, _, [sent, _]) = ends.send(precision, &radiance, None, None);
-        let source = Source {
+        let input = TileInput {
             tile: TILE,
             radiance: &radiance,
             reference: Some(&sent),
         };
-        let (payload, _) = ends.encoder.encode_srgb(1.0, precision, &[source]);
+        let (payload, _) = ends.encoder.encode_srgb(1.0, precision, &[input]);
         let range = PrecisionRange::only(precision);
         let refused = ends.decoder.decode_srgb(range, &[(TILE, None)], &payload);
         assert!(refused.unwrap_err().to_string().contains("not held"));
@@ -376,7 +379,7 @@ type Shown = Vec<(TileRange, Vec<[u8; 3]>)>;
 struct Pair {
     client: ClientSession,
     node: NodeSession,
-    sent: SentTiles,
+    sent: SentReferences,
     request: u64,
     encoder: Encoder,
 }
@@ -389,7 +392,7 @@ impl Pair {
         let mut pair = Self {
             client,
             node: NodeSession::new(any::node_info("node")),
-            sent: SentTiles::default(),
+            sent: SentReferences::default(),
             request: 0,
             encoder: Encoder::new(),
         };
@@ -397,7 +400,7 @@ impl Pair {
         pair
     }
 
-    fn ask(&mut self, tiles: TileRange, precision: Precision) {
+    fn ask(&mut self, tiles: TileRange, precision: PixelPrecision) {
         self.request += 1;
         let request = TraceRequest {
             frame: FrameId(self.request),
@@ -409,7 +412,7 @@ impl Pair {
             settings: RenderSettings::default(),
             format: PixelFormat::Srgb8 { exposure: 1.0 },
             precision: PrecisionRange::only(precision),
-            held: Vec::new(),
+            references: Vec::new(),
         };
         self.client.trace(request).unwrap();
     }
@@ -453,18 +456,18 @@ impl Pair {
                 .tiles(part)
                 .map(|tile| light(tile, seed, 0.3))
                 .collect();
-            let sources: Vec<Source> = GRID
+            let inputs: Vec<TileInput> = GRID
                 .tiles(part)
                 .zip(&radiance)
                 .zip(&references)
-                .map(|((tile, radiance), reference)| Source {
+                .map(|((tile, radiance), reference)| TileInput {
                     tile,
                     radiance,
                     reference: reference.as_ref(),
                 })
                 .collect();
             let precision = request.precision.finest;
-            let (pixels, kept) = self.encoder.encode_srgb(1.0, precision, &sources);
+            let (pixels, kept) = self.encoder.encode_srgb(1.0, precision, &inputs);
             self.sent.insert(request, part, kept);
             let done = TilesDone {
                 request: request.id,
@@ -495,10 +498,10 @@ proptest! {
         let mut pair = Pair::new();
         for (first, count, seed, losses, forgets) in steps {
             if forgets {
-                pair.sent = SentTiles::default();
+                pair.sent = SentReferences::default();
             }
             let count = count.min(GRID.len() - first);
-            pair.ask(TileRange { first, count }, Precision::Exact);
+            pair.ask(TileRange { first, count }, PixelPrecision::Exact);
             let (pictures, _) = pair.exchange(seed, |index| losses >> (index % 8) & 1 != 0);
             for (tiles, pixels) in pictures {
                 let traced = GRID.tiles(tiles).flat_map(|tile| shown(&light(tile, seed, 0.3)));
@@ -517,7 +520,7 @@ fn a_still_picture_costs_a_few_bytes_a_tile_after_the_first() {
     let mut pair = Pair::new();
     let bytes: Vec<usize> = (0..20)
         .map(|_| {
-            pair.ask(GRID.all(), Precision::Within1);
+            pair.ask(GRID.all(), PixelPrecision::Within1);
             pair.exchange(7, |_| false).1
         })
         .collect();

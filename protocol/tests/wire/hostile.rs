@@ -39,7 +39,7 @@ fn request(scene: &Scene, id: u64) -> TraceRequest {
         settings: RenderSettings::default(),
         format: PixelFormat::Srgb8 { exposure: 1.0 },
         precision: carom_protocol::PrecisionRange::EXACT,
-        held: Vec::new(),
+        references: Vec::new(),
     }
 }
 
@@ -229,7 +229,7 @@ fn late_tiles_of_cancelled_runs_are_no_fault() {
     let mut client = waiting_client();
     client.cancel_request(RequestId(5)).unwrap();
     let events = client.handle(tiles(5, 4, 2)).unwrap();
-    assert!(matches!(events[..], [ClientEvent::TilesLate { .. }]));
+    assert!(matches!(events[..], [ClientEvent::TilesStale { .. }]));
     client.handle(refused(5, RefusalReason::Cancelled)).unwrap();
     assert_eq!(client.handle(tiles(5, 6, 2)), Ok(vec![]));
     assert_eq!(client.late_tiles(), 1);
@@ -248,9 +248,7 @@ fn what_a_client_remembers_of_refused_runs_is_bounded_and_forgives() {
     let requests = REQUESTS_REFUSED_KEPT as u64 + 10;
     for id in 100..100 + requests {
         client.trace(request(&scene, id)).unwrap();
-        client
-            .handle(refused(id, RefusalReason::Busy))
-            .unwrap();
+        client.handle(refused(id, RefusalReason::Busy)).unwrap();
     }
     assert_eq!(
         client.handle(tiles(100, 4, 1)),

@@ -3,8 +3,8 @@
 use carom_protocol::codec::{decode_to_client, decode_to_node, encode_to_client, encode_to_node};
 use carom_protocol::limits::{POSES_MAX, REQUEST_TILES_MAX, SENTENCE_BYTES_MAX, TILE_EDGE_MAX};
 use carom_protocol::{
-    Error, HeldTiles, PixelFormat, Precision, Refusal, RefusalReason, RequestId, SceneHash,
-    ToClient, ToNode, TraceRequest,
+    Error, PixelFormat, PixelPrecision, ReferenceRange, Refusal, RefusalReason, RequestId,
+    SceneHash, ToClient, ToNode, TraceRequest,
 };
 use carom_tracer::{ImageSize, ObjectPose, TileGrid, TileRange};
 use glam::{Quat, Vec3};
@@ -97,9 +97,9 @@ proptest! {
     }
 }
 
-fn held(request: u64, first: u32, count: u32) -> HeldTiles {
+fn held(request: u64, first: u32, count: u32) -> ReferenceRange {
     let (request, tiles) = (RequestId(request), TileRange { first, count });
-    HeldTiles { request, tiles }
+    ReferenceRange { request, tiles }
 }
 
 type Rule = (&'static str, fn(&mut TraceRequest));
@@ -122,19 +122,20 @@ const RULES: [Rule; 18] = [
         r.format = PixelFormat::Srgb8 { exposure: 0.0 };
     }),
     ("the finest precision below the coarsest", |r| {
-        (r.precision.finest, r.precision.coarsest) = (Precision::Within2, Precision::Exact);
+        (r.precision.finest, r.precision.coarsest) =
+            (PixelPrecision::Within2, PixelPrecision::Exact);
     }),
     ("tiles held that are not asked for", |r| {
         r.id = RequestId(9);
-        r.held = vec![held(8, r.tiles.first, r.tiles.count + 1)];
+        r.references = vec![held(8, r.tiles.first, r.tiles.count + 1)];
     }),
     ("tiles held twice", |r| {
         r.id = RequestId(9);
-        r.held = vec![held(8, r.tiles.first, 1), held(7, r.tiles.first, 1)];
+        r.references = vec![held(8, r.tiles.first, 1), held(7, r.tiles.first, 1)];
     }),
     ("tiles held of a request to come", |r| {
         r.id = RequestId(9);
-        r.held = vec![held(9, r.tiles.first, 1)];
+        r.references = vec![held(9, r.tiles.first, 1)];
     }),
     ("a ball at no place", |r| {
         let mut pose = POSE;

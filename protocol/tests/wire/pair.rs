@@ -119,7 +119,7 @@ impl Pair {
             settings: RenderSettings::default(),
             format: PixelFormat::LinearF32,
             precision: carom_protocol::PrecisionRange::EXACT,
-            held: Vec::new(),
+            references: Vec::new(),
         };
         self.client.trace(request).unwrap();
         let (received, cancelled, ended) = (BTreeSet::new(), false, false);
@@ -263,7 +263,7 @@ impl Pair {
                     );
                     self.receive(request, tiles);
                 }
-                ClientEvent::TilesLate { request, tiles, .. } => {
+                ClientEvent::TilesStale { request, tiles, .. } => {
                     assert!(self.requests[&request].cancelled);
                     self.receive(request, tiles);
                 }

@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
-use carom_protocol::tile_codec::{Decoder, Encoder, ReferenceTile, Source};
-use carom_protocol::{Precision, PrecisionRange, RequestId, TilesDone, ToClient, codec};
+use carom_protocol::tile_codec::{Decoder, Encoder, ReferenceTile, TileInput};
+use carom_protocol::{PixelPrecision, PrecisionRange, RequestId, TilesDone, ToClient, codec};
 use carom_tracer::metrics::flip;
 use carom_tracer::tonemap::srgb8;
 use carom_tracer::{ImageSize, RadianceImage, Tile, TileGrid, TileRange};
@@ -50,7 +50,7 @@ pub(crate) struct Args {
     cache: Option<PathBuf>,
     /// Only this precision.
     #[arg(long)]
-    precision: Option<Precision>,
+    precision: Option<PixelPrecision>,
 }
 
 #[derive(Serialize)]
@@ -65,7 +65,7 @@ struct Report {
 struct Row {
     picture: &'static str,
     motion: &'static str,
-    precision: Precision,
+    precision: PixelPrecision,
     mbit_per_second: f64,
     encode_mb_per_second: f64,
     decode_mb_per_second: f64,
@@ -94,7 +94,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     ];
     for (name, picture) in pictures {
         for (motion, sequence, told) in frames.motions(picture)? {
-            for precision in Precision::ALL {
+            for precision in PixelPrecision::ALL {
                 if args.precision.is_some_and(|only| only != precision) {
                     continue;
                 }
@@ -139,7 +139,7 @@ impl Measured {
         }
     }
 
-    fn row(&self, picture: &'static str, motion: &'static str, precision: Precision) -> Row {
+    fn row(&self, picture: &'static str, motion: &'static str, precision: PixelPrecision) -> Row {
         let bits = 8.0 * self.message_bytes as f64 / f64::from(self.frames);
         let megabytes = 1e-6 * self.pixel_bytes as f64;
         let secs = |end: usize| self.secs.iter().map(|secs| secs[end]).sum::<f64>();
@@ -164,7 +164,7 @@ type Kept = Vec<Option<Arc<ReferenceTile>>>;
 fn measure(
     sequence: &[Arc<RadianceImage>],
     told: bool,
-    precision: Precision,
+    precision: PixelPrecision,
     repetitions: u32,
 ) -> Result<Measured, Failure> {
     let (mut measured, come) = play(sequence, told, precision)?;
@@ -184,7 +184,7 @@ fn measure(
 fn play(
     sequence: &[Arc<RadianceImage>],
     told: bool,
-    precision: Precision,
+    precision: PixelPrecision,
 ) -> Result<(Measured, Vec<[u8; 3]>), Failure> {
     let mut coders = Coders {
         encoder: Encoder::new(),
@@ -237,11 +237,11 @@ impl Coders {
         let tiles: Vec<Tile> = grid.tiles(run).collect();
         let radiance: Vec<Vec<[f32; 3]>> = tiles.iter().map(|tile| image.cut(*tile)).collect();
         let stretch = run.first as usize..run.end() as usize;
-        let sources: Vec<Source> = tiles
+        let inputs: Vec<TileInput> = tiles
             .iter()
             .zip(&radiance)
             .zip(&sent[stretch.clone()])
-            .map(|((&tile, radiance), reference)| Source {
+            .map(|((&tile, radiance), reference)| TileInput {
                 tile,
                 radiance,
                 reference: reference.as_ref(),
@@ -253,7 +253,7 @@ impl Coders {
             .collect();
         let (encoder, decoder) = (&mut self.encoder, &mut self.decoder);
         let precision = self.range.finest;
-        let encode = || encoder.encode_srgb(EXPOSURE, precision, &sources);
+        let encode = || encoder.encode_srgb(EXPOSURE, precision, &inputs);
         let (encode_secs, (payload, kept)) = timed(encode);
         let decode = || decoder.decode_srgb(self.range, &told, &payload);
         let (decode_secs, decoded) = timed(decode);
@@ -281,7 +281,7 @@ impl Coders {
         }
         sums.pixel_bytes += decoded.pixels.as_flattened().len();
         sums.message_bytes += message_bytes(run, payload)?;
-        for (place, (kept, come)) in stretch.zip(kept.into_iter().zip(decoded.kept)) {
+        for (place, (kept, come)) in stretch.zip(kept.into_iter().zip(decoded.references)) {
             (sent[place], held[place]) = (Some(kept), Some(come));
         }
         Ok(())
@@ -366,12 +366,12 @@ fn print_bars(rows: &[Row]) {
 }
 
 /// Most Mbit/s of 720p at 60 frames per second.
-const BARS: [(&str, &str, Precision, f64); 5] = [
-    ("denoised", "cut", Precision::Exact, 255.0),
-    ("denoised", "cut", Precision::Within2, 146.0),
-    ("denoised", "six balls", Precision::Exact, 60.0),
-    ("noisy", "six balls", Precision::Exact, 35.0),
-    ("noisy", "six balls", Precision::Within1, 30.0),
+const BARS: [(&str, &str, PixelPrecision, f64); 5] = [
+    ("denoised", "cut", PixelPrecision::Exact, 255.0),
+    ("denoised", "cut", PixelPrecision::Within2, 146.0),
+    ("denoised", "six balls", PixelPrecision::Exact, 60.0),
+    ("noisy", "six balls", PixelPrecision::Exact, 35.0),
+    ("noisy", "six balls", PixelPrecision::Within1, 30.0),
 ];
 const FRAMES_PER_SECOND: f64 = 60.0;
 /// The farm's own tiles.

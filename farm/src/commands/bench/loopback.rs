@@ -9,9 +9,9 @@ use anyhow::Context;
 use carom_farm::net::PacketHandler;
 use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
 use carom_protocol::session::{NodeEvent, NodeSession, Packet};
-use carom_protocol::tile_codec::{Encoder, Source};
+use carom_protocol::tile_codec::{Encoder, TileInput};
 use carom_protocol::{
-    Error, NodeInfo, NodeTimes, Precision, RequestReport, TilesDone, TraceRequest,
+    Error, NodeInfo, NodeTimes, PixelPrecision, RequestReport, TilesDone, TraceRequest,
 };
 use carom_tracer::{TileRange, Tracer};
 
@@ -27,15 +27,15 @@ pub(super) struct Ready {
 impl Ready {
     pub(super) fn new(noise: &Noise) -> Self {
         let tiles = noise.message();
-        let sources: Vec<Source> = tiles
+        let inputs: Vec<TileInput> = tiles
             .iter()
-            .map(|(tile, radiance)| Source {
+            .map(|(tile, radiance)| TileInput {
                 tile: *tile,
                 radiance,
                 reference: None,
             })
             .collect();
-        let (message, _) = Encoder::new().encode_srgb(1.0, Precision::Exact, &sources);
+        let (message, _) = Encoder::new().encode_srgb(1.0, PixelPrecision::Exact, &inputs);
         let info = NodeInfo {
             name: "ready".into(),
             device: noise.info(),

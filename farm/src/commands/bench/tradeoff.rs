@@ -7,8 +7,8 @@ use std::time::Instant;
 use anyhow::Context;
 use carom_farm::chart::{Axis, Chart, Series};
 use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
-use carom_protocol::tile_codec::{Decoder, Encoder, Source};
-use carom_protocol::{Precision, PrecisionRange};
+use carom_protocol::tile_codec::{Decoder, Encoder, TileInput};
+use carom_protocol::{PixelPrecision, PrecisionRange};
 use carom_tracer::film::trace_image;
 use carom_tracer::metrics::{flip, mean_ratio, rel_mse};
 use carom_tracer::tonemap::{linear, srgb8};
@@ -58,7 +58,7 @@ struct Choice {
     samples: u32,
     max_depth: u32,
     denoise: bool,
-    precision: Precision,
+    precision: PixelPrecision,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -240,7 +240,7 @@ fn trace(
 }
 
 /// The picture as it comes out of the wire, and its bytes there.
-fn transmit(image: &RadianceImage, precision: Precision) -> anyhow::Result<(Screen, usize)> {
+fn transmit(image: &RadianceImage, precision: PixelPrecision) -> anyhow::Result<(Screen, usize)> {
     let (mut encoder, mut decoder) = (Encoder::new(), Decoder::new());
     let grid = TileGrid::new(image.size, TILE_EDGE);
     let width = image.size.width as usize;
@@ -250,12 +250,12 @@ fn transmit(image: &RadianceImage, precision: Precision) -> anyhow::Result<(Scre
         let count = TILES_PER_MESSAGE_MAX.min(grid.len() - first);
         let tiles: Vec<Tile> = grid.tiles(TileRange { first, count }).collect();
         let radiance: Vec<Vec<[f32; 3]>> = tiles.iter().map(|tile| image.cut(*tile)).collect();
-        let source = |(&tile, radiance)| Source {
+        let source = |(&tile, radiance)| TileInput {
             tile,
             radiance,
             reference: None,
         };
-        let sources: Vec<Source> = tiles
+        let sources: Vec<TileInput> = tiles
             .iter()
             .zip(radiance.iter().map(Vec::as_slice))
             .map(source)
@@ -286,7 +286,7 @@ impl Choice {
             samples: settings.samples,
             max_depth: settings.max_depth,
             denoise: settings.denoise,
-            precision: Precision::Exact,
+            precision: PixelPrecision::Exact,
         }
     }
 
@@ -311,7 +311,7 @@ fn choices() -> Vec<Choice> {
         }
     }
     choices.extend([1, 2, 3].map(|max_depth| Choice { max_depth, ..full }));
-    choices.extend(Precision::ALL.map(|precision| Choice { precision, ..full }));
+    choices.extend(PixelPrecision::ALL.map(|precision| Choice { precision, ..full }));
     let mut once: Vec<Choice> = Vec::new();
     for choice in choices {
         if !once.contains(&choice) {

@@ -15,7 +15,7 @@ use carom_farm::net::{
 use carom_farm::node::Node;
 use carom_protocol::session::ClientEvent;
 use carom_protocol::{
-    FrameId, PixelFormat, Precision, PrecisionRange, RequestId, SceneHash, TraceRequest,
+    FrameId, PixelFormat, PixelPrecision, PrecisionRange, RequestId, SceneHash, TraceRequest,
 };
 use carom_tracer::{RenderSettings, SceneUpdate, Tracer};
 use serde::Serialize;
@@ -286,8 +286,8 @@ impl Setup {
             .map_err(|why| anyhow!("{why}"))?;
         let range = match case.governed {
             true => PrecisionRange {
-                finest: Precision::Exact,
-                coarsest: Precision::Lossy50,
+                finest: PixelPrecision::Exact,
+                coarsest: PixelPrecision::Lossy50,
             },
             false => PrecisionRange::EXACT,
         };
@@ -391,7 +391,7 @@ fn request(scene: SceneHash, frame: u64) -> Box<TraceRequest> {
         },
         format: PixelFormat::Srgb8 { exposure: 1.0 },
         precision: PrecisionRange::EXACT,
-        held: Vec::new(),
+        references: Vec::new(),
     })
 }
 

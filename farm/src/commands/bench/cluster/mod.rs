@@ -12,7 +12,7 @@ use carom_farm::coordinator::NodeIndex;
 use carom_farm::net::{PathConfig, interruption};
 use carom_farm::sim::{self, NodePlan, Plan, Report, Score, Weather, optimum_secs};
 use carom_farm::{
-    Algorithm, Balancing, Distribution, Farm, FarmConfig, FrameId, LocalNode, Precision,
+    Algorithm, Balancing, Distribution, Farm, FarmConfig, FrameId, LocalNode, PixelPrecision,
     PrecisionRange, local_devices,
 };
 use carom_tracer::ImageSize;
@@ -235,8 +235,8 @@ fn config(args: &Args, balancer: Balancing) -> FarmConfig {
         balancer,
         tile_edge: args.tile_edge,
         precision: PrecisionRange {
-            finest: Precision::Exact,
-            coarsest: Precision::Exact,
+            finest: PixelPrecision::Exact,
+            coarsest: PixelPrecision::Exact,
         },
         ..FarmConfig::default()
     }
