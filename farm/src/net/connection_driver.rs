@@ -214,7 +214,9 @@ impl ConnectionDriver {
         if !runs.is_empty() {
             self.cancelled.send_modify(|cancelled| {
                 cancelled.extend(runs);
-                let excess = cancelled.len().saturating_sub(limits::REQUESTS_REFUSED_KEPT);
+                let excess = cancelled
+                    .len()
+                    .saturating_sub(limits::REQUESTS_REFUSED_KEPT);
                 cancelled.drain(..excess);
             });
         }
