@@ -5,7 +5,7 @@
 
 FOLDER holds references in the schema `phys-ref-1`. Each rack is broken 400 times: the first time as
 the file has it, then with each ball moved within a circle of 10 um, as far as there is room, as
-`carom bench physics --part breaks` moves them. What is counted is what that counts.
+`carom-bench physics --part breaks` moves them. What is counted is what that counts.
 """
 
 import json

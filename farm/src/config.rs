@@ -27,7 +27,7 @@ pub struct FarmConfig {
     /// compress 16–33 % worse than whole pictures, of 64 3–4 %.
     pub tile_edge: u16,
     /// How exactly sRGB pixels of remote nodes come: the finest that the link carries in this range.
-    /// A finer end costs bytes (`carom-farm bench codec` has the figures), a coarser one lets a slow
+    /// A finer end costs bytes (`carom-bench codec` has the figures), a coarser one lets a slow
     /// link keep up. Nodes in this process are exact.
     pub precision: PrecisionRange,
     /// Frames that may be in flight, 1 to 8: an application that asks for a frame each 1/60 s over

@@ -37,14 +37,13 @@
 //! ```
 //!
 //! Submitting never waits, several frames are in flight at once, and nodes may come, slow down or
-//! die meanwhile: see [`Farm`]. How work is divided is in [`balancer`], how a farm is
-//! tried out on virtual time in [`sim`].
+//! die meanwhile: see [`Farm`]. How work is divided is in [`balancer`].
 
 pub mod accumulated_render;
+pub mod backend;
 pub mod balancer;
 pub mod balancing;
 mod channel;
-pub mod chart;
 pub mod config;
 pub mod coordinator;
 mod driver;
@@ -58,8 +57,6 @@ pub mod multi_device;
 pub mod net;
 pub mod node;
 pub mod pacing;
-pub mod sim;
-pub mod throttle;
 
 pub use accumulated_render::Still;
 pub use balancing::{Algorithm, Balancing, Distribution};

@@ -9,12 +9,12 @@ use carom_farm::{Balancing, FarmConfig, LocalNode};
 use carom_tracer::{ImageSize, RenderSettings};
 use clap::{Parser, Subcommand, ValueEnum as _};
 
-use crate::bench::{self, Bench};
 use crate::capture::video::{VideoTarget, VideoView};
 use crate::display::Present;
 use crate::play::tournament::MatchArgs;
 use crate::scene::ball_materials::BallSet;
 use crate::scene::table_scene::TableScene;
+use crate::settings::engine_cost_table;
 
 /// Pool, path-traced in real time by a farm of any mix of GPUs and CPUs.
 ///
@@ -115,9 +115,6 @@ pub struct Args {
 /// What the game's command does besides playing.
 #[derive(Clone, Debug, Subcommand)]
 pub enum Command {
-    /// Measure
-    #[command(subcommand)]
-    Bench(Bench),
     /// Let computers play against each other, without a window, and count
     Match(MatchArgs),
     /// Write the sound of a shot as a WAV file: of a recorded one, or of a break
@@ -246,7 +243,7 @@ impl Args {
     }
 }
 
-/// What the settings cost and lose, as `carom bench physics --part trade` measured it.
+/// The choices of `--physics`, with what each costs and loses.
 fn physics_help() -> String {
     format!(
         "\
@@ -256,7 +253,7 @@ engine's own contacts and solver at N steps per second, 30 to 10000). What the s
 {}
 
 A corner pocket a metre away forgives about 1.7°",
-        bench::in_a_table()
+        engine_cost_table()
     )
 }
 

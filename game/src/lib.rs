@@ -18,7 +18,6 @@
 pub mod app;
 pub mod args;
 pub mod audio;
-pub mod bench;
 pub mod camera;
 pub mod capture;
 pub mod display;

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// [`crate::PixelFormat::Srgb8`]; linear formats are always exact.
 ///
 /// Megabits per second at 1280×720 and 60 frames per second, and the worst error of a channel:
-/// `carom-farm bench codec` measures them.
+/// `carom-bench codec` measures them.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
 )]

@@ -110,7 +110,7 @@ impl Subtree {
 
 impl Tree {
     /// The tree of primitives in `bounds`; none if they are no more than one leaf. By the threads of
-    /// the current pool: `carom-farm bench hierarchy` prints how long it takes.
+    /// the current pool: `carom-bench bvh` prints how long it takes.
     pub fn new(bounds: impl ExactSizeIterator<Item = Bounds>) -> Option<Self> {
         if bounds.len() <= LEAF {
             return None;

@@ -162,7 +162,7 @@ fn read(bytes: &[u8]) -> Option<(Header, Film)> {
 
 #[cfg(test)]
 mod tests {
-    use carom_farm::sim::empty_scene;
+    use carom_testkit::simulator::empty_scene;
     use carom_tracer::Tile;
     use glam::Vec3;
 

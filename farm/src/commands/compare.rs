@@ -11,8 +11,8 @@ use cpu_time::ProcessTime;
 use serde::Serialize;
 
 use crate::commands::Failure;
-use crate::commands::backend::Backend;
 use crate::commands::inputs;
+use carom_farm::backend::Backend;
 
 /// Trace a scene and say how far the picture is from a reference picture of it.
 #[derive(clap::Args)]

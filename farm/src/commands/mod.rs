@@ -1,7 +1,6 @@
 //! One file per subcommand: arguments in, calls of the library, lines out.
 
 mod add_node;
-mod backend;
 mod bench;
 mod checkpoint;
 mod compare;
@@ -9,7 +8,6 @@ mod failure;
 mod init;
 mod inputs;
 mod node;
-mod proxy;
 mod render;
 mod status;
 
@@ -23,7 +21,6 @@ pub(crate) enum Command {
     Init(init::Args),
     Add(add_node::Args),
     Node(node::Args),
-    Proxy(proxy::Args),
     Render(render::Args),
     Status(status::Args),
     Bench(bench::Args),
@@ -36,7 +33,6 @@ impl Command {
             Self::Init(args) => init::run(&args),
             Self::Add(args) => add_node::run(&args),
             Self::Node(args) => node::run(&args),
-            Self::Proxy(args) => proxy::run(&args),
             Self::Render(args) => render::run(&args),
             Self::Status(args) => status::run(&args),
             Self::Bench(args) => bench::run(&args),

@@ -1,6 +1,6 @@
 //! `carom-farm node`: this machine's device, served to players.
 
-use std::io::{BufRead as _, Write as _};
+use std::io::Write as _;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -9,13 +9,12 @@ use std::task::{Context, Poll};
 use carom_farm::NodeState;
 use carom_farm::net::{Credentials, NodeServer, PacketHandler, Role, ServerEvent, StopHandle};
 use carom_farm::node::{Node, NodeConnection};
-use carom_farm::throttle::{Share, Throttled};
 use carom_protocol::session::Packet;
 use carom_protocol::{RequestId, ToNode, codec};
 use carom_tracer::Tracer as _;
 
 use crate::commands::Failure;
-use crate::commands::backend::NodeBackend;
+use carom_farm::backend::NodeBackend;
 
 /// Trace for players, until Ctrl-C or SIGTERM.
 ///
@@ -35,30 +34,14 @@ pub(crate) struct Args {
     /// Threads of the CPU back end; 0 is one per core.
     #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u16).range(..=1024))]
     threads: u16,
-    /// The share of the machine's time to trace in, above 0 and at most 1.
-    #[arg(long, default_value_t = 1.0, value_name = "SHARE")]
-    throttle: f64,
-    /// Read commands from standard input, one a line: `throttle SHARE`. Its end ends the node.
-    #[arg(long)]
-    commands: bool,
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let share =
-        Share::new(args.throttle).map_err(|why| Failure::Input(format!("--throttle: {why}")))?;
     let credentials = Credentials::load(&args.credentials, Role::Node)?;
     let server = NodeServer::bind(args.listen, &credentials)?;
     say(NodeState::Starting.word());
     let tracer = args.backend.open(usize::from(args.threads))?;
-    let tracer = Arc::new(Throttled::new(tracer, share.clone()));
     let stop = StopHandle::default();
-    if args.commands {
-        let stop = stop.clone();
-        std::thread::spawn(move || {
-            obey(&share);
-            stop.stop();
-        });
-    }
     let device = tracer.info().name;
     let node = Node::new(credentials.name(), tracer);
     let name = credentials.name();
@@ -79,24 +62,6 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         },
     );
     Ok(())
-}
-
-/// Does what lines of standard input say, until it ends.
-fn obey(share: &Share) {
-    for line in std::io::stdin().lock().lines().map_while(Result::ok) {
-        let done = match line.split_whitespace().collect::<Vec<_>>()[..] {
-            ["throttle", value] => match value.parse() {
-                Ok(value) => share.set(value),
-                Err(_) => Err(format!("`{value}` is not a number")),
-            },
-            _ => Err(format!(
-                "`{line}` is no command: it must be `throttle SHARE`"
-            )),
-        };
-        if let Err(why) = done {
-            eprintln!("carom-farm: {why}");
-        }
-    }
 }
 
 /// A reader that has gone away must not end the node.

@@ -8,7 +8,7 @@
 //! Dean and Barroso, "The Tail at Scale", CACM 56(2), 2013: a few per cent more requests take
 //! away most of the tail. A look is taken when a message is late or tells of lateness, not only
 //! when the frame is: what a far node has not begun to send by then could not be got in time.
-//! `carom-farm bench balance` prints what it gains and what it costs.
+//! `carom-bench balance` prints what it gains and what it costs.
 
 use carom_protocol::FrameId;
 use carom_tracer::TileRange;

@@ -127,8 +127,8 @@ mod tests {
     use super::*;
     use crate::net::authority::{Authority, Issued};
     use crate::net::endpoint::TransportOptions;
-    use crate::net::path::PathConfig;
-    use crate::net::proxy::Proxy;
+    use carom_testkit::link_emulator::PathConfig;
+    use carom_testkit::udp_proxy::Proxy;
 
     const DAY: Duration = Duration::from_secs(24 * 3600);
 

@@ -170,7 +170,7 @@ fn between(weights: &[f64; STOPS], level: f64) -> Between {
 }
 
 const STOPS: usize = PixelPrecision::ALL.len();
-/// Bytes of a converged frame of each precision over those of an exact one, as `carom-farm bench
+/// Bytes of a converged frame of each precision over those of an exact one, as `carom-bench
 /// codec` has them ...
 const WHOLE: [f64; STOPS] = [1.0, 0.74, 0.65, 0.18, 0.07, 0.036];
 /// ... and, where not all pixels have changed, for each that has: of 10 %, that lie in a few places,

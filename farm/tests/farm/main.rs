@@ -2,7 +2,6 @@
 //! happen to nodes while it is traced.
 
 mod multi_device;
-mod pattern;
 mod samples;
 
 use std::sync::Arc;
@@ -16,7 +15,7 @@ use carom_tracer::{
     TileRadiance, TraceJob, TraceStats, Tracer,
 };
 
-use pattern::{Fault, Gate, Pattern, scene};
+use carom_testkit::pattern_tracer::{self, Fault, Gate, Pattern, scene};
 
 /// Far longer than anything here takes; a test that needs it has failed.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -66,7 +65,11 @@ fn trace(farm: &mut Farm, seed: u32) -> Frame {
 }
 
 fn assert_right(frame: &Frame, seed: u32) {
-    assert_eq!(linear(frame), pattern::picture(&spec(seed)), "seed {seed}");
+    assert_eq!(
+        linear(frame),
+        pattern_tracer::picture(&spec(seed)),
+        "seed {seed}"
+    );
 }
 
 #[test]
@@ -158,7 +161,7 @@ fn a_picture_that_must_be_shown_comes_as_it_is_and_again_when_it_is_whole() {
     assert_eq!((part.id, farm.in_flight()), (id, 1));
     let late: usize = part.missing.iter().map(|tile| tile.pixels()).sum();
     assert!(late > 0 && part.stats.late_tiles as usize == part.missing.len());
-    let right = pattern::picture(&spec(3));
+    let right = pattern_tracer::picture(&spec(3));
     for (place, pixel) in linear(&part).iter().enumerate() {
         let (x, y) = (place as u32 % 250, place as u32 / 250);
         let is_in = |tile: &Tile| {
@@ -342,7 +345,10 @@ fn a_scene_that_changes_is_drawn_from_the_next_frame_on() {
             farm.wait_frame(PATIENCE).unwrap(),
         );
         assert_eq!((first.id, second.id), (before, after));
-        assert_eq!(linear(&second), pattern::picture_of(&other, &spec(0)));
+        assert_eq!(
+            linear(&second),
+            pattern_tracer::picture_of(&other, &spec(0))
+        );
         assert_ne!(linear(&first), linear(&second));
     }
 }

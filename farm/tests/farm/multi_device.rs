@@ -11,8 +11,8 @@ use carom_tracer::{
     TraceJob, Tracer,
 };
 
-use crate::pattern::{Fault, Pattern, scene};
 use crate::{assert_right, config, trace};
+use carom_testkit::pattern_tracer::{Fault, Pattern, scene};
 
 const GRID: TileGrid = TileGrid::new(ImageSize::new(96, 64), 8);
 

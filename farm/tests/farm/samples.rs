@@ -6,8 +6,8 @@ use carom_farm::{Balancing, Distribution, Farm, Frame, FrameSpec};
 use carom_protocol::PixelFormat;
 use carom_tracer::RenderSettings;
 
-use crate::pattern::{self, Fault, Gate, Pattern};
 use crate::{PATIENCE, linear};
+use carom_testkit::pattern_tracer::{self, Fault, Gate, Pattern};
 
 /// Samples of each pixel: no number of nodes here divides them.
 const SAMPLES: u32 = 13;
@@ -37,7 +37,10 @@ fn trace(farm: &mut Farm, seed: u32) -> Frame {
 
 /// What one node makes of it with as many samples, but for the order in which they are added.
 fn assert_right(frame: &Frame, seed: u32) {
-    for (found, right) in linear(frame).iter().zip(pattern::picture(&spec(seed))) {
+    for (found, right) in linear(frame)
+        .iter()
+        .zip(pattern_tracer::picture(&spec(seed)))
+    {
         for (found, right) in found.iter().zip(right) {
             // Each pass is rounded to a float, and the mean of them.
             assert!(

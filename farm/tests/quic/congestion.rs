@@ -3,7 +3,8 @@
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
-use carom_farm::net::{DelayBasedController, Path, PathConfig};
+use carom_farm::net::DelayBasedController;
+use carom_testkit::link_emulator::{Path, PathConfig};
 
 const PACKET: u64 = 1252;
 const STEP: Duration = Duration::from_micros(100);

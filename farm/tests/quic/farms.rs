@@ -7,12 +7,12 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use carom_farm::net::{
-    Authority, Client, Command, Credentials, LinkEvent, NodeServer, PathConfig, Proxy, Role,
-    StopHandle, create_farm,
+    Authority, Client, Command, Credentials, LinkEvent, NodeServer, Role, StopHandle, create_farm,
 };
 use carom_farm::node::Node;
 use carom_farm::{Farm, FarmConfig, Frame, FrameSpec, LocalNode, NodeState, PrecisionRange};
 use carom_protocol::{ClientEvent, PixelFormat, SceneHash};
+use carom_testkit::{link_emulator::PathConfig, udp_proxy::Proxy};
 use carom_tracer::{
     CompiledScene, CpuTracer, DeviceInfo, Error, ImageSize, Object, RenderSettings, Scene,
     SceneUpdate, TileRadiance, TraceJob, TraceStats, Tracer,

@@ -4,6 +4,4 @@ mod admission;
 mod congestion;
 mod farms;
 mod greeter;
-mod path;
-mod proxy;
 mod stranger;

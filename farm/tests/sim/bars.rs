@@ -1,8 +1,8 @@
-//! A small version of `carom-farm bench balance`, with the bars that it must meet. Virtual time:
+//! A small version of `carom-bench balance`, with the bars that it must meet. Virtual time:
 //! the figures are the same on every machine.
 
-use carom_farm::sim::{Mode, Network, Scenario, Score, optimum_secs, run};
 use carom_farm::{Algorithm, Balancing};
+use carom_testkit::simulator::{Mode, Network, Scenario, Score, optimum_secs, run};
 
 fn score(nodes: usize, network: Network, mode: Mode, balancing: Balancing) -> Score {
     let frames = if nodes < 64 { 800 } else { 400 };

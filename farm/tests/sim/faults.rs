@@ -1,10 +1,12 @@
-//! Random faults. `carom-farm bench faults` runs ten thousand.
+//! Random faults. `carom-bench faults` runs ten thousand.
 
 use std::collections::BTreeSet;
 
 use carom_farm::coordinator::NodeIndex;
-use carom_farm::sim::{Change, NodePlan, PERIOD_SECS, Plan, Report, fault_plan, run, run_faults};
 use carom_farm::{Algorithm, Balancing, FrameId};
+use carom_testkit::simulator::{
+    Change, NodePlan, PERIOD_SECS, Plan, Report, fault_plan, run, run_faults,
+};
 use carom_tracer::ImageSize;
 
 #[test]

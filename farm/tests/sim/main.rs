@@ -7,8 +7,8 @@ mod states;
 
 use carom_farm::Algorithm::{self, Ab, Equal, Naive, WaterFilling};
 use carom_farm::balancer::{Line, fill};
-use carom_farm::sim::{Change, NodePlan, Plan, Report, Weather, run};
 use carom_farm::{Balancing, Distribution, FrameStats, NodeState};
+use carom_testkit::simulator::{Change, NodePlan, Plan, Report, Weather, run};
 use carom_tracer::ImageSize;
 
 /// More virtual time than any run here needs.

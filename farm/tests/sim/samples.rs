@@ -2,8 +2,8 @@
 
 use carom_farm::Algorithm::WaterFilling;
 use carom_farm::coordinator::NodeIndex;
-use carom_farm::sim::{Change, NodePlan, PERIOD_SECS, Plan, run};
 use carom_farm::{Distribution, FrameId};
+use carom_testkit::simulator::{Change, NodePlan, PERIOD_SECS, Plan, run};
 
 use super::{checked, plan, unequal};
 
@@ -25,7 +25,7 @@ fn frames_divided_by_samples_are_through_as_early_as_by_tiles() {
     let ratio = samples.mean_secs(60..120) / tiles.mean_secs(60..120);
     println!("by samples {ratio:.3} times as long as by tiles");
     assert!(ratio < 1.05, "{ratio}");
-    let last = |report: &carom_farm::sim::Report| report.frames[119].stats.passes;
+    let last = |report: &carom_testkit::simulator::Report| report.frames[119].stats.passes;
     // The five are 1.7 times the fastest of them.
     assert_eq!((last(tiles), last(samples)), (1, 2));
 }

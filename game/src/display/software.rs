@@ -94,7 +94,7 @@ impl SoftwareDisplay {
 }
 
 /// Stretches `picture` to `size` with linear filtering between pixel centres, as a GPU does.
-pub(crate) fn scale_linear(picture: &DisplayFrame, size: ImageSize, out: &mut Vec<u32>) {
+pub fn scale_linear(picture: &DisplayFrame, size: ImageSize, out: &mut Vec<u32>) {
     out.clear();
     let columns = taps(picture.size.width, size.width);
     for (top, bottom, fy) in taps(picture.size.height, size.height) {

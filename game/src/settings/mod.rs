@@ -11,9 +11,11 @@
 //! [`SettingsStore`] reads and writes the file. Only what was changed is written, so comments, unknown names
 //! and values that could not be read stay as they were.
 
+mod engine_cost;
 mod field;
 mod store;
 
+pub use engine_cost::{engine_cost, engine_cost_table};
 pub use field::{FIELDS, SettingsField};
 pub use store::SettingsStore;
 

@@ -6,8 +6,7 @@ use egui::{Grid, RichText, ScrollArea, Slider, Ui};
 
 use super::menu::{MenuInput, Page};
 use super::theme;
-use crate::bench;
-use crate::settings::{Settings, SettingsStore};
+use crate::settings::{Settings, SettingsStore, engine_cost, engine_cost_table};
 
 /// Draws the settings and changes them; returns the page that was asked for.
 pub(super) fn page(ui: &mut Ui, store: &mut SettingsStore, facts: MenuInput<'_>) -> Option<Page> {
@@ -62,12 +61,12 @@ fn game(ui: &mut Ui, settings: &mut Settings) {
                 let engine: Engine = name.parse().unwrap_or_default();
                 ui.selectable_value(&mut settings.physics, engine, name)
                     .on_hover_ui(|ui| {
-                        let table = RichText::new(bench::in_a_table()).monospace();
+                        let table = RichText::new(engine_cost_table()).monospace();
                         ui.add(egui::Label::new(table).extend());
                     });
             }
         });
-        explain(ui, &bench::in_words(&settings.physics));
+        explain(ui, &engine_cost(&settings.physics));
     });
     ui.end_row();
 }

@@ -11,7 +11,7 @@
 //!   the light on a surface varies, its colour hardly does.
 //!
 //! This takes a third less than marks and planes of numbers under zstd, and about 0.08 µs a changed
-//! pixel at either end (`carom-farm bench codec`): too slow where all pixels change.
+//! pixel at either end (`carom-bench codec`): too slow where all pixels change.
 
 use std::hint::select_unpredictable;
 

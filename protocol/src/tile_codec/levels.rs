@@ -4,7 +4,7 @@
 //! From row to row the levels lie elsewhere, by a third or a fifth of the step between them, so that a
 //! soft surface is rounded up in one row and down in the next, and the eye, like FLIP, sees their mean
 //! rather than stripes of false colour. Denoised frames within one level have a FLIP of 0.010 so,
-//! against 0.035, for a quarter more bytes (`carom-farm bench codec`); within two levels they have 0.019
+//! against 0.035, for a quarter more bytes (`carom-bench codec`); within two levels they have 0.019
 //! and hardly more bytes than levels that lie still take within one.
 
 use super::predict::sized;

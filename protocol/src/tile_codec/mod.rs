@@ -19,7 +19,7 @@
 //! changed since, a tile is told from it. Which tile has which reference is the two sessions'
 //! business, and both must come to the same.
 //!
-//! `carom-farm bench codec` measures rates and sizes on traced frames, still and moving. On
+//! `carom-bench codec` measures rates and sizes on traced frames, still and moving. On
 //! synthetic ones, `cargo run --release -p carom-protocol --example codec_speed` on one core of a
 //! server of 2 (rates count the bytes of the pixels):
 //!

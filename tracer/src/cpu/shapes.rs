@@ -10,7 +10,7 @@ use crate::compiled::{AreaLightData, BoxData, DiscData, RectangleData, SphereDat
 
 /// A shape whose primitives are `N` numbers.
 pub(super) trait Shape<const N: usize> {
-    /// From so many on, rays find them faster by a tree: `carom-farm bench hierarchy --backend cpu`.
+    /// From so many on, rays find them faster by a tree: `carom-bench bvh --backend cpu`.
     const TREE_MIN: usize;
 
     /// Where rays meet `solids` before `limit`, and how far away; none if no lane may.

@@ -258,7 +258,7 @@ impl Features {
 
 /// From so many on, rays find the primitives of a shape faster by a tree: on an H200 by 1.04 (discs) to
 /// 1.3 there, and for 10,000 by 10 (balls), 61, 83 and 110:
-/// `carom-farm bench hierarchy --backend gpu --size 960x540`.
+/// `carom-bench bvh --backend gpu --size 960x540`.
 const fn tree_min(shape: ShapeKind) -> usize {
     match shape {
         ShapeKind::Sphere => 256,

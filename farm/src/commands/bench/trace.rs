@@ -15,8 +15,8 @@ use cpu_time::ProcessTime;
 use serde::Serialize;
 
 use crate::commands::Failure;
-use crate::commands::backend::{self, Backend, Opened};
 use crate::commands::inputs;
+use carom_farm::backend::{self, Backend, Opened};
 
 /// Pixel samples and rays per second of each back end of this machine.
 ///

@@ -1,11 +1,10 @@
 //! `carom-farm bench tradeoff`: what each knob of a picture costs and gains, and which choices no
 //! other beats.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::Context;
-use carom_farm::chart::{Axis, Chart, Series};
 use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
 use carom_protocol::tile_codec::{Decoder, Encoder, TileInput};
 use carom_protocol::{PixelPrecision, PrecisionRange};
@@ -20,8 +19,8 @@ use cpu_time::ProcessTime;
 use serde::Serialize;
 
 use crate::commands::Failure;
-use crate::commands::backend::{self, Backend, Opened};
 use crate::commands::inputs;
+use carom_farm::backend::{self, Backend, Opened};
 
 /// Error against time and bytes, over resolution, samples, depth, denoiser and precision.
 ///
@@ -46,9 +45,6 @@ pub(crate) struct Args {
     /// Print JSON.
     #[arg(long)]
     json: bool,
-    /// Write a chart of FLIP against time to this SVG file.
-    #[arg(long)]
-    plot: Option<PathBuf>,
 }
 
 /// One choice of all knobs.
@@ -102,9 +98,6 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         }
         let rows = sweep(&opened, &scene, &reference, args.repetitions);
         report.rows.extend(rows.context(opened.backend.name())?);
-    }
-    if let Some(path) = &args.plot {
-        write_chart(path, &report)?;
     }
     if args.json {
         let json = serde_json::to_string(&report).context("results as JSON")?;
@@ -333,42 +326,6 @@ fn mark_pareto(rows: &mut [Row]) {
         };
         row.pareto = !costs.iter().any(beats);
     }
-}
-
-fn write_chart(path: &Path, report: &Report) -> anyhow::Result<()> {
-    let mut series = Vec::new();
-    let mut backends: Vec<&str> = report.rows.iter().map(|row| row.backend).collect();
-    backends.dedup();
-    for backend in backends {
-        let points = |wanted: &dyn Fn(&Row) -> bool| -> Vec<(f64, f64)> {
-            let rows = report.rows.iter();
-            let rows = rows.filter(|row| row.backend == backend && wanted(row));
-            rows.map(|row| (row.milliseconds, row.flip)).collect()
-        };
-        let mut front = points(&|row| row.pareto);
-        front.sort_by(|a, b| a.0.total_cmp(&b.0));
-        series.push(Series::dots(
-            format!("{backend}, noisy"),
-            points(&|row| !row.choice.denoise),
-        ));
-        series.push(Series::dots(
-            format!("{backend}, denoised"),
-            points(&|row| row.choice.denoise),
-        ));
-        series.push(Series::dots(
-            format!("{backend}, presets"),
-            points(&|row| row.preset.is_some()),
-        ));
-        series.push(Series::line(format!("{backend}, best"), front));
-    }
-    let chart = Chart {
-        title: format!("{}, {}x{}", report.scene, report.width, report.height),
-        x: Axis::logarithmic("time of a picture, ms"),
-        y: Axis::logarithmic("FLIP"),
-        series,
-        events: Vec::new(),
-    };
-    std::fs::write(path, chart.svg()).with_context(|| format!("cannot write {}", path.display()))
 }
 
 fn print_table(report: &Report) {

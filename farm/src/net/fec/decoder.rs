@@ -145,8 +145,8 @@ mod tests {
     use super::super::encoder::FecEncoder;
     use super::super::loss_estimator::LossEstimator;
     use super::*;
-    use crate::net::path::{Path, PathConfig};
-    use crate::sim::random::Random;
+    use carom_testkit::link_emulator::{Path, PathConfig};
+    use carom_testkit::random::Random;
 
     const MS: Duration = Duration::from_millis(1);
     const DATAGRAM_BYTES: usize = 1400;

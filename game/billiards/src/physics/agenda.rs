@@ -2,7 +2,7 @@
 //!
 //! A time stays valid until one of the balls it is about changes its motion; only then is it
 //! computed anew. Each ball keeps the first of its contacts with the balls before it, so that an
-//! event takes time linear in the number of balls: 1,000 of them are feasible (`carom bench physics
+//! event takes time linear in the number of balls: 1,000 of them are feasible (`carom-bench physics
 //! --part crowd`).
 
 use super::{

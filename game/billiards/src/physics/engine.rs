@@ -14,7 +14,7 @@ pub enum Engine {
     Rapier(Rapier),
 }
 
-/// How plain rapier is set. `carom bench physics` prints what each knob costs and gains.
+/// How plain rapier is set. `carom-bench physics` prints what each knob costs and gains.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rapier {
     /// Steps per simulated second, [`Rapier::STEPS_PER_SEC_MIN`] to [`Rapier::STEPS_PER_SEC_MAX`].

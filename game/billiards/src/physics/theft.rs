@@ -8,7 +8,7 @@
 //! (`resolve_continually_touching`, by its own words "phenomenological"): they close in again and meet
 //! some five thousand times a second. So how hard they rub each other is set by the gap and not by the
 //! force between them, and the energy of a contact may grow by a hundredth. The game's own rule is
-//! [`Clinging::Parts`]; `carom bench physics --part references` plays shots by both.
+//! [`Clinging::Parts`]; `carom-bench physics --part references` plays shots by both.
 
 use glam::DVec3;
 

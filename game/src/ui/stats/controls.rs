@@ -182,7 +182,7 @@ pub(super) fn tallies(ui: &mut Ui, stats: &Stats) {
     }
 }
 
-/// The quality preference, and its stops: what each costs here; `carom bench quality`
+/// The quality preference, and its stops: what each costs here; `carom-bench quality`
 /// measures how far each is from the truth.
 pub(super) fn quality(ui: &mut Ui, stats: &mut Stats, facts: &StatsInput<'_>) {
     let mut wanted = facts.preference;

@@ -10,7 +10,7 @@ use super::value_label::ms;
 use crate::ui::theme::{ALARM, FAINT, INK};
 
 /// Draws a picture's chart, as wide as there is room.
-pub(crate) fn show(ui: &mut Ui, record: &FrameRecord) {
+pub fn show(ui: &mut Ui, record: &FrameRecord) {
     let Some(detail) = &record.detail else {
         ui.label("The bars of this picture are not kept any more: it is too long ago.");
         return;

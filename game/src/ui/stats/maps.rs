@@ -43,13 +43,7 @@ impl std::fmt::Debug for Maps {
 
 impl Maps {
     /// Draws the map of a picture over `screen`, which the picture fills.
-    pub(crate) fn draw(
-        &mut self,
-        ctx: &Context,
-        painter: &Painter,
-        screen: Rect,
-        record: &FrameRecord,
-    ) {
+    pub fn draw(&mut self, ctx: &Context, painter: &Painter, screen: Rect, record: &FrameRecord) {
         if self.kind == MapKind::None {
             return;
         }

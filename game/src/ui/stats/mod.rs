@@ -14,7 +14,7 @@ mod compact;
 mod controls;
 pub mod frame_rate;
 pub mod frame_record;
-pub(crate) mod gantt;
+pub mod gantt;
 pub mod glossary;
 pub mod history;
 pub mod maps;

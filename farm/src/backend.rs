@@ -1,0 +1,123 @@
+//! Back ends by name, opened.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use carom_tracer::cpu::CpuTracer;
+use carom_tracer::gpu::{AdapterChoice, GpuTracer};
+use carom_tracer::{DeviceKind, Error, ScalarTracer, Tracer};
+use clap::ValueEnum;
+
+use crate::local_devices;
+use crate::multi_device::Hybrid;
+
+/// A back end of the benches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Backend {
+    /// SIMD on every core.
+    Cpu,
+    /// The first real GPU, or a software one if there is no other.
+    Gpu,
+    /// Both at once, as a node uses them.
+    Hybrid,
+    /// One sample at a time in f64: slow.
+    Scalar,
+}
+
+impl Backend {
+    const ALL: [Self; 4] = [Self::Cpu, Self::Gpu, Self::Hybrid, Self::Scalar];
+
+    /// The name on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Cpu => "cpu",
+            Self::Gpu => "gpu",
+            Self::Hybrid => "hybrid",
+            Self::Scalar => "scalar",
+        }
+    }
+
+    /// Opens the back end; 0 threads are one per core.
+    ///
+    /// # Errors
+    /// No such device, or one that fails its probe.
+    pub fn open(self, threads: usize) -> Result<Arc<dyn Tracer>, Error> {
+        Ok(match self {
+            Self::Cpu => Arc::new(CpuTracer::with_threads(threads)?),
+            Self::Gpu => Arc::new(GpuTracer::new(&AdapterChoice::Any)?),
+            Self::Hybrid => {
+                let devices = vec![Self::Gpu.open(threads)?, Self::Cpu.open(threads)?];
+                Arc::new(Hybrid::new(devices, Vec::new()))
+            }
+            Self::Scalar => Arc::new(ScalarTracer),
+        })
+    }
+}
+
+/// A back end that is ready to trace.
+pub struct Opened {
+    /// Which one it is.
+    pub backend: Backend,
+    /// Traces on it.
+    pub tracer: Arc<dyn Tracer>,
+}
+
+/// Opens the one that is asked for, or else every one that this machine has; the log names the others.
+///
+/// # Errors
+/// Why the one that is asked for cannot be opened.
+pub fn open_all(wanted: Option<Backend>, threads: usize) -> Result<Vec<Opened>, Error> {
+    if let Some(backend) = wanted {
+        let tracer = backend.open(threads)?;
+        return Ok(vec![Opened { backend, tracer }]);
+    }
+    let mut opened = Vec::new();
+    for backend in Backend::ALL {
+        match backend.open(threads) {
+            Ok(tracer) => opened.push(Opened { backend, tracer }),
+            Err(why) => tracing::warn!("no {} here: {why}", backend.name()),
+        }
+    }
+    Ok(opened)
+}
+
+/// Lets a GPU that was idle come to its full clock, which takes it some 0.1 s: does `work` once, which
+/// compiles kernels, and goes on for a while.
+///
+/// # Errors
+/// Those of `work`.
+pub fn wake<E>(tracer: &dyn Tracer, mut work: impl FnMut() -> Result<(), E>) -> Result<(), E> {
+    work()?;
+    let begun = Instant::now();
+    while tracer.info().kind == DeviceKind::Gpu && begun.elapsed() < WAKING {
+        work()?;
+    }
+    Ok(())
+}
+
+const WAKING: Duration = Duration::from_millis(300);
+
+/// What a node traces with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum NodeBackend {
+    /// Every real GPU that passes its probe, and the CPU where it helps.
+    Auto,
+    /// SIMD on every core.
+    Cpu,
+    /// One real GPU, and nothing in its place if it fails.
+    Gpu,
+}
+
+impl NodeBackend {
+    /// Opens the back end; 0 threads are one per core.
+    ///
+    /// # Errors
+    /// No such device, or one that fails its probe.
+    pub fn open(self, threads: usize) -> Result<Arc<dyn Tracer>, Error> {
+        match self {
+            Self::Auto => local_devices::auto(threads),
+            Self::Cpu => local_devices::cpu(threads),
+            Self::Gpu => local_devices::gpu(),
+        }
+    }
+}

@@ -1,0 +1,92 @@
+//! What is asked of hedged water-filling, beside what it does.
+
+use std::fmt;
+
+use carom_farm::Balancing;
+use carom_testkit::simulator::{Network, Score};
+
+use super::Run;
+
+/// Something that shall be at most so much.
+struct Measure {
+    what: &'static str,
+    came: f64,
+    most: f64,
+    decimals: usize,
+}
+
+impl fmt::Display for Measure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            what,
+            came,
+            most,
+            decimals,
+        } = self;
+        let sign = if came <= most { "≤" } else { ">" };
+        write!(f, "{what} {came:.decimals$} {sign} {most}")
+    }
+}
+
+/// Prints a line for each kind of farm that hedged water-filling has been run on, all its seeds together.
+pub(super) fn print(runs: &[Run]) {
+    let asked = |run: &&Run| run.balancing == Balancing::default();
+    let runs: Vec<&Run> = runs.iter().filter(asked).collect();
+    let kind = |run: &Run| (run.scenario.nodes, run.scenario.network, run.scenario.mode);
+    println!();
+    for same in runs.chunk_by(|a, b| kind(a) == kind(b)) {
+        let (nodes, network, mode) = kind(same[0]);
+        let measures = measures(same, nodes, network);
+        let is_met = measures.iter().all(|measure| measure.came <= measure.most);
+        let met = if is_met { "met" } else { "missed" };
+        let measures: Vec<String> = measures.iter().map(Measure::to_string).collect();
+        println!(
+            "{met:<6} {nodes} nodes, {}, {}, seeds 1–{}: {}",
+            network.name(),
+            mode.name(),
+            same.len(),
+            measures.join(", ")
+        );
+    }
+}
+
+/// Of all frames that have settled, and the worst run. Without any settled frame nothing is met; an event
+/// after which there is no optimum says nothing.
+fn measures(runs: &[&Run], nodes: usize, network: Network) -> Vec<Measure> {
+    let scores = || runs.iter().map(|run| &run.score);
+    let mut ratios: Vec<f64> = scores().flat_map(|score| score.settled.clone()).collect();
+    ratios.sort_by(f64::total_cmp);
+    let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
+    let p99 = ratios.get((0.99 * ratios.len() as f64) as usize);
+    let most = |of: fn(&Score) -> f64| scores().map(of).fold(0.0, f64::max);
+    let recovery = |score: &Score| {
+        let frames = score.recovery_frames.into_iter().flatten();
+        frames.max().unwrap_or(0) as f64
+    };
+    let mean_max = match (nodes, network) {
+        (..=5, _) => 1.05,
+        (..=64, Network::Lan) => 1.25,
+        (..=64, _) => 1.15,
+        _ => 1.35,
+    };
+    let measure = |what, came, most, decimals| Measure {
+        what,
+        came,
+        most,
+        decimals,
+    };
+    let twice = |score: &Score| 100.0 * score.duplicates;
+    let mut measures = vec![
+        measure("mean", mean, mean_max, 3),
+        measure("p99", p99.copied().unwrap_or(f64::NAN), 1.5, 2),
+        measure("recovery in frames", most(recovery), 10.0, 0),
+        measure("traced twice in percent", most(twice), 2.0, 2),
+    ];
+    // Of two nodes one is left after the death.
+    if nodes >= 5 {
+        let death_max = if nodes < 64 { 3.0 } else { 2.0 };
+        let death = most(|score| score.worst_after_death);
+        measures.push(measure("worst after the death", death, death_max, 2));
+    }
+    measures
+}

@@ -1,0 +1,137 @@
+//! What a division costs the client's processor.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Duration;
+
+use carom_farm::coordinator::{Action, Coordinator, NodeIndex};
+use carom_farm::link::{Command, LinkEvent};
+use carom_farm::{Balancing, FrameId, FrameSpec, NodeInfo, PixelFormat};
+use carom_protocol::session::ClientEvent;
+use carom_protocol::tile_codec::TilePixels;
+use carom_protocol::{RequestId, RequestReport, SceneHash, TraceRequest};
+use carom_tracer::{DeviceInfo, DeviceKind, ImageSize, RenderSettings, Scene, SceneUpdate};
+use cpu_time::ThreadTime;
+use serde::Serialize;
+
+/// CPU time from a frame's submission until all nodes have been asked for their parts.
+#[derive(Serialize)]
+pub(super) struct Decision {
+    pub(super) algorithm: Balancing,
+    pub(super) nodes: usize,
+    pub(super) tiles: u32,
+    /// Median over the frames.
+    pub(super) micros: f64,
+}
+
+/// Lets a coordinator divide frames among nodes of known, unequal speeds.
+pub(super) fn measure(balancing: Balancing) -> Decision {
+    let mut coordinator = Coordinator::new(balancing);
+    let scene = Scene::from_json(SCENE).expect("the built-in scene is right");
+    coordinator.set_scene(HASH, Arc::new(scene));
+    for index in 0..NODES {
+        let node = coordinator.add_node(format!("node {index}"));
+        for event in [
+            ClientEvent::Welcome(info()),
+            ClientEvent::SceneReady(HASH),
+            ClientEvent::Pong(1),
+        ] {
+            coordinator.handle(Duration::ZERO, node, LinkEvent::Session(event));
+        }
+    }
+    let mut micros: Vec<f64> = (0..FRAMES)
+        .map(|frame| divide(&mut coordinator, frame))
+        .collect();
+    micros.sort_by(f64::total_cmp);
+    Decision {
+        algorithm: balancing,
+        nodes: NODES,
+        tiles: SIZE.width * SIZE.height,
+        micros: micros[micros.len() / 2],
+    }
+}
+
+/// Submits a frame and answers it; the microseconds that the submission took.
+fn divide(coordinator: &mut Coordinator, frame: u64) -> f64 {
+    let now = Duration::from_secs(frame + 1);
+    let spec = FrameSpec {
+        update: SceneUpdate::default(),
+        size: SIZE,
+        settings: RenderSettings::default(),
+        format: PixelFormat::LinearF32,
+    };
+    let begun = ThreadTime::now();
+    coordinator.submit(now, FrameId(frame), spec, 1);
+    let micros = begun.elapsed().as_secs_f64() * 1e6;
+    answer_all(coordinator, now);
+    micros
+}
+
+/// Answers what the nodes are asked, in the order of time, until the frame is there.
+fn answer_all(coordinator: &mut Coordinator, mut now: Duration) {
+    let mut asked: BTreeMap<(Duration, RequestId), (NodeIndex, Box<TraceRequest>)> =
+        BTreeMap::new();
+    loop {
+        while let Some(action) = coordinator.poll_action() {
+            match action {
+                Action::Deliver(_) => return,
+                Action::Command {
+                    node,
+                    command: Command::Trace(request),
+                } => {
+                    let done = now + busy(node, &request) + Duration::from_millis(1);
+                    asked.insert((done, request.id), (node, request));
+                }
+                Action::Command { .. } => {}
+            }
+        }
+        let ((done, _), (node, request)) = asked.pop_first().expect("the frame is asked for");
+        now = done;
+        answer(coordinator, now, node, &request);
+    }
+}
+
+/// How long a node works on a request; the first is a hundred times as fast as the last.
+fn busy(node: NodeIndex, request: &TraceRequest) -> Duration {
+    let pace_secs = 1e-5 * 100f64.powf(node.0 as f64 / NODES as f64);
+    Duration::from_secs_f64(pace_secs * f64::from(request.tiles.count))
+}
+
+fn answer(coordinator: &mut Coordinator, now: Duration, node: NodeIndex, request: &TraceRequest) {
+    let frame = request.frame;
+    let tiles = ClientEvent::Tiles {
+        frame,
+        request: request.id,
+        tiles: request.tiles,
+        pixels: TilePixels::Linear(vec![[1.0; 3]; request.tiles.count as usize]),
+        busy_micros: busy(node, request).as_micros() as u32,
+        times: carom_protocol::NodeTimes::default(),
+        dropped_samples: 0,
+        payload_bytes: 1,
+    };
+    coordinator.handle(now, node, LinkEvent::Session(tiles));
+    let report = RequestReport {
+        request: request.id,
+        ..RequestReport::default()
+    };
+    let done = ClientEvent::RequestDone { frame, report };
+    coordinator.handle(now, node, LinkEvent::Session(done));
+}
+
+fn info() -> NodeInfo {
+    NodeInfo {
+        name: String::new(),
+        device: DeviceInfo {
+            kind: DeviceKind::Gpu,
+            name: "none".into(),
+            width: 1,
+            threads: 1,
+        },
+    }
+}
+
+const SCENE: &str = include_str!("../../../../assets/scenes/pool.json");
+const HASH: SceneHash = SceneHash([1; 32]);
+const NODES: usize = 64;
+const SIZE: ImageSize = ImageSize::new(60, 60);
+const FRAMES: u64 = 100;

@@ -1,0 +1,83 @@
+//! Charts of one scenario: how far the nodes' response times are apart, and the longest of them,
+//! by frame, a line for each algorithm.
+
+use std::path::Path;
+
+use crate::chart::{Axis, Chart, Series};
+use carom_farm::{Frame, FrameStats};
+
+use super::Run;
+
+/// Writes two SVG files into `folder`.
+pub(super) fn write(folder: &Path, runs: &[Run]) -> std::io::Result<()> {
+    let Some(first) = runs.first() else {
+        return Ok(());
+    };
+    let scenario = first.scenario;
+    let title = format!(
+        "{} nodes, {}, {}, seed {}",
+        scenario.nodes,
+        scenario.network.name(),
+        scenario.mode.name(),
+        scenario.seed
+    );
+    let charts: [(&str, &str, Value); 2] = [
+        (
+            "deviation",
+            "deviation of response times",
+            FrameStats::response_deviation_secs,
+        ),
+        (
+            "maximum",
+            "longest response time",
+            FrameStats::response_max_secs,
+        ),
+    ];
+    for (name, what, value) in charts {
+        let file = format!(
+            "response-{name}-{}-{}-{}-{}.svg",
+            scenario.nodes,
+            scenario.network.name(),
+            scenario.mode.name(),
+            scenario.seed
+        );
+        let events = scenario.events();
+        let name = |run: &Run| run.balancing.to_string();
+        let series = runs
+            .iter()
+            .map(|run| Series::line(name(run), line(run, value)));
+        let chart = Chart {
+            title: format!("{title}: {what}"),
+            x: Axis::linear("frame"),
+            y: Axis::logarithmic("milliseconds"),
+            series: series.collect(),
+            events: vec![
+                (events[0] as f64, "the best node slows down"),
+                (events[1] as f64, "a node falls silent"),
+                (events[2] as f64, "a node joins"),
+            ],
+        };
+        std::fs::write(folder.join(file), chart.svg())?;
+    }
+    Ok(())
+}
+
+/// What a chart shows of a frame, in seconds.
+type Value = fn(&FrameStats) -> f64;
+
+/// Frame and milliseconds, each the mean of [`WINDOW`] frames.
+fn line(run: &Run, value: Value) -> Vec<(f64, f64)> {
+    let milliseconds = |frame: &Frame| 1e3 * value(&frame.stats);
+    let values: Vec<f64> = run.report.frames.iter().map(milliseconds).collect();
+    let mean = |window: &[f64]| (window.iter().sum::<f64>() / window.len() as f64).max(LOWEST);
+    let middle = |first: usize| first as f64 + 0.5 * WINDOW as f64;
+    let windows = values.windows(WINDOW).enumerate();
+    windows
+        .map(|(first, window)| (middle(first), mean(window)))
+        .collect()
+}
+
+/// Frames of which the mean is shown.
+const WINDOW: usize = 8;
+/// Milliseconds below which all is the same.
+const LOWEST: f64 = 0.01;

@@ -1,0 +1,89 @@
+//! The command line: one subcommand per bench, and the helpers that benches and tests start.
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use tracing_subscriber::EnvFilter;
+
+use crate::{
+    Failure, balance, bvh, cluster, codec, faults, kernel_specialization, latency, latency_hiding,
+    node, overlay, physics, proxy, quality, tradeoff_chart, transport,
+};
+
+/// Measure what Carom's parts cost, and how right they are.
+#[derive(Parser)]
+#[command(name = "carom-bench", version, about, long_about = None)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Balance(balance::Args),
+    Cluster(cluster::Args),
+    Faults(faults::Args),
+    Codec(codec::Args),
+    Transport(transport::Args),
+    Latency(latency::Args),
+    LatencyHiding(latency_hiding::Args),
+    KernelSpecialization(kernel_specialization::Args),
+    Bvh(bvh::Args),
+    Physics(physics::PhysicsArgs),
+    Overlay(overlay::OverlayArgs),
+    Quality(quality::QualityArgs),
+    TradeoffChart(tradeoff_chart::Args),
+    Proxy(proxy::Args),
+    Node(node::Args),
+}
+
+/// Does what the command line asks for. Exit codes: 0 done, 1 it failed while running, 2 the
+/// arguments or their files are wrong, 130 interrupted.
+pub fn run() -> ExitCode {
+    let cli = Cli::parse();
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("warn"));
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_target(false)
+        .init();
+    match cli.command.run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("carom-bench: {failure}");
+            failure.exit_code()
+        }
+    }
+}
+
+impl Command {
+    fn run(self) -> Result<(), Failure> {
+        match self {
+            Self::Balance(args) => balance::run(&args),
+            Self::Cluster(args) => cluster::run(&args),
+            Self::Faults(args) => faults::run(&args),
+            Self::Codec(args) => codec::run(&args),
+            Self::Transport(args) => transport::run(&args),
+            Self::Latency(args) => latency::run(&args),
+            Self::LatencyHiding(args) => latency_hiding::run(&args),
+            Self::KernelSpecialization(args) => kernel_specialization::run(&args),
+            Self::Bvh(args) => bvh::run(&args),
+            Self::Physics(args) => Ok(args.run()?),
+            Self::Overlay(args) => Ok(args.run()?),
+            Self::Quality(args) => Ok(args.run()?),
+            Self::TradeoffChart(args) => tradeoff_chart::run(&args),
+            Self::Proxy(args) => proxy::run(&args),
+            Self::Node(args) => node::run(&args),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn command_line_is_consistent() {
+        <Cli as clap::CommandFactory>::command().debug_assert();
+    }
+}

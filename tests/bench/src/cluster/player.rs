@@ -1,0 +1,214 @@
+//! Asks a farm of real processes for pictures while things happen to them.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail};
+use carom_farm::{Farm, Frame, FrameSpec, NodeStatus, PixelFormat, Pixels};
+use carom_testkit::simulator::Report;
+use carom_tracer::{ImageSize, RenderSettings, SceneUpdate};
+
+use super::process::{Action, Change, Node};
+use crate::Failure;
+
+/// Frames in a row differ, so that none costs less for being like the one before.
+const SEEDS: u64 = 4;
+
+/// What is asked, and what it should look like.
+pub(super) struct Pictures {
+    size: ImageSize,
+    samples: u32,
+    right: Vec<Pixels>,
+}
+
+impl Pictures {
+    /// Traces them with `farm`.
+    pub(super) fn new(farm: &mut Farm, size: ImageSize, samples: u32) -> Result<Self, Failure> {
+        let mut pictures = Self {
+            size,
+            samples,
+            right: Vec::new(),
+        };
+        for frame in 0..SEEDS {
+            farm.submit(pictures.spec(frame))?;
+            let frame = farm.wait_frame(PATIENCE).context("no picture")?;
+            pictures.right.push(frame.pixels);
+        }
+        Ok(pictures)
+    }
+
+    fn spec(&self, frame: u64) -> FrameSpec {
+        FrameSpec {
+            update: SceneUpdate::default(),
+            size: self.size,
+            settings: RenderSettings {
+                samples: self.samples,
+                seed: (frame % SEEDS) as u32,
+                ..RenderSettings::default()
+            },
+            format: PixelFormat::Srgb8 { exposure: 1.0 },
+        }
+    }
+
+    fn is_right(&self, frame: &Frame) -> bool {
+        self.right[(frame.id.0 % SEEDS) as usize] == frame.pixels
+    }
+}
+
+/// A run of frames.
+pub(super) struct Player<'a> {
+    pub(super) farm: Farm,
+    pub(super) nodes: &'a mut [Node],
+    pub(super) pictures: &'a Pictures,
+    pub(super) interrupted: &'a AtomicBool,
+}
+
+/// How the frames are asked for.
+#[derive(Clone, Copy)]
+pub(super) struct Pace {
+    pub(super) frames: u64,
+    pub(super) frames_in_flight: usize,
+    /// Between submissions; absent: as soon as there is room.
+    pub(super) period: Option<Duration>,
+}
+
+impl Player<'_> {
+    /// Waits until the first `count` nodes hold the scene.
+    pub(super) fn wait_ready(&self, count: usize) -> anyhow::Result<()> {
+        let deadline = Instant::now() + PATIENCE;
+        let is_ready = |node: &NodeStatus| node.state.is_ready();
+        while self
+            .farm
+            .nodes()
+            .iter()
+            .filter(|node| is_ready(node))
+            .count()
+            < count
+        {
+            if Instant::now() > deadline || self.interrupted.load(Ordering::Relaxed) {
+                let states = self.farm.nodes();
+                let states: Vec<String> =
+                    states.iter().map(|node| node.state.to_string()).collect();
+                bail!("the nodes do not become ready: {}", states.join("; "));
+            }
+            std::thread::sleep(POLL);
+        }
+        Ok(())
+    }
+
+    /// Plays; the report, and at which frames the changes took effect.
+    pub(super) fn play(
+        &mut self,
+        pace: Pace,
+        changes: &[Change],
+    ) -> Result<(Report, Vec<Change>), Failure> {
+        let mut report = Report {
+            tiles_per_frame: 1,
+            ..Report::default()
+        };
+        let mut happened = Vec::new();
+        let mut joining = Vec::new();
+        let began = Instant::now();
+        let (mut submitted, mut slot) = (0, 0);
+        while (report.frames.len() as u64) < pace.frames {
+            if self.interrupted.load(Ordering::Relaxed) {
+                return Err(Failure::Interrupted);
+            }
+            self.note_joins(submitted, &mut joining, &mut happened);
+            let due = pace.period.map(|period| began + period * slot);
+            if submitted < pace.frames && due.is_none_or(|due| Instant::now() >= due) {
+                slot += 1;
+                if self.farm.in_flight() < pace.frames_in_flight {
+                    for change in changes.iter().filter(|change| change.frame == submitted) {
+                        self.change(*change, &mut joining, &mut happened)?;
+                    }
+                    self.farm.submit(self.pictures.spec(submitted))?;
+                    submitted += 1;
+                } else if due.is_some() {
+                    report.skipped += 1;
+                }
+            }
+            let next = pace.period.map(|period| began + period * slot);
+            self.take(next, pace, submitted, &mut report)?;
+        }
+        report.secs = began.elapsed().as_secs_f64();
+        report.nodes = self.farm.nodes();
+        Ok((report, happened))
+    }
+
+    /// Takes a frame, if one comes until `next`, when another one is to be submitted.
+    fn take(
+        &mut self,
+        next: Option<Instant>,
+        pace: Pace,
+        submitted: u64,
+        report: &mut Report,
+    ) -> anyhow::Result<()> {
+        let full = self.farm.in_flight() >= pace.frames_in_flight || submitted == pace.frames;
+        let patience = match next {
+            Some(next) if submitted < pace.frames => next.saturating_duration_since(Instant::now()),
+            _ if full => PATIENCE,
+            _ => Duration::ZERO,
+        };
+        let before = Instant::now();
+        match self.farm.wait_frame(patience) {
+            Some(frame) => self.note(frame, report),
+            None if patience == PATIENCE => {
+                bail!(
+                    "frame {} did not come within {PATIENCE:?}",
+                    report.frames.len()
+                )
+            }
+            None => std::thread::sleep(patience.saturating_sub(before.elapsed())),
+        }
+        Ok(())
+    }
+
+    fn note(&self, mut frame: Frame, report: &mut Report) {
+        report.wrong_frames += u64::from(!self.pictures.is_right(&frame));
+        frame.pixels = Pixels::Linear(Vec::new());
+        let tiles: u32 = frame.stats.tiles_by_node.iter().sum();
+        report.tiles_per_frame = tiles;
+        // What came twice was traced twice; what was cancelled in time was not.
+        report.tiles_traced += u64::from(tiles + frame.stats.duplicate_tiles);
+        report.frames.push(frame);
+    }
+
+    fn change(
+        &mut self,
+        change: Change,
+        joining: &mut Vec<Change>,
+        happened: &mut Vec<Change>,
+    ) -> Result<(), Failure> {
+        let node = &mut self.nodes[change.node];
+        if change.action == Action::Join {
+            self.farm.add_node(&node.address())?;
+            joining.push(change);
+        } else {
+            node.act(change.action)?;
+            happened.push(change);
+        }
+        Ok(())
+    }
+
+    /// A node joins when it is ready, which is a few round trips after it has been called.
+    fn note_joins(&self, frame: u64, joining: &mut Vec<Change>, happened: &mut Vec<Change>) {
+        if joining.is_empty() {
+            return;
+        }
+        let states = self.farm.nodes();
+        joining.retain(|change| {
+            let address = self.nodes[change.node].address();
+            let is_ready = |node: &NodeStatus| node.address == address && node.state.is_ready();
+            let joined = states.iter().any(is_ready);
+            if joined {
+                happened.push(Change { frame, ..*change });
+            }
+            !joined
+        });
+    }
+}
+
+/// No frame takes that long unless something is wrong.
+const PATIENCE: Duration = Duration::from_secs(60);
+const POLL: Duration = Duration::from_millis(5);

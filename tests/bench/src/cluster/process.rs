@@ -1,0 +1,256 @@
+//! A node of its own process behind a network of its own.
+
+use std::io::{BufRead, BufReader, Write as _};
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::str::FromStr;
+use std::time::Duration;
+
+use anyhow::{Context, bail};
+use carom_farm::net::{add_node, create_farm};
+use carom_testkit::{link_emulator::PathConfig, udp_proxy::Proxy};
+
+use crate::Failure;
+
+/// What a node is to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct NodeSpec {
+    /// Of one thread of this machine, above 0 and at most 1.
+    pub(crate) share: f64,
+    /// Seconds of a round trip without jitter.
+    pub(crate) round_trip_secs: f64,
+}
+
+/// `SHARE@MS`.
+impl FromStr for NodeSpec {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts = text.split_once('@');
+        let numbers = parts.map(|(share, millis)| (share.parse(), millis.parse::<f64>()));
+        let Some((Ok(share), Ok(millis))) = numbers else {
+            return Err("it must be SHARE@MS, as in 0.25@46".into());
+        };
+        if !(share > 0.0 && share <= 1.0) {
+            return Err(format!(
+                "the share is {share}: it must be above 0 and at most 1"
+            ));
+        }
+        if !(0.0..=10_000.0).contains(&millis) {
+            return Err(format!(
+                "the round trip is {millis} ms: it must be from 0 to 10000"
+            ));
+        }
+        Ok(Self {
+            share,
+            round_trip_secs: 1e-3 * millis,
+        })
+    }
+}
+
+/// What happens to a node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Action {
+    /// Its process ends at once, without a word.
+    Kill,
+    /// Its process is held, and its connection stays.
+    Stop,
+    /// It goes on.
+    Go,
+    /// It traces in another share of the time.
+    Throttle(f64),
+    /// It is called for the first time.
+    Join,
+}
+
+/// What happens to which node when a frame is submitted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Change {
+    pub(crate) frame: u64,
+    pub(crate) node: usize,
+    pub(crate) action: Action,
+}
+
+/// `FRAME:NODE:ACTION`.
+impl FromStr for Change {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || {
+            "it must be FRAME:NODE:ACTION, of which ACTION is kill, stop, go, join or \
+             throttle=SHARE, as in 200:0:throttle=0.1"
+                .to_owned()
+        };
+        let parts: Vec<&str> = text.split(':').collect();
+        let [frame, node, action] = parts[..] else {
+            return Err(wrong());
+        };
+        let action = match action {
+            "kill" => Action::Kill,
+            "stop" => Action::Stop,
+            "go" => Action::Go,
+            "join" => Action::Join,
+            action => {
+                let share = action.strip_prefix("throttle=").ok_or_else(wrong)?;
+                let share: f64 = share.parse().map_err(|_| wrong())?;
+                if !(share > 0.0 && share <= 1.0) {
+                    return Err(format!(
+                        "the share is {share}: it must be above 0 and at most 1"
+                    ));
+                }
+                Action::Throttle(share)
+            }
+        };
+        Ok(Self {
+            frame: frame.parse().map_err(|_| wrong())?,
+            node: node.parse().map_err(|_| wrong())?,
+            action,
+        })
+    }
+}
+
+/// The farm's certificates; gone when dropped.
+pub(crate) struct Folder(pub(crate) PathBuf);
+
+impl Folder {
+    /// In the system's temporary folder.
+    pub(crate) fn new(name: &str) -> Result<Self, Failure> {
+        let name = format!("{name}-{}", std::process::id());
+        let folder = Self(std::env::temp_dir().join(name));
+        create_farm(&folder.0)?;
+        Ok(folder)
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0); // what is left there harms nobody
+    }
+}
+
+/// A process, killed when dropped, and the way to it.
+pub(crate) struct Node {
+    process: Child,
+    proxy: Proxy,
+}
+
+impl Node {
+    /// Starts the node `index` with one thread, with certificates of the farm in `folder`, over a
+    /// path like `path` but for the delay.
+    pub(crate) fn start(
+        folder: &Path,
+        index: usize,
+        spec: &NodeSpec,
+        path: PathConfig,
+        seed: u64,
+    ) -> anyhow::Result<Self> {
+        let credentials = add_node(folder, &format!("node{index}"), None, true)?;
+        let program = std::env::current_exe().context("where this program is")?;
+        let mut process = Command::new(program)
+            .args(["node", "--listen", "127.0.0.1:0", "--stdin-control"])
+            .args(["--backend", "cpu", "--threads", "1"])
+            .args(["--throttle", &spec.share.to_string()])
+            .arg("--credentials")
+            .arg(credentials)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .context("a node's process")?;
+        let address = match listening(&mut process) {
+            Ok(address) => address,
+            Err(why) => {
+                let _ = process.kill(); // it may have ended by itself
+                let _ = process.wait();
+                return Err(why);
+            }
+        };
+        let path = PathConfig {
+            delay: Duration::from_secs_f64(0.5 * spec.round_trip_secs),
+            ..path
+        };
+        let any = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
+        let proxy = Proxy::start(any, address, path, seed.wrapping_add(1000 * index as u64));
+        Ok(Self {
+            process,
+            proxy: proxy.context("a node's proxy")?,
+        })
+    }
+
+    /// Where it is called.
+    pub(crate) fn address(&self) -> String {
+        self.proxy.local_addr().to_string()
+    }
+
+    /// Does to it what can be done to a process; [`Action::Join`] is the client's.
+    pub(crate) fn act(&mut self, action: Action) -> anyhow::Result<()> {
+        match action {
+            Action::Kill => self.process.kill().context("ending a node"),
+            Action::Stop => self.signal("STOP"),
+            Action::Go => self.signal("CONT"),
+            Action::Throttle(share) => {
+                let commands = self.process.stdin.as_mut().context("a node's commands")?;
+                writeln!(commands, "throttle {share}").context("a command to a node")
+            }
+            Action::Join => Ok(()),
+        }
+    }
+
+    fn signal(&self, name: &str) -> anyhow::Result<()> {
+        let id = self.process.id().to_string();
+        let sent = Command::new("kill").args(["-s", name, &id]).status();
+        if !sent.context("the program `kill`")?.success() {
+            bail!("node process {id} cannot be sent {name}");
+        }
+        Ok(())
+    }
+}
+
+impl Drop for Node {
+    fn drop(&mut self) {
+        let _ = self.process.kill(); // it may have ended already
+        let _ = self.process.wait();
+    }
+}
+
+/// The address that a node prints when it listens.
+fn listening(process: &mut Child) -> anyhow::Result<SocketAddr> {
+    let stdout = process.stdout.take().context("a node's output")?;
+    for line in BufReader::new(stdout).lines() {
+        let line = line.context("a node's output")?;
+        if line.starts_with("listening") {
+            let address = line.rsplit(' ').next().unwrap_or_default();
+            return address
+                .parse()
+                .with_context(|| format!("an address in `{line}`"));
+        }
+    }
+    bail!("a node ended before it listened")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nodes_and_changes_are_read_or_refused_with_the_form() {
+        let node: NodeSpec = "0.25@46".parse().unwrap();
+        assert_eq!((node.share, node.round_trip_secs), (0.25, 0.046));
+        for wrong in ["", "1", "0@1", "1.5@1", "0.5@-1", "a@b", "0.5@NaN", "NaN@1"] {
+            assert!(wrong.parse::<NodeSpec>().is_err(), "{wrong}");
+        }
+        let change: Change = "20:3:throttle=0.5".parse().unwrap();
+        assert_eq!((change.frame, change.node), (20, 3));
+        assert_eq!(change.action, Action::Throttle(0.5));
+        for wrong in [
+            "",
+            "1:2",
+            "1:2:burn",
+            "1:2:throttle=0",
+            "-1:2:kill",
+            "1:2:kill:3",
+        ] {
+            assert!(wrong.parse::<Change>().is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,62 @@
+//! Why a command ends early, and its exit code.
+
+use std::fmt;
+use std::process::ExitCode;
+
+/// Whose fault it is decides the exit code.
+#[derive(Debug)]
+pub(crate) enum Failure {
+    /// The arguments or the files that they name: 2.
+    Input(String),
+    /// The machine, the network or a device, after the arguments were found right: 1.
+    Run(anyhow::Error),
+    /// Ctrl-C or SIGTERM: 130, as shells have it for SIGINT.
+    Interrupted,
+}
+
+impl Failure {
+    pub(crate) fn exit_code(&self) -> ExitCode {
+        ExitCode::from(match self {
+            Self::Run(_) => 1,
+            Self::Input(_) => 2,
+            Self::Interrupted => 130,
+        })
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Input(why) => f.write_str(why),
+            Self::Run(why) => write!(f, "{why:#}"),
+            Self::Interrupted => f.write_str("interrupted"),
+        }
+    }
+}
+
+impl From<carom_tracer::Error> for Failure {
+    fn from(error: carom_tracer::Error) -> Self {
+        match error {
+            carom_tracer::Error::Device { .. } => Self::Run(error.into()),
+            error => Self::Input(error.to_string()),
+        }
+    }
+}
+
+impl From<carom_farm::Error> for Failure {
+    fn from(error: carom_farm::Error) -> Self {
+        match error {
+            carom_farm::Error::Tracer(error) => error.into(),
+            carom_farm::Error::Config(why) | carom_farm::Error::Credentials(why) => {
+                Self::Input(why)
+            }
+            error => Self::Run(error.into()),
+        }
+    }
+}
+
+impl From<anyhow::Error> for Failure {
+    fn from(error: anyhow::Error) -> Self {
+        Self::Run(error)
+    }
+}

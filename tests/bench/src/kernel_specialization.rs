@@ -1,0 +1,440 @@
+//! `carom-bench kernel-specialization`: what it gains that a kernel has only what its scene requires.
+
+use std::path::PathBuf;
+
+use anyhow::Context;
+use carom_tracer::{
+    Axis, CompiledScene, CsgSolid, ImageSize, Material, Object, ProceduralTexture, Scene, Shape,
+    Stripe, Subtraction,
+};
+use glam::{Quat, Vec3};
+use serde::Serialize;
+
+use crate::scenes::{self, NamedScene};
+use crate::{Failure, timing};
+use carom_farm::backend::{self, Backend, Opened};
+
+/// What it gains that kernels have only what a scene requires.
+///
+/// Each scene is traced as it is, and with something added that is never seen: a material that no
+/// object has, or a small shape behind the camera. Kernels need code for it all the same. Printed is
+/// the time with it over the time without, of turns taken one after the other: CPU time of this
+/// process on a processor, the device's own on a GPU that tells it.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+    /// Scene file; may be repeated [default: the built-in pool table].
+    #[arg(long)]
+    scene: Vec<PathBuf>,
+    /// Only this back end [default: the CPU, and the GPU if there is one].
+    #[arg(long)]
+    backend: Option<Backend>,
+    /// Pixels.
+    #[arg(long, default_value = "640x360")]
+    size: ImageSize,
+    /// Samples per pixel.
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    spp: u32,
+    /// Turns; the best of each is taken.
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    repetitions: u32,
+}
+
+#[derive(Serialize)]
+struct Report {
+    scenes: Vec<Measured>,
+}
+
+#[derive(Serialize)]
+struct Measured {
+    scene: String,
+    backend: &'static str,
+    milliseconds: f64,
+    rows: Vec<Row>,
+}
+
+#[derive(Serialize)]
+struct Row {
+    left_out: &'static str,
+    /// Time with it over time without; absent where the scene uses it.
+    gain: Option<f64>,
+}
+
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let mut scenes = Vec::new();
+    for path in &args.scene {
+        scenes.push(scenes::scene(Some(path))?);
+    }
+    if scenes.is_empty() {
+        scenes.push(scenes::scene(None)?);
+    }
+    let opened = backend::open_all(args.backend, 0)?;
+    let is_compared = |opened: &&Opened| {
+        args.backend.is_some() || matches!(opened.backend, Backend::Cpu | Backend::Gpu)
+    };
+    let mut report = Report { scenes: Vec::new() };
+    for named in &scenes {
+        for opened in opened.iter().filter(is_compared) {
+            report.scenes.push(measure(opened, named, args)?);
+        }
+    }
+    if args.json {
+        let json = serde_json::to_string(&report).context("results as JSON")?;
+        println!("{json}");
+    } else {
+        report.scenes.iter().for_each(print);
+    }
+    Ok(())
+}
+
+fn measure(opened: &Opened, named: &NamedScene, args: &Args) -> Result<Measured, Failure> {
+    let mut everything = named.scene.clone();
+    let mut scenes = vec![CompiledScene::new(&named.scene)?];
+    let unused = PARTS.iter().filter(|part| !(part.is_used)(&named.scene));
+    let unused: Vec<&Part> = unused.collect();
+    for part in &unused {
+        let mut scene = named.scene.clone();
+        (part.add)(&mut scene);
+        (part.add)(&mut everything);
+        scenes.push(CompiledScene::new(&scene)?);
+    }
+    scenes.push(CompiledScene::new(&everything)?);
+    let mut least = vec![f64::INFINITY; scenes.len()];
+    let tracer = opened.tracer.as_ref();
+    backend::wake(tracer, || {
+        timing::milliseconds(tracer, &scenes[0], args.size, args.spp).map(|_| ())
+    })?;
+    // The first turn compiles kernels and fills caches.
+    for turn in 0..=args.repetitions {
+        for (scene, least) in scenes.iter().zip(&mut least) {
+            let milliseconds = timing::milliseconds(tracer, scene, args.size, args.spp)?;
+            if turn > 0 {
+                *least = least.min(milliseconds);
+            }
+        }
+    }
+    let gain = |part: &Part| {
+        let index = unused.iter().position(|other| other.name == part.name)?;
+        Some(least[1 + index] / least[0])
+    };
+    let rows = PARTS.iter().map(|part| Row {
+        left_out: part.name,
+        gain: gain(part),
+    });
+    let all = Row {
+        left_out: "all of these",
+        gain: Some(least[scenes.len() - 1] / least[0]),
+    };
+    Ok(Measured {
+        scene: named.name.clone(),
+        backend: opened.backend.name(),
+        milliseconds: least[0],
+        rows: rows.chain([all]).collect(),
+    })
+}
+
+fn print(measured: &Measured) {
+    println!(
+        "{} on {}: {:.2} ms a picture",
+        measured.scene, measured.backend, measured.milliseconds
+    );
+    println!("  {:<24} {:>10}", "with, though not seen", "time over");
+    for row in &measured.rows {
+        let gain = row.gain.map(|gain| format!("{gain:.3}"));
+        let gain = gain.unwrap_or_else(|| "used".to_owned());
+        println!("  {:<24} {gain:>10}", row.left_out);
+    }
+}
+
+/// Something that scenes may do without.
+struct Part {
+    name: &'static str,
+    is_used: fn(&Scene) -> bool,
+    /// Adds it where nobody sees it.
+    add: fn(&mut Scene),
+}
+
+const PARTS: [Part; 13] = [
+    Part {
+        name: "a coat",
+        is_used: |scene| any_material(scene, is_coated),
+        add: |scene| add_material(scene, "coat", COAT),
+    },
+    Part {
+        name: "a stripe",
+        is_used: |scene| any_material(scene, is_striped),
+        add: |scene| {
+            add_material(scene, "stripe", ball(Some(STRIPE), 0));
+        },
+    },
+    Part {
+        name: "a ball's number",
+        is_used: |scene| any_material(scene, is_numbered),
+        add: |scene| {
+            add_material(scene, "number", ball(None, 8));
+        },
+    },
+    Part {
+        name: "wood",
+        is_used: |scene| any_material(scene, is_wood),
+        add: |scene| {
+            let texture = ProceduralTexture::Wood {
+                light: GREY,
+                dark: GREY,
+                grain: Axis::X,
+                sights: None,
+            };
+            add_material(scene, "wood", Material::Coated { ior: 1.5, texture });
+        },
+    },
+    Part {
+        name: "napped cloth",
+        is_used: |scene| any_material(scene, |m| matches!(m, Material::Cloth { .. })),
+        add: |scene| {
+            let cloth = Material::Cloth {
+                albedo: GREY,
+                sheen: GREY,
+                sheen_roughness: 0.5,
+            };
+            add_material(scene, "cloth", cloth);
+        },
+    },
+    Part {
+        name: "a metal",
+        is_used: |scene| any_material(scene, |m| matches!(m, Material::Conductor { .. })),
+        add: |scene| {
+            let (eta, k) = (Vec3::ONE, Vec3::splat(3.0));
+            let metal = Material::Conductor { eta, k, alpha: 0.1 };
+            add_material(scene, "metal", metal);
+        },
+    },
+    Part {
+        name: "a clear body",
+        is_used: |scene| any_material(scene, |m| matches!(m, Material::Dielectric { .. })),
+        add: |scene| {
+            let glass = Material::Dielectric {
+                ior: 1.5,
+                alpha: 0.0,
+                medium: None,
+            };
+            add_material(scene, "glass", glass);
+        },
+    },
+    Part {
+        name: "a ball",
+        is_used: |scene| any_shape(scene, |shape| matches!(shape, Shape::Sphere { .. })),
+        add: |scene| {
+            let (center, radius, rotation) = (hidden(scene), SMALL_M, Quat::IDENTITY);
+            let ball = Shape::Sphere {
+                center,
+                radius,
+                rotation,
+            };
+            add_object(scene, ball);
+        },
+    },
+    Part {
+        name: "a box",
+        is_used: |scene| any_shape(scene, |shape| matches!(shape, Shape::Box { .. })),
+        add: |scene| {
+            let (min, max) = hidden_box(scene);
+            add_object(scene, Shape::Box { min, max });
+        },
+    },
+    Part {
+        name: "a CSG box",
+        is_used: |scene| any_shape(scene, |shape| matches!(shape, Shape::CsgBox { .. })),
+        add: |scene| {
+            let (min, max) = hidden_box(scene);
+            let solid = CsgSolid::HalfSpace {
+                point: max,
+                normal: Vec3::ONE,
+            };
+            let subtractions = vec![Subtraction {
+                solid,
+                material: None,
+            }];
+            add_object(
+                scene,
+                Shape::CsgBox {
+                    min,
+                    max,
+                    subtractions,
+                },
+            );
+        },
+    },
+    Part {
+        name: "a subtracted cone",
+        is_used: |scene| any_shape(scene, is_turned),
+        add: |scene| {
+            let (min, max) = hidden_box(scene);
+            let solid = CsgSolid::ConeExterior {
+                center: hidden(scene),
+                radius: 0.5 * SMALL_M,
+                taper: 0.0,
+                beyond: Vec3::ZERO,
+            };
+            let subtractions = vec![Subtraction {
+                solid,
+                material: None,
+            }];
+            add_object(
+                scene,
+                Shape::CsgBox {
+                    min,
+                    max,
+                    subtractions,
+                },
+            );
+        },
+    },
+    Part {
+        name: "a disc",
+        is_used: |scene| any_shape(scene, |shape| matches!(shape, Shape::Disc { .. })),
+        add: |scene| {
+            let (center, normal, radius) = (hidden(scene), Vec3::Y, SMALL_M);
+            let disc = Shape::Disc {
+                center,
+                normal,
+                radius,
+            };
+            add_object(scene, disc);
+        },
+    },
+    Part {
+        name: "a rectangle",
+        is_used: |scene| any_shape(scene, |shape| matches!(shape, Shape::Rectangle { .. })),
+        add: |scene| {
+            let (center, half_u, half_v) = (hidden(scene), Vec3::X * SMALL_M, Vec3::Z * SMALL_M);
+            let rectangle = Shape::Rectangle {
+                center,
+                half_u,
+                half_v,
+            };
+            add_object(scene, rectangle);
+        },
+    },
+];
+
+fn any_material(scene: &Scene, is: impl Fn(&Material) -> bool) -> bool {
+    scene.materials.values().any(is)
+}
+
+fn any_shape(scene: &Scene, is: impl Fn(&Shape) -> bool) -> bool {
+    scene.objects.iter().any(|object| is(&object.shape))
+}
+
+fn is_turned(shape: &Shape) -> bool {
+    let Shape::CsgBox { subtractions, .. } = shape else {
+        return false;
+    };
+    subtractions
+        .iter()
+        .any(|subtraction| matches!(subtraction.solid, CsgSolid::ConeExterior { .. }))
+}
+
+fn is_coated(material: &Material) -> bool {
+    matches!(
+        material,
+        Material::SmoothPlastic { .. } | Material::Coated { .. }
+    )
+}
+
+fn is_striped(material: &Material) -> bool {
+    match material {
+        Material::SmoothPlastic { stripe, .. } => stripe.is_some(),
+        Material::Coated { texture, .. } => {
+            matches!(texture, ProceduralTexture::Ball { stripe, .. } if stripe.is_some())
+        }
+        _ => false,
+    }
+}
+
+fn is_numbered(material: &Material) -> bool {
+    let Material::Coated { texture, .. } = material else {
+        return false;
+    };
+    matches!(texture, ProceduralTexture::Ball { number, .. } if *number > 0)
+}
+
+fn is_wood(material: &Material) -> bool {
+    let Material::Coated { texture, .. } = material else {
+        return false;
+    };
+    matches!(
+        texture,
+        ProceduralTexture::Wood { .. } | ProceduralTexture::Planks { .. }
+    )
+}
+
+fn ball(stripe: Option<Stripe>, number: u8) -> Material {
+    let texture = ProceduralTexture::Ball {
+        albedo: GREY,
+        stripe,
+        number,
+    };
+    Material::Coated { ior: 1.5, texture }
+}
+
+fn add_material(scene: &mut Scene, name: &str, material: Material) {
+    scene.materials.insert(format!("unused {name}"), material);
+}
+
+fn add_object(scene: &mut Scene, shape: Shape) {
+    let material = "unused grey".to_owned();
+    let grey = Material::Diffuse { albedo: GREY };
+    scene.materials.insert(material.clone(), grey);
+    scene.objects.push(Object {
+        name: "unseen".to_owned(),
+        material,
+        shape,
+    });
+}
+
+/// A place behind the camera, and a little beyond its own size.
+fn hidden(scene: &Scene) -> Vec3 {
+    let camera = &scene.camera;
+    camera.eye - (camera.target - camera.eye).normalize() * (3.0 * SMALL_M)
+}
+
+fn hidden_box(scene: &Scene) -> (Vec3, Vec3) {
+    let center = hidden(scene);
+    (center - SMALL_M, center + SMALL_M)
+}
+
+const SMALL_M: f32 = 0.02;
+const GREY: Vec3 = Vec3::splat(0.5);
+const STRIPE: Stripe = Stripe {
+    albedo: GREY,
+    half_width: 0.5,
+};
+const COAT: Material = Material::SmoothPlastic {
+    albedo: GREY,
+    ior: 1.5,
+    internal_reflectance: None,
+    stripe: None,
+};
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_part_is_used_once_it_is_added_and_scenes_stay_valid() {
+        let plain = Scene {
+            materials: std::collections::BTreeMap::new(),
+            objects: Vec::new(),
+            ..scenes::scene(None).unwrap().scene
+        };
+        for part in &PARTS {
+            let mut scene = plain.clone();
+            assert!(!(part.is_used)(&scene), "{}", part.name);
+            (part.add)(&mut scene);
+            assert!((part.is_used)(&scene), "{}", part.name);
+            CompiledScene::new(&scene).unwrap();
+        }
+    }
+}

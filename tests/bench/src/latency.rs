@@ -1,0 +1,322 @@
+//! `carom-bench latency`: where a frame's time goes, from the player's hand to the screen.
+
+use std::collections::BTreeMap;
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use carom_farm::net::{Authority, NodeServer, Role, StopHandle, create_farm};
+use carom_farm::node::Node;
+use carom_farm::{
+    Farm, FarmConfig, Frame, FrameId, FrameSpec, LatencySplit, LocalNode, PixelFormat, Pixels,
+};
+use carom_testkit::{link_emulator::PathConfig, udp_proxy::Proxy};
+use carom_tracer::{CpuTracer, ImageSize, RenderSettings, SceneUpdate};
+use serde::Serialize;
+
+use crate::Failure;
+use crate::scenes;
+
+/// Sixty inputs a second, each at any moment between two refreshes of a display; each is taken up at
+/// the next refresh as a frame of the pool table, which one node traces with its CPU, and shown at
+/// the first refresh after it has come.
+///
+/// Stages follow each other, and each is a duration by one clock: "input" until the node is asked;
+/// "queue", "trace" and "encode" as the node says of the frame's last tile; "decode" of that tile;
+/// "network" is what is left of the round trip, both ways and the waiting for it; "compose" from the
+/// last tile to the picture as the display wants it; "present" until the refresh. The first second
+/// is not counted.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+    /// Seconds of each run.
+    #[arg(long, default_value_t = 6, value_parser = clap::value_parser!(u64).range(2..=600))]
+    seconds: u64,
+    /// Draws inputs, losses and jitter.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Pixels across; the picture is 16:9, of one sample a pixel.
+    #[arg(long, default_value_t = 160, value_parser = clap::value_parser!(u32).range(16..=3840))]
+    width: u32,
+    /// Only the paths whose name has this in it.
+    #[arg(long)]
+    path: Option<String>,
+}
+
+#[derive(Serialize)]
+struct Report {
+    runs: Vec<Row>,
+}
+
+#[derive(Serialize)]
+struct Row {
+    path: &'static str,
+    frames: usize,
+    /// Inputs for which there was no room among the frames in flight.
+    skipped: u64,
+    stages: Vec<Stage>,
+}
+
+/// Milliseconds.
+#[derive(Serialize)]
+struct Stage {
+    stage: &'static str,
+    p50_ms: f64,
+    p95_ms: f64,
+    p99_ms: f64,
+}
+
+fn cases() -> [(&'static str, Option<PathConfig>); 4] {
+    let path = |delay, loss| PathConfig {
+        delay: Duration::from_millis(delay),
+        jitter: Duration::from_millis(1),
+        loss,
+        ..PathConfig::default()
+    };
+    [
+        ("loopback", None),
+        ("4 ms", Some(path(2, 0.0))),
+        ("46 ms", Some(path(23, 0.0))),
+        ("46 ms, 1 % loss", Some(path(23, 0.01))),
+    ]
+}
+
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let mut report = Report { runs: Vec::new() };
+    let wanted = |name: &str| args.path.as_ref().is_none_or(|part| name.contains(part));
+    for (name, path) in cases().into_iter().filter(|(name, _)| wanted(name)) {
+        let row = measure(args, name, path)?;
+        if !args.json {
+            print_row(&row);
+        }
+        report.runs.push(row);
+    }
+    if args.json {
+        let json = serde_json::to_string(&report).context("results as JSON")?;
+        println!("{json}");
+    }
+    Ok(())
+}
+
+fn print_row(row: &Row) {
+    println!(
+        "{}: {} frames, {} inputs without room",
+        row.path, row.frames, row.skipped
+    );
+    println!("  {:<8} {:>8} {:>8} {:>8}", "ms", "p50", "p95", "p99");
+    for stage in &row.stages {
+        println!(
+            "  {:<8} {:>8.2} {:>8.2} {:>8.2}",
+            stage.stage, stage.p50_ms, stage.p95_ms, stage.p99_ms
+        );
+    }
+}
+
+/// A node behind a socket, and a farm of it.
+struct Setup {
+    farm: Farm,
+    _proxy: Option<Proxy>,
+    stop: StopHandle,
+    server: Option<std::thread::JoinHandle<()>>,
+    credentials: PathBuf,
+}
+
+impl Setup {
+    fn new(args: &Args, path: Option<PathConfig>) -> Result<Self, Failure> {
+        let credentials =
+            std::env::temp_dir().join(format!("carom-bench-latency-{}", std::process::id()));
+        create_farm(&credentials)?;
+        let authority = Authority::load(&credentials)?;
+        let now = std::time::SystemTime::now();
+        let day = Duration::from_secs(24 * 3600);
+        let node_credentials = authority.credentials(Role::Node, "node", now - day..now + day)?;
+        let any = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
+        let server = NodeServer::bind(any, &node_credentials)?;
+        let address = server.local_addr()?;
+        let node = Node::new("node", Arc::new(CpuTracer::with_threads(0)?));
+        let stop = StopHandle::default();
+        let stopped = stop.clone();
+        let serve = move || server.serve(&stopped, move |_| node.connect(), |_| {});
+        let proxy = path.map(|path| Proxy::start(any, address, path, args.seed));
+        let proxy = proxy.transpose().context("a proxy")?;
+        let address = proxy.as_ref().map_or(address, Proxy::local_addr);
+        let mut farm = Farm::new(FarmConfig {
+            local: LocalNode::None,
+            nodes: vec![address.to_string()],
+            credentials: credentials.clone(),
+            ..FarmConfig::default()
+        })?;
+        farm.set_scene(&scenes::scene(None)?.scene)?;
+        Ok(Self {
+            farm,
+            _proxy: proxy,
+            stop,
+            server: Some(std::thread::spawn(serve)),
+            credentials,
+        })
+    }
+}
+
+impl Drop for Setup {
+    fn drop(&mut self) {
+        self.stop.stop();
+        if let Some(server) = self.server.take() {
+            let _ = server.join(); // a panic has been reported where it happened
+        }
+        let _ = std::fs::remove_dir_all(&self.credentials); // what is left there harms nobody
+    }
+}
+
+fn measure(args: &Args, name: &'static str, path: Option<PathConfig>) -> Result<Row, Failure> {
+    let mut setup = Setup::new(args, path)?;
+    let farm = &mut setup.farm;
+    farm.submit(spec(args, 0))?;
+    farm.wait_frame(PATIENCE)
+        .context("the node does not answer")?;
+    let mut player = Player {
+        began: Instant::now(),
+        asked: BTreeMap::new(),
+        times: Vec::new(),
+        skipped: 0,
+    };
+    let mut random = args.seed;
+    for refresh in 1..=args.seconds * REFRESHES_PER_SECOND {
+        let due = player.began + PERIOD.mul_f64(refresh as f64);
+        player.collect(farm, due);
+        random = random
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1);
+        let waited = PERIOD.mul_f64((random >> 40) as f64 / (1u64 << 24) as f64);
+        player.act(farm, args, refresh, waited)?;
+    }
+    Ok(player.row(name))
+}
+
+fn spec(args: &Args, frame: u64) -> FrameSpec {
+    FrameSpec {
+        update: SceneUpdate::default(),
+        size: ImageSize::new(args.width, (args.width * 9 / 16).max(1)),
+        settings: RenderSettings {
+            samples: 1,
+            seed: frame as u32,
+            ..RenderSettings::default()
+        },
+        format: PixelFormat::Srgb8 { exposure: 1.0 },
+    }
+}
+
+/// Who acts, and looks.
+struct Player {
+    began: Instant,
+    /// When each frame was submitted, and how long its input had waited until then.
+    asked: BTreeMap<FrameId, (Instant, Duration)>,
+    /// By stage, in seconds.
+    times: Vec<[f64; STAGES.len()]>,
+    skipped: u64,
+}
+
+impl Player {
+    fn act(
+        &mut self,
+        farm: &mut Farm,
+        args: &Args,
+        refresh: u64,
+        waited: Duration,
+    ) -> Result<(), Failure> {
+        if farm.in_flight() >= FarmConfig::default().frames_in_flight {
+            self.skipped += 1;
+            return Ok(());
+        }
+        let now = Instant::now();
+        let id = farm.submit(spec(args, refresh))?;
+        self.asked.insert(id, (now, waited));
+        Ok(())
+    }
+
+    /// Takes frames until `due`.
+    fn collect(&mut self, farm: &mut Farm, due: Instant) {
+        loop {
+            let left = due.saturating_duration_since(Instant::now());
+            match farm.wait_frame(left) {
+                Some(frame) => self.take(&frame),
+                None => {
+                    std::thread::sleep(due.saturating_duration_since(Instant::now()));
+                    return;
+                }
+            }
+        }
+    }
+
+    fn take(&mut self, frame: &Frame) {
+        let picture: Vec<[u8; 4]> = match &frame.pixels {
+            Pixels::Srgb8(rgb) => rgb.iter().map(|&[r, g, b]| [r, g, b, 255]).collect(),
+            Pixels::Linear(_) => return,
+        };
+        std::hint::black_box(picture);
+        let now = Instant::now();
+        let since_start = now - self.began;
+        let Some((submitted, waited)) = self.asked.remove(&frame.id) else {
+            return;
+        };
+        let Some(split) = frame.stats.last_split().filter(|_| since_start > WARM_UP) else {
+            return;
+        };
+        let LatencySplit {
+            request_secs,
+            network_secs,
+            queue_secs,
+            trace_secs,
+            encode_secs,
+            decode_secs,
+        } = *split;
+        let refreshes = since_start.div_duration_f64(PERIOD);
+        let present_secs = (refreshes.ceil() - refreshes) * PERIOD.as_secs_f64();
+        let took = (now - submitted).as_secs_f64();
+        self.times.push([
+            waited.as_secs_f64() + request_secs,
+            network_secs,
+            queue_secs,
+            trace_secs,
+            encode_secs,
+            decode_secs,
+            (took - frame.stats.makespan_secs).max(0.0),
+            present_secs,
+            waited.as_secs_f64() + took + present_secs,
+        ]);
+    }
+
+    fn row(&self, path: &'static str) -> Row {
+        let stage = |(index, stage): (usize, &&'static str)| {
+            let mut times: Vec<f64> = self.times.iter().map(|times| 1e3 * times[index]).collect();
+            times.sort_unstable_by(f64::total_cmp);
+            let last = times.len().saturating_sub(1) as f64;
+            let at = |share: f64| times.get((last * share).ceil() as usize).copied();
+            let at = |share| at(share).unwrap_or(f64::NAN);
+            Stage {
+                stage,
+                p50_ms: at(0.5),
+                p95_ms: at(0.95),
+                p99_ms: at(0.99),
+            }
+        };
+        Row {
+            path,
+            frames: self.times.len(),
+            skipped: self.skipped,
+            stages: STAGES.iter().enumerate().map(stage).collect(),
+        }
+    }
+}
+
+/// In their order, and all of them together.
+const STAGES: [&str; 9] = [
+    "input", "network", "queue", "trace", "encode", "decode", "compose", "present", "all",
+];
+const REFRESHES_PER_SECOND: u64 = 60;
+const PERIOD: Duration = Duration::from_nanos(16_666_667);
+const WARM_UP: Duration = Duration::from_secs(1);
+const PATIENCE: Duration = Duration::from_secs(60);

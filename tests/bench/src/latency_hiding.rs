@@ -1,0 +1,387 @@
+//! `carom-bench latency-hiding`: whether pictures of the future are there at their moments, over a
+//! network and from processes that are real.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, anyhow};
+use carom_farm::net::interruption;
+use carom_farm::pacing::{Lead, Queue, Schedule};
+use carom_farm::{
+    Balancing, Farm, FarmConfig, Frame, FrameId, FrameSpec, LocalNode, PixelFormat, Pixels,
+};
+use carom_tracer::scene::Camera;
+use carom_tracer::{ImageSize, RenderSettings, SceneUpdate};
+use glam::Quat;
+use serde::Serialize;
+
+use crate::Failure;
+use crate::cluster::process::{Folder, Node, NodeSpec};
+use crate::proxy::PathArgs;
+use crate::scenes;
+
+/// Strokes on a display of 60 refreshes a second, whose pictures come from nodes that are processes
+/// of this machine behind a network as bad as asked for: --jitter 1 for a long way's.
+///
+/// While the player aims, pictures of the present are asked for. At a click they are cancelled, and
+/// pictures of the shot are asked for as far ahead as 95 of the last hundred took; the stroke falls so
+/// that the first in which something moves is there in time in three of four cases. Each refresh shows
+/// the latest picture whose moment has come. A picture that is not whole at its moment is shown with its
+/// late tiles missing, which are counted.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+    /// A node: its share of a thread and its round trip in milliseconds; may be repeated.
+    #[arg(long, value_name = "SHARE@MS", value_delimiter = ',',
+        default_values = ["0.5@46", "0.3@46"])]
+    node: Vec<NodeSpec>,
+    /// How many.
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    strokes: u32,
+    /// Seconds that balls roll after a stroke.
+    #[arg(long, default_value_t = 1.5)]
+    shot_secs: f64,
+    /// Pixels across; the picture is 16:9, of one sample a pixel.
+    #[arg(long, default_value_t = 128, value_parser = clap::value_parser!(u32).range(16..=3840))]
+    width: u32,
+    /// Divides frames.
+    #[arg(long, default_value_t)]
+    balancer: Balancing,
+    /// What is wrong with all paths; --delay is the nodes' own.
+    #[command(flatten)]
+    path: PathArgs,
+    /// Draws clicks, losses and jitter.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+#[derive(Debug, Serialize)]
+struct Report {
+    strokes: u32,
+    /// Refreshes while balls rolled.
+    refreshes: usize,
+    /// The share of them whose picture was of a moment within one refresh of the clock.
+    within_a_refresh: f64,
+    moment_error_ms_p50: f64,
+    moment_error_ms_p99: f64,
+    /// New pictures shown for each second that balls rolled.
+    pictures_per_second: f64,
+    click_to_change_ms_p50: f64,
+    click_to_change_ms_p99: f64,
+    click_to_change_ms_max: f64,
+    /// Of all tiles of moments.
+    late_tiles: f64,
+    lead_ms: f64,
+}
+
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let path = args.path.config()?;
+    if !(0.1..=60.0).contains(&args.shot_secs) {
+        let secs = args.shot_secs;
+        let why = format!("--shot-secs is {secs}: it must be from 0.1 to 60");
+        return Err(Failure::Input(why));
+    }
+    let folder = Folder::new("carom-bench-lookahead")?;
+    let nodes = args.node.iter().enumerate();
+    let nodes = nodes.map(|(index, spec)| Node::start(&folder.0, index, spec, path, args.seed));
+    let nodes: Vec<Node> = nodes.collect::<anyhow::Result<_>>()?;
+    let scene = scenes::scene(None)?.scene;
+    let mut farm = Farm::new(FarmConfig {
+        local: LocalNode::None,
+        nodes: nodes.iter().map(Node::address).collect(),
+        credentials: folder.0.clone(),
+        balancer: args.balancer,
+        tile_edge: 16,
+        ..FarmConfig::default()
+    })?;
+    farm.set_scene(&scene)?;
+    let interrupted = interruption().context("Ctrl-C")?;
+    let mut table = Table::new(args, farm, scene.camera);
+    table.wait_ready(nodes.len(), &interrupted)?;
+    for stroke in 0..args.strokes {
+        table.aim(&interrupted)?;
+        table.shoot(stroke, &interrupted)?;
+    }
+    let report = table.report();
+    if args.json {
+        let json = serde_json::to_string(&report).context("results as JSON")?;
+        println!("{json}");
+    } else {
+        print(&report);
+    }
+    Ok(())
+}
+
+/// The player's side.
+struct Table<'a> {
+    args: &'a Args,
+    farm: Farm,
+    camera: Camera,
+    lead: Lead,
+    /// The moments of pictures in flight; none for those of the present.
+    asked: BTreeMap<FrameId, Option<f64>>,
+    last: FrameId,
+    /// When the display is refreshed next.
+    refresh: Instant,
+    random: u64,
+    seen: Seen,
+}
+
+/// What the player has seen.
+#[derive(Default)]
+struct Seen {
+    /// Of each refresh of a shot: how far its picture's moment was from the clock, in seconds.
+    errors: Vec<f64>,
+    pictures: usize,
+    /// Seconds.
+    clicks: Vec<f64>,
+    late_tiles: usize,
+    tiles: usize,
+}
+
+impl<'a> Table<'a> {
+    fn new(args: &'a Args, farm: Farm, camera: Camera) -> Self {
+        Self {
+            args,
+            farm,
+            camera,
+            lead: Lead::default(),
+            asked: BTreeMap::new(),
+            last: FrameId(0),
+            refresh: Instant::now(),
+            random: args.seed,
+            seen: Seen::default(),
+        }
+    }
+
+    fn wait_ready(&mut self, count: usize, interrupted: &AtomicBool) -> Result<(), Failure> {
+        let deadline = Instant::now() + PATIENCE;
+        loop {
+            let nodes = self.farm.nodes();
+            let ready = nodes.iter().filter(|node| node.state.is_ready());
+            if ready.count() == count {
+                return Ok(());
+            }
+            if Instant::now() > deadline {
+                let states: Vec<String> = nodes.iter().map(|node| node.state.to_string()).collect();
+                let states = states.join("; ");
+                return Err(anyhow!("the nodes do not become ready: {states}").into());
+            }
+            self.wait_refresh(interrupted)?;
+        }
+    }
+
+    /// Sleeps until the next refresh.
+    fn wait_refresh(&mut self, interrupted: &AtomicBool) -> Result<Instant, Failure> {
+        if interrupted.load(Ordering::Relaxed) {
+            return Err(Failure::Interrupted);
+        }
+        let now = Instant::now();
+        self.refresh += PERIOD;
+        if self.refresh < now {
+            // The display went on without us.
+            let missed = (now - self.refresh).div_duration_f64(PERIOD).ceil();
+            self.refresh += PERIOD.mul_f64(missed);
+        }
+        std::thread::sleep(self.refresh.saturating_duration_since(now));
+        Ok(self.refresh)
+    }
+
+    /// Between 0 and 1.
+    fn draw(&mut self) -> f64 {
+        let next = self.random.wrapping_mul(6_364_136_223_846_793_005);
+        self.random = next.wrapping_add(1_442_695_040_888_963_407);
+        (self.random >> 40) as f64 / (1u64 << 24) as f64
+    }
+
+    /// Moves the view for a second or so, so that it is known how long pictures take.
+    fn aim(&mut self, interrupted: &AtomicBool) -> Result<(), Failure> {
+        let end = Instant::now() + Duration::from_secs_f64(0.6 + 0.6 * self.draw());
+        while self.wait_refresh(interrupted)? < end {
+            while let Some(frame) = self.farm.poll_frame() {
+                self.note(&frame);
+            }
+            let period_secs = PERIOD.as_secs_f64();
+            let most = FarmConfig::default().frames_in_flight;
+            if self.farm.in_flight() < self.lead.pictures_in_flight(period_secs, most) {
+                self.ask(None, None)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// A click at any time, and its shot.
+    fn shoot(&mut self, stroke: u32, interrupted: &AtomicBool) -> Result<(), Failure> {
+        let still = self.still_picture()?;
+        let wait = PERIOD.mul_f64(self.draw());
+        self.wait_refresh(interrupted)?;
+        std::thread::sleep(wait);
+        let clicked = Instant::now();
+        let taken = self.wait_refresh(interrupted)?;
+        self.farm.cancel_before(FrameId(self.last.0 + 1));
+        self.asked.clear();
+        let delay_secs = self.lead.stroke_delay_secs(PERIOD.as_secs_f64());
+        let begins = taken + Duration::from_secs_f64(delay_secs);
+        let (mut schedule, mut queue) = (Schedule::default(), Queue::default());
+        let (mut shown, mut changed) = (0.0, false);
+        let mut now = taken;
+        loop {
+            let clock = now.saturating_duration_since(begins).as_secs_f64()
+                - begins.saturating_duration_since(now).as_secs_f64();
+            self.collect(&mut queue);
+            if let Some((moment, pixels)) = queue.due(clock) {
+                shown = moment;
+                self.seen.pictures += 1;
+                if !changed && pixels != still {
+                    changed = true;
+                    self.seen.clicks.push((now - clicked).as_secs_f64());
+                }
+            }
+            if clock > self.args.shot_secs {
+                break;
+            }
+            if clock >= 0.0 {
+                self.seen.errors.push((clock - shown).abs());
+            }
+            self.ask_moments(&mut schedule, clock)?;
+            now = self.wait_refresh(interrupted)?;
+        }
+        if !changed {
+            return Err(anyhow!("nothing was seen to change after stroke {stroke}").into());
+        }
+        Ok(())
+    }
+
+    /// The table before the stroke.
+    fn still_picture(&mut self) -> Result<Pixels, Failure> {
+        self.farm.cancel_before(FrameId(self.last.0 + 1));
+        let id = self.ask(Some(0.0), None)?;
+        loop {
+            let frame = self.farm.wait_frame(PATIENCE).context("no picture came")?;
+            if frame.id == id {
+                self.asked.remove(&id);
+                return Ok(frame.pixels);
+            }
+        }
+    }
+
+    fn ask_moments(&mut self, schedule: &mut Schedule, clock: f64) -> Result<(), Failure> {
+        let most = FarmConfig::default().frames_in_flight;
+        let (lead, period) = (self.lead.secs(), PERIOD.as_secs_f64());
+        while self.farm.in_flight() < most
+            && let Some(moment) = schedule.next(clock, lead, period, self.args.shot_secs)
+        {
+            let deadline = Duration::from_secs_f64((moment - clock).max(0.0));
+            self.ask(Some(moment), Some(deadline))?;
+        }
+        Ok(())
+    }
+
+    fn ask(&mut self, moment: Option<f64>, by: Option<Duration>) -> Result<FrameId, Failure> {
+        let mut camera = self.camera;
+        let turn = Quat::from_rotation_z(0.2 * moment.unwrap_or(0.0) as f32);
+        camera.eye = camera.target + turn * (camera.eye - camera.target);
+        let spec = FrameSpec {
+            update: SceneUpdate {
+                camera: Some(camera),
+                ..SceneUpdate::default()
+            },
+            size: ImageSize::new(self.args.width, (self.args.width * 9 / 16).max(1)),
+            settings: RenderSettings {
+                samples: 1,
+                ..RenderSettings::default()
+            },
+            format: PixelFormat::Srgb8 { exposure: 1.0 },
+        };
+        self.last = self.farm.submit_by(spec, by)?;
+        self.asked.insert(self.last, moment);
+        Ok(self.last)
+    }
+
+    fn collect(&mut self, queue: &mut Queue<Pixels>) {
+        while let Some(frame) = self.farm.poll_frame() {
+            self.note(&frame);
+            let moment = self.asked.get(&frame.id).copied().flatten();
+            if frame.missing.is_empty() {
+                self.asked.remove(&frame.id);
+            }
+            if let Some(moment) = moment {
+                queue.push(moment, frame.pixels);
+            }
+        }
+    }
+
+    fn note(&mut self, frame: &Frame) {
+        let tiles: u32 = frame.stats.tiles_by_node.iter().sum();
+        if frame.missing.is_empty() {
+            self.lead.observe(frame.stats.makespan_secs);
+            self.seen.tiles += tiles as usize;
+        } else {
+            self.seen.late_tiles += frame.missing.len();
+        }
+    }
+
+    fn report(&self) -> Report {
+        let Seen {
+            errors,
+            pictures,
+            clicks,
+            late_tiles,
+            tiles,
+        } = &self.seen;
+        let period = PERIOD.as_secs_f64();
+        let good = errors.iter().filter(|error| **error <= period).count();
+        let rolled_secs = errors.len() as f64 * period;
+        Report {
+            strokes: self.args.strokes,
+            refreshes: errors.len(),
+            within_a_refresh: good as f64 / errors.len().max(1) as f64,
+            moment_error_ms_p50: 1e3 * quantile(errors, 0.5),
+            moment_error_ms_p99: 1e3 * quantile(errors, 0.99),
+            pictures_per_second: *pictures as f64 / rolled_secs,
+            click_to_change_ms_p50: 1e3 * quantile(clicks, 0.5),
+            click_to_change_ms_p99: 1e3 * quantile(clicks, 0.99),
+            click_to_change_ms_max: 1e3 * quantile(clicks, 1.0),
+            late_tiles: *late_tiles as f64 / (*tiles).max(1) as f64,
+            lead_ms: 1e3 * self.lead.secs(),
+        }
+    }
+}
+
+fn quantile(values: &[f64], share: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let last = sorted.len().saturating_sub(1) as f64;
+    let value = sorted.get((last * share).ceil() as usize);
+    value.copied().unwrap_or(f64::NAN)
+}
+
+fn print(report: &Report) {
+    println!(
+        "{} strokes, {} refreshes: {:.2} % within a refresh of the clock (bar 99), p50 {:.1} ms, \
+         p99 {:.1} ms; {:.1} pictures a second",
+        report.strokes,
+        report.refreshes,
+        100.0 * report.within_a_refresh,
+        report.moment_error_ms_p50,
+        report.moment_error_ms_p99,
+        report.pictures_per_second
+    );
+    println!(
+        "from a click to the first changed pixel: p50 {:.1} ms, p99 {:.1} ms (bar 100), max {:.1} ms",
+        report.click_to_change_ms_p50, report.click_to_change_ms_p99, report.click_to_change_ms_max
+    );
+    println!(
+        "asked {:.1} ms ahead; {:.3} % of the tiles late",
+        report.lead_ms,
+        100.0 * report.late_tiles
+    );
+}
+
+/// Of the display.
+const PERIOD: Duration = Duration::from_nanos(16_666_667);
+/// No picture takes that long unless something is wrong.
+const PATIENCE: Duration = Duration::from_secs(60);

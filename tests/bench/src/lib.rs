@@ -1,0 +1,28 @@
+//! `carom-bench`: what Carom's parts cost, and how right they are.
+//!
+//! One module per bench, of which `--help` tells what it measures; [`physics`] is public for the
+//! tests that hold the simulation against its references.
+
+mod balance;
+mod bvh;
+mod chart;
+mod cli;
+mod cluster;
+mod codec;
+mod failure;
+mod faults;
+mod kernel_specialization;
+mod latency;
+mod latency_hiding;
+mod node;
+mod overlay;
+pub mod physics;
+mod proxy;
+mod quality;
+mod scenes;
+mod timing;
+mod tradeoff_chart;
+mod transport;
+
+pub use cli::run;
+pub(crate) use failure::Failure;

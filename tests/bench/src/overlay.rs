@@ -1,0 +1,240 @@
+//! `carom-bench overlay`: what the statistics cost, for 64 nodes and 8,160 tiles.
+
+use anyhow::Context as _;
+use carom_farm::{Balancing, Distribution, Frame};
+use carom_testkit::simulator::{NodePlan, Plan, Report, Weather, run};
+use carom_tracer::ImageSize;
+use clap::Args;
+use cpu_time::ThreadTime;
+use egui::{Context, LayerId, Pos2, RawInput, Rect, Vec2};
+use serde::Serialize;
+
+use crate::timing::{median, ms_since};
+use carom::frame::quality::{QUALITY_LEVELS, QualityPreference};
+use carom::ui::stats::frame_record::FrameSample;
+use carom::ui::stats::maps::{MapKind, Maps};
+use carom::ui::stats::{Stats, StatsInput, StatsLevel, gantt};
+use carom::ui::theme;
+
+/// Pictures of a simulated farm, one for each redraw, at a window of 1280x720 points. CPU time of this
+/// thread for a redraw: layout and tessellation, without what the display does. "mean" is over all
+/// redraws, with those in which the numbers change; "least" is what is left when nothing else
+/// disturbs. "bars and maps" is the Gantt chart and the tile map by themselves, new for each picture.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct OverlayArgs {
+    /// Print JSON in place of a table
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Redraws of each kind
+    #[arg(long, default_value_t = 300, value_parser = clap::value_parser!(u32).range(30..=100_000))]
+    pub(crate) redraws: u32,
+}
+
+/// CPU milliseconds of a redraw.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Cost {
+    /// What is drawn.
+    pub(crate) shown: &'static str,
+    /// Mean of all redraws.
+    pub(crate) mean_ms: f64,
+    /// Of half of them it is less.
+    pub(crate) median_ms: f64,
+    /// The least of any.
+    pub(crate) least_ms: f64,
+}
+
+impl OverlayArgs {
+    pub(crate) fn run(&self) -> anyhow::Result<()> {
+        let costs = measure(self.redraws)?;
+        if self.json {
+            println!("{}", serde_json::to_string_pretty(&costs)?);
+            return Ok(());
+        }
+        println!(
+            "The overlay, {NODES} nodes and {TILES} tiles: CPU ms of a redraw (bar for bars and maps: 1)"
+        );
+        println!(
+            "{:<16} {:>8} {:>8} {:>8}",
+            "shown", "mean", "median", "least"
+        );
+        for Cost {
+            shown,
+            mean_ms,
+            median_ms,
+            least_ms,
+        } in costs
+        {
+            println!("{shown:<16} {mean_ms:8.4} {median_ms:8.4} {least_ms:8.4}");
+        }
+        Ok(())
+    }
+}
+
+/// Each level, and the meshes alone.
+///
+/// # Errors
+/// A sentence if the simulated farm delivers nothing.
+pub(crate) fn measure(redraws: u32) -> anyhow::Result<Vec<Cost>> {
+    let report = run(&plan(), SECS_MAX);
+    let frames = report.frames.get(WARM_UP..).unwrap_or_default();
+    anyhow::ensure!(
+        !frames.is_empty(),
+        "the simulated farm has delivered no frame"
+    );
+    let mut costs = vec![cost("nothing at all", redraws, |_, _| {})];
+    for (shown, level) in [
+        ("hidden", StatsLevel::Off),
+        ("line", StatsLevel::Line),
+        ("card", StatsLevel::Card),
+        ("full", StatsLevel::Full),
+    ] {
+        let mut stats = Stats::new(std::env::temp_dir());
+        stats.set_level(level);
+        // As full as it can be.
+        for (frame, number) in frames
+            .iter()
+            .cycle()
+            .zip(0..carom::ui::stats::history::History::FRAMES_MAX as u64)
+        {
+            stats.take(seen(frame, number, &report));
+        }
+        let first = stats.history().records().len() as u64;
+        let mut newer = frames.iter().cycle();
+        costs.push(cost(shown, redraws, |ctx, i| {
+            if let (true, Some(frame)) = (stats.is_shown(), newer.next()) {
+                stats.take(seen(frame, first + i, &report));
+            }
+            let now_secs = i as f64 / 60.0;
+            stats.note_redraw(now_secs, true);
+            stats.draw(ctx, now_secs, &facts(&report));
+        }));
+    }
+    let mut stats = Stats::new(std::env::temp_dir());
+    stats.set_level(StatsLevel::Line);
+    frames
+        .iter()
+        .zip(0..)
+        .for_each(|(frame, i)| stats.take(seen(frame, i, &report)));
+    let newest = stats
+        .history()
+        .newest()
+        .context("no picture was taken in")?;
+    let mut record = (**newest).clone();
+    let mut maps = Maps::default();
+    costs.push(cost("bars and maps", redraws, |ctx, i| {
+        record.frame = i;
+        maps.kind = if i % 2 == 0 {
+            MapKind::Owner
+        } else {
+            MapKind::Cost
+        };
+        let painter = ctx.layer_painter(LayerId::background());
+        maps.draw(ctx, &painter, screen(), &record);
+        egui::Area::new(egui::Id::unique("bars"))
+            .fixed_pos(Pos2::new(840.0, 40.0))
+            .show(ctx, |ui| {
+                ui.set_width(430.0);
+                gantt::show(ui, &record);
+            });
+    }));
+    Ok(costs)
+}
+
+fn cost(shown: &'static str, redraws: u32, mut draw: impl FnMut(&Context, u64)) -> Cost {
+    let ctx = Context::default();
+    theme::apply(&ctx, 1.0, true);
+    let mut all = Vec::new();
+    for i in 0..u64::from(redraws) + SETTLING {
+        let input = RawInput {
+            screen_rect: Some(screen()),
+            time: Some(i as f64 / 60.0),
+            ..RawInput::default()
+        };
+        let begun = ThreadTime::now();
+        let mut output = ctx.run_ui(input, |ui| draw(ui.ctx(), i));
+        let primitives = ctx.tessellate(std::mem::take(&mut output.shapes), 1.0);
+        let ms = ms_since(begun);
+        drop(primitives);
+        // What a display would take in.
+        output.textures_delta.clear();
+        if i >= SETTLING {
+            all.push(ms);
+        }
+    }
+    Cost {
+        shown,
+        mean_ms: all.iter().sum::<f64>() / all.len() as f64,
+        median_ms: median(all.iter().copied()),
+        least_ms: all.iter().copied().fold(f64::INFINITY, f64::min),
+    }
+}
+
+fn seen<'a>(frame: &Frame, number: u64, report: &'a Report) -> FrameSample<'a> {
+    FrameSample {
+        frame: number,
+        at_secs: number as f64 / 60.0,
+        size: SIZE,
+        samples: 1,
+        stats: frame.stats.clone(),
+        nodes: &report.nodes,
+    }
+}
+
+fn facts(report: &Report) -> StatsInput<'_> {
+    StatsInput {
+        nodes: &report.nodes,
+        balancing: Balancing::default(),
+        distribution: Distribution::default(),
+        preference: QualityPreference::default(),
+        window: SIZE,
+        period_secs: 1.0 / 60.0,
+        stop: QUALITY_LEVELS[10],
+        level_secs: QUALITY_LEVELS.map(|stop| Some(4e-3 * stop.cost())),
+        lead_secs: 0.03,
+        skipped: 2,
+        disocclusion_fraction: Some(0.01),
+        draw_secs: 0.002,
+        present: "a simulation",
+    }
+}
+
+/// Speeds over a hundredfold, times of the ways over thirtyfold; all together need 8 ms.
+fn plan() -> Plan {
+    let node = |i: usize| {
+        let spread = |n: usize| (i * n % NODES) as f64 / (NODES - 1) as f64;
+        let speed = 100f64.powf(spread(37)) * 0.19;
+        NodePlan {
+            jitter_secs: 1e-3,
+            ..NodePlan::new(1e-3 * 30f64.powf(spread(23)), speed)
+        }
+    };
+    Plan {
+        seed: 1,
+        balancing: Balancing::default(),
+        nodes: (0..NODES).map(node).collect(),
+        frames: (WARM_UP + 30) as u64,
+        frames_in_flight: 1,
+        period_secs: None,
+        looks_ahead: false,
+        size: SIZE,
+        samples: 1,
+        distribution: Distribution::default(),
+        tile_edge: TILE_EDGE,
+        weather: Weather::default(),
+        changes: Vec::new(),
+    }
+}
+
+fn screen() -> Rect {
+    Rect::from_min_size(Pos2::ZERO, Vec2::new(1280.0, 720.0))
+}
+
+const NODES: usize = 64;
+const SIZE: ImageSize = ImageSize::new(1920, 1088);
+const TILE_EDGE: u16 = 16;
+const TILES: usize = 120 * 68;
+const SECS_MAX: f64 = 600.0;
+/// Frames before every node has its share.
+const WARM_UP: usize = 30;
+/// FrameRate before layout and texts are in egui's caches.
+const SETTLING: u64 = 20;

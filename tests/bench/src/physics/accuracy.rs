@@ -1,0 +1,194 @@
+//! Every reference shot, played and compared.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use super::{
+    deviation::Deviation,
+    reference::{Kind, Reference},
+};
+use crate::timing::{best_ms, median};
+use carom_billiards::physics::Shot;
+
+/// How a folder of references was met.
+#[derive(Clone, Debug, Serialize)]
+pub struct Accuracy {
+    /// By name.
+    pub shots: Vec<ShotReport>,
+    /// Middle of the largest distances of all shots that positions can be held to.
+    pub median_max_mm: f64,
+    /// Largest distance of those shots.
+    pub worst_max_mm: f64,
+}
+
+/// One shot against its reference.
+#[derive(Clone, Debug, Serialize)]
+pub struct ShotReport {
+    /// Of the reference.
+    pub name: String,
+    /// Largest distance of a ball from its reference, in mm.
+    pub max_mm: f64,
+    /// Root of the mean square of the distances, in mm.
+    pub rms_mm: f64,
+    /// To simulate the whole shot once: the best of several runs.
+    pub cpu_ms: f64,
+    /// `shot`, `airborne` (until the first cushion), `cluster` (by the rule of the file's simulator) or
+    /// `break`, whose positions are not comparable.
+    pub kind: &'static str,
+    /// Length of the shot, in s.
+    pub duration_secs: f64,
+    /// Contacts and phase changes.
+    pub events: usize,
+    /// For a cluster by the game's own rule: largest distance of a ball from its reference, in mm.
+    pub own_rule_mm: f64,
+    /// For a cluster by the rule of the file's simulator: the same after balls were moved by
+    /// [`MOVED_M`] each, from where they are else, in mm.
+    pub moved_mm: f64,
+    /// For a cluster by the game's own rule: difference of velocity of the ball that takes the blow, in m/s.
+    pub fastest_off_m_s: f64,
+    /// For a cluster by the game's own rule: the same of the ball that is farthest off.
+    pub velocity_off_m_s: f64,
+    /// When a ball is first over 1 mm off.
+    pub parts_at_secs: Option<f64>,
+    /// Balls that were pocketed in one and not in the other.
+    pub pocketed_differently: usize,
+}
+
+impl Accuracy {
+    /// Plays all shots.
+    ///
+    /// # Errors
+    /// A sentence with the shot that cannot be played.
+    pub fn measure(references: &[Reference]) -> anyhow::Result<Self> {
+        let shots = references
+            .iter()
+            .map(ShotReport::measure)
+            .collect::<anyhow::Result<Vec<_>>>()?;
+        let comparable = || shots.iter().filter(|shot| shot.is_comparable());
+        Ok(Self {
+            median_max_mm: median(comparable().map(|shot| shot.max_mm)),
+            worst_max_mm: comparable().map(|shot| shot.max_mm).fold(0.0, f64::max),
+            shots,
+        })
+    }
+}
+
+impl ShotReport {
+    fn measure(reference: &Reference) -> anyhow::Result<Self> {
+        let shot = reference.play()?;
+        let cpu_ms = best_ms(RUNS, || {
+            std::hint::black_box(reference.play().is_ok());
+        });
+        let deviation = reference.deviation(&shot);
+        let (own, moved_m) = match reference.kind {
+            Kind::Cluster => (
+                reference.deviation(&reference.play_by_own_rule()?),
+                apart_m(&shot, &reference.play_moved(MOVED_M)?),
+            ),
+            Kind::Shot | Kind::Airborne | Kind::Break => (Deviation::default(), 0.0),
+        };
+        Ok(Self {
+            name: reference.name.clone(),
+            max_mm: deviation.max_m * 1e3,
+            rms_mm: deviation.rms_m * 1e3,
+            cpu_ms,
+            kind: match reference.kind {
+                Kind::Shot => "shot",
+                Kind::Airborne => "airborne",
+                Kind::Cluster => "cluster",
+                Kind::Break => "break",
+            },
+            duration_secs: shot.duration_secs(),
+            events: shot.events().len(),
+            own_rule_mm: own.max_m * 1e3,
+            moved_mm: moved_m * 1e3,
+            fastest_off_m_s: own.fastest_m_s,
+            velocity_off_m_s: own.velocity_m_s,
+            parts_at_secs: deviation.parts_at_secs,
+            pocketed_differently: deviation.pocketed_differently,
+        })
+    }
+
+    /// Whether its positions are held to the reference's.
+    pub fn is_comparable(&self) -> bool {
+        self.kind != "break"
+    }
+}
+
+/// The largest distance of a ball at the end of two shots, m.
+fn apart_m(one: &Shot, other: &Shot) -> f64 {
+    let (one, other) = (one.final_states(), other.final_states());
+    let pairs = one.iter().zip(other);
+    let apart = pairs.map(|(one, other)| one.position.distance(other.position));
+    apart.fold(0.0, f64::max)
+}
+
+/// Less than atoms are apart.
+pub const MOVED_M: f64 = 1e-13;
+
+impl fmt::Display for Accuracy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "{:24} {:>10} {:>10} {:>8} {:>7}  notes",
+            "shot", "max mm", "rms mm", "CPU ms", "events"
+        )?;
+        for shot in &self.shots {
+            write!(
+                f,
+                "{:24} {:10.4} {:10.4} {:8.3} {:7}",
+                shot.name, shot.max_mm, shot.rms_mm, shot.cpu_ms, shot.events
+            )?;
+            match shot.kind {
+                "shot" => {}
+                "cluster" => write!(
+                    f,
+                    "  by their rule, which {MOVED_M} m turn by {:.2} mm; by ours {:.1} mm, {:.4} m/s after \
+                     it, of the ball that takes the blow {:.4}",
+                    shot.moved_mm, shot.own_rule_mm, shot.velocity_off_m_s, shot.fastest_off_m_s
+                )?,
+                "break" => match shot.parts_at_secs {
+                    Some(t) => write!(f, "  break: parts by 1 mm at {t:.2} s")?,
+                    None => write!(f, "  break: never parts by 1 mm")?,
+                },
+                kind => write!(f, "  {kind}")?,
+            }
+            if shot.pocketed_differently > 0 && shot.is_comparable() {
+                write!(
+                    f,
+                    "  {} balls POCKETED DIFFERENTLY",
+                    shot.pocketed_differently
+                )?;
+            }
+            writeln!(f)?;
+        }
+        let count = self
+            .shots
+            .iter()
+            .filter(|shot| shot.is_comparable())
+            .count();
+        writeln!(
+            f,
+            "{count} shots without breaks: median {:.4} mm (bar {MEDIAN_MAX_MM}), worst \
+             {:.4} mm (bar {WORST_MAX_MM})",
+            self.median_max_mm, self.worst_max_mm
+        )?;
+        let clusters = self.shots.iter().filter(|shot| shot.kind == "cluster");
+        let own = clusters.clone().map(|shot| shot.own_rule_mm);
+        writeln!(
+            f,
+            "{} of them are clusters by their simulator's rule, which may add energy and is not the game's: \
+             by the game's the worst of them is {:.1} mm off",
+            clusters.count(),
+            own.fold(0.0, f64::max)
+        )
+    }
+}
+
+/// How far the middle shot may be off.
+pub const MEDIAN_MAX_MM: f64 = 0.05;
+/// How far any shot may be off.
+pub const WORST_MAX_MM: f64 = 1.0;
+/// The best of so many counts.
+const RUNS: u32 = 3;

@@ -1,0 +1,124 @@
+//! Bank angles. What is published about them are tendencies, for cushions differ: a fast bank is
+//! shorter than a slow one, which has the way to curve as it takes up its roll; running english
+//! makes a bank longer, reverse english shorter (Alciatore, "Banks and kicks").
+
+use glam::DVec3;
+
+use crate::chart::{Axis, Chart, Series};
+
+use super::{
+    curves::Curve,
+    infinite_table::{EDGE_M, ball, solo_of},
+};
+use carom_billiards::physics::{BallBody, Event, EventKind, Result};
+
+/// A rolling ball that goes to a cushion.
+#[derive(Clone, Copy)]
+struct Bank {
+    name: &'static str,
+    speed_m_s: f64,
+    /// Rω/v about the vertical: positive runs.
+    english: f64,
+}
+
+impl Bank {
+    /// Angle in degrees from the cushion's normal to where the ball is after [`WAY_M`].
+    fn out_deg(&self, in_deg: f64) -> Result<f64> {
+        let BallBody { radius_m, .. } = BallBody::default();
+        let (sin, cos) = in_deg.to_radians().sin_cos();
+        let velocity = self.speed_m_s * DVec3::new(cos, sin, 0.0);
+        // A ball that goes on to the left of a cushion ahead runs with clockwise spin.
+        let spin = DVec3::Z.cross(velocity) - self.english * self.speed_m_s * DVec3::Z;
+        let shot = solo_of(ball(0, EDGE_M - 0.1, 0.0, velocity, spin / radius_m))?;
+        let touches = |event: &&Event| matches!(event.kind, EventKind::Cushion { .. });
+        let t = shot
+            .events()
+            .iter()
+            .find(touches)
+            .map_or(0.0, |event| event.time_secs);
+        let from = shot.states_at(t)[0].position;
+        let way = |t: f64| shot.states_at(t)[0].position - from;
+        let (mut near, mut far) = (t, t + 60.0);
+        for _ in 0..BISECTIONS {
+            let middle = 0.5 * (near + far);
+            if way(middle).length() < WAY_M {
+                near = middle;
+            } else {
+                far = middle;
+            }
+        }
+        let way = way(near);
+        Ok(way.y.atan2(-way.x).to_degrees())
+    }
+}
+
+/// Bank angles and how far they break the tendencies.
+///
+/// # Errors
+/// None that one ball has.
+pub(super) fn measure() -> Result<Curve> {
+    let mut series = vec![Series::line("mirror", vec![(10.0, 10.0), (70.0, 70.0)])];
+    let mut outs = Vec::new();
+    for bank in BANKS {
+        let angles =
+            (10..=70u32).map(|angle| Ok((f64::from(angle), bank.out_deg(f64::from(angle))?)));
+        let points = angles.collect::<Result<Vec<_>>>()?;
+        outs.push(points.clone());
+        series.push(Series::line(bank.name, points));
+    }
+    let mut error_max = 0.0f64;
+    for (longer, shorter, until_deg) in LONGER {
+        let pairs = outs[longer].iter().zip(&outs[shorter]);
+        for ((_, long), (_, short)) in pairs.take_while(|((at, _), _)| *at <= until_deg) {
+            error_max = error_max.max(short - long);
+        }
+    }
+    Ok(Curve {
+        name: "bank angles",
+        source: "Alciatore, Banks and kicks: order of the curves",
+        error_max,
+        bar: 1e-9,
+        chart: Chart {
+            title: "Bank angles of a rolling ball, seen 0.6 m on".to_owned(),
+            x: Axis::linear("angle in, degrees from the normal"),
+            y: Axis::linear("angle out, degrees from the normal"),
+            events: Vec::new(),
+            series,
+        },
+    })
+}
+
+const BANKS: [Bank; 5] = [
+    Bank {
+        name: "slow, 1 m/s",
+        speed_m_s: 1.0,
+        english: 0.0,
+    },
+    Bank {
+        name: "medium, 2 m/s",
+        speed_m_s: 2.0,
+        english: 0.0,
+    },
+    Bank {
+        name: "fast, 6 m/s",
+        speed_m_s: 6.0,
+        english: 0.0,
+    },
+    Bank {
+        name: "medium, running",
+        speed_m_s: 2.0,
+        english: 0.5,
+    },
+    Bank {
+        name: "medium, reverse",
+        speed_m_s: 2.0,
+        english: -0.5,
+    },
+];
+/// Of [`BANKS`], which is longer than which, up to which angle: along the cushion a ball's surface
+/// slips whatever its english, and those curves meet.
+const LONGER: [(usize, usize, f64); 4] = [(0, 1, 70.0), (1, 2, 70.0), (3, 1, 40.0), (1, 4, 40.0)];
+/// From the cushion to where the angle is taken.
+const WAY_M: f64 = 0.6;
+/// Halves a minute to a picosecond.
+const BISECTIONS: u32 = 46;

@@ -1,0 +1,297 @@
+//! Breaks, by statistics: a break is chaotic, so that its trajectories say nothing after the first
+//! second, but what a rack does on average is a matter of the laws.
+//!
+//! Each break of the references is repeated with its balls moved by some micrometres. What the
+//! reference's own simulator found is one draw of the same lottery and must lie where ours do; where
+//! it has drawn many times, its draws are compared with ours as a whole.
+
+use std::fmt;
+
+use carom_tracer::sampling::pcg4d;
+use glam::{DVec2, DVec3};
+use serde::Serialize;
+
+use super::{
+    draws::{Draws, Theirs, chance},
+    reference::{Kind, Reference},
+};
+use carom_billiards::physics::{BallState, Engine, Result, Shot, Stroke, Table, World};
+
+/// One quantity of one kind of break over all seeds.
+#[derive(Clone, Debug, Serialize)]
+pub struct BreakStatistic {
+    /// Whose balls are broken.
+    pub rack: String,
+    /// What is counted.
+    pub quantity: &'static str,
+    /// Seeds.
+    pub count: usize,
+    /// Over all seeds.
+    pub mean: f64,
+    /// Half of the 95 % confidence interval of the mean.
+    pub mean_within: f64,
+    /// The middle 95 % of the draws.
+    pub band: [f64; 2],
+    /// Difference of the means of the even and the odd seeds, over its standard error: beyond ±3
+    /// the seeds would not be independent draws.
+    pub halves_differ: f64,
+    /// The reference's draw, if there is one.
+    pub reference: Option<f64>,
+    /// The other simulator's own draws of the same lottery, if there are any.
+    pub theirs: Option<Theirs>,
+}
+
+impl BreakStatistic {
+    fn over(
+        rack: &str,
+        quantity: &'static str,
+        draws: &[f64],
+        reference: Option<f64>,
+        theirs: Option<&[f64]>,
+    ) -> Self {
+        let half = |start: usize| {
+            draws
+                .iter()
+                .copied()
+                .skip(start)
+                .step_by(2)
+                .collect::<Vec<_>>()
+        };
+        let (even, odd) = (moments(&half(0)), moments(&half(1)));
+        let (mean, error) = moments(draws);
+        let differ = (even.0 - odd.0) / even.1.hypot(odd.1);
+        Self {
+            rack: rack.to_owned(),
+            quantity,
+            count: draws.len(),
+            mean,
+            mean_within: 1.96 * error,
+            band: band(draws),
+            halves_differ: if differ.is_finite() { differ } else { 0.0 },
+            reference,
+            theirs: theirs.map(|theirs| {
+                let (mean, error) = moments(theirs);
+                Theirs {
+                    count: theirs.len(),
+                    mean,
+                    mean_within: 1.96 * error,
+                    chance: chance(draws, theirs),
+                }
+            }),
+        }
+    }
+
+    /// Whether the reference's draw lies within the middle 95 % of ours.
+    pub fn reference_fits(&self) -> Option<bool> {
+        let [low, high] = self.band;
+        self.reference.map(|value| (low..=high).contains(&value))
+    }
+}
+
+impl fmt::Display for BreakStatistic {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [low, high] = self.band;
+        write!(
+            f,
+            "{:22} {:20} {:5} {:8.4} ± {:.4}  {:8.4} to {:<8.4} {:+5.1}",
+            self.rack,
+            self.quantity,
+            self.count,
+            self.mean,
+            self.mean_within,
+            low,
+            high,
+            self.halves_differ
+        )?;
+        if let (Some(value), Some(fits)) = (self.reference, self.reference_fits()) {
+            let words = if fits { "fits" } else { "OUTSIDE" };
+            write!(f, "  {value:8.4} {words:7}")?;
+        }
+        match self.theirs {
+            Some(theirs) => write!(
+                f,
+                "  {:5} {:8.4} ± {:.4}  {:.3}",
+                theirs.count, theirs.mean, theirs.mean_within, theirs.chance
+            ),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The heading of a table of [`BreakStatistic`]s.
+pub const HEADING: &str = "rack                   quantity             seeds     mean, 95 % of it   \
+                           middle 95 % of draws halves  one shot         theirs mean, 95 % of it  chance";
+
+/// The breaks of the references, each repeated `seeds` times, and the game's own rack.
+///
+/// # Errors
+/// A sentence with the shot that cannot be played.
+pub fn measure(
+    references: &[Reference],
+    theirs: &Draws,
+    seeds: u32,
+) -> anyhow::Result<Vec<BreakStatistic>> {
+    let mut statistics = Vec::new();
+    for reference in references
+        .iter()
+        .filter(|reference| reference.kind == Kind::Break)
+    {
+        let Some(stroke) = reference.stroke() else {
+            continue;
+        };
+        let draws = (0..seeds)
+            .map(|seed| draw(&shaken(reference.world(), seed), stroke))
+            .collect::<Result<Vec<_>>>()?;
+        statistics.extend(table(
+            &reference.name,
+            &draws,
+            reference.outcome(ENERGY_AFTER_SECS),
+            theirs,
+        ));
+    }
+    let own = (0..seeds).map(own_break).collect::<Result<Vec<_>>>()?;
+    statistics.extend(table("the game's eight-ball", &own, None, theirs));
+    Ok(statistics)
+}
+
+/// What is counted of one break.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct BreakOutcome {
+    pub(super) energy_kept: f64,
+    pub(super) spread_m: f64,
+    pub(super) pocketed: f64,
+}
+
+fn table(
+    rack: &str,
+    draws: &[BreakOutcome],
+    reference: Option<BreakOutcome>,
+    theirs: &Draws,
+) -> [BreakStatistic; 3] {
+    let row = |quantity, pick: fn(&BreakOutcome) -> f64, theirs: Option<&[f64]>| {
+        let values: Vec<_> = draws.iter().map(pick).collect();
+        let reference = reference.as_ref().map(pick);
+        BreakStatistic::over(rack, quantity, &values, reference, theirs)
+    };
+    let theirs = theirs.of(rack);
+    [
+        row(
+            "energy kept",
+            |outcome| outcome.energy_kept,
+            theirs.map(|rack| rack.energy_kept.as_slice()),
+        ),
+        row(
+            "spread, m",
+            |outcome| outcome.spread_m,
+            theirs.map(|rack| rack.spread_m.as_slice()),
+        ),
+        row(
+            "balls pocketed",
+            |outcome| outcome.pocketed,
+            theirs.map(|rack| rack.pocketed.as_slice()),
+        ),
+    ]
+}
+
+fn own_break(seed: u32) -> Result<BreakOutcome> {
+    let table = Table::nine_foot();
+    let rack = table.rack_eight(seed);
+    let aim = 2e-3 * (unit(seed, 0, 9) - 0.5);
+    draw(&World::new(table, rack)?, Stroke::straight(aim, 8.0))
+}
+
+fn draw(world: &World, stroke: Stroke) -> Result<BreakOutcome> {
+    let mut world = world.clone();
+    world.set_engine(Engine::Exact);
+    let shot = world.strike(stroke)?;
+    let energy_j = |t: f64| energy_j(&shot.states_at(t));
+    Ok(BreakOutcome {
+        energy_kept: energy_j(ENERGY_AFTER_SECS) / energy_j(0.0),
+        spread_m: spread_of(&shot),
+        pocketed: pocketed(&world, &shot),
+    })
+}
+
+fn energy_j(states: &[BallState]) -> f64 {
+    states
+        .iter()
+        .map(|ball| ball.body.kinetic_energy_j(ball.velocity, ball.spin))
+        .sum()
+}
+
+fn spread_of(shot: &Shot) -> f64 {
+    let ends = shot.final_states();
+    let lying = ends.iter().filter(|ball| ball.phase.is_on_table());
+    spread_m(&lying.map(|ball| ball.position).collect::<Vec<_>>())
+}
+
+fn pocketed(world: &World, shot: &Shot) -> f64 {
+    let lying = |states: &[BallState]| states.iter().filter(|b| b.phase.is_on_table()).count();
+    (lying(&world.balls()) - lying(&shot.final_states())) as f64
+}
+
+/// Root of the mean square distance of the balls from their middle.
+pub(super) fn spread_m(positions: &[DVec3]) -> f64 {
+    let count = positions.len().max(1) as f64;
+    let middle = positions.iter().sum::<DVec3>() / count;
+    let square = positions
+        .iter()
+        .map(|p| p.distance_squared(middle))
+        .sum::<f64>();
+    (square / count).sqrt()
+}
+
+/// The world with each racked ball moved within a circle of [`SHAKE_M`], as far as there is room.
+fn shaken(world: &World, seed: u32) -> World {
+    let mut shaken = world.clone();
+    for (index, ball) in world
+        .balls()
+        .iter()
+        .enumerate()
+        .filter(|(_, ball)| ball.number != 0)
+    {
+        for attempt in 0..SHAKES {
+            let at = |axis| unit(seed, index as u32, 2 * attempt + axis);
+            let by = SHAKE_M * at(0).sqrt() * DVec2::from_angle(std::f64::consts::TAU * at(1));
+            let place = ball.position.truncate() + by;
+            if shaken.place(ball.number, place.x, place.y).is_ok() {
+                break;
+            }
+        }
+    }
+    shaken
+}
+
+/// In [0, 1).
+fn unit(seed: u32, ball: u32, draw: u32) -> f64 {
+    let [word, ..] = pcg4d([seed, ball, draw, STREAM]);
+    f64::from(word) / 2f64.powi(32)
+}
+
+/// Mean and its standard error.
+fn moments(values: &[f64]) -> (f64, f64) {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let square = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>();
+    (mean, (square / (count - 1.0) / count).sqrt())
+}
+
+/// The middle 95 %.
+fn band(values: &[f64]) -> [f64; 2] {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let at = |share: f64| {
+        let index = (share * (sorted.len() as f64 - 1.0)).round() as usize;
+        sorted.get(index).copied().unwrap_or(f64::NAN)
+    };
+    [at(0.025), at(0.975)]
+}
+
+/// Seconds after the stroke: the rack has burst, few balls have met a second cushion.
+const ENERGY_AFTER_SECS: f64 = 0.25;
+/// How far racked balls are moved: a fifth of the gaps in the references' racks.
+const SHAKE_M: f64 = 1e-5;
+/// Places that are tried before a ball stays where it is.
+const SHAKES: u32 = 8;
+/// Tells these draws from the racks' own.
+const STREAM: u32 = 0x6272_6b73;

@@ -1,0 +1,439 @@
+//! Rules and curves that are published, against what the simulation does.
+//!
+//! A published formula is derived for elastic balls (and, without friction between balls, for a
+//! 90° rule that is exact). Each is therefore met twice: by the simulation with those laws, which
+//! must agree, and by the laws of the game, which show what real balls add.
+
+use std::f64::consts::FRAC_PI_2;
+use std::fmt;
+
+use glam::{DVec2, DVec3};
+use serde::Serialize;
+
+use crate::chart::{Axis, Chart, Series};
+
+use super::infinite_table::{ball, prairie, released};
+use carom_billiards::physics::{
+    BallBallLaw, BallBody, BallState, Cue, Event, EventKind, Laws, Layout, Result, Shot, Stroke,
+    World,
+};
+
+/// A published rule or curve, and how far the simulation is from it.
+#[derive(Clone, Debug, Serialize)]
+pub struct Curve {
+    /// What it is about.
+    pub name: &'static str,
+    /// Author and title.
+    pub source: &'static str,
+    /// Largest difference, in the unit of the chart, between the formula and the simulation with
+    /// the formula's assumptions.
+    pub error_max: f64,
+    /// How large that may be.
+    pub bar: f64,
+    #[serde(skip)]
+    pub(super) chart: Chart,
+}
+
+impl fmt::Display for Curve {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{:34} {:10.2e} (bar {:.0e})  {}",
+            self.name, self.error_max, self.bar, self.source
+        )
+    }
+}
+
+/// All curves.
+///
+/// # Errors
+/// None that valid balls on an endless cloth have.
+pub fn measure() -> Result<Vec<Curve>> {
+    Ok(vec![
+        right_angle()?,
+        natural_angle()?,
+        throw_by_cut(
+            "throw, stun, by cut",
+            "Throw of a stun shot by cut angle",
+            0.0,
+        )?,
+        throw_by_cut(
+            "throw, rolling, by cut",
+            "Throw of a rolling ball by cut angle",
+            1.0,
+        )?,
+        throw_by_speed()?,
+        throw_by_english()?,
+        squirt()?,
+        super::masse::directions()?,
+        super::masse::ways()?,
+        super::banks::measure()?,
+    ])
+}
+
+/// What no figures to compare with could be found for.
+pub const UNPUBLISHED: &str = "\
+Bank angles: Alciatore publishes tendencies and films, no table or formula of angle out over angle in,
+because cushions differ from table to table; so their order is held to his words, and the angles
+themselves to the references (cushion_angle_*, bank*).";
+
+/// Elastic balls with Alciatore's friction: what the formulas of TP A.14 assume.
+fn elastic() -> Laws {
+    Laws {
+        ball_ball: BallBallLaw {
+            restitution: 1.0,
+            ..BallBallLaw::default()
+        },
+        ..Laws::default()
+    }
+}
+
+/// Elastic balls without friction.
+fn ideal() -> Laws {
+    Laws {
+        ball_ball: BallBallLaw::IDEAL,
+        ..Laws::default()
+    }
+}
+
+/// The cue ball, which moves along +x, cuts a resting ball to its right.
+struct Cut {
+    cut_rad: f64,
+    speed_m_s: f64,
+    /// Rω/v about the horizontal axis: 1 rolls, 0 is stun.
+    roll: f64,
+    /// Rω/v about the vertical, positive anticlockwise from above.
+    english: f64,
+}
+
+impl Cut {
+    fn play(&self, laws: Laws) -> Result<Shot> {
+        let radius = BallBody::default().radius_m;
+        let line = DVec2::from_angle(-self.cut_rad);
+        let from = -2.0 * radius * line;
+        let turn = self.speed_m_s / radius;
+        let spin = turn * DVec3::new(0.0, self.roll, self.english);
+        let cue_ball = ball(0, from.x, from.y, self.speed_m_s * DVec3::X, spin);
+        released(
+            laws,
+            vec![cue_ball, ball(1, 0.0, 0.0, DVec3::ZERO, DVec3::ZERO)],
+        )
+    }
+
+    /// Both balls right after the contact.
+    fn after(&self, laws: Laws) -> Result<[BallState; 2]> {
+        let shot = self.play(laws)?;
+        let meets = |event: &&Event| matches!(event.kind, EventKind::BallBall { .. });
+        let t = shot
+            .events()
+            .iter()
+            .find(meets)
+            .map_or(0.0, |event| event.time_secs);
+        let states = shot.states_at(t);
+        Ok([states[0], states[1]])
+    }
+
+    /// Angle in degrees from the line of centres to the object ball's way, positive the way that
+    /// the cue ball's surface rubs it.
+    fn throw_deg(&self, laws: Laws) -> Result<f64> {
+        let line = DVec2::from_angle(-self.cut_rad);
+        let [_, object] = self.after(laws)?;
+        Ok(line.angle_to(object.velocity.truncate()).to_degrees())
+    }
+
+    /// TP A.14, the throw of elastic balls, with the friction of TP A.28.
+    fn throw_published_deg(&self) -> f64 {
+        let (sin, cos) = self.cut_rad.sin_cos();
+        let BallBallLaw {
+            friction_fast: a,
+            friction_slow_extra: b,
+            friction_fade_s_m: c,
+            ..
+        } = BallBallLaw::default();
+        let v = self.speed_m_s;
+        let along = v * sin + self.english * v;
+        let slip = along.hypot(self.roll * v * cos);
+        if slip == 0.0 {
+            return 0.0;
+        }
+        let friction = a + b * (-c * slip).exp();
+        let grip = (friction * v * cos / slip).min(1.0 / 7.0);
+        (grip * along / (v * cos)).atan().to_degrees()
+    }
+}
+
+fn degrees(range: std::ops::RangeInclusive<u32>) -> impl Iterator<Item = f64> {
+    range.map(f64::from)
+}
+
+fn right_angle() -> Result<Curve> {
+    let angle = |laws: Laws, cut_deg: f64, speed_m_s: f64| {
+        let cut = Cut {
+            cut_rad: cut_deg.to_radians(),
+            speed_m_s,
+            roll: 0.0,
+            english: 0.0,
+        };
+        let [cue_ball, object] = cut.after(laws)?;
+        Result::Ok(
+            cue_ball
+                .velocity
+                .angle_between(object.velocity)
+                .to_degrees(),
+        )
+    };
+    let mut error_max = 0.0f64;
+    let mut series = Vec::new();
+    let mut rule = Vec::new();
+    for cut in degrees(2..=88) {
+        let met = angle(ideal(), cut, 2.0)?;
+        error_max = error_max.max((met - 90.0).abs());
+        rule.push((cut, met));
+    }
+    series.push(Series::line("ideal balls, any speed", rule));
+    for (name, speed) in SPEEDS {
+        let points = degrees(2..=88).map(|cut| Ok((cut, angle(Laws::default(), cut, speed)?)));
+        series.push(Series::line(
+            format!("the game's, {name}"),
+            points.collect::<Result<_>>()?,
+        ));
+    }
+    Ok(Curve {
+        name: "90° rule",
+        source: "Alciatore, TP 3.1, 90° rule",
+        error_max,
+        bar: 1e-9,
+        chart: Chart {
+            title: "90° rule: angle between the balls after a stun shot".to_owned(),
+            x: Axis::linear("cut angle, degrees"),
+            y: Axis::linear("angle between the balls, degrees"),
+            events: Vec::new(),
+            series,
+        },
+    })
+}
+
+/// Where a rolling cue ball goes in the end.
+fn natural_angle() -> Result<Curve> {
+    let deflection = |laws: Laws, cut_deg: f64, speed_m_s: f64| {
+        let cut = Cut {
+            cut_rad: cut_deg.to_radians(),
+            speed_m_s,
+            roll: 1.0,
+            english: 0.0,
+        };
+        let shot = cut.play(laws)?;
+        let rolls = |event: &&Event| matches!(event.kind, EventKind::Rolls { ball: 0 });
+        let t = shot
+            .events()
+            .iter()
+            .find(rolls)
+            .map_or(0.0, |event| event.time_secs);
+        let way = shot.states_at(t)[0].velocity;
+        Result::Ok(way.y.atan2(way.x).to_degrees())
+    };
+    let published = |cut_deg: f64| {
+        let (sin, cos) = cut_deg.to_radians().sin_cos();
+        (sin * cos).atan2(sin * sin + 0.4).to_degrees()
+    };
+    let mut error_max = 0.0f64;
+    let mut met = Vec::new();
+    for cut in degrees(2..=88) {
+        let angle = deflection(ideal(), cut, 2.0)?;
+        error_max = error_max.max((angle - published(cut)).abs());
+        met.push((cut, angle));
+    }
+    let game = degrees(2..=88).map(|cut| Ok((cut, deflection(Laws::default(), cut, 2.0)?)));
+    Ok(Curve {
+        name: "30° rule",
+        source: "Alciatore, TP 3.3, 30° rule; TP A.4, post-impact cue ball trajectory",
+        error_max,
+        bar: 1e-9,
+        chart: Chart {
+            title: "30° rule: final deflection of a rolling cue ball".to_owned(),
+            x: Axis::linear("cut angle, degrees"),
+            y: Axis::linear("deflection, degrees"),
+            events: Vec::new(),
+            series: vec![
+                Series::line(
+                    "TP 3.3",
+                    degrees(2..=88).map(|c| (c, published(c))).collect(),
+                ),
+                Series::dots("ideal balls", met.into_iter().step_by(6).collect()),
+                Series::line("the game's, 2 m/s", game.collect::<Result<_>>()?),
+            ],
+        },
+    })
+}
+
+fn throw_by_cut(name: &'static str, title: &str, roll: f64) -> Result<Curve> {
+    let cuts = degrees(1..=85).map(|cut_deg| {
+        let cut = move |speed_m_s: f64| Cut {
+            cut_rad: cut_deg.to_radians(),
+            speed_m_s,
+            roll,
+            english: 0.0,
+        };
+        (cut_deg, cut)
+    });
+    throw_curve(name, title, "cut angle, degrees", &cuts.collect::<Vec<_>>())
+}
+
+fn throw_by_english() -> Result<Curve> {
+    let spins = (-50..=50).map(|percent| {
+        let english = f64::from(percent) * 0.025;
+        let cut = move |speed_m_s: f64| Cut {
+            cut_rad: 0.0,
+            speed_m_s,
+            roll: 0.0,
+            english,
+        };
+        (english, cut)
+    });
+    throw_curve(
+        "throw, full hit, by english",
+        "Throw of a full hit by sidespin",
+        "sidespin Rω/v, positive anticlockwise",
+        &spins.collect::<Vec<_>>(),
+    )
+}
+
+/// Throw over a variable, at each of [`SPEEDS`].
+fn throw_curve<C: Fn(f64) -> Cut>(
+    name: &'static str,
+    title: &str,
+    x: &'static str,
+    cuts: &[(f64, C)],
+) -> Result<Curve> {
+    let mut error_max = 0.0f64;
+    let mut series = Vec::new();
+    for (speed_name, speed) in SPEEDS {
+        let mut published = Vec::new();
+        let mut game = Vec::new();
+        for (at, cut) in cuts {
+            let cut = cut(speed);
+            let formula = cut.throw_published_deg();
+            error_max = error_max.max((cut.throw_deg(elastic())? - formula).abs());
+            published.push((*at, formula));
+            game.push((*at, cut.throw_deg(Laws::default())?));
+        }
+        series.push(Series::line(format!("TP A.14, {speed_name}"), published));
+        let some = game.into_iter().step_by(5).collect();
+        series.push(Series::dots(format!("the game's, {speed_name}"), some));
+    }
+    Ok(Curve {
+        name,
+        source: "Alciatore, TP A.14, throw; friction of TP A.28 (Marlow's data)",
+        error_max,
+        bar: 1e-9,
+        chart: Chart {
+            title: title.to_owned(),
+            x: Axis::linear(x),
+            y: Axis::linear("throw, degrees"),
+            events: Vec::new(),
+            series,
+        },
+    })
+}
+
+fn throw_by_speed() -> Result<Curve> {
+    let mut error_max = 0.0f64;
+    let mut series = Vec::new();
+    for (name, cut_deg) in [
+        ("3/4 ball", 14.5f64),
+        ("half ball", 30.0),
+        ("1/4 ball", 48.6),
+    ] {
+        let (mut published, mut game) = (Vec::new(), Vec::new());
+        for step in 1..=80 {
+            let cut = Cut {
+                cut_rad: cut_deg.to_radians(),
+                speed_m_s: 0.1 * f64::from(step),
+                roll: 0.0,
+                english: 0.0,
+            };
+            let formula = cut.throw_published_deg();
+            error_max = error_max.max((cut.throw_deg(elastic())? - formula).abs());
+            published.push((cut.speed_m_s, formula));
+            game.push((cut.speed_m_s, cut.throw_deg(Laws::default())?));
+        }
+        series.push(Series::line(format!("TP A.14, {name}"), published));
+        let some = game.into_iter().step_by(5).collect();
+        series.push(Series::dots(format!("the game's, {name}"), some));
+    }
+    Ok(Curve {
+        name: "throw, stun, by speed",
+        source: "Alciatore, TP A.14, throw; friction of TP A.28 (Marlow's data)",
+        error_max,
+        bar: 1e-9,
+        chart: Chart {
+            title: "Throw of a stun shot by speed".to_owned(),
+            x: Axis::linear("speed of the cue ball, m/s"),
+            y: Axis::linear("throw, degrees"),
+            events: Vec::new(),
+            series,
+        },
+    })
+}
+
+fn squirt() -> Result<Curve> {
+    let ball_kg = BallBody::default().mass_kg;
+    let mut error_max = 0.0f64;
+    let mut series = Vec::new();
+    for (name, share) in [("m/30", 30.0), ("m/20", 20.0), ("m/60", 60.0)] {
+        let laws = Laws {
+            cue: Cue {
+                end_mass_kg: ball_kg / share,
+                // The formula knows no miscue.
+                tip_friction: 10.0,
+                ..Cue::default()
+            },
+            ..Laws::default()
+        };
+        let (mut published, mut met) = (Vec::new(), Vec::new());
+        for step in 0..=55 {
+            let side = 0.01 * f64::from(step);
+            let across = 1.0 - side * side;
+            let formula = (2.5 * side * across.sqrt() / (1.0 + share + 2.5 * across)).atan();
+            let angle = squirt_rad(laws, side)?;
+            error_max = error_max.max((angle - formula).to_degrees().abs());
+            published.push((side, formula.to_degrees()));
+            met.push((side, angle.to_degrees()));
+        }
+        series.push(Series::line(format!("TP A.31, end mass {name}"), published));
+        let some = met.into_iter().step_by(5).collect();
+        series.push(Series::dots(format!("the game's, end mass {name}"), some));
+    }
+    Ok(Curve {
+        name: "squirt by tip offset",
+        source: "Alciatore, TP A.31, the physics of squirt",
+        error_max,
+        bar: 1e-9,
+        chart: Chart {
+            title: "Squirt by the tip's offset".to_owned(),
+            x: Axis::linear("offset to the side, ball radii"),
+            y: Axis::linear("squirt, degrees"),
+            events: Vec::new(),
+            series,
+        },
+    })
+}
+
+/// How far a ball struck along +y leaves to the left of the aim.
+fn squirt_rad(laws: Laws, side: f64) -> Result<f64> {
+    let balls = vec![ball(0, 0.0, 0.0, DVec3::ZERO, DVec3::ZERO)];
+    let world = World::with_laws(prairie()?, laws, Layout { balls }.balls)?;
+    let stroke = Stroke {
+        side,
+        ..Stroke::straight(FRAC_PI_2, 2.0)
+    };
+    let velocity = world.strike(stroke)?.states_at(0.0)[0].velocity;
+    Ok((-velocity.x).atan2(velocity.y))
+}
+
+/// Slow, medium and fast, as Alciatore has them: 1, 3 and 7 mph.
+const SPEEDS: [(&str, f64); 3] = [
+    ("1 mph", 0.447_04),
+    ("3 mph", 1.341_12),
+    ("7 mph", 3.129_28),
+];

@@ -1,0 +1,59 @@
+//! A cloth without an end, and balls on it that are already in motion.
+
+use glam::{DVec2, DVec3};
+
+use carom_billiards::physics::{BallBody, BallState, Laws, Shot, Table, TableParts, World};
+
+/// A square of cushions, ten kilometres apart, so that none is ever reached.
+///
+/// # Errors
+/// None: its parts are valid.
+pub fn prairie() -> carom_billiards::physics::Result<Table> {
+    let half = EDGE_M;
+    let corners = [[-half, -half], [half, -half], [half, half], [-half, half]].map(DVec2::from);
+    Table::from_parts(TableParts {
+        name: "prairie".to_owned(),
+        length_m: 2.0 * half,
+        width_m: 2.0 * half,
+        nose_height_m: 0.0365,
+        noses: (0..4).map(|i| [corners[i], corners[(i + 1) % 4]]).collect(),
+        jaws: Vec::new(),
+        pockets: Vec::new(),
+    })
+}
+
+/// A pool ball in motion.
+pub fn ball(number: u8, x: f64, y: f64, velocity: DVec3, spin: DVec3) -> BallState {
+    BallState {
+        velocity,
+        spin,
+        ..BallState::at_rest(number, x, y, &BallBody::default())
+    }
+}
+
+/// What balls in motion do on a prairie.
+///
+/// # Errors
+/// Those of the simulation.
+pub fn released(laws: Laws, balls: Vec<BallState>) -> carom_billiards::physics::Result<Shot> {
+    World::with_laws(prairie()?, laws, balls)?.release()
+}
+
+/// What one ball does, from the middle on, by the default laws.
+///
+/// # Errors
+/// Those of the simulation.
+pub fn solo(velocity: DVec3, spin: DVec3) -> carom_billiards::physics::Result<Shot> {
+    solo_of(ball(0, 0.0, 0.0, velocity, spin))
+}
+
+/// What one ball does by the default laws.
+///
+/// # Errors
+/// Those of the simulation.
+pub fn solo_of(ball: BallState) -> carom_billiards::physics::Result<Shot> {
+    released(Laws::default(), vec![ball])
+}
+
+/// Where the cushions are: the playing surface ends at plus and minus this on both axes.
+pub const EDGE_M: f64 = 5000.0;

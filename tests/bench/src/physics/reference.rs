@@ -1,0 +1,338 @@
+//! Reference shots in the schema `phys-ref-1`: trajectories that another simulator computed, with
+//! the table, the constants and the models that it used, so that this one can play the same shot.
+
+use std::{fs, path::Path};
+
+use anyhow::{Context as _, bail, ensure};
+use glam::DVec3;
+
+use super::{
+    breaks::{BreakOutcome, spread_m},
+    deviation::Deviation,
+    schema::{EventJson, File, Frame},
+};
+use carom_billiards::physics::{BallState, Clinging, Engine, Shot, Stroke, World};
+
+/// One reference shot.
+#[derive(Clone, Debug)]
+pub struct Reference {
+    /// Of the shot.
+    pub name: String,
+    /// What can be asked of a simulation of it.
+    pub kind: Kind,
+    world: World,
+    stroke: Option<Stroke>,
+    pub(super) times: Vec<f64>,
+    pub(super) balls: Vec<Samples>,
+}
+
+/// What a trajectory can be held to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Every position at every time.
+    Shot,
+    /// A rack is broken: chaotic, so that two right simulations part within a second.
+    Break,
+    /// Balls touch at the start, and some press on each other after the blow: played by the rule that
+    /// the file's simulator has for that ([`Clinging::Steals`]).
+    Cluster,
+    /// The file's simulator let the ball fly, and had no cushions in the air: comparable until the
+    /// first cushion.
+    Airborne,
+}
+
+/// The text of a file of at most so many bytes.
+pub(super) fn read_file(path: &Path, bytes_max: u64) -> anyhow::Result<String> {
+    let size = fs::metadata(path)?.len();
+    ensure!(
+        size <= bytes_max,
+        "it has {size} bytes: at most {bytes_max} are read"
+    );
+    Ok(fs::read_to_string(path)?)
+}
+
+/// The way of one ball.
+#[derive(Clone, Debug)]
+pub(super) struct Samples {
+    pub(super) number: u8,
+    pub(super) positions: Vec<DVec3>,
+    pub(super) velocities: Vec<DVec3>,
+    pub(super) spins: Vec<DVec3>,
+    pub(super) pocketed: Vec<bool>,
+}
+
+impl Reference {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// A sentence with the file and what is wrong in it.
+    pub fn read(path: &Path) -> anyhow::Result<Self> {
+        let read = read_file(path, FILE_BYTES_MAX).and_then(|json| Self::parse(&json));
+        read.with_context(|| format!("the reference {}", path.display()))
+    }
+
+    /// Reads every reference of a folder, by name; `index.json` is none.
+    ///
+    /// # Errors
+    /// A sentence: no folder, no reference in it, or one that cannot be read.
+    pub fn read_folder(folder: &Path) -> anyhow::Result<Vec<Self>> {
+        let entries = fs::read_dir(folder).with_context(|| {
+            format!(
+                "the folder of references {} cannot be read",
+                folder.display()
+            )
+        })?;
+        let mut paths = Vec::new();
+        for entry in entries {
+            let path = entry?.path();
+            let is_json = path
+                .extension()
+                .is_some_and(|extension| extension == "json");
+            if is_json && path.file_stem().is_some_and(|stem| stem != "index") {
+                paths.push(path);
+            }
+        }
+        paths.sort();
+        if paths.is_empty() {
+            bail!("there is no reference (*.json) in {}", folder.display());
+        }
+        paths.iter().map(|path| Self::read(path)).collect()
+    }
+
+    fn parse(json: &str) -> anyhow::Result<Self> {
+        let file: File = serde_json::from_str(json)?;
+        ensure!(
+            file.schema == SCHEMA,
+            "its schema is `{}`, not `{SCHEMA}`",
+            file.schema
+        );
+        let frame = Frame::of(&file.table.specs);
+        let mut states = file
+            .initial
+            .iter()
+            .map(|(id, ball)| Ok(ball.state(&frame, number(id)?, file.body())))
+            .collect::<anyhow::Result<Vec<_>>>()?;
+        // The cue ball first, as the references' simulator has it: its rule for balls that keep touching
+        // depends on which ball of a pair is the first.
+        states.sort_by_key(|state| state.number);
+        let kind = kind(&file, &states);
+        let (times, balls) = samples(&frame, &file, kind)?;
+        Ok(Self {
+            kind,
+            world: World::with_laws(file.table.table(&frame)?, file.laws(), states)?,
+            stroke: file.cue.stroke(),
+            times,
+            balls,
+            name: file.name,
+        })
+    }
+
+    /// Plays the shot with another engine from now on.
+    pub fn set_engine(&mut self, engine: Engine) {
+        self.world.set_engine(engine);
+    }
+
+    /// Plays the shot: a cluster by the rule of the file's simulator.
+    ///
+    /// # Errors
+    /// A sentence with the shot's name, if the simulation refuses it.
+    pub fn play(&self) -> anyhow::Result<Shot> {
+        let world = match self.kind {
+            Kind::Cluster => &self.stealing(0.0)?,
+            Kind::Shot | Kind::Break | Kind::Airborne => &self.world,
+        };
+        self.play_in(world)
+    }
+
+    /// Plays the shot by the game's own rule for balls that keep touching.
+    ///
+    /// # Errors
+    /// As [`Reference::play`].
+    pub fn play_by_own_rule(&self) -> anyhow::Result<Shot> {
+        self.play_in(&self.world)
+    }
+
+    /// Plays a cluster as [`Reference::play`], with each ball `by_m` farther along the table than the one
+    /// before it.
+    ///
+    /// # Errors
+    /// As [`Reference::play`].
+    pub fn play_moved(&self, by_m: f64) -> anyhow::Result<Shot> {
+        self.play_in(&self.stealing(by_m)?)
+    }
+
+    fn stealing(&self, moved_m: f64) -> anyhow::Result<World> {
+        let mut laws = *self.world.laws();
+        laws.ball_ball.clinging = Clinging::Steals;
+        let table = self.world.table().clone();
+        let mut balls = self.world.balls();
+        for (place, ball) in balls.iter_mut().enumerate() {
+            ball.position.x += place as f64 * moved_m;
+        }
+        let mut world = World::with_laws(table, laws, balls)?;
+        world.set_engine(self.world.engine());
+        Ok(world)
+    }
+
+    fn play_in(&self, world: &World) -> anyhow::Result<Shot> {
+        let shot = match self.stroke {
+            Some(stroke) => world.strike(stroke),
+            None => world.release(),
+        };
+        shot.with_context(|| format!("the shot {}", self.name))
+    }
+
+    /// How far a simulation of the shot is from it.
+    pub fn deviation(&self, shot: &Shot) -> Deviation {
+        Deviation::between(self, shot)
+    }
+
+    /// What a break came to in the file: the energy kept until then, where balls lie in the end.
+    pub(super) fn outcome(&self, after_secs: f64) -> Option<BreakOutcome> {
+        let states = self.world.balls();
+        let energy_j = |sample: usize| -> Option<f64> {
+            let of = |ball: &Samples| {
+                let body = states
+                    .iter()
+                    .find(|state| state.number == ball.number)?
+                    .body;
+                Some(body.kinetic_energy_j(*ball.velocities.get(sample)?, *ball.spins.get(sample)?))
+            };
+            self.balls.iter().map(of).sum()
+        };
+        let then = self.times.iter().position(|&t| t >= after_secs - 1e-9)?;
+        let lies = |ball: &&Samples| ball.pocketed.last() == Some(&false);
+        let lying: Vec<_> = self
+            .balls
+            .iter()
+            .filter(lies)
+            .filter_map(|b| b.positions.last().copied())
+            .collect();
+        Some(BreakOutcome {
+            energy_kept: energy_j(then)? / energy_j(0)?,
+            spread_m: spread_m(&lying),
+            pocketed: (self.balls.len() - lying.len()) as f64,
+        })
+    }
+
+    /// The world before the shot.
+    pub fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// The stroke, unless the balls move by themselves.
+    pub fn stroke(&self) -> Option<Stroke> {
+        self.stroke
+    }
+}
+
+fn kind(file: &File, states: &[BallState]) -> Kind {
+    let gap = |a: &BallState, b: &BallState| {
+        a.position.distance(b.position) - 2.0 * file.ball_params.radius_m
+    };
+    let touches = |i: usize| states[..i].iter().any(|b| gap(&states[i], b) < TOUCH_M);
+    if file.physics.models.stick_ball.ends_with("3d") {
+        Kind::Airborne
+    } else if states.len() >= RACK_BALLS {
+        Kind::Break
+    } else if (0..states.len()).any(touches) {
+        Kind::Cluster
+    } else {
+        Kind::Shot
+    }
+}
+
+fn samples(frame: &Frame, file: &File, kind: Kind) -> anyhow::Result<(Vec<f64>, Vec<Samples>)> {
+    let is_cushion = |event: &&EventJson| event.kind.ends_with("cushion");
+    let first_cushion = file.events.iter().find(is_cushion);
+    let until = match first_cushion {
+        Some(event) if kind == Kind::Airborne => event.t,
+        _ => f64::INFINITY,
+    };
+    let times = &file.samples.t;
+    let count = times.iter().take_while(|&&t| t < until).count();
+    ensure!(count > 0, "it has no samples");
+    let turned = |vectors: &[DVec3]| {
+        vectors
+            .iter()
+            .take(count)
+            .map(|&v| Frame::turn(v))
+            .collect()
+    };
+    let ways = file.samples.balls.iter().map(|(id, ball)| {
+        let lengths = [
+            ball.pos.len(),
+            ball.vel.len(),
+            ball.spin.len(),
+            ball.state.len(),
+        ];
+        ensure!(
+            lengths == [times.len(); 4],
+            "ball {id} has {lengths:?} samples at {} times",
+            times.len()
+        );
+        ensure!(
+            file.initial.contains_key(id),
+            "ball {id} is not in `initial`"
+        );
+        Ok(Samples {
+            number: number(id)?,
+            positions: ball
+                .pos
+                .iter()
+                .take(count)
+                .map(|&p| frame.place(p))
+                .collect(),
+            velocities: turned(&ball.vel),
+            spins: turned(&ball.spin),
+            pocketed: ball
+                .state
+                .iter()
+                .take(count)
+                .map(|&s| s == POCKETED)
+                .collect(),
+        })
+    });
+    Ok((
+        times[..count].to_vec(),
+        ways.collect::<anyhow::Result<_>>()?,
+    ))
+}
+
+/// A number of a ball, as its name in a file.
+fn number(id: &str) -> anyhow::Result<u8> {
+    if id == "cue" {
+        return Ok(0);
+    }
+    id.parse()
+        .with_context(|| format!("`{id}` is neither `cue` nor the number of a ball"))
+}
+
+const SCHEMA: &str = "phys-ref-1";
+/// Ten times the largest of the known files.
+const FILE_BYTES_MAX: u64 = 4 << 20;
+/// `state` of a ball in a pocket.
+const POCKETED: u8 = 4;
+/// A nine-ball rack and a cue ball; no template has as many.
+const RACK_BALLS: usize = 10;
+/// Half of the gap to which the references' simulator moves balls after a contact.
+const TOUCH_M: f64 = 5e-7;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_wrong_with_a_file_is_said() {
+        for (text, words) in [
+            ("", "EOF"),
+            ("[]", "invalid"),
+            (r#"{"schema":"phys-ref-1"}"#, "missing field `name`"),
+        ] {
+            let error = format!("{:#}", Reference::parse(text).unwrap_err());
+            assert!(error.contains(words), "{error}");
+        }
+        let folder = Reference::read_folder(Path::new("no/such/folder")).unwrap_err();
+        assert!(format!("{folder:#}").contains("no/such/folder"));
+    }
+}

@@ -1,0 +1,413 @@
+//! `carom-bench transport`: tiles over real sockets and bad paths, by way of sending.
+
+mod arrivals;
+mod loopback;
+
+use std::net::{Ipv4Addr, SocketAddr};
+use std::sync::Arc;
+use std::sync::mpsc::{self, Receiver};
+use std::time::{Duration, Instant, SystemTime};
+
+use anyhow::{Context, anyhow};
+use carom_farm::net::{
+    Authority, Client, Command, CongestionControl, LinkEvent, NodeLink, NodeServer, Role,
+    StopHandle, TransportOptions,
+};
+use carom_farm::node::Node;
+use carom_protocol::session::ClientEvent;
+use carom_protocol::{
+    FrameId, PixelFormat, PixelPrecision, PrecisionRange, RequestId, SceneHash, TraceRequest,
+};
+use carom_testkit::{link_emulator::PathConfig, udp_proxy::Proxy};
+use carom_tracer::{RenderSettings, SceneUpdate, Tracer};
+use serde::Serialize;
+
+use self::arrivals::Arrivals;
+use self::loopback::Ready;
+use crate::Failure;
+use crate::scenes;
+use carom_testkit::noise_tracer::Noise;
+
+/// Sixty requests a second to one node, each answered over 8 ms by 16 messages of 4 kB that do
+/// not compress, 31.5 Mbit/s in all, through a proxy that delays and loses packets.
+///
+/// A tile's time counts from when the tracer handed it over, and it is missing if it has not come
+/// 100 ms after its request, when the frame is cancelled. Loopback has no proxy and answers at
+/// once: its times are whole answers of 64 kB from their requests on, with tracer and codec; "ready"
+/// is of a node that has its messages ready, less what the player decodes, the transport alone, which
+/// shall take at most 1 ms, and "bare" the same bytes over bare sockets, which tells how quiet the
+/// machine is. All is of what comes after the first second; of that, "slow start" counts the frames that
+/// lack a tile or have one that is more than two frames later than the path. "queue ms" is of packets in the queue of the path's slowest
+/// link, 99 of 100 wait no longer there; the rest of a tile's time is the path's own, that
+/// of its own packets on that link, and what it waits for its turn at the node.
+///
+/// Carom sends by delay, and where the path is long and loses packets as datagrams with forward
+/// error correction; "streams" is the same without datagrams, BBR and Cubic are quinn's own control
+/// of congestion on streams.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+    /// Seconds of each run.
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u64).range(3..=600))]
+    seconds: u64,
+    /// Draws losses and jitter.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Only the paths whose name has this in it.
+    #[arg(long)]
+    path: Option<String>,
+    /// Only Carom's own way of sending.
+    #[arg(long)]
+    own: bool,
+}
+
+#[derive(Serialize)]
+struct Report {
+    runs: Vec<Row>,
+}
+
+#[derive(Serialize)]
+struct Row {
+    path: &'static str,
+    sender: &'static str,
+    precision: &'static str,
+    p50_ms: f64,
+    p99_ms: f64,
+    /// Of packets behind others in the queue of the path's slowest link, the 99th of 100; absent without
+    /// such a link.
+    queue_p99_ms: Option<f64>,
+    /// Frames of the first second of which a tile is missing or more than two frames late.
+    start_slow_frames: usize,
+    /// Of messages, in percent.
+    missing_percent: f64,
+    /// Of pixels that arrived.
+    mbit_per_second: f64,
+}
+
+/// A path with its name.
+struct Case {
+    name: &'static str,
+    /// `None` for loopback.
+    path: Option<PathConfig>,
+    /// Whether the node may choose among all precisions.
+    governed: bool,
+    /// Whether the node has its messages ready.
+    ready: bool,
+}
+
+fn cases() -> Vec<Case> {
+    let ms = Duration::from_millis;
+    let path = |delay, loss, rate: Option<f64>| PathConfig {
+        delay,
+        jitter: Duration::from_micros(200),
+        loss,
+        rate,
+        queue_bytes: 1 << 20,
+        ..PathConfig::default()
+    };
+    let case = |name, path| Case {
+        name,
+        path: Some(path),
+        governed: false,
+        ready: false,
+    };
+    let loopback = |name, ready| Case {
+        name,
+        path: None,
+        governed: false,
+        ready,
+    };
+    vec![
+        loopback("loopback", false),
+        loopback("loopback, ready", true),
+        case("4 ms, 1 % loss", path(ms(2), 0.01, None)),
+        case("46 ms", path(ms(23), 0.0, None)),
+        case("46 ms, 1 % loss", path(ms(23), 0.01, None)),
+        case(
+            "46 ms, 1 % in fours",
+            PathConfig {
+                burst: 4.0,
+                ..path(ms(23), 0.01, None)
+            },
+        ),
+        case(
+            "46 ms, 2 % reordered",
+            PathConfig {
+                reorder: 0.02,
+                ..path(ms(23), 0.0, None)
+            },
+        ),
+        case("46 ms, 50 Mbit/s", path(ms(23), 0.0, Some(50e6))),
+        case("46 ms, 25 Mbit/s", path(ms(23), 0.0, Some(25e6))),
+        Case {
+            governed: true,
+            ..case("46 ms, 25 Mbit/s", path(ms(23), 0.0, Some(25e6)))
+        },
+    ]
+}
+
+/// Ways of sending, with their names.
+const SENDERS: [(&str, TransportOptions); 4] = [
+    ("Carom", sending(CongestionControl::DelayBased, true)),
+    ("streams", sending(CongestionControl::DelayBased, false)),
+    ("BBR", sending(CongestionControl::Bbr, false)),
+    ("Cubic", sending(CongestionControl::Cubic, false)),
+];
+
+const fn sending(congestion: CongestionControl, fec: bool) -> TransportOptions {
+    TransportOptions { congestion, fec }
+}
+
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let mut report = Report { runs: Vec::new() };
+    if !args.json {
+        println!(
+            "{:<20} {:<7} {:<9} {:>8} {:>8} {:>9} {:>9} {:>7} {:>10}",
+            "path",
+            "by",
+            "precision",
+            "p50 ms",
+            "p99 ms",
+            "queue ms",
+            "missing",
+            "Mbit/s",
+            "slow start"
+        );
+    }
+    let wanted = |case: &Case| {
+        args.path
+            .as_ref()
+            .is_none_or(|part| case.name.contains(part))
+    };
+    for case in cases().iter().filter(|case| wanted(case)) {
+        for (name, sending) in SENDERS {
+            let only_own = args.own || case.governed || case.ready;
+            if sending != TransportOptions::default() && only_own {
+                continue;
+            }
+            let row = measure(args, case, name, sending)?;
+            if !args.json {
+                print_row(&row);
+            }
+            report.runs.push(row);
+        }
+        if case.ready {
+            let row = bare(args)?;
+            if !args.json {
+                print_row(&row);
+            }
+            report.runs.push(row);
+        }
+    }
+    if args.json {
+        let json = serde_json::to_string(&report).context("results as JSON")?;
+        println!("{json}");
+    }
+    Ok(())
+}
+
+fn bare(args: &Args) -> Result<Row, Failure> {
+    let count = (args.seconds - 1) * FRAMES_PER_SECOND;
+    let mut times = loopback::bare_sockets(count, PERIOD)?;
+    times.sort_unstable_by(f64::total_cmp);
+    let share = times.len() as f64 / count as f64;
+    Ok(Row {
+        path: "loopback, bare",
+        sender: "sockets",
+        precision: "exact",
+        p50_ms: quantile(&times, 0.5),
+        p99_ms: quantile(&times, 0.99),
+        queue_p99_ms: None,
+        start_slow_frames: 0,
+        missing_percent: 100.0 * (1.0 - share),
+        mbit_per_second: share * 65_536.0 * 8e-6 / PERIOD.as_secs_f64(),
+    })
+}
+
+fn print_row(row: &Row) {
+    let queue = row.queue_p99_ms;
+    let queue = queue.map_or_else(|| "-".to_owned(), |ms| format!("{ms:.1}"));
+    println!(
+        "{:<20} {:<7} {:<9} {:>8.2} {:>8.2} {:>9} {:>7.2} % {:>7.1} {:>10}",
+        row.path,
+        row.sender,
+        row.precision,
+        row.p50_ms,
+        row.p99_ms,
+        queue,
+        row.missing_percent,
+        row.mbit_per_second,
+        row.start_slow_frames
+    );
+}
+
+/// A node and a link to it, through a proxy if the case has a path.
+struct Setup {
+    noise: Arc<Noise>,
+    link: NodeLink,
+    events: Receiver<(Instant, Vec<LinkEvent>)>,
+    stop: StopHandle,
+    server: Option<std::thread::JoinHandle<()>>,
+    _client: Client,
+    proxy: Option<Proxy>,
+}
+
+impl Setup {
+    fn new(args: &Args, case: &Case, sending: TransportOptions) -> Result<Self, Failure> {
+        let now = SystemTime::now();
+        let day = Duration::from_secs(24 * 3600);
+        let authority = Authority::generate()?;
+        let issue = |role, name| authority.credentials(role, name, now - day..now + day);
+        let any = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
+        let server = NodeServer::bind_with_options(any, &issue(Role::Node, "node")?, sending)?;
+        let address = server.local_addr()?;
+        let pause = case
+            .path
+            .map_or(Duration::ZERO, |_| FRAME_RENDER / Noise::MESSAGES);
+        let noise = Arc::new(Noise::new(pause));
+        let node = Node::new("node", Arc::clone(&noise) as Arc<dyn Tracer>);
+        let stop = StopHandle::default();
+        let stopped = stop.clone();
+        let (ready, tracer) = (case.ready, Arc::clone(&noise));
+        let serve = move || match ready {
+            true => server.serve(&stopped, move |_| Ready::new(&tracer), |_| {}),
+            false => server.serve(&stopped, move |_| node.connect(), |_| {}),
+        };
+        let proxy = case
+            .path
+            .map(|path| Proxy::start(any, address, path, args.seed));
+        let proxy = proxy.transpose().context("a proxy")?;
+        let address = proxy.as_ref().map_or(address, Proxy::local_addr);
+        let client = Client::new(&issue(Role::Player, "player")?)?;
+        let (sender, events) = mpsc::channel();
+        let address = address
+            .to_string()
+            .parse()
+            .map_err(|why| anyhow!("{why}"))?;
+        let range = match case.governed {
+            true => PrecisionRange {
+                finest: PixelPrecision::Exact,
+                coarsest: PixelPrecision::Lossy50,
+            },
+            false => PrecisionRange::EXACT,
+        };
+        let link = client.link(address, range, move |events| {
+            drop(sender.send((Instant::now(), events)));
+        });
+        Ok(Self {
+            noise,
+            link,
+            events,
+            stop,
+            server: Some(std::thread::spawn(serve)),
+            _client: client,
+            proxy,
+        })
+    }
+
+    /// Of packets since the last call; none without a slowest link.
+    fn queue_p99_ms(&self, case: &Case) -> Option<f64> {
+        let (proxy, _) = (self.proxy.as_ref()?, case.path?.rate?);
+        let delays = proxy.take_queue_delays();
+        let mut ms: Vec<f64> = delays
+            .iter()
+            .map(|delay| delay.as_secs_f64() * 1e3)
+            .collect();
+        ms.sort_unstable_by(f64::total_cmp);
+        Some(quantile(&ms, 0.99))
+    }
+
+    /// Waits for an event that `wanted` accepts.
+    fn wait(&self, wanted: impl Fn(&LinkEvent) -> bool) -> Result<(), Failure> {
+        let deadline = Instant::now() + PATIENCE;
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            let events = self.events.recv_timeout(left);
+            let (_, events) = events.map_err(|_| anyhow!("the node does not answer"))?;
+            if events.iter().any(&wanted) {
+                return Ok(());
+            }
+        }
+    }
+}
+
+impl Drop for Setup {
+    fn drop(&mut self) {
+        self.stop.stop();
+        if let Some(server) = self.server.take() {
+            let _ = server.join(); // a panic has been reported where it happened
+        }
+    }
+}
+
+fn measure(
+    args: &Args,
+    case: &Case,
+    sender: &'static str,
+    sending: TransportOptions,
+) -> Result<Row, Failure> {
+    let setup = Setup::new(args, case, sending)?;
+    let scene = Arc::new(scenes::scene(None)?.scene);
+    let hash = SceneHash::of(&scene);
+    setup.wait(|event| matches!(event, LinkEvent::Session(ClientEvent::Welcome(_))))?;
+    setup.link.send(Command::Scene(hash, Arc::clone(&scene)));
+    setup.wait(|event| matches!(event, LinkEvent::Session(ClientEvent::SceneReady(_))))?;
+    let mut arrivals = Arrivals::default();
+    let frames = args.seconds * FRAMES_PER_SECOND;
+    let began = Instant::now();
+    for frame in 0..=frames + DEADLINE_FRAMES {
+        let due = began + PERIOD.mul_f64(frame as f64);
+        arrivals.collect(&setup, case, due)?;
+        if frame == START {
+            let _ = setup.queue_p99_ms(case); // of the start
+        }
+        if frame < frames {
+            arrivals.requested.push(Instant::now());
+            setup.link.send(Command::Trace(request(hash, frame)));
+        }
+        let stale = frame.saturating_sub(DEADLINE_FRAMES);
+        setup.link.send(Command::CancelBefore(FrameId(stale)));
+    }
+    let queue_p99_ms = setup.queue_p99_ms(case);
+    Ok(Row {
+        queue_p99_ms,
+        ..arrivals.row(args, case, sender)
+    })
+}
+
+fn request(scene: SceneHash, frame: u64) -> Box<TraceRequest> {
+    let grid = Noise::grid();
+    Box::new(TraceRequest {
+        frame: FrameId(frame),
+        id: RequestId(frame),
+        scene,
+        update: SceneUpdate::default(),
+        grid,
+        tiles: grid.all(),
+        settings: RenderSettings {
+            samples: 1,
+            seed: frame as u32,
+            ..RenderSettings::default()
+        },
+        format: PixelFormat::Srgb8 { exposure: 1.0 },
+        precision: PrecisionRange::EXACT,
+        references: Vec::new(),
+    })
+}
+
+/// NaN of no times.
+fn quantile(sorted: &[f64], quantile: f64) -> f64 {
+    let index = (sorted.len().saturating_sub(1) as f64 * quantile).ceil() as usize;
+    sorted.get(index).copied().unwrap_or(f64::NAN)
+}
+
+const FRAMES_PER_SECOND: u64 = 60;
+/// Frames of the start.
+const START: u64 = FRAMES_PER_SECOND;
+const PERIOD: Duration = Duration::from_nanos(16_666_667);
+const FRAME_RENDER: Duration = Duration::from_millis(8);
+/// 100 ms.
+const DEADLINE_FRAMES: u64 = 6;
+const PATIENCE: Duration = Duration::from_secs(20);

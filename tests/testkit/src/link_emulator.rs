@@ -1,0 +1,158 @@
+//! A path through a network as a pure function of time: delay, jitter, loss, rate, a bounded queue
+//! and reordering, all drawn from a seed.
+
+use std::time::Duration;
+
+use crate::random::Random;
+
+/// What a path does to packets. The default is a perfect one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PathConfig {
+    /// Of every packet, one way.
+    pub delay: Duration,
+    /// Mean of an exponentially distributed delay on top. Packets stay in order.
+    pub jitter: Duration,
+    /// Share of packets that are lost, 0 to 1.
+    pub loss: f64,
+    /// Packets that are lost together on average, 1 or more: the loss comes in bursts.
+    pub burst: f64,
+    /// Bits per second; `None` for no limit.
+    pub rate: Option<f64>,
+    /// Bytes that wait for the rate; what comes beyond is lost.
+    pub queue_bytes: usize,
+    /// Share of packets that arrive before those ahead of them, 0 to 1.
+    pub reorder: f64,
+    /// Bytes of the longest packets that pass; longer ones are lost, as a sender finds out.
+    pub packet_bytes_max: usize,
+}
+
+impl Default for PathConfig {
+    fn default() -> Self {
+        Self {
+            delay: Duration::ZERO,
+            jitter: Duration::ZERO,
+            loss: 0.0,
+            burst: 1.0,
+            rate: None,
+            queue_bytes: 256 * 1024,
+            reorder: 0.0,
+            packet_bytes_max: ETHERNET_BYTES,
+        }
+    }
+}
+
+impl PathConfig {
+    /// Checks each number.
+    ///
+    /// # Errors
+    /// A sentence with the value and the range.
+    pub fn validate(&self) -> Result<(), String> {
+        for (what, share) in [("loss", self.loss), ("reorder", self.reorder)] {
+            if !(0.0..=1.0).contains(&share) {
+                return Err(format!("{what} is {share}: it must be from 0 to 1"));
+            }
+        }
+        if !(1.0..=1e6).contains(&self.burst) {
+            return Err(format!("burst is {}: it must be 1 or more", self.burst));
+        }
+        if self.rate.is_some_and(|rate| !(1e3..=1e12).contains(&rate)) {
+            return Err("the rate must be from 1e3 to 1e12 bits per second".into());
+        }
+        if self.packet_bytes_max < QUIC_BYTES_MIN {
+            return Err(format!(
+                "packets of at most {} bytes pass: QUIC sends no shorter ones than {QUIC_BYTES_MIN}",
+                self.packet_bytes_max
+            ));
+        }
+        if self.delay.max(self.jitter) > DELAY_MAX {
+            return Err(format!("delay and jitter must be at most {DELAY_MAX:?}"));
+        }
+        Ok(())
+    }
+}
+
+/// One direction of a path.
+#[derive(Clone, Debug)]
+pub struct Path {
+    config: PathConfig,
+    random: Random,
+    /// When the packet before has left the queue.
+    free_at: Duration,
+    /// When the packet before arrives.
+    arrived: Duration,
+    in_burst: bool,
+}
+
+impl Path {
+    /// Equal seeds draw the same fate for the same packets.
+    pub fn new(config: PathConfig, seed: u64) -> Self {
+        Self {
+            config,
+            random: Random::new(seed),
+            free_at: Duration::ZERO,
+            arrived: Duration::ZERO,
+            in_burst: false,
+        }
+    }
+
+    /// When a packet that is sent `now` arrives; `None` if it is lost.
+    pub fn send(&mut self, now: Duration, bytes: usize) -> Option<Duration> {
+        if bytes > self.config.packet_bytes_max {
+            return None;
+        }
+        let lost = self.loses();
+        let left = self.leaves_queue(now, bytes)?;
+        if lost {
+            return None;
+        }
+        let jitter = self
+            .config
+            .jitter
+            .mul_f64(-(1.0 - self.random.uniform()).ln());
+        let arrives = left + self.config.delay + jitter;
+        if self.random.uniform() < self.config.reorder {
+            return Some(left + self.config.delay / 2);
+        }
+        self.arrived = self.arrived.max(arrives);
+        Some(self.arrived)
+    }
+
+    /// How long a packet that is sent `now` waits for those before it.
+    pub(crate) fn queue_delay(&self, now: Duration) -> Duration {
+        self.free_at.saturating_sub(now)
+    }
+
+    /// The chain of Gilbert (1960): bursts begin so often that the share is right.
+    fn loses(&mut self) -> bool {
+        let PathConfig { loss, burst, .. } = self.config;
+        let begins = (loss / (burst * (1.0 - loss).max(1e-9))).min(1.0);
+        let chance = match self.in_burst {
+            true => 1.0 - 1.0 / burst,
+            false => begins,
+        };
+        // Without bursts each packet stands for itself.
+        let chance = if burst <= 1.0 { loss } else { chance };
+        self.in_burst = self.random.uniform() < chance;
+        self.in_burst
+    }
+
+    fn leaves_queue(&mut self, now: Duration, bytes: usize) -> Option<Duration> {
+        let Some(rate) = self.config.rate else {
+            return Some(now);
+        };
+        let waiting = self.free_at.saturating_sub(now).as_secs_f64() * rate / 8.0;
+        if waiting + bytes as f64 > self.config.queue_bytes as f64 {
+            return None;
+        }
+        let takes = Duration::from_secs_f64(bytes as f64 * 8.0 / rate);
+        self.free_at = self.free_at.max(now) + takes;
+        Some(self.free_at)
+    }
+}
+
+/// What Ethernet's 1500 bytes leave after the headers of IPv4 and UDP.
+const ETHERNET_BYTES: usize = 1472;
+/// RFC 9000, 14.
+const QUIC_BYTES_MIN: usize = 1200;
+/// Packets that wait longer are of no use to anybody.
+const DELAY_MAX: Duration = Duration::from_secs(10);

@@ -1,0 +1,220 @@
+//! A tracer that costs nothing and is right or wrong in ways that can be told: its radiance is a
+//! hash of pixel, sample, seed and camera.
+
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, Condvar, Mutex};
+use std::time::Duration;
+
+use carom_farm::FrameSpec;
+use carom_tracer::sampling::{pixel_key, uniforms};
+use carom_tracer::{
+    Camera, CompiledScene, DeviceInfo, DeviceKind, Environment, Error, Material, Object,
+    RenderSettings, Scene, Shape, Tile, TileRadiance, TraceJob, TraceStats, Tracer,
+};
+use glam::{Quat, Vec3};
+
+/// A device whose pixels are a hash of where and of what they are.
+pub struct Pattern {
+    pace: Duration,
+    fault: Option<Fault>,
+    /// Tiles until the fault; it stays from then on, but for a gate that has opened.
+    tiles_left: AtomicU32,
+}
+
+/// How a device fails.
+#[derive(Clone)]
+pub enum Fault {
+    /// By an error.
+    Error,
+    /// By a panic.
+    Panic,
+    /// Until the gate opens.
+    Hang(Gate),
+}
+
+/// Where a device hangs.
+#[derive(Clone, Default)]
+pub struct Gate(Arc<(Mutex<GateState>, Condvar)>);
+
+#[derive(Default)]
+struct GateState {
+    open: bool,
+    reached: bool,
+}
+
+impl Gate {
+    /// Nothing passes until it is opened.
+    pub fn closed() -> Self {
+        Self::default()
+    }
+
+    /// Lets all pass from now on.
+    pub fn open(&self) {
+        self.0.0.lock().unwrap().open = true;
+        self.0.1.notify_all();
+    }
+
+    /// Waits until a device hangs at it.
+    pub fn wait_until_reached(&self) {
+        let state = self.0.0.lock().unwrap();
+        drop(self.0.1.wait_while(state, |state| !state.reached).unwrap());
+    }
+
+    fn pass(&self) {
+        let mut state = self.0.0.lock().unwrap();
+        state.reached = true;
+        self.0.1.notify_all();
+        drop(self.0.1.wait_while(state, |state| !state.open).unwrap());
+    }
+}
+
+impl Default for Pattern {
+    fn default() -> Self {
+        Self {
+            pace: Duration::ZERO,
+            fault: None,
+            tiles_left: AtomicU32::new(0),
+        }
+    }
+}
+
+impl Pattern {
+    /// As fast as it goes, and sound.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Makes each tile take that many microseconds.
+    pub fn with_pace(mut self, micros: u64) -> Self {
+        self.pace = Duration::from_micros(micros);
+        self
+    }
+
+    /// Makes it fail when it has traced `after_tiles`.
+    pub fn with_fault(mut self, fault: Fault, after_tiles: u32) -> Self {
+        self.fault = Some(fault);
+        self.tiles_left = AtomicU32::new(after_tiles);
+        self
+    }
+
+    fn fail(&self) -> Result<(), Error> {
+        let left = |left: u32| left.checked_sub(1);
+        let healthy = self
+            .tiles_left
+            .fetch_update(Ordering::Relaxed, Ordering::Relaxed, left);
+        match &self.fault {
+            _ if healthy.is_ok() => Ok(()),
+            None => Ok(()),
+            Some(Fault::Error) => Err(Error::Device {
+                device: "pattern".into(),
+                message: "it was told to fail".into(),
+            }),
+            Some(Fault::Panic) => panic!("it was told to panic"),
+            Some(Fault::Hang(gate)) => {
+                gate.pass();
+                Ok(())
+            }
+        }
+    }
+}
+
+impl Tracer for Pattern {
+    fn info(&self) -> DeviceInfo {
+        DeviceInfo {
+            kind: DeviceKind::Cpu,
+            name: "pattern".into(),
+            width: 1,
+            threads: 1,
+        }
+    }
+
+    fn trace(
+        &self,
+        scene: &CompiledScene,
+        job: &TraceJob<'_>,
+        sink: &(dyn Fn(TileRadiance) + Sync),
+    ) -> Result<TraceStats, Error> {
+        for (index, tile) in job.tiles.iter().enumerate() {
+            if job.cancelled.load(Ordering::Relaxed) {
+                break;
+            }
+            self.fail()?;
+            if !self.pace.is_zero() {
+                std::thread::sleep(self.pace); // the work of a slow device
+            }
+            sink(TileRadiance {
+                index,
+                radiance: tile_radiance(*tile, &scene.camera, &job.settings),
+                dropped_samples: 0,
+            });
+        }
+        Ok(TraceStats::default())
+    }
+}
+
+/// What a farm must make of `spec` in [`scene`].
+pub fn picture(spec: &FrameSpec) -> Vec<[f32; 3]> {
+    picture_of(&scene(), spec)
+}
+
+/// What a farm must make of `spec`.
+pub fn picture_of(scene: &Scene, spec: &FrameSpec) -> Vec<[f32; 3]> {
+    let tile = Tile {
+        x: 0,
+        y: 0,
+        width: spec.size.width,
+        height: spec.size.height,
+    };
+    tile_radiance(tile, &scene.camera, &spec.settings)
+}
+
+/// The mean over the samples that are asked for.
+fn tile_radiance(tile: Tile, camera: &Camera, settings: &RenderSettings) -> Vec<[f32; 3]> {
+    let rows = tile.y..tile.y + tile.height;
+    let pixels = rows.flat_map(|y| (tile.x..tile.x + tile.width).map(move |x| pixel_key(x, y)));
+    let block = camera.eye.z.to_bits();
+    let samples = settings.first_sample..settings.first_sample + settings.samples;
+    let radiance = |pixel| {
+        let mut sum = [0.0; 3];
+        for sample in samples.clone() {
+            let values = uniforms(pixel, sample, block, settings.seed);
+            for (sum, value) in sum.iter_mut().zip(values) {
+                *sum += f64::from(value);
+            }
+        }
+        sum.map(|sum| (sum / samples.len() as f64) as f32)
+    };
+    pixels.map(radiance).collect()
+}
+
+/// A ball in grey light.
+pub fn scene() -> Scene {
+    Scene {
+        camera: Camera {
+            eye: Vec3::new(0.0, -3.0, 1.0),
+            target: Vec3::ZERO,
+            up: Vec3::Z,
+            fov_x_deg: 40.0,
+        },
+        environment: Environment {
+            radiance: Vec3::splat(0.5),
+        },
+        materials: [(
+            "chalk".to_owned(),
+            Material::Diffuse {
+                albedo: Vec3::splat(0.8),
+            },
+        )]
+        .into(),
+        objects: vec![Object {
+            name: "ball".into(),
+            material: "chalk".into(),
+            shape: Shape::Sphere {
+                center: Vec3::ZERO,
+                radius: 0.5,
+                rotation: Quat::IDENTITY,
+            },
+        }],
+        area_lights: Vec::new(),
+    }
+}

@@ -1,0 +1,372 @@
+//! A farm on virtual time: the real coordinator with simulated nodes, links and clock.
+//!
+//! ```text
+//! Plan ─▶ [events by time] ─▶ Coordinator ─▶ commands ─▶ simulated nodes ─▶ events ─▶ … ─▶ Report
+//! ```
+//!
+//! Everything follows from the plan and its seed, so that a run that fails can be repeated, and
+//! hundreds of frames take less than a second. Each link is in order, with half of the node's
+//! round trip each way and exponential jitter; a device works on one run after the other.
+
+mod faults;
+mod node;
+mod optimum;
+mod plan;
+mod random_environment;
+mod report;
+mod scenario;
+mod score;
+mod test_pattern;
+
+use std::cmp::Ordering;
+use std::collections::{BTreeSet, BinaryHeap};
+use std::sync::Arc;
+use std::time::Duration;
+
+use carom_protocol::session::ClientEvent;
+use carom_protocol::{FrameId, NodeInfo, SceneHash};
+use carom_tracer::{DeviceInfo, DeviceKind};
+
+pub use self::faults::{FaultRun, fault_plan, run_faults};
+use self::node::{Answer, SimNode};
+pub use self::optimum::optimum_secs;
+pub use self::plan::{Change, NodePlan, Plan};
+pub use self::random_environment::Weather;
+use self::random_environment::World;
+pub use self::report::Report;
+pub use self::scenario::{Mode, Network, PERIOD_SECS, Scenario};
+pub use self::score::Score;
+pub use self::test_pattern::empty_scene;
+use self::test_pattern::{frame_spec, is_right};
+use crate::random::Random;
+use carom_farm::coordinator::{Action, Coordinator, NodeIndex};
+use carom_farm::link::{Command, LinkEvent};
+use carom_farm::pacing::{Lead, Schedule};
+use carom_farm::{Frame, Pixels};
+
+/// Runs a plan to its end, or until `secs_max` of virtual time are over.
+///
+/// # Panics
+/// If the coordinator breaks a rule towards a node: asks for tiles outside the picture or for more
+/// runs than a session lets in, or gives a run a number that is not above the last.
+pub fn run(plan: &Plan, secs_max: f64) -> Report {
+    let mut simulation = Simulation::new(plan);
+    simulation.run(secs_max);
+    simulation.into_report()
+}
+
+/// Seconds as they are ordered: nanoseconds, and the order of scheduling where these are equal.
+type At = (u64, u64);
+
+/// Something on the agenda.
+struct Entry {
+    at: At,
+    happening: Happening,
+}
+
+impl PartialEq for Entry {
+    fn eq(&self, other: &Self) -> bool {
+        self.at == other.at
+    }
+}
+
+impl Eq for Entry {}
+
+impl PartialOrd for Entry {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+/// The next one is the greatest, as [`BinaryHeap`] has it.
+impl Ord for Entry {
+    fn cmp(&self, other: &Self) -> Ordering {
+        other.at.cmp(&self.at)
+    }
+}
+
+enum Happening {
+    Submit,
+    Command(NodeIndex, u32, Command),
+    Step(NodeIndex, u64),
+    Event(NodeIndex, u32, LinkEvent),
+    Change(NodeIndex, Change),
+}
+
+struct Simulation<'a> {
+    plan: &'a Plan,
+    coordinator: Coordinator,
+    nodes: Vec<SimNode>,
+    agenda: BinaryHeap<Entry>,
+    /// Entries there have been.
+    scheduled: u64,
+    now: Duration,
+    random: Random,
+    world: World,
+    submitted: u64,
+    /// Frames below this have been handed over, or will not be.
+    handed: u64,
+    lead: Lead,
+    schedule: Schedule,
+    /// When frames must be shown, by their numbers.
+    deadlines: Vec<f64>,
+    report: Report,
+}
+
+impl<'a> Simulation<'a> {
+    fn new(plan: &'a Plan) -> Self {
+        let mut coordinator = Coordinator::new(plan.balancing);
+        coordinator.set_distribution(plan.distribution);
+        coordinator.set_scene(SceneHash([7; 32]), Arc::new(empty_scene()));
+        let mut simulation = Self {
+            plan,
+            coordinator,
+            nodes: Vec::new(),
+            agenda: BinaryHeap::new(),
+            scheduled: 0,
+            now: Duration::ZERO,
+            random: Random::new(plan.seed),
+            world: World::new(plan.seed, plan.weather, plan.grid()),
+            submitted: 0,
+            handed: 0,
+            lead: Lead::default(),
+            schedule: Schedule::default(),
+            deadlines: Vec::new(),
+            report: Report::default(),
+        };
+        for (index, node) in plan.nodes.iter().enumerate() {
+            let index_of = simulation.coordinator.add_node(format!("node {index}"));
+            simulation.nodes.push(SimNode::new(index_of, node));
+            for (at_secs, change) in &node.changes {
+                let at = Duration::from_secs_f64(*at_secs);
+                simulation.schedule(at, Happening::Change(index_of, *change));
+            }
+            if !plan.joins_later(index_of) {
+                simulation.schedule(Duration::ZERO, Happening::Change(index_of, Change::Join));
+            }
+        }
+        simulation.schedule(START, Happening::Submit);
+        simulation
+    }
+
+    fn run(&mut self, secs_max: f64) {
+        let end = Duration::from_secs_f64(secs_max);
+        while self.handed < self.plan.frames && self.now < end {
+            let timeout = self.coordinator.next_timeout();
+            let next = self.agenda.peek();
+            let next = next.map(|entry| Duration::from_nanos(entry.at.0));
+            match (timeout, next) {
+                (None, None) => self.now = end,
+                (Some(timeout), next) if next.is_none_or(|next| timeout < next) => {
+                    self.now = self.now.max(timeout);
+                    self.coordinator.handle_timeout(self.now);
+                }
+                _ => self.happen(),
+            }
+            self.act();
+        }
+    }
+
+    fn into_report(mut self) -> Report {
+        self.report.secs = self.now.as_secs_f64();
+        self.report.tiles_traced = self.nodes.iter().map(|node| node.tiles_traced).sum();
+        self.report.nodes = self.coordinator.nodes(self.now);
+        self.report
+    }
+
+    fn schedule(&mut self, at: Duration, happening: Happening) {
+        let at = (at.max(self.now).as_nanos() as u64, self.scheduled);
+        self.scheduled += 1;
+        self.agenda.push(Entry { at, happening });
+    }
+
+    fn happen(&mut self) {
+        let Some(Entry { at, happening }) = self.agenda.pop() else {
+            return;
+        };
+        self.now = self.now.max(Duration::from_nanos(at.0));
+        match happening {
+            Happening::Submit => self.submit(),
+            Happening::Change(node, change) => self.change(node, change),
+            Happening::Event(node, connection, event) if self.lasts(node, connection) => {
+                self.coordinator.handle(self.now, node, event);
+            }
+            Happening::Command(node, connection, command) if self.lasts(node, connection) => {
+                let answers = self.nodes[node.0].command(self.now, &self.world, command);
+                self.answer(node, answers);
+            }
+            Happening::Step(node, step) => {
+                let answers = self.nodes[node.0].step(step, self.now, &self.world);
+                self.answer(node, answers);
+            }
+            // Something of a connection that has ended.
+            Happening::Event(..) | Happening::Command(..) => {}
+        }
+    }
+
+    fn submit(&mut self) {
+        let in_flight = self.submitted - self.handed;
+        let has_room = in_flight < self.plan.frames_in_flight as u64;
+        if self.submitted < self.plan.frames && has_room && self.is_time() {
+            let id = FrameId(self.submitted);
+            self.submitted += 1;
+            for (_, node, change) in self.plan.changes.iter().filter(|(at, ..)| *at == id) {
+                self.change(*node, *change);
+            }
+            let spec = frame_spec(self.plan);
+            self.coordinator
+                .submit(self.now, id, spec, self.plan.tile_edge);
+            if let Some(at) = self.deadlines.last() {
+                self.coordinator
+                    .set_deadline(id, Duration::from_secs_f64(*at));
+            }
+            if self.plan.period_secs.is_none() {
+                self.schedule(self.now, Happening::Submit);
+            }
+        } else if self.submitted < self.plan.frames && !has_room && self.plan.period_secs.is_some()
+        {
+            self.report.skipped += 1;
+        }
+        if let Some(period) = self.plan.period_secs {
+            self.schedule(
+                self.now + Duration::from_secs_f64(period),
+                Happening::Submit,
+            );
+        }
+    }
+
+    /// Whether the next frame is to be asked for; notes when it must be shown, if it must.
+    fn is_time(&mut self) -> bool {
+        if !self.plan.looks_ahead {
+            return true;
+        }
+        let (now, lead) = (self.now.as_secs_f64(), self.lead.secs());
+        let moment = self.schedule.next(now, lead, PERIOD_SECS, f64::INFINITY);
+        self.deadlines.extend(moment);
+        moment.is_some()
+    }
+
+    fn change(&mut self, index: NodeIndex, change: Change) {
+        let node = &mut self.nodes[index.0];
+        match change {
+            Change::Slow(factor) => node.pace *= factor,
+            Change::Silent => node.silent = true,
+            Change::Fail => node.failing = true,
+            Change::Lie(honesty) => node.honesty = honesty,
+            Change::Poison => node.poisoned = true,
+            Change::Suspend(secs) => self.now += Duration::from_secs_f64(secs),
+            Change::Die => {
+                node.die();
+                let why = "its connection broke".into();
+                self.coordinator
+                    .handle(self.now, index, LinkEvent::Lost { why, retry: None });
+            }
+            Change::Join => {
+                node.connection += 1;
+                node.silent = false;
+                self.coordinator
+                    .handle(self.now, index, LinkEvent::Connecting);
+                let welcome = ClientEvent::Welcome(info(index));
+                self.answer(index, vec![Answer::Event(welcome)]);
+            }
+        }
+    }
+
+    /// Carries out what the coordinator wants.
+    fn act(&mut self) {
+        while let Some(action) = self.coordinator.poll_action() {
+            match action {
+                Action::Command { node, command } => {
+                    self.nodes[node.0].check(&command);
+                    let arrival = self.arrival(node, true, 0.0);
+                    let connection = self.nodes[node.0].connection;
+                    self.schedule(arrival, Happening::Command(node, connection, command));
+                }
+                Action::Deliver(frame) => self.deliver(*frame),
+            }
+        }
+    }
+
+    fn deliver(&mut self, mut frame: Frame) {
+        let grid = self.plan.grid();
+        self.report.wrong_frames += u64::from(!is_right(&frame, grid, self.plan.samples));
+        self.report.tiles_per_frame = grid.len();
+        frame.pixels = Pixels::Linear(Vec::new());
+        if frame.id.0 >= self.handed
+            && let Some(deadline) = self.deadlines.get(frame.id.0 as usize)
+        {
+            let late_secs = &mut self.report.shown_late_secs;
+            *late_secs = late_secs.max(self.now.as_secs_f64() - deadline);
+        }
+        self.handed = self.handed.max(frame.id.0 + 1);
+        if frame.missing.is_empty() {
+            self.lead.observe(frame.stats.makespan_secs);
+            self.report.frames.push(frame);
+        } else {
+            self.report.partial.push(frame);
+        }
+        if self.plan.period_secs.is_none() {
+            self.schedule(self.now, Happening::Submit);
+        }
+    }
+
+    fn answer(&mut self, node: NodeIndex, answers: Vec<Answer>) {
+        let connection = self.nodes[node.0].connection;
+        for answer in answers {
+            match answer {
+                Answer::Event(event) => {
+                    let delay =
+                        frame_of(&event).map_or(0.0, |frame| self.world.delay_secs(node, frame));
+                    let arrival = self.arrival(node, false, delay);
+                    let event = LinkEvent::Session(event);
+                    self.schedule(arrival, Happening::Event(node, connection, event));
+                }
+                Answer::StepAt(at, step) => self.schedule(at, Happening::Step(node, step)),
+            }
+        }
+    }
+
+    /// Whether a connection is still the node's.
+    fn lasts(&self, node: NodeIndex, connection: u32) -> bool {
+        self.nodes[node.0].connection == connection
+    }
+
+    /// When a message that leaves now arrives; messages do not overtake each other.
+    fn arrival(&mut self, index: NodeIndex, outward: bool, delay_secs: f64) -> Duration {
+        let plan = &self.plan.nodes[index.0];
+        let jitter = plan.jitter_secs * self.random.exponential();
+        let way = Duration::from_secs_f64(0.5 * plan.round_trip_secs + jitter + delay_secs);
+        let last = &mut self.nodes[index.0].last_arrival[usize::from(outward)];
+        *last = (*last).max(self.now + way);
+        *last
+    }
+}
+
+/// The frame that an event is about.
+fn frame_of(event: &ClientEvent) -> Option<FrameId> {
+    match event {
+        ClientEvent::Tiles { frame, .. }
+        | ClientEvent::TilesStale { frame, .. }
+        | ClientEvent::RequestDone { frame, .. }
+        | ClientEvent::RequestRefused { frame, .. } => Some(*frame),
+        _ => None,
+    }
+}
+
+/// The first frame is submitted when those nodes that are there from the start have connected.
+const START: Duration = Duration::from_millis(500);
+
+fn info(index: NodeIndex) -> NodeInfo {
+    NodeInfo {
+        name: format!("node {}", index.0),
+        device: DeviceInfo {
+            kind: DeviceKind::Gpu,
+            name: "simulated".into(),
+            width: 1,
+            threads: 1,
+        },
+    }
+}
+
+/// Runs that a node's session would have open.
+type OpenRuns = BTreeSet<carom_protocol::RequestId>;

@@ -1,0 +1,274 @@
+//! A simulated node: one device that works on one run after the other.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use carom_protocol::limits::{REQUESTS_QUEUED_MAX, TILES_PER_MESSAGE_MAX};
+use carom_protocol::session::ClientEvent;
+use carom_protocol::{
+    FrameId, NodeTimes, Refusal, RefusalReason, RequestId, RequestReport, SceneHash, TraceRequest,
+};
+use carom_tracer::TileRange;
+
+use super::random_environment::World;
+use super::test_pattern::{poison, tile_pixels};
+use super::{NodePlan, OpenRuns};
+use carom_farm::coordinator::NodeIndex;
+use carom_farm::link::Command;
+
+/// What a node does when something has come or been done.
+pub(super) enum Answer {
+    /// Sends something.
+    Event(ClientEvent),
+    /// Wants [`SimNode::step`] to be called.
+    StepAt(Duration, u64),
+}
+
+pub(super) struct SimNode {
+    /// Seconds per pixel sample.
+    pub(super) pace: f64,
+    pub(super) silent: bool,
+    pub(super) failing: bool,
+    /// Counts connections; what belongs to an earlier one is void.
+    pub(super) connection: u32,
+    /// When the last message arrived: to the client, to the node.
+    pub(super) last_arrival: [Duration; 2],
+    streams: bool,
+    pub(super) honesty: f64,
+    /// Whether it sends pixels that are not numbers.
+    pub(super) poisoned: bool,
+    scene: Option<SceneHash>,
+    queue: VecDeque<Job>,
+    /// Number of the step that is waited for.
+    step: u64,
+    /// What the device works on.
+    working: Option<RequestId>,
+    last_run: Option<RequestId>,
+    /// As the client sees them.
+    open: OpenRuns,
+    /// The frame for which it has paused, if the weather made it.
+    begun_frame: Option<FrameId>,
+    index: NodeIndex,
+    /// Tiles that its device has worked on.
+    pub(super) tiles_traced: u64,
+}
+
+struct Job {
+    request: TraceRequest,
+    /// Tiles that have been sent, or wait for their message to be full.
+    tiles_done: u32,
+    tiles_sent: u32,
+    arrived: Duration,
+    begun: Duration,
+    /// When the device began with the tiles that have not been sent.
+    message_begun: Duration,
+}
+
+impl SimNode {
+    pub(super) fn new(index: NodeIndex, plan: &NodePlan) -> Self {
+        Self {
+            pace: 1e-6 / plan.msamples_per_sec,
+            silent: false,
+            failing: false,
+            connection: 0,
+            last_arrival: [Duration::ZERO; 2],
+            streams: plan.streams,
+            honesty: plan.honesty,
+            poisoned: false,
+            scene: None,
+            queue: VecDeque::new(),
+            step: 0,
+            working: None,
+            last_run: None,
+            open: OpenRuns::new(),
+            begun_frame: None,
+            index,
+            tiles_traced: 0,
+        }
+    }
+
+    /// What a session would not let the client ask.
+    pub(super) fn check(&mut self, command: &Command) {
+        if let Command::Trace(request) = command {
+            assert!(request.tiles.count > 0 && request.tiles.end() <= request.grid.len());
+            assert!(self.last_run.is_none_or(|last| request.id > last));
+            self.last_run = Some(request.id);
+            self.open.insert(request.id);
+            assert!(self.open.len() <= REQUESTS_QUEUED_MAX, "{:?}", self.open);
+        }
+    }
+
+    pub(super) fn die(&mut self) {
+        self.connection += 1;
+        self.queue.clear();
+        self.scene = None;
+        self.open.clear();
+        self.working = None;
+        self.step += 1;
+    }
+
+    pub(super) fn command(
+        &mut self,
+        now: Duration,
+        world: &World,
+        command: Command,
+    ) -> Vec<Answer> {
+        if self.silent {
+            return Vec::new();
+        }
+        match command {
+            Command::Scene(hash, _) if self.scene == Some(hash) => Vec::new(),
+            Command::Scene(hash, _) => {
+                self.scene = Some(hash);
+                vec![Answer::Event(ClientEvent::SceneReady(hash))]
+            }
+            Command::Ping(number) => vec![Answer::Event(ClientEvent::Pong(number))],
+            Command::Trace(request) => self.queue(now, world, *request),
+            Command::CancelRequest(run) => self.cancel(|job| job.request.id == run),
+            Command::CancelBefore(frame) => self.cancel(|job| job.request.frame < frame),
+        }
+    }
+
+    /// The device is through with a piece of work.
+    pub(super) fn step(&mut self, step: u64, now: Duration, world: &World) -> Vec<Answer> {
+        if step != self.step || self.silent {
+            return Vec::new();
+        }
+        let done = self.working.take();
+        let mut answers = self.finish(now, done);
+        answers.extend(self.work(now, world));
+        answers
+    }
+
+    fn queue(&mut self, now: Duration, world: &World, request: TraceRequest) -> Vec<Answer> {
+        if self.failing {
+            let why = RefusalReason::Device("it was told to fail".into());
+            return vec![self.refuse(&request, why)];
+        }
+        let later = |job: &Job| {
+            let begun = job.tiles_done > 0 || self.working == Some(job.request.id);
+            !begun && job.request.frame > request.frame
+        };
+        let place = self.queue.iter().position(later);
+        let job = Job {
+            request,
+            tiles_done: 0,
+            tiles_sent: 0,
+            arrived: now,
+            begun: now,
+            message_begun: now,
+        };
+        self.queue.insert(place.unwrap_or(self.queue.len()), job);
+        self.work(now, world)
+    }
+
+    fn cancel(&mut self, unwanted: impl Fn(&Job) -> bool) -> Vec<Answer> {
+        let queue = std::mem::take(&mut self.queue);
+        let (gone, kept): (Vec<Job>, Vec<Job>) = queue.into_iter().partition(unwanted);
+        self.queue = kept.into();
+        let refuse = |job: &Job| self.refuse(&job.request, RefusalReason::Cancelled);
+        gone.iter().map(refuse).collect()
+    }
+
+    /// Begins the next piece of work, if there is any and the device is free. A piece that is
+    /// cancelled is worked on to its end.
+    fn work(&mut self, now: Duration, world: &World) -> Vec<Answer> {
+        let Some(job) = self.queue.front_mut().filter(|_| self.working.is_none()) else {
+            return Vec::new();
+        };
+        let frame = job.request.frame;
+        let mut secs = 0.0;
+        if self.begun_frame.is_none_or(|begun| begun < frame) {
+            self.begun_frame = Some(frame);
+            secs += world.stall_secs(self.index, frame);
+        }
+        if job.tiles_done == 0 {
+            job.begun = now + Duration::from_secs_f64(secs);
+            job.message_begun = job.begun;
+        }
+        let piece = piece(job, self.streams);
+        let grid = job.request.grid;
+        let samples = f64::from(job.request.settings.samples);
+        let work = |tile| samples * grid.tile(tile).pixels() as f64 * world.cost(frame, tile);
+        let work: f64 = piece.indices().map(work).sum();
+        secs += work * self.pace * world.pace(self.index, frame);
+        self.tiles_traced += u64::from(piece.count);
+        self.working = Some(job.request.id);
+        self.step += 1;
+        let done = now + Duration::from_secs_f64(secs);
+        vec![Answer::StepAt(done, self.step)]
+    }
+
+    /// Sends what is through, in messages as full as may be.
+    fn finish(&mut self, now: Duration, done: Option<RequestId>) -> Vec<Answer> {
+        // If the run was cancelled meanwhile, another one is at the front.
+        let front = self.queue.front_mut();
+        let Some(job) = front.filter(|job| Some(job.request.id) == done) else {
+            return Vec::new();
+        };
+        job.tiles_done += piece(job, self.streams).count;
+        let whole = job.tiles_done == job.request.tiles.count;
+        let busy = (now - job.message_begun).as_secs_f64() * self.honesty;
+        let mut busy_micros = (busy * 1e6) as u32;
+        let mut answers = Vec::new();
+        while job.tiles_sent + TILES_PER_MESSAGE_MAX <= job.tiles_done
+            || whole && job.tiles_sent < job.tiles_done
+        {
+            let tiles = TileRange {
+                first: job.request.tiles.first + job.tiles_sent,
+                count: TILES_PER_MESSAGE_MAX.min(job.tiles_done - job.tiles_sent),
+            };
+            answers.push(Answer::Event(ClientEvent::Tiles {
+                frame: job.request.frame,
+                request: job.request.id,
+                tiles,
+                pixels: if self.poisoned {
+                    poison(&job.request, tiles)
+                } else {
+                    tile_pixels(&job.request, tiles)
+                },
+                busy_micros: std::mem::take(&mut busy_micros),
+                times: NodeTimes {
+                    queue_micros: (job.begun - job.arrived).as_micros() as u32,
+                    trace_micros: (now - job.begun).as_micros() as u32,
+                    encode_micros: 0,
+                },
+                dropped_samples: 0,
+                payload_bytes: 1,
+            }));
+            job.tiles_sent += tiles.count;
+            job.message_begun = now;
+        }
+        if whole {
+            let report = RequestReport {
+                request: job.request.id,
+                queue_micros: (job.begun - job.arrived).as_micros() as u32,
+                ..RequestReport::default()
+            };
+            let frame = job.request.frame;
+            self.open.remove(&report.request);
+            self.queue.pop_front();
+            answers.push(Answer::Event(ClientEvent::RequestDone { frame, report }));
+        }
+        answers
+    }
+
+    fn refuse(&mut self, request: &TraceRequest, why: RefusalReason) -> Answer {
+        self.open.remove(&request.id);
+        let frame = request.frame;
+        let refusal = Refusal {
+            request: request.id,
+            why,
+        };
+        Answer::Event(ClientEvent::RequestRefused { frame, refusal })
+    }
+}
+
+/// What the device works on next: a tile, or all.
+fn piece(job: &Job, streams: bool) -> TileRange {
+    let left = job.request.tiles.count - job.tiles_done;
+    TileRange {
+        first: job.request.tiles.first + job.tiles_done,
+        count: if streams { left.min(1) } else { left },
+    }
+}

@@ -1,0 +1,120 @@
+//! The clairvoyant optimum: fractional water-filling that knows this frame's delays, pauses, paces
+//! and costs beforehand. Nothing that has to guess can reach it.
+
+use carom_protocol::FrameId;
+
+use super::random_environment::World;
+use super::{Change, NodePlan, Plan};
+use carom_farm::balancer::{Line, fill};
+use carom_farm::coordinator::NodeIndex;
+
+/// The least seconds that each frame of a plan could take; infinite where the nodes cannot do all the
+/// work at the plan's pace, or do little else: what waits there grows from frame to frame, and frames
+/// are left out.
+///
+/// With frames at a pace, a node begins with a frame when it is through with its part of those before:
+/// whoever divides with all this knowledge has to queue as well.
+pub fn optimum_secs(plan: &Plan) -> Vec<f64> {
+    let world = World::new(plan.seed, plan.weather, plan.grid());
+    let mut nodes: Vec<State> = (0..plan.nodes.len())
+        .map(|index| State {
+            slowness: 1.0,
+            there: !plan.joins_later(NodeIndex(index)),
+            free_secs: 0.0,
+        })
+        .collect();
+    let frame = |frame| {
+        for (_, node, change) in plan.changes.iter().filter(|(at, ..)| *at == frame) {
+            nodes[node.0].change(*change);
+        }
+        frame_secs(plan, &world, &mut nodes, frame)
+    };
+    (0..plan.frames).map(FrameId).map(frame).collect()
+}
+
+/// Of one frame; notes how long the nodes work for it.
+fn frame_secs(plan: &Plan, world: &World, nodes: &mut [State], frame: FrameId) -> f64 {
+    let there: Vec<usize> = (0..nodes.len())
+        .filter(|index| nodes[*index].there)
+        .collect();
+    let lines: Vec<Line> = there
+        .iter()
+        .map(|index| line(plan, world, NodeIndex(*index), nodes[*index], frame))
+        .collect();
+    let work = world.frame_cost(frame) * f64::from(plan.tile_edge).powi(2);
+    let work = work * f64::from(plan.samples);
+    if lines.is_empty() || !holds_pace(plan, nodes) {
+        nodes.iter_mut().for_each(|node| node.free_secs = 0.0);
+        return f64::INFINITY;
+    }
+    let filling = fill(work, &lines);
+    if let Some(period_secs) = plan.period_secs {
+        for ((index, line), share) in there.iter().zip(&lines).zip(&filling.shares) {
+            let (node, index) = (&mut nodes[*index], NodeIndex(*index));
+            if *share > 0.0 {
+                let answers_secs = world.delay_secs(index, frame);
+                node.free_secs = line.a_secs + line.b_secs * share - answers_secs;
+            }
+            node.free_secs -= period_secs;
+        }
+    }
+    filling.finish_secs
+}
+
+/// Whether the nodes, all of them busy nearly all the time, can do frames of average work.
+fn holds_pace(plan: &Plan, nodes: &[State]) -> bool {
+    let Some(period_secs) = plan.period_secs else {
+        return true;
+    };
+    let there = plan.nodes.iter().zip(nodes).filter(|(_, node)| node.there);
+    let speed: f64 = there
+        .map(|(plan, node)| 1e6 * plan.msamples_per_sec / node.slowness)
+        .sum();
+    let work = plan.size.pixels() as f64 * f64::from(plan.samples);
+    work <= BUSY_MAX * period_secs * speed
+}
+
+/// Share of the time from which on a farm counts as too slow for its pace.
+const BUSY_MAX: f64 = 0.95;
+
+/// The work of each node in the optimum of a calm farm.
+pub(super) fn shares(nodes: &[NodePlan], work: f64) -> Vec<f64> {
+    let line = |node: &NodePlan| Line::new(node.round_trip_secs, 1e-6 / node.msamples_per_sec);
+    let lines: Vec<Line> = nodes.iter().map(line).collect();
+    fill(work, &lines).shares
+}
+
+/// What changes have made of a node.
+#[derive(Clone, Copy)]
+struct State {
+    slowness: f64,
+    there: bool,
+    /// When its next answers can begin, counted from the next frame on and without their delays.
+    free_secs: f64,
+}
+
+impl State {
+    fn change(&mut self, change: Change) {
+        match change {
+            Change::Slow(factor) => self.slowness *= factor,
+            Change::Silent | Change::Die | Change::Fail => self.there = false,
+            Change::Join => self.there = true,
+            Change::Lie(_) | Change::Poison | Change::Suspend(_) => {}
+        }
+    }
+}
+
+fn line(plan: &Plan, world: &World, node: NodeIndex, state: State, frame: FrameId) -> Line {
+    let NodePlan {
+        round_trip_secs,
+        msamples_per_sec,
+        ..
+    } = plan.nodes[node.0];
+    let b_secs = 1e-6 / msamples_per_sec * state.slowness * world.pace(node, frame);
+    let begin_secs = round_trip_secs.max(state.free_secs) + world.stall_secs(node, frame);
+    let a_secs = begin_secs + world.delay_secs(node, frame);
+    let cap = plan
+        .period_secs
+        .map_or(f64::INFINITY, |period| period / b_secs);
+    Line::new(a_secs, b_secs).capped(cap)
+}

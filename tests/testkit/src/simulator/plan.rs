@@ -1,0 +1,114 @@
+//! What to simulate: a farm, its frames, and what happens to its nodes.
+
+use carom_protocol::FrameId;
+use carom_tracer::{ImageSize, TileGrid};
+
+use super::Weather;
+use carom_farm::coordinator::NodeIndex;
+use carom_farm::{Balancing, Distribution};
+
+/// What to simulate.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Decides all that is random.
+    pub seed: u64,
+    /// Divides the frames.
+    pub balancing: Balancing,
+    /// The farm.
+    pub nodes: Vec<NodePlan>,
+    /// How many frames are submitted.
+    pub frames: u64,
+    /// How many may be in flight.
+    pub frames_in_flight: usize,
+    /// Seconds between submissions; absent: as soon as there is room.
+    pub period_secs: Option<f64>,
+    /// Whether frames must be shown at the moments that [`carom_farm::pacing::Schedule`] has for 60
+    /// frames a second.
+    pub looks_ahead: bool,
+    /// The picture: its pixels times their samples are the work of a frame.
+    pub size: ImageSize,
+    /// Samples of each pixel.
+    pub samples: u32,
+    /// What is divided.
+    pub distribution: Distribution,
+    /// Pixels along a tile's edge.
+    pub tile_edge: u16,
+    /// How much it varies.
+    pub weather: Weather,
+    /// What happens to nodes when a frame is submitted.
+    pub changes: Vec<(FrameId, NodeIndex, Change)>,
+}
+
+/// A simulated node.
+#[derive(Clone, Debug)]
+pub struct NodePlan {
+    /// Round trip without jitter, in seconds.
+    pub round_trip_secs: f64,
+    /// Mean of the jitter of each message, in seconds.
+    pub jitter_secs: f64,
+    /// Pixel samples per second, in millions.
+    pub msamples_per_sec: f64,
+    /// Whether tiles come as they are finished, as from a processor, or all at the end of a run.
+    pub streams: bool,
+    /// What share of its true busy time it reports; 1 is honest.
+    pub honesty: f64,
+    /// What happens to it, by the second.
+    pub changes: Vec<(f64, Change)>,
+}
+
+/// What happens to a node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Change {
+    /// It takes that many times as long as before from now on.
+    Slow(f64),
+    /// It says nothing any more, and nobody notices but by that.
+    Silent,
+    /// Its connection breaks, which the client learns of at once.
+    Die,
+    /// It connects. A node with this among its changes is not there from the start.
+    Join,
+    /// Its device fails at each run from now on.
+    Fail,
+    /// It reports that share of its true busy time from now on.
+    Lie(f64),
+    /// It sends pixels that are not numbers from now on.
+    Poison,
+    /// The client sleeps for so many seconds.
+    Suspend(f64),
+}
+
+impl Plan {
+    /// The picture's tiles.
+    pub fn grid(&self) -> TileGrid {
+        TileGrid::new(self.size, self.tile_edge)
+    }
+
+    /// Whether a node is not there from the start.
+    pub(super) fn joins_later(&self, node: NodeIndex) -> bool {
+        let by_time = self.nodes[node.0].changes.iter();
+        let by_time = by_time.map(|(_, change)| *change);
+        let by_frame = self.changes.iter().filter(|(_, of, _)| *of == node);
+        let mut changes = by_time.chain(by_frame.map(|(.., change)| *change));
+        changes.any(|change| change == Change::Join)
+    }
+}
+
+impl NodePlan {
+    /// An honest node on a local network that streams its tiles.
+    pub fn new(round_trip_secs: f64, msamples_per_sec: f64) -> Self {
+        Self {
+            round_trip_secs,
+            jitter_secs: 0.0,
+            msamples_per_sec,
+            streams: true,
+            honesty: 1.0,
+            changes: Vec::new(),
+        }
+    }
+
+    /// The same with a change.
+    pub fn with(mut self, at_secs: f64, change: Change) -> Self {
+        self.changes.push((at_secs, change));
+        self
+    }
+}

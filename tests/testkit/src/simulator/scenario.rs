@@ -1,0 +1,176 @@
+//! The farms that algorithms are compared on: unequal nodes at unequal distances, of which one
+//! slows down, one dies and one joins.
+
+use carom_protocol::FrameId;
+use carom_tracer::ImageSize;
+
+use super::optimum::shares;
+use super::{Change, NodePlan, Plan, Weather};
+use crate::random::Random;
+use carom_farm::coordinator::NodeIndex;
+use carom_farm::{Balancing, Distribution};
+
+/// How far nodes are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Network {
+    /// Round trips of 0.3 to 2 ms.
+    Lan,
+    /// Round trips of 1 to 80 ms.
+    Wan,
+    /// 46 ms for all.
+    Far,
+}
+
+/// When frames are submitted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// Each when the one before is whole.
+    Closed,
+    /// 60 a second, up to eight in flight.
+    Pipelined,
+}
+
+/// One run of the comparison.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scenario {
+    /// Nodes from the start; one more joins.
+    pub nodes: usize,
+    /// How far they are.
+    pub network: Network,
+    /// When frames are submitted.
+    pub mode: Mode,
+    /// Decides all that is random.
+    pub seed: u64,
+    /// Frames of the run; the events come after a quarter, a half and three quarters of them.
+    pub frames: u64,
+}
+
+impl Network {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Lan, Self::Wan, Self::Far];
+
+    /// As results call it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Lan => "lan",
+            Self::Wan => "wan",
+            Self::Far => "46ms",
+        }
+    }
+
+    /// The nearest and the farthest node's round trip in seconds.
+    const fn round_trips_secs(self) -> (f64, f64) {
+        match self {
+            Self::Lan => (0.3e-3, 2e-3),
+            Self::Wan => (1e-3, 80e-3),
+            Self::Far => (46e-3, 46e-3),
+        }
+    }
+}
+
+impl Mode {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Closed, Self::Pipelined];
+
+    /// As results call it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Closed => "closed",
+            Self::Pipelined => "pipelined",
+        }
+    }
+}
+
+impl Scenario {
+    /// The run's plan, with `balancing` dividing the frames.
+    pub fn plan(&self, balancing: Balancing) -> Plan {
+        let size = if self.nodes < 1000 {
+            ImageSize::new(40, 23)
+        } else {
+            ImageSize::new(60, 60)
+        };
+        let mut plan = Plan {
+            seed: self.seed,
+            balancing,
+            nodes: self.nodes(size.pixels() as f64),
+            frames: self.frames,
+            frames_in_flight: if self.mode == Mode::Closed { 1 } else { 8 },
+            period_secs: (self.mode == Mode::Pipelined).then_some(PERIOD_SECS),
+            looks_ahead: false,
+            size,
+            samples: 1,
+            distribution: Distribution::Tiles,
+            tile_edge: 1,
+            weather: WEATHER,
+            changes: Vec::new(),
+        };
+        plan.changes = self.changes(&plan);
+        plan
+    }
+
+    /// When the best node slows down, when another dies, and when one joins.
+    pub fn events(&self) -> [u64; 3] {
+        [1, 2, 3].map(|quarter| quarter * self.frames / 4)
+    }
+
+    /// Speeds and distances are spread evenly over their ranges in logarithms and paired at random.
+    fn nodes(&self, tiles: f64) -> Vec<NodePlan> {
+        let mut random = Random::of(&[self.seed, 0xfa12]);
+        let mut speeds = spread(&mut random, self.nodes, (1.0, SPEED_SPREAD));
+        let round_trips = spread(&mut random, self.nodes, self.network.round_trips_secs());
+        let sum: f64 = speeds.iter().sum();
+        let scale = 1e-6 * tiles / (WORK_SECS * sum);
+        speeds.iter_mut().for_each(|speed| *speed *= scale);
+        let mut nodes: Vec<NodePlan> = speeds
+            .iter()
+            .zip(&round_trips)
+            .map(|(speed, trip)| NodePlan::new(*trip, *speed))
+            .collect();
+        let (near, far) = self.network.round_trips_secs();
+        nodes.push(NodePlan::new((near * far).sqrt(), SPEED_SPREAD * scale));
+        nodes
+    }
+
+    fn changes(&self, plan: &Plan) -> Vec<(FrameId, NodeIndex, Change)> {
+        let joins = self.nodes;
+        let shares = shares(&plan.nodes[..joins], plan.size.pixels() as f64);
+        let mut best: Vec<usize> = (0..joins).collect();
+        best.sort_by(|a, b| shares[*b].total_cmp(&shares[*a]));
+        let [slow, death, join] = self.events().map(FrameId);
+        let dies = best[2.min(joins - 1)];
+        vec![
+            (slow, NodeIndex(best[0]), Change::Slow(4.0)),
+            (death, NodeIndex(dies), Change::Silent),
+            (join, NodeIndex(joins), Change::Join),
+        ]
+    }
+}
+
+/// `count` values from `range`, one in each of as many equal parts of its logarithm, in any order.
+fn spread(random: &mut Random, count: usize, (low, high): (f64, f64)) -> Vec<f64> {
+    let value = |index: usize, random: &mut Random| {
+        let place = (index as f64 + random.uniform()) / count as f64;
+        low * (high / low).powf(place)
+    };
+    let mut values: Vec<f64> = (0..count).map(|index| value(index, random)).collect();
+    for index in (1..count).rev() {
+        values.swap(index, random.below(index as u64 + 1) as usize);
+    }
+    values
+}
+
+/// How much faster the fastest node is than the slowest.
+const SPEED_SPREAD: f64 = 100.0;
+/// What a frame would take if every node were used perfectly.
+const WORK_SECS: f64 = 8e-3;
+/// Between the frames of [`Mode::Pipelined`].
+pub const PERIOD_SECS: f64 = 1.0 / 60.0;
+/// Of all scenarios.
+const WEATHER: Weather = Weather {
+    delay_secs: 1e-3,
+    pace_noise: 0.03,
+    stall_share: 0.002,
+    stall_secs: 20e-3,
+    cost_spread: 0.7,
+    cost_noise: 0.08,
+};

@@ -1,0 +1,304 @@
+//! A tracer held to a share of its machine.
+//!
+//! ```text
+//! run ─▶ pieces of a few ms ─▶ tracer ─▶ rest, so that the piece has taken 1 / share as long ─▶ sink
+//! ```
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use carom_tracer::{
+    CompiledScene, DeviceInfo, DeviceKind, Error, Tile, TileAovs, TileRadiance, TraceJob,
+    TraceStats, Tracer,
+};
+use cpu_time::ProcessTime;
+
+/// What part of a machine may be used, above 0 and at most 1; all copies are one, and it may be
+/// changed at any time. Lower leaves more of the machine to others; higher makes pictures sooner.
+#[derive(Clone, Debug)]
+pub struct Share(Arc<AtomicU64>);
+
+impl Share {
+    /// # Errors
+    /// A sentence with the value if it is not above 0 and at most 1.
+    pub fn new(share: f64) -> Result<Self, String> {
+        let new = Self(Arc::new(AtomicU64::new(0)));
+        new.set(share)?;
+        Ok(new)
+    }
+
+    /// Takes effect with the next few milliseconds of work.
+    ///
+    /// # Errors
+    /// As [`Share::new`]; the share before stays.
+    pub fn set(&self, share: f64) -> Result<(), String> {
+        if !(share > 0.0 && share <= 1.0) {
+            return Err(format!(
+                "a share of {share} is no part of a machine: it must be above 0 and at most 1"
+            ));
+        }
+        self.0.store(share.to_bits(), Ordering::Relaxed);
+        Ok(())
+    }
+
+    /// As it is now.
+    pub fn get(&self) -> f64 {
+        f64::from_bits(self.0.load(Ordering::Relaxed))
+    }
+}
+
+/// Traces with another tracer and rests in between.
+///
+/// A processor's time is counted as the system counts this process's, so that a machine which is
+/// busy with other things does not slow it twice; a GPU's by the clock.
+pub struct Throttled {
+    tracer: Arc<dyn Tracer>,
+    share: Share,
+    /// Whose turn it is, and what it still has to rest: at most one run is traced at a time.
+    pace: Mutex<Pace>,
+}
+
+#[derive(Default)]
+struct Pace {
+    /// Rest that is due; below 0 if the last was longer than it had to be.
+    owed_secs: f64,
+    /// Seconds per pixel sample, once known.
+    secs_per_sample: Option<f64>,
+}
+
+impl Throttled {
+    /// `tracer`, with `share` of it.
+    pub fn new(tracer: Arc<dyn Tracer>, share: Share) -> Self {
+        Self {
+            tracer,
+            share,
+            pace: Mutex::default(),
+        }
+    }
+
+    /// Traces one piece and rests, before its tiles are handed over: others see how long it took.
+    fn piece(
+        &self,
+        pace: &mut Pace,
+        scene: &CompiledScene,
+        job: &TraceJob<'_>,
+    ) -> Result<(Vec<TileRadiance>, TraceStats), Error> {
+        let finished = Mutex::new(Vec::with_capacity(job.tiles.len()));
+        let info = self.tracer.info();
+        let (begun, used) = (Instant::now(), ProcessTime::now());
+        let stats = self.tracer.trace(scene, job, &|tile| {
+            let mut finished = finished.lock().unwrap_or_else(PoisonError::into_inner);
+            finished.push(tile);
+        })?;
+        let wall_secs = begun.elapsed().as_secs_f64();
+        let alone_secs = match info.kind {
+            DeviceKind::Gpu => wall_secs,
+            DeviceKind::Cpu | DeviceKind::Scalar => {
+                used.elapsed().as_secs_f64() / f64::from(info.threads.max(1))
+            }
+        };
+        pace.secs_per_sample = Some(alone_secs / samples(job, job.tiles).max(1.0));
+        pace.owed_secs += (alone_secs / self.share.get() - wall_secs).max(0.0);
+        pace.rest(job.cancelled);
+        let finished = finished.into_inner();
+        Ok((finished.unwrap_or_else(PoisonError::into_inner), stats))
+    }
+
+    /// How many of `tiles` come next. A GPU is quick only at whole runs, and a denoiser traces a
+    /// guard band around each piece.
+    fn piece_len(&self, pace: &Pace, job: &TraceJob<'_>, tiles: &[Tile]) -> usize {
+        if job.settings.denoise || self.tracer.info().kind == DeviceKind::Gpu {
+            return tiles.len();
+        }
+        let Some(secs_per_sample) = pace.secs_per_sample else {
+            return 1;
+        };
+        let tile_secs = secs_per_sample * samples(job, &tiles[..1]);
+        ((PIECE_SECS / tile_secs) as usize).clamp(1, tiles.len())
+    }
+}
+
+impl Tracer for Throttled {
+    /// The device's name says of which share it is.
+    fn info(&self) -> DeviceInfo {
+        let mut info = self.tracer.info();
+        let share = self.share.get();
+        if share < 1.0 {
+            info.name = format!("{} % of {}", percent(share), info.name);
+        }
+        info
+    }
+
+    fn trace(
+        &self,
+        scene: &CompiledScene,
+        job: &TraceJob<'_>,
+        sink: &(dyn Fn(TileRadiance) + Sync),
+    ) -> Result<TraceStats, Error> {
+        if self.share.get() >= 1.0 {
+            return self.tracer.trace(scene, job, sink);
+        }
+        let mut pace = self.pace.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut sum = TraceStats::default();
+        let mut done = 0;
+        while done < job.tiles.len() && !job.cancelled.load(Ordering::Relaxed) {
+            let left = &job.tiles[done..];
+            let tiles = &left[..self.piece_len(&pace, job, left)];
+            let (finished, stats) = self.piece(&mut pace, scene, &TraceJob { tiles, ..*job })?;
+            for tile in finished {
+                sink(TileRadiance {
+                    index: done + tile.index,
+                    ..tile
+                });
+            }
+            sum.samples += stats.samples;
+            sum.rays += stats.rays;
+            sum.device_nanos += stats.device_nanos;
+            sum.first_hits_nanos += stats.first_hits_nanos;
+            sum.filter_nanos += stats.filter_nanos;
+            done += tiles.len();
+        }
+        Ok(sum)
+    }
+
+    fn aovs(
+        &self,
+        scene: &CompiledScene,
+        job: &TraceJob<'_>,
+        sink: &(dyn Fn(TileAovs) + Sync),
+    ) -> Result<(), Error> {
+        self.tracer.aovs(scene, job, sink)
+    }
+}
+
+impl Pace {
+    /// Rests as long as is due, or until `cancelled`.
+    fn rest(&mut self, cancelled: &AtomicBool) {
+        while self.owed_secs > REST_SECS_MIN && !cancelled.load(Ordering::Relaxed) {
+            let begun = Instant::now();
+            std::thread::sleep(Duration::from_secs_f64(self.owed_secs.min(REST_SECS_MAX)));
+            self.owed_secs -= begun.elapsed().as_secs_f64();
+        }
+        // What a cancelled run owes is not asked of the next, nor is a long sleep made up for.
+        self.owed_secs = self.owed_secs.clamp(-REST_SECS_MAX, REST_SECS_MIN);
+    }
+}
+
+fn samples(job: &TraceJob<'_>, tiles: &[Tile]) -> f64 {
+    let pixels: usize = tiles.iter().map(|tile| tile.pixels()).sum();
+    pixels as f64 * f64::from(job.settings.samples)
+}
+
+/// Without digits that say nothing.
+fn percent(share: f64) -> f64 {
+    (1000.0 * share).round() / 10.0
+}
+
+/// Work between two rests: short, so that tiles of a slow node come one by one, and longer than
+/// what a call of a tracer costs by itself.
+const PIECE_SECS: f64 = 1e-3;
+/// Shorter ones are left for later: a system's sleep is a twentieth of a millisecond longer.
+const REST_SECS_MIN: f64 = 1e-4;
+/// Of one sleep: a cancelled run ends within it.
+const REST_SECS_MAX: f64 = 5e-3;
+
+#[cfg(test)]
+mod tests {
+    use carom_tracer::{ImageSize, RenderSettings, Scene, TileGrid};
+    use cpu_time::ThreadTime;
+
+    use super::*;
+
+    /// Works half a millisecond on each tile, and notes it.
+    struct Busy(Mutex<Vec<Duration>>);
+
+    impl Tracer for Busy {
+        fn info(&self) -> DeviceInfo {
+            DeviceInfo {
+                kind: DeviceKind::Cpu,
+                name: "busy".into(),
+                width: 1,
+                threads: 1,
+            }
+        }
+
+        fn trace(
+            &self,
+            _: &CompiledScene,
+            job: &TraceJob<'_>,
+            sink: &(dyn Fn(TileRadiance) + Sync),
+        ) -> Result<TraceStats, Error> {
+            for (index, tile) in job.tiles.iter().enumerate() {
+                let used = ThreadTime::now();
+                while used.elapsed() < Duration::from_micros(500) {}
+                self.0.lock().unwrap().push(used.elapsed());
+                sink(TileRadiance {
+                    index,
+                    radiance: vec![[tile.x as f32, tile.y as f32, 0.0]; tile.pixels()],
+                    dropped_samples: 0,
+                });
+            }
+            Ok(TraceStats::default())
+        }
+    }
+
+    #[test]
+    fn a_share_of_the_time_is_used_and_every_tile_comes_once_in_its_place() {
+        let pool = include_str!("../../../assets/scenes/pool.json");
+        let scene = CompiledScene::new(&Scene::from_json(pool).unwrap()).unwrap();
+        let grid = TileGrid::new(ImageSize::new(64, 40), 8);
+        let tiles: Vec<Tile> = grid.tiles(grid.all()).collect();
+        let job = TraceJob {
+            size: grid.size,
+            tiles: &tiles,
+            settings: RenderSettings::default(),
+            cancelled: &AtomicBool::new(false),
+        };
+        let busy = Arc::new(Busy(Mutex::default()));
+        let throttled = Throttled::new(busy.clone(), Share::new(0.25).unwrap());
+        assert!(throttled.info().name.starts_with("25 % of"));
+        let come = Mutex::new(vec![0; tiles.len()]);
+        let begun = Instant::now();
+        let sink = |tile: TileRadiance| {
+            let at = tiles[tile.index];
+            assert_eq!(tile.radiance[0], [at.x as f32, at.y as f32, 0.0]);
+            come.lock().unwrap()[tile.index] += 1;
+        };
+        throttled.trace(&scene, &job, &sink).unwrap();
+        let took = begun.elapsed();
+        assert_eq!(come.into_inner().unwrap(), vec![1; tiles.len()]);
+        let used: Duration = busy.0.lock().unwrap().iter().sum();
+        assert!(
+            took >= 4 * used - Duration::from_millis(6),
+            "{used:?} in {took:?}"
+        );
+    }
+
+    #[test]
+    fn a_share_is_a_part() {
+        for wrong in [0.0, -1.0, 1.01, f64::NAN, f64::INFINITY] {
+            assert!(Share::new(wrong).is_err(), "{wrong}");
+        }
+        let share = Share::new(0.25).unwrap();
+        let copy = share.clone();
+        assert!(copy.set(2.0).is_err());
+        assert_eq!(share.get(), 0.25);
+        copy.set(1.0).unwrap();
+        assert_eq!(share.get(), 1.0);
+    }
+
+    #[test]
+    fn rest_is_paid_to_the_end_or_until_cancelled() {
+        let mut pace = Pace {
+            owed_secs: 0.02,
+            ..Pace::default()
+        };
+        let begun = Instant::now();
+        pace.rest(&AtomicBool::new(false));
+        assert!(begun.elapsed().as_secs_f64() >= 0.02 - REST_SECS_MIN);
+        pace.owed_secs = 1e9;
+        pace.rest(&AtomicBool::new(true));
+        assert!(pace.owed_secs <= REST_SECS_MIN);
+    }
+}
