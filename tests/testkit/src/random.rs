@@ -4,15 +4,16 @@ use std::f64::consts::TAU;
 
 /// A stream of random numbers.
 #[derive(Clone, Debug)]
-pub(crate) struct Random(u64);
+pub struct Random(u64);
 
 impl Random {
-    pub(crate) fn new(seed: u64) -> Self {
+    /// The stream that begins with `seed`.
+    pub fn new(seed: u64) -> Self {
         Self(seed)
     }
 
     /// The stream that belongs to `key`.
-    pub(crate) fn of(key: &[u64]) -> Self {
+    pub fn of(key: &[u64]) -> Self {
         let mut random = Self(0);
         for word in key {
             random.0 ^= *word;
@@ -22,7 +23,7 @@ impl Random {
     }
 
     /// All bits even.
-    pub(crate) fn word(&mut self) -> u64 {
+    pub fn word(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut word = self.0;
         word = (word ^ (word >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -31,22 +32,22 @@ impl Random {
     }
 
     /// Evenly in [0, 1).
-    pub(crate) fn uniform(&mut self) -> f64 {
+    pub fn uniform(&mut self) -> f64 {
         (self.word() >> 11) as f64 / (1u64 << 53) as f64
     }
 
     /// Evenly in 0 … `below` − 1.
-    pub(crate) fn below(&mut self, below: u64) -> u64 {
+    pub fn below(&mut self, below: u64) -> u64 {
         self.word() % below.max(1)
     }
 
     /// Exponentially with mean 1.
-    pub(crate) fn exponential(&mut self) -> f64 {
+    pub fn exponential(&mut self) -> f64 {
         -(1.0 - self.uniform()).ln()
     }
 
     /// Normally with mean 0 and deviation 1 (Box and Muller, 1958).
-    pub(crate) fn normal(&mut self) -> f64 {
+    pub fn normal(&mut self) -> f64 {
         (2.0 * self.exponential()).sqrt() * (TAU * self.uniform()).cos()
     }
 }
