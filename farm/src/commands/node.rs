@@ -11,7 +11,6 @@ use carom_farm::net::{Credentials, NodeServer, PacketHandler, Role, ServerEvent,
 use carom_farm::node::{Node, NodeConnection};
 use carom_protocol::session::Packet;
 use carom_protocol::{RequestId, ToNode, codec};
-use carom_tracer::Tracer as _;
 
 use crate::commands::Failure;
 use carom_farm::backend::NodeBackend;
