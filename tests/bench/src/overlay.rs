@@ -236,5 +236,5 @@ const TILES: usize = 120 * 68;
 const SECS_MAX: f64 = 600.0;
 /// Frames before every node has its share.
 const WARM_UP: usize = 30;
-/// FrameRate before layout and texts are in egui's caches.
+/// Redraws before layout and texts are in egui's caches.
 const SETTLING: u64 = 20;
