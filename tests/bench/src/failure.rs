@@ -45,12 +45,9 @@ impl From<carom_tracer::Error> for Failure {
 
 impl From<carom_farm::Error> for Failure {
     fn from(error: carom_farm::Error) -> Self {
-        match error {
-            carom_farm::Error::Tracer(error) => error.into(),
-            carom_farm::Error::Config(why) | carom_farm::Error::Credentials(why) => {
-                Self::Input(why)
-            }
-            error => Self::Run(error.into()),
+        match error.is_invalid_input() {
+            true => Self::Input(error.to_string()),
+            false => Self::Run(error.into()),
         }
     }
 }
