@@ -1,19 +1,21 @@
 //! Laws of light that every tracer keeps, on scenes whose radiance is known.
 
-use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::tracers::tracers;
 use carom_tracer::film::{Film, trace_image, trace_tiles};
 use carom_tracer::metrics::mean;
 use carom_tracer::{
-    AreaLight, Camera, CompiledScene, Environment, ImageSize, Material, Object, ObjectPose,
-    RadianceImage, RenderSettings, ScalarTracer, Scene, SceneUpdate, Shape, Stripe, Tile, TileGrid,
-    TileRadiance, TraceJob, Tracer,
+    CompiledScene, ImageSize, ObjectPose, RadianceImage, RenderSettings, ScalarTracer, Scene,
+    SceneUpdate, Tile, TileGrid, TileRadiance, TraceJob, Tracer,
 };
 use glam::{Quat, Vec3};
+
+use crate::scenes::{
+    area_light_seen_from, ball, diffuse, empty, lit_floor, plastic, still_life, with,
+};
+use crate::tracers::tracers;
 
 /// What f32 arithmetic over a path of depth five may lose.
 const ROUNDING: f64 = 1e-5;
@@ -37,125 +39,6 @@ fn film(tracer: &dyn Tracer, scene: &Scene, settings: RenderSettings) -> Film {
     assert_eq!(film.dropped_samples(), 0);
     assert_eq!(film.samples_min(), u64::from(settings.samples));
     film
-}
-
-fn diffuse(albedo: f32) -> Material {
-    Material::Diffuse {
-        albedo: Vec3::splat(albedo),
-    }
-}
-
-fn plastic(albedo: f32, ior: f32) -> Material {
-    Material::SmoothPlastic {
-        albedo: Vec3::splat(albedo),
-        ior,
-        internal_reflectance: None,
-        stripe: None,
-    }
-}
-
-/// Nothing but a camera at (0, −3, 0) that looks along +y.
-fn empty(environment: f32) -> Scene {
-    Scene {
-        camera: Camera {
-            eye: Vec3::new(0.0, -3.0, 0.0),
-            target: Vec3::ZERO,
-            up: Vec3::Z,
-            fov_x_deg: 20.0,
-        },
-        environment: Environment {
-            radiance: Vec3::splat(environment),
-        },
-        materials: BTreeMap::new(),
-        objects: Vec::new(),
-        area_lights: Vec::new(),
-    }
-}
-
-fn with(mut scene: Scene, material: Material, shape: Shape) -> Scene {
-    let name = format!("object {}", scene.objects.len());
-    scene.materials.insert(name.clone(), material);
-    scene.objects.push(Object {
-        material: name.clone(),
-        name,
-        shape,
-    });
-    scene
-}
-
-/// A sphere that fills the whole picture of [`empty`]'s camera.
-fn ball() -> Shape {
-    Shape::Sphere {
-        center: Vec3::ZERO,
-        radius: 1.0,
-        rotation: Quat::IDENTITY,
-    }
-}
-
-/// An area light of 2 m × 1 m at `z`, facing down or up.
-fn light(z: f32, facing_down: bool, radiance: f32) -> AreaLight {
-    AreaLight {
-        name: "lamp".to_owned(),
-        center: Vec3::new(0.0, 0.0, z),
-        half_u: Vec3::new(1.0, 0.0, 0.0),
-        half_v: Vec3::new(0.0, if facing_down { -0.5 } else { 0.5 }, 0.0),
-        radiance: Vec3::splat(radiance),
-    }
-}
-
-fn floor() -> Shape {
-    Shape::Rectangle {
-        center: Vec3::ZERO,
-        half_u: Vec3::new(5.0, 0.0, 0.0),
-        half_v: Vec3::new(0.0, 5.0, 0.0),
-    }
-}
-
-/// A floor seen from aside, so near that the picture is of one point, and an area light above it.
-fn lit_floor(point: Vec3, facing_down: bool) -> Scene {
-    let mut scene = with(empty(0.0), diffuse(0.5), floor());
-    scene.area_lights.push(light(1.5, facing_down, 10.0));
-    scene.camera.eye = point + Vec3::new(0.0, -0.1, 0.05);
-    scene.camera.target = point;
-    scene.camera.fov_x_deg = 0.5;
-    scene
-}
-
-/// A little of everything: balls, a box, a disc, an area light that is seen, and one that is not.
-fn still_life() -> Scene {
-    let striped = Material::SmoothPlastic {
-        albedo: Vec3::new(0.8, 0.7, 0.6),
-        ior: 1.5,
-        internal_reflectance: None,
-        stripe: Some(Stripe {
-            albedo: Vec3::new(0.1, 0.2, 0.7),
-            half_width: 0.5,
-        }),
-    };
-    let ball = |x: f32, radius: f32| Shape::Sphere {
-        center: Vec3::new(x, 0.0, radius),
-        radius,
-        rotation: Quat::from_rotation_x(0.7 + x),
-    };
-    let disc = Shape::Disc {
-        center: Vec3::new(0.3, -0.6, 0.01),
-        normal: Vec3::Z,
-        radius: 0.2,
-    };
-    let block = Shape::Box {
-        min: Vec3::new(-0.9, 0.2, 0.0),
-        max: Vec3::new(-0.5, 0.5, 0.6),
-    };
-    let mut scene = with(empty(0.05), diffuse(0.6), floor());
-    scene = with(scene, striped, ball(0.0, 0.3));
-    scene = with(scene, plastic(0.4, 1.5), ball(0.55, 0.25));
-    scene = with(scene, diffuse(0.2), block);
-    scene = with(scene, plastic(0.0, 1.4), disc);
-    scene.area_lights = vec![light(1.2, true, 8.0), light(3.0, true, 20.0)];
-    scene.camera.eye = Vec3::new(0.2, -3.0, 1.2);
-    scene.camera.target = Vec3::new(0.0, 0.0, 0.4);
-    scene.camera.fov_x_deg = 45.0;
-    scene
 }
 
 fn assert_near(value: f64, expected: f64, relative: f64, what: &str) {
@@ -273,12 +156,8 @@ fn area_light_emits_from_one_side() {
             "the floor behind an area light stays black"
         );
 
-        let mut scene = empty(1.0);
-        scene.area_lights.push(light(0.0, true, 10.0));
-        scene.camera.up = Vec3::Y;
-        scene.camera.target = Vec3::ZERO;
         for (eye_z, radiance) in [(-1.0, 10.0), (1.0, 0.0)] {
-            scene.camera.eye = Vec3::new(0.0, 0.0, eye_z);
+            let scene = area_light_seen_from(eye_z);
             let seen = image(tracer.as_ref(), &scene, settings(2));
             assert!(
                 seen.pixels.iter().all(|&pixel| pixel == [radiance; 3]),

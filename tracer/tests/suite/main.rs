@@ -8,5 +8,6 @@ mod gpu;
 mod images;
 mod laws;
 mod materials;
+mod scenes;
 mod tracers;
 mod vectors;

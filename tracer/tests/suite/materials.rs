@@ -1,6 +1,5 @@
 //! Glass, gold and wax: against the independent renderer's picture, and laws of light.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use carom_tracer::film::{trace_estimate, trace_image};
@@ -8,12 +7,14 @@ use carom_tracer::metrics::{Estimate, Region, mean, region};
 use carom_tracer::sampling::uniforms;
 use carom_tracer::scalar::{Ray, intersect};
 use carom_tracer::{
-    AreaLight, Axis, Camera, CompiledScene, CsgSolid, Environment, ImageSize, Material, Medium,
-    Object, ProceduralTexture, RadianceImage, RenderSettings, ScalarTracer, Scene, Shape, Sights,
-    Stripe, Subtraction, Tile, Tracer,
+    CompiledScene, CsgSolid, ImageSize, Material, Medium, RadianceImage, RenderSettings,
+    ScalarTracer, Scene, Shape, Tile, Tracer,
 };
-use glam::{Quat, Vec3};
+use glam::Vec3;
 
+use crate::scenes::{
+    clear_box, furnace, glass, gold, object, subtraction, textured_still_life, white_csg_block,
+};
 use crate::tracers::tracers;
 
 fn repository(path: &str) -> PathBuf {
@@ -133,45 +134,6 @@ fn refracted_nee_is_unbiased_and_quiet() {
     }
 }
 
-/// A ball of `material` before a camera that sees nothing else, in uniform light of radiance 1.
-fn furnace(material: Material) -> Scene {
-    let ball = Object {
-        name: "ball".to_owned(),
-        material: "m".to_owned(),
-        shape: Shape::Sphere {
-            center: Vec3::ZERO,
-            radius: 1.0,
-            rotation: Quat::IDENTITY,
-        },
-    };
-    Scene {
-        camera: Camera {
-            eye: Vec3::new(0.0, -3.0, 0.0),
-            target: Vec3::ZERO,
-            up: Vec3::Z,
-            fov_x_deg: 20.0,
-        },
-        environment: Environment {
-            radiance: Vec3::ONE,
-        },
-        materials: BTreeMap::from([("m".to_owned(), material)]),
-        objects: vec![ball],
-        area_lights: Vec::new(),
-    }
-}
-
-fn glass(ior: f32, alpha: f32, medium: Option<Medium>) -> Material {
-    Material::Dielectric { ior, alpha, medium }
-}
-
-fn gold(alpha: f32) -> Material {
-    Material::Conductor {
-        eta: Vec3::new(0.143, 0.375, 1.442),
-        k: Vec3::new(3.983, 2.386, 1.603),
-        alpha,
-    }
-}
-
 fn trace(tracer: &dyn Tracer, scene: &Scene, settings: RenderSettings) -> RadianceImage {
     let scene = CompiledScene::new(scene).unwrap();
     let film = trace_image(tracer, &scene, ImageSize::new(24, 16), settings).unwrap();
@@ -286,12 +248,7 @@ fn a_polished_ball_of_gold_shows_its_reflectance() {
 /// A glass box bends and reflects but takes nothing either; its edges make long paths.
 #[test]
 fn a_clear_box_vanishes_in_uniform_light() {
-    let mut scene = furnace(glass(1.5, 0.0, None));
-    scene.objects[0].shape = Shape::Box {
-        min: Vec3::new(-0.4, -0.3, -0.2),
-        max: Vec3::new(0.4, 0.3, 0.2),
-    };
-    scene.camera.eye = Vec3::new(0.7, -3.0, 1.0);
+    let scene = clear_box();
     for tracer in tracers() {
         let mean = mean(&trace(tracer.as_ref(), &scene, long_paths(64)))[2];
         // Total reflection keeps some paths in the box beyond the longest.
@@ -334,157 +291,6 @@ fn every_tracer_follows_scalar_paths() {
     }
 }
 
-fn object(name: &str, material: &str, shape: Shape) -> Object {
-    Object {
-        name: name.to_owned(),
-        material: material.to_owned(),
-        shape,
-    }
-}
-
-fn subtraction(solid: CsgSolid, material: Option<&str>) -> Subtraction {
-    Subtraction {
-        solid,
-        material: material.map(str::to_owned),
-    }
-}
-
-/// A box with a bevel, a bore, a hollow and a rounded edge.
-fn csg_block(bore_material: Option<&str>) -> Shape {
-    Shape::CsgBox {
-        min: Vec3::new(-0.5, -0.4, -0.3),
-        max: Vec3::new(0.5, 0.4, 0.2),
-        subtractions: vec![
-            subtraction(
-                CsgSolid::HalfSpace {
-                    point: Vec3::new(0.0, -0.4, 0.1),
-                    normal: Vec3::new(0.0, -1.0, 1.0),
-                },
-                None,
-            ),
-            subtraction(
-                CsgSolid::Cylinder {
-                    center: Vec3::new(-0.2, 0.0, 0.0),
-                    radius: 0.15,
-                },
-                bore_material,
-            ),
-            subtraction(
-                CsgSolid::Box {
-                    min: Vec3::new(0.0, -0.2, -0.1),
-                    max: Vec3::new(0.4, 0.25, 0.4),
-                },
-                None,
-            ),
-            subtraction(
-                CsgSolid::ConeExterior {
-                    center: Vec3::new(0.4, -0.3, 0.0),
-                    radius: 0.1,
-                    taper: 0.0,
-                    beyond: Vec3::new(0.05, -0.05, 0.0),
-                },
-                None,
-            ),
-        ],
-    }
-}
-
-/// A CSG block, numbered balls, wood, planks and cloth under an area light.
-#[expect(clippy::too_many_lines, reason = "a scene as data")]
-fn textured_still_life() -> Scene {
-    let coated = |texture| Material::Coated { ior: 1.5, texture };
-    let (light, dark) = (Vec3::new(0.5, 0.3, 0.15), Vec3::new(0.2, 0.08, 0.03));
-    let wood = |grain, sights| {
-        coated(ProceduralTexture::Wood {
-            light,
-            dark,
-            grain,
-            sights,
-        })
-    };
-    let sights = Some(Sights {
-        spacing: 0.2,
-        end_x: 0.7,
-        side_y: 0.45,
-    });
-    let stripe = Some(Stripe {
-        albedo: Vec3::new(0.1, 0.1, 0.5),
-        half_width: 0.5,
-    });
-    let ball = |number, stripe| {
-        coated(ProceduralTexture::Ball {
-            albedo: Vec3::splat(0.7),
-            stripe,
-            number,
-        })
-    };
-    let sphere = |x: f32, y: f32, turn: f32| Shape::Sphere {
-        center: Vec3::new(x, y, 0.3),
-        radius: 0.1,
-        rotation: Quat::from_rotation_z(turn),
-    };
-    let plate = |z: f32, half: f32| Shape::Rectangle {
-        center: Vec3::new(0.0, 0.0, z),
-        half_u: Vec3::new(half, 0.0, 0.0),
-        half_v: Vec3::new(0.0, half, 0.0),
-    };
-    let cloth = Material::Cloth {
-        albedo: Vec3::new(0.1, 0.5, 0.3),
-        sheen: Vec3::splat(0.3),
-        sheen_roughness: 0.3,
-    };
-    let mut scene = furnace(cloth);
-    let materials = [
-        ("wood", wood(Axis::Y, None)),
-        ("rails", wood(Axis::X, sights)),
-        ("upright", wood(Axis::Z, None)),
-        ("planks", coated(ProceduralTexture::Planks { light, dark })),
-        ("nine", ball(9, stripe)),
-        ("twelve", ball(12, None)),
-    ];
-    let named = materials.map(|(name, material)| (name.to_owned(), material));
-    scene.materials.extend(named);
-    let post = Shape::CsgBox {
-        min: Vec3::new(0.55, 0.15, -0.3),
-        max: Vec3::new(0.75, 0.35, 0.5),
-        subtractions: vec![subtraction(
-            CsgSolid::ConeExterior {
-                center: Vec3::new(0.65, 0.25, 0.1),
-                radius: 0.06,
-                taper: -0.08,
-                beyond: Vec3::ZERO,
-            },
-            Some("nine"),
-        )],
-    };
-    scene.objects = vec![
-        object("block", "wood", csg_block(Some("m"))),
-        object("nine", "nine", sphere(-0.4, -0.1, 2.0)),
-        object("twelve", "twelve", sphere(0.25, -0.55, -1.4)),
-        object("post", "upright", post),
-        object("floor", "planks", plate(-0.3, 3.0)),
-        object(
-            "rails",
-            "rails",
-            Shape::Box {
-                min: Vec3::new(-1.0, -1.0, -0.3),
-                max: Vec3::new(1.0, -0.45, -0.25),
-            },
-        ),
-    ];
-    scene.environment.radiance = Vec3::splat(0.1);
-    scene.area_lights = vec![AreaLight {
-        name: "lamp".to_owned(),
-        center: Vec3::new(0.0, 0.0, 1.5),
-        half_u: Vec3::new(0.5, 0.0, 0.0),
-        half_v: Vec3::new(0.0, -0.3, 0.0),
-        radiance: Vec3::splat(10.0),
-    }];
-    scene.camera.eye = Vec3::new(0.4, -2.0, 1.4);
-    scene.camera.fov_x_deg = 45.0;
-    scene
-}
-
 #[test]
 fn csg_and_textures_agree_with_scalar_per_sample() {
     let scene = CompiledScene::new(&textured_still_life()).unwrap();
@@ -518,9 +324,7 @@ fn csg_and_textures_agree_with_scalar_per_sample() {
 /// White furnace of a concave body: light that is caught in a bore gets out again.
 #[test]
 fn white_csg_box_vanishes_in_uniform_light() {
-    let mut scene = furnace(Material::Diffuse { albedo: Vec3::ONE });
-    scene.objects = vec![object("block", "m", csg_block(None))];
-    scene.camera.eye = Vec3::new(0.3, -1.0, 3.0);
+    let scene = white_csg_block();
     for tracer in tracers() {
         let image = trace(tracer.as_ref(), &scene, long_paths(16));
         for pixel in image.pixels {

@@ -1,0 +1,347 @@
+//! Scenes of the laws of light.
+
+use std::collections::BTreeMap;
+
+use carom_tracer::{
+    AreaLight, Axis, Camera, CsgSolid, Environment, Material, Medium, Object, ProceduralTexture,
+    Scene, Shape, Sights, Stripe, Subtraction,
+};
+use glam::{Quat, Vec3};
+
+pub(crate) fn diffuse(albedo: f32) -> Material {
+    Material::Diffuse {
+        albedo: Vec3::splat(albedo),
+    }
+}
+
+pub(crate) fn plastic(albedo: f32, ior: f32) -> Material {
+    Material::SmoothPlastic {
+        albedo: Vec3::splat(albedo),
+        ior,
+        internal_reflectance: None,
+        stripe: None,
+    }
+}
+
+/// Nothing but a camera at (0, −3, 0) that looks along +y.
+pub(crate) fn empty(environment: f32) -> Scene {
+    Scene {
+        camera: Camera {
+            eye: Vec3::new(0.0, -3.0, 0.0),
+            target: Vec3::ZERO,
+            up: Vec3::Z,
+            fov_x_deg: 20.0,
+        },
+        environment: Environment {
+            radiance: Vec3::splat(environment),
+        },
+        materials: BTreeMap::new(),
+        objects: Vec::new(),
+        area_lights: Vec::new(),
+    }
+}
+
+pub(crate) fn with(mut scene: Scene, material: Material, shape: Shape) -> Scene {
+    let name = format!("object {}", scene.objects.len());
+    scene.materials.insert(name.clone(), material);
+    scene.objects.push(Object {
+        material: name.clone(),
+        name,
+        shape,
+    });
+    scene
+}
+
+/// A sphere that fills the whole picture of [`empty`]'s camera.
+pub(crate) fn ball() -> Shape {
+    Shape::Sphere {
+        center: Vec3::ZERO,
+        radius: 1.0,
+        rotation: Quat::IDENTITY,
+    }
+}
+
+/// An area light of 2 m × 1 m at `z`, facing down or up.
+pub(crate) fn light(z: f32, facing_down: bool, radiance: f32) -> AreaLight {
+    AreaLight {
+        name: "lamp".to_owned(),
+        center: Vec3::new(0.0, 0.0, z),
+        half_u: Vec3::new(1.0, 0.0, 0.0),
+        half_v: Vec3::new(0.0, if facing_down { -0.5 } else { 0.5 }, 0.0),
+        radiance: Vec3::splat(radiance),
+    }
+}
+
+pub(crate) fn floor() -> Shape {
+    Shape::Rectangle {
+        center: Vec3::ZERO,
+        half_u: Vec3::new(5.0, 0.0, 0.0),
+        half_v: Vec3::new(0.0, 5.0, 0.0),
+    }
+}
+
+/// A floor seen from aside, so near that the picture is of one point, and an area light above it.
+pub(crate) fn lit_floor(point: Vec3, facing_down: bool) -> Scene {
+    let mut scene = with(empty(0.0), diffuse(0.5), floor());
+    scene.area_lights.push(light(1.5, facing_down, 10.0));
+    scene.camera.eye = point + Vec3::new(0.0, -0.1, 0.05);
+    scene.camera.target = point;
+    scene.camera.fov_x_deg = 0.5;
+    scene
+}
+
+/// A little of everything: balls, a box, a disc, an area light that is seen, and one that is not.
+pub(crate) fn still_life() -> Scene {
+    let striped = Material::SmoothPlastic {
+        albedo: Vec3::new(0.8, 0.7, 0.6),
+        ior: 1.5,
+        internal_reflectance: None,
+        stripe: Some(Stripe {
+            albedo: Vec3::new(0.1, 0.2, 0.7),
+            half_width: 0.5,
+        }),
+    };
+    let ball = |x: f32, radius: f32| Shape::Sphere {
+        center: Vec3::new(x, 0.0, radius),
+        radius,
+        rotation: Quat::from_rotation_x(0.7 + x),
+    };
+    let disc = Shape::Disc {
+        center: Vec3::new(0.3, -0.6, 0.01),
+        normal: Vec3::Z,
+        radius: 0.2,
+    };
+    let block = Shape::Box {
+        min: Vec3::new(-0.9, 0.2, 0.0),
+        max: Vec3::new(-0.5, 0.5, 0.6),
+    };
+    let mut scene = with(empty(0.05), diffuse(0.6), floor());
+    scene = with(scene, striped, ball(0.0, 0.3));
+    scene = with(scene, plastic(0.4, 1.5), ball(0.55, 0.25));
+    scene = with(scene, diffuse(0.2), block);
+    scene = with(scene, plastic(0.0, 1.4), disc);
+    scene.area_lights = vec![light(1.2, true, 8.0), light(3.0, true, 20.0)];
+    scene.camera.eye = Vec3::new(0.2, -3.0, 1.2);
+    scene.camera.target = Vec3::new(0.0, 0.0, 0.4);
+    scene.camera.fov_x_deg = 45.0;
+    scene
+}
+
+/// A ball of `material` before a camera that sees nothing else, in uniform light of radiance 1.
+pub(crate) fn furnace(material: Material) -> Scene {
+    let ball = Object {
+        name: "ball".to_owned(),
+        material: "m".to_owned(),
+        shape: Shape::Sphere {
+            center: Vec3::ZERO,
+            radius: 1.0,
+            rotation: Quat::IDENTITY,
+        },
+    };
+    Scene {
+        camera: Camera {
+            eye: Vec3::new(0.0, -3.0, 0.0),
+            target: Vec3::ZERO,
+            up: Vec3::Z,
+            fov_x_deg: 20.0,
+        },
+        environment: Environment {
+            radiance: Vec3::ONE,
+        },
+        materials: BTreeMap::from([("m".to_owned(), material)]),
+        objects: vec![ball],
+        area_lights: Vec::new(),
+    }
+}
+
+pub(crate) fn glass(ior: f32, alpha: f32, medium: Option<Medium>) -> Material {
+    Material::Dielectric { ior, alpha, medium }
+}
+
+pub(crate) fn gold(alpha: f32) -> Material {
+    Material::Conductor {
+        eta: Vec3::new(0.143, 0.375, 1.442),
+        k: Vec3::new(3.983, 2.386, 1.603),
+        alpha,
+    }
+}
+
+pub(crate) fn object(name: &str, material: &str, shape: Shape) -> Object {
+    Object {
+        name: name.to_owned(),
+        material: material.to_owned(),
+        shape,
+    }
+}
+
+pub(crate) fn subtraction(solid: CsgSolid, material: Option<&str>) -> Subtraction {
+    Subtraction {
+        solid,
+        material: material.map(str::to_owned),
+    }
+}
+
+/// A box with a bevel, a bore, a hollow and a rounded edge.
+pub(crate) fn csg_block(bore_material: Option<&str>) -> Shape {
+    Shape::CsgBox {
+        min: Vec3::new(-0.5, -0.4, -0.3),
+        max: Vec3::new(0.5, 0.4, 0.2),
+        subtractions: vec![
+            subtraction(
+                CsgSolid::HalfSpace {
+                    point: Vec3::new(0.0, -0.4, 0.1),
+                    normal: Vec3::new(0.0, -1.0, 1.0),
+                },
+                None,
+            ),
+            subtraction(
+                CsgSolid::Cylinder {
+                    center: Vec3::new(-0.2, 0.0, 0.0),
+                    radius: 0.15,
+                },
+                bore_material,
+            ),
+            subtraction(
+                CsgSolid::Box {
+                    min: Vec3::new(0.0, -0.2, -0.1),
+                    max: Vec3::new(0.4, 0.25, 0.4),
+                },
+                None,
+            ),
+            subtraction(
+                CsgSolid::ConeExterior {
+                    center: Vec3::new(0.4, -0.3, 0.0),
+                    radius: 0.1,
+                    taper: 0.0,
+                    beyond: Vec3::new(0.05, -0.05, 0.0),
+                },
+                None,
+            ),
+        ],
+    }
+}
+
+/// A CSG block, numbered balls, wood, planks and cloth under an area light.
+#[expect(clippy::too_many_lines, reason = "a scene as data")]
+pub(crate) fn textured_still_life() -> Scene {
+    let coated = |texture| Material::Coated { ior: 1.5, texture };
+    let (light, dark) = (Vec3::new(0.5, 0.3, 0.15), Vec3::new(0.2, 0.08, 0.03));
+    let wood = |grain, sights| {
+        coated(ProceduralTexture::Wood {
+            light,
+            dark,
+            grain,
+            sights,
+        })
+    };
+    let sights = Some(Sights {
+        spacing: 0.2,
+        end_x: 0.7,
+        side_y: 0.45,
+    });
+    let stripe = Some(Stripe {
+        albedo: Vec3::new(0.1, 0.1, 0.5),
+        half_width: 0.5,
+    });
+    let ball = |number, stripe| {
+        coated(ProceduralTexture::Ball {
+            albedo: Vec3::splat(0.7),
+            stripe,
+            number,
+        })
+    };
+    let sphere = |x: f32, y: f32, turn: f32| Shape::Sphere {
+        center: Vec3::new(x, y, 0.3),
+        radius: 0.1,
+        rotation: Quat::from_rotation_z(turn),
+    };
+    let plate = |z: f32, half: f32| Shape::Rectangle {
+        center: Vec3::new(0.0, 0.0, z),
+        half_u: Vec3::new(half, 0.0, 0.0),
+        half_v: Vec3::new(0.0, half, 0.0),
+    };
+    let cloth = Material::Cloth {
+        albedo: Vec3::new(0.1, 0.5, 0.3),
+        sheen: Vec3::splat(0.3),
+        sheen_roughness: 0.3,
+    };
+    let mut scene = furnace(cloth);
+    let materials = [
+        ("wood", wood(Axis::Y, None)),
+        ("rails", wood(Axis::X, sights)),
+        ("upright", wood(Axis::Z, None)),
+        ("planks", coated(ProceduralTexture::Planks { light, dark })),
+        ("nine", ball(9, stripe)),
+        ("twelve", ball(12, None)),
+    ];
+    let named = materials.map(|(name, material)| (name.to_owned(), material));
+    scene.materials.extend(named);
+    let post = Shape::CsgBox {
+        min: Vec3::new(0.55, 0.15, -0.3),
+        max: Vec3::new(0.75, 0.35, 0.5),
+        subtractions: vec![subtraction(
+            CsgSolid::ConeExterior {
+                center: Vec3::new(0.65, 0.25, 0.1),
+                radius: 0.06,
+                taper: -0.08,
+                beyond: Vec3::ZERO,
+            },
+            Some("nine"),
+        )],
+    };
+    scene.objects = vec![
+        object("block", "wood", csg_block(Some("m"))),
+        object("nine", "nine", sphere(-0.4, -0.1, 2.0)),
+        object("twelve", "twelve", sphere(0.25, -0.55, -1.4)),
+        object("post", "upright", post),
+        object("floor", "planks", plate(-0.3, 3.0)),
+        object(
+            "rails",
+            "rails",
+            Shape::Box {
+                min: Vec3::new(-1.0, -1.0, -0.3),
+                max: Vec3::new(1.0, -0.45, -0.25),
+            },
+        ),
+    ];
+    scene.environment.radiance = Vec3::splat(0.1);
+    scene.area_lights = vec![AreaLight {
+        name: "lamp".to_owned(),
+        center: Vec3::new(0.0, 0.0, 1.5),
+        half_u: Vec3::new(0.5, 0.0, 0.0),
+        half_v: Vec3::new(0.0, -0.3, 0.0),
+        radiance: Vec3::splat(10.0),
+    }];
+    scene.camera.eye = Vec3::new(0.4, -2.0, 1.4);
+    scene.camera.fov_x_deg = 45.0;
+    scene
+}
+
+/// An area light that shines down on a camera below it, and turns its back on one above.
+pub(crate) fn area_light_seen_from(eye_z: f32) -> Scene {
+    let mut scene = empty(1.0);
+    scene.area_lights.push(light(0.0, true, 10.0));
+    scene.camera.eye = Vec3::new(0.0, 0.0, eye_z);
+    scene.camera.target = Vec3::ZERO;
+    scene.camera.up = Vec3::Y;
+    scene
+}
+
+/// A clear box whose edges make long paths.
+pub(crate) fn clear_box() -> Scene {
+    let mut scene = furnace(glass(1.5, 0.0, None));
+    scene.objects[0].shape = Shape::Box {
+        min: Vec3::new(-0.4, -0.3, -0.2),
+        max: Vec3::new(0.4, 0.3, 0.2),
+    };
+    scene.camera.eye = Vec3::new(0.7, -3.0, 1.0);
+    scene
+}
+
+/// A white concave body.
+pub(crate) fn white_csg_block() -> Scene {
+    let mut scene = furnace(Material::Diffuse { albedo: Vec3::ONE });
+    scene.objects = vec![object("block", "m", csg_block(None))];
+    scene.camera.eye = Vec3::new(0.3, -1.0, 3.0);
+    scene
+}
