@@ -18,6 +18,7 @@ pub mod gpu;
 pub mod image_file;
 pub mod metrics;
 pub mod post;
+pub mod reference;
 pub mod reproject;
 pub mod sampling;
 pub mod scalar;

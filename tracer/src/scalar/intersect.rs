@@ -259,7 +259,7 @@ fn meet_plane(ray: &Ray, center: DVec3, n: DVec3) -> Option<(f64, DVec3)> {
 }
 
 /// An f32 triple in f64.
-pub(super) fn vector(v: [f32; 3]) -> DVec3 {
+pub(crate) fn vector(v: [f32; 3]) -> DVec3 {
     glam::Vec3::from_array(v).as_dvec3()
 }
 

@@ -8,6 +8,7 @@ mod gpu;
 mod images;
 mod laws;
 mod materials;
+mod reference;
 mod scenes;
 mod tracers;
 mod vectors;

@@ -345,3 +345,109 @@ pub(crate) fn white_csg_block() -> Scene {
     scene.camera.eye = Vec3::new(0.3, -1.0, 3.0);
     scene
 }
+
+/// A scene that a law is tested on.
+pub(crate) struct LawScene {
+    pub(crate) name: &'static str,
+    pub(crate) scene: Scene,
+    pub(crate) max_depth: u32,
+}
+
+/// Every scene of `laws`.
+pub(crate) fn scenes_of_laws() -> Vec<LawScene> {
+    let mut scenes = vec![
+        ("empty", empty(0.25)),
+        ("white diffuse ball", with(empty(1.0), diffuse(1.0), ball())),
+        (
+            "black plastic ball",
+            with(empty(1.0), plastic(0.0, 1.5), ball()),
+        ),
+        ("floor below a light", lit_floor(Vec3::ZERO, true)),
+        (
+            "floor aside a light",
+            lit_floor(Vec3::new(0.7, -0.3, 0.0), true),
+        ),
+        (
+            "floor far from a light",
+            lit_floor(Vec3::new(2.5, 1.0, 0.0), true),
+        ),
+        ("floor behind a light", lit_floor(Vec3::ZERO, false)),
+        ("still life", still_life()),
+    ];
+    for ior in [1.0, 1.3, 1.5, 3.0] {
+        scenes.push((
+            "white plastic ball",
+            with(empty(1.0), plastic(1.0, ior), ball()),
+        ));
+    }
+    for material in [diffuse(0.6), plastic(0.6, 1.0)] {
+        let mut scene = still_life();
+        for other in scene.materials.values_mut() {
+            *other = material;
+        }
+        scenes.push(("still life of one material", scene));
+    }
+    for eye_z in [-1.0, 1.0] {
+        scenes.push(("one side of a light", area_light_seen_from(eye_z)));
+    }
+    let mut hidden = still_life();
+    hidden.objects.remove(1);
+    scenes.push(("still life without a ball", hidden));
+    scenes
+        .into_iter()
+        .map(|(name, scene)| LawScene {
+            name,
+            scene,
+            max_depth: 5,
+        })
+        .collect()
+}
+
+/// Every scene of `materials` but the one of the independent renderer.
+pub(crate) fn scenes_of_materials() -> Vec<LawScene> {
+    let mirror = |alpha| Material::Conductor {
+        eta: Vec3::splat(0.01),
+        k: Vec3::splat(1000.0),
+        alpha,
+    };
+    let medium = |extinction, albedo| Some(Medium { extinction, albedo });
+    let (clear, tinted) = (
+        medium(Vec3::ONE, Vec3::ONE),
+        medium(Vec3::new(0.1, 0.5, 2.0), Vec3::ZERO),
+    );
+    let cloth = Material::Cloth {
+        albedo: Vec3::new(1.0, 0.5, 0.0),
+        sheen: Vec3::splat(0.4),
+        sheen_roughness: 0.3,
+    };
+    let scenes = [
+        ("clear ball of index 1", furnace(glass(1.0, 0.0, None))),
+        ("clear ball of index 1.5", furnace(glass(1.5, 0.0, None))),
+        ("clear ball of index 2.5", furnace(glass(2.5, 0.0, None))),
+        ("frosted ball", furnace(glass(1.5, 0.3, None))),
+        ("finely frosted ball", furnace(glass(1.5, 0.05, None))),
+        ("rough mirror ball", furnace(mirror(0.3))),
+        (
+            "scattering ball of index 1",
+            furnace(glass(1.0, 0.0, clear)),
+        ),
+        (
+            "scattering ball of index 1.3",
+            furnace(glass(1.3, 0.0, clear)),
+        ),
+        ("tinted ball", furnace(glass(1.0, 0.0, tinted))),
+        ("polished ball of gold", furnace(gold(0.0))),
+        ("ball of cloth", furnace(cloth)),
+        ("clear box", clear_box()),
+        ("CSG box", white_csg_block()),
+        ("textured still life", textured_still_life()),
+    ];
+    scenes
+        .into_iter()
+        .map(|(name, scene)| LawScene {
+            name,
+            scene,
+            max_depth: 63,
+        })
+        .collect()
+}

@@ -1,0 +1,150 @@
+//! Reference path tracer: f64, one path at a time, BSDF sampling and light sampling combined by
+//! multiple importance sampling (Veach 1997, chapter 9), as in Pharr, Jakob and Humphreys,
+//! "Physically Based Rendering", 4th edition, sections 13.4 and 14.2.
+//!
+//! The other tracers agree with it in the mean. From [`crate::scalar`] it takes leaves alone:
+//! intersection, and evaluation and sampling of a BSDF. Its lights, media and weights are its own,
+//! and its random numbers are independent: any plain generator will do.
+
+use glam::DVec3;
+
+use crate::CompiledScene;
+use crate::compiled::{AreaLightData, MaterialData, Primitive};
+use crate::scalar::intersect::{Departure, Hit, Ray, intersect_from, vector};
+use crate::scalar::{medium::uniform_direction, scatter::Scatter};
+
+/// Radiance that one path finds along `ray`, scattering at most `max_depth` times. `random` gives
+/// independent numbers, uniform in [0, 1).
+pub fn radiance(
+    scene: &CompiledScene,
+    mut ray: Ray,
+    max_depth: u32,
+    random: &mut dyn FnMut() -> f64,
+) -> DVec3 {
+    let (mut radiance, mut throughput) = (DVec3::ZERO, DVec3::ONE);
+    let mut departure: Option<Departure> = None;
+    // Density of the ray's direction; none where light sampling could not have found it.
+    let mut bsdf_pdf = None;
+    for depth in 0..=max_depth {
+        let Some(hit) = intersect_from(scene, &ray, departure) else {
+            return radiance + throughput * scene.environment.as_dvec3();
+        };
+        let enclosing = departure.filter(|departure| departure.is_inside);
+        if let Some(medium) = enclosing.and_then(|body| scene.material_of(body.primitive)) {
+            let (scattered_at, weight) = fly(medium, hit.t, random);
+            throughput *= weight;
+            if let Some(distance) = scattered_at {
+                ray.origin += distance * ray.direction;
+                ray.direction = uniform_direction(random(), random());
+                bsdf_pdf = None;
+                continue;
+            }
+        }
+        if let Primitive::AreaLight(index) = hit.primitive {
+            let light = &scene.area_lights[index as usize];
+            let Some(light_pdf) = light_pdf(scene, light, &ray, hit.t) else {
+                break;
+            };
+            let weight = bsdf_pdf.map_or(1.0, |pdf| power_heuristic(pdf, light_pdf));
+            return radiance + throughput * weight * vector(light.radiance);
+        }
+        if depth == max_depth {
+            break;
+        }
+        let vertex = SurfaceVertex::new(scene, &ray, hit);
+        radiance += throughput * direct_light(scene, &vertex, random);
+        let sample = (vertex.bsdf).sample(vertex.wo, vertex.n, [(); 4].map(|()| random()));
+        throughput *= sample.weight;
+        let left = vertex.departure(sample.wi);
+        // A mirror has no density, and into bodies no light is sampled.
+        bsdf_pdf = sample.pdf.filter(|&pdf| pdf > 0.0 && !left.is_inside);
+        (ray.origin, ray.direction) = (vertex.hit.point, sample.wi);
+        departure = Some(left);
+    }
+    radiance
+}
+
+/// Light sampling: a light chosen uniformly, and a point uniform in its area.
+fn direct_light(
+    scene: &CompiledScene,
+    vertex: &SurfaceVertex,
+    random: &mut dyn FnMut() -> f64,
+) -> DVec3 {
+    let index = (random() * scene.area_lights.len() as f64) as usize;
+    let Some(light) = scene.area_lights.get(index) else {
+        return DVec3::ZERO;
+    };
+    let [u, v] = (light.half_edges()).map(|half| (2.0 * random() - 1.0) * vector(half));
+    let to_light = vector(light.center) + u + v - vertex.hit.point;
+    let (origin, direction) = (vertex.hit.point, to_light.normalize());
+    let shadow_ray = Ray { origin, direction };
+    let departure = vertex.departure(direction);
+    let nearest = intersect_from(scene, &shadow_ray, Some(departure));
+    let is_visible = nearest.is_some_and(|hit| hit.primitive == Primitive::AreaLight(index as u32));
+    match light_pdf(scene, light, &shadow_ray, to_light.length()) {
+        Some(light_pdf) if is_visible && !departure.is_inside => {
+            let (f, bsdf_pdf) = vertex.bsdf.eval(vertex.wo, direction, vertex.n);
+            let weight = power_heuristic(light_pdf, bsdf_pdf);
+            f * vector(light.radiance) * (direction.dot(vertex.n).abs() * weight / light_pdf)
+        }
+        _ => DVec3::ZERO,
+    }
+}
+
+/// Density of light sampling per solid angle, for a light met at distance `t`; none from behind.
+fn light_pdf(scene: &CompiledScene, light: &AreaLightData, ray: &Ray, t: f64) -> Option<f64> {
+    let cosine = -ray.direction.dot(vector(light.normal));
+    let area = 4.0 * f64::from(light.length_u) * f64::from(light.length_v);
+    (cosine > 0.0).then(|| t * t / (cosine * area * scene.area_lights.len() as f64))
+}
+
+/// Weight of a sample of density `chosen` where another technique has density `other`.
+fn power_heuristic(chosen: f64, other: f64) -> f64 {
+    chosen * chosen / (chosen * chosen + other * other)
+}
+
+/// Free flight towards a surface at distance `t`: where it ends early, if so, and its weight. A
+/// channel is chosen uniformly and its exponential law sampled (3rd edition, section 15.2.1).
+fn fly(medium: &MaterialData, t: f64, random: &mut dyn FnMut() -> f64) -> (Option<f64>, DVec3) {
+    let extinction = vector(medium.extinction);
+    let scattering = f64::from(medium.flight_rate) * vector(medium.scattering);
+    let channel = (3.0 * random()) as usize;
+    let distance = -(1.0 - random()).ln() / extinction[channel];
+    let transmittance = (-extinction * distance.min(t)).map(f64::exp);
+    if distance < t {
+        let pdf = (extinction * transmittance).element_sum() / 3.0;
+        return (Some(distance), scattering * (transmittance / pdf));
+    }
+    (None, transmittance / (transmittance.element_sum() / 3.0))
+}
+
+/// A point of a surface where a path scatters; `n` is on the side of `wo`.
+struct SurfaceVertex {
+    hit: Hit,
+    wo: DVec3,
+    n: DVec3,
+    is_inside: bool,
+    bsdf: Scatter,
+}
+
+impl SurfaceVertex {
+    fn new(scene: &CompiledScene, ray: &Ray, hit: Hit) -> Self {
+        let is_inside = ray.direction.dot(hit.n) > 0.0;
+        Self {
+            wo: -ray.direction,
+            n: if is_inside { -hit.n } else { hit.n },
+            is_inside,
+            bsdf: Scatter::at(scene, &hit, is_inside),
+            hit,
+        }
+    }
+
+    /// The side of the surface on which a ray along `wi` goes on.
+    fn departure(&self, wi: DVec3) -> Departure {
+        let is_transmitted = wi.dot(self.n) < 0.0;
+        Departure {
+            primitive: self.hit.primitive,
+            is_inside: self.bsdf.is_clear() && self.is_inside != is_transmitted,
+        }
+    }
+}
