@@ -9,7 +9,7 @@ use carom_tracer::{DeviceKind, Error, ScalarTracer, Tracer};
 use clap::ValueEnum;
 
 use crate::local_devices;
-use crate::multi_device::Hybrid;
+use crate::multi_device::MultiDeviceTracer;
 
 /// A back end of the benches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -47,7 +47,7 @@ impl Backend {
             Self::Gpu => Arc::new(GpuTracer::new(&AdapterChoice::Any)?),
             Self::Hybrid => {
                 let devices = vec![Self::Gpu.open(threads)?, Self::Cpu.open(threads)?];
-                Arc::new(Hybrid::new(devices, Vec::new()))
+                Arc::new(MultiDeviceTracer::new(devices, Vec::new()))
             }
             Self::Scalar => Arc::new(ScalarTracer),
         })

@@ -7,10 +7,12 @@ use std::time::{Duration, Instant};
 use carom_protocol::{FrameId, PrecisionRange, SceneHash};
 use carom_tracer::{Scene, Tracer};
 
-use crate::coordinator::{Action, Coordinator, NodeIndex};
-use crate::link::{Command, LinkEvent, MemoryLink};
+use crate::coordinator::{Coordinator, CoordinatorAction};
+use crate::link::{LinkCommand, LinkEvent};
+use crate::memory_link::MemoryLink;
 use crate::net::{Client, NodeAddress, NodeLink};
 use crate::node::Node;
+use crate::node_status::NodeIndex;
 use crate::{Balancing, Distribution, FarmConfig, Frame, FrameSpec, NodeStatus};
 
 /// What the thread is told. The queue has no bound of its own: a link passes on only what its
@@ -161,8 +163,10 @@ impl Driver {
             }
             while let Some(action) = self.coordinator.poll_action() {
                 match action {
-                    Action::Command { node, command } => self.links[node.0].send(command),
-                    Action::Deliver(frame) => drop(frames.send(*frame)),
+                    CoordinatorAction::Command { node, command } => {
+                        self.links[node.0].send(command)
+                    }
+                    CoordinatorAction::Deliver(frame) => drop(frames.send(*frame)),
                 }
             }
             self.refresh_statuses(now);
@@ -253,7 +257,7 @@ impl Driver {
 
 impl Link {
     /// A command that cannot be delivered is void: the link is gone and says so.
-    fn send(&self, command: Command) {
+    fn send(&self, command: LinkCommand) {
         let sent = match self {
             Self::Memory(link, _) => link.send(command),
             Self::Remote(link) => link.send(command),

@@ -47,25 +47,25 @@ mod channel;
 pub mod config;
 pub mod coordinator;
 mod driver;
-mod efficiency;
 pub mod error;
 mod farm;
 pub mod frame;
 pub mod link;
 pub mod local_devices;
+mod memory_link;
 pub mod multi_device;
 pub mod net;
 pub mod node;
+pub mod node_status;
 pub mod pacing;
+pub mod stats;
 
 pub use accumulated_render::Still;
 pub use balancing::{Algorithm, Balancing, Distribution};
 pub use carom_protocol::{FrameId, NodeInfo, PixelFormat, PixelPrecision, PrecisionRange};
 pub use config::{FarmConfig, LocalNode};
-pub use coordinator::NodeIndex;
-pub use efficiency::NodeEffort;
 pub use error::Error;
 pub use farm::Farm;
-pub use frame::{
-    Delivery, Frame, FrameSpec, FrameStats, LatencySplit, NodeState, NodeStatus, Pixels,
-};
+pub use frame::{Frame, FrameSpec, Pixels};
+pub use node_status::{NodeIndex, NodeState, NodeStatus};
+pub use stats::{Delivery, FrameStats, LatencySplit, NodeEffort};

@@ -1,21 +1,19 @@
-//! How the coordinator reaches a node: commands in, events out, the same over memory and QUIC.
+//! Link of the coordinator to a node: commands in, events out, the same over memory and QUIC.
 //!
 //! ```text
-//! coordinator ──Command──▶ link ──Packet──▶ NodeConnection, in this process or behind a socket
-//!             ◀─LinkEvent─      ◀─Packet───
+//! coordinator ──LinkCommand──▶ link ──Packet──▶ NodeConnection, in this process or behind a socket
+//!             ◀──LinkEvent──        ◀─Packet───
 //! ```
 //!
 //! A link keeps calling its node until it is dropped. Each connection begins with
 //! [`LinkEvent::Connecting`] and, if it is made, [`ClientEvent::Welcome`], and ends with
 //! [`LinkEvent::Lost`]; commands that were meant for an earlier connection are dropped. Packets
 //! become events, and pixels are decoded, on the link's own thread: [`crate::net::NodeLink`] over
-//! QUIC, [`MemoryLink`] here. Events are handed on together, as they come: to wake a thread for each
+//! QUIC, [`crate::memory_link::MemoryLink`] in this process. Events are handed on together, as they come: to wake a thread for each
 //! took more time than to decode it. Over memory the session and the packets are the same, so that
 //! playing on one machine takes the path that a farm takes.
 
 use std::sync::Arc;
-use std::task::{Context, Poll, Wake, Waker};
-use std::thread::{JoinHandle, Thread};
 use std::time::{Duration, Instant};
 
 use carom_protocol::session::{ClientEvent, ClientSession, Packet};
@@ -24,12 +22,9 @@ use carom_protocol::{
 };
 use carom_tracer::Scene;
 
-use crate::channel;
-use crate::node::{Node, NodeConnection};
-
 /// What the coordinator asks of a node; each is a call of [`ClientSession`].
 #[derive(Clone, Debug)]
-pub enum Command {
+pub enum LinkCommand {
     /// [`ClientSession::set_scene`].
     Scene(SceneHash, Arc<Scene>),
     /// [`ClientSession::trace`].
@@ -90,14 +85,14 @@ impl<F: FnMut(Vec<LinkEvent>)> LinkSession<F> {
     }
 
     /// Puts a command into packets. What cannot be asked is refused here as the node would.
-    pub fn command(&mut self, command: Command) {
+    pub fn command(&mut self, command: LinkCommand) {
         let session = &mut self.session;
         let done = match command {
-            Command::Scene(hash, scene) => session.set_scene(hash, &scene).map(drop),
-            Command::CancelBefore(frame) => session.cancel_before(frame),
-            Command::CancelRequest(run) => session.cancel_request(run),
-            Command::Ping(number) => session.ping(number),
-            Command::Trace(request) => return self.trace(*request),
+            LinkCommand::Scene(hash, scene) => session.set_scene(hash, &scene).map(drop),
+            LinkCommand::CancelBefore(frame) => session.cancel_before(frame),
+            LinkCommand::CancelRequest(run) => session.cancel_request(run),
+            LinkCommand::Ping(number) => session.ping(number),
+            LinkCommand::Trace(request) => return self.trace(*request),
         };
         if let Err(why) = done {
             tracing::warn!("{why}");
@@ -150,95 +145,8 @@ impl<F: FnMut(Vec<LinkEvent>)> LinkSession<F> {
     }
 }
 
-/// A link to a node in this process.
-pub struct MemoryLink {
-    /// Taken when dropped, which ends the thread.
-    commands: Option<channel::Sender<Command>>,
-    thread: Option<JoinHandle<()>>,
-}
-
-impl MemoryLink {
-    /// Connects to `node`. `events` is called on the link's thread, with one or more.
-    pub fn new(node: &Arc<Node>, mut events: impl FnMut(Vec<LinkEvent>) + Send + 'static) -> Self {
-        let (commands, receiver) = channel::channel();
-        let connection = node.connect();
-        let carry = move || {
-            events(vec![LinkEvent::Connecting]);
-            let mut session = LinkSession::new(PrecisionRange::EXACT, &mut events);
-            let why = carry(receiver, connection, &mut session);
-            session.flush();
-            events(vec![LinkEvent::Lost { why, retry: None }]);
-        };
-        let thread = std::thread::Builder::new().name("carom-link".into());
-        Self {
-            commands: Some(commands),
-            thread: thread.spawn(carry).ok(),
-        }
-    }
-
-    /// Asks something of the node. `false` if the link has ended.
-    pub fn send(&self, command: Command) -> bool {
-        self.commands
-            .as_ref()
-            .is_some_and(|commands| commands.send(command))
-    }
-}
-
-impl Drop for MemoryLink {
-    fn drop(&mut self) {
-        self.commands = None;
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join(); // a panic has been reported where it happened
-        }
-    }
-}
-
-/// Carries packets between a session and a node until one of them ends; says why.
-fn carry(
-    commands: channel::Receiver<Command>,
-    mut connection: NodeConnection,
-    session: &mut LinkSession<impl FnMut(Vec<LinkEvent>)>,
-) -> String {
-    let waker = Waker::from(Arc::new(Unpark(std::thread::current())));
-    let mut cx = Context::from_waker(&waker);
-    loop {
-        let mut idle = true;
-        match commands.poll_recv(&mut cx) {
-            Poll::Ready(Some(command)) => {
-                session.command(command);
-                idle = false;
-            }
-            Poll::Ready(None) => return "the farm is gone".into(),
-            Poll::Pending => {}
-        }
-        while let Some(packet) = session.poll_transmit() {
-            if let Err(why) = connection.handle(packet) {
-                return why.to_string();
-            }
-        }
-        if let Poll::Ready(packet) = connection.poll_packet(&mut cx) {
-            if let Err(why) = session.handle(packet) {
-                return why.to_string();
-            }
-            idle = false;
-        }
-        if idle {
-            session.flush();
-            std::thread::park();
-        }
-    }
-}
-
 /// Tiles that took so long to decode wait no longer for others.
 const DECODING_MAX: Duration = Duration::from_micros(200);
-
-struct Unpark(Thread);
-
-impl Wake for Unpark {
-    fn wake(self: Arc<Self>) {
-        self.0.unpark();
-    }
-}
 
 #[cfg(test)]
 mod tests {
@@ -269,7 +177,7 @@ mod tests {
             while let Some(packet) = node.poll_transmit() {
                 link.handle(packet).unwrap();
             }
-            link.command(Command::Ping(ping));
+            link.command(LinkCommand::Ping(ping));
         }
         link.flush();
         link.flush();

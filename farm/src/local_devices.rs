@@ -5,7 +5,7 @@ use std::sync::Arc;
 use carom_tracer::gpu::AdapterChoice;
 use carom_tracer::{CpuTracer, Error, GpuTracer, Tracer};
 
-use crate::multi_device::Hybrid;
+use crate::multi_device::MultiDeviceTracer;
 
 /// All that this machine traces with: every real GPU that passes its probe, and the CPU with
 /// `threads` threads, 0 for one per core.
@@ -30,7 +30,7 @@ pub fn auto(threads: usize) -> Result<Arc<dyn Tracer>, Error> {
         return Ok(cpu);
     }
     devices.push(cpu);
-    Ok(Arc::new(Hybrid::new(devices, absent)))
+    Ok(Arc::new(MultiDeviceTracer::new(devices, absent)))
 }
 
 /// A real GPU that passes its probe.

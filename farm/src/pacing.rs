@@ -1,4 +1,4 @@
-//! Pictures of the future: which moment of a shot to ask for, and when to show what came back.
+//! Frame pacing ahead of time: the moment of a shot to ask for next, and the frame to show now.
 //!
 //! After the stroke nothing changes a shot, so pictures are asked for ahead of time and shown when
 //! their moment comes. The farm's latency then does not delay what is seen.
@@ -8,11 +8,11 @@ use std::collections::VecDeque;
 /// How far ahead to ask: what 95 of the last hundred pictures took at most. A picture that takes
 /// longer by less than a period is late by less than that.
 #[derive(Clone, Debug, Default)]
-pub struct Lead {
+pub struct LeadTime {
     recent_secs: VecDeque<f64>,
 }
 
-impl Lead {
+impl LeadTime {
     /// Takes in that a picture came `secs` after it had been asked for.
     pub fn observe(&mut self, secs: f64) {
         self.recent_secs.push_back(secs);
@@ -21,7 +21,7 @@ impl Lead {
         }
     }
 
-    /// Ask for the picture of this many seconds from now, at most [`Lead::SECS_MAX`].
+    /// Ask for the picture of this many seconds from now, at most [`LeadTime::SECS_MAX`].
     pub fn secs(&self) -> f64 {
         self.quantile(0.95)
             .unwrap_or(FIRST_LEAD_SECS)
@@ -65,11 +65,11 @@ const FIRST_LEAD_SECS: f64 = 0.07;
 /// is nearly sure to be ready, the next are a little further apart until they are; where more, the
 /// next is one that is.
 #[derive(Clone, Debug, Default)]
-pub struct Schedule {
+pub struct FrameSchedule {
     asked_secs: Option<f64>,
 }
 
-impl Schedule {
+impl FrameSchedule {
     /// The next moment to ask for at `clock_secs` (the moment on show), and notes it as asked.
     /// Nothing once the end itself has been asked for.
     pub fn next(
@@ -100,13 +100,13 @@ impl Schedule {
 
 /// Finished pictures that wait for their moment.
 #[derive(Clone, Debug)]
-pub struct Queue<T> {
+pub struct PresentationQueue<T> {
     waiting: VecDeque<(f64, T)>,
     /// Pictures that were passed over because a later one was due: the farm or the window was slow.
     pub skipped: u64,
 }
 
-impl<T> Default for Queue<T> {
+impl<T> Default for PresentationQueue<T> {
     fn default() -> Self {
         Self {
             waiting: VecDeque::new(),
@@ -115,7 +115,7 @@ impl<T> Default for Queue<T> {
     }
 }
 
-impl<T> Queue<T> {
+impl<T> PresentationQueue<T> {
     /// Keeps a picture of the moment `at_secs`, in place of an earlier one of the same; moments
     /// never fall.
     pub fn push(&mut self, at_secs: f64, picture: T) {
@@ -167,7 +167,7 @@ mod tests {
 
     #[test]
     fn the_lead_covers_nearly_every_picture() {
-        let mut lead = Lead::default();
+        let mut lead = LeadTime::default();
         // 40 to 60 ms, evenly spread.
         let makespan = |i: u32| 0.04 + 0.02 * f64::from(i * 7919 % 101) / 100.0;
         let mut covered = 0;
@@ -184,7 +184,7 @@ mod tests {
 
     #[test]
     fn moments_rise_end_with_the_end_and_are_never_in_the_past() {
-        let mut schedule = Schedule::default();
+        let mut schedule = FrameSchedule::default();
         let (mut clock, mut asked) = (1.0 / 30.0 - 0.2, Vec::new());
         while asked.last() != Some(&2.0) {
             while let Some(moment) = schedule.next(clock, 0.2, 1.0 / 30.0, 2.0) {
@@ -202,7 +202,7 @@ mod tests {
     #[test]
     fn a_little_lateness_is_made_up_for_over_several_moments_and_much_at_once() {
         const PERIOD: f64 = 1.0 / 60.0;
-        let mut schedule = Schedule::default();
+        let mut schedule = FrameSchedule::default();
         // The first is asked for half a period later than it should be.
         let (mut clock, mut asked) = (-3.5 * PERIOD, vec![]);
         for _ in 0..10 {
@@ -222,7 +222,7 @@ mod tests {
 
     #[test]
     fn a_picture_is_shown_at_its_moment_and_not_before() {
-        let mut queue = Queue::default();
+        let mut queue = PresentationQueue::default();
         for i in 0..4 {
             queue.push(f64::from(i) * 0.1, i);
         }

@@ -5,7 +5,7 @@
 //! The report is advisory: what neither it nor the measured round trip explains counts as work,
 //! because transfer grows with work too, so that a node gains nothing by claiming to be quick.
 
-/// The learned line of a node.
+/// Learned cost of work on a node: y = A + B·w.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
     /// A: seconds that a request takes however small it is.
@@ -39,7 +39,7 @@ pub struct Observation {
     pub round_trip_secs: Option<f64>,
 }
 
-/// Filters the line of one node.
+/// Filter of the cost of one node.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Estimator {
     fixed: Option<f64>,
@@ -143,7 +143,7 @@ impl Estimator {
         }
     }
 
-    /// The line to divide work by; absent until something has come or been missed.
+    /// The cost to divide work by; absent until something has come or been missed.
     pub fn estimate(&self) -> Option<Estimate> {
         Some(Estimate {
             fixed_secs: self.fixed.unwrap_or(0.0),
@@ -161,7 +161,7 @@ impl Estimator {
         })
     }
 
-    /// The line of work that came; absent until some has.
+    /// The cost of work that came; absent until some has.
     pub fn delivered(&self) -> Option<Estimate> {
         Some(Estimate {
             fixed_secs: self.fixed.unwrap_or(0.0),

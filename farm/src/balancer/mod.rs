@@ -14,10 +14,10 @@ mod water_filling;
 
 pub use baselines::{Ab, Cycles, Equal, Naive, Pull};
 pub use estimator::{Estimate, EstimateError, Estimator, Observation};
-pub use water_filling::{Filling, Line, WaterFilling, fill};
+pub use water_filling::{Allocation, CostModel, WaterFilling, water_fill};
 
-use crate::Algorithm;
-use crate::NodeIndex;
+use crate::balancing::Algorithm;
+use crate::node_status::NodeIndex;
 
 /// A node that can take part in a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,10 +30,10 @@ pub struct Candidate {
     pub wait_secs: f64,
     /// The most work that the client has seen it deliver for one frame; 0 if none.
     pub proven_work: f64,
-    /// See [`Line::mute_work`].
-    pub mute_work: f64,
-    /// See [`Line::guard_secs`].
-    pub guard_secs: f64,
+    /// See [`CostModel::unmonitored_work`].
+    pub unmonitored_work: f64,
+    /// See [`CostModel::margin_secs`].
+    pub margin_secs: f64,
 }
 
 /// A frame to divide.
@@ -51,7 +51,7 @@ pub struct Division<'a> {
 
 /// How a run went, by the client's clock but for `busy_secs`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Outcome {
+pub struct RequestOutcome {
     /// Who traced.
     pub node: NodeIndex,
     /// Tiles that came, of which there is at least one.
@@ -72,7 +72,7 @@ pub enum Shares {
     Work(Vec<f64>),
     /// The vessel that each candidate is, in their order: whole tiles are dealt so that the last
     /// one is through as early as may be.
-    Lines(Vec<Line>),
+    ByCostModel(Vec<CostModel>),
     /// Candidates take tiles as they can: see [`Pull`].
     Pool,
 }
@@ -83,7 +83,7 @@ pub trait Balancer {
     fn divide(&mut self, division: &Division<'_>) -> Shares;
 
     /// Takes note of a run.
-    fn learn(&mut self, outcome: &Outcome);
+    fn learn(&mut self, outcome: &RequestOutcome);
 }
 
 /// All algorithms, side by side.
@@ -112,7 +112,7 @@ impl Default for Balancers {
 
 impl Balancers {
     /// The one that `algorithm` names.
-    pub fn of(&mut self, algorithm: Algorithm) -> &mut dyn Balancer {
+    pub fn get_mut(&mut self, algorithm: Algorithm) -> &mut dyn Balancer {
         match algorithm {
             Algorithm::Equal => &mut self.equal,
             Algorithm::Naive => &mut self.naive[0],
@@ -127,9 +127,9 @@ impl Balancers {
     }
 
     /// Lets all of them take note of a run.
-    pub fn learn(&mut self, outcome: &Outcome) {
+    pub fn learn(&mut self, outcome: &RequestOutcome) {
         for algorithm in Algorithm::ALL {
-            self.of(algorithm).learn(outcome);
+            self.get_mut(algorithm).learn(outcome);
         }
     }
 }
@@ -161,8 +161,8 @@ mod tests {
                 }),
                 wait_secs,
                 proven_work,
-                mute_work: 0.0,
-                guard_secs: 0.0,
+                unmonitored_work: 0.0,
+                margin_secs: 0.0,
             };
             nodes.into_iter().enumerate().map(candidate).collect()
         })
@@ -179,7 +179,7 @@ mod tests {
         ) {
             let mut balancers = Balancers::default();
             for (node, tiles, response_secs, busy_share) in outcomes {
-                balancers.learn(&Outcome {
+                balancers.learn(&RequestOutcome {
                     node: NodeIndex(node),
                     tiles,
                     work: f64::from(tiles) * 1024.0,
@@ -192,11 +192,11 @@ mod tests {
             let division = Division { work, tile_work, period_secs, candidates };
             for algorithm in Algorithm::ALL {
                 for _ in 0..warm_up {
-                    balancers.of(algorithm).divide(&division);
+                    balancers.get_mut(algorithm).divide(&division);
                 }
-                let shares = match balancers.of(algorithm).divide(&division) {
+                let shares = match balancers.get_mut(algorithm).divide(&division) {
                     Shares::Work(shares) => shares,
-                    Shares::Lines(lines) => fill(work, &lines).shares,
+                    Shares::ByCostModel(models) => water_fill(work, &models).shares,
                     Shares::Pool => continue,
                 };
                 prop_assert_eq!(shares.len(), candidates.len());

@@ -93,7 +93,7 @@ impl Rhythm {
 
     /// Work of which nothing is heard before it is too late for others to help: what comes in one
     /// message, and as much again and a half, for help takes time too.
-    pub(super) fn mute_work(&self) -> f64 {
+    pub(super) fn unmonitored_work(&self) -> f64 {
         MUTE_BURSTS * self.burst_work
     }
 

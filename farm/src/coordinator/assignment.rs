@@ -10,8 +10,8 @@ use super::partition::{Deal, WorkMap};
 use super::sample_passes::{Passes, passes_for};
 use super::{Coordinator, NodeIndex};
 use crate::Algorithm;
-use crate::balancer::{Candidate, Division, Estimate, Line, Pull, Shares, WaterFilling};
-use crate::link::Command;
+use crate::balancer::{Candidate, CostModel, Division, Estimate, Pull, Shares, WaterFilling};
+use crate::link::LinkCommand;
 
 /// How the last whole frame was divided: kept while a new division would hardly end earlier, so
 /// that each node goes on tracing the same part of the picture.
@@ -28,15 +28,16 @@ impl LastDivision {
         passes: Passes,
         work: &WorkMap,
         nodes: &[NodeIndex],
-        lines: &[Line],
+        lines: &[CostModel],
         deal: Deal,
     ) -> &[(NodeIndex, Vec<TileRange>)] {
-        let finish =
-            |(line, (_, runs)): (&Line, &(NodeIndex, Vec<TileRange>))| match work.of_all(runs) {
-                0.0 => 0.0,
-                work if work > HYSTERESIS * line.cap => f64::INFINITY,
-                work => line.a_secs + line.b_secs * work,
-            };
+        let finish = |(line, (_, runs)): (&CostModel, &(NodeIndex, Vec<TileRange>))| match work
+            .of_all(runs)
+        {
+            0.0 => 0.0,
+            work if work > HYSTERESIS * line.work_max => f64::INFINITY,
+            work => line.fixed_secs + line.secs_per_work * work,
+        };
         let same_nodes = self.runs.iter().map(|(node, _)| node).eq(nodes);
         let keeps = self.passes == Some(passes)
             && same_nodes
@@ -135,7 +136,7 @@ impl Coordinator {
             period_secs,
             candidates: &candidates,
         };
-        let balancer = self.balancers.of(self.balancing.algorithm);
+        let balancer = self.balancers.get_mut(self.balancing.algorithm);
         let mut runs: Vec<_> = match balancer.divide(&division) {
             Shares::Pool => {
                 frame.pool = passes.all();
@@ -146,7 +147,7 @@ impl Coordinator {
                 let cut = frame.work.cut(&all, &shares);
                 nodes.iter().copied().zip(cut).collect()
             }
-            Shares::Lines(lines) => {
+            Shares::ByCostModel(lines) => {
                 let deal = frame.work.deal(&all, &lines);
                 let last = &mut self.last_division;
                 last.settle(passes, &frame.work, nodes, &lines, deal)
@@ -193,7 +194,7 @@ impl Coordinator {
         let Some(frame) = self.frames.by_id(id) else {
             return;
         };
-        let lines = WaterFilling::lines(&Division {
+        let lines = WaterFilling::cost_models(&Division {
             work: frame.work.of_all(pieces),
             tile_work: frame.work.mean_tile(),
             period_secs: f64::INFINITY,
@@ -363,7 +364,7 @@ impl Coordinator {
             references: Vec::new(),
         });
         node.ask(run.issued, self.last_run, run);
-        self.command(index, Command::Trace(request));
+        self.command(index, LinkCommand::Trace(request));
         busy_secs
     }
 
@@ -376,8 +377,8 @@ impl Coordinator {
                 estimate: node.estimate(),
                 wait_secs: node.wait_secs(now, frame),
                 proven_work: node.proven_work,
-                mute_work: node.rhythm.mute_work(),
-                guard_secs: if hedged {
+                unmonitored_work: node.rhythm.unmonitored_work(),
+                margin_secs: if hedged {
                     node.rhythm.guard_secs()
                 } else {
                     0.0

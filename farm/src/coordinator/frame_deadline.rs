@@ -6,7 +6,7 @@ use std::time::Duration;
 use carom_protocol::FrameId;
 
 use super::frame_queue::FrameInFlight;
-use super::{Action, Coordinator};
+use super::{Coordinator, CoordinatorAction};
 use crate::Frame;
 
 impl Coordinator {
@@ -48,7 +48,7 @@ impl Coordinator {
             },
         };
         self.actions
-            .push_back(Action::Deliver(Box::new(handed_over)));
+            .push_back(CoordinatorAction::Deliver(Box::new(handed_over)));
         self.advance(now);
     }
 }

@@ -1,5 +1,5 @@
 //! Frames in, requests out, tiles in, pictures out: a pure state machine. It knows no clock, no
-//! socket and no thread; `now` is an argument, events go in and [`Action`]s come out.
+//! socket and no thread; `now` is an argument, events go in and [`CoordinatorAction`]s come out.
 //!
 //! ```text
 //! submit ─▶ divide (balancer) ─▶ runs ─▶ nodes ─▶ tiles ─▶ film ─▶ frame, in order
@@ -41,22 +41,19 @@ use self::node_state::{Connection, Node};
 use self::partition::WorkMap;
 use self::sample_passes::Passes;
 use crate::balancer::Balancers;
-use crate::link::{Command, LinkEvent};
+use crate::link::{LinkCommand, LinkEvent};
+use crate::node_status::NodeIndex;
 use crate::{Balancing, Distribution, Frame, FrameSpec, NodeStatus};
-
-/// A node of a farm: its place in [`crate::Farm::nodes`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct NodeIndex(pub usize);
 
 /// What the coordinator wants done.
 #[derive(Clone, Debug)]
-pub enum Action {
+pub enum CoordinatorAction {
     /// Tell a node something.
     Command {
         /// Whom.
         node: NodeIndex,
         /// What.
-        command: Command,
+        command: LinkCommand,
     },
     /// A picture is finished, and so are all before it; or its deadline has passed.
     Deliver(Box<Frame>),
@@ -79,7 +76,7 @@ pub struct Coordinator {
     last_division: assignment::LastDivision,
     /// Whether there may be tiles that nobody holds.
     unheld: bool,
-    actions: VecDeque<Action>,
+    actions: VecDeque<CoordinatorAction>,
 }
 
 impl Coordinator {
@@ -160,7 +157,7 @@ impl Coordinator {
                 self.give_up(now, node, run);
             }
             if !dropped.is_empty() {
-                self.command(node, Command::CancelBefore(id));
+                self.command(node, LinkCommand::CancelBefore(id));
             }
         }
         self.advance(now);
@@ -192,7 +189,7 @@ impl Coordinator {
         while let Some(index) = self.next_due(now) {
             let now = now.as_secs_f64();
             if let Some(number) = self.nodes[index.0].ping(now) {
-                self.command(index, Command::Ping(number));
+                self.command(index, LinkCommand::Ping(number));
             }
             let node = &mut self.nodes[index.0];
             self.unheld |= node.wake(now);
@@ -215,7 +212,7 @@ impl Coordinator {
     }
 
     /// The next thing to do; to be asked until there is none after each call of another method.
-    pub fn poll_action(&mut self) -> Option<Action> {
+    pub fn poll_action(&mut self) -> Option<CoordinatorAction> {
         self.actions.pop_front()
     }
 
@@ -267,12 +264,14 @@ impl Coordinator {
             self.divide(now);
         }
         while let Some(frame) = self.frames.pop_finished() {
-            self.actions.push_back(Action::Deliver(Box::new(frame)));
+            self.actions
+                .push_back(CoordinatorAction::Deliver(Box::new(frame)));
         }
     }
 
-    fn command(&mut self, node: NodeIndex, command: Command) {
-        self.actions.push_back(Action::Command { node, command });
+    fn command(&mut self, node: NodeIndex, command: LinkCommand) {
+        self.actions
+            .push_back(CoordinatorAction::Command { node, command });
     }
 }
 
@@ -281,6 +280,6 @@ fn due(secs: f64) -> Duration {
     Duration::from_secs_f64(secs.max(0.0)) + Duration::from_nanos(100)
 }
 
-fn scene_command(hash: SceneHash, scene: &Arc<Scene>) -> Command {
-    Command::Scene(hash, Arc::clone(scene))
+fn scene_command(hash: SceneHash, scene: &Arc<Scene>) -> LinkCommand {
+    LinkCommand::Scene(hash, Arc::clone(scene))
 }

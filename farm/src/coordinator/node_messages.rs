@@ -7,8 +7,8 @@ use carom_tracer::TileRange;
 
 use super::{Coordinator, NodeIndex, frame_buffer, scene_command};
 use crate::Delivery;
-use crate::balancer::{Estimator, Observation, Outcome};
-use crate::link::Command;
+use crate::balancer::{Estimator, Observation, RequestOutcome};
+use crate::link::LinkCommand;
 
 impl Coordinator {
     pub(super) fn handle_session(&mut self, now: f64, index: NodeIndex, event: ClientEvent) {
@@ -70,7 +70,7 @@ impl Coordinator {
 
     fn handle_ping(&mut self, now: f64, index: NodeIndex) {
         if let Some(number) = self.nodes[index.0].ping(now) {
-            self.command(index, Command::Ping(number));
+            self.command(index, LinkCommand::Ping(number));
         }
     }
 
@@ -138,7 +138,7 @@ impl Coordinator {
             let why = "it sent pixels that are not numbers".into();
             self.nodes[index.0].rest(now, Some(why));
             self.give_up(now, index, id);
-            self.command(index, Command::CancelRequest(id));
+            self.command(index, LinkCommand::CancelRequest(id));
             self.unheld = true;
             return;
         }
@@ -194,7 +194,7 @@ impl Coordinator {
             let open: Vec<RequestId> = open.map(|(run, _)| *run).collect();
             for run in open {
                 self.give_up(now, node, run);
-                self.command(node, Command::CancelRequest(run));
+                self.command(node, LinkCommand::CancelRequest(run));
             }
         }
     }
@@ -283,7 +283,7 @@ impl Coordinator {
         }
         let run = &self.nodes[index.0].runs[&id];
         if ended && !run.probe {
-            self.balancers.learn(&Outcome {
+            self.balancers.learn(&RequestOutcome {
                 node: index,
                 tiles: run.tiles_received,
                 work: run.work_received,

@@ -3,7 +3,7 @@
 use carom_tracer::TileRange;
 
 use super::sample_passes::Passes;
-use crate::balancer::{Line, fill};
+use crate::balancer::{CostModel, water_fill};
 
 /// Predicted work of each unit of a picture, as sums over those before it. Of a picture of one pass
 /// the units are its tiles.
@@ -67,9 +67,9 @@ impl WorkMap {
     ///
     /// Rounding the optimum in real numbers instead would give a tile to nodes that need far
     /// longer than T for one.
-    pub(super) fn deal(&self, pieces: &[TileRange], lines: &[Line]) -> Deal {
+    pub(super) fn deal(&self, pieces: &[TileRange], lines: &[CostModel]) -> Deal {
         let queue = Queue::new(self, pieces);
-        let filling = fill(queue.work(), lines);
+        let filling = water_fill(queue.work(), lines);
         let Some(finish_secs) = queue.finish(lines, filling.finish_secs) else {
             return Deal {
                 runs: self.cut(pieces, &filling.shares),
@@ -142,7 +142,7 @@ impl Queue {
     /// [`Queue::window`] lines that the next tiles fit best. Whether all are taken.
     fn serve(
         &self,
-        lines: &[Line],
+        lines: &[CostModel],
         finish_secs: f64,
         mut taken: impl FnMut(usize, &[u32]),
     ) -> bool {
@@ -198,11 +198,11 @@ impl Queue {
 
     /// The least time at which all are taken, to [`FINISH_PRECISION`]; `lowest` is no more than it.
     /// `None` if the lines' caps leave whole tiles over.
-    fn finish(&self, lines: &[Line], lowest: f64) -> Option<f64> {
+    fn finish(&self, lines: &[CostModel], lowest: f64) -> Option<f64> {
         let takes_all = |finish: f64| self.serve(lines, finish, |_, _| {});
         let least_b = lines
             .iter()
-            .map(|line| line.b_secs)
+            .map(|line| line.secs_per_work)
             .fold(f64::MAX, f64::min);
         let mut step = least_b * self.work() / self.tiles.len().max(1) as f64;
         let (mut low, mut high) = (lowest, lowest);
@@ -214,7 +214,7 @@ impl Queue {
             high += step;
             step *= 2.0;
         }
-        while high - low > FINISH_PRECISION * (high - lines[0].a_secs.min(lowest)).abs() {
+        while high - low > FINISH_PRECISION * (high - lines[0].fixed_secs.min(lowest)).abs() {
             let middle = 0.5 * (low + high);
             if !(low < middle && middle < high) {
                 break;
@@ -291,12 +291,12 @@ mod tests {
         ) {
             let grid = TileGrid::new(ImageSize::new(80, 60), 10);
             let map = WorkMap::new(Passes::one(grid, 1), &costs);
-            let line = |&(a_secs, b_secs, guard_secs): &(f64, f64, f64)| Line {
-                mute_work: 150.0,
-                guard_secs,
-                ..Line::new(a_secs, b_secs)
+            let line = |&(fixed_secs, secs_per_work, margin_secs): &(f64, f64, f64)| CostModel {
+                unmonitored_work: 150.0,
+                margin_secs,
+                ..CostModel::new(fixed_secs, secs_per_work)
             };
-            let lines: Vec<Line> = lines.iter().map(line).collect();
+            let lines: Vec<CostModel> = lines.iter().map(line).collect();
             let deal = map.deal(&[grid.all()], &lines);
             let mut dealt: Vec<TileRange> = deal.runs.concat();
             dealt.sort_by_key(|run| run.first);
@@ -305,11 +305,11 @@ mod tests {
             for (line, runs) in lines.iter().zip(&deal.runs) {
                 prop_assert!(runs.len() <= 1, "a line's tiles are in a row");
                 let work = map.of_all(runs);
-                let finish = line.a_secs + line.b_secs * work;
+                let finish = line.fixed_secs + line.secs_per_work * work;
                 prop_assert!(work == 0.0 || finish <= deal.finish_secs * (1.0 + 1e-6));
             }
             // No line alone, taken as far as whole tiles go, is much better than all together.
-            let alone = lines.iter().map(|line| line.a_secs + line.guard_secs + line.b_secs * map.of(grid.all()));
+            let alone = lines.iter().map(|line| line.fixed_secs + line.margin_secs + line.secs_per_work * map.of(grid.all()));
             prop_assert!(deal.finish_secs <= alone.fold(f64::INFINITY, f64::min) * 1.01 + 1e-9);
         }
     }

@@ -19,8 +19,8 @@ use super::node_state::Node;
 use super::open_request::Run;
 use super::partition::push_tile;
 use super::{Coordinator, NodeIndex};
-use crate::balancer::{Estimate, Line, fill};
-use crate::link::Command;
+use crate::balancer::{CostModel, Estimate, water_fill};
+use crate::link::LinkCommand;
 
 /// From when on tiles are late.
 #[derive(Clone, Copy)]
@@ -43,7 +43,7 @@ struct Forecast {
     missing: Vec<u32>,
     /// What each node can do that can be asked for more, after all that it has been asked for.
     helpers: Vec<NodeIndex>,
-    help: Vec<Line>,
+    help: Vec<CostModel>,
     /// When all missing tiles could be there if they were divided anew.
     level: f64,
 }
@@ -198,7 +198,7 @@ impl Coordinator {
                 }
             }
             for run in cancelled {
-                self.command(index, Command::CancelRequest(run));
+                self.command(index, LinkCommand::CancelRequest(run));
             }
             self.ask(now, id, index, &kept, false);
         }
@@ -230,7 +230,7 @@ impl Coordinator {
         }
         for (node, run) in needless {
             self.give_up(now, node, run);
-            self.command(node, Command::CancelRequest(run));
+            self.command(node, LinkCommand::CancelRequest(run));
         }
     }
 
@@ -287,7 +287,10 @@ impl Coordinator {
                     *arrival = arrival.min(at);
                     free_tiles[tile as usize] &= is_free;
                 }
-                lines.push(Line::new(prospect.begin, prospect.pace).capped(prospect.outstanding));
+                lines.push(
+                    CostModel::new(prospect.begin, prospect.pace)
+                        .with_work_max(prospect.outstanding),
+                );
             }
             let Some(line) = node.estimate().or(newcomer) else {
                 continue;
@@ -295,10 +298,10 @@ impl Coordinator {
             if can_help(node) && (node.is_trusted() || !has_trusted) {
                 helpers.push(NodeIndex(index));
                 let comes = now + line.fixed_secs + node.drift.of(id);
-                help.push(Line {
-                    mute_work: node.rhythm.mute_work(),
-                    guard_secs: node.rhythm.guard_secs(),
-                    ..Line::new(begins_after(&prospects, id, comes), line.secs_per_work)
+                help.push(CostModel {
+                    unmonitored_work: node.rhythm.unmonitored_work(),
+                    margin_secs: node.rhythm.guard_secs(),
+                    ..CostModel::new(begins_after(&prospects, id, comes), line.secs_per_work)
                 });
             }
         }
@@ -310,7 +313,7 @@ impl Coordinator {
         Some(Forecast {
             arrivals,
             free: free_tiles,
-            level: fill(frame.work.of_all(&missing), &lines).finish_secs,
+            level: water_fill(frame.work.of_all(&missing), &lines).finish_secs,
             missing: missing.iter().flat_map(|run| run.indices()).collect(),
             helpers,
             help,

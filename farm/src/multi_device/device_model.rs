@@ -1,19 +1,19 @@
-//! What is known of the devices' speeds, and whether they are better used together.
+//! Learned costs of a machine's devices, and whether they are better used together.
 //!
-//! Whether a second device pays cannot be told from the lines alone: while it works, it takes
+//! Whether a second device pays cannot be told from the costs alone: while it works, it takes
 //! memory bandwidth, cores and power from the first. So frames are timed both ways. The better way
 //! is kept, and the other one is tried again now and then.
 
-use crate::balancer::{Estimator, Line, Observation, fill};
+use crate::balancer::{CostModel, Estimator, Observation, water_fill};
 
-/// A device's run.
-pub(super) struct Spent {
+/// Time that a device took for its share of a job.
+pub(super) struct DeviceTiming {
     work: f64,
     secs: f64,
     busy_secs: f64,
 }
 
-impl Spent {
+impl DeviceTiming {
     /// `work` done in `secs`, of which the device's own clock accounts for `device_nanos`, 0 where
     /// it has none.
     pub(super) fn new(work: f64, secs: f64, device_nanos: u64) -> Self {
@@ -33,41 +33,41 @@ impl Spent {
 
 /// Jobs that are alike: what pays for long ones may not for short ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Kind {
+pub(super) struct JobClass {
     pub(super) samples: u32,
     pub(super) max_depth: u32,
     /// log₂ of the pixels.
     pub(super) pixels_log2: u32,
 }
 
-/// A ledger for each kind of job; the least recently used are forgotten.
-pub(super) struct Ledgers {
+/// Models for each class of job; the least recently used are forgotten.
+pub(super) struct JobModels {
     devices: usize,
-    kinds: Vec<(Kind, Ledger)>,
+    classes: Vec<(JobClass, DeviceModels)>,
 }
 
-impl Ledgers {
+impl JobModels {
     pub(super) fn new(devices: usize) -> Self {
         Self {
             devices,
-            kinds: Vec::new(),
+            classes: Vec::new(),
         }
     }
 
-    pub(super) fn of(&mut self, kind: Kind) -> &mut Ledger {
-        let known = self.kinds.iter().position(|(known, _)| *known == kind);
+    pub(super) fn get_mut(&mut self, class: JobClass) -> &mut DeviceModels {
+        let known = self.classes.iter().position(|(known, _)| *known == class);
         let entry = match known {
-            Some(place) => self.kinds.remove(place),
-            None => (kind, Ledger::new(self.devices)),
+            Some(place) => self.classes.remove(place),
+            None => (class, DeviceModels::new(self.devices)),
         };
-        self.kinds.truncate(KINDS_MAX - 1);
-        self.kinds.insert(0, entry);
-        &mut self.kinds[0].1
+        self.classes.truncate(CLASSES_MAX - 1);
+        self.classes.insert(0, entry);
+        &mut self.classes[0].1
     }
 }
 
-/// The lines of all devices, and how long jobs take either way.
-pub(super) struct Ledger {
+/// Costs of all devices, and how long jobs take either way.
+pub(super) struct DeviceModels {
     devices: Vec<Estimator>,
     phase: Phase,
     /// Jobs until the next phase.
@@ -87,7 +87,7 @@ enum Phase {
     Keep,
 }
 
-impl Ledger {
+impl DeviceModels {
     pub(super) fn new(devices: usize) -> Self {
         Self {
             devices: vec![Estimator::default(); devices],
@@ -101,12 +101,12 @@ impl Ledger {
     /// The work of each of the `usable` devices, the quickest of which is first as long as nothing
     /// is known of them.
     pub(super) fn divide(&mut self, work: f64, usable: &[usize]) -> Vec<f64> {
-        let lines: Vec<Line> = usable.iter().map(|&i| self.line(i, work)).collect();
+        let costs: Vec<CostModel> = usable.iter().map(|&i| self.cost_model(i, work)).collect();
         if self.goes_together() {
-            return fill(work, &lines).shares;
+            return water_fill(work, &costs).shares;
         }
         let known = |&place: &usize| self.devices[usable[place]].estimate().is_some();
-        let finish = |place: usize| lines[place].a_secs + lines[place].b_secs * work;
+        let finish = |place: usize| costs[place].fixed_secs + costs[place].secs_per_work * work;
         let best = (0..usable.len())
             .filter(known)
             .min_by(|&a, &b| finish(a).total_cmp(&finish(b)));
@@ -123,7 +123,7 @@ impl Ledger {
         }
     }
 
-    /// Takes note of a whole job that was divided, or was not.
+    /// Learns from a whole job that was divided, or was not.
     pub(super) fn judge(&mut self, work: f64, secs: f64, was_divided: bool) {
         if work <= 0.0 {
             return;
@@ -157,45 +157,45 @@ impl Ledger {
         };
     }
 
-    /// The line of a device for a job of `work`. One that is not known gets little, one that is no
+    /// The cost of a device for a job of `work`. One that is not known gets little, one that is no
     /// more than some times what it has shown.
-    fn line(&self, device: usize, work: f64) -> Line {
+    fn cost_model(&self, device: usize, work: f64) -> CostModel {
         let estimates = self.devices.iter().filter_map(Estimator::estimate);
         let paces = estimates.map(|estimate| estimate.secs_per_work);
         let quickest = paces.fold(f64::INFINITY, f64::min);
         let estimator = &self.devices[device];
-        let (a_secs, b_secs) = match estimator.estimate() {
+        let (fixed_secs, secs_per_work) = match estimator.estimate() {
             Some(estimate) => (estimate.fixed_secs, estimate.secs_per_work),
             None if quickest.is_finite() => (0.0, quickest),
             None => (0.0, 1.0),
         };
-        let cap = (GROWTH_MAX * estimator.proven_work()).max(work * PROBE_SHARE);
-        Line {
-            a_secs,
-            b_secs,
-            cap,
+        let work_max = (GROWTH_MAX * estimator.proven_work()).max(work * PROBE_SHARE);
+        CostModel {
+            fixed_secs,
+            secs_per_work,
+            work_max,
             // A device's tiles are not asked for twice.
-            mute_work: 0.0,
-            guard_secs: 0.0,
+            unmonitored_work: 0.0,
+            margin_secs: 0.0,
         }
     }
 
-    /// Takes note of a device's run.
-    pub(super) fn learn(&mut self, device: usize, spent: &Spent) {
-        if spent.work > 0.0 {
+    /// Learns from a device's share of a job.
+    pub(super) fn learn(&mut self, device: usize, timing: &DeviceTiming) {
+        if timing.work > 0.0 {
             self.devices[device].observe(&Observation {
-                work: spent.work,
-                response_secs: spent.secs,
+                work: timing.work,
+                response_secs: timing.secs,
                 queue_secs: 0.0,
-                busy_secs: spent.busy_secs,
+                busy_secs: timing.busy_secs,
                 round_trip_secs: None,
             });
         }
     }
 }
 
-/// Kinds of jobs that are remembered: a governor moves among a dozen settings.
-const KINDS_MAX: usize = 32;
+/// Classes of jobs that are remembered: a governor moves among a dozen settings.
+const CLASSES_MAX: usize = 32;
 /// By how much jobs must be shorter with all devices: less is noise, and heat for nothing. A sixteen-core
 /// CPU beside an H200 could gain 3.5 %; where it was used for that, frames took 0.98 to 1.06 of the time.
 const GAIN_MIN: f64 = 0.05;
@@ -221,9 +221,9 @@ mod tests {
     }
 
     impl Machine {
-        /// Seconds of a job as `ledger` divides it.
-        fn job(&self, ledger: &mut Ledger, work: f64) -> f64 {
-            let shares = ledger.divide(work, &[0, 1]);
+        /// Seconds of a job as `models` divides it.
+        fn job(&self, models: &mut DeviceModels, work: f64) -> f64 {
+            let shares = models.divide(work, &[0, 1]);
             assert!((shares.iter().sum::<f64>() - work).abs() < 1e-6 * work);
             let is_divided = shares.iter().all(|share| *share > 0.0);
             let slowdown = if is_divided { self.slowdown } else { 1.0 };
@@ -231,18 +231,18 @@ mod tests {
             for (device, &share) in shares.iter().enumerate() {
                 let factor = if device == 0 { slowdown } else { 1.0 };
                 let secs = share * self.secs_per_work[device] * factor;
-                ledger.learn(device, &Spent::new(share, secs, 0));
+                models.learn(device, &DeviceTiming::new(share, secs, 0));
                 longest = longest.max(secs);
             }
-            ledger.judge(work, longest, is_divided);
+            models.judge(work, longest, is_divided);
             longest
         }
 
         /// Seconds of many jobs over those of the best device alone.
         fn ratio_to_best_alone(&self) -> f64 {
             let (work, jobs) = (1e6, 6000);
-            let mut ledger = Ledger::new(2);
-            let spent: f64 = (0..jobs).map(|_| self.job(&mut ledger, work)).sum();
+            let mut models = DeviceModels::new(2);
+            let spent: f64 = (0..jobs).map(|_| self.job(&mut models, work)).sum();
             let alone = self.secs_per_work[0].min(self.secs_per_work[1]);
             spent / (f64::from(jobs) * alone * work)
         }
@@ -262,9 +262,9 @@ mod tests {
     }
 
     #[test]
-    fn kinds_of_jobs_do_not_mix() {
-        let mut ledgers = Ledgers::new(2);
-        let kind = |samples| Kind {
+    fn classes_of_jobs_do_not_mix() {
+        let mut models = JobModels::new(2);
+        let class = |samples| JobClass {
             samples,
             max_depth: 5,
             pixels_log2: 20,
@@ -278,15 +278,15 @@ mod tests {
             slowdown: 1.5,
         };
         for _ in 0..2 * TRIAL_JOBS {
-            helped.job(ledgers.of(kind(16)), 16e6);
-            slowed.job(ledgers.of(kind(1)), 1e6);
+            helped.job(models.get_mut(class(16)), 16e6);
+            slowed.job(models.get_mut(class(1)), 1e6);
         }
-        assert!(ledgers.of(kind(16)).goes_together());
-        assert!(!ledgers.of(kind(1)).goes_together());
-        for samples in 0..2 * KINDS_MAX as u32 {
-            ledgers.of(kind(samples));
+        assert!(models.get_mut(class(16)).goes_together());
+        assert!(!models.get_mut(class(1)).goes_together());
+        for samples in 0..2 * CLASSES_MAX as u32 {
+            models.get_mut(class(samples));
         }
-        assert_eq!(ledgers.kinds.len(), KINDS_MAX);
+        assert_eq!(models.classes.len(), CLASSES_MAX);
     }
 
     #[test]

@@ -1,12 +1,12 @@
-//! Several devices of one machine as one tracer: all its GPUs and its CPU for one frame.
+//! Tracer made of several devices of one machine: all its GPUs and its CPU for one frame.
 //!
 //! ```text
-//! job ──ledger: fill──▶ a contiguous run of tiles per device ──Tracer::trace──▶ sink
+//! job ──device_model: water_fill──▶ a contiguous range of tiles per device ──Tracer::trace──▶ sink
 //!                           └ what a failed device leaves is traced by the others
 //! ```
 //!
-//! The split is that of frames among nodes ([`crate::balancer`]): each device's line
-//! y = A + B·w, learned from its own runs, and the earliest common finish over these lines. A
+//! The split is that of frames among nodes ([`crate::balancer`]): each device's cost
+//! y = A + B·w, learned from its own shares, and the earliest common finish over these costs. A
 //! device that does not make frames shorter is left out ([`device_model`]). A device that fails rests,
 //! and its name says why, so that a fallback is seen wherever the device is named.
 
@@ -22,36 +22,36 @@ use carom_protocol::limits::NODE_NAME_BYTES_MAX;
 use carom_tracer::{
     CompiledScene, DeviceInfo, Error, Tile, TileAovs, TileRadiance, TraceJob, TraceStats, Tracer,
 };
-use device_model::{Kind, Ledgers, Spent};
+use device_model::{DeviceTiming, JobClass, JobModels};
 
 /// Traces with several devices at once.
-pub struct Hybrid {
+pub struct MultiDeviceTracer {
     devices: Vec<Device>,
-    ledgers: Mutex<Ledgers>,
+    models: Mutex<JobModels>,
     /// Why devices that the machine has are not among these.
     absent: Vec<String>,
 }
 
 struct Device {
     tracer: Arc<dyn Tracer>,
-    fault: Mutex<Option<Fault>>,
+    fault: Mutex<Option<DeviceFault>>,
 }
 
 /// Why a device is not used now.
-struct Fault {
+struct DeviceFault {
     why: String,
     since: Instant,
     rest: Duration,
 }
 
 /// Tiles of a job that one device is to trace, by their places in the job.
-struct Part {
+struct DeviceShare {
     device: usize,
     tiles: Vec<usize>,
 }
 
-impl Hybrid {
-    /// Jobs of a kind until it is known whether the devices are better used together for it.
+impl MultiDeviceTracer {
+    /// Jobs of a class until it is known whether the devices are better used together for it.
     pub const JOBS_UNTIL_SETTLED: u32 = 2 * device_model::TRIAL_JOBS;
 
     /// `devices` as one, the quickest first: it traces alone until the others are known. `absent`
@@ -60,15 +60,15 @@ impl Hybrid {
     /// # Panics
     /// If there is no device.
     pub fn new(devices: Vec<Arc<dyn Tracer>>, absent: Vec<String>) -> Self {
-        assert!(!devices.is_empty(), "a hybrid of no device");
-        let ledgers = Mutex::new(Ledgers::new(devices.len()));
+        assert!(!devices.is_empty(), "a tracer of no device");
+        let models = Mutex::new(JobModels::new(devices.len()));
         let device = |tracer| Device {
             tracer,
             fault: Mutex::new(None),
         };
         Self {
             devices: devices.into_iter().map(device).collect(),
-            ledgers,
+            models,
             absent,
         }
     }
@@ -81,7 +81,11 @@ impl Hybrid {
 
     /// Traces each part with its device, all at once. What a device has failed to trace is left
     /// in its part.
-    fn trace_parts(&self, work: &Work<'_>, parts: &mut [Part]) -> Result<TraceStats, Error> {
+    fn trace_parts(
+        &self,
+        work: &JobProgress<'_>,
+        parts: &mut [DeviceShare],
+    ) -> Result<TraceStats, Error> {
         let (first, others) = parts.split_first_mut().expect("there is work");
         std::thread::scope(|scope| {
             let others: Vec<_> = others
@@ -99,7 +103,11 @@ impl Hybrid {
 
     /// # Errors
     /// What is no fault of the device.
-    fn trace_part(&self, work: &Work<'_>, part: &mut Part) -> Result<TraceStats, Error> {
+    fn trace_part(
+        &self,
+        work: &JobProgress<'_>,
+        part: &mut DeviceShare,
+    ) -> Result<TraceStats, Error> {
         let device = &self.devices[part.device];
         let begun = Instant::now();
         let traced = device.trace(work, &part.tiles);
@@ -108,8 +116,10 @@ impl Hybrid {
             Ok(stats) => {
                 if !work.job.cancelled.load(Ordering::Relaxed) {
                     let done = work.of(&part.tiles);
-                    let spent = Spent::new(done, secs, stats.device_nanos);
-                    self.lock().of(work.kind()).learn(part.device, &spent);
+                    let timing = DeviceTiming::new(done, secs, stats.device_nanos);
+                    self.lock()
+                        .get_mut(work.class())
+                        .learn(part.device, &timing);
                     device.recover();
                 }
                 part.tiles.clear();
@@ -129,10 +139,13 @@ impl Hybrid {
     }
 
     /// Divides all of a job.
-    fn parts(&self, work: &Work<'_>, usable: &[usize]) -> Vec<Part> {
-        let shares = self.lock().of(work.kind()).divide(work.total(), usable);
+    fn parts(&self, work: &JobProgress<'_>, usable: &[usize]) -> Vec<DeviceShare> {
+        let shares = self
+            .lock()
+            .get_mut(work.class())
+            .divide(work.total(), usable);
         let runs = cut(work.job.tiles, &shares);
-        let parts = usable.iter().zip(runs).map(|(&device, run)| Part {
+        let parts = usable.iter().zip(runs).map(|(&device, run)| DeviceShare {
             device,
             tiles: run.collect(),
         });
@@ -144,9 +157,9 @@ impl Hybrid {
     ///
     /// # Errors
     /// [`Error::Device`] with all that has failed if none is left.
-    fn rescue(&self, tiles: Vec<usize>) -> Result<Part, Error> {
+    fn retrace_failed(&self, tiles: Vec<usize>) -> Result<DeviceShare, Error> {
         if let Some(&device) = self.usable().last() {
-            return Ok(Part { device, tiles });
+            return Ok(DeviceShare { device, tiles });
         }
         Err(self.all_failed())
     }
@@ -159,13 +172,13 @@ impl Hybrid {
         }
     }
 
-    fn lock(&self) -> MutexGuard<'_, Ledgers> {
-        lock(&self.ledgers)
+    fn lock(&self) -> MutexGuard<'_, JobModels> {
+        lock(&self.models)
     }
 }
 
 /// A job and what has been done of it.
-struct Work<'a> {
+struct JobProgress<'a> {
     scene: &'a CompiledScene,
     job: &'a TraceJob<'a>,
     sink: &'a (dyn Fn(TileRadiance) + Sync),
@@ -173,7 +186,7 @@ struct Work<'a> {
     done: Vec<AtomicBool>,
 }
 
-impl Work<'_> {
+impl JobProgress<'_> {
     /// Pixel samples of some tiles.
     fn of(&self, places: &[usize]) -> f64 {
         let pixels = places
@@ -190,8 +203,8 @@ impl Work<'_> {
         self.job.tiles.iter().map(|tile| tile.pixels()).sum()
     }
 
-    fn kind(&self) -> Kind {
-        Kind {
+    fn class(&self) -> JobClass {
+        JobClass {
             samples: self.job.settings.samples,
             max_depth: self.job.settings.max_depth,
             pixels_log2: self.pixels().max(1).ilog2(),
@@ -199,7 +212,7 @@ impl Work<'_> {
     }
 }
 
-impl Tracer for Hybrid {
+impl Tracer for MultiDeviceTracer {
     /// The first healthy device's kind, and the names of all with what is wrong with them.
     fn info(&self) -> DeviceInfo {
         let healthy: Vec<_> = self
@@ -231,7 +244,7 @@ impl Tracer for Hybrid {
         sink: &(dyn Fn(TileRadiance) + Sync),
     ) -> Result<TraceStats, Error> {
         job.validate()?;
-        let work = Work {
+        let work = JobProgress {
             scene,
             job,
             sink,
@@ -254,12 +267,12 @@ impl Tracer for Hybrid {
             if left.is_empty() {
                 break;
             }
-            parts = vec![self.rescue(left)?];
+            parts = vec![self.retrace_failed(left)?];
         }
         if !job.cancelled.load(Ordering::Relaxed) {
             let secs = begun.elapsed().as_secs_f64();
             self.lock()
-                .of(work.kind())
+                .get_mut(work.class())
                 .judge(work.total(), secs, together);
         }
         Ok(stats)
@@ -295,7 +308,7 @@ impl Tracer for Hybrid {
 
 impl Device {
     /// Traces some tiles of a job. A panic is the device's fault.
-    fn trace(&self, work: &Work<'_>, places: &[usize]) -> Result<TraceStats, Error> {
+    fn trace(&self, work: &JobProgress<'_>, places: &[usize]) -> Result<TraceStats, Error> {
         let tiles: Vec<Tile> = places.iter().map(|&place| work.job.tiles[place]).collect();
         let job = TraceJob {
             tiles: &tiles,
@@ -338,7 +351,7 @@ impl Device {
             }
         };
         let since = Instant::now();
-        *fault = Some(Fault { why, since, rest });
+        *fault = Some(DeviceFault { why, since, rest });
     }
 
     fn recover(&self) {
@@ -351,7 +364,7 @@ impl Device {
         self.lock().as_ref().map(|fault| fault.why.clone())
     }
 
-    fn lock(&self) -> MutexGuard<'_, Option<Fault>> {
+    fn lock(&self) -> MutexGuard<'_, Option<DeviceFault>> {
         lock(&self.fault)
     }
 }

@@ -14,7 +14,7 @@ use tokio::time::Instant;
 
 use crate::Error;
 use crate::link::LinkSession;
-pub use crate::link::{Command, LinkEvent};
+pub use crate::link::{LinkCommand, LinkEvent};
 use crate::net::address::NodeAddress;
 use crate::net::connection_driver::{self, PacketHandler};
 use crate::net::connector::Connector;
@@ -34,7 +34,7 @@ struct NetworkThread {
 
 /// The link to one node; reconnects until it is dropped.
 pub struct NodeLink {
-    commands: mpsc::Sender<Command>,
+    commands: mpsc::Sender<LinkCommand>,
     task: tokio::task::AbortHandle,
 }
 
@@ -124,7 +124,7 @@ impl Drop for Client {
 impl NodeLink {
     /// Sends a command to the node. It is dropped while there is no connection, and with a
     /// connection that is lost. `false` if too many commands are waiting.
-    pub fn send(&self, command: Command) -> bool {
+    pub fn send(&self, command: LinkCommand) -> bool {
         self.commands.try_send(command).is_ok()
     }
 }
@@ -140,7 +140,7 @@ struct LinkTask {
     connector: Arc<Connector>,
     address: NodeAddress,
     precision: PrecisionRange,
-    commands: mpsc::Receiver<Command>,
+    commands: mpsc::Receiver<LinkCommand>,
     events: EventSink,
 }
 
@@ -184,7 +184,7 @@ impl LinkTask {
 /// The player's side of one connection.
 struct PlayerSession<'a> {
     session: LinkSession<&'a mut EventSink>,
-    commands: &'a mut mpsc::Receiver<Command>,
+    commands: &'a mut mpsc::Receiver<LinkCommand>,
 }
 
 impl PacketHandler for PlayerSession<'_> {

@@ -35,7 +35,7 @@ mod tls;
 
 pub use address::NodeAddress;
 pub use authority::{Authority, Issued, add_node, create_farm};
-pub use client::{Client, Command, LinkEvent, NodeLink};
+pub use client::{Client, LinkCommand, LinkEvent, NodeLink};
 pub use congestion::DelayBasedController;
 pub use connection_driver::PacketHandler;
 pub use credentials::Credentials;

@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 
 use carom_farm::Farm;
-use carom_farm::multi_device::Hybrid;
+use carom_farm::multi_device::MultiDeviceTracer;
 use carom_tracer::gpu::AdapterChoice;
 use carom_tracer::{
     CompiledScene, CpuTracer, Error, GpuTracer, ImageSize, RenderSettings, Scene, TileGrid,
@@ -41,9 +41,9 @@ fn tiles(tracer: &dyn Tracer, scene: &Scene, samples: u32) -> Result<Vec<Vec<[f3
         .collect())
 }
 
-fn hybrid(devices: Vec<Pattern>) -> Hybrid {
+fn hybrid(devices: Vec<Pattern>) -> MultiDeviceTracer {
     let shared = |device| Arc::new(device) as Arc<dyn Tracer>;
-    Hybrid::new(devices.into_iter().map(shared).collect(), Vec::new())
+    MultiDeviceTracer::new(devices.into_iter().map(shared).collect(), Vec::new())
 }
 
 #[test]
@@ -73,12 +73,12 @@ fn a_machine_whose_devices_all_fail_says_why() {
 #[test]
 fn a_device_that_is_absent_is_named_with_its_reason() {
     let cpu = Arc::new(Pattern::new());
-    let hybrid = Hybrid::new(vec![cpu], vec!["a GPU: it traces wrongly".to_owned()]);
+    let hybrid = MultiDeviceTracer::new(vec![cpu], vec!["a GPU: it traces wrongly".to_owned()]);
     assert_eq!(
         hybrid.info().name,
         "pattern; not used: a GPU: it traces wrongly"
     );
-    let long = Hybrid::new(vec![Arc::new(Pattern::new())], vec!["é".repeat(400)]);
+    let long = MultiDeviceTracer::new(vec![Arc::new(Pattern::new())], vec!["é".repeat(400)]);
     assert!(long.info().name.len() <= 255);
 }
 
@@ -106,7 +106,7 @@ fn a_lost_gpu_s_tiles_are_traced_by_the_cpu() {
     };
     let cpu = Arc::new(CpuTracer::with_threads(1).unwrap());
     let truth = tiles(&*cpu, &scene(), 2).unwrap();
-    let hybrid = Hybrid::new(vec![gpu.clone(), cpu], Vec::new());
+    let hybrid = MultiDeviceTracer::new(vec![gpu.clone(), cpu], Vec::new());
     // The first device is used alone until the others are tried.
     tiles(&hybrid, &scene(), 2).unwrap();
     gpu.destroy();

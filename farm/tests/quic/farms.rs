@@ -7,7 +7,8 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use carom_farm::net::{
-    Authority, Client, Command, Credentials, LinkEvent, NodeServer, Role, StopHandle, create_farm,
+    Authority, Client, Credentials, LinkCommand, LinkEvent, NodeServer, Role, StopHandle,
+    create_farm,
 };
 use carom_farm::node::Node;
 use carom_farm::{Farm, FarmConfig, Frame, FrameSpec, LocalNode, NodeState, PrecisionRange};
@@ -312,7 +313,7 @@ fn a_node_tells_how_much_of_a_long_scene_has_come() {
     loop {
         match heard.recv_timeout(PATIENCE).expect("the scene comes") {
             LinkEvent::Session(ClientEvent::Welcome(_)) => {
-                assert!(link.send(Command::Scene(hash, Arc::new(scene.clone()))));
+                assert!(link.send(LinkCommand::Scene(hash, Arc::new(scene.clone()))));
             }
             LinkEvent::Session(ClientEvent::SceneComing { hash: of, percent }) => {
                 assert_eq!(of, hash);

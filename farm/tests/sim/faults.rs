@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use carom_farm::coordinator::NodeIndex;
+use carom_farm::NodeIndex;
 use carom_farm::{Algorithm, Balancing, FrameId};
 use carom_testkit::simulator::{
     Change, NodePlan, PERIOD_SECS, Plan, Report, fault_plan, run, run_faults,

@@ -6,7 +6,7 @@ mod samples;
 mod states;
 
 use carom_farm::Algorithm::{self, Ab, Equal, Naive, WaterFilling};
-use carom_farm::balancer::{Line, fill};
+use carom_farm::balancer::{CostModel, water_fill};
 use carom_farm::{Balancing, Distribution, FrameStats, NodeState};
 use carom_testkit::simulator::{Change, NodePlan, Plan, Report, Weather, run};
 use carom_tracer::ImageSize;
@@ -52,9 +52,9 @@ fn unequal() -> Vec<NodePlan> {
 
 /// The earliest finish that anyone who knows all could reach.
 fn ideal_secs(nodes: &[NodePlan], size: ImageSize) -> f64 {
-    let line = |node: &NodePlan| Line::new(node.round_trip_secs, 1e-6 / node.msamples_per_sec);
-    let lines: Vec<Line> = nodes.iter().map(line).collect();
-    fill(size.pixels() as f64, &lines).finish_secs
+    let line = |node: &NodePlan| CostModel::new(node.round_trip_secs, 1e-6 / node.msamples_per_sec);
+    let lines: Vec<CostModel> = nodes.iter().map(line).collect();
+    water_fill(size.pixels() as f64, &lines).finish_secs
 }
 
 fn checked(plan: &Plan) -> Report {

@@ -1,7 +1,7 @@
 //! Frames of which nodes trace other samples each.
 
 use carom_farm::Algorithm::WaterFilling;
-use carom_farm::coordinator::NodeIndex;
+use carom_farm::NodeIndex;
 use carom_farm::{Distribution, FrameId};
 use carom_testkit::simulator::{Change, NodePlan, PERIOD_SECS, Plan, run};
 

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
 use carom_farm::net::interruption;
-use carom_farm::pacing::{Lead, Queue, Schedule};
+use carom_farm::pacing::{FrameSchedule, LeadTime, PresentationQueue};
 use carom_farm::{
     Balancing, Farm, FarmConfig, Frame, FrameId, FrameSpec, LocalNode, PixelFormat, Pixels,
 };
@@ -120,7 +120,7 @@ struct Table<'a> {
     args: &'a Args,
     farm: Farm,
     camera: Camera,
-    lead: Lead,
+    lead: LeadTime,
     /// The moments of pictures in flight; none for those of the present.
     asked: BTreeMap<FrameId, Option<f64>>,
     last: FrameId,
@@ -148,7 +148,7 @@ impl<'a> Table<'a> {
             args,
             farm,
             camera,
-            lead: Lead::default(),
+            lead: LeadTime::default(),
             asked: BTreeMap::new(),
             last: FrameId(0),
             refresh: Instant::now(),
@@ -225,7 +225,7 @@ impl<'a> Table<'a> {
         self.asked.clear();
         let delay_secs = self.lead.stroke_delay_secs(PERIOD.as_secs_f64());
         let begins = taken + Duration::from_secs_f64(delay_secs);
-        let (mut schedule, mut queue) = (Schedule::default(), Queue::default());
+        let (mut schedule, mut queue) = (FrameSchedule::default(), PresentationQueue::default());
         let (mut shown, mut changed) = (0.0, false);
         let mut now = taken;
         loop {
@@ -268,7 +268,7 @@ impl<'a> Table<'a> {
         }
     }
 
-    fn ask_moments(&mut self, schedule: &mut Schedule, clock: f64) -> Result<(), Failure> {
+    fn ask_moments(&mut self, schedule: &mut FrameSchedule, clock: f64) -> Result<(), Failure> {
         let most = FarmConfig::default().frames_in_flight;
         let (lead, period) = (self.lead.secs(), PERIOD.as_secs_f64());
         while self.farm.in_flight() < most
@@ -301,7 +301,7 @@ impl<'a> Table<'a> {
         Ok(self.last)
     }
 
-    fn collect(&mut self, queue: &mut Queue<Pixels>) {
+    fn collect(&mut self, queue: &mut PresentationQueue<Pixels>) {
         while let Some(frame) = self.farm.poll_frame() {
             self.note(&frame);
             let moment = self.asked.get(&frame.id).copied().flatten();

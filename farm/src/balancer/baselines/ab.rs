@@ -8,8 +8,8 @@
 use std::collections::BTreeMap;
 
 use super::Equal;
-use crate::NodeIndex;
-use crate::balancer::{Balancer, Division, Outcome, Shares, in_proportion};
+use crate::balancer::{Balancer, Division, RequestOutcome, Shares, in_proportion};
+use crate::node_status::NodeIndex;
 
 /// See [`crate::Algorithm::Ab`] and [`crate::Algorithm::AbExponential`].
 #[derive(Debug)]
@@ -30,7 +30,7 @@ struct Averages {
 }
 
 /// A in seconds, B in seconds per tile.
-type AbLine = (f64, f64);
+type AbCost = (f64, f64);
 
 impl Ab {
     /// Frames that are divided equally before the averages are used.
@@ -54,21 +54,21 @@ impl Ab {
         }
     }
 
-    fn lines(&self, division: &Division<'_>) -> Option<Vec<AbLine>> {
+    fn cost_models(&self, division: &Division<'_>) -> Option<Vec<AbCost>> {
         let nodes = division.candidates.iter().map(|candidate| candidate.node);
-        let lines: Vec<_> = nodes
-            .map(|node| self.nodes.get(&node).map(Averages::line))
+        let costs: Vec<_> = nodes
+            .map(|node| self.nodes.get(&node).map(Averages::cost))
             .collect();
-        let known: Vec<AbLine> = lines.iter().flatten().copied().collect();
+        let known: Vec<AbCost> = costs.iter().flatten().copied().collect();
         if known.is_empty() {
             return None;
         }
-        let mean = |of: fn(&AbLine) -> f64| known.iter().map(of).sum::<f64>() / known.len() as f64;
-        let newcomer = (mean(|line| line.0), mean(|line| line.1));
+        let mean = |of: fn(&AbCost) -> f64| known.iter().map(of).sum::<f64>() / known.len() as f64;
+        let newcomer = (mean(|cost| cost.0), mean(|cost| cost.1));
         Some(
-            lines
+            costs
                 .into_iter()
-                .map(|line| line.unwrap_or(newcomer))
+                .map(|cost| cost.unwrap_or(newcomer))
                 .collect(),
         )
     }
@@ -77,22 +77,22 @@ impl Ab {
 impl Balancer for Ab {
     fn divide(&mut self, division: &Division<'_>) -> Shares {
         self.frames += 1;
-        let lines = match self.lines(division) {
-            Some(lines) if self.frames > Self::WARM_UP_FRAMES => lines,
+        let costs = match self.cost_models(division) {
+            Some(costs) if self.frames > Self::WARM_UP_FRAMES => costs,
             _ => return Equal.divide(division),
         };
         let tiles = division.work / division.tile_work;
-        let speed: f64 = lines.iter().map(|(_, b)| 1.0 / b).sum();
-        let head_start: f64 = lines.iter().map(|(a, b)| a / b).sum();
+        let speed: f64 = costs.iter().map(|(_, b)| 1.0 / b).sum();
+        let head_start: f64 = costs.iter().map(|(a, b)| a / b).sum();
         let finish = (tiles + head_start) / speed;
-        let shares: Vec<f64> = lines
+        let shares: Vec<f64> = costs
             .iter()
             .map(|(a, b)| ((finish - a) / b).max(0.0))
             .collect();
         Shares::Work(in_proportion(division.work, &shares))
     }
 
-    fn learn(&mut self, outcome: &Outcome) {
+    fn learn(&mut self, outcome: &RequestOutcome) {
         let averages = self.nodes.entry(outcome.node).or_default();
         let add = |sum: &mut f64, value: f64| *sum = *sum * self.kept + value;
         add(&mut averages.runs, 1.0);
@@ -104,7 +104,7 @@ impl Balancer for Ab {
 }
 
 impl Averages {
-    fn line(&self) -> AbLine {
+    fn cost(&self) -> AbCost {
         let a = self.fixed_secs / self.runs;
         let b = (self.busy_secs / self.tiles).max(SECS_PER_TILE_MIN);
         (a, b)
@@ -129,8 +129,8 @@ mod tests {
             estimate: None,
             wait_secs: 0.0,
             proven_work: 0.0,
-            mute_work: 0.0,
-            guard_secs: 0.0,
+            unmonitored_work: 0.0,
+            margin_secs: 0.0,
         });
         let division = Division {
             work: 1000.0,
@@ -142,7 +142,7 @@ mod tests {
         for _ in 0..Ab::WARM_UP_FRAMES {
             assert_eq!(ab.divide(&division), Shares::Work(vec![500.0, 500.0]));
             for node in [0, 1] {
-                ab.learn(&Outcome {
+                ab.learn(&RequestOutcome {
                     node: NodeIndex(node),
                     tiles: 50,
                     work: 500.0,

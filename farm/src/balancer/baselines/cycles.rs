@@ -6,8 +6,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::NodeIndex;
-use crate::balancer::{Balancer, Division, Outcome, Shares, in_proportion};
+use crate::balancer::{Balancer, Division, RequestOutcome, Shares, in_proportion};
+use crate::node_status::NodeIndex;
 
 /// See [`crate::Algorithm::Cycles`].
 #[derive(Debug, Default)]
@@ -66,7 +66,7 @@ impl Balancer for Cycles {
         Shares::Work(in_proportion(division.work, &at_least_a_tile))
     }
 
-    fn learn(&mut self, outcome: &Outcome) {
+    fn learn(&mut self, outcome: &RequestOutcome) {
         let time = outcome.response_secs.max(RESPONSE_SECS_MIN);
         self.times.insert(outcome.node, time);
     }
@@ -90,8 +90,8 @@ mod tests {
             estimate: None,
             wait_secs: 0.0,
             proven_work: 0.0,
-            mute_work: 0.0,
-            guard_secs: 0.0,
+            unmonitored_work: 0.0,
+            margin_secs: 0.0,
         });
         let division = Division {
             work: 1000.0,
@@ -106,7 +106,7 @@ mod tests {
             };
             times = [shares[0] * 1e-3, shares[1] * 4e-3];
             for (node, response_secs) in times.into_iter().enumerate() {
-                cycles.learn(&Outcome {
+                cycles.learn(&RequestOutcome {
                     node: NodeIndex(node),
                     tiles: 1,
                     work: 1.0,

@@ -1,6 +1,6 @@
 //! The same work for each node: what balancing is measured against.
 
-use crate::balancer::{Balancer, Division, Outcome, Shares};
+use crate::balancer::{Balancer, Division, RequestOutcome, Shares};
 
 /// See [`crate::Algorithm::Equal`].
 #[derive(Debug, Default)]
@@ -12,5 +12,5 @@ impl Balancer for Equal {
         Shares::Work(vec![division.work / nodes as f64; nodes])
     }
 
-    fn learn(&mut self, _outcome: &Outcome) {}
+    fn learn(&mut self, _outcome: &RequestOutcome) {}
 }

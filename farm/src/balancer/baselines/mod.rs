@@ -1,14 +1,14 @@
 //! Algorithms that [`super::WaterFilling`] is compared with: those of the 2016 distributed ray
-//! tracer, the rule of Blender Cycles, and work stealing.
+//! tracer, the rule of Blender Cycles, and guided self-scheduling.
 
 mod ab;
 mod cycles;
 mod equal;
 mod naive;
-mod work_stealing;
+mod pull;
 
 pub use ab::Ab;
 pub use cycles::Cycles;
 pub use equal::Equal;
 pub use naive::Naive;
-pub use work_stealing::Pull;
+pub use pull::Pull;

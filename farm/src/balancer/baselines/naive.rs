@@ -4,8 +4,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::NodeIndex;
-use crate::balancer::{Balancer, Division, Outcome, Shares, in_proportion};
+use crate::balancer::{Balancer, Division, RequestOutcome, Shares, in_proportion};
+use crate::node_status::NodeIndex;
 
 /// See [`crate::Algorithm::Naive`], [`crate::Algorithm::NaiveMean`] and
 /// [`crate::Algorithm::NaiveFrozen`].
@@ -74,7 +74,7 @@ impl Balancer for Naive {
         Shares::Work(in_proportion(division.work, &at_least_a_tile))
     }
 
-    fn learn(&mut self, outcome: &Outcome) {
+    fn learn(&mut self, outcome: &RequestOutcome) {
         let seen = f64::from(outcome.tiles) / outcome.response_secs.max(RESPONSE_SECS_MIN);
         let speed = self.nodes.entry(outcome.node).or_default();
         speed.runs = speed.runs.saturating_add(1);
@@ -101,7 +101,7 @@ mod tests {
     fn work_follows_the_last_speed() {
         let mut naive = Naive::last();
         for (node, tiles, response_secs) in [(0, 10, 10.0), (0, 30, 0.3), (1, 20, 0.1)] {
-            naive.learn(&Outcome {
+            naive.learn(&RequestOutcome {
                 node: NodeIndex(node),
                 tiles,
                 work: f64::from(tiles),
@@ -114,8 +114,8 @@ mod tests {
             estimate: None,
             wait_secs: 0.0,
             proven_work: 0.0,
-            mute_work: 0.0,
-            guard_secs: 0.0,
+            unmonitored_work: 0.0,
+            margin_secs: 0.0,
         });
         let Shares::Work(shares) = naive.divide(&Division {
             work: 450.0,
@@ -135,7 +135,7 @@ mod tests {
         let speed = |mut naive: Naive| {
             for run in 0..240 {
                 let response_secs = if run < 60 { 1.0 } else { 0.1 };
-                naive.learn(&Outcome {
+                naive.learn(&RequestOutcome {
                     node: NodeIndex(0),
                     tiles: 10,
                     work: 10.0,

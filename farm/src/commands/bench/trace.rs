@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
-use carom_farm::multi_device::Hybrid;
+use carom_farm::multi_device::MultiDeviceTracer;
 use carom_tracer::{
     CompiledScene, CpuTracer, DeviceKind, ImageSize, RenderSettings, Tile, TileGrid, TileRadiance,
     TraceJob, Tracer,
@@ -175,7 +175,7 @@ fn row(opened: &Opened, paths: &[Cost], primary: &[Cost]) -> Row {
 fn warm_up(opened: &Opened, scene: &CompiledScene, args: &Args) -> Result<(), carom_tracer::Error> {
     let measured = args.spp.unwrap_or(samples_default(opened.backend));
     let (jobs, samples) = match opened.backend {
-        Backend::Hybrid => (Hybrid::JOBS_UNTIL_SETTLED, measured),
+        Backend::Hybrid => (MultiDeviceTracer::JOBS_UNTIL_SETTLED, measured),
         Backend::Cpu | Backend::Gpu | Backend::Scalar => (1, 1),
     };
     for settings in [settings(samples), camera_rays(samples)] {

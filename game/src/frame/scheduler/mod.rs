@@ -16,7 +16,7 @@ mod tests;
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use carom_farm::pacing::{Lead, Queue, Schedule};
+use carom_farm::pacing::{FrameSchedule, LeadTime, PresentationQueue};
 use carom_farm::{Frame, FrameId, FrameSpec, PixelFormat, Pixels};
 use carom_tracer::{ImageSize, RenderSettings, SceneUpdate, Tile};
 
@@ -114,14 +114,14 @@ pub struct FrameScheduler {
     window: ImageSize,
     max_depth: u32,
     quality: Quality,
-    lead: Lead,
+    lead: LeadTime,
     in_flight_max: usize,
     target: Option<ViewTarget>,
     still_since_secs: f64,
     drafted: bool,
     refinement: Option<AccumulationState>,
-    schedule: Schedule,
-    moments: Queue<TimedFrame>,
+    schedule: FrameSchedule,
+    moments: PresentationQueue<TimedFrame>,
     pending: VecDeque<PendingFrame>,
     requests: u64,
     serial: u64,
@@ -157,14 +157,14 @@ impl FrameScheduler {
             window,
             max_depth,
             quality: Quality::default(),
-            lead: Lead::default(),
+            lead: LeadTime::default(),
             in_flight_max,
             target: None,
             still_since_secs: 0.0,
             drafted: false,
             refinement: None,
-            schedule: Schedule::default(),
-            moments: Queue::default(),
+            schedule: FrameSchedule::default(),
+            moments: PresentationQueue::default(),
             pending: VecDeque::new(),
             requests: 0,
             serial: 0,
@@ -387,7 +387,7 @@ impl FrameScheduler {
         self.still_since_secs = now_secs;
         self.drafted = false;
         self.refinement = None;
-        self.schedule = Schedule::default();
+        self.schedule = FrameSchedule::default();
         self.moments.clear();
         self.shown_moment = None;
         // Drafts are answers to the player's hand and are shown although the hand has moved on.

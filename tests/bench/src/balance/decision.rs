@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use carom_farm::coordinator::{Action, Coordinator, NodeIndex};
-use carom_farm::link::{Command, LinkEvent};
-use carom_farm::{Balancing, FrameId, FrameSpec, NodeInfo, PixelFormat};
+use carom_farm::coordinator::{Coordinator, CoordinatorAction};
+use carom_farm::link::{LinkCommand, LinkEvent};
+use carom_farm::{Balancing, FrameId, FrameSpec, NodeIndex, NodeInfo, PixelFormat};
 use carom_protocol::session::ClientEvent;
 use carom_protocol::tile_codec::TilePixels;
 use carom_protocol::{RequestId, RequestReport, SceneHash, TraceRequest};
@@ -74,15 +74,15 @@ fn answer_all(coordinator: &mut Coordinator, mut now: Duration) {
     loop {
         while let Some(action) = coordinator.poll_action() {
             match action {
-                Action::Deliver(_) => return,
-                Action::Command {
+                CoordinatorAction::Deliver(_) => return,
+                CoordinatorAction::Command {
                     node,
-                    command: Command::Trace(request),
+                    command: LinkCommand::Trace(request),
                 } => {
                     let done = now + busy(node, &request) + Duration::from_millis(1);
                     asked.insert((done, request.id), (node, request));
                 }
-                Action::Command { .. } => {}
+                CoordinatorAction::Command { .. } => {}
             }
         }
         let ((done, _), (node, request)) = asked.pop_first().expect("the frame is asked for");

@@ -9,7 +9,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use anyhow::Context;
-use carom_farm::coordinator::NodeIndex;
+use carom_farm::NodeIndex;
 use carom_farm::net::interruption;
 use carom_farm::{
     Algorithm, Balancing, Distribution, Farm, FarmConfig, FrameId, LocalNode, PixelPrecision,

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::{Context, anyhow};
 use carom_farm::net::{
-    Authority, Client, Command, CongestionControl, LinkEvent, NodeLink, NodeServer, Role,
+    Authority, Client, CongestionControl, LinkCommand, LinkEvent, NodeLink, NodeServer, Role,
     StopHandle, TransportOptions,
 };
 use carom_farm::node::Node;
@@ -352,7 +352,9 @@ fn measure(
     let scene = Arc::new(scenes::scene(None)?.scene);
     let hash = SceneHash::of(&scene);
     setup.wait(|event| matches!(event, LinkEvent::Session(ClientEvent::Welcome(_))))?;
-    setup.link.send(Command::Scene(hash, Arc::clone(&scene)));
+    setup
+        .link
+        .send(LinkCommand::Scene(hash, Arc::clone(&scene)));
     setup.wait(|event| matches!(event, LinkEvent::Session(ClientEvent::SceneReady(_))))?;
     let mut arrivals = Arrivals::default();
     let frames = args.seconds * FRAMES_PER_SECOND;
@@ -365,10 +367,10 @@ fn measure(
         }
         if frame < frames {
             arrivals.requested.push(Instant::now());
-            setup.link.send(Command::Trace(request(hash, frame)));
+            setup.link.send(LinkCommand::Trace(request(hash, frame)));
         }
         let stale = frame.saturating_sub(DEADLINE_FRAMES);
-        setup.link.send(Command::CancelBefore(FrameId(stale)));
+        setup.link.send(LinkCommand::CancelBefore(FrameId(stale)));
     }
     let queue_p99_ms = setup.queue_p99_ms(case);
     Ok(Row {

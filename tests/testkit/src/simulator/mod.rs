@@ -39,9 +39,10 @@ pub use self::score::Score;
 pub use self::test_pattern::empty_scene;
 use self::test_pattern::{frame_spec, is_right};
 use crate::random::Random;
-use carom_farm::coordinator::{Action, Coordinator, NodeIndex};
-use carom_farm::link::{Command, LinkEvent};
-use carom_farm::pacing::{Lead, Schedule};
+use carom_farm::NodeIndex;
+use carom_farm::coordinator::{Coordinator, CoordinatorAction};
+use carom_farm::link::{LinkCommand, LinkEvent};
+use carom_farm::pacing::{FrameSchedule, LeadTime};
 use carom_farm::{Frame, Pixels};
 
 /// Runs a plan to its end, or until `secs_max` of virtual time are over.
@@ -87,7 +88,7 @@ impl Ord for Entry {
 
 enum Happening {
     Submit,
-    Command(NodeIndex, u32, Command),
+    Command(NodeIndex, u32, LinkCommand),
     Step(NodeIndex, u64),
     Event(NodeIndex, u32, LinkEvent),
     Change(NodeIndex, Change),
@@ -106,8 +107,8 @@ struct Simulation<'a> {
     submitted: u64,
     /// Frames below this have been handed over, or will not be.
     handed: u64,
-    lead: Lead,
-    schedule: Schedule,
+    lead: LeadTime,
+    schedule: FrameSchedule,
     /// When frames must be shown, by their numbers.
     deadlines: Vec<f64>,
     report: Report,
@@ -129,8 +130,8 @@ impl<'a> Simulation<'a> {
             world: World::new(plan.seed, plan.weather, plan.grid()),
             submitted: 0,
             handed: 0,
-            lead: Lead::default(),
-            schedule: Schedule::default(),
+            lead: LeadTime::default(),
+            schedule: FrameSchedule::default(),
             deadlines: Vec::new(),
             report: Report::default(),
         };
@@ -276,13 +277,13 @@ impl<'a> Simulation<'a> {
     fn act(&mut self) {
         while let Some(action) = self.coordinator.poll_action() {
             match action {
-                Action::Command { node, command } => {
+                CoordinatorAction::Command { node, command } => {
                     self.nodes[node.0].check(&command);
                     let arrival = self.arrival(node, true, 0.0);
                     let connection = self.nodes[node.0].connection;
                     self.schedule(arrival, Happening::Command(node, connection, command));
                 }
-                Action::Deliver(frame) => self.deliver(*frame),
+                CoordinatorAction::Deliver(frame) => self.deliver(*frame),
             }
         }
     }

@@ -13,8 +13,8 @@ use carom_tracer::TileRange;
 use super::random_environment::World;
 use super::test_pattern::{poison, tile_pixels};
 use super::{NodePlan, OpenRuns};
-use carom_farm::coordinator::NodeIndex;
-use carom_farm::link::Command;
+use carom_farm::NodeIndex;
+use carom_farm::link::LinkCommand;
 
 /// What a node does when something has come or been done.
 pub(super) enum Answer {
@@ -88,8 +88,8 @@ impl SimNode {
     }
 
     /// What a session would not let the client ask.
-    pub(super) fn check(&mut self, command: &Command) {
-        if let Command::Trace(request) = command {
+    pub(super) fn check(&mut self, command: &LinkCommand) {
+        if let LinkCommand::Trace(request) = command {
             assert!(request.tiles.count > 0 && request.tiles.end() <= request.grid.len());
             assert!(self.last_run.is_none_or(|last| request.id > last));
             self.last_run = Some(request.id);
@@ -111,21 +111,21 @@ impl SimNode {
         &mut self,
         now: Duration,
         world: &World,
-        command: Command,
+        command: LinkCommand,
     ) -> Vec<Answer> {
         if self.silent {
             return Vec::new();
         }
         match command {
-            Command::Scene(hash, _) if self.scene == Some(hash) => Vec::new(),
-            Command::Scene(hash, _) => {
+            LinkCommand::Scene(hash, _) if self.scene == Some(hash) => Vec::new(),
+            LinkCommand::Scene(hash, _) => {
                 self.scene = Some(hash);
                 vec![Answer::Event(ClientEvent::SceneReady(hash))]
             }
-            Command::Ping(number) => vec![Answer::Event(ClientEvent::Pong(number))],
-            Command::Trace(request) => self.queue(now, world, *request),
-            Command::CancelRequest(run) => self.cancel(|job| job.request.id == run),
-            Command::CancelBefore(frame) => self.cancel(|job| job.request.frame < frame),
+            LinkCommand::Ping(number) => vec![Answer::Event(ClientEvent::Pong(number))],
+            LinkCommand::Trace(request) => self.queue(now, world, *request),
+            LinkCommand::CancelRequest(run) => self.cancel(|job| job.request.id == run),
+            LinkCommand::CancelBefore(frame) => self.cancel(|job| job.request.frame < frame),
         }
     }
 

@@ -5,8 +5,8 @@ use carom_protocol::FrameId;
 
 use super::random_environment::World;
 use super::{Change, NodePlan, Plan};
-use carom_farm::balancer::{Line, fill};
-use carom_farm::coordinator::NodeIndex;
+use carom_farm::NodeIndex;
+use carom_farm::balancer::{CostModel, water_fill};
 
 /// The least seconds that each frame of a plan could take; infinite where the nodes cannot do all the
 /// work at the plan's pace, or do little else: what waits there grows from frame to frame, and frames
@@ -37,7 +37,7 @@ fn frame_secs(plan: &Plan, world: &World, nodes: &mut [State], frame: FrameId) -
     let there: Vec<usize> = (0..nodes.len())
         .filter(|index| nodes[*index].there)
         .collect();
-    let lines: Vec<Line> = there
+    let lines: Vec<CostModel> = there
         .iter()
         .map(|index| line(plan, world, NodeIndex(*index), nodes[*index], frame))
         .collect();
@@ -47,13 +47,13 @@ fn frame_secs(plan: &Plan, world: &World, nodes: &mut [State], frame: FrameId) -
         nodes.iter_mut().for_each(|node| node.free_secs = 0.0);
         return f64::INFINITY;
     }
-    let filling = fill(work, &lines);
+    let filling = water_fill(work, &lines);
     if let Some(period_secs) = plan.period_secs {
         for ((index, line), share) in there.iter().zip(&lines).zip(&filling.shares) {
             let (node, index) = (&mut nodes[*index], NodeIndex(*index));
             if *share > 0.0 {
                 let answers_secs = world.delay_secs(index, frame);
-                node.free_secs = line.a_secs + line.b_secs * share - answers_secs;
+                node.free_secs = line.fixed_secs + line.secs_per_work * share - answers_secs;
             }
             node.free_secs -= period_secs;
         }
@@ -79,9 +79,9 @@ const BUSY_MAX: f64 = 0.95;
 
 /// The work of each node in the optimum of a calm farm.
 pub(super) fn shares(nodes: &[NodePlan], work: f64) -> Vec<f64> {
-    let line = |node: &NodePlan| Line::new(node.round_trip_secs, 1e-6 / node.msamples_per_sec);
-    let lines: Vec<Line> = nodes.iter().map(line).collect();
-    fill(work, &lines).shares
+    let line = |node: &NodePlan| CostModel::new(node.round_trip_secs, 1e-6 / node.msamples_per_sec);
+    let lines: Vec<CostModel> = nodes.iter().map(line).collect();
+    water_fill(work, &lines).shares
 }
 
 /// What changes have made of a node.
@@ -104,17 +104,17 @@ impl State {
     }
 }
 
-fn line(plan: &Plan, world: &World, node: NodeIndex, state: State, frame: FrameId) -> Line {
+fn line(plan: &Plan, world: &World, node: NodeIndex, state: State, frame: FrameId) -> CostModel {
     let NodePlan {
         round_trip_secs,
         msamples_per_sec,
         ..
     } = plan.nodes[node.0];
-    let b_secs = 1e-6 / msamples_per_sec * state.slowness * world.pace(node, frame);
+    let secs_per_work = 1e-6 / msamples_per_sec * state.slowness * world.pace(node, frame);
     let begin_secs = round_trip_secs.max(state.free_secs) + world.stall_secs(node, frame);
-    let a_secs = begin_secs + world.delay_secs(node, frame);
+    let fixed_secs = begin_secs + world.delay_secs(node, frame);
     let cap = plan
         .period_secs
-        .map_or(f64::INFINITY, |period| period / b_secs);
-    Line::new(a_secs, b_secs).capped(cap)
+        .map_or(f64::INFINITY, |period| period / secs_per_work);
+    CostModel::new(fixed_secs, secs_per_work).with_work_max(cap)
 }

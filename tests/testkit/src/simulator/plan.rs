@@ -4,7 +4,7 @@ use carom_protocol::FrameId;
 use carom_tracer::{ImageSize, TileGrid};
 
 use super::Weather;
-use carom_farm::coordinator::NodeIndex;
+use carom_farm::NodeIndex;
 use carom_farm::{Balancing, Distribution};
 
 /// What to simulate.
@@ -22,7 +22,7 @@ pub struct Plan {
     pub frames_in_flight: usize,
     /// Seconds between submissions; absent: as soon as there is room.
     pub period_secs: Option<f64>,
-    /// Whether frames must be shown at the moments that [`carom_farm::pacing::Schedule`] has for 60
+    /// Whether frames must be shown at the moments that [`carom_farm::pacing::FrameSchedule`] has for 60
     /// frames a second.
     pub looks_ahead: bool,
     /// The picture: its pixels times their samples are the work of a frame.

@@ -9,7 +9,7 @@ use carom_protocol::FrameId;
 use carom_tracer::TileGrid;
 
 use crate::random::Random;
-use carom_farm::coordinator::NodeIndex;
+use carom_farm::NodeIndex;
 
 /// How much a farm varies from frame to frame. The default is a farm that never does.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

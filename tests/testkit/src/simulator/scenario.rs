@@ -7,7 +7,7 @@ use carom_tracer::ImageSize;
 use super::optimum::shares;
 use super::{Change, NodePlan, Plan, Weather};
 use crate::random::Random;
-use carom_farm::coordinator::NodeIndex;
+use carom_farm::NodeIndex;
 use carom_farm::{Balancing, Distribution};
 
 /// How far nodes are.

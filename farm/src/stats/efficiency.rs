@@ -1,8 +1,8 @@
 //! How well a frame was divided: what it took against what the same nodes could have done.
 
-use crate::FrameStats;
-use crate::balancer::{Line, fill};
-use crate::coordinator::NodeIndex;
+use super::FrameStats;
+use crate::balancer::{CostModel, water_fill};
+use crate::node_status::NodeIndex;
 
 /// What a node did for a frame; times are seconds from its submission.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -72,14 +72,14 @@ impl FrameStats {
         let took_part = efforts.iter().filter(|effort| effort.work > 0.0);
         let line = |effort: &NodeEffort| {
             let busy_secs = effort.busy_secs.max(BUSY_SECS_MIN);
-            Line::new(effort.begin_secs, busy_secs / effort.work)
+            CostModel::new(effort.begin_secs, busy_secs / effort.work)
         };
-        let lines: Vec<Line> = took_part.map(line).collect();
+        let lines: Vec<CostModel> = took_part.map(line).collect();
         if lines.is_empty() {
             return 0.0;
         }
         let work = self.tile_work.iter().copied().map(f64::from).sum();
-        fill(work, &lines).finish_secs
+        water_fill(work, &lines).finish_secs
     }
 
     /// How well the work was divided: the ideal makespan over the real one, from 0 to 1.
@@ -110,7 +110,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::{Delivery, LatencySplit};
+    use crate::stats::{Delivery, LatencySplit};
 
     /// A frame of tiles of work 1, whose nodes send `(node, tiles, arrival, busy)`.
     fn frame(deliveries: &[(usize, u32, f64, f64)]) -> FrameStats {

@@ -4,7 +4,7 @@
 //! slow nodes hold at the end is waited for. Portions shrink as the pool does (guided
 //! self-scheduling: Polychronopoulos and Kuck, IEEE Transactions on Computers 36, 1987).
 
-use crate::balancer::{Balancer, Division, Estimate, Outcome, Shares};
+use crate::balancer::{Balancer, Division, Estimate, RequestOutcome, Shares};
 
 /// See [`crate::Algorithm::Pull`].
 #[derive(Debug)]
@@ -14,7 +14,7 @@ impl Pull {
     /// The most work that a node may hold: what it does in a round trip, and a tile more. One that
     /// has not delivered yet may hold two tiles.
     pub fn credit(estimate: Option<Estimate>, tile_work: f64) -> f64 {
-        let in_flight = estimate.map_or(tile_work, |line| line.fixed_secs / line.secs_per_work);
+        let in_flight = estimate.map_or(tile_work, |cost| cost.fixed_secs / cost.secs_per_work);
         in_flight + tile_work
     }
 
@@ -31,7 +31,7 @@ impl Balancer for Pull {
         Shares::Pool
     }
 
-    fn learn(&mut self, _outcome: &Outcome) {}
+    fn learn(&mut self, _outcome: &RequestOutcome) {}
 }
 
 /// More tiles than these in one request gain nothing: they are as many as one message carries.
