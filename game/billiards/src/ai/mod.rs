@@ -9,19 +9,19 @@
 //! what the table then offers to whoever is next. Thinking is bounded by a number of simulated shots
 //! and takes everything in a fixed order, so that the same position and seed give the same decision.
 
-mod hits;
+mod ball_placement;
+mod contact_candidates;
+mod evaluation;
 mod level;
-mod lines;
-mod place;
+mod pot_candidates;
+mod search;
 mod skill;
-mod think;
-mod thinking;
-mod worth;
+mod worker;
 
 pub use level::Level;
+pub use search::{Decision, think};
 pub use skill::Skill;
-pub use think::{Decision, think};
-pub use thinking::Thinking;
+pub use worker::Thinking;
 
 use crate::physics::World;
 use crate::rules::{Ground, Lie, Placed, Referee};

@@ -8,22 +8,22 @@
 //! ```
 //! No window, no clock: the same setup, strokes and choices give the same match.
 
-mod advice;
+mod hints;
 mod history;
-mod laying;
+mod match_config;
+mod match_save;
+mod match_view;
 mod player;
-mod record;
-mod setup;
+mod racking;
 mod tournament;
-mod view;
 
-use laying::racked;
+pub use match_config::Setup;
+use match_save::Deed;
+pub use match_save::Record;
+pub use match_view::{CallView, OptionView, PlayerView, View};
 pub use player::Player;
-use record::Deed;
-pub use record::Record;
-pub use setup::Setup;
+use racking::racked;
 pub use tournament::{Side, Tally, Tournament, play_out};
-pub use view::{CallView, OptionView, PlayerView, View};
 
 use glam::DVec2;
 

@@ -7,7 +7,7 @@
 
 use glam::DVec3;
 
-use super::{ball::BallBody, elementary::exp, theft::Clinging};
+use super::{ball::BallBody, deterministic_math::exp, theft::Clinging};
 
 /// The law of ball–ball contacts.
 #[derive(Clone, Copy, Debug, PartialEq)]

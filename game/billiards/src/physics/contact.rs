@@ -5,14 +5,14 @@ use glam::DVec3;
 use super::{
     ball::Phase,
     ball_ball::{CLUSTER_SPEED_M_S, Twist},
-    bounce::skimmed,
+    ball_in_motion::{Live, ON_RAIL_RADII},
+    contact_cluster::Touch,
     contact_time::direction,
     cushion::kept_apart,
     event::{EventKind, Surface},
-    live::{Live, ON_RAIL_RADII},
-    obstacle::{Obstacle, Push, Scout},
-    simulation::Simulation,
-    simultaneous::Touch,
+    event_engine::Simulation,
+    slate_impact::skimmed,
+    static_contact::{Obstacle, Push, Scout},
 };
 
 impl Simulation<'_> {

@@ -4,11 +4,11 @@ use std::ops::Range;
 
 use super::{
     ball_ball::BallBallLaw,
-    bounce::BounceLaw,
     cloth::Cloth,
+    cue_impact::Cue,
     cushion::CushionLaw,
     error::{Error, Result},
-    stick::Cue,
+    slate_impact::BounceLaw,
 };
 
 /// The laws that set velocities. The default is a pool table as measured by Alciatore

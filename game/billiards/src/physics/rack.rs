@@ -6,7 +6,7 @@ use glam::{DQuat, DVec2};
 
 use crate::rng::pcg4d;
 
-use super::{ball::BallState, elementary::unit_at, table::Table};
+use super::{ball::BallState, deterministic_math::unit_at, table::Table};
 
 /// The balls of a game and where they lie.
 #[derive(Clone, Debug, PartialEq)]

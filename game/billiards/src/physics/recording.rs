@@ -18,10 +18,10 @@ use super::{
     ball::{BallBody, Phase},
     error::{Error, Result},
     event::Event,
+    event_engine::{Outcome, SHOT_SECS_MAX},
     shot::Shot,
-    simulation::{Outcome, SHOT_SECS_MAX},
     table::Table,
-    track::{Leg, Track},
+    trajectory::{Leg, Track},
 };
 
 /// Shots of one table, in their order.

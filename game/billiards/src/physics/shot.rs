@@ -4,10 +4,10 @@ use super::{
     ball::{BallPose, BallState},
     error::Result,
     event::{Event, EventKind},
+    event_engine::{Outcome, Simulation, Until},
     laws::Laws,
-    simulation::{Outcome, Simulation, Until},
     table::Table,
-    track::Track,
+    trajectory::Track,
 };
 
 /// A whole shot, from the stroke until all balls are at rest.

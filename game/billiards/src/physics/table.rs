@@ -8,7 +8,7 @@ use serde::Deserialize;
 use super::{
     ball::BallBody,
     error::{Error, Result},
-    plan::TablePlan,
+    table_spec::TablePlan,
 };
 
 /// The nose line of a straight cushion: balls touch it from the left of `from` → `to`.

@@ -12,7 +12,9 @@
 
 use glam::DVec3;
 
-use super::{ball_ball::Twist, contact_time::direction, live::Live, simulation::Simulation};
+use super::{
+    ball_ball::Twist, ball_in_motion::Live, contact_time::direction, event_engine::Simulation,
+};
 
 /// What becomes of two balls whose contact leaves them together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -4,16 +4,16 @@ use glam::DVec3;
 
 use super::{
     ball::{BallState, Phase},
+    cue_impact::Stroke,
     engine::Engine,
     error::{Error, Result},
     event::{Event, EventKind},
+    event_engine::{Outcome, Simulation, Until},
     flight::hop_speed_m_s,
     laws::Laws,
     rack::Layout,
+    rapier_engine::Stepped,
     shot::Shot,
-    simulation::{Outcome, Simulation, Until},
-    stepped::Stepped,
-    stick::Stroke,
     table::Table,
 };
 

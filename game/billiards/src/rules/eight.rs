@@ -6,7 +6,7 @@ use super::{
     call::Call,
     foul::Foul,
     free::capital,
-    ground::{Area, Lie},
+    layout::{Area, Lie},
     referee::{Game, Referee, Shot},
     verdict::{Choice, Verdict},
 };
@@ -248,7 +248,7 @@ impl Referee {
 mod tests {
     use super::*;
     use crate::rules::RuleSet;
-    use crate::rules::scene::{Scene, call, hit, off, pot, rail};
+    use crate::rules::test_shots::{Scene, call, hit, off, pot, rail};
 
     /// Player 1 is on solids, at the table.
     fn with_groups() -> Scene {

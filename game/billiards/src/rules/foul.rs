@@ -3,9 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::{
-    ground::{Area, Placed},
+    layout::{Area, Placed},
     referee::{Referee, Shot},
-    sheet::RuleSet,
+    ruleset::RuleSet,
     verdict::Verdict,
 };
 

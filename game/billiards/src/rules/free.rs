@@ -1,7 +1,7 @@
 //! The free table: no rules, and nothing that stops the play.
 
 use super::{
-    ground::own_spot,
+    layout::own_spot,
     referee::{Referee, Shot},
     verdict::Verdict,
 };

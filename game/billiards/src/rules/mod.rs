@@ -18,16 +18,16 @@ mod call;
 mod eight;
 mod foul;
 mod free;
-mod ground;
+mod layout;
 mod nine;
 mod rack;
 mod referee;
 mod report;
-#[cfg(test)]
-mod scene;
-mod sheet;
+mod ruleset;
 mod snooker;
 mod straight;
+#[cfg(test)]
+mod test_shots;
 mod three_cushion;
 mod verdict;
 
@@ -35,9 +35,9 @@ pub use call::{Call, infer};
 pub use eight::Group;
 pub use foul::Foul;
 pub(crate) use free::capital;
-pub use ground::{Area, Ground, Lie, Placed};
+pub use layout::{Area, Ground, Lie, Placed};
 pub use rack::rack;
 pub use referee::{Referee, with_moves as laid};
 pub use report::{Happening, Report};
-pub use sheet::{Calls, RuleSet, Sheet};
+pub use ruleset::{Calls, RuleSet, Sheet};
 pub use verdict::{Choice, Verdict};

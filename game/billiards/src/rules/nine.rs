@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     call::Call,
     foul::Foul,
-    ground::{Area, Lie},
+    layout::{Area, Lie},
     referee::{Game, Referee, Shot},
     verdict::{Choice, Verdict},
 };
@@ -87,7 +87,7 @@ impl Referee {
 mod tests {
     use super::*;
     use crate::rules::RuleSet;
-    use crate::rules::scene::{Scene, hit, off, pot, rail};
+    use crate::rules::test_shots::{Scene, hit, off, pot, rail};
 
     fn nine() -> Scene {
         let mut scene = Scene::broken(RuleSet::Nine);

@@ -7,8 +7,8 @@ use glam::DVec2;
 use crate::rng::Dice;
 
 use super::{
-    ground::{Area, Ground, Lie, Placed, own_spot},
-    sheet::RuleSet,
+    layout::{Area, Ground, Lie, Placed, own_spot},
+    ruleset::RuleSet,
 };
 
 /// The balls of a game at its start, the cue ball last. The seed draws what the rules leave open, and

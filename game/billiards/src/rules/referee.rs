@@ -6,10 +6,10 @@ use serde::{Deserialize, Serialize};
 use super::{
     call::Call,
     eight::{Eight, Group},
-    ground::{Area, Ground, Lie, Placed},
+    layout::{Area, Ground, Lie, Placed},
     nine::Nine,
     report::Report,
-    sheet::{Calls, RuleSet, Sheet},
+    ruleset::{Calls, RuleSet, Sheet},
     snooker::Snooker,
     straight::Straight,
     three_cushion::{carom_spot, touching},

@@ -1,6 +1,6 @@
 //! What happened in a shot, as a referee sees it.
 
-use super::ground::Lie;
+use super::layout::Lie;
 
 /// One thing that happened. The cue ball of the player at the table is 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

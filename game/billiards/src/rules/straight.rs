@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     call::Call,
     foul::Foul,
-    ground::{Area, Ground, Lie, Placed},
+    layout::{Area, Ground, Lie, Placed},
     rack::{fourteen, is_in_rack},
     referee::{Game, Referee, Shot, with_moves},
     verdict::{Choice, Verdict},
@@ -212,7 +212,7 @@ fn special_places(
 mod tests {
     use super::*;
     use crate::rules::RuleSet;
-    use crate::rules::scene::{Scene, call, hit, pot, rail};
+    use crate::rules::test_shots::{Scene, call, hit, pot, rail};
 
     fn opened() -> Scene {
         let mut scene = Scene::new(RuleSet::Straight);

@@ -7,10 +7,10 @@ use glam::DVec2;
 
 use super::{
     foul::Foul,
-    ground::{Ground, Lie, Placed, own_spot},
+    layout::{Ground, Lie, Placed, own_spot},
     referee::{Referee, Shot, with_moves},
     report::{Happening, Report},
-    sheet::RuleSet,
+    ruleset::RuleSet,
     verdict::{Choice, Verdict},
 };
 
@@ -126,7 +126,7 @@ const TOUCH_M: f64 = 1e-4;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rules::scene::{Scene, hit, off, rail};
+    use crate::rules::test_shots::{Scene, hit, off, rail};
 
     fn opened() -> Scene {
         let mut scene = Scene::new(RuleSet::ThreeCushion);

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{foul::Foul, ground::Lie};
+use super::{foul::Foul, layout::Lie};
 
 /// What a referee says after a shot, or after a choice.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

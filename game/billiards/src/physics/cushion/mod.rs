@@ -11,7 +11,7 @@ mod stronge;
 use glam::DVec3;
 
 pub use self::{mathavan::Mathavan, stronge::Stronge};
-use super::{ball::BallBody, ball_ball::Twist, bounce::BounceLaw};
+use super::{ball::BallBody, ball_ball::Twist, slate_impact::BounceLaw};
 
 /// The law of ball–cushion contacts.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -13,7 +13,7 @@ use glam::DVec3;
 use crate::physics::{
     ball::BallBody,
     ball_ball::Twist,
-    elementary::{acos, cos, sin_cos},
+    deterministic_math::{acos, cos, sin_cos},
 };
 
 /// A compliant cushion.

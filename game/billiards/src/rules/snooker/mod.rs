@@ -3,19 +3,19 @@
 //!
 //! Left out: the "miss" (14), which is a referee's opinion of how well a player tried.
 
-mod aim;
+mod targets;
 
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
 use super::{
     foul::Foul,
-    ground::{Area, Ground, Lie, Placed, own_spot},
+    layout::{Area, Ground, Lie, Placed, own_spot},
     referee::{Game, Referee, Shot, with_moves},
-    sheet::RuleSet,
+    ruleset::RuleSet,
     verdict::{Choice, Verdict},
 };
-use aim::{Aim, BLACK, On, YELLOW, is_colour, value};
+use targets::{Aim, BLACK, On, YELLOW, is_colour, value};
 
 /// What snooker remembers of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -302,7 +302,7 @@ fn penalty(aim: Aim, fouls: &[Foul]) -> i32 {
 mod tests {
     use super::*;
     use crate::rules::call::Call;
-    use crate::rules::scene::{Scene, hit, off, pot, rail};
+    use crate::rules::test_shots::{Scene, hit, off, pot, rail};
 
     const PINK: u8 = 20;
 

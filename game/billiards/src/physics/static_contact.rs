@@ -1,20 +1,20 @@
 //! What a ball in the air can touch, when, and in which direction it is pushed.
 //!
 //! The cushions are solid up to their noses; a ball over the nose meets its edge, and behind it the
-//! top that slopes up to the flat rail, at which the facings and jaws of the pockets end (`edge.rs`,
-//! `post.rs`). A pocket has a rounded rim, where a slow ball tips over, and a wall. All distances are
+//! top that slopes up to the flat rail, at which the facings and jaws of the pockets end (`cushion_edge.rs`,
+//! `jaw_contact.rs`). A pocket has a rounded rim, where a slow ball tips over, and a wall. All distances are
 //! exact for the parabola on which the ball moves: polynomials, and for rims and jaws steps that
 //! cannot rush past the touch ([`reaches_ring`], `Post::reached`).
 
 use glam::{DVec2, DVec3};
 
 use super::{
+    clipped_contact::first_touch,
     contact_time::{Course, direction, leaves_circle, reaches_plane, reaches_point, reaches_ring},
-    edge::Edge,
-    elementary::hypot,
+    cushion_edge::Edge,
+    deterministic_math::hypot,
     event::Surface,
-    pieces::first_touch,
-    post::Post,
+    jaw_contact::Post,
     table::{Cushion, JOINT_SLACK_M, Nose, Pocket, Rails, Table},
 };
 

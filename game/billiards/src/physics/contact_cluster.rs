@@ -13,7 +13,7 @@ use glam::DVec3;
 use super::{
     ball::BallBody,
     ball_ball::{BallBallLaw, Twist},
-    elementary::exp,
+    deterministic_math::exp,
 };
 
 /// Two balls in touch, by their place in a list of twists.

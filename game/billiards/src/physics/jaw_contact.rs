@@ -5,8 +5,8 @@
 use glam::{DVec2, DVec3};
 
 use super::{
+    clipped_contact::Crossings,
     contact_time::{Course, RING_STEP_LEAST_SECS, RING_STEPS_MAX, RING_TOUCH_M},
-    pieces::Crossings,
     table::{Circle, JOINT_SLACK_M, Table},
 };
 

@@ -9,7 +9,7 @@ use glam::{DVec2, DVec3};
 
 use super::{
     contact_time::{Course, leaves_circle, reaches_plane, reaches_point},
-    obstacle::OPEN_COS,
+    static_contact::OPEN_COS,
     table::Pocket,
 };
 

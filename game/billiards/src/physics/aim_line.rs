@@ -3,11 +3,11 @@
 use glam::DVec3;
 
 use super::{
+    cue_impact::Stroke,
     error::Result,
     event::{Event, EventKind},
+    event_engine::Until,
     shot::Shot,
-    simulation::Until,
-    stick::Stroke,
     world::World,
 };
 

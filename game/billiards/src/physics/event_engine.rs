@@ -11,19 +11,19 @@
 use glam::DVec3;
 
 use super::{
-    agenda::{Agenda, Change, Happening},
     ball::{BallState, Phase},
     ball_ball::Twist,
+    ball_in_motion::Live,
     bodies::Bodies,
     error::{Error, Result},
     event::{Event, EventKind},
+    event_queue::{Agenda, Change, Happening},
     flight::{Flight, hop_speed_m_s},
     laws::Laws,
-    live::Live,
     motion::{End, Motion},
     table::Table,
     theft::Clinging,
-    track::Track,
+    trajectory::Track,
 };
 
 /// When the simulation ends.
@@ -350,7 +350,7 @@ pub const SHOT_SECS_MAX: f64 = 3600.0;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::physics::stick::Stroke;
+    use crate::physics::cue_impact::Stroke;
 
     /// Contact times come from polynomials; rapier's narrow phase, which knows nothing of them,
     /// must find that no ball is ever inside another or a cushion, and that a contact is touch.

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     ball::BallBody,
     ball_ball::Twist,
-    elementary::{atan2, hypot, sin_cos, turned},
+    deterministic_math::{atan2, hypot, sin_cos, turned},
     error::{Error, Result},
 };
 

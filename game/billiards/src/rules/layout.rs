@@ -3,7 +3,7 @@
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-use super::sheet::RuleSet;
+use super::ruleset::RuleSet;
 
 /// A ball that lies on the table: its number and its centre seen from above, in m.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

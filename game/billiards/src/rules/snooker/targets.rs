@@ -1,7 +1,7 @@
 //! What is on in snooker, what a stroke has to hit, and what it is worth.
 
 use super::Snooker;
-use crate::rules::{call::Call, ground::Lie, referee::Shot, sheet::RuleSet};
+use crate::rules::{call::Call, layout::Lie, referee::Shot, ruleset::RuleSet};
 
 /// What is on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

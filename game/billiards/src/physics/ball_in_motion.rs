@@ -9,9 +9,9 @@ use super::{
     flight::Flight,
     laws::Laws,
     motion::{End, Motion},
-    obstacle::Obstacle,
+    static_contact::Obstacle,
     table::Table,
-    track::{Leg, Track},
+    trajectory::{Leg, Track},
 };
 
 /// A ball in the midst of a shot.

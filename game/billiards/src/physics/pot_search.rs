@@ -15,13 +15,13 @@ use std::f64::consts::PI;
 use glam::DVec2;
 
 use super::{
-    aim::{AimContact, predict},
+    aim_line::{AimContact, predict},
     ball::BallState,
-    elementary::{angle_of, atan2},
+    cue_impact::Stroke,
+    deterministic_math::{angle_of, atan2},
     error::Result,
     event::EventKind,
     shot::Shot,
-    stick::Stroke,
     world::World,
 };
 

@@ -7,9 +7,9 @@
 
 use super::{
     ball::Phase,
+    ball_in_motion::Live,
     contact_time::{Course, enters_rectangle, leaves_outline, reaches_nose, reaches_point},
-    live::Live,
-    obstacle::{Obstacle, Scout},
+    static_contact::{Obstacle, Scout},
     table::{Pocket, Table},
     theft::{Clinging, overlap},
 };

@@ -16,17 +16,17 @@ use rapier3d::prelude::{
 
 use super::{
     ball::{BallBody, BallState, Phase},
+    ball_in_motion::ON_RAIL_RADII,
     bodies::cushion_shapes,
     cloth::Cloth,
-    elementary::exp,
+    deterministic_math::exp,
     engine::Rapier,
     error::{Error, Result},
     event::{Event, EventKind},
+    event_engine::{Outcome, SHOT_SECS_MAX, Until},
     laws::Laws,
-    live::ON_RAIL_RADII,
-    simulation::{Outcome, SHOT_SECS_MAX, Until},
     table::{Pocket, Table},
-    track::{Leg, Track},
+    trajectory::{Leg, Track},
 };
 
 pub(crate) struct Stepped<'a> {

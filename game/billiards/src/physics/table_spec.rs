@@ -15,7 +15,7 @@ use serde::Deserialize;
 
 use super::{
     ball::BallBody,
-    elementary::{sin_cos, tan},
+    deterministic_math::{sin_cos, tan},
     error::{Error, Result},
     table::{Circle, Cushion, Pocket, Rails, Table, TableParts},
 };

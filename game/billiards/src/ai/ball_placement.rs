@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 
-use super::{Position, lines::lines, skill::Skill};
+use super::{Position, pot_candidates::lines, skill::Skill};
 use crate::rules::{Area, Lie, Placed};
 
 /// The best place for the cue ball: behind a ball that is on, in line with a pocket or a little off it,

@@ -1,6 +1,6 @@
 //! What a shot is worth to the player who makes it.
 
-use super::{Position, lines::lines, skill::Skill};
+use super::{Position, pot_candidates::lines, skill::Skill};
 use crate::physics::{Shot, Stroke};
 use crate::rules::{Area, Call, Lie, Referee, RuleSet, Verdict, laid};
 use crate::shot_report::report;

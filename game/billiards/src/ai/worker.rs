@@ -7,8 +7,8 @@ use std::thread;
 
 use super::{
     Position,
+    search::{Decision, think},
     skill::Skill,
-    think::{Decision, think},
 };
 
 /// A decision in the making, on a thread of its own. Dropped, it stops within a simulated shot.

@@ -6,11 +6,11 @@ use glam::DVec2;
 
 use super::{
     Position,
-    hits::hits,
-    lines::{Line, lines},
-    place::place,
+    ball_placement::place,
+    contact_candidates::hits,
+    evaluation::worth,
+    pot_candidates::{Line, lines},
     skill::Skill,
-    worth::worth,
 };
 use crate::physics::{AimContact, Stroke, predict};
 use crate::rng::Dice;
