@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use carom_billiards::game_match::{Match, Player, Setup};
+use carom_billiards::game_match::{Match, MatchConfig, Player};
 use carom_billiards::physics::{Engine, Recording, Table};
 use carom_billiards::rules::RuleSet;
 use carom_farm::{Balancing, FarmConfig, LocalNode};
@@ -216,14 +216,14 @@ impl Args {
             (None, _) => Player::list("ai"),
         };
         let begun = players.and_then(|players| {
-            let own = Setup::new(rules, players, self.seed)?;
+            let own = MatchConfig::new(rules, players, self.seed)?;
             let table = if wants_table {
                 let found = self.table_and_recording();
                 found.map_err(|error| format!("{error:#}"))?.0
             } else {
                 own.table
             };
-            Match::new(Setup {
+            Match::new(MatchConfig {
                 table,
                 target: self.target,
                 ..own

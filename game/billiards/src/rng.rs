@@ -6,13 +6,13 @@ use glam::DQuat;
 
 /// A sequence of draws.
 #[derive(Clone, Debug)]
-pub struct Dice {
+pub struct CounterRng {
     seed: u32,
     stream: u32,
     drawn: u32,
 }
 
-impl Dice {
+impl CounterRng {
     /// Draws of a seed; different streams are independent.
     pub fn new(seed: u32, stream: u32) -> Self {
         Self {

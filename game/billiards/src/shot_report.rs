@@ -3,11 +3,11 @@
 use glam::{DVec2, DVec3};
 
 use crate::physics::{BallState, EventKind, Nose, Shot, Stroke, Table, World};
-use crate::rules::{Ground, Happening, Lie, Placed, Report};
+use crate::rules::{BallPosition, BallPositions, ShotEvent, ShotReport, TableLayout};
 
 /// What of a table concerns the rules.
-pub fn ground(table: &Table) -> Ground {
-    Ground {
+pub fn table_layout(table: &Table) -> TableLayout {
+    TableLayout {
         length_m: table.length_m(),
         width_m: table.width_m(),
         radius_m: table.ball().radius_m,
@@ -17,10 +17,10 @@ pub fn ground(table: &Table) -> Ground {
 }
 
 /// The balls that are on the table.
-pub(crate) fn lie(balls: &[BallState]) -> Lie {
+pub(crate) fn ball_positions(balls: &[BallState]) -> BallPositions {
     let on_table = balls.iter().filter(|ball| ball.phase.is_on_table());
     on_table
-        .map(|ball| Placed {
+        .map(|ball| BallPosition {
             ball: ball.number,
             at: ball.position.truncate(),
         })
@@ -28,13 +28,13 @@ pub(crate) fn lie(balls: &[BallState]) -> Lie {
 }
 
 /// What a referee sees of a shot that `stroke` began on `world`.
-pub fn report(world: &World, stroke: &Stroke, shot: &Shot) -> Report {
+pub fn report(world: &World, stroke: &Stroke, shot: &Shot) -> ShotReport {
     let balls = world.balls();
-    let before = lie(&balls);
+    let before = ball_positions(&balls);
     let contact = first_contact(shot);
     let way = cue_ball_way(shot, contact.map_or(shot.duration_secs(), |(secs, _)| secs));
-    Report {
-        happenings: happenings(world.table(), &balls, shot),
+    ShotReport {
+        events: shot_events(world.table(), &balls, shot),
         frozen: frozen(&balls),
         miscue: shot
             .events()
@@ -43,23 +43,23 @@ pub fn report(world: &World, stroke: &Stroke, shot: &Shot) -> Report {
         double_hit: contact.and_then(|contact| double_hit(world, stroke, shot, contact)),
         jumped: jumped(&balls, contact.map(|(_, ball)| ball), &way),
         reach_x_m: way.iter().map(|at| at.x).fold(f64::NEG_INFINITY, f64::max),
-        after: lie(&shot.final_states()),
+        after: ball_positions(&shot.final_states()),
         before,
     }
 }
 
-fn happenings(table: &Table, balls: &[BallState], shot: &Shot) -> Vec<Happening> {
+fn shot_events(table: &Table, balls: &[BallState], shot: &Shot) -> Vec<ShotEvent> {
     let seen = |(index, event): (usize, &crate::physics::Event)| match event.kind {
-        EventKind::BallBall { first, second, .. } => Some(Happening::Contact {
+        EventKind::BallBall { first, second, .. } => Some(ShotEvent::Contact {
             one: first,
             other: second,
         }),
         EventKind::Cushion { ball, point, .. } => {
             is_driven(table, balls, shot, (index, ball, point))
-                .then_some(Happening::Cushion { ball })
+                .then_some(ShotEvent::Cushion { ball })
         }
-        EventKind::Pocketed { ball, pocket, .. } => Some(Happening::Pocketed { ball, pocket }),
-        EventKind::LeftTable { ball, .. } => Some(Happening::LeftTable { ball }),
+        EventKind::Pocketed { ball, pocket, .. } => Some(ShotEvent::Pocketed { ball, pocket }),
+        EventKind::LeftTable { ball, .. } => Some(ShotEvent::LeftTable { ball }),
         _ => None,
     };
     shot.events().iter().enumerate().filter_map(seen).collect()

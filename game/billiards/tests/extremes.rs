@@ -24,8 +24,8 @@
 use std::f64::consts::PI;
 
 use carom_billiards::physics::{
-    BallBallLaw, BallBody, BallState, Cloth, Engine, Error, Event, EventKind, Laws, Rapier,
-    Recording, Shot, Stroke, Table, TableParts, Take, World,
+    BallBallLaw, BallBody, BallState, Clip, Cloth, Engine, Error, Event, EventKind, Laws, Rapier,
+    Recording, Shot, Stroke, Table, TableParts, World,
 };
 use glam::{DVec2, DVec3};
 
@@ -600,11 +600,11 @@ fn a_recorded_shot_is_read_back_to_the_bit() {
         let shot = world.strike(stroke).expect("valid");
         let mut recording = Recording::of(&table, "a break", shot);
         let next = world.strike(Stroke::straight(0.2, 1.0)).expect("valid");
-        recording.takes.push(Take {
+        recording.clips.push(Clip {
             title: "a soft one".to_owned(),
             shot: next,
         });
-        recording.takes.push(Take {
+        recording.clips.push(Clip {
             title: String::new(),
             shot: world.release().expect("valid"),
         });
@@ -612,12 +612,12 @@ fn a_recorded_shot_is_read_back_to_the_bit() {
         assert!(bytes.len() < 5_000_000, "{} bytes", bytes.len());
         let read = Recording::from_bytes(&bytes).expect("as written");
         assert_eq!(read.table, recording.table);
-        assert_eq!(read.takes.len(), 3);
+        assert_eq!(read.clips.len(), 3);
         assert!(
             read.to_bytes().expect("as read") == bytes,
             "{engine}: other bytes"
         );
-        for (read, take) in read.takes.iter().zip(&recording.takes) {
+        for (read, take) in read.clips.iter().zip(&recording.clips) {
             assert_eq!(read.title, take.title);
             assert_eq!(read.shot.events(), take.shot.events());
             for step in 0..500 {
@@ -651,7 +651,7 @@ fn damaged_recordings_are_rejected_with_a_sentence() {
         let mut bytes = good.clone();
         bytes[place] = wrong;
         if let Ok(read) = Recording::from_bytes(&bytes) {
-            for (take, t) in read.takes.iter().zip([0.0, 0.5, 1e9]) {
+            for (take, t) in read.clips.iter().zip([0.0, 0.5, 1e9]) {
                 assert_eq!(take.shot.poses_at(t).len(), take.shot.final_states().len());
             }
         }
@@ -661,12 +661,12 @@ fn damaged_recordings_are_rejected_with_a_sentence() {
         ("a\nb".to_owned(), "one line"),
     ] {
         let mut wrong = recording.clone();
-        wrong.takes[0].title = title;
+        wrong.clips[0].title = title;
         let error = wrong.to_bytes().expect_err("the title").to_string();
         assert!(error.contains(words), "{error}");
     }
     let empty = Recording {
-        takes: Vec::new(),
+        clips: Vec::new(),
         ..recording
     };
     let error = empty.to_bytes().expect_err("no shots").to_string();

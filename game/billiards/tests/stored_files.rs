@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use carom_billiards::game_match::{Match, Record, Turn};
+use carom_billiards::game_match::{Match, MatchSave, TurnRecord};
 use carom_billiards::physics::{
     BallBody, BallState, Engine, Laws, Phase, Recording, Shot, Stroke, Table, World,
 };
@@ -57,14 +57,14 @@ fn stored_recording_is_its_shot_to_the_bit() {
     let rack = table.rack_eight(3);
     let world = World::new(table.clone(), rack).expect("a rack is valid");
     let shot = world.strike(Stroke::straight(0.0, 10.0)).expect("it ends");
-    let again = Recording::of(&table, recording.takes[0].title.clone(), shot);
+    let again = Recording::of(&table, recording.clips[0].title.clone(), shot);
     assert!(again.to_bytes().expect("small enough") == bytes);
 }
 
 /// Of the shots by the exact engine: rapier's solver promises its bits for one build on one machine.
 fn match_bits(game: &Match) -> u64 {
     let mut hash = BitHash::new();
-    let exact = |turn: &&Turn| turn.world().engine() == Engine::Exact;
+    let exact = |turn: &&TurnRecord| turn.world().engine() == Engine::Exact;
     for turn in game.turns().iter().filter(exact) {
         let shot = turn.world().strike(turn.stroke).expect("it was played");
         hash.add_shot(&shot);
@@ -76,14 +76,14 @@ fn match_bits(game: &Match) -> u64 {
 fn stored_matches_play_to_the_same_bits() {
     for (name, turns, hash) in MATCHES {
         let path = stored(name);
-        let record = Record::load(&path).expect(name).expect("it is there");
+        let record = MatchSave::load(&path).expect(name).expect("it is there");
         let game = record.play().expect(name);
         assert_eq!(
             (game.turns().len(), format!("0x{:016x}", match_bits(&game))),
             (turns, format!("0x{hash:016x}")),
             "{name}"
         );
-        let bytes = Record::of(&game).to_bytes().expect("small enough");
+        let bytes = MatchSave::of(&game).to_bytes().expect("small enough");
         assert!(bytes == std::fs::read(&path).expect(name), "{name}");
     }
 }

@@ -1,8 +1,8 @@
 //! The physical world beyond the cloth: balls in the air, rims, rails, tables and unequal balls.
 
 use carom_billiards::physics::{
-    BallBallLaw, BallBody, BallState, BounceLaw, CLUSTER_SPEED_M_S, CushionLaw, Error, Event,
-    EventKind, HOP_LEAST_M, Laws, Layout, Mathavan, Phase, REBOUND_ENERGY_J, Shot, Stroke, Surface,
+    BallBallLaw, BallBody, BallLayout, BallState, BounceLaw, CLUSTER_SPEED_M_S, CushionLaw, Error,
+    Event, EventKind, HOP_LEAST_M, Laws, Mathavan, Phase, REBOUND_ENERGY_J, Shot, Stroke, Surface,
     Table, World,
 };
 use glam::{DVec2, DVec3};
@@ -258,7 +258,7 @@ fn a_dropped_ball_bounces_as_its_restitution_says() {
 
 #[test]
 fn an_elevated_stroke_jumps_over_a_ball_that_a_level_one_hits() {
-    let layout = || Layout {
+    let layout = || BallLayout {
         balls: vec![resting(0, -0.6, 0.0), resting(1, -0.3, 0.0)],
     };
     let world = World::new(Table::nine_foot(), layout()).expect("valid");
@@ -502,7 +502,7 @@ fn potted_balls_lie_in_the_tray_in_the_order_of_their_fall() {
 fn a_miscue_is_reported() {
     let world = World::new(
         Table::nine_foot(),
-        Layout {
+        BallLayout {
             balls: vec![resting(0, 0.0, 0.0)],
         },
     )

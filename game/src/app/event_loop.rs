@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
-use carom_billiards::game_match::{Match, Record};
+use carom_billiards::game_match::{Match, MatchSave};
 use carom_billiards::rules::RuleSet;
 use carom_farm::FarmConfig;
 use carom_tracer::ImageSize;
@@ -82,14 +82,14 @@ pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow:
 
 /// The match that was left the last time, else a free table.
 fn left(path: Option<&Path>, notes: &mut Vec<String>, seed: u32) -> Result<Match, String> {
-    let kept = path.map_or(Ok(None), Record::load);
+    let kept = path.map_or(Ok(None), MatchSave::load);
     let played = kept.and_then(|record| record.map(|record| record.play()).transpose());
     match played {
         Ok(Some(contest)) if contest.at_table().is_some() => {
             if contest.referee().rules() != RuleSet::Free {
                 notes.push(format!(
                     "Your game of {} goes on; the menu begins another",
-                    contest.referee().sheet().name
+                    contest.referee().info().name
                 ));
             }
             return Ok(contest);

@@ -10,7 +10,7 @@
 
 use std::path::{Path, PathBuf};
 
-use carom_billiards::physics::{self, BallPose, BallState, Recording, Shot, Take};
+use carom_billiards::physics::{self, BallPose, BallState, Clip, Recording, Shot};
 use carom_billiards::rules::RuleSet;
 use carom_tracer::Camera;
 use etcetera::BaseStrategy as _;
@@ -28,7 +28,7 @@ use crate::play::practice::Practice;
 #[derive(Debug)]
 pub struct ModeController {
     mode: Mode,
-    history: Vec<Take>,
+    history: Vec<Clip>,
     /// The number of the last shot of the history.
     last: u64,
     /// The player's folder, or why there is none.
@@ -120,7 +120,7 @@ impl ModeController {
         if self.history.len() == HISTORY_MAX {
             self.history.remove(0);
         }
-        self.history.push(Take {
+        self.history.push(Clip {
             title: title(number, shot),
             shot: shot.clone(),
         });
@@ -144,15 +144,15 @@ impl ModeController {
         if game.contest().referee().rules() == RuleSet::Free {
             return Ok(Recording {
                 table: game.table().name().to_owned(),
-                takes: self.history.clone(),
+                clips: self.history.clone(),
             });
         }
         let mut recording = game.contest().recording()?;
         // The shot that is on is not judged yet.
         recording
-            .takes
-            .extend(game.fresh_shot().map(|(_, shot)| Take {
-                title: title(recording.takes.len() as u64 + 1, shot),
+            .clips
+            .extend(game.fresh_shot().map(|(_, shot)| Clip {
+                title: title(recording.clips.len() as u64 + 1, shot),
                 shot: shot.clone(),
             }));
         Ok(recording)
@@ -400,7 +400,7 @@ const TOLD_MAX: usize = 6;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use carom_billiards::game_match::{Match, Player, Setup};
+    use carom_billiards::game_match::{Match, MatchConfig, Player};
     use carom_billiards::physics::Stroke;
 
     fn modes(folder: &Path) -> (ModeController, Game) {
@@ -430,9 +430,9 @@ mod tests {
         let Mode::Replay(player) = modes.mode() else {
             panic!("nothing is shown");
         };
-        assert_eq!((player.recording().takes.len(), player.take()), (2, 1));
+        assert_eq!((player.recording().clips.len(), player.take()), (2, 1));
         assert!(
-            player.recording().takes[0]
+            player.recording().clips[0]
                 .title
                 .starts_with("Shot 1: the cue strikes at 2.0")
         );
@@ -457,7 +457,7 @@ mod tests {
         let Mode::Replay(player) = modes.mode() else {
             panic!("nothing is shown");
         };
-        assert_eq!(player.recording().takes.len(), 1);
+        assert_eq!(player.recording().clips.len(), 1);
         let balls = modes.handle_command(Order::Play, &game, 3.0).unwrap();
         assert_eq!(balls.len(), 16);
         assert!(matches!(modes.mode(), Mode::Game));
@@ -468,11 +468,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (mut modes, _) = modes(folder.path());
         let players = Player::list("Ada,Bo").unwrap();
-        let setup = Setup::new(RuleSet::Eight, players, 3).unwrap();
+        let setup = MatchConfig::new(RuleSet::Eight, players, 3).unwrap();
         let mut game = Game::of(Match::new(setup).unwrap());
         let titles = |modes: &ModeController| match modes.mode() {
             Mode::Replay(player) => {
-                let takes = player.recording().takes.iter();
+                let takes = player.recording().clips.iter();
                 takes.map(|take| take.title.clone()).collect()
             }
             _ => Vec::new(),

@@ -81,7 +81,7 @@ impl Sound {
 /// A sentence with the file or the number that is wrong.
 pub fn write_shot(out: &Path, replay: Option<&Path>, speed_m_s: f64) -> anyhow::Result<()> {
     let shot = match replay {
-        Some(path) => Recording::load(path)?.takes.into_iter().next(),
+        Some(path) => Recording::load(path)?.clips.into_iter().next(),
         None => None,
     };
     let shot = match shot {

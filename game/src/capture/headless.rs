@@ -177,7 +177,7 @@ fn footage(args: &Args) -> anyhow::Result<ShotSequence> {
     if let Some(folder) = &args.record {
         keep(&recording, folder)?;
     }
-    let mut shots: Vec<Shot> = recording.takes.into_iter().map(|take| take.shot).collect();
+    let mut shots: Vec<Shot> = recording.clips.into_iter().map(|take| take.shot).collect();
     let stage = TableScene::around(&table, args.ball_set.unwrap_or_default());
     let (view, rate) = (args.view, args.fps);
     if args.video.is_none() {

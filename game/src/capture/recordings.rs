@@ -132,7 +132,7 @@ mod tests {
         let names: Vec<String> = shelf.list().unwrap().into_iter().map(|k| k.name).collect();
         assert_eq!(names, ["layout_0001", "layout_0002", "shot_0001"]);
         let read = Recording::load(&shelf.list().unwrap()[0].path).unwrap();
-        assert_eq!(read.takes[0].title, "rack");
+        assert_eq!(read.clips[0].title, "rack");
         assert!(fs::metadata(&shelf.list().unwrap()[0].path).unwrap().len() < 4096);
         fs::write(folder.path().join("file"), "").unwrap();
         let blocked = RecordingStore::at(folder.path().join("file"));

@@ -1,7 +1,7 @@
 //! The computer at the table: as a player, as an adviser, and in a person's place. It thinks beside the
 //! window; what it does is seen, the cue turning to the shot before it strikes.
 
-use carom_billiards::ai::{Decision, Skill, Thinking};
+use carom_billiards::ai::{AiWorker, Decision, Skill};
 use carom_billiards::game_match::Match;
 use carom_billiards::physics::{Shot, Stroke};
 
@@ -12,7 +12,7 @@ use super::aim::Aim;
 /// A decision in the making.
 #[derive(Debug)]
 pub(super) struct AiTurn {
-    thinking: Thinking,
+    thinking: AiWorker,
     /// What it is for.
     pub(super) purpose: AiTask,
     skill: Skill,
@@ -33,7 +33,7 @@ impl AiTurn {
     /// # Errors
     /// A sentence if the system gives no thread.
     pub(super) fn own(contest: &Match, skill: Skill) -> Result<Self, String> {
-        let thinking = Thinking::start(contest.position(), skill, contest.draw_seed())?;
+        let thinking = AiWorker::start(contest.position(), skill, contest.draw_seed())?;
         Ok(Self {
             thinking,
             purpose: AiTask::Play,
@@ -47,9 +47,9 @@ impl AiTurn {
     /// As [`Match::advise`].
     pub(super) fn for_person(contest: &Match, purpose: AiTask) -> Result<Self, String> {
         Ok(Self {
-            thinking: contest.advise()?,
+            thinking: contest.start_hint()?,
             purpose,
-            skill: Match::adviser(),
+            skill: Match::hint_skill(),
         })
     }
 

@@ -150,7 +150,7 @@ const MARGIN_M: f64 = 0.002;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use carom_billiards::physics::{Layout, Phase};
+    use carom_billiards::physics::{BallLayout, Phase};
 
     /// The elevation with the cue ball at `place`, other balls at `others`, along a bearing.
     fn elevation_deg(place: (f64, f64), others: &[(f64, f64)], bearing_deg: f64) -> f64 {
@@ -159,7 +159,7 @@ mod tests {
         let ball =
             |(n, (x, y)): (usize, (f64, f64))| BallState::at_rest(n as u8, x, y, &table.ball());
         let balls = places.into_iter().enumerate().map(ball).collect();
-        let world = World::new(table.clone(), Layout { balls }).unwrap();
+        let world = World::new(table.clone(), BallLayout { balls }).unwrap();
         let balls = world.balls();
         let reach = CueClearance::new(&world, &balls).unwrap();
         let aim = Aim {
@@ -217,7 +217,7 @@ mod tests {
         let table = Table::nine_foot();
         let mut balls = table.rack_eight(5).balls;
         balls[0].position = DVec3::new(0.2, 0.55, balls[0].body.radius_m);
-        let world = World::new(table, Layout { balls }).unwrap();
+        let world = World::new(table, BallLayout { balls }).unwrap();
         let balls = world.balls();
         let reach = CueClearance::new(&world, &balls).unwrap();
         for degrees in (-180..180).step_by(3) {
@@ -246,7 +246,7 @@ mod tests {
             BallState::at_rest(1, -0.1, 0.0, &table.ball()),
         ];
         balls[1].phase = Phase::Pocketed;
-        let world = World::new(table, Layout { balls }).unwrap();
+        let world = World::new(table, BallLayout { balls }).unwrap();
         let balls = world.balls();
         let reach = CueClearance::new(&world, &balls).unwrap();
         assert!(reach.lowest_clear_rad(&Aim::LEVEL, 0.0) < 0.1);

@@ -24,7 +24,7 @@ mod turn_control;
 use std::cell::OnceCell;
 use std::rc::Rc;
 
-use carom_billiards::game_match::{self, Match, Player, Setup};
+use carom_billiards::game_match::{self, Match, MatchConfig, Player};
 use carom_billiards::physics::{
     self, AimContact, BallPose, BallState, Pocket, Shot, Stroke, Table, World,
 };
@@ -52,7 +52,7 @@ use stroke_input::{StrokeInput, SwingInput};
 #[derive(Debug)]
 pub struct Game {
     contest: Match,
-    board: Option<Rc<game_match::View>>,
+    board: Option<Rc<game_match::MatchView>>,
     ai_turn: Option<AiTurn>,
     phase: Phase,
     aim: Aim,
@@ -623,7 +623,7 @@ impl Game {
 /// # Errors
 /// A sentence if the balls cannot lie on it.
 pub fn free_table(table: Table, seed: u32) -> Result<Match, String> {
-    Match::new(Setup {
+    Match::new(MatchConfig {
         rules: RuleSet::Free,
         players: vec![Player::Human("You".to_owned())],
         target: 0,

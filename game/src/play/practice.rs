@@ -295,7 +295,7 @@ mod tests {
         let mut carom = Practice::new(
             &World::new(
                 Table::built_in("seven_foot").unwrap(),
-                carom_billiards::physics::Layout { balls: Vec::new() },
+                carom_billiards::physics::BallLayout { balls: Vec::new() },
             )
             .unwrap(),
         )

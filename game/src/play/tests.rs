@@ -356,7 +356,7 @@ fn a_blow_that_is_under_way_is_struck_where_it_was_aimed() {
 
 fn eight(players: &str) -> Game {
     let players = Player::list(players).unwrap();
-    Game::of(Match::new(Setup::new(RuleSet::Eight, players, 3).unwrap()).unwrap())
+    Game::of(Match::new(MatchConfig::new(RuleSet::Eight, players, 3).unwrap()).unwrap())
 }
 
 /// Lets shots play and computers think until a person is to do something.
@@ -372,7 +372,7 @@ fn wait(game: &mut Game, mut now_secs: f64) -> f64 {
 #[test]
 fn a_computer_plays_in_its_turn_seen_and_judged_and_is_taken_back_with_the_shot_before() {
     let mut game = eight("Ada,ai:easy");
-    let before = game.contest().lie();
+    let before = game.contest().ball_positions();
     strike(&mut game, 0.05, 0.0);
     let mut now = watch(&mut game, 0.0);
     assert!(game.board().is_foul, "{:?}", game.board().banner);
@@ -394,7 +394,7 @@ fn a_computer_plays_in_its_turn_seen_and_judged_and_is_taken_back_with_the_shot_
     now = wait(&mut game, now);
     game.apply(Intent::Undo, now, 0.2, FILM);
     assert_eq!(game.contest().referee().turn(), 0);
-    assert_eq!(game.contest().lie(), before);
+    assert_eq!(game.contest().ball_positions(), before);
     assert!(game.contest().turns().is_empty() && game.may_play());
 }
 

@@ -1,7 +1,7 @@
 //! Matches of computers against each other, without a window: `carom match`.
 
 use carom_billiards::ai::Level;
-use carom_billiards::game_match::{Player, Tally, Tournament};
+use carom_billiards::game_match::{Player, Tournament, TournamentResult};
 use carom_billiards::rules::RuleSet;
 use clap::Args;
 
@@ -43,7 +43,7 @@ impl MatchArgs {
         Ok(())
     }
 
-    fn play(&self) -> anyhow::Result<Tally> {
+    fn play(&self) -> anyhow::Result<TournamentResult> {
         let players = Player::list(&self.players).map_err(anyhow::Error::msg)?;
         let levels: Vec<Level> = players.iter().filter_map(Player::level).collect();
         let Ok(levels) = levels.try_into() else {

@@ -3,7 +3,7 @@
 
 use std::rc::Rc;
 
-use carom_billiards::game_match::{Match, View};
+use carom_billiards::game_match::{Match, MatchView};
 use carom_billiards::physics::{self, AimContact};
 use carom_billiards::rules::{Call, Calls, RuleSet};
 
@@ -21,7 +21,7 @@ impl Game {
     }
 
     /// Everything that is shown of the match.
-    pub fn board(&mut self) -> Rc<View> {
+    pub fn board(&mut self) -> Rc<MatchView> {
         let contest = &self.contest;
         Rc::clone(self.board.get_or_insert_with(|| Rc::new(contest.view())))
     }
@@ -52,7 +52,7 @@ impl Game {
     /// What counts as called for the present aim, in words; none if nothing does.
     pub fn call_words(&self) -> Option<String> {
         let call = self.contest.call_for(self.aim.stroke(self.aim.power))?;
-        Some(self.contest.call_words(call))
+        Some(self.contest.call_text(call))
     }
 
     /// Decides something that is no stroke.
@@ -83,13 +83,13 @@ impl Game {
     /// push-out where there is one; in snooker the colours.
     fn next_call(&self) -> Option<Call> {
         let referee = self.contest.referee();
-        let on = referee.on(&self.contest.lie());
+        let on = referee.legal_targets(&self.contest.ball_positions());
         let mut calls = vec![None];
         let pot = |ball, pocket| Some(Call::Pot { ball, pocket });
-        match referee.sheet().calls {
+        match referee.info().calls {
             Calls::Pocket => {
                 let ball = self.aimed_ball().or(on.first().copied()).unwrap_or(1);
-                let pockets = 0..self.contest.ground().pockets.len();
+                let pockets = 0..self.contest.table_layout().pockets.len();
                 calls.extend(pockets.map(|pocket| pot(ball, Some(pocket))));
                 calls.push(Some(Call::Safety));
             }
@@ -159,7 +159,7 @@ impl Game {
         let is_lost = self.contest.turns().last().is_some_and(|turn| {
             turn.verdict.is_foul() || turn.verdict.moves.iter().any(|moved| moved.ball == 0)
         });
-        let is_in_hand = referee.hand().is_some() && referee.options().is_empty();
+        let is_in_hand = referee.ball_in_hand_area().is_some() && referee.options().is_empty();
         if is_in_hand && is_lost && !is_racked && self.may_play() {
             self.pick_up();
         }
@@ -178,8 +178,8 @@ impl Game {
 
     /// Points the cue at the nearest of the balls that may be hit.
     fn aim_at_nearest(&mut self) {
-        let lie = self.contest.lie();
-        let on = self.contest.referee().on(&lie);
+        let lie = self.contest.ball_positions();
+        let on = self.contest.referee().legal_targets(&lie);
         let Some(cue_ball) = self.cue_ball().map(|ball| ball.truncate()) else {
             return;
         };
@@ -247,7 +247,7 @@ impl Game {
 
     /// Says what the computer would do, and points the cue so.
     fn show_advice(&mut self, decision: &carom_billiards::ai::Decision) -> Result<(), String> {
-        self.notice = Some(self.contest.advice_words(decision));
+        self.notice = Some(self.contest.hint_text(decision));
         if decision.choice.is_some() {
             return Ok(());
         }

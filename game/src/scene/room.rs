@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 
 use carom_billiards::physics::{Circle, Cushion, Table};
 use carom_billiards::rules::{self, RuleSet};
-use carom_billiards::shot_report::ground;
+use carom_billiards::shot_report::table_layout;
 use carom_tracer::{
     AreaLight, Axis, Camera, CsgSolid, Environment, Material, Object, ProceduralTexture, Scene,
     Shape, Sights, Subtraction,
@@ -107,7 +107,7 @@ impl Room {
 
     /// At rest where a rack would be, each with its number towards the player.
     fn balls(&mut self, table: &Table, rules: RuleSet) {
-        let racked = rules::rack(rules, &ground(table), 1);
+        let racked = rules::rack(rules, &table_layout(table), 1);
         let racked: BTreeMap<u8, DVec2> = racked.into_iter().map(|p| (p.ball, p.at)).collect();
         for (number, at) in racked {
             let body = if number == 0 {

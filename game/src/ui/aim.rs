@@ -1,7 +1,7 @@
 //! Cue stick, aim line and ghost ball, projected into the picture by the current camera.
 
 use carom_billiards::physics::{AimContact, AimLine};
-use carom_billiards::rules::{Area, Ground};
+use carom_billiards::rules::{PlacementArea, TableLayout};
 use egui::{Color32, Painter, Pos2, Rect, Shape, Stroke};
 use glam::{DVec2, DVec3};
 
@@ -157,16 +157,16 @@ impl AimOverlay<'_> {
     }
 
     /// The line that bounds where the cue ball may be put.
-    pub fn area(&self, ground: &Ground, area: Option<Area>) {
+    pub fn area(&self, ground: &TableLayout, area: Option<PlacementArea>) {
         let stroke = Stroke::new(1.5, GUIDE);
         let line = |from: DVec2, to: DVec2| self.segment(from.extend(0.0), to.extend(0.0), stroke);
         let half = 0.5 * ground.width_m;
         match area {
-            Some(Area::Kitchen) => {
+            Some(PlacementArea::Kitchen) => {
                 let x = ground.head_spot().x;
                 line(DVec2::new(x, -half), DVec2::new(x, half));
             }
-            Some(Area::D) => {
+            Some(PlacementArea::D) => {
                 let (middle, radius) = (ground.baulk_spot(), ground.d_radius_m());
                 let at = |i: u32| {
                     let angle = std::f64::consts::PI * (0.5 + f64::from(i) / f64::from(ARC));
@@ -175,7 +175,7 @@ impl AimOverlay<'_> {
                 (0..ARC).for_each(|i| line(at(i), at(i + 1)));
                 line(at(ARC), at(0));
             }
-            Some(Area::Anywhere) | None => {}
+            Some(PlacementArea::Anywhere) | None => {}
         }
     }
 

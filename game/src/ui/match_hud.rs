@@ -3,8 +3,8 @@
 
 use std::rc::Rc;
 
-use carom_billiards::game_match::{PlayerView, View};
-use carom_billiards::rules::{Call, Ground, RuleSet};
+use carom_billiards::game_match::{MatchView, PlayerView};
+use carom_billiards::rules::{Call, RuleSet, TableLayout};
 use egui::{
     Align2, Area, Button, Context, Id, Order, Rect, RichText, ScrollArea, Sense, Stroke, Ui, Vec2,
     WidgetInfo,
@@ -17,7 +17,7 @@ use crate::input::{Action, Bindings, Intent};
 #[derive(Clone, Debug)]
 pub struct MatchHud {
     /// The match.
-    pub view: Rc<View>,
+    pub view: Rc<MatchView>,
     /// Whether a person may play now.
     pub may_play: bool,
     /// Whether the computer looks for a shot.
@@ -27,7 +27,7 @@ pub struct MatchHud {
     /// What counts as called, in words.
     pub call: Option<String>,
     /// The table, where something can be called.
-    pub pockets: Option<Ground>,
+    pub pockets: Option<TableLayout>,
 }
 
 /// Draws the board; what the player asks for with the pointer.
@@ -211,7 +211,12 @@ fn toggle(ui: &mut Ui, words: &str, call: Call, called: Option<Call>) -> Option<
         .then_some(Intent::Call((!is_on).then_some(call)))
 }
 
-fn map(ui: &mut Ui, board: &MatchHud, ground: &Ground, called: Option<Call>) -> Option<Intent> {
+fn map(
+    ui: &mut Ui,
+    board: &MatchHud,
+    ground: &TableLayout,
+    called: Option<Call>,
+) -> Option<Intent> {
     let (rect, _) = ui.allocate_exact_size(MAP, Sense::hover());
     let bed = rect.shrink(9.0);
     ui.painter()
@@ -284,7 +289,7 @@ fn deeds(ui: &mut Ui, board: &MatchHud, bindings: &Bindings) -> Option<Intent> {
     wanted
 }
 
-fn said(ui: &mut Ui, view: &View) {
+fn said(ui: &mut Ui, view: &MatchView) {
     ui.set_max_width(420.0);
     let area = ScrollArea::vertical()
         .max_height(220.0)
@@ -306,13 +311,13 @@ mod tests {
     use egui_kittest::kittest::Queryable as _;
 
     use super::*;
-    use carom_billiards::game_match::{Match, Player, Setup};
+    use carom_billiards::game_match::{Match, MatchConfig, Player};
     use carom_billiards::physics::Stroke;
 
     /// A match after its break, which leaves calls open.
     fn broken() -> Match {
         let players = Player::list("Ada,Bo").unwrap();
-        let mut game = Match::new(Setup::new(RuleSet::Eight, players, 3).unwrap()).unwrap();
+        let mut game = Match::new(MatchConfig::new(RuleSet::Eight, players, 3).unwrap()).unwrap();
         let stroke = Stroke::straight(0.0, 8.0);
         let shot = game.strike(stroke).unwrap();
         game.finish(stroke, &shot);
@@ -326,7 +331,7 @@ mod tests {
             is_thinking: false,
             aimed: Some(4),
             call: None,
-            pockets: Some(game.ground().clone()),
+            pockets: Some(game.table_layout().clone()),
         }
     }
 

@@ -1,7 +1,7 @@
 //! The page on which a new game is begun.
 
 use carom_billiards::ai::Level;
-use carom_billiards::game_match::{Match, Player, Setup};
+use carom_billiards::game_match::{Match, MatchConfig, Player};
 use carom_billiards::rules::RuleSet;
 use clap::ValueEnum as _;
 use egui::{Grid, RichText, Ui};
@@ -41,9 +41,9 @@ impl NewGame {
             (_, Some(level)) => vec![human("You"), Player::Computer(level)],
             (_, None) => vec![human("Player 1"), human("Player 2")],
         };
-        Match::new(Setup {
+        Match::new(MatchConfig {
             target: self.target,
-            ..Setup::new(self.rules, players, seed)?
+            ..MatchConfig::new(self.rules, players, seed)?
         })
     }
 }
@@ -61,7 +61,7 @@ pub(super) fn page(ui: &mut Ui, game: &mut NewGame, is_fresh: bool) -> bool {
                 ui.horizontal_wrapped(|ui| {
                     for rules in RuleSet::ALL {
                         if ui
-                            .selectable_value(&mut game.rules, rules, rules.sheet().name)
+                            .selectable_value(&mut game.rules, rules, rules.info().name)
                             .changed()
                         {
                             game.target = 0;
@@ -91,7 +91,7 @@ fn opponent(ui: &mut Ui, game: &mut NewGame) {
         ui.horizontal_wrapped(|ui| {
             ui.selectable_value(&mut game.computer, None, "A person at this machine");
             for level in Level::ALL {
-                let words = format!("Computer, {}", level.words());
+                let words = format!("Computer, {}", level.display_text());
                 ui.selectable_value(&mut game.computer, Some(level), words);
             }
         });
@@ -109,7 +109,7 @@ fn opponent(ui: &mut Ui, game: &mut NewGame) {
 }
 
 fn target(ui: &mut Ui, game: &mut NewGame) {
-    let sheet = game.rules.sheet();
+    let sheet = game.rules.info();
     ui.label(format!("First to, {}", sheet.unit));
     ui.horizontal_wrapped(|ui| {
         let targets: &[u32] = if sheet.target > 1 {

@@ -26,7 +26,7 @@ pub fn panel(
     let clicked = area.show(ctx, |ui| {
         let page = theme::frame().show(ui, |ui| {
             ui.set_width((room.width() - 60.0).min(WIDTH));
-            let picked = takes(ui, player);
+            let picked = clips(ui, player);
             let turned = time(ui, player, now_secs);
             let done = deeds(ui, player, kept);
             ui.label(RichText::new(keys(bindings)).color(theme::FAINT).small());
@@ -37,19 +37,19 @@ pub fn panel(
     clicked.inner
 }
 
-fn takes(ui: &mut Ui, player: &ReplayPlayer) -> Option<Order> {
-    let takes = &player.recording().takes;
+fn clips(ui: &mut Ui, player: &ReplayPlayer) -> Option<Order> {
+    let clips = &player.recording().clips;
     let mut take = player.take();
     let words = |i: usize| {
-        takes
+        clips
             .get(i)
             .map_or("", |take| take.title.as_str())
             .to_owned()
     };
-    let list = ComboBox::from_id_salt("takes")
+    let list = ComboBox::from_id_salt("clips")
         .width(ui.available_width() - 16.0)
         .truncate();
-    let chosen = list.show_index(ui, &mut take, takes.len(), words);
+    let chosen = list.show_index(ui, &mut take, clips.len(), words);
     chosen
         .changed()
         .then_some(Order::Watch(ReplayControl::Pick(take)))
@@ -115,7 +115,7 @@ fn deeds(ui: &mut Ui, player: &ReplayPlayer, kept: &[SavedRecording]) -> Option<
         if ui.button("Keep this shot").clicked() {
             order = Some(Order::Keep(RecordingKind::Shot));
         }
-        let count = player.recording().takes.len();
+        let count = player.recording().clips.len();
         if count > 1 && ui.button(format!("Keep all {count}")).clicked() {
             order = Some(Order::Keep(RecordingKind::Match));
         }

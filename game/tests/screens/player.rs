@@ -12,7 +12,7 @@ use carom::scene::ball_materials::BallSet;
 use carom::scene::table_scene::TableScene;
 use carom::settings::SettingsStore;
 use carom::ui::theme;
-use carom_billiards::game_match::{Match, Player, Setup};
+use carom_billiards::game_match::{Match, MatchConfig, Player};
 use carom_billiards::rules::RuleSet;
 use carom_farm::{FarmConfig, LocalNode};
 use carom_tracer::ImageSize;
@@ -47,7 +47,7 @@ impl Seat {
     /// At a game of 8-ball between two people.
     pub(crate) fn eight() -> Self {
         let players = Player::list("Ada,Bo").unwrap();
-        let setup = Setup::new(RuleSet::Eight, players, 3).unwrap();
+        let setup = MatchConfig::new(RuleSet::Eight, players, 3).unwrap();
         Self::new(Match::new(setup).unwrap(), SettingsStore::default())
     }
 

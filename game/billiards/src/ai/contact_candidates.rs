@@ -7,26 +7,30 @@ use glam::DVec2;
 
 use super::Position;
 use crate::physics::Stroke;
-use crate::rng::Dice;
+use crate::rng::CounterRng;
 use crate::rules::RuleSet;
 
 /// Strokes to be tried, `count` at most, in an order that the dice draw: half of them straight at a
 /// ball that is on, full or thin, half anywhere, for ways by cushions.
-pub(crate) fn hits(position: &Position, count: u32, dice: &mut Dice) -> Vec<Stroke> {
-    let lie = position.lie();
-    let on = position.referee.on(&lie);
-    let Some(cue) = lie.iter().find(|p| p.ball == 0).map(|p| p.at) else {
+pub(crate) fn contact_candidates(
+    position: &Position,
+    count: u32,
+    rng: &mut CounterRng,
+) -> Vec<Stroke> {
+    let positions = position.ball_positions();
+    let on = position.referee.legal_targets(&positions);
+    let Some(cue) = positions.iter().find(|p| p.ball == 0).map(|p| p.at) else {
         return Vec::new();
     };
-    let reach = position.ground.radius_m + position.ground.cue_radius_m;
-    let mut targets: Vec<DVec2> = lie
+    let reach = position.layout.radius_m + position.layout.cue_radius_m;
+    let mut targets: Vec<DVec2> = positions
         .iter()
         .filter(|p| on.contains(&p.ball))
         .map(|p| p.at)
         .collect();
     targets.sort_by(|a, b| a.distance(cue).total_cmp(&b.distance(cue)));
     if position.referee.is_break() {
-        return breaks(position, cue, &targets, reach, count.min(HITS_MAX), dice);
+        return breaks(position, cue, &targets, reach, count.min(HITS_MAX), rng);
     }
     let count = count.min(HITS_MAX);
     let is_carom = position.referee.rules() == RuleSet::ThreeCushion;
@@ -35,17 +39,17 @@ pub(crate) fn hits(position: &Position, count: u32, dice: &mut Dice) -> Vec<Stro
             let target = targets.get(i as usize / 2 % targets.len().max(1));
             let (bearing_rad, speeds) = match target {
                 Some(&target) if i % 2 == 0 || is_carom => (
-                    towards(cue, target, reach, 2.0 * dice.unit() - 1.0),
+                    towards(cue, target, reach, 2.0 * rng.unit() - 1.0),
                     (0.6, 3.5),
                 ),
-                _ => (TAU * dice.unit(), (1.0, 4.0)),
+                _ => (TAU * rng.unit(), (1.0, 4.0)),
             };
             if is_carom {
-                carom(bearing_rad, i, dice)
+                carom(bearing_rad, i, rng)
             } else {
-                let speed = speeds.0 + (speeds.1 - speeds.0) * dice.unit();
+                let speed = speeds.0 + (speeds.1 - speeds.0) * rng.unit();
                 Stroke {
-                    vertical: 0.6 * (dice.unit() - 0.5),
+                    vertical: 0.6 * (rng.unit() - 0.5),
                     ..Stroke::straight(bearing_rad, speed)
                 }
             }
@@ -54,16 +58,16 @@ pub(crate) fn hits(position: &Position, count: u32, dice: &mut Dice) -> Vec<Stro
 }
 
 /// Ways round the table are long and want side.
-fn carom(bearing_rad: f64, i: u32, dice: &mut Dice) -> Stroke {
+fn carom(bearing_rad: f64, i: u32, rng: &mut CounterRng) -> Stroke {
     let bearing_rad = if i % 3 == 2 {
-        TAU * dice.unit()
+        TAU * rng.unit()
     } else {
         bearing_rad
     };
     Stroke {
-        side: 0.8 * (dice.unit() - 0.5),
-        vertical: 0.7 * (dice.unit() - 0.3),
-        ..Stroke::straight(bearing_rad, 2.0 + 3.5 * dice.unit())
+        side: 0.8 * (rng.unit() - 0.5),
+        vertical: 0.7 * (rng.unit() - 0.3),
+        ..Stroke::straight(bearing_rad, 2.0 + 3.5 * rng.unit())
     }
 }
 
@@ -81,7 +85,7 @@ fn breaks(
     targets: &[DVec2],
     reach: f64,
     count: u32,
-    dice: &mut Dice,
+    rng: &mut CounterRng,
 ) -> Vec<Stroke> {
     let is_hard = matches!(
         position.referee.rules(),
@@ -91,8 +95,8 @@ fn breaks(
         let red = targets.first().copied().unwrap_or(DVec2::X);
         return (0..count)
             .map(|i| {
-                let thin = 2.0 * dice.unit() - 1.0;
-                carom(towards(cue, red, reach, thin), 0, dice).harder(i)
+                let thin = 2.0 * rng.unit() - 1.0;
+                carom(towards(cue, red, reach, thin), 0, rng).harder(i)
             })
             .collect();
     }
@@ -101,10 +105,10 @@ fn breaks(
         .filter_map(|i| {
             let target = *targets.get(i as usize % corners.max(1))?;
             let (thin, speed) = if is_hard {
-                (0.1 * (dice.unit() - 0.5), 7.5 + 2.0 * dice.unit())
+                (0.1 * (rng.unit() - 0.5), 7.5 + 2.0 * rng.unit())
             } else {
-                let edge = if dice.unit() < 0.5 { 1.0 } else { -1.0 };
-                (edge * (0.4 + 0.55 * dice.unit()), 1.5 + 2.0 * dice.unit())
+                let edge = if rng.unit() < 0.5 { 1.0 } else { -1.0 };
+                (edge * (0.4 + 0.55 * rng.unit()), 1.5 + 2.0 * rng.unit())
             };
             Some(Stroke::straight(towards(cue, target, reach, thin), speed))
         })

@@ -1,13 +1,13 @@
 //! What a shot is worth to the player who makes it.
 
-use super::{Position, pot_candidates::lines, skill::Skill};
+use super::{Position, pot_candidates::pot_candidates, skill::Skill};
 use crate::physics::{Shot, Stroke};
-use crate::rules::{Area, Call, Lie, Referee, RuleSet, Verdict, laid};
+use crate::rules::{BallPositions, Call, PlacementArea, Referee, RuleSet, Verdict, apply_moves};
 use crate::shot_report::report;
 
 /// What a shot is worth, about −1 (all is lost) to 1 (all is won): what the referee makes of it, and
 /// what the table then offers to whoever is next.
-pub(crate) fn worth(
+pub(crate) fn evaluate(
     position: &Position,
     stroke: &Stroke,
     shot: &Shot,
@@ -17,14 +17,14 @@ pub(crate) fn worth(
     let player = position.referee.turn();
     let report = report(&position.world, stroke, shot);
     let mut referee = position.referee.clone();
-    let verdict = referee.judge(&position.ground, &report, call);
+    let verdict = referee.judge(&position.layout, &report, call);
     if let Some(won) = rack_won(&position.referee, &referee, player) {
         return if won { 1.0 } else { -1.0 };
     }
-    let lie = laid(&report.after, &verdict.moves);
+    let positions = apply_moves(&report.after, &verdict.moves);
     let gained = gain(&position.referee, &verdict);
     let mine = referee.turn() == player;
-    let offered = offer(position, &referee, &lie, skill);
+    let offered = offer(position, &referee, &positions, skill);
     let near = if position.referee.rules() == RuleSet::ThreeCushion {
         nearness(&report)
     } else {
@@ -40,7 +40,7 @@ fn rack_won(before: &Referee, after: &Referee, player: usize) -> Option<bool> {
     if let Some(winner) = after.winner() {
         return Some(winner == player);
     }
-    let is_points = before.sheet().unit == "points";
+    let is_points = before.info().unit == "points";
     let other = (player + 1) % before.scores().len();
     let rose = |who: usize| after.scores()[who] > before.scores()[who];
     match () {
@@ -70,20 +70,20 @@ fn gain(referee: &Referee, verdict: &Verdict) -> f64 {
 }
 
 /// The chance that whoever is at the table makes the next shot.
-fn offer(position: &Position, referee: &Referee, lie: &Lie, skill: &Skill) -> f64 {
-    if referee.hand() == Some(Area::Anywhere) && !referee.is_break() {
+fn offer(position: &Position, referee: &Referee, positions: &BallPositions, skill: &Skill) -> f64 {
+    if referee.ball_in_hand_area() == Some(PlacementArea::Anywhere) && !referee.is_break() {
         return IN_HAND;
     }
     if referee.rules() == RuleSet::ThreeCushion {
         return 0.0;
     }
-    let on = referee.on(lie);
-    let found = lines(&position.ground, lie, &on, skill);
+    let on = referee.legal_targets(positions);
+    let found = pot_candidates(&position.layout, positions, &on, skill);
     found.first().map_or(0.0, |line| line.chance)
 }
 
 /// Of a carom that was not made: how much of it was there.
-fn nearness(report: &crate::rules::Report) -> f64 {
+fn nearness(report: &crate::rules::ShotReport) -> f64 {
     let mut balls: Vec<u8> = report.contacts().collect();
     balls.sort_unstable();
     balls.dedup();

@@ -21,16 +21,16 @@ mod worker;
 pub use level::Level;
 pub use search::{Decision, think};
 pub use skill::Skill;
-pub use worker::Thinking;
+pub use worker::AiWorker;
 
 use crate::physics::World;
-use crate::rules::{Ground, Lie, Placed, Referee};
+use crate::rules::{BallPosition, BallPositions, Referee, TableLayout};
 
 /// What the computer looks at: the table, and where the match stands.
 #[derive(Clone, Debug)]
 pub struct Position {
     /// The marks of the table.
-    pub ground: Ground,
+    pub layout: TableLayout,
     /// The balls.
     pub world: World,
     /// The rules.
@@ -38,11 +38,11 @@ pub struct Position {
 }
 
 impl Position {
-    pub(crate) fn lie(&self) -> Lie {
+    pub(crate) fn ball_positions(&self) -> BallPositions {
         let balls = self.world.balls().into_iter();
         balls
             .filter(|ball| ball.phase.is_on_table())
-            .map(|ball| Placed {
+            .map(|ball| BallPosition {
                 ball: ball.number,
                 at: ball.position.truncate(),
             })

@@ -3,11 +3,11 @@
 use glam::DVec2;
 
 use super::skill::Skill;
-use crate::rules::{Ground, Placed};
+use crate::rules::{BallPosition, TableLayout};
 
 /// A straight way from the cue ball by an object ball to a pocket, clear of other balls.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Line {
+pub(crate) struct PotCandidate {
     pub(crate) ball: u8,
     pub(crate) pocket: usize,
     /// Direction of the cue, in rad.
@@ -23,28 +23,38 @@ pub(crate) struct Line {
 }
 
 /// The straight pots of `targets`, likeliest first.
-pub(crate) fn lines(ground: &Ground, lie: &[Placed], targets: &[u8], skill: &Skill) -> Vec<Line> {
-    let Some(cue) = lie.iter().find(|p| p.ball == 0).map(|p| p.at) else {
+pub(crate) fn pot_candidates(
+    layout: &TableLayout,
+    positions: &[BallPosition],
+    targets: &[u8],
+    skill: &Skill,
+) -> Vec<PotCandidate> {
+    let Some(cue) = positions.iter().find(|p| p.ball == 0).map(|p| p.at) else {
         return Vec::new();
     };
-    let mut lines = Vec::new();
-    for object in lie.iter().filter(|p| targets.contains(&p.ball)) {
-        for pocket in 0..ground.pockets.len() {
-            lines.extend(line(ground, lie, (cue, object, pocket), skill));
+    let mut pot_candidates = Vec::new();
+    for object in positions.iter().filter(|p| targets.contains(&p.ball)) {
+        for pocket in 0..layout.pockets.len() {
+            pot_candidates.extend(pot_candidate(
+                layout,
+                positions,
+                (cue, object, pocket),
+                skill,
+            ));
         }
     }
-    lines.sort_by(|a, b| b.chance.total_cmp(&a.chance));
-    lines
+    pot_candidates.sort_by(|a, b| b.chance.total_cmp(&a.chance));
+    pot_candidates
 }
 
-fn line(
-    ground: &Ground,
-    lie: &[Placed],
-    (cue, object, pocket): (DVec2, &Placed, usize),
+fn pot_candidate(
+    layout: &TableLayout,
+    positions: &[BallPosition],
+    (cue, object, pocket): (DVec2, &BallPosition, usize),
     skill: &Skill,
-) -> Option<Line> {
-    let reach = ground.radius_m + ground.cue_radius_m;
-    let hole = ground.pockets[pocket];
+) -> Option<PotCandidate> {
+    let reach = layout.radius_m + layout.cue_radius_m;
+    let hole = layout.pockets[pocket];
     let way = hole - object.at;
     let to_pocket = way.try_normalize()?;
     let ghost = object.at - reach * to_pocket;
@@ -53,13 +63,13 @@ fn line(
     if cos_cut < COS_CUT_MIN {
         return None;
     }
-    let half_m = opening_m(ground, hole, to_pocket)?;
+    let half_m = opening_m(layout, hole, to_pocket)?;
     let others = |ball: u8| ball != 0 && ball != object.ball;
-    let is_clear = ground.is_clear(lie, (cue, ghost), ground.cue_radius_m, others)
-        && ground.is_clear(lie, (object.at, hole), ground.radius_m, others);
+    let is_clear = layout.is_clear(positions, (cue, ghost), layout.cue_radius_m, others)
+        && layout.is_clear(positions, (object.at, hole), layout.radius_m, others);
     let lever = to_ghost.length() / (reach * cos_cut);
     let off_m = skill.direction_rad() * lever * way.length();
-    is_clear.then(|| Line {
+    is_clear.then(|| PotCandidate {
         ball: object.ball,
         pocket,
         bearing_rad: to_ghost.to_angle(),
@@ -72,8 +82,8 @@ fn line(
 
 /// By how much a ball's centre may be off when it comes to a pocket, in m: less for a side pocket that
 /// is not approached straight; none where it would meet the cushion first.
-fn opening_m(ground: &Ground, hole: DVec2, to_pocket: DVec2) -> Option<f64> {
-    let is_side = hole.x.abs() < 0.2 * ground.length_m;
+fn opening_m(layout: &TableLayout, hole: DVec2, to_pocket: DVec2) -> Option<f64> {
+    let is_side = hole.x.abs() < 0.2 * layout.length_m;
     let straight = if is_side {
         DVec2::new(0.0, hole.y.signum())
     } else {
@@ -86,12 +96,12 @@ fn opening_m(ground: &Ground, hole: DVec2, to_pocket: DVec2) -> Option<f64> {
         COS_CORNER_MIN
     };
     // Pockets of pool are two balls wide, those of snooker one and a half.
-    let mouth = if ground.radius_m < SNOOKER_RADIUS_M {
+    let mouth = if layout.radius_m < SNOOKER_RADIUS_M {
         0.45
     } else {
         0.9
     };
-    (cos > least).then_some(mouth * ground.radius_m * cos)
+    (cos > least).then_some(mouth * layout.radius_m * cos)
 }
 
 /// The share of a normal distribution within so many deviations of its mean: erf(x/√2), by the
@@ -115,7 +125,7 @@ mod tests {
     use super::*;
     use crate::ai::Level;
     use crate::physics::Table;
-    use crate::shot_report::ground;
+    use crate::shot_report::table_layout;
 
     #[test]
     fn the_normal_distribution_is_known() {
@@ -126,18 +136,18 @@ mod tests {
 
     #[test]
     fn near_straight_pots_come_first_and_blocked_ones_not_at_all() {
-        let ground = ground(&Table::nine_foot());
-        let at = |ball, x, y| Placed {
+        let layout = table_layout(&Table::nine_foot());
+        let at = |ball, x, y| BallPosition {
             ball,
             at: DVec2::new(x, y),
         };
-        let mut lie = vec![at(0, 0.8, 0.165), at(5, 1.1, 0.465), at(6, -0.6, -0.3)];
+        let mut positions = vec![at(0, 0.8, 0.165), at(5, 1.1, 0.465), at(6, -0.6, -0.3)];
         let skill = Skill::from(Level::Medium);
-        let found = lines(&ground, &lie, &[5, 6], &skill);
+        let found = pot_candidates(&layout, &positions, &[5, 6], &skill);
         assert_eq!(found[0].ball, 5);
         assert!(found[0].chance > 0.9 && found.is_sorted_by(|a, b| a.chance >= b.chance));
-        lie.push(at(7, 1.2, 0.565));
-        let blocked = lines(&ground, &lie, &[5], &skill);
+        positions.push(at(7, 1.2, 0.565));
+        let blocked = pot_candidates(&layout, &positions, &[5], &skill);
         assert!(blocked.iter().all(|line| line.pocket != found[0].pocket));
     }
 }

@@ -6,14 +6,14 @@ use glam::DVec2;
 
 use super::{
     Position,
-    ball_placement::place,
-    contact_candidates::hits,
-    evaluation::worth,
-    pot_candidates::{Line, lines},
+    ball_placement::best_placement,
+    contact_candidates::contact_candidates,
+    evaluation::evaluate,
+    pot_candidates::{PotCandidate, pot_candidates},
     skill::Skill,
 };
 use crate::physics::{AimContact, Stroke, predict};
-use crate::rng::Dice;
+use crate::rng::CounterRng;
 use crate::rules::{Call, Calls, Choice};
 
 /// What the computer does, in this order.
@@ -26,7 +26,7 @@ pub struct Decision {
     pub place: Option<DVec2>,
     /// What it says.
     pub call: Option<Call>,
-    /// How it means to strike: [`Skill::stray`] makes of it what it does.
+    /// How it means to strike: [`Skill::add_error`] makes of it what it does.
     pub stroke: Stroke,
     /// What it hopes for, about −1 to 1.
     pub worth: f64,
@@ -40,14 +40,14 @@ pub fn think(position: &Position, skill: &Skill, seed: u32, stop: &AtomicBool) -
     let mut position = position.clone();
     let choice = decide(&mut position, skill);
     let mut place_at = None;
-    if let Some(area) = position.referee.hand() {
-        place_at =
-            place(&position, area, skill).filter(|at| position.world.place(0, at.x, at.y).is_ok());
+    if let Some(area) = position.referee.ball_in_hand_area() {
+        place_at = best_placement(&position, area, skill)
+            .filter(|at| position.world.place(0, at.x, at.y).is_ok());
     }
-    let mut search = Search {
+    let mut search = ShotSearch {
         position: &position,
         skill,
-        dice: Dice::new(seed, THINK),
+        rng: CounterRng::new(seed, THINK),
         left: skill.shots,
         found: Vec::new(),
         stop,
@@ -57,7 +57,7 @@ pub fn think(position: &Position, skill: &Skill, seed: u32, stop: &AtomicBool) -
     search.weigh();
     let best = search.found.first().copied();
     let simulated = skill.shots - search.left;
-    let fallback = Found {
+    let fallback = ScoredStroke {
         stroke: Stroke::straight(0.0, 2.0),
         call: None,
         worth: -1.0,
@@ -79,9 +79,9 @@ fn decide(position: &mut Position, skill: &Skill) -> Option<Choice> {
     if options.is_empty() {
         return None;
     }
-    let lie = position.lie();
-    let on = position.referee.on(&lie);
-    let found = lines(&position.ground, &lie, &on, skill);
+    let positions = position.ball_positions();
+    let on = position.referee.legal_targets(&positions);
+    let found = pot_candidates(&position.layout, &positions, &on, skill);
     let is_fair = found.first().is_some_and(|line| line.chance > FAIR);
     let instead = [Choice::Return, Choice::TakeInHand, Choice::SpotBalls];
     let other = instead.into_iter().find(|choice| options.contains(choice));
@@ -89,7 +89,10 @@ fn decide(position: &mut Position, skill: &Skill) -> Option<Choice> {
         Some(other) if !is_fair => other,
         _ => Choice::Accept,
     };
-    if let Ok(verdict) = position.referee.choose(&position.ground, &lie, choice) {
+    if let Ok(verdict) = position
+        .referee
+        .choose(&position.layout, &positions, choice)
+    {
         for p in &verdict.moves {
             // A ball that finds no room stays: the match says so when it comes to it.
             let _ = position.world.place(p.ball, p.at.x, p.at.y);
@@ -99,30 +102,30 @@ fn decide(position: &mut Position, skill: &Skill) -> Option<Choice> {
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Found {
+struct ScoredStroke {
     stroke: Stroke,
     call: Option<Call>,
     worth: f64,
 }
 
-struct Search<'a> {
+struct ShotSearch<'a> {
     position: &'a Position,
     skill: &'a Skill,
-    dice: Dice,
+    rng: CounterRng,
     left: u32,
-    found: Vec<Found>,
+    found: Vec<ScoredStroke>,
     stop: &'a AtomicBool,
 }
 
-impl Search<'_> {
+impl ShotSearch<'_> {
     /// Straight pots, likeliest first, each with several touches.
     fn pots(&mut self) {
         if self.position.referee.is_break() {
             return;
         }
-        let lie = self.position.lie();
-        let on = self.position.referee.on(&lie);
-        let found = lines(&self.position.ground, &lie, &on, self.skill);
+        let positions = self.position.ball_positions();
+        let on = self.position.referee.legal_targets(&positions);
+        let found = pot_candidates(&self.position.layout, &positions, &on, self.skill);
         let reserve = self.reserve();
         for line in found.iter().take(LINES_MAX) {
             for (stretch, vertical) in TOUCHES {
@@ -149,7 +152,7 @@ impl Search<'_> {
         let count = (self.left - kept) / if good { 3 } else { 1 };
         let call = (self.calls() == Calls::Pocket && !self.position.referee.is_break())
             .then_some(Call::Safety);
-        for stroke in hits(self.position, count, &mut self.dice) {
+        for stroke in contact_candidates(self.position, count, &mut self.rng) {
             if self.left <= kept {
                 return;
             }
@@ -168,10 +171,10 @@ impl Search<'_> {
         for index in 0..self.found.len() {
             let found = self.found[index];
             // Common draws: what differs is the stroke, not the luck.
-            let mut dice = Dice::new(trials, WEIGH);
+            let mut rng = CounterRng::new(trials, WEIGH);
             let (mut sum, mut tried) = (0.0, 0.0);
             for _ in 0..trials {
-                let strayed = self.skill.stray(found.stroke, &mut dice);
+                let strayed = self.skill.add_error(found.stroke, &mut rng);
                 if let Some(worth) = self.simulated(strayed, found.call) {
                     sum += worth;
                     tried += 1.0;
@@ -189,7 +192,7 @@ impl Search<'_> {
 
     fn consider(&mut self, stroke: Stroke, call: Option<Call>) {
         if let Some(worth) = self.simulated(stroke, call) {
-            self.found.push(Found {
+            self.found.push(ScoredStroke {
                 stroke,
                 call,
                 worth,
@@ -202,12 +205,12 @@ impl Search<'_> {
             return None;
         }
         let shot = self.position.world.strike(stroke).ok()?;
-        Some(worth(self.position, &stroke, &shot, call, self.skill))
+        Some(evaluate(self.position, &stroke, &shot, call, self.skill))
     }
 
     /// The stroke turned until the object ball leaves for the pocket: throw, squirt and swerve are in
     /// the simulation.
-    fn aimed(&mut self, line: &Line, mut stroke: Stroke) -> Option<Stroke> {
+    fn aimed(&mut self, line: &PotCandidate, mut stroke: Stroke) -> Option<Stroke> {
         for _ in 0..CORRECTIONS {
             if !self.counts() {
                 return None;
@@ -235,7 +238,7 @@ impl Search<'_> {
         Some(stroke)
     }
 
-    fn pot_call(&self, line: &Line) -> Option<Call> {
+    fn pot_call(&self, line: &PotCandidate) -> Option<Call> {
         let pocket = match self.calls() {
             Calls::Nothing => return None,
             Calls::Pocket => Some(line.pocket),
@@ -248,7 +251,7 @@ impl Search<'_> {
     }
 
     fn calls(&self) -> Calls {
-        self.position.referee.sheet().calls
+        self.position.referee.info().calls
     }
 
     /// What is left for other strokes and for trials.

@@ -2,7 +2,7 @@
 
 use super::Level;
 use crate::physics::Stroke;
-use crate::rng::Dice;
+use crate::rng::CounterRng;
 
 /// What makes a level.
 ///
@@ -43,8 +43,8 @@ impl From<Level> for Skill {
 
 impl Skill {
     /// The stroke that comes of an intended one.
-    pub fn stray(&self, stroke: Stroke, dice: &mut Dice) -> Stroke {
-        let mut off = |deviation: f64| self.error * deviation * dice.normal();
+    pub fn add_error(&self, stroke: Stroke, rng: &mut CounterRng) -> Stroke {
+        let mut off = |deviation: f64| self.error * deviation * rng.normal();
         let strayed = Stroke {
             direction_rad: stroke.direction_rad + off(DIRECTION_RAD),
             speed_m_s: (stroke.speed_m_s * (1.0 + off(SPEED_SHARE)))
@@ -85,10 +85,10 @@ mod tests {
     fn a_level_errs_as_much_as_it_says() {
         for level in Level::ALL {
             let skill = Skill::from(level);
-            let mut dice = Dice::new(5, 0);
+            let mut rng = CounterRng::new(5, 0);
             let meant = Stroke::straight(1.0, 2.0);
             let squares: f64 = (0..4000)
-                .map(|_| (skill.stray(meant, &mut dice).direction_rad - 1.0).powi(2))
+                .map(|_| (skill.add_error(meant, &mut rng).direction_rad - 1.0).powi(2))
                 .sum();
             let deviation = (squares / 4000.0).sqrt();
             let wanted = skill.error * 0.125f64.to_radians();
@@ -102,9 +102,9 @@ mod tests {
             error: 50.0,
             ..Level::Easy.into()
         };
-        let mut dice = Dice::new(1, 2);
+        let mut rng = CounterRng::new(1, 2);
         for _ in 0..1000 {
-            let stroke = skill.stray(Stroke::straight(0.3, 19.0), &mut dice);
+            let stroke = skill.add_error(Stroke::straight(0.3, 19.0), &mut rng);
             stroke.validate().unwrap();
             assert!(stroke.offset() <= TIP_RADII_MAX + 1e-12);
         }

@@ -13,12 +13,12 @@ use super::{
 
 /// A decision in the making, on a thread of its own. Dropped, it stops within a simulated shot.
 #[derive(Debug)]
-pub struct Thinking {
+pub struct AiWorker {
     decision: Receiver<Decision>,
     stop: Arc<AtomicBool>,
 }
 
-impl Thinking {
+impl AiWorker {
     /// Begins.
     ///
     /// # Errors
@@ -51,14 +51,14 @@ impl Thinking {
     }
 
     /// Wants the best of what was found so far.
-    pub fn hurry(&self) {
+    pub fn finish_now(&self) {
         self.stop.store(true, Ordering::Relaxed);
     }
 }
 
-impl Drop for Thinking {
+impl Drop for AiWorker {
     fn drop(&mut self) {
-        self.hurry();
+        self.finish_now();
     }
 }
 
@@ -66,17 +66,17 @@ impl Drop for Thinking {
 mod tests {
     use super::*;
     use crate::ai::Level;
-    use crate::game_match::{Match, Player, Setup};
+    use crate::game_match::{Match, MatchConfig, Player};
     use crate::rules::RuleSet;
 
     #[test]
     fn thinking_aside_decides_the_same_and_can_be_hurried() {
         let players = Player::list("ai:easy,ai:easy").unwrap();
-        let game = Match::new(Setup::new(RuleSet::Nine, players, 2).unwrap()).unwrap();
+        let game = Match::new(MatchConfig::new(RuleSet::Nine, players, 2).unwrap()).unwrap();
         let skill = Skill::from(Level::Easy);
         let here = think(&game.position(), &skill, 7, &AtomicBool::new(false));
         assert!(here.simulated > 0 && here.simulated <= skill.shots);
-        let aside = Thinking::start(game.position(), skill, 7).unwrap();
+        let aside = AiWorker::start(game.position(), skill, 7).unwrap();
         assert_eq!(aside.decision.recv().unwrap(), here);
         assert!(aside.decision.recv().is_err(), "it decides once");
 
@@ -84,8 +84,8 @@ mod tests {
             shots: u32::MAX,
             ..skill
         };
-        let aside = Thinking::start(game.position(), endless, 7).unwrap();
-        aside.hurry();
+        let aside = AiWorker::start(game.position(), endless, 7).unwrap();
+        aside.finish_now();
         assert!(aside.decision.recv().unwrap().simulated < u32::MAX);
     }
 }

@@ -6,14 +6,14 @@
 //! ```
 
 use super::Match;
-use crate::ai::{Decision, Level, Skill, Thinking};
+use crate::ai::{AiWorker, Decision, Level, Skill};
 use crate::physics::{self, AimContact, Shot, Stroke, predict};
-use crate::rng::Dice;
+use crate::rng::CounterRng;
 use crate::rules::{self, Choice};
 
 impl Match {
     /// How the computer plays when it plays for a person.
-    pub fn adviser() -> Skill {
+    pub fn hint_skill() -> Skill {
         Level::Hard.into()
     }
 
@@ -22,18 +22,18 @@ impl Match {
     ///
     /// # Errors
     /// A sentence if the match is over, or the system gives no thread.
-    pub fn advise(&self) -> Result<Thinking, String> {
+    pub fn start_hint(&self) -> Result<AiWorker, String> {
         if self.at_table().is_none() {
             return Err("The match is over: there is no shot to suggest".to_owned());
         }
-        Thinking::start(self.position(), Self::adviser(), self.draw_seed())
+        AiWorker::start(self.position(), Self::hint_skill(), self.draw_seed())
     }
 
     /// A decision as a sentence, for the position that it was made in.
-    pub fn advice_words(&self, decision: &Decision) -> String {
+    pub fn hint_text(&self, decision: &Decision) -> String {
         let mut parts = Vec::new();
         if let Some(choice) = decision.choice {
-            parts.push(choice.words().to_lowercase());
+            parts.push(choice.display_text().to_lowercase());
             if gives_away(choice) {
                 return sentence(&parts);
             }
@@ -41,15 +41,15 @@ impl Match {
         if decision.place.is_some() {
             parts.push("put the cue ball at the mark".to_owned());
         }
-        parts.push(self.target_words(decision));
-        parts.push(touch_words(&decision.stroke));
+        parts.push(self.target_text(decision));
+        parts.push(tip_text(&decision.stroke));
         sentence(&parts)
     }
 
     /// What the stroke is for.
-    fn target_words(&self, decision: &Decision) -> String {
+    fn target_text(&self, decision: &Decision) -> String {
         if let Some(call) = decision.call {
-            return format!("play {}", self.call_words(call));
+            return format!("play {}", self.call_text(call));
         }
         let mut world = self.world().clone();
         // Where that is not possible the mark cannot be shown either, and the words stay true.
@@ -86,8 +86,8 @@ impl Match {
             self.place(at)?;
         }
         self.call(decision.call);
-        let mut dice = Dice::new(self.draw_seed(), STRAY);
-        let strayed = skill.stray(decision.stroke, &mut dice);
+        let mut rng = CounterRng::new(self.draw_seed(), STRAY);
+        let strayed = skill.add_error(decision.stroke, &mut rng);
         // A stray stroke that cannot be played is played as it was meant.
         let strike = |stroke| self.strike(stroke).map(|shot| Some((stroke, shot)));
         let struck = strike(strayed).or_else(|_| strike(decision.stroke));
@@ -100,7 +100,7 @@ fn gives_away(choice: Choice) -> bool {
 }
 
 /// How the tip meets the ball, and how hard.
-fn touch_words(stroke: &Stroke) -> String {
+fn tip_text(stroke: &Stroke) -> String {
     let side = |value: f64, less: &str, more: &str| match value {
         v if v < -TOUCH_MIN => format!(" {less}"),
         v if v > TOUCH_MIN => format!(" {more}"),
@@ -130,12 +130,12 @@ mod tests {
 
     use super::*;
     use crate::ai::think;
-    use crate::game_match::{Player, Setup};
+    use crate::game_match::{MatchConfig, Player};
     use crate::rules::RuleSet;
 
     fn game(rules: RuleSet) -> Match {
         let players = Player::list("Ada,Bo").unwrap();
-        Match::new(Setup::new(rules, players, 4).unwrap()).unwrap()
+        Match::new(MatchConfig::new(rules, players, 4).unwrap()).unwrap()
     }
 
     #[test]
@@ -144,12 +144,12 @@ mod tests {
             let mut game = game(rules);
             let skill = Skill {
                 shots: 40,
-                ..Match::adviser()
+                ..Match::hint_skill()
             };
             for _ in 0..4 {
                 let seed = game.draw_seed();
                 let decision = think(&game.position(), &skill, seed, &AtomicBool::new(false));
-                let words = game.advice_words(&decision);
+                let words = game.hint_text(&decision);
                 assert!(
                     words.ends_with("m/s") || decision.choice.is_some(),
                     "{words}"
@@ -168,7 +168,7 @@ mod tests {
     #[test]
     fn advice_stands_as_long_as_its_position_and_ends_with_the_match() {
         let mut game = game(RuleSet::Nine);
-        assert!(game.advise().is_ok());
+        assert!(game.start_hint().is_ok());
         let decision = Decision {
             choice: Some(Choice::Return),
             place: None,
@@ -177,11 +177,11 @@ mod tests {
             worth: 0.0,
             simulated: 0,
         };
-        assert!(game.carry_out(&decision, &Match::adviser()).is_err());
+        assert!(game.carry_out(&decision, &Match::hint_skill()).is_err());
         while game.at_table().is_some() {
             game.concede();
         }
-        assert!(game.advise().unwrap_err().contains("over"));
+        assert!(game.start_hint().unwrap_err().contains("over"));
     }
 
     #[test]
@@ -191,9 +191,9 @@ mod tests {
             vertical: 0.3,
             ..Stroke::straight(0.0, 2.04)
         };
-        assert_eq!(touch_words(&stroke), "tip high on the left, 2.0 m/s");
+        assert_eq!(tip_text(&stroke), "tip high on the left, 2.0 m/s");
         assert_eq!(
-            touch_words(&Stroke::straight(0.0, 1.0)),
+            tip_text(&Stroke::straight(0.0, 1.0)),
             "tip in the middle, 1.0 m/s"
         );
         assert_eq!(sentence(&["a".to_owned(), "b".to_owned()]), "A; b");

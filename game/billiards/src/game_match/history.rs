@@ -1,7 +1,7 @@
 //! The shots of a match as a recording: to be watched again, kept and shared.
 
-use super::{Match, Turn};
-use crate::physics::{self, Recording, TITLE_BYTES_MAX, Take};
+use super::{Match, TurnRecord};
+use crate::physics::{self, Clip, Recording, TITLE_BYTES_MAX};
 
 impl Match {
     /// All shots that can be taken back, each with who played it and what came of it. They are struck
@@ -10,15 +10,15 @@ impl Match {
     /// # Errors
     /// Those of [`physics::World::strike`], which the match has had none of.
     pub fn recording(&self) -> physics::Result<Recording> {
-        let take = |(index, turn): (usize, &Turn)| {
-            Ok(Take {
+        let take = |(index, turn): (usize, &TurnRecord)| {
+            Ok(Clip {
                 title: self.title(index + 1, turn),
                 shot: turn.world().strike(turn.stroke)?,
             })
         };
         Ok(Recording {
             table: self.world().table().name().to_owned(),
-            takes: self
+            clips: self
                 .turns()
                 .iter()
                 .enumerate()
@@ -27,7 +27,7 @@ impl Match {
         })
     }
 
-    fn title(&self, number: usize, turn: &Turn) -> String {
+    fn title(&self, number: usize, turn: &TurnRecord) -> String {
         let mut title = format!("{number}. {}", self.players()[turn.player]);
         if !turn.verdict.lines.is_empty() {
             title += &format!(": {}", turn.verdict.lines.join(". "));
@@ -46,19 +46,19 @@ impl Match {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::game_match::{Player, Setup, play_out};
+    use crate::game_match::{MatchConfig, Player, play_out};
     use crate::rules::RuleSet;
 
     #[test]
     fn a_match_is_recorded_as_it_was_played() {
         let players = Player::list("ai:easy,ai:easy").unwrap();
-        let mut game = Match::new(Setup::new(RuleSet::Nine, players, 5).unwrap()).unwrap();
-        assert!(game.recording().unwrap().takes.is_empty());
+        let mut game = Match::new(MatchConfig::new(RuleSet::Nine, players, 5).unwrap()).unwrap();
+        assert!(game.recording().unwrap().clips.is_empty());
         play_out(&mut game, 5).unwrap();
         let recording = game.recording().unwrap();
-        assert_eq!(recording.takes.len(), game.turns().len());
-        assert!(recording.takes[0].title.starts_with("1. Computer (easy)"));
-        let last = &recording.takes[recording.takes.len() - 1];
+        assert_eq!(recording.clips.len(), game.turns().len());
+        assert!(recording.clips[0].title.starts_with("1. Computer (easy)"));
+        let last = &recording.clips[recording.clips.len() - 1];
         let cue_ball = |balls: &[physics::BallState]| balls[0].position;
         // What fell is put back after a shot: a ball that stayed lies where the shot left it.
         let after = game.world().balls();
@@ -74,7 +74,7 @@ mod tests {
             .unwrap();
         assert_eq!(lies.position, stayed.position);
         let again = Recording::from_bytes(&recording.to_bytes().unwrap()).unwrap();
-        let (one, two) = (&again.takes[0].shot, &recording.takes[0].shot);
+        let (one, two) = (&again.clips[0].shot, &recording.clips[0].shot);
         assert_eq!(cue_ball(&one.states_at(0.3)), cue_ball(&two.states_at(0.3)));
     }
 }

@@ -6,10 +6,10 @@ use crate::rules::RuleSet;
 
 /// What a match is begun with.
 #[derive(Clone, Debug)]
-pub struct Setup {
+pub struct MatchConfig {
     /// The game.
     pub rules: RuleSet,
-    /// Who plays: as many as the game's [`crate::rules::Sheet::players`] allows.
+    /// Who plays: as many as the game's [`crate::rules::RuleInfo::players`] allows.
     pub players: Vec<Player>,
     /// Racks, frames or points to win; 0 for the game's own.
     pub target: u32,
@@ -21,13 +21,13 @@ pub struct Setup {
     pub engine: Engine,
 }
 
-impl Setup {
+impl MatchConfig {
     /// A game on its own table.
     ///
     /// # Errors
     /// A sentence if the table is not usable.
     pub fn new(rules: RuleSet, players: Vec<Player>, seed: u32) -> Result<Self, String> {
-        let table = Table::built_in(rules.sheet().table).map_err(|error| error.to_string())?;
+        let table = Table::built_in(rules.info().table).map_err(|error| error.to_string())?;
         Ok(Self {
             rules,
             players,

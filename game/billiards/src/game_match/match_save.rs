@@ -10,24 +10,24 @@ use std::{fs, path::Path};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-use super::{Match, Player, Setup};
+use super::{Match, MatchConfig, Player};
 use crate::physics::{BallState, Engine, Stroke, Table};
 use crate::rules::{Call, Choice, RuleSet};
 
 /// All that makes a match what it is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Record {
+pub struct MatchSave {
     rules: RuleSet,
     players: Vec<Player>,
     target: u32,
     seed: u32,
     table: String,
-    deeds: Vec<Deed>,
+    actions: Vec<MatchAction>,
 }
 
 /// Something that a player did and that counts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) enum Deed {
+pub(super) enum MatchAction {
     /// A stroke, with the call that was said and the place of a cue ball that was in hand.
     Shot {
         place: Option<DVec2>,
@@ -43,7 +43,7 @@ pub(super) enum Deed {
     Concede,
 }
 
-impl Record {
+impl MatchSave {
     /// Of a match as it stands.
     pub fn of(game: &Match) -> Self {
         Self {
@@ -52,7 +52,7 @@ impl Record {
             target: game.referee().target(),
             seed: game.seed,
             table: game.world().table().name().to_owned(),
-            deeds: game.deeds.clone(),
+            actions: game.actions.clone(),
         }
     }
 
@@ -61,7 +61,7 @@ impl Record {
     /// # Errors
     /// A sentence if it is no match: then nothing of it can be used.
     pub fn play(&self) -> Result<Match, String> {
-        let mut game = Match::new(Setup {
+        let mut game = Match::new(MatchConfig {
             rules: self.rules,
             players: self.players.clone(),
             target: self.target,
@@ -70,8 +70,8 @@ impl Record {
                 .ok_or(format!("there is no table `{}`", self.table))?,
             engine: Engine::default(),
         })?;
-        for (number, deed) in self.deeds.iter().enumerate() {
-            let done = game.redo(deed);
+        for (number, action) in self.actions.iter().enumerate() {
+            let done = game.replay_action(action);
             done.map_err(|why| format!("step {} cannot be done: {why}", number + 1))?;
         }
         Ok(game)
@@ -89,7 +89,7 @@ impl Record {
         Ok(bytes)
     }
 
-    /// Reads what [`Record::to_bytes`] wrote.
+    /// Reads what [`MatchSave::to_bytes`] wrote.
     ///
     /// # Errors
     /// A sentence: another kind of file, another version, or damage.
@@ -136,7 +136,7 @@ impl Record {
     /// Reads a file; nothing if there is none.
     ///
     /// # Errors
-    /// A sentence with the path, as [`Record::from_bytes`].
+    /// A sentence with the path, as [`MatchSave::from_bytes`].
     pub fn load(path: &Path) -> Result<Option<Self>, String> {
         if !path.is_file() {
             return Ok(None);
@@ -151,9 +151,9 @@ impl Record {
 
 impl Match {
     /// Does what was done before.
-    fn redo(&mut self, deed: &Deed) -> Result<(), String> {
-        match deed {
-            Deed::Shot {
+    fn replay_action(&mut self, action: &MatchAction) -> Result<(), String> {
+        match action {
+            MatchAction::Shot {
                 place,
                 call,
                 stroke,
@@ -170,7 +170,7 @@ impl Match {
                 let shot = self.strike(*stroke).map_err(|error| error.to_string())?;
                 self.finish(*stroke, &shot);
             }
-            Deed::Layout(places) => {
+            MatchAction::Layout(places) => {
                 let table = self.world().table();
                 let lying = places.iter().map(|&(number, at)| {
                     let body = if number == 0 {
@@ -183,8 +183,8 @@ impl Match {
                 let balls: Vec<_> = lying.collect();
                 self.arrange(&balls)?;
             }
-            Deed::Choice(choice) => self.choose(*choice)?,
-            Deed::Concede => self.concede(),
+            MatchAction::Choice(choice) => self.choose(*choice)?,
+            MatchAction::Concede => self.concede(),
         }
         Ok(())
     }
@@ -208,10 +208,10 @@ mod tests {
 
     fn played() -> Match {
         let players = Player::list("Ada,ai:hard").unwrap();
-        let mut game = Match::new(Setup::new(RuleSet::Eight, players, 7).unwrap()).unwrap();
+        let mut game = Match::new(MatchConfig::new(RuleSet::Eight, players, 7).unwrap()).unwrap();
         for (angle, speed) in [(0.0, 8.0), (0.7, 3.0), (2.0, 4.0), (-1.0, 2.0)] {
-            if game.hand().is_some() {
-                let at = game.ground().head_spot() + DVec2::new(-0.1, 0.02);
+            if game.ball_in_hand_area().is_some() {
+                let at = game.table_layout().head_spot() + DVec2::new(-0.1, 0.02);
                 // Where it may not lie it stays.
                 let _ = game.place(at);
             }
@@ -228,8 +228,8 @@ mod tests {
     #[test]
     fn a_match_goes_on_where_it_was_left() {
         let game = played();
-        let bytes = Record::of(&game).to_bytes().unwrap();
-        let again = Record::from_bytes(&bytes).unwrap().play().unwrap();
+        let bytes = MatchSave::of(&game).to_bytes().unwrap();
+        let again = MatchSave::from_bytes(&bytes).unwrap().play().unwrap();
         assert_eq!(again.world().balls(), game.world().balls());
         assert_eq!(again.referee(), game.referee());
         assert_eq!(again.view(), game.view());
@@ -241,7 +241,7 @@ mod tests {
         let last = game.turns().len();
         game.undo();
         game.undo();
-        let again = Record::of(&game).play().unwrap();
+        let again = MatchSave::of(&game).play().unwrap();
         assert_eq!(again.turns().len(), last - 2);
         assert_eq!(again.view(), game.view());
     }
@@ -250,16 +250,16 @@ mod tests {
     fn damaged_files_are_refused_and_none_is_none() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("deep/match.carom");
-        assert_eq!(Record::load(&path), Ok(None));
-        let record = Record::of(&played());
+        assert_eq!(MatchSave::load(&path), Ok(None));
+        let record = MatchSave::of(&played());
         record.save(&path).unwrap();
-        assert_eq!(Record::load(&path), Ok(Some(record.clone())));
+        assert_eq!(MatchSave::load(&path), Ok(Some(record.clone())));
         let bytes = record.to_bytes().unwrap();
         for end in 0..bytes.len() {
-            assert!(Record::from_bytes(&bytes[..end]).is_err(), "{end}");
+            assert!(MatchSave::from_bytes(&bytes[..end]).is_err(), "{end}");
         }
         fs::write(&path, b"something else").unwrap();
-        let why = Record::load(&path).unwrap_err();
+        let why = MatchSave::load(&path).unwrap_err();
         assert!(
             why.contains("match.carom") && why.contains("does not begin"),
             "{why}"

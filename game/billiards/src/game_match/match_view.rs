@@ -1,11 +1,11 @@
 //! Everything that is shown of a match.
 
 use super::Match;
-use crate::rules::{Area, Call, Choice, Group, RuleSet};
+use crate::rules::{BallGroup, Call, Choice, PlacementArea, RuleSet};
 
 /// Everything that is shown of a match, for a screen to draw as it likes.
 #[derive(Clone, Debug, PartialEq)]
-pub struct View {
+pub struct MatchView {
     /// The game.
     pub rules: RuleSet,
     /// The game's name.
@@ -32,7 +32,7 @@ pub struct View {
     /// means without a choice.
     pub options: Vec<OptionView>,
     /// Where the cue ball is in hand.
-    pub hand: Option<Area>,
+    pub hand: Option<PlacementArea>,
     /// The balls that the cue ball may hit first: others may be drawn dimmed.
     pub on: Vec<u8>,
     /// What was said, in order.
@@ -55,7 +55,7 @@ pub struct PlayerView {
     /// What else there is to say: a group and its sign, a break, fouls in a row. May be empty.
     pub state: String,
     /// The group, in 8-ball.
-    pub group: Option<Group>,
+    pub group: Option<BallGroup>,
     /// The object balls that the player still needs, where balls belong to players.
     pub left: Vec<u8>,
 }
@@ -80,20 +80,20 @@ pub struct OptionView {
 
 impl Match {
     /// Everything that is shown of the match now.
-    pub fn view(&self) -> View {
+    pub fn view(&self) -> MatchView {
         let referee = self.referee();
-        let sheet = referee.sheet();
-        let lie = self.lie();
+        let info = referee.info();
+        let positions = self.ball_positions();
         let option = |&choice: &Choice| OptionView {
             choice,
-            words: choice.words(),
+            words: choice.display_text(),
         };
-        View {
+        MatchView {
             rules: referee.rules(),
-            title: sheet.name,
+            title: info.name,
             goal: match referee.target() {
-                1 => format!("first to a {}", sheet.unit.trim_end_matches('s')),
-                target => format!("first to {target} {}", sheet.unit),
+                1 => format!("first to a {}", info.unit.trim_end_matches('s')),
+                target => format!("first to {target} {}", info.unit),
             },
             players: (0..self.players.len())
                 .map(|i| self.player_view(i))
@@ -104,13 +104,13 @@ impl Match {
             is_foul: self.past.last().is_some_and(|turn| turn.verdict.is_foul()),
             call: self.now.call.map(|call| CallView {
                 call,
-                words: self.call_words(call),
+                words: self.call_text(call),
             }),
             wants_call: referee.wants_call(),
             may_push_out: referee.may_push_out(),
             options: referee.options().iter().map(option).collect(),
-            hand: referee.hand(),
-            on: referee.on(&lie),
+            hand: referee.ball_in_hand_area(),
+            on: referee.legal_targets(&positions),
             log: self.now.log.clone(),
             winner: referee.winner(),
             undo: self.past.len(),
@@ -118,14 +118,14 @@ impl Match {
     }
 
     /// A call in words.
-    pub fn call_words(&self, call: Call) -> String {
+    pub fn call_text(&self, call: Call) -> String {
         match call {
             Call::Safety => "a safety".to_owned(),
             Call::PushOut => "a push-out".to_owned(),
             Call::Pot { ball, pocket } => {
                 let ball = self.referee().rules().ball_name(ball);
                 match pocket {
-                    Some(pocket) => format!("{ball} in {}", self.ground.pocket_name(pocket)),
+                    Some(pocket) => format!("{ball} in {}", self.layout.pocket_name(pocket)),
                     None => ball,
                 }
             }
@@ -135,15 +135,15 @@ impl Match {
     fn player_view(&self, index: usize) -> PlayerView {
         let referee = self.referee();
         let group = referee.group(index);
-        let left = self.lie().into_iter().map(|p| p.ball);
+        let left = self.ball_positions().into_iter().map(|p| p.ball);
         PlayerView {
             name: self.players[index].name(),
             is_computer: self.players[index].level().is_some(),
             score: referee.scores()[index],
-            state: referee.state_words(index),
+            state: referee.state_text(index),
             group,
             left: left
-                .filter(|&ball| group.is_some() && Group::of(ball) == group)
+                .filter(|&ball| group.is_some() && BallGroup::of(ball) == group)
                 .collect(),
         }
     }
@@ -153,14 +153,17 @@ impl Match {
         if let Some(winner) = referee.winner() {
             return format!("{} has won the match", self.players[winner].name());
         }
-        let mut prompt = format!("You are on {}", referee.on_words(&self.lie()));
+        let mut prompt = format!(
+            "You are on {}",
+            referee.legal_targets_text(&self.ball_positions())
+        );
         if referee.rules() == RuleSet::Free {
             prompt = "Play as you like".to_owned();
         } else if referee.is_break() {
             prompt = "Break".to_owned();
         }
-        if let Some(area) = referee.hand() {
-            prompt += &format!(". The cue ball is in hand {}", area.words());
+        if let Some(area) = referee.ball_in_hand_area() {
+            prompt += &format!(". The cue ball is in hand {}", area.display_text());
         }
         if referee.wants_call() && self.now.call.is_none() {
             prompt += ". An obvious shot need not be called; for another, call ball and pocket";

@@ -17,36 +17,38 @@ mod player;
 mod racking;
 mod tournament;
 
-pub use match_config::Setup;
-use match_save::Deed;
-pub use match_save::Record;
-pub use match_view::{CallView, OptionView, PlayerView, View};
+pub use match_config::MatchConfig;
+use match_save::MatchAction;
+pub use match_save::MatchSave;
+pub use match_view::{CallView, MatchView, OptionView, PlayerView};
 pub use player::Player;
-use racking::racked;
-pub use tournament::{Side, Tally, Tournament, play_out};
+use racking::racked_world;
+pub use tournament::{PlayerTally, Tournament, TournamentResult, play_out};
 
 use glam::DVec2;
 
 use crate::ai::Position;
 use crate::physics::{self, AimContact, Engine, Shot, Stroke, World};
-use crate::rules::{self, Area, Call, Choice, Ground, Lie, Referee, RuleSet, Verdict};
-use crate::shot_report::{ground, lie, report};
+use crate::rules::{
+    self, BallPositions, Call, Choice, PlacementArea, Referee, RuleSet, TableLayout, Verdict,
+};
+use crate::shot_report::{ball_positions, report, table_layout};
 
 /// A match in progress.
 #[derive(Clone, Debug)]
 pub struct Match {
-    ground: Ground,
+    layout: TableLayout,
     players: Vec<Player>,
     /// What the match was begun with.
     seed: u32,
-    now: Moment,
-    past: Vec<Turn>,
-    deeds: Vec<Deed>,
+    now: Snapshot,
+    past: Vec<TurnRecord>,
+    actions: Vec<MatchAction>,
 }
 
 /// All that a shot or a choice may change.
 #[derive(Clone, Debug)]
-struct Moment {
+struct Snapshot {
     world: World,
     /// Whether ball 0 is the one that was 1 at the start.
     swapped: bool,
@@ -60,9 +62,9 @@ struct Moment {
 
 /// A shot that was played.
 #[derive(Clone, Debug)]
-pub struct Turn {
-    before: Moment,
-    deeds_before: usize,
+pub struct TurnRecord {
+    before: Snapshot,
+    actions_before: usize,
     /// Who played it.
     pub player: usize,
     /// How.
@@ -73,7 +75,7 @@ pub struct Turn {
     pub verdict: Verdict,
 }
 
-impl Turn {
+impl TurnRecord {
     /// The table as it was before the stroke: struck again, it gives the same shot.
     pub fn world(&self) -> &World {
         &self.before.world
@@ -85,25 +87,30 @@ impl Match {
     ///
     /// # Errors
     /// A sentence for players, a target or a table that the game does not allow.
-    pub fn new(setup: Setup) -> Result<Self, String> {
-        let referee = Referee::new(setup.rules, setup.players.len(), setup.target, setup.seed)?;
-        let needs_pockets = setup.rules != RuleSet::ThreeCushion;
-        let is_free = setup.rules == RuleSet::Free;
-        if !is_free && needs_pockets == setup.table.pockets().is_empty() {
+    pub fn new(config: MatchConfig) -> Result<Self, String> {
+        let referee = Referee::new(
+            config.rules,
+            config.players.len(),
+            config.target,
+            config.seed,
+        )?;
+        let needs_pockets = config.rules != RuleSet::ThreeCushion;
+        let is_free = config.rules == RuleSet::Free;
+        if !is_free && needs_pockets == config.table.pockets().is_empty() {
             return Err(format!(
                 "{} cannot be played on the {}: it has {} pockets",
-                setup.rules.sheet().name,
-                setup.table.name().to_lowercase(),
-                setup.table.pockets().len()
+                config.rules.info().name,
+                config.table.name().to_lowercase(),
+                config.table.pockets().len()
             ));
         }
-        let ground = ground(&setup.table);
-        let lie = rules::rack(setup.rules, &ground, setup.seed);
-        let world = racked(&setup.table, setup.engine, &lie, setup.seed)?;
+        let layout = table_layout(&config.table);
+        let positions = rules::rack(config.rules, &layout, config.seed);
+        let world = racked_world(&config.table, config.engine, &positions, config.seed)?;
         Ok(Self {
-            ground,
-            players: setup.players,
-            now: Moment {
+            layout,
+            players: config.players,
+            now: Snapshot {
                 world,
                 swapped: false,
                 referee,
@@ -113,8 +120,8 @@ impl Match {
                 shots: 0,
             },
             past: Vec::new(),
-            deeds: Vec::new(),
-            seed: setup.seed,
+            actions: Vec::new(),
+            seed: config.seed,
         })
     }
 
@@ -126,7 +133,7 @@ impl Match {
     /// What a computer looks at.
     pub fn position(&self) -> Position {
         Position {
-            ground: self.ground.clone(),
+            layout: self.layout.clone(),
             world: self.now.world.clone(),
             referee: self.now.referee.clone(),
         }
@@ -144,8 +151,8 @@ impl Match {
     }
 
     /// The marks of the table.
-    pub fn ground(&self) -> &Ground {
-        &self.ground
+    pub fn table_layout(&self) -> &TableLayout {
+        &self.layout
     }
 
     /// Who plays.
@@ -160,7 +167,7 @@ impl Match {
     }
 
     /// The shots that were played, in order.
-    pub fn turns(&self) -> &[Turn] {
+    pub fn turns(&self) -> &[TurnRecord] {
         &self.past
     }
 
@@ -181,8 +188,8 @@ impl Match {
     /// Judges a shot that [`Match::strike`] gave for this stroke, and lays the table for the next.
     pub fn finish(&mut self, stroke: Stroke, shot: &Shot) -> &Verdict {
         let before = self.now.clone();
-        let deeds_before = self.deeds.len();
-        self.deeds.push(Deed::Shot {
+        let actions_before = self.actions.len();
+        self.actions.push(MatchAction::Shot {
             place: self.cue_ball_in_hand(),
             call: self.now.call,
             stroke,
@@ -192,14 +199,14 @@ impl Match {
         let inferred = self.now.call.is_none().then(|| self.inferred(stroke));
         let call = self.now.call.take().or(inferred.flatten());
         let report = report(&self.now.world, &stroke, shot);
-        let verdict = self.now.referee.judge(&self.ground, &report, call);
+        let verdict = self.now.referee.judge(&self.layout, &report, call);
         self.now.world.adopt(shot);
         self.now.shots = self.now.shots.wrapping_add(1);
-        self.lay(&verdict);
-        self.tell(player, &verdict);
-        self.past.push(Turn {
+        self.apply_verdict(&verdict);
+        self.log_verdict(player, &verdict);
+        self.past.push(TurnRecord {
             before,
-            deeds_before,
+            actions_before,
             player,
             stroke,
             call,
@@ -222,14 +229,14 @@ impl Match {
     }
 
     /// How much was done, strokes and choices: it differs whenever the match has changed.
-    pub fn deeds(&self) -> usize {
-        self.deeds.len()
+    pub fn action_count(&self) -> usize {
+        self.actions.len()
     }
 
     /// Where the cue ball lies that is in hand, if it is.
     pub fn cue_ball_in_hand(&self) -> Option<DVec2> {
-        self.hand()?;
-        let cue_ball = self.lie().into_iter().find(|p| p.ball == 0);
+        self.ball_in_hand_area()?;
+        let cue_ball = self.ball_positions().into_iter().find(|p| p.ball == 0);
         cue_ball.map(|p| p.at)
     }
 
@@ -249,7 +256,7 @@ impl Match {
                 object_direction,
                 ..
             } => rules::infer(
-                &self.ground,
+                &self.layout,
                 number,
                 object.truncate(),
                 object_direction.truncate(),
@@ -259,8 +266,8 @@ impl Match {
     }
 
     /// Where the cue ball is in hand, if it is.
-    pub fn hand(&self) -> Option<Area> {
-        self.now.referee.hand()
+    pub fn ball_in_hand_area(&self) -> Option<PlacementArea> {
+        self.now.referee.ball_in_hand_area()
     }
 
     /// Whether the cue ball may be put at a place.
@@ -268,10 +275,10 @@ impl Match {
     /// # Errors
     /// A sentence that says why not.
     pub fn may_place(&self, at: DVec2) -> Result<(), String> {
-        let Some(area) = self.hand() else {
+        let Some(area) = self.ball_in_hand_area() else {
             return Err("The cue ball is not in hand: it is played from where it lies".to_owned());
         };
-        self.ground.may_place(&self.lie(), at, area)
+        self.layout.may_place(&self.ball_positions(), at, area)
     }
 
     /// Puts the cue ball there.
@@ -290,11 +297,11 @@ impl Match {
     /// A sentence if there is no such choice now.
     pub fn choose(&mut self, choice: Choice) -> Result<(), String> {
         let player = self.now.referee.turn();
-        let lie = self.lie();
-        let verdict = self.now.referee.choose(&self.ground, &lie, choice)?;
-        self.deeds.push(Deed::Choice(choice));
-        self.lay(&verdict);
-        self.tell(player, &verdict);
+        let positions = self.ball_positions();
+        let verdict = self.now.referee.choose(&self.layout, &positions, choice)?;
+        self.actions.push(MatchAction::Choice(choice));
+        self.apply_verdict(&verdict);
+        self.log_verdict(player, &verdict);
         Ok(())
     }
 
@@ -302,8 +309,8 @@ impl Match {
     pub fn concede(&mut self) {
         let player = self.now.referee.turn();
         let verdict = self.now.referee.concede();
-        self.deeds.push(Deed::Concede);
-        self.tell(player, &verdict);
+        self.actions.push(MatchAction::Concede);
+        self.log_verdict(player, &verdict);
     }
 
     /// Takes the last shot back, with what was chosen since. False if there is none.
@@ -311,7 +318,7 @@ impl Match {
         match self.past.pop() {
             Some(turn) => {
                 self.now = turn.before;
-                self.deeds.truncate(turn.deeds_before);
+                self.actions.truncate(turn.actions_before);
                 true
             }
             None => false,
@@ -324,11 +331,11 @@ impl Match {
     }
 
     /// The balls on the table.
-    pub fn lie(&self) -> Lie {
-        lie(&self.now.world.balls())
+    pub fn ball_positions(&self) -> BallPositions {
+        ball_positions(&self.now.world.balls())
     }
 
-    fn tell(&mut self, player: usize, verdict: &Verdict) {
+    fn log_verdict(&mut self, player: usize, verdict: &Verdict) {
         let name = &self.players[player].name();
         let lines = verdict.lines.iter().map(|line| format!("{name}: {line}"));
         self.now.log.extend(lines);
@@ -354,11 +361,11 @@ const LOG_MAX: usize = 4000;
 mod tests {
     use super::*;
     use crate::physics::{BallState, Laws, Table};
-    use crate::rules::Placed;
+    use crate::rules::BallPosition;
 
     fn eight() -> Match {
         let players = Player::list("2").unwrap();
-        Match::new(Setup::new(RuleSet::Eight, players, 3).unwrap()).unwrap()
+        Match::new(MatchConfig::new(RuleSet::Eight, players, 3).unwrap()).unwrap()
     }
 
     fn play(game: &mut Match, stroke: Stroke) -> Verdict {
@@ -369,7 +376,7 @@ mod tests {
     #[test]
     fn a_break_is_judged_told_and_taken_back() {
         let mut game = eight();
-        let racked = game.lie();
+        let racked_world = game.ball_positions();
         assert_eq!(
             game.view().prompt,
             "Break. The cue ball is in hand behind the head string"
@@ -379,9 +386,9 @@ mod tests {
         let view = game.view();
         assert!(!game.referee().is_break() && view.undo == 1);
         assert_eq!(view.turn, usize::from(!verdict.goes_on));
-        assert_ne!(game.lie(), racked);
+        assert_ne!(game.ball_positions(), racked_world);
         assert!(game.undo() && !game.undo());
-        assert_eq!((game.lie(), game.view().undo), (racked, 0));
+        assert_eq!((game.ball_positions(), game.view().undo), (racked_world, 0));
         assert_eq!(
             play(&mut game, Stroke::straight(0.0, 8.0)),
             verdict,
@@ -395,7 +402,7 @@ mod tests {
         play(&mut game, Stroke::straight(0.0, 8.0));
         game.now
             .referee
-            .choose(&game.ground, &game.lie(), Choice::Accept)
+            .choose(&game.layout, &game.ball_positions(), Choice::Accept)
             .ok();
         let turn = game.referee().turn();
         let verdict = play(&mut game, Stroke::straight(1.0, 0.05));
@@ -406,13 +413,23 @@ mod tests {
         assert_eq!(game.referee().turn(), 1 - turn);
         let view = game.view();
         assert!(view.is_foul && view.banner.is_some_and(|banner| banner.starts_with("Foul")));
-        assert_eq!(view.hand, Some(Area::Anywhere));
+        assert_eq!(view.hand, Some(PlacementArea::Anywhere));
         assert!(game.place(DVec2::new(5.0, 0.0)).is_err());
-        let taken = game.lie().iter().find(|p| p.ball != 0).unwrap().at;
+        let taken = game
+            .ball_positions()
+            .iter()
+            .find(|p| p.ball != 0)
+            .unwrap()
+            .at;
         assert!(game.place(taken).unwrap_err().contains("touch"));
-        let free = game.ground().place_in_hand(&game.lie(), Area::Anywhere);
+        let free = game
+            .table_layout()
+            .place_in_hand(&game.ball_positions(), PlacementArea::Anywhere);
         game.place(free).unwrap();
-        assert!(game.lie().contains(&Placed { ball: 0, at: free }));
+        assert!(
+            game.ball_positions()
+                .contains(&BallPosition { ball: 0, at: free })
+        );
     }
 
     #[test]
@@ -435,16 +452,19 @@ mod tests {
         else {
             panic!("nothing is obvious");
         };
-        assert_eq!(game.ground().pocket_name(pocket), "the left foot corner");
+        assert_eq!(
+            game.table_layout().pocket_name(pocket),
+            "the left foot corner"
+        );
         assert!(play(&mut game, stroke).goes_on);
     }
 
     #[test]
     fn a_game_with_pockets_is_refused_on_a_table_without() {
-        let mut setup = Setup::new(RuleSet::Eight, Player::list("2").unwrap(), 1).unwrap();
-        setup.table = Table::built_in("carom").unwrap();
-        assert!(Match::new(setup).unwrap_err().contains("pockets"));
+        let mut config = MatchConfig::new(RuleSet::Eight, Player::list("2").unwrap(), 1).unwrap();
+        config.table = Table::built_in("carom").unwrap();
+        assert!(Match::new(config).unwrap_err().contains("pockets"));
         let three = vec![Player::Human("a".into()); 3];
-        assert!(Match::new(Setup::new(RuleSet::Eight, three, 1).unwrap()).is_err());
+        assert!(Match::new(MatchConfig::new(RuleSet::Eight, three, 1).unwrap()).is_err());
     }
 }

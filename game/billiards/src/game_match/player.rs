@@ -22,7 +22,7 @@ impl Player {
     pub fn name(&self) -> String {
         match self {
             Self::Human(name) => name.clone(),
-            Self::Computer(level) => format!("Computer ({})", level.words()),
+            Self::Computer(level) => format!("Computer ({})", level.display_text()),
         }
     }
 
@@ -72,7 +72,9 @@ impl FromStr for Player {
             return Ok(Self::Computer(Level::default()));
         }
         if let Some(level) = text.strip_prefix("ai:") {
-            let level = Level::ALL.into_iter().find(|known| known.words() == level);
+            let level = Level::ALL
+                .into_iter()
+                .find(|known| known.display_text() == level);
             return level.map(Self::Computer).ok_or_else(|| {
                 format!(
                     "`{text}` is no player: the levels are ai:easy, ai:medium, ai:hard, ai:expert"

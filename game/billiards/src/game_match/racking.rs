@@ -2,10 +2,10 @@
 
 use std::collections::HashSet;
 
-use super::{Deed, Match};
+use super::{Match, MatchAction};
 use crate::physics::{BallState, Engine, Laws, Table, World};
-use crate::rng::Dice;
-use crate::rules::{self, Lie, Placed, RuleSet, Verdict};
+use crate::rng::CounterRng;
+use crate::rules::{self, BallPosition, BallPositions, RuleSet, Verdict};
 
 impl Match {
     /// Puts the balls of a free table so.
@@ -23,31 +23,31 @@ impl Match {
         let places = balls
             .iter()
             .map(|ball| (ball.number, ball.position.truncate()));
-        self.deeds.push(Deed::Layout(places.collect()));
+        self.actions.push(MatchAction::Layout(places.collect()));
         self.now.world = arranged;
         Ok(())
     }
 
     /// Puts the balls where the verdict wants them.
-    pub(super) fn lay(&mut self, verdict: &Verdict) {
+    pub(super) fn apply_verdict(&mut self, verdict: &Verdict) {
         if let Some(seed) = verdict.rack {
             let rules = self.now.referee.rules();
-            let lie = rules::rack(rules, &self.ground, seed);
+            let positions = rules::rack(rules, &self.layout, seed);
             let (table, engine) = (self.now.world.table().clone(), self.now.world.engine());
-            match racked(&table, engine, &lie, seed) {
+            match racked_world(&table, engine, &positions, seed) {
                 Ok(world) => self.now.world = world,
                 Err(error) => self.now.log.push(error),
             }
         }
-        self.put(verdict);
+        self.place_balls(verdict);
         if verdict.swaps_cue_balls {
             self.swap_cue_balls();
         }
     }
 
-    fn put(&mut self, verdict: &Verdict) {
+    fn place_balls(&mut self, verdict: &Verdict) {
         // A ball may be put where another is about to leave.
-        let mut left: Vec<Placed> = verdict.moves.clone();
+        let mut left: Vec<BallPosition> = verdict.moves.clone();
         for _ in 0..=verdict.moves.len() {
             let world = &mut self.now.world;
             left.retain(|p| world.place(p.ball, p.at.x, p.at.y).is_err());
@@ -81,17 +81,22 @@ impl Match {
 }
 
 /// A fresh table.
-pub(super) fn racked(table: &Table, engine: Engine, lie: &Lie, seed: u32) -> Result<World, String> {
-    let mut dice = Dice::new(seed, TURNED);
+pub(super) fn racked_world(
+    table: &Table,
+    engine: Engine,
+    positions: &BallPositions,
+    seed: u32,
+) -> Result<World, String> {
+    let mut rng = CounterRng::new(seed, TURNED);
     let mut seen = HashSet::new();
-    let balls = lie.iter().filter(|p| seen.insert(p.ball)).map(|p| {
+    let balls = positions.iter().filter(|p| seen.insert(p.ball)).map(|p| {
         let body = if p.ball == 0 {
             table.cue_ball()
         } else {
             table.ball()
         };
         BallState {
-            orientation: dice.rotation(),
+            orientation: rng.rotation(),
             ..BallState::at_rest(p.ball, p.at.x, p.at.y, &body)
         }
     });

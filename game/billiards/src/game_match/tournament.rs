@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 
 use serde::Serialize;
 
-use super::{Match, Player, Setup};
+use super::{Match, MatchConfig, Player};
 use crate::ai::{Level, Skill, think};
 use crate::rules::{RuleSet, Verdict};
 
@@ -26,11 +26,11 @@ pub struct Tournament {
 
 /// What a series of matches came to.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Tally {
+pub struct TournamentResult {
     /// The game.
     pub rules: RuleSet,
     /// The players' side of it.
-    pub players: Vec<Side>,
+    pub players: Vec<PlayerTally>,
     /// Matches without an end within [`SHOTS_MAX`] shots.
     pub unfinished: u32,
     /// Shots of all matches.
@@ -39,7 +39,7 @@ pub struct Tally {
 
 /// One player's side of a series.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Side {
+pub struct PlayerTally {
     /// Who.
     pub name: String,
     /// Matches won.
@@ -57,12 +57,12 @@ impl Tournament {
     ///
     /// # Errors
     /// A sentence for a game without an end, or a target that the game does not have.
-    pub fn play(&self) -> Result<Tally, String> {
+    pub fn play(&self) -> Result<TournamentResult, String> {
         if self.rules == RuleSet::Free {
             return Err("the free table has no end and no winner: choose another game".to_owned());
         }
         let [first, second] = self.levels;
-        let mut tally = Tally::new(self.rules, [first, second]);
+        let mut tally = TournamentResult::new(self.rules, [first, second]);
         for game in 0..self.games {
             let swapped = game % 2 == 1;
             let order = if swapped {
@@ -72,11 +72,11 @@ impl Tournament {
             };
             let seed = self.seed.wrapping_add(game.wrapping_mul(SEED_STEP));
             let players = order.map(Player::Computer).to_vec();
-            let setup = Setup {
+            let config = MatchConfig {
                 target: self.target,
-                ..Setup::new(self.rules, players, seed)?
+                ..MatchConfig::new(self.rules, players, seed)?
             };
-            let mut game = Match::new(setup)?;
+            let mut game = Match::new(config)?;
             play_out(&mut game, SHOTS_MAX)?;
             tally.add(&game, swapped);
         }
@@ -120,10 +120,10 @@ impl Match {
     }
 }
 
-impl Tally {
+impl TournamentResult {
     fn new(rules: RuleSet, levels: [Level; 2]) -> Self {
-        let side = |level: Level| Side {
-            name: level.words().to_owned(),
+        let side = |level: Level| PlayerTally {
+            name: level.display_text().to_owned(),
             wins: 0,
             shots: 0,
             fouls: 0,
@@ -161,7 +161,7 @@ impl Tally {
     pub fn table(&self) -> String {
         let mut table = format!(
             "{}\n{:<8} {:>5} {:>7} {:>7} {:>9}\n",
-            self.rules.sheet().name,
+            self.rules.info().name,
             "player",
             "wins",
             "shots",
@@ -191,7 +191,7 @@ const SEED_STEP: u32 = 7919;
 mod tests {
     use super::*;
 
-    fn series(rules: RuleSet, levels: [Level; 2], target: u32, games: u32) -> Tally {
+    fn series(rules: RuleSet, levels: [Level; 2], target: u32, games: u32) -> TournamentResult {
         let tournament = Tournament {
             rules,
             levels,

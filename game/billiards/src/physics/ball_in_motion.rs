@@ -5,17 +5,17 @@ use glam::{DQuat, DVec3};
 use super::{
     ball::{BallBody, BallState, Phase},
     ball_ball::Twist,
-    contact_time::Course,
+    contact_time::QuadraticPath,
     flight::Flight,
     laws::Laws,
-    motion::{End, Motion},
+    motion::{Motion, MotionEnd},
     static_contact::Obstacle,
     table::Table,
-    trajectory::{Leg, Track},
+    trajectory::{Segment, Trajectory},
 };
 
 /// A ball in the midst of a shot.
-pub(crate) struct Live {
+pub(crate) struct BallInMotion {
     pub(crate) number: u8,
     pub(crate) body: BallBody,
     pub(crate) motion: Motion,
@@ -24,10 +24,10 @@ pub(crate) struct Live {
     pub(crate) on_table: bool,
     /// When it last touched what does not move, what that was, and the way out.
     pub(crate) touched: Option<(f64, Obstacle, DVec3)>,
-    track: Track,
+    trajectory: Trajectory,
 }
 
-impl Live {
+impl BallInMotion {
     pub(crate) fn new(table: &Table, laws: &Laws, state: &BallState) -> Self {
         let BallState {
             number,
@@ -53,9 +53,9 @@ impl Live {
         if !on_table {
             motion.freeze();
         }
-        let mut track = Track::new(state, Leg::of(0.0, &motion));
+        let mut trajectory = Trajectory::new(state, Segment::of(0.0, &motion));
         if !on_table {
-            track.leave(0.0, phase);
+            trajectory.leave(0.0, phase);
         }
         Self {
             number,
@@ -64,7 +64,7 @@ impl Live {
             since_secs: 0.0,
             on_table,
             touched: None,
-            track,
+            trajectory,
         }
     }
 
@@ -72,18 +72,18 @@ impl Live {
     pub(crate) fn set_off(&mut self, now: f64, motion: Motion) -> DQuat {
         self.motion = motion;
         self.since_secs = now;
-        self.track.push(Leg::of(now, &motion))
+        self.trajectory.push(Segment::of(now, &motion))
     }
 
     /// The ball is out of play from now on.
     pub(crate) fn take_away(&mut self, now: f64, phase: Phase) {
         self.on_table = false;
         self.motion.freeze();
-        self.track.leave(now, phase);
+        self.trajectory.leave(now, phase);
     }
 
-    pub(crate) fn finish(self, end_secs: f64) -> Track {
-        self.track.finish(end_secs)
+    pub(crate) fn finish(self, end_secs: f64) -> Trajectory {
+        self.trajectory.finish(end_secs)
     }
 
     /// Whether anything will happen to it if nothing touches it.
@@ -93,7 +93,7 @@ impl Live {
 
     /// Whether it touches others: not once it is gone or falls to the floor.
     pub(crate) fn is_in_play(&self) -> bool {
-        self.on_table && self.motion.end != End::HitsFloor
+        self.on_table && self.motion.end != MotionEnd::HitsFloor
     }
 
     /// Whether it lies on a rail.
@@ -102,8 +102,8 @@ impl Live {
             && self.motion.position.z > ON_RAIL_RADII * self.body.radius_m
     }
 
-    pub(crate) fn course(&self, now: f64) -> Course {
-        Course::after(&self.motion, now - self.since_secs)
+    pub(crate) fn path(&self, now: f64) -> QuadraticPath {
+        QuadraticPath::after(&self.motion, now - self.since_secs)
     }
 
     /// How long the motion lasts from now on.

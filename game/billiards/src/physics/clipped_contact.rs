@@ -8,7 +8,7 @@
 use glam::{DVec2, DVec3};
 
 use super::{
-    contact_time::{Course, leaves_circle, reaches_plane, reaches_point},
+    contact_time::{QuadraticPath, leaves_circle, reaches_plane, reaches_point},
     static_contact::OPEN_COS,
     table::Pocket,
 };
@@ -17,26 +17,26 @@ use super::{
 /// tells whether the part is where a ball with its centre here would touch it, and `borders` crosses
 /// all that bounds the places where it is.
 pub(crate) fn first_touch(
-    (course, horizon): (&Course, f64),
-    touch: impl Fn(&Course, f64) -> Option<f64>,
+    (path, horizon): (&QuadraticPath, f64),
+    touch: impl Fn(&QuadraticPath, f64) -> Option<f64>,
     is_there: impl Fn(DVec3) -> bool,
     borders: impl Fn(&mut Crossings),
 ) -> Option<f64> {
-    let t = touch(course, horizon)?;
-    if is_there(course.at(t)) {
+    let t = touch(path, horizon)?;
+    if is_there(path.at(t)) {
         return Some(t);
     }
     let mut crossings = Crossings {
-        course: course.from(t),
+        path: path.from(t),
         times: vec![0.0, horizon - t],
     };
     borders(&mut crossings);
-    let Crossings { course, mut times } = crossings;
+    let Crossings { path, mut times } = crossings;
     times.sort_by(f64::total_cmp);
     times.windows(2).find_map(|piece| {
         let (from, to) = (piece[0], piece[1]);
-        let runs_within = to > from && is_there(course.at(0.5 * (from + to)));
-        let touches = || touch(&course.from(from), to - from);
+        let runs_within = to > from && is_there(path.at(0.5 * (from + to)));
+        let touches = || touch(&path.from(from), to - from);
         runs_within
             .then(touches)
             .flatten()
@@ -46,7 +46,7 @@ pub(crate) fn first_touch(
 
 /// When a course crosses borders.
 pub(crate) struct Crossings {
-    course: Course,
+    path: QuadraticPath,
     /// From 0 to the horizon, which are the first two.
     times: Vec<f64>,
 }
@@ -69,12 +69,12 @@ impl Crossings {
 
     /// The upright cylinder over a circle.
     pub(crate) fn circle(&mut self, center: DVec2, radius: f64) {
-        self.around(|course| course.flat_from(center), radius);
+        self.around(|path| path.flat_from(center), radius);
     }
 
     /// Where a course that is made of this one has a distance from the origin.
-    pub(crate) fn around(&mut self, seen: impl Fn(&Course) -> Course, radius: f64) {
-        let (seen, horizon) = (seen(&self.course), self.times[1]);
+    pub(crate) fn around(&mut self, seen: impl Fn(&QuadraticPath) -> QuadraticPath, radius: f64) {
+        let (seen, horizon) = (seen(&self.path), self.times[1]);
         let crossings = [
             reaches_point(&seen, radius, horizon),
             leaves_circle(&seen, radius, horizon),
@@ -94,7 +94,7 @@ impl Crossings {
     pub(crate) fn plane(&mut self, point: DVec3, normal: DVec3) {
         let horizon = self.times[1];
         for normal in [normal, -normal] {
-            let crossing = reaches_plane(&self.course, (point, normal), 0.0, horizon);
+            let crossing = reaches_plane(&self.path, (point, normal), 0.0, horizon);
             self.times.extend(crossing);
         }
     }

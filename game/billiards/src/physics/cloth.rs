@@ -11,7 +11,7 @@ use glam::DVec3;
 use super::{
     ball::{BallBody, Phase},
     ball_ball::Twist,
-    motion::{End, Motion, rolling_spin},
+    motion::{Motion, MotionEnd, rolling_spin},
 };
 
 /// The friction between ball and cloth.
@@ -58,7 +58,7 @@ impl Cloth {
                 Phase::Sliding,
                 -deceleration * slip.normalize(),
                 duration,
-                End::SlipStops,
+                MotionEnd::SlipStops,
             )
         } else if velocity.length() > SPEED_LEAST_M_S {
             let deceleration = self.rolling_friction * self.gravity_m_s2;
@@ -67,10 +67,10 @@ impl Cloth {
                 Phase::Rolling,
                 -deceleration * velocity.normalize(),
                 duration,
-                End::RollStops,
+                MotionEnd::RollStops,
             )
         } else {
-            (Phase::Resting, DVec3::ZERO, f64::INFINITY, End::Never)
+            (Phase::Resting, DVec3::ZERO, f64::INFINITY, MotionEnd::Never)
         };
         let mut motion = Motion {
             phase,
@@ -108,7 +108,7 @@ impl Motion {
         let spin_lasts = self.spin.z.abs() / decay;
         if spin_lasts <= self.duration_secs {
             self.duration_secs = spin_lasts;
-            self.end = End::SpinStops;
+            self.end = MotionEnd::SpinStops;
         }
         if self.phase == Phase::Resting {
             self.phase = Phase::Spinning;

@@ -5,31 +5,31 @@ use glam::DVec3;
 use super::{
     ball::Phase,
     ball_ball::{CLUSTER_SPEED_M_S, Twist},
-    ball_in_motion::{Live, ON_RAIL_RADII},
-    contact_cluster::Touch,
+    ball_in_motion::{BallInMotion, ON_RAIL_RADII},
+    contact_cluster::ClusterContact,
     contact_time::direction,
     cushion::kept_apart,
     event::{EventKind, Surface},
-    event_engine::Simulation,
+    event_engine::EventEngine,
     slate_impact::skimmed,
-    static_contact::{Obstacle, Push, Scout},
+    static_contact::{ContactFinder, ContactNormal, Obstacle},
 };
 
-impl Simulation<'_> {
+impl EventEngine<'_> {
     /// A ball touches what does not move.
     pub(super) fn touch(&mut self, ball: usize, obstacle: Obstacle) {
-        let Live { number, body, .. } = self.balls[ball];
+        let BallInMotion { number, body, .. } = self.balls[ball];
         let before = self.balls[ball].twist(self.now);
         let sunk_m = self.table.rail_height_m() + body.radius_m - self.bodies.position(ball).z;
         if obstacle == Obstacle::Top && sunk_m < LANDING_SLACK_M {
             return self.land(ball, before);
         }
-        let scout = Scout {
+        let finder = ContactFinder {
             table: self.table,
             radius_m: body.radius_m,
         };
         let center = self.bodies.position(ball);
-        let Push { normal, away } = scout.push(obstacle, center);
+        let ContactNormal { normal, away } = finder.contact_normal(obstacle, center);
         let point = center - body.radius_m * away;
         let speed_m_s = -before.velocity.dot(away);
         let (cushion, kind) = match obstacle {
@@ -92,7 +92,7 @@ impl Simulation<'_> {
 
     /// A ball falls onto a level surface: the cloth, or a rail.
     pub(super) fn land(&mut self, ball: usize, before: Twist) {
-        let Live { number, body, .. } = self.balls[ball];
+        let BallInMotion { number, body, .. } = self.balls[ball];
         let height = self.bodies.position(ball).z;
         let on_rail = height > ON_RAIL_RADII * body.radius_m;
         let (surface, level) = if on_rail {
@@ -158,7 +158,7 @@ impl Simulation<'_> {
         let bodies: Vec<_> = balls.iter().map(|&ball| self.balls[ball].body).collect();
         let mut touches = Vec::with_capacity(pairs.len());
         for &(first, second) in pairs {
-            let touch = Touch {
+            let touch = ClusterContact {
                 first: place(first),
                 second: place(second),
                 normal: direction(self.bodies.position(first), self.bodies.position(second)),

@@ -18,7 +18,7 @@ use super::{
 
 /// Two balls in touch, by their place in a list of twists.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Touch {
+pub(crate) struct ClusterContact {
     pub(crate) first: usize,
     pub(crate) second: usize,
     /// Unit vector from the first centre to the second.
@@ -30,7 +30,7 @@ impl BallBallLaw {
     pub(crate) fn resolve_together(
         &self,
         bodies: &[BallBody],
-        touches: &[Touch],
+        touches: &[ClusterContact],
         twists: &mut [Twist],
     ) {
         let before: Vec<_> = twists.iter().map(|twist| twist.velocity).collect();
@@ -68,7 +68,7 @@ impl BallBallLaw {
     fn drag(
         &self,
         bodies: &[BallBody],
-        touch: &Touch,
+        touch: &ClusterContact,
         twists: &[Twist],
         push: f64,
         count: f64,
@@ -92,12 +92,12 @@ impl BallBallLaw {
 
 /// Moves the velocities to those at which no pair approaches and returns the impulses, by
 /// projected Gauss–Seidel: the velocities that it converges to do not depend on the order.
-fn inelastic(bodies: &[BallBody], touches: &[Touch], twists: &mut [Twist]) -> Vec<f64> {
+fn inelastic(bodies: &[BallBody], touches: &[ClusterContact], twists: &mut [Twist]) -> Vec<f64> {
     let mut pushes = vec![0.0f64; touches.len()];
     for _ in 0..SWEEPS_MAX {
         let mut change = 0.0f64;
         for (touch, push) in touches.iter().zip(&mut pushes) {
-            let Touch {
+            let ClusterContact {
                 first,
                 second,
                 normal,
@@ -118,7 +118,7 @@ fn inelastic(bodies: &[BallBody], touches: &[Touch], twists: &mut [Twist]) -> Ve
 }
 
 /// 1/m of the first ball and of the second.
-fn lightness(bodies: &[BallBody], touch: &Touch) -> f64 {
+fn lightness(bodies: &[BallBody], touch: &ClusterContact) -> f64 {
     1.0 / bodies[touch.first].mass_kg + 1.0 / bodies[touch.second].mass_kg
 }
 

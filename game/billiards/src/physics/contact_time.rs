@@ -17,13 +17,13 @@ pub(crate) struct Quartic([f64; 5]);
 
 /// Position, velocity and half the acceleration from a common instant on.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Course {
+pub(crate) struct QuadraticPath {
     pub(crate) position: DVec3,
     pub(crate) velocity: DVec3,
     pub(crate) half_acceleration: DVec3,
 }
 
-impl Course {
+impl QuadraticPath {
     /// The course of a motion, counted from `t` after its start.
     pub(crate) fn after(motion: &Motion, t: f64) -> Self {
         Self {
@@ -93,27 +93,27 @@ impl Course {
 /// First time in [0, `horizon`] at which the course, seen from a point it moves relative to, comes
 /// within `distance` of it. Serves ball–ball (relative course, sum of radii), jaws, edges and
 /// pockets. A course that is already within and still closing in touches at 0.
-pub(crate) fn reaches_point(course: &Course, distance: f64, horizon: f64) -> Option<f64> {
-    if !course.can_reach(distance, horizon) {
+pub(crate) fn reaches_point(path: &QuadraticPath, distance: f64, horizon: f64) -> Option<f64> {
+    if !path.can_reach(distance, horizon) {
         return None;
     }
-    squared_distance(course, distance).first_fall_below_zero(horizon, f64::INFINITY)
+    squared_distance(path, distance).first_fall_below_zero(horizon, f64::INFINITY)
 }
 
 /// First time in [0, `horizon`] at which the course, seen from a point, comes out to `distance`
 /// from it, or goes on outwards from beyond.
-pub(crate) fn leaves_circle(course: &Course, distance: f64, horizon: f64) -> Option<f64> {
-    let inside = Quartic(squared_distance(course, distance).0.map(|c| -c));
+pub(crate) fn leaves_circle(path: &QuadraticPath, distance: f64, horizon: f64) -> Option<f64> {
+    let inside = Quartic(squared_distance(path, distance).0.map(|c| -c));
     inside.first_fall_below_zero(horizon, f64::INFINITY)
 }
 
 /// Squared distance from the origin less the square of `distance`.
-fn squared_distance(course: &Course, distance: f64) -> Quartic {
-    let Course {
+fn squared_distance(path: &QuadraticPath, distance: f64) -> Quartic {
+    let QuadraticPath {
         position: p,
         velocity: v,
         half_acceleration: a,
-    } = *course;
+    } = *path;
     let gap = p.length() - distance;
     Quartic([
         gap * (p.length() + distance),
@@ -127,15 +127,15 @@ fn squared_distance(course: &Course, distance: f64) -> Quartic {
 /// First time in [0, `horizon`] at which the course comes down to a plane through `point` with the
 /// unit `normal`, from above or from within `depth` below it.
 pub(crate) fn reaches_plane(
-    course: &Course,
+    path: &QuadraticPath,
     (point, normal): (DVec3, DVec3),
     depth: f64,
     horizon: f64,
 ) -> Option<f64> {
     let distance = Quartic([
-        normal.dot(course.position - point),
-        normal.dot(course.velocity),
-        normal.dot(course.half_acceleration),
+        normal.dot(path.position - point),
+        normal.dot(path.velocity),
+        normal.dot(path.half_acceleration),
         0.0,
         0.0,
     ]);
@@ -143,16 +143,21 @@ pub(crate) fn reaches_plane(
 }
 
 /// First time in [0, `horizon`] at which a ball touches the straight cushion from its front.
-pub(crate) fn reaches_nose(course: &Course, nose: &Nose, radius: f64, horizon: f64) -> Option<f64> {
+pub(crate) fn reaches_nose(
+    path: &QuadraticPath,
+    nose: &Nose,
+    radius: f64,
+    horizon: f64,
+) -> Option<f64> {
     let touching = nose.from() + radius * nose.normal();
     let plane = (touching.extend(0.0), nose.normal().extend(0.0));
-    let t = reaches_plane(course, plane, radius, horizon)?;
-    nose.spans(course.at(t).truncate()).then_some(t)
+    let t = reaches_plane(path, plane, radius, horizon)?;
+    nose.spans(path.at(t).truncate()).then_some(t)
 }
 
 /// First time in [0, `horizon`] at which the course crosses the outline of the table.
 pub(crate) fn leaves_outline(
-    course: &Course,
+    path: &QuadraticPath,
     (low, high): (DVec2, DVec2),
     horizon: f64,
 ) -> Option<f64> {
@@ -163,14 +168,14 @@ pub(crate) fn leaves_outline(
         (DVec3::NEG_Y, high),
     ];
     let crossings = sides.into_iter().filter_map(|(inward, corner)| {
-        reaches_plane(course, (corner.extend(0.0), inward), f64::INFINITY, horizon)
+        reaches_plane(path, (corner.extend(0.0), inward), f64::INFINITY, horizon)
     });
     crossings.min_by(f64::total_cmp)
 }
 
 /// First time in [0, `horizon`] at which the course comes from outside into a rectangle.
 pub(crate) fn enters_rectangle(
-    course: &Course,
+    path: &QuadraticPath,
     (low, high): (DVec2, DVec2),
     horizon: f64,
 ) -> Option<f64> {
@@ -181,8 +186,8 @@ pub(crate) fn enters_rectangle(
         (DVec3::Y, high),
     ];
     let crossings = sides.into_iter().filter_map(|(outward, corner)| {
-        let t = reaches_plane(course, (corner.extend(0.0), outward), 0.0, horizon)?;
-        let place = course.at(t).truncate();
+        let t = reaches_plane(path, (corner.extend(0.0), outward), 0.0, horizon)?;
+        let place = path.at(t).truncate();
         let inside = place.cmpge(low - JOINT_M).all() && place.cmple(high + JOINT_M).all();
         inside.then_some(t)
     });
@@ -196,15 +201,15 @@ pub(crate) fn enters_rectangle(
 /// acceleration and by how the circle curves away, so that steps grow with the gap and the last
 /// ones converge as Newton's do.
 pub(crate) fn reaches_ring(
-    course: &Course,
+    path: &QuadraticPath,
     (center, ring_radius): (DVec3, f64),
     distance: f64,
     horizon: f64,
 ) -> Option<f64> {
     let mut t = 0.0;
     for _ in 0..RING_STEPS_MAX {
-        let seen = course.at(t) - center;
-        let velocity = course.velocity_at(t);
+        let seen = path.at(t) - center;
+        let velocity = path.velocity_at(t);
         let from_axis = seen.truncate().length();
         let offset = DVec2::new(from_axis - ring_radius, seen.z);
         let gap = offset.length() - distance;
@@ -214,11 +219,11 @@ pub(crate) fn reaches_ring(
         if gap <= RING_TOUCH_M && closing > 0.0 {
             return Some(t);
         }
-        let speed = velocity.length() + 2.0 * course.half_acceleration.length() * RING_STEP_SECS;
+        let speed = velocity.length() + 2.0 * path.half_acceleration.length() * RING_STEP_SECS;
         let by_speed = gap.max(0.0) / speed.max(f64::MIN_POSITIVE);
         // While it stays at least half as far from the axis, the distance curves by no more.
         let calm = (0.5 * from_axis / speed.max(f64::MIN_POSITIVE)).min(RING_STEP_SECS);
-        let curving = 2.0 * course.half_acceleration.length()
+        let curving = 2.0 * path.half_acceleration.length()
             + 2.0 * speed * speed / from_axis.max(f64::MIN_POSITIVE);
         let root = (2.0 * gap.max(0.0) * curving + closing * closing).sqrt();
         let by_curve = if closing > 0.0 {
@@ -243,7 +248,7 @@ pub(crate) fn reaches_ring(
 
 /// When a body falls past a height.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Fall {
+pub(crate) struct FreeFall {
     /// Over that height, in m.
     pub(crate) above_m: f64,
     /// Upwards, in m/s.
@@ -251,7 +256,7 @@ pub(crate) struct Fall {
     pub(crate) gravity_m_s2: f64,
 }
 
-impl Fall {
+impl FreeFall {
     /// In s from now; none for a body below the height that does not rise to it.
     pub(crate) fn ends_secs(&self) -> Option<f64> {
         let apex_secs = (self.speed_m_s / self.gravity_m_s2).max(0.0);
@@ -400,8 +405,8 @@ pub(crate) const RING_STEPS_MAX: u32 = 4096;
 mod tests {
     use super::*;
 
-    fn course(position: [f64; 2], velocity: [f64; 2], acceleration: [f64; 2]) -> Course {
-        Course {
+    fn path(position: [f64; 2], velocity: [f64; 2], acceleration: [f64; 2]) -> QuadraticPath {
+        QuadraticPath {
             position: DVec2::from(position).extend(0.0),
             velocity: DVec2::from(velocity).extend(0.0),
             half_acceleration: 0.5 * DVec2::from(acceleration).extend(0.0),
@@ -434,7 +439,7 @@ mod tests {
 
     #[test]
     fn contact_is_on_the_circle_and_first() {
-        let way = course([1.0, 0.02], [-2.0, 0.05], [0.3, -0.4]);
+        let way = path([1.0, 0.02], [-2.0, 0.05], [0.3, -0.4]);
         let t = reaches_point(&way, 0.06, 3.0).expect("it comes near");
         // One bit of a squared distance of 1 m², over twice the distance of contact.
         assert!((way.at(t).length() - 0.06).abs() < 1e-14);
@@ -445,20 +450,20 @@ mod tests {
 
     #[test]
     fn a_graze_by_a_nanometre_is_decided_rightly() {
-        let touch = course([1.0, 0.06 - 1e-9], [-1.0, 0.0], [0.0; 2]);
-        let miss = course([1.0, 0.06 + 1e-9], [-1.0, 0.0], [0.0; 2]);
+        let touch = path([1.0, 0.06 - 1e-9], [-1.0, 0.0], [0.0; 2]);
+        let miss = path([1.0, 0.06 + 1e-9], [-1.0, 0.0], [0.0; 2]);
         assert!(reaches_point(&touch, 0.06, 3.0).is_some());
         assert!(reaches_point(&miss, 0.06, 3.0).is_none());
     }
 
     #[test]
     fn balls_in_touch_meet_again_only_when_they_come_back() {
-        let parting = course([0.06, 0.0], [0.1, 0.0], [-1.0, 0.0]);
+        let parting = path([0.06, 0.0], [0.1, 0.0], [-1.0, 0.0]);
         let t = reaches_point(&parting, 0.06, 3.0).expect("they come back");
         assert!((t - 0.2).abs() < 1e-12);
-        let pressed = course([0.06, 0.0], [0.0, 0.0], [-1.0, 0.0]);
+        let pressed = path([0.06, 0.0], [0.0, 0.0], [-1.0, 0.0]);
         assert_eq!(reaches_point(&pressed, 0.06, 3.0), Some(0.0));
-        let apart = course([0.06, 0.0], [0.1, 0.0], [0.0, 0.0]);
+        let apart = path([0.06, 0.0], [0.1, 0.0], [0.0, 0.0]);
         assert_eq!(reaches_point(&apart, 0.06, 3.0), None);
     }
 }

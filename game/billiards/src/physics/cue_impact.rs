@@ -131,11 +131,11 @@ impl Cue {
         let offset = stroke.offset();
         let depth = (1.0 - offset * offset).sqrt();
         let tip = stroke.side * right + stroke.vertical * up - depth * axis;
-        let Blow {
+        let CueImpact {
             along,
             arm,
             strength,
-        } = self.blow(axis, tip, offset);
+        } = self.impact(axis, tip, offset);
         let reach = along.dot(axis);
         let speed = 2.0 * strength * reach * stroke.speed_m_s
             / (1.0 + reach * reach * body.mass_kg / self.mass_kg + 2.5 * arm * arm);
@@ -145,10 +145,10 @@ impl Cue {
         }
     }
 
-    fn blow(&self, axis: DVec3, tip: DVec3, offset: f64) -> Blow {
+    fn impact(&self, axis: DVec3, tip: DVec3, offset: f64) -> CueImpact {
         let limit = self.miscue_offset();
         if offset <= limit {
-            return Blow {
+            return CueImpact {
                 along: axis,
                 arm: offset,
                 strength: 1.0,
@@ -158,7 +158,7 @@ impl Cue {
         let squarely = axis.dot(inward);
         let across = (axis - squarely * inward).normalize_or_zero();
         let cos_limit = (1.0 - limit * limit).sqrt();
-        Blow {
+        CueImpact {
             along: cos_limit * inward + limit * across,
             arm: limit,
             strength: squarely / cos_limit,
@@ -174,7 +174,7 @@ impl Cue {
 }
 
 /// How the tip pushes a ball of radius 1.
-struct Blow {
+struct CueImpact {
     /// The direction of the impulse.
     along: DVec3,
     /// From its line to the centre.

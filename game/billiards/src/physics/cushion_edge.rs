@@ -6,7 +6,7 @@ use super::table::{JOINT_SLACK_M, Nose};
 
 /// An edge, with the unit vectors by which places are seen from it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Edge {
+pub(crate) struct CushionEdge {
     pub(crate) from: DVec3,
     pub(crate) to: DVec3,
     /// From one end to the other.
@@ -17,7 +17,7 @@ pub(crate) struct Edge {
     pub(crate) up: DVec3,
 }
 
-impl Edge {
+impl CushionEdge {
     /// The edge over a nose or facing, where noses are so high over the cloth.
     pub(crate) fn over(nose: &Nose, nose_height_m: f64) -> Self {
         let [first, last] = nose.rises_m();

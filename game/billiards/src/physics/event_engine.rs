@@ -13,17 +13,17 @@ use glam::DVec3;
 use super::{
     ball::{BallState, Phase},
     ball_ball::Twist,
-    ball_in_motion::Live,
+    ball_in_motion::BallInMotion,
     bodies::Bodies,
     error::{Error, Result},
     event::{Event, EventKind},
-    event_queue::{Agenda, Change, Happening},
+    event_queue::{BallEvent, EventQueue, NextEvent},
     flight::{Flight, hop_speed_m_s},
     laws::Laws,
-    motion::{End, Motion},
+    motion::{Motion, MotionEnd},
     table::Table,
     theft::Clinging,
-    trajectory::Track,
+    trajectory::Trajectory,
 };
 
 /// When the simulation ends.
@@ -36,26 +36,26 @@ pub(crate) enum Until {
 }
 
 /// What came out of a simulation.
-pub(crate) struct Outcome {
-    pub(crate) tracks: Vec<Track>,
+pub(crate) struct SimulatedShot {
+    pub(crate) trajectories: Vec<Trajectory>,
     pub(crate) events: Vec<Event>,
     pub(crate) end_secs: f64,
 }
 
-pub(crate) struct Simulation<'a> {
+pub(crate) struct EventEngine<'a> {
     pub(super) table: &'a Table,
     pub(super) laws: &'a Laws,
     pub(super) bodies: Bodies,
     pub(super) now: f64,
-    pub(super) balls: Vec<Live>,
-    agenda: Agenda,
+    pub(super) balls: Vec<BallInMotion>,
+    queue: EventQueue,
     events: Vec<Event>,
     /// When the current second of counting began, and the events since.
     second: (f64, u32),
     cue_ball_touched: bool,
 }
 
-impl<'a> Simulation<'a> {
+impl<'a> EventEngine<'a> {
     pub(crate) fn new(table: &'a Table, laws: &'a Laws, states: &[BallState]) -> Self {
         let mut simulation = Self {
             table,
@@ -64,15 +64,15 @@ impl<'a> Simulation<'a> {
             now: 0.0,
             balls: states
                 .iter()
-                .map(|state| Live::new(table, laws, state))
+                .map(|state| BallInMotion::new(table, laws, state))
                 .collect(),
-            agenda: Agenda::new(states.len(), laws.ball_ball.clinging),
+            queue: EventQueue::new(states.len(), laws.ball_ball.clinging),
             events: Vec::new(),
             second: (0.0, 0),
             cue_ball_touched: false,
         };
         for ball in 0..simulation.balls.len() {
-            simulation.foresee(ball);
+            simulation.predict_events(ball);
         }
         simulation
     }
@@ -81,10 +81,10 @@ impl<'a> Simulation<'a> {
     ///
     /// # Errors
     /// [`Error::Endless`] beyond [`EVENTS_PER_SECOND_MAX`] or [`SHOT_SECS_MAX`].
-    pub(crate) fn run(mut self, until: Until) -> Result<Outcome> {
+    pub(crate) fn run(mut self, until: Until) -> Result<SimulatedShot> {
         while self.play_event()? {
             // A ball that the slate throws back at the cue ball touches it again at the same instant.
-            let next = self.agenda.earliest();
+            let next = self.queue.earliest();
             let is_over = next.is_none_or(|(time, _)| time > self.now);
             if until == Until::CueBallContact && self.cue_ball_touched && is_over {
                 break;
@@ -97,14 +97,14 @@ impl<'a> Simulation<'a> {
     /// not depend on it: a frame ends between two events and changes nothing.
     ///
     /// # Errors
-    /// As [`Simulation::run`].
+    /// As [`EventEngine::run`].
     pub(crate) fn run_in_frames(
         mut self,
         frame_secs: f64,
         each: &mut dyn FnMut(),
-    ) -> Result<Outcome> {
+    ) -> Result<SimulatedShot> {
         let mut frames = 0.0;
-        while let Some((time, _)) = self.agenda.earliest() {
+        while let Some((time, _)) = self.queue.earliest() {
             while time > (frames + 1.0) * frame_secs {
                 frames += 1.0;
                 each();
@@ -114,15 +114,15 @@ impl<'a> Simulation<'a> {
         Ok(self.finish())
     }
 
-    fn finish(self) -> Outcome {
+    fn finish(self) -> SimulatedShot {
         let end_secs = self.now;
-        let tracks = self
+        let trajectories = self
             .balls
             .into_iter()
             .map(|ball| ball.finish(end_secs))
             .collect();
-        Outcome {
-            tracks,
+        SimulatedShot {
+            trajectories,
             events: self.events,
             end_secs,
         }
@@ -130,18 +130,18 @@ impl<'a> Simulation<'a> {
 
     /// Plays the next event; false if there is none.
     fn play_event(&mut self) -> Result<bool> {
-        let Some((time, happening)) = self.agenda.earliest() else {
+        let Some((time, next)) = self.queue.earliest() else {
             return Ok(false);
         };
         self.count_event(time)?;
         self.advance_to(time);
-        match happening {
-            Happening::Alone(ball, change) => self.change(ball, change),
-            Happening::Pair(first, second) if self.laws.ball_ball.clinging == Clinging::Steals => {
+        match next {
+            NextEvent::Ball(ball, event) => self.event(ball, event),
+            NextEvent::Pair(first, second) if self.laws.ball_ball.clinging == Clinging::Steals => {
                 self.collide_by_theft(first, second);
             }
-            Happening::Pair(first, second) => {
-                let pairs = self.agenda.together(first, second, time + INSTANT_SECS);
+            NextEvent::Pair(first, second) => {
+                let pairs = self.queue.together(first, second, time + INSTANT_SECS);
                 let pairs: Vec<_> = pairs
                     .into_iter()
                     .filter(|&pair| self.meets_fast(pair))
@@ -169,24 +169,24 @@ impl<'a> Simulation<'a> {
     }
 
     /// The law of the event sets the ball's twist.
-    fn change(&mut self, ball: usize, change: Change) {
-        match change {
-            Change::PhaseEnds => self.end_phase(ball),
-            Change::Touches(obstacle) => self.touch(ball, obstacle),
-            Change::Pocket(pocket) if self.table.pockets()[pocket].depth_m == 0.0 => {
+    fn event(&mut self, ball: usize, event: BallEvent) {
+        match event {
+            BallEvent::PhaseEnds => self.end_phase(ball),
+            BallEvent::Touches(obstacle) => self.touch(ball, obstacle),
+            BallEvent::Pocket(pocket) if self.table.pockets()[pocket].depth_m == 0.0 => {
                 self.pocket(ball, pocket);
             }
-            Change::Pocket(pocket) => {
+            BallEvent::Pocket(pocket) => {
                 let twist = self.balls[ball].twist(self.now);
                 let position = self.bodies.position(ball);
                 let drop = self.flight(ball).drop_into(pocket, position, twist);
                 self.begin(ball, drop, twist);
             }
-            Change::RailEnds => {
+            BallEvent::RailEnds => {
                 let twist = self.balls[ball].twist(self.now);
                 self.fly(ball, twist);
             }
-            Change::LeavesTable => self.leave_table(ball),
+            BallEvent::LeavesTable => self.leave_table(ball),
         }
     }
 
@@ -195,13 +195,16 @@ impl<'a> Simulation<'a> {
         let (velocity, spin) = ended.end_state();
         let twist = Twist { velocity, spin };
         match ended.end {
-            End::Lands => return self.land(ball, twist),
-            End::Sinks(pocket) => return self.pocket(ball, pocket),
-            End::HitsFloor => return self.take_away(ball, Phase::OffTable),
-            End::SlipStops | End::RollStops | End::SpinStops | End::Never => {}
+            MotionEnd::Lands => return self.land(ball, twist),
+            MotionEnd::Sinks(pocket) => return self.pocket(ball, pocket),
+            MotionEnd::HitsFloor => return self.take_away(ball, Phase::OffTable),
+            MotionEnd::SlipStops
+            | MotionEnd::RollStops
+            | MotionEnd::SpinStops
+            | MotionEnd::Never => {}
         }
         self.lie(ball, twist);
-        let Live { number, motion, .. } = self.balls[ball];
+        let BallInMotion { number, motion, .. } = self.balls[ball];
         match motion.phase {
             Phase::Rolling if ended.phase == Phase::Sliding => {
                 self.report(EventKind::Rolls { ball: number });
@@ -218,7 +221,7 @@ impl<'a> Simulation<'a> {
     /// Begins a ball's motion after a blow. What lies stays down unless the blow, or the slate's
     /// answer to it, makes it hop.
     pub(super) fn set_off(&mut self, ball: usize, mut after: Twist) {
-        let Live { body, motion, .. } = &self.balls[ball];
+        let BallInMotion { body, motion, .. } = &self.balls[ball];
         let hop = self.hop_speed_m_s();
         if motion.phase == Phase::Airborne {
             return self.fly(ball, after);
@@ -262,7 +265,7 @@ impl<'a> Simulation<'a> {
     fn begin(&mut self, ball: usize, motion: Motion, twist: Twist) {
         let orientation = self.balls[ball].set_off(self.now, motion);
         self.bodies.set_twist(ball, twist, orientation);
-        self.foresee(ball);
+        self.predict_events(ball);
     }
 
     pub(super) fn hop_speed_m_s(&self) -> f64 {
@@ -303,7 +306,7 @@ impl<'a> Simulation<'a> {
     fn take_away(&mut self, ball: usize, phase: Phase) {
         self.bodies.remove(ball);
         self.balls[ball].take_away(self.now, phase);
-        self.foresee(ball);
+        self.predict_events(ball);
     }
 
     pub(super) fn report(&mut self, kind: EventKind) {
@@ -315,8 +318,9 @@ impl<'a> Simulation<'a> {
     }
 
     /// Plans anew for a ball whose motion changed.
-    fn foresee(&mut self, ball: usize) {
-        self.agenda.foresee(ball, &self.balls, self.table, self.now);
+    fn predict_events(&mut self, ball: usize) {
+        self.queue
+            .predict_events(ball, &self.balls, self.table, self.now);
     }
 
     fn count_event(&mut self, time: f64) -> Result<()> {
@@ -362,7 +366,7 @@ mod tests {
             .cue
             .strike(&states[0].body, &Stroke::straight(0.01, 9.0));
         states[0].velocity = twist.velocity;
-        let mut simulation = Simulation::new(&table, &laws, &states);
+        let mut simulation = EventEngine::new(&table, &laws, &states);
         let mut contacts = 0;
         while simulation.play_event().expect("within limits") {
             let gaps = simulation.bodies.contact_gaps_m();

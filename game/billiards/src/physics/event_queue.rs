@@ -7,16 +7,16 @@
 
 use super::{
     ball::Phase,
-    ball_in_motion::Live,
-    contact_time::{Course, enters_rectangle, leaves_outline, reaches_nose, reaches_point},
-    static_contact::{Obstacle, Scout},
+    ball_in_motion::BallInMotion,
+    contact_time::{QuadraticPath, enters_rectangle, leaves_outline, reaches_nose, reaches_point},
+    static_contact::{ContactFinder, Obstacle},
     table::{Pocket, Table},
     theft::{Clinging, overlap},
 };
 
 /// What happens to a ball without another ball.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Change {
+pub(crate) enum BallEvent {
     /// The motion's law changes, as from sliding to rolling or where it lands.
     PhaseEnds,
     /// It touches what does not move.
@@ -31,14 +31,14 @@ pub(crate) enum Change {
 
 /// What happens next, by the balls' indices.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Happening {
-    Alone(usize, Change),
+pub(crate) enum NextEvent {
+    Ball(usize, BallEvent),
     Pair(usize, usize),
 }
 
 /// The next happening of each ball and each pair.
-pub(crate) struct Agenda {
-    changes: Vec<(f64, Change)>,
+pub(crate) struct EventQueue {
+    ball_events: Vec<(f64, BallEvent)>,
     /// Of balls i < j at [`pair`]`(i, j)`; infinite for none.
     pairs: Vec<f64>,
     /// Of each ball the earliest contact with a ball before it, and that ball: of several at the
@@ -47,10 +47,10 @@ pub(crate) struct Agenda {
     clinging: Clinging,
 }
 
-impl Agenda {
+impl EventQueue {
     pub(crate) fn new(balls: usize, clinging: Clinging) -> Self {
         Self {
-            changes: vec![(f64::INFINITY, Change::PhaseEnds); balls],
+            ball_events: vec![(f64::INFINITY, BallEvent::PhaseEnds); balls],
             pairs: vec![f64::INFINITY; balls * balls.saturating_sub(1) / 2],
             firsts: vec![(f64::INFINITY, 0); balls],
             clinging,
@@ -58,8 +58,14 @@ impl Agenda {
     }
 
     /// Computes anew what happens to a ball whose motion changed.
-    pub(crate) fn foresee(&mut self, ball: usize, balls: &[Live], table: &Table, now: f64) {
-        self.changes[ball] = next_change(&balls[ball], table, now);
+    pub(crate) fn predict_events(
+        &mut self,
+        ball: usize,
+        balls: &[BallInMotion],
+        table: &Table,
+        now: f64,
+    ) {
+        self.ball_events[ball] = next_ball_event(&balls[ball], table, now);
         for (other, live) in balls.iter().enumerate() {
             if other != ball {
                 self.pairs[pair(ball, other)] =
@@ -98,7 +104,7 @@ impl Agenda {
             next += 1;
             for (ball, other) in [a, b]
                 .into_iter()
-                .flat_map(|ball| (0..self.changes.len()).map(move |other| (ball, other)))
+                .flat_map(|ball| (0..self.ball_events.len()).map(move |other| (ball, other)))
             {
                 let met = (ball.min(other), ball.max(other));
                 if ball != other && self.pairs[pair(ball, other)] <= time && !pairs.contains(&met) {
@@ -111,23 +117,23 @@ impl Agenda {
     }
 
     /// What happens first and when; of things at the same instant, changes by ball and then pairs.
-    pub(crate) fn earliest(&self) -> Option<(f64, Happening)> {
-        let mut first = (f64::INFINITY, Happening::Pair(0, 0));
-        for (ball, &(time, change)) in self.changes.iter().enumerate() {
+    pub(crate) fn earliest(&self) -> Option<(f64, NextEvent)> {
+        let mut first = (f64::INFINITY, NextEvent::Pair(0, 0));
+        for (ball, &(time, event)) in self.ball_events.iter().enumerate() {
             if time < first.0 {
-                first = (time, Happening::Alone(ball, change));
+                first = (time, NextEvent::Ball(ball, event));
             }
         }
         for (ball, &(time, before)) in self.firsts.iter().enumerate() {
             if time < first.0 {
-                first = (time, Happening::Pair(before, ball));
+                first = (time, NextEvent::Pair(before, ball));
             }
         }
         first.0.is_finite().then_some(first)
     }
 }
 
-fn contact_time(one: &Live, other: &Live, (now, clinging): (f64, Clinging)) -> f64 {
+fn contact_time(one: &BallInMotion, other: &BallInMotion, (now, clinging): (f64, Clinging)) -> f64 {
     let in_play = one.is_in_play() && other.is_in_play();
     if !in_play || !(one.is_moving() || other.is_moving()) {
         return f64::INFINITY;
@@ -136,71 +142,76 @@ fn contact_time(one: &Live, other: &Live, (now, clinging): (f64, Clinging)) -> f
         return now;
     }
     let horizon = one.rest_of_motion(now).min(other.rest_of_motion(now));
-    let course = one.course(now).relative_to(&other.course(now));
+    let path = one.path(now).relative_to(&other.path(now));
     let touching = one.body.radius_m + other.body.radius_m;
-    reaches_point(&course, touching, horizon).map_or(f64::INFINITY, |t| now + t)
+    reaches_point(&path, touching, horizon).map_or(f64::INFINITY, |t| now + t)
 }
 
-fn next_change(ball: &Live, table: &Table, now: f64) -> (f64, Change) {
+fn next_ball_event(ball: &BallInMotion, table: &Table, now: f64) -> (f64, BallEvent) {
     if !ball.is_moving() {
-        return (f64::INFINITY, Change::PhaseEnds);
+        return (f64::INFINITY, BallEvent::PhaseEnds);
     }
-    let course = ball.course(now);
-    let mut first = First {
+    let path = ball.path(now);
+    let mut first = EarliestEvent {
         time: ball.rest_of_motion(now),
-        change: Change::PhaseEnds,
+        event: BallEvent::PhaseEnds,
     };
     if ball.is_in_play() {
         let radius_m = ball.body.radius_m;
         if ball.motion.phase == Phase::Airborne {
-            let touch = Scout { table, radius_m }.first_obstacle(&course, first.time);
+            let touch = ContactFinder { table, radius_m }.first_obstacle(&path, first.time);
             if let Some((time, obstacle)) = touch {
-                first.consider(Some(time), Change::Touches(obstacle));
+                first.consider(Some(time), BallEvent::Touches(obstacle));
             }
         } else if ball.is_on_rail() {
-            let edge = enters_rectangle(&course, table.inside_of_rails(), first.time);
-            first.consider(edge, Change::RailEnds);
-            first.consider_pockets(&course, table, Pocket::bore_radius_m);
+            let edge = enters_rectangle(&path, table.inside_of_rails(), first.time);
+            first.consider(edge, BallEvent::RailEnds);
+            first.consider_pockets(&path, table, Pocket::bore_radius_m);
         } else {
-            first.consider_cushions(&course, table, radius_m);
-            first.consider_pockets(&course, table, |pocket| pocket.radius_m);
+            first.consider_cushions(&path, table, radius_m);
+            first.consider_pockets(&path, table, |pocket| pocket.radius_m);
         }
-        let leaves = leaves_outline(&course, table.outline(), first.time);
-        first.consider(leaves, Change::LeavesTable);
+        let leaves = leaves_outline(&path, table.outline(), first.time);
+        first.consider(leaves, BallEvent::LeavesTable);
     }
-    (now + first.time, first.change)
+    (now + first.time, first.event)
 }
 
 /// What comes first.
-struct First {
+struct EarliestEvent {
     time: f64,
-    change: Change,
+    event: BallEvent,
 }
 
-impl First {
-    fn consider(&mut self, time: Option<f64>, change: Change) {
+impl EarliestEvent {
+    fn consider(&mut self, time: Option<f64>, event: BallEvent) {
         if let Some(time) = time.filter(|&time| time < self.time) {
-            *self = Self { time, change };
+            *self = Self { time, event };
         }
     }
 
-    fn consider_cushions(&mut self, course: &Course, table: &Table, radius_m: f64) {
+    fn consider_cushions(&mut self, path: &QuadraticPath, table: &Table, radius_m: f64) {
         for (index, nose) in table.noses().iter().enumerate() {
-            let touch = reaches_nose(course, nose, radius_m, self.time);
-            self.consider(touch, Change::Touches(Obstacle::Nose(index)));
+            let touch = reaches_nose(path, nose, radius_m, self.time);
+            self.consider(touch, BallEvent::Touches(Obstacle::Nose(index)));
         }
         for (index, jaw) in table.jaws().iter().enumerate() {
             let distance = radius_m + jaw.radius_m;
-            let touch = reaches_point(&course.flat_from(jaw.center), distance, self.time);
-            self.consider(touch, Change::Touches(Obstacle::Jaw(index)));
+            let touch = reaches_point(&path.flat_from(jaw.center), distance, self.time);
+            self.consider(touch, BallEvent::Touches(Obstacle::Jaw(index)));
         }
     }
 
-    fn consider_pockets(&mut self, course: &Course, table: &Table, radius_m: fn(&Pocket) -> f64) {
+    fn consider_pockets(
+        &mut self,
+        path: &QuadraticPath,
+        table: &Table,
+        radius_m: fn(&Pocket) -> f64,
+    ) {
         for (index, pocket) in table.pockets().iter().enumerate() {
-            let seen = course.flat_from(pocket.center);
+            let seen = path.flat_from(pocket.center);
             let entry = reaches_point(&seen, radius_m(pocket), self.time);
-            self.consider(entry, Change::Pocket(index));
+            self.consider(entry, BallEvent::Pocket(index));
         }
     }
 }

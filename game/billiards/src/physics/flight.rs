@@ -11,8 +11,8 @@ use glam::DVec3;
 use super::{
     ball::Phase,
     ball_ball::Twist,
-    contact_time::Fall,
-    motion::{End, Motion},
+    contact_time::FreeFall,
+    motion::{Motion, MotionEnd},
     table::Table,
 };
 
@@ -42,7 +42,7 @@ impl Flight<'_> {
         let lands = self.fall_secs(position.z, twist.velocity.z, self.radius_m);
         match (lands, pocket_under(lands.unwrap_or(0.0))) {
             (_, Some(pocket)) => self.drop_into(pocket, position, twist),
-            (lands, None) => self.until(position, twist, lands.unwrap_or(0.0), End::Lands),
+            (lands, None) => self.until(position, twist, lands.unwrap_or(0.0), MotionEnd::Lands),
         }
     }
 
@@ -50,17 +50,22 @@ impl Flight<'_> {
     pub(crate) fn drop_into(&self, pocket: usize, position: DVec3, twist: Twist) -> Motion {
         let bottom = -self.table.pockets()[pocket].depth_m;
         let fall = self.fall_secs(position.z, twist.velocity.z, bottom);
-        self.until(position, twist, fall.unwrap_or(0.0), End::Sinks(pocket))
+        self.until(
+            position,
+            twist,
+            fall.unwrap_or(0.0),
+            MotionEnd::Sinks(pocket),
+        )
     }
 
     /// The way of a ball that has left the table, down to the floor.
     pub(crate) fn fall_to_floor(&self, position: DVec3, twist: Twist) -> Motion {
         let floor = self.radius_m - self.table.bed_height_m();
         let fall = self.fall_secs(position.z, twist.velocity.z, floor);
-        self.until(position, twist, fall.unwrap_or(0.0), End::HitsFloor)
+        self.until(position, twist, fall.unwrap_or(0.0), MotionEnd::HitsFloor)
     }
 
-    fn until(&self, position: DVec3, twist: Twist, duration_secs: f64, end: End) -> Motion {
+    fn until(&self, position: DVec3, twist: Twist, duration_secs: f64, end: MotionEnd) -> Motion {
         Motion {
             phase: Phase::Airborne,
             position,
@@ -76,7 +81,7 @@ impl Flight<'_> {
 
     /// When a height is passed on the way down; none for a ball below it that will not rise to it.
     fn fall_secs(&self, height: f64, speed: f64, to: f64) -> Option<f64> {
-        Fall {
+        FreeFall {
             above_m: height - to,
             speed_m_s: speed,
             gravity_m_s2: self.gravity_m_s2,

@@ -1,43 +1,43 @@
 //! A rounded jaw: an upright cylinder that is cut off by its cushion's sloping top and by the level of
 //! the flat rail behind. What is left is convex, so that a ball's distance from it never curves
-//! downwards by more than the ball's own acceleration: [`Post::reached`] rests on that.
+//! downwards by more than the ball's own acceleration: [`JawSolid::reached`] rests on that.
 
 use glam::{DVec2, DVec3};
 
 use super::{
     clipped_contact::Crossings,
-    contact_time::{Course, RING_STEP_LEAST_SECS, RING_STEPS_MAX, RING_TOUCH_M},
+    contact_time::{QuadraticPath, RING_STEP_LEAST_SECS, RING_STEPS_MAX, RING_TOUCH_M},
     table::{Circle, JOINT_SLACK_M, Table},
 };
 
 /// A jaw under its tops.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Post {
+pub(crate) struct JawSolid {
     circle: Circle,
     /// The sloping one, and the flat one.
-    tops: [Top; 2],
+    tops: [TopPlane; 2],
 }
 
 /// A plane over a circle, by its height over the centre and its gradient.
 #[derive(Clone, Copy, Debug)]
-struct Top {
+struct TopPlane {
     height_m: f64,
     slope: DVec2,
 }
 
-impl Post {
+impl JawSolid {
     /// A jaw of a table.
     pub(crate) fn of(table: &Table, index: usize) -> Self {
         let (circle, slope) = (table.jaws()[index], table.jaw_slopes()[index]);
         // The circle touches the nose line, where the top begins to rise.
         let height_m = table.nose_height_m() + circle.radius_m * slope.length();
-        let flat = Top {
+        let flat = TopPlane {
             height_m: table.rail_height_m(),
             slope: DVec2::ZERO,
         };
         Self {
             circle,
-            tops: [Top { height_m, slope }, flat],
+            tops: [TopPlane { height_m, slope }, flat],
         }
     }
 
@@ -57,18 +57,18 @@ impl Post {
     ///
     /// Each step goes to where the distance cannot have fallen to the bound yet, and the last ones
     /// converge as Newton's do.
-    pub(crate) fn reached(&self, course: &Course, distance: f64, horizon: f64) -> Option<f64> {
-        let acceleration = (2.0 * course.half_acceleration.length()).max(f64::MIN_POSITIVE);
-        let reach = distance + horizon * (course.velocity.length() + 0.5 * horizon * acceleration);
-        if course.position.distance(self.nearest(course.position).0) > reach {
+    pub(crate) fn reached(&self, path: &QuadraticPath, distance: f64, horizon: f64) -> Option<f64> {
+        let acceleration = (2.0 * path.half_acceleration.length()).max(f64::MIN_POSITIVE);
+        let reach = distance + horizon * (path.velocity.length() + 0.5 * horizon * acceleration);
+        if path.position.distance(self.nearest(path.position).0) > reach {
             return None;
         }
         let mut t = 0.0;
         for _ in 0..RING_STEPS_MAX {
-            let place = course.at(t);
+            let place = path.at(t);
             let out = place - self.nearest(place).0;
             let gap = out.length() - distance;
-            let closing = -out.normalize_or_zero().dot(course.velocity_at(t));
+            let closing = -out.normalize_or_zero().dot(path.velocity_at(t));
             if gap <= RING_TOUCH_M && closing > 0.0 {
                 return Some(t);
             }
@@ -91,16 +91,16 @@ impl Post {
     pub(crate) fn borders(&self, crossings: &mut Crossings) {
         let Circle { center, radius_m } = self.circle;
         for top in self.tops {
-            let seen = |course: &Course| {
+            let seen = |path: &QuadraticPath| {
                 let foot = |v| top.foot(v).extend(0.0);
-                course.mapped(center.extend(top.height_m), foot)
+                path.mapped(center.extend(top.height_m), foot)
             };
             crossings.around(seen, radius_m);
         }
     }
 }
 
-impl Top {
+impl TopPlane {
     /// The nearest point of the cylinder below it, and whether it is on the plane itself.
     fn nearest(&self, circle: Circle, place: DVec3) -> (DVec3, bool) {
         let axis = circle.center.extend(self.height_m);
@@ -157,10 +157,10 @@ mod tests {
     use super::*;
 
     /// Of a place, over points all over the post's surface.
-    fn sampled_distance(post: &Post, place: DVec3) -> f64 {
-        let Circle { center, radius_m } = post.circle;
+    fn sampled_distance(solid: &JawSolid, place: DVec3) -> f64 {
+        let Circle { center, radius_m } = solid.circle;
         let height = |at: DVec2| {
-            let tops = post.tops.map(|top| top.height_m + top.slope.dot(at));
+            let tops = solid.tops.map(|top| top.height_m + top.slope.dot(at));
             tops[0].min(tops[1])
         };
         let mut least = f64::INFINITY;
@@ -176,21 +176,21 @@ mod tests {
     #[test]
     fn the_nearest_point_is_the_nearest() {
         let table = Table::built_in("snooker").unwrap();
-        let post = Post::of(&table, 0);
-        let Circle { center, radius_m } = post.circle;
+        let solid = JawSolid::of(&table, 0);
+        let Circle { center, radius_m } = solid.circle;
         let mut edges = 0;
         for step in 0..400 {
             let out = DVec2::from_angle(0.37 * f64::from(step));
             let away = radius_m + 0.01 + 0.0001 * f64::from(step);
             let height = table.nose_height_m() + 0.03 * (0.61 * f64::from(step)).sin();
             let place = (center + away * out).extend(height);
-            let (nearest, on_top) = post.nearest(place);
-            let is_corner = post.tops[1].slope == DVec2::ZERO && {
+            let (nearest, on_top) = solid.nearest(place);
+            let is_corner = solid.tops[1].slope == DVec2::ZERO && {
                 let edge = nearest.truncate() - center;
-                let over = post.tops.map(|top| top.height_m + top.slope.dot(edge));
+                let over = solid.tops.map(|top| top.height_m + top.slope.dot(edge));
                 (over[0] - over[1]).abs() < 0.006
             };
-            let error = place.distance(nearest) - sampled_distance(&post, place);
+            let error = place.distance(nearest) - sampled_distance(&solid, place);
             assert!(!on_top && error < 1e-9, "{place}: {error}");
             let allowed = if is_corner { 2e-4 } else { 1e-6 };
             assert!(error > -allowed, "{place}: {error}");
@@ -202,21 +202,21 @@ mod tests {
     #[test]
     fn a_ball_touches_where_its_distance_is_its_radius_and_not_before() {
         let table = Table::nine_foot();
-        let post = Post::of(&table, 1);
+        let solid = JawSolid::of(&table, 1);
         let above = table.nose_height_m() + 0.05;
         for step in 0..200 {
             let out = DVec2::from_angle(0.1 * f64::from(step));
             let side = 0.001 * f64::from(step % 30);
-            let course = Course {
-                position: (post.circle.center + 0.2 * out + side * out.perp()).extend(above),
+            let path = QuadraticPath {
+                position: (solid.circle.center + 0.2 * out + side * out.perp()).extend(above),
                 velocity: (-2.0 * out).extend(-0.3),
                 half_acceleration: DVec3::new(0.0, 0.0, -4.905),
             };
             let gap = |t: f64| {
-                let place = course.at(t);
-                place.distance(post.nearest(place).0) - 0.028
+                let place = path.at(t);
+                place.distance(solid.nearest(place).0) - 0.028
             };
-            let end = post.reached(&course, 0.028, 0.1);
+            let end = solid.reached(&path, 0.028, 0.1);
             if let Some(t) = end {
                 assert!(gap(t).abs() < 1e-10, "{step}: {}", gap(t));
             }

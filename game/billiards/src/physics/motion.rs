@@ -6,7 +6,7 @@ use super::ball::Phase;
 
 /// What ends a [`Motion`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum End {
+pub(crate) enum MotionEnd {
     /// The lowest point slips no more: it rolls.
     SlipStops,
     /// It rolls no more.
@@ -35,7 +35,7 @@ pub(crate) struct Motion {
     /// Infinite at rest.
     pub(crate) duration_secs: f64,
     pub(crate) radius_m: f64,
-    pub(crate) end: End,
+    pub(crate) end: MotionEnd,
 }
 
 impl Motion {
@@ -57,17 +57,17 @@ impl Motion {
         let velocity = self.velocity_at(self.duration_secs);
         let spin = self.spin_at(self.duration_secs);
         match self.end {
-            End::SlipStops => (velocity, rolling_spin(velocity, spin.z, self.radius_m)),
-            End::RollStops => (DVec3::ZERO, DVec3::new(0.0, 0.0, spin.z)),
-            End::SpinStops => (velocity, DVec3::new(spin.x, spin.y, 0.0)),
-            End::Lands | End::Sinks(_) | End::HitsFloor => (velocity, spin),
-            End::Never => (self.velocity, self.spin),
+            MotionEnd::SlipStops => (velocity, rolling_spin(velocity, spin.z, self.radius_m)),
+            MotionEnd::RollStops => (DVec3::ZERO, DVec3::new(0.0, 0.0, spin.z)),
+            MotionEnd::SpinStops => (velocity, DVec3::new(spin.x, spin.y, 0.0)),
+            MotionEnd::Lands | MotionEnd::Sinks(_) | MotionEnd::HitsFloor => (velocity, spin),
+            MotionEnd::Never => (self.velocity, self.spin),
         }
     }
 
     /// Whether anything changes as long as nothing touches the ball.
     pub(crate) fn is_moving(&self) -> bool {
-        self.end != End::Never
+        self.end != MotionEnd::Never
     }
 
     /// The ball is taken out of play where it is.
@@ -77,7 +77,7 @@ impl Motion {
         self.acceleration = DVec3::ZERO;
         self.spin_acceleration = DVec3::ZERO;
         self.duration_secs = f64::INFINITY;
-        self.end = End::Never;
+        self.end = MotionEnd::Never;
     }
 }
 

@@ -11,14 +11,14 @@ use super::deterministic_math::rotation;
 
 /// The orientation over one phase.
 #[derive(Clone, Debug)]
-pub(crate) struct Turning {
+pub(crate) struct RotationIntegral {
     spin: DVec3,
     spin_acceleration: DVec3,
     interval_secs: f64,
     knots: Vec<DQuat>,
 }
 
-impl Turning {
+impl RotationIntegral {
     /// From `start` at time 0 for `duration_secs`.
     pub(crate) fn new(
         start: DQuat,
@@ -26,7 +26,7 @@ impl Turning {
         spin_acceleration: DVec3,
         duration_secs: f64,
     ) -> Self {
-        let mut turning = Self {
+        let mut integral = Self {
             spin,
             spin_acceleration,
             interval_secs: f64::INFINITY,
@@ -37,21 +37,21 @@ impl Turning {
             .length()
             .max((spin + duration_secs * spin_acceleration).length());
         if tilt <= FIXED_AXIS * spin.length() * spin_acceleration.length() || speed_max == 0.0 {
-            return turning;
+            return integral;
         }
         let count = (speed_max * duration_secs / KNOT_ANGLE_RAD)
             .ceil()
             .clamp(1.0, KNOTS_MAX);
-        turning.interval_secs = duration_secs / count;
+        integral.interval_secs = duration_secs / count;
         for knot in 1..count as usize {
-            let last = turning.knots[knot - 1];
-            let step = turning.step(
-                (knot - 1) as f64 * turning.interval_secs,
-                turning.interval_secs,
+            let last = integral.knots[knot - 1];
+            let step = integral.step(
+                (knot - 1) as f64 * integral.interval_secs,
+                integral.interval_secs,
             );
-            turning.knots.push((step * last).normalize());
+            integral.knots.push((step * last).normalize());
         }
-        turning
+        integral
     }
 
     /// The orientation at time 0, as it was given.
@@ -95,15 +95,16 @@ mod tests {
 
     #[test]
     fn a_fixed_axis_is_exact_over_many_turns() {
-        let turning = Turning::new(DQuat::IDENTITY, DVec3::X * 100.0, DVec3::X * -10.0, 10.0);
+        let integral =
+            RotationIntegral::new(DQuat::IDENTITY, DVec3::X * 100.0, DVec3::X * -10.0, 10.0);
         let expected = DQuat::from_rotation_x(100.0 * 10.0 - 5.0 * 100.0);
-        assert!(turning.at(10.0).dot(expected).abs() > 1.0 - 1e-12);
+        assert!(integral.at(10.0).dot(expected).abs() > 1.0 - 1e-12);
     }
 
     #[test]
     fn a_turning_axis_agrees_with_many_small_steps() {
         let (spin, change) = (DVec3::new(0.0, 60.0, 80.0), DVec3::new(7.0, -5.0, -10.9));
-        let turning = Turning::new(DQuat::IDENTITY, spin, change, 2.0);
+        let integral = RotationIntegral::new(DQuat::IDENTITY, spin, change, 2.0);
         let steps = 400_000;
         let dt = 2.0 / f64::from(steps);
         let mut fine = DQuat::IDENTITY;
@@ -111,6 +112,6 @@ mod tests {
             let middle = spin + (f64::from(i) + 0.5) * dt * change;
             fine = DQuat::from_scaled_axis(dt * middle) * fine;
         }
-        assert!(turning.at(2.0).angle_between(fine) < 1e-5);
+        assert!(integral.at(2.0).angle_between(fine) < 1e-5);
     }
 }

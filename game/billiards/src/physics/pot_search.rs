@@ -49,7 +49,7 @@ pub struct Suggestion {
 /// # Errors
 /// [`super::Error::Endless`] if a stroke passes the simulation's limits.
 pub fn suggest(world: &World, targets: &[u8], simulations_max: u32) -> Result<Option<Suggestion>> {
-    let mut search = Search {
+    let mut search = PotSearch {
         world,
         targets,
         left: simulations_max,
@@ -74,7 +74,7 @@ pub fn suggest(world: &World, targets: &[u8], simulations_max: u32) -> Result<Op
 
 /// A straight way from the cue ball by a ghost ball to a pocket.
 #[derive(Clone, Copy, Debug)]
-struct Line {
+struct PotLine {
     ball: u8,
     bearing_rad: f64,
     to_pocket: DVec2,
@@ -84,16 +84,16 @@ struct Line {
     difficulty: f64,
 }
 
-struct Search<'a> {
+struct PotSearch<'a> {
     world: &'a World,
     targets: &'a [u8],
     left: u32,
     best: Option<Suggestion>,
 }
 
-impl Search<'_> {
+impl PotSearch<'_> {
     /// Easiest first.
-    fn lines(&self) -> Vec<Line> {
+    fn lines(&self) -> Vec<PotLine> {
         let balls = self.world.balls();
         let lies = |ball: &&BallState| ball.phase.is_on_table();
         let Some(cue_ball) = balls.iter().filter(lies).find(|ball| ball.number == 0) else {
@@ -114,7 +114,7 @@ impl Search<'_> {
                 let cos_cut = to_ghost.normalize_or_zero().dot(to_pocket);
                 if object.number != 0 && cos_cut > COS_CUT_MIN {
                     let lever = to_ghost.length() / (radii_m * cos_cut);
-                    lines.push(Line {
+                    lines.push(PotLine {
                         ball: object.number,
                         bearing_rad: angle_of(to_ghost),
                         to_pocket,
@@ -133,7 +133,7 @@ impl Search<'_> {
         self.best.is_some_and(|best| best.margin == NEIGHBOURS)
     }
 
-    fn try_line(&mut self, line: &Line, stroke: Stroke) -> Result<()> {
+    fn try_line(&mut self, line: &PotLine, stroke: Stroke) -> Result<()> {
         let Some(stroke) = self.aimed(line, stroke)? else {
             return Ok(());
         };
@@ -167,7 +167,7 @@ impl Search<'_> {
     }
 
     /// The stroke turned until the object ball leaves for the pocket; None if the way is blocked.
-    fn aimed(&mut self, line: &Line, mut stroke: Stroke) -> Result<Option<Stroke>> {
+    fn aimed(&mut self, line: &PotLine, mut stroke: Stroke) -> Result<Option<Stroke>> {
         for _ in 0..CORRECTIONS {
             if !self.simulates() {
                 return Ok(None);

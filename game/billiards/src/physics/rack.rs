@@ -10,7 +10,7 @@ use super::{ball::BallState, deterministic_math::unit_at, table::Table};
 
 /// The balls of a game and where they lie.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Layout {
+pub struct BallLayout {
     /// All at rest; numbers are unique.
     pub balls: Vec<BallState>,
 }
@@ -21,7 +21,7 @@ impl Table {
     ///
     /// The seed draws the order, how each ball is turned, and the gaps of 20–60 µm that real
     /// racks have: they decide how a rack breaks.
-    pub fn rack_eight(&self, seed: u32) -> Layout {
+    pub fn rack_eight(&self, seed: u32) -> BallLayout {
         let body = self.ball();
         let mut draw = Draw { seed, drawn: 0 };
         let numbers = order_eight(&mut draw);
@@ -48,7 +48,7 @@ impl Table {
                 balls.push(turned(ball, &mut draw));
             }
         }
-        Layout { balls }
+        BallLayout { balls }
     }
 }
 

@@ -23,17 +23,17 @@ use super::{
     engine::Rapier,
     error::{Error, Result},
     event::{Event, EventKind},
-    event_engine::{Outcome, SHOT_SECS_MAX, Until},
+    event_engine::{SHOT_SECS_MAX, SimulatedShot, Until},
     laws::Laws,
     table::{Pocket, Table},
-    trajectory::{Leg, Track},
+    trajectory::{Segment, Trajectory},
 };
 
-pub(crate) struct Stepped<'a> {
+pub(crate) struct RapierEngine<'a> {
     table: &'a Table,
     laws: &'a Laws,
     world: PhysicsWorld,
-    balls: Vec<Ball>,
+    balls: Vec<RigidBall>,
     step_secs: f64,
     steps: u64,
     steps_max: u64,
@@ -45,21 +45,21 @@ pub(crate) struct Stepped<'a> {
     cue_ball_touched: bool,
 }
 
-struct Ball {
+struct RigidBall {
     number: u8,
     body: BallBody,
     handle: RigidBodyHandle,
     on_table: bool,
-    track: Track,
+    trajectory: Trajectory,
     /// When and where the leg that is not yet in the track began.
-    leg_from: (f64, DVec3),
+    segment_start: (f64, DVec3),
     /// Whether the last leg in the track is one of rest.
     still: bool,
     /// Where, how fast and with which spin it was before the step.
     before: (DVec3, DVec3),
 }
 
-impl<'a> Stepped<'a> {
+impl<'a> RapierEngine<'a> {
     pub(crate) fn new(
         table: &'a Table,
         laws: &'a Laws,
@@ -88,7 +88,7 @@ impl<'a> Stepped<'a> {
             step_secs,
             steps: 0,
             steps_max: (SHOT_SECS_MAX / step_secs) as u64,
-            stride: ((LEG_SECS / step_secs) as u64).max(1),
+            stride: ((SEGMENT_SECS / step_secs) as u64).max(1),
             touching: BTreeSet::new(),
             events: Vec::new(),
             cue_ball_touched: false,
@@ -99,7 +99,7 @@ impl<'a> Stepped<'a> {
     ///
     /// # Errors
     /// [`Error::Endless`] beyond [`SHOT_SECS_MAX`].
-    pub(crate) fn run(mut self, until: Until) -> Result<Outcome> {
+    pub(crate) fn run(mut self, until: Until) -> Result<SimulatedShot> {
         while self.step()? {
             if until == Until::CueBallContact && self.cue_ball_touched {
                 break;
@@ -111,12 +111,12 @@ impl<'a> Stepped<'a> {
     /// Simulates to the end and calls `each` after every `frame_secs` of the shot.
     ///
     /// # Errors
-    /// As [`Stepped::run`].
+    /// As [`RapierEngine::run`].
     pub(crate) fn run_in_frames(
         mut self,
         frame_secs: f64,
         each: &mut dyn FnMut(),
-    ) -> Result<Outcome> {
+    ) -> Result<SimulatedShot> {
         let mut frames = 0.0;
         while self.step()? {
             while self.now() >= (frames + 1.0) * frame_secs {
@@ -153,14 +153,14 @@ impl<'a> Stepped<'a> {
         Ok(true)
     }
 
-    pub(crate) fn finish(mut self) -> Outcome {
+    pub(crate) fn finish(mut self) -> SimulatedShot {
         self.record();
         let end_secs = self.now();
-        Outcome {
-            tracks: self
+        SimulatedShot {
+            trajectories: self
                 .balls
                 .into_iter()
-                .map(|ball| ball.track.finish(end_secs))
+                .map(|ball| ball.trajectory.finish(end_secs))
                 .collect(),
             events: self.events,
             end_secs,
@@ -255,7 +255,7 @@ impl<'a> Stepped<'a> {
     /// Takes balls away whose way over this step led into a pocket or off the table.
     fn take_away_lost(&mut self) {
         for index in 0..self.balls.len() {
-            let Ball {
+            let RigidBall {
                 number,
                 handle,
                 on_table,
@@ -295,7 +295,7 @@ impl<'a> Stepped<'a> {
             let now = self.now();
             let ball = &mut self.balls[index];
             ball.on_table = false;
-            ball.track.leave(now, phase);
+            ball.trajectory.leave(now, phase);
             self.world.bodies[handle].set_enabled(false);
         }
     }
@@ -313,16 +313,16 @@ impl<'a> Stepped<'a> {
         let now = self.now();
         let ball = &mut self.balls[index];
         let body = &self.world.bodies[ball.handle];
-        let (since, from) = ball.leg_from;
+        let (since, from) = ball.segment_start;
         let position = body.translation();
         let is_still = position.distance(from) < STILL_M && body.angvel() == DVec3::ZERO;
         if is_still && ball.still {
-            ball.leg_from.0 = now;
+            ball.segment_start.0 = now;
         } else if now > since {
             ball.still = is_still;
             let velocity = (position - from) / (now - since);
             let spin = body.angvel();
-            ball.track.push(Leg {
+            ball.trajectory.push(Segment {
                 start_secs: since,
                 phase: phase(&ball.body, velocity, spin),
                 position: from,
@@ -331,7 +331,7 @@ impl<'a> Stepped<'a> {
                 spin,
                 spin_acceleration: DVec3::ZERO,
             });
-            ball.leg_from = (now, position);
+            ball.segment_start = (now, position);
         }
     }
 
@@ -374,7 +374,7 @@ fn insert_ball(
     rapier: Rapier,
     index: usize,
     state: &BallState,
-) -> Ball {
+) -> RigidBall {
     let on_table = state.phase.is_on_table();
     let rigid = RigidBodyBuilder::dynamic()
         .translation(state.position)
@@ -394,17 +394,17 @@ fn insert_ball(
     let sleep = world.bodies[handle].activation_mut();
     sleep.normalized_linear_threshold = SLEEP_M_S;
     sleep.angular_threshold = SLEEP_M_S / state.body.radius_m;
-    let mut track = Track::new(state, Leg::at_rest(0.0, state.position));
+    let mut trajectory = Trajectory::new(state, Segment::at_rest(0.0, state.position));
     if !on_table {
-        track.leave(0.0, state.phase);
+        trajectory.leave(0.0, state.phase);
     }
-    Ball {
+    RigidBall {
         number: state.number,
         body: state.body,
         handle,
         on_table,
-        track,
-        leg_from: (0.0, state.position),
+        trajectory,
+        segment_start: (0.0, state.position),
         still: false,
         before: (state.position, state.velocity),
     }
@@ -436,7 +436,7 @@ fn nearest_to_origin(from: DVec2, to: DVec2) -> f64 {
 }
 
 /// Tracks are straight over this time, or a step if that is longer.
-const LEG_SECS: f64 = 5e-3;
+const SEGMENT_SECS: f64 = 5e-3;
 /// Less in a leg is no movement.
 const STILL_M: f64 = 1e-9;
 /// In place of a ball's index.

@@ -18,10 +18,10 @@ use super::{
     ball::{BallBody, Phase},
     error::{Error, Result},
     event::Event,
-    event_engine::{Outcome, SHOT_SECS_MAX},
+    event_engine::{SHOT_SECS_MAX, SimulatedShot},
     shot::Shot,
     table::Table,
-    trajectory::{Leg, Track},
+    trajectory::{Segment, Trajectory},
 };
 
 /// Shots of one table, in their order.
@@ -29,13 +29,13 @@ use super::{
 pub struct Recording {
     /// Name of the table.
     pub table: String,
-    /// What happened on it: 1 to [`TAKES_MAX`].
-    pub takes: Vec<Take>,
+    /// What happened on it: 1 to [`CLIPS_MAX`].
+    pub clips: Vec<Clip>,
 }
 
 /// A recorded shot.
 #[derive(Clone, Debug)]
-pub struct Take {
+pub struct Clip {
     /// For people: who played it, and what came of it. At most [`TITLE_BYTES_MAX`].
     pub title: String,
     /// What happened.
@@ -48,7 +48,7 @@ impl Recording {
         let title = title.into();
         Self {
             table: table.name().to_owned(),
-            takes: vec![Take { title, shot }],
+            clips: vec![Clip { title, shot }],
         }
     }
 
@@ -58,7 +58,7 @@ impl Recording {
     /// [`Error::Recording`] for no takes or too many, a title that is too long, too much motion, or more
     /// than [`BYTES_MAX`].
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
-        let written = Written::of(self);
+        let written = RecordingFile::of(self);
         // What could not be read back is not written.
         written.validate()?;
         let mut bytes = MAGIC.to_vec();
@@ -89,7 +89,7 @@ impl Recording {
                 "its version is {version}, this program reads {VERSION}"
             ));
         }
-        let (written, left): (Written, _) = match postcard::take_from_bytes(body) {
+        let (written, left): (RecordingFile, _) = match postcard::take_from_bytes(body) {
             Ok(taken) => taken,
             Err(error) => return reject(format!("it is cut off or damaged ({error})")),
         };
@@ -125,49 +125,49 @@ impl Recording {
 
 /// What a file holds. How a ball turns within a leg follows from how it is turned at its start.
 #[derive(Serialize, Deserialize)]
-struct Written {
+struct RecordingFile {
     table: String,
-    takes: Vec<WrittenTake>,
+    clips: Vec<ClipFile>,
 }
 
 #[derive(Serialize, Deserialize)]
-struct WrittenTake {
+struct ClipFile {
     title: String,
     duration_secs: f64,
-    tracks: Vec<WrittenTrack>,
+    trajectories: Vec<TrajectoryFile>,
     events: Vec<Event>,
 }
 
 #[derive(Serialize, Deserialize)]
-struct WrittenTrack {
+struct TrajectoryFile {
     number: u8,
     body: BallBody,
-    legs: Vec<(Leg, DQuat)>,
+    segments: Vec<(Segment, DQuat)>,
     end_secs: f64,
     gone: Option<(f64, Phase)>,
 }
 
-impl Written {
+impl RecordingFile {
     fn of(recording: &Recording) -> Self {
         Self {
             table: recording.table.clone(),
-            takes: recording.takes.iter().map(WrittenTake::of).collect(),
+            clips: recording.clips.iter().map(ClipFile::of).collect(),
         }
     }
 
     fn into_recording(self) -> Recording {
-        let takes = self.takes.into_iter().map(WrittenTake::into_take);
+        let takes = self.clips.into_iter().map(ClipFile::into_clip);
         Recording {
             table: self.table,
-            takes: takes.collect(),
+            clips: takes.collect(),
         }
     }
 
     /// Whether simulations may have made it.
     fn validate(&self) -> Result<()> {
-        check_takes(self.takes.iter().map(|take| take.title.as_str()))?;
+        check_clips(self.clips.iter().map(|take| take.title.as_str()))?;
         let mut turns = 0.0;
-        for take in &self.takes {
+        for take in &self.clips {
             turns += take.validate()?;
         }
         if turns > TURNS_MAX {
@@ -177,31 +177,32 @@ impl Written {
     }
 }
 
-impl WrittenTake {
-    fn of(take: &Take) -> Self {
-        let track = |track: &Track| WrittenTrack {
-            number: track.number(),
-            body: track.body(),
-            legs: track.legs().collect(),
-            end_secs: track.end_secs(),
-            gone: track.gone(),
+impl ClipFile {
+    fn of(take: &Clip) -> Self {
+        let trajectory = |trajectory: &Trajectory| TrajectoryFile {
+            number: trajectory.number(),
+            body: trajectory.body(),
+            segments: trajectory.segments().collect(),
+            end_secs: trajectory.end_secs(),
+            gone: trajectory.gone(),
         };
         Self {
             title: take.title.clone(),
             duration_secs: take.shot.duration_secs(),
-            tracks: take.shot.tracks().iter().map(track).collect(),
+            trajectories: take.shot.trajectories().iter().map(trajectory).collect(),
             events: take.shot.events().to_vec(),
         }
     }
 
-    fn into_take(self) -> Take {
-        let tracks = self.tracks.into_iter();
-        let track =
-            |t: WrittenTrack| Track::from_legs((t.number, t.body), &t.legs, t.end_secs, t.gone);
-        Take {
+    fn into_clip(self) -> Clip {
+        let trajectories = self.trajectories.into_iter();
+        let trajectory = |t: TrajectoryFile| {
+            Trajectory::from_segments((t.number, t.body), &t.segments, t.end_secs, t.gone)
+        };
+        Clip {
             title: self.title,
-            shot: Shot::new(Outcome {
-                tracks: tracks.map(track).collect(),
+            shot: Shot::new(SimulatedShot {
+                trajectories: trajectories.map(trajectory).collect(),
                 events: self.events,
                 end_secs: self.duration_secs,
             }),
@@ -219,12 +220,14 @@ impl WrittenTake {
             let message = "its events are not in the order of time".to_owned();
             return Err(Error::Recording(message));
         }
-        let tracks = self.tracks.iter();
-        tracks.map(|track| track.validate(duration_secs)).sum()
+        let trajectories = self.trajectories.iter();
+        trajectories
+            .map(|trajectory| trajectory.validate(duration_secs))
+            .sum()
     }
 }
 
-impl WrittenTrack {
+impl TrajectoryFile {
     /// How often the ball turns.
     fn validate(&self, duration_secs: f64) -> Result<f64> {
         let reject = |what: &str| {
@@ -233,14 +236,17 @@ impl WrittenTrack {
                 self.number
             )))
         };
-        let starts = self.legs.iter().map(|(leg, _)| leg.start_secs);
+        let starts = self.segments.iter().map(|(segment, _)| segment.start_secs);
         let gone = self.gone.map(|(at, _)| at);
         let ends = [Some(self.end_secs), gone].into_iter().flatten();
-        let last = self.legs.last().map_or(0.0, |(leg, _)| leg.start_secs);
+        let last = self
+            .segments
+            .last()
+            .map_or(0.0, |(segment, _)| segment.start_secs);
         self.body
             .validate(self.number)
             .map_err(|error| Error::Recording(error.to_string()))?;
-        if self.legs.is_empty() || self.legs[0].0.start_secs != 0.0 {
+        if self.segments.is_empty() || self.segments[0].0.start_secs != 0.0 {
             return reject("does not begin with the shot");
         }
         if !ascends(starts, duration_secs) || !ends.clone().all(|end| end <= duration_secs) {
@@ -250,13 +256,17 @@ impl WrittenTrack {
             return reject("ends before its last leg");
         }
         let mut turns = 0.0;
-        let next = self.legs.iter().skip(1).map(|(leg, _)| leg.start_secs);
-        for ((leg, orientation), end) in self.legs.iter().zip(next.chain([self.end_secs])) {
-            if !leg.numbers().all(|v| v.abs() <= NUMBER_MAX) || !orientation.is_normalized() {
+        let next = self
+            .segments
+            .iter()
+            .skip(1)
+            .map(|(segment, _)| segment.start_secs);
+        for ((segment, orientation), end) in self.segments.iter().zip(next.chain([self.end_secs])) {
+            if !segment.numbers().all(|v| v.abs() <= NUMBER_MAX) || !orientation.is_normalized() {
                 return reject("has a number that is not finite, or too large");
             }
-            let secs = end - leg.start_secs;
-            let spin = leg.spin.length() + secs * leg.spin_acceleration.length();
+            let secs = end - segment.start_secs;
+            let spin = segment.spin.length() + secs * segment.spin_acceleration.length();
             turns += secs * spin / std::f64::consts::TAU;
         }
         Ok(turns)
@@ -273,11 +283,11 @@ fn ascends(mut times: impl Iterator<Item = f64>, end: f64) -> bool {
     })
 }
 
-fn check_takes<'a>(titles: impl ExactSizeIterator<Item = &'a str>) -> Result<()> {
+fn check_clips<'a>(titles: impl ExactSizeIterator<Item = &'a str>) -> Result<()> {
     let reject = |message| Err(Error::Recording(message));
     let count = titles.len();
-    if !(1..=TAKES_MAX).contains(&count) {
-        return reject(format!("it has {count} shots, not 1 to {TAKES_MAX}"));
+    if !(1..=CLIPS_MAX).contains(&count) {
+        return reject(format!("it has {count} shots, not 1 to {CLIPS_MAX}"));
     }
     for title in titles {
         if title.len() > TITLE_BYTES_MAX || title.chars().any(char::is_control) {
@@ -309,7 +319,7 @@ const VERSION: u16 = 2;
 /// Hundreds of times a break.
 pub const BYTES_MAX: u64 = 16 << 20;
 /// As many shots as a match keeps.
-pub const TAKES_MAX: usize = 2000;
+pub const CLIPS_MAX: usize = 2000;
 /// A line.
 pub const TITLE_BYTES_MAX: usize = 400;
 /// In SI units: over anything that a ball does.

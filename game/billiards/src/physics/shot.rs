@@ -4,29 +4,29 @@ use super::{
     ball::{BallPose, BallState},
     error::Result,
     event::{Event, EventKind},
-    event_engine::{Outcome, Simulation, Until},
+    event_engine::{EventEngine, SimulatedShot, Until},
     laws::Laws,
     table::Table,
-    trajectory::Track,
+    trajectory::Trajectory,
 };
 
 /// A whole shot, from the stroke until all balls are at rest.
 #[derive(Clone, Debug)]
 pub struct Shot {
-    tracks: Vec<Track>,
+    trajectories: Vec<Trajectory>,
     events: Vec<Event>,
     duration_secs: f64,
 }
 
 impl Shot {
-    pub(crate) fn new(outcome: Outcome) -> Self {
-        let Outcome {
-            tracks,
+    pub(crate) fn new(outcome: SimulatedShot) -> Self {
+        let SimulatedShot {
+            trajectories,
             events,
             end_secs,
         } = outcome;
         Self {
-            tracks,
+            trajectories,
             events,
             duration_secs: end_secs,
         }
@@ -39,12 +39,12 @@ impl Shot {
     /// [`super::Error::Unsettled`] if they do not come to rest.
     pub fn of_balls(table: &Table, laws: &Laws, balls: &[BallState]) -> Result<Self> {
         Ok(Self::new(
-            Simulation::new(table, laws, balls).run(Until::Rest)?,
+            EventEngine::new(table, laws, balls).run(Until::Rest)?,
         ))
     }
 
-    pub(crate) fn tracks(&self) -> &[Track] {
-        &self.tracks
+    pub(crate) fn trajectories(&self) -> &[Trajectory] {
+        &self.trajectories
     }
 
     /// When the last ball came to rest, in s.
@@ -55,12 +55,18 @@ impl Shot {
     /// Poses at a time in s, in the order of the world's balls; before 0 as at 0, after the end as
     /// at rest. Exact at any instant: nothing is interpolated.
     pub fn poses_at(&self, t: f64) -> Vec<BallPose> {
-        self.tracks.iter().map(|track| track.pose_at(t)).collect()
+        self.trajectories
+            .iter()
+            .map(|trajectory| trajectory.pose_at(t))
+            .collect()
     }
 
     /// States at a time in s; at the instant of an event, those after it.
     pub fn states_at(&self, t: f64) -> Vec<BallState> {
-        self.tracks.iter().map(|track| track.state_at(t)).collect()
+        self.trajectories
+            .iter()
+            .map(|trajectory| trajectory.state_at(t))
+            .collect()
     }
 
     /// The balls when all is over.

@@ -4,17 +4,19 @@
 //! top that slopes up to the flat rail, at which the facings and jaws of the pockets end (`cushion_edge.rs`,
 //! `jaw_contact.rs`). A pocket has a rounded rim, where a slow ball tips over, and a wall. All distances are
 //! exact for the parabola on which the ball moves: polynomials, and for rims and jaws steps that
-//! cannot rush past the touch ([`reaches_ring`], `Post::reached`).
+//! cannot rush past the touch ([`reaches_ring`], `JawSolid::reached`).
 
 use glam::{DVec2, DVec3};
 
 use super::{
     clipped_contact::first_touch,
-    contact_time::{Course, direction, leaves_circle, reaches_plane, reaches_point, reaches_ring},
-    cushion_edge::Edge,
+    contact_time::{
+        QuadraticPath, direction, leaves_circle, reaches_plane, reaches_point, reaches_ring,
+    },
+    cushion_edge::CushionEdge,
     deterministic_math::hypot,
     event::Surface,
-    jaw_contact::Post,
+    jaw_contact::JawSolid,
     table::{Cushion, JOINT_SLACK_M, Nose, Pocket, Rails, Table},
 };
 
@@ -53,7 +55,7 @@ impl Obstacle {
 
 /// How an obstacle pushes a ball. Both are unit vectors.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Push {
+pub(crate) struct ContactNormal {
     /// From the place of contact to the ball's centre.
     pub(crate) normal: DVec3,
     /// Where the ball gets free. Noses and pockets' walls count as upright where they lean, so
@@ -63,14 +65,18 @@ pub(crate) struct Push {
 
 /// A ball in the air among the obstacles of a table.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Scout<'a> {
+pub(crate) struct ContactFinder<'a> {
     pub(crate) table: &'a Table,
     pub(crate) radius_m: f64,
 }
 
-impl Scout<'_> {
+impl ContactFinder<'_> {
     /// The first obstacle that is touched, and when, within `horizon`.
-    pub(crate) fn first_obstacle(&self, course: &Course, horizon: f64) -> Option<(f64, Obstacle)> {
+    pub(crate) fn first_obstacle(
+        &self,
+        path: &QuadraticPath,
+        horizon: f64,
+    ) -> Option<(f64, Obstacle)> {
         let mut first: Option<(f64, Obstacle)> = None;
         let mut consider = |time: Option<f64>, obstacle| {
             if let Some(time) = time.filter(|&time| first.is_none_or(|(best, _)| time < best)) {
@@ -79,35 +85,35 @@ impl Scout<'_> {
         };
         let table = self.table;
         for (index, nose) in table.noses().iter().enumerate() {
-            consider(self.face(course, nose, horizon), Obstacle::Nose(index));
-            consider(self.edge(course, nose, horizon), Obstacle::Nose(index));
+            consider(self.face(path, nose, horizon), Obstacle::Nose(index));
+            consider(self.edge(path, nose, horizon), Obstacle::Nose(index));
         }
         for index in 0..table.jaws().len() {
-            consider(self.jaw(course, index, horizon), Obstacle::Jaw(index));
+            consider(self.jaw(path, index, horizon), Obstacle::Jaw(index));
         }
         for (index, pocket) in table.pockets().iter().enumerate() {
-            consider(self.rim(course, pocket, horizon), Obstacle::Rim(index));
-            consider(self.wall(course, pocket, horizon), Obstacle::Wall(index));
-            consider(self.lip(course, pocket, horizon), Obstacle::Lip(index));
+            consider(self.rim(path, pocket, horizon), Obstacle::Rim(index));
+            consider(self.wall(path, pocket, horizon), Obstacle::Wall(index));
+            consider(self.lip(path, pocket, horizon), Obstacle::Lip(index));
         }
         if let Some(rails) = table.rails() {
             for (index, cushion) in table.cushions().iter().enumerate() {
-                let slope = self.slope(course, (cushion, rails), horizon);
+                let slope = self.slope(path, (cushion, rails), horizon);
                 consider(slope, Obstacle::Slope(index));
-                let crease = self.crease(course, (cushion, rails), horizon);
+                let crease = self.crease(path, (cushion, rails), horizon);
                 consider(crease, Obstacle::Crease(index));
                 for (end, place) in cushion.facing_backs().into_iter().enumerate() {
-                    let corner = place.and_then(|place| self.corner(course, place, horizon));
+                    let corner = place.and_then(|place| self.corner(path, place, horizon));
                     consider(corner, Obstacle::Corner(2 * index + end));
                 }
             }
-            consider(self.top(course, horizon), Obstacle::Top);
+            consider(self.top(path, horizon), Obstacle::Top);
         }
         first
     }
 
     /// Where a ball that touches an obstacle is pushed.
-    pub(crate) fn push(&self, obstacle: Obstacle, center: DVec3) -> Push {
+    pub(crate) fn contact_normal(&self, obstacle: Obstacle, center: DVec3) -> ContactNormal {
         let normal = self.normal(obstacle, center);
         let upright = match obstacle {
             Obstacle::Nose(_) | Obstacle::Jaw(_) => center.z < self.table.nose_height_m(),
@@ -119,7 +125,7 @@ impl Scout<'_> {
         } else {
             normal
         };
-        Push { normal, away }
+        ContactNormal { normal, away }
     }
 
     /// The unit vector out of an obstacle to the centre of a ball that touches it.
@@ -128,7 +134,7 @@ impl Scout<'_> {
         match obstacle {
             Obstacle::Nose(index) => {
                 let nose = &table.noses()[index];
-                let edge = Edge::over(nose, table.nose_height_m());
+                let edge = CushionEdge::over(nose, table.nose_height_m());
                 edge.out_to(center)
                     .unwrap_or_else(|| self.off_face(nose.normal(), center.z))
             }
@@ -136,7 +142,7 @@ impl Scout<'_> {
                 let out = center.truncate() - table.jaws()[index].center;
                 self.off_face(out.try_normalize().unwrap_or(DVec2::X), center.z)
             }
-            Obstacle::Jaw(index) => direction(Post::of(table, index).nearest(center).0, center),
+            Obstacle::Jaw(index) => direction(JawSolid::of(table, index).nearest(center).0, center),
             Obstacle::Rim(index) => {
                 let pocket = table.pockets()[index];
                 let out = (center.truncate() - pocket.center).normalize_or_zero();
@@ -188,13 +194,13 @@ impl Scout<'_> {
             .unwrap_or(DVec3::Z)
     }
 
-    fn face(&self, course: &Course, nose: &Nose, horizon: f64) -> Option<f64> {
-        let edge = Edge::over(nose, self.table.nose_height_m());
+    fn face(&self, path: &QuadraticPath, nose: &Nose, horizon: f64) -> Option<f64> {
+        let edge = CushionEdge::over(nose, self.table.nose_height_m());
         let front = nose.from() + self.radius_m * nose.normal();
         let plane = (front.extend(0.0), edge.across);
         first_touch(
-            (course, horizon),
-            |course, horizon| reaches_plane(course, plane, self.radius_m, horizon),
+            (path, horizon),
+            |path, horizon| reaches_plane(path, plane, self.radius_m, horizon),
             |place| edge.height_over(place) < 0.0 && nose.spans(place.truncate()),
             |crossings| {
                 crossings.plane(edge.from, edge.up);
@@ -203,14 +209,14 @@ impl Scout<'_> {
         )
     }
 
-    fn edge(&self, course: &Course, nose: &Nose, horizon: f64) -> Option<f64> {
-        let edge = Edge::over(nose, self.table.nose_height_m());
+    fn edge(&self, path: &QuadraticPath, nose: &Nose, horizon: f64) -> Option<f64> {
+        let edge = CushionEdge::over(nose, self.table.nose_height_m());
         let rails = self.table.rails();
         let behind = rails.map_or(0.0, |rails| self.radius_m * slope_sin(rails));
         first_touch(
-            (course, horizon),
-            |course, horizon| {
-                let seen = course.across_edge(edge.from, [edge.across, edge.up]);
+            (path, horizon),
+            |path, horizon| {
+                let seen = path.across_edge(edge.from, [edge.across, edge.up]);
                 reaches_point(&seen, self.radius_m, horizon)
             },
             |place| {
@@ -227,38 +233,38 @@ impl Scout<'_> {
         )
     }
 
-    fn jaw(&self, course: &Course, index: usize, horizon: f64) -> Option<f64> {
+    fn jaw(&self, path: &QuadraticPath, index: usize, horizon: f64) -> Option<f64> {
         let jaw = self.table.jaws()[index];
         let nose_height_m = self.table.nose_height_m();
         let reach = self.radius_m + jaw.radius_m;
         let side = first_touch(
-            (course, horizon),
-            |course, horizon| reaches_point(&course.flat_from(jaw.center), reach, horizon),
+            (path, horizon),
+            |path, horizon| reaches_point(&path.flat_from(jaw.center), reach, horizon),
             |place| place.z < nose_height_m,
             |crossings| crossings.level(nose_height_m),
         );
-        let post = Post::of(self.table, index);
+        let solid = JawSolid::of(self.table, index);
         let edge = first_touch(
-            (course, horizon),
-            |course, horizon| post.reached(course, self.radius_m, horizon),
-            |place| place.z >= nose_height_m && !post.nearest(place).1,
+            (path, horizon),
+            |path, horizon| solid.reached(path, self.radius_m, horizon),
+            |place| place.z >= nose_height_m && !solid.nearest(place).1,
             |crossings| {
                 crossings.level(nose_height_m);
-                post.borders(crossings);
+                solid.borders(crossings);
             },
         );
         [side, edge].into_iter().flatten().min_by(f64::total_cmp)
     }
 
-    fn rim(&self, course: &Course, pocket: &Pocket, horizon: f64) -> Option<f64> {
+    fn rim(&self, path: &QuadraticPath, pocket: &Pocket, horizon: f64) -> Option<f64> {
         if pocket.depth_m == 0.0 {
             return None;
         }
         let edge = pocket.center.extend(-pocket.rim_radius_m);
         let distance = self.radius_m + pocket.rim_radius_m;
         first_touch(
-            (course, horizon),
-            |course, horizon| reaches_ring(course, (edge, pocket.radius_m), distance, horizon),
+            (path, horizon),
+            |path, horizon| reaches_ring(path, (edge, pocket.radius_m), distance, horizon),
             |place| {
                 let away = place.truncate().distance(pocket.center);
                 away <= pocket.radius_m + JOINT_SLACK_M && place.z > edge.z
@@ -270,15 +276,15 @@ impl Scout<'_> {
         )
     }
 
-    fn wall(&self, course: &Course, pocket: &Pocket, horizon: f64) -> Option<f64> {
+    fn wall(&self, path: &QuadraticPath, pocket: &Pocket, horizon: f64) -> Option<f64> {
         let room = pocket.bore_radius_m() - self.radius_m;
         if pocket.depth_m == 0.0 || room <= 0.0 {
             return None;
         }
         let rail_height_m = self.table.rail_height_m();
         first_touch(
-            (course, horizon),
-            |course, horizon| leaves_circle(&course.flat_from(pocket.center), room, horizon),
+            (path, horizon),
+            |path, horizon| leaves_circle(&path.flat_from(pocket.center), room, horizon),
             |place| {
                 let is_near = place.truncate().distance(pocket.center) <= pocket.radius_m;
                 let is_open = is_open(pocket, place) && place.z > -pocket.rim_radius_m;
@@ -293,12 +299,12 @@ impl Scout<'_> {
         )
     }
 
-    fn lip(&self, course: &Course, pocket: &Pocket, horizon: f64) -> Option<f64> {
+    fn lip(&self, path: &QuadraticPath, pocket: &Pocket, horizon: f64) -> Option<f64> {
         let height = self.table.rails().map(|_| self.table.rail_height_m())?;
         let ring = (pocket.center.extend(height), pocket.bore_radius_m());
         first_touch(
-            (course, horizon),
-            |course, horizon| reaches_ring(course, ring, self.radius_m, horizon),
+            (path, horizon),
+            |path, horizon| reaches_ring(path, ring, self.radius_m, horizon),
             |place| {
                 let away = place.truncate().distance(pocket.center);
                 away <= ring.1 + JOINT_SLACK_M && place.z > height && !is_open(pocket, place)
@@ -311,11 +317,11 @@ impl Scout<'_> {
         )
     }
 
-    fn corner(&self, course: &Course, place: DVec2, horizon: f64) -> Option<f64> {
+    fn corner(&self, path: &QuadraticPath, place: DVec2, horizon: f64) -> Option<f64> {
         let top = self.table.rail_height_m();
         let side = first_touch(
-            (course, horizon),
-            |course, horizon| reaches_point(&course.flat_from(place), self.radius_m, horizon),
+            (path, horizon),
+            |path, horizon| reaches_point(&path.flat_from(place), self.radius_m, horizon),
             |center| (0.0..top).contains(&center.z),
             |crossings| {
                 crossings.level(0.0);
@@ -323,9 +329,9 @@ impl Scout<'_> {
             },
         );
         let tip = first_touch(
-            (course, horizon),
-            |course, horizon| {
-                let seen = course.mapped(place.extend(top), |v| v);
+            (path, horizon),
+            |path, horizon| {
+                let seen = path.mapped(place.extend(top), |v| v);
                 reaches_point(&seen, self.radius_m, horizon)
             },
             |center| center.z >= top,
@@ -336,7 +342,7 @@ impl Scout<'_> {
 
     fn slope(
         &self,
-        course: &Course,
+        path: &QuadraticPath,
         (cushion, rails): (&Cushion, Rails),
         horizon: f64,
     ) -> Option<f64> {
@@ -345,10 +351,8 @@ impl Scout<'_> {
         let line = nose.from().extend(self.table.nose_height_m());
         let to_center = self.radius_m * normal;
         first_touch(
-            (course, horizon),
-            |course, horizon| {
-                reaches_plane(course, (line + to_center, normal), self.radius_m, horizon)
-            },
+            (path, horizon),
+            |path, horizon| reaches_plane(path, (line + to_center, normal), self.radius_m, horizon),
             |place| cushion.covers((place - to_center).truncate()),
             |crossings| {
                 for (from, to) in cushion.sides() {
@@ -360,7 +364,7 @@ impl Scout<'_> {
 
     fn crease(
         &self,
-        course: &Course,
+        path: &QuadraticPath,
         (cushion, rails): (&Cushion, Rails),
         horizon: f64,
     ) -> Option<f64> {
@@ -370,9 +374,9 @@ impl Scout<'_> {
         let steep = self.radius_m * slope_sin(rails);
         let in_front = |place: DVec3| across.dot(place.truncate() - first);
         first_touch(
-            (course, horizon),
-            |course, horizon| {
-                let seen = course.across_edge(edge, [across.extend(0.0), DVec3::Z]);
+            (path, horizon),
+            |path, horizon| {
+                let seen = path.across_edge(edge, [across.extend(0.0), DVec3::Z]);
                 reaches_point(&seen, self.radius_m, horizon)
             },
             |place| {
@@ -399,11 +403,11 @@ impl Scout<'_> {
         )
     }
 
-    fn top(&self, course: &Course, horizon: f64) -> Option<f64> {
+    fn top(&self, path: &QuadraticPath, horizon: f64) -> Option<f64> {
         let level = DVec3::Z * (self.table.rail_height_m() + self.radius_m);
         first_touch(
-            (course, horizon),
-            |course, horizon| reaches_plane(course, (level, DVec3::Z), self.radius_m, horizon),
+            (path, horizon),
+            |path, horizon| reaches_plane(path, (level, DVec3::Z), self.radius_m, horizon),
             |place| self.table.is_rail_under(place.truncate()),
             |crossings| {
                 let (low, high) = self.table.inside_of_rails();

@@ -8,7 +8,7 @@ use serde::Deserialize;
 use super::{
     ball::BallBody,
     error::{Error, Result},
-    table_spec::TablePlan,
+    table_spec::TableSpec,
 };
 
 /// The nose line of a straight cushion: balls touch it from the left of `from` → `to`.
@@ -211,14 +211,14 @@ pub struct TableParts {
 }
 
 impl Table {
-    /// Reads a table from JSON ([`TablePlan`]).
+    /// Reads a table from JSON ([`TableSpec`]).
     ///
     /// # Errors
     /// [`Error::Table`] with the place in the text or the rule that is broken.
     pub fn parse(json: &str) -> Result<Self> {
-        let plan: TablePlan =
+        let spec: TableSpec =
             serde_json::from_str(json).map_err(|error| Error::Table(error.to_string()))?;
-        plan.build()
+        spec.build()
     }
 
     /// Builds a flat table.
@@ -286,23 +286,23 @@ impl Table {
     /// A flat table with the plan's rails, pockets and balls added.
     pub(crate) fn raised(
         self,
-        plan: &TablePlan,
+        spec: &TableSpec,
         pockets: Vec<Pocket>,
         cushions: Vec<Cushion>,
     ) -> Self {
-        let outer = 0.5 * DVec2::new(self.length_m, self.width_m) + plan.rails.width_m;
+        let outer = 0.5 * DVec2::new(self.length_m, self.width_m) + spec.rails.width_m;
         let mut raised = Self {
-            bed_height_m: plan.bed_height_m,
+            bed_height_m: spec.bed_height_m,
             pockets,
             cushions,
-            rails: Some(plan.rails),
-            ball: plan.ball,
-            cue_ball: plan.cue_ball.unwrap_or(plan.ball),
+            rails: Some(spec.rails),
+            ball: spec.ball,
+            cue_ball: spec.cue_ball.unwrap_or(spec.ball),
             low: -outer,
             high: outer,
             ..self
         };
-        raised.slant(plan.rails.rise_m / plan.rails.cushion_width_m);
+        raised.slant(spec.rails.rise_m / spec.rails.cushion_width_m);
         raised
     }
 

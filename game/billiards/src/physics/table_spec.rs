@@ -23,7 +23,7 @@ use super::{
 /// The dimensions of a table, as its file holds them.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct TablePlan {
+pub struct TableSpec {
     /// For the player.
     pub name: String,
     /// Where the figures come from.
@@ -39,9 +39,9 @@ pub struct TablePlan {
     /// Cushions' tops and what is around them.
     pub rails: Rails,
     /// The pockets in the corners; none on a carom table.
-    pub corner_pockets: Option<PocketPlan>,
+    pub corner_pockets: Option<PocketSpec>,
     /// The pockets in the middle of the long sides; only with corner pockets.
-    pub side_pockets: Option<PocketPlan>,
+    pub side_pockets: Option<PocketSpec>,
     /// The balls.
     pub ball: BallBody,
     /// The cue ball, if it differs.
@@ -51,7 +51,7 @@ pub struct TablePlan {
 /// The dimensions of a pocket.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct PocketPlan {
+pub struct PocketSpec {
     /// Between the tips of the cushions, in m.
     pub mouth_m: f64,
     /// Between nose line and facing inside of the cushion, in degrees, 90 to 179.
@@ -68,49 +68,49 @@ pub struct PocketPlan {
     pub depth_m: f64,
 }
 
-impl TablePlan {
+impl TableSpec {
     /// # Errors
     /// [`Error::Table`] for a dimension out of its range, or pockets that leave no cushion.
     pub fn build(&self) -> Result<Table> {
         self.validate()?;
-        let mut shape = Shape {
+        let mut outlines = CushionOutlines {
             cushion_width_m: self.rails.cushion_width_m,
-            ..Shape::default()
+            ..CushionOutlines::default()
         };
         let corners = self.corners();
         for side in 0..4 {
             let (from, to) = (corners[side], corners[(side + 1) % 4]);
-            self.lay_side(&mut shape, from, to);
+            self.lay_side(&mut outlines, from, to);
         }
         let flat = Table::from_parts(TableParts {
             name: self.name.clone(),
             length_m: self.length_m,
             width_m: self.width_m,
             nose_height_m: self.nose_height_m,
-            noses: shape.noses,
-            jaws: shape.jaws,
+            noses: outlines.noses,
+            jaws: outlines.jaws,
             pockets: Vec::new(),
         })?;
-        Ok(flat.raised(self, self.pockets(), shape.cushions))
+        Ok(flat.raised(self, self.pockets(), outlines.cushions))
     }
 
     /// The cushions of one side, which runs with the balls on its left.
-    fn lay_side(&self, shape: &mut Shape, from: DVec2, to: DVec2) {
+    fn lay_side(&self, outlines: &mut CushionOutlines, from: DVec2, to: DVec2) {
         let along = (to - from).normalize();
-        let corner = self.corner_pockets.map(|pocket| Tip {
+        let corner = self.corner_pockets.map(|pocket| CushionEnd {
             pocket,
             inset_m: pocket.mouth_m * 0.5f64.sqrt(),
         });
-        let side = self.side_pockets.map(|pocket| Tip {
+        let side = self.side_pockets.map(|pocket| CushionEnd {
             pocket,
             inset_m: 0.5 * pocket.mouth_m,
         });
         if side.is_some() && along.y == 0.0 {
             let middle = from.midpoint(to);
-            shape.lay_cushion((from, corner), (middle, side));
-            shape.lay_cushion((middle, side), (to, corner));
+            outlines.lay_cushion((from, corner), (middle, side));
+            outlines.lay_cushion((middle, side), (to, corner));
         } else {
-            shape.lay_cushion((from, corner), (to, corner));
+            outlines.lay_cushion((from, corner), (to, corner));
         }
     }
 
@@ -126,26 +126,26 @@ impl TablePlan {
         let mut pockets = Vec::new();
         for across in [-1.0, 1.0] {
             for along in [-1.0, 0.0, 1.0] {
-                let plan = if along == 0.0 {
+                let spec = if along == 0.0 {
                     self.side_pockets
                 } else {
                     self.corner_pockets
                 };
-                let Some(plan) = plan else { continue };
+                let Some(spec) = spec else { continue };
                 let outward = DVec2::new(along, across).normalize();
                 // The mouth of a corner lies half its width inside of the corner.
                 let inset = if along == 0.0 {
                     0.0
                 } else {
-                    0.5 * plan.mouth_m
+                    0.5 * spec.mouth_m
                 };
                 let mouth = half * DVec2::new(along, across) - inset * outward;
                 pockets.push(Pocket {
-                    center: mouth + (plan.shelf_m + plan.radius_m) * outward,
-                    radius_m: plan.radius_m,
+                    center: mouth + (spec.shelf_m + spec.radius_m) * outward,
+                    radius_m: spec.radius_m,
                     mouth: -outward,
-                    rim_radius_m: plan.rim_radius_m,
-                    depth_m: plan.depth_m,
+                    rim_radius_m: spec.rim_radius_m,
+                    depth_m: spec.depth_m,
                 });
             }
         }
@@ -212,7 +212,7 @@ impl TablePlan {
             return reject("it has side pockets but no corner pockets".to_owned());
         }
         let mouths =
-            |pocket: Option<PocketPlan>| pocket.map_or(0.0, |p| p.mouth_m + 2.0 * p.jaw_radius_m);
+            |pocket: Option<PocketSpec>| pocket.map_or(0.0, |p| p.mouth_m + 2.0 * p.jaw_radius_m);
         let taken = 2.0 * (mouths(self.corner_pockets) + mouths(self.side_pockets));
         if taken > self.width_m.min(self.length_m) {
             return reject(format!("its pockets take {taken} m and leave no cushion"));
@@ -223,37 +223,37 @@ impl TablePlan {
 
 /// Where a pocket ends a cushion.
 #[derive(Clone, Copy)]
-struct Tip {
-    pocket: PocketPlan,
+struct CushionEnd {
+    pocket: PocketSpec,
     /// From where the side begins, or the pocket's middle, to the unrounded tip.
     inset_m: f64,
 }
 
 /// What the cushions are made of.
 #[derive(Default)]
-struct Shape {
+struct CushionOutlines {
     cushion_width_m: f64,
     noses: Vec<[DVec2; 2]>,
     jaws: Vec<Circle>,
     cushions: Vec<Cushion>,
 }
 
-impl Shape {
+impl CushionOutlines {
     /// A cushion between two stations of a side; without a pocket it is mitred.
     fn lay_cushion(
         &mut self,
-        (start, opens): (DVec2, Option<Tip>),
-        (stop, ends): (DVec2, Option<Tip>),
+        (start, opens): (DVec2, Option<CushionEnd>),
+        (stop, ends): (DVec2, Option<CushionEnd>),
     ) {
         let along = (stop - start).normalize();
         let inward = along.perp();
-        let inset = |tip: Option<Tip>| tip.map_or(0.0, |tip| tip.inset_m);
+        let inset = |tip: Option<CushionEnd>| tip.map_or(0.0, |tip| tip.inset_m);
         let (from, to) = (start + inset(opens) * along, stop - inset(ends) * along);
         let nose = self.noses.len();
         self.noses.push([from, to]);
         let (first_back, first_jaw) = self.lay_end(from, -along, inward, opens);
         let (last_back, last_jaw) = self.lay_end(to, along, inward, ends);
-        let rounded = |tip: Option<Tip>| tip.map_or(0.0, |tip| tip.pocket.tangent_m());
+        let rounded = |tip: Option<CushionEnd>| tip.map_or(0.0, |tip| tip.pocket.tangent_m());
         self.noses[nose] = [from + rounded(opens) * along, to - rounded(ends) * along];
         self.cushions.push(Cushion {
             nose,
@@ -269,9 +269,9 @@ impl Shape {
         tip: DVec2,
         outward: DVec2,
         inward: DVec2,
-        end: Option<Tip>,
+        end: Option<CushionEnd>,
     ) -> (DVec2, Option<Circle>) {
-        let Some(Tip { pocket, .. }) = end else {
+        let Some(CushionEnd { pocket, .. }) = end else {
             return (tip + self.cushion_width_m * (outward - inward), None);
         };
         let (sin, cos) = sin_cos(pocket.turn_rad());
@@ -295,7 +295,7 @@ impl Shape {
     }
 }
 
-impl PocketPlan {
+impl PocketSpec {
     fn turn_rad(&self) -> f64 {
         (180.0 - self.cut_deg).to_radians()
     }

@@ -13,7 +13,8 @@
 use glam::DVec3;
 
 use super::{
-    ball_ball::Twist, ball_in_motion::Live, contact_time::direction, event_engine::Simulation,
+    ball_ball::Twist, ball_in_motion::BallInMotion, contact_time::direction,
+    event_engine::EventEngine,
 };
 
 /// What becomes of two balls whose contact leaves them together.
@@ -26,7 +27,7 @@ pub enum Clinging {
     Steals,
 }
 
-impl Simulation<'_> {
+impl EventEngine<'_> {
     /// A contact of two balls by [`Clinging::Steals`].
     pub(super) fn collide_by_theft(&mut self, first: usize, second: usize) {
         self.kiss(first, second);
@@ -89,8 +90,8 @@ fn stolen_m_s(normal: DVec3, one: &Twist, other: &Twist) -> f64 {
 }
 
 /// Whether two balls overlap: by [`Clinging::Steals`] that is a contact, even if they part.
-pub(super) fn overlap(one: &Live, other: &Live, now: f64) -> bool {
-    let apart = one.course(now).position - other.course(now).position;
+pub(super) fn overlap(one: &BallInMotion, other: &BallInMotion, now: f64) -> bool {
+    let apart = one.path(now).position - other.path(now).position;
     apart.length() < one.body.radius_m + other.body.radius_m
 }
 

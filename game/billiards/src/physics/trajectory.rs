@@ -6,16 +6,16 @@ use serde::{Deserialize, Serialize};
 use super::{
     ball::{BallBody, BallPose, BallState, Phase},
     motion::Motion,
-    orientation::Turning,
+    orientation::RotationIntegral,
 };
 
 /// The course of one ball over a shot, exact between events.
 #[derive(Clone, Debug)]
-pub(crate) struct Track {
+pub(crate) struct Trajectory {
     number: u8,
     body: BallBody,
     /// Ascending starts; the last lasts to the end.
-    pieces: Vec<Piece>,
+    segments: Vec<OrientedSegment>,
     /// When the last leg ends.
     end_secs: f64,
     gone: Option<(f64, Phase)>,
@@ -23,7 +23,7 @@ pub(crate) struct Track {
 
 /// Constant accelerations from one instant on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Leg {
+pub(crate) struct Segment {
     pub(crate) start_secs: f64,
     pub(crate) phase: Phase,
     pub(crate) position: DVec3,
@@ -33,7 +33,7 @@ pub(crate) struct Leg {
     pub(crate) spin_acceleration: DVec3,
 }
 
-impl Leg {
+impl Segment {
     pub(crate) fn of(start_secs: f64, motion: &Motion) -> Self {
         let Motion {
             phase,
@@ -91,58 +91,59 @@ impl Leg {
         self.spin + t * self.spin_acceleration
     }
 
-    fn turning(&self, start: DQuat, duration_secs: f64) -> Turning {
-        Turning::new(start, self.spin, self.spin_acceleration, duration_secs)
+    fn rotation(&self, start: DQuat, duration_secs: f64) -> RotationIntegral {
+        RotationIntegral::new(start, self.spin, self.spin_acceleration, duration_secs)
     }
 }
 
 #[derive(Clone, Debug)]
-struct Piece {
-    leg: Leg,
-    turning: Turning,
+struct OrientedSegment {
+    segment: Segment,
+    rotation: RotationIntegral,
 }
 
-impl Piece {
+impl OrientedSegment {
     /// A piece whose end is not known yet: how the ball turns is filled in when it is.
-    fn open(leg: Leg, orientation: DQuat) -> Self {
+    fn open(segment: Segment, orientation: DQuat) -> Self {
         Self {
-            leg,
-            turning: leg.turning(orientation, 0.0),
+            segment,
+            rotation: segment.rotation(orientation, 0.0),
         }
     }
 
     fn close(&mut self, end_secs: f64) -> DQuat {
-        let duration = end_secs - self.leg.start_secs;
-        self.turning = self.leg.turning(self.turning.start(), duration);
-        self.turning.at(duration)
+        let duration = end_secs - self.segment.start_secs;
+        self.rotation = self.segment.rotation(self.rotation.start(), duration);
+        self.rotation.at(duration)
     }
 }
 
-impl Track {
-    pub(crate) fn new(ball: &BallState, leg: Leg) -> Self {
+impl Trajectory {
+    pub(crate) fn new(ball: &BallState, segment: Segment) -> Self {
         Self {
             number: ball.number,
             body: ball.body,
-            pieces: vec![Piece::open(leg, ball.orientation)],
-            end_secs: leg.start_secs,
+            segments: vec![OrientedSegment::open(segment, ball.orientation)],
+            end_secs: segment.start_secs,
             gone: None,
         }
     }
 
     /// Ends the current leg and begins the next; returns how the ball is turned there.
-    pub(crate) fn push(&mut self, leg: Leg) -> DQuat {
-        let orientation = match self.pieces.last_mut() {
-            Some(last) => last.close(leg.start_secs),
+    pub(crate) fn push(&mut self, segment: Segment) -> DQuat {
+        let orientation = match self.segments.last_mut() {
+            Some(last) => last.close(segment.start_secs),
             None => DQuat::IDENTITY,
         };
         if self
-            .pieces
+            .segments
             .last()
-            .is_some_and(|last| last.leg.start_secs == leg.start_secs)
+            .is_some_and(|last| last.segment.start_secs == segment.start_secs)
         {
-            self.pieces.pop();
+            self.segments.pop();
         }
-        self.pieces.push(Piece::open(leg, orientation));
+        self.segments
+            .push(OrientedSegment::open(segment, orientation));
         orientation
     }
 
@@ -154,17 +155,17 @@ impl Track {
     pub(crate) fn finish(mut self, end_secs: f64) -> Self {
         let end = self.gone.map_or(end_secs, |(at, _)| at);
         self.end_secs = end;
-        if let Some(last) = self.pieces.last_mut() {
+        if let Some(last) = self.segments.last_mut() {
             last.close(end);
         }
         self
     }
 
     /// Its legs, and how the ball is turned at the start of each.
-    pub(crate) fn legs(&self) -> impl Iterator<Item = (Leg, DQuat)> {
-        self.pieces
+    pub(crate) fn segments(&self) -> impl Iterator<Item = (Segment, DQuat)> {
+        self.segments
             .iter()
-            .map(|piece| (piece.leg, piece.turning.start()))
+            .map(|piece| (piece.segment, piece.rotation.start()))
     }
 
     /// When its last leg ends.
@@ -187,33 +188,40 @@ impl Track {
         self.gone
     }
 
-    /// A track of what [`Track::legs`] gave: one leg at least, in the order of time.
-    pub(crate) fn from_legs(
+    /// A track of what [`Trajectory::segments`] gave: one leg at least, in the order of time.
+    pub(crate) fn from_segments(
         (number, body): (u8, BallBody),
-        legs: &[(Leg, DQuat)],
+        segments: &[(Segment, DQuat)],
         end_secs: f64,
         gone: Option<(f64, Phase)>,
     ) -> Self {
-        let ends = legs.iter().skip(1).map(|(leg, _)| leg.start_secs);
-        let piece = |(&(leg, orientation), end): (&(Leg, DQuat), f64)| Piece {
-            leg,
-            turning: leg.turning(orientation, end - leg.start_secs),
+        let ends = segments
+            .iter()
+            .skip(1)
+            .map(|(segment, _)| segment.start_secs);
+        let piece = |(&(segment, orientation), end): (&(Segment, DQuat), f64)| OrientedSegment {
+            segment,
+            rotation: segment.rotation(orientation, end - segment.start_secs),
         };
         Self {
             number,
             body,
-            pieces: legs.iter().zip(ends.chain([end_secs])).map(piece).collect(),
+            segments: segments
+                .iter()
+                .zip(ends.chain([end_secs]))
+                .map(piece)
+                .collect(),
             end_secs,
             gone,
         }
     }
 
     pub(crate) fn pose_at(&self, t: f64) -> BallPose {
-        let (piece, since) = self.piece_at(t);
+        let (piece, since) = self.segment_at(t);
         BallPose {
             number: self.number,
-            position: piece.leg.position_after(since),
-            rotation: piece.turning.at(since),
+            position: piece.segment.position_after(since),
+            rotation: piece.rotation.at(since),
             on_table: self.gone.is_none_or(|(at, _)| t < at),
         }
     }
@@ -225,15 +233,15 @@ impl Track {
             rotation,
             on_table,
         } = self.pose_at(t);
-        let (piece, since) = self.piece_at(t);
+        let (piece, since) = self.segment_at(t);
         let mut state = BallState {
             number,
             body: self.body,
             position,
-            velocity: piece.leg.velocity_after(since),
-            spin: piece.leg.spin_after(since),
+            velocity: piece.segment.velocity_after(since),
+            spin: piece.segment.spin_after(since),
             orientation: rotation,
-            phase: piece.leg.phase,
+            phase: piece.segment.phase,
         };
         if let Some((_, phase)) = self.gone.filter(|_| !on_table) {
             state = BallState {
@@ -246,12 +254,12 @@ impl Track {
         state
     }
 
-    fn piece_at(&self, t: f64) -> (&Piece, f64) {
+    fn segment_at(&self, t: f64) -> (&OrientedSegment, f64) {
         let t = self.gone.map_or(t, |(at, _)| t.min(at)).max(0.0);
         let next = self
-            .pieces
-            .partition_point(|piece| piece.leg.start_secs <= t);
-        let piece = &self.pieces[next.saturating_sub(1)];
-        (piece, t - piece.leg.start_secs)
+            .segments
+            .partition_point(|piece| piece.segment.start_secs <= t);
+        let piece = &self.segments[next.saturating_sub(1)];
+        (piece, t - piece.segment.start_secs)
     }
 }

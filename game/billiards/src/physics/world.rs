@@ -8,11 +8,11 @@ use super::{
     engine::Engine,
     error::{Error, Result},
     event::{Event, EventKind},
-    event_engine::{Outcome, Simulation, Until},
+    event_engine::{EventEngine, SimulatedShot, Until},
     flight::hop_speed_m_s,
     laws::Laws,
-    rack::Layout,
-    rapier_engine::Stepped,
+    rack::BallLayout,
+    rapier_engine::RapierEngine,
     shot::Shot,
     table::Table,
 };
@@ -33,7 +33,7 @@ impl World {
     /// # Errors
     /// [`Error::Layout`] for balls that overlap each other or a cushion, lie off the table or in a
     /// pocket, share a number or are not finite.
-    pub fn new(table: Table, layout: Layout) -> Result<Self> {
+    pub fn new(table: Table, layout: BallLayout) -> Result<Self> {
         Self::with_laws(table, Laws::default(), layout.balls)
     }
 
@@ -133,7 +133,7 @@ impl World {
         Ok(())
     }
 
-    pub(crate) fn simulate(&self, stroke: Stroke, until: Until) -> Result<Outcome> {
+    pub(crate) fn simulate(&self, stroke: Stroke, until: Until) -> Result<SimulatedShot> {
         let outcome = self.run(&self.struck(stroke)?, until)?;
         Ok(self.with_strike(outcome, stroke))
     }
@@ -158,11 +158,11 @@ impl World {
         let (table, laws) = (&self.table, &self.laws);
         let outcome = match self.engine {
             Engine::Exact => {
-                Simulation::new(table, laws, &balls).run_in_frames(frame_secs, each)?
+                EventEngine::new(table, laws, &balls).run_in_frames(frame_secs, each)?
             }
             Engine::Rapier(rapier) => {
                 rapier.validate()?;
-                Stepped::new(table, laws, rapier, &balls).run_in_frames(frame_secs, each)?
+                RapierEngine::new(table, laws, rapier, &balls).run_in_frames(frame_secs, each)?
             }
         };
         Ok(Shot::new(self.with_strike(outcome, stroke)))
@@ -198,7 +198,7 @@ impl World {
         Ok(balls)
     }
 
-    fn with_strike(&self, mut outcome: Outcome, stroke: Stroke) -> Outcome {
+    fn with_strike(&self, mut outcome: SimulatedShot, stroke: Stroke) -> SimulatedShot {
         let event = |kind| Event {
             time_secs: 0.0,
             kind,
@@ -214,12 +214,12 @@ impl World {
         outcome
     }
 
-    fn run(&self, balls: &[BallState], until: Until) -> Result<Outcome> {
+    fn run(&self, balls: &[BallState], until: Until) -> Result<SimulatedShot> {
         match self.engine {
-            Engine::Exact => Simulation::new(&self.table, &self.laws, balls).run(until),
+            Engine::Exact => EventEngine::new(&self.table, &self.laws, balls).run(until),
             Engine::Rapier(rapier) => {
                 rapier.validate()?;
-                Stepped::new(&self.table, &self.laws, rapier, balls).run(until)
+                RapierEngine::new(&self.table, &self.laws, rapier, balls).run(until)
             }
         }
     }

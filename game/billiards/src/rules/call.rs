@@ -3,7 +3,7 @@
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-use super::layout::Ground;
+use super::layout::TableLayout;
 
 /// What a player says before a shot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -13,7 +13,7 @@ pub enum Call {
     Pot {
         /// The ball.
         ball: u8,
-        /// Index into [`Ground::pockets`].
+        /// Index into [`TableLayout::pockets`].
         pocket: Option<usize>,
     },
     /// To pass the turn, whatever falls (WPA 1.6).
@@ -24,13 +24,13 @@ pub enum Call {
 
 /// The call that is obvious from the aim (WPA 1.6): the first ball, which lies at `at` and will leave
 /// along `direction`, and the pocket that it makes for; none if it makes for none.
-pub fn infer(ground: &Ground, ball: u8, at: DVec2, direction: DVec2) -> Option<Call> {
+pub fn infer(layout: &TableLayout, ball: u8, at: DVec2, direction: DVec2) -> Option<Call> {
     let off = |center: &DVec2| direction.angle_to(*center - at).abs();
     let straight = |center: &DVec2| {
         let distance = center.distance(at).max(1e-6);
-        off(center) <= (MOUTH_RADII * ground.radius_m / distance).atan()
+        off(center) <= (MOUTH_RADII * layout.radius_m / distance).atan()
     };
-    let pockets = ground.pockets.iter().enumerate();
+    let pockets = layout.pockets.iter().enumerate();
     let (pocket, _) = pockets
         .filter(|(_, center)| straight(center))
         .min_by(|a, b| off(a.1).total_cmp(&off(b.1)))?;

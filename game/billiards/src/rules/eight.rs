@@ -6,22 +6,22 @@ use super::{
     call::Call,
     foul::Foul,
     free::capital,
-    layout::{Area, Lie},
-    referee::{Game, Referee, Shot},
+    layout::{BallPositions, PlacementArea},
+    referee::{Game, JudgedShot, Referee},
     verdict::{Choice, Verdict},
 };
 
 /// A player's seven balls.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Group {
+pub enum BallGroup {
     /// 1 to 7.
     Solids,
     /// 9 to 15.
     Stripes,
 }
 
-impl Group {
+impl BallGroup {
     /// The group of a ball; none of the 8 and the cue ball.
     pub fn of(ball: u8) -> Option<Self> {
         match ball {
@@ -41,7 +41,7 @@ impl Group {
     }
 
     /// Its name.
-    pub fn words(self) -> &'static str {
+    pub fn display_text(self) -> &'static str {
         match self {
             Self::Solids => "solids",
             Self::Stripes => "stripes",
@@ -61,46 +61,54 @@ impl Group {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Eight {
     /// The group of player 0, once the table is no longer open.
-    pub(crate) first: Option<Group>,
+    pub(crate) first: Option<BallGroup>,
 }
 
 impl Eight {
-    pub(crate) fn group(self, player: usize) -> Option<Group> {
+    pub(crate) fn group(self, player: usize) -> Option<BallGroup> {
         let first = self.first?;
         Some(if player == 0 { first } else { first.other() })
     }
 
     /// The balls that may be hit first (WPA 3.4, 3.5).
-    pub(crate) fn on(self, lie: &Lie, player: usize) -> Vec<u8> {
-        let balls = lie.iter().map(|p| p.ball);
+    pub(crate) fn legal_targets(self, positions: &BallPositions, player: usize) -> Vec<u8> {
+        let balls = positions.iter().map(|p| p.ball);
         let Some(group) = self.group(player) else {
-            return balls.filter(|&ball| Group::of(ball).is_some()).collect();
+            return balls
+                .filter(|&ball| BallGroup::of(ball).is_some())
+                .collect();
         };
         let own: Vec<u8> = balls
-            .filter(|&ball| Group::of(ball) == Some(group))
+            .filter(|&ball| BallGroup::of(ball) == Some(group))
             .collect();
         if own.is_empty() { vec![8] } else { own }
     }
 
     /// What is on, in words.
-    pub(crate) fn on_words(self, lie: &Lie, player: usize) -> String {
+    pub(crate) fn legal_targets_text(self, positions: &BallPositions, player: usize) -> String {
         match self.group(player) {
             None => "any ball but the 8".to_owned(),
-            Some(_) if self.on(lie, player) == [8] => "the 8".to_owned(),
-            Some(group) => group.words().to_owned(),
+            Some(_) if self.legal_targets(positions, player) == [8] => "the 8".to_owned(),
+            Some(group) => group.display_text().to_owned(),
         }
     }
 }
 
 impl Referee {
-    pub(crate) fn judge_eight(&mut self, eight: Eight, shot: &Shot<'_>, verdict: &mut Verdict) {
+    pub(crate) fn judge_eight(
+        &mut self,
+        eight: Eight,
+        shot: &JudgedShot<'_>,
+        verdict: &mut Verdict,
+    ) {
         if self.is_break() {
             return self.judge_eight_break(shot, verdict);
         }
         let (report, player) = (shot.report, self.turn());
-        let on = eight.on(&report.before, player);
-        verdict.fouls = self.standard_fouls(shot, &on, &eight.on_words(&report.before, player));
-        self.say_fouls(verdict);
+        let on = eight.legal_targets(&report.before, player);
+        verdict.fouls =
+            self.standard_fouls(shot, &on, &eight.legal_targets_text(&report.before, player));
+        self.add_foul_line(verdict);
         if self.eight_is_gone(shot) {
             return self.judge_the_eight(on == [8], shot, verdict);
         }
@@ -116,27 +124,27 @@ impl Referee {
             self.pass();
         }
         if verdict.is_foul() {
-            self.take_in_hand(Area::Anywhere);
+            self.take_in_hand(PlacementArea::Anywhere);
         }
     }
 
     /// The called ball decides, whatever else fell (WPA 3.4).
     fn settle_groups(&mut self, ball: u8, verdict: &mut Verdict) {
-        let Some(own) = Group::of(ball) else {
+        let Some(own) = BallGroup::of(ball) else {
             return;
         };
         let first = if self.turn() == 0 { own } else { own.other() };
         self.set_game(Game::Eight(Eight { first: Some(first) }));
-        verdict.say(format!("You are on {} {}", own.words(), own.glyph()));
+        verdict.add_line(format!("You are on {} {}", own.display_text(), own.glyph()));
     }
 
-    fn eight_is_gone(&self, shot: &Shot<'_>) -> bool {
+    fn eight_is_gone(&self, shot: &JudgedShot<'_>) -> bool {
         let report = shot.report;
         report.potted().contains(&8) || report.off_table().any(|ball| ball == 8)
     }
 
     /// The 8 left the table, not on a break (WPA 3.8).
-    fn judge_the_eight(&mut self, was_on: bool, shot: &Shot<'_>, verdict: &mut Verdict) {
+    fn judge_the_eight(&mut self, was_on: bool, shot: &JudgedShot<'_>, verdict: &mut Verdict) {
         let player = self.turn();
         let lost = if shot.report.off_table().any(|ball| ball == 8) {
             Some("the 8 left the table")
@@ -154,24 +162,24 @@ impl Referee {
         match lost {
             None => {
                 verdict.pots = vec![8];
-                verdict.say("The 8 fell as called");
+                verdict.add_line("The 8 fell as called");
                 self.win_rack(player, verdict);
             }
             Some(why) => {
-                verdict.say(format!("Rack lost: {why}"));
+                verdict.add_line(format!("Rack lost: {why}"));
                 self.win_rack(self.other(), verdict);
             }
         }
     }
 
     /// WPA 3.3.
-    fn judge_eight_break(&mut self, shot: &Shot<'_>, verdict: &mut Verdict) {
+    fn judge_eight_break(&mut self, shot: &JudgedShot<'_>, verdict: &mut Verdict) {
         let report = shot.report;
         let potted = report.potted();
         verdict.fouls = self.break_fouls(shot);
-        self.say_fouls(verdict);
+        self.add_foul_line(verdict);
         let eight_gone = self.eight_is_gone(shot);
-        let is_weak = potted.is_empty() && report.balls_to_rails() < self.sheet().break_rails;
+        let is_weak = potted.is_empty() && report.balls_to_rails() < self.info().break_rails;
         if verdict.is_foul() {
             self.end_break();
             self.pass();
@@ -181,14 +189,14 @@ impl Referee {
                 self.offer(&[Choice::Accept, Choice::TakeInHand]);
             }
             if report.lost_cue_ball() || eight_gone {
-                self.take_in_hand(Area::Kitchen);
+                self.take_in_hand(PlacementArea::Kitchen);
             }
         } else if eight_gone {
             self.end_break();
             verdict.goes_on = true;
             self.offer(&[Choice::Accept, Choice::Rerack]);
         } else if is_weak {
-            verdict.say(format!(
+            verdict.add_line(format!(
                 "Illegal break: {} balls reached a cushion, it takes 4 or a ball potted",
                 report.balls_to_rails()
             ));
@@ -199,14 +207,14 @@ impl Referee {
             self.end_break();
             verdict.goes_on = !potted.is_empty();
             if verdict.goes_on {
-                verdict.say("The table is open");
+                verdict.add_line("The table is open");
             } else {
                 self.pass();
             }
         }
         if eight_gone {
-            verdict.say("The 8 is spotted");
-            self.spot(shot, verdict, 8, shot.ground.foot_spot());
+            verdict.add_line("The 8 is spotted");
+            self.spot(shot, verdict, 8, shot.layout.foot_spot());
         }
         verdict.pots = if verdict.is_foul() {
             Vec::new()
@@ -216,7 +224,7 @@ impl Referee {
     }
 
     /// What is a foul on the break: no ball need be hit first, none be called (WPA 3.3).
-    fn break_fouls(&self, shot: &Shot<'_>) -> Vec<Foul> {
+    fn break_fouls(&self, shot: &JudgedShot<'_>) -> Vec<Foul> {
         let all: Vec<u8> = (1..=15).collect();
         let mut fouls = self.standard_fouls(shot, &all, "any ball");
         fouls.retain(|foul| *foul != Foul::NoRail);
@@ -224,22 +232,22 @@ impl Referee {
     }
 
     /// Why a shot without a foul does not go on, where that may surprise.
-    pub(crate) fn say_why_turn_passes(&self, shot: &Shot<'_>, verdict: &mut Verdict) {
+    pub(crate) fn say_why_turn_passes(&self, shot: &JudgedShot<'_>, verdict: &mut Verdict) {
         if verdict.is_foul() || shot.report.potted().is_empty() {
             return;
         }
         match shot.call {
-            Some(Call::Safety) => verdict.say("A safety was called: the turn passes"),
+            Some(Call::Safety) => verdict.add_line("A safety was called: the turn passes"),
             Some(Call::Pot {
                 ball,
                 pocket: Some(pocket),
-            }) => verdict.say(format!(
+            }) => verdict.add_line(format!(
                 "{} was called in {}: it did not fall there, the turn passes",
                 capital(&self.rules().ball_name(ball)),
-                shot.ground.pocket_name(pocket)
+                shot.layout.pocket_name(pocket)
             )),
             _ => verdict
-                .say("No ball and pocket were called, and none were obvious: the turn passes"),
+                .add_line("No ball and pocket were called, and none were obvious: the turn passes"),
         }
     }
 }
@@ -248,21 +256,21 @@ impl Referee {
 mod tests {
     use super::*;
     use crate::rules::RuleSet;
-    use crate::rules::test_shots::{Scene, call, hit, off, pot, rail};
+    use crate::rules::test_shots::{TestTable, call, hit, off, pot, rail};
 
     /// Player 1 is on solids, at the table.
-    fn with_groups() -> Scene {
-        let mut scene = Scene::broken(RuleSet::Eight);
+    fn with_groups() -> TestTable {
+        let mut scene = TestTable::broken(RuleSet::Eight);
         let verdict = scene.play(&[hit(3), pot(3, 1)], call(3, 1));
         assert!(verdict.goes_on);
-        assert_eq!(scene.referee.group(1), Some(Group::Solids));
-        assert_eq!(scene.referee.group(0), Some(Group::Stripes));
+        assert_eq!(scene.referee.group(1), Some(BallGroup::Solids));
+        assert_eq!(scene.referee.group(0), Some(BallGroup::Stripes));
         scene
     }
 
     #[test]
     fn groups_are_settled_by_the_called_ball_after_the_break() {
-        let mut scene = Scene::new(RuleSet::Eight);
+        let mut scene = TestTable::new(RuleSet::Eight);
         let verdict = scene.play(&[hit(1), pot(2, 0), pot(9, 1)], None);
         assert!(
             verdict.goes_on && scene.referee.group(0).is_none(),
@@ -277,7 +285,7 @@ mod tests {
         assert!(verdict.goes_on);
         assert_eq!(
             scene.referee.group(1),
-            Some(Group::Solids),
+            Some(BallGroup::Solids),
             "both fell, the called one counts"
         );
     }
@@ -285,7 +293,7 @@ mod tests {
     #[test]
     fn a_ball_that_was_not_called_or_fell_elsewhere_passes_the_turn_and_stays_down() {
         for said in [None, call(3, 0), Some(Call::Safety)] {
-            let mut scene = Scene::broken(RuleSet::Eight);
+            let mut scene = TestTable::broken(RuleSet::Eight);
             let verdict = scene.play(&[hit(3), pot(3, 1)], said);
             assert!(!verdict.goes_on && !verdict.is_foul(), "{said:?}");
             assert!(!scene.has(3) && scene.referee.group(1).is_none());
@@ -308,8 +316,8 @@ mod tests {
             "Foul: the 12 was hit first; you are on solids"
         );
         assert_eq!(
-            (scene.referee.turn(), scene.referee.hand()),
-            (0, Some(Area::Anywhere))
+            (scene.referee.turn(), scene.referee.ball_in_hand_area()),
+            (0, Some(PlacementArea::Anywhere))
         );
         let verdict = scene.play(&[hit(8), rail(8)], None);
         assert!(verdict.lines[0].contains("you are on stripes"));
@@ -317,7 +325,7 @@ mod tests {
 
     #[test]
     fn no_ball_no_rail_and_a_ball_off_the_table_are_fouls() {
-        for (happenings, why) in [
+        for (events, why) in [
             (vec![rail(0)], Foul::NoBallHit),
             (vec![rail(0), hit(4)], Foul::NoRail),
             (vec![hit(4), off(4)], Foul::BallOff { ball: 4 }),
@@ -325,9 +333,13 @@ mod tests {
             (vec![hit(4), off(0)], Foul::CueBallOff),
         ] {
             let mut scene = with_groups();
-            let verdict = scene.play(&happenings, None);
+            let verdict = scene.play(&events, None);
             assert_eq!(verdict.fouls, std::slice::from_ref(&why));
-            assert_eq!(scene.referee.hand(), Some(Area::Anywhere), "{why:?}");
+            assert_eq!(
+                scene.referee.ball_in_hand_area(),
+                Some(PlacementArea::Anywhere),
+                "{why:?}"
+            );
             assert!(scene.has(0));
         }
         let mut scene = with_groups();
@@ -347,14 +359,14 @@ mod tests {
             scene
         };
         let mut scene = on_the_8();
-        assert_eq!(scene.referee.on(&scene.lie), [8]);
+        assert_eq!(scene.referee.legal_targets(&scene.positions), [8]);
         scene.play(&[hit(8), pot(8, 2)], call(8, 2));
         assert_eq!(scene.referee.scores(), [0, 1]);
         assert!(
             scene.referee.is_break() && scene.has(3),
             "racked for the next"
         );
-        for (happenings, said) in [
+        for (events, said) in [
             (vec![hit(8), pot(8, 2)], call(8, 1)),
             (vec![hit(8), pot(8, 2)], None),
             (vec![hit(8), pot(8, 2)], Some(Call::Safety)),
@@ -363,8 +375,8 @@ mod tests {
             (vec![hit(8), off(8)], call(8, 2)),
         ] {
             let mut scene = on_the_8();
-            let verdict = scene.play(&happenings, said);
-            assert_eq!(scene.referee.scores(), [1, 0], "{happenings:?} {said:?}");
+            let verdict = scene.play(&events, said);
+            assert_eq!(scene.referee.scores(), [1, 0], "{events:?} {said:?}");
             assert!(
                 verdict
                     .lines
@@ -388,7 +400,7 @@ mod tests {
 
     #[test]
     fn the_8_on_the_break_is_spotted_and_the_breaker_may_rack_again() {
-        let mut scene = Scene::new(RuleSet::Eight);
+        let mut scene = TestTable::new(RuleSet::Eight);
         let verdict = scene.play(&[hit(1), pot(8, 2)], None);
         assert!(verdict.goes_on && scene.referee.turn() == 0);
         assert_eq!(scene.referee.options(), [Choice::Accept, Choice::Rerack]);
@@ -396,10 +408,10 @@ mod tests {
             scene.has(8),
             "spotted at once, so that the cue is not blocked"
         );
-        let lie = scene.lie.clone();
+        let positions = scene.positions.clone();
         let verdict = scene
             .referee
-            .choose(&scene.ground, &lie, Choice::Rerack)
+            .choose(&scene.layout, &positions, Choice::Rerack)
             .unwrap();
         assert!(verdict.rack.is_some() && scene.referee.is_break());
         assert_eq!(scene.referee.turn(), 0);
@@ -407,12 +419,12 @@ mod tests {
 
     #[test]
     fn the_8_and_a_scratch_on_the_break_give_the_other_the_choice() {
-        let mut scene = Scene::new(RuleSet::Eight);
+        let mut scene = TestTable::new(RuleSet::Eight);
         let verdict = scene.play(&[hit(1), pot(8, 2), pot(0, 1)], None);
         assert_eq!(verdict.fouls, [Foul::Scratch]);
         assert_eq!(
-            (scene.referee.turn(), scene.referee.hand()),
-            (1, Some(Area::Kitchen))
+            (scene.referee.turn(), scene.referee.ball_in_hand_area()),
+            (1, Some(PlacementArea::Kitchen))
         );
         assert_eq!(scene.referee.options(), [Choice::Accept, Choice::Rerack]);
         assert_eq!(scene.referee.scores(), [0, 0]);
@@ -420,7 +432,7 @@ mod tests {
 
     #[test]
     fn a_weak_break_gives_three_choices_and_a_foul_on_it_two() {
-        let mut scene = Scene::new(RuleSet::Eight);
+        let mut scene = TestTable::new(RuleSet::Eight);
         let verdict = scene.play(&[hit(1), rail(1), rail(2), rail(3), rail(0)], None);
         assert!(!verdict.is_foul() && verdict.lines[0].starts_with("Illegal break: 3 balls"));
         let options = [Choice::Accept, Choice::Rerack, Choice::RerackReturn];
@@ -428,33 +440,39 @@ mod tests {
             (scene.referee.turn(), scene.referee.options()),
             (1, &options[..])
         );
-        let lie = scene.lie.clone();
+        let positions = scene.positions.clone();
         scene
             .referee
-            .choose(&scene.ground, &lie, Choice::RerackReturn)
+            .choose(&scene.layout, &positions, Choice::RerackReturn)
             .unwrap();
         assert_eq!((scene.referee.turn(), scene.referee.is_break()), (0, true));
 
-        let mut scene = Scene::new(RuleSet::Eight);
+        let mut scene = TestTable::new(RuleSet::Eight);
         scene.play(&[hit(1), pot(2, 0), off(5)], None);
         assert_eq!(
             scene.referee.options(),
             [Choice::Accept, Choice::TakeInHand]
         );
         assert!(!scene.has(5) && !scene.has(2), "they stay off");
-        let lie = scene.lie.clone();
+        let positions = scene.positions.clone();
         scene
             .referee
-            .choose(&scene.ground, &lie, Choice::TakeInHand)
+            .choose(&scene.layout, &positions, Choice::TakeInHand)
             .unwrap();
-        assert_eq!(scene.referee.hand(), Some(Area::Kitchen));
+        assert_eq!(
+            scene.referee.ball_in_hand_area(),
+            Some(PlacementArea::Kitchen)
+        );
     }
 
     #[test]
     fn from_behind_the_head_string_the_line_is_crossed_first() {
-        let mut scene = Scene::new(RuleSet::Eight);
+        let mut scene = TestTable::new(RuleSet::Eight);
         scene.play(&[hit(1), pot(2, 0), pot(0, 1)], None);
-        assert_eq!(scene.referee.hand(), Some(Area::Kitchen));
+        assert_eq!(
+            scene.referee.ball_in_hand_area(),
+            Some(PlacementArea::Kitchen)
+        );
         scene.put(4, -1.0, 0.3);
         let mut report = scene.report(&[hit(4), rail(4)]);
         report.reach_x_m = -0.8;

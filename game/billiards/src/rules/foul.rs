@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::{
-    layout::{Area, Placed},
-    referee::{Referee, Shot},
+    layout::{BallPosition, PlacementArea},
+    referee::{JudgedShot, Referee},
     ruleset::RuleSet,
     verdict::Verdict,
 };
@@ -75,7 +75,7 @@ pub enum Foul {
 
 impl Foul {
     /// The reason, without a full stop, to follow "Foul: ".
-    pub fn words(&self, rules: RuleSet) -> String {
+    pub fn display_text(&self, rules: RuleSet) -> String {
         let name = |ball: &u8| rules.ball_name(*ball);
         match self {
             Self::Scratch => "the cue ball fell into a pocket".to_owned(),
@@ -113,8 +113,13 @@ impl Foul {
 
 impl Referee {
     /// The fouls that games have in common, as far as the game's row asks for them (WPA 6).
-    pub(crate) fn standard_fouls(&self, shot: &Shot<'_>, on: &[u8], on_words: &str) -> Vec<Foul> {
-        let (report, sheet) = (shot.report, self.sheet());
+    pub(crate) fn standard_fouls(
+        &self,
+        shot: &JudgedShot<'_>,
+        on: &[u8],
+        legal_targets_text: &str,
+    ) -> Vec<Foul> {
+        let (report, info) = (shot.report, self.info());
         let mut fouls = Vec::new();
         if report.scratch().is_some() {
             fouls.push(Foul::Scratch);
@@ -125,8 +130,8 @@ impl Referee {
                 ball => Foul::BallOff { ball },
             });
         }
-        fouls.extend(self.contact_foul(shot, on, on_words));
-        if sheet.needs_rail && report.first_hit().is_some() && !report.rail_after_contact() {
+        fouls.extend(self.contact_foul(shot, on, legal_targets_text));
+        if info.needs_rail && report.first_hit().is_some() && !report.rail_after_contact() {
             fouls.push(Foul::NoRail);
         }
         if let Some(ball) = report.double_hit {
@@ -135,33 +140,38 @@ impl Referee {
         fouls
     }
 
-    fn contact_foul(&self, shot: &Shot<'_>, on: &[u8], on_words: &str) -> Option<Foul> {
+    fn contact_foul(
+        &self,
+        shot: &JudgedShot<'_>,
+        on: &[u8],
+        legal_targets_text: &str,
+    ) -> Option<Foul> {
         let report = shot.report;
         let Some(hit) = report.first_hit() else {
             return Some(Foul::NoBallHit);
         };
         if !on.contains(&hit) {
-            let on = on_words.to_owned();
+            let on = legal_targets_text.to_owned();
             return Some(Foul::WrongBall { hit, on });
         }
-        let head_x = shot.ground.head_spot().x;
-        let lies_behind = |p: &&Placed| p.ball == hit && p.at.x <= head_x;
+        let head_x = shot.layout.head_spot().x;
+        let lies_behind = |p: &&BallPosition| p.ball == hit && p.at.x <= head_x;
         let behind = report.before.iter().find(lies_behind).is_some();
-        let stays_behind = shot.hand == Some(Area::Kitchen) && report.reach_x_m <= head_x;
+        let stays_behind = shot.hand == Some(PlacementArea::Kitchen) && report.reach_x_m <= head_x;
         (behind && stays_behind).then_some(Foul::BehindHeadString { ball: hit })
     }
 
     /// A break that potted nothing and drove too few balls to cushions.
-    pub(crate) fn weak_break(&self, shot: &Shot<'_>) -> Option<Foul> {
-        let (driven, needed) = (shot.report.balls_to_rails(), self.sheet().break_rails);
+    pub(crate) fn weak_break(&self, shot: &JudgedShot<'_>) -> Option<Foul> {
+        let (driven, needed) = (shot.report.balls_to_rails(), self.info().break_rails);
         (driven < needed).then_some(Foul::WeakBreak { driven, needed })
     }
 
-    pub(crate) fn say_fouls(&self, verdict: &mut Verdict) {
+    pub(crate) fn add_foul_line(&self, verdict: &mut Verdict) {
         let reasons: Vec<String> = verdict
             .fouls
             .iter()
-            .map(|foul| foul.words(self.rules()))
+            .map(|foul| foul.display_text(self.rules()))
             .collect();
         if !reasons.is_empty() {
             verdict

@@ -2,17 +2,17 @@
 
 use super::{
     layout::own_spot,
-    referee::{Referee, Shot},
+    referee::{JudgedShot, Referee},
     verdict::Verdict,
 };
 
 impl Referee {
-    pub(crate) fn judge_free(&mut self, shot: &Shot<'_>, verdict: &mut Verdict) {
+    pub(crate) fn judge_free(&mut self, shot: &JudgedShot<'_>, verdict: &mut Verdict) {
         let report = shot.report;
         let potted = report.potted();
         verdict.pots.clone_from(&potted);
         for ball in report.off_table().filter(|&ball| ball != 0) {
-            verdict.say(format!(
+            verdict.add_line(format!(
                 "{} left the table and is spotted",
                 capital(&self.rules().ball_name(ball))
             ));
@@ -20,21 +20,21 @@ impl Referee {
                 shot,
                 verdict,
                 ball,
-                own_spot(self.rules(), shot.ground, ball),
+                own_spot(self.rules(), shot.layout, ball),
             );
         }
         if report.lost_cue_ball() {
-            verdict.say("The cue ball is lost: put it where you like");
+            verdict.add_line("The cue ball is lost: put it where you like");
         }
         if !report.after.iter().any(|p| p.ball != 0) && verdict.moves.is_empty() {
-            verdict.say("The table is clear");
+            verdict.add_line("The table is clear");
             self.rack_again(verdict);
         }
         verdict.goes_on = !potted.is_empty() && !report.lost_cue_ball();
         if !verdict.goes_on {
             self.pass();
         }
-        self.take_in_hand(self.sheet().after_loss);
+        self.take_in_hand(self.info().after_loss);
     }
 }
 

@@ -7,7 +7,7 @@ use super::ruleset::RuleSet;
 
 /// A ball that lies on the table: its number and its centre seen from above, in m.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Placed {
+pub struct BallPosition {
     /// 0 is the cue ball.
     pub ball: u8,
     /// x along the length, from the head to the foot; y across; the centre of the cloth is 0.
@@ -15,12 +15,12 @@ pub struct Placed {
 }
 
 /// The balls that lie on the table.
-pub type Lie = Vec<Placed>;
+pub type BallPositions = Vec<BallPosition>;
 
 /// Where a player may put the cue ball.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Area {
+pub enum PlacementArea {
     /// Anywhere on the table.
     Anywhere,
     /// Behind the head string.
@@ -29,9 +29,9 @@ pub enum Area {
     D,
 }
 
-impl Area {
+impl PlacementArea {
     /// In words, to follow "the cue ball is in hand".
-    pub fn words(self) -> &'static str {
+    pub fn display_text(self) -> &'static str {
         match self {
             Self::Anywhere => "anywhere on the table",
             Self::Kitchen => "behind the head string",
@@ -42,7 +42,7 @@ impl Area {
 
 /// What of a table concerns the rules.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Ground {
+pub struct TableLayout {
     /// From nose to nose along x, in m.
     pub length_m: f64,
     /// From nose to nose along y, in m.
@@ -55,7 +55,7 @@ pub struct Ground {
     pub pockets: Vec<DVec2>,
 }
 
-impl Ground {
+impl TableLayout {
     /// The head spot: a quarter of the length from the head cushion.
     pub fn head_spot(&self) -> DVec2 {
         DVec2::new(-0.25 * self.length_m, 0.0)
@@ -81,16 +81,21 @@ impl Ground {
     ///
     /// # Errors
     /// A sentence that says why not.
-    pub fn may_place(&self, lie: &[Placed], at: DVec2, area: Area) -> Result<(), String> {
+    pub fn may_place(
+        &self,
+        positions: &[BallPosition],
+        at: DVec2,
+        area: PlacementArea,
+    ) -> Result<(), String> {
         if !at.is_finite() || !self.is_on_cloth(at, self.cue_radius_m) {
             return Err("The cue ball must lie on the cloth, clear of the cushions".to_owned());
         }
         if !self.is_within(at, area) {
-            return Err(format!("The cue ball is in hand {}", area.words()));
+            return Err(format!("The cue ball is in hand {}", area.display_text()));
         }
         let least = self.radius_m + self.cue_radius_m;
-        let touches = |p: &&Placed| p.ball != 0 && p.at.distance(at) < least + TOUCH_M;
-        match lie.iter().find(touches) {
+        let touches = |p: &&BallPosition| p.ball != 0 && p.at.distance(at) < least + TOUCH_M;
+        match positions.iter().find(touches) {
             Some(_) => Err("The cue ball must not touch another ball".to_owned()),
             None => Ok(()),
         }
@@ -98,10 +103,10 @@ impl Ground {
 
     /// The place for a cue ball in hand from which a player may move it: the middle of the area's
     /// line, or the free place that is nearest.
-    pub fn place_in_hand(&self, lie: &[Placed], area: Area) -> DVec2 {
+    pub fn place_in_hand(&self, positions: &[BallPosition], area: PlacementArea) -> DVec2 {
         let home = match area {
-            Area::D => self.baulk_spot() - DVec2::new(0.0, 0.5 * self.d_radius_m()),
-            Area::Kitchen | Area::Anywhere => self.head_spot(),
+            PlacementArea::D => self.baulk_spot() - DVec2::new(0.0, 0.5 * self.d_radius_m()),
+            PlacementArea::Kitchen | PlacementArea::Anywhere => self.head_spot(),
         };
         let step = 0.5 * self.cue_radius_m;
         let ring = |i: u32| {
@@ -110,15 +115,15 @@ impl Ground {
         };
         (0..16 * RINGS)
             .map(ring)
-            .find(|&at| self.may_place(lie, at, area).is_ok())
+            .find(|&at| self.may_place(positions, at, area).is_ok())
             .unwrap_or(home)
     }
 
-    fn is_within(&self, at: DVec2, area: Area) -> bool {
+    fn is_within(&self, at: DVec2, area: PlacementArea) -> bool {
         match area {
-            Area::Anywhere => true,
-            Area::Kitchen => at.x <= self.head_spot().x + LINE_M,
-            Area::D => {
+            PlacementArea::Anywhere => true,
+            PlacementArea::Kitchen => at.x <= self.head_spot().x + LINE_M,
+            PlacementArea::D => {
                 let from = at - self.baulk_spot();
                 from.x <= LINE_M && from.length() <= self.d_radius_m() + LINE_M
             }
@@ -133,17 +138,18 @@ impl Ground {
     }
 
     /// Whether a ball could lie at a spot without touching another.
-    pub fn is_free(&self, lie: &[Placed], spot: DVec2) -> bool {
-        lie.iter()
+    pub fn is_free(&self, positions: &[BallPosition], spot: DVec2) -> bool {
+        positions
+            .iter()
             .all(|p| p.at.distance(spot) >= self.radius_m + self.radius_of(p.ball))
     }
 
     /// Where a ball is spotted: on the spot, or on the line through it along the table, as near as
     /// can be: first towards the foot cushion, if there is no room towards the head (WPA 1.4; WPBSA
     /// 7). It may touch an object ball, never the cue ball.
-    pub fn spotted(&self, lie: &[Placed], spot: DVec2) -> DVec2 {
+    pub fn spotted(&self, positions: &[BallPosition], spot: DVec2) -> DVec2 {
         let mut places: Vec<f64> = vec![spot.x];
-        for p in lie {
+        for p in positions {
             let gap = if p.ball == 0 { CUE_GAP_M } else { SPOT_GAP_M };
             let least = self.radius_m + self.radius_of(p.ball) + gap;
             let across = p.at.y - spot.y;
@@ -162,7 +168,7 @@ impl Ground {
             .map(at)
             .find(|&at| {
                 let half = 0.5 * self.length_m - self.radius_m;
-                at.x.abs() <= half && self.is_free(lie, at)
+                at.x.abs() <= half && self.is_free(positions, at)
             })
             .unwrap_or(spot)
     }
@@ -175,17 +181,17 @@ impl Ground {
         }
     }
 
-    /// Whether the way of the cue ball from `from` to `to` is clear of the balls of `lie` that
+    /// Whether the way of the cue ball from `from` to `to` is clear of the balls of `positions` that
     /// `blocks` names.
     pub fn is_clear(
         &self,
-        lie: &[Placed],
+        positions: &[BallPosition],
         (from, to): (DVec2, DVec2),
         moving_radius_m: f64,
         blocks: impl Fn(u8) -> bool,
     ) -> bool {
         let way = to - from;
-        lie.iter().filter(|p| blocks(p.ball)).all(|p| {
+        positions.iter().filter(|p| blocks(p.ball)).all(|p| {
             let t = ((p.at - from).dot(way) / way.length_squared().max(1e-12)).clamp(0.0, 1.0);
             (from + t * way).distance(p.at) >= moving_radius_m + self.radius_of(p.ball) - LINE_M
         })
@@ -212,17 +218,17 @@ impl Ground {
 }
 
 /// Where a colour of snooker or a ball of carom has its spot; the foot spot for others.
-pub(crate) fn own_spot(rules: RuleSet, ground: &Ground, ball: u8) -> DVec2 {
-    let baulk = ground.baulk_spot();
+pub(crate) fn own_spot(rules: RuleSet, layout: &TableLayout, ball: u8) -> DVec2 {
+    let baulk = layout.baulk_spot();
     match (rules, ball) {
-        (RuleSet::Snooker, 16) => baulk - DVec2::new(0.0, ground.d_radius_m()),
-        (RuleSet::Snooker, 17) => baulk + DVec2::new(0.0, ground.d_radius_m()),
+        (RuleSet::Snooker, 16) => baulk - DVec2::new(0.0, layout.d_radius_m()),
+        (RuleSet::Snooker, 17) => baulk + DVec2::new(0.0, layout.d_radius_m()),
         (RuleSet::Snooker, 18) => baulk,
         (RuleSet::Snooker, 19) => DVec2::ZERO,
-        (RuleSet::Snooker, 21) => DVec2::new((0.5 - BLACK_SHARE) * ground.length_m, 0.0),
-        (RuleSet::ThreeCushion, 0) => ground.head_spot(),
+        (RuleSet::Snooker, 21) => DVec2::new((0.5 - BLACK_SHARE) * layout.length_m, 0.0),
+        (RuleSet::ThreeCushion, 0) => layout.head_spot(),
         (RuleSet::ThreeCushion, 1) => DVec2::ZERO,
-        _ => ground.foot_spot(),
+        _ => layout.foot_spot(),
     }
 }
 

@@ -6,7 +6,7 @@
 //! Sheet (the rule set's row of the table of rules)  ─────────┘   (turn,      (fouls, words, balls to
 //!                                                                 scores)     be put back, next turn)
 //! ```
-//! What the games have in common is a table with a row for each ([`Sheet`]); each game's own file
+//! What the games have in common is a table with a row for each ([`RuleInfo`]); each game's own file
 //! holds what is left. Sources: "WPA" is The Rules of Play of the World Pool-Billiard Association,
 //! effective 15 March 2016; "WPBSA" the Official Rules of the Game of Snooker, section 3; "UMB" the
 //! World Rules of Carom Billiard of the Union Mondiale de Billard, 1 January 1989. They are cited by
@@ -32,12 +32,12 @@ mod three_cushion;
 mod verdict;
 
 pub use call::{Call, infer};
-pub use eight::Group;
+pub use eight::BallGroup;
 pub use foul::Foul;
 pub(crate) use free::capital;
-pub use layout::{Area, Ground, Lie, Placed};
+pub use layout::{BallPosition, BallPositions, PlacementArea, TableLayout};
 pub use rack::rack;
-pub use referee::{Referee, with_moves as laid};
-pub use report::{Happening, Report};
-pub use ruleset::{Calls, RuleSet, Sheet};
+pub use referee::{Referee, apply_moves};
+pub use report::{ShotEvent, ShotReport};
+pub use ruleset::{Calls, RuleInfo, RuleSet};
 pub use verdict::{Choice, Verdict};

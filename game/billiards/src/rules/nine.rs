@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::{
     call::Call,
     foul::Foul,
-    layout::{Area, Lie},
-    referee::{Game, Referee, Shot},
+    layout::{BallPositions, PlacementArea},
+    referee::{Game, JudgedShot, Referee},
     verdict::{Choice, Verdict},
 };
 
@@ -19,19 +19,19 @@ pub(crate) struct Nine {
 
 impl Nine {
     /// The lowest ball on the table.
-    pub(crate) fn on(lie: &Lie) -> Vec<u8> {
-        let balls = lie.iter().map(|p| p.ball);
+    pub(crate) fn legal_targets(positions: &BallPositions) -> Vec<u8> {
+        let balls = positions.iter().map(|p| p.ball);
         balls.filter(|&ball| ball != 0).min().into_iter().collect()
     }
 }
 
 impl Referee {
-    pub(crate) fn judge_nine(&mut self, nine: Nine, shot: &Shot<'_>, verdict: &mut Verdict) {
+    pub(crate) fn judge_nine(&mut self, nine: Nine, shot: &JudgedShot<'_>, verdict: &mut Verdict) {
         let report = shot.report;
         let is_break = self.is_break();
         let is_push = nine.may_push && shot.call == Some(Call::PushOut);
-        let on = Nine::on(&report.before);
-        verdict.fouls = self.standard_fouls(shot, &on, &self.on_words(&report.before));
+        let on = Nine::legal_targets(&report.before);
+        verdict.fouls = self.standard_fouls(shot, &on, &self.legal_targets_text(&report.before));
         if is_push {
             // WPA 2.4 suspends 6.2 and 6.3.
             verdict.fouls.retain(|foul| {
@@ -45,7 +45,7 @@ impl Referee {
         if is_break && potted.is_empty() {
             verdict.fouls.extend(self.weak_break(shot));
         }
-        self.say_fouls(verdict);
+        self.add_foul_line(verdict);
         self.end_break();
         self.set_game(Game::Nine(Nine {
             may_push: is_break && !verdict.is_foul(),
@@ -53,22 +53,22 @@ impl Referee {
         let nine_off = potted.contains(&9) || report.off_table().any(|ball| ball == 9);
         if nine_off && !verdict.is_foul() && !is_push {
             verdict.pots = potted;
-            verdict.say("The 9 fell on a legal shot");
+            verdict.add_line("The 9 fell on a legal shot");
             self.count_foul(false, verdict);
             return self.win_rack(self.turn(), verdict);
         }
         if nine_off {
-            verdict.say("The 9 is spotted");
-            self.spot(shot, verdict, 9, shot.ground.foot_spot());
+            verdict.add_line("The 9 is spotted");
+            self.spot(shot, verdict, 9, shot.layout.foot_spot());
         }
         if verdict.is_foul() {
             if self.count_foul(true, verdict) {
                 return self.win_rack(self.other(), verdict);
             }
             self.pass();
-            self.take_in_hand(Area::Anywhere);
+            self.take_in_hand(PlacementArea::Anywhere);
         } else if is_push {
-            verdict.say("A push-out: the other player decides who shoots");
+            verdict.add_line("A push-out: the other player decides who shoots");
             self.count_foul(false, verdict);
             self.pass();
             self.offer(&[Choice::Accept, Choice::Return]);
@@ -87,10 +87,10 @@ impl Referee {
 mod tests {
     use super::*;
     use crate::rules::RuleSet;
-    use crate::rules::test_shots::{Scene, hit, off, pot, rail};
+    use crate::rules::test_shots::{TestTable, hit, off, pot, rail};
 
-    fn nine() -> Scene {
-        let mut scene = Scene::broken(RuleSet::Nine);
+    fn nine() -> TestTable {
+        let mut scene = TestTable::broken(RuleSet::Nine);
         scene.play(&[hit(1), rail(1)], None);
         scene.play(&[hit(1), rail(1)], None);
         scene
@@ -106,12 +106,15 @@ mod tests {
             verdict.lines[0],
             "Foul: the 2 was hit first; you are on the 1"
         );
-        assert_eq!(scene.referee.hand(), Some(Area::Anywhere));
+        assert_eq!(
+            scene.referee.ball_in_hand_area(),
+            Some(PlacementArea::Anywhere)
+        );
     }
 
     #[test]
     fn the_9_wins_on_the_break_and_by_a_combination_but_is_spotted_on_a_foul() {
-        let mut scene = Scene::new(RuleSet::Nine);
+        let mut scene = TestTable::new(RuleSet::Nine);
         scene.play(&[hit(1), pot(9, 0)], None);
         assert_eq!(scene.referee.scores(), [1, 0]);
         assert!(
@@ -123,21 +126,21 @@ mod tests {
         scene.play(&[hit(1), pot(9, 0)], None);
         assert_eq!(scene.referee.scores(), [0, 1]);
 
-        for happenings in [
+        for events in [
             vec![hit(1), pot(9, 0), pot(0, 1)],
             vec![hit(2), pot(9, 0)],
             vec![hit(1), off(9)],
         ] {
             let mut scene = nine();
-            let verdict = scene.play(&happenings, None);
-            assert!(verdict.is_foul() && scene.has(9), "{happenings:?}");
+            let verdict = scene.play(&events, None);
+            assert!(verdict.is_foul() && scene.has(9), "{events:?}");
             assert_eq!(scene.referee.scores(), [0, 0]);
         }
     }
 
     #[test]
     fn the_9_and_the_cue_ball_on_the_break_is_no_win() {
-        let mut scene = Scene::new(RuleSet::Nine);
+        let mut scene = TestTable::new(RuleSet::Nine);
         scene.play(&[hit(1), pot(9, 0), pot(0, 3)], None);
         assert_eq!(
             (scene.referee.scores(), scene.referee.turn()),
@@ -148,7 +151,7 @@ mod tests {
 
     #[test]
     fn a_break_pots_a_ball_or_drives_four_to_cushions() {
-        let mut scene = Scene::new(RuleSet::Nine);
+        let mut scene = TestTable::new(RuleSet::Nine);
         let verdict = scene.play(&[hit(1), rail(1), rail(2), rail(3), rail(2)], None);
         assert_eq!(
             verdict.fouls,
@@ -157,20 +160,23 @@ mod tests {
                 needed: 4
             }]
         );
-        assert_eq!(scene.referee.hand(), Some(Area::Anywhere));
+        assert_eq!(
+            scene.referee.ball_in_hand_area(),
+            Some(PlacementArea::Anywhere)
+        );
     }
 
     #[test]
     fn a_push_out_needs_no_ball_and_lets_the_other_decide() {
-        let mut scene = Scene::broken(RuleSet::Nine);
+        let mut scene = TestTable::broken(RuleSet::Nine);
         let verdict = scene.play(&[rail(0)], Some(Call::PushOut));
         assert!(!verdict.is_foul());
         assert_eq!(scene.referee.options(), [Choice::Accept, Choice::Return]);
         assert_eq!(scene.referee.turn(), 0);
-        let lie = scene.lie.clone();
+        let positions = scene.positions.clone();
         scene
             .referee
-            .choose(&scene.ground, &lie, Choice::Return)
+            .choose(&scene.layout, &positions, Choice::Return)
             .unwrap();
         assert_eq!(scene.referee.turn(), 1, "the one who pushed has to shoot");
         let verdict = scene.play(&[rail(0)], Some(Call::PushOut));
@@ -183,11 +189,11 @@ mod tests {
 
     #[test]
     fn a_push_out_that_scratches_is_a_foul_and_the_9_comes_back() {
-        let mut scene = Scene::broken(RuleSet::Nine);
+        let mut scene = TestTable::broken(RuleSet::Nine);
         let verdict = scene.play(&[hit(4), pot(9, 1)], Some(Call::PushOut));
         assert!(!verdict.is_foul() && scene.has(9));
         assert_eq!(scene.referee.scores(), [0, 0]);
-        let mut scene = Scene::broken(RuleSet::Nine);
+        let mut scene = TestTable::broken(RuleSet::Nine);
         let verdict = scene.play(&[hit(4), pot(0, 1)], Some(Call::PushOut));
         assert_eq!(verdict.fouls, [Foul::Scratch]);
         assert!(scene.referee.options().is_empty());
@@ -195,7 +201,7 @@ mod tests {
 
     #[test]
     fn a_push_out_comes_after_a_foul_on_the_break_no_more() {
-        let mut scene = Scene::new(RuleSet::Nine);
+        let mut scene = TestTable::new(RuleSet::Nine);
         scene.play(&[hit(1), pot(3, 0), pot(0, 1)], None);
         let verdict = scene.play(&[rail(0)], Some(Call::PushOut));
         assert_eq!(verdict.fouls, [Foul::NoBallHit]);
@@ -210,7 +216,7 @@ mod tests {
             scene.play(&[hit(1), rail(1)], None);
         }
         assert!(
-            scene.referee.state_words(1).contains('2'),
+            scene.referee.state_text(1).contains('2'),
             "the player is warned"
         );
         let verdict = scene.play(&[rail(0)], None);

@@ -4,10 +4,10 @@ use std::f64::consts::TAU;
 
 use glam::DVec2;
 
-use crate::rng::Dice;
+use crate::rng::CounterRng;
 
 use super::{
-    layout::{Area, Ground, Lie, Placed, own_spot},
+    layout::{BallPosition, BallPositions, PlacementArea, TableLayout, own_spot},
     ruleset::RuleSet,
 };
 
@@ -15,86 +15,92 @@ use super::{
 /// gaps of 20 to 60 µm between racked balls, as real racks have: they decide how a rack breaks.
 ///
 /// 8-ball: WPA 3.2; 9-ball: 2.2; straight pool: 4.2; snooker: WPBSA 3.2; three-cushion: UMB 23.
-pub fn rack(rules: RuleSet, ground: &Ground, seed: u32) -> Lie {
-    let mut dice = Dice::new(seed, RACK);
-    let apex = ground.foot_spot();
-    let mut lie = match rules {
+pub fn rack(rules: RuleSet, layout: &TableLayout, seed: u32) -> BallPositions {
+    let mut rng = CounterRng::new(seed, RACK);
+    let apex = layout.foot_spot();
+    let mut positions = match rules {
         RuleSet::Free | RuleSet::Eight => {
-            let order = order_eight(&mut dice);
-            triangle(ground, apex, &TRIANGLE, &order, &mut dice)
+            let order = order_eight(&mut rng);
+            triangle(layout, apex, &TRIANGLE, &order, &mut rng)
         }
         RuleSet::Nine => {
             let mut others = [2, 3, 4, 5, 6, 7, 8];
-            dice.shuffle(&mut others);
+            rng.shuffle(&mut others);
             let [a, b, c, d, e, f, g] = others;
             let order = [1, a, b, c, 9, d, e, f, g];
-            triangle(ground, apex, &[1, 2, 3, 2, 1], &order, &mut dice)
+            triangle(layout, apex, &[1, 2, 3, 2, 1], &order, &mut rng)
         }
         RuleSet::Straight => {
             let mut order: Vec<u8> = (1..=15).collect();
-            dice.shuffle(&mut order);
-            triangle(ground, apex, &TRIANGLE, &order, &mut dice)
+            rng.shuffle(&mut order);
+            triangle(layout, apex, &TRIANGLE, &order, &mut rng)
         }
-        RuleSet::Snooker => snooker(ground, &mut dice),
-        RuleSet::ThreeCushion => carom(ground),
+        RuleSet::Snooker => snooker(layout, &mut rng),
+        RuleSet::ThreeCushion => carom(layout),
     };
     if rules != RuleSet::ThreeCushion {
-        let area = rules.sheet().start.unwrap_or(Area::Anywhere);
-        let at = ground.place_in_hand(&lie, area);
-        lie.push(Placed { ball: 0, at });
+        let area = rules.info().start.unwrap_or(PlacementArea::Anywhere);
+        let at = layout.place_in_hand(&positions, area);
+        positions.push(BallPosition { ball: 0, at });
     }
-    lie
+    positions
 }
 
 /// Straight pool's fourteen balls with the apex left open (WPA 4.4): those of `balls` at the other
 /// places.
-pub(crate) fn fourteen(ground: &Ground, balls: &[u8], seed: u32) -> Lie {
-    let mut dice = Dice::new(seed, RACK);
+pub(crate) fn rack_of_fourteen(layout: &TableLayout, balls: &[u8], seed: u32) -> BallPositions {
+    let mut rng = CounterRng::new(seed, RACK);
     let mut order: Vec<u8> = balls.to_vec();
-    dice.shuffle(&mut order);
+    rng.shuffle(&mut order);
     order.insert(0, 0);
-    let whole = triangle(ground, ground.foot_spot(), &TRIANGLE, &order, &mut dice);
+    let whole = triangle(layout, layout.foot_spot(), &TRIANGLE, &order, &mut rng);
     whole.into_iter().skip(1).collect()
 }
 
 /// Whether a ball that lies there is in the way of a rack of fifteen: within the triangle, or
 /// touching a ball of it.
-pub(crate) fn is_in_rack(ground: &Ground, at: DVec2, radius_m: f64) -> bool {
-    let pitch = 2.0 * ground.radius_m + GAP_M;
+pub(crate) fn is_in_rack(layout: &TableLayout, at: DVec2, radius_m: f64) -> bool {
+    let pitch = 2.0 * layout.radius_m + GAP_M;
     let depth = 4.0 * pitch * ROW;
-    let along = at.x - ground.foot_spot().x;
+    let along = at.x - layout.foot_spot().x;
     let across = at.y.abs();
     // The triangle through the centres of the corner balls, grown by a ball and the one in question.
-    let grown = radius_m + ground.radius_m;
+    let grown = radius_m + layout.radius_m;
     let slope = 0.5 / ROW;
     let side = (across - along * slope) / (1.0 + slope * slope).sqrt();
     (-grown..=depth + grown).contains(&along) && side < grown
 }
 
-fn snooker(ground: &Ground, dice: &mut Dice) -> Lie {
-    let pink = own_spot(RuleSet::Snooker, ground, 20);
-    let apex = pink + DVec2::new(2.0 * ground.radius_m + GAP_M, 0.0);
+fn snooker(layout: &TableLayout, rng: &mut CounterRng) -> BallPositions {
+    let pink = own_spot(RuleSet::Snooker, layout, 20);
+    let apex = pink + DVec2::new(2.0 * layout.radius_m + GAP_M, 0.0);
     let reds: Vec<u8> = (1..=15).collect();
-    let mut lie = triangle(ground, apex, &TRIANGLE, &reds, dice);
-    lie.extend((16..=21).map(|ball| Placed {
+    let mut positions = triangle(layout, apex, &TRIANGLE, &reds, rng);
+    positions.extend((16..=21).map(|ball| BallPosition {
         ball,
-        at: own_spot(RuleSet::Snooker, ground, ball),
+        at: own_spot(RuleSet::Snooker, layout, ball),
     }));
-    lie
+    positions
 }
 
 /// The player's ball on a starting spot 182.5 mm beside the other's, the red on the foot spot.
-fn carom(ground: &Ground) -> Lie {
-    let head = ground.head_spot();
+fn carom(layout: &TableLayout) -> BallPositions {
+    let head = layout.head_spot();
     let beside = DVec2::new(0.0, -0.1825);
-    [(0, head + beside), (1, head), (2, ground.foot_spot())]
-        .map(|(ball, at)| Placed { ball, at })
+    [(0, head + beside), (1, head), (2, layout.foot_spot())]
+        .map(|(ball, at)| BallPosition { ball, at })
         .to_vec()
 }
 
 /// Rows of so many balls each, from the apex towards the foot.
-fn triangle(ground: &Ground, apex: DVec2, rows: &[u8], order: &[u8], dice: &mut Dice) -> Lie {
-    let pitch = 2.0 * ground.radius_m + GAP_M;
+fn triangle(
+    layout: &TableLayout,
+    apex: DVec2,
+    rows: &[u8],
+    order: &[u8],
+    rng: &mut CounterRng,
+) -> BallPositions {
+    let pitch = 2.0 * layout.radius_m + GAP_M;
     let places = rows.iter().enumerate().flat_map(|(row, &width)| {
         (0..width).map(move |i| {
             let across = f64::from(i) - 0.5 * f64::from(width - 1);
@@ -102,13 +108,13 @@ fn triangle(ground: &Ground, apex: DVec2, rows: &[u8], order: &[u8], dice: &mut 
         })
     });
     let mut moved = |at: DVec2| {
-        let offset = 0.25 * GAP_M * DVec2::from_angle(TAU * dice.unit());
-        apex + pitch * at + dice.unit() * offset
+        let offset = 0.25 * GAP_M * DVec2::from_angle(TAU * rng.unit());
+        apex + pitch * at + rng.unit() * offset
     };
     order
         .iter()
         .zip(places)
-        .map(|(&ball, at)| Placed {
+        .map(|(&ball, at)| BallPosition {
             ball,
             at: moved(at),
         })
@@ -116,15 +122,15 @@ fn triangle(ground: &Ground, apex: DVec2, rows: &[u8], order: &[u8], dice: &mut 
 }
 
 /// The 8 in the middle, a ball of each group in the far corners, the rest as it falls.
-fn order_eight(dice: &mut Dice) -> Vec<u8> {
+fn order_eight(rng: &mut CounterRng) -> Vec<u8> {
     let mut solids = [1, 2, 3, 4, 5, 6, 7];
     let mut stripes = [9, 10, 11, 12, 13, 14, 15];
-    dice.shuffle(&mut solids);
-    dice.shuffle(&mut stripes);
+    rng.shuffle(&mut solids);
+    rng.shuffle(&mut stripes);
     let mut corners = [solids[6], stripes[6]];
-    dice.shuffle(&mut corners);
+    rng.shuffle(&mut corners);
     let mut rest: Vec<u8> = [&solids[..6], &stripes[..6]].concat();
-    dice.shuffle(&mut rest);
+    rng.shuffle(&mut rest);
     rest.insert(4, 8);
     rest.insert(10, corners[0]);
     rest.push(corners[1]);

@@ -5,11 +5,11 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     call::Call,
-    eight::{Eight, Group},
-    layout::{Area, Ground, Lie, Placed},
+    eight::{BallGroup, Eight},
+    layout::{BallPosition, BallPositions, PlacementArea, TableLayout},
     nine::Nine,
-    report::Report,
-    ruleset::{Calls, RuleSet, Sheet},
+    report::ShotReport,
+    ruleset::{Calls, RuleInfo, RuleSet},
     snooker::Snooker,
     straight::Straight,
     three_cushion::{carom_spot, touching},
@@ -25,7 +25,7 @@ pub struct Referee {
     turn: usize,
     breaker: usize,
     is_break: bool,
-    hand: Option<Area>,
+    hand: Option<PlacementArea>,
     options: Vec<Choice>,
     scores: Vec<i32>,
     fouls_in_row: Vec<u8>,
@@ -60,15 +60,15 @@ impl Game {
 
 /// A shot to be judged.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Shot<'a> {
-    pub(crate) ground: &'a Ground,
-    pub(crate) report: &'a Report,
+pub(crate) struct JudgedShot<'a> {
+    pub(crate) layout: &'a TableLayout,
+    pub(crate) report: &'a ShotReport,
     pub(crate) call: Option<Call>,
     /// Where the cue ball was in hand before the stroke.
-    pub(crate) hand: Option<Area>,
+    pub(crate) hand: Option<PlacementArea>,
 }
 
-impl Shot<'_> {
+impl JudgedShot<'_> {
     /// The ball that fell as it was called.
     pub(crate) fn called_pot(&self) -> Option<u8> {
         let Some(Call::Pot { ball, pocket }) = self.call else {
@@ -87,9 +87,9 @@ impl Referee {
     /// # Errors
     /// A sentence for a number of players or a target that the game does not have.
     pub fn new(rules: RuleSet, players: usize, target: u32, seed: u32) -> Result<Self, String> {
-        let sheet = rules.sheet();
-        if !sheet.players.contains(&players) {
-            let (least, most) = (sheet.players.start(), sheet.players.end());
+        let info = rules.info();
+        if !info.players.contains(&players) {
+            let (least, most) = (info.players.start(), info.players.end());
             let may = if least == most {
                 format!("{least}")
             } else {
@@ -97,24 +97,24 @@ impl Referee {
             };
             return Err(format!(
                 "{} is played by {may} players, not by {players}",
-                sheet.name
+                info.name
             ));
         }
         if target > Self::TARGET_MAX {
             return Err(format!(
                 "a match to {target} {} is too long: at most {}",
-                sheet.unit,
+                info.unit,
                 Self::TARGET_MAX
             ));
         }
         Ok(Self {
             rules,
-            target: if target == 0 { sheet.target } else { target },
+            target: if target == 0 { info.target } else { target },
             seed,
             turn: 0,
             breaker: 0,
             is_break: true,
-            hand: sheet.start,
+            hand: info.start,
             options: Vec::new(),
             scores: vec![0; players],
             fouls_in_row: vec![0; players],
@@ -132,8 +132,8 @@ impl Referee {
     }
 
     /// The game's row of the table of rules.
-    pub fn sheet(&self) -> Sheet {
-        self.rules.sheet()
+    pub fn info(&self) -> RuleInfo {
+        self.rules.info()
     }
 
     /// What the match is played to.
@@ -157,7 +157,7 @@ impl Referee {
     }
 
     /// Where the cue ball is in hand, if it is.
-    pub fn hand(&self) -> Option<Area> {
+    pub fn ball_in_hand_area(&self) -> Option<PlacementArea> {
         self.hand
     }
 
@@ -182,7 +182,7 @@ impl Referee {
     }
 
     /// The group of a player, in 8-ball once the table is no longer open.
-    pub fn group(&self, player: usize) -> Option<Group> {
+    pub fn group(&self, player: usize) -> Option<BallGroup> {
         match self.game {
             Game::Eight(eight) => eight.group(player),
             _ => None,
@@ -190,37 +190,37 @@ impl Referee {
     }
 
     /// The balls that the cue ball may hit first.
-    pub fn on(&self, lie: &Lie) -> Vec<u8> {
+    pub fn legal_targets(&self, positions: &BallPositions) -> Vec<u8> {
         match self.game {
-            Game::Eight(eight) if !self.is_break => eight.on(lie, self.turn),
-            Game::Nine(_) => Nine::on(lie),
-            Game::Snooker(snooker) => snooker.on(lie),
+            Game::Eight(eight) if !self.is_break => eight.legal_targets(positions, self.turn),
+            Game::Nine(_) => Nine::legal_targets(positions),
+            Game::Snooker(snooker) => snooker.legal_targets(positions),
             Game::ThreeCushion if self.is_break => vec![2],
             Game::Free | Game::Eight(_) | Game::Straight(_) | Game::ThreeCushion => {
-                object_balls(lie)
+                object_balls(positions)
             }
         }
     }
 
     /// What is on, in words.
-    pub fn on_words(&self, lie: &Lie) -> String {
+    pub fn legal_targets_text(&self, positions: &BallPositions) -> String {
         match self.game {
-            Game::Eight(eight) if !self.is_break => eight.on_words(lie, self.turn),
-            Game::Nine(_) => match Nine::on(lie).first() {
+            Game::Eight(eight) if !self.is_break => eight.legal_targets_text(positions, self.turn),
+            Game::Nine(_) => match Nine::legal_targets(positions).first() {
                 Some(&ball) => self.rules.ball_name(ball),
                 None => "any ball".to_owned(),
             },
-            Game::Snooker(snooker) => snooker.on_words(lie),
+            Game::Snooker(snooker) => snooker.legal_targets_text(positions),
             Game::ThreeCushion if self.is_break => "the red".to_owned(),
             _ => "any ball".to_owned(),
         }
     }
 
     /// What there is to say of a player besides the score; may be empty.
-    pub fn state_words(&self, player: usize) -> String {
+    pub fn state_text(&self, player: usize) -> String {
         let mut words = Vec::new();
         if let Some(group) = self.group(player) {
-            words.push(format!("{} {}", group.glyph(), group.words()));
+            words.push(format!("{} {}", group.glyph(), group.display_text()));
         }
         if let Game::Snooker(snooker) = self.game {
             words.push(format!("{} points", snooker.points[player]));
@@ -229,7 +229,7 @@ impl Referee {
             words.push(format!("break {run}"));
         }
         let fouls = self.fouls_in_row[player];
-        if self.sheet().fouls_in_row.is_some() && fouls > 0 {
+        if self.info().fouls_in_row.is_some() && fouls > 0 {
             words.push(format!("fouls in a row: {fouls}"));
         }
         words.join(", ")
@@ -252,18 +252,23 @@ impl Referee {
 
     /// Whether a call is asked for before the next shot.
     pub fn wants_call(&self) -> bool {
-        !self.is_break && self.sheet().calls == Calls::Pocket
+        !self.is_break && self.info().calls == Calls::Pocket
     }
 
     /// Judges a shot.
-    pub fn judge(&mut self, ground: &Ground, report: &Report, call: Option<Call>) -> Verdict {
+    pub fn judge(
+        &mut self,
+        layout: &TableLayout,
+        report: &ShotReport,
+        call: Option<Call>,
+    ) -> Verdict {
         let mut verdict = Verdict::default();
         if self.winner.is_some() {
             return verdict;
         }
         self.options.clear();
-        let shot = Shot {
-            ground,
+        let shot = JudgedShot {
+            layout,
             report,
             call,
             hand: self.hand.take(),
@@ -276,7 +281,7 @@ impl Referee {
             Game::Snooker(snooker) => self.judge_snooker(snooker, &shot, &mut verdict),
             Game::ThreeCushion => self.judge_three_cushion(&shot, &mut verdict),
         }
-        self.put_cue_ball(ground, &report.after, &mut verdict);
+        self.put_cue_ball(layout, &report.after, &mut verdict);
         verdict
     }
 
@@ -286,19 +291,19 @@ impl Referee {
     /// A sentence if there is no such choice now.
     pub fn choose(
         &mut self,
-        ground: &Ground,
-        lie: &Lie,
+        layout: &TableLayout,
+        positions: &BallPositions,
         choice: Choice,
     ) -> Result<Verdict, String> {
         if !self.options.contains(&choice) {
             return Err(format!(
                 "\u{201c}{}\u{201d} is no choice now",
-                choice.words()
+                choice.display_text()
             ));
         }
         self.options.clear();
         let mut verdict = Verdict::default();
-        verdict.say(choice.words());
+        verdict.add_line(choice.display_text());
         match choice {
             Choice::Accept => {}
             Choice::Return => {
@@ -307,15 +312,15 @@ impl Referee {
                 }
                 self.pass();
             }
-            Choice::TakeInHand => self.take_in_hand(Area::Kitchen),
+            Choice::TakeInHand => self.take_in_hand(PlacementArea::Kitchen),
             Choice::Rerack => self.rack_again(&mut verdict),
             Choice::RerackReturn => {
                 self.pass();
                 self.rack_again(&mut verdict);
             }
-            Choice::SpotBalls => set_up_touching(ground, lie, &mut verdict),
+            Choice::SpotBalls => set_up_touching(layout, positions, &mut verdict),
         }
-        self.put_cue_ball(ground, lie, &mut verdict);
+        self.put_cue_ball(layout, positions, &mut verdict);
         Ok(verdict)
     }
 
@@ -323,7 +328,7 @@ impl Referee {
     pub fn concede(&mut self) -> Verdict {
         let mut verdict = Verdict::default();
         if self.scores.len() > 1 && self.winner.is_none() {
-            verdict.say("Conceded");
+            verdict.add_line("Conceded");
             self.winner = Some(self.other());
         }
         verdict
@@ -349,7 +354,7 @@ impl Referee {
         self.options = options.to_vec();
     }
 
-    pub(crate) fn take_in_hand(&mut self, area: Area) {
+    pub(crate) fn take_in_hand(&mut self, area: PlacementArea) {
         self.hand = Some(area);
     }
 
@@ -357,7 +362,7 @@ impl Referee {
     pub(crate) fn rack_again(&mut self, verdict: &mut Verdict) {
         self.seed = self.seed.wrapping_add(1);
         self.is_break = true;
-        self.hand = self.sheet().start;
+        self.hand = self.info().start;
         self.options.clear();
         self.fouls_in_row.fill(0);
         self.game = Game::new(self.rules);
@@ -381,16 +386,16 @@ impl Referee {
     pub(crate) fn count_foul(&mut self, is_foul: bool, verdict: &mut Verdict) -> bool {
         let count = &mut self.fouls_in_row[self.turn];
         *count = if is_foul { *count + 1 } else { 0 };
-        let Some(most) = self.rules.sheet().fouls_in_row else {
+        let Some(most) = self.rules.info().fouls_in_row else {
             return false;
         };
         if *count + 1 == most {
-            verdict.say(format!("{count} fouls in a row: one more is punished"));
+            verdict.add_line(format!("{count} fouls in a row: one more is punished"));
         }
         let punished = *count >= most;
         if punished {
             *count = 0;
-            verdict.say(format!("{most} fouls in a row"));
+            verdict.add_line(format!("{most} fouls in a row"));
         }
         punished
     }
@@ -400,68 +405,74 @@ impl Referee {
         self.scores[player] += points;
         if self.scores[player] >= self.target as i32 {
             self.winner = Some(player);
-            verdict.say(format!("{} points", self.scores[player]));
+            verdict.add_line(format!("{} points", self.scores[player]));
         }
     }
 
     /// Puts an object ball back.
-    pub(crate) fn spot(&self, shot: &Shot<'_>, verdict: &mut Verdict, ball: u8, spot: DVec2) {
-        let lie = with_moves(&shot.report.after, &verdict.moves);
-        let at = shot.ground.spotted(&lie, spot);
-        verdict.moves.push(Placed { ball, at });
+    pub(crate) fn spot(&self, shot: &JudgedShot<'_>, verdict: &mut Verdict, ball: u8, spot: DVec2) {
+        let positions = apply_moves(&shot.report.after, &verdict.moves);
+        let at = shot.layout.spotted(&positions, spot);
+        verdict.moves.push(BallPosition { ball, at });
     }
 
     /// A cue ball that is gone, or lies outside of where it is in hand, is put there.
-    fn put_cue_ball(&mut self, ground: &Ground, lie: &Lie, verdict: &mut Verdict) {
+    fn put_cue_ball(
+        &mut self,
+        layout: &TableLayout,
+        positions: &BallPositions,
+        verdict: &mut Verdict,
+    ) {
         if verdict.rack.is_some() || self.winner.is_some() {
             return;
         }
-        let lie = with_moves(lie, &verdict.moves);
-        let cue_ball = lie.iter().find(|p| p.ball == 0).map(|p| p.at);
+        let positions = apply_moves(positions, &verdict.moves);
+        let cue_ball = positions.iter().find(|p| p.ball == 0).map(|p| p.at);
         let area = match (self.hand, cue_ball) {
             (None, Some(_)) => return,
-            (None, None) => self.sheet().after_loss,
+            (None, None) => self.info().after_loss,
             (Some(area), _) => area,
         };
         self.hand = Some(area);
-        let stays =
-            |at: &DVec2| area == Area::Anywhere || ground.may_place(&lie, *at, area).is_ok();
+        let stays = |at: &DVec2| {
+            area == PlacementArea::Anywhere || layout.may_place(&positions, *at, area).is_ok()
+        };
         if cue_ball.filter(stays).is_none() {
-            let at = ground.place_in_hand(&lie, area);
-            verdict.moves.push(Placed { ball: 0, at });
+            let at = layout.place_in_hand(&positions, area);
+            verdict.moves.push(BallPosition { ball: 0, at });
         }
         if self.rules != RuleSet::Free {
-            verdict.say(format!("The cue ball is in hand {}", area.words()));
+            verdict.add_line(format!("The cue ball is in hand {}", area.display_text()));
         }
     }
 }
 
 /// The balls after some were put elsewhere.
-pub fn with_moves(lie: &[Placed], moves: &[Placed]) -> Lie {
-    let stays = |p: &&Placed| !moves.iter().any(|moved| moved.ball == p.ball);
-    let mut lie: Lie = lie.iter().filter(stays).copied().collect();
-    lie.extend(moves);
-    lie
+pub fn apply_moves(positions: &[BallPosition], moves: &[BallPosition]) -> BallPositions {
+    let stays = |p: &&BallPosition| !moves.iter().any(|moved| moved.ball == p.ball);
+    let mut positions: BallPositions = positions.iter().filter(stays).copied().collect();
+    positions.extend(moves);
+    positions
 }
 
 /// Balls that touch the cue ball, and it, go to their spots.
-fn set_up_touching(ground: &Ground, lie: &Lie, verdict: &mut Verdict) {
-    let mut balls = touching(ground, lie, 0);
+fn set_up_touching(layout: &TableLayout, positions: &BallPositions, verdict: &mut Verdict) {
+    let mut balls = touching(layout, positions, 0);
     balls.push(0);
-    let stays = |p: &&Placed| !balls.contains(&p.ball);
-    let mut lie: Lie = lie.iter().filter(stays).copied().collect();
+    let stays = |p: &&BallPosition| !balls.contains(&p.ball);
+    let mut positions: BallPositions = positions.iter().filter(stays).copied().collect();
     for ball in balls {
-        let spot = carom_spot(ground, &lie, ball);
-        let placed = Placed {
+        let spot = carom_spot(layout, &positions, ball);
+        let placed = BallPosition {
             ball,
-            at: ground.spotted(&lie, spot),
+            at: layout.spotted(&positions, spot),
         };
-        lie.push(placed);
+        positions.push(placed);
         verdict.moves.push(placed);
     }
 }
 
-fn object_balls(lie: &Lie) -> Vec<u8> {
-    let balls = lie.iter().map(|p| p.ball);
+fn object_balls(positions: &BallPositions) -> Vec<u8> {
+    let balls = positions.iter().map(|p| p.ball);
     balls.filter(|&ball| ball != 0).collect()
 }

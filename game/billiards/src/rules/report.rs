@@ -1,10 +1,10 @@
 //! What happened in a shot, as a referee sees it.
 
-use super::layout::Lie;
+use super::layout::BallPositions;
 
 /// One thing that happened. The cue ball of the player at the table is 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Happening {
+pub enum ShotEvent {
     /// Two balls met.
     Contact {
         /// A ball.
@@ -22,7 +22,7 @@ pub enum Happening {
     Pocketed {
         /// The ball.
         ball: u8,
-        /// Index into [`super::Ground::pockets`].
+        /// Index into [`super::TableLayout::pockets`].
         pocket: usize,
     },
     /// A ball was driven off the table.
@@ -34,13 +34,13 @@ pub enum Happening {
 
 /// A whole shot.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Report {
+pub struct ShotReport {
     /// What happened, in the order of time.
-    pub happenings: Vec<Happening>,
+    pub events: Vec<ShotEvent>,
     /// The balls on the table before the stroke.
-    pub before: Lie,
+    pub before: BallPositions,
     /// The balls on the table after it.
-    pub after: Lie,
+    pub after: BallPositions,
     /// Balls that touched the cue ball before the stroke.
     pub frozen: Vec<u8>,
     /// Whether the tip slipped off the ball. No foul by itself.
@@ -53,7 +53,7 @@ pub struct Report {
     pub reach_x_m: f64,
 }
 
-impl Report {
+impl ShotReport {
     /// The ball that the cue ball touched first.
     pub fn first_hit(&self) -> Option<u8> {
         self.contacts().next()
@@ -61,23 +61,19 @@ impl Report {
 
     /// The balls that the cue ball touched, in order.
     pub fn contacts(&self) -> impl Iterator<Item = u8> {
-        self.happenings
-            .iter()
-            .filter_map(|happening| match *happening {
-                Happening::Contact { one: 0, other } => Some(other),
-                Happening::Contact { one, other: 0 } => Some(one),
-                _ => None,
-            })
+        self.events.iter().filter_map(|happening| match *happening {
+            ShotEvent::Contact { one: 0, other } => Some(other),
+            ShotEvent::Contact { one, other: 0 } => Some(one),
+            _ => None,
+        })
     }
 
     /// The balls that fell, in order, with their pockets; the cue ball among them.
     pub fn pocketed(&self) -> impl Iterator<Item = (u8, usize)> {
-        self.happenings
-            .iter()
-            .filter_map(|happening| match *happening {
-                Happening::Pocketed { ball, pocket } => Some((ball, pocket)),
-                _ => None,
-            })
+        self.events.iter().filter_map(|happening| match *happening {
+            ShotEvent::Pocketed { ball, pocket } => Some((ball, pocket)),
+            _ => None,
+        })
     }
 
     /// The object balls that fell, in order.
@@ -88,12 +84,10 @@ impl Report {
 
     /// The balls that were driven off the table, the cue ball among them.
     pub fn off_table(&self) -> impl Iterator<Item = u8> {
-        self.happenings
-            .iter()
-            .filter_map(|happening| match *happening {
-                Happening::LeftTable { ball } => Some(ball),
-                _ => None,
-            })
+        self.events.iter().filter_map(|happening| match *happening {
+            ShotEvent::LeftTable { ball } => Some(ball),
+            _ => None,
+        })
     }
 
     /// The pocket into which the cue ball fell.
@@ -110,15 +104,15 @@ impl Report {
     /// Whether after the cue ball's first contact any ball was driven to a cushion. One that falls
     /// or leaves the table counts (WPA 8.4).
     pub fn rail_after_contact(&self) -> bool {
-        let after = self.happenings.iter().skip_while(
-            |h| !matches!(h, Happening::Contact { one, other } if *one == 0 || *other == 0),
+        let after = self.events.iter().skip_while(
+            |h| !matches!(h, ShotEvent::Contact { one, other } if *one == 0 || *other == 0),
         );
         after.skip(1).any(|happening| {
             matches!(
                 happening,
-                Happening::Cushion { .. }
-                    | Happening::Pocketed { .. }
-                    | Happening::LeftTable { .. }
+                ShotEvent::Cushion { .. }
+                    | ShotEvent::Pocketed { .. }
+                    | ShotEvent::LeftTable { .. }
             )
         })
     }
@@ -126,12 +120,12 @@ impl Report {
     /// How many object balls were driven to a cushion, fell, or left the table.
     pub fn balls_to_rails(&self) -> usize {
         let mut balls: Vec<u8> = self
-            .happenings
+            .events
             .iter()
             .filter_map(|happening| match *happening {
-                Happening::Cushion { ball }
-                | Happening::Pocketed { ball, .. }
-                | Happening::LeftTable { ball }
+                ShotEvent::Cushion { ball }
+                | ShotEvent::Pocketed { ball, .. }
+                | ShotEvent::LeftTable { ball }
                     if ball != 0 =>
                 {
                     Some(ball)
@@ -146,6 +140,6 @@ impl Report {
 
     /// Whether the cue ball was driven to a cushion.
     pub fn cue_ball_to_rail(&self) -> bool {
-        self.happenings.contains(&Happening::Cushion { ball: 0 })
+        self.events.contains(&ShotEvent::Cushion { ball: 0 })
     }
 }

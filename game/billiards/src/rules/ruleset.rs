@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::layout::Area;
+use super::layout::PlacementArea;
 
 /// A game.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -37,7 +37,7 @@ pub enum Calls {
 
 /// A game's row of the table of rules.
 #[derive(Clone, Debug)]
-pub struct Sheet {
+pub struct RuleInfo {
     /// For the player.
     pub name: &'static str,
     /// Where the rules are written.
@@ -47,11 +47,11 @@ pub struct Sheet {
     /// How many may play.
     pub players: std::ops::RangeInclusive<usize>,
     /// Where the cue ball is in hand for the break.
-    pub start: Option<Area>,
+    pub start: Option<PlacementArea>,
     /// Where it is in hand after it was lost.
-    pub after_loss: Area,
+    pub after_loss: PlacementArea,
     /// Where it is in hand after any foul.
-    pub after_foul: Option<Area>,
+    pub after_foul: Option<PlacementArea>,
     /// Whether a ball must reach a cushion after the contact.
     pub needs_rail: bool,
     /// How many object balls a break must drive to cushions, if it pots none.
@@ -78,8 +78,8 @@ impl RuleSet {
     ];
 
     /// The game's row.
-    pub fn sheet(self) -> Sheet {
-        SHEETS[self as usize].clone()
+    pub fn info(self) -> RuleInfo {
+        RULE_INFOS[self as usize].clone()
     }
 
     /// A ball's name, with its article.
@@ -98,13 +98,13 @@ impl RuleSet {
 /// Names of snooker's balls 16 to 21, which are worth 2 to 7.
 const COLOURS: [&str; 6] = ["yellow", "green", "brown", "blue", "pink", "black"];
 
-const FREE: Sheet = Sheet {
+const FREE: RuleInfo = RuleInfo {
     name: "Free table",
     source: "",
     table: "nine_foot",
     players: 1..=2,
-    start: Some(Area::Anywhere),
-    after_loss: Area::Anywhere,
+    start: Some(PlacementArea::Anywhere),
+    after_loss: PlacementArea::Anywhere,
     after_foul: None,
     needs_rail: false,
     break_rails: 0,
@@ -114,33 +114,33 @@ const FREE: Sheet = Sheet {
     unit: "racks",
 };
 
-const POOL: Sheet = Sheet {
+const POOL: RuleInfo = RuleInfo {
     players: 2..=2,
-    start: Some(Area::Kitchen),
-    after_foul: Some(Area::Anywhere),
+    start: Some(PlacementArea::Kitchen),
+    after_foul: Some(PlacementArea::Anywhere),
     needs_rail: true,
     break_rails: 4,
     ..FREE
 };
 
-const SHEETS: [Sheet; 6] = [
+const RULE_INFOS: [RuleInfo; 6] = [
     FREE,
-    Sheet {
+    RuleInfo {
         name: "8-ball",
         source: "WPA 3",
         calls: Calls::Pocket,
         ..POOL
     },
-    Sheet {
+    RuleInfo {
         name: "9-ball",
         source: "WPA 2",
         fouls_in_row: Some(3),
         ..POOL
     },
-    Sheet {
+    RuleInfo {
         name: "Straight pool",
         source: "WPA 4",
-        after_loss: Area::Kitchen,
+        after_loss: PlacementArea::Kitchen,
         after_foul: None,
         break_rails: 2,
         calls: Calls::Pocket,
@@ -149,18 +149,18 @@ const SHEETS: [Sheet; 6] = [
         unit: "points",
         ..POOL
     },
-    Sheet {
+    RuleInfo {
         name: "Snooker",
         source: "WPBSA 3",
         table: "snooker",
         players: 2..=2,
-        start: Some(Area::D),
-        after_loss: Area::D,
+        start: Some(PlacementArea::D),
+        after_loss: PlacementArea::D,
         calls: Calls::Colour,
         unit: "frames",
         ..FREE
     },
-    Sheet {
+    RuleInfo {
         name: "Three-cushion",
         source: "UMB 83",
         table: "carom",
@@ -179,11 +179,11 @@ mod tests {
     #[test]
     fn each_game_has_its_row_and_its_table() {
         for rules in RuleSet::ALL {
-            let sheet = rules.sheet();
-            crate::physics::Table::built_in(sheet.table).unwrap();
-            assert!(sheet.target > 0 && *sheet.players.start() > 0);
+            let info = rules.info();
+            crate::physics::Table::built_in(info.table).unwrap();
+            assert!(info.target > 0 && *info.players.start() > 0);
         }
-        assert_eq!(RuleSet::Snooker.sheet().name, "Snooker");
-        assert_eq!(RuleSet::ThreeCushion.sheet().source, "UMB 83");
+        assert_eq!(RuleSet::Snooker.info().name, "Snooker");
+        assert_eq!(RuleSet::ThreeCushion.info().source, "UMB 83");
     }
 }

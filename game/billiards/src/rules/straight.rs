@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 use super::{
     call::Call,
     foul::Foul,
-    layout::{Area, Ground, Lie, Placed},
-    rack::{fourteen, is_in_rack},
-    referee::{Game, Referee, Shot, with_moves},
+    layout::{BallPosition, BallPositions, PlacementArea, TableLayout},
+    rack::{is_in_rack, rack_of_fourteen},
+    referee::{Game, JudgedShot, Referee, apply_moves},
     verdict::{Choice, Verdict},
 };
 
@@ -25,7 +25,7 @@ impl Referee {
     pub(crate) fn judge_straight(
         &mut self,
         mut straight: Straight,
-        shot: &Shot<'_>,
+        shot: &JudgedShot<'_>,
         verdict: &mut Verdict,
     ) {
         let (report, player) = (shot.report, self.turn());
@@ -42,7 +42,7 @@ impl Referee {
             verdict.fouls.retain(|foul| *foul != Foul::NoRail);
             verdict.fouls.push(Foul::WeakBreak { driven, needed: 2 });
         }
-        self.say_fouls(verdict);
+        self.add_foul_line(verdict);
         self.end_break();
         let legal = called.is_some() && !verdict.is_foul();
         if legal {
@@ -65,7 +65,8 @@ impl Referee {
             return;
         }
         if three {
-            verdict.say("Three fouls in a row: all balls are racked, and the same player breaks");
+            verdict
+                .add_line("Three fouls in a row: all balls are racked, and the same player breaks");
             return self.rack_again(verdict);
         }
         if !verdict.goes_on {
@@ -75,7 +76,7 @@ impl Referee {
             self.offer(&[Choice::Accept, Choice::RerackReturn]);
         }
         if report.lost_cue_ball() {
-            self.take_in_hand(Area::Kitchen);
+            self.take_in_hand(PlacementArea::Kitchen);
             self.spot_nearest(shot, verdict);
         }
         self.rack_fourteen(straight, shot, verdict);
@@ -83,10 +84,10 @@ impl Referee {
 
     /// An opening break drives the cue ball and two object balls to cushions, or pots a called ball
     /// (WPA 4.3).
-    fn is_weak_opening(&self, shot: &Shot<'_>) -> bool {
+    fn is_weak_opening(&self, shot: &JudgedShot<'_>) -> bool {
         let rails = shot.report.balls_to_rails();
         let cue_ball = shot.report.cue_ball_to_rail() || shot.report.lost_cue_ball();
-        rails < self.sheet().break_rails || !cue_ball
+        rails < self.info().break_rails || !cue_ball
     }
 
     /// A foul costs a point, a weak break two, the third in a row fifteen more (WPA 4.9, 4.10). A
@@ -107,22 +108,22 @@ impl Referee {
         three
     }
 
-    fn put_back(&self, balls: &[u8], shot: &Shot<'_>, verdict: &mut Verdict) {
+    fn put_back(&self, balls: &[u8], shot: &JudgedShot<'_>, verdict: &mut Verdict) {
         for &ball in balls {
-            self.spot(shot, verdict, ball, shot.ground.foot_spot());
+            self.spot(shot, verdict, ball, shot.layout.foot_spot());
         }
         if !balls.is_empty() {
             let names: Vec<String> = balls.iter().map(u8::to_string).collect();
-            verdict.say(format!("Spotted: {}", names.join(", ")));
+            verdict.add_line(format!("Spotted: {}", names.join(", ")));
         }
     }
 
     /// With the cue ball in hand behind the head string and all balls there, the one nearest to the
     /// string may be spotted (WPA 1.5): it is, since no other shot is legal without a cushion first.
-    fn spot_nearest(&self, shot: &Shot<'_>, verdict: &mut Verdict) {
-        let lie = with_moves(&shot.report.after, &verdict.moves);
-        let head_x = shot.ground.head_spot().x;
-        let nearest = lie
+    fn spot_nearest(&self, shot: &JudgedShot<'_>, verdict: &mut Verdict) {
+        let positions = apply_moves(&shot.report.after, &verdict.moves);
+        let head_x = shot.layout.head_spot().x;
+        let nearest = positions
             .iter()
             .filter(|p| p.ball != 0)
             .max_by(|a, b| a.at.x.total_cmp(&b.at.x));
@@ -133,9 +134,9 @@ impl Referee {
 
     /// When one ball is left, or none, the others are racked again with the apex open (WPA 4.4), and
     /// what is in the way goes where the table of 4.8 says.
-    fn rack_fourteen(&mut self, straight: Straight, shot: &Shot<'_>, verdict: &mut Verdict) {
-        let lie = with_moves(&shot.report.after, &verdict.moves);
-        let mut left = lie.iter().filter(|p| p.ball != 0);
+    fn rack_fourteen(&mut self, straight: Straight, shot: &JudgedShot<'_>, verdict: &mut Verdict) {
+        let positions = apply_moves(&shot.report.after, &verdict.moves);
+        let mut left = positions.iter().filter(|p| p.ball != 0);
         let last = left.next().copied();
         if left.next().is_some() {
             return;
@@ -144,23 +145,25 @@ impl Referee {
         self.set_game(Game::Straight(Straight { racks, ..straight }));
         let last_ball = last.map_or_else(|| shot.report.potted().last().copied(), |p| Some(p.ball));
         let others: Vec<u8> = (1..=15).filter(|ball| Some(*ball) != last_ball).collect();
-        let cue_ball = lie.iter().find(|p| p.ball == 0).map(|p| p.at);
-        let (last_at, cue_at) = special_places(shot.ground, last.map(|p| p.at), cue_ball);
+        let cue_ball = positions.iter().find(|p| p.ball == 0).map(|p| p.at);
+        let (last_at, cue_at) = special_places(shot.layout, last.map(|p| p.at), cue_ball);
         let seed = self.seed().wrapping_mul(31).wrapping_add(racks);
-        verdict.moves = fourteen(shot.ground, &others, seed);
+        verdict.moves = rack_of_fourteen(shot.layout, &others, seed);
         if let (Some(ball), Some(at)) = (last_ball, last_at.or(last.map(|p| p.at))) {
-            verdict.moves.push(Placed { ball, at });
+            verdict.moves.push(BallPosition { ball, at });
         }
-        verdict.say("Fourteen balls are racked again");
+        verdict.add_line("Fourteen balls are racked again");
         match cue_at {
             CuePlace::Stays => {}
-            CuePlace::Kitchen => self.take_in_hand(Area::Kitchen),
-            CuePlace::At(at) => verdict.moves.push(Placed { ball: 0, at }),
+            CuePlace::Kitchen => self.take_in_hand(PlacementArea::Kitchen),
+            CuePlace::At(at) => verdict.moves.push(BallPosition { ball: 0, at }),
         }
         if let CuePlace::Kitchen = cue_at {
-            let lie: Lie = verdict.moves.clone();
-            let at = shot.ground.place_in_hand(&lie, Area::Kitchen);
-            verdict.moves.push(Placed { ball: 0, at });
+            let positions: BallPositions = verdict.moves.clone();
+            let at = shot
+                .layout
+                .place_in_hand(&positions, PlacementArea::Kitchen);
+            verdict.moves.push(BallPosition { ball: 0, at });
         }
     }
 }
@@ -175,15 +178,15 @@ enum CuePlace {
 /// The table of WPA 4.8: where the fifteenth ball goes, if it moves, and the cue ball. A ball is "on"
 /// a spot if one that is put there would touch it.
 fn special_places(
-    ground: &Ground,
+    layout: &TableLayout,
     last: Option<DVec2>,
     cue: Option<DVec2>,
 ) -> (Option<DVec2>, CuePlace) {
-    let (head, foot, centre) = (ground.head_spot(), ground.foot_spot(), DVec2::ZERO);
-    let cue_in_rack = cue.is_some_and(|at| is_in_rack(ground, at, ground.cue_radius_m));
-    let last_in_rack = last.is_some_and(|at| is_in_rack(ground, at, ground.radius_m));
+    let (head, foot, centre) = (layout.head_spot(), layout.foot_spot(), DVec2::ZERO);
+    let cue_in_rack = cue.is_some_and(|at| is_in_rack(layout, at, layout.cue_radius_m));
+    let last_in_rack = last.is_some_and(|at| is_in_rack(layout, at, layout.radius_m));
     let is_on = |at: Option<DVec2>, spot: DVec2| {
-        at.is_some_and(|at| at.distance(spot) < ground.radius_m + ground.cue_radius_m)
+        at.is_some_and(|at| at.distance(spot) < layout.radius_m + layout.cue_radius_m)
     };
     let cue_place = |place| if cue_in_rack { place } else { CuePlace::Stays };
     let Some(last_at) = last else {
@@ -212,10 +215,10 @@ fn special_places(
 mod tests {
     use super::*;
     use crate::rules::RuleSet;
-    use crate::rules::test_shots::{Scene, call, hit, pot, rail};
+    use crate::rules::test_shots::{TestTable, call, hit, pot, rail};
 
-    fn opened() -> Scene {
-        let mut scene = Scene::new(RuleSet::Straight);
+    fn opened() -> TestTable {
+        let mut scene = TestTable::new(RuleSet::Straight);
         scene.play(&[hit(1), rail(2), rail(3), rail(0)], None);
         assert_eq!(
             (scene.referee.turn(), scene.referee.scores()),
@@ -247,14 +250,14 @@ mod tests {
         let mut scene = opened();
         scene.play(&[hit(4), pot(4, 1), pot(0, 2)], call(4, 1));
         assert_eq!(
-            (scene.referee.scores(), scene.referee.hand()),
-            (&[0, -1][..], Some(Area::Kitchen))
+            (scene.referee.scores(), scene.referee.ball_in_hand_area()),
+            (&[0, -1][..], Some(PlacementArea::Kitchen))
         );
         assert!(scene.has(4));
         let mut scene = opened();
         scene.play(&[hit(4)], None);
         assert_eq!(
-            (scene.referee.scores(), scene.referee.hand()),
+            (scene.referee.scores(), scene.referee.ball_in_hand_area()),
             (&[0, -1][..], None),
             "played as it lies"
         );
@@ -262,18 +265,18 @@ mod tests {
 
     #[test]
     fn a_weak_opening_costs_two_and_may_have_to_be_played_again() {
-        for happenings in [
+        for events in [
             vec![hit(1), rail(1), rail(2)],
             vec![hit(1), rail(0), rail(2)],
         ] {
-            let mut scene = Scene::new(RuleSet::Straight);
-            scene.play(&happenings, None);
-            assert_eq!(scene.referee.scores(), [-2, 0], "{happenings:?}");
+            let mut scene = TestTable::new(RuleSet::Straight);
+            scene.play(&events, None);
+            assert_eq!(scene.referee.scores(), [-2, 0], "{events:?}");
             assert_eq!(scene.referee.fouls_in_row(), [0, 0]);
-            let lie = scene.lie.clone();
+            let positions = scene.positions.clone();
             let verdict = scene
                 .referee
-                .choose(&scene.ground, &lie, Choice::RerackReturn)
+                .choose(&scene.layout, &positions, Choice::RerackReturn)
                 .unwrap();
             assert!(verdict.rack.is_some());
             assert_eq!((scene.referee.turn(), scene.referee.is_break()), (0, true));
@@ -297,7 +300,7 @@ mod tests {
     }
 
     /// Where balls 15 and 0 lie after the fourteenth fell.
-    fn after_fourteen(last: Option<(f64, f64)>, cue: (f64, f64)) -> (Scene, Verdict) {
+    fn after_fourteen(last: Option<(f64, f64)>, cue: (f64, f64)) -> (TestTable, Verdict) {
         let mut scene = opened();
         scene.keep(&[14, 15]);
         scene.put(0, cue.0, cue.1);
@@ -305,15 +308,15 @@ mod tests {
         if let Some((x, y)) = last {
             scene.put(15, x, y);
         }
-        let mut happenings = vec![hit(14), pot(14, 1)];
-        happenings.extend(last.is_none().then(|| pot(15, 2)));
-        let verdict = scene.play(&happenings, call(14, 1));
-        assert!(verdict.goes_on && scene.lie.len() == 16);
-        let mut numbers: Vec<u8> = scene.lie.iter().map(|p| p.ball).collect();
+        let mut events = vec![hit(14), pot(14, 1)];
+        events.extend(last.is_none().then(|| pot(15, 2)));
+        let verdict = scene.play(&events, call(14, 1));
+        assert!(verdict.goes_on && scene.positions.len() == 16);
+        let mut numbers: Vec<u8> = scene.positions.iter().map(|p| p.ball).collect();
         numbers.sort_unstable();
         assert_eq!(numbers, (0..16).collect::<Vec<u8>>());
-        for (i, one) in scene.lie.iter().enumerate() {
-            for other in &scene.lie[..i] {
+        for (i, one) in scene.positions.iter().enumerate() {
+            for other in &scene.positions[..i] {
                 let distance = one.at.distance(other.at);
                 assert!(distance > 0.05714, "{one:?} and {other:?}");
             }
@@ -328,18 +331,21 @@ mod tests {
         let (scene, _) = after_fourteen(Some(free), (-0.2, -0.3));
         assert_eq!(scene.at(15), Some(DVec2::new(0.0, 0.4)), "in position");
         assert_eq!(
-            (scene.at(0), scene.referee.hand()),
+            (scene.at(0), scene.referee.ball_in_hand_area()),
             (Some(DVec2::new(-0.2, -0.3)), None)
         );
 
         let (scene, _) = after_fourteen(Some(free), inside);
         assert_eq!(
-            (scene.at(15).unwrap().y, scene.referee.hand()),
-            (0.4, Some(Area::Kitchen))
+            (scene.at(15).unwrap().y, scene.referee.ball_in_hand_area()),
+            (0.4, Some(PlacementArea::Kitchen))
         );
 
         let (scene, _) = after_fourteen(Some(inside), (-0.2, -0.3));
-        assert_eq!((scene.at(15), scene.referee.hand()), (Some(head), None));
+        assert_eq!(
+            (scene.at(15), scene.referee.ball_in_hand_area()),
+            (Some(head), None)
+        );
 
         let (scene, _) = after_fourteen(Some(inside), (-0.64, 0.0));
         assert_eq!(
@@ -350,16 +356,19 @@ mod tests {
 
         let (scene, _) = after_fourteen(Some(inside), (0.85, 0.0));
         assert_eq!(
-            (scene.at(15), scene.referee.hand()),
-            (Some(foot), Some(Area::Kitchen))
+            (scene.at(15), scene.referee.ball_in_hand_area()),
+            (Some(foot), Some(PlacementArea::Kitchen))
         );
 
         let (scene, _) = after_fourteen(Some((-0.9, 0.2)), inside);
-        assert_eq!((scene.at(0), scene.referee.hand()), (Some(head), None));
+        assert_eq!(
+            (scene.at(0), scene.referee.ball_in_hand_area()),
+            (Some(head), None)
+        );
 
         let (scene, _) = after_fourteen(Some((-0.635, 0.01)), inside);
         assert_eq!(
-            (scene.at(0), scene.referee.hand()),
+            (scene.at(0), scene.referee.ball_in_hand_area()),
             (Some(DVec2::ZERO), None)
         );
 
@@ -375,7 +384,7 @@ mod tests {
         scene.put(4, -1.0, 0.1);
         scene.put(0, 0.1, 0.1);
         scene.play(&[hit(3), rail(3), pot(0, 0)], None);
-        assert_eq!(scene.at(3), Some(scene.ground.foot_spot()));
+        assert_eq!(scene.at(3), Some(scene.layout.foot_spot()));
         assert_eq!(scene.at(4).unwrap().x, -1.0);
     }
 

@@ -7,15 +7,15 @@ use glam::DVec2;
 
 use super::{
     foul::Foul,
-    layout::{Ground, Lie, Placed, own_spot},
-    referee::{Referee, Shot, with_moves},
-    report::{Happening, Report},
+    layout::{BallPosition, BallPositions, TableLayout, own_spot},
+    referee::{JudgedShot, Referee, apply_moves},
+    report::{ShotEvent, ShotReport},
     ruleset::RuleSet,
     verdict::{Choice, Verdict},
 };
 
 impl Referee {
-    pub(crate) fn judge_three_cushion(&mut self, shot: &Shot<'_>, verdict: &mut Verdict) {
+    pub(crate) fn judge_three_cushion(&mut self, shot: &JudgedShot<'_>, verdict: &mut Verdict) {
         let (report, player) = (shot.report, self.turn());
         let off: Vec<u8> = report.off_table().collect();
         verdict.fouls.extend(off.iter().map(|&ball| match ball {
@@ -35,13 +35,13 @@ impl Referee {
             let on = "the red".to_owned();
             verdict.fouls.push(Foul::WrongBall { hit, on });
         }
-        self.say_fouls(verdict);
+        self.add_foul_line(verdict);
         self.end_break();
         let cushions = cushions_before_second(report);
         let made = cushions.is_some_and(|cushions| cushions >= CUSHIONS);
         match cushions {
-            Some(cushions) if made => verdict.say(format!("A point, by {cushions} cushions")),
-            Some(cushions) => verdict.say(format!(
+            Some(cushions) if made => verdict.add_line(format!("A point, by {cushions} cushions")),
+            Some(cushions) => verdict.add_line(format!(
                 "{cushions} cushions before the second ball: it takes {CUSHIONS}"
             )),
             None => {}
@@ -58,58 +58,64 @@ impl Referee {
             verdict.swaps_cue_balls = true;
         }
         for ball in off {
-            let lie = with_moves(&report.after, &verdict.moves);
-            self.spot(shot, verdict, ball, carom_spot(shot.ground, &lie, ball));
+            let positions = apply_moves(&report.after, &verdict.moves);
+            self.spot(
+                shot,
+                verdict,
+                ball,
+                carom_spot(shot.layout, &positions, ball),
+            );
         }
-        let lie = with_moves(&report.after, &verdict.moves);
+        let positions = apply_moves(&report.after, &verdict.moves);
         let next = u8::from(verdict.swaps_cue_balls);
-        if !touching(shot.ground, &lie, next).is_empty() {
+        if !touching(shot.layout, &positions, next).is_empty() {
             self.offer(&[Choice::Accept, Choice::SpotBalls]);
         }
     }
 }
 
 /// Where a ball is set up: its own spot, or that of the ball that is in the way (UMB 28).
-pub(crate) fn carom_spot(ground: &Ground, lie: &Lie, ball: u8) -> DVec2 {
+pub(crate) fn carom_spot(layout: &TableLayout, positions: &BallPositions, ball: u8) -> DVec2 {
     let rules = RuleSet::ThreeCushion;
-    let spot = own_spot(rules, ground, ball);
-    let is_in_way = |p: &&Placed| p.ball != ball && p.at.distance(spot) < 2.0 * ground.radius_m;
-    let blocker = lie.iter().find(is_in_way);
-    blocker.map_or(spot, |p| own_spot(rules, ground, p.ball))
+    let spot = own_spot(rules, layout, ball);
+    let is_in_way =
+        |p: &&BallPosition| p.ball != ball && p.at.distance(spot) < 2.0 * layout.radius_m;
+    let blocker = positions.iter().find(is_in_way);
+    blocker.map_or(spot, |p| own_spot(rules, layout, p.ball))
 }
 
 /// Balls that touch a cue ball.
-pub(crate) fn touching(ground: &Ground, lie: &Lie, cue_ball: u8) -> Vec<u8> {
-    let Some(cue_ball) = lie.iter().find(|p| p.ball == cue_ball) else {
+pub(crate) fn touching(layout: &TableLayout, positions: &BallPositions, cue_ball: u8) -> Vec<u8> {
+    let Some(cue_ball) = positions.iter().find(|p| p.ball == cue_ball) else {
         return Vec::new();
     };
-    let least = ground.radius_m + ground.cue_radius_m + TOUCH_M;
-    let touches = |p: &&Placed| p.ball != cue_ball.ball && p.at.distance(cue_ball.at) < least;
-    lie.iter().filter(touches).map(|p| p.ball).collect()
+    let least = layout.radius_m + layout.cue_radius_m + TOUCH_M;
+    let touches = |p: &&BallPosition| p.ball != cue_ball.ball && p.at.distance(cue_ball.at) < least;
+    positions.iter().filter(touches).map(|p| p.ball).collect()
 }
 
 /// The ball that touched the cue ball and into which it was played (UMB 27): their contact is the
 /// first thing that happens.
-fn pushed_ball(report: &Report) -> Option<u8> {
-    let first = report.happenings.first()?;
+fn pushed_ball(report: &ShotReport) -> Option<u8> {
+    let first = report.events.first()?;
     let hit = report.first_hit()?;
-    let is_contact = matches!(first, Happening::Contact { .. });
+    let is_contact = matches!(first, ShotEvent::Contact { .. });
     (is_contact && report.frozen.contains(&hit)).then_some(hit)
 }
 
 /// How many cushions the cue ball had touched when it first touched the second ball; none if it
 /// touched fewer than two balls.
-fn cushions_before_second(report: &Report) -> Option<usize> {
+fn cushions_before_second(report: &ShotReport) -> Option<usize> {
     let mut first = None;
     let mut cushions = 0;
-    for happening in &report.happenings {
+    for happening in &report.events {
         match *happening {
-            Happening::Cushion { ball: 0 } => cushions += 1,
-            Happening::Contact {
+            ShotEvent::Cushion { ball: 0 } => cushions += 1,
+            ShotEvent::Contact {
                 one: 0,
                 other: ball,
             }
-            | Happening::Contact {
+            | ShotEvent::Contact {
                 one: ball,
                 other: 0,
             } if *first.get_or_insert(ball) != ball => return Some(cushions),
@@ -126,10 +132,10 @@ const TOUCH_M: f64 = 1e-4;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rules::test_shots::{Scene, hit, off, rail};
+    use crate::rules::test_shots::{TestTable, hit, off, rail};
 
-    fn opened() -> Scene {
-        let mut scene = Scene::new(RuleSet::ThreeCushion);
+    fn opened() -> TestTable {
+        let mut scene = TestTable::new(RuleSet::ThreeCushion);
         scene.play(&[hit(2), rail(0)], None);
         assert_eq!(scene.referee.turn(), 1);
         scene
@@ -137,35 +143,32 @@ mod tests {
 
     #[test]
     fn three_cushions_before_the_second_ball_in_any_order_are_a_point() {
-        for happenings in [
+        for events in [
             vec![hit(1), rail(0), rail(0), rail(0), hit(2)],
             vec![rail(0), rail(0), rail(0), hit(2), hit(1)],
             vec![rail(0), hit(2), rail(0), hit(2), rail(0), rail(0), hit(1)],
         ] {
             let mut scene = opened();
-            let verdict = scene.play(&happenings, None);
+            let verdict = scene.play(&events, None);
             assert!(verdict.goes_on && !verdict.swaps_cue_balls);
             assert_eq!(scene.referee.scores(), [0, 1]);
         }
-        for happenings in [
+        for events in [
             vec![hit(1), rail(0), rail(0), hit(2)],
             vec![hit(1), rail(0), rail(0), rail(0)],
             vec![hit(1), rail(1), rail(1), rail(1), hit(2)],
             vec![rail(0), rail(0), rail(0), hit(2), rail(0), hit(2)],
         ] {
             let mut scene = opened();
-            let verdict = scene.play(&happenings, None);
-            assert!(
-                !verdict.goes_on && verdict.swaps_cue_balls,
-                "{happenings:?}"
-            );
+            let verdict = scene.play(&events, None);
+            assert!(!verdict.goes_on && verdict.swaps_cue_balls, "{events:?}");
             assert_eq!(scene.referee.scores(), [0, 0]);
         }
     }
 
     #[test]
     fn the_opening_is_played_on_the_red() {
-        let mut scene = Scene::new(RuleSet::ThreeCushion);
+        let mut scene = TestTable::new(RuleSet::ThreeCushion);
         let verdict = scene.play(&[hit(1), rail(0), rail(0), rail(0), hit(2)], None);
         assert_eq!(
             verdict.lines[0],
@@ -184,14 +187,14 @@ mod tests {
         scene.put(1, 0.3, 0.3);
         let verdict = scene.play(&[hit(1), rail(0), rail(0), rail(0), hit(2), off(2)], None);
         assert_eq!(verdict.fouls, [Foul::BallOff { ball: 2 }]);
-        assert_eq!(scene.at(2), Some(scene.ground.foot_spot()));
+        assert_eq!(scene.at(2), Some(scene.layout.foot_spot()));
         let mut scene = opened();
         scene.put(0, 0.71, 0.01);
         scene.put(1, 0.3, 0.3);
         scene.play(&[off(2)], None);
         assert_eq!(
             scene.at(2),
-            Some(scene.ground.head_spot()),
+            Some(scene.layout.head_spot()),
             "the spot of the ball in the way"
         );
     }
@@ -215,15 +218,15 @@ mod tests {
         });
         assert!(scene.judge(&report, None).goes_on, "played away");
         assert_eq!(scene.referee.options(), [Choice::Accept, Choice::SpotBalls]);
-        let lie = scene.lie.clone();
+        let positions = scene.positions.clone();
         let verdict = scene
             .referee
-            .choose(&scene.ground, &lie, Choice::SpotBalls)
+            .choose(&scene.layout, &positions, Choice::SpotBalls)
             .unwrap();
-        scene.lay(&lie, &verdict);
+        scene.lay(&positions, &verdict);
         assert_eq!(
             (scene.at(0), scene.at(1)),
-            (Some(scene.ground.head_spot()), Some(DVec2::ZERO))
+            (Some(scene.layout.head_spot()), Some(DVec2::ZERO))
         );
     }
 }

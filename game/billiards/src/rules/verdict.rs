@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{foul::Foul, layout::Lie};
+use super::{foul::Foul, layout::BallPositions};
 
 /// What a referee says after a shot, or after a choice.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -12,7 +12,7 @@ pub struct Verdict {
     /// What happened and what it means, a sentence each, in order.
     pub lines: Vec<String>,
     /// Balls to be put on the table, in this order: spotted balls, the cue ball in hand.
-    pub moves: Lie,
+    pub moves: BallPositions,
     /// The seed of a new rack, if the balls are racked again.
     pub rack: Option<u32>,
     /// Points of the player who played.
@@ -32,7 +32,7 @@ impl Verdict {
         !self.fouls.is_empty()
     }
 
-    pub(crate) fn say(&mut self, line: impl Into<String>) {
+    pub(crate) fn add_line(&mut self, line: impl Into<String>) {
         self.lines.push(line.into());
     }
 }
@@ -57,7 +57,7 @@ pub enum Choice {
 
 impl Choice {
     /// For a button.
-    pub fn words(self) -> &'static str {
+    pub fn display_text(self) -> &'static str {
         match self {
             Self::Accept => "Play the balls as they lie",
             Self::Return => "Let the other player shoot",

@@ -52,7 +52,7 @@ fn position(seed: u32) -> Option<World> {
         );
         balls.push(resting(number, x, y));
     }
-    World::new(Table::nine_foot(), Layout { balls }).ok()
+    World::new(Table::nine_foot(), BallLayout { balls }).ok()
 }
 
 /// The line ends where the shot first touches something, with the ball, the ghost and both ways that

@@ -54,7 +54,7 @@ fn assert_bounces_conserve(shot: &Shot) -> [usize; 2] {
 #[test]
 fn a_masse_hops_and_hands_its_spin_over_to_the_cloth() {
     let balls = vec![resting(0, -0.4, 0.0), resting(1, 0.6, 0.3)];
-    let world = World::new(Table::nine_foot(), Layout { balls }).expect("valid");
+    let world = World::new(Table::nine_foot(), BallLayout { balls }).expect("valid");
     let stroke = Stroke {
         side: 0.35,
         vertical: 0.15,

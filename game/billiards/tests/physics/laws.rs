@@ -43,7 +43,7 @@ fn phases_last_as_long_as_theory_says() {
 fn a_struck_ball_leaves_with_the_impulse_of_the_stick() {
     let world = World::new(
         prairie(),
-        Layout {
+        BallLayout {
             balls: vec![resting(0, 0.0, 0.0)],
         },
     )

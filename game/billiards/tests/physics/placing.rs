@@ -60,7 +60,7 @@ fn absurd_strokes_are_rejected_with_a_sentence() {
 fn impossible_layouts_are_rejected() {
     let rejected = |balls: Vec<BallState>| {
         matches!(
-            World::new(Table::nine_foot(), Layout { balls }),
+            World::new(Table::nine_foot(), BallLayout { balls }),
             Err(Error::Layout(_))
         )
     };

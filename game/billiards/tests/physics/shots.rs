@@ -95,7 +95,7 @@ fn a_mirrored_break_is_the_mirror_image() {
     });
     let twin = World::new(
         Table::nine_foot(),
-        Layout {
+        BallLayout {
             balls: mirrored.collect(),
         },
     )

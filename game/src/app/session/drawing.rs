@@ -87,7 +87,7 @@ impl GameSession {
             painter,
             screen: self.screen(),
             projection: &projection,
-            ball_radius_m: self.game.contest().ground().cue_radius_m,
+            ball_radius_m: self.game.contest().table_layout().cue_radius_m,
         };
         self.mark_balls(&sketch);
         if let Some(shot_preview) = self.game.shot_preview(now_secs) {
@@ -101,19 +101,19 @@ impl GameSession {
     /// Marks a cue ball that is carried, and balls that must not be hit first.
     fn mark_balls(&mut self, sketch: &ui::aim::AimOverlay<'_>) {
         if let Some(ball_in_hand) = self.game.ball_in_hand() {
-            let area = self.game.contest().hand();
-            sketch.area(self.game.contest().ground(), area);
+            let area = self.game.contest().ball_in_hand_area();
+            sketch.area(self.game.contest().table_layout(), area);
             sketch.carried(ball_in_hand.at, ball_in_hand.verdict.is_ok());
             return;
         }
         if self.game.may_play() {
             let view = self.game.board();
-            let lie = self.game.contest().lie();
+            let lie = self.game.contest().ball_positions();
             let others = lie
                 .iter()
                 .filter(|p| p.ball != 0 && !view.on.contains(&p.ball));
             for ball in others.filter(|_| !view.on.is_empty()) {
-                sketch.dimmed(ball.at, self.game.contest().ground().radius_m);
+                sketch.dimmed(ball.at, self.game.contest().table_layout().radius_m);
             }
         }
     }

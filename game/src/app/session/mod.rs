@@ -9,7 +9,7 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::Context as _;
-use carom_billiards::game_match::{Match, Record};
+use carom_billiards::game_match::{Match, MatchSave};
 use carom_billiards::physics::{Engine, Recording, Shot};
 use carom_farm::{Balancing, Distribution, Farm, FarmConfig, FrameId, NodeStatus};
 use carom_tracer::{ImageSize, Scene, SceneUpdate};
@@ -146,7 +146,7 @@ impl GameSession {
 
     /// Keeps the match in this file from now on, whenever something was done.
     pub fn autosave_to(&mut self, path: PathBuf) {
-        self.keeper = Some((path, self.game.contest().deeds()));
+        self.keeper = Some((path, self.game.contest().action_count()));
     }
 
     fn autosave(&mut self) {
@@ -154,11 +154,11 @@ impl GameSession {
         let Some((path, kept)) = &mut self.keeper else {
             return;
         };
-        if *kept == contest.deeds() {
+        if *kept == contest.action_count() {
             return;
         }
-        *kept = contest.deeds();
-        if let Err(why) = Record::of(contest).save(path) {
+        *kept = contest.action_count();
+        if let Err(why) = MatchSave::of(contest).save(path) {
             tracing::error!("{why}");
         }
     }
@@ -171,7 +171,7 @@ impl GameSession {
         MatchHud {
             aimed: calls.then(|| self.game.aimed_ball()).flatten(),
             call: calls.then(|| self.game.call_words()).flatten(),
-            pockets: calls.then(|| self.game.contest().ground().clone()),
+            pockets: calls.then(|| self.game.contest().table_layout().clone()),
             may_play,
             is_thinking: self.game.is_thinking(),
             view,

@@ -15,7 +15,7 @@ use std::cell::OnceCell;
 use crate::camera::{CameraView, FollowCamera, ViewContext, ViewSelection, Viewpoint};
 use crate::capture::{TimelineEvent, timeline_events};
 use crate::input::{Intent, ReplayControl};
-use carom_billiards::physics::{BallPose, BallState, Phase, Recording, Shot, Table, Take};
+use carom_billiards::physics::{BallPose, BallState, Clip, Phase, Recording, Shot, Table};
 
 pub use clock::ReplayClock;
 
@@ -33,8 +33,8 @@ pub struct ReplayPlayer {
 impl ReplayPlayer {
     /// Shows the last take of a recording of `table`; None if it has none.
     pub fn new(recording: Recording, table: &Table, now_secs: f64) -> Option<Self> {
-        let take = recording.takes.len().checked_sub(1)?;
-        let shot = &recording.takes[take].shot;
+        let take = recording.clips.len().checked_sub(1)?;
+        let shot = &recording.clips[take].shot;
         Some(Self {
             clock: ReplayClock::new(shot.duration_secs(), now_secs),
             timeline: timeline_events(shot),
@@ -67,14 +67,14 @@ impl ReplayPlayer {
 
     /// The shot on show.
     pub fn shot(&self) -> &Shot {
-        &self.recording.takes[self.take].shot
+        &self.recording.clips[self.take].shot
     }
 
     /// Only the take on show, to be shared.
     pub fn excerpt(&self) -> Recording {
         Recording {
             table: self.recording.table.clone(),
-            takes: vec![Take::clone(&self.recording.takes[self.take])],
+            clips: vec![Clip::clone(&self.recording.clips[self.take])],
         }
     }
 
@@ -98,7 +98,7 @@ impl ReplayPlayer {
                 let times: Vec<f64> = self.timeline.iter().map(|moment| moment.secs).collect();
                 self.clock.step(&times, forward, now_secs);
             }
-            ReplayControl::Pick(take) if take < self.recording.takes.len() => {
+            ReplayControl::Pick(take) if take < self.recording.clips.len() => {
                 self.take = take;
                 self.chase = OnceCell::new();
                 self.clock = self.clock.restarted(self.shot().duration_secs(), now_secs);
@@ -214,7 +214,7 @@ mod tests {
         let world = World::new(table.clone(), table.rack_eight(1)).unwrap();
         let strike = |speed| world.strike(Stroke::straight(0.1, speed)).unwrap();
         let mut recording = Recording::of(&table, "soft", strike(1.0));
-        recording.takes.push(Take {
+        recording.clips.push(Clip {
             title: "hard".to_owned(),
             shot: strike(6.0),
         });
@@ -255,12 +255,12 @@ mod tests {
         player.apply(ReplayControl::Pick(0), 100.0);
         let shared = Recording::from_bytes(&player.excerpt().to_bytes().unwrap()).unwrap();
         assert_eq!(
-            (shared.takes.len(), shared.takes[0].title.as_str()),
+            (shared.clips.len(), shared.clips[0].title.as_str()),
             (1, "soft")
         );
         let world = World::new(
             Table::nine_foot(),
-            carom_billiards::physics::Layout {
+            carom_billiards::physics::BallLayout {
                 balls: player.start(),
             },
         )

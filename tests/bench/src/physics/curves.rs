@@ -14,8 +14,8 @@ use crate::chart::{Axis, Chart, Series};
 
 use super::infinite_table::{ball, prairie, released};
 use carom_billiards::physics::{
-    BallBallLaw, BallBody, BallState, Cue, Event, EventKind, Laws, Layout, Result, Shot, Stroke,
-    World,
+    BallBallLaw, BallBody, BallLayout, BallState, Cue, Event, EventKind, Laws, Result, Shot,
+    Stroke, World,
 };
 
 /// A published rule or curve, and how far the simulation is from it.
@@ -422,7 +422,7 @@ fn squirt() -> Result<Curve> {
 /// How far a ball struck along +y leaves to the left of the aim.
 fn squirt_rad(laws: Laws, side: f64) -> Result<f64> {
     let balls = vec![ball(0, 0.0, 0.0, DVec3::ZERO, DVec3::ZERO)];
-    let world = World::with_laws(prairie()?, laws, Layout { balls }.balls)?;
+    let world = World::with_laws(prairie()?, laws, BallLayout { balls }.balls)?;
     let stroke = Stroke {
         side,
         ..Stroke::straight(FRAC_PI_2, 2.0)

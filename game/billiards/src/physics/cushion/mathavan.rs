@@ -43,7 +43,7 @@ impl Mathavan {
         cloth: Option<f64>,
         before: Twist,
     ) -> Twist {
-        let pushing = Pushing {
+        let contact = ContactIntegrator {
             friction: self.friction,
             radius_m: body.radius_m,
             normal,
@@ -54,15 +54,15 @@ impl Mathavan {
             return before;
         }
         let part = approach / f64::from(PARTS);
-        let (mut twist, work) = pushing.compress(before, part);
+        let (mut twist, work) = contact.compress(before, part);
         let mut left = self.restitution * self.restitution * work;
         for _ in 0..PARTS_MAX {
-            let next = pushing.midpoint(twist, part);
+            let next = contact.midpoint(twist, part);
             let speeds = (twist.velocity.dot(normal), next.velocity.dot(normal));
             let given = 0.5 * part * (speeds.0 + speeds.1);
             if given >= left {
                 let share = last_share(speeds, part, left);
-                return pushing.midpoint(twist, share * part);
+                return contact.midpoint(twist, share * part);
             }
             left -= given;
             twist = next;
@@ -80,14 +80,14 @@ fn last_share((from, to): (f64, f64), part: f64, left: f64) -> f64 {
 }
 
 /// How a part of the impulse acts. Impulses are per mass.
-struct Pushing {
+struct ContactIntegrator {
     friction: f64,
     radius_m: f64,
     normal: DVec3,
     cloth: Option<f64>,
 }
 
-impl Pushing {
+impl ContactIntegrator {
     /// The twist when the ball no longer approaches, and the work done until then.
     fn compress(&self, before: Twist, part: f64) -> (Twist, f64) {
         let (mut twist, mut work) = (before, 0.0);

@@ -72,7 +72,7 @@ impl Stronge {
             return slip - pull * (1.0 + e);
         }
         let stick = if slip < stretch {
-            Stick {
+            StickPhase {
                 from: 0.0,
                 deflection: 0.0,
                 speed: slip,
@@ -86,7 +86,7 @@ impl Stronge {
     }
 
     /// The surface slips until its speed is that at which Coulomb's limit lets the spring move.
-    fn slip_until_stick(&self, slip: f64, stretch: f64, pull: f64) -> Stick {
+    fn slip_until_stick(&self, slip: f64, stretch: f64, pull: f64) -> StickPhase {
         let e = self.restitution;
         let from = if slip <= pull {
             acos(((slip - pull) / (stretch - pull)).clamp(-1.0, 1.0))
@@ -96,7 +96,7 @@ impl Stronge {
         };
         let (sin, cos) = sin_cos(phase(from, e));
         let given_back = if from <= FRAC_PI_2 { cos } else { e * cos };
-        Stick {
+        StickPhase {
             from,
             deflection: stretch * sin,
             speed: slip - pull * (1.0 - given_back),
@@ -106,7 +106,7 @@ impl Stronge {
 
     /// When the spring, swung back, reaches Coulomb's limit on the other side. The limit falls to
     /// zero at the end of the contact, so that it happens by then.
-    fn slip_again(&self, stick: &Stick, stretch: f64) -> f64 {
+    fn slip_again(&self, stick: &StickPhase, stretch: f64) -> f64 {
         let e = self.restitution;
         let mut holds = stick.from.max(FRAC_PI_2);
         let mut slips = FRAC_PI_2 * (1.0 + e);
@@ -124,14 +124,14 @@ impl Stronge {
 
 /// The tangential spring while the surface sticks.
 #[derive(Clone, Copy, Debug)]
-struct Stick {
+struct StickPhase {
     from: f64,
     deflection: f64,
     speed: f64,
     frequency: f64,
 }
 
-impl Stick {
+impl StickPhase {
     fn deflection_at(&self, t: f64) -> f64 {
         let (sin, cos) = sin_cos(self.frequency * (t - self.from));
         self.deflection * cos + self.speed / self.frequency * sin

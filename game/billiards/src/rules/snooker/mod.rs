@@ -10,12 +10,12 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     foul::Foul,
-    layout::{Area, Ground, Lie, Placed, own_spot},
-    referee::{Game, Referee, Shot, with_moves},
+    layout::{BallPosition, BallPositions, PlacementArea, TableLayout, own_spot},
+    referee::{Game, JudgedShot, Referee, apply_moves},
     ruleset::RuleSet,
     verdict::{Choice, Verdict},
 };
-use targets::{Aim, BLACK, On, YELLOW, is_colour, value};
+use targets::{BLACK, ShotTarget, TargetSet, YELLOW, is_colour, value};
 
 /// What snooker remembers of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -36,19 +36,19 @@ impl Referee {
     pub(crate) fn judge_snooker(
         &mut self,
         mut snooker: Snooker,
-        shot: &Shot<'_>,
+        shot: &JudgedShot<'_>,
         verdict: &mut Verdict,
     ) {
-        let aim = Aim::of(snooker, shot);
+        let aim = ShotTarget::of(snooker, shot);
         let player = self.turn();
         verdict.fouls = self.snooker_fouls(snooker, aim, shot);
-        self.say_fouls(verdict);
+        self.add_foul_line(verdict);
         self.end_break();
         if verdict.is_foul() {
             verdict.points = -penalty(aim, &verdict.fouls);
             snooker.points[1 - player] -= verdict.points;
             snooker.run = 0;
-            verdict.say(format!("{} points to the other player", -verdict.points));
+            verdict.add_line(format!("{} points to the other player", -verdict.points));
         } else {
             verdict.points = aim.score(&shot.report.potted());
             verdict.pots = shot.report.potted();
@@ -60,32 +60,32 @@ impl Referee {
                 0
             };
             if verdict.goes_on {
-                verdict.say(format!(
+                verdict.add_line(format!(
                     "{} points, a break of {}",
                     verdict.points, snooker.run
                 ));
             }
         }
         self.put_colours_back(snooker, aim, shot, verdict);
-        let lie = with_moves(&shot.report.after, &verdict.moves);
-        snooker.on_colour = verdict.goes_on && aim.on == On::Red;
+        let positions = apply_moves(&shot.report.after, &verdict.moves);
+        snooker.on_colour = verdict.goes_on && aim.on == TargetSet::Red;
         snooker.free_ball = false;
-        if self.ends_frame(snooker, shot.ground, &lie, verdict) {
+        if self.ends_frame(snooker, shot.layout, &positions, verdict) {
             return;
         }
         if !verdict.goes_on {
             self.pass();
         }
         if shot.report.lost_cue_ball() {
-            self.take_in_hand(Area::D);
+            self.take_in_hand(PlacementArea::D);
         }
         if verdict.is_foul() {
-            self.after_foul(&mut snooker, shot.ground, &lie, verdict);
+            self.after_foul(&mut snooker, shot.layout, &positions, verdict);
         }
         self.set_game(Game::Snooker(snooker));
     }
 
-    fn snooker_fouls(&self, snooker: Snooker, aim: Aim, shot: &Shot<'_>) -> Vec<Foul> {
+    fn snooker_fouls(&self, snooker: Snooker, aim: ShotTarget, shot: &JudgedShot<'_>) -> Vec<Foul> {
         let report = shot.report;
         let mut fouls = Vec::new();
         if report.scratch().is_some() {
@@ -101,7 +101,7 @@ impl Referee {
             None if !touches_on => fouls.push(Foul::NoBallHit),
             Some(hit) if !aim.allows(hit) && !touches_on => fouls.push(Foul::WrongBall {
                 hit,
-                on: aim.words(),
+                on: aim.display_text(),
             }),
             _ => {}
         }
@@ -123,7 +123,12 @@ impl Referee {
     }
 
     /// The free ball must not hide the ball on, unless only pink and black are left (12).
-    fn free_ball_snooker(&self, snooker: Snooker, aim: Aim, shot: &Shot<'_>) -> Option<Foul> {
+    fn free_ball_snooker(
+        &self,
+        snooker: Snooker,
+        aim: ShotTarget,
+        shot: &JudgedShot<'_>,
+    ) -> Option<Foul> {
         let ball = aim.nominated.filter(|_| aim.is_free)?;
         let after = &shot.report.after;
         let potted = !shot.report.potted().is_empty();
@@ -135,18 +140,24 @@ impl Referee {
             free_ball: false,
             ..snooker
         }
-        .on(after);
+        .legal_targets(after);
         let cue_ball = after.iter().find(|p| p.ball == 0)?.at;
-        let without: Lie = after.iter().filter(|p| p.ball != ball).copied().collect();
-        let hides = is_snookered(shot.ground, after, cue_ball, &on)
-            && !is_snookered(shot.ground, &without, cue_ball, &on);
+        let without: BallPositions = after.iter().filter(|p| p.ball != ball).copied().collect();
+        let hides = is_snookered(shot.layout, after, cue_ball, &on)
+            && !is_snookered(shot.layout, &without, cue_ball, &on);
         hides.then_some(Foul::FreeBallSnooker { ball })
     }
 
     /// Colours come back, except those that are legally potted in the order of the end (7).
-    fn put_colours_back(&self, snooker: Snooker, aim: Aim, shot: &Shot<'_>, verdict: &mut Verdict) {
+    fn put_colours_back(
+        &self,
+        snooker: Snooker,
+        aim: ShotTarget,
+        shot: &JudgedShot<'_>,
+        verdict: &mut Verdict,
+    ) {
         let report = shot.report;
-        let stays_down = |ball: u8| aim.on == On::Last(ball) && !verdict.is_foul();
+        let stays_down = |ball: u8| aim.on == TargetSet::Last(ball) && !verdict.is_foul();
         let mut back: Vec<u8> = report
             .potted()
             .into_iter()
@@ -159,8 +170,8 @@ impl Referee {
         }
         back.sort_unstable_by(|a, b| b.cmp(a));
         for ball in back {
-            let lie = with_moves(&report.after, &verdict.moves);
-            let spot = free_spot(shot.ground, &lie, ball);
+            let positions = apply_moves(&report.after, &verdict.moves);
+            let spot = free_spot(shot.layout, &positions, ball);
             self.spot(shot, verdict, ball, spot);
         }
     }
@@ -170,11 +181,11 @@ impl Referee {
     fn ends_frame(
         &mut self,
         snooker: Snooker,
-        ground: &Ground,
-        lie: &Lie,
+        layout: &TableLayout,
+        positions: &BallPositions,
         verdict: &mut Verdict,
     ) -> bool {
-        let colours: Vec<u8> = lie
+        let colours: Vec<u8> = positions
             .iter()
             .map(|p| p.ball)
             .filter(|&ball| ball != 0)
@@ -185,18 +196,18 @@ impl Referee {
         }
         let [first, second] = snooker.points;
         if first == second {
-            self.tie(snooker, ground, verdict);
+            self.tie(snooker, layout, verdict);
             return true;
         }
         let winner = usize::from(second > first);
-        verdict.say(format!("Frame over, {first} to {second}"));
+        verdict.add_line(format!("Frame over, {first} to {second}"));
         verdict.moves.clear();
         self.win_rack(winner, verdict);
         true
     }
 
-    fn tie(&mut self, snooker: Snooker, ground: &Ground, verdict: &mut Verdict) {
-        verdict.say("A tie: the black is spotted again, and the next score or foul decides");
+    fn tie(&mut self, snooker: Snooker, layout: &TableLayout, verdict: &mut Verdict) {
+        verdict.add_line("A tie: the black is spotted again, and the next score or foul decides");
         // The referee draws lots for who plays first: the seed stands for them.
         if self.seed().is_multiple_of(2) {
             self.pass();
@@ -208,31 +219,33 @@ impl Referee {
             tied: true,
             ..snooker
         }));
-        self.take_in_hand(Area::D);
-        verdict.moves = vec![Placed {
+        self.take_in_hand(PlacementArea::D);
+        verdict.moves = vec![BallPosition {
             ball: BLACK,
-            at: own_spot(RuleSet::Snooker, ground, BLACK),
+            at: own_spot(RuleSet::Snooker, layout, BLACK),
         }];
-        let at = ground.place_in_hand(&verdict.moves, Area::D);
-        verdict.moves.push(Placed { ball: 0, at });
+        let at = layout.place_in_hand(&verdict.moves, PlacementArea::D);
+        verdict.moves.push(BallPosition { ball: 0, at });
     }
 
     fn after_foul(
         &mut self,
         snooker: &mut Snooker,
-        ground: &Ground,
-        lie: &Lie,
+        layout: &TableLayout,
+        positions: &BallPositions,
         verdict: &mut Verdict,
     ) {
-        let on = snooker.on(lie);
-        let cue_ball = lie.iter().find(|p| p.ball == 0).map(|p| p.at);
+        let on = snooker.legal_targets(positions);
+        let cue_ball = positions.iter().find(|p| p.ball == 0).map(|p| p.at);
         let snookered = match cue_ball {
-            Some(at) => is_snookered(ground, lie, at, &on),
-            None => places_in_d(ground, lie).all(|at| is_snookered(ground, lie, at, &on)),
+            Some(at) => is_snookered(layout, positions, at, &on),
+            None => {
+                places_in_d(layout, positions).all(|at| is_snookered(layout, positions, at, &on))
+            }
         };
         if snookered {
             snooker.free_ball = true;
-            verdict.say("Free ball");
+            verdict.add_line("Free ball");
         }
         self.offer(&[Choice::Accept, Choice::Return]);
     }
@@ -240,10 +253,15 @@ impl Referee {
 
 /// Whether the cue ball at a place cannot be played in a straight line to both edges of any ball on:
 /// a ball that is not on is in the way (WPBSA section 2, 17).
-fn is_snookered(ground: &Ground, lie: &Lie, cue_ball: DVec2, on: &[u8]) -> bool {
+fn is_snookered(
+    layout: &TableLayout,
+    positions: &BallPositions,
+    cue_ball: DVec2,
+    on: &[u8],
+) -> bool {
     let blocks = |ball: u8| ball != 0 && !on.contains(&ball);
-    let reach = ground.radius_m + ground.cue_radius_m;
-    let is_open = |target: &Placed| {
+    let reach = layout.radius_m + layout.cue_radius_m;
+    let is_open = |target: &BallPosition| {
         let way = target.at - cue_ball;
         let distance = way.length();
         if distance <= reach + 1e-4 {
@@ -254,37 +272,37 @@ fn is_snookered(ground: &Ground, lie: &Lie, cue_ball: DVec2, on: &[u8]) -> bool 
         let half = (reach / distance).asin();
         [half, -half].into_iter().all(|turn| {
             let graze = cue_ball + DVec2::from_angle(turn).rotate(way / distance) * along;
-            ground.is_clear(lie, (cue_ball, graze), ground.cue_radius_m, blocks)
+            layout.is_clear(positions, (cue_ball, graze), layout.cue_radius_m, blocks)
         })
     };
-    let mut targets = lie.iter().filter(|p| on.contains(&p.ball));
+    let mut targets = positions.iter().filter(|p| on.contains(&p.ball));
     !targets.any(is_open)
 }
 
 /// Places all over the D where the cue ball may lie.
-fn places_in_d(ground: &Ground, lie: &Lie) -> impl Iterator<Item = DVec2> {
-    let (centre, radius) = (ground.baulk_spot(), ground.d_radius_m());
+fn places_in_d(layout: &TableLayout, positions: &BallPositions) -> impl Iterator<Item = DVec2> {
+    let (centre, radius) = (layout.baulk_spot(), layout.d_radius_m());
     let grid = (0..=8).flat_map(move |i| (-8..=8).map(move |j| (f64::from(i), f64::from(j))));
     grid.map(move |(i, j)| centre + radius / 8.0 * DVec2::new(-i, j))
-        .filter(move |&at| ground.may_place(lie, at, Area::D).is_ok())
+        .filter(move |&at| layout.may_place(positions, at, PlacementArea::D).is_ok())
 }
 
 /// A colour's own spot; if it is taken, the highest that is free; if all are, its own, from which
-/// [`Ground::spotted`] goes on (7).
-fn free_spot(ground: &Ground, lie: &Lie, ball: u8) -> DVec2 {
-    let own = own_spot(RuleSet::Snooker, ground, ball);
+/// [`TableLayout::spotted`] goes on (7).
+fn free_spot(layout: &TableLayout, positions: &BallPositions, ball: u8) -> DVec2 {
+    let own = own_spot(RuleSet::Snooker, layout, ball);
     let by_value = (YELLOW..=BLACK)
         .rev()
-        .map(|colour| own_spot(RuleSet::Snooker, ground, colour));
+        .map(|colour| own_spot(RuleSet::Snooker, layout, colour));
     [own]
         .into_iter()
         .chain(by_value)
-        .find(|&spot| ground.is_free(lie, spot))
+        .find(|&spot| layout.is_free(positions, spot))
         .unwrap_or(own)
 }
 
 /// At least 4, else the highest of the ball on and the balls concerned (11).
-fn penalty(aim: Aim, fouls: &[Foul]) -> i32 {
+fn penalty(aim: ShotTarget, fouls: &[Foul]) -> i32 {
     let concerned = fouls.iter().filter_map(|foul| match foul {
         Foul::WrongBall { hit: ball, .. }
         | Foul::BallOff { ball }
@@ -302,20 +320,20 @@ fn penalty(aim: Aim, fouls: &[Foul]) -> i32 {
 mod tests {
     use super::*;
     use crate::rules::call::Call;
-    use crate::rules::test_shots::{Scene, hit, off, pot, rail};
+    use crate::rules::test_shots::{TestTable, hit, off, pot, rail};
 
     const PINK: u8 = 20;
 
-    fn broken() -> Scene {
-        let mut scene = Scene::new(RuleSet::Snooker);
+    fn broken() -> TestTable {
+        let mut scene = TestTable::new(RuleSet::Snooker);
         scene.play(&[hit(1), rail(0)], None);
         assert_eq!(scene.referee.turn(), 1);
         scene
     }
 
-    fn points(scene: &Scene) -> [i32; 2] {
+    fn points(scene: &TestTable) -> [i32; 2] {
         [0, 1].map(|player| {
-            let words = scene.referee.state_words(player);
+            let words = scene.referee.state_text(player);
             words.split(' ').next().unwrap().parse().unwrap()
         })
     }
@@ -331,11 +349,11 @@ mod tests {
             scene.play(&[hit(1), pot(1, 0), pot(2, 0)], None).goes_on,
             "two reds at once"
         );
-        assert_eq!(scene.referee.on(&scene.lie).len(), 6);
+        assert_eq!(scene.referee.legal_targets(&scene.positions).len(), 6);
         let verdict = scene.play(&[hit(BLACK), pot(BLACK, 1)], None);
         assert!(verdict.goes_on && scene.has(BLACK) && !scene.has(1));
         assert_eq!(points(&scene), [0, 9]);
-        assert!(scene.referee.state_words(1).contains("break 9"));
+        assert!(scene.referee.state_text(1).contains("break 9"));
         let verdict = scene.play(&[hit(BLACK), rail(0)], None);
         assert_eq!(
             verdict.lines[0],
@@ -346,7 +364,7 @@ mod tests {
 
     #[test]
     fn fouls_cost_four_or_what_the_balls_are_worth() {
-        for (happenings, said, cost) in [
+        for (events, said, cost) in [
             (vec![rail(0)], None, 4),
             (vec![hit(1), pot(0, 2)], None, 4),
             (vec![hit(19), rail(0)], None, 5),
@@ -354,19 +372,19 @@ mod tests {
             (vec![hit(1), off(BLACK)], None, 7),
         ] {
             let mut scene = broken();
-            let verdict = scene.play(&happenings, said);
+            let verdict = scene.play(&events, said);
             assert_eq!(
                 (verdict.points, points(&scene)),
                 (-cost, [cost, 0]),
-                "{happenings:?}"
+                "{events:?}"
             );
             assert!(scene.has(0) && scene.has(PINK) && scene.has(BLACK));
             assert_eq!(scene.referee.options(), [Choice::Accept, Choice::Return]);
         }
-        let on_colour = |happenings: &[_], said| {
+        let on_colour = |events: &[_], said| {
             let mut scene = broken();
             scene.play(&[hit(1), pot(1, 0)], None);
-            scene.play(happenings, said).points
+            scene.play(events, said).points
         };
         assert_eq!(
             on_colour(&[hit(16), rail(0)], nominate(BLACK)),
@@ -390,7 +408,7 @@ mod tests {
         assert!(scene.has(16), "the colour after the last red comes back");
         scene.play(&[hit(16), pot(16, 0)], None);
         assert!(!scene.has(16));
-        assert_eq!(scene.referee.on(&scene.lie), [17]);
+        assert_eq!(scene.referee.legal_targets(&scene.positions), [17]);
         let verdict = scene.play(&[hit(17), pot(17, 0), pot(18, 1)], None);
         assert_eq!(
             (verdict.points, scene.has(17), scene.has(18)),
@@ -402,7 +420,7 @@ mod tests {
     fn a_colour_whose_spot_is_taken_goes_to_the_highest_that_is_free() {
         let mut scene = broken();
         scene.play(&[hit(1), pot(1, 0)], None);
-        let spot = |ball| own_spot(RuleSet::Snooker, &scene.ground, ball);
+        let spot = |ball| own_spot(RuleSet::Snooker, &scene.layout, ball);
         let (blue, black) = (spot(19), spot(BLACK));
         scene.put(2, blue.x, blue.y);
         scene.put(BLACK, 0.3, 0.6);
@@ -412,7 +430,7 @@ mod tests {
         scene.play(&[hit(1), pot(1, 0)], None);
         scene.put(3, black.x, black.y);
         for (red, colour) in (4..=8).zip(16..=20) {
-            let at = own_spot(RuleSet::Snooker, &scene.ground, colour);
+            let at = own_spot(RuleSet::Snooker, &scene.layout, colour);
             scene.put(red, at.x, at.y);
             scene.put(colour, -0.2 + 0.1 * f64::from(colour - 16), 0.8);
         }
@@ -430,14 +448,14 @@ mod tests {
         scene.keep(&[BLACK]);
         scene.play(&[hit(BLACK), rail(0)], None);
         assert_eq!(scene.referee.scores(), [0, 0], "neither a score nor a foul");
-        let mut won = Scene {
-            lie: scene.lie.clone(),
-            ground: scene.ground.clone(),
+        let mut won = TestTable {
+            positions: scene.positions.clone(),
+            layout: scene.layout.clone(),
             referee: scene.referee.clone(),
         };
         won.play(&[hit(BLACK), pot(BLACK, 0)], None);
         assert_eq!(won.referee.scores(), [1, 0]);
-        assert!(won.referee.is_break() && won.lie.len() == 22);
+        assert!(won.referee.is_break() && won.positions.len() == 22);
 
         let mut lost = scene;
         lost.play(&[hit(BLACK), pot(0, 0)], None);
@@ -453,14 +471,14 @@ mod tests {
             ([7, 7], &[0, 0][..])
         );
         assert!(scene.has(BLACK) && scene.has(0));
-        assert_eq!(scene.referee.hand(), Some(Area::D));
+        assert_eq!(scene.referee.ball_in_hand_area(), Some(PlacementArea::D));
         let player = scene.referee.turn();
         scene.play(&[rail(0)], None);
         assert_eq!(scene.referee.scores()[1 - player], 1);
     }
 
     /// The cue ball at the baulk cushion behind two colours; player 1 fouls.
-    fn hidden() -> (Scene, Verdict) {
+    fn hidden() -> (TestTable, Verdict) {
         let mut scene = broken();
         scene.put(0, -1.7, 0.0);
         scene.put(16, -1.6, 0.028);
@@ -480,16 +498,16 @@ mod tests {
             "it counts as a red"
         );
         assert_eq!(
-            scene.referee.on(&scene.lie).len(),
+            scene.referee.legal_targets(&scene.positions).len(),
             6,
             "and a colour is next"
         );
 
         let (mut scene, _) = hidden();
-        let lie = scene.lie.clone();
+        let positions = scene.positions.clone();
         scene
             .referee
-            .choose(&scene.ground, &lie, Choice::Return)
+            .choose(&scene.layout, &positions, Choice::Return)
             .unwrap();
         let verdict = scene.play(&[hit(16), rail(0)], nominate(16));
         assert!(verdict.is_foul(), "the one who fouled has no free ball");

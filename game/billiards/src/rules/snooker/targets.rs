@@ -1,11 +1,11 @@
 //! What is on in snooker, what a stroke has to hit, and what it is worth.
 
 use super::Snooker;
-use crate::rules::{call::Call, layout::Lie, referee::Shot, ruleset::RuleSet};
+use crate::rules::{call::Call, layout::BallPositions, referee::JudgedShot, ruleset::RuleSet};
 
 /// What is on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum On {
+pub(super) enum TargetSet {
     Red,
     /// Any colour, the player's to nominate.
     Colour,
@@ -13,7 +13,7 @@ pub(super) enum On {
     Last(u8),
 }
 
-impl On {
+impl TargetSet {
     fn includes(self, ball: u8) -> bool {
         match self {
             Self::Red => is_red(ball),
@@ -32,32 +32,38 @@ impl On {
 }
 
 impl Snooker {
-    pub(super) fn ball_on(self, lie: &Lie) -> On {
-        let lies = |wanted: fn(u8) -> bool| lie.iter().map(|p| p.ball).filter(|&b| wanted(b)).min();
+    pub(super) fn ball_on(self, positions: &BallPositions) -> TargetSet {
+        let lies = |wanted: fn(u8) -> bool| {
+            positions
+                .iter()
+                .map(|p| p.ball)
+                .filter(|&b| wanted(b))
+                .min()
+        };
         if self.on_colour {
-            return On::Colour;
+            return TargetSet::Colour;
         }
         match lies(is_red) {
-            Some(_) => On::Red,
-            None => On::Last(lies(is_colour).unwrap_or(BLACK)),
+            Some(_) => TargetSet::Red,
+            None => TargetSet::Last(lies(is_colour).unwrap_or(BLACK)),
         }
     }
 
     /// The balls that may be hit first.
-    pub(crate) fn on(self, lie: &Lie) -> Vec<u8> {
-        let on = self.ball_on(lie);
-        let balls = lie.iter().map(|p| p.ball).filter(|&ball| ball != 0);
+    pub(crate) fn legal_targets(self, positions: &BallPositions) -> Vec<u8> {
+        let on = self.ball_on(positions);
+        let balls = positions.iter().map(|p| p.ball).filter(|&ball| ball != 0);
         balls
             .filter(|&ball| self.free_ball || on.includes(ball))
             .collect()
     }
 
     /// What is on, in words.
-    pub(crate) fn on_words(self, lie: &Lie) -> String {
-        let on = match self.ball_on(lie) {
-            On::Red => "a red".to_owned(),
-            On::Colour => "a colour".to_owned(),
-            On::Last(colour) => RuleSet::Snooker.ball_name(colour),
+    pub(crate) fn legal_targets_text(self, positions: &BallPositions) -> String {
+        let on = match self.ball_on(positions) {
+            TargetSet::Red => "a red".to_owned(),
+            TargetSet::Colour => "a colour".to_owned(),
+            TargetSet::Last(colour) => RuleSet::Snooker.ball_name(colour),
         };
         if self.free_ball {
             format!("{on}, with a free ball")
@@ -69,23 +75,23 @@ impl Snooker {
 
 /// What a stroke has to hit, and what it is worth.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Aim {
-    pub(super) on: On,
+pub(super) struct ShotTarget {
+    pub(super) on: TargetSet,
     /// The colour that was nominated, or taken as nominated because it was hit; the free ball.
     pub(super) nominated: Option<u8>,
     pub(super) is_free: bool,
 }
 
-impl Aim {
+impl ShotTarget {
     /// What is not nominated in words is taken from what is hit: the call never blocks the cue.
-    pub(super) fn of(snooker: Snooker, shot: &Shot<'_>) -> Self {
+    pub(super) fn of(snooker: Snooker, shot: &JudgedShot<'_>) -> Self {
         let on = snooker.ball_on(&shot.report.before);
         let said = match shot.call {
             Some(Call::Pot { ball, .. }) => Some(ball),
             _ => shot.report.first_hit(),
         };
         let is_free = snooker.free_ball && said.is_some_and(|ball| !on.includes(ball));
-        let nominated = said.filter(|&ball| is_free || on == On::Colour && is_colour(ball));
+        let nominated = said.filter(|&ball| is_free || on == TargetSet::Colour && is_colour(ball));
         Self {
             on,
             nominated,
@@ -95,7 +101,7 @@ impl Aim {
 
     pub(super) fn allows(self, ball: u8) -> bool {
         match self.nominated {
-            Some(nominated) if self.on == On::Colour || self.is_free => ball == nominated,
+            Some(nominated) if self.on == TargetSet::Colour || self.is_free => ball == nominated,
             _ => self.on.includes(ball),
         }
     }
@@ -113,8 +119,8 @@ impl Aim {
     pub(super) fn score(self, potted: &[u8]) -> i32 {
         let points = || potted.iter().filter_map(|&ball| self.points(ball));
         match self.on {
-            On::Last(_) => points().max().unwrap_or(0),
-            On::Red | On::Colour => points().sum(),
+            TargetSet::Last(_) => points().max().unwrap_or(0),
+            TargetSet::Red | TargetSet::Colour => points().sum(),
         }
     }
 
@@ -126,12 +132,14 @@ impl Aim {
         }
     }
 
-    pub(super) fn words(self) -> String {
+    pub(super) fn display_text(self) -> String {
         match (self.on, self.nominated) {
-            (On::Colour | On::Red | On::Last(_), Some(ball)) => RuleSet::Snooker.ball_name(ball),
-            (On::Last(ball), None) => RuleSet::Snooker.ball_name(ball),
-            (On::Red, None) => "a red".to_owned(),
-            (On::Colour, None) => "a colour".to_owned(),
+            (TargetSet::Colour | TargetSet::Red | TargetSet::Last(_), Some(ball)) => {
+                RuleSet::Snooker.ball_name(ball)
+            }
+            (TargetSet::Last(ball), None) => RuleSet::Snooker.ball_name(ball),
+            (TargetSet::Red, None) => "a red".to_owned(),
+            (TargetSet::Colour, None) => "a colour".to_owned(),
         }
     }
 }
