@@ -17,10 +17,10 @@ pub use self::data::{
     PATTERN_PLANKS, PATTERN_WOOD, RectangleData, SphereData,
 };
 use self::material::material_data;
+use crate::bvh::{Bounds, Bvh};
 use crate::scene::{
     AreaLight, Camera, CsgSolid, ObjectPose, Scene, SceneUpdate, Shape, Subtraction,
 };
-use crate::tree::{Bounds, Tree};
 use crate::{Error, ImageSize};
 
 /// A validated scene, ready to trace. Primitives are sorted by shape; within a shape they keep
@@ -35,7 +35,7 @@ pub struct CompiledScene {
     pub spheres: Vec<SphereData>,
     /// Axis-aligned boxes.
     pub boxes: Vec<BoxData>,
-    /// Round plates.
+    /// Round discs.
     pub discs: Vec<DiscData>,
     /// Rectangles.
     pub rectangles: Vec<RectangleData>,
@@ -49,25 +49,25 @@ pub struct CompiledScene {
     pub materials: Vec<MaterialData>,
     /// Per object of the scene: its shape's array and its place in it.
     pub primitives: Vec<Primitive>,
-    /// When rays find primitives by a tree.
-    pub hierarchy: Hierarchy,
+    /// When rays find primitives by a BVH.
+    pub bvh_use: BvhUse,
     /// Of each shape as it is now, once somebody has asked for it.
-    trees: [OnceLock<Option<Tree>>; ShapeKind::ALL.len()],
+    bvhs: [OnceLock<Option<Bvh>>; ShapeKind::ALL.len()],
     /// The spheres as the scene has them: what an update starts from.
     spheres_at_rest: Vec<SphereData>,
     camera_at_rest: Camera,
 }
 
-/// When rays find primitives of a shape by a [`Tree`] instead of meeting each of them: pictures are the same
+/// When rays find primitives of a shape by a [`Bvh`] instead of meeting each of them: pictures are the same
 /// but where a ray that grazes a flat shape is rounded to its edge.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Hierarchy {
+pub enum BvhUse {
     /// Where that is faster: each back end knows from how many on.
     #[default]
     WhereFaster,
     /// Never.
     Never,
-    /// Whenever there is a tree.
+    /// Whenever there is a BVH.
     Always,
 }
 
@@ -133,8 +133,8 @@ impl CompiledScene {
             area_lights: area_lights(&scene.area_lights),
             materials: scene.materials.values().map(material_data).collect(),
             primitives: Vec::with_capacity(scene.objects.len()),
-            hierarchy: Hierarchy::default(),
-            trees: Default::default(),
+            bvh_use: BvhUse::default(),
+            bvhs: Default::default(),
             spheres_at_rest: Vec::new(),
             camera_at_rest: scene.camera,
         };
@@ -266,7 +266,7 @@ impl CompiledScene {
 
     fn reset(&mut self) {
         self.spheres.clone_from(&self.spheres_at_rest);
-        self.trees[ShapeKind::Sphere as usize] = OnceLock::new();
+        self.bvhs[ShapeKind::Sphere as usize] = OnceLock::new();
         self.camera = self.camera_at_rest;
     }
 
@@ -334,27 +334,27 @@ impl CompiledScene {
         }
     }
 
-    /// The tree by which a back end finds the primitives of a shape that is faster so from `least` of them
+    /// The BVH by which a back end finds the primitives of a shape that is faster so from `least` of them
     /// on; made when first asked for, that of balls again after [`CompiledScene::apply`]. None where rays
     /// are to meet each of them, and for the faces of CSG boxes, which are few
     /// ([`crate::scene::validate::SUBTRACTIONS_TOTAL_MAX`]).
-    pub fn tree(&self, shape: ShapeKind, least: usize) -> Option<&Tree> {
-        let is_wanted = match self.hierarchy {
-            Hierarchy::WhereFaster => self.count(shape) >= least,
-            Hierarchy::Never => false,
-            Hierarchy::Always => true,
+    pub fn bvh(&self, shape: ShapeKind, least: usize) -> Option<&Bvh> {
+        let is_wanted = match self.bvh_use {
+            BvhUse::WhereFaster => self.count(shape) >= least,
+            BvhUse::Never => false,
+            BvhUse::Always => true,
         };
-        let tree = || self.trees[shape as usize].get_or_init(|| self.grow(shape));
-        is_wanted.then(tree)?.as_ref()
+        let bvh = || self.bvhs[shape as usize].get_or_init(|| self.build_bvh(shape));
+        is_wanted.then(bvh)?.as_ref()
     }
 
-    /// The tree of a shape's primitives, made anew; none if they are no more than a leaf.
-    pub fn grow(&self, shape: ShapeKind) -> Option<Tree> {
+    /// The BVH of a shape's primitives, made anew; none if they are no more than a leaf.
+    pub fn build_bvh(&self, shape: ShapeKind) -> Option<Bvh> {
         match shape {
-            ShapeKind::Sphere => Tree::new(self.spheres.iter().map(Bounds::from)),
-            ShapeKind::Box => Tree::new(self.boxes.iter().map(Bounds::from)),
-            ShapeKind::Disc => Tree::new(self.discs.iter().map(Bounds::from)),
-            ShapeKind::Rectangle => Tree::new(self.rectangles.iter().map(Bounds::from)),
+            ShapeKind::Sphere => Bvh::new(self.spheres.iter().map(Bounds::from)),
+            ShapeKind::Box => Bvh::new(self.boxes.iter().map(Bounds::from)),
+            ShapeKind::Disc => Bvh::new(self.discs.iter().map(Bounds::from)),
+            ShapeKind::Rectangle => Bvh::new(self.rectangles.iter().map(Bounds::from)),
             ShapeKind::CsgFace => None,
         }
     }

@@ -9,6 +9,7 @@
 //! The crate knows no network, no window and no clock.
 
 pub mod aov;
+pub mod bvh;
 pub mod compiled;
 pub mod cpu;
 pub mod error;
@@ -28,7 +29,6 @@ pub mod texture;
 pub mod tile;
 pub mod tonemap;
 pub mod tracer;
-pub mod tree;
 
 pub use aov::{Aovs, TileAovs};
 pub use compiled::CompiledScene;

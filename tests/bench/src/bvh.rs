@@ -1,11 +1,11 @@
-//! `carom-bench bvh`: from how many primitives on a tree is faster than each by itself.
+//! `carom-bench bvh`: from how many primitives on a BVH is faster than each by itself.
 
 use std::collections::BTreeMap;
 use std::hint::black_box;
 use std::time::Instant;
 
 use anyhow::Context;
-use carom_tracer::compiled::{Hierarchy, ShapeKind};
+use carom_tracer::compiled::{BvhUse, ShapeKind};
 use carom_tracer::{
     AreaLight, Camera, CompiledScene, Environment, ImageSize, Material, Object, Scene, SceneUpdate,
     Shape, Tracer, sampling,
@@ -17,12 +17,12 @@ use serde::Serialize;
 use crate::{Failure, timing};
 use carom_farm::backend::{self, Backend, Opened};
 
-/// From how many primitives of a shape on a tree is faster than each by itself.
+/// From how many primitives of a shape on a BVH is faster than each by itself.
 ///
-/// Clouds of 8 to 100,000 of them that fill the same room are traced with and without the tree. That of
+/// Clouds of 8 to 100,000 of them that fill the same room are traced with and without the BVH. That of
 /// balls is built anew for each picture as it is when they move; others are built once. Printed are the
 /// time of a picture, CPU time of this process on a processor, the device's own and that of building
-/// the tree on a GPU that tells it, and the crossing: the fewest from which on the tree was faster.
+/// the BVH on a GPU that tells it, and the crossing: the fewest from which on the BVH was faster.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Print JSON.
@@ -84,7 +84,7 @@ struct Report {
     backends: Vec<Swept>,
 }
 
-/// Of a tree, on all threads.
+/// Of a BVH, on all threads.
 #[derive(Serialize)]
 struct Build {
     shape: Many,
@@ -97,7 +97,7 @@ struct Build {
 struct Swept {
     backend: &'static str,
     shape: Many,
-    /// The fewest from which on the tree was faster.
+    /// The fewest from which on the BVH was faster.
     crossing: Option<u32>,
     rows: Vec<Row>,
 }
@@ -106,7 +106,7 @@ struct Swept {
 struct Row {
     count: u32,
     each_milliseconds: f64,
-    tree_milliseconds: f64,
+    bvh_milliseconds: f64,
 }
 
 /// Scenes with more and more of a shape.
@@ -192,28 +192,28 @@ fn compare(
     args: &Args,
 ) -> Result<Row, carom_tracer::Error> {
     backend::wake(tracer, || {
-        picture(tracer, scene, Hierarchy::Always, args).map(|_| ())
+        picture(tracer, scene, BvhUse::Always, args).map(|_| ())
     })?;
     let mut least = [f64::INFINITY; 2];
     // The first turn compiles kernels and fills caches.
     for turn in 0..=args.repetitions {
-        for (hierarchy, least) in [Hierarchy::Never, Hierarchy::Always].iter().zip(&mut least) {
-            let milliseconds = picture(tracer, scene, *hierarchy, args)?;
+        for (bvh_use, least) in [BvhUse::Never, BvhUse::Always].iter().zip(&mut least) {
+            let milliseconds = picture(tracer, scene, *bvh_use, args)?;
             if turn > 0 {
                 *least = least.min(milliseconds);
             }
         }
     }
-    let [each_milliseconds, tree_milliseconds] = least;
+    let [each_milliseconds, bvh_milliseconds] = least;
     Ok(Row {
         count,
         each_milliseconds,
-        tree_milliseconds,
+        bvh_milliseconds,
     })
 }
 
 fn crossing(rows: &[Row]) -> Option<u32> {
-    let is_faster = |row: &&Row| row.tree_milliseconds < row.each_milliseconds;
+    let is_faster = |row: &&Row| row.bvh_milliseconds < row.each_milliseconds;
     let faster = rows.iter().rev().take_while(is_faster);
     faster.last().map(|row| row.count)
 }
@@ -222,14 +222,14 @@ fn crossing(rows: &[Row]) -> Option<u32> {
 fn picture(
     tracer: &dyn Tracer,
     scene: &mut CompiledScene,
-    hierarchy: Hierarchy,
+    bvh_use: BvhUse,
     args: &Args,
 ) -> Result<f64, carom_tracer::Error> {
-    scene.hierarchy = hierarchy;
+    scene.bvh_use = bvh_use;
     scene.apply(&SceneUpdate::default())?;
     let begun = ProcessTime::now();
     for shape in ShapeKind::ALL {
-        scene.tree(shape, usize::MAX);
+        scene.bvh(shape, usize::MAX);
     }
     let built = begun.elapsed().as_secs_f64() * 1e3;
     Ok(built + timing::milliseconds(tracer, scene, args.size, args.spp)?)
@@ -244,7 +244,7 @@ fn time_build(shape: Many, count: u32, scene: &CompiledScene, args: &Args) -> Bu
     };
     for _ in 0..=args.repetitions {
         let (wall, core) = (Instant::now(), ProcessTime::now());
-        black_box(scene.grow(shape.kind()));
+        black_box(scene.build_bvh(shape.kind()));
         let (wall, core) = (wall.elapsed(), core.elapsed());
         least.milliseconds = least.milliseconds.min(wall.as_secs_f64() * 1e3);
         least.cpu_milliseconds = least.cpu_milliseconds.min(core.as_secs_f64() * 1e3);
@@ -258,23 +258,23 @@ fn print(report: &Report) {
         println!("{}, milliseconds a picture", swept.backend);
         println!(
             "{name:>10} {:>10} {:>10} {:>12}",
-            "each", "tree", "each / tree"
+            "each", "BVH", "each / BVH"
         );
         for row in &swept.rows {
             println!(
                 "{:>10} {:>10.2} {:>10.2} {:>12.3}",
                 row.count,
                 row.each_milliseconds,
-                row.tree_milliseconds,
-                row.each_milliseconds / row.tree_milliseconds
+                row.bvh_milliseconds,
+                row.each_milliseconds / row.bvh_milliseconds
             );
         }
         match swept.crossing {
-            Some(count) => println!("the tree is faster from {count} {name} on"),
-            None => println!("the tree is not faster"),
+            Some(count) => println!("the BVH is faster from {count} {name} on"),
+            None => println!("the BVH is not faster"),
         }
     }
-    println!("building the tree: of how many, milliseconds of CPU time, and on all threads");
+    println!("building the BVH: of how many, milliseconds of CPU time, and on all threads");
     for build in &report.build {
         let Build {
             shape,
@@ -381,11 +381,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_crossing_is_where_the_tree_begins_to_stay_faster() {
-        let row = |(count, tree_milliseconds): (u32, f64)| Row {
+    fn crossing_is_where_the_bvh_begins_to_stay_faster() {
+        let row = |(count, bvh_milliseconds): (u32, f64)| Row {
             count,
             each_milliseconds: 2.0,
-            tree_milliseconds,
+            bvh_milliseconds,
         };
         let crossing = |rows: &[(u32, f64)]| {
             let rows: Vec<Row> = rows.iter().copied().map(row).collect();
@@ -405,7 +405,7 @@ mod tests {
             for count in [COUNTS[0], COUNTS[COUNTS.len() - 1]] {
                 let scene = CompiledScene::new(&cloud(*shape, count)).unwrap();
                 assert_eq!(scene.primitives.len(), count as usize + 1, "{shape:?}");
-                let leaves = scene.grow(shape.kind()).unwrap().nodes.len() + 1;
+                let leaves = scene.build_bvh(shape.kind()).unwrap().nodes.len() + 1;
                 assert!(leaves >= count as usize / 4, "{shape:?}");
             }
         }

@@ -80,7 +80,7 @@ pub struct CsgFaceData {
     pub material: u32,
 }
 
-/// A round plate.
+/// A round disc.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct DiscData {

@@ -1,16 +1,16 @@
 //! Rays against every primitive: nearest hit and occlusion, a packet of lanes at a time.
 //!
 //! A pool table needs no hierarchy: each primitive is broadcast to all lanes. Many of a shape are found
-//! by a tree ([`super::forest`]).
+//! by a BVH ([`super::bvh16`]).
 
 use std::marker::PhantomData;
 
 use fearless_simd::prelude::*;
 
+use super::bvh16::Bvh16;
 use super::csg::CsgBox;
-use super::forest::Forest;
 use super::lanes::{Float, Mask, Vec3x, Word};
-use super::shapes::{Ball, Meeting, Panel, Plate, Shape, Slabs, Solids};
+use super::shapes::{AlignedBox, Disc, HitMask, Primitives, Rectangle, Shape, Sphere};
 use crate::compiled::{CompiledScene, KIND_DIELECTRIC, ShapeKind};
 
 /// The id of no primitive.
@@ -25,12 +25,12 @@ const DIRECTION_MIN: f32 = 1e-30;
 /// Everything a ray can meet. Ids number spheres, boxes, discs, rectangles, faces of CSG boxes and
 /// area lights in this order, as [`super::surface::Surfaces`] lists them.
 pub(super) struct Geometry {
-    spheres: Many<Ball, 6>,
-    boxes: Many<Slabs, 6>,
-    discs: Many<Plate, 7>,
-    rectangles: Many<Panel, 12>,
+    spheres: PrimitiveSet<Sphere, 6>,
+    boxes: PrimitiveSet<AlignedBox, 6>,
+    discs: PrimitiveSet<Disc, 7>,
+    rectangles: PrimitiveSet<Rectangle, 12>,
     csg_boxes: Vec<CsgBox>,
-    area_lights: Many<Panel, 12>,
+    area_lights: PrimitiveSet<Rectangle, 12>,
     /// The id of the first area light; a hit of this id or above ends its path.
     pub(super) area_lights_first: u32,
     /// Some spheres or boxes are clear, so that rays go on inside.
@@ -38,14 +38,14 @@ pub(super) struct Geometry {
 }
 
 /// The primitives of a shape.
-struct Many<F, const N: usize> {
-    /// Empty if they are in the forest.
-    each: Vec<One<F, N>>,
-    forest: Option<Forest<F, N>>,
+struct PrimitiveSet<F, const N: usize> {
+    /// Empty if they are in the BVH.
+    each: Vec<PackedPrimitive<F, N>>,
+    bvh: Option<Bvh16<F, N>>,
 }
 
 /// A primitive.
-pub(super) struct One<F, const N: usize> {
+pub(super) struct PackedPrimitive<F, const N: usize> {
     pub(super) numbers: [f32; N],
     pub(super) id: u32,
     pub(super) is_clear: bool,
@@ -111,25 +111,27 @@ impl Geometry {
         let is_clear = |material: u32| scene.materials[material as usize].kind == KIND_DIELECTRIC;
         let mut first = 0;
         let spheres = scene.spheres.iter().zip(first..).map(|(sphere, id)| {
-            let numbers = Ball::numbers(sphere, reach)?;
-            Some(One::new(numbers, id, is_clear(sphere.material)))
+            let numbers = Sphere::numbers(sphere, reach)?;
+            Some(PackedPrimitive::new(numbers, id, is_clear(sphere.material)))
         });
-        let spheres = Many::new(scene, ShapeKind::Sphere, spheres.collect(), reach);
+        let spheres = PrimitiveSet::new(scene, ShapeKind::Sphere, spheres.collect(), reach);
         first += scene.spheres.len() as u32;
         let boxes = scene.boxes.iter().zip(first..).map(|(data, id)| {
-            let numbers = Slabs::numbers(data);
-            Some(One::new(numbers, id, is_clear(data.material)))
+            let numbers = AlignedBox::numbers(data);
+            Some(PackedPrimitive::new(numbers, id, is_clear(data.material)))
         });
-        let boxes = Many::new(scene, ShapeKind::Box, boxes.collect(), reach);
+        let boxes = PrimitiveSet::new(scene, ShapeKind::Box, boxes.collect(), reach);
         first += scene.boxes.len() as u32;
         let discs = scene.discs.iter().zip(first..);
-        let discs = discs.map(|(disc, id)| Some(One::new(Plate::numbers(disc), id, false)));
-        let discs = Many::new(scene, ShapeKind::Disc, discs.collect(), reach);
+        let discs =
+            discs.map(|(disc, id)| Some(PackedPrimitive::new(Disc::numbers(disc), id, false)));
+        let discs = PrimitiveSet::new(scene, ShapeKind::Disc, discs.collect(), reach);
         first += scene.discs.len() as u32;
         let rectangles = scene.rectangles.iter().zip(first..);
+        let rectangles = rectangles
+            .map(|(data, id)| Some(PackedPrimitive::new(Rectangle::numbers(data), id, false)));
         let rectangles =
-            rectangles.map(|(data, id)| Some(One::new(Panel::numbers(data), id, false)));
-        let rectangles = Many::new(scene, ShapeKind::Rectangle, rectangles.collect(), reach);
+            PrimitiveSet::new(scene, ShapeKind::Rectangle, rectangles.collect(), reach);
         // As many ids as there are faces.
         let csg_faces_first = first + scene.rectangles.len() as u32;
         let area_lights_first = csg_faces_first + scene.csg_faces.len() as u32;
@@ -138,11 +140,12 @@ impl Geometry {
             .map(|c| CsgBox::new(c, &scene.csg_faces, csg_faces_first))
             .collect();
         let area_lights = scene.area_lights.iter().zip(area_lights_first..);
-        let area_lights =
-            area_lights.map(|(light, id)| One::new(Panel::area_light_numbers(light), id, false));
-        let area_lights = Many {
+        let area_lights = area_lights.map(|(light, id)| {
+            PackedPrimitive::new(Rectangle::area_light_numbers(light), id, false)
+        });
+        let area_lights = PrimitiveSet {
             each: area_lights.collect(),
-            forest: None,
+            bvh: None,
         };
         let has_clear = has_clear(scene);
         Self {
@@ -208,7 +211,7 @@ impl Geometry {
             }
         }
         for light in &self.area_lights.each {
-            if let Some((hit, _)) = Panel::meet(rays, &light.solids(simd), distance) {
+            if let Some((hit, _)) = Rectangle::intersect(rays, &light.splat(simd), distance) {
                 dark |= hit & target.simd_ne(light.id);
             }
         }
@@ -216,51 +219,54 @@ impl Geometry {
     }
 }
 
-impl<F: Shape<N>, const N: usize> Many<F, N> {
+impl<F: Shape<N>, const N: usize> PrimitiveSet<F, N> {
     /// `each` is by index; what is hidden is none. `reach` is that of the scene.
     fn new(
         scene: &CompiledScene,
         shape: ShapeKind,
-        each: Vec<Option<One<F, N>>>,
+        each: Vec<Option<PackedPrimitive<F, N>>>,
         reach: f32,
     ) -> Self {
-        match scene.tree(shape, F::TREE_MIN) {
-            Some(tree) => Self {
-                forest: Some(Forest::new(tree, &each, reach)),
+        match scene.bvh(shape, F::BVH_MIN) {
+            Some(bvh) => Self {
+                bvh: Some(Bvh16::new(bvh, &each, reach)),
                 each: Vec::new(),
             },
             None => Self {
                 each: each.into_iter().flatten().collect(),
-                forest: None,
+                bvh: None,
             },
         }
     }
 
     #[inline(always)]
     fn nearest<S: Simd>(&self, simd: S, rays: &Rays<S>, nearest: &mut Nearest<S>) {
-        if let Some(forest) = &self.forest {
-            forest.nearest(simd, rays, nearest);
+        if let Some(bvh) = &self.bvh {
+            bvh.nearest(simd, rays, nearest);
         }
         for one in &self.each {
-            nearest.take(F::meet(rays, &one.solids(simd), nearest.distance), one.id);
+            nearest.take(
+                F::intersect(rays, &one.splat(simd), nearest.distance),
+                one.id,
+            );
         }
     }
 
     /// Adds where one of them lies before `distance` to `dark`.
     #[inline(always)]
     fn occlude<S: Simd>(&self, simd: S, rays: &Rays<S>, distance: Float<S>, dark: &mut Mask<S>) {
-        if let Some(forest) = &self.forest {
-            forest.occlude(simd, rays, distance, dark);
+        if let Some(bvh) = &self.bvh {
+            bvh.occlude(simd, rays, distance, dark);
         }
         for one in &self.each {
-            if let Some((hit, _)) = F::meet(rays, &one.solids(simd), distance) {
+            if let Some((hit, _)) = F::intersect(rays, &one.splat(simd), distance) {
                 *dark |= hit;
             }
         }
     }
 }
 
-impl<F, const N: usize> One<F, N> {
+impl<F, const N: usize> PackedPrimitive<F, N> {
     fn new(numbers: [f32; N], id: u32, is_clear: bool) -> Self {
         Self {
             numbers,
@@ -272,12 +278,12 @@ impl<F, const N: usize> One<F, N> {
 
     /// The same in all lanes.
     #[inline(always)]
-    fn solids<S: Simd>(&self, simd: S) -> Solids<S, N> {
+    fn splat<S: Simd>(&self, simd: S) -> Primitives<S, N> {
         let mut numbers = [Float::splat(simd, 0.0); N];
         for (lanes, number) in numbers.iter_mut().zip(self.numbers) {
             *lanes = Float::splat(simd, number);
         }
-        Solids {
+        Primitives {
             numbers,
             id: Word::splat(simd, self.id),
             has_clear: self.is_clear,
@@ -301,8 +307,8 @@ impl<S: Simd> Nearest<S> {
     }
 
     #[inline(always)]
-    fn take(&mut self, meeting: Meeting<S>, id: u32) {
-        if let Some((hit, t)) = meeting {
+    fn take(&mut self, hits: HitMask<S>, id: u32) {
+        if let Some((hit, t)) = hits {
             self.distance = hit.select(t, self.distance);
             self.id = hit.select(Word::splat(t.token(), id), self.id);
         }
@@ -353,7 +359,11 @@ mod tests {
     type Six = [[f32; LANES]; 6];
 
     #[inline(always)]
-    fn meet<S: Simd>(simd: S, geometry: &Geometry, six: &Six) -> ([f32; LANES], [u32; LANES]) {
+    fn nearest_hits<S: Simd>(
+        simd: S,
+        geometry: &Geometry,
+        six: &Six,
+    ) -> ([f32; LANES], [u32; LANES]) {
         let [ox, oy, oz, dx, dy, dz] = six.map(|column| Float::load_array(simd, column));
         let (origin, direction) = (Vec3x::new(ox, oy, oz), Vec3x::new(dx, dy, dz));
         let rays = Rays::new(simd, origin, direction, Word::splat(simd, NONE));
@@ -426,7 +436,7 @@ mod tests {
                     six[axis + 3][lane] = direction[axis];
                 }
             }
-            let (t, id) = dispatch!(level, simd => meet(simd, &geometry, &six));
+            let (t, id) = dispatch!(level, simd => nearest_hits(simd, &geometry, &six));
             for (lane, (origin, direction)) in packet.iter().enumerate() {
                 let (origin, direction) = (origin.as_dvec3(), direction.as_dvec3());
                 let length = direction.length();
@@ -535,7 +545,7 @@ mod tests {
                 six[1] = std::array::from_fn(|lane| {
                     f32::from_bits(RADIUS.to_bits() + (first + lane) as u32 - 64)
                 });
-                let (t, id) = dispatch!(level, simd => meet(simd, &geometry, &six));
+                let (t, id) = dispatch!(level, simd => nearest_hits(simd, &geometry, &six));
                 for lane in 0..LANES {
                     let ulps = first + lane;
                     let is_right = (id[lane] == 0) == (ulps < 64);
@@ -560,7 +570,7 @@ mod tests {
                 for (column, value) in six.iter_mut().zip([-3.0, y, z, 1.0, zero, zero]) {
                     *column = [value; LANES];
                 }
-                let (t, id) = dispatch!(Level::new(), simd => meet(simd, &geometry, &six));
+                let (t, id) = dispatch!(Level::new(), simd => nearest_hits(simd, &geometry, &six));
                 assert_eq!(id, [0; LANES], "y = {y}, z = {z}");
                 assert!((t[0] - 2.0).abs() < 1e-6, "y = {y}, z = {z}: {t:?}");
             }

@@ -10,15 +10,19 @@ use crate::compiled::{AreaLightData, BoxData, DiscData, RectangleData, SphereDat
 
 /// A shape whose primitives are `N` numbers.
 pub(super) trait Shape<const N: usize> {
-    /// From so many on, rays find them faster by a tree: `carom-bench bvh --backend cpu`.
-    const TREE_MIN: usize;
+    /// From so many on, rays find them faster by a BVH: `carom-bench bvh --backend cpu`.
+    const BVH_MIN: usize;
 
-    /// Where rays meet `solids` before `limit`, and how far away; none if no lane may.
-    fn meet<S: Simd>(rays: &Rays<S>, solids: &Solids<S, N>, limit: Float<S>) -> Meeting<S>;
+    /// Where rays meet `primitives` before `limit`, and how far away; none if no lane may.
+    fn intersect<S: Simd>(
+        rays: &Rays<S>,
+        primitives: &Primitives<S, N>,
+        limit: Float<S>,
+    ) -> HitMask<S>;
 }
 
 /// A primitive per lane. One whose numbers are NaN is not met.
-pub(super) struct Solids<S: Simd, const N: usize> {
+pub(super) struct Primitives<S: Simd, const N: usize> {
     pub(super) numbers: [Float<S>; N],
     pub(super) id: Word<S>,
     /// Some are clear: rays that are inside of one meet its far side.
@@ -26,9 +30,9 @@ pub(super) struct Solids<S: Simd, const N: usize> {
 }
 
 /// Where the lanes that meet a primitive do.
-pub(super) type Meeting<S> = Option<(Mask<S>, Float<S>)>;
+pub(super) type HitMask<S> = Option<(Mask<S>, Float<S>)>;
 
-impl<S: Simd, const N: usize> Solids<S, N> {
+impl<S: Simd, const N: usize> Primitives<S, N> {
     /// Three of the numbers.
     #[inline(always)]
     fn vector(&self, first: usize) -> Vec3x<S> {
@@ -46,9 +50,9 @@ fn reject_radius(radius: f32, reach: f32) -> f32 {
 }
 
 /// A sphere: centre, radius, and the radius of the quick test with its square.
-pub(super) struct Ball;
+pub(super) struct Sphere;
 
-impl Ball {
+impl Sphere {
     /// None if it is hidden. `reach` is an upper bound of the distance from any ray's origin.
     pub(super) fn numbers(sphere: &SphereData, reach: f32) -> Option<[f32; 6]> {
         let [x, y, z] = sphere.center;
@@ -58,14 +62,18 @@ impl Ball {
     }
 }
 
-impl Shape<6> for Ball {
+impl Shape<6> for Sphere {
     /// With AVX-512 faster by 1.4 for 512 and 2.2 for 1024; slower by 2 % for 256.
-    const TREE_MIN: usize = 320;
+    const BVH_MIN: usize = 320;
 
     #[inline(always)]
-    fn meet<S: Simd>(rays: &Rays<S>, solids: &Solids<S, 6>, limit: Float<S>) -> Meeting<S> {
-        let center = solids.vector(0);
-        let [.., radius, reject, reject_squared] = solids.numbers;
+    fn intersect<S: Simd>(
+        rays: &Rays<S>,
+        primitives: &Primitives<S, 6>,
+        limit: Float<S>,
+    ) -> HitMask<S> {
+        let center = primitives.vector(0);
+        let [.., radius, reject, reject_squared] = primitives.numbers;
         let from_center = rays.origin - center;
         let closest = -from_center.dot(rays.direction);
         let miss_squared = rays
@@ -79,12 +87,12 @@ impl Shape<6> for Ball {
         let chord = Chord::new(rays.origin, rays.direction, center, radius);
         let mut t = chord.first();
         let mut hit = chord.real & t.simd_gt(0.0);
-        if solids.has_clear {
-            let within = rays.skip.simd_eq(solids.id | INSIDE);
+        if primitives.has_clear {
+            let within = rays.skip.simd_eq(primitives.id | INSIDE);
             t = within.select(chord.far.max(0.0), t);
             hit |= within;
         }
-        let hit = hit & t.simd_lt(limit) & rays.skip.simd_ne(solids.id);
+        let hit = hit & t.simd_lt(limit) & rays.skip.simd_ne(primitives.id);
         Some((hit, t))
     }
 }
@@ -160,9 +168,9 @@ fn two_diff<S: Simd>(a: Float<S>, b: Float<S>) -> (Float<S>, Float<S>) {
 }
 
 /// An axis-aligned box as three slabs: centre and half extents.
-pub(super) struct Slabs;
+pub(super) struct AlignedBox;
 
-impl Slabs {
+impl AlignedBox {
     pub(super) fn numbers(data: &BoxData) -> [f32; 6] {
         let center: [f32; 3] = std::array::from_fn(|i| 0.5 * (data.min[i] + data.max[i]));
         // Rounded up, so that rays within a face and through an edge hit.
@@ -174,22 +182,26 @@ impl Slabs {
     }
 }
 
-impl Shape<6> for Slabs {
+impl Shape<6> for AlignedBox {
     /// Equal there; faster by 1.4 for 512 and 2.3 for 1024.
-    const TREE_MIN: usize = 256;
+    const BVH_MIN: usize = 256;
 
     #[inline(always)]
-    fn meet<S: Simd>(rays: &Rays<S>, solids: &Solids<S, 6>, limit: Float<S>) -> Meeting<S> {
-        let to_center = solids.vector(0) - rays.origin;
+    fn intersect<S: Simd>(
+        rays: &Rays<S>,
+        primitives: &Primitives<S, 6>,
+        limit: Float<S>,
+    ) -> HitMask<S> {
+        let to_center = primitives.vector(0) - rays.origin;
         let middle = to_center.scale(rays.inverse);
-        let half = solids.vector(3);
+        let half = primitives.vector(3);
         let near = (-half).scale_add(rays.inverse_abs, middle);
         let far = half.scale_add(rays.inverse_abs, middle);
         let entry = near.x.max(near.y).max(near.z);
         let exit = far.x.min(far.y).min(far.z);
-        let hit = entry.max(0.0).simd_le(exit.min(limit)) & rays.skip.simd_ne(solids.id);
-        if solids.has_clear {
-            let within = rays.skip.simd_eq(solids.id | INSIDE);
+        let hit = entry.max(0.0).simd_le(exit.min(limit)) & rays.skip.simd_ne(primitives.id);
+        if primitives.has_clear {
+            let within = rays.skip.simd_eq(primitives.id | INSIDE);
             let t = entry.simd_gt(0.0).select(entry, exit);
             let t = within.select(exit.max(0.0), t);
             let ahead = hit & t.simd_gt(0.0);
@@ -204,33 +216,37 @@ impl Shape<6> for Slabs {
 }
 
 /// A disc: centre, normal and the square of the radius.
-pub(super) struct Plate;
+pub(super) struct Disc;
 
-impl Plate {
+impl Disc {
     pub(super) fn numbers(disc: &DiscData) -> [f32; 7] {
         let ([x, y, z], [nx, ny, nz]) = (disc.center, disc.normal);
         [x, y, z, nx, ny, nz, disc.radius * disc.radius]
     }
 }
 
-impl Shape<7> for Plate {
+impl Shape<7> for Disc {
     /// Equal there; faster by 1.4 for 192 and 3.4 for 1024.
-    const TREE_MIN: usize = 96;
+    const BVH_MIN: usize = 96;
 
     #[inline(always)]
-    fn meet<S: Simd>(rays: &Rays<S>, solids: &Solids<S, 7>, limit: Float<S>) -> Meeting<S> {
-        let crossing = Crossing::new(rays, solids.vector(0), solids.vector(3));
-        let bound = crossing.denominator * crossing.denominator * solids.numbers[6];
+    fn intersect<S: Simd>(
+        rays: &Rays<S>,
+        primitives: &Primitives<S, 7>,
+        limit: Float<S>,
+    ) -> HitMask<S> {
+        let crossing = Crossing::new(rays, primitives.vector(0), primitives.vector(3));
+        let bound = crossing.denominator * crossing.denominator * primitives.numbers[6];
         let inside = crossing.from_center.length_squared().simd_le(bound);
-        crossing.finish(rays, inside, limit, solids.id)
+        crossing.finish(rays, inside, limit, primitives.id)
     }
 }
 
 /// A rectangle, of an object or an area light: centre, normal, and half edges over their squared length, so that
 /// dot products with them are in [−1, 1] inside.
-pub(super) struct Panel;
+pub(super) struct Rectangle;
 
-impl Panel {
+impl Rectangle {
     pub(super) fn numbers(rectangle: &RectangleData) -> [f32; 12] {
         let u = rectangle.half_u.map(|c| c * rectangle.inv_u2);
         let v = rectangle.half_v.map(|c| c * rectangle.inv_v2);
@@ -244,18 +260,22 @@ impl Panel {
     }
 }
 
-impl Shape<12> for Panel {
+impl Shape<12> for Rectangle {
     /// Faster by 1.1 there, 1.6 for 192 and 4.0 for 1024.
-    const TREE_MIN: usize = 96;
+    const BVH_MIN: usize = 96;
 
     #[inline(always)]
-    fn meet<S: Simd>(rays: &Rays<S>, solids: &Solids<S, 12>, limit: Float<S>) -> Meeting<S> {
-        let crossing = Crossing::new(rays, solids.vector(0), solids.vector(3));
+    fn intersect<S: Simd>(
+        rays: &Rays<S>,
+        primitives: &Primitives<S, 12>,
+        limit: Float<S>,
+    ) -> HitMask<S> {
+        let crossing = Crossing::new(rays, primitives.vector(0), primitives.vector(3));
         let bound = crossing.denominator.abs();
-        let along_u = crossing.from_center.dot(solids.vector(6)).abs();
-        let along_v = crossing.from_center.dot(solids.vector(9)).abs();
+        let along_u = crossing.from_center.dot(primitives.vector(6)).abs();
+        let along_v = crossing.from_center.dot(primitives.vector(9)).abs();
         let inside = along_u.simd_le(bound) & along_v.simd_le(bound);
-        crossing.finish(rays, inside, limit, solids.id)
+        crossing.finish(rays, inside, limit, primitives.id)
     }
 }
 
@@ -288,7 +308,7 @@ impl<S: Simd> Crossing<S> {
     }
 
     #[inline(always)]
-    fn finish(self, rays: &Rays<S>, inside: Mask<S>, limit: Float<S>, id: Word<S>) -> Meeting<S> {
+    fn finish(self, rays: &Rays<S>, inside: Mask<S>, limit: Float<S>, id: Word<S>) -> HitMask<S> {
         let ahead = (self.numerator * self.denominator).simd_gt(0.0);
         let candidate = inside & ahead & rays.skip.simd_ne(id);
         if !candidate.any_true() {

@@ -1,11 +1,11 @@
 //! What a scene requires of the kernel: what it has none of is left out.
 
+use crate::bvh::Bvh;
 use crate::compiled::{
     CSG_FACE_CONE, CompiledScene, KIND_DIELECTRIC, KIND_LAYERED, MaterialData, PATTERN_NUMBER,
     PATTERN_PLANKS, PATTERN_WOOD, ShapeKind, SphereData,
 };
 use crate::gpu::{flatness, layout};
-use crate::tree::Tree;
 
 impl ShapeKind {
     /// The prefix or suffix of its functions in WGSL.
@@ -39,7 +39,7 @@ impl ShapeKind {
         }
     }
 
-    /// A leaf of its tree.
+    /// A leaf of its BVH.
     pub(crate) const fn leaf(self) -> &'static str {
         match self {
             Self::Sphere => "SphereLeaf",
@@ -129,8 +129,8 @@ pub(crate) struct Features {
     pub(crate) area_lights: u32,
     /// At least 1: an array has no length of 0.
     pub(crate) materials: u32,
-    /// Rays find the primitives of a shape by a tree.
-    pub(crate) trees: [bool; ShapeKind::ALL.len()],
+    /// Rays find the primitives of a shape by a BVH.
+    pub(crate) bvhs: [bool; ShapeKind::ALL.len()],
     /// Some CSG box has a cone's exterior.
     pub(crate) has_csg_cone: bool,
     /// Some material has a dielectric coat.
@@ -177,7 +177,7 @@ impl Features {
             csg_boxes: scene.csg_boxes.len() as u32,
             area_lights: scene.area_lights.len() as u32,
             materials: scene.materials.len().max(1) as u32,
-            trees: ShapeKind::ALL.map(|shape| tree(scene, shape).is_some()),
+            bvhs: ShapeKind::ALL.map(|shape| bvh(scene, shape).is_some()),
             has_csg_cone: scene
                 .csg_faces
                 .iter()
@@ -198,10 +198,10 @@ impl Features {
             area_lights_scaled: needs_scale(scene),
             memory: SceneMemory::Uniform,
         };
-        // Rays of a group go down a tree by different ways, and a device reads constants for them in turn:
+        // Rays of a group go down a BVH by different ways, and a device reads constants for them in turn:
         // twice the time for 256 balls.
-        let has_tree = features.trees.contains(&true);
-        if has_tree || layout::scene_bytes_len(&features) > uniform_bytes_max {
+        let has_bvh = features.bvhs.contains(&true);
+        if has_bvh || layout::scene_bytes_len(&features) > uniform_bytes_max {
             features.memory = SceneMemory::Storage;
         }
         features
@@ -226,40 +226,40 @@ impl Features {
             .filter(move |shape| features.count(*shape) > 0)
     }
 
-    /// Whether rays find the primitives of a shape by a tree.
-    pub(crate) const fn has_tree(&self, shape: ShapeKind) -> bool {
-        self.trees[shape as usize]
+    /// Whether rays find the primitives of a shape by a BVH.
+    pub(crate) const fn has_bvh(&self, shape: ShapeKind) -> bool {
+        self.bvhs[shape as usize]
     }
 
-    /// Surfaces that a ray is tested against, or about as many as going down trees costs.
+    /// Surfaces that a ray is tested against, or about as many as going down BVHs costs.
     pub(crate) fn primitives(&self) -> u32 {
         let tested = ShapeKind::ALL.map(|shape| self.tested(shape));
         tested.iter().sum::<u32>() + self.area_lights
     }
 
     /// Turns that the loops of a ray take at most: those that go from subtraction to subtraction come round again, and
-    /// some rays through a tree meet four times as much as most.
+    /// some rays through a BVH meet four times as much as most.
     pub(crate) fn turns_per_ray(&self) -> f64 {
-        let in_trees = ShapeKind::ALL
+        let in_bvhs = ShapeKind::ALL
             .into_iter()
-            .filter(|shape| self.has_tree(*shape));
-        let trees: u32 = in_trees.map(|shape| self.tested(shape)).sum();
-        1.05 * f64::from(self.primitives() + 3 * trees + 2 * self.csg_faces)
+            .filter(|shape| self.has_bvh(*shape));
+        let bvhs: u32 = in_bvhs.map(|shape| self.tested(shape)).sum();
+        1.05 * f64::from(self.primitives() + 3 * bvhs + 2 * self.csg_faces)
     }
 
     fn tested(&self, shape: ShapeKind) -> u32 {
         let count = self.count(shape);
-        match self.has_tree(shape) {
-            true => tree_min(shape) as u32 + 8 * count.ilog2(),
+        match self.has_bvh(shape) {
+            true => bvh_min(shape) as u32 + 8 * count.ilog2(),
             false => count,
         }
     }
 }
 
-/// From so many on, rays find the primitives of a shape faster by a tree: on an H200 by 1.04 (discs) to
+/// From so many on, rays find the primitives of a shape faster by a BVH: on an H200 by 1.04 (discs) to
 /// 1.3 there, and for 10,000 by 10 (balls), 61, 83 and 110:
 /// `carom-bench bvh --backend gpu --size 960x540`.
-const fn tree_min(shape: ShapeKind) -> usize {
+const fn bvh_min(shape: ShapeKind) -> usize {
     match shape {
         ShapeKind::Sphere => 256,
         ShapeKind::Box => 96,
@@ -269,9 +269,9 @@ const fn tree_min(shape: ShapeKind) -> usize {
     }
 }
 
-/// The tree by which rays find the primitives of a shape, where they do.
-pub(crate) fn tree(scene: &CompiledScene, shape: ShapeKind) -> Option<&Tree> {
-    scene.tree(shape, tree_min(shape))
+/// The BVH by which rays find the primitives of a shape, where they do.
+pub(crate) fn bvh(scene: &CompiledScene, shape: ShapeKind) -> Option<&Bvh> {
+    scene.bvh(shape, bvh_min(shape))
 }
 
 /// Whether some ball may have [`crate::compiled::SphereData::is_window`], wherever it moves.

@@ -3,13 +3,13 @@
 use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
 use glam::Vec3;
 
+use crate::bvh::{BvhNode, LEAF, SLACK, leaves};
 use crate::compiled::{
     AreaLightData, BoxData, CameraFrame, CompiledScene, CsgBoxData, CsgFaceData, DiscData,
     MaterialData, RectangleData, ShapeKind, SphereData,
 };
 use crate::gpu::features::{self, Features};
 use crate::gpu::flatness;
-use crate::tree::{LEAF, SLACK, Subtree, leaves};
 use crate::{Error, ImageSize};
 
 /// What stands before the scene's arrays.
@@ -68,12 +68,12 @@ pub(crate) struct BoxBound {
     padding1: u32,
 }
 
-/// Both halves of a part of a tree. Boxes are widened by [`SLACK`].
+/// Both halves of a part of a BVH. Boxes are widened by [`SLACK`].
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-pub(crate) struct TreeNode {
+pub(crate) struct BvhNodeData {
     pub(crate) left_center: [f32; 3],
-    /// A node, or with [`TREE_LEAF`] a leaf.
+    /// A node, or with [`BVH_LEAF`] a leaf.
     pub(crate) left: u32,
     pub(crate) left_half: [f32; 3],
     pub(crate) right: u32,
@@ -93,7 +93,7 @@ pub(crate) struct SphereLeaf {
 }
 
 /// Set in the number of a leaf.
-pub(crate) const TREE_LEAF: u32 = 1 << 31;
+pub(crate) const BVH_LEAF: u32 = 1 << 31;
 
 /// How much a box's bounds are wider than the box, over the largest coordinate of the scene. The
 /// quick test and the exact one together err by 12 · 2⁻²⁴ of it.
@@ -114,15 +114,15 @@ impl SphereBound {
     }
 }
 
-impl TreeNode {
-    fn new([left, right]: &[Subtree; 2], slack: f32) -> Self {
-        let center = |part: &Subtree| 0.5 * (part.min + part.max);
-        let half = |part: &Subtree| {
+impl BvhNodeData {
+    fn new([left, right]: &[BvhNode; 2], slack: f32) -> Self {
+        let center = |part: &BvhNode| 0.5 * (part.min + part.max);
+        let half = |part: &BvhNode| {
             let center = center(part);
             ((part.max - center).max(center - part.min) + slack).to_array()
         };
-        let number = |part: &Subtree| match part.is_leaf() {
-            true => TREE_LEAF | (part.first / LEAF as u32),
+        let number = |part: &BvhNode| match part.is_leaf() {
+            true => BVH_LEAF | (part.first / LEAF as u32),
             false => part.node,
         };
         Self {
@@ -180,13 +180,13 @@ pub(crate) fn scene_bytes_len(features: &Features) -> u64 {
 /// Of what rays find the primitives of a shape by.
 fn finders_bytes(features: &Features, shape: ShapeKind) -> usize {
     let count = features.count(shape) as usize;
-    if features.has_tree(shape) {
+    if features.has_bvh(shape) {
         let leaves = leaves(count);
         let leaf_bytes = match shape {
             ShapeKind::Sphere => size_of::<SphereLeaf>(),
             _ => size_of::<[u32; LEAF]>(),
         };
-        return (leaves - 1) * size_of::<TreeNode>() + leaves * leaf_bytes;
+        return (leaves - 1) * size_of::<BvhNodeData>() + leaves * leaf_bytes;
     }
     count
         * match shape {
@@ -238,12 +238,12 @@ pub(crate) fn scene_bytes(scene: &CompiledScene, size: ImageSize) -> Result<Vec<
 
 /// What rays find the primitives of a shape by.
 fn finders(scene: &CompiledScene, shape: ShapeKind, farthest: f32) -> Vec<u8> {
-    if let Some(tree) = features::tree(scene, shape) {
-        let nodes = tree.nodes.iter();
+    if let Some(bvh) = features::bvh(scene, shape) {
+        let nodes = bvh.nodes.iter();
         let nodes: Vec<_> = nodes
-            .map(|halves| TreeNode::new(halves, SLACK * farthest))
+            .map(|halves| BvhNodeData::new(halves, SLACK * farthest))
             .collect();
-        let leaves = tree.order.chunks(LEAF).map(|indices| {
+        let leaves = bvh.order.chunks(LEAF).map(|indices| {
             let last = indices.len() - 1;
             std::array::from_fn(|i| indices[i.min(last)])
         });

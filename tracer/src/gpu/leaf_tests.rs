@@ -536,11 +536,11 @@ fn normal_in_f64(ray: &[f32; 6]) -> Option<DVec3> {
     (half_squared > 0.0).then(|| (nearest - half_squared.sqrt() * direction).normalize())
 }
 
-/// What rays meet by a tree is what they meet one by one.
+/// What rays meet by a BVH is what they meet one by one.
 #[test]
-fn a_tree_is_met_as_each_primitive_by_itself() {
-    use crate::compiled::Hierarchy;
-    use crate::tree::crowd::{CROWDS, SHAPES, crowd, ray};
+fn bvh_hits_equal_those_of_a_linear_scan() {
+    use crate::bvh::test_scenes::{ARRANGEMENTS, SHAPES, ray, test_scene};
+    use crate::compiled::BvhUse;
     const COUNT: usize = 4096;
     let body = "
         let at = 7u * i;
@@ -553,9 +553,9 @@ fn a_tree_is_met_as_each_primitive_by_itself() {
         result(i, vec4u(bitcast<u32>(hit.t), hit.primitive, u32(before), u32(behind)));";
     let crowds = SHAPES
         .into_iter()
-        .flat_map(|of| CROWDS.map(|kind| (of, kind)));
+        .flat_map(|of| ARRANGEMENTS.map(|kind| (of, kind)));
     for (seed, (of, kind)) in (0..).zip(crowds) {
-        let mut scene = crowd(kind, of, 300, seed);
+        let mut scene = test_scene(kind, of, 300, seed);
         let rays = (0..COUNT as u32).map(|i| ray(&scene, seed, i));
         let words = rays.flat_map(|ray| {
             let inside = if ray.is_inside { 1 << 31 } else { 0 };
@@ -564,15 +564,15 @@ fn a_tree_is_met_as_each_primitive_by_itself() {
             [o[0], o[1], o[2], d[0], d[1], d[2], skip]
         });
         let input: Vec<u32> = words.collect();
-        scene.hierarchy = Hierarchy::Never;
+        scene.bvh_use = BvhUse::Never;
         let Some(each) = run(&scene, body, &input, COUNT) else {
             return;
         };
-        scene.hierarchy = Hierarchy::Always;
-        let tree = run(&scene, body, &input, COUNT).unwrap();
+        scene.bvh_use = BvhUse::Always;
+        let bvh = run(&scene, body, &input, COUNT).unwrap();
         let hits = each.iter().filter(|hit| hit[1] != u32::MAX).count();
         assert!(hits > COUNT / 16, "{of:?} {kind:?}: {hits} hits");
-        for (i, (found, expected)) in tree.iter().zip(&each).enumerate() {
+        for (i, (found, expected)) in bvh.iter().zip(&each).enumerate() {
             assert_eq!(found, expected, "{of:?} {kind:?}, ray {i}");
         }
     }

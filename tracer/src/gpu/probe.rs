@@ -87,7 +87,7 @@ fn trace(tracer: &dyn Tracer, scene: &CompiledScene) -> Result<Vec<[f32; 3]>, Er
     Ok(picture.into_inner().expect("no sink panics"))
 }
 
-/// A ball, a box and two plates under two area lights.
+/// A ball, a box and two discs under two area lights.
 pub(crate) fn scene() -> Scene {
     let materials = [
         (

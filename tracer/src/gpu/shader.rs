@@ -2,18 +2,18 @@
 
 use std::fmt::Write as _;
 
+use crate::bvh::{self, DEPTH_MAX, LEAF};
 use crate::compiled::{
     CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE, KIND_CONDUCTOR,
     KIND_DIELECTRIC, KIND_LAYERED, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, ShapeKind,
 };
 use crate::gpu::features::{Features, Output, SceneMemory};
-use crate::gpu::layout::{SPHERE_SLACK, TREE_LEAF};
+use crate::gpu::layout::{BVH_LEAF, SPHERE_SLACK};
 use crate::sampling::{BLOCK_CAMERA, SCRAMBLE};
 use crate::scalar::area_light::{BELOW_1, SOLID_ANGLE_MIN};
 use crate::scalar::window::STEPS;
 use crate::scene::validate::CSG_MARGIN_M;
 use crate::texture;
-use crate::tree::{self, DEPTH_MAX, LEAF};
 
 /// Pixels along the edge of the block that a workgroup traces.
 pub(crate) const BLOCK_EDGE: u32 = 8;
@@ -26,7 +26,7 @@ pub(crate) fn source(features: &Features) -> String {
         text += part;
     }
     for shape in features.shapes() {
-        text += &find_part(shape, features.has_tree(shape));
+        text += &find_part(shape, features.has_bvh(shape));
     }
     text += &nearest(features);
     text += &occluded(features);
@@ -45,8 +45,8 @@ fn parts(features: &Features) -> Vec<&'static str> {
         include_str!("shaders/fresnel.wgsl"),
     ];
     parts.extend(features.shapes().map(shape_part));
-    if features.trees.contains(&true) {
-        parts.push(include_str!("shaders/tree.wgsl"));
+    if features.bvhs.contains(&true) {
+        parts.push(include_str!("shaders/bvh.wgsl"));
     }
     parts.extend(match features.area_lights {
         0 => &[include_str!("shaders/area_light_none.wgsl")][..],
@@ -97,13 +97,13 @@ fn shape_part(shape: ShapeKind) -> &'static str {
 }
 
 /// How rays find the primitives of a shape.
-fn find_part(shape: ShapeKind, has_tree: bool) -> String {
-    if has_tree {
+fn find_part(shape: ShapeKind, has_bvh: bool) -> String {
+    if has_bvh {
         let leaf = match shape {
             ShapeKind::Sphere => include_str!("shaders/sphere_leaf.wgsl"),
             _ => include_str!("shaders/shape_leaf.wgsl"),
         };
-        return [leaf, include_str!("shaders/shape_tree.wgsl")]
+        return [leaf, include_str!("shaders/shape_bvh.wgsl")]
             .concat()
             .replace("SHAPE_FIRST", &format!("{}_FIRST", shape.constant()))
             .replace("SHAPE", shape.function());
@@ -133,8 +133,8 @@ fn constants(features: &Features) -> String {
          const AREA_LIGHTS_COPLANAR: bool = {};\n\
          const AREA_LIGHTS_SCALED: bool = {};\n\
          const SPHERE_SLACK: f32 = {SPHERE_SLACK:e};\n\
-         const TREE_DEPTH_MAX: u32 = {DEPTH_MAX}u;\n\
-         const TREE_LEAF: u32 = {TREE_LEAF}u;\n\
+         const BVH_DEPTH_MAX: u32 = {DEPTH_MAX}u;\n\
+         const BVH_LEAF: u32 = {BVH_LEAF}u;\n\
          const LEAF: u32 = {LEAF}u;\n\
          const HAS_STRIPE: bool = {};\n\
          const HAS_CLEAR: bool = {};\n\
@@ -227,13 +227,13 @@ fn scene_declaration(features: &Features) -> String {
     );
     for shape in features.shapes() {
         let (name, count) = (shape.function(), features.count(shape));
-        if features.has_tree(shape) {
-            let leaves = tree::leaves(count as usize);
+        if features.has_bvh(shape) {
+            let leaves = bvh::leaves(count as usize);
             let nodes = leaves - 1;
             let leaf = shape.leaf();
             _ = writeln!(
                 text,
-                "    {name}_nodes: array<TreeNode, {nodes}>,\n    \
+                "    {name}_nodes: array<BvhNodeData, {nodes}>,\n    \
                  {name}_leaves: array<{leaf}, {leaves}>,"
             );
         } else if let Some(bound) = shape.bound() {
@@ -330,7 +330,7 @@ mod tests {
         RectangleData, SphereData,
     };
     use crate::gpu::layout::{
-        BoxBound, DispatchData, SceneHeader, SphereBound, SphereLeaf, TileEntry, TreeNode,
+        BoxBound, BvhNodeData, DispatchData, SceneHeader, SphereBound, SphereLeaf, TileEntry,
         scene_bytes_len,
     };
 
@@ -343,7 +343,7 @@ mod tests {
         csg_boxes: 2,
         area_lights: 3,
         materials: 20,
-        trees: [true, false, true, true, false],
+        bvhs: [true, false, true, true, false],
         has_coat: true,
         has_stripe: true,
         has_number: true,
@@ -368,7 +368,7 @@ mod tests {
             let count = |bit: u32, count: u32| count * (i >> bit & 1);
             Features {
                 spheres: count(0, 3 + 7 * (i % 5)),
-                trees: [
+                bvhs: [
                     i & 1 == 1 && i % 5 > 0,
                     i >> 1 & 1 == 1 && i % 3 > 1,
                     i >> 2 & 1 == 1 && i % 7 > 3,
@@ -459,7 +459,7 @@ mod tests {
                 albedo ior stripe_albedo stripe_half_width diffuse_scale kind alpha flight_rate
                 eta pattern k number extinction grain_axis scattering sheen_roughness sheen sights),
             layout!(SphereBound, center power),
-            layout!(TreeNode,
+            layout!(BvhNodeData,
                 left_center left left_half right right_center right_half),
             layout!(SphereLeaf, balls indices),
             layout!(BoxBound, center half),

@@ -22,7 +22,7 @@ pub struct Hit {
     pub t: f64,
     /// The point, on the surface to the rounding of f64.
     pub point: DVec3,
-    /// Unit normal: out of a solid, along the normal of a plate or area light, whichever side is met.
+    /// Unit normal: out of a solid, along the normal of a disc or area light, whichever side is met.
     pub n: DVec3,
     /// What was met.
     pub primitive: Primitive,
@@ -69,26 +69,26 @@ pub fn intersect_from(scene: &CompiledScene, ray: &Ray, left: Option<Departure>)
     for (i, sphere) in (0..).zip(&scene.spheres) {
         let primitive = Primitive::Sphere(i);
         let met = if enclosing == Some(primitive) {
-            Some(leave_sphere(sphere, ray))
+            Some(exit_sphere(sphere, ray))
         } else {
-            meet_sphere(sphere, ray)
+            intersect_sphere(sphere, ray)
         };
         offer(&mut nearest, primitive, met);
     }
     for (i, slabs) in (0..).zip(&scene.boxes) {
         let primitive = Primitive::Box(i);
         let met = if enclosing == Some(primitive) {
-            Some(leave_box(slabs, ray))
+            Some(exit_box(slabs, ray))
         } else {
-            meet_box(slabs, ray)
+            intersect_box(slabs, ray)
         };
         offer(&mut nearest, primitive, met);
     }
     for (i, disc) in (0..).zip(&scene.discs) {
-        offer(&mut nearest, Primitive::Disc(i), meet_disc(disc, ray));
+        offer(&mut nearest, Primitive::Disc(i), intersect_disc(disc, ray));
     }
     for (i, plate) in (0..).zip(&scene.rectangles) {
-        let met = meet_rectangle(ray, plate.center, plate.half_u, plate.half_v);
+        let met = intersect_rectangle(ray, plate.center, plate.half_u, plate.half_v);
         offer(&mut nearest, Primitive::Rectangle(i), met);
     }
     for csg_box in &scene.csg_boxes {
@@ -141,7 +141,7 @@ fn on_surface(scene: &CompiledScene, hit: Hit) -> Hit {
 
 /// Discriminant and normal from the ray's point nearest to the centre: right for balls seen from
 /// ten thousand kilometres (Haines, Günther and Akenine-Möller, Ray Tracing Gems, chapter 7).
-fn meet_sphere(sphere: &SphereData, ray: &Ray) -> Option<(f64, DVec3)> {
+fn intersect_sphere(sphere: &SphereData, ray: &Ray) -> Option<(f64, DVec3)> {
     let radius = f64::from(sphere.radius);
     let from_center = ray.origin - vector(sphere.center);
     let t_nearest = -from_center.dot(ray.direction);
@@ -158,7 +158,7 @@ fn meet_sphere(sphere: &SphereData, ray: &Ray) -> Option<(f64, DVec3)> {
 }
 
 /// The far side of a sphere, from inside: at no distance if rounding has put the origin outside.
-fn leave_sphere(sphere: &SphereData, ray: &Ray) -> (f64, DVec3) {
+fn exit_sphere(sphere: &SphereData, ray: &Ray) -> (f64, DVec3) {
     let radius = f64::from(sphere.radius);
     let from_center = ray.origin - vector(sphere.center);
     let t_nearest = -from_center.dot(ray.direction);
@@ -170,7 +170,7 @@ fn leave_sphere(sphere: &SphereData, ray: &Ray) -> (f64, DVec3) {
 }
 
 /// The face through which a ray leaves a box; at no distance if rounding has put the origin outside.
-fn leave_box(slabs: &BoxData, ray: &Ray) -> (f64, DVec3) {
+fn exit_box(slabs: &BoxData, ray: &Ray) -> (f64, DVec3) {
     let (min, max) = (vector(slabs.min), vector(slabs.max));
     let (mut far, mut n) = (f64::INFINITY, DVec3::Z);
     for axis in 0..3 {
@@ -188,7 +188,7 @@ fn leave_box(slabs: &BoxData, ray: &Ray) -> (f64, DVec3) {
 }
 
 /// Slabs; a ray within a face or through an edge hits. The far face counts from inside.
-fn meet_box(slabs: &BoxData, ray: &Ray) -> Option<(f64, DVec3)> {
+fn intersect_box(slabs: &BoxData, ray: &Ray) -> Option<(f64, DVec3)> {
     let (min, max) = (vector(slabs.min), vector(slabs.max));
     let (mut near, mut far) = (f64::NEG_INFINITY, f64::INFINITY);
     let (mut near_axis, mut far_axis) = (0, 0);
@@ -223,18 +223,18 @@ fn meet_box(slabs: &BoxData, ray: &Ray) -> Option<(f64, DVec3)> {
     Some((t, DVec3::AXES[axis] * ray.direction[axis].signum() * sign))
 }
 
-fn meet_disc(disc: &DiscData, ray: &Ray) -> Option<(f64, DVec3)> {
+fn intersect_disc(disc: &DiscData, ray: &Ray) -> Option<(f64, DVec3)> {
     let n = vector(disc.normal).normalize();
-    let (t, offset) = meet_plane(ray, vector(disc.center), n)?;
+    let (t, offset) = intersect_plane(ray, vector(disc.center), n)?;
     (offset.length() <= f64::from(disc.radius)).then_some((t, n))
 }
 
 fn intersect_area_light(ray: &Ray, light: &AreaLightData) -> Option<(f64, DVec3)> {
     let [half_u, half_v] = light.half_edges();
-    meet_rectangle(ray, light.center, half_u, half_v)
+    intersect_rectangle(ray, light.center, half_u, half_v)
 }
 
-fn meet_rectangle(
+fn intersect_rectangle(
     ray: &Ray,
     center: [f32; 3],
     half_u: [f32; 3],
@@ -242,13 +242,13 @@ fn meet_rectangle(
 ) -> Option<(f64, DVec3)> {
     let (u, v) = (vector(half_u), vector(half_v));
     let n = u.cross(v).normalize();
-    let (t, offset) = meet_plane(ray, vector(center), n)?;
+    let (t, offset) = intersect_plane(ray, vector(center), n)?;
     let inside = offset.dot(u).abs() <= u.dot(u) && offset.dot(v).abs() <= v.dot(v);
     inside.then_some((t, n))
 }
 
 /// Distance to a plane, and the point met relative to `center`.
-fn meet_plane(ray: &Ray, center: DVec3, n: DVec3) -> Option<(f64, DVec3)> {
+fn intersect_plane(ray: &Ray, center: DVec3, n: DVec3) -> Option<(f64, DVec3)> {
     let to_center = center - ray.origin;
     let cos = ray.direction.dot(n);
     if cos == 0.0 {
@@ -302,7 +302,7 @@ mod tests {
             let radius = f64::from(ball.radius);
             for impact in [0.0, 0.5, 0.99, 1.01] {
                 let ray = ray([0.0, impact * radius, 0.0], [1.0, 0.0, 0.0]);
-                let met = meet_sphere(&ball, &ray);
+                let met = intersect_sphere(&ball, &ray);
                 assert_eq!(met.is_some(), impact < 1.0, "{distance} {impact}");
                 let Some((t, n)) = met else { continue };
                 let depth = (1.0 - impact * impact).sqrt();
@@ -315,22 +315,25 @@ mod tests {
     #[test]
     fn a_ball_is_met_from_inside_and_not_from_behind() {
         let ball = unit_ball([0.0; 3]);
-        let (t, n) = meet_sphere(&ball, &ray([0.0; 3], [0.0, 0.0, 1.0])).unwrap();
+        let (t, n) = intersect_sphere(&ball, &ray([0.0; 3], [0.0, 0.0, 1.0])).unwrap();
         assert_eq!((t, n), (1.0, DVec3::Z));
-        let (t, n) = meet_sphere(&ball, &ray([0.5, 0.0, 0.0], [1.0, 0.0, 0.0])).unwrap();
+        let (t, n) = intersect_sphere(&ball, &ray([0.5, 0.0, 0.0], [1.0, 0.0, 0.0])).unwrap();
         assert_eq!((t, n), (0.5, DVec3::X));
-        let (t, _) = meet_sphere(&ball, &ray([2.0, 0.0, 0.0], [1.0, 0.0, 0.0])).unwrap();
+        let (t, _) = intersect_sphere(&ball, &ray([2.0, 0.0, 0.0], [1.0, 0.0, 0.0])).unwrap();
         assert!(t < 0.0);
         let hidden = SphereData {
             radius: 0.0,
             ..ball
         };
-        assert_eq!(meet_sphere(&hidden, &ray([0.0; 3], [1.0, 0.0, 0.0])), None);
+        assert_eq!(
+            intersect_sphere(&hidden, &ray([0.0; 3], [1.0, 0.0, 0.0])),
+            None
+        );
     }
 
     #[test]
     fn a_box_is_met_on_faces_edges_and_from_inside() {
-        let met = |origin, direction| meet_box(&CUBE, &ray(origin, direction));
+        let met = |origin, direction| intersect_box(&CUBE, &ray(origin, direction));
         let to_x = [1.0, 0.0, 0.0];
         assert_eq!(met([-3.0, 0.5, 0.5], to_x), Some((2.0, DVec3::NEG_X)));
         assert_eq!(
@@ -355,13 +358,13 @@ mod tests {
             material: 0,
         };
         let down = |x| ray([x, 0.0, 2.0], [0.0, 0.0, -1.0]);
-        assert_eq!(meet_disc(&disc, &down(0.999)), Some((2.0, DVec3::Z)));
-        assert_eq!(meet_disc(&disc, &down(1.001)), None);
+        assert_eq!(intersect_disc(&disc, &down(0.999)), Some((2.0, DVec3::Z)));
+        assert_eq!(intersect_disc(&disc, &down(1.001)), None);
         assert_eq!(
-            meet_disc(&disc, &ray([-2.0, 0.0, 0.0], [1.0, 0.0, 0.0])),
+            intersect_disc(&disc, &ray([-2.0, 0.0, 0.0], [1.0, 0.0, 0.0])),
             None
         );
-        let plate = |ray| meet_rectangle(&ray, [0.0; 3], [0.5, 0.0, 0.0], [0.0, 2.0, 0.0]);
+        let plate = |ray| intersect_rectangle(&ray, [0.0; 3], [0.5, 0.0, 0.0], [0.0, 2.0, 0.0]);
         assert_eq!(plate(down(0.499)), Some((2.0, DVec3::Z)));
         assert_eq!(plate(down(0.501)), None);
     }
@@ -371,8 +374,8 @@ mod tests {
         let directions = [[f64::NAN, 0.0, 1.0], [0.0; 3], [f64::INFINITY, 0.0, 0.0]];
         for bad in directions.map(|direction| ray([0.0, 0.0, -5.0], direction)) {
             let t = |met: Option<(f64, DVec3)>| met.is_some_and(|(t, _)| t > 0.0);
-            assert!(!t(meet_sphere(&unit_ball([0.0; 3]), &bad)), "{bad:?}");
-            assert!(!t(meet_box(&CUBE, &bad)), "{bad:?}");
+            assert!(!t(intersect_sphere(&unit_ball([0.0; 3]), &bad)), "{bad:?}");
+            assert!(!t(intersect_box(&CUBE, &bad)), "{bad:?}");
         }
     }
 }

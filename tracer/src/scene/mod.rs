@@ -99,7 +99,7 @@ pub enum Shape {
         #[serde(alias = "cuts")]
         subtractions: Vec<Subtraction>,
     },
-    /// A flat round plate, seen from both sides.
+    /// A flat round disc, seen from both sides.
     Disc {
         /// Centre in metres.
         center: Vec3,

@@ -11,7 +11,7 @@ use crate::scene::{
     Stripe,
 };
 
-/// The most objects in a scene. Rays find many of a shape by a tree.
+/// The most objects in a scene. Rays find many of a shape by a BVH.
 pub const OBJECTS_MAX: usize = 1 << 17;
 /// The most area lights in a scene.
 pub const AREA_LIGHTS_MAX: usize = 64;

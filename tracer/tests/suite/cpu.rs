@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use carom_tracer::compiled::Hierarchy;
+use carom_tracer::compiled::BvhUse;
 use carom_tracer::film::{Film, trace_image};
 use carom_tracer::metrics::rel_mse;
 use carom_tracer::{
@@ -76,16 +76,16 @@ fn share_different(a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
 
 /// Ten thousand balls that touch, on every instruction set.
 #[test]
-fn a_tree_of_balls_makes_the_picture_of_each_ball_by_itself() {
+fn bvh_of_balls_makes_the_picture_of_a_linear_scan() {
     let mut scene = asset("pyramid.json");
     for level in CpuTracer::levels_available() {
         let tracer = CpuTracer::with_level(0, level).unwrap();
-        let [each, tree] = [Hierarchy::Never, Hierarchy::Always].map(|hierarchy| {
-            scene.hierarchy = hierarchy;
+        let [each, bvh] = [BvhUse::Never, BvhUse::Always].map(|bvh_use| {
+            scene.bvh_use = bvh_use;
             let (pixels, stats) = picture(&tracer, &scene, settings(0, 1), &tiles(32));
             (pixels, stats.rays)
         });
-        assert!(each == tree, "{level:?}");
+        assert!(each == bvh, "{level:?}");
     }
 }
 

@@ -1,4 +1,4 @@
-// Round plates.
+// Round discs.
 
 fn disc_t(line: Line, index: u32) -> f32 {
     let ray = line.ray;

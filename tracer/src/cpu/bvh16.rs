@@ -1,7 +1,7 @@
-//! Many primitives of a shape: each ray by itself against the boxes of sixteen parts at once, then
-//! against sixteen primitives at once.
+//! BVH with sixteen children a node: each ray by itself against sixteen boxes at once, then against
+//! sixteen primitives at once.
 //!
-//! The [`Tree`] with inner nodes joined until they have a part per lane (Wald, Benthin and
+//! The [`Bvh`] with inner nodes joined until they have a child per lane (Wald, Benthin and
 //! Boulos, "Getting rid of packets", 2008): paths have spread by their second ray, and packets of
 //! them would visit nearly all that each of their rays does.
 
@@ -9,24 +9,24 @@ use std::marker::PhantomData;
 
 use fearless_simd::prelude::*;
 
-use super::geometry::{NONE, Nearest, One, Rays};
+use super::geometry::{NONE, Nearest, PackedPrimitive, Rays};
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
-use super::shapes::{Meeting, Shape, Solids};
-use crate::tree::{DEPTH_MAX, SLACK, Subtree, Tree};
+use super::shapes::{HitMask, Primitives, Shape};
+use crate::bvh::{Bvh, BvhNode, DEPTH_MAX, SLACK};
 
-/// Primitives under a tree of wide nodes.
-pub(super) struct Forest<F, const N: usize> {
-    branches: Vec<Branch>,
-    packs: Vec<Pack<F, N>>,
-    /// A branch, or with [`PACK`] a pack.
+/// Primitives under a BVH of wide nodes.
+pub(super) struct Bvh16<F, const N: usize> {
+    nodes: Vec<Bvh16Node>,
+    leaves: Vec<Bvh16Leaf<F, N>>,
+    /// A node, or with [`LEAF_TAG`] a leaf.
     root: u32,
 }
 
-/// Set in the number of a pack.
-const PACK: u32 = 1 << 31;
+/// Set in the number of a leaf.
+const LEAF_TAG: u32 = 1 << 31;
 
 /// Boxes of a node's parts, by lane.
-struct Branch {
+struct Bvh16Node {
     /// A bit for each lane that has a part: rays that are no numbers enter any box.
     lanes: u64,
     center: [[f32; LANES]; 3],
@@ -35,7 +35,7 @@ struct Branch {
 }
 
 /// Primitives by lane; the numbers of lanes without one are NaN.
-struct Pack<F, const N: usize> {
+struct Bvh16Leaf<F, const N: usize> {
     numbers: [[f32; LANES]; N],
     id: [u32; LANES],
     has_clear: bool,
@@ -43,7 +43,7 @@ struct Pack<F, const N: usize> {
 }
 
 /// Rays by lane.
-struct Columns {
+struct RayLanes {
     origin: [[f32; LANES]; 3],
     direction: [[f32; LANES]; 3],
     inverse: [[f32; LANES]; 3],
@@ -51,7 +51,7 @@ struct Columns {
 }
 
 /// Parts still to be visited, each with the distance at which the ray enters its box: on every
-/// level of the tree at most one fewer than lanes.
+/// level of the BVH at most one fewer than lanes.
 struct Stack {
     parts: [(f32, u32); STACK_PARTS],
     len: usize,
@@ -59,16 +59,16 @@ struct Stack {
 
 const STACK_PARTS: usize = ((DEPTH_MAX + 1) as usize) * LANES;
 
-impl<F: Shape<N>, const N: usize> Forest<F, N> {
+impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
     /// Of what is not hidden of `each`. `reach` is twice the largest coordinate of the scene.
-    pub(super) fn new(tree: &Tree, each: &[Option<One<F, N>>], reach: f32) -> Self {
-        let mut forest = Self {
-            branches: Vec::new(),
-            packs: Vec::new(),
+    pub(super) fn new(bvh: &Bvh, each: &[Option<PackedPrimitive<F, N>>], reach: f32) -> Self {
+        let mut bvh16 = Self {
+            nodes: Vec::new(),
+            leaves: Vec::new(),
             root: 0,
         };
-        forest.root = Growth { tree, each, reach }.grow(&mut forest, &tree.root);
-        forest
+        bvh16.root = Bvh16Builder { bvh, each, reach }.build(&mut bvh16, &bvh.root);
+        bvh16
     }
 
     /// Takes what rays meet before what they have met, or as far away with a smaller id.
@@ -89,7 +89,7 @@ impl<F: Shape<N>, const N: usize> Forest<F, N> {
         rays: &Rays<S>,
         nearest: &Nearest<S>,
     ) -> ([f32; LANES], [u32; LANES]) {
-        let columns = Columns::of(rays);
+        let columns = RayLanes::of(rays);
         let mut stack = Stack::new();
         let (mut distance, mut id) = (nearest.distance.to_array(), nearest.id.to_array());
         for lane in 0..LANES {
@@ -99,20 +99,20 @@ impl<F: Shape<N>, const N: usize> Forest<F, N> {
                 if entry > distance[lane] {
                     continue;
                 }
-                if part & PACK == 0 {
-                    let branch = &self.branches[part as usize];
-                    branch.enter(simd, &ray, distance[lane], &mut stack);
+                if part & LEAF_TAG == 0 {
+                    let node = &self.nodes[part as usize];
+                    node.enter(simd, &ray, distance[lane], &mut stack);
                     continue;
                 }
-                let pack = &self.packs[(part & !PACK) as usize];
-                let Some((hit, t)) = pack.meet(simd, &ray, distance[lane].next_up()) else {
+                let leaf = &self.leaves[(part & !LEAF_TAG) as usize];
+                let Some((hit, t)) = leaf.intersect(simd, &ray, distance[lane].next_up()) else {
                     continue;
                 };
                 let (t, mut hits) = (t.to_array(), hit.to_bitmask());
                 while hits != 0 {
                     let at = hits.trailing_zeros() as usize % LANES;
                     hits &= hits - 1;
-                    let met = (t[at], pack.id[at]);
+                    let met = (t[at], leaf.id[at]);
                     if met < (distance[lane], id[lane]) {
                         (distance[lane], id[lane]) = met;
                     }
@@ -147,7 +147,7 @@ impl<F: Shape<N>, const N: usize> Forest<F, N> {
         distance: Float<S>,
         mut dark: u64,
     ) -> u64 {
-        let columns = Columns::of(rays);
+        let columns = RayLanes::of(rays);
         let mut stack = Stack::new();
         for (lane, limit) in distance.to_array().into_iter().enumerate() {
             if limit <= 0.0 || dark >> lane & 1 == 1 {
@@ -156,12 +156,12 @@ impl<F: Shape<N>, const N: usize> Forest<F, N> {
             let ray = columns.ray(simd, lane);
             stack.push(0.0, self.root);
             while let Some((_, part)) = stack.pop() {
-                if part & PACK == 0 {
-                    let branch = &self.branches[part as usize];
-                    branch.enter(simd, &ray, limit, &mut stack);
+                if part & LEAF_TAG == 0 {
+                    let node = &self.nodes[part as usize];
+                    node.enter(simd, &ray, limit, &mut stack);
                     continue;
                 }
-                let met = self.packs[(part & !PACK) as usize].meet(simd, &ray, limit);
+                let met = self.leaves[(part & !LEAF_TAG) as usize].intersect(simd, &ray, limit);
                 if met.is_some_and(|(hit, _)| hit.any_true()) {
                     dark |= 1 << lane;
                     stack.len = 0;
@@ -172,7 +172,7 @@ impl<F: Shape<N>, const N: usize> Forest<F, N> {
     }
 }
 
-impl Branch {
+impl Bvh16Node {
     /// Puts the parts whose boxes the ray enters up to `limit` on the stack, the nearest on top.
     #[inline(always)]
     fn enter<S: Simd>(&self, simd: S, ray: &Rays<S>, limit: f32, stack: &mut Stack) {
@@ -196,25 +196,25 @@ impl Branch {
     }
 }
 
-impl<F: Shape<N>, const N: usize> Pack<F, N> {
+impl<F: Shape<N>, const N: usize> Bvh16Leaf<F, N> {
     /// Where the ray meets primitives before `limit`.
     #[inline(always)]
-    fn meet<S: Simd>(&self, simd: S, ray: &Rays<S>, limit: f32) -> Meeting<S> {
+    fn intersect<S: Simd>(&self, simd: S, ray: &Rays<S>, limit: f32) -> HitMask<S> {
         let mut numbers = [Float::splat(simd, 0.0); N];
         for (lanes, number) in numbers.iter_mut().zip(&self.numbers) {
             *lanes = Float::load_array(simd, *number);
         }
-        let solids = Solids {
+        let primitives = Primitives {
             numbers,
             id: Word::load_array(simd, self.id),
             has_clear: self.has_clear,
         };
-        let (hit, t) = F::meet(ray, &solids, Float::splat(simd, limit))?;
-        Some((hit & solids.id.simd_ne(NONE), t))
+        let (hit, t) = F::intersect(ray, &primitives, Float::splat(simd, limit))?;
+        Some((hit & primitives.id.simd_ne(NONE), t))
     }
 }
 
-impl Columns {
+impl RayLanes {
     #[inline(always)]
     fn of<S: Simd>(rays: &Rays<S>) -> Self {
         let columns = |v: Vec3x<S>| [v.x.to_array(), v.y.to_array(), v.z.to_array()];
@@ -288,22 +288,22 @@ fn load<S: Simd>(simd: S, [x, y, z]: &[[f32; LANES]; 3]) -> Vec3x<S> {
     )
 }
 
-/// What a forest is grown from.
-struct Growth<'a, F, const N: usize> {
-    tree: &'a Tree,
-    each: &'a [Option<One<F, N>>],
+/// Inputs of the construction.
+struct Bvh16Builder<'a, F, const N: usize> {
+    bvh: &'a Bvh,
+    each: &'a [Option<PackedPrimitive<F, N>>],
     reach: f32,
 }
 
-impl<F, const N: usize> Growth<'_, F, N> {
-    /// The number of the branch or pack that becomes of `subtree`.
-    fn grow(&self, forest: &mut Forest<F, N>, subtree: &Subtree) -> u32 {
+impl<F, const N: usize> Bvh16Builder<'_, F, N> {
+    /// The number of the node or leaf that becomes of `subtree`.
+    fn build(&self, bvh16: &mut Bvh16<F, N>, subtree: &BvhNode) -> u32 {
         if subtree.count as usize <= LANES {
-            forest.packs.push(self.pack(subtree));
-            return PACK | (forest.packs.len() - 1) as u32;
+            bvh16.leaves.push(self.leaf(subtree));
+            return LEAF_TAG | (bvh16.leaves.len() - 1) as u32;
         }
-        let number = forest.branches.len();
-        forest.branches.push(Branch {
+        let number = bvh16.nodes.len();
+        bvh16.nodes.push(Bvh16Node {
             lanes: 0,
             center: [[0.0; LANES]; 3],
             half: [[0.0; LANES]; 3],
@@ -313,20 +313,20 @@ impl<F, const N: usize> Growth<'_, F, N> {
             let center = 0.5 * (part.min + part.max);
             let slack = 0.5 * SLACK * self.reach;
             let half = (part.max - center).max(center - part.min) + slack;
-            let grown = self.grow(forest, part);
-            let branch = &mut forest.branches[number];
+            let child = self.build(bvh16, part);
+            let node = &mut bvh16.nodes[number];
             for axis in 0..3 {
-                branch.center[axis][lane] = center[axis];
-                branch.half[axis][lane] = half[axis];
+                node.center[axis][lane] = center[axis];
+                node.half[axis][lane] = half[axis];
             }
-            branch.parts[lane] = grown;
-            branch.lanes |= 1 << lane;
+            node.parts[lane] = child;
+            node.lanes |= 1 << lane;
         }
         number as u32
     }
 
     /// Divides `subtree` into a part per lane, always the one that most rays enter.
-    fn parts(&self, subtree: &Subtree) -> Vec<Subtree> {
+    fn parts(&self, subtree: &BvhNode) -> Vec<BvhNode> {
         let mut parts = vec![*subtree];
         while parts.len() < LANES {
             let divisible = parts.iter().enumerate();
@@ -336,32 +336,32 @@ impl<F, const N: usize> Growth<'_, F, N> {
             let Some((place, part)) = largest else {
                 break;
             };
-            let [left, right] = self.tree.nodes[part.node as usize];
+            let [left, right] = self.bvh.nodes[part.node as usize];
             parts[place] = left;
             parts.push(right);
         }
         parts
     }
 
-    fn pack(&self, subtree: &Subtree) -> Pack<F, N> {
-        let mut pack = Pack {
+    fn leaf(&self, subtree: &BvhNode) -> Bvh16Leaf<F, N> {
+        let mut leaf = Bvh16Leaf {
             numbers: [[f32::NAN; LANES]; N],
             id: [NONE; LANES],
             has_clear: false,
             shape: PhantomData,
         };
-        let order = &self.tree.order[subtree.first as usize..][..subtree.count as usize];
+        let order = &self.bvh.order[subtree.first as usize..][..subtree.count as usize];
         let visible = order
             .iter()
             .filter_map(|&id| self.each[id as usize].as_ref());
         for (lane, one) in visible.enumerate() {
-            for (column, number) in pack.numbers.iter_mut().zip(one.numbers) {
+            for (column, number) in leaf.numbers.iter_mut().zip(one.numbers) {
                 column[lane] = number;
             }
-            pack.id[lane] = one.id;
-            pack.has_clear |= one.is_clear;
+            leaf.id[lane] = one.id;
+            leaf.has_clear |= one.is_clear;
         }
-        pack
+        leaf
     }
 }
 
@@ -372,8 +372,8 @@ mod tests {
 
     use super::super::geometry::{Geometry, INSIDE};
     use super::*;
-    use crate::compiled::{Hierarchy, ShapeKind};
-    use crate::tree::crowd::{CROWDS, SHAPES, crowd, ray};
+    use crate::bvh::test_scenes::{ARRANGEMENTS, SHAPES, ray, test_scene};
+    use crate::compiled::{BvhUse, ShapeKind};
     use crate::{CompiledScene, CpuTracer};
 
     type Packet = ([[f32; LANES]; 6], [u32; LANES]);
@@ -382,7 +382,7 @@ mod tests {
     /// Bits of the distance to the nearest primitive, its id, and what is occluded from half that way
     /// and from twice it.
     #[inline(always)]
-    fn meet<S: Simd>(simd: S, geometry: &Geometry, (six, skip): &Packet) -> Answer {
+    fn nearest_hits<S: Simd>(simd: S, geometry: &Geometry, (six, skip): &Packet) -> Answer {
         let [ox, oy, oz, dx, dy, dz] = six.map(|column| Float::load_array(simd, column));
         let (origin, direction) = (Vec3x::new(ox, oy, oz), Vec3x::new(dx, dy, dz));
         let rays = Rays::new(simd, origin, direction, Word::load_array(simd, *skip));
@@ -420,16 +420,16 @@ mod tests {
         (0..count).map(packet).collect()
     }
 
-    /// Compares the forest with each primitive by itself; returns how many rays hit.
+    /// Compares the BVH with each primitive by itself; returns how many rays hit.
     fn compare(level: Level, mut scene: CompiledScene, packets: &[Packet]) -> u32 {
-        scene.hierarchy = Hierarchy::Never;
+        scene.bvh_use = BvhUse::Never;
         let each = Geometry::new(&scene);
-        scene.hierarchy = Hierarchy::Always;
-        let tree = Geometry::new(&scene);
+        scene.bvh_use = BvhUse::Always;
+        let bvh = Geometry::new(&scene);
         let mut hits = 0;
         for packet in packets {
-            let expected = dispatch!(level, simd => meet(simd, &each, packet));
-            let found = dispatch!(level, simd => meet(simd, &tree, packet));
+            let expected = dispatch!(level, simd => nearest_hits(simd, &each, packet));
+            let found = dispatch!(level, simd => nearest_hits(simd, &bvh, packet));
             assert_eq!(found, expected, "{level:?} {packet:?}");
             hits += expected.1.iter().filter(|id| **id != NONE).count() as u32;
         }
@@ -437,13 +437,13 @@ mod tests {
     }
 
     #[test]
-    fn rays_meet_what_they_meet_one_by_one_bit_for_bit() {
+    fn bvh16_hits_equal_those_of_a_linear_scan() {
         const PACKETS: u32 = 20_000 / LANES as u32 / 5;
         for level in CpuTracer::levels_available() {
             for shape in SHAPES {
-                for kind in CROWDS {
+                for kind in ARRANGEMENTS {
                     for (seed, count) in (0..).zip([5, 17, 64, 300, 1500]) {
-                        let scene = crowd(kind, shape, count, seed);
+                        let scene = test_scene(kind, shape, count, seed);
                         let packets = packets(&scene, seed, PACKETS);
                         let hits = compare(level, scene, &packets);
                         assert!(
@@ -459,7 +459,7 @@ mod tests {
     #[test]
     fn numbers_that_are_none_miss() {
         for shape in SHAPES {
-            let scene = crowd(CROWDS[0], shape, 300, 0);
+            let scene = test_scene(ARRANGEMENTS[0], shape, 300, 0);
             for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, 1e-40] {
                 for column in 0..6 {
                     let mut packet: Packet = ([[0.1; LANES]; 6], [NONE; LANES]);
@@ -477,9 +477,9 @@ mod tests {
     #[test]
     fn moved_and_hidden_balls_are_found_where_they_are() {
         use crate::{ObjectPose, SceneUpdate};
-        let mut scene = crowd(CROWDS[0], ShapeKind::Sphere, 200, 3);
-        scene.hierarchy = Hierarchy::Always;
-        assert!(scene.tree(ShapeKind::Sphere, 0).is_some());
+        let mut scene = test_scene(ARRANGEMENTS[0], ShapeKind::Sphere, 200, 3);
+        scene.bvh_use = BvhUse::Always;
+        assert!(scene.bvh(ShapeKind::Sphere, 0).is_some());
         let poses = (0..60).map(|object| ObjectPose {
             object,
             position: Vec3::new(0.02 * object as f32 - 0.6, 0.3, 1.2),

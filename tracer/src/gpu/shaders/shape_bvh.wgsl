@@ -1,15 +1,15 @@
-// Many of a shape, whose name stands for `SHAPE`: each ray goes down their tree, the nearer half of each
+// Many of a shape, whose name stands for `SHAPE`: each ray goes down their BVH, the nearer half of each
 // part first. Pictures are those of each by itself: of primitives at one distance the first counts, in
 // whatever order they are met.
 
 fn nearest_SHAPE(line: Line, skip: u32, hit: ptr<function, Hit>) {
     let own = own_SHAPE(line, skip, hit);
-    var stack: array<u32, TREE_DEPTH_MAX>;
+    var stack: array<u32, BVH_DEPTH_MAX>;
     var height = 0u;
     var part = 0u;
     loop {
-        if ((part & TREE_LEAF) != 0u) {
-            nearest_in_SHAPE_leaf(line, part & ~TREE_LEAF, own, hit);
+        if ((part & BVH_LEAF) != 0u) {
+            nearest_in_SHAPE_leaf(line, part & ~BVH_LEAF, own, hit);
         } else {
             let node = scene.SHAPE_nodes[part];
             let left_t = part_entry(line, node.left_center, node.left_half, (*hit).t);
@@ -44,12 +44,12 @@ fn nearest_in_SHAPE_leaf(line: Line, leaf: u32, own: u32, hit: ptr<function, Hit
 }
 
 fn SHAPE_occludes(line: Line, skip: u32, t_max: f32) -> bool {
-    var stack: array<u32, TREE_DEPTH_MAX>;
+    var stack: array<u32, BVH_DEPTH_MAX>;
     var height = 0u;
     var part = 0u;
     loop {
-        if ((part & TREE_LEAF) != 0u) {
-            let leaf = part & ~TREE_LEAF;
+        if ((part & BVH_LEAF) != 0u) {
+            let leaf = part & ~BVH_LEAF;
             for (var i = 0u; i < LEAF; i++) {
                 let id = SHAPE_FIRST + SHAPE_of_leaf(leaf, i);
                 if (SHAPE_of_leaf_t(line, leaf, i) < t_max && id != skip) {

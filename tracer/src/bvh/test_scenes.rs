@@ -1,4 +1,4 @@
-//! Scenes of many primitives of a shape and rays among them, on which trees are tested against each by
+//! Scenes of many primitives of a shape and rays among them, on which BVHs are tested against each by
 //! itself.
 
 use std::collections::BTreeMap;
@@ -10,7 +10,7 @@ use crate::sampling::uniforms;
 use crate::{Camera, CompiledScene, Environment, Material, Object, Scene, Shape};
 
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Crowd {
+pub(crate) enum Arrangement {
     /// Here and there, through each other too.
     Cloud,
     /// In a lattice, each touching its neighbours.
@@ -27,14 +27,14 @@ pub(crate) enum Crowd {
     Far,
 }
 
-pub(crate) const CROWDS: [Crowd; 7] = [
-    Crowd::Cloud,
-    Crowd::Touching,
-    Crowd::Coincident,
-    Crowd::Sized,
-    Crowd::Growing,
-    Crowd::Glass,
-    Crowd::Far,
+pub(crate) const ARRANGEMENTS: [Arrangement; 7] = [
+    Arrangement::Cloud,
+    Arrangement::Touching,
+    Arrangement::Coincident,
+    Arrangement::Sized,
+    Arrangement::Growing,
+    Arrangement::Glass,
+    Arrangement::Far,
 ];
 
 pub(crate) const SHAPES: [ShapeKind; 4] = [
@@ -45,33 +45,33 @@ pub(crate) const SHAPES: [ShapeKind; 4] = [
 ];
 
 /// Place and radius of primitive `i` of `count`.
-fn place(kind: Crowd, count: u32, seed: u32, i: u32) -> (Vec3, f32) {
+fn place(kind: Arrangement, count: u32, seed: u32, i: u32) -> (Vec3, f32) {
     let [x, y, z, r] = uniforms(i, seed, 7, 0);
     let (cloud, small) = (
         2.0 * Vec3::new(x, y, z) - 1.0,
         (count as f32).cbrt().recip(),
     );
     match kind {
-        Crowd::Cloud | Crowd::Glass => (cloud, (0.05 + 0.6 * r) * small),
-        Crowd::Touching => {
+        Arrangement::Cloud | Arrangement::Glass => (cloud, (0.05 + 0.6 * r) * small),
+        Arrangement::Touching => {
             let edge = (count as f32).cbrt().ceil() as u32;
             let place = [i % edge, i / edge % edge, i / edge / edge];
             (0.25 * Vec3::from(place.map(|at| at as f32)), 0.125)
         }
-        Crowd::Coincident => {
+        Arrangement::Coincident => {
             let [x, y, z, r] = uniforms(i / 3, seed, 7, 0);
             (2.0 * Vec3::new(x, y, z) - 1.0, (0.2 + 0.5 * r) * small)
         }
-        Crowd::Sized => (cloud, 10f32.powf(-5.5 * r)),
-        Crowd::Growing => (
+        Arrangement::Sized => (cloud, 10f32.powf(-5.5 * r)),
+        Arrangement::Growing => (
             Vec3::new(1000f32.powf(i as f32 / count as f32) - 1.0, 0.1 * y, 0.0),
             0.05 * (1.0 + i as f32 / count as f32),
         ),
-        Crowd::Far => (cloud + Vec3::new(1e5, -1e5, 3e4), 0.5 * small),
+        Arrangement::Far => (cloud + Vec3::new(1e5, -1e5, 3e4), 0.5 * small),
     }
 }
 
-fn shape(of: ShapeKind, kind: Crowd, (center, radius): (Vec3, f32), i: u32) -> Shape {
+fn shape(of: ShapeKind, kind: Arrangement, (center, radius): (Vec3, f32), i: u32) -> Shape {
     let [a, b, c, d] = uniforms(i, 5, 7, 0);
     let normal = (Vec3::new(a, b, c) - 0.5).normalize();
     let (u, v) = normal.any_orthonormal_pair();
@@ -83,7 +83,7 @@ fn shape(of: ShapeKind, kind: Crowd, (center, radius): (Vec3, f32), i: u32) -> S
         },
         ShapeKind::Box => {
             let half = match kind {
-                Crowd::Touching => Vec3::splat(radius),
+                Arrangement::Touching => Vec3::splat(radius),
                 _ => radius * Vec3::new(1.0, 0.5 + 0.5 * a, 0.5 + 0.5 * b),
             };
             Shape::Box {
@@ -101,16 +101,16 @@ fn shape(of: ShapeKind, kind: Crowd, (center, radius): (Vec3, f32), i: u32) -> S
             half_u: radius * u,
             half_v: radius * (0.5 + 0.5 * d) * v,
         },
-        ShapeKind::CsgFace => panic!("faces have no tree"),
+        ShapeKind::CsgFace => panic!("faces have no BVH"),
     }
 }
 
-/// A crowd of one shape; flat ones are never of glass.
-pub(crate) fn crowd(kind: Crowd, of: ShapeKind, count: u32, seed: u32) -> CompiledScene {
+/// A scene of one shape; flat ones are never of glass.
+pub(crate) fn test_scene(kind: Arrangement, of: ShapeKind, count: u32, seed: u32) -> CompiledScene {
     let albedo = Vec3::ONE;
     let is_body = matches!(of, ShapeKind::Sphere | ShapeKind::Box);
     let material = match kind {
-        Crowd::Glass if is_body => Material::Dielectric {
+        Arrangement::Glass if is_body => Material::Dielectric {
             ior: 1.5,
             alpha: 0.0,
             medium: None,

@@ -1,7 +1,7 @@
-// What the trees of all shapes share.
+// What the BVHs of all shapes share.
 
-// Data that Rust writes: both halves of a part of a tree, each a node, or with `TREE_LEAF` a leaf.
-struct TreeNode {
+// Data that Rust writes: both halves of a part of a BVH, each a node, or with `BVH_LEAF` a leaf.
+struct BvhNodeData {
     left_center: vec3f,
     left: u32,
     left_half: vec3f,

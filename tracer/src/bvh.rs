@@ -1,23 +1,24 @@
-//! A hierarchy of boxes round many primitives of a shape: which few of them a ray may meet.
+//! Bounding volume hierarchy (BVH) over many primitives of a shape.
 //!
-//! A binary tree by the surface area heuristic (MacDonald and Booth, "Heuristics for ray tracing
+//! A binary BVH by the surface area heuristic (MacDonald and Booth, "Heuristics for ray tracing
 //! using space subdivision", The Visual Computer 6, 1990) over bins (Wald, "On fast Construction of
-//! SAH-based Bounding Volume Hierarchies", 2007). Every leaf but the last has [`LEAF`] primitives:
-//! each cut is moved to the next multiple. So the tree of a number of them always has the same
-//! number of nodes wherever they are, kernels keep their layout from frame to frame, and the tree
-//! can be built by several threads into memory that is taken once.
+//! SAH-based Bounding Volume Hierarchies", 2007).
 
 use glam::Vec3;
 
 use crate::compiled::{BoxData, DiscData, RectangleData, SphereData};
 
 /// Primitives of a leaf; the last one may have fewer.
+///
+/// Every other leaf is full: each split is moved to the next multiple. So the BVH of a number of
+/// primitives has the same number of nodes wherever they are, kernels keep their layout from frame to
+/// frame, and several threads build it into memory that is taken once.
 pub const LEAF: usize = 4;
 /// Inner nodes from the root to any leaf, at most.
 pub const DEPTH_MAX: u32 = 32;
 /// How far, over the largest coordinate of the scene, boxes must be widened by those who test rays
 /// in f32: tests of boxes and of what is in them together err by less than half of this. Only where a ray
-/// grazes a flat shape may a test find it further outside its box; then a tree misses it.
+/// grazes a flat shape may a test find it further outside its box; then a BVH misses it.
 pub const SLACK: f32 = 64.0 * 0.5 * f32::EPSILON;
 
 /// What a primitive lies in.
@@ -72,31 +73,31 @@ impl From<&RectangleData> for Bounds {
 
 /// Primitives by place.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Tree {
+pub struct Bvh {
     /// All of them.
-    pub root: Subtree,
+    pub root: BvhNode,
     /// Indices of the primitives, leaf by leaf.
     pub order: Vec<u32>,
     /// Both halves of each part that is not a leaf, depth first: one fewer than leaves.
-    pub nodes: Vec<[Subtree; 2]>,
+    pub nodes: Vec<[BvhNode; 2]>,
 }
 
 /// A part of the primitives, and the box round them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Subtree {
+pub struct BvhNode {
     /// Corner of the smallest coordinates, metres.
     pub min: Vec3,
     /// Corner of the largest.
     pub max: Vec3,
-    /// Its first primitive in [`Tree::order`], a multiple of [`LEAF`].
+    /// Its first primitive in [`Bvh::order`], a multiple of [`LEAF`].
     pub first: u32,
     /// Its primitives; a leaf if there are no more than [`LEAF`].
     pub count: u32,
-    /// Its halves in [`Tree::nodes`]; of a leaf without meaning.
+    /// Its halves in [`Bvh::nodes`]; of a leaf without meaning.
     pub node: u32,
 }
 
-impl Subtree {
+impl BvhNode {
     /// Whether it is not divided further.
     pub fn is_leaf(&self) -> bool {
         self.count as usize <= LEAF
@@ -108,8 +109,8 @@ impl Subtree {
     }
 }
 
-impl Tree {
-    /// The tree of primitives in `bounds`; none if they are no more than one leaf. By the threads of
+impl Bvh {
+    /// The BVH of primitives in `bounds`; none if they are no more than one leaf. By the threads of
     /// the current pool: `carom-bench bvh` prints how long it takes.
     pub fn new(bounds: impl ExactSizeIterator<Item = Bounds>) -> Option<Self> {
         if bounds.len() <= LEAF {
@@ -119,7 +120,7 @@ impl Tree {
             .zip(0u32..)
             .map(|(bounds, index)| Item { bounds, index })
             .collect();
-        let mut nodes = vec![[Subtree::default(); 2]; leaves(items.len()) - 1];
+        let mut nodes = vec![[BvhNode::default(); 2]; leaves(items.len()) - 1];
         let root = Part {
             items: &mut items,
             nodes: &mut nodes,
@@ -133,7 +134,7 @@ impl Tree {
     }
 }
 
-/// Leaves of the tree of so many primitives.
+/// Leaves of the BVH of so many primitives.
 pub const fn leaves(primitives: usize) -> usize {
     primitives.div_ceil(LEAF)
 }
@@ -153,14 +154,14 @@ impl Item {
 /// What is to become a subtree.
 struct Part<'a> {
     items: &'a mut [Item],
-    nodes: &'a mut [[Subtree; 2]],
+    nodes: &'a mut [[BvhNode; 2]],
     first: u32,
     node: u32,
     depth: u32,
 }
 
 impl Part<'_> {
-    fn build(self) -> Subtree {
+    fn build(self) -> BvhNode {
         let Self {
             items,
             nodes,
@@ -168,7 +169,7 @@ impl Part<'_> {
             node,
             depth,
         } = self;
-        let subtree = Subtree {
+        let subtree = BvhNode {
             min: least(items.iter().map(|item| item.bounds.min)),
             max: most(items.iter().map(|item| item.bounds.max)),
             first,
@@ -306,7 +307,7 @@ const BINS: usize = 16;
 const PARALLEL_MIN: usize = 4096;
 
 #[cfg(test)]
-pub(crate) mod crowd;
+pub(crate) mod test_scenes;
 
 #[cfg(test)]
 mod tests {
@@ -349,10 +350,10 @@ mod tests {
     }
 
     /// Checks a part and returns the longest way down.
-    fn check(tree: &Tree, spheres: &[SphereData], part: &Subtree) -> u32 {
+    fn check(bvh: &Bvh, spheres: &[SphereData], part: &BvhNode) -> u32 {
         let range = part.first as usize..(part.first + part.count) as usize;
         assert!(range.start.is_multiple_of(LEAF));
-        for &index in &tree.order[range] {
+        for &index in &bvh.order[range] {
             let sphere = &spheres[index as usize];
             let center = Vec3::from(sphere.center);
             assert!((center - sphere.radius).cmpge(part.min).all());
@@ -361,34 +362,34 @@ mod tests {
         if part.is_leaf() {
             return 0;
         }
-        let [left, right] = &tree.nodes[part.node as usize];
+        let [left, right] = &bvh.nodes[part.node as usize];
         assert_eq!(left.first, part.first);
         assert_eq!(left.first + left.count, right.first);
         assert_eq!(left.count + right.count, part.count);
         assert!(left.count > 0 && right.count > 0);
-        1 + check(tree, spheres, left).max(check(tree, spheres, right))
+        1 + check(bvh, spheres, left).max(check(bvh, spheres, right))
     }
 
     #[test]
-    fn every_ball_lies_in_one_leaf_and_in_the_boxes_above_it() {
+    fn every_ball_lies_in_one_leaf_and_its_boxes() {
         for count in [5, 8, 9, 63, 64, 65, 1000, 10_000] {
             for spheres in crowds(count) {
-                let tree = Tree::new(spheres.iter().map(Bounds::from)).unwrap();
-                let mut order = tree.order.clone();
+                let bvh = Bvh::new(spheres.iter().map(Bounds::from)).unwrap();
+                let mut order = bvh.order.clone();
                 order.sort_unstable();
                 assert!(order.into_iter().eq(0..count as u32));
-                assert_eq!(tree.nodes.len(), leaves(count) - 1);
-                let depth = check(&tree, &spheres, &tree.root);
+                assert_eq!(bvh.nodes.len(), leaves(count) - 1);
+                let depth = check(&bvh, &spheres, &bvh.root);
                 assert!(depth <= DEPTH_MAX, "{depth}");
             }
         }
     }
 
     #[test]
-    fn few_primitives_have_no_tree() {
+    fn few_primitives_have_no_bvh() {
         for count in 0..=LEAF {
             let spheres = vec![sphere(Vec3::ONE, 0.5); count];
-            assert_eq!(Tree::new(spheres.iter().map(Bounds::from)), None);
+            assert_eq!(Bvh::new(spheres.iter().map(Bounds::from)), None);
         }
     }
 
