@@ -144,7 +144,7 @@ impl SurfaceVertex {
         let is_transmitted = wi.dot(self.n) < 0.0;
         Departure {
             primitive: self.hit.primitive,
-            is_inside: self.bsdf.is_clear() && self.is_inside != is_transmitted,
+            is_inside: self.bsdf.is_dielectric() && self.is_inside != is_transmitted,
         }
     }
 }

@@ -161,7 +161,7 @@ pub const fn block_light(depth: u32) -> u32 {
     2 + 3 * depth
 }
 
-/// Block of a clear body: whether light is reflected there, and how far it flies before that.
+/// Block of a dielectric: whether light is reflected there, and how far it flies before that.
 #[inline]
 pub const fn block_choice(depth: u32) -> u32 {
     3 + 3 * depth

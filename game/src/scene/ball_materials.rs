@@ -40,7 +40,7 @@ impl BallSet {
                 // Light keeps the colour's share, or the stripes' paler one, after so many metres.
                 let depth_m = if is_striped { 0.25 } else { 0.1 };
                 let extinction = -colour.max(Vec3::splat(0.05)).map(f32::ln) / depth_m;
-                clear(1.5, extinction, Vec3::ZERO)
+                dielectric(1.5, extinction, Vec3::ZERO)
             }
             Self::Jade => {
                 let stone = if is_striped {
@@ -50,7 +50,7 @@ impl BallSet {
                 };
                 // Of a long walk the colour's share is left: albedo near 1 where it is light.
                 let albedo = stone.map(|c| 1.0 - 0.25 * (1.0 - c).powi(3) - 0.004);
-                clear(1.55, Vec3::splat(160.0), albedo)
+                dielectric(1.55, Vec3::splat(160.0), albedo)
             }
             Self::Metal if !is_numbered => tinted_metal(colour),
             Self::Metal => metal(number),
@@ -83,7 +83,7 @@ fn classic(number: u8, colour: Vec3, is_striped: bool) -> Material {
     }
 }
 
-fn clear(ior: f32, extinction: Vec3, albedo: Vec3) -> Material {
+fn dielectric(ior: f32, extinction: Vec3, albedo: Vec3) -> Material {
     Material::Dielectric {
         ior,
         alpha: 0.0,

@@ -211,7 +211,7 @@ const PARTS: [Part; 13] = [
         },
     },
     Part {
-        name: "a clear body",
+        name: "a dielectric",
         is_used: |scene| any_material(scene, |m| matches!(m, Material::Dielectric { .. })),
         add: |scene| {
             let glass = Material::Dielectric {

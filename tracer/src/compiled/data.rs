@@ -154,7 +154,7 @@ impl AreaLightData {
 pub const KIND_LAYERED: u32 = 0;
 /// [`MaterialData::kind`] of a metal.
 pub const KIND_CONDUCTOR: u32 = 1;
-/// [`MaterialData::kind`] of a clear body.
+/// [`MaterialData::kind`] of a dielectric.
 pub const KIND_DIELECTRIC: u32 = 2;
 
 /// [`MaterialData::pattern`] of plain and striped materials.

@@ -1,11 +1,11 @@
-//! Diffuse surfaces and smooth plastic, a lane each; other materials by [`super::gloss`].
+//! Diffuse surfaces and smooth plastic, a lane each; other materials by [`super::microfacet`].
 
 use std::f32::consts::FRAC_1_PI;
 
 use fearless_simd::prelude::*;
 
-use super::gloss::Gloss;
 use super::lanes::{Float, Mask, Vec3x};
+use super::microfacet::MicrofacetBsdf;
 use super::sampling::cosine_hemisphere;
 use super::sheen::Sheen;
 use super::surface::Hit;
@@ -24,7 +24,7 @@ pub(super) struct Bsdf<S: Simd> {
     base: Vec3x<S>,
     coated: Mask<S>,
     any_coated: bool,
-    gloss: Option<Gloss<S>>,
+    microfacet: Option<MicrofacetBsdf<S>>,
     sheen: Option<Sheen<S>>,
 }
 
@@ -54,7 +54,7 @@ impl<S: Simd> Bsdf<S> {
             base: hit.albedo,
             coated,
             any_coated: coated.any_true(),
-            gloss: hit.gloss,
+            microfacet: hit.microfacet,
             sheen: hit.sheen,
         };
         if bsdf.any_coated {
@@ -73,8 +73,8 @@ impl<S: Simd> Bsdf<S> {
     #[inline(always)]
     pub(super) fn sees(&self, cos_i: Float<S>) -> Mask<S> {
         let faces = cos_i.simd_gt(0.0);
-        match &self.gloss {
-            Some(gloss) => (faces & !gloss.lanes()) | gloss.sees(cos_i),
+        match &self.microfacet {
+            Some(microfacet) => (faces & !microfacet.lanes()) | microfacet.sees(cos_i),
             None => faces,
         }
     }
@@ -89,11 +89,11 @@ impl<S: Simd> Bsdf<S> {
             f_cos = f_cos + sheen.evaluate(simd, self.normal, self.wo, wi) * cos_i;
         }
         let pdf = diffuse * (1.0 - self.specular_share);
-        let Some(gloss) = &self.gloss else {
+        let Some(microfacet) = &self.microfacet else {
             return (f_cos, pdf);
         };
-        let (glossy, glossy_pdf) = gloss.evaluate(simd, self.normal, self.wo, wi);
-        let lanes = gloss.lanes();
+        let (glossy, glossy_pdf) = microfacet.evaluate(simd, self.normal, self.wo, wi);
+        let lanes = microfacet.lanes();
         (
             Vec3x::select(lanes, glossy, f_cos),
             lanes.select(glossy_pdf, pdf),
@@ -101,7 +101,7 @@ impl<S: Simd> Bsdf<S> {
     }
 
     /// Draws a direction by `u[1]` and `u[2]`, which choose between coat and base too; `u[0]` chooses
-    /// the lobe of a clear body. Sets the lanes whose ray goes on inside one in `inside`.
+    /// the lobe of a dielectric. Sets the lanes whose ray goes on inside one in `inside`.
     #[inline(always)]
     pub(super) fn sample(&self, simd: S, u: [Float<S>; 3], inside: &mut Mask<S>) -> Scattered<S> {
         let mut u1 = u[1];
@@ -126,9 +126,9 @@ impl<S: Simd> Bsdf<S> {
             let pi = Float::splat(simd, std::f32::consts::PI);
             scattered.weight = scattered.weight + f * pi;
         }
-        if let Some(gloss) = &self.gloss {
-            let glossy = gloss.sample(simd, self.normal, self.wo, u, inside);
-            let lanes = gloss.lanes();
+        if let Some(microfacet) = &self.microfacet {
+            let glossy = microfacet.sample(simd, self.normal, self.wo, u, inside);
+            let lanes = microfacet.lanes();
             scattered.wi = Vec3x::select(lanes, glossy.wi, scattered.wi);
             scattered.weight = Vec3x::select(lanes, glossy.weight, scattered.weight);
             scattered.pdf = lanes.select(glossy.pdf, scattered.pdf);
@@ -139,8 +139,10 @@ impl<S: Simd> Bsdf<S> {
     /// The part of light that a coat reflects; 0 without.
     #[inline(always)]
     pub(super) fn coat(&self, simd: S) -> Float<S> {
-        match &self.gloss {
-            Some(gloss) => gloss.lanes().select(Float::splat(simd, 0.0), self.fresnel),
+        match &self.microfacet {
+            Some(microfacet) => microfacet
+                .lanes()
+                .select(Float::splat(simd, 0.0), self.fresnel),
             None => self.fresnel,
         }
     }
@@ -157,11 +159,13 @@ impl<S: Simd> Bsdf<S> {
         scattered.pdf = specular.select(Float::splat(simd, 0.0), scattered.pdf);
     }
 
-    /// Reflectance of a diffuse base; 1 of metals and clear bodies, which show others.
+    /// Reflectance of a diffuse base; 1 of metals and dielectrics, which show others.
     #[inline(always)]
     pub(super) fn albedo(&self, simd: S, albedo: Vec3x<S>) -> Vec3x<S> {
-        match &self.gloss {
-            Some(gloss) => Vec3x::select(gloss.lanes(), Vec3x::splat(simd, [1.0; 3]), albedo),
+        match &self.microfacet {
+            Some(microfacet) => {
+                Vec3x::select(microfacet.lanes(), Vec3x::splat(simd, [1.0; 3]), albedo)
+            }
             None => albedo,
         }
     }
@@ -170,8 +174,12 @@ impl<S: Simd> Bsdf<S> {
     #[inline(always)]
     pub(super) fn mirror(&self, simd: S) -> Vec3x<S> {
         let coat = Vec3x::new(self.fresnel, self.fresnel, self.fresnel);
-        match &self.gloss {
-            Some(gloss) => Vec3x::select(gloss.lanes(), gloss.mirror(simd, self.cos_o), coat),
+        match &self.microfacet {
+            Some(microfacet) => Vec3x::select(
+                microfacet.lanes(),
+                microfacet.mirror(simd, self.cos_o),
+                coat,
+            ),
             None => coat,
         }
     }

@@ -38,7 +38,7 @@ struct Bvh16Node {
 struct Bvh16Leaf<F, const N: usize> {
     numbers: [[f32; LANES]; N],
     id: [u32; LANES],
-    has_clear: bool,
+    has_dielectric: bool,
     shape: PhantomData<F>,
 }
 
@@ -207,7 +207,7 @@ impl<F: Shape<N>, const N: usize> Bvh16Leaf<F, N> {
         let primitives = Primitives {
             numbers,
             id: Word::load_array(simd, self.id),
-            has_clear: self.has_clear,
+            has_dielectric: self.has_dielectric,
         };
         let (hit, t) = F::intersect(ray, &primitives, Float::splat(simd, limit))?;
         Some((hit & primitives.id.simd_ne(NONE), t))
@@ -347,7 +347,7 @@ impl<F, const N: usize> Bvh16Builder<'_, F, N> {
         let mut leaf = Bvh16Leaf {
             numbers: [[f32::NAN; LANES]; N],
             id: [NONE; LANES],
-            has_clear: false,
+            has_dielectric: false,
             shape: PhantomData,
         };
         let order = &self.bvh.order[subtree.first as usize..][..subtree.count as usize];
@@ -359,7 +359,7 @@ impl<F, const N: usize> Bvh16Builder<'_, F, N> {
                 column[lane] = number;
             }
             leaf.id[lane] = one.id;
-            leaf.has_clear |= one.is_clear;
+            leaf.has_dielectric |= one.is_dielectric;
         }
         leaf
     }

@@ -16,7 +16,7 @@ use crate::compiled::{CompiledScene, KIND_DIELECTRIC, ShapeKind};
 /// The id of no primitive.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// Set in the id of a clear body that a ray is inside of: it meets that body's far side.
+/// Set in the id of a dielectric that a ray is inside of: it meets that body's far side.
 pub(super) const INSIDE: u32 = 1 << 31;
 
 /// Directions closer to a slab's plane count as this close, so that no product is 0 · ∞.
@@ -33,8 +33,8 @@ pub(super) struct Geometry {
     area_lights: PrimitiveSet<Rectangle, 12>,
     /// The id of the first area light; a hit of this id or above ends its path.
     pub(super) area_lights_first: u32,
-    /// Some spheres or boxes are clear, so that rays go on inside.
-    has_clear: bool,
+    /// Some spheres or boxes are dielectrics, so that rays go on inside.
+    has_dielectric: bool,
 }
 
 /// The primitives of a shape.
@@ -48,7 +48,7 @@ struct PrimitiveSet<F, const N: usize> {
 pub(super) struct PackedPrimitive<F, const N: usize> {
     pub(super) numbers: [f32; N],
     pub(super) id: u32,
-    pub(super) is_clear: bool,
+    pub(super) is_dielectric: bool,
     shape: PhantomData<F>,
 }
 
@@ -59,7 +59,7 @@ pub(super) struct Rays<S: Simd> {
     /// Of unit length.
     pub(super) direction: Vec3x<S>,
     /// The primitive that each ray starts on, which it cannot meet: all are convex. With [`INSIDE`]
-    /// the clear body that it is inside of.
+    /// the dielectric that it is inside of.
     pub(super) skip: Word<S>,
     pub(super) inverse: Vec3x<S>,
     pub(super) inverse_abs: Vec3x<S>,
@@ -108,17 +108,26 @@ fn inverse_component<S: Simd>(simd: S, d: Float<S>) -> Float<S> {
 impl Geometry {
     pub(super) fn new(scene: &CompiledScene) -> Self {
         let reach = reach(scene);
-        let is_clear = |material: u32| scene.materials[material as usize].kind == KIND_DIELECTRIC;
+        let is_dielectric =
+            |material: u32| scene.materials[material as usize].kind == KIND_DIELECTRIC;
         let mut first = 0;
         let spheres = scene.spheres.iter().zip(first..).map(|(sphere, id)| {
             let numbers = Sphere::numbers(sphere, reach)?;
-            Some(PackedPrimitive::new(numbers, id, is_clear(sphere.material)))
+            Some(PackedPrimitive::new(
+                numbers,
+                id,
+                is_dielectric(sphere.material),
+            ))
         });
         let spheres = PrimitiveSet::new(scene, ShapeKind::Sphere, spheres.collect(), reach);
         first += scene.spheres.len() as u32;
         let boxes = scene.boxes.iter().zip(first..).map(|(data, id)| {
             let numbers = AlignedBox::numbers(data);
-            Some(PackedPrimitive::new(numbers, id, is_clear(data.material)))
+            Some(PackedPrimitive::new(
+                numbers,
+                id,
+                is_dielectric(data.material),
+            ))
         });
         let boxes = PrimitiveSet::new(scene, ShapeKind::Box, boxes.collect(), reach);
         first += scene.boxes.len() as u32;
@@ -147,7 +156,7 @@ impl Geometry {
             each: area_lights.collect(),
             bvh: None,
         };
-        let has_clear = has_clear(scene);
+        let has_dielectric = has_dielectric(scene);
         Self {
             spheres,
             boxes,
@@ -156,12 +165,12 @@ impl Geometry {
             csg_boxes,
             area_lights,
             area_lights_first,
-            has_clear,
+            has_dielectric,
         }
     }
 
     /// Distance to and id of the nearest primitive, of equals the first; ∞ and [`NONE`] where
-    /// there is none. The id of a clear body that is met from within has [`INSIDE`].
+    /// there is none. The id of a dielectric that is met from within has [`INSIDE`].
     #[inline(always)]
     pub(super) fn nearest<S: Simd>(&self, simd: S, rays: &Rays<S>) -> Nearest<S> {
         let mut nearest = Nearest::none(simd);
@@ -176,7 +185,7 @@ impl Geometry {
             }
         }
         self.area_lights.nearest(simd, rays, &mut nearest);
-        if self.has_clear {
+        if self.has_dielectric {
             let within = rays.skip.simd_eq(nearest.id | INSIDE);
             nearest.id = within.select(rays.skip, nearest.id);
         }
@@ -267,11 +276,11 @@ impl<F: Shape<N>, const N: usize> PrimitiveSet<F, N> {
 }
 
 impl<F, const N: usize> PackedPrimitive<F, N> {
-    fn new(numbers: [f32; N], id: u32, is_clear: bool) -> Self {
+    fn new(numbers: [f32; N], id: u32, is_dielectric: bool) -> Self {
         Self {
             numbers,
             id,
-            is_clear,
+            is_dielectric,
             shape: PhantomData,
         }
     }
@@ -286,7 +295,7 @@ impl<F, const N: usize> PackedPrimitive<F, N> {
         Primitives {
             numbers,
             id: Word::splat(simd, self.id),
-            has_clear: self.is_clear,
+            has_dielectric: self.is_dielectric,
         }
     }
 }
@@ -315,7 +324,7 @@ impl<S: Simd> Nearest<S> {
     }
 }
 
-fn has_clear(scene: &CompiledScene) -> bool {
+fn has_dielectric(scene: &CompiledScene) -> bool {
     let spheres = scene.spheres.iter().map(|sphere| sphere.material);
     let mut materials = spheres.chain(scene.boxes.iter().map(|data| data.material));
     materials.any(|material| scene.materials[material as usize].kind == KIND_DIELECTRIC)

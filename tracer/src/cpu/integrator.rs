@@ -9,8 +9,8 @@ use fearless_simd::{i32x16, prelude::*};
 use super::area_light::{AreaLights, SampledAreaLight};
 use super::bsdf::Bsdf;
 use super::geometry::{Geometry, INSIDE, NONE, Nearest, Rays};
-use super::gloss::{SCATTERED, untagged};
 use super::lanes::{Float, Mask, Vec3x, Word};
+use super::microfacet::{SCATTERED, untagged};
 use super::sampling::pair;
 use super::stream::{Packet, Stream, load, load_words, packets, store, store_words};
 use super::surface::{Hit, Surfaces};
@@ -165,7 +165,7 @@ impl Prepared {
             }
             rays += u64::from(alive.to_bitmask().count_ones());
             let mut met = nearest.id;
-            if self.surfaces.has_clear {
+            if self.surfaces.has_dielectric {
                 self.fly(simd, stream, at, depth, &mut nearest);
                 met = untagged(nearest.id);
             }
@@ -206,7 +206,7 @@ impl Prepared {
         rays
     }
 
-    /// Flies through what fills clear bodies: light is absorbed, and may be scattered before the
+    /// Flies through what fills dielectrics: light is absorbed, and may be scattered before the
     /// boundary.
     #[inline(always)]
     fn fly<S: Simd>(
@@ -319,7 +319,7 @@ impl Prepared {
             }
             let [u1, u2] = pair(pixel, sample, block_scatter(depth), seed);
             let mut u0 = u1;
-            if hit.gloss.is_some() {
+            if hit.microfacet.is_some() {
                 [u0, _] = pair(pixel, sample, block_choice(depth), seed);
             }
             let mut inside = Mask::splat(simd, false);
@@ -335,7 +335,7 @@ impl Prepared {
             }
             store(&mut stream.pdf, at, pdf);
             let mut left = tag;
-            if self.surfaces.has_clear {
+            if self.surfaces.has_dielectric {
                 left = untagged(tag);
                 left = inside.select(left | INSIDE, left);
             }
@@ -362,10 +362,10 @@ impl Prepared {
         tag: Word<S>,
     ) -> Mask<S> {
         let none = Mask::splat(simd, false);
-        let Some(gloss) = &hit.gloss else {
+        let Some(microfacet) = &hit.microfacet else {
             return none;
         };
-        let from_inside = gloss.is_left() & pdf.simd_eq(f32::NEG_INFINITY);
+        let from_inside = microfacet.is_left() & pdf.simd_eq(f32::NEG_INFINITY);
         let windows = Windows::new(simd, &self.surfaces.windows, tag, from_inside);
         windows.map_or(none, |windows| {
             windows.are_left(distance, hit.normal.dot(wo))
@@ -391,13 +391,13 @@ impl Prepared {
         tag: Word<S>,
         light: &SampledAreaLight<S>,
     ) -> u64 {
-        let Some(gloss) = &hit.gloss else {
+        let Some(microfacet) = &hit.microfacet else {
             return 0;
         };
         if depth + 2 > self.settings.max_depth {
             return 0;
         }
-        let scattered = alive & gloss.is_scattered();
+        let scattered = alive & microfacet.is_scattered();
         let Some(windows) = Windows::new(simd, &self.surfaces.windows, tag, scattered) else {
             return 0;
         };

@@ -25,8 +25,8 @@ pub(super) trait Shape<const N: usize> {
 pub(super) struct Primitives<S: Simd, const N: usize> {
     pub(super) numbers: [Float<S>; N],
     pub(super) id: Word<S>,
-    /// Some are clear: rays that are inside of one meet its far side.
-    pub(super) has_clear: bool,
+    /// Some are dielectrics: rays that are inside of one meet its far side.
+    pub(super) has_dielectric: bool,
 }
 
 /// Where the lanes that meet a primitive do.
@@ -87,7 +87,7 @@ impl Shape<6> for Sphere {
         let chord = Chord::new(rays.origin, rays.direction, center, radius);
         let mut t = chord.first();
         let mut hit = chord.real & t.simd_gt(0.0);
-        if primitives.has_clear {
+        if primitives.has_dielectric {
             let within = rays.skip.simd_eq(primitives.id | INSIDE);
             t = within.select(chord.far.max(0.0), t);
             hit |= within;
@@ -200,7 +200,7 @@ impl Shape<6> for AlignedBox {
         let entry = near.x.max(near.y).max(near.z);
         let exit = far.x.min(far.y).min(far.z);
         let hit = entry.max(0.0).simd_le(exit.min(limit)) & rays.skip.simd_ne(primitives.id);
-        if primitives.has_clear {
+        if primitives.has_dielectric {
             let within = rays.skip.simd_eq(primitives.id | INSIDE);
             let t = entry.simd_gt(0.0).select(entry, exit);
             let t = within.select(exit.max(0.0), t);

@@ -2,8 +2,8 @@
 
 use fearless_simd::prelude::*;
 
-use super::gloss::{exp, ln};
 use super::lanes::{Float, Vec3x, Word};
+use super::math::{exp, ln};
 use super::surface::Rows;
 
 /// Strength over 2π and width, of one primitive that scatters.

@@ -3,8 +3,9 @@
 use fearless_simd::prelude::*;
 
 use super::geometry::{INSIDE, inverse};
-use super::gloss::{Flight, Gloss, GlossRow, gloss_row, untagged};
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
+use super::medium::Flight;
+use super::microfacet::{MicrofacetBsdf, MicrofacetRow, microfacet_row, untagged};
 use super::shapes::Chord;
 use super::sheen::{Sheen, SheenRow};
 use super::texture::{TextureRow, texture_row, textured};
@@ -18,13 +19,13 @@ use crate::compiled::{
 pub(super) struct Surfaces {
     rows: Vec<Row>,
     /// Empty if all are diffuse, bare or coated.
-    gloss: Vec<GlossRow>,
+    microfacet: Vec<MicrofacetRow>,
     /// Empty without procedural textures.
     texture: Vec<TextureRow>,
     /// Some cloth has a sheen.
     sheen: Vec<SheenRow>,
     /// Paths go on inside of bodies and need to know what fills them.
-    pub(super) has_clear: bool,
+    pub(super) has_dielectric: bool,
     /// Empty if no ball is a window.
     pub(super) windows: Vec<WindowRow>,
 }
@@ -63,8 +64,8 @@ pub(super) struct Hit<S: Simd> {
     /// 0 for a diffuse surface.
     pub(super) ior: Float<S>,
     pub(super) diffuse_scale: Float<S>,
-    /// Metals and clear bodies, if any lane met one.
-    pub(super) gloss: Option<Gloss<S>>,
+    /// Metals and dielectrics, if any lane met one.
+    pub(super) microfacet: Option<MicrofacetBsdf<S>>,
     /// Cloth, if any lane met one.
     pub(super) sheen: Option<Sheen<S>>,
 }
@@ -109,10 +110,10 @@ impl Surfaces {
         }));
         Self {
             rows,
-            gloss: gloss_rows(scene),
+            microfacet: microfacet_rows(scene),
             texture: texture_rows(scene),
             sheen: sheen_rows(scene),
-            has_clear: (scene.materials.iter()).any(|m| m.kind == KIND_DIELECTRIC),
+            has_dielectric: (scene.materials.iter()).any(|m| m.kind == KIND_DIELECTRIC),
             windows: window_rows(scene),
         }
     }
@@ -125,7 +126,7 @@ impl Surfaces {
         Sheen::new(simd, &self.sheen, id)
     }
 
-    /// The flight of the rays inside clear bodies, whose ids are in `skip`, towards a boundary at
+    /// The flight of the rays inside dielectrics, whose ids are in `skip`, towards a boundary at
     /// `distance`. None if no ray is.
     #[inline(always)]
     pub(super) fn fly<S: Simd>(
@@ -137,7 +138,7 @@ impl Surfaces {
         u: Float<S>,
     ) -> Flight<S> {
         let body = within.select(untagged(skip), Word::splat(simd, 0));
-        Flight::new(simd, &self.gloss, body, within, distance, u)
+        Flight::new(simd, &self.microfacet, body, within, distance, u)
     }
 
     /// The surface of the primitive in `tag` at `distance` along the ray, or the point inside it
@@ -151,11 +152,11 @@ impl Surfaces {
         distance: Float<S>,
         tag: Word<S>,
     ) -> Hit<S> {
-        let (mut id, mut within, mut gloss) = (tag, Mask::splat(simd, false), None);
-        if !self.gloss.is_empty() {
+        let (mut id, mut within, mut microfacet) = (tag, Mask::splat(simd, false), None);
+        if !self.microfacet.is_empty() {
             id = untagged(tag);
             within = (tag & INSIDE).simd_ne(0);
-            gloss = Gloss::new(simd, &self.gloss, tag);
+            microfacet = MicrofacetBsdf::new(simd, &self.microfacet, tag);
         }
         let rows = Rows::new(&self.rows, id);
         let kind = rows.number(simd, KIND);
@@ -195,9 +196,9 @@ impl Surfaces {
             let outwards = Vec3x::new(x * across, y * across, -taper) * scale;
             normal = Vec3x::select(cone, outwards, normal);
         }
-        if let Some(gloss) = &gloss {
+        if let Some(microfacet) = &microfacet {
             let inside = direction.mul_add(distance, origin);
-            position = Vec3x::select(gloss.is_scattered(), inside, position);
+            position = Vec3x::select(microfacet.is_scattered(), inside, position);
         }
         let mut albedo = rows.triple(simd, ALBEDO);
         let ior = rows.number(simd, IOR);
@@ -217,7 +218,7 @@ impl Surfaces {
             albedo,
             ior,
             diffuse_scale: rows.number(simd, DIFFUSE_SCALE),
-            gloss,
+            microfacet,
             sheen: self.sheen_at(simd, id),
         }
     }
@@ -235,11 +236,11 @@ fn materials(scene: &CompiledScene) -> impl Iterator<Item = &MaterialData> {
     indices.map(|material| &scene.materials[material as usize])
 }
 
-fn gloss_rows(scene: &CompiledScene) -> Vec<GlossRow> {
+fn microfacet_rows(scene: &CompiledScene) -> Vec<MicrofacetRow> {
     if scene.materials.iter().all(|m| m.kind == KIND_LAYERED) {
         return Vec::new();
     }
-    materials(scene).map(gloss_row).collect()
+    materials(scene).map(microfacet_row).collect()
 }
 
 fn window_rows(scene: &CompiledScene) -> Vec<WindowRow> {

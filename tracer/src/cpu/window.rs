@@ -1,4 +1,4 @@
-//! Area lights seen from inside a clear ball, a lane each: the arithmetic of [`crate::scalar::window`].
+//! Area lights seen from inside a dielectric ball, a lane each: the arithmetic of [`crate::scalar::window`].
 
 use std::f32::consts::PI;
 
@@ -6,8 +6,9 @@ use fearless_simd::prelude::*;
 
 use super::area_light::SampledAreaLight;
 use super::bsdf::fresnel;
-use super::gloss::{exp, untagged};
 use super::lanes::{Float, Mask, Vec3x, Word};
+use super::math::exp;
+use super::microfacet::untagged;
 use super::surface::Rows;
 use crate::compiled::{MaterialData, SphereData};
 use crate::scalar::window::STEPS;

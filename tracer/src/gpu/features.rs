@@ -143,11 +143,11 @@ pub(crate) struct Features {
     pub(crate) has_wood: bool,
     /// Some material is napped.
     pub(crate) has_sheen: bool,
-    /// Some material is a metal or clear.
-    pub(crate) has_gloss: bool,
-    /// Some material is clear.
-    pub(crate) has_clear: bool,
-    /// Some ball may be a window: its material is clear and smooth and scatters light inside.
+    /// Some material is a conductor or a dielectric.
+    pub(crate) has_microfacet: bool,
+    /// Some material is a dielectric.
+    pub(crate) has_dielectric: bool,
+    /// Some ball may be a window: its material is a smooth dielectric and scatters light inside.
     pub(crate) has_window: bool,
     pub(crate) output: Output,
     /// Balls are so far from the origin that the rounding of coordinates shows.
@@ -187,8 +187,8 @@ impl Features {
             has_number: any(|material| material.pattern == PATTERN_NUMBER),
             has_wood: any(|m| matches!(m.pattern, PATTERN_WOOD | PATTERN_PLANKS)),
             has_sheen: any(|material| material.sheen != [0.0; 3]),
-            has_gloss: any(|material| material.kind != KIND_LAYERED),
-            has_clear: any(|material| material.kind == KIND_DIELECTRIC),
+            has_microfacet: any(|material| material.kind != KIND_LAYERED),
+            has_dielectric: any(|material| material.kind == KIND_DIELECTRIC),
             has_window: has_window(scene),
             output: Output::Radiance,
             is_compensated: needs_compensation(scene),

@@ -276,6 +276,6 @@ mod tests {
         }
         assert!(plain.area_lights > 0 && plain.has_coat && plain.has_stripe && dressed.has_stripe);
         assert!(dressed.has_number && dressed.has_wood && dressed.has_sheen);
-        assert!(dressed.has_gloss && dressed.has_clear);
+        assert!(dressed.has_microfacet && dressed.has_dielectric);
     }
 }

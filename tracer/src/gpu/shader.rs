@@ -59,8 +59,8 @@ fn parts(features: &Features) -> Vec<&'static str> {
         true => include_str!("shaders/bsdf_plastic.wgsl"),
         false => include_str!("shaders/bsdf_diffuse.wgsl"),
     });
-    parts.push(match features.has_gloss {
-        true => include_str!("shaders/bsdf_gloss.wgsl"),
+    parts.push(match features.has_microfacet {
+        true => include_str!("shaders/microfacet.wgsl"),
         false => include_str!("shaders/bsdf_layered.wgsl"),
     });
     parts.push(match features.has_sheen {
@@ -71,7 +71,7 @@ fn parts(features: &Features) -> Vec<&'static str> {
         true => include_str!("shaders/texture.wgsl"),
         false => include_str!("shaders/texture_none.wgsl"),
     });
-    parts.push(match features.has_clear {
+    parts.push(match features.has_dielectric {
         true => include_str!("shaders/medium.wgsl"),
         false => include_str!("shaders/medium_none.wgsl"),
     });
@@ -137,7 +137,7 @@ fn constants(features: &Features) -> String {
          const BVH_LEAF: u32 = {BVH_LEAF}u;\n\
          const LEAF: u32 = {LEAF}u;\n\
          const HAS_STRIPE: bool = {};\n\
-         const HAS_CLEAR: bool = {};\n\
+         const HAS_DIELECTRIC: bool = {};\n\
          const HAS_WINDOW: bool = {};\n\
          const WINDOW_STEPS: u32 = {STEPS}u;\n\
          const HAS_NUMBER: bool = {};\n\
@@ -149,7 +149,7 @@ fn constants(features: &Features) -> String {
         features.area_lights_coplanar,
         features.area_lights_scaled,
         features.has_stripe,
-        features.has_clear,
+        features.has_dielectric,
         features.has_window,
         features.has_number,
         features.has_wood,
@@ -350,8 +350,8 @@ mod tests {
         has_csg_cone: true,
         has_wood: true,
         has_sheen: true,
-        has_gloss: true,
-        has_clear: true,
+        has_microfacet: true,
+        has_dielectric: true,
         has_window: true,
         output: Output::Radiance,
         is_compensated: true,
@@ -389,8 +389,8 @@ mod tests {
                 has_csg_cone: i % 7 < 3,
                 has_wood: i % 13 < 7,
                 has_sheen: i % 17 < 8,
-                has_gloss: i % 7 < 4,
-                has_clear: i % 7 < 2,
+                has_microfacet: i % 7 < 4,
+                has_dielectric: i % 7 < 2,
                 has_window: i & 1 == 1 && i >> 6 > 0 && i % 7 == 1,
                 output: Output::ALL[i as usize % 3],
                 is_compensated: i % 5 < 2,

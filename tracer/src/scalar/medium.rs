@@ -1,4 +1,4 @@
-//! Free flight through what fills a clear body.
+//! Free flight through what fills a dielectric.
 
 use std::f64::consts::PI;
 

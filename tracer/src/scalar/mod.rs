@@ -8,7 +8,7 @@
 //! 2. **Edge.** The nearest primitive with `t > 0` is hit, the first of equals in the order
 //!    spheres, boxes, discs, rectangles, CSG boxes, area lights. The primitive that the ray leaves is skipped: each
 //!    is convex, so an outward ray cannot meet it again, and no origin need be offset; a ray inside
-//!    a clear body meets that body's far side and no other of its own. There it flies freely first:
+//!    a dielectric meets that body's far side and no other of its own. There it flies freely first:
 //!    it is scattered after `−ln(1 − u[1]) / flight_rate` metres if that is nearer, with `u` of block
 //!    `block_choice(k)`, evenly by `block_scatter(k)`, which counts as a scattering. A ray that
 //!    meets nothing adds `beta · environment` and ends. A ray that meets an area light ends; from the
@@ -23,11 +23,11 @@
 //!    stretched to [0, 1) again, and a direction uniform in its solid angle, or, where that is below
 //!    [`area_light::SOLID_ANGLE_MIN`], a point uniform in its area. Unless something is in between, adds
 //!    `beta · f · cos · radiance / pdf · w`, `w` weighing the same two densities as in step 2,
-//!    where `f` leaves out mirrors, and directions into a clear body are. Inside a ball that is a
+//!    where `f` leaves out mirrors, and directions into a dielectric are. Inside a ball that is a
 //!    window the same point is aimed at by the way that is bent at the boundary, if
 //!    that counts as a scattering that is left: a point that light falls on from `spread` per
 //!    solid angle.
-//! 4. **Scattering** (block `block_scatter(k)`). Metals and clear bodies: [`specular`], whose choice
+//! 4. **Scattering** (block `block_scatter(k)`). Metals and dielectrics: [`microfacet`], whose choice
 //!    to reflect takes `u[0]` of `block_choice(k)`. Others: with `F` the Fresnel reflectance seen
 //!    from `wo` and `a` the channel mean of the albedo at the hit, the mirror is chosen if `u[0]` is
 //!    below `p = F / (F + (1−F)·a)` (0 where `F` is 0), with weight `F/p`. Else `u[0]` is stretched
@@ -54,7 +54,6 @@ pub mod medium;
 pub mod microfacet;
 pub mod scatter;
 pub mod sheen;
-pub mod specular;
 pub mod window;
 
 use std::f64::consts::PI;
@@ -595,12 +594,12 @@ impl Vertex {
         }
     }
 
-    /// How a ray towards `wi` begins: what is not clear is left outwards, on either side.
+    /// How a ray towards `wi` begins: what is not transmissive is left outwards, on either side.
     fn departure(&self, wi: DVec3) -> Departure {
         let is_passed = wi.dot(self.n) < 0.0;
         Departure {
             primitive: self.primitive,
-            is_inside: self.scatter.is_clear() && self.is_inside != is_passed,
+            is_inside: self.scatter.is_dielectric() && self.is_inside != is_passed,
         }
     }
 }

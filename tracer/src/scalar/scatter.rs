@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::bsdf::{Bsdf, BsdfSample};
 use super::intersect::{Hit, vector};
-use super::specular::{Conductor, Dielectric};
+use super::microfacet::{Conductor, Dielectric};
 use crate::CompiledScene;
 use crate::compiled::{KIND_CONDUCTOR, KIND_DIELECTRIC};
 use crate::fresnel::{fresnel_conductor, fresnel_dielectric};
@@ -16,7 +16,7 @@ pub enum Scatter {
     Layered(Bsdf),
     /// Metal.
     Conductor(Conductor),
-    /// A clear body's boundary.
+    /// A dielectric's boundary.
     Dielectric(Dielectric),
 }
 
@@ -66,7 +66,7 @@ impl Scatter {
     }
 
     /// Draws a direction by `u[1]` and `u[2]`, which choose the lobe of a layered material too;
-    /// `u[0]` chooses that of a clear body.
+    /// `u[0]` chooses that of a dielectric.
     pub fn sample(&self, wo: DVec3, n: DVec3, u: [f64; 4]) -> BsdfSample {
         match self {
             Self::Layered(bsdf) => bsdf.sample(wo, n, u),
@@ -75,7 +75,7 @@ impl Scatter {
         }
     }
 
-    /// Reflectance of a diffuse base; 1 of metals and clear bodies, which show others.
+    /// Reflectance of a diffuse base; 1 of metals and dielectrics, which show others.
     pub(super) fn albedo(&self) -> DVec3 {
         match self {
             Self::Layered(bsdf) => bsdf.albedo,
@@ -98,7 +98,7 @@ impl Scatter {
     }
 
     /// Whether light can pass.
-    pub fn is_clear(&self) -> bool {
+    pub fn is_dielectric(&self) -> bool {
         matches!(self, Self::Dielectric(_))
     }
 }

@@ -1,4 +1,4 @@
-//! The way from a point inside a clear ball to a point outside, bent where it passes the boundary.
+//! The way from a point inside a dielectric ball to a point outside, bent where it passes the boundary.
 //!
 //! Light that is scattered inside would find an area light through a smooth boundary by chance alone. Next-event
 //! estimation through a refracting surface (Walter, Zhao, Holzschuch and Bala, "Single Scattering in

@@ -254,7 +254,7 @@ pub enum Material {
         #[serde(default)]
         alpha: f32,
     },
-    /// A clear boundary, smooth or GGX-rough (Walter et al. 2007), round what fills the body. Only
+    /// A dielectric boundary, smooth or GGX-rough (Walter et al. 2007), round what fills the body. Only
     /// solids (spheres and boxes) can be of it; other bodies must not reach into them.
     Dielectric {
         /// Index of refraction against air, in [1, 1000]; glass 1.5.

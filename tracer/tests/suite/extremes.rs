@@ -14,7 +14,7 @@
 //! | 9 | contact shadows | here |
 //! | 10 | degenerate area lights | here; without area: `scene::validate` |
 //! | 11 | area lights of 10³⁰ and of 0 | here |
-//! | 12 | roughness 0, tiny, 1 | `materials`, `scalar::specular` |
+//! | 12 | roughness 0, tiny, 1 | `materials`, `scalar::microfacet` |
 //! | 13 | indices 1, nearly 1, 1000 | here; `fresnel`; `laws` |
 //! | 14 | albedo 0, 1, above | `laws`; `scene::validate` |
 //! | 15 | fireflies | here |

@@ -152,7 +152,7 @@ fn long_paths(samples: u32) -> RenderSettings {
 /// Whatever its index, clear glass takes no light: each path ends in the environment, and leaves
 /// out at most what total reflection keeps beyond the longest path.
 #[test]
-fn a_clear_ball_vanishes_in_uniform_light() {
+fn glass_ball_vanishes_in_uniform_light() {
     for ior in [1.0, 1.0 + 1e-6, 1.3, 1.5, 2.5] {
         for tracer in tracers() {
             let image = trace(
@@ -247,7 +247,7 @@ fn a_polished_ball_of_gold_shows_its_reflectance() {
 
 /// A glass box bends and reflects but takes nothing either; its edges make long paths.
 #[test]
-fn a_clear_box_vanishes_in_uniform_light() {
+fn glass_box_vanishes_in_uniform_light() {
     let scene = clear_box();
     for tracer in tracers() {
         let mean = mean(&trace(tracer.as_ref(), &scene, long_paths(64)))[2];

@@ -327,7 +327,7 @@ pub(crate) fn area_light_seen_from(eye_z: f32) -> Scene {
     scene
 }
 
-/// A clear box whose edges make long paths.
+/// A dielectric box whose edges make long paths.
 pub(crate) fn clear_box() -> Scene {
     let mut scene = furnace(glass(1.5, 0.0, None));
     scene.objects[0].shape = Shape::Box {
@@ -421,9 +421,9 @@ pub(crate) fn scenes_of_materials() -> Vec<LawScene> {
         sheen_roughness: 0.3,
     };
     let scenes = [
-        ("clear ball of index 1", furnace(glass(1.0, 0.0, None))),
-        ("clear ball of index 1.5", furnace(glass(1.5, 0.0, None))),
-        ("clear ball of index 2.5", furnace(glass(2.5, 0.0, None))),
+        ("dielectric ball of index 1", furnace(glass(1.0, 0.0, None))),
+        ("dielectric ball of index 1.5", furnace(glass(1.5, 0.0, None))),
+        ("dielectric ball of index 2.5", furnace(glass(2.5, 0.0, None))),
         ("frosted ball", furnace(glass(1.5, 0.3, None))),
         ("finely frosted ball", furnace(glass(1.5, 0.05, None))),
         ("rough mirror ball", furnace(mirror(0.3))),

@@ -117,8 +117,8 @@ fn direct_light(
     let cos_i = dot(surface.normal, direction.wi);
     let scattered = bsdf_eval(bsdf, surface.normal, wo, direction.wi);
     let f = scattered.f;
-    // Through a clear boundary area lights are seen from inside, and no area light is inside.
-    let is_lit = (cos_i > 0.0) != (bsdf_is_clear(bsdf) && surface.is_inside);
+    // Through a dielectric boundary area lights are seen from inside, and no area light is inside.
+    let is_lit = (cos_i > 0.0) != (bsdf_is_transmissive(bsdf) && surface.is_inside);
     if (!is_lit || all(f == vec3f(0.0))) {
         return vec3f(0.0);
     }

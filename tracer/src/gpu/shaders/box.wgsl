@@ -24,7 +24,7 @@ fn box_t(line: Line, index: u32) -> f32 {
 // The primitive that the ray starts on, whose near side it cannot meet. Where it is inside of a clear
 // box, that box's far side is hit so far.
 fn own_box(line: Line, skip: u32, hit: ptr<function, Hit>) -> u32 {
-    if (!HAS_CLEAR) {
+    if (!HAS_DIELECTRIC) {
         return skip;
     }
     let own = skip & ~INSIDE;

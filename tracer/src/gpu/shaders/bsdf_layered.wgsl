@@ -28,7 +28,7 @@ fn bsdf_coat(bsdf: Bsdf) -> f32 {
     return layered_mirror(bsdf.layered);
 }
 
-fn bsdf_is_clear(bsdf: Bsdf) -> bool {
+fn bsdf_is_transmissive(bsdf: Bsdf) -> bool {
     return false;
 }
 

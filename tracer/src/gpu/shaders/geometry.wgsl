@@ -54,7 +54,7 @@ struct Surface {
 
 const T_MISS: f32 = 3.0e38;
 const NO_PRIMITIVE: u32 = 0xffffffffu;
-// Set in the number of the clear body that a ray is inside of: it meets that body's far side.
+// Set in the number of the dielectric that a ray is inside of: it meets that body's far side.
 const INSIDE: u32 = 0x80000000u;
 const PI: f32 = 3.14159265358979;
 const TWO_PI: f32 = 6.28318530717959;

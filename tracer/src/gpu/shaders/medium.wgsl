@@ -1,4 +1,4 @@
-// What fills clear bodies: free flight, by the exponential law of the clearest channel.
+// What fills dielectrics: free flight, by the exponential law of the clearest channel.
 
 struct Flight {
     distance: f32,

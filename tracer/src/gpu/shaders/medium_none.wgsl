@@ -1,4 +1,4 @@
-// A scene without clear bodies.
+// A scene without dielectrics.
 
 struct Flight {
     distance: f32,

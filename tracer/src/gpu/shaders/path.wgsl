@@ -3,7 +3,7 @@
 struct Path {
     ray: Ray,
     // The primitive the ray starts on: all are convex, so it cannot be met again. With `INSIDE` the
-    // clear body that it is inside of.
+    // dielectric that it is inside of.
     skip: u32,
     throughput: vec3f,
     radiance: vec3f,
@@ -37,7 +37,7 @@ fn advance(path: ptr<function, Path>, hit: ptr<function, Hit>, rays: ptr<functio
     *rays += 1u;
     let met = nearest(ray, (*path).skip);
     *hit = met;
-    if (HAS_CLEAR && ((*path).skip & INSIDE) != 0u && (*path).skip != NO_PRIMITIVE) {
+    if (HAS_DIELECTRIC && ((*path).skip & INSIDE) != 0u && (*path).skip != NO_PRIMITIVE) {
         let u = scatter_numbers(path);
         let flight = fly(material_of((*path).skip & ~INSIDE), met.t, u.w);
         (*path).throughput *= flight.weight;
@@ -82,7 +82,7 @@ fn is_emission(path: Path) -> bool {
 // At the surface that the path's ray has met.
 fn scatter(path: ptr<function, Path>, hit: Hit, rays: ptr<function, u32>) -> u32 {
     let primitive = hit.primitive;
-    let is_within = HAS_CLEAR && (*path).skip == (primitive | INSIDE);
+    let is_within = HAS_DIELECTRIC && (*path).skip == (primitive | INSIDE);
     let surface = surface_at((*path).ray, hit, is_within);
     let depth = (*path).depth;
     let wo = -(*path).ray.direction;
@@ -100,7 +100,7 @@ fn scatter(path: ptr<function, Path>, hit: Hit, rays: ptr<function, u32>) -> u32
     let was_scattered = HAS_WINDOW && (*path).pdf == SCATTERED;
     (*path).ray = Ray(surface.position, next.wi);
     (*path).skip = primitive;
-    if (HAS_CLEAR && bsdf_is_clear(bsdf)) {
+    if (HAS_DIELECTRIC && bsdf_is_transmissive(bsdf)) {
         let is_passed = dot(next.wi, surface.normal) < 0.0;
         (*path).skip = select(primitive, primitive | INSIDE, surface.is_inside != is_passed);
     }
@@ -118,11 +118,11 @@ fn scatter(path: ptr<function, Path>, hit: Hit, rays: ptr<function, u32>) -> u32
     return select(FLYING, ENDED, all((*path).throughput == vec3f(0.0)));
 }
 
-// Direction in `yz`; choice of a clear body's lobe in `x` and flight through it in `w`.
+// Direction in `yz`; choice of a dielectric's lobe in `x` and flight through it in `w`.
 fn scatter_numbers(path: ptr<function, Path>) -> vec4f {
     let direction = pair((*path).pixel, (*path).sample, block_scatter((*path).depth), job.seed);
     var choice = vec2f(0.0);
-    if (HAS_CLEAR) {
+    if (HAS_DIELECTRIC) {
         choice = pair((*path).pixel, (*path).sample, block_choice((*path).depth), job.seed);
     }
     return vec4f(choice.x, direction, choice.y);

@@ -63,7 +63,7 @@ fn sphere_leave_t(ray: Ray, center: vec3f, radius: f32) -> f32 {
 // The primitive that the ray starts on, whose near side it cannot meet. Where it is inside of a clear
 // ball, that ball's far side is hit so far.
 fn own_sphere(line: Line, skip: u32, hit: ptr<function, Hit>) -> u32 {
-    if (!HAS_CLEAR) {
+    if (!HAS_DIELECTRIC) {
         return skip;
     }
     let own = skip & ~INSIDE;

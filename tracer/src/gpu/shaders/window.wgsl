@@ -1,4 +1,4 @@
-// Area lights seen from inside a clear ball, by ways that are bent at its boundary: `scalar/window.rs`.
+// Area lights seen from inside a dielectric ball, by ways that are bent at its boundary: `scalar/window.rs`.
 
 // A ray from the inner point, in the plane of the axis (x) and the outer point, in radii.
 struct PlaneRay {

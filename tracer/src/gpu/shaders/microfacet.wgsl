@@ -1,12 +1,12 @@
-// Metals and clear bodies, smooth and rough, beside the layered materials: see
-// `scalar::specular` for the sources. `clear` bodies let light pass; what fills them is in
+// Metals and dielectrics, smooth and rough, beside the layered materials: see
+// `scalar::microfacet` for the sources. dielectrics let light pass; what fills them is in
 // medium.wgsl.
 
 struct Bsdf {
     layered: Layered,
     kind: u32,
     alpha: f32,
-    // Relative index of a clear body.
+    // Relative index of a dielectric.
     eta: f32,
     material: u32,
 }
@@ -62,7 +62,7 @@ fn bsdf_eval(bsdf: Bsdf, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
     return Evaluated(vec3f(pdf * visibility(bsdf.alpha, -cos_i) / eta2), pdf);
 }
 
-// Of a diffuse base; metals and clear bodies show others.
+// Of a diffuse base; metals and dielectrics show others.
 fn bsdf_albedo(bsdf: Bsdf, surface: Surface) -> vec3f {
     return select(vec3f(1.0), surface.albedo, bsdf.kind == KIND_LAYERED);
 }
@@ -89,7 +89,7 @@ fn bsdf_coat(bsdf: Bsdf) -> f32 {
     return 0.0;
 }
 
-fn bsdf_is_clear(bsdf: Bsdf) -> bool {
+fn bsdf_is_transmissive(bsdf: Bsdf) -> bool {
     return bsdf.kind == KIND_DIELECTRIC;
 }
 

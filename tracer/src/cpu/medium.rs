@@ -1,0 +1,56 @@
+//! Free flight through what fills dielectrics, a lane each: the arithmetic of [`crate::scalar::medium`].
+
+use fearless_simd::prelude::*;
+
+use super::lanes::{Float, Mask, Vec3x, Word};
+use super::math::{exp, ln};
+use super::microfacet::{ETA_OR_EXTINCTION, K_OR_SCATTERING, MAJORANT, MicrofacetRow};
+use super::sampling::sin_cos_turns;
+use super::surface::Rows;
+
+/// A free flight through what fills a dielectric: how far, and the weight of what is left.
+pub(super) struct Flight<S: Simd> {
+    /// Scattered before the boundary.
+    pub(super) scattered: Mask<S>,
+    pub(super) distance: Float<S>,
+    pub(super) weight: Vec3x<S>,
+}
+
+impl<S: Simd> Flight<S> {
+    /// Towards a boundary at `distance`, for the lanes of `within`; the others keep their light.
+    #[inline(always)]
+    pub(super) fn new(
+        simd: S,
+        table: &[MicrofacetRow],
+        id: Word<S>,
+        within: Mask<S>,
+        distance: Float<S>,
+        u: Float<S>,
+    ) -> Self {
+        let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
+        let rows = Rows::new(table, id);
+        let rate = rows.number(simd, MAJORANT);
+        let flown = -ln(simd, one - u) / rate;
+        let scattered = within & rate.simd_gt(0.0) & flown.simd_lt(distance);
+        let distance = scattered.select(flown, distance);
+        let beyond = rows.triple(simd, ETA_OR_EXTINCTION) - Vec3x::new(rate, rate, rate);
+        let left = beyond * -distance;
+        let left = Vec3x::new(exp(simd, left.x), exp(simd, left.y), exp(simd, left.z));
+        let unscattered = Vec3x::new(one, one, one);
+        let weight = Vec3x::select(scattered, rows.triple(simd, K_OR_SCATTERING), unscattered);
+        let weight = weight.scale(left);
+        Self {
+            scattered,
+            distance: distance.max(zero),
+            weight: Vec3x::select(within, weight, unscattered),
+        }
+    }
+}
+
+#[inline(always)]
+pub(super) fn uniform_direction<S: Simd>(simd: S, u1: Float<S>, u2: Float<S>) -> Vec3x<S> {
+    let z = Float::splat(simd, 1.0) - u1 * 2.0;
+    let sine = (1.0 - z * z).max(0.0).sqrt();
+    let (sin, cos) = sin_cos_turns(u2);
+    Vec3x::new(sine * cos, sine * sin, z)
+}
