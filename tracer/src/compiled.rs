@@ -148,7 +148,7 @@ impl CompiledScene {
             compiled.primitives.push(primitive);
         }
         for index in 0..compiled.spheres.len() {
-            compiled.spheres[index].is_window = compiled.is_window(index);
+            compiled.spheres[index].allows_refracted_nee = compiled.allows_refracted_nee(index);
         }
         compiled.spheres_at_rest.clone_from(&compiled.spheres);
         Ok(compiled)
@@ -167,7 +167,7 @@ impl CompiledScene {
                     stripe_axis: ball_axis(rotation, DVec3::Z),
                     material,
                     number_axis: ball_axis(rotation, DVec3::X),
-                    is_window: 0,
+                    allows_refracted_nee: 0,
                 });
                 Primitive::Sphere(self.spheres.len() as u32 - 1)
             }
@@ -286,13 +286,13 @@ impl CompiledScene {
                 )));
             }
             self.spheres[sphere] = posed(self.spheres_at_rest[sphere], pose);
-            self.spheres[sphere].is_window = self.is_window(sphere);
+            self.spheres[sphere].allows_refracted_nee = self.allows_refracted_nee(sphere);
         }
         Ok(())
     }
 
-    /// [`SphereData::is_window`].
-    fn is_window(&self, sphere: usize) -> u32 {
+    /// [`SphereData::allows_refracted_nee`].
+    fn allows_refracted_nee(&self, sphere: usize) -> u32 {
         let sphere = &self.spheres[sphere];
         let material = &self.materials[sphere.material as usize];
         let center = Vec3::from_array(sphere.center);
@@ -404,7 +404,7 @@ fn posed(at_rest: SphereData, pose: &ObjectPose) -> SphereData {
         stripe_axis: ball_axis(pose.rotation, DVec3::Z),
         material: at_rest.material,
         number_axis: ball_axis(pose.rotation, DVec3::X),
-        is_window: 0,
+        allows_refracted_nee: 0,
     }
 }
 

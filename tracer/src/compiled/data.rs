@@ -18,10 +18,10 @@ pub struct SphereData {
     /// Unit axis through the circles of its number in world space.
     pub number_axis: [f32; 3],
     /// 1 if light that is scattered inside aims at area lights through the boundary
-    /// ([`crate::scalar::window`]), else 0: it is smooth, and all area lights look down on the whole ball
+    /// ([`crate::scalar::refracted_nee`]), else 0: it is smooth, and all area lights look down on the whole ball
     /// from half a radius above or more, so that none is seen from inside, straight, that is not from
     /// where light leaves, or much larger.
-    pub is_window: u32,
+    pub allows_refracted_nee: u32,
 }
 
 /// An axis-aligned box.

@@ -11,10 +11,10 @@ use super::bsdf::Bsdf;
 use super::geometry::{Geometry, INSIDE, NONE, Nearest, Rays};
 use super::lanes::{Float, Mask, Vec3x, Word};
 use super::microfacet::{SCATTERED, untagged};
+use super::refracted_nee::NeeBoundaries;
 use super::sampling::pair;
 use super::stream::{Packet, Stream, load, load_words, packets, store, store_words};
 use super::surface::{Hit, Surfaces};
-use super::window::Windows;
 use crate::compiled::{CameraFrame, CompiledScene};
 use crate::sampling::{BLOCK_CAMERA, block_choice, block_light, block_scatter};
 use crate::{ImageSize, RenderSettings};
@@ -307,7 +307,7 @@ impl Prepared {
                 let light = self.area_lights.sample(simd, hit.position, u);
                 self.queue_shadow_ray(simd, stream, at, alive, &hit, &bsdf, beta, &light);
                 light_weight_sum = light.light_weight_sum;
-                if self.has_windows() {
+                if self.has_refracted_nee() {
                     stream.shadows[OTHER].origin.store(at, hit.position);
                     rays += self.queue_refracted_shadow_ray(
                         simd, stream, at, alive, depth, &hit, beta, tag, &light,
@@ -328,9 +328,10 @@ impl Prepared {
             stream.direction.store(at, scattered.wi);
             stream.beta.store(at, beta.scale(scattered.weight));
             let mut pdf = weighed(scattered.pdf, light_weight_sum);
-            if self.has_windows() {
+            if self.has_refracted_nee() {
                 let before = load(simd, &stream.pdf, at);
-                let known = self.leaves_by_window(simd, before, &hit, -direction, distance, tag);
+                let known =
+                    self.exits_by_nee_hemisphere(simd, before, &hit, -direction, distance, tag);
                 pdf = (known & !inside).select(Float::splat(simd, 0.0), pdf);
             }
             store(&mut stream.pdf, at, pdf);
@@ -345,14 +346,14 @@ impl Prepared {
         rays
     }
 
-    fn has_windows(&self) -> bool {
-        !self.surfaces.windows.is_empty()
+    fn has_refracted_nee(&self) -> bool {
+        !self.surfaces.nee_boundaries.is_empty()
     }
 
-    /// Where a ray that was scattered inside a ball and went `distance` from there leaves it by a way on
+    /// Where a ray that was scattered inside a ball and went `distance` from there leaves it by a path on
     /// which area lights have been aimed at. `pdf` is that of the ray.
     #[inline(always)]
-    fn leaves_by_window<S: Simd>(
+    fn exits_by_nee_hemisphere<S: Simd>(
         &self,
         simd: S,
         pdf: Float<S>,
@@ -366,9 +367,9 @@ impl Prepared {
             return none;
         };
         let from_inside = microfacet.is_left() & pdf.simd_eq(f32::NEG_INFINITY);
-        let windows = Windows::new(simd, &self.surfaces.windows, tag, from_inside);
-        windows.map_or(none, |windows| {
-            windows.are_left(distance, hit.normal.dot(wo))
+        let boundaries = NeeBoundaries::new(simd, &self.surfaces.nee_boundaries, tag, from_inside);
+        boundaries.map_or(none, |boundaries| {
+            boundaries.are_left(distance, hit.normal.dot(wo))
         })
     }
 
@@ -398,28 +399,30 @@ impl Prepared {
             return 0;
         }
         let scattered = alive & microfacet.is_scattered();
-        let Some(windows) = Windows::new(simd, &self.surfaces.windows, tag, scattered) else {
+        let Some(boundaries) =
+            NeeBoundaries::new(simd, &self.surfaces.nee_boundaries, tag, scattered)
+        else {
             return 0;
         };
         let normal = self.area_lights.emission(simd, light.index).normal;
-        let ways = windows.ways(simd, hit.position, light, normal);
-        if !ways.lanes.any_true() {
+        let refracted = boundaries.refracted_paths(simd, hit.position, light, normal);
+        if !refracted.lanes.any_true() {
             return 0;
         }
         // The ball itself is skipped. No area light is inside.
-        let inner = Rays::new(simd, hit.position, ways.inner, untagged(tag));
+        let inner = Rays::new(simd, hit.position, refracted.inner, untagged(tag));
         let none = Word::splat(simd, NONE);
-        let open = ways.lanes & !self.geometry.occluded(simd, &inner, ways.inside, none);
+        let open = refracted.lanes & !self.geometry.occluded(simd, &inner, refracted.inside, none);
         let shadow = &mut stream.shadows[OTHER];
         let (origin, direction) = (hit.position, shadow.direction.load(simd, at));
         shadow
             .origin
-            .store(at, Vec3x::select(open, ways.place, origin));
+            .store(at, Vec3x::select(open, refracted.place, origin));
         shadow
             .direction
-            .store(at, Vec3x::select(open, ways.outer, direction));
+            .store(at, Vec3x::select(open, refracted.outer, direction));
         let radiance = shadow.radiance.load(simd, at);
-        let through = beta.scale(light.radiance).scale(ways.weight);
+        let through = beta.scale(light.radiance).scale(refracted.weight);
         shadow
             .radiance
             .store(at, Vec3x::select(open, through, radiance));
@@ -427,9 +430,9 @@ impl Prepared {
         store(
             &mut shadow.distance,
             at,
-            open.select(ways.outside, distance),
+            open.select(refracted.outside, distance),
         );
-        u64::from(ways.lanes.to_bitmask().count_ones())
+        u64::from(refracted.lanes.to_bitmask().count_ones())
     }
 
     /// Next-event estimation: a shadow ray towards a random point of a random area light.
@@ -527,7 +530,7 @@ impl Prepared {
                 continue;
             }
             rays += u64::from(traced);
-            let begins = if lobe == OTHER && self.has_windows() {
+            let begins = if lobe == OTHER && self.has_refracted_nee() {
                 &shadow.origin
             } else {
                 &stream.origin

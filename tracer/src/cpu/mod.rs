@@ -30,13 +30,13 @@ mod lanes;
 mod math;
 mod medium;
 mod microfacet;
+mod refracted_nee;
 mod sampling;
 mod shapes;
 mod sheen;
 mod stream;
 mod surface;
 mod texture;
-mod window;
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};

@@ -41,7 +41,7 @@ pub(super) struct Stream {
 
 /// A shadow ray per path, from the path's origin; only between shading and connecting.
 pub(super) struct Shadows {
-    /// Where it begins in scenes with windows, of the first.
+    /// Where it begins in scenes with refracted NEE, of the first.
     pub(super) origin: Triple,
     pub(super) direction: Triple,
     /// To the area light; 0 where there is nothing to test.

@@ -6,10 +6,10 @@ use super::geometry::{INSIDE, inverse};
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
 use super::medium::Flight;
 use super::microfacet::{MicrofacetBsdf, MicrofacetRow, microfacet_row, untagged};
+use super::refracted_nee::{NeeBoundaryRow, nee_boundary_row};
 use super::shapes::Chord;
 use super::sheen::{Sheen, SheenRow};
 use super::texture::{TextureRow, texture_row, textured};
-use super::window::{WindowRow, window_row};
 use crate::compiled::{
     CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE, CompiledScene,
     KIND_DIELECTRIC, KIND_LAYERED, MaterialData, PATTERN_NONE, SphereData,
@@ -26,8 +26,8 @@ pub(super) struct Surfaces {
     sheen: Vec<SheenRow>,
     /// Paths go on inside of bodies and need to know what fills them.
     pub(super) has_dielectric: bool,
-    /// Empty if no ball is a window.
-    pub(super) windows: Vec<WindowRow>,
+    /// Empty if no ball allows refracted NEE.
+    pub(super) nee_boundaries: Vec<NeeBoundaryRow>,
 }
 
 /// Geometry, then material; what the first seven hold depends on [`KIND`].
@@ -114,7 +114,7 @@ impl Surfaces {
             texture: texture_rows(scene),
             sheen: sheen_rows(scene),
             has_dielectric: (scene.materials.iter()).any(|m| m.kind == KIND_DIELECTRIC),
-            windows: window_rows(scene),
+            nee_boundaries: nee_boundary_rows(scene),
         }
     }
 
@@ -243,13 +243,17 @@ fn microfacet_rows(scene: &CompiledScene) -> Vec<MicrofacetRow> {
     materials(scene).map(microfacet_row).collect()
 }
 
-fn window_rows(scene: &CompiledScene) -> Vec<WindowRow> {
-    if scene.spheres.iter().all(|ball| ball.is_window == 0) {
+fn nee_boundary_rows(scene: &CompiledScene) -> Vec<NeeBoundaryRow> {
+    if scene
+        .spheres
+        .iter()
+        .all(|ball| ball.allows_refracted_nee == 0)
+    {
         return Vec::new();
     }
     materials(scene)
         .zip(&scene.spheres)
-        .map(|(material, ball)| window_row(ball, material))
+        .map(|(material, ball)| nee_boundary_row(ball, material))
         .collect()
 }
 

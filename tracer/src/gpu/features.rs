@@ -147,8 +147,8 @@ pub(crate) struct Features {
     pub(crate) has_microfacet: bool,
     /// Some material is a dielectric.
     pub(crate) has_dielectric: bool,
-    /// Some ball may be a window: its material is a smooth dielectric and scatters light inside.
-    pub(crate) has_window: bool,
+    /// Some ball may allow refracted NEE: its material is a smooth dielectric and scatters light inside.
+    pub(crate) has_refracted_nee: bool,
     pub(crate) output: Output,
     /// Balls are so far from the origin that the rounding of coordinates shows.
     pub(crate) is_compensated: bool,
@@ -189,7 +189,7 @@ impl Features {
             has_sheen: any(|material| material.sheen != [0.0; 3]),
             has_microfacet: any(|material| material.kind != KIND_LAYERED),
             has_dielectric: any(|material| material.kind == KIND_DIELECTRIC),
-            has_window: has_window(scene),
+            has_refracted_nee: has_refracted_nee(scene),
             output: Output::Radiance,
             is_compensated: needs_compensation(scene),
             discs_coplanar: flatness::discs_coplanar(scene),
@@ -274,8 +274,8 @@ pub(crate) fn bvh(scene: &CompiledScene, shape: ShapeKind) -> Option<&Bvh> {
     scene.bvh(shape, bvh_min(shape))
 }
 
-/// Whether some ball may have [`crate::compiled::SphereData::is_window`], wherever it moves.
-fn has_window(scene: &CompiledScene) -> bool {
+/// Whether some ball may have [`crate::compiled::SphereData::allows_refracted_nee`], wherever it moves.
+fn has_refracted_nee(scene: &CompiledScene) -> bool {
     let scatters = |material: &MaterialData| {
         material.kind == KIND_DIELECTRIC && material.alpha == 0.0 && material.flight_rate > 0.0
     };

@@ -11,7 +11,7 @@ use crate::gpu::features::{Features, Output, SceneMemory};
 use crate::gpu::layout::{BVH_LEAF, SPHERE_SLACK};
 use crate::sampling::{BLOCK_CAMERA, SCRAMBLE};
 use crate::scalar::area_light::{BELOW_1, SOLID_ANGLE_MIN};
-use crate::scalar::window::STEPS;
+use crate::scalar::refracted_nee::STEPS;
 use crate::scene::validate::CSG_MARGIN_M;
 use crate::texture;
 
@@ -75,9 +75,9 @@ fn parts(features: &Features) -> Vec<&'static str> {
         true => include_str!("shaders/medium.wgsl"),
         false => include_str!("shaders/medium_none.wgsl"),
     });
-    parts.push(match features.has_window {
-        true => include_str!("shaders/window.wgsl"),
-        false => include_str!("shaders/window_none.wgsl"),
+    parts.push(match features.has_refracted_nee {
+        true => include_str!("shaders/refracted_nee.wgsl"),
+        false => include_str!("shaders/refracted_nee_none.wgsl"),
     });
     parts.push(include_str!("shaders/aov.wgsl"));
     parts.push(include_str!("shaders/path.wgsl"));
@@ -138,8 +138,8 @@ fn constants(features: &Features) -> String {
          const LEAF: u32 = {LEAF}u;\n\
          const HAS_STRIPE: bool = {};\n\
          const HAS_DIELECTRIC: bool = {};\n\
-         const HAS_WINDOW: bool = {};\n\
-         const WINDOW_STEPS: u32 = {STEPS}u;\n\
+         const HAS_REFRACTED_NEE: bool = {};\n\
+         const REFRACTED_NEE_STEPS: u32 = {STEPS}u;\n\
          const HAS_NUMBER: bool = {};\n\
          const HAS_WOOD: bool = {};\n\
          const HAS_CSG_CONE: bool = {};\n\
@@ -150,7 +150,7 @@ fn constants(features: &Features) -> String {
         features.area_lights_scaled,
         features.has_stripe,
         features.has_dielectric,
-        features.has_window,
+        features.has_refracted_nee,
         features.has_number,
         features.has_wood,
         features.has_csg_cone
@@ -352,7 +352,7 @@ mod tests {
         has_sheen: true,
         has_microfacet: true,
         has_dielectric: true,
-        has_window: true,
+        has_refracted_nee: true,
         output: Output::Radiance,
         is_compensated: true,
         discs_coplanar: true,
@@ -391,7 +391,7 @@ mod tests {
                 has_sheen: i % 17 < 8,
                 has_microfacet: i % 7 < 4,
                 has_dielectric: i % 7 < 2,
-                has_window: i & 1 == 1 && i >> 6 > 0 && i % 7 == 1,
+                has_refracted_nee: i & 1 == 1 && i >> 6 > 0 && i % 7 == 1,
                 output: Output::ALL[i as usize % 3],
                 is_compensated: i % 5 < 2,
                 discs_coplanar: i % 11 < 5,
@@ -447,7 +447,7 @@ mod tests {
     #[rustfmt::skip]
     fn layouts_in_rust() -> [Layout; 16] {
         [
-            layout!(SphereData, center radius stripe_axis material number_axis is_window),
+            layout!(SphereData, center radius stripe_axis material number_axis allows_refracted_nee),
             layout!(BoxData, min material max),
             layout!(CsgBoxData, min first_face max face_count),
             layout!(CsgFaceData, a kind b material),

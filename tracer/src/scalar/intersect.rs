@@ -281,7 +281,7 @@ mod tests {
             stripe_axis: [0.0, 0.0, 1.0],
             material: 0,
             number_axis: [1.0, 0.0, 0.0],
-            is_window: 0,
+            allows_refracted_nee: 0,
         }
     }
 

@@ -14,7 +14,7 @@
 //!    meets nothing adds `beta · environment` and ends. A ray that meets an area light ends; from the
 //!    front it adds `beta · radiance · w`, where `w` is 1 for camera rays and after what has no
 //!    density (a metal mirror, smooth glass, a medium), 0 where step 3 has added the area lights (after a
-//!    coat's mirror, and where light that was scattered inside a ball leaves it by a [`window`]),
+//!    coat's mirror, and where light that was scattered inside a ball is joined by [`refracted_nee`]),
 //!    else the power heuristic of the pdf against `brightness / light_weight_sum`. After
 //!    `max_depth` scattering events a ray that meets a surface ends black.
 //! 3. **Light.** The coat's share: if the nearest area light in the mirror's direction is met from the
@@ -23,8 +23,8 @@
 //!    stretched to [0, 1) again, and a direction uniform in its solid angle, or, where that is below
 //!    [`area_light::SOLID_ANGLE_MIN`], a point uniform in its area. Unless something is in between, adds
 //!    `beta · f · cos · radiance / pdf · w`, `w` weighing the same two densities as in step 2,
-//!    where `f` leaves out mirrors, and directions into a dielectric are. Inside a ball that is a
-//!    window the same point is aimed at by the way that is bent at the boundary, if
+//!    where `f` leaves out mirrors, and directions into a dielectric are. Inside a ball that allows it
+//!    the same point is aimed at by the path refracted at the boundary, if
 //!    that counts as a scattering that is left: a point that light falls on from `spread` per
 //!    solid angle.
 //! 4. **Scattering** (block `block_scatter(k)`). Metals and dielectrics: [`microfacet`], whose choice
@@ -52,9 +52,9 @@ pub mod csg;
 pub mod intersect;
 pub mod medium;
 pub mod microfacet;
+pub mod refracted_nee;
 pub mod scatter;
 pub mod sheen;
-pub mod window;
 
 use std::f64::consts::PI;
 use std::sync::atomic::Ordering;
@@ -75,8 +75,8 @@ use area_light::{LightDirection, light_weight_sum, sample_light};
 use intersect::{Departure, intersect_from, nearest_area_light, vector};
 pub use intersect::{Hit, Ray, intersect};
 use medium::{Medium, uniform_direction};
+use refracted_nee::RefractedPath;
 use scatter::Scatter;
-use window::Passage;
 
 /// The f64 path tracer of this module, over rayon's threads.
 #[derive(Clone, Copy, Debug, Default)]
@@ -325,10 +325,12 @@ impl<'a> View<'a> {
                 beta *= flight.weight;
                 if let Some(distance) = flight.scattered_at {
                     let point = ray.origin + distance * ray.direction;
-                    // The way through the boundary counts as a scattering.
+                    // The refraction counts as a scattering.
                     if depth + 2 <= self.settings.max_depth {
                         let u = random(block_light(depth));
-                        radiance += beta * self.light_through(enclosing, &medium, point, u, rays);
+                        radiance += beta
+                            * self
+                                .sample_light_through_boundary(enclosing, &medium, point, u, rays);
                     }
                     ray = Ray {
                         origin: point,
@@ -363,7 +365,7 @@ impl<'a> View<'a> {
                 direction: sample.wi,
             };
             left = Some(vertex.departure(sample.wi));
-            let is_known = found.is_scattered && self.leaves_by_window(&vertex, left, hit.t);
+            let is_known = found.is_scattered && self.exits_by_nee_hemisphere(&vertex, left, hit.t);
             found = Found {
                 pdf: if is_known { Some(0.0) } else { sample.pdf },
                 light_weight_sum: vertex.light_weight_sum,
@@ -388,30 +390,35 @@ impl<'a> View<'a> {
     }
 
     /// A body through whose boundary light that is scattered inside aims at area lights.
-    fn window(&self, enclosing: Primitive) -> Option<Window<'a>> {
+    fn nee_boundary(&self, enclosing: Primitive) -> Option<NeeBoundary<'a>> {
         let Primitive::Sphere(index) = enclosing else {
             return None;
         };
         let sphere = &self.scene.spheres[index as usize];
         let material = self.scene.material_of(enclosing)?;
-        (sphere.is_window == 1).then_some(Window {
+        (sphere.allows_refracted_nee == 1).then_some(NeeBoundary {
             sphere,
             ior: f64::from(material.ior),
             primitive: enclosing,
         })
     }
 
-    /// Whether a ray that was scattered inside leaves, after `length`, by a way on which area lights have been
+    /// Whether a ray that was scattered inside leaves, after `length`, where area lights have been
     /// aimed at.
-    fn leaves_by_window(&self, vertex: &Vertex, left: Option<Departure>, length: f64) -> bool {
+    fn exits_by_nee_hemisphere(
+        &self,
+        vertex: &Vertex,
+        left: Option<Departure>,
+        length: f64,
+    ) -> bool {
         let cos_i = vertex.wo.dot(vertex.n);
         left.is_some_and(|left| !left.is_inside)
-            && (self.window(vertex.primitive))
-                .is_some_and(|window| length <= f64::from(window.sphere.radius) * cos_i)
+            && (self.nee_boundary(vertex.primitive))
+                .is_some_and(|boundary| length <= f64::from(boundary.sphere.radius) * cos_i)
     }
 
-    /// Next-event estimation through a window, of light that is scattered evenly at `point` inside.
-    fn light_through(
+    /// Next-event estimation through a boundary, of light that is scattered evenly at `point` inside.
+    fn sample_light_through_boundary(
         &self,
         enclosing: Primitive,
         medium: &Medium,
@@ -419,7 +426,7 @@ impl<'a> View<'a> {
         u: [f64; 2],
         rays: &mut u64,
     ) -> DVec3 {
-        let Some(window) = self.window(enclosing) else {
+        let Some(boundary) = self.nee_boundary(enclosing) else {
             return DVec3::ZERO;
         };
         let Some(chosen) = sample_light(&self.scene.area_lights, point, u) else {
@@ -429,31 +436,35 @@ impl<'a> View<'a> {
         let normal = vector(light.normal);
         let straight = chosen.seen.sample(chosen.u);
         let target = point + straight.distance * straight.wi;
-        let Some(passage) = Passage::new(window.sphere, window.ior, point, target) else {
+        let Some(refracted) = RefractedPath::new(boundary.sphere, boundary.ior, point, target)
+        else {
             return DVec3::ZERO;
         };
-        let [inside, outside] = passage.lengths;
+        let [inside, outside] = refracted.lengths;
         *rays += 2;
         let is_dark = |origin, direction, is_inside, length: f64| {
             let departure = Departure {
-                primitive: window.primitive,
+                primitive: boundary.primitive,
                 is_inside,
             };
             let met = intersect_from(self.scene, &Ray { origin, direction }, Some(departure));
-            let own = [window.primitive, Primitive::AreaLight(chosen.index as u32)];
+            let own = [
+                boundary.primitive,
+                Primitive::AreaLight(chosen.index as u32),
+            ];
             met.is_some_and(|hit| hit.t < length && !own.contains(&hit.primitive))
         };
-        if is_dark(point, passage.inner, true, inside)
-            || is_dark(passage.place, passage.outer, false, outside)
+        if is_dark(point, refracted.inner, true, inside)
+            || is_dark(refracted.place, refracted.outer, false, outside)
         {
             return DVec3::ZERO;
         }
-        let passed = 1.0 - fresnel_dielectric(passage.cos_i, 1.0 / window.ior);
+        let passed = 1.0 - fresnel_dielectric(refracted.cos_i, 1.0 / boundary.ior);
         // Radiance is denser by the square of the index inside.
-        let passed = passed * window.ior * window.ior * medium.transmittance(inside);
-        let cosines = passage.outer.dot(normal) / straight.wi.dot(normal);
+        let passed = passed * boundary.ior * boundary.ior * medium.transmittance(inside);
+        let cosines = refracted.outer.dot(normal) / straight.wi.dot(normal);
         let inverse_pdf = straight.inverse_pdf / chosen.probability;
-        let inverse_pdf = inverse_pdf * straight.distance.powi(2) * cosines / passage.spread;
+        let inverse_pdf = inverse_pdf * straight.distance.powi(2) * cosines / refracted.spread;
         passed * vector(light.radiance) * (inverse_pdf.max(0.0) / (4.0 * PI))
     }
 
@@ -543,7 +554,7 @@ impl<'a> View<'a> {
 }
 
 /// A ball through whose boundary area lights are aimed at.
-struct Window<'a> {
+struct NeeBoundary<'a> {
     sphere: &'a SphereData,
     ior: f64,
     primitive: Primitive,

@@ -97,12 +97,12 @@ fn refracted_nee_is_unbiased_and_quiet() {
         aiming
             .spheres
             .iter()
-            .map(|ball| ball.is_window)
+            .map(|ball| ball.allows_refracted_nee)
             .sum::<u32>(),
         1
     );
     for ball in &mut by_chance.spheres {
-        ball.is_window = 0;
+        ball.allows_refracted_nee = 0;
     }
     let size = ImageSize::new(480, 270);
     let tiles = [(72, 120), (110, 160)].map(|(x, y)| Tile {

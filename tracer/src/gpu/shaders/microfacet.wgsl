@@ -1,5 +1,5 @@
 // Metals and dielectrics, smooth and rough, beside the layered materials: see
-// `scalar::microfacet` for the sources. dielectrics let light pass; what fills them is in
+// `scalar::microfacet` for the sources. Dielectrics let light pass; what fills them is in
 // medium.wgsl.
 
 struct Bsdf {

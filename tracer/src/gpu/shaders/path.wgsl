@@ -43,9 +43,9 @@ fn advance(path: ptr<function, Path>, hit: ptr<function, Hit>, rays: ptr<functio
         (*path).throughput *= flight.weight;
         if (flight.is_scattered) {
             let origin = fma(vec3f(flight.distance), ray.direction, ray.origin);
-            if (HAS_WINDOW && (*path).depth + 2u <= job.max_depth) {
+            if (HAS_REFRACTED_NEE && (*path).depth + 2u <= job.max_depth) {
                 let v = pair((*path).pixel, (*path).sample, block_light((*path).depth), job.seed);
-                let light = light_through((*path).skip & ~INSIDE, origin, v, rays);
+                let light = sample_light_through_boundary((*path).skip & ~INSIDE, origin, v, rays);
                 (*path).radiance += (*path).throughput * light;
             }
             (*path).ray = Ray(origin, uniform_direction(u.y, u.z));
@@ -97,7 +97,7 @@ fn scatter(path: ptr<function, Path>, hit: Hit, rays: ptr<function, u32>) -> u32
         (*path).radiance += (*path).throughput * light;
     }
     let next = bsdf_sample(bsdf, surface.normal, wo, scatter_numbers(path).xyz);
-    let was_scattered = HAS_WINDOW && (*path).pdf == SCATTERED;
+    let was_scattered = HAS_REFRACTED_NEE && (*path).pdf == SCATTERED;
     (*path).ray = Ray(surface.position, next.wi);
     (*path).skip = primitive;
     if (HAS_DIELECTRIC && bsdf_is_transmissive(bsdf)) {
@@ -111,7 +111,7 @@ fn scatter(path: ptr<function, Path>, hit: Hit, rays: ptr<function, u32>) -> u32
         (*path).pdf = max(next.pdf * light_weight_sum, 1e-37);
     }
     if (was_scattered && ((*path).skip & INSIDE) == 0u
-        && leaves_by_window(primitive, hit.t, dot(surface.normal, wo))) {
+        && exits_by_nee_hemisphere(primitive, hit.t, dot(surface.normal, wo))) {
         (*path).pdf = 0.0;
     }
     (*path).depth = depth + 1u;

@@ -7,7 +7,7 @@ struct SphereData {
     stripe_axis: vec3f,
     material: u32,
     number_axis: vec3f,
-    is_window: u32,
+    allows_refracted_nee: u32,
 }
 
 struct BoxData {

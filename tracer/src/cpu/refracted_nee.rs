@@ -1,4 +1,4 @@
-//! Area lights seen from inside a dielectric ball, a lane each: the arithmetic of [`crate::scalar::window`].
+//! Area lights seen from inside a dielectric ball, a lane each: the arithmetic of [`crate::scalar::refracted_nee`].
 
 use std::f32::consts::PI;
 
@@ -11,21 +11,21 @@ use super::math::exp;
 use super::microfacet::untagged;
 use super::surface::Rows;
 use crate::compiled::{MaterialData, SphereData};
-use crate::scalar::window::STEPS;
+use crate::scalar::refracted_nee::STEPS;
 
 /// One row of numbers per ball.
-pub(super) type WindowRow = [f32; 8];
+pub(super) type NeeBoundaryRow = [f32; 8];
 
 const CENTER: usize = 0;
-/// 0 of a ball that is no window.
+/// 0 of a ball that does not allow it.
 const RADIUS: usize = 3;
 const IOR: usize = 4;
 const EXTINCTION: usize = 5;
 
-pub(super) fn window_row(sphere: &SphereData, material: &MaterialData) -> WindowRow {
+pub(super) fn nee_boundary_row(sphere: &SphereData, material: &MaterialData) -> NeeBoundaryRow {
     let mut row = [0.0; 8];
     row[CENTER..][..3].copy_from_slice(&sphere.center);
-    row[RADIUS] = if sphere.is_window == 1 {
+    row[RADIUS] = if sphere.allows_refracted_nee == 1 {
         sphere.radius
     } else {
         0.0
@@ -35,8 +35,8 @@ pub(super) fn window_row(sphere: &SphereData, material: &MaterialData) -> Window
     row
 }
 
-/// The windows of a packet.
-pub(super) struct Windows<S: Simd> {
+/// The boundaries of a packet.
+pub(super) struct NeeBoundaries<S: Simd> {
     /// The lanes that are at one.
     pub(super) lanes: Mask<S>,
     center: Vec3x<S>,
@@ -45,8 +45,8 @@ pub(super) struct Windows<S: Simd> {
     extinction: Vec3x<S>,
 }
 
-/// Ways from inside to area lights, bent at the boundary.
-pub(super) struct Ways<S: Simd> {
+/// Paths from inside to area lights, refracted at the boundary.
+pub(super) struct RefractedPaths<S: Simd> {
     /// The lanes that have one.
     pub(super) lanes: Mask<S>,
     pub(super) place: Vec3x<S>,
@@ -110,10 +110,15 @@ impl<S: Simd> PlaneRays<S> {
     }
 }
 
-impl<S: Simd> Windows<S> {
+impl<S: Simd> NeeBoundaries<S> {
     /// Those of the balls in `tag` for the lanes of `mask`; none if no lane is at one.
     #[inline(always)]
-    pub(super) fn new(simd: S, table: &[WindowRow], tag: Word<S>, mask: Mask<S>) -> Option<Self> {
+    pub(super) fn new(
+        simd: S,
+        table: &[NeeBoundaryRow],
+        tag: Word<S>,
+        mask: Mask<S>,
+    ) -> Option<Self> {
         let balls = Word::splat(simd, table.len() as u32);
         let body = untagged(tag);
         let mask = mask & body.simd_lt(balls);
@@ -132,7 +137,7 @@ impl<S: Simd> Windows<S> {
         })
     }
 
-    /// Where a ray that was scattered inside leaves, after `length` and at `cos_i`, by a way on which
+    /// Where a ray that was scattered inside leaves, after `length` and at `cos_i`, by a path on which
     /// area lights have been aimed at.
     #[inline(always)]
     pub(super) fn are_left(&self, length: Float<S>, cos_i: Float<S>) -> Mask<S> {
@@ -141,13 +146,13 @@ impl<S: Simd> Windows<S> {
 
     /// From points inside to the area lights that were drawn, whose normals are given.
     #[inline(always)]
-    pub(super) fn ways(
+    pub(super) fn refracted_paths(
         &self,
         simd: S,
         from: Vec3x<S>,
         light: &SampledAreaLight<S>,
         normal: Vec3x<S>,
-    ) -> Ways<S> {
+    ) -> RefractedPaths<S> {
         let per_radius = 1.0 / self.radius;
         let x = (from - self.center) * per_radius;
         let distance = light.distance * per_radius;
@@ -162,8 +167,8 @@ impl<S: Simd> Windows<S> {
         let point = [along, height];
         let (sine, found) = search(simd, r, self.ior, point);
         let ray = PlaneRays::new(r, self.ior, sine);
-        let way = [point[0] - ray.place[0], point[1] - ray.place[1]];
-        let outside = way[0].mul_add(way[0], way[1] * way[1]).sqrt();
+        let offset = [point[0] - ray.place[0], point[1] - ray.place[1]];
+        let outside = offset[0].mul_add(offset[0], offset[1] * offset[1]).sqrt();
         let inside = ray.length * self.radius;
         let outer = axis.mul_add(ray.outer[0], side * ray.outer[1]);
         let place = axis.mul_add(ray.place[0], side * ray.place[1]);
@@ -176,7 +181,7 @@ impl<S: Simd> Windows<S> {
         let inverse_pdf = light.inverse_pdf * (distance * distance) * cosines / spread;
         let left = self.extinction * -inside;
         let left = Vec3x::new(exp(simd, left.x), exp(simd, left.y), exp(simd, left.z));
-        Ways {
+        RefractedPaths {
             lanes: self.lanes & found & light.distance.simd_gt(0.0),
             place: place.mul_add(self.radius, self.center),
             inner: axis.mul_add(ray.inner[0], side * ray.inner[1]),
@@ -231,10 +236,10 @@ fn search<S: Simd>(
 fn lowest<S: Simd>(simd: S, r: Float<S>, [x, y]: [Float<S>; 2]) -> Float<S> {
     let cos = 1.0 / x.mul_add(x, y * y).sqrt();
     let sin = cosine(cos);
-    let way_x = cos * cos.mul_add(x, sin * y) - r;
-    let way_y = cos * (cos * y - sin * x);
-    let sine = way_y / way_x.mul_add(way_x, way_y * way_y).sqrt();
-    let beyond = way_x.simd_gt(0.0).select(sine, Float::splat(simd, 2.0));
+    let offset_x = cos * cos.mul_add(x, sin * y) - r;
+    let offset_y = cos * (cos * y - sin * x);
+    let sine = offset_y / offset_x.mul_add(offset_x, offset_y * offset_y).sqrt();
+    let beyond = offset_x.simd_gt(0.0).select(sine, Float::splat(simd, 2.0));
     x.simd_ge(1.0).select(Float::splat(simd, 0.0), beyond)
 }
 
@@ -242,9 +247,9 @@ fn lowest<S: Simd>(simd: S, r: Float<S>, [x, y]: [Float<S>; 2]) -> Float<S> {
 #[inline(always)]
 fn highest<S: Simd>(simd: S, r: Float<S>, [x, y]: [Float<S>; 2]) -> Float<S> {
     let per_length = 1.0 / x.mul_add(x, y * y).sqrt();
-    let (way_x, way_y) = (x * per_length - r, y * per_length);
-    let sine = way_y / way_x.mul_add(way_x, way_y * way_y).sqrt();
-    way_x.simd_gt(0.0).select(sine, Float::splat(simd, 2.0))
+    let (offset_x, offset_y) = (x * per_length - r, y * per_length);
+    let sine = offset_y / offset_x.mul_add(offset_x, offset_y * offset_y).sqrt();
+    offset_x.simd_gt(0.0).select(sine, Float::splat(simd, 2.0))
 }
 
 #[inline(always)]

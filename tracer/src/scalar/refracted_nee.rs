@@ -1,8 +1,8 @@
-//! The way from a point inside a dielectric ball to a point outside, bent where it passes the boundary.
+//! Path from a point inside a dielectric ball to a point outside, refracted at the boundary.
 //!
 //! Light that is scattered inside would find an area light through a smooth boundary by chance alone. Next-event
 //! estimation through a refracting surface (Walter, Zhao, Holzschuch and Bala, "Single Scattering in
-//! Refractive Media with Triangle Mesh Boundaries", SIGGRAPH 2009) has to find the ways by which Fermat's
+//! Refractive Media with Triangle Mesh Boundaries", SIGGRAPH 2009) has to find the paths by which Fermat's
 //! principle allows light to go. Through a sphere there may be several; of those that leave by the half
 //! towards which the inner point lies from the centre there is at most one, so that chance can be left
 //! with exactly the others.
@@ -24,9 +24,9 @@ use crate::compiled::SphereData;
 /// ball, which is what rounding to f32 does to it.
 pub const STEPS: u32 = 6;
 
-/// The bent way.
+/// The refracted path.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Passage {
+pub struct RefractedPath {
     /// Where it passes the boundary.
     pub place: DVec3,
     /// Unit direction inside, from the inner point.
@@ -35,9 +35,9 @@ pub struct Passage {
     pub outer: DVec3,
     /// Length inside and outside, metres.
     pub lengths: [f64; 2],
-    /// Cosine between the normal and the way inside, above 0.
+    /// Cosine between the normal and the path inside, above 0.
     pub cos_i: f64,
-    /// Area, m², across the way at the outer point, that a solid angle of 1 sr at the inner one lights.
+    /// Area, m², across the path at the outer point, that a solid angle of 1 sr at the inner one lights.
     pub spread: f64,
 }
 
@@ -76,9 +76,9 @@ impl PlaneRay {
     }
 }
 
-impl Passage {
-    /// The way from `from`, inside the ball or on it, to `to`, outside, by the half of the boundary towards
-    /// which `from` lies from the centre; none if there is no such way. `ior` is at least 1.
+impl RefractedPath {
+    /// The path from `from`, inside the ball or on it, to `to`, outside, by the half of the boundary towards
+    /// which `from` lies from the centre; none if there is no such path. `ior` is at least 1.
     pub fn new(sphere: &SphereData, ior: f64, from: DVec3, to: DVec3) -> Option<Self> {
         let center = vector(sphere.center);
         let radius = f64::from(sphere.radius);
@@ -147,16 +147,16 @@ fn lowest(r: f64, point: DVec2) -> Option<f64> {
     let cos = 1.0 / point.length();
     let sin = (1.0 - cos * cos).max(0.0).sqrt();
     let tangent = DVec2::new(cos, -sin).rotate(point) * cos;
-    let way = tangent - DVec2::new(r, 0.0);
-    (way.x > 0.0).then(|| way.y / way.length())
+    let offset = tangent - DVec2::new(r, 0.0);
+    (offset.x > 0.0).then(|| offset.y / offset.length())
 }
 
 /// The sine of the ray to the place nearest to the point, which lies on its lower side: rays beyond would
 /// have to turn back. Above 1 if that is on the other half.
 fn highest(r: f64, point: DVec2) -> f64 {
-    let way = point.normalize() - DVec2::new(r, 0.0);
-    if way.x > 0.0 {
-        way.y / way.length()
+    let offset = point.normalize() - DVec2::new(r, 0.0);
+    if offset.x > 0.0 {
+        offset.y / offset.length()
     } else {
         2.0
     }
@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn every_ray_that_leaves_by_the_near_half_is_found_again() {
+    fn every_ray_out_of_the_near_half_is_found_again() {
         let mut found = 0;
         for i in 0..CASES {
             let (from, ior) = inside(i);
@@ -235,13 +235,15 @@ mod tests {
             };
             let distance = 10f64.powf(-3.0 + 5.0 * c);
             let to = place + distance * outer;
-            let passage = Passage::new(&ball(), ior, from, to);
+            let refracted = RefractedPath::new(&ball(), ior, from, to);
             if !is_near {
-                // Another way may lead there, but not this one.
-                assert!(passage.is_none_or(|passage| passage.inner.dot(direction) < 1.0 - 1e-12));
+                // Another path may lead there, but not this one.
+                assert!(
+                    refracted.is_none_or(|refracted| refracted.inner.dot(direction) < 1.0 - 1e-12)
+                );
                 continue;
             }
-            let Some(passage) = passage else {
+            let Some(refracted) = refracted else {
                 // On the edge of what can be found, rounding decides.
                 let axis = (from - vector(ball().center)).normalize();
                 let cos_o = outer.dot(place - vector(ball().center)) / f64::from(ball().radius);
@@ -250,25 +252,25 @@ mod tests {
                 continue;
             };
             found += 1;
-            let off = (passage.place + passage.lengths[1] * passage.outer - to).length();
+            let off = (refracted.place + refracted.lengths[1] * refracted.outer - to).length();
             assert!(
                 off < 1e-4 * (distance + 0.1),
                 "{i}: off by {off} of {distance}"
             );
-            assert!((passage.inner - direction).length() < 1e-3, "{i}");
-            let normal = (passage.place - vector(ball().center)).normalize();
+            assert!((refracted.inner - direction).length() < 1e-3, "{i}");
+            let normal = (refracted.place - vector(ball().center)).normalize();
             assert!(
-                (passage.cos_i - passage.inner.dot(normal)).abs() < 1e-6,
+                (refracted.cos_i - refracted.inner.dot(normal)).abs() < 1e-6,
                 "{i}"
             );
-            assert!((passage.outer.length() - 1.0).abs() < 1e-9, "{i}");
+            assert!((refracted.outer.length() - 1.0).abs() < 1e-9, "{i}");
         }
         assert!(found > CASES / 4, "{found}");
     }
 
     /// By three rays close together.
     #[test]
-    fn the_spread_is_that_of_neighbouring_rays() {
+    fn spread_equals_that_of_neighbouring_rays() {
         const APART: f64 = 1e-6;
         for i in 0..CASES {
             let (from, ior) = inside(i);
@@ -283,7 +285,7 @@ mod tests {
             if outer.dot(n) < 0.1 {
                 continue; // neighbours may be reflected
             }
-            let Some(passage) = Passage::new(&ball(), ior, from, to) else {
+            let Some(refracted) = RefractedPath::new(&ball(), ior, from, to) else {
                 continue;
             };
             let (t, b) = crate::scalar::bsdf::basis(direction);
@@ -291,15 +293,15 @@ mod tests {
                 let (place, outer, _) = leave(from, (direction + APART * side).normalize(), ior);
                 let outer = outer.expect("not near the angle of total reflection");
                 // Where the neighbour passes the plane across the ray at its end.
-                let end =
-                    place + outer * ((to - place).dot(passage.outer) / outer.dot(passage.outer));
+                let end = place
+                    + outer * ((to - place).dot(refracted.outer) / outer.dot(refracted.outer));
                 (end - to) / APART
             });
             let area = moved[0].cross(moved[1]).length();
             assert!(
-                (area / passage.spread - 1.0).abs() < 2e-3,
+                (area / refracted.spread - 1.0).abs() < 2e-3,
                 "{i}: {area} {}",
-                passage.spread
+                refracted.spread
             );
         }
     }

@@ -1,4 +1,4 @@
-// Area lights seen from inside a dielectric ball, by ways that are bent at its boundary: `scalar/window.rs`.
+// Area lights seen from inside a dielectric ball, by paths refracted at its boundary: `scalar/refracted_nee.rs`.
 
 // A ray from the inner point, in the plane of the axis (x) and the outer point, in radii.
 struct PlaneRay {
@@ -25,8 +25,8 @@ fn plane_ray(r: f32, ior: f32, sine: f32) -> PlaneRay {
 
 // How far a point lies on the side of larger angles.
 fn beside(ray: PlaneRay, point: vec2f) -> f32 {
-    let way = point - ray.place;
-    return ray.outer.x * way.y - ray.outer.y * way.x;
+    let offset = point - ray.place;
+    return ray.outer.x * offset.y - ray.outer.y * offset.x;
 }
 
 // The sine of the first ray whose place the point sees; 2 if that is on the other half.
@@ -36,14 +36,14 @@ fn lowest_sine(r: f32, point: vec2f) -> f32 {
     }
     let cos = 1.0 / sqrt(dot(point, point));
     let sin = cosine_of(cos);
-    let way = cos * vec2f(cos * point.x + sin * point.y, cos * point.y - sin * point.x) - vec2f(r, 0.0);
-    return select(2.0, way.y / sqrt(dot(way, way)), way.x > 0.0);
+    let offset = cos * vec2f(cos * point.x + sin * point.y, cos * point.y - sin * point.x) - vec2f(r, 0.0);
+    return select(2.0, offset.y / sqrt(dot(offset, offset)), offset.x > 0.0);
 }
 
 // The sine of the ray to the place nearest to the point, above 1 if that is on the other half.
 fn highest_sine(r: f32, point: vec2f) -> f32 {
-    let way = point / sqrt(dot(point, point)) - vec2f(r, 0.0);
-    return select(2.0, way.y / sqrt(dot(way, way)), way.x > 0.0);
+    let offset = point / sqrt(dot(point, point)) - vec2f(r, 0.0);
+    return select(2.0, offset.y / sqrt(dot(offset, offset)), offset.x > 0.0);
 }
 
 // The sine at the inner point of the ray to `point`, above 1 if there is none.
@@ -65,7 +65,7 @@ fn search(r: f32, ior: f32, point: vec2f) -> f32 {
     var sine = low;
     // Which end moved last: 1 the lower, −1 the upper.
     var moved = 0;
-    for (var step = 0u; step < WINDOW_STEPS; step++) {
+    for (var step = 0u; step < REFRACTED_NEE_STEPS; step++) {
         sine = low + at_low / max(at_low - at_high, 1e-30) * (high - low);
         let at = beside(plane_ray(r, ior, sine), point);
         if (at > 0.0) {
@@ -84,7 +84,7 @@ fn search(r: f32, ior: f32, point: vec2f) -> f32 {
 }
 
 // Area across the ray at its end, over the solid angle at the inner point, in radii.
-fn window_spread(ray: PlaneRay, ior: f32, outside: f32) -> f32 {
+fn refracted_spread(ray: PlaneRay, ior: f32, outside: f32) -> f32 {
     let moved = ray.length / max(ray.cos_i, 1e-30);
     let bent = ior * ray.cos_i / max(ray.cos_o, 1e-30);
     let in_plane = moved * ray.cos_o + outside * (moved + bent * (1.0 - moved));
@@ -93,8 +93,8 @@ fn window_spread(ray: PlaneRay, ior: f32, outside: f32) -> f32 {
 }
 
 // Next-event estimation of light that is scattered evenly at `from` inside a ball.
-fn light_through(body: u32, from_point: vec3f, u: vec2f, rays: ptr<function, u32>) -> vec3f {
-    if (body >= SPHERE_COUNT || scene.spheres[min(body, SPHERE_COUNT - 1u)].is_window == 0u) {
+fn sample_light_through_boundary(body: u32, from_point: vec3f, u: vec2f, rays: ptr<function, u32>) -> vec3f {
+    if (body >= SPHERE_COUNT || scene.spheres[min(body, SPHERE_COUNT - 1u)].allows_refracted_nee == 0u) {
         return vec3f(0.0);
     }
     let chosen = sample_light(from_point, u);
@@ -120,8 +120,8 @@ fn light_through(body: u32, from_point: vec3f, u: vec2f, rays: ptr<function, u32
         return vec3f(0.0);
     }
     let ray = plane_ray(r, ior, sine);
-    let way = point - ray.place;
-    let outside = sqrt(dot(way, way));
+    let offset = point - ray.place;
+    let outside = sqrt(dot(offset, offset));
     let inner = Ray(from_point, ray.inner.x * axis + ray.inner.y * side);
     let place = center + radius * (ray.place.x * axis + ray.place.y * side);
     let outer = Ray(place, ray.outer.x * axis + ray.outer.y * side);
@@ -137,14 +137,14 @@ fn light_through(body: u32, from_point: vec3f, u: vec2f, rays: ptr<function, u32
     let cosines = dot(outer.direction, normal) / dot(straight.wi, normal);
     let length = straight.distance / radius;
     let inverse_pdf = straight.inverse_pdf * (chosen.light_weight_sum / chosen.weight)
-        * length * length * cosines / window_spread(ray, ior, outside);
+        * length * length * cosines / refracted_spread(ray, ior, outside);
     return scene.area_lights[chosen.index].radiance * left * (passed * max(inverse_pdf, 0.0) / (4.0 * PI));
 }
 
-// Whether a ray that was scattered inside leaves, after `length` and at `cos_i`, by a way on which area lights
+// Whether a ray that was scattered inside leaves, after `length` and at `cos_i`, by a path on which area lights
 // have been aimed at.
-fn leaves_by_window(body: u32, length: f32, cos_i: f32) -> bool {
+fn exits_by_nee_hemisphere(body: u32, length: f32, cos_i: f32) -> bool {
     let sphere = min(body, SPHERE_COUNT - 1u);
-    return body < SPHERE_COUNT && scene.spheres[sphere].is_window == 1u
+    return body < SPHERE_COUNT && scene.spheres[sphere].allows_refracted_nee == 1u
         && length <= scene.spheres[sphere].radius * cos_i;
 }

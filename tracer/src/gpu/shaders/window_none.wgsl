@@ -1,9 +1,0 @@
-// A scene in which no dielectric ball scatters light inside.
-
-fn light_through(body: u32, from_point: vec3f, u: vec2f, rays: ptr<function, u32>) -> vec3f {
-    return vec3f(0.0);
-}
-
-fn leaves_by_window(body: u32, length: f32, cos_i: f32) -> bool {
-    return false;
-}
