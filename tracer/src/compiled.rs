@@ -54,8 +54,8 @@ pub struct CompiledScene {
     /// Of each shape as it is now, once somebody has asked for it.
     bvhs: [OnceLock<Option<Bvh>>; ShapeKind::ALL.len()],
     /// The spheres as the scene has them: what an update starts from.
-    spheres_at_rest: Vec<SphereData>,
-    camera_at_rest: Camera,
+    base_spheres: Vec<SphereData>,
+    base_camera: Camera,
 }
 
 /// When rays find primitives of a shape by a [`Bvh`] instead of meeting each of them: pictures are the same
@@ -135,8 +135,8 @@ impl CompiledScene {
             primitives: Vec::with_capacity(scene.objects.len()),
             bvh_use: BvhUse::default(),
             bvhs: Default::default(),
-            spheres_at_rest: Vec::new(),
-            camera_at_rest: scene.camera,
+            base_spheres: Vec::new(),
+            base_camera: scene.camera,
         };
         let names: Vec<&str> = scene.materials.keys().map(String::as_str).collect();
         let material = |name: &str| {
@@ -150,7 +150,7 @@ impl CompiledScene {
         for index in 0..compiled.spheres.len() {
             compiled.spheres[index].allows_refracted_nee = compiled.allows_refracted_nee(index);
         }
-        compiled.spheres_at_rest.clone_from(&compiled.spheres);
+        compiled.base_spheres.clone_from(&compiled.spheres);
         Ok(compiled)
     }
 
@@ -265,9 +265,9 @@ impl CompiledScene {
     }
 
     fn reset(&mut self) {
-        self.spheres.clone_from(&self.spheres_at_rest);
+        self.spheres.clone_from(&self.base_spheres);
         self.bvhs[ShapeKind::Sphere as usize] = OnceLock::new();
-        self.camera = self.camera_at_rest;
+        self.camera = self.base_camera;
     }
 
     fn try_apply(&mut self, update: &SceneUpdate) -> Result<(), Error> {
@@ -285,7 +285,7 @@ impl CompiledScene {
                     pose.object
                 )));
             }
-            self.spheres[sphere] = posed(self.spheres_at_rest[sphere], pose);
+            self.spheres[sphere] = apply_pose(self.base_spheres[sphere], pose);
             self.spheres[sphere].allows_refracted_nee = self.allows_refracted_nee(sphere);
         }
         Ok(())
@@ -303,7 +303,7 @@ impl CompiledScene {
         u32::from(
             material.kind == KIND_DIELECTRIC
                 && material.alpha == 0.0
-                && material.flight_rate > 0.0
+                && material.majorant > 0.0
                 && material.ior >= 1.0
                 && sphere.radius > 0.0
                 && heights.all(|height| height >= 1.5 * sphere.radius),
@@ -397,12 +397,12 @@ pub fn camera_frame(camera: &Camera, size: ImageSize) -> CameraFrame {
     }
 }
 
-fn posed(at_rest: SphereData, pose: &ObjectPose) -> SphereData {
+fn apply_pose(base: SphereData, pose: &ObjectPose) -> SphereData {
     SphereData {
         center: pose.position.to_array(),
-        radius: if pose.visible { at_rest.radius } else { 0.0 },
+        radius: if pose.visible { base.radius } else { 0.0 },
         stripe_axis: ball_axis(pose.rotation, DVec3::Z),
-        material: at_rest.material,
+        material: base.material,
         number_axis: ball_axis(pose.rotation, DVec3::X),
         allows_refracted_nee: 0,
     }

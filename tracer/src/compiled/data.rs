@@ -186,7 +186,7 @@ pub struct MaterialData {
     pub alpha: f32,
     /// The rate of the exponential law that distances inside are drawn from, m⁻¹; 0 where nothing
     /// scatters.
-    pub flight_rate: f32,
+    pub majorant: f32,
     /// Index of refraction of a metal, real part.
     pub eta: [f32; 3],
     /// [`PATTERN_NONE`], [`PATTERN_NUMBER`], [`PATTERN_WOOD`] or [`PATTERN_PLANKS`]. The rings of
@@ -200,7 +200,7 @@ pub struct MaterialData {
     pub extinction: [f32; 3],
     /// The axis of wood's grain: 0, 1 or 2.
     pub grain_axis: u32,
-    /// Scattering coefficient of the medium over `flight_rate`.
+    /// Scattering coefficient of the medium over `majorant`.
     pub scattering: [f32; 3],
     /// Width of a cloth's sheen.
     pub sheen_roughness: f32,

@@ -131,10 +131,10 @@ fn medium_data(medium: &Medium) -> MaterialData {
     if albedo == Vec3::ZERO {
         return data;
     }
-    let flight_rate = extinction.min_element();
+    let majorant = extinction.min_element();
     MaterialData {
-        flight_rate,
-        scattering: (albedo * extinction / flight_rate).to_array(),
+        majorant,
+        scattering: (albedo * extinction / majorant).to_array(),
         ..data
     }
 }

@@ -78,7 +78,7 @@ impl Scratch {
                 let half = (settings.samples / 2).checked_sub(done);
                 let half = half.filter(|_| settings.denoise && settings.samples > 1);
                 traced.dropped_samples += self.accumulate(samples as usize, half);
-                if scene.notes_first_hits() {
+                if scene.records_aovs() {
                     self.accumulate_seen(samples as usize, done == 0);
                 }
             }
@@ -188,7 +188,7 @@ impl Scratch {
     #[inline(always)]
     fn resolve_noisy<S: Simd>(&mut self, simd: S, scene: &Prepared, noisy: &mut NoisyPixels) {
         let samples = scene.settings.samples;
-        if !scene.notes_first_hits() {
+        if !scene.records_aovs() {
             for sums in &mut self.seen {
                 sums.fill(0.0);
             }

@@ -47,7 +47,7 @@ struct RayLanes {
     origin: [[f32; LANES]; 3],
     direction: [[f32; LANES]; 3],
     inverse: [[f32; LANES]; 3],
-    skip: [u32; LANES],
+    start: [u32; LANES],
 }
 
 /// Parts still to be visited, each with the distance at which the ray enters its box: on every
@@ -222,7 +222,7 @@ impl RayLanes {
             origin: columns(rays.origin),
             direction: columns(rays.direction),
             inverse: columns(rays.inverse),
-            skip: rays.skip.to_array(),
+            start: rays.start.to_array(),
         }
     }
 
@@ -233,7 +233,7 @@ impl RayLanes {
         Rays {
             origin: splat(simd, &self.origin, lane),
             direction: splat(simd, &self.direction, lane),
-            skip: Word::splat(simd, self.skip[lane]),
+            start: Word::splat(simd, self.start[lane]),
             inverse,
             inverse_abs: inverse.abs(),
         }
@@ -382,15 +382,15 @@ mod tests {
     /// Bits of the distance to the nearest primitive, its id, and what is occluded from half that way
     /// and from twice it.
     #[inline(always)]
-    fn nearest_hits<S: Simd>(simd: S, geometry: &Geometry, (six, skip): &Packet) -> Answer {
+    fn nearest_hits<S: Simd>(simd: S, geometry: &Geometry, (six, start): &Packet) -> Answer {
         let [ox, oy, oz, dx, dy, dz] = six.map(|column| Float::load_array(simd, column));
         let (origin, direction) = (Vec3x::new(ox, oy, oz), Vec3x::new(dx, dy, dz));
-        let rays = Rays::new(simd, origin, direction, Word::load_array(simd, *skip));
+        let rays = Rays::new(simd, origin, direction, Word::load_array(simd, *start));
         let nearest = geometry.nearest(simd, &rays);
         let (none, one) = (Word::splat(simd, NONE), Float::splat(simd, 1.0));
         let met = nearest.id.simd_ne(NONE);
         let limit = met.select(nearest.distance, one);
-        let outwards = Word::load_array(simd, skip.map(|id| id & !INSIDE));
+        let outwards = Word::load_array(simd, start.map(|id| id & !INSIDE));
         let shadows = Rays::new(simd, origin, direction, outwards);
         let occluded = |limit| geometry.occluded(simd, &shadows, limit, none).to_bitmask();
         (

@@ -39,7 +39,7 @@ impl CsgBox {
         let enter = near.x.max(near.y).max(near.z);
         let end = far.x.min(far.y).min(far.z).min(limit);
         let last = self.first + self.subtractions.len() as u32;
-        let left = rays.skip.simd_ge(self.first) & rays.skip.simd_le(last);
+        let left = rays.start.simd_ge(self.first) & rays.start.simd_le(last);
         let zero = Float::splat(simd, 0.0);
         let start = left.select(Float::splat(simd, CSG_MARGIN_M), zero);
         let mut t = enter.max(start);

@@ -60,19 +60,19 @@ pub(super) struct Rays<S: Simd> {
     pub(super) direction: Vec3x<S>,
     /// The primitive that each ray starts on, which it cannot meet: all are convex. With [`INSIDE`]
     /// the dielectric that it is inside of.
-    pub(super) skip: Word<S>,
+    pub(super) start: Word<S>,
     pub(super) inverse: Vec3x<S>,
     pub(super) inverse_abs: Vec3x<S>,
 }
 
 impl<S: Simd> Rays<S> {
     #[inline(always)]
-    pub(super) fn new(simd: S, origin: Vec3x<S>, direction: Vec3x<S>, skip: Word<S>) -> Self {
+    pub(super) fn new(simd: S, origin: Vec3x<S>, direction: Vec3x<S>, start: Word<S>) -> Self {
         let inverse = inverse(simd, direction);
         Self {
             origin,
             direction,
-            skip,
+            start,
             inverse,
             inverse_abs: inverse.abs(),
         }
@@ -186,8 +186,8 @@ impl Geometry {
         }
         self.area_lights.nearest(simd, rays, &mut nearest);
         if self.has_dielectric {
-            let within = rays.skip.simd_eq(nearest.id | INSIDE);
-            nearest.id = within.select(rays.skip, nearest.id);
+            let within = rays.start.simd_eq(nearest.id | INSIDE);
+            nearest.id = within.select(rays.start, nearest.id);
         }
         nearest
     }

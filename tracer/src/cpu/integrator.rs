@@ -71,7 +71,7 @@ impl Prepared {
                     #[inline(always)]
                     || self.connect(simd, stream, OTHER),
                 );
-                if self.looks_into_coats(depth) {
+                if self.samples_coat_reflection(depth) {
                     rays += simd.vectorize(
                         #[inline(always)]
                         || self.connect(simd, stream, MIRROR),
@@ -84,19 +84,19 @@ impl Prepared {
 
     /// Whether area lights that a coat reflects are looked up: of denoised pictures the first hits' mirrors
     /// are traced apart.
-    fn looks_into_coats(&self, depth: u32) -> bool {
+    fn samples_coat_reflection(&self, depth: u32) -> bool {
         self.has_coat && (depth > 0 || !self.settings.denoise)
     }
 
     /// Whether what paths meet is noted for the filter. They keep their places then, also those that
     /// end.
     fn sees(&self, depth: u32) -> bool {
-        depth == 0 && self.notes_first_hits()
+        depth == 0 && self.records_aovs()
     }
 
     /// Whether paths note their first hits: those of pictures that are denoised, unless they are not
     /// scattered at all.
-    pub(super) fn notes_first_hits(&self) -> bool {
+    pub(super) fn records_aovs(&self) -> bool {
         self.settings.denoise && self.settings.max_depth > 0
     }
 
@@ -155,18 +155,18 @@ impl Prepared {
             let at = packet.at;
             let origin = stream.origin.load(simd, at);
             let direction = stream.direction.load(simd, at);
-            let skip = load_words(simd, &stream.primitive, at);
-            let edges = Rays::new(simd, origin, direction, skip);
+            let start = load_words(simd, &stream.primitive, at);
+            let edges = Rays::new(simd, origin, direction, start);
             let mut nearest = self.geometry.nearest(simd, &edges);
             let mut alive = packet.mask(simd);
             if depth > 0 {
                 // Those that ended and kept their place have not left any primitive.
-                alive &= skip.simd_ne(NONE);
+                alive &= start.simd_ne(NONE);
             }
             rays += u64::from(alive.to_bitmask().count_ones());
             let mut met = nearest.id;
             if self.surfaces.has_dielectric {
-                self.fly(simd, stream, at, depth, &mut nearest);
+                self.sample_distance(simd, stream, at, depth, &mut nearest);
                 met = untagged(nearest.id);
             }
             let unscattered = met.simd_ge(self.geometry.area_lights_first) & alive;
@@ -209,7 +209,7 @@ impl Prepared {
     /// Flies through what fills dielectrics: light is absorbed, and may be scattered before the
     /// boundary.
     #[inline(always)]
-    fn fly<S: Simd>(
+    fn sample_distance<S: Simd>(
         &self,
         simd: S,
         stream: &mut Stream,
@@ -217,20 +217,22 @@ impl Prepared {
         depth: u32,
         nearest: &mut Nearest<S>,
     ) {
-        let skip = load_words(simd, &stream.primitive, at);
+        let start = load_words(simd, &stream.primitive, at);
         let none = Word::splat(simd, NONE);
-        let within = (skip & INSIDE).simd_ne(0) & skip.simd_ne(none);
+        let within = (start & INSIDE).simd_ne(0) & start.simd_ne(none);
         if !within.any_true() {
             return;
         }
         let pixel = load_words(simd, &stream.pixel, at);
         let sample = load_words(simd, &stream.sample, at);
         let [_, u] = pair(pixel, sample, block_choice(depth), self.settings.seed);
-        let flight = self.surfaces.fly(simd, within, skip, nearest.distance, u);
+        let flight = self
+            .surfaces
+            .sample_distance(simd, within, start, nearest.distance, u);
         let beta = stream.beta.load(simd, at);
         stream.beta.store(at, beta.scale(flight.weight));
         nearest.distance = flight.distance;
-        nearest.id = flight.scattered.select(skip | SCATTERED, nearest.id);
+        nearest.id = flight.scattered.select(start | SCATTERED, nearest.id);
     }
 
     /// Light that comes in along rays that meet an area light or nothing.
@@ -313,7 +315,7 @@ impl Prepared {
                         simd, stream, at, alive, depth, &hit, beta, tag, &light,
                     );
                 }
-                if self.looks_into_coats(depth) {
+                if self.samples_coat_reflection(depth) {
                     self.queue_coat_shadow_ray(simd, stream, at, alive, &hit, &bsdf, beta);
                 }
             }
@@ -538,9 +540,9 @@ impl Prepared {
             let origin = begins.load(simd, at);
             let direction = shadow.direction.load(simd, at);
             // Shadow rays leave outwards, whatever the path does.
-            let skip = load_words(simd, &stream.primitive, at) & !INSIDE;
+            let start = load_words(simd, &stream.primitive, at) & !INSIDE;
             let light = load_words(simd, &shadow.light, at);
-            let shadow_rays = Rays::new(simd, origin, direction, skip);
+            let shadow_rays = Rays::new(simd, origin, direction, start);
             let dark = self.geometry.occluded(simd, &shadow_rays, distance, light);
             let radiance = stream.radiance.load(simd, at);
             let added = radiance + shadow.radiance.load(simd, at);

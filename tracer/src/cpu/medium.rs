@@ -9,14 +9,14 @@ use super::sampling::sin_cos_turns;
 use super::surface::Rows;
 
 /// A free flight through what fills a dielectric: how far, and the weight of what is left.
-pub(super) struct Flight<S: Simd> {
+pub(super) struct FreeFlight<S: Simd> {
     /// Scattered before the boundary.
     pub(super) scattered: Mask<S>,
     pub(super) distance: Float<S>,
     pub(super) weight: Vec3x<S>,
 }
 
-impl<S: Simd> Flight<S> {
+impl<S: Simd> FreeFlight<S> {
     /// Towards a boundary at `distance`, for the lanes of `within`; the others keep their light.
     #[inline(always)]
     pub(super) fn new(
@@ -30,9 +30,9 @@ impl<S: Simd> Flight<S> {
         let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
         let rows = Rows::new(table, id);
         let rate = rows.number(simd, MAJORANT);
-        let flown = -ln(simd, one - u) / rate;
-        let scattered = within & rate.simd_gt(0.0) & flown.simd_lt(distance);
-        let distance = scattered.select(flown, distance);
+        let sampled = -ln(simd, one - u) / rate;
+        let scattered = within & rate.simd_gt(0.0) & sampled.simd_lt(distance);
+        let distance = scattered.select(sampled, distance);
         let beyond = rows.triple(simd, ETA_OR_EXTINCTION) - Vec3x::new(rate, rate, rate);
         let left = beyond * -distance;
         let left = Vec3x::new(exp(simd, left.x), exp(simd, left.y), exp(simd, left.z));

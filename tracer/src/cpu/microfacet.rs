@@ -41,7 +41,7 @@ pub(super) fn microfacet_row(material: &MaterialData) -> MicrofacetRow {
     row[KIND] = material.kind as f32;
     row[ALPHA] = material.alpha;
     row[IOR] = material.ior;
-    row[MAJORANT] = material.flight_rate;
+    row[MAJORANT] = material.majorant;
     let (first, second) = if material.kind == KIND_CONDUCTOR {
         (material.eta, material.k)
     } else {

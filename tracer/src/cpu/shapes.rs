@@ -88,11 +88,11 @@ impl Shape<6> for Sphere {
         let mut t = chord.first();
         let mut hit = chord.real & t.simd_gt(0.0);
         if primitives.has_dielectric {
-            let within = rays.skip.simd_eq(primitives.id | INSIDE);
+            let within = rays.start.simd_eq(primitives.id | INSIDE);
             t = within.select(chord.far.max(0.0), t);
             hit |= within;
         }
-        let hit = hit & t.simd_lt(limit) & rays.skip.simd_ne(primitives.id);
+        let hit = hit & t.simd_lt(limit) & rays.start.simd_ne(primitives.id);
         Some((hit, t))
     }
 }
@@ -199,9 +199,9 @@ impl Shape<6> for AlignedBox {
         let far = half.scale_add(rays.inverse_abs, middle);
         let entry = near.x.max(near.y).max(near.z);
         let exit = far.x.min(far.y).min(far.z);
-        let hit = entry.max(0.0).simd_le(exit.min(limit)) & rays.skip.simd_ne(primitives.id);
+        let hit = entry.max(0.0).simd_le(exit.min(limit)) & rays.start.simd_ne(primitives.id);
         if primitives.has_dielectric {
-            let within = rays.skip.simd_eq(primitives.id | INSIDE);
+            let within = rays.start.simd_eq(primitives.id | INSIDE);
             let t = entry.simd_gt(0.0).select(entry, exit);
             let t = within.select(exit.max(0.0), t);
             let ahead = hit & t.simd_gt(0.0);
@@ -310,7 +310,7 @@ impl<S: Simd> Crossing<S> {
     #[inline(always)]
     fn finish(self, rays: &Rays<S>, inside: Mask<S>, limit: Float<S>, id: Word<S>) -> HitMask<S> {
         let ahead = (self.numerator * self.denominator).simd_gt(0.0);
-        let candidate = inside & ahead & rays.skip.simd_ne(id);
+        let candidate = inside & ahead & rays.start.simd_ne(id);
         if !candidate.any_true() {
             return None;
         }

@@ -4,7 +4,7 @@ use fearless_simd::prelude::*;
 
 use super::geometry::{INSIDE, inverse};
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
-use super::medium::Flight;
+use super::medium::FreeFlight;
 use super::microfacet::{MicrofacetBsdf, MicrofacetRow, microfacet_row, untagged};
 use super::refracted_nee::{NeeBoundaryRow, nee_boundary_row};
 use super::shapes::Chord;
@@ -126,19 +126,19 @@ impl Surfaces {
         Sheen::new(simd, &self.sheen, id)
     }
 
-    /// The flight of the rays inside dielectrics, whose ids are in `skip`, towards a boundary at
+    /// The flight of the rays inside dielectrics, whose ids are in `start`, towards a boundary at
     /// `distance`. None if no ray is.
     #[inline(always)]
-    pub(super) fn fly<S: Simd>(
+    pub(super) fn sample_distance<S: Simd>(
         &self,
         simd: S,
         within: Mask<S>,
-        skip: Word<S>,
+        start: Word<S>,
         distance: Float<S>,
         u: Float<S>,
-    ) -> Flight<S> {
-        let body = within.select(untagged(skip), Word::splat(simd, 0));
-        Flight::new(simd, &self.microfacet, body, within, distance, u)
+    ) -> FreeFlight<S> {
+        let body = within.select(untagged(start), Word::splat(simd, 0));
+        FreeFlight::new(simd, &self.microfacet, body, within, distance, u)
     }
 
     /// The surface of the primitive in `tag` at `distance` along the ray, or the point inside it

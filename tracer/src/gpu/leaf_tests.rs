@@ -425,7 +425,7 @@ fn rays_in_the_planes_of_a_box_hit_it() {
     let input: Vec<u32> = rays.as_flattened().iter().map(|v| v.to_bits()).collect();
     let body = "
         let ray = Ray(triple(6u * i), triple(6u * i + 3u));
-        let t = box_t(line_of(ray), 0u);
+        let t = box_t(prepare_ray(ray), 0u);
         result(i, vec4u(bitcast<u32>(t), 0u, 0u, 0u));";
     let Some(results) = run(&scene, body, &input, rays.len()) else {
         return;
@@ -449,7 +449,7 @@ fn rays_that_graze_a_ball_are_told_apart_to_4_ulps() {
     let input: Vec<u32> = (0..128).map(|i| impact(i).to_bits()).collect();
     let body = "
         let ray = Ray(vec3f(-1.0, number(i), 0.0), vec3f(1.0, 0.0, 0.0));
-        let t = sphere_t(line_of(ray), 0u);
+        let t = sphere_t(prepare_ray(ray), 0u);
         result(i, vec4u(bitcast<u32>(t), 0u, 0u, 0u));";
     let Some(results) = run(&scene, body, &input, 128) else {
         return;
@@ -477,7 +477,7 @@ fn balls_are_met_from_any_distance_as_in_f64() {
         let input: Vec<u32> = rays.as_flattened().iter().map(|v| v.to_bits()).collect();
         let body = "
             let ray = Ray(triple(6u * i), triple(6u * i + 3u));
-            let t = sphere_t(line_of(ray), 0u);
+            let t = sphere_t(prepare_ray(ray), 0u);
             let n = sphere_surface(ray, t, 0u, false).normal;
             result(i, vec4u(bitcast<u32>(t), bitcast<vec3u>(n)));";
         let Some(results) = run(&scene, body, &input, COUNT) else {
@@ -545,11 +545,11 @@ fn bvh_hits_equal_those_of_a_linear_scan() {
     let body = "
         let at = 7u * i;
         let ray = Ray(triple(at), triple(at + 3u));
-        let skip = word(at + 6u);
-        let hit = nearest(ray, skip);
+        let start = word(at + 6u);
+        let hit = nearest(ray, start);
         let limit = select(hit.t, 1.0, hit.primitive == NO_PRIMITIVE);
-        let before = occluded(ray, skip & ~INSIDE, NO_PRIMITIVE, 0.5 * limit);
-        let behind = occluded(ray, skip & ~INSIDE, NO_PRIMITIVE, 2.0 * limit);
+        let before = occluded(ray, start & ~INSIDE, NO_PRIMITIVE, 0.5 * limit);
+        let behind = occluded(ray, start & ~INSIDE, NO_PRIMITIVE, 2.0 * limit);
         result(i, vec4u(bitcast<u32>(hit.t), hit.primitive, u32(before), u32(behind)));";
     let crowds = SHAPES
         .into_iter()
@@ -559,9 +559,9 @@ fn bvh_hits_equal_those_of_a_linear_scan() {
         let rays = (0..COUNT as u32).map(|i| ray(&scene, seed, i));
         let words = rays.flat_map(|ray| {
             let inside = if ray.is_inside { 1 << 31 } else { 0 };
-            let skip = ray.left.map_or(u32::MAX, |left| left | inside);
+            let start = ray.left.map_or(u32::MAX, |left| left | inside);
             let [o, d] = [ray.origin, ray.direction].map(|v| v.to_array().map(f32::to_bits));
-            [o[0], o[1], o[2], d[0], d[1], d[2], skip]
+            [o[0], o[1], o[2], d[0], d[1], d[2], start]
         });
         let input: Vec<u32> = words.collect();
         scene.bvh_use = BvhUse::Never;

@@ -254,25 +254,25 @@ fn scene_declaration(features: &Features) -> String {
 
 fn nearest(features: &Features) -> String {
     let mut text = String::from(
-        "fn nearest(ray: Ray, skip: u32) -> Hit {\n    let line = line_of(ray);\n    \
+        "fn nearest(ray: Ray, start: u32) -> Hit {\n    let prepared = prepare_ray(ray);\n    \
          var hit = Hit(T_MISS, NO_PRIMITIVE);\n",
     );
     for name in shape_and_area_light_names(features) {
-        _ = writeln!(text, "    nearest_{name}(line, skip, &hit);");
+        _ = writeln!(text, "    nearest_{name}(prepared, start, &hit);");
     }
     text + "    return hit;\n}\n"
 }
 
 fn occluded(features: &Features) -> String {
     let mut text = String::from(
-        "fn occluded(ray: Ray, skip: u32, target_light: u32, t_max: f32) -> bool {\n    \
-         let line = line_of(ray);\n",
+        "fn occluded(ray: Ray, start: u32, target_light: u32, t_max: f32) -> bool {\n    \
+         let prepared = prepare_ray(ray);\n",
     );
     for shape in features.shapes() {
         let name = shape.function();
         _ = writeln!(
             text,
-            "    if ({name}_occludes(line, skip, t_max)) {{ return true; }}"
+            "    if ({name}_occludes(prepared, start, t_max)) {{ return true; }}"
         );
     }
     if features.area_lights_occlude {
@@ -456,7 +456,7 @@ mod tests {
             layout!(AreaLightData,
                 center brightness axis_u length_u axis_v length_v normal radiance),
             layout!(MaterialData,
-                albedo ior stripe_albedo stripe_half_width diffuse_scale kind alpha flight_rate
+                albedo ior stripe_albedo stripe_half_width diffuse_scale kind alpha majorant
                 eta pattern k number extinction grain_axis scattering sheen_roughness sheen sights),
             layout!(SphereBound, center power),
             layout!(BvhNodeData,

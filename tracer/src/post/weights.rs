@@ -32,7 +32,7 @@ pub(crate) const NEIGHBOURS: [(i32, i32); 8] = [
 pub(crate) const ALBEDO_MIN: f32 = 0.02;
 
 /// A neighbour's distance is the sum of these factors times squared differences; from 1 on it does
-/// not count. Found by search over pictures of the pool scene of 1 to 64 samples.
+/// not count. PrevVertex by search over pictures of the pool scene of 1 to 64 samples.
 pub(crate) const NORMAL_FACTOR: f32 = 3.0;
 pub(crate) const ALBEDO_FACTOR: f32 = 10.0;
 /// Of the difference of inverse depths relative to the pixel's own.

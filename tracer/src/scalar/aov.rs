@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::intersect::{Departure, Hit, Ray, intersect_from, vector};
+use super::intersect::{Hit, Ray, RayOrigin, intersect_from, vector};
 use super::{Vertex, View, camera_ray};
 use crate::compiled::Primitive;
 use crate::sampling::{BLOCK_CAMERA, pair, pixel_key, sample_key};
@@ -63,7 +63,7 @@ impl View<'_> {
                 origin: vertex.point,
                 direction: 2.0 * cos_o * vertex.n - vertex.wo,
             };
-            let left = Departure {
+            let left = RayOrigin {
                 primitive: vertex.primitive,
                 is_inside: false,
             };

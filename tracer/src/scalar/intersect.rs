@@ -30,7 +30,7 @@ pub struct Hit {
 
 /// Where a ray begins, other than in the open.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Departure {
+pub struct RayOrigin {
     /// The primitive whose surface the ray leaves, or whose inside it crosses.
     pub primitive: Primitive,
     /// The ray goes through the inside.
@@ -45,13 +45,13 @@ pub fn intersect(scene: &CompiledScene, ray: &Ray) -> Option<Hit> {
 
 /// [`intersect`] for a ray that leaves a surface outwards, which is skipped, or that is inside a
 /// sphere or box, whose far side it meets wherever rounding has put its origin.
-pub fn intersect_from(scene: &CompiledScene, ray: &Ray, left: Option<Departure>) -> Option<Hit> {
-    let skipped = left
-        .filter(|left| !left.is_inside)
-        .map(|left| left.primitive);
-    let enclosing = left
-        .filter(|left| left.is_inside)
-        .map(|left| left.primitive);
+pub fn intersect_from(scene: &CompiledScene, ray: &Ray, start: Option<RayOrigin>) -> Option<Hit> {
+    let skipped = start
+        .filter(|start| !start.is_inside)
+        .map(|start| start.primitive);
+    let enclosing = start
+        .filter(|start| start.is_inside)
+        .map(|start| start.primitive);
     let mut nearest: Option<Hit> = None;
     let offer = |nearest: &mut Option<Hit>, primitive, met: Option<(f64, DVec3)>| {
         let Some((t, n)) = met else { return };

@@ -11,14 +11,14 @@ use crate::compiled::MaterialData;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Medium {
     extinction: DVec3,
-    /// Scattering coefficient over `flight_rate`.
+    /// Scattering coefficient over `majorant`.
     scattering: DVec3,
-    flight_rate: f64,
+    majorant: f64,
 }
 
 /// Where a path that entered the medium goes on.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Flight {
+pub struct FreeFlight {
     /// How far it came, if it was scattered before the boundary.
     pub scattered_at: Option<f64>,
     /// What is left of its light per channel, over the probability of having come so far.
@@ -31,23 +31,23 @@ impl Medium {
         Self {
             extinction: vector(material.extinction),
             scattering: vector(material.scattering),
-            flight_rate: f64::from(material.flight_rate),
+            majorant: f64::from(material.majorant),
         }
     }
 
     /// A flight towards a boundary at distance `t` metres: its length is drawn by `u` from the
     /// exponential law of the clearest channel.
-    pub fn fly(&self, t: f64, u: f64) -> Flight {
-        let distance = -(1.0 - u).ln() / self.flight_rate;
-        let left = |t: f64| (-(self.extinction - self.flight_rate) * t).map(f64::exp);
+    pub fn sample_distance(&self, t: f64, u: f64) -> FreeFlight {
+        let distance = -(1.0 - u).ln() / self.majorant;
+        let left = |t: f64| (-(self.extinction - self.majorant) * t).map(f64::exp);
         // Without scattering the rate is 0 and the distance infinite, or no number for u = 0.
         if distance < t {
-            return Flight {
+            return FreeFlight {
                 scattered_at: Some(distance),
                 weight: self.scattering * left(distance),
             };
         }
-        Flight {
+        FreeFlight {
             scattered_at: None,
             weight: left(t),
         }
@@ -74,18 +74,18 @@ mod tests {
     /// Over many flights, light that passes is e^(−σt·t), and light that is scattered the albedo's
     /// share of the rest, in each channel.
     #[test]
-    fn flights_keep_beer_s_law_and_the_albedo() {
+    fn free_flights_keep_beer_s_law_and_the_albedo() {
         const FLIGHTS: u32 = 200_000;
         let (extinction, albedo) = (DVec3::new(2.0, 3.0, 5.0), DVec3::new(1.0, 0.8, 0.0));
         let medium = Medium {
             extinction,
             scattering: albedo * extinction / 2.0,
-            flight_rate: 2.0,
+            majorant: 2.0,
         };
         let (mut passed, mut scattered) = (DVec3::ZERO, DVec3::ZERO);
         for i in 0..FLIGHTS {
             let u = (f64::from(i) + 0.5) / f64::from(FLIGHTS);
-            let flight = medium.fly(0.4, u);
+            let flight = medium.sample_distance(0.4, u);
             match flight.scattered_at {
                 Some(distance) => {
                     assert!((0.0..0.4).contains(&distance));
@@ -107,10 +107,10 @@ mod tests {
         let medium = Medium {
             extinction: DVec3::new(0.0, 1.0, 10.0),
             scattering: DVec3::ZERO,
-            flight_rate: 0.0,
+            majorant: 0.0,
         };
         for u in [0.0, 0.5, 0.999] {
-            let flight = medium.fly(0.3, u);
+            let flight = medium.sample_distance(0.3, u);
             assert_eq!(flight.scattered_at, None);
             let expected = DVec3::new(1.0, (-0.3f64).exp(), (-3f64).exp());
             assert!((flight.weight - expected).length() < 1e-12);

@@ -9,7 +9,7 @@
 //!    spheres, boxes, discs, rectangles, CSG boxes, area lights. The primitive that the ray leaves is skipped: each
 //!    is convex, so an outward ray cannot meet it again, and no origin need be offset; a ray inside
 //!    a dielectric meets that body's far side and no other of its own. There it flies freely first:
-//!    it is scattered after `−ln(1 − u[1]) / flight_rate` metres if that is nearer, with `u` of block
+//!    it is scattered after `−ln(1 − u[1]) / majorant` metres if that is nearer, with `u` of block
 //!    `block_choice(k)`, evenly by `block_scatter(k)`, which counts as a scattering. A ray that
 //!    meets nothing adds `beta · environment` and ends. A ray that meets an area light ends; from the
 //!    front it adds `beta · radiance · w`, where `w` is 1 for camera rays and after what has no
@@ -72,8 +72,8 @@ use crate::sampling::{
 use crate::tracer::{DeviceInfo, DeviceKind, TileRadiance, TraceJob, TraceStats, Tracer};
 use crate::{Aovs, CompiledScene, Error, ImageSize, RenderSettings, Tile, TileAovs};
 use area_light::{LightDirection, light_weight_sum, sample_light};
-use intersect::{Departure, intersect_from, nearest_area_light, vector};
 pub use intersect::{Hit, Ray, intersect};
+use intersect::{RayOrigin, intersect_from, nearest_area_light, vector};
 use medium::{Medium, uniform_direction};
 use refracted_nee::RefractedPath;
 use scatter::Scatter;
@@ -308,20 +308,20 @@ impl<'a> View<'a> {
         let [u, v] = random(BLOCK_CAMERA);
         let mut ray = camera_ray(&self.frame, f64::from(x) + u, f64::from(y) + v);
         let (mut radiance, mut beta) = (DVec3::ZERO, DVec3::ONE);
-        let mut left = None;
-        let mut found = Found::UNWEIGHED;
+        let mut start = None;
+        let mut prev = PrevVertex::UNWEIGHED;
         for depth in 0..=self.settings.max_depth {
             *rays += 1;
-            let is_emission = depth <= 1 && self.is_emission(found, left);
-            let Some(hit) = intersect_from(self.scene, &ray, left) else {
+            let is_emission = depth <= 1 && self.is_emission(prev, start);
+            let Some(hit) = intersect_from(self.scene, &ray, start) else {
                 if is_emission {
                     return radiance;
                 }
                 return radiance + beta * self.scene.environment.as_dvec3();
             };
             let ([u1, u2], [u0, u3]) = (random(block_scatter(depth)), random(block_choice(depth)));
-            if let Some((medium, enclosing)) = self.medium(left) {
-                let flight = medium.fly(hit.t, u3);
+            if let Some((medium, enclosing)) = self.medium(start) {
+                let flight = medium.sample_distance(hit.t, u3);
                 beta *= flight.weight;
                 if let Some(distance) = flight.scattered_at {
                     let point = ray.origin + distance * ray.direction;
@@ -336,7 +336,7 @@ impl<'a> View<'a> {
                         origin: point,
                         direction: uniform_direction(u1, u2),
                     };
-                    found = Found::SCATTERED;
+                    prev = PrevVertex::SCATTERED;
                     continue;
                 }
             }
@@ -345,7 +345,7 @@ impl<'a> View<'a> {
                     return radiance;
                 }
                 let light = &self.scene.area_lights[light as usize];
-                return radiance + beta * self.emission_with_mis(light, &ray, &hit, found);
+                return radiance + beta * self.emission_with_mis(light, &ray, &hit, prev);
             }
             if depth == self.settings.max_depth {
                 return radiance;
@@ -364,9 +364,9 @@ impl<'a> View<'a> {
                 origin: vertex.point,
                 direction: sample.wi,
             };
-            left = Some(vertex.departure(sample.wi));
-            let is_known = found.is_scattered && self.exits_by_nee_hemisphere(&vertex, left, hit.t);
-            found = Found {
+            start = Some(vertex.ray_origin(sample.wi));
+            let is_known = prev.is_scattered && self.exits_by_nee_hemisphere(&vertex, start, hit.t);
+            prev = PrevVertex {
                 pdf: if is_known { Some(0.0) } else { sample.pdf },
                 light_weight_sum: vertex.light_weight_sum,
                 is_scattered: false,
@@ -377,14 +377,14 @@ impl<'a> View<'a> {
 
     /// Whether light that a path ends in is first hits' emission, which for denoised pictures is traced
     /// apart.
-    fn is_emission(&self, found: Found, left: Option<Departure>) -> bool {
-        let is_outside = left.is_none_or(|left| !left.is_inside);
-        self.settings.denoise && found.is_mirror() && is_outside
+    fn is_emission(&self, prev: PrevVertex, start: Option<RayOrigin>) -> bool {
+        let is_outside = start.is_none_or(|start| !start.is_inside);
+        self.settings.denoise && prev.is_mirror() && is_outside
     }
 
     /// What a ray flies through, and what that fills.
-    fn medium(&self, left: Option<Departure>) -> Option<(Medium, Primitive)> {
-        let enclosing = left.filter(|left| left.is_inside)?.primitive;
+    fn medium(&self, start: Option<RayOrigin>) -> Option<(Medium, Primitive)> {
+        let enclosing = start.filter(|start| start.is_inside)?.primitive;
         let material = self.scene.material_of(enclosing)?;
         Some((Medium::new(material), enclosing))
     }
@@ -408,11 +408,11 @@ impl<'a> View<'a> {
     fn exits_by_nee_hemisphere(
         &self,
         vertex: &Vertex,
-        left: Option<Departure>,
+        start: Option<RayOrigin>,
         length: f64,
     ) -> bool {
         let cos_i = vertex.wo.dot(vertex.n);
-        left.is_some_and(|left| !left.is_inside)
+        start.is_some_and(|start| !start.is_inside)
             && (self.nee_boundary(vertex.primitive))
                 .is_some_and(|boundary| length <= f64::from(boundary.sphere.radius) * cos_i)
     }
@@ -443,11 +443,11 @@ impl<'a> View<'a> {
         let [inside, outside] = refracted.lengths;
         *rays += 2;
         let is_dark = |origin, direction, is_inside, length: f64| {
-            let departure = Departure {
+            let ray_origin = RayOrigin {
                 primitive: boundary.primitive,
                 is_inside,
             };
-            let met = intersect_from(self.scene, &Ray { origin, direction }, Some(departure));
+            let met = intersect_from(self.scene, &Ray { origin, direction }, Some(ray_origin));
             let own = [
                 boundary.primitive,
                 Primitive::AreaLight(chosen.index as u32),
@@ -468,19 +468,19 @@ impl<'a> View<'a> {
         passed * vector(light.radiance) * (inverse_pdf.max(0.0) / (4.0 * PI))
     }
 
-    /// Weighted radiance of an area light that a ray found.
+    /// Weighted radiance of an area light that a ray finds.
     fn emission_with_mis(
         &self,
         light: &AreaLightData,
         ray: &Ray,
         hit: &Hit,
-        found: Found,
+        prev: PrevVertex,
     ) -> DVec3 {
         if ray.direction.dot(hit.n) >= 0.0 || light.brightness == 0.0 {
             return DVec3::ZERO;
         }
-        let density = f64::from(light.brightness) / found.light_weight_sum;
-        let weight = found.pdf.map_or(1.0, |pdf| power_heuristic(pdf, density));
+        let density = f64::from(light.brightness) / prev.light_weight_sum;
+        let weight = prev.pdf.map_or(1.0, |pdf| power_heuristic(pdf, density));
         weight * vector(light.radiance)
     }
 
@@ -521,7 +521,7 @@ impl<'a> View<'a> {
         } = chosen.seen.sample(chosen.u);
         let (f, pdf_scatter) = vertex.scatter.eval(vertex.wo, wi, vertex.n);
         if f == DVec3::ZERO
-            || vertex.departure(wi).is_inside
+            || vertex.ray_origin(wi).is_inside
             || self.is_occluded(vertex, wi, distance, chosen.index, rays)
         {
             return DVec3::ZERO;
@@ -546,7 +546,7 @@ impl<'a> View<'a> {
             origin: vertex.point,
             direction,
         };
-        let met = intersect_from(self.scene, &ray, Some(vertex.departure(direction)));
+        let met = intersect_from(self.scene, &ray, Some(vertex.ray_origin(direction)));
         met.is_some_and(|hit| {
             hit.t < distance && hit.primitive != Primitive::AreaLight(index as u32)
         })
@@ -562,7 +562,7 @@ struct NeeBoundary<'a> {
 
 /// How a ray's direction was found: what weighs an area light along it.
 #[derive(Clone, Copy)]
-struct Found {
+struct PrevVertex {
     /// That of [`bsdf::BsdfSample`].
     pdf: Option<f64>,
     /// [`light_weight_sum`] where the ray began.
@@ -571,7 +571,7 @@ struct Found {
     is_scattered: bool,
 }
 
-impl Found {
+impl PrevVertex {
     /// By the camera.
     const UNWEIGHED: Self = Self {
         pdf: None,
@@ -606,9 +606,9 @@ impl Vertex {
     }
 
     /// How a ray towards `wi` begins: what is not transmissive is left outwards, on either side.
-    fn departure(&self, wi: DVec3) -> Departure {
+    fn ray_origin(&self, wi: DVec3) -> RayOrigin {
         let is_passed = wi.dot(self.n) < 0.0;
-        Departure {
+        RayOrigin {
             primitive: self.primitive,
             is_inside: self.scatter.is_dielectric() && self.is_inside != is_passed,
         }

@@ -15,13 +15,13 @@ fn area_light_t(ray: Ray, index: u32) -> f32 {
 }
 
 // No ray starts on an area light, so that there is none to skip.
-fn nearest_area_light(line: Line, skip: u32, hit: ptr<function, Hit>) {
+fn nearest_area_light(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) {
     if (AREA_LIGHTS_COPLANAR) {
-        nearest_coplanar_area_light(line.ray, hit);
+        nearest_coplanar_area_light(prepared.ray, hit);
         return;
     }
     for (var i = 0u; i < AREA_LIGHT_COUNT; i++) {
-        let t = area_light_t(line.ray, i);
+        let t = area_light_t(prepared.ray, i);
         if (t < (*hit).t) {
             *hit = Hit(t, AREA_LIGHT_FIRST + i);
         }
@@ -73,7 +73,7 @@ fn coat_reflected_light(
     surface: Surface,
     bsdf: Bsdf,
     wo: vec3f,
-    skip: u32,
+    start: u32,
     rays: ptr<function, u32>,
 ) -> vec3f {
     let reflectance = bsdf_coat(bsdf);
@@ -83,7 +83,7 @@ fn coat_reflected_light(
     let wi = 2.0 * dot(surface.normal, wo) * surface.normal - wo;
     let ray = Ray(surface.position, wi);
     var hit = Hit(T_MISS, NO_PRIMITIVE);
-    nearest_area_light(line_of(ray), skip, &hit);
+    nearest_area_light(prepare_ray(ray), start, &hit);
     if (hit.primitive == NO_PRIMITIVE) {
         return vec3f(0.0);
     }
@@ -92,7 +92,7 @@ fn coat_reflected_light(
         return vec3f(0.0);
     }
     *rays += 1u;
-    if (occluded(ray, skip, index, hit.t)) {
+    if (occluded(ray, start, index, hit.t)) {
         return vec3f(0.0);
     }
     return reflectance * scene.area_lights[index].radiance;
@@ -103,7 +103,7 @@ fn direct_light(
     surface: Surface,
     bsdf: Bsdf,
     wo: vec3f,
-    skip: u32,
+    start: u32,
     u: vec2f,
     rays: ptr<function, u32>,
     light_weight_sum: ptr<function, f32>,
@@ -123,7 +123,7 @@ fn direct_light(
         return vec3f(0.0);
     }
     *rays += 1u;
-    if (occluded(Ray(surface.position, direction.wi), skip, chosen.index, direction.distance)) {
+    if (occluded(Ray(surface.position, direction.wi), start, chosen.index, direction.distance)) {
         return vec3f(0.0);
     }
     let inverse_probability = chosen.light_weight_sum / chosen.weight;

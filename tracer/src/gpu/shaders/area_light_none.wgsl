@@ -8,7 +8,7 @@ fn coat_reflected_light(
     surface: Surface,
     bsdf: Bsdf,
     wo: vec3f,
-    skip: u32,
+    start: u32,
     rays: ptr<function, u32>,
 ) -> vec3f {
     return vec3f(0.0);
@@ -18,7 +18,7 @@ fn direct_light(
     surface: Surface,
     bsdf: Bsdf,
     wo: vec3f,
-    skip: u32,
+    start: u32,
     u: vec2f,
     rays: ptr<function, u32>,
     light_weight_sum: ptr<function, f32>,

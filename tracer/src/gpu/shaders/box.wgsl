@@ -13,8 +13,8 @@ fn box_slabs(origin: vec3f, inverse: vec3f, index: u32) -> Slabs {
     return Slabs(min(a, b), select(max(a, b), vec3f(T_MISS), is_within));
 }
 
-fn box_t(line: Line, index: u32) -> f32 {
-    let slabs = box_slabs(line.ray.origin, line.inverse, index);
+fn box_t(prepared: PreparedRay, index: u32) -> f32 {
+    let slabs = box_slabs(prepared.ray.origin, prepared.inverse, index);
     let enter = largest(slabs.near);
     let leave = smallest(slabs.far);
     let t = select(leave, enter, enter > 0.0);
@@ -23,14 +23,14 @@ fn box_t(line: Line, index: u32) -> f32 {
 
 // The primitive that the ray starts on, whose near side it cannot meet. Where it is inside of a clear
 // box, that box's far side is hit so far.
-fn own_box(line: Line, skip: u32, hit: ptr<function, Hit>) -> u32 {
+fn own_box(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) -> u32 {
     if (!HAS_DIELECTRIC) {
-        return skip;
+        return start;
     }
-    let own = skip & ~INSIDE;
+    let own = start & ~INSIDE;
     let inside = own - BOX_FIRST;
-    if ((skip & INSIDE) != 0u && inside < BOX_COUNT) {
-        let slabs = box_slabs(line.ray.origin, line.inverse, inside);
+    if ((start & INSIDE) != 0u && inside < BOX_COUNT) {
+        let slabs = box_slabs(prepared.ray.origin, prepared.inverse, inside);
         let t = max(0.0, smallest(slabs.far));
         if (t < (*hit).t) {
             *hit = Hit(t, own);

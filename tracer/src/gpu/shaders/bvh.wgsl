@@ -11,9 +11,9 @@ struct BvhNodeData {
 }
 
 // Where a ray enters a part's box, `T_MISS` if it does not before `t_max`.
-fn part_entry(line: Line, center: vec3f, half: vec3f, t_max: f32) -> f32 {
-    let middle = fma(center, line.inverse, -line.origin_inverse);
-    let enter = max(largest(fma(-half, line.inverse_abs, middle)), 0.0);
-    let leave = smallest(fma(half, line.inverse_abs, middle));
+fn part_entry(prepared: PreparedRay, center: vec3f, half: vec3f, t_max: f32) -> f32 {
+    let middle = fma(center, prepared.inverse, -prepared.origin_inverse);
+    let enter = max(largest(fma(-half, prepared.inverse_abs, middle)), 0.0);
+    let leave = smallest(fma(half, prepared.inverse_abs, middle));
     return select(T_MISS, enter, enter <= min(leave, t_max));
 }

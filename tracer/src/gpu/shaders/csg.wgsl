@@ -101,12 +101,12 @@ fn exit_subtraction(face: u32, ray: Ray, inverse: vec3f, t: f32) -> f32 {
     }
 }
 
-fn intersect_csg_box(ray: Ray, inverse: vec3f, index: u32, skip: u32, limit: f32) -> Met {
+fn intersect_csg_box(ray: Ray, inverse: vec3f, index: u32, start: u32, limit: f32) -> Met {
     let miss = Met(T_MISS, 0u);
     let span = box_span(ray, inverse, scene.csg_boxes[index].min, scene.csg_boxes[index].max);
     let first = scene.csg_boxes[index].first_face;
     let count = scene.csg_boxes[index].face_count;
-    let is_left = (skip - CSG_FACE_FIRST) - first < count;
+    let is_left = (start - CSG_FACE_FIRST) - first < count;
     let end = min(span.y, limit);
     var t = max(span.x, select(0.0, CSG_MARGIN_M, is_left));
     var face = first;
@@ -140,18 +140,18 @@ fn intersect_csg_box(ray: Ray, inverse: vec3f, index: u32, skip: u32, limit: f32
     return Met(t, face);
 }
 
-fn nearest_csg_face(line: Line, skip: u32, hit: ptr<function, Hit>) {
+fn nearest_csg_face(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) {
     for (var i = 0u; i < CSG_BOX_COUNT; i++) {
-        let met = intersect_csg_box(line.ray, line.inverse, i, skip, (*hit).t);
+        let met = intersect_csg_box(prepared.ray, prepared.inverse, i, start, (*hit).t);
         if (met.t < (*hit).t) {
             *hit = Hit(met.t, CSG_FACE_FIRST + met.face);
         }
     }
 }
 
-fn csg_face_occludes(line: Line, skip: u32, t_max: f32) -> bool {
+fn csg_face_occludes(prepared: PreparedRay, start: u32, t_max: f32) -> bool {
     for (var i = 0u; i < CSG_BOX_COUNT; i++) {
-        if (intersect_csg_box(line.ray, line.inverse, i, skip, t_max).t < t_max) {
+        if (intersect_csg_box(prepared.ray, prepared.inverse, i, start, t_max).t < t_max) {
             return true;
         }
     }

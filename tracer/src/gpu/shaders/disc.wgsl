@@ -1,7 +1,7 @@
 // Round discs.
 
-fn disc_t(line: Line, index: u32) -> f32 {
-    let ray = line.ray;
+fn disc_t(prepared: PreparedRay, index: u32) -> f32 {
+    let ray = prepared.ray;
     let to_center = scene.discs[index].center - ray.origin;
     let normal = scene.discs[index].normal;
     let slope = dot(ray.direction, normal);
@@ -15,8 +15,8 @@ fn disc_t(line: Line, index: u32) -> f32 {
 }
 
 // Nothing can be inside of one.
-fn own_disc(line: Line, skip: u32, hit: ptr<function, Hit>) -> u32 {
-    return skip;
+fn own_disc(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) -> u32 {
+    return start;
 }
 
 fn disc_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {

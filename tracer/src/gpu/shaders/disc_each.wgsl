@@ -1,36 +1,36 @@
 // Few discs: each ray meets each of them.
 
-fn nearest_disc(line: Line, skip: u32, hit: ptr<function, Hit>) {
+fn nearest_disc(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) {
     if (DISCS_COPLANAR) {
-        let t = plane_t(line.ray, scene.discs[0].center, scene.discs[0].normal);
+        let t = plane_t(prepared.ray, scene.discs[0].center, scene.discs[0].normal);
         if (!(t > 0.0 && t < (*hit).t)) {
             return;
         }
-        let index = disc_around(fma(vec3f(t), line.ray.direction, line.ray.origin), skip);
+        let index = disc_around(fma(vec3f(t), prepared.ray.direction, prepared.ray.origin), start);
         if (index < DISC_COUNT) {
             *hit = Hit(t, DISC_FIRST + index);
         }
         return;
     }
     for (var i = 0u; i < DISC_COUNT; i++) {
-        let t = disc_t(line, i);
-        if (t < (*hit).t && DISC_FIRST + i != skip) {
+        let t = disc_t(prepared, i);
+        if (t < (*hit).t && DISC_FIRST + i != start) {
             *hit = Hit(t, DISC_FIRST + i);
         }
     }
 }
 
-fn disc_occludes(line: Line, skip: u32, t_max: f32) -> bool {
+fn disc_occludes(prepared: PreparedRay, start: u32, t_max: f32) -> bool {
     if (DISCS_COPLANAR) {
-        let t = plane_t(line.ray, scene.discs[0].center, scene.discs[0].normal);
+        let t = plane_t(prepared.ray, scene.discs[0].center, scene.discs[0].normal);
         if (!(t > 0.0 && t < t_max)) {
             return false;
         }
-        let index = disc_around(fma(vec3f(t), line.ray.direction, line.ray.origin), skip);
+        let index = disc_around(fma(vec3f(t), prepared.ray.direction, prepared.ray.origin), start);
         return index < DISC_COUNT;
     }
     for (var i = 0u; i < DISC_COUNT; i++) {
-        if (disc_t(line, i) < t_max && DISC_FIRST + i != skip) {
+        if (disc_t(prepared, i) < t_max && DISC_FIRST + i != start) {
             return true;
         }
     }
@@ -38,11 +38,11 @@ fn disc_occludes(line: Line, skip: u32, t_max: f32) -> bool {
 }
 
 // The first disc around a point of their common plane, `DISC_COUNT` if there is none.
-fn disc_around(point: vec3f, skip: u32) -> u32 {
+fn disc_around(point: vec3f, start: u32) -> u32 {
     for (var i = 0u; i < DISC_COUNT; i++) {
         let q = point - scene.discs[i].center;
         let radius = scene.discs[i].radius;
-        if (dot(q, q) <= radius * radius && DISC_FIRST + i != skip) {
+        if (dot(q, q) <= radius * radius && DISC_FIRST + i != start) {
             return i;
         }
     }

@@ -7,7 +7,7 @@ struct Ray {
 }
 
 // A ray with what its tests share.
-struct Line {
+struct PreparedRay {
     ray: Ray,
     // 1 / direction without infinities.
     inverse: vec3f,
@@ -19,9 +19,9 @@ struct Line {
     power: f32,
 }
 
-fn line_of(ray: Ray) -> Line {
+fn prepare_ray(ray: Ray) -> PreparedRay {
     let inverse = inverse_direction(ray.direction);
-    return Line(
+    return PreparedRay(
         ray,
         inverse,
         abs(inverse),

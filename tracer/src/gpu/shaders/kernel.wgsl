@@ -52,13 +52,13 @@ fn trace_pixel(x: u32, y: u32, pixel: u32, tile: u32) -> vec3f {
     var index = job.sample_begin;
     var path = camera_path(x, y, job.first_sample + index);
     var hit = Hit(T_MISS, NO_PRIMITIVE);
-    var state = FLYING;
+    var state = TRACE;
     while (index < job.sample_end) {
-        for (var edge = 0u; edge < 2u && state != MET && index < job.sample_end; edge++) {
-            if (state == FLYING) {
-                state = advance(&path, &hit, &rays);
+        for (var edge = 0u; edge < 2u && state != SHADE && index < job.sample_end; edge++) {
+            if (state == TRACE) {
+                state = extend(&path, &hit, &rays);
             }
-            if (state == ENDED) {
+            if (state == DONE) {
                 if (is_finite(path.radiance)) {
                     sum = add(sum, path.radiance);
                 } else {
@@ -66,11 +66,11 @@ fn trace_pixel(x: u32, y: u32, pixel: u32, tile: u32) -> vec3f {
                 }
                 index += 1u;
                 path = camera_path(x, y, job.first_sample + index);
-                state = FLYING;
+                state = TRACE;
             }
         }
-        if (state == MET) {
-            state = scatter(&path, hit, &rays);
+        if (state == SHADE) {
+            state = shade(&path, hit, &rays);
         }
     }
     atomicAdd(&group_rays, rays);

@@ -1,13 +1,13 @@
 // A scene without dielectrics.
 
-struct Flight {
+struct FreeFlight {
     distance: f32,
     is_scattered: bool,
     weight: vec3f,
 }
 
-fn fly(material: u32, boundary: f32, u: f32) -> Flight {
-    return Flight(boundary, false, vec3f(1.0));
+fn sample_distance(material: u32, boundary: f32, u: f32) -> FreeFlight {
+    return FreeFlight(boundary, false, vec3f(1.0));
 }
 
 fn uniform_direction(u1: f32, u2: f32) -> vec3f {

@@ -4,8 +4,8 @@ struct Path {
     ray: Ray,
     // The primitive the ray starts on: all are convex, so it cannot be met again. With `INSIDE` the
     // dielectric that it is inside of.
-    skip: u32,
-    throughput: vec3f,
+    start: u32,
+    beta: vec3f,
     radiance: vec3f,
     // Density of the ray's direction times the area lights' `light_weight_sum` where it began, which weighs an area light
     // that it finds; or `SPECULAR` or `SCATTERED`.
@@ -27,62 +27,62 @@ fn camera_path(x: u32, y: u32, sample: u32) -> Path {
 }
 
 // What is to be done next with a path: trace its ray, scatter it where that met a surface, or nothing.
-const FLYING: u32 = 0u;
-const MET: u32 = 1u;
-const ENDED: u32 = 2u;
+const TRACE: u32 = 0u;
+const SHADE: u32 = 1u;
+const DONE: u32 = 2u;
 
 // Follows the path along one edge, to `hit`.
-fn advance(path: ptr<function, Path>, hit: ptr<function, Hit>, rays: ptr<function, u32>) -> u32 {
+fn extend(path: ptr<function, Path>, hit: ptr<function, Hit>, rays: ptr<function, u32>) -> u32 {
     let ray = (*path).ray;
     *rays += 1u;
-    let met = nearest(ray, (*path).skip);
+    let met = nearest(ray, (*path).start);
     *hit = met;
-    if (HAS_DIELECTRIC && ((*path).skip & INSIDE) != 0u && (*path).skip != NO_PRIMITIVE) {
+    if (HAS_DIELECTRIC && ((*path).start & INSIDE) != 0u && (*path).start != NO_PRIMITIVE) {
         let u = scatter_numbers(path);
-        let flight = fly(material_of((*path).skip & ~INSIDE), met.t, u.w);
-        (*path).throughput *= flight.weight;
+        let flight = sample_distance(material_of((*path).start & ~INSIDE), met.t, u.w);
+        (*path).beta *= flight.weight;
         if (flight.is_scattered) {
             let origin = fma(vec3f(flight.distance), ray.direction, ray.origin);
             if (HAS_REFRACTED_NEE && (*path).depth + 2u <= job.max_depth) {
                 let v = pair((*path).pixel, (*path).sample, block_light((*path).depth), job.seed);
-                let light = sample_light_through_boundary((*path).skip & ~INSIDE, origin, v, rays);
-                (*path).radiance += (*path).throughput * light;
+                let light = sample_light_through_boundary((*path).start & ~INSIDE, origin, v, rays);
+                (*path).radiance += (*path).beta * light;
             }
             (*path).ray = Ray(origin, uniform_direction(u.y, u.z));
             (*path).pdf = SCATTERED;
             let is_last = (*path).depth == job.max_depth;
             (*path).depth += 1u;
-            return select(FLYING, ENDED, is_last || all((*path).throughput == vec3f(0.0)));
+            return select(TRACE, DONE, is_last || all((*path).beta == vec3f(0.0)));
         }
     }
     if (met.primitive >= AREA_LIGHT_FIRST && is_emission(*path)) {
-        return ENDED;
+        return DONE;
     }
     if (met.primitive == NO_PRIMITIVE) {
-        (*path).radiance += (*path).throughput * scene.header.environment;
-        return ENDED;
+        (*path).radiance += (*path).beta * scene.header.environment;
+        return DONE;
     }
     if (met.primitive >= AREA_LIGHT_FIRST) {
-        (*path).radiance += (*path).throughput * emission_with_mis(ray, met, (*path).pdf);
-        return ENDED;
+        (*path).radiance += (*path).beta * emission_with_mis(ray, met, (*path).pdf);
+        return DONE;
     }
     if ((*path).depth == job.max_depth) {
-        return ENDED;
+        return DONE;
     }
-    return MET;
+    return SHADE;
 }
 
 // Whether the light that a path ends in belongs to the emission of first hits, where that is traced
 // apart: it was found by the camera or by a mirror, `SPECULAR` or a coat's.
 fn is_emission(path: Path) -> bool {
-    let is_inside = (path.skip & INSIDE) != 0u && path.skip != NO_PRIMITIVE;
+    let is_inside = (path.start & INSIDE) != 0u && path.start != NO_PRIMITIVE;
     return OUTPUT == OUTPUT_REFLECTED && path.depth <= 1u && path.pdf <= 0.0 && !is_inside;
 }
 
 // At the surface that the path's ray has met.
-fn scatter(path: ptr<function, Path>, hit: Hit, rays: ptr<function, u32>) -> u32 {
+fn shade(path: ptr<function, Path>, hit: Hit, rays: ptr<function, u32>) -> u32 {
     let primitive = hit.primitive;
-    let is_within = HAS_DIELECTRIC && (*path).skip == (primitive | INSIDE);
+    let is_within = HAS_DIELECTRIC && (*path).start == (primitive | INSIDE);
     let surface = surface_at((*path).ray, hit, is_within);
     let depth = (*path).depth;
     let wo = -(*path).ray.direction;
@@ -94,28 +94,28 @@ fn scatter(path: ptr<function, Path>, hit: Hit, rays: ptr<function, u32>) -> u32
         if (OUTPUT != OUTPUT_REFLECTED || depth > 0u) {
             light += coat_reflected_light(surface, bsdf, wo, primitive, rays);
         }
-        (*path).radiance += (*path).throughput * light;
+        (*path).radiance += (*path).beta * light;
     }
     let next = bsdf_sample(bsdf, surface.normal, wo, scatter_numbers(path).xyz);
     let was_scattered = HAS_REFRACTED_NEE && (*path).pdf == SCATTERED;
     (*path).ray = Ray(surface.position, next.wi);
-    (*path).skip = primitive;
+    (*path).start = primitive;
     if (HAS_DIELECTRIC && bsdf_is_transmissive(bsdf)) {
         let is_passed = dot(next.wi, surface.normal) < 0.0;
-        (*path).skip = select(primitive, primitive | INSIDE, surface.is_inside != is_passed);
+        (*path).start = select(primitive, primitive | INSIDE, surface.is_inside != is_passed);
     }
-    (*path).throughput *= next.weight;
+    (*path).beta *= next.weight;
     (*path).pdf = next.pdf;
     if (next.pdf > 0.0) {
         // Not 0 where there is no light: that is a coat's.
         (*path).pdf = max(next.pdf * light_weight_sum, 1e-37);
     }
-    if (was_scattered && ((*path).skip & INSIDE) == 0u
+    if (was_scattered && ((*path).start & INSIDE) == 0u
         && exits_by_nee_hemisphere(primitive, hit.t, dot(surface.normal, wo))) {
         (*path).pdf = 0.0;
     }
     (*path).depth = depth + 1u;
-    return select(FLYING, ENDED, all((*path).throughput == vec3f(0.0)));
+    return select(TRACE, DONE, all((*path).beta == vec3f(0.0)));
 }
 
 // Direction in `yz`; choice of a dielectric's lobe in `x` and flight through it in `w`.

@@ -1,7 +1,7 @@
 // Rectangles.
 
-fn rectangle_t(line: Line, index: u32) -> f32 {
-    let ray = line.ray;
+fn rectangle_t(prepared: PreparedRay, index: u32) -> f32 {
+    let ray = prepared.ray;
     let to_center = scene.rectangles[index].center - ray.origin;
     let normal = scene.rectangles[index].normal;
     let slope = dot(ray.direction, normal);
@@ -16,8 +16,8 @@ fn rectangle_t(line: Line, index: u32) -> f32 {
 }
 
 // Nothing can be inside of one.
-fn own_rectangle(line: Line, skip: u32, hit: ptr<function, Hit>) -> u32 {
-    return skip;
+fn own_rectangle(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) -> u32 {
+    return start;
 }
 
 fn rectangle_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {

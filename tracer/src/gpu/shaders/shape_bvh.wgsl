@@ -2,18 +2,18 @@
 // part first. Pictures are those of each by itself: of primitives at one distance the first counts, in
 // whatever order they are met.
 
-fn nearest_SHAPE(line: Line, skip: u32, hit: ptr<function, Hit>) {
-    let own = own_SHAPE(line, skip, hit);
+fn nearest_SHAPE(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) {
+    let own = own_SHAPE(prepared, start, hit);
     var stack: array<u32, BVH_DEPTH_MAX>;
     var height = 0u;
     var part = 0u;
     loop {
         if ((part & BVH_LEAF) != 0u) {
-            nearest_in_SHAPE_leaf(line, part & ~BVH_LEAF, own, hit);
+            nearest_in_SHAPE_leaf(prepared, part & ~BVH_LEAF, own, hit);
         } else {
             let node = scene.SHAPE_nodes[part];
-            let left_t = part_entry(line, node.left_center, node.left_half, (*hit).t);
-            let right_t = part_entry(line, node.right_center, node.right_half, (*hit).t);
+            let left_t = part_entry(prepared, node.left_center, node.left_half, (*hit).t);
+            let right_t = part_entry(prepared, node.right_center, node.right_half, (*hit).t);
             if (min(left_t, right_t) < T_MISS) {
                 let is_left = left_t <= right_t;
                 if (max(left_t, right_t) < T_MISS) {
@@ -32,10 +32,10 @@ fn nearest_SHAPE(line: Line, skip: u32, hit: ptr<function, Hit>) {
     }
 }
 
-fn nearest_in_SHAPE_leaf(line: Line, leaf: u32, own: u32, hit: ptr<function, Hit>) {
+fn nearest_in_SHAPE_leaf(prepared: PreparedRay, leaf: u32, own: u32, hit: ptr<function, Hit>) {
     for (var i = 0u; i < LEAF; i++) {
         let id = SHAPE_FIRST + SHAPE_of_leaf(leaf, i);
-        let t = SHAPE_of_leaf_t(line, leaf, i);
+        let t = SHAPE_of_leaf_t(prepared, leaf, i);
         let is_tie = t == (*hit).t && id < (*hit).primitive && (*hit).primitive != own;
         if ((t < (*hit).t || is_tie) && t < T_MISS && id != own) {
             *hit = Hit(t, id);
@@ -43,7 +43,7 @@ fn nearest_in_SHAPE_leaf(line: Line, leaf: u32, own: u32, hit: ptr<function, Hit
     }
 }
 
-fn SHAPE_occludes(line: Line, skip: u32, t_max: f32) -> bool {
+fn SHAPE_occludes(prepared: PreparedRay, start: u32, t_max: f32) -> bool {
     var stack: array<u32, BVH_DEPTH_MAX>;
     var height = 0u;
     var part = 0u;
@@ -52,14 +52,14 @@ fn SHAPE_occludes(line: Line, skip: u32, t_max: f32) -> bool {
             let leaf = part & ~BVH_LEAF;
             for (var i = 0u; i < LEAF; i++) {
                 let id = SHAPE_FIRST + SHAPE_of_leaf(leaf, i);
-                if (SHAPE_of_leaf_t(line, leaf, i) < t_max && id != skip) {
+                if (SHAPE_of_leaf_t(prepared, leaf, i) < t_max && id != start) {
                     return true;
                 }
             }
         } else {
             let node = scene.SHAPE_nodes[part];
-            let is_left = part_entry(line, node.left_center, node.left_half, t_max) < T_MISS;
-            let is_right = part_entry(line, node.right_center, node.right_half, t_max) < T_MISS;
+            let is_left = part_entry(prepared, node.left_center, node.left_half, t_max) < T_MISS;
+            let is_right = part_entry(prepared, node.right_center, node.right_half, t_max) < T_MISS;
             if (is_left || is_right) {
                 if (is_left && is_right) {
                     stack[height] = node.right;

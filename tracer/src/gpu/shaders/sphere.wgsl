@@ -50,8 +50,8 @@ fn ball_t(ray: Ray, center: vec3f, radius: f32) -> f32 {
     return select(T_MISS, t, t > 0.0);
 }
 
-fn sphere_t(line: Line, index: u32) -> f32 {
-    return ball_t(line.ray, scene.spheres[index].center, scene.spheres[index].radius);
+fn sphere_t(prepared: PreparedRay, index: u32) -> f32 {
+    return ball_t(prepared.ray, scene.spheres[index].center, scene.spheres[index].radius);
 }
 
 // The far side, from inside: at no distance if rounding has put the origin outside.
@@ -62,15 +62,15 @@ fn sphere_leave_t(ray: Ray, center: vec3f, radius: f32) -> f32 {
 
 // The primitive that the ray starts on, whose near side it cannot meet. Where it is inside of a clear
 // ball, that ball's far side is hit so far.
-fn own_sphere(line: Line, skip: u32, hit: ptr<function, Hit>) -> u32 {
+fn own_sphere(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) -> u32 {
     if (!HAS_DIELECTRIC) {
-        return skip;
+        return start;
     }
-    let own = skip & ~INSIDE;
+    let own = start & ~INSIDE;
     let inside = own - SPHERE_FIRST;
-    if ((skip & INSIDE) != 0u && inside < SPHERE_COUNT) {
+    if ((start & INSIDE) != 0u && inside < SPHERE_COUNT) {
         let sphere = scene.spheres[inside];
-        *hit = Hit(sphere_leave_t(line.ray, sphere.center, sphere.radius), own);
+        *hit = Hit(sphere_leave_t(prepared.ray, sphere.center, sphere.radius), own);
     }
     return own;
 }

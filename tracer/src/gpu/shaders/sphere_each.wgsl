@@ -4,26 +4,26 @@
 // |f|² − r² > (f · direction)²; expanded, only dot products with the centre depend on the ball.
 // All 32 tests run without a branch; then each thread looks closer at its own few candidates:
 // 12.5 → 16.1 Gray/s on an H200 against a branch per ball.
-fn sphere_candidates(line: Line, first: u32) -> u32 {
-    let back = -2.0 * line.ray.origin;
+fn sphere_candidates(prepared: PreparedRay, first: u32) -> u32 {
+    let back = -2.0 * prepared.ray.origin;
     var candidates = 0u;
     for (var i = 0u; i < min(SPHERE_COUNT - first, 32u); i++) {
         let bound = scene.sphere_bounds[first + i];
-        let b = dot(bound.center, line.ray.direction) - line.along;
-        let q = dot(bound.center, back) + (bound.power + line.power);
+        let b = dot(bound.center, prepared.ray.direction) - prepared.along;
+        let q = dot(bound.center, back) + (bound.power + prepared.power);
         candidates |= select(0u, 1u << i, b * b > q);
     }
     return candidates;
 }
 
-fn nearest_sphere(line: Line, skip: u32, hit: ptr<function, Hit>) {
-    let own = own_sphere(line, skip, hit);
+fn nearest_sphere(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) {
+    let own = own_sphere(prepared, start, hit);
     for (var first = 0u; first < SPHERE_COUNT; first += 32u) {
-        var candidates = sphere_candidates(line, first);
+        var candidates = sphere_candidates(prepared, first);
         while (candidates != 0u) {
             let i = first + firstTrailingBit(candidates);
             candidates &= candidates - 1u;
-            let t = sphere_t(line, i);
+            let t = sphere_t(prepared, i);
             if (t < (*hit).t && SPHERE_FIRST + i != own) {
                 *hit = Hit(t, SPHERE_FIRST + i);
             }
@@ -31,14 +31,14 @@ fn nearest_sphere(line: Line, skip: u32, hit: ptr<function, Hit>) {
     }
 }
 
-fn sphere_occludes(line: Line, skip: u32, t_max: f32) -> bool {
+fn sphere_occludes(prepared: PreparedRay, start: u32, t_max: f32) -> bool {
     for (var first = 0u; first < SPHERE_COUNT; first += 32u) {
-        var candidates = sphere_candidates(line, first);
+        var candidates = sphere_candidates(prepared, first);
         while (candidates != 0u) {
             let i = first + firstTrailingBit(candidates);
             candidates &= candidates - 1u;
-            let t = sphere_t(line, i);
-            if (t < t_max && SPHERE_FIRST + i != skip) {
+            let t = sphere_t(prepared, i);
+            if (t < t_max && SPHERE_FIRST + i != start) {
                 return true;
             }
         }

@@ -11,7 +11,7 @@ fn sphere_of_leaf(leaf: u32, i: u32) -> u32 {
     return scene.sphere_leaves[leaf].indices[i];
 }
 
-fn sphere_of_leaf_t(line: Line, leaf: u32, i: u32) -> f32 {
+fn sphere_of_leaf_t(prepared: PreparedRay, leaf: u32, i: u32) -> f32 {
     let ball = scene.sphere_leaves[leaf].balls[i];
-    return ball_t(line.ray, ball.xyz, ball.w);
+    return ball_t(prepared.ray, ball.xyz, ball.w);
 }
