@@ -15,7 +15,7 @@ use crate::aov::AOV_CHANNELS;
 use crate::sampling::{pixel_key, sample_key};
 
 /// The columns of [`Aovs`].
-pub(super) type Seen<S> = [Float<S>; AOV_CHANNELS];
+pub(super) type AovLanes<S> = [Float<S>; AOV_CHANNELS];
 
 impl Prepared {
     /// Means over the samples of pixels, columns and rows of the picture.
@@ -47,8 +47,8 @@ impl Prepared {
             #[inline(always)]
             || {
                 for at in (0..keys.len()).step_by(LANES) {
-                    let seen = self.first_hits_at(simd, films, keys, samples.clone(), at);
-                    add(simd, seen, at..keys.len().min(at + LANES), sums);
+                    let aovs = self.first_hits_at(simd, films, keys, samples.clone(), at);
+                    add(simd, aovs, at..keys.len().min(at + LANES), sums);
                 }
             },
         );
@@ -62,7 +62,7 @@ impl Prepared {
         keys: &[u32],
         samples: Range<u32>,
         at: usize,
-    ) -> Seen<S> {
+    ) -> AovLanes<S> {
         // Lanes beyond the last pixel repeat it.
         let (film, pixel) = if at + LANES <= keys.len() {
             (load_words(simd, films, at), load_words(simd, keys, at))
@@ -82,9 +82,9 @@ impl Prepared {
             let direction = direction * (1.0 / length);
             let rays = Rays::new(simd, self.eye(simd), direction, Word::splat(simd, NONE));
             let nearest = self.geometry.nearest(simd, &rays);
-            let seen = self.see(simd, direction, length, &nearest);
-            for (sum, seen) in sum.iter_mut().zip(seen) {
-                *sum += seen;
+            let aovs = self.first_hit_aovs(simd, direction, length, &nearest);
+            for (sum, aovs) in sum.iter_mut().zip(aovs) {
+                *sum += aovs;
             }
         }
         sum
@@ -93,13 +93,13 @@ impl Prepared {
     /// What camera rays meet, and what its mirror shows: `length` is that of a `direction` of 1
     /// along the camera's axis.
     #[inline(always)]
-    fn see<S: Simd>(
+    fn first_hit_aovs<S: Simd>(
         &self,
         simd: S,
         direction: Vec3x<S>,
         length: Float<S>,
         nearest: &Nearest<S>,
-    ) -> Seen<S> {
+    ) -> AovLanes<S> {
         let ended = nearest.id.simd_ge(self.geometry.area_lights_first);
         let emitted = self.emission(simd, direction, nearest, ended);
         if ended.all_true() {
@@ -112,7 +112,7 @@ impl Prepared {
         let distance = met.select(nearest.distance, Float::splat(simd, 1.0));
         let hit = (self.surfaces).hit(simd, self.eye(simd), direction, distance, id);
         let bsdf = Bsdf::new(simd, &hit, -direction);
-        self.seen(simd, met, id, &hit, &bsdf, length / distance, emitted)
+        self.surface_aovs(simd, met, id, &hit, &bsdf, length / distance, emitted)
     }
 
     /// What the lanes in `met` see of the surface that they met, and `emitted` in all.
@@ -121,7 +121,7 @@ impl Prepared {
         clippy::too_many_arguments,
         reason = "one packet's values, all in registers"
     )]
-    pub(super) fn seen<S: Simd>(
+    pub(super) fn surface_aovs<S: Simd>(
         &self,
         simd: S,
         met: Mask<S>,
@@ -130,7 +130,7 @@ impl Prepared {
         bsdf: &Bsdf<S>,
         inverse_depth: Float<S>,
         mut emitted: Vec3x<S>,
-    ) -> Seen<S> {
+    ) -> AovLanes<S> {
         let reflectance = bsdf.mirror(simd);
         let mirror = met & reflectance.length_squared().simd_gt(0.0);
         if mirror.any_true() {
@@ -178,17 +178,22 @@ impl Prepared {
     }
 }
 
-/// Adds what the first lanes saw to these pixels.
+/// Adds the AOVs of the first lanes to these pixels.
 #[inline(always)]
-fn add<S: Simd>(simd: S, seen: Seen<S>, pixels: Range<usize>, sums: &mut [Vec<f32>; AOV_CHANNELS]) {
-    for (sums, seen) in sums.iter_mut().zip(seen) {
+fn add<S: Simd>(
+    simd: S,
+    aovs: AovLanes<S>,
+    pixels: Range<usize>,
+    sums: &mut [Vec<f32>; AOV_CHANNELS],
+) {
+    for (sums, aovs) in sums.iter_mut().zip(aovs) {
         if pixels.len() == LANES {
-            let sum = load(simd, sums, pixels.start) + seen;
+            let sum = load(simd, sums, pixels.start) + aovs;
             store(sums, pixels.start, sum);
             continue;
         }
-        for (sum, seen) in sums[pixels.clone()].iter_mut().zip(seen.to_array()) {
-            *sum += seen;
+        for (sum, aovs) in sums[pixels.clone()].iter_mut().zip(aovs.to_array()) {
+            *sum += aovs;
         }
     }
 }
@@ -199,7 +204,7 @@ fn columns<S: Simd>(
     normal: Vec3x<S>,
     inverse_depth: Float<S>,
     emission: Vec3x<S>,
-) -> Seen<S> {
+) -> AovLanes<S> {
     let [Vec3x { x: r, y: g, z: b }, Vec3x { x, y, z }] = [albedo, normal];
     let Vec3x {
         x: er,

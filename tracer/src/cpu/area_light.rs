@@ -36,7 +36,7 @@ pub(super) struct Emission<S: Simd> {
 }
 
 /// An area light drawn among all, and a direction to it.
-pub(super) struct SampledAreaLight<S: Simd> {
+pub(super) struct LightSample<S: Simd> {
     pub(super) index: Word<S>,
     pub(super) wi: Vec3x<S>,
     /// 0 where no area light is seen.
@@ -79,12 +79,12 @@ impl AreaLights {
         simd: S,
         point: Vec3x<S>,
         mut u: [Float<S>; 2],
-    ) -> SampledAreaLight<S> {
+    ) -> LightSample<S> {
         let zero = Float::splat(simd, 0.0);
         let mut sum = zero;
-        let mut chosen: Option<Chosen<S>> = None;
+        let mut chosen: Option<LightReservoir<S>> = None;
         for (index, row) in (0..).zip(&self.rows) {
-            let next = Chosen::new(simd, index, row, point);
+            let next = LightReservoir::new(simd, index, row, point);
             let sum_before = sum;
             sum += next.weight;
             let at = u[0] * sum;
@@ -93,7 +93,7 @@ impl AreaLights {
             let part = taken.select(at - sum_before, at) / taken.select(next.weight, sum_before);
             u[0] = seen.select(part.min(BELOW_1 as f32), u[0]);
             chosen = Some(match chosen {
-                Some(chosen) => Chosen::select(taken, next, chosen),
+                Some(chosen) => LightReservoir::select(taken, next, chosen),
                 None => next,
             });
         }
@@ -101,7 +101,7 @@ impl AreaLights {
         let at = chosen.seen.sample(simd, chosen.omega, chosen.by_area, u);
         let inverse_probability = sum / chosen.weight;
         let visible = chosen.weight.simd_gt(0.0);
-        SampledAreaLight {
+        LightSample {
             index: chosen.index,
             wi: at.wi,
             distance: visible.select(at.distance, zero),
@@ -114,9 +114,9 @@ impl AreaLights {
 }
 
 /// The area light drawn so far.
-struct Chosen<S: Simd> {
+struct LightReservoir<S: Simd> {
     index: Word<S>,
-    seen: Seen<S>,
+    seen: SphericalRectangle<S>,
     radiance: Vec3x<S>,
     omega: Float<S>,
     by_area: Mask<S>,
@@ -124,10 +124,10 @@ struct Chosen<S: Simd> {
     weight: Float<S>,
 }
 
-impl<S: Simd> Chosen<S> {
+impl<S: Simd> LightReservoir<S> {
     #[inline(always)]
     fn new(simd: S, index: u32, row: &Row, point: Vec3x<S>) -> Self {
-        let seen = Seen::new(simd, row, point);
+        let seen = SphericalRectangle::new(simd, row, point);
         let (omega, by_area) = seen.omega(simd);
         Self {
             index: Word::splat(simd, index),
@@ -144,7 +144,7 @@ impl<S: Simd> Chosen<S> {
     fn select(mask: Mask<S>, a: Self, b: Self) -> Self {
         Self {
             index: mask.select(a.index, b.index),
-            seen: Seen::select(mask, a.seen, b.seen),
+            seen: SphericalRectangle::select(mask, a.seen, b.seen),
             radiance: Vec3x::select(mask, a.radiance, b.radiance),
             omega: mask.select(a.omega, b.omega),
             by_area: (mask & a.by_area) | (!mask & b.by_area),
@@ -177,7 +177,7 @@ fn row(light: &AreaLightData) -> Row {
 }
 
 /// An area light in the frame of the point that sees it: [`crate::scalar::area_light::SphericalRectangle`].
-struct Seen<S: Simd> {
+struct SphericalRectangle<S: Simd> {
     axes: [Vec3x<S>; 3],
     x: [Float<S>; 2],
     y: [Float<S>; 2],
@@ -188,13 +188,13 @@ struct Seen<S: Simd> {
     distance: Float<S>,
 }
 
-struct Point<S: Simd> {
+struct LightDirection<S: Simd> {
     wi: Vec3x<S>,
     distance: Float<S>,
     inverse_pdf: Float<S>,
 }
 
-impl<S: Simd> Seen<S> {
+impl<S: Simd> SphericalRectangle<S> {
     #[inline(always)]
     fn new(simd: S, row: &Row, point: Vec3x<S>) -> Self {
         let axes = [
@@ -285,7 +285,7 @@ impl<S: Simd> Seen<S> {
         omega: Float<S>,
         by_area: Mask<S>,
         [u, v]: [Float<S>; 2],
-    ) -> Point<S> {
+    ) -> LightDirection<S> {
         let (mut x, mut y) = self.sample_solid_angle(simd, omega, u, v);
         let mut inverse_pdf = omega;
         let height2 = self.height * self.height;
@@ -299,7 +299,7 @@ impl<S: Simd> Seen<S> {
         let distance = x.mul_add(x, y.mul_add(y, height2)).sqrt();
         let [u_axis, v_axis, normal] = self.axes;
         let to_point = u_axis.mul_add(x, v_axis.mul_add(y, normal * -self.height));
-        Point {
+        LightDirection {
             wi: to_point * (1.0 / distance),
             distance: distance * self.unit,
             inverse_pdf,

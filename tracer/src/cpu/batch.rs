@@ -26,7 +26,7 @@ pub(super) struct Scratch {
     sums: [Vec<(f32, f32)>; 3],
     /// Of denoised pictures: sums of the first half of the samples, and of all first hits.
     half: [Vec<f32>; 3],
-    seen: [Vec<f32>; AOV_CHANNELS],
+    aovs: [Vec<f32>; AOV_CHANNELS],
 }
 
 /// A traced rectangle.
@@ -48,7 +48,7 @@ impl Scratch {
             keys: Vec::with_capacity(BATCH),
             sums: std::array::from_fn(|_| Vec::with_capacity(BATCH)),
             half: Default::default(),
-            seen: Default::default(),
+            aovs: Default::default(),
         }
     }
 
@@ -79,7 +79,7 @@ impl Scratch {
                 let half = half.filter(|_| settings.denoise && settings.samples > 1);
                 traced.dropped_samples += self.accumulate(samples as usize, half);
                 if scene.records_aovs() {
-                    self.accumulate_seen(samples as usize, done == 0);
+                    self.accumulate_aovs(samples as usize, done == 0);
                 }
             }
             if settings.denoise {
@@ -111,7 +111,7 @@ impl Scratch {
             sums.resize(pixels, (0.0, 0.0));
         }
         // Of these nothing is read before it is written.
-        for sums in self.half.iter_mut().chain(&mut self.seen) {
+        for sums in self.half.iter_mut().chain(&mut self.aovs) {
             sums.resize(pixels, 0.0);
         }
     }
@@ -169,9 +169,9 @@ impl Scratch {
     }
 
     #[inline(always)]
-    fn accumulate_seen(&mut self, samples: usize, is_first: bool) {
+    fn accumulate_aovs(&mut self, samples: usize, is_first: bool) {
         let pixels = self.keys.len();
-        for (sums, column) in self.seen.iter_mut().zip(&self.stream.seen) {
+        for (sums, column) in self.aovs.iter_mut().zip(&self.stream.aovs) {
             for (sample, column) in column.chunks_exact(pixels).take(samples).enumerate() {
                 if is_first && sample == 0 {
                     sums.copy_from_slice(column);
@@ -189,10 +189,10 @@ impl Scratch {
     fn resolve_noisy<S: Simd>(&mut self, simd: S, scene: &Prepared, noisy: &mut NoisyPixels) {
         let samples = scene.settings.samples;
         if !scene.records_aovs() {
-            for sums in &mut self.seen {
+            for sums in &mut self.aovs {
                 sums.fill(0.0);
             }
-            scene.add_first_hits(simd, &self.films, &self.keys, 0..samples, &mut self.seen);
+            scene.add_first_hits(simd, &self.films, &self.keys, 0..samples, &mut self.aovs);
         }
         let radiance = (self.sums.each_ref())
             .map(|sums| sums.iter().map(|&(sum, _)| sum).collect::<Vec<f32>>());
@@ -202,7 +202,7 @@ impl Scratch {
                 counts: [samples, (samples / 2).max(1)],
                 radiance: radiance.each_ref().map(Vec::as_slice),
                 half: self.half.each_ref().map(Vec::as_slice),
-                hits: self.seen.each_ref().map(Vec::as_slice),
+                hits: self.aovs.each_ref().map(Vec::as_slice),
             },
         );
     }

@@ -6,7 +6,7 @@
 
 use fearless_simd::{i32x16, prelude::*};
 
-use super::area_light::{AreaLights, SampledAreaLight};
+use super::area_light::{AreaLights, LightSample};
 use super::bsdf::Bsdf;
 use super::geometry::{Geometry, INSIDE, NONE, Nearest, Rays};
 use super::lanes::{Float, Mask, Vec3x, Word};
@@ -90,7 +90,7 @@ impl Prepared {
 
     /// Whether what paths meet is noted for the filter. They keep their places then, also those that
     /// end.
-    fn sees(&self, depth: u32) -> bool {
+    fn records_aovs_at(&self, depth: u32) -> bool {
         depth == 0 && self.records_aovs()
     }
 
@@ -172,7 +172,7 @@ impl Prepared {
             let unscattered = met.simd_ge(self.geometry.area_lights_first) & alive;
             if unscattered.any_true() {
                 let light_id = unscattered.select(nearest.id, Word::splat(simd, NONE));
-                let mut light = self.found_light(simd, stream, at, light_id);
+                let mut light = self.emission_with_mis(simd, stream, at, light_id);
                 if self.settings.denoise && depth <= 1 {
                     light = self.without_emission(simd, stream, at, light);
                 }
@@ -183,11 +183,11 @@ impl Prepared {
             if last {
                 let radiance = stream.radiance.load(simd, at);
                 stream.finish(packet, scattering, radiance);
-            } else if self.sees(depth) {
+            } else if self.records_aovs_at(depth) {
                 // In the order of slots, in which first hits are noted.
                 let emission = self.emission(simd, direction, &nearest, unscattered);
                 let length = load(simd, &stream.distance, at);
-                stream.note_light(at, length / nearest.distance, emission);
+                stream.store_emission(at, length / nearest.distance, emission);
                 store(&mut stream.distance, at, nearest.distance);
                 let none = Word::splat(simd, NONE);
                 store_words(
@@ -237,7 +237,13 @@ impl Prepared {
 
     /// Light that comes in along rays that meet an area light or nothing.
     #[inline(always)]
-    fn found_light<S: Simd>(&self, simd: S, stream: &Stream, at: usize, id: Word<S>) -> Vec3x<S> {
+    fn emission_with_mis<S: Simd>(
+        &self,
+        simd: S,
+        stream: &Stream,
+        at: usize,
+        id: Word<S>,
+    ) -> Vec3x<S> {
         let beta = stream.beta.load(simd, at);
         let environment = beta.scale(Vec3x::splat(simd, self.environment));
         let escaped = id.simd_eq(NONE);
@@ -285,7 +291,7 @@ impl Prepared {
             let tag = load_words(simd, &stream.primitive, at);
             let alive = packet.mask(simd) & tag.simd_ne(NONE);
             if !alive.any_true() {
-                stream.note_none(simd, at);
+                stream.store_miss(simd, at);
                 continue;
             }
             let tag = alive.select(tag, Word::splat(simd, 0));
@@ -294,10 +300,10 @@ impl Prepared {
             let distance = load(simd, &stream.distance, at);
             let hit = self.surfaces.hit(simd, origin, direction, distance, tag);
             let bsdf = Bsdf::new(simd, &hit, -direction);
-            if self.sees(depth) {
-                let (inverse_depth, emitted) = stream.noted_light(simd, at);
-                let seen = self.seen(simd, alive, tag, &hit, &bsdf, inverse_depth, emitted);
-                stream.note(at, seen);
+            if self.records_aovs_at(depth) {
+                let (inverse_depth, emitted) = stream.load_emission(simd, at);
+                let aovs = self.surface_aovs(simd, alive, tag, &hit, &bsdf, inverse_depth, emitted);
+                stream.store_aovs(at, aovs);
             }
             let beta = stream.beta.load(simd, at);
             let pixel = load_words(simd, &stream.pixel, at);
@@ -392,7 +398,7 @@ impl Prepared {
         hit: &Hit<S>,
         beta: Vec3x<S>,
         tag: Word<S>,
-        light: &SampledAreaLight<S>,
+        light: &LightSample<S>,
     ) -> u64 {
         let Some(microfacet) = &hit.microfacet else {
             return 0;
@@ -452,7 +458,7 @@ impl Prepared {
         hit: &Hit<S>,
         bsdf: &Bsdf<S>,
         beta: Vec3x<S>,
-        light: &SampledAreaLight<S>,
+        light: &LightSample<S>,
     ) {
         let cos_i = hit.normal.dot(light.wi);
         let (f_cos, bsdf_pdf) = bsdf.evaluate(simd, light.wi, cos_i);

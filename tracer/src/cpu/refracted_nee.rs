@@ -4,7 +4,7 @@ use std::f32::consts::PI;
 
 use fearless_simd::prelude::*;
 
-use super::area_light::SampledAreaLight;
+use super::area_light::LightSample;
 use super::bsdf::fresnel;
 use super::lanes::{Float, Mask, Vec3x, Word};
 use super::math::exp;
@@ -150,7 +150,7 @@ impl<S: Simd> NeeBoundaries<S> {
         &self,
         simd: S,
         from: Vec3x<S>,
-        light: &SampledAreaLight<S>,
+        light: &LightSample<S>,
         normal: Vec3x<S>,
     ) -> RefractedPaths<S> {
         let per_radius = 1.0 / self.radius;

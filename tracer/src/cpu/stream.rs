@@ -36,7 +36,7 @@ pub(super) struct Stream {
     /// Radiance of the paths that have ended, by slot.
     pub(super) finished: Triple,
     /// First hits by slot, of denoised pictures.
-    pub(super) seen: [Box<[f32]>; AOV_CHANNELS],
+    pub(super) aovs: [Box<[f32]>; AOV_CHANNELS],
 }
 
 /// A shadow ray per path, from the path's origin; only between shading and connecting.
@@ -51,7 +51,7 @@ pub(super) struct Shadows {
     pub(super) radiance: Triple,
 }
 
-/// In [`Stream::seen`], before the emission.
+/// In [`Stream::aovs`], before the emission.
 const INVERSE_DEPTH: usize = 6;
 
 /// Three columns.
@@ -100,7 +100,7 @@ impl Stream {
             slot: words(),
             shadows: std::array::from_fn(|_| Shadows::new(rows)),
             finished: Triple::new(rows),
-            seen: std::array::from_fn(|_| vec![0.0; rows].into_boxed_slice()),
+            aovs: std::array::from_fn(|_| vec![0.0; rows].into_boxed_slice()),
         }
     }
 
@@ -125,41 +125,41 @@ impl Stream {
 
     /// Notes first hits' inverse depth and the light that comes straight.
     #[inline(always)]
-    pub(super) fn note_light<S: Simd>(
+    pub(super) fn store_emission<S: Simd>(
         &mut self,
         at: usize,
         inverse_depth: Float<S>,
         emission: Vec3x<S>,
     ) {
         let values = [inverse_depth, emission.x, emission.y, emission.z];
-        for (column, values) in self.seen[INVERSE_DEPTH..].iter_mut().zip(values) {
+        for (column, values) in self.aovs[INVERSE_DEPTH..].iter_mut().zip(values) {
             store(column, at, values);
         }
     }
 
     #[inline(always)]
-    pub(super) fn noted_light<S: Simd>(&self, simd: S, at: usize) -> (Float<S>, Vec3x<S>) {
-        let seen = |i: usize| &self.seen[INVERSE_DEPTH + i];
+    pub(super) fn load_emission<S: Simd>(&self, simd: S, at: usize) -> (Float<S>, Vec3x<S>) {
+        let aovs = |i: usize| &self.aovs[INVERSE_DEPTH + i];
         let emission = Vec3x::new(
-            load(simd, seen(1), at),
-            load(simd, seen(2), at),
-            load(simd, seen(3), at),
+            load(simd, aovs(1), at),
+            load(simd, aovs(2), at),
+            load(simd, aovs(3), at),
         );
-        (load(simd, seen(0), at), emission)
+        (load(simd, aovs(0), at), emission)
     }
 
     #[inline(always)]
-    pub(super) fn note<S: Simd>(&mut self, at: usize, seen: [Float<S>; AOV_CHANNELS]) {
-        for (column, seen) in self.seen.iter_mut().zip(seen) {
-            store(column, at, seen);
+    pub(super) fn store_aovs<S: Simd>(&mut self, at: usize, aovs: [Float<S>; AOV_CHANNELS]) {
+        for (column, aovs) in self.aovs.iter_mut().zip(aovs) {
+            store(column, at, aovs);
         }
     }
 
     /// Notes that a packet has no path alive: it has met light or nothing and aims at no area light.
     #[inline(always)]
-    pub(super) fn note_none<S: Simd>(&mut self, simd: S, at: usize) {
+    pub(super) fn store_miss<S: Simd>(&mut self, simd: S, at: usize) {
         let zero = Float::splat(simd, 0.0);
-        for column in &mut self.seen[..=INVERSE_DEPTH] {
+        for column in &mut self.aovs[..=INVERSE_DEPTH] {
             store(column, at, zero);
         }
         for shadows in &mut self.shadows {
