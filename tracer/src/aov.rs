@@ -55,11 +55,11 @@ pub struct TileAovs {
     pub pixels: Vec<Aovs>,
 }
 
-/// The fewest camera rays of a pixel whose outlines look smooth; denoised pictures of fewer paths
-/// take their outlines from so many.
+/// The fewest camera rays of a pixel whose edges look smooth; denoised pictures of fewer paths
+/// take their edges from so many.
 pub(crate) const SMOOTH_RAYS: u32 = 4;
 
-/// `settings` with enough samples for smooth outlines, unless they have them.
+/// `settings` with enough samples for smooth edges, unless they have them.
 pub(crate) fn smooth(settings: RenderSettings) -> Option<RenderSettings> {
     let samples = SMOOTH_RAYS;
     (settings.samples < samples).then_some(RenderSettings {

@@ -10,7 +10,7 @@ use glam::DVec3;
 
 use crate::CompiledScene;
 use crate::compiled::{AreaLightData, MaterialData, Primitive};
-use crate::scalar::intersect::{Departure, Hit, Ray, intersect_from, vector};
+use crate::scalar::intersect::{Hit, Ray, RayOrigin, intersect_from, vector};
 use crate::scalar::{medium::uniform_direction, scatter::Scatter};
 
 /// Radiance that one path finds along `ray`, scattering at most `max_depth` times. `random` gives
@@ -21,18 +21,18 @@ pub fn radiance(
     max_depth: u32,
     random: &mut dyn FnMut() -> f64,
 ) -> DVec3 {
-    let (mut radiance, mut throughput) = (DVec3::ZERO, DVec3::ONE);
-    let mut departure: Option<Departure> = None;
+    let (mut radiance, mut beta) = (DVec3::ZERO, DVec3::ONE);
+    let mut ray_origin: Option<RayOrigin> = None;
     // Density of the ray's direction; none where light sampling could not have found it.
     let mut bsdf_pdf = None;
     for depth in 0..=max_depth {
-        let Some(hit) = intersect_from(scene, &ray, departure) else {
-            return radiance + throughput * scene.environment.as_dvec3();
+        let Some(hit) = intersect_from(scene, &ray, ray_origin) else {
+            return radiance + beta * scene.environment.as_dvec3();
         };
-        let enclosing = departure.filter(|departure| departure.is_inside);
+        let enclosing = ray_origin.filter(|ray_origin| ray_origin.is_inside);
         if let Some(medium) = enclosing.and_then(|body| scene.material_of(body.primitive)) {
-            let (scattered_at, weight) = fly(medium, hit.t, random);
-            throughput *= weight;
+            let (scattered_at, weight) = sample_distance(medium, hit.t, random);
+            beta *= weight;
             if let Some(distance) = scattered_at {
                 ray.origin += distance * ray.direction;
                 ray.direction = uniform_direction(random(), random());
@@ -46,20 +46,20 @@ pub fn radiance(
                 break;
             };
             let weight = bsdf_pdf.map_or(1.0, |pdf| power_heuristic(pdf, light_pdf));
-            return radiance + throughput * weight * vector(light.radiance);
+            return radiance + beta * weight * vector(light.radiance);
         }
         if depth == max_depth {
             break;
         }
         let vertex = SurfaceVertex::new(scene, &ray, hit);
-        radiance += throughput * direct_light(scene, &vertex, random);
+        radiance += beta * direct_light(scene, &vertex, random);
         let sample = (vertex.bsdf).sample(vertex.wo, vertex.n, [(); 4].map(|()| random()));
-        throughput *= sample.weight;
-        let left = vertex.departure(sample.wi);
+        beta *= sample.weight;
+        let left = vertex.ray_origin(sample.wi);
         // A mirror has no density, and into bodies no light is sampled.
         bsdf_pdf = sample.pdf.filter(|&pdf| pdf > 0.0 && !left.is_inside);
         (ray.origin, ray.direction) = (vertex.hit.point, sample.wi);
-        departure = Some(left);
+        ray_origin = Some(left);
     }
     radiance
 }
@@ -78,11 +78,11 @@ fn direct_light(
     let to_light = vector(light.center) + u + v - vertex.hit.point;
     let (origin, direction) = (vertex.hit.point, to_light.normalize());
     let shadow_ray = Ray { origin, direction };
-    let departure = vertex.departure(direction);
-    let nearest = intersect_from(scene, &shadow_ray, Some(departure));
+    let ray_origin = vertex.ray_origin(direction);
+    let nearest = intersect_from(scene, &shadow_ray, Some(ray_origin));
     let is_visible = nearest.is_some_and(|hit| hit.primitive == Primitive::AreaLight(index as u32));
     match light_pdf(scene, light, &shadow_ray, to_light.length()) {
-        Some(light_pdf) if is_visible && !departure.is_inside => {
+        Some(light_pdf) if is_visible && !ray_origin.is_inside => {
             let (f, bsdf_pdf) = vertex.bsdf.eval(vertex.wo, direction, vertex.n);
             let weight = power_heuristic(light_pdf, bsdf_pdf);
             f * vector(light.radiance) * (direction.dot(vertex.n).abs() * weight / light_pdf)
@@ -105,9 +105,13 @@ fn power_heuristic(chosen: f64, other: f64) -> f64 {
 
 /// Free flight towards a surface at distance `t`: where it ends early, if so, and its weight. A
 /// channel is chosen uniformly and its exponential law sampled (3rd edition, section 15.2.1).
-fn fly(medium: &MaterialData, t: f64, random: &mut dyn FnMut() -> f64) -> (Option<f64>, DVec3) {
+fn sample_distance(
+    medium: &MaterialData,
+    t: f64,
+    random: &mut dyn FnMut() -> f64,
+) -> (Option<f64>, DVec3) {
     let extinction = vector(medium.extinction);
-    let scattering = f64::from(medium.flight_rate) * vector(medium.scattering);
+    let scattering = f64::from(medium.majorant) * vector(medium.scattering);
     let channel = (3.0 * random()) as usize;
     let distance = -(1.0 - random()).ln() / extinction[channel];
     let transmittance = (-extinction * distance.min(t)).map(f64::exp);
@@ -140,9 +144,9 @@ impl SurfaceVertex {
     }
 
     /// The side of the surface on which a ray along `wi` goes on.
-    fn departure(&self, wi: DVec3) -> Departure {
+    fn ray_origin(&self, wi: DVec3) -> RayOrigin {
         let is_transmitted = wi.dot(self.n) < 0.0;
-        Departure {
+        RayOrigin {
             primitive: self.hit.primitive,
             is_inside: self.bsdf.is_dielectric() && self.is_inside != is_transmitted,
         }

@@ -21,8 +21,8 @@ pub struct RenderSettings {
     pub max_depth: u32,
     /// Chooses the random numbers: pictures of different seeds are independent.
     pub seed: u32,
-    /// Whether pictures are denoised ([`crate::post`]). On a processor it costs as much time as
-    /// two paths per pixel, and a guard band of [`crate::post::SUPPORT`] pixels is traced around
+    /// Whether pictures are denoised ([`crate::denoise`]). On a processor it costs as much time as
+    /// two paths per pixel, and a guard band of [`crate::denoise::SUPPORT`] pixels is traced around
     /// each run of tiles; a GPU filters by itself (`examples/gpu_speed.rs` prints its time).
     /// Without it, noise stays (`examples/denoise.rs` prints how much).
     pub denoise: bool,

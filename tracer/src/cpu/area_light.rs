@@ -338,7 +338,7 @@ impl<S: Simd> SphericalRectangle<S> {
     }
 }
 
-/// What is under a root counts at least as this much: 0 / 0 on the rectangle's outline.
+/// What is under a root counts at least as this much: 0 / 0 on the rectangle's edge.
 const ROOT_MIN: f32 = 1e-30;
 
 /// A complex number per lane.

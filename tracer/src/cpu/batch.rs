@@ -7,7 +7,7 @@ use fearless_simd::prelude::*;
 use super::integrator::Prepared;
 use super::stream::Stream;
 use crate::aov::AOV_CHANNELS;
-use crate::post::{NoisyPixels, Sums};
+use crate::denoise::{DenoiseInput, SampleSums};
 use crate::sampling::{pixel_key, sample_key};
 use crate::{RenderSettings, Tile};
 
@@ -35,7 +35,7 @@ pub(super) struct Traced {
     /// Of pictures that are not denoised.
     pub(super) radiance: Vec<[f32; 3]>,
     /// Of pictures that are.
-    pub(super) noisy: NoisyPixels,
+    pub(super) denoise_input: DenoiseInput,
     pub(super) dropped_samples: u32,
     pub(super) rays: u64,
 }
@@ -83,7 +83,7 @@ impl Scratch {
                 }
             }
             if settings.denoise {
-                self.resolve_noisy(simd, scene, &mut traced.noisy);
+                self.resolve_denoise_input(simd, scene, &mut traced.denoise_input);
             } else {
                 self.resolve(settings.samples, &mut traced.radiance);
             }
@@ -186,7 +186,12 @@ impl Scratch {
 
     /// Appends the means of all samples with what the filter needs.
     #[inline(always)]
-    fn resolve_noisy<S: Simd>(&mut self, simd: S, scene: &Prepared, noisy: &mut NoisyPixels) {
+    fn resolve_denoise_input<S: Simd>(
+        &mut self,
+        simd: S,
+        scene: &Prepared,
+        denoise_input: &mut DenoiseInput,
+    ) {
         let samples = scene.settings.samples;
         if !scene.records_aovs() {
             for sums in &mut self.aovs {
@@ -196,9 +201,9 @@ impl Scratch {
         }
         let radiance = (self.sums.each_ref())
             .map(|sums| sums.iter().map(|&(sum, _)| sum).collect::<Vec<f32>>());
-        noisy.extend(
+        denoise_input.extend(
             samples,
-            &Sums {
+            &SampleSums {
                 counts: [samples, (samples / 2).max(1)],
                 radiance: radiance.each_ref().map(Vec::as_slice),
                 half: self.half.each_ref().map(Vec::as_slice),

@@ -541,7 +541,7 @@ mod tests {
         }
     }
 
-    /// Impacts a few ulps inside and outside of a ball's outline: beyond 4 of them none is mistaken.
+    /// Impacts a few ulps inside and outside of a ball's edge: beyond 4 of them none is mistaken.
     #[test]
     fn rays_that_graze_a_ball_are_told_apart_to_4_ulps() {
         const RADIUS: f32 = 0.028_575;

@@ -48,7 +48,7 @@ use rayon::prelude::*;
 pub use fearless_simd::Level;
 pub use first_hit::FirstHits;
 
-use crate::post::{FilterMemory, NoisyTile, NoisyTracer, trace_denoised};
+use crate::denoise::{DenoiseInputTile, DenoiseSource, FilterMemory, trace_denoised};
 use crate::{
     Aovs, CompiledScene, DeviceInfo, DeviceKind, Error, ImageSize, RenderSettings, Tile, TileAovs,
     TileRadiance, TraceJob, TraceStats, Tracer,
@@ -262,19 +262,19 @@ impl Tracer for CpuTracer {
     }
 }
 
-impl NoisyTracer for CpuTracer {
-    fn trace_noisy(
+impl DenoiseSource for CpuTracer {
+    fn trace_denoise_input(
         &self,
         scene: &CompiledScene,
         job: &TraceJob<'_>,
-        sink: &(dyn Fn(NoisyTile) + Sync),
+        sink: &(dyn Fn(DenoiseInputTile) + Sync),
     ) -> Result<TraceStats, Error> {
         let prepared = Prepared::new(scene, job.size, job.settings);
         Ok(self.trace_tiles(&prepared, job, |index, traced| {
-            sink(NoisyTile {
+            sink(DenoiseInputTile {
                 index,
                 tile: job.tiles[index],
-                pixels: traced.noisy,
+                pixels: traced.denoise_input,
                 dropped_samples: traced.dropped_samples,
             });
         }))
@@ -303,7 +303,7 @@ impl Traced {
         let mut whole = Self::default();
         for mut part in parts {
             whole.radiance.append(&mut part.radiance);
-            whole.noisy.append(part.noisy);
+            whole.denoise_input.append(part.denoise_input);
             whole.dropped_samples += part.dropped_samples;
             whole.rays += part.rays;
         }

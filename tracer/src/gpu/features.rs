@@ -5,7 +5,7 @@ use crate::compiled::{
     CSG_FACE_CONE, CompiledScene, KIND_DIELECTRIC, KIND_LAYERED, MaterialData, PATTERN_NUMBER,
     PATTERN_PLANKS, PATTERN_WOOD, ShapeKind, SphereData,
 };
-use crate::gpu::{flatness, layout};
+use crate::gpu::{coplanar, layout};
 
 impl ShapeKind {
     /// The prefix or suffix of its functions in WGSL.
@@ -192,9 +192,9 @@ impl Features {
             has_refracted_nee: has_refracted_nee(scene),
             output: Output::Radiance,
             is_compensated: needs_compensation(scene),
-            discs_coplanar: flatness::discs_coplanar(scene),
-            area_lights_coplanar: flatness::area_lights_coplanar(scene),
-            area_lights_occlude: flatness::area_lights_occlude(scene),
+            discs_coplanar: coplanar::discs_coplanar(scene),
+            area_lights_coplanar: coplanar::area_lights_coplanar(scene),
+            area_lights_occlude: coplanar::area_lights_occlude(scene),
             area_lights_scaled: needs_scale(scene),
             memory: SceneMemory::Uniform,
         };
@@ -290,7 +290,7 @@ fn needs_scale(scene: &CompiledScene) -> bool {
     const METRES: std::ops::Range<f32> = 1e-3..1e3;
     let area_lights = scene.area_lights.iter();
     let mut lengths = area_lights.flat_map(|light| [light.length_u, light.length_v]);
-    flatness::farthest(scene) >= METRES.end || lengths.any(|length| length < METRES.start)
+    coplanar::farthest(scene) >= METRES.end || lengths.any(|length| length < METRES.start)
 }
 
 /// Whether the difference of two coordinates, rounded, is off by more than 2⁻¹⁵ of a radius. A

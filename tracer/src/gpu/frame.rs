@@ -5,9 +5,9 @@ use std::sync::{Mutex, PoisonError};
 use bytemuck::{Pod, cast_slice, pod_read_unaligned};
 
 use crate::Error;
+use crate::gpu::denoise::FilterBuffers;
 use crate::gpu::device::Device;
 use crate::gpu::features::Output;
-use crate::gpu::filter::FilterBuffers;
 use crate::gpu::layout::{DispatchData, SceneHeader, TileEntry};
 use crate::gpu::pipeline::Kernel;
 use crate::gpu::schedule::Chunk;

@@ -8,8 +8,8 @@ use crate::compiled::{
     AreaLightData, BoxData, CameraFrame, CompiledScene, CsgBoxData, CsgFaceData, DiscData,
     MaterialData, RectangleData, ShapeKind, SphereData,
 };
+use crate::gpu::coplanar;
 use crate::gpu::features::{self, Features};
-use crate::gpu::flatness;
 use crate::{Error, ImageSize};
 
 /// What stands before the scene's arrays.
@@ -229,7 +229,7 @@ pub(crate) fn scene_bytes(scene: &CompiledScene, size: ImageSize) -> Result<Vec<
     if scene.materials.is_empty() {
         bytes.extend_from_slice(bytes_of(&MaterialData::zeroed()));
     }
-    let farthest = flatness::farthest(scene);
+    let farthest = coplanar::farthest(scene);
     for shape in ShapeKind::ALL {
         bytes.extend(finders(scene, shape, farthest));
     }

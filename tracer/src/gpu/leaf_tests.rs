@@ -387,7 +387,7 @@ fn compare_rays(scene: &CompiledScene, area_lights_occlude: bool) {
             differing.push((ray, [primitive, expected], [t, t_expected], shadowed));
         }
     }
-    // Rays that pass an outline within rounding, or an edge of the box exactly.
+    // Rays that pass an edge within rounding, or an edge of the box exactly.
     let (count, some) = (differing.len(), &differing[..differing.len().min(9)]);
     assert!(count * 2000 <= COUNT, "{count} of {COUNT}: {some:?}");
 }
@@ -436,7 +436,7 @@ fn rays_in_the_planes_of_a_box_hit_it() {
     }
 }
 
-/// Impacts a few ulps inside and outside of a ball's outline: beyond 4 of them none is mistaken.
+/// Impacts a few ulps inside and outside of a ball's edge: beyond 4 of them none is mistaken.
 #[test]
 fn rays_that_graze_a_ball_are_told_apart_to_4_ulps() {
     let mut scene = probe_scene();

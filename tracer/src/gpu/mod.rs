@@ -7,20 +7,19 @@
 //! TraceJob ──Chunk::next────────┘
 //! ```
 //!
-//! Denoised pictures are filtered there too (`denoise`, `filter`).
+//! Denoised pictures are filtered there too (`denoise`).
 //!
 //! A job is one dispatch if it is short enough (`schedule`), and a frame in flight has buffers of
 //! its own, so that the device traces one while another is read back. The estimator is that of
-//! [`crate::reference`], with the same random numbers: pictures differ by rounding only, where
+//! [`crate::scalar`], with the same random numbers: pictures differ by rounding only, where
 //! rounding sends a path another way by more, and not at all between partitions.
 
 mod adapter;
 mod aov;
+mod coplanar;
 mod denoise;
 mod device;
 mod features;
-mod filter;
-mod flatness;
 mod frame;
 mod layout;
 mod pipeline;
@@ -43,9 +42,9 @@ use crate::{
     CompiledScene, DeviceInfo, DeviceKind, Error, Tile, TileAovs, TileRadiance, TraceJob,
     TraceStats, Tracer,
 };
+use denoise::FilterKernels;
 use device::Device;
 use features::{Features, Output};
-use filter::FilterKernels;
 use frame::{BufferPool, FrameBuffers, Pass, ReadbackLayout, SUM_BYTES, groups};
 use layout::{DispatchData, TileEntry};
 use pipeline::{Kernel, KernelCache};
@@ -62,8 +61,8 @@ pub struct GpuTracer {
     pixels_max: u64,
 }
 
-/// Takes a chunk's dropped samples, by tile, and numbers, by pixel.
-type Take<'a> = dyn Fn(&Chunk, &[u32], &[f32]) + 'a;
+/// Receives a chunk's dropped samples, by tile, and numbers, by pixel.
+type ChunkSink<'a> = dyn Fn(&Chunk, &[u32], &[f32]) + 'a;
 
 /// What all dispatches of a job share.
 struct Work<'a> {
@@ -133,7 +132,7 @@ impl GpuTracer {
         &self,
         work: &Work<'_>,
         buffers: &mut FrameBuffers,
-        take: &Take<'_>,
+        sink: &ChunkSink<'_>,
     ) -> Result<TraceStats, Error> {
         let pixels_max = self.pixels_max * SUM_BYTES / work.output.pixel_bytes().max(SUM_BYTES);
         let mut stats = TraceStats::default();
@@ -152,7 +151,7 @@ impl GpuTracer {
             }
             let layout = ReadbackLayout::of(&chunk, work.output);
             stats.rays += buffers.results(&self.device, &layout, |rays, dropped, film| {
-                take(&chunk, dropped, film);
+                sink(&chunk, dropped, film);
                 rays
             })?;
         }
@@ -255,7 +254,7 @@ impl GpuTracer {
         scene: &CompiledScene,
         job: &TraceJob<'_>,
         output: Output,
-        take: &Take<'_>,
+        sink: &ChunkSink<'_>,
     ) -> Result<TraceStats, Error> {
         if job.tiles.is_empty() {
             return Ok(TraceStats::default());
@@ -270,7 +269,7 @@ impl GpuTracer {
             pixel_samples: self.pixel_samples(job, &features)?,
         };
         let mut buffers = self.pool.take(&self.device)?;
-        let stats = self.trace_chunks(&work, &mut buffers, take)?;
+        let stats = self.trace_chunks(&work, &mut buffers, sink)?;
         self.pool.put(buffers);
         Ok(stats)
     }

@@ -26,7 +26,7 @@ const SETTINGS: RenderSettings = RenderSettings {
     denoise: false,
 };
 /// Rounding moves a pixel by about 1e-6; a path whose next edge it sends past the other side of an
-/// outline changes it by as much as the light does. Such paths are below 1 in 1000.
+/// edge changes it by as much as the light does. Such paths are below 1 in 1000.
 const ERROR_MAX: f32 = 1e-3;
 const PIXELS_OFF_MAX: usize = SIZE.pixels() / 50;
 

@@ -49,7 +49,7 @@ fn parts(features: &Features) -> Vec<&'static str> {
         parts.push(include_str!("shaders/bvh.wgsl"));
     }
     parts.extend(match features.area_lights {
-        0 => &[include_str!("shaders/area_light_none.wgsl")][..],
+        0 => &[include_str!("shaders/area_light_stub.wgsl")][..],
         _ => &[
             include_str!("shaders/area_light.wgsl"),
             include_str!("shaders/area_light_sample.wgsl"),
@@ -65,19 +65,19 @@ fn parts(features: &Features) -> Vec<&'static str> {
     });
     parts.push(match features.has_sheen {
         true => include_str!("shaders/sheen.wgsl"),
-        false => include_str!("shaders/sheen_none.wgsl"),
+        false => include_str!("shaders/sheen_stub.wgsl"),
     });
     parts.push(match features.has_number || features.has_wood {
         true => include_str!("shaders/texture.wgsl"),
-        false => include_str!("shaders/texture_none.wgsl"),
+        false => include_str!("shaders/texture_stub.wgsl"),
     });
     parts.push(match features.has_dielectric {
         true => include_str!("shaders/medium.wgsl"),
-        false => include_str!("shaders/medium_none.wgsl"),
+        false => include_str!("shaders/medium_stub.wgsl"),
     });
     parts.push(match features.has_refracted_nee {
         true => include_str!("shaders/refracted_nee.wgsl"),
-        false => include_str!("shaders/refracted_nee_none.wgsl"),
+        false => include_str!("shaders/refracted_nee_stub.wgsl"),
     });
     parts.push(include_str!("shaders/aov.wgsl"));
     parts.push(include_str!("shaders/path.wgsl"));
@@ -109,10 +109,10 @@ fn find_part(shape: ShapeKind, has_bvh: bool) -> String {
             .replace("SHAPE", shape.function());
     }
     let each = match shape {
-        ShapeKind::Sphere => include_str!("shaders/sphere_each.wgsl"),
-        ShapeKind::Box => include_str!("shaders/box_each.wgsl"),
-        ShapeKind::Disc => include_str!("shaders/disc_each.wgsl"),
-        ShapeKind::Rectangle => include_str!("shaders/rectangle_each.wgsl"),
+        ShapeKind::Sphere => include_str!("shaders/sphere_linear.wgsl"),
+        ShapeKind::Box => include_str!("shaders/box_linear.wgsl"),
+        ShapeKind::Disc => include_str!("shaders/disc_linear.wgsl"),
+        ShapeKind::Rectangle => include_str!("shaders/rectangle_linear.wgsl"),
         // Its part has that too.
         ShapeKind::CsgFace => "",
     };

@@ -204,7 +204,7 @@ impl SphericalRectangle {
     }
 }
 
-/// What is under a root counts at least as this much: 0 / 0 on the rectangle's outline.
+/// What is under a root counts at least as this much: 0 / 0 on the rectangle's edge.
 const ROOT_MIN: f64 = 1e-30;
 
 /// `a · b*` of complex numbers.

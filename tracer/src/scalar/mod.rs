@@ -64,8 +64,10 @@ use rayon::prelude::*;
 
 use crate::compiled::{AreaLightData, CameraFrame, Primitive, SphereData};
 use crate::cpu::Level;
+use crate::denoise::{
+    DenoiseInput, DenoiseInputTile, DenoiseSource, FilterMemory, SampleSums, trace_denoised,
+};
 use crate::fresnel::fresnel_dielectric;
-use crate::post::{FilterMemory, NoisyPixels, NoisyTile, NoisyTracer, Sums, trace_denoised};
 use crate::sampling::{
     BLOCK_CAMERA, block_choice, block_light, block_scatter, pair, pixel_key, sample_key,
 };
@@ -130,21 +132,21 @@ impl Tracer for ScalarTracer {
     }
 }
 
-impl NoisyTracer for ScalarTracer {
-    fn trace_noisy(
+impl DenoiseSource for ScalarTracer {
+    fn trace_denoise_input(
         &self,
         scene: &CompiledScene,
         job: &TraceJob<'_>,
-        sink: &(dyn Fn(NoisyTile) + Sync),
+        sink: &(dyn Fn(DenoiseInputTile) + Sync),
     ) -> Result<TraceStats, Error> {
         let view = View::new(scene, job);
         Ok(view.trace(job, |index, tile, rows| {
             let hits = view.aovs(tile);
             let dropped_samples = rows.iter().map(|row| row.dropped_samples).sum();
-            sink(NoisyTile {
+            sink(DenoiseInputTile {
                 index,
                 tile,
-                pixels: noisy_pixels(job.settings.samples, &rows, &hits),
+                pixels: denoise_input(job.settings.samples, &rows, &hits),
                 dropped_samples,
             });
         }))
@@ -168,15 +170,15 @@ impl NoisyTracer for ScalarTracer {
     }
 }
 
-fn noisy_pixels(samples: u32, rows: &[Row], hits: &[Aovs]) -> NoisyPixels {
+fn denoise_input(samples: u32, rows: &[Row], hits: &[Aovs]) -> DenoiseInput {
     let aovs = |hits: &[Aovs]| columns(hits.iter().map(Aovs::columns));
     let radiance = columns(rows.iter().flat_map(|row| row.radiance.iter().copied()));
     let half = columns(rows.iter().flat_map(|row| row.half.iter().copied()));
     let hits = aovs(hits);
-    let mut pixels = NoisyPixels::default();
+    let mut pixels = DenoiseInput::default();
     pixels.extend(
         samples,
-        &Sums {
+        &SampleSums {
             counts: [1; 2],
             radiance: radiance.each_ref().map(Vec::as_slice),
             half: half.each_ref().map(Vec::as_slice),

@@ -79,7 +79,7 @@ fn aovs_agree_between_all_tracers() {
     for tracer in tracers() {
         let found = aovs(&**tracer, &scene, 3);
         assert_eq!(found.len(), truth.len());
-        // Rounding sends a ray past the other side of an outline now and then.
+        // Rounding sends a ray past the other side of an edge now and then.
         let off = truth
             .iter()
             .zip(&found)

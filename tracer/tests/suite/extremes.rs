@@ -126,7 +126,7 @@ fn assert_near(value: f64, expected: f64, relative: f64, what: &str) {
     );
 }
 
-/// Paths agree to rounding, but for those few that rounding sends past an outline.
+/// Paths agree to rounding, but for those few that rounding sends past an edge.
 fn assert_follows(picture: &RadianceImage, truth: &RadianceImage, off_max: usize, what: &str) {
     let is_off = |(a, b): &(&[f32; 3], &[f32; 3])| {
         !(0..3).all(|i| (a[i] - b[i]).abs() <= 2e-3 * (0.01 + b[i]))
@@ -366,7 +366,7 @@ fn pictures_of_a_pixel_and_of_a_line_are_traced() {
     }
 }
 
-/// At 0.01° and 480 pixels an f32 direction has steps of a sixth of a pixel: outlines move by that.
+/// At 0.01° and 480 pixels an f32 direction has steps of a sixth of a pixel: edges move by that.
 #[test]
 fn extreme_fields_of_view_agree_with_scalar() {
     for (fov, off_max) in [(0.01f32, 24), (179.0, 8)] {

@@ -102,7 +102,7 @@ fn whole(
 }
 
 /// Same random numbers, same estimator: paths agree to the rounding of f32, about 1e-6, but for the
-/// few whose edge passes an outline, or whose lobe is chosen, on the other side of a rounding.
+/// few whose edge passes an edge, or whose lobe is chosen, on the other side of a rounding.
 /// Those are below 1 in 100, and unbiased: the means differ by less than 1 %.
 #[track_caller]
 fn assert_agrees(picture: &Picture, truth: &Picture) {

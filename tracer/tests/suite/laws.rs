@@ -297,7 +297,7 @@ fn cut(pixels: &[[f32; 3]], tile: Tile) -> Vec<[f32; 3]> {
 }
 
 /// The same random numbers lead through the same paths: pixels differ by rounding, but for the few
-/// whose path rounding sends past the other side of an outline.
+/// whose path rounding sends past the other side of an edge.
 #[test]
 fn each_tracer_agrees_with_scalar_per_sample() {
     let scene = still_life();

@@ -13,7 +13,7 @@ use carom_tracer::{
 use glam::Vec3;
 
 use crate::scenes::{
-    clear_box, furnace, glass, gold, object, subtraction, textured_still_life, white_csg_block,
+    furnace, glass, glass_box, gold, object, subtraction, textured_still_life, white_csg_block,
 };
 use crate::tracers::tracers;
 
@@ -248,7 +248,7 @@ fn a_polished_ball_of_gold_shows_its_reflectance() {
 /// A glass box bends and reflects but takes nothing either; its edges make long paths.
 #[test]
 fn glass_box_vanishes_in_uniform_light() {
-    let scene = clear_box();
+    let scene = glass_box();
     for tracer in tracers() {
         let mean = mean(&trace(tracer.as_ref(), &scene, long_paths(64)))[2];
         // Total reflection keeps some paths in the box beyond the longest.

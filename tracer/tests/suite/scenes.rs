@@ -328,7 +328,7 @@ pub(crate) fn area_light_seen_from(eye_z: f32) -> Scene {
 }
 
 /// A dielectric box whose edges make long paths.
-pub(crate) fn clear_box() -> Scene {
+pub(crate) fn glass_box() -> Scene {
     let mut scene = furnace(glass(1.5, 0.0, None));
     scene.objects[0].shape = Shape::Box {
         min: Vec3::new(-0.4, -0.3, -0.2),
@@ -422,8 +422,14 @@ pub(crate) fn scenes_of_materials() -> Vec<LawScene> {
     };
     let scenes = [
         ("dielectric ball of index 1", furnace(glass(1.0, 0.0, None))),
-        ("dielectric ball of index 1.5", furnace(glass(1.5, 0.0, None))),
-        ("dielectric ball of index 2.5", furnace(glass(2.5, 0.0, None))),
+        (
+            "dielectric ball of index 1.5",
+            furnace(glass(1.5, 0.0, None)),
+        ),
+        (
+            "dielectric ball of index 2.5",
+            furnace(glass(2.5, 0.0, None)),
+        ),
         ("frosted ball", furnace(glass(1.5, 0.3, None))),
         ("finely frosted ball", furnace(glass(1.5, 0.05, None))),
         ("rough mirror ball", furnace(mirror(0.3))),
@@ -438,7 +444,7 @@ pub(crate) fn scenes_of_materials() -> Vec<LawScene> {
         ("tinted ball", furnace(glass(1.0, 0.0, tinted))),
         ("polished ball of gold", furnace(gold(0.0))),
         ("ball of cloth", furnace(cloth)),
-        ("clear box", clear_box()),
+        ("glass box", glass_box()),
         ("CSG box", white_csg_block()),
         ("textured still life", textured_still_life()),
     ];

@@ -1,12 +1,12 @@
 //! The filter: light divided by albedo, averaged over neighbours that look alike, times albedo.
 //!
 //! Two passes of an à-trous wavelet (Dammertz et al., "Edge-Avoiding À-Trous Wavelet Transform for
-//! fast Global Illumination Filtering", HPG 2010), of 9 taps 1 and then 3 pixels apart. A neighbour
+//! fast Global Illumination FilterJob", HPG 2010), of 9 taps 1 and then 3 pixels apart. A neighbour
 //! counts by how near its albedo, normal and inverse depth are, and its light by the pixel's
-//! variance (Schied et al., "Spatiotemporal Variance-Guided Filtering", HPG 2017), which comes from
+//! variance (Schied et al., "Spatiotemporal Variance-Guided FilterJob", HPG 2017), which comes from
 //! how far two halves of the samples are apart. The variance falls with more samples, and the
-//! filter fades with it: pictures of many samples stay as they are. Their outlines need none of what
-//! [`super::outline`] does for those of few.
+//! filter fades with it: pictures of many samples stay as they are. Their edges need none of what
+//! [`super::edge_supersampling`] does for those of few.
 
 use std::ops::Range;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -14,10 +14,10 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use fearless_simd::{Level, dispatch, prelude::*};
 use rayon::prelude::*;
 
-use super::noisy::{ALBEDO, EMISSION, INVERSE_DEPTH, LIGHT, NORMAL, NoisyTile, VARIANCE};
-use super::planes::{Float, LANES, Planes, Row, RowMut};
-use super::region::{EMPTY, Region};
-use super::variance::Columns;
+use super::guard_band::{EMPTY, GuardedRegion};
+use super::input::{ALBEDO, DenoiseInputTile, EMISSION, INVERSE_DEPTH, LIGHT, NORMAL, VARIANCE};
+use super::soa_image::{Float, LANES, SoaImage, SoaRow, SoaRowMut};
+use super::variance::ColumnSums;
 use super::weights::{
     ALBEDO_FACTOR, ALBEDO_MIN, DEPTH_FACTOR, NORMAL_FACTOR, STEPS, TAPS, variances,
 };
@@ -32,12 +32,12 @@ pub(super) struct Filter {
     pub(super) bounds: Tile,
     samples: u32,
     /// [`LIGHT`] and [`VARIANCE`]; after the last pass radiance without emission.
-    pub(super) light: Planes,
+    pub(super) light: SoaImage,
     /// What a pass makes of them.
-    next: Planes,
-    /// What comes after them in [`super::NoisyPixels`]; of emission the sum over the channels, and only
-    /// where outlines are looked for.
-    pub(super) guides: Planes,
+    next: SoaImage,
+    /// What comes after them in [`super::DenoiseInput`]; of emission the sum over the channels, and only
+    /// where edges are looked for.
+    pub(super) guides: SoaImage,
 }
 
 /// Where in [`Filter::guides`] a column is.
@@ -54,24 +54,24 @@ pub(crate) struct FilterMemory(Mutex<[Vec<f32>; 3]>);
 const KEPT_FLOATS_MAX: usize = 1 << 25;
 
 /// Takes in tiles, from any thread.
-pub(super) struct Intake<'a> {
+pub(super) struct FilterWriter<'a> {
     bounds: Tile,
     takes_emission: bool,
-    rows: Vec<Mutex<[RowMut<'a>; 2]>>,
+    rows: Vec<Mutex<[SoaRowMut<'a>; 2]>>,
 }
 
 impl Filter {
     /// Without pixels yet.
-    pub(super) fn new(region: &Region, samples: u32, memory: &FilterMemory) -> Self {
+    pub(super) fn new(region: &GuardedRegion, samples: u32, memory: &FilterMemory) -> Self {
         let bounds = region.bounds;
         let columns = EMISSION + usize::from(samples < SMOOTH_RAYS);
         let [light, next, guides] = std::mem::take(&mut *memory.lock());
         let mut filter = Self {
             bounds,
             samples,
-            light: Planes::new(bounds, VARIANCE + 1, light),
-            next: Planes::new(bounds, VARIANCE + 1, next),
-            guides: Planes::new(bounds, guide(columns), guides),
+            light: SoaImage::new(bounds, VARIANCE + 1, light),
+            next: SoaImage::new(bounds, VARIANCE + 1, next),
+            guides: SoaImage::new(bounds, guide(columns), guides),
         };
         // What is not traced has no light and no normal.
         filter.guides.surround(guide(NORMAL), NO_NORMAL);
@@ -84,15 +84,15 @@ impl Filter {
     }
 
     pub(super) fn give_back(self, memory: &FilterMemory) {
-        let planes = [self.light, self.next, self.guides].map(Planes::into_memory);
+        let planes = [self.light, self.next, self.guides].map(SoaImage::into_memory);
         if planes.iter().map(Vec::len).sum::<usize>() <= KEPT_FLOATS_MAX {
             *memory.lock() = planes;
         }
     }
 
-    pub(super) fn intake(&mut self) -> Intake<'_> {
+    pub(super) fn writer(&mut self) -> FilterWriter<'_> {
         let rows = self.light.rows_mut().zip(self.guides.rows_mut());
-        Intake {
+        FilterWriter {
             bounds: self.bounds,
             takes_emission: self.samples < SMOOTH_RAYS,
             rows: rows
@@ -103,7 +103,7 @@ impl Filter {
 
     /// Smooths the light, which becomes radiance without emission.
     pub(super) fn run(&mut self, level: Level) {
-        let mut next = std::mem::replace(&mut self.next, Planes::new(EMPTY, 0, Vec::new()));
+        let mut next = std::mem::replace(&mut self.next, SoaImage::new(EMPTY, 0, Vec::new()));
         for (index, step) in STEPS.into_iter().enumerate() {
             let pass = Pass {
                 step: step as isize,
@@ -112,7 +112,7 @@ impl Filter {
                 is_last: index == STEPS.len() - 1,
             };
             next.par_rows_mut()
-                .for_each_init(Columns::default, |columns, (y, mut row)| {
+                .for_each_init(ColumnSums::default, |columns, (y, mut row)| {
                     dispatch!(level, simd => self.smooth_row(simd, y, pass, columns, &mut row));
                 });
             std::mem::swap(&mut self.light, &mut next);
@@ -127,8 +127,8 @@ impl Filter {
         simd: S,
         y: usize,
         pass: Pass,
-        columns: &mut Columns,
-        out: &mut RowMut<'_>,
+        columns: &mut ColumnSums,
+        out: &mut SoaRowMut<'_>,
     ) {
         let around = Around::new(self, y, pass.step);
         let (width, is_single) = (self.bounds.width as usize, self.samples == 1);
@@ -204,16 +204,16 @@ impl FilterMemory {
     }
 }
 
-impl Intake<'_> {
+impl FilterWriter<'_> {
     /// Takes in what of a tile lies in the bounds: blocks of a guard band may jut out.
-    pub(super) fn put(&self, noisy: &NoisyTile) {
-        let (tile, bounds) = (noisy.tile, self.bounds);
+    pub(super) fn put(&self, input: &DenoiseInputTile) {
+        let (tile, bounds) = (input.tile, self.bounds);
         let skipped = bounds.x.saturating_sub(tile.x).min(tile.width) as usize;
         let room = (bounds.x + bounds.width)
             .saturating_sub(tile.x)
             .min(tile.width) as usize;
         let x = (tile.x as usize + skipped).saturating_sub(bounds.x as usize);
-        let brightness = self.takes_emission.then(|| noisy.pixels.brightness());
+        let brightness = self.takes_emission.then(|| input.pixels.brightness());
         for row in 0..tile.height {
             let y = (tile.y + row).checked_sub(bounds.y);
             let Some(to) = y.and_then(|y| self.rows.get(y as usize)) else {
@@ -223,7 +223,7 @@ impl Intake<'_> {
             let [light, guides] = &mut *to;
             let begin = (row * tile.width) as usize;
             let pixels = begin + skipped..begin + room.max(skipped);
-            for (column, values) in noisy.pixels.columns[..EMISSION].iter().enumerate() {
+            for (column, values) in input.pixels.columns[..EMISSION].iter().enumerate() {
                 match values.get(pixels.clone()) {
                     Some(values) if column < ALBEDO => light.put(column, x, values),
                     Some(values) => guides.put(guide(column), x, values),
@@ -249,8 +249,8 @@ struct Pass {
 
 /// The rows that the taps of one row lie in.
 pub(super) struct Around<'a> {
-    guides: [Row<'a>; 3],
-    light: [Row<'a>; 3],
+    guides: [SoaRow<'a>; 3],
+    light: [SoaRow<'a>; 3],
 }
 
 impl<'a> Around<'a> {
@@ -264,7 +264,7 @@ impl<'a> Around<'a> {
 
     /// Guides and light `dy` steps further down.
     #[inline(always)]
-    pub(super) fn at(&self, dy: isize) -> (Row<'a>, Row<'a>) {
+    pub(super) fn at(&self, dy: isize) -> (SoaRow<'a>, SoaRow<'a>) {
         let row = 1usize.wrapping_add_signed(dy);
         (self.guides[row], self.light[row])
     }

@@ -4,10 +4,10 @@
 use fearless_simd::prelude::*;
 
 use super::filter::{Around, NO_NORMAL, dot, guide};
-use super::noisy::{LIGHT, NORMAL, VARIANCE};
-use super::planes::{Float, LANES};
+use super::input::{LIGHT, NORMAL, VARIANCE};
+use super::soa_image::{Float, LANES};
 
-/// Planes of sums: how many pixels were traced, their squares, their light.
+/// SoaImage of sums: how many pixels were traced, their squares, their light.
 const COUNT: usize = 0;
 const SQUARES: usize = 1;
 const SUM: usize = 2;
@@ -15,12 +15,12 @@ const PLANES: usize = SUM + 3;
 
 /// Sums over three rows, of one column each; memory that one row's columns after another's use.
 #[derive(Default)]
-pub(super) struct Columns {
+pub(super) struct ColumnSums {
     stride: usize,
     data: Vec<f32>,
 }
 
-impl Columns {
+impl ColumnSums {
     /// Sums up the `width` columns of a row and one on each side of them.
     #[inline(always)]
     pub(super) fn sum_up<S: Simd>(

@@ -1,4 +1,4 @@
-//! The denoiser on the device: [`crate::post`]'s filter as kernels over what has been traced there.
+//! The denoiser on the device: [`crate::denoise`]'s filter as kernels over what has been traced there.
 //!
 //! ```text
 //! halves, first hits ─▶ take_in ─▶ estimate_variance ─▶ smooth_light × 2 ─▶ resolve ─▶ film
@@ -8,16 +8,16 @@ use std::fmt::Write as _;
 
 use bytemuck::{Pod, Zeroable, bytes_of};
 
-use super::device::Device;
-use super::features::Output;
-use super::frame::{FrameBuffers, Pass, SLOT_BYTES, buffer, groups, reserve, whole};
-use super::schedule::Chunk;
-use super::shader::BLOCK_EDGE;
 use crate::aov::SMOOTH_RAYS;
-use crate::post::weights::{
-    ALBEDO_FACTOR, ALBEDO_MIN, BRIGHTNESS_SHARE, DEPTH_FACTOR, MIXED_MIN, NORMAL_FACTOR,
-    OUTLINE_MIN, STEPS, TAPS, half_ratio, variances,
+use crate::denoise::weights::{
+    ALBEDO_FACTOR, ALBEDO_MIN, BRIGHTNESS_SHARE, DEPTH_FACTOR, EDGE_MIN, MIXED_MIN, NORMAL_FACTOR,
+    STEPS, TAPS, half_ratio, variances,
 };
+use crate::gpu::device::Device;
+use crate::gpu::features::Output;
+use crate::gpu::frame::{FrameBuffers, Pass, SLOT_BYTES, buffer, groups, reserve, whole};
+use crate::gpu::schedule::Chunk;
+use crate::gpu::shader::BLOCK_EDGE;
 use crate::{Error, Tile};
 
 /// The kernels, which are the same for all scenes.
@@ -31,11 +31,11 @@ pub(crate) struct FilterKernels {
 /// What is traced for the filter, and what lies between its passes. It never leaves the device.
 pub(crate) struct FilterBuffers {
     /// Means of the second and of the first half of the samples.
-    pub(super) halves: [wgpu::Buffer; 2],
+    pub(in crate::gpu) halves: [wgpu::Buffer; 2],
     /// First hits of the same samples, and of more.
-    pub(super) hits: [wgpu::Buffer; 2],
+    pub(in crate::gpu) hits: [wgpu::Buffer; 2],
     /// To be cleared before each picture.
-    pub(super) guides: wgpu::Buffer,
+    pub(in crate::gpu) guides: wgpu::Buffer,
     light: [wgpu::Buffer; 2],
 }
 
@@ -59,7 +59,7 @@ struct FilterData {
 
 /// What is filtered: all of a chunk is traced, its first tiles are wanted.
 #[derive(Clone, Copy)]
-pub(crate) struct Filtering<'a> {
+pub(crate) struct FilterJob<'a> {
     pub(crate) bounds: Tile,
     pub(crate) samples: u32,
     pub(crate) traced: &'a Chunk,
@@ -100,11 +100,11 @@ impl FilterKernels {
         wgpu: &wgpu::Device,
         buffers: &FrameBuffers,
         filter: &FilterBuffers,
-        filtering: Filtering<'_>,
+        filter_job: FilterJob<'_>,
         first_slot: usize,
     ) -> Vec<Pass<'a>> {
         let slots = first_slot..;
-        let steps = filtering.steps(self);
+        let steps = filter_job.steps(self);
         let encode = |(slot, step): (usize, Step<'a>)| {
             let entries = filter.bindings(buffers, slot, &step);
             let bindings = wgpu.create_bind_group(&wgpu::BindGroupDescriptor {
@@ -133,7 +133,7 @@ struct Step<'a> {
     light_from: usize,
 }
 
-impl Filtering<'_> {
+impl FilterJob<'_> {
     fn steps<'a>(&self, kernels: &'a FilterKernels) -> Vec<Step<'a>> {
         let data = self.data();
         let by_pixel = [data.width, data.height].map(|edge| edge.div_ceil(BLOCK_EDGE));
@@ -215,10 +215,10 @@ impl FilterBuffers {
     }
 
     /// Makes room for what is filtered.
-    pub(crate) fn reserve(&mut self, device: &wgpu::Device, filtering: Filtering<'_>) {
-        let samples = filtering.samples;
-        let traced = |output: Output| output.pixel_bytes() * filtering.traced.pixels;
-        let dense = VECTOR_BYTES * filtering.bounds.pixels() as u64;
+    pub(crate) fn reserve(&mut self, device: &wgpu::Device, filter_job: FilterJob<'_>) {
+        let samples = filter_job.samples;
+        let traced = |output: Output| output.pixel_bytes() * filter_job.traced.pixels;
+        let dense = VECTOR_BYTES * filter_job.bounds.pixels() as u64;
         let [second, first] = &mut self.halves;
         let [hits, smooth] = &mut self.hits;
         reserve(device, second, traced(Output::Reflected), USAGE);
@@ -272,13 +272,13 @@ fn source() -> String {
          const NORMAL_FACTOR: f32 = {NORMAL_FACTOR:?};\n\
          const DEPTH_FACTOR: f32 = {DEPTH_FACTOR:?};\n\
          const MIXED_MIN: f32 = {MIXED_MIN:?};\n\
-         const OUTLINE_MIN: f32 = {OUTLINE_MIN:?};\n\
+         const EDGE_MIN: f32 = {EDGE_MIN:?};\n\
          const BRIGHTNESS_SHARE: f32 = {BRIGHTNESS_SHARE:?};\n",
         Output::Aovs.floats()
     );
-    text += include_str!("shaders/structs.wgsl");
-    text += include_str!("shaders/block.wgsl");
-    text += include_str!("shaders/filter.wgsl");
+    text += include_str!("../shaders/structs.wgsl");
+    text += include_str!("../shaders/block.wgsl");
+    text += include_str!("../shaders/denoise.wgsl");
     text += "fn add_taps(p: vec2i, here: ptr<function, Look>) {\n";
     for (dx, dy, weight) in TAPS {
         _ = writeln!(
@@ -289,7 +289,7 @@ fn source() -> String {
     text + "}\n"
 }
 
-/// Bindings in `shaders/filter.wgsl`.
+/// Bindings in `shaders/denoise.wgsl`.
 const DATA: u32 = 0;
 const TILES: u32 = 2;
 const SECOND_HALF: u32 = 3;

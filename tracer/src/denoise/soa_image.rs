@@ -14,8 +14,8 @@ pub(super) const LANES: usize = 16;
 /// Columns on each side of the picture.
 const PAD: usize = 4;
 
-/// Planes of numbers, row by row: a row of the first plane, of the second, …, then the next row.
-pub(super) struct Planes {
+/// SoaImage of numbers, row by row: a row of the first plane, of the second, …, then the next row.
+pub(super) struct SoaImage {
     stride: usize,
     floats: usize,
     /// A row of what lies above and below the picture.
@@ -25,18 +25,18 @@ pub(super) struct Planes {
 
 /// One row of all planes, to read: looked up once for a row of results rather than for each tap.
 #[derive(Clone, Copy)]
-pub(super) struct Row<'a> {
+pub(super) struct SoaRow<'a> {
     stride: usize,
     data: &'a [f32],
 }
 
 /// One row of all planes.
-pub(super) struct RowMut<'a> {
+pub(super) struct SoaRowMut<'a> {
     stride: usize,
     data: &'a mut [f32],
 }
 
-impl Planes {
+impl SoaImage {
     /// As large as `bounds`: 0 around it, in it anything that `memory` held.
     pub(super) fn new(bounds: Tile, planes: usize, memory: Vec<f32>) -> Self {
         let stride = bounds.width as usize + 2 * PAD + LANES;
@@ -81,32 +81,32 @@ impl Planes {
         self.data[y * self.floats + plane * self.stride + PAD + x]
     }
 
-    pub(super) fn rows_mut(&mut self) -> impl Iterator<Item = RowMut<'_>> {
+    pub(super) fn rows_mut(&mut self) -> impl Iterator<Item = SoaRowMut<'_>> {
         let stride = self.stride;
         let rows = self.data.chunks_exact_mut(self.floats);
-        rows.map(move |data| RowMut { stride, data })
+        rows.map(move |data| SoaRowMut { stride, data })
     }
 
     pub(super) fn par_rows_mut(
         &mut self,
-    ) -> impl IndexedParallelIterator<Item = (usize, RowMut<'_>)> {
+    ) -> impl IndexedParallelIterator<Item = (usize, SoaRowMut<'_>)> {
         let stride = self.stride;
         let rows = self.data.par_chunks_exact_mut(self.floats);
-        rows.map(move |data| RowMut { stride, data }).enumerate()
+        rows.map(move |data| SoaRowMut { stride, data }).enumerate()
     }
 
     /// The row `dy` below `y`, which may lie outside.
-    pub(super) fn row(&self, y: usize, dy: isize) -> Row<'_> {
+    pub(super) fn row(&self, y: usize, dy: isize) -> SoaRow<'_> {
         let begin = y.checked_add_signed(dy).map(|y| y * self.floats);
         let inside = begin.and_then(|begin| self.data.get(begin..begin + self.floats));
-        Row {
+        SoaRow {
             stride: self.stride,
             data: inside.unwrap_or(&self.outside),
         }
     }
 }
 
-impl<'a> Row<'a> {
+impl<'a> SoaRow<'a> {
     #[inline(always)]
     pub(super) fn load<S: Simd>(self, simd: S, plane: usize, x: usize, dx: isize) -> Float<S> {
         let begin = plane * self.stride + (x + PAD).wrapping_add_signed(dx);
@@ -134,7 +134,7 @@ impl<'a> Row<'a> {
     }
 }
 
-impl RowMut<'_> {
+impl SoaRowMut<'_> {
     /// Sets numbers of one plane from column `x` on.
     pub(super) fn put(&mut self, plane: usize, x: usize, values: &[f32]) {
         let to = self.columns(plane, x, values.len());

@@ -10,14 +10,14 @@ const GUARD_WIDTH_MAX: u32 = 64;
 
 /// The part of an image that has to be traced so that some tiles can be filtered.
 #[derive(Debug)]
-pub(crate) struct Region {
+pub(crate) struct GuardedRegion {
     /// Encloses all of it.
     pub(crate) bounds: Tile,
     /// The wanted tiles, then those of the guard band.
     pub(crate) tiles: Vec<Tile>,
 }
 
-impl Region {
+impl GuardedRegion {
     /// For `wanted` tiles, of which there must be one, in an image of `size`.
     pub(crate) fn around(wanted: &[Tile], size: ImageSize) -> Self {
         let grown: Vec<Tile> = wanted.iter().map(|&tile| grown(tile, size)).collect();
@@ -174,7 +174,7 @@ mod tests {
         for (edge, first, count) in [(32, 0, 1), (32, 9, 8), (13, 40, 50), (203, 0, 1), (8, 7, 1)] {
             let grid = TileGrid::new(size, edge);
             let wanted: Vec<Tile> = grid.tiles(TileRange { first, count }).collect();
-            let region = Region::around(&wanted, size);
+            let region = GuardedRegion::around(&wanted, size);
             assert_eq!(region.tiles[..wanted.len()], wanted);
             for (x, y) in (0..size.height).flat_map(|y| (0..size.width).map(move |x| (x, y))) {
                 let near = wanted
@@ -199,7 +199,12 @@ mod tests {
         let grid = TileGrid::new(ImageSize::new(16_384, 16_384), 128);
         let tiles: Vec<Tile> = grid.tiles(grid.all()).collect();
         let count = leading(&tiles, 1, u64::MAX);
-        assert!(Region::around(&tiles[..count], grid.size).bounds.pixels() < 1 << 23);
+        assert!(
+            GuardedRegion::around(&tiles[..count], grid.size)
+                .bounds
+                .pixels()
+                < 1 << 23
+        );
         assert_eq!(leading(&tiles, u32::MAX, u64::MAX), 1);
         assert_eq!(leading(&[tiles[0], tiles[tiles.len() - 1]], 1, u64::MAX), 1);
         let grid = TileGrid::new(ImageSize::new(1280, 720), 32);
@@ -213,7 +218,7 @@ mod tests {
         let size = ImageSize::new(203, 151);
         let grid = TileGrid::new(size, 32);
         let wanted: Vec<Tile> = grid.tiles(grid.all()).collect();
-        let mut region = Region::around(&wanted, size);
+        let mut region = GuardedRegion::around(&wanted, size);
         assert_eq!(region.tiles, wanted);
         assert!(region.rows_with_holes().is_empty());
         // A tile that lies there twice does not make up for one that is missing.

@@ -1,5 +1,5 @@
-//! Outlines of pictures of few samples: where something else is seen beside a pixel, more camera rays
-//! look at it than it has paths, and it becomes a mixture of its own light and a neighbour's.
+//! Edge supersampling for pictures of few samples: where something else is seen beside a pixel, more camera
+//! rays look at it than it has paths, and it becomes a mixture of its own light and a neighbour's.
 
 use std::ops::Range;
 
@@ -7,24 +7,24 @@ use fearless_simd::{Level, dispatch, prelude::*};
 use rayon::prelude::*;
 
 use super::filter::{Around, Filter, NO_NORMAL, distance_squared, guide};
-use super::noisy::{ALBEDO, EMISSION, LIGHT, NORMAL, NoisyTracer};
-use super::planes::{Float, LANES, Mask};
-use super::weights::{BRIGHTNESS_SHARE, MIXED_MIN, NEIGHBOURS, OUTLINE_MIN};
+use super::input::{ALBEDO, DenoiseSource, EMISSION, LIGHT, NORMAL};
+use super::soa_image::{Float, LANES, Mask};
+use super::weights::{BRIGHTNESS_SHARE, EDGE_MIN, MIXED_MIN, NEIGHBOURS};
 use crate::aov::smooth;
 use crate::{Aovs, CompiledScene, Tile, TraceJob};
 
 /// Pixels that more rays look at than they have paths, and what those meet.
 #[derive(Default)]
-pub(super) struct Outlines {
+pub(super) struct SupersampledEdges {
     pixels: Vec<(u32, u32)>,
     hits: Vec<Aovs>,
     /// Where each tile's end.
     ends: Vec<usize>,
 }
 
-impl Outlines {
+impl SupersampledEdges {
     pub(super) fn find(
-        tracer: &(impl NoisyTracer + ?Sized),
+        tracer: &(impl DenoiseSource + ?Sized),
         level: Level,
         scene: &CompiledScene,
         job: &TraceJob<'_>,
@@ -34,7 +34,7 @@ impl Outlines {
             return Self::default();
         };
         let tiles = job.tiles.par_iter();
-        let by_tile: Vec<Vec<_>> = tiles.map(|tile| filter.outlined(level, *tile)).collect();
+        let by_tile: Vec<Vec<_>> = tiles.map(|tile| filter.edge_pixels(level, *tile)).collect();
         let ends = by_tile.iter().scan(0, |end, pixels| {
             *end += pixels.len();
             Some(*end)
@@ -57,35 +57,35 @@ impl Outlines {
 
 impl Filter {
     /// The pixels of a tile beside which something else is seen, as places on the picture.
-    pub(super) fn outlined(&self, level: Level, tile: Tile) -> Vec<(u32, u32)> {
-        let mut outlined = Vec::new();
+    pub(super) fn edge_pixels(&self, level: Level, tile: Tile) -> Vec<(u32, u32)> {
+        let mut edge_pixels = Vec::new();
         let (columns, rows) = self.places(tile);
         for y in rows {
-            dispatch!(level, simd => self.outlined_in(simd, y, columns.clone(), &mut outlined));
+            dispatch!(level, simd => self.edges_in(simd, y, columns.clone(), &mut edge_pixels));
         }
-        outlined
+        edge_pixels
     }
 
     #[inline(always)]
-    fn outlined_in<S: Simd>(
+    fn edges_in<S: Simd>(
         &self,
         simd: S,
         y: usize,
         columns: Range<usize>,
-        outlined: &mut Vec<(u32, u32)>,
+        edge_pixels: &mut Vec<(u32, u32)>,
     ) {
         let around = Around::new(self, y, 1);
         for x in columns.clone().step_by(LANES) {
-            let here = Sight::new(simd, &around, x, 0, 0);
-            let differs = here.differs(&Sight::new(simd, &around, x, -1, 0))
-                | here.differs(&Sight::new(simd, &around, x, 1, 0))
-                | here.differs(&Sight::new(simd, &around, x, 0, -1))
-                | here.differs(&Sight::new(simd, &around, x, 0, 1));
+            let here = Appearance::new(simd, &around, x, 0, 0);
+            let differs = here.differs(&Appearance::new(simd, &around, x, -1, 0))
+                | here.differs(&Appearance::new(simd, &around, x, 1, 0))
+                | here.differs(&Appearance::new(simd, &around, x, 0, -1))
+                | here.differs(&Appearance::new(simd, &around, x, 0, 1));
             let bits = differs.to_bitmask();
             let lanes = (x..columns.end.min(x + LANES)).enumerate();
             let lanes = lanes.filter(|(lane, _)| bits >> lane & 1 == 1);
             let (left, y) = (self.bounds.x, self.bounds.y + y as u32);
-            outlined.extend(lanes.map(|(_, x)| (left + x as u32, y)));
+            edge_pixels.extend(lanes.map(|(_, x)| (left + x as u32, y)));
         }
     }
 
@@ -137,14 +137,14 @@ impl Filter {
     }
 }
 
-/// What outlines are seen by.
-struct Sight<S: Simd> {
+/// What edges are seen by.
+struct Appearance<S: Simd> {
     albedo: [Float<S>; 3],
     normal: [Float<S>; 3],
     brightness: Float<S>,
 }
 
-impl<S: Simd> Sight<S> {
+impl<S: Simd> Appearance<S> {
     #[inline(always)]
     fn new(simd: S, around: &Around<'_>, x: usize, dx: isize, dy: isize) -> Self {
         let (guides, _) = around.at(dy);
@@ -161,7 +161,7 @@ impl<S: Simd> Sight<S> {
             + distance_squared(self.albedo, there.albedo);
         let brighter = (self.brightness - there.brightness).abs();
         let brightest = self.brightness.max(there.brightness);
-        let differs = apart.simd_gt(OUTLINE_MIN) | brighter.simd_gt(brightest * BRIGHTNESS_SHARE);
+        let differs = apart.simd_gt(EDGE_MIN) | brighter.simd_gt(brightest * BRIGHTNESS_SHARE);
         differs & there.normal[0].simd_lt(NO_NORMAL)
     }
 }

@@ -5,9 +5,9 @@ use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
+use super::edge_supersampling::SupersampledEdges;
 use super::filter::{Filter, FilterMemory};
-use super::outline::Outlines;
-use super::region::{Region, leading};
+use super::guard_band::{GuardedRegion, leading};
 use super::weights::{ALBEDO_MIN, half_ratio};
 use crate::aov::AOV_CHANNELS;
 use crate::cpu::Level;
@@ -16,17 +16,17 @@ use crate::{
 };
 
 /// A tile before it is denoised.
-pub(crate) struct NoisyTile {
+pub(crate) struct DenoiseInputTile {
     /// Index into the job's tiles.
     pub(crate) index: usize,
     pub(crate) tile: Tile,
-    pub(crate) pixels: NoisyPixels,
+    pub(crate) pixels: DenoiseInput,
     pub(crate) dropped_samples: u32,
 }
 
 /// What the filter needs of pixels, row-major, in columns.
 #[derive(Default)]
-pub(crate) struct NoisyPixels {
+pub(crate) struct DenoiseInput {
     pub(super) columns: [Vec<f32>; COLUMNS],
 }
 
@@ -43,7 +43,7 @@ pub(super) const EMISSION: usize = 11;
 const COLUMNS: usize = 14;
 
 /// Sums over the samples of pixels, in columns.
-pub(crate) struct Sums<'a> {
+pub(crate) struct SampleSums<'a> {
     /// Samples that were summed up: all, and those of `half`; 1 where means are given.
     pub(crate) counts: [u32; 2],
     /// Radiance without emission.
@@ -54,10 +54,10 @@ pub(crate) struct Sums<'a> {
     pub(crate) hits: [&'a [f32]; AOV_CHANNELS],
 }
 
-impl NoisyPixels {
+impl DenoiseInput {
     /// Appends pixels of `samples` samples each. All columns must be as long as the first.
     #[inline(always)]
-    pub(crate) fn extend(&mut self, samples: u32, sums: &Sums<'_>) {
+    pub(crate) fn extend(&mut self, samples: u32, sums: &SampleSums<'_>) {
         let pixels = sums.radiance[0].len();
         let [share, half_share] = sums.counts.map(|count| 1.0 / count as f32);
         let begin = self.columns[LIGHT].len();
@@ -119,13 +119,13 @@ impl NoisyPixels {
 }
 
 /// A tracer that gives what the filter needs.
-pub(crate) trait NoisyTracer {
+pub(crate) trait DenoiseSource {
     /// [`crate::Tracer::trace`] for noisy tiles.
-    fn trace_noisy(
+    fn trace_denoise_input(
         &self,
         scene: &CompiledScene,
         job: &TraceJob<'_>,
-        sink: &(dyn Fn(NoisyTile) + Sync),
+        sink: &(dyn Fn(DenoiseInputTile) + Sync),
     ) -> Result<TraceStats, Error>;
 
     /// What the camera rays of single pixels, columns and rows of the job's picture, meet first: means
@@ -141,7 +141,7 @@ pub(crate) trait NoisyTracer {
 
 /// Traces the job's tiles and their guard band, and hands over the denoised tiles.
 pub(crate) fn trace_denoised(
-    tracer: &(impl NoisyTracer + ?Sized),
+    tracer: &(impl DenoiseSource + ?Sized),
     level: Level,
     memory: &FilterMemory,
     scene: &CompiledScene,
@@ -179,34 +179,34 @@ pub(crate) fn in_parts(
 }
 
 fn trace_together(
-    tracer: &(impl NoisyTracer + ?Sized),
+    tracer: &(impl DenoiseSource + ?Sized),
     level: Level,
     memory: &FilterMemory,
     scene: &CompiledScene,
     job: &TraceJob<'_>,
     sink: &(dyn Fn(TileRadiance) + Sync),
 ) -> Result<TraceStats, Error> {
-    let region = Region::around(job.tiles, job.size);
+    let region = GuardedRegion::around(job.tiles, job.size);
     let wider = TraceJob {
         tiles: &region.tiles,
         ..*job
     };
     let mut filter = Filter::new(&region, job.settings.samples, memory);
-    let intake = filter.intake();
+    let writer = filter.writer();
     let traced = Mutex::new(Vec::with_capacity(region.tiles.len()));
-    let stats = tracer.trace_noisy(scene, &wider, &|tile| {
-        intake.put(&tile);
+    let stats = tracer.trace_denoise_input(scene, &wider, &|tile| {
+        writer.put(&tile);
         let is_wanted = tile.index < job.tiles.len();
         let emission = is_wanted.then(|| tile.pixels.into_emission()).flatten();
         lock(&traced).push((tile.index, tile.dropped_samples, emission));
     })?;
-    drop(intake);
+    drop(writer);
     let traced = std::mem::take(&mut *lock(&traced));
     if traced.len() < region.tiles.len() || job.cancelled.load(Ordering::Relaxed) {
         return Ok(stats);
     }
     filter.run(level);
-    let outlines = Outlines::find(tracer, level, scene, job, &filter);
+    let edges = SupersampledEdges::find(tracer, level, scene, job, &filter);
     let wanted = traced
         .par_iter()
         .filter(|(index, ..)| *index < job.tiles.len());
@@ -218,7 +218,7 @@ fn trace_together(
                 pixel[c] += emission;
             }
         }
-        for (place, hit) in outlines.of_tile(*index) {
+        for (place, hit) in edges.of_tile(*index) {
             let (x, y) = (place.0 - tile.x, place.1 - tile.y);
             let mixed = filter.mixed(*place, hit);
             radiance[(y * tile.width + x) as usize] =

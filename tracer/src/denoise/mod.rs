@@ -1,23 +1,25 @@
-//! What happens to radiance after it has been traced.
+//! Denoiser: a filter over traced radiance, guided by albedo, normal and depth.
 //!
 //! ```text
-//! tiles ─▶ Region: the tiles and a guard band ─▶ paths, first hits ─▶ filter ─▶ the tiles
+//! tiles ─▶ GuardedRegion: the tiles and a guard band ─▶ paths, first hits ─▶ filter ─▶ the tiles
 //! ```
 //!
 //! A pixel's result depends on what lies within [`SUPPORT`] pixels of it and on nothing else, and
 //! all of that is traced with it, so that denoised pictures too do not depend on the partition.
 
+mod edge_supersampling;
 mod filter;
-mod noisy;
-mod outline;
-mod planes;
-mod region;
+mod guard_band;
+mod input;
+mod soa_image;
 mod variance;
 pub(crate) mod weights;
 
 pub(crate) use filter::FilterMemory;
-pub(crate) use noisy::{NoisyPixels, NoisyTile, NoisyTracer, Sums, in_parts, trace_denoised};
-pub(crate) use region::Region;
+pub(crate) use guard_band::GuardedRegion;
+pub(crate) use input::{
+    DenoiseInput, DenoiseInputTile, DenoiseSource, SampleSums, in_parts, trace_denoised,
+};
 
 /// Pixels from which a denoised pixel takes light, in each direction. Wider finds more to average
 /// and costs every run of tiles a wider guard band.

@@ -197,7 +197,7 @@ fn resolve(
 fn result(p: vec2i, pixel: u32) -> vec3f {
     let light = radiance_at(index_of(p));
     let first = AOV_FLOATS * pixel + 7u;
-    if (job.is_mixed == 0u || !is_outlined(p)) {
+    if (job.is_mixed == 0u || !is_edge(p)) {
         return light + vec3f(hits[first], hits[first + 1u], hits[first + 2u]);
     }
     let emission = vec3f(smooth_hits[first], smooth_hits[first + 1u], smooth_hits[first + 2u]);
@@ -205,7 +205,7 @@ fn result(p: vec2i, pixel: u32) -> vec3f {
 }
 
 // Whether something else is seen beside a pixel.
-fn is_outlined(p: vec2i) -> bool {
+fn is_edge(p: vec2i) -> bool {
     return differs(p, vec2i(-1, 0)) || differs(p, vec2i(1, 0)) || differs(p, vec2i(0, -1))
         || differs(p, vec2i(0, 1));
 }
@@ -218,7 +218,7 @@ fn differs(p: vec2i, step: vec2i) -> bool {
     let there = index_of(p + step);
     let apart = difference(appearance(here), appearance(there));
     let bright = vec2f(guides[2u * here + 1u].w, guides[2u * there + 1u].w) - 1.0;
-    return product(apart, apart) > OUTLINE_MIN
+    return product(apart, apart) > EDGE_MIN
         || abs(bright.x - bright.y) > BRIGHTNESS_SHARE * max(bright.x, bright.y);
 }
 
@@ -226,7 +226,7 @@ fn radiance_at(i: u32) -> vec3f {
     return light_from[i].xyz * (guides[2u * i].xyz + ALBEDO_MIN);
 }
 
-// What outlines are seen by: albedo and half the normal.
+// What edges are seen by: albedo and half the normal.
 struct Appearance {
     albedo: vec3f,
     half_normal: vec3f,

@@ -12,16 +12,16 @@ use std::sync::atomic::Ordering;
 
 use bytemuck::bytes_of;
 
-use super::features::Output;
-use super::filter::{FilterBuffers, FilterKernels, Filtering};
-use super::frame::{FrameBuffers, PASSES_MAX, Pass, ReadbackLayout, SUM_BYTES, groups};
-use super::layout::{self, DispatchData};
-use super::pipeline::Kernel;
-use super::schedule::{self, Chunk, ChunkLimits};
-use super::{GpuTracer, deliver};
+use super::kernels::{FilterBuffers, FilterJob, FilterKernels};
 use crate::aov::smooth;
-use crate::post::weights::STEPS;
-use crate::post::{Region, in_parts};
+use crate::denoise::weights::STEPS;
+use crate::denoise::{GuardedRegion, in_parts};
+use crate::gpu::features::Output;
+use crate::gpu::frame::{FrameBuffers, PASSES_MAX, Pass, ReadbackLayout, SUM_BYTES, groups};
+use crate::gpu::layout::{self, DispatchData};
+use crate::gpu::pipeline::Kernel;
+use crate::gpu::schedule::{self, Chunk, ChunkLimits};
+use crate::gpu::{GpuTracer, deliver};
 use crate::{CompiledScene, Error, RenderSettings, TileRadiance, TraceJob, TraceStats};
 
 /// Samples of every pixel that are traced into a buffer of their own.
@@ -56,12 +56,12 @@ enum Kind {
 }
 
 /// A region on its way.
-struct Shot<'a> {
+struct RegionFrame<'a> {
     tracer: &'a GpuTracer,
     job: &'a TraceJob<'a>,
     buffers: &'a FrameBuffers,
     filter: &'a FilterBuffers,
-    filtering: Filtering<'a>,
+    filter_job: FilterJob<'a>,
     layout: ReadbackLayout,
     limits: ChunkLimits,
     work_per_sample: f64,
@@ -71,7 +71,7 @@ struct Shot<'a> {
 
 impl GpuTracer {
     /// Traces the job's tiles and their guard band, and hands over the denoised tiles.
-    pub(super) fn trace_denoised(
+    pub(in crate::gpu) fn trace_denoised(
         &self,
         scene: &CompiledScene,
         job: &TraceJob<'_>,
@@ -94,7 +94,7 @@ impl GpuTracer {
         job: &TraceJob<'_>,
         sink: &(dyn Fn(TileRadiance) + Sync),
     ) -> Result<TraceStats, Error> {
-        let region = Region::around(job.tiles, job.size);
+        let region = GuardedRegion::around(job.tiles, job.size);
         let (traced, wanted) = (Chunk::of(&region.tiles), Chunk::of(job.tiles));
         if traced.pixels.max(region.bounds.pixels() as u64) > self.filtered_pixels_max() {
             return Err(self.device.error(format!(
@@ -104,7 +104,7 @@ impl GpuTracer {
                 self.filtered_pixels_max()
             )));
         }
-        let filtering = Filtering {
+        let filter_job = FilterJob {
             bounds: region.bounds,
             samples: job.settings.samples,
             traced: &traced,
@@ -122,15 +122,15 @@ impl GpuTracer {
             None => self.device.guarded(FilterBuffers::new)?,
         };
         self.device
-            .guarded(|wgpu| filter.reserve(wgpu, filtering))?;
+            .guarded(|wgpu| filter.reserve(wgpu, filter_job))?;
         let features = self.features(scene, Output::Reflected);
         let work_per_sample = schedule::work_per_sample(&job.settings, features.primitives());
-        let mut shot = Shot {
+        let mut shot = RegionFrame {
             tracer: self,
             job,
             buffers: &buffers,
             filter: &filter,
-            filtering,
+            filter_job,
             layout,
             limits: ChunkLimits {
                 pixels: u64::MAX,
@@ -142,7 +142,7 @@ impl GpuTracer {
             is_begun: false,
         };
         let is_done = shot.trace(&self.parts(scene, job)?, self.filter_kernels()?)?;
-        let Shot {
+        let RegionFrame {
             mut stats, layout, ..
         } = shot;
         if is_done {
@@ -195,15 +195,15 @@ impl GpuTracer {
     }
 }
 
-impl Shot<'_> {
+impl RegionFrame<'_> {
     /// Traces all parts and filters them, unless cancelled: then it returns false.
     fn trace<'k>(&mut self, parts: &'k [Part], kernels: &'k FilterKernels) -> Result<bool, Error> {
         let mut submission = Submission::default();
         for part in parts {
-            let step = self.filtering.traced.samples_per_dispatch(self.limits);
+            let step = self.filter_job.traced.samples_per_dispatch(self.limits);
             for begin in (0..part.settings.samples).step_by(step as usize) {
                 let end = begin.saturating_add(step).min(part.settings.samples);
-                let samples = u64::from(end - begin) * self.filtering.traced.pixels;
+                let samples = u64::from(end - begin) * self.filter_job.traced.pixels;
                 let is_full = submission.passes.len() + FILTER_PASSES == PASSES_MAX
                     || submission.samples + samples > self.limits.samples;
                 if is_full && !submission.passes.is_empty() {
@@ -221,7 +221,7 @@ impl Shot<'_> {
         let slot = submission.passes.len();
         let device = &self.tracer.device;
         let passes = device.guarded(|wgpu| {
-            kernels.passes(wgpu, self.buffers, self.filter, self.filtering, slot)
+            kernels.passes(wgpu, self.buffers, self.filter, self.filter_job, slot)
         })?;
         submission.kinds.extend(passes.iter().map(|_| Kind::Filter));
         submission.passes.extend(passes);
@@ -236,7 +236,7 @@ impl Shot<'_> {
         sample_begin: u32,
         sample_end: u32,
     ) -> Result<(), Error> {
-        let traced = self.filtering.traced;
+        let traced = self.filter_job.traced;
         let samples = u64::from(sample_end - sample_begin) * traced.pixels;
         let (film, kind) = match part.target {
             Target::Half(half) => (&self.filter.halves[half], Kind::Paths(samples)),
