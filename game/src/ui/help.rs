@@ -1,4 +1,4 @@
-//! What the keys do, made from the action map: the help, the first steps, and the table in README.md.
+//! Help on keys and mouse, made from the action map: the panel, the first steps, and `CONTROLS.md`.
 
 use egui::{Align2, Area, Color32, Context, Grid, Id, Order, Rect, RichText, ScrollArea};
 
@@ -85,21 +85,6 @@ fn first_steps(bindings: &Bindings) -> Vec<(String, &'static str)> {
     steps
 }
 
-/// The table of controls for README.md.
-pub fn markdown(bindings: &Bindings) -> String {
-    let mut text = String::from("| key, mouse | does |\n|---|---|\n");
-    text.push_str(&format!("| Mouse | {AIM_BY_MOUSE} |\n"));
-    for control in Group::ALL.into_iter().flat_map(Group::controls) {
-        let keys = bindings.words(control.action);
-        let place = match control.group {
-            Group::Replay => "in a replay: ",
-            _ => "",
-        };
-        text.push_str(&format!("| {keys} | {place}{} |\n", control.does));
-    }
-    text
-}
-
 const BESIDE_POINTS: f32 = 124.0;
 const AIM_BY_MOUSE: &str = "aim: right and left turn the cue";
 
@@ -107,25 +92,36 @@ const AIM_BY_MOUSE: &str = "aim: right and left turn the cue";
 mod tests {
     use super::*;
 
-    /// Set `CAROM_REWRITE=1` to write the table into README.md.
+    /// Set `CAROM_REWRITE=1` to write the file.
     #[test]
-    fn the_table_in_the_readme_is_the_action_map() {
-        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../README.md");
-        let readme = std::fs::read_to_string(path).unwrap();
-        let table = markdown(&Bindings::default());
-        if readme.contains(&table) {
-            return;
-        }
-        let begin = readme
-            .find("| key, mouse | does |")
-            .expect("README.md has the table");
-        let end = begin + readme[begin..].find("\n\n").expect("it ends") + 1;
+    fn controls_file_matches_the_action_map() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/CONTROLS.md");
+        let expected = markdown(&Bindings::default());
         if std::env::var_os("CAROM_REWRITE").is_some() {
-            let whole = format!("{}{table}{}", &readme[..begin], &readme[end..]);
-            return std::fs::write(path, whole).unwrap();
+            std::fs::write(path, expected).unwrap();
+        } else {
+            let written = std::fs::read_to_string(path).unwrap();
+            assert_eq!(written, expected, "`CAROM_REWRITE=1 cargo test` writes it");
         }
-        panic!(
-            "the table in README.md is not the action map: CAROM_REWRITE=1 cargo test writes\n{table}"
+    }
+
+    fn markdown(bindings: &Bindings) -> String {
+        let mut text = String::from(
+            "# Controls\n\nThe keys of a new installation. Every one can be changed in the settings (Esc).\n",
         );
+        for group in Group::ALL {
+            text.push_str(&format!(
+                "\n## {}\n\n| key or mouse | action |\n|---|---|\n",
+                group.title()
+            ));
+            if group == Group::Aim {
+                text.push_str(&format!("| Mouse | {AIM_BY_MOUSE} |\n"));
+            }
+            for control in group.controls() {
+                let keys = bindings.words(control.action);
+                text.push_str(&format!("| {keys} | {} |\n", control.does));
+            }
+        }
+        text
     }
 }
