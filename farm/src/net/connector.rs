@@ -127,8 +127,8 @@ mod tests {
     use super::*;
     use crate::net::authority::{Authority, Issued};
     use crate::net::endpoint::TransportOptions;
-    use carom_testkit::link_emulator::PathConfig;
-    use carom_testkit::udp_proxy::Proxy;
+    use carom_testkit::link_emulator::LinkConfig;
+    use carom_testkit::udp_proxy::UdpProxy;
 
     const DAY: Duration = Duration::from_secs(24 * 3600);
 
@@ -200,7 +200,7 @@ mod tests {
     }
 
     /// The path MTU, once it exceeds `least`, between a player and a node over loopback or a path.
-    fn packet_bytes(path: Option<PathConfig>, least: u16) -> u16 {
+    fn packet_bytes(path: Option<LinkConfig>, least: u16) -> u16 {
         let farm = Authority::generate().unwrap();
         let today = SystemTime::now() - DAY..SystemTime::now() + DAY;
         let issue = |role, name| farm.credentials(role, name, today.clone()).unwrap();
@@ -210,8 +210,8 @@ mod tests {
             let config = endpoint::server_config(&node, TransportOptions::default()).unwrap();
             let node = endpoint::open_server(any_port, config).unwrap();
             let address = node.local_addr().unwrap();
-            let proxy = path.map(|path| Proxy::start(any_port, address, path, 1).unwrap());
-            let address = proxy.as_ref().map_or(address, Proxy::local_addr);
+            let proxy = path.map(|path| UdpProxy::start(any_port, address, path, 1).unwrap());
+            let address = proxy.as_ref().map_or(address, UdpProxy::local_addr);
             let connector = Connector::new(&player).unwrap();
             let address = address.to_string().parse().unwrap();
             let answer = async { node.accept().await.unwrap().await.unwrap() };
@@ -229,7 +229,7 @@ mod tests {
     fn packets_grow_to_the_path_mtu() {
         // A search ends within 20 bytes.
         assert!((6500..=6544).contains(&packet_bytes(None, 6500)));
-        let ethernet = PathConfig::default();
+        let ethernet = LinkConfig::default();
         let bytes = packet_bytes(Some(ethernet), 1452);
         assert!((1453..=1472).contains(&bytes), "{bytes}");
     }

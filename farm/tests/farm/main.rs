@@ -15,7 +15,7 @@ use carom_tracer::{
     TileRadiance, TraceJob, TraceStats, Tracer,
 };
 
-use carom_testkit::pattern_tracer::{self, Fault, Gate, Pattern, scene};
+use carom_testkit::pattern_tracer::{self, DeviceFault, Gate, PatternTracer, scene};
 
 /// Far longer than anything here takes; a test that needs it has failed.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -28,7 +28,7 @@ fn config() -> FarmConfig {
     }
 }
 
-fn farm(tracers: Vec<Pattern>) -> Farm {
+fn farm(tracers: Vec<PatternTracer>) -> Farm {
     let tracers = tracers
         .into_iter()
         .map(|tracer| Arc::new(tracer) as Arc<dyn Tracer>);
@@ -74,9 +74,13 @@ fn assert_right(frame: &Frame, seed: u32) {
 
 #[test]
 fn the_picture_does_not_depend_on_the_partition() {
-    let mut one = farm(vec![Pattern::new()]);
+    let mut one = farm(vec![PatternTracer::new()]);
     let paces = [0, 20, 100, 400];
-    let mut four = farm(paces.map(|micros| Pattern::new().with_pace(micros)).into());
+    let mut four = farm(
+        paces
+            .map(|micros| PatternTracer::new().with_pace(micros))
+            .into(),
+    );
     for seed in 0..12 {
         let (alone, together) = (trace(&mut one, seed), trace(&mut four, seed));
         assert_right(&alone, seed);
@@ -89,7 +93,7 @@ fn the_picture_does_not_depend_on_the_partition() {
 /// One node at one frame: what it works on is tracing, in however many requests it was asked.
 #[test]
 fn the_stages_of_a_frame_add_up_to_its_response() {
-    let mut farm = farm(vec![Pattern::new().with_pace(200)]);
+    let mut farm = farm(vec![PatternTracer::new().with_pace(200)]);
     for seed in 0..5 {
         let stats = trace(&mut farm, seed).stats;
         let split = stats.last_split().expect("a node delivered");
@@ -108,11 +112,11 @@ fn the_stages_of_a_frame_add_up_to_its_response() {
 
 #[test]
 fn eight_bit_and_half_float_pictures_do_not_depend_on_the_partition() {
-    let mut one = farm(vec![Pattern::new()]);
+    let mut one = farm(vec![PatternTracer::new()]);
     let mut three = farm(vec![
-        Pattern::new(),
-        Pattern::new().with_pace(50),
-        Pattern::new(),
+        PatternTracer::new(),
+        PatternTracer::new().with_pace(50),
+        PatternTracer::new(),
     ]);
     for format in [PixelFormat::Srgb8 { exposure: 0.7 }, PixelFormat::LinearF16] {
         let spec = FrameSpec { format, ..spec(3) };
@@ -128,9 +132,9 @@ fn eight_bit_and_half_float_pictures_do_not_depend_on_the_partition() {
 
 #[test]
 fn a_node_that_fails_mid_frame_costs_no_tile() {
-    for fault in [Fault::Error, Fault::Panic] {
-        let faulty = Pattern::new().with_fault(fault, 20);
-        let mut farm = farm(vec![faulty, Pattern::new().with_pace(30)]);
+    for fault in [DeviceFault::Error, DeviceFault::Panic] {
+        let faulty = PatternTracer::new().with_fault(fault, 20);
+        let mut farm = farm(vec![faulty, PatternTracer::new().with_pace(30)]);
         for seed in 0..4 {
             assert_right(&trace(&mut farm, seed), seed);
         }
@@ -140,8 +144,8 @@ fn a_node_that_fails_mid_frame_costs_no_tile() {
 #[test]
 fn a_node_that_hangs_mid_frame_costs_no_tile() {
     let gate = Gate::closed();
-    let hanging = Pattern::new().with_fault(Fault::Hang(gate.clone()), 20);
-    let mut farm = farm(vec![hanging, Pattern::new().with_pace(30)]);
+    let hanging = PatternTracer::new().with_fault(DeviceFault::Hang(gate.clone()), 20);
+    let mut farm = farm(vec![hanging, PatternTracer::new().with_pace(30)]);
     let frame = trace(&mut farm, 0);
     assert_right(&frame, 0);
     assert!(frame.stats.reissued_tiles > 0);
@@ -152,8 +156,8 @@ fn a_node_that_hangs_mid_frame_costs_no_tile() {
 #[test]
 fn a_picture_that_must_be_shown_comes_as_it_is_and_again_when_it_is_whole() {
     let gate = Gate::closed();
-    let hanging = Pattern::new().with_fault(Fault::Hang(gate.clone()), 20);
-    let mut farm = farm(vec![hanging, Pattern::new()]);
+    let hanging = PatternTracer::new().with_fault(DeviceFault::Hang(gate.clone()), 20);
+    let mut farm = farm(vec![hanging, PatternTracer::new()]);
     farm.set_balancer(Algorithm::Equal.unhedged());
     let deadline = Some(Duration::from_millis(40));
     let id = farm.submit_by(spec(3), deadline).unwrap();
@@ -185,7 +189,7 @@ fn a_frame_without_nodes_waits_for_one() {
     let id = farm.submit(spec(5)).unwrap();
     assert!(farm.poll_frame().is_none());
     assert!(farm.nodes().is_empty());
-    farm.add_tracer(Arc::new(Pattern::new()));
+    farm.add_tracer(Arc::new(PatternTracer::new()));
     let frame = farm.wait_frame(PATIENCE).expect("a frame");
     assert_eq!(frame.id, id);
     assert_right(&frame, 5);
@@ -194,9 +198,9 @@ fn a_frame_without_nodes_waits_for_one() {
 
 #[test]
 fn a_node_that_joins_gets_work() {
-    let mut farm = farm(vec![Pattern::new().with_pace(300)]);
+    let mut farm = farm(vec![PatternTracer::new().with_pace(300)]);
     assert_right(&trace(&mut farm, 0), 0);
-    farm.add_tracer(Arc::new(Pattern::new()));
+    farm.add_tracer(Arc::new(PatternTracer::new()));
     let joined = |seed| trace(&mut farm, seed).stats.tiles_by_node.get(1).copied();
     let most = (1..40).map(joined).max().flatten();
     assert!(
@@ -208,9 +212,9 @@ fn a_node_that_joins_gets_work() {
 #[test]
 fn algorithms_switch_while_frames_are_in_flight() {
     let mut farm = farm(vec![
-        Pattern::new(),
-        Pattern::new().with_pace(50),
-        Pattern::new(),
+        PatternTracer::new(),
+        PatternTracer::new().with_pace(50),
+        PatternTracer::new(),
     ]);
     let balancers: Vec<Balancing> = Balancing::all().collect();
     let mut seeds = std::collections::VecDeque::new();
@@ -229,7 +233,10 @@ fn algorithms_switch_while_frames_are_in_flight() {
 
 #[test]
 fn frames_come_in_the_order_of_submission() {
-    let mut farm = farm(vec![Pattern::new(), Pattern::new().with_pace(100)]);
+    let mut farm = farm(vec![
+        PatternTracer::new(),
+        PatternTracer::new().with_pace(100),
+    ]);
     let ids: Vec<_> = (0..3)
         .map(|seed| farm.submit(spec(seed)).unwrap())
         .collect();
@@ -242,7 +249,7 @@ fn frames_come_in_the_order_of_submission() {
 
 #[test]
 fn frames_in_flight_are_limited_until_they_are_taken() {
-    let mut farm = farm(vec![Pattern::new()]);
+    let mut farm = farm(vec![PatternTracer::new()]);
     let most = config().frames_in_flight;
     for seed in 0..most as u32 {
         farm.submit(spec(seed)).unwrap();
@@ -258,7 +265,7 @@ fn frames_in_flight_are_limited_until_they_are_taken() {
 
 #[test]
 fn cancelled_frames_never_come() {
-    let mut farm = farm(vec![Pattern::new().with_pace(200)]);
+    let mut farm = farm(vec![PatternTracer::new().with_pace(200)]);
     for seed in 0..2 {
         farm.submit(spec(seed)).unwrap();
     }
@@ -275,7 +282,7 @@ fn cancelled_frames_never_come() {
 fn a_cancelled_frame_frees_a_node_that_is_stuck_with_it() {
     let gate = Gate::closed();
     let mut farm = farm(vec![
-        Pattern::new().with_fault(Fault::Hang(gate.clone()), 10),
+        PatternTracer::new().with_fault(DeviceFault::Hang(gate.clone()), 10),
     ]);
     farm.submit(spec(0)).unwrap();
     gate.wait_until_reached();
@@ -288,8 +295,8 @@ fn a_cancelled_frame_frees_a_node_that_is_stuck_with_it() {
 #[test]
 fn dropping_a_busy_farm_does_not_hang() {
     let gate = Gate::closed();
-    let slow = Pattern::new().with_pace(1000);
-    let hanging = Pattern::new().with_fault(Fault::Hang(gate.clone()), 0);
+    let slow = PatternTracer::new().with_pace(1000);
+    let hanging = PatternTracer::new().with_fault(DeviceFault::Hang(gate.clone()), 0);
     let mut farm = farm(vec![slow, hanging]);
     for seed in 0..3 {
         farm.submit(spec(seed)).unwrap();
@@ -302,7 +309,7 @@ fn dropping_a_busy_farm_does_not_hang() {
 #[test]
 fn a_farm_that_is_gone_has_let_go_of_its_devices() {
     /// A device whose driver takes a while to shut down.
-    struct Slow(Pattern, Arc<AtomicBool>);
+    struct Slow(PatternTracer, Arc<AtomicBool>);
     impl Tracer for Slow {
         fn info(&self) -> DeviceInfo {
             self.0.info()
@@ -323,7 +330,7 @@ fn a_farm_that_is_gone_has_let_go_of_its_devices() {
         }
     }
     let gone = Arc::new(AtomicBool::new(false));
-    let tracer = Arc::new(Slow(Pattern::new(), Arc::clone(&gone)));
+    let tracer = Arc::new(Slow(PatternTracer::new(), Arc::clone(&gone)));
     let mut farm = Farm::with_tracers(config(), vec![tracer]).unwrap();
     farm.set_scene(&scene()).unwrap();
     assert_right(&trace(&mut farm, 1), 1);
@@ -333,7 +340,10 @@ fn a_farm_that_is_gone_has_let_go_of_its_devices() {
 
 #[test]
 fn a_scene_that_changes_is_drawn_from_the_next_frame_on() {
-    let mut farm = farm(vec![Pattern::new(), Pattern::new().with_pace(20)]);
+    let mut farm = farm(vec![
+        PatternTracer::new(),
+        PatternTracer::new().with_pace(20),
+    ]);
     for change in 1..8 {
         let before = farm.submit(spec(0)).unwrap();
         let mut other = scene();
@@ -355,7 +365,7 @@ fn a_scene_that_changes_is_drawn_from_the_next_frame_on() {
 
 #[test]
 fn mistakes_of_the_caller_are_errors_and_change_nothing() {
-    let mut farm = Farm::with_tracers(config(), vec![Arc::new(Pattern::new())]).unwrap();
+    let mut farm = Farm::with_tracers(config(), vec![Arc::new(PatternTracer::new())]).unwrap();
     assert!(matches!(farm.submit(spec(0)), Err(Error::NoScene)));
     let broken = Scene {
         objects: vec![carom_tracer::Object {

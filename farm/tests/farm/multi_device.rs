@@ -12,7 +12,7 @@ use carom_tracer::{
 };
 
 use crate::{assert_right, config, trace};
-use carom_testkit::pattern_tracer::{Fault, Pattern, scene};
+use carom_testkit::pattern_tracer::{DeviceFault, PatternTracer, scene};
 
 const GRID: TileGrid = TileGrid::new(ImageSize::new(96, 64), 8);
 
@@ -41,18 +41,20 @@ fn tiles(tracer: &dyn Tracer, scene: &Scene, samples: u32) -> Result<Vec<Vec<[f3
         .collect())
 }
 
-fn hybrid(devices: Vec<Pattern>) -> MultiDeviceTracer {
+fn hybrid(devices: Vec<PatternTracer>) -> MultiDeviceTracer {
     let shared = |device| Arc::new(device) as Arc<dyn Tracer>;
     MultiDeviceTracer::new(devices.into_iter().map(shared).collect(), Vec::new())
 }
 
 #[test]
 fn what_a_failed_device_leaves_is_traced_by_another() {
-    let expected = tiles(&Pattern::new(), &scene(), 1).unwrap();
-    for fault in [Fault::Error, Fault::Panic] {
+    let expected = tiles(&PatternTracer::new(), &scene(), 1).unwrap();
+    for fault in [DeviceFault::Error, DeviceFault::Panic] {
         // Enough tiles that it fails while the work is divided.
-        let failing = Pattern::new().with_pace(20).with_fault(fault, 96 * 12 + 30);
-        let hybrid = hybrid(vec![failing, Pattern::new().with_pace(20)]);
+        let failing = PatternTracer::new()
+            .with_pace(20)
+            .with_fault(fault, 96 * 12 + 30);
+        let hybrid = hybrid(vec![failing, PatternTracer::new().with_pace(20)]);
         for _ in 0..40 {
             assert_eq!(tiles(&hybrid, &scene(), 1).unwrap(), expected);
         }
@@ -63,7 +65,7 @@ fn what_a_failed_device_leaves_is_traced_by_another() {
 
 #[test]
 fn a_machine_whose_devices_all_fail_says_why() {
-    let failing = || Pattern::new().with_fault(Fault::Error, 0);
+    let failing = || PatternTracer::new().with_fault(DeviceFault::Error, 0);
     let error = tiles(&hybrid(vec![failing(), failing()]), &scene(), 1).unwrap_err();
     let text = error.to_string();
     assert!(text.contains("every device"), "{text}");
@@ -72,20 +74,22 @@ fn a_machine_whose_devices_all_fail_says_why() {
 
 #[test]
 fn a_device_that_is_absent_is_named_with_its_reason() {
-    let cpu = Arc::new(Pattern::new());
+    let cpu = Arc::new(PatternTracer::new());
     let hybrid = MultiDeviceTracer::new(vec![cpu], vec!["a GPU: it traces wrongly".to_owned()]);
     assert_eq!(
         hybrid.info().name,
         "pattern; not used: a GPU: it traces wrongly"
     );
-    let long = MultiDeviceTracer::new(vec![Arc::new(Pattern::new())], vec!["é".repeat(400)]);
+    let long = MultiDeviceTracer::new(vec![Arc::new(PatternTracer::new())], vec!["é".repeat(400)]);
     assert!(long.info().name.len() <= 255);
 }
 
 #[test]
 fn a_farm_s_frames_are_whole_while_a_device_of_its_node_fails() {
-    let failing = Pattern::new().with_pace(20).with_fault(Fault::Error, 200);
-    let node = Arc::new(hybrid(vec![failing, Pattern::new().with_pace(20)]));
+    let failing = PatternTracer::new()
+        .with_pace(20)
+        .with_fault(DeviceFault::Error, 200);
+    let node = Arc::new(hybrid(vec![failing, PatternTracer::new().with_pace(20)]));
     let mut farm = Farm::with_tracers(config(), vec![node.clone()]).unwrap();
     farm.set_scene(&scene()).unwrap();
     for seed in 0..20 {

@@ -7,12 +7,12 @@ use carom_protocol::PixelFormat;
 use carom_tracer::RenderSettings;
 
 use crate::{PATIENCE, linear};
-use carom_testkit::pattern_tracer::{self, Fault, Gate, Pattern};
+use carom_testkit::pattern_tracer::{self, DeviceFault, Gate, PatternTracer};
 
 /// Samples of each pixel: no number of nodes here divides them.
 const SAMPLES: u32 = 13;
 
-fn farm(tracers: Vec<Pattern>) -> Farm {
+fn farm(tracers: Vec<PatternTracer>) -> Farm {
     let mut farm = crate::farm(tracers);
     farm.set_distribution(Distribution::Samples);
     farm
@@ -53,7 +53,11 @@ fn assert_right(frame: &Frame, seed: u32) {
 
 #[test]
 fn merged_samples_are_the_picture_of_one_node() {
-    let mut farm = farm(vec![Pattern::new(), Pattern::new(), Pattern::new()]);
+    let mut farm = farm(vec![
+        PatternTracer::new(),
+        PatternTracer::new(),
+        PatternTracer::new(),
+    ]);
     let mut in_flight = VecDeque::new();
     let mut passes_max = 0;
     let balancers = Balancing::all().chain(Balancing::all());
@@ -77,16 +81,16 @@ fn merged_samples_are_the_picture_of_one_node() {
 
 #[test]
 fn a_node_that_fails_costs_samples_that_others_take_over() {
-    for fault in [Fault::Error, Fault::Panic] {
-        let faulty = Pattern::new().with_fault(fault, 100);
-        let mut farm = farm(vec![faulty, Pattern::new().with_pace(30)]);
+    for fault in [DeviceFault::Error, DeviceFault::Panic] {
+        let faulty = PatternTracer::new().with_fault(fault, 100);
+        let mut farm = farm(vec![faulty, PatternTracer::new().with_pace(30)]);
         for seed in 0..4 {
             assert_right(&trace(&mut farm, seed), seed);
         }
     }
     let gate = Gate::closed();
-    let hanging = Pattern::new().with_fault(Fault::Hang(gate.clone()), 20);
-    let mut farm = farm(vec![hanging, Pattern::new().with_pace(30)]);
+    let hanging = PatternTracer::new().with_fault(DeviceFault::Hang(gate.clone()), 20);
+    let mut farm = farm(vec![hanging, PatternTracer::new().with_pace(30)]);
     let frame = trace(&mut farm, 0);
     assert_right(&frame, 0);
     assert_eq!(frame.stats.passes, 2);
@@ -96,7 +100,7 @@ fn a_node_that_fails_costs_samples_that_others_take_over() {
 
 #[test]
 fn what_cannot_be_merged_is_divided_by_tiles() {
-    let mut farm = farm(vec![Pattern::new(), Pattern::new()]);
+    let mut farm = farm(vec![PatternTracer::new(), PatternTracer::new()]);
     let mut passes_of = |spec: FrameSpec| {
         farm.submit(spec).unwrap();
         farm.wait_frame(PATIENCE).expect("a frame").stats.passes

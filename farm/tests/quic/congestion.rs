@@ -4,7 +4,7 @@ use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
 use carom_farm::net::DelayBasedController;
-use carom_testkit::link_emulator::{Path, PathConfig};
+use carom_testkit::link_emulator::{LinkConfig, LinkEmulator};
 
 const PACKET: u64 = 1252;
 const STEP: Duration = Duration::from_micros(100);
@@ -23,7 +23,7 @@ impl Outcome {
     }
 }
 
-fn drive(config: PathConfig, offered: f64, secs: u64) -> Outcome {
+fn drive(config: LinkConfig, offered: f64, secs: u64) -> Outcome {
     let window = DelayBasedController::new(Duration::ZERO, PACKET as u16);
     drive_from(window, config, offered, secs, |_| true)
 }
@@ -32,12 +32,12 @@ fn drive(config: PathConfig, offered: f64, secs: u64) -> Outcome {
 /// client's process `runs`.
 fn drive_from(
     mut window: DelayBasedController,
-    config: PathConfig,
+    config: LinkConfig,
     offered: f64,
     secs: u64,
     runs: impl Fn(Duration) -> bool,
 ) -> Outcome {
-    let mut there = Path::new(config, 5);
+    let mut there = LinkEmulator::new(config, 5);
     let mut backlog = 0.0;
     let mut allowance = 0.0;
     let mut flying: VecDeque<(Duration, Option<Duration>)> = VecDeque::new();
@@ -91,18 +91,18 @@ fn drive_from(
     outcome
 }
 
-fn path(round_trip_ms: u64) -> PathConfig {
-    PathConfig {
+fn path(round_trip_ms: u64) -> LinkConfig {
+    LinkConfig {
         delay: Duration::from_millis(round_trip_ms) / 2,
         jitter: Duration::from_millis(1),
-        ..PathConfig::default()
+        ..LinkConfig::default()
     }
 }
 
 #[test]
 fn random_loss_does_not_slow_it() {
     for loss in [0.0, 0.01, 0.02] {
-        let config = PathConfig { loss, ..path(46) };
+        let config = LinkConfig { loss, ..path(46) };
         let outcome = drive(config, 31.5e6, 6);
         let rate = outcome.delivered * 8.0 / 6.0;
         assert!(rate > 0.93 * (1.0 - loss) * 31.5e6, "{rate} at {loss}");
@@ -112,7 +112,7 @@ fn random_loss_does_not_slow_it() {
 /// Each twentieth packet overtakes others by a quarter of the round trip.
 #[test]
 fn packets_that_overtake_others_do_not_slow_it() {
-    let config = PathConfig {
+    let config = LinkConfig {
         reorder: 0.05,
         ..path(46)
     };
@@ -124,13 +124,16 @@ fn packets_that_overtake_others_do_not_slow_it() {
 /// The least window of a minute in which an application sends 37 Mbit/s, which the window lets pass,
 /// over a path that reorders packets and acknowledgements of two packets each.
 fn least_window(reorder: f64, seed: u64) -> u64 {
-    let config = PathConfig {
+    let config = LinkConfig {
         reorder,
         jitter: Duration::from_micros(200),
         ..path(46)
     };
     let mut window = DelayBasedController::new(Duration::ZERO, PACKET as u16);
-    let (mut there, mut back) = (Path::new(config, seed), Path::new(config, seed + 1));
+    let (mut there, mut back) = (
+        LinkEmulator::new(config, seed),
+        LinkEmulator::new(config, seed + 1),
+    );
     let packets = (0..60 * 3720u32).map(|packet| {
         let (frame, place) = (packet / 62, packet % 62);
         let sent = frame * Duration::from_micros(16_667) + place * Duration::from_micros(129);
@@ -187,7 +190,7 @@ fn who_sends_little_keeps_the_window() {
 #[test]
 fn a_slow_link_is_filled_and_its_queue_stays_short() {
     for (rate, round_trip_ms) in [(25e6, 46), (25e6, 10), (5e6, 46), (100e6, 46)] {
-        let config = PathConfig {
+        let config = LinkConfig {
             rate: Some(rate),
             queue_bytes: 1 << 20,
             ..path(round_trip_ms)
@@ -203,7 +206,7 @@ fn a_slow_link_is_filled_and_its_queue_stays_short() {
 
 #[test]
 fn a_short_queue_is_not_flooded() {
-    let config = PathConfig {
+    let config = LinkConfig {
         rate: Some(25e6),
         queue_bytes: 12_000,
         ..path(46)
@@ -217,10 +220,10 @@ fn a_short_queue_is_not_flooded() {
 /// The first second of a node that is paired and idle for `idle` before: 31.5 Mbit/s and their
 /// parities, each frame within 8 of 16.7 ms. The frames of which a packet waited to leave for more
 /// than two frames, and the longest that one waited in the path's queue, in milliseconds.
-fn first_second(config: PathConfig, idle: Duration) -> (usize, f64) {
+fn first_second(config: LinkConfig, idle: Duration) -> (usize, f64) {
     const FRAME_PACKETS: u32 = 62;
     let mut window = DelayBasedController::new(Duration::ZERO, PACKET as u16);
-    let (mut there, mut allowance) = (Path::new(config, 5), 0.0);
+    let (mut there, mut allowance) = (LinkEmulator::new(config, 5), 0.0);
     let round_trip = 2 * config.delay + STEP;
     for packet in 1..6 {
         let now = packet * round_trip;
@@ -268,7 +271,7 @@ fn the_first_frames_are_not_slow_and_fill_no_slow_link() {
     for round_trip_ms in [10, 25, 46, 80] {
         for idle_secs in [0, 5] {
             let idle = Duration::from_secs(idle_secs);
-            let mut config = PathConfig {
+            let mut config = LinkConfig {
                 queue_bytes: 1 << 20,
                 jitter: Duration::ZERO,
                 ..path(round_trip_ms)

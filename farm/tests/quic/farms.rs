@@ -13,7 +13,7 @@ use carom_farm::net::{
 use carom_farm::node::Node;
 use carom_farm::{Farm, FarmConfig, Frame, FrameSpec, LocalNode, NodeState, PrecisionRange};
 use carom_protocol::{ClientEvent, PixelFormat, SceneHash};
-use carom_testkit::{link_emulator::PathConfig, udp_proxy::Proxy};
+use carom_testkit::{link_emulator::LinkConfig, udp_proxy::UdpProxy};
 use carom_tracer::{
     CompiledScene, CpuTracer, DeviceInfo, Error, ImageSize, Object, RenderSettings, Scene,
     SceneUpdate, TileRadiance, TraceJob, TraceStats, Tracer,
@@ -146,15 +146,15 @@ fn pixels_survive_a_long_path_that_loses_and_reorders() {
     create_farm(dir.path()).unwrap();
     let authority = Authority::load(dir.path()).unwrap();
     let oak = Running::start(&authority, any_port());
-    let config = PathConfig {
+    let config = LinkConfig {
         delay: Duration::from_millis(8),
         jitter: Duration::from_millis(1),
         loss: 0.1,
         burst: 2.0,
         reorder: 0.1,
-        ..PathConfig::default()
+        ..LinkConfig::default()
     };
-    let proxy = Proxy::start(any_port(), oak.address, config, 1).unwrap();
+    let proxy = UdpProxy::start(any_port(), oak.address, config, 1).unwrap();
     let mut remote = farm(dir.path(), &[proxy.local_addr()]);
     let tracer = Arc::new(CpuTracer::with_threads(1).unwrap());
     let mut local = Farm::with_tracers(FarmConfig::default(), vec![tracer]).unwrap();
@@ -207,14 +207,14 @@ fn packets_over(reorder: f64) -> u64 {
     create_farm(dir.path()).unwrap();
     let authority = Authority::load(dir.path()).unwrap();
     let oak = Running::start_with(&authority, any_port(), Arc::new(Static));
-    let config = PathConfig {
+    let config = LinkConfig {
         delay: Duration::from_millis(10),
         rate: Some(50e6),
         queue_bytes: 1 << 20,
         reorder,
-        ..PathConfig::default()
+        ..LinkConfig::default()
     };
-    let proxy = Proxy::start(any_port(), oak.address, config, 1).unwrap();
+    let proxy = UdpProxy::start(any_port(), oak.address, config, 1).unwrap();
     let mut farm = farm(dir.path(), &[proxy.local_addr()]);
     for _ in 0..50 {
         frame(&mut farm, PixelFormat::LinearF32);

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use carom_farm::NodeIndex;
 use carom_farm::{Algorithm, Balancing, FrameId};
 use carom_testkit::simulator::{
-    Change, NodePlan, PERIOD_SECS, Plan, Report, fault_plan, run, run_faults,
+    FarmPlan, NodeChange, NodePlan, PERIOD_SECS, SimulationReport, fault_plan, run, run_faults,
 };
 use carom_tracer::ImageSize;
 
@@ -39,10 +39,12 @@ fn a_node_that_is_asked_for_all_that_it_takes_loses_nothing() {
     ] {
         let node = |at: usize| match at {
             0 => NodePlan::new(0.046, 2.0),
-            _ => NodePlan::new(0.046, 0.5 + at as f64).with(1.5 + 0.004 * at as f64, Change::Die),
+            _ => {
+                NodePlan::new(0.046, 0.5 + at as f64).with(1.5 + 0.004 * at as f64, NodeChange::Die)
+            }
         };
         let nodes = (0..24).map(node).collect();
-        let plan = Plan {
+        let plan = FarmPlan {
             balancing,
             frames_in_flight: 8,
             period_secs: Some(PERIOD_SECS),
@@ -69,9 +71,9 @@ fn a_node_that_slows_down_delays_no_frame_by_two_periods() {
                     jitter_secs: 3e-4,
                     ..NodePlan::new(5e-4, 2.5)
                 };
-                nodes.push(slow.with(at, Change::Slow(factor)));
+                nodes.push(slow.with(at, NodeChange::Slow(factor)));
                 let report = run(
-                    &Plan {
+                    &FarmPlan {
                         frames_in_flight: 8,
                         period_secs: Some(PERIOD_SECS),
                         size: ImageSize::new(120, 80),
@@ -93,14 +95,14 @@ fn a_node_that_slows_down_delays_no_frame_by_two_periods() {
 #[test]
 fn a_frame_that_must_be_shown_is_shown_in_time_whatever_is_missing_of_it() {
     let nodes = (0..5).map(|_| NodePlan::new(0.02, 1.0)).collect();
-    let plan = |algorithm: Algorithm, hedged| Plan {
+    let plan = |algorithm: Algorithm, hedged| FarmPlan {
         balancing: Balancing { algorithm, hedged },
         frames: 200,
         frames_in_flight: 8,
         period_secs: Some(PERIOD_SECS),
         looks_ahead: true,
         size: ImageSize::new(160, 120),
-        changes: vec![(FrameId(100), NodeIndex(2), Change::Silent)],
+        changes: vec![(FrameId(100), NodeIndex(2), NodeChange::Silent)],
         ..super::plan(Vec::clone(&nodes), algorithm, 200)
     };
     let hedged = run(&plan(Algorithm::WaterFilling, true), 100.0);
@@ -115,7 +117,7 @@ fn a_frame_that_must_be_shown_is_shown_in_time_whatever_is_missing_of_it() {
             assert_eq!(frame.stats.late_tiles as usize, frame.missing.len());
         }
     }
-    let late = |report: &Report| -> u32 {
+    let late = |report: &SimulationReport| -> u32 {
         let partial = report.partial.iter().filter(|frame| frame.id.0 >= 10);
         partial.map(|frame| frame.stats.late_tiles).sum()
     };
@@ -133,9 +135,9 @@ fn no_frame_is_late_by_two_periods_if_all_but_the_own_node_are_lost_and_one_was_
         let own = NodePlan::new(2e-4, 1.2);
         let others = [(4e-4, 6.0), (6e-4, 5.0), (1e-3, 4.0), (6e-3, 0.7)];
         let others = others.map(|(trip, speed)| NodePlan::new(trip, speed));
-        let lost = others.map(|node| node.with(at, Change::Silent));
+        let lost = others.map(|node| node.with(at, NodeChange::Silent));
         let report = run(
-            &Plan {
+            &FarmPlan {
                 frames_in_flight: 8,
                 period_secs: Some(PERIOD_SECS),
                 size: ImageSize::new(120, 80),

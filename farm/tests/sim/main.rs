@@ -1,6 +1,6 @@
 //! Laws of the coordinator and its balancers on virtual time. Every run follows from its seed.
 
-mod bars;
+mod acceptance;
 mod faults;
 mod samples;
 mod states;
@@ -8,15 +8,17 @@ mod states;
 use carom_farm::Algorithm::{self, Ab, Equal, Naive, WaterFilling};
 use carom_farm::balancer::{CostModel, water_fill};
 use carom_farm::{Balancing, Distribution, FrameStats, NodeState};
-use carom_testkit::simulator::{Change, NodePlan, Plan, Report, Weather, run};
+use carom_testkit::simulator::{
+    FarmPlan, NetworkConditions, NodeChange, NodePlan, SimulationReport, run,
+};
 use carom_tracer::ImageSize;
 
 /// More virtual time than any run here needs.
 const SECS_MAX: f64 = 600.0;
 const FOREVER: f64 = 1e6;
 
-fn plan(nodes: Vec<NodePlan>, algorithm: Algorithm, frames: u64) -> Plan {
-    Plan {
+fn plan(nodes: Vec<NodePlan>, algorithm: Algorithm, frames: u64) -> FarmPlan {
+    FarmPlan {
         seed: 1,
         balancing: algorithm.hedged(),
         nodes,
@@ -28,7 +30,7 @@ fn plan(nodes: Vec<NodePlan>, algorithm: Algorithm, frames: u64) -> Plan {
         samples: 1,
         distribution: Distribution::Tiles,
         tile_edge: 8,
-        weather: Weather::default(),
+        conditions: NetworkConditions::default(),
         changes: Vec::new(),
     }
 }
@@ -57,7 +59,7 @@ fn ideal_secs(nodes: &[NodePlan], size: ImageSize) -> f64 {
     water_fill(size.pixels() as f64, &lines).finish_secs
 }
 
-fn checked(plan: &Plan) -> Report {
+fn checked(plan: &FarmPlan) -> SimulationReport {
     let report = run(plan, SECS_MAX);
     assert_eq!(
         report.frames.len() as u64,
@@ -132,7 +134,7 @@ fn tiles_of_a_node_that_dies_count_as_lost() {
     // At whatever moments of a frame, it is working at some of them.
     for at_secs in [1.001, 1.003, 1.005, 1.007, 1.009] {
         let mut nodes = unequal();
-        nodes[0] = nodes[0].clone().with(at_secs, Change::Die);
+        nodes[0] = nodes[0].clone().with(at_secs, NodeChange::Die);
         let report = checked(&plan(nodes, WaterFilling, 100));
         let frames = report.frames.iter();
         lost += frames
@@ -153,18 +155,18 @@ fn no_frame_is_lost_or_wrong_whatever_happens_to_the_nodes() {
         for node in &mut nodes {
             node.jitter_secs = 1e-3;
         }
-        nodes[0] = nodes[0].clone().with(at(0), Change::Silent);
-        nodes[1] = nodes[1].clone().with(at(1), Change::Slow(8.0));
+        nodes[0] = nodes[0].clone().with(at(0), NodeChange::Silent);
+        nodes[1] = nodes[1].clone().with(at(1), NodeChange::Slow(8.0));
         nodes[2] = nodes[2]
             .clone()
-            .with(at(2), Change::Die)
-            .with(at(2) + 0.5, Change::Join);
-        nodes[2].changes.insert(0, (0.0, Change::Join));
-        nodes[3] = nodes[3].clone().with(at(3), Change::Fail);
-        nodes.push(NodePlan::new(1e-3, 1.0).with(at(4), Change::Join));
+            .with(at(2), NodeChange::Die)
+            .with(at(2) + 0.5, NodeChange::Join);
+        nodes[2].changes.insert(0, (0.0, NodeChange::Join));
+        nodes[3] = nodes[3].clone().with(at(3), NodeChange::Fail);
+        nodes.push(NodePlan::new(1e-3, 1.0).with(at(4), NodeChange::Join));
         nodes[4].streams = false;
         for (index, balancing) in Balancing::all().enumerate() {
-            checked(&Plan {
+            checked(&FarmPlan {
                 seed,
                 frames_in_flight: 1 + index % 4,
                 balancing,
@@ -177,7 +179,7 @@ fn no_frame_is_lost_or_wrong_whatever_happens_to_the_nodes() {
 #[test]
 fn a_run_follows_from_its_seed() {
     let frames = |seed| {
-        let plan = Plan {
+        let plan = FarmPlan {
             seed,
             ..plan(unequal(), WaterFilling, 50)
         };
@@ -193,7 +195,7 @@ fn a_run_follows_from_its_seed() {
 
 #[test]
 fn water_filling_is_near_the_ideal_and_equal_is_far_from_it() {
-    let plan_of = |balancing: Balancing| Plan {
+    let plan_of = |balancing: Balancing| FarmPlan {
         balancing,
         ..plan(unequal(), WaterFilling, 160)
     };
@@ -237,7 +239,7 @@ fn duplicates_are_few_while_nothing_happens() {
 fn a_node_that_slows_down_is_given_less_within_ten_frames() {
     let mut nodes = unequal();
     let ideal_before = ideal_secs(&nodes, plan(Vec::new(), Equal, 0).size);
-    nodes[0] = nodes[0].clone().with(2.0, Change::Slow(4.0));
+    nodes[0] = nodes[0].clone().with(2.0, NodeChange::Slow(4.0));
     let report = checked(&plan(nodes.clone(), WaterFilling, 200));
     nodes[0].msamples_per_sec /= 4.0;
     let ideal_after = ideal_secs(&nodes, plan(Vec::new(), Equal, 0).size);
@@ -249,12 +251,12 @@ fn a_node_that_slows_down_is_given_less_within_ten_frames() {
 
 #[test]
 fn the_frame_in_which_a_node_vanishes_is_at_most_twice_as_long() {
-    for change in [Change::Die, Change::Silent, Change::Fail] {
+    for change in [NodeChange::Die, NodeChange::Silent, NodeChange::Fail] {
         for victim in 0..3 {
             let mut nodes = unequal();
             nodes[victim] = nodes[victim].clone().with(2.0, change);
-            if change == Change::Die {
-                nodes[victim].changes.insert(0, (0.0, Change::Join));
+            if change == NodeChange::Die {
+                nodes[victim].changes.insert(0, (0.0, NodeChange::Join));
             }
             let report = checked(&plan(nodes.clone(), WaterFilling, 150));
             nodes.remove(victim);
@@ -277,7 +279,7 @@ fn the_frame_in_which_a_node_vanishes_is_at_most_twice_as_long() {
 #[test]
 fn a_node_that_joins_is_used_fully_within_ten_frames() {
     let mut nodes = unequal();
-    nodes.push(NodePlan::new(1e-3, 8.0).with(2.0, Change::Join));
+    nodes.push(NodePlan::new(1e-3, 8.0).with(2.0, NodeChange::Join));
     let report = checked(&plan(nodes.clone(), WaterFilling, 250));
     let joined = |frame: &carom_farm::Frame| frame.stats.tiles_by_node.get(5) > Some(&0);
     let first = report.frames.iter().position(joined).expect("it gets work");
@@ -288,7 +290,7 @@ fn a_node_that_joins_is_used_fully_within_ten_frames() {
 
 #[test]
 fn the_only_node_is_waited_for_however_slow_it_gets() {
-    let node = NodePlan::new(1e-3, 1.0).with(0.7, Change::Slow(200.0));
+    let node = NodePlan::new(1e-3, 1.0).with(0.7, NodeChange::Slow(200.0));
     checked(&plan(vec![node], WaterFilling, 12));
 }
 
@@ -310,7 +312,7 @@ fn pipelined_frames_keep_up_with_a_period_that_the_farm_can_hold() {
     for node in &mut nodes {
         node.round_trip_secs = 0.04;
     }
-    let report = checked(&Plan {
+    let report = checked(&FarmPlan {
         frames_in_flight: 6,
         period_secs: Some(1.0 / 60.0),
         ..plan(nodes, WaterFilling, 400)
@@ -321,7 +323,7 @@ fn pipelined_frames_keep_up_with_a_period_that_the_farm_can_hold() {
 
 #[test]
 fn a_farm_without_any_answer_waits_and_says_why() {
-    let node = NodePlan::new(1e-3, 1.0).with(0.51, Change::Silent);
+    let node = NodePlan::new(1e-3, 1.0).with(0.51, NodeChange::Silent);
     let report = run(&plan(vec![node], WaterFilling, 100), 60.0);
     assert!(report.frames.len() < 100 && report.wrong_frames == 0);
     assert!(
@@ -329,7 +331,7 @@ fn a_farm_without_any_answer_waits_and_says_why() {
         "{:?}",
         report.nodes
     );
-    let absent = NodePlan::new(1e-3, 1.0).with(FOREVER, Change::Join);
+    let absent = NodePlan::new(1e-3, 1.0).with(FOREVER, NodeChange::Join);
     let report = run(&plan(vec![absent], WaterFilling, 1), 60.0);
     assert!(report.frames.is_empty());
     assert_eq!(report.nodes[0].state, NodeState::Starting);

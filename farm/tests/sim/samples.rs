@@ -3,15 +3,15 @@
 use carom_farm::Algorithm::WaterFilling;
 use carom_farm::NodeIndex;
 use carom_farm::{Distribution, FrameId};
-use carom_testkit::simulator::{Change, NodePlan, PERIOD_SECS, Plan, run};
+use carom_testkit::simulator::{FarmPlan, NodeChange, NodePlan, PERIOD_SECS, run};
 
 use super::{checked, plan, unequal};
 
 /// Frames that take as long as those of one sample.
-fn of_samples(distribution: Distribution, samples: u32, mut nodes: Vec<NodePlan>) -> Plan {
+fn of_samples(distribution: Distribution, samples: u32, mut nodes: Vec<NodePlan>) -> FarmPlan {
     let speeds = nodes.iter_mut().map(|node| &mut node.msamples_per_sec);
     speeds.for_each(|speed| *speed *= f64::from(samples));
-    Plan {
+    FarmPlan {
         samples,
         distribution,
         ..plan(nodes, WaterFilling, 120)
@@ -25,7 +25,8 @@ fn frames_divided_by_samples_are_through_as_early_as_by_tiles() {
     let ratio = samples.mean_secs(60..120) / tiles.mean_secs(60..120);
     println!("by samples {ratio:.3} times as long as by tiles");
     assert!(ratio < 1.05, "{ratio}");
-    let last = |report: &carom_testkit::simulator::Report| report.frames[119].stats.passes;
+    let last =
+        |report: &carom_testkit::simulator::SimulationReport| report.frames[119].stats.passes;
     // The five are 1.7 times the fastest of them.
     assert_eq!((last(tiles), last(samples)), (1, 2));
 }
@@ -48,7 +49,7 @@ fn each_of_equal_nodes_has_a_pass() {
 fn a_node_that_dies_costs_its_own_samples_until_others_have_traced_them() {
     let mut nodes = vec![NodePlan::new(1e-3, 1.0); 4];
     // In the middle of a frame; each takes 10.6 ms.
-    nodes[1] = nodes[1].clone().with(1.0 + 5e-3, Change::Die);
+    nodes[1] = nodes[1].clone().with(1.0 + 5e-3, NodeChange::Die);
     let plan = of_samples(Distribution::Samples, 12, nodes);
     let report = checked(&plan);
     let hit: Vec<_> = report
@@ -67,12 +68,12 @@ fn a_node_that_dies_costs_its_own_samples_until_others_have_traced_them() {
     assert_eq!(stats.duplicate_tiles, 0);
 
     let shown = run(
-        &Plan {
+        &FarmPlan {
             frames_in_flight: 8,
             period_secs: Some(PERIOD_SECS),
             looks_ahead: true,
             nodes: vec![NodePlan::new(1e-3, 12.0); 4],
-            changes: vec![(FrameId(60), NodeIndex(1), Change::Silent)],
+            changes: vec![(FrameId(60), NodeIndex(1), NodeChange::Silent)],
             ..plan
         },
         100.0,

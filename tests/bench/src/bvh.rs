@@ -1,4 +1,4 @@
-//! `carom-bench bvh`: from how many primitives on a BVH is faster than each by itself.
+//! The bench of the BVH: the number of primitives from which on it beats testing each.
 
 use std::collections::BTreeMap;
 use std::hint::black_box;
@@ -14,7 +14,7 @@ use cpu_time::ProcessTime;
 use glam::{EulerRot, Quat, Vec3};
 use serde::Serialize;
 
-use crate::{Failure, timing};
+use crate::{BenchError, timing};
 use carom_farm::backend::{self, Backend, Opened};
 
 /// From how many primitives of a shape on a BVH is faster than each by itself.
@@ -39,7 +39,7 @@ pub(crate) struct Args {
     spp: u32,
     /// Only this shape; may be repeated.
     #[arg(long, value_enum)]
-    shape: Vec<Many>,
+    shape: Vec<SweptShape>,
     /// The most primitives.
     #[arg(long, default_value_t = 100_000, value_parser = clap::value_parser!(u32).range(8..=100_000))]
     count_max: u32,
@@ -51,14 +51,14 @@ pub(crate) struct Args {
 /// What there are many of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Serialize)]
 #[serde(rename_all = "snake_case")]
-enum Many {
+enum SweptShape {
     Balls,
     Boxes,
     Discs,
     Rectangles,
 }
 
-impl Many {
+impl SweptShape {
     fn kind(self) -> ShapeKind {
         match self {
             Self::Balls => ShapeKind::Sphere,
@@ -79,50 +79,50 @@ impl Many {
 }
 
 #[derive(Serialize)]
-struct Report {
-    build: Vec<Build>,
-    backends: Vec<Swept>,
+struct BvhReport {
+    build: Vec<BuildTimes>,
+    backends: Vec<BvhSweep>,
 }
 
 /// Of a BVH, on all threads.
 #[derive(Serialize)]
-struct Build {
-    shape: Many,
+struct BuildTimes {
+    shape: SweptShape,
     count: u32,
     cpu_milliseconds: f64,
     milliseconds: f64,
 }
 
 #[derive(Serialize)]
-struct Swept {
+struct BvhSweep {
     backend: &'static str,
-    shape: Many,
+    shape: SweptShape,
     /// The fewest from which on the BVH was faster.
     crossing: Option<u32>,
-    rows: Vec<Row>,
+    rows: Vec<BvhRow>,
 }
 
 #[derive(Serialize)]
-struct Row {
+struct BvhRow {
     count: u32,
     each_milliseconds: f64,
     bvh_milliseconds: f64,
 }
 
 /// Scenes with more and more of a shape.
-struct Clouds {
-    shape: Many,
+struct ShapeClouds {
+    shape: SweptShape,
     scenes: Vec<(u32, CompiledScene)>,
 }
 
-pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     let shapes = match &args.shape[..] {
-        [] => <Many as clap::ValueEnum>::value_variants(),
+        [] => <SweptShape as clap::ValueEnum>::value_variants(),
         shapes => shapes,
     };
     let mut clouds = shapes
         .iter()
-        .map(|shape| Clouds::new(*shape, args.count_max))
+        .map(|shape| ShapeClouds::new(*shape, args.count_max))
         .collect::<Result<Vec<_>, _>>()?;
     let opened = backend::open_all(args.backend, 0)?;
     let is_compared = |opened: &&Opened| {
@@ -140,7 +140,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             build.push(time_build(clouds.shape, *count, scene, args));
         }
     }
-    let report = Report { build, backends };
+    let report = BvhReport { build, backends };
     if args.json {
         let json = serde_json::to_string(&report).context("results as JSON")?;
         println!("{json}");
@@ -150,8 +150,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     Ok(())
 }
 
-impl Clouds {
-    fn new(shape: Many, count_max: u32) -> Result<Self, carom_tracer::Error> {
+impl ShapeClouds {
+    fn new(shape: SweptShape, count_max: u32) -> Result<Self, carom_tracer::Error> {
         let counts = COUNTS.into_iter().filter(|count| *count <= count_max);
         let scenes = counts.map(|count| Ok((count, CompiledScene::new(&cloud(shape, count))?)));
         Ok(Self {
@@ -161,7 +161,7 @@ impl Clouds {
     }
 }
 
-fn sweep(opened: &Opened, clouds: &mut Clouds, args: &Args) -> Result<Swept, Failure> {
+fn sweep(opened: &Opened, clouds: &mut ShapeClouds, args: &Args) -> Result<BvhSweep, BenchError> {
     let tracer = opened.tracer.as_ref();
     let shape = clouds.shape;
     let mut rows = Vec::new();
@@ -177,7 +177,7 @@ fn sweep(opened: &Opened, clouds: &mut Clouds, args: &Args) -> Result<Swept, Fai
             Err(error) => return Err(error.into()),
         }
     }
-    Ok(Swept {
+    Ok(BvhSweep {
         backend: opened.backend.name(),
         shape,
         crossing: crossing(&rows),
@@ -190,7 +190,7 @@ fn compare(
     count: u32,
     scene: &mut CompiledScene,
     args: &Args,
-) -> Result<Row, carom_tracer::Error> {
+) -> Result<BvhRow, carom_tracer::Error> {
     backend::wake(tracer, || {
         picture(tracer, scene, BvhUse::Always, args).map(|_| ())
     })?;
@@ -204,16 +204,16 @@ fn compare(
             }
         }
     }
-    let [each_milliseconds, bvh_milliseconds] = least;
-    Ok(Row {
+    let [each_milliseconds, tree_milliseconds] = least;
+    Ok(BvhRow {
         count,
         each_milliseconds,
         bvh_milliseconds,
     })
 }
 
-fn crossing(rows: &[Row]) -> Option<u32> {
-    let is_faster = |row: &&Row| row.bvh_milliseconds < row.each_milliseconds;
+fn crossing(rows: &[BvhRow]) -> Option<u32> {
+    let is_faster = |row: &&BvhRow| row.tree_milliseconds < row.each_milliseconds;
     let faster = rows.iter().rev().take_while(is_faster);
     faster.last().map(|row| row.count)
 }
@@ -235,8 +235,8 @@ fn picture(
     Ok(built + timing::milliseconds(tracer, scene, args.size, args.spp)?)
 }
 
-fn time_build(shape: Many, count: u32, scene: &CompiledScene, args: &Args) -> Build {
-    let mut least = Build {
+fn time_build(shape: SweptShape, count: u32, scene: &CompiledScene, args: &Args) -> BuildTimes {
+    let mut least = BuildTimes {
         shape,
         count,
         cpu_milliseconds: f64::INFINITY,
@@ -252,7 +252,7 @@ fn time_build(shape: Many, count: u32, scene: &CompiledScene, args: &Args) -> Bu
     least
 }
 
-fn print(report: &Report) {
+fn print(report: &BvhReport) {
     for swept in &report.backends {
         let name = swept.shape.name();
         println!("{}, milliseconds a picture", swept.backend);
@@ -276,7 +276,7 @@ fn print(report: &Report) {
     }
     println!("building the BVH: of how many, milliseconds of CPU time, and on all threads");
     for build in &report.build {
-        let Build {
+        let BuildTimes {
             shape,
             count,
             cpu_milliseconds,
@@ -288,7 +288,7 @@ fn print(report: &Report) {
 }
 
 /// Primitive `i` of a cloud, all of which together have always the same volume, or area.
-fn shape(many: Many, count: u32, i: u32) -> Shape {
+fn shape(many: SweptShape, count: u32, i: u32) -> Shape {
     let body = 0.25 * (4.0 / count as f32).cbrt();
     let flat = 0.4 * (4.0 / count as f32).sqrt();
     let [x, y, z, turn] = sampling::uniforms(i, count, 0, 0);
@@ -296,21 +296,21 @@ fn shape(many: Many, count: u32, i: u32) -> Shape {
     let [u, v] = <[Vec3; 2]>::from(normal.any_orthonormal_pair());
     let place = |half: f32| Vec3::new(2.0 * x - 1.0, 2.0 * y - 1.0, half + z);
     match many {
-        Many::Balls => Shape::Sphere {
+        SweptShape::Balls => Shape::Sphere {
             center: place(body),
             radius: body,
             rotation: Quat::IDENTITY,
         },
-        Many::Boxes => Shape::Box {
+        SweptShape::Boxes => Shape::Box {
             min: place(body) - 0.8 * body,
             max: place(body) + 0.8 * body,
         },
-        Many::Discs => Shape::Disc {
+        SweptShape::Discs => Shape::Disc {
             center: place(flat),
             normal,
             radius: flat,
         },
-        Many::Rectangles => Shape::Rectangle {
+        SweptShape::Rectangles => Shape::Rectangle {
             center: place(flat),
             half_u: flat * u,
             half_v: 0.8 * flat * v,
@@ -319,7 +319,7 @@ fn shape(many: Many, count: u32, i: u32) -> Shape {
 }
 
 /// Primitives here and there over a floor.
-fn cloud(many: Many, count: u32) -> Scene {
+fn cloud(many: SweptShape, count: u32) -> Scene {
     let plastic = |albedo| Material::SmoothPlastic {
         albedo,
         ior: 1.5,
@@ -381,14 +381,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn crossing_is_where_the_bvh_begins_to_stay_faster() {
-        let row = |(count, bvh_milliseconds): (u32, f64)| Row {
+    fn the_crossing_is_where_the_tree_begins_to_stay_faster() {
+        let row = |(count, tree_milliseconds): (u32, f64)| BvhRow {
             count,
             each_milliseconds: 2.0,
             bvh_milliseconds,
         };
         let crossing = |rows: &[(u32, f64)]| {
-            let rows: Vec<Row> = rows.iter().copied().map(row).collect();
+            let rows: Vec<BvhRow> = rows.iter().copied().map(row).collect();
             crossing(&rows)
         };
         assert_eq!(
@@ -401,7 +401,7 @@ mod tests {
 
     #[test]
     fn clouds_are_scenes_up_to_the_largest() {
-        for shape in <Many as clap::ValueEnum>::value_variants() {
+        for shape in <SweptShape as clap::ValueEnum>::value_variants() {
             for count in [COUNTS[0], COUNTS[COUNTS.len() - 1]] {
                 let scene = CompiledScene::new(&cloud(*shape, count)).unwrap();
                 assert_eq!(scene.primitives.len(), count as usize + 1, "{shape:?}");

@@ -1,4 +1,4 @@
-//! The command line: one subcommand per bench, and the helpers that benches and tests start.
+//! The command line: one subcommand per bench, and the programs that benches and tests start.
 
 use std::process::ExitCode;
 
@@ -6,8 +6,8 @@ use clap::{Parser, Subcommand};
 use tracing_subscriber::EnvFilter;
 
 use crate::{
-    Failure, balance, bvh, cluster, codec, faults, kernel_specialization, latency, latency_hiding,
-    node, overlay, physics, proxy, quality, tradeoff_chart, transport,
+    BenchError, balance, bvh, cluster, codec, faults, kernel_specialization, latency,
+    latency_hiding, node, overlay, physics, proxy, quality, tradeoff_chart, transport,
 };
 
 /// Measure what Carom's parts cost, and how right they are.
@@ -33,7 +33,7 @@ enum Command {
     Overlay(overlay::OverlayArgs),
     Quality(quality::QualityArgs),
     TradeoffChart(tradeoff_chart::Args),
-    Proxy(proxy::Args),
+    UdpProxy(proxy::Args),
     Node(node::Args),
 }
 
@@ -57,7 +57,7 @@ pub fn run() -> ExitCode {
 }
 
 impl Command {
-    fn run(self) -> Result<(), Failure> {
+    fn run(self) -> Result<(), BenchError> {
         match self {
             Self::Balance(args) => balance::run(&args),
             Self::Cluster(args) => cluster::run(&args),
@@ -72,7 +72,7 @@ impl Command {
             Self::Overlay(args) => Ok(args.run()?),
             Self::Quality(args) => Ok(args.run()?),
             Self::TradeoffChart(args) => tradeoff_chart::run(&args),
-            Self::Proxy(args) => proxy::run(&args),
+            Self::UdpProxy(args) => proxy::run(&args),
             Self::Node(args) => node::run(&args),
         }
     }

@@ -1,4 +1,4 @@
-//! `carom-bench faults`: random faults on simulated farms.
+//! The bench of faults: random farms on virtual time on which random things go wrong.
 
 use anyhow::{Context, anyhow};
 use carom_farm::Balancing;
@@ -6,7 +6,7 @@ use carom_testkit::simulator::{FaultRun, fault_plan, run_faults};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::Failure;
+use crate::BenchError;
 
 /// Random faults on simulated farms: death, silence, slowness, lies about times, failing devices,
 /// pixels that are not numbers, half a minute without network, a sleeping client.
@@ -30,18 +30,18 @@ pub(crate) struct Args {
 }
 
 #[derive(Serialize)]
-struct Report {
+struct FaultsReport {
     runs: usize,
     frames: usize,
-    failures: Vec<Failed>,
+    failures: Vec<FailedRun>,
     /// Of the runs of five nodes or more at 60 frames a second.
-    bars: Vec<Bar>,
-    late: Vec<Late>,
+    bars: Vec<FaultsCriterion>,
+    late: Vec<LateRun>,
 }
 
 /// How late frames were.
 #[derive(Serialize)]
-struct Bar {
+struct FaultsCriterion {
     what: &'static str,
     hedged: bool,
     /// Whether all nodes but the client's own were lost at once: then it has to do alone what was
@@ -57,7 +57,7 @@ struct Bar {
 
 /// A run with lateness above two periods.
 #[derive(Serialize)]
-struct Late {
+struct LateRun {
     seed: u64,
     balancer: Balancing,
     periods: f64,
@@ -67,12 +67,12 @@ struct Late {
 }
 
 #[derive(Serialize)]
-struct Failed {
+struct FailedRun {
     seed: u64,
     why: Vec<String>,
 }
 
-pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     let last = args.first.saturating_add(args.seeds);
     let run = |seed: u64| (seed, run_faults(&fault_plan(seed, args.hedged)));
     let runs: Vec<(u64, FaultRun)> = (args.first..last).into_par_iter().map(run).collect();
@@ -91,15 +91,15 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
 }
 
-fn report(args: &Args, runs: &[(u64, FaultRun)]) -> Report {
+fn report(args: &Args, runs: &[(u64, FaultRun)]) -> FaultsReport {
     let failed = runs.iter().filter(|(_, run)| !run.wrong.is_empty());
-    let failures = failed.map(|(seed, run)| Failed {
+    let failures = failed.map(|(seed, run)| FailedRun {
         seed: *seed,
         why: run.wrong.clone(),
     });
     let fast = |run: &&(u64, FaultRun)| run.1.pipelined && run.1.nodes >= 5;
     let late = runs.iter().filter(fast).filter(|(_, run)| is_late(run));
-    let late: Vec<Late> = late.map(|(seed, run)| late_run(args, *seed, run)).collect();
+    let late: Vec<LateRun> = late.map(|(seed, run)| late_run(args, *seed, run)).collect();
     let kinds = [false, true].into_iter().flat_map(|ahead| {
         let kind = move |hedged| [false, true].map(|all_lost| (ahead, hedged, all_lost));
         [false, true].into_iter().flat_map(kind)
@@ -112,7 +112,7 @@ fn report(args: &Args, runs: &[(u64, FaultRun)]) -> Report {
         let runs = runs.iter().filter(fast).filter(of_kind);
         bar(ahead, hedged, all_lost, runs.map(|(_, run)| run).collect())
     };
-    Report {
+    FaultsReport {
         runs: runs.len(),
         frames: runs.iter().map(|(_, run)| run.frames).sum(),
         failures: failures.collect(),
@@ -125,11 +125,11 @@ fn is_late(run: &FaultRun) -> bool {
     run.late_periods > 2.0
 }
 
-fn bar(ahead: bool, hedged: bool, all_lost: bool, runs: Vec<&FaultRun>) -> Bar {
+fn bar(ahead: bool, hedged: bool, all_lost: bool, runs: Vec<&FaultRun>) -> FaultsCriterion {
     let tiles: u64 = runs.iter().map(|run| run.tiles).sum();
     let late_tiles: u64 = runs.iter().map(|run| run.late_tiles).sum();
     let periods = runs.iter().map(|run| run.late_periods);
-    Bar {
+    FaultsCriterion {
         what: if ahead {
             "shown at their times, a tile missing in a row"
         } else {
@@ -144,7 +144,7 @@ fn bar(ahead: bool, hedged: bool, all_lost: bool, runs: Vec<&FaultRun>) -> Bar {
     }
 }
 
-fn late_run(args: &Args, seed: u64, run: &FaultRun) -> Late {
+fn late_run(args: &Args, seed: u64, run: &FaultRun) -> LateRun {
     let plan = fault_plan(seed, args.hedged);
     let mut faults: Vec<(f64, String)> = Vec::new();
     for (index, node) in plan.nodes.iter().enumerate() {
@@ -153,7 +153,7 @@ fn late_run(args: &Args, seed: u64, run: &FaultRun) -> Late {
         faults.extend(happened.copied().map(fault));
     }
     faults.sort_by(|a, b| a.0.total_cmp(&b.0));
-    Late {
+    LateRun {
         seed,
         balancer: plan.balancing,
         periods: run.late_periods,
@@ -162,8 +162,8 @@ fn late_run(args: &Args, seed: u64, run: &FaultRun) -> Late {
     }
 }
 
-fn print(report: &Report) {
-    for Failed { seed, why } in &report.failures {
+fn print(report: &FaultsReport) {
+    for FailedRun { seed, why } in &report.failures {
         println!("seed {seed}: {}", why.join("; "));
     }
     println!(

@@ -1,4 +1,4 @@
-//! `carom-bench kernel-specialization`: what it gains that a kernel has only what its scene requires.
+//! The bench of kernel specialization: kernels of what a scene requires against kernels of everything.
 
 use std::path::PathBuf;
 
@@ -11,7 +11,7 @@ use glam::{Quat, Vec3};
 use serde::Serialize;
 
 use crate::scenes::{self, NamedScene};
-use crate::{Failure, timing};
+use crate::{BenchError, timing};
 use carom_farm::backend::{self, Backend, Opened};
 
 /// What it gains that kernels have only what a scene requires.
@@ -43,26 +43,26 @@ pub(crate) struct Args {
 }
 
 #[derive(Serialize)]
-struct Report {
-    scenes: Vec<Measured>,
+struct SpecializationReport {
+    scenes: Vec<SpecializationMeasurement>,
 }
 
 #[derive(Serialize)]
-struct Measured {
+struct SpecializationMeasurement {
     scene: String,
     backend: &'static str,
     milliseconds: f64,
-    rows: Vec<Row>,
+    rows: Vec<SpecializationRow>,
 }
 
 #[derive(Serialize)]
-struct Row {
+struct SpecializationRow {
     left_out: &'static str,
     /// Time with it over time without; absent where the scene uses it.
     gain: Option<f64>,
 }
 
-pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     let mut scenes = Vec::new();
     for path in &args.scene {
         scenes.push(scenes::scene(Some(path))?);
@@ -74,7 +74,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let is_compared = |opened: &&Opened| {
         args.backend.is_some() || matches!(opened.backend, Backend::Cpu | Backend::Gpu)
     };
-    let mut report = Report { scenes: Vec::new() };
+    let mut report = SpecializationReport { scenes: Vec::new() };
     for named in &scenes {
         for opened in opened.iter().filter(is_compared) {
             report.scenes.push(measure(opened, named, args)?);
@@ -89,11 +89,15 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     Ok(())
 }
 
-fn measure(opened: &Opened, named: &NamedScene, args: &Args) -> Result<Measured, Failure> {
+fn measure(
+    opened: &Opened,
+    named: &NamedScene,
+    args: &Args,
+) -> Result<SpecializationMeasurement, BenchError> {
     let mut everything = named.scene.clone();
     let mut scenes = vec![CompiledScene::new(&named.scene)?];
     let unused = PARTS.iter().filter(|part| !(part.is_used)(&named.scene));
-    let unused: Vec<&Part> = unused.collect();
+    let unused: Vec<&FeatureChange> = unused.collect();
     for part in &unused {
         let mut scene = named.scene.clone();
         (part.add)(&mut scene);
@@ -115,19 +119,19 @@ fn measure(opened: &Opened, named: &NamedScene, args: &Args) -> Result<Measured,
             }
         }
     }
-    let gain = |part: &Part| {
+    let gain = |part: &FeatureChange| {
         let index = unused.iter().position(|other| other.name == part.name)?;
         Some(least[1 + index] / least[0])
     };
-    let rows = PARTS.iter().map(|part| Row {
+    let rows = PARTS.iter().map(|part| SpecializationRow {
         left_out: part.name,
         gain: gain(part),
     });
-    let all = Row {
+    let all = SpecializationRow {
         left_out: "all of these",
         gain: Some(least[scenes.len() - 1] / least[0]),
     };
-    Ok(Measured {
+    Ok(SpecializationMeasurement {
         scene: named.name.clone(),
         backend: opened.backend.name(),
         milliseconds: least[0],
@@ -135,7 +139,7 @@ fn measure(opened: &Opened, named: &NamedScene, args: &Args) -> Result<Measured,
     })
 }
 
-fn print(measured: &Measured) {
+fn print(measured: &SpecializationMeasurement) {
     println!(
         "{} on {}: {:.2} ms a picture",
         measured.scene, measured.backend, measured.milliseconds
@@ -149,34 +153,34 @@ fn print(measured: &Measured) {
 }
 
 /// Something that scenes may do without.
-struct Part {
+struct FeatureChange {
     name: &'static str,
     is_used: fn(&Scene) -> bool,
     /// Adds it where nobody sees it.
     add: fn(&mut Scene),
 }
 
-const PARTS: [Part; 13] = [
-    Part {
+const PARTS: [FeatureChange; 13] = [
+    FeatureChange {
         name: "a coat",
         is_used: |scene| any_material(scene, is_coated),
         add: |scene| add_material(scene, "coat", COAT),
     },
-    Part {
+    FeatureChange {
         name: "a stripe",
         is_used: |scene| any_material(scene, is_striped),
         add: |scene| {
             add_material(scene, "stripe", ball(Some(STRIPE), 0));
         },
     },
-    Part {
+    FeatureChange {
         name: "a ball's number",
         is_used: |scene| any_material(scene, is_numbered),
         add: |scene| {
             add_material(scene, "number", ball(None, 8));
         },
     },
-    Part {
+    FeatureChange {
         name: "wood",
         is_used: |scene| any_material(scene, is_wood),
         add: |scene| {
@@ -189,7 +193,7 @@ const PARTS: [Part; 13] = [
             add_material(scene, "wood", Material::Coated { ior: 1.5, texture });
         },
     },
-    Part {
+    FeatureChange {
         name: "napped cloth",
         is_used: |scene| any_material(scene, |m| matches!(m, Material::Cloth { .. })),
         add: |scene| {
@@ -201,7 +205,7 @@ const PARTS: [Part; 13] = [
             add_material(scene, "cloth", cloth);
         },
     },
-    Part {
+    FeatureChange {
         name: "a metal",
         is_used: |scene| any_material(scene, |m| matches!(m, Material::Conductor { .. })),
         add: |scene| {
@@ -210,8 +214,8 @@ const PARTS: [Part; 13] = [
             add_material(scene, "metal", metal);
         },
     },
-    Part {
-        name: "a dielectric",
+    FeatureChange {
+        name: "a clear body",
         is_used: |scene| any_material(scene, |m| matches!(m, Material::Dielectric { .. })),
         add: |scene| {
             let glass = Material::Dielectric {
@@ -222,7 +226,7 @@ const PARTS: [Part; 13] = [
             add_material(scene, "glass", glass);
         },
     },
-    Part {
+    FeatureChange {
         name: "a ball",
         is_used: |scene| any_shape(scene, |shape| matches!(shape, Shape::Sphere { .. })),
         add: |scene| {
@@ -235,7 +239,7 @@ const PARTS: [Part; 13] = [
             add_object(scene, ball);
         },
     },
-    Part {
+    FeatureChange {
         name: "a box",
         is_used: |scene| any_shape(scene, |shape| matches!(shape, Shape::Box { .. })),
         add: |scene| {
@@ -243,7 +247,7 @@ const PARTS: [Part; 13] = [
             add_object(scene, Shape::Box { min, max });
         },
     },
-    Part {
+    FeatureChange {
         name: "a CSG box",
         is_used: |scene| any_shape(scene, |shape| matches!(shape, Shape::CsgBox { .. })),
         add: |scene| {
@@ -266,7 +270,7 @@ const PARTS: [Part; 13] = [
             );
         },
     },
-    Part {
+    FeatureChange {
         name: "a subtracted cone",
         is_used: |scene| any_shape(scene, is_turned),
         add: |scene| {
@@ -291,7 +295,7 @@ const PARTS: [Part; 13] = [
             );
         },
     },
-    Part {
+    FeatureChange {
         name: "a disc",
         is_used: |scene| any_shape(scene, |shape| matches!(shape, Shape::Disc { .. })),
         add: |scene| {
@@ -304,7 +308,7 @@ const PARTS: [Part; 13] = [
             add_object(scene, disc);
         },
     },
-    Part {
+    FeatureChange {
         name: "a rectangle",
         is_used: |scene| any_shape(scene, |shape| matches!(shape, Shape::Rectangle { .. })),
         add: |scene| {

@@ -1,4 +1,4 @@
-//! `carom-bench latency`: where a frame's time goes, from the player's hand to the screen.
+//! The bench of latency: each stage of a frame's time, from the player's hand to the screen.
 
 use std::collections::BTreeMap;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -12,11 +12,11 @@ use carom_farm::node::Node;
 use carom_farm::{
     Farm, FarmConfig, Frame, FrameId, FrameSpec, LatencySplit, LocalNode, PixelFormat, Pixels,
 };
-use carom_testkit::{link_emulator::PathConfig, udp_proxy::Proxy};
+use carom_testkit::{link_emulator::LinkConfig, udp_proxy::UdpProxy};
 use carom_tracer::{CpuTracer, ImageSize, RenderSettings, SceneUpdate};
 use serde::Serialize;
 
-use crate::Failure;
+use crate::BenchError;
 use crate::scenes;
 
 /// Sixty inputs a second, each at any moment between two refreshes of a display; each is taken up at
@@ -48,34 +48,34 @@ pub(crate) struct Args {
 }
 
 #[derive(Serialize)]
-struct Report {
-    runs: Vec<Row>,
+struct LatencyReport {
+    runs: Vec<LatencyRow>,
 }
 
 #[derive(Serialize)]
-struct Row {
+struct LatencyRow {
     path: &'static str,
     frames: usize,
     /// Inputs for which there was no room among the frames in flight.
     skipped: u64,
-    stages: Vec<Stage>,
+    stages: Vec<StageTimes>,
 }
 
 /// Milliseconds.
 #[derive(Serialize)]
-struct Stage {
+struct StageTimes {
     stage: &'static str,
     p50_ms: f64,
     p95_ms: f64,
     p99_ms: f64,
 }
 
-fn cases() -> [(&'static str, Option<PathConfig>); 4] {
-    let path = |delay, loss| PathConfig {
+fn cases() -> [(&'static str, Option<LinkConfig>); 4] {
+    let path = |delay, loss| LinkConfig {
         delay: Duration::from_millis(delay),
         jitter: Duration::from_millis(1),
         loss,
-        ..PathConfig::default()
+        ..LinkConfig::default()
     };
     [
         ("loopback", None),
@@ -85,8 +85,8 @@ fn cases() -> [(&'static str, Option<PathConfig>); 4] {
     ]
 }
 
-pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let mut report = Report { runs: Vec::new() };
+pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
+    let mut report = LatencyReport { runs: Vec::new() };
     let wanted = |name: &str| args.path.as_ref().is_none_or(|part| name.contains(part));
     for (name, path) in cases().into_iter().filter(|(name, _)| wanted(name)) {
         let row = measure(args, name, path)?;
@@ -102,7 +102,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     Ok(())
 }
 
-fn print_row(row: &Row) {
+fn print_row(row: &LatencyRow) {
     println!(
         "{}: {} frames, {} inputs without room",
         row.path, row.frames, row.skipped
@@ -117,16 +117,16 @@ fn print_row(row: &Row) {
 }
 
 /// A node behind a socket, and a farm of it.
-struct Setup {
+struct LatencySetup {
     farm: Farm,
-    _proxy: Option<Proxy>,
+    _proxy: Option<UdpProxy>,
     stop: StopHandle,
     server: Option<std::thread::JoinHandle<()>>,
     credentials: PathBuf,
 }
 
-impl Setup {
-    fn new(args: &Args, path: Option<PathConfig>) -> Result<Self, Failure> {
+impl LatencySetup {
+    fn new(args: &Args, path: Option<LinkConfig>) -> Result<Self, BenchError> {
         let credentials =
             std::env::temp_dir().join(format!("carom-bench-latency-{}", std::process::id()));
         create_farm(&credentials)?;
@@ -141,9 +141,9 @@ impl Setup {
         let stop = StopHandle::default();
         let stopped = stop.clone();
         let serve = move || server.serve(&stopped, move |_| node.connect(), |_| {});
-        let proxy = path.map(|path| Proxy::start(any, address, path, args.seed));
+        let proxy = path.map(|path| UdpProxy::start(any, address, path, args.seed));
         let proxy = proxy.transpose().context("a proxy")?;
-        let address = proxy.as_ref().map_or(address, Proxy::local_addr);
+        let address = proxy.as_ref().map_or(address, UdpProxy::local_addr);
         let mut farm = Farm::new(FarmConfig {
             local: LocalNode::None,
             nodes: vec![address.to_string()],
@@ -161,7 +161,7 @@ impl Setup {
     }
 }
 
-impl Drop for Setup {
+impl Drop for LatencySetup {
     fn drop(&mut self) {
         self.stop.stop();
         if let Some(server) = self.server.take() {
@@ -171,13 +171,17 @@ impl Drop for Setup {
     }
 }
 
-fn measure(args: &Args, name: &'static str, path: Option<PathConfig>) -> Result<Row, Failure> {
-    let mut setup = Setup::new(args, path)?;
+fn measure(
+    args: &Args,
+    name: &'static str,
+    path: Option<LinkConfig>,
+) -> Result<LatencyRow, BenchError> {
+    let mut setup = LatencySetup::new(args, path)?;
     let farm = &mut setup.farm;
     farm.submit(spec(args, 0))?;
     farm.wait_frame(PATIENCE)
         .context("the node does not answer")?;
-    let mut player = Player {
+    let mut player = LatencyProbe {
         began: Instant::now(),
         asked: BTreeMap::new(),
         times: Vec::new(),
@@ -210,7 +214,7 @@ fn spec(args: &Args, frame: u64) -> FrameSpec {
 }
 
 /// Who acts, and looks.
-struct Player {
+struct LatencyProbe {
     began: Instant,
     /// When each frame was submitted, and how long its input had waited until then.
     asked: BTreeMap<FrameId, (Instant, Duration)>,
@@ -219,14 +223,14 @@ struct Player {
     skipped: u64,
 }
 
-impl Player {
+impl LatencyProbe {
     fn act(
         &mut self,
         farm: &mut Farm,
         args: &Args,
         refresh: u64,
         waited: Duration,
-    ) -> Result<(), Failure> {
+    ) -> Result<(), BenchError> {
         if farm.in_flight() >= FarmConfig::default().frames_in_flight {
             self.skipped += 1;
             return Ok(());
@@ -289,21 +293,21 @@ impl Player {
         ]);
     }
 
-    fn row(&self, path: &'static str) -> Row {
+    fn row(&self, path: &'static str) -> LatencyRow {
         let stage = |(index, stage): (usize, &&'static str)| {
             let mut times: Vec<f64> = self.times.iter().map(|times| 1e3 * times[index]).collect();
             times.sort_unstable_by(f64::total_cmp);
             let last = times.len().saturating_sub(1) as f64;
             let at = |share: f64| times.get((last * share).ceil() as usize).copied();
             let at = |share| at(share).unwrap_or(f64::NAN);
-            Stage {
+            StageTimes {
                 stage,
                 p50_ms: at(0.5),
                 p95_ms: at(0.95),
                 p99_ms: at(0.99),
             }
         };
-        Row {
+        LatencyRow {
             path,
             frames: self.times.len(),
             skipped: self.skipped,

@@ -1,5 +1,5 @@
-//! `carom-bench latency-hiding`: whether pictures of the future are there at their moments, over a
-//! network and from processes that are real.
+//! The bench of latency hiding: frames requested ahead of time over a real network from real
+//! processes, each due at its own moment.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -16,9 +16,9 @@ use carom_tracer::{ImageSize, RenderSettings, SceneUpdate};
 use glam::Quat;
 use serde::Serialize;
 
-use crate::Failure;
-use crate::cluster::process::{Folder, Node, NodeSpec};
-use crate::proxy::PathArgs;
+use crate::BenchError;
+use crate::cluster::process::{FarmFolder, NodeProcess, NodeSpec};
+use crate::proxy::LinkArgs;
 use crate::scenes;
 
 /// Strokes on a display of 60 refreshes a second, whose pictures come from nodes that are processes
@@ -52,14 +52,14 @@ pub(crate) struct Args {
     balancer: Balancing,
     /// What is wrong with all paths; --delay is the nodes' own.
     #[command(flatten)]
-    path: PathArgs,
+    path: LinkArgs,
     /// Draws clicks, losses and jitter.
     #[arg(long, default_value_t = 1)]
     seed: u64,
 }
 
 #[derive(Debug, Serialize)]
-struct Report {
+struct LatencyHidingReport {
     strokes: u32,
     /// Refreshes while balls rolled.
     refreshes: usize,
@@ -77,21 +77,22 @@ struct Report {
     lead_ms: f64,
 }
 
-pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     let path = args.path.config()?;
     if !(0.1..=60.0).contains(&args.shot_secs) {
         let secs = args.shot_secs;
         let why = format!("--shot-secs is {secs}: it must be from 0.1 to 60");
-        return Err(Failure::Input(why));
+        return Err(BenchError::Input(why));
     }
-    let folder = Folder::new("carom-bench-lookahead")?;
+    let folder = FarmFolder::new("carom-bench-lookahead")?;
     let nodes = args.node.iter().enumerate();
-    let nodes = nodes.map(|(index, spec)| Node::start(&folder.0, index, spec, path, args.seed));
-    let nodes: Vec<Node> = nodes.collect::<anyhow::Result<_>>()?;
+    let nodes =
+        nodes.map(|(index, spec)| NodeProcess::start(&folder.0, index, spec, path, args.seed));
+    let nodes: Vec<NodeProcess> = nodes.collect::<anyhow::Result<_>>()?;
     let scene = scenes::scene(None)?.scene;
     let mut farm = Farm::new(FarmConfig {
         local: LocalNode::None,
-        nodes: nodes.iter().map(Node::address).collect(),
+        nodes: nodes.iter().map(NodeProcess::address).collect(),
         credentials: folder.0.clone(),
         balancer: args.balancer,
         tile_edge: 16,
@@ -99,7 +100,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     })?;
     farm.set_scene(&scene)?;
     let interrupted = interruption().context("Ctrl-C")?;
-    let mut table = Table::new(args, farm, scene.camera);
+    let mut table = RefreshLoop::new(args, farm, scene.camera);
     table.wait_ready(nodes.len(), &interrupted)?;
     for stroke in 0..args.strokes {
         table.aim(&interrupted)?;
@@ -116,7 +117,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 }
 
 /// The player's side.
-struct Table<'a> {
+struct RefreshLoop<'a> {
     args: &'a Args,
     farm: Farm,
     camera: Camera,
@@ -127,12 +128,12 @@ struct Table<'a> {
     /// When the display is refreshed next.
     refresh: Instant,
     random: u64,
-    seen: Seen,
+    seen: RefreshLog,
 }
 
 /// What the player has seen.
 #[derive(Default)]
-struct Seen {
+struct RefreshLog {
     /// Of each refresh of a shot: how far its picture's moment was from the clock, in seconds.
     errors: Vec<f64>,
     pictures: usize,
@@ -142,7 +143,7 @@ struct Seen {
     tiles: usize,
 }
 
-impl<'a> Table<'a> {
+impl<'a> RefreshLoop<'a> {
     fn new(args: &'a Args, farm: Farm, camera: Camera) -> Self {
         Self {
             args,
@@ -153,11 +154,11 @@ impl<'a> Table<'a> {
             last: FrameId(0),
             refresh: Instant::now(),
             random: args.seed,
-            seen: Seen::default(),
+            seen: RefreshLog::default(),
         }
     }
 
-    fn wait_ready(&mut self, count: usize, interrupted: &AtomicBool) -> Result<(), Failure> {
+    fn wait_ready(&mut self, count: usize, interrupted: &AtomicBool) -> Result<(), BenchError> {
         let deadline = Instant::now() + PATIENCE;
         loop {
             let nodes = self.farm.nodes();
@@ -175,9 +176,9 @@ impl<'a> Table<'a> {
     }
 
     /// Sleeps until the next refresh.
-    fn wait_refresh(&mut self, interrupted: &AtomicBool) -> Result<Instant, Failure> {
+    fn wait_refresh(&mut self, interrupted: &AtomicBool) -> Result<Instant, BenchError> {
         if interrupted.load(Ordering::Relaxed) {
-            return Err(Failure::Interrupted);
+            return Err(BenchError::Interrupted);
         }
         let now = Instant::now();
         self.refresh += PERIOD;
@@ -198,7 +199,7 @@ impl<'a> Table<'a> {
     }
 
     /// Moves the view for a second or so, so that it is known how long pictures take.
-    fn aim(&mut self, interrupted: &AtomicBool) -> Result<(), Failure> {
+    fn aim(&mut self, interrupted: &AtomicBool) -> Result<(), BenchError> {
         let end = Instant::now() + Duration::from_secs_f64(0.6 + 0.6 * self.draw());
         while self.wait_refresh(interrupted)? < end {
             while let Some(frame) = self.farm.poll_frame() {
@@ -214,7 +215,7 @@ impl<'a> Table<'a> {
     }
 
     /// A click at any time, and its shot.
-    fn shoot(&mut self, stroke: u32, interrupted: &AtomicBool) -> Result<(), Failure> {
+    fn shoot(&mut self, stroke: u32, interrupted: &AtomicBool) -> Result<(), BenchError> {
         let still = self.still_picture()?;
         let wait = PERIOD.mul_f64(self.draw());
         self.wait_refresh(interrupted)?;
@@ -256,7 +257,7 @@ impl<'a> Table<'a> {
     }
 
     /// The table before the stroke.
-    fn still_picture(&mut self) -> Result<Pixels, Failure> {
+    fn still_picture(&mut self) -> Result<Pixels, BenchError> {
         self.farm.cancel_before(FrameId(self.last.0 + 1));
         let id = self.ask(Some(0.0), None)?;
         loop {
@@ -268,7 +269,7 @@ impl<'a> Table<'a> {
         }
     }
 
-    fn ask_moments(&mut self, schedule: &mut FrameSchedule, clock: f64) -> Result<(), Failure> {
+    fn ask_moments(&mut self, schedule: &mut FrameSchedule, clock: f64) -> Result<(), BenchError> {
         let most = FarmConfig::default().frames_in_flight;
         let (lead, period) = (self.lead.secs(), PERIOD.as_secs_f64());
         while self.farm.in_flight() < most
@@ -280,7 +281,7 @@ impl<'a> Table<'a> {
         Ok(())
     }
 
-    fn ask(&mut self, moment: Option<f64>, by: Option<Duration>) -> Result<FrameId, Failure> {
+    fn ask(&mut self, moment: Option<f64>, by: Option<Duration>) -> Result<FrameId, BenchError> {
         let mut camera = self.camera;
         let turn = Quat::from_rotation_z(0.2 * moment.unwrap_or(0.0) as f32);
         camera.eye = camera.target + turn * (camera.eye - camera.target);
@@ -324,8 +325,8 @@ impl<'a> Table<'a> {
         }
     }
 
-    fn report(&self) -> Report {
-        let Seen {
+    fn report(&self) -> LatencyHidingReport {
+        let RefreshLog {
             errors,
             pictures,
             clicks,
@@ -335,7 +336,7 @@ impl<'a> Table<'a> {
         let period = PERIOD.as_secs_f64();
         let good = errors.iter().filter(|error| **error <= period).count();
         let rolled_secs = errors.len() as f64 * period;
-        Report {
+        LatencyHidingReport {
             strokes: self.args.strokes,
             refreshes: errors.len(),
             within_a_refresh: good as f64 / errors.len().max(1) as f64,
@@ -359,7 +360,7 @@ fn quantile(values: &[f64], share: f64) -> f64 {
     value.copied().unwrap_or(f64::NAN)
 }
 
-fn print(report: &Report) {
+fn print(report: &LatencyHidingReport) {
     println!(
         "{} strokes, {} refreshes: {:.2} % within a refresh of the clock (bar 99), p50 {:.1} ms, \
          p99 {:.1} ms; {:.1} pictures a second",

@@ -1,4 +1,4 @@
-//! `carom-bench`: what Carom's parts cost, and how right they are.
+//! Measurements of what Carom's parts cost, and of how right they are.
 //!
 //! One module per bench, of which `--help` tells what it measures; [`physics`] is public for the
 //! tests that hold the simulation against its references.
@@ -9,7 +9,7 @@ mod chart;
 mod cli;
 mod cluster;
 mod codec;
-mod failure;
+mod error;
 mod faults;
 mod kernel_specialization;
 mod latency;
@@ -25,4 +25,4 @@ mod tradeoff_chart;
 mod transport;
 
 pub use cli::run;
-pub(crate) use failure::Failure;
+pub(crate) use error::BenchError;

@@ -1,4 +1,4 @@
-//! The bench's command: an allocator, and the library.
+//! The program `carom-bench`: an allocator, and the library.
 
 use std::process::ExitCode;
 

@@ -1,4 +1,4 @@
-//! `carom-bench node`: a node that is as slow as asked for, for farms of processes on one machine.
+//! A node that is as slow as asked for, for farms of processes on one machine.
 
 use std::io::{BufRead as _, Write as _};
 use std::net::SocketAddr;
@@ -9,10 +9,10 @@ use carom_farm::NodeState;
 use carom_farm::backend::NodeBackend;
 use carom_farm::net::{Credentials, NodeServer, Role, StopHandle};
 use carom_farm::node::Node;
-use carom_testkit::throttle::{Share, Throttled};
+use carom_testkit::throttle::{DeviceShare, ThrottledTracer};
 use carom_tracer::Tracer as _;
 
-use crate::Failure;
+use crate::BenchError;
 
 /// Trace for players in a share of this machine's time, until Ctrl-C or SIGTERM.
 #[derive(clap::Args)]
@@ -37,13 +37,13 @@ pub(crate) struct Args {
     stdin_control: bool,
 }
 
-pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let share =
-        Share::new(args.throttle).map_err(|why| Failure::Input(format!("--throttle: {why}")))?;
+pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
+    let share = DeviceShare::new(args.throttle)
+        .map_err(|why| BenchError::Input(format!("--throttle: {why}")))?;
     let credentials = Credentials::load(&args.credentials, Role::Node)?;
     let server = NodeServer::bind(args.listen, &credentials)?;
     let tracer = args.backend.open(usize::from(args.threads))?;
-    let tracer = Arc::new(Throttled::new(tracer, share.clone()));
+    let tracer = Arc::new(ThrottledTracer::new(tracer, share.clone()));
     let stop = StopHandle::default();
     if args.stdin_control {
         let stop = stop.clone();
@@ -66,7 +66,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 }
 
 /// Sets the share to what each line says, until standard input ends.
-fn follow_stdin(share: &Share) {
+fn follow_stdin(share: &DeviceShare) {
     for line in std::io::stdin().lock().lines().map_while(Result::ok) {
         let done = match line.split_whitespace().collect::<Vec<_>>()[..] {
             ["throttle", value] => match value.parse() {

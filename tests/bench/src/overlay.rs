@@ -1,8 +1,8 @@
-//! `carom-bench overlay`: what the statistics cost, for 64 nodes and 8,160 tiles.
+//! The bench of the statistics overlay: CPU time of a redraw with 64 nodes and 8,160 tiles.
 
 use anyhow::Context as _;
 use carom_farm::{Balancing, Distribution, Frame};
-use carom_testkit::simulator::{NodePlan, Plan, Report, Weather, run};
+use carom_testkit::simulator::{FarmPlan, NetworkConditions, NodePlan, SimulationReport, run};
 use carom_tracer::ImageSize;
 use clap::Args;
 use cpu_time::ThreadTime;
@@ -32,7 +32,7 @@ pub(crate) struct OverlayArgs {
 
 /// CPU milliseconds of a redraw.
 #[derive(Clone, Debug, Serialize)]
-pub(crate) struct Cost {
+pub(crate) struct RedrawCost {
     /// What is drawn.
     pub(crate) shown: &'static str,
     /// Mean of all redraws.
@@ -57,7 +57,7 @@ impl OverlayArgs {
             "{:<16} {:>8} {:>8} {:>8}",
             "shown", "mean", "median", "least"
         );
-        for Cost {
+        for RedrawCost {
             shown,
             mean_ms,
             median_ms,
@@ -74,7 +74,7 @@ impl OverlayArgs {
 ///
 /// # Errors
 /// A sentence if the simulated farm delivers nothing.
-pub(crate) fn measure(redraws: u32) -> anyhow::Result<Vec<Cost>> {
+pub(crate) fn measure(redraws: u32) -> anyhow::Result<Vec<RedrawCost>> {
     let report = run(&plan(), SECS_MAX);
     let frames = report.frames.get(WARM_UP..).unwrap_or_default();
     anyhow::ensure!(
@@ -140,7 +140,7 @@ pub(crate) fn measure(redraws: u32) -> anyhow::Result<Vec<Cost>> {
     Ok(costs)
 }
 
-fn cost(shown: &'static str, redraws: u32, mut draw: impl FnMut(&Context, u64)) -> Cost {
+fn cost(shown: &'static str, redraws: u32, mut draw: impl FnMut(&Context, u64)) -> RedrawCost {
     let ctx = Context::default();
     theme::apply(&ctx, 1.0, true);
     let mut all = Vec::new();
@@ -161,7 +161,7 @@ fn cost(shown: &'static str, redraws: u32, mut draw: impl FnMut(&Context, u64)) 
             all.push(ms);
         }
     }
-    Cost {
+    RedrawCost {
         shown,
         mean_ms: all.iter().sum::<f64>() / all.len() as f64,
         median_ms: median(all.iter().copied()),
@@ -169,7 +169,7 @@ fn cost(shown: &'static str, redraws: u32, mut draw: impl FnMut(&Context, u64)) 
     }
 }
 
-fn seen<'a>(frame: &Frame, number: u64, report: &'a Report) -> FrameSample<'a> {
+fn seen<'a>(frame: &Frame, number: u64, report: &'a SimulationReport) -> FrameSample<'a> {
     FrameSample {
         frame: number,
         at_secs: number as f64 / 60.0,
@@ -180,7 +180,7 @@ fn seen<'a>(frame: &Frame, number: u64, report: &'a Report) -> FrameSample<'a> {
     }
 }
 
-fn facts(report: &Report) -> StatsInput<'_> {
+fn facts(report: &SimulationReport) -> StatsInput<'_> {
     StatsInput {
         nodes: &report.nodes,
         balancing: Balancing::default(),
@@ -199,7 +199,7 @@ fn facts(report: &Report) -> StatsInput<'_> {
 }
 
 /// Speeds over a hundredfold, times of the ways over thirtyfold; all together need 8 ms.
-fn plan() -> Plan {
+fn plan() -> FarmPlan {
     let node = |i: usize| {
         let spread = |n: usize| (i * n % NODES) as f64 / (NODES - 1) as f64;
         let speed = 100f64.powf(spread(37)) * 0.19;
@@ -208,7 +208,7 @@ fn plan() -> Plan {
             ..NodePlan::new(1e-3 * 30f64.powf(spread(23)), speed)
         }
     };
-    Plan {
+    FarmPlan {
         seed: 1,
         balancing: Balancing::default(),
         nodes: (0..NODES).map(node).collect(),
@@ -220,7 +220,7 @@ fn plan() -> Plan {
         samples: 1,
         distribution: Distribution::default(),
         tile_edge: TILE_EDGE,
-        weather: Weather::default(),
+        conditions: NetworkConditions::default(),
         changes: Vec::new(),
     }
 }

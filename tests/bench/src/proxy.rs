@@ -1,4 +1,4 @@
-//! `carom-bench proxy`: a worse network than there is.
+//! The link emulator as a program between a client and a node.
 
 use std::io::Write as _;
 use std::net::SocketAddr;
@@ -7,9 +7,9 @@ use std::time::Duration;
 
 use anyhow::Context;
 use carom_farm::net::interruption;
-use carom_testkit::{link_emulator::PathConfig, udp_proxy::Proxy};
+use carom_testkit::{link_emulator::LinkConfig, udp_proxy::UdpProxy};
 
-use crate::Failure;
+use crate::BenchError;
 
 /// Pass UDP packets on to a node over a path as bad as asked for, until Ctrl-C or SIGTERM.
 ///
@@ -23,7 +23,7 @@ pub(crate) struct Args {
     #[arg(long)]
     to: SocketAddr,
     #[command(flatten)]
-    path: PathArgs,
+    path: LinkArgs,
     /// Draws losses and jitter.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -31,7 +31,7 @@ pub(crate) struct Args {
 
 /// A path on a command line.
 #[derive(Clone, Copy, clap::Args)]
-pub(crate) struct PathArgs {
+pub(crate) struct LinkArgs {
     /// Milliseconds, one way.
     #[arg(long, default_value_t = 0.0)]
     delay: f64,
@@ -54,19 +54,19 @@ pub(crate) struct PathArgs {
     #[arg(long, default_value_t = 0.0)]
     reorder: f64,
     /// Bytes of the longest packets that pass, without the headers of IP and UDP.
-    #[arg(long, default_value_t = PathConfig::default().packet_bytes_max)]
+    #[arg(long, default_value_t = LinkConfig::default().packet_bytes_max)]
     packet: usize,
 }
 
-impl PathArgs {
+impl LinkArgs {
     /// # Errors
-    /// [`Failure::Input`] with the value and the range.
-    pub(crate) fn config(&self) -> Result<PathConfig, Failure> {
+    /// [`BenchError::Input`] with the value and the range.
+    pub(crate) fn config(&self) -> Result<LinkConfig, BenchError> {
         let millis = |what: &str, millis: f64| {
             let secs = Duration::try_from_secs_f64(millis * 1e-3);
-            secs.map_err(|why| Failure::Input(format!("{what} is {millis} ms: {why}")))
+            secs.map_err(|why| BenchError::Input(format!("{what} is {millis} ms: {why}")))
         };
-        let config = PathConfig {
+        let config = LinkConfig {
             delay: millis("--delay", self.delay)?,
             jitter: millis("--jitter", self.jitter)?,
             loss: 0.01 * self.loss,
@@ -76,14 +76,14 @@ impl PathArgs {
             reorder: 0.01 * self.reorder,
             packet_bytes_max: self.packet,
         };
-        config.validate().map_err(Failure::Input)?;
+        config.validate().map_err(BenchError::Input)?;
         Ok(config)
     }
 }
 
-pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     let config = args.path.config()?;
-    let proxy = Proxy::start(args.listen, args.to, config, args.seed)
+    let proxy = UdpProxy::start(args.listen, args.to, config, args.seed)
         .with_context(|| format!("a proxy at {} for {}", args.listen, args.to))?;
     let line = format!("listening on {} for {}", proxy.local_addr(), args.to);
     let _ = writeln!(std::io::stdout(), "{line}"); // a reader that has gone away ends nothing

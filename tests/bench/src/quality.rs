@@ -1,4 +1,4 @@
-//! `carom-bench quality`: how far each stop of the quality dial is from the converged picture.
+//! The bench of the quality levels: the error of each against the converged frame.
 
 use std::path::PathBuf;
 

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use carom_tracer::Scene;
 
-use crate::Failure;
+use crate::BenchError;
 
 /// The table of benches that name no scene.
 const POOL: &str = include_str!("../../../assets/scenes/pool.json");
@@ -16,7 +16,7 @@ pub(crate) struct NamedScene {
 }
 
 /// Reads the scene file, or takes the built-in pool table.
-pub(crate) fn scene(path: Option<&Path>) -> Result<NamedScene, Failure> {
+pub(crate) fn scene(path: Option<&Path>) -> Result<NamedScene, BenchError> {
     let Some(path) = path else {
         let scene = Scene::from_json(POOL)?;
         return Ok(NamedScene {

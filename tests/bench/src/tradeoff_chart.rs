@@ -1,11 +1,11 @@
-//! `carom-bench tradeoff-chart`: FLIP against time, from what `carom-farm bench tradeoff --json` prints.
+//! A chart of FLIP against time, from the JSON of `carom-farm bench tradeoff`.
 
 use std::path::PathBuf;
 
 use anyhow::Context;
 use serde::Deserialize;
 
-use crate::Failure;
+use crate::BenchError;
 use crate::chart::{Axis, Chart, Series};
 
 /// Draw the results of `carom-farm bench tradeoff --json` as FLIP against time.
@@ -35,12 +35,13 @@ struct TradeoffRow {
     pareto: bool,
 }
 
-pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     let shown = args.results.display();
     let text = std::fs::read_to_string(&args.results)
-        .map_err(|why| Failure::Input(format!("cannot read {shown}: {why}")))?;
-    let tradeoff: Tradeoff = serde_json::from_str(&text)
-        .map_err(|why| Failure::Input(format!("{shown} holds no results of the bench: {why}")))?;
+        .map_err(|why| BenchError::Input(format!("cannot read {shown}: {why}")))?;
+    let tradeoff: Tradeoff = serde_json::from_str(&text).map_err(|why| {
+        BenchError::Input(format!("{shown} holds no results of the bench: {why}"))
+    })?;
     std::fs::write(&args.chart, tradeoff.chart().svg())
         .with_context(|| format!("cannot write {}", args.chart.display()))?;
     Ok(())

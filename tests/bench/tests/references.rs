@@ -4,12 +4,13 @@
 use std::path::Path;
 
 use carom_bench::physics::{
-    accuracy, air, breaks, closed_forms, crowd, curves, draws, reference::Reference,
+    accuracy, airborne, break_samples, breaks, closed_forms, curves, many_balls,
+    reference::ReferenceShot,
 };
 
-fn references() -> Vec<Reference> {
+fn references() -> Vec<ReferenceShot> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../references/physics");
-    Reference::read_folder(&folder).expect("the references are in the repository")
+    ReferenceShot::read_folder(&folder).expect("the references are in the repository")
 }
 
 #[test]
@@ -61,12 +62,13 @@ fn struck_clusters_part_as_in_the_references() {
 #[test]
 fn breaks_of_the_references_are_draws_of_ours() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../references");
-    let theirs = draws::Draws::read(&folder.join("breaks.json")).expect("it is in the repository");
+    let theirs = break_samples::ReferenceBreaks::read(&folder.join("breaks.json"))
+        .expect("it is in the repository");
     let rows = breaks::measure(&references(), &theirs, 100).expect("all can be played");
-    let agreement = draws::Agreement::of(&rows);
+    let agreement = break_samples::BreakAgreement::of(&rows);
     assert_eq!((agreement.comparisons, agreement.shots), (6, 6));
     assert!(
-        agreement.chance_together > draws::CHANCE_TOGETHER_MIN,
+        agreement.chance_together > break_samples::CHANCE_TOGETHER_MIN,
         "{agreement}"
     );
     assert_eq!(
@@ -101,9 +103,9 @@ fn closed_forms_and_published_curves_are_met() {
 
 #[test]
 fn the_closed_flight_is_exact_and_rapier_comes_up_to_it() {
-    let rows = air::measure().expect("all can be played");
-    let errors = |row: &air::Air| {
-        let air::Air {
+    let rows = airborne::measure().expect("all can be played");
+    let errors = |row: &airborne::FlightRow| {
+        let airborne::FlightRow {
             flight_off_mm,
             meeting_off_mm,
             ..
@@ -115,7 +117,7 @@ fn the_closed_flight_is_exact_and_rapier_comes_up_to_it() {
         .into_iter()
         .chain([exact.momentum_off, exact.energy_off]);
     for error in all {
-        assert!(error < air::OFF_MAX, "{exact}");
+        assert!(error < airborne::OFF_MAX, "{exact}");
     }
     for row in stepped {
         assert!(errors(row).into_iter().all(|error| error > 1e-2), "{row}");
@@ -130,7 +132,7 @@ fn the_closed_flight_is_exact_and_rapier_comes_up_to_it() {
 
 #[test]
 fn a_thousand_balls_come_to_rest() {
-    let crowds = crowd::measure().expect("they end");
+    let crowds = many_balls::measure().expect("they end");
     assert_eq!(crowds.iter().map(|crowd| crowd.balls).max(), Some(1000));
     for crowd in &crowds {
         assert!(crowd.energy_growth_j <= 1e-12, "{crowd}");

@@ -1,5 +1,4 @@
-//! What tests and benches share: farms on virtual time, networks as bad as asked for, tracers whose
-//! output is known beforehand and a throttle for those that are real.
+//! Farms on virtual time, emulated links, tracers of known output and a throttle, for tests and benches.
 //!
 //! Never part of the product: `tests/tests/architecture.rs` sees to it.
 

@@ -1,13 +1,13 @@
-//! A path through a network as a pure function of time: delay, jitter, loss, rate, a bounded queue
-//! and reordering, all drawn from a seed.
+//! One direction of a network link as a pure function of time: delay, jitter, loss, rate, a bounded
+//! queue and reordering, all drawn from a seed.
 
 use std::time::Duration;
 
-use crate::random::Random;
+use crate::random::SplitMix64;
 
 /// What a path does to packets. The default is a perfect one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PathConfig {
+pub struct LinkConfig {
     /// Of every packet, one way.
     pub delay: Duration,
     /// Mean of an exponentially distributed delay on top. Packets stay in order.
@@ -26,7 +26,7 @@ pub struct PathConfig {
     pub packet_bytes_max: usize,
 }
 
-impl Default for PathConfig {
+impl Default for LinkConfig {
     fn default() -> Self {
         Self {
             delay: Duration::ZERO,
@@ -41,7 +41,7 @@ impl Default for PathConfig {
     }
 }
 
-impl PathConfig {
+impl LinkConfig {
     /// Checks each number.
     ///
     /// # Errors
@@ -73,9 +73,9 @@ impl PathConfig {
 
 /// One direction of a path.
 #[derive(Clone, Debug)]
-pub struct Path {
-    config: PathConfig,
-    random: Random,
+pub struct LinkEmulator {
+    config: LinkConfig,
+    random: SplitMix64,
     /// When the packet before has left the queue.
     free_at: Duration,
     /// When the packet before arrives.
@@ -83,12 +83,12 @@ pub struct Path {
     in_burst: bool,
 }
 
-impl Path {
+impl LinkEmulator {
     /// Equal seeds draw the same fate for the same packets.
-    pub fn new(config: PathConfig, seed: u64) -> Self {
+    pub fn new(config: LinkConfig, seed: u64) -> Self {
         Self {
             config,
-            random: Random::new(seed),
+            random: SplitMix64::new(seed),
             free_at: Duration::ZERO,
             arrived: Duration::ZERO,
             in_burst: false,
@@ -124,7 +124,7 @@ impl Path {
 
     /// The chain of Gilbert (1960): bursts begin so often that the share is right.
     fn loses(&mut self) -> bool {
-        let PathConfig { loss, burst, .. } = self.config;
+        let LinkConfig { loss, burst, .. } = self.config;
         let begins = (loss / (burst * (1.0 - loss).max(1e-9))).min(1.0);
         let chance = match self.in_burst {
             true => 1.0 - 1.0 / burst,

@@ -1,4 +1,4 @@
-//! A tracer of noise, for benches of the network.
+//! A tracer of noise that no codec compresses, for benches of the network.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::Ordering;
@@ -12,7 +12,7 @@ use carom_tracer::{
 };
 
 /// Hands out pixels that no codec makes smaller, a message of tiles at a time, and remembers when.
-pub struct Noise {
+pub struct NoiseTracer {
     /// After each message.
     pause: Duration,
     bank: Vec<Vec<[f32; 3]>>,
@@ -20,7 +20,7 @@ pub struct Noise {
     handed_over: Mutex<BTreeMap<(u32, u32), Instant>>,
 }
 
-impl Noise {
+impl NoiseTracer {
     /// Messages of 4056 bytes in a frame.
     pub const MESSAGES: u32 = 16;
 
@@ -60,7 +60,7 @@ impl Noise {
     }
 }
 
-impl Tracer for Noise {
+impl Tracer for NoiseTracer {
     fn info(&self) -> DeviceInfo {
         DeviceInfo {
             kind: DeviceKind::Cpu,

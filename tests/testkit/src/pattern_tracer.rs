@@ -1,5 +1,5 @@
-//! A tracer that costs nothing and is right or wrong in ways that can be told: its radiance is a
-//! hash of pixel, sample, seed and camera.
+//! A tracer of known output: its radiance is a hash of pixel, sample, seed and camera, and it fails when
+//! told to.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Condvar, Mutex};
@@ -14,16 +14,16 @@ use carom_tracer::{
 use glam::{Quat, Vec3};
 
 /// A device whose pixels are a hash of where and of what they are.
-pub struct Pattern {
+pub struct PatternTracer {
     pace: Duration,
-    fault: Option<Fault>,
+    fault: Option<DeviceFault>,
     /// Tiles until the fault; it stays from then on, but for a gate that has opened.
     tiles_left: AtomicU32,
 }
 
 /// How a device fails.
 #[derive(Clone)]
-pub enum Fault {
+pub enum DeviceFault {
     /// By an error.
     Error,
     /// By a panic.
@@ -68,7 +68,7 @@ impl Gate {
     }
 }
 
-impl Default for Pattern {
+impl Default for PatternTracer {
     fn default() -> Self {
         Self {
             pace: Duration::ZERO,
@@ -78,7 +78,7 @@ impl Default for Pattern {
     }
 }
 
-impl Pattern {
+impl PatternTracer {
     /// As fast as it goes, and sound.
     pub fn new() -> Self {
         Self::default()
@@ -91,7 +91,7 @@ impl Pattern {
     }
 
     /// Makes it fail when it has traced `after_tiles`.
-    pub fn with_fault(mut self, fault: Fault, after_tiles: u32) -> Self {
+    pub fn with_fault(mut self, fault: DeviceFault, after_tiles: u32) -> Self {
         self.fault = Some(fault);
         self.tiles_left = AtomicU32::new(after_tiles);
         self
@@ -105,12 +105,12 @@ impl Pattern {
         match &self.fault {
             _ if healthy.is_ok() => Ok(()),
             None => Ok(()),
-            Some(Fault::Error) => Err(Error::Device {
+            Some(DeviceFault::Error) => Err(Error::Device {
                 device: "pattern".into(),
                 message: "it was told to fail".into(),
             }),
-            Some(Fault::Panic) => panic!("it was told to panic"),
-            Some(Fault::Hang(gate)) => {
+            Some(DeviceFault::Panic) => panic!("it was told to panic"),
+            Some(DeviceFault::Hang(gate)) => {
                 gate.pass();
                 Ok(())
             }
@@ -118,7 +118,7 @@ impl Pattern {
     }
 }
 
-impl Tracer for Pattern {
+impl Tracer for PatternTracer {
     fn info(&self) -> DeviceInfo {
         DeviceInfo {
             kind: DeviceKind::Cpu,

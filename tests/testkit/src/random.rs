@@ -1,19 +1,19 @@
-//! Numbers from a seed: SplitMix64 (Steele, Lea and Flood, OOPSLA 2014).
+//! SplitMix64, a seeded random number generator (Steele, Lea and Flood, OOPSLA 2014).
 
 use std::f64::consts::TAU;
 
 /// A stream of random numbers.
 #[derive(Clone, Debug)]
-pub struct Random(u64);
+pub struct SplitMix64(u64);
 
-impl Random {
+impl SplitMix64 {
     /// The stream that begins with `seed`.
     pub fn new(seed: u64) -> Self {
         Self(seed)
     }
 
     /// The stream that belongs to `key`.
-    pub fn of(key: &[u64]) -> Self {
+    pub fn keyed(key: &[u64]) -> Self {
         let mut random = Self(0);
         for word in key {
             random.0 ^= *word;

@@ -1,4 +1,4 @@
-//! A tracer held to a share of its machine.
+//! A tracer held to a share of its device.
 //!
 //! ```text
 //! run ─▶ pieces of a few ms ─▶ tracer ─▶ rest, so that the piece has taken 1 / share as long ─▶ sink
@@ -17,9 +17,9 @@ use cpu_time::ProcessTime;
 /// What part of a machine may be used, above 0 and at most 1; all copies are one, and it may be
 /// changed at any time. Lower leaves more of the machine to others; higher makes pictures sooner.
 #[derive(Clone, Debug)]
-pub struct Share(Arc<AtomicU64>);
+pub struct DeviceShare(Arc<AtomicU64>);
 
-impl Share {
+impl DeviceShare {
     /// # Errors
     /// A sentence with the value if it is not above 0 and at most 1.
     pub fn new(share: f64) -> Result<Self, String> {
@@ -31,7 +31,7 @@ impl Share {
     /// Takes effect with the next few milliseconds of work.
     ///
     /// # Errors
-    /// As [`Share::new`]; the share before stays.
+    /// As [`DeviceShare::new`]; the share before stays.
     pub fn set(&self, share: f64) -> Result<(), String> {
         if !(share > 0.0 && share <= 1.0) {
             return Err(format!(
@@ -52,35 +52,35 @@ impl Share {
 ///
 /// A processor's time is counted as the system counts this process's, so that a machine which is
 /// busy with other things does not slow it twice; a GPU's by the clock.
-pub struct Throttled {
+pub struct ThrottledTracer {
     tracer: Arc<dyn Tracer>,
-    share: Share,
+    share: DeviceShare,
     /// Whose turn it is, and what it still has to rest: at most one run is traced at a time.
-    pace: Mutex<Pace>,
+    debt: Mutex<RestDebt>,
 }
 
 #[derive(Default)]
-struct Pace {
+struct RestDebt {
     /// Rest that is due; below 0 if the last was longer than it had to be.
     owed_secs: f64,
     /// Seconds per pixel sample, once known.
     secs_per_sample: Option<f64>,
 }
 
-impl Throttled {
+impl ThrottledTracer {
     /// `tracer`, with `share` of it.
-    pub fn new(tracer: Arc<dyn Tracer>, share: Share) -> Self {
+    pub fn new(tracer: Arc<dyn Tracer>, share: DeviceShare) -> Self {
         Self {
             tracer,
             share,
-            pace: Mutex::default(),
+            debt: Mutex::default(),
         }
     }
 
     /// Traces one piece and rests, before its tiles are handed over: others see how long it took.
     fn piece(
         &self,
-        pace: &mut Pace,
+        debt: &mut RestDebt,
         scene: &CompiledScene,
         job: &TraceJob<'_>,
     ) -> Result<(Vec<TileRadiance>, TraceStats), Error> {
@@ -98,20 +98,20 @@ impl Throttled {
                 used.elapsed().as_secs_f64() / f64::from(info.threads.max(1))
             }
         };
-        pace.secs_per_sample = Some(alone_secs / samples(job, job.tiles).max(1.0));
-        pace.owed_secs += (alone_secs / self.share.get() - wall_secs).max(0.0);
-        pace.rest(job.cancelled);
+        debt.secs_per_sample = Some(alone_secs / samples(job, job.tiles).max(1.0));
+        debt.owed_secs += (alone_secs / self.share.get() - wall_secs).max(0.0);
+        debt.rest(job.cancelled);
         let finished = finished.into_inner();
         Ok((finished.unwrap_or_else(PoisonError::into_inner), stats))
     }
 
     /// How many of `tiles` come next. A GPU is quick only at whole runs, and a denoiser traces a
     /// guard band around each piece.
-    fn piece_len(&self, pace: &Pace, job: &TraceJob<'_>, tiles: &[Tile]) -> usize {
+    fn piece_len(&self, debt: &RestDebt, job: &TraceJob<'_>, tiles: &[Tile]) -> usize {
         if job.settings.denoise || self.tracer.info().kind == DeviceKind::Gpu {
             return tiles.len();
         }
-        let Some(secs_per_sample) = pace.secs_per_sample else {
+        let Some(secs_per_sample) = debt.secs_per_sample else {
             return 1;
         };
         let tile_secs = secs_per_sample * samples(job, &tiles[..1]);
@@ -119,7 +119,7 @@ impl Throttled {
     }
 }
 
-impl Tracer for Throttled {
+impl Tracer for ThrottledTracer {
     /// The device's name says of which share it is.
     fn info(&self) -> DeviceInfo {
         let mut info = self.tracer.info();
@@ -139,13 +139,13 @@ impl Tracer for Throttled {
         if self.share.get() >= 1.0 {
             return self.tracer.trace(scene, job, sink);
         }
-        let mut pace = self.pace.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut debt = self.debt.lock().unwrap_or_else(PoisonError::into_inner);
         let mut sum = TraceStats::default();
         let mut done = 0;
         while done < job.tiles.len() && !job.cancelled.load(Ordering::Relaxed) {
             let left = &job.tiles[done..];
-            let tiles = &left[..self.piece_len(&pace, job, left)];
-            let (finished, stats) = self.piece(&mut pace, scene, &TraceJob { tiles, ..*job })?;
+            let tiles = &left[..self.piece_len(&debt, job, left)];
+            let (finished, stats) = self.piece(&mut debt, scene, &TraceJob { tiles, ..*job })?;
             for tile in finished {
                 sink(TileRadiance {
                     index: done + tile.index,
@@ -172,7 +172,7 @@ impl Tracer for Throttled {
     }
 }
 
-impl Pace {
+impl RestDebt {
     /// Rests as long as is due, or until `cancelled`.
     fn rest(&mut self, cancelled: &AtomicBool) {
         while self.owed_secs > REST_SECS_MIN && !cancelled.load(Ordering::Relaxed) {
@@ -256,7 +256,7 @@ mod tests {
             cancelled: &AtomicBool::new(false),
         };
         let busy = Arc::new(Busy(Mutex::default()));
-        let throttled = Throttled::new(busy.clone(), Share::new(0.25).unwrap());
+        let throttled = ThrottledTracer::new(busy.clone(), DeviceShare::new(0.25).unwrap());
         assert!(throttled.info().name.starts_with("25 % of"));
         let come = Mutex::new(vec![0; tiles.len()]);
         let begun = Instant::now();
@@ -278,9 +278,9 @@ mod tests {
     #[test]
     fn a_share_is_a_part() {
         for wrong in [0.0, -1.0, 1.01, f64::NAN, f64::INFINITY] {
-            assert!(Share::new(wrong).is_err(), "{wrong}");
+            assert!(DeviceShare::new(wrong).is_err(), "{wrong}");
         }
-        let share = Share::new(0.25).unwrap();
+        let share = DeviceShare::new(0.25).unwrap();
         let copy = share.clone();
         assert!(copy.set(2.0).is_err());
         assert_eq!(share.get(), 0.25);
@@ -290,15 +290,15 @@ mod tests {
 
     #[test]
     fn rest_is_paid_to_the_end_or_until_cancelled() {
-        let mut pace = Pace {
+        let mut debt = RestDebt {
             owed_secs: 0.02,
-            ..Pace::default()
+            ..RestDebt::default()
         };
         let begun = Instant::now();
-        pace.rest(&AtomicBool::new(false));
+        debt.rest(&AtomicBool::new(false));
         assert!(begun.elapsed().as_secs_f64() >= 0.02 - REST_SECS_MIN);
-        pace.owed_secs = 1e9;
-        pace.rest(&AtomicBool::new(true));
-        assert!(pace.owed_secs <= REST_SECS_MIN);
+        debt.owed_secs = 1e9;
+        debt.rest(&AtomicBool::new(true));
+        assert!(debt.owed_secs <= REST_SECS_MIN);
     }
 }

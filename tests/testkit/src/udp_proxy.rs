@@ -1,5 +1,4 @@
-//! A UDP proxy in this process that makes a path as bad as asked for: a network to try farms on
-//! where there is none.
+//! A UDP proxy that passes packets on over emulated links, in this process.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap, VecDeque};
@@ -10,10 +9,10 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use crate::link_emulator::{Path, PathConfig};
+use crate::link_emulator::{LinkConfig, LinkEmulator};
 
 /// Packets between clients and one server, each way through a path of its own. Ends when dropped.
-pub struct Proxy {
+pub struct UdpProxy {
     address: SocketAddr,
     shared: Arc<Shared>,
     threads: Vec<JoinHandle<()>>,
@@ -21,7 +20,7 @@ pub struct Proxy {
 
 /// What has become of packets, both ways together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ProxyCounts {
+pub struct PacketCounts {
     /// Passed on.
     pub passed: u64,
     /// Lost on purpose, or for want of room in a queue.
@@ -30,9 +29,9 @@ pub struct ProxyCounts {
 
 struct Shared {
     to: SocketAddr,
-    config: PathConfig,
+    config: LinkConfig,
     stopped: AtomicBool,
-    due: Mutex<Due>,
+    due: Mutex<PacketQueue>,
     changed: Condvar,
     passed: AtomicU64,
     lost: AtomicU64,
@@ -43,12 +42,12 @@ struct Shared {
 
 /// Packets under way.
 #[derive(Default)]
-struct Due {
-    packets: BinaryHeap<Reverse<Packet>>,
+struct PacketQueue {
+    packets: BinaryHeap<Reverse<DelayedPacket>>,
     count: u64,
 }
 
-struct Packet {
+struct DelayedPacket {
     at: Duration,
     /// The order of those that arrive together.
     number: u64,
@@ -57,7 +56,7 @@ struct Packet {
     bytes: Vec<u8>,
 }
 
-impl Proxy {
+impl UdpProxy {
     /// Listens at `listen` and passes packets on to `to`, and its answers back, each way through a
     /// path as `config` has it. Every client has paths of its own, drawn from `seed`.
     ///
@@ -67,7 +66,7 @@ impl Proxy {
     pub fn start(
         listen: SocketAddr,
         to: SocketAddr,
-        config: PathConfig,
+        config: LinkConfig,
         seed: u64,
     ) -> io::Result<Self> {
         let invalid = |why| io::Error::new(io::ErrorKind::InvalidInput, why);
@@ -102,8 +101,8 @@ impl Proxy {
     }
 
     /// What has become of packets until now.
-    pub fn counts(&self) -> ProxyCounts {
-        ProxyCounts {
+    pub fn counts(&self) -> PacketCounts {
+        PacketCounts {
             passed: self.shared.passed.load(Ordering::Relaxed),
             lost: self.shared.lost.load(Ordering::Relaxed),
         }
@@ -122,7 +121,7 @@ impl Proxy {
     }
 }
 
-impl Drop for Proxy {
+impl Drop for UdpProxy {
     fn drop(&mut self) {
         self.shared.stopped.store(true, Ordering::Relaxed);
         self.shared.changed.notify_all();
@@ -133,15 +132,15 @@ impl Drop for Proxy {
 }
 
 /// A client's way to the server.
-struct Client {
+struct ProxyClient {
     upstream: Arc<UdpSocket>,
-    there: Path,
+    there: LinkEmulator,
     answers: JoinHandle<()>,
 }
 
 impl Shared {
     fn listen(self: &Arc<Self>, socket: &Arc<UdpSocket>, seed: u64) {
-        let mut clients: BTreeMap<SocketAddr, Client> = BTreeMap::new();
+        let mut clients: BTreeMap<SocketAddr, ProxyClient> = BTreeMap::new();
         let mut buffer = vec![0; PACKET_BYTES_MAX];
         while !self.stopped() {
             let Ok((length, from)) = socket.recv_from(&mut buffer) else {
@@ -180,14 +179,17 @@ impl Shared {
         socket: &Arc<UdpSocket>,
         from: SocketAddr,
         seed: u64,
-    ) -> io::Result<Client> {
+    ) -> io::Result<ProxyClient> {
         let any: SocketAddr = match self.to {
             SocketAddr::V4(_) => ([0, 0, 0, 0], 0).into(),
             SocketAddr::V6(_) => ([0u16; 8], 0).into(),
         };
         let upstream = Arc::new(open(any)?);
         let (shared, socket) = (Arc::clone(self), Arc::clone(socket));
-        let (receive, mut back) = (Arc::clone(&upstream), Path::new(self.config, seed + 1));
+        let (receive, mut back) = (
+            Arc::clone(&upstream),
+            LinkEmulator::new(self.config, seed + 1),
+        );
         let answers = move || {
             let mut buffer = vec![0; PACKET_BYTES_MAX];
             while !shared.stopped() {
@@ -198,14 +200,14 @@ impl Shared {
             }
         };
         let thread = std::thread::Builder::new().name("carom-proxy".into());
-        Ok(Client {
+        Ok(ProxyClient {
             upstream,
-            there: Path::new(self.config, seed),
+            there: LinkEmulator::new(self.config, seed),
             answers: thread.spawn(answers)?,
         })
     }
 
-    fn send(&self, path: &mut Path, socket: &Arc<UdpSocket>, to: SocketAddr, bytes: &[u8]) {
+    fn send(&self, path: &mut LinkEmulator, socket: &Arc<UdpSocket>, to: SocketAddr, bytes: &[u8]) {
         let mut due = lock(&self.due);
         let at = path.send(self.began.elapsed(), bytes.len());
         let Some(at) = at.filter(|_| due.packets.len() < PACKETS_MAX) else {
@@ -213,7 +215,7 @@ impl Shared {
             return;
         };
         due.count += 1;
-        let packet = Packet {
+        let packet = DelayedPacket {
             at,
             number: due.count,
             socket: Arc::clone(socket),
@@ -250,7 +252,7 @@ impl Shared {
                     }
                 }
                 next => {
-                    let wait = next.map_or(PATIENCE, |at| (at - now).min(PATIENCE));
+                    let wait = next.map_or(WAKE_PERIOD, |at| (at - now).min(WAKE_PERIOD));
                     let woken = self.changed.wait_timeout(due, wait);
                     due = woken.unwrap_or_else(PoisonError::into_inner).0;
                 }
@@ -267,7 +269,7 @@ impl Shared {
 /// ones for QUIC also has the system hand over several packets as one.
 fn open(address: SocketAddr) -> io::Result<UdpSocket> {
     let socket = UdpSocket::bind(address)?;
-    socket.set_read_timeout(Some(PATIENCE))?;
+    socket.set_read_timeout(Some(WAKE_PERIOD))?;
     Ok(socket)
 }
 
@@ -275,21 +277,21 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl PartialEq for Packet {
+impl PartialEq for DelayedPacket {
     fn eq(&self, other: &Self) -> bool {
         self.cmp(other).is_eq()
     }
 }
 
-impl Eq for Packet {}
+impl Eq for DelayedPacket {}
 
-impl PartialOrd for Packet {
+impl PartialOrd for DelayedPacket {
     fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl Ord for Packet {
+impl Ord for DelayedPacket {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
         (self.at, self.number).cmp(&(other.at, other.number))
     }
@@ -302,4 +304,4 @@ const PACKETS_MAX: usize = 1 << 16;
 /// As many nodes or players as any test has; each costs a thread.
 const CLIENTS_MAX: usize = 64;
 /// How long a thread may not notice that it has been stopped.
-const PATIENCE: Duration = Duration::from_millis(50);
+const WAKE_PERIOD: Duration = Duration::from_millis(50);

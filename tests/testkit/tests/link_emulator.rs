@@ -1,21 +1,21 @@
-//! What a path does to packets is what was asked for.
+//! Laws of the link emulator: each packet meets the configured delay, loss, rate and order.
 
 use std::time::Duration;
 
-use carom_testkit::{link_emulator::Path, link_emulator::PathConfig};
+use carom_testkit::{link_emulator::LinkConfig, link_emulator::LinkEmulator};
 
 const MS: Duration = Duration::from_millis(1);
 
 #[test]
 fn packets_pass_that_are_short_enough() {
-    let config = PathConfig {
+    let config = LinkConfig {
         packet_bytes_max: 1400,
-        ..PathConfig::default()
+        ..LinkConfig::default()
     };
-    let mut path = Path::new(config, 1);
+    let mut path = LinkEmulator::new(config, 1);
     let passes = [1400, 1401, 1200].map(|bytes| path.send(MS, bytes).is_some());
     assert_eq!(passes, [true, false, true]);
-    let config = PathConfig {
+    let config = LinkConfig {
         packet_bytes_max: 1199,
         ..config
     };
@@ -26,12 +26,12 @@ fn packets_pass_that_are_short_enough() {
 #[test]
 fn losses_come_as_often_and_in_such_bursts_as_asked_for() {
     for (loss, burst) in [(0.01, 1.0), (0.01, 4.0), (0.2, 6.0), (0.5, 2.0)] {
-        let config = PathConfig {
+        let config = LinkConfig {
             loss,
             burst,
-            ..PathConfig::default()
+            ..LinkConfig::default()
         };
-        let mut path = Path::new(config, 7);
+        let mut path = LinkEmulator::new(config, 7);
         let count = 400_000;
         let fates: Vec<bool> = (0..count)
             .map(|_| path.send(Duration::ZERO, 1).is_none())
@@ -49,12 +49,12 @@ fn losses_come_as_often_and_in_such_bursts_as_asked_for() {
 
 #[test]
 fn a_rate_spreads_packets_and_a_full_queue_drops_them() {
-    let config = PathConfig {
+    let config = LinkConfig {
         rate: Some(8e6),
         queue_bytes: 10_000,
-        ..PathConfig::default()
+        ..LinkConfig::default()
     };
-    let mut path = Path::new(config, 1);
+    let mut path = LinkEmulator::new(config, 1);
     let arrivals: Vec<_> = (0..20).map(|_| path.send(Duration::ZERO, 1000)).collect();
     let expected = (1..=10).map(|packet| Some(packet * MS));
     assert!(arrivals.into_iter().eq(expected.chain([None; 10])));
@@ -63,13 +63,13 @@ fn a_rate_spreads_packets_and_a_full_queue_drops_them() {
 
 #[test]
 fn jitter_has_its_mean_and_keeps_the_order_and_reordering_does_not() {
-    let mut config = PathConfig {
+    let mut config = LinkConfig {
         delay: 20 * MS,
         jitter: MS,
-        ..PathConfig::default()
+        ..LinkConfig::default()
     };
     let arrivals = |config| -> Vec<Duration> {
-        let mut path = Path::new(config, 3);
+        let mut path = LinkEmulator::new(config, 3);
         let sent = (0..20_000).map(|packet| packet * 20 * MS);
         sent.filter_map(|now| path.send(now, 100)).collect()
     };
@@ -80,38 +80,38 @@ fn jitter_has_its_mean_and_keeps_the_order_and_reordering_does_not() {
     assert!((sum / 20_000.0 - 0.021).abs() < 1e-4);
     assert!(arrivals(config).is_sorted());
     config.reorder = 0.1;
-    let mut path = Path::new(config, 3);
+    let mut path = LinkEmulator::new(config, 3);
     let arrivals: Vec<_> = (0..1000).filter_map(|p| path.send(p * MS, 100)).collect();
     assert!(!arrivals.is_sorted());
 }
 
 #[test]
 fn what_is_out_of_range_is_named() {
-    let refused = |config: PathConfig| config.validate().unwrap_err();
-    let config = PathConfig::default();
+    let refused = |config: LinkConfig| config.validate().unwrap_err();
+    let config = LinkConfig::default();
     assert!(
-        refused(PathConfig {
+        refused(LinkConfig {
             loss: 1.5,
             ..config
         })
         .contains("loss is 1.5")
     );
     assert!(
-        refused(PathConfig {
+        refused(LinkConfig {
             burst: 0.0,
             ..config
         })
         .contains("burst is 0")
     );
     assert!(
-        refused(PathConfig {
+        refused(LinkConfig {
             rate: Some(0.0),
             ..config
         })
         .contains("rate")
     );
     assert!(
-        refused(PathConfig {
+        refused(LinkConfig {
             reorder: f64::NAN,
             ..config
         })

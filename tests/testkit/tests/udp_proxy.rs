@@ -1,9 +1,9 @@
-//! The proxy passes packets on as its path has it.
+//! Laws of the UDP proxy: packets pass as its links have it.
 
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::time::{Duration, Instant};
 
-use carom_testkit::{link_emulator::PathConfig, udp_proxy::Proxy};
+use carom_testkit::{link_emulator::LinkConfig, udp_proxy::UdpProxy};
 
 fn echo() -> (UdpSocket, SocketAddr) {
     let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
@@ -14,12 +14,12 @@ fn echo() -> (UdpSocket, SocketAddr) {
 #[test]
 fn packets_come_back_through_it_not_before_their_time() {
     let (server, address) = echo();
-    let config = PathConfig {
+    let config = LinkConfig {
         delay: Duration::from_millis(5),
-        ..PathConfig::default()
+        ..LinkConfig::default()
     };
     let any = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
-    let proxy = Proxy::start(any, address, config, 1).unwrap();
+    let proxy = UdpProxy::start(any, address, config, 1).unwrap();
     let client = UdpSocket::bind(any).unwrap();
     client.connect(proxy.local_addr()).unwrap();
     let mut buffer = [0; 16];
@@ -38,10 +38,10 @@ fn packets_come_back_through_it_not_before_their_time() {
 #[test]
 fn a_path_that_cannot_be_is_refused() {
     let any = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
-    let config = PathConfig {
+    let config = LinkConfig {
         loss: 2.0,
-        ..PathConfig::default()
+        ..LinkConfig::default()
     };
-    let refused = Proxy::start(any, any, config, 1).err().unwrap();
+    let refused = UdpProxy::start(any, any, config, 1).err().unwrap();
     assert!(refused.to_string().contains("loss is 2"), "{refused}");
 }

@@ -145,8 +145,8 @@ mod tests {
     use super::super::encoder::FecEncoder;
     use super::super::loss_estimator::LossEstimator;
     use super::*;
-    use carom_testkit::link_emulator::{Path, PathConfig};
-    use carom_testkit::random::Random;
+    use carom_testkit::link_emulator::{LinkConfig, LinkEmulator};
+    use carom_testkit::random::SplitMix64;
 
     const MS: Duration = Duration::from_millis(1);
     const DATAGRAM_BYTES: usize = 1400;
@@ -156,8 +156,8 @@ mod tests {
         encoder: FecEncoder,
         decoder: FecDecoder,
         losses: LossEstimator,
-        there: Path,
-        back: Path,
+        there: LinkEmulator,
+        back: LinkEmulator,
         /// In flight with their arrival times.
         datagrams: Vec<(Duration, Vec<u8>)>,
         nacks: Vec<(Duration, Vec<u8>)>,
@@ -166,25 +166,25 @@ mod tests {
         /// Datagrams that were sent, and those that were lost.
         sent: (u64, u64),
         duplicated: f64,
-        random: Random,
+        random: SplitMix64,
         delivered: Vec<(Duration, Vec<u8>)>,
     }
 
     impl CodecPair {
-        fn new(config: PathConfig, duplicated: f64) -> Self {
+        fn new(config: LinkConfig, duplicated: f64) -> Self {
             Self {
                 encoder: FecEncoder::default(),
                 decoder: FecDecoder::default(),
                 losses: LossEstimator::new(),
-                there: Path::new(config, 3),
-                back: Path::new(config, 4),
+                there: LinkEmulator::new(config, 3),
+                back: LinkEmulator::new(config, 4),
                 datagrams: Vec::new(),
                 nacks: Vec::new(),
                 retransmissions: Vec::new(),
                 announcements: Vec::new(),
                 sent: (0, 0),
                 duplicated,
-                random: Random::new(5),
+                random: SplitMix64::new(5),
                 delivered: Vec::new(),
             }
         }
@@ -251,7 +251,7 @@ mod tests {
     }
 
     /// Sends sixteen numbered packets of 4 kB over 8 ms of each frame; their delays, sorted.
-    fn transfer(config: PathConfig, duplicated: f64, frames: u32) -> (Vec<Duration>, CodecPair) {
+    fn transfer(config: LinkConfig, duplicated: f64, frames: u32) -> (Vec<Duration>, CodecPair) {
         let mut pair = CodecPair::new(config, duplicated);
         let rtt = 2 * config.delay + MS;
         let mut sent = Vec::new();
@@ -284,13 +284,13 @@ mod tests {
         (delays, pair)
     }
 
-    fn long_path(loss: f64, burst: f64) -> PathConfig {
-        PathConfig {
+    fn long_path(loss: f64, burst: f64) -> LinkConfig {
+        LinkConfig {
             delay: 23 * MS,
             jitter: Duration::from_micros(200),
             loss,
             burst,
-            ..PathConfig::default()
+            ..LinkConfig::default()
         }
     }
 
@@ -321,7 +321,7 @@ mod tests {
             (0.0, 1.0, 0.3, 0.3),
             (0.05, 2.0, 0.2, 0.2),
         ] {
-            let config = PathConfig {
+            let config = LinkConfig {
                 reorder,
                 ..long_path(loss, burst)
             };
@@ -348,7 +348,7 @@ mod tests {
     /// Each fiftieth datagram overtakes others by 11 ms, four blocks.
     #[test]
     fn reordered_symbols_are_waited_for() {
-        let config = PathConfig {
+        let config = LinkConfig {
             reorder: 0.02,
             ..long_path(0.0, 1.0)
         };
@@ -396,7 +396,7 @@ mod tests {
 
     #[test]
     fn no_datagrams_panic_the_decoder() {
-        let mut random = Random::new(1);
+        let mut random = SplitMix64::new(1);
         for _ in 0..2000 {
             let mut decoder = FecDecoder::default();
             for _ in 0..20 {

@@ -1,21 +1,21 @@
-//! What is asked of hedged water-filling, beside what it does.
+//! Acceptance criteria of hedged water-filling, beside what it reaches.
 
 use std::fmt;
 
 use carom_farm::Balancing;
 use carom_testkit::simulator::{Network, Score};
 
-use super::Run;
+use super::BalanceRun;
 
 /// Something that shall be at most so much.
-struct Measure {
+struct Criterion {
     what: &'static str,
     came: f64,
     most: f64,
     decimals: usize,
 }
 
-impl fmt::Display for Measure {
+impl fmt::Display for Criterion {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self {
             what,
@@ -29,17 +29,17 @@ impl fmt::Display for Measure {
 }
 
 /// Prints a line for each kind of farm that hedged water-filling has been run on, all its seeds together.
-pub(super) fn print(runs: &[Run]) {
-    let asked = |run: &&Run| run.balancing == Balancing::default();
-    let runs: Vec<&Run> = runs.iter().filter(asked).collect();
-    let kind = |run: &Run| (run.scenario.nodes, run.scenario.network, run.scenario.mode);
+pub(super) fn print(runs: &[BalanceRun]) {
+    let asked = |run: &&BalanceRun| run.balancing == Balancing::default();
+    let runs: Vec<&BalanceRun> = runs.iter().filter(asked).collect();
+    let kind = |run: &BalanceRun| (run.scenario.nodes, run.scenario.network, run.scenario.mode);
     println!();
     for same in runs.chunk_by(|a, b| kind(a) == kind(b)) {
         let (nodes, network, mode) = kind(same[0]);
         let measures = measures(same, nodes, network);
         let is_met = measures.iter().all(|measure| measure.came <= measure.most);
         let met = if is_met { "met" } else { "missed" };
-        let measures: Vec<String> = measures.iter().map(Measure::to_string).collect();
+        let measures: Vec<String> = measures.iter().map(Criterion::to_string).collect();
         println!(
             "{met:<6} {nodes} nodes, {}, {}, seeds 1–{}: {}",
             network.name(),
@@ -52,7 +52,7 @@ pub(super) fn print(runs: &[Run]) {
 
 /// Of all frames that have settled, and the worst run. Without any settled frame nothing is met; an event
 /// after which there is no optimum says nothing.
-fn measures(runs: &[&Run], nodes: usize, network: Network) -> Vec<Measure> {
+fn measures(runs: &[&BalanceRun], nodes: usize, network: Network) -> Vec<Criterion> {
     let scores = || runs.iter().map(|run| &run.score);
     let mut ratios: Vec<f64> = scores().flat_map(|score| score.settled.clone()).collect();
     ratios.sort_by(f64::total_cmp);
@@ -69,7 +69,7 @@ fn measures(runs: &[&Run], nodes: usize, network: Network) -> Vec<Measure> {
         (..=64, _) => 1.15,
         _ => 1.35,
     };
-    let measure = |what, came, most, decimals| Measure {
+    let measure = |what, came, most, decimals| Criterion {
         what,
         came,
         most,

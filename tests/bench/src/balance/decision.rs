@@ -1,4 +1,4 @@
-//! What a division costs the client's processor.
+//! CPU time of the client for dividing one frame among the nodes.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -16,7 +16,7 @@ use serde::Serialize;
 
 /// CPU time from a frame's submission until all nodes have been asked for their parts.
 #[derive(Serialize)]
-pub(super) struct Decision {
+pub(super) struct DivisionCost {
     pub(super) algorithm: Balancing,
     pub(super) nodes: usize,
     pub(super) tiles: u32,
@@ -25,7 +25,7 @@ pub(super) struct Decision {
 }
 
 /// Lets a coordinator divide frames among nodes of known, unequal speeds.
-pub(super) fn measure(balancing: Balancing) -> Decision {
+pub(super) fn measure(balancing: Balancing) -> DivisionCost {
     let mut coordinator = Coordinator::new(balancing);
     let scene = Scene::from_json(SCENE).expect("the built-in scene is right");
     coordinator.set_scene(HASH, Arc::new(scene));
@@ -43,7 +43,7 @@ pub(super) fn measure(balancing: Balancing) -> Decision {
         .map(|frame| divide(&mut coordinator, frame))
         .collect();
     micros.sort_by(f64::total_cmp);
-    Decision {
+    DivisionCost {
         algorithm: balancing,
         nodes: NODES,
         tiles: SIZE.width * SIZE.height,

@@ -1,4 +1,4 @@
-//! `carom-bench balance`: the balancing algorithms on simulated farms.
+//! The bench of the balancing algorithms on simulated farms.
 
 mod acceptance;
 mod decision;
@@ -9,11 +9,11 @@ use std::str::FromStr;
 
 use anyhow::Context;
 use carom_farm::{Algorithm, Balancing};
-use carom_testkit::simulator::{self, Mode, Network, Report, Scenario, Score};
+use carom_testkit::simulator::{self, Network, Scenario, Score, SimulationReport, SubmissionMode};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::Failure;
+use crate::BenchError;
 
 /// The balancing algorithms on simulated farms: the real coordinator on virtual time.
 ///
@@ -37,10 +37,10 @@ pub(crate) struct Args {
     nodes: Vec<u16>,
     /// How far nodes are: lan, wan, 46ms [default: all; wan for 1000 nodes].
     #[arg(long, value_delimiter = ',')]
-    network: Vec<Named<Network>>,
+    network: Vec<ByName<Network>>,
     /// When frames are submitted: closed, pipelined [default: both; closed for 1000 nodes].
     #[arg(long, value_delimiter = ',')]
-    mode: Vec<Named<Mode>>,
+    mode: Vec<ByName<SubmissionMode>>,
     /// Algorithms by name, with _hedged at the end for hedging [default: all without, and
     /// water_filling_hedged].
     #[arg(long, value_delimiter = ',')]
@@ -55,9 +55,9 @@ pub(crate) struct Args {
 
 /// A value of a list that its name chooses.
 #[derive(Clone, Copy)]
-struct Named<T>(T);
+struct ByName<T>(T);
 
-impl FromStr for Named<Network> {
+impl FromStr for ByName<Network> {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -68,11 +68,13 @@ impl FromStr for Named<Network> {
     }
 }
 
-impl FromStr for Named<Mode> {
+impl FromStr for ByName<SubmissionMode> {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let found = Mode::ALL.into_iter().find(|mode| mode.name() == text);
+        let found = SubmissionMode::ALL
+            .into_iter()
+            .find(|mode| mode.name() == text);
         found
             .map(Self)
             .ok_or("it must be closed or pipelined".into())
@@ -80,23 +82,23 @@ impl FromStr for Named<Mode> {
 }
 
 /// A run that is over.
-struct Run {
+struct BalanceRun {
     balancing: Balancing,
     scenario: Scenario,
-    report: Report,
+    report: SimulationReport,
     score: Score,
 }
 
 #[derive(Serialize)]
-struct Output {
-    runs: Vec<Row>,
-    decisions: Vec<decision::Decision>,
+struct BalanceReport {
+    runs: Vec<BalanceRow>,
+    decisions: Vec<decision::DivisionCost>,
 }
 
 /// Times are multiples of the optimum's; absent where there is none, as when the farm is too slow
 /// for 60 frames a second.
 #[derive(Serialize)]
-struct Row {
+struct BalanceRow {
     algorithm: Balancing,
     nodes: usize,
     network: &'static str,
@@ -104,7 +106,7 @@ struct Row {
     seed: u64,
     mean: f64,
     p99: f64,
-    recovery_frames: Recovery,
+    recovery_frames: RecoveryFrames,
     duplicates: f64,
     worst_after_death: f64,
     response_deviation_ms: f64,
@@ -112,30 +114,30 @@ struct Row {
 }
 
 #[derive(Serialize)]
-struct Recovery {
+struct RecoveryFrames {
     slow: Option<usize>,
     death: Option<usize>,
     join: Option<usize>,
 }
 
-pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     if let Some(folder) = &args.plot {
         std::fs::create_dir_all(folder)
-            .map_err(|why| Failure::Input(format!("folder {}: {why}", folder.display())))?;
+            .map_err(|why| BenchError::Input(format!("folder {}: {why}", folder.display())))?;
     }
     let algorithms = algorithms(args);
-    let runs = |scenario: &Scenario| -> Vec<Run> {
+    let runs = |scenario: &Scenario| -> Vec<BalanceRun> {
         let run = |balancing: &Balancing| simulate(*scenario, *balancing);
         algorithms.par_iter().map(run).collect()
     };
-    let runs: Vec<Run> = scenarios(args).par_iter().flat_map_iter(runs).collect();
+    let runs: Vec<BalanceRun> = scenarios(args).par_iter().flat_map_iter(runs).collect();
     if let Some(folder) = &args.plot {
         for charts in runs.chunk_by(|a, b| a.scenario == b.scenario) {
             plot::write(folder, charts)
                 .with_context(|| format!("charts in {}", folder.display()))?;
         }
     }
-    let output = Output {
+    let output = BalanceReport {
         runs: runs.iter().map(row).collect(),
         decisions: algorithms.iter().copied().map(decision::measure).collect(),
     };
@@ -170,9 +172,9 @@ fn scenarios(args: &Args) -> Vec<Scenario> {
             [] => Network::ALL.into(),
             some => some.iter().map(|named| named.0).collect(),
         };
-        let modes: Vec<Mode> = match &args.mode[..] {
-            [] if many => vec![Mode::Closed],
-            [] => Mode::ALL.into(),
+        let modes: Vec<SubmissionMode> = match &args.mode[..] {
+            [] if many => vec![SubmissionMode::Closed],
+            [] => SubmissionMode::ALL.into(),
             some => some.iter().map(|named| named.0).collect(),
         };
         let seeds = args.seeds.unwrap_or(match nodes {
@@ -195,7 +197,7 @@ fn scenarios(args: &Args) -> Vec<Scenario> {
     scenarios
 }
 
-fn simulate(scenario: Scenario, balancing: Balancing) -> Run {
+fn simulate(scenario: Scenario, balancing: Balancing) -> BalanceRun {
     let plan = scenario.plan(balancing);
     let report = simulator::run(&plan, SECS_MAX);
     let (frames, events) = (scenario.frames, scenario.events());
@@ -206,7 +208,7 @@ fn simulate(scenario: Scenario, balancing: Balancing) -> Run {
         &report,
         &simulator::optimum_secs(&plan),
     );
-    Run {
+    BalanceRun {
         balancing,
         scenario,
         report,
@@ -217,7 +219,7 @@ fn simulate(scenario: Scenario, balancing: Balancing) -> Run {
 /// More virtual time than any run needs that does not hang.
 const SECS_MAX: f64 = 1e4;
 
-fn row(run: &Run) -> Row {
+fn row(run: &BalanceRun) -> BalanceRow {
     let Scenario {
         nodes,
         network,
@@ -226,7 +228,7 @@ fn row(run: &Run) -> Row {
         ..
     } = run.scenario;
     let [slow, death, join] = run.score.recovery_frames;
-    Row {
+    BalanceRow {
         algorithm: run.balancing,
         nodes,
         network: network.name(),
@@ -234,7 +236,7 @@ fn row(run: &Run) -> Row {
         seed,
         mean: run.score.mean,
         p99: run.score.p99,
-        recovery_frames: Recovery { slow, death, join },
+        recovery_frames: RecoveryFrames { slow, death, join },
         duplicates: run.score.duplicates,
         worst_after_death: run.score.worst_after_death,
         response_deviation_ms: 1e3 * run.score.response_deviation_secs,
@@ -242,7 +244,7 @@ fn row(run: &Run) -> Row {
     }
 }
 
-fn print_tables(output: &Output) {
+fn print_tables(output: &BalanceReport) {
     println!(
         "{:<21} {:>5} {:<4} {:<9} {:>4} {:>6} {:>6} {:>14} {:>6} {:>6} {:>6} {:>5}",
         "algorithm",
@@ -260,7 +262,7 @@ fn print_tables(output: &Output) {
     );
     for row in &output.runs {
         let frames = |count: Option<usize>| count.map_or("-".into(), |count| count.to_string());
-        let Recovery { slow, death, join } = row.recovery_frames;
+        let RecoveryFrames { slow, death, join } = row.recovery_frames;
         println!(
             "{:<21} {:>5} {:<4} {:<9} {:>4} {:>6.3} {:>6.2} {:>14} {:>5.2}% {:>6.2} {:>6.2} {:>5}",
             row.algorithm.to_string(),

@@ -1,15 +1,15 @@
-//! Charts of one scenario: how far the nodes' response times are apart, and the longest of them,
-//! by frame, a line for each algorithm.
+//! Charts of one scenario: deviation and maximum of the response times by frame, a line per
+//! algorithm.
 
 use std::path::Path;
 
 use crate::chart::{Axis, Chart, Series};
 use carom_farm::{Frame, FrameStats};
 
-use super::Run;
+use super::BalanceRun;
 
 /// Writes two SVG files into `folder`.
-pub(super) fn write(folder: &Path, runs: &[Run]) -> std::io::Result<()> {
+pub(super) fn write(folder: &Path, runs: &[BalanceRun]) -> std::io::Result<()> {
     let Some(first) = runs.first() else {
         return Ok(());
     };
@@ -21,7 +21,7 @@ pub(super) fn write(folder: &Path, runs: &[Run]) -> std::io::Result<()> {
         scenario.mode.name(),
         scenario.seed
     );
-    let charts: [(&str, &str, Value); 2] = [
+    let charts: [(&str, &str, FrameValue); 2] = [
         (
             "deviation",
             "deviation of response times",
@@ -42,7 +42,7 @@ pub(super) fn write(folder: &Path, runs: &[Run]) -> std::io::Result<()> {
             scenario.seed
         );
         let events = scenario.events();
-        let name = |run: &Run| run.balancing.to_string();
+        let name = |run: &BalanceRun| run.balancing.to_string();
         let series = runs
             .iter()
             .map(|run| Series::line(name(run), line(run, value)));
@@ -63,10 +63,10 @@ pub(super) fn write(folder: &Path, runs: &[Run]) -> std::io::Result<()> {
 }
 
 /// What a chart shows of a frame, in seconds.
-type Value = fn(&FrameStats) -> f64;
+type FrameValue = fn(&FrameStats) -> f64;
 
 /// Frame and milliseconds, each the mean of [`WINDOW`] frames.
-fn line(run: &Run, value: Value) -> Vec<(f64, f64)> {
+fn line(run: &BalanceRun, value: FrameValue) -> Vec<(f64, f64)> {
     let milliseconds = |frame: &Frame| 1e3 * value(&frame.stats);
     let values: Vec<f64> = run.report.frames.iter().map(milliseconds).collect();
     let mean = |window: &[f64]| (window.iter().sum::<f64>() / window.len() as f64).max(LOWEST);

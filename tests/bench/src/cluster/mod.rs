@@ -1,5 +1,5 @@
-//! `carom-bench cluster`: the balancing algorithms on real processes of one machine, beside
-//! the simulation of the same farm.
+//! The bench of the balancing algorithms on real processes of one machine, beside the simulation of
+//! the same farm.
 
 mod player;
 pub(crate) mod process;
@@ -15,15 +15,17 @@ use carom_farm::{
     Algorithm, Balancing, Distribution, Farm, FarmConfig, FrameId, LocalNode, PixelPrecision,
     PrecisionRange, local_devices,
 };
-use carom_testkit::link_emulator::PathConfig;
-use carom_testkit::simulator::{self, NodePlan, Plan, Report, Score, Weather, optimum_secs};
+use carom_testkit::link_emulator::LinkConfig;
+use carom_testkit::simulator::{
+    self, FarmPlan, NetworkConditions, NodePlan, Score, SimulationReport, optimum_secs,
+};
 use carom_tracer::ImageSize;
 use serde::Serialize;
 
-use self::player::{Pace, Pictures, Player};
-use self::process::{Action, Change, Folder, Node, NodeSpec};
-use crate::Failure;
-use crate::proxy::PathArgs;
+use self::player::{ClusterPlayer, ExpectedFrames, SubmissionPace};
+use self::process::{FarmFolder, NodeAction, NodeProcess, NodeSpec, ScheduledAction};
+use crate::BenchError;
+use crate::proxy::LinkArgs;
 use crate::scenes;
 
 /// The balancing algorithms on a farm of real processes of this machine, each with one thread of
@@ -46,7 +48,7 @@ pub(crate) struct Args {
     /// What happens when a frame is submitted: the frame, the node, counted from 0, and one of
     /// kill, stop, go, join, throttle=SHARE; may be repeated, and replaces the usual changes.
     #[arg(long, value_name = "FRAME:NODE:ACTION", value_delimiter = ',')]
-    change: Vec<Change>,
+    change: Vec<ScheduledAction>,
     /// Without any change.
     #[arg(long, conflicts_with = "change")]
     calm: bool,
@@ -72,38 +74,38 @@ pub(crate) struct Args {
     tile_edge: u16,
     /// What is wrong with all paths; --delay is the nodes' own.
     #[command(flatten)]
-    path: PathArgs,
+    path: LinkArgs,
     /// Draws losses and jitter.
     #[arg(long, default_value_t = 1)]
     seed: u64,
 }
 
 #[derive(Serialize)]
-struct Output {
-    nodes: Vec<Alone>,
-    runs: Vec<Row>,
+struct ClusterReport {
+    nodes: Vec<NodeAlone>,
+    runs: Vec<ClusterRow>,
 }
 
 /// A node as it was measured by itself.
 #[derive(Clone, Copy, Serialize)]
-struct Alone {
+struct NodeAlone {
     share: f64,
     fixed_ms: f64,
     msamples_per_sec: f64,
 }
 
 #[derive(Serialize)]
-struct Row {
+struct ClusterRow {
     algorithm: Balancing,
-    measured: Figures,
-    simulated: Figures,
+    measured: ClusterFigures,
+    simulated: ClusterFigures,
     /// Frames whose pixels are not those of one tracer.
     wrong_frames: u64,
 }
 
 /// `mean`, `p99` and `worst_after_death` are multiples of the optimum.
 #[derive(Serialize)]
-struct Figures {
+struct ClusterFigures {
     mean_ms: f64,
     mean: f64,
     p99: f64,
@@ -114,14 +116,14 @@ struct Figures {
     lost_frames: u64,
 }
 
-pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     let path = args.path.config()?;
     let changes = changes(args)?;
-    let bench = Bench {
+    let bench = ClusterBench {
         args,
         path,
         changes,
-        folder: Folder::new("carom-bench-cluster")?,
+        folder: FarmFolder::new("carom-bench-cluster")?,
         pictures: pictures(args)?,
         interrupted: interruption().context("Ctrl-C")?,
     };
@@ -129,7 +131,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if !args.json {
         print_nodes(&nodes);
     }
-    let mut output = Output {
+    let mut output = ClusterReport {
         nodes,
         runs: Vec::new(),
     };
@@ -157,7 +159,7 @@ fn algorithms(args: &Args) -> Vec<Balancing> {
 }
 
 /// Those asked for, or the usual ones.
-fn changes(args: &Args) -> Result<Vec<Change>, Failure> {
+fn changes(args: &Args) -> Result<Vec<ScheduledAction>, BenchError> {
     let changes = if args.change.is_empty() && !args.calm {
         usual_changes(&args.node, args.frames)?
     } else {
@@ -165,7 +167,7 @@ fn changes(args: &Args) -> Result<Vec<Change>, Failure> {
     };
     for change in &changes {
         if change.node >= args.node.len() {
-            return Err(Failure::Input(format!(
+            return Err(BenchError::Input(format!(
                 "--change is about node {}: there are {}, counted from 0",
                 change.node,
                 args.node.len()
@@ -174,22 +176,22 @@ fn changes(args: &Args) -> Result<Vec<Change>, Failure> {
     }
     let joins = |node| joins(&changes, node);
     if let Some(node) = (1..args.node.len()).find(|node| joins(*node - 1) && !joins(*node)) {
-        return Err(Failure::Input(format!(
+        return Err(BenchError::Input(format!(
             "node {} joins and node {node} is there from the start: give those that join last",
             node - 1
         )));
     }
     if joins(0) {
-        return Err(Failure::Input(
+        return Err(BenchError::Input(
             "node 0 joins: one must be there from the start".into(),
         ));
     }
     Ok(changes)
 }
 
-fn usual_changes(nodes: &[NodeSpec], frames: u64) -> Result<Vec<Change>, Failure> {
+fn usual_changes(nodes: &[NodeSpec], frames: u64) -> Result<Vec<ScheduledAction>, BenchError> {
     if nodes.len() < 3 {
-        return Err(Failure::Input(format!(
+        return Err(BenchError::Input(format!(
             "{} nodes are too few for one to slow down, one to be killed and one to join: give \
              three, or --calm, or what is to happen with --change",
             nodes.len()
@@ -198,13 +200,13 @@ fn usual_changes(nodes: &[NodeSpec], frames: u64) -> Result<Vec<Change>, Failure
     let last = nodes.len() - 1;
     let mut best: Vec<usize> = (0..last).collect();
     best.sort_by(|a, b| nodes[*b].share.total_cmp(&nodes[*a].share));
-    let slow = Action::Throttle(0.25 * nodes[best[0]].share);
+    let slow = NodeAction::Throttle(0.25 * nodes[best[0]].share);
     let events = [
         (best[0], slow),
-        (best[2.min(last - 1)], Action::Kill),
-        (last, Action::Join),
+        (best[2.min(last - 1)], NodeAction::Kill),
+        (last, NodeAction::Join),
     ];
-    let change = |(quarter, (node, action)): (u64, _)| Change {
+    let change = |(quarter, (node, action)): (u64, _)| ScheduledAction {
         frame: quarter * frames / 4,
         node,
         action,
@@ -213,22 +215,22 @@ fn usual_changes(nodes: &[NodeSpec], frames: u64) -> Result<Vec<Change>, Failure
 }
 
 /// Whether a node is not there from the start.
-fn joins(changes: &[Change], node: usize) -> bool {
+fn joins(changes: &[ScheduledAction], node: usize) -> bool {
     let mut changes = changes.iter();
-    changes.any(|change| change.node == node && change.action == Action::Join)
+    changes.any(|change| change.node == node && change.action == NodeAction::Join)
 }
 
 fn size(args: &Args) -> ImageSize {
     ImageSize::new(args.width, (args.width * 9 / 16).max(1))
 }
 
-fn pictures(args: &Args) -> Result<Pictures, Failure> {
+fn pictures(args: &Args) -> Result<ExpectedFrames, BenchError> {
     let mut farm = Farm::with_tracers(
         config(args, Balancing::default()),
         vec![local_devices::cpu(0)?],
     )?;
     farm.set_scene(&scenes::scene(None)?.scene)?;
-    Pictures::new(&mut farm, size(args), args.spp)
+    ExpectedFrames::new(&mut farm, size(args), args.spp)
 }
 
 fn config(args: &Args, balancer: Balancing) -> FarmConfig {
@@ -244,36 +246,37 @@ fn config(args: &Args, balancer: Balancing) -> FarmConfig {
     }
 }
 
-struct Bench<'a> {
+struct ClusterBench<'a> {
     args: &'a Args,
-    path: PathConfig,
-    changes: Vec<Change>,
-    folder: Folder,
-    pictures: Pictures,
+    path: LinkConfig,
+    changes: Vec<ScheduledAction>,
+    folder: FarmFolder,
+    pictures: ExpectedFrames,
     interrupted: Arc<AtomicBool>,
 }
 
-impl Bench<'_> {
-    fn nodes(&self) -> anyhow::Result<Vec<Node>> {
-        let start =
-            |(index, spec)| Node::start(&self.folder.0, index, spec, self.path, self.args.seed);
+impl ClusterBench<'_> {
+    fn nodes(&self) -> anyhow::Result<Vec<NodeProcess>> {
+        let start = |(index, spec)| {
+            NodeProcess::start(&self.folder.0, index, spec, self.path, self.args.seed)
+        };
         self.args.node.iter().enumerate().map(start).collect()
     }
 
     fn player<'a>(
         &'a self,
-        nodes: &'a mut [Node],
+        nodes: &'a mut [NodeProcess],
         there: std::ops::Range<usize>,
         balancing: Balancing,
-    ) -> Result<Player<'a>, Failure> {
+    ) -> Result<ClusterPlayer<'a>, BenchError> {
         let count = there.len();
         let mut farm = Farm::new(FarmConfig {
-            nodes: nodes[there].iter().map(Node::address).collect(),
+            nodes: nodes[there].iter().map(NodeProcess::address).collect(),
             credentials: self.folder.0.clone(),
             ..config(self.args, balancing)
         })?;
         farm.set_scene(&scenes::scene(None)?.scene)?;
-        let player = Player {
+        let player = ClusterPlayer {
             farm,
             nodes,
             pictures: &self.pictures,
@@ -284,9 +287,9 @@ impl Bench<'_> {
     }
 
     /// Each node by itself: the middle of what frames took.
-    fn measure_alone(&self) -> Result<Vec<Alone>, Failure> {
+    fn measure_alone(&self) -> Result<Vec<NodeAlone>, BenchError> {
         let mut nodes = self.nodes()?;
-        let pace = Pace {
+        let pace = SubmissionPace {
             frames: ALONE_FRAMES,
             frames_in_flight: 1,
             period: None,
@@ -299,7 +302,7 @@ impl Bench<'_> {
             let busy_secs = middle(stats().map(|stats| stats.busy_secs));
             let fixed = stats().map(|stats| stats.makespan_secs - stats.busy_secs);
             let samples = size(self.args).pixels() as f64 * f64::from(self.args.spp);
-            Ok(Alone {
+            Ok(NodeAlone {
                 share: self.args.node[index].share,
                 fixed_ms: 1e3 * middle(fixed).max(0.0),
                 msamples_per_sec: 1e-6 * samples / busy_secs.max(1e-9),
@@ -309,7 +312,7 @@ impl Bench<'_> {
     }
 
     /// The algorithm on processes of its own, and on a simulation of them.
-    fn compare(&self, balancing: Balancing, alone: &[Alone]) -> Result<Row, Failure> {
+    fn compare(&self, balancing: Balancing, alone: &[NodeAlone]) -> Result<ClusterRow, BenchError> {
         let mut nodes = self.nodes()?;
         let first = (0..nodes.len()).filter(|node| !joins(&self.changes, *node));
         let there = 0..first.count();
@@ -318,7 +321,7 @@ impl Bench<'_> {
         drop(player);
         let plan = self.plan(balancing, alone, &happened);
         let simulated = simulator::run(&plan, SIMULATED_SECS_MAX);
-        Ok(Row {
+        Ok(ClusterRow {
             algorithm: balancing,
             wrong_frames: report.wrong_frames,
             measured: figures(&plan, &happened, &report),
@@ -326,9 +329,9 @@ impl Bench<'_> {
         })
     }
 
-    fn pace(&self) -> Pace {
+    fn pace(&self) -> SubmissionPace {
         let period = self.args.period.map(Duration::from_millis);
-        Pace {
+        SubmissionPace {
             frames: self.args.frames,
             frames_in_flight: if period.is_some() { 8 } else { 1 },
             period,
@@ -337,9 +340,14 @@ impl Bench<'_> {
 
     /// The same farm on virtual time, with what happened when it happened. Its picture is of one
     /// sample a pixel.
-    fn plan(&self, balancing: Balancing, alone: &[Alone], happened: &[Change]) -> Plan {
+    fn plan(
+        &self,
+        balancing: Balancing,
+        alone: &[NodeAlone],
+        happened: &[ScheduledAction],
+    ) -> FarmPlan {
         let pace = self.pace();
-        let node = |alone: &Alone| NodePlan {
+        let node = |alone: &NodeAlone| NodePlan {
             jitter_secs: self.path.jitter.as_secs_f64(),
             ..NodePlan::new(
                 1e-3 * alone.fixed_ms,
@@ -347,19 +355,19 @@ impl Bench<'_> {
             )
         };
         let mut shares: Vec<f64> = alone.iter().map(|alone| alone.share).collect();
-        let change = |change: &Change| {
+        let change = |change: &ScheduledAction| {
             let node = change.node;
             let simulated = match change.action {
-                Action::Kill | Action::Stop => simulator::Change::Silent,
-                Action::Go | Action::Join => simulator::Change::Join,
-                Action::Throttle(share) => {
+                NodeAction::Kill | NodeAction::Stop => simulator::NodeChange::Silent,
+                NodeAction::Go | NodeAction::Join => simulator::NodeChange::Join,
+                NodeAction::Throttle(share) => {
                     let before = std::mem::replace(&mut shares[node], share);
-                    simulator::Change::Slow(before / share)
+                    simulator::NodeChange::Slow(before / share)
                 }
             };
             (FrameId(change.frame), NodeIndex(node), simulated)
         };
-        Plan {
+        FarmPlan {
             seed: self.args.seed,
             balancing,
             nodes: alone.iter().map(node).collect(),
@@ -371,21 +379,25 @@ impl Bench<'_> {
             samples: 1,
             distribution: Distribution::Tiles,
             tile_edge: self.args.tile_edge,
-            weather: Weather::default(),
+            conditions: NetworkConditions::default(),
             changes: happened.iter().map(change).collect(),
         }
     }
 }
 
-fn figures(plan: &Plan, happened: &[Change], report: &Report) -> Figures {
-    let first = |wanted: fn(Action) -> bool| {
+fn figures(
+    plan: &FarmPlan,
+    happened: &[ScheduledAction],
+    report: &SimulationReport,
+) -> ClusterFigures {
+    let first = |wanted: fn(NodeAction) -> bool| {
         let mut changes = happened.iter().filter(|change| wanted(change.action));
         changes.next().map_or(plan.frames, |change| change.frame)
     };
     let events = [
-        first(|action| matches!(action, Action::Throttle(_))),
-        first(|action| matches!(action, Action::Kill | Action::Stop)),
-        first(|action| action == Action::Join),
+        first(|action| matches!(action, NodeAction::Throttle(_))),
+        first(|action| matches!(action, NodeAction::Kill | NodeAction::Stop)),
+        first(|action| action == NodeAction::Join),
     ];
     let score = Score::new(
         plan.frames,
@@ -394,7 +406,7 @@ fn figures(plan: &Plan, happened: &[Change], report: &Report) -> Figures {
         report,
         &optimum_secs(plan),
     );
-    Figures {
+    ClusterFigures {
         mean_ms: 1e3 * report.mean_secs(0..report.frames.len()),
         mean: score.mean,
         p99: score.p99,
@@ -406,7 +418,7 @@ fn figures(plan: &Plan, happened: &[Change], report: &Report) -> Figures {
     }
 }
 
-fn print_nodes(nodes: &[Alone]) {
+fn print_nodes(nodes: &[NodeAlone]) {
     for (index, node) in nodes.iter().enumerate() {
         println!(
             "node {index}: {:.1} % of a thread, alone {:.3} Msample/s and {:.1} ms a request",
@@ -431,7 +443,7 @@ fn print_nodes(nodes: &[Alone]) {
     );
 }
 
-fn print_row(row: &Row) {
+fn print_row(row: &ClusterRow) {
     for (name, figures, wrong) in [
         ("measured", &row.measured, row.wrong_frames.to_string()),
         ("simulated", &row.simulated, String::new()),

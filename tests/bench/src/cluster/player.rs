@@ -1,29 +1,29 @@
-//! Asks a farm of real processes for pictures while things happen to them.
+//! The client of a farm of processes, to which things happen while it asks for frames.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use carom_farm::{Farm, Frame, FrameSpec, NodeStatus, PixelFormat, Pixels};
-use carom_testkit::simulator::Report;
+use carom_testkit::simulator::SimulationReport;
 use carom_tracer::{ImageSize, RenderSettings, SceneUpdate};
 
-use super::process::{Action, Change, Node};
-use crate::Failure;
+use super::process::{NodeAction, NodeProcess, ScheduledAction};
+use crate::BenchError;
 
 /// Frames in a row differ, so that none costs less for being like the one before.
 const SEEDS: u64 = 4;
 
 /// What is asked, and what it should look like.
-pub(super) struct Pictures {
+pub(super) struct ExpectedFrames {
     size: ImageSize,
     samples: u32,
     right: Vec<Pixels>,
 }
 
-impl Pictures {
+impl ExpectedFrames {
     /// Traces them with `farm`.
-    pub(super) fn new(farm: &mut Farm, size: ImageSize, samples: u32) -> Result<Self, Failure> {
+    pub(super) fn new(farm: &mut Farm, size: ImageSize, samples: u32) -> Result<Self, BenchError> {
         let mut pictures = Self {
             size,
             samples,
@@ -56,23 +56,23 @@ impl Pictures {
 }
 
 /// A run of frames.
-pub(super) struct Player<'a> {
+pub(super) struct ClusterPlayer<'a> {
     pub(super) farm: Farm,
-    pub(super) nodes: &'a mut [Node],
-    pub(super) pictures: &'a Pictures,
+    pub(super) nodes: &'a mut [NodeProcess],
+    pub(super) pictures: &'a ExpectedFrames,
     pub(super) interrupted: &'a AtomicBool,
 }
 
 /// How the frames are asked for.
 #[derive(Clone, Copy)]
-pub(super) struct Pace {
+pub(super) struct SubmissionPace {
     pub(super) frames: u64,
     pub(super) frames_in_flight: usize,
     /// Between submissions; absent: as soon as there is room.
     pub(super) period: Option<Duration>,
 }
 
-impl Player<'_> {
+impl ClusterPlayer<'_> {
     /// Waits until the first `count` nodes hold the scene.
     pub(super) fn wait_ready(&self, count: usize) -> anyhow::Result<()> {
         let deadline = Instant::now() + PATIENCE;
@@ -99,12 +99,12 @@ impl Player<'_> {
     /// Plays; the report, and at which frames the changes took effect.
     pub(super) fn play(
         &mut self,
-        pace: Pace,
-        changes: &[Change],
-    ) -> Result<(Report, Vec<Change>), Failure> {
-        let mut report = Report {
+        pace: SubmissionPace,
+        changes: &[ScheduledAction],
+    ) -> Result<(SimulationReport, Vec<ScheduledAction>), BenchError> {
+        let mut report = SimulationReport {
             tiles_per_frame: 1,
-            ..Report::default()
+            ..SimulationReport::default()
         };
         let mut happened = Vec::new();
         let mut joining = Vec::new();
@@ -112,7 +112,7 @@ impl Player<'_> {
         let (mut submitted, mut slot) = (0, 0);
         while (report.frames.len() as u64) < pace.frames {
             if self.interrupted.load(Ordering::Relaxed) {
-                return Err(Failure::Interrupted);
+                return Err(BenchError::Interrupted);
             }
             self.note_joins(submitted, &mut joining, &mut happened);
             let due = pace.period.map(|period| began + period * slot);
@@ -140,9 +140,9 @@ impl Player<'_> {
     fn take(
         &mut self,
         next: Option<Instant>,
-        pace: Pace,
+        pace: SubmissionPace,
         submitted: u64,
-        report: &mut Report,
+        report: &mut SimulationReport,
     ) -> anyhow::Result<()> {
         let full = self.farm.in_flight() >= pace.frames_in_flight || submitted == pace.frames;
         let patience = match next {
@@ -164,7 +164,7 @@ impl Player<'_> {
         Ok(())
     }
 
-    fn note(&self, mut frame: Frame, report: &mut Report) {
+    fn note(&self, mut frame: Frame, report: &mut SimulationReport) {
         report.wrong_frames += u64::from(!self.pictures.is_right(&frame));
         frame.pixels = Pixels::Linear(Vec::new());
         let tiles: u32 = frame.stats.tiles_by_node.iter().sum();
@@ -176,12 +176,12 @@ impl Player<'_> {
 
     fn change(
         &mut self,
-        change: Change,
-        joining: &mut Vec<Change>,
-        happened: &mut Vec<Change>,
-    ) -> Result<(), Failure> {
+        change: ScheduledAction,
+        joining: &mut Vec<ScheduledAction>,
+        happened: &mut Vec<ScheduledAction>,
+    ) -> Result<(), BenchError> {
         let node = &mut self.nodes[change.node];
-        if change.action == Action::Join {
+        if change.action == NodeAction::Join {
             self.farm.add_node(&node.address())?;
             joining.push(change);
         } else {
@@ -192,7 +192,12 @@ impl Player<'_> {
     }
 
     /// A node joins when it is ready, which is a few round trips after it has been called.
-    fn note_joins(&self, frame: u64, joining: &mut Vec<Change>, happened: &mut Vec<Change>) {
+    fn note_joins(
+        &self,
+        frame: u64,
+        joining: &mut Vec<ScheduledAction>,
+        happened: &mut Vec<ScheduledAction>,
+    ) {
         if joining.is_empty() {
             return;
         }
@@ -202,7 +207,7 @@ impl Player<'_> {
             let is_ready = |node: &NodeStatus| node.address == address && node.state.is_ready();
             let joined = states.iter().any(is_ready);
             if joined {
-                happened.push(Change { frame, ..*change });
+                happened.push(ScheduledAction { frame, ..*change });
             }
             !joined
         });

@@ -1,4 +1,4 @@
-//! A node of its own process behind a network of its own.
+//! A node in a process of its own, behind an emulated link of its own.
 
 use std::io::{BufRead, BufReader, Write as _};
 use std::net::{Ipv4Addr, SocketAddr};
@@ -9,9 +9,9 @@ use std::time::Duration;
 
 use anyhow::{Context, bail};
 use carom_farm::net::{add_node, create_farm};
-use carom_testkit::{link_emulator::PathConfig, udp_proxy::Proxy};
+use carom_testkit::{link_emulator::LinkConfig, udp_proxy::UdpProxy};
 
-use crate::Failure;
+use crate::BenchError;
 
 /// What a node is to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,7 +51,7 @@ impl FromStr for NodeSpec {
 
 /// What happens to a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Action {
+pub(crate) enum NodeAction {
     /// Its process ends at once, without a word.
     Kill,
     /// Its process is held, and its connection stays.
@@ -66,14 +66,14 @@ pub(crate) enum Action {
 
 /// What happens to which node when a frame is submitted.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Change {
+pub(crate) struct ScheduledAction {
     pub(crate) frame: u64,
     pub(crate) node: usize,
-    pub(crate) action: Action,
+    pub(crate) action: NodeAction,
 }
 
 /// `FRAME:NODE:ACTION`.
-impl FromStr for Change {
+impl FromStr for ScheduledAction {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -87,10 +87,10 @@ impl FromStr for Change {
             return Err(wrong());
         };
         let action = match action {
-            "kill" => Action::Kill,
-            "stop" => Action::Stop,
-            "go" => Action::Go,
-            "join" => Action::Join,
+            "kill" => NodeAction::Kill,
+            "stop" => NodeAction::Stop,
+            "go" => NodeAction::Go,
+            "join" => NodeAction::Join,
             action => {
                 let share = action.strip_prefix("throttle=").ok_or_else(wrong)?;
                 let share: f64 = share.parse().map_err(|_| wrong())?;
@@ -99,7 +99,7 @@ impl FromStr for Change {
                         "the share is {share}: it must be above 0 and at most 1"
                     ));
                 }
-                Action::Throttle(share)
+                NodeAction::Throttle(share)
             }
         };
         Ok(Self {
@@ -111,11 +111,11 @@ impl FromStr for Change {
 }
 
 /// The farm's certificates; gone when dropped.
-pub(crate) struct Folder(pub(crate) PathBuf);
+pub(crate) struct FarmFolder(pub(crate) PathBuf);
 
-impl Folder {
+impl FarmFolder {
     /// In the system's temporary folder.
-    pub(crate) fn new(name: &str) -> Result<Self, Failure> {
+    pub(crate) fn new(name: &str) -> Result<Self, BenchError> {
         let name = format!("{name}-{}", std::process::id());
         let folder = Self(std::env::temp_dir().join(name));
         create_farm(&folder.0)?;
@@ -123,26 +123,26 @@ impl Folder {
     }
 }
 
-impl Drop for Folder {
+impl Drop for FarmFolder {
     fn drop(&mut self) {
         let _ = std::fs::remove_dir_all(&self.0); // what is left there harms nobody
     }
 }
 
 /// A process, killed when dropped, and the way to it.
-pub(crate) struct Node {
+pub(crate) struct NodeProcess {
     process: Child,
-    proxy: Proxy,
+    proxy: UdpProxy,
 }
 
-impl Node {
+impl NodeProcess {
     /// Starts the node `index` with one thread, with certificates of the farm in `folder`, over a
     /// path like `path` but for the delay.
     pub(crate) fn start(
         folder: &Path,
         index: usize,
         spec: &NodeSpec,
-        path: PathConfig,
+        path: LinkConfig,
         seed: u64,
     ) -> anyhow::Result<Self> {
         let credentials = add_node(folder, &format!("node{index}"), None, true)?;
@@ -165,12 +165,12 @@ impl Node {
                 return Err(why);
             }
         };
-        let path = PathConfig {
+        let path = LinkConfig {
             delay: Duration::from_secs_f64(0.5 * spec.round_trip_secs),
             ..path
         };
         let any = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
-        let proxy = Proxy::start(any, address, path, seed.wrapping_add(1000 * index as u64));
+        let proxy = UdpProxy::start(any, address, path, seed.wrapping_add(1000 * index as u64));
         Ok(Self {
             process,
             proxy: proxy.context("a node's proxy")?,
@@ -182,17 +182,17 @@ impl Node {
         self.proxy.local_addr().to_string()
     }
 
-    /// Does to it what can be done to a process; [`Action::Join`] is the client's.
-    pub(crate) fn act(&mut self, action: Action) -> anyhow::Result<()> {
+    /// Does to it what can be done to a process; [`NodeAction::Join`] is the client's.
+    pub(crate) fn act(&mut self, action: NodeAction) -> anyhow::Result<()> {
         match action {
-            Action::Kill => self.process.kill().context("ending a node"),
-            Action::Stop => self.signal("STOP"),
-            Action::Go => self.signal("CONT"),
-            Action::Throttle(share) => {
+            NodeAction::Kill => self.process.kill().context("ending a node"),
+            NodeAction::Stop => self.signal("STOP"),
+            NodeAction::Go => self.signal("CONT"),
+            NodeAction::Throttle(share) => {
                 let commands = self.process.stdin.as_mut().context("a node's commands")?;
                 writeln!(commands, "throttle {share}").context("a command to a node")
             }
-            Action::Join => Ok(()),
+            NodeAction::Join => Ok(()),
         }
     }
 
@@ -206,7 +206,7 @@ impl Node {
     }
 }
 
-impl Drop for Node {
+impl Drop for NodeProcess {
     fn drop(&mut self) {
         let _ = self.process.kill(); // it may have ended already
         let _ = self.process.wait();
@@ -239,9 +239,9 @@ mod tests {
         for wrong in ["", "1", "0@1", "1.5@1", "0.5@-1", "a@b", "0.5@NaN", "NaN@1"] {
             assert!(wrong.parse::<NodeSpec>().is_err(), "{wrong}");
         }
-        let change: Change = "20:3:throttle=0.5".parse().unwrap();
+        let change: ScheduledAction = "20:3:throttle=0.5".parse().unwrap();
         assert_eq!((change.frame, change.node), (20, 3));
-        assert_eq!(change.action, Action::Throttle(0.5));
+        assert_eq!(change.action, NodeAction::Throttle(0.5));
         for wrong in [
             "",
             "1:2",
@@ -250,7 +250,7 @@ mod tests {
             "-1:2:kill",
             "1:2:kill:3",
         ] {
-            assert!(wrong.parse::<Change>().is_err(), "{wrong}");
+            assert!(wrong.parse::<ScheduledAction>().is_err(), "{wrong}");
         }
     }
 }

@@ -1,5 +1,5 @@
-//! The frames of `carom-bench codec`: the pool table with six balls rolling, or seen from a
-//! camera that turns, traced once and kept.
+//! The frames of `carom-bench codec`: the pool table with six balls rolling, or seen from a turning
+//! camera, traced once and kept.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -14,17 +14,17 @@ use carom_tracer::{
 };
 use glam::{Quat, Vec3};
 
-use crate::Failure;
+use crate::BenchError;
 use crate::scenes;
 
 /// How a frame is made.
 #[derive(Clone, Copy)]
-pub(super) struct Picture {
+pub(super) struct FrameQuality {
     samples: u32,
     denoise: bool,
 }
 
-impl Picture {
+impl FrameQuality {
     /// Of so many samples per pixel.
     pub(super) fn traced(samples: u32) -> Self {
         let denoise = false;
@@ -42,7 +42,7 @@ impl Picture {
 pub(super) type Motion = (&'static str, Vec<Arc<RadianceImage>>, bool);
 
 /// Traces frames, or finds those that have been traced.
-pub(super) struct Frames {
+pub(super) struct TestFrames {
     size: ImageSize,
     tracer: Arc<dyn Tracer>,
     scene: Scene,
@@ -50,19 +50,19 @@ pub(super) struct Frames {
     folder: PathBuf,
 }
 
-impl Frames {
+impl TestFrames {
     pub(super) fn new(
         size: ImageSize,
         tracer: Arc<dyn Tracer>,
         folder: Option<&Path>,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self, BenchError> {
         let scene = scenes::scene(None)?.scene;
         let folder = folder.map_or_else(
             || std::env::temp_dir().join("carom-bench-codec"),
             Path::to_path_buf,
         );
         std::fs::create_dir_all(&folder)
-            .map_err(|why| Failure::Input(format!("{}: {why}", folder.display())))?;
+            .map_err(|why| BenchError::Input(format!("{}: {why}", folder.display())))?;
         Ok(Self {
             size,
             tracer,
@@ -73,9 +73,9 @@ impl Frames {
     }
 
     /// The same seed throughout: a pixel whose paths meet nothing that has moved stays as it is.
-    pub(super) fn motions(&self, picture: Picture) -> Result<Vec<Motion>, Failure> {
+    pub(super) fn motions(&self, picture: FrameQuality) -> Result<Vec<Motion>, BenchError> {
         let start = self.frame(picture, 0, 0)?;
-        let frames = |balls: [u32; 2], turns: [u32; 2]| -> Result<Vec<_>, Failure> {
+        let frames = |balls: [u32; 2], turns: [u32; 2]| -> Result<Vec<_>, BenchError> {
             Ok(vec![
                 Arc::clone(&start),
                 self.frame(picture, balls[0], turns[0])?,
@@ -94,10 +94,10 @@ impl Frames {
     /// The picture `balls` frames after the balls began to roll, and `turns` after the camera did.
     fn frame(
         &self,
-        picture: Picture,
+        picture: FrameQuality,
         balls: u32,
         turns: u32,
-    ) -> Result<Arc<RadianceImage>, Failure> {
+    ) -> Result<Arc<RadianceImage>, BenchError> {
         let mut scene = self.compiled.clone();
         scene.apply(&self.update(balls as f32 * FRAME_SECS, turns as f32 * FRAME_SECS))?;
         let settings = RenderSettings {
@@ -115,7 +115,7 @@ impl Frames {
         Ok(Arc::new(image))
     }
 
-    fn path(&self, picture: Picture, balls: u32, turns: u32) -> PathBuf {
+    fn path(&self, picture: FrameQuality, balls: u32, turns: u32) -> PathBuf {
         let hash = SceneHash::of(&self.scene).0;
         let hash = u32::from_le_bytes([hash[0], hash[1], hash[2], hash[3]]);
         let (ImageSize { width, height }, samples) = (self.size, picture.samples);
@@ -131,7 +131,7 @@ impl Frames {
         path: &Path,
         scene: &CompiledScene,
         settings: RenderSettings,
-    ) -> Result<Option<RadianceImage>, Failure> {
+    ) -> Result<Option<RadianceImage>, BenchError> {
         let Ok(kept) = RadianceImage::read_exr(path) else {
             return Ok(None);
         };

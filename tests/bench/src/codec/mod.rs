@@ -1,5 +1,4 @@
-//! `carom-bench codec`: what tiles weigh on the wire, how fast one core makes and reads them, and
-//! what it costs the eye.
+//! The bench of the tile codec: bits on the wire, bytes per second of one core, and the error.
 
 mod frames;
 
@@ -16,8 +15,8 @@ use carom_tracer::{ImageSize, RadianceImage, Tile, TileGrid, TileRange};
 use cpu_time::ThreadTime;
 use serde::Serialize;
 
-use self::frames::{Frames, Picture};
-use crate::Failure;
+use self::frames::{FrameQuality, TestFrames};
+use crate::BenchError;
 use carom_farm::backend::Backend;
 
 /// Size of encoded frames, and speed of one core at encoding and decoding them.
@@ -56,15 +55,15 @@ pub(crate) struct Args {
 }
 
 #[derive(Serialize)]
-struct Report {
+struct CodecReport {
     width: u32,
     height: u32,
     frames_per_second: f64,
-    runs: Vec<Row>,
+    runs: Vec<CodecRow>,
 }
 
 #[derive(Serialize)]
-struct Row {
+struct CodecRow {
     picture: &'static str,
     motion: &'static str,
     precision: PixelPrecision,
@@ -77,10 +76,10 @@ struct Row {
     flip: f64,
 }
 
-pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     let tracer = args.backend.open(0)?;
-    let frames = Frames::new(args.size, tracer, args.cache.as_deref())?;
-    let mut report = Report {
+    let frames = TestFrames::new(args.size, tracer, args.cache.as_deref())?;
+    let mut report = CodecReport {
         width: args.size.width,
         height: args.size.height,
         frames_per_second: FRAMES_PER_SECOND,
@@ -90,9 +89,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         print_heading(&report);
     }
     let pictures = [
-        ("noisy", Picture::traced(args.spp)),
-        ("denoised", Picture::denoised(args.spp)),
-        ("converged", Picture::traced(args.converged_spp)),
+        ("noisy", FrameQuality::traced(args.spp)),
+        ("denoised", FrameQuality::denoised(args.spp)),
+        ("converged", FrameQuality::traced(args.converged_spp)),
     ];
     for (name, picture) in pictures {
         for (motion, sequence, told) in frames.motions(picture)? {
@@ -122,7 +121,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 
 /// Sums over frames.
 #[derive(Default)]
-struct Measured {
+struct CodecTotals {
     frames: u32,
     pixel_bytes: usize,
     message_bytes: usize,
@@ -133,7 +132,7 @@ struct Measured {
     flip: f64,
 }
 
-impl Measured {
+impl CodecTotals {
     /// The same messages once more: the quicker time of each counts.
     fn repeat(&mut self, other: &Self) {
         for (secs, other) in self.secs.iter_mut().zip(&other.secs) {
@@ -141,12 +140,17 @@ impl Measured {
         }
     }
 
-    fn row(&self, picture: &'static str, motion: &'static str, precision: PixelPrecision) -> Row {
+    fn row(
+        &self,
+        picture: &'static str,
+        motion: &'static str,
+        precision: PixelPrecision,
+    ) -> CodecRow {
         let bits = 8.0 * self.message_bytes as f64 / f64::from(self.frames);
         let megabytes = 1e-6 * self.pixel_bytes as f64;
         let secs = |end: usize| self.secs.iter().map(|secs| secs[end]).sum::<f64>();
         let mse = self.squared_error as f64 / self.pixel_bytes as f64;
-        Row {
+        CodecRow {
             picture,
             motion,
             precision,
@@ -159,7 +163,7 @@ impl Measured {
     }
 }
 
-type Kept = Vec<Option<Arc<ReferenceTile>>>;
+type ReferenceTiles = Vec<Option<Arc<ReferenceTile>>>;
 
 /// Encodes and decodes all frames of a sequence but the first, which is what the client holds, several
 /// times.
@@ -168,7 +172,7 @@ fn measure(
     told: bool,
     precision: PixelPrecision,
     repetitions: u32,
-) -> Result<Measured, Failure> {
+) -> Result<CodecTotals, BenchError> {
     let (mut measured, come) = play(sequence, told, precision)?;
     for _ in 1..repetitions {
         let (again, _) = play(sequence, told, precision)?;
@@ -187,22 +191,22 @@ fn play(
     sequence: &[Arc<RadianceImage>],
     told: bool,
     precision: PixelPrecision,
-) -> Result<(Measured, Vec<[u8; 3]>), Failure> {
-    let mut coders = Coders {
+) -> Result<(CodecTotals, Vec<[u8; 3]>), BenchError> {
+    let mut coders = CodecPair {
         encoder: Encoder::new(),
         decoder: Decoder::new(),
         range: PrecisionRange::only(precision),
         come: vec![[0; 3]; sequence[0].pixels.len()],
     };
     let grid = TileGrid::new(sequence[0].size, TILE_EDGE);
-    let nothing: Kept = vec![None; grid.len() as usize];
+    let nothing: ReferenceTiles = vec![None; grid.len() as usize];
     let (mut sent, mut held) = (nothing.clone(), nothing.clone());
-    let mut measured = Measured::default();
+    let mut measured = CodecTotals::default();
     for (index, image) in sequence.iter().enumerate() {
         if !told {
             (sent, held) = (nothing.clone(), nothing.clone());
         }
-        let mut first_frame = Measured::default();
+        let mut first_frame = CodecTotals::default();
         let sums = match index {
             0 => &mut first_frame,
             _ => &mut measured,
@@ -217,7 +221,7 @@ fn play(
     Ok((measured, coders.come))
 }
 
-struct Coders {
+struct CodecPair {
     encoder: Encoder,
     decoder: Decoder,
     range: PrecisionRange,
@@ -225,17 +229,17 @@ struct Coders {
     come: Vec<[u8; 3]>,
 }
 
-impl Coders {
+impl CodecPair {
     /// One message there and back; `sent` and `held` are what node and client remember.
     fn message(
         &mut self,
-        sums: &mut Measured,
+        sums: &mut CodecTotals,
         image: &RadianceImage,
         grid: TileGrid,
         run: TileRange,
-        sent: &mut Kept,
-        held: &mut Kept,
-    ) -> Result<(), Failure> {
+        sent: &mut ReferenceTiles,
+        held: &mut ReferenceTiles,
+    ) -> Result<(), BenchError> {
         let tiles: Vec<Tile> = grid.tiles(run).collect();
         let radiance: Vec<Vec<[f32; 3]>> = tiles.iter().map(|tile| image.cut(*tile)).collect();
         let stretch = run.first as usize..run.end() as usize;
@@ -291,7 +295,7 @@ impl Coders {
 }
 
 /// Bytes of the whole message, with numbers as they are after a while of play.
-fn message_bytes(tiles: TileRange, pixels: Vec<u8>) -> Result<usize, Failure> {
+fn message_bytes(tiles: TileRange, pixels: Vec<u8>) -> Result<usize, BenchError> {
     let message = ToClient::Tiles(TilesDone {
         request: RequestId(10_000),
         tiles,
@@ -311,8 +315,8 @@ fn timed<T>(work: impl FnOnce() -> T) -> (f64, T) {
     (start.elapsed().as_secs_f64(), result)
 }
 
-fn print_heading(report: &Report) {
-    let Report { width, height, .. } = report;
+fn print_heading(report: &CodecReport) {
+    let CodecReport { width, height, .. } = report;
     println!("{width}x{height} at {FRAMES_PER_SECOND} frames per second");
     println!(
         "{:<10} {:<10} {:<9} {:>9} {:>12} {:>12} {:>8} {:>8}",
@@ -320,7 +324,7 @@ fn print_heading(report: &Report) {
     );
 }
 
-fn print_row(row: &Row) {
+fn print_row(row: &CodecRow) {
     let psnr = row
         .psnr_db
         .map_or_else(|| "exact".to_owned(), |psnr| format!("{psnr:.1}"));
@@ -338,11 +342,12 @@ fn print_row(row: &Row) {
 }
 
 /// What is asked of the codec, with what it does.
-fn print_bars(rows: &[Row]) {
+fn print_bars(rows: &[CodecRow]) {
     println!();
     for (picture, motion, precision, most) in BARS {
-        let here =
-            |row: &&Row| (row.picture, row.motion, row.precision) == (picture, motion, precision);
+        let here = |row: &&CodecRow| {
+            (row.picture, row.motion, row.precision) == (picture, motion, precision)
+        };
         if let Some(row) = rows.iter().find(here) {
             let met = if row.mbit_per_second <= most {
                 "met"
@@ -355,7 +360,7 @@ fn print_bars(rows: &[Row]) {
             );
         }
     }
-    let least = |rate: fn(&Row) -> f64| {
+    let least = |rate: fn(&CodecRow) -> f64| {
         let rates = rows.iter().map(rate);
         rates.fold(f64::INFINITY, f64::min)
     };

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::{
     deviation::Deviation,
-    reference::{Kind, Reference},
+    reference::{ReferenceKind, ReferenceShot},
 };
 use crate::timing::{best_ms, median};
 use carom_billiards::physics::Shot;
@@ -15,7 +15,7 @@ use carom_billiards::physics::Shot;
 #[derive(Clone, Debug, Serialize)]
 pub struct Accuracy {
     /// By name.
-    pub shots: Vec<ShotReport>,
+    pub shots: Vec<ShotAccuracy>,
     /// Middle of the largest distances of all shots that positions can be held to.
     pub median_max_mm: f64,
     /// Largest distance of those shots.
@@ -24,7 +24,7 @@ pub struct Accuracy {
 
 /// One shot against its reference.
 #[derive(Clone, Debug, Serialize)]
-pub struct ShotReport {
+pub struct ShotAccuracy {
     /// Of the reference.
     pub name: String,
     /// Largest distance of a ball from its reference, in mm.
@@ -60,10 +60,10 @@ impl Accuracy {
     ///
     /// # Errors
     /// A sentence with the shot that cannot be played.
-    pub fn measure(references: &[Reference]) -> anyhow::Result<Self> {
+    pub fn measure(references: &[ReferenceShot]) -> anyhow::Result<Self> {
         let shots = references
             .iter()
-            .map(ShotReport::measure)
+            .map(ShotAccuracy::measure)
             .collect::<anyhow::Result<Vec<_>>>()?;
         let comparable = || shots.iter().filter(|shot| shot.is_comparable());
         Ok(Self {
@@ -74,19 +74,21 @@ impl Accuracy {
     }
 }
 
-impl ShotReport {
-    fn measure(reference: &Reference) -> anyhow::Result<Self> {
+impl ShotAccuracy {
+    fn measure(reference: &ReferenceShot) -> anyhow::Result<Self> {
         let shot = reference.play()?;
         let cpu_ms = best_ms(RUNS, || {
             std::hint::black_box(reference.play().is_ok());
         });
         let deviation = reference.deviation(&shot);
         let (own, moved_m) = match reference.kind {
-            Kind::Cluster => (
+            ReferenceKind::Cluster => (
                 reference.deviation(&reference.play_by_own_rule()?),
                 apart_m(&shot, &reference.play_moved(MOVED_M)?),
             ),
-            Kind::Shot | Kind::Airborne | Kind::Break => (Deviation::default(), 0.0),
+            ReferenceKind::Shot | ReferenceKind::Airborne | ReferenceKind::Break => {
+                (Deviation::default(), 0.0)
+            }
         };
         Ok(Self {
             name: reference.name.clone(),
@@ -94,10 +96,10 @@ impl ShotReport {
             rms_mm: deviation.rms_m * 1e3,
             cpu_ms,
             kind: match reference.kind {
-                Kind::Shot => "shot",
-                Kind::Airborne => "airborne",
-                Kind::Cluster => "cluster",
-                Kind::Break => "break",
+                ReferenceKind::Shot => "shot",
+                ReferenceKind::Airborne => "airborne",
+                ReferenceKind::Cluster => "cluster",
+                ReferenceKind::Break => "break",
             },
             duration_secs: shot.duration_secs(),
             events: shot.events().len(),

@@ -7,21 +7,21 @@ use glam::DVec3;
 use crate::chart::{Axis, Chart, Series};
 
 use super::{
-    curves::Curve,
-    infinite_table::{EDGE_M, ball, solo_of},
+    curves::PublishedCurve,
+    infinite_table::{EDGE_M, ball, single_ball_from},
 };
 use carom_billiards::physics::{BallBody, Event, EventKind, Result};
 
 /// A rolling ball that goes to a cushion.
 #[derive(Clone, Copy)]
-struct Bank {
+struct BankShot {
     name: &'static str,
     speed_m_s: f64,
     /// Rω/v about the vertical: positive runs.
     english: f64,
 }
 
-impl Bank {
+impl BankShot {
     /// Angle in degrees from the cushion's normal to where the ball is after [`WAY_M`].
     fn out_deg(&self, in_deg: f64) -> Result<f64> {
         let BallBody { radius_m, .. } = BallBody::default();
@@ -29,7 +29,7 @@ impl Bank {
         let velocity = self.speed_m_s * DVec3::new(cos, sin, 0.0);
         // A ball that goes on to the left of a cushion ahead runs with clockwise spin.
         let spin = DVec3::Z.cross(velocity) - self.english * self.speed_m_s * DVec3::Z;
-        let shot = solo_of(ball(0, EDGE_M - 0.1, 0.0, velocity, spin / radius_m))?;
+        let shot = single_ball_from(ball(0, EDGE_M - 0.1, 0.0, velocity, spin / radius_m))?;
         let touches = |event: &&Event| matches!(event.kind, EventKind::Cushion { .. });
         let t = shot
             .events()
@@ -56,7 +56,7 @@ impl Bank {
 ///
 /// # Errors
 /// None that one ball has.
-pub(super) fn measure() -> Result<Curve> {
+pub(super) fn measure() -> Result<PublishedCurve> {
     let mut series = vec![Series::line("mirror", vec![(10.0, 10.0), (70.0, 70.0)])];
     let mut outs = Vec::new();
     for bank in BANKS {
@@ -73,7 +73,7 @@ pub(super) fn measure() -> Result<Curve> {
             error_max = error_max.max(short - long);
         }
     }
-    Ok(Curve {
+    Ok(PublishedCurve {
         name: "bank angles",
         source: "Alciatore, Banks and kicks: order of the curves",
         error_max,
@@ -88,28 +88,28 @@ pub(super) fn measure() -> Result<Curve> {
     })
 }
 
-const BANKS: [Bank; 5] = [
-    Bank {
+const BANKS: [BankShot; 5] = [
+    BankShot {
         name: "slow, 1 m/s",
         speed_m_s: 1.0,
         english: 0.0,
     },
-    Bank {
+    BankShot {
         name: "medium, 2 m/s",
         speed_m_s: 2.0,
         english: 0.0,
     },
-    Bank {
+    BankShot {
         name: "fast, 6 m/s",
         speed_m_s: 6.0,
         english: 0.0,
     },
-    Bank {
+    BankShot {
         name: "medium, running",
         speed_m_s: 2.0,
         english: 0.5,
     },
-    Bank {
+    BankShot {
         name: "medium, reverse",
         speed_m_s: 2.0,
         english: -0.5,

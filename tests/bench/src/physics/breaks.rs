@@ -12,8 +12,8 @@ use glam::{DVec2, DVec3};
 use serde::Serialize;
 
 use super::{
-    draws::{Draws, Theirs, chance},
-    reference::{Kind, Reference},
+    break_samples::{ReferenceBreaks, ReferenceSample, chance},
+    reference::{ReferenceKind, ReferenceShot},
 };
 use carom_billiards::physics::{BallState, Engine, Result, Shot, Stroke, Table, World};
 
@@ -38,7 +38,7 @@ pub struct BreakStatistic {
     /// The reference's draw, if there is one.
     pub reference: Option<f64>,
     /// The other simulator's own draws of the same lottery, if there are any.
-    pub theirs: Option<Theirs>,
+    pub theirs: Option<ReferenceSample>,
 }
 
 impl BreakStatistic {
@@ -71,7 +71,7 @@ impl BreakStatistic {
             reference,
             theirs: theirs.map(|theirs| {
                 let (mean, error) = moments(theirs);
-                Theirs {
+                ReferenceSample {
                     count: theirs.len(),
                     mean,
                     mean_within: 1.96 * error,
@@ -127,14 +127,14 @@ pub const HEADING: &str = "rack                   quantity             seeds    
 /// # Errors
 /// A sentence with the shot that cannot be played.
 pub fn measure(
-    references: &[Reference],
-    theirs: &Draws,
+    references: &[ReferenceShot],
+    theirs: &ReferenceBreaks,
     seeds: u32,
 ) -> anyhow::Result<Vec<BreakStatistic>> {
     let mut statistics = Vec::new();
     for reference in references
         .iter()
-        .filter(|reference| reference.kind == Kind::Break)
+        .filter(|reference| reference.kind == ReferenceKind::Break)
     {
         let Some(stroke) = reference.stroke() else {
             continue;
@@ -166,7 +166,7 @@ fn table(
     rack: &str,
     draws: &[BreakOutcome],
     reference: Option<BreakOutcome>,
-    theirs: &Draws,
+    theirs: &ReferenceBreaks,
 ) -> [BreakStatistic; 3] {
     let row = |quantity, pick: fn(&BreakOutcome) -> f64, theirs: Option<&[f64]>| {
         let values: Vec<_> = draws.iter().map(pick).collect();

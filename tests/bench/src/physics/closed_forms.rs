@@ -1,11 +1,11 @@
-//! What theory knows without a simulation.
+//! Closed forms of sliding, rolling and spinning, against the simulation.
 
 use std::fmt;
 
 use glam::DVec3;
 use serde::Serialize;
 
-use super::infinite_table::{ball, released, solo};
+use super::infinite_table::{ball, released, single_ball};
 use carom_billiards::physics::{BallBody, Cloth, Event, EventKind, Laws, Shot};
 
 /// One quantity, measured and in theory.
@@ -67,7 +67,7 @@ fn slide_to_roll(speed: f64) -> anyhow::Result<[ClosedForm; 4]> {
         gravity_m_s2: g,
         ..
     } = Cloth::default();
-    let shot = solo(DVec3::X * speed, DVec3::ZERO)?;
+    let shot = single_ball(DVec3::X * speed, DVec3::ZERO)?;
     let t = rolls_at(&shot);
     let then = shot.states_at(t)[0];
     let way = 12.0 * speed * speed / (49.0 * slide * g);
@@ -98,7 +98,7 @@ fn roll_out(speed: f64) -> anyhow::Result<[ClosedForm; 2]> {
         ..
     } = Cloth::default();
     let radius_m = BallBody::default().radius_m;
-    let shot = solo(DVec3::X * speed, DVec3::Y * speed / radius_m)?;
+    let shot = single_ball(DVec3::X * speed, DVec3::Y * speed / radius_m)?;
     let form = |what: &str, measured, theory| {
         ClosedForm::new(format!("{what}, rolling at {speed} m/s"), measured, theory)
     };
@@ -116,7 +116,7 @@ fn roll_out(speed: f64) -> anyhow::Result<[ClosedForm; 2]> {
 fn dead_draw(speed: f64) -> anyhow::Result<ClosedForm> {
     let cloth = Cloth::default();
     let spin = -2.5 * speed / BallBody::default().radius_m;
-    let shot = solo(DVec3::X * speed, DVec3::Y * spin)?;
+    let shot = single_ball(DVec3::X * speed, DVec3::Y * spin)?;
     let deceleration = cloth.sliding_friction * cloth.gravity_m_s2;
     Ok(ClosedForm::new(
         format!("way to a dead stop, drawn at {speed} m/s"),

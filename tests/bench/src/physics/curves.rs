@@ -1,4 +1,4 @@
-//! Rules and curves that are published, against what the simulation does.
+//! Published rules and curves, against the simulation.
 //!
 //! A published formula is derived for elastic balls (and, without friction between balls, for a
 //! 90° rule that is exact). Each is therefore met twice: by the simulation with those laws, which
@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use crate::chart::{Axis, Chart, Series};
 
-use super::infinite_table::{ball, prairie, released};
+use super::infinite_table::{ball, infinite_table, released};
 use carom_billiards::physics::{
     BallBallLaw, BallBody, BallLayout, BallState, Cue, Event, EventKind, Laws, Result, Shot,
     Stroke, World,
@@ -20,7 +20,7 @@ use carom_billiards::physics::{
 
 /// A published rule or curve, and how far the simulation is from it.
 #[derive(Clone, Debug, Serialize)]
-pub struct Curve {
+pub struct PublishedCurve {
     /// What it is about.
     pub name: &'static str,
     /// Author and title.
@@ -34,7 +34,7 @@ pub struct Curve {
     pub(super) chart: Chart,
 }
 
-impl fmt::Display for Curve {
+impl fmt::Display for PublishedCurve {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
@@ -48,7 +48,7 @@ impl fmt::Display for Curve {
 ///
 /// # Errors
 /// None that valid balls on an endless cloth have.
-pub fn measure() -> Result<Vec<Curve>> {
+pub fn measure() -> Result<Vec<PublishedCurve>> {
     Ok(vec![
         right_angle()?,
         natural_angle()?,
@@ -97,7 +97,7 @@ fn ideal() -> Laws {
 }
 
 /// The cue ball, which moves along +x, cuts a resting ball to its right.
-struct Cut {
+struct CutShot {
     cut_rad: f64,
     speed_m_s: f64,
     /// Rω/v about the horizontal axis: 1 rolls, 0 is stun.
@@ -106,7 +106,7 @@ struct Cut {
     english: f64,
 }
 
-impl Cut {
+impl CutShot {
     fn play(&self, laws: Laws) -> Result<Shot> {
         let radius = BallBody::default().radius_m;
         let line = DVec2::from_angle(-self.cut_rad);
@@ -166,9 +166,9 @@ fn degrees(range: std::ops::RangeInclusive<u32>) -> impl Iterator<Item = f64> {
     range.map(f64::from)
 }
 
-fn right_angle() -> Result<Curve> {
+fn right_angle() -> Result<PublishedCurve> {
     let angle = |laws: Laws, cut_deg: f64, speed_m_s: f64| {
-        let cut = Cut {
+        let cut = CutShot {
             cut_rad: cut_deg.to_radians(),
             speed_m_s,
             roll: 0.0,
@@ -198,7 +198,7 @@ fn right_angle() -> Result<Curve> {
             points.collect::<Result<_>>()?,
         ));
     }
-    Ok(Curve {
+    Ok(PublishedCurve {
         name: "90° rule",
         source: "Alciatore, TP 3.1, 90° rule",
         error_max,
@@ -214,9 +214,9 @@ fn right_angle() -> Result<Curve> {
 }
 
 /// Where a rolling cue ball goes in the end.
-fn natural_angle() -> Result<Curve> {
+fn natural_angle() -> Result<PublishedCurve> {
     let deflection = |laws: Laws, cut_deg: f64, speed_m_s: f64| {
-        let cut = Cut {
+        let cut = CutShot {
             cut_rad: cut_deg.to_radians(),
             speed_m_s,
             roll: 1.0,
@@ -244,7 +244,7 @@ fn natural_angle() -> Result<Curve> {
         met.push((cut, angle));
     }
     let game = degrees(2..=88).map(|cut| Ok((cut, deflection(Laws::default(), cut, 2.0)?)));
-    Ok(Curve {
+    Ok(PublishedCurve {
         name: "30° rule",
         source: "Alciatore, TP 3.3, 30° rule; TP A.4, post-impact cue ball trajectory",
         error_max,
@@ -266,9 +266,9 @@ fn natural_angle() -> Result<Curve> {
     })
 }
 
-fn throw_by_cut(name: &'static str, title: &str, roll: f64) -> Result<Curve> {
+fn throw_by_cut(name: &'static str, title: &str, roll: f64) -> Result<PublishedCurve> {
     let cuts = degrees(1..=85).map(|cut_deg| {
-        let cut = move |speed_m_s: f64| Cut {
+        let cut = move |speed_m_s: f64| CutShot {
             cut_rad: cut_deg.to_radians(),
             speed_m_s,
             roll,
@@ -279,10 +279,10 @@ fn throw_by_cut(name: &'static str, title: &str, roll: f64) -> Result<Curve> {
     throw_curve(name, title, "cut angle, degrees", &cuts.collect::<Vec<_>>())
 }
 
-fn throw_by_english() -> Result<Curve> {
+fn throw_by_english() -> Result<PublishedCurve> {
     let spins = (-50..=50).map(|percent| {
         let english = f64::from(percent) * 0.025;
-        let cut = move |speed_m_s: f64| Cut {
+        let cut = move |speed_m_s: f64| CutShot {
             cut_rad: 0.0,
             speed_m_s,
             roll: 0.0,
@@ -299,12 +299,12 @@ fn throw_by_english() -> Result<Curve> {
 }
 
 /// Throw over a variable, at each of [`SPEEDS`].
-fn throw_curve<C: Fn(f64) -> Cut>(
+fn throw_curve<C: Fn(f64) -> CutShot>(
     name: &'static str,
     title: &str,
     x: &'static str,
     cuts: &[(f64, C)],
-) -> Result<Curve> {
+) -> Result<PublishedCurve> {
     let mut error_max = 0.0f64;
     let mut series = Vec::new();
     for (speed_name, speed) in SPEEDS {
@@ -321,7 +321,7 @@ fn throw_curve<C: Fn(f64) -> Cut>(
         let some = game.into_iter().step_by(5).collect();
         series.push(Series::dots(format!("the game's, {speed_name}"), some));
     }
-    Ok(Curve {
+    Ok(PublishedCurve {
         name,
         source: "Alciatore, TP A.14, throw; friction of TP A.28 (Marlow's data)",
         error_max,
@@ -336,7 +336,7 @@ fn throw_curve<C: Fn(f64) -> Cut>(
     })
 }
 
-fn throw_by_speed() -> Result<Curve> {
+fn throw_by_speed() -> Result<PublishedCurve> {
     let mut error_max = 0.0f64;
     let mut series = Vec::new();
     for (name, cut_deg) in [
@@ -346,7 +346,7 @@ fn throw_by_speed() -> Result<Curve> {
     ] {
         let (mut published, mut game) = (Vec::new(), Vec::new());
         for step in 1..=80 {
-            let cut = Cut {
+            let cut = CutShot {
                 cut_rad: cut_deg.to_radians(),
                 speed_m_s: 0.1 * f64::from(step),
                 roll: 0.0,
@@ -361,7 +361,7 @@ fn throw_by_speed() -> Result<Curve> {
         let some = game.into_iter().step_by(5).collect();
         series.push(Series::dots(format!("the game's, {name}"), some));
     }
-    Ok(Curve {
+    Ok(PublishedCurve {
         name: "throw, stun, by speed",
         source: "Alciatore, TP A.14, throw; friction of TP A.28 (Marlow's data)",
         error_max,
@@ -376,7 +376,7 @@ fn throw_by_speed() -> Result<Curve> {
     })
 }
 
-fn squirt() -> Result<Curve> {
+fn squirt() -> Result<PublishedCurve> {
     let ball_kg = BallBody::default().mass_kg;
     let mut error_max = 0.0f64;
     let mut series = Vec::new();
@@ -404,7 +404,7 @@ fn squirt() -> Result<Curve> {
         let some = met.into_iter().step_by(5).collect();
         series.push(Series::dots(format!("the game's, end mass {name}"), some));
     }
-    Ok(Curve {
+    Ok(PublishedCurve {
         name: "squirt by tip offset",
         source: "Alciatore, TP A.31, the physics of squirt",
         error_max,
@@ -422,7 +422,7 @@ fn squirt() -> Result<Curve> {
 /// How far a ball struck along +y leaves to the left of the aim.
 fn squirt_rad(laws: Laws, side: f64) -> Result<f64> {
     let balls = vec![ball(0, 0.0, 0.0, DVec3::ZERO, DVec3::ZERO)];
-    let world = World::with_laws(prairie()?, laws, BallLayout { balls }.balls)?;
+    let world = World::with_laws(infinite_table()?, laws, BallLayout { balls }.balls)?;
     let stroke = Stroke {
         side,
         ..Stroke::straight(FRAC_PI_2, 2.0)

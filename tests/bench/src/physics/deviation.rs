@@ -1,6 +1,6 @@
-//! How far a simulated shot is from its reference.
+//! The distance of a simulated shot from its reference.
 
-use super::reference::{Kind, Reference, Samples};
+use super::reference::{BallSamples, ReferenceKind, ReferenceShot};
 use carom_billiards::physics::{BallState, Shot};
 
 /// How far a shot is from its reference, over the time in which they are comparable.
@@ -22,7 +22,7 @@ pub struct Deviation {
 }
 
 impl Deviation {
-    pub(super) fn between(reference: &Reference, shot: &Shot) -> Self {
+    pub(super) fn between(reference: &ReferenceShot, shot: &Shot) -> Self {
         let mut deviation = Self::default();
         let (mut sum, mut count) = (0.0, 0.0f64);
         for (sample, &t) in reference.times.iter().enumerate() {
@@ -41,11 +41,11 @@ impl Deviation {
             }
         }
         deviation.rms_m = (sum / count.max(1.0)).sqrt();
-        if reference.kind == Kind::Cluster {
+        if reference.kind == ReferenceKind::Cluster {
             (deviation.fastest_m_s, deviation.velocity_m_s) = after_cluster(reference, shot);
         }
         let ends = shot.final_states();
-        let differs = |(ball, end): &(&Samples, &BallState)| {
+        let differs = |(ball, end): &(&BallSamples, &BallState)| {
             end.phase.is_on_table() == *ball.pocketed.last().unwrap_or(&false)
         };
         deviation.pocketed_differently = pairs(reference, &ends).filter(differs).count();
@@ -54,7 +54,7 @@ impl Deviation {
 }
 
 /// Difference of velocity of the fastest ball, and the largest, once a cluster has parted.
-fn after_cluster(reference: &Reference, shot: &Shot) -> (f64, f64) {
+fn after_cluster(reference: &ReferenceShot, shot: &Shot) -> (f64, f64) {
     let Some(sample) = reference.times.iter().position(|&t| t >= CLUSTER_SECS) else {
         return (0.0, 0.0);
     };
@@ -74,9 +74,9 @@ fn after_cluster(reference: &Reference, shot: &Shot) -> (f64, f64) {
 
 /// Each ball of a reference with its state in a simulation.
 fn pairs<'a>(
-    reference: &'a Reference,
+    reference: &'a ReferenceShot,
     states: &'a [BallState],
-) -> impl Iterator<Item = (&'a Samples, &'a BallState)> {
+) -> impl Iterator<Item = (&'a BallSamples, &'a BallState)> {
     reference.balls.iter().filter_map(|ball| {
         let state = states.iter().find(|state| state.number == ball.number)?;
         Some((ball, state))

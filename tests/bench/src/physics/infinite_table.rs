@@ -1,4 +1,4 @@
-//! A cloth without an end, and balls on it that are already in motion.
+//! A table without end, and balls on it that are already in motion.
 
 use glam::{DVec2, DVec3};
 
@@ -8,7 +8,7 @@ use carom_billiards::physics::{BallBody, BallState, Laws, Shot, Table, TablePart
 ///
 /// # Errors
 /// None: its parts are valid.
-pub fn prairie() -> carom_billiards::physics::Result<Table> {
+pub fn infinite_table() -> carom_billiards::physics::Result<Table> {
     let half = EDGE_M;
     let corners = [[-half, -half], [half, -half], [half, half], [-half, half]].map(DVec2::from);
     Table::from_parts(TableParts {
@@ -36,22 +36,22 @@ pub fn ball(number: u8, x: f64, y: f64, velocity: DVec3, spin: DVec3) -> BallSta
 /// # Errors
 /// Those of the simulation.
 pub fn released(laws: Laws, balls: Vec<BallState>) -> carom_billiards::physics::Result<Shot> {
-    World::with_laws(prairie()?, laws, balls)?.release()
+    World::with_laws(infinite_table()?, laws, balls)?.release()
 }
 
 /// What one ball does, from the middle on, by the default laws.
 ///
 /// # Errors
 /// Those of the simulation.
-pub fn solo(velocity: DVec3, spin: DVec3) -> carom_billiards::physics::Result<Shot> {
-    solo_of(ball(0, 0.0, 0.0, velocity, spin))
+pub fn single_ball(velocity: DVec3, spin: DVec3) -> carom_billiards::physics::Result<Shot> {
+    single_ball_from(ball(0, 0.0, 0.0, velocity, spin))
 }
 
 /// What one ball does by the default laws.
 ///
 /// # Errors
 /// Those of the simulation.
-pub fn solo_of(ball: BallState) -> carom_billiards::physics::Result<Shot> {
+pub fn single_ball_from(ball: BallState) -> carom_billiards::physics::Result<Shot> {
     released(Laws::default(), vec![ball])
 }
 

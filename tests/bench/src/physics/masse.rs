@@ -1,12 +1,12 @@
-//! Massé: strokes with a raised cue, whose ball curves.
+//! Massé shots: strokes with a raised cue, after which the cue ball curves.
 
 use glam::{DVec2, DVec3};
 
 use crate::chart::{Axis, Chart, Series};
 
 use super::{
-    curves::Curve,
-    infinite_table::{ball, prairie},
+    curves::PublishedCurve,
+    infinite_table::{ball, infinite_table},
 };
 use carom_billiards::physics::{Cue, Event, EventKind, Laws, Result, Shot, Stroke, World};
 
@@ -15,7 +15,7 @@ use carom_billiards::physics::{Cue, Event, EventKind, Laws, Result, Shot, Stroke
 ///
 /// # Errors
 /// None that one ball has.
-pub(super) fn directions() -> Result<Curve> {
+pub(super) fn directions() -> Result<PublishedCurve> {
     let mut error_max = 0.0f64;
     let mut series = Vec::new();
     for degrees in ELEVATIONS_DEG {
@@ -33,7 +33,7 @@ pub(super) fn directions() -> Result<Curve> {
         let some = game.into_iter().step_by(5).collect();
         series.push(Series::dots(format!("the game's, {degrees}°"), some));
     }
-    Ok(Curve {
+    Ok(PublishedCurve {
         name: "massé, final direction",
         source: "Coriolis 1835; Alciatore, TP A.19, massé shot aiming method",
         error_max,
@@ -52,7 +52,7 @@ pub(super) fn directions() -> Result<Curve> {
 ///
 /// # Errors
 /// None that one ball has.
-pub(super) fn ways() -> Result<Curve> {
+pub(super) fn ways() -> Result<PublishedCurve> {
     let mut error_max = 0.0f64;
     let mut series = Vec::new();
     for degrees in ELEVATIONS_DEG {
@@ -67,7 +67,7 @@ pub(super) fn ways() -> Result<Curve> {
         ));
         error_max = error_max.max(off_parabola_m(&shot, rolls) * 1e3);
     }
-    Ok(Curve {
+    Ok(PublishedCurve {
         name: "massé, way, in mm",
         source: "Coriolis 1835; Alciatore, TP A.4: a parabola as long as the ball slides",
         error_max,
@@ -111,7 +111,7 @@ fn stroke(elevation_deg: f64, side: f64, speed_m_s: f64) -> Stroke {
 /// A ball struck along +x from the middle.
 fn played(laws: Laws, stroke: Stroke) -> Result<Shot> {
     let balls = vec![ball(0, 0.0, 0.0, DVec3::ZERO, DVec3::ZERO)];
-    World::with_laws(prairie()?, laws, balls)?.strike(stroke)
+    World::with_laws(infinite_table()?, laws, balls)?.strike(stroke)
 }
 
 /// No tip slips off, as the construction assumes.

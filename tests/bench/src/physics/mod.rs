@@ -1,4 +1,4 @@
-//! `carom-bench physics`: how right the simulation is, and what it costs:
+//! The bench of the simulation: its errors, and its cost.
 //!
 //! ```text
 //! references    every shot of a folder, against the trajectories of another simulator
@@ -11,19 +11,19 @@
 //! ```
 
 pub mod accuracy;
-pub mod air;
+pub mod accuracy_cost;
+pub mod airborne;
 mod banks;
+pub mod break_samples;
 pub mod breaks;
 pub mod closed_forms;
-pub mod crowd;
 pub mod curves;
 pub mod deviation;
-pub mod draws;
 pub mod infinite_table;
+pub mod many_balls;
 mod masse;
 pub mod reference;
 mod schema;
-pub mod trade;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -34,14 +34,14 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use accuracy::Accuracy;
-use air::Air;
+use accuracy_cost::EngineTradeoff;
+use airborne::FlightRow;
+use break_samples::{BreakAgreement, ReferenceBreaks};
 use breaks::BreakStatistic;
 use closed_forms::ClosedForm;
-use crowd::Crowd;
-use curves::Curve;
-use draws::{Agreement, Draws};
-use reference::Reference;
-use trade::Trade;
+use curves::PublishedCurve;
+use many_balls::ManyBallsRow;
+use reference::ReferenceShot;
 
 /// Options of `carom-bench physics`.
 #[derive(Clone, Debug, Args)]
@@ -67,12 +67,12 @@ pub struct PhysicsArgs {
     pub seeds: u32,
     /// What to measure; may be given several times [default: everything]
     #[arg(long = "part", value_enum)]
-    pub parts: Vec<Part>,
+    pub parts: Vec<PhysicsPart>,
 }
 
 /// A part of `carom-bench physics`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Part {
+pub enum PhysicsPart {
     /// Every shot of the folder against its reference
     References,
     /// Sliding, rolling and spinning against theory
@@ -82,32 +82,32 @@ pub enum Part {
     /// Many breaks of the same rack, by statistics
     Breaks,
     /// Balls in the air: the closed flight against rapier's solver
-    Air,
+    FlightRow,
     /// Up to 1,000 balls: what an event costs
-    Crowd,
+    ManyBallsRow,
     /// Plain rapier at many settings: error against CPU time
-    Trade,
+    EngineTradeoff,
 }
 
 /// All that was measured.
 #[derive(Debug, Default, Serialize)]
-struct Report {
+struct PhysicsReport {
     #[serde(flatten)]
     accuracy: Option<Accuracy>,
     #[serde(skip_serializing_if = "Option::is_none")]
     closed_forms: Option<Vec<ClosedForm>>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    curves: Option<Vec<Curve>>,
+    curves: Option<Vec<PublishedCurve>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     breaks: Option<Vec<BreakStatistic>>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    breaks_agree: Option<Agreement>,
+    breaks_agree: Option<BreakAgreement>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    air: Option<Vec<Air>>,
+    air: Option<Vec<FlightRow>>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    crowd: Option<Vec<Crowd>>,
+    crowd: Option<Vec<ManyBallsRow>>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    trade: Option<Vec<Trade>>,
+    trade: Option<Vec<EngineTradeoff>>,
 }
 
 impl PhysicsArgs {
@@ -125,52 +125,56 @@ impl PhysicsArgs {
         Ok(())
     }
 
-    fn measure(&self) -> anyhow::Result<Report> {
+    fn measure(&self) -> anyhow::Result<PhysicsReport> {
         let wants = |part| self.parts.is_empty() || self.parts.contains(&part);
         let read = || {
-            Reference::read_folder(&self.references)
+            ReferenceShot::read_folder(&self.references)
                 .context("--references names a folder of reference shots")
         };
-        let mut report = Report::default();
-        if wants(Part::References) {
+        let mut report = PhysicsReport::default();
+        if wants(PhysicsPart::References) {
             report.accuracy = Some(Accuracy::measure(&read()?)?);
         }
-        if wants(Part::ClosedForms) {
+        if wants(PhysicsPart::ClosedForms) {
             report.closed_forms = Some(closed_forms::measure()?);
         }
-        if wants(Part::Curves) {
+        if wants(PhysicsPart::Curves) {
             report.curves = Some(curves::measure()?);
         }
-        if wants(Part::Breaks) {
-            let theirs = Draws::read(&self.draws).context("--draws names a file of breaks")?;
+        if wants(PhysicsPart::Breaks) {
+            let theirs =
+                ReferenceBreaks::read(&self.draws).context("--draws names a file of breaks")?;
             let rows = breaks::measure(&read()?, &theirs, self.seeds)?;
-            report.breaks_agree = Some(Agreement::of(&rows));
+            report.breaks_agree = Some(BreakAgreement::of(&rows));
             report.breaks = Some(rows);
         }
-        if wants(Part::Air) {
-            report.air = Some(air::measure()?);
+        if wants(PhysicsPart::FlightRow) {
+            report.air = Some(airborne::measure()?);
         }
-        if wants(Part::Crowd) {
-            report.crowd = Some(crowd::measure()?);
+        if wants(PhysicsPart::ManyBallsRow) {
+            report.crowd = Some(many_balls::measure()?);
         }
-        if wants(Part::Trade) {
+        if wants(PhysicsPart::EngineTradeoff) {
             let references = read()?;
-            let engines = trade::engines().into_iter();
-            let measured = engines.map(|engine| trade::measure(engine, &references));
+            let engines = accuracy_cost::engines().into_iter();
+            let measured = engines.map(|engine| accuracy_cost::measure(engine, &references));
             report.trade = Some(measured.collect::<anyhow::Result<_>>()?);
         }
         Ok(report)
     }
 }
 
-impl Report {
+impl PhysicsReport {
     /// With the names of their files.
     fn charts(&self) -> Vec<(String, Chart)> {
         let curves = self.curves.iter().flatten();
         let mut charts: Vec<_> = curves
             .map(|curve| (file_name(curve.name), curve.chart.clone()))
             .collect();
-        let trade = self.trade.iter().flat_map(|trades| trade::charts(trades));
+        let trade = self
+            .trade
+            .iter()
+            .flat_map(|trades| accuracy_cost::charts(trades));
         charts.extend(trade.map(|chart| (file_name(&chart.title), chart)));
         charts
     }
@@ -207,24 +211,24 @@ impl Report {
         if let Some(airs) = &self.air {
             println!(
                 "\nIn the air (bar of the closed flight: {})\n{}",
-                air::OFF_MAX,
-                air::HEADING
+                airborne::OFF_MAX,
+                airborne::HEADING
             );
             for air in airs {
                 println!("{air}");
             }
         }
         if let Some(crowds) = &self.crowd {
-            println!("\nCrowds\n{}", crowd::HEADING);
+            println!("\nCrowds\n{}", many_balls::HEADING);
             for crowd in crowds {
                 println!("{crowd}");
             }
         }
         if let Some(trades) = &self.trade {
-            let [whole, second, frame] = trade::BARS_MS;
+            let [whole, second, frame] = accuracy_cost::BARS_MS;
             println!(
                 "\nThe trade (bars: {whole}, {second} and {frame} ms)\n{}",
-                trade::HEADING
+                accuracy_cost::HEADING
             );
             for trade in trades {
                 println!("{trade}");

@@ -9,26 +9,26 @@ use glam::DVec3;
 use super::{
     breaks::{BreakOutcome, spread_m},
     deviation::Deviation,
-    schema::{EventJson, File, Frame},
+    schema::{EventJson, ReferenceFile, ReferenceFrame},
 };
 use carom_billiards::physics::{BallState, Clinging, Engine, Shot, Stroke, World};
 
 /// One reference shot.
 #[derive(Clone, Debug)]
-pub struct Reference {
+pub struct ReferenceShot {
     /// Of the shot.
     pub name: String,
     /// What can be asked of a simulation of it.
-    pub kind: Kind,
+    pub kind: ReferenceKind,
     world: World,
     stroke: Option<Stroke>,
     pub(super) times: Vec<f64>,
-    pub(super) balls: Vec<Samples>,
+    pub(super) balls: Vec<BallSamples>,
 }
 
 /// What a trajectory can be held to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum ReferenceKind {
     /// Every position at every time.
     Shot,
     /// A rack is broken: chaotic, so that two right simulations part within a second.
@@ -53,7 +53,7 @@ pub(super) fn read_file(path: &Path, bytes_max: u64) -> anyhow::Result<String> {
 
 /// The way of one ball.
 #[derive(Clone, Debug)]
-pub(super) struct Samples {
+pub(super) struct BallSamples {
     pub(super) number: u8,
     pub(super) positions: Vec<DVec3>,
     pub(super) velocities: Vec<DVec3>,
@@ -61,7 +61,7 @@ pub(super) struct Samples {
     pub(super) pocketed: Vec<bool>,
 }
 
-impl Reference {
+impl ReferenceShot {
     /// Reads a file.
     ///
     /// # Errors
@@ -100,13 +100,13 @@ impl Reference {
     }
 
     fn parse(json: &str) -> anyhow::Result<Self> {
-        let file: File = serde_json::from_str(json)?;
+        let file: ReferenceFile = serde_json::from_str(json)?;
         ensure!(
             file.schema == SCHEMA,
             "its schema is `{}`, not `{SCHEMA}`",
             file.schema
         );
-        let frame = Frame::of(&file.table.specs);
+        let frame = ReferenceFrame::of(&file.table.specs);
         let mut states = file
             .initial
             .iter()
@@ -138,8 +138,8 @@ impl Reference {
     /// A sentence with the shot's name, if the simulation refuses it.
     pub fn play(&self) -> anyhow::Result<Shot> {
         let world = match self.kind {
-            Kind::Cluster => &self.stealing(0.0)?,
-            Kind::Shot | Kind::Break | Kind::Airborne => &self.world,
+            ReferenceKind::Cluster => &self.stealing(0.0)?,
+            ReferenceKind::Shot | ReferenceKind::Break | ReferenceKind::Airborne => &self.world,
         };
         self.play_in(world)
     }
@@ -147,16 +147,16 @@ impl Reference {
     /// Plays the shot by the game's own rule for balls that keep touching.
     ///
     /// # Errors
-    /// As [`Reference::play`].
+    /// As [`ReferenceShot::play`].
     pub fn play_by_own_rule(&self) -> anyhow::Result<Shot> {
         self.play_in(&self.world)
     }
 
-    /// Plays a cluster as [`Reference::play`], with each ball `by_m` farther along the table than the one
+    /// Plays a cluster as [`ReferenceShot::play`], with each ball `by_m` farther along the table than the one
     /// before it.
     ///
     /// # Errors
-    /// As [`Reference::play`].
+    /// As [`ReferenceShot::play`].
     pub fn play_moved(&self, by_m: f64) -> anyhow::Result<Shot> {
         self.play_in(&self.stealing(by_m)?)
     }
@@ -191,7 +191,7 @@ impl Reference {
     pub(super) fn outcome(&self, after_secs: f64) -> Option<BreakOutcome> {
         let states = self.world.balls();
         let energy_j = |sample: usize| -> Option<f64> {
-            let of = |ball: &Samples| {
+            let of = |ball: &BallSamples| {
                 let body = states
                     .iter()
                     .find(|state| state.number == ball.number)?
@@ -201,7 +201,7 @@ impl Reference {
             self.balls.iter().map(of).sum()
         };
         let then = self.times.iter().position(|&t| t >= after_secs - 1e-9)?;
-        let lies = |ball: &&Samples| ball.pocketed.last() == Some(&false);
+        let lies = |ball: &&BallSamples| ball.pocketed.last() == Some(&false);
         let lying: Vec<_> = self
             .balls
             .iter()
@@ -226,27 +226,31 @@ impl Reference {
     }
 }
 
-fn kind(file: &File, states: &[BallState]) -> Kind {
+fn kind(file: &ReferenceFile, states: &[BallState]) -> ReferenceKind {
     let gap = |a: &BallState, b: &BallState| {
         a.position.distance(b.position) - 2.0 * file.ball_params.radius_m
     };
     let touches = |i: usize| states[..i].iter().any(|b| gap(&states[i], b) < TOUCH_M);
     if file.physics.models.stick_ball.ends_with("3d") {
-        Kind::Airborne
+        ReferenceKind::Airborne
     } else if states.len() >= RACK_BALLS {
-        Kind::Break
+        ReferenceKind::Break
     } else if (0..states.len()).any(touches) {
-        Kind::Cluster
+        ReferenceKind::Cluster
     } else {
-        Kind::Shot
+        ReferenceKind::Shot
     }
 }
 
-fn samples(frame: &Frame, file: &File, kind: Kind) -> anyhow::Result<(Vec<f64>, Vec<Samples>)> {
+fn samples(
+    frame: &ReferenceFrame,
+    file: &ReferenceFile,
+    kind: ReferenceKind,
+) -> anyhow::Result<(Vec<f64>, Vec<BallSamples>)> {
     let is_cushion = |event: &&EventJson| event.kind.ends_with("cushion");
     let first_cushion = file.events.iter().find(is_cushion);
     let until = match first_cushion {
-        Some(event) if kind == Kind::Airborne => event.t,
+        Some(event) if kind == ReferenceKind::Airborne => event.t,
         _ => f64::INFINITY,
     };
     let times = &file.samples.t;
@@ -256,7 +260,7 @@ fn samples(frame: &Frame, file: &File, kind: Kind) -> anyhow::Result<(Vec<f64>, 
         vectors
             .iter()
             .take(count)
-            .map(|&v| Frame::turn(v))
+            .map(|&v| ReferenceFrame::turn(v))
             .collect()
     };
     let ways = file.samples.balls.iter().map(|(id, ball)| {
@@ -275,7 +279,7 @@ fn samples(frame: &Frame, file: &File, kind: Kind) -> anyhow::Result<(Vec<f64>, 
             file.initial.contains_key(id),
             "ball {id} is not in `initial`"
         );
-        Ok(Samples {
+        Ok(BallSamples {
             number: number(id)?,
             positions: ball
                 .pos
@@ -329,10 +333,10 @@ mod tests {
             ("[]", "invalid"),
             (r#"{"schema":"phys-ref-1"}"#, "missing field `name`"),
         ] {
-            let error = format!("{:#}", Reference::parse(text).unwrap_err());
+            let error = format!("{:#}", ReferenceShot::parse(text).unwrap_err());
             assert!(error.contains(words), "{error}");
         }
-        let folder = Reference::read_folder(Path::new("no/such/folder")).unwrap_err();
+        let folder = ReferenceShot::read_folder(Path::new("no/such/folder")).unwrap_err();
         assert!(format!("{folder:#}").contains("no/such/folder"));
     }
 }

@@ -1,5 +1,4 @@
-//! The schema `phys-ref-1`: what a file of a reference shot holds, and what that is in the
-//! simulation's words.
+//! The schema `phys-ref-1` of reference shots, and its translation into the simulation's types.
 //!
 //! The files put x across the table and y along it, with the origin in a corner; everything is
 //! turned into the simulation's frame here. A cue's `a` is to the left there.
@@ -15,11 +14,11 @@ use carom_billiards::physics::{
 };
 
 /// From the references' frame to the simulation's: a quarter turn and a shift to the middle.
-pub(super) struct Frame {
+pub(super) struct ReferenceFrame {
     pub(super) middle: DVec3,
 }
 
-impl Frame {
+impl ReferenceFrame {
     pub(super) fn of(specs: &Specs) -> Self {
         Self {
             middle: DVec3::new(0.5 * specs.width_m, 0.5 * specs.length_m, 0.0),
@@ -36,12 +35,12 @@ impl Frame {
 }
 
 #[derive(Deserialize)]
-pub(super) struct File {
+pub(super) struct ReferenceFile {
     pub(super) schema: String,
     pub(super) name: String,
     pub(super) table: TableJson,
     pub(super) ball_params: BallParams,
-    pub(super) physics: Physics,
+    pub(super) physics: PhysicsJson,
     pub(super) cue: CueJson,
     pub(super) initial: BTreeMap<String, StateJson>,
     pub(super) events: Vec<EventJson>,
@@ -93,7 +92,7 @@ pub(super) struct BallParams {
 }
 
 #[derive(Deserialize)]
-pub(super) struct Physics {
+pub(super) struct PhysicsJson {
     pub(super) models: Models,
     pub(super) params: Params,
 }
@@ -149,18 +148,18 @@ pub(super) struct EventJson {
 #[derive(Deserialize)]
 pub(super) struct SamplesJson {
     pub(super) t: Vec<f64>,
-    pub(super) balls: BTreeMap<String, WayJson>,
+    pub(super) balls: BTreeMap<String, TrajectoryJson>,
 }
 
 #[derive(Deserialize)]
-pub(super) struct WayJson {
+pub(super) struct TrajectoryJson {
     pub(super) state: Vec<u8>,
     pub(super) pos: Vec<DVec3>,
     pub(super) vel: Vec<DVec3>,
     pub(super) spin: Vec<DVec3>,
 }
 
-impl File {
+impl ReferenceFile {
     pub(super) fn body(&self) -> BallBody {
         BallBody {
             mass_kg: self.ball_params.m,
@@ -216,7 +215,7 @@ fn friction_of_references(restitution: f64) -> BallBallLaw {
 }
 
 impl TableJson {
-    pub(super) fn table(&self, frame: &Frame) -> anyhow::Result<Table> {
+    pub(super) fn table(&self, frame: &ReferenceFrame) -> anyhow::Result<Table> {
         let circles = |list: &[CircleJson]| {
             let circle = |circle: &CircleJson| Circle {
                 center: frame.place(circle.center).truncate(),
@@ -244,7 +243,7 @@ impl TableJson {
 impl NoseJson {
     /// The ends with the balls on the left; the side that collides is told by a flag on the line's
     /// normal with positive y, or positive x for a line along y.
-    fn ends(&self, frame: &Frame) -> Vec<[DVec2; 2]> {
+    fn ends(&self, frame: &ReferenceFrame) -> Vec<[DVec2; 2]> {
         let along = self.p2 - self.p1;
         let positive = if along.x == 0.0 {
             DVec3::X
@@ -253,7 +252,7 @@ impl NoseJson {
         };
         let ends = [self.p1, self.p2].map(|p| frame.place(p).truncate());
         let left = (ends[1] - ends[0]).perp();
-        let front = Frame::turn(positive).truncate();
+        let front = ReferenceFrame::turn(positive).truncate();
         let facing = |side: f64| {
             if side * left.dot(front) > 0.0 {
                 ends
@@ -270,13 +269,13 @@ impl NoseJson {
 }
 
 impl StateJson {
-    pub(super) fn state(&self, frame: &Frame, number: u8, body: BallBody) -> BallState {
+    pub(super) fn state(&self, frame: &ReferenceFrame, number: u8, body: BallBody) -> BallState {
         BallState {
             number,
             body,
             position: frame.place(self.pos),
-            velocity: Frame::turn(self.vel),
-            spin: Frame::turn(self.spin),
+            velocity: ReferenceFrame::turn(self.vel),
+            spin: ReferenceFrame::turn(self.spin),
             orientation: DQuat::IDENTITY,
             phase: Phase::Resting,
         }

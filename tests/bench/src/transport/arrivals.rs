@@ -1,4 +1,4 @@
-//! What has come of each frame, and when.
+//! Arrival times of the messages of each frame.
 
 use std::collections::BTreeMap;
 use std::sync::mpsc::RecvTimeoutError;
@@ -8,8 +8,11 @@ use anyhow::anyhow;
 use carom_farm::net::LinkEvent;
 use carom_protocol::session::ClientEvent;
 
-use super::{Args, Case, FRAMES_PER_SECOND, Noise, PERIOD, Row, START, Setup, quantile};
-use crate::Failure;
+use super::{
+    Args, FRAMES_PER_SECOND, LinkCase, NoiseTracer, PERIOD, START, TransportRow, TransportSetup,
+    quantile,
+};
+use crate::BenchError;
 
 /// Messages as they came.
 #[derive(Default)]
@@ -18,12 +21,12 @@ pub(super) struct Arrivals {
     /// Frame, and milliseconds.
     times: Vec<(u64, f64)>,
     /// By frame.
-    came: BTreeMap<u64, Came>,
+    came: BTreeMap<u64, FrameArrivals>,
 }
 
 /// What has come of a frame.
 #[derive(Default)]
-struct Came {
+struct FrameArrivals {
     messages: u32,
     tiles: u32,
     bytes: usize,
@@ -35,10 +38,10 @@ impl Arrivals {
     /// Takes events until `due`.
     pub(super) fn collect(
         &mut self,
-        setup: &Setup,
-        case: &Case,
+        setup: &TransportSetup,
+        case: &LinkCase,
         due: Instant,
-    ) -> Result<(), Failure> {
+    ) -> Result<(), BenchError> {
         loop {
             let left = due.saturating_duration_since(Instant::now());
             let (at, events) = match setup.events.recv_timeout(left) {
@@ -54,11 +57,11 @@ impl Arrivals {
 
     fn take(
         &mut self,
-        setup: &Setup,
-        case: &Case,
+        setup: &TransportSetup,
+        case: &LinkCase,
         at: Instant,
         event: LinkEvent,
-    ) -> Result<(), Failure> {
+    ) -> Result<(), BenchError> {
         let (frame, tiles, bytes) = match event {
             LinkEvent::Session(ClientEvent::Tiles {
                 frame,
@@ -81,7 +84,7 @@ impl Arrivals {
         came.tiles += tiles.count;
         came.bytes += bytes;
         let since = match case.path {
-            None if came.tiles < Noise::grid().len() => None,
+            None if came.tiles < NoiseTracer::grid().len() => None,
             None => self.requested.get(frame as usize).copied(),
             Some(_) => setup.noise.handed_over(frame as u32, tiles),
         };
@@ -96,7 +99,7 @@ impl Arrivals {
         Ok(())
     }
 
-    pub(super) fn row(&self, args: &Args, case: &Case, sender: &'static str) -> Row {
+    pub(super) fn row(&self, args: &Args, case: &LinkCase, sender: &'static str) -> TransportRow {
         let frames = args.seconds * FRAMES_PER_SECOND;
         let times = self.times.iter().filter(|(frame, _)| *frame >= START);
         let mut times: Vec<f64> = times.map(|(_, ms)| *ms).collect();
@@ -105,8 +108,8 @@ impl Arrivals {
         let messages: u32 = came.clone().map(|(_, came)| came.messages).sum();
         let bytes: usize = came.map(|(_, came)| came.bytes).sum();
         let frames = (frames - START) as f64;
-        let asked = frames * f64::from(Noise::MESSAGES);
-        Row {
+        let asked = frames * f64::from(NoiseTracer::MESSAGES);
+        TransportRow {
             path: case.name,
             sender,
             precision: if case.governed { "governed" } else { "exact" },
@@ -119,13 +122,13 @@ impl Arrivals {
         }
     }
 
-    fn start_slow_frames(&self, case: &Case) -> usize {
+    fn start_slow_frames(&self, case: &LinkCase) -> usize {
         let delay = case.path.map_or(Duration::ZERO, |path| path.delay);
         let late_ms = (delay + 2 * PERIOD).as_secs_f64() * 1e3;
         let is_slow = |frame: &u64| {
             let tiles = self.came.get(frame).map_or(0, |came| came.tiles);
             let mut times = self.times.iter().filter(|(of, _)| of == frame);
-            tiles < Noise::grid().len() || times.any(|(_, ms)| *ms > late_ms)
+            tiles < NoiseTracer::grid().len() || times.any(|(_, ms)| *ms > late_ms)
         };
         (0..START).filter(is_slow).count()
     }

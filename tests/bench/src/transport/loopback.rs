@@ -1,5 +1,5 @@
-//! What the transport alone takes on a loopback: a node that has its answers ready, and the same bytes
-//! over bare sockets, which no transport can beat.
+//! The floor of the transport on a loopback: a node that has its answers ready, and the same bytes
+//! over bare sockets.
 
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::task::{Context as TaskContext, Poll};
@@ -15,17 +15,17 @@ use carom_protocol::{
 };
 use carom_tracer::{TileRange, Tracer};
 
-use crate::Failure;
-use carom_testkit::noise_tracer::Noise;
+use crate::BenchError;
+use carom_testkit::noise_tracer::NoiseTracer;
 
 /// A session that answers each request at once, each message of tiles with the same bytes.
-pub(super) struct Ready {
+pub(super) struct ReadySession {
     session: NodeSession,
     message: Vec<u8>,
 }
 
-impl Ready {
-    pub(super) fn new(noise: &Noise) -> Self {
+impl ReadySession {
+    pub(super) fn new(noise: &NoiseTracer) -> Self {
         let tiles = noise.message();
         let inputs: Vec<TileInput> = tiles
             .iter()
@@ -70,7 +70,7 @@ impl Ready {
     }
 }
 
-impl PacketHandler for Ready {
+impl PacketHandler for ReadySession {
     fn handle(&mut self, packet: Packet) -> Result<(), Error> {
         match self.session.handle(packet)? {
             Some(NodeEvent::Trace { request, .. }) => self.answer(&request),
@@ -89,7 +89,7 @@ impl PacketHandler for Ready {
 
 /// Milliseconds from requests of 200 bytes to answers of 64 KiB over bare sockets, `count` of them,
 /// `period` apart. Those of which a packet was lost are left out.
-pub(super) fn bare_sockets(count: u64, period: Duration) -> Result<Vec<f64>, Failure> {
+pub(super) fn bare_sockets(count: u64, period: Duration) -> Result<Vec<f64>, BenchError> {
     let any = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
     let open = || -> std::io::Result<UdpSocket> {
         let socket = UdpSocket::bind(any)?;

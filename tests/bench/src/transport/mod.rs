@@ -1,4 +1,4 @@
-//! `carom-bench transport`: tiles over real sockets and bad paths, by way of sending.
+//! The bench of the transport: tiles over real sockets and emulated links, by mode of sending.
 
 mod arrivals;
 mod loopback;
@@ -18,15 +18,15 @@ use carom_protocol::session::ClientEvent;
 use carom_protocol::{
     FrameId, PixelFormat, PixelPrecision, PrecisionRange, RequestId, SceneHash, TraceRequest,
 };
-use carom_testkit::{link_emulator::PathConfig, udp_proxy::Proxy};
+use carom_testkit::{link_emulator::LinkConfig, udp_proxy::UdpProxy};
 use carom_tracer::{RenderSettings, SceneUpdate, Tracer};
 use serde::Serialize;
 
 use self::arrivals::Arrivals;
-use self::loopback::Ready;
-use crate::Failure;
+use self::loopback::ReadySession;
+use crate::BenchError;
 use crate::scenes;
-use carom_testkit::noise_tracer::Noise;
+use carom_testkit::noise_tracer::NoiseTracer;
 
 /// Sixty requests a second to one node, each answered over 8 ms by 16 messages of 4 kB that do
 /// not compress, 31.5 Mbit/s in all, through a proxy that delays and loses packets.
@@ -64,12 +64,12 @@ pub(crate) struct Args {
 }
 
 #[derive(Serialize)]
-struct Report {
-    runs: Vec<Row>,
+struct TransportReport {
+    runs: Vec<TransportRow>,
 }
 
 #[derive(Serialize)]
-struct Row {
+struct TransportRow {
     path: &'static str,
     sender: &'static str,
     precision: &'static str,
@@ -87,33 +87,33 @@ struct Row {
 }
 
 /// A path with its name.
-struct Case {
+struct LinkCase {
     name: &'static str,
     /// `None` for loopback.
-    path: Option<PathConfig>,
+    path: Option<LinkConfig>,
     /// Whether the node may choose among all precisions.
     governed: bool,
     /// Whether the node has its messages ready.
     ready: bool,
 }
 
-fn cases() -> Vec<Case> {
+fn cases() -> Vec<LinkCase> {
     let ms = Duration::from_millis;
-    let path = |delay, loss, rate: Option<f64>| PathConfig {
+    let path = |delay, loss, rate: Option<f64>| LinkConfig {
         delay,
         jitter: Duration::from_micros(200),
         loss,
         rate,
         queue_bytes: 1 << 20,
-        ..PathConfig::default()
+        ..LinkConfig::default()
     };
-    let case = |name, path| Case {
+    let case = |name, path| LinkCase {
         name,
         path: Some(path),
         governed: false,
         ready: false,
     };
-    let loopback = |name, ready| Case {
+    let loopback = |name, ready| LinkCase {
         name,
         path: None,
         governed: false,
@@ -127,21 +127,21 @@ fn cases() -> Vec<Case> {
         case("46 ms, 1 % loss", path(ms(23), 0.01, None)),
         case(
             "46 ms, 1 % in fours",
-            PathConfig {
+            LinkConfig {
                 burst: 4.0,
                 ..path(ms(23), 0.01, None)
             },
         ),
         case(
             "46 ms, 2 % reordered",
-            PathConfig {
+            LinkConfig {
                 reorder: 0.02,
                 ..path(ms(23), 0.0, None)
             },
         ),
         case("46 ms, 50 Mbit/s", path(ms(23), 0.0, Some(50e6))),
         case("46 ms, 25 Mbit/s", path(ms(23), 0.0, Some(25e6))),
-        Case {
+        LinkCase {
             governed: true,
             ..case("46 ms, 25 Mbit/s", path(ms(23), 0.0, Some(25e6)))
         },
@@ -160,8 +160,8 @@ const fn sending(congestion: CongestionControl, fec: bool) -> TransportOptions {
     TransportOptions { congestion, fec }
 }
 
-pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let mut report = Report { runs: Vec::new() };
+pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
+    let mut report = TransportReport { runs: Vec::new() };
     if !args.json {
         println!(
             "{:<20} {:<7} {:<9} {:>8} {:>8} {:>9} {:>9} {:>7} {:>10}",
@@ -176,7 +176,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             "slow start"
         );
     }
-    let wanted = |case: &Case| {
+    let wanted = |case: &LinkCase| {
         args.path
             .as_ref()
             .is_none_or(|part| case.name.contains(part))
@@ -208,12 +208,12 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     Ok(())
 }
 
-fn bare(args: &Args) -> Result<Row, Failure> {
+fn bare(args: &Args) -> Result<TransportRow, BenchError> {
     let count = (args.seconds - 1) * FRAMES_PER_SECOND;
     let mut times = loopback::bare_sockets(count, PERIOD)?;
     times.sort_unstable_by(f64::total_cmp);
     let share = times.len() as f64 / count as f64;
-    Ok(Row {
+    Ok(TransportRow {
         path: "loopback, bare",
         sender: "sockets",
         precision: "exact",
@@ -226,7 +226,7 @@ fn bare(args: &Args) -> Result<Row, Failure> {
     })
 }
 
-fn print_row(row: &Row) {
+fn print_row(row: &TransportRow) {
     let queue = row.queue_p99_ms;
     let queue = queue.map_or_else(|| "-".to_owned(), |ms| format!("{ms:.1}"));
     println!(
@@ -244,18 +244,18 @@ fn print_row(row: &Row) {
 }
 
 /// A node and a link to it, through a proxy if the case has a path.
-struct Setup {
-    noise: Arc<Noise>,
+struct TransportSetup {
+    noise: Arc<NoiseTracer>,
     link: NodeLink,
     events: Receiver<(Instant, Vec<LinkEvent>)>,
     stop: StopHandle,
     server: Option<std::thread::JoinHandle<()>>,
     _client: Client,
-    proxy: Option<Proxy>,
+    proxy: Option<UdpProxy>,
 }
 
-impl Setup {
-    fn new(args: &Args, case: &Case, sending: TransportOptions) -> Result<Self, Failure> {
+impl TransportSetup {
+    fn new(args: &Args, case: &LinkCase, sending: TransportOptions) -> Result<Self, BenchError> {
         let now = SystemTime::now();
         let day = Duration::from_secs(24 * 3600);
         let authority = Authority::generate()?;
@@ -265,21 +265,21 @@ impl Setup {
         let address = server.local_addr()?;
         let pause = case
             .path
-            .map_or(Duration::ZERO, |_| FRAME_RENDER / Noise::MESSAGES);
-        let noise = Arc::new(Noise::new(pause));
+            .map_or(Duration::ZERO, |_| FRAME_RENDER / NoiseTracer::MESSAGES);
+        let noise = Arc::new(NoiseTracer::new(pause));
         let node = Node::new("node", Arc::clone(&noise) as Arc<dyn Tracer>);
         let stop = StopHandle::default();
         let stopped = stop.clone();
         let (ready, tracer) = (case.ready, Arc::clone(&noise));
         let serve = move || match ready {
-            true => server.serve(&stopped, move |_| Ready::new(&tracer), |_| {}),
+            true => server.serve(&stopped, move |_| ReadySession::new(&tracer), |_| {}),
             false => server.serve(&stopped, move |_| node.connect(), |_| {}),
         };
         let proxy = case
             .path
-            .map(|path| Proxy::start(any, address, path, args.seed));
+            .map(|path| UdpProxy::start(any, address, path, args.seed));
         let proxy = proxy.transpose().context("a proxy")?;
-        let address = proxy.as_ref().map_or(address, Proxy::local_addr);
+        let address = proxy.as_ref().map_or(address, UdpProxy::local_addr);
         let client = Client::new(&issue(Role::Player, "player")?)?;
         let (sender, events) = mpsc::channel();
         let address = address
@@ -308,7 +308,7 @@ impl Setup {
     }
 
     /// Of packets since the last call; none without a slowest link.
-    fn queue_p99_ms(&self, case: &Case) -> Option<f64> {
+    fn queue_p99_ms(&self, case: &LinkCase) -> Option<f64> {
         let (proxy, _) = (self.proxy.as_ref()?, case.path?.rate?);
         let delays = proxy.take_queue_delays();
         let mut ms: Vec<f64> = delays
@@ -320,7 +320,7 @@ impl Setup {
     }
 
     /// Waits for an event that `wanted` accepts.
-    fn wait(&self, wanted: impl Fn(&LinkEvent) -> bool) -> Result<(), Failure> {
+    fn wait(&self, wanted: impl Fn(&LinkEvent) -> bool) -> Result<(), BenchError> {
         let deadline = Instant::now() + PATIENCE;
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
@@ -333,7 +333,7 @@ impl Setup {
     }
 }
 
-impl Drop for Setup {
+impl Drop for TransportSetup {
     fn drop(&mut self) {
         self.stop.stop();
         if let Some(server) = self.server.take() {
@@ -344,11 +344,11 @@ impl Drop for Setup {
 
 fn measure(
     args: &Args,
-    case: &Case,
+    case: &LinkCase,
     sender: &'static str,
     sending: TransportOptions,
-) -> Result<Row, Failure> {
-    let setup = Setup::new(args, case, sending)?;
+) -> Result<TransportRow, BenchError> {
+    let setup = TransportSetup::new(args, case, sending)?;
     let scene = Arc::new(scenes::scene(None)?.scene);
     let hash = SceneHash::of(&scene);
     setup.wait(|event| matches!(event, LinkEvent::Session(ClientEvent::Welcome(_))))?;
@@ -373,14 +373,14 @@ fn measure(
         setup.link.send(LinkCommand::CancelBefore(FrameId(stale)));
     }
     let queue_p99_ms = setup.queue_p99_ms(case);
-    Ok(Row {
+    Ok(TransportRow {
         queue_p99_ms,
         ..arrivals.row(args, case, sender)
     })
 }
 
 fn request(scene: SceneHash, frame: u64) -> Box<TraceRequest> {
-    let grid = Noise::grid();
+    let grid = NoiseTracer::grid();
     Box::new(TraceRequest {
         frame: FrameId(frame),
         id: RequestId(frame),

@@ -1,4 +1,4 @@
-//! Random farms on which random things go wrong, each from its seed.
+//! Random farms with random faults, each from its seed.
 //!
 //! The first node is the client's own: slow, near, and sound, so that every frame can be traced
 //! whatever becomes of the others. What a session refuses (tiles of a wrong size or frame, or sent
@@ -11,8 +11,8 @@ use carom_protocol::FrameId;
 use carom_tracer::ImageSize;
 
 use super::scenario::PERIOD_SECS;
-use super::{Change, NodePlan, Plan, Report, Weather, run};
-use crate::random::Random;
+use super::{FarmPlan, NetworkConditions, NodeChange, NodePlan, SimulationReport, run};
+use crate::random::SplitMix64;
 use carom_farm::{Balancing, Distribution};
 
 /// What came of a plan with faults.
@@ -44,8 +44,8 @@ pub struct FaultRun {
 
 /// A farm of 2 to 9 nodes with 1 to 5 faults, divided by any of the balancers or, if `hedged`, by
 /// the default one.
-pub fn fault_plan(seed: u64, hedged: bool) -> Plan {
-    let mut random = Random::of(&[seed, 0xfa17]);
+pub fn fault_plan(seed: u64, hedged: bool) -> FarmPlan {
+    let mut random = SplitMix64::keyed(&[seed, 0xfa17]);
     let others = 1 + random.below(8) as usize;
     let mut nodes = vec![NodePlan::new(2e-4, 1.2)];
     nodes.extend((0..others).map(|_| NodePlan {
@@ -65,11 +65,11 @@ pub fn fault_plan(seed: u64, hedged: bool) -> Plan {
         let at = 0.6 + 1.5 * random.uniform();
         nodes[1..]
             .iter_mut()
-            .for_each(|node| node.changes.push((at, Change::Silent)));
+            .for_each(|node| node.changes.push((at, NodeChange::Silent)));
     }
     for node in &mut nodes {
         // One that joins again was there from the start.
-        node.changes.insert(0, (0.0, Change::Join));
+        node.changes.insert(0, (0.0, NodeChange::Join));
     }
     let balancers: Vec<Balancing> = Balancing::all().collect();
     let any = balancers[random.below(balancers.len() as u64) as usize];
@@ -86,7 +86,7 @@ pub fn fault_plan(seed: u64, hedged: bool) -> Plan {
         let speeds = nodes.iter_mut().map(|node| &mut node.msamples_per_sec);
         speeds.for_each(|speed| *speed *= f64::from(SAMPLES));
     }
-    Plan {
+    FarmPlan {
         seed,
         balancing: if hedged { Balancing::default() } else { any },
         nodes,
@@ -98,45 +98,45 @@ pub fn fault_plan(seed: u64, hedged: bool) -> Plan {
         samples,
         distribution: Distribution::Samples,
         tile_edge: 8,
-        weather: Weather {
+        conditions: NetworkConditions {
             cost_spread: 0.5,
-            ..Weather::default()
+            ..NetworkConditions::default()
         },
         changes: Vec::new(),
     }
 }
 
-fn fault(random: &mut Random, at: f64, node: &mut NodePlan) {
+fn fault(random: &mut SplitMix64, at: f64, node: &mut NodePlan) {
     let later = at + 0.1 + 0.8 * random.uniform();
     let changes = match random.below(9) {
-        0 => vec![(at, Change::Silent)],
-        1 => vec![(at, Change::Die)],
+        0 => vec![(at, NodeChange::Silent)],
+        1 => vec![(at, NodeChange::Die)],
         // Back after a pause.
-        2 => vec![(at, Change::Die), (later, Change::Join)],
-        3 => vec![(at, Change::Slow(2.0 + 30.0 * random.uniform()))],
-        4 => vec![(at, Change::Slow(10.0)), (later, Change::Slow(0.1))],
-        5 => vec![(at, Change::Fail)],
+        2 => vec![(at, NodeChange::Die), (later, NodeChange::Join)],
+        3 => vec![(at, NodeChange::Slow(2.0 + 30.0 * random.uniform()))],
+        4 => vec![(at, NodeChange::Slow(10.0)), (later, NodeChange::Slow(0.1))],
+        5 => vec![(at, NodeChange::Fail)],
         6 => vec![(
             at,
-            Change::Lie(if random.uniform() < 0.5 { 0.0 } else { 50.0 }),
+            NodeChange::Lie(if random.uniform() < 0.5 { 0.0 } else { 50.0 }),
         )],
-        7 => vec![(at, Change::Poison)],
+        7 => vec![(at, NodeChange::Poison)],
         // Cut off for half a minute: the connection times out after ten seconds.
         _ => vec![
-            (at, Change::Silent),
-            (at + 10.0, Change::Die),
-            (at + 30.0, Change::Join),
+            (at, NodeChange::Silent),
+            (at + 10.0, NodeChange::Die),
+            (at + 30.0, NodeChange::Join),
         ],
     };
     node.changes.extend(changes);
     if random.uniform() < 0.1 {
         node.changes
-            .push((later, Change::Suspend(60.0 * random.uniform())));
+            .push((later, NodeChange::Suspend(60.0 * random.uniform())));
     }
 }
 
 /// Runs a plan and says what is wrong: frames that are missing, out of order, or not the picture.
-pub fn run_faults(plan: &Plan) -> FaultRun {
+pub fn run_faults(plan: &FarmPlan) -> FaultRun {
     let report = run(plan, SECS_MAX);
     let mut wrong = Vec::new();
     let sleeps = sleeps(plan);
@@ -191,13 +191,13 @@ pub fn run_faults(plan: &Plan) -> FaultRun {
 }
 
 /// Whether the client sleeps.
-fn sleeps(plan: &Plan) -> bool {
+fn sleeps(plan: &FarmPlan) -> bool {
     let mut changes = plan.nodes.iter().flat_map(|node| &node.changes);
-    changes.any(|(_, change)| matches!(change, Change::Suspend(_)))
+    changes.any(|(_, change)| matches!(change, NodeChange::Suspend(_)))
 }
 
-fn all_lost(plan: &Plan) -> bool {
-    let silent = |node: &NodePlan, at: f64| node.changes.contains(&(at, Change::Silent));
+fn all_lost(plan: &FarmPlan) -> bool {
+    let silent = |node: &NodePlan, at: f64| node.changes.contains(&(at, NodeChange::Silent));
     let [_, first, others @ ..] = &plan.nodes[..] else {
         return false;
     };
@@ -206,7 +206,7 @@ fn all_lost(plan: &Plan) -> bool {
 }
 
 /// The most frames in a row that were shown without the same tile, and the last of them.
-fn longest_missing(plan: &Plan, report: &Report) -> (f64, Option<FrameId>) {
+fn longest_missing(plan: &FarmPlan, report: &SimulationReport) -> (f64, Option<FrameId>) {
     let columns = plan.grid().columns();
     let edge = u32::from(plan.tile_edge);
     let mut since = vec![0; plan.grid().len() as usize];
@@ -226,7 +226,7 @@ fn longest_missing(plan: &Plan, report: &Report) -> (f64, Option<FrameId>) {
 }
 
 /// The frame that took longest, and how many periods longer than nineteen of twenty.
-fn latest(report: &Report) -> (f64, Option<FrameId>) {
+fn latest(report: &SimulationReport) -> (f64, Option<FrameId>) {
     // The first frames are divided by guesses.
     let frames = report.frames.iter().skip(WARM_UP_FRAMES);
     let mut frames: Vec<(f64, FrameId)> = frames

@@ -28,17 +28,17 @@ use carom_protocol::{FrameId, NodeInfo, SceneHash};
 use carom_tracer::{DeviceInfo, DeviceKind};
 
 pub use self::faults::{FaultRun, fault_plan, run_faults};
-use self::node::{Answer, SimNode};
+use self::node::{NodeOutput, SimNode};
 pub use self::optimum::optimum_secs;
-pub use self::plan::{Change, NodePlan, Plan};
-pub use self::random_environment::Weather;
-use self::random_environment::World;
-pub use self::report::Report;
-pub use self::scenario::{Mode, Network, PERIOD_SECS, Scenario};
+pub use self::plan::{FarmPlan, NodeChange, NodePlan};
+pub use self::random_environment::NetworkConditions;
+use self::random_environment::RandomEnvironment;
+pub use self::report::SimulationReport;
+pub use self::scenario::{Network, PERIOD_SECS, Scenario, SubmissionMode};
 pub use self::score::Score;
 pub use self::test_pattern::empty_scene;
 use self::test_pattern::{frame_spec, is_right};
-use crate::random::Random;
+use crate::random::SplitMix64;
 use carom_farm::NodeIndex;
 use carom_farm::coordinator::{Coordinator, CoordinatorAction};
 use carom_farm::link::{LinkCommand, LinkEvent};
@@ -50,8 +50,8 @@ use carom_farm::{Frame, Pixels};
 /// # Panics
 /// If the coordinator breaks a rule towards a node: asks for tiles outside the picture or for more
 /// runs than a session lets in, or gives a run a number that is not above the last.
-pub fn run(plan: &Plan, secs_max: f64) -> Report {
-    let mut simulation = Simulation::new(plan);
+pub fn run(plan: &FarmPlan, secs_max: f64) -> SimulationReport {
+    let mut simulation = FarmSimulation::new(plan);
     simulation.run(secs_max);
     simulation.into_report()
 }
@@ -60,50 +60,50 @@ pub fn run(plan: &Plan, secs_max: f64) -> Report {
 type At = (u64, u64);
 
 /// Something on the agenda.
-struct Entry {
+struct ScheduledEvent {
     at: At,
-    happening: Happening,
+    event: SimulationEvent,
 }
 
-impl PartialEq for Entry {
+impl PartialEq for ScheduledEvent {
     fn eq(&self, other: &Self) -> bool {
         self.at == other.at
     }
 }
 
-impl Eq for Entry {}
+impl Eq for ScheduledEvent {}
 
-impl PartialOrd for Entry {
+impl PartialOrd for ScheduledEvent {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
 
 /// The next one is the greatest, as [`BinaryHeap`] has it.
-impl Ord for Entry {
+impl Ord for ScheduledEvent {
     fn cmp(&self, other: &Self) -> Ordering {
         other.at.cmp(&self.at)
     }
 }
 
-enum Happening {
+enum SimulationEvent {
     Submit,
     Command(NodeIndex, u32, LinkCommand),
     Step(NodeIndex, u64),
     Event(NodeIndex, u32, LinkEvent),
-    Change(NodeIndex, Change),
+    NodeChange(NodeIndex, NodeChange),
 }
 
-struct Simulation<'a> {
-    plan: &'a Plan,
+struct FarmSimulation<'a> {
+    plan: &'a FarmPlan,
     coordinator: Coordinator,
     nodes: Vec<SimNode>,
-    agenda: BinaryHeap<Entry>,
+    events: BinaryHeap<ScheduledEvent>,
     /// Entries there have been.
     scheduled: u64,
     now: Duration,
-    random: Random,
-    world: World,
+    random: SplitMix64,
+    environment: RandomEnvironment,
     submitted: u64,
     /// Frames below this have been handed over, or will not be.
     handed: u64,
@@ -111,11 +111,11 @@ struct Simulation<'a> {
     schedule: FrameSchedule,
     /// When frames must be shown, by their numbers.
     deadlines: Vec<f64>,
-    report: Report,
+    report: SimulationReport,
 }
 
-impl<'a> Simulation<'a> {
-    fn new(plan: &'a Plan) -> Self {
+impl<'a> FarmSimulation<'a> {
+    fn new(plan: &'a FarmPlan) -> Self {
         let mut coordinator = Coordinator::new(plan.balancing);
         coordinator.set_distribution(plan.distribution);
         coordinator.set_scene(SceneHash([7; 32]), Arc::new(empty_scene()));
@@ -123,30 +123,33 @@ impl<'a> Simulation<'a> {
             plan,
             coordinator,
             nodes: Vec::new(),
-            agenda: BinaryHeap::new(),
+            events: BinaryHeap::new(),
             scheduled: 0,
             now: Duration::ZERO,
-            random: Random::new(plan.seed),
-            world: World::new(plan.seed, plan.weather, plan.grid()),
+            random: SplitMix64::new(plan.seed),
+            environment: RandomEnvironment::new(plan.seed, plan.conditions, plan.grid()),
             submitted: 0,
             handed: 0,
             lead: LeadTime::default(),
             schedule: FrameSchedule::default(),
             deadlines: Vec::new(),
-            report: Report::default(),
+            report: SimulationReport::default(),
         };
         for (index, node) in plan.nodes.iter().enumerate() {
             let index_of = simulation.coordinator.add_node(format!("node {index}"));
             simulation.nodes.push(SimNode::new(index_of, node));
             for (at_secs, change) in &node.changes {
                 let at = Duration::from_secs_f64(*at_secs);
-                simulation.schedule(at, Happening::Change(index_of, *change));
+                simulation.schedule(at, SimulationEvent::NodeChange(index_of, *change));
             }
             if !plan.joins_later(index_of) {
-                simulation.schedule(Duration::ZERO, Happening::Change(index_of, Change::Join));
+                simulation.schedule(
+                    Duration::ZERO,
+                    SimulationEvent::NodeChange(index_of, NodeChange::Join),
+                );
             }
         }
-        simulation.schedule(START, Happening::Submit);
+        simulation.schedule(START, SimulationEvent::Submit);
         simulation
     }
 
@@ -154,7 +157,7 @@ impl<'a> Simulation<'a> {
         let end = Duration::from_secs_f64(secs_max);
         while self.handed < self.plan.frames && self.now < end {
             let timeout = self.coordinator.next_timeout();
-            let next = self.agenda.peek();
+            let next = self.events.peek();
             let next = next.map(|entry| Duration::from_nanos(entry.at.0));
             match (timeout, next) {
                 (None, None) => self.now = end,
@@ -162,46 +165,50 @@ impl<'a> Simulation<'a> {
                     self.now = self.now.max(timeout);
                     self.coordinator.handle_timeout(self.now);
                 }
-                _ => self.happen(),
+                _ => self.handle_next_event(),
             }
             self.act();
         }
     }
 
-    fn into_report(mut self) -> Report {
+    fn into_report(mut self) -> SimulationReport {
         self.report.secs = self.now.as_secs_f64();
         self.report.tiles_traced = self.nodes.iter().map(|node| node.tiles_traced).sum();
         self.report.nodes = self.coordinator.nodes(self.now);
         self.report
     }
 
-    fn schedule(&mut self, at: Duration, happening: Happening) {
+    fn schedule(&mut self, at: Duration, event: SimulationEvent) {
         let at = (at.max(self.now).as_nanos() as u64, self.scheduled);
         self.scheduled += 1;
-        self.agenda.push(Entry { at, happening });
+        self.events.push(ScheduledEvent { at, event });
     }
 
-    fn happen(&mut self) {
-        let Some(Entry { at, happening }) = self.agenda.pop() else {
+    fn handle_next_event(&mut self) {
+        let Some(ScheduledEvent { at, event }) = self.events.pop() else {
             return;
         };
         self.now = self.now.max(Duration::from_nanos(at.0));
-        match happening {
-            Happening::Submit => self.submit(),
-            Happening::Change(node, change) => self.change(node, change),
-            Happening::Event(node, connection, event) if self.lasts(node, connection) => {
+        match event {
+            SimulationEvent::Submit => self.submit(),
+            SimulationEvent::NodeChange(node, change) => self.change(node, change),
+            SimulationEvent::Event(node, connection, event)
+                if self.is_current_connection(node, connection) =>
+            {
                 self.coordinator.handle(self.now, node, event);
             }
-            Happening::Command(node, connection, command) if self.lasts(node, connection) => {
-                let answers = self.nodes[node.0].command(self.now, &self.world, command);
+            SimulationEvent::Command(node, connection, command)
+                if self.is_current_connection(node, connection) =>
+            {
+                let answers = self.nodes[node.0].command(self.now, &self.environment, command);
                 self.answer(node, answers);
             }
-            Happening::Step(node, step) => {
-                let answers = self.nodes[node.0].step(step, self.now, &self.world);
+            SimulationEvent::Step(node, step) => {
+                let answers = self.nodes[node.0].step(step, self.now, &self.environment);
                 self.answer(node, answers);
             }
             // Something of a connection that has ended.
-            Happening::Event(..) | Happening::Command(..) => {}
+            SimulationEvent::Event(..) | SimulationEvent::Command(..) => {}
         }
     }
 
@@ -222,7 +229,7 @@ impl<'a> Simulation<'a> {
                     .set_deadline(id, Duration::from_secs_f64(*at));
             }
             if self.plan.period_secs.is_none() {
-                self.schedule(self.now, Happening::Submit);
+                self.schedule(self.now, SimulationEvent::Submit);
             }
         } else if self.submitted < self.plan.frames && !has_room && self.plan.period_secs.is_some()
         {
@@ -231,7 +238,7 @@ impl<'a> Simulation<'a> {
         if let Some(period) = self.plan.period_secs {
             self.schedule(
                 self.now + Duration::from_secs_f64(period),
-                Happening::Submit,
+                SimulationEvent::Submit,
             );
         }
     }
@@ -247,28 +254,28 @@ impl<'a> Simulation<'a> {
         moment.is_some()
     }
 
-    fn change(&mut self, index: NodeIndex, change: Change) {
+    fn change(&mut self, index: NodeIndex, change: NodeChange) {
         let node = &mut self.nodes[index.0];
         match change {
-            Change::Slow(factor) => node.pace *= factor,
-            Change::Silent => node.silent = true,
-            Change::Fail => node.failing = true,
-            Change::Lie(honesty) => node.honesty = honesty,
-            Change::Poison => node.poisoned = true,
-            Change::Suspend(secs) => self.now += Duration::from_secs_f64(secs),
-            Change::Die => {
+            NodeChange::Slow(factor) => node.pace *= factor,
+            NodeChange::Silent => node.silent = true,
+            NodeChange::Fail => node.failing = true,
+            NodeChange::Lie(honesty) => node.honesty = honesty,
+            NodeChange::Poison => node.poisoned = true,
+            NodeChange::Suspend(secs) => self.now += Duration::from_secs_f64(secs),
+            NodeChange::Die => {
                 node.die();
                 let why = "its connection broke".into();
                 self.coordinator
                     .handle(self.now, index, LinkEvent::Lost { why, retry: None });
             }
-            Change::Join => {
+            NodeChange::Join => {
                 node.connection += 1;
                 node.silent = false;
                 self.coordinator
                     .handle(self.now, index, LinkEvent::Connecting);
                 let welcome = ClientEvent::Welcome(info(index));
-                self.answer(index, vec![Answer::Event(welcome)]);
+                self.answer(index, vec![NodeOutput::Event(welcome)]);
             }
         }
     }
@@ -281,7 +288,7 @@ impl<'a> Simulation<'a> {
                     self.nodes[node.0].check(&command);
                     let arrival = self.arrival(node, true, 0.0);
                     let connection = self.nodes[node.0].connection;
-                    self.schedule(arrival, Happening::Command(node, connection, command));
+                    self.schedule(arrival, SimulationEvent::Command(node, connection, command));
                 }
                 CoordinatorAction::Deliver(frame) => self.deliver(*frame),
             }
@@ -307,28 +314,30 @@ impl<'a> Simulation<'a> {
             self.report.partial.push(frame);
         }
         if self.plan.period_secs.is_none() {
-            self.schedule(self.now, Happening::Submit);
+            self.schedule(self.now, SimulationEvent::Submit);
         }
     }
 
-    fn answer(&mut self, node: NodeIndex, answers: Vec<Answer>) {
+    fn answer(&mut self, node: NodeIndex, answers: Vec<NodeOutput>) {
         let connection = self.nodes[node.0].connection;
         for answer in answers {
             match answer {
-                Answer::Event(event) => {
-                    let delay =
-                        frame_of(&event).map_or(0.0, |frame| self.world.delay_secs(node, frame));
+                NodeOutput::Event(event) => {
+                    let delay = frame_of(&event)
+                        .map_or(0.0, |frame| self.environment.delay_secs(node, frame));
                     let arrival = self.arrival(node, false, delay);
                     let event = LinkEvent::Session(event);
-                    self.schedule(arrival, Happening::Event(node, connection, event));
+                    self.schedule(arrival, SimulationEvent::Event(node, connection, event));
                 }
-                Answer::StepAt(at, step) => self.schedule(at, Happening::Step(node, step)),
+                NodeOutput::StepAt(at, step) => {
+                    self.schedule(at, SimulationEvent::Step(node, step))
+                }
             }
         }
     }
 
     /// Whether a connection is still the node's.
-    fn lasts(&self, node: NodeIndex, connection: u32) -> bool {
+    fn is_current_connection(&self, node: NodeIndex, connection: u32) -> bool {
         self.nodes[node.0].connection == connection
     }
 

@@ -1,4 +1,4 @@
-//! A simulated node: one device that works on one run after the other.
+//! A simulated node: one device that works on one request after the other.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -10,14 +10,14 @@ use carom_protocol::{
 };
 use carom_tracer::TileRange;
 
-use super::random_environment::World;
+use super::random_environment::RandomEnvironment;
 use super::test_pattern::{poison, tile_pixels};
 use super::{NodePlan, OpenRuns};
 use carom_farm::NodeIndex;
 use carom_farm::link::LinkCommand;
 
 /// What a node does when something has come or been done.
-pub(super) enum Answer {
+pub(super) enum NodeOutput {
     /// Sends something.
     Event(ClientEvent),
     /// Wants [`SimNode::step`] to be called.
@@ -38,7 +38,7 @@ pub(super) struct SimNode {
     /// Whether it sends pixels that are not numbers.
     pub(super) poisoned: bool,
     scene: Option<SceneHash>,
-    queue: VecDeque<Job>,
+    queue: VecDeque<QueuedRequest>,
     /// Number of the step that is waited for.
     step: u64,
     /// What the device works on.
@@ -53,7 +53,7 @@ pub(super) struct SimNode {
     pub(super) tiles_traced: u64,
 }
 
-struct Job {
+struct QueuedRequest {
     request: TraceRequest,
     /// Tiles that have been sent, or wait for their message to be full.
     tiles_done: u32,
@@ -110,9 +110,9 @@ impl SimNode {
     pub(super) fn command(
         &mut self,
         now: Duration,
-        world: &World,
+        environment: &RandomEnvironment,
         command: LinkCommand,
-    ) -> Vec<Answer> {
+    ) -> Vec<NodeOutput> {
         if self.silent {
             return Vec::new();
         }
@@ -120,37 +120,47 @@ impl SimNode {
             LinkCommand::Scene(hash, _) if self.scene == Some(hash) => Vec::new(),
             LinkCommand::Scene(hash, _) => {
                 self.scene = Some(hash);
-                vec![Answer::Event(ClientEvent::SceneReady(hash))]
+                vec![NodeOutput::Event(ClientEvent::SceneReady(hash))]
             }
-            LinkCommand::Ping(number) => vec![Answer::Event(ClientEvent::Pong(number))],
-            LinkCommand::Trace(request) => self.queue(now, world, *request),
+            LinkCommand::Ping(number) => vec![NodeOutput::Event(ClientEvent::Pong(number))],
+            LinkCommand::Trace(request) => self.queue(now, environment, *request),
             LinkCommand::CancelRequest(run) => self.cancel(|job| job.request.id == run),
             LinkCommand::CancelBefore(frame) => self.cancel(|job| job.request.frame < frame),
         }
     }
 
     /// The device is through with a piece of work.
-    pub(super) fn step(&mut self, step: u64, now: Duration, world: &World) -> Vec<Answer> {
+    pub(super) fn step(
+        &mut self,
+        step: u64,
+        now: Duration,
+        environment: &RandomEnvironment,
+    ) -> Vec<NodeOutput> {
         if step != self.step || self.silent {
             return Vec::new();
         }
         let done = self.working.take();
         let mut answers = self.finish(now, done);
-        answers.extend(self.work(now, world));
+        answers.extend(self.work(now, environment));
         answers
     }
 
-    fn queue(&mut self, now: Duration, world: &World, request: TraceRequest) -> Vec<Answer> {
+    fn queue(
+        &mut self,
+        now: Duration,
+        environment: &RandomEnvironment,
+        request: TraceRequest,
+    ) -> Vec<NodeOutput> {
         if self.failing {
             let why = RefusalReason::Device("it was told to fail".into());
             return vec![self.refuse(&request, why)];
         }
-        let later = |job: &Job| {
+        let later = |job: &QueuedRequest| {
             let begun = job.tiles_done > 0 || self.working == Some(job.request.id);
             !begun && job.request.frame > request.frame
         };
         let place = self.queue.iter().position(later);
-        let job = Job {
+        let job = QueuedRequest {
             request,
             tiles_done: 0,
             tiles_sent: 0,
@@ -159,20 +169,21 @@ impl SimNode {
             message_begun: now,
         };
         self.queue.insert(place.unwrap_or(self.queue.len()), job);
-        self.work(now, world)
+        self.work(now, environment)
     }
 
-    fn cancel(&mut self, unwanted: impl Fn(&Job) -> bool) -> Vec<Answer> {
+    fn cancel(&mut self, unwanted: impl Fn(&QueuedRequest) -> bool) -> Vec<NodeOutput> {
         let queue = std::mem::take(&mut self.queue);
-        let (gone, kept): (Vec<Job>, Vec<Job>) = queue.into_iter().partition(unwanted);
+        let (gone, kept): (Vec<QueuedRequest>, Vec<QueuedRequest>) =
+            queue.into_iter().partition(unwanted);
         self.queue = kept.into();
-        let refuse = |job: &Job| self.refuse(&job.request, RefusalReason::Cancelled);
+        let refuse = |job: &QueuedRequest| self.refuse(&job.request, RefusalReason::Cancelled);
         gone.iter().map(refuse).collect()
     }
 
     /// Begins the next piece of work, if there is any and the device is free. A piece that is
     /// cancelled is worked on to its end.
-    fn work(&mut self, now: Duration, world: &World) -> Vec<Answer> {
+    fn work(&mut self, now: Duration, environment: &RandomEnvironment) -> Vec<NodeOutput> {
         let Some(job) = self.queue.front_mut().filter(|_| self.working.is_none()) else {
             return Vec::new();
         };
@@ -180,7 +191,7 @@ impl SimNode {
         let mut secs = 0.0;
         if self.begun_frame.is_none_or(|begun| begun < frame) {
             self.begun_frame = Some(frame);
-            secs += world.stall_secs(self.index, frame);
+            secs += environment.stall_secs(self.index, frame);
         }
         if job.tiles_done == 0 {
             job.begun = now + Duration::from_secs_f64(secs);
@@ -189,18 +200,18 @@ impl SimNode {
         let piece = piece(job, self.streams);
         let grid = job.request.grid;
         let samples = f64::from(job.request.settings.samples);
-        let work = |tile| samples * grid.tile(tile).pixels() as f64 * world.cost(frame, tile);
+        let work = |tile| samples * grid.tile(tile).pixels() as f64 * environment.cost(frame, tile);
         let work: f64 = piece.indices().map(work).sum();
-        secs += work * self.pace * world.pace(self.index, frame);
+        secs += work * self.pace * environment.pace(self.index, frame);
         self.tiles_traced += u64::from(piece.count);
         self.working = Some(job.request.id);
         self.step += 1;
         let done = now + Duration::from_secs_f64(secs);
-        vec![Answer::StepAt(done, self.step)]
+        vec![NodeOutput::StepAt(done, self.step)]
     }
 
     /// Sends what is through, in messages as full as may be.
-    fn finish(&mut self, now: Duration, done: Option<RequestId>) -> Vec<Answer> {
+    fn finish(&mut self, now: Duration, done: Option<RequestId>) -> Vec<NodeOutput> {
         // If the run was cancelled meanwhile, another one is at the front.
         let front = self.queue.front_mut();
         let Some(job) = front.filter(|job| Some(job.request.id) == done) else {
@@ -218,7 +229,7 @@ impl SimNode {
                 first: job.request.tiles.first + job.tiles_sent,
                 count: TILES_PER_MESSAGE_MAX.min(job.tiles_done - job.tiles_sent),
             };
-            answers.push(Answer::Event(ClientEvent::Tiles {
+            answers.push(NodeOutput::Event(ClientEvent::Tiles {
                 frame: job.request.frame,
                 request: job.request.id,
                 tiles,
@@ -248,24 +259,27 @@ impl SimNode {
             let frame = job.request.frame;
             self.open.remove(&report.request);
             self.queue.pop_front();
-            answers.push(Answer::Event(ClientEvent::RequestDone { frame, report }));
+            answers.push(NodeOutput::Event(ClientEvent::RequestDone {
+                frame,
+                report,
+            }));
         }
         answers
     }
 
-    fn refuse(&mut self, request: &TraceRequest, why: RefusalReason) -> Answer {
+    fn refuse(&mut self, request: &TraceRequest, why: RefusalReason) -> NodeOutput {
         self.open.remove(&request.id);
         let frame = request.frame;
         let refusal = Refusal {
             request: request.id,
             why,
         };
-        Answer::Event(ClientEvent::RequestRefused { frame, refusal })
+        NodeOutput::Event(ClientEvent::RequestRefused { frame, refusal })
     }
 }
 
 /// What the device works on next: a tile, or all.
-fn piece(job: &Job, streams: bool) -> TileRange {
+fn piece(job: &QueuedRequest, streams: bool) -> TileRange {
     let left = job.request.tiles.count - job.tiles_done;
     TileRange {
         first: job.request.tiles.first + job.tiles_done,

@@ -3,8 +3,8 @@
 
 use carom_protocol::FrameId;
 
-use super::random_environment::World;
-use super::{Change, NodePlan, Plan};
+use super::random_environment::RandomEnvironment;
+use super::{FarmPlan, NodeChange, NodePlan};
 use carom_farm::NodeIndex;
 use carom_farm::balancer::{CostModel, water_fill};
 
@@ -14,10 +14,10 @@ use carom_farm::balancer::{CostModel, water_fill};
 ///
 /// With frames at a pace, a node begins with a frame when it is through with its part of those before:
 /// whoever divides with all this knowledge has to queue as well.
-pub fn optimum_secs(plan: &Plan) -> Vec<f64> {
-    let world = World::new(plan.seed, plan.weather, plan.grid());
-    let mut nodes: Vec<State> = (0..plan.nodes.len())
-        .map(|index| State {
+pub fn optimum_secs(plan: &FarmPlan) -> Vec<f64> {
+    let environment = RandomEnvironment::new(plan.seed, plan.conditions, plan.grid());
+    let mut nodes: Vec<NodeForecast> = (0..plan.nodes.len())
+        .map(|index| NodeForecast {
             slowness: 1.0,
             there: !plan.joins_later(NodeIndex(index)),
             free_secs: 0.0,
@@ -27,21 +27,26 @@ pub fn optimum_secs(plan: &Plan) -> Vec<f64> {
         for (_, node, change) in plan.changes.iter().filter(|(at, ..)| *at == frame) {
             nodes[node.0].change(*change);
         }
-        frame_secs(plan, &world, &mut nodes, frame)
+        frame_secs(plan, &environment, &mut nodes, frame)
     };
     (0..plan.frames).map(FrameId).map(frame).collect()
 }
 
 /// Of one frame; notes how long the nodes work for it.
-fn frame_secs(plan: &Plan, world: &World, nodes: &mut [State], frame: FrameId) -> f64 {
+fn frame_secs(
+    plan: &FarmPlan,
+    environment: &RandomEnvironment,
+    nodes: &mut [NodeForecast],
+    frame: FrameId,
+) -> f64 {
     let there: Vec<usize> = (0..nodes.len())
         .filter(|index| nodes[*index].there)
         .collect();
     let lines: Vec<CostModel> = there
         .iter()
-        .map(|index| line(plan, world, NodeIndex(*index), nodes[*index], frame))
+        .map(|index| line(plan, environment, NodeIndex(*index), nodes[*index], frame))
         .collect();
-    let work = world.frame_cost(frame) * f64::from(plan.tile_edge).powi(2);
+    let work = environment.frame_cost(frame) * f64::from(plan.tile_edge).powi(2);
     let work = work * f64::from(plan.samples);
     if lines.is_empty() || !holds_pace(plan, nodes) {
         nodes.iter_mut().for_each(|node| node.free_secs = 0.0);
@@ -52,7 +57,7 @@ fn frame_secs(plan: &Plan, world: &World, nodes: &mut [State], frame: FrameId) -
         for ((index, line), share) in there.iter().zip(&lines).zip(&filling.shares) {
             let (node, index) = (&mut nodes[*index], NodeIndex(*index));
             if *share > 0.0 {
-                let answers_secs = world.delay_secs(index, frame);
+                let answers_secs = environment.delay_secs(index, frame);
                 node.free_secs = line.fixed_secs + line.secs_per_work * share - answers_secs;
             }
             node.free_secs -= period_secs;
@@ -62,7 +67,7 @@ fn frame_secs(plan: &Plan, world: &World, nodes: &mut [State], frame: FrameId) -
 }
 
 /// Whether the nodes, all of them busy nearly all the time, can do frames of average work.
-fn holds_pace(plan: &Plan, nodes: &[State]) -> bool {
+fn holds_pace(plan: &FarmPlan, nodes: &[NodeForecast]) -> bool {
     let Some(period_secs) = plan.period_secs else {
         return true;
     };
@@ -86,33 +91,39 @@ pub(super) fn shares(nodes: &[NodePlan], work: f64) -> Vec<f64> {
 
 /// What changes have made of a node.
 #[derive(Clone, Copy)]
-struct State {
+struct NodeForecast {
     slowness: f64,
     there: bool,
     /// When its next answers can begin, counted from the next frame on and without their delays.
     free_secs: f64,
 }
 
-impl State {
-    fn change(&mut self, change: Change) {
+impl NodeForecast {
+    fn change(&mut self, change: NodeChange) {
         match change {
-            Change::Slow(factor) => self.slowness *= factor,
-            Change::Silent | Change::Die | Change::Fail => self.there = false,
-            Change::Join => self.there = true,
-            Change::Lie(_) | Change::Poison | Change::Suspend(_) => {}
+            NodeChange::Slow(factor) => self.slowness *= factor,
+            NodeChange::Silent | NodeChange::Die | NodeChange::Fail => self.there = false,
+            NodeChange::Join => self.there = true,
+            NodeChange::Lie(_) | NodeChange::Poison | NodeChange::Suspend(_) => {}
         }
     }
 }
 
-fn line(plan: &Plan, world: &World, node: NodeIndex, state: State, frame: FrameId) -> CostModel {
+fn line(
+    plan: &FarmPlan,
+    environment: &RandomEnvironment,
+    node: NodeIndex,
+    state: NodeForecast,
+    frame: FrameId,
+) -> CostModel {
     let NodePlan {
         round_trip_secs,
         msamples_per_sec,
         ..
     } = plan.nodes[node.0];
-    let secs_per_work = 1e-6 / msamples_per_sec * state.slowness * world.pace(node, frame);
-    let begin_secs = round_trip_secs.max(state.free_secs) + world.stall_secs(node, frame);
-    let fixed_secs = begin_secs + world.delay_secs(node, frame);
+    let secs_per_work = 1e-6 / msamples_per_sec * state.slowness * environment.pace(node, frame);
+    let begin_secs = round_trip_secs.max(state.free_secs) + environment.stall_secs(node, frame);
+    let fixed_secs = begin_secs + environment.delay_secs(node, frame);
     let cap = plan
         .period_secs
         .map_or(f64::INFINITY, |period| period / secs_per_work);

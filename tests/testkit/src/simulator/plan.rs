@@ -1,15 +1,15 @@
-//! What to simulate: a farm, its frames, and what happens to its nodes.
+//! The plan of a simulation: a farm, its frames, and what happens to its nodes.
 
 use carom_protocol::FrameId;
 use carom_tracer::{ImageSize, TileGrid};
 
-use super::Weather;
+use super::NetworkConditions;
 use carom_farm::NodeIndex;
 use carom_farm::{Balancing, Distribution};
 
 /// What to simulate.
 #[derive(Clone, Debug)]
-pub struct Plan {
+pub struct FarmPlan {
     /// Decides all that is random.
     pub seed: u64,
     /// Divides the frames.
@@ -34,9 +34,9 @@ pub struct Plan {
     /// Pixels along a tile's edge.
     pub tile_edge: u16,
     /// How much it varies.
-    pub weather: Weather,
+    pub conditions: NetworkConditions,
     /// What happens to nodes when a frame is submitted.
-    pub changes: Vec<(FrameId, NodeIndex, Change)>,
+    pub changes: Vec<(FrameId, NodeIndex, NodeChange)>,
 }
 
 /// A simulated node.
@@ -53,12 +53,12 @@ pub struct NodePlan {
     /// What share of its true busy time it reports; 1 is honest.
     pub honesty: f64,
     /// What happens to it, by the second.
-    pub changes: Vec<(f64, Change)>,
+    pub changes: Vec<(f64, NodeChange)>,
 }
 
 /// What happens to a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Change {
+pub enum NodeChange {
     /// It takes that many times as long as before from now on.
     Slow(f64),
     /// It says nothing any more, and nobody notices but by that.
@@ -77,7 +77,7 @@ pub enum Change {
     Suspend(f64),
 }
 
-impl Plan {
+impl FarmPlan {
     /// The picture's tiles.
     pub fn grid(&self) -> TileGrid {
         TileGrid::new(self.size, self.tile_edge)
@@ -89,7 +89,7 @@ impl Plan {
         let by_time = by_time.map(|(_, change)| *change);
         let by_frame = self.changes.iter().filter(|(_, of, _)| *of == node);
         let mut changes = by_time.chain(by_frame.map(|(.., change)| *change));
-        changes.any(|change| change == Change::Join)
+        changes.any(|change| change == NodeChange::Join)
     }
 }
 
@@ -107,7 +107,7 @@ impl NodePlan {
     }
 
     /// The same with a change.
-    pub fn with(mut self, at_secs: f64, change: Change) -> Self {
+    pub fn with(mut self, at_secs: f64, change: NodeChange) -> Self {
         self.changes.push((at_secs, change));
         self
     }

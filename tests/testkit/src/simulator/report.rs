@@ -1,10 +1,10 @@
-//! What came out of a simulation.
+//! The results of a simulation.
 
 use carom_farm::{Frame, NodeStatus};
 
 /// What came out.
 #[derive(Clone, Debug, Default)]
-pub struct Report {
+pub struct SimulationReport {
     /// The whole frames in the order of delivery; the pixels have been checked and dropped.
     pub frames: Vec<Frame>,
     /// Those that were shown with tiles missing, of which some came whole later.
@@ -25,7 +25,7 @@ pub struct Report {
     pub secs: f64,
 }
 
-impl Report {
+impl SimulationReport {
     /// Mean time of the frames with an index in `range`, in seconds.
     pub fn mean_secs(&self, range: std::ops::Range<usize>) -> f64 {
         let frames = &self.frames[range];

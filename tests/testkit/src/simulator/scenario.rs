@@ -1,12 +1,12 @@
-//! The farms that algorithms are compared on: unequal nodes at unequal distances, of which one
-//! slows down, one dies and one joins.
+//! The farms on which algorithms are compared: unequal nodes at unequal distances, of which one slows
+//! down, one dies and one joins.
 
 use carom_protocol::FrameId;
 use carom_tracer::ImageSize;
 
 use super::optimum::shares;
-use super::{Change, NodePlan, Plan, Weather};
-use crate::random::Random;
+use super::{FarmPlan, NetworkConditions, NodeChange, NodePlan};
+use crate::random::SplitMix64;
 use carom_farm::NodeIndex;
 use carom_farm::{Balancing, Distribution};
 
@@ -23,7 +23,7 @@ pub enum Network {
 
 /// When frames are submitted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Mode {
+pub enum SubmissionMode {
     /// Each when the one before is whole.
     Closed,
     /// 60 a second, up to eight in flight.
@@ -38,7 +38,7 @@ pub struct Scenario {
     /// How far they are.
     pub network: Network,
     /// When frames are submitted.
-    pub mode: Mode,
+    pub mode: SubmissionMode,
     /// Decides all that is random.
     pub seed: u64,
     /// Frames of the run; the events come after a quarter, a half and three quarters of them.
@@ -68,7 +68,7 @@ impl Network {
     }
 }
 
-impl Mode {
+impl SubmissionMode {
     /// All of them.
     pub const ALL: [Self; 2] = [Self::Closed, Self::Pipelined];
 
@@ -83,25 +83,29 @@ impl Mode {
 
 impl Scenario {
     /// The run's plan, with `balancing` dividing the frames.
-    pub fn plan(&self, balancing: Balancing) -> Plan {
+    pub fn plan(&self, balancing: Balancing) -> FarmPlan {
         let size = if self.nodes < 1000 {
             ImageSize::new(40, 23)
         } else {
             ImageSize::new(60, 60)
         };
-        let mut plan = Plan {
+        let mut plan = FarmPlan {
             seed: self.seed,
             balancing,
             nodes: self.nodes(size.pixels() as f64),
             frames: self.frames,
-            frames_in_flight: if self.mode == Mode::Closed { 1 } else { 8 },
-            period_secs: (self.mode == Mode::Pipelined).then_some(PERIOD_SECS),
+            frames_in_flight: if self.mode == SubmissionMode::Closed {
+                1
+            } else {
+                8
+            },
+            period_secs: (self.mode == SubmissionMode::Pipelined).then_some(PERIOD_SECS),
             looks_ahead: false,
             size,
             samples: 1,
             distribution: Distribution::Tiles,
             tile_edge: 1,
-            weather: WEATHER,
+            conditions: NETWORK_CONDITIONS,
             changes: Vec::new(),
         };
         plan.changes = self.changes(&plan);
@@ -115,7 +119,7 @@ impl Scenario {
 
     /// Speeds and distances are spread evenly over their ranges in logarithms and paired at random.
     fn nodes(&self, tiles: f64) -> Vec<NodePlan> {
-        let mut random = Random::of(&[self.seed, 0xfa12]);
+        let mut random = SplitMix64::keyed(&[self.seed, 0xfa12]);
         let mut speeds = spread(&mut random, self.nodes, (1.0, SPEED_SPREAD));
         let round_trips = spread(&mut random, self.nodes, self.network.round_trips_secs());
         let sum: f64 = speeds.iter().sum();
@@ -131,7 +135,7 @@ impl Scenario {
         nodes
     }
 
-    fn changes(&self, plan: &Plan) -> Vec<(FrameId, NodeIndex, Change)> {
+    fn changes(&self, plan: &FarmPlan) -> Vec<(FrameId, NodeIndex, NodeChange)> {
         let joins = self.nodes;
         let shares = shares(&plan.nodes[..joins], plan.size.pixels() as f64);
         let mut best: Vec<usize> = (0..joins).collect();
@@ -139,16 +143,16 @@ impl Scenario {
         let [slow, death, join] = self.events().map(FrameId);
         let dies = best[2.min(joins - 1)];
         vec![
-            (slow, NodeIndex(best[0]), Change::Slow(4.0)),
-            (death, NodeIndex(dies), Change::Silent),
-            (join, NodeIndex(joins), Change::Join),
+            (slow, NodeIndex(best[0]), NodeChange::Slow(4.0)),
+            (death, NodeIndex(dies), NodeChange::Silent),
+            (join, NodeIndex(joins), NodeChange::Join),
         ]
     }
 }
 
 /// `count` values from `range`, one in each of as many equal parts of its logarithm, in any order.
-fn spread(random: &mut Random, count: usize, (low, high): (f64, f64)) -> Vec<f64> {
-    let value = |index: usize, random: &mut Random| {
+fn spread(random: &mut SplitMix64, count: usize, (low, high): (f64, f64)) -> Vec<f64> {
+    let value = |index: usize, random: &mut SplitMix64| {
         let place = (index as f64 + random.uniform()) / count as f64;
         low * (high / low).powf(place)
     };
@@ -163,10 +167,10 @@ fn spread(random: &mut Random, count: usize, (low, high): (f64, f64)) -> Vec<f64
 const SPEED_SPREAD: f64 = 100.0;
 /// What a frame would take if every node were used perfectly.
 const WORK_SECS: f64 = 8e-3;
-/// Between the frames of [`Mode::Pipelined`].
+/// Between the frames of [`SubmissionMode::Pipelined`].
 pub const PERIOD_SECS: f64 = 1.0 / 60.0;
 /// Of all scenarios.
-const WEATHER: Weather = Weather {
+const NETWORK_CONDITIONS: NetworkConditions = NetworkConditions {
     delay_secs: 1e-3,
     pace_noise: 0.03,
     stall_share: 0.002,

@@ -1,8 +1,8 @@
-//! What a run is worth in which nodes slow down, die and join.
+//! The score of a run in which nodes slow down, die and join.
 
 use carom_protocol::limits::FRAMES_IN_FLIGHT_MAX;
 
-use super::Report;
+use super::SimulationReport;
 
 /// Frame times as multiples of the clairvoyant optimum's.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -36,7 +36,7 @@ impl Score {
         frames: u64,
         period_secs: Option<f64>,
         events: [u64; 3],
-        report: &Report,
+        report: &SimulationReport,
         optimum_secs: &[f64],
     ) -> Self {
         let times = report.frames.iter().map(|frame| frame.stats.makespan_secs);
@@ -79,7 +79,7 @@ impl Score {
 
 /// The first of the frames that were not whole when `event` was submitted: what happened then has hit
 /// them too.
-fn first_in_flight(event: usize, period_secs: Option<f64>, report: &Report) -> usize {
+fn first_in_flight(event: usize, period_secs: Option<f64>, report: &SimulationReport) -> usize {
     let Some(period_secs) = period_secs else {
         return event;
     };
@@ -138,7 +138,7 @@ mod tests {
     use carom_farm::{Frame, FrameStats, Pixels};
 
     /// Frames of three periods each, of which the one before the death takes two seconds.
-    fn report() -> Report {
+    fn report() -> SimulationReport {
         let frame = |id| Frame {
             id: FrameId(id),
             size: ImageSize::new(1, 1),
@@ -149,10 +149,10 @@ mod tests {
                 ..FrameStats::default()
             },
         };
-        Report {
+        SimulationReport {
             frames: (0..400).map(frame).collect(),
             tiles_per_frame: 1,
-            ..Report::default()
+            ..SimulationReport::default()
         }
     }
 

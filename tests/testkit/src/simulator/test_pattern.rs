@@ -1,5 +1,5 @@
-//! The pictures of a simulation: each pixel names its frame, its tile and its samples, so that a wrong
-//! one is noticed.
+//! The frames of a simulation: each pixel names its frame, its tile and its samples, so that a wrong one
+//! is noticed.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -9,10 +9,10 @@ use carom_protocol::{FrameId, PixelFormat, TraceRequest};
 use carom_tracer::{Camera, Environment, RenderSettings, Scene, SceneUpdate, TileGrid, TileRange};
 use glam::Vec3;
 
-use super::Plan;
+use super::FarmPlan;
 use carom_farm::{Frame, FrameSpec, Pixels};
 
-pub(super) fn frame_spec(plan: &Plan) -> FrameSpec {
+pub(super) fn frame_spec(plan: &FarmPlan) -> FrameSpec {
     FrameSpec {
         update: SceneUpdate::default(),
         size: plan.size,

@@ -1,5 +1,5 @@
-//! Balls in the air: the closed flight against rapier's solver, which stepped knows the parabola, the
-//! contact and the impulse of balls that meet as well, at its own accuracy.
+//! Balls in the air: the closed flight against rapier's solver, which, stepped, knows parabola,
+//! contact and impulse too, at its own accuracy.
 //!
 //! Both are held to closed forms. Gravity pulls two balls in the air alike, so that they meet where two
 //! straight ways do: at the root of a quadratic, with the line of centres known there; ideal balls of
@@ -12,8 +12,8 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::{
-    infinite_table::prairie,
-    trade::{PHASES, STEPS_PER_SEC},
+    accuracy_cost::{PHASES, STEPS_PER_SEC},
+    infinite_table::infinite_table,
 };
 use crate::timing::ms_since;
 use carom_billiards::physics::{
@@ -22,7 +22,7 @@ use carom_billiards::physics::{
 
 /// One way of flying: its errors and its cost.
 #[derive(Clone, Debug, Serialize)]
-pub struct Air {
+pub struct FlightRow {
     /// As `--physics` takes it.
     pub engine: String,
     /// Distance from the parabola after half a second, in mm.
@@ -38,7 +38,7 @@ pub struct Air {
     pub ms_per_second: f64,
 }
 
-impl fmt::Display for Air {
+impl fmt::Display for FlightRow {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
@@ -53,7 +53,7 @@ impl fmt::Display for Air {
     }
 }
 
-/// The heading of a table of [`Air`]s.
+/// The heading of a table of [`FlightRow`]s.
 pub const HEADING: &str = "engine                      flight    meeting    momentum      energy      CPU ms\n\
                            \u{20}                          mm off     mm off         off         off    a second";
 
@@ -61,13 +61,13 @@ pub const HEADING: &str = "engine                      flight    meeting    mome
 ///
 /// # Errors
 /// Those of the simulation.
-pub fn measure() -> Result<Vec<Air>> {
+pub fn measure() -> Result<Vec<FlightRow>> {
     let stepped = STEPS_PER_SEC.map(|steps| Engine::Rapier(Rapier::at(steps)));
     let engines = [Engine::Exact].into_iter().chain(stepped);
-    engines.map(Air::of).collect()
+    engines.map(FlightRow::of).collect()
 }
 
-impl Air {
+impl FlightRow {
     fn of(engine: Engine) -> Result<Self> {
         let thrown = flying(0, DVec3::new(0.0, 0.0, 0.3), DVec3::new(2.0, 1.0, 2.0));
         let shot = play(engine, vec![thrown])?;
@@ -98,7 +98,7 @@ impl Air {
         let begun = ThreadTime::now();
         let shot = play(engine, balls.to_vec())?;
         let cost = ms_since(begun) / shot.duration_secs();
-        let met = Meeting::of(&balls);
+        let met = Collision::of(&balls);
         let late = met.time_secs + AFTER_SECS;
         let [one, other] = [0, 1].map(|ball| shot.states_at(late)[ball]);
         for (state, exact) in [one, other].iter().zip(met.positions(&balls, late)) {
@@ -131,7 +131,7 @@ fn play(engine: Engine, balls: Vec<BallState>) -> Result<Shot> {
         ball_ball: BallBallLaw::IDEAL,
         ..Laws::default()
     };
-    let mut world = World::with_laws(prairie()?, laws, balls)?;
+    let mut world = World::with_laws(infinite_table()?, laws, balls)?;
     world.set_engine(engine);
     world.release()
 }
@@ -145,13 +145,13 @@ fn parabola(ball: &BallState, t: f64) -> DVec3 {
 }
 
 /// Where two ideal balls in the air meet.
-struct Meeting {
+struct Collision {
     time_secs: f64,
     /// Change of the first ball's velocity; the other's is the opposite.
     kick: DVec3,
 }
 
-impl Meeting {
+impl Collision {
     fn of([one, other]: &[BallState; 2]) -> Self {
         let (way, speed) = (one.position - other.position, one.velocity - other.velocity);
         let touch = one.body.radius_m + other.body.radius_m;

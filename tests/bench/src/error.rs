@@ -1,11 +1,11 @@
-//! Why a command ends early, and its exit code.
+//! Errors of a bench, with the exit code of each.
 
 use std::fmt;
 use std::process::ExitCode;
 
 /// Whose fault it is decides the exit code.
 #[derive(Debug)]
-pub(crate) enum Failure {
+pub(crate) enum BenchError {
     /// The arguments or the files that they name: 2.
     Input(String),
     /// The machine, the network or a device, after the arguments were found right: 1.
@@ -14,7 +14,7 @@ pub(crate) enum Failure {
     Interrupted,
 }
 
-impl Failure {
+impl BenchError {
     pub(crate) fn exit_code(&self) -> ExitCode {
         ExitCode::from(match self {
             Self::Run(_) => 1,
@@ -24,7 +24,7 @@ impl Failure {
     }
 }
 
-impl fmt::Display for Failure {
+impl fmt::Display for BenchError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Input(why) => f.write_str(why),
@@ -34,7 +34,7 @@ impl fmt::Display for Failure {
     }
 }
 
-impl From<carom_tracer::Error> for Failure {
+impl From<carom_tracer::Error> for BenchError {
     fn from(error: carom_tracer::Error) -> Self {
         match error {
             carom_tracer::Error::Device { .. } => Self::Run(error.into()),
@@ -43,7 +43,7 @@ impl From<carom_tracer::Error> for Failure {
     }
 }
 
-impl From<carom_farm::Error> for Failure {
+impl From<carom_farm::Error> for BenchError {
     fn from(error: carom_farm::Error) -> Self {
         match error.is_invalid_input() {
             true => Self::Input(error.to_string()),
@@ -52,7 +52,7 @@ impl From<carom_farm::Error> for Failure {
     }
 }
 
-impl From<anyhow::Error> for Failure {
+impl From<anyhow::Error> for BenchError {
     fn from(error: anyhow::Error) -> Self {
         Self::Run(error)
     }

@@ -1,4 +1,4 @@
-//! What accuracy costs: the laws from event to event against plain rapier, at many settings.
+//! Accuracy against cost: the laws from event to event beside plain rapier at many settings.
 
 use std::f64::consts::PI;
 use std::fmt;
@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 use crate::chart::{Axis, Chart, Mark, Series};
 
 use super::{
-    infinite_table::{ball, prairie},
-    reference::{Kind, Reference},
+    infinite_table::{ball, infinite_table},
+    reference::{ReferenceKind, ReferenceShot},
 };
 use crate::timing::{median, ms_since};
 use carom_billiards::physics::{
@@ -23,7 +23,7 @@ use carom_billiards::physics::{
 /// One setting: its errors and its costs.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Trade {
+pub struct EngineTradeoff {
     /// As `--physics` takes it, with the knobs that are not the usual.
     pub engine: String,
     /// Largest error of the object ball's line over [`PHASES`] starts of a 30° cut at 3 m/s.
@@ -41,7 +41,7 @@ pub struct Trade {
     pub worst_frame_ms: f64,
 }
 
-impl fmt::Display for Trade {
+impl fmt::Display for EngineTradeoff {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
@@ -57,7 +57,7 @@ impl fmt::Display for Trade {
     }
 }
 
-/// The heading of a table of [`Trade`]s.
+/// The heading of a table of [`EngineTradeoff`]s.
 pub const HEADING: &str = "engine                       cut error  mm off     energy    CPU ms,  \
                            CPU ms a   dearest\n                                   deg   \
                            (median)      kept  a break     second  10 ms, ms";
@@ -84,20 +84,20 @@ pub fn engines() -> Vec<Engine> {
 ///
 /// # Errors
 /// A sentence with the shot that cannot be played.
-pub fn measure(engine: Engine, references: &[Reference]) -> anyhow::Result<Trade> {
+pub fn measure(engine: Engine, references: &[ReferenceShot]) -> anyhow::Result<EngineTradeoff> {
     measured(engine, references).with_context(|| format!("the engine {engine}"))
 }
 
-fn measured(engine: Engine, references: &[Reference]) -> anyhow::Result<Trade> {
+fn measured(engine: Engine, references: &[ReferenceShot]) -> anyhow::Result<EngineTradeoff> {
     let held = references
         .iter()
-        .filter(|reference| reference.kind == Kind::Shot);
+        .filter(|reference| reference.kind == ReferenceKind::Shot);
     let off_mm = held.map(|reference| {
         let mut reference = reference.clone();
         reference.set_engine(engine);
         Ok(1e3 * reference.deviation(&reference.play()?).max_m)
     });
-    let mut trade = Trade {
+    let mut trade = EngineTradeoff {
         engine: engine.to_string(),
         cut_error_deg: cut_error_deg(engine)?,
         median_max_mm: median(off_mm.collect::<anyhow::Result<Vec<_>>>()?),
@@ -113,7 +113,7 @@ fn measured(engine: Engine, references: &[Reference]) -> anyhow::Result<Trade> {
     Ok(trade)
 }
 
-impl Trade {
+impl EngineTradeoff {
     fn add_break(&mut self, engine: Engine, seed: u32) -> Result<()> {
         let table = Table::nine_foot();
         let rack = table.rack_eight(seed);
@@ -175,7 +175,7 @@ fn cut_error_deg(engine: Engine) -> Result<f64> {
             ball(0, from, ghost.y, CUT_M_S * DVec3::X, DVec3::ZERO),
             ball(1, 0.0, 0.0, DVec3::ZERO, DVec3::ZERO),
         ];
-        let mut world = World::with_laws(prairie()?, laws, balls)?;
+        let mut world = World::with_laws(infinite_table()?, laws, balls)?;
         world.set_engine(engine);
         let way = world.release()?.states_at(0.25)[1].velocity.truncate();
         // A ball that was passed through or missed has no way at all.
@@ -190,16 +190,16 @@ fn cut_error_deg(engine: Engine) -> Result<f64> {
 }
 
 /// Error against CPU time, of positions and of cuts.
-pub(super) fn charts(trades: &[Trade]) -> Vec<Chart> {
-    let chart = |title: &str, label, error: fn(&Trade) -> f64| {
-        let place = |trade: &Trade| (trade.ms_per_second, error(trade));
-        let series = |name: &str, mark, has: &dyn Fn(&&Trade) -> bool| Series {
+pub(super) fn charts(trades: &[EngineTradeoff]) -> Vec<Chart> {
+    let chart = |title: &str, label, error: fn(&EngineTradeoff) -> f64| {
+        let place = |trade: &EngineTradeoff| (trade.ms_per_second, error(trade));
+        let series = |name: &str, mark, has: &dyn Fn(&&EngineTradeoff) -> bool| Series {
             name: name.to_owned(),
             points: trades.iter().filter(has).map(place).collect(),
             mark,
         };
-        let is_plain = |trade: &&Trade| trade.engine.starts_with("rapier");
-        let is_turned = |trade: &&Trade| trade.engine.contains(',');
+        let is_plain = |trade: &&EngineTradeoff| trade.engine.starts_with("rapier");
+        let is_turned = |trade: &&EngineTradeoff| trade.engine.contains(',');
         Chart {
             title: title.to_owned(),
             x: Axis::logarithmic("CPU ms per simulated second of a break"),

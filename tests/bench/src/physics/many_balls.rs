@@ -1,4 +1,4 @@
-//! Many more balls than any game has: what an event costs then, and that nothing else changes.
+//! Many more balls than any game has: the cost of an event then, and that nothing else changes.
 //!
 //! Balls are numbered by a byte, so that a world has 256 at most; the simulation knows them by their
 //! place in a list, and these fields, whose numbers repeat, are given to it directly.
@@ -9,7 +9,7 @@ use cpu_time::ThreadTime;
 use glam::DVec3;
 use serde::Serialize;
 
-use super::infinite_table::{ball, prairie};
+use super::infinite_table::{ball, infinite_table};
 use crate::timing::ms_since;
 use carom_billiards::physics::{
     BallBody, BallState, CLUSTER_ENERGY_J, Event, EventKind, Laws, Result, Shot,
@@ -17,7 +17,7 @@ use carom_billiards::physics::{
 
 /// A field of balls into which a fast one is shot.
 #[derive(Clone, Debug, Serialize)]
-pub struct Crowd {
+pub struct ManyBallsRow {
     /// With the fast one.
     pub balls: usize,
     /// How far neighbours are apart, in m: 0 is frozen.
@@ -38,7 +38,7 @@ pub struct Crowd {
     pub overlap_m: f64,
 }
 
-impl fmt::Display for Crowd {
+impl fmt::Display for ManyBallsRow {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
@@ -56,7 +56,7 @@ impl fmt::Display for Crowd {
     }
 }
 
-/// The heading of a table of [`Crowd`]s.
+/// The heading of a table of [`ManyBallsRow`]s.
 pub const HEADING: &str =
     "balls    gap, m  events  moved  lasts, s     CPU ms  µs/event  growth, J  overlap, m";
 
@@ -64,7 +64,7 @@ pub const HEADING: &str =
 ///
 /// # Errors
 /// None that valid balls on an endless cloth have.
-pub fn measure() -> Result<Vec<Crowd>> {
+pub fn measure() -> Result<Vec<ManyBallsRow>> {
     let fields = [
         (16, GAP_M),
         (64, GAP_M),
@@ -78,14 +78,14 @@ pub fn measure() -> Result<Vec<Crowd>> {
         .collect()
 }
 
-fn played(balls: usize, gap_m: f64) -> Result<Crowd> {
-    let (table, laws, field) = (prairie()?, Laws::default(), field(balls, gap_m));
+fn played(balls: usize, gap_m: f64) -> Result<ManyBallsRow> {
+    let (table, laws, field) = (infinite_table()?, Laws::default(), field(balls, gap_m));
     let begun = ThreadTime::now();
     let shot = Shot::of_balls(&table, &laws, &field)?;
     let cpu_ms = ms_since(begun);
     let ends = shot.final_states();
     let moves = |(a, b): &(&BallState, &BallState)| a.position.distance(b.position) > 1e-6;
-    Ok(Crowd {
+    Ok(ManyBallsRow {
         balls,
         gap_m,
         events: shot.events().len(),

@@ -1,4 +1,4 @@
-//! Breaks that another simulator drew many times, and whether ours are draws of the same lottery.
+//! Breaks sampled by another simulator, and a test whether ours are of the same distribution.
 //!
 //! Two samples are compared as a whole, not by their means: the largest distance of their cumulative
 //! distributions, and how often two samples of one lottery lie as far apart (Kolmogorov–Smirnov, with
@@ -14,19 +14,19 @@ use super::{breaks::BreakStatistic, reference::read_file};
 
 /// The draws of another simulator, by the name of the rack.
 #[derive(Clone, Debug, Deserialize)]
-pub struct Draws {
-    racks: BTreeMap<String, Rack>,
+pub struct ReferenceBreaks {
+    racks: BTreeMap<String, RackSamples>,
 }
 
 /// Of one rack, one number a draw.
 #[derive(Clone, Debug, Deserialize)]
-pub(super) struct Rack {
+pub(super) struct RackSamples {
     pub(super) energy_kept: Vec<f64>,
     pub(super) spread_m: Vec<f64>,
     pub(super) pocketed: Vec<f64>,
 }
 
-impl Draws {
+impl ReferenceBreaks {
     /// Reads a file.
     ///
     /// # Errors
@@ -50,14 +50,14 @@ impl Draws {
         Ok(draws)
     }
 
-    pub(super) fn of(&self, rack: &str) -> Option<&Rack> {
+    pub(super) fn of(&self, rack: &str) -> Option<&RackSamples> {
         self.racks.get(rack)
     }
 }
 
 /// The draws of another simulator beside ours.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Theirs {
+pub struct ReferenceSample {
     /// Draws.
     pub count: usize,
     /// Over all of them.
@@ -70,7 +70,7 @@ pub struct Theirs {
 
 /// All comparisons of a table of statistics together.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Agreement {
+pub struct BreakAgreement {
     /// Statistics of which there are draws of both simulators.
     pub comparisons: usize,
     /// The smallest chance of them.
@@ -85,7 +85,7 @@ pub struct Agreement {
     pub outside_chance: f64,
 }
 
-impl Agreement {
+impl BreakAgreement {
     /// Over the rows of a table.
     pub fn of(rows: &[BreakStatistic]) -> Self {
         let chances: Vec<f64> = rows
@@ -109,7 +109,7 @@ impl Agreement {
     }
 }
 
-impl fmt::Display for Agreement {
+impl fmt::Display for BreakAgreement {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
@@ -217,7 +217,7 @@ mod tests {
             ("{}", "missing field `racks`"),
             (short, "tight has 1 draws"),
         ] {
-            let error = format!("{:#}", Draws::parse(text).unwrap_err());
+            let error = format!("{:#}", ReferenceBreaks::parse(text).unwrap_err());
             assert!(error.contains(words), "{error}");
         }
     }

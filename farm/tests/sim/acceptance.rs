@@ -2,9 +2,9 @@
 //! the figures are the same on every machine.
 
 use carom_farm::{Algorithm, Balancing};
-use carom_testkit::simulator::{Mode, Network, Scenario, Score, optimum_secs, run};
+use carom_testkit::simulator::{Network, Scenario, Score, SubmissionMode, optimum_secs, run};
 
-fn score(nodes: usize, network: Network, mode: Mode, balancing: Balancing) -> Score {
+fn score(nodes: usize, network: Network, mode: SubmissionMode, balancing: Balancing) -> Score {
     let frames = if nodes < 64 { 800 } else { 400 };
     let scenario = Scenario {
         nodes,
@@ -63,7 +63,7 @@ fn assert_bars(score: &Score, mean: f64, p99: f64, death: f64) {
 #[test]
 fn two_and_five_nodes_are_near_the_optimum() {
     for network in Network::ALL {
-        let score = |nodes| score(nodes, network, Mode::Closed, Balancing::default());
+        let score = |nodes| score(nodes, network, SubmissionMode::Closed, Balancing::default());
         assert_bars(&score(2), 1.05, 1.5, 3.0);
         assert_bars(&score(5), 1.05, 1.5, 3.0);
     }
@@ -72,14 +72,26 @@ fn two_and_five_nodes_are_near_the_optimum() {
 #[test]
 fn sixty_four_nodes_are_near_the_optimum() {
     let score = |network, mode| score(64, network, mode, Balancing::default());
-    assert_bars(&score(Network::Wan, Mode::Closed), 1.12, 1.5, 2.0);
-    assert_bars(&score(Network::Lan, Mode::Closed), 1.15, 1.5, 2.0);
-    assert_bars(&score(Network::Wan, Mode::Pipelined), 1.15, 1.5, 2.0);
+    assert_bars(&score(Network::Wan, SubmissionMode::Closed), 1.12, 1.5, 2.0);
+    assert_bars(&score(Network::Lan, SubmissionMode::Closed), 1.15, 1.5, 2.0);
+    assert_bars(
+        &score(Network::Wan, SubmissionMode::Pipelined),
+        1.15,
+        1.5,
+        2.0,
+    );
 }
 
 #[test]
 fn frames_in_flight_at_once_are_near_the_optimum_and_hardly_any_tile_is_traced_twice() {
-    let score = |nodes, network| score(nodes, network, Mode::Pipelined, Balancing::default());
+    let score = |nodes, network| {
+        score(
+            nodes,
+            network,
+            SubmissionMode::Pipelined,
+            Balancing::default(),
+        )
+    };
     for nodes in [2, 5] {
         for network in Network::ALL {
             let score = score(nodes, network);
@@ -101,7 +113,7 @@ fn hedging_takes_away_the_tail_and_the_wait_for_the_dead() {
         score(
             64,
             Network::Lan,
-            Mode::Closed,
+            SubmissionMode::Closed,
             Balancing { algorithm, hedged },
         )
     });
