@@ -204,7 +204,7 @@ fn compare(
             }
         }
     }
-    let [each_milliseconds, tree_milliseconds] = least;
+    let [each_milliseconds, bvh_milliseconds] = least;
     Ok(BvhRow {
         count,
         each_milliseconds,
@@ -213,7 +213,7 @@ fn compare(
 }
 
 fn crossing(rows: &[BvhRow]) -> Option<u32> {
-    let is_faster = |row: &&BvhRow| row.tree_milliseconds < row.each_milliseconds;
+    let is_faster = |row: &&BvhRow| row.bvh_milliseconds < row.each_milliseconds;
     let faster = rows.iter().rev().take_while(is_faster);
     faster.last().map(|row| row.count)
 }
@@ -382,7 +382,7 @@ mod tests {
 
     #[test]
     fn the_crossing_is_where_the_tree_begins_to_stay_faster() {
-        let row = |(count, tree_milliseconds): (u32, f64)| BvhRow {
+        let row = |(count, bvh_milliseconds): (u32, f64)| BvhRow {
             count,
             each_milliseconds: 2.0,
             bvh_milliseconds,
