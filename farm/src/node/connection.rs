@@ -14,41 +14,41 @@ use carom_protocol::{
 };
 use carom_tracer::{Tile, TileRange};
 
-use super::bitrate_control::{Governor, LinkMeasure};
-use super::queue::{Job, Queue};
-use super::rate_model::Weighed;
+use super::bitrate_control::{BitrateController, LinkEstimate};
+use super::queue::{JobQueue, NodeJob};
+use super::rate_model::EncodedSample;
 
 /// The transport's end of a client's session.
 pub struct NodeConnection {
-    client: Arc<Client>,
-    queue: Arc<Queue>,
+    client: Arc<ClientConnection>,
+    queue: Arc<JobQueue>,
 }
 
-/// The workers' end.
-pub(super) struct Client {
-    state: Mutex<State>,
-    /// Told when the transport has taken a packet.
+/// The workers' end of a client's session.
+pub(super) struct ClientConnection {
+    state: Mutex<ConnectionState>,
+    /// Notified when the transport has accepted a packet.
     drained: Condvar,
     sent: Mutex<SentReferences>,
-    governor: Mutex<Governor>,
-    began: Instant,
+    bitrate: Mutex<BitrateController>,
+    start: Instant,
 }
 
-struct State {
+struct ConnectionState {
     session: NodeSession,
-    /// Flags of runs that are neither done nor refused.
+    /// Flags of requests that are neither done nor refused.
     cancelled: BTreeMap<RequestId, Arc<AtomicBool>>,
     waker: Option<Waker>,
-    /// Whether a worker has put something in since the transport last asked.
+    /// Whether a worker has queued a packet since the transport last polled.
     ready: bool,
-    /// How long a worker waits for the transport to take something; nothing, once it has in vain.
+    /// The time a worker waits for the transport to accept a packet; zero once it has waited in vain.
     stall_timeout: Duration,
     closed: bool,
 }
 
 impl NodeConnection {
-    pub(super) fn new(info: NodeInfo, queue: Arc<Queue>) -> Self {
-        let state = State {
+    pub(super) fn new(info: NodeInfo, queue: Arc<JobQueue>) -> Self {
+        let state = ConnectionState {
             session: NodeSession::new(info),
             cancelled: BTreeMap::new(),
             waker: None,
@@ -56,20 +56,20 @@ impl NodeConnection {
             stall_timeout: STALL_TIMEOUT,
             closed: false,
         };
-        let client = Arc::new(Client {
+        let client = Arc::new(ClientConnection {
             state: Mutex::new(state),
             drained: Condvar::new(),
             sent: Mutex::default(),
-            governor: Mutex::new(Governor::new()),
-            began: Instant::now(),
+            bitrate: Mutex::new(BitrateController::new()),
+            start: Instant::now(),
         });
         Self { client, queue }
     }
 
-    /// Takes a packet from the client.
+    /// Handles a packet from the client.
     ///
     /// # Errors
-    /// What rule the client broke: send what [`NodeConnection::poll_transmit`] still hands out,
+    /// The rule that the client broke: send what [`NodeConnection::poll_transmit`] still hands out,
     /// and close.
     pub fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error> {
         let mut state = self.client.lock();
@@ -80,7 +80,7 @@ impl NodeConnection {
                 let cancelled = Arc::new(AtomicBool::new(false));
                 state.cancelled.insert(request.id, Arc::clone(&cancelled));
                 drop(state);
-                self.queue.push(Job {
+                self.queue.push(NodeJob {
                     client: Arc::clone(&self.client),
                     request,
                     scene,
@@ -96,7 +96,7 @@ impl NodeConnection {
                 }
                 drop(state);
                 self.client.drained.notify_all();
-                self.queue.sweep();
+                self.queue.drop_cancelled();
             }
         }
         Ok(())
@@ -107,7 +107,7 @@ impl NodeConnection {
         self.client.lock().session.arriving(received_bytes);
     }
 
-    /// Runs that have been cancelled since the last call.
+    /// Requests that have been cancelled since the last call.
     pub fn take_cancelled(&mut self) -> Vec<RequestId> {
         self.client.lock().session.take_unwanted()
     }
@@ -115,12 +115,12 @@ impl NodeConnection {
     /// Handles a new estimate of what the link carries.
     pub fn on_bandwidth(&mut self, bytes_per_sec: f64) {
         let waiting_bytes = self.client.lock().session.waiting_bytes();
-        let link = LinkMeasure {
+        let link = LinkEstimate {
             bytes_per_sec,
             waiting_bytes,
         };
-        let now = self.client.began.elapsed();
-        lock(&self.client.governor).measure(now, link);
+        let now = self.client.start.elapsed();
+        lock(&self.client.bitrate).on_estimate(now, link);
     }
 
     /// The next packet to send, if there is one now.
@@ -135,12 +135,12 @@ impl NodeConnection {
 
     /// The next packet to send; wakes `cx` when there is one.
     pub fn poll_packet(&mut self, cx: &mut Context<'_>) -> Poll<Packet> {
-        // The waker first: a packet that comes in between is seen, or wakes.
+        // The waker first: a packet that is queued in between is returned, or wakes.
         self.client.lock().waker = Some(cx.waker().clone());
         self.poll_transmit().map_or(Poll::Pending, Poll::Ready)
     }
 
-    /// Wakes `cx` when a worker has put something in for [`NodeConnection::poll_transmit`].
+    /// Wakes `cx` when a worker has queued a packet for [`NodeConnection::poll_transmit`].
     pub fn poll_ready(&mut self, cx: &mut Context<'_>) -> Poll<()> {
         let mut state = self.client.lock();
         if state.ready {
@@ -161,12 +161,12 @@ impl Drop for NodeConnection {
         }
         drop(state);
         self.client.drained.notify_all();
-        self.queue.sweep();
+        self.queue.drop_cancelled();
     }
 }
 
-impl Client {
-    /// The payload of finished tiles of a request, told from those that the client holds.
+impl ClientConnection {
+    /// The payload of a request's finished tiles, delta-coded against those that the client holds.
     pub(super) fn encode(
         &self,
         encoder: &mut Encoder,
@@ -188,10 +188,10 @@ impl Client {
             })
             .collect();
         let place = part.first / TILES_PER_MESSAGE_MAX;
-        let precision = lock(&self.governor).precision(request.precision, place);
+        let precision = lock(&self.bitrate).precision(request.precision, place);
         let (payload, kept) = encoder.encode_srgb(exposure, precision, &sources);
         lock(&self.sent).insert(request, part, kept);
-        lock(&self.governor).offer(Weighed {
+        lock(&self.bitrate).on_encoded(EncodedSample {
             precision,
             pixels: tiles.iter().map(|(tile, _)| tile.pixels()).sum(),
             delta: encoder.delta_stats(),
@@ -200,13 +200,13 @@ impl Client {
         payload
     }
 
-    /// Sends finished tiles. `false` if they are not wanted any more.
+    /// Sends finished tiles; `false` if they are no longer wanted.
     pub(super) fn tiles(&self, tiles: TilesDone) -> bool {
         let mut state = self.lock();
         let sent = match state.session.tiles(tiles) {
             Ok(sent) => sent && !state.closed,
-            Err(why) => {
-                tracing::error!("tiles that cannot be sent: {why}");
+            Err(error) => {
+                tracing::error!("cannot send tiles: {error}");
                 false
             }
         };
@@ -214,18 +214,18 @@ impl Client {
         sent
     }
 
-    /// Ends a run whose tiles have all been sent.
+    /// Ends a request whose tiles have all been sent.
     pub(super) fn request_done(&self, report: RequestReport) {
         let mut state = self.lock();
         state.cancelled.remove(&report.request);
-        if let Err(why) = state.session.request_done(report) {
-            let why = RefusalReason::Device(format!("the tracer left tiles out: {why}"));
+        if let Err(error) = state.session.request_done(report) {
+            let why = RefusalReason::Device(format!("the tracer left out tiles: {error}"));
             state.session.refuse(report.request, why);
         }
         wake(state);
     }
 
-    /// Ends a run that cannot be finished.
+    /// Ends a request that cannot be completed.
     pub(super) fn refuse(&self, request: RequestId, why: RefusalReason) {
         let mut state = self.lock();
         state.cancelled.remove(&request);
@@ -233,10 +233,10 @@ impl Client {
         wake(state);
     }
 
-    /// Waits while the network takes tiles more slowly than they are traced. Gives the run up if it
-    /// takes none at all: others wait for the device.
+    /// Waits while the network accepts tiles more slowly than they are traced. Gives the request up
+    /// if it accepts none at all: others wait for the device.
     pub(super) fn wait_for_room(&self, cancelled: &AtomicBool) {
-        let full = |state: &mut State| {
+        let full = |state: &mut ConnectionState| {
             state.session.is_full() && !state.closed && !cancelled.load(Ordering::Relaxed)
         };
         let state = self.lock();
@@ -249,7 +249,7 @@ impl Client {
         }
     }
 
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, ConnectionState> {
         lock(&self.state)
     }
 }
@@ -259,7 +259,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 /// Wakes the transport after the lock is released, so that it does not wait for it.
-fn wake(mut state: MutexGuard<'_, State>) {
+fn wake(mut state: MutexGuard<'_, ConnectionState>) {
     state.ready = true;
     let waker = state.waker.take();
     drop(state);
@@ -268,8 +268,8 @@ fn wake(mut state: MutexGuard<'_, State>) {
     }
 }
 
-/// How long a client may accept no tiles before its runs are given up: others wait for the device.
-/// A connection may be silent for as long.
+/// The time for which a client may accept no tiles before its requests are given up: others wait for
+/// the device. A connection may be silent for as long.
 pub(crate) const STALL_TIMEOUT: Duration = Duration::from_secs(5);
 
 #[cfg(test)]
@@ -283,15 +283,15 @@ mod tests {
 
     use super::*;
 
-    /// A player who has asked for tiles of a megabyte a message, with the session's node.
-    fn asked(messages: u32) -> (ClientSession, NodeConnection) {
+    /// A player that has requested tiles of a megabyte a message, and its connection.
+    fn connected(messages: u32) -> (ClientSession, NodeConnection) {
         let device = DeviceInfo {
             kind: DeviceKind::Cpu,
             name: String::new(),
             width: 1,
             threads: 1,
         };
-        let (name, queue) = (String::new(), Arc::new(Queue::new()));
+        let (name, queue) = (String::new(), Arc::new(JobQueue::new()));
         let mut connection = NodeConnection::new(NodeInfo { name, device }, queue);
         let mut session = ClientSession::new();
         let mut exchange = |session: &mut ClientSession| {
@@ -324,11 +324,10 @@ mod tests {
         (session, connection)
     }
 
-    /// The device is for others as well.
     #[test]
-    fn who_takes_no_tiles_keeps_a_worker_waiting_once() {
+    fn a_stalled_client_blocks_a_worker_once() {
         let messages = (TILES_QUEUED_BYTES_MAX >> 20) as u32 + 1;
-        let (_session, mut connection) = asked(messages);
+        let (_session, mut connection) = connected(messages);
         let client = Arc::clone(&connection.client);
         client.lock().stall_timeout = Duration::from_millis(1);
         for message in 0..messages {

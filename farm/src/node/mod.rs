@@ -1,15 +1,13 @@
-//! A node: owns one tracer, traces what its clients ask for, and answers with encoded tiles.
+//! A node: owns one tracer, traces its clients' requests, and answers with encoded tiles.
 //!
 //! ```text
-//! NodeConnection (NodeSession) ──Job──▶ queue ──▶ worker: Tracer::trace ─▶ groups of tiles
+//! NodeConnection (NodeSession) ─NodeJob─▶ queue ──▶ worker: Tracer::trace ─▶ groups of tiles
 //!       ▲  one per client                                                      │
 //!       └──────────────── TilesDone, RequestDone ◀── encoded on rayon's threads ◀──┘
 //! ```
 //!
-//! A tracer that fails or panics costs a refused run, never the node. Stale and cancelled runs
-//! leave the queue without being begun. Durations are measured on the node's own clock; busy time
-//! counts only from when the device was through with earlier work, so that runs which overlap on
-//! a GPU are not counted twice.
+//! A tracer that fails or panics costs a refused request, never the node. Stale and cancelled requests
+//! leave the queue before they are traced. Durations are measured on the node's own clock.
 
 mod bitrate_control;
 mod connection;
@@ -23,27 +21,27 @@ use std::time::Duration;
 use carom_protocol::NodeInfo;
 use carom_tracer::{DeviceKind, Tracer};
 
-pub use bitrate_control::LinkMeasure;
+pub use bitrate_control::LinkEstimate;
 pub use connection::NodeConnection;
 pub(crate) use connection::STALL_TIMEOUT;
-use queue::Queue;
+use queue::JobQueue;
 
 /// One device, shared by any number of clients.
 pub struct Node {
     name: String,
     tracer: Arc<dyn Tracer>,
-    queue: Arc<Queue>,
+    queue: Arc<JobQueue>,
 }
 
 impl Node {
-    /// Starts the worker threads of a node called `name`: two for a GPU, which then has the next
-    /// frame's work before it has ended this one's, one for a processor, which is busy with one.
+    /// Starts the worker threads of a node called `name`: two for a GPU, which then has its next work
+    /// before it has finished this one, one for a processor, which is busy with one.
     pub fn new(name: impl Into<String>, tracer: Arc<dyn Tracer>) -> Arc<Self> {
         let workers = match tracer.info().kind {
             DeviceKind::Gpu => 2,
             DeviceKind::Cpu | DeviceKind::Scalar => 1,
         };
-        let queue = Arc::new(Queue::new());
+        let queue = Arc::new(JobQueue::new());
         for _ in 0..workers {
             worker::start(Arc::clone(&queue), Arc::clone(&tracer));
         }
@@ -54,7 +52,7 @@ impl Node {
         })
     }
 
-    /// What the node is: its device's name says of a device that has failed why.
+    /// The node's name and device; the device's name includes the reason of a failure.
     pub fn info(&self) -> NodeInfo {
         NodeInfo {
             name: self.name.clone(),
@@ -62,8 +60,7 @@ impl Node {
         }
     }
 
-    /// A session for a client that has just connected. Dropping it cancels all that the client
-    /// has asked for.
+    /// Opens a session for a new client. Dropping it cancels all its requests.
     pub fn connect(&self) -> NodeConnection {
         NodeConnection::new(self.info(), Arc::clone(&self.queue))
     }
@@ -72,9 +69,9 @@ impl Node {
 impl Drop for Node {
     /// Ends the workers, but does not wait for a device that hangs.
     fn drop(&mut self) {
-        self.queue.close(WORKERS_PATIENCE);
+        self.queue.close(WORKERS_TIMEOUT);
     }
 }
 
-/// How long a device may go on after it has been told to stop.
-const WORKERS_PATIENCE: Duration = Duration::from_secs(1);
+/// The time that a device gets to finish after it has been told to stop.
+const WORKERS_TIMEOUT: Duration = Duration::from_secs(1);

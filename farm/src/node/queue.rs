@@ -1,7 +1,7 @@
-//! Runs that wait for the device: in the order in which they came, but of each client the oldest
-//! frame first, which is the next to be shown.
+//! The queue of requests that wait for the device: in order of arrival, but the requests of one client
+//! by frame, since the oldest is the next to be shown.
 //!
-//! A client's session lets no more than `REQUESTS_QUEUED_MAX` of its runs in.
+//! A client's session admits at most `REQUESTS_QUEUED_MAX` of its requests.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,36 +11,36 @@ use std::time::{Duration, Instant};
 use carom_protocol::{SceneHash, TraceRequest};
 use carom_tracer::{CompiledScene, Error, Scene};
 
-use super::connection::Client;
+use super::connection::ClientConnection;
 
-/// A run to trace.
-pub(super) struct Job {
-    pub(super) client: Arc<Client>,
+/// A request to trace.
+pub(super) struct NodeJob {
+    pub(super) client: Arc<ClientConnection>,
     pub(super) request: Box<TraceRequest>,
     pub(super) scene: Arc<Scene>,
     pub(super) cancelled: Arc<AtomicBool>,
     pub(super) arrived: Instant,
 }
 
-/// Shared by connections and workers.
-pub(super) struct Queue {
-    state: Mutex<State>,
+/// The queue of a node, shared by connections and workers.
+pub(super) struct JobQueue {
+    state: Mutex<QueueState>,
     changed: Condvar,
     scenes: Mutex<VecDeque<(SceneHash, Arc<CompiledScene>)>>,
-    /// When the device was last through with something.
+    /// The time at which the device last finished something.
     last_done: Mutex<Option<Instant>>,
 }
 
 #[derive(Default)]
-struct State {
-    jobs: VecDeque<Job>,
-    /// What workers are at.
+struct QueueState {
+    jobs: VecDeque<NodeJob>,
+    /// Flags of the jobs that workers are tracing.
     running: Vec<Arc<AtomicBool>>,
     workers: usize,
     closed: bool,
 }
 
-impl Queue {
+impl JobQueue {
     pub(super) fn new() -> Self {
         Self {
             state: Mutex::default(),
@@ -50,17 +50,17 @@ impl Queue {
         }
     }
 
-    pub(super) fn push(&self, job: Job) {
+    pub(super) fn push(&self, job: NodeJob) {
         let mut state = lock(&self.state);
         state.jobs.push_back(job);
-        state.put_in_order();
+        state.sort_newest();
         drop(state);
         self.changed.notify_one();
     }
 
-    /// Takes cancelled jobs out.
-    pub(super) fn sweep(&self) {
-        let wanted = |job: &Job| !job.cancelled.load(Ordering::Relaxed);
+    /// Removes cancelled jobs.
+    pub(super) fn drop_cancelled(&self) {
+        let wanted = |job: &NodeJob| !job.cancelled.load(Ordering::Relaxed);
         lock(&self.state).jobs.retain(wanted);
     }
 
@@ -73,9 +73,9 @@ impl Queue {
         self.changed.notify_all();
     }
 
-    /// The next job for a worker, which is through with the one whose flag is `done`; `None` when
-    /// the node is gone.
-    pub(super) fn next(&self, done: Option<&Arc<AtomicBool>>) -> Option<Job> {
+    /// The next job for a worker that has finished the one with the flag `done`; `None` when the
+    /// node is dropped.
+    pub(super) fn next(&self, done: Option<&Arc<AtomicBool>>) -> Option<NodeJob> {
         let mut state = lock(&self.state);
         if let Some(done) = done {
             state.running.retain(|running| !Arc::ptr_eq(running, done));
@@ -95,8 +95,8 @@ impl Queue {
         }
     }
 
-    /// Cancels everything and waits until the workers have ended, but not longer than `patience`.
-    pub(super) fn close(&self, patience: Duration) {
+    /// Cancels everything and waits until the workers have ended, for `timeout` at most.
+    pub(super) fn close(&self, timeout: Duration) {
         let mut state = lock(&self.state);
         state.closed = true;
         state.jobs.clear();
@@ -104,12 +104,12 @@ impl Queue {
             running.store(true, Ordering::Relaxed);
         }
         self.changed.notify_all();
-        let working = |state: &mut State| state.workers > 0;
-        let ended = self.changed.wait_timeout_while(state, patience, working);
+        let working = |state: &mut QueueState| state.workers > 0;
+        let ended = self.changed.wait_timeout_while(state, timeout, working);
         drop(ended);
     }
 
-    /// A scene in the form that tracers read; a few are kept.
+    /// A scene compiled for tracers; [`COMPILED_KEPT_MAX`] are kept.
     pub(super) fn compiled(&self, hash: SceneHash, scene: &Scene) -> Result<CompiledScene, Error> {
         let mut scenes = lock(&self.scenes);
         if let Some((_, compiled)) = scenes.iter().find(|(kept, _)| *kept == hash) {
@@ -123,8 +123,8 @@ impl Queue {
         Ok(compiled)
     }
 
-    /// Seconds since `begun`, or since the device was last through with something if that is
-    /// later: what has been done until now took it no longer.
+    /// The time since `begun`, or since the device last finished something if that is later: requests
+    /// that overlap on a device are not counted twice.
     pub(super) fn busy_since(&self, begun: Instant) -> Duration {
         let now = Instant::now();
         let mut last_done = lock(&self.last_done);
@@ -134,21 +134,21 @@ impl Queue {
     }
 }
 
-impl State {
-    /// Lets the newest job change places with those of the same client that are of later frames: other
-    /// clients keep theirs.
-    fn put_in_order(&mut self) {
-        let mut place = self.jobs.len() - 1;
-        for other in (0..place).rev() {
-            let (job, before) = (&self.jobs[place], &self.jobs[other]);
+impl QueueState {
+    /// Swaps the newest job with those of the same client that are of later frames; jobs of other
+    /// clients keep their places.
+    fn sort_newest(&mut self) {
+        let mut index = self.jobs.len() - 1;
+        for other in (0..index).rev() {
+            let (job, before) = (&self.jobs[index], &self.jobs[other]);
             if !Arc::ptr_eq(&job.client, &before.client) {
                 continue;
             }
             if before.request.frame <= job.request.frame {
                 return;
             }
-            self.jobs.swap(place, other);
-            place = other;
+            self.jobs.swap(index, other);
+            index = other;
         }
     }
 }
@@ -171,15 +171,15 @@ mod tests {
     use super::super::NodeConnection;
     use super::*;
 
-    /// A client that has greeted a node of `queue` and asks it for frames, by the runs' numbers.
-    struct Asker {
+    /// A client that is connected to a node of `queue`.
+    struct Requester {
         session: ClientSession,
         connection: NodeConnection,
         runs: u64,
     }
 
-    impl Asker {
-        fn new(queue: &Arc<Queue>) -> Self {
+    impl Requester {
+        fn new(queue: &Arc<JobQueue>) -> Self {
             let device = DeviceInfo {
                 kind: DeviceKind::Cpu,
                 name: String::new(),
@@ -188,20 +188,20 @@ mod tests {
             };
             let name = String::new();
             let connection = NodeConnection::new(NodeInfo { name, device }, Arc::clone(queue));
-            let mut asker = Self {
+            let mut requester = Self {
                 session: ClientSession::new(),
                 connection,
                 runs: 0,
             };
-            asker.exchange();
+            requester.exchange();
             let scene = include_str!("../../../assets/scenes/pool.json");
             let scene = Scene::from_json(scene).unwrap();
-            asker
+            requester
                 .session
                 .set_scene(SceneHash::of(&scene), &scene)
                 .unwrap();
-            asker.exchange();
-            asker
+            requester.exchange();
+            requester
         }
 
         fn exchange(&mut self) {
@@ -213,7 +213,7 @@ mod tests {
             }
         }
 
-        fn ask(&mut self, frame: u64) {
+        fn request(&mut self, frame: u64) {
             let scene = include_str!("../../../assets/scenes/pool.json");
             let scene = Scene::from_json(scene).unwrap();
             let request = TraceRequest {
@@ -235,16 +235,16 @@ mod tests {
     }
 
     #[test]
-    fn each_client_has_its_oldest_frame_traced_first_and_takes_no_turn_of_another() {
-        let queue = Arc::new(Queue::new());
-        let (mut near, mut far) = (Asker::new(&queue), Asker::new(&queue));
-        near.ask(7);
-        far.ask(2);
-        near.ask(8);
-        near.ask(8);
-        near.ask(6);
-        far.ask(3);
-        near.ask(7);
+    fn each_clients_oldest_frame_runs_first_in_its_turn() {
+        let queue = Arc::new(JobQueue::new());
+        let (mut near, mut far) = (Requester::new(&queue), Requester::new(&queue));
+        near.request(7);
+        far.request(2);
+        near.request(8);
+        near.request(8);
+        near.request(6);
+        far.request(3);
+        near.request(7);
         let next = || {
             queue
                 .next(None)

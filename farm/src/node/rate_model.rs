@@ -1,128 +1,130 @@
-//! What tiles weigh at each precision: what is known of pictures beforehand, and by how much it was
-//! wrong of late.
+//! A model of how many bytes tiles take at each precision: a prior from measured pictures, corrected
+//! by the encoded messages.
 //!
-//! Told from the frame before, exact tiles weigh what has changed in them, JPEG tiles nearly what they
-//! weigh whole: with a few balls that roll under a still camera JPEG 90 may weigh more than exact
-//! pixels. So which stops are worth anything is found as they are used.
+//! Delta-coded exact tiles cost what has changed in them, JPEG tiles nearly as much as without a
+//! reference: while a few balls roll under a still camera, JPEG 90 may cost more than exact pixels.
+//! Which precisions save bytes is therefore found as they are used.
 
 use carom_protocol::PixelPrecision;
 use carom_protocol::tile_codec::DeltaStats;
 
-/// What tiles weigh at each stop.
+/// The rate of each precision, by index. Rates are bytes over those of an exact picture that is coded
+/// without references.
 #[derive(Clone, Debug)]
-pub(super) struct Weights {
-    /// Share of the pixels that are not as they were before; `None` before any have been seen.
+pub(super) struct RateModel {
+    /// Share of the pixels that change from frame to frame; `None` before the first message.
     changing: Option<f64>,
-    seen: [Seen; STOPS],
+    history: [RateHistory; PRECISIONS],
 }
 
-/// What tiles weighed at a stop and what was expected, the older the less.
+/// The actual and expected bytes of one precision's messages, exponentially decayed.
 #[derive(Clone, Copy, Debug)]
-struct Seen {
+struct RateHistory {
     messages: f64,
     bytes: f64,
     expected_bytes: f64,
 }
 
-/// A message of tiles.
+/// An encoded message of tiles.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Weighed {
+pub(super) struct EncodedSample {
     pub(super) precision: PixelPrecision,
     pub(super) pixels: usize,
     pub(super) delta: DeltaStats,
     pub(super) bytes: usize,
 }
 
-/// Two stops, and the share of messages that get the coarser.
+/// A mixture of two precisions, by index.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Between {
+pub(super) struct Blend {
     pub(super) finer: usize,
     pub(super) coarser: usize,
+    /// Share of messages that get the coarser one.
     pub(super) share: f64,
 }
 
-impl Weights {
+impl RateModel {
     pub(super) const fn new() -> Self {
-        let nothing = Seen {
+        let empty = RateHistory {
             messages: 0.0,
             bytes: 0.0,
             expected_bytes: 0.0,
         };
         Self {
             changing: None,
-            seen: [nothing; STOPS],
+            history: [empty; PRECISIONS],
         }
     }
 
-    /// Takes note of a message.
-    pub(super) fn learn(&mut self, message: Weighed) {
-        let (stop, delta) = (message.precision as usize, message.delta);
+    /// Updates the model with an encoded message.
+    pub(super) fn update(&mut self, message: EncodedSample) {
+        let (index, delta) = (message.precision as usize, message.delta);
         if delta.referenced > 0 {
             let share = delta.changed as f64 / delta.referenced as f64;
-            let changing = (share * HIDDEN[stop]).min(1.0);
+            let changing = (share * CHANGE_MASKING[index]).min(1.0);
             let before = self.changing.unwrap_or(changing);
             self.changing = Some(before + (changing - before) / CHANGING_MESSAGES);
         }
-        for seen in &mut self.seen {
-            let kept = 1.0 - 1.0 / SEEN_MESSAGES;
-            seen.messages *= kept;
-            seen.bytes *= kept;
-            seen.expected_bytes *= kept;
+        for history in &mut self.history {
+            let decay = 1.0 - 1.0 / HISTORY_MESSAGES;
+            history.messages *= decay;
+            history.bytes *= decay;
+            history.expected_bytes *= decay;
         }
-        let seen = &mut self.seen[stop];
-        seen.messages += 1.0;
-        seen.bytes += message.bytes as f64;
-        let told = message.pixels.saturating_sub(delta.intra) as f64;
-        let told = told * expected(stop, self.changing.unwrap_or(1.0));
-        seen.expected_bytes += EXACT_BYTES * (told + WHOLE[stop] * delta.intra as f64);
+        let history = &mut self.history[index];
+        history.messages += 1.0;
+        history.bytes += message.bytes as f64;
+        let inter = message.pixels.saturating_sub(delta.intra) as f64;
+        let inter = inter * prior(index, self.changing.unwrap_or(1.0));
+        let intra = INTRA_RATE[index] * delta.intra as f64;
+        history.expected_bytes += EXACT_BYTES_PER_PIXEL * (inter + intra);
     }
 
-    /// Bytes at a place among the stops over those of an exact picture without a reference.
-    pub(super) fn weight(&self, level: f64) -> f64 {
-        let weights = self.all();
-        let Between {
+    /// The rate at a level, a position between the precisions' indices.
+    pub(super) fn rate(&self, level: f64) -> f64 {
+        let rates = self.rates();
+        let Blend {
             finer,
             coarser,
             share,
-        } = between(&weights, level);
-        weights[finer] + share * (weights[coarser] - weights[finer])
+        } = blend(&rates, level);
+        rates[finer] + share * (rates[coarser] - rates[finer])
     }
 
-    /// The finest place with at most this weight; the coarsest, if none has.
-    pub(super) fn level_of(&self, weight: f64) -> f64 {
-        let weights = self.all();
+    /// The finest level with at most this rate; the coarsest, if none has.
+    pub(super) fn level_of(&self, rate: f64) -> f64 {
+        let rates = self.rates();
         let mut before: Option<usize> = None;
-        for stop in useful(&weights) {
-            if weights[stop] <= weight {
+        for index in useful(&rates) {
+            if rates[index] <= rate {
                 return before.map_or(0.0, |finer| {
-                    let (heavy, light) = (weights[finer], weights[stop]);
-                    let share = (heavy - weight) / (heavy - light);
-                    finer as f64 + share * (stop - finer) as f64
+                    let share = (rates[finer] - rate) / (rates[finer] - rates[index]);
+                    finer as f64 + share * (index - finer) as f64
                 });
             }
-            before = Some(stop);
+            before = Some(index);
         }
-        (STOPS - 1) as f64
+        (PRECISIONS - 1) as f64
     }
 
-    /// The stops to use at a place.
-    pub(super) fn between(&self, level: f64) -> Between {
-        between(&self.all(), level)
+    /// The precisions to use at a level.
+    pub(super) fn blend(&self, level: f64) -> Blend {
+        blend(&self.rates(), level)
     }
 
-    fn all(&self) -> [f64; STOPS] {
+    fn rates(&self) -> [f64; PRECISIONS] {
         let changing = self.changing.unwrap_or(1.0);
-        std::array::from_fn(|stop| expected(stop, changing) * self.wrong_by(stop))
+        std::array::from_fn(|index| prior(index, changing) * self.model_error(index))
     }
 
-    /// The factor by which bytes were other than expected: the stop's own, and its neighbours' the more
-    /// the less it has been used.
-    fn wrong_by(&self, stop: usize) -> f64 {
+    /// Actual over expected bytes: the geometric mean over all precisions, weighted by messages and
+    /// by nearness, so that an unused one is corrected by its neighbours.
+    fn model_error(&self, index: usize) -> f64 {
         let (mut sum, mut weights) = (0.0, 0.0);
-        for (other, seen) in self.seen.iter().enumerate() {
-            let weight = seen.messages * SAYS[stop.abs_diff(other)];
-            // A message has a header.
-            let ratio = (seen.bytes + 1.0) / (seen.expected_bytes + 1.0);
+        for (other, history) in self.history.iter().enumerate() {
+            let weight = history.messages * NEIGHBOUR_WEIGHT[index.abs_diff(other)];
+            // One byte on both sides: a precision without messages must not divide by zero.
+            let ratio = (history.bytes + 1.0) / (history.expected_bytes + 1.0);
             sum += weight * ratio.ln();
             weights += weight;
         }
@@ -134,77 +136,80 @@ impl Weights {
     }
 }
 
-/// What is expected of a stop where this share of the pixels has changed.
-fn expected(stop: usize, changing: f64) -> f64 {
-    WHOLE[stop].min(CHANGED[stop] * changing).max(UNCHANGED)
+/// The rate that is expected where this share of the pixels has changed.
+fn prior(index: usize, changing: f64) -> f64 {
+    INTRA_RATE[index]
+        .min(DELTA_RATE[index] * changing)
+        .max(RATE_MIN)
 }
 
-/// The stops that take less than each finer one.
-fn useful(weights: &[f64; STOPS]) -> impl Iterator<Item = usize> + '_ {
+/// The precisions that save bytes over each finer one.
+fn useful(rates: &[f64; PRECISIONS]) -> impl Iterator<Item = usize> + '_ {
     let mut least = f64::INFINITY;
-    (0..STOPS).filter(move |stop| {
-        let is_lighter = weights[*stop] < LIGHTER * least;
-        if is_lighter {
-            least = weights[*stop];
+    (0..PRECISIONS).filter(move |index| {
+        let saves = rates[*index] < USEFUL_BELOW * least;
+        if saves {
+            least = rates[*index];
         }
-        is_lighter
+        saves
     })
 }
 
-fn between(weights: &[f64; STOPS], level: f64) -> Between {
+fn blend(rates: &[f64; PRECISIONS], level: f64) -> Blend {
     let (mut finer, mut next) = (0, None);
-    for stop in useful(weights) {
-        if stop as f64 <= level {
-            finer = stop;
+    for index in useful(rates) {
+        if index as f64 <= level {
+            finer = index;
         } else if next.is_none() {
-            next = Some(stop);
+            next = Some(index);
         }
     }
     let coarser = next.unwrap_or(finer);
     let share = (level - finer as f64) / (coarser - finer).max(1) as f64;
-    Between {
+    Blend {
         finer,
         coarser,
         share: share.min(1.0),
     }
 }
 
-const STOPS: usize = PixelPrecision::ALL.len();
-/// Bytes of a converged frame of each precision over those of an exact one, as `carom-bench
-/// codec` has them ...
-const WHOLE: [f64; STOPS] = [1.0, 0.74, 0.65, 0.18, 0.07, 0.036];
-/// ... and, where not all pixels have changed, for each that has: of 10 %, that lie in a few places,
-/// JPEG takes as much as of all.
-const CHANGED: [f64; STOPS] = [2.8, 1.6, 1.25, 1.8, 0.7, 0.36];
-/// A message's header and a bit.
-const UNCHANGED: f64 = 0.005;
-/// Bytes a pixel of that exact frame.
-const EXACT_BYTES: f64 = 0.37;
-/// Of pixels that have changed, for each that has at this precision. JPEG is given exact pixels.
-const HIDDEN: [f64; STOPS] = [1.0, 1.6, 2.0, 1.0, 1.0, 1.0];
+const PRECISIONS: usize = PixelPrecision::ALL.len();
+/// The rate of a converged frame that is coded without references, by `bench codec` …
+const INTRA_RATE: [f64; PRECISIONS] = [1.0, 0.74, 0.65, 0.18, 0.07, 0.036];
+/// … and, where few pixels have changed, that of those: where 10 % change in a few places, JPEG takes
+/// as much as for all.
+const DELTA_RATE: [f64; PRECISIONS] = [2.8, 1.6, 1.25, 1.8, 0.7, 0.36];
+/// The header of a message.
+const RATE_MIN: f64 = 0.005;
+/// Of that exact frame.
+const EXACT_BYTES_PER_PIXEL: f64 = 0.37;
+/// Pixels that have changed for each that is seen to have at this precision: quantisation masks small
+/// changes. JPEG compares exact pixels.
+const CHANGE_MASKING: [f64; PRECISIONS] = [1.0, 1.6, 2.0, 1.0, 1.0, 1.0];
 /// Four frames of 16 messages.
 const CHANGING_MESSAGES: f64 = 64.0;
-/// How pictures compress changes more slowly than what moves in them.
-const SEEN_MESSAGES: f64 = 1024.0;
-/// What a message says of its stop, of the next one and of those beyond: once a stop has not been used for
-/// a few thousand messages, it is what its neighbours weigh that counts.
-const SAYS: [f64; STOPS] = [1.0, 0.02, 0.005, 0.00125, 0.0003, 0.0001];
-/// A stop that takes hardly less than a finer one is worth nothing.
-const LIGHTER: f64 = 0.95;
+/// Longer than [`CHANGING_MESSAGES`]: how well pictures compress changes more slowly than how much
+/// moves in them.
+const HISTORY_MESSAGES: f64 = 1024.0;
+/// The weight of a message for its own precision, for the next one and for those beyond. After a few
+/// thousand messages without use, a precision is judged by its neighbours.
+const NEIGHBOUR_WEIGHT: [f64; PRECISIONS] = [1.0, 0.02, 0.005, 0.00125, 0.0003, 0.0001];
+/// A precision must save a twentieth over a finer one.
+const USEFUL_BELOW: f64 = 0.95;
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn learn(
-        weights: &mut Weights,
+    fn train(
+        model: &mut RateModel,
         messages: u32,
         precision: PixelPrecision,
         changing: f64,
         bytes: usize,
     ) {
         for _ in 0..messages {
-            weights.learn(Weighed {
+            model.update(EncodedSample {
                 precision,
                 pixels: 8192,
                 delta: DeltaStats {
@@ -218,68 +223,68 @@ mod tests {
     }
 
     #[test]
-    fn levels_and_weights_are_each_other() {
-        let mut weights = Weights::new();
-        learn(&mut weights, 64, PixelPrecision::Exact, 1.0, 3000);
+    fn level_of_is_the_inverse_of_rate() {
+        let mut model = RateModel::new();
+        train(&mut model, 64, PixelPrecision::Exact, 1.0, 3000);
         for level in 0..=50 {
             let level = f64::from(level) / 10.0;
-            let back = weights.level_of(weights.weight(level));
+            let back = model.level_of(model.rate(level));
             assert!((back - level).abs() < 1e-9, "{level} {back}");
         }
-        assert_eq!((weights.level_of(2.0), weights.level_of(0.0)), (0.0, 5.0));
+        assert_eq!((model.level_of(2.0), model.level_of(0.0)), (0.0, 5.0));
     }
 
     #[test]
-    fn a_stop_never_tried_is_scaled_by_what_its_neighbours_turned_out_to_weigh() {
-        let (mut weights, prior) = (Weights::new(), Weights::new());
-        learn(&mut weights, 200, PixelPrecision::Within2, 1.0, 4000);
-        let all = weights.all();
-        let factor = 4000.0 / 8192.0 / EXACT_BYTES / WHOLE[2];
-        for (now, before) in all.iter().zip(prior.all()) {
-            assert!((now / before / factor - 1.0).abs() < 0.01, "{all:?}");
+    fn unused_precisions_follow_their_neighbours() {
+        let (mut model, prior) = (RateModel::new(), RateModel::new());
+        train(&mut model, 200, PixelPrecision::Within2, 1.0, 4000);
+        let rates = model.rates();
+        let factor = 4000.0 / 8192.0 / EXACT_BYTES_PER_PIXEL / INTRA_RATE[2];
+        for (now, before) in rates.iter().zip(prior.rates()) {
+            assert!((now / before / factor - 1.0).abs() < 0.01, "{rates:?}");
         }
-        // Each is nearest to what was seen nearest to it.
-        learn(&mut weights, 200, PixelPrecision::Lossy75, 1.0, 100);
-        let [now, before] = [weights.all(), all];
+        // Each follows its nearest neighbour.
+        train(&mut model, 200, PixelPrecision::Lossy75, 1.0, 100);
+        let [now, before] = [model.rates(), rates];
         assert!((now[0] / before[0] - 1.0).abs() < 0.1, "{now:?}");
         assert!(now[5] < 0.3 * before[5], "{now:?}");
     }
 
     #[test]
-    fn a_stop_that_weighs_more_than_a_finer_one_is_passed_over() {
-        let mut weights = Weights::new();
-        let seen = [
+    fn precisions_that_save_nothing_are_skipped() {
+        let mut model = RateModel::new();
+        let samples = [
             (PixelPrecision::Exact, 640),
             (PixelPrecision::Within2, 270),
             (PixelPrecision::Lossy90, 540),
         ];
-        for (precision, bytes) in seen {
-            learn(
-                &mut weights,
+        for (precision, bytes) in samples {
+            train(
+                &mut model,
                 64,
                 precision,
-                0.05 / HIDDEN[precision as usize],
+                0.05 / CHANGE_MASKING[precision as usize],
                 bytes,
             );
         }
-        learn(&mut weights, 64, PixelPrecision::Lossy75, 0.05, 240);
-        let middle = Between {
+        train(&mut model, 64, PixelPrecision::Lossy75, 0.05, 240);
+        let middle = Blend {
             finer: 2,
             coarser: 4,
             share: 0.5,
         };
-        assert_eq!(weights.between(3.0), middle);
-        let levels = (0..=50).map(|level| weights.weight(f64::from(level) / 10.0));
+        assert_eq!(model.blend(3.0), middle);
+        let levels = (0..=50).map(|level| model.rate(f64::from(level) / 10.0));
         assert!(levels.is_sorted_by(|finer, coarser| finer >= coarser));
     }
 
     #[test]
-    fn what_was_seen_long_ago_counts_no_more() {
-        let mut weights = Weights::new();
-        learn(&mut weights, 500, PixelPrecision::Lossy90, 1.0, 4000);
-        let before = weights.all()[3];
-        learn(&mut weights, 8000, PixelPrecision::Exact, 1.0, 3000);
-        let now = weights.all()[3];
+    fn old_messages_lose_their_weight() {
+        let mut model = RateModel::new();
+        train(&mut model, 500, PixelPrecision::Lossy90, 1.0, 4000);
+        let before = model.rates()[3];
+        train(&mut model, 8000, PixelPrecision::Exact, 1.0, 3000);
+        let now = model.rates()[3];
         assert!(now < 0.5 * before, "{before} {now}");
     }
 }

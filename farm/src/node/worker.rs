@@ -1,4 +1,5 @@
-//! Traces runs, one after the other, and sends their tiles in groups as they are finished.
+//! A node's worker: traces requests one after the other, and sends their tiles in groups as they are
+//! finished.
 
 use std::any::Any;
 use std::cell::RefCell;
@@ -12,10 +13,10 @@ use carom_protocol::tile_codec::Encoder;
 use carom_protocol::{NodeTimes, RefusalReason, RequestReport, TilesDone};
 use carom_tracer::{Error, Tile, TileRadiance, TileRange, TraceJob, Tracer};
 
-use super::queue::{Job, Queue};
+use super::queue::{JobQueue, NodeJob};
 
 /// Starts a worker thread; it ends when the queue is closed.
-pub(super) fn start(queue: Arc<Queue>, tracer: Arc<dyn Tracer>) {
+pub(super) fn start(queue: Arc<JobQueue>, tracer: Arc<dyn Tracer>) {
     queue.worker_starts();
     let work = {
         let queue = Arc::clone(&queue);
@@ -31,39 +32,39 @@ pub(super) fn start(queue: Arc<Queue>, tracer: Arc<dyn Tracer>) {
         }
     };
     let thread = std::thread::Builder::new().name("carom-node".into());
-    if let Err(why) = thread.spawn(work) {
-        tracing::error!("no thread for a node's worker: {why}");
+    if let Err(error) = thread.spawn(work) {
+        tracing::error!("cannot start a worker's thread: {error}");
         queue.worker_ends();
     }
 }
 
-/// A run being traced.
-struct Running<'a> {
-    queue: &'a Queue,
-    job: &'a Job,
+/// A request that is being traced.
+struct ActiveJob<'a> {
+    queue: &'a JobQueue,
+    job: &'a NodeJob,
     begun: Instant,
     tiles: Vec<Tile>,
-    groups: Vec<Mutex<Group>>,
+    groups: Vec<Mutex<TileGroup>>,
     encode_nanos: AtomicU64,
 }
 
-/// Tiles that travel together.
-struct Group {
+/// The tiles of one message.
+struct TileGroup {
     radiance: Vec<Option<Vec<[f32; 3]>>>,
     missing: usize,
     dropped_samples: u32,
 }
 
-/// Traces a run and tells its client how it went.
-fn run(queue: &Queue, tracer: &dyn Tracer, job: &Job) {
-    let running = Running::new(queue, job);
-    let traced = catch_unwind(AssertUnwindSafe(|| running.trace(tracer)));
+/// Traces a request and reports the outcome to its client.
+fn run(queue: &JobQueue, tracer: &dyn Tracer, job: &NodeJob) {
+    let active = ActiveJob::new(queue, job);
+    let traced = catch_unwind(AssertUnwindSafe(|| active.trace(tracer)));
     let id = job.request.id;
     match traced {
         Ok(Ok(())) if job.cancelled.load(Ordering::Relaxed) => {
             job.client.refuse(id, RefusalReason::Cancelled);
         }
-        Ok(Ok(())) => job.client.request_done(running.report()),
+        Ok(Ok(())) => job.client.request_done(active.report()),
         Ok(Err(why @ Error::InvalidScene(_) | why @ Error::InvalidUpdate(_))) => {
             job.client
                 .refuse(id, RefusalReason::Invalid(why.to_string()));
@@ -78,11 +79,11 @@ fn run(queue: &Queue, tracer: &dyn Tracer, job: &Job) {
     }
 }
 
-impl<'a> Running<'a> {
-    fn new(queue: &'a Queue, job: &'a Job) -> Self {
+impl<'a> ActiveJob<'a> {
+    fn new(queue: &'a JobQueue, job: &'a NodeJob) -> Self {
         let tiles: Vec<Tile> = job.request.grid.tiles(job.request.tiles).collect();
         let group = |tiles: &[Tile]| {
-            Mutex::new(Group {
+            Mutex::new(TileGroup {
                 radiance: vec![None; tiles.len()],
                 missing: tiles.len(),
                 dropped_samples: 0,
@@ -98,8 +99,8 @@ impl<'a> Running<'a> {
         }
     }
 
-    /// One call of the tracer for the whole run, which is what a GPU is quick at; groups of tiles
-    /// are encoded beside it, on rayon's threads, as they become whole.
+    /// Traces the whole request in one call, as a GPU is fast only on many tiles; groups are encoded
+    /// meanwhile, on rayon's threads, as they become complete.
     fn trace(&self, tracer: &dyn Tracer) -> Result<(), Error> {
         let request = &self.job.request;
         let mut scene = self.queue.compiled(request.scene, &self.job.scene)?;
@@ -122,15 +123,16 @@ impl<'a> Running<'a> {
         })
     }
 
-    /// Puts a tile into its group; hands the group out when it is whole, with its first tile.
-    fn collect(&self, tile: TileRadiance) -> Option<(usize, Group)> {
+    /// Adds a tile to its group; returns the group when it is complete, with the index of its first
+    /// tile.
+    fn collect(&self, tile: TileRadiance) -> Option<(usize, TileGroup)> {
         let index = tile.index / GROUP_TILES;
         let mut group = self.groups[index]
             .lock()
             .unwrap_or_else(PoisonError::into_inner);
         let slot = &mut group.radiance[tile.index % GROUP_TILES];
         if slot.is_some() {
-            return None; // a tracer that hands a tile over twice: the first one counts
+            return None; // a tracer that delivers a tile twice: the first one counts
         }
         *slot = Some(tile.radiance);
         group.missing -= 1;
@@ -138,15 +140,15 @@ impl<'a> Running<'a> {
         if group.missing > 0 {
             return None;
         }
-        let whole = Group {
+        let complete = TileGroup {
             radiance: std::mem::take(&mut group.radiance),
             ..*group
         };
-        Some((index * GROUP_TILES, whole))
+        Some((index * GROUP_TILES, complete))
     }
 
     /// Encodes and sends a group of tiles, the last of which was `traced` then.
-    fn send(&self, first: usize, group: &Group, traced: Instant) {
+    fn send(&self, first: usize, group: &TileGroup, traced: Instant) {
         if self.job.cancelled.load(Ordering::Relaxed) {
             return;
         }
@@ -196,7 +198,7 @@ impl<'a> Running<'a> {
 }
 
 thread_local! {
-    /// Its buffers and its zstd context are used again.
+    /// One for each thread: its buffers and its zstd context are reused.
     static ENCODER: RefCell<Encoder> = RefCell::new(Encoder::new());
 }
 
