@@ -45,7 +45,7 @@ pub trait PacketHandler {
     /// `cx`.
     fn poll_commands(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), Error>>;
 
-    /// Runs that have been cancelled since the last call: their streams are reset.
+    /// Requests that have been cancelled since the last call: their streams are reset.
     fn take_cancelled(&mut self) -> Vec<RequestId> {
         Vec::new()
     }
@@ -106,7 +106,7 @@ struct ConnectionDriver {
     tasks: JoinSet<ConnectionEnd>,
     control_writer: tokio::task::JoinHandle<()>,
     connection: Connection,
-    /// The last runs that were cancelled.
+    /// The last requests that were cancelled.
     cancelled: watch::Sender<VecDeque<RequestId>>,
     transport: watch::Receiver<TileTransport>,
     role: Role,
@@ -210,10 +210,10 @@ impl ConnectionDriver {
                 total_bytes,
             } => handler.on_scene_progress(received_bytes, total_bytes),
         }
-        let runs = handler.take_cancelled();
-        if !runs.is_empty() {
+        let requests = handler.take_cancelled();
+        if !requests.is_empty() {
             self.cancelled.send_modify(|cancelled| {
-                cancelled.extend(runs);
+                cancelled.extend(requests);
                 let excess = cancelled
                     .len()
                     .saturating_sub(limits::REQUESTS_REFUSED_KEPT);

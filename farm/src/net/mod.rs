@@ -12,6 +12,30 @@
 //!
 //! Both ends authenticate each other by certificates of the farm's own authority that name their
 //! role; nothing is allocated for a peer before. There is no other way to reach a node over a socket.
+//!
+//! # The transport, by measurement
+//!
+//! 31.5 Mbit/s of tiles over a round trip of 46 ms, by `carom-bench transport --seconds 10` with seeds
+//! 1 to 3 on a quiet machine of 16 cores; medians. A tile is missing if it has not come within 100 ms
+//! of its request, and the 99th percentile is of those that have.
+//!
+//! | path | | `congestion`, `fec` | `congestion`, streams | BBR, streams | Cubic, streams |
+//! |---|---|---|---|---|---|
+//! | clean | p99 | 25.4 ms | 25.5 ms | 25.5 ms | 25.3 ms |
+//! | | slow frames of the first 60 | 0 | 0 | 0 | 16 |
+//! | 1 % loss | p99 | 28.3 ms | 26.6 ms | 25.5 ms | 92.2 ms |
+//! | | missing | 0.00 % | 4.63 % | 4.07 % | 99.1 % |
+//! | 1 % loss, four at a time | p99 | 28.2 ms | 25.4 ms | 25.4 ms | 92.0 ms |
+//! | | missing | 0.01 % | 2.43 % | 2.62 % | 98.9 % |
+//! | 25 Mbit/s | p99 | 90.6 ms | 91.8 ms | 89.6 ms | 89.6 ms |
+//! | | missing | 82.9 % | 69.5 % | 97.9 % | 95.4 % |
+//! | | p99 in the link's queue | 25.6 ms | 20.2 ms | 335 ms | 335 ms |
+//! | 25 Mbit/s, bitrate control | p99 | 62.1 ms | | | |
+//! | | missing | 0.01 % | | | |
+//!
+//! Error correction stays: without it 2 to 5 % of the tiles miss their deadline on a lossy path. The
+//! delay-based window stays: on a slow link BBR and Cubic fill a queue for a third of a second, which
+//! leaves bitrate control nothing to go by. quinn's controllers remain selectable for comparison.
 
 mod address;
 pub mod authority;

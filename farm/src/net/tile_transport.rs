@@ -47,7 +47,7 @@ pub(crate) struct Nack {
 /// A node's end. Packets that wait for the network wait in the session, which can still drop them.
 pub(crate) struct TileSender {
     connection: Connection,
-    /// Runs that nobody waits for: their streams are reset, so that lost packets of theirs are not
+    /// Requests that nobody waits for: their streams are reset, so that lost packets of theirs are not
     /// retransmitted.
     cancelled: watch::Receiver<VecDeque<RequestId>>,
     transport: watch::Sender<TileTransport>,
@@ -105,18 +105,18 @@ impl TileSender {
     }
 
     async fn send(&mut self, packet: Vec<u8>) -> Result<(), ConnectionEnd> {
-        let run = codec::request_of_tiles(&packet);
-        if self.is_cancelled(run) {
+        let request = codec::request_of_tiles(&packet);
+        if self.is_cancelled(request) {
             return Ok(());
         }
         let Some(datagram_bytes) = self.choose_transport() else {
-            return self.send_stream(run, &[&packet]).await;
+            return self.send_stream(request, &[&packet]).await;
         };
         let now = self.start.elapsed();
         let losses = &mut self.losses;
         match self.encoder.push(now, packet, datagram_bytes, losses) {
             Ok(datagrams) => self.send_datagrams(datagrams).await,
-            Err(packet) => self.send_stream(run, &[&packet]).await,
+            Err(packet) => self.send_stream(request, &[&packet]).await,
         }
     }
 
@@ -184,23 +184,23 @@ impl TileSender {
             packet,
         } in packets
         {
-            let run = codec::request_of_tiles(&packet);
-            if self.is_cancelled(run) {
+            let request = codec::request_of_tiles(&packet);
+            if self.is_cancelled(request) {
                 continue;
             }
             let header = [&[RETRANSMISSION], &block.to_le_bytes()[..], &[index]].concat();
-            self.send_stream(run, &[&header, &packet]).await?;
+            self.send_stream(request, &[&header, &packet]).await?;
         }
         Ok(())
     }
 
-    fn is_cancelled(&self, run: Option<RequestId>) -> bool {
-        run.is_some_and(|run| self.cancelled.borrow().contains(&run))
+    fn is_cancelled(&self, request: Option<RequestId>) -> bool {
+        request.is_some_and(|request| self.cancelled.borrow().contains(&request))
     }
 
     async fn send_stream(
         &mut self,
-        run: Option<RequestId>,
+        request: Option<RequestId>,
         parts: &[&[u8]],
     ) -> Result<(), ConnectionEnd> {
         let mut cancelled = self.cancelled.clone();
@@ -218,7 +218,7 @@ impl TileSender {
         };
         let written = tokio::select! {
             written = write => Some(written),
-            () = wait_until_cancelled(&mut cancelled, run) => None,
+            () = wait_until_cancelled(&mut cancelled, request) => None,
         };
         match written {
             None => drop(stream.reset(close_code::STALE)),
@@ -227,7 +227,7 @@ impl TileSender {
                 self.unacknowledged.spawn(async move {
                     tokio::select! {
                         _ = stream.stopped() => {}
-                        () = wait_until_cancelled(&mut cancelled, run) => {
+                        () = wait_until_cancelled(&mut cancelled, request) => {
                             drop(stream.reset(close_code::STALE));
                         }
                     }
@@ -247,9 +247,10 @@ impl TileSender {
 /// Never returns if the connection ends before.
 async fn wait_until_cancelled(
     cancelled: &mut watch::Receiver<VecDeque<RequestId>>,
-    run: Option<RequestId>,
+    request: Option<RequestId>,
 ) {
-    let is_cancelled = |runs: &VecDeque<RequestId>| run.is_some_and(|run| runs.contains(&run));
+    let is_cancelled =
+        |requests: &VecDeque<RequestId>| request.is_some_and(|request| requests.contains(&request));
     if cancelled.wait_for(is_cancelled).await.is_err() {
         std::future::pending::<()>().await;
     }
