@@ -1,6 +1,7 @@
-//! `carom-farm`: the farm's credentials, its nodes, pictures without the game, and benches.
+//! The program `carom-farm`: a farm's credentials, its nodes, pictures without the game, and
+//! measurements of a machine.
 //!
-//! Exit codes: 0 done, 1 it failed while running, 2 the arguments or their files are wrong.
+//! Exit codes: 0 success, 1 a failure while running, 2 invalid arguments or files, 130 interrupted.
 
 mod commands;
 
@@ -10,20 +11,20 @@ use clap::Parser;
 use mimalloc::MiMalloc;
 use tracing_subscriber::EnvFilter;
 
-/// With glibc's an answer of 64 KiB over a loopback takes a quarter more time.
+/// With glibc's allocator an answer of 64 KiB over a loopback takes a quarter more time.
 #[global_allocator]
 static ALLOCATOR: MiMalloc = MiMalloc;
 
-/// Many machines as one path tracer.
+/// Path-trace pictures on many machines as one
 #[derive(Parser)]
 #[command(name = "carom-farm", version, about, long_about = None)]
-struct Cli {
+struct FarmCli {
     #[command(subcommand)]
-    command: commands::Command,
+    command: commands::FarmCommand,
 }
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = FarmCli::parse();
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("warn"));
     tracing_subscriber::fmt()
         .with_env_filter(filter)

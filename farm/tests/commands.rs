@@ -1,4 +1,4 @@
-//! The program `carom-farm` as its users meet it: refusals, and a farm from nothing to a picture.
+//! The program `carom-farm` end to end: refusals, and a farm from `init` to a picture.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Lines};
@@ -20,7 +20,7 @@ fn carom_farm(dir: &Path, args: &[&str]) -> Output {
         .unwrap()
 }
 
-/// What the program says when it refuses its input; panics if it does not.
+/// The message with which the program refuses its input; panics if it accepts it.
 fn refused(dir: &Path, args: &[&str]) -> String {
     let output = carom_farm(dir, args);
     let said = String::from_utf8(output.stderr).unwrap();
@@ -59,7 +59,7 @@ fn first_plastic(scene: &mut Value) -> &mut Value {
 }
 
 #[test]
-fn scenes_that_cannot_be_drawn_are_refused_with_the_place() {
+fn invalid_scenes_are_refused_with_the_place() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
     let not_a_number = POOL.replacen("44.0", "NaN", 1).replacen("44,", "NaN,", 1);
@@ -102,7 +102,7 @@ fn scenes_that_cannot_be_drawn_are_refused_with_the_place() {
 }
 
 #[test]
-fn pictures_that_cannot_be_made_are_refused() {
+fn invalid_render_arguments_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     for (args, place) in [
         ("--size 0x0 --out a.png", "0x0"),
@@ -124,7 +124,7 @@ fn pictures_that_cannot_be_made_are_refused() {
             "carom-farm init",
         ),
         ("--config missing.toml --out a.png", "missing.toml"),
-        ("--backend none --out a.png", "no node"),
+        ("--backend none --out a.png", "no renderer"),
     ] {
         let mut all = vec!["render"];
         all.extend(args.split(' '));
@@ -135,7 +135,7 @@ fn pictures_that_cannot_be_made_are_refused() {
 }
 
 #[test]
-fn configurations_with_unknown_or_wrong_fields_are_refused() {
+fn invalid_configuration_fields_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     for (text, place) in [
         ("colour = \"green\"", "colour"),
@@ -155,26 +155,26 @@ fn configurations_with_unknown_or_wrong_fields_are_refused() {
 }
 
 #[test]
-fn credentials_that_cannot_be_used_are_refused() {
+fn unusable_credentials_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
     let node = ["node", "--listen", "127.0.0.1:0", "--backend", "cpu"];
     let with = |folder: &'static str| [&node[..], &["--credentials", folder]].concat();
-    assert!(refused(dir, &with("none")).contains("carom-farm add"));
-    assert!(refused(dir, &["add", "oak"]).contains("carom-farm init"));
+    assert!(refused(dir, &with("none")).contains("carom-farm add-node"));
+    assert!(refused(dir, &["add-node", "oak"]).contains("carom-farm init"));
     done(dir, &["init"]);
-    assert!(refused(dir, &["init"]).contains("holds a farm already"));
-    assert!(refused(dir, &["add", "../oak"]).contains("cannot be a node's name"));
+    assert!(refused(dir, &["init"]).contains("already holds a farm"));
+    assert!(refused(dir, &["add-node", "../oak"]).contains("not a valid node name"));
     // The player's folder is not a node's.
-    assert!(refused(dir, &with(".carom")).contains("carom-farm add"));
-    done(dir, &["add", "oak"]);
-    assert!(refused(dir, &["add", "oak"]).contains("--renew"));
+    assert!(refused(dir, &with(".carom")).contains("carom-farm add-node"));
+    done(dir, &["add-node", "oak"]);
+    assert!(refused(dir, &["add-node", "oak"]).contains("--renew"));
     std::fs::write(dir.join(".carom/nodes/oak/node.pem"), "nothing").unwrap();
     assert!(refused(dir, &with(".carom/nodes/oak")).contains("node.pem"));
 }
 
 #[test]
-fn the_benches_refuse_what_is_no_picture() {
+fn benches_refuse_invalid_pictures() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("a.exr"), "no picture").unwrap();
     for reference in ["a.exr", "missing.exr"] {
@@ -188,18 +188,18 @@ fn the_benches_refuse_what_is_no_picture() {
 #[test]
 fn no_command_prints_a_key() {
     let dir = tempfile::tempdir().unwrap();
-    let said = done(dir.path(), &["init"]) + &done(dir.path(), &["add", "oak"]);
+    let said = done(dir.path(), &["init"]) + &done(dir.path(), &["add-node", "oak"]);
     assert!(!said.contains("PRIVATE"));
 }
 
 /// A `carom-farm node` on a port of the system's choice; killed when dropped.
-struct Node {
+struct NodeProcess {
     child: Child,
     lines: Lines<BufReader<ChildStdout>>,
     address: String,
 }
 
-impl Node {
+impl NodeProcess {
     fn start(dir: &Path, name: &str) -> Self {
         let folder = format!(".carom/nodes/{name}");
         let mut child = Command::new(env!("CARGO_BIN_EXE_carom-farm"))
@@ -220,7 +220,7 @@ impl Node {
         node
     }
 
-    /// Reads what the node prints until a line that begins with `state`.
+    /// Reads the node's output until a line that starts with `state`.
     fn wait_for(&mut self, state: &str) -> String {
         let mut lines = self.lines.by_ref().map(Result::unwrap);
         let found = lines.find(|line| line.starts_with(state));
@@ -228,7 +228,7 @@ impl Node {
     }
 }
 
-impl Drop for Node {
+impl Drop for NodeProcess {
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
@@ -240,7 +240,7 @@ fn farm(nodes: &[&str]) -> TempDir {
     let dir = tempfile::tempdir().unwrap();
     done(dir.path(), &["init"]);
     for name in nodes {
-        done(dir.path(), &["add", name]);
+        done(dir.path(), &["add-node", name]);
     }
     dir
 }
@@ -252,10 +252,13 @@ fn pixels(dir: &Path, file: &str) -> Vec<[u32; 3]> {
 }
 
 #[test]
-fn a_picture_over_the_network_is_the_local_one_bit_for_bit() {
+fn remote_and_local_pictures_have_the_same_bits() {
     let dir = farm(&["oak", "elm"]);
     let dir = dir.path();
-    let (oak, elm) = (Node::start(dir, "oak"), Node::start(dir, "elm"));
+    let (oak, elm) = (
+        NodeProcess::start(dir, "oak"),
+        NodeProcess::start(dir, "elm"),
+    );
     let picture = ["render", "--size", "96x54", "--spp", "8", "--seed", "7"];
     let local = ["--backend", "cpu", "--out", "local.exr"];
     done(dir, &[&picture[..], &local].concat());
@@ -289,7 +292,7 @@ fn a_picture_over_the_network_is_the_local_one_bit_for_bit() {
 }
 
 #[test]
-fn a_killed_render_goes_on_to_the_same_picture_bit_for_bit() {
+fn a_resumed_render_has_the_same_bits() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
     let picture = "render --backend cpu --size 320x180 --spp 512 --checkpoint-secs 0 --out";
@@ -323,10 +326,13 @@ fn a_killed_render_goes_on_to_the_same_picture_bit_for_bit() {
 }
 
 #[test]
-fn pictures_are_denoised_alike_by_one_node_and_by_several() {
+fn one_and_several_nodes_denoise_to_the_same_bits() {
     let dir = farm(&["oak", "elm"]);
     let dir = dir.path();
-    let (oak, elm) = (Node::start(dir, "oak"), Node::start(dir, "elm"));
+    let (oak, elm) = (
+        NodeProcess::start(dir, "oak"),
+        NodeProcess::start(dir, "elm"),
+    );
     let picture = ["render", "--size", "200x110", "--spp", "4", "--denoise"];
     let out = ["--out", "local.exr", "--out", "local.png"];
     done(dir, &[&picture[..], &["--backend", "cpu"], &out].concat());
@@ -342,10 +348,13 @@ fn pictures_are_denoised_alike_by_one_node_and_by_several() {
 }
 
 #[test]
-fn a_node_that_is_killed_costs_no_picture() {
+fn a_killed_node_costs_no_picture() {
     let dir = farm(&["oak", "elm"]);
     let dir = dir.path();
-    let (mut oak, elm) = (Node::start(dir, "oak"), Node::start(dir, "elm"));
+    let (mut oak, elm) = (
+        NodeProcess::start(dir, "oak"),
+        NodeProcess::start(dir, "elm"),
+    );
     let picture = ["render", "--size", "320x180", "--spp", "256", "--seed", "3"];
     let remote = [
         "--backend",
@@ -375,9 +384,9 @@ fn a_node_that_is_killed_costs_no_picture() {
 
 #[cfg(unix)]
 #[test]
-fn a_node_that_is_told_to_stop_says_so_and_ends_well() {
+fn an_interrupted_node_drains_and_exits_cleanly() {
     let dir = farm(&["oak"]);
-    let mut oak = Node::start(dir.path(), "oak");
+    let mut oak = NodeProcess::start(dir.path(), "oak");
     let pid = oak.child.id().to_string();
     assert!(
         Command::new("kill")
@@ -391,16 +400,16 @@ fn a_node_that_is_told_to_stop_says_so_and_ends_well() {
 }
 
 #[test]
-fn status_tells_a_node_that_answers_from_one_that_does_not() {
+fn status_distinguishes_nodes_that_answer() {
     let dir = farm(&["oak"]);
     let dir = dir.path();
-    let oak = Node::start(dir, "oak");
+    let oak = NodeProcess::start(dir, "oak");
     // A port that is held and never answers.
     let silent = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
     let silent = silent.local_addr().unwrap().to_string();
     let nodes = format!("nodes = [\"{}\", \"{silent}\"]\n", oak.address);
     std::fs::write(dir.join("farm.toml"), nodes).unwrap();
-    let output = carom_farm(dir, &["status", "--json", "--patience", "5"]);
+    let output = carom_farm(dir, &["status", "--json", "--timeout-secs", "5"]);
     assert_eq!(output.status.code(), Some(1), "{output:?}");
     let rows: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(rows[0]["address"], json!(oak.address));

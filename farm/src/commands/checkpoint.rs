@@ -1,7 +1,7 @@
-//! What a long render leaves behind so that it can go on after a crash: the sums so far.
+//! Checkpoints of a long render, from which it resumes after a crash: the film's sums so far.
 //!
-//! One line of JSON says which picture it is, the film's bytes follow, a BLAKE3 hash of all that ends
-//! the file. It is written beside its place and renamed, so that there is always a whole one.
+//! A file is one line of JSON that identifies the picture, the film's bytes, and a BLAKE3 hash of both.
+//! It is written to a temporary file and renamed, so that there is always a complete one.
 
 use std::fs::File;
 use std::io::Write;
@@ -16,16 +16,16 @@ use serde::{Deserialize, Serialize};
 
 use crate::commands::Failure;
 
-/// The picture that a checkpoint is of, and how far it has come.
+/// The identity of a checkpoint's picture, and its progress.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Header {
-    /// Of this file's form.
+struct CheckpointHeader {
+    /// The version of the file format.
     version: u32,
-    /// Hash of the scene, in hexadecimal.
+    /// The scene's hash, in hexadecimal.
     scene: String,
     size: ImageSize,
     settings: RenderSettings,
-    /// Samples of each pixel that are in the sums.
+    /// Samples per pixel in the sums.
     samples_done: u32,
 }
 
@@ -35,13 +35,13 @@ const HASH_BYTES: usize = 32;
 /// The checkpoints of one render.
 pub(crate) struct Checkpoint {
     path: PathBuf,
-    header: Header,
+    header: CheckpointHeader,
     period: Duration,
     written: Instant,
 }
 
 impl Checkpoint {
-    /// For the picture that will be at `out`; written at most once a `period`.
+    /// The checkpoints of the picture that is written to `out`, at most one per `period`.
     pub(crate) fn new(
         out: &Path,
         scene: &Scene,
@@ -54,7 +54,7 @@ impl Checkpoint {
         path.push(".checkpoint");
         Self {
             path: path.into(),
-            header: Header {
+            header: CheckpointHeader {
                 version: VERSION,
                 scene: hash.iter().map(|byte| format!("{byte:02x}")).collect(),
                 size,
@@ -66,24 +66,27 @@ impl Checkpoint {
         }
     }
 
-    /// The film and its samples so far; none if there is no checkpoint.
+    /// The film and its samples per pixel; `None` without a checkpoint.
     ///
     /// # Errors
-    /// [`Failure::Input`] if there is one of another picture, or a damaged one.
+    /// [`Failure::Input`] if the checkpoint is damaged or of another picture.
     pub(crate) fn resume(&mut self) -> Result<Option<(Film, u32)>, Failure> {
         let bytes = match std::fs::read(&self.path) {
             Ok(bytes) => bytes,
             Err(why) if why.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             Err(why) => return Err(self.refused(&why.to_string())),
         };
-        let (header, film) = read(&bytes).ok_or_else(|| self.refused("it is damaged"))?;
+        let (header, film) =
+            read(&bytes).ok_or_else(|| self.refused("this checkpoint is damaged"))?;
         let samples_done = header.samples_done;
-        let same = Header {
+        let same = CheckpointHeader {
             samples_done,
             ..self.header.clone()
         };
         if header != same || samples_done > header.settings.samples {
-            return Err(self.refused("it is of another scene, size or number of samples"));
+            return Err(
+                self.refused("this checkpoint is of another scene, size or number of samples")
+            );
         }
         self.header = header;
         Ok(Some((film, samples_done)))
@@ -91,7 +94,7 @@ impl Checkpoint {
 
     fn refused(&self, why: &str) -> Failure {
         Failure::Input(format!(
-            "{}: {why}; remove it, or write the picture to another file",
+            "{}: {why}; delete it, or write the picture to another file",
             self.path.display()
         ))
     }
@@ -121,7 +124,7 @@ impl Checkpoint {
         let write = || -> std::io::Result<()> {
             let mut file = File::create(&partial)?;
             file.write_all(&bytes)?;
-            // Before the name: after a power cut there must not be a name without content.
+            // Before the rename: after a power cut there must be no name without content.
             file.sync_all()?;
             std::fs::rename(&partial, &self.path)
         };
@@ -130,10 +133,10 @@ impl Checkpoint {
         Ok(())
     }
 
-    /// Removes the file: the picture is done.
+    /// Deletes the file once the picture is complete.
     ///
     /// # Errors
-    /// [`Failure::Run`] if there is one and it cannot be removed.
+    /// [`Failure::Run`] if it exists and cannot be deleted.
     pub(crate) fn remove(&self) -> Result<(), Failure> {
         match std::fs::remove_file(&self.path) {
             Err(why) if why.kind() != std::io::ErrorKind::NotFound => {
@@ -143,19 +146,19 @@ impl Checkpoint {
         }
     }
 
-    /// Where it lies.
+    /// The path of the file.
     pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 }
 
-fn read(bytes: &[u8]) -> Option<(Header, Film)> {
+fn read(bytes: &[u8]) -> Option<(CheckpointHeader, Film)> {
     let (content, hash) = bytes.split_at_checked(bytes.len().checked_sub(HASH_BYTES)?)?;
     if blake3::hash(content).as_bytes() != hash {
         return None;
     }
     let line = content.iter().position(|&byte| byte == b'\n')?;
-    let header: Header = serde_json::from_slice(&content[..line]).ok()?;
+    let header: CheckpointHeader = serde_json::from_slice(&content[..line]).ok()?;
     let film = Film::from_bytes(header.size, &content[line + 1..])?;
     Some((header, film))
 }
@@ -198,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_goes_on_where_it_was() {
+    fn a_render_resumes_from_its_checkpoint() {
         let folder = tempfile::tempdir().unwrap();
         let mut first = checkpoint(folder.path(), 1.0, 16);
         assert!(first.resume().unwrap().is_none());
@@ -213,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn checkpoints_of_others_and_damaged_ones_are_refused_by_name() {
+    fn foreign_and_damaged_checkpoints_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let mut first = checkpoint(folder.path(), 1.0, 16);
         first.offer(&film(), 3).unwrap();

@@ -1,4 +1,4 @@
-//! `carom-farm compare`: how far a back end's picture is from another renderer's.
+//! `carom-farm compare`: the difference between a back end's picture and a reference picture.
 
 use std::path::{Path, PathBuf};
 
@@ -14,47 +14,54 @@ use crate::commands::Failure;
 use crate::commands::inputs;
 use carom_farm::backend::Backend;
 
-/// Trace a scene and say how far the picture is from a reference picture of it.
+/// Trace a scene and compare the picture with a reference picture of it
+///
+/// Of all figures lower is better. relMSE is the mean squared error relative to the squared
+/// reference. FLIP, from 0 to 1, is the difference that a person sees when switching between the
+/// pictures at exposure 1; 0.05 is visible, 0.01 hardly. Bias is the error of the picture's mean per
+/// channel, in percent. |z| is the largest error of a region's mean, in standard errors; above 4 or
+/// so the picture is biased.
 #[derive(clap::Args)]
-pub(crate) struct Args {
-    /// The reference: linear Rec. 709 radiance as EXR. Its size is the picture's.
+pub(crate) struct CompareArgs {
+    /// Compare with this EXR file of linear Rec. 709 radiance; the picture gets its size
     #[arg(long)]
     reference: PathBuf,
-    /// Standard error of the reference, per pixel and channel, as EXR: finds bias that noise hides.
-    /// Traces as many samples again, in independent pictures.
+    /// Read the reference's standard error per pixel and channel from this EXR file, and print |z|
+    ///
+    /// Finds bias that noise hides. Traces --spp samples once more, in independent pictures.
     #[arg(long)]
     stderr: Option<PathBuf>,
-    /// Scene file, Carom's own or that of the reference pictures [default: the built-in pool table].
+    /// Trace this scene file [default: the built-in pool table]
     #[arg(long)]
     scene: Option<PathBuf>,
-    /// Samples per pixel; powers of two are spread best.
+    /// Trace this many samples per pixel; powers of two are distributed best
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     spp: u32,
-    /// Maximum path depth: surface scattering events per path.
+    /// Limit paths to this many surface scattering events
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(0..=64))]
     max_depth: u32,
-    /// Chooses the random numbers.
+    /// Seed the random numbers
     #[arg(long, default_value_t = 0)]
     seed: u32,
-    /// Denoise the picture. Denoised pictures are biased, which `z_max_region` then shows.
+    /// Denoise the picture, which biases it: |z| grows
     #[arg(long)]
     denoise: bool,
-    /// The back end.
+    /// Trace with this back end
     #[arg(long, default_value = "cpu")]
     backend: Backend,
-    /// Print JSON.
+    /// Print JSON
     #[arg(long)]
     json: bool,
 }
 
-/// Pixels along a region's edge: few regions, so that chance alone rarely makes one of them differ
-/// by more than 3 standard errors.
+/// Pixels along a region's edge: few regions, so that one of them rarely differs by more than 3
+/// standard errors by chance.
 const REGION_EDGE: u16 = 120;
-/// Independent pictures from whose scatter the standard error comes.
+/// Independent pictures whose variance gives the standard error.
 const BATCHES: u32 = 8;
 
 #[derive(Serialize)]
-struct Report {
+struct ComparisonReport {
     scene: String,
     backend: &'static str,
     spp: u32,
@@ -71,7 +78,7 @@ struct Report {
     cpu_seconds: f64,
 }
 
-pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+pub(crate) fn run(args: &CompareArgs) -> Result<(), Failure> {
     let named = inputs::scene(args.scene.as_deref())?;
     let scene = CompiledScene::new(&named.scene)?;
     let reference = RadianceImage::read_exr(&args.reference)?;
@@ -92,7 +99,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let film = trace_image(tracer.as_ref(), &scene, reference.size, settings)?;
     let cpu_seconds = started.elapsed().as_secs_f64();
     let picture = film.image();
-    let report = Report {
+    let report = ComparisonReport {
         scene: named.name,
         backend: args.backend.name(),
         spp: args.spp,
@@ -123,7 +130,7 @@ fn read_stderr(path: &Path, reference: &RadianceImage) -> Result<RadianceImage, 
         return Ok(stderr);
     }
     Err(Failure::Input(format!(
-        "the standard error has {}x{} pixels, the reference {}x{}",
+        "the standard error has {}x{} pixels, but the reference {}x{}",
         stderr.size.width, stderr.size.height, reference.size.width, reference.size.height
     )))
 }
@@ -150,7 +157,7 @@ fn z_max_region(
     Ok(comparison.worst_region().map_or(0.0, |(z, _)| z))
 }
 
-fn print(report: &Report, json: bool) -> anyhow::Result<()> {
+fn print(report: &ComparisonReport, json: bool) -> anyhow::Result<()> {
     if json {
         let json = serde_json::to_string(report).context("results as JSON")?;
         println!("{json}");
@@ -160,12 +167,18 @@ fn print(report: &Report, json: bool) -> anyhow::Result<()> {
         "{} on {}, {} samples per pixel",
         report.scene, report.backend, report.spp
     );
-    println!("relMSE      {:.3e}", report.relmse);
-    println!("FLIP        {:.4}", report.flip);
+    println!(
+        "relMSE      {:.3e}   mean squared error over squared reference",
+        report.relmse
+    );
+    println!(
+        "FLIP        {:.4}      visible difference, 0 to 1",
+        report.flip
+    );
     let [r, g, b] = report.bias.map(|bias| 100.0 * bias);
     println!("bias        {r:+.3} % {g:+.3} % {b:+.3} % of the mean");
     if let Some(z) = report.z_max_region {
-        println!("region |z|  {z:.2} at most");
+        println!("region |z|  {z:.2} standard errors at most");
     }
     println!("CPU time    {:.2} s", report.cpu_seconds);
     Ok(())

@@ -1,14 +1,14 @@
-//! Why a command ends early, and its exit code.
+//! The reason why a command ends early, and its exit code.
 
 use std::fmt;
 use std::process::ExitCode;
 
-/// Whose fault it is decides the exit code.
+/// A failure; the party at fault decides the exit code.
 #[derive(Debug)]
 pub(crate) enum Failure {
-    /// The arguments or the files that they name: 2.
+    /// The arguments or files that they name are invalid: 2.
     Input(String),
-    /// The machine, the network or a device, after the arguments were found right: 1.
+    /// The machine, the network or a device failed: 1.
     Run(anyhow::Error),
     /// Ctrl-C or SIGTERM: 130, as shells have it for SIGINT.
     Interrupted,

@@ -6,18 +6,20 @@ use carom_farm::net;
 
 use crate::commands::Failure;
 
-/// Make a farm: its authority and the player's certificate. Never overwrites one.
+/// Create a farm: its certificate authority and the player's certificate
+///
+/// Never overwrites an existing farm.
 #[derive(clap::Args)]
-pub(crate) struct Args {
-    /// Folder for ca.pem, ca.key, player.pem and player.key.
+pub(crate) struct InitArgs {
+    /// Write ca.pem, ca.key, player.pem and player.key to this folder
     #[arg(long, default_value = ".carom")]
     dir: PathBuf,
 }
 
-pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+pub(crate) fn run(args: &InitArgs) -> Result<(), Failure> {
     net::create_farm(&args.dir)?;
     let dir = args.dir.display();
-    println!("{dir} holds a new farm. Keep {dir}/ca.key to yourself: it admits nodes and players.");
-    println!("Next: carom-farm add NAME --dir {dir}");
+    println!("Created a farm in {dir}. Keep {dir}/ca.key private: it admits nodes and players.");
+    println!("Next: carom-farm add-node NAME --dir {dir}");
     Ok(())
 }

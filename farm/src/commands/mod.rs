@@ -1,4 +1,4 @@
-//! One file per subcommand: arguments in, calls of the library, lines out.
+//! The subcommands, one file each: arguments in, calls of the library, lines out.
 
 mod add_node;
 mod bench;
@@ -15,23 +15,23 @@ use clap::Subcommand;
 
 pub(crate) use failure::Failure;
 
-/// What to do.
+/// The subcommands.
 #[derive(Subcommand)]
-pub(crate) enum Command {
-    Init(init::Args),
-    Add(add_node::Args),
-    Node(node::Args),
-    Render(render::Args),
-    Status(status::Args),
+pub(crate) enum FarmCommand {
+    Init(init::InitArgs),
+    AddNode(add_node::AddNodeArgs),
+    Node(node::NodeArgs),
+    Render(render::RenderArgs),
+    Status(status::StatusArgs),
     Bench(bench::Args),
-    Compare(compare::Args),
+    Compare(compare::CompareArgs),
 }
 
-impl Command {
+impl FarmCommand {
     pub(crate) fn run(self) -> Result<(), Failure> {
         match self {
             Self::Init(args) => init::run(&args),
-            Self::Add(args) => add_node::run(&args),
+            Self::AddNode(args) => add_node::run(&args),
             Self::Node(args) => node::run(&args),
             Self::Render(args) => render::run(&args),
             Self::Status(args) => status::run(&args),

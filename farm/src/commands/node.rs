@@ -1,4 +1,4 @@
-//! `carom-farm node`: this machine's device, served to players.
+//! `carom-farm node`: this machine's devices, served to players.
 
 use std::io::Write as _;
 use std::net::SocketAddr;
@@ -15,72 +15,72 @@ use carom_protocol::{RequestId, ToNode, codec};
 use crate::commands::Failure;
 use carom_farm::backend::NodeBackend;
 
-/// Trace for players, until Ctrl-C or SIGTERM.
+/// Trace for players until Ctrl-C or SIGTERM
 ///
-/// Prints a line whenever the state changes, its first word being one of: starting, listening (with
-/// the address), paired, syncing, ready, rendering, lost, draining.
+/// Prints one line per change of state. Its first word is the state: starting, listening (with the
+/// address), paired, syncing, ready, rendering, lost or draining.
 #[derive(clap::Args)]
-pub(crate) struct Args {
-    /// Where to listen, as in 0.0.0.0:4433 or [::]:4433; port 0 lets the system choose.
+pub(crate) struct NodeArgs {
+    /// Listen on this address, e.g. 0.0.0.0:4433 or [::]:4433; port 0 lets the system choose
     #[arg(long)]
     listen: SocketAddr,
-    /// Folder with ca.pem, node.pem and node.key, as `add` made it.
+    /// Read ca.pem, node.pem and node.key from this folder, which `add-node` created
     #[arg(long, default_value = ".carom")]
     credentials: PathBuf,
-    /// What to trace with.
+    /// Trace with these devices
     #[arg(long, default_value = "auto")]
     backend: NodeBackend,
-    /// Threads of the CPU back end; 0 is one per core.
+    /// Use this many CPU threads; 0 means one per core
     #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u16).range(..=1024))]
     threads: u16,
 }
 
-pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+pub(crate) fn run(args: &NodeArgs) -> Result<(), Failure> {
     let credentials = Credentials::load(&args.credentials, Role::Node)?;
     let server = NodeServer::bind(args.listen, &credentials)?;
-    say(NodeState::Starting.word());
+    print_line(NodeState::Starting.word());
     let tracer = args.backend.open(usize::from(args.threads))?;
     let stop = StopHandle::default();
     let device = tracer.info().name;
     let node = Node::new(credentials.name(), tracer);
     let name = credentials.name();
     let listening = NodeState::Listening.word();
-    say(&format!(
+    print_line(&format!(
         "{listening} as {name} with {device} on {}",
         server.local_addr()?
     ));
     server.serve(
         &stop,
-        move |player| Watched::new(&node, player),
+        move |player| LoggedConnection::new(&node, player),
         |event| match event {
             ServerEvent::Paired { player } => {
-                say(&format!("{} with {player}", NodeState::Paired.word()));
+                print_line(&format!("{} with {player}", NodeState::Paired.word()));
             }
-            ServerEvent::Lost { player, why } => say(&format!("lost {player}: {why}")),
-            ServerEvent::Draining => say(NodeState::Draining.word()),
+            ServerEvent::Lost { player, why } => print_line(&format!("lost {player}: {why}")),
+            ServerEvent::Draining => print_line(NodeState::Draining.word()),
         },
     );
     Ok(())
 }
 
-/// A reader that has gone away must not end the node.
-fn say(line: &str) {
+/// Prints a line. A reader of the output that has gone away does not end the node.
+fn print_line(line: &str) {
     let _ = writeln!(std::io::stdout(), "{line}");
 }
 
-/// A player's session, whose changes of state are printed. A player that has asked for a picture
-/// counts as rendering until it leaves or brings another scene: at 60 pictures a second, lines for
-/// the pauses between them would tell nobody anything.
-struct Watched {
+/// A player's session that prints its changes of state. A player that has requested a picture counts
+/// as rendering until it leaves or sends another scene: at 60 pictures a second, lines for the pauses
+/// between them would be noise.
+struct LoggedConnection {
     node: Arc<Node>,
     connection: NodeConnection,
-    /// The device's name, which changes when one fails or is back.
+    /// The device's name, which changes when a device fails or recovers.
     device: String,
     player: SocketAddr,
     state: NodeState,
 }
 
-impl Watched {
+impl LoggedConnection {
     fn new(node: &Arc<Node>, player: SocketAddr) -> Self {
         Self {
             node: Arc::clone(node),
@@ -91,33 +91,33 @@ impl Watched {
         }
     }
 
-    /// Says that it has come to a state, unless it was there already.
-    fn come_to(&mut self, state: NodeState) {
+    /// Prints the state if it is new.
+    fn set_state(&mut self, state: NodeState) {
         if self.state != state {
-            say(&format!("{state} for {}", self.player));
+            print_line(&format!("{state} for {}", self.player));
             self.state = state;
         }
     }
 }
 
-impl PacketHandler for Watched {
+impl PacketHandler for LoggedConnection {
     fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error> {
         let message = codec::decode_to_node(&packet.bytes);
         let is_scene = matches!(message, Ok(ToNode::Scene { .. }));
         if is_scene {
-            self.come_to(NodeState::Syncing { percent: 100 });
+            self.set_state(NodeState::Syncing { percent: 100 });
         }
         self.connection.handle(packet)?;
         if is_scene {
-            self.come_to(NodeState::Ready);
+            self.set_state(NodeState::Ready);
         }
         if matches!(message, Ok(ToNode::Trace(_))) {
-            self.come_to(NodeState::Rendering);
+            self.set_state(NodeState::Rendering);
         }
         let device = self.node.info().device.name;
         if device != self.device {
             let rendering = NodeState::Rendering.word();
-            say(&format!("{rendering} with {device} for {}", self.player));
+            print_line(&format!("{rendering} with {device} for {}", self.player));
             self.device = device;
         }
         Ok(())
@@ -125,7 +125,7 @@ impl PacketHandler for Watched {
 
     fn on_scene_progress(&mut self, bytes: usize, of: usize) {
         let percent = (100 * bytes / of.max(1)) as u8;
-        self.come_to(NodeState::Syncing { percent });
+        self.set_state(NodeState::Syncing { percent });
         self.connection.on_scene_progress(bytes);
     }
 

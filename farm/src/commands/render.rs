@@ -1,4 +1,4 @@
-//! `carom-farm render`: one picture by the whole farm, without the game.
+//! `carom-farm render`: one picture, traced by the whole farm without the game.
 
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
@@ -13,74 +13,78 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::commands::Failure;
 use crate::commands::checkpoint::Checkpoint;
-use crate::commands::inputs::{self, Format, Output};
+use crate::commands::inputs::{self, PictureFile, PictureFormat};
 
-/// Trace a picture on this machine, on nodes, or on both.
+/// Trace a picture on this machine, on nodes, or on both
 #[derive(Clone, clap::Args)]
-pub(crate) struct Args {
-    /// Scene file [default: the built-in pool table].
+pub(crate) struct RenderArgs {
+    /// Trace this scene file [default: the built-in pool table]
     #[arg(long)]
     scene: Option<PathBuf>,
-    /// Pixels.
-    #[arg(long, default_value = "1280x720")]
+    /// Set the picture's size in pixels
+    #[arg(long, default_value = "1280x720", value_name = "WIDTHxHEIGHT")]
     size: ImageSize,
-    /// How good it is to be, in place of --spp and --denoise: draft, low, medium, high, final or
-    /// reference. The first three have a quarter, half and three quarters of --size along each
-    /// edge; `bench tradeoff` measures what each takes and loses.
+    /// Choose a quality preset in place of --spp and --denoise: draft, low, medium, high, final or
+    /// reference
+    ///
+    /// The first three render a quarter, half and three quarters of --size along each edge; `bench
+    /// tradeoff` measures the time and error of each.
     #[arg(long, conflicts_with_all = ["spp", "denoise"])]
     preset: Option<Preset>,
-    /// Samples per pixel.
+    /// Trace this many samples per pixel; error falls with their square root or faster
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     spp: u32,
-    /// Maximum path depth: surface scattering events per path.
+    /// Limit paths to this many surface scattering events
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(0..=64))]
     max_depth: u32,
-    /// Chooses the random numbers.
+    /// Seed the random numbers
     #[arg(long, default_value_t = 0)]
     seed: u32,
-    /// A node, as host:port; may be repeated. In place of those of --config.
-    #[arg(long)]
+    /// Use this node, in place of those in --config; repeat for several
+    #[arg(long, value_name = "HOST:PORT")]
     node: Vec<NodeAddress>,
-    /// Folder of the farm's credentials, as `init` made it [default: .carom, or --config's].
+    /// Read the farm's credentials from this folder, which `init` created [default: .carom, or as in
+    /// --config]
     #[arg(long)]
     credentials: Option<PathBuf>,
-    /// A farm.toml.
+    /// Read the farm's configuration from this file, usually named farm.toml
     #[arg(long)]
     config: Option<PathBuf>,
-    /// What this machine traces with: auto (every GPU that traces rightly, and the CPU), cpu,
-    /// gpu or none [default: auto, or --config's].
+    /// Choose this machine's devices: auto (all GPUs that pass the self-test, plus the CPU), cpu, gpu
+    /// or none [default: auto, or as in --config]
     #[arg(long)]
     backend: Option<LocalNode>,
-    /// How the picture is divided among nodes: the name of a balancer, as in the configuration's
-    /// `balancer` [default: water_filling_hedged, or --config's].
+    /// Divide the picture among nodes with this balancer, named as in the configuration [default:
+    /// water_filling_hedged, or as in --config]
     #[arg(long, value_name = "NAME")]
     balancer: Option<Balancing>,
-    /// What is divided: tiles, or samples, of which each node then traces others of the whole picture
-    /// [default: tiles, or --config's]. Samples cost the bytes of the picture once for each node.
-    #[arg(long, value_name = "WHAT")]
+    /// Divide the picture by tiles, or by samples of the whole picture, which costs the bytes of one
+    /// picture per node [default: tiles, or as in --config]
+    #[arg(long, value_name = "tiles|samples")]
     distribution: Option<Distribution>,
-    /// Filter the noise that is left, guided by what camera rays meet first: 4 samples then look
-    /// like 16 and more. Samples come in fewer frames, each of which is filtered by itself.
+    /// Denoise, guided by albedo, normal and depth: 4 samples then look like 16 or more
     #[arg(long)]
     denoise: bool,
-    /// The picture: .png (8-bit sRGB), or .exr (32-bit linear, with layers of albedo, normal and
-    /// depth); may be repeated. Until it is done, a file `<OUT>.checkpoint` is beside the first
-    /// one: the same command goes on from there after a crash.
+    /// Write the picture to a .png (8-bit sRGB) or .exr (32-bit linear, with albedo, normal and depth
+    /// layers) file; repeat for several
+    ///
+    /// While the render runs, `<OUT>.checkpoint` lies beside the first file; after a crash the same
+    /// command resumes from it.
     #[arg(long, required = true)]
-    out: Vec<Output>,
-    /// Seconds between checkpoints: lower loses less to a crash, and writes 32 bytes a pixel more
-    /// often.
+    out: Vec<PictureFile>,
+    /// Write a checkpoint at most every this many seconds; fewer lose less to a crash and write 32
+    /// bytes a pixel more often
     #[arg(long, default_value_t = 30)]
     checkpoint_secs: u32,
 }
 
-pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+pub(crate) fn run(args: &RenderArgs) -> Result<(), Failure> {
     let args = &args.with_preset();
     let named = inputs::scene(args.scene.as_deref())?;
     let mut farm = Farm::new(config(args)?)?;
     farm.set_scene(&named.scene)?;
     let interrupted = net::interruption().context("Ctrl-C")?;
-    let mut progress = Progress::begin(&named.scene, args)?;
+    let mut progress = RenderProgress::resume(&named.scene, args)?;
     let still = args.still();
     let traced = progress.trace(&mut farm, &still, &mut || {
         interrupted.load(Ordering::Relaxed)
@@ -89,17 +93,17 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if matches!(traced, Err(Failure::Interrupted)) && progress.samples_done > 0 {
         progress.checkpoint.write(&progress.film)?;
         let path = progress.checkpoint.path().display();
-        eprintln!("carom-farm: the same command goes on from {path}");
+        eprintln!("carom-farm: run the same command again to resume from {path}");
     }
     traced?;
     let film = &progress.film;
     if film.dropped_samples() > 0 {
         eprintln!(
-            "carom-farm: {} samples were not finite and count as black",
+            "carom-farm: {} samples were not finite and were counted as black",
             film.dropped_samples()
         );
     }
-    let layered = args.out.iter().any(|out| out.format == Format::Exr);
+    let layered = args.out.iter().any(|out| out.format == PictureFormat::Exr);
     let hits = if layered {
         still.aovs(&named.scene)?
     } else {
@@ -111,17 +115,17 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     progress.checkpoint.remove()
 }
 
-/// A picture on its way.
-struct Progress {
+/// A picture that is being traced.
+struct RenderProgress {
     film: Film,
     /// Samples of each pixel that are in the film.
     samples_done: u32,
     checkpoint: Checkpoint,
 }
 
-impl Progress {
-    /// From the start, or from where a render of the same picture was stopped.
-    fn begin(scene: &Scene, args: &Args) -> Result<Self, Failure> {
+impl RenderProgress {
+    /// Starts from the checkpoint of the same picture if there is one.
+    fn resume(scene: &Scene, args: &RenderArgs) -> Result<Self, Failure> {
         let period = Duration::from_secs(args.checkpoint_secs.into());
         let settings = args.still().settings;
         let out = &args.out[0].path;
@@ -130,7 +134,7 @@ impl Progress {
         if let Some((_, samples)) = resumed {
             let path = checkpoint.path().display();
             eprintln!(
-                "carom-farm: going on from {path}: {samples} of {} samples",
+                "carom-farm: resuming from {path} with {samples} of {} samples",
                 args.spp
             );
         }
@@ -142,7 +146,7 @@ impl Progress {
         })
     }
 
-    /// Traces what the film lacks, with a bar.
+    /// Traces the samples that the film lacks, with a progress bar.
     fn trace(
         &mut self,
         farm: &mut Farm,
@@ -171,8 +175,8 @@ impl Progress {
     }
 }
 
-impl Args {
-    /// With what the preset stands for.
+impl RenderArgs {
+    /// The arguments with the preset's values.
     fn with_preset(&self) -> Self {
         let args = self.clone();
         let Some(preset) = self.preset else {
@@ -202,7 +206,7 @@ impl Args {
     }
 }
 
-fn config(args: &Args) -> Result<FarmConfig, Failure> {
+fn config(args: &RenderArgs) -> Result<FarmConfig, Failure> {
     let mut config = match &args.config {
         Some(path) => FarmConfig::load(path)?,
         None => FarmConfig::default(),
@@ -224,7 +228,8 @@ fn config(args: &Args) -> Result<FarmConfig, Failure> {
     }
     if config.local == LocalNode::None && config.nodes.is_empty() {
         return Err(Failure::Input(
-            "there is no node to trace with: give --node HOST:PORT or another --backend".into(),
+            "no renderer configured: --backend none disables this machine and no --node is given"
+                .into(),
         ));
     }
     Ok(config)
@@ -239,13 +244,13 @@ fn progress_bar(spp: u32) -> ProgressBar {
         .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
-/// Writes beside the file and then renames, so that no half a picture is ever seen.
-fn write(film: &Film, hits: &[Aovs], out: &Output) -> Result<(), Failure> {
+/// Writes to a temporary file and renames it, so that nobody ever reads half a picture.
+fn write(film: &Film, hits: &[Aovs], out: &PictureFile) -> Result<(), Failure> {
     let partial = out.path.with_extension("partial");
     let image = film.image();
     match out.format {
-        Format::Exr => image.write_exr_with_aovs(&partial, hits)?,
-        Format::Png => image.write_png(&partial, 1.0)?,
+        PictureFormat::Exr => image.write_exr_with_aovs(&partial, hits)?,
+        PictureFormat::Png => image.write_png(&partial, 1.0)?,
     }
     std::fs::rename(&partial, &out.path)
         .with_context(|| out.path.display().to_string())

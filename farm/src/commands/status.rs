@@ -1,4 +1,4 @@
-//! `carom-farm status`: how each node of a farm is.
+//! `carom-farm status`: the state of each node of a farm.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -9,30 +9,30 @@ use serde::Serialize;
 
 use crate::commands::Failure;
 
-/// Call each node of a farm, say how it is, and leave.
+/// Connect to every node, print its status and exit
 ///
-/// Exit code 0 if all nodes answer, 1 if one does not.
+/// The exit code is 0 if all nodes answer and 1 otherwise.
 #[derive(clap::Args)]
-pub(crate) struct Args {
-    /// The farm's configuration.
+pub(crate) struct StatusArgs {
+    /// Read the farm's configuration from this file
     #[arg(long, default_value = "farm.toml", conflicts_with = "node")]
     farm: PathBuf,
-    /// A node as host:port, instead of those of the configuration; may be repeated.
-    #[arg(long)]
+    /// Check this node instead of those in the configuration; repeat for several
+    #[arg(long, value_name = "HOST:PORT")]
     node: Vec<String>,
-    /// Folder with ca.pem, player.pem and player.key, for --node.
+    /// Read ca.pem, player.pem and player.key from this folder, for --node
     #[arg(long, default_value = ".carom", requires = "node")]
     credentials: PathBuf,
-    /// Seconds that a node may take to answer.
+    /// Wait this many seconds for an answer
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=600))]
-    patience: u64,
-    /// Print JSON.
+    timeout_secs: u64,
+    /// Print JSON
     #[arg(long)]
     json: bool,
 }
 
 #[derive(Serialize)]
-struct Row {
+struct NodeRow {
     address: String,
     state: String,
     sentence: String,
@@ -42,20 +42,20 @@ struct Row {
     protocol: u16,
 }
 
-pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+pub(crate) fn run(args: &StatusArgs) -> Result<(), Failure> {
     let config = FarmConfig {
         local: LocalNode::None,
         ..config(args)?
     };
     if config.nodes.is_empty() {
         return Err(Failure::Input(format!(
-            "{}: there are no nodes in it: add `nodes = [\"host:port\"]`, or name one with --node",
+            "{} lists no nodes: add `nodes = [\"host:port\"]`, or name one with --node",
             args.farm.display()
         )));
     }
     let farm = Farm::new(config)?;
-    let nodes = wait(&farm, Duration::from_secs(args.patience));
-    let rows: Vec<Row> = nodes.iter().map(row).collect();
+    let nodes = wait(&farm, Duration::from_secs(args.timeout_secs));
+    let rows: Vec<NodeRow> = nodes.iter().map(row).collect();
     if args.json {
         println!(
             "{}",
@@ -70,7 +70,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
 }
 
-fn config(args: &Args) -> Result<FarmConfig, Failure> {
+fn config(args: &StatusArgs) -> Result<FarmConfig, Failure> {
     if args.node.is_empty() {
         return Ok(FarmConfig::load(&args.farm)?);
     }
@@ -81,9 +81,9 @@ fn config(args: &Args) -> Result<FarmConfig, Failure> {
     })
 }
 
-/// The nodes when each has answered or is lost, or when the patience ends.
-fn wait(farm: &Farm, patience: Duration) -> Vec<NodeStatus> {
-    let deadline = Instant::now() + patience;
+/// The nodes once each has answered or is lost, after `timeout` at the latest.
+fn wait(farm: &Farm, timeout: Duration) -> Vec<NodeStatus> {
+    let deadline = Instant::now() + timeout;
     loop {
         let nodes = farm.nodes();
         let settled = |node: &NodeStatus| {
@@ -96,9 +96,9 @@ fn wait(farm: &Farm, patience: Duration) -> Vec<NodeStatus> {
     }
 }
 
-fn row(node: &NodeStatus) -> Row {
+fn row(node: &NodeStatus) -> NodeRow {
     let info = node.info.as_ref();
-    Row {
+    NodeRow {
         address: node.address.clone(),
         state: node.state.to_string(),
         sentence: node.state.sentence(),
@@ -109,8 +109,8 @@ fn row(node: &NodeStatus) -> Row {
     }
 }
 
-fn print(row: &Row) {
-    let Row {
+fn print(row: &NodeRow) {
+    let NodeRow {
         address,
         state,
         sentence,
@@ -129,5 +129,5 @@ fn print(row: &Row) {
     println!();
 }
 
-/// Between two looks.
+/// The interval between two looks at the nodes.
 const POLL: Duration = Duration::from_millis(20);
