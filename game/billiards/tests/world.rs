@@ -522,7 +522,10 @@ fn a_miscue_is_reported() {
 fn each_cushion_law_plays_a_break() {
     let laws = [
         CushionLaw::default(),
-        CushionLaw::HAN,
+        CushionLaw::Han(BounceLaw {
+            restitution: 0.85,
+            friction: 0.2,
+        }),
         CushionLaw::Mathavan(Mathavan::default()),
     ];
     let mut ends = Vec::new();

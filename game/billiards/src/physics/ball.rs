@@ -28,12 +28,6 @@ impl BallBody {
         radius_m: 0.028_575,
     };
 
-    /// The oversized cue ball of coin-operated tables: 2⅜ in across, of the same resin.
-    pub const OVERSIZED: Self = Self {
-        mass_kg: 0.200_05,
-        radius_m: 0.030_162_5,
-    };
-
     /// # Errors
     /// [`Error::Layout`] for a mass or radius that is not positive and finite.
     pub(crate) fn validate(&self, number: u8) -> Result<()> {

@@ -7,7 +7,7 @@
 
 use glam::DVec3;
 
-use super::{ball::BallBody, deterministic_math::exp, theft::Clinging};
+use super::{ball::BallBody, deterministic_math::exp};
 
 /// The law of ball–ball contacts.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,8 +20,6 @@ pub struct BallBallLaw {
     pub friction_slow_extra: f64,
     /// How fast that fades (c), in s/m; default 1.088.
     pub friction_fade_s_m: f64,
-    /// What becomes of balls that a contact leaves together; default [`Clinging::Parts`].
-    pub clinging: Clinging,
 }
 
 impl Default for BallBallLaw {
@@ -31,7 +29,6 @@ impl Default for BallBallLaw {
             friction_fast: 0.009_951,
             friction_slow_extra: 0.108,
             friction_fade_s_m: 1.088,
-            clinging: Clinging::Parts,
         }
     }
 }
@@ -58,7 +55,6 @@ impl BallBallLaw {
         friction_fast: 0.0,
         friction_slow_extra: 0.0,
         friction_fade_s_m: 0.0,
-        clinging: Clinging::Parts,
     };
 
     /// Twists after the contact of two balls; `normal` is the unit vector from the first centre
@@ -70,8 +66,7 @@ impl BallBallLaw {
         (second_body, second): (&BallBody, Twist),
     ) -> (Twist, Twist) {
         let approach = (first.velocity - second.velocity).dot(normal);
-        let slow = approach < CLUSTER_SPEED_M_S && self.clinging == Clinging::Parts;
-        let separation = if slow {
+        let separation = if approach < CLUSTER_SPEED_M_S {
             CLUSTER_SPEED_M_S
         } else {
             self.restitution * approach

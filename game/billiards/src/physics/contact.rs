@@ -20,7 +20,7 @@ impl EventEngine<'_> {
     pub(super) fn touch(&mut self, ball: usize, obstacle: Obstacle) {
         let BallInMotion { number, body, .. } = self.balls[ball];
         let before = self.balls[ball].twist(self.now);
-        let sunk_m = self.table.rail_height_m() + body.radius_m - self.bodies.position(ball).z;
+        let sunk_m = self.table.rail_height_m() + body.radius_m - self.balls[ball].position.z;
         if obstacle == Obstacle::Top && sunk_m < LANDING_SLACK_M {
             return self.land(ball, before);
         }
@@ -28,7 +28,7 @@ impl EventEngine<'_> {
             table: self.table,
             radius_m: body.radius_m,
         };
-        let center = self.bodies.position(ball);
+        let center = self.balls[ball].position;
         let ContactNormal { normal, away } = finder.contact_normal(obstacle, center);
         let point = center - body.radius_m * away;
         let speed_m_s = -before.velocity.dot(away);
@@ -93,15 +93,15 @@ impl EventEngine<'_> {
     /// A ball falls onto a level surface: the cloth, or a rail.
     pub(super) fn land(&mut self, ball: usize, before: Twist) {
         let BallInMotion { number, body, .. } = self.balls[ball];
-        let height = self.bodies.position(ball).z;
+        let height = self.balls[ball].position.z;
         let on_rail = height > ON_RAIL_RADII * body.radius_m;
         let (surface, level) = if on_rail {
             (Surface::Rail, self.table.rail_height_m() + body.radius_m)
         } else {
             (Surface::Cloth, body.radius_m)
         };
-        self.bodies.set_height(ball, level);
-        let center = self.bodies.position(ball);
+        self.balls[ball].position.z = level;
+        let center = self.balls[ball].position;
         self.report(EventKind::Bounces {
             ball: number,
             surface,
@@ -125,12 +125,12 @@ impl EventEngine<'_> {
     /// Reports that two balls meet; the way from the first to the second, and both after the blow.
     pub(super) fn meet(&mut self, first: usize, second: usize) -> (DVec3, [Twist; 2]) {
         let bodies = [first, second].map(|ball| self.balls[ball].body);
-        let normal = direction(self.bodies.position(first), self.bodies.position(second));
+        let normal = direction(self.balls[first].position, self.balls[second].position);
         let before = [first, second].map(|ball| self.balls[ball].twist(self.now));
         self.report(EventKind::BallBall {
             first: self.balls[first].number,
             second: self.balls[second].number,
-            point: self.bodies.position(first) + bodies[0].radius_m * normal,
+            point: self.balls[first].position + bodies[0].radius_m * normal,
             speed_m_s: (before[0].velocity - before[1].velocity).dot(normal),
         });
         let law = &self.laws.ball_ball;
@@ -140,7 +140,7 @@ impl EventEngine<'_> {
 
     /// Whether a pair approaches fast enough not to be a matter of the rule for clusters.
     pub(super) fn meets_fast(&self, (first, second): (usize, usize)) -> bool {
-        let normal = direction(self.bodies.position(first), self.bodies.position(second));
+        let normal = direction(self.balls[first].position, self.balls[second].position);
         let [one, other] = [first, second].map(|ball| self.balls[ball].twist(self.now).velocity);
         (one - other).dot(normal) > CLUSTER_SPEED_M_S
     }
@@ -161,13 +161,13 @@ impl EventEngine<'_> {
             let touch = ClusterContact {
                 first: place(first),
                 second: place(second),
-                normal: direction(self.bodies.position(first), self.bodies.position(second)),
+                normal: direction(self.balls[first].position, self.balls[second].position),
             };
             let closing = twists[touch.first].velocity - twists[touch.second].velocity;
             self.report(EventKind::BallBall {
                 first: self.balls[first].number,
                 second: self.balls[second].number,
-                point: self.bodies.position(first) + bodies[touch.first].radius_m * touch.normal,
+                point: self.balls[first].position + bodies[touch.first].radius_m * touch.normal,
                 speed_m_s: closing.dot(touch.normal),
             });
             touches.push(touch);

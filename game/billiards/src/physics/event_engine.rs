@@ -1,9 +1,9 @@
 //! The simulation of one shot, from event to event.
 //!
 //! ```text
-//! earliest event ─► rapier moves all balls to it ─► the law of that event sets the velocities
-//!       ▲                                                            │
-//!       └──── contact times of the balls that changed ◄──────────────┘
+//! earliest event ─► all balls move to it ─► the law of that event sets the velocities
+//!       ▲                                                    │
+//!       └──── contact times of the balls that changed ◄──────┘
 //! ```
 //! Events at the same instant are taken in a fixed order: phase changes and cushions by ball, then
 //! pairs, those that share balls together. Nothing else decides, so that a shot has the same bits on every run.
@@ -14,7 +14,6 @@ use super::{
     ball::{BallState, Phase},
     ball_ball::Twist,
     ball_in_motion::BallInMotion,
-    bodies::Bodies,
     error::{Error, Result},
     event::{Event, EventKind},
     event_queue::{BallEvent, EventQueue, NextEvent},
@@ -22,7 +21,6 @@ use super::{
     laws::Laws,
     motion::{Motion, MotionEnd},
     table::Table,
-    theft::Clinging,
     trajectory::Trajectory,
 };
 
@@ -35,6 +33,41 @@ pub(crate) enum Until {
     CueBallContact,
 }
 
+/// What is done after every frame of a shot, by whoever has other things to do meanwhile. A frame ends
+/// between two events and changes nothing.
+pub(crate) struct FrameCallback<'a> {
+    frame_secs: f64,
+    frames: f64,
+    each: Option<&'a mut dyn FnMut()>,
+}
+
+impl<'a> FrameCallback<'a> {
+    pub(crate) fn new(frame_secs: f64, each: &'a mut dyn FnMut()) -> Self {
+        Self {
+            frame_secs,
+            frames: 0.0,
+            each: Some(each),
+        }
+    }
+
+    pub(crate) fn none() -> Self {
+        Self {
+            frame_secs: f64::INFINITY,
+            frames: 0.0,
+            each: None,
+        }
+    }
+
+    /// The shot has come to a time: frames that end until then are over.
+    pub(crate) fn advance_to(&mut self, time_secs: f64) {
+        let Some(each) = &mut self.each else { return };
+        while time_secs >= (self.frames + 1.0) * self.frame_secs {
+            self.frames += 1.0;
+            each();
+        }
+    }
+}
+
 /// What came out of a simulation.
 pub(crate) struct SimulatedShot {
     pub(crate) trajectories: Vec<Trajectory>,
@@ -45,7 +78,6 @@ pub(crate) struct SimulatedShot {
 pub(crate) struct EventEngine<'a> {
     pub(super) table: &'a Table,
     pub(super) laws: &'a Laws,
-    pub(super) bodies: Bodies,
     pub(super) now: f64,
     pub(super) balls: Vec<BallInMotion>,
     queue: EventQueue,
@@ -60,13 +92,12 @@ impl<'a> EventEngine<'a> {
         let mut simulation = Self {
             table,
             laws,
-            bodies: Bodies::new(table, states),
             now: 0.0,
             balls: states
                 .iter()
                 .map(|state| BallInMotion::new(table, laws, state))
                 .collect(),
-            queue: EventQueue::new(states.len(), laws.ball_ball.clinging),
+            queue: EventQueue::new(states.len()),
             events: Vec::new(),
             second: (0.0, 0),
             cue_ball_touched: false,
@@ -81,35 +112,16 @@ impl<'a> EventEngine<'a> {
     ///
     /// # Errors
     /// [`Error::Endless`] beyond [`EVENTS_PER_SECOND_MAX`] or [`SHOT_SECS_MAX`].
-    pub(crate) fn run(mut self, until: Until) -> Result<SimulatedShot> {
-        while self.play_event()? {
+    pub(crate) fn run(mut self, until: Until, frames: &mut FrameCallback) -> Result<SimulatedShot> {
+        while let Some((time, next)) = self.queue.earliest() {
+            frames.advance_to(time);
+            self.play_event(time, next)?;
             // A ball that the slate throws back at the cue ball touches it again at the same instant.
-            let next = self.queue.earliest();
-            let is_over = next.is_none_or(|(time, _)| time > self.now);
+            let after = self.queue.earliest();
+            let is_over = after.is_none_or(|(time, _)| time > self.now);
             if until == Until::CueBallContact && self.cue_ball_touched && is_over {
                 break;
             }
-        }
-        Ok(self.finish())
-    }
-
-    /// Simulates to the end and calls `each` after every `frame_secs` of the shot. The shot does
-    /// not depend on it: a frame ends between two events and changes nothing.
-    ///
-    /// # Errors
-    /// As [`EventEngine::run`].
-    pub(crate) fn run_in_frames(
-        mut self,
-        frame_secs: f64,
-        each: &mut dyn FnMut(),
-    ) -> Result<SimulatedShot> {
-        let mut frames = 0.0;
-        while let Some((time, _)) = self.queue.earliest() {
-            while time > (frames + 1.0) * frame_secs {
-                frames += 1.0;
-                each();
-            }
-            self.play_event()?;
         }
         Ok(self.finish())
     }
@@ -128,18 +140,11 @@ impl<'a> EventEngine<'a> {
         }
     }
 
-    /// Plays the next event; false if there is none.
-    fn play_event(&mut self) -> Result<bool> {
-        let Some((time, next)) = self.queue.earliest() else {
-            return Ok(false);
-        };
+    fn play_event(&mut self, time: f64, next: NextEvent) -> Result<()> {
         self.count_event(time)?;
         self.advance_to(time);
         match next {
             NextEvent::Ball(ball, event) => self.event(ball, event),
-            NextEvent::Pair(first, second) if self.laws.ball_ball.clinging == Clinging::Steals => {
-                self.collide_by_theft(first, second);
-            }
             NextEvent::Pair(first, second) => {
                 let pairs = self.queue.together(first, second, time + INSTANT_SECS);
                 let pairs: Vec<_> = pairs
@@ -152,18 +157,15 @@ impl<'a> EventEngine<'a> {
                 }
             }
         }
-        Ok(true)
+        Ok(())
     }
 
     fn advance_to(&mut self, time: f64) {
         let step = time - self.now;
         if step > 0.0 {
-            let now = self.now;
-            let motions = self
-                .balls
-                .iter()
-                .map(|ball| (&ball.motion, now - ball.since_secs));
-            self.bodies.advance(step, motions);
+            for ball in &mut self.balls {
+                ball.advance(self.now, step);
+            }
             self.now = time;
         }
     }
@@ -178,9 +180,9 @@ impl<'a> EventEngine<'a> {
             }
             BallEvent::Pocket(pocket) => {
                 let twist = self.balls[ball].twist(self.now);
-                let position = self.bodies.position(ball);
+                let position = self.balls[ball].position;
                 let drop = self.flight(ball).drop_into(pocket, position, twist);
-                self.begin(ball, drop, twist);
+                self.begin(ball, drop);
             }
             BallEvent::RailEnds => {
                 let twist = self.balls[ball].twist(self.now);
@@ -240,18 +242,18 @@ impl<'a> EventEngine<'a> {
     /// is lost.
     pub(super) fn lie(&mut self, ball: usize, mut twist: Twist) {
         twist.velocity.z = 0.0;
-        let position = self.bodies.position(ball);
+        let position = self.balls[ball].position;
         let motion = self
             .laws
             .cloth
             .motion(&self.balls[ball].body, position, twist);
-        self.begin(ball, motion, twist);
+        self.begin(ball, motion);
     }
 
     /// Begins the motion of a ball in the air.
     pub(super) fn fly(&mut self, ball: usize, twist: Twist) {
-        let motion = self.flight(ball).motion(self.bodies.position(ball), twist);
-        self.begin(ball, motion, twist);
+        let motion = self.flight(ball).motion(self.balls[ball].position, twist);
+        self.begin(ball, motion);
     }
 
     fn flight(&self, ball: usize) -> Flight<'a> {
@@ -262,9 +264,8 @@ impl<'a> EventEngine<'a> {
         }
     }
 
-    fn begin(&mut self, ball: usize, motion: Motion, twist: Twist) {
-        let orientation = self.balls[ball].set_off(self.now, motion);
-        self.bodies.set_twist(ball, twist, orientation);
+    fn begin(&mut self, ball: usize, motion: Motion) {
+        self.balls[ball].set_off(self.now, motion);
         self.predict_events(ball);
     }
 
@@ -291,20 +292,19 @@ impl<'a> EventEngine<'a> {
         }
         let twist = self.balls[ball].twist(self.now);
         let flight = self.flight(ball);
-        let fall = flight.fall_to_floor(self.bodies.position(ball), twist);
-        self.begin(ball, fall, twist);
+        let fall = flight.fall_to_floor(self.balls[ball].position, twist);
+        self.begin(ball, fall);
     }
 
     fn report_leaving(&mut self, ball: usize) {
         self.report(EventKind::LeftTable {
             ball: self.balls[ball].number,
-            point: self.bodies.position(ball),
+            point: self.balls[ball].position,
             speed_m_s: self.balls[ball].twist(self.now).velocity.length(),
         });
     }
 
     fn take_away(&mut self, ball: usize, phase: Phase) {
-        self.bodies.remove(ball);
         self.balls[ball].take_away(self.now, phase);
         self.predict_events(ball);
     }
@@ -350,45 +350,3 @@ const RACK_BALLS: usize = 16;
 /// Longer shots are an error: on an endless cloth a ball of 100 m/s rolls for 730 s, and one of
 /// 10⁴ rad/s turns in place for 920 s.
 pub const SHOT_SECS_MAX: f64 = 3600.0;
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::physics::cue_impact::Stroke;
-
-    /// Contact times come from polynomials; rapier's narrow phase, which knows nothing of them,
-    /// must find that no ball is ever inside another or a cushion, and that a contact is touch.
-    #[test]
-    fn rapier_sees_contacts_where_the_polynomials_put_them() {
-        let (table, laws) = (Table::nine_foot(), Laws::default());
-        let mut states = table.rack_eight(9).balls;
-        let twist = laws
-            .cue
-            .strike(&states[0].body, &Stroke::straight(0.01, 9.0));
-        states[0].velocity = twist.velocity;
-        let mut simulation = EventEngine::new(&table, &laws, &states);
-        let mut contacts = 0;
-        while simulation.play_event().expect("within limits") {
-            let gaps = simulation.bodies.contact_gaps_m();
-            let deepest = gaps.iter().copied().fold(f64::INFINITY, f64::min);
-            assert!(
-                deepest > -1e-9,
-                "an overlap of {deepest} m at {} s",
-                simulation.now
-            );
-            if let Some(Event {
-                kind: EventKind::BallBall { .. },
-                time_secs,
-            }) = simulation.events.last()
-                && *time_secs == simulation.now
-            {
-                assert!(
-                    deepest < 1e-9,
-                    "a contact {deepest} m apart at {time_secs} s"
-                );
-                contacts += 1;
-            }
-        }
-        assert!(contacts > 20, "{contacts} contacts");
-    }
-}

@@ -11,7 +11,6 @@ use super::{
     contact_time::{QuadraticPath, enters_rectangle, leaves_outline, reaches_nose, reaches_point},
     static_contact::{ContactFinder, Obstacle},
     table::{Pocket, Table},
-    theft::{Clinging, overlap},
 };
 
 /// What happens to a ball without another ball.
@@ -36,7 +35,7 @@ pub(crate) enum NextEvent {
     Pair(usize, usize),
 }
 
-/// The next happening of each ball and each pair.
+/// The next event of each ball and each pair.
 pub(crate) struct EventQueue {
     ball_events: Vec<(f64, BallEvent)>,
     /// Of balls i < j at [`pair`]`(i, j)`; infinite for none.
@@ -44,16 +43,14 @@ pub(crate) struct EventQueue {
     /// Of each ball the earliest contact with a ball before it, and that ball: of several at the
     /// same time the first.
     firsts: Vec<(f64, usize)>,
-    clinging: Clinging,
 }
 
 impl EventQueue {
-    pub(crate) fn new(balls: usize, clinging: Clinging) -> Self {
+    pub(crate) fn new(balls: usize) -> Self {
         Self {
             ball_events: vec![(f64::INFINITY, BallEvent::PhaseEnds); balls],
             pairs: vec![f64::INFINITY; balls * balls.saturating_sub(1) / 2],
             firsts: vec![(f64::INFINITY, 0); balls],
-            clinging,
         }
     }
 
@@ -66,10 +63,9 @@ impl EventQueue {
         now: f64,
     ) {
         self.ball_events[ball] = next_ball_event(&balls[ball], table, now);
-        for (other, live) in balls.iter().enumerate() {
+        for (other, another) in balls.iter().enumerate() {
             if other != ball {
-                self.pairs[pair(ball, other)] =
-                    contact_time(&balls[ball], live, (now, self.clinging));
+                self.pairs[pair(ball, other)] = contact_time(&balls[ball], another, now);
             }
         }
         self.firsts[ball] = self.first_contact(ball);
@@ -133,13 +129,10 @@ impl EventQueue {
     }
 }
 
-fn contact_time(one: &BallInMotion, other: &BallInMotion, (now, clinging): (f64, Clinging)) -> f64 {
+fn contact_time(one: &BallInMotion, other: &BallInMotion, now: f64) -> f64 {
     let in_play = one.is_in_play() && other.is_in_play();
     if !in_play || !(one.is_moving() || other.is_moving()) {
         return f64::INFINITY;
-    }
-    if clinging == Clinging::Steals && overlap(one, other, now) {
-        return now;
     }
     let horizon = one.rest_of_motion(now).min(other.rest_of_motion(now));
     let path = one.path(now).relative_to(&other.path(now));

@@ -17,13 +17,12 @@ use rapier3d::prelude::{
 use super::{
     ball::{BallBody, BallState, Phase},
     ball_in_motion::ON_RAIL_RADII,
-    bodies::cushion_shapes,
     cloth::Cloth,
     deterministic_math::exp,
     engine::Rapier,
     error::{Error, Result},
     event::{Event, EventKind},
-    event_engine::{SHOT_SECS_MAX, SimulatedShot, Until},
+    event_engine::{FrameCallback, SHOT_SECS_MAX, SimulatedShot, Until},
     laws::Laws,
     table::{Pocket, Table},
     trajectory::{Segment, Trajectory},
@@ -99,29 +98,11 @@ impl<'a> RapierEngine<'a> {
     ///
     /// # Errors
     /// [`Error::Endless`] beyond [`SHOT_SECS_MAX`].
-    pub(crate) fn run(mut self, until: Until) -> Result<SimulatedShot> {
+    pub(crate) fn run(mut self, until: Until, frames: &mut FrameCallback) -> Result<SimulatedShot> {
         while self.step()? {
+            frames.advance_to(self.now());
             if until == Until::CueBallContact && self.cue_ball_touched {
                 break;
-            }
-        }
-        Ok(self.finish())
-    }
-
-    /// Simulates to the end and calls `each` after every `frame_secs` of the shot.
-    ///
-    /// # Errors
-    /// As [`RapierEngine::run`].
-    pub(crate) fn run_in_frames(
-        mut self,
-        frame_secs: f64,
-        each: &mut dyn FnMut(),
-    ) -> Result<SimulatedShot> {
-        let mut frames = 0.0;
-        while self.step()? {
-            while self.now() >= (frames + 1.0) * frame_secs {
-                frames += 1.0;
-                each();
             }
         }
         Ok(self.finish())
@@ -368,6 +349,24 @@ fn insert_table(world: &mut PhysicsWorld, table: &Table, laws: &Laws) {
     }
 }
 
+/// Blocks behind the noses and posts in the jaws.
+fn cushion_shapes(table: &Table) -> Vec<ColliderBuilder> {
+    let half_height = 0.5 * table.nose_height_m();
+    let blocks = table.noses().iter().map(|nose| {
+        let along = nose.to() - nose.from();
+        let middle = nose.from() + 0.5 * along - CUSHION_HALF_DEPTH_M * nose.normal();
+        ColliderBuilder::cuboid(0.5 * along.length(), CUSHION_HALF_DEPTH_M, half_height)
+            .translation(middle.extend(half_height))
+            .rotation(DVec3::Z * along.to_angle())
+    });
+    let posts = table.jaws().iter().map(|jaw| {
+        ColliderBuilder::cylinder(half_height, jaw.radius_m)
+            .translation(jaw.center.extend(half_height))
+            .rotation(DVec3::X * std::f64::consts::FRAC_PI_2)
+    });
+    blocks.chain(posts).collect()
+}
+
 fn insert_ball(
     world: &mut PhysicsWorld,
     laws: &Laws,
@@ -458,3 +457,66 @@ const SUNK: f64 = 0.15;
 const LIES_M: f64 = 2e-3;
 /// ... and rises or falls no faster than this and what gravity does in two steps.
 const LIES_M_S: f64 = 0.05;
+/// Behind its nose a cushion is a block of twice this depth.
+const CUSHION_HALF_DEPTH_M: f64 = 0.005;
+
+#[cfg(test)]
+mod tests {
+    use rapier3d::prelude::{ActiveHooks, PairFilterContext, PhysicsHooks, SolverFlags};
+
+    use super::*;
+    use crate::physics::{Stroke, World};
+
+    /// Contacts are computed, but not solved.
+    struct DetectOnly;
+
+    impl PhysicsHooks for DetectOnly {
+        fn filter_contact_pair(&self, _pair: &PairFilterContext) -> Option<SolverFlags> {
+            Some(SolverFlags::empty())
+        }
+    }
+
+    /// Distances of things near each other, by rapier's narrow phase; negative where they overlap.
+    fn contact_gaps_m(table: &Table, balls: &[BallState]) -> Vec<f64> {
+        let mut world = PhysicsWorld {
+            gravity: DVec3::ZERO,
+            ..Default::default()
+        };
+        world.integration_parameters.length_unit = table.ball().radius_m;
+        // A step of no time only detects.
+        world.integration_parameters.dt = 0.0;
+        for shape in cushion_shapes(table) {
+            world.insert_collider(shape, None);
+        }
+        for ball in balls.iter().filter(|ball| ball.phase.is_on_table()) {
+            let rigid = RigidBodyBuilder::dynamic().translation(ball.position);
+            let sphere = ColliderBuilder::ball(ball.body.radius_m)
+                .active_hooks(ActiveHooks::FILTER_CONTACT_PAIRS);
+            world.insert(rigid, sphere);
+        }
+        world.step_with_events(&DetectOnly, &());
+        let pairs = world.contact_pairs();
+        pairs
+            .filter_map(|pair| Some(pair.find_deepest_contact()?.1.dist))
+            .collect()
+    }
+
+    /// Contact times come from polynomials, of which the narrow phase knows nothing.
+    #[test]
+    fn narrow_phase_sees_contacts_of_exact_engine() {
+        let table = Table::nine_foot();
+        let world = World::new(table.clone(), table.rack_eight(9)).unwrap();
+        let shot = world.strike(Stroke::straight(0.01, 9.0)).unwrap();
+        let mut contacts = 0;
+        for event in shot.events() {
+            let gaps = contact_gaps_m(&table, &shot.states_at(event.time_secs));
+            let deepest = gaps.into_iter().fold(f64::INFINITY, f64::min);
+            assert!(deepest > -1e-9, "{event:?}: an overlap of {deepest} m");
+            if matches!(event.kind, EventKind::BallBall { .. }) {
+                assert!(deepest < 1e-9, "{event:?}: {deepest} m apart");
+                contacts += 1;
+            }
+        }
+        assert!(contacts > 20, "{contacts} contacts");
+    }
+}

@@ -4,7 +4,7 @@ use super::{
     ball::{BallPose, BallState},
     error::Result,
     event::{Event, EventKind},
-    event_engine::{EventEngine, SimulatedShot, Until},
+    event_engine::{EventEngine, FrameCallback, SimulatedShot, Until},
     laws::Laws,
     table::Table,
     trajectory::Trajectory,
@@ -39,7 +39,7 @@ impl Shot {
     /// [`super::Error::Unsettled`] if they do not come to rest.
     pub fn of_balls(table: &Table, laws: &Laws, balls: &[BallState]) -> Result<Self> {
         Ok(Self::new(
-            EventEngine::new(table, laws, balls).run(Until::Rest)?,
+            EventEngine::new(table, laws, balls).run(Until::Rest, &mut FrameCallback::none())?,
         ))
     }
 

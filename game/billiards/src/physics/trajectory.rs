@@ -129,22 +129,17 @@ impl Trajectory {
         }
     }
 
-    /// Ends the current leg and begins the next; returns how the ball is turned there.
-    pub(crate) fn push(&mut self, segment: Segment) -> DQuat {
+    /// Ends the current segment and begins the next.
+    pub(crate) fn push(&mut self, segment: Segment) {
         let orientation = match self.segments.last_mut() {
             Some(last) => last.close(segment.start_secs),
             None => DQuat::IDENTITY,
         };
-        if self
-            .segments
-            .last()
-            .is_some_and(|last| last.segment.start_secs == segment.start_secs)
-        {
-            self.segments.pop();
-        }
+        let is_same_instant =
+            |last: &mut OrientedSegment| last.segment.start_secs == segment.start_secs;
+        self.segments.pop_if(is_same_instant);
         self.segments
             .push(OrientedSegment::open(segment, orientation));
-        orientation
     }
 
     /// The ball is no longer on the table from now on.

@@ -8,7 +8,7 @@ use super::{
     engine::Engine,
     error::{Error, Result},
     event::{Event, EventKind},
-    event_engine::{EventEngine, SimulatedShot, Until},
+    event_engine::{EventEngine, FrameCallback, SimulatedShot, Until},
     flight::hop_speed_m_s,
     laws::Laws,
     rack::BallLayout,
@@ -103,7 +103,11 @@ impl World {
     /// # Errors
     /// [`Error::Endless`] if the simulation passes its limits.
     pub fn release(&self) -> Result<Shot> {
-        Ok(Shot::new(self.run(&self.balls, Until::Rest)?))
+        Ok(Shot::new(self.run(
+            &self.balls,
+            Until::Rest,
+            &mut FrameCallback::none(),
+        )?))
     }
 
     /// The balls lie as a shot left them.
@@ -134,7 +138,7 @@ impl World {
     }
 
     pub(crate) fn simulate(&self, stroke: Stroke, until: Until) -> Result<SimulatedShot> {
-        let outcome = self.run(&self.struck(stroke)?, until)?;
+        let outcome = self.run(&self.struck(stroke)?, until, &mut FrameCallback::none())?;
         Ok(self.with_strike(outcome, stroke))
     }
 
@@ -155,16 +159,8 @@ impl World {
                 "a frame of {frame_secs} s is shorter than {FRAME_SECS_MIN} s"
             )));
         }
-        let (table, laws) = (&self.table, &self.laws);
-        let outcome = match self.engine {
-            Engine::Exact => {
-                EventEngine::new(table, laws, &balls).run_in_frames(frame_secs, each)?
-            }
-            Engine::Rapier(rapier) => {
-                rapier.validate()?;
-                RapierEngine::new(table, laws, rapier, &balls).run_in_frames(frame_secs, each)?
-            }
-        };
+        let mut frames = FrameCallback::new(frame_secs, each);
+        let outcome = self.run(&balls, Until::Rest, &mut frames)?;
         Ok(Shot::new(self.with_strike(outcome, stroke)))
     }
 
@@ -214,12 +210,18 @@ impl World {
         outcome
     }
 
-    fn run(&self, balls: &[BallState], until: Until) -> Result<SimulatedShot> {
+    fn run(
+        &self,
+        balls: &[BallState],
+        until: Until,
+        frames: &mut FrameCallback,
+    ) -> Result<SimulatedShot> {
+        let (table, laws) = (&self.table, &self.laws);
         match self.engine {
-            Engine::Exact => EventEngine::new(&self.table, &self.laws, balls).run(until),
+            Engine::Exact => EventEngine::new(table, laws, balls).run(until, frames),
             Engine::Rapier(rapier) => {
                 rapier.validate()?;
-                RapierEngine::new(&self.table, &self.laws, rapier, balls).run(until)
+                RapierEngine::new(table, laws, rapier, balls).run(until, frames)
             }
         }
     }

@@ -4,12 +4,8 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::{
-    deviation::Deviation,
-    reference::{ReferenceKind, ReferenceShot},
-};
+use super::reference::{ReferenceKind, ReferenceShot};
 use crate::timing::{best_ms, median};
-use carom_billiards::physics::Shot;
 
 /// How a folder of references was met.
 #[derive(Clone, Debug, Serialize)]
@@ -33,21 +29,16 @@ pub struct ShotAccuracy {
     pub rms_mm: f64,
     /// To simulate the whole shot once: the best of several runs.
     pub cpu_ms: f64,
-    /// `shot`, `airborne` (until the first cushion), `cluster` (by the rule of the file's simulator) or
-    /// `break`, whose positions are not comparable.
+    /// `shot`, `airborne` (until the first cushion), or `cluster` or `break`, whose positions are not
+    /// comparable.
     pub kind: &'static str,
     /// Length of the shot, in s.
     pub duration_secs: f64,
     /// Contacts and phase changes.
     pub events: usize,
-    /// For a cluster by the game's own rule: largest distance of a ball from its reference, in mm.
-    pub own_rule_mm: f64,
-    /// For a cluster by the rule of the file's simulator: the same after balls were moved by
-    /// [`MOVED_M`] each, from where they are else, in mm.
-    pub moved_mm: f64,
-    /// For a cluster by the game's own rule: difference of velocity of the ball that takes the blow, in m/s.
+    /// For a cluster: difference of velocity of the ball that takes the blow, in m/s.
     pub fastest_off_m_s: f64,
-    /// For a cluster by the game's own rule: the same of the ball that is farthest off.
+    /// For a cluster: the same of the ball that is farthest off.
     pub velocity_off_m_s: f64,
     /// When a ball is first over 1 mm off.
     pub parts_at_secs: Option<f64>,
@@ -81,15 +72,6 @@ impl ShotAccuracy {
             std::hint::black_box(reference.play().is_ok());
         });
         let deviation = reference.deviation(&shot);
-        let (own, moved_m) = match reference.kind {
-            ReferenceKind::Cluster => (
-                reference.deviation(&reference.play_by_own_rule()?),
-                apart_m(&shot, &reference.play_moved(MOVED_M)?),
-            ),
-            ReferenceKind::Shot | ReferenceKind::Airborne | ReferenceKind::Break => {
-                (Deviation::default(), 0.0)
-            }
-        };
         Ok(Self {
             name: reference.name.clone(),
             max_mm: deviation.max_m * 1e3,
@@ -103,10 +85,8 @@ impl ShotAccuracy {
             },
             duration_secs: shot.duration_secs(),
             events: shot.events().len(),
-            own_rule_mm: own.max_m * 1e3,
-            moved_mm: moved_m * 1e3,
-            fastest_off_m_s: own.fastest_m_s,
-            velocity_off_m_s: own.velocity_m_s,
+            fastest_off_m_s: deviation.fastest_m_s,
+            velocity_off_m_s: deviation.velocity_m_s,
             parts_at_secs: deviation.parts_at_secs,
             pocketed_differently: deviation.pocketed_differently,
         })
@@ -114,20 +94,9 @@ impl ShotAccuracy {
 
     /// Whether its positions are held to the reference's.
     pub fn is_comparable(&self) -> bool {
-        self.kind != "break"
+        !matches!(self.kind, "break" | "cluster")
     }
 }
-
-/// The largest distance of a ball at the end of two shots, m.
-fn apart_m(one: &Shot, other: &Shot) -> f64 {
-    let (one, other) = (one.final_states(), other.final_states());
-    let pairs = one.iter().zip(other);
-    let apart = pairs.map(|(one, other)| one.position.distance(other.position));
-    apart.fold(0.0, f64::max)
-}
-
-/// Less than atoms are apart.
-pub const MOVED_M: f64 = 1e-13;
 
 impl fmt::Display for Accuracy {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -146,9 +115,8 @@ impl fmt::Display for Accuracy {
                 "shot" => {}
                 "cluster" => write!(
                     f,
-                    "  by their rule, which {MOVED_M} m turn by {:.2} mm; by ours {:.1} mm, {:.4} m/s after \
-                     it, of the ball that takes the blow {:.4}",
-                    shot.moved_mm, shot.own_rule_mm, shot.velocity_off_m_s, shot.fastest_off_m_s
+                    "  cluster: parts {:.4} m/s off, the ball that takes the blow {:.4} m/s",
+                    shot.velocity_off_m_s, shot.fastest_off_m_s
                 )?,
                 "break" => match shot.parts_at_secs {
                     Some(t) => write!(f, "  break: parts by 1 mm at {t:.2} s")?,
@@ -172,18 +140,9 @@ impl fmt::Display for Accuracy {
             .count();
         writeln!(
             f,
-            "{count} shots without breaks: median {:.4} mm (bar {MEDIAN_MAX_MM}), worst \
+            "{count} shots without breaks and clusters: median {:.4} mm (bar {MEDIAN_MAX_MM}), worst \
              {:.4} mm (bar {WORST_MAX_MM})",
             self.median_max_mm, self.worst_max_mm
-        )?;
-        let clusters = self.shots.iter().filter(|shot| shot.kind == "cluster");
-        let own = clusters.clone().map(|shot| shot.own_rule_mm);
-        writeln!(
-            f,
-            "{} of them are clusters by their simulator's rule, which may add energy and is not the game's: \
-             by the game's the worst of them is {:.1} mm off",
-            clusters.count(),
-            own.fold(0.0, f64::max)
         )
     }
 }

@@ -11,7 +11,7 @@ use super::{
     deviation::Deviation,
     schema::{EventJson, ReferenceFile, ReferenceFrame},
 };
-use carom_billiards::physics::{BallState, Clinging, Engine, Shot, Stroke, World};
+use carom_billiards::physics::{BallState, Engine, Shot, Stroke, World};
 
 /// One reference shot.
 #[derive(Clone, Debug)]
@@ -33,8 +33,8 @@ pub enum ReferenceKind {
     Shot,
     /// A rack is broken: chaotic, so that two right simulations part within a second.
     Break,
-    /// Balls touch at the start, and some press on each other after the blow: played by the rule that
-    /// the file's simulator has for that ([`Clinging::Steals`]).
+    /// Balls touch at the start, and some press on each other after the blow, for which the file's
+    /// simulator has a rule of its own: held to the velocities with which they part.
     Cluster,
     /// The file's simulator let the ball fly, and had no cushions in the air: comparable until the
     /// first cushion.
@@ -112,8 +112,7 @@ impl ReferenceShot {
             .iter()
             .map(|(id, ball)| Ok(ball.state(&frame, number(id)?, file.body())))
             .collect::<anyhow::Result<Vec<_>>>()?;
-        // The cue ball first, as the references' simulator has it: its rule for balls that keep touching
-        // depends on which ball of a pair is the first.
+        // Of contacts at the same instant those of lower numbers come first, as in the game.
         states.sort_by_key(|state| state.number);
         let kind = kind(&file, &states);
         let (times, balls) = samples(&frame, &file, kind)?;
@@ -132,52 +131,14 @@ impl ReferenceShot {
         self.world.set_engine(engine);
     }
 
-    /// Plays the shot: a cluster by the rule of the file's simulator.
+    /// Plays the shot.
     ///
     /// # Errors
     /// A sentence with the shot's name, if the simulation refuses it.
     pub fn play(&self) -> anyhow::Result<Shot> {
-        let world = match self.kind {
-            ReferenceKind::Cluster => &self.stealing(0.0)?,
-            ReferenceKind::Shot | ReferenceKind::Break | ReferenceKind::Airborne => &self.world,
-        };
-        self.play_in(world)
-    }
-
-    /// Plays the shot by the game's own rule for balls that keep touching.
-    ///
-    /// # Errors
-    /// As [`ReferenceShot::play`].
-    pub fn play_by_own_rule(&self) -> anyhow::Result<Shot> {
-        self.play_in(&self.world)
-    }
-
-    /// Plays a cluster as [`ReferenceShot::play`], with each ball `by_m` farther along the table than the one
-    /// before it.
-    ///
-    /// # Errors
-    /// As [`ReferenceShot::play`].
-    pub fn play_moved(&self, by_m: f64) -> anyhow::Result<Shot> {
-        self.play_in(&self.stealing(by_m)?)
-    }
-
-    fn stealing(&self, moved_m: f64) -> anyhow::Result<World> {
-        let mut laws = *self.world.laws();
-        laws.ball_ball.clinging = Clinging::Steals;
-        let table = self.world.table().clone();
-        let mut balls = self.world.balls();
-        for (place, ball) in balls.iter_mut().enumerate() {
-            ball.position.x += place as f64 * moved_m;
-        }
-        let mut world = World::with_laws(table, laws, balls)?;
-        world.set_engine(self.world.engine());
-        Ok(world)
-    }
-
-    fn play_in(&self, world: &World) -> anyhow::Result<Shot> {
         let shot = match self.stroke {
-            Some(stroke) => world.strike(stroke),
-            None => world.release(),
+            Some(stroke) => self.world.strike(stroke),
+            None => self.world.release(),
         };
         shot.with_context(|| format!("the shot {}", self.name))
     }

@@ -53,12 +53,6 @@ pub(crate) fn kept_apart(away: DVec3, before: DVec3, after: DVec3) -> DVec3 {
 }
 
 impl CushionLaw {
-    /// Usual constants of [`CushionLaw::Han`]: those of the default law.
-    pub const HAN: Self = Self::Han(BounceLaw {
-        restitution: 0.85,
-        friction: 0.2,
-    });
-
     /// Twist of a ball on the cloth after contact with a cushion whose nose is at `nose_height_m`;
     /// `away` is the horizontal unit vector from the cushion to the ball.
     pub(crate) fn rebound(
@@ -125,7 +119,10 @@ mod tests {
 
     fn laws() -> [CushionLaw; 3] {
         [
-            CushionLaw::HAN,
+            CushionLaw::Han(BounceLaw {
+                restitution: 0.85,
+                friction: 0.2,
+            }),
             CushionLaw::Mathavan(Mathavan::default()),
             CushionLaw::default(),
         ]
