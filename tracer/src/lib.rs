@@ -25,6 +25,8 @@ pub mod sampling;
 pub mod scalar;
 pub mod scene;
 pub mod settings;
+pub mod sheen;
+pub mod simd;
 pub mod texture;
 pub mod tile;
 pub mod tonemap;

@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicBool;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{CompiledScene, Error, ImageSize, RenderSettings, ScalarTracer, Tile, TileAovs};
+use crate::{CompiledScene, Error, ImageSize, RenderSettings, Tile, TileAovs};
 
 /// A device that traces tiles. It keeps nothing between calls but caches, so that any number of
 /// threads may call it at once: a GPU has two frames in flight when two threads do.
@@ -26,17 +26,20 @@ pub trait Tracer: Send + Sync {
     ) -> Result<TraceStats, Error>;
 
     /// Finds what the camera rays of `job`'s samples meet first, and hands it over like
-    /// [`Tracer::trace`]. By default the scalar tracer does it, slowly.
+    /// [`Tracer::trace`].
     ///
     /// # Errors
-    /// As those of [`Tracer::trace`].
+    /// As those of [`Tracer::trace`]; by default [`Error::Device`], of a tracer that has radiance alone.
     fn aovs(
         &self,
-        scene: &CompiledScene,
-        job: &TraceJob<'_>,
-        sink: &(dyn Fn(TileAovs) + Sync),
+        _scene: &CompiledScene,
+        _job: &TraceJob<'_>,
+        _sink: &(dyn Fn(TileAovs) + Sync),
     ) -> Result<(), Error> {
-        ScalarTracer.aovs(scene, job, sink)
+        Err(Error::Device {
+            device: self.info().name,
+            message: "it traces radiance alone, no albedo, normals or depth".to_owned(),
+        })
     }
 }
 

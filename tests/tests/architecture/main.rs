@@ -65,7 +65,8 @@ const LAYERS: &[(&[&str], &[&str])] = &[
         &["fearless_simd"],
         &[
             "tracer/src/cpu/",
-            "tracer/src/post/",
+            "tracer/src/simd.rs",
+            "tracer/src/denoise/",
             "protocol/src/tile_codec/",
         ],
     ),

@@ -8,9 +8,9 @@ use super::{
     PATTERN_WOOD,
 };
 use crate::fresnel::internal_diffuse_reflectance;
-use crate::scalar::sheen::sheen_reflectance_max;
 use crate::scene::validate::ALPHA_SMOOTH_MAX;
 use crate::scene::{Material, Medium, ProceduralTexture};
+use crate::sheen::sheen_reflectance_max;
 
 pub(super) fn material_data(material: &Material) -> MaterialData {
     match *material {

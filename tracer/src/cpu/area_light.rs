@@ -5,8 +5,8 @@ use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 use fearless_simd::prelude::*;
 
 use super::lanes::{Float, Mask, Vec3x, Word};
+use super::rows::Rows;
 use super::sampling::sin_cos_turns;
-use super::surface::Rows;
 use crate::compiled::AreaLightData;
 use crate::scalar::area_light::{BELOW_1, SOLID_ANGLE_MIN};
 

@@ -4,9 +4,10 @@ use std::f32::consts::FRAC_1_PI;
 
 use fearless_simd::prelude::*;
 
+use super::fresnel::fresnel;
 use super::lanes::{Float, Mask, Vec3x};
 use super::microfacet::MicrofacetBsdf;
-use super::sampling::cosine_hemisphere;
+use super::sampling::{BsdfSample, cosine_hemisphere};
 use super::sheen::Sheen;
 use super::surface::Hit;
 
@@ -26,16 +27,6 @@ pub(super) struct Bsdf<S: Simd> {
     any_coated: bool,
     microfacet: Option<MicrofacetBsdf<S>>,
     sheen: Option<Sheen<S>>,
-}
-
-/// A direction that light may come from.
-pub(super) struct Scattered<S: Simd> {
-    pub(super) wi: Vec3x<S>,
-    /// `f · cos θ / pdf`, probability of the lobe included.
-    pub(super) weight: Vec3x<S>,
-    /// Per solid angle; ∞ for what has no density, −∞ inside a body, 0 for a coat's mirror, whose area lights
-    /// have been looked up.
-    pub(super) pdf: Float<S>,
 }
 
 impl<S: Simd> Bsdf<S> {
@@ -103,14 +94,14 @@ impl<S: Simd> Bsdf<S> {
     /// Draws a direction by `u[1]` and `u[2]`, which choose between coat and base too; `u[0]` chooses
     /// the lobe of a dielectric. Sets the lanes whose ray goes on inside one in `inside`.
     #[inline(always)]
-    pub(super) fn sample(&self, simd: S, u: [Float<S>; 3], inside: &mut Mask<S>) -> Scattered<S> {
+    pub(super) fn sample(&self, simd: S, u: [Float<S>; 3], inside: &mut Mask<S>) -> BsdfSample<S> {
         let mut u1 = u[1];
         if self.any_coated {
             u1 = ((u1 - self.specular_share) / (1.0 - self.specular_share)).max(0.0);
         }
         let wi = cosine_hemisphere(simd, self.normal, u1, u[2]);
         let cos_i = self.normal.dot(wi).max(0.0);
-        let mut scattered = Scattered {
+        let mut scattered = BsdfSample {
             wi,
             weight: self.base,
             pdf: cos_i * FRAC_1_PI,
@@ -149,7 +140,7 @@ impl<S: Simd> Bsdf<S> {
 
     /// Turns the lanes with `u` below the mirror's share to it.
     #[inline(always)]
-    fn choose_mirror(&self, simd: S, u: Float<S>, scattered: &mut Scattered<S>) {
+    fn choose_mirror(&self, simd: S, u: Float<S>, scattered: &mut BsdfSample<S>) {
         let specular = u.simd_lt(self.specular_share);
         let wi = self.mirrored();
         let weight = self.fresnel / self.specular_share;
@@ -199,18 +190,4 @@ impl<S: Simd> Bsdf<S> {
         }
         self.coated.select(one - fresnel(simd, cos, self.ior), one)
     }
-}
-
-/// [`crate::fresnel::fresnel_dielectric`].
-#[inline(always)]
-pub(super) fn fresnel<S: Simd>(simd: S, cos_theta: Float<S>, eta: Float<S>) -> Float<S> {
-    let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
-    let cos_i = cos_theta.max(zero).min(one);
-    // Where an index below 1 reflects totally, 0 makes both terms 1.
-    let cos_t = (one - (one - cos_i * cos_i) / (eta * eta)).max(zero).sqrt();
-    let parallel = (eta * cos_i - cos_t) / (eta * cos_i + cos_t);
-    let perpendicular = (cos_i - eta * cos_t) / (cos_i + eta * cos_t);
-    let mean = parallel.mul_add(parallel, perpendicular * perpendicular) * 0.5;
-    // An index of 1 at grazing incidence: there is no surface, and 0 / 0 above.
-    (cos_i + cos_t).simd_gt(0.0).select(mean, zero)
 }

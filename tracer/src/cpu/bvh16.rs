@@ -9,9 +9,9 @@ use std::marker::PhantomData;
 
 use fearless_simd::prelude::*;
 
-use super::geometry::{NONE, Nearest, PackedPrimitive, Rays};
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
-use super::shapes::{HitMask, Primitives, Shape};
+use super::rays::{HitMask, NONE, Nearest, Rays};
+use super::shapes::{PackedPrimitive, Primitives, Shape};
 use crate::bvh::{Bvh, BvhNode, DEPTH_MAX, SLACK};
 
 /// Primitives under a BVH of wide nodes.
@@ -370,7 +370,8 @@ mod tests {
     use fearless_simd::{Level, dispatch};
     use glam::Vec3;
 
-    use super::super::geometry::{Geometry, INSIDE};
+    use super::super::geometry::Geometry;
+    use super::super::rays::INSIDE;
     use super::*;
     use crate::bvh::test_scenes::{ARRANGEMENTS, SHAPES, ray, test_scene};
     use crate::compiled::{BvhUse, ShapeKind};

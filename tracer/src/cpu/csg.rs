@@ -2,8 +2,8 @@
 
 use fearless_simd::prelude::*;
 
-use super::geometry::Rays;
 use super::lanes::{Float, Mask, Vec3x, Word};
+use super::rays::Rays;
 use crate::compiled::{CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_PLANE, CsgBoxData, CsgFaceData};
 use crate::scene::validate::CSG_MARGIN_M;
 

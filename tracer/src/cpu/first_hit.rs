@@ -3,8 +3,9 @@
 use fearless_simd::{Level, dispatch, prelude::*};
 use rayon::prelude::*;
 
-use super::geometry::{Geometry, NONE, Rays};
+use super::geometry::Geometry;
 use super::lanes::{Float, LANES, Vec3x, Word};
+use super::rays::{NONE, Rays};
 use crate::compiled::CameraFrame;
 use crate::{CompiledScene, ImageSize};
 

@@ -3,24 +3,14 @@
 //! A pool table needs no hierarchy: each primitive is broadcast to all lanes. Many of a shape are found
 //! by a BVH ([`super::bvh16`]).
 
-use std::marker::PhantomData;
-
 use fearless_simd::prelude::*;
 
 use super::bvh16::Bvh16;
 use super::csg::CsgBox;
-use super::lanes::{Float, Mask, Vec3x, Word};
-use super::shapes::{AlignedBox, Disc, HitMask, Primitives, Rectangle, Shape, Sphere};
+use super::lanes::{Float, Mask, Word};
+use super::rays::{INSIDE, Nearest, Rays};
+use super::shapes::{AlignedBox, Disc, PackedPrimitive, Rectangle, Shape, Sphere};
 use crate::compiled::{CompiledScene, KIND_DIELECTRIC, ShapeKind};
-
-/// The id of no primitive.
-pub(super) const NONE: u32 = u32::MAX;
-
-/// Set in the id of a dielectric that a ray is inside of: it meets that body's far side.
-pub(super) const INSIDE: u32 = 1 << 31;
-
-/// Directions closer to a slab's plane count as this close, so that no product is 0 · ∞.
-const DIRECTION_MIN: f32 = 1e-30;
 
 /// Everything a ray can meet. Ids number spheres, boxes, discs, rectangles, faces of CSG boxes and
 /// area lights in this order, as [`super::surface::Surfaces`] lists them.
@@ -42,67 +32,6 @@ struct PrimitiveSet<F, const N: usize> {
     /// Empty if they are in the BVH.
     each: Vec<PackedPrimitive<F, N>>,
     bvh: Option<Bvh16<F, N>>,
-}
-
-/// A primitive.
-pub(super) struct PackedPrimitive<F, const N: usize> {
-    pub(super) numbers: [f32; N],
-    pub(super) id: u32,
-    pub(super) is_dielectric: bool,
-    shape: PhantomData<F>,
-}
-
-/// Rays with what their tests share.
-#[derive(Clone, Copy)]
-pub(super) struct Rays<S: Simd> {
-    pub(super) origin: Vec3x<S>,
-    /// Of unit length.
-    pub(super) direction: Vec3x<S>,
-    /// The primitive that each ray starts on, which it cannot meet: all are convex. With [`INSIDE`]
-    /// the dielectric that it is inside of.
-    pub(super) start: Word<S>,
-    pub(super) inverse: Vec3x<S>,
-    pub(super) inverse_abs: Vec3x<S>,
-}
-
-impl<S: Simd> Rays<S> {
-    #[inline(always)]
-    pub(super) fn new(simd: S, origin: Vec3x<S>, direction: Vec3x<S>, start: Word<S>) -> Self {
-        let inverse = inverse(simd, direction);
-        Self {
-            origin,
-            direction,
-            start,
-            inverse,
-            inverse_abs: inverse.abs(),
-        }
-    }
-
-    /// Distances to the nearer and the farther plane of each pair of a box's.
-    #[inline(always)]
-    pub(super) fn slabs(&self, simd: S, min: [f32; 3], max: [f32; 3]) -> (Vec3x<S>, Vec3x<S>) {
-        let a = (Vec3x::splat(simd, min) - self.origin).scale(self.inverse);
-        let b = (Vec3x::splat(simd, max) - self.origin).scale(self.inverse);
-        (
-            Vec3x::new(a.x.min(b.x), a.y.min(b.y), a.z.min(b.z)),
-            Vec3x::new(a.x.max(b.x), a.y.max(b.y), a.z.max(b.z)),
-        )
-    }
-}
-
-/// `1 / d` with |d| kept away from 0.
-#[inline(always)]
-pub(super) fn inverse<S: Simd>(simd: S, direction: Vec3x<S>) -> Vec3x<S> {
-    Vec3x::new(
-        inverse_component(simd, direction.x),
-        inverse_component(simd, direction.y),
-        inverse_component(simd, direction.z),
-    )
-}
-
-#[inline(always)]
-fn inverse_component<S: Simd>(simd: S, d: Float<S>) -> Float<S> {
-    1.0 / d.abs().max(Float::splat(simd, DIRECTION_MIN)).copysign(d)
 }
 
 impl Geometry {
@@ -275,55 +204,6 @@ impl<F: Shape<N>, const N: usize> PrimitiveSet<F, N> {
     }
 }
 
-impl<F, const N: usize> PackedPrimitive<F, N> {
-    fn new(numbers: [f32; N], id: u32, is_dielectric: bool) -> Self {
-        Self {
-            numbers,
-            id,
-            is_dielectric,
-            shape: PhantomData,
-        }
-    }
-
-    /// The same in all lanes.
-    #[inline(always)]
-    fn splat<S: Simd>(&self, simd: S) -> Primitives<S, N> {
-        let mut numbers = [Float::splat(simd, 0.0); N];
-        for (lanes, number) in numbers.iter_mut().zip(self.numbers) {
-            *lanes = Float::splat(simd, number);
-        }
-        Primitives {
-            numbers,
-            id: Word::splat(simd, self.id),
-            has_dielectric: self.is_dielectric,
-        }
-    }
-}
-
-/// The nearest primitive so far, per lane.
-pub(super) struct Nearest<S: Simd> {
-    pub(super) distance: Float<S>,
-    pub(super) id: Word<S>,
-}
-
-impl<S: Simd> Nearest<S> {
-    #[inline(always)]
-    fn none(simd: S) -> Self {
-        Self {
-            distance: Float::splat(simd, f32::INFINITY),
-            id: Word::splat(simd, NONE),
-        }
-    }
-
-    #[inline(always)]
-    fn take(&mut self, hits: HitMask<S>, id: u32) {
-        if let Some((hit, t)) = hits {
-            self.distance = hit.select(t, self.distance);
-            self.id = hit.select(Word::splat(t.token(), id), self.id);
-        }
-    }
-}
-
 fn has_dielectric(scene: &CompiledScene) -> bool {
     let spheres = scene.spheres.iter().map(|sphere| sphere.material);
     let mut materials = spheres.chain(scene.boxes.iter().map(|data| data.material));
@@ -358,7 +238,8 @@ mod tests {
     use fearless_simd::{Level, dispatch};
     use glam::{DVec3, Quat, Vec3};
 
-    use super::super::lanes::LANES;
+    use super::super::lanes::{LANES, Vec3x};
+    use super::super::rays::NONE;
     use super::*;
     use crate::compiled::Primitive;
     use crate::sampling::uniforms;

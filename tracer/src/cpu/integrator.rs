@@ -8,9 +8,10 @@ use fearless_simd::{i32x16, prelude::*};
 
 use super::area_light::{AreaLights, LightSample};
 use super::bsdf::Bsdf;
-use super::geometry::{Geometry, INSIDE, NONE, Nearest, Rays};
+use super::geometry::Geometry;
 use super::lanes::{Float, Mask, Vec3x, Word};
 use super::microfacet::{SCATTERED, untagged};
+use super::rays::{INSIDE, NONE, Nearest, Rays};
 use super::refracted_nee::NeeBoundaries;
 use super::sampling::pair;
 use super::stream::{Packet, Stream, load, load_words, packets, store, store_words};

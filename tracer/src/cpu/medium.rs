@@ -5,8 +5,7 @@ use fearless_simd::prelude::*;
 use super::lanes::{Float, Mask, Vec3x, Word};
 use super::math::{exp, ln};
 use super::microfacet::{ETA_OR_EXTINCTION, K_OR_SCATTERING, MAJORANT, MicrofacetRow};
-use super::sampling::sin_cos_turns;
-use super::surface::Rows;
+use super::rows::Rows;
 
 /// A free flight through what fills a dielectric: how far, and the weight of what is left.
 pub(super) struct FreeFlight<S: Simd> {
@@ -45,12 +44,4 @@ impl<S: Simd> FreeFlight<S> {
             weight: Vec3x::select(within, weight, unscattered),
         }
     }
-}
-
-#[inline(always)]
-pub(super) fn uniform_direction<S: Simd>(simd: S, u1: Float<S>, u2: Float<S>) -> Vec3x<S> {
-    let z = Float::splat(simd, 1.0) - u1 * 2.0;
-    let sine = (1.0 - z * z).max(0.0).sqrt();
-    let (sin, cos) = sin_cos_turns(u2);
-    Vec3x::new(sine * cos, sine * sin, z)
 }

@@ -7,12 +7,11 @@ use std::f32::consts::FRAC_1_PI;
 
 use fearless_simd::prelude::*;
 
-use super::bsdf::{Scattered, fresnel};
-use super::geometry::INSIDE;
+use super::fresnel::fresnel;
 use super::lanes::{Float, Mask, Vec3x, Word};
-use super::medium::uniform_direction;
-use super::sampling::{basis, sin_cos_turns};
-use super::surface::Rows;
+use super::rays::INSIDE;
+use super::rows::Rows;
+use super::sampling::{BsdfSample, basis, sin_cos_turns, uniform_direction};
 use crate::compiled::{KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, MaterialData};
 
 /// One row of numbers per primitive that scatters, in the order of ids.
@@ -30,7 +29,7 @@ pub(super) const K_OR_SCATTERING: usize = 7;
 /// Set beside [`INSIDE`] in the id of a body within which a path was scattered.
 pub(super) const SCATTERED: u32 = 1 << 30;
 
-/// An id without its tags; [`super::geometry::NONE`] stays above all others.
+/// An id without its tags; [`super::rays::NONE`] stays above all others.
 #[inline(always)]
 pub(super) fn untagged<S: Simd>(id: Word<S>) -> Word<S> {
     id & !(INSIDE | SCATTERED)
@@ -174,7 +173,7 @@ impl<S: Simd> MicrofacetBsdf<S> {
         wo: Vec3x<S>,
         u: [Float<S>; 3],
         inside: &mut Mask<S>,
-    ) -> Scattered<S> {
+    ) -> BsdfSample<S> {
         let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
         let mut h = normal;
         if self.rough.any_true() {
@@ -207,7 +206,7 @@ impl<S: Simd> MicrofacetBsdf<S> {
             | self.scattered;
         let even = uniform_direction(simd, u[1], u[2]);
         let unweighted = Vec3x::new(one, one, one);
-        Scattered {
+        BsdfSample {
             wi: Vec3x::select(self.scattered, even, wi),
             weight: Vec3x::select(self.scattered, unweighted, weight),
             pdf: self

@@ -24,13 +24,16 @@ mod bsdf;
 mod bvh16;
 mod csg;
 mod first_hit;
+mod fresnel;
 mod geometry;
 mod integrator;
 mod lanes;
 mod math;
 mod medium;
 mod microfacet;
+mod rays;
 mod refracted_nee;
+mod rows;
 mod sampling;
 mod shapes;
 mod sheen;
@@ -45,10 +48,10 @@ use fearless_simd::dispatch;
 use rayon::ThreadPool;
 use rayon::prelude::*;
 
-pub use fearless_simd::Level;
 pub use first_hit::FirstHits;
 
 use crate::denoise::{DenoiseInputTile, DenoiseSource, FilterMemory, trace_denoised};
+use crate::simd::Level;
 use crate::{
     Aovs, CompiledScene, DeviceInfo, DeviceKind, Error, ImageSize, RenderSettings, Tile, TileAovs,
     TileRadiance, TraceJob, TraceStats, Tracer,

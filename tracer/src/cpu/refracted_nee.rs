@@ -5,11 +5,11 @@ use std::f32::consts::PI;
 use fearless_simd::prelude::*;
 
 use super::area_light::LightSample;
-use super::bsdf::fresnel;
+use super::fresnel::fresnel;
 use super::lanes::{Float, Mask, Vec3x, Word};
 use super::math::exp;
 use super::microfacet::untagged;
-use super::surface::Rows;
+use super::rows::Rows;
 use crate::compiled::{MaterialData, SphereData};
 use crate::scalar::refracted_nee::STEPS;
 

@@ -127,6 +127,24 @@ pub(super) fn basis<S: Simd>(simd: S, n: Vec3x<S>) -> (Vec3x<S>, Vec3x<S>) {
     (tangent, bitangent)
 }
 
+/// A direction that light may come from.
+pub(super) struct BsdfSample<S: Simd> {
+    pub(super) wi: Vec3x<S>,
+    /// `f · cos θ / pdf`, probability of the lobe included.
+    pub(super) weight: Vec3x<S>,
+    /// Per solid angle; ∞ for what has no density, −∞ inside a body, 0 for a coat's mirror, whose area lights
+    /// have been looked up.
+    pub(super) pdf: Float<S>,
+}
+
+#[inline(always)]
+pub(super) fn uniform_direction<S: Simd>(simd: S, u1: Float<S>, u2: Float<S>) -> Vec3x<S> {
+    let z = Float::splat(simd, 1.0) - u1 * 2.0;
+    let sine = (1.0 - z * z).max(0.0).sqrt();
+    let (sin, cos) = sin_cos_turns(u2);
+    Vec3x::new(sine * cos, sine * sin, z)
+}
+
 #[cfg(test)]
 mod tests {
     use fearless_simd::{Level, dispatch};

@@ -2,10 +2,12 @@
 //!
 //! Each begins with its cheapest sufficient condition; the exact test runs only when some lane passes.
 
+use std::marker::PhantomData;
+
 use fearless_simd::prelude::*;
 
-use super::geometry::{INSIDE, Rays};
 use super::lanes::{Float, Mask, Vec3x, Word};
+use super::rays::{HitMask, INSIDE, Rays};
 use crate::compiled::{AreaLightData, BoxData, DiscData, RectangleData, SphereData};
 
 /// A shape whose primitives are `N` numbers.
@@ -29,9 +31,6 @@ pub(super) struct Primitives<S: Simd, const N: usize> {
     pub(super) has_dielectric: bool,
 }
 
-/// Where the lanes that meet a primitive do.
-pub(super) type HitMask<S> = Option<(Mask<S>, Float<S>)>;
-
 impl<S: Simd, const N: usize> Primitives<S, N> {
     /// Three of the numbers.
     #[inline(always)]
@@ -41,6 +40,39 @@ impl<S: Simd, const N: usize> Primitives<S, N> {
             self.numbers[first + 1],
             self.numbers[first + 2],
         )
+    }
+}
+
+/// A primitive, whose shape is `F`.
+pub(super) struct PackedPrimitive<F, const N: usize> {
+    pub(super) numbers: [f32; N],
+    pub(super) id: u32,
+    pub(super) is_dielectric: bool,
+    shape: PhantomData<F>,
+}
+
+impl<F, const N: usize> PackedPrimitive<F, N> {
+    pub(super) fn new(numbers: [f32; N], id: u32, is_dielectric: bool) -> Self {
+        Self {
+            numbers,
+            id,
+            is_dielectric,
+            shape: PhantomData,
+        }
+    }
+
+    /// The same in all lanes.
+    #[inline(always)]
+    pub(super) fn splat<S: Simd>(&self, simd: S) -> Primitives<S, N> {
+        let mut numbers = [Float::splat(simd, 0.0); N];
+        for (lanes, number) in numbers.iter_mut().zip(self.numbers) {
+            *lanes = Float::splat(simd, number);
+        }
+        Primitives {
+            numbers,
+            id: Word::splat(simd, self.id),
+            has_dielectric: self.is_dielectric,
+        }
     }
 }
 

@@ -1,10 +1,10 @@
-//! The sheen of napped cloth, a lane each: the arithmetic of [`crate::scalar::sheen`].
+//! The sheen of napped cloth, a lane each: the arithmetic of [`crate::sheen`].
 
 use fearless_simd::prelude::*;
 
 use super::lanes::{Float, Vec3x, Word};
 use super::math::{exp, ln};
-use super::surface::Rows;
+use super::rows::Rows;
 
 /// Strength over 2π and width, of one primitive that scatters.
 pub(super) type SheenRow = [f32; 4];

@@ -2,11 +2,12 @@
 
 use fearless_simd::prelude::*;
 
-use super::geometry::{INSIDE, inverse};
-use super::lanes::{Float, LANES, Mask, Vec3x, Word};
+use super::lanes::{Float, Mask, Vec3x, Word};
 use super::medium::FreeFlight;
 use super::microfacet::{MicrofacetBsdf, MicrofacetRow, microfacet_row, untagged};
+use super::rays::{INSIDE, inverse};
 use super::refracted_nee::{NeeBoundaryRow, nee_boundary_row};
+use super::rows::Rows;
 use super::shapes::Chord;
 use super::sheen::{Sheen, SheenRow};
 use super::texture::{TextureRow, texture_row, textured};
@@ -294,45 +295,6 @@ fn row(first: [f32; 3], second: [f32; 3], kind: f32, m: &MaterialData, axis: [f3
     }
     row[STRIPE_AXIS..][..3].copy_from_slice(&axis);
     row
-}
-
-/// A table's rows for each lane.
-pub(super) struct Rows<'a, const N: usize> {
-    lanes: [&'a [f32; N]; LANES],
-    /// All lanes hit the same primitive, as camera rays mostly do.
-    uniform: bool,
-}
-
-impl<'a, const N: usize> Rows<'a, N> {
-    /// # Panics
-    /// If an id is not below the table's length.
-    #[inline(always)]
-    pub(super) fn new<S: Simd>(table: &'a [[f32; N]], id: Word<S>) -> Self {
-        let uniform = id.simd_eq(id[0]).all_true();
-        let lanes = if uniform {
-            [&table[id[0] as usize]; LANES]
-        } else {
-            id.to_array().map(|id| &table[id as usize])
-        };
-        Self { lanes, uniform }
-    }
-
-    #[inline(always)]
-    pub(super) fn number<S: Simd>(&self, simd: S, column: usize) -> Float<S> {
-        if self.uniform {
-            return Float::splat(simd, self.lanes[0][column]);
-        }
-        Float::load_array(simd, self.lanes.map(|row| row[column]))
-    }
-
-    #[inline(always)]
-    pub(super) fn triple<S: Simd>(&self, simd: S, column: usize) -> Vec3x<S> {
-        Vec3x::new(
-            self.number(simd, column),
-            self.number(simd, column + 1),
-            self.number(simd, column + 2),
-        )
-    }
 }
 
 /// The face of a box through which a ray comes in, or out where it starts inside.

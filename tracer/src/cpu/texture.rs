@@ -3,8 +3,8 @@
 use fearless_simd::prelude::*;
 
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
+use super::rows::Rows;
 use super::sampling::sin_cos_turns;
-use super::surface::Rows;
 use crate::compiled::{MaterialData, PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD};
 use crate::texture::{
     CIRCLE_ALBEDO, CIRCLE_SINE, INK_ALBEDO, PLANK_GAP, PLANK_M, SIGHT_ALBEDO, SIGHT_HALF_M, is_ink,

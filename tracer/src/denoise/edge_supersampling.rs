@@ -6,8 +6,9 @@ use std::ops::Range;
 use fearless_simd::{Level, dispatch, prelude::*};
 use rayon::prelude::*;
 
-use super::filter::{Around, Filter, NO_NORMAL, distance_squared, guide};
+use super::filter::Filter;
 use super::input::{ALBEDO, DenoiseSource, EMISSION, LIGHT, NORMAL};
+use super::neighbourhood::{NO_NORMAL, Neighbourhood, distance_squared, guide};
 use super::soa_image::{Float, LANES, Mask};
 use super::weights::{BRIGHTNESS_SHARE, EDGE_MIN, MIXED_MIN, NEIGHBOURS};
 use crate::aov::smooth;
@@ -74,7 +75,7 @@ impl Filter {
         columns: Range<usize>,
         edge_pixels: &mut Vec<(u32, u32)>,
     ) {
-        let around = Around::new(self, y, 1);
+        let around = Neighbourhood::new(&self.light, &self.guides, y, 1);
         for x in columns.clone().step_by(LANES) {
             let here = Appearance::new(simd, &around, x, 0, 0);
             let differs = here.differs(&Appearance::new(simd, &around, x, -1, 0))
@@ -146,7 +147,7 @@ struct Appearance<S: Simd> {
 
 impl<S: Simd> Appearance<S> {
     #[inline(always)]
-    fn new(simd: S, around: &Around<'_>, x: usize, dx: isize, dy: isize) -> Self {
+    fn new(simd: S, around: &Neighbourhood<'_>, x: usize, dx: isize, dy: isize) -> Self {
         let (guides, _) = around.at(dy);
         Self {
             albedo: guides.triple(simd, guide(ALBEDO), x, dx),

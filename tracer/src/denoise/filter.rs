@@ -16,16 +16,14 @@ use rayon::prelude::*;
 
 use super::guard_band::{EMPTY, GuardedRegion};
 use super::input::{ALBEDO, DenoiseInputTile, EMISSION, INVERSE_DEPTH, LIGHT, NORMAL, VARIANCE};
-use super::soa_image::{Float, LANES, SoaImage, SoaRow, SoaRowMut};
+use super::neighbourhood::{NO_NORMAL, Neighbourhood, distance_squared, guide};
+use super::soa_image::{Float, LANES, SoaImage, SoaRowMut};
 use super::variance::ColumnSums;
 use super::weights::{
     ALBEDO_FACTOR, ALBEDO_MIN, DEPTH_FACTOR, NORMAL_FACTOR, STEPS, TAPS, variances,
 };
 use crate::Tile;
 use crate::aov::SMOOTH_RAYS;
-
-/// No surface has this normal, so that nothing mixes with what was not traced.
-pub(super) const NO_NORMAL: f32 = 1e6;
 
 /// A picture in the making, in planes.
 pub(super) struct Filter {
@@ -38,11 +36,6 @@ pub(super) struct Filter {
     /// What comes after them in [`super::DenoiseInput`]; of emission the sum over the channels, and only
     /// where edges are looked for.
     pub(super) guides: SoaImage,
-}
-
-/// Where in [`Filter::guides`] a column is.
-pub(super) const fn guide(column: usize) -> usize {
-    column - ALBEDO
 }
 
 /// Memory of a filter that is done, for the next: to ask the system for so much again takes as long
@@ -130,7 +123,7 @@ impl Filter {
         columns: &mut ColumnSums,
         out: &mut SoaRowMut<'_>,
     ) {
-        let around = Around::new(self, y, pass.step);
+        let around = Neighbourhood::new(&self.light, &self.guides, y, pass.step);
         let (width, is_single) = (self.bounds.width as usize, self.samples == 1);
         if pass.is_first {
             columns.sum_up(simd, &around, width, is_single);
@@ -247,29 +240,6 @@ struct Pass {
     is_last: bool,
 }
 
-/// The rows that the taps of one row lie in.
-pub(super) struct Around<'a> {
-    guides: [SoaRow<'a>; 3],
-    light: [SoaRow<'a>; 3],
-}
-
-impl<'a> Around<'a> {
-    pub(super) fn new(filter: &'a Filter, y: usize, step: isize) -> Self {
-        let offsets = [-step, 0, step];
-        Self {
-            guides: offsets.map(|dy| filter.guides.row(y, dy)),
-            light: offsets.map(|dy| filter.light.row(y, dy)),
-        }
-    }
-
-    /// Guides and light `dy` steps further down.
-    #[inline(always)]
-    pub(super) fn at(&self, dy: isize) -> (SoaRow<'a>, SoaRow<'a>) {
-        let row = 1usize.wrapping_add_signed(dy);
-        (self.guides[row], self.light[row])
-    }
-}
-
 /// What the taps of a pass see of pixels.
 struct Look<S: Simd> {
     albedo: [Float<S>; 3],
@@ -286,7 +256,7 @@ struct Factors<S: Simd> {
 
 impl<S: Simd> Look<S> {
     #[inline(always)]
-    fn new(simd: S, around: &Around<'_>, x: usize, dx: isize, dy: isize) -> Self {
+    fn new(simd: S, around: &Neighbourhood<'_>, x: usize, dx: isize, dy: isize) -> Self {
         let (guides, light) = around.at(dy);
         Self {
             albedo: guides.triple(simd, guide(ALBEDO), x, dx),
@@ -309,17 +279,6 @@ impl<S: Simd> Look<S> {
         let counts = distance.simd_lt(1.0);
         counts.select(near * near, Float::splat(simd, 0.0))
     }
-}
-
-#[inline(always)]
-pub(super) fn dot<S: Simd>(a: [Float<S>; 3], b: [Float<S>; 3]) -> Float<S> {
-    a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
-}
-
-#[inline(always)]
-pub(super) fn distance_squared<S: Simd>(a: [Float<S>; 3], b: [Float<S>; 3]) -> Float<S> {
-    let d = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
-    dot(d, d)
 }
 
 /// Guides lie in the order in which they come.

@@ -1,19 +1,8 @@
 //! Tracing what the filter needs, and handing out what it makes of it.
 
-use std::sync::atomic::Ordering;
-use std::sync::{Mutex, PoisonError};
-
-use rayon::prelude::*;
-
-use super::edge_supersampling::SupersampledEdges;
-use super::filter::{Filter, FilterMemory};
-use super::guard_band::{GuardedRegion, leading};
 use super::weights::{ALBEDO_MIN, half_ratio};
 use crate::aov::AOV_CHANNELS;
-use crate::cpu::Level;
-use crate::{
-    Aovs, CompiledScene, Error, ImageSize, RenderSettings, Tile, TileRadiance, TraceJob, TraceStats,
-};
+use crate::{Aovs, CompiledScene, Error, ImageSize, RenderSettings, Tile, TraceJob, TraceStats};
 
 /// A tile before it is denoised.
 pub(crate) struct DenoiseInputTile {
@@ -101,7 +90,7 @@ impl DenoiseInput {
     }
 
     /// Light that is not filtered; none where it is all black.
-    fn into_emission(self) -> Option<[Vec<f32>; 3]> {
+    pub(super) fn into_emission(self) -> Option<[Vec<f32>; 3]> {
         let [.., r, g, b] = self.columns;
         let emission = [r, g, b];
         let is_black = emission
@@ -137,104 +126,4 @@ pub(crate) trait DenoiseSource {
         settings: RenderSettings,
         pixels: &[(u32, u32)],
     ) -> Vec<Aovs>;
-}
-
-/// Traces the job's tiles and their guard band, and hands over the denoised tiles.
-pub(crate) fn trace_denoised(
-    tracer: &(impl DenoiseSource + ?Sized),
-    level: Level,
-    memory: &FilterMemory,
-    scene: &CompiledScene,
-    job: &TraceJob<'_>,
-    sink: &(dyn Fn(TileRadiance) + Sync),
-) -> Result<TraceStats, Error> {
-    in_parts(job, u64::MAX, sink, |part, sink| {
-        trace_together(tracer, level, memory, scene, part, sink)
-    })
-}
-
-/// Gives `trace` as many of the job's tiles at a time as may be filtered together, in a region of at
-/// most `pixels_max` where it has more than one.
-pub(crate) fn in_parts(
-    job: &TraceJob<'_>,
-    pixels_max: u64,
-    sink: &(dyn Fn(TileRadiance) + Sync),
-    trace: impl Fn(&TraceJob<'_>, &(dyn Fn(TileRadiance) + Sync)) -> Result<TraceStats, Error>,
-) -> Result<TraceStats, Error> {
-    let mut stats = TraceStats::default();
-    let mut first = 0;
-    while first < job.tiles.len() {
-        let count = leading(&job.tiles[first..], job.settings.samples, pixels_max);
-        let part = TraceJob {
-            tiles: &job.tiles[first..first + count],
-            ..*job
-        };
-        stats += trace(&part, &|tile| {
-            let index = first + tile.index;
-            sink(TileRadiance { index, ..tile });
-        })?;
-        first += count;
-    }
-    Ok(stats)
-}
-
-fn trace_together(
-    tracer: &(impl DenoiseSource + ?Sized),
-    level: Level,
-    memory: &FilterMemory,
-    scene: &CompiledScene,
-    job: &TraceJob<'_>,
-    sink: &(dyn Fn(TileRadiance) + Sync),
-) -> Result<TraceStats, Error> {
-    let region = GuardedRegion::around(job.tiles, job.size);
-    let wider = TraceJob {
-        tiles: &region.tiles,
-        ..*job
-    };
-    let mut filter = Filter::new(&region, job.settings.samples, memory);
-    let writer = filter.writer();
-    let traced = Mutex::new(Vec::with_capacity(region.tiles.len()));
-    let stats = tracer.trace_denoise_input(scene, &wider, &|tile| {
-        writer.put(&tile);
-        let is_wanted = tile.index < job.tiles.len();
-        let emission = is_wanted.then(|| tile.pixels.into_emission()).flatten();
-        lock(&traced).push((tile.index, tile.dropped_samples, emission));
-    })?;
-    drop(writer);
-    let traced = std::mem::take(&mut *lock(&traced));
-    if traced.len() < region.tiles.len() || job.cancelled.load(Ordering::Relaxed) {
-        return Ok(stats);
-    }
-    filter.run(level);
-    let edges = SupersampledEdges::find(tracer, level, scene, job, &filter);
-    let wanted = traced
-        .par_iter()
-        .filter(|(index, ..)| *index < job.tiles.len());
-    wanted.for_each(|(index, dropped_samples, emission)| {
-        let tile = job.tiles[*index];
-        let mut radiance = filter.radiance(tile);
-        for (c, emission) in emission.iter().flatten().enumerate() {
-            for (pixel, emission) in radiance.iter_mut().zip(emission) {
-                pixel[c] += emission;
-            }
-        }
-        for (place, hit) in edges.of_tile(*index) {
-            let (x, y) = (place.0 - tile.x, place.1 - tile.y);
-            let mixed = filter.mixed(*place, hit);
-            radiance[(y * tile.width + x) as usize] =
-                std::array::from_fn(|c| mixed[c] + hit.emission[c]);
-        }
-        sink(TileRadiance {
-            index: *index,
-            radiance,
-            dropped_samples: *dropped_samples,
-        });
-    });
-    filter.give_back(memory);
-    Ok(stats)
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    // A panic elsewhere cannot leave a list half changed.
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -9,17 +9,18 @@
 
 mod edge_supersampling;
 mod filter;
+mod frame;
 mod guard_band;
 mod input;
+mod neighbourhood;
 mod soa_image;
 mod variance;
 pub(crate) mod weights;
 
 pub(crate) use filter::FilterMemory;
+pub(crate) use frame::{in_parts, trace_denoised};
 pub(crate) use guard_band::GuardedRegion;
-pub(crate) use input::{
-    DenoiseInput, DenoiseInputTile, DenoiseSource, SampleSums, in_parts, trace_denoised,
-};
+pub(crate) use input::{DenoiseInput, DenoiseInputTile, DenoiseSource, SampleSums};
 
 /// Pixels from which a denoised pixel takes light, in each direction. Wider finds more to average
 /// and costs every run of tiles a wider guard band.

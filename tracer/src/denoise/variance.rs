@@ -3,8 +3,8 @@
 
 use fearless_simd::prelude::*;
 
-use super::filter::{Around, NO_NORMAL, dot, guide};
 use super::input::{LIGHT, NORMAL, VARIANCE};
+use super::neighbourhood::{NO_NORMAL, Neighbourhood, dot, guide};
 use super::soa_image::{Float, LANES};
 
 /// SoaImage of sums: how many pixels were traced, their squares, their light.
@@ -26,7 +26,7 @@ impl ColumnSums {
     pub(super) fn sum_up<S: Simd>(
         &mut self,
         simd: S,
-        around: &Around<'_>,
+        around: &Neighbourhood<'_>,
         width: usize,
         is_single: bool,
     ) {

@@ -5,7 +5,7 @@ use crate::compiled::{
     CSG_FACE_CONE, CompiledScene, KIND_DIELECTRIC, KIND_LAYERED, MaterialData, PATTERN_NUMBER,
     PATTERN_PLANKS, PATTERN_WOOD, ShapeKind, SphereData,
 };
-use crate::gpu::{coplanar, layout};
+use crate::gpu::coplanar;
 
 impl ShapeKind {
     /// The prefix or suffix of its functions in WGSL.
@@ -165,10 +165,10 @@ pub(crate) struct Features {
 }
 
 impl Features {
-    /// What `scene` requires on a device whose uniform buffers hold `uniform_bytes_max`.
-    pub(crate) fn of(scene: &CompiledScene, uniform_bytes_max: u64) -> Self {
+    /// What `scene` requires, its arrays in constant memory.
+    pub(crate) fn new(scene: &CompiledScene) -> Self {
         let any = |has: fn(&MaterialData) -> bool| scene.materials.iter().any(has);
-        let mut features = Self {
+        Self {
             spheres: scene.spheres.len() as u32,
             boxes: scene.boxes.len() as u32,
             discs: scene.discs.len() as u32,
@@ -197,14 +197,7 @@ impl Features {
             area_lights_occlude: coplanar::area_lights_occlude(scene),
             area_lights_scaled: needs_scale(scene),
             memory: SceneMemory::Uniform,
-        };
-        // Rays of a group go down a BVH by different ways, and a device reads constants for them in turn:
-        // twice the time for 256 balls.
-        let has_bvh = features.bvhs.contains(&true);
-        if has_bvh || layout::scene_bytes_len(&features) > uniform_bytes_max {
-            features.memory = SceneMemory::Storage;
         }
-        features
     }
 
     /// How many primitives of a shape there are.

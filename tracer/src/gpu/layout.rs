@@ -9,7 +9,7 @@ use crate::compiled::{
     MaterialData, RectangleData, ShapeKind, SphereData,
 };
 use crate::gpu::coplanar;
-use crate::gpu::features::{self, Features};
+use crate::gpu::features::{self, Features, SceneMemory};
 use crate::{Error, ImageSize};
 
 /// What stands before the scene's arrays.
@@ -159,6 +159,18 @@ impl BoxBound {
             ..Self::zeroed()
         }
     }
+}
+
+/// What `scene` requires on a device whose uniform buffers hold `uniform_bytes_max`.
+pub(crate) fn features(scene: &CompiledScene, uniform_bytes_max: u64) -> Features {
+    let mut features = Features::new(scene);
+    // Rays of a group take different paths down a BVH, and a device reads constants for them in turn:
+    // twice the time for 256 balls.
+    let has_bvh = features.bvhs.contains(&true);
+    if has_bvh || scene_bytes_len(&features) > uniform_bytes_max {
+        features.memory = SceneMemory::Storage;
+    }
+    features
 }
 
 /// Length of [`scene_bytes`].

@@ -5,7 +5,8 @@ use glam::{DVec3, Vec3};
 
 use super::adapter::{self, AdapterChoice};
 use super::device::Device;
-use super::features::{Features, SceneMemory};
+use super::features::SceneMemory;
+use super::layout;
 use super::layout::scene_bytes;
 use super::{probe, shader};
 use crate::compiled::{Primitive, SphereData};
@@ -38,7 +39,7 @@ fn random(i: usize) -> [f64; 4] {
 fn run(scene: &CompiledScene, body: &str, input: &[u32], count: usize) -> Option<Vec<[u32; 4]>> {
     assert_eq!(count % 64, 0);
     let device = device()?;
-    let features = Features::of(scene, 65_536);
+    let features = layout::features(scene, 65_536);
     let memory = match features.memory {
         SceneMemory::Uniform => wgpu::BufferUsages::UNIFORM,
         SceneMemory::Storage => wgpu::BufferUsages::STORAGE,
@@ -341,7 +342,7 @@ fn rays_hit_what_scalar_rays_hit() {
     for (scene, area_lights_occlude) in [(probe::scene(), false), (unequal, true), (far, true)] {
         let scene = CompiledScene::new(&scene).unwrap();
         assert_eq!(
-            Features::of(&scene, 65_536).area_lights_occlude,
+            layout::features(&scene, 65_536).area_lights_occlude,
             area_lights_occlude
         );
         compare_rays(&scene, area_lights_occlude);
@@ -494,7 +495,7 @@ fn balls_are_met_from_any_distance_as_in_f64() {
             }
         }
         // Without compensation a device that rounds `fma` twice is off in proportion.
-        let is_compensated = Features::of(&scene, 65_536).is_compensated;
+        let is_compensated = layout::features(&scene, 65_536).is_compensated;
         let bound = if is_compensated {
             3e-5
         } else {

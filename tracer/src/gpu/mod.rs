@@ -295,7 +295,7 @@ impl GpuTracer {
 
     fn features(&self, scene: &CompiledScene, output: Output) -> Features {
         let uniform_bytes_max = self.device.device.limits().max_uniform_buffer_binding_size;
-        let features = Features::of(scene, uniform_bytes_max);
+        let features = layout::features(scene, uniform_bytes_max);
         Features { output, ..features }
     }
 }

@@ -265,11 +265,12 @@ fn light(x: f32, radiance: f32) -> AreaLight {
 mod tests {
     use super::*;
     use crate::compiled::ShapeKind;
-    use crate::gpu::features::Features;
 
     #[test]
     fn the_scenes_have_every_shape_and_every_material() {
-        let features = |scene: Scene| Features::of(&CompiledScene::new(&scene).unwrap(), u64::MAX);
+        let features = |scene: Scene| {
+            crate::gpu::layout::features(&CompiledScene::new(&scene).unwrap(), u64::MAX)
+        };
         let (plain, dressed) = (features(scene()), features(dressed_scene()));
         for shape in ShapeKind::ALL {
             assert!(plain.count(shape) + dressed.count(shape) > 0, "{shape:?}");

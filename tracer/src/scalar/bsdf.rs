@@ -8,10 +8,10 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::intersect::{Hit, vector};
-use super::sheen::sheen;
 use crate::CompiledScene;
 use crate::compiled::{MaterialData, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, Primitive};
 use crate::fresnel::fresnel_dielectric;
+use crate::sheen::sheen;
 use crate::texture::{numbered, wood};
 
 /// How one point of a surface scatters: a mirror of weight `F(cos wo)` over

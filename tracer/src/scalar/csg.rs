@@ -6,7 +6,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::intersect::{Ray, vector};
+use super::ray::{Ray, vector};
 use crate::CompiledScene;
 use crate::compiled::{CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_PLANE, CsgBoxData, CsgFaceData};
 use crate::scene::validate::CSG_MARGIN_M;

@@ -3,17 +3,10 @@
 use glam::DVec3;
 
 use super::csg::intersect_csg_box;
+pub use super::ray::Ray;
+pub(crate) use super::ray::vector;
 use crate::CompiledScene;
 use crate::compiled::{AreaLightData, BoxData, DiscData, Primitive, SphereData};
-
-/// A half-line.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ray {
-    /// Where it begins, metres.
-    pub origin: DVec3,
-    /// Unit direction.
-    pub direction: DVec3,
-}
 
 /// Where a ray meets a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -256,11 +249,6 @@ fn intersect_plane(ray: &Ray, center: DVec3, n: DVec3) -> Option<(f64, DVec3)> {
     }
     let t = to_center.dot(n) / cos;
     Some((t, t * ray.direction - to_center))
-}
-
-/// An f32 triple in f64.
-pub(crate) fn vector(v: [f32; 3]) -> DVec3 {
-    glam::Vec3::from_array(v).as_dvec3()
 }
 
 #[cfg(test)]

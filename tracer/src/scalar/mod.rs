@@ -52,9 +52,9 @@ pub mod csg;
 pub mod intersect;
 pub mod medium;
 pub mod microfacet;
+mod ray;
 pub mod refracted_nee;
 pub mod scatter;
-pub mod sheen;
 
 use std::f64::consts::PI;
 use std::sync::atomic::Ordering;
@@ -63,7 +63,6 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::compiled::{AreaLightData, CameraFrame, Primitive, SphereData};
-use crate::cpu::Level;
 use crate::denoise::{
     DenoiseInput, DenoiseInputTile, DenoiseSource, FilterMemory, SampleSums, trace_denoised,
 };
@@ -71,6 +70,7 @@ use crate::fresnel::fresnel_dielectric;
 use crate::sampling::{
     BLOCK_CAMERA, block_choice, block_light, block_scatter, pair, pixel_key, sample_key,
 };
+use crate::simd::Level;
 use crate::tracer::{DeviceInfo, DeviceKind, TileRadiance, TraceJob, TraceStats, Tracer};
 use crate::{Aovs, CompiledScene, Error, ImageSize, RenderSettings, Tile, TileAovs};
 use area_light::{LightDirection, light_weight_sum, sample_light};

@@ -1,4 +1,4 @@
-// The sheen of napped cloth (see `scalar::sheen`).
+// The sheen of napped cloth (see `sheen`).
 
 fn sheen(material: u32, n: vec3f, wo: vec3f, wi: vec3f) -> vec3f {
     let strength = scene.materials[material].sheen;

@@ -1,0 +1,94 @@
+//! Rays of a packet, and the nearest hits on them.
+
+use fearless_simd::prelude::*;
+
+use super::lanes::{Float, Mask, Vec3x, Word};
+
+/// Where the lanes that meet a primitive do.
+pub(super) type HitMask<S> = Option<(Mask<S>, Float<S>)>;
+
+/// The id of no primitive.
+pub(super) const NONE: u32 = u32::MAX;
+
+/// Set in the id of a dielectric that a ray is inside of: it meets that body's far side.
+pub(super) const INSIDE: u32 = 1 << 31;
+
+/// Directions closer to a slab's plane count as this close, so that no product is 0 · ∞.
+const DIRECTION_MIN: f32 = 1e-30;
+
+/// Rays with what their tests share.
+#[derive(Clone, Copy)]
+pub(super) struct Rays<S: Simd> {
+    pub(super) origin: Vec3x<S>,
+    /// Of unit length.
+    pub(super) direction: Vec3x<S>,
+    /// The primitive that each ray starts on, which it cannot meet: all are convex. With [`INSIDE`]
+    /// the dielectric that it is inside of.
+    pub(super) start: Word<S>,
+    pub(super) inverse: Vec3x<S>,
+    pub(super) inverse_abs: Vec3x<S>,
+}
+
+impl<S: Simd> Rays<S> {
+    #[inline(always)]
+    pub(super) fn new(simd: S, origin: Vec3x<S>, direction: Vec3x<S>, start: Word<S>) -> Self {
+        let inverse = inverse(simd, direction);
+        Self {
+            origin,
+            direction,
+            start,
+            inverse,
+            inverse_abs: inverse.abs(),
+        }
+    }
+
+    /// Distances to the nearer and the farther plane of each pair of a box's.
+    #[inline(always)]
+    pub(super) fn slabs(&self, simd: S, min: [f32; 3], max: [f32; 3]) -> (Vec3x<S>, Vec3x<S>) {
+        let a = (Vec3x::splat(simd, min) - self.origin).scale(self.inverse);
+        let b = (Vec3x::splat(simd, max) - self.origin).scale(self.inverse);
+        (
+            Vec3x::new(a.x.min(b.x), a.y.min(b.y), a.z.min(b.z)),
+            Vec3x::new(a.x.max(b.x), a.y.max(b.y), a.z.max(b.z)),
+        )
+    }
+}
+
+/// `1 / d` with |d| kept away from 0.
+#[inline(always)]
+pub(super) fn inverse<S: Simd>(simd: S, direction: Vec3x<S>) -> Vec3x<S> {
+    Vec3x::new(
+        inverse_component(simd, direction.x),
+        inverse_component(simd, direction.y),
+        inverse_component(simd, direction.z),
+    )
+}
+
+#[inline(always)]
+fn inverse_component<S: Simd>(simd: S, d: Float<S>) -> Float<S> {
+    1.0 / d.abs().max(Float::splat(simd, DIRECTION_MIN)).copysign(d)
+}
+
+/// The nearest primitive so far, per lane.
+pub(super) struct Nearest<S: Simd> {
+    pub(super) distance: Float<S>,
+    pub(super) id: Word<S>,
+}
+
+impl<S: Simd> Nearest<S> {
+    #[inline(always)]
+    pub(super) fn none(simd: S) -> Self {
+        Self {
+            distance: Float::splat(simd, f32::INFINITY),
+            id: Word::splat(simd, NONE),
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn take(&mut self, hits: HitMask<S>, id: u32) {
+        if let Some((hit, t)) = hits {
+            self.distance = hit.select(t, self.distance);
+            self.id = hit.select(Word::splat(t.token(), id), self.id);
+        }
+    }
+}

@@ -1,0 +1,48 @@
+//! Neighbourhood of a row of pixels: light and guides of the rows that a pass reads.
+
+use fearless_simd::prelude::*;
+
+use super::input::ALBEDO;
+use super::soa_image::{Float, SoaImage, SoaRow};
+
+/// No surface has this normal, so that nothing mixes with what was not traced.
+pub(super) const NO_NORMAL: f32 = 1e6;
+
+/// Where in the guides a column is.
+pub(super) const fn guide(column: usize) -> usize {
+    column - ALBEDO
+}
+
+/// The rows that the taps of one row lie in.
+pub(super) struct Neighbourhood<'a> {
+    guides: [SoaRow<'a>; 3],
+    light: [SoaRow<'a>; 3],
+}
+
+impl<'a> Neighbourhood<'a> {
+    pub(super) fn new(light: &'a SoaImage, guides: &'a SoaImage, y: usize, step: isize) -> Self {
+        let offsets = [-step, 0, step];
+        Self {
+            guides: offsets.map(|dy| guides.row(y, dy)),
+            light: offsets.map(|dy| light.row(y, dy)),
+        }
+    }
+
+    /// Guides and light `dy` steps further down.
+    #[inline(always)]
+    pub(super) fn at(&self, dy: isize) -> (SoaRow<'a>, SoaRow<'a>) {
+        let row = 1usize.wrapping_add_signed(dy);
+        (self.guides[row], self.light[row])
+    }
+}
+
+#[inline(always)]
+pub(super) fn dot<S: Simd>(a: [Float<S>; 3], b: [Float<S>; 3]) -> Float<S> {
+    a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
+}
+
+#[inline(always)]
+pub(super) fn distance_squared<S: Simd>(a: [Float<S>; 3], b: [Float<S>; 3]) -> Float<S> {
+    let d = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+    dot(d, d)
+}

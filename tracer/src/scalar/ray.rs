@@ -1,0 +1,17 @@
+//! Rays, and vectors in f64.
+
+use glam::DVec3;
+
+/// A half-line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ray {
+    /// Where it begins, metres.
+    pub origin: DVec3,
+    /// Unit direction.
+    pub direction: DVec3,
+}
+
+/// An f32 triple in f64.
+pub(crate) fn vector(v: [f32; 3]) -> DVec3 {
+    glam::Vec3::from_array(v).as_dvec3()
+}

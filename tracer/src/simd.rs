@@ -1,0 +1,3 @@
+//! Instruction sets of processors, chosen at run time.
+
+pub use fearless_simd::Level;
