@@ -3,7 +3,7 @@
 use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
 
-use crate::image_file::RadianceImage;
+use crate::image::RadianceImage;
 use crate::metrics::Estimate;
 use crate::{
     CompiledScene, Error, ImageSize, RenderSettings, Tile, TileGrid, TileRadiance, TraceJob, Tracer,

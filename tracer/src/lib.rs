@@ -6,7 +6,8 @@
 //! SceneUpdate ─────────┘  TraceJob ──┘      (CPU, GPU)
 //! ```
 //!
-//! The crate knows no network, no window and no clock.
+//! The crate knows no network, no window and no clock. Its features `gpu` (compute shaders) and
+//! `image-io` (PNG and EXR files) are on by default.
 
 pub mod aov;
 pub mod bvh;
@@ -16,7 +17,10 @@ pub mod denoise;
 pub mod error;
 pub mod film;
 pub mod fresnel;
+#[cfg(feature = "gpu")]
 pub mod gpu;
+pub mod image;
+#[cfg(feature = "image-io")]
 pub mod image_file;
 pub mod metrics;
 pub mod reference;
@@ -37,8 +41,9 @@ pub use compiled::CompiledScene;
 pub use cpu::CpuTracer;
 pub use error::Error;
 pub use film::Film;
+#[cfg(feature = "gpu")]
 pub use gpu::GpuTracer;
-pub use image_file::RadianceImage;
+pub use image::RadianceImage;
 pub use scalar::ScalarTracer;
 pub use scene::{
     AreaLight, Axis, Camera, CsgSolid, Environment, Material, Medium, Object, ObjectPose,

@@ -4,6 +4,7 @@
 //! pixel smooth it. The waves are `wave(t) = sin 2πt`; the same formulas run in SIMD and WGSL.
 
 use std::f64::consts::TAU;
+#[cfg(feature = "gpu")]
 use std::fmt::Write as _;
 
 use glam::DVec3;
@@ -240,6 +241,7 @@ pub fn wood(material: &MaterialData, p: DVec3) -> DVec3 {
 }
 
 /// The constants above for the kernels.
+#[cfg(feature = "gpu")]
 pub(crate) fn wgsl() -> String {
     let triple = |v: [f32; 3]| format!("vec3f({:?}, {:?}, {:?})", v[0], v[1], v[2]);
     let mut text = format!(

@@ -6,6 +6,7 @@ mod names;
 mod sources;
 
 use std::fs;
+use std::process::Command;
 
 use sources::{Source, code_lines, root, sources};
 
@@ -134,15 +135,36 @@ fn dependencies_point_one_way() {
         let manifest = fs::read_to_string(root().join(folder).join("Cargo.toml")).expect(folder);
         for later in &order[rank + 1..] {
             let name = if *later == "game" {
-                "carom."
+                "carom"
             } else {
-                &format!("carom-{later}.")
+                &format!("carom-{later}")
             };
+            let mut keys = manifest.lines().map(|line| line.split(['.', ' ']).next());
             assert!(
-                !manifest.lines().any(|line| line.starts_with(name)),
+                !keys.any(|key| key == Some(name)),
                 "{folder}/Cargo.toml depends on {later}"
             );
         }
+    }
+}
+
+#[test]
+fn protocol_builds_without_gpu_and_image_files() {
+    let tree = ["tree", "--offline", "--locked", "-p", "carom-protocol"];
+    let tree = Command::new(env!("CARGO"))
+        .args(tree)
+        .args(["--edges", "normal", "--prefix", "none"])
+        .current_dir(root())
+        .output()
+        .expect("cargo");
+    assert!(tree.status.success(), "{tree:?}");
+    let tree = String::from_utf8(tree.stdout).expect("names of packages");
+    assert!(tree.contains("carom-tracer"), "{tree}");
+    for package in ["wgpu", "naga", "pollster", "exr", "png"] {
+        assert!(
+            !tree.lines().any(|line| line.starts_with(package)),
+            "carom-protocol depends on {package}"
+        );
     }
 }
 

@@ -18,9 +18,10 @@ mod variance;
 pub(crate) mod weights;
 
 pub(crate) use filter::FilterMemory;
-pub(crate) use frame::{in_parts, trace_denoised};
-pub(crate) use guard_band::GuardedRegion;
+pub(crate) use frame::trace_denoised;
 pub(crate) use input::{DenoiseInput, DenoiseInputTile, DenoiseSource, SampleSums};
+#[cfg(feature = "gpu")]
+pub(crate) use {frame::in_parts, guard_band::GuardedRegion};
 
 /// Pixels from which a denoised pixel takes light, in each direction. Wider finds more to average
 /// and costs every run of tiles a wider guard band.

@@ -263,7 +263,7 @@ const RGB_FROM_XYZ: [[f32; 3]; 3] = [
     [0.055_630_08, -0.203_976_96, 1.056_971_5],
 ];
 
-#[cfg(test)]
+#[cfg(all(test, feature = "image-io"))]
 mod tests {
     use std::collections::BTreeMap;
     use std::fs::File;

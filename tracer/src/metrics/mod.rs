@@ -4,7 +4,7 @@ mod flip;
 
 pub use flip::{Flip, flip};
 
-use crate::image_file::RadianceImage;
+use crate::image::RadianceImage;
 use crate::{Error, ImageSize, Tile, TileGrid};
 
 /// A picture with the standard error of each pixel and channel.
