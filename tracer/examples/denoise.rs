@@ -1,4 +1,4 @@
-//! What the denoiser gains on the pool scene, and what it costs.
+//! Gain and cost of the denoiser on the pool scene.
 //!
 //! `cargo run --release -p carom-tracer --example denoise -- [cpu|gpu|reference] [FOLDER]`
 //!

@@ -18,7 +18,7 @@ use carom_tracer::{
 };
 
 /// What to measure.
-struct Run {
+struct Measurement {
     size: ImageSize,
     samples: u32,
     frames: u32,
@@ -46,12 +46,12 @@ fn main() -> Result<(), Error> {
         frame(&tracer, &scene, &run, seed)?;
     }
     for in_flight in [1, run.in_flight] {
-        measure(&tracer, &scene, &Run { in_flight, ..run })?;
+        measure(&tracer, &scene, &Measurement { in_flight, ..run })?;
     }
     Ok(())
 }
 
-fn arguments() -> Run {
+fn arguments() -> Measurement {
     let mut given: Vec<String> = std::env::args().skip(1).collect();
     let denoise = given.pop_if(|last| last == "denoise").is_some();
     let given: Vec<u32> = given
@@ -59,7 +59,7 @@ fn arguments() -> Run {
         .map(|text| text.parse().expect("width height spp frames in_flight"))
         .collect();
     let argument = |index: usize, default| given.get(index).copied().unwrap_or(default);
-    Run {
+    Measurement {
         size: ImageSize::new(argument(0, 1920), argument(1, 1080)),
         samples: argument(2, 16),
         frames: argument(3, 100),
@@ -68,7 +68,7 @@ fn arguments() -> Run {
     }
 }
 
-fn measure(tracer: &GpuTracer, scene: &CompiledScene, run: &Run) -> Result<(), Error> {
+fn measure(tracer: &GpuTracer, scene: &CompiledScene, run: &Measurement) -> Result<(), Error> {
     let total = Mutex::new(TraceStats::default());
     let next = AtomicU32::new(0);
     let started = Instant::now();
@@ -99,7 +99,7 @@ fn measure(tracer: &GpuTracer, scene: &CompiledScene, run: &Run) -> Result<(), E
 fn frame(
     tracer: &GpuTracer,
     scene: &CompiledScene,
-    run: &Run,
+    run: &Measurement,
     seed: u32,
 ) -> Result<TraceStats, Error> {
     let grid = TileGrid::new(run.size, 32);
@@ -120,7 +120,7 @@ fn frame(
     })
 }
 
-fn report(run: &Run, total: &TraceStats, wall_secs: f64) {
+fn report(run: &Measurement, total: &TraceStats, wall_secs: f64) {
     let device_secs = total.device_nanos as f64 * 1e-9;
     let frames = f64::from(run.frames);
     println!(

@@ -1,4 +1,4 @@
-//! How fast the processor traces a scene, per second of processor time.
+//! Samples that the processor traces per second of processor time.
 //!
 //! `cargo run --release -p carom-tracer --example trace_speed -- SCENE.json [SAMPLES] [THREADS] [LEVELS]`
 //!

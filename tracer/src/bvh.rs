@@ -116,12 +116,12 @@ impl Bvh {
         if bounds.len() <= LEAF {
             return None;
         }
-        let mut items: Vec<Item> = bounds
+        let mut items: Vec<BuildItem> = bounds
             .zip(0u32..)
-            .map(|(bounds, index)| Item { bounds, index })
+            .map(|(bounds, index)| BuildItem { bounds, index })
             .collect();
         let mut nodes = vec![[BvhNode::default(); 2]; leaves(items.len()) - 1];
-        let root = Part {
+        let root = BuildTask {
             items: &mut items,
             nodes: &mut nodes,
             first: 0,
@@ -140,27 +140,27 @@ pub const fn leaves(primitives: usize) -> usize {
 }
 
 #[derive(Clone, Copy)]
-struct Item {
+struct BuildItem {
     bounds: Bounds,
     index: u32,
 }
 
-impl Item {
+impl BuildItem {
     fn center(&self) -> Vec3 {
         0.5 * self.bounds.min + 0.5 * self.bounds.max
     }
 }
 
-/// What is to become a subtree.
-struct Part<'a> {
-    items: &'a mut [Item],
+/// A subtree to be built, with the memory for its nodes.
+struct BuildTask<'a> {
+    items: &'a mut [BuildItem],
     nodes: &'a mut [[BvhNode; 2]],
     first: u32,
     node: u32,
     depth: u32,
 }
 
-impl Part<'_> {
+impl BuildTask<'_> {
     fn build(self) -> BvhNode {
         let Self {
             items,
@@ -183,14 +183,14 @@ impl Part<'_> {
         let left = divide(items, depth);
         let (left_items, right_items) = items.split_at_mut(left);
         let (left_nodes, right_nodes) = nodes.split_at_mut(leaves(left) - 1);
-        let left = Part {
+        let left = BuildTask {
             first,
             node: node + 1,
             depth: depth + 1,
             items: left_items,
             nodes: left_nodes,
         };
-        let right = Part {
+        let right = BuildTask {
             first: first + left.items.len() as u32,
             node: left.node + left.nodes.len() as u32,
             depth: depth + 1,
@@ -209,9 +209,9 @@ impl Part<'_> {
 
 /// Puts the primitives of one half before those of the other; returns how many, a multiple of
 /// [`LEAF`].
-fn divide(items: &mut [Item], depth: u32) -> usize {
-    let low = least(items.iter().map(Item::center));
-    let extent = most(items.iter().map(Item::center)) - low;
+fn divide(items: &mut [BuildItem], depth: u32) -> usize {
+    let low = least(items.iter().map(BuildItem::center));
+    let extent = most(items.iter().map(BuildItem::center)) - low;
     let axis = extent.max_position();
     let leaves = leaves(items.len());
     // Halves by number, from here on, would reach the last level: each has no more than half the
@@ -221,29 +221,29 @@ fn divide(items: &mut [Item], depth: u32) -> usize {
     let left = if is_deep || !bins_per_metre.is_finite() {
         leaves / 2
     } else {
-        let bin = |item: &Item| ((item.center()[axis] - low[axis]) * bins_per_metre) as usize;
-        let left = cheapest_cut(items, |item| bin(item).min(BINS - 1));
+        let bin = |item: &BuildItem| ((item.center()[axis] - low[axis]) * bins_per_metre) as usize;
+        let left = cheapest_split(items, |item| bin(item).min(BINS - 1));
         (left + LEAF / 2) / LEAF
     };
     let left = left.clamp(1, leaves - 1) * LEAF;
-    let by_place = |a: &Item, b: &Item| a.center()[axis].total_cmp(&b.center()[axis]);
+    let by_place = |a: &BuildItem, b: &BuildItem| a.center()[axis].total_cmp(&b.center()[axis]);
     items.select_nth_unstable_by(left, by_place);
     left
 }
 
-/// How many primitives lie below the cut between two bins that makes the fewest rays times primitives.
-fn cheapest_cut(items: &[Item], bin: impl Fn(&Item) -> usize) -> usize {
-    let mut bins = [Bin::EMPTY; BINS];
+/// Number of primitives below the split between two bins whose surface area heuristic is least.
+fn cheapest_split(items: &[BuildItem], bin: impl Fn(&BuildItem) -> usize) -> usize {
+    let mut bins = [SahBin::EMPTY; BINS];
     for item in items {
-        bins[bin(item)].take(item);
+        bins[bin(item)].add(item);
     }
     let mut above = [0.0; BINS];
-    let mut whole = Bin::EMPTY;
+    let mut whole = SahBin::EMPTY;
     for (cost, bin) in above.iter_mut().zip(&bins).rev() {
         whole.join(bin);
         *cost = whole.cost();
     }
-    let mut below = Bin::EMPTY;
+    let mut below = SahBin::EMPTY;
     let (mut best, mut least) = (items.len() / 2, f32::INFINITY);
     for (bin, above) in bins.iter().zip(&above[1..]) {
         below.join(bin);
@@ -256,20 +256,20 @@ fn cheapest_cut(items: &[Item], bin: impl Fn(&Item) -> usize) -> usize {
 }
 
 #[derive(Clone, Copy)]
-struct Bin {
+struct SahBin {
     min: Vec3,
     max: Vec3,
     count: usize,
 }
 
-impl Bin {
+impl SahBin {
     const EMPTY: Self = Self {
         min: Vec3::INFINITY,
         max: Vec3::NEG_INFINITY,
         count: 0,
     };
 
-    fn take(&mut self, item: &Item) {
+    fn add(&mut self, item: &BuildItem) {
         self.min = self.min.min(item.bounds.min);
         self.max = self.max.max(item.bounds.max);
         self.count += 1;

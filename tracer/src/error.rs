@@ -1,4 +1,4 @@
-//! What can go wrong in the tracer, and whose fault it is.
+//! Errors of the tracer, each of which says whose fault it is.
 
 use std::path::PathBuf;
 

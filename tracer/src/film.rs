@@ -1,4 +1,4 @@
-//! Where tiles become a picture.
+//! Film: the sum of tiles and of sample ranges that becomes a picture.
 
 use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
@@ -305,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn a_film_comes_back_from_its_bytes_and_from_no_others() {
+    fn film_round_trips_and_refuses_other_bytes() {
         let mut film = film();
         film.add(PIXEL, &[[0.1, 1e30, 3.0]], 7).unwrap();
         film.count_dropped(5);

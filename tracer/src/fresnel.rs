@@ -1,4 +1,4 @@
-//! What a smooth dielectric reflects, of one direction and of diffuse light.
+//! Fresnel reflectance of smooth surfaces, for one direction and for diffuse light.
 
 //!
 //! Directions are seen from the side on which the index is 1: from inside a body of index η the
@@ -74,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn from_inside_light_is_reflected_as_from_outside_or_totally() {
+    fn fresnel_inside_equals_outside_or_is_total() {
         for step in 0..=1000 {
             let inside = f64::from(step) / 1000.0;
             let sine2_outside = 2.25 * (1.0 - inside * inside);
@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn a_metal_without_absorption_is_a_dielectric_and_grazing_light_is_reflected() {
+    fn metal_without_absorption_is_a_dielectric() {
         let gold = (
             DVec3::new(0.143, 0.375, 1.442),
             DVec3::new(3.983, 2.386, 1.603),

@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn layers_lie_beside_the_picture() {
+    fn exr_aovs_lie_beside_the_picture() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("layers.exr");
         let image = gradient();

@@ -138,7 +138,7 @@ impl SurfaceVertex {
             wo: -ray.direction,
             n: if is_inside { -hit.n } else { hit.n },
             is_inside,
-            bsdf: Scatter::at(scene, &hit, is_inside),
+            bsdf: Scatter::new(scene, &hit, is_inside),
             hit,
         }
     }

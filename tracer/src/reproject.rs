@@ -38,7 +38,7 @@ impl View {
         Self {
             camera: scene.camera_frame(size),
             spheres: scene.spheres.clone(),
-            hits: FirstHits::of(scene, size),
+            hits: FirstHits::new(scene, size),
         }
     }
 
@@ -59,7 +59,7 @@ impl View {
         assert_eq!(pixels.len(), self.size().pixels(), "pixels of the picture");
         let width = (to.size().width as usize).max(1);
         let mut moved = vec![[T::default(); N]; to.size().pixels()];
-        let film = Film::new(&self.camera);
+        let film = FilmProjection::new(&self.camera);
         let rows = moved.par_chunks_mut(width).enumerate();
         let guessed = rows.map(|(y, row)| self.fill_row(pixels, to, &film, y, row));
         let guessed = guessed.sum();
@@ -73,7 +73,7 @@ impl View {
         &self,
         pixels: &[[T; N]],
         to: &Self,
-        film: &Film,
+        film: &FilmProjection,
         y: usize,
         row: &mut [[T; N]],
     ) -> usize {
@@ -95,7 +95,13 @@ impl View {
 
     /// Where on the film of `before` the point was that this view's pixel sees; nothing if it was
     /// behind the eye, or on the far side of its ball.
-    fn place_before(&self, before: &Self, film: &Film, x: usize, y: usize) -> Option<[f32; 2]> {
+    fn place_before(
+        &self,
+        before: &Self,
+        film: &FilmProjection,
+        x: usize,
+        y: usize,
+    ) -> Option<[f32; 2]> {
         let index = y * self.size().width as usize + x;
         let (camera, id) = (&self.camera, self.hits.primitive[index]);
         let [corner, dx, dy] = [camera.corner, camera.dx, camera.dy].map(Vec3::from);
@@ -150,13 +156,13 @@ impl View {
 }
 
 /// A camera turned round: from directions to places on its film, in pixels from the top left.
-struct Film {
+struct FilmProjection {
     x: Vec3,
     y: Vec3,
     depth: Vec3,
 }
 
-impl Film {
+impl FilmProjection {
     fn new(camera: &CameraFrame) -> Self {
         let [corner, dx, dy] = [camera.corner, camera.dx, camera.dy].map(Vec3::from);
         // Rows of the inverse of the matrix with the columns dx, dy and corner.
@@ -287,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turned_camera_shows_nearly_what_is_traced_from_there() {
+    fn reprojection_to_a_turned_camera_is_close() {
         let mut scene = pool();
         let before = picture(&scene);
         let from = View::new(&scene, SIZE);
@@ -311,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ball_that_has_rolled_on_is_shown_where_it_is_now() {
+    fn rolled_ball_is_reprojected_to_its_place() {
         let mut scene = pool();
         let ball = scene
             .primitives
@@ -343,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn pixels_that_were_not_to_be_seen_take_the_nearest_of_their_kind() {
+    fn disoccluded_pixels_take_the_nearest_of_their_object() {
         assert_eq!(stand_in(&[5, 5, 7, 7, 5, 5, 5, 5], &[4], 4), 6);
         assert_eq!(stand_in(&[5, 7, 7, 7], &[0], 0), 2);
         assert_eq!(stand_in(&[5, 5], &[0, 1], 0), 0);

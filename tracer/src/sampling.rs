@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn squares_of_pixels_and_runs_of_samples_fill_every_division_into_cells() {
+    fn samples_fill_every_elementary_interval() {
         for (r, k) in (0..=4).flat_map(|r| (0..=10 - 2 * r).map(move |k| (r, k))) {
             for (pixel_first, sample_first) in [([0, 0], 0), ([3, 1], 5), ([2, 7], u32::MAX)] {
                 let points = points(r, k, pixel_first, sample_first);

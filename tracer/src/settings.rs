@@ -1,4 +1,4 @@
-//! What a picture may cost.
+//! Settings of a picture, and presets of them.
 
 use serde::{Deserialize, Serialize};
 

@@ -44,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sheen_is_the_same_both_ways_and_strongest_at_grazing_angles() {
+    fn sheen_is_reciprocal_and_peaks_at_grazing() {
         for roughness in [0.1, 0.3, 1.0] {
             assert_eq!(
                 sheen(roughness, 0.3, 0.8, 0.9),
@@ -55,7 +55,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bound_of_its_reflectance_is_below_1_for_common_widths() {
+    fn sheen_reflectance_bound_is_plausible() {
         for roughness in [0.2, 0.3, 0.5, 1.0] {
             let most = sheen_reflectance_max(roughness);
             assert!((0.05..1.3).contains(&most), "{roughness}: {most}");

@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn sizes_are_read_and_nonsense_is_refused_with_its_text() {
+    fn sizes_parse_and_errors_quote_the_text() {
         assert_eq!(
             "640x360".parse::<ImageSize>().unwrap(),
             ImageSize::new(640, 360)

@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn agrees_with_the_definition_on_both_sides_of_each_threshold() {
+    fn srgb_is_exact_on_both_sides_of_thresholds() {
         for s in 1..=255 {
             let x = threshold(s);
             assert_eq!(u32::from(step(x)), s);
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn agrees_with_the_definition_all_over_the_range() {
+    fn srgb_equals_its_definition() {
         for bits in (0..1.5f32.to_bits()).step_by(1009) {
             let x = f32::from_bits(bits);
             assert_eq!(step(x), by_definition(x), "{x}");
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn no_threshold_depends_on_the_last_bits_of_its_computation() {
+    fn srgb_thresholds_do_not_depend_on_rounding() {
         for step in 1..=255 {
             let exact = linear_from_srgb((f64::from(step) - 0.5) / 255.0);
             let x = threshold(step);
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_light_is_black_and_too_much_is_white() {
+    fn tone_map_clamps_to_black_and_white() {
         for x in [
             f32::NAN,
             -f32::NAN,

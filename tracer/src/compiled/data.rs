@@ -1,5 +1,5 @@
-//! What back ends read of each primitive, area light, material and camera: plain old data, laid out as WGSL has
-//! its structs.
+//! Plain old data that back ends read of each primitive, area light, material and camera, laid out as
+//! WGSL has its structs.
 
 use bytemuck::{Pod, Zeroable};
 

@@ -12,10 +12,10 @@ use crate::scalar::area_light::{BELOW_1, SOLID_ANGLE_MIN};
 
 /// The area lights of a scene.
 pub(super) struct AreaLights {
-    rows: Vec<Row>,
+    rows: Vec<AreaLightRow>,
 }
 
-type Row = [f32; 20];
+type AreaLightRow = [f32; 20];
 
 const CENTER: usize = 0;
 /// Unit vectors along the edges.
@@ -126,7 +126,7 @@ struct LightReservoir<S: Simd> {
 
 impl<S: Simd> LightReservoir<S> {
     #[inline(always)]
-    fn new(simd: S, index: u32, row: &Row, point: Vec3x<S>) -> Self {
+    fn new(simd: S, index: u32, row: &AreaLightRow, point: Vec3x<S>) -> Self {
         let seen = SphericalRectangle::new(simd, row, point);
         let (omega, by_area) = seen.omega(simd);
         Self {
@@ -159,11 +159,11 @@ fn select_two<S: Simd>(mask: Mask<S>, a: [Float<S>; 2], b: [Float<S>; 2]) -> [Fl
 }
 
 #[inline(always)]
-fn triple<S: Simd>(simd: S, row: &Row, column: usize) -> Vec3x<S> {
+fn triple<S: Simd>(simd: S, row: &AreaLightRow, column: usize) -> Vec3x<S> {
     Vec3x::splat(simd, [row[column], row[column + 1], row[column + 2]])
 }
 
-fn row(light: &AreaLightData) -> Row {
+fn row(light: &AreaLightData) -> AreaLightRow {
     let mut row = [0.0; 20];
     row[CENTER..][..3].copy_from_slice(&light.center);
     row[AXIS_U..][..3].copy_from_slice(&light.axis_u);
@@ -196,7 +196,7 @@ struct LightDirection<S: Simd> {
 
 impl<S: Simd> SphericalRectangle<S> {
     #[inline(always)]
-    fn new(simd: S, row: &Row, point: Vec3x<S>) -> Self {
+    fn new(simd: S, row: &AreaLightRow, point: Vec3x<S>) -> Self {
         let axes = [
             triple(simd, row, AXIS_U),
             triple(simd, row, AXIS_V),

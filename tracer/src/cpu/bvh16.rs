@@ -89,7 +89,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         rays: &Rays<S>,
         nearest: &Nearest<S>,
     ) -> ([f32; LANES], [u32; LANES]) {
-        let columns = RayLanes::of(rays);
+        let columns = RayLanes::new(rays);
         let mut stack = Stack::new();
         let (mut distance, mut id) = (nearest.distance.to_array(), nearest.id.to_array());
         for lane in 0..LANES {
@@ -147,7 +147,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         distance: Float<S>,
         mut dark: u64,
     ) -> u64 {
-        let columns = RayLanes::of(rays);
+        let columns = RayLanes::new(rays);
         let mut stack = Stack::new();
         for (lane, limit) in distance.to_array().into_iter().enumerate() {
             if limit <= 0.0 || dark >> lane & 1 == 1 {
@@ -216,7 +216,7 @@ impl<F: Shape<N>, const N: usize> Bvh16Leaf<F, N> {
 
 impl RayLanes {
     #[inline(always)]
-    fn of<S: Simd>(rays: &Rays<S>) -> Self {
+    fn new<S: Simd>(rays: &Rays<S>) -> Self {
         let columns = |v: Vec3x<S>| [v.x.to_array(), v.y.to_array(), v.z.to_array()];
         Self {
             origin: columns(rays.origin),

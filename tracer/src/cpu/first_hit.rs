@@ -1,4 +1,4 @@
-//! What each pixel's centre sees: one ray a pixel, no light.
+//! First hits through the centres of pixels: one ray a pixel, no light.
 
 use fearless_simd::{Level, dispatch, prelude::*};
 use rayon::prelude::*;
@@ -27,7 +27,7 @@ impl FirstHits {
 
     /// Looks at `scene` through its camera, on all threads of the current pool: about 17 ns of
     /// processor time a pixel for the pool scene.
-    pub fn of(scene: &CompiledScene, size: ImageSize) -> Self {
+    pub fn new(scene: &CompiledScene, size: ImageSize) -> Self {
         let mut hits = Self {
             size,
             distance: vec![f32::INFINITY; size.pixels()],

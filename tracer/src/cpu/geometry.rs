@@ -183,7 +183,7 @@ impl<F: Shape<N>, const N: usize> PrimitiveSet<F, N> {
             bvh.nearest(simd, rays, nearest);
         }
         for one in &self.each {
-            nearest.take(
+            nearest.update(
                 F::intersect(rays, &one.splat(simd), nearest.distance),
                 one.id,
             );
@@ -401,7 +401,7 @@ mod tests {
     }
 
     #[test]
-    fn balls_are_met_right_from_any_distance() {
+    fn gpu_hits_balls_right_from_any_distance() {
         const RADIUS: f32 = 0.028_575;
         for exponent in 0..=7 {
             let meters = 10.0f32.powi(exponent);
@@ -424,7 +424,7 @@ mod tests {
 
     /// Impacts a few ulps inside and outside of a ball's edge: beyond 4 of them none is mistaken.
     #[test]
-    fn rays_that_graze_a_ball_are_told_apart_to_4_ulps() {
+    fn grazing_rays_are_exact_to_4_ulps() {
         const RADIUS: f32 = 0.028_575;
         let scene = scene(&[sphere(Vec3::ZERO, RADIUS)], Vec3::X);
         let geometry = Geometry::new(&scene);
@@ -447,7 +447,7 @@ mod tests {
     }
 
     #[test]
-    fn rays_in_the_planes_of_a_box_hit_it_and_no_lane_is_lost_to_nan() {
+    fn rays_in_slab_planes_hit_without_nan() {
         let shape = Shape::Box {
             min: Vec3::splat(-1.0),
             max: Vec3::splat(1.0),

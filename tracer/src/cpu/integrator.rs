@@ -14,7 +14,7 @@ use super::microfacet::{SCATTERED, untagged};
 use super::rays::{INSIDE, NONE, Nearest, Rays};
 use super::refracted_nee::NeeBoundaries;
 use super::sampling::pair;
-use super::stream::{Packet, Stream, load, load_words, packets, store, store_words};
+use super::stream::{Stream, StreamPacket, load, load_words, packets, store, store_words};
 use super::surface::{Hit, Surfaces};
 use crate::compiled::{CameraFrame, CompiledScene};
 use crate::sampling::{BLOCK_CAMERA, block_choice, block_light, block_scatter};
@@ -106,7 +106,7 @@ impl Prepared {
     fn generate<S: Simd>(&self, simd: S, stream: &mut Stream) {
         let eye = self.eye(simd);
         let one = Float::splat(simd, 1.0);
-        for Packet { at, .. } in packets(stream.len) {
+        for StreamPacket { at, .. } in packets(stream.len) {
             let pixel = load_words(simd, &stream.pixel, at);
             let sample = load_words(simd, &stream.sample, at);
             let film = load_words(simd, &stream.film, at);
@@ -531,7 +531,7 @@ impl Prepared {
     fn connect<S: Simd>(&self, simd: S, stream: &mut Stream, lobe: usize) -> u64 {
         let mut rays = 0;
         let shadow = &stream.shadows[lobe];
-        for Packet { at, .. } in packets(stream.len) {
+        for StreamPacket { at, .. } in packets(stream.len) {
             let distance = load(simd, &shadow.distance, at);
             let lit: Mask<S> = distance.simd_gt(0.0);
             let traced = lit.to_bitmask().count_ones();

@@ -85,7 +85,7 @@ impl<S: Simd> Nearest<S> {
     }
 
     #[inline(always)]
-    pub(super) fn take(&mut self, hits: HitMask<S>, id: u32) {
+    pub(super) fn update(&mut self, hits: HitMask<S>, id: u32) {
         if let Some((hit, t)) = hits {
             self.distance = hit.select(t, self.distance);
             self.id = hit.select(Word::splat(t.token(), id), self.id);

@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn sine_and_cosine_are_within_their_bound_over_the_circle() {
+    fn sine_and_cosine_keep_their_bound() {
         const STEPS: usize = 1 << 20;
         let mut worst = 0.0f64;
         for start in (0..=STEPS).step_by(LANES) {

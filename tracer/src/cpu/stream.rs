@@ -59,20 +59,20 @@ pub(super) struct Triple(pub(super) [Box<[f32]>; 3]);
 
 /// A packet's place in a stream of `len` paths.
 #[derive(Clone, Copy)]
-pub(super) struct Packet {
+pub(super) struct StreamPacket {
     pub(super) at: usize,
     pub(super) lanes: usize,
 }
 
 /// The packets of a stream; the last may be part empty.
-pub(super) fn packets(len: usize) -> impl Iterator<Item = Packet> {
-    (0..len).step_by(LANES).map(move |at| Packet {
+pub(super) fn packets(len: usize) -> impl Iterator<Item = StreamPacket> {
+    (0..len).step_by(LANES).map(move |at| StreamPacket {
         at,
         lanes: LANES.min(len - at),
     })
 }
 
-impl Packet {
+impl StreamPacket {
     /// The lanes that hold a path.
     #[inline(always)]
     pub(super) fn mask<S: Simd>(self, simd: S) -> Mask<S> {
@@ -106,7 +106,12 @@ impl Stream {
 
     /// Ends the paths of `packet` in `mask` with `radiance`.
     #[inline(always)]
-    pub(super) fn finish<S: Simd>(&mut self, packet: Packet, mask: Mask<S>, radiance: Vec3x<S>) {
+    pub(super) fn finish<S: Simd>(
+        &mut self,
+        packet: StreamPacket,
+        mask: Mask<S>,
+        radiance: Vec3x<S>,
+    ) {
         let mut bits = mask.to_bitmask();
         let radiance = [
             radiance.x.to_array(),
@@ -173,7 +178,7 @@ impl Stream {
     pub(super) fn keep<S: Simd>(
         &mut self,
         simd: S,
-        packet: Packet,
+        packet: StreamPacket,
         mask: Mask<S>,
         to: usize,
     ) -> usize {

@@ -1,4 +1,4 @@
-//! What lies at a hit: point, normal and material, fetched by primitive id.
+//! Surfaces at hits: point, normal and material, fetched by primitive id.
 
 use fearless_simd::prelude::*;
 
@@ -18,7 +18,7 @@ use crate::compiled::{
 
 /// One row of numbers per primitive that scatters, in the order of ids.
 pub(super) struct Surfaces {
-    rows: Vec<Row>,
+    rows: Vec<SurfaceRow>,
     /// Empty if all are diffuse, bare or coated.
     microfacet: Vec<MicrofacetRow>,
     /// Empty without procedural textures.
@@ -32,7 +32,7 @@ pub(super) struct Surfaces {
 }
 
 /// Geometry, then material; what the first seven hold depends on [`KIND`].
-type Row = [f32; 20];
+type SurfaceRow = [f32; 20];
 
 /// Centre of a sphere, smallest corner of a box, normal of the others.
 const FIRST: usize = 0;
@@ -280,7 +280,13 @@ fn sheen_rows(scene: &CompiledScene) -> Vec<SheenRow> {
         .collect()
 }
 
-fn row(first: [f32; 3], second: [f32; 3], kind: f32, m: &MaterialData, axis: [f32; 3]) -> Row {
+fn row(
+    first: [f32; 3],
+    second: [f32; 3],
+    kind: f32,
+    m: &MaterialData,
+    axis: [f32; 3],
+) -> SurfaceRow {
     let mut row = [0.0; 20];
     row[FIRST..][..3].copy_from_slice(&first);
     row[SECOND..][..3].copy_from_slice(&second);

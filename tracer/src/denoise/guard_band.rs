@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn every_pixel_within_the_support_is_traced_and_few_others() {
+    fn guard_band_covers_the_support_and_little_more() {
         let size = ImageSize::new(203, 151);
         for (edge, first, count) in [(32, 0, 1), (32, 9, 8), (13, 40, 50), (203, 0, 1), (8, 7, 1)] {
             let grid = TileGrid::new(size, edge);

@@ -1,4 +1,4 @@
-//! Tracing what the filter needs, and handing out what it makes of it.
+//! Input of the filter: light over albedo with its variance, and AOVs, per pixel.
 
 use super::weights::{ALBEDO_MIN, half_ratio};
 use crate::aov::AOV_CHANNELS;

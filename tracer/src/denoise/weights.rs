@@ -1,4 +1,4 @@
-//! What the filter's passes are made of: the same numbers in Rust and, as text, in WGSL.
+//! Taps and weights of the filter's passes: the same numbers in Rust and, as text, in WGSL.
 
 /// Pixels between the taps of each pass. Two passes of the eight taps nearest leave less error than
 /// three of twelve with steps of 1, 2 and 4, for less than half the work and half the guard band.

@@ -1,4 +1,4 @@
-//! Which GPUs there are, and which one to use.
+//! GPUs of this machine, and the choice of one.
 
 use std::fmt;
 
@@ -151,7 +151,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_absent_adapter_is_an_error_that_says_what_was_looked_for() {
+    fn absent_adapter_error_names_the_choice() {
         let Err(error) = find(&AdapterChoice::Name("no such device".into())) else {
             panic!("an adapter that nobody makes was found");
         };

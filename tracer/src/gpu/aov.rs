@@ -1,7 +1,7 @@
 //! First hits, as another output of the kernel.
 
 use super::GpuTracer;
-use super::features::Output;
+use super::features::KernelOutput;
 use crate::{Aovs, CompiledScene, Error, TileAovs, TraceJob};
 
 impl GpuTracer {
@@ -12,8 +12,8 @@ impl GpuTracer {
         job: &TraceJob<'_>,
         sink: &(dyn Fn(TileAovs) + Sync),
     ) -> Result<(), Error> {
-        self.trace_output(scene, job, Output::Aovs, &|chunk, _, film| {
-            let floats = Output::Aovs.floats();
+        self.trace_output(scene, job, KernelOutput::Aovs, &|chunk, _, film| {
+            let floats = KernelOutput::Aovs.floats();
             for (entry, index) in chunk.entries.iter().zip(chunk.tiles.clone()) {
                 let begin = entry.first_pixel as usize * floats;
                 let count = (entry.width * entry.height) as usize * floats;

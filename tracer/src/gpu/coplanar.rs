@@ -1,4 +1,4 @@
-//! What lies in one plane, or behind another's face: tests that a kernel may leave out.
+//! Coplanarity of discs and of area lights, by which a kernel may leave tests out.
 
 use glam::Vec3;
 

@@ -1,4 +1,4 @@
-//! What a scene requires of the kernel: what it has none of is left out.
+//! Features of a scene that a kernel is built for: what it has none of is left out.
 
 use crate::bvh::Bvh;
 use crate::compiled::{
@@ -81,7 +81,7 @@ pub(crate) enum SceneMemory {
 
 /// What the kernel finds for each pixel: the mean over its samples of
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum Output {
+pub(crate) enum KernelOutput {
     /// radiance,
     Radiance,
     /// radiance without what is in [`crate::Aovs::emission`],
@@ -90,7 +90,7 @@ pub(crate) enum Output {
     Aovs,
 }
 
-impl Output {
+impl KernelOutput {
     pub(crate) const ALL: [Self; 3] = [Self::Radiance, Self::Reflected, Self::Aovs];
 
     /// Its name in WGSL.
@@ -149,7 +149,7 @@ pub(crate) struct Features {
     pub(crate) has_dielectric: bool,
     /// Some ball may allow refracted NEE: its material is a smooth dielectric and scatters light inside.
     pub(crate) has_refracted_nee: bool,
-    pub(crate) output: Output,
+    pub(crate) output: KernelOutput,
     /// Balls are so far from the origin that the rounding of coordinates shows.
     pub(crate) is_compensated: bool,
     /// All discs lie in one plane, which a ray meets once, and are not so far from the origin for
@@ -190,7 +190,7 @@ impl Features {
             has_microfacet: any(|material| material.kind != KIND_LAYERED),
             has_dielectric: any(|material| material.kind == KIND_DIELECTRIC),
             has_refracted_nee: has_refracted_nee(scene),
-            output: Output::Radiance,
+            output: KernelOutput::Radiance,
             is_compensated: needs_compensation(scene),
             discs_coplanar: coplanar::discs_coplanar(scene),
             area_lights_coplanar: coplanar::area_lights_coplanar(scene),

@@ -7,7 +7,7 @@ use bytemuck::{Pod, cast_slice, pod_read_unaligned};
 use crate::Error;
 use crate::gpu::denoise::FilterBuffers;
 use crate::gpu::device::Device;
-use crate::gpu::features::Output;
+use crate::gpu::features::KernelOutput;
 use crate::gpu::layout::{DispatchData, SceneHeader, TileEntry};
 use crate::gpu::pipeline::Kernel;
 use crate::gpu::schedule::Chunk;
@@ -22,7 +22,7 @@ pub(crate) const SLOT_BYTES: u64 = 256;
 /// Words of the counters before those of the tiles: rays, low and high.
 const RAY_WORDS: u64 = 2;
 /// Bytes of a pixel: red, green and blue.
-pub(crate) const PIXEL_BYTES: u64 = Output::Radiance.pixel_bytes();
+pub(crate) const PIXEL_BYTES: u64 = KernelOutput::Radiance.pixel_bytes();
 /// Bytes of the sum of a pixel's samples, and of what it has lost to rounding. It stays on the
 /// device; the film may lie in the host's memory.
 pub(crate) const SUM_BYTES: u64 = 2 * PIXEL_BYTES;
@@ -347,7 +347,7 @@ pub(crate) struct ReadbackLayout {
 }
 
 impl ReadbackLayout {
-    pub(crate) fn of(chunk: &Chunk, output: Output) -> Self {
+    pub(crate) fn new(chunk: &Chunk, output: KernelOutput) -> Self {
         Self {
             tiles: chunk.entries.len() as u64,
             film_bytes: output.pixel_bytes() * chunk.pixels,

@@ -141,7 +141,7 @@ fn probe_scene() -> CompiledScene {
 }
 
 #[test]
-fn random_words_are_those_of_the_processor_bit_for_bit() {
+fn gpu_random_words_equal_the_cpu_s() {
     let inputs: Vec<[u32; 4]> = (0..8192_u32)
         .map(|i| pcg4d([i, i << 20, !i, i.wrapping_mul(0x9e37_79b9)]))
         .collect();
@@ -157,7 +157,7 @@ fn random_words_are_those_of_the_processor_bit_for_bit() {
 }
 
 #[test]
-fn pairs_and_their_blocks_are_those_of_the_processor_bit_for_bit() {
+fn gpu_sample_pairs_equal_the_cpu_s() {
     let body = "
         let key = pixel_key(i % 300u, i * 16u);
         let block = block_light(i % 9u) + block_scatter(i);
@@ -439,7 +439,7 @@ fn rays_in_the_planes_of_a_box_hit_it() {
 
 /// Impacts a few ulps inside and outside of a ball's edge: beyond 4 of them none is mistaken.
 #[test]
-fn rays_that_graze_a_ball_are_told_apart_to_4_ulps() {
+fn grazing_rays_are_exact_to_4_ulps() {
     let mut scene = probe_scene();
     scene.spheres[0] = SphereData {
         center: [0.0; 3],
@@ -464,7 +464,7 @@ fn rays_that_graze_a_ball_are_told_apart_to_4_ulps() {
 }
 
 #[test]
-fn balls_are_met_from_any_distance_as_in_f64() {
+fn balls_are_hit_from_any_distance_as_in_f64() {
     const COUNT: usize = 25_600;
     for distance in [1.0, 10.0, 100.0, 1e3, 1e4, 1e5, 1e6, 1e7] {
         let mut scene = probe_scene();

@@ -44,7 +44,7 @@ use crate::{
 };
 use denoise::FilterKernels;
 use device::Device;
-use features::{Features, Output};
+use features::{Features, KernelOutput};
 use frame::{BufferPool, FrameBuffers, Pass, ReadbackLayout, SUM_BYTES, groups};
 use layout::{DispatchData, TileEntry};
 use pipeline::{Kernel, KernelCache};
@@ -67,7 +67,7 @@ type ChunkSink<'a> = dyn Fn(&Chunk, &[u32], &[f32]) + 'a;
 /// What all dispatches of a job share.
 struct Work<'a> {
     job: &'a TraceJob<'a>,
-    output: Output,
+    output: KernelOutput,
     kernel: &'a Kernel,
     scene: &'a [u8],
     /// See [`schedule::work_per_sample`].
@@ -149,7 +149,7 @@ impl GpuTracer {
             if !is_done {
                 break;
             }
-            let layout = ReadbackLayout::of(&chunk, work.output);
+            let layout = ReadbackLayout::new(&chunk, work.output);
             stats.rays += buffers.results(&self.device, &layout, |rays, dropped, film| {
                 sink(&chunk, dropped, film);
                 rays
@@ -167,7 +167,7 @@ impl GpuTracer {
         limits: ChunkLimits,
         stats: &mut TraceStats,
     ) -> Result<bool, Error> {
-        let layout = ReadbackLayout::of(chunk, work.output);
+        let layout = ReadbackLayout::new(chunk, work.output);
         buffers.prepare(&self.device, work.scene, chunk, &layout)?;
         let mut pass = Pass {
             pipeline: &work.kernel.pipeline,
@@ -231,9 +231,14 @@ impl Tracer for GpuTracer {
         if job.settings.denoise {
             return self.trace_denoised(scene, job, sink);
         }
-        self.trace_output(scene, job, Output::Radiance, &|chunk, dropped, film| {
-            deliver(chunk, dropped, film, sink);
-        })
+        self.trace_output(
+            scene,
+            job,
+            KernelOutput::Radiance,
+            &|chunk, dropped, film| {
+                deliver(chunk, dropped, film, sink);
+            },
+        )
     }
 
     fn aovs(
@@ -253,7 +258,7 @@ impl GpuTracer {
         &self,
         scene: &CompiledScene,
         job: &TraceJob<'_>,
-        output: Output,
+        output: KernelOutput,
         sink: &ChunkSink<'_>,
     ) -> Result<TraceStats, Error> {
         if job.tiles.is_empty() {
@@ -293,7 +298,7 @@ impl GpuTracer {
         }
     }
 
-    fn features(&self, scene: &CompiledScene, output: Output) -> Features {
+    fn features(&self, scene: &CompiledScene, output: KernelOutput) -> Features {
         let uniform_bytes_max = self.device.device.limits().max_uniform_buffer_binding_size;
         let features = layout::features(scene, uniform_bytes_max);
         Features { output, ..features }
@@ -360,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn the_picture_does_not_depend_on_how_dispatches_are_cut() {
+    fn picture_is_independent_of_dispatches() {
         let Some(mut tracer) = tracer() else { return };
         let (tiles, stats) = trace(&tracer).unwrap();
         // A device that seems slow is given one sample of each pixel at a time.
@@ -425,7 +430,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tracer_that_is_wrong_does_not_pass_the_probe() {
+    fn wrong_tracer_fails_the_probe() {
         /// The scalar tracer with other random numbers: right on average, wrong sample for sample.
         struct Wrong;
         impl Tracer for Wrong {

@@ -1,4 +1,4 @@
-//! How long work is cut: into chunks of tiles, and chunks into dispatches of some samples.
+//! Division of work into chunks of tiles, and of chunks into dispatches of some samples.
 //!
 //! A dispatch should take [`DISPATCH_NANOS`]: long enough that starting it costs nothing, short
 //! enough for the watchdogs of display GPUs (2 s), for cancelling, and for other programs that
@@ -129,7 +129,7 @@ impl Chunk {
     }
 
     /// All of `tiles`, whatever their number.
-    pub(crate) fn of(tiles: &[Tile]) -> Self {
+    pub(crate) fn new(tiles: &[Tile]) -> Self {
         let mut chunk = Self {
             tiles: 0..0,
             entries: Vec::with_capacity(tiles.len()),
@@ -237,8 +237,8 @@ mod tests {
     }
 
     #[test]
-    fn no_dispatch_takes_more_of_a_pixel_s_samples_than_its_device_can() {
-        let chunk = Chunk::of(&[Tile {
+    fn dispatches_keep_the_device_s_sample_limit() {
+        let chunk = Chunk::new(&[Tile {
             x: 0,
             y: 0,
             width: 8,

@@ -7,7 +7,7 @@ use crate::compiled::{
     CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE, KIND_CONDUCTOR,
     KIND_DIELECTRIC, KIND_LAYERED, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, ShapeKind,
 };
-use crate::gpu::features::{Features, Output, SceneMemory};
+use crate::gpu::features::{Features, KernelOutput, SceneMemory};
 use crate::gpu::layout::{BVH_LEAF, SPHERE_SLACK};
 use crate::sampling::{BLOCK_CAMERA, SCRAMBLE};
 use crate::scalar::area_light::{BELOW_1, SOLID_ANGLE_MIN};
@@ -156,7 +156,7 @@ fn constants(features: &Features) -> String {
         features.has_csg_cone
     );
     _ = writeln!(text, "const OUTPUT: u32 = {}u;", features.output as u32);
-    for output in Output::ALL {
+    for output in KernelOutput::ALL {
         _ = writeln!(
             text,
             "const {}: u32 = {}u;",
@@ -165,7 +165,7 @@ fn constants(features: &Features) -> String {
         );
     }
     text += &kinds();
-    let floats = Output::Aovs.floats();
+    let floats = KernelOutput::Aovs.floats();
     _ = writeln!(text, "const AOV_FLOATS: u32 = {floats}u;");
     text += &texture::wgsl();
     let mut first = 0;
@@ -353,7 +353,7 @@ mod tests {
         has_microfacet: true,
         has_dielectric: true,
         has_refracted_nee: true,
-        output: Output::Radiance,
+        output: KernelOutput::Radiance,
         is_compensated: true,
         discs_coplanar: true,
         area_lights_coplanar: true,
@@ -392,7 +392,7 @@ mod tests {
                 has_microfacet: i % 7 < 4,
                 has_dielectric: i % 7 < 2,
                 has_refracted_nee: i & 1 == 1 && i >> 6 > 0 && i % 7 == 1,
-                output: Output::ALL[i as usize % 3],
+                output: KernelOutput::ALL[i as usize % 3],
                 is_compensated: i % 5 < 2,
                 discs_coplanar: i % 11 < 5,
                 area_lights_coplanar: i % 13 < 6,
@@ -423,7 +423,7 @@ mod tests {
     }
 
     #[test]
-    fn every_kernel_is_valid_and_its_scene_has_the_size_of_the_bytes() {
+    fn kernels_are_valid_and_scenes_have_their_size() {
         for features in variants() {
             let module = validated(&features);
             let (_, span) = structure(&module, "SceneData");

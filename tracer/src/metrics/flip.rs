@@ -40,7 +40,10 @@ pub fn flip(size: ImageSize, test: &[[u8; 3]], reference: &[[u8; 3]]) -> Result<
             size.height
         )));
     }
-    let (test, reference) = rayon::join(|| Seen::new(size, test), || Seen::new(size, reference));
+    let (test, reference) = rayon::join(
+        || Perceived::new(size, test),
+        || Perceived::new(size, reference),
+    );
     let color_max = color_distance(hunt_lab([0.0, 1.0, 0.0]), hunt_lab([0.0, 0.0, 1.0]));
     let pixel = |index: usize| {
         let color = color_distance(test.colors[index], reference.colors[index]);
@@ -56,14 +59,14 @@ pub fn flip(size: ImageSize, test: &[[u8; 3]], reference: &[[u8; 3]]) -> Result<
 }
 
 /// What is seen of a picture.
-struct Seen {
+struct Perceived {
     /// L*a*b* after the eye's blur and Hunt's effect.
     colors: Vec<[f32; 3]>,
     edges: Vec<f32>,
     points: Vec<f32>,
 }
 
-impl Seen {
+impl Perceived {
     fn new(size: ImageSize, picture: &[[u8; 3]]) -> Self {
         let linear: Vec<[f32; 3]> = picture.iter().map(|pixel| pixel.map(linear)).collect();
         let opponent: Vec<[f32; 3]> = linear.iter().map(|rgb| ycxcz(*rgb)).collect();
@@ -304,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_pictures_do_not_flip_and_black_against_white_does() {
+    fn flip_is_0_for_equal_and_1_for_black_on_white() {
         let size = ImageSize::new(9, 7);
         let (black, white) = (vec![[0; 3]; 63], vec![[255; 3]; 63]);
         assert_eq!(flip(size, &white, &white).unwrap().mean, 0.0);

@@ -1,4 +1,4 @@
-//! How far a picture is from another: error, bias, and whether chance explains the difference.
+//! Measures of how far a picture is from another: error, bias, and the odds of chance alone.
 
 mod flip;
 

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::intersect::{Hit, Ray, RayOrigin, intersect_from, vector};
-use super::{Vertex, View, camera_ray};
+use super::{PathTracer, Vertex, camera_ray};
 use crate::compiled::Primitive;
 use crate::sampling::{BLOCK_CAMERA, pair, pixel_key, sample_key};
 use crate::{Aovs, Tile};
@@ -16,7 +16,7 @@ struct Sum {
     emission: DVec3,
 }
 
-impl View<'_> {
+impl PathTracer<'_> {
     /// Means over the samples of each pixel of a tile.
     pub(super) fn aovs(&self, tile: Tile) -> Vec<Aovs> {
         let rows = tile.y..tile.y + tile.height;

@@ -45,7 +45,7 @@ pub struct BsdfSample {
 
 impl Bsdf {
     /// The scattering at a hit. An area light reflects nothing.
-    pub fn at(scene: &CompiledScene, hit: &Hit) -> Self {
+    pub fn from_hit(scene: &CompiledScene, hit: &Hit) -> Self {
         let Some(material) = scene.material_of(hit.primitive) else {
             return Self::black();
         };

@@ -1,4 +1,4 @@
-//! Where a ray meets the scene.
+//! Intersection of rays and the scene, in f64.
 
 use glam::DVec3;
 
@@ -281,7 +281,7 @@ mod tests {
     };
 
     #[test]
-    fn a_pool_ball_is_hit_from_ten_thousand_kilometres() {
+    fn pool_ball_is_hit_from_10_000_km() {
         for distance in [1.0, 1e3, 1e5, 1e7] {
             let ball = SphereData {
                 radius: 0.028_575,
@@ -301,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ball_is_met_from_inside_and_not_from_behind() {
+    fn ball_is_hit_from_inside_not_from_behind() {
         let ball = unit_ball([0.0; 3]);
         let (t, n) = intersect_sphere(&ball, &ray([0.0; 3], [0.0, 0.0, 1.0])).unwrap();
         assert_eq!((t, n), (1.0, DVec3::Z));
@@ -320,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn a_box_is_met_on_faces_edges_and_from_inside() {
+    fn box_is_hit_on_faces_edges_and_from_inside() {
         let met = |origin, direction| intersect_box(&CUBE, &ray(origin, direction));
         let to_x = [1.0, 0.0, 0.0];
         assert_eq!(met([-3.0, 0.5, 0.5], to_x), Some((2.0, DVec3::NEG_X)));

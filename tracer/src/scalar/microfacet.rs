@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn light_goes_both_ways_alike_through_metal_and_through_glass_by_eta_squared() {
+    fn metal_and_glass_are_reciprocal_up_to_eta_squared() {
         let n = tilted();
         for i in 0..2000 {
             let [a, b, turn, side] = random(i);
@@ -330,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn weights_are_the_ratio_of_value_and_density_and_lose_only_to_shadowing() {
+    fn weights_are_value_over_density() {
         let n = tilted();
         for alpha in ALPHAS {
             for eta in [1.5, 1.0 / 1.5] {

@@ -105,7 +105,7 @@ impl Tracer for ScalarTracer {
             let memory = FilterMemory::default();
             return trace_denoised(self, Level::new(), &memory, scene, job, sink);
         }
-        Ok(View::new(scene, job).trace(job, |index, _, rows| {
+        Ok(PathTracer::new(scene, job).trace(job, |index, _, rows| {
             sink(TileRadiance {
                 index,
                 dropped_samples: rows.iter().map(|row| row.dropped_samples).sum(),
@@ -121,10 +121,10 @@ impl Tracer for ScalarTracer {
         sink: &(dyn Fn(TileAovs) + Sync),
     ) -> Result<(), Error> {
         job.validate()?;
-        let view = View::new(scene, job);
+        let tracer = PathTracer::new(scene, job);
         job.tiles.par_iter().enumerate().for_each(|(index, &tile)| {
             if !job.cancelled.load(Ordering::Relaxed) {
-                let pixels = view.aovs(tile);
+                let pixels = tracer.aovs(tile);
                 sink(TileAovs { index, pixels });
             }
         });
@@ -139,9 +139,9 @@ impl DenoiseSource for ScalarTracer {
         job: &TraceJob<'_>,
         sink: &(dyn Fn(DenoiseInputTile) + Sync),
     ) -> Result<TraceStats, Error> {
-        let view = View::new(scene, job);
-        Ok(view.trace(job, |index, tile, rows| {
-            let hits = view.aovs(tile);
+        let tracer = PathTracer::new(scene, job);
+        Ok(tracer.trace(job, |index, tile, rows| {
+            let hits = tracer.aovs(tile);
             let dropped_samples = rows.iter().map(|row| row.dropped_samples).sum();
             sink(DenoiseInputTile {
                 index,
@@ -160,17 +160,17 @@ impl DenoiseSource for ScalarTracer {
         pixels: &[(u32, u32)],
     ) -> Vec<Aovs> {
         let frame = scene.camera_frame(size);
-        let view = View {
+        let tracer = PathTracer {
             scene,
             frame,
             settings,
         };
         let pixels = pixels.par_iter();
-        pixels.map(|&(x, y)| view.pixel_aovs(x, y)).collect()
+        pixels.map(|&(x, y)| tracer.pixel_aovs(x, y)).collect()
     }
 }
 
-fn denoise_input(samples: u32, rows: &[Row], hits: &[Aovs]) -> DenoiseInput {
+fn denoise_input(samples: u32, rows: &[TileRow], hits: &[Aovs]) -> DenoiseInput {
     let aovs = |hits: &[Aovs]| columns(hits.iter().map(Aovs::columns));
     let radiance = columns(rows.iter().flat_map(|row| row.radiance.iter().copied()));
     let half = columns(rows.iter().flat_map(|row| row.half.iter().copied()));
@@ -209,7 +209,7 @@ pub fn camera_ray(frame: &CameraFrame, x: f64, y: f64) -> Ray {
 
 /// What all paths of a picture share.
 #[derive(Clone, Copy)]
-struct View<'a> {
+struct PathTracer<'a> {
     scene: &'a CompiledScene,
     frame: CameraFrame,
     settings: RenderSettings,
@@ -217,7 +217,7 @@ struct View<'a> {
 
 /// A row of a tile.
 #[derive(Default)]
-struct Row {
+struct TileRow {
     radiance: Vec<[f32; 3]>,
     /// Of the first half of the samples.
     half: Vec<[f32; 3]>,
@@ -239,7 +239,7 @@ struct Vertex {
     light_weight_sum: f64,
 }
 
-impl<'a> View<'a> {
+impl<'a> PathTracer<'a> {
     fn new(scene: &'a CompiledScene, job: &TraceJob<'_>) -> Self {
         Self {
             scene,
@@ -249,7 +249,11 @@ impl<'a> View<'a> {
     }
 
     /// Traces a job and hands the rows of each tile over.
-    fn trace(&self, job: &TraceJob<'_>, sink: impl Fn(usize, Tile, Vec<Row>) + Sync) -> TraceStats {
+    fn trace(
+        &self,
+        job: &TraceJob<'_>,
+        sink: impl Fn(usize, Tile, Vec<TileRow>) + Sync,
+    ) -> TraceStats {
         let tiles = job.tiles.par_iter().enumerate();
         let rays = tiles.map(|(index, tile)| self.tile(index, tile, job, &sink));
         let (pixels, rays) = rays.reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
@@ -266,12 +270,12 @@ impl<'a> View<'a> {
         index: usize,
         tile: &Tile,
         job: &TraceJob<'_>,
-        sink: &(impl Fn(usize, Tile, Vec<Row>) + Sync),
+        sink: &(impl Fn(usize, Tile, Vec<TileRow>) + Sync),
     ) -> (u64, u64) {
         let rows = (tile.y..tile.y + tile.height).into_par_iter();
         let rows =
             rows.map(|y| (!job.cancelled.load(Ordering::Relaxed)).then(|| self.row(tile, y)));
-        let Some(rows) = rows.collect::<Option<Vec<Row>>>() else {
+        let Some(rows) = rows.collect::<Option<Vec<TileRow>>>() else {
             return (0, 0);
         };
         let rays = rows.iter().map(|row| row.rays).sum();
@@ -279,8 +283,8 @@ impl<'a> View<'a> {
         (tile.pixels() as u64, rays)
     }
 
-    fn row(&self, tile: &Tile, y: u32) -> Row {
-        let mut row = Row::default();
+    fn row(&self, tile: &Tile, y: u32) -> TileRow {
+        let mut row = TileRow::default();
         for x in tile.x..tile.x + tile.width {
             let mut sum = DVec3::ZERO;
             let half = self.settings.samples / 2;
@@ -602,7 +606,7 @@ impl Vertex {
             wo,
             primitive: hit.primitive,
             is_inside,
-            scatter: Scatter::at(scene, hit, is_inside),
+            scatter: Scatter::new(scene, hit, is_inside),
             light_weight_sum: light_weight_sum(&scene.area_lights, hit.point),
         }
     }

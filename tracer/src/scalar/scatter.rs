@@ -1,4 +1,4 @@
-//! How one point of a surface scatters, whatever its material.
+//! Scattering at one point of a surface, whatever its material.
 
 use glam::DVec3;
 
@@ -23,9 +23,9 @@ pub enum Scatter {
 impl Scatter {
     /// The scattering at a hit, for light that leaves inside a body or outside. An area light reflects
     /// nothing.
-    pub fn at(scene: &CompiledScene, hit: &Hit, is_inside: bool) -> Self {
+    pub fn new(scene: &CompiledScene, hit: &Hit, is_inside: bool) -> Self {
         let Some(material) = scene.material_of(hit.primitive) else {
-            return Self::Layered(Bsdf::at(scene, hit));
+            return Self::Layered(Bsdf::from_hit(scene, hit));
         };
         let alpha = f64::from(material.alpha);
         match material.kind {
@@ -39,7 +39,7 @@ impl Scatter {
                 let eta = if is_inside { 1.0 / ior } else { ior };
                 Self::Dielectric(Dielectric { eta, alpha })
             }
-            _ => Self::Layered(Bsdf::at(scene, hit)),
+            _ => Self::Layered(Bsdf::from_hit(scene, hit)),
         }
     }
 

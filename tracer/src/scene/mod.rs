@@ -1,4 +1,4 @@
-//! What to draw: plain data in SI units, in a right-handed world with +z up.
+//! Scenes: plain data in SI units, in a right-handed world with +z up.
 //!
 //! Radiance and albedo are linear Rec. 709 triples. [`mod@file`] reads and writes scenes as JSON,
 //! [`interchange`] reads those of other renderers, [`validate`] holds the limits that every scene

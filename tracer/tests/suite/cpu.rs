@@ -1,4 +1,4 @@
-//! What the CPU tracer promises beyond the laws of light: the same picture however it is cut,
+//! Promises of the CPU tracer beyond the laws of light: the same picture however it is cut,
 //! threaded or vectorised, and the scalar tracer's picture sample for sample.
 
 use std::collections::BTreeMap;
@@ -90,7 +90,7 @@ fn bvh_of_balls_makes_the_picture_of_a_linear_scan() {
 }
 
 #[test]
-fn the_picture_does_not_depend_on_tiles_or_threads() {
+fn picture_is_independent_of_tiles_and_threads() {
     let scene = pool();
     let one = CpuTracer::with_threads(1).unwrap();
     let (whole, stats) = picture(&one, &scene, settings(3, 5), &tiles(160));

@@ -1,4 +1,4 @@
-//! What the denoiser promises: less error, the same picture however it is cut, nothing blurred that
+//! Promises of the denoiser: less error, the same picture however it is cut, nothing blurred that
 //! has an edge, and no change where there is no noise.
 
 use std::path::{Path, PathBuf};

@@ -155,7 +155,7 @@ fn inside_an_opaque_ball_its_wall_is_seen_all_round() {
 }
 
 #[test]
-fn balls_that_touch_overlap_or_coincide_shine_no_more_than_their_light() {
+fn overlapping_balls_conserve_energy() {
     let touching = 2.0 * 0.028_575;
     for distance in [touching, touching - 1e-6, 0.0] {
         let center = |x: f32| Vec3::new(x, 0.0, 0.0);
@@ -182,7 +182,7 @@ fn balls_that_touch_overlap_or_coincide_shine_no_more_than_their_light() {
 /// A point of a floor at `s` from where a ball of radius `r` rests sees the ball under the form
 /// factor `cos θ · sin² α = (1 + s²/r²)^(−3/2)`: the shadow goes down to the point of contact.
 #[test]
-fn a_ball_s_shadow_reaches_the_point_that_it_rests_on() {
+fn shadow_reaches_the_contact_point() {
     const RADIUS: f32 = 0.028_575;
     for (ratio, tolerance) in [(0.05, 0.06), (0.3, 0.02), (2.0, 0.01)] {
         let point = Vec3::new(ratio * RADIUS, 0.0, 0.0);
@@ -258,7 +258,7 @@ fn edge_on_lights_give_finite_radiance() {
 }
 
 #[test]
-fn radiance_is_linear_from_nothing_to_ten_to_the_thirtieth() {
+fn radiance_is_linear_up_to_1e30() {
     let eye = Vec3::new(0.0, -2.0, 1.0);
     let mut scene = with(
         with(view(eye, Vec3::ZERO, 0.1), floor()),

@@ -314,7 +314,7 @@ fn scene_beyond_uniform_memory_agrees_with_scalar() {
 }
 
 #[test]
-fn the_picture_does_not_depend_on_the_partition() {
+fn picture_is_independent_of_the_partition() {
     let Some(gpu) = gpu() else { return };
     let (scene, size) = (compiled(&pool()), ImageSize::new(61, 37));
     let expected = whole(gpu, &scene, size, settings(3));
@@ -330,7 +330,7 @@ fn the_picture_does_not_depend_on_the_partition() {
 }
 
 #[test]
-fn a_picture_of_all_samples_is_the_mean_of_its_halves() {
+fn picture_is_the_mean_of_its_sample_halves() {
     let Some(gpu) = gpu() else { return };
     let (scene, size) = (compiled(&pool()), ImageSize::new(40, 24));
     let all = whole(gpu, &scene, size, settings(8));
@@ -407,7 +407,7 @@ fn no_tile_and_one_pixel_are_traced_as_they_are() {
 }
 
 #[test]
-fn a_cancelled_job_ends_early_and_what_it_hands_over_is_right() {
+fn cancelled_job_ends_early_with_right_tiles() {
     let Some(gpu) = gpu() else { return };
     let (scene, size) = (compiled(&pool()), ImageSize::new(1024, 512));
     let grid = TileGrid::new(size, 64);

@@ -43,7 +43,7 @@ fn mean_over(regions: &[Region], value: fn(&Region) -> [f64; 3]) -> f64 {
 /// Without bias, |z| passes 4 once in 16,000 cases: of these 141, one set in 110 would, but the
 /// samples are fixed, so that a tracer that passes once always does.
 #[test]
-fn the_pool_scene_agrees_with_the_independent_renderer() {
+fn pool_scene_agrees_with_mitsuba() {
     let reference = reference();
     let scene = Scene::load(repository("assets/scenes/pool.json")).unwrap();
     let scene = CompiledScene::new(&scene).unwrap();
@@ -83,7 +83,7 @@ fn shown(picture: &RadianceImage) -> Vec<[u8; 3]> {
 /// What few samples are worth: independent ones have a relMSE of 1.2e-2 and a FLIP of 0.065 at 16.
 /// The samples are fixed, so that the figures vary by rounding alone.
 #[test]
-fn few_samples_are_spread_so_well_that_little_noise_is_left() {
+fn few_samples_leave_little_noise() {
     let reference = reference().mean;
     let scene = Scene::load(repository("assets/scenes/pool.json")).unwrap();
     let scene = CompiledScene::new(&scene).unwrap();

@@ -251,7 +251,7 @@ fn paths_without_scattering_show_lights_alone() {
 
 /// Tiles of another size, in another order, in several calls: the same bits.
 #[test]
-fn the_picture_does_not_depend_on_the_partition() {
+fn picture_is_independent_of_the_partition() {
     let scene = CompiledScene::new(&still_life()).unwrap();
     for tracer in tracers() {
         let whole = Tile {

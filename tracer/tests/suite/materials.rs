@@ -47,7 +47,7 @@ const PLACES: [(u32, u32); 14] = [
 /// Without bias, |z| passes 4.5 once in 150,000 cases; the samples are fixed, so that a tracer
 /// that passes once always does.
 #[test]
-fn glass_gold_and_wax_agree_with_the_independent_renderer() {
+fn glass_gold_and_wax_agree_with_mitsuba() {
     let reference = Estimate {
         mean: picture("materials_480x270.exr"),
         stderr: picture("materials_480x270_stderr.exr"),
@@ -174,7 +174,7 @@ fn glass_ball_vanishes_in_uniform_light() {
 
 /// Single scattering on microfacets loses what would be reflected twice; it never gains.
 #[test]
-fn a_rough_ball_gives_back_nearly_all_uniform_light_and_never_more() {
+fn rough_ball_conserves_energy() {
     for alpha in [0.05, 0.3] {
         let mirror = Material::Conductor {
             eta: Vec3::splat(0.01),
@@ -338,7 +338,7 @@ fn white_csg_box_vanishes_in_uniform_light() {
 }
 
 #[test]
-fn napped_cloth_gives_back_less_light_than_comes_and_most_at_grazing_angles() {
+fn cloth_conserves_energy_and_is_brightest_at_grazing() {
     let cloth = Material::Cloth {
         albedo: Vec3::new(1.0, 0.5, 0.0),
         sheen: Vec3::splat(0.4),

@@ -16,7 +16,7 @@ use super::kernels::{FilterBuffers, FilterJob, FilterKernels};
 use crate::aov::smooth;
 use crate::denoise::weights::STEPS;
 use crate::denoise::{GuardedRegion, in_parts};
-use crate::gpu::features::Output;
+use crate::gpu::features::KernelOutput;
 use crate::gpu::frame::{FrameBuffers, PASSES_MAX, Pass, ReadbackLayout, SUM_BYTES, groups};
 use crate::gpu::layout::{self, DispatchData};
 use crate::gpu::pipeline::Kernel;
@@ -25,15 +25,15 @@ use crate::gpu::{GpuTracer, deliver};
 use crate::{CompiledScene, Error, RenderSettings, TileRadiance, TraceJob, TraceStats};
 
 /// Samples of every pixel that are traced into a buffer of their own.
-struct Part {
+struct TracedPart {
     kernel: Arc<Kernel>,
     settings: RenderSettings,
-    target: Target,
+    target: PartTarget,
 }
 
 /// Of [`FilterBuffers`].
 #[derive(Clone, Copy)]
-enum Target {
+enum PartTarget {
     Half(usize),
     Hits(usize),
 }
@@ -42,13 +42,13 @@ enum Target {
 #[derive(Default)]
 struct Submission<'a> {
     passes: Vec<Pass<'a>>,
-    kinds: Vec<Kind>,
+    kinds: Vec<PassKind>,
     samples: u64,
 }
 
 /// Whose time a pass's is.
 #[derive(Clone, Copy)]
-enum Kind {
+enum PassKind {
     /// Of so many paths.
     Paths(u64),
     FirstHits,
@@ -95,7 +95,7 @@ impl GpuTracer {
         sink: &(dyn Fn(TileRadiance) + Sync),
     ) -> Result<TraceStats, Error> {
         let region = GuardedRegion::around(job.tiles, job.size);
-        let (traced, wanted) = (Chunk::of(&region.tiles), Chunk::of(job.tiles));
+        let (traced, wanted) = (Chunk::new(&region.tiles), Chunk::new(job.tiles));
         if traced.pixels.max(region.bounds.pixels() as u64) > self.filtered_pixels_max() {
             return Err(self.device.error(format!(
                 "a tile of {}x{} pixels is to be denoised: at most {} pixels fit",
@@ -112,7 +112,7 @@ impl GpuTracer {
         };
         let layout = ReadbackLayout {
             tiles: traced.entries.len() as u64,
-            ..ReadbackLayout::of(&wanted, Output::Radiance)
+            ..ReadbackLayout::new(&wanted, KernelOutput::Radiance)
         };
         let mut buffers = self.pool.take(&self.device)?;
         let scene_bytes = layout::scene_bytes(scene, job.size)?;
@@ -123,7 +123,7 @@ impl GpuTracer {
         };
         self.device
             .guarded(|wgpu| filter.reserve(wgpu, filter_job))?;
-        let features = self.features(scene, Output::Reflected);
+        let features = self.features(scene, KernelOutput::Reflected);
         let work_per_sample = schedule::work_per_sample(&job.settings, features.primitives());
         let mut shot = RegionFrame {
             tracer: self,
@@ -157,7 +157,7 @@ impl GpuTracer {
     }
 
     /// What the filter needs of each pixel.
-    fn parts(&self, scene: &CompiledScene, job: &TraceJob<'_>) -> Result<Vec<Part>, Error> {
+    fn parts(&self, scene: &CompiledScene, job: &TraceJob<'_>) -> Result<Vec<TracedPart>, Error> {
         let settings = job.settings;
         let half = settings.samples / 2;
         let range = |begin: u32, end: u32| RenderSettings {
@@ -165,23 +165,30 @@ impl GpuTracer {
             samples: end - begin,
             ..settings
         };
-        let kernel = |output: Output| {
+        let kernel = |output: KernelOutput| {
             let features = self.features(scene, output);
             self.kernels.kernel(&self.device, features)
         };
-        let (paths, aovs) = (kernel(Output::Reflected)?, kernel(Output::Aovs)?);
-        let part = |kernel: &Arc<Kernel>, settings, target| Part {
+        let (paths, aovs) = (
+            kernel(KernelOutput::Reflected)?,
+            kernel(KernelOutput::Aovs)?,
+        );
+        let part = |kernel: &Arc<Kernel>, settings, target| TracedPart {
             kernel: Arc::clone(kernel),
             settings,
             target,
         };
-        let mut parts = vec![part(&paths, range(half, settings.samples), Target::Half(0))];
+        let mut parts = vec![part(
+            &paths,
+            range(half, settings.samples),
+            PartTarget::Half(0),
+        )];
         if half > 0 {
-            parts.push(part(&paths, range(0, half), Target::Half(1)));
+            parts.push(part(&paths, range(0, half), PartTarget::Half(1)));
         }
-        parts.push(part(&aovs, settings, Target::Hits(0)));
+        parts.push(part(&aovs, settings, PartTarget::Hits(0)));
         if let Some(smoother) = smooth(settings) {
-            parts.push(part(&aovs, smoother, Target::Hits(1)));
+            parts.push(part(&aovs, smoother, PartTarget::Hits(1)));
         }
         Ok(parts)
     }
@@ -197,7 +204,11 @@ impl GpuTracer {
 
 impl RegionFrame<'_> {
     /// Traces all parts and filters them, unless cancelled: then it returns false.
-    fn trace<'k>(&mut self, parts: &'k [Part], kernels: &'k FilterKernels) -> Result<bool, Error> {
+    fn trace<'k>(
+        &mut self,
+        parts: &'k [TracedPart],
+        kernels: &'k FilterKernels,
+    ) -> Result<bool, Error> {
         let mut submission = Submission::default();
         for part in parts {
             let step = self.filter_job.traced.samples_per_dispatch(self.limits);
@@ -223,7 +234,9 @@ impl RegionFrame<'_> {
         let passes = device.guarded(|wgpu| {
             kernels.passes(wgpu, self.buffers, self.filter, self.filter_job, slot)
         })?;
-        submission.kinds.extend(passes.iter().map(|_| Kind::Filter));
+        submission
+            .kinds
+            .extend(passes.iter().map(|_| PassKind::Filter));
         submission.passes.extend(passes);
         self.submit(submission, true)?;
         Ok(true)
@@ -232,15 +245,15 @@ impl RegionFrame<'_> {
     fn push<'k>(
         &self,
         submission: &mut Submission<'k>,
-        part: &'k Part,
+        part: &'k TracedPart,
         sample_begin: u32,
         sample_end: u32,
     ) -> Result<(), Error> {
         let traced = self.filter_job.traced;
         let samples = u64::from(sample_end - sample_begin) * traced.pixels;
         let (film, kind) = match part.target {
-            Target::Half(half) => (&self.filter.halves[half], Kind::Paths(samples)),
-            Target::Hits(hits) => (&self.filter.hits[hits], Kind::FirstHits),
+            PartTarget::Half(half) => (&self.filter.halves[half], PassKind::Paths(samples)),
+            PartTarget::Hits(hits) => (&self.filter.hits[hits], PassKind::FirstHits),
         };
         let data = DispatchData {
             tile_count: traced.entries.len() as u32,
@@ -277,12 +290,12 @@ impl RegionFrame<'_> {
             let stats = &mut self.stats;
             stats.device_nanos += nanos as u64;
             match kind {
-                Kind::Paths(samples) => {
+                PassKind::Paths(samples) => {
                     stats.samples += samples;
                     tracer.pacer.learn(samples, self.work_per_sample, nanos);
                 }
-                Kind::FirstHits => stats.first_hits_nanos += nanos as u64,
-                Kind::Filter => stats.filter_nanos += nanos as u64,
+                PassKind::FirstHits => stats.first_hits_nanos += nanos as u64,
+                PassKind::Filter => stats.filter_nanos += nanos as u64,
             }
         }
         Ok(())

@@ -14,7 +14,7 @@ use crate::denoise::weights::{
     STEPS, TAPS, half_ratio, variances,
 };
 use crate::gpu::device::Device;
-use crate::gpu::features::Output;
+use crate::gpu::features::KernelOutput;
 use crate::gpu::frame::{FrameBuffers, Pass, SLOT_BYTES, buffer, groups, reserve, whole};
 use crate::gpu::schedule::Chunk;
 use crate::gpu::shader::BLOCK_EDGE;
@@ -202,7 +202,7 @@ impl FilterJob<'_> {
 
 impl FilterBuffers {
     /// Bytes of the largest buffer for each traced pixel.
-    pub(crate) const PIXEL_BYTES_MAX: u64 = Output::Aovs.pixel_bytes();
+    pub(crate) const PIXEL_BYTES_MAX: u64 = KernelOutput::Aovs.pixel_bytes();
 
     pub(crate) fn new(device: &wgpu::Device) -> Self {
         let empty = || buffer(device, VECTOR_BYTES, USAGE);
@@ -217,17 +217,17 @@ impl FilterBuffers {
     /// Makes room for what is filtered.
     pub(crate) fn reserve(&mut self, device: &wgpu::Device, filter_job: FilterJob<'_>) {
         let samples = filter_job.samples;
-        let traced = |output: Output| output.pixel_bytes() * filter_job.traced.pixels;
+        let traced = |output: KernelOutput| output.pixel_bytes() * filter_job.traced.pixels;
         let dense = VECTOR_BYTES * filter_job.bounds.pixels() as u64;
         let [second, first] = &mut self.halves;
         let [hits, smooth] = &mut self.hits;
-        reserve(device, second, traced(Output::Reflected), USAGE);
-        reserve(device, hits, traced(Output::Aovs), USAGE);
+        reserve(device, second, traced(KernelOutput::Reflected), USAGE);
+        reserve(device, hits, traced(KernelOutput::Aovs), USAGE);
         if samples > 1 {
-            reserve(device, first, traced(Output::Reflected), USAGE);
+            reserve(device, first, traced(KernelOutput::Reflected), USAGE);
         }
         if samples < SMOOTH_RAYS {
-            reserve(device, smooth, traced(Output::Aovs), USAGE);
+            reserve(device, smooth, traced(KernelOutput::Aovs), USAGE);
         }
         reserve(device, &mut self.guides, 2 * dense, USAGE);
         for light in &mut self.light {
@@ -274,7 +274,7 @@ fn source() -> String {
          const MIXED_MIN: f32 = {MIXED_MIN:?};\n\
          const EDGE_MIN: f32 = {EDGE_MIN:?};\n\
          const BRIGHTNESS_SHARE: f32 = {BRIGHTNESS_SHARE:?};\n",
-        Output::Aovs.floats()
+        KernelOutput::Aovs.floats()
     );
     text += include_str!("../shaders/structs.wgsl");
     text += include_str!("../shaders/block.wgsl");
