@@ -43,7 +43,7 @@ terms! {
     SIZE "size" "Pixels of the traced picture, which is stretched over the window, and paths traced for each of them."
     LEAD "lead" "How far ahead of its moment a picture of a shot is asked for: the 95th percentile of what pictures take."
     SKIPPED "skipped" "Pictures of shots that were passed over because a later one was due already, since the program began."
-    GUESSED "disocclusion_fraction" "Share of the window that the newest traced picture did not hold, when it was moved to the present camera and balls."
+    GUESSED "guessed" "Share of the window that the newest traced picture did not hold, when it was moved to the present camera and balls."
     DISPLAY "shown by" "What puts pictures into the window."
     ASKED "ask" "Critical path, 1 of 6: from asking the farm until the node of the last tile was asked, milliseconds."
     NETWORK "network" "Critical path, 2 of 6: both ways through the network and waiting for it: what is left of the round trip, milliseconds."
