@@ -13,8 +13,8 @@ use egui::{Context, Rect};
 use crate::app::farm_notifications::FarmNotifier;
 use crate::app::session::GameSession;
 use crate::audio::{self, Playback};
-use crate::input::{Action, BindingContext, Event, Input, Intent};
-use crate::play::Outcome;
+use crate::camera::CameraIntent;
+use crate::input::{Action, AimIntent, AppIntent, BindingContext, Event, Input, Intent};
 use crate::settings::{Settings, SettingsStore};
 use crate::ui::menu::{self, Menu, MenuInput, Page};
 use crate::ui::toasts::Toasts;
@@ -29,6 +29,7 @@ pub struct AppShell {
     menu: Menu,
     help: bool,
     log: bool,
+    wants_quit: bool,
     toasts: Toasts,
     notifier: FarmNotifier,
     playback: Playback,
@@ -50,6 +51,7 @@ impl AppShell {
             menu: Menu::default(),
             help: false,
             log: false,
+            wants_quit: false,
             toasts,
             notifier: FarmNotifier::default(),
             playback,
@@ -86,13 +88,7 @@ impl AppShell {
     }
 
     /// Does what an event means, to the pages or to the game. `taken` says that egui has used it.
-    pub fn handle(
-        &mut self,
-        event: Event,
-        taken: bool,
-        session: &mut GameSession,
-        now_secs: f64,
-    ) -> Outcome {
+    pub fn handle(&mut self, event: Event, taken: bool, session: &mut GameSession, now_secs: f64) {
         self.input.set_carrying(session.is_placing());
         self.input.set_mode(match session.is_replay() {
             true => BindingContext::Replay,
@@ -100,19 +96,19 @@ impl AppShell {
         });
         if self.menu.page().is_some() {
             self.handle_page(event, session, now_secs);
-            return Outcome::Stay;
+            return;
         }
         // What comes up must be seen even where egui has used it, or it would be held for ever.
         let begins = event.trigger().is_some();
         if taken && begins {
-            return Outcome::Stay;
+            return;
         }
         if let (Event::Pointer(at), true, false) = (event, taken, self.input.is_holding()) {
             self.input.passes(at);
             if let Some(back) = self.travel.enter_panel(now_secs) {
-                session.act(back, now_secs);
+                self.act(Intent::Aim(back), session, now_secs);
             }
-            return Outcome::Stay;
+            return;
         }
         if let Event::Pointer(at) = event
             && !self.input.is_holding()
@@ -120,14 +116,11 @@ impl AppShell {
             && self.travel.came_from_panel(now_secs)
         {
             self.input.passes(at);
-            return Outcome::Stay;
+            return;
         }
-        match self.input.handle(event) {
-            Some(intent) => {
-                self.travel.note(intent, now_secs);
-                self.act(intent, session, now_secs)
-            }
-            None => Outcome::Stay,
+        if let Some(intent) = self.input.handle(event) {
+            self.travel.note(intent, now_secs);
+            self.act(intent, session, now_secs);
         }
     }
 
@@ -149,41 +142,47 @@ impl AppShell {
         }
     }
 
-    fn act(&mut self, intent: Intent, session: &mut GameSession, now_secs: f64) -> Outcome {
+    /// Routes what the player wants to its receiver.
+    fn act(&mut self, intent: Intent, session: &mut GameSession, now_secs: f64) {
+        session.redraw();
         match intent {
-            Intent::ToggleFullscreen => {
+            Intent::Aim(intent) => session.aim(intent, now_secs),
+            Intent::Stroke(intent) => session.stroke(intent, now_secs),
+            Intent::Camera(intent) => session.look(intent, now_secs),
+            Intent::Match(intent) => session.decide(intent, now_secs),
+            Intent::Replay(intent) => session.replay(intent, now_secs),
+            Intent::Practice(intent) => session.practice(intent),
+            Intent::App(intent) => self.apply(intent, session, now_secs),
+        }
+    }
+
+    fn apply(&mut self, intent: AppIntent, session: &mut GameSession, now_secs: f64) {
+        match intent {
+            AppIntent::ToggleFullscreen => {
                 self.store.settings.fullscreen ^= true;
                 self.save(now_secs);
             }
-            Intent::NextAids => {
+            AppIntent::NextAids => {
                 self.store.settings.aim_aids = self.store.settings.aim_aids.next();
                 self.save(now_secs);
             }
-            Intent::KeepView(place) => self.keep_view(usize::from(place), session, now_secs),
-            Intent::RecallView(place) => self.recall_view(usize::from(place), session, now_secs),
-            Intent::ToggleLog => {
-                self.log = !self.log;
-                session.redraw();
-            }
-            Intent::ToggleHelp => {
-                self.help = !self.help;
-                session.redraw();
-            }
-            Intent::Escape if self.help => {
-                self.help = false;
-                session.redraw();
-            }
-            // Where there is no stroke to give up, the travel out is the menu.
-            intent => {
-                if session.act(intent, now_secs) == Outcome::Quit {
+            AppIntent::SaveView(number) => self.save_view(number.into(), session, now_secs),
+            AppIntent::RecallView(number) => self.recall_view(number.into(), session, now_secs),
+            AppIntent::ToggleLog => self.log = !self.log,
+            AppIntent::ToggleHelp => self.help = !self.help,
+            AppIntent::ToggleStats => session.toggle_stats(),
+            AppIntent::TakeScreenshot => session.take_screenshot(now_secs),
+            AppIntent::Escape if self.help => self.help = false,
+            AppIntent::Escape => {
+                // Where there is nothing to give up, the menu opens.
+                if !session.escape() {
                     self.open(Page::Top, session, now_secs);
                 }
             }
         }
-        Outcome::Stay
     }
 
-    fn keep_view(&mut self, place: usize, session: &mut GameSession, now_secs: f64) {
+    fn save_view(&mut self, place: usize, session: &mut GameSession, now_secs: f64) {
         if let Some(saved) = self.store.settings.views.get_mut(place) {
             *saved = Some(session.viewpoint(now_secs));
             let key = self.input.bindings().words(Action::SavedView(place as u8));
@@ -197,7 +196,7 @@ impl AppShell {
     fn recall_view(&mut self, place: usize, session: &mut GameSession, now_secs: f64) {
         match self.store.settings.views.get(place) {
             Some(Some(saved)) => {
-                session.act(Intent::LookFrom(*saved), now_secs);
+                session.look(CameraIntent::LookFrom(*saved), now_secs);
             }
             _ => {
                 let key = self.input.bindings().words(Action::KeepView(place as u8));
@@ -214,20 +213,14 @@ impl AppShell {
     /// Opens a page over the table; a stroke is given up.
     pub fn open(&mut self, page: Page, session: &mut GameSession, now_secs: f64) {
         if let Some(intent) = self.input.let_go() {
-            session.act(intent, now_secs);
+            self.act(intent, session, now_secs);
         }
         self.menu.open(page);
         session.redraw();
     }
 
     /// Draws the game, and pages, keys and sentences over it.
-    pub fn draw(
-        &mut self,
-        ctx: &Context,
-        session: &mut GameSession,
-        now_secs: f64,
-        display: &str,
-    ) -> Outcome {
+    pub fn draw(&mut self, ctx: &Context, session: &mut GameSession, now_secs: f64, display: &str) {
         let room = session.draw(ctx, self.input.bindings(), now_secs, display);
         self.toasts.draw(ctx, room);
         if let Some(preference) = session.take_requested_quality() {
@@ -240,7 +233,7 @@ impl AppShell {
             }
             let is_known = session.has_played() || !session.is_game();
             menu::hints(ctx, room, &self.store, self.help, is_known);
-            return Outcome::Stay;
+            return;
         }
         let (sound, farm) = (self.playback.state(), session.farm_line());
         let facts = MenuInput {
@@ -249,15 +242,13 @@ impl AppShell {
             display,
             farm: &farm,
         };
-        let order = self.menu.draw(ctx, &mut self.store, facts);
+        let command = self.menu.draw(ctx, &mut self.store, facts);
         if self.menu.page().is_none() {
             self.save(now_secs);
         }
-        match order {
-            Some(menu::MenuCommand::Quit) => return Outcome::Quit,
-            Some(menu::MenuCommand::Act(intent)) => {
-                session.act(intent, now_secs);
-            }
+        match command {
+            Some(menu::MenuCommand::Quit) => self.wants_quit = true,
+            Some(menu::MenuCommand::Act(intent)) => self.act(intent, session, now_secs),
             Some(menu::MenuCommand::Begin(game)) => {
                 let begun = game.begin(seed_of_clock()).map_err(anyhow::Error::msg);
                 if let Err(why) = begun.and_then(|contest| session.begin(contest)) {
@@ -266,7 +257,11 @@ impl AppShell {
             }
             Some(menu::MenuCommand::Resume) | None => {}
         }
-        Outcome::Stay
+    }
+
+    /// Whether the player wants to end the program.
+    pub fn wants_quit(&self) -> bool {
+        self.wants_quit
     }
 
     /// The match and the cue. Over a shot of before, or a table that is being laid, nothing of the game
@@ -308,18 +303,18 @@ impl AppShell {
     }
 
     fn update_sound(&mut self, session: &GameSession, now_secs: f64) {
-        let Some((number, clock_secs, end_secs)) = session.shot_clock(now_secs) else {
+        let Some(clock) = session.shot_clock(now_secs) else {
             // The balls were racked under a shot that was on.
             if self.heard.take_if(|heard| !heard.1).is_some() {
                 self.playback.stop();
             }
             return;
         };
-        let is_new = self.heard.is_none_or(|heard| heard.0 != number);
-        self.heard = Some((number, clock_secs > end_secs - OVER_SECS));
+        let is_new = self.heard.is_none_or(|heard| heard.0 != clock.number);
+        self.heard = Some((clock.number, clock.now_secs > clock.end_secs - OVER_SECS));
         if let (true, Some(shot)) = (is_new, session.shot()) {
-            let ahead = Duration::from_secs_f64((-clock_secs).max(0.0));
-            let behind = Duration::from_secs_f64(clock_secs.max(0.0));
+            let ahead = Duration::from_secs_f64((-clock.now_secs).max(0.0));
+            let behind = Duration::from_secs_f64(clock.now_secs.max(0.0));
             let now = Instant::now();
             let at = now.checked_sub(behind).unwrap_or(now) + ahead;
             let shot = shot.clone();
@@ -347,20 +342,20 @@ struct PointerTravel {
 impl PointerTravel {
     fn note(&mut self, intent: Intent, now_secs: f64) {
         match intent {
-            Intent::Turn(by_rad) if now_secs - self.last_secs < WAY_PAUSE_SECS => {
+            Intent::Aim(AimIntent::Turn(by_rad)) if now_secs - self.last_secs < WAY_PAUSE_SECS => {
                 self.turned_rad += by_rad;
             }
-            Intent::Turn(by_rad) => self.turned_rad = by_rad,
+            Intent::Aim(AimIntent::Turn(by_rad)) => self.turned_rad = by_rad,
             _ => self.turned_rad = 0.0,
         }
         self.last_secs = now_secs;
     }
 
     /// The pointer is over a panel: what gives back the aim.
-    fn enter_panel(&mut self, now_secs: f64) -> Option<Intent> {
+    fn enter_panel(&mut self, now_secs: f64) -> Option<AimIntent> {
         (self.is_from_panel, self.last_secs) = (true, now_secs);
         let turned_rad = std::mem::take(&mut self.turned_rad);
-        (turned_rad != 0.0).then_some(Intent::Turn(-turned_rad))
+        (turned_rad != 0.0).then_some(AimIntent::Turn(-turned_rad))
     }
 
     /// Whether a pointer that moves over the table is still on its travel from a panel.
@@ -381,17 +376,18 @@ const OVER_SECS: f64 = 0.3;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::input::StrokeIntent;
 
     #[test]
     fn a_way_to_a_panel_gives_back_the_aim_and_aiming_before_a_rest_stays() {
         let mut travel = PointerTravel::default();
         for (turn, now_secs) in [(0.5, 1.0), (0.25, 2.0), (0.5, 2.1)] {
-            travel.note(Intent::Turn(turn), now_secs);
+            travel.note(Intent::Aim(AimIntent::Turn(turn)), now_secs);
         }
-        assert_eq!(travel.enter_panel(2.2), Some(Intent::Turn(-0.75)));
+        assert_eq!(travel.enter_panel(2.2), Some(AimIntent::Turn(-0.75)));
         assert_eq!(travel.enter_panel(2.2), None);
-        travel.note(Intent::Turn(0.5), 2.3);
-        travel.note(Intent::Strike, 2.4);
+        travel.note(Intent::Aim(AimIntent::Turn(0.5)), 2.3);
+        travel.note(Intent::Stroke(StrokeIntent::Strike), 2.4);
         assert_eq!(travel.enter_panel(2.5), None);
     }
 

@@ -1,34 +1,37 @@
-//! The window: winit's events to the session and the session's picture to the display.
+//! The event loop of the window, and the start of a game in it.
 
 use std::path::Path;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use anyhow::{Context as _, anyhow};
 use carom_billiards::game_match::{Match, MatchSave};
 use carom_billiards::rules::RuleSet;
 use carom_farm::FarmConfig;
 use carom_tracer::ImageSize;
-use egui_winit::State as EguiState;
 use glam::DVec2;
+
 use winit::application::ApplicationHandler;
 use winit::dpi::{LogicalSize, PhysicalSize};
-use winit::event::{ElementState, MouseButton, MouseScrollDelta, WindowEvent};
-use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop};
-use winit::keyboard::PhysicalKey;
+use winit::event::WindowEvent;
+use winit::event_loop::{ActiveEventLoop, EventLoop};
 use winit::window::{Fullscreen, Window, WindowId};
 
+use super::frame::FrameCause;
+use super::window::Screen;
+use super::window_events::translate;
 use crate::app::app_shell::AppShell;
 use crate::app::session::GameSession;
 use crate::args::Args;
 use crate::audio::Playback;
 use crate::audio::playback::PlayerProgram;
-use crate::display::{Display, Present, UiFrame};
-use crate::input::{Button, Event, Key};
-use crate::play::{self, Outcome};
+use crate::capture::ShotRecorder;
+use crate::display::Present;
+use crate::input::Event;
+use crate::play;
 use crate::scene::table_scene::TableScene;
 use crate::settings::{Settings, SettingsStore};
-use crate::ui::{self, input_batches::passes};
+use crate::ui;
 
 /// Plays in a window until it is closed.
 ///
@@ -54,7 +57,7 @@ pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow:
     session.set_aids(chosen.aim_aids);
     session.set_instant_camera(chosen.reduced_motion);
     if let Some(folder) = &args.record {
-        session.record(folder.clone())?;
+        session.record(ShotRecorder::new(folder.clone())?);
     }
     if let Some(recording) = recording {
         session.view(recording);
@@ -71,6 +74,7 @@ pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow:
         size: args.size,
         present,
         screen: None,
+        events: Vec::new(),
         begun: Instant::now(),
         next_redraw: Instant::now(),
         failure: None,
@@ -155,27 +159,29 @@ fn no_display() -> String {
     )
 }
 
-struct App {
-    session: GameSession,
-    shell: AppShell,
+pub(super) struct App {
+    pub(super) session: GameSession,
+    pub(super) shell: AppShell,
     /// The settings that window and session follow already.
     applied: Settings,
     size: Option<ImageSize>,
     present: Option<Present>,
-    screen: Option<Screen>,
-    begun: Instant,
-    next_redraw: Instant,
+    pub(super) screen: Option<Screen>,
+    /// What has happened at the window since the last frame.
+    pub(super) events: Vec<QueuedEvent>,
+    pub(super) begun: Instant,
+    pub(super) next_redraw: Instant,
     failure: Option<anyhow::Error>,
 }
 
-/// An open window, and egui's state, whose textures live in the display.
-struct Screen {
-    window: Arc<Window>,
-    display: Display,
-    egui: egui::Context,
-    input: EguiState,
-    /// Where the pointer was last, points.
-    pointer: egui::Pos2,
+/// An event that waits for the next frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct QueuedEvent {
+    pub(super) event: Event,
+    /// Whether the interface has used it.
+    pub(super) is_taken: bool,
+    /// When it happened: the speed of a swing depends on it.
+    pub(super) at_secs: f64,
 }
 
 impl ApplicationHandler for App {
@@ -203,41 +209,24 @@ impl ApplicationHandler for App {
         }
         match event {
             WindowEvent::CloseRequested => event_loop.exit(),
-            WindowEvent::RedrawRequested => self.redraw(event_loop),
+            WindowEvent::RedrawRequested => self.frame(event_loop, FrameCause::Redraw),
             WindowEvent::Resized(_) | WindowEvent::ScaleFactorChanged { .. } => self.resized(),
             WindowEvent::Occluded(hidden) => self.session.set_hidden(hidden),
             event => {
                 let scale = f64::from(egui_winit::pixels_per_point(&screen.egui, &screen.window));
-                let now_secs = self.begun.elapsed().as_secs_f64();
                 if let Some(event) = translate(&event, scale) {
-                    let taken = taken.consumed || screen.is_over_panel(event);
-                    let (shell, session) = (&mut self.shell, &mut self.session);
-                    let outcome = shell.handle(event, taken, session, now_secs);
-                    self.follow(event_loop, outcome);
+                    self.events.push(QueuedEvent {
+                        event,
+                        is_taken: taken.consumed || screen.is_over_panel(event),
+                        at_secs: self.begun.elapsed().as_secs_f64(),
+                    });
                 }
             }
         }
     }
 
     fn about_to_wait(&mut self, event_loop: &ActiveEventLoop) {
-        let now_secs = self.begun.elapsed().as_secs_f64();
-        self.session.tick(now_secs);
-        self.shell.tick(&mut self.session, now_secs);
-        let now = Instant::now();
-        if let Some(screen) = &self.screen
-            && self.session.needs_redraw()
-            && now >= self.next_redraw
-        {
-            self.next_redraw = now + REDRAW_PERIOD;
-            screen.window.request_redraw();
-        }
-        let pause = if self.session.is_at_rest() {
-            let next_secs = self.shell.next_secs().unwrap_or(f64::INFINITY) - now_secs;
-            Duration::from_secs_f64(next_secs.clamp(0.0, REST_PERIOD.as_secs_f64()))
-        } else {
-            POLL_PERIOD
-        };
-        event_loop.set_control_flow(ControlFlow::WaitUntil(now + pause));
+        self.frame(event_loop, FrameCause::Poll);
     }
 }
 
@@ -259,16 +248,13 @@ impl App {
         Screen::open(Arc::new(window), event_loop, self.present, settings)
     }
 
-    /// Does what the shell asks, and what changed settings mean for window and session.
-    fn follow(&mut self, event_loop: &ActiveEventLoop, outcome: Outcome) {
-        if outcome == Outcome::Quit {
-            event_loop.exit();
-        }
-        let (now, before) = (self.shell.settings().clone(), self.applied.clone());
-        if now == before {
+    /// Does what changed settings mean for window and session.
+    pub(super) fn apply_settings(&mut self, event_loop: &ActiveEventLoop) {
+        if *self.shell.settings() == self.applied {
             return;
         }
-        self.applied = now.clone();
+        let now = self.shell.settings().clone();
+        let before = std::mem::replace(&mut self.applied, now.clone());
         self.session.set_engine(now.physics);
         self.session.set_quality_preference(now.quality);
         self.session.set_aids(now.aim_aids);
@@ -325,15 +311,11 @@ impl App {
         self.screen = Some(screen);
     }
 
-    fn redraw(&mut self, event_loop: &ActiveEventLoop) {
-        let now_secs = self.begun.elapsed().as_secs_f64();
-        let Some(screen) = &mut self.screen else {
+    /// Goes on without a GPU after a display that can show nothing any more, unless the player has
+    /// asked for it.
+    pub(super) fn replace_display(&mut self, event_loop: &ActiveEventLoop, why: &str) {
+        let Some(screen) = &self.screen else {
             return;
-        };
-        let drawn = screen.draw(&mut self.session, &mut self.shell, now_secs);
-        let why = match drawn {
-            Ok(outcome) => return self.follow(event_loop, outcome),
-            Err(why) => why,
         };
         if screen.display.is_software() || self.present.is_some() {
             let error = anyhow!("{} can show nothing any more: {why}", screen.display.name());
@@ -353,149 +335,9 @@ impl App {
     }
 }
 
-impl Screen {
-    fn open(
-        window: Arc<Window>,
-        event_loop: &ActiveEventLoop,
-        present: Option<Present>,
-        settings: &Settings,
-    ) -> anyhow::Result<Self> {
-        let handle = event_loop.owned_display_handle();
-        let display = Display::open(&window, &handle, present).map_err(|tried| {
-            anyhow!(
-                "the window cannot be drawn on ({}). A Vulkan driver helps, on Debian or Ubuntu \
-                 `apt install mesa-vulkan-drivers`; `carom --headless` needs none",
-                tried.join("; ")
-            )
-        })?;
-        let name = display.name();
-        tracing::info!("presenting with {name}");
-        let egui = egui::Context::default();
-        ui::theme::apply(&egui, settings.text_scale as f32, settings.reduced_motion);
-        let scale = window.scale_factor() as f32;
-        let input = EguiState::new(
-            egui.clone(),
-            egui::ViewportId::ROOT,
-            &window,
-            Some(scale),
-            None,
-            Some(2048),
-        );
-        Ok(Self {
-            window,
-            display,
-            egui,
-            input,
-            pointer: egui::Pos2::ZERO,
-        })
-    }
-
-    /// Whether the pointer, whose event this is, is over something of the interface.
-    fn is_over_panel(&mut self, event: Event) -> bool {
-        match event {
-            Event::Pointer(at) => self.pointer = egui::pos2(at.x as f32, at.y as f32),
-            Event::Button { .. } | Event::Wheel(_) => {}
-            _ => return false,
-        }
-        let layer = self.egui.layer_id_at(self.pointer);
-        layer.is_some_and(|layer| layer.order != egui::Order::Background)
-    }
-
-    fn draw(
-        &mut self,
-        session: &mut GameSession,
-        shell: &mut AppShell,
-        now_secs: f64,
-    ) -> Result<Outcome, String> {
-        let begun = Instant::now();
-        let raw = self.input.take_egui_input(&self.window);
-        let name = self.display.name().to_owned();
-        let mut outcome = Outcome::Stay;
-        let mut output = egui::FullOutput::default();
-        for raw in passes(raw) {
-            output.append(self.egui.run_ui(raw, |ui| {
-                if shell.draw(ui.ctx(), session, now_secs, &name) == Outcome::Quit {
-                    outcome = Outcome::Quit;
-                }
-            }));
-        }
-        // What moves or fades is drawn again at once.
-        let repaint = output.viewport_output.get(&egui::ViewportId::ROOT);
-        if repaint.is_some_and(|viewport| viewport.repaint_delay.is_zero()) {
-            session.redraw();
-        }
-        self.input
-            .handle_platform_output(&self.window, output.platform_output);
-        let frame = UiFrame {
-            textures: output.textures_delta,
-            primitives: self.egui.tessellate(output.shapes, output.pixels_per_point),
-            pixels_per_point: output.pixels_per_point,
-        };
-        self.display.show(session.picture(now_secs), &frame)?;
-        session.note_draw(begun.elapsed().as_secs_f64());
-        Ok(outcome)
-    }
-}
-
-/// What a window event is to the game.
-fn translate(event: &WindowEvent, scale: f64) -> Option<Event> {
-    match event {
-        WindowEvent::CursorMoved { position, .. } => {
-            Some(Event::Pointer(DVec2::new(position.x, position.y) / scale))
-        }
-        WindowEvent::CursorLeft { .. } => Some(Event::PointerLeft),
-        WindowEvent::Focused(false) => Some(Event::FocusLost),
-        WindowEvent::MouseInput { state, button, .. } => {
-            button_of(*button).map(|button| Event::Button {
-                button,
-                pressed: *state == ElementState::Pressed,
-            })
-        }
-        WindowEvent::MouseWheel { delta, .. } => Some(Event::Wheel(match delta {
-            MouseScrollDelta::LineDelta(_, lines) => f64::from(*lines),
-            MouseScrollDelta::PixelDelta(pixels) => pixels.y / scale / WHEEL_NOTCH_POINTS,
-        })),
-        WindowEvent::KeyboardInput { event, .. } => {
-            key_of(event.physical_key).map(|key| Event::Key {
-                key,
-                pressed: event.state == ElementState::Pressed,
-                repeat: event.repeat,
-            })
-        }
-        _ => None,
-    }
-}
-
-fn button_of(button: MouseButton) -> Option<Button> {
-    match button {
-        MouseButton::Left => Some(Button::Left),
-        MouseButton::Right => Some(Button::Right),
-        MouseButton::Middle => Some(Button::Middle),
-        MouseButton::Back => Some(Button::Back),
-        MouseButton::Forward => Some(Button::Forward),
-        MouseButton::Other(_) => None,
-    }
-}
-
-/// winit names its keys as the W3C does.
-fn key_of(key: PhysicalKey) -> Option<Key> {
-    let PhysicalKey::Code(code) = key else {
-        return None;
-    };
-    Key::from_code(&format!("{code:?}"))
-}
-
 fn fullscreen(wanted: bool) -> Option<Fullscreen> {
     wanted.then_some(Fullscreen::Borderless(None))
 }
 
 /// Beside the settings.
 const MATCH_FILE: &str = "match.carom";
-/// At most this often a frame is drawn; the display may allow fewer.
-const REDRAW_PERIOD: Duration = Duration::from_millis(8);
-/// How often finished pictures are looked for.
-const POLL_PERIOD: Duration = Duration::from_millis(3);
-/// How often the farm is looked after while nothing moves.
-const REST_PERIOD: Duration = Duration::from_secs(1);
-/// A touchpad's way that counts as a notch of a wheel.
-const WHEEL_NOTCH_POINTS: f64 = 50.0;

@@ -1,9 +1,14 @@
 //! The application: window and event loop, the shell around the game, the session.
 
 pub mod app_shell;
+mod autosave;
 mod event_loop;
 pub mod farm_notifications;
-pub mod screen_mode;
+mod frame;
+pub mod mode;
+pub mod mode_controller;
 pub mod session;
+mod window;
+mod window_events;
 
 pub use event_loop::run;

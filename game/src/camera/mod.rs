@@ -12,7 +12,7 @@ mod viewpoint;
 
 pub use follow_camera::FollowCamera;
 pub use projection::Projection;
-pub use view_selection::{CameraView, SAVED_MAX, ViewContext, ViewSelection};
+pub use view_selection::{CameraIntent, CameraView, SAVED_MAX, ViewContext, ViewSelection};
 pub use viewpoint::{CameraSmoother, EYE_Z_M_MAX, EYE_Z_M_MIN, FOV_X_DEG, Orbit, Viewpoint};
 
 /// An angle's equal in (−π, π].

@@ -5,7 +5,33 @@ use glam::DVec3;
 
 use super::viewpoint::{Orbit, Viewpoint};
 use super::wrap_rad;
-use crate::input::Intent;
+
+/// A change of the camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum CameraIntent {
+    /// Turn the camera round what it looks at, radians.
+    Orbit {
+        /// To the left.
+        yaw_rad: f64,
+        /// Upwards.
+        pitch_rad: f64,
+    },
+    /// Multiply the camera's distance.
+    Zoom(f64),
+    /// Choose the next view.
+    NextView,
+    /// Look from above, or go back behind the cue.
+    Overhead,
+    /// Look from here.
+    LookFrom(Viewpoint),
+}
+
+impl CameraIntent {
+    /// Whether it turns the view that is chosen, rather than choosing another.
+    pub fn is_adjustment(self) -> bool {
+        matches!(self, Self::Orbit { .. } | Self::Zoom(_))
+    }
+}
 
 /// A way of looking at the table.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -95,20 +121,18 @@ impl ViewSelection {
         self.view
     }
 
-    /// Does what the player wants of the camera, which is `now`; false if it is for something else.
-    pub fn take(&mut self, intent: Intent, table: &Table, now: Viewpoint) -> bool {
+    /// Does what the player wants of the camera, which is at `now`.
+    pub fn apply(&mut self, intent: CameraIntent, table: &Table, now: Viewpoint) {
         match intent {
-            Intent::Orbit { yaw_rad, pitch_rad } => self.look(yaw_rad, pitch_rad, 1.0),
-            Intent::Zoom(zoom) => self.look(0.0, 0.0, zoom),
-            Intent::NextView => self.choose(self.view.next(table), now),
-            Intent::Overhead if self.view == CameraView::Overhead => {
+            CameraIntent::Orbit { yaw_rad, pitch_rad } => self.look(yaw_rad, pitch_rad, 1.0),
+            CameraIntent::Zoom(zoom) => self.look(0.0, 0.0, zoom),
+            CameraIntent::NextView => self.choose(self.view.next(table), now),
+            CameraIntent::Overhead if self.view == CameraView::Overhead => {
                 self.choose(CameraView::Shooter, now)
             }
-            Intent::Overhead => self.choose(CameraView::Overhead, now),
-            Intent::LookFrom(saved) => self.choose(CameraView::Orbit, saved),
-            _ => return false,
+            CameraIntent::Overhead => self.choose(CameraView::Overhead, now),
+            CameraIntent::LookFrom(saved) => self.choose(CameraView::Orbit, saved),
         }
-        true
     }
 
     /// Looks along the cue again.
@@ -178,7 +202,7 @@ mod tests {
             let before = seen.last().filter(|_| view != CameraView::Orbit);
             assert!(before.is_none_or(|(_, before)| *before != at), "{view:?}");
             seen.push((view, at));
-            assert!(views.take(Intent::NextView, &table, at));
+            views.apply(CameraIntent::NextView, &table, at);
         }
         assert_eq!(views.view(), CameraView::Shooter);
     }
@@ -189,7 +213,7 @@ mod tests {
         let mut views = ViewSelection::new(&table);
         for _ in 0..10 {
             let at = views.viewpoint(&sight(&table));
-            views.take(Intent::NextView, &table, at);
+            views.apply(CameraIntent::NextView, &table, at);
             assert_ne!(views.view(), CameraView::Pocket);
         }
     }
@@ -199,14 +223,14 @@ mod tests {
         let table = Table::nine_foot();
         let mut views = ViewSelection::new(&table);
         let at = views.viewpoint(&sight(&table));
-        views.take(Intent::Zoom(0.9), &table, at);
-        views.take(Intent::Overhead, &table, at);
+        views.apply(CameraIntent::Zoom(0.9), &table, at);
+        views.apply(CameraIntent::Overhead, &table, at);
         assert_eq!(
             views.viewpoint(&sight(&table)),
             Viewpoint::overhead(&table),
             "what was zoomed is of the view before"
         );
-        views.take(Intent::Overhead, &table, at);
+        views.apply(CameraIntent::Overhead, &table, at);
         assert_eq!(views.viewpoint(&sight(&table)), at);
     }
 
@@ -215,13 +239,13 @@ mod tests {
         let table = Table::nine_foot();
         let mut views = ViewSelection::new(&table);
         let saved = Viewpoint::overhead(&table);
-        views.take(Intent::LookFrom(saved), &table, saved);
+        views.apply(CameraIntent::LookFrom(saved), &table, saved);
         assert_eq!(views.viewpoint(&sight(&table)), saved);
-        let turn = Intent::Orbit {
+        let turn = CameraIntent::Orbit {
             yaw_rad: 0.01,
             pitch_rad: 0.0,
         };
-        views.take(turn, &table, saved);
+        views.apply(turn, &table, saved);
         let turned = views.viewpoint(&sight(&table));
         let way = (turned.camera().eye - saved.camera().eye).length();
         assert!(way > 0.0 && way < 0.05, "no jump: {way} m");

@@ -131,6 +131,66 @@ fn make(
     Ok(path)
 }
 
+/// The screenshot that is being taken; one at a time.
+#[derive(Debug)]
+pub struct ScreenshotSlot {
+    config: FarmConfig,
+    current: Option<Screenshot>,
+}
+
+impl ScreenshotSlot {
+    /// Screenshots by a farm of `config`.
+    pub fn new(config: FarmConfig) -> Self {
+        Self {
+            config,
+            current: None,
+        }
+    }
+
+    /// Begins a screenshot of `scene` after `update`, in a folder.
+    ///
+    /// # Errors
+    /// A sentence if one is being taken, or if the system gives no thread.
+    pub fn begin(
+        &mut self,
+        scene: Scene,
+        update: SceneUpdate,
+        size: ImageSize,
+        max_depth: u32,
+        folder: PathBuf,
+    ) -> Result<(), String> {
+        if self.current.is_some() {
+            return Err("A picture is being taken already".to_owned());
+        }
+        let render = Screenshot::of(update, size, max_depth);
+        self.current = Some(Screenshot::begin(
+            self.config.clone(),
+            scene,
+            render,
+            folder,
+        )?);
+        Ok(())
+    }
+
+    /// A sentence for the player once the screenshot is finished.
+    pub fn poll(&mut self) -> Option<String> {
+        let outcome = self.current.as_ref()?.poll()?;
+        self.current = None;
+        Some(match outcome {
+            Ok(path) => format!(
+                "The picture is {}; beside it, as .exr, with layers",
+                path.display()
+            ),
+            Err(why) => format!("No picture was taken: {why}"),
+        })
+    }
+
+    /// Whether one is being taken.
+    pub fn is_taking(&self) -> bool {
+        self.current.is_some()
+    }
+}
+
 /// Noise is then a sixteenth of one path's: grain that is hardly seen.
 const SAMPLES: u32 = 256;
 

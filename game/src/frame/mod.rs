@@ -1,6 +1,8 @@
 //! Frames of the farm on their way to the window: scheduling, accumulation, reprojection, quality.
 
 pub mod accumulation;
+pub mod farm_startup;
+pub mod pipeline;
 pub mod quality;
 pub mod reprojection;
 pub mod scheduler;

@@ -55,7 +55,14 @@ impl Reprojector {
         if !self.moved.as_ref().is_some_and(done) {
             self.moved = self.moved(picture, now);
         }
-        self.moved.as_ref().map_or(picture, |moved| &moved.picture)
+        self.reprojected(picture)
+    }
+
+    /// `picture` as the last [`Reprojector::reproject_to`] has left it.
+    pub fn reprojected<'a>(&'a self, picture: &'a DisplayFrame) -> &'a DisplayFrame {
+        let moved = self.moved.as_ref();
+        let moved = moved.filter(|moved| moved.of == picture.serial);
+        moved.map_or(picture, |moved| &moved.picture)
     }
 
     /// Puts what the picture `before` shows into the `missing` tiles of `picture`, moved to where it

@@ -2,7 +2,11 @@
 //!
 //! Settings, the help, the legend of keys and the table in README.md are made from [`ACTIONS`].
 
-use super::{Intent, ReplayControl};
+use super::intent::{
+    AimIntent, AppIntent, Intent, MatchIntent, PracticeIntent, ReplayControl, ReplayIntent,
+    StrokeIntent,
+};
+use crate::camera::CameraIntent;
 
 /// Something that a key, a button or the wheel can be bound to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -167,48 +171,54 @@ impl Action {
     /// them, a tenth when the player wants fine ones. Nothing for actions that are held or that need
     /// the pointer.
     pub(super) fn intent(self, steps: f64) -> Option<Intent> {
-        let pitch = |sign: f64| Intent::Orbit {
-            yaw_rad: 0.0,
-            pitch_rad: sign * steps * PITCH_STEP_RAD,
+        let pitch = |sign: f64| {
+            Intent::Camera(CameraIntent::Orbit {
+                yaw_rad: 0.0,
+                pitch_rad: sign * steps * PITCH_STEP_RAD,
+            })
         };
-        let tip = |x: f64, y: f64| Intent::MoveTip(glam::DVec2::new(x, y) * steps * TIP_STEP_RADII);
+        let tip = |x: f64, y: f64| {
+            Intent::Aim(AimIntent::MoveTip(
+                glam::DVec2::new(x, y) * steps * TIP_STEP_RADII,
+            ))
+        };
         Some(match self {
-            Self::AimLeft => Intent::Turn(steps * AIM_STEP_RAD),
-            Self::AimRight => Intent::Turn(-steps * AIM_STEP_RAD),
+            Self::AimLeft => Intent::Aim(AimIntent::Turn(steps * AIM_STEP_RAD)),
+            Self::AimRight => Intent::Aim(AimIntent::Turn(-steps * AIM_STEP_RAD)),
             Self::TipUp => tip(0.0, 1.0),
             Self::TipDown => tip(0.0, -1.0),
             Self::TipLeft => tip(-1.0, 0.0),
             Self::TipRight => tip(1.0, 0.0),
-            Self::CueUp => Intent::Elevate(steps * ELEVATION_STEP_RAD),
-            Self::CueDown => Intent::Elevate(-steps * ELEVATION_STEP_RAD),
+            Self::CueUp => Intent::Aim(AimIntent::Elevate(steps * ELEVATION_STEP_RAD)),
+            Self::CueDown => Intent::Aim(AimIntent::Elevate(-steps * ELEVATION_STEP_RAD)),
             Self::LookDown => pitch(1.0),
             Self::LookUp => pitch(-1.0),
-            Self::ZoomIn => Intent::Zoom(ZOOM_STEP.powf(-steps)),
-            Self::ZoomOut => Intent::Zoom(ZOOM_STEP.powf(steps)),
-            Self::NextView => Intent::NextView,
-            Self::Overhead => Intent::Overhead,
-            Self::SavedView(place) => Intent::RecallView(place),
-            Self::KeepView(place) => Intent::KeepView(place),
-            Self::PowerUp => Intent::ChangePower(steps * POWER_STEP),
-            Self::PowerDown => Intent::ChangePower(-steps * POWER_STEP),
-            Self::Strike => Intent::Strike,
-            Self::Aids => Intent::NextAids,
-            Self::TipCenter => Intent::CenterTip,
-            Self::Rack => Intent::Rack,
-            Self::PickUp => Intent::PickUp,
-            Self::CallNext => Intent::NextCall,
-            Self::Undo => Intent::Undo,
-            Self::Skip => Intent::Skip,
-            Self::Suggest => Intent::Suggest,
-            Self::TakeOver => Intent::TakeOver,
-            Self::Log => Intent::ToggleLog,
-            Self::LookBack => Intent::LookBack,
-            Self::Practise => Intent::Practise,
-            Self::Photograph => Intent::Photograph,
-            Self::Help => Intent::ToggleHelp,
-            Self::Stats => Intent::ToggleStats,
-            Self::Fullscreen => Intent::ToggleFullscreen,
-            Self::Menu => Intent::Escape,
+            Self::ZoomIn => Intent::Camera(CameraIntent::Zoom(ZOOM_STEP.powf(-steps))),
+            Self::ZoomOut => Intent::Camera(CameraIntent::Zoom(ZOOM_STEP.powf(steps))),
+            Self::NextView => Intent::Camera(CameraIntent::NextView),
+            Self::Overhead => Intent::Camera(CameraIntent::Overhead),
+            Self::SavedView(place) => Intent::App(AppIntent::RecallView(place)),
+            Self::KeepView(place) => Intent::App(AppIntent::SaveView(place)),
+            Self::PowerUp => Intent::Aim(AimIntent::ChangePower(steps * POWER_STEP)),
+            Self::PowerDown => Intent::Aim(AimIntent::ChangePower(-steps * POWER_STEP)),
+            Self::Strike => Intent::Stroke(StrokeIntent::Strike),
+            Self::Aids => Intent::App(AppIntent::NextAids),
+            Self::TipCenter => Intent::Aim(AimIntent::CenterTip),
+            Self::Rack => Intent::Match(MatchIntent::Rack),
+            Self::PickUp => Intent::Match(MatchIntent::PickUp),
+            Self::CallNext => Intent::Match(MatchIntent::NextCall),
+            Self::Undo => Intent::Match(MatchIntent::Undo),
+            Self::Skip => Intent::Match(MatchIntent::Skip),
+            Self::Suggest => Intent::Match(MatchIntent::Suggest),
+            Self::TakeOver => Intent::Match(MatchIntent::TakeOver),
+            Self::Log => Intent::App(AppIntent::ToggleLog),
+            Self::LookBack => Intent::Replay(ReplayIntent::Toggle),
+            Self::Practise => Intent::Practice(PracticeIntent::Toggle),
+            Self::Photograph => Intent::App(AppIntent::TakeScreenshot),
+            Self::Help => Intent::App(AppIntent::ToggleHelp),
+            Self::Stats => Intent::App(AppIntent::ToggleStats),
+            Self::Fullscreen => Intent::App(AppIntent::ToggleFullscreen),
+            Self::Menu => Intent::App(AppIntent::Escape),
             Self::ReplayPause
             | Self::ReplayBack
             | Self::ReplayForward
@@ -216,7 +226,11 @@ impl Action {
             | Self::ReplayEventNext
             | Self::ReplayShotBefore
             | Self::ReplayShotNext
-            | Self::ReplaySpeed(_) => return self.watch(steps).map(Intent::Watch),
+            | Self::ReplaySpeed(_) => {
+                return self
+                    .replay_control(steps)
+                    .map(|control| Intent::Replay(ReplayIntent::Control(control)));
+            }
             Self::AimAtPointer
             | Self::Fine
             | Self::Stroke
@@ -226,7 +240,7 @@ impl Action {
         })
     }
 
-    fn watch(self, steps: f64) -> Option<ReplayControl> {
+    fn replay_control(self, steps: f64) -> Option<ReplayControl> {
         Some(match self {
             Self::ReplayPause => ReplayControl::Toggle,
             Self::ReplayBack => ReplayControl::Skip(-steps * SKIP_SECS),

@@ -11,20 +11,24 @@
 
 pub mod action;
 pub mod binding;
+mod intent;
 pub mod key;
 #[cfg(test)]
 mod tests;
 
 use std::collections::BTreeSet;
 
-use carom_billiards::rules::{Call, Choice};
 use glam::DVec2;
 
 pub use action::{ACTIONS, Action, ActionSpec, BindingContext, Group};
 pub use binding::{BindingError, Bindings, Trigger, UnknownTrigger};
+pub use intent::{
+    AimIntent, AppIntent, Intent, MatchIntent, PracticeIntent, ReplayControl, ReplayIntent,
+    StrokeIntent,
+};
 pub use key::Key;
 
-use crate::camera::Viewpoint;
+use crate::camera::CameraIntent;
 
 /// Something that happened at the window, in the words of no windowing library.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -86,134 +90,6 @@ impl Button {
             Self::Forward => "Mouse forward",
         }
     }
-}
-
-/// What the player wants.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Intent {
-    /// Turn the aim by this many radians, left positive.
-    Turn(f64),
-    /// Aim at the table under this point of the window.
-    AimAt(DVec2),
-    /// Turn the camera round what it looks at, radians.
-    Orbit {
-        /// To the left.
-        yaw_rad: f64,
-        /// Upwards.
-        pitch_rad: f64,
-    },
-    /// Multiply the camera's distance.
-    Zoom(f64),
-    /// Look from the next of the views.
-    NextView,
-    /// Look from above, or go back behind the cue.
-    Overhead,
-    /// Keep what is seen as the saved view of this place.
-    KeepView(u8),
-    /// Look from the saved view of this place.
-    RecallView(u8),
-    /// Look from here.
-    LookFrom(Viewpoint),
-    /// Begin a stroke with the cue drawn back by hand.
-    BeginPull,
-    /// Draw the cue back to this share of its way, 0 to 1.
-    Pull(f64),
-    /// Begin a stroke whose power rises with time.
-    BeginCharge,
-    /// Take the cue in hand, for a stroke with the hand's own speed.
-    BeginSwing,
-    /// Move the cue that is in hand back by so many metres; forward if negative.
-    Swing(f64),
-    /// Let go: strike if the cue is drawn back.
-    Release,
-    /// Strike with the power that is set.
-    Strike,
-    /// Give up the stroke.
-    Cancel,
-    /// Give up the stroke if one is begun, else leave the table: for the menu.
-    Escape,
-    /// Move the tip on the cue ball, in ball radii, to the player's right and up.
-    MoveTip(DVec2),
-    /// Put the tip there on the cue ball.
-    SetTip(DVec2),
-    /// Put the tip in the middle and lay the cue level.
-    CenterTip,
-    /// Raise the butt of the cue by this many radians.
-    Elevate(f64),
-    /// Change the power that is set, 0 to 1, by so much.
-    ChangePower(f64),
-    /// Set the power, 0 to 1.
-    SetPower(f64),
-    /// Show more of the shot to come, and after all of it nothing.
-    NextAids,
-    /// Rack the balls again.
-    Rack,
-    /// Watch shots of before, or go back to the game.
-    LookBack,
-    /// Turn a replay's time, or show another of its shots.
-    Watch(ReplayControl),
-    /// Lay the balls, or leave them as they were.
-    Practise,
-    /// Take a picture in full quality.
-    Photograph,
-    /// Take up a cue ball that is in hand, or put it down.
-    PickUp,
-    /// Hold the cue ball over this point of the window.
-    Point(DVec2),
-    /// Put the cue ball down.
-    Put,
-    /// Say what the shot is to do, or take it back.
-    Call(Option<Call>),
-    /// The next call, after the last none.
-    NextCall,
-    /// Decide what the rules leave to the player.
-    Choose(Choice),
-    /// Take the last shot back.
-    Undo,
-    /// Let the balls rest at once where the shot that is on leaves them.
-    Skip,
-    /// Have the computer suggest a shot.
-    Suggest,
-    /// Have the computer play this shot.
-    TakeOver,
-    /// Show or hide what was said so far.
-    ToggleLog,
-    /// Show or hide the keys.
-    ToggleHelp,
-    /// Show or hide the statistics.
-    ToggleStats,
-    /// Fill the screen, or go back to a window.
-    ToggleFullscreen,
-}
-
-/// What a viewer may want of a shot of before.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum ReplayControl {
-    /// To stop, or to go on.
-    Toggle,
-    /// Another speed: seconds of the shot in a second.
-    Rate(f64),
-    /// Another moment of the shot, seconds since the stroke.
-    Seek(f64),
-    /// The moment so many seconds later; earlier if negative.
-    Skip(f64),
-    /// The next event, or the one before.
-    Step {
-        /// Whether the next one.
-        forward: bool,
-    },
-    /// Another shot of the list.
-    Pick(usize),
-    /// The next shot of the list, or the one before.
-    Turn {
-        /// Whether the next one.
-        forward: bool,
-    },
-}
-
-impl ReplayControl {
-    /// The rates that are offered: real time and slow motion.
-    pub const RATES: [f64; 3] = [1.0, 0.25, 0.1];
 }
 
 /// What is bound, what is held, and since where.
@@ -304,7 +180,7 @@ impl Input {
         self.fine.clear();
         self.pointer = None;
         let hold = self.hold.take()?;
-        (hold.action != Action::Orbit).then_some(Intent::Cancel)
+        (hold.action != Action::Orbit).then_some(Intent::Stroke(StrokeIntent::Cancel))
     }
 
     /// Lets the pointer carry something over the table, in place of turning the aim.
@@ -328,20 +204,22 @@ impl Input {
         match &mut self.hold {
             Some(hold) if hold.action == Action::Stroke => {
                 hold.drawn = (hold.drawn + moved.y / PULL_POINTS * precision).clamp(0.0, 1.0);
-                Some(Intent::Pull(hold.drawn))
+                Some(Intent::Stroke(StrokeIntent::Pull(hold.drawn)))
             }
-            Some(hold) if hold.action == Action::Swing => {
-                Some(Intent::Swing(moved.y * SWING_M_PER_POINT * precision))
+            Some(hold) if hold.action == Action::Swing => Some(Intent::Stroke(
+                StrokeIntent::Swing(moved.y * SWING_M_PER_POINT * precision),
+            )),
+            Some(hold) if hold.action == Action::Orbit => {
+                Some(Intent::Camera(CameraIntent::Orbit {
+                    yaw_rad: -moved.x * ORBIT_RAD_PER_POINT,
+                    pitch_rad: moved.y * ORBIT_RAD_PER_POINT,
+                }))
             }
-            Some(hold) if hold.action == Action::Orbit => Some(Intent::Orbit {
-                yaw_rad: -moved.x * ORBIT_RAD_PER_POINT,
-                pitch_rad: moved.y * ORBIT_RAD_PER_POINT,
-            }),
             Some(_) => None,
-            None if self.is_carrying => Some(Intent::Point(at)),
+            None if self.is_carrying => Some(Intent::Match(MatchIntent::Point(at))),
             None => {
                 let turn = -moved.x * AIM_RAD_PER_POINT * precision;
-                (turn != 0.0).then_some(Intent::Turn(turn))
+                (turn != 0.0).then_some(Intent::Aim(AimIntent::Turn(turn)))
             }
         }
     }
@@ -355,15 +233,17 @@ impl Input {
             return None;
         }
         match action {
-            Action::Stroke if self.is_carrying => Some(Intent::Put),
+            Action::Stroke if self.is_carrying => Some(Intent::Match(MatchIntent::Put)),
             Action::Fine => {
                 self.fine.insert(trigger);
                 None
             }
-            Action::AimAtPointer if self.hold.is_none() => Some(Intent::AimAt(self.pointer?)),
+            Action::AimAtPointer if self.hold.is_none() => {
+                Some(Intent::Aim(AimIntent::AimAt(self.pointer?)))
+            }
             Action::Menu => {
                 self.hold = None;
-                Some(Intent::Escape)
+                Some(Intent::App(AppIntent::Escape))
             }
             action if action.is_held() => self.begin(trigger, action),
             action => action.intent(self.precision()),
@@ -375,7 +255,7 @@ impl Input {
             let gives_up = action == Action::Orbit && hold.action != Action::Orbit;
             return gives_up.then(|| {
                 self.hold = None;
-                Intent::Cancel
+                Intent::Stroke(StrokeIntent::Cancel)
             });
         }
         if action == Action::Stroke {
@@ -388,9 +268,9 @@ impl Input {
             drawn: 0.0,
         });
         match action {
-            Action::Stroke => Some(Intent::BeginPull),
-            Action::Charge => Some(Intent::BeginCharge),
-            Action::Swing => Some(Intent::BeginSwing),
+            Action::Stroke => Some(Intent::Stroke(StrokeIntent::BeginPull)),
+            Action::Charge => Some(Intent::Stroke(StrokeIntent::BeginCharge)),
+            Action::Swing => Some(Intent::Stroke(StrokeIntent::BeginSwing)),
             _ => None,
         }
     }
@@ -398,7 +278,7 @@ impl Input {
     fn released(&mut self, trigger: Trigger) -> Option<Intent> {
         self.fine.remove(&trigger);
         let hold = self.hold.take_if(|hold| hold.trigger == trigger)?;
-        (hold.action != Action::Orbit).then_some(Intent::Release)
+        (hold.action != Action::Orbit).then_some(Intent::Stroke(StrokeIntent::Release))
     }
 
     fn wheel(&mut self, notches: f64) -> Option<Intent> {

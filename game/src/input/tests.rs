@@ -43,7 +43,7 @@ fn entering_the_window_does_not_turn_the_aim() {
     );
     assert_eq!(
         input.handle(at(910.0, 70.0)),
-        Some(Intent::Turn(-10.0 * AIM_RAD_PER_POINT))
+        Some(Intent::Aim(AimIntent::Turn(-10.0 * AIM_RAD_PER_POINT)))
     );
 }
 
@@ -59,7 +59,11 @@ fn fine_aim_is_ten_times_finer() {
             at(20.0, 0.0),
         ],
     );
-    let [Intent::Turn(coarse), Intent::Turn(fine)] = turned[..] else {
+    let [
+        Intent::Aim(AimIntent::Turn(coarse)),
+        Intent::Aim(AimIntent::Turn(fine)),
+    ] = turned[..]
+    else {
         panic!("{turned:?}")
     };
     assert!((coarse / fine - 10.0).abs() < 1e-9);
@@ -76,10 +80,10 @@ fn pulling_sets_the_power_leaves_the_aim_and_strikes_when_released() {
         button(Button::Left, false),
     ];
     let expected = [
-        Intent::BeginPull,
-        Intent::Pull(0.5),
-        Intent::Pull(1.0),
-        Intent::Release,
+        Intent::Stroke(StrokeIntent::BeginPull),
+        Intent::Stroke(StrokeIntent::Pull(0.5)),
+        Intent::Stroke(StrokeIntent::Pull(1.0)),
+        Intent::Stroke(StrokeIntent::Release),
     ];
     assert_eq!(all(&mut input, &events), expected);
 }
@@ -96,7 +100,10 @@ fn the_right_button_gives_up_a_stroke_and_its_release_does_nothing() {
     ];
     assert_eq!(
         all(&mut input, &events),
-        [Intent::BeginPull, Intent::Cancel]
+        [
+            Intent::Stroke(StrokeIntent::BeginPull),
+            Intent::Stroke(StrokeIntent::Cancel)
+        ]
     );
 }
 
@@ -113,7 +120,10 @@ fn space_charges_once_while_it_repeats() {
     ];
     assert_eq!(
         all(&mut input, &events),
-        [Intent::BeginCharge, Intent::Release]
+        [
+            Intent::Stroke(StrokeIntent::BeginCharge),
+            Intent::Stroke(StrokeIntent::Release)
+        ]
     );
 }
 
@@ -123,7 +133,10 @@ fn a_stroke_does_not_survive_the_loss_of_focus() {
     let events = [key("Space", true), Event::FocusLost, key("Space", false)];
     assert_eq!(
         all(&mut input, &events),
-        [Intent::BeginCharge, Intent::Cancel]
+        [
+            Intent::Stroke(StrokeIntent::BeginCharge),
+            Intent::Stroke(StrokeIntent::Cancel)
+        ]
     );
 }
 
@@ -138,7 +151,12 @@ fn fine_power_is_ten_times_finer() {
         at(0.0, 0.6 * PULL_POINTS),
     ];
     let drawn = all(&mut input, &events);
-    let [Intent::BeginPull, Intent::Pull(coarse), Intent::Pull(fine)] = drawn[..] else {
+    let [
+        Intent::Stroke(StrokeIntent::BeginPull),
+        Intent::Stroke(StrokeIntent::Pull(coarse)),
+        Intent::Stroke(StrokeIntent::Pull(fine)),
+    ] = drawn[..]
+    else {
         panic!("{drawn:?}")
     };
     assert!((coarse - 0.5).abs() < 1e-9 && (fine - 0.51).abs() < 1e-9);
@@ -154,9 +172,9 @@ fn a_cue_in_hand_follows_the_pointer_until_it_is_let_go() {
         key("F", false),
     ];
     let expected = [
-        Intent::BeginSwing,
-        Intent::Swing(40.0 * SWING_M_PER_POINT),
-        Intent::Release,
+        Intent::Stroke(StrokeIntent::BeginSwing),
+        Intent::Stroke(StrokeIntent::Swing(40.0 * SWING_M_PER_POINT)),
+        Intent::Stroke(StrokeIntent::Release),
     ];
     assert_eq!(all(&mut input, &events), expected);
 }
@@ -174,7 +192,8 @@ fn keys_step_by_a_degree_and_finely_by_a_tenth() {
         key("Right", true),
     ];
     let degree = 1f64.to_radians();
-    let expected = [degree, degree, -0.1 * degree, -degree].map(Intent::Turn);
+    let expected =
+        [degree, degree, -0.1 * degree, -degree].map(|by_rad| Intent::Aim(AimIntent::Turn(by_rad)));
     assert_eq!(all(&mut input, &events), expected);
 }
 
@@ -182,7 +201,7 @@ fn keys_step_by_a_degree_and_finely_by_a_tenth() {
 fn what_is_done_once_does_not_repeat_while_its_key_is_held() {
     let mut input = Input::default();
     let events = [key("R", true), held("R"), held("R")];
-    assert_eq!(all(&mut input, &events), [Intent::Rack]);
+    assert_eq!(all(&mut input, &events), [Intent::Match(MatchIntent::Rack)]);
 }
 
 #[test]
@@ -202,9 +221,17 @@ fn every_control_works_from_another_trigger() {
         let intents = all(&mut input, &events);
         match control.action {
             Action::Fine => assert_eq!(intents, []),
-            Action::Orbit => assert!(matches!(intents[..], [Intent::Orbit { .. }])),
+            Action::Orbit => assert!(matches!(
+                intents[..],
+                [Intent::Camera(CameraIntent::Orbit { .. })]
+            )),
             Action::Stroke | Action::Charge | Action::Swing => {
-                assert_eq!(intents.last(), Some(&Intent::Release), "{}", control.name);
+                assert_eq!(
+                    intents.last(),
+                    Some(&Intent::Stroke(StrokeIntent::Release)),
+                    "{}",
+                    control.name
+                );
             }
             _ => assert_eq!(intents.len(), 1, "{}", control.name),
         }
@@ -219,10 +246,16 @@ fn keys_of_a_replay_count_before_those_of_the_table_and_only_there() {
     let watched = all(&mut input, &press);
     assert_eq!(
         watched,
-        [Intent::Watch(ReplayControl::Toggle), Intent::NextView]
+        [
+            Intent::Replay(ReplayIntent::Control(ReplayControl::Toggle)),
+            Intent::Camera(CameraIntent::NextView)
+        ]
     );
     input.set_mode(BindingContext::Table);
-    assert_eq!(all(&mut input, &press)[0], Intent::BeginCharge);
+    assert_eq!(
+        all(&mut input, &press)[0],
+        Intent::Stroke(StrokeIntent::BeginCharge)
+    );
 }
 
 #[test]
@@ -233,7 +266,10 @@ fn a_toggle_on_the_wheel_takes_a_whole_notch() {
     let turns = [0.4, 0.4, 0.4, 0.4, -0.2, 0.7, 0.2].map(Event::Wheel);
     assert_eq!(
         all(&mut input, &turns),
-        [Intent::Rack, Action::ZoomOut.intent(0.2).unwrap()]
+        [
+            Intent::Match(MatchIntent::Rack),
+            Action::ZoomOut.intent(0.2).unwrap()
+        ]
     );
 }
 

@@ -3,7 +3,7 @@
 use glam::DVec2;
 
 use crate::camera::Projection;
-use crate::input::Intent;
+use crate::input::{AimIntent, StrokeIntent};
 
 use super::{Game, Phase};
 
@@ -44,30 +44,43 @@ impl Game {
         });
     }
 
-    /// Moves or puts down the ball that is carried; false if the intent is for something else.
-    pub(super) fn place(&mut self, intent: Intent, now_secs: f64, film: DVec2) -> bool {
+    /// Holds the ball that is carried over a point of the window.
+    pub(super) fn point(&mut self, point: DVec2, now_secs: f64, film: DVec2) {
+        if !matches!(self.phase, Phase::Placing(_)) {
+            return;
+        }
+        let projection = Projection::new(&self.camera(now_secs), film.x, film.y);
+        if let Some(seen) = projection.world_from_film(point, 0.0) {
+            self.carry_to(seen.truncate());
+        }
+    }
+
+    /// Moves the ball that is carried by the keys of the aim; false if there is none, or the change is
+    /// of something else.
+    pub(super) fn carry(&mut self, intent: AimIntent) -> bool {
         let Phase::Placing(ball_in_hand) = &self.phase else {
             return false;
         };
-        let at = ball_in_hand.at;
-        match intent {
-            Intent::Point(point) => {
-                let projection = Projection::new(&self.camera(now_secs), film.x, film.y);
-                if let Some(seen) = projection.world_from_film(point, 0.0) {
-                    self.carry_to(seen.truncate());
-                }
-            }
-            Intent::MoveTip(by) => self.carry_to(at + self.on_screen(by * TIP_M)),
-            Intent::Turn(by_rad) => {
-                let steps = -by_rad.to_degrees();
-                self.carry_to(at + self.on_screen(DVec2::new(steps * TURN_M, 0.0)));
-            }
-            Intent::Put | Intent::Strike | Intent::BeginCharge | Intent::PickUp => self.put_down(),
-            Intent::Escape | Intent::Cancel => self.put_back(),
-            Intent::BeginPull | Intent::BeginSwing => {}
+        let by = match intent {
+            AimIntent::MoveTip(by) => by * TIP_M,
+            AimIntent::Turn(by_rad) => DVec2::new(-by_rad.to_degrees() * TURN_M, 0.0),
             _ => return false,
-        }
+        };
+        self.carry_to(ball_in_hand.at + self.on_screen(by));
         true
+    }
+
+    /// Puts down or back the ball that is carried by the keys of the stroke.
+    pub(super) fn stroke_in_hand(&mut self, intent: StrokeIntent) {
+        match intent {
+            StrokeIntent::Strike | StrokeIntent::BeginCharge => self.put_down(),
+            StrokeIntent::Cancel => self.put_back(),
+            StrokeIntent::BeginPull
+            | StrokeIntent::Pull(_)
+            | StrokeIntent::BeginSwing
+            | StrokeIntent::Swing(_)
+            | StrokeIntent::Release => {}
+        }
     }
 
     /// So much to the right and away on the screen, on the table.
@@ -88,7 +101,7 @@ impl Game {
         }
     }
 
-    fn put_down(&mut self) {
+    pub(super) fn put_down(&mut self) {
         let Phase::Placing(ball_in_hand) = &self.phase else {
             return;
         };
@@ -99,7 +112,7 @@ impl Game {
         self.get_ready();
     }
 
-    fn put_back(&mut self) {
+    pub(super) fn put_back(&mut self) {
         if let Phase::Placing(ball_in_hand) = &self.phase {
             let from = ball_in_hand.from;
             // It lay there before.

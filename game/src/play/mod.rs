@@ -14,6 +14,7 @@ mod ball_in_hand;
 mod cue;
 mod cue_clearance;
 pub mod practice;
+mod shot_clock;
 mod shot_preview;
 mod stroke_input;
 #[cfg(test)]
@@ -33,9 +34,10 @@ use carom_tracer::Camera;
 use glam::{DVec2, DVec3};
 
 use crate::camera::{
-    CameraSmoother, CameraView, Projection, ViewContext, ViewSelection, Viewpoint, wrap_rad,
+    CameraIntent, CameraSmoother, CameraView, Projection, ViewContext, ViewSelection, Viewpoint,
+    wrap_rad,
 };
-use crate::input::Intent;
+use crate::input::{AimIntent, StrokeIntent};
 use crate::scene::table_scene::TableScene;
 
 use active_shot::ActiveShot;
@@ -45,6 +47,7 @@ pub use ball_in_hand::BallInHand;
 use cue::SWING_SECS;
 pub use cue::{CUE_LENGTH_M, CueView, cue_radius_m};
 use cue_clearance::CueClearance;
+pub use shot_clock::ShotClock;
 pub use shot_preview::{AimAids, BallPath, ShotPreview};
 use stroke_input::{StrokeInput, SwingInput};
 
@@ -78,15 +81,6 @@ enum Phase {
     Stroking(StrokeInput),
     /// Watching.
     Watching(Box<ActiveShot>),
-}
-
-/// What is asked of the program around the game.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Outcome {
-    /// Nothing.
-    Stay,
-    /// To end.
-    Quit,
 }
 
 impl Game {
@@ -183,52 +177,14 @@ impl Game {
         }
     }
 
-    /// Does what the player wants at `now_secs`. A stroke meets the ball `lead_secs` later, so
-    /// that its first pictures are ready by then, but never so late that the player would wait.
-    pub fn apply(&mut self, intent: Intent, now_secs: f64, lead_secs: f64, film: DVec2) -> Outcome {
-        if self.place(intent, now_secs, film) {
-            return Outcome::Stay;
+    /// Gives up the stroke that is begun or the ball that is carried; false if there is neither.
+    pub fn escape(&mut self) -> bool {
+        match &self.phase {
+            Phase::Stroking(_) => self.cancel(),
+            Phase::Placing(_) => self.put_back(),
+            Phase::Aiming | Phase::Planned(_) | Phase::Watching(_) => return false,
         }
-        match intent {
-            Intent::Escape if matches!(self.phase, Phase::Stroking(_)) => self.cancel(),
-            Intent::Escape => return Outcome::Quit,
-            Intent::Orbit { .. }
-            | Intent::Zoom(_)
-            | Intent::NextView
-            | Intent::Overhead
-            | Intent::LookFrom(_) => self.look(intent, now_secs),
-            Intent::BeginPull
-            | Intent::BeginCharge
-            | Intent::BeginSwing
-            | Intent::Pull(_)
-            | Intent::Swing(_)
-            | Intent::Release
-            | Intent::Strike
-            | Intent::Cancel => self.stroke(intent, now_secs, lead_secs),
-            Intent::Skip => self.end_shot(now_secs),
-            Intent::Rack => self.rack(),
-            Intent::Undo
-            | Intent::Choose(_)
-            | Intent::Call(_)
-            | Intent::NextCall
-            | Intent::Suggest
-            | Intent::TakeOver
-            | Intent::PickUp => self.decide(intent),
-            Intent::Point(_)
-            | Intent::Put
-            | Intent::ToggleLog
-            | Intent::NextAids
-            | Intent::KeepView(_)
-            | Intent::RecallView(_)
-            | Intent::LookBack
-            | Intent::Practise
-            | Intent::Photograph
-            | Intent::ToggleHelp
-            | Intent::ToggleStats
-            | Intent::ToggleFullscreen => {}
-            _ => self.take_aim(intent, now_secs, film),
-        }
-        Outcome::Stay
+        true
     }
 
     /// Lets time pass: the camera glides, a shot that is over ends.
@@ -250,17 +206,16 @@ impl Game {
         }
     }
 
-    /// The shot that is on: its number, the moment on show and the moment of its end, in seconds
-    /// since the stroke.
-    pub fn shot_clock(&self, now_secs: f64) -> Option<(u64, f64, f64)> {
+    /// The clock of the shot that is on.
+    pub fn shot_clock(&self, now_secs: f64) -> Option<ShotClock> {
         let Phase::Watching(running) = &self.phase else {
             return None;
         };
-        Some((
-            self.shots,
-            running.clock_secs(now_secs),
-            running.shot.duration_secs(),
-        ))
+        Some(ShotClock {
+            number: self.shots,
+            now_secs: running.clock_secs(now_secs),
+            end_secs: running.shot.duration_secs(),
+        })
     }
 
     /// The balls at `moment_secs` of the shot that is on, else as they lie.
@@ -367,17 +322,15 @@ impl Game {
         }
     }
 
-    fn look(&mut self, intent: Intent, now_secs: f64) {
+    /// Turns the camera, or chooses another view.
+    pub fn look(&mut self, intent: CameraIntent, now_secs: f64) {
         let moment_secs = match &self.phase {
             Phase::Watching(running) => running.clock_secs(now_secs),
             _ => 0.0,
         };
         let now = self.viewpoint(moment_secs);
-        let table = self.contest.world().table();
-        if !self.views.take(intent, table, now) {
-            return;
-        }
-        if matches!(intent, Intent::Orbit { .. } | Intent::Zoom(_)) {
+        self.views.apply(intent, self.contest.world().table(), now);
+        if intent.is_adjustment() {
             return;
         }
         self.notice = Some(format!("View: {}", self.views.view().name()));
@@ -386,20 +339,23 @@ impl Game {
         }
     }
 
-    fn take_aim(&mut self, intent: Intent, now_secs: f64, film: DVec2) {
+    /// Changes the aim in a window of `film` points; moves a cue ball that is carried.
+    pub fn change_aim(&mut self, intent: AimIntent, now_secs: f64, film: DVec2) {
+        if self.carry(intent) {
+            return;
+        }
         let is_aiming = matches!(self.phase, Phase::Aiming) && self.may_play();
         match intent {
-            Intent::Turn(angle_rad) if is_aiming => self.aim.turn(angle_rad),
-            Intent::AimAt(point) => self.aim_at(point, film, now_secs),
+            AimIntent::AimAt(point) => self.aim_at(point, film, now_secs),
             // A blow that is under way is struck where it was aimed.
             _ if !is_aiming => {}
-            Intent::MoveTip(by) => self.aim.set_tip(self.aim.tip + by),
-            Intent::SetTip(tip) => self.aim.set_tip(tip),
-            Intent::CenterTip => self.aim.level(),
-            Intent::Elevate(by_rad) => self.aim.elevate(by_rad),
-            Intent::ChangePower(by) => self.aim.set_power(self.aim.power + by),
-            Intent::SetPower(power) => self.aim.set_power(power),
-            _ => {}
+            AimIntent::Turn(angle_rad) => self.aim.turn(angle_rad),
+            AimIntent::MoveTip(by) => self.aim.set_tip(self.aim.tip + by),
+            AimIntent::SetTip(tip) => self.aim.set_tip(tip),
+            AimIntent::CenterTip => self.aim.level(),
+            AimIntent::Elevate(by_rad) => self.aim.elevate(by_rad),
+            AimIntent::ChangePower(by) => self.aim.set_power(self.aim.power + by),
+            AimIntent::SetPower(power) => self.aim.set_power(power),
         }
         self.clear_cue();
     }
@@ -423,34 +379,41 @@ impl Game {
         }
     }
 
-    fn stroke(&mut self, intent: Intent, now_secs: f64, lead_secs: f64) {
+    /// Goes on with the stroke. It meets the ball `lead_secs` later, so that its first pictures are
+    /// ready by then, but never so late that the player would wait.
+    pub fn stroke(&mut self, intent: StrokeIntent, now_secs: f64, lead_secs: f64) {
+        if matches!(self.phase, Phase::Placing(_)) {
+            return self.stroke_in_hand(intent);
+        }
         if matches!(self.phase, Phase::Aiming) && !self.may_play() {
             return;
         }
         let power = match (intent, &mut self.phase) {
-            (Intent::BeginPull, Phase::Aiming) => return self.begin(StrokeInput::Pulling(0.0)),
-            (Intent::BeginCharge, Phase::Aiming) => {
+            (StrokeIntent::BeginPull, Phase::Aiming) => {
+                return self.begin(StrokeInput::Pulling(0.0));
+            }
+            (StrokeIntent::BeginCharge, Phase::Aiming) => {
                 return self.begin(StrokeInput::Charging(now_secs));
             }
-            (Intent::BeginSwing, Phase::Aiming) => {
+            (StrokeIntent::BeginSwing, Phase::Aiming) => {
                 return self.begin(StrokeInput::Swinging(SwingInput::default()));
             }
-            (Intent::Pull(power), Phase::Stroking(StrokeInput::Pulling(pulled))) => {
+            (StrokeIntent::Pull(power), Phase::Stroking(StrokeInput::Pulling(pulled))) => {
                 *pulled = power;
                 return;
             }
-            (Intent::Swing(back_m), Phase::Stroking(StrokeInput::Swinging(swing))) => {
+            (StrokeIntent::Swing(back_m), Phase::Stroking(StrokeInput::Swinging(swing))) => {
                 swing.swing(back_m, now_secs)
             }
-            (Intent::Release, Phase::Stroking(hand)) => {
+            (StrokeIntent::Release, Phase::Stroking(hand)) => {
                 let power = hand.let_go(now_secs);
                 if power.is_none() {
                     self.cancel();
                 }
                 power
             }
-            (Intent::Strike, Phase::Aiming) => Some(self.aim.power),
-            (Intent::Cancel, _) => return self.cancel(),
+            (StrokeIntent::Strike, Phase::Aiming) => Some(self.aim.power),
+            (StrokeIntent::Cancel, _) => return self.cancel(),
             _ => None,
         };
         if let Some(power) = power {

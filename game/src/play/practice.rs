@@ -1,14 +1,37 @@
-//! A table whose balls are put where the player likes, to open_practice from.
+//! A table whose balls are put where the player likes, to practise from.
 //!
 //! ```text
 //! grab ─▶ drag (where it would lie, and whether it may) ─▶ let_go
 //! add, take_away, layout (a recording in which nothing moves)
 //! ```
 
-use carom_billiards::physics::{self, BallPose, BallState, Recording, World};
+use std::path::PathBuf;
+
+use carom_billiards::physics::{self, BallPose, BallState, Phase, Recording, World};
 use glam::{DVec2, DVec3};
 
-use crate::capture::replay::at_rest;
+/// A command of the practice page.
+#[derive(Clone, Debug, PartialEq)]
+pub enum PracticeCommand {
+    /// Clip a ball into the hand at this place of the table, m.
+    Grab(DVec2),
+    /// Move it there.
+    Drag(DVec2),
+    /// Put it down.
+    LetGo,
+    /// Put another ball on the table.
+    Add(u8),
+    /// Clip one off it.
+    TakeAway(u8),
+    /// Save the layout as a file.
+    Save,
+    /// Arrange the balls as a file has them.
+    Open(PathBuf),
+    /// Play on with the balls as they are.
+    Play,
+    /// Go back to the game as it was.
+    Close,
+}
 
 /// A table that is being laid.
 #[derive(Clone, Debug)]
@@ -185,6 +208,19 @@ impl Practice {
         self.held = None;
         Ok(())
     }
+}
+
+/// The same places, with nothing in motion.
+pub fn at_rest(mut balls: Vec<BallState>) -> Vec<BallState> {
+    for ball in balls.iter_mut().filter(|ball| ball.phase.is_on_table()) {
+        let still = BallState::at_rest(ball.number, ball.position.x, ball.position.y, &ball.body);
+        *ball = BallState {
+            orientation: ball.orientation,
+            phase: Phase::Resting,
+            ..still
+        };
+    }
+    balls
 }
 
 /// The same table and laws with other balls.

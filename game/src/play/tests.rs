@@ -2,6 +2,18 @@
 
 use super::aim::cue_speed_m_s;
 use super::*;
+use crate::input::{Intent, MatchIntent};
+
+/// Does what the player wants; a stroke meets the ball 0.2 s later.
+fn apply(game: &mut Game, intent: Intent, now_secs: f64) {
+    match intent {
+        Intent::Aim(intent) => game.change_aim(intent, now_secs, FILM),
+        Intent::Stroke(intent) => game.stroke(intent, now_secs, 0.2),
+        Intent::Camera(intent) => game.look(intent, now_secs),
+        Intent::Match(intent) => game.decide(intent, now_secs, FILM),
+        other => panic!("{other:?} is not for the game"),
+    }
+}
 
 const FILM: DVec2 = DVec2::new(1280.0, 720.0);
 
@@ -16,8 +28,12 @@ fn ball(game: &Game, number: u8, moment_secs: f64) -> DVec3 {
 }
 
 fn strike(game: &mut Game, power: f64, now_secs: f64) {
-    for intent in [Intent::BeginPull, Intent::Pull(power), Intent::Release] {
-        game.apply(intent, now_secs, 0.2, FILM);
+    for intent in [
+        Intent::Stroke(StrokeIntent::BeginPull),
+        Intent::Stroke(StrokeIntent::Pull(power)),
+        Intent::Stroke(StrokeIntent::Release),
+    ] {
+        apply(game, intent, now_secs);
     }
 }
 
@@ -35,8 +51,9 @@ fn a_stroke_plays_moves_balls_and_ends() {
     let mut game = Game::new(1).unwrap();
     let before = game.poses(0.0);
     strike(&mut game, 0.9, 5.0);
-    let (_, clock, end) = game.shot_clock(5.0).unwrap();
-    assert!(clock <= -SWING_SECS.start && end > 1.0);
+    let clock = game.shot_clock(5.0).unwrap();
+    let end = clock.end_secs;
+    assert!(clock.now_secs <= -SWING_SECS.start && end > 1.0);
     assert_eq!(game.poses(-0.05), before, "nothing moves before the blow");
     let now = watch(&mut game, 5.0);
     assert!((now - 5.0 - end) < 1.0);
@@ -51,13 +68,13 @@ fn a_shot_that_is_skipped_ends_as_one_that_is_watched() {
     }
     watch(&mut watched, 5.0);
     let seen = skipped.viewpoint(1.0);
-    let now = 6.0 - skipped.shot_clock(5.0).unwrap().1;
-    skipped.apply(Intent::Skip, now, 0.2, FILM);
+    let now = 6.0 - skipped.shot_clock(5.0).unwrap().now_secs;
+    apply(&mut skipped, Intent::Match(MatchIntent::Skip), now);
     assert_eq!(skipped.shot_clock(now), None);
     assert_eq!(skipped.poses(0.0), watched.poses(0.0));
     assert_eq!(skipped.viewpoint(0.0), seen, "the camera does not jump");
-    skipped.apply(Intent::BeginCharge, now, 0.2, FILM);
-    skipped.apply(Intent::Skip, now, 0.2, FILM);
+    apply(&mut skipped, Intent::Stroke(StrokeIntent::BeginCharge), now);
+    apply(&mut skipped, Intent::Match(MatchIntent::Skip), now);
     assert!(skipped.is_moving(), "a stroke that is begun goes on");
 }
 
@@ -65,12 +82,12 @@ fn a_shot_that_is_skipped_ends_as_one_that_is_watched() {
 fn a_stroke_that_is_given_up_leaves_the_table_alone() {
     let mut game = Game::new(1).unwrap();
     for intent in [
-        Intent::BeginPull,
-        Intent::Pull(1.0),
-        Intent::Cancel,
-        Intent::Release,
+        Intent::Stroke(StrokeIntent::BeginPull),
+        Intent::Stroke(StrokeIntent::Pull(1.0)),
+        Intent::Stroke(StrokeIntent::Cancel),
+        Intent::Stroke(StrokeIntent::Release),
     ] {
-        game.apply(intent, 1.0, 0.2, FILM);
+        apply(&mut game, intent, 1.0);
     }
     strike(&mut game, 0.5 * super::stroke_input::PULL_MIN, 1.0);
     assert_eq!(game.shot_clock(1.0), None);
@@ -79,9 +96,9 @@ fn a_stroke_that_is_given_up_leaves_the_table_alone() {
 #[test]
 fn escape_gives_up_a_stroke_first_and_then_quits() {
     let mut game = Game::new(1).unwrap();
-    game.apply(Intent::BeginCharge, 1.0, 0.2, FILM);
-    assert_eq!(game.apply(Intent::Escape, 1.5, 0.2, FILM), Outcome::Stay);
-    assert_eq!(game.apply(Intent::Escape, 1.6, 0.2, FILM), Outcome::Quit);
+    apply(&mut game, Intent::Stroke(StrokeIntent::BeginCharge), 1.0);
+    assert!(game.escape());
+    assert!(!game.escape());
 }
 
 #[test]
@@ -90,7 +107,7 @@ fn aiming_at_a_point_of_the_window_points_the_cue_there() {
     let target = DVec3::new(0.3, 0.4, game.cue_ball().unwrap().z);
     let projection = Projection::new(&game.camera(0.0), FILM.x, FILM.y);
     let point = projection.film_from_world(target).unwrap();
-    game.apply(Intent::AimAt(point), 0.0, 0.2, FILM);
+    apply(&mut game, Intent::Aim(AimIntent::AimAt(point)), 0.0);
     let way = (target - game.cue_ball().unwrap()).truncate();
     // The camera's place is rounded to f32.
     assert!(wrap_rad(game.aim.bearing_rad - way.to_angle()).abs() < 1e-5);
@@ -123,7 +140,7 @@ fn the_camera_behind_the_ball_sees_the_ball_and_the_overview_the_whole_table() {
 /// Goes on through the views until this one, and lets the camera arrive.
 fn look_from(game: &mut Game, view: CameraView, now_secs: f64) {
     while game.views.view() != view {
-        game.apply(Intent::NextView, now_secs, 0.2, FILM);
+        apply(game, Intent::Camera(CameraIntent::NextView), now_secs);
     }
     (0..200).for_each(|_| game.tick(now_secs, 0.02));
 }
@@ -132,7 +149,7 @@ fn look_from(game: &mut Game, view: CameraView, now_secs: f64) {
 fn the_camera_glides_to_the_view_that_is_chosen_and_with_reduced_motion_cuts_there() {
     let mut game = Game::new(1).unwrap();
     let behind = game.viewpoint(0.0);
-    game.apply(Intent::Overhead, 0.0, 0.2, FILM);
+    apply(&mut game, Intent::Camera(CameraIntent::Overhead), 0.0);
     assert_eq!(game.notice(), Some("View: from above"));
     game.tick(0.0, 0.02);
     let above = Viewpoint::overhead(game.table());
@@ -142,7 +159,7 @@ fn the_camera_glides_to_the_view_that_is_chosen_and_with_reduced_motion_cuts_the
     assert_eq!(game.viewpoint(0.0), above);
     assert!(!game.is_moving());
     game.set_instant_camera(true);
-    game.apply(Intent::Overhead, 0.0, 0.2, FILM);
+    apply(&mut game, Intent::Camera(CameraIntent::Overhead), 0.0);
     game.tick(0.0, 0.02);
     assert_eq!(game.viewpoint(0.0), behind);
 }
@@ -153,12 +170,12 @@ fn a_view_that_is_chosen_during_a_shot_is_gone_to_from_what_is_seen() {
         let mut game = Game::new(1).unwrap();
         game.set_instant_camera(instant_camera);
         strike(&mut game, 0.9, 0.0);
-        let contact = -game.shot_clock(0.0).unwrap().1;
+        let contact = -game.shot_clock(0.0).unwrap().now_secs;
         let above = Viewpoint::overhead(game.table());
         let now = contact + 2.5;
-        let (_, clock, _) = game.shot_clock(now).unwrap();
+        let clock = game.shot_clock(now).unwrap().now_secs;
         let before = game.viewpoint(clock);
-        game.apply(Intent::Overhead, now, 0.2, FILM);
+        apply(&mut game, Intent::Camera(CameraIntent::Overhead), now);
         assert_eq!(game.viewpoint(clock), before, "no jump");
         let soon = game.viewpoint(2.8);
         assert!(
@@ -217,7 +234,7 @@ fn a_pocketed_cue_ball_comes_back_where_there_is_room() {
     assert!(banner.is_some_and(|banner| banner.contains("cue ball is lost")));
     assert!(game.cue_ball().unwrap().truncate().distance(head) < 1e-9);
     assert!(game.ball_in_hand().is_some(), "the player has it in hand");
-    game.apply(Intent::Put, 99.0, 0.2, FILM);
+    apply(&mut game, Intent::Match(MatchIntent::Put), 99.0);
     assert!(game.ball_in_hand().is_none() && game.may_play());
 }
 
@@ -225,17 +242,16 @@ fn a_pocketed_cue_ball_comes_back_where_there_is_room() {
 fn a_raised_cue_jumps_and_comes_level_again_after_the_shot() {
     let mut game = Game::new(1).unwrap();
     for _ in 0..100 {
-        game.apply(Intent::Elevate(0.1), 0.0, 0.2, FILM);
+        apply(&mut game, Intent::Aim(AimIntent::Elevate(0.1)), 0.0);
     }
     assert_eq!(
         game.cue(0.0).unwrap().elevation_rad,
         Stroke::ELEVATION_MAX_RAD
     );
-    game.apply(
-        Intent::Elevate(0.7 - Stroke::ELEVATION_MAX_RAD),
+    apply(
+        &mut game,
+        Intent::Aim(AimIntent::Elevate(0.7 - Stroke::ELEVATION_MAX_RAD)),
         0.0,
-        0.2,
-        FILM,
     );
     strike(&mut game, 0.6, 1.0);
     let heights = (0..50).map(|i| ball(&game, 0, 0.01 * f64::from(i)).z);
@@ -247,7 +263,11 @@ fn a_raised_cue_jumps_and_comes_level_again_after_the_shot() {
 #[test]
 fn a_tip_set_too_far_out_miscues_and_says_so() {
     let mut game = Game::new(1).unwrap();
-    game.apply(Intent::MoveTip(DVec2::new(-0.3, -2.0)), 0.0, 0.2, FILM);
+    apply(
+        &mut game,
+        Intent::Aim(AimIntent::MoveTip(DVec2::new(-0.3, -2.0))),
+        0.0,
+    );
     strike(&mut game, 0.4, 1.0);
     assert!(
         game.notice()
@@ -265,12 +285,15 @@ fn soft_shots_have_most_of_the_way() {
 fn enter_strikes_with_the_power_that_is_set_and_the_shot_is_the_one_foreseen() {
     let mut game = Game::new(1).unwrap();
     game.set_aids(AimAids::Full);
-    for intent in [Intent::SetPower(0.55), Intent::Turn(0.01)] {
-        game.apply(intent, 0.0, 0.2, FILM);
+    for intent in [
+        Intent::Aim(AimIntent::SetPower(0.55)),
+        Intent::Aim(AimIntent::Turn(0.01)),
+    ] {
+        apply(&mut game, intent, 0.0);
     }
     let ways = game.shot_preview(0.0).unwrap().ways.clone();
-    game.apply(Intent::Strike, 0.0, 0.2, FILM);
-    let (_, _, end) = game.shot_clock(0.0).unwrap();
+    apply(&mut game, Intent::Stroke(StrokeIntent::Strike), 0.0);
+    let end = game.shot_clock(0.0).unwrap().end_secs;
     let poses = game.poses(end);
     for way in ways {
         let pose = poses.iter().find(|pose| pose.number == way.number).unwrap();
@@ -285,16 +308,20 @@ fn enter_strikes_with_the_power_that_is_set_and_the_shot_is_the_one_foreseen() {
 #[test]
 fn a_stroke_of_the_hand_strikes_where_the_cue_meets_the_ball() {
     let mut game = Game::new(1).unwrap();
-    let swing = |game: &mut Game, intent, at| game.apply(intent, at, 0.2, FILM);
-    swing(&mut game, Intent::BeginSwing, 1.0);
+    let swing = |game: &mut Game, intent, at| apply(game, intent, at);
+    swing(&mut game, Intent::Stroke(StrokeIntent::BeginSwing), 1.0);
     for step in 0..10 {
-        swing(&mut game, Intent::Swing(0.01), 1.0 + 0.01 * f64::from(step));
+        swing(
+            &mut game,
+            Intent::Stroke(StrokeIntent::Swing(0.01)),
+            1.0 + 0.01 * f64::from(step),
+        );
     }
     assert!(game.cue(1.1).unwrap().gap_m > 0.1 && game.shot_clock(1.1).is_none());
     for step in 0..10 {
         swing(
             &mut game,
-            Intent::Swing(-0.02),
+            Intent::Stroke(StrokeIntent::Swing(-0.02)),
             1.2 + 0.01 * f64::from(step),
         );
     }
@@ -310,8 +337,12 @@ fn a_stroke_of_the_hand_strikes_where_the_cue_meets_the_ball() {
 #[test]
 fn a_cue_that_is_let_go_in_a_stroke_of_the_hand_does_not_strike() {
     let mut game = Game::new(1).unwrap();
-    for intent in [Intent::BeginSwing, Intent::Swing(0.2), Intent::Release] {
-        game.apply(intent, 1.0, 0.2, FILM);
+    for intent in [
+        Intent::Stroke(StrokeIntent::BeginSwing),
+        Intent::Stroke(StrokeIntent::Swing(0.2)),
+        Intent::Stroke(StrokeIntent::Release),
+    ] {
+        apply(&mut game, intent, 1.0);
     }
     assert!(game.shot_clock(1.0).is_none());
     assert!(!game.cue(1.0).unwrap().is_drawn);
@@ -323,15 +354,19 @@ fn the_cue_cannot_be_laid_lower_than_what_is_in_its_way() {
     let cue_ball = game.table().cue_ball().radius_m;
     let x = -0.5 * game.table().length_m() + cue_ball + 0.001;
     game.contest.place(DVec2::new(x, 0.0)).unwrap();
-    game.apply(Intent::Turn(0.0), 0.0, 0.2, FILM);
+    apply(&mut game, Intent::Aim(AimIntent::Turn(0.0)), 0.0);
     let least = game.aim().elevation_rad;
     assert!(least > 0.1, "{least}");
-    game.apply(Intent::Elevate(-1.0), 0.0, 0.2, FILM);
+    apply(&mut game, Intent::Aim(AimIntent::Elevate(-1.0)), 0.0);
     assert_eq!(game.aim().elevation_rad, least);
-    game.apply(Intent::Elevate(0.1), 0.0, 0.2, FILM);
+    apply(&mut game, Intent::Aim(AimIntent::Elevate(0.1)), 0.0);
     assert!((game.aim().elevation_rad - least - 0.1).abs() < 1e-9);
-    game.apply(Intent::Turn(std::f64::consts::PI), 0.0, 0.2, FILM);
-    game.apply(Intent::CenterTip, 0.0, 0.2, FILM);
+    apply(
+        &mut game,
+        Intent::Aim(AimIntent::Turn(std::f64::consts::PI)),
+        0.0,
+    );
+    apply(&mut game, Intent::Aim(AimIntent::CenterTip), 0.0);
     assert!(
         game.aim().elevation_rad < 0.01,
         "with nothing behind it the cue lies level"
@@ -341,15 +376,15 @@ fn the_cue_cannot_be_laid_lower_than_what_is_in_its_way() {
 #[test]
 fn a_blow_that_is_under_way_is_struck_where_it_was_aimed() {
     let mut game = Game::new(1).unwrap();
-    game.apply(Intent::BeginPull, 0.0, 0.2, FILM);
+    apply(&mut game, Intent::Stroke(StrokeIntent::BeginPull), 0.0);
     let aim = game.aim();
     for intent in [
-        Intent::MoveTip(DVec2::new(0.2, 0.1)),
-        Intent::Elevate(0.3),
-        Intent::Turn(0.4),
-        Intent::SetPower(0.9),
+        Intent::Aim(AimIntent::MoveTip(DVec2::new(0.2, 0.1))),
+        Intent::Aim(AimIntent::Elevate(0.3)),
+        Intent::Aim(AimIntent::Turn(0.4)),
+        Intent::Aim(AimIntent::SetPower(0.9)),
     ] {
-        game.apply(intent, 0.0, 0.2, FILM);
+        apply(&mut game, intent, 0.0);
     }
     assert_eq!(game.aim(), aim);
 }
@@ -379,8 +414,8 @@ fn a_computer_plays_in_its_turn_seen_and_judged_and_is_taken_back_with_the_shot_
     assert_eq!(game.contest().referee().turn(), 1);
     assert!(!game.may_play());
     let bearing = game.aim.bearing_rad;
-    game.apply(Intent::Turn(0.3), now, 0.2, FILM);
-    game.apply(Intent::Strike, now, 0.2, FILM);
+    apply(&mut game, Intent::Aim(AimIntent::Turn(0.3)), now);
+    apply(&mut game, Intent::Stroke(StrokeIntent::Strike), now);
     assert_eq!(game.aim.bearing_rad, bearing, "it is not the person's turn");
     assert!(game.shot_clock(now).is_none());
     let mut seen = false;
@@ -392,7 +427,7 @@ fn a_computer_plays_in_its_turn_seen_and_judged_and_is_taken_back_with_the_shot_
     }
     assert!(seen, "its cue is seen before it strikes");
     now = wait(&mut game, now);
-    game.apply(Intent::Undo, now, 0.2, FILM);
+    apply(&mut game, Intent::Match(MatchIntent::Undo), now);
     assert_eq!(game.contest().referee().turn(), 0);
     assert_eq!(game.contest().ball_positions(), before);
     assert!(game.contest().turns().is_empty() && game.may_play());
@@ -402,28 +437,40 @@ fn a_computer_plays_in_its_turn_seen_and_judged_and_is_taken_back_with_the_shot_
 fn a_cue_ball_in_hand_is_carried_and_put_down_only_where_it_may_lie() {
     let mut game = eight("2");
     let from = game.cue_ball().unwrap().truncate();
-    game.apply(Intent::PickUp, 0.0, 0.2, FILM);
+    apply(&mut game, Intent::Match(MatchIntent::PickUp), 0.0);
     // Away from the camera, over the head string.
     for _ in 0..40 {
-        game.apply(Intent::MoveTip(DVec2::new(0.0, 0.1)), 0.0, 0.2, FILM);
+        apply(
+            &mut game,
+            Intent::Aim(AimIntent::MoveTip(DVec2::new(0.0, 0.1))),
+            0.0,
+        );
     }
     let ball_in_hand = game.ball_in_hand().unwrap().clone();
     assert!(
         ball_in_hand.at.x > from.x + 1.0 && ball_in_hand.verdict.is_err(),
         "{ball_in_hand:?}"
     );
-    game.apply(Intent::Put, 0.0, 0.2, FILM);
+    apply(&mut game, Intent::Match(MatchIntent::Put), 0.0);
     assert!(game.ball_in_hand().is_some() && game.notice().is_some());
     for _ in 0..44 {
-        game.apply(Intent::MoveTip(DVec2::new(0.025, -0.1)), 0.0, 0.2, FILM);
+        apply(
+            &mut game,
+            Intent::Aim(AimIntent::MoveTip(DVec2::new(0.025, -0.1))),
+            0.0,
+        );
     }
     assert_eq!(game.ball_in_hand().unwrap().verdict, Ok(()));
-    game.apply(Intent::Strike, 0.0, 0.2, FILM);
+    apply(&mut game, Intent::Stroke(StrokeIntent::Strike), 0.0);
     let there = game.cue_ball().unwrap().truncate();
     assert!(game.ball_in_hand().is_none() && there.x < from.x - 0.1 && there.y < from.y - 0.1);
-    game.apply(Intent::PickUp, 0.0, 0.2, FILM);
-    game.apply(Intent::MoveTip(DVec2::new(0.1, 0.0)), 0.0, 0.2, FILM);
-    game.apply(Intent::Escape, 0.0, 0.2, FILM);
+    apply(&mut game, Intent::Match(MatchIntent::PickUp), 0.0);
+    apply(
+        &mut game,
+        Intent::Aim(AimIntent::MoveTip(DVec2::new(0.1, 0.0))),
+        0.0,
+    );
+    assert!(game.escape());
     assert_eq!(
         game.cue_ball().unwrap().truncate(),
         there,
@@ -440,7 +487,7 @@ fn calls_go_round_and_never_hinder_the_stroke() {
         let choice = game.contest().referee().options().first().copied();
         match choice {
             Some(choice) => {
-                game.apply(Intent::Choose(choice), now, 0.2, FILM);
+                apply(&mut game, Intent::Match(MatchIntent::Choose(choice)), now);
             }
             None => {
                 strike(&mut game, 0.9, now);
@@ -449,12 +496,12 @@ fn calls_go_round_and_never_hinder_the_stroke() {
         }
     }
     if game.ball_in_hand().is_some() {
-        game.apply(Intent::Put, now, 0.2, FILM);
+        apply(&mut game, Intent::Match(MatchIntent::Put), now);
     }
     assert!(game.contest().referee().wants_call());
     let mut words = Vec::new();
     for _ in 0..8 {
-        game.apply(Intent::NextCall, now, 0.2, FILM);
+        apply(&mut game, Intent::Match(MatchIntent::NextCall), now);
         words.push(game.board().call.as_ref().map(|call| call.words.clone()));
     }
     assert_eq!(words[6].as_deref(), Some("a safety"));
@@ -475,7 +522,7 @@ fn calls_go_round_and_never_hinder_the_stroke() {
 #[test]
 fn a_person_is_advised_and_can_let_the_computer_play() {
     let mut game = eight("2");
-    game.apply(Intent::Suggest, 0.0, 0.2, FILM);
+    apply(&mut game, Intent::Match(MatchIntent::Suggest), 0.0);
     while game.is_thinking() {
         game.tick(1.0, 0.1);
         std::thread::yield_now();
@@ -486,7 +533,7 @@ fn a_person_is_advised_and_can_let_the_computer_play() {
         game.notice()
     );
     assert!(game.may_play());
-    game.apply(Intent::TakeOver, 1.0, 0.2, FILM);
+    apply(&mut game, Intent::Match(MatchIntent::TakeOver), 1.0);
     assert!(!game.may_play());
     let mut now = 1.0;
     while game.contest().turns().is_empty() {

@@ -6,8 +6,9 @@ use std::rc::Rc;
 use carom_billiards::game_match::{Match, MatchView};
 use carom_billiards::physics::{self, AimContact};
 use carom_billiards::rules::{Call, Calls, RuleSet};
+use glam::DVec2;
 
-use crate::input::Intent;
+use crate::input::MatchIntent;
 
 use super::ai_turn::{AiTask, AiTurn, PlannedStroke};
 use super::aim::Aim;
@@ -55,22 +56,27 @@ impl Game {
         Some(self.contest.call_text(call))
     }
 
-    /// Decides something that is no stroke.
-    pub(super) fn decide(&mut self, intent: Intent) {
+    /// Decides something that is no stroke, in a window of `film` points.
+    pub fn decide(&mut self, intent: MatchIntent, now_secs: f64, film: DVec2) {
         match intent {
-            Intent::Undo => self.undo(),
-            Intent::Choose(choice) if self.may_play() => {
+            MatchIntent::Skip => self.end_shot(now_secs),
+            MatchIntent::Rack => self.rack(),
+            MatchIntent::Undo => self.undo(),
+            MatchIntent::Point(point) => self.point(point, now_secs, film),
+            MatchIntent::Put => self.put_down(),
+            // The rest is for the person whose turn it is.
+            _ if !self.may_play() => {}
+            MatchIntent::Choose(choice) => {
                 if let Err(why) = self.contest.choose(choice) {
                     self.notice = Some(why);
                 }
                 self.begin_turn();
             }
-            Intent::Call(call) if self.may_play() => self.call(call),
-            Intent::NextCall if self.may_play() => self.call(self.next_call()),
-            Intent::Suggest if self.may_play() => self.ask(AiTask::Advise),
-            Intent::TakeOver if self.may_play() => self.ask(AiTask::Play),
-            Intent::PickUp if self.may_play() => self.pick_up(),
-            _ => {}
+            MatchIntent::Call(call) => self.call(call),
+            MatchIntent::NextCall => self.call(self.next_call()),
+            MatchIntent::Suggest => self.ask(AiTask::Advise),
+            MatchIntent::TakeOver => self.ask(AiTask::Play),
+            MatchIntent::PickUp => self.pick_up(),
         }
     }
 
@@ -185,7 +191,7 @@ impl Game {
         };
         let legal = lie.iter().filter(|p| on.contains(&p.ball));
         let nearest = legal.min_by(|a, b| {
-            let way = |at: glam::DVec2| at.distance_squared(cue_ball);
+            let way = |at: DVec2| at.distance_squared(cue_ball);
             way(a.at).total_cmp(&way(b.at))
         });
         if let Some(ball) = nearest.filter(|ball| ball.at.distance(cue_ball) > 1e-6) {

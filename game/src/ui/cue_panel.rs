@@ -8,7 +8,7 @@ use egui::{
 use glam::DVec2;
 
 use super::theme::{FAINT, INK, PANEL};
-use crate::input::Intent;
+use crate::input::{AimIntent, Intent};
 use crate::play::{CueView, cue_speed_m_s};
 
 /// Draws both for the cue that is shown at the left of `room`, a part of the window; what the player
@@ -61,7 +61,9 @@ fn power_bar(ui: &mut Ui, power: f64) -> Option<Intent> {
     let explained = response.on_hover_text("Power: the speed of the cue. Click or drag");
     let at = clicked_at(&explained)?;
     let share = (frame.bottom() - at.y) / frame.height();
-    Some(Intent::SetPower(f64::from(share.clamp(0.0, 1.0))))
+    Some(Intent::Aim(AimIntent::SetPower(f64::from(
+        share.clamp(0.0, 1.0),
+    ))))
 }
 
 /// The cue ball as the player sees it along the cue, with the tip's place and the ring beyond which it
@@ -95,10 +97,10 @@ fn spin_disc(ui: &mut Ui, cue: &CueView) -> Option<Intent> {
         "Where the tip meets the cue ball: beyond the ring it slips off. Click or drag",
     );
     let at = (clicked_at(&explained)? - center) / RADIUS;
-    Some(Intent::SetTip(DVec2::new(
+    Some(Intent::Aim(AimIntent::SetTip(DVec2::new(
         f64::from(at.x),
         f64::from(-at.y),
-    )))
+    ))))
 }
 
 /// What there is to say beside the disc.
@@ -192,7 +194,7 @@ mod tests {
     #[test]
     fn a_click_on_the_disc_puts_the_tip_there() {
         let intents = clicked("Spin", Vec2::new(0.5, 0.25));
-        let Some(Intent::SetTip(tip)) = intents.last() else {
+        let Some(Intent::Aim(AimIntent::SetTip(tip))) = intents.last() else {
             panic!("{intents:?}");
         };
         assert!(tip.x.abs() < 0.02 && (0.5..0.6).contains(&tip.y), "{tip}");
@@ -201,7 +203,7 @@ mod tests {
     #[test]
     fn a_click_on_the_bar_sets_the_power() {
         let at = |share: f32| match clicked("Power", Vec2::new(0.5, share)).last() {
-            Some(Intent::SetPower(power)) => *power,
+            Some(Intent::Aim(AimIntent::SetPower(power))) => *power,
             other => panic!("{other:?}"),
         };
         assert!(at(0.02) > 0.97 && at(0.98) < 1e-9);

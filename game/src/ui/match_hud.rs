@@ -11,7 +11,7 @@ use egui::{
 };
 
 use super::theme;
-use crate::input::{Action, Bindings, Intent};
+use crate::input::{Action, AppIntent, Bindings, Intent, MatchIntent};
 
 /// What the board shows.
 #[derive(Clone, Debug)]
@@ -161,7 +161,7 @@ fn options(ui: &mut Ui, board: &MatchHud) -> Option<Intent> {
     ui.horizontal_wrapped(|ui| {
         for option in &board.view.options {
             if ui.button(option.words).clicked() {
-                wanted = Some(Intent::Choose(option.choice));
+                wanted = Some(Intent::Match(MatchIntent::Choose(option.choice)));
             }
         }
     });
@@ -208,7 +208,7 @@ fn toggle(ui: &mut Ui, words: &str, call: Call, called: Option<Call>) -> Option<
     let button = ui.selectable_label(is_on, words);
     button
         .clicked()
-        .then_some(Intent::Call((!is_on).then_some(call)))
+        .then_some(Intent::Match(MatchIntent::Call((!is_on).then_some(call))))
 }
 
 fn map(
@@ -250,7 +250,9 @@ fn map(
                 ball,
                 pocket: Some(index),
             };
-            wanted = Some(Intent::Call((!is_called).then_some(pot)));
+            wanted = Some(Intent::Match(MatchIntent::Call(
+                (!is_called).then_some(pot),
+            )));
         }
     }
     wanted
@@ -260,21 +262,36 @@ fn map(
 fn deeds(ui: &mut Ui, board: &MatchHud, bindings: &Bindings) -> Option<Intent> {
     let view = &board.view;
     let rows = [
-        ("Undo", Action::Undo, view.undo > 0, Intent::Undo),
-        ("Suggest", Action::Suggest, board.may_play, Intent::Suggest),
+        (
+            "Undo",
+            Action::Undo,
+            view.undo > 0,
+            Intent::Match(MatchIntent::Undo),
+        ),
+        (
+            "Suggest",
+            Action::Suggest,
+            board.may_play,
+            Intent::Match(MatchIntent::Suggest),
+        ),
         (
             "Play it for me",
             Action::TakeOver,
             board.may_play,
-            Intent::TakeOver,
+            Intent::Match(MatchIntent::TakeOver),
         ),
         (
             "Move the cue ball",
             Action::PickUp,
             board.may_play && view.hand.is_some(),
-            Intent::PickUp,
+            Intent::Match(MatchIntent::PickUp),
         ),
-        ("Log", Action::Log, !view.log.is_empty(), Intent::ToggleLog),
+        (
+            "Log",
+            Action::Log,
+            !view.log.is_empty(),
+            Intent::App(AppIntent::ToggleLog),
+        ),
     ];
     let mut wanted = None;
     ui.horizontal(|ui| {
@@ -361,19 +378,28 @@ mod tests {
             pocket: Some(0),
         };
         let name = board.pockets.as_ref().unwrap().pocket_name(0);
-        assert_eq!(clicked(&board, &name), [Intent::Call(Some(call))]);
+        assert_eq!(
+            clicked(&board, &name),
+            [Intent::Match(MatchIntent::Call(Some(call)))]
+        );
         assert_eq!(
             clicked(&board, "Safety"),
-            [Intent::Call(Some(Call::Safety))]
+            [Intent::Match(MatchIntent::Call(Some(Call::Safety)))]
         );
     }
 
     #[test]
     fn the_board_offers_what_can_be_done() {
         let board = board(&broken());
-        assert_eq!(clicked(&board, "Undo"), [Intent::Undo]);
-        assert_eq!(clicked(&board, "Suggest"), [Intent::Suggest]);
-        assert_eq!(clicked(&board, "Play it for me"), [Intent::TakeOver]);
+        assert_eq!(clicked(&board, "Undo"), [Intent::Match(MatchIntent::Undo)]);
+        assert_eq!(
+            clicked(&board, "Suggest"),
+            [Intent::Match(MatchIntent::Suggest)]
+        );
+        assert_eq!(
+            clicked(&board, "Play it for me"),
+            [Intent::Match(MatchIntent::TakeOver)]
+        );
     }
 
     #[test]

@@ -8,7 +8,7 @@ use egui::{Button, Context, Id, Modal, Rect, RichText, Ui};
 use super::keys::Rebinding;
 use super::new_game::NewGame;
 use super::{help, keys, new_game, preferences, theme};
-use crate::input::{Intent, Trigger};
+use crate::input::{AppIntent, Intent, MatchIntent, PracticeIntent, ReplayIntent, Trigger};
 use crate::settings::SettingsStore;
 
 /// The pages over the table: those that led to the open one, and that one.
@@ -141,23 +141,35 @@ impl Menu {
         ui.set_width(260.0);
         ui.vertical_centered(|ui| ui.heading("Carom"));
         ui.add_space(6.0);
-        let mut order = None;
+        let mut command = None;
         if entry(ui, "Resume", is_fresh) {
             self.close();
-            order = Some(MenuCommand::Resume);
+            command = Some(MenuCommand::Resume);
         }
         if entry(ui, "New game", false) {
             self.open(Page::NewGame);
         }
         for (words, intent, is_for_all) in [
-            ("Rack again", Intent::Rack, false),
-            ("Watch the shots of before", Intent::LookBack, true),
-            ("Lay the balls", Intent::Practise, false),
-            ("Take a picture", Intent::Photograph, true),
+            ("Rack again", Intent::Match(MatchIntent::Rack), false),
+            (
+                "Watch the shots of before",
+                Intent::Replay(ReplayIntent::Toggle),
+                true,
+            ),
+            (
+                "Lay the balls",
+                Intent::Practice(PracticeIntent::Toggle),
+                false,
+            ),
+            (
+                "Take a picture",
+                Intent::App(AppIntent::TakeScreenshot),
+                true,
+            ),
         ] {
             if (is_for_all || is_free_table) && entry(ui, words, false) {
                 self.close();
-                order = Some(MenuCommand::Act(intent));
+                command = Some(MenuCommand::Act(intent));
             }
         }
         if entry(ui, "Settings", false) {
@@ -167,9 +179,9 @@ impl Menu {
             self.open(Page::Keys);
         }
         if entry(ui, "Quit", false) {
-            order = Some(MenuCommand::Quit);
+            command = Some(MenuCommand::Quit);
         }
-        order
+        command
     }
 
     /// The way back, at the foot of a page, and what the page itself asked for.

@@ -5,10 +5,9 @@ use glam::{DVec2, DVec3};
 
 use super::aim::AimOverlay;
 use super::{replay, theme};
-use crate::app::screen_mode::Order;
 use crate::camera::Projection;
-use crate::capture::{RecordingKind, SavedRecording};
-use crate::play::practice::Practice;
+use crate::capture::SavedRecording;
+use crate::play::practice::{Practice, PracticeCommand};
 
 /// Draws the page in a part of the window; what the player wants.
 pub fn panel(
@@ -16,13 +15,13 @@ pub fn panel(
     room: Rect,
     practice: &Practice,
     kept: &[SavedRecording],
-) -> Option<Order> {
+) -> Option<PracticeCommand> {
     let area = Area::new(Id::unique("practice"))
         .order(Layer::Middle)
         .constrain_to(room)
         .anchor(Align2::CENTER_BOTTOM, [0.0, -12.0]);
     let page = area.show(ctx, |ui| {
-        let mut order = None;
+        let mut command = None;
         theme::frame().show(ui, |ui| {
             ui.set_width((room.width() - 60.0).min(WIDTH));
             let fault = practice.held().and_then(|held| held.fault.as_deref());
@@ -34,26 +33,26 @@ pub fn panel(
                 for number in 0..=NUMBER_MAX {
                     let is_there = lying.contains(&number);
                     if ui.selectable_label(is_there, words(number)).clicked() {
-                        order = Some(if is_there {
-                            Order::TakeAway(number)
+                        command = Some(if is_there {
+                            PracticeCommand::TakeAway(number)
                         } else {
-                            Order::Add(number)
+                            PracticeCommand::Add(number)
                         });
                     }
                 }
             });
             ui.horizontal_wrapped(|ui| {
                 if ui.button("Play").clicked() {
-                    order = Some(Order::Play);
+                    command = Some(PracticeCommand::Play);
                 }
                 if ui.button("Keep this layout").clicked() {
-                    order = Some(Order::Keep(RecordingKind::Layout));
+                    command = Some(PracticeCommand::Save);
                 }
-                if let Some(open) = replay::files(ui, kept) {
-                    order = Some(open);
+                if let Some(path) = replay::files(ui, kept) {
+                    command = Some(PracticeCommand::Open(path));
                 }
                 if ui.button("Leave it as it was").clicked() {
-                    order = Some(Order::Close);
+                    command = Some(PracticeCommand::Close);
                 }
                 ui.label(
                     RichText::new("Esc leaves it as it was")
@@ -62,13 +61,17 @@ pub fn panel(
                 );
             });
         });
-        order
+        command
     });
     page.inner
 }
 
 /// What the pointer does to the balls, seen through `projection`.
-pub fn hand(ctx: &Context, projection: &Projection, practice: &Practice) -> Option<Order> {
+pub fn hand(
+    ctx: &Context,
+    projection: &Projection,
+    practice: &Practice,
+) -> Option<PracticeCommand> {
     let radius_m = practice.world().table().ball().radius_m;
     let free = !ctx.egui_wants_pointer_input();
     ctx.input(|input| {
@@ -76,9 +79,9 @@ pub fn hand(ctx: &Context, projection: &Projection, practice: &Practice) -> Opti
         let film = DVec2::new(f64::from(at.x), f64::from(at.y));
         let place = projection.world_from_film(film, radius_m)?.truncate();
         match practice.held() {
-            None if free && input.pointer.primary_pressed() => Some(Order::Grab(place)),
-            Some(_) if !input.pointer.primary_down() => Some(Order::LetGo),
-            Some(held) if held.at != place => Some(Order::Drag(place)),
+            None if free && input.pointer.primary_pressed() => Some(PracticeCommand::Grab(place)),
+            Some(_) if !input.pointer.primary_down() => Some(PracticeCommand::LetGo),
+            Some(held) if held.at != place => Some(PracticeCommand::Drag(place)),
             _ => None,
         }
     })

@@ -1,12 +1,13 @@
 //! The page over a shot of before: which one, its time, and what can be done with it.
 
+use std::path::PathBuf;
+
 use egui::{
     Align2, Area, ComboBox, Context, Id, Order as Layer, Rect, RichText, ScrollArea, Slider, Ui,
 };
 
 use super::theme;
-use crate::app::screen_mode::Order;
-use crate::capture::replay::ReplayPlayer;
+use crate::capture::replay::{ReplayCommand, ReplayPlayer};
 use crate::capture::{RecordingKind, SavedRecording};
 use crate::input::{Action, Bindings, ReplayControl};
 
@@ -18,7 +19,7 @@ pub fn panel(
     kept: &[SavedRecording],
     bindings: &Bindings,
     now_secs: f64,
-) -> Option<Order> {
+) -> Option<ReplayCommand> {
     let area = Area::new(Id::unique("replay"))
         .order(Layer::Middle)
         .constrain_to(room)
@@ -37,7 +38,7 @@ pub fn panel(
     clicked.inner
 }
 
-fn clips(ui: &mut Ui, player: &ReplayPlayer) -> Option<Order> {
+fn clips(ui: &mut Ui, player: &ReplayPlayer) -> Option<ReplayCommand> {
     let clips = &player.recording().clips;
     let mut take = player.take();
     let words = |i: usize| {
@@ -52,10 +53,10 @@ fn clips(ui: &mut Ui, player: &ReplayPlayer) -> Option<Order> {
     let chosen = list.show_index(ui, &mut take, clips.len(), words);
     chosen
         .changed()
-        .then_some(Order::Watch(ReplayControl::Pick(take)))
+        .then_some(ReplayCommand::Control(ReplayControl::Pick(take)))
 }
 
-fn time(ui: &mut Ui, player: &ReplayPlayer, now_secs: f64) -> Option<Order> {
+fn time(ui: &mut Ui, player: &ReplayPlayer, now_secs: f64) -> Option<ReplayCommand> {
     let clock = player.clock();
     let (mut moment, end) = (clock.moment_secs(now_secs), clock.end_secs());
     let mut wish = None;
@@ -87,7 +88,7 @@ fn time(ui: &mut Ui, player: &ReplayPlayer, now_secs: f64) -> Option<Order> {
         ui.monospace(format!("{moment:5.2} / {end:.2} s"));
     });
     ui.label(happening(player, moment));
-    wish.map(Order::Watch)
+    wish.map(ReplayCommand::Control)
 }
 
 fn rate_words(rate: f64) -> String {
@@ -109,36 +110,36 @@ fn happening(player: &ReplayPlayer, moment_secs: f64) -> String {
     )
 }
 
-fn deeds(ui: &mut Ui, player: &ReplayPlayer, kept: &[SavedRecording]) -> Option<Order> {
-    let mut order = None;
+fn deeds(ui: &mut Ui, player: &ReplayPlayer, kept: &[SavedRecording]) -> Option<ReplayCommand> {
+    let mut command = None;
     ui.horizontal_wrapped(|ui| {
         if ui.button("Keep this shot").clicked() {
-            order = Some(Order::Keep(RecordingKind::Shot));
+            command = Some(ReplayCommand::Save(RecordingKind::Shot));
         }
         let count = player.recording().clips.len();
         if count > 1 && ui.button(format!("Keep all {count}")).clicked() {
-            order = Some(Order::Keep(RecordingKind::Match));
+            command = Some(ReplayCommand::Save(RecordingKind::Match));
         }
-        if let Some(open) = files(ui, kept) {
-            order = Some(open);
+        if let Some(path) = files(ui, kept) {
+            command = Some(ReplayCommand::Open(path));
         }
         let play = ui.button("Play from here");
         if play
             .on_hover_text("Lays the balls as they lay before this shot")
             .clicked()
         {
-            order = Some(Order::Play);
+            command = Some(ReplayCommand::Play);
         }
         if ui.button("Back to the game").clicked() {
-            order = Some(Order::Close);
+            command = Some(ReplayCommand::Close);
         }
     });
-    order
+    command
 }
 
 /// A list of the player's files.
-pub(super) fn files(ui: &mut Ui, kept: &[SavedRecording]) -> Option<Order> {
-    let mut order = None;
+pub(super) fn files(ui: &mut Ui, kept: &[SavedRecording]) -> Option<PathBuf> {
+    let mut command = None;
     ui.menu_button("Open", |ui| {
         if kept.is_empty() {
             ui.label("Nothing is kept yet");
@@ -146,13 +147,13 @@ pub(super) fn files(ui: &mut Ui, kept: &[SavedRecording]) -> Option<Order> {
         ScrollArea::vertical().max_height(260.0).show(ui, |ui| {
             for file in kept {
                 if ui.button(&file.name).clicked() {
-                    order = Some(Order::Open(file.path.clone()));
+                    command = Some(file.path.clone());
                     ui.close();
                 }
             }
         });
     });
-    order
+    command
 }
 
 /// The keys in a line.

@@ -7,7 +7,7 @@ use carom::app::session::GameSession;
 use carom::audio::Playback;
 use carom::camera::Viewpoint;
 use carom::input::{Event, Key};
-use carom::play::{Outcome, free_table};
+use carom::play::free_table;
 use carom::scene::ball_materials::BallSet;
 use carom::scene::table_scene::TableScene;
 use carom::settings::SettingsStore;
@@ -72,13 +72,18 @@ impl Seat {
     /// A frame of 1/20 s.
     pub(crate) fn draw(&mut self, ui: &mut Ui) {
         self.now_secs += 0.05;
-        self.session.tick(self.now_secs);
+        self.step(self.now_secs);
         self.shell.tick(&mut self.session, self.now_secs);
-        let ctx = ui.ctx();
-        let outcome = self
-            .shell
-            .draw(ctx, &mut self.session, self.now_secs, DISPLAY);
-        self.has_quit |= outcome == Outcome::Quit;
+        self.shell
+            .draw(ui.ctx(), &mut self.session, self.now_secs, DISPLAY);
+        self.has_quit |= self.shell.wants_quit();
+    }
+
+    /// The steps of a frame without a window.
+    fn step(&mut self, now_secs: f64) {
+        self.session.advance_simulation(now_secs);
+        self.session.poll_farm(now_secs);
+        self.session.request_frames(now_secs);
     }
 
     /// What happens at the window; `taken` says that it is over a panel.
@@ -104,7 +109,7 @@ impl Seat {
     pub(crate) fn wait(&mut self) {
         while self.session.shot_clock(self.now_secs).is_some() {
             self.now_secs += 0.5;
-            self.session.tick(self.now_secs);
+            self.step(self.now_secs);
         }
     }
 
@@ -118,7 +123,7 @@ impl Seat {
         let mut now_secs = self.now_secs;
         for _ in 0..200 {
             now_secs += 0.05;
-            self.session.tick(now_secs);
+            self.step(now_secs);
         }
         // The shell's time goes on as if nothing had been waited for.
         self.viewpoint()

@@ -11,13 +11,33 @@
 mod clock;
 
 use std::cell::OnceCell;
+use std::path::PathBuf;
 
-use crate::camera::{CameraView, FollowCamera, ViewContext, ViewSelection, Viewpoint};
-use crate::capture::{TimelineEvent, timeline_events};
-use crate::input::{Intent, ReplayControl};
-use carom_billiards::physics::{BallPose, BallState, Clip, Phase, Recording, Shot, Table};
+use crate::camera::{
+    CameraIntent, CameraView, FollowCamera, ViewContext, ViewSelection, Viewpoint,
+};
+use crate::capture::{RecordingKind, TimelineEvent, timeline_events};
+use crate::input::ReplayControl;
+use crate::play::ShotClock;
+use crate::play::practice::at_rest;
+use carom_billiards::physics::{BallPose, BallState, Clip, Recording, Shot, Table};
 
 pub use clock::ReplayClock;
+
+/// A command of the replay page.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ReplayCommand {
+    /// Control time, or choose another shot.
+    Control(ReplayControl),
+    /// Save the shot or all shots as a file.
+    Save(RecordingKind),
+    /// Open a file.
+    Open(PathBuf),
+    /// Play on from the balls before the shot.
+    Play,
+    /// Go back to the game.
+    Close,
+}
 
 /// A recording on show.
 #[derive(Clone, Debug)]
@@ -109,9 +129,9 @@ impl ReplayPlayer {
     }
 
     /// Does what the viewer wants of the camera.
-    pub fn look(&mut self, intent: Intent, table: &Table, now_secs: f64) {
+    pub fn look(&mut self, intent: CameraIntent, table: &Table, now_secs: f64) {
         let now = self.viewpoint(table, self.clock.moment_secs(now_secs) / self.clock.rate());
-        self.views.take(intent, table, now);
+        self.views.apply(intent, table, now);
     }
 
     /// The view that is chosen.
@@ -124,17 +144,14 @@ impl ReplayPlayer {
         self.clock.tick(now_secs);
     }
 
-    /// While time passes: a number that differs after each turn of it, the moment on show and that of
-    /// the end. These count the display's seconds, so that in slow motion as many pictures are asked
-    /// for in a second as else.
-    pub fn shot_clock(&self, now_secs: f64) -> Option<(u64, f64, f64)> {
+    /// The clock while time passes. It counts the display's seconds, so that in slow motion as many
+    /// frames are requested in a second as else.
+    pub fn shot_clock(&self, now_secs: f64) -> Option<ShotClock> {
         let rate = self.clock.rate();
-        self.clock.is_running().then(|| {
-            (
-                NUMBERS_FROM + self.clock.turns(),
-                self.clock.moment_secs(now_secs) / rate,
-                self.clock.end_secs() / rate,
-            )
+        self.clock.is_running().then(|| ShotClock {
+            number: NUMBERS_FROM + self.clock.turns(),
+            now_secs: self.clock.moment_secs(now_secs) / rate,
+            end_secs: self.clock.end_secs() / rate,
         })
     }
 
@@ -181,19 +198,6 @@ impl ReplayPlayer {
     }
 }
 
-/// The same places, with nothing in motion.
-pub fn at_rest(mut balls: Vec<BallState>) -> Vec<BallState> {
-    for ball in balls.iter_mut().filter(|ball| ball.phase.is_on_table()) {
-        let still = BallState::at_rest(ball.number, ball.position.x, ball.position.y, &ball.body);
-        *ball = BallState {
-            orientation: ball.orientation,
-            phase: Phase::Resting,
-            ..still
-        };
-    }
-    balls
-}
-
 /// Which way the cue ball is struck.
 fn bearing_rad(shot: &Shot) -> f64 {
     let states = shot.states_at(0.0);
@@ -225,14 +229,15 @@ mod tests {
     fn slow_motion_shows_the_same_moments_later() {
         let mut player = player();
         assert_eq!(player.take(), 1, "the newest first");
-        let (number, clock, end) = player.shot_clock(100.5).unwrap();
-        assert_eq!((clock, end), (0.5, player.shot().duration_secs()));
+        let clock = player.shot_clock(100.5).unwrap();
+        let end_secs = player.shot().duration_secs();
+        assert_eq!((clock.now_secs, clock.end_secs), (0.5, end_secs));
         let poses = player.poses(0.5);
         assert_eq!(poses, player.shot().poses_at(0.5));
         player.apply(ReplayControl::Rate(0.25), 100.5);
-        let (slow, clock, slow_end) = player.shot_clock(100.5).unwrap();
-        assert!(slow != number && slow_end == 4.0 * end);
-        assert_eq!((clock, player.poses(clock)), (2.0, poses));
+        let slow = player.shot_clock(100.5).unwrap();
+        assert!(slow.number != clock.number && slow.end_secs == 4.0 * end_secs);
+        assert_eq!((slow.now_secs, player.poses(slow.now_secs)), (2.0, poses));
     }
 
     #[test]

@@ -23,6 +23,7 @@ use carom_tracer::{ImageSize, RenderSettings, SceneUpdate, Tile};
 use crate::display::DisplayFrame;
 use crate::frame::accumulation::{AccumulatedFrame, SampleBatch};
 use crate::frame::quality::{Quality, QualityLevel, QualityPreference};
+use crate::play::ShotClock;
 
 /// What the player looks at.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,14 +31,7 @@ pub enum ViewTarget {
     /// The table as it is now.
     Live(SceneUpdate),
     /// A shot that plays on its own clock.
-    Shot {
-        /// Differs for each shot.
-        number: u64,
-        /// The moment on show, seconds since the stroke; batch before it.
-        clock_secs: f64,
-        /// When the last ball rests.
-        end_secs: f64,
-    },
+    Shot(ShotClock),
 }
 
 /// A picture to ask for.
@@ -219,14 +213,10 @@ impl FrameScheduler {
         }
         let request = match target {
             ViewTarget::Live(update) => self.live_order(now_secs, update),
-            ViewTarget::Shot {
-                clock_secs,
-                end_secs,
-                ..
-            } => {
-                let (lead, clock) = (self.lead.secs(), *clock_secs);
+            ViewTarget::Shot(clock) => {
+                let (lead, end_secs, clock) = (self.lead.secs(), clock.end_secs, clock.now_secs);
                 self.schedule
-                    .next(clock, lead, self.quality.period_secs(), *end_secs)
+                    .next(clock, lead, self.quality.period_secs(), end_secs)
                     .map(|moment| FrameRequest {
                         deadline: Some(Duration::from_secs_f64((moment - clock).max(0.0))),
                         ..self.level_order(at(moment), RequestKind::Lookahead(moment))
@@ -297,13 +287,17 @@ impl FrameScheduler {
         }
     }
 
-    /// The picture on show at this moment of the target. What is missing of it is put in by `fill`.
-    pub fn picture(&mut self, fill: FillMissing<'_>) -> Option<&DisplayFrame> {
-        if let Some(ViewTarget::Shot { clock_secs, .. }) = self.target
-            && let Some((at, moment)) = self.moments.due(clock_secs)
+    /// Puts on show the frame of the shot that is due. What is missing of it is put in by `fill`.
+    pub fn present_due(&mut self, fill: FillMissing<'_>) {
+        if let Some(ViewTarget::Shot(clock)) = &self.target
+            && let Some((at, moment)) = self.moments.due(clock.now_secs)
         {
             self.present(at, moment, fill);
         }
+    }
+
+    /// The frame on show.
+    pub fn shown(&self) -> Option<&DisplayFrame> {
         self.shown.as_ref()
     }
 
@@ -376,9 +370,7 @@ impl FrameScheduler {
         let before = self.target.replace(target.clone());
         let same = match (&before, target) {
             (Some(ViewTarget::Live(a)), ViewTarget::Live(b)) => a == b,
-            (Some(ViewTarget::Shot { number: a, .. }), ViewTarget::Shot { number: b, .. }) => {
-                a == b
-            }
+            (Some(ViewTarget::Shot(a)), ViewTarget::Shot(b)) => a.number == b.number,
             _ => false,
         };
         if same {
@@ -394,7 +386,7 @@ impl FrameScheduler {
         self.pending
             .iter()
             .any(|pending| pending.role != RequestKind::Interactive)
-            || matches!(target, ViewTarget::Shot { .. })
+            || matches!(target, ViewTarget::Shot(_))
     }
 
     fn live_order(&mut self, now_secs: f64, update: &SceneUpdate) -> Option<FrameRequest> {

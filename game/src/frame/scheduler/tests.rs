@@ -8,6 +8,7 @@ use glam::Vec3;
 use super::*;
 use crate::frame::accumulation::Accumulator;
 use crate::frame::quality::{SMOOTH_PERIOD_SECS, STEADY_PERIOD_SECS};
+use crate::play::ShotClock;
 
 const WINDOW: ImageSize = ImageSize::new(64, 36);
 const STEP_SECS: f64 = 0.004;
@@ -89,7 +90,8 @@ impl TestBench {
     }
 
     fn picture(&mut self) -> Option<&DisplayFrame> {
-        self.scheduler.picture(&mut |_, _, _| {})
+        self.scheduler.present_due(&mut |_, _, _| {});
+        self.scheduler.shown()
     }
 
     /// Half a round trip, with exponential jitter of 1 ms over a long way.
@@ -158,11 +160,11 @@ fn over_a_long_way_a_shot_keeps_its_clock_and_60_pictures_a_second() {
     let (mut errors, mut serials) = (Vec::new(), Vec::new());
     while bench.now_secs < start + 4.0 {
         let clock_secs = bench.now_secs - start;
-        let target = ViewTarget::Shot {
+        let target = ViewTarget::Shot(ShotClock {
             number: 1,
-            clock_secs,
+            now_secs: clock_secs,
             end_secs: 5.0,
-        };
+        });
         bench.step(&target);
         if clock_secs < 0.0 {
             continue;
@@ -292,11 +294,11 @@ fn frame(id: u64, value: u8, missing: bool) -> Frame {
 fn what_is_late_is_filled_from_the_picture_before_until_it_comes() {
     let mut scheduler = FrameScheduler::new(WINDOW, IN_FLIGHT_MAX, 5);
     let at = |scheduler: &mut FrameScheduler, clock_secs: f64| {
-        let shot = ViewTarget::Shot {
+        let shot = ViewTarget::Shot(ShotClock {
             number: 1,
-            clock_secs,
+            now_secs: clock_secs,
             end_secs: 2.0,
-        };
+        });
         scheduler.plan(clock_secs + 1.0, &shot, 1, &scene_at)
     };
     let mut moments = Vec::new();
@@ -320,8 +322,10 @@ fn what_is_late_is_filled_from_the_picture_before_until_it_comes() {
             picture.rgba[0] = before.rgba[0];
             fills.borrow_mut().push(picture.serial);
         };
-        let picture = scheduler.picture(fill);
-        picture.map(|picture| (picture.rgba[0][0], picture.rgba[WINDOW.pixels() - 1][0]))
+        scheduler.present_due(fill);
+        scheduler
+            .shown()
+            .map(|picture| (picture.rgba[0][0], picture.rgba[WINDOW.pixels() - 1][0]))
     };
     // Nothing to fill it from: nothing is shown.
     scheduler.finished(frame(0, 10, true));
@@ -347,11 +351,11 @@ fn a_shot_is_shown_on_its_own_clock_whatever_the_latency() {
     let mut errors = Vec::new();
     while bench.now_secs < start + 2.0 {
         let clock_secs = bench.now_secs - start;
-        bench.step(&ViewTarget::Shot {
+        bench.step(&ViewTarget::Shot(ShotClock {
             number: 1,
-            clock_secs,
+            now_secs: clock_secs,
             end_secs: 2.5,
-        });
+        }));
         let shown = bench.picture().map(|picture| picture.rgba[0][0]);
         if let (Some(hundredths), true) = (shown, clock_secs > 0.5) {
             errors.push((f64::from(hundredths) / 100.0 - clock_secs).abs());

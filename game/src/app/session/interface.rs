@@ -1,12 +1,13 @@
-//! What a session draws over the picture: the cue and its aim, pages, sentences, statistics.
+//! The session's interface over the picture: the cue and its aim, pages, sentences, statistics.
 
 use carom_billiards::physics::BallBody;
 use egui::{LayerId, Painter, Rect};
 
-use super::{FarmState, GameSession};
+use super::GameSession;
 use crate::app::farm_notifications;
-use crate::app::screen_mode::Mode;
+use crate::app::mode::Mode;
 use crate::camera::Projection;
+use crate::frame::farm_startup::FarmState;
 use crate::frame::quality::QUALITY_LEVELS;
 use crate::input::Bindings;
 use crate::play::CueView;
@@ -23,7 +24,7 @@ impl GameSession {
         now_secs: f64,
         present: &str,
     ) -> Rect {
-        let moves = std::mem::take(&mut self.dirty);
+        let moves = std::mem::take(&mut self.is_dirty);
         let room = self.draw_stats(ctx, now_secs, present, moves);
         let painter = ctx.layer_painter(LayerId::background());
         let cue = self.cue(now_secs);
@@ -38,36 +39,37 @@ impl GameSession {
         room
     }
 
-    /// Draws the page of what is shown in place of the game, and does what it asks for.
+    /// Draws the page of a mode other than the game, and does what it commands.
     fn draw_mode(&mut self, painter: &Painter, room: Rect, bindings: &Bindings, now_secs: f64) {
         let (ctx, screen) = (painter.ctx(), self.screen());
-        let kept = self.modes.files();
-        let order = match self.modes.mode() {
-            Mode::Game => None,
-            Mode::Replay(player) => ui::replay::panel(ctx, room, player, kept, bindings, now_secs),
+        let (modes, game) = (&mut self.modes, &mut self.game);
+        let balls = match modes.mode() {
+            Mode::Game => return,
+            Mode::Replay(player) => {
+                let command =
+                    ui::replay::panel(ctx, room, player, modes.files(), bindings, now_secs);
+                let Some(command) = command else { return };
+                modes.command_replay(command, game, now_secs)
+            }
             Mode::Practice(practice) => {
-                let camera = self.game.camera(self.moment(now_secs));
-                let projection = Projection::new(&camera, self.film.x, self.film.y);
-                let sketch = ui::aim::AimOverlay {
+                let projection = Projection::new(&game.camera(0.0), self.film.x, self.film.y);
+                let overlay = ui::aim::AimOverlay {
                     painter,
                     screen,
                     projection: &projection,
                     ball_radius_m: BallBody::default().radius_m,
                 };
-                ui::practice::ring(&sketch, practice);
-                let asked = ui::practice::panel(ctx, room, practice, kept);
-                asked.or_else(|| ui::practice::hand(ctx, &projection, practice))
+                ui::practice::ring(&overlay, practice);
+                let command = ui::practice::panel(ctx, room, practice, modes.files());
+                let command = command.or_else(|| ui::practice::hand(ctx, &projection, practice));
+                let Some(command) = command else { return };
+                modes.command_practice(command, game, now_secs)
             }
-        };
-        let Some(order) = order else {
-            return;
         };
         // Its outcome is drawn with the next frame.
         ctx.request_repaint();
-        if let Some(balls) = self.modes.handle_command(order, &self.game, now_secs)
-            && let Err(why) = self.game.lay(&balls)
-        {
-            self.modes.notify(why);
+        if let Some(Err(why)) = balls.map(|balls| game.lay(&balls)) {
+            modes.notify(why);
         }
     }
 
@@ -81,8 +83,8 @@ impl GameSession {
         if !self.is_game() {
             return;
         }
-        let moment = self.moment(now_secs);
-        let projection = Projection::new(&self.game.camera(moment), self.film.x, self.film.y);
+        let camera = self.viewpoint(now_secs).camera_in(self.game.table());
+        let projection = Projection::new(&camera, self.film.x, self.film.y);
         let sketch = ui::aim::AimOverlay {
             painter,
             screen: self.screen(),
@@ -119,9 +121,9 @@ impl GameSession {
     }
 
     fn notice(&self) -> Option<String> {
-        match &self.farm {
+        match self.pipeline.farm() {
             FarmState::Failed(why) => Some(format!("No pictures: {why}")),
-            FarmState::Ready(farm) if self.scheduler.stats().pictures > 0 => {
+            FarmState::Ready(farm) if self.pipeline.scheduler().stats().pictures > 0 => {
                 let stands = farm_notifications::standing(&farm.nodes());
                 stands.or_else(|| self.game_notice())
             }
@@ -147,8 +149,11 @@ impl GameSession {
         }
         self.stats.note_redraw(now_secs, moves);
         let nodes = self.nodes();
-        let (figures, quality) = (self.scheduler.stats(), self.scheduler.quality());
-        let window = self.scheduler.window();
+        let (figures, quality) = (
+            self.pipeline.scheduler().stats(),
+            self.pipeline.scheduler().quality(),
+        );
+        let window = self.pipeline.scheduler().window();
         let facts = StatsInput {
             nodes: &nodes,
             balancing: self.balancing,
@@ -160,26 +165,26 @@ impl GameSession {
             level_secs: QUALITY_LEVELS.map(|stop| quality.secs(stop, window)),
             lead_secs: figures.lead_secs,
             skipped: figures.skipped,
-            disocclusion_fraction: self.reprojector.disocclusion_fraction(),
+            disocclusion_fraction: self.pipeline.disocclusion_fraction(),
             draw_secs: self.draw_secs,
             present,
         };
         let room = self.stats.draw(ctx, now_secs, &facts);
         for wish in self.stats.take_wishes() {
-            self.dirty = true;
+            self.is_dirty = true;
             match wish {
                 StatsCommand::QualityPreference(preference) => {
                     self.requested_quality = Some(preference)
                 }
                 StatsCommand::Balancing(balancing) => {
                     self.balancing = balancing;
-                    if let FarmState::Ready(farm) = &mut self.farm {
+                    if let Some(farm) = self.pipeline.farm_mut() {
                         farm.set_balancer(balancing);
                     }
                 }
                 StatsCommand::Distribution(distribution) => {
                     self.distribution = distribution;
-                    if let FarmState::Ready(farm) = &mut self.farm {
+                    if let Some(farm) = self.pipeline.farm_mut() {
                         farm.set_distribution(distribution);
                     }
                 }

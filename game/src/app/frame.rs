@@ -1,0 +1,90 @@
+//! The frame: everything between two looks at the window's events, as a list of steps.
+
+use std::time::{Duration, Instant};
+
+use winit::event_loop::{ActiveEventLoop, ControlFlow};
+
+use super::event_loop::App;
+
+/// What a frame is run for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum FrameCause {
+    /// Events, finished frames of the farm, the passing of time.
+    Poll,
+    /// The window is to be drawn.
+    Redraw,
+}
+
+impl App {
+    /// Runs one frame. No step waits for the farm.
+    pub(super) fn frame(&mut self, event_loop: &ActiveEventLoop, cause: FrameCause) {
+        let now_secs = self.begun.elapsed().as_secs_f64();
+        self.handle_input();
+        self.advance_simulation(now_secs);
+        self.session.poll_farm(now_secs);
+        self.session.accumulate();
+        self.session.choose_frame();
+        if cause == FrameCause::Redraw {
+            self.session.reproject(now_secs);
+            self.draw_and_present(event_loop, now_secs);
+        }
+        self.session.request_frames(now_secs);
+        self.apply_settings(event_loop);
+        self.schedule_next(event_loop, now_secs);
+    }
+
+    fn handle_input(&mut self) {
+        for queued in std::mem::take(&mut self.events) {
+            let session = &mut self.session;
+            self.shell
+                .handle(queued.event, queued.is_taken, session, queued.at_secs);
+        }
+    }
+
+    fn advance_simulation(&mut self, now_secs: f64) {
+        self.session.advance_simulation(now_secs);
+        self.shell.tick(&mut self.session, now_secs);
+    }
+
+    fn draw_and_present(&mut self, event_loop: &ActiveEventLoop, now_secs: f64) {
+        let Some(screen) = &mut self.screen else {
+            return;
+        };
+        let begun = Instant::now();
+        let interface = screen.draw_interface(&mut self.session, &mut self.shell, now_secs);
+        let presented = screen.display.show(self.session.displayed(), &interface);
+        self.session.set_draw_secs(begun.elapsed().as_secs_f64());
+        if let Err(why) = presented {
+            self.replace_display(event_loop, &why);
+        }
+    }
+
+    /// Asks for the next redraw if there is anything new, and for the next look at the farm.
+    fn schedule_next(&mut self, event_loop: &ActiveEventLoop, now_secs: f64) {
+        if self.shell.wants_quit() {
+            event_loop.exit();
+        }
+        let now = Instant::now();
+        if let Some(screen) = &self.screen
+            && self.session.needs_redraw()
+            && now >= self.next_redraw
+        {
+            self.next_redraw = now + REDRAW_PERIOD;
+            screen.window.request_redraw();
+        }
+        let pause = if self.session.is_at_rest() {
+            let next_secs = self.shell.next_secs().unwrap_or(f64::INFINITY) - now_secs;
+            Duration::from_secs_f64(next_secs.clamp(0.0, REST_PERIOD.as_secs_f64()))
+        } else {
+            POLL_PERIOD
+        };
+        event_loop.set_control_flow(ControlFlow::WaitUntil(now + pause));
+    }
+}
+
+/// At most this often a frame is drawn; the display may allow fewer.
+const REDRAW_PERIOD: Duration = Duration::from_millis(8);
+/// How often the farm is polled for finished frames.
+const POLL_PERIOD: Duration = Duration::from_millis(3);
+/// How often the farm is polled while nothing moves.
+const REST_PERIOD: Duration = Duration::from_secs(1);

@@ -1,0 +1,88 @@
+//! The mode of the window (game, replay or practice) and the view that it gives.
+
+use carom_billiards::physics::BallPose;
+
+use crate::camera::Viewpoint;
+use crate::capture::replay::ReplayPlayer;
+use crate::play::practice::Practice;
+use crate::play::{Game, ShotClock};
+
+/// What the window shows.
+#[derive(Debug)]
+pub enum Mode {
+    /// The game.
+    Game,
+    /// A replay of previous shots.
+    Replay(Box<ReplayPlayer>),
+    /// A table whose balls are being arranged.
+    Practice(Box<Practice>),
+}
+
+/// The time of a view.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ViewTime {
+    /// Now, in seconds since the program began.
+    Now(f64),
+    /// A moment of the shot that is on, as its [`ShotClock`] counts it.
+    Moment(f64),
+}
+
+/// What is seen at one time: everything a frame depends on.
+#[derive(Clone, Debug)]
+pub struct ModeView {
+    /// From where it is seen.
+    pub camera: Viewpoint,
+    /// The balls.
+    pub poses: Vec<BallPose>,
+    /// The clock of the shot that is on; none for another moment than now.
+    pub clock: Option<ShotClock>,
+}
+
+impl Mode {
+    /// The view of this mode, beside `game`.
+    pub fn view(&self, game: &Game, time: ViewTime) -> ModeView {
+        match self {
+            Self::Game => {
+                let (clock, moment) = time.resolve(|now| game.shot_clock(now));
+                ModeView {
+                    camera: game.viewpoint(moment),
+                    poses: game.poses(moment),
+                    clock,
+                }
+            }
+            Self::Replay(player) => {
+                let (clock, moment) = time.resolve(|now| player.shot_clock(now));
+                ModeView {
+                    camera: player.viewpoint(game.table(), moment),
+                    poses: player.poses(moment),
+                    clock,
+                }
+            }
+            // The game's camera looks at a table that is being arranged.
+            Self::Practice(practice) => ModeView {
+                camera: game.viewpoint(0.0),
+                poses: practice.poses(),
+                clock: None,
+            },
+        }
+    }
+
+    /// Whether time alone changes what is seen.
+    pub fn is_moving(&self, game: &Game) -> bool {
+        let is_playing = matches!(self, Self::Replay(player) if player.clock().is_running());
+        is_playing || game.is_moving()
+    }
+}
+
+impl ViewTime {
+    /// The clock, if this is now, and the moment of the shot.
+    fn resolve(self, clock_at: impl Fn(f64) -> Option<ShotClock>) -> (Option<ShotClock>, f64) {
+        match self {
+            Self::Now(now_secs) => {
+                let clock = clock_at(now_secs);
+                (clock, clock.map_or(0.0, ShotClock::shown_secs))
+            }
+            Self::Moment(moment_secs) => (None, moment_secs),
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! The session's part of a frame, one method for each step, in the order in which they are called.
+
+use carom_tracer::SceneUpdate;
+
+use super::GameSession;
+use crate::app::mode::{ModeView, ViewTime};
+use crate::display::DisplayFrame;
+use crate::frame::pipeline::FinishedFrame;
+use crate::frame::scheduler::ViewTarget;
+use crate::ui::stats::frame_record::FrameSample;
+
+impl GameSession {
+    /// Moves the game on to `now_secs`.
+    pub fn advance_simulation(&mut self, now_secs: f64) {
+        let dt_secs = (now_secs - self.last_advance_secs).clamp(0.0, ADVANCE_SECS_MAX);
+        self.last_advance_secs = now_secs;
+        self.game.tick(now_secs, dt_secs);
+        self.modes.tick(now_secs);
+        self.is_dirty |= self.modes.mode().is_moving(&self.game);
+        if self.was_thinking != self.game.is_thinking() {
+            self.was_thinking = self.game.is_thinking();
+            self.is_dirty = true;
+        }
+        self.record_shot();
+        self.autosave.update(self.game.contest());
+        if let Some(sentence) = self.screenshot.poll() {
+            self.modes.notify(sentence);
+        }
+    }
+
+    /// Keeps the shot that is played for the first time.
+    pub(super) fn record_shot(&mut self) {
+        let Some((number, shot)) = self.game.fresh_shot() else {
+            return;
+        };
+        self.modes.record_shot(number, shot);
+        if let Some(recorder) = &mut self.recorder {
+            recorder.record(number, shot, self.game.table());
+        }
+    }
+
+    /// Takes in the frames that the farm has finished.
+    pub fn poll_farm(&mut self, now_secs: f64) {
+        let is_shown = self.stats.is_shown();
+        let stats = &mut self.stats;
+        let mut record = |frame: FinishedFrame| {
+            stats.take(FrameSample {
+                frame: frame.id.0,
+                at_secs: now_secs,
+                size: frame.size,
+                samples: frame.samples,
+                stats: frame.stats,
+                nodes: &frame.nodes,
+            });
+        };
+        self.pipeline
+            .poll_farm(is_shown.then_some(&mut record as &mut dyn FnMut(FinishedFrame)));
+    }
+
+    /// Takes in the frames that have been accumulated.
+    pub fn accumulate(&mut self) {
+        self.pipeline.accumulate();
+    }
+
+    /// Chooses the frame for this moment.
+    pub fn choose_frame(&mut self) {
+        self.pipeline.choose();
+    }
+
+    /// Moves the chosen frame to what is seen at `now_secs`.
+    pub fn reproject(&mut self, now_secs: f64) {
+        let now = self.scene_at(ViewTime::Now(now_secs));
+        self.pipeline.reproject(&now);
+    }
+
+    /// The frame to draw under the interface.
+    pub fn displayed(&self) -> Option<&DisplayFrame> {
+        self.pipeline.displayed()
+    }
+
+    /// Requests the next frames.
+    pub fn request_frames(&mut self, now_secs: f64) {
+        if self.is_hidden {
+            return self.pipeline.cancel_all();
+        }
+        let (mode, game, table_scene) = (self.modes.mode(), &self.game, &self.table_scene);
+        let scene_of = |view: &ModeView| {
+            let camera = view.camera.camera_in(game.table());
+            table_scene.update(camera, &view.poses)
+        };
+        let view = mode.view(game, ViewTime::Now(now_secs));
+        let target = match view.clock {
+            Some(clock) => ViewTarget::Shot(clock),
+            None => ViewTarget::Live(scene_of(&view)),
+        };
+        let scene_at = |moment| scene_of(&mode.view(game, ViewTime::Moment(moment)));
+        self.pipeline.request(now_secs, &target, &scene_at);
+    }
+
+    /// The traced scene of what is on show.
+    pub(super) fn scene_at(&self, time: ViewTime) -> SceneUpdate {
+        let view = self.mode_view(time);
+        let camera = view.camera.camera_in(self.game.table());
+        self.table_scene.update(camera, &view.poses)
+    }
+}
+
+/// A pause, such as a window being dragged, is not made up for at once.
+const ADVANCE_SECS_MAX: f64 = 0.1;

@@ -1,0 +1,39 @@
+use carom_farm::LocalNode;
+
+use super::*;
+use crate::play::free_table;
+
+fn session() -> GameSession {
+    let config = FarmConfig {
+        local: LocalNode::None,
+        ..FarmConfig::default()
+    };
+    let contest = free_table(TableScene::table(), 1).unwrap();
+    GameSession::new(config, contest, BallSet::Classic).unwrap()
+}
+
+#[test]
+fn practice_leaves_the_camera_and_takes_no_stroke() {
+    let mut session = session();
+    session.practice(PracticeIntent::Toggle);
+    assert!(!session.is_game());
+    session.stroke(StrokeIntent::BeginPull, 0.0);
+    assert!(!session.game.escape(), "a stroke was begun");
+    let before = session.viewpoint(0.0);
+    session.look(CameraIntent::Overhead, 0.0);
+    for step in 1..100 {
+        session.advance_simulation(0.05 * f64::from(step));
+    }
+    assert_ne!(session.viewpoint(5.0), before);
+    assert!(session.escape() && session.is_game());
+}
+
+#[test]
+fn escape_leaves_what_is_open_and_then_gives_up_a_stroke() {
+    let mut session = session();
+    session.stroke(StrokeIntent::BeginPull, 0.0);
+    session.practice(PracticeIntent::Toggle);
+    assert!(session.escape() && session.is_game());
+    assert!(session.escape());
+    assert!(!session.escape());
+}

@@ -1,0 +1,51 @@
+//! The shots played since the program began, for replays of a table without rules.
+
+use carom_billiards::physics::{Clip, Shot};
+
+use super::timeline_events;
+
+/// Shots in the order in which they were played.
+#[derive(Clone, Debug, Default)]
+pub struct ShotHistory {
+    clips: Vec<Clip>,
+    /// The number of the last shot.
+    last: u64,
+}
+
+impl ShotHistory {
+    /// Adds a shot; each number once.
+    pub fn record(&mut self, number: u64, shot: &Shot) {
+        if number <= self.last {
+            return;
+        }
+        self.last = number;
+        if self.clips.len() == SHOTS_MAX {
+            self.clips.remove(0);
+        }
+        self.clips.push(Clip {
+            title: shot_title(number, shot),
+            shot: shot.clone(),
+        });
+    }
+
+    /// The shots with their titles.
+    pub fn clips(&self) -> &[Clip] {
+        &self.clips
+    }
+}
+
+/// "Shot 3: the cue strikes at 2.1 m/s, the 5 is potted".
+pub fn shot_title(number: u64, shot: &Shot) -> String {
+    let events = timeline_events(shot).into_iter();
+    let rare = events.filter(|event| !event.is_contact);
+    let words: Vec<String> = rare
+        .map(|event| event.words)
+        .take(TITLE_EVENTS_MAX)
+        .collect();
+    format!("Shot {number}: {}", words.join(", "))
+}
+
+/// A long evening; older shots are forgotten.
+const SHOTS_MAX: usize = 500;
+/// A break has too many events for a title.
+const TITLE_EVENTS_MAX: usize = 6;

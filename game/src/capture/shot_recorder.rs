@@ -1,0 +1,40 @@
+//! The recorder of `--record`: every shot as a file of its own.
+
+use std::fs;
+use std::path::PathBuf;
+
+use anyhow::Context as _;
+use carom_billiards::physics::{Recording, Shot, Table};
+
+/// A folder that shots are recorded in.
+#[derive(Debug)]
+pub struct ShotRecorder {
+    folder: PathBuf,
+    /// The number of the last shot.
+    last: u64,
+}
+
+impl ShotRecorder {
+    /// Records in a folder, which is made if there is none.
+    ///
+    /// # Errors
+    /// A sentence if the folder cannot be made.
+    pub fn new(folder: PathBuf) -> anyhow::Result<Self> {
+        fs::create_dir_all(&folder)
+            .with_context(|| format!("cannot make the folder {}", folder.display()))?;
+        Ok(Self { folder, last: 0 })
+    }
+
+    /// Records a shot; each number once.
+    pub fn record(&mut self, number: u64, shot: &Shot, table: &Table) {
+        if number <= self.last {
+            return;
+        }
+        self.last = number;
+        let recording = Recording::of(table, format!("Shot {number}"), shot.clone());
+        let path = self.folder.join(format!("shot_{number:04}.carom"));
+        if let Err(error) = recording.save(&path) {
+            tracing::error!("{error}");
+        }
+    }
+}

@@ -1,0 +1,199 @@
+//! The frame pipeline between farm and window, one method for each of its steps.
+//!
+//! ```text
+//! request ─▶ Farm ─▶ poll_farm ─┬─────────────────▶ choose ─▶ reproject ─▶ displayed
+//!                               └─▶ accumulate ────▶
+//! ```
+//! No step waits for the farm.
+
+use carom_farm::{Farm, FarmConfig, FrameId, NodeStatus};
+use carom_tracer::{ImageSize, Scene, SceneUpdate};
+
+use crate::display::DisplayFrame;
+use crate::frame::accumulation::AccumulationThread;
+use crate::frame::farm_startup::FarmState;
+use crate::frame::reprojection::Reprojector;
+use crate::frame::scheduler::{FrameScheduler, SchedulerAction, ViewTarget};
+
+/// Farm, scheduler, accumulation and reprojection of one window.
+pub struct FramePipeline {
+    farm: FarmState,
+    scheduler: FrameScheduler,
+    accumulation: AccumulationThread,
+    reprojector: Reprojector,
+    in_flight_max: usize,
+    last_frame: FrameId,
+    /// Serial number of the frame that was drawn last.
+    drawn: u64,
+}
+
+/// A frame that has come from the farm, for statistics.
+#[derive(Debug)]
+pub struct FinishedFrame {
+    /// Its number.
+    pub id: FrameId,
+    /// Its size.
+    pub size: ImageSize,
+    /// Samples per pixel.
+    pub samples: u32,
+    /// The farm's figures of it.
+    pub stats: carom_farm::FrameStats,
+    /// The nodes after it.
+    pub nodes: Vec<NodeStatus>,
+}
+
+impl FramePipeline {
+    /// Starts the farm of `config` with `scene`, whose paths end at `max_depth`.
+    ///
+    /// # Errors
+    /// A scene that cannot be traced, or the system's reason for giving no thread.
+    pub fn new(config: FarmConfig, scene: &Scene, max_depth: u32) -> anyhow::Result<Self> {
+        let in_flight_max = config.frames_in_flight;
+        Ok(Self {
+            scheduler: FrameScheduler::new(ImageSize::new(0, 0), in_flight_max, max_depth),
+            accumulation: AccumulationThread::open()?,
+            reprojector: Reprojector::new(scene)?,
+            farm: FarmState::start(config, scene.clone()),
+            in_flight_max,
+            last_frame: FrameId::default(),
+            drawn: 0,
+        })
+    }
+
+    /// Traces another scene from now on, whose paths end at `max_depth`.
+    ///
+    /// # Errors
+    /// A scene that cannot be traced.
+    pub fn set_scene(&mut self, scene: &Scene, max_depth: u32) -> anyhow::Result<()> {
+        self.reprojector = Reprojector::new(scene)?;
+        self.scheduler.set_max_depth(max_depth);
+        self.cancel_all();
+        self.farm.set_scene(scene)?;
+        Ok(())
+    }
+
+    /// Takes in the frames that the farm has finished; each is passed to `record` if there is one.
+    pub fn poll_farm(&mut self, mut record: Option<&mut dyn FnMut(FinishedFrame)>) {
+        let Some(farm) = self.farm.poll() else {
+            return;
+        };
+        while let Some(frame) = farm.poll_frame() {
+            if let Some(record) = &mut record {
+                record(FinishedFrame {
+                    id: frame.id,
+                    size: frame.size,
+                    samples: self.scheduler.samples_of(frame.id).unwrap_or(0),
+                    stats: frame.stats.clone(),
+                    nodes: farm.nodes(),
+                });
+            }
+            if let Some(batch) = self.scheduler.finished(frame) {
+                self.accumulation.submit(batch);
+            }
+        }
+    }
+
+    /// Takes in the frames that the accumulation thread has merged.
+    pub fn accumulate(&mut self) {
+        while let Some(frame) = self.accumulation.poll() {
+            self.scheduler.accumulated(frame);
+        }
+    }
+
+    /// Chooses the frame for this moment; late tiles of it are filled from the one before.
+    pub fn choose(&mut self) {
+        let reprojector = &mut self.reprojector;
+        let fill = &mut |frame: &mut _, missing: &_, before: &_| {
+            reprojector.fill(frame, missing, before);
+        };
+        self.scheduler.present_due(fill);
+    }
+
+    /// Moves the chosen frame to the present view.
+    pub fn reproject(&mut self, now: &SceneUpdate) {
+        if let Some(frame) = self.scheduler.shown() {
+            self.drawn = frame.serial;
+            self.reprojector.reproject_to(frame, now);
+        }
+    }
+
+    /// The frame to draw: the chosen one as the last [`FramePipeline::reproject`] has left it.
+    pub fn displayed(&self) -> Option<&DisplayFrame> {
+        let frame = self.scheduler.shown()?;
+        Some(self.reprojector.reprojected(frame))
+    }
+
+    /// Requests frames of `target` until the farm has enough to do. `scene_at` gives the scene at a
+    /// moment of the shot that is on.
+    pub fn request(
+        &mut self,
+        now_secs: f64,
+        target: &ViewTarget,
+        scene_at: &dyn Fn(f64) -> SceneUpdate,
+    ) {
+        let Some(farm) = self.farm.ready() else {
+            return;
+        };
+        loop {
+            let slots = self.in_flight_max.saturating_sub(farm.in_flight());
+            match self.scheduler.plan(now_secs, target, slots, scene_at) {
+                SchedulerAction::Rest => return,
+                SchedulerAction::CancelAll => farm.cancel_before(FrameId(self.last_frame.0 + 1)),
+                SchedulerAction::Trace(request) => {
+                    match farm.submit_by(request.spec.clone(), request.deadline) {
+                        Ok(id) => self.last_frame = id,
+                        Err(error) => return self.farm.fail(error.to_string()),
+                    }
+                    self.scheduler.submitted(self.last_frame, &request);
+                }
+            }
+        }
+    }
+
+    /// Drops every frame that is in flight.
+    pub fn cancel_all(&mut self) {
+        if let Some(farm) = self.farm.ready() {
+            farm.cancel_before(FrameId(self.last_frame.0 + 1));
+        }
+    }
+
+    /// Whether another frame was chosen since the last one was drawn.
+    pub fn has_new_frame(&self) -> bool {
+        let chosen = self.scheduler.shown().map_or(0, |frame| frame.serial);
+        chosen != self.drawn
+    }
+
+    /// Whether no frame will come without another request.
+    pub fn is_at_rest(&self) -> bool {
+        match &self.farm {
+            FarmState::Starting { .. } => false,
+            FarmState::Ready(_) => self.scheduler.is_at_rest(),
+            FarmState::Failed(_) => true,
+        }
+    }
+
+    /// The farm.
+    pub fn farm(&self) -> &FarmState {
+        &self.farm
+    }
+
+    /// The farm, if it is ready.
+    pub fn farm_mut(&mut self) -> Option<&mut Farm> {
+        self.farm.ready()
+    }
+
+    /// The scheduler.
+    pub fn scheduler(&self) -> &FrameScheduler {
+        &self.scheduler
+    }
+
+    /// The scheduler, to change what it holds to.
+    pub fn scheduler_mut(&mut self) -> &mut FrameScheduler {
+        &mut self.scheduler
+    }
+
+    /// The share of the drawn frame that the chosen one did not hold, if it was moved.
+    pub fn disocclusion_fraction(&self) -> Option<f64> {
+        self.reprojector.disocclusion_fraction()
+    }
+}
