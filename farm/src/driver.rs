@@ -184,7 +184,10 @@ impl Driver {
             }
             Input::Scene(hash, scene) => self.coordinator.set_scene(hash, scene),
             Input::Submit(id, spec, deadline) => {
-                self.coordinator.submit(now, id, *spec, self.tile_edge);
+                if let Err(why) = self.coordinator.submit(now, id, *spec, self.tile_edge) {
+                    // Never: the handle checks before it sends.
+                    tracing::error!("a frame was dropped: {why}");
+                }
                 if let Some(deadline) = deadline {
                     self.coordinator.set_deadline(id, now + deadline);
                 }

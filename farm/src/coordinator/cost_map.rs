@@ -1,4 +1,4 @@
-//! What each tile costs, learned from the frames before.
+//! Costs of tiles, learned from the frames before.
 
 use carom_tracer::{TileGrid, TileRange};
 
@@ -13,7 +13,7 @@ pub(super) struct CostMap {
 
 impl CostMap {
     /// The costs of a frame's tiles, with a mean of 1. A frame of another grid begins anew.
-    pub(super) fn of(&mut self, grid: TileGrid) -> &[f64] {
+    pub(super) fn normalized(&mut self, grid: TileGrid) -> &[f64] {
         if self.grid != Some(grid) {
             self.grid = Some(grid);
             self.costs = vec![1.0; grid.len() as usize];
@@ -23,7 +23,7 @@ impl CostMap {
         &self.costs
     }
 
-    /// Takes note that tiles took `ratio` times what had been predicted.
+    /// Learns that tiles took `ratio` times what had been predicted.
     pub(super) fn learn(&mut self, grid: TileGrid, tiles: TileRange, ratio: f64) {
         if self.grid != Some(grid) || ratio.is_nan() {
             return;
@@ -49,19 +49,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn costs_approach_what_tiles_take_and_stay_one_on_average() {
+    fn costs_approach_those_of_tiles_with_a_mean_of_one() {
         let grid = TileGrid::new(ImageSize::new(40, 10), 10);
         let truth = [0.4, 0.4, 1.6, 1.6];
         let mut map = CostMap::default();
         for _ in 0..40 {
-            let costs = map.of(grid).to_vec();
+            let costs = map.normalized(grid).to_vec();
             for first in [0, 2] {
                 let ratio = truth[first] / costs[first];
                 let first = first as u32;
                 map.learn(grid, TileRange { first, count: 2 }, ratio);
             }
         }
-        for (cost, truth) in map.of(grid).iter().zip(truth) {
+        for (cost, truth) in map.normalized(grid).iter().zip(truth) {
             assert!((cost - truth).abs() < 0.01, "{cost} for {truth}");
         }
     }
@@ -70,12 +70,12 @@ mod tests {
     fn no_report_makes_a_tile_free_or_endless() {
         let grid = TileGrid::new(ImageSize::new(40, 10), 10);
         let mut map = CostMap::default();
-        map.of(grid);
+        map.normalized(grid);
         for ratio in [0.0, f64::INFINITY, f64::NAN, -1.0] {
             for _ in 0..100 {
                 map.learn(grid, TileRange { first: 1, count: 1 }, ratio);
             }
-            let costs = map.of(grid);
+            let costs = map.normalized(grid);
             assert!(
                 costs.iter().all(|cost| cost.is_finite() && *cost > 1e-3),
                 "{costs:?}"

@@ -1,41 +1,41 @@
-//! A picture as its tiles come in.
+//! Pixels of a frame as its tiles come in.
 
 use carom_protocol::PixelFormat;
 use carom_protocol::tile_codec::TilePixels;
 use carom_tracer::{Tile, TileRange, film};
 
 use super::partition::push_tile;
-use super::sample_passes::Passes;
-use crate::Pixels;
+use super::sample_passes::SamplePasses;
+use crate::frame::Pixels;
 
 /// Pixels of a picture, and which units of it are there.
 #[derive(Clone, Debug)]
-pub(super) struct Film {
-    passes: Passes,
-    content: Content,
+pub(super) struct FrameBuffer {
+    passes: SamplePasses,
+    content: BufferContent,
     filled: Vec<bool>,
     missing: u32,
 }
 
 #[derive(Clone, Debug)]
-enum Content {
+enum BufferContent {
     /// Of one pass.
     Pixels(Pixels),
     /// Sums over the passes that are there.
     Sums(film::Film),
 }
 
-impl Film {
-    /// A film of several passes is of linear pixels.
-    pub(super) fn new(passes: Passes, format: PixelFormat) -> Self {
+impl FrameBuffer {
+    /// A buffer of several passes is of linear pixels.
+    pub(super) fn new(passes: SamplePasses, format: PixelFormat) -> Self {
         let (size, units) = (passes.grid.size, passes.all().count);
         let content = match format {
-            _ if passes.count() > 1 => Content::Sums(film::Film::new(size)),
+            _ if passes.count() > 1 => BufferContent::Sums(film::Film::new(size)),
             PixelFormat::Srgb8 { .. } => {
-                Content::Pixels(Pixels::Srgb8(vec![[0; 3]; size.pixels()]))
+                BufferContent::Pixels(Pixels::Srgb8(vec![[0; 3]; size.pixels()]))
             }
             PixelFormat::LinearF16 | PixelFormat::LinearF32 => {
-                Content::Pixels(Pixels::Linear(vec![[0.0; 3]; size.pixels()]))
+                BufferContent::Pixels(Pixels::Linear(vec![[0.0; 3]; size.pixels()]))
             }
         };
         Self {
@@ -85,7 +85,7 @@ impl Film {
     }
 
     /// The tiles that are not whole.
-    pub(super) fn lacking(&self) -> Vec<Tile> {
+    pub(super) fn missing_tiles(&self) -> Vec<Tile> {
         let grid = self.passes.grid;
         let passes = self.filled.chunks_exact(grid.len() as usize);
         let whole = |tile: u32| passes.clone().all(|pass| pass[tile as usize]);
@@ -96,29 +96,29 @@ impl Film {
     /// The picture as it is: the mean of the samples that are there, black without any.
     pub(super) fn pixels(&self) -> Pixels {
         match &self.content {
-            Content::Pixels(pixels) => pixels.clone(),
-            Content::Sums(sums) => Pixels::Linear(sums.image().pixels),
+            BufferContent::Pixels(pixels) => pixels.clone(),
+            BufferContent::Sums(sums) => Pixels::Linear(sums.image().pixels),
         }
     }
 
     /// The picture.
     pub(super) fn into_pixels(self) -> Pixels {
         match self.content {
-            Content::Pixels(pixels) => pixels,
-            Content::Sums(sums) => Pixels::Linear(sums.image().pixels),
+            BufferContent::Pixels(pixels) => pixels,
+            BufferContent::Sums(sums) => Pixels::Linear(sums.image().pixels),
         }
     }
 
     fn put(&mut self, unit: u32, tile: Tile, from: &TilePixels, start: usize) {
         let width = self.passes.grid.size.width as usize;
         match (&mut self.content, from) {
-            (Content::Pixels(Pixels::Srgb8(to)), TilePixels::Srgb8(from)) => {
+            (BufferContent::Pixels(Pixels::Srgb8(to)), TilePixels::Srgb8(from)) => {
                 copy_rows(to, width, tile, &from[start..]);
             }
-            (Content::Pixels(Pixels::Linear(to)), TilePixels::Linear(from)) => {
+            (BufferContent::Pixels(Pixels::Linear(to)), TilePixels::Linear(from)) => {
                 copy_rows(to, width, tile, &from[start..]);
             }
-            (Content::Sums(sums), TilePixels::Linear(from)) => {
+            (BufferContent::Sums(sums), TilePixels::Linear(from)) => {
                 let samples = self.passes.samples(unit).len() as u32;
                 let added = sums.add(tile, &from[start..start + tile.pixels()], samples);
                 added.expect("a tile of the grid lies in its picture");

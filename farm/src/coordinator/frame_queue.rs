@@ -1,166 +1,24 @@
-//! The frames in flight, and the pace at which they come.
+//! Frames in flight in the order of submission, the pace at which they come, and their deadlines.
 
 use std::collections::VecDeque;
-use std::sync::Arc;
+use std::time::Duration;
 
-use carom_protocol::{FrameId, SceneHash};
-use carom_tracer::{Scene, TileRange};
+use carom_protocol::FrameId;
 
-use super::NodeIndex;
-use super::frame_buffer::Film;
-use super::partition::WorkMap;
-use super::sample_passes::Passes;
-use crate::{Frame, FrameSpec, FrameStats, LatencySplit};
+use super::frame_in_flight::FrameInFlight;
+use crate::frame::Frame;
 
-/// A frame that has been submitted and not been delivered.
-#[derive(Debug)]
-pub(super) struct FrameInFlight {
-    pub(super) id: FrameId,
-    pub(super) spec: FrameSpec,
-    pub(super) scene: (SceneHash, Arc<Scene>),
-    pub(super) passes: Passes,
-    pub(super) work: WorkMap,
-    pub(super) submitted: f64,
-    /// Absent once it is finished.
-    pub(super) film: Option<Film>,
-    /// Whether its tiles have been handed out once.
-    pub(super) divided: bool,
-    /// What more than one node has been asked for.
-    pub(super) asked_again: Vec<TileRange>,
-    /// Tiles that nodes have not taken yet, where they take them as they can.
-    pub(super) pool: TileRange,
-    /// When it should be whole.
-    pub(super) target: f64,
-    /// How long it should take when it is divided.
-    pub(super) planned_secs: f64,
-    /// When it is looked at for tiles that will be late; absent while there is no prediction.
-    pub(super) hedge_at: Option<f64>,
-    pub(super) last_look: f64,
-    /// When it must be shown, if it has not been handed over by then.
-    pub(super) deadline: Option<f64>,
-    /// Whether older frames with this set are of no use once it has been handed over.
-    pub(super) perishes: bool,
-    pub(super) stats: FrameStats,
-    /// By node.
-    busy_secs: Vec<f64>,
-    pub(super) finished: Option<Frame>,
-}
-
-impl FrameInFlight {
-    pub(super) fn new(
-        now: f64,
-        id: FrameId,
-        spec: FrameSpec,
-        scene: (SceneHash, Arc<Scene>),
-        passes: Passes,
-        work: WorkMap,
-    ) -> Self {
-        let stats = FrameStats {
-            raw_bytes: (spec.size.pixels() * spec.format.bytes()) as u64,
-            tile_edge: passes.grid.edge,
-            passes: 1,
-            tile_work: work.tiles().collect(),
-            ..FrameStats::default()
-        };
-        Self {
-            id,
-            work,
-            film: Some(Film::new(passes, spec.format)),
-            spec,
-            scene,
-            passes,
-            submitted: now,
-            divided: false,
-            asked_again: Vec::new(),
-            pool: TileRange { first: 0, count: 0 },
-            target: f64::INFINITY,
-            planned_secs: f64::INFINITY,
-            hedge_at: None,
-            last_look: now,
-            deadline: None,
-            perishes: false,
-            stats,
-            busy_secs: Vec::new(),
-            finished: None,
-        }
-    }
-
-    /// Cuts it into passes before it is handed out. `costs` are of its tiles.
-    pub(super) fn cut(&mut self, count: u32, costs: &[f64]) {
-        let passes = Passes::several(self.passes.grid, self.spec.settings.samples, count);
-        self.work = WorkMap::new(passes, costs);
-        self.film = Some(Film::new(passes, self.spec.format));
-        self.stats.passes = count;
-        self.passes = passes;
-    }
-
-    /// A node worked on it.
-    pub(super) fn note_busy(&mut self, node: NodeIndex, secs: f64) {
-        let nodes = self.busy_secs.len().max(node.0 + 1);
-        self.busy_secs.resize(nodes, 0.0);
-        self.busy_secs[node.0] += secs;
-        self.stats.busy_secs = self.stats.busy_secs.max(self.busy_secs[node.0]);
-    }
-
-    /// Notes where the time of a node's latest tiles went, before its response is noted. A share is
-    /// asked for in several requests at once: what the later ones wait for while the earlier ones
-    /// are traced is tracing.
-    pub(super) fn note_split(&mut self, node: NodeIndex, mut split: LatencySplit) -> LatencySplit {
-        let splits = self.stats.split_by_node.len().max(node.0 + 1);
-        self.stats
-            .split_by_node
-            .resize(splits, LatencySplit::default());
-        let noted = &mut self.stats.split_by_node[node.0];
-        let answered = self.stats.response_secs_by_node.get(node.0).copied() > Some(0.0);
-        if answered && noted.request_secs == split.request_secs {
-            let earlier = (split.queue_secs - noted.queue_secs).max(0.0);
-            split.queue_secs -= earlier;
-            split.trace_secs += earlier;
-        }
-        *noted = split;
-        split
-    }
-
-    /// How much later than its target a tile may come before it is asked for again, in seconds.
-    pub(super) fn margin_secs(&self, price: f64) -> f64 {
-        let planned = self.target - self.submitted;
-        let share = if planned.is_finite() {
-            MARGIN_SHARE * planned
-        } else {
-            0.0
-        };
-        price * (MARGIN_SECS + share)
-    }
-
-    /// Ends it if all tiles are there. `true` if it has just ended.
-    pub(super) fn finish(&mut self, now: f64) -> bool {
-        let Some(film) = self.film.take_if(|film| film.is_complete()) else {
-            return false;
-        };
-        self.stats.makespan_secs = now - self.submitted;
-        self.hedge_at = None;
-        self.finished = Some(Frame {
-            id: self.id,
-            size: self.spec.size,
-            pixels: film.into_pixels(),
-            missing: Vec::new(),
-            stats: std::mem::take(&mut self.stats),
-        });
-        true
-    }
-}
-
-/// Frames in the order of submission.
+/// Its length is bounded by [`crate::Farm::submit`].
 #[derive(Debug, Default)]
-pub(super) struct Pipeline {
+pub(super) struct FrameQueue {
     frames: VecDeque<FrameInFlight>,
     last_submit: Option<f64>,
     period_secs: Option<f64>,
 }
 
-impl Pipeline {
+impl FrameQueue {
     pub(super) fn push(&mut self, frame: FrameInFlight) {
-        let overlaps = self.iter().any(|earlier| earlier.film.is_some());
+        let overlaps = self.unfinished().next().is_some();
         let interval = self.last_submit.map(|last| frame.submitted - last);
         self.last_submit = Some(frame.submitted);
         self.period_secs = match (overlaps, interval, self.period_secs) {
@@ -179,10 +37,6 @@ impl Pipeline {
         Some(frame)
     }
 
-    pub(super) fn remove(&mut self, id: FrameId) {
-        self.frames.retain(|frame| frame.id != id);
-    }
-
     pub(super) fn drop_before(&mut self, id: FrameId) {
         self.frames.retain(|frame| frame.id >= id);
     }
@@ -194,27 +48,175 @@ impl Pipeline {
             .unwrap_or(f64::INFINITY)
     }
 
-    pub(super) fn by_id(&mut self, id: FrameId) -> Option<&mut FrameInFlight> {
+    /// A frame, unless it has been delivered or cancelled.
+    pub(super) fn get_mut(&mut self, id: FrameId) -> Option<&mut FrameInFlight> {
         self.frames.iter_mut().find(|frame| frame.id == id)
     }
 
-    pub(super) fn iter(&self) -> impl Iterator<Item = &FrameInFlight> {
-        self.frames.iter()
+    /// Frames that are not finished, oldest first.
+    pub(super) fn unfinished(&self) -> impl Iterator<Item = &FrameInFlight> {
+        self.frames.iter().filter(|frame| frame.buffer.is_some())
     }
 
-    pub(super) fn iter_mut(&mut self) -> impl Iterator<Item = &mut FrameInFlight> {
-        self.frames.iter_mut()
+    /// The same, to be changed.
+    pub(super) fn unfinished_mut(&mut self) -> impl Iterator<Item = &mut FrameInFlight> {
+        let frames = self.frames.iter_mut();
+        frames.filter(|frame| frame.buffer.is_some())
     }
 
-    /// The frames that are not finished, oldest first.
-    pub(super) fn unfinished(&self) -> Vec<FrameId> {
-        let unfinished = self.iter().filter(|frame| frame.film.is_some());
-        unfinished.map(|frame| frame.id).collect()
+    /// When a frame must be shown or evaluated next.
+    pub(super) fn next_timeout(&self) -> Option<Duration> {
+        let frames = self.frames.iter();
+        let times = frames.flat_map(|frame| [frame.evaluate_at, frame.deadline]);
+        times.flatten().reduce(f64::min).map(timer)
     }
+
+    /// Hands the frame over at `at` as it is, if it is not whole by then. Deadlines of later frames
+    /// must not be earlier.
+    pub(super) fn set_deadline(&mut self, id: FrameId, at: f64) {
+        if let Some(frame) = self.get_mut(id) {
+            frame.deadline = Some(at);
+            frame.perishes = true;
+        }
+    }
+
+    /// The newest frame whose deadline has passed.
+    pub(super) fn newest_due(&self, now: f64) -> Option<FrameId> {
+        let is_due = |frame: &&FrameInFlight| frame.deadline.is_some_and(|at| at <= now);
+        let mut newest_first = self.frames.iter().rev();
+        newest_first.find(is_due).map(|frame| frame.id)
+    }
+
+    /// Removes the frames before `newest` that will not be shown any more; returns which.
+    pub(super) fn remove_stale(&mut self, newest: FrameId) -> Vec<FrameId> {
+        let is_stale = |frame: &FrameInFlight| frame.id < newest && frame.perishes;
+        let frames = self.frames.iter();
+        let stale = frames.filter(|frame| is_stale(frame)).map(|frame| frame.id);
+        let stale = stale.collect();
+        self.frames.retain(|frame| !is_stale(frame));
+        stale
+    }
+
+    /// Hands a frame over whose deadline has passed: whole, and for the last time, or as it is.
+    pub(super) fn take_due(&mut self, now: f64, id: FrameId) -> Option<Frame> {
+        let frame = self.get_mut(id)?;
+        frame.deadline = None;
+        match frame.finished.take() {
+            Some(whole) => {
+                self.frames.retain(|frame| frame.id != id);
+                Some(whole)
+            }
+            None => frame.partial_frame(now),
+        }
+    }
+}
+
+/// When a timer for a moment of the client's clock may ring: rounding must not let it ring before.
+pub(super) fn timer(secs: f64) -> Duration {
+    Duration::from_secs_f64(secs.max(0.0)) + Duration::from_nanos(100)
 }
 
 /// Share of an interval's deviation that the period follows.
 const PERIOD_GAIN: f64 = 0.1;
-/// How late a tile may be: so many seconds, and a share of the time that the frame should take.
-const MARGIN_SECS: f64 = 0.25e-3;
-const MARGIN_SHARE: f64 = 0.01;
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use carom_protocol::tile_codec::TilePixels;
+    use carom_protocol::{NodeTimes, PixelFormat, SceneHash};
+    use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid};
+
+    use super::super::frame_in_flight::TileArrival;
+    use super::super::open_request::OpenRequest;
+    use super::super::partition::WorkMap;
+    use super::super::sample_passes::SamplePasses;
+    use super::*;
+    use crate::frame::{FrameSpec, Pixels};
+    use crate::node_status::NodeIndex;
+
+    const GRID: TileGrid = TileGrid::new(ImageSize::new(2, 1), 1);
+
+    fn frame(id: u64, submitted: f64) -> FrameInFlight {
+        let scene = include_str!("../../../assets/scenes/pool.json");
+        let scene = Arc::new(Scene::from_json(scene).unwrap());
+        let spec = FrameSpec {
+            update: SceneUpdate::default(),
+            size: GRID.size,
+            settings: RenderSettings::default(),
+            format: PixelFormat::LinearF32,
+        };
+        let passes = SamplePasses::one(GRID, 1);
+        let work = WorkMap::new(passes, &[1.0; 2]);
+        let scene = (SceneHash([0; 32]), scene);
+        FrameInFlight::new(submitted, FrameId(id), spec, scene, passes, work)
+    }
+
+    /// Lets tiles of a frame come.
+    fn deliver(queue: &mut FrameQueue, id: u64, first: u32, count: u32) {
+        let frame = queue.get_mut(FrameId(id)).unwrap();
+        let tiles = carom_tracer::TileRange { first, count };
+        let request = OpenRequest::new(0.0, frame.id, frame.passes, tiles, f64::from(count));
+        let arrival = TileArrival {
+            tiles,
+            pixels: &TilePixels::Linear(vec![[1.0; 3]; count as usize]),
+            dropped_samples: 0,
+            payload_bytes: 1,
+            times: NodeTimes::default(),
+        };
+        frame.add_tiles(1.0, NodeIndex(0), 1, &request, &arrival);
+        frame.finish(1.0);
+    }
+
+    #[test]
+    fn finished_frames_leave_in_order_of_submission() {
+        let mut queue = FrameQueue::default();
+        (0..3).for_each(|id| queue.push(frame(id, 0.0)));
+        deliver(&mut queue, 1, 0, 2);
+        assert!(queue.pop_finished().is_none());
+        deliver(&mut queue, 0, 0, 2);
+        let ids = [0; 2].map(|_| queue.pop_finished().unwrap().id.0);
+        assert_eq!(ids, [0, 1]);
+        assert_eq!(queue.unfinished().count(), 1);
+    }
+
+    #[test]
+    fn period_follows_frames_that_overlap() {
+        let mut queue = FrameQueue::default();
+        queue.push(frame(0, 0.0));
+        assert_eq!(queue.period_secs(), f64::INFINITY);
+        queue.push(frame(1, 0.1));
+        assert_eq!(queue.period_secs(), 0.1);
+        queue.push(frame(2, 0.3));
+        assert!((queue.period_secs() - 0.11).abs() < 1e-12);
+        queue.drop_before(FrameId(9));
+        queue.push(frame(9, 0.4));
+        assert_eq!(queue.period_secs(), f64::INFINITY);
+    }
+
+    #[test]
+    fn due_frame_comes_in_part_and_ends_older_ones() {
+        let mut queue = FrameQueue::default();
+        (0..3).for_each(|id| queue.push(frame(id, 0.0)));
+        (1..3).for_each(|id| queue.set_deadline(FrameId(id), id as f64));
+        queue.set_deadline(FrameId(0), 0.5);
+        deliver(&mut queue, 1, 1, 1);
+        assert_eq!(queue.next_timeout(), Some(timer(0.5)));
+        let due = queue.newest_due(1.5).unwrap();
+        assert_eq!(
+            (due, queue.remove_stale(due)),
+            (FrameId(1), vec![FrameId(0)])
+        );
+        let part = queue.take_due(1.5, due).unwrap();
+        assert_eq!(part.pixels, Pixels::Linear(vec![[0.0; 3], [1.0; 3]]));
+        assert_eq!((part.missing.len(), part.stats.late_tiles), (1, 1));
+        // It comes again when it is whole, even before frames that are not shown yet.
+        deliver(&mut queue, 1, 0, 1);
+        assert!(
+            queue
+                .pop_finished()
+                .is_some_and(|whole| whole.missing.is_empty())
+        );
+        assert_eq!(queue.newest_due(1.9), None);
+    }
+}

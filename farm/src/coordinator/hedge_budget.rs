@@ -1,22 +1,22 @@
-//! How much work may be done twice: buckets that frames fill and hedges empty.
+//! Budget of work that may be done twice: token buckets that frames fill and hedges empty.
 
 /// Work that may be asked for although another node has been asked for it. What is taken over from
 /// nodes that are taken for lost is not counted here.
 #[derive(Debug, Default)]
-pub(super) struct Spare {
-    usual: Bucket,
+pub(super) struct HedgeBudget {
+    usual: TokenBucket,
     /// For tiles that are gravely late: a node that has become slow is rare, but then much of a
     /// frame has to be done again.
-    reserve: Bucket,
+    reserve: TokenBucket,
 }
 
 #[derive(Debug, Default)]
-struct Bucket {
+struct TokenBucket {
     work: f64,
     most: f64,
 }
 
-impl Spare {
+impl HedgeBudget {
     /// Fills it by what a frame of `work` allows. It is full at the start.
     pub(super) fn add_frame(&mut self, work: f64) {
         self.usual.fill(SHARE * work, FRAMES_MAX * work);
@@ -24,8 +24,8 @@ impl Spare {
             .fill(RESERVE_SHARE * work, RESERVE_FRAMES_MAX * work);
     }
 
-    /// Takes the work of a tile.
-    pub(super) fn take(&mut self, work: f64, is_grave: bool) {
+    /// Spends the work of a tile.
+    pub(super) fn spend(&mut self, work: f64, is_grave: bool) {
         let reserved = if is_grave {
             work.min(self.reserve.work)
         } else {
@@ -35,12 +35,12 @@ impl Spare {
         self.usual.work -= work - reserved;
     }
 
-    /// What there is for tiles that are, or are not, gravely late.
+    /// Work left for tiles that are, or are not, gravely late.
     pub(super) fn work(&self, is_grave: bool) -> f64 {
         self.usual.work + if is_grave { self.reserve.work } else { 0.0 }
     }
 
-    /// From 0 to 1.
+    /// Share of the usual bucket that is left, from 0 to 1.
     pub(super) fn fullness(&self) -> f64 {
         if self.usual.most > 0.0 {
             (self.usual.work / self.usual.most).clamp(0.0, 1.0)
@@ -50,7 +50,9 @@ impl Spare {
     }
 }
 
-impl Bucket {
+impl TokenBucket {
+    /// Adds `work`, up to `most`. The first filling is to the brim: the first frames, divided by guesses,
+    /// need help most.
     fn fill(&mut self, work: f64, most: f64) {
         let filled = if self.most == 0.0 {
             most
@@ -68,3 +70,35 @@ const FRAMES_MAX: f64 = 0.2;
 /// The same for what is gravely late: a whole frame, once in a while.
 const RESERVE_SHARE: f64 = 0.0025;
 const RESERVE_FRAMES_MAX: f64 = 1.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn duplicates_stay_within_their_share_of_all_work() {
+        let mut budget = HedgeBudget::default();
+        let mut spent = 0.0;
+        for _ in 0..1000 {
+            budget.add_frame(100.0);
+            while budget.work(false) >= 1.0 {
+                budget.spend(1.0, false);
+                spent += 1.0;
+            }
+        }
+        let share = spent / 100_000.0;
+        assert!((share - SHARE).abs() < 0.001, "{share}");
+    }
+
+    #[test]
+    fn reserve_is_spent_on_gravely_late_tiles_alone() {
+        let mut budget = HedgeBudget::default();
+        budget.add_frame(100.0);
+        let usual = budget.work(false);
+        assert_eq!(budget.work(true), usual + 100.0 * RESERVE_FRAMES_MAX);
+        budget.spend(100.0, true);
+        assert_eq!((budget.work(false), budget.fullness()), (usual, 1.0));
+        budget.spend(usual, false);
+        assert_eq!(budget.fullness(), 0.0);
+    }
+}

@@ -1,285 +1,396 @@
-//! Frames in, requests out, tiles in, pictures out: a pure state machine. It knows no clock, no
-//! socket and no thread; `now` is an argument, events go in and [`CoordinatorAction`]s come out.
+//! Coordinator of a farm: a pure state machine that turns submitted frames into requests to nodes,
+//! and their tiles into frames. It knows no clock, socket or thread: `now` is an argument, events go in
+//! and [`CoordinatorAction`]s come out.
 //!
 //! ```text
-//! submit ─▶ divide (balancer) ─▶ runs ─▶ nodes ─▶ tiles ─▶ film ─▶ frame, in order
-//!              ▲                                    │
-//!              └── tiles that nobody holds ◀── lost, refused, silent
-//!                  tiles that are late ◀─────── hedge
+//! submit ─▶ FrameQueue ─▶ Assigner ─▶ Dispatcher ─▶ nodes ─▶ tiles ─▶ FrameBuffer ─▶ frame, in order
+//!                            ▲            ▲                    │
+//!                            │            └──── tiles that are late ◀────┐
+//!                            └── tiles that nobody holds ◀── lost, refused, silent: Recovery
 //! ```
 //!
-//! Architecture invariant: a tile enters a film only from a node that was asked for it, the first
+//! Architecture invariant: a tile enters a frame only from a node that was asked for it, the first
 //! one wins, and a node's word about time never counts for more than the client's own clock
 //! supports ([`crate::balancer::Estimator`]).
 
 mod arrival_model;
 mod assignment;
 mod cost_map;
+mod dispatcher;
 mod frame_buffer;
-mod frame_deadline;
+mod frame_forecast;
+mod frame_in_flight;
 mod frame_queue;
 mod hedge_budget;
-mod node_messages;
-mod node_state;
+mod node_entry;
+mod node_table;
 mod open_request;
 mod partition;
 mod recovery;
 mod sample_passes;
+mod workload;
 
-use std::cmp::Reverse;
-use std::collections::{BinaryHeap, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
+use carom_protocol::session::ClientEvent;
 use carom_protocol::{FrameId, RequestId, SceneHash};
-use carom_tracer::{Scene, TileGrid};
+use carom_tracer::{Scene, TileGrid, TileRange};
 
-use self::cost_map::CostMap;
-use self::frame_queue::{FrameInFlight, Pipeline};
-use self::hedge_budget::Spare;
-use self::node_state::{Connection, Node};
-use self::partition::WorkMap;
-use self::sample_passes::Passes;
-use crate::balancer::Balancers;
+use self::assignment::Assigner;
+use self::dispatcher::Dispatcher;
+use self::frame_in_flight::{FrameInFlight, TileArrival};
+use self::frame_queue::FrameQueue;
+use self::node_entry::ConnectionState;
+use self::node_table::NodeTable;
+use self::recovery::{Recovery, cancel_redundant};
+use crate::balancing::{Balancing, Distribution};
+use crate::error::Error;
+use crate::frame::{Frame, FrameSpec};
 use crate::link::{LinkCommand, LinkEvent};
-use crate::node_status::NodeIndex;
-use crate::{Balancing, Distribution, Frame, FrameSpec, NodeStatus};
+use crate::node_status::{NodeIndex, NodeStatus};
 
-/// What the coordinator wants done.
+/// An effect that the coordinator wants carried out.
 #[derive(Clone, Debug)]
 pub enum CoordinatorAction {
-    /// Tell a node something.
+    /// Hands a command to a node's link.
     Command {
-        /// Whom.
+        /// The node.
         node: NodeIndex,
-        /// What.
+        /// The command.
         command: LinkCommand,
     },
-    /// A picture is finished, and so are all before it; or its deadline has passed.
+    /// Hands a frame to the caller: it is finished, and so are all before it; or its deadline has passed.
     Deliver(Box<Frame>),
 }
 
 /// See the [module](self). Durations count from any moment that stays the same.
 #[derive(Debug)]
 pub struct Coordinator {
-    balancing: Balancing,
-    distribution: Distribution,
-    balancers: Balancers,
-    nodes: Vec<Node>,
-    /// When to look at which node, at the earliest.
-    timers: BinaryHeap<Reverse<(Duration, NodeIndex)>>,
-    costs: CostMap,
-    spare: Spare,
-    frames: Pipeline,
+    nodes: NodeTable,
+    frames: FrameQueue,
+    assigner: Assigner,
+    recovery: Recovery,
+    dispatcher: Dispatcher,
     scene: Option<(SceneHash, Arc<Scene>)>,
-    last_run: RequestId,
-    last_division: assignment::LastDivision,
     /// Whether there may be tiles that nobody holds.
-    unheld: bool,
-    actions: VecDeque<CoordinatorAction>,
+    has_unassigned: bool,
 }
 
 impl Coordinator {
     /// A coordinator without nodes.
     pub fn new(balancing: Balancing) -> Self {
         Self {
-            balancing,
-            distribution: Distribution::Tiles,
-            balancers: Balancers::default(),
-            nodes: Vec::new(),
-            timers: BinaryHeap::new(),
-            costs: CostMap::default(),
-            spare: Spare::default(),
-            frames: Pipeline::default(),
+            nodes: NodeTable::new(balancing.hedged),
+            frames: FrameQueue::default(),
+            assigner: Assigner::new(balancing),
+            recovery: Recovery::default(),
+            dispatcher: Dispatcher::default(),
             scene: None,
-            last_run: RequestId(0),
-            last_division: assignment::LastDivision::default(),
-            unheld: false,
-            actions: VecDeque::new(),
+            has_unassigned: false,
         }
     }
 
     /// Adds a node that is about to be called.
     pub fn add_node(&mut self, address: String) -> NodeIndex {
-        self.nodes.push(Node::new(address));
-        NodeIndex(self.nodes.len() - 1)
+        self.nodes.add(address)
     }
 
-    /// Divides frames in another way from the next one on.
+    /// Divides frames with another algorithm from the next one on.
     pub fn set_balancing(&mut self, balancing: Balancing) {
-        self.balancing = balancing;
+        self.assigner.balancing = balancing;
+        self.nodes.hedged = balancing.hedged;
     }
 
-    /// Divides frames by something else from the next one on.
+    /// Divides frames by tiles or by samples from the next one on.
     pub fn set_distribution(&mut self, distribution: Distribution) {
-        self.distribution = distribution;
+        self.assigner.distribution = distribution;
     }
 
     /// Frames submitted from now on are of `scene`, whose hash is `hash`.
     pub fn set_scene(&mut self, hash: SceneHash, scene: Arc<Scene>) {
-        for node in (0..self.nodes.len()).map(NodeIndex) {
-            if self.nodes[node.0].is_open() {
-                self.command(node, scene_command(hash, &scene));
+        for (node, entry) in self.nodes.iter() {
+            if entry.is_open() {
+                self.dispatcher.send_scene(node, hash, &scene);
             }
         }
         self.scene = Some((hash, scene));
     }
 
-    /// Takes on a frame, of a tile grid with `tile_edge`. Its id must be above all before it.
+    /// Accepts a frame, of a tile grid with `tile_edge`. Its id must be above all before it.
     ///
-    /// # Panics
-    /// If no scene has been set.
-    pub fn submit(&mut self, now: Duration, id: FrameId, spec: FrameSpec, tile_edge: u16) {
+    /// # Errors
+    /// [`Error::NoScene`] if no scene has been set.
+    pub fn submit(
+        &mut self,
+        now: Duration,
+        id: FrameId,
+        spec: FrameSpec,
+        tile_edge: u16,
+    ) -> Result<(), Error> {
         let now = now.as_secs_f64();
-        let scene = self
-            .scene
-            .clone()
-            .expect("a scene is set before frames are submitted");
+        let scene = self.scene.clone().ok_or(Error::NoScene)?;
         let grid = TileGrid::new(spec.size, tile_edge);
-        let passes = Passes::one(grid, spec.settings.samples);
-        let work = WorkMap::new(passes, self.costs.of(grid));
-        self.spare.add_frame(work.of(passes.all()));
-        self.frames
-            .push(FrameInFlight::new(now, id, spec, scene, passes, work));
-        self.unheld = true;
+        let (passes, work) = self.assigner.predict(grid, spec.settings.samples);
+        self.recovery.budget.add_frame(work.of(passes.all()));
+        let frame = FrameInFlight::new(now, id, spec, scene, passes, work);
+        self.frames.push(frame);
+        self.has_unassigned = true;
         self.advance(now);
+        Ok(())
+    }
+
+    /// Hands the frame over at `at` as it is, if it is not whole by then. Deadlines of later frames
+    /// must not be earlier.
+    pub fn set_deadline(&mut self, id: FrameId, at: Duration) {
+        self.frames.set_deadline(id, at.as_secs_f64());
     }
 
     /// Drops all frames before `id`.
     pub fn cancel_before(&mut self, now: Duration, id: FrameId) {
         let now = now.as_secs_f64();
         self.frames.drop_before(id);
-        for node in (0..self.nodes.len()).map(NodeIndex) {
-            let runs = self.nodes[node.0].runs.iter();
-            let dropped = runs.filter(|(_, run)| run.frame < id && !run.cancelled);
-            let dropped: Vec<RequestId> = dropped.map(|(run, _)| *run).collect();
-            for &run in &dropped {
-                self.give_up(now, node, run);
-            }
-            if !dropped.is_empty() {
-                self.command(node, LinkCommand::CancelBefore(id));
-            }
-        }
+        self.dispatcher.cancel_before(now, &mut self.nodes, id);
         self.advance(now);
     }
 
-    /// Takes note of what a link reports.
+    /// Handles an event of a node's link.
     pub fn handle(&mut self, now: Duration, node: NodeIndex, event: LinkEvent) {
         let now = now.as_secs_f64();
         match event {
-            LinkEvent::Connecting => self.disconnect(node, Connection::Connecting),
+            LinkEvent::Connecting => self.disconnect(node, ConnectionState::Connecting),
             LinkEvent::Lost { why, retry } => {
                 let retry_at = retry.map(|pause| now + pause.as_secs_f64());
-                self.disconnect(node, Connection::Lost { why, retry_at });
+                self.disconnect(node, ConnectionState::Lost { why, retry_at });
             }
-            LinkEvent::Session(event) => self.handle_session(now, node, event),
             LinkEvent::Decoded { request, took } => {
-                if let Some(run) = self.nodes[node.0].runs.get_mut(&request) {
-                    run.decode_secs = took.as_secs_f64();
+                let requests = &mut self.nodes[node].workload.requests;
+                if let Some(request) = requests.get_mut(&request) {
+                    request.decode_secs = took.as_secs_f64();
                 }
                 return;
             }
+            LinkEvent::Session(event) => self.handle_session(now, node, event),
         }
-        self.arm(node);
+        self.nodes.arm(node);
         self.advance(now);
+    }
+
+    fn handle_session(&mut self, now: f64, index: NodeIndex, event: ClientEvent) {
+        let node = &mut self.nodes[index];
+        match event {
+            ClientEvent::Welcome(info) => {
+                node.open(now, info);
+                if let Some((hash, scene)) = &self.scene {
+                    self.dispatcher.send_scene(index, *hash, scene);
+                }
+                self.ping(now, index);
+            }
+            ClientEvent::SceneComing { hash, percent } => node.scene_coming(hash, percent),
+            ClientEvent::SceneReady(hash) => {
+                if node.scene_ready(hash) {
+                    self.has_unassigned = true;
+                    Recovery::advance_long(now, &mut self.frames);
+                }
+            }
+            ClientEvent::SceneRefused { hash, why } => node.scene_refused(hash, why),
+            ClientEvent::Tiles {
+                request,
+                tiles,
+                pixels,
+                busy_micros,
+                times,
+                dropped_samples,
+                payload_bytes,
+                ..
+            } => {
+                let tiles = self.units(index, request, tiles);
+                let arrival = TileArrival {
+                    tiles,
+                    pixels: &pixels,
+                    dropped_samples,
+                    payload_bytes,
+                    times,
+                };
+                self.receive(now, index, request, tiles, busy_micros);
+                self.fill(now, index, request, &arrival);
+            }
+            ClientEvent::TilesStale {
+                request,
+                tiles,
+                busy_micros,
+                ..
+            } => {
+                let tiles = self.units(index, request, tiles);
+                self.receive(now, index, request, tiles, busy_micros);
+            }
+            ClientEvent::RequestDone { report, .. } => self.close(now, index, report.request),
+            ClientEvent::RequestRefused { refusal, .. } => {
+                Recovery::refuse(now, node, &refusal);
+                self.close(now, index, refusal.request);
+            }
+            ClientEvent::Pong(number) => node.pong(now, number),
+        }
     }
 
     /// Does what has become due: see [`Coordinator::next_timeout`].
     pub fn handle_timeout(&mut self, now: Duration) {
-        while let Some(index) = self.next_due(now) {
-            let now = now.as_secs_f64();
-            if let Some(number) = self.nodes[index.0].ping(now) {
-                self.command(index, LinkCommand::Ping(number));
-            }
-            let node = &mut self.nodes[index.0];
-            self.unheld |= node.wake(now);
-            self.unheld |= node.falls_silent(now, self.balancing.hedged);
-            self.arm(index);
+        let secs = now.as_secs_f64();
+        while let Some(index) = self.nodes.next_due(now) {
+            self.ping(secs, index);
+            let hedged = self.nodes.hedged;
+            let node = &mut self.nodes[index];
+            self.has_unassigned |= node.resume(secs);
+            self.has_unassigned |= node.time_out(secs, hedged);
+            self.nodes.arm(index);
         }
-        let now = now.as_secs_f64();
-        self.advance(now);
-        self.hedge(now);
-        self.show_due(now);
+        self.advance(secs);
+        self.recovery.evaluate_due(
+            secs,
+            &mut self.nodes,
+            &mut self.frames,
+            &mut self.dispatcher,
+        );
+        self.deliver_due(secs);
     }
 
     /// When [`Coordinator::handle_timeout`] wants to be called, unless something happens before.
     pub fn next_timeout(&self) -> Option<Duration> {
-        let node = self.timers.peek().map(|Reverse((at, _))| *at);
-        let frames = self.frames.iter();
-        let frames = frames.flat_map(|frame| [frame.hedge_at, frame.deadline]);
-        let frame = frames.flatten().reduce(f64::min).map(due);
-        node.into_iter().chain(frame).min()
+        let nodes = self.nodes.next_timeout().into_iter();
+        nodes.chain(self.frames.next_timeout()).min()
     }
 
-    /// The next thing to do; to be asked until there is none after each call of another method.
+    /// The next action; to be asked for until there is none after each call of another method.
     pub fn poll_action(&mut self) -> Option<CoordinatorAction> {
-        self.actions.pop_front()
+        self.dispatcher.poll()
     }
 
-    /// How the nodes are, by [`NodeIndex`].
+    /// State of the nodes, by [`NodeIndex`].
     pub fn nodes(&self, now: Duration) -> Vec<NodeStatus> {
         let scene = self.scene.as_ref().map(|(hash, _)| *hash);
-        let nodes = self.nodes.iter();
-        nodes
-            .map(|node| node.status(now.as_secs_f64(), scene))
-            .collect()
+        self.nodes.statuses(now.as_secs_f64(), scene)
     }
 
-    /// Sees to it that a node is looked at when it is due.
-    fn arm(&mut self, index: NodeIndex) {
-        let node = &mut self.nodes[index.0];
-        let Some(at) = node.next_timeout(self.balancing.hedged).map(due) else {
+    fn disconnect(&mut self, index: NodeIndex, connection: ConnectionState) {
+        self.nodes[index].reset(connection);
+        self.has_unassigned = true;
+    }
+
+    fn ping(&mut self, now: f64, index: NodeIndex) {
+        if let Some(number) = self.nodes[index].ping(now) {
+            self.dispatcher.send(index, LinkCommand::Ping(number));
+        }
+    }
+
+    /// Units of a frame that tiles of a request are.
+    fn units(&self, index: NodeIndex, id: RequestId, tiles: TileRange) -> TileRange {
+        let request = self.nodes[index].workload.requests.get(&id);
+        request.map_or(tiles, |request| {
+            request.passes.units(request.tiles.first, tiles)
+        })
+    }
+
+    /// Learns from how long tiles took.
+    fn receive(
+        &mut self,
+        now: f64,
+        index: NodeIndex,
+        id: RequestId,
+        tiles: TileRange,
+        busy_micros: u32,
+    ) {
+        let Some(request) = self.nodes[index].workload.requests.get(&id) else {
             return;
         };
-        if node.armed.is_none_or(|armed| at < armed) {
-            node.armed = Some(at);
-            self.timers.push(Reverse((at, index)));
+        let busy_secs = f64::from(busy_micros) * 1e-6;
+        let frame_work = self.frames.get_mut(request.frame).map(|frame| {
+            frame.count_busy(index, busy_secs);
+            frame.work.of(tiles)
+        });
+        let node = &mut self.nodes[index];
+        let workload = &mut node.workload;
+        self.has_unassigned |= workload.receive(now, id, tiles, busy_secs, frame_work);
+        if node.workload.delivered().is_none() {
+            node.observe_first(id);
+            self.recovery
+                .schedule_waiting(now, &self.nodes, &mut self.frames);
+        }
+        self.assigner.pull(
+            now,
+            &mut self.nodes,
+            index,
+            &mut self.frames,
+            &self.recovery,
+            &mut self.dispatcher,
+        );
+        self.recovery
+            .advance_late(now, &self.nodes, index, &mut self.frames);
+    }
+
+    /// Puts tiles into their frame and finishes it if they were the last.
+    fn fill(&mut self, now: f64, index: NodeIndex, id: RequestId, arrival: &TileArrival<'_>) {
+        let nodes = self.nodes.len();
+        if !frame_buffer::is_finite(arrival.pixels) {
+            let why = "it sent pixels that are not numbers".into();
+            self.nodes[index].back_off(now, Some(why));
+            self.dispatcher.cancel(now, &mut self.nodes, index, id);
+            self.has_unassigned = true;
+            return;
+        }
+        let node = &mut self.nodes[index];
+        node.forgive();
+        let Some(request) = node.workload.requests.get(&id) else {
+            return;
+        };
+        let Some(frame) = self.frames.get_mut(request.frame) else {
+            return;
+        };
+        let Some((fresh, split)) = frame.add_tiles(now, index, nodes, request, arrival) else {
+            return;
+        };
+        node.count_tiles(fresh, split);
+        if frame.finish(now) {
+            self.dispatcher.cancel_frame(now, &mut self.nodes, frame.id);
+        } else {
+            let tiles = arrival.tiles;
+            cancel_redundant(now, &mut self.nodes, frame, tiles, &mut self.dispatcher);
         }
     }
 
-    /// A node that may have something due.
-    fn next_due(&mut self, now: Duration) -> Option<NodeIndex> {
-        while let Some(Reverse((at, index))) = self.timers.peek().copied() {
-            if at > now {
-                return None;
-            }
-            self.timers.pop();
-            let node = &mut self.nodes[index.0];
-            if node.armed == Some(at) {
-                node.armed = None;
-                return Some(index);
-            }
-        }
-        None
+    /// Ends a request; one that was refused may leave tiles that nobody holds.
+    fn close(&mut self, now: f64, index: NodeIndex, id: RequestId) {
+        self.assigner.learn(&mut self.nodes, index, id);
+        self.has_unassigned |= self.nodes[index].close(now, id);
     }
 
-    fn disconnect(&mut self, index: NodeIndex, connection: Connection) {
-        self.nodes[index.0].reset(connection);
-        self.unheld = true;
-    }
-
-    /// Hands out what nobody holds, and delivers what is finished.
+    /// Assigns what nobody holds, and delivers what is finished.
     fn advance(&mut self, now: f64) {
-        if std::mem::take(&mut self.unheld) {
-            self.divide(now);
+        if std::mem::take(&mut self.has_unassigned) {
+            self.assigner.assign(
+                now,
+                &mut self.nodes,
+                &mut self.frames,
+                &self.recovery,
+                &mut self.dispatcher,
+            );
         }
         while let Some(frame) = self.frames.pop_finished() {
-            self.actions
-                .push_back(CoordinatorAction::Deliver(Box::new(frame)));
+            self.dispatcher.deliver(frame);
         }
     }
 
-    fn command(&mut self, node: NodeIndex, command: LinkCommand) {
-        self.actions
-            .push_back(CoordinatorAction::Command { node, command });
+    /// Hands over the newest frame whose deadline has passed; those before it will not be shown any
+    /// more, and what is still asked of nodes for them is taken back.
+    fn deliver_due(&mut self, now: f64) {
+        let Some(newest) = self.frames.newest_due(now) else {
+            return;
+        };
+        for stale in self.frames.remove_stale(newest) {
+            self.dispatcher.cancel_frame(now, &mut self.nodes, stale);
+        }
+        if let Some(frame) = self.frames.take_due(now, newest) {
+            self.dispatcher.deliver(frame);
+            self.advance(now);
+        }
     }
-}
-
-/// A moment that is due when the clock shows it.
-fn due(secs: f64) -> Duration {
-    Duration::from_secs_f64(secs.max(0.0)) + Duration::from_nanos(100)
-}
-
-fn scene_command(hash: SceneHash, scene: &Arc<Scene>) -> LinkCommand {
-    LinkCommand::Scene(hash, Arc::clone(scene))
 }

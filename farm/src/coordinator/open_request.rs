@@ -3,42 +3,43 @@
 use carom_protocol::{FrameId, NodeTimes};
 use carom_tracer::TileRange;
 
-use super::sample_passes::Passes;
-use crate::LatencySplit;
+use super::sample_passes::SamplePasses;
 use crate::balancer::Estimate;
+use crate::stats::LatencySplit;
 
 /// Times are seconds on the client's clock.
 #[derive(Clone, Debug)]
-pub(super) struct Run {
+pub(super) struct OpenRequest {
     pub(super) frame: FrameId,
-    pub(super) passes: Passes,
+    pub(super) passes: SamplePasses,
     /// Units of one pass.
     pub(super) tiles: TileRange,
     pub(super) work: f64,
     pub(super) issued: f64,
-    /// By how much its node's messages for its frame were late when it was asked for: see [`super::arrival_model::Drift`].
-    pub(super) drift_secs: f64,
+    /// By how much its node's messages for its frame were late when it was asked for: see
+    /// [`super::arrival_model::FrameDelay`].
+    pub(super) delay_secs: f64,
     /// When the last tile should come; absent while nothing is known of the node.
     pub(super) expected: Option<f64>,
     /// Whether the frame does without: the tile has been asked of another node too.
-    pub(super) probe: bool,
-    pub(super) cancelled: bool,
+    pub(super) is_probe: bool,
+    pub(super) is_cancelled: bool,
     /// Whether its node has been silent for so long that others are asked for it.
-    pub(super) lost: bool,
+    pub(super) is_lost: bool,
     pub(super) tiles_received: u32,
     pub(super) work_received: f64,
     /// Work of the messages that came together last, and the most of any.
     burst_work: f64,
     pub(super) burst_max: f64,
-    /// What came of a frame that was still known: tiles, their work, and the seconds that the node
+    /// Messages for a frame that was still known: tiles, their work, and the seconds that the node
     /// says they took.
     pub(super) pieces: Vec<(TileRange, f64, f64)>,
-    /// Since when its pace is seen, and what had come by then: from the first message on, or from the
-    /// one before it, of another run.
-    seen_since: f64,
-    seen_work: f64,
+    /// Since when its pace is measured, and what had come by then: from the first message on, or from
+    /// the one before it, of another request.
+    measured_since: f64,
+    measured_work: f64,
     /// When the last tiles came.
-    pub(super) heard: f64,
+    pub(super) last_heard: f64,
     pub(super) busy_secs: f64,
     /// Of the next tiles.
     pub(super) decode_secs: f64,
@@ -47,12 +48,12 @@ pub(super) struct Run {
     pub(super) others_until: f64,
 }
 
-impl Run {
+impl OpenRequest {
     /// A request for `tiles` of one pass, of which nothing has come.
     pub(super) fn new(
         now: f64,
         frame: FrameId,
-        passes: Passes,
+        passes: SamplePasses,
         tiles: TileRange,
         work: f64,
     ) -> Self {
@@ -62,69 +63,71 @@ impl Run {
             tiles,
             work,
             issued: now,
-            drift_secs: 0.0,
+            delay_secs: 0.0,
             expected: None,
-            probe: false,
-            cancelled: false,
-            lost: false,
+            is_probe: false,
+            is_cancelled: false,
+            is_lost: false,
             tiles_received: 0,
             work_received: 0.0,
             burst_work: 0.0,
             burst_max: 0.0,
             pieces: Vec::new(),
-            seen_since: now,
-            seen_work: 0.0,
-            heard: now,
+            measured_since: now,
+            measured_work: 0.0,
+            last_heard: now,
             busy_secs: 0.0,
             decode_secs: 0.0,
             others_until: now,
         }
     }
 
-    /// Takes note of tiles that have come of a node with that line: they take longer than the time
-    /// between messages that come together.
+    /// Notes tiles that have come of a node with that cost: they take longer than the time between
+    /// messages that come together.
     pub(super) fn receive(
         &mut self,
         now: f64,
         tiles: TileRange,
         work: f64,
         busy_secs: f64,
-        line: Option<Estimate>,
+        cost: Option<Estimate>,
         is_first: bool,
     ) {
-        let pace = line.map_or(0.0, |line| line.secs_per_work);
+        let pace = cost.map_or(0.0, |cost| cost.secs_per_work);
         if self.tiles_received == 0 {
-            let asked = line.map_or(now, |line| self.issued + line.fixed_secs);
+            let asked = cost.map_or(now, |cost| self.issued + cost.fixed_secs);
+            // The first message of a frame may have waited for a pause of its node, which says nothing
+            // of the node's pace; one that follows another request's has been traced since that came.
             let follows = self.others_until > asked && !is_first;
-            (self.seen_since, self.seen_work) = if follows {
+            (self.measured_since, self.measured_work) = if follows {
                 (self.others_until, 0.0)
             } else {
                 (now, work)
             };
         }
-        let together = self.tiles_received > 0 && now - self.heard < TOGETHER * pace * work;
+        let together = self.tiles_received > 0 && now - self.last_heard < TOGETHER * pace * work;
         self.burst_work = work + if together { self.burst_work } else { 0.0 };
         self.burst_max = self.burst_max.max(self.burst_work);
         self.work_received += work;
         self.tiles_received += tiles.count;
         self.busy_secs += busy_secs;
-        self.heard = now;
+        self.last_heard = now;
     }
 
     /// From when on its missing work counts, by the client's clock, if nothing else is before it.
-    pub(super) fn begins(&self, line: Estimate) -> f64 {
+    pub(super) fn begins(&self, cost: Estimate) -> f64 {
         match self.tiles_received {
-            0 => (self.issued + line.fixed_secs + self.drift_secs).max(self.others_until),
-            _ => self.heard,
+            0 => (self.issued + cost.fixed_secs + self.delay_secs).max(self.others_until),
+            _ => self.last_heard,
         }
     }
 
-    /// Seconds per unit of work as it comes, of which `grace_secs` are put down to its way; 0 if that
-    /// cannot be told yet.
+    /// Seconds per unit of work as it comes, of which `grace_secs` are put down to the network; 0 if
+    /// that cannot be told yet.
     pub(super) fn pace(&self, grace_secs: f64) -> f64 {
-        let work = self.work_received - self.seen_work;
+        let work = self.work_received - self.measured_work;
         if work > 0.0 {
-            (self.heard - self.seen_since - grace_secs) / work
+            (self.last_heard - self.measured_since - grace_secs) / work
         } else {
             0.0
         }
@@ -132,13 +135,19 @@ impl Run {
 
     /// Work that is still to come, if it is wanted.
     pub(super) fn outstanding(&self) -> f64 {
-        if self.cancelled {
+        if self.is_cancelled {
             return 0.0;
         }
         (self.work - self.work_received).max(0.0)
     }
 
-    /// Where the time of tiles went that are there now, of a frame `submitted` then. A node that says
+    /// Tiles that are lost with it if its node does not answer.
+    pub(super) fn lost_tiles(&self) -> u64 {
+        let missing = self.tiles.count.saturating_sub(self.tiles_received);
+        if self.counts() { missing.into() } else { 0 }
+    }
+
+    /// Stages of the time of tiles that are there now, of a frame `submitted` then. A node that says
     /// it worked longer than it was waited for is believed no more than that.
     pub(super) fn split(&self, now: f64, submitted: f64, times: NodeTimes) -> LatencySplit {
         let mut left = now - self.issued;
@@ -160,12 +169,12 @@ impl Run {
 
     /// Whether the frame relies on it.
     pub(super) fn counts(&self) -> bool {
-        self.is_wanted() && !self.lost
+        self.is_wanted() && !self.is_lost
     }
 
-    /// Whether it is taken back when the frame needs it no more.
+    /// Whether it is cancelled when the frame needs it no more.
     pub(super) fn is_wanted(&self) -> bool {
-        !self.cancelled && !self.probe
+        !self.is_cancelled && !self.is_probe
     }
 
     /// How long the request waited behind earlier ones, by the client's clock: from when it reached
@@ -177,3 +186,57 @@ impl Run {
 
 /// Messages come together if the time between them is less than this share of their work's.
 const TOGETHER: f64 = 0.25;
+
+#[cfg(test)]
+mod tests {
+    use carom_tracer::{ImageSize, TileGrid};
+
+    use super::*;
+
+    fn request(tiles: TileRange) -> OpenRequest {
+        let passes = SamplePasses::one(TileGrid::new(ImageSize::new(40, 1), 1), 1);
+        OpenRequest::new(1.0, FrameId(0), passes, tiles, f64::from(tiles.count))
+    }
+
+    #[test]
+    fn stages_add_up_however_long_a_node_says_it_worked() {
+        let mut request = request(TileRange {
+            first: 0,
+            count: 10,
+        });
+        request.decode_secs = 0.001;
+        for trace_micros in [0, 3000, 3_000_000] {
+            let times = NodeTimes {
+                queue_micros: 2000,
+                trace_micros,
+                encode_micros: 500,
+            };
+            let split = request.split(1.010, 0.995, times);
+            let stages = [
+                split.request_secs,
+                split.network_secs,
+                split.queue_secs,
+                split.trace_secs,
+                split.encode_secs,
+                split.decode_secs,
+            ];
+            assert!(stages.iter().all(|secs| *secs >= 0.0), "{split:?}");
+            assert!((stages.iter().sum::<f64>() - 0.015).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn cancelled_and_probing_requests_lose_no_tiles() {
+        let mut open = request(TileRange {
+            first: 0,
+            count: 10,
+        });
+        open.receive(1.1, TileRange { first: 0, count: 4 }, 4.0, 0.1, None, true);
+        assert_eq!(open.lost_tiles(), 6);
+        let mut probe = open.clone();
+        probe.is_probe = true;
+        open.is_cancelled = true;
+        assert_eq!((open.lost_tiles(), probe.lost_tiles()), (0, 0));
+        assert_eq!((open.outstanding(), probe.outstanding()), (0.0, 6.0));
+    }
+}

@@ -1,8 +1,8 @@
-//! How much work tiles are, and how they are cut into shares.
+//! Partition of tiles among nodes, by the work that each tile is.
 
 use carom_tracer::TileRange;
 
-use super::sample_passes::Passes;
+use super::sample_passes::SamplePasses;
 use crate::balancer::{CostModel, water_fill};
 
 /// Predicted work of each unit of a picture, as sums over those before it. Of a picture of one pass
@@ -14,18 +14,18 @@ pub(super) struct WorkMap {
     before: Vec<f64>,
 }
 
-/// Tiles as they are dealt, and when the last of them should be through.
+/// Tiles as they are assigned, and when the last of them should be through.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Deal {
-    /// The tiles of each line, in the order of the lines.
-    pub(super) runs: Vec<Vec<TileRange>>,
-    /// On the clock that the lines are on.
+pub(super) struct Partition {
+    /// The tiles of each node, in the order of the nodes.
+    pub(super) tiles: Vec<Vec<TileRange>>,
+    /// On the clock of the nodes' cost models.
     pub(super) finish_secs: f64,
 }
 
 impl WorkMap {
     /// `costs` says how many times the average a pixel of each tile costs.
-    pub(super) fn new(passes: Passes, costs: &[f64]) -> Self {
+    pub(super) fn new(passes: SamplePasses, costs: &[f64]) -> Self {
         let units = passes.all();
         let mut sum = 0.0;
         let mut before = Vec::with_capacity(units.count as usize + 1);
@@ -39,14 +39,14 @@ impl WorkMap {
         Self { before }
     }
 
-    /// The work of a run of tiles.
+    /// The work of a range of tiles.
     pub(super) fn of(&self, run: TileRange) -> f64 {
         self.before[run.end() as usize] - self.before[run.first as usize]
     }
 
-    /// The work of several runs.
-    pub(super) fn of_all(&self, runs: &[TileRange]) -> f64 {
-        runs.iter().map(|run| self.of(*run)).sum()
+    /// The work of several ranges.
+    pub(super) fn of_all(&self, tiles: &[TileRange]) -> f64 {
+        tiles.iter().map(|range| self.of(*range)).sum()
     }
 
     /// The work of each tile.
@@ -62,68 +62,68 @@ impl WorkMap {
         self.before[self.before.len() - 1] / tiles as f64
     }
 
-    /// Deals the tiles of `pieces` out in their order so that the last is through as early as whole
-    /// tiles allow: the least T at which the lines, each taking as many as fit below T, take all.
+    /// Assigns the tiles of `pieces` in their order so that the last is through as early as whole tiles
+    /// allow: the least T at which the nodes, each taking as many as fit below T, take all.
     ///
     /// Rounding the optimum in real numbers instead would give a tile to nodes that need far
     /// longer than T for one.
-    pub(super) fn deal(&self, pieces: &[TileRange], lines: &[CostModel]) -> Deal {
-        let queue = Queue::new(self, pieces);
-        let filling = water_fill(queue.work(), lines);
-        let Some(finish_secs) = queue.finish(lines, filling.finish_secs) else {
-            return Deal {
-                runs: self.cut(pieces, &filling.shares),
-                finish_secs: filling.finish_secs,
+    pub(super) fn partition(&self, pieces: &[TileRange], models: &[CostModel]) -> Partition {
+        let queue = TileQueue::new(self, pieces);
+        let allocation = water_fill(queue.work(), models);
+        let Some(finish_secs) = queue.finish(models, allocation.finish_secs) else {
+            return Partition {
+                tiles: self.split(pieces, &allocation.shares),
+                finish_secs: allocation.finish_secs,
             };
         };
-        let mut runs = vec![Vec::new(); lines.len()];
-        queue.serve(lines, finish_secs, |line, tiles| {
-            tiles
-                .iter()
-                .for_each(|tile| push_tile(&mut runs[line], *tile));
+        let mut tiles = vec![Vec::new(); models.len()];
+        queue.serve(models, finish_secs, |node, taken| {
+            let ranges = &mut tiles[node];
+            taken.iter().for_each(|tile| push_tile(ranges, *tile));
         });
-        Deal { runs, finish_secs }
+        Partition { tiles, finish_secs }
     }
 
-    /// Deals the tiles of `pieces` out in their order, as near to `shares` as whole tiles allow.
-    /// All are dealt; those with no share get none.
-    pub(super) fn cut(&self, pieces: &[TileRange], shares: &[f64]) -> Vec<Vec<TileRange>> {
+    /// Assigns the tiles of `pieces` in their order, as near to `shares` as whole tiles allow.
+    /// All are assigned; those with no share get none.
+    pub(super) fn split(&self, pieces: &[TileRange], shares: &[f64]) -> Vec<Vec<TileRange>> {
         let last = shares.iter().rposition(|share| *share > 0.0);
-        let mut tiles = pieces.iter().flat_map(|run| run.indices()).peekable();
+        let mut waiting = pieces.iter().flat_map(|range| range.indices()).peekable();
         let (mut dealt, mut target) = (0.0, 0.0);
         let mut deal = |(index, share): (usize, &f64)| {
             target += share;
-            let mut runs = Vec::new();
+            let mut tiles = Vec::new();
             let all = Some(index) == last;
             while *share > 0.0
-                && let Some(&tile) = tiles.peek()
+                && let Some(&tile) = waiting.peek()
             {
                 let work = self.of(TileRange {
                     first: tile,
                     count: 1,
                 });
+                // A tile goes to whoever gets the larger part of it, and rounding to the last.
                 if !all && dealt + 0.5 * work > target {
                     break;
                 }
-                push_tile(&mut runs, tile);
+                push_tile(&mut tiles, tile);
                 dealt += work;
-                tiles.next();
+                waiting.next();
             }
-            runs
+            tiles
         };
         shares.iter().enumerate().map(&mut deal).collect()
     }
 }
 
-/// Tiles that wait to be dealt, with the work before each.
-struct Queue {
+/// Tiles that wait to be assigned, with the work before each.
+struct TileQueue {
     tiles: Vec<u32>,
     before: Vec<f64>,
 }
 
-impl Queue {
+impl TileQueue {
     fn new(work: &WorkMap, pieces: &[TileRange]) -> Self {
-        let tiles: Vec<u32> = pieces.iter().flat_map(|run| run.indices()).collect();
+        let tiles: Vec<u32> = pieces.iter().flat_map(|range| range.indices()).collect();
         let mut before = Vec::with_capacity(tiles.len() + 1);
         let mut sum = 0.0;
         before.push(sum);
@@ -138,18 +138,21 @@ impl Queue {
         self.before[self.tiles.len()]
     }
 
-    /// Lets the lines take what they are through with at `finish_secs`, each time the one of the next
-    /// [`Queue::window`] lines that the next tiles fit best. Whether all are taken.
+    /// Lets the nodes take what they are through with at `finish_secs`, each time the one of the next
+    /// [`TileQueue::window`] nodes that the next tiles fit best. Whether all are taken.
     fn serve(
         &self,
-        lines: &[CostModel],
+        models: &[CostModel],
         finish_secs: f64,
         mut taken: impl FnMut(usize, &[u32]),
     ) -> bool {
-        let rooms = lines.iter().map(|line| line.room(finish_secs)).enumerate();
+        let rooms = models
+            .iter()
+            .map(|model| model.room(finish_secs))
+            .enumerate();
         let mut rooms = rooms.filter(|(_, room)| *room > 0.0);
         let mut waiting: Vec<(usize, f64)> =
-            rooms.by_ref().take(self.window(lines.len())).collect();
+            rooms.by_ref().take(self.window(models.len())).collect();
         let mut start = 0;
         while start < self.tiles.len() {
             let left_over = |place: usize| {
@@ -171,10 +174,10 @@ impl Queue {
         true
     }
 
-    /// Among how many lines a place in the queue is offered: where each takes but a few tiles, what
+    /// Among how many nodes a place in the queue is offered: where each takes but a few tiles, what
     /// they leave over for want of half a tile would be a tenth of them all.
-    fn window(&self, lines: usize) -> usize {
-        if self.tiles.len() < FEW_TILES * lines {
+    fn window(&self, models: usize) -> usize {
+        if self.tiles.len() < FEW_TILES * models {
             WINDOW
         } else {
             1
@@ -197,12 +200,12 @@ impl Queue {
     }
 
     /// The least time at which all are taken, to [`FINISH_PRECISION`]; `lowest` is no more than it.
-    /// `None` if the lines' caps leave whole tiles over.
-    fn finish(&self, lines: &[CostModel], lowest: f64) -> Option<f64> {
-        let takes_all = |finish: f64| self.serve(lines, finish, |_, _| {});
-        let least_b = lines
+    /// `None` if the nodes' bounds leave whole tiles over.
+    fn finish(&self, models: &[CostModel], lowest: f64) -> Option<f64> {
+        let takes_all = |finish: f64| self.serve(models, finish, |_, _| {});
+        let least_b = models
             .iter()
-            .map(|line| line.secs_per_work)
+            .map(|model| model.secs_per_work)
             .fold(f64::MAX, f64::min);
         let mut step = least_b * self.work() / self.tiles.len().max(1) as f64;
         let (mut low, mut high) = (lowest, lowest);
@@ -214,7 +217,7 @@ impl Queue {
             high += step;
             step *= 2.0;
         }
-        while high - low > FINISH_PRECISION * (high - lines[0].fixed_secs.min(lowest)).abs() {
+        while high - low > FINISH_PRECISION * (high - models[0].fixed_secs.min(lowest)).abs() {
             let middle = 0.5 * (low + high);
             if !(low < middle && middle < high) {
                 break;
@@ -229,21 +232,21 @@ impl Queue {
     }
 }
 
-/// Lines that one place in a queue is offered to if there are fewer tiles a line than that.
+/// Nodes that one place in a queue is offered to if there are fewer tiles a node than that.
 const WINDOW: usize = 4;
 const FEW_TILES: usize = 16;
 /// Relative error that sums of work may have.
 const ROUNDING: f64 = 1e-9;
-/// Of a deal's finish, as a share of it.
+/// Of a partition's finish, as a share of it.
 const FINISH_PRECISION: f64 = 2e-3;
-/// A deal that takes longer than this is none.
+/// A partition that takes longer than this is none.
 const STEP_SECS_MAX: f64 = 1e4;
 
-/// Appends a tile to runs that stay as few as can be.
-pub(super) fn push_tile(runs: &mut Vec<TileRange>, tile: u32) {
-    match runs.last_mut() {
-        Some(run) if run.end() == tile => run.count += 1,
-        _ => runs.push(TileRange {
+/// Appends a tile to ranges that stay as few as can be.
+pub(super) fn push_tile(ranges: &mut Vec<TileRange>, tile: u32) {
+    match ranges.last_mut() {
+        Some(range) if range.end() == tile => range.count += 1,
+        _ => ranges.push(TileRange {
             first: tile,
             count: 1,
         }),
@@ -259,12 +262,12 @@ mod tests {
 
     proptest! {
         #[test]
-        fn each_tile_is_dealt_once_and_shares_are_met_within_a_tile(
+        fn shares_are_met_within_a_tile(
             weights in prop::collection::vec(0.0..1.0f64, 1..12),
             holes in prop::collection::vec(any::<bool>(), 48),
         ) {
             let grid = TileGrid::new(ImageSize::new(80, 60), 10);
-            let map = WorkMap::new(Passes::one(grid, 1), &[1.0; 48]);
+            let map = WorkMap::new(SamplePasses::one(grid, 1), &[1.0; 48]);
             let mut pieces = Vec::new();
             for tile in (0..grid.len()).filter(|tile| !holes[*tile as usize]) {
                 push_tile(&mut pieces, tile);
@@ -273,44 +276,44 @@ mod tests {
             let sum: f64 = weights.iter().sum();
             prop_assume!(sum > 0.0);
             let shares: Vec<f64> = weights.iter().map(|weight| weight / sum * work).collect();
-            let dealt = map.cut(&pieces, &shares);
-            let tiles = |runs: &[TileRange]| -> Vec<u32> {
-                runs.iter().flat_map(|run| run.indices()).collect()
+            let dealt = map.split(&pieces, &shares);
+            let tiles = |ranges: &[TileRange]| -> Vec<u32> {
+                ranges.iter().flat_map(|range| range.indices()).collect()
             };
             prop_assert_eq!(tiles(&dealt.concat()), tiles(&pieces));
-            for (runs, share) in dealt.iter().zip(&shares) {
-                prop_assert!((map.of_all(runs) - share).abs() <= 1.001 * map.mean_tile());
-                prop_assert!(*share > 0.0 || runs.is_empty());
+            for (tiles, share) in dealt.iter().zip(&shares) {
+                prop_assert!((map.of_all(tiles) - share).abs() <= 1.001 * map.mean_tile());
+                prop_assert!(*share > 0.0 || tiles.is_empty());
             }
         }
 
         #[test]
-        fn a_deal_hands_out_each_tile_once_and_in_time(
-            lines in prop::collection::vec((0.0..0.02f64, 1e-6..1e-3f64, 0.0..0.01f64), 1..24),
+        fn partition_assigns_each_tile_once_and_in_time(
+            models in prop::collection::vec((0.0..0.02f64, 1e-6..1e-3f64, 0.0..0.01f64), 1..24),
             costs in prop::collection::vec(0.3..3.0f64, 48),
         ) {
             let grid = TileGrid::new(ImageSize::new(80, 60), 10);
-            let map = WorkMap::new(Passes::one(grid, 1), &costs);
-            let line = |&(fixed_secs, secs_per_work, margin_secs): &(f64, f64, f64)| CostModel {
+            let map = WorkMap::new(SamplePasses::one(grid, 1), &costs);
+            let model = |&(fixed_secs, secs_per_work, margin_secs): &(f64, f64, f64)| CostModel {
                 unmonitored_work: 150.0,
                 margin_secs,
                 ..CostModel::new(fixed_secs, secs_per_work)
             };
-            let lines: Vec<CostModel> = lines.iter().map(line).collect();
-            let deal = map.deal(&[grid.all()], &lines);
-            let mut dealt: Vec<TileRange> = deal.runs.concat();
-            dealt.sort_by_key(|run| run.first);
-            let tiles: Vec<u32> = dealt.iter().flat_map(|run| run.indices()).collect();
+            let models: Vec<CostModel> = models.iter().map(model).collect();
+            let partition = map.partition(&[grid.all()], &models);
+            let mut dealt: Vec<TileRange> = partition.tiles.concat();
+            dealt.sort_by_key(|range| range.first);
+            let tiles: Vec<u32> = dealt.iter().flat_map(|range| range.indices()).collect();
             prop_assert_eq!(tiles, grid.all().indices().collect::<Vec<_>>());
-            for (line, runs) in lines.iter().zip(&deal.runs) {
-                prop_assert!(runs.len() <= 1, "a line's tiles are in a row");
-                let work = map.of_all(runs);
-                let finish = line.fixed_secs + line.secs_per_work * work;
-                prop_assert!(work == 0.0 || finish <= deal.finish_secs * (1.0 + 1e-6));
+            for (model, tiles) in models.iter().zip(&partition.tiles) {
+                prop_assert!(tiles.len() <= 1, "a node's tiles are in a row");
+                let work = map.of_all(tiles);
+                let finish = model.fixed_secs + model.secs_per_work * work;
+                prop_assert!(work == 0.0 || finish <= partition.finish_secs * (1.0 + 1e-6));
             }
-            // No line alone, taken as far as whole tiles go, is much better than all together.
-            let alone = lines.iter().map(|line| line.fixed_secs + line.margin_secs + line.secs_per_work * map.of(grid.all()));
-            prop_assert!(deal.finish_secs <= alone.fold(f64::INFINITY, f64::min) * 1.01 + 1e-9);
+            // No node alone, taken as far as whole tiles go, is much better than all together.
+            let alone = models.iter().map(|model| model.fixed_secs + model.margin_secs + model.secs_per_work * map.of(grid.all()));
+            prop_assert!(partition.finish_secs <= alone.fold(f64::INFINITY, f64::min) * 1.01 + 1e-9);
         }
     }
 }

@@ -1,11 +1,11 @@
-//! A frame's units of work: its tiles, once for each pass over its samples.
+//! Units of a frame's work: its tiles, once for each pass over its samples.
 //!
 //! ```text
 //! one pass:   tile 0, tile 1, …            each with all samples
 //! two passes: tile 0, tile 1, … with the first half, tile 0, tile 1, … with the second half
 //! ```
 //!
-//! Balancers, hedging and takeover deal with runs of units in a row and need not know which it is. With
+//! Balancers and recovery deal with ranges of units and need not know which it is. With
 //! as many passes as the fastest node is a part of the farm, each node gets other samples of the whole
 //! picture.
 
@@ -15,17 +15,18 @@ use carom_protocol::PixelFormat;
 use carom_tracer::{TileGrid, TileRange};
 
 use crate::balancer::Candidate;
-use crate::{Distribution, FrameSpec};
+use crate::balancing::Distribution;
+use crate::frame::FrameSpec;
 
 /// Units are numbered pass by pass, and within a pass tile by tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Passes {
+pub(super) struct SamplePasses {
     pub(super) grid: TileGrid,
     count: u32,
     samples: u32,
 }
 
-impl Passes {
+impl SamplePasses {
     /// All samples of each tile at once.
     pub(super) fn one(grid: TileGrid, samples: u32) -> Self {
         Self::several(grid, samples, 1)
@@ -139,7 +140,7 @@ mod tests {
             cuts in prop::collection::vec(0.0..1.0f64, 0..6),
         ) {
             let grid = TileGrid::new(ImageSize::new(35, 20), 10);
-            let passes = Passes::several(grid, samples, count.min(samples));
+            let passes = SamplePasses::several(grid, samples, count.min(samples));
             let all = passes.all().count;
             let mut ends: Vec<u32> = cuts.iter().map(|cut| (cut * f64::from(all)) as u32).collect();
             ends.push(all);

@@ -61,7 +61,9 @@ fn divide(coordinator: &mut Coordinator, frame: u64) -> f64 {
         format: PixelFormat::LinearF32,
     };
     let begun = ThreadTime::now();
-    coordinator.submit(now, FrameId(frame), spec, 1);
+    coordinator
+        .submit(now, FrameId(frame), spec, 1)
+        .expect("the scene has been set");
     let micros = begun.elapsed().as_secs_f64() * 1e6;
     answer_all(coordinator, now);
     micros

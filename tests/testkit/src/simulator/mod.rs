@@ -223,7 +223,8 @@ impl<'a> FarmSimulation<'a> {
             }
             let spec = frame_spec(self.plan);
             self.coordinator
-                .submit(self.now, id, spec, self.plan.tile_edge);
+                .submit(self.now, id, spec, self.plan.tile_edge)
+                .expect("the scene has been set");
             if let Some(at) = self.deadlines.last() {
                 self.coordinator
                     .set_deadline(id, Duration::from_secs_f64(*at));

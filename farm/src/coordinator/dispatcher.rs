@@ -1,0 +1,164 @@
+//! Commands to nodes and frames to the caller, in the order in which they are to be carried out.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use carom_protocol::limits::{REQUEST_SAMPLES_MAX, REQUEST_TILES_MAX};
+use carom_protocol::{FrameId, PrecisionRange, RequestId, SceneHash, TraceRequest};
+use carom_tracer::{RenderSettings, Scene, TileRange};
+
+use super::CoordinatorAction;
+use super::frame_in_flight::FrameInFlight;
+use super::node_table::NodeTable;
+use super::open_request::OpenRequest;
+use crate::balancer::Estimate;
+use crate::frame::Frame;
+use crate::link::LinkCommand;
+use crate::node_status::NodeIndex;
+
+/// What is sent counts as open in the [`NodeTable`] from then on.
+#[derive(Debug, Default)]
+pub(super) struct Dispatcher {
+    actions: VecDeque<CoordinatorAction>,
+    last_request: RequestId,
+}
+
+impl Dispatcher {
+    pub(super) fn send(&mut self, node: NodeIndex, command: LinkCommand) {
+        let action = CoordinatorAction::Command { node, command };
+        self.actions.push_back(action);
+    }
+
+    pub(super) fn send_scene(&mut self, node: NodeIndex, hash: SceneHash, scene: &Arc<Scene>) {
+        self.send(node, LinkCommand::Scene(hash, Arc::clone(scene)));
+    }
+
+    pub(super) fn deliver(&mut self, frame: Frame) {
+        let action = CoordinatorAction::Deliver(Box::new(frame));
+        self.actions.push_back(action);
+    }
+
+    pub(super) fn poll(&mut self) -> Option<CoordinatorAction> {
+        self.actions.pop_front()
+    }
+
+    /// Requests tiles of a node, one range after the other, in several requests where they are many.
+    pub(super) fn request(
+        &mut self,
+        now: f64,
+        nodes: &mut NodeTable,
+        node: NodeIndex,
+        frame: &FrameInFlight,
+        tiles: &[TileRange],
+        is_probe: bool,
+    ) {
+        if tiles.is_empty() {
+            return;
+        }
+        let passes = frame.passes;
+        let samples = u64::from(frame.spec.settings.samples);
+        let tile_samples = u64::from(passes.grid.edge).pow(2) * samples;
+        let most = (REQUEST_SAMPLES_MAX / tile_samples.max(1))
+            .clamp(1, u64::from(REQUEST_TILES_MAX)) as u32;
+        // Nothing is sent if the node has it; a node keeps only the scenes used last.
+        self.send_scene(node, frame.scene.0, &frame.scene.1);
+        let mut wait_secs = nodes[node].workload.wait_secs(now, frame.id);
+        for range in tiles.iter().flat_map(|range| passes.split(*range)) {
+            for first in range.indices().step_by(most as usize) {
+                let count = most.min(range.end() - first);
+                let tiles = TileRange { first, count };
+                let work = frame.work.of(tiles);
+                let mut request = OpenRequest::new(now, frame.id, passes, tiles, work);
+                request.is_probe = is_probe;
+                wait_secs += self.request_range(nodes, node, frame, request, wait_secs);
+            }
+        }
+        nodes.arm(node);
+    }
+
+    /// Sends one request, which waits at its node for others for `wait_secs`. Returns for how long
+    /// the node should be busy with it.
+    fn request_range(
+        &mut self,
+        nodes: &mut NodeTable,
+        index: NodeIndex,
+        frame: &FrameInFlight,
+        mut request: OpenRequest,
+        wait_secs: f64,
+    ) -> f64 {
+        let node = &mut nodes[index];
+        if !node.has_room() {
+            return 0.0; // assigned again when a request of this node ends
+        }
+        let workload = &mut node.workload;
+        let cost = workload.delivered();
+        let busy_secs = cost.map_or(0.0, |cost| cost.secs_per_work * request.work);
+        request.delay_secs = workload.delay.secs(frame.id);
+        let comes = |cost: Estimate| request.issued + cost.fixed_secs + request.delay_secs;
+        request.expected = cost.map(|cost| comes(cost) + wait_secs + busy_secs);
+        self.last_request = RequestId(self.last_request.0 + 1);
+        let samples = frame.passes.samples(request.tiles.first);
+        let message = Box::new(TraceRequest {
+            frame: frame.id,
+            id: self.last_request,
+            scene: frame.scene.0,
+            update: frame.spec.update.clone(),
+            grid: frame.passes.grid,
+            tiles: frame.passes.tiles(request.tiles),
+            settings: RenderSettings {
+                samples: samples.len() as u32,
+                first_sample: frame.spec.settings.first_sample + samples.start,
+                ..frame.spec.settings
+            },
+            format: frame.spec.format,
+            precision: PrecisionRange::EXACT,
+            references: Vec::new(),
+        });
+        workload.add(request.issued, self.last_request, request);
+        self.send(index, LinkCommand::Trace(message));
+        busy_secs
+    }
+
+    /// Takes a request back.
+    pub(super) fn cancel(
+        &mut self,
+        now: f64,
+        nodes: &mut NodeTable,
+        node: NodeIndex,
+        request: RequestId,
+    ) {
+        nodes[node].cancel(now, request);
+        self.send(node, LinkCommand::CancelRequest(request));
+    }
+
+    /// Takes back what is still asked for of a frame, but for probes.
+    pub(super) fn cancel_frame(&mut self, now: f64, nodes: &mut NodeTable, frame: FrameId) {
+        for node in nodes.indices() {
+            let requests = nodes[node].workload.requests.iter();
+            let open = requests.filter(|(_, request)| {
+                let is_whole = request.tiles_received >= request.tiles.count;
+                request.frame == frame && request.is_wanted() && !is_whole
+            });
+            let open: Vec<RequestId> = open.map(|(id, _)| *id).collect();
+            for id in open {
+                self.cancel(now, nodes, node, id);
+            }
+        }
+    }
+
+    /// Takes back all requests of frames before `frame`, with one command to each node.
+    pub(super) fn cancel_before(&mut self, now: f64, nodes: &mut NodeTable, frame: FrameId) {
+        for node in nodes.indices() {
+            let requests = nodes[node].workload.requests.iter();
+            let dropped =
+                requests.filter(|(_, request)| request.frame < frame && !request.is_cancelled);
+            let dropped: Vec<RequestId> = dropped.map(|(id, _)| *id).collect();
+            for &id in &dropped {
+                nodes[node].cancel(now, id);
+            }
+            if !dropped.is_empty() {
+                self.send(node, LinkCommand::CancelBefore(frame));
+            }
+        }
+    }
+}

@@ -1,0 +1,225 @@
+//! A frame that has been submitted and not been delivered: its tiles as they come, its plan, and its
+//! statistics.
+
+use std::sync::Arc;
+
+use carom_protocol::tile_codec::TilePixels;
+use carom_protocol::{FrameId, NodeTimes, SceneHash};
+use carom_tracer::{Scene, TileRange};
+
+use super::frame_buffer::FrameBuffer;
+use super::open_request::OpenRequest;
+use super::partition::WorkMap;
+use super::sample_passes::SamplePasses;
+use crate::frame::{Frame, FrameSpec};
+use crate::node_status::NodeIndex;
+use crate::stats::{Delivery, FrameStats, LatencySplit};
+
+/// Times are seconds on the client's clock.
+#[derive(Debug)]
+pub(super) struct FrameInFlight {
+    pub(super) id: FrameId,
+    pub(super) spec: FrameSpec,
+    pub(super) scene: (SceneHash, Arc<Scene>),
+    pub(super) passes: SamplePasses,
+    pub(super) work: WorkMap,
+    pub(super) submitted: f64,
+    /// Absent once it is finished.
+    pub(super) buffer: Option<FrameBuffer>,
+    /// Whether its tiles have been assigned once.
+    pub(super) is_assigned: bool,
+    /// What more than one node has been asked for.
+    pub(super) reissued: Vec<TileRange>,
+    /// Tiles that nodes have not taken yet, where they take them as they can.
+    pub(super) pool: TileRange,
+    /// When it should be whole.
+    pub(super) target: f64,
+    /// How long it should take when it is assigned.
+    pub(super) planned_secs: f64,
+    /// When it is looked at for tiles that will be late; absent while there is no prediction.
+    pub(super) evaluate_at: Option<f64>,
+    pub(super) last_evaluation: f64,
+    /// When it must be shown, if it has not been handed over by then.
+    pub(super) deadline: Option<f64>,
+    /// Whether older frames with this set are of no use once it has been handed over.
+    pub(super) perishes: bool,
+    pub(super) stats: FrameStats,
+    /// By node.
+    busy_secs: Vec<f64>,
+    pub(super) finished: Option<Frame>,
+}
+
+/// Tiles of a message from a node: units of one pass, and their pixels.
+pub(super) struct TileArrival<'a> {
+    pub(super) tiles: TileRange,
+    pub(super) pixels: &'a TilePixels,
+    pub(super) dropped_samples: u32,
+    pub(super) payload_bytes: usize,
+    pub(super) times: NodeTimes,
+}
+
+impl FrameInFlight {
+    pub(super) fn new(
+        now: f64,
+        id: FrameId,
+        spec: FrameSpec,
+        scene: (SceneHash, Arc<Scene>),
+        passes: SamplePasses,
+        work: WorkMap,
+    ) -> Self {
+        let stats = FrameStats {
+            raw_bytes: (spec.size.pixels() * spec.format.bytes()) as u64,
+            tile_edge: passes.grid.edge,
+            passes: 1,
+            tile_work: work.tiles().collect(),
+            ..FrameStats::default()
+        };
+        Self {
+            id,
+            work,
+            buffer: Some(FrameBuffer::new(passes, spec.format)),
+            spec,
+            scene,
+            passes,
+            submitted: now,
+            is_assigned: false,
+            reissued: Vec::new(),
+            pool: TileRange { first: 0, count: 0 },
+            target: f64::INFINITY,
+            planned_secs: f64::INFINITY,
+            evaluate_at: None,
+            last_evaluation: now,
+            deadline: None,
+            perishes: false,
+            stats,
+            busy_secs: Vec::new(),
+            finished: None,
+        }
+    }
+
+    /// Splits it into passes before it is assigned. `costs` are of its tiles.
+    pub(super) fn split_into_passes(&mut self, count: u32, costs: &[f64]) {
+        let passes = SamplePasses::several(self.passes.grid, self.spec.settings.samples, count);
+        self.work = WorkMap::new(passes, costs);
+        self.buffer = Some(FrameBuffer::new(passes, self.spec.format));
+        self.stats.passes = count;
+        self.passes = passes;
+    }
+
+    /// Counts time that a node worked on it.
+    pub(super) fn count_busy(&mut self, node: NodeIndex, secs: f64) {
+        let nodes = self.busy_secs.len().max(node.0 + 1);
+        self.busy_secs.resize(nodes, 0.0);
+        self.busy_secs[node.0] += secs;
+        self.stats.busy_secs = self.stats.busy_secs.max(self.busy_secs[node.0]);
+    }
+
+    /// Puts in tiles that have come for `request` from one of `nodes` nodes. Returns how many of them
+    /// were not there before, and where their time went; nothing if the frame is finished.
+    pub(super) fn add_tiles(
+        &mut self,
+        now: f64,
+        node: NodeIndex,
+        nodes: usize,
+        request: &OpenRequest,
+        arrival: &TileArrival<'_>,
+    ) -> Option<(u32, LatencySplit)> {
+        let tiles = arrival.tiles;
+        let fresh = self.buffer.as_mut()?.fill(tiles, arrival.pixels);
+        let arrived_secs = now - self.submitted;
+        let split = request.split(now, self.submitted, arrival.times);
+        let split = self.note_split(node, split);
+        let stats = &mut self.stats;
+        stats.payload_bytes += arrival.payload_bytes as u64;
+        stats.duplicate_tiles += tiles.count - fresh;
+        if fresh == tiles.count {
+            stats.dropped_samples += u64::from(arrival.dropped_samples);
+        }
+        stats.tiles_by_node.resize(nodes, 0);
+        stats.tiles_by_node[node.0] += fresh;
+        stats.response_secs_by_node.resize(nodes, 0.0);
+        stats.response_secs_by_node[node.0] = arrived_secs;
+        // Noted by `Workload::receive` just before.
+        let (_, work, busy_secs) = request.pieces.last().copied().unwrap_or((tiles, 0.0, 0.0));
+        stats.deliveries.push(Delivery {
+            node,
+            tiles: request.passes.tiles(tiles),
+            fresh_tiles: fresh,
+            work,
+            expected_secs: request.expected.map(|at| at - self.submitted),
+            arrived_secs,
+            busy_secs,
+            split,
+            payload_bytes: u32::try_from(arrival.payload_bytes).unwrap_or(u32::MAX),
+        });
+        Some((fresh, split))
+    }
+
+    /// Notes where the time of a node's latest tiles went, before its response is noted. A share is
+    /// asked for in several requests at once: what the later ones wait for while the earlier ones
+    /// are traced is tracing.
+    fn note_split(&mut self, node: NodeIndex, mut split: LatencySplit) -> LatencySplit {
+        let splits = self.stats.split_by_node.len().max(node.0 + 1);
+        self.stats
+            .split_by_node
+            .resize(splits, LatencySplit::default());
+        let noted = &mut self.stats.split_by_node[node.0];
+        let answered = self.stats.response_secs_by_node.get(node.0).copied() > Some(0.0);
+        if answered && noted.request_secs == split.request_secs {
+            let earlier = (split.queue_secs - noted.queue_secs).max(0.0);
+            split.queue_secs -= earlier;
+            split.trace_secs += earlier;
+        }
+        *noted = split;
+        split
+    }
+
+    /// How much later than its target a tile may come before it is asked for again, in seconds:
+    /// `price` times the usual margin.
+    pub(super) fn margin_secs(&self, price: f64) -> f64 {
+        let planned = self.target - self.submitted;
+        let share = if planned.is_finite() {
+            MARGIN_SHARE * planned
+        } else {
+            0.0
+        };
+        price * (MARGIN_SECS + share)
+    }
+
+    /// Ends it if all tiles are there. `true` if it has just ended.
+    pub(super) fn finish(&mut self, now: f64) -> bool {
+        let Some(buffer) = self.buffer.take_if(|buffer| buffer.is_complete()) else {
+            return false;
+        };
+        self.stats.makespan_secs = now - self.submitted;
+        self.evaluate_at = None;
+        self.finished = Some(Frame {
+            id: self.id,
+            size: self.spec.size,
+            pixels: buffer.into_pixels(),
+            missing: Vec::new(),
+            stats: std::mem::take(&mut self.stats),
+        });
+        true
+    }
+
+    /// The tiles of it that are there; nothing if it is finished.
+    pub(super) fn partial_frame(&mut self, now: f64) -> Option<Frame> {
+        let buffer = self.buffer.as_ref()?;
+        let late = buffer.missing(self.passes.all(), |_| true);
+        self.stats.late_tiles = late.iter().map(|range| range.count).sum();
+        let mut stats = self.stats.clone();
+        stats.makespan_secs = now - self.submitted;
+        Some(Frame {
+            id: self.id,
+            size: self.spec.size,
+            pixels: buffer.pixels(),
+            missing: buffer.missing_tiles(),
+            stats,
+        })
+    }
+}
+
+/// How late a tile may be: so many seconds, and a share of the time that the frame should take.
+const MARGIN_SECS: f64 = 0.25e-3;
+const MARGIN_SHARE: f64 = 0.01;

@@ -1,0 +1,323 @@
+//! A node as the coordinator knows it: its connection, its scenes, pauses after failures, and its
+//! [`Workload`].
+
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+use carom_protocol::limits::REQUESTS_QUEUED_MAX;
+use carom_protocol::{FrameId, NodeInfo, RequestId, SceneHash};
+
+use super::workload::Workload;
+use crate::node_status::{NodeState, NodeStatus};
+use crate::stats::LatencySplit;
+
+/// Times are seconds on the client's clock.
+#[derive(Debug)]
+pub(super) struct NodeEntry {
+    address: String,
+    connection: ConnectionState,
+    /// Scenes that it has said it is ready for.
+    scenes: BTreeSet<SceneHash>,
+    /// The scene that is on its way to it, and how much of it has come, in per cent.
+    scene_progress: Option<(SceneHash, u8)>,
+    scene_refused: Option<(SceneHash, String)>,
+    pub(super) workload: Workload,
+    pause: Option<Pause>,
+    /// Failures since it last sent something right.
+    failures: u32,
+    tiles: u64,
+    lost_tiles: u64,
+    split: LatencySplit,
+    ping: PingState,
+    pub(super) last_probe: Option<FrameId>,
+    /// When [`super::node_table::NodeTable::next_due`] will name it, at the latest.
+    pub(super) armed: Option<Duration>,
+}
+
+#[derive(Debug)]
+pub(super) enum ConnectionState {
+    Connecting,
+    Open(NodeInfo),
+    Lost { why: String, retry_at: Option<f64> },
+}
+
+/// Time without requests after a refusal.
+#[derive(Debug)]
+struct Pause {
+    until: f64,
+    /// Absent if the node was merely busy.
+    why: Option<String>,
+}
+
+#[derive(Debug, Default)]
+struct PingState {
+    number: u64,
+    /// When the one that has no answer yet was sent.
+    sent: Option<f64>,
+    next: f64,
+    round_trip_secs: Option<f64>,
+}
+
+impl NodeEntry {
+    pub(super) fn new(address: String) -> Self {
+        Self {
+            address,
+            connection: ConnectionState::Connecting,
+            scenes: BTreeSet::new(),
+            scene_progress: None,
+            scene_refused: None,
+            workload: Workload::default(),
+            pause: None,
+            failures: 0,
+            tiles: 0,
+            lost_tiles: 0,
+            split: LatencySplit::default(),
+            ping: PingState::default(),
+            last_probe: None,
+            armed: None,
+        }
+    }
+
+    /// Begins a connection; what was known of another one is void.
+    pub(super) fn open(&mut self, now: f64, info: NodeInfo) {
+        self.reset(ConnectionState::Open(info));
+        self.ping = PingState {
+            next: now,
+            ..PingState::default()
+        };
+    }
+
+    /// Forgets all that a connection held.
+    pub(super) fn reset(&mut self, connection: ConnectionState) {
+        self.connection = connection;
+        self.scenes.clear();
+        self.scene_progress = None;
+        self.scene_refused = None;
+        self.lost_tiles += self.workload.clear();
+        self.pause = None;
+        self.failures = 0;
+    }
+
+    /// `true` if it was not ready for that scene before.
+    pub(super) fn scene_ready(&mut self, hash: SceneHash) -> bool {
+        self.scene_refused = None;
+        self.scenes.insert(hash)
+    }
+
+    pub(super) fn scene_coming(&mut self, hash: SceneHash, percent: u8) {
+        self.scene_progress = Some((hash, percent));
+    }
+
+    pub(super) fn scene_refused(&mut self, hash: SceneHash, why: String) {
+        self.scene_refused = Some((hash, why));
+    }
+
+    /// Counts tiles that have come, where their time went, and that they are right.
+    pub(super) fn count_tiles(&mut self, tiles: u32, split: LatencySplit) {
+        self.split = split;
+        self.tiles += u64::from(tiles);
+    }
+
+    /// Forgives earlier failures: what it sends is right.
+    pub(super) fn forgive(&mut self) {
+        self.failures = 0;
+    }
+
+    /// Whether nothing has failed since it was last right.
+    pub(super) fn is_trusted(&self) -> bool {
+        self.failures == 0
+    }
+
+    /// Pauses after a refusal: `why` if it was the node's or its device's fault. Such pauses double.
+    pub(super) fn back_off(&mut self, now: f64, why: Option<String>) {
+        let secs = match why {
+            Some(_) => (PAUSE_SECS * f64::from(1 << self.failures.min(10))).min(PAUSE_SECS_MAX),
+            None => BUSY_PAUSE_SECS,
+        };
+        self.failures += u32::from(why.is_some());
+        self.pause = Some(Pause {
+            until: now + secs,
+            why,
+        });
+    }
+
+    /// Whether a pause has just ended.
+    pub(super) fn resume(&mut self, now: f64) -> bool {
+        let over = self.pause.as_ref().is_some_and(|pause| pause.until <= now);
+        if over {
+            self.pause = None;
+        }
+        over
+    }
+
+    /// The number of a ping to send, if it is time.
+    pub(super) fn ping(&mut self, now: f64) -> Option<u64> {
+        if self.ping_due()? > now {
+            return None;
+        }
+        self.ping.number += 1;
+        self.ping.sent = Some(now);
+        self.ping.next = now + PING_SECS;
+        Some(self.ping.number)
+    }
+
+    pub(super) fn pong(&mut self, now: f64, number: u64) {
+        if number == self.ping.number
+            && let Some(sent) = self.ping.sent.take()
+        {
+            self.ping.round_trip_secs = Some(now - sent);
+        }
+    }
+
+    /// Marks a request as not wanted, and learns from its lateness.
+    pub(super) fn cancel(&mut self, now: f64, id: RequestId) {
+        self.workload.cancel(now, id, self.ping.round_trip_secs);
+    }
+
+    /// Learns from the first tiles of its first request.
+    pub(super) fn observe_first(&mut self, id: RequestId) {
+        let round_trip_secs = self.ping.round_trip_secs;
+        if let Some(seen) = self.workload.observation(id, round_trip_secs) {
+            self.workload.estimator.observe_first(&seen);
+        }
+    }
+
+    /// Ends a request that the node will send nothing more for. `true` if that leaves tiles that nobody
+    /// holds, or lets the node be asked for some again.
+    pub(super) fn close(&mut self, now: f64, id: RequestId) -> bool {
+        let had_room = self.has_room();
+        let Some(request) = self.workload.requests.remove(&id) else {
+            return false;
+        };
+        self.lost_tiles += request.lost_tiles();
+        let leaves_tiles = request.counts() && request.tiles_received < request.tiles.count;
+        self.workload.hear(now, id, request.frame) || leaves_tiles || !had_room
+    }
+
+    /// Falls silent, or loses more of what it holds, if it is time. `true` if it has.
+    pub(super) fn time_out(&mut self, now: f64, hedged: bool) -> bool {
+        let ConnectionState::Open(info) = &self.connection else {
+            return false;
+        };
+        let lost_tiles = self.workload.time_out(now, hedged, info.device.kind);
+        self.lost_tiles += lost_tiles.unwrap_or(0);
+        lost_tiles.is_some()
+    }
+
+    pub(super) fn is_open(&self) -> bool {
+        matches!(self.connection, ConnectionState::Open(_))
+    }
+
+    /// Whether it can be asked for tiles of that scene.
+    pub(super) fn is_usable(&self, scene: SceneHash) -> bool {
+        self.workload.silent_since.is_none() && self.is_usable_if_it_answers(scene)
+    }
+
+    /// The same of a node that may be silent.
+    pub(super) fn is_usable_if_it_answers(&self, scene: SceneHash) -> bool {
+        self.is_open() && self.scenes.contains(&scene) && self.pause.is_none() && self.has_room()
+    }
+
+    pub(super) fn has_room(&self) -> bool {
+        self.workload.requests.len() < REQUESTS_QUEUED_MAX
+    }
+
+    pub(super) fn round_trip_secs(&self) -> Option<f64> {
+        self.ping.round_trip_secs
+    }
+
+    /// When something has to be done about this node.
+    pub(super) fn next_timeout(&self, hedged: bool) -> Option<f64> {
+        let silence = match &self.connection {
+            ConnectionState::Open(info) => self.workload.silence_due(hedged, info.device.kind),
+            _ => None,
+        };
+        let pause = self.pause.as_ref().map(|pause| pause.until);
+        [self.ping_due(), pause, silence]
+            .into_iter()
+            .flatten()
+            .reduce(f64::min)
+    }
+
+    pub(super) fn status(&self, now: f64, scene: Option<SceneHash>) -> NodeStatus {
+        let info = match &self.connection {
+            ConnectionState::Open(info) => Some(info.clone()),
+            _ => None,
+        };
+        let estimator = &self.workload.estimator;
+        let (estimate, error) = (estimator.estimate(), estimator.error());
+        let round_trip = self.round_trip_secs().map(|secs| secs.max(0.0));
+        NodeStatus {
+            address: self.address.clone(),
+            info,
+            state: self.state(now, scene),
+            fixed_secs: estimate.map_or(0.0, |estimate| estimate.fixed_secs),
+            fixed_error_secs: error.map_or(0.0, |error| error.fixed_secs),
+            msamples_per_sec: estimate.map_or(0.0, |estimate| 1e-6 / estimate.secs_per_work),
+            speed_error: error.map_or(0.0, |error| error.pace),
+            tiles: self.tiles,
+            lost_tiles: self.lost_tiles,
+            round_trip: round_trip.map(Duration::from_secs_f64),
+            split: self.split,
+        }
+    }
+
+    fn state(&self, now: f64, scene: Option<SceneHash>) -> NodeState {
+        let lost = |why: String, retry_at: Option<f64>| NodeState::Lost {
+            why,
+            retry_secs: retry_at.map(|at| (at - now).ceil().max(1.0) as u64),
+        };
+        match (&self.connection, &self.scene_refused, &self.pause) {
+            (ConnectionState::Connecting, ..) => return NodeState::Starting,
+            (ConnectionState::Lost { why, retry_at }, ..) => {
+                return lost(why.clone(), *retry_at);
+            }
+            (_, Some((hash, why)), _) if Some(*hash) == scene => {
+                return lost(format!("it cannot use the scene: {why}"), None);
+            }
+            (.., Some(Pause { why, until })) if why.is_some() => {
+                return lost(why.clone().unwrap_or_default(), Some(*until));
+            }
+            _ => {}
+        }
+        let workload = &self.workload;
+        if let Some(secs) = workload.silent_since.map(|since| now - since)
+            && secs >= SILENCE_REPORTED_SECS
+        {
+            return lost(format!("it has not answered for {secs:.0} s"), None);
+        }
+        let Some(scene) = scene else {
+            return NodeState::Paired;
+        };
+        if !self.scenes.contains(&scene) {
+            let of_it = self.scene_progress.filter(|(hash, _)| *hash == scene);
+            let percent = of_it.map_or(0, |(_, percent)| percent);
+            return NodeState::Syncing { percent };
+        }
+        let worked_lately = self.tiles > 0 && now - workload.last_heard < WORK_SECS;
+        if !workload.requests.is_empty() || worked_lately {
+            NodeState::Rendering
+        } else {
+            NodeState::Ready
+        }
+    }
+
+    fn ping_due(&self) -> Option<f64> {
+        (self.is_open() && self.ping.sent.is_none()).then_some(self.ping.next)
+    }
+}
+
+/// Seconds from which on silence is reported. Others take a silent node's work much earlier; most are only
+/// late.
+const SILENCE_REPORTED_SECS: f64 = 2.0;
+/// Seconds of pause after the first failure of a device; it doubles with each further one.
+const PAUSE_SECS: f64 = 0.1;
+/// The longest pause.
+const PAUSE_SECS_MAX: f64 = 5.0;
+/// Seconds of pause after a node said that its queue is full.
+const BUSY_PAUSE_SECS: f64 = 0.02;
+/// Seconds since its last answer that a node still counts as rendering: at 60 frames a second the
+/// pauses between them would tell nobody anything.
+const WORK_SECS: f64 = 1.0;
+/// Seconds between pings.
+const PING_SECS: f64 = 1.0;

@@ -1,0 +1,224 @@
+//! The nodes of a farm by their index, and the timers by which each is looked at again.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+use std::ops::{Index, IndexMut};
+use std::time::Duration;
+
+use carom_protocol::{FrameId, SceneHash};
+
+use super::frame_queue::timer;
+use super::node_entry::NodeEntry;
+use crate::balancer::{Candidate, Estimate};
+use crate::node_status::{NodeIndex, NodeStatus};
+
+/// An index that [`NodeTable::add`] has returned stays good: nodes are lost but never removed.
+#[derive(Debug)]
+pub(super) struct NodeTable {
+    entries: Vec<NodeEntry>,
+    /// When to look at which node, at the earliest. An entry that is not the node's
+    /// [`NodeEntry::armed`] has been replaced by an earlier one.
+    timers: BinaryHeap<Reverse<(Duration, NodeIndex)>>,
+    /// Whether others are asked for what is late: then nodes count as silent much earlier.
+    pub(super) hedged: bool,
+}
+
+impl Index<NodeIndex> for NodeTable {
+    type Output = NodeEntry;
+
+    fn index(&self, index: NodeIndex) -> &NodeEntry {
+        &self.entries[index.0]
+    }
+}
+
+impl IndexMut<NodeIndex> for NodeTable {
+    fn index_mut(&mut self, index: NodeIndex) -> &mut NodeEntry {
+        &mut self.entries[index.0]
+    }
+}
+
+impl NodeTable {
+    pub(super) fn new(hedged: bool) -> Self {
+        Self {
+            entries: Vec::new(),
+            timers: BinaryHeap::new(),
+            hedged,
+        }
+    }
+
+    pub(super) fn add(&mut self, address: String) -> NodeIndex {
+        self.entries.push(NodeEntry::new(address));
+        NodeIndex(self.entries.len() - 1)
+    }
+
+    /// Sees to it that a node is looked at when it is due.
+    pub(super) fn arm(&mut self, index: NodeIndex) {
+        let entry = &mut self.entries[index.0];
+        let Some(at) = entry.next_timeout(self.hedged).map(timer) else {
+            return;
+        };
+        // A later time needs no entry: the node is looked at too early once, and armed again.
+        if entry.armed.is_none_or(|armed| at < armed) {
+            entry.armed = Some(at);
+            self.timers.push(Reverse((at, index)));
+        }
+    }
+
+    /// When some node may have something due.
+    pub(super) fn next_timeout(&self) -> Option<Duration> {
+        self.timers.peek().map(|Reverse((at, _))| *at)
+    }
+
+    /// A node that may have something due; it is not armed any more.
+    pub(super) fn next_due(&mut self, now: Duration) -> Option<NodeIndex> {
+        while let Some(Reverse((at, index))) = self.timers.peek().copied() {
+            if at > now {
+                return None;
+            }
+            self.timers.pop();
+            let entry = &mut self.entries[index.0];
+            if entry.armed == Some(at) {
+                entry.armed = None;
+                return Some(index);
+            }
+        }
+        None
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.entries.len()
+    }
+
+    pub(super) fn indices(&self) -> impl Iterator<Item = NodeIndex> + use<> {
+        (0..self.entries.len()).map(NodeIndex)
+    }
+
+    pub(super) fn iter(&self) -> impl Iterator<Item = (NodeIndex, &NodeEntry)> {
+        let entries = self.entries.iter().enumerate();
+        entries.map(|(index, entry)| (NodeIndex(index), entry))
+    }
+
+    /// Nodes that can be asked for tiles of a scene.
+    pub(super) fn usable(&self, scene: SceneHash) -> Vec<NodeIndex> {
+        let usable = self.iter().filter(|(_, node)| node.is_usable(scene));
+        usable.map(|(index, _)| index).collect()
+    }
+
+    /// Some of the nodes as balancers see them, for a request of a frame.
+    pub(super) fn candidates(
+        &self,
+        now: f64,
+        frame: FrameId,
+        nodes: &[NodeIndex],
+    ) -> Vec<Candidate> {
+        let candidate = |index: &NodeIndex| {
+            let workload = &self[*index].workload;
+            Candidate {
+                node: *index,
+                estimate: workload.estimate(),
+                wait_secs: workload.wait_secs(now, frame),
+                proven_work: workload.proven_work,
+                unmonitored_work: workload.arrivals.unmonitored_work(),
+                margin_secs: if self.hedged {
+                    workload.arrivals.margin_secs()
+                } else {
+                    0.0
+                },
+            }
+        };
+        nodes.iter().map(candidate).collect()
+    }
+
+    /// Cost that is assumed of a node that has delivered nothing: the mean of the others.
+    pub(super) fn newcomer(&self) -> Option<Estimate> {
+        let delivered = self.entries.iter().map(|node| node.workload.delivered());
+        let known: Vec<Estimate> = delivered.flatten().collect();
+        if known.is_empty() {
+            return None;
+        }
+        let count = known.len() as f64;
+        let speed: f64 = known.iter().map(|cost| 1.0 / cost.secs_per_work).sum();
+        Some(Estimate {
+            fixed_secs: known.iter().map(|cost| cost.fixed_secs).sum::<f64>() / count,
+            secs_per_work: count / speed,
+        })
+    }
+
+    pub(super) fn statuses(&self, now: f64, scene: Option<SceneHash>) -> Vec<NodeStatus> {
+        let entries = self.entries.iter();
+        entries.map(|node| node.status(now, scene)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use carom_protocol::NodeInfo;
+    use carom_tracer::{DeviceInfo, DeviceKind};
+
+    use super::super::node_entry::ConnectionState;
+    use super::*;
+
+    const SCENE: SceneHash = SceneHash([1; 32]);
+
+    fn open(table: &mut NodeTable) -> NodeIndex {
+        let index = table.add("oak".into());
+        table[index].open(0.0, info());
+        table[index].scene_ready(SCENE);
+        index
+    }
+
+    fn info() -> NodeInfo {
+        NodeInfo {
+            name: "oak".into(),
+            device: DeviceInfo {
+                kind: DeviceKind::Gpu,
+                name: "simulated".into(),
+                width: 1,
+                threads: 1,
+            },
+        }
+    }
+
+    #[test]
+    fn nodes_are_due_in_order_and_once() {
+        let mut table = NodeTable::new(true);
+        let nodes = [open(&mut table), open(&mut table)];
+        // Pings are due at once; the pause of one node ends later.
+        assert_eq!(table[nodes[0]].ping(0.0), Some(1));
+        table[nodes[0]].back_off(2.0, None);
+        nodes.iter().for_each(|node| table.arm(*node));
+        table.arm(nodes[1]);
+        let at = Duration::from_secs_f64;
+        assert_eq!(table.next_due(at(1.0)), Some(nodes[1]));
+        assert_eq!(table.next_due(at(1.0)), None);
+        assert_eq!(table.next_due(at(3.0)), Some(nodes[0]));
+        assert_eq!(table.next_timeout(), None);
+    }
+
+    #[test]
+    fn lost_and_paused_nodes_are_not_usable() {
+        let mut table = NodeTable::new(true);
+        let [sound, paused, lost] = [0; 3].map(|_| open(&mut table));
+        table[paused].back_off(0.0, Some("its device failed".into()));
+        table[lost].reset(ConnectionState::Connecting);
+        assert_eq!(table.usable(SCENE), [sound]);
+        assert!(table.usable(SceneHash([2; 32])).is_empty());
+        assert!(table[paused].resume(1.0) && !table[paused].is_trusted());
+        assert_eq!(table.usable(SCENE), [sound, paused]);
+    }
+
+    #[test]
+    fn pauses_double_with_each_failure_up_to_a_bound() {
+        let mut table = NodeTable::new(true);
+        let node = open(&mut table);
+        let mut pause_secs = || {
+            table[node].back_off(0.0, Some("its device failed".into()));
+            let milliseconds = (0..).find(|ms| table[node].resume(f64::from(*ms) * 1e-3));
+            milliseconds.unwrap()
+        };
+        assert_eq!(
+            [0; 8].map(|_| pause_secs()),
+            [100, 200, 400, 800, 1600, 3200, 5000, 5000]
+        );
+    }
+}
