@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use carom_protocol::limits::{FRAMES_IN_FLIGHT_MAX, NODES_MAX, POSES_MAX, TILE_EDGE_MAX};
 use carom_protocol::{FrameId, PixelFormat, SceneHash};
-use carom_tracer::{CompiledScene, Scene, Tracer};
+use carom_tracer::{CompiledScene, Scene, SceneError, SettingsError, Tracer};
 
 use crate::driver::{Driver, Input};
 use crate::net::{Client, Credentials, NodeAddress, Role};
@@ -281,19 +281,18 @@ impl Farm {
         spec.size.validate()?;
         spec.settings.validate()?;
         if spec.update.poses.len() > POSES_MAX {
-            return Err(carom_tracer::Error::InvalidUpdate(format!(
-                "it has {} poses: at most {POSES_MAX} are allowed",
-                spec.update.poses.len()
-            ))
-            .into());
+            let fault = SceneError::TooMany {
+                what: "poses",
+                count: spec.update.poses.len(),
+                max: POSES_MAX,
+            };
+            return Err(carom_tracer::Error::InvalidUpdate(fault).into());
         }
         if let PixelFormat::Srgb8 { exposure } = spec.format
             && !(exposure > 0.0 && exposure.is_finite())
         {
-            return Err(carom_tracer::Error::InvalidSettings(format!(
-                "the exposure is {exposure}: it must be above 0"
-            ))
-            .into());
+            let fault = SettingsError::Exposure(exposure);
+            return Err(carom_tracer::Error::InvalidSettings(fault).into());
         }
         scene.apply(&spec.update)?;
         Ok(())

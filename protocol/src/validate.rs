@@ -186,9 +186,12 @@ fn check_tiles(grid: TileGrid, tiles: TileRange) -> Check {
 fn check_update(update: &SceneUpdate) -> Check {
     at_most("poses", update.poses.len(), POSES_MAX)?;
     if let Some(camera) = &update.camera {
-        camera.validate()?;
+        camera.validate().map_err(|fault| fault.to_string())?;
     }
-    update.poses.iter().try_for_each(|pose| pose.validate())
+    update
+        .poses
+        .iter()
+        .try_for_each(|pose| pose.validate().map_err(|fault| fault.to_string()))
 }
 
 fn sentence(text: &str) -> Check {

@@ -21,7 +21,7 @@ use crate::bvh::{Bounds, Bvh};
 use crate::scene::{
     AreaLight, Camera, CsgSolid, ObjectPose, Scene, SceneUpdate, Shape, Subtraction,
 };
-use crate::{Error, ImageSize};
+use crate::{Error, ImageSize, SceneError};
 
 /// A validated scene, ready to trace. Primitives are sorted by shape; within a shape they keep
 /// the order of [`Scene::objects`].
@@ -280,10 +280,7 @@ impl CompiledScene {
             pose.validate().map_err(Error::InvalidUpdate)?;
             let sphere = self.movable_sphere(pose.object)?;
             if std::mem::replace(&mut posed_before[sphere], true) {
-                return Err(Error::InvalidUpdate(format!(
-                    "object {} is posed twice",
-                    pose.object
-                )));
+                return Err(Error::InvalidUpdate(SceneError::PosedTwice(pose.object)));
             }
             self.spheres[sphere] = apply_pose(self.base_spheres[sphere], pose);
             self.spheres[sphere].allows_refracted_nee = self.allows_refracted_nee(sphere);
@@ -313,13 +310,11 @@ impl CompiledScene {
     fn movable_sphere(&self, object: u32) -> Result<usize, Error> {
         match self.primitives.get(object as usize) {
             Some(Primitive::Sphere(sphere)) => Ok(*sphere as usize),
-            Some(_) => Err(Error::InvalidUpdate(format!(
-                "object {object} is posed, but only spheres move and it is none"
-            ))),
-            None => Err(Error::InvalidUpdate(format!(
-                "object {object} is posed, but the scene has {} objects",
-                self.primitives.len()
-            ))),
+            Some(_) => Err(Error::InvalidUpdate(SceneError::Immovable(object))),
+            None => Err(Error::InvalidUpdate(SceneError::UnknownObject {
+                object,
+                count: self.primitives.len(),
+            })),
         }
     }
 

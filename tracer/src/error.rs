@@ -2,19 +2,23 @@
 
 use std::path::PathBuf;
 
+use glam::{Quat, Vec3};
+
+use crate::{ImageSize, Tile};
+
 /// Each variant says who is at fault; the scene's author for all but [`Error::Device`] and
 /// [`Error::Io`].
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The scene breaks a rule or a limit: a sentence with the place, the value and the rule.
+    /// The scene breaks a rule or a limit.
     #[error("the scene cannot be drawn: {0}")]
-    InvalidScene(String),
+    InvalidScene(SceneError),
     /// A frame's update does not fit its scene.
     #[error("the scene update does not fit: {0}")]
-    InvalidUpdate(String),
+    InvalidUpdate(SceneError),
     /// The settings or the image size are out of range.
     #[error("{0}")]
-    InvalidSettings(String),
+    InvalidSettings(SettingsError),
     /// A file holds something else than its format asks for.
     #[error("{path}: {message}")]
     Format {
@@ -39,4 +43,377 @@ pub enum Error {
         /// What happened and what to do.
         message: String,
     },
+}
+
+/// The rule that a scene, or an update of one, breaks.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SceneError {
+    /// An object is at fault.
+    #[error("object {index} `{name}`: {fault}")]
+    Object {
+        /// Index into the scene's objects.
+        index: usize,
+        /// Its name.
+        name: String,
+        /// Its fault.
+        fault: Box<SceneError>,
+    },
+    /// A material is at fault.
+    #[error("material `{name}`: {fault}")]
+    Material {
+        /// Its name.
+        name: String,
+        /// Its fault.
+        fault: Box<SceneError>,
+    },
+    /// An area light is at fault.
+    #[error("area light {index} `{name}`: {fault}")]
+    AreaLight {
+        /// Index into the scene's area lights.
+        index: usize,
+        /// Its name.
+        name: String,
+        /// Its fault.
+        fault: Box<SceneError>,
+    },
+    /// A subtraction from a box is at fault.
+    #[error("subtraction {index}: {fault}")]
+    Subtraction {
+        /// Index into the box's subtractions.
+        index: usize,
+        /// Its fault.
+        fault: Box<SceneError>,
+    },
+    /// A pose is at fault.
+    #[error("pose of object {object}: {fault}")]
+    Pose {
+        /// Index into the scene's objects.
+        object: u32,
+        /// Its fault.
+        fault: Box<SceneError>,
+    },
+    /// There is more of something than is allowed.
+    #[error("it has {count} {what}: at most {max} are allowed")]
+    TooMany {
+        /// What there is too much of.
+        what: &'static str,
+        /// How much there is.
+        count: usize,
+        /// How much may be.
+        max: usize,
+    },
+    /// A name is too long.
+    #[error("a name that begins `{start}` has {bytes} bytes: at most {max} are allowed")]
+    LongName {
+        /// Its first characters.
+        start: String,
+        /// Its length.
+        bytes: usize,
+        /// The longest that is allowed.
+        max: usize,
+    },
+    /// A number is out of range.
+    #[error("{what} is {value}: it must be from {min} to {max}{unit}")]
+    OutOfRange {
+        /// The number.
+        what: &'static str,
+        /// Its value.
+        value: f32,
+        /// The least that is allowed.
+        min: f32,
+        /// The most that is allowed.
+        max: f32,
+        /// The unit, after a space; empty for none.
+        unit: &'static str,
+    },
+    /// A length is out of range.
+    #[error("{what} is {metres} m: it must be from {min:e} to {max:e} m")]
+    Length {
+        /// The length.
+        what: &'static str,
+        /// Its value.
+        metres: f32,
+        /// The least that is allowed.
+        min: f32,
+        /// The most that is allowed.
+        max: f32,
+    },
+    /// A stripe's half width is out of range.
+    #[error("its stripe's half_width is {0}: it must be above 0 and at most 1")]
+    StripeWidth(f32),
+    /// A ball's number is out of range.
+    #[error("its number is {0}: it must be from 0 to 99")]
+    BallNumber(u8),
+    /// A channel is out of range.
+    #[error("{what} is {value}: each channel must be from 0 to {max}")]
+    Channels {
+        /// The triple.
+        what: &'static str,
+        /// Its value.
+        value: Vec3,
+        /// The most that is allowed.
+        max: f32,
+    },
+    /// A radiance is out of range.
+    #[error("the {what}'s radiance is {value}: each channel must be from 0 to {max:e}")]
+    Radiance {
+        /// What emits it.
+        what: &'static str,
+        /// Its value.
+        value: Vec3,
+        /// The most that is allowed.
+        max: f32,
+    },
+    /// A metal's index of refraction is out of range.
+    #[error("its eta is {value}: each channel must be above 0 and at most {max}")]
+    Eta {
+        /// Its value.
+        value: Vec3,
+        /// The most that is allowed.
+        max: f32,
+    },
+    /// A medium's extinction is out of range.
+    #[error("its medium's extinction is {value}: each channel must be from 0 to {max:e} per metre")]
+    Extinction {
+        /// Its value, m⁻¹.
+        value: Vec3,
+        /// The most that is allowed.
+        max: f32,
+    },
+    /// The extinctions of a scattering medium's channels are too different.
+    #[error(
+        "its medium's extinction is {value}: where it scatters, each channel must be above 0 and \
+         none more than {ratio_max} times another"
+    )]
+    ExtinctionRatio {
+        /// Its value, m⁻¹.
+        value: Vec3,
+        /// The largest ratio that is allowed.
+        ratio_max: f32,
+    },
+    /// A position is too far away or no number.
+    #[error("{what} is {value}: each coordinate must be within ±{max:e} m")]
+    Position {
+        /// The position.
+        what: &'static str,
+        /// Its value.
+        value: Vec3,
+        /// The largest coordinate that is allowed.
+        max: f32,
+    },
+    /// A vector has a component that is infinite or no number.
+    #[error("{what} is {value}: it must be finite")]
+    NotFinite {
+        /// The vector.
+        what: &'static str,
+        /// Its value.
+        value: Vec3,
+    },
+    /// A normal is 0.
+    #[error("its normal {0} must not be 0")]
+    ZeroNormal(Vec3),
+    /// A box has no extent along an axis.
+    #[error("its min {min} must be below its max {max} on each axis")]
+    Corners {
+        /// Corner of the smallest coordinates.
+        min: Vec3,
+        /// Corner of the largest.
+        max: Vec3,
+    },
+    /// A rectangle's edges are not at right angles.
+    #[error("its half_u {half_u} and half_v {half_v} must be at right angles")]
+    Skew {
+        /// Half an edge.
+        half_u: Vec3,
+        /// Half the other edge.
+        half_v: Vec3,
+    },
+    /// A rotation is no unit quaternion.
+    #[error("its rotation is {0}: it must be a quaternion of length 1")]
+    Rotation(Quat),
+    /// The camera looks at its own eye.
+    #[error("the camera's eye and target are both {0}")]
+    CameraTarget(Vec3),
+    /// The camera's up gives no upright direction.
+    #[error("the camera's up {up} must not be 0 or parallel to its view {view}")]
+    CameraUp {
+        /// Its value.
+        up: Vec3,
+        /// From the eye to the target.
+        view: Vec3,
+    },
+    /// A material is not among the scene's.
+    #[error("its material `{0}` is not among the scene's materials")]
+    UnknownMaterial(String),
+    /// A surface without an inside is of a dielectric.
+    #[error("its material `{0}` is a dielectric, which needs an inside")]
+    DielectricSurface(String),
+    /// A flat shape is of a dielectric.
+    #[error(
+        "its material `{0}` is a dielectric, which needs an inside: give it to a sphere or a box"
+    )]
+    DielectricFlat(String),
+    /// A compiled surface names a material that does not exist.
+    #[error("a surface has material {material}, but there are {count}")]
+    MaterialIndex {
+        /// Index of the material.
+        material: u32,
+        /// Materials of the scene.
+        count: usize,
+    },
+    /// An object has two poses.
+    #[error("object {0} is posed twice")]
+    PosedTwice(u32),
+    /// A pose is of an object that cannot move.
+    #[error("object {0} is posed, but only spheres move and it is none")]
+    Immovable(u32),
+    /// A pose is of an object that does not exist.
+    #[error("object {object} is posed, but the scene has {count} objects")]
+    UnknownObject {
+        /// Index of the object.
+        object: u32,
+        /// Objects of the scene.
+        count: usize,
+    },
+    /// A file's text is no scene.
+    #[error("line {line}, column {column}: {message} ({advice})")]
+    Syntax {
+        /// Its place, from 1.
+        line: usize,
+        /// Its place, from 1.
+        column: usize,
+        /// The parser's reason.
+        message: String,
+        /// How to mend it.
+        advice: &'static str,
+    },
+    /// A file is too long.
+    #[error("it is longer than {0} bytes, the most that a scene file may hold: draw fewer objects")]
+    LongFile(usize),
+    /// A file is not UTF-8.
+    #[error("line {line}: byte {byte} is not UTF-8: save the scene as UTF-8 text")]
+    NotUtf8 {
+        /// Line of the first wrong byte, from 1.
+        line: usize,
+        /// Its place in the file.
+        byte: usize,
+    },
+    /// A light of the interchange schema shines from both sides.
+    #[error("light {0} is not one_sided: give a second light for its back")]
+    TwoSidedLight(usize),
+    /// A light of the interchange schema is not horizontal.
+    #[error(
+        "light {index}: its normal {normal} must be [0, 0, 1] or [0, 0, -1], since its edges are \
+         along x and y"
+    )]
+    SlantedLight {
+        /// Index of the light.
+        index: usize,
+        /// Its normal.
+        normal: Vec3,
+    },
+}
+
+/// What is wrong with settings, sizes or pictures that do not fit together.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SettingsError {
+    /// Too few or too many samples.
+    #[error("{asked} samples per pixel are asked for: it must be from 1 to {max}")]
+    Samples {
+        /// How many are asked for.
+        asked: u32,
+        /// The most that is allowed.
+        max: u32,
+    },
+    /// Paths too deep.
+    #[error("a maximum depth of {asked} is asked for: at most {max} is allowed")]
+    MaxDepth {
+        /// What is asked for.
+        asked: u32,
+        /// The most that is allowed.
+        max: u32,
+    },
+    /// No preset of that name.
+    #[error("it must be one of {names}")]
+    UnknownPreset {
+        /// The names that there are.
+        names: String,
+    },
+    /// Too small or too large an image.
+    #[error("the image is {}x{} pixels: width and height must be from 1 to {max}", .size.width, .size.height)]
+    ImageSize {
+        /// What is asked for.
+        size: ImageSize,
+        /// The longest edge that is allowed.
+        max: u32,
+    },
+    /// Text that is no image size.
+    #[error("`{0}` is not WIDTHxHEIGHT in pixels, as in 1280x720")]
+    ImageSizeText(String),
+    /// A tile outside its image.
+    #[error(
+        "a tile of {}x{} pixels at ({}, {}) does not lie in an image of {}x{}",
+        .tile.width, .tile.height, .tile.x, .tile.y, .size.width, .size.height
+    )]
+    TileOutsideImage {
+        /// The tile.
+        tile: Tile,
+        /// The image's size.
+        size: ImageSize,
+    },
+    /// A tile outside its film.
+    #[error("{tile:?} does not lie in a film of {}x{} pixels", .size.width, .size.height)]
+    TileOutsideFilm {
+        /// The tile.
+        tile: Tile,
+        /// The film's size.
+        size: ImageSize,
+    },
+    /// A tile with too few or too many pixels.
+    #[error("{tile:?} comes with {pixels} pixels")]
+    TilePixels {
+        /// The tile.
+        tile: Tile,
+        /// Pixels that came with it.
+        pixels: usize,
+    },
+    /// AOVs of another number of pixels than the picture's.
+    #[error("{aovs} first hits are to be the layers of {pixels} pixels")]
+    AovPixels {
+        /// Pixels with AOVs.
+        aovs: usize,
+        /// Pixels of the picture.
+        pixels: usize,
+    },
+    /// Pictures that are not of the size at which they are to be compared.
+    #[error(
+        "pictures of {test} and {reference} pixels cannot be compared as {}x{}: each must have {}, \
+         and at least one",
+        .size.width, .size.height, .size.pixels()
+    )]
+    ComparedPixels {
+        /// Pixels of the tested picture.
+        test: usize,
+        /// Pixels of the reference.
+        reference: usize,
+        /// The size at which they are to be compared.
+        size: ImageSize,
+    },
+    /// Pictures of different sizes.
+    #[error(
+        "pictures of {}x{} and {}x{} pixels cannot be compared: trace both at one size",
+        .a.width, .a.height, .b.width, .b.height
+    )]
+    DifferentSizes {
+        /// One size.
+        a: ImageSize,
+        /// The other.
+        b: ImageSize,
+    },
+    /// Too few pictures for a standard error.
+    #[error("a standard error needs at least two pictures")]
+    TooFewPictures,
+    /// An exposure that is not above 0.
+    #[error("the exposure is {0}: it must be above 0")]
+    Exposure(f32),
 }

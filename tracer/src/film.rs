@@ -6,7 +6,8 @@ use std::sync::atomic::AtomicBool;
 use crate::image::RadianceImage;
 use crate::metrics::Estimate;
 use crate::{
-    CompiledScene, Error, ImageSize, RenderSettings, Tile, TileGrid, TileRadiance, TraceJob, Tracer,
+    CompiledScene, Error, ImageSize, RenderSettings, SettingsError, Tile, TileGrid, TileRadiance,
+    TraceJob, Tracer,
 };
 
 /// Sums of samples per pixel, from tiles in any order and of any range of samples.
@@ -138,16 +139,16 @@ impl Film {
         let right = u64::from(tile.x) + u64::from(tile.width);
         let bottom = u64::from(tile.y) + u64::from(tile.height);
         if right > u64::from(self.size.width) || bottom > u64::from(self.size.height) {
-            return Err(Error::InvalidSettings(format!(
-                "{tile:?} does not lie in a film of {}x{} pixels",
-                self.size.width, self.size.height
-            )));
+            return Err(Error::InvalidSettings(SettingsError::TileOutsideFilm {
+                tile,
+                size: self.size,
+            }));
         }
         if radiance.len() != tile.pixels() {
-            return Err(Error::InvalidSettings(format!(
-                "{tile:?} comes with {} pixels",
-                radiance.len()
-            )));
+            return Err(Error::InvalidSettings(SettingsError::TilePixels {
+                tile,
+                pixels: radiance.len(),
+            }));
         }
         if tile.width == 0 {
             return Ok(());

@@ -11,7 +11,7 @@ use exr::prelude::{
 };
 
 use crate::tonemap::srgb8;
-use crate::{Aovs, Error, ImageSize, RadianceImage};
+use crate::{Aovs, Error, ImageSize, RadianceImage, SettingsError};
 
 impl RadianceImage {
     /// Reads the first layer of an OpenEXR file that has channels R, G and B, of whatever number
@@ -80,11 +80,10 @@ impl RadianceImage {
     /// first hits as pixels.
     pub fn write_exr_with_aovs(&self, path: impl AsRef<Path>, hits: &[Aovs]) -> Result<(), Error> {
         if hits.len() != self.pixels.len() {
-            return Err(Error::InvalidSettings(format!(
-                "{} first hits are to be the layers of {} pixels",
-                hits.len(),
-                self.pixels.len()
-            )));
+            return Err(Error::InvalidSettings(SettingsError::AovPixels {
+                aovs: hits.len(),
+                pixels: self.pixels.len(),
+            }));
         }
         let radiance = |c: usize| self.pixels.iter().map(|pixel| pixel[c]).collect();
         let layer = |value: &dyn Fn(&Aovs) -> f32| hits.iter().map(value).collect();

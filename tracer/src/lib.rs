@@ -39,7 +39,7 @@ pub mod tracer;
 pub use aov::{Aovs, TileAovs};
 pub use compiled::CompiledScene;
 pub use cpu::CpuTracer;
-pub use error::Error;
+pub use error::{Error, SceneError, SettingsError};
 pub use film::Film;
 #[cfg(feature = "gpu")]
 pub use gpu::GpuTracer;

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::Error;
+use crate::{Error, SettingsError};
 
 /// How a frame is sampled. The same settings give the same picture on every node of one back end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -40,18 +40,16 @@ impl RenderSettings {
     /// [`Error::InvalidSettings`] with the value and its range.
     pub fn validate(&self) -> Result<(), Error> {
         if !(1..=Self::SAMPLES_MAX).contains(&self.samples) {
-            return Err(Error::InvalidSettings(format!(
-                "{} samples per pixel are asked for: it must be from 1 to {}",
-                self.samples,
-                Self::SAMPLES_MAX
-            )));
+            return Err(Error::InvalidSettings(SettingsError::Samples {
+                asked: self.samples,
+                max: Self::SAMPLES_MAX,
+            }));
         }
         if self.max_depth > Self::DEPTH_MAX {
-            return Err(Error::InvalidSettings(format!(
-                "a maximum depth of {} is asked for: at most {} is allowed",
-                self.max_depth,
-                Self::DEPTH_MAX
-            )));
+            return Err(Error::InvalidSettings(SettingsError::MaxDepth {
+                asked: self.max_depth,
+                max: Self::DEPTH_MAX,
+            }));
         }
         Ok(())
     }
@@ -138,13 +136,13 @@ impl Preset {
 
 /// The names of [`Preset::name`].
 impl std::str::FromStr for Preset {
-    type Err = String;
+    type Err = SettingsError;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, SettingsError> {
         let named = Self::ALL.into_iter().find(|preset| preset.name() == text);
         named.ok_or_else(|| {
-            let names = Self::ALL.map(Self::name);
-            format!("it must be one of {}", names.join(", "))
+            let names = Self::ALL.map(Self::name).join(", ");
+            SettingsError::UnknownPreset { names }
         })
     }
 }

@@ -4,7 +4,7 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use crate::Error;
+use crate::{Error, SettingsError};
 
 /// Width and height in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -44,12 +44,10 @@ impl ImageSize {
         if range.contains(&self.width) && range.contains(&self.height) {
             return Ok(());
         }
-        Err(Error::InvalidSettings(format!(
-            "the image is {}x{} pixels: width and height must be from 1 to {}",
-            self.width,
-            self.height,
-            Self::EDGE_MAX
-        )))
+        Err(Error::InvalidSettings(SettingsError::ImageSize {
+            size: self,
+            max: Self::EDGE_MAX,
+        }))
     }
 }
 
@@ -62,9 +60,8 @@ impl FromStr for ImageSize {
             .split_once('x')
             .and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)));
         let Some((width, height)) = edges else {
-            return Err(Error::InvalidSettings(format!(
-                "`{text}` is not WIDTHxHEIGHT in pixels, as in 1280x720"
-            )));
+            let text = text.to_owned();
+            return Err(Error::InvalidSettings(SettingsError::ImageSizeText(text)));
         };
         let size = Self { width, height };
         size.validate()?;

@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicBool;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{CompiledScene, Error, ImageSize, RenderSettings, Tile, TileAovs};
+use crate::{CompiledScene, Error, ImageSize, RenderSettings, SettingsError, Tile, TileAovs};
 
 /// A device that traces tiles. It keeps nothing between calls but caches, so that any number of
 /// threads may call it at once: a GPU has two frames in flight when two threads do.
@@ -71,10 +71,10 @@ impl TraceJob<'_> {
             if !inside(tile.x, tile.width, self.size.width)
                 || !inside(tile.y, tile.height, self.size.height)
             {
-                return Err(Error::InvalidSettings(format!(
-                    "a tile of {}x{} pixels at ({}, {}) does not lie in an image of {}x{}",
-                    tile.width, tile.height, tile.x, tile.y, self.size.width, self.size.height
-                )));
+                return Err(Error::InvalidSettings(SettingsError::TileOutsideImage {
+                    tile: *tile,
+                    size: self.size,
+                }));
             }
         }
         Ok(())

@@ -10,7 +10,7 @@ use crate::compiled::{
 };
 use crate::gpu::coplanar;
 use crate::gpu::features::{self, Features, SceneMemory};
-use crate::{Error, ImageSize};
+use crate::{Error, ImageSize, SceneError};
 
 /// What stands before the scene's arrays.
 #[repr(C)]
@@ -293,10 +293,10 @@ fn check_materials(scene: &CompiledScene) -> Result<(), Error> {
     let highest = materials.chain(faces).max();
     match highest {
         Some(material) if material as usize >= scene.materials.len() => {
-            Err(Error::InvalidScene(format!(
-                "a surface has material {material}, but there are {}",
-                scene.materials.len()
-            )))
+            Err(Error::InvalidScene(SceneError::MaterialIndex {
+                material,
+                count: scene.materials.len(),
+            }))
         }
         _ => Ok(()),
     }

@@ -12,7 +12,7 @@
 use rayon::prelude::*;
 
 use crate::tonemap::linear;
-use crate::{Error, ImageSize};
+use crate::{Error, ImageSize, SettingsError};
 
 /// How different two pictures look, from 0, not at all, to 1.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,14 +31,11 @@ pub struct Flip {
 pub fn flip(size: ImageSize, test: &[[u8; 3]], reference: &[[u8; 3]]) -> Result<Flip, Error> {
     let pixels = size.pixels();
     if pixels == 0 || test.len() != pixels || reference.len() != pixels {
-        return Err(Error::InvalidSettings(format!(
-            "pictures of {} and {} pixels cannot be compared as {}x{}: each must have {pixels}, \
-             and at least one",
-            test.len(),
-            reference.len(),
-            size.width,
-            size.height
-        )));
+        return Err(Error::InvalidSettings(SettingsError::ComparedPixels {
+            test: test.len(),
+            reference: reference.len(),
+            size,
+        }));
     }
     let (test, reference) = rayon::join(
         || Perceived::new(size, test),

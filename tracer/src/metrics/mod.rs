@@ -5,7 +5,7 @@ mod flip;
 pub use flip::{Flip, flip};
 
 use crate::image::RadianceImage;
-use crate::{Error, ImageSize, Tile, TileGrid};
+use crate::{Error, ImageSize, SettingsError, Tile, TileGrid};
 
 /// A picture with the standard error of each pixel and channel.
 #[derive(Clone, Debug, PartialEq)]
@@ -138,9 +138,7 @@ impl Estimate {
     /// [`Error::InvalidSettings`] if there are fewer than two or they differ in size.
     pub fn from_batches(batches: &[RadianceImage]) -> Result<Self, Error> {
         let [first, _, ..] = batches else {
-            return Err(Error::InvalidSettings(
-                "a standard error needs at least two pictures".to_owned(),
-            ));
+            return Err(Error::InvalidSettings(SettingsError::TooFewPictures));
         };
         let size = first.size;
         batches
@@ -208,10 +206,10 @@ fn same_size(a: ImageSize, b: ImageSize) -> Result<(), Error> {
     if a == b {
         return Ok(());
     }
-    Err(Error::InvalidSettings(format!(
-        "pictures of {}x{} and {}x{} pixels cannot be compared: trace both at one size",
-        a.width, a.height, b.width, b.height
-    )))
+    Err(Error::InvalidSettings(SettingsError::DifferentSizes {
+        a,
+        b,
+    }))
 }
 
 fn add(sum: &mut [f64; 3], term: [f64; 3]) {

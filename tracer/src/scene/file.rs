@@ -53,8 +53,8 @@ use serde::de::{Error as _, IgnoredAny, MapAccess, Visitor};
 use serde::{Deserialize as _, Deserializer, Serialize as _};
 use serde_json::ser::{Formatter, PrettyFormatter, Serializer};
 
-use crate::Error;
 use crate::scene::{Material, Scene, interchange};
+use crate::{Error, SceneError};
 
 /// The longest scene file in bytes, more than a scene at every limit of [`super::validate`] takes if
 /// its names need no escapes. Longer ones are refused before they are parsed.
@@ -76,7 +76,7 @@ impl Scene {
             path: path.to_owned(),
             source,
         })?;
-        let text = text(bytes).map_err(format)?;
+        let text = text(bytes).map_err(|fault| format(fault.to_string()))?;
         parse(&text).map_err(|error| format(error.to_string()))
     }
 
@@ -144,11 +144,12 @@ pub(super) fn parse_error(error: &serde_json::Error) -> Error {
         serde_json::error::Category::Eof => "the file ends too early",
         _ => "JSON has no NaN, infinity, comments or trailing commas",
     };
-    Error::InvalidScene(format!(
-        "line {}, column {}: {what} ({advice})",
-        error.line(),
-        error.column()
-    ))
+    Error::InvalidScene(SceneError::Syntax {
+        line: error.line(),
+        column: error.column(),
+        message: what.to_owned(),
+        advice,
+    })
 }
 
 /// Reads a map of materials and refuses a name that is given twice, where serde would keep the
@@ -194,7 +195,7 @@ fn read_limited(path: &Path) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-fn text(bytes: Vec<u8>) -> Result<String, String> {
+fn text(bytes: Vec<u8>) -> Result<String, SceneError> {
     limit(bytes.len())?;
     String::from_utf8(bytes).map_err(|error| {
         let valid = error.utf8_error().valid_up_to();
@@ -202,18 +203,15 @@ fn text(bytes: Vec<u8>) -> Result<String, String> {
             .iter()
             .filter(|&&b| b == b'\n')
             .count();
-        format!("line {line}: byte {valid} is not UTF-8: save the scene as UTF-8 text")
+        SceneError::NotUtf8 { line, byte: valid }
     })
 }
 
-fn limit(bytes: usize) -> Result<(), String> {
+fn limit(bytes: usize) -> Result<(), SceneError> {
     if bytes <= SCENE_BYTES_MAX {
         return Ok(());
     }
-    Err(format!(
-        "it is longer than {SCENE_BYTES_MAX} bytes, the most that a scene file may hold: draw \
-         fewer objects"
-    ))
+    Err(SceneError::LongFile(SCENE_BYTES_MAX))
 }
 
 /// serde_json's indented layout, but for vectors, which stay on one line: only the lists of the

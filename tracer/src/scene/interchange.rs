@@ -18,7 +18,7 @@ use serde::de::IgnoredAny;
 
 use super::file::parse_error;
 use super::{AreaLight, Camera, Environment, Material, Object, Scene, Shape, Stripe};
-use crate::Error;
+use crate::{Error, SceneError};
 
 /// Sine of half the band of every striped ball in this schema.
 pub const STRIPE_HALF_WIDTH: f32 = 0.5;
@@ -134,7 +134,7 @@ enum Surface {
 }
 
 impl File {
-    fn into_scene(self) -> Result<Scene, String> {
+    fn into_scene(self) -> Result<Scene, SceneError> {
         let spheres = self.spheres.into_iter().map(Sphere::into_object);
         let boxes = self.boxes.into_iter().map(Slab::into_object);
         let discs = self.discs.into_iter().map(Disc::into_object);
@@ -163,7 +163,7 @@ impl File {
 }
 
 impl Light {
-    fn into_area_light(self, index: usize) -> Result<AreaLight, String> {
+    fn into_area_light(self, index: usize) -> Result<AreaLight, SceneError> {
         let Self::Rect {
             center,
             half_x,
@@ -173,15 +173,10 @@ impl Light {
             one_sided,
         } = self;
         if !one_sided {
-            return Err(format!(
-                "light {index} is not one_sided: give a second light for its back"
-            ));
+            return Err(SceneError::TwoSidedLight(index));
         }
         if normal != Vec3::Z && normal != Vec3::NEG_Z {
-            return Err(format!(
-                "light {index}: its normal {normal} must be [0, 0, 1] or [0, 0, -1], since its \
-                 edges are along x and y"
-            ));
+            return Err(SceneError::SlantedLight { index, normal });
         }
         Ok(AreaLight {
             name: format!("lamp{index}"),

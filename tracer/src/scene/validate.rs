@@ -3,13 +3,15 @@
 #[cfg(test)]
 mod tests;
 
+use std::ops::RangeInclusive;
+
 use glam::{Quat, Vec3};
 
-use crate::Error;
 use crate::scene::{
     AreaLight, Camera, CsgSolid, Material, Medium, ObjectPose, ProceduralTexture, Scene, Shape,
     Stripe,
 };
+use crate::{Error, SceneError};
 
 /// The most objects in a scene. Rays find many of a shape by a BVH.
 pub const OBJECTS_MAX: usize = 1 << 17;
@@ -22,11 +24,11 @@ pub const NAME_BYTES_MAX: usize = 64;
 /// The largest coordinate in metres, ten thousand kilometres.
 pub const COORDINATE_M_MAX: f32 = 1e7;
 /// The smallest and largest radius or half edge in metres.
-pub const EXTENT_M: std::ops::RangeInclusive<f32> = 1e-6..=1e7;
+pub const EXTENT_M: RangeInclusive<f32> = 1e-6..=1e7;
 /// The highest radiance in W·sr⁻¹·m⁻²: sums of 65,536 samples stay finite in f32.
 pub const RADIANCE_MAX: f32 = 1e30;
 /// The range of indices of refraction.
-pub const IOR: std::ops::RangeInclusive<f32> = 1.0..=1e3;
+pub const IOR: RangeInclusive<f32> = 1.0..=1e3;
 /// The largest given `F_dr,int`: near 1 the base would be brightened without bound.
 pub const INTERNAL_REFLECTANCE_MAX: f32 = 0.99;
 /// GGX widths below this are drawn as perfectly smooth: the peak of the distribution, 1/(πα²),
@@ -47,17 +49,17 @@ pub const TAPER_MAX: f32 = 1.0;
 /// leaves a subtraction's surface back into the body.
 pub const CSG_MARGIN_M: f32 = 1e-5;
 /// The range of the width of a sheen.
-pub const SHEEN_ROUGHNESS: std::ops::RangeInclusive<f32> = 0.1..=1.0;
+pub const SHEEN_ROUGHNESS: RangeInclusive<f32> = 0.1..=1.0;
 /// The range of a full horizontal field of view in degrees.
-pub const FOV_X_DEG: std::ops::RangeInclusive<f32> = 0.01..=179.0;
+pub const FOV_X_DEG: RangeInclusive<f32> = 0.01..=179.0;
 
-type Check = Result<(), String>;
+type Check = Result<(), SceneError>;
 
 impl Scene {
     /// Checks every number, name and limit.
     ///
     /// # Errors
-    /// [`Error::InvalidScene`] with a sentence that names the place, the value and the rule.
+    /// [`Error::InvalidScene`] with the place, the value and the rule.
     pub fn validate(&self) -> Result<(), Error> {
         self.check().map_err(Error::InvalidScene)
     }
@@ -75,36 +77,39 @@ impl Scene {
         radiance("environment", self.environment.radiance)?;
         for (key, material) in &self.materials {
             name(key)?;
-            check_material(material).map_err(|why| format!("material `{key}`: {why}"))?;
+            check_material(material).map_err(|fault| SceneError::Material {
+                name: key.clone(),
+                fault: Box::new(fault),
+            })?;
         }
         for (index, object) in self.objects.iter().enumerate() {
             name(&object.name)?;
             name(&object.material)?;
-            let place = |why| format!("object {index} `{}`: {why}", object.name);
+            let place = |fault| SceneError::Object {
+                index,
+                name: object.name.clone(),
+                fault: Box::new(fault),
+            };
             check_shape(&object.shape).map_err(place)?;
             self.check_subtractions(&object.shape).map_err(place)?;
             if !self.materials.contains_key(&object.material) {
-                return Err(place(format!(
-                    "its material `{}` is not among the scene's materials",
-                    object.material
-                )));
+                return Err(place(SceneError::UnknownMaterial(object.material.clone())));
             }
             if matches!(
                 self.materials[&object.material],
                 Material::Dielectric { .. }
             ) && matches!(object.shape, Shape::Disc { .. } | Shape::Rectangle { .. })
             {
-                return Err(place(format!(
-                    "its material `{}` is a dielectric, which needs an inside: give it to a \
-                     sphere or a box",
-                    object.material
-                )));
+                return Err(place(SceneError::DielectricFlat(object.material.clone())));
             }
         }
         for (index, light) in self.area_lights.iter().enumerate() {
             name(&light.name)?;
-            check_area_light(light)
-                .map_err(|why| format!("area light {index} `{}`: {why}", light.name))?;
+            check_area_light(light).map_err(|fault| SceneError::AreaLight {
+                index,
+                name: light.name.clone(),
+                fault: Box::new(fault),
+            })?;
         }
         Ok(())
     }
@@ -116,28 +121,28 @@ impl Scene {
             return Ok(());
         };
         if subtractions.len() > SUBTRACTIONS_MAX {
-            return Err(format!(
-                "it has {} subtractions: at most {SUBTRACTIONS_MAX} are allowed",
-                subtractions.len()
-            ));
+            return Err(SceneError::TooMany {
+                what: "subtractions",
+                count: subtractions.len(),
+                max: SUBTRACTIONS_MAX,
+            });
         }
         for (index, subtraction) in subtractions.iter().enumerate() {
-            let place = |why| format!("subtraction {index}: {why}");
+            let place = |fault| SceneError::Subtraction {
+                index,
+                fault: Box::new(fault),
+            };
             check_solid(&subtraction.solid).map_err(place)?;
             let Some(material) = &subtraction.material else {
                 continue;
             };
             match self.materials.get(material) {
                 Some(Material::Dielectric { .. }) => {
-                    return Err(place(format!(
-                        "its material `{material}` is a dielectric, which needs an inside"
-                    )));
+                    return Err(place(SceneError::DielectricSurface(material.clone())));
                 }
                 Some(_) => {}
                 None => {
-                    return Err(place(format!(
-                        "its material `{material}` is not among the scene's materials"
-                    )));
+                    return Err(place(SceneError::UnknownMaterial(material.clone())));
                 }
             }
         }
@@ -149,31 +154,31 @@ impl Camera {
     /// Checks that the camera sees something.
     ///
     /// # Errors
-    /// A sentence that names the value and the rule.
+    /// The rule that is broken, with the value.
     pub fn validate(&self) -> Check {
         position("the camera's eye", self.eye)?;
         position("the camera's target", self.target)?;
         finite("the camera's up", self.up)?;
         if !FOV_X_DEG.contains(&self.fov_x_deg) {
-            return Err(format!(
-                "the camera's fov_x_deg is {}: it must be from {} to {} degrees",
-                self.fov_x_deg,
-                FOV_X_DEG.start(),
-                FOV_X_DEG.end()
-            ));
+            return Err(SceneError::OutOfRange {
+                what: "the camera's fov_x_deg",
+                value: self.fov_x_deg,
+                min: *FOV_X_DEG.start(),
+                max: *FOV_X_DEG.end(),
+                unit: " degrees",
+            });
         }
         let view = self.target.as_dvec3() - self.eye.as_dvec3();
         if view.length() < 1e-6 {
-            return Err(format!("the camera's eye and target are both {}", self.eye));
+            return Err(SceneError::CameraTarget(self.eye));
         }
         let up = self.up.as_dvec3();
         let sine = view.cross(up).length() / (view.length() * up.length());
         if sine.is_nan() || sine < 1e-4 {
-            return Err(format!(
-                "the camera's up {} must not be 0 or parallel to its view {}",
-                self.up,
-                view.as_vec3()
-            ));
+            return Err(SceneError::CameraUp {
+                up: self.up,
+                view: view.as_vec3(),
+            });
         }
         Ok(())
     }
@@ -183,9 +188,12 @@ impl ObjectPose {
     /// Checks that the pose is a place and a turn.
     ///
     /// # Errors
-    /// A sentence that names the value and the rule.
+    /// The rule that is broken, with the value.
     pub fn validate(&self) -> Check {
-        let place = |why| format!("pose of object {}: {why}", self.object);
+        let place = |fault| SceneError::Pose {
+            object: self.object,
+            fault: Box::new(fault),
+        };
         position("its position", self.position).map_err(place)?;
         rotation(self.rotation).map_err(place)
     }
@@ -212,7 +220,7 @@ fn check_shape(shape: &Shape) -> Check {
             finite("its normal", normal)?;
             extent("its radius", radius)?;
             if normal == Vec3::ZERO {
-                return Err(format!("its normal {normal} must not be 0"));
+                return Err(SceneError::ZeroNormal(normal));
             }
             Ok(())
         }
@@ -230,7 +238,7 @@ fn check_solid(solid: &CsgSolid) -> Check {
             position("its point", point)?;
             finite("its normal", normal)?;
             if normal == Vec3::ZERO {
-                return Err(format!("its normal {normal} must not be 0"));
+                return Err(SceneError::ZeroNormal(normal));
             }
             Ok(())
         }
@@ -248,14 +256,22 @@ fn check_solid(solid: &CsgSolid) -> Check {
             position("its center", center)?;
             extent("its radius", radius)?;
             position("its beyond", beyond)?;
-            if (-TAPER_MAX..=TAPER_MAX).contains(&taper) {
-                return Ok(());
-            }
-            Err(format!(
-                "its taper is {taper}: it must be from -{TAPER_MAX} to {TAPER_MAX}"
-            ))
+            in_range("its taper", taper, &(-TAPER_MAX..=TAPER_MAX))
         }
     }
+}
+
+fn in_range(what: &'static str, value: f32, range: &RangeInclusive<f32>) -> Check {
+    if range.contains(&value) {
+        return Ok(());
+    }
+    Err(SceneError::OutOfRange {
+        what,
+        value,
+        min: *range.start(),
+        max: *range.end(),
+        unit: "",
+    })
 }
 
 fn corners(min: Vec3, max: Vec3) -> Check {
@@ -264,9 +280,7 @@ fn corners(min: Vec3, max: Vec3) -> Check {
     if min.cmplt(max).all() {
         return Ok(());
     }
-    Err(format!(
-        "its min {min} must be below its max {max} on each axis"
-    ))
+    Err(SceneError::Corners { min, max })
 }
 
 fn check_area_light(light: &AreaLight) -> Check {
@@ -282,9 +296,7 @@ fn rectangle(center: Vec3, half_u: Vec3, half_v: Vec3) -> Check {
     extent("the length of its half_u", u.length() as f32)?;
     extent("the length of its half_v", v.length() as f32)?;
     if u.dot(v).abs() > 1e-4 * u.length() * v.length() {
-        return Err(format!(
-            "its half_u {half_u} and half_v {half_v} must be at right angles"
-        ));
+        return Err(SceneError::Skew { half_u, half_v });
     }
     Ok(())
 }
@@ -301,12 +313,8 @@ fn check_material(material: &Material) -> Check {
             check_albedo("its albedo", albedo)?;
             check_ior(ior)?;
             let internal = internal_reflectance.unwrap_or(0.0);
-            if !(0.0..=INTERNAL_REFLECTANCE_MAX).contains(&internal) {
-                return Err(format!(
-                    "its internal_reflectance is {internal}: it must be from 0 to \
-                     {INTERNAL_REFLECTANCE_MAX}"
-                ));
-            }
+            let range = 0.0..=INTERNAL_REFLECTANCE_MAX;
+            in_range("its internal_reflectance", internal, &range)?;
             stripe.map_or(Ok(()), |stripe| check_stripe(&stripe))
         }
         Material::Coated { ior, texture } => {
@@ -320,29 +328,23 @@ fn check_material(material: &Material) -> Check {
         } => {
             check_albedo("its albedo", albedo)?;
             check_albedo("its sheen", sheen)?;
-            if SHEEN_ROUGHNESS.contains(&sheen_roughness) {
-                return Ok(());
-            }
-            Err(format!(
-                "its sheen_roughness is {sheen_roughness}: it must be from {} to {}",
-                SHEEN_ROUGHNESS.start(),
-                SHEEN_ROUGHNESS.end()
-            ))
+            in_range("its sheen_roughness", sheen_roughness, &SHEEN_ROUGHNESS)
         }
         Material::Conductor { eta, k, alpha } => {
             check_alpha(alpha)?;
             let most = Vec3::splat(*IOR.end());
             if !(eta.cmpgt(Vec3::ZERO).all() && eta.cmple(most).all()) {
-                return Err(format!(
-                    "its eta is {eta}: each channel must be above 0 and at most {}",
-                    IOR.end()
-                ));
+                return Err(SceneError::Eta {
+                    value: eta,
+                    max: *IOR.end(),
+                });
             }
             if !(k.cmpge(Vec3::ZERO).all() && k.cmple(most).all()) {
-                return Err(format!(
-                    "its k is {k}: each channel must be from 0 to {}",
-                    IOR.end()
-                ));
+                return Err(SceneError::Channels {
+                    what: "its k",
+                    value: k,
+                    max: *IOR.end(),
+                });
             }
             Ok(())
         }
@@ -359,10 +361,7 @@ fn check_stripe(stripe: &Stripe) -> Check {
     if stripe.half_width > 0.0 && stripe.half_width <= 1.0 {
         return Ok(());
     }
-    Err(format!(
-        "its stripe's half_width is {}: it must be above 0 and at most 1",
-        stripe.half_width
-    ))
+    Err(SceneError::StripeWidth(stripe.half_width))
 }
 
 fn check_texture(texture: &ProceduralTexture) -> Check {
@@ -374,7 +373,7 @@ fn check_texture(texture: &ProceduralTexture) -> Check {
         } => {
             check_albedo("its albedo", albedo)?;
             if number > 99 {
-                return Err(format!("its number is {number}: it must be from 0 to 99"));
+                return Err(SceneError::BallNumber(number));
             }
             stripe.map_or(Ok(()), |stripe| check_stripe(&stripe))
         }
@@ -399,21 +398,11 @@ fn check_texture(texture: &ProceduralTexture) -> Check {
 }
 
 fn check_ior(ior: f32) -> Check {
-    if IOR.contains(&ior) {
-        return Ok(());
-    }
-    Err(format!(
-        "its ior is {ior}: it must be from {} to {}",
-        IOR.start(),
-        IOR.end()
-    ))
+    in_range("its ior", ior, &IOR)
 }
 
 fn check_alpha(alpha: f32) -> Check {
-    if (0.0..=1.0).contains(&alpha) {
-        return Ok(());
-    }
-    Err(format!("its alpha is {alpha}: it must be from 0 to 1"))
+    in_range("its alpha", alpha, &(0.0..=1.0))
 }
 
 fn check_medium(medium: &Medium) -> Check {
@@ -421,75 +410,80 @@ fn check_medium(medium: &Medium) -> Check {
     let extinction = medium.extinction;
     let most = Vec3::splat(EXTINCTION_PER_M_MAX);
     if !(extinction.cmpge(Vec3::ZERO).all() && extinction.cmple(most).all()) {
-        return Err(format!(
-            "its medium's extinction is {extinction}: each channel must be from 0 to \
-             {EXTINCTION_PER_M_MAX:e} per metre"
-        ));
+        return Err(SceneError::Extinction {
+            value: extinction,
+            max: EXTINCTION_PER_M_MAX,
+        });
     }
     let (least, largest) = (extinction.min_element(), extinction.max_element());
     let is_even = least > 0.0 && largest <= EXTINCTION_RATIO_MAX * least;
     if medium.albedo != Vec3::ZERO && !is_even {
-        return Err(format!(
-            "its medium's extinction is {extinction}: where it scatters, each channel must be \
-             above 0 and none more than {EXTINCTION_RATIO_MAX} times another"
-        ));
+        return Err(SceneError::ExtinctionRatio {
+            value: extinction,
+            ratio_max: EXTINCTION_RATIO_MAX,
+        });
     }
     Ok(())
 }
 
-fn check_albedo(what: &str, albedo: Vec3) -> Check {
+fn check_albedo(what: &'static str, albedo: Vec3) -> Check {
     if albedo.cmpge(Vec3::ZERO).all() && albedo.cmple(Vec3::ONE).all() {
         return Ok(());
     }
-    Err(format!(
-        "{what} is {albedo}: each channel must be from 0 to 1"
-    ))
+    Err(SceneError::Channels {
+        what,
+        value: albedo,
+        max: 1.0,
+    })
 }
 
-fn radiance(what: &str, radiance: Vec3) -> Check {
+fn radiance(what: &'static str, radiance: Vec3) -> Check {
     if radiance.cmpge(Vec3::ZERO).all() && radiance.cmple(Vec3::splat(RADIANCE_MAX)).all() {
         return Ok(());
     }
-    Err(format!(
-        "the {what}'s radiance is {radiance}: each channel must be from 0 to {RADIANCE_MAX:e}"
-    ))
+    Err(SceneError::Radiance {
+        what,
+        value: radiance,
+        max: RADIANCE_MAX,
+    })
 }
 
-fn position(what: &str, p: Vec3) -> Check {
+fn position(what: &'static str, p: Vec3) -> Check {
     if p.abs().cmple(Vec3::splat(COORDINATE_M_MAX)).all() {
         return Ok(());
     }
-    Err(format!(
-        "{what} is {p}: each coordinate must be within ±{COORDINATE_M_MAX:e} m"
-    ))
+    Err(SceneError::Position {
+        what,
+        value: p,
+        max: COORDINATE_M_MAX,
+    })
 }
 
-fn finite(what: &str, v: Vec3) -> Check {
+fn finite(what: &'static str, v: Vec3) -> Check {
     if v.is_finite() {
         Ok(())
     } else {
-        Err(format!("{what} is {v}: it must be finite"))
+        Err(SceneError::NotFinite { what, value: v })
     }
 }
 
-fn extent(what: &str, metres: f32) -> Check {
+fn extent(what: &'static str, metres: f32) -> Check {
     if EXTENT_M.contains(&metres) {
         return Ok(());
     }
-    Err(format!(
-        "{what} is {metres} m: it must be from {:e} to {:e} m",
-        EXTENT_M.start(),
-        EXTENT_M.end()
-    ))
+    Err(SceneError::Length {
+        what,
+        metres,
+        min: *EXTENT_M.start(),
+        max: *EXTENT_M.end(),
+    })
 }
 
 fn rotation(q: Quat) -> Check {
     if (q.length_squared() - 1.0).abs() <= 1e-3 {
         return Ok(());
     }
-    Err(format!(
-        "its rotation is {q}: it must be a quaternion of length 1"
-    ))
+    Err(SceneError::Rotation(q))
 }
 
 fn name(name: &str) -> Check {
@@ -497,15 +491,16 @@ fn name(name: &str) -> Check {
         return Ok(());
     }
     let start: String = name.chars().take(16).collect();
-    Err(format!(
-        "a name that begins `{start}` has {} bytes: at most {NAME_BYTES_MAX} are allowed",
-        name.len()
-    ))
+    Err(SceneError::LongName {
+        start,
+        bytes: name.len(),
+        max: NAME_BYTES_MAX,
+    })
 }
 
-fn count(what: &str, count: usize, max: usize) -> Check {
+fn count(what: &'static str, count: usize, max: usize) -> Check {
     if count <= max {
         return Ok(());
     }
-    Err(format!("it has {count} {what}: at most {max} are allowed"))
+    Err(SceneError::TooMany { what, count, max })
 }
