@@ -23,109 +23,109 @@ use crate::settings::engine_cost_table;
 #[derive(Clone, Debug, Parser)]
 #[command(name = "carom", version, args_conflicts_with_subcommands = true)]
 pub struct Args {
-    /// Something else than playing
+    /// Run a subcommand instead of the game
     #[command(subcommand)]
     pub command: Option<Command>,
     /// Render a break shot to files instead of opening a window
     #[arg(long)]
     pub headless: bool,
-    /// Make a film of the shot of --replay, or of a break, in place of opening a window: a name that
-    /// ends in .y4m (for video encoders) or .png (animated), or a folder of PNG files. Frames are kept
-    /// as they come: after an interruption the same command goes on
-    #[arg(long, value_name = "FILM", value_parser = VideoTarget::parse, conflicts_with = "out")]
+    /// Render a video of the shot of --replay, or of a break, instead of opening a window: FILE.y4m (for
+    /// video encoders), FILE.png (animated) or a folder for PNG files. Run the same command again to
+    /// resume an interrupted video
+    #[arg(long, value_name = "VIDEO", value_parser = VideoTarget::parse, conflicts_with = "out")]
     pub video: Option<VideoTarget>,
-    /// Frames to render without a window, 1 to 1000000 [default: 48 of a break, all of a film]
+    /// Number of frames to render without a window, 1 to 1000000 [default: 48 of a break, all of a video]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub frames: Option<u32>,
-    /// Frames shown in a second, 1 to 240
+    /// Frames per second, 1 to 240
     #[arg(long, default_value_t = 30, value_parser = clap::value_parser!(u16).range(1..=240))]
     pub fps: u16,
-    /// Where the frames are seen from
+    /// View of the frames
     #[arg(long, value_enum, default_value_t)]
     pub view: VideoView,
-    /// Size of the frames, or of the window: WIDTHxHEIGHT in pixels [default: 640x360 for frames,
-    /// 1280x720 for a film and the window]
+    /// Size of the frames or of the window in pixels [default: 640x360 for frames, 1280x720 for a video
+    /// and the window]
     #[arg(long, value_name = "WxH")]
     pub size: Option<ImageSize>,
-    /// Paths per pixel of the frames [default: 16, for a film 64]
+    /// Samples per pixel of the frames [default: 16, for a video 64]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=i64::from(RenderSettings::SAMPLES_MAX)))]
     pub spp: Option<u32>,
-    /// Filter the noise that is left in the frames: 4 paths then look like 16 and more
+    /// Denoise the frames: 4 samples then look like 16 and more
     #[arg(long)]
     pub denoise: bool,
-    /// Draws the rack and the noise: the same seed gives the same frames
+    /// Seed of the rack and of the noise: the same seed gives the same frames
     #[arg(long, default_value_t = 1)]
     pub seed: u32,
-    /// Folder for the frames
+    /// Write the frames to this folder
     #[arg(long, value_name = "DIR", default_value = "carom-frames")]
     pub out: PathBuf,
-    /// The table: nine_foot, eight_foot, seven_foot, snooker or carom [default: nine_foot, or that
-    /// of the shot to show]
+    /// Table: nine_foot, eight_foot, seven_foot, snooker or carom [default: nine_foot, or the table of
+    /// the replay]
     #[arg(long, value_name = "TABLE", value_parser = Table::built_in)]
     pub table: Option<Table>,
-    /// The game: free, eight, nine, straight, snooker or three-cushion [default: the one that was left,
-    /// else free]
+    /// Game: free, eight, nine, straight, snooker or three-cushion [default: the unfinished match, else
+    /// free]
     #[arg(long, value_enum, value_name = "GAME")]
     pub rules: Option<RuleSet>,
-    /// Who plays: names and computers, separated by a comma, such as me,ai:medium; or 2 for two people
+    /// Players: names and computer players separated by commas, such as me,ai:medium; or 2 for two people
     /// [default: you against ai:medium]
     #[arg(long, value_name = "PLAYERS")]
     pub players: Option<String>,
-    /// Racks, frames or points to win [default: the game's own]
+    /// Racks, frames or points to win [default: depends on the game]
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub target: u32,
-    /// What the balls are made of [default: as in the settings, else classic]
+    /// Material of the balls [default: from the settings, else classic]
     #[arg(long, value_enum, value_name = "SET")]
     pub ball_set: Option<BallSet>,
-    /// A farm node, HOST:PORT; may be given several times. In place of those of --config
+    /// Address of a farm node; repeat for several. Replaces the nodes of --config
     #[arg(long = "node", value_name = "HOST:PORT")]
     pub nodes: Vec<String>,
-    /// Folder with the farm's certificates and the player's key
+    /// Folder of the farm's certificates and the player's key
     #[arg(long, value_name = "DIR")]
     pub credentials: Option<PathBuf>,
-    /// The farm's configuration [default: farm.toml in this folder, if there is one]
+    /// Farm configuration [default: farm.toml in this folder, if it exists]
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// What this machine traces with: auto (every GPU that traces rightly, and the CPU), cpu,
+    /// Devices of this machine to trace with: auto (all GPUs that pass the self-test, plus the CPU), cpu,
     /// gpu (an error if there is none) or none (farm nodes do all the work)
     #[arg(long)]
     pub backend: Option<LocalNode>,
-    /// How pictures are divided among nodes: the name of a balancer, as in the configuration's
-    /// `balancer` [default: water_filling_hedged, or --config's]
+    /// Balancing algorithm, as `balancer` in the configuration [default: water_filling_hedged, or that of
+    /// --config]
     #[arg(long, value_name = "NAME")]
     pub balancer: Option<Balancing>,
-    /// How pictures get into the window [default: CAROM_PRESENT, else the first that works]
+    /// Presentation of frames in the window [default: CAROM_PRESENT, else the first that works]
     #[arg(long, value_enum)]
     pub present: Option<Present>,
-    /// Show a recorded shot: in the window, where the arrow keys turn time, or as frames
+    /// Replay a recorded shot, in the window or as frames
     #[arg(long, value_name = "FILE")]
     pub replay: Option<PathBuf>,
-    /// Keep every shot as a file in this folder, to be shown with --replay
+    /// Save every shot to a file in this folder, for --replay
     #[arg(long, value_name = "DIR")]
     pub record: Option<PathBuf>,
-    /// What moves the balls: exact, or rapier-N: plain rapier at N steps per second, 30 to 10000
-    /// [default: as in the settings, else exact]
+    /// Physics engine: exact (event-based), or rapier-N: rapier's solver at N steps per second, 30 to 10000
+    /// [default: from the settings, else exact]
     #[arg(long, value_name = "ENGINE", long_help = physics_help())]
     pub physics: Option<Engine>,
-    /// The settings file [default: carom/settings.toml in the platform's folder]
+    /// Settings file [default: carom/settings.toml in the platform's folder]
     #[arg(long, value_name = "FILE")]
     pub settings: Option<PathBuf>,
 }
 
-/// What the game's command does besides playing.
+/// Subcommands of the game's program.
 #[derive(Clone, Debug, Subcommand)]
 pub enum Command {
-    /// Let computers play against each other, without a window, and count
-    Match(MatchArgs),
-    /// Write the sound of a shot as a WAV file: of a recorded one, or of a break
+    /// Let computer players play each other without a window and print the score
+    Tournament(MatchArgs),
+    /// Write the sound of a recorded shot, or of a break, to a WAV file
     Sound {
-        /// The file
+        /// Output file
         #[arg(long, value_name = "FILE", default_value = "shot.wav")]
         out: PathBuf,
-        /// A recorded shot
+        /// Recorded shot
         #[arg(long, value_name = "FILE")]
         replay: Option<PathBuf>,
-        /// Speed of the cue in the break, in m/s
+        /// Cue speed of the break in m/s
         #[arg(long, default_value_t = 8.0)]
         speed: f64,
     },
@@ -152,9 +152,8 @@ impl Args {
         }
         anyhow::ensure!(
             config.local != LocalNode::None || !config.nodes.is_empty(),
-            "nobody makes pictures: this machine is not to (--backend none, or `local` in the \
-             configuration), and no farm node is named; name one with --node HOST:PORT, or let \
-             this machine trace with --backend auto"
+            "no renderer is configured: --backend none (or `local` in the configuration) disables this \
+             machine, and no node is given. Add --node HOST:PORT, or use --backend auto"
         );
         Ok(config)
     }
@@ -247,8 +246,8 @@ impl Args {
 fn physics_help() -> String {
     format!(
         "\
-What moves the balls: exact (the billiards laws, from contact to contact) or rapier-N (the physics
-engine's own contacts and solver at N steps per second, 30 to 10000). What the settings cost and lose:
+Physics engine: exact (the laws of billiards, from event to event) or rapier-N (rapier's own contacts and
+solver at N steps per second, 30 to 10000). Accuracy and cost:
 
 {}
 

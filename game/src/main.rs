@@ -23,7 +23,7 @@ fn main() -> ExitCode {
         .with_writer(std::io::stderr)
         .init();
     match &args.command {
-        Some(Command::Match(games)) => return finish(games.run(), 1),
+        Some(Command::Tournament(games)) => return finish(games.run(), 1),
         Some(Command::Sound { out, replay, speed }) => {
             return finish(audio::write_shot(out, replay.as_deref(), *speed), 1);
         }

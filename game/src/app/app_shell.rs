@@ -186,7 +186,7 @@ impl AppShell {
         if let Some(saved) = self.store.settings.views.get_mut(place) {
             *saved = Some(session.viewpoint(now_secs));
             let key = self.input.bindings().words(Action::SavedView(place as u8));
-            let sentence = format!("View {} is saved: {key} shows it again", place + 1);
+            let sentence = format!("Saved view {}: press {key} to recall it", place + 1);
             self.toasts.push(sentence, now_secs);
             self.save(now_secs);
             session.redraw();
@@ -200,10 +200,8 @@ impl AppShell {
             }
             _ => {
                 let key = self.input.bindings().words(Action::KeepView(place as u8));
-                let sentence = format!(
-                    "There is no view {} yet: {key} saves what is seen",
-                    place + 1
-                );
+                let sentence =
+                    format!("View {} is empty: press {key} to save this view", place + 1);
                 self.toasts.push(sentence, now_secs);
                 session.redraw();
             }

@@ -92,14 +92,14 @@ fn left(path: Option<&Path>, notes: &mut Vec<String>, seed: u32) -> Result<Match
         Ok(Some(contest)) if contest.at_table().is_some() => {
             if contest.referee().rules() != RuleSet::Free {
                 notes.push(format!(
-                    "Your game of {} goes on; the menu begins another",
+                    "Resumed your match of {}; start another from the menu",
                     contest.referee().info().name
                 ));
             }
             return Ok(contest);
         }
         Ok(_) => {}
-        Err(why) => notes.push(format!("The game that was left cannot go on: {why}")),
+        Err(why) => notes.push(format!("Cannot resume the unfinished match: {why}")),
     }
     play::free_table(TableScene::table(), seed)
 }
@@ -318,10 +318,10 @@ impl App {
             return;
         };
         if screen.display.is_software() || self.present.is_some() {
-            let error = anyhow!("{} can show nothing any more: {why}", screen.display.name());
+            let error = anyhow!("{} failed: {why}", screen.display.name());
             return self.fail(event_loop, error);
         }
-        tracing::warn!("{}: {why}; going on without a GPU", screen.display.name());
+        tracing::warn!("{}: {why}; continuing without a GPU", screen.display.name());
         let (window, settings) = (screen.window.clone(), self.shell.settings());
         match Screen::open(window, event_loop, Some(Present::Software), settings) {
             Ok(reopened) => self.screen = Some(reopened),

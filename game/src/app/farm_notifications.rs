@@ -83,7 +83,7 @@ impl FarmNotifier {
         self.told_of_cpu = true;
         let threads = device.threads;
         Some(format!(
-            "No GPU: the CPU makes the pictures ({threads} threads), coarser while things move"
+            "No GPU found: rendering on the CPU ({threads} threads), at lower resolution while things move"
         ))
     }
 }
@@ -100,15 +100,15 @@ impl NodeNotice {
         }
         let name = name(node);
         let rest = if others {
-            "the others make its part of the picture"
+            "other nodes take over its tiles"
         } else {
-            "the last picture stays until a node answers"
+            "the last frame stays until a node connects"
         };
         let note = match (standing, self.was_ready) {
             (Availability::Ready, false) => None,
-            (Availability::Ready, true) => Some(format!("{name} is back")),
-            (Availability::Lost, true) => Some(format!("{name} is lost ({why}): {rest}")),
-            (Availability::Lost, false) => Some(format!("{name} cannot be used ({why}): {rest}")),
+            (Availability::Ready, true) => Some(format!("{name} is connected again")),
+            (Availability::Lost, true) => Some(format!("Lost {name} ({why}): {rest}")),
+            (Availability::Lost, false) => Some(format!("Cannot use {name} ({why}): {rest}")),
         };
         self.was_ready |= standing == Availability::Ready;
         note
@@ -125,7 +125,7 @@ impl NodeNotice {
         (self.slow && !was_slow).then(|| {
             let times = 1.0 / share;
             format!(
-                "{} is {times:.0} times slower than the fastest node: it gets as much less to do",
+                "{} is {times:.0} times slower than the fastest node and gets fewer tiles",
                 name(node)
             )
         })
@@ -137,8 +137,7 @@ impl NodeNotice {
         self.far = secs > if was_far { FAR_ENDS_SECS } else { FAR_SECS };
         (self.far && !was_far).then(|| {
             format!(
-                "The network to {} is slow ({:.0} ms there and back): its pictures are asked for \
-                 earlier, and may be coarser",
+                "High latency to {} ({:.0} ms round trip): frames are requested earlier and may be less precise",
                 name(node),
                 secs * 1e3
             )
@@ -157,10 +156,10 @@ pub fn standing(nodes: &[NodeStatus]) -> Option<String> {
     });
     let lost: Vec<String> = lost.collect();
     if lost.is_empty() || lost.len() < nodes.len() {
-        return Some("Waiting for the first picture".to_owned());
+        return Some("Waiting for the first frame".to_owned());
     }
     Some(format!(
-        "No node makes pictures: {}. You can play on; each is called again every 5 s",
+        "Rendering unavailable: no node is connected ({}). Retrying every 5 s; you can keep playing",
         lost.join("; ")
     ))
 }
@@ -284,7 +283,7 @@ mod tests {
         let said = told(&mut lookout, &farm(lost("it no longer answers")), 1.0);
         assert_eq!(
             said,
-            "attic:1 is lost (it no longer answers): the others make its part of the picture"
+            "attic:1 is lost (it no longer answers): other nodes take over its tiles"
         );
         assert_eq!(
             told(&mut lookout, &farm(lost("it no longer answers")), 2.0),
@@ -350,7 +349,7 @@ mod tests {
             node("attic:1", lost("x")),
             node("local", NodeState::Starting),
         ];
-        assert_eq!(standing(&nodes).unwrap(), "Waiting for the first picture");
+        assert_eq!(standing(&nodes).unwrap(), "Waiting for the first frame");
     }
 
     #[test]

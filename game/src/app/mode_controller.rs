@@ -37,7 +37,7 @@ impl ModeController {
     pub fn of_player() -> Self {
         let folder = etcetera::base_strategy::choose_native_strategy()
             .map(|folders| folders.data_dir().join("carom"))
-            .map_err(|error| format!("there is no folder for files: {error}"));
+            .map_err(|error| format!("no folder for files: {error}"));
         Self::with(folder)
     }
 
@@ -124,7 +124,7 @@ impl ModeController {
         self.refresh_files();
         match ReplayPlayer::new(recording, game.table(), now_secs) {
             Some(player) => self.mode = Mode::Replay(Box::new(player)),
-            None => self.notify("There is no shot to look back at yet".to_owned()),
+            None => self.notify("No shot to replay yet".to_owned()),
         }
     }
 
@@ -150,7 +150,7 @@ impl ModeController {
     pub fn view(&mut self, recording: Recording, game: &Game, now_secs: f64) {
         if recording.table != game.table().name() {
             return self.notify(format!(
-                "It was played on another table, {}: start the game with --replay and the file",
+                "Recorded on another table ({}): start the game with --replay and the file",
                 recording.table
             ));
         }
@@ -258,7 +258,7 @@ impl ModeController {
 
     fn save(&mut self, kind: RecordingKind, recording: &Recording) -> Result<(), String> {
         let path = self.recordings()?.save(kind, recording)?;
-        self.notify(format!("Kept as {}", path.display()));
+        self.notify(format!("Saved as {}", path.display()));
         self.refresh_files();
         Ok(())
     }
@@ -295,7 +295,10 @@ fn load(path: &Path) -> Result<Recording, String> {
 fn lay(practice: &mut Practice, path: &Path, game: &Game, now_secs: f64) -> Result<(), String> {
     let recording = load(path)?;
     if recording.table != game.table().name() {
-        return Err(format!("It was laid on another table, {}", recording.table));
+        return Err(format!(
+            "The layout is of another table ({})",
+            recording.table
+        ));
     }
     match ReplayPlayer::new(recording, game.table(), now_secs) {
         Some(player) => practice.lay(player.start()),

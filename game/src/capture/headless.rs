@@ -150,7 +150,7 @@ fn done(settings: ReportSettings, target: &VideoTarget, film: &VideoTarget) -> S
 
 fn going_on(reel: &FrameCache) -> String {
     format!(
-        "{} of {} frames are kept in {}, and the same command goes on with them",
+        "{} of {} frames are saved in {}; run the same command again to continue",
         reel.kept(),
         reel.frames(),
         reel.folder().display()
@@ -276,7 +276,7 @@ fn render(
 ) -> anyhow::Result<Vec<FrameReport>> {
     let bar = progress_bar(settings.frames);
     if reel.kept() > 0 {
-        eprintln!("Going on: {}", going_on(reel));
+        eprintln!("Resuming: {}", going_on(reel));
         bar.set_position(reel.kept().into());
         bar.reset_eta();
     }
@@ -293,7 +293,7 @@ fn render(
         }
         let frame = next_frame(farm, interrupted)?;
         let Some(index) = in_flight.pop_front() else {
-            bail!("the farm sent a frame that was not asked for");
+            bail!("the farm delivered a frame that was not requested");
         };
         reel.keep(index, bytes(&frame)?)?;
         bar.inc(1);

@@ -54,7 +54,7 @@ impl Screenshot {
         thread::Builder::new()
             .name("screenshot".to_owned())
             .spawn(run)
-            .map_err(|error| format!("no picture can be taken: {error}"))?;
+            .map_err(|error| format!("the screenshot cannot start: {error}"))?;
         Ok(Self {
             outcome,
             progress,
@@ -85,7 +85,7 @@ impl Screenshot {
         match self.outcome.try_recv() {
             Ok(outcome) => Some(outcome),
             Err(TryRecvError::Empty) => None,
-            Err(TryRecvError::Disconnected) => Some(Err("the picture was given up".to_owned())),
+            Err(TryRecvError::Disconnected) => Some(Err("the screenshot was cancelled".to_owned())),
         }
     }
 }
@@ -160,7 +160,7 @@ impl ScreenshotSlot {
         folder: PathBuf,
     ) -> Result<(), String> {
         if self.current.is_some() {
-            return Err("A picture is being taken already".to_owned());
+            return Err("A screenshot is being rendered already".to_owned());
         }
         let render = Screenshot::of(update, size, max_depth);
         self.current = Some(Screenshot::begin(
@@ -178,10 +178,10 @@ impl ScreenshotSlot {
         self.current = None;
         Some(match outcome {
             Ok(path) => format!(
-                "The picture is {}; beside it, as .exr, with layers",
+                "Saved the screenshot as {} and, with albedo, normal and depth, as .exr",
                 path.display()
             ),
-            Err(why) => format!("No picture was taken: {why}"),
+            Err(why) => format!("Screenshot failed: {why}"),
         })
     }
 

@@ -1,11 +1,11 @@
-//! Matches of computers against each other, without a window: `carom match`.
+//! Tournaments of computer players, without a window: `carom tournament`.
 
 use carom_billiards::ai::Level;
 use carom_billiards::game_match::{Player, Tournament, TournamentResult};
 use carom_billiards::rules::RuleSet;
 use clap::Args;
 
-/// Options of `carom match`.
+/// Options of `carom tournament`.
 #[derive(Clone, Debug, Args)]
 pub struct MatchArgs {
     /// The game

@@ -124,7 +124,7 @@ impl Game {
     /// Takes shots back until a person is at the table again.
     fn undo(&mut self) {
         if matches!(self.phase, Phase::Watching(_)) {
-            self.notice = Some("Wait until the balls rest to take the shot back".to_owned());
+            self.notice = Some("Wait until the balls rest before you undo".to_owned());
             return;
         }
         self.ai_turn = None;
@@ -138,9 +138,9 @@ impl Game {
         }
         self.begin_turn();
         self.notice = Some(match taken {
-            0 => "There is no shot to take back".to_owned(),
-            1 => "The last shot is taken back".to_owned(),
-            shots => format!("The last {shots} shots are taken back"),
+            0 => "Nothing to undo".to_owned(),
+            1 => "Undid the last shot".to_owned(),
+            shots => format!("Undid the last {shots} shots"),
         });
     }
 

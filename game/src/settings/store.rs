@@ -32,7 +32,7 @@ impl SettingsStore {
         match etcetera::base_strategy::choose_native_strategy() {
             Ok(folders) => Self::open(folders.config_dir().join("carom").join("settings.toml")),
             Err(error) => Self {
-                warnings: vec![format!("Settings will not be kept: {error}")],
+                warnings: vec![format!("Settings cannot be saved: {error}")],
                 ..Self::default()
             },
         }
@@ -115,7 +115,7 @@ impl SettingsStore {
             if let Err(wanted) = written {
                 let shown = item.to_string();
                 self.warnings.push(format!(
-                    "[{}] {} = {} is not used: it must be {wanted}",
+                    "ignored [{}] {} = {}: it must be {wanted}",
                     field.table,
                     field.key,
                     shown.trim()
@@ -165,15 +165,14 @@ impl SettingsStore {
         }
         let said = unknown
             .into_iter()
-            .map(|name| format!("{name} is no setting: it is kept as it is"));
+            .map(|name| format!("unknown setting {name}: left unchanged"));
         self.warnings.extend(said);
     }
 
     fn give_up(&mut self, why: String) {
         self.is_broken = true;
         self.warnings.push(format!(
-            "it cannot be read, the defaults count (when a setting is changed it is kept beside, as \
-             settings.broken.toml): {why}"
+            "it cannot be read, so the defaults apply (it is kept as settings.broken.toml when a setting changes): {why}"
         ));
     }
 

@@ -58,7 +58,7 @@ fn power_bar(ui: &mut Ui, power: f64) -> Option<Intent> {
         FontId::proportional(13.0),
         INK,
     );
-    let explained = response.on_hover_text("Power: the speed of the cue. Click or drag");
+    let explained = response.on_hover_text("Power: the speed of the cue. Click or drag to set it");
     let at = clicked_at(&explained)?;
     let share = (frame.bottom() - at.y) / frame.height();
     Some(Intent::Aim(AimIntent::SetPower(f64::from(
@@ -94,7 +94,7 @@ fn spin_disc(ui: &mut Ui, cue: &CueView) -> Option<Intent> {
     }
     raised(ui, cue, rect, slips);
     let explained = response.on_hover_text(
-        "Where the tip meets the cue ball: beyond the ring it slips off. Click or drag",
+        "Point of contact on the cue ball; outside the ring the tip slips off. Click or drag to set it",
     );
     let at = (clicked_at(&explained)? - center) / RADIUS;
     Some(Intent::Aim(AimIntent::SetTip(DVec2::new(

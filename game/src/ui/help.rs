@@ -21,7 +21,7 @@ pub fn panel(ctx: &Context, bindings: &Bindings) {
                         .max_height(room.y.max(80.0))
                         .show(ui, |ui| table(ui, bindings));
                     let close = bindings.words(Action::Help);
-                    ui.label(RichText::new(format!("{close} closes this")).color(theme::FAINT));
+                    ui.label(RichText::new(format!("Press {close} to close")).color(theme::FAINT));
                 });
         });
 }
@@ -76,17 +76,17 @@ pub fn legend(ctx: &Context, room: Rect, bindings: &Bindings) {
 fn first_steps(bindings: &Bindings) -> Vec<(String, &'static str)> {
     let mut steps = vec![("Mouse".to_owned(), "aim")];
     let rest = [
-        (Action::Stroke, "drag back, let go: strike"),
-        (Action::Charge, "or hold, let go"),
+        (Action::Stroke, "pull back, release to strike"),
+        (Action::Charge, "or hold and release"),
         (Action::Orbit, "look around"),
-        (Action::Help, "all keys"),
+        (Action::Help, "all controls"),
     ];
     steps.extend(rest.map(|(action, does)| (bindings.words(action), does)));
     steps
 }
 
 const BESIDE_POINTS: f32 = 124.0;
-const AIM_BY_MOUSE: &str = "aim: right and left turn the cue";
+const AIM_BY_MOUSE: &str = "aim: left and right turn the cue";
 
 #[cfg(test)]
 mod tests {

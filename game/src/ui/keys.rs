@@ -64,7 +64,7 @@ pub(super) fn page(ui: &mut Ui, bindings: &mut Bindings, rebinding: &mut Rebindi
                     }
                 });
         });
-    if ui.button("All back to the defaults").clicked() {
+    if ui.button("Restore all defaults").clicked() {
         *bindings = Bindings::default();
         rebinding.give_up();
     }
@@ -93,7 +93,7 @@ fn status(ui: &mut Ui, bindings: &mut Bindings, rebinding: &mut Rebinding) {
             .map(|action| action.control().does)
             .collect();
         let words = match unbound.as_slice() {
-            [] => "Add gives a control another key; Clear takes all of its keys away".to_owned(),
+            [] => "Add gives a control another key; Clear removes all its keys".to_owned(),
             lost => format!("Nothing is bound to: {}", lost.join("; ")),
         };
         ui.label(RichText::new(words).color(theme::FAINT));
@@ -111,7 +111,7 @@ fn row(ui: &mut Ui, action: Action, bindings: &mut Bindings, rebinding: &mut Reb
     };
     ui.label(RichText::new(words).color(theme::ACCENT));
     ui.horizontal(|ui| {
-        let add = ui.button("Add").on_hover_text("Give it another key");
+        let add = ui.button("Add").on_hover_text("Add another key");
         name(&add, format!("Add a key: {}", control.does));
         if add.clicked() {
             *rebinding = Rebinding {
@@ -119,7 +119,7 @@ fn row(ui: &mut Ui, action: Action, bindings: &mut Bindings, rebinding: &mut Reb
                 ..Rebinding::default()
             };
         }
-        let clear = ui.button("Clear").on_hover_text("Take its keys away");
+        let clear = ui.button("Clear").on_hover_text("Remove its keys");
         name(&clear, format!("Clear the keys: {}", control.does));
         if clear.clicked() {
             bindings.unbind(action);

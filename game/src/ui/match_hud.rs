@@ -177,7 +177,7 @@ fn calls(ui: &mut Ui, board: &MatchHud, bindings: &Bindings) -> Option<Intent> {
     let said = match (&board.call, view.call.is_some()) {
         (Some(words), true) => format!("{words} (called)"),
         (Some(words), false) => format!("{words} (by your aim)"),
-        (None, _) => "nothing: what falls does not count".to_owned(),
+        (None, _) => "none: potted balls do not count".to_owned(),
     };
     ui.label(RichText::new(said).small());
     let mut wanted = None;
@@ -196,7 +196,7 @@ fn calls(ui: &mut Ui, board: &MatchHud, bindings: &Bindings) -> Option<Intent> {
     }
     let key = bindings.words(Action::CallNext);
     ui.label(
-        RichText::new(format!("{key}: the next"))
+        RichText::new(format!("{key}: next"))
             .small()
             .color(theme::FAINT),
     );

@@ -151,21 +151,13 @@ impl Menu {
         }
         for (words, intent, is_for_all) in [
             ("Rack again", Intent::Match(MatchIntent::Rack), false),
+            ("Replays", Intent::Replay(ReplayIntent::Toggle), true),
             (
-                "Watch the shots of before",
-                Intent::Replay(ReplayIntent::Toggle),
-                true,
-            ),
-            (
-                "Lay the balls",
+                "Practice table",
                 Intent::Practice(PracticeIntent::Toggle),
                 false,
             ),
-            (
-                "Take a picture",
-                Intent::App(AppIntent::TakeScreenshot),
-                true,
-            ),
+            ("Screenshot", Intent::App(AppIntent::TakeScreenshot), true),
         ] {
             if (is_for_all || is_free_table) && entry(ui, words, false) {
                 self.close();

@@ -25,9 +25,7 @@ pub fn panel(
         theme::frame().show(ui, |ui| {
             ui.set_width((room.width() - 60.0).min(WIDTH));
             let fault = practice.held().and_then(|held| held.fault.as_deref());
-            ui.label(
-                fault.unwrap_or("Drag the balls. A number puts its ball on the table or away"),
-            );
+            ui.label(fault.unwrap_or("Drag the balls. Click a number to add or remove its ball"));
             let lying = practice.numbers();
             ui.horizontal_wrapped(|ui| {
                 for number in 0..=NUMBER_MAX {
@@ -45,17 +43,17 @@ pub fn panel(
                 if ui.button("Play").clicked() {
                     command = Some(PracticeCommand::Play);
                 }
-                if ui.button("Keep this layout").clicked() {
+                if ui.button("Save this layout").clicked() {
                     command = Some(PracticeCommand::Save);
                 }
                 if let Some(path) = replay::files(ui, kept) {
                     command = Some(PracticeCommand::Open(path));
                 }
-                if ui.button("Leave it as it was").clicked() {
+                if ui.button("Discard changes").clicked() {
                     command = Some(PracticeCommand::Close);
                 }
                 ui.label(
-                    RichText::new("Esc leaves it as it was")
+                    RichText::new("Esc discards the changes")
                         .color(theme::FAINT)
                         .small(),
                 );

@@ -26,7 +26,7 @@ pub(super) fn page(ui: &mut Ui, store: &mut SettingsStore, facts: MenuInput<'_>)
                     interface(ui, &mut store.settings);
                     sound(ui, &mut store.settings, facts);
                     ui.label("Keys");
-                    if ui.button("Change what keys do").clicked() {
+                    if ui.button("Change the controls").clicked() {
                         wanted = Some(Page::Keys);
                     }
                     ui.end_row();
@@ -36,15 +36,15 @@ pub(super) fn page(ui: &mut Ui, store: &mut SettingsStore, facts: MenuInput<'_>)
             }
         });
     ui.horizontal(|ui| {
-        if ui.button("Back to the defaults").clicked() {
+        if ui.button("Restore the defaults").clicked() {
             store.settings = Settings {
                 window: store.settings.window,
                 ..Settings::default()
             };
         }
         let kept = match store.path() {
-            Some(path) => format!("Kept in {}", path.display()),
-            None => "Not kept: this platform names no folder for settings".to_owned(),
+            Some(path) => format!("Saved in {}", path.display()),
+            None => "Not saved: this platform has no folder for settings".to_owned(),
         };
         ui.label(RichText::new(kept).color(theme::FAINT).small());
     });
@@ -73,19 +73,19 @@ fn game(ui: &mut Ui, settings: &mut Settings) {
 
 fn picture(ui: &mut Ui, settings: &mut Settings, facts: MenuInput<'_>) {
     choice(ui, "While things move", &mut settings.quality);
-    ui.label("Picture from");
+    ui.label("Rendered by");
     ui.vertical(|ui| {
         ui.label(facts.farm);
-        explain(ui, &format!("Shown through {}", facts.display));
+        explain(ui, &format!("Presented through {}", facts.display));
     });
     ui.end_row();
     ui.label("Window");
-    ui.checkbox(&mut settings.fullscreen, "Fill the screen");
+    ui.checkbox(&mut settings.fullscreen, "Fullscreen");
     ui.end_row();
 }
 
 fn interface(ui: &mut Ui, settings: &mut Settings) {
-    ui.label("Size of text");
+    ui.label("Text size");
     ui.horizontal_wrapped(|ui| {
         for percent in TEXT_PERCENTS {
             let scale = f64::from(percent) / 100.0;
@@ -98,7 +98,7 @@ fn interface(ui: &mut Ui, settings: &mut Settings) {
         ui.checkbox(&mut settings.reduced_motion, "Reduced motion");
         explain(
             ui,
-            "The camera cuts instead of riding; panels do not slide or fade",
+            "The camera cuts instead of gliding; panels do not slide or fade",
         );
     });
     ui.end_row();

@@ -105,7 +105,7 @@ fn happening(player: &ReplayPlayer, moment_secs: f64) -> String {
         .take_while(|moment| moment.secs <= moment_secs + 1e-6)
         .last();
     last.map_or_else(
-        || "Nothing has happened yet".to_owned(),
+        || "No shot yet".to_owned(),
         |moment| format!("{:.3} s: {}", moment.secs, moment.words),
     )
 }
@@ -113,11 +113,11 @@ fn happening(player: &ReplayPlayer, moment_secs: f64) -> String {
 fn deeds(ui: &mut Ui, player: &ReplayPlayer, kept: &[SavedRecording]) -> Option<ReplayCommand> {
     let mut command = None;
     ui.horizontal_wrapped(|ui| {
-        if ui.button("Keep this shot").clicked() {
+        if ui.button("Save this shot").clicked() {
             command = Some(ReplayCommand::Save(RecordingKind::Shot));
         }
         let count = player.recording().clips.len();
-        if count > 1 && ui.button(format!("Keep all {count}")).clicked() {
+        if count > 1 && ui.button(format!("Save all {count}")).clicked() {
             command = Some(ReplayCommand::Save(RecordingKind::Match));
         }
         if let Some(path) = files(ui, kept) {
@@ -125,7 +125,7 @@ fn deeds(ui: &mut Ui, player: &ReplayPlayer, kept: &[SavedRecording]) -> Option<
         }
         let play = ui.button("Play from here");
         if play
-            .on_hover_text("Lays the balls as they lay before this shot")
+            .on_hover_text("Restores the balls as they were before this shot")
             .clicked()
         {
             command = Some(ReplayCommand::Play);
@@ -142,7 +142,7 @@ pub(super) fn files(ui: &mut Ui, kept: &[SavedRecording]) -> Option<PathBuf> {
     let mut command = None;
     ui.menu_button("Open", |ui| {
         if kept.is_empty() {
-            ui.label("Nothing is kept yet");
+            ui.label("Nothing saved yet");
         }
         ScrollArea::vertical().max_height(260.0).show(ui, |ui| {
             for file in kept {
@@ -162,8 +162,7 @@ fn keys(bindings: &Bindings) -> String {
     let both = |one, other| format!("{} and {}", words(one), words(other));
     let speeds = [0, 1, 2].map(|place| words(Action::ReplaySpeed(place)));
     format!(
-        "{} plays and stops · {} turn time · {} go from event to event · {} choose the speed · \
-         {} choose the shot · {} goes back",
+        "{} play/pause · {} rewind/forward · {} previous/next event · {} speed · {} previous/next shot · {} close",
         words(Action::ReplayPause),
         both(Action::ReplayBack, Action::ReplayForward),
         both(Action::ReplayEventBefore, Action::ReplayEventNext),

@@ -125,7 +125,7 @@ fn each_level_shows_what_the_one_before_does_and_more() {
         "idle",
         "last node",
         "ideal",
-        "again",
+        "reissued",
     ];
     let full = [
         "gpu-2",
@@ -164,8 +164,8 @@ fn each_level_shows_what_the_one_before_does_and_more() {
 fn the_numbers_are_those_of_the_pictures() {
     let harness = harness(StatsLevel::Full, WINDOW, 1.0);
     // 300 pictures at 48 a second; every fortieth asked for four tiles again, one for 37 more.
-    assert!(has(&harness, "pictures/s 48.0"));
-    assert!(has(&harness, "late 32") && has(&harness, "lost 37!") && has(&harness, "again 69"));
+    assert!(has(&harness, "frames/s 48.0"));
+    assert!(has(&harness, "late 32") && has(&harness, "lost 37!") && has(&harness, "reissued 69"));
     assert!(has(&harness, "size 640x360 x 2"));
     // 920 tiles of 190 bytes against 691,200 bytes.
     assert!(has(&harness, "packed 4.0x"));
@@ -222,10 +222,7 @@ fn a_frozen_picture_stays_while_others_come_and_its_neighbours_are_reached() {
     assert_eq!(frozen(&harness), Some(PICTURES - 1));
     (0..50).for_each(|i| take(&mut harness.state_mut().stats, PICTURES + i));
     harness.run_steps(2);
-    assert!(has(
-        &harness,
-        &format!("Frozen at picture {}", PICTURES - 1)
-    ));
+    assert!(has(&harness, &format!("Frozen at frame {}", PICTURES - 1)));
     harness.get_by_label("<").click();
     harness.run_steps(2);
     assert_eq!(frozen(&harness), Some(PICTURES - 2));
@@ -274,7 +271,7 @@ fn the_quality_dial_is_turned_beside_its_measured_trade() {
     let mut harness = harness(StatsLevel::Full, Vec2::new(900.0, 2400.0), 1.0);
     harness.get_by_label("Quality").click();
     harness.run_steps(4);
-    for part in ["1280x720", "160x90", "ms here", "paths"] {
+    for part in ["1280x720", "160x90", "ms here", "spp"] {
         assert!(has(&harness, part), "{part}");
     }
     harness.get_by_label("fine").click();

@@ -37,7 +37,7 @@ fn the_menu_leads_to_every_page_and_back_and_out() {
     }
     press(&mut harness, "Esc");
     click(&mut harness, "Settings");
-    click(&mut harness, "Change what keys do");
+    click(&mut harness, "Change the controls");
     for page in [Some(Page::Settings), Some(Page::Top), None] {
         press(&mut harness, "Esc");
         assert_eq!(harness.state().shell.page(), page);
@@ -82,7 +82,7 @@ fn settings_are_changed_by_pressing_them() {
         settings.ball_set,
         carom::scene::ball_materials::BallSet::Glass
     );
-    click(&mut harness, "Back to the defaults");
+    click(&mut harness, "Restore the defaults");
     assert_eq!(harness.state().shell.settings().text_scale, 1.0);
 }
 
@@ -136,7 +136,7 @@ fn balls_are_laid_by_pressing_their_numbers_and_what_is_left_lies_as_before() {
     assert!(is_there(&harness));
     click(&mut harness, "9");
     assert!(!is_there(&harness));
-    click(&mut harness, "Leave it as it was");
+    click(&mut harness, "Discard changes");
     press(&mut harness, "F5");
     assert!(is_there(&harness));
     click(&mut harness, "9");
@@ -221,7 +221,7 @@ fn what_the_game_shows_lies_beside_the_statistics() {
         let mut found = harness.query_all_by_label_contains(words);
         found.next().unwrap_or_else(|| panic!("no {words}")).rect()
     };
-    let (line, side, table) = (rect("1% low"), rect("Ways of dividing"), rect("node "));
+    let (line, side, table) = (rect("1% low"), rect("Balancing algorithms"), rect("node "));
     let score = rect("Ada");
     assert!(score.top() > line.bottom(), "{score} under {line}");
     for words in ["Suggest", "Spin ", "Power "] {

@@ -122,7 +122,7 @@ impl GameSession {
 
     fn notice(&self) -> Option<String> {
         match self.pipeline.farm() {
-            FarmState::Failed(why) => Some(format!("No pictures: {why}")),
+            FarmState::Failed(why) => Some(format!("Rendering unavailable: {why}")),
             FarmState::Ready(farm) if self.pipeline.scheduler().stats().pictures > 0 => {
                 let stands = farm_notifications::standing(&farm.nodes());
                 stands.or_else(|| self.game_notice())

@@ -292,7 +292,7 @@ impl GameSession {
     /// The farm in a line.
     pub fn farm_line(&self) -> String {
         match self.pipeline.farm() {
-            FarmState::Failed(why) => format!("No pictures: {why}"),
+            FarmState::Failed(why) => format!("Rendering unavailable: {why}"),
             _ => farm_notifications::line(&self.nodes()),
         }
     }
@@ -305,7 +305,7 @@ impl GameSession {
         }
     }
 
-    /// The clock of the shot that is on at its own speed.
+    /// The clock of the shot that is on normal speed.
     pub fn shot_clock(&self, now_secs: f64) -> Option<ShotClock> {
         let is_slow =
             matches!(self.modes.mode(), Mode::Replay(player) if player.clock().rate() != 1.0);

@@ -221,7 +221,7 @@ pub(super) fn sparkline(ui: &mut Ui, values: &[f32]) {
 fn tell(record: &FrameRecord) -> String {
     let (mean, deviation) = record.response_mean_and_deviation();
     format!(
-        "picture {} by {}: {} ms, ideal {} ms, responses {} ± {} ms. Press to stand still here",
+        "frame {} by {}: {} ms, ideal {} ms, responses {} ± {} ms. Click to freeze",
         record.frame,
         record.balancing,
         ms(record.makespan_secs),
@@ -260,11 +260,11 @@ pub(super) const PICTURES: usize = 240;
 const HEIGHT: f32 = 54.0;
 const REDRAWS: Term = Term {
     label: "redraw",
-    meaning: "Milliseconds between redraws of the window while something moves, the last 240. The line is the budget: the time from one moving picture to the next.",
+    meaning: "Milliseconds between redraws of the window while something moves, the last 240. The line is the frame budget.",
 };
 const SPARKLINE: Term = Term {
     label: "",
-    meaning: "Times of the last 60 pictures, from asking the farm to the last tile; the top is the longest of them.",
+    meaning: "Makespans of the last 60 frames; the top of the chart is the longest.",
 };
 
 #[cfg(test)]

@@ -18,11 +18,11 @@ pub(super) fn show(ui: &mut Ui, stats: &mut Stats, facts: &StatsInput<'_>) {
         distribution(ui, stats, facts.distribution);
     });
     ui.horizontal(|ui| {
-        ui.label("Map").on_hover_text("What is drawn over the picture for each tile of the picture that is looked at.");
+        ui.label("Map").on_hover_text("The map drawn over each tile of the inspected frame.");
         for (kind, word, meaning) in [
-            (MapKind::None, "none", "The picture alone."),
-            (MapKind::Owner, "owner", "A colour and a number for each node: whose each tile is, by the first delivery."),
-            (MapKind::Cost, "cost", "What the balancer has learned that each tile costs: dark blue a quarter of the mean or less, green the mean, yellow four times the mean or more."),
+            (MapKind::None, "none", "No map."),
+            (MapKind::Owner, "owner", "A colour and a number for each node: the node that delivered each tile first."),
+            (MapKind::Cost, "cost", "Learned cost of each tile: dark blue is a quarter of the mean or less, green the mean, yellow four times the mean or more."),
         ] {
             ui.selectable_value(&mut stats.maps.kind, kind, word).on_hover_text(meaning);
         }
@@ -40,7 +40,7 @@ pub(super) fn show(ui: &mut Ui, stats: &mut Stats, facts: &StatsInput<'_>) {
 
 fn balancing(ui: &mut Ui, stats: &mut Stats, now: Balancing) {
     let mut wanted = now;
-    ComboBox::from_label("divides pictures")
+    ComboBox::from_label("balancer")
         .height(420.0)
         .selected_text(now.algorithm.name())
         .show_ui(ui, |ui| {
@@ -50,9 +50,11 @@ fn balancing(ui: &mut Ui, stats: &mut Stats, now: Balancing) {
             }
         })
         .response
-        .on_hover_text("How pictures are divided among nodes from the next one on. The charts mark the change.");
+        .on_hover_text(
+            "The balancing algorithm from the next frame on. The charts mark the change.",
+        );
     ui.checkbox(&mut wanted.hedged, "hedged")
-        .on_hover_text("Tiles that are late are asked of other nodes too, and the first result wins. Costs under 2 % of the work again; without it a picture waits for its slowest node.");
+        .on_hover_text("Hedging: late tiles are requested from other nodes too, and the first result wins. Repeats under 2 % of the work; without it a frame waits for its slowest node.");
     if wanted != now {
         stats.wishes.push(StatsCommand::Balancing(wanted));
     }
@@ -60,7 +62,7 @@ fn balancing(ui: &mut Ui, stats: &mut Stats, now: Balancing) {
 
 fn distribution(ui: &mut Ui, stats: &mut Stats, now: Distribution) {
     let mut by_samples = now == Distribution::Samples;
-    let changed = ui.checkbox(&mut by_samples, "by samples").on_hover_text("While nothing moves each node traces other samples of the whole picture, not its part of it. A node that is lost then costs noise and no part; the picture crosses the network once for each node.").changed();
+    let changed = ui.checkbox(&mut by_samples, "by samples").on_hover_text("While nothing moves, each node traces other samples of the whole frame instead of its own tiles. A lost node then costs noise instead of tiles; the frame crosses the network once for each node.").changed();
     if changed {
         let wanted = if by_samples {
             Distribution::Samples
@@ -74,20 +76,20 @@ fn distribution(ui: &mut Ui, stats: &mut Stats, now: Distribution) {
 fn about(algorithm: Algorithm) -> &'static str {
     match algorithm {
         Algorithm::Equal => "The same number of tiles for each node.",
-        Algorithm::Naive => "In proportion to each node's last speed, tiles by response time.",
-        Algorithm::NaiveMean => "In proportion to the mean of all of each node's speeds so far.",
+        Algorithm::Naive => "In proportion to each node's last speed (tiles per response time).",
+        Algorithm::NaiveMean => "In proportion to the mean of each node's speeds so far.",
         Algorithm::NaiveFrozen => {
-            "In proportion to the mean of each node's first 60 speeds, for ever."
+            "In proportion to the mean of each node's first 60 speeds, fixed from then on."
         }
         Algorithm::Ab => {
-            "y = A + B·x with averages over the whole run, after 60 pictures in equal parts."
+            "y = A + B·x with averages over the whole run, after 60 frames in equal parts."
         }
-        Algorithm::AbExponential => "y = A + B·x with averages that forget.",
+        Algorithm::AbExponential => "y = A + B·x with moving averages.",
         Algorithm::Cycles => {
-            "Each share is moved by a part of its distance from the mean time, until all times are within two per cent."
+            "Each share moves by a fraction of its distance from the mean time until all times are within 2 %."
         }
         Algorithm::Pull => {
-            "Nodes hold a few tiles, as many as the round trip needs, and get more as they deliver."
+            "Work stealing: nodes hold as few tiles as the round trip needs and get more as they deliver."
         }
         Algorithm::WaterFilling => {
             "y = A + B·w with filtered A and B and the cost of each tile: the earliest common finish."
@@ -119,23 +121,44 @@ fn freeze(ui: &mut Ui, stats: &mut Stats) {
     ui.horizontal_wrapped(|ui| {
         let records = stats.history.records();
         let Some(frozen) = stats.frozen.clone() else {
-            if ui.button("Freeze").on_hover_text("The charts stand still at the newest picture. A press on a chart picks another one.").clicked() {
+            if ui
+                .button("Freeze")
+                .on_hover_text(
+                    "Freeze the charts at the newest frame. Click a chart to choose another frame.",
+                )
+                .clicked()
+            {
                 stats.freeze(usize::MAX);
             }
             return;
         };
-        let place = records.iter().position(|record| record.frame == frozen.frame).unwrap_or(0);
+        let place = records
+            .iter()
+            .position(|record| record.frame == frozen.frame)
+            .unwrap_or(0);
         let (first, last) = (place == 0, place + 1 >= records.len());
-        if ui.add_enabled(!first, egui::Button::new("<")).on_hover_text("The picture before.").clicked() {
+        if ui
+            .add_enabled(!first, egui::Button::new("<"))
+            .on_hover_text("Previous frame.")
+            .clicked()
+        {
             stats.freeze(place - 1);
         }
-        if ui.add_enabled(!last, egui::Button::new(">")).on_hover_text("The picture after.").clicked() {
+        if ui
+            .add_enabled(!last, egui::Button::new(">"))
+            .on_hover_text("Next frame.")
+            .clicked()
+        {
             stats.freeze(place + 1);
         }
-        if ui.button("Go on").on_hover_text("The charts follow the newest picture again.").clicked() {
+        if ui
+            .button("Go on")
+            .on_hover_text("Resume live charts.")
+            .clicked()
+        {
             stats.unfreeze();
         }
-        ui.label(format!("Frozen at picture {}", frozen.frame));
+        ui.label(format!("Frozen at frame {}", frozen.frame));
     });
 }
 
@@ -148,10 +171,9 @@ fn recording(ui: &mut Ui, recorder: &Recorder) {
             &format!("{} written, {} left out", state.written, state.left_out),
         );
         match &state.failure {
-            Some(why) => ui.colored_label(
-                crate::ui::theme::ALARM,
-                format!("The recording has stopped: {why}"),
-            ),
+            Some(why) => {
+                ui.colored_label(crate::ui::theme::ALARM, format!("Recording stopped: {why}"))
+            }
             None => ui.label(format!("to {}", state.place)),
         };
     });
@@ -220,16 +242,16 @@ const DIALS: [(QualityPreference, &str, &str); 3] = [
     (
         QualityPreference::Smooth,
         "smooth",
-        "60 pictures a second, however coarse.",
+        "60 frames per second at any resolution.",
     ),
     (
         QualityPreference::Balanced,
         "balanced",
-        "60 a second where they are fine enough, else 30: twice the paths.",
+        "60 frames per second at sufficient resolution, else 30: twice the samples.",
     ),
     (
         QualityPreference::Fine,
         "fine",
-        "15 a second: four times the paths, a seventh of the squared error.",
+        "15 frames per second: four times the samples, a seventh of the squared error.",
     ),
 ];

@@ -12,7 +12,7 @@ use crate::ui::theme::{ALARM, FAINT, INK};
 /// Draws a picture's chart, as wide as there is room.
 pub fn show(ui: &mut Ui, record: &FrameRecord) {
     let Some(detail) = &record.detail else {
-        ui.label("The bars of this picture are not kept any more: it is too long ago.");
+        ui.label("The timeline of this frame is no longer stored.");
         return;
     };
     let rows: Vec<usize> = record.took_part().map(|(index, _)| index).collect();
@@ -180,17 +180,17 @@ fn tell(delivery: &Delivery) -> String {
     let [from, to] = [delivery.tiles.first, delivery.tiles.end().saturating_sub(1)];
     let twice = delivery.tiles.count - delivery.fresh_tiles.min(delivery.tiles.count);
     let twice = if twice > 0 {
-        format!(", {twice} of them had come before")
+        format!(", {twice} of them duplicates")
     } else {
         String::new()
     };
     format!(
-        "node {}, tiles {from} to {to}{twice}\nasked at {} ms, here at {} ms{}\nbusy {}, network {}, queue {}, encode {}, decode {} ms",
+        "node {}, tiles {from} to {to}{twice}\nrequested at {} ms, received at {} ms{}\nbusy {}, network {}, queue {}, encode {}, decode {} ms",
         delivery.node.0,
         ms(split.request_secs),
         ms(delivery.arrived_secs),
         delivery.expected_secs.map_or(String::new(), |secs| format!(
-            ", its request predicted for {} ms",
+            ", predicted for {} ms",
             ms(secs)
         )),
         ms(delivery.busy_secs),

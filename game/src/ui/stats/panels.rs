@@ -105,11 +105,9 @@ fn column(ui: &mut Ui, stats: &mut Stats, facts: &StatsInput<'_>) {
     compact::show(ui, &stats.board, facts);
     let inspected: Option<Arc<FrameRecord>> = stats.inspected().cloned();
     if let Some(record) = &inspected {
-        section(ui, "Picture, node by node", true, |ui| {
-            gantt::show(ui, record)
-        });
+        section(ui, "Frame by node", true, |ui| gantt::show(ui, record));
     }
-    section(ui, "Pictures over time", true, |ui| {
+    section(ui, "Frames over time", true, |ui| {
         if let Some(place) = time_series(
             ui,
             stats,
@@ -133,7 +131,7 @@ fn column(ui: &mut Ui, stats: &mut Stats, facts: &StatsInput<'_>) {
             .scales
             .redraws(ui, newest, (facts.period_secs * 1e3) as f32);
     });
-    section(ui, "Ways of dividing", true, |ui| {
+    section(ui, "Balancing algorithms", true, |ui| {
         controls::tallies(ui, stats)
     });
     section(ui, "Quality", false, |ui| {

@@ -63,7 +63,7 @@ pub(super) fn show(ui: &mut Ui, record: &FrameRecord) {
             .is_some_and(|pointer| pointer.distance(center) < NEAR)
         {
             words.push(format!(
-                "node {index}: predicted {} ms, came after {} ms",
+                "node {index}: predicted {} ms, actual {} ms",
                 ms(predicted),
                 ms(actual)
             ));

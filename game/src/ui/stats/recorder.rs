@@ -48,7 +48,7 @@ impl Recorder {
                 thread: None,
                 state: Arc::new(Mutex::new(RecorderState {
                     failure: Some(format!(
-                        "no file can be made in {}: {why}",
+                        "cannot create a file in {}: {why}",
                         folder.display()
                     )),
                     ..RecorderState::default()
@@ -144,7 +144,7 @@ fn write_all<W: Write>(
         change(state, |state| state.written += 1);
     }
     if let Err(why) = files.csv.flush().and_then(|()| files.lines.flush()) {
-        tracing::error!("the recording of the statistics is not whole: {why}");
+        tracing::error!("the recording of the statistics is incomplete: {why}");
         change(state, |state| state.failure = Some(why.to_string()));
     }
 }

@@ -102,10 +102,10 @@ impl StatsSummary {
     /// The picture's worst trouble in a sentence.
     pub fn diagnosis(&self) -> String {
         let Some(record) = &self.record else {
-            return "No picture has come yet".to_owned();
+            return "No frame has arrived yet".to_owned();
         };
         let Some((index, node)) = straggler(record) else {
-            return "No tile has come yet".to_owned();
+            return "No tile has arrived yet".to_owned();
         };
         let name = &node.name;
         let lost = self.nodes.iter().filter(|node| !node.is_ready).count();
@@ -115,12 +115,12 @@ impl StatsSummary {
         if record.efficiency() > GOOD {
             let aside = match lost {
                 0 => String::new(),
-                1 => "; one node takes no part".to_owned(),
-                lost => format!("; {lost} nodes take no part"),
+                1 => "; one node is not used".to_owned(),
+                lost => format!("; {lost} nodes are not used"),
             };
-            return format!("Well divided: all nodes end nearly together{aside}");
+            return format!("Balanced: all nodes finish nearly together{aside}");
         }
-        format!("Node {index} ({name}) comes last: {}", stage(node))
+        format!("Node {index} ({name}) is the straggler: {}", stage(node))
     }
 }
 
@@ -178,9 +178,9 @@ fn straggler(record: &FrameRecord) -> Option<(usize, &NodeRecord)> {
 fn stage(node: &NodeRecord) -> String {
     let split = &node.split;
     let stages = [
-        (split.request_secs, "waiting to be asked"),
+        (split.request_secs, "waiting to be requested"),
         (split.network_secs, "network"),
-        (split.queue_secs, "waiting for its device"),
+        (split.queue_secs, "queueing for its device"),
         (split.trace_secs, "tracing"),
         (split.encode_secs, "encoding"),
         (split.decode_secs, "decoding here"),
@@ -188,7 +188,7 @@ fn stage(node: &NodeRecord) -> String {
     let longest = stages.iter().max_by(|a, b| a.0.total_cmp(&b.0));
     let (secs, word) = longest.copied().unwrap_or_default();
     let [part, whole] = [secs, node.response_secs].map(|secs| secs * 1e3);
-    format!("{part:.1} of its {whole:.1} ms are {word}")
+    format!("{part:.1} of its {whole:.1} ms: {word}")
 }
 
 /// Above this efficiency there is nothing to complain of.
