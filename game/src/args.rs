@@ -210,25 +210,22 @@ impl Args {
         }
         let rules = self.rules.unwrap_or_default();
         let players = match (&self.players, rules) {
-            (Some(list), _) => Player::list(list),
-            (None, RuleSet::Free) => Ok(vec![Player::Human("You".to_owned())]),
-            (None, _) => Player::list("ai"),
+            (Some(list), _) => Player::list(list)?,
+            (None, RuleSet::Free) => vec![Player::Human("You".to_owned())],
+            (None, _) => Player::list("ai")?,
         };
-        let begun = players.and_then(|players| {
-            let own = MatchConfig::new(rules, players, self.seed)?;
-            let table = if wants_table {
-                let found = self.table_and_recording();
-                found.map_err(|error| format!("{error:#}"))?.0
-            } else {
-                own.table
-            };
-            Match::new(MatchConfig {
-                table,
-                target: self.target,
-                ..own
-            })
+        let own = MatchConfig::new(rules, players, self.seed)?;
+        let table = if wants_table {
+            self.table_and_recording()?.0
+        } else {
+            own.table
+        };
+        let begun = Match::new(MatchConfig {
+            table,
+            target: self.target,
+            ..own
         });
-        begun.map(Some).map_err(anyhow::Error::msg)
+        Ok(Some(begun?))
     }
 
     fn config_file(&self) -> anyhow::Result<FarmConfig> {

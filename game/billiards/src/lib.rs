@@ -16,8 +16,14 @@
 //! strokes give the same bits.
 
 pub mod ai;
+mod error;
 pub mod game_match;
 pub mod physics;
 pub mod rng;
 pub mod rules;
 pub mod shot_report;
+
+pub use error::{
+    EngineFault, Error, FileFault, LayoutFault, PlacementFault, PlayersFault, Result, RuleFault,
+    StrokeFault, TableFault,
+};

@@ -23,8 +23,9 @@
 
 use std::f64::consts::PI;
 
+use carom_billiards::Error;
 use carom_billiards::physics::{
-    BallBallLaw, BallBody, BallState, Clip, Cloth, Engine, Error, Event, EventKind, Laws, Rapier,
+    BallBallLaw, BallBody, BallState, Clip, Cloth, Engine, Event, EventKind, Laws, Rapier,
     Recording, Shot, Stroke, Table, TableParts, World,
 };
 use glam::{DVec2, DVec3};

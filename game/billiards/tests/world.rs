@@ -1,9 +1,10 @@
 //! The physical world beyond the cloth: balls in the air, rims, rails, tables and unequal balls.
 
+use carom_billiards::Error;
 use carom_billiards::physics::{
-    BallBallLaw, BallBody, BallLayout, BallState, BounceLaw, CLUSTER_SPEED_M_S, CushionLaw, Error,
-    Event, EventKind, HOP_LEAST_M, Laws, Mathavan, Phase, REBOUND_ENERGY_J, Shot, Stroke, Surface,
-    Table, World,
+    BallBallLaw, BallBody, BallLayout, BallState, BounceLaw, CLUSTER_SPEED_M_S, CushionLaw, Event,
+    EventKind, HOP_LEAST_M, Laws, Mathavan, Phase, REBOUND_ENERGY_J, Shot, Stroke, Surface, Table,
+    World,
 };
 use glam::{DVec2, DVec3};
 use proptest::prelude::*;
@@ -176,7 +177,7 @@ fn the_built_in_tables_are_what_their_specifications_say() {
 #[test]
 fn a_bad_table_is_refused_with_what_is_wrong() {
     let message = |json: &str| match Table::parse(json) {
-        Err(Error::Table(message)) => message,
+        Err(Error::Table(fault)) => fault.to_string(),
         other => panic!("{other:?}"),
     };
     let good = include_str!("../../../assets/tables/nine_foot.json");

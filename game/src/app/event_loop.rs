@@ -45,7 +45,7 @@ pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow:
     let mut notes = Vec::new();
     let contest = match args.contest()? {
         Some(contest) => contest,
-        None => left(kept_in.as_deref(), &mut notes, args.seed).map_err(anyhow::Error::msg)?,
+        None => left(kept_in.as_deref(), &mut notes, args.seed)?,
     };
     let chosen = &settings.settings;
     let mut session = GameSession::new(config, contest, chosen.ball_set)?;
@@ -85,7 +85,7 @@ pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow:
 }
 
 /// The match that was left the last time, else a free table.
-fn left(path: Option<&Path>, notes: &mut Vec<String>, seed: u32) -> Result<Match, String> {
+fn left(path: Option<&Path>, notes: &mut Vec<String>, seed: u32) -> carom_billiards::Result<Match> {
     let kept = path.map_or(Ok(None), MatchSave::load);
     let played = kept.and_then(|record| record.map(|record| record.play()).transpose());
     match played {

@@ -9,7 +9,7 @@
 
 use std::path::{Path, PathBuf};
 
-use carom_billiards::physics::{self, BallState, Clip, Recording, Shot};
+use carom_billiards::physics::{BallState, Clip, Recording, Shot};
 use carom_billiards::rules::RuleSet;
 use etcetera::BaseStrategy as _;
 
@@ -128,7 +128,7 @@ impl ModeController {
         }
     }
 
-    fn past(&self, game: &Game) -> physics::Result<Recording> {
+    fn past(&self, game: &Game) -> carom_billiards::Result<Recording> {
         if game.contest().referee().rules() == RuleSet::Free {
             return Ok(Recording {
                 table: game.table().name().to_owned(),

@@ -1,6 +1,7 @@
 //! The computer at the table: as a player, as an adviser, and in a person's place. It thinks beside the
 //! window; what it does is seen, the cue turning to the shot before it strikes.
 
+use carom_billiards::Result;
 use carom_billiards::ai::{AiWorker, Decision, Skill};
 use carom_billiards::game_match::Match;
 use carom_billiards::physics::{Shot, Stroke};
@@ -31,8 +32,8 @@ impl AiTurn {
     /// The computer's own shot.
     ///
     /// # Errors
-    /// A sentence if the system gives no thread.
-    pub(super) fn own(contest: &Match, skill: Skill) -> Result<Self, String> {
+    /// Those of [`AiWorker::start`].
+    pub(super) fn own(contest: &Match, skill: Skill) -> Result<Self> {
         let thinking = AiWorker::start(contest.position(), skill, contest.draw_seed())?;
         Ok(Self {
             thinking,
@@ -44,8 +45,8 @@ impl AiTurn {
     /// A person's shot.
     ///
     /// # Errors
-    /// As [`Match::advise`].
-    pub(super) fn for_person(contest: &Match, purpose: AiTask) -> Result<Self, String> {
+    /// Those of [`Match::start_hint`].
+    pub(super) fn for_person(contest: &Match, purpose: AiTask) -> Result<Self> {
         Ok(Self {
             thinking: contest.start_hint()?,
             purpose,
@@ -56,8 +57,8 @@ impl AiTurn {
     /// The decision, once it is made.
     ///
     /// # Errors
-    /// A sentence if the thinking broke off.
-    pub(super) fn poll(&self) -> Result<Option<(Decision, Skill)>, String> {
+    /// Those of [`AiWorker::poll`].
+    pub(super) fn poll(&self) -> Result<Option<(Decision, Skill)>> {
         let decision = self.thinking.poll()?;
         Ok(decision.map(|decision| (decision, self.skill)))
     }

@@ -39,7 +39,7 @@ impl Game {
         };
         self.phase = Phase::Placing(BallInHand {
             at,
-            verdict: self.contest.may_place(at),
+            verdict: self.verdict(at),
             from: at,
         });
     }
@@ -89,8 +89,15 @@ impl Game {
         ahead * by.y - ahead.perp() * by.x
     }
 
+    /// Why the cue ball may not lie there, for the player.
+    fn verdict(&self, at: DVec2) -> Result<(), String> {
+        self.contest
+            .may_place(at)
+            .map_err(|fault| fault.to_string())
+    }
+
     fn carry_to(&mut self, at: DVec2) {
-        let verdict = self.contest.may_place(at);
+        let verdict = self.verdict(at);
         if verdict.is_ok() {
             // The picture shows it where it may lie.
             let _ = self.contest.place(at);

@@ -88,7 +88,7 @@ impl Game {
     ///
     /// # Errors
     /// A sentence if the physics refuses its own table.
-    pub fn new(seed: u32) -> Result<Self, String> {
+    pub fn new(seed: u32) -> carom_billiards::Result<Self> {
         Ok(Self::of(free_table(TableScene::table(), seed)?))
     }
 
@@ -136,7 +136,7 @@ impl Game {
     ///
     /// # Errors
     /// A sentence if they cannot lie like this, or in a game with rules; it stays as it was.
-    pub fn lay(&mut self, balls: &[BallState]) -> Result<(), String> {
+    pub fn lay(&mut self, balls: &[BallState]) -> carom_billiards::Result<()> {
         self.contest.arrange(balls)?;
         if let Phase::Watching(running) = &self.phase {
             self.smoother = CameraSmoother::new(running.from);
@@ -502,7 +502,7 @@ impl Game {
         let engine = self.contest.world().engine();
         match free_table(table, self.contest.referee().seed().wrapping_add(1)) {
             Ok(contest) => self.contest = contest,
-            Err(why) => self.notice = Some(why),
+            Err(why) => self.notice = Some(why.to_string()),
         }
         self.contest.set_engine(engine);
         if let Phase::Watching(running) = &self.phase {
@@ -585,7 +585,7 @@ impl Game {
 ///
 /// # Errors
 /// A sentence if the balls cannot lie on it.
-pub fn free_table(table: Table, seed: u32) -> Result<Match, String> {
+pub fn free_table(table: Table, seed: u32) -> carom_billiards::Result<Match> {
     Match::new(MatchConfig {
         rules: RuleSet::Free,
         players: vec![Player::Human("You".to_owned())],

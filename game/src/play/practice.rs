@@ -7,7 +7,7 @@
 
 use std::path::PathBuf;
 
-use carom_billiards::physics::{self, BallPose, BallState, Phase, Recording, World};
+use carom_billiards::physics::{BallPose, BallState, Phase, Recording, World};
 use glam::{DVec2, DVec3};
 
 /// A command of the practice page.
@@ -55,8 +55,8 @@ impl Practice {
     /// Begins with a table as it is. Balls that are in motion come to rest where they are.
     ///
     /// # Errors
-    /// [`physics::Error::Layout`] if balls that were in the air cannot lie below.
-    pub fn new(world: &World) -> physics::Result<Self> {
+    /// [`carom_billiards::Error::Layout`] if balls that were in the air cannot lie below.
+    pub fn new(world: &World) -> carom_billiards::Result<Self> {
         let world = with_balls(world, at_rest(world.balls()))?;
         Ok(Self { world, held: None })
     }
@@ -194,7 +194,7 @@ impl Practice {
     ///
     /// # Errors
     /// Those of [`World::release`].
-    pub fn layout(&self, title: &str) -> physics::Result<Recording> {
+    pub fn layout(&self, title: &str) -> carom_billiards::Result<Recording> {
         let still = self.world.release()?;
         Ok(Recording::of(self.world.table(), title, still))
     }
@@ -224,7 +224,7 @@ pub fn at_rest(mut balls: Vec<BallState>) -> Vec<BallState> {
 }
 
 /// The same table and laws with other balls.
-fn with_balls(world: &World, balls: Vec<BallState>) -> physics::Result<World> {
+fn with_balls(world: &World, balls: Vec<BallState>) -> carom_billiards::Result<World> {
     let mut laid = World::with_laws(world.table().clone(), *world.laws(), balls)?;
     laid.set_engine(world.engine());
     Ok(laid)

@@ -44,7 +44,7 @@ impl MatchArgs {
     }
 
     fn play(&self) -> anyhow::Result<TournamentResult> {
-        let players = Player::list(&self.players).map_err(anyhow::Error::msg)?;
+        let players = Player::list(&self.players)?;
         let levels: Vec<Level> = players.iter().filter_map(Player::level).collect();
         let Ok(levels) = levels.try_into() else {
             anyhow::bail!(
@@ -59,7 +59,7 @@ impl MatchArgs {
             target: self.target,
             seed: self.seed,
         };
-        tournament.play().map_err(anyhow::Error::msg)
+        Ok(tournament.play()?)
     }
 }
 

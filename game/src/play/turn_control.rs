@@ -68,7 +68,7 @@ impl Game {
             _ if !self.may_play() => {}
             MatchIntent::Choose(choice) => {
                 if let Err(why) = self.contest.choose(choice) {
-                    self.notice = Some(why);
+                    self.notice = Some(why.to_string());
                 }
                 self.begin_turn();
             }
@@ -153,7 +153,7 @@ impl Game {
                 self.ai_turn = Some(ai_turn);
                 self.notice = Some("Looking for a shot …".to_owned());
             }
-            Err(why) => self.notice = Some(why),
+            Err(why) => self.notice = Some(why.to_string()),
         }
     }
 
@@ -205,7 +205,7 @@ impl Game {
         if let (None, Some(level), Phase::Aiming) = (&self.ai_turn, level, &self.phase) {
             match AiTurn::own(&self.contest, level.into()) {
                 Ok(ai_turn) => self.ai_turn = Some(ai_turn),
-                Err(why) => self.notice = Some(why),
+                Err(why) => self.notice = Some(why.to_string()),
             }
         }
         let Some(ai_turn) = &self.ai_turn else {
@@ -221,12 +221,12 @@ impl Game {
                     AiTask::Advise => self.show_advice(&decision),
                 };
                 if let Err(why) = done {
-                    self.notice = Some(why);
+                    self.notice = Some(why.to_string());
                 }
             }
             Err(why) => {
                 self.ai_turn = None;
-                self.notice = Some(why);
+                self.notice = Some(why.to_string());
             }
         }
     }
@@ -236,7 +236,7 @@ impl Game {
         decision: &carom_billiards::ai::Decision,
         skill: &carom_billiards::ai::Skill,
         now_secs: f64,
-    ) -> Result<(), String> {
+    ) -> carom_billiards::Result<()> {
         self.notice = None;
         self.board = None;
         let struck = self.contest.carry_out(decision, skill)?;
@@ -252,7 +252,10 @@ impl Game {
     }
 
     /// Says what the computer would do, and points the cue so.
-    fn show_advice(&mut self, decision: &carom_billiards::ai::Decision) -> Result<(), String> {
+    fn show_advice(
+        &mut self,
+        decision: &carom_billiards::ai::Decision,
+    ) -> carom_billiards::Result<()> {
         self.notice = Some(self.contest.hint_text(decision));
         if decision.choice.is_some() {
             return Ok(());

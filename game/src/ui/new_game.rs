@@ -34,7 +34,7 @@ impl NewGame {
     ///
     /// # Errors
     /// A sentence if there is no such match.
-    pub fn begin(&self, seed: u32) -> Result<Match, String> {
+    pub fn begin(&self, seed: u32) -> carom_billiards::Result<Match> {
         let human = |name: &str| Player::Human(name.to_owned());
         let players = match (self.rules, self.computer) {
             (RuleSet::Free, _) => vec![human("You")],

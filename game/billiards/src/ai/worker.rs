@@ -5,6 +5,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::thread;
 
+use crate::{Error, Result};
+
 use super::{
     Position,
     search::{Decision, think},
@@ -22,8 +24,8 @@ impl AiWorker {
     /// Begins.
     ///
     /// # Errors
-    /// A sentence if the system gives no thread.
-    pub fn start(position: Position, skill: Skill, seed: u32) -> Result<Self, String> {
+    /// [`Error::NoThread`] if the system gives none.
+    pub fn start(position: Position, skill: Skill, seed: u32) -> Result<Self> {
         let (sender, decision) = channel();
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = Arc::clone(&stop);
@@ -34,19 +36,19 @@ impl AiWorker {
         thread::Builder::new()
             .name("computer player".to_owned())
             .spawn(run)
-            .map_err(|error| format!("the computer cannot think: {error}"))?;
+            .map_err(Error::NoThread)?;
         Ok(Self { decision, stop })
     }
 
     /// The decision, once it is made.
     ///
     /// # Errors
-    /// A sentence if the thinking broke off.
-    pub fn poll(&self) -> Result<Option<Decision>, String> {
+    /// [`Error::SearchBrokeOff`] if the thread ended without one.
+    pub fn poll(&self) -> Result<Option<Decision>> {
         match self.decision.try_recv() {
             Ok(decision) => Ok(Some(decision)),
             Err(TryRecvError::Empty) => Ok(None),
-            Err(TryRecvError::Disconnected) => Err("the computer stopped thinking".to_owned()),
+            Err(TryRecvError::Disconnected) => Err(Error::SearchBrokeOff),
         }
     }
 

@@ -7,9 +7,10 @@
 
 use super::Match;
 use crate::ai::{AiWorker, Decision, Level, Skill};
-use crate::physics::{self, AimContact, Shot, Stroke, predict};
+use crate::physics::{AimContact, Shot, Stroke, predict};
 use crate::rng::CounterRng;
 use crate::rules::{self, Choice};
+use crate::{Result, RuleFault};
 
 impl Match {
     /// How the computer plays when it plays for a person.
@@ -21,10 +22,10 @@ impl Match {
     /// the match changes.
     ///
     /// # Errors
-    /// A sentence if the match is over, or the system gives no thread.
-    pub fn start_hint(&self) -> Result<AiWorker, String> {
+    /// [`RuleFault::NothingToSuggest`] once the match is over, [`crate::Error::NoThread`].
+    pub fn start_hint(&self) -> Result<AiWorker> {
         if self.at_table().is_none() {
-            return Err("The match is over: there is no shot to suggest".to_owned());
+            return Err(RuleFault::NothingToSuggest.into());
         }
         AiWorker::start(self.position(), Self::hint_skill(), self.draw_seed())
     }
@@ -70,12 +71,12 @@ impl Match {
     /// the table to the other player.
     ///
     /// # Errors
-    /// A sentence if the decision cannot be carried out: it was made for another position.
+    /// Whatever of the decision cannot be carried out: it was made for another position.
     pub fn carry_out(
         &mut self,
         decision: &Decision,
         skill: &Skill,
-    ) -> Result<Option<(Stroke, Shot)>, String> {
+    ) -> Result<Option<(Stroke, Shot)>> {
         if let Some(choice) = decision.choice {
             self.choose(choice)?;
             if gives_away(choice) {
@@ -90,8 +91,7 @@ impl Match {
         let strayed = skill.add_error(decision.stroke, &mut rng);
         // A stray stroke that cannot be played is played as it was meant.
         let strike = |stroke| self.strike(stroke).map(|shot| Some((stroke, shot)));
-        let struck = strike(strayed).or_else(|_| strike(decision.stroke));
-        struck.map_err(|error: physics::Error| error.to_string())
+        strike(strayed).or_else(|_| strike(decision.stroke))
     }
 }
 
@@ -181,7 +181,7 @@ mod tests {
         while game.at_table().is_some() {
             game.concede();
         }
-        assert!(game.start_hint().unwrap_err().contains("over"));
+        assert!(game.start_hint().unwrap_err().to_string().contains("over"));
     }
 
     #[test]

@@ -1,15 +1,16 @@
 //! The shots of a match as a recording: to be watched again, kept and shared.
 
 use super::{Match, TurnRecord};
-use crate::physics::{self, Clip, Recording, TITLE_BYTES_MAX};
+use crate::Result;
+use crate::physics::{Clip, Recording, TITLE_BYTES_MAX};
 
 impl Match {
     /// All shots that can be taken back, each with who played it and what came of it. They are struck
     /// again, which gives the same shots and takes a few milliseconds each.
     ///
     /// # Errors
-    /// Those of [`physics::World::strike`], which the match has had none of.
-    pub fn recording(&self) -> physics::Result<Recording> {
+    /// Those of [`crate::physics::World::strike`], which the match has had none of.
+    pub fn recording(&self) -> Result<Recording> {
         let take = |(index, turn): (usize, &TurnRecord)| {
             Ok(Clip {
                 title: self.title(index + 1, turn),
@@ -23,7 +24,7 @@ impl Match {
                 .iter()
                 .enumerate()
                 .map(take)
-                .collect::<physics::Result<_>>()?,
+                .collect::<Result<_>>()?,
         })
     }
 
@@ -59,7 +60,7 @@ mod tests {
         assert_eq!(recording.clips.len(), game.turns().len());
         assert!(recording.clips[0].title.starts_with("1. Computer (easy)"));
         let last = &recording.clips[recording.clips.len() - 1];
-        let cue_ball = |balls: &[physics::BallState]| balls[0].position;
+        let cue_ball = |balls: &[crate::physics::BallState]| balls[0].position;
         // What fell is put back after a shot: a ball that stayed lies where the shot left it.
         let after = game.world().balls();
         let stayed = last

@@ -1,6 +1,7 @@
 //! What a match is begun with.
 
 use super::Player;
+use crate::Result;
 use crate::physics::{Engine, Table};
 use crate::rules::RuleSet;
 
@@ -25,9 +26,9 @@ impl MatchConfig {
     /// A game on its own table.
     ///
     /// # Errors
-    /// A sentence if the table is not usable.
-    pub fn new(rules: RuleSet, players: Vec<Player>, seed: u32) -> Result<Self, String> {
-        let table = Table::built_in(rules.info().table).map_err(|error| error.to_string())?;
+    /// [`crate::Error::Table`] if the table is not usable.
+    pub fn new(rules: RuleSet, players: Vec<Player>, seed: u32) -> Result<Self> {
+        let table = Table::built_in(rules.info().table)?;
         Ok(Self {
             rules,
             players,

@@ -10,6 +10,8 @@ use std::{fs, path::Path};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
+use crate::{Error, FileFault, Result, RuleFault, TableFault};
+
 use super::{Match, MatchConfig, Player};
 use crate::physics::{BallState, Engine, Stroke, Table};
 use crate::rules::{Call, Choice, RuleSet};
@@ -59,20 +61,24 @@ impl MatchSave {
     /// Plays it again.
     ///
     /// # Errors
-    /// A sentence if it is no match: then nothing of it can be used.
-    pub fn play(&self) -> Result<Match, String> {
+    /// [`Error::Replay`] and others if it is no match: then nothing of it can be used.
+    pub fn play(&self) -> Result<Match> {
+        let table = Table::named(&self.table).ok_or_else(|| TableFault::Unnamed {
+            name: self.table.clone(),
+        })?;
         let mut game = Match::new(MatchConfig {
             rules: self.rules,
             players: self.players.clone(),
             target: self.target,
             seed: self.seed,
-            table: Table::named(&self.table)
-                .ok_or(format!("there is no table `{}`", self.table))?,
+            table,
             engine: Engine::default(),
         })?;
-        for (number, action) in self.actions.iter().enumerate() {
-            let done = game.replay_action(action);
-            done.map_err(|why| format!("step {} cannot be done: {why}", number + 1))?;
+        for (index, action) in self.actions.iter().enumerate() {
+            game.replay_action(action).map_err(|reason| Error::Replay {
+                step: index + 1,
+                reason: Box::new(reason),
+            })?;
         }
         Ok(game)
     }
@@ -80,11 +86,15 @@ impl MatchSave {
     /// The bytes of a file.
     ///
     /// # Errors
-    /// A sentence for a match of more than [`BYTES_MAX`].
-    pub fn to_bytes(&self) -> Result<Vec<u8>, String> {
+    /// [`Error::MatchBytes`] for a match of more than [`BYTES_MAX`].
+    pub fn to_bytes(&self) -> Result<Vec<u8>> {
+        self.encode().map_err(Error::MatchBytes)
+    }
+
+    fn encode(&self) -> Result<Vec<u8>, FileFault> {
         let mut bytes = MAGIC.to_vec();
         bytes.extend(VERSION.to_le_bytes());
-        bytes.extend(postcard::to_stdvec(self).map_err(|error| error.to_string())?);
+        bytes.extend(postcard::to_stdvec(self).map_err(FileFault::NotEncoded)?);
         check_size(bytes.len() as u64)?;
         Ok(bytes)
     }
@@ -92,66 +102,76 @@ impl MatchSave {
     /// Reads what [`MatchSave::to_bytes`] wrote.
     ///
     /// # Errors
-    /// A sentence: another kind of file, another version, or damage.
-    pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
+    /// [`Error::MatchBytes`]: another kind of file, another version, or damage.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
+        Self::decode(bytes).map_err(Error::MatchBytes)
+    }
+
+    fn decode(bytes: &[u8]) -> Result<Self, FileFault> {
         check_size(bytes.len() as u64)?;
         let rest = bytes
             .strip_prefix(MAGIC)
-            .ok_or("it does not begin as a match does")?;
-        let (version, body) = rest
-            .split_first_chunk()
-            .ok_or("it ends within its version")?;
+            .ok_or(FileFault::OtherKind { kind: "match" })?;
+        let (version, body) = rest.split_first_chunk().ok_or(FileFault::NoVersion)?;
         let version = u16::from_le_bytes(*version);
         if version != VERSION {
-            return Err(format!(
-                "its version is {version}, this program reads {VERSION}"
-            ));
+            return Err(FileFault::OtherVersion {
+                version,
+                known: VERSION,
+            });
         }
-        let (record, left): (Self, _) = postcard::take_from_bytes(body)
-            .map_err(|error| format!("it is cut off or damaged ({error})"))?;
+        let (save, left): (Self, _) =
+            postcard::take_from_bytes(body).map_err(FileFault::Damaged)?;
         if !left.is_empty() {
-            return Err(format!("{} bytes follow its end", left.len()));
+            return Err(FileFault::TrailingBytes { bytes: left.len() });
         }
-        Ok(record)
+        Ok(save)
     }
 
     /// Writes a file: whole, or not at all.
     ///
     /// # Errors
-    /// A sentence with the path.
-    pub fn save(&self, path: &Path) -> Result<(), String> {
-        let written = |bytes: Vec<u8>| {
+    /// [`Error::MatchFile`].
+    pub fn save(&self, path: &Path) -> Result<()> {
+        let write = || -> Result<(), FileFault> {
+            let bytes = self.encode()?;
             if let Some(folder) = path.parent() {
-                fs::create_dir_all(folder)?;
+                fs::create_dir_all(folder).map_err(FileFault::Io)?;
             }
             let fresh = path.with_extension("new");
-            fs::write(&fresh, bytes)?;
-            fs::rename(&fresh, path)
+            fs::write(&fresh, bytes).map_err(FileFault::Io)?;
+            fs::rename(&fresh, path).map_err(FileFault::Io)
         };
-        let named = |why: String| format!("{} cannot be written: {why}", path.display());
-        let bytes = self.to_bytes().map_err(named)?;
-        written(bytes).map_err(|error| named(error.to_string()))
+        write().map_err(|fault| Error::MatchFile {
+            path: path.to_owned(),
+            action: "written",
+            fault,
+        })
     }
 
     /// Reads a file; nothing if there is none.
     ///
     /// # Errors
-    /// A sentence with the path, as [`MatchSave::from_bytes`].
-    pub fn load(path: &Path) -> Result<Option<Self>, String> {
+    /// [`Error::MatchFile`], for the reasons of [`MatchSave::from_bytes`].
+    pub fn load(path: &Path) -> Result<Option<Self>> {
         if !path.is_file() {
             return Ok(None);
         }
-        let named = |why: String| format!("{} cannot be read: {why}", path.display());
-        let size = fs::metadata(path).map_err(|error| named(error.to_string()))?;
-        check_size(size.len()).map_err(named)?;
-        let bytes = fs::read(path).map_err(|error| named(error.to_string()))?;
-        Self::from_bytes(&bytes).map(Some).map_err(named)
+        let read = || -> Result<Self, FileFault> {
+            check_size(fs::metadata(path).map_err(FileFault::Io)?.len())?;
+            Self::decode(&fs::read(path).map_err(FileFault::Io)?)
+        };
+        read().map(Some).map_err(|fault| Error::MatchFile {
+            path: path.to_owned(),
+            action: "read",
+            fault,
+        })
     }
 }
 
 impl Match {
     /// Does what was done before.
-    fn replay_action(&mut self, action: &MatchAction) -> Result<(), String> {
+    fn replay_action(&mut self, action: &MatchAction) -> Result<()> {
         match action {
             MatchAction::Shot {
                 place,
@@ -160,14 +180,14 @@ impl Match {
                 engine,
             } => {
                 if self.at_table().is_none() {
-                    return Err("the match was over before it".to_owned());
+                    return Err(RuleFault::MatchOver.into());
                 }
-                self.set_engine(engine.parse().map_err(|error| format!("{error}"))?);
+                self.set_engine(engine.parse()?);
                 if place.is_some() && *place != self.cue_ball_in_hand() {
                     place.map_or(Ok(()), |at| self.place(at))?;
                 }
                 self.call(*call);
-                let shot = self.strike(*stroke).map_err(|error| error.to_string())?;
+                let shot = self.strike(*stroke)?;
                 self.finish(*stroke, &shot);
             }
             MatchAction::Layout(places) => {
@@ -190,9 +210,12 @@ impl Match {
     }
 }
 
-fn check_size(bytes: u64) -> Result<(), String> {
+fn check_size(bytes: u64) -> Result<(), FileFault> {
     if bytes > BYTES_MAX {
-        return Err(format!("it has {bytes} bytes, more than {BYTES_MAX}"));
+        return Err(FileFault::TooLarge {
+            bytes,
+            max: BYTES_MAX,
+        });
     }
     Ok(())
 }
@@ -250,16 +273,16 @@ mod tests {
     fn damaged_files_are_refused_and_none_is_none() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("deep/match.carom");
-        assert_eq!(MatchSave::load(&path), Ok(None));
+        assert_eq!(MatchSave::load(&path).unwrap(), None);
         let record = MatchSave::of(&played());
         record.save(&path).unwrap();
-        assert_eq!(MatchSave::load(&path), Ok(Some(record.clone())));
+        assert_eq!(MatchSave::load(&path).unwrap(), Some(record.clone()));
         let bytes = record.to_bytes().unwrap();
         for end in 0..bytes.len() {
             assert!(MatchSave::from_bytes(&bytes[..end]).is_err(), "{end}");
         }
         fs::write(&path, b"something else").unwrap();
-        let why = MatchSave::load(&path).unwrap_err();
+        let why = MatchSave::load(&path).unwrap_err().to_string();
         assert!(
             why.contains("match.carom") && why.contains("does not begin"),
             "{why}"

@@ -33,6 +33,7 @@ use crate::rules::{
     self, BallPositions, Call, Choice, PlacementArea, Referee, RuleSet, TableLayout, Verdict,
 };
 use crate::shot_report::{ball_positions, report, table_layout};
+use crate::{PlacementFault, Result, RuleFault};
 
 /// A match in progress.
 #[derive(Clone, Debug)]
@@ -86,8 +87,8 @@ impl Match {
     /// A match at its first break.
     ///
     /// # Errors
-    /// A sentence for players, a target or a table that the game does not allow.
-    pub fn new(config: MatchConfig) -> Result<Self, String> {
+    /// [`RuleFault`]s for players, a target or a table that the game does not allow.
+    pub fn new(config: MatchConfig) -> Result<Self> {
         let referee = Referee::new(
             config.rules,
             config.players.len(),
@@ -97,12 +98,12 @@ impl Match {
         let needs_pockets = config.rules != RuleSet::ThreeCushion;
         let is_free = config.rules == RuleSet::Free;
         if !is_free && needs_pockets == config.table.pockets().is_empty() {
-            return Err(format!(
-                "{} cannot be played on the {}: it has {} pockets",
-                config.rules.info().name,
-                config.table.name().to_lowercase(),
-                config.table.pockets().len()
-            ));
+            return Err(RuleFault::OtherTable {
+                game: config.rules.info().name,
+                table: config.table.name().to_lowercase(),
+                pockets: config.table.pockets().len(),
+            }
+            .into());
         }
         let layout = table_layout(&config.table);
         let positions = rules::rack(config.rules, &layout, config.seed);
@@ -181,7 +182,7 @@ impl Match {
     ///
     /// # Errors
     /// Those of [`World::strike`].
-    pub fn strike(&self, stroke: Stroke) -> physics::Result<Shot> {
+    pub fn strike(&self, stroke: Stroke) -> Result<Shot> {
         self.now.world.strike(stroke)
     }
 
@@ -273,29 +274,29 @@ impl Match {
     /// Whether the cue ball may be put at a place.
     ///
     /// # Errors
-    /// A sentence that says why not.
-    pub fn may_place(&self, at: DVec2) -> Result<(), String> {
+    /// [`PlacementFault`] with the reason why not.
+    pub fn may_place(&self, at: DVec2) -> Result<()> {
         let Some(area) = self.ball_in_hand_area() else {
-            return Err("The cue ball is not in hand: it is played from where it lies".to_owned());
+            return Err(PlacementFault::NotInHand.into());
         };
-        self.layout.may_place(&self.ball_positions(), at, area)
+        Ok(self.layout.may_place(&self.ball_positions(), at, area)?)
     }
 
     /// Puts the cue ball there.
     ///
     /// # Errors
     /// As [`Match::may_place`]; it stays where it was.
-    pub fn place(&mut self, at: DVec2) -> Result<(), String> {
+    pub fn place(&mut self, at: DVec2) -> Result<()> {
         self.may_place(at)?;
         let placed = self.now.world.place(0, at.x, at.y);
-        placed.map_err(|_| "The cue ball must lie on the cloth, clear of the cushions".to_owned())
+        placed.map_err(|_| PlacementFault::NotOnCloth.into())
     }
 
     /// The player at the table decides. A stroke without a choice plays the balls as they lie.
     ///
     /// # Errors
-    /// A sentence if there is no such choice now.
-    pub fn choose(&mut self, choice: Choice) -> Result<(), String> {
+    /// [`RuleFault::NoSuchChoice`] if it is not offered now.
+    pub fn choose(&mut self, choice: Choice) -> Result<()> {
         let player = self.now.referee.turn();
         let positions = self.ball_positions();
         let verdict = self.now.referee.choose(&self.layout, &positions, choice)?;
@@ -421,7 +422,7 @@ mod tests {
             .find(|p| p.ball != 0)
             .unwrap()
             .at;
-        assert!(game.place(taken).unwrap_err().contains("touch"));
+        assert!(game.place(taken).unwrap_err().to_string().contains("touch"));
         let free = game
             .table_layout()
             .place_in_hand(&game.ball_positions(), PlacementArea::Anywhere);
@@ -463,7 +464,12 @@ mod tests {
     fn a_game_with_pockets_is_refused_on_a_table_without() {
         let mut config = MatchConfig::new(RuleSet::Eight, Player::list("2").unwrap(), 1).unwrap();
         config.table = Table::built_in("carom").unwrap();
-        assert!(Match::new(config).unwrap_err().contains("pockets"));
+        assert!(
+            Match::new(config)
+                .unwrap_err()
+                .to_string()
+                .contains("pockets")
+        );
         let three = vec![Player::Human("a".into()); 3];
         assert!(Match::new(MatchConfig::new(RuleSet::Eight, three, 1).unwrap()).is_err());
     }

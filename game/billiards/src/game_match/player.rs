@@ -5,6 +5,7 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
+use crate::PlayersFault;
 use crate::ai::Level;
 
 /// Someone who plays.
@@ -39,14 +40,17 @@ impl Player {
     /// plays against a person.
     ///
     /// # Errors
-    /// A sentence with what is wrong.
-    pub fn list(text: &str) -> Result<Vec<Self>, String> {
+    /// What is wrong.
+    pub fn list(text: &str) -> Result<Vec<Self>, PlayersFault> {
         if let Ok(people) = text.parse::<usize>() {
             return match people {
                 1..=PLAYERS_MAX => Ok((1..=people)
                     .map(|i| Self::Human(format!("Player {i}")))
                     .collect()),
-                _ => Err(format!("{people} players are not 1 to {PLAYERS_MAX}")),
+                _ => Err(PlayersFault::Count {
+                    players: people,
+                    max: PLAYERS_MAX,
+                }),
             };
         }
         let mut players: Vec<Self> = text.split(',').map(str::parse).collect::<Result<_, _>>()?;
@@ -54,19 +58,19 @@ impl Player {
             players.insert(0, Self::Human("You".to_owned()));
         }
         if players.len() > PLAYERS_MAX {
-            return Err(format!(
-                "{} players are more than {PLAYERS_MAX}",
-                players.len()
-            ));
+            return Err(PlayersFault::TooMany {
+                players: players.len(),
+                max: PLAYERS_MAX,
+            });
         }
         Ok(players)
     }
 }
 
 impl FromStr for Player {
-    type Err = String;
+    type Err = PlayersFault;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, PlayersFault> {
         let text = text.trim();
         if text == "ai" {
             return Ok(Self::Computer(Level::default()));
@@ -75,17 +79,18 @@ impl FromStr for Player {
             let level = Level::ALL
                 .into_iter()
                 .find(|known| known.display_text() == level);
-            return level.map(Self::Computer).ok_or_else(|| {
-                format!(
-                    "`{text}` is no player: the levels are ai:easy, ai:medium, ai:hard, ai:expert"
-                )
-            });
+            return level
+                .map(Self::Computer)
+                .ok_or_else(|| PlayersFault::UnknownLevel {
+                    text: text.to_owned(),
+                });
         }
         let fits = (1..=NAME_LETTERS_MAX).contains(&text.chars().count());
         if !fits || text.chars().any(char::is_control) {
-            return Err(format!(
-                "a player's name has 1 to {NAME_LETTERS_MAX} letters, not `{text}`"
-            ));
+            return Err(PlayersFault::Name {
+                text: text.to_owned(),
+                max: NAME_LETTERS_MAX,
+            });
         }
         Ok(Self::Human(text.to_owned()))
     }

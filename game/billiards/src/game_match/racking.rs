@@ -6,19 +6,20 @@ use super::{Match, MatchAction};
 use crate::physics::{BallState, Engine, Laws, Table, World};
 use crate::rng::CounterRng;
 use crate::rules::{self, BallPosition, BallPositions, RuleSet, Verdict};
+use crate::{Result, RuleFault};
 
 impl Match {
     /// Puts the balls of a free table so.
     ///
     /// # Errors
-    /// A sentence if they cannot lie like this, or in a game with rules: it stays as it was.
-    pub fn arrange(&mut self, balls: &[BallState]) -> Result<(), String> {
+    /// [`crate::Error::Layout`] if they cannot lie like this, [`RuleFault::NotFreeTable`] in a game with
+    /// rules: it stays as it was.
+    pub fn arrange(&mut self, balls: &[BallState]) -> Result<()> {
         if self.now.referee.rules() != RuleSet::Free {
-            return Err("Balls are laid on the free table: the menu begins one".to_owned());
+            return Err(RuleFault::NotFreeTable.into());
         }
         let world = &self.now.world;
-        let mut arranged = World::with_laws(world.table().clone(), *world.laws(), balls.to_vec())
-            .map_err(|error| error.to_string())?;
+        let mut arranged = World::with_laws(world.table().clone(), *world.laws(), balls.to_vec())?;
         arranged.set_engine(world.engine());
         let places = balls
             .iter()
@@ -36,7 +37,7 @@ impl Match {
             let (table, engine) = (self.now.world.table().clone(), self.now.world.engine());
             match racked_world(&table, engine, &positions, seed) {
                 Ok(world) => self.now.world = world,
-                Err(error) => self.now.log.push(error),
+                Err(error) => self.now.log.push(error.to_string()),
             }
         }
         self.place_balls(verdict);
@@ -86,7 +87,7 @@ pub(super) fn racked_world(
     engine: Engine,
     positions: &BallPositions,
     seed: u32,
-) -> Result<World, String> {
+) -> Result<World> {
     let mut rng = CounterRng::new(seed, TURNED);
     let mut seen = HashSet::new();
     let balls = positions.iter().filter(|p| seen.insert(p.ball)).map(|p| {
@@ -100,8 +101,7 @@ pub(super) fn racked_world(
             ..BallState::at_rest(p.ball, p.at.x, p.at.y, &body)
         }
     });
-    let mut world = World::with_laws(table.clone(), Laws::default(), balls.collect())
-        .map_err(|error| error.to_string())?;
+    let mut world = World::with_laws(table.clone(), Laws::default(), balls.collect())?;
     world.set_engine(engine);
     Ok(world)
 }

@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::{Match, MatchConfig, Player};
 use crate::ai::{Level, Skill, think};
 use crate::rules::{RuleSet, Verdict};
+use crate::{Result, RuleFault};
 
 /// A series of matches between two computers.
 #[derive(Clone, Debug)]
@@ -56,10 +57,10 @@ impl Tournament {
     /// Plays the matches.
     ///
     /// # Errors
-    /// A sentence for a game without an end, or a target that the game does not have.
-    pub fn play(&self) -> Result<TournamentResult, String> {
+    /// [`RuleFault`]s for a game without an end, or a target that the game does not have.
+    pub fn play(&self) -> Result<TournamentResult> {
         if self.rules == RuleSet::Free {
-            return Err("the free table has no end and no winner: choose another game".to_owned());
+            return Err(RuleFault::NoWinner.into());
         }
         let [first, second] = self.levels;
         let mut tally = TournamentResult::new(self.rules, [first, second]);
@@ -87,14 +88,15 @@ impl Tournament {
 /// Lets the computers play until the match is over, or for so many shots.
 ///
 /// # Errors
-/// A sentence if a person is to play.
-pub fn play_out(game: &mut Match, shots_max: u32) -> Result<(), String> {
+/// [`RuleFault::PersonsTurn`] if a person is to play.
+pub fn play_out(game: &mut Match, shots_max: u32) -> Result<()> {
     for _ in 0..shots_max {
         let Some(player) = game.at_table() else {
             return Ok(());
         };
-        let level = player.level();
-        let level = level.ok_or_else(|| format!("it is the turn of {player}, a person"))?;
+        let level = player.level().ok_or_else(|| RuleFault::PersonsTurn {
+            player: player.name(),
+        })?;
         game.play_computer(&level.into())?;
     }
     Ok(())
@@ -105,8 +107,8 @@ impl Match {
     /// choice that gives the table to the other.
     ///
     /// # Errors
-    /// A sentence if the decision cannot be carried out.
-    pub fn play_computer(&mut self, skill: &Skill) -> Result<Option<Verdict>, String> {
+    /// Those of [`Match::carry_out`].
+    pub fn play_computer(&mut self, skill: &Skill) -> Result<Option<Verdict>> {
         let decision = think(
             &self.position(),
             skill,
@@ -237,7 +239,7 @@ mod tests {
                 target,
                 seed: 1,
             };
-            tournament.play().unwrap_err()
+            tournament.play().unwrap_err().to_string()
         };
         assert!(refused(RuleSet::Free, 0).contains("no end"));
         assert!(refused(RuleSet::Nine, 5000).contains("too long"));

@@ -2,9 +2,10 @@
 
 use glam::DVec3;
 
+use crate::Result;
+
 use super::{
     cue_impact::Stroke,
-    error::Result,
     event::{Event, EventKind},
     event_engine::Until,
     shot::Shot,

@@ -1,9 +1,8 @@
 //! A ball: its body, its pose and how it moves at one instant.
 
+use crate::LayoutFault;
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
-
-use super::error::{Error, Result};
 
 /// A ball's body: a solid sphere. The balls of one table may differ.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -29,13 +28,16 @@ impl BallBody {
     };
 
     /// # Errors
-    /// [`Error::Layout`] for a mass or radius that is not positive and finite.
-    pub(crate) fn validate(&self, number: u8) -> Result<()> {
+    /// [`LayoutFault::Body`] for a mass or radius that is not positive and finite.
+    pub(crate) fn validate(&self, number: u8) -> Result<(), LayoutFault> {
         for (name, value, unit) in [("mass", self.mass_kg, "kg"), ("radius", self.radius_m, "m")] {
             if !(value > 0.0 && value.is_finite()) {
-                return Err(Error::Layout(format!(
-                    "the {name} of ball {number} is {value} {unit}: it must be finite and over 0"
-                )));
+                return Err(LayoutFault::Body {
+                    ball: number,
+                    quantity: name,
+                    value,
+                    unit,
+                });
             }
         }
         Ok(())

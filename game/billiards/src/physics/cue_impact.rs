@@ -8,11 +8,12 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use crate::{Result, StrokeFault};
+
 use super::{
     ball::BallBody,
     ball_ball::Twist,
     deterministic_math::{atan2, hypot, sin_cos, turned},
-    error::{Error, Result},
 };
 
 /// The player's blow to the cue ball.
@@ -57,37 +58,32 @@ impl Stroke {
     }
 
     /// # Errors
-    /// [`Error::Stroke`] with a sentence, for numbers that are not finite or out of range.
+    /// [`crate::Error::Stroke`] for numbers that are not finite or out of range.
     pub fn validate(&self) -> Result<()> {
-        let reject = |message: String| Err(Error::Stroke(message));
-        if !self.direction_rad.is_finite() {
-            return reject(format!(
-                "the direction {} is not an angle",
-                self.direction_rad
-            ));
-        }
-        if !(self.speed_m_s > 0.0 && self.speed_m_s <= Self::SPEED_MAX_M_S) {
-            return reject(format!(
-                "the cue's speed of {} m/s is not over 0 and up to {} m/s",
-                self.speed_m_s,
-                Self::SPEED_MAX_M_S
-            ));
-        }
         let offset = self.offset();
-        if offset.is_nan() || offset > Self::OFFSET_MAX {
-            return reject(format!(
-                "the tip is {offset} radii from the centre, not up to {}",
-                Self::OFFSET_MAX
-            ));
-        }
-        if !(0.0..=Self::ELEVATION_MAX_RAD).contains(&self.elevation_rad) {
-            return reject(format!(
-                "the cue's elevation of {} rad is not from 0 to {:.4} rad",
-                self.elevation_rad,
-                Self::ELEVATION_MAX_RAD
-            ));
-        }
-        Ok(())
+        let fault = if !self.direction_rad.is_finite() {
+            StrokeFault::Direction {
+                direction_rad: self.direction_rad,
+            }
+        } else if !(self.speed_m_s > 0.0 && self.speed_m_s <= Self::SPEED_MAX_M_S) {
+            StrokeFault::Speed {
+                speed_m_s: self.speed_m_s,
+                max_m_s: Self::SPEED_MAX_M_S,
+            }
+        } else if offset.is_nan() || offset > Self::OFFSET_MAX {
+            StrokeFault::Offset {
+                offset,
+                max: Self::OFFSET_MAX,
+            }
+        } else if !(0.0..=Self::ELEVATION_MAX_RAD).contains(&self.elevation_rad) {
+            StrokeFault::Elevation {
+                elevation_rad: self.elevation_rad,
+                max_rad: Self::ELEVATION_MAX_RAD,
+            }
+        } else {
+            return Ok(());
+        };
+        Err(fault.into())
     }
 }
 

@@ -1,8 +1,7 @@
 //! What moves the balls: the laws from event to event, or rapier alone at a fixed step.
 
+use crate::{EngineFault, Error};
 use std::{fmt, str::FromStr};
-
-use super::error::Error;
 
 /// What moves the balls of a world.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -73,11 +72,13 @@ impl Rapier {
             .find(|(_, value, range)| !range.contains(value))
         {
             None => Ok(()),
-            Some((name, value, range)) => Err(Error::Engine(format!(
-                "{value} {name} are not from {} to {}",
-                range.start(),
-                range.end()
-            ))),
+            Some((name, value, range)) => Err(EngineFault::OutOfRange {
+                quantity: name,
+                value: *value,
+                min: *range.start(),
+                max: *range.end(),
+            }
+            .into()),
         }
     }
 }
@@ -92,9 +93,8 @@ impl FromStr for Engine {
         }
         let steps = text.strip_prefix("rapier-").and_then(|n| n.parse().ok());
         let Some(steps_per_sec) = steps else {
-            return Err(Error::Engine(format!(
-                "`{text}` is neither `exact` nor `rapier-` and steps per second, as rapier-240"
-            )));
+            let name = text.to_owned();
+            return Err(EngineFault::Unknown { name }.into());
         };
         let rapier = Rapier::at(steps_per_sec);
         rapier.validate()?;

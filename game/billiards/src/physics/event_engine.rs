@@ -10,11 +10,12 @@
 
 use glam::DVec3;
 
+use crate::{Error, Result};
+
 use super::{
     ball::{BallState, Phase},
     ball_ball::Twist,
     ball_in_motion::BallInMotion,
-    error::{Error, Result},
     event::{Event, EventKind},
     event_queue::{BallEvent, EventQueue, NextEvent},
     flight::{Flight, hop_speed_m_s},

@@ -2,12 +2,10 @@
 
 use std::ops::Range;
 
+use crate::{Error, Result};
+
 use super::{
-    ball_ball::BallBallLaw,
-    cloth::Cloth,
-    cue_impact::Cue,
-    cushion::CushionLaw,
-    error::{Error, Result},
+    ball_ball::BallBallLaw, cloth::Cloth, cue_impact::Cue, cushion::CushionLaw,
     slate_impact::BounceLaw,
 };
 
@@ -53,10 +51,12 @@ impl Laws {
             .find(|(_, value, range)| !range.contains(value))
         {
             None => Ok(()),
-            Some((name, value, range)) => Err(Error::Laws(format!(
-                "the {name} is {value}, not from {:e} to {:e}",
-                range.start, range.end
-            ))),
+            Some((name, value, range)) => Err(Error::Laws {
+                constant: name,
+                value,
+                min: range.start,
+                max: range.end,
+            }),
         }
     }
 

@@ -27,7 +27,7 @@
 //!     assert_eq!(poses.len(), 16);
 //! }
 //! world.adopt(&shot);
-//! # Ok::<(), carom_billiards::physics::Error>(())
+//! # Ok::<(), carom_billiards::Error>(())
 //! ```
 
 mod aim_line;
@@ -44,7 +44,6 @@ mod cushion;
 mod cushion_edge;
 mod deterministic_math;
 mod engine;
-mod error;
 mod event;
 mod event_engine;
 mod event_queue;
@@ -72,7 +71,6 @@ pub use cloth::Cloth;
 pub use cue_impact::{Cue, Stroke};
 pub use cushion::{CushionLaw, Mathavan, REBOUND_ENERGY_J, REBOUND_SPEED_M_S, Stronge};
 pub use engine::{Engine, Rapier};
-pub use error::{Error, Result};
 pub use event::{Event, EventKind, Surface};
 pub use event_engine::{EVENTS_PER_SECOND_MAX, SHOT_SECS_MAX};
 pub use flight::HOP_LEAST_M;

@@ -14,12 +14,13 @@ use std::f64::consts::PI;
 
 use glam::DVec2;
 
+use crate::Result;
+
 use super::{
     aim_line::{AimContact, predict},
     ball::BallState,
     cue_impact::Stroke,
     deterministic_math::{angle_of, atan2},
-    error::Result,
     event::EventKind,
     shot::Shot,
     world::World,
@@ -47,7 +48,7 @@ pub struct Suggestion {
 /// that were found until then; None if none was, or no target or no cue ball is on the table.
 ///
 /// # Errors
-/// [`super::Error::Endless`] if a stroke passes the simulation's limits.
+/// [`crate::Error::Endless`] if a stroke passes the simulation's limits.
 pub fn suggest(world: &World, targets: &[u8], simulations_max: u32) -> Result<Option<Suggestion>> {
     let mut search = PotSearch {
         world,

@@ -14,13 +14,14 @@ use rapier3d::prelude::{
     RigidBodyHandle, SharedShape,
 };
 
+use crate::{Error, Result};
+
 use super::{
     ball::{BallBody, BallState, Phase},
     ball_in_motion::ON_RAIL_RADII,
     cloth::Cloth,
     deterministic_math::exp,
     engine::Rapier,
-    error::{Error, Result},
     event::{Event, EventKind},
     event_engine::{FrameCallback, SHOT_SECS_MAX, SimulatedShot, Until},
     laws::Laws,

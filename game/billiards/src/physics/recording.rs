@@ -14,9 +14,10 @@ use std::{fs, path::Path};
 use glam::DQuat;
 use serde::{Deserialize, Serialize};
 
+use crate::{Error, FileFault, Result};
+
 use super::{
     ball::{BallBody, Phase},
-    error::{Error, Result},
     event::Event,
     event_engine::{SHOT_SECS_MAX, SimulatedShot},
     shot::Shot,
@@ -60,12 +61,13 @@ impl Recording {
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         let written = RecordingFile::of(self);
         // What could not be read back is not written.
-        written.validate()?;
+        written.validate().map_err(Error::Recording)?;
         let mut bytes = MAGIC.to_vec();
         bytes.extend(VERSION.to_le_bytes());
-        let body = postcard::to_stdvec(&written).map_err(|e| Error::Recording(e.to_string()))?;
+        let body = postcard::to_stdvec(&written)
+            .map_err(|e| Error::Recording(FileFault::NotEncoded(e)))?;
         bytes.extend(body);
-        check_size(bytes.len() as u64)?;
+        check_size(bytes.len() as u64).map_err(Error::Recording)?;
         Ok(bytes)
     }
 
@@ -75,28 +77,31 @@ impl Recording {
     /// [`Error::Recording`] with what is wrong: another kind of file, another version, a file that
     /// was cut off, or numbers that no shot has.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
-        let reject = |message: String| Err(Error::Recording(message));
-        check_size(bytes.len() as u64)?;
+        let reject = |fault| Err(Error::Recording(fault));
+        check_size(bytes.len() as u64).map_err(Error::Recording)?;
         let Some(rest) = bytes.strip_prefix(MAGIC) else {
-            return reject("it does not begin as a recorded shot does".to_owned());
+            return reject(FileFault::OtherKind {
+                kind: "recorded shot",
+            });
         };
         let Some((version, body)) = rest.split_first_chunk() else {
-            return reject("it ends within its version".to_owned());
+            return reject(FileFault::NoVersion);
         };
         let version = u16::from_le_bytes(*version);
         if version != VERSION {
-            return reject(format!(
-                "its version is {version}, this program reads {VERSION}"
-            ));
+            return reject(FileFault::OtherVersion {
+                version,
+                known: VERSION,
+            });
         }
         let (written, left): (RecordingFile, _) = match postcard::take_from_bytes(body) {
             Ok(taken) => taken,
-            Err(error) => return reject(format!("it is cut off or damaged ({error})")),
+            Err(error) => return reject(FileFault::Damaged(error)),
         };
         if !left.is_empty() {
-            return reject(format!("{} bytes follow its end", left.len()));
+            return reject(FileFault::TrailingBytes { bytes: left.len() });
         }
-        written.validate()?;
+        written.validate().map_err(Error::Recording)?;
         Ok(written.into_recording())
     }
 
@@ -105,7 +110,7 @@ impl Recording {
     /// # Errors
     /// [`Error::Recording`] with the path.
     pub fn save(&self, path: &Path) -> Result<()> {
-        fs::write(path, self.to_bytes()?).map_err(|error| at(path, &error))
+        fs::write(path, self.to_bytes()?).map_err(|error| at(path, FileFault::Io(error)))
     }
 
     /// Reads a file.
@@ -113,11 +118,13 @@ impl Recording {
     /// # Errors
     /// [`Error::Recording`] with the path, as [`Recording::from_bytes`].
     pub fn load(path: &Path) -> Result<Self> {
-        let size = fs::metadata(path).map_err(|error| at(path, &error))?.len();
-        check_size(size).map_err(|error| at(path, &error))?;
-        let bytes = fs::read(path).map_err(|error| at(path, &error))?;
+        let size = fs::metadata(path)
+            .map_err(|error| at(path, FileFault::Io(error)))?
+            .len();
+        check_size(size).map_err(|fault| at(path, fault))?;
+        let bytes = fs::read(path).map_err(|error| at(path, FileFault::Io(error)))?;
         Self::from_bytes(&bytes).map_err(|error| match error {
-            Error::Recording(why) => at(path, &why),
+            Error::Recording(fault) => at(path, fault),
             other => other,
         })
     }
@@ -164,14 +171,14 @@ impl RecordingFile {
     }
 
     /// Whether simulations may have made it.
-    fn validate(&self) -> Result<()> {
+    fn validate(&self) -> Result<(), FileFault> {
         check_clips(self.clips.iter().map(|take| take.title.as_str()))?;
         let mut turns = 0.0;
         for take in &self.clips {
             turns += take.validate()?;
         }
         if turns > TURNS_MAX {
-            return Err(Error::Recording(format!("its balls turn {turns} times")));
+            return Err(FileFault::Turns { turns });
         }
         Ok(())
     }
@@ -210,15 +217,14 @@ impl ClipFile {
     }
 
     /// How often its balls turn.
-    fn validate(&self) -> Result<f64> {
+    fn validate(&self) -> Result<f64, FileFault> {
         let duration_secs = self.duration_secs;
         if !(0.0..=SHOT_SECS_MAX).contains(&duration_secs) {
-            return Err(Error::Recording(format!("it lasts {duration_secs} s")));
+            return Err(FileFault::Duration { duration_secs });
         }
         let times = self.events.iter().map(|event| event.time_secs);
         if !ascends(times, duration_secs) {
-            let message = "its events are not in the order of time".to_owned();
-            return Err(Error::Recording(message));
+            return Err(FileFault::EventsUnordered);
         }
         let trajectories = self.trajectories.iter();
         trajectories
@@ -229,12 +235,12 @@ impl ClipFile {
 
 impl TrajectoryFile {
     /// How often the ball turns.
-    fn validate(&self, duration_secs: f64) -> Result<f64> {
-        let reject = |what: &str| {
-            Err(Error::Recording(format!(
-                "the way of ball {} {what}",
-                self.number
-            )))
+    fn validate(&self, duration_secs: f64) -> Result<f64, FileFault> {
+        let reject = |fault| {
+            Err(FileFault::Path {
+                ball: self.number,
+                fault,
+            })
         };
         let starts = self.segments.iter().map(|(segment, _)| segment.start_secs);
         let gone = self.gone.map(|(at, _)| at);
@@ -243,9 +249,7 @@ impl TrajectoryFile {
             .segments
             .last()
             .map_or(0.0, |(segment, _)| segment.start_secs);
-        self.body
-            .validate(self.number)
-            .map_err(|error| Error::Recording(error.to_string()))?;
+        self.body.validate(self.number).map_err(FileFault::Body)?;
         if self.segments.is_empty() || self.segments[0].0.start_secs != 0.0 {
             return reject("does not begin with the shot");
         }
@@ -253,7 +257,7 @@ impl TrajectoryFile {
             return reject("is not in the order of time");
         }
         if !ends.clone().all(|end| end >= last) {
-            return reject("ends before its last leg");
+            return reject("ends before its last segment");
         }
         let mut turns = 0.0;
         let next = self
@@ -283,34 +287,40 @@ fn ascends(mut times: impl Iterator<Item = f64>, end: f64) -> bool {
     })
 }
 
-fn check_clips<'a>(titles: impl ExactSizeIterator<Item = &'a str>) -> Result<()> {
-    let reject = |message| Err(Error::Recording(message));
-    let count = titles.len();
-    if !(1..=CLIPS_MAX).contains(&count) {
-        return reject(format!("it has {count} shots, not 1 to {CLIPS_MAX}"));
+fn check_clips<'a>(titles: impl ExactSizeIterator<Item = &'a str>) -> Result<(), FileFault> {
+    let shots = titles.len();
+    if !(1..=CLIPS_MAX).contains(&shots) {
+        return Err(FileFault::ShotCount {
+            shots,
+            max: CLIPS_MAX,
+        });
     }
     for title in titles {
         if title.len() > TITLE_BYTES_MAX || title.chars().any(char::is_control) {
-            return reject(format!(
-                "a title of {} bytes is longer than {TITLE_BYTES_MAX} or not one line",
-                title.len()
-            ));
+            return Err(FileFault::Title {
+                bytes: title.len(),
+                max: TITLE_BYTES_MAX,
+            });
         }
     }
     Ok(())
 }
 
-fn at(path: &Path, why: &dyn std::fmt::Display) -> Error {
-    Error::Recording(format!("{}: {why}", path.display()))
+fn at(path: &Path, fault: FileFault) -> Error {
+    Error::Recording(FileFault::At {
+        path: path.to_owned(),
+        fault: Box::new(fault),
+    })
 }
 
-fn check_size(bytes: u64) -> Result<()> {
+fn check_size(bytes: u64) -> Result<(), FileFault> {
     if bytes <= BYTES_MAX {
         return Ok(());
     }
-    Err(Error::Recording(format!(
-        "it has {bytes} bytes, at most {BYTES_MAX} are kept"
-    )))
+    Err(FileFault::TooLarge {
+        bytes,
+        max: BYTES_MAX,
+    })
 }
 
 const MAGIC: &[u8] = b"carom shot\n";

@@ -1,8 +1,9 @@
 //! A shot that has been simulated: where every ball is at each instant.
 
+use crate::Result;
+
 use super::{
     ball::{BallPose, BallState},
-    error::Result,
     event::{Event, EventKind},
     event_engine::{EventEngine, FrameCallback, SimulatedShot, Until},
     laws::Laws,
@@ -36,7 +37,7 @@ impl Shot {
     /// fields of balls that no world holds, with numbers that repeat.
     ///
     /// # Errors
-    /// [`super::Error::Unsettled`] if they do not come to rest.
+    /// [`crate::Error::Endless`] if they do not come to rest.
     pub fn of_balls(table: &Table, laws: &Laws, balls: &[BallState]) -> Result<Self> {
         Ok(Self::new(
             EventEngine::new(table, laws, balls).run(Until::Rest, &mut FrameCallback::none())?,

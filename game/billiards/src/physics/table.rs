@@ -5,11 +5,9 @@
 use glam::DVec2;
 use serde::Deserialize;
 
-use super::{
-    ball::BallBody,
-    error::{Error, Result},
-    table_spec::TableSpec,
-};
+use crate::{Result, TableFault};
+
+use super::{ball::BallBody, table_spec::TableSpec};
 
 /// The nose line of a straight cushion: balls touch it from the left of `from` → `to`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,7 +20,7 @@ pub struct Nose {
 
 impl Nose {
     /// # Errors
-    /// [`Error::Table`] for ends that coincide or are not finite.
+    /// [`crate::Error::Table`] for ends that coincide or are not finite.
     pub fn new(from: DVec2, to: DVec2) -> Result<Self> {
         let along = to - from;
         match along.try_normalize() {
@@ -32,9 +30,7 @@ impl Nose {
                 normal: unit.perp(),
                 rises_m: [0.0; 2],
             }),
-            _ => Err(Error::Table(format!(
-                "a nose from {from} to {to} has no length"
-            ))),
+            _ => Err(TableFault::NoseWithoutLength { from, to }.into()),
         }
     }
 
@@ -214,17 +210,16 @@ impl Table {
     /// Reads a table from JSON ([`TableSpec`]).
     ///
     /// # Errors
-    /// [`Error::Table`] with the place in the text or the rule that is broken.
+    /// [`crate::Error::Table`] with the place in the text or the rule that is broken.
     pub fn parse(json: &str) -> Result<Self> {
-        let spec: TableSpec =
-            serde_json::from_str(json).map_err(|error| Error::Table(error.to_string()))?;
+        let spec: TableSpec = serde_json::from_str(json).map_err(TableFault::Json)?;
         spec.build()
     }
 
     /// Builds a flat table.
     ///
     /// # Errors
-    /// [`Error::Table`] for sizes that are not positive and finite, or a table without cushions.
+    /// [`crate::Error::Table`] for sizes that are not positive and finite, or a table without cushions.
     pub fn from_parts(parts: TableParts) -> Result<Self> {
         let circles = || parts.jaws.iter().chain(&parts.pockets);
         let sizes = [parts.length_m, parts.width_m, parts.nose_height_m];
@@ -234,15 +229,13 @@ impl Table {
             .chain(radii)
             .find(|s| !(*s > 0.0 && s.is_finite()))
         {
-            return Err(Error::Table(format!("a size of {bad} m is not over 0")));
+            return Err(TableFault::Size { size_m: bad }.into());
         }
         if circles().any(|circle| !circle.center.is_finite()) {
-            return Err(Error::Table("a circle's center is not finite".to_owned()));
+            return Err(TableFault::CircleNotFinite.into());
         }
         if parts.noses.is_empty() {
-            return Err(Error::Table(
-                "it has no noses, so that nothing holds the balls".to_owned(),
-            ));
+            return Err(TableFault::NoNoses.into());
         }
         let corners = parts.noses.iter().flatten().copied();
         let (low, high) = circles()

@@ -10,13 +10,16 @@
 //!  mouth              mouth
 //! ```
 
+use std::ops::Range;
+
 use glam::DVec2;
 use serde::Deserialize;
+
+use crate::{Result, TableFault};
 
 use super::{
     ball::BallBody,
     deterministic_math::{sin_cos, tan},
-    error::{Error, Result},
     table::{Circle, Cushion, Pocket, Rails, Table, TableParts},
 };
 
@@ -70,7 +73,7 @@ pub struct PocketSpec {
 
 impl TableSpec {
     /// # Errors
-    /// [`Error::Table`] for a dimension out of its range, or pockets that leave no cushion.
+    /// [`crate::Error::Table`] for a dimension out of its range, or pockets that leave no cushion.
     pub fn build(&self) -> Result<Table> {
         self.validate()?;
         let mut outlines = CushionOutlines {
@@ -152,8 +155,8 @@ impl TableSpec {
         pockets
     }
 
-    fn validate(&self) -> Result<()> {
-        let reject = |message: String| Err(Error::Table(format!("{}: {message}", self.name)));
+    /// The dimensions with their names and ranges.
+    fn dimensions(&self) -> Vec<(&'static str, f64, Range<f64>)> {
         let radius = self.ball.radius_m;
         let size = 0.1..1e4;
         let small = 1e-4..1.0;
@@ -199,23 +202,35 @@ impl TableSpec {
                 ("depth of a pocket", pocket.depth_m, 0.0..self.bed_height_m),
             ]);
         }
-        let outside = |(_, value, range): &(_, f64, std::ops::Range<f64>)| {
-            !(range.start..=range.end).contains(value)
-        };
-        if let Some((name, value, range)) = checks.into_iter().find(outside) {
-            return reject(format!(
-                "the {name} is {value}, not from {} to {}",
-                range.start, range.end
-            ));
+        checks
+    }
+
+    fn validate(&self) -> Result<()> {
+        let table = || self.name.clone();
+        let outside =
+            |(_, value, range): &(_, f64, Range<f64>)| !(range.start..=range.end).contains(value);
+        if let Some((name, value, range)) = self.dimensions().into_iter().find(outside) {
+            return Err(TableFault::Dimension {
+                table: table(),
+                dimension: name,
+                value,
+                min: range.start,
+                max: range.end,
+            }
+            .into());
         }
         if self.side_pockets.is_some() && self.corner_pockets.is_none() {
-            return reject("it has side pockets but no corner pockets".to_owned());
+            return Err(TableFault::SidePocketsOnly { table: table() }.into());
         }
         let mouths =
             |pocket: Option<PocketSpec>| pocket.map_or(0.0, |p| p.mouth_m + 2.0 * p.jaw_radius_m);
-        let taken = 2.0 * (mouths(self.corner_pockets) + mouths(self.side_pockets));
-        if taken > self.width_m.min(self.length_m) {
-            return reject(format!("its pockets take {taken} m and leave no cushion"));
+        let taken_m = 2.0 * (mouths(self.corner_pockets) + mouths(self.side_pockets));
+        if taken_m > self.width_m.min(self.length_m) {
+            return Err(TableFault::NoCushionLeft {
+                table: table(),
+                taken_m,
+            }
+            .into());
         }
         Ok(())
     }
@@ -310,16 +325,17 @@ impl Table {
     /// A table that ships with the game, by the name of its file in `assets/tables`.
     ///
     /// # Errors
-    /// [`Error::Table`] with the names there are, for another one.
+    /// [`crate::Error::Table`] with the names there are, for another one.
     pub fn built_in(name: &str) -> Result<Self> {
         match BUILT_IN.iter().find(|(known, _)| *known == name) {
             Some((_, json)) => Self::parse(json),
             None => {
                 let names: Vec<&str> = Self::built_in_names().collect();
-                Err(Error::Table(format!(
-                    "there is no table `{name}`: there are {}",
-                    names.join(", ")
-                )))
+                Err(TableFault::Unknown {
+                    name: name.to_owned(),
+                    known: names.join(", "),
+                }
+                .into())
             }
         }
     }

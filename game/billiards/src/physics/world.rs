@@ -2,11 +2,12 @@
 
 use glam::DVec3;
 
+use crate::{EngineFault, LayoutFault, Result, StrokeFault};
+
 use super::{
     ball::{BallState, Phase},
     cue_impact::Stroke,
     engine::Engine,
-    error::{Error, Result},
     event::{Event, EventKind},
     event_engine::{EventEngine, FrameCallback, SimulatedShot, Until},
     flight::hop_speed_m_s,
@@ -31,7 +32,7 @@ impl World {
     /// A world with the default laws.
     ///
     /// # Errors
-    /// [`Error::Layout`] for balls that overlap each other or a cushion, lie off the table or in a
+    /// [`crate::Error::Layout`] for balls that overlap each other or a cushion, lie off the table or in a
     /// pocket, share a number or are not finite.
     pub fn new(table: Table, layout: BallLayout) -> Result<Self> {
         Self::with_laws(table, Laws::default(), layout.balls)
@@ -40,7 +41,7 @@ impl World {
     /// A world with laws of its own, whose balls may be in motion.
     ///
     /// # Errors
-    /// [`Error::Laws`], and [`Error::Layout`] as in [`World::new`].
+    /// [`crate::Error::Laws`], and [`crate::Error::Layout`] as in [`World::new`].
     pub fn with_laws(table: Table, laws: Laws, balls: Vec<BallState>) -> Result<Self> {
         laws.validate()?;
         let world = Self {
@@ -92,8 +93,8 @@ impl World {
     /// [`World::adopt`].
     ///
     /// # Errors
-    /// [`Error::Stroke`] for a stroke out of range or without a cue ball on the table;
-    /// [`Error::Endless`] if the simulation passes its limits.
+    /// [`crate::Error::Stroke`] for a stroke out of range or without a cue ball on the table;
+    /// [`crate::Error::Endless`] if the simulation passes its limits.
     pub fn strike(&self, stroke: Stroke) -> Result<Shot> {
         Ok(Shot::new(self.simulate(stroke, Until::Rest)?))
     }
@@ -101,7 +102,7 @@ impl World {
     /// Simulates what the balls do without a stroke: nothing, unless they are in motion.
     ///
     /// # Errors
-    /// [`Error::Endless`] if the simulation passes its limits.
+    /// [`crate::Error::Endless`] if the simulation passes its limits.
     pub fn release(&self) -> Result<Shot> {
         Ok(Shot::new(self.run(
             &self.balls,
@@ -120,10 +121,10 @@ impl World {
     /// left the table comes back.
     ///
     /// # Errors
-    /// [`Error::Layout`] if there is no such ball or it cannot lie there; it stays where it was.
+    /// [`crate::Error::Layout`] if there is no such ball or it cannot lie there; it stays where it was.
     pub fn place(&mut self, number: u8, x: f64, y: f64) -> Result<()> {
         let Some(index) = self.balls.iter().position(|ball| ball.number == number) else {
-            return Err(Error::Layout(format!("there is no ball {number}")));
+            return Err(LayoutFault::NoSuchBall { ball: number }.into());
         };
         let placed = BallState {
             orientation: self.balls[index].orientation,
@@ -155,9 +156,11 @@ impl World {
     ) -> Result<Shot> {
         let balls = self.struck(stroke)?;
         if frame_secs.is_nan() || frame_secs < FRAME_SECS_MIN {
-            return Err(Error::Engine(format!(
-                "a frame of {frame_secs} s is shorter than {FRAME_SECS_MIN} s"
-            )));
+            return Err(EngineFault::FrameTooShort {
+                frame_secs,
+                min_secs: FRAME_SECS_MIN,
+            }
+            .into());
         }
         let mut frames = FrameCallback::new(frame_secs, each);
         let outcome = self.run(&balls, Until::Rest, &mut frames)?;
@@ -172,7 +175,7 @@ impl World {
             .iter_mut()
             .find(|b| b.number == 0 && b.phase.is_on_table())
         else {
-            return Err(Error::Stroke("the cue ball is not on the table".to_owned()));
+            return Err(StrokeFault::NoCueBall.into());
         };
         let body = cue_ball.body;
         let blow = self.laws.cue.strike(&body, &stroke);
@@ -237,12 +240,12 @@ impl World {
             ..
         } = *ball;
         body.validate(number)?;
-        let reject = |message: String| Err(Error::Layout(format!("ball {number} {message}")));
+        let ball = number;
         if !(position.is_finite() && velocity.is_finite() && spin.is_finite()) {
-            return reject("has a place or a speed that is not finite".to_owned());
+            return Err(LayoutFault::NotFinite { ball }.into());
         }
         if others.iter().any(|other| other.number == number) {
-            return reject("is there twice".to_owned());
+            return Err(LayoutFault::Twice { ball }.into());
         }
         if !phase.is_on_table() {
             return Ok(());
@@ -250,35 +253,40 @@ impl World {
         let flies = phase == Phase::Airborne;
         let lies = position.z == body.radius_m && velocity.z == 0.0;
         if !(lies || flies && position.z >= body.radius_m) {
-            return reject(format!(
-                "with its centre at {} m does not lie on the cloth",
-                position.z
-            ));
+            let height_m = position.z;
+            return Err(LayoutFault::NotOnCloth { ball, height_m }.into());
         }
-        if let Some(what) = self.blocked(position, body.radius_m) {
-            return reject(format!("at {position} is {what}"));
-        }
+        self.check_clear(ball, position, body.radius_m)?;
         let touches = |other: &&BallState| {
             let least = body.radius_m + other.body.radius_m;
             other.phase.is_on_table() && other.position.distance(position) < least - OVERLAP_MAX_M
         };
-        if let Some(other) = others.iter().find(touches) {
-            return reject(format!("at {position} overlaps ball {}", other.number));
+        match others.iter().find(touches) {
+            Some(other) => Err(LayoutFault::Overlap {
+                ball,
+                position,
+                other: other.number,
+            }
+            .into()),
+            None => Ok(()),
         }
-        Ok(())
     }
 
-    /// What keeps a ball from being at a place.
-    fn blocked(&self, position: DVec3, radius_m: f64) -> Option<String> {
+    /// Whether the table leaves room for a ball at a place.
+    fn check_clear(&self, ball: u8, position: DVec3, radius_m: f64) -> Result<()> {
         let center = position.truncate();
         if !self.table.contains(center) {
-            return Some("off the table".to_owned());
+            return Err(LayoutFault::OffTable { ball, position }.into());
         }
         let lies = position.z == radius_m;
-        let hole = self.table.pocket_under(center).filter(|_| lies);
-        if let Some(pocket) = hole {
-            let place = self.table.pockets()[pocket].center;
-            return Some(format!("in the pocket at {place}"));
+        if let Some(hole) = self.table.pocket_under(center).filter(|_| lies) {
+            let pocket = self.table.pockets()[hole].center;
+            return Err(LayoutFault::InPocket {
+                ball,
+                position,
+                pocket,
+            }
+            .into());
         }
         let reaches = |distance: f64, least: f64| distance < least - OVERLAP_MAX_M;
         let in_nose = self.table.noses().iter().any(|nose| {
@@ -293,7 +301,10 @@ impl World {
         let low = position.z < self.table.rail_height_m() + radius_m;
         let in_rail = self.table.is_rail_under(center)
             || self.table.cushions().iter().any(|c| c.covers(center));
-        (low && (in_nose || in_jaw || in_rail)).then(|| "in a cushion".to_owned())
+        if low && (in_nose || in_jaw || in_rail) {
+            return Err(LayoutFault::InCushion { ball, position }.into());
+        }
+        Ok(())
     }
 }
 

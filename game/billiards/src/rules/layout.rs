@@ -3,6 +3,8 @@
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
+use crate::PlacementFault;
+
 use super::ruleset::RuleSet;
 
 /// A ball that lies on the table: its number and its centre seen from above, in m.
@@ -80,23 +82,24 @@ impl TableLayout {
     /// Whether the cue ball may be put at a place. Lines belong to the area within them.
     ///
     /// # Errors
-    /// A sentence that says why not.
+    /// The reason why not.
     pub fn may_place(
         &self,
         positions: &[BallPosition],
         at: DVec2,
         area: PlacementArea,
-    ) -> Result<(), String> {
+    ) -> Result<(), PlacementFault> {
         if !at.is_finite() || !self.is_on_cloth(at, self.cue_radius_m) {
-            return Err("The cue ball must lie on the cloth, clear of the cushions".to_owned());
+            return Err(PlacementFault::NotOnCloth);
         }
         if !self.is_within(at, area) {
-            return Err(format!("The cue ball is in hand {}", area.display_text()));
+            let area = area.display_text();
+            return Err(PlacementFault::OutsideArea { area });
         }
         let least = self.radius_m + self.cue_radius_m;
         let touches = |p: &&BallPosition| p.ball != 0 && p.at.distance(at) < least + TOUCH_M;
         match positions.iter().find(touches) {
-            Some(_) => Err("The cue ball must not touch another ball".to_owned()),
+            Some(p) => Err(PlacementFault::Touches { ball: p.ball }),
             None => Ok(()),
         }
     }

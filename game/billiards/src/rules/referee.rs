@@ -3,6 +3,8 @@
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
+use crate::RuleFault;
+
 use super::{
     call::Call,
     eight::{BallGroup, Eight},
@@ -85,27 +87,23 @@ impl Referee {
     /// draws the racks.
     ///
     /// # Errors
-    /// A sentence for a number of players or a target that the game does not have.
-    pub fn new(rules: RuleSet, players: usize, target: u32, seed: u32) -> Result<Self, String> {
+    /// A number of players or a target that the game does not have.
+    pub fn new(rules: RuleSet, players: usize, target: u32, seed: u32) -> Result<Self, RuleFault> {
         let info = rules.info();
         if !info.players.contains(&players) {
-            let (least, most) = (info.players.start(), info.players.end());
-            let may = if least == most {
-                format!("{least}")
-            } else {
-                format!("{least} to {most}")
-            };
-            return Err(format!(
-                "{} is played by {may} players, not by {players}",
-                info.name
-            ));
+            return Err(RuleFault::PlayerCount {
+                game: info.name,
+                players,
+                min: *info.players.start(),
+                max: *info.players.end(),
+            });
         }
         if target > Self::TARGET_MAX {
-            return Err(format!(
-                "a match to {target} {} is too long: at most {}",
-                info.unit,
-                Self::TARGET_MAX
-            ));
+            return Err(RuleFault::TargetTooLong {
+                target,
+                unit: info.unit,
+                max: Self::TARGET_MAX,
+            });
         }
         Ok(Self {
             rules,
@@ -288,18 +286,16 @@ impl Referee {
     /// The player at the table decides.
     ///
     /// # Errors
-    /// A sentence if there is no such choice now.
+    /// [`RuleFault::NoSuchChoice`] if it is not offered now.
     pub fn choose(
         &mut self,
         layout: &TableLayout,
         positions: &BallPositions,
         choice: Choice,
-    ) -> Result<Verdict, String> {
+    ) -> Result<Verdict, RuleFault> {
         if !self.options.contains(&choice) {
-            return Err(format!(
-                "\u{201c}{}\u{201d} is no choice now",
-                choice.display_text()
-            ));
+            let choice = choice.display_text();
+            return Err(RuleFault::NoSuchChoice { choice });
         }
         self.options.clear();
         let mut verdict = Verdict::default();

@@ -88,7 +88,7 @@ fn impossible_layouts_are_rejected() {
     };
     assert!(matches!(
         World::with_laws(prairie(), lossless, Vec::new()),
-        Err(Error::Laws(_))
+        Err(Error::Laws { .. })
     ));
 }
 

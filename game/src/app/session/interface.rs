@@ -69,7 +69,7 @@ impl GameSession {
         // Its outcome is drawn with the next frame.
         ctx.request_repaint();
         if let Some(Err(why)) = balls.map(|balls| game.lay(&balls)) {
-            modes.notify(why);
+            modes.notify(why.to_string());
         }
     }
 

@@ -15,9 +15,9 @@ use super::{
     reference::{ReferenceKind, ReferenceShot},
 };
 use crate::timing::{median, ms_since};
+use carom_billiards::Result;
 use carom_billiards::physics::{
-    BallBallLaw, BallBody, Engine, Event, EventKind, Laws, Rapier, Result, Shot, Stroke, Table,
-    World,
+    BallBallLaw, BallBody, Engine, Event, EventKind, Laws, Rapier, Shot, Stroke, Table, World,
 };
 
 /// One setting: its errors and its costs.

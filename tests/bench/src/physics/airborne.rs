@@ -16,8 +16,9 @@ use super::{
     infinite_table::infinite_table,
 };
 use crate::timing::ms_since;
+use carom_billiards::Result;
 use carom_billiards::physics::{
-    BallBallLaw, BallBody, BallState, Engine, Laws, Phase, Rapier, Result, Shot, World,
+    BallBallLaw, BallBody, BallState, Engine, Laws, Phase, Rapier, Shot, World,
 };
 
 /// One way of flying: its errors and its cost.

@@ -10,7 +10,8 @@ use super::{
     curves::PublishedCurve,
     infinite_table::{EDGE_M, ball, single_ball_from},
 };
-use carom_billiards::physics::{BallBody, Event, EventKind, Result};
+use carom_billiards::Result;
+use carom_billiards::physics::{BallBody, Event, EventKind};
 
 /// A rolling ball that goes to a cushion.
 #[derive(Clone, Copy)]

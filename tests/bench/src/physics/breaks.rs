@@ -15,7 +15,8 @@ use super::{
     break_samples::{ReferenceBreaks, ReferenceSample, chance},
     reference::{ReferenceKind, ReferenceShot},
 };
-use carom_billiards::physics::{BallState, Engine, Result, Shot, Stroke, Table, World};
+use carom_billiards::Result;
+use carom_billiards::physics::{BallState, Engine, Shot, Stroke, Table, World};
 
 /// One quantity of one kind of break over all seeds.
 #[derive(Clone, Debug, Serialize)]

@@ -13,9 +13,9 @@ use serde::Serialize;
 use crate::chart::{Axis, Chart, Series};
 
 use super::infinite_table::{ball, infinite_table, released};
+use carom_billiards::Result;
 use carom_billiards::physics::{
-    BallBallLaw, BallBody, BallLayout, BallState, Cue, Event, EventKind, Laws, Result, Shot,
-    Stroke, World,
+    BallBallLaw, BallBody, BallLayout, BallState, Cue, Event, EventKind, Laws, Shot, Stroke, World,
 };
 
 /// A published rule or curve, and how far the simulation is from it.
@@ -175,7 +175,7 @@ fn right_angle() -> Result<PublishedCurve> {
             english: 0.0,
         };
         let [cue_ball, object] = cut.after(laws)?;
-        Result::Ok(
+        Ok::<_, carom_billiards::Error>(
             cue_ball
                 .velocity
                 .angle_between(object.velocity)
@@ -230,7 +230,7 @@ fn natural_angle() -> Result<PublishedCurve> {
             .find(rolls)
             .map_or(0.0, |event| event.time_secs);
         let way = shot.states_at(t)[0].velocity;
-        Result::Ok(way.y.atan2(way.x).to_degrees())
+        Ok::<_, carom_billiards::Error>(way.y.atan2(way.x).to_degrees())
     };
     let published = |cut_deg: f64| {
         let (sin, cos) = cut_deg.to_radians().sin_cos();

@@ -8,7 +8,7 @@ use carom_billiards::physics::{BallBody, BallState, Laws, Shot, Table, TablePart
 ///
 /// # Errors
 /// None: its parts are valid.
-pub fn infinite_table() -> carom_billiards::physics::Result<Table> {
+pub fn infinite_table() -> carom_billiards::Result<Table> {
     let half = EDGE_M;
     let corners = [[-half, -half], [half, -half], [half, half], [-half, half]].map(DVec2::from);
     Table::from_parts(TableParts {
@@ -35,7 +35,7 @@ pub fn ball(number: u8, x: f64, y: f64, velocity: DVec3, spin: DVec3) -> BallSta
 ///
 /// # Errors
 /// Those of the simulation.
-pub fn released(laws: Laws, balls: Vec<BallState>) -> carom_billiards::physics::Result<Shot> {
+pub fn released(laws: Laws, balls: Vec<BallState>) -> carom_billiards::Result<Shot> {
     World::with_laws(infinite_table()?, laws, balls)?.release()
 }
 
@@ -43,7 +43,7 @@ pub fn released(laws: Laws, balls: Vec<BallState>) -> carom_billiards::physics::
 ///
 /// # Errors
 /// Those of the simulation.
-pub fn single_ball(velocity: DVec3, spin: DVec3) -> carom_billiards::physics::Result<Shot> {
+pub fn single_ball(velocity: DVec3, spin: DVec3) -> carom_billiards::Result<Shot> {
     single_ball_from(ball(0, 0.0, 0.0, velocity, spin))
 }
 
@@ -51,7 +51,7 @@ pub fn single_ball(velocity: DVec3, spin: DVec3) -> carom_billiards::physics::Re
 ///
 /// # Errors
 /// Those of the simulation.
-pub fn single_ball_from(ball: BallState) -> carom_billiards::physics::Result<Shot> {
+pub fn single_ball_from(ball: BallState) -> carom_billiards::Result<Shot> {
     released(Laws::default(), vec![ball])
 }
 

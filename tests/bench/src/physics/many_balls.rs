@@ -11,8 +11,9 @@ use serde::Serialize;
 
 use super::infinite_table::{ball, infinite_table};
 use crate::timing::ms_since;
+use carom_billiards::Result;
 use carom_billiards::physics::{
-    BallBody, BallState, CLUSTER_ENERGY_J, Event, EventKind, Laws, Result, Shot,
+    BallBody, BallState, CLUSTER_ENERGY_J, Event, EventKind, Laws, Shot,
 };
 
 /// A field of balls into which a fast one is shot.

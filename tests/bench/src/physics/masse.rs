@@ -8,7 +8,8 @@ use super::{
     curves::PublishedCurve,
     infinite_table::{ball, infinite_table},
 };
-use carom_billiards::physics::{Cue, Event, EventKind, Laws, Result, Shot, Stroke, World};
+use carom_billiards::Result;
+use carom_billiards::physics::{Cue, Event, EventKind, Laws, Shot, Stroke, World};
 
 /// The direction that the ball takes in the end, against Coriolis's construction: parallel to the
 /// line from where the ball touches the cloth to where the cue's line through the tip meets it.

@@ -1,0 +1,529 @@
+//! The crate's error: who is at fault, and the values that are.
+
+use std::path::PathBuf;
+
+use glam::{DVec2, DVec3};
+
+/// The crate's result.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// A request that cannot be carried out. Each variant says who is at fault.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The player's stroke is out of range.
+    #[error("this stroke cannot be played: {0}")]
+    Stroke(#[from] StrokeFault),
+    /// The table's author broke a rule.
+    #[error("the table cannot be used: {0}")]
+    Table(#[from] TableFault),
+    /// Balls are placed where none can be.
+    #[error("the balls cannot lie like this: {0}")]
+    Layout(#[from] LayoutFault),
+    /// A law's constant makes no physical sense.
+    #[error(
+        "the laws of the table cannot hold: the {constant} is {value}, not from {min:e} to {max:e}"
+    )]
+    Laws {
+        /// Its name.
+        constant: &'static str,
+        /// What it is.
+        value: f64,
+        /// The least with which the law holds.
+        min: f64,
+        /// The bound that it stays under.
+        max: f64,
+    },
+    /// The setting of what moves the balls is out of range.
+    #[error("the physics cannot be set so: {0}")]
+    Engine(#[from] EngineFault),
+    /// A file of recorded shots cannot be written or read.
+    #[error("this recorded shot cannot be used: {0}")]
+    Recording(FileFault),
+    /// The simulation did not come to rest within its limits: the crate's own fault.
+    #[error(
+        "the shot did not come to rest: {events} contacts and phase changes in the second before \
+         {time_secs} s"
+    )]
+    Endless {
+        /// Simulated time at which it was given up.
+        time_secs: f64,
+        /// Events within the last simulated second.
+        events: u32,
+    },
+    /// The cue ball may not be put there.
+    #[error("{0}")]
+    Placement(#[from] PlacementFault),
+    /// The rules do not allow it.
+    #[error("{0}")]
+    Rules(#[from] RuleFault),
+    /// A file of a saved match cannot be written or read.
+    #[error("{path} cannot be {action}: {fault}", path = .path.display())]
+    MatchFile {
+        /// The file.
+        path: PathBuf,
+        /// What was tried: `read` or `written`.
+        action: &'static str,
+        /// Why it failed.
+        fault: FileFault,
+    },
+    /// The bytes are no saved match.
+    #[error("{0}")]
+    MatchBytes(FileFault),
+    /// A saved match cannot be played again.
+    #[error("step {step} cannot be done: {reason}")]
+    Replay {
+        /// Counted from 1.
+        step: usize,
+        /// Why.
+        reason: Box<Error>,
+    },
+    /// A list of players cannot be read.
+    #[error("{0}")]
+    Players(#[from] PlayersFault),
+    /// The system gives no thread to the computer player.
+    #[error("the computer cannot think: {0}")]
+    NoThread(std::io::Error),
+    /// The computer player's thread ended without a decision.
+    #[error("the computer stopped thinking")]
+    SearchBrokeOff,
+}
+
+/// A value of a stroke that cannot be played.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum StrokeFault {
+    /// The direction is no number.
+    #[error("the direction {direction_rad} is not an angle")]
+    Direction {
+        /// In rad.
+        direction_rad: f64,
+    },
+    /// The cue's speed is out of range.
+    #[error("the cue's speed of {speed_m_s} m/s is not over 0 and up to {max_m_s} m/s")]
+    Speed {
+        /// In m/s.
+        speed_m_s: f64,
+        /// The fastest.
+        max_m_s: f64,
+    },
+    /// The tip is too far out.
+    #[error("the tip is {offset} radii from the centre, not up to {max}")]
+    Offset {
+        /// In ball radii.
+        offset: f64,
+        /// The farthest.
+        max: f64,
+    },
+    /// The cue's elevation is out of range.
+    #[error("the cue's elevation of {elevation_rad} rad is not from 0 to {max_rad:.4} rad")]
+    Elevation {
+        /// In rad.
+        elevation_rad: f64,
+        /// The steepest.
+        max_rad: f64,
+    },
+    /// There is nothing to strike.
+    #[error("the cue ball is not on the table")]
+    NoCueBall,
+}
+
+/// A broken rule of a table.
+#[derive(Debug, thiserror::Error)]
+pub enum TableFault {
+    /// The text is no table.
+    #[error("{0}")]
+    Json(serde_json::Error),
+    /// A dimension is out of range.
+    #[error("{table}: the {dimension} is {value}, not from {min} to {max}")]
+    Dimension {
+        /// Its name for the player.
+        table: String,
+        /// What is wrong.
+        dimension: &'static str,
+        /// In m or degrees.
+        value: f64,
+        /// The least.
+        min: f64,
+        /// The most.
+        max: f64,
+    },
+    /// Side pockets need corner pockets.
+    #[error("{table}: it has side pockets but no corner pockets")]
+    SidePocketsOnly {
+        /// Its name for the player.
+        table: String,
+    },
+    /// The pockets are too wide.
+    #[error("{table}: its pockets take {taken_m} m and leave no cushion")]
+    NoCushionLeft {
+        /// Its name for the player.
+        table: String,
+        /// By all pockets of a side, in m.
+        taken_m: f64,
+    },
+    /// A length is not positive and finite.
+    #[error("a size of {size_m} m is not over 0")]
+    Size {
+        /// In m.
+        size_m: f64,
+    },
+    /// A circle is nowhere.
+    #[error("a circle's center is not finite")]
+    CircleNotFinite,
+    /// Nothing holds the balls.
+    #[error("it has no noses, so that nothing holds the balls")]
+    NoNoses,
+    /// The ends of a nose coincide or are not finite.
+    #[error("a nose from {from} to {to} has no length")]
+    NoseWithoutLength {
+        /// One end, in m.
+        from: DVec2,
+        /// The other end, in m.
+        to: DVec2,
+    },
+    /// No table that ships with the crate has this name.
+    #[error("there is no table `{name}`: there are {known}")]
+    Unknown {
+        /// As it was asked for.
+        name: String,
+        /// The names there are.
+        known: String,
+    },
+    /// No table that ships with the crate has this name for the player.
+    #[error("there is no table `{name}`")]
+    Unnamed {
+        /// As a saved match has it.
+        name: String,
+    },
+}
+
+/// A reason why balls cannot lie as they should.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum LayoutFault {
+    /// No ball has this number.
+    #[error("there is no ball {ball}")]
+    NoSuchBall {
+        /// The number.
+        ball: u8,
+    },
+    /// The body is not physical.
+    #[error("the {quantity} of ball {ball} is {value} {unit}: it must be finite and over 0")]
+    Body {
+        /// The ball.
+        ball: u8,
+        /// Mass or radius.
+        quantity: &'static str,
+        /// What it is.
+        value: f64,
+        /// kg or m.
+        unit: &'static str,
+    },
+    /// Place or motion is not finite.
+    #[error("ball {ball} has a place or a speed that is not finite")]
+    NotFinite {
+        /// The ball.
+        ball: u8,
+    },
+    /// Two balls share a number.
+    #[error("ball {ball} is there twice")]
+    Twice {
+        /// The number.
+        ball: u8,
+    },
+    /// It neither lies on the cloth nor flies over it.
+    #[error("ball {ball} with its centre at {height_m} m does not lie on the cloth")]
+    NotOnCloth {
+        /// The ball.
+        ball: u8,
+        /// Of its centre over the cloth, in m.
+        height_m: f64,
+    },
+    /// It is outside of the table.
+    #[error("ball {ball} at {position} is off the table")]
+    OffTable {
+        /// The ball.
+        ball: u8,
+        /// Its centre, in m.
+        position: DVec3,
+    },
+    /// It is over a hole.
+    #[error("ball {ball} at {position} is in the pocket at {pocket}")]
+    InPocket {
+        /// The ball.
+        ball: u8,
+        /// Its centre, in m.
+        position: DVec3,
+        /// The pocket's centre, in m.
+        pocket: DVec2,
+    },
+    /// It is inside of a cushion or rail.
+    #[error("ball {ball} at {position} is in a cushion")]
+    InCushion {
+        /// The ball.
+        ball: u8,
+        /// Its centre, in m.
+        position: DVec3,
+    },
+    /// It overlaps another ball.
+    #[error("ball {ball} at {position} overlaps ball {other}")]
+    Overlap {
+        /// The ball.
+        ball: u8,
+        /// Its centre, in m.
+        position: DVec3,
+        /// The other.
+        other: u8,
+    },
+}
+
+/// A setting of the engine that is out of range.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum EngineFault {
+    /// A number is out of range.
+    #[error("{value} {quantity} are not from {min} to {max}")]
+    OutOfRange {
+        /// Steps per second or solver iterations.
+        quantity: &'static str,
+        /// What it is.
+        value: u32,
+        /// The least.
+        min: u32,
+        /// The most.
+        max: u32,
+    },
+    /// No engine is called so.
+    #[error("`{name}` is neither `exact` nor `rapier-` and steps per second, as rapier-240")]
+    Unknown {
+        /// As it was asked for.
+        name: String,
+    },
+    /// A frame is too short.
+    #[error("a frame of {frame_secs} s is shorter than {min_secs} s")]
+    FrameTooShort {
+        /// In s.
+        frame_secs: f64,
+        /// The shortest.
+        min_secs: f64,
+    },
+}
+
+/// A reason why a file of shots or of a match cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum FileFault {
+    /// The system failed, or a fault of the file's contents, with its path.
+    #[error("{path}: {fault}", path = .path.display())]
+    At {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        fault: Box<FileFault>,
+    },
+    /// The system failed.
+    #[error("{0}")]
+    Io(std::io::Error),
+    /// It is another kind of file.
+    #[error("it does not begin as a {kind} does")]
+    OtherKind {
+        /// `recorded shot` or `match`.
+        kind: &'static str,
+    },
+    /// It is cut off early.
+    #[error("it ends within its version")]
+    NoVersion,
+    /// It is of a version that this crate does not know.
+    #[error("its version is {version}, this program reads {known}")]
+    OtherVersion {
+        /// The file's.
+        version: u16,
+        /// This crate's.
+        known: u16,
+    },
+    /// It cannot be decoded.
+    #[error("it is cut off or damaged ({0})")]
+    Damaged(postcard::Error),
+    /// It cannot be encoded.
+    #[error("{0}")]
+    NotEncoded(postcard::Error),
+    /// It goes on behind its end.
+    #[error("{bytes} bytes follow its end")]
+    TrailingBytes {
+        /// How many.
+        bytes: usize,
+    },
+    /// It is too large.
+    #[error("it has {bytes} bytes, at most {max} are kept")]
+    TooLarge {
+        /// Its size.
+        bytes: u64,
+        /// The largest.
+        max: u64,
+    },
+    /// A shot does not last a length of time that shots have.
+    #[error("it lasts {duration_secs} s")]
+    Duration {
+        /// In s.
+        duration_secs: f64,
+    },
+    /// Events are out of order.
+    #[error("its events are not in the order of time")]
+    EventsUnordered,
+    /// No simulation makes such a path.
+    #[error("the path of ball {ball} {fault}")]
+    Path {
+        /// The ball.
+        ball: u8,
+        /// What is wrong with it.
+        fault: &'static str,
+    },
+    /// A ball's body is not physical.
+    #[error("{0}")]
+    Body(LayoutFault),
+    /// The balls turn too often to be kept in memory.
+    #[error("its balls turn {turns} times")]
+    Turns {
+        /// Of all balls together.
+        turns: f64,
+    },
+    /// It has no shots, or too many.
+    #[error("it has {shots} shots, not 1 to {max}")]
+    ShotCount {
+        /// How many.
+        shots: usize,
+        /// The most.
+        max: usize,
+    },
+    /// A title does not fit a line.
+    #[error("a title of {bytes} bytes is longer than {max} or not one line")]
+    Title {
+        /// Its length.
+        bytes: usize,
+        /// The longest.
+        max: usize,
+    },
+}
+
+/// A reason why the cue ball may not be put somewhere, a sentence for the player.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PlacementFault {
+    /// It does not lie on the cloth there.
+    #[error("The cue ball must lie on the cloth, clear of the cushions")]
+    NotOnCloth,
+    /// It is in hand elsewhere.
+    #[error("The cue ball is in hand {area}")]
+    OutsideArea {
+        /// Where it is in hand, to follow "in hand".
+        area: &'static str,
+    },
+    /// It touches another ball there.
+    #[error("The cue ball must not touch another ball")]
+    Touches {
+        /// The ball.
+        ball: u8,
+    },
+    /// It is not in hand.
+    #[error("The cue ball is not in hand: it is played from where it lies")]
+    NotInHand,
+}
+
+/// Something that a game or the state of a match does not allow.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum RuleFault {
+    /// The game is for another number of players.
+    #[error("{game} is played by {} players, not by {players}", player_range(*.min, *.max))]
+    PlayerCount {
+        /// The game's name.
+        game: &'static str,
+        /// How many were to play.
+        players: usize,
+        /// The fewest.
+        min: usize,
+        /// The most.
+        max: usize,
+    },
+    /// The target is too far.
+    #[error("a match to {target} {unit} is too long: at most {max}")]
+    TargetTooLong {
+        /// What was asked for.
+        target: u32,
+        /// What is counted.
+        unit: &'static str,
+        /// The most.
+        max: u32,
+    },
+    /// The choice is not offered.
+    #[error("\u{201c}{choice}\u{201d} is no choice now")]
+    NoSuchChoice {
+        /// What was chosen, as its button says it.
+        choice: &'static str,
+    },
+    /// The table's pockets do not fit the game.
+    #[error("{game} cannot be played on the {table}: it has {pockets} pockets")]
+    OtherTable {
+        /// The game's name.
+        game: &'static str,
+        /// The table's name.
+        table: String,
+        /// How many it has.
+        pockets: usize,
+    },
+    /// Balls are laid only on the free table.
+    #[error("Balls are laid on the free table: the menu begins one")]
+    NotFreeTable,
+    /// No shot is left to suggest.
+    #[error("The match is over: there is no shot to suggest")]
+    NothingToSuggest,
+    /// The match was over before this step.
+    #[error("the match was over before it")]
+    MatchOver,
+    /// The free table has no end and no winner.
+    #[error("the free table has no end and no winner: choose another game")]
+    NoWinner,
+    /// A person is at the table where a computer is to play.
+    #[error("it is the turn of {player}, a person")]
+    PersonsTurn {
+        /// The player's name.
+        player: String,
+    },
+}
+
+/// A reason why a list of players cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PlayersFault {
+    /// The number of people is out of range.
+    #[error("{players} players are not 1 to {max}")]
+    Count {
+        /// What was asked for.
+        players: usize,
+        /// The most.
+        max: usize,
+    },
+    /// The list is too long.
+    #[error("{players} players are more than {max}")]
+    TooMany {
+        /// In the list.
+        players: usize,
+        /// The most.
+        max: usize,
+    },
+    /// No level is called so.
+    #[error("`{text}` is no player: the levels are ai:easy, ai:medium, ai:hard, ai:expert")]
+    UnknownLevel {
+        /// As it was asked for.
+        text: String,
+    },
+    /// A name is empty, too long or has control characters.
+    #[error("a player's name has 1 to {max} letters, not `{text}`")]
+    Name {
+        /// As it was given.
+        text: String,
+        /// Letters of the longest.
+        max: usize,
+    },
+}
+
+fn player_range(min: usize, max: usize) -> String {
+    if min == max {
+        min.to_string()
+    } else {
+        format!("{min} to {max}")
+    }
+}
