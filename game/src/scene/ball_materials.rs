@@ -1,4 +1,4 @@
-//! What the balls are made of.
+//! Materials of the balls.
 
 use carom_billiards::rules::RuleSet;
 use carom_tracer::{Material, Medium, ProceduralTexture, Stripe};

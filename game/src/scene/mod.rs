@@ -1,5 +1,5 @@
 //! The traced scene: the room, its table, the balls' materials, and updates of their poses.
 
 pub mod ball_materials;
-pub mod room;
+pub mod scene_builder;
 pub mod table_scene;

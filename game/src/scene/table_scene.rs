@@ -1,4 +1,4 @@
-//! From ball poses and a camera to what the tracer draws.
+//! The traced scene of a table, and its update for ball poses and a camera.
 
 use carom_billiards::game_match::Match;
 use carom_billiards::physics::{BallPose, Table};
@@ -7,7 +7,7 @@ use carom_tracer::{Camera, ObjectPose, Scene, SceneUpdate};
 use glam::{Quat, Vec3};
 
 use crate::scene::ball_materials::BallSet;
-use crate::scene::room::room;
+use crate::scene::scene_builder::room;
 
 /// The pool table's scene, and which of its objects is which ball.
 #[derive(Clone, Debug)]

@@ -1,0 +1,169 @@
+//! The builder of the scene: the table of the simulation in a room with lamps, floor and walls.
+//!
+//! Everything is made from the table's own numbers, so that a ball meets what the picture shows.
+//! Lengths are in metres, the cloth's level is z = 0.
+
+mod cushions;
+mod materials;
+mod pockets;
+mod room;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+
+use carom_billiards::physics::Table;
+use carom_billiards::rules::{self, RuleSet};
+use carom_billiards::shot_report::table_layout;
+use carom_tracer::{Camera, CsgSolid, Environment, Object, Scene, Shape, Subtraction};
+use glam::{DVec2, Quat, Vec2, Vec3};
+
+use self::materials::materials;
+use self::room::area_light;
+use crate::scene::ball_materials::BallSet;
+
+/// The exposure that the room's area lights are set for.
+pub const EXPOSURE: f32 = 1.0;
+
+/// Horizontal field of view of the room's camera, and of the game's views at first, degrees.
+pub const FOV_X_DEG: f64 = 44.0;
+
+/// The room round `table`, whose balls are those of a game and of `set`, as the game's scene.
+pub fn room(table: &Table, rules: RuleSet, set: BallSet) -> Scene {
+    let mut room = SceneBuilder {
+        frame: TableMeasures::of(table),
+        objects: Vec::new(),
+    };
+    room.balls(table, rules);
+    room.bed(table);
+    room.rails(table);
+    room.castings(table);
+    for cushion in table.cushions() {
+        room.cushion(table, cushion);
+    }
+    room.stand(table);
+    room.lampshades();
+    room.walls();
+    room.cue_rack();
+    Scene {
+        camera: Camera {
+            eye: room.frame.scale * Vec3::new(-2.02, -0.3, 0.56),
+            target: room.frame.scale * Vec3::new(-0.25, 0.0, 0.0),
+            up: Vec3::Z,
+            fov_x_deg: FOV_X_DEG as f32,
+        },
+        environment: Environment {
+            radiance: Vec3::new(0.16, 0.15, 0.135),
+        },
+        materials: materials(&room.frame, table, rules, set),
+        area_lights: LAMP_X_M.map(|x| area_light(x, room.frame.scale)).into(),
+        objects: room.objects,
+    }
+}
+
+/// The corners of a box round the lampshades and their bar, m: no camera goes there.
+pub fn lampshades(table: &Table) -> (Vec3, Vec3) {
+    let scale = TableMeasures::of(table).scale;
+    let half = LAMP_HALF_M * Vec2::new(scale, 1.0) + SHADE_RIM_M;
+    let reach = Vec2::new(scale * LAMP_X_M[1], 0.0) + half;
+    (
+        (-reach).extend(LAMP_Z_M - SHADE_LIP_M),
+        reach.extend(LAMP_Z_M + SHADE_HEIGHT_M + BAR_M),
+    )
+}
+
+/// The main measures of a table.
+struct TableMeasures {
+    /// Half the length and width between the cushions' backs.
+    inside: Vec2,
+    /// Half the length and width of the whole table.
+    outer: Vec2,
+    rail_height: f32,
+    floor: f32,
+    /// Its length over that of a nine-foot table.
+    scale: f32,
+}
+
+impl TableMeasures {
+    fn of(table: &Table) -> Self {
+        let half = 0.5 * DVec2::new(table.length_m(), table.width_m());
+        let (cushion, width) = table.rails().map_or((CUSHION_M, RAIL_M), |rails| {
+            (rails.cushion_width_m, rails.width_m)
+        });
+        Self {
+            inside: (half + cushion).as_vec2(),
+            outer: (half + width).as_vec2(),
+            rail_height: table.rail_height_m() as f32,
+            floor: -table.bed_height_m() as f32,
+            scale: (table.length_m() / NINE_FOOT_M) as f32,
+        }
+    }
+}
+
+struct SceneBuilder {
+    frame: TableMeasures,
+    objects: Vec<Object>,
+}
+
+impl SceneBuilder {
+    fn add(&mut self, name: impl Into<String>, material: &str, shape: Shape) {
+        self.objects.push(Object {
+            name: name.into(),
+            material: material.to_owned(),
+            shape,
+        });
+    }
+
+    /// At rest where a rack would be, each with its number towards the player.
+    fn balls(&mut self, table: &Table, rules: RuleSet) {
+        let racked = rules::rack(rules, &table_layout(table), 1);
+        let racked: BTreeMap<u8, DVec2> = racked.into_iter().map(|p| (p.ball, p.at)).collect();
+        for (number, at) in racked {
+            let body = if number == 0 {
+                table.cue_ball()
+            } else {
+                table.ball()
+            };
+            let shape = Shape::Sphere {
+                center: at.extend(body.radius_m).as_vec3(),
+                radius: body.radius_m as f32,
+                rotation: Quat::IDENTITY,
+            };
+            self.add(format!("ball{number}"), &format!("ball {number}"), shape);
+        }
+    }
+}
+
+fn corners() -> impl Iterator<Item = Vec2> {
+    [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+        .into_iter()
+        .map(Vec2::from)
+}
+
+fn subtraction(solid: CsgSolid) -> Subtraction {
+    Subtraction {
+        solid,
+        material: None,
+    }
+}
+
+fn beyond(point: Vec3, normal: Vec3) -> Subtraction {
+    subtraction(CsgSolid::HalfSpace { point, normal })
+}
+
+/// Where tables without rails of their own get some.
+const CUSHION_M: f64 = 0.05;
+const RAIL_M: f64 = 0.18;
+const POCKET_DEPTH_M: f32 = 0.13;
+/// How far the frame reaches below the cloth.
+const APRON_M: f32 = 0.17;
+/// Lamps, and where the first picture is taken from, are laid out for this length.
+const NINE_FOOT_M: f64 = 2.54;
+const LAMP_X_M: [f32; 2] = [-0.62, 0.62];
+const LAMP_Z_M: f32 = 1.0;
+const LAMP_HALF_M: Vec2 = Vec2::new(0.45, 0.18);
+const SHADE_RIM_M: f32 = 0.03;
+const SHADE_LIP_M: f32 = 0.02;
+const SHADE_HEIGHT_M: f32 = 0.15;
+/// The bar that the lamps hang from.
+const BAR_M: f32 = 0.02;
