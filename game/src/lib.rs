@@ -1,15 +1,10 @@
 //! Carom: a pool game whose every frame is path-traced by a [`carom_farm::Farm`].
 //!
 //! ```text
-//! app (winit) ─▶ app_shell (settings, pages, keys, sound)
-//!                  │ intents
-//!                  ▼
-//!                session ─▶ play (aim, stroke, shot) ─▶ sim (physics)
-//!                           │ poses, camera
-//!                           ▼
-//!                         scene ─▶ frame::scheduler ─▶ Farm ─▶ scheduler ─▶ display ─▶ window
-//!                                  what to ask                 what to show   ▲
-//!                                                              ui ────────────┘
+//! app::event_loop (winit) ─▶ app::frame: the steps of a frame, in their order
+//!   input ─▶ app_shell (settings, pages, sound) ─▶ session ─▶ play ─▶ carom-billiards
+//!   mode (game, replay, practice) ─▶ camera, poses ─▶ scene ─▶ frame::scheduler ─▶ Farm
+//!   Farm ─▶ frame::pipeline (accumulate, choose, reproject) ─▶ ui on top ─▶ display ─▶ window
 //! ```
 //!
 //! Only [`app`] and [`display`] know winit and wgpu; everything else takes time and events as

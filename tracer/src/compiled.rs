@@ -373,13 +373,46 @@ impl CompiledScene {
     }
 }
 
+/// A camera's orthonormal basis in f64: the one place where its angle of view becomes a length.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CameraBasis {
+    /// Position, m.
+    pub eye: DVec3,
+    /// Direction of view.
+    pub forward: DVec3,
+    /// To the right on the image.
+    pub right: DVec3,
+    /// Upwards on the image.
+    pub up: DVec3,
+    /// Half the width of the image at distance 1.
+    pub half_width: f64,
+}
+
+impl CameraBasis {
+    /// The basis of a valid camera.
+    pub fn new(camera: &Camera) -> Self {
+        let eye = camera.eye.as_dvec3();
+        let forward = (camera.target.as_dvec3() - eye).normalize();
+        let right = forward.cross(camera.up.as_dvec3()).normalize();
+        Self {
+            eye,
+            forward,
+            right,
+            up: right.cross(forward),
+            half_width: (f64::from(camera.fov_x_deg).to_radians() * 0.5).tan(),
+        }
+    }
+}
+
 /// The camera's rays for an image of `size`, computed in f64 and rounded once.
 pub fn camera_frame(camera: &Camera, size: ImageSize) -> CameraFrame {
-    let (eye, target) = (camera.eye.as_dvec3(), camera.target.as_dvec3());
-    let forward = (target - eye).normalize();
-    let right = forward.cross(camera.up.as_dvec3()).normalize();
-    let up = right.cross(forward);
-    let half_width = (f64::from(camera.fov_x_deg).to_radians() * 0.5).tan();
+    let CameraBasis {
+        forward,
+        right,
+        up,
+        half_width,
+        ..
+    } = CameraBasis::new(camera);
     let pixel = 2.0 * half_width / f64::from(size.width);
     let corner = forward - right * half_width + up * (0.5 * pixel * f64::from(size.height));
     let array = |v: DVec3| v.as_vec3().to_array();

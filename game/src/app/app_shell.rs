@@ -1,4 +1,4 @@
-//! What surrounds the game without a window: settings, keys, pages, sentences, sound.
+//! The shell around the game, without a window: settings, keys, pages, sentences, sound.
 //!
 //! ```text
 //! Event ─▶ AppShell ─▶ page open? ─▶ menu

@@ -17,7 +17,6 @@ use winit::event::WindowEvent;
 use winit::event_loop::{ActiveEventLoop, EventLoop};
 use winit::window::{Fullscreen, Window, WindowId};
 
-use super::frame::FrameCause;
 use super::window::Screen;
 use super::window_events::translate;
 use crate::app::app_shell::AppShell;
@@ -172,6 +171,15 @@ pub(super) struct App {
     pub(super) begun: Instant,
     pub(super) next_redraw: Instant,
     failure: Option<anyhow::Error>,
+}
+
+/// What a frame is run for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum FrameCause {
+    /// Events, finished frames of the farm, the passing of time.
+    Poll,
+    /// The window is to be drawn.
+    Redraw,
 }
 
 /// An event that waits for the next frame.

@@ -1,4 +1,4 @@
-//! What the player is told of the farm: a sentence when something changes, and one that stays while
+//! Notifications of the farm: a sentence when something changes, and one that stays while
 //! there is no picture. Play never waits for either.
 //!
 //! | what is | what happens | what is said |

@@ -4,16 +4,7 @@ use std::time::{Duration, Instant};
 
 use winit::event_loop::{ActiveEventLoop, ControlFlow};
 
-use super::event_loop::App;
-
-/// What a frame is run for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum FrameCause {
-    /// Events, finished frames of the farm, the passing of time.
-    Poll,
-    /// The window is to be drawn.
-    Redraw,
-}
+use super::event_loop::{App, FrameCause};
 
 impl App {
     /// Runs one frame. No step waits for the farm.

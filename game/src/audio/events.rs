@@ -1,4 +1,4 @@
-//! Which contacts of a shot sound, when and how hard.
+//! Sound events of a shot: its contacts with their times and forces.
 
 use carom_billiards::physics::{EventKind, Shot, Surface};
 

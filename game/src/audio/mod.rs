@@ -1,7 +1,7 @@
 //! The sound of a shot: each contact of the simulation struck as a small instrument, in a room.
 //!
 //! ```text
-//! Shot's events ─▶ score ─▶ voice (modes rung by the contact's force) ─▶ room ─▶ speaker or WAV
+//! Shot ─▶ events ─▶ modal_synthesis (modes rung by a contact's force) ─▶ reverb ─▶ playback or WAV
 //! ```
 //!
 //! A shot is simulated whole before it is watched, so its whole sound is made at once and every click

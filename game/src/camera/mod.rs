@@ -1,7 +1,7 @@
-//! Where the picture is taken from, and where a point of the table lands in it.
+//! Cameras of the game, and the projection of the table's points to the window.
 //!
 //! ```text
-//! ViewSelection (the player's choice) ─▶ Viewpoint ─▶ CameraSmoother (glides) ─▶ clear of the lamps ─▶ Camera
+//! ViewSelection (the player's choice) ─▶ Viewpoint ─▶ CameraSmoother ─▶ clear of the lamps ─▶ Camera
 //!        ▲ FollowCamera (a ball on its way)
 //! ```
 
@@ -13,7 +13,7 @@ mod viewpoint;
 pub use follow_camera::FollowCamera;
 pub use projection::Projection;
 pub use view_selection::{CameraIntent, CameraView, SAVED_MAX, ViewContext, ViewSelection};
-pub use viewpoint::{CameraSmoother, EYE_Z_M_MAX, EYE_Z_M_MIN, FOV_X_DEG, Orbit, Viewpoint};
+pub use viewpoint::{CameraSmoother, EYE_Z_M_MAX, EYE_Z_M_MIN, Orbit, Viewpoint};
 
 /// An angle's equal in (−π, π].
 pub fn wrap_rad(angle_rad: f64) -> f64 {

@@ -1,16 +1,14 @@
 //! A camera's map from the world to its film and back.
 
 use carom_tracer::Camera;
+use carom_tracer::compiled::CameraBasis;
 use glam::{DVec2, DVec3};
 
 /// A camera's map from the world to its film, for overlays: the inverse of
 /// [`carom_tracer::compiled::camera_frame`].
 #[derive(Clone, Copy, Debug)]
 pub struct Projection {
-    eye: DVec3,
-    right: DVec3,
-    up: DVec3,
-    forward: DVec3,
+    basis: CameraBasis,
     film: DVec2,
     focal: f64,
 }
@@ -19,33 +17,27 @@ impl Projection {
     /// The film is `width` × `height` in any unit; film positions come out in that unit, from the
     /// top left.
     pub fn new(camera: &Camera, width: f64, height: f64) -> Self {
-        let eye = camera.eye.as_dvec3();
-        let forward = (camera.target.as_dvec3() - eye).normalize();
-        let right = forward.cross(camera.up.as_dvec3()).normalize();
-        let half_angle = f64::from(camera.fov_x_deg).to_radians() * 0.5;
+        let basis = CameraBasis::new(camera);
         Self {
-            eye,
-            right,
-            up: right.cross(forward),
-            forward,
+            basis,
             film: DVec2::new(width, height),
-            focal: 0.5 * width / half_angle.tan(),
+            focal: 0.5 * width / basis.half_width,
         }
     }
 
     /// Where `p` is seen; nothing if it lies behind the eye or too close to it.
     pub fn film_from_world(&self, p: DVec3) -> Option<DVec2> {
-        let view = p - self.eye;
-        let depth = view.dot(self.forward);
+        let view = p - self.basis.eye;
+        let depth = view.dot(self.basis.forward);
         (depth > NEAR_M).then(|| {
-            let offset = DVec2::new(view.dot(self.right), -view.dot(self.up));
+            let offset = DVec2::new(view.dot(self.basis.right), -view.dot(self.basis.up));
             0.5 * self.film + offset * (self.focal / depth)
         })
     }
 
     /// Where the segment from `a` to `b` is seen, cut off just before the eye.
     pub fn film_segment(&self, a: DVec3, b: DVec3) -> Option<[DVec2; 2]> {
-        let depth = |p: DVec3| (p - self.eye).dot(self.forward);
+        let depth = |p: DVec3| (p - self.basis.eye).dot(self.basis.forward);
         let (depth_a, depth_b) = (depth(a), depth(b));
         let near = 2.0 * NEAR_M;
         if depth_a <= near && depth_b <= near {
@@ -63,16 +55,16 @@ impl Projection {
 
     /// How long one metre at `p`, across the view, is on the film.
     pub fn film_per_metre(&self, p: DVec3) -> Option<f64> {
-        let depth = (p - self.eye).dot(self.forward);
+        let depth = (p - self.basis.eye).dot(self.basis.forward);
         (depth > NEAR_M).then(|| self.focal / depth)
     }
 
     /// The point at height `z` metres that is seen at `film`; nothing above the horizon.
     pub fn world_from_film(&self, film: DVec2, z: f64) -> Option<DVec3> {
         let offset = (film - 0.5 * self.film) / self.focal;
-        let direction = self.forward + self.right * offset.x - self.up * offset.y;
-        let distance = (z - self.eye.z) / direction.z;
-        (direction.z != 0.0 && distance > 0.0).then(|| self.eye + direction * distance)
+        let direction = self.basis.forward + self.basis.right * offset.x - self.basis.up * offset.y;
+        let distance = (z - self.basis.eye.z) / direction.z;
+        (direction.z != 0.0 && distance > 0.0).then(|| self.basis.eye + direction * distance)
     }
 }
 

@@ -1,4 +1,4 @@
-//! Which view the player has chosen, and what was turned away from it.
+//! Selection of the camera's view, and how far it was turned.
 
 use carom_billiards::physics::Table;
 use glam::DVec3;

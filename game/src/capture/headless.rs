@@ -26,8 +26,8 @@ use serde::Serialize;
 
 use crate::args::Args;
 use crate::capture::video::{FrameCache, RenderJob, ShotSequence, VideoTarget, assemble};
-use crate::frame::scheduler::EXPOSURE;
 use crate::play::CUE_SPEED_M_S_MAX;
+use crate::scene::scene_builder::EXPOSURE;
 use crate::scene::table_scene::TableScene;
 
 /// What `stats.json` holds.
@@ -242,7 +242,7 @@ fn keep(recording: &Recording, folder: &Path) -> anyhow::Result<()> {
     Ok(recording.save(&folder.join("shot_0001.carom"))?)
 }
 
-/// Traces the frames that the reel lacks.
+/// Traces the frames that the cache lacks.
 fn make(
     config: FarmConfig,
     footage: &ShotSequence,

@@ -27,7 +27,7 @@ impl RecordingKind {
     }
 }
 
-/// A file on the shelf.
+/// A recording as a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SavedRecording {
     /// Without its ending.

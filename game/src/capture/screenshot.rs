@@ -14,7 +14,7 @@ use carom_tracer::film::Film;
 use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate};
 
 use crate::capture::next_path;
-use crate::frame::scheduler::EXPOSURE;
+use crate::scene::scene_builder::EXPOSURE;
 
 /// A picture in the making. Dropped, it stops within a frame and leaves no file.
 #[derive(Debug)]

@@ -1,4 +1,4 @@
-//! What is worth stopping at in a shot, in words.
+//! Timeline of a shot: its contacts in words.
 
 use carom_billiards::physics::{EventKind, Shot};
 

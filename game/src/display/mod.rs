@@ -1,4 +1,4 @@
-//! From a picture and the user interface to the window: through a GPU, or without one.
+//! Display of a frame and the interface in the window: through a GPU, or without one.
 
 pub mod gpu;
 pub mod raster;

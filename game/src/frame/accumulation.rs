@@ -8,7 +8,7 @@ use carom_tracer::film::Film;
 use carom_tracer::tonemap::srgb8;
 use carom_tracer::{Error, ImageSize, Tile};
 
-use crate::frame::scheduler::EXPOSURE;
+use crate::scene::scene_builder::EXPOSURE;
 
 /// One sample range of a picture.
 #[derive(Clone, Debug, PartialEq)]

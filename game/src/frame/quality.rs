@@ -1,4 +1,4 @@
-//! How large and how smooth a picture can be while things move: the level that holds the frame
+//! Quality levels of moving pictures, and the control that chooses the one that holds the frame
 //! time.
 
 use carom_tracer::{ImageSize, RenderSettings};

@@ -1,4 +1,4 @@
-//! The newest picture as the table looks now: between pictures, and while one is still on its way,
+//! Reprojection of the newest frame to the present: between pictures, and while one is still on its way,
 //! camera and balls move on by [`carom_tracer::reproject`].
 
 use carom_tracer::reproject::View;

@@ -1,4 +1,4 @@
-//! Every control of the game: its name, what it does in a sentence, and what it is bound to at first.
+//! The actions of the game, each with its name, what it does in a sentence, and what it is bound to at first.
 //!
 //! Settings, the help, the legend of keys and the table in README.md are made from [`ACTIONS`].
 

@@ -1,4 +1,4 @@
-//! Which key, button or turn of the wheel does what.
+//! Bindings of keys, buttons and the wheel to actions.
 
 use std::collections::BTreeMap;
 use std::fmt;

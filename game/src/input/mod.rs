@@ -1,4 +1,4 @@
-//! From mouse and keys to what the player wants: a pure function of the events so far.
+//! Input of mouse and keys as intents: a pure function of the events so far.
 //!
 //! ```text
 //! Event ─▶ Trigger ─▶ Bindings ─▶ Action ─▶ Intent

@@ -27,7 +27,7 @@ pub(super) struct ActiveShot {
     pub(super) bearing_rad: f64,
     /// The pocket that was played to, if the view depends on it.
     pub(super) pocket: Option<usize>,
-    /// Whether the camera instant_camera to where it would glide.
+    /// Whether the camera cuts to where it would glide.
     pub(super) instant_camera: bool,
     /// Once it is asked for.
     pub(super) chase: OnceCell<FollowCamera>,

@@ -1,9 +1,8 @@
-//! Where the cue points, and how fast it is at which power.
+//! The aim of the cue, and its speed at each power.
 
 use carom_billiards::physics::Stroke;
 use glam::DVec2;
 
-use super::cue_clearance::CueClearance;
 use crate::camera::wrap_rad;
 
 /// The cue's speed at full power, m/s: a hard break.
@@ -80,11 +79,6 @@ impl Aim {
     /// Puts the tip in the middle and lays the cue as level as it can lie.
     pub fn level(&mut self) {
         (self.tip, self.wanted_rad) = (DVec2::ZERO, 0.0);
-    }
-
-    /// Raises the cue as far as the player wants, and as what is in its way demands.
-    pub fn clear(&mut self, reach: &CueClearance<'_>) {
-        self.elevation_rad = reach.lowest_clear_rad(self, self.wanted_rad);
     }
 }
 

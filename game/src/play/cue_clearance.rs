@@ -1,4 +1,4 @@
-//! How low the cue can lie: it passes over rails and balls, never through them.
+//! Clearance of the cue: it passes over rails and balls, never through them.
 
 use carom_billiards::physics::{BallState, Stroke, Table, World};
 use glam::{DVec2, DVec3};
@@ -8,7 +8,7 @@ use super::cue::{CUE_LENGTH_M, DRAW_M, cue_radius_m};
 
 /// The cue ball and what may be in the cue's way.
 #[derive(Clone, Copy, Debug)]
-pub struct CueClearance<'a> {
+pub(super) struct CueClearance<'a> {
     table: &'a Table,
     cue_ball: BallState,
     balls: &'a [BallState],
@@ -16,7 +16,7 @@ pub struct CueClearance<'a> {
 
 impl<'a> CueClearance<'a> {
     /// Over the balls as they lie; nothing without a cue ball on the table.
-    pub fn new(world: &'a World, balls: &'a [BallState]) -> Option<Self> {
+    pub(super) fn new(world: &'a World, balls: &'a [BallState]) -> Option<Self> {
         let is_cue_ball = |ball: &&BallState| ball.number == 0 && ball.phase.is_on_table();
         Some(Self {
             table: world.table(),
@@ -25,9 +25,14 @@ impl<'a> CueClearance<'a> {
         })
     }
 
+    /// Raises the cue as far as the player wants, and as what is in its way demands.
+    pub(super) fn raise(&self, aim: &mut Aim) {
+        aim.elevation_rad = self.lowest_clear_rad(aim, aim.wanted_rad);
+    }
+
     /// The least elevation from `wanted_rad` up, in radians, at which the whole cue, drawn back or
     /// not, is clear; the greatest there is if it never is.
-    pub fn lowest_clear_rad(&self, aim: &Aim, wanted_rad: f64) -> f64 {
+    fn lowest_clear_rad(&self, aim: &Aim, wanted_rad: f64) -> f64 {
         let ground = self.ground(aim.bearing_rad);
         let clear = |elevation_rad: f64| {
             let rod = CueShaft::new(&self.cue_ball, aim, elevation_rad);
@@ -225,7 +230,7 @@ mod tests {
                 bearing_rad: f64::from(degrees).to_radians(),
                 ..Aim::LEVEL
             };
-            aim.clear(&reach);
+            reach.raise(&mut aim);
             let rod = |elevation_rad| CueShaft::new(&balls[0], &aim, elevation_rad);
             let ground = reach.ground(aim.bearing_rad);
             let touches = |rod: &CueShaft| {

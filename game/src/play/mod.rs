@@ -1,9 +1,9 @@
 //! A match as it is played: aim, draw the cue back, strike, watch, and so on with whoever is next.
 //!
 //! ```text
-//! seat (whose turn) ─▶ ball_in_hand ─▶ aim ─▶ shot_preview
-//!  │                               └───▶ hand (draws the cue) ─▶ running (the shot on show) ─▶ seat
-//!  └─▶ ai_turn (the computer's turn) ─────────────────────────────────┘
+//! turn_control ─▶ ball_in_hand ─▶ aim ─┬▶ shot_preview
+//!  │                                   └▶ stroke_input ─▶ active_shot ─▶ turn_control
+//!  └─▶ ai_turn (the computer's turn) ────────────────────────▲
 //! ```
 //! Knows neither window nor farm; time is an argument.
 
@@ -114,7 +114,7 @@ impl Game {
         game
     }
 
-    /// Plays with the aids, the physics and the instant_camera of another game, and counts its shots on.
+    /// Plays with the aids, the physics and the camera cuts of another game, and counts its shots on.
     pub fn inherit_options(&mut self, other: &Self) {
         (self.aids, self.instant_camera, self.shots) =
             (other.aids, other.instant_camera, other.shots);
@@ -363,8 +363,8 @@ impl Game {
     /// Raises the cue over what is in its way.
     fn clear_cue(&mut self) {
         let balls = self.contest.world().balls();
-        if let Some(reach) = CueClearance::new(self.contest.world(), &balls) {
-            self.aim.clear(&reach);
+        if let Some(clearance) = CueClearance::new(self.contest.world(), &balls) {
+            clearance.raise(&mut self.aim);
         }
     }
 

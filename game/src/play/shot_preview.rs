@@ -1,4 +1,4 @@
-//! What the player is shown of the shot to come: by the code that will play it.
+//! Preview of the shot to come: by the code that will play it.
 
 use carom_billiards::physics::{self, AimLine, Shot, Stroke, World};
 use clap::ValueEnum;

@@ -1,4 +1,4 @@
-//! A player's seat in a match: whose turn it is, what is decided before a stroke, and what the computer
+//! Turns of a match: whose turn it is, what is decided before a stroke, and what the computer
 //! does in its turn.
 
 use std::rc::Rc;

@@ -1,4 +1,4 @@
-//! What the player has chosen, kept as TOML in the platform's folder.
+//! The player's settings, kept as TOML in the platform's folder.
 //!
 //! ```toml
 //! [interface]

@@ -1,4 +1,4 @@
-//! What of the window's events the interface takes at once.
+//! Batches of window events, each of which the interface takes at once.
 
 use egui::{Event, RawInput};
 

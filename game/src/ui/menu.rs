@@ -1,4 +1,4 @@
-//! What can be opened over the table: the menu, the settings, the keys.
+//! The menu over the table and the pages that it opens.
 //!
 //! Every page works with the keyboard alone: arrows and Tab move, Enter or Space chooses, Esc goes
 //! back.
@@ -7,6 +7,7 @@ use egui::{Button, Context, Id, Modal, Rect, RichText, Ui};
 
 use super::keys::Rebinding;
 use super::new_game::NewGame;
+pub use super::page::{MenuInput, Page};
 use super::{help, keys, new_game, preferences, theme};
 use crate::input::{AppIntent, Intent, MatchIntent, PracticeIntent, ReplayIntent, Trigger};
 use crate::settings::SettingsStore;
@@ -21,19 +22,6 @@ pub struct Menu {
     is_fresh: bool,
 }
 
-/// A page.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Page {
-    /// What there is to do.
-    Top,
-    /// What to play.
-    NewGame,
-    /// The settings.
-    Settings,
-    /// Which key does what, and how that is changed.
-    Keys,
-}
-
 /// What a page asks for; changed settings are in the store.
 #[derive(Clone, Debug, PartialEq)]
 pub enum MenuCommand {
@@ -45,19 +33,6 @@ pub enum MenuCommand {
     Begin(NewGame),
     /// To end.
     Quit,
-}
-
-/// What pages show that is not in the settings.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct MenuInput<'a> {
-    /// Whether the free table is played, on which the balls are racked at will.
-    pub is_free_table: bool,
-    /// How sound is played, or why it is not.
-    pub sound: &'a str,
-    /// What draws the window.
-    pub display: &'a str,
-    /// The farm in a line: "1 of 2 nodes: …".
-    pub farm: &'a str,
 }
 
 impl Menu {

@@ -1,4 +1,4 @@
-//! What is drawn over the picture, at once and without the farm: cue, aim, power, keys,
+//! The interface over the picture, drawn at once and without the farm: cue, aim, power, keys,
 //! statistics.
 
 pub mod aim;
@@ -9,6 +9,7 @@ mod keys;
 pub mod match_hud;
 pub mod menu;
 pub mod new_game;
+mod page;
 pub mod practice;
 mod preferences;
 pub mod replay;

@@ -4,7 +4,7 @@ use carom_billiards::physics::Engine;
 use clap::ValueEnum;
 use egui::{Grid, RichText, ScrollArea, Slider, Ui};
 
-use super::menu::{MenuInput, Page};
+use super::page::{MenuInput, Page};
 use super::theme;
 use crate::settings::{Settings, SettingsStore, engine_cost, engine_cost_table};
 

@@ -12,7 +12,7 @@ use clap::Args;
 use carom::display::DisplayFrame;
 use carom::display::software::scale_linear;
 use carom::frame::quality::{QUALITY_LEVELS, QualityLevel};
-use carom::frame::scheduler::EXPOSURE;
+use carom::scene::scene_builder::EXPOSURE;
 
 /// Each stop is traced as a share of the reference's size, stretched over it as the window does, and
 /// compared by FLIP.

@@ -1,4 +1,4 @@
-//! Shots that were played before, to be watched again: scrubbed, slowed down, stepped through, picked
+//! Replays of previous shots: scrubbed, slowed down, stepped through, picked
 //! from a list, kept as files.
 //!
 //! ```text

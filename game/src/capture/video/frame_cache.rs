@@ -12,7 +12,7 @@ use carom_tracer::{ImageSize, RenderSettings};
 use serde::{Deserialize, Serialize};
 
 use super::{ShotSequence, frame_bytes, write_png};
-use crate::frame::scheduler::EXPOSURE;
+use crate::scene::scene_builder::EXPOSURE;
 
 /// Whose frames a folder holds.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -1,4 +1,4 @@
-//! Shots as a film: frames by the farm, kept as they come, then put together into one file.
+//! Videos of shots: frames by the farm, kept as they come, then put together into one file.
 //!
 //! ```text
 //! ShotSequence (what is seen when) ─▶ Farm ─▶ FrameCache (frames in a folder, by the job's hash)
@@ -71,7 +71,7 @@ impl VideoTarget {
     }
 }
 
-/// Puts a whole reel together in one file, `between` frames asking whether to go on. Written beside
+/// Puts all frames together in one file, `between` frames asking whether to go on. Written beside
 /// its place and renamed: there is never half a film.
 ///
 /// # Errors

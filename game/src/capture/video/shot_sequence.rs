@@ -1,4 +1,4 @@
-//! What a film shows, frame by frame: shots one after the other, at their own times.
+//! The sequence of a video, frame by frame: shots one after the other, at their own times.
 
 use carom_billiards::physics::{EventKind, Shot, Table};
 use carom_tracer::SceneUpdate;
@@ -106,7 +106,7 @@ impl ShotSequence {
         (shot, secs)
     }
 
-    /// What differs in a frame from the stage's scene.
+    /// What differs in a frame from the scene at rest.
     pub fn update(&self, frame: u32) -> SceneUpdate {
         let (shot, moment_secs) = self.moment(frame);
         let shot = &self.shots[shot];

@@ -1,4 +1,4 @@
-//! What to ask of the farm next, and which finished picture is on show.
+//! The scheduler of frames: which to request of the farm next, and which one is on show.
 //!
 //! ```text
 //!            things move          │ a draft at the quality that holds the frame time
@@ -24,6 +24,7 @@ use crate::display::DisplayFrame;
 use crate::frame::accumulation::{AccumulatedFrame, SampleBatch};
 use crate::frame::quality::{Quality, QualityLevel, QualityPreference};
 use crate::play::ShotClock;
+use crate::scene::scene_builder::EXPOSURE;
 
 /// What the player looks at.
 #[derive(Clone, Debug, PartialEq)]
@@ -509,8 +510,6 @@ fn opaque(rgb: &[[u8; 3]]) -> Vec<[u8; 4]> {
     rgb.iter().map(|&[r, g, b]| [r, g, b, 255]).collect()
 }
 
-/// The scene's lamps are set for it.
-pub const EXPOSURE: f32 = 1.0;
 /// Nothing has moved for this long: refine.
 const STILL_SECS: f64 = 0.1;
 /// What one refinement may take. Longer wastes less on fixed costs, shorter shows progress and

@@ -1,4 +1,4 @@
-//! What can be changed while the charts run: how pictures are divided, which map is over the picture,
+//! Controls beside the running charts: how pictures are divided, which map is over the picture,
 //! and whether the charts stand still.
 
 use carom_farm::{Algorithm, Balancing, Distribution};

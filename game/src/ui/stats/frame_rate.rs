@@ -1,4 +1,4 @@
-//! How often the window is drawn, and how slow its slowest frames are.
+//! Frame rate of the window, and the times of its slowest frames.
 
 use std::collections::VecDeque;
 

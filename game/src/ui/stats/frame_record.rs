@@ -1,4 +1,4 @@
-//! What is kept of a finished picture, and what a recording says of it.
+//! Records of finished frames, as the history keeps them and recordings write them.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Who did what when: a picture as a row of bars for each node, in one mesh.
+//! Gantt chart of a frame: a row of bars for each node, in one mesh.
 
 use carom_farm::Delivery;
 use egui::epaint::Mesh;

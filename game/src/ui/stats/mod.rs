@@ -1,4 +1,4 @@
-//! What the farm does, over the picture: a line, a card, or everything, live or frozen.
+//! Statistics of the farm over the picture: a line, a card, or everything, live or frozen.
 //!
 //! ```text
 //! Farm ─▶ FrameSample ─▶ History ─▶ StatsSummary (a few times a second) ─▶ line, card, table

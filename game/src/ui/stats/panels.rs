@@ -1,4 +1,4 @@
-//! Where things stand: the line at the top, everything else beside or under the picture, and one
+//! Layout of the panels: the line at the top, everything else beside or under the picture, and one
 //! column that scrolls where the window is too small for that.
 
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! What the panels say, made from the history a few times a second: numbers that change sixty times
+//! Summary for the panels, made from the history a few times a second: numbers that change sixty times
 //! a second cannot be read, and percentiles need not be sorted so often.
 
 use std::sync::Arc;
