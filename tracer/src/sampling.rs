@@ -74,9 +74,13 @@ pub fn sample_key(sample: u32) -> u32 {
 #[inline]
 pub fn pair(pixel: u32, sample: u32, block: u32, seed: u32) -> [f32; 2] {
     let seeds = pair_seeds(block, seed);
+    // Permutes aligned runs of 2ᵏ samples as wholes, so that each run keeps one point a cell.
     let sample = scramble(sample, seeds[0]).reverse_bits();
+    // Exclusive or adds polynomials over GF(2): f = g·q¹⁶ + h, and 16 digits of g·q¹⁶ are those of
+    // g.
     let x = sample ^ in_base_q(scramble(pixel, seeds[1]));
     let y = second_dimension(x);
+    // Owen scrambling keeps the count of every elementary interval and makes blocks independent.
     [scramble(x, seeds[2]), scramble(y, seeds[3])].map(|word| unit_float(word.reverse_bits()))
 }
 
@@ -92,6 +96,7 @@ pub fn pair_seeds(block: u32, seed: u32) -> [u32; 4] {
 fn scramble(mut word: u32, seed: u32) -> u32 {
     word ^= word.wrapping_mul(SCRAMBLE[0]);
     word = word.wrapping_add(seed);
+    // Odd: an even factor would lose the highest bit.
     word = word.wrapping_mul((seed >> 16) | 1);
     word ^= word.wrapping_mul(SCRAMBLE[1]);
     word ^ word.wrapping_mul(SCRAMBLE[2])
@@ -104,6 +109,7 @@ pub const SCRAMBLE: [u32; 3] = [0x3d20_adea, 0x0552_6c56, 0x53a2_2864];
 /// over GF(2) with these coefficients, in terms of x + 1 (Pascal's triangle modulo 2).
 #[inline]
 fn second_dimension(mut x: u32) -> u32 {
+    // The triangle repeats itself: five steps of 2ⁱ rows instead of 32 rows.
     x ^= (x & 0xaaaa_aaaa) >> 1;
     x ^= (x & 0xcccc_cccc) >> 2;
     x ^= (x & 0xf0f0_f0f0) >> 4;

@@ -84,6 +84,8 @@ impl AreaLights {
         let mut sum = zero;
         let mut chosen: Option<LightReservoir<S>> = None;
         for (index, row) in (0..).zip(&self.rows) {
+            // Weighted reservoir sampling: the next light replaces the chosen one with probability
+            // weight / sum, and what is left of `u[0]` is stretched to [0, 1) again.
             let next = LightReservoir::new(simd, index, row, point);
             let sum_before = sum;
             sum += next.weight;

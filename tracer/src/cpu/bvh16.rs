@@ -105,6 +105,8 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
                     continue;
                 }
                 let leaf = &self.leaves[(part & !LEAF_TAG) as usize];
+                // With the distance itself: of primitives as far away the smallest id counts, in
+                // whatever order leaves are visited.
                 let Some((hit, t)) = leaf.intersect(simd, &ray, distance[lane].next_up()) else {
                     continue;
                 };
@@ -164,6 +166,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
                 let met = self.leaves[(part & !LEAF_TAG) as usize].intersect(simd, &ray, limit);
                 if met.is_some_and(|(hit, _)| hit.any_true()) {
                     dark |= 1 << lane;
+                    // Any hit will do.
                     stack.len = 0;
                 }
             }

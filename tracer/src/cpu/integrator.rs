@@ -258,6 +258,8 @@ impl Prepared {
         let cos_light = -stream.direction.load(simd, at).dot(emission.normal);
         let pdf = load(simd, &stream.pdf, at);
         // An area light that does not shine has no brightness: 0 / 0.
+        // ∞ of a mirror gives a weight of 1, 0 of a coat's mirror one of 0: its light has been
+        // added already.
         let weight = power_heuristic(emission.brightness.max(f32::MIN_POSITIVE) / pdf);
         let emitted = beta.scale(emission.radiance) * weight;
         let black = Vec3x::splat(simd, [0.0; 3]);
@@ -550,6 +552,7 @@ impl Prepared {
             let start = load_words(simd, &stream.primitive, at) & !INSIDE;
             let light = load_words(simd, &shadow.light, at);
             let shadow_rays = Rays::new(simd, origin, direction, start);
+            // The light itself is no obstacle, whatever rounding does to its distance.
             let dark = self.geometry.occluded(simd, &shadow_rays, distance, light);
             let radiance = stream.radiance.load(simd, at);
             let added = radiance + shadow.radiance.load(simd, at);

@@ -220,6 +220,7 @@ fn search<S: Simd>(
         let at = PlaneRays::new(r, ior, sine).beside(point);
         let moves_low = at.simd_gt(0.0);
         let (halved_low, halved_high) = (at_low * half, at_high * half);
+        // An end that stays twice has its value halved: see the scalar search.
         let at_low_kept = (moved_high & !moves_low).select(halved_low, at_low);
         let at_high_kept = (moved_low & moves_low).select(halved_high, at_high);
         low = moves_low.select(sine, low);

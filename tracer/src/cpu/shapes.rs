@@ -154,6 +154,8 @@ impl<S: Simd> Chord<S> {
         let (x, x_error) = two_diff(origin.x, center.x);
         let (y, y_error) = two_diff(origin.y, center.y);
         let (z, z_error) = two_diff(origin.z, center.z);
+        // What the differences lost to rounding: 0.6 m for an eye 10,000 km away, twenty radii of a
+        // pool ball.
         let error = Vec3x::new(x_error, y_error, z_error);
         let closest = -Vec3x::new(x, y, z).dot(direction);
         // The products cancel against x, y and z: without fused rounding nothing would be left.
@@ -162,6 +164,7 @@ impl<S: Simd> Chord<S> {
             direction.y.mul_add_precise(closest, y),
             direction.z.mul_add_precise(closest, z),
         ) + error;
+        // Projected again: what `closest` lost to rounding still lies along the ray.
         let correction = -rough.dot(direction);
         let perpendicular = direction.mul_add(correction, rough);
         let discriminant = radius * radius - perpendicular.length_squared();

@@ -141,6 +141,7 @@ impl Filter {
                 light: 1.0 / (variance * pass.variances + 1e-10),
             };
             let one = Float::splat(simd, 1.0);
+            // The pixel itself counts fully: the sum of weights is never 0.
             let (mut weights, mut squares, mut sum) = (one, one, here.light);
             for (dx, dy, tap_weight) in TAPS {
                 let there = Look::new(simd, &around, x, dx as isize * pass.step, dy as isize);
@@ -162,6 +163,7 @@ impl Filter {
                 out.store(LIGHT + channel, x, light);
             }
             if !pass.is_last {
+                // Var[Σ w l / Σ w] of independent neighbours that are about as noisy.
                 out.store(VARIANCE, x, variance * squares * (inverse * inverse));
             }
         }

@@ -33,6 +33,8 @@ impl GuardedRegion {
                 }
             }
         };
+        // All within reach of a wanted tile, less what is wanted: that is traced as the tile it is,
+        // and no pixel twice.
         for &tile in &grown {
             mark(tile, true, blocks_touched);
         }
@@ -125,6 +127,7 @@ fn blocks_touched(begin: u32, end: u32, _: u32) -> (u32, u32) {
 }
 
 /// Blocks all of whose pixels in an image that ends at `edge` are from `begin` to `end`.
+// A block that is covered in part stays in the band: the rest of it belongs to no wanted tile.
 fn blocks_covered(begin: u32, end: u32, edge: u32) -> (u32, u32) {
     let last = if end == edge {
         end.div_ceil(BLOCK)

@@ -73,6 +73,7 @@ impl DenoiseInput {
             let to = before[VARIANCE][begin..].iter_mut();
             let halves = light.iter().zip(sums.half[channel]);
             for ((to, (light, half)), albedo) in to.zip(halves).zip(albedo) {
+                // Both halves estimate the same light: how far they are apart is noise alone.
                 let apart = ratio * (half * half_share - light * share) / (albedo + ALBEDO_MIN);
                 *to += apart * apart;
             }

@@ -29,6 +29,8 @@ pub(super) fn intersect_csg_box(
     let first = csg_box.first_face;
     let subtractions = first + 1..first + csg_box.face_count;
     let (mut t, mut n, mut face) = (start, enter.1, first);
+    // A subtraction that is left may lead into another. Each turn raises `t`; all but a cone's
+    // exterior are left for good, so that there are few turns.
     loop {
         let before = t;
         for index in subtractions.clone() {
@@ -138,8 +140,12 @@ fn exit_cone_exterior(a: DVec3, b: DVec3, ray: &Ray, t: f64) -> Side {
     let miss = from_axis.perp_dot(d);
     let quarter = d.length_squared() * radius * radius - miss * miss
         + growth * (growth * from_axis.length_squared() - 2.0 * from_axis.dot(d) * radius);
+    // |…|² − (…)² is above 0 outside. Where it opens upwards the cone begins at the lower root, if
+    // that is ahead; where the ray is steeper than the side it opens downwards, and the same
+    // formula is the upper.
     let met = -(half_linear + quarter.max(0.0).sqrt()) / square;
     let is_ahead = square < 0.0 || square * t + half_linear < 0.0;
+    // Below the apex lies the other nappe of the double cone, which is no body.
     if quarter >= 0.0 && square != 0.0 && is_ahead && radius + met * growth > 0.0 {
         let outward = (from_axis + met * d).normalize();
         return (met, outward.extend(-taper).normalize());

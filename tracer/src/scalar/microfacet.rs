@@ -99,6 +99,7 @@ impl Dielectric {
     /// Walter et al. 2007, equations 16 and 21; radiance is thinner by η² beyond the surface.
     fn refraction(&self, wo: DVec3, wi: DVec3, n: DVec3) -> Facet {
         let h = (wo + self.eta * wi).normalize();
+        // Into a denser body η wi outweighs wo, and the sum points inwards.
         let h = if h.dot(n) < 0.0 { -h } else { h };
         let (o, i) = (wo.dot(h), -wi.dot(h));
         if o <= 0.0 || i <= 0.0 {

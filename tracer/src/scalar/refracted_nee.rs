@@ -126,6 +126,8 @@ fn search(r: f64, ior: f64, point: DVec2) -> Option<PlaneRay> {
         sine = low + part * (high - low);
         let at = beside(sine);
         let moves_low = at > 0.0;
+        // An end that stays twice has its value halved, or the secant would creep towards it from
+        // one side.
         let is_repeated = moved_low.replace(moves_low) == Some(moves_low);
         if moves_low {
             (low, at_low) = (sine, at);

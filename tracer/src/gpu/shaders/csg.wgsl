@@ -121,6 +121,8 @@ fn intersect_csg_box(ray: Ray, inverse: vec3f, index: u32, start: u32, limit: f3
             if (!subtraction_contains(subtraction, fma(vec3f(t), ray.direction, ray.origin))) {
                 continue;
             }
+            // Not above `t` where rounding has put the point just outside: then it stays where it
+            // is.
             let leaves = exit_subtraction(subtraction, ray, inverse, t);
             if (leaves > t) {
                 t = leaves;

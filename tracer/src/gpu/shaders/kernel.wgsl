@@ -54,6 +54,8 @@ fn trace_pixel(x: u32, y: u32, pixel: u32, tile: u32) -> vec3f {
     var hit = Hit(T_MISS, NO_PRIMITIVE);
     var state = TRACE;
     while (index < job.sample_end) {
+        // A second edge where the first has ended a sample: the next sample's camera ray is traced
+        // in this turn, so that its thread shades together with its neighbours.
         for (var edge = 0u; edge < 2u && state != SHADE && index < job.sample_end; edge++) {
             if (state == TRACE) {
                 state = extend(&path, &hit, &rays);

@@ -50,6 +50,7 @@ fn extend(path: ptr<function, Path>, hit: ptr<function, Hit>, rays: ptr<function
             }
             (*path).ray = Ray(origin, uniform_direction(u.y, u.z));
             (*path).pdf = SCATTERED;
+            // Scattering inside a body counts as an event, as a surface does.
             let is_last = (*path).depth == job.max_depth;
             (*path).depth += 1u;
             return select(TRACE, DONE, is_last || all((*path).beta == vec3f(0.0)));
