@@ -1,4 +1,4 @@
-//! What a node lets in, and what it stands.
+//! Admission to a node, and its resistance to peers that break the rules.
 
 use std::net::UdpSocket;
 
@@ -13,7 +13,7 @@ use crate::stranger::{
 };
 
 #[test]
-fn a_node_hears_nothing_from_players_without_a_right_certificate() {
+fn players_without_a_valid_certificate_are_not_heard() {
     let (farm, other) = (
         Authority::generate().unwrap(),
         Authority::generate().unwrap(),
@@ -81,7 +81,7 @@ fn a_node_survives_datagrams_of_noise() {
 }
 
 #[test]
-fn a_node_ends_connections_that_break_the_protocol_and_serves_the_next() {
+fn protocol_violations_end_only_their_own_connection() {
     let farm = Authority::generate().unwrap();
     let node = Greeter::start(&farm);
     let player = farm.issue(Role::Player, "player", today()).unwrap();
@@ -100,7 +100,7 @@ fn a_node_ends_connections_that_break_the_protocol_and_serves_the_next() {
 }
 
 #[test]
-fn a_player_has_one_stream_and_datagrams_that_mean_something() {
+fn players_get_one_stream_and_no_tile_datagrams() {
     let farm = Authority::generate().unwrap();
     let node = Greeter::start(&farm);
     let player = farm.issue(Role::Player, "player", today()).unwrap();
@@ -129,7 +129,7 @@ fn a_player_has_one_stream_and_datagrams_that_mean_something() {
 }
 
 #[test]
-fn a_full_node_says_so() {
+fn a_full_node_refuses_with_its_reason() {
     let farm = Authority::generate().unwrap();
     let node = Greeter::start(&farm);
     let player = farm.issue(Role::Player, "player", today()).unwrap();
@@ -156,7 +156,7 @@ fn a_full_node_says_so() {
 }
 
 #[test]
-fn the_key_of_another_certificate_is_refused_at_the_start() {
+fn a_key_of_another_certificate_is_refused() {
     let farm = Authority::generate().unwrap();
     let one = farm.issue(Role::Node, "oak", today()).unwrap();
     let two = farm.issue(Role::Node, "elm", today()).unwrap();

@@ -1,4 +1,4 @@
-//! The window on simulated paths.
+//! Laws of the congestion window on simulated paths.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
@@ -111,7 +111,7 @@ fn random_loss_does_not_slow_it() {
 
 /// Each twentieth packet overtakes others by a quarter of the round trip.
 #[test]
-fn packets_that_overtake_others_do_not_slow_it() {
+fn reordered_packets_do_not_slow_it() {
     let config = LinkConfig {
         reorder: 0.05,
         ..path(46)
@@ -121,8 +121,8 @@ fn packets_that_overtake_others_do_not_slow_it() {
     assert!(rate > 0.98 * 31.5e6, "{rate}");
 }
 
-/// The least window of a minute in which an application sends 37 Mbit/s, which the window lets pass,
-/// over a path that reorders packets and acknowledgements of two packets each.
+/// The least window of a minute in which an application sends 37 Mbit/s, which the window lets
+/// pass, over a path that reorders packets and acknowledgements of two packets each.
 fn least_window(reorder: f64, seed: u64) -> u64 {
     let config = LinkConfig {
         reorder,
@@ -160,10 +160,10 @@ fn least_window(reorder: f64, seed: u64) -> u64 {
     least
 }
 
-/// An acknowledgement that overtakes others leaves them nothing to tell, so that those that come early
-/// may be the most of a round.
+/// An acknowledgement that overtakes others leaves them nothing to tell, so that those that come
+/// early may be the most of a round.
 #[test]
-fn acknowledgements_that_overtake_others_do_not_slow_it() {
+fn reordered_acks_do_not_slow_it() {
     for seed in [1, 3, 5, 7] {
         let least = least_window(0.02, seed);
         assert!(least >= 175_000, "{least} bytes");
@@ -172,7 +172,7 @@ fn acknowledgements_that_overtake_others_do_not_slow_it() {
 
 /// Requests are small and far apart, and their packets wait for processors; then comes a scene.
 #[test]
-fn who_sends_little_keeps_the_window() {
+fn app_limited_senders_keep_the_window() {
     let mut window = DelayBasedController::new(Duration::ZERO, PACKET as u16);
     for request in 0..60 * 60u32 {
         let sent = request * Duration::from_micros(16_667);
@@ -267,7 +267,7 @@ fn first_second(config: LinkConfig, idle: Duration) -> (usize, f64) {
 }
 
 #[test]
-fn the_first_frames_are_not_slow_and_fill_no_slow_link() {
+fn the_initial_window_suits_fast_and_slow_links() {
     for round_trip_ms in [10, 25, 46, 80] {
         for idle_secs in [0, 5] {
             let idle = Duration::from_secs(idle_secs);
@@ -289,7 +289,7 @@ fn the_first_frames_are_not_slow_and_fill_no_slow_link() {
 
 /// A first window says nothing of what the path carries; one that was full for a round trip does.
 #[test]
-fn what_a_path_is_known_to_carry_is_not_its_first_window() {
+fn the_initial_window_is_not_validated() {
     let round_trip = Duration::from_millis(46);
     let mut window = DelayBasedController::new(Duration::ZERO, PACKET as u16);
     window.on_ack(round_trip, Duration::ZERO, PACKET, true);
@@ -317,7 +317,7 @@ fn an_outage_ends_in_a_small_window_that_grows_again() {
 
 /// A receiver may acknowledge all that came at once.
 #[test]
-fn after_an_outage_one_acknowledgement_a_round_trip_is_enough() {
+fn one_ack_a_round_trip_ends_an_outage() {
     let mut window = DelayBasedController::new(Duration::ZERO, PACKET as u16);
     window.on_persistent_congestion(Duration::ZERO);
     let mut round_trips = 0;
@@ -334,7 +334,7 @@ fn after_an_outage_one_acknowledgement_a_round_trip_is_enough() {
 }
 
 #[test]
-fn a_client_that_waits_for_its_processor_is_not_slowed_further() {
+fn a_starved_receiver_is_not_slowed_further() {
     for (waits_ms, of_ms) in [(4, 20), (8, 20), (12, 20), (30, 100), (50, 200)] {
         let window = DelayBasedController::new(Duration::ZERO, PACKET as u16);
         let runs = |now: Duration| now.as_millis() % of_ms >= waits_ms;

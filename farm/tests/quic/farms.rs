@@ -1,4 +1,4 @@
-//! Whole farms in one process, their nodes behind sockets.
+//! Whole farms in one process, with their nodes behind sockets.
 
 use std::net::{SocketAddr, UdpSocket};
 use std::path::Path;
@@ -22,16 +22,16 @@ use carom_tracer::{
 use crate::greeter::{any_port, today};
 
 /// Far longer than anything here takes; a test that needs it has failed.
-const PATIENCE: Duration = Duration::from_secs(120);
+const TIMEOUT: Duration = Duration::from_secs(120);
 
 /// A node behind a socket, on a thread of its own.
-struct Running {
+struct RunningNode {
     address: SocketAddr,
     stop: StopHandle,
     thread: Option<JoinHandle<()>>,
 }
 
-impl Running {
+impl RunningNode {
     fn start(authority: &Authority, address: SocketAddr) -> Self {
         let tracer = Arc::new(CpuTracer::with_threads(1).unwrap());
         Self::start_with(authority, address, tracer)
@@ -55,7 +55,7 @@ impl Running {
     }
 }
 
-impl Drop for Running {
+impl Drop for RunningNode {
     fn drop(&mut self) {
         self.stop.stop();
         let ended = self.thread.take().map(JoinHandle::join);
@@ -96,7 +96,7 @@ fn frame(farm: &mut Farm, format: PixelFormat) -> Frame {
         format,
     })
     .unwrap();
-    let waited = farm.wait_frame(PATIENCE);
+    let waited = farm.wait_frame(TIMEOUT);
     waited.unwrap_or_else(|| panic!("no frame, with nodes {:?}", farm.nodes()))
 }
 
@@ -121,8 +121,8 @@ fn pixels_cross_the_network_unchanged_in_each_format() {
     create_farm(dir.path()).unwrap();
     let authority = Authority::load(dir.path()).unwrap();
     let (oak, elm) = (
-        Running::start(&authority, any_port()),
-        Running::start(&authority, any_port()),
+        RunningNode::start(&authority, any_port()),
+        RunningNode::start(&authority, any_port()),
     );
     let mut remote = farm(dir.path(), &[oak.address, elm.address]);
     let tracer = Arc::new(CpuTracer::with_threads(1).unwrap());
@@ -145,7 +145,7 @@ fn pixels_survive_a_long_path_that_loses_and_reorders() {
     let dir = tempfile::tempdir().unwrap();
     create_farm(dir.path()).unwrap();
     let authority = Authority::load(dir.path()).unwrap();
-    let oak = Running::start(&authority, any_port());
+    let oak = RunningNode::start(&authority, any_port());
     let config = LinkConfig {
         delay: Duration::from_millis(8),
         jitter: Duration::from_millis(1),
@@ -206,7 +206,7 @@ fn packets_over(reorder: f64) -> u64 {
     let dir = tempfile::tempdir().unwrap();
     create_farm(dir.path()).unwrap();
     let authority = Authority::load(dir.path()).unwrap();
-    let oak = Running::start_with(&authority, any_port(), Arc::new(Static));
+    let oak = RunningNode::start_with(&authority, any_port(), Arc::new(Static));
     let config = LinkConfig {
         delay: Duration::from_millis(10),
         rate: Some(50e6),
@@ -224,7 +224,7 @@ fn packets_over(reorder: f64) -> u64 {
 
 /// What was overtaken is neither taken for lost nor asked for again.
 #[test]
-fn packets_that_overtake_others_cost_no_others() {
+fn reordered_packets_cost_no_retransmissions() {
     let (in_order, reordered) = (packets_over(0.0), packets_over(0.02));
     let ratio = reordered as f64 / in_order as f64;
     assert!(ratio < 1.2, "{reordered} packets for {in_order}");
@@ -235,7 +235,7 @@ fn a_node_that_restarts_on_its_port_is_found_again() {
     let dir = tempfile::tempdir().unwrap();
     create_farm(dir.path()).unwrap();
     let authority = Authority::load(dir.path()).unwrap();
-    let oak = Running::start(&authority, any_port());
+    let oak = RunningNode::start(&authority, any_port());
     let address = oak.address;
     let mut farm = farm(dir.path(), &[address]);
     let first = frame(&mut farm, PixelFormat::LinearF32);
@@ -254,26 +254,26 @@ fn a_node_that_restarts_on_its_port_is_found_again() {
         panic!("{lost:?}");
     };
     assert_eq!(given, why);
-    let _oak = Running::start(&authority, address);
+    let _oak = RunningNode::start(&authority, address);
     let second = frame(&mut farm, PixelFormat::LinearF32);
     assert!(first.pixels == second.pixels);
     wait_until(&farm, NodeState::is_ready);
 }
 
 #[test]
-fn a_node_of_another_farm_is_lost_with_the_reason() {
+fn a_node_of_another_farm_is_refused_with_a_reason() {
     let dir = tempfile::tempdir().unwrap();
     create_farm(dir.path()).unwrap();
-    let oak = Running::start(&Authority::generate().unwrap(), any_port());
+    let oak = RunningNode::start(&Authority::generate().unwrap(), any_port());
     let farm = farm(dir.path(), &[oak.address]);
     let NodeState::Lost { why, .. } = wait_until(&farm, is_lost) else {
         unreachable!();
     };
-    assert_eq!(why, "its certificate is of another farm");
+    assert_eq!(why, "its certificate belongs to another farm");
 }
 
 #[test]
-fn a_node_that_does_not_answer_is_lost_with_what_to_check() {
+fn a_silent_node_is_lost_with_advice() {
     let dir = tempfile::tempdir().unwrap();
     create_farm(dir.path()).unwrap();
     let silent = UdpSocket::bind(any_port()).unwrap();
@@ -287,11 +287,11 @@ fn a_node_that_does_not_answer_is_lost_with_what_to_check() {
 
 /// A scene of half a megabyte: its node says how much of it has come, and at last that all has.
 #[test]
-fn a_node_tells_how_much_of_a_long_scene_has_come() {
+fn a_node_reports_the_progress_of_a_long_scene() {
     let dir = tempfile::tempdir().unwrap();
     create_farm(dir.path()).unwrap();
     let authority = Authority::load(dir.path()).unwrap();
-    let node = Running::start(&authority, any_port());
+    let node = RunningNode::start(&authority, any_port());
     let mut scene = pool();
     let ball = scene.objects[0].clone();
     let copies = 0..OBJECTS - scene.objects.len();
@@ -311,7 +311,7 @@ fn a_node_tells_how_much_of_a_long_scene_has_come() {
     });
     let mut percents = Vec::new();
     loop {
-        match heard.recv_timeout(PATIENCE).expect("the scene comes") {
+        match heard.recv_timeout(TIMEOUT).expect("the scene comes") {
             LinkEvent::Session(ClientEvent::Welcome(_)) => {
                 assert!(link.send(LinkCommand::Scene(hash, Arc::new(scene.clone()))));
             }

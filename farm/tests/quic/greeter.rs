@@ -1,4 +1,4 @@
-//! A node that greets players and counts what it hears.
+//! A node that greets players and counts their packets.
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
@@ -94,7 +94,7 @@ impl Greeter {
         }
     }
 
-    /// Sessions that were opened, and packets that came.
+    /// Sessions that were opened, and packets that were received.
     pub(crate) fn heard(&self) -> (usize, usize) {
         let count = |counter: &AtomicUsize| counter.load(Ordering::SeqCst);
         (count(&self.sessions), count(&self.packets))

@@ -1,9 +1,9 @@
-//! Clients that show what they like and say what they like.
+//! Clients with arbitrary certificates and arbitrary messages.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
 
-use carom_farm::net::{Authority, Issued, Role};
+use carom_farm::net::{Authority, IssuedCertificate, Role};
 use carom_protocol::framing;
 use carom_protocol::session::{ClientEvent, ClientSession, Packet};
 use quinn::crypto::rustls::QuicClientConfig;
@@ -16,7 +16,7 @@ use rustls::{DigitallySignedStruct, Error, SignatureScheme};
 
 use crate::greeter::{any_port, today};
 
-/// Accepts whatever a node shows: what is under test is what the node accepts.
+/// A verifier that accepts any node: the tests are about what the node accepts.
 #[derive(Debug)]
 struct Gullible(Arc<CryptoProvider>);
 
@@ -55,8 +55,8 @@ impl ServerCertVerifier for Gullible {
     }
 }
 
-/// A stranger's TLS, with or without a certificate.
-pub(crate) fn tls(shown: Option<&Issued>, alpn: &[u8]) -> quinn::ClientConfig {
+/// The TLS configuration of a stranger, with or without a certificate.
+pub(crate) fn tls(shown: Option<&IssuedCertificate>, alpn: &[u8]) -> quinn::ClientConfig {
     let provider = Arc::new(rustls::crypto::ring::default_provider());
     let builder = rustls::ClientConfig::builder_with_provider(Arc::clone(&provider))
         .with_protocol_versions(&[&rustls::version::TLS13])
@@ -77,12 +77,12 @@ pub(crate) fn certificate(pem: &str) -> CertificateDer<'static> {
     CertificateDer::from_pem_slice(pem.as_bytes()).unwrap()
 }
 
-pub(crate) fn key(issued: &Issued) -> PrivateKeyDer<'static> {
+pub(crate) fn key(issued: &IssuedCertificate) -> PrivateKeyDer<'static> {
     PrivateKeyDer::from_pem_slice(issued.key_pem.as_bytes()).unwrap()
 }
 
-/// A certificate that nobody but its holder vouches for.
-pub(crate) fn self_signed(role: Role) -> Issued {
+/// A certificate that only its holder has signed.
+pub(crate) fn self_signed(role: Role) -> IssuedCertificate {
     let key = rcgen::KeyPair::generate().unwrap();
     let mut params = rcgen::CertificateParams::default();
     params.subject_alt_names = vec![rcgen::SanType::URI(role.uri().try_into().unwrap())];
@@ -90,7 +90,7 @@ pub(crate) fn self_signed(role: Role) -> Issued {
         rcgen::ExtendedKeyUsagePurpose::ClientAuth,
         rcgen::ExtendedKeyUsagePurpose::ServerAuth,
     ];
-    Issued {
+    IssuedCertificate {
         certificate_pem: params.self_signed(&key).unwrap().pem(),
         key_pem: key.serialize_pem(),
     }
@@ -105,7 +105,7 @@ pub(crate) fn block_on<T>(future: impl Future<Output = T>) -> T {
 }
 
 /// An open connection and its control stream.
-pub(crate) struct Call {
+pub(crate) struct OpenConnection {
     pub(crate) connection: Connection,
     pub(crate) send: SendStream,
     pub(crate) receive: RecvStream,
@@ -115,14 +115,14 @@ pub(crate) struct Call {
 pub(crate) async fn call(
     address: SocketAddr,
     config: quinn::ClientConfig,
-) -> Result<Call, ConnectionError> {
+) -> Result<OpenConnection, ConnectionError> {
     let endpoint = Endpoint::client(any_port()).unwrap();
     let connecting = endpoint
         .connect_with(config, address, "node.carom")
         .unwrap();
     let connection = connecting.await?;
     let (send, receive) = connection.open_bi().await?;
-    Ok(Call {
+    Ok(OpenConnection {
         connection,
         send,
         receive,
@@ -130,7 +130,7 @@ pub(crate) async fn call(
     })
 }
 
-/// Connects, talks without waiting for leave, and returns why the node ended it.
+/// Connects, sends without waiting for permission, and returns the reason why the node ended it.
 pub(crate) fn intrude(
     address: SocketAddr,
     config: quinn::ClientConfig,
@@ -151,7 +151,7 @@ pub(crate) fn hello() -> Vec<u8> {
     framing::frame(&ClientSession::new().poll_transmit().unwrap().bytes)
 }
 
-/// A right player's conversation up to the node's greeting.
+/// A valid player's session up to the node's greeting.
 pub(crate) fn greeting(address: SocketAddr, authority: &Authority) -> ClientEvent {
     let issued = authority.issue(Role::Player, "player", today()).unwrap();
     block_on(async {
