@@ -1,4 +1,4 @@
-//! Back ends by name, opened.
+//! The back ends that a command line can name.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -14,13 +14,13 @@ use crate::multi_device::MultiDeviceTracer;
 /// A back end of the benches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Backend {
-    /// SIMD on every core.
+    /// SIMD on all cores
     Cpu,
-    /// The first real GPU, or a software one if there is no other.
+    /// The first hardware GPU, or a software one if there is no other
     Gpu,
-    /// Both at once, as a node uses them.
+    /// The GPU and the CPU together, as a node uses them
     Hybrid,
-    /// One sample at a time in f64: slow.
+    /// One sample at a time in f64 (slow)
     Scalar,
 }
 
@@ -56,16 +56,16 @@ impl Backend {
 
 /// A back end that is ready to trace.
 pub struct Opened {
-    /// Which one it is.
+    /// Its kind.
     pub backend: Backend,
-    /// Traces on it.
+    /// Its tracer.
     pub tracer: Arc<dyn Tracer>,
 }
 
-/// Opens the one that is asked for, or else every one that this machine has; the log names the others.
+/// Opens one back end, or all that this machine has; the log names the others.
 ///
 /// # Errors
-/// Why the one that is asked for cannot be opened.
+/// That of the requested back end, if it cannot be opened.
 pub fn open_all(wanted: Option<Backend>, threads: usize) -> Result<Vec<Opened>, Error> {
     if let Some(backend) = wanted {
         let tracer = backend.open(threads)?;
@@ -81,8 +81,8 @@ pub fn open_all(wanted: Option<Backend>, threads: usize) -> Result<Vec<Opened>, 
     Ok(opened)
 }
 
-/// Lets a GPU that was idle come to its full clock, which takes it some 0.1 s: does `work` once, which
-/// compiles kernels, and goes on for a while.
+/// Warms a device up: runs `work` once, which compiles kernels, and on a GPU repeats it until an
+/// idle one has reached its full clock, some 0.1 s.
 ///
 /// # Errors
 /// Those of `work`.
@@ -97,14 +97,14 @@ pub fn wake<E>(tracer: &dyn Tracer, mut work: impl FnMut() -> Result<(), E>) -> 
 
 const WAKING: Duration = Duration::from_millis(300);
 
-/// What a node traces with.
+/// The devices of a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum NodeBackend {
-    /// Every real GPU that passes its probe, and the CPU where it helps.
+    /// All GPUs that pass the self-test, plus the CPU where it helps
     Auto,
-    /// SIMD on every core.
+    /// SIMD on all cores
     Cpu,
-    /// One real GPU, and nothing in its place if it fails.
+    /// One hardware GPU, without a substitute if it fails
     Gpu,
 }
 

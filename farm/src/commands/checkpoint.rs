@@ -1,7 +1,7 @@
 //! Checkpoints of a long render, from which it resumes after a crash: the film's sums so far.
 //!
-//! A file is one line of JSON that identifies the picture, the film's bytes, and a BLAKE3 hash of both.
-//! It is written to a temporary file and renamed, so that there is always a complete one.
+//! A file is one line of JSON that identifies the picture, the film's bytes, and a BLAKE3 hash of
+//! both. It is written to a temporary file and renamed, so that there is always a complete one.
 
 use std::fs::File;
 use std::io::Write;

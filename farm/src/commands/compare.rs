@@ -18,9 +18,9 @@ use carom_farm::backend::Backend;
 ///
 /// Of all figures lower is better. relMSE is the mean squared error relative to the squared
 /// reference. FLIP, from 0 to 1, is the difference that a person sees when switching between the
-/// pictures at exposure 1; 0.05 is visible, 0.01 hardly. Bias is the error of the picture's mean per
-/// channel, in percent. |z| is the largest error of a region's mean, in standard errors; above 4 or
-/// so the picture is biased.
+/// pictures at exposure 1; 0.05 is visible, 0.01 hardly. Bias is the error of the picture's mean
+/// per channel, in percent. |z| is the largest error of a region's mean, in standard errors; above
+/// 4 or so the picture is biased.
 #[derive(clap::Args)]
 pub(crate) struct CompareArgs {
     /// Compare with this EXR file of linear Rec. 709 radiance; the picture gets its size

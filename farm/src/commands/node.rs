@@ -68,9 +68,9 @@ fn print_line(line: &str) {
     let _ = writeln!(std::io::stdout(), "{line}");
 }
 
-/// A player's session that prints its changes of state. A player that has requested a picture counts
-/// as rendering until it leaves or sends another scene: at 60 pictures a second, lines for the pauses
-/// between them would be noise.
+/// A player's session that prints its changes of state. A player that has requested a picture
+/// counts as rendering until it leaves or sends another scene: at 60 pictures a second, lines for
+/// the pauses between them would be noise.
 struct LoggedConnection {
     node: Arc<Node>,
     connection: NodeConnection,

@@ -43,30 +43,30 @@ pub(crate) struct RenderArgs {
     /// Use this node, in place of those in --config; repeat for several
     #[arg(long, value_name = "HOST:PORT")]
     node: Vec<NodeAddress>,
-    /// Read the farm's credentials from this folder, which `init` created [default: .carom, or as in
-    /// --config]
+    /// Read the farm's credentials from this folder, which `init` created [default: .carom, or as
+    /// in --config]
     #[arg(long)]
     credentials: Option<PathBuf>,
     /// Read the farm's configuration from this file, usually named farm.toml
     #[arg(long)]
     config: Option<PathBuf>,
-    /// Choose this machine's devices: auto (all GPUs that pass the self-test, plus the CPU), cpu, gpu
-    /// or none [default: auto, or as in --config]
+    /// Choose this machine's devices: auto (all GPUs that pass the self-test, plus the CPU), cpu,
+    /// gpu or none [default: auto, or as in --config]
     #[arg(long)]
     backend: Option<LocalNode>,
     /// Divide the picture among nodes with this balancer, named as in the configuration [default:
     /// water_filling_hedged, or as in --config]
     #[arg(long, value_name = "NAME")]
     balancer: Option<Balancing>,
-    /// Divide the picture by tiles, or by samples of the whole picture, which costs the bytes of one
-    /// picture per node [default: tiles, or as in --config]
+    /// Divide the picture by tiles, or by samples of the whole picture, which costs the bytes of
+    /// one picture per node [default: tiles, or as in --config]
     #[arg(long, value_name = "tiles|samples")]
     distribution: Option<Distribution>,
     /// Denoise, guided by albedo, normal and depth: 4 samples then look like 16 or more
     #[arg(long)]
     denoise: bool,
-    /// Write the picture to a .png (8-bit sRGB) or .exr (32-bit linear, with albedo, normal and depth
-    /// layers) file; repeat for several
+    /// Write the picture to a .png (8-bit sRGB) or .exr (32-bit linear, with albedo, normal and
+    /// depth layers) file; repeat for several
     ///
     /// While the render runs, `<OUT>.checkpoint` lies beside the first file; after a crash the same
     /// command resumes from it.

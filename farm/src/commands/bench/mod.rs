@@ -1,4 +1,5 @@
-//! `carom-farm bench`: the measurements by which a user judges a machine and the settings of a picture.
+//! `carom-farm bench`: the measurements by which a user judges a machine and the settings of a
+//! picture.
 
 mod trace;
 mod tradeoff;
@@ -7,7 +8,7 @@ use clap::Subcommand;
 
 use crate::commands::Failure;
 
-/// Measure this machine's back ends, and what each setting of a picture trades.
+/// Measure this machine's speed, and the cost and gain of each setting of a picture
 #[derive(clap::Args)]
 pub(crate) struct Args {
     #[command(subcommand)]

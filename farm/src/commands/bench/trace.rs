@@ -18,36 +18,36 @@ use crate::commands::Failure;
 use crate::commands::inputs;
 use carom_farm::backend::{self, Backend, Opened};
 
-/// Pixel samples and rays per second of each back end of this machine.
+/// Measure samples and rays per second of each back end of this machine
 ///
-/// A pixel sample is one path of maximum depth 5; `primary` are camera rays alone. Core-seconds
-/// are CPU time of this process, so that other programs on the machine do not count. The back ends
-/// take turns, and the best of the repetitions is shown. The scalar thread that others are compared
-/// with is the scalar tracer's.
+/// A sample is one path of maximum depth 5; `primary` are camera rays alone. Core-seconds are CPU
+/// time of this process, so that other programs do not count. The back ends take turns, and the
+/// best repetition is shown. The GPU is compared with one thread of the scalar tracer.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Print JSON.
+    /// Print JSON
     #[arg(long)]
     json: bool,
-    /// Scene file [default: the built-in pool table].
+    /// Trace this scene file [default: the built-in pool table]
     #[arg(long)]
     scene: Option<PathBuf>,
-    /// Pixels.
-    #[arg(long, default_value = "1280x720")]
+    /// Set the picture's size in pixels
+    #[arg(long, default_value = "1280x720", value_name = "WIDTHxHEIGHT")]
     size: ImageSize,
-    /// Samples per pixel of one repetition [default: 4; 1 for the scalar tracer].
+    /// Trace this many samples per pixel in each repetition [default: 4 on the CPU, 16 with a GPU,
+    /// 1 for the scalar tracer]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     spp: Option<u32>,
-    /// Repetitions after one that warms up.
+    /// Repeat each measurement this many times after a warm-up
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
     repetitions: u32,
-    /// Only this back end [default: every one that this machine has].
+    /// Measure only this back end [default: all that this machine has]
     #[arg(long)]
     backend: Option<Backend>,
-    /// Threads of the CPU back end; 0 is one per core.
+    /// Use this many CPU threads; 0 means one per core
     #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u16).range(..=1024))]
     threads: u16,
-    /// Also the CPU back end with 1, 2, 4, … threads.
+    /// Also measure the CPU back end with 1, 2, 4, … threads
     #[arg(long)]
     scaling: bool,
 }
@@ -218,8 +218,9 @@ fn rate(rows: &[Row], backend: Backend) -> Option<&Row> {
     rows.iter().find(|row| row.backend == backend.name())
 }
 
-/// The rate of all devices together over that of the best one alone: the median of turns of one picture
-/// each. Pictures of some milliseconds scatter by several percent, and so does the best of a few.
+/// The rate of all devices together over that of the best one alone: the median of turns of one
+/// picture each. Pictures of some milliseconds scatter by several percent, and so does the best of
+/// a few.
 fn hybrid_over_best(
     opened: &[Opened],
     rows: &[Row],

@@ -1,4 +1,4 @@
-//! `carom-farm bench tradeoff`: what each knob of a picture costs and gains, and which choices no
+//! `carom-farm bench tradeoff`: cost and gain of each setting of a picture, and the choices that no
 //! other beats.
 
 use std::path::PathBuf;
@@ -22,27 +22,28 @@ use crate::commands::Failure;
 use crate::commands::inputs;
 use carom_farm::backend::{self, Backend, Opened};
 
-/// Error against time and bytes, over resolution, samples, depth, denoiser and precision.
+/// Measure error against time and bytes over resolution, samples, depth, denoiser and precision
 ///
 /// Each picture is measured as it reaches the screen: traced at its share of the reference's size,
-/// encoded and decoded, and stretched. Time is the best of the repetitions: CPU time of this
-/// process on a processor, by the clock on a GPU, which traces until it is awake. A star marks
-/// choices that no other of the same back end beats in both time and FLIP.
+/// encoded, decoded and scaled up. Time is the best repetition's: CPU time on a processor,
+/// wall-clock time on a warm GPU. A star marks choices that no other of the same back end beats in
+/// both time and FLIP.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// The reference: linear Rec. 709 radiance; the repository's is tests/references/pool_480x270.exr.
+    /// Compare with this EXR file of linear Rec. 709 radiance; the repository has
+    /// tests/references/pool_480x270.exr
     #[arg(long)]
     reference: PathBuf,
-    /// Scene file [default: the built-in pool table].
+    /// Trace this scene file [default: the built-in pool table]
     #[arg(long)]
     scene: Option<PathBuf>,
-    /// Only this back end [default: the CPU, and the GPU if there is one].
+    /// Measure only this back end [default: the CPU, and the GPU if there is one]
     #[arg(long)]
     backend: Option<Backend>,
-    /// Repetitions of each picture.
+    /// Repeat each picture this many times
     #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=100))]
     repetitions: u32,
-    /// Print JSON.
+    /// Print JSON
     #[arg(long)]
     json: bool,
 }
