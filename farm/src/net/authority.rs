@@ -30,7 +30,7 @@ const NAME_BYTES_MAX: usize = 63;
 const AUTHORITY_KEY_FILE: &str = "ca.key";
 
 /// A certificate and its key as PEM text.
-pub struct Issued {
+pub struct IssuedCertificate {
     /// The certificate.
     pub certificate_pem: String,
     /// The private key: never printed, written with mode 0600.
@@ -100,7 +100,8 @@ impl Authority {
         let validity = lasting(AUTHORITY_LIFE);
         params.not_before = validity.start.into();
         params.not_after = validity.end.into();
-        // Each farm's name differs, so that a stranger's certificate is told from a forged one.
+        // Each farm's name differs, so that a stranger's certificate can be distinguished from a
+        // forged one.
         let digest = params.key_identifier(&key);
         let id: String = digest
             .iter()
@@ -151,12 +152,12 @@ impl Authority {
         role: Role,
         name: &str,
         validity: std::ops::Range<SystemTime>,
-    ) -> Result<Issued, Error> {
+    ) -> Result<IssuedCertificate, Error> {
         let key = KeyPair::generate().map_err(|error| not_created(&error))?;
         let certificate = self
             .sign(role, name, validity, &key)
             .map_err(|error| not_created(&error))?;
-        Ok(Issued {
+        Ok(IssuedCertificate {
             certificate_pem: certificate.pem(),
             key_pem: key.serialize_pem(),
         })
@@ -231,7 +232,12 @@ fn lasting(life: Duration) -> std::ops::Range<SystemTime> {
     now - EARLY..now + life
 }
 
-fn save(dir: &Path, role: Role, authority: &Authority, issued: &Issued) -> Result<(), Error> {
+fn save(
+    dir: &Path,
+    role: Role,
+    authority: &Authority,
+    issued: &IssuedCertificate,
+) -> Result<(), Error> {
     let write = |file: &str, text: &str| {
         let path = dir.join(file);
         fs::write(&path, text).map_err(|source| io(&path, source))

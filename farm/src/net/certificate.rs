@@ -128,6 +128,7 @@ impl PeerVerifier {
                 self.provider.signature_verification_algorithms.all,
             )?,
         }
+        // The chain shows the farm; the role is in the subject alternative names.
         if grants(certificate, self.role) {
             return Ok(());
         }

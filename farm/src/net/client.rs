@@ -44,9 +44,9 @@ const BACKOFF_FIRST: Duration = Duration::from_millis(200);
 const BACKOFF_MAX: Duration = Duration::from_secs(5);
 /// After a connection that lasted this long the backoff starts anew: its end was an accident.
 const STABLE_AFTER: Duration = Duration::from_secs(2);
-/// Threads that links are distributed over, as a 720p frame takes 5 ms to decode. One runtime for all
-/// would wake its threads for each message: an answer of 64 KiB over a loopback took 0.9 ms instead of
-/// 0.7 at the median, 1.8 instead of 1.1 at the 99th percentile.
+/// Threads that links are distributed over, as a 720p frame takes 5 ms to decode. One runtime for
+/// all would wake its threads for each message: an answer of 64 KiB over a loopback took 0.9 ms
+/// instead of 0.7 at the median, 1.8 instead of 1.1 at the 99th percentile.
 const THREADS: usize = 4;
 /// Commands that wait for a link's task; the coordinator issues far fewer at once.
 const COMMANDS_MAX: usize = 1024;
@@ -79,9 +79,9 @@ impl Client {
         })
     }
 
-    /// Connects to a node, and reconnects until the link is dropped; `precision` bounds the precision
-    /// of its sRGB tiles. `events` is called on a network thread, with one or more, and must not
-    /// block.
+    /// Connects to a node, and reconnects until the link is dropped; `precision` bounds the
+    /// precision of its sRGB tiles. `events` is called on a network thread, with one or more, and
+    /// must not block.
     pub fn link(
         &self,
         address: NodeAddress,

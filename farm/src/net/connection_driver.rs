@@ -1,7 +1,7 @@
 //! The driver of one connection: carries a session's packets, control packets framed on one
 //! bidirectional stream, tile packets as [`super::tile_transport`] has it. While tiles travel as
-//! datagrams the path loses packets, and requests are sent twice: on the stream and, a moment later,
-//! as a datagram.
+//! datagrams the path loses packets, and requests are sent twice: on the stream and, a moment
+//! later, as a datagram.
 
 use std::collections::VecDeque;
 use std::future::poll_fn;
@@ -156,6 +156,7 @@ impl ConnectionDriver {
         let mut arrived = Vec::with_capacity(PACKETS_ARRIVED_MAX);
         loop {
             handler.flush();
+            // One packet is held here at most; the others stay where they can be dropped.
             pending = pending.or_else(|| handler.poll_transmit());
             let out = match pending.as_ref().map(|packet| packet.channel) {
                 Some(Channel::Tiles) => &self.tiles,

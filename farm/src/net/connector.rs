@@ -125,7 +125,7 @@ mod tests {
     use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 
     use super::*;
-    use crate::net::authority::{Authority, Issued};
+    use crate::net::authority::{Authority, IssuedCertificate};
     use crate::net::endpoint::TransportOptions;
     use carom_testkit::link_emulator::LinkConfig;
     use carom_testkit::udp_proxy::UdpProxy;
@@ -133,7 +133,7 @@ mod tests {
     const DAY: Duration = Duration::from_secs(24 * 3600);
 
     /// A node that shows some certificate and accepts any player.
-    fn impostor(shown: &Issued, alpn: &[u8]) -> Endpoint {
+    fn impostor(shown: &IssuedCertificate, alpn: &[u8]) -> Endpoint {
         let certificate = CertificateDer::from_pem_slice(shown.certificate_pem.as_bytes());
         let key = PrivateKeyDer::from_pem_slice(shown.key_pem.as_bytes()).unwrap();
         let provider = Arc::new(rustls::crypto::ring::default_provider());
@@ -150,7 +150,7 @@ mod tests {
     }
 
     /// The error with which a player of `farm` refuses an impostor; panics if it accepts it.
-    fn refusal_of(farm: &Authority, shown: &Issued, alpn: &[u8]) -> String {
+    fn refusal_of(farm: &Authority, shown: &IssuedCertificate, alpn: &[u8]) -> String {
         let today = SystemTime::now() - DAY..SystemTime::now() + DAY;
         let player = farm.credentials(Role::Player, "player", today).unwrap();
         let connector = Connector::new(&player).unwrap();
@@ -181,7 +181,7 @@ mod tests {
         let own = rcgen::CertificateParams::default()
             .self_signed(&key)
             .unwrap();
-        let own = Issued {
+        let own = IssuedCertificate {
             certificate_pem: own.pem(),
             key_pem: key.serialize_pem(),
         };

@@ -18,44 +18,44 @@ use crate::net::tls;
 use crate::node::STALL_TIMEOUT;
 
 /// max_idle_timeout (RFC 9000, 10.1). Five keep-alives may be lost in a row; the coordinator has
-/// requested the missing tiles from other nodes long before. A node lets a worker wait as long for a
-/// player that accepts no tiles.
+/// requested the missing tiles from other nodes long before. A node lets a worker wait as long for
+/// a player that accepts no tiles.
 const IDLE_TIMEOUT: Duration = STALL_TIMEOUT;
 const KEEP_ALIVE: Duration = Duration::from_secs(1);
-/// From the first packet until both certificates are checked: 65 round trips of 46 ms. A slower peer
-/// holds a place that another could have.
+/// From the first packet until both certificates are checked: 65 round trips of 46 ms. A slower
+/// peer holds a place that another could have.
 pub(crate) const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(3);
 /// max_ack_delay. With the default of 25 ms the last packet of a burst is acknowledged so late that
 /// the delay looks like a queue (draft-ietf-quic-ack-frequency).
 const ACK_DELAY_MAX: Duration = Duration::from_millis(2);
-/// kTimeThreshold (RFC 9002, 6.1.2); kPacketThreshold is off. On a path that reorders, the threshold
-/// of three packets declared lost whatever a single packet overtook, and measured a loss of 70 %. The
-/// standard 9/8 and RACK's 5/4 (RFC 8985, 6.2) are too short: where one packet in fifty overtakes
-/// others by a quarter of the round trip, that one is mostly the newest acknowledged, which the
-/// round-trip time comes from.
+/// kTimeThreshold (RFC 9002, 6.1.2); kPacketThreshold is off. On a path that reorders, the
+/// threshold of three packets declared lost whatever a single packet overtook, and measured a loss
+/// of 70 %. The standard 9/8 and RACK's 5/4 (RFC 8985, 6.2) are too short: where one packet in
+/// fifty overtakes others by a quarter of the round trip, that one is mostly the newest
+/// acknowledged, which the round-trip time comes from.
 const TIME_THRESHOLD: f32 = 1.5;
-/// Flow control of a connection: 16 MB carried 578 Mbit/s over a round trip of 46 ms, quinn's default
-/// 53 Mbit/s.
+/// Flow control of a connection: 16 MB carried 578 Mbit/s over a round trip of 46 ms, quinn's
+/// default 53 Mbit/s.
 const RECEIVE_WINDOW_BYTES: u32 = 16 << 20;
-/// Bytes that a node has sent and the player has not acknowledged: 4 MB carry 700 Mbit/s over 46 ms,
-/// and bound how much is late on a link that is too slow.
+/// Bytes that a node has sent and the player has not acknowledged: 4 MB carry 700 Mbit/s over 46
+/// ms, and bound how much is late on a link that is too slow.
 const SEND_WINDOW_BYTES: u64 = 4 << 20;
-/// Upper bound of the path MTU discovery, for loopbacks and jumbo frames: an answer of 64 KiB over a
-/// loopback takes a tenth less time. quinn hands the system up to ten packets at once, and 65,507
+/// Upper bound of the path MTU discovery, for loopbacks and jumbo frames: an answer of 64 KiB over
+/// a loopback takes a tenth less time. quinn hands the system up to ten packets at once, and 65,507
 /// bytes are the most that it takes.
 const MTU_MAX: u16 = 6544;
 /// With the system's 208 kB the receiving socket drops a burst of one frame's tiles.
 const SOCKET_BYTES: usize = 4 << 20;
 /// A tile message is never blocked by its own stream's flow control.
 const TILE_STREAM_WINDOW_BYTES: u32 = limits::TILES_BYTES_MAX as u32;
-/// Tile messages under way to a player: three frames of 115 messages (1280×720 in tiles of 32, eight
-/// a message), and as many again.
+/// Tile messages under way to a player: three frames of 115 messages (1280×720 in tiles of 32,
+/// eight a message), and as many again.
 const TILE_STREAMS_MAX: u32 = 1024;
 /// Outgoing datagrams that wait for the congestion window. More wait in the session, which can drop
 /// them; control packets wait for 10 ms of 25 Mbit/s at most.
 const TILE_DATAGRAMS_SENT_BYTES: usize = 32 << 10;
-/// Received tile datagrams that wait to be read: a 4K frame at 30 MB/s for 30 ms. Beyond, the oldest
-/// are dropped.
+/// Received tile datagrams that wait to be read: a 4K frame at 30 MB/s for 30 ms. Beyond, the
+/// oldest are dropped.
 const TILE_DATAGRAMS_RECEIVED_BYTES: usize = 1 << 20;
 /// The same for a player's datagrams: 32 requests of 2 kB.
 const REQUEST_DATAGRAMS_RECEIVED_BYTES: usize = 64 << 10;

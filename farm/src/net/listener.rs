@@ -15,8 +15,8 @@ use crate::net::endpoint::{self, TransportOptions};
 use crate::net::peer::Role;
 use crate::net::{close_code, connection_error};
 
-/// Players that a node serves at once: one that plays, one that has crashed and whose connection has
-/// not timed out, and a render or two. They share the device; more would make it slow for all.
+/// Players that a node serves at once: one that plays, one that has crashed and whose connection
+/// has not timed out, and a render or two. They share the device; more would make it slow for all.
 pub(crate) const PLAYERS_MAX: usize = 4;
 
 /// A node's socket.
@@ -86,6 +86,7 @@ fn screen(
     handshakes: &Arc<Semaphore>,
 ) -> Option<(Incoming, OwnedSemaphorePermit)> {
     let Ok(permit) = Arc::clone(handshakes).try_acquire_owned() else {
+        // No answer at all: a refusal would let strangers reflect packets at others.
         incoming.ignore();
         return None;
     };
@@ -120,6 +121,7 @@ async fn authenticate(
         .await
         .map_err(|_| Error::NoControlStream)?
         .map_err(lost)?;
+    // Only now, so that a player that opens no stream counts as a handshake.
     drop(handshake);
     let streams = Streams {
         connection,

@@ -6,18 +6,19 @@
 //!            player: client ──▶ connector ───┐                         │
 //!                                            ├── connection_driver ────┘
 //!            node:   server ──▶ listener ────┘      │
-//!                                            tile_transport ──▶ streams, or on lossy long paths
-//!                                                               fec: encoder ──▶ datagrams ──▶ decoder
+//!                                            tile_transport ──▶ streams; on lossy long paths
+//!                                                               datagrams with fec
 //! ```
 //!
 //! Both ends authenticate each other by certificates of the farm's own authority that name their
-//! role; nothing is allocated for a peer before. There is no other way to reach a node over a socket.
+//! role; nothing is allocated for a peer before. There is no other way to reach a node over a
+//! socket.
 //!
 //! # The transport, by measurement
 //!
-//! 31.5 Mbit/s of tiles over a round trip of 46 ms, by `carom-bench transport --seconds 10` with seeds
-//! 1 to 3 on a quiet machine of 16 cores; medians. A tile is missing if it has not come within 100 ms
-//! of its request, and the 99th percentile is of those that have.
+//! 31.5 Mbit/s of tiles over a round trip of 46 ms, by `carom-bench transport --seconds 10` with
+//! seeds 1 to 3 on a quiet machine of 16 cores; medians. A tile is missing if it has not come
+//! within 100 ms of its request, and the 99th percentile is of those that have.
 //!
 //! | path | | `congestion`, `fec` | `congestion`, streams | BBR, streams | Cubic, streams |
 //! |---|---|---|---|---|---|
@@ -33,9 +34,10 @@
 //! | 25 Mbit/s, bitrate control | p99 | 62.1 ms | | | |
 //! | | missing | 0.01 % | | | |
 //!
-//! Error correction stays: without it 2 to 5 % of the tiles miss their deadline on a lossy path. The
-//! delay-based window stays: on a slow link BBR and Cubic fill a queue for a third of a second, which
-//! leaves bitrate control nothing to go by. quinn's controllers remain selectable for comparison.
+//! Error correction stays: without it 2 to 5 % of the tiles miss their deadline on a lossy path.
+//! The delay-based window stays: on a slow link BBR and Cubic fill a queue for a third of a second,
+//! which leaves bitrate control nothing to go by. quinn's controllers remain selectable for
+//! comparison.
 
 mod address;
 pub mod authority;
@@ -58,7 +60,7 @@ mod tile_transport;
 mod tls;
 
 pub use address::NodeAddress;
-pub use authority::{Authority, Issued, add_node, create_farm};
+pub use authority::{Authority, IssuedCertificate, add_node, create_farm};
 pub use client::{Client, LinkCommand, LinkEvent, NodeLink};
 pub use congestion::DelayBasedController;
 pub use connection_driver::PacketHandler;

@@ -56,9 +56,9 @@ impl StopHandle {
     }
 }
 
-/// Encryption takes 2 ms of a core for a megabyte, and tiles are encoded elsewhere. Two threads wake
-/// each other for each message: an answer of 64 KiB over a loopback then takes a fifth more processor
-/// time and leaves in smaller packets.
+/// Encryption takes 2 ms of a core for a megabyte, and tiles are encoded elsewhere. Two threads
+/// wake each other for each message: an answer of 64 KiB over a loopback then takes a fifth more
+/// processor time and leaves in smaller packets.
 const THREADS: usize = 1;
 
 impl NodeServer {

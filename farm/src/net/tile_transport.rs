@@ -47,8 +47,8 @@ pub(crate) struct Nack {
 /// A node's end. Packets that wait for the network wait in the session, which can still drop them.
 pub(crate) struct TileSender {
     connection: Connection,
-    /// Requests that nobody waits for: their streams are reset, so that lost packets of theirs are not
-    /// retransmitted.
+    /// Requests that nobody waits for: their streams are reset, so that lost packets of theirs are
+    /// not retransmitted.
     cancelled: watch::Receiver<VecDeque<RequestId>>,
     transport: watch::Sender<TileTransport>,
     start: Instant,
@@ -430,6 +430,6 @@ const RETRANSMISSION: u8 = 0xff;
 const RETRANSMISSION_HEADER_BYTES: usize = 10;
 /// The first byte of a stream with the number of the last block; no tile packet starts so.
 const LAST_BLOCK: u8 = 0xfe;
-/// Bytes buffered beyond the congestion window, which the bitrate control does not see and nobody can
-/// drop: enough to keep the window full, 6 ms of 25 Mbit/s.
+/// Bytes buffered beyond the congestion window, which the bitrate control does not see and nobody
+/// can drop: enough to keep the window full, 6 ms of 25 Mbit/s.
 const SEND_BYTES_AHEAD: u64 = 16 << 10;

@@ -11,7 +11,8 @@ use crate::net::peer::Role;
 
 /// The protocol that both ends must offer; another version of the transport is another name.
 pub(crate) const ALPN: &[u8] = b"carom/1";
-/// The server name that clients send: certificates name roles and not hosts, so it is never checked.
+/// The server name that clients send: certificates name roles and not hosts, so it is never
+/// checked.
 pub(crate) const SERVER_NAME: &str = "node.carom";
 
 /// The configuration of a player's side.

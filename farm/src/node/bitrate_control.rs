@@ -1,5 +1,5 @@
-//! Bitrate control: the pixel precision that a link carries, coarser while tiles keep waiting, finer
-//! as the link turns out to carry more. Pure; `now` is an argument.
+//! Bitrate control: the pixel precision that a link carries, coarser while tiles keep waiting,
+//! finer as the link turns out to carry more. Pure; `now` is an argument.
 //!
 //! The level is a position between the precisions. What a link carries is known only while it is
 //! full, so a level below that is probed in steps: towards finer pixels until most of the known
@@ -68,8 +68,8 @@ impl BitrateController {
         let (finest, coarsest) = (range.finest as usize, range.coarsest as usize);
         self.level = self.level.clamp(finest as f64, coarsest as f64);
         let blend = self.model.blend(self.level);
-        // By place, so that a message keeps its precision: delta coding needs a reference of the same
-        // kind.
+        // By place, so that a message keeps its precision: delta coding needs a reference of the
+        // same kind.
         let is_coarser = dither(place) < blend.share;
         let index = if is_coarser {
             blend.coarser
@@ -90,6 +90,7 @@ impl BitrateController {
         if self.start.is_none() {
             (self.start, self.interval_start) = (Some(now), now);
         }
+        // In time, as a queue of the same bytes is late on a slow link and harmless on a fast one.
         let wait = link.waiting_bytes as f64 / link.bytes_per_sec.max(1.0);
         if let Some(before) = self.probe_start
             && wait > STANDING_WAIT_SECS
@@ -136,12 +137,14 @@ impl BitrateController {
             return;
         }
         if link.standing_wait_secs > STANDING_WAIT_SECS {
+            // A queue that shrinks fast enough needs no action: each step down costs quality.
             if link.standing_wait_secs > DRAINING * wait_before {
                 self.set_level(now, self.coarser_level(link));
             }
         } else if link.standing_wait_secs < 0.5 * STANDING_WAIT_SECS && self.level > 0.0 {
             let is_carried = self.offered_bytes_per_sec < FINER_LOAD * link.bytes_per_sec;
             match self.probe_start {
+                // A probe that gained a whole level has succeeded: the next may come soon.
                 Some(before) if before - self.level >= 1.0 => {
                     self.probe_interval = self.probe_interval.min(PROBE_INTERVAL_MIN);
                 }
@@ -156,13 +159,15 @@ impl BitrateController {
         }
     }
 
-    /// The level for a link on which tiles keep waiting: the finest that loads it by [`COARSER_LOAD`]
-    /// while the queue drains within [`DRAIN_SECS`].
+    /// The level for a link on which tiles keep waiting: the finest that loads it by
+    /// [`COARSER_LOAD`] while the queue drains within [`DRAIN_SECS`].
     fn coarser_level(&self, link: &LinkState) -> f64 {
         let step = STEP_BACK + link.standing_wait_secs / STEP_BACK_SECS;
+        // The queue of so many seconds is to drain within DRAIN_SECS, beside the new tiles.
         let free = COARSER_LOAD - link.standing_wait_secs / DRAIN_SECS;
         let share = free * link.bytes_per_sec / link.offered_bytes_per_sec.max(1.0);
         let level = self.model.level_of(share * self.model.rate(self.level));
+        // At least a step, should the model promise more than pixels hold.
         level.max(self.level + step)
     }
 
@@ -206,8 +211,8 @@ const OVERLOAD_INTERVAL: Duration = Duration::from_millis(5);
 const STANDING_WAIT_SECS: f64 = 0.006;
 /// Ten round trips of the longest paths that are played over.
 const START: Duration = Duration::from_millis(500);
-/// How these pixels compress is not known yet: of noise JPEG 90 takes more bytes than quantised pixels,
-/// JPEG 75 few.
+/// How these pixels compress is not known yet: of noise JPEG 90 takes more bytes than quantised
+/// pixels, JPEG 75 few.
 const START_LEVEL: f64 = PixelPrecision::Lossy75 as usize as f64;
 /// After a change, tiles that were encoded before still leave for this long.
 const SETTLING: Duration = Duration::from_millis(50);
@@ -303,8 +308,8 @@ mod tests {
         assert!((0..9).all(|place| controller.precision(only, place) == PixelPrecision::Within2));
     }
 
-    /// The rate of a message at a precision, in a frame and after the precision of the message before
-    /// it, and the share of its pixels that seem to change.
+    /// The rate of a message at a precision, in a frame and after the precision of the message
+    /// before it, and the share of its pixels that seem to change.
     type Content = fn(frame: u32, index: usize, before: Option<usize>) -> (f64, f64);
 
     /// Whether a message can be delta-coded against the one before.
@@ -317,8 +322,8 @@ mod tests {
         ([1.0, 0.74, 0.65, 0.18, 0.07, 0.036][index], 1.0)
     }
 
-    /// A few balls roll under a still camera: 20 Mbit/s of exact pixels and 30 of JPEG 90. After JPEG,
-    /// exact pixels have no reference.
+    /// A few balls roll under a still camera: 20 Mbit/s of exact pixels and 30 of JPEG 90. After
+    /// JPEG, exact pixels have no reference.
     fn few_balls(_: u32, index: usize, before: Option<usize>) -> (f64, f64) {
         let changed = [0.05, 0.03, 0.025, 0.05, 0.05, 0.05][index];
         match is_delta(index, before) {

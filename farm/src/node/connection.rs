@@ -41,7 +41,8 @@ struct ConnectionState {
     waker: Option<Waker>,
     /// Whether a worker has queued a packet since the transport last polled.
     ready: bool,
-    /// The time a worker waits for the transport to accept a packet; zero once it has waited in vain.
+    /// The time a worker waits for the transport to accept a packet; zero once it has waited in
+    /// vain.
     stall_timeout: Duration,
     closed: bool,
 }
@@ -79,6 +80,7 @@ impl NodeConnection {
             Some(NodeEvent::Trace { request, scene }) => {
                 let cancelled = Arc::new(AtomicBool::new(false));
                 state.cancelled.insert(request.id, Arc::clone(&cancelled));
+                // The queue's lock is never taken under this one.
                 drop(state);
                 self.queue.push(NodeJob {
                     client: Arc::clone(&self.client),
@@ -187,6 +189,7 @@ impl ClientConnection {
                 reference: reference.as_ref(),
             })
             .collect();
+        // The same for a message in every frame, whatever range of tiles a request asks for.
         let place = part.first / TILES_PER_MESSAGE_MAX;
         let precision = lock(&self.bitrate).precision(request.precision, place);
         let (payload, kept) = encoder.encode_srgb(exposure, precision, &sources);
@@ -244,6 +247,7 @@ impl ClientConnection {
         let waited = self.drained.wait_timeout_while(state, stall_timeout, full);
         let (mut state, waited) = waited.unwrap_or_else(PoisonError::into_inner);
         if waited.timed_out() {
+            // The client has had its chance: its next requests must not block the device as well.
             state.stall_timeout = Duration::ZERO;
             cancelled.store(true, Ordering::Relaxed);
         }
@@ -268,8 +272,8 @@ fn wake(mut state: MutexGuard<'_, ConnectionState>) {
     }
 }
 
-/// The time for which a client may accept no tiles before its requests are given up: others wait for
-/// the device. A connection may be silent for as long.
+/// The time for which a client may accept no tiles before its requests are given up: others wait
+/// for the device. A connection may be silent for as long.
 pub(crate) const STALL_TIMEOUT: Duration = Duration::from_secs(5);
 
 #[cfg(test)]

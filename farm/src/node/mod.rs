@@ -2,12 +2,12 @@
 //!
 //! ```text
 //! NodeConnection (NodeSession) ─NodeJob─▶ queue ──▶ worker: Tracer::trace ─▶ groups of tiles
-//!       ▲  one per client                                                      │
-//!       └──────────────── TilesDone, RequestDone ◀── encoded on rayon's threads ◀──┘
+//!       ▲  one per client                                                    │
+//!       └───────────── TilesDone, RequestDone ◀── encoded on rayon's threads ◀┘
 //! ```
 //!
-//! A tracer that fails or panics costs a refused request, never the node. Stale and cancelled requests
-//! leave the queue before they are traced. Durations are measured on the node's own clock.
+//! A tracer that fails or panics costs a refused request, never the node. Stale and cancelled
+//! requests leave the queue before they are traced. Durations are measured on the node's own clock.
 
 mod bitrate_control;
 mod connection;
@@ -34,8 +34,8 @@ pub struct Node {
 }
 
 impl Node {
-    /// Starts the worker threads of a node called `name`: two for a GPU, which then has its next work
-    /// before it has finished this one, one for a processor, which is busy with one.
+    /// Starts the worker threads of a node called `name`: two for a GPU, which then has its next
+    /// work before it has finished this one, one for a processor, which is busy with one.
     pub fn new(name: impl Into<String>, tracer: Arc<dyn Tracer>) -> Arc<Self> {
         let workers = match tracer.info().kind {
             DeviceKind::Gpu => 2,

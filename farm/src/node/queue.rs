@@ -1,5 +1,5 @@
-//! The queue of requests that wait for the device: in order of arrival, but the requests of one client
-//! by frame, since the oldest is the next to be shown.
+//! The queue of requests that wait for the device: in order of arrival, but the requests of one
+//! client by frame, since the oldest is the next to be shown.
 //!
 //! A client's session admits at most `REQUESTS_QUEUED_MAX` of its requests.
 
@@ -105,6 +105,7 @@ impl JobQueue {
         }
         self.changed.notify_all();
         let working = |state: &mut QueueState| state.workers > 0;
+        // A device that hangs must not keep the program from ending.
         let ended = self.changed.wait_timeout_while(state, timeout, working);
         drop(ended);
     }
@@ -113,8 +114,10 @@ impl JobQueue {
     pub(super) fn compiled(&self, hash: SceneHash, scene: &Scene) -> Result<CompiledScene, Error> {
         let mut scenes = lock(&self.scenes);
         if let Some((_, compiled)) = scenes.iter().find(|(kept, _)| *kept == hash) {
+            // A copy, because each request applies its own update to it.
             return Ok(CompiledScene::clone(compiled));
         }
+        // Without the lock, as compiling a large scene takes long: two workers may both do it.
         drop(scenes);
         let compiled = CompiledScene::new(scene)?;
         scenes = lock(&self.scenes);
@@ -123,8 +126,8 @@ impl JobQueue {
         Ok(compiled)
     }
 
-    /// The time since `begun`, or since the device last finished something if that is later: requests
-    /// that overlap on a device are not counted twice.
+    /// The time since `begun`, or since the device last finished something if that is later:
+    /// requests that overlap on a device are not counted twice.
     pub(super) fn busy_since(&self, begun: Instant) -> Duration {
         let now = Instant::now();
         let mut last_done = lock(&self.last_done);

@@ -1,5 +1,5 @@
-//! A model of how many bytes tiles take at each precision: a prior from measured pictures, corrected
-//! by the encoded messages.
+//! A model of how many bytes tiles take at each precision: a prior from measured pictures,
+//! corrected by the encoded messages.
 //!
 //! Delta-coded exact tiles cost what has changed in them, JPEG tiles nearly as much as without a
 //! reference: while a few balls roll under a still camera, JPEG 90 may cost more than exact pixels.
@@ -8,8 +8,8 @@
 use carom_protocol::PixelPrecision;
 use carom_protocol::tile_codec::DeltaStats;
 
-/// The rate of each precision, by index. Rates are bytes over those of an exact picture that is coded
-/// without references.
+/// The rate of each precision, by index. Rates are bytes over those of an exact picture that is
+/// coded without references.
 #[derive(Clone, Debug)]
 pub(super) struct RateModel {
     /// Share of the pixels that change from frame to frame; `None` before the first message.
@@ -176,23 +176,23 @@ fn blend(rates: &[f64; PRECISIONS], level: f64) -> Blend {
 const PRECISIONS: usize = PixelPrecision::ALL.len();
 /// The rate of a converged frame that is coded without references, by `bench codec` …
 const INTRA_RATE: [f64; PRECISIONS] = [1.0, 0.74, 0.65, 0.18, 0.07, 0.036];
-/// … and, where few pixels have changed, that of those: where 10 % change in a few places, JPEG takes
-/// as much as for all.
+/// … and, where few pixels have changed, that of those: where 10 % change in a few places, JPEG
+/// takes as much as for all.
 const DELTA_RATE: [f64; PRECISIONS] = [2.8, 1.6, 1.25, 1.8, 0.7, 0.36];
 /// The header of a message.
 const RATE_MIN: f64 = 0.005;
 /// Of that exact frame.
 const EXACT_BYTES_PER_PIXEL: f64 = 0.37;
-/// Pixels that have changed for each that is seen to have at this precision: quantisation masks small
-/// changes. JPEG compares exact pixels.
+/// Pixels that have changed for each that is seen to have at this precision: quantisation masks
+/// small changes. JPEG compares exact pixels.
 const CHANGE_MASKING: [f64; PRECISIONS] = [1.0, 1.6, 2.0, 1.0, 1.0, 1.0];
 /// Four frames of 16 messages.
 const CHANGING_MESSAGES: f64 = 64.0;
 /// Longer than [`CHANGING_MESSAGES`]: how well pictures compress changes more slowly than how much
 /// moves in them.
 const HISTORY_MESSAGES: f64 = 1024.0;
-/// The weight of a message for its own precision, for the next one and for those beyond. After a few
-/// thousand messages without use, a precision is judged by its neighbours.
+/// The weight of a message for its own precision, for the next one and for those beyond. After a
+/// few thousand messages without use, a precision is judged by its neighbours.
 const NEIGHBOUR_WEIGHT: [f64; PRECISIONS] = [1.0, 0.02, 0.005, 0.00125, 0.0003, 0.0001];
 /// A precision must save a twentieth over a finer one.
 const USEFUL_BELOW: f64 = 0.95;

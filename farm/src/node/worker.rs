@@ -1,5 +1,5 @@
-//! A node's worker: traces requests one after the other, and sends their tiles in groups as they are
-//! finished.
+//! A node's worker: traces requests one after the other, and sends their tiles in groups as they
+//! are finished.
 
 use std::any::Any;
 use std::cell::RefCell;
@@ -58,6 +58,7 @@ struct TileGroup {
 /// Traces a request and reports the outcome to its client.
 fn run(queue: &JobQueue, tracer: &dyn Tracer, job: &NodeJob) {
     let active = ActiveJob::new(queue, job);
+    // A bug in a tracer or a driver must cost one request, not the node of four players.
     let traced = catch_unwind(AssertUnwindSafe(|| active.trace(tracer)));
     let id = job.request.id;
     match traced {
@@ -99,8 +100,8 @@ impl<'a> ActiveJob<'a> {
         }
     }
 
-    /// Traces the whole request in one call, as a GPU is fast only on many tiles; groups are encoded
-    /// meanwhile, on rayon's threads, as they become complete.
+    /// Traces the whole request in one call, as a GPU is fast only on many tiles; groups are
+    /// encoded meanwhile, on rayon's threads, as they become complete.
     fn trace(&self, tracer: &dyn Tracer) -> Result<(), Error> {
         let request = &self.job.request;
         let mut scene = self.queue.compiled(request.scene, &self.job.scene)?;
@@ -111,10 +112,12 @@ impl<'a> ActiveJob<'a> {
             settings: request.settings,
             cancelled: &self.job.cancelled,
         };
+        // The tracer stays on this thread; only encoding goes to rayon's.
         rayon::in_place_scope(|encoders| {
             let sink = |tile: TileRadiance| {
                 if let Some((first, group)) = self.collect(tile) {
                     let traced = Instant::now();
+                    // Backpressure: blocks the tracer, so that traced pixels cannot pile up.
                     self.job.client.wait_for_room(&self.job.cancelled);
                     encoders.spawn(move |_| self.send(first, &group, traced));
                 }
@@ -149,6 +152,7 @@ impl<'a> ActiveJob<'a> {
 
     /// Encodes and sends a group of tiles, the last of which was `traced` then.
     fn send(&self, first: usize, group: &TileGroup, traced: Instant) {
+        // Encoding may start long after tracing if all of rayon's threads are busy.
         if self.job.cancelled.load(Ordering::Relaxed) {
             return;
         }

@@ -1,14 +1,15 @@
 //! A congestion window that follows queueing delay, not loss: FAST TCP (Wei, Jin, Low and Hegde,
-//! IEEE/ACM Transactions on Networking 14(6), 2006). Once a round, with the base RTT of the path and
-//! the RTT of the round,
+//! IEEE/ACM Transactions on Networking 14(6), 2006). Once a round, with the base RTT of the path
+//! and the RTT of the round,
 //!
 //! ```text
 //! cwnd ← min(2·cwnd, (1 − γ)·cwnd + γ·(cwnd · base_rtt / rtt + α))
 //! ```
 //!
 //! which comes to rest where α bytes of this connection wait in the bottleneck's queue. Random loss
-//! leaves the window alone; slow start adds half a window a round until packets begin to wait. Terms
-//! are those of RFC 9002, RFC 5681 and RFC 7661. The controller is pure: `now` is an argument.
+//! leaves the window alone; slow start adds half a window a round until packets begin to wait.
+//! Terms are those of RFC 9002, RFC 5681 and RFC 7661. The controller is pure: `now` is an
+//! argument.
 
 use std::time::Duration;
 
@@ -20,8 +21,8 @@ pub struct DelayBasedController {
     cwnd: f64,
     max_datagram_bytes: f64,
     slow_start: bool,
-    /// The minimum RTT so far, while the window is the initial one and the path has not been seen to
-    /// carry it (RFC 7661).
+    /// The minimum RTT so far, while the window is the initial one and the path has not been seen
+    /// to carry it (RFC 7661).
     unvalidated: Option<Duration>,
     base_rtt: BaseRtt,
     round: RttRound,
@@ -72,9 +73,9 @@ impl DelayBasedController {
         let round = &mut self.round;
         round.acked_bytes += bytes as f64;
         round.cwnd_limited |= !app_limited;
-        // The longest RTT of an acknowledgement frame: the shortest is that of a packet that overtook
-        // others. If one in fifty overtakes by a quarter of the RTT, it would become the base RTT, all
-        // others would seem to queue, and the window would shrink to next to nothing.
+        // The longest RTT of an acknowledgement frame: the shortest is that of a packet that
+        // overtook others. If one in fifty overtakes by a quarter of the RTT, it would become the
+        // base RTT, all others would seem to queue, and the window would shrink to next to nothing.
         round.ack_rtt = round.ack_rtt.max(Some(rtt));
     }
 
@@ -131,7 +132,7 @@ impl DelayBasedController {
         }
     }
 
-    /// Ends a time without packets in flight. The few that came before it tell the base RTT, and
+    /// Ends a time without packets in flight. The few that came before it show the base RTT, and
     /// nothing of the window.
     fn end_pause(&mut self, now: Duration, pause: Duration) {
         if self.round.cwnd_limited {
@@ -150,8 +151,8 @@ impl DelayBasedController {
         let mut round = std::mem::replace(&mut self.round, RttRound::starting(now));
         // The RTT of the round is its lower quartile: where other processes have a receiver's
         // processor for more than half of the time, most acknowledgements are late without a queue.
-        // With the median, a client that waits for its processor 12 of each 20 ms got 77 % of
-        // 31.5 Mbit/s; with the quartile, all. The base RTT is the minimum of upper quartiles, since
+        // With the median, a client that waits for its processor 12 of each 20 ms got 77 % of 31.5
+        // Mbit/s; with the quartile, all. The base RTT is the minimum of upper quartiles, since
         // packets that overtake others make the lower ones too short.
         let rtts = &mut round.rtts;
         let (Some(early), Some(late)) = (rtts.quantile(0.25), rtts.quantile(0.75)) else {
@@ -169,8 +170,9 @@ impl DelayBasedController {
             self.unvalidated = None;
         }
         if self.loss > LOSS_MAX {
-            // The queue is too short for α. A single loss says nothing: radio and long paths lose at
-            // random, and halving the window for each loss (Cubic) carried 4 of 31 Mbit/s at 1 %.
+            // The queue is too short for α. A single loss means nothing: radio and long paths lose
+            // at random, and halving the window for each loss (Cubic) carried 4 of 31 Mbit/s at 1
+            // %.
             self.slow_start = false;
             self.loss = 0.0;
             self.cwnd *= LOSS_BETA;
@@ -241,8 +243,8 @@ impl RttRound {
     }
 }
 
-/// The initial window: so much that at most two frames wait on 25 Mbit/s. Over 46 ms that is 219 kB,
-/// enough for 31.5 Mbit/s and repair symbols, so that the first frames are not slow.
+/// The initial window: so much that at most two frames wait on 25 Mbit/s. Over 46 ms that is 219
+/// kB, enough for 31.5 Mbit/s and repair symbols, so that the first frames are not slow.
 pub(super) fn initial_cwnd(rtt: Duration) -> f64 {
     INITIAL_BYTES_PER_SEC * (rtt.as_secs_f64() / PACING_GAIN + INITIAL_QUEUE_SECS)
 }
@@ -252,7 +254,7 @@ const PACING_GAIN: f64 = 1.25;
 const INITIAL_BYTES_PER_SEC: f64 = 25e6 / 8.0;
 /// Two frames.
 const INITIAL_QUEUE_SECS: f64 = 2.0 / 60.0;
-/// A handshake that takes longer tells more of the machine than of the path.
+/// A handshake that takes longer depends on the machine more than on the path.
 const INITIAL_RTT_MAX: Duration = Duration::from_millis(150);
 /// Two frames of 65 kB.
 const UNVALIDATED_BYTES_MAX: f64 = 131_072.0;
@@ -268,7 +270,8 @@ const GAMMA: f64 = 0.5;
 const SLOW_START_QUEUEING_MAX: Duration = Duration::from_millis(2);
 /// On a loopback a round trip has two packets, too few for a quartile.
 const ROUND_MIN: Duration = Duration::from_millis(2);
-/// If one acknowledgement in twelve is early, more than half of this many are in one round of 100,000.
+/// If one acknowledgement in twelve is early, more than half of this many are in one round of
+/// 100,000.
 const RTT_SAMPLES_MIN: usize = 12;
 /// Three of four that overtake others by chance are rare enough.
 const PAUSE_RTT_SAMPLES_MIN: usize = 4;

@@ -105,6 +105,7 @@ impl ReceivedBlock {
             return Ok(Vec::new());
         };
         let received = self.source_symbols.iter().flatten().count();
+        // Reed–Solomon is MDS: any `source_count` symbols restore the block, fewer restore nothing.
         if received + self.repair_symbols.iter().flatten().count() < source_count {
             return Ok(Vec::new());
         }
@@ -161,6 +162,7 @@ impl ReceivedBlock {
         let Some(word) = self.word(first).filter(|word| word & PACKET_START != 0) else {
             return Ok(None);
         };
+        // A packet completes once as it arrives and may complete again as the block is decoded.
         if self.delivered & (1 << first) != 0 {
             return Ok(None);
         }
@@ -168,6 +170,7 @@ impl ReceivedBlock {
         if length > SOURCE_SYMBOLS_MAX * SYMBOL_BYTES_MAX {
             return Err("a packet is longer than a block");
         }
+        // At most 96 kB, checked above: the length comes from the network.
         let mut packet = Vec::with_capacity(length);
         for index in first.. {
             let left = length - packet.len();
@@ -177,6 +180,7 @@ impl ReceivedBlock {
             let Some(Some(symbol)) = self.source_symbols.get(index) else {
                 return Ok(None);
             };
+            // Each symbol repeats what is left, so that a forged block cannot mix packets.
             if index > first && self.word(index) != Some(left as u32) {
                 return Err("the symbols of a packet do not follow each other");
             }

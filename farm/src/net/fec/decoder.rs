@@ -1,5 +1,5 @@
-//! The receiver of forward error correction: datagrams to packets, whether they come late, twice, in
-//! another order or not at all.
+//! The receiver of forward error correction: datagrams to packets, whether they come late, twice,
+//! in another order or not at all.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -66,6 +66,7 @@ impl FecDecoder {
     /// Handles a packet that was sent once more; returns it if it is still missing.
     pub(crate) fn on_retransmission(&mut self, retransmission: Retransmission) -> Option<Vec<u8>> {
         let block = self.blocks.get_mut(&retransmission.block)?;
+        // An index beyond the block is a peer's mistake that costs nothing: ignored.
         let bit = 1u64.checked_shl(u32::from(retransmission.index))?;
         let is_missing = block.delivered & bit == 0;
         block.delivered |= bit;

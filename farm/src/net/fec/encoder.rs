@@ -14,7 +14,7 @@ pub(crate) struct FecEncoder {
     /// Blocks whose packets may be requested again, the oldest first.
     sent: VecDeque<SourceBlock>,
     sent_bytes: usize,
-    /// The first block whose existence the receiver has not been told of.
+    /// The first block that has not been announced to the receiver.
     unannounced: u64,
 }
 
@@ -51,6 +51,7 @@ impl FecEncoder {
         }
         let mut datagrams = Vec::new();
         let fits = self.open.symbol_bytes == symbol_bytes
+            // A packet never spans two blocks, which are decoded independently.
             && self.open.symbols.len() + needed <= SOURCE_SYMBOLS_MAX;
         if !fits {
             datagrams = self.close(losses);
@@ -83,6 +84,7 @@ impl FecEncoder {
         block.symbols.clear();
         self.sent_bytes += block.packet_bytes();
         self.sent.push_back(block);
+        // Packets older than this are beyond any deadline.
         while self.sent_bytes > SENT_BYTES_MAX {
             let Some(oldest) = self.sent.pop_front() else {
                 break;
@@ -116,6 +118,7 @@ impl FecEncoder {
         let payload_bytes = block.symbol_bytes - WORD_BYTES;
         let is_incomplete = |(first, packet): &mut (u8, Vec<u8>)| {
             let symbols = packet.len().div_ceil(payload_bytes);
+            // One bit for each symbol of the packet.
             let all = (u64::MAX >> (u64::BITS as usize - symbols)) << *first;
             received & all != all
         };
@@ -146,6 +149,7 @@ impl SourceBlock {
                 bytes: &symbol,
             };
             datagrams.push(datagram.to_bytes());
+            // Sent without the padding, encoded with it.
             symbol.resize(self.symbol_bytes, 0);
             self.symbols.push(symbol);
             (left, flag) = (left - part.len() as u32, 0);
@@ -179,8 +183,8 @@ impl SourceBlock {
 
 /// In shorter symbols the headers are most of what is sent.
 const SYMBOL_BYTES_MIN: usize = 256;
-/// The last repair symbol leaves this long after the block's first symbol: restored packets are late
-/// by no more, and blocks are long enough to need few repair symbols.
+/// The last repair symbol leaves this long after the block's first symbol: restored packets are
+/// late by no more, and blocks are long enough to need few repair symbols.
 const BLOCK_AGE_MAX: Duration = Duration::from_millis(3);
 /// Tiles of one frame are this far apart at most.
 const ANNOUNCE_DELAY: Duration = Duration::from_millis(5);

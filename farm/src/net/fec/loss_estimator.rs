@@ -1,5 +1,5 @@
-//! An estimate of a path's packet loss, which decides whether tiles travel as datagrams with forward
-//! error correction and how many repair symbols a block needs.
+//! An estimate of a path's packet loss, which decides whether tiles travel as datagrams with
+//! forward error correction and how many repair symbols a block needs.
 
 use std::time::Duration;
 
@@ -38,8 +38,10 @@ impl LossEstimator {
         let new_lost = lost.saturating_sub(self.lost);
         (self.sent, self.lost) = (sent, lost);
         let share = (new_lost as f64 / new_sent as f64).min(1.0);
+        // Weighted by packets, as observations are of unequal length.
         let gain = new_sent as f64 / (new_sent as f64 + MEMORY_PACKETS);
         self.loss += gain * (share - self.loss);
+        // Hysteresis: a path at the threshold must not alternate between transports.
         self.lossy = match self.lossy {
             true => self.loss > LOSSY_BELOW,
             false => self.loss > LOSSY_ABOVE,
@@ -82,6 +84,7 @@ fn loss_tail(count: usize, tolerated: usize, loss: f64) -> f64 {
     let mut term = (1.0 - loss).powi(count as i32);
     let mut sum = term;
     for lost in 1..=tolerated {
+        // P(lost) from P(lost − 1), without factorials.
         term *= (count - lost + 1) as f64 / lost as f64 * loss / (1.0 - loss);
         sum += term;
     }

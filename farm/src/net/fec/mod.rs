@@ -6,10 +6,10 @@
 //! source symbols   aaaa aaaa aa·· bbbb cccc cccc │ R R R   repair symbols; one datagram each
 //! ```
 //!
-//! Each packet begins a symbol of its own, so that it can be read without the others. A source symbol
-//! starts with a word: how many bytes of its packet are left, those in the symbol included, and
-//! [`PACKET_START`] in the packet's first one. The code is Reed–Solomon over 16-bit symbols (Lin,
-//! Al-Naffouri and Han, IEEE Transactions on Information Theory 62(11), 2016): any k of k + m
+//! Each packet begins a symbol of its own, so that it can be read without the others. A source
+//! symbol starts with a word: how many bytes of its packet are left, those in the symbol included,
+//! and [`PACKET_START`] in the packet's first one. The code is Reed–Solomon over 16-bit symbols
+//! (Lin, Al-Naffouri and Han, IEEE Transactions on Information Theory 62(11), 2016): any k of k + m
 //! datagrams are enough. A block that loses more is reported by a NACK, and its packets are sent
 //! once more on streams. All is pure; `now` is an argument.
 
