@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, VecDeque};
 
 use carom_tracer::{Scene, Tile, TileRange};
 
-use super::held::Held;
-use super::runs::{OpenRequest, RefusedRequests};
+use super::reference_tiles::Held;
+use super::requests::{OpenRequest, RefusedRequests};
 use super::scenes::SceneCache;
 use super::{Channel, Packet};
 use crate::limits::{CONTROL_QUEUED_MAX, REQUESTS_QUEUED_MAX};

@@ -17,14 +17,14 @@
 //! any other method, also after an error, and then closes if there was one.
 
 mod client;
-mod held;
 mod node;
-mod runs;
+mod reference_tiles;
+mod requests;
 mod scenes;
 
 pub use client::{ClientEvent, ClientSession, SceneStatus};
-pub use held::{References, SentReferences};
 pub use node::{NodeEvent, NodeSession};
+pub use reference_tiles::{References, SentReferences};
 
 /// A whole message on its way.
 #[derive(Clone, Debug, PartialEq, Eq)]

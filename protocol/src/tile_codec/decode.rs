@@ -9,12 +9,13 @@ use half::slice::{HalfBitsSliceExt, HalfFloatSliceExt};
 use zstd::bulk::Decompressor;
 use zstd::zstd_safe;
 
-use super::changes::Changes;
+use super::delta::delta_mask::Changes;
+use super::entropy::range_coder::RangeDecoder;
 use super::header::{CHANGES, Header, JPEG, STORED, ZSTD};
-use super::join::Reader;
 use super::mode::{Base, Mode};
-use super::range_coder::RangeDecoder;
-use super::{ReferenceTile, TilePixels, jpeg, levels, planes};
+use super::transform::inverse::Reader;
+use super::transform::{float_planes as planes, quantise as levels};
+use super::{ReferenceTile, TilePixels, jpeg};
 use crate::Error;
 use crate::limits::PIXELS_PER_MESSAGE_MAX;
 use crate::message::PixelFormat;

@@ -7,12 +7,13 @@ use carom_tracer::tonemap::srgb8;
 use fearless_simd::Level;
 use zstd::bulk::Compressor;
 
-use super::changes::Changes;
+use super::delta::delta_mask::Changes;
+use super::entropy::range_coder::RangeEncoder;
 use super::header::{self, CHANGES, JPEG, ZSTD};
 use super::mode::Mode;
-use super::range_coder::RangeEncoder;
-use super::split::{Numbers, Splitter};
-use super::{DeltaStats, ReferenceTile, TileInput, jpeg, levels, planes};
+use super::transform::forward::{Numbers, Splitter};
+use super::transform::{float_planes as planes, quantise as levels};
+use super::{DeltaStats, ReferenceTile, TileInput, jpeg};
 use crate::limits::PIXELS_PER_MESSAGE_MAX;
 use crate::message::PixelFormat;
 use crate::precision::PixelPrecision;

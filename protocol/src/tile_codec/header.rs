@@ -4,16 +4,16 @@ use super::mode::Mode;
 use crate::precision::PixelPrecision;
 
 /// What stands before the planes of sRGB tiles.
-pub(super) struct Header<'a> {
-    pub(super) precision: PixelPrecision,
-    pub(super) storage: u8,
+pub(crate) struct Header<'a> {
+    pub(crate) precision: PixelPrecision,
+    pub(crate) storage: u8,
     /// `None` for a tile that is as its reference is.
-    pub(super) modes: Vec<Option<Mode>>,
-    pub(super) rest: &'a [u8],
+    pub(crate) modes: Vec<Option<Mode>>,
+    pub(crate) rest: &'a [u8],
 }
 
 impl<'a> Header<'a> {
-    pub(super) fn parse(payload: &'a [u8], tiles: usize) -> Result<Self, String> {
+    pub(crate) fn parse(payload: &'a [u8], tiles: usize) -> Result<Self, String> {
         let (&first, rest) = payload.split_first().ok_or("it has no bytes")?;
         let precision = PixelPrecision::ALL.get(usize::from(first >> PRECISION_SHIFT));
         let precision = *precision.ok_or("its first byte names no precision")?;
@@ -45,12 +45,12 @@ impl<'a> Header<'a> {
 }
 
 /// The first byte, without modes.
-pub(super) fn first(precision: PixelPrecision, storage: u8) -> u8 {
+pub(crate) fn first(precision: PixelPrecision, storage: u8) -> u8 {
     (precision as u8) << PRECISION_SHIFT | storage
 }
 
 /// The first byte, and the modes if any is not the usual one.
-pub(super) fn write(precision: PixelPrecision, modes: &[Option<Mode>]) -> Vec<u8> {
+pub(crate) fn write(precision: PixelPrecision, modes: &[Option<Mode>]) -> Vec<u8> {
     let first = first(precision, STORED);
     if modes.iter().all(|mode| *mode == Some(Mode::USUAL)) {
         return vec![first];
@@ -66,13 +66,13 @@ pub(super) fn write(precision: PixelPrecision, modes: &[Option<Mode>]) -> Vec<u8
 /// Bits of the first byte that say how the planes are stored.
 const STORAGE_MASK: u8 = 3;
 /// Planes as they are.
-pub(super) const STORED: u8 = 0;
+pub(crate) const STORED: u8 = 0;
 /// Planes as one zstd frame.
-pub(super) const ZSTD: u8 = 1;
+pub(crate) const ZSTD: u8 = 1;
 /// A JPEG scan.
-pub(super) const JPEG: u8 = 2;
+pub(crate) const JPEG: u8 = 2;
 /// The changes of each tile, range coded; no modes.
-pub(super) const CHANGES: u8 = 3;
+pub(crate) const CHANGES: u8 = 3;
 /// The bit that says that four bits for each tile follow, the first tile's the lowest.
 const MODES: u8 = 4;
 /// The bits above it are the precision.

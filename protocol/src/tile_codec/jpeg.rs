@@ -15,7 +15,7 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 use crate::precision::PixelPrecision;
 
 /// The scan of the tiles' pixels, each row-major.
-pub(super) fn encode(precision: PixelPrecision, tiles: &[(Tile, &[[u8; 3]])]) -> Vec<u8> {
+pub(crate) fn encode(precision: PixelPrecision, tiles: &[(Tile, &[[u8; 3]])]) -> Vec<u8> {
     let (width, height) = stacked(tiles.iter().map(|(tile, _)| *tile));
     let mut pixels = Vec::with_capacity(width * height);
     for (tile, tile_pixels) in tiles {
@@ -33,7 +33,7 @@ pub(super) fn encode(precision: PixelPrecision, tiles: &[(Tile, &[[u8; 3]])]) ->
 
 /// The tiles' pixels, tile after tile, from their scan. What is missing in a scan that is cut
 /// short is grey.
-pub(super) fn decode(
+pub(crate) fn decode(
     precision: PixelPrecision,
     tiles: &[Tile],
     scan: &[u8],

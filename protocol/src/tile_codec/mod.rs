@@ -30,23 +30,22 @@
 //! | noisy | LinearF16 | 80.9 % | 277 | 634 |
 //! | noisy | LinearF32 | 78.1 % | 634 | 1711 |
 
-mod changes;
 mod decode;
+mod delta;
 mod encode;
+mod entropy;
 mod header;
-mod join;
+
 mod jpeg;
-mod levels;
+
 mod mode;
-mod planes;
-mod predict;
-mod range_coder;
-mod split;
+mod transform;
 
 use std::sync::Arc;
 
 use carom_tracer::Tile;
 
+use self::transform::quantise as levels;
 use crate::precision::PixelPrecision;
 
 pub use decode::{Decoder, SrgbTiles};

@@ -2,14 +2,14 @@
 
 /// What the numbers of a tile are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Mode {
-    pub(super) base: Base,
-    pub(super) colour: Colour,
+pub(crate) struct Mode {
+    pub(crate) base: Base,
+    pub(crate) colour: Colour,
 }
 
 /// What the numbers of red and blue are differences from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Colour {
+pub(crate) enum Colour {
     /// What green's are from, and green's number beside.
     Green,
     /// What green's are from.
@@ -21,7 +21,7 @@ pub(super) enum Colour {
 
 /// What a tile's numbers are differences from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Base {
+pub(crate) enum Base {
     /// Neighbours in the tile.
     Neighbour,
     /// The reference.
@@ -32,16 +32,16 @@ pub(super) enum Base {
 
 impl Mode {
     /// What all tiles of a message without modes have.
-    pub(super) const USUAL: Self = Self {
+    pub(crate) const USUAL: Self = Self {
         base: Base::Neighbour,
         colour: Colour::Green,
     };
 
-    pub(super) fn number(self) -> u8 {
+    pub(crate) fn number(self) -> u8 {
         3 * self.base as u8 + self.colour as u8
     }
 
-    pub(super) fn of(number: u8) -> Result<Self, String> {
+    pub(crate) fn of(number: u8) -> Result<Self, String> {
         let bases = [Base::Neighbour, Base::Reference, Base::Marked];
         let colours = [Colour::Green, Colour::Alone, Colour::Ratio];
         let base = bases.get(usize::from(number / 3));

@@ -3,7 +3,7 @@
 /// The value that stands to `green` as `base` to `base_green`. In f32, as processors divide four
 /// and more of them at once: the product is exact and the quotient rounded, so that all agree.
 #[inline(always)]
-pub(super) fn in_ratio(green: u8, base_green: u8, base: u8) -> u8 {
+pub(crate) fn in_ratio(green: u8, base_green: u8, base: u8) -> u8 {
     /// Added to a number below 2²², it leaves the nearest integer in the lowest bits.
     const ROUND: f32 = 12_582_912.0;
     let product = f32::from(green) * f32::from(base);
@@ -12,21 +12,21 @@ pub(super) fn in_ratio(green: u8, base_green: u8, base: u8) -> u8 {
 }
 
 #[inline(always)]
-pub(super) fn predict(out: &mut [u8], green: &[u8], base_green: &[u8], base: &[u8]) {
+pub(crate) fn predict(out: &mut [u8], green: &[u8], base_green: &[u8], base: &[u8]) {
     for (((out, green), base_green), base) in out.iter_mut().zip(green).zip(base_green).zip(base) {
         *out = in_ratio(*green, *base_green, *base);
     }
 }
 
 #[inline(always)]
-pub(super) fn minus(out: &mut [u8], a: &[u8], b: &[u8]) {
+pub(crate) fn minus(out: &mut [u8], a: &[u8], b: &[u8]) {
     for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
         *out = a.wrapping_sub(*b);
     }
 }
 
 #[inline(always)]
-pub(super) fn minus_neighbour(out: &mut [u8], value: &[u8], width: usize) {
+pub(crate) fn minus_neighbour(out: &mut [u8], value: &[u8], width: usize) {
     let mut above = 0;
     for (out, row) in out.chunks_mut(width).zip(value.chunks(width)) {
         out[0] = row[0].wrapping_sub(above);
@@ -36,14 +36,14 @@ pub(super) fn minus_neighbour(out: &mut [u8], value: &[u8], width: usize) {
 }
 
 #[inline(always)]
-pub(super) fn plus(out: &mut [u8], a: &[u8], b: &[u8]) {
+pub(crate) fn plus(out: &mut [u8], a: &[u8], b: &[u8]) {
     for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
         *out = a.wrapping_add(*b);
     }
 }
 
 #[inline(always)]
-pub(super) fn plus_neighbours(out: &mut [u8], number: &[u8], width: usize) {
+pub(crate) fn plus_neighbours(out: &mut [u8], number: &[u8], width: usize) {
     let mut above = 0;
     for (out, row) in out.chunks_mut(width).zip(number.chunks(width)) {
         let mut left = above;
@@ -56,7 +56,7 @@ pub(super) fn plus_neighbours(out: &mut [u8], number: &[u8], width: usize) {
 }
 
 #[inline(always)]
-pub(super) fn add(out: &mut [u8], number: &[u8]) {
+pub(crate) fn add(out: &mut [u8], number: &[u8]) {
     for (out, number) in out.iter_mut().zip(number) {
         *out = out.wrapping_add(*number);
     }
@@ -64,14 +64,14 @@ pub(super) fn add(out: &mut [u8], number: &[u8]) {
 
 /// `value - out`.
 #[inline(always)]
-pub(super) fn subtract_from(out: &mut [u8], value: &[u8]) {
+pub(crate) fn subtract_from(out: &mut [u8], value: &[u8]) {
     for (out, value) in out.iter_mut().zip(value) {
         *out = value.wrapping_sub(*out);
     }
 }
 
 #[inline(always)]
-pub(super) fn sized(plane: &mut Vec<u8>, length: usize) -> &mut [u8] {
+pub(crate) fn sized(plane: &mut Vec<u8>, length: usize) -> &mut [u8] {
     plane.resize(length, 0);
     plane
 }

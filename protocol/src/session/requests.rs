@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use carom_tracer::{Tile, TileGrid, TileRange};
 
-use super::held::References;
+use super::reference_tiles::References;
 use crate::Error;
 use crate::limits::REQUESTS_REFUSED_KEPT;
 use crate::message::{FrameId, PixelFormat, RequestId, RequestReport, TraceRequest};

@@ -9,7 +9,7 @@
 use std::hint::select_unpredictable;
 
 /// One end of a message of bits.
-pub(super) trait Coder {
+pub(crate) trait Coder {
     /// An encoder writes `bit`; a decoder knows no better and is told it. Either end learns.
     fn bit(&mut self, model: &mut Bit, bit: bool) -> bool;
 
@@ -20,7 +20,7 @@ pub(super) trait Coder {
 /// How likely a bit is, from those that came before: their share of zeros at first, then an average
 /// that forgets.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Bit {
+pub(crate) struct Bit {
     /// Of 2¹⁶.
     zero: u16,
     seen: u16,
@@ -28,7 +28,7 @@ pub(super) struct Bit {
 
 impl Bit {
     /// As likely 0 as 1.
-    pub(super) const NEW: Self = Self {
+    pub(crate) const NEW: Self = Self {
         zero: 1 << 15,
         seen: 0,
     };
@@ -44,7 +44,7 @@ impl Bit {
 
 /// Writes a message.
 #[derive(Debug)]
-pub(super) struct RangeEncoder {
+pub(crate) struct RangeEncoder {
     low: u64,
     range: u64,
     bytes: Vec<u8>,
@@ -52,13 +52,13 @@ pub(super) struct RangeEncoder {
 
 impl RangeEncoder {
     /// Appends to `bytes`.
-    pub(super) fn new(bytes: Vec<u8>) -> Self {
+    pub(crate) fn new(bytes: Vec<u8>) -> Self {
         let (low, range) = (0, u64::MAX);
         Self { low, range, bytes }
     }
 
     /// The whole message: what was there before and the fewest bytes that say what has been coded.
-    pub(super) fn finish(mut self) -> Vec<u8> {
+    pub(crate) fn finish(mut self) -> Vec<u8> {
         let zeros = (1 << self.range.ilog2()) - 1;
         self.add(self.low.wrapping_neg() & zeros);
         let last = &self.low.to_be_bytes()[..last_bytes(self.range)];
@@ -122,7 +122,7 @@ impl Coder for RangeEncoder {
 
 /// Reads a message. After its end come zeros, as many as are asked for.
 #[derive(Debug)]
-pub(super) struct RangeDecoder<'a> {
+pub(crate) struct RangeDecoder<'a> {
     /// How much of `range` lies below the message.
     code: u64,
     range: u64,
@@ -132,7 +132,7 @@ pub(super) struct RangeDecoder<'a> {
 }
 
 impl<'a> RangeDecoder<'a> {
-    pub(super) fn new(message: &'a [u8]) -> Self {
+    pub(crate) fn new(message: &'a [u8]) -> Self {
         let mut decoder = Self {
             code: 0,
             range: u64::MAX,
@@ -145,7 +145,7 @@ impl<'a> RangeDecoder<'a> {
     }
 
     /// Whether the message ends where its encoder would have ended it.
-    pub(super) fn is_at_end(&self) -> bool {
+    pub(crate) fn is_at_end(&self) -> bool {
         self.lacking == 8 - last_bytes(self.range)
     }
 

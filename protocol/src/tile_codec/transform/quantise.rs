@@ -7,8 +7,8 @@
 //! against 0.035, for a quarter more bytes (`carom-bench codec`); within two levels they have 0.019
 //! and hardly more bytes than levels that lie still take within one.
 
+use super::forward::Channels;
 use super::predict::sized;
-use super::split::Channels;
 
 /// By how much the levels of a row are more than multiples of the step, row after row. Neighbouring
 /// rows lie as far from each other as they can.
@@ -24,7 +24,7 @@ fn shifts(step: u8) -> &'static [i8] {
 
 /// The levels of a tile, in steps.
 #[inline(always)]
-pub(super) fn of(step: u8, width: usize, pixels: &[[u8; 3]]) -> Vec<[u8; 3]> {
+pub(crate) fn of(step: u8, width: usize, pixels: &[[u8; 3]]) -> Vec<[u8; 3]> {
     let mut levels = pixels.to_vec();
     if step == 1 {
         return levels;
@@ -40,7 +40,7 @@ pub(super) fn of(step: u8, width: usize, pixels: &[[u8; 3]]) -> Vec<[u8; 3]> {
 
 /// The levels of a tile, channel by channel.
 #[inline(always)]
-pub(super) fn quantise(planes: &mut Channels, step: u8, width: usize, pixels: &[[u8; 3]]) {
+pub(crate) fn quantise(planes: &mut Channels, step: u8, width: usize, pixels: &[[u8; 3]]) {
     let levels = of(step, width, pixels);
     let [g, r, b] = planes.each_mut().map(|plane| sized(plane, pixels.len()));
     for (((level, g), r), b) in levels.iter().zip(g).zip(r).zip(b) {
@@ -50,7 +50,7 @@ pub(super) fn quantise(planes: &mut Channels, step: u8, width: usize, pixels: &[
 
 /// Levels to values, in place.
 #[inline(always)]
-pub(super) fn to_values(step: u8, width: usize, levels: &mut [[u8; 3]]) {
+pub(crate) fn to_values(step: u8, width: usize, levels: &mut [[u8; 3]]) {
     if step == 1 {
         return;
     }
@@ -64,7 +64,7 @@ pub(super) fn to_values(step: u8, width: usize, levels: &mut [[u8; 3]]) {
 
 /// `pixels`, each channel at the nearest level.
 #[inline(always)]
-pub(super) fn rounded(step: u8, width: usize, pixels: &[[u8; 3]]) -> Box<[[u8; 3]]> {
+pub(crate) fn rounded(step: u8, width: usize, pixels: &[[u8; 3]]) -> Box<[[u8; 3]]> {
     let mut rounded = of(step, width, pixels);
     to_values(step, width, &mut rounded);
     rounded.into_boxed_slice()

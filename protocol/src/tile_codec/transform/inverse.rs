@@ -3,13 +3,13 @@
 use carom_tracer::Tile;
 use fearless_simd::{Level, dispatch};
 
-use super::levels::{self, quantise};
-use super::mode::{Base, Colour, Mode};
+use super::forward::Channels;
 use super::predict::{add, in_ratio, plus, plus_neighbours, predict, sized};
-use super::split::Channels;
+use super::quantise::{self as levels, quantise};
+use crate::tile_codec::mode::{Base, Colour, Mode};
 
 /// The planes of a message, read tile after tile: the inverse of [`Numbers`].
-pub(super) struct Reader<'a> {
+pub(crate) struct Reader<'a> {
     marks: &'a [u8],
     channels: [&'a [u8]; 3],
     value: Channels,
@@ -19,13 +19,13 @@ pub(super) struct Reader<'a> {
 
 impl<'a> Reader<'a> {
     /// Bytes of marks for a tile.
-    pub(super) fn mark_bytes(tile: Tile) -> usize {
+    pub(crate) fn mark_bytes(tile: Tile) -> usize {
         tile.pixels().div_ceil(8)
     }
 
     /// Planes that begin with so many bytes of marks; `None` if they are not as long as what is
     /// marked and `dense` pixels need.
-    pub(super) fn new(
+    pub(crate) fn new(
         level: Level,
         planes: &'a [u8],
         mark_bytes: usize,
@@ -44,7 +44,7 @@ impl<'a> Reader<'a> {
 
     /// Writes a tile's pixels. `None` if it is told from a reference that is not there, or marks
     /// pixels that it does not have.
-    pub(super) fn join(
+    pub(crate) fn join(
         &mut self,
         pixels: &mut [[u8; 3]],
         mode: Mode,
@@ -215,7 +215,7 @@ fn join_marked(
 
 #[cfg(test)]
 mod tests {
-    use super::super::split::{Numbers, Splitter};
+    use super::super::forward::{Numbers, Splitter};
     use super::*;
 
     /// Both ends may have other processors.

@@ -12,7 +12,7 @@ use carom_tracer::Tile;
 /// # Panics
 /// If `planes` has another length than the samples.
 #[inline(always)]
-pub(super) fn split<S: Sample>(
+pub(crate) fn split<S: Sample>(
     planes: &mut [u8],
     tiles: &[(Tile, &[[f32; 3]])],
     sample: impl Fn([f32; 3]) -> [S; 3],
@@ -46,7 +46,7 @@ pub(super) fn split<S: Sample>(
 /// # Panics
 /// If `planes` has another length than the samples.
 #[inline(always)]
-pub(super) fn join<S: Sample>(planes: &[u8], tiles: &[Tile]) -> Vec<[S; 3]> {
+pub(crate) fn join<S: Sample>(planes: &[u8], tiles: &[Tile]) -> Vec<[S; 3]> {
     let count = planes.len() / (3 * size_of::<S>());
     let channel_bytes = (planes.len() / 3).max(1);
     let mut channels = [(); 3].map(|()| vec![S::default(); count]);
@@ -95,7 +95,7 @@ fn sum<S: Sample>(difference: [S; 3], prediction: [S; 3]) -> [S; 3] {
 }
 
 /// The integer of a channel.
-pub(super) trait Sample: Copy + Default {
+pub(crate) trait Sample: Copy + Default {
     /// The sum modulo 2ⁿ.
     fn plus(self, other: Self) -> Self;
     /// The difference modulo 2ⁿ.

@@ -8,29 +8,29 @@
 use carom_tracer::Tile;
 use fearless_simd::{Level, dispatch};
 
-use super::levels::quantise;
-use super::mode::{Base, Colour, Mode};
 use super::predict::{minus, minus_neighbour, predict, sized, subtract_from};
+use super::quantise::quantise;
+use crate::tile_codec::mode::{Base, Colour, Mode};
 
 /// The numbers of green, red and blue, tile after tile.
-pub(super) type Channels = [Vec<u8>; 3];
+pub(crate) type Channels = [Vec<u8>; 3];
 
 /// The numbers of all tiles of a message.
 #[derive(Debug, Default)]
-pub(super) struct Numbers {
+pub(crate) struct Numbers {
     /// A bit a pixel of tiles with [`Base::Marked`], the first the lowest; each tile begins a byte.
     marks: Vec<u8>,
     channels: Channels,
 }
 
 impl Numbers {
-    pub(super) fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.marks.clear();
         self.channels.iter_mut().for_each(Vec::clear);
     }
 
     /// All planes, one behind the other.
-    pub(super) fn write(&self, planes: &mut Vec<u8>) {
+    pub(crate) fn write(&self, planes: &mut Vec<u8>) {
         planes.clear();
         planes.extend_from_slice(&self.marks);
         for channel in &self.channels {
@@ -81,7 +81,7 @@ impl Numbers {
 
 /// Turns tiles into numbers; its buffers are used again.
 #[derive(Debug, Default)]
-pub(super) struct Splitter {
+pub(crate) struct Splitter {
     value: Channels,
     reference: Channels,
     spatial: Candidate,
@@ -100,7 +100,7 @@ struct Candidate {
 impl Splitter {
     /// Appends a tile's numbers and says what they are; `None`, with nothing appended, if the tile
     /// is as its reference is. The second number is that of the pixels that are not.
-    pub(super) fn split(
+    pub(crate) fn split(
         &mut self,
         level: Level,
         numbers: &mut Numbers,

@@ -15,12 +15,12 @@
 
 use std::hint::select_unpredictable;
 
-use super::predict::in_ratio;
-use super::range_coder::{Bit, Coder};
+use crate::tile_codec::entropy::range_coder::{Bit, Coder};
+use crate::tile_codec::transform::predict::in_ratio;
 
 /// What has been learnt about the changes in a message.
 #[derive(Debug)]
-pub(super) struct Changes {
+pub(crate) struct Changes {
     tile: Bit,
     groups: [Bit; 48],
     marks: [Bit; 36],
@@ -34,7 +34,7 @@ pub(super) struct Changes {
 }
 
 impl Changes {
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             tile: Bit::NEW,
             groups: [Bit::NEW; 48],
@@ -48,25 +48,25 @@ impl Changes {
     }
 
     /// Forgets all: each message is told by itself.
-    pub(super) fn begin(&mut self) {
+    pub(crate) fn begin(&mut self) {
         let changed = std::mem::take(&mut self.changed);
         *self = Self::new();
         self.changed = changed;
     }
 
     /// Pixels that have changed in this message.
-    pub(super) fn pixels(&self) -> usize {
+    pub(crate) fn pixels(&self) -> usize {
         self.pixels
     }
 
     /// Whether a tile changes at all.
-    pub(super) fn changes(&mut self, coder: &mut impl Coder, changes: bool) -> bool {
+    pub(crate) fn changes(&mut self, coder: &mut impl Coder, changes: bool) -> bool {
         coder.bit(&mut self.tile, changes)
     }
 
     /// Makes the levels that a tile had those of `new`, which a decoder does not know. `step` is what
     /// they are multiples of.
-    pub(super) fn tile<C: Coder>(
+    pub(crate) fn tile<C: Coder>(
         &mut self,
         coder: &mut C,
         width: usize,

@@ -1,0 +1,3 @@
+//! Delta coding: the pixels of a tile that differ from those of its reference.
+
+pub(crate) mod delta_mask;
