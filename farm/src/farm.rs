@@ -329,7 +329,8 @@ fn validate(config: &FarmConfig) -> Result<(), Error> {
             config.frames_in_flight
         )));
     }
-    config.precision.validate().map_err(Error::Config)?;
+    let precision = config.precision.validate();
+    precision.map_err(|reason| Error::Config(reason.to_string()))?;
     if config.nodes.len() > NODES_MAX {
         return Err(Error::Config(format!(
             "there are {} nodes: at most {NODES_MAX} are allowed",

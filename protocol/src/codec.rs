@@ -9,7 +9,7 @@ use postcard::de_flavors::{Flavor, Slice};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::Error;
+use crate::error::{Error, Reason};
 use crate::limits::{CONTROL_BYTES_MAX, SCENE_BYTES_MAX, TILES_BYTES_MAX};
 use crate::message::{RequestId, SceneHash, ToClient, ToNode, VERSION};
 
@@ -34,7 +34,7 @@ pub fn encode_to_node(message: &ToNode) -> Result<Vec<u8>, Error> {
     let what = to_node_kind(message);
     message
         .validate()
-        .map_err(|why| Error::unsendable(what, why))?;
+        .map_err(|reason| Error::unsendable(what, reason))?;
     let max = match message {
         ToNode::Scene { .. } => SCENE_BYTES_MAX,
         _ => CONTROL_BYTES_MAX,
@@ -51,7 +51,7 @@ pub fn encode_to_client(message: &ToClient) -> Result<Vec<u8>, Error> {
     let what = to_client_kind(message);
     message
         .validate()
-        .map_err(|why| Error::unsendable(what, why))?;
+        .map_err(|reason| Error::unsendable(what, reason))?;
     let max = match message {
         ToClient::Tiles(_) => TILES_BYTES_MAX,
         _ => CONTROL_BYTES_MAX,
@@ -77,10 +77,10 @@ pub fn decode_to_node(bytes: &[u8]) -> Result<ToNode, Error> {
     let what = to_node_kind(&message);
     message
         .validate()
-        .map_err(|why| Error::malformed(what, why))?;
+        .map_err(|reason| Error::malformed(what, reason))?;
     match &message {
         ToNode::Scene { hash, scene } if SceneHash::of(scene) != *hash => {
-            Err(Error::malformed(what, "it does not hash to its hash"))
+            Err(Error::malformed(what, Reason::SceneHash))
         }
         _ => Ok(message),
     }
@@ -103,7 +103,7 @@ pub fn decode_to_client(bytes: &[u8]) -> Result<ToClient, Error> {
     let what = to_client_kind(&message);
     message
         .validate()
-        .map_err(|why| Error::malformed(what, why))?;
+        .map_err(|reason| Error::malformed(what, reason))?;
     Ok(message)
 }
 
@@ -122,8 +122,8 @@ pub fn is_trace(bytes: &[u8]) -> bool {
 }
 
 /// Whether `bytes` begin as the first message of a connection does, in any version.
-pub(crate) fn is_greeting(bytes: &[u8]) -> bool {
-    bytes.first() == Some(&GREETING_VARIANT)
+pub(crate) fn is_hello(bytes: &[u8]) -> bool {
+    bytes.first() == Some(&HELLO_VARIANT)
 }
 
 /// What a message to a node is called in errors.
@@ -152,10 +152,10 @@ pub(crate) fn to_client_kind(message: &ToClient) -> &'static str {
 
 fn encode(message: &impl Serialize, what: &'static str, max: usize) -> Result<Vec<u8>, Error> {
     let bytes =
-        postcard::to_stdvec(message).map_err(|error| Error::unsendable(what, error.to_string()))?;
+        postcard::to_stdvec(message).map_err(|error| Error::unsendable(what, error.into()))?;
     if bytes.len() > max {
-        let why = format!("it has {} bytes: at most {max} are allowed", bytes.len());
-        return Err(Error::unsendable(what, why));
+        let bytes = bytes.len();
+        return Err(Error::unsendable(what, Reason::TooLong { bytes, max }));
     }
     Ok(bytes)
 }
@@ -173,9 +173,9 @@ fn check_size(what: &'static str, bytes: &[u8], max: usize) -> Result<(), Error>
 /// would get past the check.
 fn check_version(what: &'static str, bytes: &[u8]) -> Result<(), Error> {
     if bytes.first().is_some_and(|&variant| variant >= 0x80) {
-        return Err(Error::malformed(what, "there is no such message"));
+        return Err(Error::malformed(what, Reason::UnknownMessage));
     }
-    let Some((&GREETING_VARIANT, rest)) = bytes.split_first() else {
+    let Some((&HELLO_VARIANT, rest)) = bytes.split_first() else {
         return Ok(());
     };
     match postcard::take_from_bytes::<u16>(rest) {
@@ -188,24 +188,24 @@ fn check_version(what: &'static str, bytes: &[u8]) -> Result<(), Error> {
 }
 
 fn decode<T: DeserializeOwned>(what: &'static str, bytes: &[u8]) -> Result<T, Error> {
-    let malformed = |error: postcard::Error| Error::malformed(what, error.to_string());
-    let mut deserializer = postcard::Deserializer::from_flavor(Cautious(Slice::new(bytes)));
+    let malformed = |error: postcard::Error| Error::malformed(what, error);
+    let mut deserializer = postcard::Deserializer::from_flavor(BoundedSlice(Slice::new(bytes)));
     let value = T::deserialize(&mut deserializer).map_err(malformed)?;
     let rest = deserializer.finalize().map_err(malformed)?;
     if rest.is_empty() {
         return Ok(value);
     }
-    let why = format!("{} bytes follow the end", rest.len());
-    Err(Error::malformed(what, why))
+    let bytes = rest.len();
+    Err(Error::malformed(what, Reason::TrailingBytes { bytes }))
 }
 
-/// A slice that never says how much is left. Postcard hands a list's announced length on as a
+/// A slice that states no remaining length. Postcard hands a list's announced length on as a
 /// size hint when at least as many bytes are left, and serde reserves up to 1 MiB by it: 36 times
 /// the message for poses. Against a hint of 0 bytes each length is implausible and none is handed
 /// on, so that lists grow by what was read.
-struct Cautious<'de>(Slice<'de>);
+struct BoundedSlice<'de>(Slice<'de>);
 
-impl<'de> Flavor<'de> for Cautious<'de> {
+impl<'de> Flavor<'de> for BoundedSlice<'de> {
     type Remainder = &'de [u8];
     type Source = &'de [u8];
 
@@ -227,7 +227,7 @@ impl<'de> Flavor<'de> for Cautious<'de> {
 }
 
 /// First byte of [`ToNode::Hello`] and [`ToClient::Welcome`].
-const GREETING_VARIANT: u8 = 0;
+const HELLO_VARIANT: u8 = 0;
 /// First byte of [`ToNode::Scene`].
 const SCENE_VARIANT: u8 = 1;
 /// First byte of [`ToNode::Trace`].
@@ -271,7 +271,7 @@ mod tests {
         let tiles = encode_to_client(&tiles(vec![7; 300])).unwrap();
         assert_eq!(
             [hello[0], welcome[0], tiles[0]],
-            [GREETING_VARIANT, GREETING_VARIANT, TILES_VARIANT]
+            [HELLO_VARIANT, HELLO_VARIANT, TILES_VARIANT]
         );
     }
 

@@ -1,6 +1,6 @@
 //! Packets in a stream of bytes: each behind its length, four bytes, the lowest first.
 
-use crate::Error;
+use crate::error::{Error, Reason};
 use crate::limits::SCENE_BYTES_MAX;
 
 /// The packet behind its length, ready for a stream.
@@ -71,7 +71,7 @@ impl Deframer {
         };
         let length = u32::from_le_bytes(length) as usize;
         if length == 0 {
-            return Err(Error::malformed("packet", "it has no bytes"));
+            return Err(Error::malformed("packet", Reason::Empty));
         }
         if length > self.packet_bytes_max {
             return Err(Error::TooLarge {

@@ -64,7 +64,7 @@ pub mod session;
 pub mod tile_codec;
 mod validate;
 
-pub use error::Error;
+pub use error::{Error, Reason};
 pub use message::{
     FrameId, NodeInfo, NodeTimes, PixelFormat, ReferenceRange, Refusal, RefusalReason, RequestId,
     RequestReport, SceneHash, TilesDone, ToClient, ToNode, TraceRequest,

@@ -1,12 +1,14 @@
-//! How exactly sRGB pixels arrive.
+//! Precision of sRGB pixels: a ladder of levels from bit-exact to JPEG of quality 50.
 
 use serde::{Deserialize, Serialize};
 
-/// A stop of the dial between exact pixels and few bytes, the finest first. It rules
+use crate::error::Reason;
+
+/// A level between exact pixels and few bytes, the finest first. It applies to
 /// [`crate::PixelFormat::Srgb8`]; linear formats are always exact.
 ///
-/// Megabits per second at 1280×720 and 60 frames per second, and the worst error of a channel:
-/// `carom-bench codec` measures them.
+/// Each level takes at least a tenth fewer bytes than the one before wherever the camera moves:
+/// the table in [`crate::tile_codec`] has the figures.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
 )]
@@ -28,7 +30,7 @@ pub enum PixelPrecision {
 }
 
 impl PixelPrecision {
-    /// All stops, the finest first.
+    /// All levels, the finest first.
     pub const ALL: [Self; 6] = [
         Self::Exact,
         Self::Within1,
@@ -38,7 +40,7 @@ impl PixelPrecision {
         Self::Lossy50,
     ];
 
-    /// The distance between levels that are kept, of 255: `None` where pixels are transformed.
+    /// The distance between the values that are kept, of 255: `None` for JPEG.
     /// An odd step puts each value within half of it.
     pub(crate) const fn step(self) -> Option<u8> {
         match self {
@@ -49,12 +51,23 @@ impl PixelPrecision {
         }
     }
 
-    /// The next finer stop.
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Exact => "exact",
+            Self::Within1 => "within1",
+            Self::Within2 => "within2",
+            Self::Lossy90 => "lossy90",
+            Self::Lossy75 => "lossy75",
+            Self::Lossy50 => "lossy50",
+        }
+    }
+
+    /// The next finer level.
     pub fn finer(self) -> Option<Self> {
         Self::ALL.get((self as usize).checked_sub(1)?).copied()
     }
 
-    /// The next coarser stop.
+    /// The next coarser level.
     pub fn coarser(self) -> Option<Self> {
         Self::ALL.get(self as usize + 1).copied()
     }
@@ -62,33 +75,24 @@ impl PixelPrecision {
 
 /// `exact`, `within1`, `within2`, `lossy90`, `lossy75` or `lossy50`, for command lines.
 impl std::str::FromStr for PixelPrecision {
-    type Err = String;
+    type Err = Reason;
 
-    fn from_str(text: &str) -> Result<Self, String> {
-        let named = Self::ALL
-            .iter()
-            .find(|precision| precision.to_string() == text);
+    fn from_str(text: &str) -> Result<Self, Reason> {
+        let named = Self::ALL.iter().find(|precision| precision.name() == text);
         named.copied().ok_or_else(|| {
-            let names = Self::ALL.map(|precision| precision.to_string());
-            format!("it must be one of {}", names.join(", "))
+            let known = Self::ALL.map(Self::name).join(", ");
+            Reason::PrecisionName { known }
         })
     }
 }
 
 impl std::fmt::Display for PixelPrecision {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Exact => "exact",
-            Self::Within1 => "within1",
-            Self::Within2 => "within2",
-            Self::Lossy90 => "lossy90",
-            Self::Lossy75 => "lossy75",
-            Self::Lossy50 => "lossy50",
-        })
+        f.write_str(self.name())
     }
 }
 
-/// The stops between which a node may choose, message by message, so that its link keeps up.
+/// The levels between which a node may choose, message by message, so that its link keeps up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct PrecisionRange {
     /// Sent while the link carries it.
@@ -101,7 +105,7 @@ impl PrecisionRange {
     /// Exact pixels only.
     pub const EXACT: Self = Self::only(PixelPrecision::Exact);
 
-    /// One stop.
+    /// One level.
     pub const fn only(precision: PixelPrecision) -> Self {
         Self {
             finest: precision,
@@ -114,7 +118,7 @@ impl PrecisionRange {
         (self.finest..=self.coarsest).contains(&precision)
     }
 
-    /// The allowed stop that is nearest to `precision`.
+    /// The allowed level that is nearest to `precision`.
     pub fn nearest(self, precision: PixelPrecision) -> PixelPrecision {
         precision.min(self.coarsest).max(self.finest)
     }
@@ -122,15 +126,15 @@ impl PrecisionRange {
     /// Checks the order of the two.
     ///
     /// # Errors
-    /// A sentence with both.
-    pub fn validate(self) -> Result<(), String> {
+    /// [`Reason::PrecisionOrder`] with both.
+    pub fn validate(self) -> Result<(), Reason> {
         if self.finest <= self.coarsest {
             return Ok(());
         }
-        Err(format!(
-            "the finest precision, {}, is coarser than the coarsest, {}",
-            self.finest, self.coarsest
-        ))
+        Err(Reason::PrecisionOrder {
+            finest: self.finest.name(),
+            coarsest: self.coarsest.name(),
+        })
     }
 }
 
@@ -139,7 +143,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn stops_are_in_order_and_named() {
+    fn levels_are_ordered_and_named() {
         for (index, precision) in PixelPrecision::ALL.into_iter().enumerate() {
             assert_eq!(precision as usize, index);
             assert_eq!(precision.to_string().parse(), Ok(precision));

@@ -3,6 +3,7 @@
 
 use carom_tracer::{SceneUpdate, TileGrid, TileRange};
 
+use crate::error::Reason;
 use crate::limits::{
     NODE_NAME_BYTES_MAX, POSES_MAX, REFERENCE_RANGES_MAX, REQUEST_SAMPLES_MAX, REQUEST_TILES_MAX,
     SENTENCE_BYTES_MAX, TILE_EDGE_MAX, TILES_PER_MESSAGE_MAX,
@@ -11,15 +12,14 @@ use crate::message::{
     NodeInfo, PixelFormat, ReferenceRange, RefusalReason, TilesDone, ToClient, ToNode, TraceRequest,
 };
 
-/// A sentence that names the value and the rule.
-type Check = Result<(), String>;
+type Check = Result<(), Reason>;
 
 impl ToNode {
     /// Checks all that the message alone tells; whether a scene can be drawn, and whether an
     /// update fits its scene, is the session's to say.
     ///
     /// # Errors
-    /// A sentence that names the value and the rule.
+    /// The rule that is broken, with its values.
     pub fn validate(&self) -> Check {
         match self {
             Self::Trace(request) => request.validate(),
@@ -37,7 +37,7 @@ impl ToClient {
     /// say.
     ///
     /// # Errors
-    /// A sentence that names the value and the rule.
+    /// The rule that is broken, with its values.
     pub fn validate(&self) -> Check {
         match self {
             Self::Welcome { node, .. } => node.validate(),
@@ -61,13 +61,11 @@ impl TraceRequest {
     /// Checks every number against its range and the work against [`REQUEST_SAMPLES_MAX`].
     ///
     /// # Errors
-    /// A sentence that names the value and the rule.
+    /// The rule that is broken, with its values.
     pub fn validate(&self) -> Check {
         check_grid(self.grid)?;
         check_tiles(self.grid, self.tiles)?;
-        self.settings
-            .validate()
-            .map_err(|error| error.to_string())?;
+        self.settings.validate().map_err(Reason::tracer)?;
         check_update(&self.update)?;
         self.format.validate()?;
         self.precision.validate()?;
@@ -75,11 +73,11 @@ impl TraceRequest {
         let pixels = self.grid.pixels(self.tiles) as u64;
         let samples = pixels * u64::from(self.settings.samples);
         if samples > REQUEST_SAMPLES_MAX {
-            return Err(format!(
-                "{pixels} pixels of {} samples are asked for: at most {REQUEST_SAMPLES_MAX} samples \
-                 are allowed in one request",
-                self.settings.samples
-            ));
+            return Err(Reason::Samples {
+                pixels,
+                samples: self.settings.samples,
+                max: REQUEST_SAMPLES_MAX,
+            });
         }
         Ok(())
     }
@@ -88,7 +86,7 @@ impl TraceRequest {
 impl TraceRequest {
     fn check_references(&self) -> Check {
         at_most(
-            "stretches of held tiles",
+            "ranges of references",
             self.references.len(),
             REFERENCE_RANGES_MAX,
         )?;
@@ -97,11 +95,12 @@ impl TraceRequest {
             let inside = tiles.first.checked_add(tiles.count);
             let inside = inside.is_some_and(|end| end <= self.tiles.end());
             if tiles.count == 0 || tiles.first < from || !inside || *request >= self.id {
-                return Err(format!(
-                    "held are {tiles:?} of {request:?}: stretches must be in order, in {:?} and of \
-                     earlier requests than {:?}",
-                    self.tiles, self.id
-                ));
+                return Err(Reason::ReferenceRange {
+                    tiles: *tiles,
+                    request: request.0,
+                    requested: self.tiles,
+                    id: self.id.0,
+                });
             }
             from = tiles.end();
         }
@@ -113,12 +112,12 @@ impl PixelFormat {
     /// Checks the exposure.
     ///
     /// # Errors
-    /// A sentence with the value and the rule.
+    /// [`Reason::Exposure`].
     pub fn validate(self) -> Check {
         match self {
-            Self::Srgb8 { exposure } if !(exposure.is_finite() && exposure > 0.0) => Err(format!(
-                "the exposure is {exposure}: it must be finite and above 0"
-            )),
+            Self::Srgb8 { exposure } if !(exposure.is_finite() && exposure > 0.0) => {
+                Err(Reason::Exposure { exposure })
+            }
             Self::Srgb8 { .. } | Self::LinearF16 | Self::LinearF32 => Ok(()),
         }
     }
@@ -143,68 +142,59 @@ impl TilesDone {
     fn validate(&self) -> Check {
         let TileRange { first, count } = self.tiles;
         if !(1..=TILES_PER_MESSAGE_MAX).contains(&count) {
-            return Err(format!(
-                "it has {count} tiles: it must be from 1 to {TILES_PER_MESSAGE_MAX}"
-            ));
+            let max = TILES_PER_MESSAGE_MAX;
+            return Err(Reason::TileCount { count, max });
         }
         match first.checked_add(count) {
             Some(_) => Ok(()),
-            None => Err(format!("there is no tile {first} + {count}")),
+            None => Err(Reason::TileOverflow { tiles: self.tiles }),
         }
     }
 }
 
 fn check_grid(grid: TileGrid) -> Check {
-    grid.size.validate().map_err(|error| error.to_string())?;
+    grid.size.validate().map_err(Reason::tracer)?;
     if (1..=TILE_EDGE_MAX).contains(&grid.edge) {
         return Ok(());
     }
-    Err(format!(
-        "tiles of {} pixels are asked for: it must be from 1 to {TILE_EDGE_MAX}",
-        grid.edge
-    ))
+    Err(Reason::TileEdge {
+        edge: grid.edge,
+        max: TILE_EDGE_MAX,
+    })
 }
 
 fn check_tiles(grid: TileGrid, tiles: TileRange) -> Check {
     if !(1..=REQUEST_TILES_MAX).contains(&tiles.count) {
-        return Err(format!(
-            "{} tiles are asked for: it must be from 1 to {REQUEST_TILES_MAX}",
-            tiles.count
-        ));
+        let (count, max) = (tiles.count, REQUEST_TILES_MAX);
+        return Err(Reason::TileCount { count, max });
     }
     match tiles.first.checked_add(tiles.count) {
         Some(end) if end <= grid.len() => Ok(()),
-        _ => Err(format!(
-            "{} tiles from {} on are asked for: the picture has {}",
-            tiles.count,
-            tiles.first,
-            grid.len()
-        )),
+        _ => Err(Reason::TilesOutsideGrid {
+            tiles,
+            all: grid.len(),
+        }),
     }
 }
 
 fn check_update(update: &SceneUpdate) -> Check {
     at_most("poses", update.poses.len(), POSES_MAX)?;
     if let Some(camera) = &update.camera {
-        camera.validate().map_err(|fault| fault.to_string())?;
+        camera.validate().map_err(Reason::tracer)?;
     }
-    update
-        .poses
-        .iter()
-        .try_for_each(|pose| pose.validate().map_err(|fault| fault.to_string()))
+    let mut poses = update.poses.iter();
+    poses.try_for_each(|pose| pose.validate().map_err(Reason::tracer))
 }
 
 fn sentence(text: &str) -> Check {
     at_most("bytes of a sentence", text.len(), SENTENCE_BYTES_MAX)
 }
 
-fn at_most(what: &str, count: usize, max: usize) -> Check {
+fn at_most(what: &'static str, count: usize, max: usize) -> Check {
     if count <= max {
         return Ok(());
     }
-    Err(format!(
-        "there are {count} {what}: at most {max} are allowed"
-    ))
+    Err(Reason::TooMany { what, count, max })
 }
 
 /// The longest start of `text` of at most `bytes_max` bytes: what this program itself sends is

@@ -106,7 +106,7 @@ impl NodeConnection {
 
     /// Handles the arrival of a part of a scene: of so many bytes until now.
     pub fn on_scene_progress(&mut self, received_bytes: usize) {
-        self.client.lock().session.arriving(received_bytes);
+        self.client.lock().session.scene_progress(received_bytes);
     }
 
     /// Requests that have been cancelled since the last call.

@@ -8,13 +8,14 @@ use super::reference_tiles::Held;
 use super::requests::{OpenRequest, RefusedRequests};
 use super::scenes::SceneCache;
 use super::{Channel, Packet};
+use crate::codec;
+use crate::error::{Error, Reason};
 use crate::limits::{CONTROL_QUEUED_MAX, REQUESTS_QUEUED_MAX};
 use crate::message::{
     FrameId, NodeInfo, NodeTimes, PixelFormat, Refusal, RefusalReason, RequestId, RequestReport,
     SceneHash, TilesDone, ToClient, ToNode, TraceRequest, VERSION,
 };
 use crate::tile_codec::{Decoder, TilePixels};
-use crate::{Error, codec};
 
 /// What a node tells its client.
 #[derive(Clone, Debug, PartialEq)]
@@ -167,9 +168,10 @@ impl ClientSession {
             return Ok(*status);
         }
         if self.scenes_asked.len() >= CONTROL_QUEUED_MAX {
-            return Err(Error::unsendable("scene", "the node answers none"));
+            return Err(Error::unsendable("scene", Reason::NoAnswers));
         }
-        let invalid = |error: carom_tracer::Error| Error::unsendable("scene", error.to_string());
+        let invalid =
+            |error: carom_tracer::Error| Error::unsendable("scene", Reason::tracer(error));
         scene.validate().map_err(invalid)?;
         let scene = Box::new(scene.clone());
         self.send(&ToNode::Scene { hash, scene })?;
@@ -188,19 +190,21 @@ impl ClientSession {
     ///
     /// [set]: ClientSession::set_scene
     pub fn trace(&mut self, mut request: TraceRequest) -> Result<(), Error> {
-        let unsendable = |why: String| Err(Error::unsendable("trace request", why));
+        let unsendable = |reason| Err(Error::unsendable("trace request", reason));
         let id = request.id;
         if self.state != State::Open {
-            return unsendable("the node has not answered, or is at fault".into());
+            return unsendable(Reason::NotOpen);
         }
         if self.last_request.is_some_and(|last| id <= last) {
-            return unsendable(format!("{id:?} is not above the one before"));
+            return unsendable(Reason::RequestNotAbove { id: id.0 });
         }
         if self.requests.len() >= REQUESTS_QUEUED_MAX {
-            return unsendable(format!("{REQUESTS_QUEUED_MAX} requests are open"));
+            return unsendable(Reason::RequestsOpen {
+                max: REQUESTS_QUEUED_MAX,
+            });
         }
         if self.scenes.peek_mut(request.scene).is_none() {
-            return unsendable("the node does not hold its scene".into());
+            return unsendable(Reason::SceneNotHeld);
         }
         let references = self.held.name(&mut request);
         let (hash, state) = (request.scene, OpenRequest::new(&request, references));
@@ -236,7 +240,7 @@ impl ClientSession {
     /// pings for an answer.
     pub fn ping(&mut self, number: u64) -> Result<(), Error> {
         if self.pings.len() >= CONTROL_QUEUED_MAX {
-            return Err(Error::unsendable("ping", "the node answers none"));
+            return Err(Error::unsendable("ping", Reason::NoAnswers));
         }
         self.send(&ToNode::Ping(number))?;
         self.pings.push_back(number);
@@ -276,10 +280,13 @@ impl ClientSession {
 
     fn try_handle(&mut self, packet: Packet) -> Result<Vec<ClientEvent>, Error> {
         if self.state == State::Closed {
-            return Err(Error::out_of_order("packet", "the session is closed"));
+            return Err(Error::out_of_order("packet", Reason::SessionClosed));
         }
-        if self.state == State::New && !codec::is_greeting(&packet.bytes) {
-            return Err(Error::out_of_order("message", "the first must be Welcome"));
+        if self.state == State::New && !codec::is_hello(&packet.bytes) {
+            return Err(Error::out_of_order(
+                "message",
+                Reason::NotFirst { first: "Welcome" },
+            ));
         }
         let message = codec::decode_to_client(&packet.bytes)?;
         let what = codec::to_client_kind(&message);
@@ -288,12 +295,12 @@ impl ClientSession {
             _ => Channel::Control,
         };
         if packet.channel != channel {
-            let why = format!("it came as a {}", packet.channel.packet_name());
-            return Err(Error::out_of_order(what, why));
+            let channel = packet.channel.packet_name();
+            return Err(Error::out_of_order(what, Reason::WrongChannel { channel }));
         }
         match message {
             ToClient::Welcome { .. } if self.state == State::Open => {
-                Err(Error::out_of_order(what, "there has been one"))
+                Err(Error::out_of_order(what, Reason::Repeated))
             }
             ToClient::Welcome { node, .. } => {
                 self.state = State::Open;
@@ -325,7 +332,7 @@ impl ClientSession {
             }
             _ => Err(Error::out_of_order(
                 "progress of a scene",
-                format!("no scene of {bytes} bytes was sent"),
+                Reason::SceneProgress { bytes },
             )),
         }
     }
@@ -345,7 +352,7 @@ impl ClientSession {
             }
             _ => Err(Error::out_of_order(
                 "answer to a scene",
-                "the scene was not sent",
+                Reason::SceneNotSent,
             )),
         }
     }
@@ -403,8 +410,8 @@ impl ClientSession {
         request: RequestId,
     ) -> Result<Vec<ClientEvent>, Error> {
         if !self.refused.may_hold(request) {
-            let why = format!("{request:?} is not open");
-            return Err(Error::out_of_order("tile message", why));
+            let reason = Reason::RequestNotOpen { id: request.0 };
+            return Err(Error::out_of_order("tile message", reason));
         }
         self.late_tiles += 1;
         Ok(Vec::new())
@@ -417,11 +424,13 @@ impl ClientSession {
             // say two last words: so the request was never asked for, or is done.
             return Err(Error::out_of_order(
                 WHAT,
-                format!("{:?} is not open", report.request),
+                Reason::RequestNotOpen {
+                    id: report.request.0,
+                },
             ));
         };
         if request.report.is_some() {
-            return Err(Error::out_of_order(WHAT, "there has been one"));
+            return Err(Error::out_of_order(WHAT, Reason::Repeated));
         }
         let frame = request.frame;
         if request.missing > 0 && !request.cancelled {
@@ -443,12 +452,15 @@ impl ClientSession {
             .get(&id)
             .filter(|request| request.report.is_none())
         else {
-            return Err(Error::out_of_order(WHAT, format!("{id:?} is not open")));
+            return Err(Error::out_of_order(
+                WHAT,
+                Reason::RequestNotOpen { id: id.0 },
+            ));
         };
         if refusal.why == RefusalReason::Cancelled && !request.cancelled {
             return Err(Error::out_of_order(
                 WHAT,
-                format!("{id:?} was not cancelled"),
+                Reason::RequestNotCancelled { id: id.0 },
             ));
         }
         let frame = request.frame;
@@ -459,7 +471,7 @@ impl ClientSession {
 
     fn pong(&mut self, number: u64) -> Result<Vec<ClientEvent>, Error> {
         if self.pings.front() != Some(&number) {
-            return Err(Error::out_of_order("pong", "it answers no ping"));
+            return Err(Error::out_of_order("pong", Reason::NoPing));
         }
         self.pings.pop_front();
         Ok(vec![ClientEvent::Pong(number)])
@@ -498,7 +510,7 @@ impl ClientSession {
     fn send(&mut self, message: &ToNode) -> Result<(), Error> {
         if self.packets.len() >= CONTROL_QUEUED_MAX {
             let what = codec::to_node_kind(message);
-            return Err(Error::unsendable(what, "the network takes no packet"));
+            return Err(Error::unsendable(what, Reason::NetworkFull));
         }
         self.packets.push_back(codec::encode_to_node(message)?);
         Ok(())

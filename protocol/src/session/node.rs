@@ -7,6 +7,8 @@ use carom_tracer::{Scene, SceneUpdate, Shape, TileRange};
 
 use super::scenes::SceneCache;
 use super::{Channel, Packet};
+use crate::codec;
+use crate::error::{Error, Reason};
 use crate::limits::{
     CONTROL_QUEUED_MAX, NODE_NAME_BYTES_MAX, REQUESTS_QUEUED_MAX, REQUESTS_REFUSED_KEPT,
     SENTENCE_BYTES_MAX, TILES_QUEUED_BYTES_MAX,
@@ -16,7 +18,6 @@ use crate::message::{
     ToClient, ToNode, TraceRequest, VERSION,
 };
 use crate::validate::cut;
-use crate::{Error, codec};
 
 /// What a client asks of a node.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,20 +58,20 @@ pub struct NodeSession {
     answered: VecDeque<(RequestId, AcceptedRequest)>,
     /// Of both, those cancelled since the transport last asked.
     unwanted: Vec<RequestId>,
-    answers: VecDeque<Vec<u8>>,
+    control_queue: VecDeque<Vec<u8>>,
     /// Tiles and reports of requests, which a cancellation drops.
-    results: VecDeque<Answer>,
+    results: VecDeque<QueuedResult>,
     results_bytes: usize,
     /// Those of frames that newer ones have overtaken: sent when nothing else waits.
-    late: VecDeque<Answer>,
-    late_bytes: usize,
+    stale: VecDeque<QueuedResult>,
+    stale_bytes: usize,
     /// The newest frame that anything has been traced of.
     newest: FrameId,
 }
 
 /// A packet of a request that waits for the network.
 #[derive(Debug)]
-struct Answer {
+struct QueuedResult {
     request: RequestId,
     frame: FrameId,
     packet: Packet,
@@ -122,11 +123,11 @@ impl NodeSession {
             begun: BTreeSet::new(),
             answered: VecDeque::new(),
             unwanted: Vec::new(),
-            answers: VecDeque::new(),
+            control_queue: VecDeque::new(),
             results: VecDeque::new(),
             results_bytes: 0,
-            late: VecDeque::new(),
-            late_bytes: 0,
+            stale: VecDeque::new(),
+            stale_bytes: 0,
             newest: FrameId::default(),
         }
     }
@@ -146,8 +147,8 @@ impl NodeSession {
 
     /// Tells the client how much of a packet has come that is too long to be anything but a scene; to
     /// be called now and then while it comes, before it is handled.
-    pub fn arriving(&mut self, bytes: usize) {
-        let has_room = self.answers.len() < CONTROL_QUEUED_MAX;
+    pub fn scene_progress(&mut self, bytes: usize) {
+        let has_room = self.control_queue.len() < CONTROL_QUEUED_MAX;
         if self.state == State::Open && has_room {
             let bytes = u32::try_from(bytes).unwrap_or(u32::MAX);
             self.send(&ToClient::SceneComing { bytes });
@@ -168,9 +169,12 @@ impl NodeSession {
         let part = tiles.tiles;
         let inside = request.tiles.first <= part.first && part.end() <= request.tiles.end();
         if !inside || part.count > request.tiles_left {
-            let (left, whole) = (request.tiles_left, request.tiles);
-            let why = format!("{part:?} is not in the {left} tiles that are left of {whole:?}");
-            return Err(Error::unsendable("tile message", why));
+            let reason = Reason::TilesNotLeft {
+                tiles: part,
+                left: request.tiles_left,
+                requested: request.tiles,
+            };
+            return Err(Error::unsendable("tile message", reason));
         }
         let (id, frame) = (tiles.request, request.frame);
         let bytes = codec::encode_to_client(&ToClient::Tiles(tiles))?;
@@ -188,11 +192,13 @@ impl NodeSession {
             return Ok(false);
         };
         if request.tiles_left > 0 || request.reported {
-            let why = match request.reported {
-                true => "there has been one".into(),
-                false => format!("{} tiles are missing", request.tiles_left),
+            let reason = match request.reported {
+                true => Reason::Repeated,
+                false => Reason::TilesMissing {
+                    count: request.tiles_left,
+                },
             };
-            return Err(Error::unsendable("report", why));
+            return Err(Error::unsendable("report", reason));
         }
         let bytes = codec::encode_to_client(&ToClient::RequestDone(report))?;
         request.reported = true;
@@ -217,11 +223,11 @@ impl NodeSession {
     /// over. On a link that carries too little, frames that newer ones have overtaken come last: in
     /// order, all would be late by as long as the client waits before it cancels, and none of use.
     pub fn poll_transmit(&mut self) -> Option<Packet> {
-        if let Some(bytes) = self.answers.pop_front() {
+        if let Some(bytes) = self.control_queue.pop_front() {
             let channel = Channel::Control;
             return Some(Packet { channel, bytes });
         }
-        let Answer {
+        let QueuedResult {
             request, packet, ..
         } = match self.results.pop_front() {
             Some(answer) => {
@@ -229,8 +235,8 @@ impl NodeSession {
                 answer
             }
             None => {
-                let answer = self.late.pop_front()?;
-                self.late_bytes -= answer.packet.bytes.len();
+                let answer = self.stale.pop_front()?;
+                self.stale_bytes -= answer.packet.bytes.len();
                 answer
             }
         };
@@ -249,7 +255,7 @@ impl NodeSession {
     /// Whether [`TILES_QUEUED_BYTES_MAX`] bytes of tiles wait for the network: time to stop
     /// tracing until it has taken some.
     pub fn is_full(&self) -> bool {
-        self.results_bytes + self.late_bytes >= TILES_QUEUED_BYTES_MAX
+        self.results_bytes + self.stale_bytes >= TILES_QUEUED_BYTES_MAX
     }
 
     /// The last requests, answered or not, that were cancelled since the last call: their tiles need not
@@ -271,18 +277,21 @@ impl NodeSession {
 
     fn try_handle(&mut self, packet: Packet) -> Result<Option<NodeEvent>, Error> {
         if self.state == State::Closed {
-            return Err(Error::out_of_order("packet", "the session is closed"));
+            return Err(Error::out_of_order("packet", Reason::SessionClosed));
         }
         if packet.channel == Channel::Copy {
-            return self.take_copy(&packet.bytes);
+            return self.handle_duplicate_request(&packet.bytes);
         }
         if packet.channel != Channel::Control {
             let what = packet.channel.packet_name();
-            return Err(Error::out_of_order(what, "clients send none"));
+            return Err(Error::out_of_order(what, Reason::NotForNodes));
         }
         // Nothing else is looked at, or anything allocated for it, before the greeting.
-        if self.state == State::New && !codec::is_greeting(&packet.bytes) {
-            return Err(Error::out_of_order("message", "the first must be Hello"));
+        if self.state == State::New && !codec::is_hello(&packet.bytes) {
+            return Err(Error::out_of_order(
+                "message",
+                Reason::NotFirst { first: "Hello" },
+            ));
         }
         let message = codec::decode_to_node(&packet.bytes);
         if matches!(
@@ -292,9 +301,9 @@ impl NodeSession {
             self.welcome()?;
         }
         let message = message?;
-        if self.answers.len() >= CONTROL_QUEUED_MAX {
+        if self.control_queue.len() >= CONTROL_QUEUED_MAX {
             let what = codec::to_node_kind(&message);
-            return Err(Error::out_of_order(what, "the answers are not being read"));
+            return Err(Error::out_of_order(what, Reason::AnswersUnread));
         }
         match message {
             ToNode::Hello { .. } => Ok(None),
@@ -312,7 +321,7 @@ impl NodeSession {
     /// Answers a greeting, one of another version too: its sender reads the version from it.
     fn welcome(&mut self) -> Result<(), Error> {
         if self.state != State::New {
-            return Err(Error::out_of_order("greeting", "there has been one"));
+            return Err(Error::out_of_order("greeting", Reason::Repeated));
         }
         self.state = State::Open;
         self.send(&ToClient::Welcome {
@@ -337,8 +346,8 @@ impl NodeSession {
     fn queue(&mut self, request: Box<TraceRequest>) -> Result<Option<NodeEvent>, Error> {
         let id = request.id;
         if self.last_request.is_some_and(|last| id <= last) {
-            let why = format!("{id:?} is not above the one before");
-            return Err(Error::out_of_order("trace request", why));
+            let reason = Reason::RequestNotAbove { id: id.0 };
+            return Err(Error::out_of_order("trace request", reason));
         }
         self.last_request = Some(id);
         let begun = self.begun.remove(&id);
@@ -348,7 +357,7 @@ impl NodeSession {
             None => RefusalReason::UnknownScene,
             Some(_) if self.requests.len() >= REQUESTS_QUEUED_MAX => RefusalReason::Busy,
             Some(scene) => match check_fit(scene, &request.update) {
-                Err(why) => RefusalReason::Invalid(why),
+                Err(reason) => RefusalReason::Invalid(reason.to_string()),
                 Ok(()) => {
                     self.requests.insert(id, AcceptedRequest::new(&request));
                     let scene = Arc::clone(scene);
@@ -362,13 +371,13 @@ impl NodeSession {
 
     /// Begins a request whose own packet is still on its way. Whatever speaks against it is for
     /// that packet to find: scenes are used, and answers given, in the order of packets.
-    fn take_copy(&mut self, bytes: &[u8]) -> Result<Option<NodeEvent>, Error> {
+    fn handle_duplicate_request(&mut self, bytes: &[u8]) -> Result<Option<NodeEvent>, Error> {
         if self.state == State::New {
             return Ok(None);
         }
         let ToNode::Trace(request) = codec::decode_to_node(bytes)? else {
             let what = Channel::Copy.packet_name();
-            return Err(Error::out_of_order(what, "only requests have copies"));
+            return Err(Error::out_of_order(what, Reason::CopyOfNoRequest));
         };
         let id = request.id;
         let come = self.last_request.is_some_and(|last| id <= last) || self.begun.contains(&id);
@@ -426,10 +435,10 @@ impl NodeSession {
     ) {
         if frame > self.newest {
             self.newest = frame;
-            self.overtake();
+            self.demote_stale();
         }
         let packet = Packet { channel, bytes };
-        let answer = Answer {
+        let answer = QueuedResult {
             request,
             frame,
             packet,
@@ -438,9 +447,9 @@ impl NodeSession {
     }
 
     /// Puts what is now too old behind everything else. A request stays in order: all of it is.
-    fn overtake(&mut self) {
+    fn demote_stale(&mut self) {
         let oldest = self.results.iter().map(|answer| answer.frame).min();
-        if oldest.is_none_or(|oldest| !self.is_overtaken(oldest)) {
+        if oldest.is_none_or(|oldest| !self.is_stale(oldest)) {
             return;
         }
         self.results_bytes = 0;
@@ -449,28 +458,28 @@ impl NodeSession {
         }
     }
 
-    fn wait(&mut self, answer: Answer) {
+    fn wait(&mut self, answer: QueuedResult) {
         let bytes = answer.packet.bytes.len();
-        if self.is_overtaken(answer.frame) {
-            self.late_bytes += bytes;
-            self.late.push_back(answer);
+        if self.is_stale(answer.frame) {
+            self.stale_bytes += bytes;
+            self.stale.push_back(answer);
         } else {
             self.results_bytes += bytes;
             self.results.push_back(answer);
         }
     }
 
-    const fn is_overtaken(&self, frame: FrameId) -> bool {
+    const fn is_stale(&self, frame: FrameId) -> bool {
         frame.0.saturating_add(FRAMES_IN_ORDER) <= self.newest.0
     }
 
     fn drop_results(&mut self, unwanted: &[RequestId]) {
-        let keep = |answers: &mut VecDeque<Answer>| -> usize {
+        let keep = |answers: &mut VecDeque<QueuedResult>| -> usize {
             answers.retain(|answer| !unwanted.contains(&answer.request));
             answers.iter().map(|answer| answer.packet.bytes.len()).sum()
         };
         self.results_bytes = keep(&mut self.results);
-        self.late_bytes = keep(&mut self.late);
+        self.stale_bytes = keep(&mut self.stale);
     }
 
     fn send_refusal(&mut self, request: RequestId, why: RefusalReason) {
@@ -484,27 +493,20 @@ impl NodeSession {
 
     fn send(&mut self, message: &ToClient) {
         let bytes = codec::encode_to_client(message).expect("names and sentences are cut");
-        self.answers.push_back(bytes);
+        self.control_queue.push_back(bytes);
     }
 }
 
 /// Whether each pose names a ball of the scene.
-fn check_fit(scene: &Scene, update: &SceneUpdate) -> Result<(), String> {
+fn check_fit(scene: &Scene, update: &SceneUpdate) -> Result<(), Reason> {
     for pose in &update.poses {
-        match scene.objects.get(pose.object as usize) {
-            Some(object) if matches!(object.shape, Shape::Sphere { .. }) => {}
-            Some(_) => {
-                return Err(format!(
-                    "object {} is posed, but it is no sphere",
-                    pose.object
-                ));
-            }
+        let object = pose.object;
+        match scene.objects.get(object as usize).map(|found| &found.shape) {
+            Some(Shape::Sphere { .. }) => {}
+            Some(_) => return Err(Reason::PoseOfNoSphere { object }),
             None => {
-                return Err(format!(
-                    "object {} is posed, but the scene has {} objects",
-                    pose.object,
-                    scene.objects.len()
-                ));
+                let objects = scene.objects.len();
+                return Err(Reason::PoseOutsideScene { object, objects });
             }
         }
     }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use carom_tracer::{Tile, TileGrid, TileRange};
 
 use super::reference_tiles::References;
-use crate::Error;
+use crate::error::{Error, Reason};
 use crate::limits::REQUESTS_REFUSED_KEPT;
 use crate::message::{FrameId, PixelFormat, RequestId, RequestReport, TraceRequest};
 use crate::precision::PrecisionRange;
@@ -71,18 +71,15 @@ impl OpenRequest {
     pub(super) fn receive(&mut self, tiles: TileRange) -> Result<(), Error> {
         const WHAT: &str = "tile message";
         if tiles.first < self.tiles.first || tiles.end() > self.tiles.end() {
-            let why = format!(
-                "{tiles:?} was not asked for: the request is {:?}",
-                self.tiles
-            );
-            return Err(Error::out_of_order(WHAT, why));
+            let requested = self.tiles;
+            let reason = Reason::TilesNotAsked { tiles, requested };
+            return Err(Error::out_of_order(WHAT, reason));
         }
         self.received.resize(self.tiles.count as usize, false);
         let start = (tiles.first - self.tiles.first) as usize;
         let received = &mut self.received[start..][..tiles.count as usize];
         if received.contains(&true) {
-            let why = format!("some of {tiles:?} have come before");
-            return Err(Error::out_of_order(WHAT, why));
+            return Err(Error::out_of_order(WHAT, Reason::TilesRepeated { tiles }));
         }
         received.fill(true);
         self.missing -= tiles.count;

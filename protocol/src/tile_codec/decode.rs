@@ -1,4 +1,4 @@
-//! Payloads to pixels.
+//! Decoder of payloads to pixels.
 
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -9,35 +9,36 @@ use half::slice::{HalfBitsSliceExt, HalfFloatSliceExt};
 use zstd::bulk::Decompressor;
 use zstd::zstd_safe;
 
-use super::delta::delta_mask::Changes;
+use super::delta::delta_coder::DeltaCoder;
+use super::delta::reference::ReferenceTile;
 use super::entropy::range_coder::RangeDecoder;
-use super::header::{CHANGES, Header, JPEG, STORED, ZSTD};
-use super::mode::{Base, Mode};
-use super::transform::inverse::Reader;
-use super::transform::{float_planes as planes, quantise as levels};
-use super::{ReferenceTile, TilePixels, jpeg};
-use crate::Error;
+use super::header::{Header, JPEG, RANGE_CODED, STORED, TileMode, ZSTD};
+use super::transform::float_planes;
+use super::transform::quantise::{dequantise, quantised};
+use super::transform::srgb_inverse::InverseTransform;
+use super::{TilePixels, jpeg};
+use crate::error::{Error, Reason};
 use crate::limits::PIXELS_PER_MESSAGE_MAX;
 use crate::message::PixelFormat;
 use crate::precision::{PixelPrecision, PrecisionRange};
 
-/// sRGB tiles out of a payload.
+/// Decoded sRGB tiles of a payload.
 #[derive(Clone, Debug)]
 pub struct SrgbTiles {
     /// Tile after tile, each row-major.
     pub pixels: Vec<[u8; 3]>,
-    /// The tiles, to be remembered.
+    /// The tiles, to be remembered for later ones.
     pub references: Vec<Arc<ReferenceTile>>,
-    /// What the node chose.
+    /// The precision that the node chose.
     pub precision: PixelPrecision,
 }
 
-/// Turns payloads into pixels. Keep one per thread or connection: its buffer and its zstd context,
+/// Decoder of payloads. Keep one per thread or connection: its buffer and its zstd context,
 /// some 160 kB, are used again.
 pub struct Decoder {
     zstd: Decompressor<'static>,
     planes: Vec<u8>,
-    changes: Changes,
+    delta_coder: DeltaCoder,
     level: Level,
 }
 
@@ -51,7 +52,7 @@ impl Decoder {
         Self {
             zstd,
             planes: Vec::new(),
-            changes: Changes::new(),
+            delta_coder: DeltaCoder::new(),
             level: Level::new(),
         }
     }
@@ -76,19 +77,21 @@ impl Decoder {
         }
         let size = checked_pixels(tiles.iter().copied(), format)? * format.bytes();
         let planes = match payload.split_first() {
-            Some((first, planes)) => self.unpack(*first, planes, size..=size)?,
-            None => return Err(no_such_storage()),
+            Some((first, planes)) => self
+                .unpack(*first, planes, size..=size)
+                .map_err(|reason| Error::malformed(WHAT, reason))?,
+            None => return Err(Error::malformed(WHAT, Reason::Empty)),
         };
         Ok(TilePixels::Linear(match format {
-            PixelFormat::LinearF16 => from_f16(&planes::join(planes, tiles)),
-            _ => from_f32(&planes::join(planes, tiles)),
+            PixelFormat::LinearF16 => from_f16(&float_planes::inverse(planes, tiles)),
+            _ => from_f32(&float_planes::inverse(planes, tiles)),
         }))
     }
 
-    /// The pixels of sRGB tiles, each with what it may be told from, of a precision in `range`.
+    /// The pixels of sRGB tiles, each with its reference, of a precision in `range`.
     ///
     /// # Errors
-    /// As [`Decoder::decode`], and [`Error::Malformed`] if a tile is told from what is not there.
+    /// As [`Decoder::decode`], and [`Error::Malformed`] if a tile needs a reference that is not there.
     pub fn decode_srgb(
         &mut self,
         range: PrecisionRange,
@@ -97,12 +100,14 @@ impl Decoder {
     ) -> Result<SrgbTiles, Error> {
         let format = PixelFormat::Srgb8 { exposure: 1.0 };
         let count = checked_pixels(tiles.iter().map(|(tile, _)| *tile), format)?;
-        let malformed = |why: String| Error::malformed(WHAT, why);
+        let malformed = |reason: Reason| Error::malformed(WHAT, reason);
         let header = Header::parse(payload, tiles.len()).map_err(malformed)?;
         if !range.contains(header.precision) {
-            let (sent, PrecisionRange { finest, coarsest }) = (header.precision, range);
-            let why = format!("it is {sent}: from {finest} to {coarsest} was asked for");
-            return Err(malformed(why));
+            return Err(malformed(Reason::PrecisionNotAsked {
+                sent: header.precision.name(),
+                finest: range.finest.name(),
+                coarsest: range.coarsest.name(),
+            }));
         }
         let mut decoded = SrgbTiles {
             pixels: Vec::new(),
@@ -110,100 +115,111 @@ impl Decoder {
             precision: header.precision,
         };
         match header.precision.step() {
-            Some(step) if header.storage == CHANGES => {
-                let changes = self.decode_changes(&header, step, tiles, count, &mut decoded);
-                changes.map_err(malformed)?;
+            Some(step) if header.storage == RANGE_CODED => {
+                self.decode_range_coded(&header, step, tiles, count, &mut decoded)
             }
-            Some(step) => self.decode_levels(&header, step, tiles, count, &mut decoded)?,
-            None => decode_lossy(&header, tiles, count, &mut decoded).map_err(malformed)?,
+            Some(step) => self.decode_planes(&header, step, tiles, count, &mut decoded),
+            None => decode_lossy(&header, tiles, count, &mut decoded),
         }
+        .map_err(malformed)?;
         Ok(decoded)
     }
 
-    fn decode_levels(
+    fn decode_planes(
         &mut self,
         header: &Header,
         step: u8,
         tiles: &[(Tile, Option<&Arc<ReferenceTile>>)],
         count: usize,
         decoded: &mut SrgbTiles,
-    ) -> Result<(), Error> {
+    ) -> Result<(), Reason> {
         let precision = header.precision;
-        let (mut mark_bytes, mut dense, mut marked_max) = (0, 0, 0);
+        let (mut mask_bytes, mut intra, mut delta) = (0, 0, 0);
         for ((tile, _), mode) in tiles.iter().zip(&header.modes) {
-            match mode.map(|mode| mode.base) {
-                None => {}
-                Some(Base::Neighbour | Base::Reference) => dense += tile.pixels(),
-                Some(Base::Marked) => {
-                    mark_bytes += Reader::mark_bytes(*tile);
-                    marked_max += tile.pixels();
+            match mode {
+                TileMode::Unchanged => {}
+                TileMode::Intra => intra += tile.pixels(),
+                TileMode::Delta => {
+                    mask_bytes += InverseTransform::mask_bytes(*tile);
+                    delta += tile.pixels();
                 }
             }
         }
-        let least = mark_bytes + 3 * dense;
+        // The masks say how long the planes are, and are packed with them: only bounds are known.
+        let least = mask_bytes + 3 * intra;
         let level = self.level;
-        let planes = match (least, header.storage, header.rest) {
+        let planes = match (least, header.storage, header.body) {
             (0, STORED, []) => &[],
-            _ => self.unpack(header.storage, header.rest, least..=least + 3 * marked_max)?,
+            _ => self.unpack(header.storage, header.body, least..=least + 3 * delta)?,
         };
-        let reader = Reader::new(level, planes, mark_bytes, dense);
-        let mut reader = reader.ok_or_else(|| Error::malformed(WHAT, "its marks do not fit"))?;
-        // Not before the planes have turned out to be there.
+        let transform = InverseTransform::new(level, planes, mask_bytes, intra);
+        let mut transform = transform.ok_or(Reason::DeltaMasks)?;
+        // Allocated once the planes have turned out to be there.
         decoded.pixels = vec![[0; 3]; count];
         let mut pixels = &mut decoded.pixels[..];
         for ((tile, reference), mode) in tiles.iter().zip(&header.modes) {
             let (here, after) = pixels.split_at_mut(tile.pixels());
             pixels = after;
-            let Some(mode) = mode else {
-                let same = reference.and_then(|held| held.rounded(precision, *tile));
-                let same = same.ok_or_else(|| Error::malformed(WHAT, NO_REFERENCE))?;
-                here.copy_from_slice(&same.pixels);
-                decoded.references.push(same);
-                continue;
-            };
-            let base = reference.and_then(|held| held.base(precision, tile.pixels()));
-            let joined = reader.join(here, *mode, step, *tile, base);
-            joined.ok_or_else(|| Error::malformed(WHAT, NO_REFERENCE))?;
+            match mode {
+                TileMode::Unchanged => {
+                    let same = reference.and_then(|known| known.at_precision(precision, *tile));
+                    let same = same.ok_or(Reason::MissingReference)?;
+                    here.copy_from_slice(&same.pixels);
+                    decoded.references.push(same);
+                    continue;
+                }
+                TileMode::Intra => transform.intra_tile(here, step, tile.width as usize),
+                TileMode::Delta => {
+                    let base = reference.and_then(|known| known.base(precision, tile.pixels()));
+                    let base = base.ok_or(Reason::MissingReference)?;
+                    let inverted = transform.delta_tile(here, step, *tile, base);
+                    inverted.ok_or(Reason::DeltaMasks)?;
+                }
+            }
             let pixels = Box::from(&*here);
-            let kept = ReferenceTile { pixels, precision };
-            decoded.references.push(Arc::new(kept));
+            let tile = ReferenceTile { pixels, precision };
+            decoded.references.push(Arc::new(tile));
         }
         Ok(())
     }
 
-    fn decode_changes(
+    fn decode_range_coded(
         &mut self,
         header: &Header,
         step: u8,
         tiles: &[(Tile, Option<&Arc<ReferenceTile>>)],
         count: usize,
         decoded: &mut SrgbTiles,
-    ) -> Result<(), String> {
+    ) -> Result<(), Reason> {
         let precision = header.precision;
-        let mut coder = RangeDecoder::new(header.rest);
-        self.changes.begin();
+        let mut coder = RangeDecoder::new(header.body);
+        self.delta_coder.begin();
         decoded.pixels = Vec::with_capacity(count);
         for (tile, reference) in tiles {
-            let held = reference.ok_or(NO_REFERENCE)?;
-            let kept = if self.changes.changes(&mut coder, false) {
+            let reference = reference.ok_or(Reason::MissingReference)?;
+            let tile = if self.delta_coder.tile_changes(&mut coder, false) {
                 let width = tile.width as usize;
-                let base = held.base(precision, tile.pixels()).ok_or(NO_REFERENCE)?;
-                let mut pixels = levels::of(step, width, base);
-                self.changes
+                let base = reference
+                    .base(precision, tile.pixels())
+                    .ok_or(Reason::MissingReference)?;
+                let mut pixels = quantised(step, width, base);
+                self.delta_coder
                     .tile(&mut coder, width, step, &mut pixels, None);
-                levels::to_values(step, width, &mut pixels);
+                dequantise(step, width, &mut pixels);
                 let pixels = pixels.into_boxed_slice();
                 Arc::new(ReferenceTile { pixels, precision })
             } else {
-                held.rounded(precision, *tile).ok_or(NO_REFERENCE)?
+                reference
+                    .at_precision(precision, *tile)
+                    .ok_or(Reason::MissingReference)?
             };
-            decoded.pixels.extend_from_slice(&kept.pixels);
-            decoded.references.push(kept);
+            decoded.pixels.extend_from_slice(&tile.pixels);
+            decoded.references.push(tile);
         }
         if coder.is_at_end() {
             return Ok(());
         }
-        Err("its changes do not end where it does".into())
+        Err(Reason::RangeCoderEnd)
     }
 
     /// Planes of one of `sizes` bytes.
@@ -212,25 +228,24 @@ impl Decoder {
         storage: u8,
         bytes: &'a [u8],
         sizes: RangeInclusive<usize>,
-    ) -> Result<&'a [u8], Error> {
+    ) -> Result<&'a [u8], Reason> {
         match storage {
             STORED if sizes.contains(&bytes.len()) => Ok(bytes),
-            STORED => {
-                let why = format!("{} bytes are stored for {}", bytes.len(), stated(&sizes));
-                Err(Error::malformed(WHAT, why))
-            }
+            STORED => Err(wrong_size(bytes.len(), &sizes)),
             ZSTD => self.decompress(bytes, &sizes),
-            _ => Err(no_such_storage()),
+            _ => Err(Reason::Storage),
         }
     }
 
-    fn decompress(&mut self, frame: &[u8], sizes: &RangeInclusive<usize>) -> Result<&[u8], Error> {
-        let size = check_frame(frame, sizes).map_err(|why| Error::malformed(WHAT, why))?;
+    fn decompress(&mut self, frame: &[u8], sizes: &RangeInclusive<usize>) -> Result<&[u8], Reason> {
+        let size = check_frame(frame, sizes)?;
         self.planes.resize(size, 0);
         match self.zstd.decompress_to_buffer(frame, &mut self.planes[..]) {
             Ok(length) if length == size => Ok(&self.planes),
-            Ok(length) => Err(Error::malformed(WHAT, format!("{length} bytes for {size}"))),
-            Err(error) => Err(Error::malformed(WHAT, error.to_string())),
+            Ok(length) => Err(wrong_size(length, sizes)),
+            Err(error) => Err(Reason::Zstd {
+                message: error.to_string(),
+            }),
         }
     }
 }
@@ -246,17 +261,17 @@ fn decode_lossy(
     tiles: &[(Tile, Option<&Arc<ReferenceTile>>)],
     count: usize,
     decoded: &mut SrgbTiles,
-) -> Result<(), String> {
+) -> Result<(), Reason> {
     let precision = header.precision;
-    let told = tiles.iter().zip(&header.modes);
-    let scanned: Vec<Tile> = told
-        .filter(|(_, mode)| mode.is_some())
+    let coded = tiles.iter().zip(&header.modes);
+    let scanned: Vec<Tile> = coded
+        .filter(|(_, mode)| **mode == TileMode::Intra)
         .map(|((tile, _), _)| *tile)
         .collect();
     let scan = match (scanned.is_empty(), header.storage) {
-        (true, STORED) if header.rest.is_empty() => Vec::new(),
-        (false, JPEG) => jpeg::decode(precision, &scanned, header.rest)?,
-        _ => return Err("it is no JPEG scan".into()),
+        (true, STORED) if header.body.is_empty() => Vec::new(),
+        (false, JPEG) => jpeg::decode(precision, &scanned, header.body)?,
+        _ => return Err(Reason::JpegStorage),
     };
     decoded.pixels = vec![[0; 3]; count];
     let mut scan = &scan[..];
@@ -265,7 +280,7 @@ fn decode_lossy(
         let (here, after) = shown.split_at_mut(tile.pixels());
         shown = after;
         match (mode, reference) {
-            (Some(mode), _) if *mode == Mode::USUAL => {
+            (TileMode::Intra, _) => {
                 let (pixels, rest) = scan.split_at(here.len());
                 scan = rest;
                 here.copy_from_slice(pixels);
@@ -273,11 +288,11 @@ fn decode_lossy(
                 let tile = ReferenceTile { pixels, precision };
                 decoded.references.push(Arc::new(tile));
             }
-            (None, Some(same)) if same.pixels.len() == here.len() => {
+            (TileMode::Unchanged, Some(same)) if same.pixels.len() == here.len() => {
                 here.copy_from_slice(&same.pixels);
                 decoded.references.push(Arc::clone(same));
             }
-            _ => return Err(NO_REFERENCE.into()),
+            _ => return Err(Reason::MissingReference),
         }
     }
     Ok(())
@@ -294,40 +309,35 @@ fn checked_pixels(tiles: impl Iterator<Item = Tile>, format: PixelFormat) -> Res
     Err(Error::TooLarge { what, bytes, max })
 }
 
-fn no_such_storage() -> Error {
-    Error::malformed(WHAT, "its first byte names no way of storing")
-}
-
 /// One zstd frame (RFC 8878), all of the bytes, without a dictionary, of a stated size among
 /// `sizes`, which it hands out. Zstd alone would also take several frames, skippable ones among
 /// them.
-fn check_frame(frame: &[u8], sizes: &RangeInclusive<usize>) -> Result<usize, String> {
+fn check_frame(frame: &[u8], sizes: &RangeInclusive<usize>) -> Result<usize, Reason> {
     if !frame.starts_with(&zstd_safe::MAGICNUMBER.to_le_bytes()) {
-        return Err("it is no zstd frame".into());
+        return Err(Reason::ZstdMagic);
     }
     if zstd_safe::get_dict_id_from_frame(frame).is_some() {
-        return Err("it asks for a dictionary".into());
+        return Err(Reason::ZstdDictionary);
     }
     let size = match zstd_safe::get_frame_content_size(frame) {
         Ok(Some(size)) => usize::try_from(size).unwrap_or(usize::MAX),
-        _ => return Err("it states no size".into()),
+        _ => return Err(Reason::ZstdNoSize),
     };
     if !sizes.contains(&size) {
-        return Err(format!("it states {size} bytes for {}", stated(sizes)));
+        return Err(wrong_size(size, sizes));
     }
     match zstd_safe::find_frame_compressed_size(frame) {
         Ok(length) if length == frame.len() => Ok(size),
-        Ok(length) => Err(format!("{} bytes follow its end", frame.len() - length)),
-        Err(_) => Err("its frame is cut short".into()),
+        Ok(length) => Err(Reason::TrailingBytes {
+            bytes: frame.len() - length,
+        }),
+        Err(_) => Err(Reason::ZstdCutShort),
     }
 }
 
-fn stated(sizes: &RangeInclusive<usize>) -> String {
-    let (least, most) = (sizes.start(), sizes.end());
-    if least == most {
-        return least.to_string();
-    }
-    format!("{least} to {most}")
+fn wrong_size(bytes: usize, sizes: &RangeInclusive<usize>) -> Reason {
+    let (min, max) = (*sizes.start(), *sizes.end());
+    Reason::PlaneBytes { bytes, min, max }
 }
 
 /// All at once: for one number at a time, `half` asks each time what the processor can do.
@@ -344,4 +354,3 @@ fn from_f32(bits: &[[u32; 3]]) -> Vec<[f32; 3]> {
 }
 
 const WHAT: &str = "tile payload";
-const NO_REFERENCE: &str = "a tile is told from one that is not held";

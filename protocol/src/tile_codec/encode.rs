@@ -1,4 +1,4 @@
-//! Radiance to payloads.
+//! Encoder of payloads from radiance.
 
 use std::sync::Arc;
 
@@ -7,26 +7,26 @@ use carom_tracer::tonemap::srgb8;
 use fearless_simd::Level;
 use zstd::bulk::Compressor;
 
-use super::delta::delta_mask::Changes;
+use super::delta::delta_coder::DeltaCoder;
+use super::delta::reference::{DeltaStats, ReferenceTile};
 use super::entropy::range_coder::RangeEncoder;
-use super::header::{self, CHANGES, JPEG, ZSTD};
-use super::mode::Mode;
-use super::transform::forward::{Numbers, Splitter};
-use super::transform::{float_planes as planes, quantise as levels};
-use super::{DeltaStats, ReferenceTile, TileInput, jpeg};
+use super::header::{self, JPEG, RANGE_CODED, TileMode, ZSTD};
+use super::transform::float_planes;
+use super::transform::quantise::{quantised, rounded};
+use super::transform::srgb_forward::ForwardTransform;
+use super::{TileInput, jpeg};
 use crate::limits::PIXELS_PER_MESSAGE_MAX;
 use crate::message::PixelFormat;
 use crate::precision::PixelPrecision;
 
-/// Turns radiance into payloads. Keep one per thread: its buffers and its zstd context, some
-/// 600 kB, are used again.
+/// Encoder of payloads. Keep one per thread: its buffers and its zstd context, some 600 kB, are used
+/// again.
 pub struct Encoder {
     zstd: Compressor<'static>,
     planes: Vec<u8>,
-    splitter: Splitter,
-    numbers: Numbers,
-    changes: Changes,
-    /// How much less time a decoder has taken than it may, lately.
+    transform: ForwardTransform,
+    delta_coder: DeltaCoder,
+    /// Decoding time that recent messages left of what they may take: a token bucket.
     spare_nanos: f32,
     delta: DeltaStats,
     level: Level,
@@ -41,16 +41,15 @@ impl Encoder {
         Self {
             zstd: Compressor::new(ZSTD_LEVEL).expect("memory for a zstd context"),
             planes: Vec::new(),
-            splitter: Splitter::default(),
-            numbers: Numbers::default(),
-            changes: Changes::new(),
+            transform: ForwardTransform::default(),
+            delta_coder: DeltaCoder::new(),
             spare_nanos: 0.0,
             delta: DeltaStats::default(),
             level: Level::new(),
         }
     }
 
-    /// The payload of `tiles`, each with its radiance, row-major: exact and told from nothing. The
+    /// The payload of `tiles`, each with its radiance, row-major: exact and without references. The
     /// same radiance gives the same pixels on every machine.
     ///
     /// [`PixelFormat::LinearF16`] rounds to the nearest half float, of which ±65504 are the
@@ -72,15 +71,15 @@ impl Encoder {
         let pixels = count_pixels(tiles.iter().map(|&(tile, radiance)| (tile, radiance.len())));
         self.planes.resize(pixels * format.bytes(), 0);
         match format {
-            PixelFormat::LinearF16 => planes::split(&mut self.planes, tiles, f16_bits),
-            _ => planes::split(&mut self.planes, tiles, |pixel| pixel.map(f32::to_bits)),
+            PixelFormat::LinearF16 => float_planes::forward(&mut self.planes, tiles, f16_bits),
+            _ => float_planes::forward(&mut self.planes, tiles, |pixel| pixel.map(f32::to_bits)),
         }
         let mut payload = vec![0];
         self.pack(&mut payload);
         payload
     }
 
-    /// The payload of sRGB tiles, and each tile as the client will hold it.
+    /// The payload of sRGB tiles, and each tile as the client will remember it.
     ///
     /// # Panics
     /// As [`Encoder::encode`].
@@ -97,17 +96,17 @@ impl Encoder {
             .collect();
         self.delta = DeltaStats::default();
         match precision.step() {
-            Some(step) => self.encode_levels(precision, step, inputs, &shown),
+            Some(step) => self.encode_quantised(precision, step, inputs, &shown),
             None => self.encode_lossy(precision, inputs, shown),
         }
     }
 
-    /// How the last message's pixels stand to what the client was sent before.
+    /// Statistics of the last message.
     pub fn delta_stats(&self) -> DeltaStats {
         self.delta
     }
 
-    fn encode_levels<'a>(
+    fn encode_quantised<'a>(
         &mut self,
         precision: PixelPrecision,
         step: u8,
@@ -119,10 +118,12 @@ impl Encoder {
             reference.base(precision, pixels.len())
         };
         let bases: Vec<Option<&[[u8; 3]]>> = inputs.iter().zip(shown).map(base).collect();
-        let held: Option<Vec<&[[u8; 3]]>> = bases.iter().copied().collect();
-        let (payload, nanos) = match held {
-            Some(held) if self.spare_nanos >= 0.0 => {
-                self.encode_changes(precision, step, inputs, shown, &held)
+        let all: Option<Vec<&[[u8; 3]]>> = bases.iter().copied().collect();
+        // Range coding takes a decoder ten times as long a changed pixel as planes do. While the
+        // camera turns all pixels change: there it is used as long as decoders keep their rate.
+        let (payload, nanos) = match all {
+            Some(all) if self.spare_nanos >= 0.0 => {
+                self.encode_range_coded(precision, step, inputs, shown, &all)
             }
             _ => self.encode_planes(precision, step, inputs, shown, &bases),
         };
@@ -130,42 +131,42 @@ impl Encoder {
         let spare_nanos = self.spare_nanos + PIXEL_NANOS * pixels as f32 - nanos;
         self.spare_nanos = spare_nanos.min(SPARE_NANOS_MAX);
         let kept = inputs.iter().zip(shown).map(|(input, pixels)| {
-            let pixels = levels::rounded(step, input.tile.width as usize, pixels);
+            let pixels = rounded(step, input.tile.width as usize, pixels);
             Arc::new(ReferenceTile { pixels, precision })
         });
         (payload, kept.collect())
     }
 
-    /// The payload, and what it takes a decoder.
-    fn encode_changes(
+    /// The payload, and the time it takes a decoder.
+    fn encode_range_coded(
         &mut self,
         precision: PixelPrecision,
         step: u8,
         inputs: &[TileInput],
         shown: &[Vec<[u8; 3]>],
-        held: &[&[[u8; 3]]],
+        references: &[&[[u8; 3]]],
     ) -> (Vec<u8>, f32) {
-        let mut coder = RangeEncoder::new(vec![header::first(precision, CHANGES)]);
-        self.changes.begin();
-        for ((input, pixels), held) in inputs.iter().zip(shown).zip(held) {
+        let mut coder = RangeEncoder::new(vec![header::first_byte(precision, RANGE_CODED)]);
+        self.delta_coder.begin();
+        for ((input, pixels), reference) in inputs.iter().zip(shown).zip(references) {
             let width = input.tile.width as usize;
-            let mut levels = levels::of(step, width, held);
-            let new = levels::of(step, width, pixels);
-            if self.changes.changes(&mut coder, levels != new) {
-                self.changes
+            let mut levels = quantised(step, width, reference);
+            let new = quantised(step, width, pixels);
+            if self.delta_coder.tile_changes(&mut coder, levels != new) {
+                self.delta_coder
                     .tile(&mut coder, width, step, &mut levels, Some(&new));
             }
         }
         let payload = coder.finish();
-        let pixels: usize = held.iter().map(|held| held.len()).sum();
-        (self.delta.referenced, self.delta.changed) = (pixels, self.changes.pixels());
-        let nanos = HELD_NANOS * pixels as f32
-            + CHANGED_NANOS * self.changes.pixels() as f32
-            + CHANGES_BYTE_NANOS * payload.len() as f32;
+        let pixels: usize = shown.iter().map(Vec::len).sum();
+        (self.delta.referenced, self.delta.changed) = (pixels, self.delta_coder.changed_pixels());
+        let nanos = REFERENCE_NANOS * pixels as f32
+            + CHANGED_NANOS * self.delta_coder.changed_pixels() as f32
+            + RANGE_CODED_BYTE_NANOS * payload.len() as f32;
         (payload, nanos)
     }
 
-    /// The payload, and what it takes a decoder.
+    /// The payload, and the time it takes a decoder.
     fn encode_planes(
         &mut self,
         precision: PixelPrecision,
@@ -174,20 +175,19 @@ impl Encoder {
         shown: &[Vec<[u8; 3]>],
         bases: &[Option<&[[u8; 3]]>],
     ) -> (Vec<u8>, f32) {
-        self.numbers.clear();
+        self.transform.clear();
         let mut modes = Vec::with_capacity(inputs.len());
         for ((input, pixels), base) in inputs.iter().zip(shown).zip(bases) {
-            let (numbers, tile) = (&mut self.numbers, input.tile);
-            let (level, splitter) = (self.level, &mut self.splitter);
-            let (mode, changed) = splitter.split(level, numbers, step, tile, pixels, *base);
-            let changed = input.reference.map(|held| match base {
+            let tile = input.tile;
+            let (mode, changed) = self.transform.append(self.level, step, tile, pixels, *base);
+            let changed = input.reference.map(|reference| match base {
                 Some(_) => changed,
-                None => held.changed(tile.width, pixels),
+                None => reference.count_changed(tile.width, pixels),
             });
             self.delta.add(tile.pixels(), base.is_none(), changed);
             modes.push(mode);
         }
-        self.numbers.write(&mut self.planes);
+        self.transform.write(&mut self.planes);
         let mut payload = header::write(precision, &modes);
         self.pack(&mut payload);
         let pixels: usize = shown.iter().map(Vec::len).sum();
@@ -205,15 +205,15 @@ impl Encoder {
         let mut scanned = Vec::new();
         for (input, pixels) in inputs.iter().zip(shown) {
             let reference = input.reference;
-            let changed = reference.map(|held| held.changed(input.tile.width, &pixels));
+            let changed = reference.map(|known| known.count_changed(input.tile.width, &pixels));
             self.delta.add(pixels.len(), reference.is_none(), changed);
-            // What is shown at least as finely is not sent again.
-            let same = reference.filter(|held| changed == Some(0) && held.precision <= precision);
+            // Pixels that are shown as finely already are not sent again.
+            let same = reference.filter(|known| changed == Some(0) && known.precision <= precision);
             if let Some(same) = same {
-                modes.push(None);
+                modes.push(TileMode::Unchanged);
                 kept.push(Arc::clone(same));
             } else {
-                modes.push(Some(Mode::USUAL));
+                modes.push(TileMode::Intra);
                 scanned.push(kept.len());
                 let pixels = pixels.into_boxed_slice();
                 kept.push(Arc::new(ReferenceTile { pixels, precision }));
@@ -234,10 +234,10 @@ impl Encoder {
     /// Appends the planes, compressed if that gains anything, and says so in the first byte.
     fn pack(&mut self, payload: &mut Vec<u8>) {
         if self.planes.is_empty() && payload.len() > 1 {
-            return; // all tiles are as they were
+            return; // all tiles are unchanged
         }
         let start = payload.len();
-        // One byte short of what storing takes: zstd fails if it does not gain.
+        // One byte shorter than storing: zstd fails if it gains nothing.
         payload.resize(start + self.planes.len().saturating_sub(1), 0);
         match self
             .zstd
@@ -276,18 +276,19 @@ fn f16_bits(pixel: [f32; 3]) -> [u16; 3] {
     pixel.map(|channel| half::f16::from_f32(channel.clamp(-limit, limit)).to_bits())
 }
 
-/// What a decoder may take for a pixel on average, here and below of a core of 2023: 520 MB/s. Planes
-/// are quicker to read where much changes, as the camera turns, and take more bytes.
+/// Time that a decoder may take for a pixel on average, here and below on a core of 2023: 520 MB/s.
+/// Spending it on range coding makes a turning camera's frames a tenth smaller than planes alone; range
+/// coding all of them would make them a third smaller and four times slower to decode.
 const PIXEL_NANOS: f32 = 5.75;
-/// What it takes for a pixel of planes ...
+/// Time for a pixel of planes ...
 const PLANES_NANOS: f32 = 5.0;
-/// ... for one of a tile that is told by changes ...
-const HELD_NANOS: f32 = 0.8;
+/// ... for a pixel of a range-coded tile ...
+const REFERENCE_NANOS: f32 = 0.8;
 /// ... beside it for one that has changed ...
 const CHANGED_NANOS: f32 = 52.0;
-/// ... and for each byte of changes.
-const CHANGES_BYTE_NANOS: f32 = 36.0;
-/// What is saved at most: of half a picture of 1280×720, as balls that roll are in a quarter of it.
-const SPARE_NANOS_MAX: f32 = 64.0 * 8192.0 * (PIXEL_NANOS - HELD_NANOS);
+/// ... and for each range-coded byte.
+const RANGE_CODED_BYTE_NANOS: f32 = 36.0;
+/// Capacity of the bucket: half a frame of 1280×720, since balls that roll fill a quarter of one.
+const SPARE_NANOS_MAX: f32 = 64.0 * 8192.0 * (PIXEL_NANOS - REFERENCE_NANOS);
 /// Level 3 was larger and 2 to 4 times slower on noise once a predictor is used.
 const ZSTD_LEVEL: i32 = 1;

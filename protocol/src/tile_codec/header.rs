@@ -1,81 +1,96 @@
-//! What stands before the planes of a payload.
+//! Header of an sRGB payload: its precision, how its planes are stored, and the modes of its tiles.
 
-use super::mode::Mode;
+use crate::error::Reason;
 use crate::precision::PixelPrecision;
 
-/// What stands before the planes of sRGB tiles.
-pub(crate) struct Header<'a> {
-    pub(crate) precision: PixelPrecision,
-    pub(crate) storage: u8,
-    /// `None` for a tile that is as its reference is.
-    pub(crate) modes: Vec<Option<Mode>>,
-    pub(crate) rest: &'a [u8],
+/// How a tile of a payload is coded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum TileMode {
+    /// By itself: differences between neighbours, or a JPEG scan.
+    Intra,
+    /// Against its reference: a mask and the differences of the marked pixels.
+    Delta,
+    /// Not at all: it is as its reference is.
+    Unchanged,
+}
+
+/// The header of a payload, parsed, and what follows it.
+pub(super) struct Header<'a> {
+    pub(super) precision: PixelPrecision,
+    /// One of [`STORED`], [`ZSTD`], [`JPEG`] and [`RANGE_CODED`].
+    pub(super) storage: u8,
+    pub(super) modes: Vec<TileMode>,
+    pub(super) body: &'a [u8],
 }
 
 impl<'a> Header<'a> {
-    pub(crate) fn parse(payload: &'a [u8], tiles: usize) -> Result<Self, String> {
-        let (&first, rest) = payload.split_first().ok_or("it has no bytes")?;
+    pub(super) fn parse(payload: &'a [u8], tiles: usize) -> Result<Self, Reason> {
+        let (&first, rest) = payload.split_first().ok_or(Reason::Empty)?;
         let precision = PixelPrecision::ALL.get(usize::from(first >> PRECISION_SHIFT));
-        let precision = *precision.ok_or("its first byte names no precision")?;
-        let storage = first & STORAGE_MASK;
-        if first & MODES == 0 {
-            let modes = vec![Some(Mode::USUAL); tiles];
-            return Ok(Self {
-                precision,
-                storage,
+        let header = |modes, body| {
+            Ok(Self {
+                precision: *precision.ok_or(Reason::PrecisionByte { byte: first })?,
+                storage: first & STORAGE_MASK,
                 modes,
-                rest,
-            });
+                body,
+            })
+        };
+        if first & MODES == 0 {
+            return header(vec![TileMode::Intra; tiles], rest);
         }
-        let (bytes, rest) = rest
-            .split_at_checked(tiles.div_ceil(2))
-            .ok_or("its modes are cut short")?;
-        let nibbles = bytes.iter().flat_map(|byte| [byte & 0xf, byte >> 4]);
-        let modes = nibbles.take(tiles).map(|nibble| match nibble {
-            UNCHANGED => Ok(None),
-            number => Mode::of(number).map(Some),
-        });
-        Ok(Self {
-            precision,
-            storage,
-            modes: modes.collect::<Result<_, _>>()?,
-            rest,
-        })
+        let (bytes, body) = rest
+            .split_at_checked(tiles.div_ceil(TILES_PER_BYTE))
+            .ok_or(Reason::ModesCutShort)?;
+        let bits = bytes
+            .iter()
+            .flat_map(|byte| [0, 2, 4, 6].map(|shift| byte >> shift & 3));
+        let modes: Result<_, _> = bits.take(tiles).map(TileMode::from_bits).collect();
+        header(modes?, body)
     }
 }
 
-/// The first byte, without modes.
-pub(crate) fn first(precision: PixelPrecision, storage: u8) -> u8 {
+impl TileMode {
+    fn from_bits(bits: u8) -> Result<Self, Reason> {
+        match bits {
+            0 => Ok(Self::Intra),
+            1 => Ok(Self::Delta),
+            2 => Ok(Self::Unchanged),
+            _ => Err(Reason::TileMode { mode: bits }),
+        }
+    }
+}
+
+/// The first byte of a payload without modes.
+pub(super) fn first_byte(precision: PixelPrecision, storage: u8) -> u8 {
     (precision as u8) << PRECISION_SHIFT | storage
 }
 
-/// The first byte, and the modes if any is not the usual one.
-pub(crate) fn write(precision: PixelPrecision, modes: &[Option<Mode>]) -> Vec<u8> {
-    let first = first(precision, STORED);
-    if modes.iter().all(|mode| *mode == Some(Mode::USUAL)) {
+/// The header of a payload with stored planes, which gets the bits of another storage later.
+pub(super) fn write(precision: PixelPrecision, modes: &[TileMode]) -> Vec<u8> {
+    let first = first_byte(precision, STORED);
+    if modes.iter().all(|mode| *mode == TileMode::Intra) {
         return vec![first];
     }
     let mut bytes = vec![first | MODES];
-    for pair in modes.chunks(2) {
-        let nibbles = pair.iter().map(|mode| mode.map_or(UNCHANGED, Mode::number));
-        bytes.push(nibbles.rev().fold(0, |byte, nibble| byte << 4 | nibble));
+    for four in modes.chunks(TILES_PER_BYTE) {
+        let four = four.iter().rev();
+        bytes.push(four.fold(0, |byte, mode| byte << 2 | *mode as u8));
     }
     bytes
 }
 
-/// Bits of the first byte that say how the planes are stored.
+/// Bits of the first byte that name the storage.
 const STORAGE_MASK: u8 = 3;
 /// Planes as they are.
-pub(crate) const STORED: u8 = 0;
+pub(super) const STORED: u8 = 0;
 /// Planes as one zstd frame.
-pub(crate) const ZSTD: u8 = 1;
+pub(super) const ZSTD: u8 = 1;
 /// A JPEG scan.
-pub(crate) const JPEG: u8 = 2;
-/// The changes of each tile, range coded; no modes.
-pub(crate) const CHANGES: u8 = 3;
-/// The bit that says that four bits for each tile follow, the first tile's the lowest.
+pub(super) const JPEG: u8 = 2;
+/// Delta masks and values of all tiles, range coded; without modes.
+pub(super) const RANGE_CODED: u8 = 3;
+/// The bit that says that modes follow, two bits a tile, the first tile's the lowest.
 const MODES: u8 = 4;
 /// The bits above it are the precision.
 const PRECISION_SHIFT: u32 = 3;
-/// A tile that is as its reference is; those below are [`Mode::number`].
-const UNCHANGED: u8 = 9;
+const TILES_PER_BYTE: usize = 4;

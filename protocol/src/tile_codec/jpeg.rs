@@ -12,6 +12,7 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
+use crate::error::Reason;
 use crate::precision::PixelPrecision;
 
 /// The scan of the tiles' pixels, each row-major.
@@ -37,7 +38,7 @@ pub(crate) fn decode(
     precision: PixelPrecision,
     tiles: &[Tile],
     scan: &[u8],
-) -> Result<Vec<[u8; 3]>, String> {
+) -> Result<Vec<[u8; 3]>, Reason> {
     let (width, height) = stacked(tiles.iter().copied());
     let file = [&header(precision, width, height), scan, &END].concat();
     let options = DecoderOptions::new_fast()
@@ -45,13 +46,15 @@ pub(crate) fn decode(
         .set_max_height(height)
         .jpeg_set_out_colorspace(ColorSpace::RGB);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(&file), options);
-    let stack = decoder.decode().map_err(|error| format!("{error:?}"))?;
+    let stack = decoder.decode().map_err(|error| Reason::Jpeg {
+        message: format!("{error:?}"),
+    })?;
     let (stack, rest) = stack.as_chunks::<3>();
     if decoder.dimensions() != Some((width, height))
         || stack.len() != width * height
         || !rest.is_empty()
     {
-        return Err("it is a picture of another size".into());
+        return Err(Reason::JpegSize);
     }
     let mut rows = stack.chunks_exact(width);
     let mut pixels = Vec::with_capacity(tiles.iter().map(|tile| tile.pixels()).sum());
@@ -162,7 +165,7 @@ mod tests {
         .map(|precision| blake3::hash(&header(precision, 32, 256)).to_hex()[..8].to_owned());
         assert_eq!(
             (hashes.join(" ").as_str(), crate::message::VERSION),
-            ("887c3f94 831cfbb7 a65872f9", 4)
+            ("887c3f94 831cfbb7 a65872f9", 5)
         );
     }
 

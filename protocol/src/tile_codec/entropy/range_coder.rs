@@ -1,32 +1,30 @@
-//! Bits in as little space as they were likely: a binary range coder whose likelihoods are learnt.
+//! Adaptive binary range coder.
 //!
 //! Range coding: Martin, "Range encoding: an algorithm for removing redundancy from a digitised
-//! message" (1979). A message is a number below 1, of which `low` are the last 64 bits that are not
-//! written yet and to which at most `range` may still be added; bit by bit `range` is divided
-//! in the proportion of the two likelihoods. Encoder and decoder are one [`Coder`], so that what is
-//! coded is described once, for both.
+//! message" (1979), with the probabilities of a binary arithmetic coder such as CABAC (ITU-T H.264,
+//! 9.3) that adapt to the bits that were coded. Encoder and decoder are one trait, [`Coder`], so
+//! that a syntax is written once for both.
 
 use std::hint::select_unpredictable;
 
 /// One end of a message of bits.
 pub(crate) trait Coder {
     /// An encoder writes `bit`; a decoder knows no better and is told it. Either end learns.
-    fn bit(&mut self, model: &mut Bit, bit: bool) -> bool;
+    fn bit(&mut self, model: &mut BitModel, bit: bool) -> bool;
 
     /// The same for up to 8 bits at once that are as likely 0 as 1.
     fn raw(&mut self, count: u32, bits: u32) -> u32;
 }
 
-/// How likely a bit is, from those that came before: their share of zeros at first, then an average
-/// that forgets.
+/// Probability of a bit in one context: the share of zeros at first, then an exponential average.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Bit {
-    /// Of 2¹⁶.
+pub(crate) struct BitModel {
+    /// Probability of 0, of 2¹⁶.
     zero: u16,
     seen: u16,
 }
 
-impl Bit {
+impl BitModel {
     /// As likely 0 as 1.
     pub(crate) const NEW: Self = Self {
         zero: 1 << 15,
@@ -35,17 +33,19 @@ impl Bit {
 
     #[inline(always)]
     fn learn(&mut self, bit: bool) {
-        let target = select_unpredictable(bit, LEAST, (1 << 16) - LEAST);
+        let target = select_unpredictable(bit, PROBABILITY_MIN, (1 << 16) - PROBABILITY_MIN);
         let error = target - i32::from(self.zero);
         self.zero = (i32::from(self.zero) + ((error * RATES[usize::from(self.seen)]) >> 16)) as u16;
         self.seen = (self.seen + 1).min(SEEN_MAX);
     }
 }
 
-/// Writes a message.
+/// Encoder of a message, which is a number below 1.
 #[derive(Debug)]
 pub(crate) struct RangeEncoder {
+    /// Its last 64 bits, not written yet.
     low: u64,
+    /// How much may still be added: divided bit by bit in the proportion of the probabilities.
     range: u64,
     bytes: Vec<u8>,
 }
@@ -57,7 +57,8 @@ impl RangeEncoder {
         Self { low, range, bytes }
     }
 
-    /// The whole message: what was there before and the fewest bytes that say what has been coded.
+    /// What was there before, and the message in the fewest bytes: `low` is rounded up to a multiple
+    /// of the largest power of two below `range`, whose trailing zeros need not be written.
     pub(crate) fn finish(mut self) -> Vec<u8> {
         let zeros = (1 << self.range.ilog2()) - 1;
         self.add(self.low.wrapping_neg() & zeros);
@@ -75,7 +76,8 @@ impl RangeEncoder {
         }
     }
 
-    /// Never beyond the message's first byte, as the whole is below 1.
+    /// Propagates a carry into bytes that are written already, at most to the first of the message,
+    /// since the whole is below 1.
     fn carry(&mut self) {
         for byte in self.bytes.iter_mut().rev() {
             *byte = byte.wrapping_add(1);
@@ -98,7 +100,7 @@ impl RangeEncoder {
 
 impl Coder for RangeEncoder {
     #[inline(always)]
-    fn bit(&mut self, model: &mut Bit, bit: bool) -> bool {
+    fn bit(&mut self, model: &mut BitModel, bit: bool) -> bool {
         let zeros = (self.range >> 16) * u64::from(model.zero);
         if bit {
             self.add(zeros);
@@ -120,7 +122,7 @@ impl Coder for RangeEncoder {
     }
 }
 
-/// Reads a message. After its end come zeros, as many as are asked for.
+/// Decoder of a message, behind which it reads zeros.
 #[derive(Debug)]
 pub(crate) struct RangeDecoder<'a> {
     /// How much of `range` lies below the message.
@@ -181,10 +183,10 @@ impl<'a> RangeDecoder<'a> {
 
 impl Coder for RangeDecoder<'_> {
     #[inline(always)]
-    fn bit(&mut self, model: &mut Bit, _: bool) -> bool {
+    fn bit(&mut self, model: &mut BitModel, _: bool) -> bool {
         let zeros = (self.range >> 16) * u64::from(model.zero);
         let bit = self.code >= zeros;
-        // Noise cannot be foreseen: a branch that cannot be either made all of this a sixth slower.
+        // Mispredicted branches on noise made decoding a sixth slower.
         self.code -= select_unpredictable(bit, zeros, 0);
         self.range = select_unpredictable(bit, self.range - zeros, zeros);
         model.learn(bit);
@@ -195,7 +197,7 @@ impl Coder for RangeDecoder<'_> {
     #[inline(always)]
     fn raw(&mut self, count: u32, _: u32) -> u32 {
         self.range >>= count;
-        // More only in what no encoder wrote.
+        // Above the maximum only in bytes that no encoder wrote.
         let bits = (self.code / self.range).min((1 << count) - 1);
         self.code -= bits * self.range;
         self.shift();
@@ -212,7 +214,7 @@ fn last_bytes(range: u64) -> usize {
 /// Below it the next 32 bits are shifted in, so that likelihoods always have 16 bits to divide.
 const RANGE_MIN: u64 = 1 << 32;
 /// Neither value is ever taken to be less likely than a two-thousandth.
-const LEAST: i32 = 32;
+const PROBABILITY_MIN: i32 = 32;
 /// What a bit counts for once this many have been seen. Twice as many made tiles 1 % larger.
 const SEEN_MAX: u16 = 30;
 /// Of 2¹⁶: what a bit counts for when so many have been seen.
@@ -240,7 +242,7 @@ mod tests {
     }
 
     fn code(coder: &mut impl Coder, steps: &[Step]) -> Vec<Step> {
-        let mut models = [Bit::NEW; 4];
+        let mut models = [BitModel::NEW; 4];
         let code = |step: &Step| match *step {
             Step::Bit(model, bit) => Step::Bit(model, coder.bit(&mut models[model], bit)),
             Step::Raw(count, bits) => Step::Raw(count, coder.raw(count, bits)),
@@ -276,7 +278,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_coded_comes_out_and_ends_where_it_ends(steps in steps()) {
+        fn decoding_inverts_encoding_and_finds_the_end(steps in steps()) {
             let mut encoder = RangeEncoder::new(vec![7]);
             code(&mut encoder, &steps);
             let message = encoder.finish();
@@ -294,30 +296,30 @@ mod tests {
         }
 
         #[test]
-        fn any_bytes_are_some_bits(bytes: Vec<u8>, steps in steps()) {
+        fn decoding_any_bytes_does_not_panic(bytes: Vec<u8>, steps in steps()) {
             code(&mut RangeDecoder::new(&bytes), &steps);
         }
     }
 
     #[test]
-    fn ones_that_never_end_carry_through_all_bytes() {
+    fn carries_propagate_through_all_bytes() {
         let steps = vec![Step::Raw(8, 255); 40];
         let mut encoder = RangeEncoder::new(Vec::new());
         code(&mut encoder, &steps);
-        encoder.bit(&mut Bit::NEW.clone(), true);
+        encoder.bit(&mut BitModel::NEW.clone(), true);
         let message = encoder.finish();
         let mut decoder = RangeDecoder::new(&message);
         assert!(same(
             &code(&mut decoder, &vec![Step::Raw(8, 0); 40]),
             &steps
         ));
-        assert!(decoder.bit(&mut Bit::NEW.clone(), false));
+        assert!(decoder.bit(&mut BitModel::NEW.clone(), false));
     }
 
     #[test]
-    fn a_likely_bit_costs_little() {
+    fn likely_bits_cost_little() {
         let mut encoder = RangeEncoder::new(Vec::new());
-        let mut model = Bit::NEW;
+        let mut model = BitModel::NEW;
         for index in 0..8000 {
             encoder.bit(&mut model, index % 20 == 0);
         }

@@ -1,9 +1,8 @@
-//! Samples to byte planes of small numbers, and back.
+//! Plane transform of linear pixels: the bits of floats to byte planes of small differences, and back.
 //!
-//! A sample is the bits of a channel's float, whose integer differences are roughly differences of logarithms. Red and blue become their differences from
-//! green; each is predicted by its left neighbour, in the first column by the one above; and of
-//! the differences, all modulo 2ⁿ, each byte goes to a plane of its own, where bytes of equal
-//! meaning lie side by side.
+//! As integers, bits of floats differ roughly as the logarithms of their values do. Red and blue
+//! become their differences from green; each channel is predicted by its left neighbour, in the
+//! first column by the pixel above; and each byte of the differences goes to a plane of its own.
 
 use carom_tracer::Tile;
 
@@ -12,7 +11,7 @@ use carom_tracer::Tile;
 /// # Panics
 /// If `planes` has another length than the samples.
 #[inline(always)]
-pub(crate) fn split<S: Sample>(
+pub(crate) fn forward<S: Sample>(
     planes: &mut [u8],
     tiles: &[(Tile, &[[f32; 3]])],
     sample: impl Fn([f32; 3]) -> [S; 3],
@@ -37,7 +36,7 @@ pub(crate) fn split<S: Sample>(
     }
     assert_eq!(start, pixels, "pixels of the tiles");
     for (channel, planes) in channels.iter().zip(planes.chunks_exact_mut(channel_bytes)) {
-        S::split(channel, planes);
+        S::forward(channel, planes);
     }
 }
 
@@ -46,12 +45,12 @@ pub(crate) fn split<S: Sample>(
 /// # Panics
 /// If `planes` has another length than the samples.
 #[inline(always)]
-pub(crate) fn join<S: Sample>(planes: &[u8], tiles: &[Tile]) -> Vec<[S; 3]> {
+pub(crate) fn inverse<S: Sample>(planes: &[u8], tiles: &[Tile]) -> Vec<[S; 3]> {
     let count = planes.len() / (3 * size_of::<S>());
     let channel_bytes = (planes.len() / 3).max(1);
     let mut channels = [(); 3].map(|()| vec![S::default(); count]);
     for (channel, planes) in channels.iter_mut().zip(planes.chunks_exact(channel_bytes)) {
-        S::join(channel, planes);
+        S::inverse(channel, planes);
     }
     let mut pixels = vec![[S::default(); 3]; count];
     let mut start = 0;
@@ -102,9 +101,9 @@ pub(crate) trait Sample: Copy + Default {
     fn minus(self, other: Self) -> Self;
     /// A channel's differences to its planes, the uppermost byte first. Where there are several,
     /// differences are folded, so that small ones of either sign have zeros in the upper planes.
-    fn split(channel: &[Self], planes: &mut [u8]);
-    /// The inverse of [`Sample::split`].
-    fn join(channel: &mut [Self], planes: &[u8]);
+    fn forward(channel: &[Self], planes: &mut [u8]);
+    /// The inverse of [`Sample::forward`].
+    fn inverse(channel: &mut [Self], planes: &[u8]);
 }
 
 impl Sample for u16 {
@@ -118,15 +117,16 @@ impl Sample for u16 {
         self.wrapping_sub(other)
     }
 
-    fn split(channel: &[Self], planes: &mut [u8]) {
+    fn forward(channel: &[Self], planes: &mut [u8]) {
         let (high, low) = planes.split_at_mut(channel.len());
         for ((&difference, high), low) in channel.iter().zip(high).zip(low) {
+            // Zigzag: 0, -1, 1, -2 … become 0, 1, 2, 3 …
             let sign = (difference.cast_signed() >> 15).cast_unsigned();
             [*high, *low] = ((difference << 1) ^ sign).to_be_bytes();
         }
     }
 
-    fn join(channel: &mut [Self], planes: &[u8]) {
+    fn inverse(channel: &mut [Self], planes: &[u8]) {
         let (high, low) = planes.split_at(channel.len());
         for ((difference, &high), &low) in channel.iter_mut().zip(high).zip(low) {
             let folded = Self::from_be_bytes([high, low]);
@@ -146,7 +146,7 @@ impl Sample for u32 {
         self.wrapping_sub(other)
     }
 
-    fn split(channel: &[Self], planes: &mut [u8]) {
+    fn forward(channel: &[Self], planes: &mut [u8]) {
         let (high, low) = planes.split_at_mut(2 * channel.len());
         let (a, b) = high.split_at_mut(channel.len());
         let (c, d) = low.split_at_mut(channel.len());
@@ -156,7 +156,7 @@ impl Sample for u32 {
         }
     }
 
-    fn join(channel: &mut [Self], planes: &[u8]) {
+    fn inverse(channel: &mut [Self], planes: &[u8]) {
         let (high, low) = planes.split_at(2 * channel.len());
         let (a, b) = high.split_at(channel.len());
         let (c, d) = low.split_at(channel.len());
@@ -173,30 +173,30 @@ mod tests {
 
     fn upper_plane<S: Sample>(differences: &[S]) -> Vec<u8> {
         let mut planes = vec![0; size_of_val(differences)];
-        S::split(differences, &mut planes);
+        S::forward(differences, &mut planes);
         planes.truncate(differences.len());
         planes
     }
 
     #[test]
-    fn splitting_loses_nothing() {
+    fn plane_transform_is_lossless() {
         let all: Vec<u16> = (0..=u16::MAX).collect();
         let wide: Vec<u32> = all
             .iter()
             .map(|&d| u32::from(d).wrapping_mul(65_537 * 3))
             .collect();
         let (mut planes, mut back) = (vec![0; 2 * all.len()], vec![0; all.len()]);
-        u16::split(&all, &mut planes);
-        u16::join(&mut back, &planes);
+        u16::forward(&all, &mut planes);
+        u16::inverse(&mut back, &planes);
         assert_eq!(back, all);
         let (mut planes, mut back) = (vec![0; 4 * wide.len()], vec![0; wide.len()]);
-        u32::split(&wide, &mut planes);
-        u32::join(&mut back, &planes);
+        u32::forward(&wide, &mut planes);
+        u32::inverse(&mut back, &planes);
         assert_eq!(back, wide);
     }
 
     #[test]
-    fn small_differences_of_either_sign_leave_the_upper_plane_empty() {
+    fn small_differences_leave_upper_plane_empty() {
         let small: Vec<u16> = (-128..128i16).map(i16::cast_unsigned).collect();
         assert!(upper_plane(&small).iter().all(|&byte| byte == 0));
         let small: Vec<u32> = (-128..128i32).map(i32::cast_unsigned).collect();

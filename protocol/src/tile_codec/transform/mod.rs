@@ -1,7 +1,11 @@
-//! Transform stage: pixels to planes of small numbers, and back.
+//! Transform stage: pixels to planes of small differences, and back.
+//!
+//! The forward transform quantises sRGB bytes to the levels of a precision, subtracts a prediction
+//! from each channel and writes each channel's differences to a plane of its own, where zstd finds
+//! bytes of equal meaning side by side. The inverse adds up again. All sums are modulo 256, or
+//! modulo 2ⁿ for the bits of floats.
 
 pub(crate) mod float_planes;
-pub(crate) mod forward;
-pub(crate) mod inverse;
-pub(crate) mod predict;
 pub(crate) mod quantise;
+pub(crate) mod srgb_forward;
+pub(crate) mod srgb_inverse;

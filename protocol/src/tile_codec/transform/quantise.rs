@@ -1,17 +1,22 @@
-//! The levels that are kept of a channel's 256 values, each value by itself, so that an error depends
-//! on nothing beside the pixel and its row.
+//! Quantisation: each channel value to the nearest level that a precision keeps, and back.
 //!
-//! From row to row the levels lie elsewhere, by a third or a fifth of the step between them, so that a
-//! soft surface is rounded up in one row and down in the next, and the eye, like FLIP, sees their mean
-//! rather than stripes of false colour. Denoised frames within one level have a FLIP of 0.010 so,
-//! against 0.035, for a quarter more bytes (`carom-bench codec`); within two levels they have 0.019
-//! and hardly more bytes than levels that lie still take within one.
+//! Each value is quantised by itself, so that an error depends on nothing but the pixel and its row.
 
-use super::forward::Channels;
-use super::predict::sized;
+/// The green, red and blue planes of a tile, or of the tiles of a message one behind the other.
+pub(crate) type Channels = [Vec<u8>; 3];
 
-/// By how much the levels of a row are more than multiples of the step, row after row. Neighbouring
-/// rows lie as far from each other as they can.
+#[inline(always)]
+pub(crate) fn resized(plane: &mut Vec<u8>, length: usize) -> &mut [u8] {
+    plane.resize(length, 0);
+    plane
+}
+
+/// Offsets of a row's levels from multiples of the step, row after row: an ordered dither.
+///
+/// A soft surface is rounded up in one row and down in the next, so that the eye, like FLIP, sees
+/// the mean of rows instead of bands of false colour. Denoised frames within one level have a FLIP
+/// of 0.010 so, against 0.035 with levels that are the same in each row, for a quarter more bytes
+/// at most.
 #[inline(always)]
 fn shifts(step: u8) -> &'static [i8] {
     match step {
@@ -24,7 +29,7 @@ fn shifts(step: u8) -> &'static [i8] {
 
 /// The levels of a tile, in steps.
 #[inline(always)]
-pub(crate) fn of(step: u8, width: usize, pixels: &[[u8; 3]]) -> Vec<[u8; 3]> {
+pub(crate) fn quantised(step: u8, width: usize, pixels: &[[u8; 3]]) -> Vec<[u8; 3]> {
     let mut levels = pixels.to_vec();
     if step == 1 {
         return levels;
@@ -40,9 +45,9 @@ pub(crate) fn of(step: u8, width: usize, pixels: &[[u8; 3]]) -> Vec<[u8; 3]> {
 
 /// The levels of a tile, channel by channel.
 #[inline(always)]
-pub(crate) fn quantise(planes: &mut Channels, step: u8, width: usize, pixels: &[[u8; 3]]) {
-    let levels = of(step, width, pixels);
-    let [g, r, b] = planes.each_mut().map(|plane| sized(plane, pixels.len()));
+pub(crate) fn quantise_planes(planes: &mut Channels, step: u8, width: usize, pixels: &[[u8; 3]]) {
+    let levels = quantised(step, width, pixels);
+    let [g, r, b] = planes.each_mut().map(|plane| resized(plane, pixels.len()));
     for (((level, g), r), b) in levels.iter().zip(g).zip(r).zip(b) {
         [*r, *g, *b] = *level;
     }
@@ -50,7 +55,7 @@ pub(crate) fn quantise(planes: &mut Channels, step: u8, width: usize, pixels: &[
 
 /// Levels to values, in place.
 #[inline(always)]
-pub(crate) fn to_values(step: u8, width: usize, levels: &mut [[u8; 3]]) {
+pub(crate) fn dequantise(step: u8, width: usize, levels: &mut [[u8; 3]]) {
     if step == 1 {
         return;
     }
@@ -65,12 +70,12 @@ pub(crate) fn to_values(step: u8, width: usize, levels: &mut [[u8; 3]]) {
 /// `pixels`, each channel at the nearest level.
 #[inline(always)]
 pub(crate) fn rounded(step: u8, width: usize, pixels: &[[u8; 3]]) -> Box<[[u8; 3]]> {
-    let mut rounded = of(step, width, pixels);
-    to_values(step, width, &mut rounded);
+    let mut rounded = quantised(step, width, pixels);
+    dequantise(step, width, &mut rounded);
     rounded.into_boxed_slice()
 }
 
-/// A processor divides many values at once by what it knows.
+/// The step is a constant so that the compiler multiplies by its reciprocal, many values at once.
 #[inline(always)]
 fn divide<const STEP: u16>(values: &mut [u8], shift: i8) {
     let half = (STEP / 2).wrapping_add_signed(-i16::from(shift));
@@ -79,7 +84,7 @@ fn divide<const STEP: u16>(values: &mut [u8], shift: i8) {
     }
 }
 
-/// The outermost levels are at the ends of what a byte holds, and so is what no encoder wrote.
+/// Saturates, since the outermost levels lie at the ends of a byte; so does a level of hostile bytes.
 #[inline(always)]
 fn multiply<const STEP: u8>(levels: &mut [u8], shift: i8) {
     let [up, down] = [shift, -shift].map(|shift| shift.max(0).cast_unsigned());
@@ -100,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn a_level_is_within_half_a_step() {
+    fn levels_lie_within_half_a_step() {
         let values = values();
         for step in [1, 3, 5] {
             let rounded = rounded(step, 256, &values);
@@ -113,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn the_mean_of_rows_is_exact() {
+    fn mean_over_rows_is_exact() {
         for (step, count) in [(3, 3), (5, 5)] {
             for value in step..=255 - step {
                 let rounded = rounded(step, 1, &vec![[value; 3]; count]);
@@ -124,14 +129,14 @@ mod tests {
     }
 
     #[test]
-    fn planes_have_the_same_levels() {
+    fn planes_hold_the_same_levels() {
         let values = values();
         for step in [1, 3, 5] {
             let mut planes = Channels::default();
-            quantise(&mut planes, step, 256, &values);
+            quantise_planes(&mut planes, step, 256, &values);
             let [g, r, b] = &planes;
             let levels = g.iter().zip(r).zip(b).map(|((g, r), b)| [*r, *g, *b]);
-            assert!(levels.eq(of(step, 256, &values)));
+            assert!(levels.eq(quantised(step, 256, &values)));
         }
     }
 }

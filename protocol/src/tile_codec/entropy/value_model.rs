@@ -1,0 +1,68 @@
+//! Model of values that are mostly near 0: differences from a prediction.
+
+use std::hint::select_unpredictable;
+
+use super::range_coder::{BitModel, Coder};
+
+/// Adaptive model of values near 0, in the manner of an Exp-Golomb code: whether it is 0, the length
+/// of its magnitude in unary, the bits below the uppermost one, and the sign.
+///
+/// The sign and the length are what contexts predict; of the bits below only the first is modelled,
+/// the others are as likely 0 as 1 and are coded raw.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ValueModel {
+    is_nonzero: BitModel,
+    longer: [BitModel; 7],
+    second: [BitModel; 5],
+    negative: [BitModel; 3],
+}
+
+impl ValueModel {
+    /// A model that has seen no value.
+    pub(crate) const NEW: Self = Self {
+        is_nonzero: BitModel::NEW,
+        longer: [BitModel::NEW; 7],
+        second: [BitModel::NEW; 5],
+        negative: [BitModel::NEW; 3],
+    };
+
+    /// Codes `wanted`, which a decoder ignores, as a difference from the prediction `expected`.
+    /// Returns the value and the difference. `lean` selects the model of the sign.
+    #[inline(always)]
+    pub(crate) fn code<C: Coder>(
+        &mut self,
+        coder: &mut C,
+        lean: usize,
+        expected: u8,
+        wanted: u8,
+    ) -> (u8, i16) {
+        let difference = i16::from(wanted) - i16::from(expected);
+        if !coder.bit(&mut self.is_nonzero, difference != 0) {
+            return (expected, 0);
+        }
+        let size = self.magnitude(coder, u32::from(difference.unsigned_abs()));
+        let is_negative = coder.bit(&mut self.negative[lean], difference < 0);
+        let difference = select_unpredictable(is_negative, -size, size);
+        (expected.wrapping_add_signed(difference as i8), difference)
+    }
+
+    /// Codes a magnitude of 1 to 255.
+    #[inline(always)]
+    fn magnitude<C: Coder>(&mut self, coder: &mut C, wanted: u32) -> i16 {
+        let below_top = wanted.checked_ilog2().unwrap_or(0);
+        let mut length = 0;
+        while length < 7 && coder.bit(&mut self.longer[length as usize], length < below_top) {
+            length += 1;
+        }
+        let mut size = 1;
+        if length > 0 {
+            let rest = length - 1;
+            let model = &mut self.second[rest.min(4) as usize];
+            size = 2 | u32::from(coder.bit(model, wanted >> rest & 1 != 0));
+            if rest > 0 {
+                size = size << rest | coder.raw(rest, wanted & ((1 << rest) - 1));
+            }
+        }
+        size as i16
+    }
+}
