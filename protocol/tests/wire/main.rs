@@ -2,6 +2,7 @@
 
 mod any;
 mod delta;
+mod document;
 mod hostile;
 mod messages;
 mod pair;
