@@ -1,4 +1,4 @@
-//! Messages to bytes and back, in postcard's format.
+//! Codec of messages, in postcard's format.
 //!
 //! A decoder believes no length. Bytes are counted against [`crate::limits`] before anything else
 //! happens; lists grow only as their elements are read; bytes after the message are an error; and
@@ -126,7 +126,7 @@ pub(crate) fn is_hello(bytes: &[u8]) -> bool {
     bytes.first() == Some(&HELLO_VARIANT)
 }
 
-/// What a message to a node is called in errors.
+/// The name of a message to a node in errors.
 pub(crate) fn to_node_kind(message: &ToNode) -> &'static str {
     match message {
         ToNode::Hello { .. } => "greeting",
@@ -137,7 +137,7 @@ pub(crate) fn to_node_kind(message: &ToNode) -> &'static str {
     }
 }
 
-/// What a message to a client is called in errors.
+/// The name of a message to a client in errors.
 pub(crate) fn to_client_kind(message: &ToClient) -> &'static str {
     match message {
         ToClient::Welcome { .. } => "welcome",
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn another_version_is_told_whatever_follows_it() {
+    fn other_version_is_reported_whatever_follows() {
         let mut bytes = encode_to_client(&welcome(VERSION + 1)).unwrap();
         bytes.truncate(2);
         bytes.extend([0xff; 40]);
@@ -288,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn a_greeting_of_another_version_gets_past_in_no_way_of_writing_it() {
+    fn no_encoding_of_a_hello_evades_the_version_check() {
         assert!(decode_to_node(&[0x80, 0, 0]).is_err());
         assert!(decode_to_node(&[0, 0x80, 0]).is_err());
         assert!(decode_to_client(&[0x80, 0, 0, 0, 0, 0, 0, 6]).is_err());
@@ -319,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_peer_would_refuse_is_not_sent() {
+    fn messages_a_peer_would_refuse_are_not_sent() {
         let message = tiles(vec![0; TILES_BYTES_MAX]);
         assert!(matches!(
             encode_to_client(&message),

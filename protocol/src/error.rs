@@ -65,7 +65,7 @@ pub enum Reason {
     UnknownMessage,
     #[error("it has no bytes")]
     Empty,
-    #[error("{bytes} bytes follow the end")]
+    #[error("{bytes} bytes follow its end")]
     TrailingBytes { bytes: usize },
     #[error("it has {bytes} bytes: at most {max} are allowed")]
     TooLong { bytes: usize, max: usize },

@@ -1,4 +1,4 @@
-//! Packets in a stream of bytes: each behind its length, four bytes, the lowest first.
+//! Framing of packets in a stream of bytes: each behind its length, four bytes, the lowest first.
 
 use crate::error::{Error, Reason};
 use crate::limits::SCENE_BYTES_MAX;
@@ -96,7 +96,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_length_out_of_range_is_refused_before_its_packet_comes() {
+    fn length_out_of_range_is_refused_before_its_packet() {
         let mut deframer = Deframer::new(100);
         deframer.push(&101u32.to_le_bytes());
         let (bytes, max) = (101, 100);

@@ -1,4 +1,6 @@
-//! What crosses the wire between a client and its farm nodes.
+//! Wire protocol between a client and its farm nodes.
+//!
+//! `protocol/WIRE.md` gives every byte; the modules here make and read them.
 //!
 //! ```text
 //! client                                      node
@@ -6,7 +8,7 @@
 //!         ◀────────────────────────── Welcome      both check the version
 //!   Scene ──────────────────────────────────▶      once per content hash
 //!         ◀─────────────────────── SceneReady
-//!   Trace ──────────────────────────────────▶      camera, poses, a request of tiles
+//!   Trace ──────────────────────────────────▶      camera, poses, a range of tiles
 //!         ◀──────────────── Tiles … Tiles, RequestDone
 //! ```
 //!
@@ -29,12 +31,12 @@
 //! while pictures == 0 {
 //!     while let Some(packet) = client.poll_transmit() {
 //!         let Some(NodeEvent::Trace { request, .. }) = node.handle(packet)? else { continue };
-//!         let (request, tiles, tile) = (request.id, request.tiles, request.grid.tile(0));
+//!         let (id, tiles, tile) = (request.id, request.tiles, request.grid.tile(0));
 //!         let radiance = vec![[1.0; 3]; tile.pixels()]; // here a tracer works
 //!         let pixels = Encoder::new().encode(request.format, &[(tile, &radiance)]);
-//!         node.tiles(TilesDone { request, tiles, busy_micros: 9, times: NodeTimes::default(),
+//!         node.tiles(TilesDone { request: id, tiles, busy_micros: 9, times: NodeTimes::default(),
 //!             dropped_samples: 0, pixels })?;
-//!         node.request_done(RequestReport { request, ..RequestReport::default() })?;
+//!         node.request_done(RequestReport { request: id, ..RequestReport::default() })?;
 //!     }
 //!     while let Some(packet) = node.poll_transmit() {
 //!         for event in client.handle(packet)? {

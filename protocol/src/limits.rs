@@ -1,4 +1,4 @@
-//! Every bound on what a peer may send or make this program keep, with its reason.
+//! Bounds on what a peer may send or make this program keep, each with its reason.
 
 /// Bytes of a control message but a scene: a request with 64 poses has 2.3 kB.
 pub const CONTROL_BYTES_MAX: usize = 64 * 1024;
@@ -20,7 +20,7 @@ pub const TILES_BYTES_MAX: usize = PIXELS_PER_MESSAGE_MAX * 12 + 4096;
 pub const REQUESTS_QUEUED_MAX: usize = 32;
 /// Scenes that a node keeps; the least recently used goes first.
 pub const SCENES_KEPT_MAX: usize = 4;
-/// Pixel samples of one request: a minute of one slow core.
+/// Samples of one request: a minute of one slow core.
 pub const REQUEST_SAMPLES_MAX: u64 = 1 << 32;
 /// Bytes of a sentence from a peer.
 pub const SENTENCE_BYTES_MAX: usize = 1024;
@@ -36,17 +36,17 @@ pub const NODE_NAME_BYTES_MAX: usize = 255;
 /// Requests of one connection from which a client holds tiles: twice the frames in flight. Bounds what
 /// it keeps of a node that is asked for other tiles now.
 pub const REFERENCE_REQUESTS_MAX: usize = 2 * FRAMES_IN_FLIGHT_MAX;
-/// Stretches of held tiles that a request names: one if all tiles of the request before have come; each
+/// Ranges of references that a request names: one if all tiles of the request before have come; each
 /// late message splits one.
 pub const REFERENCE_RANGES_MAX: usize = 64;
 /// Bytes of sent tiles that a node remembers for a client: eleven 720p frames or five of 1080p.
-/// Beyond, tiles are told from nothing.
+/// Tiles without a reference are coded by themselves.
 pub const SENT_REFERENCES_BYTES_MAX: usize = 32 * 1024 * 1024;
 /// Bytes of tiles that wait in a node's session for the network: a 4K picture of half floats.
 pub const TILES_QUEUED_BYTES_MAX: usize = 64 * 1024 * 1024;
 /// Control packets that wait in a session for the network; a peer that asks for more answers
 /// without reading any is cut off.
 pub const CONTROL_QUEUED_MAX: usize = 1024;
-/// Requests refused by a node that the client remembers, so as to tell their late tiles from tiles
+/// Requests refused by a node that the client remembers, so as to distinguish their late tiles from tiles
 /// that were never asked for: four seconds of frames.
 pub const REQUESTS_REFUSED_KEPT: usize = 256;

@@ -1,4 +1,4 @@
-//! The messages, as plain data. [`crate::codec`] turns them into bytes and back.
+//! Messages as plain data. [`crate::codec`] turns them into bytes and back.
 
 use carom_tracer::{
     DeviceInfo, ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid, TileRange,
@@ -16,7 +16,7 @@ pub const VERSION: u16 = 5;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct SceneHash(pub [u8; 32]);
 
-/// A picture of one client, in the order of submission.
+/// A frame of one client, in the order of submission.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize,
 )]
@@ -60,14 +60,14 @@ pub enum ToClient {
     Welcome {
         /// [`VERSION`] of the node.
         version: u16,
-        /// What the node is.
+        /// The node's description.
         node: NodeInfo,
     },
     /// The scene is checked and kept.
     SceneReady(SceneHash),
     /// The scene is not usable.
     SceneRefused {
-        /// Which scene.
+        /// The scene's hash.
         hash: SceneHash,
         /// A sentence for the user.
         why: String,
@@ -88,7 +88,7 @@ pub enum ToClient {
     },
 }
 
-/// What a node is.
+/// Description of a node.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct NodeInfo {
     /// The node's name, from its certificate; empty for a node in the client's process.
@@ -97,10 +97,10 @@ pub struct NodeInfo {
     pub device: DeviceInfo,
 }
 
-/// Tiles to trace: a whole picture's description and one node's part of it.
+/// Tiles to trace: a whole frame's description and one node's part of it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TraceRequest {
-    /// The picture. A request for a frame and tiles may be repeated under another id.
+    /// The frame. A request for a frame and tiles may be repeated under another id.
     pub frame: FrameId,
     /// This request.
     pub id: RequestId,
@@ -108,37 +108,37 @@ pub struct TraceRequest {
     pub scene: SceneHash,
     /// Camera and poses.
     pub update: SceneUpdate,
-    /// The whole picture and its tiles.
+    /// The whole frame and its tiles.
     pub grid: TileGrid,
     /// The node's part.
     pub tiles: TileRange,
     /// Samples, maximum depth and seed.
     pub settings: RenderSettings,
-    /// How pixels come back.
+    /// The format of the pixels.
     pub format: PixelFormat,
-    /// How exactly, if as [`PixelFormat::Srgb8`].
+    /// Their precision, if the format is [`PixelFormat::Srgb8`].
     pub precision: PrecisionRange,
-    /// Which of the tiles the client holds from earlier requests. The session fills it in.
+    /// Tiles of earlier requests that the client holds. The session fills them in.
     pub references: Vec<ReferenceRange>,
 }
 
-/// Tiles that a client has got and remembers.
+/// A range of tiles that a client has received and remembers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ReferenceRange {
     /// The request that they came from.
     pub request: RequestId,
-    /// Which tiles of the same grid.
+    /// Their range in the same grid.
     pub tiles: TileRange,
 }
 
 impl TraceRequest {
-    /// Size of the whole picture.
+    /// Size of the whole frame.
     pub fn size(&self) -> ImageSize {
         self.grid.size
     }
 }
 
-/// How a pixel is stored on the wire; see [`PrecisionRange`] for how exactly.
+/// Format of a pixel on the wire; [`PrecisionRange`] has its precision.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum PixelFormat {
     /// Three bytes: sRGB of `clamp(exposure · L, 0, 1)`. For the screen.
@@ -172,7 +172,7 @@ pub struct TilesDone {
     pub tiles: TileRange,
     /// Microseconds of tracing and encoding that these tiles took, by the node's clock.
     pub busy_micros: u32,
-    /// Where the time since the request came has gone.
+    /// Stages of the time since the request came.
     pub times: NodeTimes,
     /// Samples that were not finite and count as black.
     pub dropped_samples: u32,
@@ -181,8 +181,8 @@ pub struct TilesDone {
     pub pixels: Vec<u8>,
 }
 
-/// Where the time of a tile message has gone since its request came, by the node's own clock: one
-/// after the other, in microseconds.
+/// Stages of a tile message since its request came, by the node's own clock: one after the other, in
+/// microseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct NodeTimes {
     /// Until the request was begun.
@@ -193,7 +193,7 @@ pub struct NodeTimes {
     pub encode_micros: u32,
 }
 
-/// How a request went, by the node's own clock: durations only.
+/// Durations of a request at the node, by its own clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RequestReport {
     /// The request.
@@ -206,7 +206,7 @@ pub struct RequestReport {
     pub encode_micros: u32,
 }
 
-/// Why a request was not done.
+/// Refusal of a request.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Refusal {
     /// The request.
@@ -215,7 +215,7 @@ pub struct Refusal {
     pub why: RefusalReason,
 }
 
-/// The reasons for [`Refusal`].
+/// Reason of a [`Refusal`].
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum RefusalReason {
     /// The client cancelled it.

@@ -1,5 +1,5 @@
-//! What a message must keep beyond its form. Decoded values have passed these checks, and so
-//! have those that are sent: a peer that breaks one is not this program.
+//! Validation of messages beyond their form. Decoded values have passed these checks, and so have
+//! those that are sent: a peer that breaks one is not this program.
 
 use carom_tracer::{SceneUpdate, TileGrid, TileRange};
 

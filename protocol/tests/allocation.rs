@@ -85,7 +85,7 @@ fn announced_lengths_are_not_believed() {
 }
 
 #[test]
-fn a_list_of_poses_that_lies_costs_what_came() {
+fn announced_pose_count_reserves_no_memory() {
     let request = TraceRequest {
         frame: carom_protocol::FrameId(1),
         id: carom_protocol::RequestId(1),
@@ -110,7 +110,7 @@ fn a_list_of_poses_that_lies_costs_what_came() {
 }
 
 #[test]
-fn a_frame_costs_no_more_than_was_asked_for() {
+fn zstd_memory_is_bounded_by_request() {
     let (x, y, width, height) = (0, 0, 32, 32);
     let tiles = [Tile {
         x,
@@ -140,7 +140,7 @@ fn a_frame_costs_no_more_than_was_asked_for() {
 /// Scans of JPEG that claim the world, on any tiles: a few times the picture that was asked for,
 /// whose rows a decoder keeps apart by colour.
 #[test]
-fn a_scan_costs_no_more_than_was_asked_for() {
+fn jpeg_memory_is_bounded_by_request() {
     let (x, y, width, height) = (0, 0, 32, 32);
     let tile = Tile {
         x,
@@ -171,7 +171,7 @@ fn a_scan_costs_no_more_than_was_asked_for() {
 }
 
 #[test]
-fn a_stream_costs_what_came() {
+fn stream_memory_is_bounded_by_received_bytes() {
     let mut deframer = Deframer::new(SCENE_BYTES_MAX);
     let spent = allocated(|| {
         deframer.push(&(SCENE_BYTES_MAX as u32).to_le_bytes());

@@ -13,7 +13,7 @@ use fuzz::TARGETS;
 const MUTATIONS: u64 = 1000;
 
 #[test]
-fn no_input_breaks_a_law() {
+fn regression_inputs_break_no_law() {
     for (name, target, seeds) in TARGETS {
         let mut inputs = seeds();
         inputs.extend(regressions(name));

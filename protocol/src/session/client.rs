@@ -1,13 +1,13 @@
-//! The client's end of a connection.
+//! Session of the client: its end of a connection.
 
 use std::collections::{BTreeMap, VecDeque};
 
 use carom_tracer::{Scene, Tile, TileRange};
 
-use super::reference_tiles::Held;
+use super::reference_tiles::ReferenceList;
 use super::requests::{OpenRequest, RefusedRequests};
 use super::scenes::SceneCache;
-use super::{Channel, Packet};
+use super::{Channel, Packet, SessionState};
 use crate::codec;
 use crate::error::{Error, Reason};
 use crate::limits::{CONTROL_QUEUED_MAX, REQUESTS_QUEUED_MAX};
@@ -17,14 +17,14 @@ use crate::message::{
 };
 use crate::tile_codec::{Decoder, TilePixels};
 
-/// What a node tells its client.
+/// An event of a client's session.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ClientEvent {
     /// The node answers. Always the first event.
     Welcome(NodeInfo),
     /// So much of a scene has come to the node.
     SceneComing {
-        /// Which scene.
+        /// The scene's hash.
         hash: SceneHash,
         /// From 0 to 100.
         percent: u8,
@@ -33,38 +33,38 @@ pub enum ClientEvent {
     SceneReady(SceneHash),
     /// The node cannot use the scene.
     SceneRefused {
-        /// Which scene.
+        /// The scene's hash.
         hash: SceneHash,
         /// A sentence for the user.
         why: String,
     },
     /// Tiles of a request, each once and only tiles that were asked for.
     Tiles {
-        /// The picture.
+        /// The frame.
         frame: FrameId,
         /// The request.
         request: RequestId,
-        /// Which tiles of the picture's grid.
+        /// Their range in the frame's grid.
         tiles: TileRange,
         /// Their pixels.
         pixels: TilePixels,
         /// Microseconds of tracing and encoding, by the node's clock.
         busy_micros: u32,
-        /// Where the time since the request came has gone, by the node's clock.
+        /// Stages of the time since the request came, by the node's clock.
         times: NodeTimes,
         /// Samples that were not finite and count as black.
         dropped_samples: u32,
         /// Bytes that the pixels took on the wire.
         payload_bytes: usize,
     },
-    /// Tiles of a request that has been cancelled: nobody wants the pixels, which were not decoded,
+    /// Tiles of a request that has been cancelled: their pixels are not needed, which were not decoded,
     /// but the time they took says how fast the node is.
     TilesStale {
-        /// The picture.
+        /// The frame.
         frame: FrameId,
         /// The request.
         request: RequestId,
-        /// Which tiles of the picture's grid.
+        /// Their range in the frame's grid.
         tiles: TileRange,
         /// Microseconds of tracing and encoding, by the node's clock.
         busy_micros: u32,
@@ -73,23 +73,23 @@ pub enum ClientEvent {
     },
     /// All tiles of a request have come, or the request was cancelled too late. The last event of the request.
     RequestDone {
-        /// The picture.
+        /// The frame.
         frame: FrameId,
-        /// How it went.
+        /// Its durations at the node.
         report: RequestReport,
     },
     /// A request will not be finished. The last event of the request.
     RequestRefused {
-        /// The picture.
+        /// The frame.
         frame: FrameId,
-        /// The request, and why.
+        /// The request and the reason.
         refusal: Refusal,
     },
     /// The answer to [`ClientSession::ping`].
     Pong(u64),
 }
 
-/// What [`ClientSession::set_scene`] found.
+/// Status of a scene at the node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SceneStatus {
     /// The node holds the scene.
@@ -107,16 +107,16 @@ pub enum SceneStatus {
 /// as with a node that says nothing at all.
 ///
 /// Tiles of a cancelled request that still come are [`ClientEvent::TilesStale`]; those that come after
-/// the node's last word on it are counted by [`ClientSession::late_tiles`] and dropped. The last
-/// word is [`ClientEvent::RequestRefused`], or [`ClientEvent::RequestDone`] if the cancellation came too
+/// the node's last message on it are counted by [`ClientSession::stale_tiles`] and dropped. The last
+/// message is [`ClientEvent::RequestRefused`], or [`ClientEvent::RequestDone`] if the cancellation came too
 /// late, or has been heard already if the report had overtaken the tiles.
 pub struct ClientSession {
-    state: State,
+    state: SessionState,
     scenes: SceneCache<SceneStatus>,
     /// Requests asked for and neither done nor refused, at most [`REQUESTS_QUEUED_MAX`].
     requests: BTreeMap<RequestId, OpenRequest>,
     refused: RefusedRequests,
-    held: Held,
+    references: ReferenceList,
     last_request: Option<RequestId>,
     /// Scenes without an answer, in order, with the bytes of their messages.
     scenes_asked: VecDeque<(SceneHash, usize)>,
@@ -124,33 +124,24 @@ pub struct ClientSession {
     pings: VecDeque<u64>,
     decoder: Decoder,
     packets: VecDeque<Vec<u8>>,
-    late_tiles: u64,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum State {
-    /// No welcome yet.
-    New,
-    Open,
-    /// The node broke a rule.
-    Closed,
+    stale_tiles: u64,
 }
 
 impl ClientSession {
     /// A session over a connection that has just been made; the greeting is queued.
     pub fn new() -> Self {
         let mut session = Self {
-            state: State::New,
+            state: SessionState::New,
             scenes: SceneCache::new(),
             requests: BTreeMap::new(),
             refused: RefusedRequests::default(),
-            held: Held::default(),
+            references: ReferenceList::default(),
             last_request: None,
             scenes_asked: VecDeque::new(),
             pings: VecDeque::new(),
             decoder: Decoder::new(),
             packets: VecDeque::new(),
-            late_tiles: 0,
+            stale_tiles: 0,
         };
         let hello = ToNode::Hello { version: VERSION };
         session.send(&hello).expect("a greeting is short");
@@ -192,7 +183,7 @@ impl ClientSession {
     pub fn trace(&mut self, mut request: TraceRequest) -> Result<(), Error> {
         let unsendable = |reason| Err(Error::unsendable("trace request", reason));
         let id = request.id;
-        if self.state != State::Open {
+        if self.state != SessionState::Open {
             return unsendable(Reason::NotOpen);
         }
         if self.last_request.is_some_and(|last| id <= last) {
@@ -206,7 +197,7 @@ impl ClientSession {
         if self.scenes.peek_mut(request.scene).is_none() {
             return unsendable(Reason::SceneNotHeld);
         }
-        let references = self.held.name(&mut request);
+        let references = self.references.fill_in(&mut request);
         let (hash, state) = (request.scene, OpenRequest::new(&request, references));
         self.send(&ToNode::Trace(Box::new(request)))?;
         self.scenes.touch(hash);
@@ -256,7 +247,7 @@ impl ClientSession {
     pub fn handle(&mut self, packet: Packet) -> Result<Vec<ClientEvent>, Error> {
         let events = self.try_handle(packet);
         if events.is_err() {
-            self.state = State::Closed;
+            self.state = SessionState::Closed;
         }
         events
     }
@@ -274,15 +265,15 @@ impl ClientSession {
     }
 
     /// Tiles that came for requests which the node had refused, after a cancellation as a rule.
-    pub fn late_tiles(&self) -> u64 {
-        self.late_tiles
+    pub fn stale_tiles(&self) -> u64 {
+        self.stale_tiles
     }
 
     fn try_handle(&mut self, packet: Packet) -> Result<Vec<ClientEvent>, Error> {
-        if self.state == State::Closed {
+        if self.state == SessionState::Closed {
             return Err(Error::out_of_order("packet", Reason::SessionClosed));
         }
-        if self.state == State::New && !codec::is_hello(&packet.bytes) {
+        if self.state == SessionState::New && !codec::is_hello(&packet.bytes) {
             return Err(Error::out_of_order(
                 "message",
                 Reason::NotFirst { first: "Welcome" },
@@ -299,16 +290,16 @@ impl ClientSession {
             return Err(Error::out_of_order(what, Reason::WrongChannel { channel }));
         }
         match message {
-            ToClient::Welcome { .. } if self.state == State::Open => {
+            ToClient::Welcome { .. } if self.state == SessionState::Open => {
                 Err(Error::out_of_order(what, Reason::Repeated))
             }
             ToClient::Welcome { node, .. } => {
-                self.state = State::Open;
+                self.state = SessionState::Open;
                 Ok(vec![ClientEvent::Welcome(node)])
             }
             ToClient::SceneReady(hash) => self.scene_ready(hash),
             ToClient::SceneRefused { hash, why } => self.scene_refused(hash, why),
-            ToClient::Tiles(tiles) => self.take_tiles(&tiles),
+            ToClient::Tiles(tiles) => self.receive_tiles(&tiles),
             ToClient::RequestDone(report) => self.request_done(report),
             ToClient::RequestRefused(refusal) => self.run_refused(refusal),
             ToClient::Pong(number) => self.pong(number),
@@ -357,9 +348,9 @@ impl ClientSession {
         }
     }
 
-    fn take_tiles(&mut self, done: &TilesDone) -> Result<Vec<ClientEvent>, Error> {
+    fn receive_tiles(&mut self, done: &TilesDone) -> Result<Vec<ClientEvent>, Error> {
         let Some(request) = self.requests.get_mut(&done.request) else {
-            return self.take_tiles_of_closed_request(done.request);
+            return self.receive_for_closed_request(done.request);
         };
         request.receive(done.tiles)?;
         let (frame, payload_bytes) = (request.frame, done.pixels.len());
@@ -374,12 +365,18 @@ impl ClientSession {
         } else {
             let pixels = match request.format {
                 PixelFormat::Srgb8 { .. } => {
-                    let told = request.with_references(done.tiles);
-                    let decoded =
-                        self.decoder
-                            .decode_srgb(request.precision, &told, &done.pixels)?;
-                    self.held
-                        .insert(request.grid, done.request, done.tiles, decoded.references);
+                    let with_references = request.with_references(done.tiles);
+                    let decoded = self.decoder.decode_srgb(
+                        request.precision,
+                        &with_references,
+                        &done.pixels,
+                    )?;
+                    self.references.insert(
+                        request.grid,
+                        done.request,
+                        done.tiles,
+                        decoded.references,
+                    );
                     TilePixels::Srgb8(decoded.pixels)
                 }
                 format => {
@@ -405,7 +402,7 @@ impl ClientSession {
         Ok(vec![tiles, ClientEvent::RequestDone { frame, report }])
     }
 
-    fn take_tiles_of_closed_request(
+    fn receive_for_closed_request(
         &mut self,
         request: RequestId,
     ) -> Result<Vec<ClientEvent>, Error> {
@@ -413,7 +410,7 @@ impl ClientSession {
             let reason = Reason::RequestNotOpen { id: request.0 };
             return Err(Error::out_of_order("tile message", reason));
         }
-        self.late_tiles += 1;
+        self.stale_tiles += 1;
         Ok(Vec::new())
     }
 
@@ -421,7 +418,7 @@ impl ClientSession {
         const WHAT: &str = "report";
         let Some(request) = self.requests.get_mut(&report.request) else {
             // The client cancelled a request whose report was still on its way, and a node may not
-            // say two last words: so the request was never asked for, or is done.
+            // report twice: so the request was never asked for, or is done.
             return Err(Error::out_of_order(
                 WHAT,
                 Reason::RequestNotOpen {
@@ -494,7 +491,7 @@ impl ClientSession {
             return Ok(());
         }
         self.send(message)?;
-        // The node's last word has come already where the report has: the request ends here.
+        // The node's last message has come already where the report has: the request ends here.
         let reported = |request: &RequestId, state: &mut OpenRequest| {
             state.report.is_some() && is_news(request, state)
         };

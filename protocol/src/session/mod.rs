@@ -1,4 +1,4 @@
-//! The two ends of a connection as state machines: packets in, events out; calls in, packets out.
+//! Sessions: the two ends of a connection as state machines: packets in, events out; calls in, packets out.
 //!
 //! ```text
 //!  application                 session                      transport
@@ -29,13 +29,13 @@ pub use reference_tiles::{References, SentReferences};
 /// A whole message on its way.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Packet {
-    /// How it travels.
+    /// Its channel.
     pub channel: Channel,
     /// Its bytes, unframed.
     pub bytes: Vec<u8>,
 }
 
-/// The ways that packets travel.
+/// The channel that a packet travels on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Channel {
     /// In order. Over QUIC: one stream in both directions, framed by [`crate::framing`].
@@ -48,8 +48,19 @@ pub enum Channel {
     Copy,
 }
 
+/// State of either session.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum SessionState {
+    /// The peer's first message has not come.
+    New,
+    /// Both have spoken.
+    Open,
+    /// The peer broke a rule.
+    Closed,
+}
+
 impl Channel {
-    /// What packets of this channel are called in errors.
+    /// The name of this channel's packets in errors.
     const fn packet_name(self) -> &'static str {
         match self {
             Self::Control => "control packet",

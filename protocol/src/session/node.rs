@@ -1,4 +1,4 @@
-//! The node's end of a connection.
+//! Session of a node: its end of a connection.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
@@ -6,7 +6,7 @@ use std::sync::Arc;
 use carom_tracer::{Scene, SceneUpdate, Shape, TileRange};
 
 use super::scenes::SceneCache;
-use super::{Channel, Packet};
+use super::{Channel, Packet, SessionState};
 use crate::codec;
 use crate::error::{Error, Reason};
 use crate::limits::{
@@ -19,7 +19,7 @@ use crate::message::{
 };
 use crate::validate::cut;
 
-/// What a client asks of a node.
+/// An event of a node's session.
 #[derive(Clone, Debug, PartialEq)]
 pub enum NodeEvent {
     /// A scene has come and is kept; the client knows. Time to compile it.
@@ -46,7 +46,7 @@ pub enum NodeEvent {
 #[derive(Debug)]
 pub struct NodeSession {
     info: NodeInfo,
-    state: State,
+    state: SessionState,
     scenes: SceneCache<Arc<Scene>>,
     /// Requests asked for and not yet answered on the wire, at most [`REQUESTS_QUEUED_MAX`].
     requests: BTreeMap<RequestId, AcceptedRequest>,
@@ -62,14 +62,14 @@ pub struct NodeSession {
     /// Tiles and reports of requests, which a cancellation drops.
     results: VecDeque<QueuedResult>,
     results_bytes: usize,
-    /// Those of frames that newer ones have overtaken: sent when nothing else waits.
+    /// Those of stale frames, which newer ones have overtaken: sent when nothing else waits.
     stale: VecDeque<QueuedResult>,
     stale_bytes: usize,
     /// The newest frame that anything has been traced of.
     newest: FrameId,
 }
 
-/// A packet of a request that waits for the network.
+/// A packet with tiles or a report that waits for the network.
 #[derive(Debug)]
 struct QueuedResult {
     request: RequestId,
@@ -79,15 +79,6 @@ struct QueuedResult {
 
 /// A frame and the next: a queue of two frames is too long, one that is shorter is soon gone.
 const FRAMES_IN_ORDER: u64 = 2;
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum State {
-    /// No greeting yet.
-    New,
-    Open,
-    /// The client broke a rule.
-    Closed,
-}
 
 #[derive(Clone, Copy, Debug)]
 struct AcceptedRequest {
@@ -116,7 +107,7 @@ impl NodeSession {
         info.device.name = cut(info.device.name, NODE_NAME_BYTES_MAX);
         Self {
             info,
-            state: State::New,
+            state: SessionState::New,
             scenes: SceneCache::new(),
             requests: BTreeMap::new(),
             last_request: None,
@@ -140,7 +131,7 @@ impl NodeSession {
     pub fn handle(&mut self, packet: Packet) -> Result<Option<NodeEvent>, Error> {
         let event = self.try_handle(packet);
         if event.is_err() {
-            self.state = State::Closed;
+            self.state = SessionState::Closed;
         }
         event
     }
@@ -149,7 +140,7 @@ impl NodeSession {
     /// be called now and then while it comes, before it is handled.
     pub fn scene_progress(&mut self, bytes: usize) {
         let has_room = self.control_queue.len() < CONTROL_QUEUED_MAX;
-        if self.state == State::Open && has_room {
+        if self.state == SessionState::Open && has_room {
             let bytes = u32::try_from(bytes).unwrap_or(u32::MAX);
             self.send(&ToClient::SceneComing { bytes });
         }
@@ -276,7 +267,7 @@ impl NodeSession {
     }
 
     fn try_handle(&mut self, packet: Packet) -> Result<Option<NodeEvent>, Error> {
-        if self.state == State::Closed {
+        if self.state == SessionState::Closed {
             return Err(Error::out_of_order("packet", Reason::SessionClosed));
         }
         if packet.channel == Channel::Copy {
@@ -287,7 +278,7 @@ impl NodeSession {
             return Err(Error::out_of_order(what, Reason::NotForNodes));
         }
         // Nothing else is looked at, or anything allocated for it, before the greeting.
-        if self.state == State::New && !codec::is_hello(&packet.bytes) {
+        if self.state == SessionState::New && !codec::is_hello(&packet.bytes) {
             return Err(Error::out_of_order(
                 "message",
                 Reason::NotFirst { first: "Hello" },
@@ -320,10 +311,10 @@ impl NodeSession {
 
     /// Answers a greeting, one of another version too: its sender reads the version from it.
     fn welcome(&mut self) -> Result<(), Error> {
-        if self.state != State::New {
+        if self.state != SessionState::New {
             return Err(Error::out_of_order("greeting", Reason::Repeated));
         }
-        self.state = State::Open;
+        self.state = SessionState::Open;
         self.send(&ToClient::Welcome {
             version: VERSION,
             node: self.info.clone(),
@@ -369,10 +360,10 @@ impl NodeSession {
         Ok(None)
     }
 
-    /// Begins a request whose own packet is still on its way. Whatever speaks against it is for
-    /// that packet to find: scenes are used, and answers given, in the order of packets.
+    /// Begins a request whose control packet is still on its way. Faults are left for that packet to
+    /// find: scenes are used, and answers given, in the order of control packets.
     fn handle_duplicate_request(&mut self, bytes: &[u8]) -> Result<Option<NodeEvent>, Error> {
-        if self.state == State::New {
+        if self.state == SessionState::New {
             return Ok(None);
         }
         let ToNode::Trace(request) = codec::decode_to_node(bytes)? else {
@@ -398,7 +389,7 @@ impl NodeSession {
         &mut self,
         unwanted: impl Fn(RequestId, &AcceptedRequest) -> bool,
     ) -> Option<NodeEvent> {
-        // What a copy has begun was asked for after this.
+        // A request that a copy has begun was sent after this cancellation.
         let begun = &self.begun;
         let unwanted = |request: RequestId, state: &AcceptedRequest| {
             !begun.contains(&request) && unwanted(request, state)
@@ -446,7 +437,8 @@ impl NodeSession {
         self.wait(answer);
     }
 
-    /// Puts what is now too old behind everything else. A request stays in order: all of it is.
+    /// Moves packets of stale frames behind all others. A request's packets stay in order, since all of
+    /// them are of one frame.
     fn demote_stale(&mut self) {
         let oldest = self.results.iter().map(|answer| answer.frame).min();
         if oldest.is_none_or(|oldest| !self.is_stale(oldest)) {

@@ -1,8 +1,8 @@
-//! Which tiles both ends remember, so that later ones can be told from them.
+//! Reference tiles that the two ends of a connection remember for delta coding.
 //!
-//! The client says with each request which tiles of earlier requests it holds there; the node tells a
-//! tile from one that was named and that it remembers too, or from nothing. So a tile is only ever
-//! told from one that has arrived, and whichever end forgets costs bytes and nothing else.
+//! The client names with each request the tiles of earlier requests that it holds there; the node
+//! delta-codes a tile against one that was named and that it remembers too. So a tile is only ever
+//! coded against one that has arrived, and an end that forgets costs bytes and nothing else.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -13,22 +13,21 @@ use crate::limits::{REFERENCE_RANGES_MAX, REFERENCE_REQUESTS_MAX, SENT_REFERENCE
 use crate::message::{PixelFormat, ReferenceRange, RequestId, TraceRequest};
 use crate::tile_codec::ReferenceTile;
 
-/// What each tile of a stretch may be told from.
+/// The reference of each tile of a range, where there is one.
 pub type References = Vec<Option<Arc<ReferenceTile>>>;
 
-/// The client's end: the last tile that came at each place of the last [`REFERENCE_REQUESTS_MAX`] requests.
+/// The client's end: the last tile that came at each place, of the last [`REFERENCE_REQUESTS_MAX`] requests.
 #[derive(Debug, Default)]
-pub(super) struct Held {
+pub(super) struct ReferenceList {
     grid: Option<TileGrid>,
     tiles: BTreeMap<u32, (RequestId, Arc<ReferenceTile>)>,
     /// Requests with tiles in here, in the order in which they began to come.
     requests: VecDeque<RequestId>,
 }
 
-impl Held {
-    /// Names the tiles that are held where `request` asks for some; and hands them out, to be
-    /// kept until its tiles have come.
-    pub(super) fn name(&mut self, request: &mut TraceRequest) -> References {
+impl ReferenceList {
+    /// Fills in the references of `request`, and returns them, to be kept until its tiles have come.
+    pub(super) fn fill_in(&mut self, request: &mut TraceRequest) -> References {
         request.references.clear();
         if !matches!(request.format, PixelFormat::Srgb8 { .. }) {
             return Vec::new();
@@ -39,13 +38,13 @@ impl Held {
         }
         let place = |tile: u32| (tile - request.tiles.first) as usize;
         let mut references = vec![None; request.tiles.count as usize];
-        for (&tile, (id, held)) in self.tiles.range(request.tiles.indices()) {
-            let stretches = request.references.len();
+        for (&tile, (id, tile_held)) in self.tiles.range(request.tiles.indices()) {
+            let ranges = request.references.len();
             match request.references.last_mut() {
                 Some(last) if last.request == *id && last.tiles.end() == tile => {
                     last.tiles.count += 1
                 }
-                _ if stretches == REFERENCE_RANGES_MAX => break,
+                _ if ranges == REFERENCE_RANGES_MAX => break,
                 _ => {
                     let (first, count) = (tile, 1);
                     let tiles = TileRange { first, count };
@@ -55,7 +54,7 @@ impl Held {
                     });
                 }
             }
-            references[place(tile)] = Some(Arc::clone(held));
+            references[place(tile)] = Some(Arc::clone(tile_held));
         }
         references
     }
@@ -66,7 +65,7 @@ impl Held {
         grid: TileGrid,
         request: RequestId,
         tiles: TileRange,
-        kept: Vec<Arc<ReferenceTile>>,
+        references: Vec<Arc<ReferenceTile>>,
     ) {
         if self.grid != Some(grid) {
             return;
@@ -74,10 +73,10 @@ impl Held {
         if !self.requests.contains(&request) {
             self.requests.push_back(request);
         }
-        for (tile, kept) in tiles.indices().zip(kept) {
+        for (tile, reference) in tiles.indices().zip(references) {
             match self.tiles.get(&tile) {
                 Some((newer, _)) if *newer > request => {}
-                _ => drop(self.tiles.insert(tile, (request, kept))),
+                _ => drop(self.tiles.insert(tile, (request, reference))),
             }
         }
         if self.requests.len() > REFERENCE_REQUESTS_MAX {
@@ -89,7 +88,7 @@ impl Held {
 }
 
 /// The node's end: the tiles it has sent to a client, until that holds later ones or
-/// [`SENT_REFERENCES_BYTES_MAX`] bytes are kept.
+/// [`SENT_REFERENCES_BYTES_MAX`] bytes are remembered.
 #[derive(Debug, Default)]
 pub struct SentReferences {
     grid: Option<TileGrid>,
@@ -100,17 +99,17 @@ pub struct SentReferences {
 }
 
 impl SentReferences {
-    /// What `tiles`, of a request's own, may be told from.
+    /// The references of `tiles`, which are part of a request's.
     pub fn references(&mut self, request: &TraceRequest, tiles: TileRange) -> References {
         let mut references = vec![None; tiles.count as usize];
         if self.grid != Some(request.grid) {
             return references;
         }
-        for held in &request.references {
-            let stretch = held.tiles.first.max(tiles.first)..held.tiles.end().min(tiles.end());
-            for tile in stretch {
-                self.drop_before(tile, held.request);
-                let reference = self.tiles.get(&(tile, held.request));
+        for named in &request.references {
+            let range = named.tiles.first.max(tiles.first)..named.tiles.end().min(tiles.end());
+            for tile in range {
+                self.drop_before(tile, named.request);
+                let reference = self.tiles.get(&(tile, named.request));
                 references[(tile - tiles.first) as usize] = reference.cloned();
             }
         }
@@ -122,16 +121,16 @@ impl SentReferences {
         &mut self,
         request: &TraceRequest,
         tiles: TileRange,
-        kept: Vec<Arc<ReferenceTile>>,
+        references: Vec<Arc<ReferenceTile>>,
     ) {
         if self.grid != Some(request.grid) {
             *self = Self::default();
             self.grid = Some(request.grid);
         }
-        for (tile, kept) in tiles.indices().zip(kept) {
-            self.bytes += kept.bytes();
+        for (tile, reference) in tiles.indices().zip(references) {
+            self.bytes += reference.bytes();
             self.order.push_back((tile, request.id));
-            if let Some(before) = self.tiles.insert((tile, request.id), kept) {
+            if let Some(before) = self.tiles.insert((tile, request.id), reference) {
                 self.bytes -= before.bytes();
             }
         }

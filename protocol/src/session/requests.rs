@@ -1,4 +1,4 @@
-//! What a client knows of the requests it asked for.
+//! Requests of a client that the node has not finished, and those that it refused.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -20,7 +20,7 @@ pub(super) struct OpenRequest {
     tiles: TileRange,
     pub(super) format: PixelFormat,
     pub(super) precision: PrecisionRange,
-    /// What its tiles may be told from, by place in the request; empty for linear formats.
+    /// References of its tiles, by place in the request; empty for linear formats.
     pub(super) references: References,
     /// By the tile's place in the request.
     received: Vec<bool>,
@@ -54,7 +54,7 @@ impl OpenRequest {
         }
     }
 
-    /// The tiles of a message, each with what it may be told from.
+    /// The tiles of a message, each with its reference.
     pub(super) fn with_references(
         &self,
         tiles: TileRange,

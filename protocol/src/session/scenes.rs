@@ -1,4 +1,4 @@
-//! Which scenes a node keeps, the same at both ends.
+//! Cache of the scenes that a node keeps, the same at both ends.
 //!
 //! A node uses its scenes in the order of the scene and trace messages it gets, which is the order
 //! in which the client sends them. So a client that uses a cache of its own at each message knows
@@ -65,7 +65,7 @@ mod tests {
     /// A client inserts what it sends and removes what is refused, later; a node inserts what it
     /// takes. Both use scenes in the same order.
     #[test]
-    fn a_client_never_counts_on_a_scene_that_the_node_has_thrown_away() {
+    fn client_cache_holds_no_scene_the_node_evicted() {
         let (mut client, mut node) = (SceneCache::new(), SceneCache::new());
         let mut refused_late = Vec::new();
         let mut random = 1u32;

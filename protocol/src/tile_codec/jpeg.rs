@@ -1,4 +1,5 @@
-//! The lossy stops: JPEG (ITU T.81, baseline) without the 600 bytes of tables that both ends know.
+//! JPEG scans of the lossy precisions (ITU T.81, baseline) without the 600 bytes of tables that both
+//! ends know.
 //!
 //! The tiles of a message are stacked into one picture as wide as the widest. A message of 8192
 //! denoised pixels is 700 bytes at quality 90, so that sending the tables would double it.
@@ -156,7 +157,7 @@ mod tests {
 
     /// Both ends make the header on their own. Whoever changes it raises the protocol's version.
     #[test]
-    fn the_header_is_that_of_this_version() {
+    fn jpeg_header_changes_only_with_version() {
         let hashes = [
             PixelPrecision::Lossy90,
             PixelPrecision::Lossy75,
@@ -170,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn the_header_made_apart_is_the_files_own() {
+    fn rebuilt_jpeg_header_equals_the_files() {
         for precision in [
             PixelPrecision::Lossy90,
             PixelPrecision::Lossy75,

@@ -99,7 +99,7 @@ proptest! {
     #![proptest_config(any::config(60))]
 
     #[test]
-    fn each_precision_keeps_its_bound_however_it_changes_on_the_way(
+    fn precisions_keep_their_error_bounds(
         precisions in prop::collection::vec(0..6usize, 1..8),
         seeds in prop::collection::vec(0..3u32, 8),
         grain in 0.0..0.5f32,
@@ -202,7 +202,7 @@ proptest! {
 
     /// As changes while few pixels do, as planes when the encoder has seen many.
     #[test]
-    fn both_ways_of_telling_changes_give_the_same_pixels(
+    fn range_coder_and_planes_give_the_same_pixels(
         sizes in prop::collection::vec((1..70u32, 1..40u32, 0..257u32), 1..5),
         seed: u32,
         before in 0..3usize,
@@ -234,7 +234,7 @@ proptest! {
 }
 
 #[test]
-fn a_few_changes_are_told_in_far_fewer_bytes_than_planes_of_them() {
+fn range_coding_a_few_changes_beats_planes() {
     let seeds = [10, 20, 30, 40, 50, 60, 70, 80];
     let held = seeds.map(|seed| sent_whole(PixelPrecision::Exact, TILE, &light(TILE, seed, 0.6)));
     let bytes = |encoder: &mut Encoder, pixels| {
@@ -253,7 +253,7 @@ fn a_few_changes_are_told_in_far_fewer_bytes_than_planes_of_them() {
 }
 
 #[test]
-fn an_encoder_tells_changes_again_once_the_picture_is_still() {
+fn still_pictures_are_range_coded_again() {
     let mut encoder = busy_encoder();
     let held = vec![sent_whole(PixelPrecision::Exact, TILE, &light(TILE, 7, 0.6)); 8];
     let tiles = vec![(TILE, light(TILE, 7, 0.6)); 8];
@@ -266,7 +266,7 @@ fn an_encoder_tells_changes_again_once_the_picture_is_still() {
 /// Reading changes takes longer, the more there are: of many, as the camera turns, so many messages are
 /// planes that a decoder keeps its rate.
 #[test]
-fn the_more_changes_the_fewer_messages_tell_them_by_themselves() {
+fn more_changes_mean_fewer_range_coded_messages() {
     let held = vec![sent_whole(PixelPrecision::Exact, TILE, &light(TILE, 7, 0.6)); 8];
     let told_by_changes = |pixels| {
         let tiles = vec![(TILE, changed(TILE, 7, pixels)); 8];
@@ -282,7 +282,7 @@ fn the_more_changes_the_fewer_messages_tell_them_by_themselves() {
 }
 
 #[test]
-fn an_encoder_tells_what_its_pixels_were_told_from() {
+fn delta_stats_count_referenced_and_changed_pixels() {
     let mut encoder = Encoder::new();
     let mut send = |precision, radiance: &[[f32; 3]], reference: Option<&Arc<ReferenceTile>>| {
         let input = TileInput {
@@ -314,7 +314,7 @@ fn an_encoder_tells_what_its_pixels_were_told_from() {
 }
 
 #[test]
-fn a_tile_that_has_not_changed_is_a_few_bytes() {
+fn unchanged_tile_takes_few_bytes() {
     for precision in PixelPrecision::ALL {
         let mut ends = Ends::new();
         let radiance = light(TILE, 1, 0.4);
@@ -326,7 +326,7 @@ fn a_tile_that_has_not_changed_is_a_few_bytes() {
 }
 
 #[test]
-fn a_shown_tile_is_not_refined_by_a_coarser_one() {
+fn coarser_precision_keeps_finer_pixels() {
     let mut ends = Ends::new();
     let radiance = light(TILE, 1, 0.4);
     let (_, exact, [sent, held]) = ends.send(PixelPrecision::Exact, &radiance, None, None);
@@ -336,7 +336,7 @@ fn a_shown_tile_is_not_refined_by_a_coarser_one() {
 }
 
 #[test]
-fn a_client_that_asks_for_exact_pixels_is_sent_no_others() {
+fn coarser_precision_than_asked_is_an_error() {
     let radiance = light(TILE, 1, 0.1);
     for precision in &PixelPrecision::ALL[1..] {
         let input = TileInput {
@@ -353,7 +353,7 @@ fn a_client_that_asks_for_exact_pixels_is_sent_no_others() {
 }
 
 #[test]
-fn a_tile_told_from_one_that_is_not_held_is_an_error() {
+fn missing_reference_is_an_error() {
     let mut ends = Ends::new();
     let radiance = light(TILE, 1, 0.1);
     for precision in PixelPrecision::ALL {
@@ -492,7 +492,7 @@ proptest! {
 
     /// Whatever is lost on the way, forgotten at the node or moved between nodes.
     #[test]
-    fn what_is_shown_is_what_was_traced(
+    fn lossy_network_never_corrupts_pixels(
         steps in prop::collection::vec((0..9u32, 1..9u32, 0..3u32, any::<u8>(), any::<bool>()), 1..20),
     ) {
         let mut pair = Pair::new();
@@ -516,7 +516,7 @@ proptest! {
 }
 
 #[test]
-fn a_still_picture_costs_a_few_bytes_a_tile_after_the_first() {
+fn unchanged_frames_cost_few_bytes_a_tile() {
     let mut pair = Pair::new();
     let bytes: Vec<usize> = (0..20)
         .map(|_| {

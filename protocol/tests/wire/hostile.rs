@@ -137,7 +137,7 @@ fn pixels_must_be_those_of_the_tiles() {
 }
 
 #[test]
-fn a_report_before_the_tiles_is_kept_until_they_have_come() {
+fn early_report_waits_for_its_tiles() {
     let mut client = waiting_client();
     assert_eq!(client.handle(done(5)), Ok(vec![]));
     assert_eq!(client.handle(tiles(5, 4, 4)).unwrap().len(), 1);
@@ -150,7 +150,7 @@ fn a_report_before_the_tiles_is_kept_until_they_have_come() {
 }
 
 #[test]
-fn a_run_has_one_last_word() {
+fn request_ends_once() {
     assert_closes(waiting_client(), [done(5), done(5)]);
     assert_closes(waiting_client(), [done(6)]);
     let busy = || refused(5, RefusalReason::Busy);
@@ -161,7 +161,7 @@ fn a_run_has_one_last_word() {
 }
 
 #[test]
-fn answers_need_questions() {
+fn answers_without_requests_are_faults() {
     let hash = SceneHash([1; 32]);
     let ready = ToClient::SceneReady(SceneHash::of(&any::balls(2)));
     assert_closes(waiting_client(), [control(&ToClient::SceneReady(hash))]);
@@ -225,14 +225,14 @@ fn messages_keep_to_their_channel() {
 }
 
 #[test]
-fn late_tiles_of_cancelled_runs_are_no_fault() {
+fn stale_tiles_of_cancelled_requests_are_no_fault() {
     let mut client = waiting_client();
     client.cancel_request(RequestId(5)).unwrap();
     let events = client.handle(tiles(5, 4, 2)).unwrap();
     assert!(matches!(events[..], [ClientEvent::TilesStale { .. }]));
     client.handle(refused(5, RefusalReason::Cancelled)).unwrap();
     assert_eq!(client.handle(tiles(5, 6, 2)), Ok(vec![]));
-    assert_eq!(client.late_tiles(), 1);
+    assert_eq!(client.stale_tiles(), 1);
     // A report had come, so the node says no more: the request ends with its cancellation.
     client.handle(done(7)).unwrap();
     client.cancel_before(FrameId(8)).unwrap();
@@ -242,7 +242,7 @@ fn late_tiles_of_cancelled_runs_are_no_fault() {
 }
 
 #[test]
-fn what_a_client_remembers_of_refused_runs_is_bounded_and_forgives() {
+fn refused_requests_are_remembered_within_bounds() {
     let mut client = waiting_client();
     let scene = any::balls(2);
     let requests = REQUESTS_REFUSED_KEPT as u64 + 10;
@@ -264,7 +264,7 @@ fn what_a_client_remembers_of_refused_runs_is_bounded_and_forgives() {
 }
 
 #[test]
-fn a_caller_that_asks_for_the_impossible_changes_nothing() {
+fn unsendable_calls_change_nothing() {
     let mut client = waiting_client();
     while client.poll_transmit().is_some() {}
     let (held, other) = (any::balls(2), any::balls(3));
@@ -348,7 +348,7 @@ fn both_ends_of_different_versions_say_so() {
 }
 
 #[test]
-fn requests_that_do_not_fit_are_refused_without_an_event() {
+fn unfit_requests_are_refused_without_an_event() {
     let (mut node, scene) = open_node();
     let mut unknown = request(&scene, 1);
     unknown.scene = SceneHash([9; 32]);
@@ -388,7 +388,7 @@ fn a_scene_that_cannot_be_drawn_is_refused() {
 }
 
 #[test]
-fn a_queue_that_is_full_is_busy() {
+fn full_queue_refuses_as_busy() {
     let (mut node, scene) = open_node();
     for id in 0..REQUESTS_QUEUED_MAX as u64 {
         assert!(ask(&mut node, request(&scene, id)).unwrap().is_some());
@@ -417,7 +417,7 @@ fn a_client_that_reads_no_answers_is_cut_off() {
 }
 
 #[test]
-fn a_cancelled_run_takes_no_more_of_the_wire() {
+fn cancelled_request_sends_no_more() {
     let (mut node, scene) = open_node();
     ask(&mut node, request(&scene, 1)).unwrap();
     let part = |first, count| TilesDone {
@@ -454,7 +454,7 @@ fn a_cancelled_run_takes_no_more_of_the_wire() {
 /// On a link that is too slow, what is two frames old would only come too late, and make all that
 /// follows late.
 #[test]
-fn a_frame_that_two_newer_ones_have_overtaken_waits_for_them() {
+fn stale_frames_wait_for_newer_ones() {
     let (mut node, scene) = open_node();
     for id in 1..=3 {
         ask(&mut node, request(&scene, id)).unwrap();
@@ -502,7 +502,7 @@ fn a_frame_that_two_newer_ones_have_overtaken_waits_for_them() {
 }
 
 #[test]
-fn a_node_says_of_a_run_only_what_it_was_asked() {
+fn node_answers_only_what_was_asked() {
     let (mut node, scene) = open_node();
     ask(&mut node, request(&scene, 1)).unwrap();
     let part = |first, count| TilesDone {

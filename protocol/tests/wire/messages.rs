@@ -30,13 +30,13 @@ proptest! {
     }
 
     #[test]
-    fn a_message_cut_short_is_an_error(message in any::to_node(), at: prop::sample::Index) {
+    fn truncated_messages_are_errors(message in any::to_node(), at: prop::sample::Index) {
         let bytes = encode_to_node(&message).unwrap();
         prop_assert!(decode_to_node(&bytes[..at.index(bytes.len())]).is_err());
     }
 
     #[test]
-    fn any_bytes_decode_to_a_message_that_can_be_sent_or_to_an_error(
+    fn any_bytes_are_a_sendable_message_or_an_error(
         bytes in prop::collection::vec(any::<u8>(), 0..300),
         variant in 0..8u8,
     ) {
@@ -50,7 +50,7 @@ proptest! {
     }
 
     #[test]
-    fn damaged_messages_decode_to_a_message_that_can_be_sent_or_to_an_error(
+    fn damaged_messages_are_sendable_or_errors(
         to_node in any::to_node(),
         to_client in any::to_client(),
         damage in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..4),
@@ -160,7 +160,7 @@ const POSE: ObjectPose = ObjectPose {
 };
 
 #[test]
-fn a_run_has_a_bounded_list_of_tiles() {
+fn tiles_of_a_request_are_bounded() {
     let grid = TileGrid::new(ImageSize::new(16_384, 16_384), 1);
     let mut runner = TestRunner::deterministic();
     let mut request = any::request().new_tree(&mut runner).unwrap().current();
@@ -176,7 +176,7 @@ fn a_run_has_a_bounded_list_of_tiles() {
 }
 
 #[test]
-fn a_sentence_has_its_limit() {
+fn sentences_are_limited() {
     let refusal = |bytes: usize| {
         ToClient::RequestRefused(Refusal {
             request: RequestId(1),

@@ -378,7 +378,7 @@ proptest! {
     #![proptest_config(any::config(150))]
 
     #[test]
-    fn each_run_comes_to_its_end_whatever_overtakes_what(
+    fn each_request_ends_in_any_order_of_packets(
         steps in prop::collection::vec((any::<u8>(), 0..10_000usize), 0..500),
     ) {
         let mut pair = Pair::new();

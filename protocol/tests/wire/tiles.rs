@@ -94,7 +94,7 @@ proptest! {
     }
 
     #[test]
-    fn a_payload_is_no_longer_than_its_pixels_its_modes_and_a_byte(
+    fn payload_exceeds_pixels_by_modes_and_a_byte(
         format in any::format(),
         lit in lit_tiles(),
     ) {
@@ -126,7 +126,7 @@ proptest! {
     }
 
     #[test]
-    fn a_damaged_payload_is_an_error_or_a_picture_of_the_right_size(
+    fn damaged_payloads_are_sized_right_or_errors(
         format in any::format(),
         lit in lit_tiles(),
         at: prop::sample::Index,
@@ -149,7 +149,7 @@ proptest! {
     }
 
     #[test]
-    fn any_bytes_are_an_error_or_a_picture_of_the_right_size(
+    fn any_payload_is_sized_right_or_an_error(
         format in any::format(),
         start in prop_oneof![Just(vec![0]), Just(vec![1]), Just(ZSTD_START.to_vec())],
         bytes in prop::collection::vec(any::<u8>(), 0..200),
@@ -188,7 +188,7 @@ fn good_frame() -> Vec<u8> {
 }
 
 #[test]
-fn a_bomb_is_refused() {
+fn zstd_bomb_is_refused() {
     // A frame of unknown size whose single block repeats a byte 128 KiB (RFC 8878, RLE_Block),
     // and one that states the right size but has eight such blocks.
     let block = |last: u32| ((128 * 1024) << 3 | 1 << 1 | last).to_le_bytes();
@@ -203,7 +203,7 @@ fn a_bomb_is_refused() {
 }
 
 #[test]
-fn a_frame_with_anything_beside_it_is_refused() {
+fn bytes_beside_the_zstd_frame_are_refused() {
     let frame = good_frame();
     assert!(refused(&[&frame[..], &frame].concat()).contains("follow its end"));
     assert!(refused(&[&frame[..], &[0]].concat()).contains("follow its end"));
@@ -213,7 +213,7 @@ fn a_frame_with_anything_beside_it_is_refused() {
 }
 
 #[test]
-fn a_frame_of_a_dictionary_or_of_an_old_format_is_refused() {
+fn zstd_dictionaries_and_old_formats_are_refused() {
     // The first bit pair of the frame header's descriptor is the size of the dictionary's id.
     let frame = good_frame();
     let with_dictionary = [&frame[..4], &[frame[4] | 1, 42], &frame[5..]].concat();
