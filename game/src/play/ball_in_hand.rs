@@ -5,7 +5,7 @@ use glam::DVec2;
 use crate::camera::Projection;
 use crate::input::{AimIntent, StrokeIntent};
 
-use super::{Game, Phase};
+use super::{Game, TurnPhase};
 
 /// A cue ball that is carried.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,14 +22,14 @@ impl Game {
     /// The cue ball that is carried, if it is.
     pub fn ball_in_hand(&self) -> Option<&BallInHand> {
         match &self.phase {
-            Phase::Placing(ball_in_hand) => Some(ball_in_hand),
+            TurnPhase::Placing(ball_in_hand) => Some(ball_in_hand),
             _ => None,
         }
     }
 
     /// Takes the cue ball up, or puts it down again.
     pub(super) fn pick_up(&mut self) {
-        if matches!(self.phase, Phase::Placing(_)) {
+        if matches!(self.phase, TurnPhase::Placing(_)) {
             return self.put_down();
         }
         let Some(at) = self.contest.cue_ball_in_hand() else {
@@ -37,7 +37,7 @@ impl Game {
                 Some("The cue ball is not in hand: it is played from where it lies".into());
             return;
         };
-        self.phase = Phase::Placing(BallInHand {
+        self.phase = TurnPhase::Placing(BallInHand {
             at,
             verdict: self.verdict(at),
             from: at,
@@ -46,7 +46,7 @@ impl Game {
 
     /// Holds the ball that is carried over a point of the window.
     pub(super) fn point(&mut self, point: DVec2, now_secs: f64, film: DVec2) {
-        if !matches!(self.phase, Phase::Placing(_)) {
+        if !matches!(self.phase, TurnPhase::Placing(_)) {
             return;
         }
         let projection = Projection::new(&self.camera(now_secs), film.x, film.y);
@@ -58,7 +58,7 @@ impl Game {
     /// Moves the ball that is carried by the keys of the aim; false if there is none, or the change is
     /// of something else.
     pub(super) fn carry(&mut self, intent: AimIntent) -> bool {
-        let Phase::Placing(ball_in_hand) = &self.phase else {
+        let TurnPhase::Placing(ball_in_hand) = &self.phase else {
             return false;
         };
         let by = match intent {
@@ -103,13 +103,13 @@ impl Game {
             let _ = self.contest.place(at);
             self.shot_preview = None;
         }
-        if let Phase::Placing(ball_in_hand) = &mut self.phase {
+        if let TurnPhase::Placing(ball_in_hand) = &mut self.phase {
             (ball_in_hand.at, ball_in_hand.verdict) = (at, verdict);
         }
     }
 
     pub(super) fn put_down(&mut self) {
-        let Phase::Placing(ball_in_hand) = &self.phase else {
+        let TurnPhase::Placing(ball_in_hand) = &self.phase else {
             return;
         };
         if let Err(why) = &ball_in_hand.verdict {
@@ -120,7 +120,7 @@ impl Game {
     }
 
     pub(super) fn put_back(&mut self) {
-        if let Phase::Placing(ball_in_hand) = &self.phase {
+        if let TurnPhase::Placing(ball_in_hand) = &self.phase {
             let from = ball_in_hand.from;
             // It lay there before.
             let _ = self.contest.place(from);

@@ -57,7 +57,7 @@ pub struct Game {
     contest: Match,
     board: Option<Rc<game_match::MatchView>>,
     ai_turn: Option<AiTurn>,
-    phase: Phase,
+    phase: TurnPhase,
     aim: Aim,
     views: ViewSelection,
     smoother: CameraSmoother,
@@ -70,7 +70,7 @@ pub struct Game {
 
 /// What the player is doing.
 #[derive(Debug)]
-enum Phase {
+enum TurnPhase {
     /// Looking for the shot.
     Aiming,
     /// Carrying the cue ball.
@@ -101,7 +101,7 @@ impl Game {
             contest,
             board: None,
             ai_turn: None,
-            phase: Phase::Aiming,
+            phase: TurnPhase::Aiming,
             aim: Aim::LEVEL,
             instant_camera: false,
             shots: 0,
@@ -138,10 +138,10 @@ impl Game {
     /// A sentence if they cannot lie like this, or in a game with rules; it stays as it was.
     pub fn lay(&mut self, balls: &[BallState]) -> carom_billiards::Result<()> {
         self.contest.arrange(balls)?;
-        if let Phase::Watching(running) = &self.phase {
+        if let TurnPhase::Watching(running) = &self.phase {
             self.smoother = CameraSmoother::new(running.from);
         }
-        self.phase = Phase::Aiming;
+        self.phase = TurnPhase::Aiming;
         self.begin_turn();
         Ok(())
     }
@@ -159,7 +159,7 @@ impl Game {
     /// The shot that is on.
     pub fn shot(&self) -> Option<&Shot> {
         match &self.phase {
-            Phase::Watching(running) => Some(&running.shot),
+            TurnPhase::Watching(running) => Some(&running.shot),
             _ => None,
         }
     }
@@ -172,7 +172,7 @@ impl Game {
     /// The shot that is being played for the first time, with its number.
     pub fn fresh_shot(&self) -> Option<(u64, &Shot)> {
         match &self.phase {
-            Phase::Watching(running) => Some((self.shots, &running.shot)),
+            TurnPhase::Watching(running) => Some((self.shots, &running.shot)),
             _ => None,
         }
     }
@@ -180,9 +180,9 @@ impl Game {
     /// Gives up the stroke that is begun or the ball that is carried; false if there is neither.
     pub fn escape(&mut self) -> bool {
         match &self.phase {
-            Phase::Stroking(_) => self.cancel(),
-            Phase::Placing(_) => self.put_back(),
-            Phase::Aiming | Phase::Planned(_) | Phase::Watching(_) => return false,
+            TurnPhase::Stroking(_) => self.cancel(),
+            TurnPhase::Placing(_) => self.put_back(),
+            TurnPhase::Aiming | TurnPhase::Planned(_) | TurnPhase::Watching(_) => return false,
         }
         true
     }
@@ -190,17 +190,17 @@ impl Game {
     /// Lets time pass: the camera glides, a shot that is over ends.
     pub fn tick(&mut self, now_secs: f64, dt_secs: f64) {
         match &self.phase {
-            Phase::Watching(running)
+            TurnPhase::Watching(running)
                 if running.clock_secs(now_secs) >= running.shot.duration_secs() =>
             {
                 self.end_shot(now_secs);
             }
-            Phase::Watching(_) => return,
-            Phase::Planned(_) => self.follow_plan(now_secs),
+            TurnPhase::Watching(_) => return,
+            TurnPhase::Planned(_) => self.follow_plan(now_secs),
             _ => self.think(now_secs),
         }
         match &self.phase {
-            Phase::Watching(_) => {}
+            TurnPhase::Watching(_) => {}
             _ if self.instant_camera => self.smoother = CameraSmoother::new(self.aim_view()),
             _ => self.smoother.follow(self.aim_view(), dt_secs),
         }
@@ -208,7 +208,7 @@ impl Game {
 
     /// The clock of the shot that is on.
     pub fn shot_clock(&self, now_secs: f64) -> Option<ShotClock> {
-        let Phase::Watching(running) = &self.phase else {
+        let TurnPhase::Watching(running) = &self.phase else {
             return None;
         };
         Some(ShotClock {
@@ -221,7 +221,7 @@ impl Game {
     /// The balls at `moment_secs` of the shot that is on, else as they lie.
     pub fn poses(&self, moment_secs: f64) -> Vec<BallPose> {
         match &self.phase {
-            Phase::Watching(running) => running.shot.poses_at(moment_secs.max(0.0)),
+            TurnPhase::Watching(running) => running.shot.poses_at(moment_secs.max(0.0)),
             _ => self.lying().collect(),
         }
     }
@@ -234,7 +234,9 @@ impl Game {
     /// The view at `moment_secs` of the shot that is on, else now.
     pub fn viewpoint(&self, moment_secs: f64) -> Viewpoint {
         match &self.phase {
-            Phase::Watching(running) => running.viewpoint(moment_secs, &self.views, self.table()),
+            TurnPhase::Watching(running) => {
+                running.viewpoint(moment_secs, &self.views, self.table())
+            }
             _ => self.smoother.viewpoint(),
         }
     }
@@ -243,14 +245,14 @@ impl Game {
     pub fn cue(&self, now_secs: f64) -> Option<CueView> {
         let resting = CueView::resting(self.cue_ball()?, &self.aim);
         match &self.phase {
-            Phase::Aiming => Some(resting),
-            Phase::Placing(_) => None,
-            Phase::Planned(planned) => self.planned_cue(planned, now_secs),
-            Phase::Stroking(hand) => {
+            TurnPhase::Aiming => Some(resting),
+            TurnPhase::Placing(_) => None,
+            TurnPhase::Planned(planned) => self.planned_cue(planned, now_secs),
+            TurnPhase::Stroking(hand) => {
                 let power = hand.power(now_secs).unwrap_or(self.aim.power);
                 Some(resting.drawn(power, hand.drawn_m(now_secs)))
             }
-            Phase::Watching(running) => {
+            TurnPhase::Watching(running) => {
                 let clock_secs = running.clock_secs(now_secs);
                 running.cue.clone().and_then(|cue| cue.swung(clock_secs))
             }
@@ -261,12 +263,12 @@ impl Game {
     /// during a shot.
     pub fn shot_preview(&mut self, now_secs: f64) -> Option<&ShotPreview> {
         let power = match &self.phase {
-            Phase::Aiming => self.aim.power,
+            TurnPhase::Aiming => self.aim.power,
             // A rising power would change the prediction all the time.
-            Phase::Stroking(hand) => hand.power(now_secs).unwrap_or(self.aim.power),
-            Phase::Watching(_) | Phase::Planned(_) | Phase::Placing(_) => return None,
+            TurnPhase::Stroking(hand) => hand.power(now_secs).unwrap_or(self.aim.power),
+            TurnPhase::Watching(_) | TurnPhase::Planned(_) | TurnPhase::Placing(_) => return None,
         };
-        if !self.may_play() && !matches!(self.phase, Phase::Stroking(_)) {
+        if !self.may_play() && !matches!(self.phase, TurnPhase::Stroking(_)) {
             return None;
         }
         let stroke = match self.aids {
@@ -315,9 +317,9 @@ impl Game {
     /// Whether time alone changes what is seen.
     pub fn is_moving(&self) -> bool {
         match &self.phase {
-            Phase::Stroking(StrokeInput::Charging(_)) | Phase::Watching(_) | Phase::Planned(_) => {
-                true
-            }
+            TurnPhase::Stroking(StrokeInput::Charging(_))
+            | TurnPhase::Watching(_)
+            | TurnPhase::Planned(_) => true,
             _ => self.smoother.viewpoint() != self.aim_view(),
         }
     }
@@ -325,7 +327,7 @@ impl Game {
     /// Turns the camera, or chooses another view.
     pub fn look(&mut self, intent: CameraIntent, now_secs: f64) {
         let moment_secs = match &self.phase {
-            Phase::Watching(running) => running.clock_secs(now_secs),
+            TurnPhase::Watching(running) => running.clock_secs(now_secs),
             _ => 0.0,
         };
         let now = self.viewpoint(moment_secs);
@@ -334,7 +336,7 @@ impl Game {
             return;
         }
         self.notice = Some(format!("View: {}", self.views.view().name()));
-        if let Phase::Watching(running) = &mut self.phase {
+        if let TurnPhase::Watching(running) = &mut self.phase {
             running.turn(now, moment_secs);
         }
     }
@@ -344,7 +346,7 @@ impl Game {
         if self.carry(intent) {
             return;
         }
-        let is_aiming = matches!(self.phase, Phase::Aiming) && self.may_play();
+        let is_aiming = matches!(self.phase, TurnPhase::Aiming) && self.may_play();
         match intent {
             AimIntent::AimAt(point) => self.aim_at(point, film, now_secs),
             // A blow that is under way is struck where it was aimed.
@@ -382,37 +384,37 @@ impl Game {
     /// Goes on with the stroke. It meets the ball `lead_secs` later, so that its first pictures are
     /// ready by then, but never so late that the player would wait.
     pub fn stroke(&mut self, intent: StrokeIntent, now_secs: f64, lead_secs: f64) {
-        if matches!(self.phase, Phase::Placing(_)) {
+        if matches!(self.phase, TurnPhase::Placing(_)) {
             return self.stroke_in_hand(intent);
         }
-        if matches!(self.phase, Phase::Aiming) && !self.may_play() {
+        if matches!(self.phase, TurnPhase::Aiming) && !self.may_play() {
             return;
         }
         let power = match (intent, &mut self.phase) {
-            (StrokeIntent::BeginPull, Phase::Aiming) => {
+            (StrokeIntent::BeginPull, TurnPhase::Aiming) => {
                 return self.begin(StrokeInput::Pulling(0.0));
             }
-            (StrokeIntent::BeginCharge, Phase::Aiming) => {
+            (StrokeIntent::BeginCharge, TurnPhase::Aiming) => {
                 return self.begin(StrokeInput::Charging(now_secs));
             }
-            (StrokeIntent::BeginSwing, Phase::Aiming) => {
+            (StrokeIntent::BeginSwing, TurnPhase::Aiming) => {
                 return self.begin(StrokeInput::Swinging(SwingInput::default()));
             }
-            (StrokeIntent::Pull(power), Phase::Stroking(StrokeInput::Pulling(pulled))) => {
+            (StrokeIntent::Pull(power), TurnPhase::Stroking(StrokeInput::Pulling(pulled))) => {
                 *pulled = power;
                 return;
             }
-            (StrokeIntent::Swing(back_m), Phase::Stroking(StrokeInput::Swinging(swing))) => {
+            (StrokeIntent::Swing(back_m), TurnPhase::Stroking(StrokeInput::Swinging(swing))) => {
                 swing.swing(back_m, now_secs)
             }
-            (StrokeIntent::Release, Phase::Stroking(hand)) => {
+            (StrokeIntent::Release, TurnPhase::Stroking(hand)) => {
                 let power = hand.let_go(now_secs);
                 if power.is_none() {
                     self.cancel();
                 }
                 power
             }
-            (StrokeIntent::Strike, Phase::Aiming) => Some(self.aim.power),
+            (StrokeIntent::Strike, TurnPhase::Aiming) => Some(self.aim.power),
             (StrokeIntent::Cancel, _) => return self.cancel(),
             _ => None,
         };
@@ -422,13 +424,13 @@ impl Game {
     }
 
     fn begin(&mut self, hand: StrokeInput) {
-        self.phase = Phase::Stroking(hand);
+        self.phase = TurnPhase::Stroking(hand);
         self.notice = None;
     }
 
     fn cancel(&mut self) {
-        if matches!(self.phase, Phase::Stroking(_)) {
-            self.phase = Phase::Aiming;
+        if matches!(self.phase, TurnPhase::Stroking(_)) {
+            self.phase = TurnPhase::Aiming;
         }
     }
 
@@ -438,7 +440,7 @@ impl Game {
             is_drawn: true,
             ..cue
         });
-        self.phase = Phase::Aiming;
+        self.phase = TurnPhase::Aiming;
         self.notice = None;
         self.aim.set_power(power);
         let stroke = self.aim.stroke(power);
@@ -460,7 +462,7 @@ impl Game {
         self.shots += 1;
         self.views.straighten();
         let pocket = self.pocket_ahead();
-        self.phase = Phase::Watching(Box::new(ActiveShot {
+        self.phase = TurnPhase::Watching(Box::new(ActiveShot {
             stroke,
             shot,
             contact_secs,
@@ -478,8 +480,8 @@ impl Game {
     }
 
     fn end_shot(&mut self, now_secs: f64) {
-        let running = match std::mem::replace(&mut self.phase, Phase::Aiming) {
-            Phase::Watching(running) => running,
+        let running = match std::mem::replace(&mut self.phase, TurnPhase::Aiming) {
+            TurnPhase::Watching(running) => running,
             other => {
                 self.phase = other;
                 return;
@@ -505,7 +507,7 @@ impl Game {
             Err(why) => self.notice = Some(why.to_string()),
         }
         self.contest.set_engine(engine);
-        if let Phase::Watching(running) = &self.phase {
+        if let TurnPhase::Watching(running) = &self.phase {
             self.smoother = CameraSmoother::new(running.from);
         }
         self.aim = Aim::LEVEL;
@@ -531,7 +533,7 @@ impl Game {
     }
 
     fn aim_view(&self) -> Viewpoint {
-        let is_placing = matches!(self.phase, Phase::Placing(_));
+        let is_placing = matches!(self.phase, TurnPhase::Placing(_));
         self.views.viewpoint(&ViewContext {
             table: self.table(),
             ball: self.cue_ball().filter(|_| !is_placing),

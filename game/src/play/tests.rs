@@ -422,7 +422,7 @@ fn a_computer_plays_in_its_turn_seen_and_judged_and_is_taken_back_with_the_shot_
     while game.contest().turns().len() < 2 {
         now += 0.1;
         game.tick(now, 0.1);
-        seen |= matches!(game.phase, Phase::Planned(_)) && game.cue(now).is_some();
+        seen |= matches!(game.phase, TurnPhase::Planned(_)) && game.cue(now).is_some();
         std::thread::yield_now();
     }
     assert!(seen, "its cue is seen before it strikes");

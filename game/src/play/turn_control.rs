@@ -13,7 +13,7 @@ use crate::input::MatchIntent;
 use super::ai_turn::{AiTask, AiTurn, PlannedStroke};
 use super::aim::Aim;
 use super::cue::SWING_SECS;
-use super::{CueView, Game, Phase};
+use super::{CueView, Game, TurnPhase};
 
 impl Game {
     /// The match.
@@ -36,7 +36,7 @@ impl Game {
     pub fn may_play(&self) -> bool {
         let player = self.contest.at_table();
         let is_person = player.is_some_and(|player| player.level().is_none());
-        let is_free = matches!(self.phase, Phase::Aiming | Phase::Placing(_));
+        let is_free = matches!(self.phase, TurnPhase::Aiming | TurnPhase::Placing(_));
         let plays = |ai_turn: &AiTurn| ai_turn.purpose == AiTask::Play;
         is_person && is_free && !self.ai_turn.as_ref().is_some_and(plays)
     }
@@ -123,7 +123,7 @@ impl Game {
 
     /// Takes shots back until a person is at the table again.
     fn undo(&mut self) {
-        if matches!(self.phase, Phase::Watching(_)) {
+        if matches!(self.phase, TurnPhase::Watching(_)) {
             self.notice = Some("Wait until the balls rest before you undo".to_owned());
             return;
         }
@@ -173,7 +173,7 @@ impl Game {
 
     /// Aims afresh.
     pub(super) fn get_ready(&mut self) {
-        self.phase = Phase::Aiming;
+        self.phase = TurnPhase::Aiming;
         (self.shot_preview, self.board, self.ai_turn) = (None, None, None);
         self.aim.level();
         if self.contest.referee().rules() != RuleSet::Free {
@@ -202,7 +202,7 @@ impl Game {
     /// Lets the computer think in its turn, and does what it has decided.
     pub(super) fn think(&mut self, now_secs: f64) {
         let level = self.contest.at_table().and_then(|player| player.level());
-        if let (None, Some(level), Phase::Aiming) = (&self.ai_turn, level, &self.phase) {
+        if let (None, Some(level), TurnPhase::Aiming) = (&self.ai_turn, level, &self.phase) {
             match AiTurn::own(&self.contest, level.into()) {
                 Ok(ai_turn) => self.ai_turn = Some(ai_turn),
                 Err(why) => self.notice = Some(why.to_string()),
@@ -244,7 +244,7 @@ impl Game {
         match struck {
             Some((stroke, shot)) => {
                 let planned = PlannedStroke::new(stroke, shot, self.aim, now_secs);
-                self.phase = Phase::Planned(Box::new(planned));
+                self.phase = TurnPhase::Planned(Box::new(planned));
             }
             None => self.begin_turn(),
         }
@@ -263,7 +263,7 @@ impl Game {
         if let Some(at) = decision.place {
             self.contest.place(at)?;
         }
-        self.phase = Phase::Aiming;
+        self.phase = TurnPhase::Aiming;
         self.contest.call(decision.call);
         self.aim = Aim::of(&decision.stroke);
         (self.board, self.shot_preview) = (None, None);
@@ -273,7 +273,7 @@ impl Game {
 
     /// The computer's blow, once its cue is drawn back.
     pub(super) fn follow_plan(&mut self, now_secs: f64) {
-        let Phase::Planned(planned) = &self.phase else {
+        let TurnPhase::Planned(planned) = &self.phase else {
             return;
         };
         self.aim = planned.aim(now_secs);
@@ -281,7 +281,8 @@ impl Game {
             return;
         }
         let cue = self.cue(now_secs);
-        let Phase::Planned(planned) = std::mem::replace(&mut self.phase, Phase::Aiming) else {
+        let TurnPhase::Planned(planned) = std::mem::replace(&mut self.phase, TurnPhase::Aiming)
+        else {
             return;
         };
         let PlannedStroke { stroke, shot, .. } = *planned;

@@ -18,15 +18,15 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use fixture::{PICTURES, facts, nodes, overlay, take};
 
-struct State {
+struct OverlayFixture {
     stats: Stats,
     now_secs: f64,
     wishes: Vec<StatsCommand>,
 }
 
-fn harness(level: StatsLevel, size: Vec2, text_scale: f32) -> Harness<'static, State> {
+fn harness(level: StatsLevel, size: Vec2, text_scale: f32) -> Harness<'static, OverlayFixture> {
     let folder = tempfile::tempdir().unwrap();
-    let state = State {
+    let state = OverlayFixture {
         stats: overlay(level, folder.path()),
         now_secs: 100.0,
         wishes: Vec::new(),
@@ -37,7 +37,7 @@ fn harness(level: StatsLevel, size: Vec2, text_scale: f32) -> Harness<'static, S
         .with_step_dt(0.3)
         .with_context_setup(|ctx| theme::apply(ctx, 1.0, true))
         .build_ui_state(
-            |ui, state: &mut State| {
+            |ui, state: &mut OverlayFixture| {
                 state.now_secs += 0.3;
                 let nodes = nodes();
                 ui.ctx().all_styles_mut(|style| {
@@ -56,7 +56,7 @@ fn harness(level: StatsLevel, size: Vec2, text_scale: f32) -> Harness<'static, S
 const WINDOW: Vec2 = Vec2::new(1280.0, 720.0);
 
 /// Text and place of every label.
-fn labels(harness: &Harness<'_, State>) -> Vec<(String, Rect)> {
+fn labels(harness: &Harness<'_, OverlayFixture>) -> Vec<(String, Rect)> {
     let nodes = harness.root().children_recursive();
     let labels = nodes.filter(|node| node.accesskit_node().role() == Role::Label);
     let text = |node: &egui_kittest::Node<'_>| {
@@ -69,7 +69,7 @@ fn labels(harness: &Harness<'_, State>) -> Vec<(String, Rect)> {
         .collect()
 }
 
-fn has(harness: &Harness<'_, State>, part: &str) -> bool {
+fn has(harness: &Harness<'_, OverlayFixture>, part: &str) -> bool {
     labels(harness).iter().any(|(text, _)| text.contains(part))
 }
 
@@ -217,8 +217,9 @@ fn a_frozen_picture_stays_while_others_come_and_its_neighbours_are_reached() {
     let mut harness = harness(StatsLevel::Full, WINDOW, 1.0);
     harness.get_by_label("Freeze").click();
     harness.run_steps(2);
-    let frozen =
-        |harness: &Harness<'_, State>| harness.state().stats.frozen().map(|record| record.frame);
+    let frozen = |harness: &Harness<'_, OverlayFixture>| {
+        harness.state().stats.frozen().map(|record| record.frame)
+    };
     assert_eq!(frozen(&harness), Some(PICTURES - 1));
     (0..50).for_each(|i| take(&mut harness.state_mut().stats, PICTURES + i));
     harness.run_steps(2);
@@ -306,7 +307,7 @@ fn the_map_tells_whose_a_tile_is() {
 }
 
 /// Every text that is drawn: its words, its place, and the part of the screen that it is cut to.
-fn texts(harness: &Harness<'_, State>) -> Vec<(String, Rect, Rect)> {
+fn texts(harness: &Harness<'_, OverlayFixture>) -> Vec<(String, Rect, Rect)> {
     let shapes = harness.output().shapes.iter();
     let text = |clipped: &egui::epaint::ClippedShape| match &clipped.shape {
         egui::Shape::Text(text) if !text.galley.text().trim().is_empty() => {

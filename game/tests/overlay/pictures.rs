@@ -1,4 +1,4 @@
-//! How each level looks.
+//! Pictures of each level of the overlay.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! How each screen looks.
+//! Pictures of each screen.
 
 use std::path::Path;
 
