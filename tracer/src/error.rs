@@ -298,20 +298,6 @@ pub enum SceneError {
         /// Its place in the file.
         byte: usize,
     },
-    /// A light of the interchange schema shines from both sides.
-    #[error("light {0} is not one_sided: give a second light for its back")]
-    TwoSidedLight(usize),
-    /// A light of the interchange schema is not horizontal.
-    #[error(
-        "light {index}: its normal {normal} must be [0, 0, 1] or [0, 0, -1], since its edges are \
-         along x and y"
-    )]
-    SlantedLight {
-        /// Index of the light.
-        index: usize,
-        /// Its normal.
-        normal: Vec3,
-    },
 }
 
 /// What is wrong with settings, sizes or pictures that do not fit together.

@@ -7,7 +7,8 @@ use tracing_subscriber::EnvFilter;
 
 use crate::{
     BenchError, balance, bvh, cluster, codec, faults, kernel_specialization, latency,
-    latency_hiding, node, overlay, physics, proxy, quality, tradeoff_chart, transport,
+    latency_hiding, mitsuba_scene, node, overlay, physics, proxy, quality, tradeoff_chart,
+    transport,
 };
 
 /// Measure what Carom's parts cost, and how right they are.
@@ -33,7 +34,8 @@ enum Command {
     Overlay(overlay::OverlayArgs),
     Quality(quality::QualityArgs),
     TradeoffChart(tradeoff_chart::Args),
-    UdpProxy(proxy::Args),
+    ImportScene(mitsuba_scene::Args),
+    Proxy(proxy::Args),
     Node(node::Args),
 }
 
@@ -72,7 +74,8 @@ impl Command {
             Self::Overlay(args) => Ok(args.run()?),
             Self::Quality(args) => Ok(args.run()?),
             Self::TradeoffChart(args) => tradeoff_chart::run(&args),
-            Self::UdpProxy(args) => proxy::run(&args),
+            Self::ImportScene(args) => mitsuba_scene::run(&args),
+            Self::Proxy(args) => proxy::run(&args),
             Self::Node(args) => node::run(&args),
         }
     }

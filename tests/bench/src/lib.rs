@@ -14,6 +14,7 @@ mod faults;
 mod kernel_specialization;
 mod latency;
 mod latency_hiding;
+pub mod mitsuba_scene;
 mod node;
 mod overlay;
 pub mod physics;

@@ -40,8 +40,6 @@
 //! assert_eq!(Scene::from_json(&scene.to_json()?)?, scene);
 //! # Ok::<(), carom_tracer::Error>(())
 //! ```
-//!
-//! [`Scene::load`] also reads the [`interchange`] schema, known by its top-level `lights`.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -49,11 +47,11 @@ use std::fs::{self, File};
 use std::io::{self, Read as _, Write};
 use std::path::Path;
 
-use serde::de::{Error as _, IgnoredAny, MapAccess, Visitor};
-use serde::{Deserialize as _, Deserializer, Serialize as _};
+use serde::de::{Error as _, MapAccess, Visitor};
+use serde::{Deserializer, Serialize as _};
 use serde_json::ser::{Formatter, PrettyFormatter, Serializer};
 
-use crate::scene::{Material, Scene, interchange};
+use crate::scene::{Material, Scene};
 use crate::{Error, SceneError};
 
 /// The longest scene file in bytes, more than a scene at every limit of [`super::validate`] takes if
@@ -61,7 +59,7 @@ use crate::{Error, SceneError};
 pub const SCENE_BYTES_MAX: usize = 64 << 20;
 
 impl Scene {
-    /// Reads and checks a scene file, in this format or the [`interchange`] schema.
+    /// Reads and checks a scene file in this format.
     ///
     /// # Errors
     /// [`Error::Io`] if the file cannot be read; [`Error::Format`] if it is longer than
@@ -77,7 +75,7 @@ impl Scene {
             source,
         })?;
         let text = text(bytes).map_err(|fault| format(fault.to_string()))?;
-        parse(&text).map_err(|error| format(error.to_string()))
+        Self::from_json(&text).map_err(|error| format(error.to_string()))
     }
 
     /// Writes the scene as [`Scene::to_json`], in place of what the file held.
@@ -122,20 +120,8 @@ impl Scene {
     }
 }
 
-/// Reads a scene in whichever of the two schemas it is.
-fn parse(text: &str) -> Result<Scene, Error> {
-    limit(text.len()).map_err(Error::InvalidScene)?;
-    let mut json = serde_json::Deserializer::from_str(text);
-    let keys = BTreeMap::<String, IgnoredAny>::deserialize(&mut json);
-    if keys.is_ok_and(|keys| keys.contains_key("lights")) {
-        interchange::from_json(text)
-    } else {
-        Scene::from_json(text)
-    }
-}
-
 /// A sentence with the place for what the parser refused.
-pub(super) fn parse_error(error: &serde_json::Error) -> Error {
+fn parse_error(error: &serde_json::Error) -> Error {
     let place = format!(" at line {} column {}", error.line(), error.column());
     let what = error.to_string();
     let what = what.strip_suffix(&place).unwrap_or(&what);

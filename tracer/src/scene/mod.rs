@@ -1,11 +1,9 @@
 //! Scenes: plain data in SI units, in a right-handed world with +z up.
 //!
 //! Radiance and albedo are linear Rec. 709 triples. [`mod@file`] reads and writes scenes as JSON,
-//! [`interchange`] reads those of other renderers, [`validate`] holds the limits that every scene
-//! must keep.
+//! [`validate`] holds the limits that every scene must keep.
 
 pub mod file;
-pub mod interchange;
 pub mod validate;
 
 use std::collections::BTreeMap;

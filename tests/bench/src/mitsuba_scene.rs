@@ -1,36 +1,60 @@
-//! Scenes written for comparison between renderers.
+//! The scene schema of the script that traced the reference pictures with Mitsuba, and its conversion.
 //!
-//! The schema, as scripts for other renderers read it: `camera` (`eye`, `target`, `up`,
+//! The schema: `camera` (`eye`, `target`, `up`,
 //! `fov_x_deg`), `environment` (constant `radiance`), `lights` (one-sided rectangles with edges
 //! along x and y: `center`, `half_x`, `half_y`, `normal` (0, 0, ±1), `radiance`), `boxes`, `discs`
 //! and `spheres` (with a `name`, a `material` and, for balls with a band, the world's
 //! `stripe_axis`), and `materials` (`type` `diffuse` or `smooth_plastic`, `albedo`, `ior`,
 //! `stripe_albedo` where `|n · stripe_axis| < 0.5`). What only describes is skipped.
 //!
-//! It is known by its top-level `lights`. Spheres become the first objects, then boxes, then discs,
+//! Spheres become the first objects, then boxes, then discs,
 //! each list in its order.
 
 use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
+use anyhow::{Context as _, ensure};
+use carom_tracer::{AreaLight, Camera, Environment, Material, Object, Scene, Shape, Stripe};
 use glam::{DQuat, DVec3, Quat, Vec3};
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
-use super::file::parse_error;
-use super::{AreaLight, Camera, Environment, Material, Object, Scene, Shape, Stripe};
-use crate::{Error, SceneError};
+use crate::BenchError;
+
+/// Convert a scene of the script for Mitsuba into a scene file of Carom's own.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// The scene of the script, as tests/references/pool_scene.json.
+    input: PathBuf,
+    /// The scene file to write.
+    output: PathBuf,
+}
+
+pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
+    let scene = load(&args.input).map_err(|why| BenchError::Input(format!("{why:#}")))?;
+    Ok(scene.save(&args.output)?)
+}
 
 /// Sine of half the band of every striped ball in this schema.
 pub const STRIPE_HALF_WIDTH: f32 = 0.5;
 
-/// Reads and checks a scene in this schema.
+/// Reads, converts and checks a scene file in this schema.
 ///
 /// # Errors
-/// [`Error::InvalidScene`] with line and column if the text is something else, or with the object
-/// that breaks a rule of [`super::validate`].
-pub fn from_json(text: &str) -> Result<Scene, Error> {
-    let file: File = serde_json::from_str(text).map_err(|error| parse_error(&error))?;
-    let scene = file.into_scene().map_err(Error::InvalidScene)?;
+/// A sentence with the path, and with the place or the object that is wrong.
+pub fn load(path: &Path) -> anyhow::Result<Scene> {
+    let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
+    from_json(&text).with_context(|| path.display().to_string())
+}
+
+/// Converts and checks a scene in this schema.
+///
+/// # Errors
+/// A sentence with line and column if the text is something else, or with the object that breaks a
+/// rule of [`carom_tracer::scene::validate`].
+pub fn from_json(text: &str) -> anyhow::Result<Scene> {
+    let file: SceneFile = serde_json::from_str(text)?;
+    let scene = file.into_scene()?;
     scene.validate()?;
     Ok(scene)
 }
@@ -43,21 +67,21 @@ pub fn internal_reflectance_fit(eta: f64) -> f64 {
 }
 
 #[derive(Deserialize)]
-struct File {
-    camera: View,
-    environment: Sky,
-    lights: Vec<Light>,
+struct SceneFile {
+    camera: CameraJson,
+    environment: EnvironmentJson,
+    lights: Vec<LightJson>,
     #[serde(default)]
-    boxes: Vec<Slab>,
+    boxes: Vec<BoxJson>,
     #[serde(default)]
-    discs: Vec<Disc>,
+    discs: Vec<DiscJson>,
     #[serde(default)]
-    spheres: Vec<Sphere>,
-    materials: BTreeMap<String, Surface>,
+    spheres: Vec<SphereJson>,
+    materials: BTreeMap<String, MaterialJson>,
 }
 
 #[derive(Deserialize)]
-struct View {
+struct CameraJson {
     eye: Vec3,
     target: Vec3,
     up: Vec3,
@@ -66,13 +90,13 @@ struct View {
 
 #[derive(Deserialize)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
-enum Sky {
+enum EnvironmentJson {
     Constant { radiance: Vec3 },
 }
 
 #[derive(Deserialize)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
-enum Light {
+enum LightJson {
     Rect {
         center: Vec3,
         half_x: f32,
@@ -85,7 +109,7 @@ enum Light {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Slab {
+struct BoxJson {
     #[serde(rename = "type")]
     _type: IgnoredAny,
     name: String,
@@ -96,7 +120,7 @@ struct Slab {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Disc {
+struct DiscJson {
     #[serde(rename = "type")]
     _type: IgnoredAny,
     name: String,
@@ -108,7 +132,7 @@ struct Disc {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Sphere {
+struct SphereJson {
     #[serde(rename = "type")]
     _type: IgnoredAny,
     name: String,
@@ -120,7 +144,7 @@ struct Sphere {
 
 #[derive(Deserialize)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
-enum Surface {
+enum MaterialJson {
     Diffuse {
         albedo: Vec3,
     },
@@ -133,11 +157,11 @@ enum Surface {
     },
 }
 
-impl File {
-    fn into_scene(self) -> Result<Scene, SceneError> {
-        let spheres = self.spheres.into_iter().map(Sphere::into_object);
-        let boxes = self.boxes.into_iter().map(Slab::into_object);
-        let discs = self.discs.into_iter().map(Disc::into_object);
+impl SceneFile {
+    fn into_scene(self) -> anyhow::Result<Scene> {
+        let spheres = self.spheres.into_iter().map(SphereJson::into_object);
+        let boxes = self.boxes.into_iter().map(BoxJson::into_object);
+        let discs = self.discs.into_iter().map(DiscJson::into_object);
         let area_lights = self.lights.into_iter().enumerate();
         Ok(Scene {
             camera: Camera {
@@ -147,7 +171,7 @@ impl File {
                 fov_x_deg: self.camera.fov_x_deg,
             },
             environment: match self.environment {
-                Sky::Constant { radiance } => Environment { radiance },
+                EnvironmentJson::Constant { radiance } => Environment { radiance },
             },
             materials: self
                 .materials
@@ -157,13 +181,13 @@ impl File {
             objects: spheres.chain(boxes).chain(discs).collect(),
             area_lights: area_lights
                 .map(|(i, light)| light.into_area_light(i))
-                .collect::<Result<_, _>>()?,
+                .collect::<anyhow::Result<_>>()?,
         })
     }
 }
 
-impl Light {
-    fn into_area_light(self, index: usize) -> Result<AreaLight, SceneError> {
+impl LightJson {
+    fn into_area_light(self, index: usize) -> anyhow::Result<AreaLight> {
         let Self::Rect {
             center,
             half_x,
@@ -172,12 +196,15 @@ impl Light {
             radiance,
             one_sided,
         } = self;
-        if !one_sided {
-            return Err(SceneError::TwoSidedLight(index));
-        }
-        if normal != Vec3::Z && normal != Vec3::NEG_Z {
-            return Err(SceneError::SlantedLight { index, normal });
-        }
+        ensure!(
+            one_sided,
+            "light {index} is not one_sided: give a second light for its back"
+        );
+        ensure!(
+            normal == Vec3::Z || normal == Vec3::NEG_Z,
+            "light {index}: its normal {normal} must be [0, 0, 1] or [0, 0, -1], since its edges are \
+             along x and y"
+        );
         Ok(AreaLight {
             name: format!("lamp{index}"),
             center,
@@ -188,7 +215,7 @@ impl Light {
     }
 }
 
-impl Slab {
+impl BoxJson {
     fn into_object(self) -> Object {
         Object {
             name: self.name,
@@ -201,7 +228,7 @@ impl Slab {
     }
 }
 
-impl Disc {
+impl DiscJson {
     fn into_object(self) -> Object {
         Object {
             name: self.name,
@@ -215,7 +242,7 @@ impl Disc {
     }
 }
 
-impl Sphere {
+impl SphereJson {
     fn into_object(self) -> Object {
         let rotation = self.stripe_axis.map_or(Quat::IDENTITY, |axis| {
             // An axis of length 0 gives NaN, which the scene's check then names.
@@ -233,7 +260,7 @@ impl Sphere {
     }
 }
 
-impl Surface {
+impl MaterialJson {
     fn into_material(self) -> Material {
         match self {
             Self::Diffuse { albedo } => Material::Diffuse { albedo },
