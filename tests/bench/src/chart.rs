@@ -1,7 +1,10 @@
-//! Charts as SVG, for benches here and in applications: axes, lines, dots and a legend, nothing
-//! more.
+//! Charts as SVG: axes, lines, dots and a legend, drawn by plotters.
 
-use std::fmt::Write as _;
+use std::ops::Range;
+
+use plotters::coord::Shift;
+use plotters::coord::types::RangedCoordf64;
+use plotters::prelude::*;
 
 /// A chart.
 #[derive(Clone, Debug)]
@@ -92,216 +95,164 @@ impl Series {
 impl Chart {
     /// The chart as a file.
     pub(crate) fn svg(&self) -> String {
-        let points = || self.series.iter().flat_map(|series| &series.points);
-        let x = Scale::over(&self.x, points().map(|p| p.0), LEFT, WIDTH - RIGHT);
-        let y = Scale::over(&self.y, points().map(|p| p.1), HEIGHT - BOTTOM, TOP);
-        let mut svg = format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{WIDTH}\" height=\"{HEIGHT}\" \
-             font-family=\"sans-serif\" font-size=\"13\">\n\
-             <rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n\
-             <text x=\"{LEFT}\" y=\"26\" font-size=\"17\">{}</text>\n",
-            escaped(&self.title)
-        );
-        self.draw_axes(&mut svg, &x, &y);
-        for (index, series) in self.series.iter().enumerate() {
-            let color = COLORS[index % COLORS.len()];
-            draw_series(&mut svg, series, color, &x, &y);
-            let at = TOP + 12.0 + 21.0 * index as f64;
-            let mark = WIDTH - RIGHT + 14.0;
-            let _ = writeln!(
-                svg,
-                "<rect x=\"{mark}\" y=\"{}\" width=\"16\" height=\"4\" fill=\"{color}\"/>\
-                 <text x=\"{}\" y=\"{at}\">{}</text>",
-                at - 7.0,
-                mark + 22.0,
-                escaped(&series.name)
-            );
-        }
-        for &(at, what) in &self.events {
-            draw_event(&mut svg, &x, at, what);
-        }
-        svg.push_str("</svg>\n");
+        let mut svg = String::new();
+        let area = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
+        self.draw(&area).expect("memory takes any text");
+        drop(area);
         svg
     }
 
-    fn draw_axes(&self, svg: &mut String, x: &Scale, y: &Scale) {
-        let (right, bottom) = (WIDTH - RIGHT, HEIGHT - BOTTOM);
-        for (at, label) in x.ticks() {
-            let _ = writeln!(
-                svg,
-                "<path d=\"M{at:.1} {TOP}V{bottom}\" stroke=\"#ddd\"/>\
-                 <text x=\"{at:.1}\" y=\"{}\" text-anchor=\"middle\">{label}</text>",
-                bottom + 18.0
-            );
+    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn<B> {
+        area.fill(&WHITE)?;
+        let points = || self.series.iter().flat_map(|series| &series.points);
+        let x = self.x.range(points().map(|point| point.0));
+        let y = self.y.range(points().map(|point| point.1));
+        let (plot, legend) = area.split_horizontally(SIZE.0 as i32 - LEGEND_WIDTH);
+        let mut chart = ChartBuilder::on(&plot)
+            .caption(&self.title, (FONT, 17))
+            .margin(12)
+            .x_label_area_size(44)
+            .y_label_area_size(62)
+            .build_cartesian_2d(x.clone(), y.clone())?;
+        chart
+            .configure_mesh()
+            .light_line_style(TRANSPARENT)
+            .x_desc(self.x.label)
+            .y_desc(self.y.label)
+            .x_labels(self.x.labels(&x))
+            .y_labels(self.y.labels(&y))
+            .x_label_formatter(&|value| self.x.tick(*value))
+            .y_label_formatter(&|value| self.y.tick(*value))
+            .draw()?;
+        for (index, series) in self.series.iter().enumerate() {
+            self.draw_series(&mut chart, series, color(index))?;
+            draw_legend(&legend, index, &series.name)?;
         }
-        for (at, label) in y.ticks() {
-            let _ = writeln!(
-                svg,
-                "<path d=\"M{LEFT} {at:.1}H{right}\" stroke=\"#ddd\"/>\
-                 <text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{label}</text>",
-                LEFT - 7.0,
-                at + 4.0
-            );
+        for &(at, name) in &self.events {
+            draw_event(&mut chart, self.x.value(at), &y, name)?;
         }
-        let middle = (0.5 * (LEFT + right), 0.5 * (TOP + bottom));
-        let _ = writeln!(
-            svg,
-            "<path d=\"M{LEFT} {TOP}V{bottom}H{right}\" stroke=\"black\" fill=\"none\"/>\
-             <text x=\"{}\" y=\"{}\" text-anchor=\"middle\">{}</text>\
-             <text transform=\"translate(18 {}) rotate(-90)\" text-anchor=\"middle\">{}</text>",
-            middle.0,
-            HEIGHT - 12.0,
-            escaped(self.x.label),
-            middle.1,
-            escaped(self.y.label)
-        );
+        area.present()
+    }
+
+    fn draw_series<B: DrawingBackend>(
+        &self,
+        chart: &mut Plot<'_, B>,
+        series: &Series,
+        color: RGBColor,
+    ) -> Drawn<B> {
+        let places = series.points.iter();
+        let places = places.map(|&(x, y)| (self.x.value(x), self.y.value(y)));
+        let places = places.filter(|(x, y)| x.is_finite() && y.is_finite());
+        match series.mark {
+            Mark::Line => {
+                chart.draw_series(LineSeries::new(places, color.stroke_width(2)))?;
+            }
+            Mark::Dots => {
+                chart.draw_series(places.map(|place| Circle::new(place, 4, color.filled())))?;
+            }
+        }
+        Ok(())
     }
 }
 
-fn draw_event(svg: &mut String, x: &Scale, at: f64, what: &str) {
-    let Some(at) = x.place(at) else {
-        return;
-    };
-    let bottom = HEIGHT - BOTTOM;
-    let _ = writeln!(
-        svg,
-        "<path d=\"M{at:.1} {TOP}V{bottom}\" stroke=\"#555\" stroke-dasharray=\"4 3\"/>\
-         <text x=\"{:.1}\" y=\"{}\" fill=\"#555\">{}</text>",
-        at + 4.0,
-        bottom - 6.0,
-        escaped(what)
-    );
-}
-
-fn draw_series(svg: &mut String, series: &Series, color: &str, x: &Scale, y: &Scale) {
-    let place = |&(px, py): &(f64, f64)| Some((x.place(px)?, y.place(py)?));
-    let places = series.points.iter().filter_map(place);
-    match series.mark {
-        Mark::Line => {
-            // A path stays open: some viewers join a polyline's end to its beginning.
-            let way: Vec<_> = places.map(|(x, y)| format!("{x:.1} {y:.1}")).collect();
-            if !way.is_empty() {
-                let _ = writeln!(
-                    svg,
-                    "<path d=\"M{}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"2\"/>",
-                    way.join("L")
-                );
-            }
-        }
-        Mark::Dots => {
-            for (x, y) in places {
-                let _ = writeln!(
-                    svg,
-                    "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"4\" fill=\"{color}\"/>"
-                );
-            }
-        }
-    }
-}
-
-/// From values to places on the chart.
-struct Scale<'a> {
-    axis: &'a Axis,
-    low: f64,
-    high: f64,
-    from: f64,
-    to: f64,
-}
-
-impl<'a> Scale<'a> {
-    fn over(axis: &'a Axis, values: impl Iterator<Item = f64>, from: f64, to: f64) -> Self {
-        let finite = values.map(|v| axis.value(v)).filter(|v| v.is_finite());
+impl Axis {
+    /// All finite values with some room, whole decades of a logarithmic axis.
+    fn range(&self, values: impl Iterator<Item = f64>) -> Range<f64> {
+        let finite = values
+            .map(|value| self.value(value))
+            .filter(|v| v.is_finite());
         let (mut low, mut high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
             (l.min(v), h.max(v))
         });
         if low > high {
             (low, high) = (0.0, 1.0);
         }
-        if axis.logarithmic {
+        if self.logarithmic {
             (low, high) = (low.floor(), high.ceil());
         }
         if high - low < 1e-12 {
             (low, high) = (low - 0.5, high + 0.5);
         }
-        let room = if axis.logarithmic {
-            0.0
-        } else {
-            0.04 * (high - low)
+        let room = match self.logarithmic {
+            true => 0.0,
+            false => 0.04 * (high - low),
         };
-        Self {
-            axis,
-            low: low - room,
-            high: high + room,
-            from,
-            to,
+        low - room..high + room
+    }
+
+    /// The most labels: with one more, plotters would label fractions of a decade.
+    fn labels(&self, range: &Range<f64>) -> usize {
+        match self.logarithmic {
+            true => (range.end - range.start) as usize + 1,
+            false => LABELS_MAX,
         }
     }
 
-    fn place(&self, value: f64) -> Option<f64> {
-        let v = self.axis.value(value);
-        v.is_finite()
-            .then(|| self.from + (self.to - self.from) * (v - self.low) / (self.high - self.low))
-    }
-
-    /// Places of round values, with their names.
-    fn ticks(&self) -> Vec<(f64, String)> {
-        let span = self.high - self.low;
-        let least = span / TICKS_MAX;
-        let power = 10f64.powf(least.log10().floor());
-        let round = [1.0, 2.0, 5.0, 10.0].map(|digit| digit * power);
-        let step = round
-            .into_iter()
-            .find(|step| *step >= least)
-            .unwrap_or(least);
-        let step = if self.axis.logarithmic {
-            step.ceil()
-        } else {
-            step
+    /// The label of a place on the axis.
+    fn tick(&self, place: f64) -> String {
+        let value = match self.logarithmic {
+            true => 10f64.powf(place),
+            false => place,
         };
-        let first = (self.low / step).ceil() as i64;
-        let last = (self.high / step + 1e-9).floor() as i64;
-        let tick = |i: i64| {
-            let v = i as f64 * step;
-            let value = if self.axis.logarithmic {
-                10f64.powf(v)
-            } else {
-                v
-            };
-            Some((self.place(value)?, name(value)))
-        };
-        (first..=last).filter_map(tick).collect()
+        if value != 0.0 && !(1e-3..1e5).contains(&value.abs()) {
+            return format!("{value:.0e}");
+        }
+        let digits = format!("{value:.4}");
+        let digits = digits.trim_end_matches('0').trim_end_matches('.');
+        digits.to_owned()
     }
 }
 
-fn name(value: f64) -> String {
-    if value != 0.0 && !(1e-3..1e5).contains(&value.abs()) {
-        return format!("{value:.0e}");
-    }
-    let digits = format!("{value:.4}");
-    digits
-        .trim_end_matches('0')
-        .trim_end_matches('.')
-        .to_owned()
+fn draw_legend<B: DrawingBackend>(area: &Area<B>, index: usize, name: &str) -> Drawn<B> {
+    let y = 44 + 21 * index as i32;
+    let swatch = [(0, y + 3), (16, y + 7)];
+    area.draw(&Rectangle::new(swatch, color(index).filled()))?;
+    area.draw(&Text::new(name.to_owned(), (22, y), (FONT, 13)))
 }
 
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
+fn draw_event<B: DrawingBackend>(
+    chart: &mut Plot<'_, B>,
+    x: f64,
+    y: &Range<f64>,
+    name: &str,
+) -> Drawn<B> {
+    let line = DashedLineSeries::new([(x, y.start), (x, y.end)], 4, 3, GREY.stroke_width(1));
+    chart.draw_series(line)?;
+    let place = (x, y.start + 0.05 * (y.end - y.start));
+    let text = Text::new(
+        format!(" {name}"),
+        place,
+        (FONT, 13).into_font().color(&GREY),
+    );
+    chart.draw_series([text])?;
+    Ok(())
 }
 
-/// Round values beside an axis.
-const TICKS_MAX: f64 = 8.0;
-const WIDTH: f64 = 860.0;
-const HEIGHT: f64 = 480.0;
-const LEFT: f64 = 76.0;
-const RIGHT: f64 = 260.0;
-const TOP: f64 = 44.0;
-const BOTTOM: f64 = 56.0;
+fn color(index: usize) -> RGBColor {
+    COLORS[index % COLORS.len()]
+}
+
+type Area<B> = DrawingArea<B, Shift>;
+type Plot<'a, B> = ChartContext<'a, B, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+type Drawn<B> = Result<(), DrawingAreaErrorKind<<B as DrawingBackend>::ErrorType>>;
+
+const SIZE: (u32, u32) = (860, 480);
+const LEGEND_WIDTH: i32 = 248;
+const LABELS_MAX: usize = 8;
+const FONT: &str = "sans-serif";
+const GREY: RGBColor = RGBColor(85, 85, 85);
 /// Told apart also by the colour-blind: Okabe and Ito (2008).
-const COLORS: [&str; 10] = [
-    "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#555555", "#b0a000",
-    "#000000", "#882255",
+const COLORS: [RGBColor; 10] = [
+    RGBColor(0x00, 0x72, 0xb2),
+    RGBColor(0xd5, 0x5e, 0x00),
+    RGBColor(0x00, 0x9e, 0x73),
+    RGBColor(0xcc, 0x79, 0xa7),
+    RGBColor(0x56, 0xb4, 0xe9),
+    RGBColor(0xe6, 0x9f, 0x00),
+    RGBColor(0x55, 0x55, 0x55),
+    RGBColor(0xb0, 0xa0, 0x00),
+    RGBColor(0x00, 0x00, 0x00),
+    RGBColor(0x88, 0x22, 0x55),
 ];
 
 #[cfg(test)]
@@ -309,7 +260,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_chart_places_points_between_its_axes() {
+    fn chart_places_finite_points_between_axes() {
         let chart = Chart {
             title: "a < b & c".to_owned(),
             x: Axis::linear("x, m"),
@@ -330,17 +281,30 @@ mod tests {
             2,
             "what has no place is left out"
         );
-        let open = svg.matches("stroke-width=\"2\"").count();
-        assert_eq!((open, svg.contains("polyline")), (1, false), "{svg}");
-        assert!(svg.contains("a &lt; b &amp; c"));
-        assert!(svg.contains("half &gt; way"));
-        assert!(
-            svg.contains(&format!("cy=\"{:.1}\"", HEIGHT - BOTTOM)),
-            "{svg}"
-        );
-        assert!(svg.contains(&format!("cy=\"{TOP:.1}\"")), "{svg}");
-        for tick in [">0<", ">2<", ">1<", ">10<", ">1000<"] {
-            assert!(svg.contains(tick), "{tick}: {svg}");
+        for text in [
+            "a &lt; b &amp; c",
+            "half &gt; way",
+            "one",
+            "two",
+            "x, m",
+            "y, s",
+        ] {
+            assert!(svg.contains(text), "{text}: {svg}");
         }
+        for tick in ["0", "0.5", "1", "2", "10", "100", "1000"] {
+            assert!(svg.contains(&format!("\n{tick}\n")), "{tick}: {svg}");
+        }
+    }
+
+    #[test]
+    fn chart_without_points_has_axes() {
+        let chart = Chart {
+            title: String::new(),
+            x: Axis::linear("x"),
+            y: Axis::logarithmic("y"),
+            series: Vec::new(),
+            events: Vec::new(),
+        };
+        assert!(chart.svg().ends_with("</svg>\n"));
     }
 }
