@@ -148,6 +148,21 @@ fn dependencies_point_one_way() {
     }
 }
 
+/// Dev-dependencies may name the test kit: cargo leaves them out of every build but that of tests.
+#[test]
+fn product_depends_on_no_bench_or_test_kit() {
+    for folder in ["tracer", "protocol", "farm", "game", "game/billiards"] {
+        let manifest = fs::read_to_string(root().join(folder).join("Cargo.toml")).expect(folder);
+        let product = manifest.split("[dev-dependencies]").next().expect("a part");
+        for package in ["carom-bench", "carom-testkit", "plotters"] {
+            assert!(
+                !product.lines().any(|line| line.starts_with(package)),
+                "{folder}/Cargo.toml depends on {package}"
+            );
+        }
+    }
+}
+
 #[test]
 fn protocol_builds_without_gpu_and_image_files() {
     let tree = ["tree", "--offline", "--locked", "-p", "carom-protocol"];
