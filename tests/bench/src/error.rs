@@ -1,16 +1,18 @@
 //! Errors of a bench, with the exit code of each.
 
-use std::fmt;
 use std::process::ExitCode;
 
 /// Whose fault it is decides the exit code.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub(crate) enum BenchError {
     /// The arguments or the files that they name: 2.
+    #[error("{0}")]
     Input(String),
     /// The machine, the network or a device, after the arguments were found right: 1.
+    #[error("{0:#}")]
     Run(anyhow::Error),
     /// Ctrl-C or SIGTERM: 130, as shells have it for SIGINT.
+    #[error("interrupted")]
     Interrupted,
 }
 
@@ -21,16 +23,6 @@ impl BenchError {
             Self::Input(_) => 2,
             Self::Interrupted => 130,
         })
-    }
-}
-
-impl fmt::Display for BenchError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Input(why) => f.write_str(why),
-            Self::Run(why) => write!(f, "{why:#}"),
-            Self::Interrupted => f.write_str("interrupted"),
-        }
     }
 }
 

@@ -70,7 +70,7 @@ fn follow_stdin(share: &DeviceShare) {
     for line in std::io::stdin().lock().lines().map_while(Result::ok) {
         let done = match line.split_whitespace().collect::<Vec<_>>()[..] {
             ["throttle", value] => match value.parse() {
-                Ok(value) => share.set(value),
+                Ok(value) => share.set(value).map_err(|why| why.to_string()),
                 Err(_) => Err(format!("`{value}` is not a number")),
             },
             _ => Err(format!(

@@ -76,7 +76,9 @@ impl LinkArgs {
             reorder: 0.01 * self.reorder,
             packet_bytes_max: self.packet,
         };
-        config.validate().map_err(BenchError::Input)?;
+        config
+            .validate()
+            .map_err(|why| BenchError::Input(why.to_string()))?;
         Ok(config)
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! Never part of the product: `tests/tests/architecture.rs` sees to it.
 
+pub mod error;
 pub mod link_emulator;
 pub mod noise_tracer;
 pub mod pattern_tracer;
@@ -9,3 +10,5 @@ pub mod random;
 pub mod simulator;
 pub mod throttle;
 pub mod udp_proxy;
+
+pub use error::Error;

@@ -3,6 +3,7 @@
 
 use std::time::Duration;
 
+use crate::error::Error;
 use crate::random::SplitMix64;
 
 /// What a path does to packets. The default is a perfect one.
@@ -45,27 +46,31 @@ impl LinkConfig {
     /// Checks each number.
     ///
     /// # Errors
-    /// A sentence with the value and the range.
-    pub fn validate(&self) -> Result<(), String> {
-        for (what, share) in [("loss", self.loss), ("reorder", self.reorder)] {
+    /// The value that is out of its range.
+    pub fn validate(&self) -> Result<(), Error> {
+        for (quantity, share) in [("loss", self.loss), ("reorder", self.reorder)] {
             if !(0.0..=1.0).contains(&share) {
-                return Err(format!("{what} is {share}: it must be from 0 to 1"));
+                return Err(Error::PacketShare { quantity, share });
             }
         }
         if !(1.0..=1e6).contains(&self.burst) {
-            return Err(format!("burst is {}: it must be 1 or more", self.burst));
+            return Err(Error::Burst(self.burst));
         }
-        if self.rate.is_some_and(|rate| !(1e3..=1e12).contains(&rate)) {
-            return Err("the rate must be from 1e3 to 1e12 bits per second".into());
+        if let Some(rate) = self.rate.filter(|rate| !(1e3..=1e12).contains(rate)) {
+            return Err(Error::Rate(rate));
         }
         if self.packet_bytes_max < QUIC_BYTES_MIN {
-            return Err(format!(
-                "packets of at most {} bytes pass: QUIC sends no shorter ones than {QUIC_BYTES_MIN}",
-                self.packet_bytes_max
-            ));
+            return Err(Error::PacketBytes {
+                bytes_max: self.packet_bytes_max,
+                quic_bytes_min: QUIC_BYTES_MIN,
+            });
         }
-        if self.delay.max(self.jitter) > DELAY_MAX {
-            return Err(format!("delay and jitter must be at most {DELAY_MAX:?}"));
+        let delay = self.delay.max(self.jitter);
+        if delay > DELAY_MAX {
+            return Err(Error::Delay {
+                delay,
+                delay_max: DELAY_MAX,
+            });
         }
         Ok(())
     }

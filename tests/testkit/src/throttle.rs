@@ -21,8 +21,8 @@ pub struct DeviceShare(Arc<AtomicU64>);
 
 impl DeviceShare {
     /// # Errors
-    /// A sentence with the value if it is not above 0 and at most 1.
-    pub fn new(share: f64) -> Result<Self, String> {
+    /// [`crate::Error::DeviceShare`] if it is not above 0 and at most 1.
+    pub fn new(share: f64) -> Result<Self, crate::Error> {
         let new = Self(Arc::new(AtomicU64::new(0)));
         new.set(share)?;
         Ok(new)
@@ -32,11 +32,9 @@ impl DeviceShare {
     ///
     /// # Errors
     /// As [`DeviceShare::new`]; the share before stays.
-    pub fn set(&self, share: f64) -> Result<(), String> {
+    pub fn set(&self, share: f64) -> Result<(), crate::Error> {
         if !(share > 0.0 && share <= 1.0) {
-            return Err(format!(
-                "a share of {share} is no part of a machine: it must be above 0 and at most 1"
-            ));
+            return Err(crate::Error::DeviceShare(share));
         }
         self.0.store(share.to_bits(), Ordering::Relaxed);
         Ok(())

@@ -19,7 +19,7 @@ fn packets_pass_that_are_short_enough() {
         packet_bytes_max: 1199,
         ..config
     };
-    let why = config.validate().unwrap_err();
+    let why = config.validate().unwrap_err().to_string();
     assert!(why.contains("1199"), "{why}");
 }
 
@@ -87,7 +87,7 @@ fn jitter_has_its_mean_and_keeps_the_order_and_reordering_does_not() {
 
 #[test]
 fn what_is_out_of_range_is_named() {
-    let refused = |config: LinkConfig| config.validate().unwrap_err();
+    let refused = |config: LinkConfig| config.validate().unwrap_err().to_string();
     let config = LinkConfig::default();
     assert!(
         refused(LinkConfig {

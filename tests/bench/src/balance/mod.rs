@@ -216,6 +216,13 @@ fn simulate(scenario: Scenario, balancing: Balancing) -> BalanceRun {
     }
 }
 
+const LEGEND: &str = "\
+mean, p99, death  frame time over the clairvoyant optimum's: settled frames, and the worst after a death
+recovery          frames until settled again after a slowdown, a death and a join; - without an optimum
+twice             tiles that were traced more than once
+dev ms            deviation of the nodes' response times
+lost              frames that did not come or were not submitted";
+
 /// More virtual time than any run needs that does not hang.
 const SECS_MAX: f64 = 1e4;
 
@@ -245,6 +252,7 @@ fn row(run: &BalanceRun) -> BalanceRow {
 }
 
 fn print_tables(output: &BalanceReport) {
+    println!("{LEGEND}\n");
     println!(
         "{:<21} {:>5} {:<4} {:<9} {:>4} {:>6} {:>6} {:>14} {:>6} {:>6} {:>6} {:>5}",
         "algorithm",
