@@ -14,6 +14,20 @@
 //!
 //! The crate knows no clock, no window, no frame rate and no randomness of the machine: the same
 //! strokes give the same bits.
+//!
+//! ```
+//! use carom_billiards::game_match::{Match, MatchConfig, Player};
+//! use carom_billiards::physics::Stroke;
+//! use carom_billiards::rules::RuleSet;
+//!
+//! let players = Player::list("Ada,Bo")?;
+//! let mut game = Match::new(MatchConfig::new(RuleSet::Nine, players, 7)?)?;
+//! let stroke = Stroke::straight(0.0, 8.0);
+//! let shot = game.strike(stroke)?;
+//! let verdict = game.finish(stroke, &shot);
+//! println!("{}", verdict.lines.join("; "));
+//! # Ok::<(), carom_billiards::Error>(())
+//! ```
 
 pub mod ai;
 mod error;

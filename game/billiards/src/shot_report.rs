@@ -1,4 +1,4 @@
-//! From a simulated shot to what a referee sees of it.
+//! The report of a simulated shot, as a referee sees it.
 
 use glam::{DVec2, DVec3};
 

@@ -1,4 +1,4 @@
-//! Where to put a cue ball in hand.
+//! Placement of a cue ball in hand, by the computer.
 
 use glam::DVec2;
 

@@ -1,4 +1,4 @@
-//! What a shot is worth to the player who makes it.
+//! The worth of a shot to the player who makes it.
 
 use super::{Position, pot_candidates::pot_candidates, skill::Skill};
 use crate::physics::{Shot, Stroke};

@@ -1,4 +1,4 @@
-//! From a position to what the computer does.
+//! The search for a shot: from a position to what the computer does.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 

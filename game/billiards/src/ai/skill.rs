@@ -1,4 +1,4 @@
-//! How well a level plays: how far its strokes are off, and how long it thinks.
+//! The skill of a level: how far its strokes are off, and how long it thinks.
 
 use super::Level;
 use crate::physics::Stroke;

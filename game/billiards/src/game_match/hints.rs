@@ -1,4 +1,4 @@
-//! What the computer would do in a player's place: shown to the player, or done.
+//! Hints: the computer's choice in a player's place, shown to the player or played.
 //!
 //! ```text
 //! Match ── advise ─► Thinking ─► Decision ── advice_words ─► a sentence

@@ -1,4 +1,4 @@
-//! What a match is begun with.
+//! The configuration of a match.
 
 use super::Player;
 use crate::Result;

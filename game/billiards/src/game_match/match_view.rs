@@ -1,4 +1,4 @@
-//! Everything that is shown of a match.
+//! The view of a match: everything that is shown of it.
 
 use super::Match;
 use crate::rules::{BallGroup, Call, Choice, PlacementArea, RuleSet};

@@ -1,4 +1,4 @@
-//! Who plays.
+//! The players of a match.
 
 use std::fmt;
 use std::str::FromStr;

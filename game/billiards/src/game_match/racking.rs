@@ -1,4 +1,4 @@
-//! How the table is laid: racks, balls that are put back, the cue balls of carom that change places.
+//! Racking: fresh racks, balls that are put back, the cue balls of carom that change places.
 
 use std::collections::HashSet;
 

@@ -1,4 +1,4 @@
-//! What a stroke would do up to its first contact, by the code that plays it.
+//! The aim line: a stroke up to its first contact, by the code that plays it.
 
 use glam::DVec3;
 

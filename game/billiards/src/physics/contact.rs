@@ -1,4 +1,4 @@
-//! What a contact in the midst of a shot does: whom it is between, its law, and what is reported.
+//! Contacts in the midst of a shot: whom each is between, its law, and what is reported.
 
 use glam::DVec3;
 

@@ -1,4 +1,4 @@
-//! When balls touch: the first instant at which a distance, a polynomial in time, falls to zero.
+//! Contact times: the first instants at which a distance, a polynomial in time, falls to zero.
 //!
 //! Within one phase every ball moves with constant acceleration, so the squared distance of two
 //! balls, or of a ball and a jaw or pocket, is a quartic in time and the distance to a straight

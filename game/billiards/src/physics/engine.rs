@@ -1,4 +1,4 @@
-//! What moves the balls: the laws from event to event, or rapier alone at a fixed step.
+//! The engines that move the balls: the laws from event to event, or rapier alone at a fixed step.
 
 use crate::{EngineFault, Error};
 use std::{fmt, str::FromStr};

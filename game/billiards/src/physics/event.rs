@@ -1,4 +1,4 @@
-//! What happens in a shot, for sound, rules and display.
+//! The events of a shot, for sound, rules and display.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};

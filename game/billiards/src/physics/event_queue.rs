@@ -1,4 +1,4 @@
-//! What happens next, to each ball and to each pair of balls.
+//! The queue of coming events, of each ball and of each pair of balls.
 //!
 //! A time stays valid until one of the balls it is about changes its motion; only then is it
 //! computed anew. Each ball keeps the first of its contacts with the balls before it, so that an

@@ -1,13 +1,13 @@
 //! The simulation of billiards: laws of motion and contact, and shots played out from them.
 //!
 //! ```text
-//! Table + Layout ─► World ── strike(Stroke) ─► Shot ── poses_at(t) ─► the picture
-//!                     ▲                          │ ── events() ─────► rules, sound
-//!                     └───────── adopt ◄─────────┘
+//! Table + BallLayout ─► World ── strike(Stroke) ─► Shot ── poses_at(t) ─► the picture
+//!                         ▲                          │ ── events() ─────► rules, sound
+//!                         └───────── adopt ◄─────────┘
 //! ```
 //! A shot is simulated as a whole at the stroke, which takes milliseconds, from event to event:
 //! between two of them every ball moves with constant acceleration, known in closed form
-//! ([`Cloth`]). Rapier moves the balls in steps that land on the events; the laws set velocities.
+//! ([`Cloth`]), and the laws set velocities at the events.
 //! The simulation knows no clock, no frame rate and no randomness: the same world and stroke give
 //! the same bits on every run, in every build, on every machine; where plain rapier plays
 //! ([`Engine::Rapier`]) its solver promises that for one build on one machine.

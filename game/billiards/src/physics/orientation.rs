@@ -1,4 +1,4 @@
-//! How a ball is turned while its angular velocity changes linearly, as it does within a phase.
+//! The orientation of a ball while its angular velocity changes linearly, as it does within a phase.
 //!
 //! The rotation over a short time is the fourth-order Magnus expansion of q' = ½ ω q: exact where
 //! the axis is fixed (every ball that rolls without sidespin), with an error below 1e-6 rad per

@@ -1,4 +1,4 @@
-//! Where the balls lie at the start.
+//! The rack of eight-ball: the balls at the start.
 
 use std::f64::consts::TAU;
 

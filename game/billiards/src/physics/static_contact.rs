@@ -1,4 +1,4 @@
-//! What a ball in the air can touch, when, and in which direction it is pushed.
+//! Contacts of a ball in the air with what does not move: when, and in which direction it is pushed.
 //!
 //! The cushions are solid up to their noses; a ball over the nose meets its edge, and behind it the
 //! top that slopes up to the flat rail, at which the facings and jaws of the pockets end (`cushion_edge.rs`,

@@ -1,4 +1,4 @@
-//! Where one ball was at each instant of a shot: its motions one after the other.
+//! The trajectory of one ball over a shot: its motions one after the other.
 
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};

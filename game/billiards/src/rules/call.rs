@@ -1,4 +1,4 @@
-//! What a player says before a shot.
+//! Calls: what a player says before a shot.
 
 use glam::DVec2;
 use serde::{Deserialize, Serialize};

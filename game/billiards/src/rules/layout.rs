@@ -1,4 +1,4 @@
-//! Where balls may lie: the marks of a table, areas for the cue ball, and spotting.
+//! The layout of a table: its marks, areas for the cue ball, and spotting.
 
 use glam::DVec2;
 use serde::{Deserialize, Serialize};

@@ -1,4 +1,4 @@
-//! Where the balls lie at the start of each game.
+//! The racks: the balls at the start of each game.
 
 use std::f64::consts::TAU;
 

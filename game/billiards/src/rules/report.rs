@@ -1,4 +1,4 @@
-//! What happened in a shot, as a referee sees it.
+//! The report of a shot, as a referee sees it.
 
 use super::layout::BallPositions;
 

@@ -1,4 +1,4 @@
-//! What a referee says after a shot.
+//! The verdict of a referee on a shot.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! Where balls lie before a shot, and strokes that no shot can begin with.
+//! Balls before a shot, and strokes that no shot can begin with.
 
 use super::*;
 

@@ -1,4 +1,4 @@
-//! What is on in snooker, what a stroke has to hit, and what it is worth.
+//! The ball on in snooker, what a stroke has to hit, and what it is worth.
 
 use super::Snooker;
 use crate::rules::{call::Call, layout::BallPositions, referee::JudgedShot, ruleset::RuleSet};
