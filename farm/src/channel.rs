@@ -1,8 +1,10 @@
-//! A queue between threads that can be waited for together with other sources: by
-//! polling with a waker.
+//! Channel between threads that can be waited for together with other sources: by polling with a
+//! waker.
 //!
-//! It has no bound of its own: those who send are bound by what is open in a session or by
-//! [`carom_protocol::limits`].
+//! It is bounded by those who send. Commands of a coordinator: a scene, a ping a second, and for each of
+//! `REQUESTS_QUEUED_MAX` open requests a request and its cancellation. Packets of a node: the answers to
+//! as many requests, of which its session holds no more bytes than [`carom_protocol::limits`] allow. A
+//! sender that waited instead would stop the coordinator for one slow link.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

@@ -1,4 +1,4 @@
-//! The coordinator's thread: gives the state machine its clock, its links and its caller.
+//! Thread of the coordinator: gives the state machine its clock, its links and its caller.
 
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -15,9 +15,10 @@ use crate::node::Node;
 use crate::node_status::NodeIndex;
 use crate::{Balancing, Distribution, FarmConfig, Frame, FrameSpec, NodeStatus};
 
-/// What the thread is told. The queue has no bound of its own: a link passes on only what its
-/// session has asked for, and the caller's frames are counted by [`crate::Farm`].
-pub(crate) enum Input {
+/// Message to the thread. The queue is bounded by those who send: a link hands on no more than the
+/// answers to `REQUESTS_QUEUED_MAX` open requests, [`crate::Farm`] counts the frames in flight, and the
+/// rest are calls of the application, each of which the thread handles in microseconds.
+pub(crate) enum DriverInput {
     Link(NodeIndex, Vec<LinkEvent>),
     Scene(SceneHash, Arc<Scene>),
     Submit(FrameId, Box<FrameSpec>, Option<Duration>),
@@ -35,13 +36,13 @@ pub(crate) enum Input {
 /// Everything that the thread owns.
 pub(crate) struct Driver {
     coordinator: Coordinator,
-    links: Vec<Link>,
+    links: Vec<DriverLink>,
     tile_edge: u16,
     started: Instant,
     /// Of remote nodes.
     precision: PrecisionRange,
-    inputs: Sender<Input>,
-    receiver: Receiver<Input>,
+    inputs: Sender<DriverInput>,
+    receiver: Receiver<DriverInput>,
     statuses: Arc<Mutex<Vec<NodeStatus>>>,
     statuses_at: Duration,
     statuses_stale: bool,
@@ -51,12 +52,13 @@ pub(crate) struct Driver {
     client: Option<Client>,
 }
 
-enum Link {
-    /// The link before the node: it ends first.
-    Memory(
-        MemoryLink,
-        #[expect(dead_code, reason = "kept alive")] Arc<Node>,
-    ),
+enum DriverLink {
+    Memory {
+        link: MemoryLink,
+        /// Dropped after the link, whose thread uses it: fields are dropped in the order of declaration.
+        /// Ends its workers, and waits a second for them.
+        _node: Arc<Node>,
+    },
     Remote(NodeLink),
     /// A tracer that is still being opened, or could not be.
     None,
@@ -83,7 +85,7 @@ impl Driver {
         }
     }
 
-    pub(crate) fn inputs(&self) -> Sender<Input> {
+    pub(crate) fn inputs(&self) -> Sender<DriverInput> {
         self.inputs.clone()
     }
 
@@ -104,19 +106,19 @@ impl Driver {
         open: fn() -> Result<Arc<dyn Tracer>, carom_tracer::Error>,
     ) {
         let index = self.coordinator.add_node("local".into());
-        self.links.push(Link::None);
+        self.links.push(DriverLink::None);
         self.opening += 1;
         let inputs = self.inputs.clone();
         std::thread::spawn(move || {
             // A farm that has lost its patience needs no tracer.
-            let _ = inputs.send(Input::Local(index, open()));
+            let _ = inputs.send(DriverInput::Local(index, open()));
         });
     }
 
     pub(crate) fn add_remote(&mut self, client: &Client, name: String, address: NodeAddress) {
         let index = self.coordinator.add_node(name);
         let link = client.link(address, self.precision, self.events(index));
-        self.links.push(Link::Remote(link));
+        self.links.push(DriverLink::Remote(link));
     }
 
     /// Keeps the network threads of remote links.
@@ -132,7 +134,7 @@ impl Driver {
         while self.opening > 0 {
             let left = deadline.saturating_duration_since(Instant::now());
             match self.receiver.recv_timeout(left) {
-                Ok(Input::Local(..)) => self.opening -= 1,
+                Ok(DriverInput::Local(..)) => self.opening -= 1,
                 Ok(_) => {}
                 Err(_) => return,
             }
@@ -149,7 +151,7 @@ impl Driver {
                     .map_err(|_| RecvTimeoutError::Disconnected),
             };
             match input {
-                Ok(Input::Stop) | Err(RecvTimeoutError::Disconnected) => return,
+                Ok(DriverInput::Stop) | Err(RecvTimeoutError::Disconnected) => return,
                 Ok(input) => self.handle(input),
                 Err(RecvTimeoutError::Timeout) => {}
             }
@@ -173,17 +175,17 @@ impl Driver {
         }
     }
 
-    fn handle(&mut self, input: Input) {
+    fn handle(&mut self, input: DriverInput) {
         let now = self.now();
         self.statuses_stale = true;
         match input {
-            Input::Link(node, events) => {
+            DriverInput::Link(node, events) => {
                 for event in events {
                     self.coordinator.handle(now, node, event);
                 }
             }
-            Input::Scene(hash, scene) => self.coordinator.set_scene(hash, scene),
-            Input::Submit(id, spec, deadline) => {
+            DriverInput::Scene(hash, scene) => self.coordinator.set_scene(hash, scene),
+            DriverInput::Submit(id, spec, deadline) => {
                 if let Err(why) = self.coordinator.submit(now, id, *spec, self.tile_edge) {
                     // Never: the handle checks before it sends.
                     tracing::error!("a frame was dropped: {why}");
@@ -192,38 +194,41 @@ impl Driver {
                     self.coordinator.set_deadline(id, now + deadline);
                 }
             }
-            Input::CancelBefore(id) => self.coordinator.cancel_before(now, id),
-            Input::Balancing(balancing) => self.coordinator.set_balancing(balancing),
-            Input::Distribution(what) => self.coordinator.set_distribution(what),
-            Input::AddLocal(tracer) => self.add_local(tracer),
-            Input::AddRemote(name, address, client) => {
+            DriverInput::CancelBefore(id) => self.coordinator.cancel_before(now, id),
+            DriverInput::Balancing(balancing) => self.coordinator.set_balancing(balancing),
+            DriverInput::Distribution(what) => self.coordinator.set_distribution(what),
+            DriverInput::AddLocal(tracer) => self.add_local(tracer),
+            DriverInput::AddRemote(name, address, client) => {
                 if let Some(client) = client.or_else(|| self.client.take()) {
                     self.add_remote(&client, name, address);
                     self.client = Some(client);
                 }
             }
-            Input::Local(node, Ok(tracer)) => {
+            DriverInput::Local(node, Ok(tracer)) => {
                 self.opening -= 1;
                 self.links[node.0] = self.memory_link(node, tracer);
             }
-            Input::Local(node, Err(why)) => {
+            DriverInput::Local(node, Err(why)) => {
                 self.opening -= 1;
                 let why = why.to_string();
                 self.coordinator
                     .handle(now, node, LinkEvent::Lost { why, retry: None });
             }
-            Input::Stop => {}
+            DriverInput::Stop => {}
         }
     }
 
-    fn memory_link(&self, index: NodeIndex, tracer: Arc<dyn Tracer>) -> Link {
+    fn memory_link(&self, index: NodeIndex, tracer: Arc<dyn Tracer>) -> DriverLink {
         let node = Node::new("", tracer);
-        Link::Memory(MemoryLink::new(&node, self.events(index)), node)
+        DriverLink::Memory {
+            link: MemoryLink::new(&node, self.events(index)),
+            _node: node,
+        }
     }
 
     fn events(&self, index: NodeIndex) -> impl Fn(Vec<LinkEvent>) + Send + 'static {
         let inputs = self.inputs.clone();
-        move |events| drop(inputs.send(Input::Link(index, events)))
+        move |events| drop(inputs.send(DriverInput::Link(index, events)))
     }
 
     /// How long to wait for the next input; `None` for ever.
@@ -258,11 +263,11 @@ impl Driver {
     }
 }
 
-impl Link {
+impl DriverLink {
     /// A command that cannot be delivered is void: the link is gone and says so.
     fn send(&self, command: LinkCommand) {
         let sent = match self {
-            Self::Memory(link, _) => link.send(command),
+            Self::Memory { link, .. } => link.send(command),
             Self::Remote(link) => link.send(command),
             Self::None => false,
         };

@@ -11,7 +11,7 @@ use carom_protocol::limits::{FRAMES_IN_FLIGHT_MAX, NODES_MAX, POSES_MAX, TILE_ED
 use carom_protocol::{FrameId, PixelFormat, SceneHash};
 use carom_tracer::{CompiledScene, Scene, SceneError, SettingsError, Tracer};
 
-use crate::driver::{Driver, Input};
+use crate::driver::{Driver, DriverInput};
 use crate::net::{Client, Credentials, NodeAddress, Role};
 use crate::{
     Balancing, Distribution, Error, FarmConfig, Frame, FrameSpec, LocalNode, NodeStatus,
@@ -24,7 +24,7 @@ use crate::{
 /// node that can trace them, and [`Farm::nodes`] says why. Dropping the farm ends everything that
 /// it has started.
 pub struct Farm {
-    inputs: mpsc::Sender<Input>,
+    inputs: mpsc::Sender<DriverInput>,
     frames: mpsc::Receiver<Frame>,
     statuses: Arc<Mutex<Vec<NodeStatus>>>,
     thread: Option<JoinHandle<()>>,
@@ -39,12 +39,12 @@ pub struct Farm {
 }
 
 /// What remote nodes are called with.
-struct Remotes {
+struct RemoteNodes {
     client: Client,
     addresses: Vec<NodeAddress>,
 }
 
-impl Remotes {
+impl RemoteNodes {
     /// `None` if there are no remote nodes.
     ///
     /// # Errors
@@ -72,7 +72,7 @@ impl Farm {
     pub fn new(config: FarmConfig) -> Result<Self, Error> {
         // Before any device is opened: a program that ends over a mistake while a driver is being
         // loaded in another thread is ended by the driver.
-        let remotes = Remotes::of(&config)?;
+        let remotes = RemoteNodes::of(&config)?;
         let mut driver = Driver::new(&config);
         match config.local {
             LocalNode::None => {}
@@ -89,7 +89,7 @@ impl Farm {
     /// # Errors
     /// As [`Farm::new`].
     pub fn with_tracers(config: FarmConfig, tracers: Vec<Arc<dyn Tracer>>) -> Result<Self, Error> {
-        let remotes = Remotes::of(&config)?;
+        let remotes = RemoteNodes::of(&config)?;
         let mut driver = Driver::new(&config);
         for tracer in tracers {
             driver.add_local(tracer);
@@ -100,10 +100,10 @@ impl Farm {
     fn start(
         config: &FarmConfig,
         mut driver: Driver,
-        remotes: Option<Remotes>,
+        remotes: Option<RemoteNodes>,
     ) -> Result<Self, Error> {
         let calls = remotes.is_some();
-        if let Some(Remotes { client, addresses }) = remotes {
+        if let Some(RemoteNodes { client, addresses }) = remotes {
             for (node, address) in config.nodes.iter().zip(addresses) {
                 driver.add_remote(&client, node.clone(), address);
             }
@@ -140,7 +140,7 @@ impl Farm {
     pub fn set_scene(&mut self, scene: &Scene) -> Result<(), Error> {
         self.scene = Some(CompiledScene::new(scene)?);
         let scene = Arc::new(scene.clone());
-        self.send(Input::Scene(SceneHash::of(&scene), scene));
+        self.send(DriverInput::Scene(SceneHash::of(&scene), scene));
         Ok(())
     }
 
@@ -173,7 +173,7 @@ impl Farm {
         let id = self.next_frame;
         self.next_frame = FrameId(id.0 + 1);
         self.in_flight.push_back((id, deadline.is_some()));
-        self.send(Input::Submit(id, Box::new(spec), deadline));
+        self.send(DriverInput::Submit(id, Box::new(spec), deadline));
         Ok(id)
     }
 
@@ -209,7 +209,7 @@ impl Farm {
     /// Drops all frames before `id`, also finished ones that have not been taken.
     pub fn cancel_before(&mut self, id: FrameId) {
         self.in_flight.retain(|(frame, _)| *frame >= id);
-        self.send(Input::CancelBefore(id));
+        self.send(DriverInput::CancelBefore(id));
     }
 
     /// Frames that have been submitted and neither been taken whole nor cancelled.
@@ -225,12 +225,12 @@ impl Farm {
 
     /// Divides frames in another way from the next one on.
     pub fn set_balancer(&mut self, balancing: Balancing) {
-        self.send(Input::Balancing(balancing));
+        self.send(DriverInput::Balancing(balancing));
     }
 
     /// Divides frames by tiles or by samples from the next one on.
     pub fn set_distribution(&mut self, distribution: Distribution) {
-        self.send(Input::Distribution(distribution));
+        self.send(DriverInput::Distribution(distribution));
     }
 
     /// Calls another node, as `host:port`, while the farm is running; it takes part once it answers.
@@ -253,13 +253,13 @@ impl Farm {
             Some(Client::new(&credentials)?)
         };
         self.calls = true;
-        self.send(Input::AddRemote(node.to_owned(), address, client));
+        self.send(DriverInput::AddRemote(node.to_owned(), address, client));
         Ok(())
     }
 
     /// Adds an in-process node on `tracer` while the farm is running.
     pub fn add_tracer(&mut self, tracer: Arc<dyn Tracer>) {
-        self.send(Input::AddLocal(tracer));
+        self.send(DriverInput::AddLocal(tracer));
     }
 
     fn take(&mut self, frame: Frame) -> Option<Frame> {
@@ -298,7 +298,7 @@ impl Farm {
         Ok(())
     }
 
-    fn send(&self, input: Input) {
+    fn send(&self, input: DriverInput) {
         // The thread ends only when this handle is dropped, or by a panic that has been reported.
         let _ = self.inputs.send(input);
     }
@@ -306,7 +306,7 @@ impl Farm {
 
 impl Drop for Farm {
     fn drop(&mut self) {
-        self.send(Input::Stop);
+        self.send(DriverInput::Stop);
         if let Some(thread) = self.thread.take() {
             let _ = thread.join(); // a panic has been reported where it happened
         }
