@@ -394,7 +394,6 @@ const ATAN: [f32; 4] = [
 
 #[cfg(test)]
 mod tests {
-    use fearless_simd::{Level, dispatch};
     use glam::{DVec3, Vec3};
 
     use super::super::lanes::LANES;
@@ -402,6 +401,7 @@ mod tests {
     use crate::sampling::uniforms;
     use crate::scalar::area_light::sample_light;
     use crate::scene::{AreaLight, Environment};
+    use crate::simd::{Level, dispatch};
     use crate::{Camera, CompiledScene, Scene};
 
     /// Two area lights of other shapes and directions.

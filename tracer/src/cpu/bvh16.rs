@@ -370,7 +370,6 @@ impl<F, const N: usize> Bvh16Builder<'_, F, N> {
 
 #[cfg(test)]
 mod tests {
-    use fearless_simd::{Level, dispatch};
     use glam::Vec3;
 
     use super::super::geometry::Geometry;
@@ -378,6 +377,7 @@ mod tests {
     use super::*;
     use crate::bvh::test_scenes::{ARRANGEMENTS, SHAPES, ray, test_scene};
     use crate::compiled::{BvhUse, ShapeKind};
+    use crate::simd::{Level, dispatch};
     use crate::{CompiledScene, CpuTracer};
 
     type Packet = ([[f32; LANES]; 6], [u32; LANES]);

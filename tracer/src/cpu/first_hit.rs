@@ -1,12 +1,13 @@
 //! First hits through the centres of pixels: one ray a pixel, no light.
 
-use fearless_simd::{Level, dispatch, prelude::*};
+use fearless_simd::prelude::*;
 use rayon::prelude::*;
 
 use super::geometry::Geometry;
 use super::lanes::{Float, LANES, Vec3x, Word};
 use super::rays::{NONE, Rays};
 use crate::compiled::CameraFrame;
+use crate::simd::{Level, dispatch};
 use crate::{CompiledScene, ImageSize};
 
 /// The nearest surface through the centre of each pixel, row-major from the top left.

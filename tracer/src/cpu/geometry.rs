@@ -235,7 +235,6 @@ fn reach(scene: &CompiledScene) -> f32 {
 mod tests {
     use std::collections::BTreeMap;
 
-    use fearless_simd::{Level, dispatch};
     use glam::{DVec3, Quat, Vec3};
 
     use super::super::lanes::{LANES, Vec3x};
@@ -244,6 +243,7 @@ mod tests {
     use crate::compiled::Primitive;
     use crate::sampling::uniforms;
     use crate::scalar::{Ray, intersect};
+    use crate::simd::{Level, dispatch};
     use crate::{Camera, CpuTracer, Environment, Material, Object, Scene, Shape};
 
     type Six = [[f32; LANES]; 6];

@@ -68,14 +68,12 @@ impl Prepared {
                 || self.shade(simd, stream, depth),
             );
             if !self.area_lights.is_empty() {
-                rays += simd.vectorize(
-                    #[inline(always)]
-                    || self.connect(simd, stream, OTHER),
-                );
-                if self.samples_coat_reflection(depth) {
+                // One call for both lobes: two would be two copies of the traversal.
+                let lobes = 1 + usize::from(self.samples_coat_reflection(depth));
+                for lobe in [OTHER, MIRROR].into_iter().take(lobes) {
                     rays += simd.vectorize(
                         #[inline(always)]
-                        || self.connect(simd, stream, MIRROR),
+                        || self.connect(simd, stream, lobe),
                     );
                 }
             }

@@ -52,10 +52,10 @@ pub(super) fn exp<S: Simd>(simd: S, x: Float<S>) -> Float<S> {
 
 #[cfg(test)]
 mod tests {
-    use fearless_simd::{Level, dispatch};
 
     use super::super::lanes::LANES;
     use super::*;
+    use crate::simd::{Level, dispatch};
 
     #[inline(always)]
     fn both<S: Simd>(simd: S, x: [f32; LANES]) -> [[f32; LANES]; 2] {

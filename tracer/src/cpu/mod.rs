@@ -7,7 +7,7 @@
 //!                                                  └ nearest hit; ended paths leave the stream
 //! ```
 //!
-//! One generic source becomes SSE2, SSE4.2, AVX2, AVX-512 or NEON code, chosen at run time. Every
+//! One generic source becomes SSE2, AVX2, AVX-512 or NEON code, chosen at run time. Every
 //! sample's numbers come from its pixel and index and every pixel sums its samples in order, so
 //! that a picture is the same bit for bit whatever the tiles and the number of threads. Levels
 //! differ in rounding: those with fused multiply-add round once where others round twice.
@@ -44,14 +44,13 @@ mod texture;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-use fearless_simd::dispatch;
 use rayon::ThreadPool;
 use rayon::prelude::*;
 
 pub use first_hit::FirstHits;
 
 use crate::denoise::{DenoiseInputTile, DenoiseSource, FilterMemory, trace_denoised};
-use crate::simd::Level;
+use crate::simd::{Level, dispatch};
 use crate::{
     Aovs, CompiledScene, DeviceInfo, DeviceKind, Error, ImageSize, RenderSettings, Tile, TileAovs,
     TileRadiance, TraceJob, TraceStats, Tracer,
@@ -121,7 +120,6 @@ impl CpuTracer {
             let weaker = [
                 best.as_avx512().map(Simd::level),
                 best.as_avx2().map(Simd::level),
-                best.as_sse4_2().map(Simd::level),
                 best.as_sse2().map(Simd::level),
             ];
             levels.extend(weaker.into_iter().flatten());
@@ -331,9 +329,7 @@ fn level_name(level: Level) -> &'static str {
         #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
         Level::Avx2(_) => "AVX2",
         #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-        Level::Sse4_2(_) => "SSE4.2",
-        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-        Level::Sse2(_) => "SSE2",
+        Level::Sse4_2(_) | Level::Sse2(_) => "SSE2",
         #[cfg(target_arch = "aarch64")]
         Level::Neon(_) => "NEON",
         _ => "portable",

@@ -147,11 +147,11 @@ pub(super) fn uniform_direction<S: Simd>(simd: S, u1: Float<S>, u2: Float<S>) ->
 
 #[cfg(test)]
 mod tests {
-    use fearless_simd::{Level, dispatch};
 
     use super::super::lanes::LANES;
     use super::*;
     use crate::sampling::sample_key;
+    use crate::simd::{Level, dispatch};
 
     /// The first lane's sample; later ones wrap round.
     const SAMPLE: u32 = u32::MAX - 7;

@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use fearless_simd::{Level, dispatch, prelude::*};
+use fearless_simd::prelude::*;
 use rayon::prelude::*;
 
 use super::filter::Filter;
@@ -12,6 +12,7 @@ use super::neighbourhood::{NO_NORMAL, Neighbourhood, distance_squared, guide};
 use super::soa_image::{Float, LANES, Mask};
 use super::weights::{BRIGHTNESS_SHARE, EDGE_MIN, MIXED_MIN, NEIGHBOURS};
 use crate::aov::smooth;
+use crate::simd::{Level, dispatch};
 use crate::{Aovs, CompiledScene, Tile, TraceJob};
 
 /// Pixels that more rays look at than they have paths, and what those meet.

@@ -11,7 +11,7 @@
 use std::ops::Range;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use fearless_simd::{Level, dispatch, prelude::*};
+use fearless_simd::prelude::*;
 use rayon::prelude::*;
 
 use super::guard_band::{EMPTY, GuardedRegion};
@@ -24,6 +24,7 @@ use super::weights::{
 };
 use crate::Tile;
 use crate::aov::SMOOTH_RAYS;
+use crate::simd::{Level, dispatch};
 
 /// A picture in the making, in planes.
 pub(super) struct Filter {
