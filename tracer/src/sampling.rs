@@ -49,6 +49,9 @@ pub fn uniforms(a: u32, b: u32, c: u32, d: u32) -> [f32; 4] {
     pcg4d([a, b, c, d]).map(unit_float)
 }
 
+/// The largest of [`pair`]'s numbers.
+pub const BELOW_1: f64 = 1.0 - 1.0 / 16_777_216.0;
+
 /// The upper 24 bits as a number in [0, 1).
 #[inline]
 pub fn unit_float(word: u32) -> f32 {

@@ -24,6 +24,12 @@ pub struct SphereData {
     pub allows_refracted_nee: u32,
 }
 
+impl SphereData {
+    /// Steps of the search for a refracted path to a light: the last moves the ray by less than
+    /// 1e-4 of the outer point's distance from the ball, which is what rounding to f32 does to it.
+    pub const REFRACTED_NEE_STEPS: u32 = 6;
+}
+
 /// An axis-aligned box.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -143,6 +149,10 @@ pub struct AreaLightData {
 }
 
 impl AreaLightData {
+    /// One that subtends less, in sr, is sampled by area: there the solid angle is a difference of
+    /// nearly equal numbers, and the two ways of sampling hardly differ.
+    pub const SOLID_ANGLE_MIN: f64 = 1e-3;
+
     /// Half of both edges: the area light is `center + a·u + b·v`, `a, b ∈ [−1, 1]`.
     pub fn half_edges(&self) -> [[f32; 3]; 2] {
         let [u, v] = [(self.axis_u, self.length_u), (self.axis_v, self.length_v)];

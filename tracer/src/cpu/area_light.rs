@@ -8,7 +8,7 @@ use super::lanes::{Float, Mask, Vec3x, Word};
 use super::rows::Rows;
 use super::sampling::sin_cos_turns;
 use crate::compiled::AreaLightData;
-use crate::scalar::area_light::{BELOW_1, SOLID_ANGLE_MIN};
+use crate::sampling::BELOW_1;
 
 /// The area lights of a scene.
 pub(super) struct AreaLights {
@@ -251,7 +251,7 @@ impl<S: Simd> SphericalRectangle<S> {
     fn omega(&self, simd: S) -> (Float<S>, Mask<S>) {
         let exact = self.solid_angle(simd);
         let distance3 = self.distance * self.distance * self.distance;
-        let by_area = exact.simd_lt(SOLID_ANGLE_MIN as f32);
+        let by_area = exact.simd_lt(AreaLightData::SOLID_ANGLE_MIN as f32);
         let estimate = self.area * self.height / distance3;
         let omega = by_area.select(estimate, exact);
         let in_front = self.height.simd_gt(0.0);

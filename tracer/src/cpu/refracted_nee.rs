@@ -11,7 +11,6 @@ use super::math::exp;
 use super::microfacet::untagged;
 use super::rows::Rows;
 use crate::compiled::{MaterialData, SphereData};
-use crate::scalar::refracted_nee::STEPS;
 
 /// One row of numbers per ball.
 pub(super) type NeeBoundaryRow = [f32; 8];
@@ -214,7 +213,7 @@ fn search<S: Simd>(
     at_high = at_high.min(0.0);
     let mut sine = low;
     let (mut moved_low, mut moved_high) = (Mask::splat(simd, false), Mask::splat(simd, false));
-    for _ in 0..STEPS {
+    for _ in 0..SphereData::REFRACTED_NEE_STEPS {
         let part = at_low / (at_low - at_high).max(TINY);
         sine = part.mul_add(high - low, low);
         let at = PlaneRays::new(r, ior, sine).beside(point);

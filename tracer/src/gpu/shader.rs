@@ -4,14 +4,13 @@ use std::fmt::Write as _;
 
 use crate::bvh::{self, DEPTH_MAX, LEAF};
 use crate::compiled::{
-    CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE, KIND_CONDUCTOR,
-    KIND_DIELECTRIC, KIND_LAYERED, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, ShapeKind,
+    AreaLightData, CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE,
+    KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD,
+    ShapeKind, SphereData,
 };
 use crate::gpu::features::{Features, KernelOutput, SceneMemory};
 use crate::gpu::layout::{BVH_LEAF, SPHERE_SLACK};
-use crate::sampling::{BLOCK_CAMERA, SCRAMBLE};
-use crate::scalar::area_light::{BELOW_1, SOLID_ANGLE_MIN};
-use crate::scalar::refracted_nee::STEPS;
+use crate::sampling::{BELOW_1, BLOCK_CAMERA, SCRAMBLE};
 use crate::scene::validate::CSG_MARGIN_M;
 use crate::texture;
 
@@ -125,7 +124,7 @@ fn constants(features: &Features) -> String {
     let mut text = format!(
         "const BLOCK_EDGE: u32 = {BLOCK_EDGE}u;\n\
          const SCRAMBLE: vec3u = vec3u({a}u, {b}u, {c}u);\n\
-         const SOLID_ANGLE_MIN: f32 = {SOLID_ANGLE_MIN};\n\
+         const SOLID_ANGLE_MIN: f32 = {};\n\
          const BELOW_1: f32 = {BELOW_1};\n\
          const BLOCK_CAMERA: u32 = {BLOCK_CAMERA}u;\n\
          const COMPENSATED: bool = {};\n\
@@ -139,11 +138,12 @@ fn constants(features: &Features) -> String {
          const HAS_STRIPE: bool = {};\n\
          const HAS_DIELECTRIC: bool = {};\n\
          const HAS_REFRACTED_NEE: bool = {};\n\
-         const REFRACTED_NEE_STEPS: u32 = {STEPS}u;\n\
+         const REFRACTED_NEE_STEPS: u32 = {}u;\n\
          const HAS_NUMBER: bool = {};\n\
          const HAS_WOOD: bool = {};\n\
          const HAS_CSG_CONE: bool = {};\n\
          const CSG_MARGIN_M: f32 = {CSG_MARGIN_M:?};\n",
+        AreaLightData::SOLID_ANGLE_MIN,
         features.is_compensated,
         features.discs_coplanar,
         features.area_lights_coplanar,
@@ -151,6 +151,7 @@ fn constants(features: &Features) -> String {
         features.has_stripe,
         features.has_dielectric,
         features.has_refracted_nee,
+        SphereData::REFRACTED_NEE_STEPS,
         features.has_number,
         features.has_wood,
         features.has_csg_cone

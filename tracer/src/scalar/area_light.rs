@@ -4,13 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::intersect::vector;
 use crate::compiled::AreaLightData;
-
-/// A rectangle that subtends less, in sr, is sampled by area: there the solid angle is a difference
-/// of nearly equal numbers, and the two ways of sampling hardly differ.
-pub const SOLID_ANGLE_MIN: f64 = 1e-3;
-
-/// The largest of [`crate::sampling::pair`]'s numbers.
-pub const BELOW_1: f64 = 1.0 - 1.0 / 16_777_216.0;
+use crate::sampling::BELOW_1;
 
 /// An area light's rectangle in a frame along its edges and its normal whose origin is the point that
 /// sees it. The unit of length is about the area light's distance or its size, whichever is larger, so
@@ -124,7 +118,7 @@ impl SphericalRectangle {
         };
         if seen.height > 0.0 {
             seen.omega = seen.solid_angle();
-            seen.by_area = seen.omega < SOLID_ANGLE_MIN;
+            seen.by_area = seen.omega < AreaLightData::SOLID_ANGLE_MIN;
             if seen.by_area {
                 seen.omega = seen.area * seen.height / (distance / unit).powi(3);
             }

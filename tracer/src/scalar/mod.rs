@@ -21,7 +21,7 @@
 //!    front and nothing is in between, adds `beta · F · radiance`. The other lobes' (block
 //!    `block_light(k)`): an area light drawn by brightness times solid angle with `u[0]`, which is then
 //!    stretched to [0, 1) again, and a direction uniform in its solid angle, or, where that is below
-//!    [`area_light::SOLID_ANGLE_MIN`], a point uniform in its area. Unless something is in between, adds
+//!    [`AreaLightData::SOLID_ANGLE_MIN`], a point uniform in its area. Unless something is in between, adds
 //!    `beta · f · cos · radiance / pdf · w`, `w` weighing the same two densities as in step 2,
 //!    where `f` leaves out mirrors, and directions into a dielectric are. Inside a ball that allows it
 //!    the same point is aimed at by the path refracted at the boundary, if

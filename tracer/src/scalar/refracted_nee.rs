@@ -20,10 +20,6 @@ use glam::{DVec2, DVec3};
 use super::intersect::vector;
 use crate::compiled::SphereData;
 
-/// Steps of the search: the last moves the ray by less than 1e-4 of the outer point's distance from the
-/// ball, which is what rounding to f32 does to it.
-pub const STEPS: u32 = 6;
-
 /// The refracted path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RefractedPath {
@@ -121,7 +117,7 @@ fn search(r: f64, ior: f64, point: DVec2) -> Option<PlaneRay> {
     at_high = at_high.min(0.0);
     let mut sine = low;
     let mut moved_low = None;
-    for _ in 0..STEPS {
+    for _ in 0..SphereData::REFRACTED_NEE_STEPS {
         let part = at_low / (at_low - at_high).max(f64::MIN_POSITIVE);
         sine = low + part * (high - low);
         let at = beside(sine);
