@@ -61,7 +61,15 @@ const LAYERS: &[(&[&str], &[&str])] = &[
         &["game/src/", "game/tests/", "game/examples/", "tests/bench/"],
     ),
     (&["rapier3d"], &["game/billiards/"]),
-    (&["wgpu"], &["tracer/src/gpu/", "game/src/", "tests/bench/"]),
+    (
+        &["wgpu"],
+        &[
+            "tracer/src/gpu/",
+            "game/src/",
+            "game/tests/",
+            "tests/bench/",
+        ],
+    ),
     (
         &["fearless_simd"],
         &[
