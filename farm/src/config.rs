@@ -1,4 +1,4 @@
-//! What a farm is made of.
+//! Configuration of a farm.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;

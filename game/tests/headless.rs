@@ -179,13 +179,13 @@ fn an_interrupted_film_goes_on_and_another_one_says_so() {
     let refused = make("2");
     assert_eq!(refused.status.code(), Some(1));
     let said = text(&refused.stderr);
-    for words in ["film holds 2 frames", "1 paths", "2 paths"] {
+    for words in ["film holds 2 frames", "1 samples", "2 samples"] {
         assert!(said.contains(words), "{said}");
     }
     let again = make("1");
     let said = text(&again.stderr);
     assert!(
-        again.status.success() && said.contains("Going on: 2 of 3"),
+        again.status.success() && said.contains("Resuming: 2 of 3"),
         "{said}"
     );
     let frames = frames(&folder.path().join("film"));

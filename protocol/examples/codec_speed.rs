@@ -1,4 +1,4 @@
-//! How fast one core encodes and decodes tiles, and what is left of them:
+//! Speed at which one core encodes and decodes tiles, and their compressed size:
 //! `cargo run --release -p carom-protocol --example codec_speed`.
 //!
 //! Two synthetic pictures of 1280×720: "smooth", balls and cloth under soft light with a third of

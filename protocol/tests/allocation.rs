@@ -1,4 +1,4 @@
-//! What decoding may allocate: in proportion to the bytes that came, whatever lengths they tell.
+//! Bound on what decoding allocates: in proportion to the bytes that came, whatever lengths they tell.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;

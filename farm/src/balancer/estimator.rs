@@ -1,4 +1,4 @@
-//! What is known of a node: y = A + B·w, from what it reports and what the client's clock allows.
+//! Cost model of a node: y = A + B·w, from what it reports and what the client's clock allows.
 //!
 //! A and B cannot be told apart from y alone while w hardly changes (a recursive least-squares
 //! fit diverged). So the node reports how long it was busy: B = busy / w, A = y − queue − busy.

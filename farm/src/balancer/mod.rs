@@ -1,4 +1,4 @@
-//! How a frame's work is divided among nodes: pure arithmetic, one algorithm per file.
+//! Balancers, which divide a frame's work among nodes: pure arithmetic, one algorithm per file.
 //!
 //! ```text
 //! outcomes of runs ──learn──▶ Balancer ──divide──▶ work per node ──▶ contiguous runs of tiles

@@ -10,6 +10,7 @@
 //! requests leave the queue before they are traced. Durations are measured on the node's own clock.
 
 mod bitrate_control;
+mod client_connection;
 mod connection;
 mod queue;
 mod rate_model;
@@ -22,8 +23,8 @@ use carom_protocol::NodeInfo;
 use carom_tracer::{DeviceKind, Tracer};
 
 pub use bitrate_control::LinkEstimate;
+pub(crate) use client_connection::STALL_TIMEOUT;
 pub use connection::NodeConnection;
-pub(crate) use connection::STALL_TIMEOUT;
 use queue::JobQueue;
 
 /// One device, shared by any number of clients.

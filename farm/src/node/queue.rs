@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use carom_protocol::{SceneHash, TraceRequest};
 use carom_tracer::{CompiledScene, Error, Scene};
 
-use super::connection::ClientConnection;
+use super::client_connection::ClientConnection;
 
 /// A request to trace.
 pub(super) struct NodeJob {

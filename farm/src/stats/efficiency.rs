@@ -1,4 +1,4 @@
-//! How well a frame was divided: what it took against what the same nodes could have done.
+//! Balance efficiency of a frame: what it took against what the same nodes could have done.
 
 use super::FrameStats;
 use crate::balancer::{CostModel, water_fill};

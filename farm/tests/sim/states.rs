@@ -1,4 +1,4 @@
-//! Where a node stands, as the coordinator tells it.
+//! States of a node, as the coordinator tells it.
 
 use std::sync::Arc;
 use std::time::Duration;

@@ -283,7 +283,7 @@ mod tests {
         let said = told(&mut lookout, &farm(lost("it no longer answers")), 1.0);
         assert_eq!(
             said,
-            "attic:1 is lost (it no longer answers): other nodes take over its tiles"
+            "Lost attic:1 (it no longer answers): other nodes take over its tiles"
         );
         assert_eq!(
             told(&mut lookout, &farm(lost("it no longer answers")), 2.0),
@@ -292,7 +292,7 @@ mod tests {
         assert_eq!(told(&mut lookout, &farm(NodeState::Starting), 3.0), "");
         assert_eq!(
             told(&mut lookout, &farm(NodeState::Ready), 20.0),
-            "attic:1 is back"
+            "attic:1 is connected again"
         );
     }
 
@@ -329,7 +329,7 @@ mod tests {
         ];
         let said = told(&mut lookout, &nodes, 0.0);
         assert!(
-            said.contains("the last picture stays") && said.contains("cannot be used"),
+            said.contains("the last frame stays") && said.contains("Cannot use attic:1"),
             "{said}"
         );
         let stays = standing(&nodes).unwrap();

@@ -366,7 +366,7 @@ mod tests {
             modes
                 .take_notifications()
                 .iter()
-                .all(|line| line.starts_with("Kept as "))
+                .all(|line| line.starts_with("Saved as "))
         );
         let path = modes.files()[1].path.clone();
         modes.command_replay(ReplayCommand::Open(path), &game, 2.0);

@@ -212,7 +212,7 @@ mod tests {
         let mut bindings = Bindings::default();
         let w: Trigger = "w".parse().unwrap();
         let error = bindings.bind(w, Action::Rack).unwrap_err();
-        assert!(error.to_string().contains("higher"), "{error}");
+        assert!(error.to_string().contains("move the tip up"), "{error}");
         assert_eq!(
             bindings.action(w, BindingContext::Table),
             Some(Action::TipUp)

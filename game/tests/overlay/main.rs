@@ -172,7 +172,7 @@ fn the_numbers_are_those_of_the_pictures() {
     let newest = harness.state().stats.history().newest().unwrap().clone();
     assert!(has(
         &harness,
-        &format!("picture {:.2} ms", newest.makespan_secs * 1e3)
+        &format!("frame {:.2} ms", newest.makespan_secs * 1e3)
     ));
     assert!(newest.efficiency() > 0.8, "{}", newest.efficiency());
     let tallies = harness.state().stats.history().tallies();

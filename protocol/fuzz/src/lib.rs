@@ -1,4 +1,4 @@
-//! What the fuzz targets do with their bytes. Plain functions, so that a test of the main
+//! Bodies of the fuzz targets. Plain functions, so that a test of the main
 //! workspace runs them too; each panics if a law is broken.
 
 use std::sync::Arc;

@@ -376,7 +376,7 @@ const GRID: TileGrid = TileGrid::new(ImageSize::new(96, 80), 32);
 type Shown = Vec<(TileRange, Vec<[u8; 3]>)>;
 
 /// Two sessions and what the node remembers.
-struct Pair {
+struct FramePair {
     client: ClientSession,
     node: NodeSession,
     sent: SentReferences,
@@ -384,7 +384,7 @@ struct Pair {
     encoder: Encoder,
 }
 
-impl Pair {
+impl FramePair {
     fn new() -> Self {
         let mut client = ClientSession::new();
         let scene = any::balls(2);
@@ -495,7 +495,7 @@ proptest! {
     fn lossy_network_never_corrupts_pixels(
         steps in prop::collection::vec((0..9u32, 1..9u32, 0..3u32, any::<u8>(), any::<bool>()), 1..20),
     ) {
-        let mut pair = Pair::new();
+        let mut pair = FramePair::new();
         for (first, count, seed, losses, forgets) in steps {
             if forgets {
                 pair.sent = SentReferences::default();
@@ -517,7 +517,7 @@ proptest! {
 
 #[test]
 fn unchanged_frames_cost_few_bytes_a_tile() {
-    let mut pair = Pair::new();
+    let mut pair = FramePair::new();
     let bytes: Vec<usize> = (0..20)
         .map(|_| {
             pair.ask(GRID.all(), PixelPrecision::Within1);

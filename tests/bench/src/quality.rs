@@ -94,7 +94,7 @@ mod tests {
     fn each_stop_is_nearer_to_the_truth_than_the_one_before() {
         let path = concat!(
             env!("CARGO_MANIFEST_DIR"),
-            "/../tests/references/pool_480x270.exr"
+            "/../references/pool_480x270.exr"
         );
         let measured = measure(&RadianceImage::read_exr(path).unwrap()).unwrap();
         assert!(

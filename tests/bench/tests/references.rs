@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use carom_bench::physics::{
-    accuracy, airborne, break_samples, breaks, closed_forms, curves, many_balls,
+    accuracy, airborne, break_agreement, break_samples, breaks, closed_forms, curves, many_balls,
     reference::ReferenceShot,
 };
 
@@ -63,10 +63,10 @@ fn breaks_of_the_references_are_draws_of_ours() {
     let theirs = break_samples::ReferenceBreaks::read(&folder.join("breaks.json"))
         .expect("it is in the repository");
     let rows = breaks::measure(&references(), &theirs, 100).expect("all can be played");
-    let agreement = break_samples::BreakAgreement::of(&rows);
+    let agreement = break_agreement::BreakAgreement::of(&rows);
     assert_eq!((agreement.comparisons, agreement.shots), (6, 6));
     assert!(
-        agreement.chance_together > break_samples::CHANCE_TOGETHER_MIN,
+        agreement.chance_together > break_agreement::CHANCE_TOGETHER_MIN,
         "{agreement}"
     );
     assert_eq!(

@@ -2,7 +2,8 @@
 //!
 //! A file imports another if a path in its code, outside of tests, leads to an item that the other
 //! defines. `pub use` hands an item on and is no import; neither is what a parent module takes from
-//! its own children, since a module and its parts are one thing seen from two sides.
+//! its own children, since a module and its parts are one thing seen from two sides. A crate's
+//! `error.rs` is left out: it names the values of all that can fail, and all that can fail names it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -52,7 +53,7 @@ impl Package {
             let Some(file) = source.path.strip_prefix(folder) else {
                 continue;
             };
-            if let Some(name) = module_path(file) {
+            if let Some(name) = module_path(file).filter(|name| *name != ["error"]) {
                 modules.insert(name, Module::parse(source.path.clone(), &source.text));
             }
         }
@@ -226,7 +227,9 @@ fn expand(tree: &str) -> Vec<(Vec<String>, String)> {
     let tree = tree.trim();
     if let Some(open) = tree.find('{') {
         let prefix: Vec<_> = segments(tree[..open].trim_end_matches("::"));
-        let inside = &tree[open + 1..tree.rfind('}').unwrap_or(tree.len())];
+        // A sentence in a string may begin with `use` too: its braces need not match.
+        let close = tree.rfind('}').filter(|close| *close > open);
+        let inside = &tree[open + 1..close.unwrap_or(tree.len())];
         return split_top(inside)
             .into_iter()
             .filter(|part| !part.trim().is_empty())

@@ -45,11 +45,14 @@ fn a_type_name_is_defined_at_most_twice() {
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
-/// Whether a name is one that each file of its kind has by convention: `Args` of a subcommand and a
+/// Whether a name is one that each file of its kind has by convention: `Args` of a command and a
 /// crate's `Error`.
 fn is_convention(name: &str, files: &[String]) -> bool {
-    let is_command =
-        |path: &String| path.contains("/commands/") || path.starts_with("tests/bench/src/");
+    let is_command = |path: &String| {
+        path.contains("/commands/")
+            || path.ends_with("/args.rs")
+            || path.starts_with("tests/bench/src/")
+    };
     match name {
         "Args" => files.iter().all(is_command),
         "Error" => files.iter().all(|path| path.ends_with("error.rs")),

@@ -49,7 +49,7 @@ impl RenderJob {
             hash: hash.finalize().to_hex().to_string(),
             frames,
             words: format!(
-                "{frames} frames of {width}x{height}, {rate} a second, {samples} paths a pixel, \
+                "{frames} frames of {width}x{height}, {rate} a second, {samples} samples per pixel, \
                  seed {seed}"
             ),
             done: false,

@@ -389,7 +389,7 @@ mod tests {
                 .state()
                 .failure
                 .unwrap()
-                .contains("no file can be made")
+                .contains("cannot create a file")
         );
     }
 }

@@ -71,7 +71,7 @@ impl ShotAccuracy {
         let cpu_ms = best_ms(RUNS, || {
             std::hint::black_box(reference.play().is_ok());
         });
-        let deviation = reference.deviation(&shot);
+        let deviation = Deviation::between(reference, &shot);
         Ok(Self {
             name: reference.name.clone(),
             max_mm: deviation.max_m * 1e3,

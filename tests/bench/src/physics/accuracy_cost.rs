@@ -95,7 +95,7 @@ fn measured(engine: Engine, references: &[ReferenceShot]) -> anyhow::Result<Engi
     let off_mm = held.map(|reference| {
         let mut reference = reference.clone();
         reference.set_engine(engine);
-        Ok(1e3 * reference.deviation(&reference.play()?).max_m)
+        Ok(1e3 * Deviation::between(&reference, &reference.play()?).max_m)
     });
     let mut trade = EngineTradeoff {
         engine: engine.to_string(),

@@ -7,8 +7,8 @@ use glam::DVec3;
 use crate::chart::{Axis, Chart, Series};
 
 use super::{
-    curves::PublishedCurve,
     infinite_table::{EDGE_M, ball, single_ball_from},
+    published_curve::PublishedCurve,
 };
 use carom_billiards::Result;
 use carom_billiards::physics::{BallBody, Event, EventKind};

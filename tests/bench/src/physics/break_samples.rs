@@ -5,12 +5,12 @@
 //! Stephens' approximation; Press et al., "Numerical Recipes", 14.3). Many comparisons bring forth
 //! small chances by themselves, so that they are judged together (Šidák).
 
-use std::{collections::BTreeMap, fmt, path::Path};
+use std::{collections::BTreeMap, path::Path};
 
 use anyhow::{Context as _, ensure};
 use serde::{Deserialize, Serialize};
 
-use super::{breaks::BreakStatistic, reference::read_file};
+use super::reference::read_file;
 
 /// The draws of another simulator, by the name of the rack.
 #[derive(Clone, Debug, Deserialize)]
@@ -68,69 +68,6 @@ pub struct ReferenceSample {
     pub chance: f64,
 }
 
-/// All comparisons of a table of statistics together.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct BreakAgreement {
-    /// Statistics of which there are draws of both simulators.
-    pub comparisons: usize,
-    /// The smallest chance of them.
-    pub chance_least: f64,
-    /// How often so many comparisons of equal simulators have as small a chance among them.
-    pub chance_together: f64,
-    /// Single shots of the references beside our draws.
-    pub shots: usize,
-    /// How many of their statistics are outside of the middle 95 % of our draws.
-    pub outside: usize,
-    /// How often as many or more are, of equal simulators.
-    pub outside_chance: f64,
-}
-
-impl BreakAgreement {
-    /// Over the rows of a table.
-    pub fn of(rows: &[BreakStatistic]) -> Self {
-        let chances: Vec<f64> = rows
-            .iter()
-            .filter_map(|row| Some(row.theirs?.chance))
-            .collect();
-        let fits: Vec<bool> = rows
-            .iter()
-            .filter_map(BreakStatistic::reference_fits)
-            .collect();
-        let chance_least = chances.iter().copied().fold(1.0, f64::min);
-        let outside = fits.iter().filter(|&&fits| !fits).count();
-        Self {
-            comparisons: chances.len(),
-            chance_least,
-            chance_together: 1.0 - (1.0 - chance_least).powi(chances.len() as i32),
-            shots: fits.len(),
-            outside,
-            outside_chance: at_least(outside, fits.len(), 0.05),
-        }
-    }
-}
-
-impl fmt::Display for BreakAgreement {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(
-            f,
-            "{} of {} statistics of single shots are outside of the middle 95 % of our draws: as many or \
-             more are in {:.0} % of such tables",
-            self.outside,
-            self.shots,
-            100.0 * self.outside_chance
-        )?;
-        write!(
-            f,
-            "{} comparisons with their own draws: smallest chance {:.3}, which {:.0} % of such tables of \
-             equal simulators have (bar {:.0} %)",
-            self.comparisons,
-            self.chance_least,
-            100.0 * self.chance_together,
-            100.0 * CHANCE_TOGETHER_MIN
-        )
-    }
-}
-
 /// How often two samples of one lottery lie as far apart as these.
 pub(super) fn chance(one: &[f64], other: &[f64]) -> f64 {
     let counts = [one, other].map(|sample| sample.len() as f64);
@@ -160,19 +97,6 @@ fn farthest(one: &[f64], other: &[f64]) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// The chance of `least` or more of `count` things that happen with a chance each.
-fn at_least(least: usize, count: usize, each: f64) -> f64 {
-    let exactly = |k: usize| {
-        let ways: f64 = (0..k)
-            .map(|i| (count - i) as f64 / (i + 1) as f64)
-            .product();
-        ways * each.powi(k as i32) * (1.0 - each).powi((count - k) as i32)
-    };
-    1.0 - (0..least).map(exactly).sum::<f64>()
-}
-
-/// Tables of equal simulators are refused this often.
-pub const CHANCE_TOGETHER_MIN: f64 = 0.01;
 /// Ten times the known file.
 const FILE_BYTES_MAX: u64 = 400 << 10;
 /// The approximation is good from here on.
@@ -201,13 +125,6 @@ mod tests {
                 "{lambda}: {found}"
             );
         }
-    }
-
-    #[test]
-    fn chances_of_many_draws_are_those_of_the_binomial_law() {
-        assert_eq!(at_least(0, 12, 0.05), 1.0);
-        assert!((at_least(1, 12, 0.05) - (1.0 - 0.95f64.powi(12))).abs() < 1e-12);
-        assert!((at_least(12, 12, 0.5) - 0.5f64.powi(12)).abs() < 1e-12);
     }
 
     #[test]

@@ -8,10 +8,11 @@
 use std::fmt;
 
 use carom_tracer::sampling::pcg4d;
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 use serde::Serialize;
 
 use super::{
+    break_outcome::{BreakOutcome, spread_m},
     break_samples::{ReferenceBreaks, ReferenceSample, chance},
     reference::{ReferenceKind, ReferenceShot},
 };
@@ -155,14 +156,6 @@ pub fn measure(
     Ok(statistics)
 }
 
-/// What is counted of one break.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct BreakOutcome {
-    pub(super) energy_kept: f64,
-    pub(super) spread_m: f64,
-    pub(super) pocketed: f64,
-}
-
 fn table(
     rack: &str,
     draws: &[BreakOutcome],
@@ -229,17 +222,6 @@ fn spread_of(shot: &Shot) -> f64 {
 fn pocketed(world: &World, shot: &Shot) -> f64 {
     let lying = |states: &[BallState]| states.iter().filter(|b| b.phase.is_on_table()).count();
     (lying(&world.balls()) - lying(&shot.final_states())) as f64
-}
-
-/// Root of the mean square distance of the balls from their middle.
-pub(super) fn spread_m(positions: &[DVec3]) -> f64 {
-    let count = positions.len().max(1) as f64;
-    let middle = positions.iter().sum::<DVec3>() / count;
-    let square = positions
-        .iter()
-        .map(|p| p.distance_squared(middle))
-        .sum::<f64>();
-    (square / count).sqrt()
 }
 
 /// The world with each racked ball moved within a circle of [`SHAKE_M`], as far as there is room.

@@ -5,44 +5,17 @@
 //! must agree, and by the laws of the game, which show what real balls add.
 
 use std::f64::consts::FRAC_PI_2;
-use std::fmt;
 
 use glam::{DVec2, DVec3};
-use serde::Serialize;
 
 use crate::chart::{Axis, Chart, Series};
 
 use super::infinite_table::{ball, infinite_table, released};
+use super::published_curve::PublishedCurve;
 use carom_billiards::Result;
 use carom_billiards::physics::{
     BallBallLaw, BallBody, BallLayout, BallState, Cue, Event, EventKind, Laws, Shot, Stroke, World,
 };
-
-/// A published rule or curve, and how far the simulation is from it.
-#[derive(Clone, Debug, Serialize)]
-pub struct PublishedCurve {
-    /// What it is about.
-    pub name: &'static str,
-    /// Author and title.
-    pub source: &'static str,
-    /// Largest difference, in the unit of the chart, between the formula and the simulation with
-    /// the formula's assumptions.
-    pub error_max: f64,
-    /// How large that may be.
-    pub bar: f64,
-    #[serde(skip)]
-    pub(super) chart: Chart,
-}
-
-impl fmt::Display for PublishedCurve {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "{:34} {:10.2e} (bar {:.0e})  {}",
-            self.name, self.error_max, self.bar, self.source
-        )
-    }
-}
 
 /// All curves.
 ///

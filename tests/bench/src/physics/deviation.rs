@@ -22,7 +22,8 @@ pub struct Deviation {
 }
 
 impl Deviation {
-    pub(super) fn between(reference: &ReferenceShot, shot: &Shot) -> Self {
+    /// Distance of a simulation of the shot from it.
+    pub fn between(reference: &ReferenceShot, shot: &Shot) -> Self {
         let mut deviation = Self::default();
         let (mut sum, mut count) = (0.0, 0.0f64);
         for (sample, &t) in reference.times.iter().enumerate() {

@@ -5,8 +5,8 @@ use glam::{DVec2, DVec3};
 use crate::chart::{Axis, Chart, Series};
 
 use super::{
-    curves::PublishedCurve,
     infinite_table::{ball, infinite_table},
+    published_curve::PublishedCurve,
 };
 use carom_billiards::Result;
 use carom_billiards::physics::{Cue, Event, EventKind, Laws, Shot, Stroke, World};

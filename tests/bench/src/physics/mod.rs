@@ -14,6 +14,8 @@ pub mod accuracy;
 pub mod accuracy_cost;
 pub mod airborne;
 mod banks;
+pub mod break_agreement;
+mod break_outcome;
 pub mod break_samples;
 pub mod breaks;
 pub mod closed_forms;
@@ -22,6 +24,7 @@ pub mod deviation;
 pub mod infinite_table;
 pub mod many_balls;
 mod masse;
+pub mod published_curve;
 pub mod reference;
 mod schema;
 
@@ -36,11 +39,12 @@ use serde::Serialize;
 use accuracy::Accuracy;
 use accuracy_cost::EngineTradeoff;
 use airborne::FlightRow;
-use break_samples::{BreakAgreement, ReferenceBreaks};
+use break_agreement::BreakAgreement;
+use break_samples::ReferenceBreaks;
 use breaks::BreakStatistic;
 use closed_forms::ClosedForm;
-use curves::PublishedCurve;
 use many_balls::ManyBallsRow;
+use published_curve::PublishedCurve;
 use reference::ReferenceShot;
 
 /// Options of `carom-bench physics`.

@@ -7,8 +7,7 @@ use anyhow::{Context as _, bail, ensure};
 use glam::DVec3;
 
 use super::{
-    breaks::{BreakOutcome, spread_m},
-    deviation::Deviation,
+    break_outcome::{BreakOutcome, spread_m},
     schema::{EventJson, ReferenceFile, ReferenceFrame},
 };
 use carom_billiards::physics::{BallState, Engine, Shot, Stroke, World};
@@ -141,11 +140,6 @@ impl ReferenceShot {
             None => self.world.release(),
         };
         shot.with_context(|| format!("the shot {}", self.name))
-    }
-
-    /// How far a simulation of the shot is from it.
-    pub fn deviation(&self, shot: &Shot) -> Deviation {
-        Deviation::between(self, shot)
     }
 
     /// What a break came to in the file: the energy kept until then, where balls lie in the end.

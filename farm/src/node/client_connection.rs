@@ -1,0 +1,177 @@
+//! The workers' end of a client's session with the node.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::task::Waker;
+use std::time::{Duration, Instant};
+
+use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
+use carom_protocol::session::{NodeSession, SentReferences};
+use carom_protocol::tile_codec::{Encoder, TileInput};
+use carom_protocol::{
+    NodeInfo, PixelFormat, RefusalReason, RequestId, RequestReport, TilesDone, TraceRequest,
+};
+use carom_tracer::{Tile, TileRange};
+
+use super::bitrate_control::{BitrateController, LinkEstimate};
+use super::rate_model::EncodedSample;
+
+/// The workers' end of a client's session.
+pub(super) struct ClientConnection {
+    state: Mutex<ConnectionState>,
+    /// Notified when the transport has accepted a packet.
+    pub(super) drained: Condvar,
+    sent: Mutex<SentReferences>,
+    bitrate: Mutex<BitrateController>,
+    start: Instant,
+}
+
+pub(super) struct ConnectionState {
+    pub(super) session: NodeSession,
+    /// Flags of requests that are neither done nor refused.
+    pub(super) cancelled: BTreeMap<RequestId, Arc<AtomicBool>>,
+    pub(super) waker: Option<Waker>,
+    /// Whether a worker has queued a packet since the transport last polled.
+    pub(super) ready: bool,
+    /// The time a worker waits for the transport to accept a packet; zero once it has waited in
+    /// vain.
+    pub(super) stall_timeout: Duration,
+    pub(super) closed: bool,
+}
+
+impl ClientConnection {
+    pub(super) fn new(info: NodeInfo) -> Self {
+        let state = ConnectionState {
+            session: NodeSession::new(info),
+            cancelled: BTreeMap::new(),
+            waker: None,
+            ready: false,
+            stall_timeout: STALL_TIMEOUT,
+            closed: false,
+        };
+        Self {
+            state: Mutex::new(state),
+            drained: Condvar::new(),
+            sent: Mutex::default(),
+            bitrate: Mutex::new(BitrateController::new()),
+            start: Instant::now(),
+        }
+    }
+
+    /// Handles a new estimate of what the link carries.
+    pub(super) fn on_bandwidth(&self, bytes_per_sec: f64) {
+        let link = LinkEstimate {
+            bytes_per_sec,
+            waiting_bytes: self.lock().session.waiting_bytes(),
+        };
+        lock(&self.bitrate).on_estimate(self.start.elapsed(), link);
+    }
+
+    /// The payload of a request's finished tiles, delta-coded against those that the client holds.
+    pub(super) fn encode(
+        &self,
+        encoder: &mut Encoder,
+        request: &TraceRequest,
+        part: TileRange,
+        tiles: &[(Tile, &[[f32; 3]])],
+    ) -> Vec<u8> {
+        let PixelFormat::Srgb8 { exposure } = request.format else {
+            return encoder.encode(request.format, tiles);
+        };
+        let references = lock(&self.sent).references(request, part);
+        let sources: Vec<TileInput> = tiles
+            .iter()
+            .zip(&references)
+            .map(|(&(tile, radiance), reference)| TileInput {
+                tile,
+                radiance,
+                reference: reference.as_ref(),
+            })
+            .collect();
+        // The same for a message in every frame, whatever range of tiles a request asks for.
+        let place = part.first / TILES_PER_MESSAGE_MAX;
+        let precision = lock(&self.bitrate).precision(request.precision, place);
+        let (payload, kept) = encoder.encode_srgb(exposure, precision, &sources);
+        lock(&self.sent).insert(request, part, kept);
+        lock(&self.bitrate).on_encoded(EncodedSample {
+            precision,
+            pixels: tiles.iter().map(|(tile, _)| tile.pixels()).sum(),
+            delta: encoder.delta_stats(),
+            bytes: payload.len(),
+        });
+        payload
+    }
+
+    /// Sends finished tiles; `false` if they are no longer wanted.
+    pub(super) fn tiles(&self, tiles: TilesDone) -> bool {
+        let mut state = self.lock();
+        let sent = match state.session.tiles(tiles) {
+            Ok(sent) => sent && !state.closed,
+            Err(error) => {
+                tracing::error!("cannot send tiles: {error}");
+                false
+            }
+        };
+        wake(state);
+        sent
+    }
+
+    /// Ends a request whose tiles have all been sent.
+    pub(super) fn request_done(&self, report: RequestReport) {
+        let mut state = self.lock();
+        state.cancelled.remove(&report.request);
+        if let Err(error) = state.session.request_done(report) {
+            let why = RefusalReason::Device(format!("the tracer left out tiles: {error}"));
+            state.session.refuse(report.request, why);
+        }
+        wake(state);
+    }
+
+    /// Ends a request that cannot be completed.
+    pub(super) fn refuse(&self, request: RequestId, why: RefusalReason) {
+        let mut state = self.lock();
+        state.cancelled.remove(&request);
+        state.session.refuse(request, why);
+        wake(state);
+    }
+
+    /// Waits while the network accepts tiles more slowly than they are traced. Gives the request up
+    /// if it accepts none at all: others wait for the device.
+    pub(super) fn wait_for_room(&self, cancelled: &AtomicBool) {
+        let full = |state: &mut ConnectionState| {
+            state.session.is_full() && !state.closed && !cancelled.load(Ordering::Relaxed)
+        };
+        let state = self.lock();
+        let stall_timeout = state.stall_timeout;
+        let waited = self.drained.wait_timeout_while(state, stall_timeout, full);
+        let (mut state, waited) = waited.unwrap_or_else(PoisonError::into_inner);
+        if waited.timed_out() {
+            // The client has had its chance: its next requests must not block the device as well.
+            state.stall_timeout = Duration::ZERO;
+            cancelled.store(true, Ordering::Relaxed);
+        }
+    }
+
+    pub(super) fn lock(&self) -> MutexGuard<'_, ConnectionState> {
+        lock(&self.state)
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Wakes the transport after the lock is released, so that it does not wait for it.
+fn wake(mut state: MutexGuard<'_, ConnectionState>) {
+    state.ready = true;
+    let waker = state.waker.take();
+    drop(state);
+    if let Some(waker) = waker {
+        waker.wake();
+    }
+}
+
+/// The time for which a client may accept no tiles before its requests are given up: others wait
+/// for the device. A connection may be silent for as long.
+pub(crate) const STALL_TIMEOUT: Duration = Duration::from_secs(5);

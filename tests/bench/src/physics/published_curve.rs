@@ -1,0 +1,33 @@
+//! A published rule or curve beside the simulation.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use crate::chart::Chart;
+
+/// A published rule or curve, and how far the simulation is from it.
+#[derive(Clone, Debug, Serialize)]
+pub struct PublishedCurve {
+    /// What it is about.
+    pub name: &'static str,
+    /// Author and title.
+    pub source: &'static str,
+    /// Largest difference, in the unit of the chart, between the formula and the simulation with
+    /// the formula's assumptions.
+    pub error_max: f64,
+    /// How large that may be.
+    pub bar: f64,
+    #[serde(skip)]
+    pub(super) chart: Chart,
+}
+
+impl fmt::Display for PublishedCurve {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{:34} {:10.2e} (bar {:.0e})  {}",
+            self.name, self.error_max, self.bar, self.source
+        )
+    }
+}
