@@ -337,7 +337,7 @@ mod tests {
             "attic:1",
             "UDP port",
             "update the older one",
-            "You can play on",
+            "you can keep playing",
         ] {
             assert!(stays.contains(word), "{word} in {stays}");
         }

@@ -181,11 +181,7 @@ fn the_keys_of_a_replay_can_be_others_and_its_page_names_them() {
     press(&mut harness, "Enter");
     harness.state_mut().wait();
     press(&mut harness, "F4");
-    assert!(
-        harness
-            .query_by_label_contains("G play/pause")
-            .is_some()
-    );
+    assert!(harness.query_by_label_contains("G play/pause").is_some());
     for (key, button) in [("Space", "Pause"), ("G", "Play")] {
         press(&mut harness, key);
         assert!(harness.query_by_label(button).is_some(), "{key}");

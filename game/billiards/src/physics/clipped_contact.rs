@@ -9,7 +9,6 @@ use glam::{DVec2, DVec3};
 
 use super::{
     contact_time::{QuadraticPath, leaves_circle, reaches_plane, reaches_point},
-    static_contact::OPEN_COS,
     table::Pocket,
 };
 
@@ -99,3 +98,7 @@ impl Crossings {
         }
     }
 }
+
+/// Cosine of the angle from the mouth at which a pocket's wall over the cloth begins: behind the
+/// ends of the facings.
+pub(crate) const OPEN_COS: f64 = 0.4;

@@ -8,9 +8,9 @@ use super::{
     ball_in_motion::{BallInMotion, ON_RAIL_RADII},
     contact_cluster::ClusterContact,
     contact_time::direction,
-    cushion::kept_apart,
     event::{EventKind, Surface},
     event_engine::EventEngine,
+    rebound::kept_apart,
     slate_impact::skimmed,
     static_contact::{ContactFinder, ContactNormal, Obstacle},
 };

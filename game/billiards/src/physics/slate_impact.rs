@@ -9,7 +9,7 @@ use glam::DVec3;
 use super::{
     ball::BallBody,
     ball_ball::Twist,
-    cushion::{REBOUND_SPEED_M_S, kept_apart},
+    rebound::{REBOUND_SPEED_M_S, kept_apart},
 };
 
 /// The law of bounces off a surface.

@@ -9,7 +9,7 @@
 use glam::{DVec2, DVec3};
 
 use super::{
-    clipped_contact::first_touch,
+    clipped_contact::{OPEN_COS, first_touch},
     contact_time::{
         QuadraticPath, direction, leaves_circle, reaches_plane, reaches_point, reaches_ring,
     },
@@ -444,10 +444,6 @@ fn is_open(pocket: &Pocket, place: DVec3) -> bool {
 fn slope_sin(rails: Rails) -> f64 {
     rails.rise_m / hypot(rails.rise_m, rails.cushion_width_m)
 }
-
-/// Cosine of the angle from the mouth at which a pocket's wall over the cloth begins: behind the
-/// ends of the facings.
-pub(crate) const OPEN_COS: f64 = 0.4;
 /// Over the cloth a pocket's wall leans in, so that it drives balls down: sine of 15°, the steepest
 /// vertical pocket angle of WPA's specifications.
 const LEAN_SIN: f64 = 0.258_819_045_102_520_76;

@@ -7,7 +7,7 @@ use serde::Deserialize;
 
 use crate::{Result, TableFault};
 
-use super::{ball::BallBody, table_spec::TableSpec};
+use super::ball::BallBody;
 
 /// The nose line of a straight cushion: balls touch it from the left of `from` → `to`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -207,15 +207,6 @@ pub struct TableParts {
 }
 
 impl Table {
-    /// Reads a table from JSON ([`TableSpec`]).
-    ///
-    /// # Errors
-    /// [`crate::Error::Table`] with the place in the text or the rule that is broken.
-    pub fn parse(json: &str) -> Result<Self> {
-        let spec: TableSpec = serde_json::from_str(json).map_err(TableFault::Json)?;
-        spec.build()
-    }
-
     /// Builds a flat table.
     ///
     /// # Errors
@@ -276,26 +267,28 @@ impl Table {
         })
     }
 
-    /// A flat table with the plan's rails, pockets and balls added.
+    /// A flat table with rails, pockets, and its object and cue balls added.
     pub(crate) fn raised(
         self,
-        spec: &TableSpec,
+        bed_height_m: f64,
+        rails: Rails,
         pockets: Vec<Pocket>,
         cushions: Vec<Cushion>,
+        [ball, cue_ball]: [BallBody; 2],
     ) -> Self {
-        let outer = 0.5 * DVec2::new(self.length_m, self.width_m) + spec.rails.width_m;
+        let outer = 0.5 * DVec2::new(self.length_m, self.width_m) + rails.width_m;
         let mut raised = Self {
-            bed_height_m: spec.bed_height_m,
+            bed_height_m,
             pockets,
             cushions,
-            rails: Some(spec.rails),
-            ball: spec.ball,
-            cue_ball: spec.cue_ball.unwrap_or(spec.ball),
+            rails: Some(rails),
+            ball,
+            cue_ball,
             low: -outer,
             high: outer,
             ..self
         };
-        raised.slant(spec.rails.rise_m / spec.rails.cushion_width_m);
+        raised.slant(rails.rise_m / rails.cushion_width_m);
         raised
     }
 

@@ -71,6 +71,17 @@ pub struct PocketSpec {
     pub depth_m: f64,
 }
 
+impl Table {
+    /// Reads a table from JSON ([`TableSpec`]).
+    ///
+    /// # Errors
+    /// [`crate::Error::Table`] with the place in the text or the rule that is broken.
+    pub fn parse(json: &str) -> Result<Self> {
+        let spec: TableSpec = serde_json::from_str(json).map_err(TableFault::Json)?;
+        spec.build()
+    }
+}
+
 impl TableSpec {
     /// # Errors
     /// [`crate::Error::Table`] for a dimension out of its range, or pockets that leave no cushion.
@@ -94,7 +105,15 @@ impl TableSpec {
             jaws: outlines.jaws,
             pockets: Vec::new(),
         })?;
-        Ok(flat.raised(self, self.pockets(), outlines.cushions))
+        let balls = [self.ball, self.cue_ball.unwrap_or(self.ball)];
+        let pockets = self.pockets();
+        Ok(flat.raised(
+            self.bed_height_m,
+            self.rails,
+            pockets,
+            outlines.cushions,
+            balls,
+        ))
     }
 
     /// The cushions of one side, which runs with the balls on its left.

@@ -1,8 +1,8 @@
 //! The free table: no rules, and nothing that stops the play.
 
 use super::{
-    layout::own_spot,
     referee::{JudgedShot, Referee},
+    spots::own_spot,
     verdict::Verdict,
 };
 

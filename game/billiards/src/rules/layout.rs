@@ -5,8 +5,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::PlacementFault;
 
-use super::ruleset::RuleSet;
-
 /// A ball that lies on the table: its number and its centre seen from above, in m.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BallPosition {
@@ -220,27 +218,10 @@ impl TableLayout {
     }
 }
 
-/// Where a colour of snooker or a ball of carom has its spot; the foot spot for others.
-pub(crate) fn own_spot(rules: RuleSet, layout: &TableLayout, ball: u8) -> DVec2 {
-    let baulk = layout.baulk_spot();
-    match (rules, ball) {
-        (RuleSet::Snooker, 16) => baulk - DVec2::new(0.0, layout.d_radius_m()),
-        (RuleSet::Snooker, 17) => baulk + DVec2::new(0.0, layout.d_radius_m()),
-        (RuleSet::Snooker, 18) => baulk,
-        (RuleSet::Snooker, 19) => DVec2::ZERO,
-        (RuleSet::Snooker, 21) => DVec2::new((0.5 - BLACK_SHARE) * layout.length_m, 0.0),
-        (RuleSet::ThreeCushion, 0) => layout.head_spot(),
-        (RuleSet::ThreeCushion, 1) => DVec2::ZERO,
-        _ => layout.foot_spot(),
-    }
-}
-
 /// 737 mm of 3569 mm.
 const BAULK_SHARE: f64 = 0.737 / 3.569;
 /// 292 mm of 3569 mm.
 const D_SHARE: f64 = 0.292 / 3.569;
-/// The black's spot is 324 mm from the top cushion.
-const BLACK_SHARE: f64 = 0.324 / 3.569;
 /// A place this near a line is on it.
 const LINE_M: f64 = 1e-6;
 /// A ball in hand keeps this from others.

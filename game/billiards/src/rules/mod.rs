@@ -25,6 +25,7 @@ mod referee;
 mod report;
 mod ruleset;
 mod snooker;
+mod spots;
 mod straight;
 #[cfg(test)]
 mod test_shots;

@@ -7,8 +7,9 @@ use glam::DVec2;
 use crate::rng::CounterRng;
 
 use super::{
-    layout::{BallPosition, BallPositions, PlacementArea, TableLayout, own_spot},
+    layout::{BallPosition, BallPositions, PlacementArea, TableLayout},
     ruleset::RuleSet,
+    spots::own_spot,
 };
 
 /// The balls of a game at its start, the cue ball last. The seed draws what the rules leave open, and

@@ -7,10 +7,11 @@ use glam::DVec2;
 
 use super::{
     foul::Foul,
-    layout::{BallPosition, BallPositions, TableLayout, own_spot},
+    layout::{BallPosition, BallPositions, TableLayout},
     referee::{JudgedShot, Referee, apply_moves},
     report::{ShotEvent, ShotReport},
     ruleset::RuleSet,
+    spots::own_spot,
     verdict::{Choice, Verdict},
 };
 

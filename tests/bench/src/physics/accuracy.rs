@@ -4,6 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
+use super::deviation::Deviation;
 use super::reference::{ReferenceKind, ReferenceShot};
 use crate::timing::{best_ms, median};
 

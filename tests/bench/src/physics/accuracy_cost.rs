@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::chart::{Axis, Chart, Mark, Series};
 
 use super::{
+    deviation::Deviation,
     infinite_table::{ball, infinite_table},
     reference::{ReferenceKind, ReferenceShot},
 };

@@ -11,7 +11,7 @@ mod stronge;
 use glam::DVec3;
 
 pub use self::{mathavan::Mathavan, stronge::Stronge};
-use super::{ball::BallBody, ball_ball::Twist, slate_impact::BounceLaw};
+use super::{ball::BallBody, ball_ball::Twist, rebound::kept_apart, slate_impact::BounceLaw};
 
 /// The law of ball–cushion contacts.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,25 +31,6 @@ impl Default for CushionLaw {
     fn default() -> Self {
         Self::Stronge(Stronge::default())
     }
-}
-
-/// Approach to a cushion below this speed ends in a rebound at this speed at least, so that a ball
-/// that its spin or weight presses against it bounces a bounded number of times per second. It adds
-/// at most ½ m (5 mm/s)², about 2 µJ ([`REBOUND_ENERGY_J`]).
-pub const REBOUND_SPEED_M_S: f64 = 5e-3;
-
-/// The most energy that [`REBOUND_SPEED_M_S`] can add to one contact of a pool ball.
-pub const REBOUND_ENERGY_J: f64 = 0.5 * 0.170_097 * 5e-3 * 5e-3;
-
-/// Velocity after a contact, parting from it along `away` at [`REBOUND_SPEED_M_S`] at least if it
-/// came slower than that, and in any case not going on into it.
-pub(crate) fn kept_apart(away: DVec3, before: DVec3, after: DVec3) -> DVec3 {
-    let least = if -before.dot(away) < REBOUND_SPEED_M_S {
-        REBOUND_SPEED_M_S
-    } else {
-        0.0
-    };
-    after + (least - after.dot(away)).max(0.0) * away
 }
 
 impl CushionLaw {
@@ -115,6 +96,7 @@ impl CushionLaw {
 
 #[cfg(test)]
 mod tests {
+    use super::super::REBOUND_ENERGY_J;
     use super::*;
 
     fn laws() -> [CushionLaw; 3] {

@@ -10,9 +10,10 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     foul::Foul,
-    layout::{BallPosition, BallPositions, PlacementArea, TableLayout, own_spot},
+    layout::{BallPosition, BallPositions, PlacementArea, TableLayout},
     referee::{Game, JudgedShot, Referee, apply_moves},
     ruleset::RuleSet,
+    spots::own_spot,
     verdict::{Choice, Verdict},
 };
 use targets::{BLACK, ShotTarget, TargetSet, YELLOW, is_colour, value};
