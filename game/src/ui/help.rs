@@ -76,10 +76,10 @@ pub fn legend(ctx: &Context, room: Rect, bindings: &Bindings) {
 fn first_steps(bindings: &Bindings) -> Vec<(String, &'static str)> {
     let mut steps = vec![("Mouse".to_owned(), "aim")];
     let rest = [
-        (Action::Stroke, "pull back, release to strike"),
+        (Action::Stroke, "pull back and release"),
         (Action::Charge, "or hold and release"),
         (Action::Orbit, "look around"),
-        (Action::Help, "all controls"),
+        (Action::Help, "help"),
     ];
     steps.extend(rest.map(|(action, does)| (bindings.words(action), does)));
     steps
