@@ -17,7 +17,7 @@ use serde::Serialize;
 use crate::{BenchError, timing};
 use carom_farm::backend::{self, Backend, Opened};
 
-/// From how many primitives of a shape on a BVH is faster than each by itself.
+/// Find the number of primitives from which on a BVH is faster than testing each.
 ///
 /// Clouds of 8 to 100,000 of them that fill the same room are traced with and without the BVH. That of
 /// balls is built anew for each picture as it is when they move; others are built once. Printed are the

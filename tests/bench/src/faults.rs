@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::BenchError;
 
-/// Random faults on simulated farms: death, silence, slowness, lies about times, failing devices,
+/// Run simulated farms with random faults: death, silence, slowness, lies about times, failing devices,
 /// pixels that are not numbers, half a minute without network, a sleeping client.
 ///
 /// Every frame must come, whole, right and in order. A run that fails is named by its seed; run it

@@ -14,7 +14,7 @@ use crate::scenes::{self, NamedScene};
 use crate::{BenchError, timing};
 use carom_farm::backend::{self, Backend, Opened};
 
-/// What it gains that kernels have only what a scene requires.
+/// Measure the gain of kernels that hold only what a scene requires.
 ///
 /// Each scene is traced as it is, and with something added that is never seen: a material that no
 /// object has, or a small shape behind the camera. Kernels need code for it all the same. Printed is

@@ -19,7 +19,9 @@ use serde::Serialize;
 use crate::BenchError;
 use crate::scenes;
 
-/// Sixty inputs a second, each at any moment between two refreshes of a display; each is taken up at
+/// Measure the latency from an input to the screen, stage by stage.
+///
+/// Sixty inputs come a second, each at any moment between two refreshes of a display; each is taken up at
 /// the next refresh as a frame of the pool table, which one node traces with its CPU, and shown at
 /// the first refresh after it has come.
 ///

@@ -21,7 +21,9 @@ use crate::cluster::process::{FarmFolder, NodeProcess, NodeSpec};
 use crate::proxy::LinkArgs;
 use crate::scenes;
 
-/// Strokes on a display of 60 refreshes a second, whose pictures come from nodes that are processes
+/// Measure whether frames requested ahead of time are there at their moments.
+///
+/// Strokes are played on a display of 60 refreshes a second, whose pictures come from nodes that are processes
 /// of this machine behind a network as bad as asked for: --jitter 1 for a long way's.
 ///
 /// While the player aims, pictures of the present are asked for. At a click they are cancelled, and

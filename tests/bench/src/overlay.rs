@@ -16,7 +16,9 @@ use carom::ui::stats::maps::{MapKind, Maps};
 use carom::ui::stats::{Stats, StatsInput, StatsLevel, gantt};
 use carom::ui::theme;
 
-/// Pictures of a simulated farm, one for each redraw, at a window of 1280x720 points. CPU time of this
+/// Measure the CPU time of the statistics overlay.
+///
+/// Frames of a simulated farm, one for each redraw, at a window of 1280x720 points. CPU time of this
 /// thread for a redraw: layout and tessellation, without what the display does. "mean" is over all
 /// redraws, with those in which the numbers change; "least" is what is left when nothing else
 /// disturbs. "bars and maps" is the Gantt chart and the tile map by themselves, new for each picture.

@@ -11,9 +11,9 @@ use carom_testkit::{link_emulator::LinkConfig, udp_proxy::UdpProxy};
 
 use crate::BenchError;
 
-/// Pass UDP packets on to a node over a path as bad as asked for, until Ctrl-C or SIGTERM.
+/// Pass UDP packets on to a node over an emulated link, until Ctrl-C or SIGTERM.
 ///
-/// Each way has the same delay, loss and rate; equal seeds draw equal fates.
+/// Each direction has the same delay, loss and rate; equal seeds draw equal fates.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Where to listen; port 0 lets the system choose.

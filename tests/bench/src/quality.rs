@@ -14,7 +14,9 @@ use carom::display::software::scale_linear;
 use carom::frame::quality::{QUALITY_LEVELS, QualityLevel};
 use carom::scene::scene_builder::EXPOSURE;
 
-/// Each stop is traced as a share of the reference's size, stretched over it as the window does, and
+/// Measure the error of each quality level.
+///
+/// Each level is traced as a share of the reference's size, stretched over it as the window does, and
 /// compared by FLIP.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct QualityArgs {

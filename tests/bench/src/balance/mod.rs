@@ -15,7 +15,7 @@ use serde::Serialize;
 
 use crate::BenchError;
 
-/// The balancing algorithms on simulated farms: the real coordinator on virtual time.
+/// Compare the balancing algorithms on simulated farms: the real coordinator on virtual time.
 ///
 /// The nodes' speeds differ by up to 100 times. After a quarter of the frames the best node becomes
 /// four times as slow, after a half one falls silent, after three quarters a fast one joins. Times

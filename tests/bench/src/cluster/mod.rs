@@ -28,8 +28,9 @@ use crate::BenchError;
 use crate::proxy::LinkArgs;
 use crate::scenes;
 
-/// The balancing algorithms on a farm of real processes of this machine, each with one thread of
-/// which it uses a share, behind a network as bad as asked for.
+/// Compare the balancing algorithms on a farm of real processes of this machine.
+///
+/// Each process uses a share of one thread, behind an emulated link of its own.
 ///
 /// Unless told otherwise the best node becomes four times as slow after a quarter of the frames,
 /// after a half one is killed, after three quarters one joins. Each node is first measured alone;

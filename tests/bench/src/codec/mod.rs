@@ -19,7 +19,7 @@ use self::frames::{FrameQuality, TestFrames};
 use crate::BenchError;
 use carom_farm::backend::Backend;
 
-/// Size of encoded frames, and speed of one core at encoding and decoding them.
+/// Measure the size of encoded frames, and the speed of one core at encoding and decoding them.
 ///
 /// Frames are traced here and kept in a temporary folder. Each message, eight tiles of 32 pixels,
 /// is told from the frame before, as when the client holds it; "cut" is told from nothing. Mbit/s

@@ -47,7 +47,7 @@ use many_balls::ManyBallsRow;
 use published_curve::PublishedCurve;
 use reference::ReferenceShot;
 
-/// Options of `carom-bench physics`.
+/// Measure the errors of the simulation, and its cost.
 #[derive(Clone, Debug, Args)]
 pub struct PhysicsArgs {
     /// Folder of reference shots (schema phys-ref-1)

@@ -28,7 +28,9 @@ use crate::BenchError;
 use crate::scenes;
 use carom_testkit::noise_tracer::NoiseTracer;
 
-/// Sixty requests a second to one node, each answered over 8 ms by 16 messages of 4 kB that do
+/// Measure the time of tiles over emulated links, by mode of sending.
+///
+/// Sixty requests a second go to one node, each answered over 8 ms by 16 messages of 4 kB that do
 /// not compress, 31.5 Mbit/s in all, through a proxy that delays and loses packets.
 ///
 /// A tile's time counts from when the tracer handed it over, and it is missing if it has not come
