@@ -13,6 +13,7 @@ use crate::capture::video::{VideoTarget, VideoView};
 use crate::display::Present;
 use crate::play::tournament::MatchArgs;
 use crate::scene::ball_materials::BallSet;
+use crate::scene::export::SceneArgs;
 use crate::scene::table_scene::TableScene;
 use crate::settings::engine_cost_table;
 
@@ -129,6 +130,8 @@ pub enum Command {
         #[arg(long, default_value_t = 8.0)]
         speed: f64,
     },
+    /// Write the scene of a game before its first stroke to a JSON file, for `carom-farm`
+    Scene(Box<SceneArgs>),
 }
 
 impl Args {

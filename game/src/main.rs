@@ -27,6 +27,7 @@ fn main() -> ExitCode {
         Some(Command::Sound { out, replay, speed }) => {
             return finish(audio::write_shot(out, replay.as_deref(), *speed), 1);
         }
+        Some(Command::Scene(scene)) => return finish(scene.run(), 1),
         None => {}
     }
     match configuration(&args) {

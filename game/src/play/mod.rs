@@ -515,16 +515,8 @@ impl Game {
     }
 
     fn lying(&self) -> impl Iterator<Item = BallPose> {
-        self.contest
-            .world()
-            .balls()
-            .into_iter()
-            .map(|ball| BallPose {
-                number: ball.number,
-                position: ball.position,
-                rotation: ball.orientation,
-                on_table: ball.phase.is_on_table(),
-            })
+        let balls = self.contest.world().balls().into_iter();
+        balls.map(|ball| ball.pose())
     }
 
     fn cue_ball(&self) -> Option<DVec3> {

@@ -179,12 +179,10 @@ impl Practice {
         let pose = |ball: BallState| {
             let held = self.held.as_ref().filter(|held| held.number == ball.number);
             BallPose {
-                number: ball.number,
                 position: held.map_or(ball.position, |held| {
                     DVec3::new(held.at.x, held.at.y, ball.body.radius_m)
                 }),
-                rotation: ball.orientation,
-                on_table: ball.phase.is_on_table(),
+                ..ball.pose()
             }
         };
         balls.map(pose).collect()

@@ -1,5 +1,6 @@
 //! The traced scene: the room, its table, the balls' materials, and updates of their poses.
 
 pub mod ball_materials;
+pub mod export;
 pub mod scene_builder;
 pub mod table_scene;

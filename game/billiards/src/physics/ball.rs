@@ -108,6 +108,16 @@ impl BallState {
             phase: Phase::Resting,
         }
     }
+
+    /// Where it is drawn.
+    pub fn pose(&self) -> BallPose {
+        BallPose {
+            number: self.number,
+            position: self.position,
+            rotation: self.orientation,
+            on_table: self.phase.is_on_table(),
+        }
+    }
 }
 
 /// Where a ball is drawn.

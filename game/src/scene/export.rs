@@ -1,0 +1,168 @@
+//! The scene of a game before its first stroke as a file: `carom scene`.
+
+use std::path::PathBuf;
+
+use carom_billiards::game_match::{Match, MatchConfig, Player};
+use carom_billiards::physics::Table;
+use carom_billiards::rules::RuleSet;
+use carom_tracer::{Camera, Scene, Shape};
+use clap::{Args, ValueEnum};
+
+use crate::camera::Viewpoint;
+use crate::scene::ball_materials::BallSet;
+use crate::scene::table_scene::TableScene;
+
+/// Options of `carom scene`.
+#[derive(Clone, Debug, Args)]
+pub struct SceneArgs {
+    /// Table: nine_foot, eight_foot, seven_foot, snooker or carom [default: that of the game]
+    #[arg(long, value_name = "TABLE", value_parser = Table::built_in)]
+    table: Option<Table>,
+    /// Game whose balls are racked
+    #[arg(long, value_enum, value_name = "GAME", default_value_t)]
+    rules: RuleSet,
+    /// Material of the balls
+    #[arg(long, value_enum, value_name = "SET", default_value_t)]
+    ball_set: BallSet,
+    /// Camera
+    #[arg(long, value_enum, default_value_t)]
+    view: SceneView,
+    /// Seed of the rack
+    #[arg(long, default_value_t = 1)]
+    seed: u32,
+    /// Output file
+    #[arg(long, value_name = "FILE", default_value = "room.json")]
+    out: PathBuf,
+}
+
+/// Camera of an exported scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum SceneView {
+    /// Over the cue ball to the rack, as the game is aimed
+    #[default]
+    Cue,
+    /// The whole table
+    Table,
+}
+
+impl SceneView {
+    fn camera(self, table: &Table, scene: &TableScene, contest: &Match) -> Camera {
+        let mut balls = contest.world().balls().into_iter();
+        match (self, balls.find(|ball| ball.number == 0)) {
+            (Self::Cue, Some(cue_ball)) => {
+                let bearing_rad = (-cue_ball.position.truncate()).to_angle();
+                Viewpoint::behind(cue_ball.position, bearing_rad).camera_in(table)
+            }
+            _ => scene.scene().camera,
+        }
+    }
+}
+
+/// The scene of a game before its first stroke.
+///
+/// # Errors
+/// [`carom_billiards::Error`] if the game is not played on the table.
+pub fn opening_scene(
+    table: Option<Table>,
+    rules: RuleSet,
+    ball_set: BallSet,
+    view: SceneView,
+    seed: u32,
+) -> carom_billiards::Result<Scene> {
+    let players = vec![Player::Human(String::new()); *rules.info().players.start()];
+    let own = MatchConfig::new(rules, players, seed)?;
+    let contest = Match::new(MatchConfig {
+        table: table.unwrap_or_else(|| own.table.clone()),
+        ..own
+    })?;
+    let room = TableScene::of(&contest, ball_set);
+    let camera = view.camera(contest.world().table(), &room, &contest);
+    let poses: Vec<_> = contest
+        .world()
+        .balls()
+        .iter()
+        .map(|ball| ball.pose())
+        .collect();
+    let mut scene = room.scene().clone();
+    scene.camera = camera;
+    for pose in room.update(camera, &poses).poses {
+        if let Shape::Sphere {
+            center, rotation, ..
+        } = &mut scene.objects[pose.object as usize].shape
+        {
+            (*center, *rotation) = (pose.position, pose.rotation);
+        }
+    }
+    Ok(scene)
+}
+
+impl SceneArgs {
+    /// Writes the scene file.
+    ///
+    /// # Errors
+    /// A sentence for a table that the game is not played on, or a file that cannot be written.
+    pub fn run(&self) -> anyhow::Result<()> {
+        let scene = opening_scene(
+            self.table.clone(),
+            self.rules,
+            self.ball_set,
+            self.view,
+            self.seed,
+        )?;
+        scene.save(&self.out)?;
+        println!(
+            "{}: {} objects, {} lights. Depth of the game: {}",
+            self.out.display(),
+            scene.objects.len(),
+            scene.area_lights.len(),
+            self.ball_set.max_depth()
+        );
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_game_exports_both_views() {
+        for rules in RuleSet::value_variants() {
+            for view in SceneView::value_variants() {
+                let scene = opening_scene(None, *rules, BallSet::Classic, *view, 1).unwrap();
+                assert_eq!(Scene::from_json(&scene.to_json().unwrap()).unwrap(), scene);
+            }
+        }
+    }
+
+    #[test]
+    fn exported_balls_lie_where_they_are_racked() {
+        let scene = opening_scene(None, RuleSet::Eight, BallSet::Classic, SceneView::Cue, 1);
+        let scene = scene.unwrap();
+        let centers: Vec<_> = scene
+            .objects
+            .iter()
+            .filter_map(|object| match object.shape {
+                Shape::Sphere { center, .. } => Some(center),
+                _ => None,
+            })
+            .collect();
+        assert_eq!(centers.len(), 16);
+        for (i, a) in centers.iter().enumerate() {
+            assert!(centers[..i].iter().all(|b| a.distance(*b) > 0.057), "{a}");
+        }
+    }
+
+    #[test]
+    fn game_on_wrong_table_is_refused() {
+        let table = Table::built_in("carom").unwrap();
+        let scene = opening_scene(
+            Some(table),
+            RuleSet::Eight,
+            BallSet::Classic,
+            SceneView::Cue,
+            1,
+        );
+        assert!(scene.unwrap_err().to_string().contains("pockets"));
+    }
+}
