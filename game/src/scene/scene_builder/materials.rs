@@ -71,7 +71,6 @@ pub(super) fn materials(
         ("cue ferrule", lacquer(Vec3::new(0.8, 0.78, 0.7))),
         ("cue tip", diffuse(Vec3::new(0.06, 0.16, 0.3))),
         ("enamel", lacquer(Vec3::new(0.01, 0.07, 0.035))),
-        ("shade inside", diffuse(Vec3::splat(0.7))),
         ("wall", diffuse(Vec3::new(0.45, 0.38, 0.27))),
         ("picture red", diffuse(Vec3::new(0.3, 0.07, 0.04))),
         ("picture blue", diffuse(Vec3::new(0.05, 0.1, 0.25))),

@@ -67,7 +67,7 @@ pub fn lampshades(table: &Table) -> (Vec3, Vec3) {
     let half = LAMP_HALF_M * Vec2::new(scale, 1.0) + SHADE_RIM_M;
     let reach = Vec2::new(scale * LAMP_X_M[1], 0.0) + half;
     (
-        (-reach).extend(LAMP_Z_M - SHADE_LIP_M),
+        (-reach).extend(LAMP_Z_M - LAMP_CLEARANCE_M),
         reach.extend(LAMP_Z_M + SHADE_HEIGHT_M + BAR_M),
     )
 }
@@ -163,7 +163,12 @@ const LAMP_X_M: [f32; 2] = [-0.62, 0.62];
 const LAMP_Z_M: f32 = 1.0;
 const LAMP_HALF_M: Vec2 = Vec2::new(0.45, 0.18);
 const SHADE_RIM_M: f32 = 0.03;
-const SHADE_LIP_M: f32 = 0.02;
+/// No eye comes nearer to a lamp from below.
+const LAMP_CLEARANCE_M: f32 = 0.02;
+/// A lamp's diffuser lies so far below the underside of its shade. A rim below it would be a bright
+/// surface that light sampling does not aim at: at 2 cm it makes two thirds of the room's squared
+/// error at 16 samples (relMSE 2.0e-3 against 5.9e-4, `carom-tracer`'s example `noise`).
+const LAMP_GAP_M: f32 = 0.001;
 const SHADE_HEIGHT_M: f32 = 0.15;
 /// The bar that the lamps hang from.
 const BAR_M: f32 = 0.02;

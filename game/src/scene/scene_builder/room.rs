@@ -1,11 +1,11 @@
 //! The room round the table: stand, lampshades, walls, cue rack.
 
 use carom_billiards::physics::Table;
-use carom_tracer::{AreaLight, CsgSolid, Shape, Subtraction};
+use carom_tracer::{AreaLight, CsgSolid, Shape};
 use glam::{Vec2, Vec3};
 
 use super::{
-    APRON_M, BAR_M, LAMP_HALF_M, LAMP_X_M, LAMP_Z_M, POCKET_DEPTH_M, SHADE_HEIGHT_M, SHADE_LIP_M,
+    APRON_M, BAR_M, LAMP_GAP_M, LAMP_HALF_M, LAMP_X_M, LAMP_Z_M, POCKET_DEPTH_M, SHADE_HEIGHT_M,
     SHADE_RIM_M, SceneBuilder, beyond, corners, subtraction,
 };
 
@@ -41,25 +41,17 @@ impl SceneBuilder {
         let scale = self.frame.scale;
         let lamp_half = LAMP_HALF_M * Vec2::new(scale, 1.0);
         let half = lamp_half + SHADE_RIM_M;
-        let (low, high) = (LAMP_Z_M - SHADE_LIP_M, LAMP_Z_M + SHADE_HEIGHT_M);
+        let (low, high) = (LAMP_Z_M + LAMP_GAP_M, LAMP_Z_M + SHADE_HEIGHT_M);
         for x in LAMP_X_M {
             let center = Vec2::new(scale * x, 0.0);
-            let hollow = lamp_half + 0.004;
-            let mut subtractions = vec![Subtraction {
-                solid: CsgSolid::Box {
-                    min: (center - hollow).extend(low - 1.0),
-                    max: (center + hollow).extend(LAMP_Z_M + 0.004),
-                },
-                material: Some("shade inside".to_owned()),
-            }];
-            for side in [Vec3::X, Vec3::Y, Vec3::NEG_X, Vec3::NEG_Y] {
+            let slope = |side: Vec3| {
                 let foot = center.extend(LAMP_Z_M + 0.01) + side * half.dot(side.truncate().abs());
-                subtractions.push(beyond(foot, side + Vec3::Z * SHADE_SLOPE));
-            }
+                beyond(foot, side + Vec3::Z * SHADE_SLOPE)
+            };
             let shade = Shape::CsgBox {
                 min: (center - half).extend(low),
                 max: (center + half).extend(high),
-                subtractions,
+                subtractions: [Vec3::X, Vec3::Y, Vec3::NEG_X, Vec3::NEG_Y].map(slope).into(),
             };
             self.add("lampshade", "enamel", shade);
         }
