@@ -24,7 +24,7 @@ pub struct RenderSettings {
     /// Whether pictures are denoised ([`crate::denoise`]). On a processor it costs as much time as
     /// two paths per pixel, and a guard band of [`crate::denoise::SUPPORT`] pixels is traced around
     /// each run of tiles; a GPU filters by itself (`examples/gpu_speed.rs` prints its time).
-    /// Without it, noise stays (`examples/denoise.rs` prints how much).
+    /// Without it, noise stays (`examples/noise.rs` prints how much).
     pub denoise: bool,
 }
 

@@ -1,7 +1,9 @@
 //! Measures of how far a picture is from another: error, bias, and the odds of chance alone.
 
+mod dots;
 mod flip;
 
+pub use dots::{DOT_LEVELS, dots_per_million};
 pub use flip::{Flip, flip};
 
 use crate::image::RadianceImage;

@@ -214,7 +214,7 @@ fn a_long_run_has_no_seams() {
 fn the_error_falls_until_hardly_any_is_left() {
     let (scene, reference) = (pool(), reference());
     let tracer = CpuTracer::new().unwrap();
-    // How much of the error is left: measured with `examples/denoise.rs`, and a tenth above. Of 64
+    // How much of the error is left: measured with `examples/noise.rs`, and a tenth above. Of 64
     // samples nothing can be taken: what differs is below a hundredth of the error of one.
     for (samples, share) in [(1, 0.125), (4, 0.53), (16, 0.83), (64, 1.15)] {
         let error = |denoise| {
