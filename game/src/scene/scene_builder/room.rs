@@ -51,7 +51,9 @@ impl SceneBuilder {
             let shade = Shape::CsgBox {
                 min: (center - half).extend(low),
                 max: (center + half).extend(high),
-                subtractions: [Vec3::X, Vec3::Y, Vec3::NEG_X, Vec3::NEG_Y].map(slope).into(),
+                subtractions: [Vec3::X, Vec3::Y, Vec3::NEG_X, Vec3::NEG_Y]
+                    .map(slope)
+                    .into(),
             };
             self.add("lampshade", "enamel", shade);
         }
