@@ -5,6 +5,8 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
+use crate::Error;
+
 /// How a frame's tiles are divided among nodes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Algorithm {
@@ -140,11 +142,11 @@ impl fmt::Display for Distribution {
 }
 
 impl FromStr for Distribution {
-    type Err = String;
+    type Err = Error;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, Error> {
         let named = Self::ALL.into_iter().find(|of| of.name() == text);
-        named.ok_or_else(|| "it must be tiles or samples".into())
+        named.ok_or(Error::Choice("tiles or samples"))
     }
 }
 
@@ -156,25 +158,23 @@ impl fmt::Display for Balancing {
 }
 
 impl FromStr for Balancing {
-    type Err = String;
+    type Err = Error;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, Error> {
         Self::all()
             .find(|balancing| balancing.to_string() == text)
-            .ok_or_else(|| {
-                let names = Algorithm::ALL.map(Algorithm::name).join(", ");
-                format!(
-                    "there is no balancer `{text}`: it must be one of {names}, with `{HEDGED}` at \
-                     the end for one that asks again for late tiles"
-                )
+            .ok_or_else(|| Error::UnknownBalancer {
+                name: text.to_owned(),
+                known: Algorithm::ALL.map(Algorithm::name).join(", "),
+                hedged: HEDGED,
             })
     }
 }
 
 impl TryFrom<String> for Balancing {
-    type Error = String;
+    type Error = Error;
 
-    fn try_from(text: String) -> Result<Self, String> {
+    fn try_from(text: String) -> Result<Self, Error> {
         text.parse()
     }
 }

@@ -100,15 +100,15 @@ pub enum LocalNode {
 
 /// `auto`, `cpu`, `gpu` or `none`, for command lines.
 impl FromStr for LocalNode {
-    type Err = String;
+    type Err = Error;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, Error> {
         match text {
             "auto" => Ok(Self::Auto),
             "cpu" => Ok(Self::Cpu),
             "gpu" => Ok(Self::Gpu),
             "none" => Ok(Self::None),
-            _ => Err("it must be auto, cpu, gpu or none".into()),
+            _ => Err(Error::Choice("auto, cpu, gpu or none")),
         }
     }
 }

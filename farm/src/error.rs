@@ -15,6 +15,22 @@ pub enum Error {
     /// The configuration contradicts itself: a sentence with the value.
     #[error("{0}")]
     Config(String),
+    /// A name is none of a closed set: the names of the set.
+    #[error("it must be {0}")]
+    Choice(&'static str),
+    /// No balancer is called so.
+    #[error(
+        "there is no balancer `{name}`: it must be one of {known}, with `{hedged}` at the end for \
+         one that asks again for late tiles"
+    )]
+    UnknownBalancer {
+        /// The name.
+        name: String,
+        /// The names of all algorithms.
+        known: String,
+        /// The end of the names of those that hedge.
+        hedged: &'static str,
+    },
     /// A socket could not be opened.
     #[error("{address}: {source}")]
     Socket {
@@ -256,6 +272,8 @@ impl Error {
         match self {
             Self::Tracer(error) => !matches!(error, carom_tracer::Error::Device { .. }),
             Self::Config(_)
+            | Self::Choice(_)
+            | Self::UnknownBalancer { .. }
             | Self::CredentialsMissing { .. }
             | Self::CredentialsFile { .. }
             | Self::CredentialsPem { .. }

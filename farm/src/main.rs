@@ -9,7 +9,10 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use mimalloc::MiMalloc;
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::fmt::layer;
+use tracing_subscriber::layer::SubscriberExt as _;
+use tracing_subscriber::util::SubscriberInitExt as _;
 
 /// With glibc's allocator an answer of 64 KiB over a loopback takes a quarter more time.
 #[global_allocator]
@@ -25,11 +28,12 @@ struct FarmCli {
 
 fn main() -> ExitCode {
     let cli = FarmCli::parse();
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("warn"));
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_target(false)
+    let filter = std::env::var("RUST_LOG")
+        .ok()
+        .and_then(|text| text.parse().ok());
+    tracing_subscriber::registry()
+        .with(layer().with_writer(std::io::stderr).with_target(false))
+        .with(filter.unwrap_or(Targets::new().with_default(LevelFilter::WARN)))
         .init();
     match cli.command.run() {
         Ok(()) => ExitCode::SUCCESS,

@@ -16,9 +16,12 @@ pub mod audio;
 pub mod camera;
 pub mod capture;
 pub mod display;
+mod error;
 pub mod frame;
 pub mod input;
 pub mod play;
 pub mod scene;
 pub mod settings;
 pub mod ui;
+
+pub use error::{Error, KeysFault, PracticeFault, Result, SettingFault};

@@ -78,7 +78,7 @@ impl AppShell {
     pub fn save(&mut self, now_secs: f64) {
         if let Err(why) = self.store.save() {
             tracing::error!("{why}");
-            self.toasts.push(why, now_secs);
+            self.toasts.push(why.to_string(), now_secs);
         }
     }
 

@@ -19,14 +19,15 @@ use crate::capture::{RecordingKind, RecordingStore, SavedRecording, ShotHistory,
 use crate::input::{PracticeIntent, ReplayIntent};
 use crate::play::Game;
 use crate::play::practice::{Practice, PracticeCommand};
+use crate::{Error, Result};
 
 /// The mode, and what replays are made of.
 #[derive(Debug)]
 pub struct ModeController {
     mode: Mode,
     history: ShotHistory,
-    /// The player's folder, or why there is none.
-    folder: Result<PathBuf, String>,
+    /// The player's folder, if the platform names one.
+    folder: Option<PathBuf>,
     files: Vec<SavedRecording>,
     notifications: Vec<String>,
 }
@@ -35,13 +36,11 @@ impl ModeController {
     /// With the player's own folder: `carom` in the platform's folder for data (`$XDG_DATA_HOME`,
     /// `~/.local/share`, `~/Library/Application Support` or `%APPDATA%`).
     pub fn of_player() -> Self {
-        let folder = etcetera::base_strategy::choose_native_strategy()
-            .map(|folders| folders.data_dir().join("carom"))
-            .map_err(|error| format!("no folder for files: {error}"));
-        Self::with(folder)
+        let folders = etcetera::base_strategy::choose_native_strategy();
+        Self::with(folders.map(|folders| folders.data_dir().join("carom")).ok())
     }
 
-    fn with(folder: Result<PathBuf, String>) -> Self {
+    fn with(folder: Option<PathBuf>) -> Self {
         Self {
             mode: Mode::Game,
             history: ShotHistory::default(),
@@ -66,9 +65,12 @@ impl ModeController {
         &self.files
     }
 
-    /// The player's folder, or why there is none.
-    pub fn folder(&self) -> Result<PathBuf, String> {
-        self.folder.clone()
+    /// The player's folder.
+    ///
+    /// # Errors
+    /// [`Error::NoFolder`] if the platform names none.
+    pub fn folder(&self) -> Result<&Path> {
+        self.folder.as_deref().ok_or(Error::NoFolder)
     }
 
     /// Sentences for the player since the last call.
@@ -190,9 +192,9 @@ impl ModeController {
                 };
                 self.save(kind, &recording)
             }
-            ReplayCommand::Open(path) => {
-                load(&path).map(|recording| self.view(recording, game, now_secs))
-            }
+            ReplayCommand::Open(path) => Recording::load(&path)
+                .map(|recording| self.view(recording, game, now_secs))
+                .map_err(Error::from),
             ReplayCommand::Play => {
                 let balls = player.start();
                 self.mode = Mode::Game;
@@ -226,12 +228,11 @@ impl ModeController {
                 practice.drag(at);
                 Ok(())
             }
-            PracticeCommand::LetGo => practice.let_go(),
-            PracticeCommand::Add(number) => practice.add(number),
+            PracticeCommand::LetGo => practice.let_go().map_err(Error::from),
+            PracticeCommand::Add(number) => practice.add(number).map_err(Error::from),
             PracticeCommand::TakeAway(number) => practice.take_away(number),
             PracticeCommand::Save => {
-                let layout = practice.layout("A layout");
-                let layout = layout.map_err(|error| error.to_string());
+                let layout = practice.layout("A layout").map_err(Error::from);
                 layout.and_then(|layout| self.save(RecordingKind::Layout, &layout))
             }
             PracticeCommand::Open(path) => lay(practice, &path, game, now_secs),
@@ -256,28 +257,27 @@ impl ModeController {
         }
     }
 
-    fn save(&mut self, kind: RecordingKind, recording: &Recording) -> Result<(), String> {
+    fn save(&mut self, kind: RecordingKind, recording: &Recording) -> Result<()> {
         let path = self.recordings()?.save(kind, recording)?;
         self.notify(format!("Saved as {}", path.display()));
         self.refresh_files();
         Ok(())
     }
 
-    fn recordings(&self) -> Result<RecordingStore, String> {
-        let folder = self.folder.clone()?;
-        Ok(RecordingStore::at(folder.join("shots")))
+    fn recordings(&self) -> Result<RecordingStore> {
+        Ok(RecordingStore::at(self.folder()?.join("shots")))
     }
 
     fn refresh_files(&mut self) {
         match self.recordings().and_then(|recordings| recordings.list()) {
             Ok(files) => self.files = files,
-            Err(why) => self.notify(why),
+            Err(why) => self.notify(why.to_string()),
         }
     }
 
-    fn notify_failure(&mut self, done: Result<(), String>) {
+    fn notify_failure(&mut self, done: Result<()>) {
         if let Err(why) = done {
-            self.notify(why);
+            self.notify(why.to_string());
         }
     }
 
@@ -287,23 +287,17 @@ impl ModeController {
     }
 }
 
-fn load(path: &Path) -> Result<Recording, String> {
-    Recording::load(path).map_err(|error| error.to_string())
-}
-
 /// Arranges the balls as they lie in a file.
-fn lay(practice: &mut Practice, path: &Path, game: &Game, now_secs: f64) -> Result<(), String> {
-    let recording = load(path)?;
+fn lay(practice: &mut Practice, path: &Path, game: &Game, now_secs: f64) -> Result<()> {
+    let recording = Recording::load(path)?;
     if recording.table != game.table().name() {
-        return Err(format!(
-            "The layout is of another table ({})",
-            recording.table
-        ));
+        let table = recording.table;
+        return Err(Error::OtherTable { table });
     }
-    match ReplayPlayer::new(recording, game.table(), now_secs) {
-        Some(player) => practice.lay(player.start()),
-        None => Ok(()),
+    if let Some(player) = ReplayPlayer::new(recording, game.table(), now_secs) {
+        practice.lay(player.start())?;
     }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -318,7 +312,7 @@ mod tests {
 
     fn modes(folder: &Path) -> (ModeController, Game) {
         (
-            ModeController::with(Ok(folder.to_owned())),
+            ModeController::with(Some(folder.to_owned())),
             Game::new(1).unwrap(),
         )
     }

@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 
 use carom_billiards::physics::Recording;
 
+use crate::{Error, Result};
+
 /// What a file is, by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RecordingKind {
@@ -56,12 +58,15 @@ impl RecordingStore {
     /// What lies there, by name; of more than a thousand files only some.
     ///
     /// # Errors
-    /// A sentence with the folder if it cannot be read; one that is not there is empty.
-    pub fn list(&self) -> Result<Vec<SavedRecording>, String> {
+    /// [`Error::Folder`] if it cannot be read; one that is not there is empty.
+    pub fn list(&self) -> Result<Vec<SavedRecording>> {
         let entries = match fs::read_dir(&self.folder) {
             Ok(entries) => entries,
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
-            Err(error) => return Err(format!("{}: {error}", self.folder.display())),
+            Err(source) => {
+                let path = self.folder.clone();
+                return Err(Error::Folder { path, source });
+            }
         };
         let kept = entries.filter_map(|entry| {
             let path = entry.ok()?.path();
@@ -76,13 +81,14 @@ impl RecordingStore {
     /// Puts a recording there under the next free name, and says where.
     ///
     /// # Errors
-    /// A sentence with the path.
-    pub fn save(&self, kind: RecordingKind, recording: &Recording) -> Result<PathBuf, String> {
-        fs::create_dir_all(&self.folder).map_err(|error| {
-            format!("cannot make the folder {}: {error}", self.folder.display())
+    /// The folder or the file cannot be written.
+    pub fn save(&self, kind: RecordingKind, recording: &Recording) -> Result<PathBuf> {
+        fs::create_dir_all(&self.folder).map_err(|source| Error::NewFolder {
+            path: self.folder.clone(),
+            source,
         })?;
         let path = next_path(&self.folder, kind.stem(), ENDING)?;
-        recording.save(&path).map_err(|error| error.to_string())?;
+        recording.save(&path)?;
         Ok(path)
     }
 }
@@ -90,16 +96,14 @@ impl RecordingStore {
 /// The first of `stem_0001.ending` and so on that is not there.
 ///
 /// # Errors
-/// A sentence with the folder if all are.
-pub(crate) fn next_path(folder: &Path, stem: &str, ending: &str) -> Result<PathBuf, String> {
+/// [`Error::FolderFull`] if all are.
+pub(crate) fn next_path(folder: &Path, stem: &str, ending: &str) -> Result<PathBuf> {
     let path = |number: u32| folder.join(format!("{stem}_{number:04}.{ending}"));
     let mut numbers = 1..=NUMBER_MAX;
     let free = numbers.find(|&number| !path(number).exists());
-    free.map(path).ok_or_else(|| {
-        format!(
-            "{} has {NUMBER_MAX} files of this kind: move some away",
-            folder.display()
-        )
+    free.map(path).ok_or_else(|| Error::FolderFull {
+        path: folder.to_owned(),
+        files_max: NUMBER_MAX,
     })
 }
 
@@ -117,7 +121,7 @@ mod tests {
     fn what_is_put_there_is_found_by_its_name() {
         let folder = tempfile::tempdir().unwrap();
         let shelf = RecordingStore::at(folder.path().join("shots"));
-        assert_eq!(shelf.list(), Ok(Vec::new()));
+        assert_eq!(shelf.list().unwrap(), []);
         let table = Table::nine_foot();
         let world = World::new(table.clone(), table.rack_eight(1)).unwrap();
         let layout = Recording::of(&table, "rack", world.release().unwrap());
@@ -136,11 +140,7 @@ mod tests {
         assert!(fs::metadata(&shelf.list().unwrap()[0].path).unwrap().len() < 4096);
         fs::write(folder.path().join("file"), "").unwrap();
         let blocked = RecordingStore::at(folder.path().join("file"));
-        assert!(
-            blocked
-                .save(RecordingKind::Shot, &layout)
-                .unwrap_err()
-                .contains("file")
-        );
+        let error = blocked.save(RecordingKind::Shot, &layout).unwrap_err();
+        assert!(error.to_string().contains("file"), "{error}");
     }
 }

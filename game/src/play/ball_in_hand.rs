@@ -1,5 +1,6 @@
 //! A cue ball in hand: carried over the table, put down where the rules and the other balls allow it.
 
+use carom_billiards::PlacementFault;
 use glam::DVec2;
 
 use crate::camera::Projection;
@@ -13,7 +14,7 @@ pub struct BallInHand {
     /// Where it is held, in m.
     pub at: DVec2,
     /// Whether it may be put down there, or why not.
-    pub verdict: Result<(), String>,
+    pub verdict: Result<(), PlacementFault>,
     /// Where it was taken up.
     from: DVec2,
 }
@@ -39,7 +40,7 @@ impl Game {
         };
         self.phase = TurnPhase::Placing(BallInHand {
             at,
-            verdict: self.verdict(at),
+            verdict: self.contest.may_place(at),
             from: at,
         });
     }
@@ -89,15 +90,8 @@ impl Game {
         ahead * by.y - ahead.perp() * by.x
     }
 
-    /// Why the cue ball may not lie there, for the player.
-    fn verdict(&self, at: DVec2) -> Result<(), String> {
-        self.contest
-            .may_place(at)
-            .map_err(|fault| fault.to_string())
-    }
-
     fn carry_to(&mut self, at: DVec2) {
-        let verdict = self.verdict(at);
+        let verdict = self.contest.may_place(at);
         if verdict.is_ok() {
             // The picture shows it where it may lie.
             let _ = self.contest.place(at);
@@ -112,8 +106,8 @@ impl Game {
         let TurnPhase::Placing(ball_in_hand) = &self.phase else {
             return;
         };
-        if let Err(why) = &ball_in_hand.verdict {
-            self.notice = Some(why.clone());
+        if let Err(why) = ball_in_hand.verdict {
+            self.notice = Some(why.to_string());
             return;
         }
         self.get_ready();

@@ -10,6 +10,8 @@ use std::path::PathBuf;
 use carom_billiards::physics::{BallPose, BallState, Phase, Recording, World};
 use glam::{DVec2, DVec3};
 
+use crate::{PracticeFault, Result};
+
 /// A command of the practice page.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PracticeCommand {
@@ -48,7 +50,7 @@ pub struct HeldBall {
     /// Where its centre would be, seen from above, in m.
     pub at: DVec2,
     /// Why it cannot lie there; None if it can.
-    pub fault: Option<String>,
+    pub fault: Option<PracticeFault>,
 }
 
 impl Practice {
@@ -96,35 +98,31 @@ impl Practice {
         if at.is_finite() {
             held.at = at.clamp(-half, half);
         }
-        held.fault = self
-            .world
-            .clone()
-            .place(held.number, held.at.x, held.at.y)
-            .is_err()
-            .then(|| NO_ROOM.to_owned());
+        let placed = self.world.clone().place(held.number, held.at.x, held.at.y);
+        held.fault = placed.is_err().then_some(PracticeFault::NotClear);
     }
 
     /// Puts the ball in the hand down.
     ///
     /// # Errors
-    /// A sentence if it cannot lie there; it is back where it was.
-    pub fn let_go(&mut self) -> Result<(), String> {
+    /// [`PracticeFault::NotClear`]; it is back where it was.
+    pub fn let_go(&mut self) -> Result<(), PracticeFault> {
         let Some(HeldBall { number, at, .. }) = self.held.take() else {
             return Ok(());
         };
         let placed = self.world.place(number, at.x, at.y);
-        placed.map_err(|_| NO_ROOM.to_owned())
+        placed.map_err(|_| PracticeFault::NotClear)
     }
 
     /// Puts another ball on the table, as near to its middle as there is room, into the hand.
     ///
     /// # Errors
-    /// A sentence if the ball is there already, or there is no room.
-    pub fn add(&mut self, number: u8) -> Result<(), String> {
+    /// [`PracticeFault::OnTable`] and [`PracticeFault::NoRoom`].
+    pub fn add(&mut self, number: u8) -> Result<(), PracticeFault> {
         let mut balls = self.world.balls();
         let lies = |ball: &BallState| ball.number == number && ball.phase.is_on_table();
         if balls.iter().any(lies) {
-            return Err(format!("{} is on the table already", name(number)));
+            return Err(PracticeFault::OnTable { ball: number });
         }
         balls.retain(|ball| ball.number != number);
         let table = self.world.table();
@@ -141,23 +139,22 @@ impl Practice {
         };
         let mut places = rings(1.1 * body.radius_m, table.length_m());
         let found = places.find_map(place);
-        self.world =
-            found.ok_or_else(|| format!("there is no room for {} on the table", name(number)))?;
+        self.world = found.ok_or(PracticeFault::NoRoom { ball: number })?;
         Ok(())
     }
 
     /// Takes a ball off the table; the one in the hand, if it is that.
     ///
     /// # Errors
-    /// A sentence if it is not there.
-    pub fn take_away(&mut self, number: u8) -> Result<(), String> {
+    /// [`PracticeFault::NotOnTable`].
+    pub fn take_away(&mut self, number: u8) -> Result<()> {
         let mut balls = self.world.balls();
         let before = balls.len();
         balls.retain(|ball| ball.number != number);
         if balls.len() == before {
-            return Err(format!("{} is not on the table", name(number)));
+            return Err(PracticeFault::NotOnTable { ball: number }.into());
         }
-        self.world = with_balls(&self.world, balls).map_err(|error| error.to_string())?;
+        self.world = with_balls(&self.world, balls)?;
         self.held = self.held.take().filter(|held| held.number != number);
         Ok(())
     }
@@ -200,9 +197,9 @@ impl Practice {
     /// Lays the balls as they lie at the start of a shot or in a layout.
     ///
     /// # Errors
-    /// A sentence if they cannot lie so on this table.
-    pub fn lay(&mut self, balls: Vec<BallState>) -> Result<(), String> {
-        self.world = with_balls(&self.world, balls).map_err(|error| error.to_string())?;
+    /// [`carom_billiards::Error::Layout`] if they cannot lie so on this table.
+    pub fn lay(&mut self, balls: Vec<BallState>) -> carom_billiards::Result<()> {
+        self.world = with_balls(&self.world, balls)?;
         self.held = None;
         Ok(())
     }
@@ -240,16 +237,8 @@ fn rings(step_m: f64, reach_m: f64) -> impl Iterator<Item = DVec2> {
     })
 }
 
-fn name(number: u8) -> String {
-    match number {
-        0 => "the cue ball".to_owned(),
-        number => format!("the {number}"),
-    }
-}
-
 /// What is pointed at within so many radii of a ball is that ball.
 const REACH_RADII: f64 = 1.6;
-const NO_ROOM: &str = "It must lie on the cloth, clear of cushions, pockets and other balls";
 
 #[cfg(test)]
 mod tests {
@@ -284,7 +273,7 @@ mod tests {
             assert!(practice.grab(DVec2::new(0.1, 0.2)));
             practice.drag(at);
             assert!(practice.held().unwrap().fault.is_some());
-            assert!(practice.let_go().unwrap_err().contains("clear of"));
+            assert_eq!(practice.let_go(), Err(PracticeFault::NotClear));
         }
         let lies = practice.world().balls()[0].position.truncate();
         assert_eq!(lies, DVec2::new(0.1, 0.2));
@@ -293,16 +282,14 @@ mod tests {
     #[test]
     fn balls_come_and_go() {
         let mut practice = practice();
-        assert!(practice.add(3).unwrap_err().contains("already"));
+        let there = PracticeFault::OnTable { ball: 3 };
+        assert_eq!(practice.add(3), Err(there));
+        assert_eq!(there.to_string(), "the 3 is on the table already");
         for number in 1..=15 {
             practice.take_away(number).unwrap();
         }
-        assert!(
-            practice
-                .take_away(3)
-                .unwrap_err()
-                .contains("not on the table")
-        );
+        let gone = practice.take_away(3).unwrap_err().to_string();
+        assert_eq!(gone, "the 3 is not on the table");
         assert_eq!(practice.numbers(), [0]);
         for number in [8, 3] {
             practice.add(number).unwrap();

@@ -8,6 +8,7 @@ use toml_edit::{Array, InlineTable, Value};
 use super::Settings;
 use crate::camera::{Viewpoint, wrap_rad};
 use crate::input::{ACTIONS, Action, Bindings, Trigger};
+use crate::{KeysFault, SettingFault};
 
 /// A line of the settings file.
 #[derive(Clone, Copy)]
@@ -19,14 +20,14 @@ pub struct SettingsField {
     /// As it is written.
     pub(super) read: fn(&Settings) -> Value,
     /// Takes a written value, or says what it must be.
-    pub(super) write: fn(&mut Settings, &Value) -> Result<(), String>,
+    pub(super) write: fn(&mut Settings, &Value) -> Result<(), SettingFault>,
 }
 
 const fn field(
     table: &'static str,
     key: &'static str,
     read: fn(&Settings) -> Value,
-    write: fn(&mut Settings, &Value) -> Result<(), String>,
+    write: fn(&mut Settings, &Value) -> Result<(), SettingFault>,
 ) -> SettingsField {
     SettingsField {
         table,
@@ -55,22 +56,22 @@ pub const FIELDS: &[SettingsField] = &[
     field("sound", "volume", |s| s.volume.into(), |s, v| number(v, [0.0, 1.0]).map(|x| s.volume = x)),
 ];
 
-fn edge(value: &Value) -> Result<u32, String> {
+fn edge(value: &Value) -> Result<u32, SettingFault> {
     let [min, max] = Settings::WINDOW_EDGE;
     let edge = value.as_integer().and_then(|edge| u32::try_from(edge).ok());
     let fits = edge.filter(|edge| (min..=max).contains(edge));
-    fits.ok_or_else(|| format!("a whole number from {min} to {max}"))
+    fits.ok_or(SettingFault::WholeNumber { min, max })
 }
 
-fn switch(value: &Value) -> Result<bool, String> {
-    value.as_bool().ok_or_else(|| "true or false".to_owned())
+fn switch(value: &Value) -> Result<bool, SettingFault> {
+    value.as_bool().ok_or(SettingFault::Switch)
 }
 
-fn number(value: &Value, [min, max]: [f64; 2]) -> Result<f64, String> {
+fn number(value: &Value, [min, max]: [f64; 2]) -> Result<f64, SettingFault> {
     let whole = || value.as_integer().map(|number| number as f64);
     let number = value.as_float().or_else(whole);
     let fits = number.filter(|number| (min..=max).contains(number));
-    fits.ok_or_else(|| format!("a number from {min} to {max}"))
+    fits.ok_or(SettingFault::Number { min, max })
 }
 
 fn name(choice: &impl ValueEnum) -> Value {
@@ -79,20 +80,18 @@ fn name(choice: &impl ValueEnum) -> Value {
         .into()
 }
 
-fn choice<T: ValueEnum>(value: &Value) -> Result<T, String> {
+fn choice<T: ValueEnum>(value: &Value) -> Result<T, SettingFault> {
     let chosen = value.as_str().and_then(|word| T::from_str(word, true).ok());
     chosen.ok_or_else(|| {
         let names = T::value_variants().iter().filter_map(T::to_possible_value);
-        let names: Vec<String> = names
-            .map(|name| format!("\"{}\"", name.get_name()))
-            .collect();
-        names.join(", ")
+        let names = names.map(|name| name.get_name().to_owned()).collect();
+        SettingFault::Choice { names }
     })
 }
 
-fn engine(value: &Value) -> Result<Engine, String> {
+fn engine(value: &Value) -> Result<Engine, SettingFault> {
     let engine = value.as_str().and_then(|word| word.parse().ok());
-    engine.ok_or_else(|| "\"exact\" or \"rapier-N\" with N from 30 to 10000".to_owned())
+    engine.ok_or(SettingFault::Engine)
 }
 
 /// A saved view as it is written: its parts rounded to what can be seen; none as `{}`.
@@ -107,8 +106,8 @@ fn view(at: Option<Viewpoint>) -> Value {
     Value::InlineTable(rows.collect())
 }
 
-fn seen(value: &Value) -> Result<Option<Viewpoint>, String> {
-    let rows = value.as_inline_table().ok_or_else(view_words)?;
+fn seen(value: &Value) -> Result<Option<Viewpoint>, SettingFault> {
+    let rows = value.as_inline_table().ok_or_else(no_view)?;
     if rows.is_empty() {
         return Ok(None);
     }
@@ -120,18 +119,18 @@ fn seen(value: &Value) -> Result<Option<Viewpoint>, String> {
         fov_x_deg: 0.0,
     };
     for part in VIEW_PARTS {
-        let value = rows.get(part.key).ok_or_else(view_words)?;
+        let value = rows.get(part.key).ok_or_else(no_view)?;
         let number = number(value, part.range);
-        (part.write)(&mut at, number.map_err(|_| view_words())?);
+        (part.write)(&mut at, number.map_err(|_| no_view())?);
     }
     Ok(Some(at))
 }
 
-fn view_words() -> String {
+fn no_view() -> SettingFault {
     let part =
         |part: &ViewpointPart| format!("{} from {} to {}", part.key, part.range[0], part.range[1]);
-    let parts: Vec<String> = VIEW_PARTS.iter().map(part).collect();
-    format!("{{}} or a table in a line with {}", parts.join(", "))
+    let parts = VIEW_PARTS.iter().map(part).collect();
+    SettingFault::View { parts }
 }
 
 /// A part of a saved view.
@@ -175,15 +174,15 @@ pub(super) fn triggers(bindings: &Bindings, action: Action) -> Value {
 }
 
 /// Reads one action's triggers from a word or an array of words.
-pub(super) fn read_triggers(value: &Value) -> Result<Vec<Trigger>, String> {
+pub(super) fn read_triggers(value: &Value) -> Result<Vec<Trigger>, KeysFault> {
     let words: Vec<&Value> = match value {
         Value::String(_) => vec![value],
         Value::Array(array) => array.iter().collect(),
-        _ => return Err("must be a key or a list of keys, such as [\"R\", \"F5\"]".to_owned()),
+        _ => return Err(KeysFault::NotAList),
     };
     let trigger = |word: &Value| {
-        let label = word.as_str().ok_or("must be a list of keys in quotes")?;
-        label.parse().map_err(|error| format!("{error}"))
+        let label = word.as_str().ok_or(KeysFault::NotInQuotes)?;
+        Ok(label.parse()?)
     };
     words.into_iter().map(trigger).collect()
 }

@@ -10,6 +10,7 @@ use toml_edit::{DocumentMut, Item, Value};
 use super::Settings;
 use super::field::{self, FIELDS};
 use crate::input::{ACTIONS, Action};
+use crate::{Error, SettingFault};
 
 /// Settings and where they are kept.
 #[derive(Clone, Debug, Default)]
@@ -76,8 +77,8 @@ impl SettingsStore {
     /// Writes what was changed since it was read. The file is replaced whole, or left as it was.
     ///
     /// # Errors
-    /// A sentence with the file and the system's reason.
-    pub fn save(&mut self) -> Result<(), String> {
+    /// [`Error::Settings`].
+    pub fn save(&mut self) -> Result<(), Error> {
         let Some(path) = self.path.clone() else {
             return Ok(());
         };
@@ -90,7 +91,7 @@ impl SettingsStore {
             fs::write(&fresh, self.document.to_string())?;
             fs::rename(&fresh, &path)
         });
-        written.map_err(|error| format!("{} cannot be written: {error}", path.display()))?;
+        written.map_err(|source| Error::Settings { path, source })?;
         self.saved = self.settings.clone();
         Ok(())
     }
@@ -110,7 +111,7 @@ impl SettingsStore {
             };
             let written = match item.as_value() {
                 Some(value) => (field.write)(&mut self.settings, value),
-                None => Err("a value, not a table".to_owned()),
+                None => Err(SettingFault::Table),
             };
             if let Err(wanted) = written {
                 let shown = item.to_string();
@@ -426,7 +427,7 @@ mod tests {
         fs::write(folder.path().join("file"), "").unwrap();
         let mut store = SettingsStore::open(folder.path().join("file/settings.toml"));
         store.settings.volume = 0.1;
-        let error = store.save().unwrap_err();
+        let error = store.save().unwrap_err().to_string();
         assert!(error.contains("file/settings.toml"), "{error}");
     }
 }

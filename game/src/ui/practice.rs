@@ -24,8 +24,10 @@ pub fn panel(
         let mut command = None;
         theme::frame().show(ui, |ui| {
             ui.set_width((room.width() - 60.0).min(WIDTH));
-            let fault = practice.held().and_then(|held| held.fault.as_deref());
-            ui.label(fault.unwrap_or("Drag the balls. Click a number to add or remove its ball"));
+            ui.label(match practice.held().and_then(|held| held.fault) {
+                Some(fault) => fault.to_string(),
+                None => "Drag the balls. Click a number to add or remove its ball".to_owned(),
+            });
             let lying = practice.numbers();
             ui.horizontal_wrapped(|ui| {
                 for number in 0..=NUMBER_MAX {

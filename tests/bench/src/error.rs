@@ -16,6 +16,20 @@ pub(crate) enum BenchError {
     Interrupted,
 }
 
+/// A value of the command line that is not what it must be.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum ValueError {
+    /// It is written in another way.
+    #[error("it must be {0}")]
+    Form(&'static str),
+    /// No such share of a thread.
+    #[error("the share is {share}: it must be above 0 and at most 1")]
+    Share { share: f64 },
+    /// No such round trip.
+    #[error("the round trip is {millis} ms: it must be from 0 to 10000")]
+    RoundTrip { millis: f64 },
+}
+
 impl BenchError {
     pub(crate) fn exit_code(&self) -> ExitCode {
         ExitCode::from(match self {

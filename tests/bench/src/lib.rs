@@ -26,4 +26,4 @@ mod tradeoff_chart;
 mod transport;
 
 pub use cli::run;
-pub(crate) use error::BenchError;
+pub(crate) use error::{BenchError, ValueError};

@@ -275,11 +275,9 @@ impl Match {
     ///
     /// # Errors
     /// [`PlacementFault`] with the reason why not.
-    pub fn may_place(&self, at: DVec2) -> Result<()> {
-        let Some(area) = self.ball_in_hand_area() else {
-            return Err(PlacementFault::NotInHand.into());
-        };
-        Ok(self.layout.may_place(&self.ball_positions(), at, area)?)
+    pub fn may_place(&self, at: DVec2) -> Result<(), PlacementFault> {
+        let area = self.ball_in_hand_area().ok_or(PlacementFault::NotInHand)?;
+        self.layout.may_place(&self.ball_positions(), at, area)
     }
 
     /// Puts the cue ball there.

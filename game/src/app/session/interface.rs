@@ -133,7 +133,8 @@ impl GameSession {
 
     fn game_notice(&self) -> Option<String> {
         let ball_in_hand = self.game.ball_in_hand();
-        let refused = ball_in_hand.and_then(|ball_in_hand| ball_in_hand.verdict.clone().err());
+        let fault = ball_in_hand.and_then(|ball_in_hand| ball_in_hand.verdict.err());
+        let refused = fault.map(|fault| fault.to_string());
         refused.or_else(|| self.game.notice().map(str::to_owned))
     }
 

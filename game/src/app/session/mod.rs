@@ -179,6 +179,7 @@ impl GameSession {
         }
         let update = self.scene_at(ViewTime::Now(now_secs));
         let folder = self.modes.folder().map(|folder| folder.join("pictures"));
+        let folder = folder.map_err(|why| why.to_string());
         let (scene, max_depth) = (self.table_scene.scene().clone(), self.ball_set.max_depth());
         let begun = folder.and_then(|folder| {
             self.screenshot

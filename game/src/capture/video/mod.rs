@@ -16,6 +16,8 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use carom_tracer::ImageSize;
 
+use crate::Error;
+
 pub use apng::{Animation, write_png};
 pub use frame_cache::{FrameCache, RenderJob};
 pub use shot_sequence::{ShotSequence, VideoView};
@@ -36,18 +38,17 @@ impl VideoTarget {
     /// Reads a path.
     ///
     /// # Errors
-    /// A sentence for an ending that is not written.
-    pub fn parse(path: &str) -> Result<Self, String> {
+    /// [`Error::VideoKind`] for an ending that is not written.
+    pub fn parse(path: &str) -> Result<Self, Error> {
         let at = PathBuf::from(path);
         let ending = at.extension().map(|ending| ending.to_string_lossy());
         match ending.as_deref() {
             Some("y4m") => Ok(Self::Y4m(at)),
             Some("png") => Ok(Self::Apng(at)),
             None if !path.is_empty() => Ok(Self::Folder(at)),
-            _ => Err(format!(
-                "`{path}` is no film: give a name that ends in .y4m (then `ffmpeg -i film.y4m \
-                 film.mp4` makes other kinds of it), in .png for an animation, or a folder"
-            )),
+            _ => Err(Error::VideoKind {
+                name: path.to_owned(),
+            }),
         }
     }
 
@@ -123,17 +124,13 @@ mod tests {
         let film = VideoTarget::parse("a/shot.y4m").unwrap();
         assert_eq!(film, VideoTarget::Y4m("a/shot.y4m".into()));
         assert_eq!(film.reel(), Path::new("a/shot.y4m.frames"));
-        assert_eq!(
-            VideoTarget::parse("b.png"),
-            Ok(VideoTarget::Apng("b.png".into()))
-        );
+        let apng = VideoTarget::parse("b.png").unwrap();
+        assert_eq!(apng, VideoTarget::Apng("b.png".into()));
         let folder = VideoTarget::parse("frames").unwrap();
         assert_eq!(folder.reel(), folder.path());
         for wrong in ["shot.mp4", "shot.PNG.gz", ""] {
-            assert!(
-                VideoTarget::parse(wrong).unwrap_err().contains(".y4m"),
-                "{wrong}"
-            );
+            let error = VideoTarget::parse(wrong).unwrap_err().to_string();
+            assert!(error.contains(".y4m"), "{wrong}: {error}");
         }
     }
 }

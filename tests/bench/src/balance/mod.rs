@@ -5,7 +5,6 @@ mod decision;
 mod plot;
 
 use std::path::PathBuf;
-use std::str::FromStr;
 
 use anyhow::Context;
 use carom_farm::{Algorithm, Balancing};
@@ -13,7 +12,7 @@ use carom_testkit::simulator::{self, Network, Scenario, Score, SimulationReport,
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::BenchError;
+use crate::{BenchError, ValueError};
 
 /// Compare the balancing algorithms on simulated farms: the real coordinator on virtual time.
 ///
@@ -36,11 +35,11 @@ pub(crate) struct Args {
         value_parser = clap::value_parser!(u16).range(1..=1000))]
     nodes: Vec<u16>,
     /// How far nodes are: lan, wan, 46ms [default: all; wan for 1000 nodes].
-    #[arg(long, value_delimiter = ',')]
-    network: Vec<ByName<Network>>,
+    #[arg(long, value_delimiter = ',', value_parser = network)]
+    network: Vec<Network>,
     /// When frames are submitted: closed, pipelined [default: both; closed for 1000 nodes].
-    #[arg(long, value_delimiter = ',')]
-    mode: Vec<ByName<SubmissionMode>>,
+    #[arg(long, value_delimiter = ',', value_parser = submission_mode)]
+    mode: Vec<SubmissionMode>,
     /// Algorithms by name, with _hedged at the end for hedging [default: all without, and
     /// water_filling_hedged].
     #[arg(long, value_delimiter = ',')]
@@ -53,32 +52,14 @@ pub(crate) struct Args {
     frames: u64,
 }
 
-/// A value of a list that its name chooses.
-#[derive(Clone, Copy)]
-struct ByName<T>(T);
-
-impl FromStr for ByName<Network> {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let found = Network::ALL
-            .into_iter()
-            .find(|network| network.name() == text);
-        found.map(Self).ok_or("it must be lan, wan or 46ms".into())
-    }
+fn network(text: &str) -> Result<Network, ValueError> {
+    let found = Network::ALL.into_iter().find(|of| of.name() == text);
+    found.ok_or(ValueError::Form("lan, wan or 46ms"))
 }
 
-impl FromStr for ByName<SubmissionMode> {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let found = SubmissionMode::ALL
-            .into_iter()
-            .find(|mode| mode.name() == text);
-        found
-            .map(Self)
-            .ok_or("it must be closed or pipelined".into())
-    }
+fn submission_mode(text: &str) -> Result<SubmissionMode, ValueError> {
+    let found = SubmissionMode::ALL.into_iter().find(|of| of.name() == text);
+    found.ok_or(ValueError::Form("closed or pipelined"))
 }
 
 /// A run that is over.
@@ -170,12 +151,12 @@ fn scenarios(args: &Args) -> Vec<Scenario> {
         let networks: Vec<Network> = match &args.network[..] {
             [] if many => vec![Network::Wan],
             [] => Network::ALL.into(),
-            some => some.iter().map(|named| named.0).collect(),
+            some => some.into(),
         };
         let modes: Vec<SubmissionMode> = match &args.mode[..] {
             [] if many => vec![SubmissionMode::Closed],
             [] => SubmissionMode::ALL.into(),
-            some => some.iter().map(|named| named.0).collect(),
+            some => some.into(),
         };
         let seeds = args.seeds.unwrap_or(match nodes {
             ..=5 => 4,

@@ -11,7 +11,7 @@ use anyhow::{Context, bail};
 use carom_farm::net::{add_node, create_farm};
 use carom_testkit::{link_emulator::LinkConfig, udp_proxy::UdpProxy};
 
-use crate::BenchError;
+use crate::{BenchError, ValueError};
 
 /// What a node is to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,26 +24,19 @@ pub(crate) struct NodeSpec {
 
 /// `SHARE@MS`.
 impl FromStr for NodeSpec {
-    type Err = String;
+    type Err = ValueError;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, ValueError> {
         let parts = text.split_once('@');
         let numbers = parts.map(|(share, millis)| (share.parse(), millis.parse::<f64>()));
         let Some((Ok(share), Ok(millis))) = numbers else {
-            return Err("it must be SHARE@MS, as in 0.25@46".into());
+            return Err(ValueError::Form("SHARE@MS, as in 0.25@46"));
         };
-        if !(share > 0.0 && share <= 1.0) {
-            return Err(format!(
-                "the share is {share}: it must be above 0 and at most 1"
-            ));
-        }
         if !(0.0..=10_000.0).contains(&millis) {
-            return Err(format!(
-                "the round trip is {millis} ms: it must be from 0 to 10000"
-            ));
+            return Err(ValueError::RoundTrip { millis });
         }
         Ok(Self {
-            share,
+            share: checked_share(share)?,
             round_trip_secs: 1e-3 * millis,
         })
     }
@@ -74,13 +67,14 @@ pub(crate) struct ScheduledAction {
 
 /// `FRAME:NODE:ACTION`.
 impl FromStr for ScheduledAction {
-    type Err = String;
+    type Err = ValueError;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, ValueError> {
         let wrong = || {
-            "it must be FRAME:NODE:ACTION, of which ACTION is kill, stop, go, join or \
-             throttle=SHARE, as in 200:0:throttle=0.1"
-                .to_owned()
+            ValueError::Form(
+                "FRAME:NODE:ACTION, of which ACTION is kill, stop, go, join or throttle=SHARE, as in \
+                 200:0:throttle=0.1",
+            )
         };
         let parts: Vec<&str> = text.split(':').collect();
         let [frame, node, action] = parts[..] else {
@@ -93,13 +87,8 @@ impl FromStr for ScheduledAction {
             "join" => NodeAction::Join,
             action => {
                 let share = action.strip_prefix("throttle=").ok_or_else(wrong)?;
-                let share: f64 = share.parse().map_err(|_| wrong())?;
-                if !(share > 0.0 && share <= 1.0) {
-                    return Err(format!(
-                        "the share is {share}: it must be above 0 and at most 1"
-                    ));
-                }
-                NodeAction::Throttle(share)
+                let share = share.parse().map_err(|_| wrong())?;
+                NodeAction::Throttle(checked_share(share)?)
             }
         };
         Ok(Self {
@@ -108,6 +97,11 @@ impl FromStr for ScheduledAction {
             action,
         })
     }
+}
+
+fn checked_share(share: f64) -> Result<f64, ValueError> {
+    let fits = share > 0.0 && share <= 1.0;
+    fits.then_some(share).ok_or(ValueError::Share { share })
 }
 
 /// The farm's certificates; gone when dropped.

@@ -1,0 +1,159 @@
+//! The game's error: what hinders, with the values that do, as a sentence for the player.
+
+use std::io;
+use std::path::PathBuf;
+
+use crate::input::UnknownTrigger;
+
+/// The game's result.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// A wish of the player's that cannot be carried out.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The physics, the rules or a recording forbid it.
+    #[error(transparent)]
+    Billiards(#[from] carom_billiards::Error),
+    /// The practice table cannot be arranged like this.
+    #[error(transparent)]
+    Practice(#[from] PracticeFault),
+    /// The system names no folder for the player's files.
+    #[error("no folder for files: could not locate home directory")]
+    NoFolder,
+    /// A folder cannot be read.
+    #[error("{}: {source}", path.display())]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// A folder cannot be made.
+    #[error("cannot make the folder {}: {source}", path.display())]
+    NewFolder {
+        /// The folder.
+        path: PathBuf,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// All numbers for files of a kind are given away.
+    #[error("{} has {files_max} files of this kind: move some away", path.display())]
+    FolderFull {
+        /// The folder.
+        path: PathBuf,
+        /// As many as there are numbers.
+        files_max: u32,
+    },
+    /// The settings cannot be saved.
+    #[error("{} cannot be written: {source}", path.display())]
+    Settings {
+        /// Their file.
+        path: PathBuf,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// A layout does not fit the table that is played on.
+    #[error("The layout is of another table ({table})")]
+    OtherTable {
+        /// Of the layout.
+        table: String,
+    },
+    /// No kind of video has a name like this.
+    #[error(
+        "`{name}` is no film: give a name that ends in .y4m (then `ffmpeg -i film.y4m film.mp4` \
+         makes other kinds of it), in .png for an animation, or a folder"
+    )]
+    VideoKind {
+        /// As it was given.
+        name: String,
+    },
+}
+
+/// A reason why a ball of the practice table cannot come, go or lie somewhere.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PracticeFault {
+    /// Something else is where the ball would lie.
+    #[error("It must lie on the cloth, clear of cushions, pockets and other balls")]
+    NotClear,
+    /// The ball that is to come is there.
+    #[error("{} is on the table already", ball_name(*ball))]
+    OnTable {
+        /// Its number.
+        ball: u8,
+    },
+    /// The ball that is to go is not there.
+    #[error("{} is not on the table", ball_name(*ball))]
+    NotOnTable {
+        /// Its number.
+        ball: u8,
+    },
+    /// The table is full.
+    #[error("there is no room for {} on the table", ball_name(*ball))]
+    NoRoom {
+        /// Its number.
+        ball: u8,
+    },
+}
+
+/// What a setting must be and is not, to follow "it must be".
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SettingFault {
+    /// A whole number within a range.
+    #[error("a whole number from {min} to {max}")]
+    WholeNumber {
+        /// The least.
+        min: u32,
+        /// The most.
+        max: u32,
+    },
+    /// A number within a range.
+    #[error("a number from {min} to {max}")]
+    Number {
+        /// The least.
+        min: f64,
+        /// The most.
+        max: f64,
+    },
+    /// A truth value.
+    #[error("true or false")]
+    Switch,
+    /// One of a closed set.
+    #[error("\"{}\"", names.join("\", \""))]
+    Choice {
+        /// The set.
+        names: Vec<String>,
+    },
+    /// The name of a physics engine.
+    #[error("\"exact\" or \"rapier-N\" with N from 30 to 10000")]
+    Engine,
+    /// A saved view.
+    #[error("{{}} or a table in a line with {}", parts.join(", "))]
+    View {
+        /// Each part of a view with its range.
+        parts: Vec<String>,
+    },
+    /// Anything but a heading.
+    #[error("a value, not a table")]
+    Table,
+}
+
+/// A reason why the keys of an action cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum KeysFault {
+    /// Neither a word nor an array.
+    #[error("must be a key or a list of keys, such as [\"R\", \"F5\"]")]
+    NotAList,
+    /// An array of something else than words.
+    #[error("must be a list of keys in quotes")]
+    NotInQuotes,
+    /// No key is called so.
+    #[error(transparent)]
+    Unknown(#[from] UnknownTrigger),
+}
+
+fn ball_name(number: u8) -> String {
+    match number {
+        0 => "the cue ball".to_owned(),
+        number => format!("the {number}"),
+    }
+}
