@@ -119,25 +119,13 @@ const SECS_PER_TILE_MIN: f64 = 1e-9;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::balancer::Candidate;
+    use crate::balancer::baselines::tests::{division, new_nodes};
 
     #[test]
     fn all_finish_together_after_sixty_equal_frames() {
         let mut ab = Ab::averages();
-        let candidates = [0, 1].map(|node| Candidate {
-            node: NodeIndex(node),
-            estimate: None,
-            wait_secs: 0.0,
-            proven_work: 0.0,
-            unmonitored_work: 0.0,
-            margin_secs: 0.0,
-        });
-        let division = Division {
-            work: 1000.0,
-            tile_work: 10.0,
-            period_secs: f64::INFINITY,
-            candidates: &candidates,
-        };
+        let candidates = new_nodes::<2>();
+        let division = division(1000.0, 10.0, &candidates);
         let (a, b) = ([0.02, 0.001], [0.001, 0.004]);
         for _ in 0..Ab::WARM_UP_FRAMES {
             assert_eq!(ab.divide(&division), Shares::Work(vec![500.0, 500.0]));

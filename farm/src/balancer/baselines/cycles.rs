@@ -80,25 +80,13 @@ const RESPONSE_SECS_MIN: f64 = 1e-6;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::balancer::Candidate;
+    use crate::balancer::baselines::tests::{division, new_nodes};
 
     #[test]
     fn times_of_two_nodes_come_within_the_dead_band() {
         let mut cycles = Cycles::default();
-        let candidates = [0, 1].map(|node| Candidate {
-            node: NodeIndex(node),
-            estimate: None,
-            wait_secs: 0.0,
-            proven_work: 0.0,
-            unmonitored_work: 0.0,
-            margin_secs: 0.0,
-        });
-        let division = Division {
-            work: 1000.0,
-            tile_work: 1.0,
-            period_secs: f64::INFINITY,
-            candidates: &candidates,
-        };
+        let candidates = new_nodes::<2>();
+        let division = division(1000.0, 1.0, &candidates);
         let mut times = [0.0; 2];
         for _ in 0..40 {
             let Shares::Work(shares) = cycles.divide(&division) else {

@@ -95,7 +95,7 @@ const RESPONSE_SECS_MIN: f64 = 1e-6;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::balancer::Candidate;
+    use crate::balancer::baselines::tests::{division, new_nodes};
 
     #[test]
     fn work_follows_the_last_speed() {
@@ -109,20 +109,8 @@ mod tests {
                 busy_secs: 0.0,
             });
         }
-        let candidates = [0, 1, 2].map(|node| Candidate {
-            node: NodeIndex(node),
-            estimate: None,
-            wait_secs: 0.0,
-            proven_work: 0.0,
-            unmonitored_work: 0.0,
-            margin_secs: 0.0,
-        });
-        let Shares::Work(shares) = naive.divide(&Division {
-            work: 450.0,
-            tile_work: 1.0,
-            period_secs: f64::INFINITY,
-            candidates: &candidates,
-        }) else {
+        let candidates = new_nodes::<3>();
+        let Shares::Work(shares) = naive.divide(&division(450.0, 1.0, &candidates)) else {
             unreachable!("Naive names shares");
         };
         // Speeds 100 and 200 tiles a second, and their mean for the node that is new.
