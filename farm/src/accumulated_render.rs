@@ -1,174 +1,283 @@
-//! One picture of many samples by a whole farm: frames of other samples each, merged in linear light.
+//! Progressive renderer: one picture of many samples by a whole farm, as frames of other samples
+//! each, summed in linear light.
+//!
+//! ```text
+//! submit_to ──▶ Farm ──poll_frame──▶ accept ──▶ SampleBatch ──add_to──▶ Film
+//! ```
+//!
+//! It waits for nothing and owns no farm, so that several renders, and frames of other kinds, share
+//! one: [`Priority`] says who comes first. The film is the caller's, who may sum on another thread.
 
-use std::collections::VecDeque;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use carom_protocol::PixelFormat;
+use carom_protocol::FrameId;
 use carom_tracer::film::Film;
 use carom_tracer::{
-    Aovs, CompiledScene, CpuTracer, ImageSize, RenderSettings, Scene, SceneUpdate, Tile, TraceJob,
-    Tracer,
+    Aovs, CompiledScene, CpuTracer, ImageSize, RenderSettings, Scene, Tile, TraceJob, Tracer,
 };
 
-use crate::{Error, Farm, Frame, FrameSpec, NodeState, Pixels};
+use crate::error::Error;
+use crate::farm::Farm;
+use crate::frame::{Frame, FrameSpec, Pixels};
+use crate::submission::{Priority, SceneHandle, Submission};
 
-/// A picture to be traced.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Still {
-    /// What differs from the farm's scene.
-    pub update: SceneUpdate,
-    /// Columns and rows.
-    pub size: ImageSize,
-    /// How it is sampled; `samples` is that of the whole picture, and `first_sample` counts nothing.
-    /// Denoised, samples come in as few frames as can be, each of which is filtered by itself.
-    pub settings: RenderSettings,
+/// A picture that is being accumulated.
+#[derive(Clone, Debug)]
+pub struct AccumulatedRender {
+    spec: FrameSpec,
+    priority: Priority,
+    /// That of the farm when the first frame was submitted.
+    scene: Option<SceneHandle>,
+    frame_samples: Option<u32>,
+    samples_done: u32,
+    /// The first sample that no frame has been asked for.
+    next_sample: u32,
+    /// Frames of this render, with the samples of each.
+    in_flight: Vec<(FrameId, u32)>,
+    /// How often the farm traces each tile of a frame: known with the first.
+    passes: Option<u32>,
 }
 
-impl Still {
-    /// Traces the samples from `done` on into `film`, as many frames at a time as the farm takes. The
-    /// farm must have no other frames in flight. After each frame, and a few times a second while
-    /// none comes, `watch` is told of the film and how many samples of each pixel are in it; an error
-    /// of its own ends the work.
+/// A frame of some of a render's samples.
+#[derive(Clone, Debug)]
+pub struct SampleBatch {
+    /// Their mean, in linear light.
+    pub frame: Frame,
+    /// Samples of each pixel.
+    pub samples: u32,
+}
+
+impl AccumulatedRender {
+    /// A render of which nothing has been asked for. The samples of `spec` are those of the whole
+    /// picture, and its format is a linear one. Denoised, they come in as few frames as can be, each
+    /// of which is filtered by itself.
+    pub fn new(spec: FrameSpec, priority: Priority) -> Self {
+        Self {
+            spec,
+            priority,
+            scene: None,
+            frame_samples: None,
+            samples_done: 0,
+            next_sample: 0,
+            in_flight: Vec::new(),
+            passes: None,
+        }
+    }
+
+    /// Goes on where a film holds the first `samples_done` samples of each pixel.
+    #[must_use]
+    pub fn resume(self, samples_done: u32) -> Self {
+        Self {
+            samples_done,
+            next_sample: samples_done,
+            ..self
+        }
+    }
+
+    /// Asks for this many samples of each pixel at a time from now on. More cost time until the next
+    /// progress, fewer cost bytes; without it as many as suit the picture's size.
+    pub fn set_frame_samples(&mut self, samples: u32) {
+        self.frame_samples = Some(samples.max(1));
+    }
+
+    /// The next frame to submit; none while enough are in flight, or if all have been asked for.
+    pub fn next_frame(&self) -> Option<FrameSpec> {
+        // The first frame tells in how many passes the farm traces: each is sent, and frames of several
+        // are to be as many times larger.
+        let in_flight_max = match (self.priority, self.passes, self.frame_samples) {
+            (Priority::Interactive, None, None) => 1,
+            (Priority::Interactive, ..) => usize::MAX,
+            (Priority::Background, ..) => BACKGROUND_FRAMES_MAX,
+        };
+        let samples = self.next_samples();
+        (samples > 0 && self.in_flight.len() < in_flight_max).then(|| FrameSpec {
+            settings: RenderSettings {
+                samples,
+                first_sample: self.next_sample,
+                ..self.spec.settings
+            },
+            ..self.spec.clone()
+        })
+    }
+
+    /// Notes that [`AccumulatedRender::next_frame`] has been submitted.
+    pub fn submitted(&mut self, id: FrameId) {
+        let samples = self.next_samples();
+        self.in_flight.push((id, samples));
+        self.next_sample += samples;
+    }
+
+    /// Submits as many frames as the farm takes now.
     ///
     /// # Errors
-    /// Those of [`Farm::submit`]; [`Error::NoNodes`] when all nodes have been lost for ten seconds;
-    /// what `watch` says.
-    pub fn trace<E: From<Error>>(
-        &self,
-        farm: &mut Farm,
-        film: &mut Film,
-        mut done: u32,
-        watch: &mut dyn FnMut(&Film, u32) -> Result<(), E>,
-    ) -> Result<(), E> {
-        let mut next = done;
-        let mut in_flight = VecDeque::new();
-        let mut lost_since = None;
-        // How often the farm traces each tile of a frame: known with the first.
-        let mut passes = None;
-        while next < self.settings.samples || !in_flight.is_empty() {
-            while next < self.settings.samples && (passes.is_some() || in_flight.is_empty()) {
-                let samples = self.frame_samples(next, passes.unwrap_or(1));
-                match farm.submit(self.spec(next, samples)) {
-                    Ok(_) => in_flight.push_back(samples),
-                    Err(Error::FramesInFlight { .. }) => break,
-                    Err(why) => return Err(why.into()),
-                }
-                next += samples;
+    /// Those of [`Farm::submit_with`], but for [`Error::FramesInFlight`].
+    pub fn submit_to(&mut self, farm: &mut Farm) -> Result<(), Error> {
+        while let Some(spec) = self.next_frame() {
+            self.scene = self.scene.take().or_else(|| farm.scene().cloned());
+            let submission = Submission {
+                priority: self.priority,
+                scene: self.scene.clone(),
+                ..Submission::default()
+            };
+            match farm.submit_with(spec, submission) {
+                Ok(id) => self.submitted(id),
+                Err(Error::FramesInFlight { .. }) => break,
+                Err(why) => return Err(why),
             }
-            if let Some(frame) = farm.wait_frame(PATIENCE) {
-                let samples = in_flight.pop_front().unwrap_or(0);
-                add(film, &frame, samples)?;
-                passes = Some(frame.stats.passes.max(1));
-                done += samples;
-                lost_since = None;
-            } else {
-                wait_for_nodes(farm, &mut lost_since)?;
-            }
-            watch(film, done)?;
         }
         Ok(())
     }
 
-    /// What camera rays meet first in each pixel, row-major, for AOVs of a picture file: a matter of
-    /// moments, which this machine's processor can spare.
+    /// Whether a frame is one of this render's that are in flight.
+    pub fn owns(&self, id: FrameId) -> bool {
+        self.in_flight.iter().any(|(frame, _)| *frame == id)
+    }
+
+    /// Takes in a frame that the render owns; nothing comes of others.
+    pub fn accept(&mut self, frame: Frame) -> Option<SampleBatch> {
+        let mut frames = self.in_flight.iter();
+        let place = frames.position(|(id, _)| *id == frame.id)?;
+        let (_, samples) = self.in_flight.remove(place);
+        self.passes = Some(frame.stats.passes.max(1));
+        self.samples_done += samples;
+        Some(SampleBatch { frame, samples })
+    }
+
+    /// Takes back what is in flight, which frees the nodes; [`AccumulatedRender::submit_to`] goes on
+    /// from there.
+    pub fn cancel(&mut self, farm: &mut Farm) {
+        for (id, samples) in self.in_flight.drain(..) {
+            farm.cancel(id);
+            self.next_sample -= samples;
+        }
+    }
+
+    /// Traces the rest into `film`, for programs without a loop of their own: waits until all samples
+    /// are there. The farm must have no other frames in flight. After each frame, and a few times a
+    /// second while none comes, `watch` is handed the film and how many samples of each pixel are in
+    /// it; an error of its own ends the work.
     ///
     /// # Errors
-    /// [`Error::Tracer`] if the update does not fit the scene.
-    pub fn aovs(&self, scene: &Scene) -> Result<Vec<Aovs>, Error> {
-        let ImageSize { width, height } = self.size;
-        // Row by row, so that they come together without being moved.
-        let rows: Vec<Tile> = (0..height)
-            .map(|y| Tile {
-                x: 0,
-                y,
-                width,
-                height: 1,
-            })
-            .collect();
-        let job = TraceJob {
-            size: self.size,
-            tiles: &rows,
-            settings: RenderSettings {
-                samples: self.settings.samples.min(AOV_SAMPLES_MAX),
-                ..self.settings
-            },
-            cancelled: &AtomicBool::new(false),
-        };
-        let mut scene = CompiledScene::new(scene)?;
-        scene.apply(&self.update)?;
-        let hits = Mutex::new(vec![Vec::new(); rows.len()]);
-        CpuTracer::new()?.aovs(&scene, &job, &|row| {
-            let mut hits = hits.lock().unwrap_or_else(PoisonError::into_inner);
-            hits[row.index] = row.pixels;
-        })?;
-        let hits = hits.into_inner().unwrap_or_else(PoisonError::into_inner);
-        Ok(hits.concat())
-    }
-
-    fn spec(&self, first_sample: u32, samples: u32) -> FrameSpec {
-        FrameSpec {
-            update: self.update.clone(),
-            size: self.size,
-            settings: RenderSettings {
-                samples,
-                first_sample,
-                ..self.settings
-            },
-            format: PixelFormat::LinearF32,
-        }
-    }
-
-    /// Samples of the frame that begins at `first_sample`, of whose tiles each is traced `passes` times:
-    /// each pass is sent, so that there are as many times fewer frames. Of pictures that are denoised
-    /// there are as few as can be: the filter does more with more samples.
-    fn frame_samples(&self, first_sample: u32, passes: u32) -> u32 {
-        let (pixels, spp) = (self.size.pixels(), self.settings.samples);
-        let fewest = FRAME_SAMPLES_MIN.div_ceil(pixels);
-        let most = (FRAME_SAMPLES_MAX / pixels).max(1);
-        let frames = if self.settings.denoise { 1 } else { FRAMES };
-        let samples = (spp.div_ceil(frames) as usize).max(fewest).min(most);
-        let samples = samples.saturating_mul(passes as usize);
-        samples.min((spp - first_sample) as usize) as u32
-    }
-}
-
-fn add(film: &mut Film, frame: &Frame, samples: u32) -> Result<(), Error> {
-    let ImageSize { width, height } = frame.size;
-    let whole = Tile {
-        x: 0,
-        y: 0,
-        width,
-        height,
-    };
-    // A farm that answers in another format than it was asked for has no pixels for the film.
-    let pixels: &[[f32; 3]] = match &frame.pixels {
-        Pixels::Linear(pixels) => pixels,
-        Pixels::Srgb8(_) => &[],
-    };
-    film.add(whole, pixels, samples)?;
-    film.count_dropped(u32::try_from(frame.stats.dropped_samples).unwrap_or(u32::MAX));
-    Ok(())
-}
-
-/// Nodes that are being called or that are late may still come; when all have been lost for a while,
-/// nobody will.
-fn wait_for_nodes(farm: &Farm, lost_since: &mut Option<Instant>) -> Result<(), Error> {
-    let mut reasons = Vec::new();
-    for node in farm.nodes() {
-        match node.state {
-            NodeState::Lost { why, .. } => reasons.push(format!("{}: {why}", node.address)),
-            _ => {
-                *lost_since = None;
-                return Ok(());
+    /// Those of [`Farm::submit_with`], [`Farm::check_nodes`] and `watch`; [`Error::Tracer`] if a frame
+    /// is not what was asked for.
+    pub fn finish<E: From<Error>>(
+        &mut self,
+        farm: &mut Farm,
+        film: &mut Film,
+        watch: &mut dyn FnMut(&Film, u32) -> Result<(), E>,
+    ) -> Result<(), E> {
+        while !self.is_done() {
+            self.submit_to(farm)?;
+            match farm.wait_frame(POLL_INTERVAL) {
+                Some(frame) => match self.accept(frame) {
+                    Some(batch) => batch.add_to(film)?,
+                    None => continue,
+                },
+                None => farm.check_nodes()?,
             }
+            watch(film, self.samples_done)?;
         }
+        Ok(())
     }
-    if lost_since.get_or_insert_with(Instant::now).elapsed() < NODES_PATIENCE {
-        return Ok(());
+
+    /// Samples of each pixel that have come.
+    pub const fn samples_done(&self) -> u32 {
+        self.samples_done
     }
-    Err(Error::NoNodes(reasons.join("; ")))
+
+    /// Whether all samples have come.
+    pub const fn is_done(&self) -> bool {
+        self.samples_done >= self.spec.settings.samples
+    }
+
+    /// The picture that is rendered.
+    pub const fn spec(&self) -> &FrameSpec {
+        &self.spec
+    }
+
+    /// Samples of the next frame.
+    fn next_samples(&self) -> u32 {
+        let FrameSpec { size, settings, .. } = &self.spec;
+        let left = settings.samples.saturating_sub(self.next_sample);
+        let samples = self.frame_samples;
+        samples.map_or_else(
+            || frame_samples(*size, settings, self.passes.unwrap_or(1)).min(left),
+            |samples| samples.min(left),
+        )
+    }
+}
+
+impl SampleBatch {
+    /// Adds the samples to a film of the picture.
+    ///
+    /// # Errors
+    /// [`Error::Tracer`] if the film has another size, or the picture's format is not linear.
+    pub fn add_to(&self, film: &mut Film) -> Result<(), Error> {
+        let Frame { size, stats, .. } = &self.frame;
+        let whole = Tile {
+            x: 0,
+            y: 0,
+            width: size.width,
+            height: size.height,
+        };
+        let pixels: &[[f32; 3]] = match &self.frame.pixels {
+            Pixels::Linear(pixels) => pixels,
+            Pixels::Srgb8(_) => &[],
+        };
+        film.add(whole, pixels, self.samples)?;
+        film.count_dropped(u32::try_from(stats.dropped_samples).unwrap_or(u32::MAX));
+        Ok(())
+    }
+}
+
+/// Samples of a frame of a picture, whose tiles are traced `passes` times each: each pass is sent, so
+/// that there are as many times fewer frames. Of pictures that are denoised there are as few as can
+/// be: the filter does more with more samples.
+fn frame_samples(size: ImageSize, settings: &RenderSettings, passes: u32) -> u32 {
+    let (pixels, spp) = (size.pixels(), settings.samples);
+    let fewest = FRAME_SAMPLES_MIN.div_ceil(pixels);
+    let most = (FRAME_SAMPLES_MAX / pixels).max(1);
+    let frames = if settings.denoise { 1 } else { FRAMES };
+    let samples = (spp.div_ceil(frames) as usize).max(fewest).min(most);
+    u32::try_from(samples.saturating_mul(passes as usize)).unwrap_or(u32::MAX)
+}
+
+/// Albedo, normal and depth of each pixel of a picture of `scene`, row-major, for the AOVs of its
+/// file: a matter of moments, which this machine's processor can spare.
+///
+/// # Errors
+/// [`Error::Tracer`] if the update does not fit the scene.
+pub fn trace_aovs(scene: &Scene, spec: &FrameSpec) -> Result<Vec<Aovs>, Error> {
+    let ImageSize { width, height } = spec.size;
+    // Row by row, so that they come together without being moved.
+    let rows: Vec<Tile> = (0..height)
+        .map(|y| Tile {
+            x: 0,
+            y,
+            width,
+            height: 1,
+        })
+        .collect();
+    let job = TraceJob {
+        size: spec.size,
+        tiles: &rows,
+        settings: RenderSettings {
+            samples: spec.settings.samples.min(AOV_SAMPLES_MAX),
+            ..spec.settings
+        },
+        cancelled: &AtomicBool::new(false),
+    };
+    let mut scene = CompiledScene::new(scene)?;
+    scene.apply(&spec.update)?;
+    let hits = Mutex::new(vec![Vec::new(); rows.len()]);
+    CpuTracer::new()?.aovs(&scene, &job, &|row| {
+        let mut hits = hits.lock().unwrap_or_else(PoisonError::into_inner);
+        hits[row.index] = row.pixels;
+    })?;
+    let hits = hits.into_inner().unwrap_or_else(PoisonError::into_inner);
+    Ok(hits.concat())
 }
 
 /// A picture comes as so many frames of other samples, so that there is progress to show;
@@ -178,19 +287,22 @@ const FRAME_SAMPLES_MIN: usize = 1 << 21;
 /// and one of more is long to repeat when a node is lost. The bounds depend on the picture alone,
 /// so that it is the same bit for bit whoever traces it.
 const FRAME_SAMPLES_MAX: usize = 1 << 26;
+/// Frames in flight of a render in the background: one is traced while pixels of another travel.
+const BACKGROUND_FRAMES_MAX: usize = 2;
 /// Camera rays of a pixel of an AOV: their outlines are smooth then.
 const AOV_SAMPLES_MAX: u32 = 16;
 /// How long to wait for a frame before looking at what else there is.
-const PATIENCE: Duration = Duration::from_millis(200);
-/// How long to wait for nodes when none is left.
-const NODES_PATIENCE: Duration = Duration::from_secs(10);
+const POLL_INTERVAL: Duration = Duration::from_millis(200);
 
 #[cfg(test)]
 mod tests {
+    use carom_protocol::PixelFormat;
+    use carom_tracer::SceneUpdate;
+
     use super::*;
 
-    fn still(width: u32, height: u32, samples: u32, denoise: bool) -> Still {
-        Still {
+    fn render(width: u32, height: u32, samples: u32, denoise: bool) -> AccumulatedRender {
+        let spec = FrameSpec {
             update: SceneUpdate::default(),
             size: ImageSize::new(width, height),
             settings: RenderSettings {
@@ -198,16 +310,18 @@ mod tests {
                 denoise,
                 ..RenderSettings::default()
             },
-        }
+            format: PixelFormat::LinearF32,
+        };
+        AccumulatedRender::new(spec, Priority::Interactive)
     }
 
     /// Samples of each frame.
-    fn frames(still: &Still, passes: u32) -> Vec<u32> {
-        let mut next = 0;
+    fn frames(mut render: AccumulatedRender, passes: u32) -> Vec<u32> {
+        render.passes = Some(passes);
         std::iter::from_fn(|| {
-            let samples = still.frame_samples(next, passes);
-            next += samples;
-            (samples > 0).then_some(samples)
+            let spec = render.next_frame()?;
+            render.submitted(FrameId(u64::from(spec.settings.first_sample)));
+            Some(spec.settings.samples)
         })
         .collect()
     }
@@ -218,7 +332,7 @@ mod tests {
             for samples in [1, 2, 15, 16, 17, 64, 4096, 65_536] {
                 for denoise in [false, true] {
                     for passes in [1, 3, 1000] {
-                        let frames = frames(&still(width, height, samples, denoise), passes);
+                        let frames = frames(render(width, height, samples, denoise), passes);
                         assert_eq!(frames.iter().sum::<u32>(), samples);
                     }
                 }
@@ -227,12 +341,18 @@ mod tests {
     }
 
     #[test]
-    fn what_is_sent_does_not_grow_with_the_nodes_that_trace_each_pixel() {
-        let still = still(1280, 720, 1024, false);
-        let alone = frames(&still, 1).len();
+    fn bytes_do_not_grow_with_the_number_of_passes() {
+        let alone = frames(render(1280, 720, 1024, false), 1).len();
         for passes in 2..=16 {
-            let sent = frames(&still, passes).len() * passes as usize;
+            let sent = frames(render(1280, 720, 1024, false), passes).len() * passes as usize;
             assert!(sent < alone + passes as usize, "{sent} of {passes} nodes");
         }
+    }
+
+    #[test]
+    fn a_background_render_keeps_few_frames_in_flight() {
+        let mut render = render(32, 18, 1 << 16, false);
+        render.priority = Priority::Background;
+        assert_eq!(frames(render, 1).len(), BACKGROUND_FRAMES_MAX);
     }
 }

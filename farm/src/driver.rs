@@ -21,8 +21,14 @@ use crate::{Balancing, Distribution, FarmConfig, Frame, FrameSpec, NodeStatus};
 pub(crate) enum DriverInput {
     Link(NodeIndex, Vec<LinkEvent>),
     Scene(SceneHash, Arc<Scene>),
-    Submit(FrameId, Box<FrameSpec>, Option<Duration>),
+    Submit {
+        id: FrameId,
+        spec: Box<FrameSpec>,
+        scene: (SceneHash, Arc<Scene>),
+        deadline: Option<Duration>,
+    },
     CancelBefore(FrameId),
+    Cancel(FrameId),
     Balancing(Balancing),
     Distribution(Distribution),
     AddLocal(Arc<dyn Tracer>),
@@ -185,16 +191,20 @@ impl Driver {
                 }
             }
             DriverInput::Scene(hash, scene) => self.coordinator.set_scene(hash, scene),
-            DriverInput::Submit(id, spec, deadline) => {
-                if let Err(why) = self.coordinator.submit(now, id, *spec, self.tile_edge) {
-                    // Never: the handle checks before it sends.
-                    tracing::error!("a frame was dropped: {why}");
-                }
+            DriverInput::Submit {
+                id,
+                spec,
+                scene,
+                deadline,
+            } => {
+                let edge = self.tile_edge;
+                self.coordinator.submit(now, id, *spec, scene, edge);
                 if let Some(deadline) = deadline {
                     self.coordinator.set_deadline(id, now + deadline);
                 }
             }
             DriverInput::CancelBefore(id) => self.coordinator.cancel_before(now, id),
+            DriverInput::Cancel(id) => self.coordinator.cancel(now, id),
             DriverInput::Balancing(balancing) => self.coordinator.set_balancing(balancing),
             DriverInput::Distribution(what) => self.coordinator.set_distribution(what),
             DriverInput::AddLocal(tracer) => self.add_local(tracer),

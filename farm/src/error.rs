@@ -2,8 +2,10 @@
 
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use crate::net::peer::{CertificateFault, DisconnectReason, Role};
+use crate::node_status::NodeStatus;
 
 /// Errors of the public API. A node that fails is no error: its work goes elsewhere and
 /// [`crate::Farm::nodes`] says why.
@@ -257,9 +259,14 @@ pub enum Error {
         /// How many.
         in_flight: usize,
     },
-    /// All nodes are lost: why, one by one.
-    #[error("no node is left: {0}")]
-    NoNodes(String),
+    /// No node is connected.
+    #[error("no node has answered for {} s: {}", since.as_secs(), states(nodes))]
+    NoNodes {
+        /// For how long that has been so.
+        since: Duration,
+        /// The nodes, with the reason of each.
+        nodes: Vec<NodeStatus>,
+    },
     /// No scene has been set.
     #[error("no scene is set: call set_scene first")]
     NoScene,
@@ -288,6 +295,16 @@ impl Error {
             _ => false,
         }
     }
+}
+
+fn states(nodes: &[NodeStatus]) -> String {
+    let nodes = nodes.iter();
+    let sentences = nodes.map(|node| format!("{} {}", node.address, node.state.sentence()));
+    let sentences = sentences.collect::<Vec<_>>().join("; ");
+    if sentences.is_empty() {
+        return "the farm has none".to_owned();
+    }
+    sentences
 }
 
 fn prefix(path: Option<&Path>) -> String {

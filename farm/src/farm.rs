@@ -7,15 +7,15 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use carom_protocol::limits::{FRAMES_IN_FLIGHT_MAX, NODES_MAX, POSES_MAX, TILE_EDGE_MAX};
-use carom_protocol::{FrameId, PixelFormat, SceneHash};
-use carom_tracer::{CompiledScene, Scene, SceneError, SettingsError, Tracer};
+use carom_protocol::FrameId;
+use carom_protocol::limits::{FRAMES_IN_FLIGHT_MAX, NODES_MAX, TILE_EDGE_MAX};
+use carom_tracer::{Scene, Tracer};
 
 use crate::driver::{Driver, DriverInput};
 use crate::net::{Client, Credentials, NodeAddress, Role};
 use crate::{
-    Balancing, Distribution, Error, FarmConfig, Frame, FrameSpec, LocalNode, NodeStatus,
-    local_devices,
+    Balancing, Distribution, Error, FarmConfig, Frame, FrameSpec, LocalNode, NodeState, NodeStatus, Priority,
+    SceneHandle, Submission, local_devices,
 };
 
 /// Many nodes as one tracer.
@@ -32,10 +32,14 @@ pub struct Farm {
     credentials: PathBuf,
     /// Whether nodes can be called.
     calls: bool,
-    scene: Option<CompiledScene>,
+    scene: Option<SceneHandle>,
     /// Submitted, and neither taken whole nor cancelled; and whether they have a deadline.
     in_flight: VecDeque<(FrameId, bool)>,
-    next_frame: FrameId,
+    /// The next ids, by priority.
+    next_interactive: FrameId,
+    next_background: FrameId,
+    /// Since when [`Farm::check_nodes`] has seen no node that could trace.
+    idle_since: Option<Instant>,
 }
 
 /// What remote nodes are called with.
@@ -129,7 +133,9 @@ impl Farm {
             calls,
             scene: None,
             in_flight: VecDeque::new(),
-            next_frame: FrameId(0),
+            next_interactive: FrameId(0),
+            next_background: FrameId::BACKGROUND_FIRST,
+            idle_since: None,
         })
     }
 
@@ -138,47 +144,65 @@ impl Farm {
     /// # Errors
     /// [`Error::Tracer`] with the first rule that the scene breaks; the scene before stays.
     pub fn set_scene(&mut self, scene: &Scene) -> Result<(), Error> {
-        self.scene = Some(CompiledScene::new(scene)?);
-        let scene = Arc::new(scene.clone());
-        self.send(DriverInput::Scene(SceneHash::of(&scene), scene));
+        let scene = SceneHandle::new(scene)?;
+        let copy = Arc::clone(&scene.scene);
+        self.send(DriverInput::Scene(scene.hash, copy));
+        self.scene = Some(scene);
         Ok(())
     }
 
-    /// Asks for a picture.
-    ///
-    /// # Errors
-    /// [`Error::FramesInFlight`] if as many frames as the configuration allows have been submitted
-    /// and not been taken, [`Error::NoScene`] before the first scene, [`Error::Tracer`] if the
-    /// update does not fit the scene or a value is out of range.
-    pub fn submit(&mut self, spec: FrameSpec) -> Result<FrameId, Error> {
-        self.submit_by(spec, None)
+    /// The scene that was set last.
+    pub fn scene(&self) -> Option<&SceneHandle> {
+        self.scene.as_ref()
     }
 
-    /// Asks for a picture that is of use only if it is shown within `deadline` of now. Then it comes
-    /// as it is, with [`Frame::missing`] tiles, and again when it is whole. As soon as a picture
-    /// has had to be shown, those before it that have deadlines do not come any more.
+    /// Asks for a picture, of the highest priority and without a deadline.
     ///
     /// # Errors
-    /// As [`Farm::submit`].
-    pub fn submit_by(
+    /// As [`Farm::submit_with`].
+    pub fn submit(&mut self, spec: FrameSpec) -> Result<FrameId, Error> {
+        self.submit_with(spec, Submission::default())
+    }
+
+    /// Asks for a picture on terms of one's own. Frames of different priorities are counted apart.
+    ///
+    /// # Errors
+    /// [`Error::FramesInFlight`] if as many frames of its priority as the configuration allows, or
+    /// [`FRAMES_IN_FLIGHT_MAX`] in the background, have been submitted and not been taken,
+    /// [`Error::NoScene`] before the first scene, [`Error::Tracer`] if the update does not fit the
+    /// scene or a value is out of range.
+    pub fn submit_with(
         &mut self,
         spec: FrameSpec,
-        deadline: Option<Duration>,
+        submission: Submission,
     ) -> Result<FrameId, Error> {
-        let in_flight = self.in_flight.len();
-        if in_flight >= self.frames_in_flight_max {
+        let (next, most) = match submission.priority {
+            Priority::Interactive => (&mut self.next_interactive, self.frames_in_flight_max),
+            Priority::Background => (&mut self.next_background, FRAMES_IN_FLIGHT_MAX),
+        };
+        let is_equal = |(id, _): &&(FrameId, bool)| id.is_background() == next.is_background();
+        let in_flight = self.in_flight.iter().filter(is_equal).count();
+        if in_flight >= most {
             return Err(Error::FramesInFlight { in_flight });
         }
-        self.check(&spec)?;
-        let id = self.next_frame;
-        self.next_frame = FrameId(id.0 + 1);
+        let scene = submission.scene.or_else(|| self.scene.clone());
+        let scene = scene.ok_or(Error::NoScene)?;
+        scene.check(&spec)?;
+        let id = *next;
+        *next = FrameId(id.0 + 1);
+        let deadline = submission.deadline.filter(|_| !id.is_background());
         self.in_flight.push_back((id, deadline.is_some()));
-        self.send(DriverInput::Submit(id, Box::new(spec), deadline));
+        self.send(DriverInput::Submit {
+            id,
+            spec: Box::new(spec),
+            scene: (scene.hash, scene.scene),
+            deadline,
+        });
         Ok(id)
     }
 
-    /// The next finished frame in the order of submission, if there is one now; or one whose deadline
-    /// has passed.
+    /// The next finished frame in the order of submission, of those of equal priority, if there is one
+    /// now; or one whose deadline has passed.
     pub fn poll_frame(&mut self) -> Option<Frame> {
         loop {
             let frame = self.frames.try_recv().ok()?;
@@ -206,21 +230,56 @@ impl Farm {
         None
     }
 
-    /// Drops all frames before `id`, also finished ones that have not been taken.
+    /// Drops all frames before `id`, also finished ones that have not been taken, but for those in the
+    /// background.
     pub fn cancel_before(&mut self, id: FrameId) {
         self.in_flight.retain(|(frame, _)| *frame >= id);
         self.send(DriverInput::CancelBefore(id));
     }
 
-    /// Frames that have been submitted and neither been taken whole nor cancelled.
+    /// Drops one frame.
+    pub fn cancel(&mut self, id: FrameId) {
+        self.in_flight.retain(|(frame, _)| *frame != id);
+        self.send(DriverInput::Cancel(id));
+    }
+
+    /// Frames that have been submitted and neither been taken whole nor cancelled, but for those in the
+    /// background.
     pub fn in_flight(&self) -> usize {
-        self.in_flight.len()
+        let is_interactive = |(id, _): &&(FrameId, bool)| !id.is_background();
+        self.in_flight.iter().filter(is_interactive).count()
     }
 
     /// How the nodes are, local ones first; at most 20 ms old.
     pub fn nodes(&self) -> Vec<NodeStatus> {
         let statuses = self.statuses.lock().unwrap_or_else(PoisonError::into_inner);
         statuses.clone()
+    }
+
+    /// Gives up on nodes, for programs that wait for them: to be called now and then while no frame
+    /// comes.
+    ///
+    /// # Errors
+    /// [`Error::NoNodes`] when none has been connected for a minute, or for ten seconds if all are lost.
+    pub fn check_nodes(&mut self) -> Result<(), Error> {
+        let nodes = self.nodes();
+        let is_idle = |node: &NodeStatus| {
+            matches!(node.state, NodeState::Starting | NodeState::Lost { .. })
+        };
+        if !nodes.iter().all(is_idle) {
+            self.idle_since = None;
+            return Ok(());
+        }
+        let is_lost = |node: &NodeStatus| matches!(node.state, NodeState::Lost { .. });
+        let patience = match nodes.iter().all(is_lost) {
+            true => LOST_PATIENCE,
+            false => START_PATIENCE,
+        };
+        let since = self.idle_since.get_or_insert_with(Instant::now).elapsed();
+        if since < patience {
+            return Ok(());
+        }
+        Err(Error::NoNodes { since, nodes })
     }
 
     /// Divides frames in another way from the next one on.
@@ -263,6 +322,7 @@ impl Farm {
     }
 
     fn take(&mut self, frame: Frame) -> Option<Frame> {
+        self.idle_since = None;
         // A frame that is not in flight was cancelled while it was on its way here.
         let place = self.in_flight.iter().position(|(id, _)| *id == frame.id)?;
         let (_, has_deadline) = self.in_flight[place];
@@ -274,28 +334,6 @@ impl Farm {
             self.in_flight.retain(comes);
         }
         Some(frame)
-    }
-
-    fn check(&mut self, spec: &FrameSpec) -> Result<(), Error> {
-        let scene = self.scene.as_mut().ok_or(Error::NoScene)?;
-        spec.size.validate()?;
-        spec.settings.validate()?;
-        if spec.update.poses.len() > POSES_MAX {
-            let fault = SceneError::TooMany {
-                what: "poses",
-                count: spec.update.poses.len(),
-                max: POSES_MAX,
-            };
-            return Err(carom_tracer::Error::InvalidUpdate(fault).into());
-        }
-        if let PixelFormat::Srgb8 { exposure } = spec.format
-            && !(exposure > 0.0 && exposure.is_finite())
-        {
-            let fault = SettingsError::Exposure(exposure);
-            return Err(carom_tracer::Error::InvalidSettings(fault).into());
-        }
-        scene.apply(&spec.update)?;
-        Ok(())
     }
 
     fn send(&self, input: DriverInput) {
@@ -339,3 +377,8 @@ fn validate(config: &FarmConfig) -> Result<(), Error> {
     }
     Ok(())
 }
+
+/// How long to wait for a first node: a GPU takes a second to start, a call some seconds to fail.
+const START_PATIENCE: Duration = Duration::from_secs(60);
+/// How long to wait for nodes when all are lost.
+const LOST_PATIENCE: Duration = Duration::from_secs(10);

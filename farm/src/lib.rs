@@ -39,7 +39,7 @@
 //! Submitting never waits, several frames are in flight at once, and nodes may come, slow down or
 //! die meanwhile: see [`Farm`]. How work is divided is in [`balancer`].
 
-pub mod accumulated_render;
+mod accumulated_render;
 pub mod backend;
 pub mod balancer;
 pub mod balancing;
@@ -59,8 +59,9 @@ pub mod node;
 pub mod node_status;
 pub mod pacing;
 pub mod stats;
+mod submission;
 
-pub use accumulated_render::Still;
+pub use accumulated_render::{AccumulatedRender, SampleBatch, trace_aovs};
 pub use balancing::{Algorithm, Balancing, Distribution};
 pub use carom_protocol::{FrameId, NodeInfo, PixelFormat, PixelPrecision, PrecisionRange};
 pub use config::{FarmConfig, LocalNode};
@@ -69,3 +70,4 @@ pub use farm::Farm;
 pub use frame::{Frame, FrameSpec, Pixels};
 pub use node_status::{NodeIndex, NodeState, NodeStatus};
 pub use stats::{Delivery, FrameStats, LatencySplit, NodeEffort};
+pub use submission::{Priority, SceneHandle, Submission};

@@ -22,6 +22,16 @@ pub struct SceneHash(pub [u8; 32]);
 )]
 pub struct FrameId(pub u64);
 
+impl FrameId {
+    /// First id of frames in the background, which are served after all others: the upper half.
+    pub const BACKGROUND_FIRST: Self = Self(1 << 63);
+
+    /// Whether it is served after all frames below [`FrameId::BACKGROUND_FIRST`].
+    pub const fn is_background(self) -> bool {
+        self.0 >= Self::BACKGROUND_FIRST.0
+    }
+}
+
 /// A request of one client to one node; never used twice on a connection.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize,

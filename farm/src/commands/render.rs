@@ -6,7 +6,10 @@ use std::time::Duration;
 
 use anyhow::Context;
 use carom_farm::net::{self, NodeAddress};
-use carom_farm::{Balancing, Distribution, Farm, FarmConfig, LocalNode, Still};
+use carom_farm::{
+    AccumulatedRender, Balancing, Distribution, Farm, FarmConfig, FrameSpec, LocalNode,
+    PixelFormat, Priority, trace_aovs,
+};
 use carom_tracer::film::Film;
 use carom_tracer::{Aovs, ImageSize, Preset, RenderSettings, Scene, SceneUpdate};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -85,8 +88,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Failure> {
     farm.set_scene(&named.scene)?;
     let interrupted = net::interruption().context("Ctrl-C")?;
     let mut progress = RenderProgress::resume(&named.scene, args)?;
-    let still = args.still();
-    let traced = progress.trace(&mut farm, &still, &mut || {
+    let spec = args.frame_spec();
+    let traced = progress.trace(&mut farm, &spec, &mut || {
         interrupted.load(Ordering::Relaxed)
     });
     drop(farm);
@@ -105,7 +108,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Failure> {
     }
     let layered = args.out.iter().any(|out| out.format == PictureFormat::Exr);
     let hits = if layered {
-        still.aovs(&named.scene)?
+        trace_aovs(&named.scene, &spec)?
     } else {
         Vec::new()
     };
@@ -127,7 +130,7 @@ impl RenderProgress {
     /// Starts from the checkpoint of the same picture if there is one.
     fn resume(scene: &Scene, args: &RenderArgs) -> Result<Self, Failure> {
         let period = Duration::from_secs(args.checkpoint_secs.into());
-        let settings = args.still().settings;
+        let settings = args.frame_spec().settings;
         let out = &args.out[0].path;
         let mut checkpoint = Checkpoint::new(out, scene, args.size, settings, period);
         let resumed = checkpoint.resume()?;
@@ -150,13 +153,14 @@ impl RenderProgress {
     fn trace(
         &mut self,
         farm: &mut Farm,
-        still: &Still,
+        spec: &FrameSpec,
         interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<(), Failure> {
-        let bar = progress_bar(still.settings.samples);
+        let bar = progress_bar(spec.settings.samples);
         bar.set_position(self.samples_done.into());
         bar.reset_eta();
-        let from = self.samples_done;
+        let render = AccumulatedRender::new(spec.clone(), Priority::Interactive);
+        let mut render = render.resume(self.samples_done);
         let (checkpoint, samples_done) = (&mut self.checkpoint, &mut self.samples_done);
         let mut watch = |film: &Film, done: u32| {
             if done > *samples_done {
@@ -169,7 +173,7 @@ impl RenderProgress {
             }
             Ok(())
         };
-        still.trace(farm, &mut self.film, from, &mut watch)?;
+        render.finish(farm, &mut self.film, &mut watch)?;
         bar.finish_and_clear();
         Ok(())
     }
@@ -191,8 +195,8 @@ impl RenderArgs {
         }
     }
 
-    fn still(&self) -> Still {
-        Still {
+    fn frame_spec(&self) -> FrameSpec {
+        FrameSpec {
             update: SceneUpdate::default(),
             size: self.size,
             settings: RenderSettings {
@@ -202,6 +206,7 @@ impl RenderArgs {
                 seed: self.seed,
                 denoise: self.denoise,
             },
+            format: PixelFormat::LinearF32,
         }
     }
 }

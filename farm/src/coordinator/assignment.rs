@@ -9,7 +9,7 @@
 //! [`super::recovery`].
 
 use carom_protocol::limits::REQUESTS_QUEUED_MAX;
-use carom_protocol::{RequestId, SceneHash};
+use carom_protocol::{FrameId, RequestId, SceneHash};
 use carom_tracer::{TileGrid, TileRange};
 
 use super::cost_map::CostMap;
@@ -20,7 +20,9 @@ use super::node_table::NodeTable;
 use super::partition::{Partition, WorkMap};
 use super::recovery::Recovery;
 use super::sample_passes::{SamplePasses, passes_for};
-use crate::balancer::{Balancers, CostModel, Division, Estimator, Pull, RequestOutcome, Shares};
+use crate::balancer::{
+    Balancers, CostModel, Division, Estimate, Estimator, Pull, RequestOutcome, Shares,
+};
 use crate::balancing::{Algorithm, Balancing, Distribution};
 use crate::node_status::NodeIndex;
 
@@ -88,10 +90,27 @@ impl Assigner {
         }
     }
 
-    /// Predicted work of a picture's tiles in one pass.
-    pub(super) fn predict(&mut self, grid: TileGrid, samples: u32) -> (SamplePasses, WorkMap) {
+    /// Predicted work of a frame's tiles in one pass.
+    pub(super) fn predict(
+        &mut self,
+        id: FrameId,
+        grid: TileGrid,
+        samples: u32,
+    ) -> (SamplePasses, WorkMap) {
         let passes = SamplePasses::one(grid, samples);
-        (passes, WorkMap::new(passes, self.costs.normalized(grid)))
+        let work = if id.is_background() {
+            // Of another size, it would make the map begin anew each time; and it is not divided by
+            // predictions.
+            WorkMap::new(passes, &vec![1.0; grid.len() as usize])
+        } else {
+            WorkMap::new(passes, self.costs.normalized(grid))
+        };
+        (passes, work)
+    }
+
+    /// Whether nodes take a frame's tiles as they can.
+    fn is_pooled(&self, frame: &FrameInFlight) -> bool {
+        self.balancing.algorithm == Algorithm::Pull || frame.id.is_background()
     }
 
     /// Assigns all tiles that nobody holds, as far as there are nodes for them: whole frames, and what
@@ -113,6 +132,14 @@ impl Assigner {
             let unassigned = self.unassigned(nodes, frame);
             let eligible = self.eligible(nodes, frame);
             if unassigned.is_empty() || eligible.is_empty() {
+                continue;
+            }
+            if frame.is_assigned && frame.id.is_background() {
+                frame.count_lost(&unassigned);
+                frame.pool.extend(unassigned);
+                for node in &eligible {
+                    self.pull_from(now, nodes, *node, frame, recovery, dispatcher);
+                }
                 continue;
             }
             if frame.is_assigned {
@@ -147,10 +174,11 @@ impl Assigner {
                 }
             }
         }
-        if self.balancing.algorithm == Algorithm::Pull {
-            held[frame.pool.first as usize..frame.pool.end() as usize].fill(true);
-        } else {
-            frame.pool.count = 0;
+        if !self.is_pooled(frame) {
+            frame.pool.clear();
+        }
+        for range in &frame.pool {
+            held[range.first as usize..range.end() as usize].fill(true);
         }
         let buffer = frame.buffer.as_ref();
         buffer.map_or_else(Vec::new, |buffer| {
@@ -184,6 +212,10 @@ impl Assigner {
         eligible: &[NodeIndex],
         period_secs: f64,
     ) -> Option<Vec<NodeShare>> {
+        if frame.id.is_background() {
+            frame.pool = vec![frame.passes.all()];
+            return None;
+        }
         let candidates = nodes.candidates(now, frame.id, eligible);
         let passes = passes_for(self.distribution, &frame.spec, &candidates);
         if passes > 1 {
@@ -199,7 +231,7 @@ impl Assigner {
         let balancer = self.balancers.get_mut(self.balancing.algorithm);
         match balancer.divide(&division) {
             Shares::Pool => {
-                frame.pool = frame.passes.all();
+                frame.pool = vec![frame.passes.all()];
                 None
             }
             Shares::Work(shares) => {
@@ -272,11 +304,10 @@ impl Assigner {
         recovery: &Recovery,
         dispatcher: &mut Dispatcher,
     ) {
-        if self.balancing.algorithm != Algorithm::Pull {
-            return;
-        }
         for frame in frames.unfinished_mut() {
-            self.pull_from(now, nodes, node, frame, recovery, dispatcher);
+            if self.is_pooled(frame) {
+                self.pull_from(now, nodes, node, frame, recovery, dispatcher);
+            }
         }
     }
 
@@ -314,6 +345,9 @@ impl Assigner {
         workload.estimator.observe(&observation);
         if request.tiles_received == request.tiles.count {
             workload.arrivals.observe_whole(request);
+        }
+        if request.frame.is_background() {
+            return; // its tiles say nothing of those that are divided by predictions
         }
         if let Some(cost) = workload.estimator.delivered() {
             // What the node says counts only within the request; how long the whole took is what its
@@ -384,22 +418,35 @@ fn probe(
 /// What a node takes next from the pool of a frame, if anything.
 fn portion(nodes: &NodeTable, index: NodeIndex, frame: &mut FrameInFlight) -> Option<TileRange> {
     let node = &nodes[index];
-    if frame.pool.count == 0 || !node.is_usable(frame.scene.0) {
+    let range = *frame.pool.last()?;
+    if !node.is_usable(frame.scene.0) {
         return None;
     }
-    let pool = frame.work.of(frame.pool);
+    let pool = frame.work.of_all(&frame.pool);
     let tile = frame.work.mean_tile();
-    let free = Pull::credit(node.workload.estimate(), tile) - node.workload.outstanding();
-    if free <= 0.0 {
-        return None;
-    }
+    let estimate = node.workload.estimate();
+    let outstanding = node.workload.outstanding();
     let open = nodes.iter().filter(|(_, node)| node.is_open()).count();
-    let portion = Pull::portion(pool, open, tile).min(free);
-    let first = frame.pool.first;
+    let portion = if frame.id.is_background() {
+        // Of equal time on all nodes, and whole: a GPU is slow with a tile at a time.
+        let secs = |cost: Estimate| BACKGROUND_SECS_MAX / cost.secs_per_work;
+        let most = estimate.map_or(tile, secs).max(tile);
+        let fair = pool / (2 * open.max(1)) as f64;
+        (outstanding < Pull::credit(estimate, most)).then(|| fair.clamp(tile, most))?
+    } else {
+        let free = Pull::credit(estimate, tile) - outstanding;
+        (free > 0.0).then(|| Pull::portion(pool, open, tile).min(free))?
+    };
+    let first = range.first;
     let fits = |&count: &u32| frame.work.of(TileRange { first, count }) <= portion;
-    let count = (2..=frame.pool.count).take_while(fits).last().unwrap_or(1);
-    frame.pool.first += count;
-    frame.pool.count -= count;
+    let count = (2..=range.count).take_while(fits).last().unwrap_or(1);
+    frame.pool.pop();
+    if count < range.count {
+        frame.pool.push(TileRange {
+            first: first + count,
+            count: range.count - count,
+        });
+    }
     Some(TileRange { first, count })
 }
 
@@ -429,6 +476,9 @@ const PARTS_MAX: usize = 8;
 /// What a GPU is given at once takes five times as long as giving it and reading it back.
 const PART_SECS_MIN: f64 = 0.25e-3;
 
+/// Seconds that a portion of a frame in the background takes its node. An interactive frame waits for
+/// what its device has begun, on a GPU two of them: at most 15 ms, a frame at 60 a second.
+const BACKGROUND_SECS_MAX: f64 = 7.5e-3;
 /// How much later than a new partition an old one may end to be kept.
 const HYSTERESIS: f64 = 1.005;
 /// Frames between the probes of a node that gets no share.

@@ -31,7 +31,7 @@ pub(super) struct FrameInFlight {
     /// What more than one node has been asked for.
     pub(super) reissued: Vec<TileRange>,
     /// Tiles that nodes have not taken yet, where they take them as they can.
-    pub(super) pool: TileRange,
+    pub(super) pool: Vec<TileRange>,
     /// When it should be whole.
     pub(super) target: f64,
     /// How long it should take when it is assigned.
@@ -84,7 +84,7 @@ impl FrameInFlight {
             submitted: now,
             is_assigned: false,
             reissued: Vec::new(),
-            pool: TileRange { first: 0, count: 0 },
+            pool: Vec::new(),
             target: f64::INFINITY,
             planned_secs: f64::INFINITY,
             evaluate_at: None,
@@ -104,6 +104,14 @@ impl FrameInFlight {
         self.buffer = Some(FrameBuffer::new(passes, self.spec.format));
         self.stats.passes = count;
         self.passes = passes;
+    }
+
+    /// Counts tiles that nobody holds any more and that are requested again.
+    pub(super) fn count_lost(&mut self, tiles: &[TileRange]) {
+        let lost = tiles.iter().map(|range| range.count).sum::<u32>();
+        self.stats.reissued_tiles += lost;
+        self.stats.lost_tiles += lost;
+        self.reissued.extend(tiles);
     }
 
     /// Counts time that a node worked on it.

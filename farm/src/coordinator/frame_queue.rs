@@ -1,4 +1,8 @@
-//! Frames in flight in the order of submission, the pace at which they come, and their deadlines.
+//! Frames in flight in the order in which they are served, the pace at which they come, and their
+//! deadlines.
+//!
+//! Frames in the background come after all others, and their ids are above those of all others: so
+//! nodes, which turn to the oldest frame first, serve them last as well.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -18,7 +22,12 @@ pub(super) struct FrameQueue {
 
 impl FrameQueue {
     pub(super) fn push(&mut self, frame: FrameInFlight) {
-        let overlaps = self.unfinished().next().is_some();
+        if frame.id.is_background() {
+            self.frames.push_back(frame);
+            return;
+        }
+        let is_interactive = |earlier: &FrameInFlight| !earlier.id.is_background();
+        let overlaps = self.unfinished().any(is_interactive);
         let interval = self.last_submit.map(|last| frame.submitted - last);
         self.last_submit = Some(frame.submitted);
         self.period_secs = match (overlaps, interval, self.period_secs) {
@@ -27,14 +36,35 @@ impl FrameQueue {
             (true, new, None) => new,
             (true, None, old) => old,
         };
-        self.frames.push_back(frame);
+        let place = self.oldest(true).unwrap_or(self.frames.len());
+        self.frames.insert(place, frame);
     }
 
-    /// The oldest frame, if it is finished.
+    /// The oldest frame, or the oldest in the background, if it is finished.
     pub(super) fn pop_finished(&mut self) -> Option<Frame> {
-        let frame = self.frames.front_mut()?.finished.take()?;
-        self.frames.pop_front();
-        Some(frame)
+        self.pop_oldest(false).or_else(|| self.pop_oldest(true))
+    }
+
+    fn pop_oldest(&mut self, is_background: bool) -> Option<Frame> {
+        let place = self.oldest(is_background)?;
+        let finished = self.frames[place].finished.take()?;
+        self.frames.remove(place);
+        Some(finished)
+    }
+
+    /// Whether there are frames in the background that are not finished.
+    pub(super) fn has_background(&self) -> bool {
+        self.unfinished().any(|frame| frame.id.is_background())
+    }
+
+    /// Place of the oldest frame that is in the background, or is not.
+    fn oldest(&self, is_background: bool) -> Option<usize> {
+        let mut frames = self.frames.iter();
+        frames.position(|frame| frame.id.is_background() == is_background)
+    }
+
+    pub(super) fn remove(&mut self, id: FrameId) {
+        self.frames.retain(|frame| frame.id != id);
     }
 
     pub(super) fn drop_before(&mut self, id: FrameId) {
@@ -103,7 +133,7 @@ impl FrameQueue {
         frame.deadline = None;
         match frame.finished.take() {
             Some(whole) => {
-                self.frames.retain(|frame| frame.id != id);
+                self.remove(id);
                 Some(whole)
             }
             None => frame.partial_frame(now),
@@ -177,6 +207,31 @@ mod tests {
         deliver(&mut queue, 0, 0, 2);
         let ids = [0; 2].map(|_| queue.pop_finished().unwrap().id.0);
         assert_eq!(ids, [0, 1]);
+        assert_eq!(queue.unfinished().count(), 1);
+    }
+
+    #[test]
+    fn background_frames_are_served_last() {
+        let mut queue = FrameQueue::default();
+        let first = FrameId::BACKGROUND_FIRST.0;
+        for (id, submitted) in [
+            (0, 0.0),
+            (first, 0.01),
+            (1, 0.1),
+            (first + 1, 0.15),
+            (2, 0.2),
+        ] {
+            queue.push(frame(id, submitted));
+        }
+        let order: Vec<u64> = queue.unfinished().map(|frame| frame.id.0).collect();
+        assert_eq!(order, [0, 1, 2, first, first + 1]);
+        assert!((queue.period_secs() - 0.1).abs() < 1e-12);
+        deliver(&mut queue, first + 1, 0, 2);
+        assert!(queue.pop_finished().is_none());
+        deliver(&mut queue, first, 0, 2);
+        let ids = [0; 2].map(|_| queue.pop_finished().unwrap().id.0);
+        assert_eq!(ids, [first, first + 1]);
+        queue.drop_before(FrameId(2));
         assert_eq!(queue.unfinished().count(), 1);
     }
 

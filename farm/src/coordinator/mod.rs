@@ -45,7 +45,6 @@ use self::node_entry::ConnectionState;
 use self::node_table::NodeTable;
 use self::recovery::{Recovery, cancel_redundant};
 use crate::balancing::{Balancing, Distribution};
-use crate::error::Error;
 use crate::frame::{Frame, FrameSpec};
 use crate::link::{LinkCommand, LinkEvent};
 use crate::node_status::{NodeIndex, NodeStatus};
@@ -117,27 +116,26 @@ impl Coordinator {
         self.scene = Some((hash, scene));
     }
 
-    /// Accepts a frame, of a tile grid with `tile_edge`. Its id must be above all before it.
-    ///
-    /// # Errors
-    /// [`Error::NoScene`] if no scene has been set.
+    /// Accepts a frame of `scene`, of a tile grid with `tile_edge`. Its id must be above all before it,
+    /// of those in the background or of the others.
     pub fn submit(
         &mut self,
         now: Duration,
         id: FrameId,
         spec: FrameSpec,
+        scene: (SceneHash, Arc<Scene>),
         tile_edge: u16,
-    ) -> Result<(), Error> {
+    ) {
         let now = now.as_secs_f64();
-        let scene = self.scene.clone().ok_or(Error::NoScene)?;
         let grid = TileGrid::new(spec.size, tile_edge);
-        let (passes, work) = self.assigner.predict(grid, spec.settings.samples);
-        self.recovery.budget.add_frame(work.of(passes.all()));
+        let (passes, work) = self.assigner.predict(id, grid, spec.settings.samples);
+        if !id.is_background() {
+            self.recovery.budget.add_frame(work.of(passes.all()));
+        }
         let frame = FrameInFlight::new(now, id, spec, scene, passes, work);
         self.frames.push(frame);
         self.has_unassigned = true;
         self.advance(now);
-        Ok(())
     }
 
     /// Hands the frame over at `at` as it is, if it is not whole by then. Deadlines of later frames
@@ -151,6 +149,14 @@ impl Coordinator {
         let now = now.as_secs_f64();
         self.frames.drop_before(id);
         self.dispatcher.cancel_before(now, &mut self.nodes, id);
+        self.advance(now);
+    }
+
+    /// Drops one frame.
+    pub fn cancel(&mut self, now: Duration, id: FrameId) {
+        let now = now.as_secs_f64();
+        self.frames.remove(id);
+        self.dispatcher.cancel_frame(now, &mut self.nodes, id);
         self.advance(now);
     }
 
@@ -181,7 +187,8 @@ impl Coordinator {
         match event {
             ClientEvent::Welcome(info) => {
                 node.open(now, info);
-                if let Some((hash, scene)) = &self.scene {
+                let unfinished = self.frames.unfinished().map(|frame| &frame.scene);
+                for (hash, scene) in unfinished.chain(&self.scene) {
                     self.dispatcher.send_scene(index, *hash, scene);
                 }
                 self.ping(now, index);
@@ -361,6 +368,8 @@ impl Coordinator {
     fn close(&mut self, now: f64, index: NodeIndex, id: RequestId) {
         self.assigner.learn(&mut self.nodes, index, id);
         self.has_unassigned |= self.nodes[index].close(now, id);
+        // A request that was cancelled or refused frees its node, and no tiles may come that tell.
+        self.has_unassigned |= self.frames.has_background();
     }
 
     /// Assigns what nobody holds, and delivers what is finished.

@@ -64,10 +64,7 @@ impl Recovery {
         helpers: &[NodeIndex],
         dispatcher: &mut Dispatcher,
     ) {
-        let lost = tiles.iter().map(|range| range.count).sum::<u32>();
-        frame.stats.reissued_tiles += lost;
-        frame.stats.lost_tiles += lost;
-        frame.reissued.extend(tiles);
+        frame.count_lost(tiles);
         let models = WaterFilling::cost_models(&Division {
             work: frame.work.of_all(tiles),
             tile_work: frame.work.mean_tile(),
@@ -100,7 +97,8 @@ impl Recovery {
     /// Sets the time of a frame's next evaluation: when the next message is late.
     pub(super) fn schedule(&self, now: f64, nodes: &NodeTable, frame: &mut FrameInFlight) {
         frame.evaluate_at = None;
-        if frame.buffer.is_none() || !nodes.hedged {
+        // Nobody waits for a frame in the background: only tiles that are lost are traced again.
+        if frame.buffer.is_none() || !nodes.hedged || frame.id.is_background() {
             return;
         }
         let newcomer = nodes.newcomer();

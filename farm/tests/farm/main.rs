@@ -2,13 +2,16 @@
 //! happen to nodes while it is traced.
 
 mod multi_device;
+mod progressive;
 mod samples;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use carom_farm::{Algorithm, Balancing, Error, Farm, FarmConfig, Frame, FrameSpec, Pixels};
+use carom_farm::{
+    Algorithm, Balancing, Error, Farm, FarmConfig, Frame, FrameSpec, Pixels, Submission,
+};
 use carom_protocol::PixelFormat;
 use carom_tracer::{
     CompiledScene, DeviceInfo, ImageSize, ObjectPose, RenderSettings, Scene, SceneUpdate, Tile,
@@ -159,8 +162,11 @@ fn a_picture_that_must_be_shown_comes_as_it_is_and_again_when_it_is_whole() {
     let hanging = PatternTracer::new().with_fault(DeviceFault::Hang(gate.clone()), 20);
     let mut farm = farm(vec![hanging, PatternTracer::new()]);
     farm.set_balancer(Algorithm::Equal.unhedged());
-    let deadline = Some(Duration::from_millis(40));
-    let id = farm.submit_by(spec(3), deadline).unwrap();
+    let submission = Submission {
+        deadline: Some(Duration::from_millis(40)),
+        ..Submission::default()
+    };
+    let id = farm.submit_with(spec(3), submission).unwrap();
     let part = farm.wait_frame(PATIENCE).expect("a part");
     assert_eq!((part.id, farm.in_flight()), (id, 1));
     let late: usize = part.missing.iter().map(|tile| tile.pixels()).sum();

@@ -7,7 +7,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use carom_farm::net::{
-    Authority, Client, Credentials, LinkCommand, LinkEvent, NodeServer, Role, StopHandle,
+    Authority, Client, Credentials, LinkCommand, LinkEvent, NodeLink, NodeServer, Role, StopHandle,
     create_farm,
 };
 use carom_farm::node::Node;
@@ -240,24 +240,36 @@ fn a_node_that_restarts_on_its_port_is_found_again() {
     let mut farm = farm(dir.path(), &[address]);
     let first = frame(&mut farm, PixelFormat::LinearF32);
     drop(oak);
-    let lost = wait_until(&farm, is_lost);
-    let why = "the node is shutting down".to_owned();
-    assert!(
-        lost.to_string().ends_with("tried again within 1 s)"),
-        "{lost}"
-    );
-    let NodeState::Lost {
-        why: given,
-        retry_secs: Some(1),
-    } = lost
-    else {
-        panic!("{lost:?}");
-    };
-    assert_eq!(given, why);
+    wait_until(&farm, is_lost);
     let _oak = RunningNode::start(&authority, address);
     let second = frame(&mut farm, PixelFormat::LinearF32);
     assert!(first.pixels == second.pixels);
     wait_until(&farm, NodeState::is_ready);
+}
+
+#[test]
+fn a_node_that_stops_gives_its_reason() {
+    let dir = tempfile::tempdir().unwrap();
+    create_farm(dir.path()).unwrap();
+    let authority = Authority::load(dir.path()).unwrap();
+    let oak = RunningNode::start(&authority, any_port());
+    let (_link, heard) = link(dir.path(), oak.address);
+    let next = || heard.recv_timeout(TIMEOUT).expect("an event");
+    assert_eq!(next(), LinkEvent::Connecting);
+    let welcome = next();
+    assert!(
+        matches!(welcome, LinkEvent::Session(ClientEvent::Welcome(_))),
+        "{welcome:?}"
+    );
+    drop(oak);
+    let LinkEvent::Lost { why, retry } = next() else {
+        panic!("the node is gone");
+    };
+    assert_eq!(why, "the node is shutting down");
+    assert!(
+        retry.is_some_and(|pause| pause <= Duration::from_secs(1)),
+        "{retry:?}"
+    );
 }
 
 #[test]
@@ -285,6 +297,20 @@ fn a_silent_node_is_lost_with_advice() {
     assert!(why.contains("firewall"), "{why}");
 }
 
+/// A player's link to a node, and its events.
+fn link(farm: &Path, node: SocketAddr) -> ((Client, NodeLink), mpsc::Receiver<LinkEvent>) {
+    let player = Credentials::load(farm, Role::Player).unwrap();
+    let client = Client::new(&player).unwrap();
+    let (events, heard) = mpsc::channel();
+    let address = node.to_string().parse().unwrap();
+    let link = client.link(address, PrecisionRange::EXACT, move |all| {
+        for event in all {
+            let _ = events.send(event);
+        }
+    });
+    ((client, link), heard)
+}
+
 /// A scene of half a megabyte: its node says how much of it has come, and at last that all has.
 #[test]
 fn a_node_reports_the_progress_of_a_long_scene() {
@@ -300,15 +326,7 @@ fn a_node_reports_the_progress_of_a_long_scene() {
         ..ball.clone()
     }));
     let hash = SceneHash::of(&scene);
-    let player = Credentials::load(dir.path(), Role::Player).unwrap();
-    let client = Client::new(&player).unwrap();
-    let (events, heard) = mpsc::channel();
-    let address = node.address.to_string().parse().unwrap();
-    let link = client.link(address, PrecisionRange::EXACT, move |all| {
-        for event in all {
-            let _ = events.send(event);
-        }
-    });
+    let ((_client, link), heard) = link(dir.path(), node.address);
     let mut percents = Vec::new();
     loop {
         match heard.recv_timeout(TIMEOUT).expect("the scene comes") {

@@ -157,7 +157,7 @@ pub(crate) fn greeting(address: SocketAddr, authority: &Authority) -> ClientEven
     block_on(async {
         let mut call = call(address, tls(Some(&issued), b"carom/1")).await.unwrap();
         let mut session = ClientSession::new();
-        let Packet { channel, bytes } = session.poll_transmit().unwrap();
+        let Packet { channel, bytes, .. } = session.poll_transmit().unwrap();
         call.send.write_all(&framing::frame(&bytes)).await.unwrap();
         let mut deframer = framing::Deframer::new(1 << 16);
         loop {
@@ -169,7 +169,10 @@ pub(crate) fn greeting(address: SocketAddr, authority: &Authority) -> ClientEven
                 .unwrap();
             deframer.push(&chunk.bytes);
             if let Some(bytes) = deframer.next_packet().unwrap() {
-                return session.handle(Packet { channel, bytes }).unwrap().remove(0);
+                return session
+                    .handle(Packet::new(channel, bytes))
+                    .unwrap()
+                    .remove(0);
             }
         }
     })

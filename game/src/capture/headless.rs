@@ -291,7 +291,13 @@ fn render(
                 Err(error) => return Err(error.into()),
             }
         }
-        let frame = next_frame(farm, interrupted)?;
+        let frame = loop {
+            proceed(interrupted)?;
+            match farm.wait_frame(POLL_INTERVAL) {
+                Some(frame) => break frame,
+                None => farm.check_nodes()?,
+            }
+        };
         let Some(index) = in_flight.pop_front() else {
             bail!("the farm delivered a frame that was not requested");
         };
@@ -316,30 +322,6 @@ fn spec(footage: &ShotSequence, index: u32, settings: ReportSettings) -> FrameSp
         settings: settings.render(),
         format: PixelFormat::Srgb8 { exposure: EXPOSURE },
     }
-}
-
-/// Waits for the next frame; gives up with the nodes' own words when none comes.
-fn next_frame(farm: &mut Farm, interrupted: &AtomicBool) -> anyhow::Result<Frame> {
-    let begun = Instant::now();
-    loop {
-        proceed(interrupted)?;
-        if let Some(frame) = farm.wait_frame(Duration::from_millis(200)) {
-            return Ok(frame);
-        }
-        let nodes = farm.nodes();
-        let ready = nodes.iter().any(|node| node.state.is_ready());
-        if !ready && begun.elapsed() > PATIENCE {
-            bail!("no node is ready to trace: {}", states(&nodes));
-        }
-    }
-}
-
-fn states(nodes: &[NodeStatus]) -> String {
-    let words = |node: &NodeStatus| format!("{} {}", node.address, node.state.sentence());
-    if nodes.is_empty() {
-        return "the farm has no nodes".to_owned();
-    }
-    nodes.iter().map(words).collect::<Vec<_>>().join(", ")
 }
 
 fn bytes(frame: &Frame) -> anyhow::Result<&[u8]> {
@@ -403,5 +385,5 @@ fn progress_bar(frames: u32) -> ProgressBar {
 
 /// Of a break, where no number is given.
 const FRAMES: u32 = 48;
-/// How long to wait for a first node.
-const PATIENCE: Duration = Duration::from_secs(60);
+/// How long to wait for a frame before looking at nodes and interruptions.
+const POLL_INTERVAL: Duration = Duration::from_millis(200);

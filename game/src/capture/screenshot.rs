@@ -1,70 +1,50 @@
-//! A picture of what the window shows in full quality, traced by a farm of its own beside the game's.
-//!
-//! The game's farm goes on with the window's pictures; a node serves both.
+//! Screenshots: what the window shows in full quality, traced by the game's farm where the window leaves
+//! it time, and written as PNG and EXR by a thread.
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::thread;
 
-use carom_farm::{Farm, FarmConfig, PrecisionRange, Still};
+use anyhow::Context as _;
+use carom_farm::{
+    AccumulatedRender, Farm, Frame, FrameSpec, PixelFormat, Priority, SampleBatch, trace_aovs,
+};
 use carom_tracer::film::Film;
 use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate};
 
 use crate::capture::next_path;
 use crate::scene::scene_builder::EXPOSURE;
 
-/// A picture in the making. Dropped, it stops within a frame and leaves no file.
-#[derive(Debug)]
-pub struct Screenshot {
-    outcome: Receiver<Result<PathBuf, String>>,
-    progress: Arc<Progress>,
-    samples: u32,
-}
-
+/// The screenshot that is being taken; one at a time.
 #[derive(Debug, Default)]
-struct Progress {
-    done: AtomicU32,
-    stop: AtomicBool,
+pub struct ScreenshotSlot {
+    current: Option<Screenshot>,
 }
 
-impl Screenshot {
-    /// Begins a picture of `scene` that will lie in `folder`, as `still_0001.png` and, with layers of
-    /// albedo, normal and depth, `still_0001.exr`.
+/// A picture in the making. Dropped, it leaves no file.
+#[derive(Debug)]
+struct Screenshot {
+    render: AccumulatedRender,
+    batches: Sender<SampleBatch>,
+    outcome: Receiver<anyhow::Result<PathBuf>>,
+}
+
+impl ScreenshotSlot {
+    /// Begins a screenshot of `scene` after `update` that will lie in `folder`, as `still_0001.png` and,
+    /// with layers of albedo, normal and depth, `still_0001.exr`. One that is being taken is dropped.
     ///
     /// # Errors
     /// A sentence if the system gives no thread.
     pub fn begin(
-        config: FarmConfig,
+        &mut self,
         scene: Scene,
-        still: Still,
+        update: SceneUpdate,
+        size: ImageSize,
+        max_depth: u32,
         folder: PathBuf,
-    ) -> Result<Self, String> {
-        let (sender, outcome) = channel();
-        let progress = Arc::new(Progress::default());
-        let samples = still.settings.samples;
-        let seen = Arc::clone(&progress);
-        let run = move || {
-            let made = make(config, &scene, &still, &folder, &seen);
-            // Nobody waits any more once the receiver is gone.
-            let _ = sender.send(made.map_err(|error| format!("{error:#}")));
-        };
-        thread::Builder::new()
-            .name("screenshot".to_owned())
-            .spawn(run)
-            .map_err(|error| format!("the screenshot cannot start: {error}"))?;
-        Ok(Self {
-            outcome,
-            progress,
-            samples,
-        })
-    }
-
-    /// What is traced for a window: as it is, with little noise left.
-    pub fn of(update: SceneUpdate, size: ImageSize, max_depth: u32) -> Still {
-        Still {
+    ) -> Result<(), String> {
+        let spec = FrameSpec {
             update,
             size,
             settings: RenderSettings {
@@ -72,54 +52,94 @@ impl Screenshot {
                 max_depth,
                 ..RenderSettings::default()
             },
-        }
-    }
-
-    /// How far it is, 0 to 1.
-    pub fn share(&self) -> f32 {
-        self.progress.done.load(Ordering::Relaxed) as f32 / self.samples as f32
-    }
-
-    /// Once it is finished: where the PNG lies, or why there is none.
-    pub fn poll(&self) -> Option<Result<PathBuf, String>> {
-        match self.outcome.try_recv() {
-            Ok(outcome) => Some(outcome),
-            Err(TryRecvError::Empty) => None,
-            Err(TryRecvError::Disconnected) => Some(Err("the screenshot was cancelled".to_owned())),
-        }
-    }
-}
-
-impl Drop for Screenshot {
-    fn drop(&mut self) {
-        self.progress.stop.store(true, Ordering::Relaxed);
-    }
-}
-
-fn make(
-    config: FarmConfig,
-    scene: &Scene,
-    still: &Still,
-    folder: &Path,
-    progress: &Progress,
-) -> anyhow::Result<PathBuf> {
-    // Files are kept: exact pixels, however long they travel.
-    let mut farm = Farm::new(FarmConfig {
-        precision: PrecisionRange::EXACT,
-        ..config
-    })?;
-    farm.set_scene(scene)?;
-    let mut film = Film::new(still.size);
-    let mut watch = |_: &Film, done: u32| {
-        progress.done.store(done, Ordering::Relaxed);
-        if progress.stop.load(Ordering::Relaxed) {
-            anyhow::bail!("it was given up");
-        }
+            format: PixelFormat::LinearF32,
+        };
+        let screenshot = Screenshot::begin(scene, spec, folder);
+        let failed = |error| format!("The screenshot cannot start: {error}");
+        self.current = Some(screenshot.map_err(failed)?);
         Ok(())
-    };
-    still.trace(&mut farm, &mut film, 0, &mut watch)?;
-    drop(farm);
-    let hits = still.aovs(scene)?;
+    }
+
+    /// Requests what the farm takes. Once the screenshot is finished or has failed, a sentence for the
+    /// player.
+    pub fn advance(&mut self, farm: &mut Farm) -> Option<String> {
+        let screenshot = self.current.as_mut()?;
+        let requested = screenshot.render.submit_to(farm);
+        let outcome = match (requested, screenshot.outcome.try_recv()) {
+            (_, Ok(outcome)) => outcome,
+            (Err(error), _) => Err(error.into()),
+            (Ok(()), Err(TryRecvError::Empty)) => return None,
+            (Ok(()), Err(TryRecvError::Disconnected)) => Err(anyhow::anyhow!("its thread ended")),
+        };
+        self.cancel(farm);
+        Some(match outcome {
+            Ok(path) => format!(
+                "Saved the screenshot as {} and, with albedo, normal and depth, as .exr",
+                path.display()
+            ),
+            Err(why) => format!("Screenshot failed: {why:#}"),
+        })
+    }
+
+    /// Takes in a frame of the screenshot; others are dropped.
+    pub fn accept(&mut self, frame: Frame) {
+        if let Some(screenshot) = &mut self.current
+            && let Some(batch) = screenshot.render.accept(frame)
+        {
+            // The thread's outcome tells why it has ended, if it has.
+            let _ = screenshot.batches.send(batch);
+        }
+    }
+
+    /// Drops the screenshot.
+    pub fn cancel(&mut self, farm: &mut Farm) {
+        if let Some(mut screenshot) = self.current.take() {
+            screenshot.render.cancel(farm);
+        }
+    }
+
+    /// How much of the screenshot is traced, if one is being taken.
+    pub fn percent(&self) -> Option<u32> {
+        let render = &self.current.as_ref()?.render;
+        Some(100 * render.samples_done() / render.spec().settings.samples)
+    }
+}
+
+impl Screenshot {
+    fn begin(scene: Scene, spec: FrameSpec, folder: PathBuf) -> std::io::Result<Self> {
+        let (batches, received) = channel();
+        let (sender, outcome) = channel();
+        let render = AccumulatedRender::new(spec.clone(), Priority::Background);
+        let run = move || {
+            // Nobody waits any more once the receiver is gone.
+            let _ = sender.send(write(&received, &scene, &spec, &folder));
+        };
+        thread::Builder::new()
+            .name("screenshot".to_owned())
+            .spawn(run)?;
+        Ok(Self {
+            render,
+            batches,
+            outcome,
+        })
+    }
+}
+
+/// Sums the batches up and writes the picture once all have come.
+fn write(
+    batches: &Receiver<SampleBatch>,
+    scene: &Scene,
+    spec: &FrameSpec,
+    folder: &Path,
+) -> anyhow::Result<PathBuf> {
+    let mut film = Film::new(spec.size);
+    let mut samples = 0;
+    while samples < spec.settings.samples {
+        let batch = batches.recv().context("it was cancelled")?;
+        batch.add_to(&mut film)?;
+        samples += batch.samples;
+    }
+    let hits = trace_aovs(scene, spec)?;
     fs::create_dir_all(folder)?;
     let path = next_path(folder, "still", "png").map_err(anyhow::Error::msg)?;
     let image = film.image();
@@ -131,133 +151,92 @@ fn make(
     Ok(path)
 }
 
-/// The screenshot that is being taken; one at a time.
-#[derive(Debug)]
-pub struct ScreenshotSlot {
-    config: FarmConfig,
-    current: Option<Screenshot>,
-}
-
-impl ScreenshotSlot {
-    /// Screenshots by a farm of `config`.
-    pub fn new(config: FarmConfig) -> Self {
-        Self {
-            config,
-            current: None,
-        }
-    }
-
-    /// Begins a screenshot of `scene` after `update`, in a folder.
-    ///
-    /// # Errors
-    /// A sentence if one is being taken, or if the system gives no thread.
-    pub fn begin(
-        &mut self,
-        scene: Scene,
-        update: SceneUpdate,
-        size: ImageSize,
-        max_depth: u32,
-        folder: PathBuf,
-    ) -> Result<(), String> {
-        if self.current.is_some() {
-            return Err("A screenshot is being rendered already".to_owned());
-        }
-        let render = Screenshot::of(update, size, max_depth);
-        self.current = Some(Screenshot::begin(
-            self.config.clone(),
-            scene,
-            render,
-            folder,
-        )?);
-        Ok(())
-    }
-
-    /// A sentence for the player once the screenshot is finished.
-    pub fn poll(&mut self) -> Option<String> {
-        let outcome = self.current.as_ref()?.poll()?;
-        self.current = None;
-        Some(match outcome {
-            Ok(path) => format!(
-                "Saved the screenshot as {} and, with albedo, normal and depth, as .exr",
-                path.display()
-            ),
-            Err(why) => format!("Screenshot failed: {why}"),
-        })
-    }
-
-    /// Whether one is being taken.
-    pub fn is_taking(&self) -> bool {
-        self.current.is_some()
-    }
-}
-
 /// Noise is then a sixteenth of one path's: grain that is hardly seen.
 const SAMPLES: u32 = 256;
 
 #[cfg(test)]
 mod tests {
-    use carom_farm::LocalNode;
+    use std::time::Duration;
+
+    use carom_farm::{FarmConfig, LocalNode};
     use carom_tracer::RadianceImage;
 
     use super::*;
     use crate::scene::ball_materials::BallSet;
     use crate::scene::table_scene::TableScene;
 
-    fn begin(folder: &Path, size: ImageSize, samples: u32) -> Screenshot {
+    const SIZE: ImageSize = ImageSize::new(16, 9);
+
+    fn begin(slot: &mut ScreenshotSlot, folder: &Path) -> Farm {
         let table_scene = TableScene::room(BallSet::Classic);
-        let update = table_scene.update(table_scene.scene().camera, &[]);
-        let mut still = Screenshot::of(update, size, 5);
-        still.settings.samples = samples;
+        let scene = table_scene.scene().clone();
         let config = FarmConfig {
             local: LocalNode::Cpu,
             ..FarmConfig::default()
         };
-        Screenshot::begin(
-            config,
-            table_scene.scene().clone(),
-            still,
-            folder.to_owned(),
-        )
-        .unwrap()
+        let mut farm = Farm::new(config).unwrap();
+        farm.set_scene(&scene).unwrap();
+        let update = table_scene.update(scene.camera, &[]);
+        slot.begin(scene, update, SIZE, 5, folder.to_owned())
+            .unwrap();
+        farm
     }
 
-    #[test]
-    fn it_lies_as_png_and_exr_where_it_says() {
-        let folder = tempfile::tempdir().unwrap();
-        let size = ImageSize::new(32, 18);
-        for number in 1..=2 {
-            let taken = begin(folder.path(), size, 2);
-            let path = taken.outcome.recv().unwrap().unwrap();
-            assert_eq!(path, folder.path().join(format!("still_000{number}.png")));
-            assert_eq!(taken.share(), 1.0);
-            let exr = RadianceImage::read_exr(path.with_extension("exr")).unwrap();
-            assert_eq!(exr.size, size);
-            assert!(exr.pixels.iter().any(|pixel| pixel[1] > 0.0), "a lit table");
-            // The PNG shows the same picture.
-            let seen = folder.path().join("seen.png");
-            exr.write_png(&seen, EXPOSURE).unwrap();
-            assert_eq!(fs::read(&seen).unwrap(), fs::read(&path).unwrap());
+    /// Advances until there is a sentence.
+    fn finish(slot: &mut ScreenshotSlot, farm: &mut Farm) -> String {
+        loop {
+            if let Some(sentence) = slot.advance(farm) {
+                return sentence;
+            }
+            if let Some(frame) = farm.wait_frame(Duration::from_millis(10)) {
+                slot.accept(frame);
+            }
         }
     }
 
     #[test]
-    fn one_that_is_dropped_leaves_nothing_and_one_that_cannot_be_written_says_why() {
+    fn a_screenshot_is_a_png_and_an_exr_of_one_picture() {
         let folder = tempfile::tempdir().unwrap();
-        let endless = begin(folder.path(), ImageSize::new(640, 360), 65_536);
-        endless.progress.stop.store(true, Ordering::Relaxed);
-        assert!(
-            endless
-                .outcome
-                .recv()
-                .unwrap()
-                .unwrap_err()
-                .contains("given up")
-        );
-        drop(endless);
+        let mut slot = ScreenshotSlot::default();
+        for number in 1..=2 {
+            let mut farm = begin(&mut slot, folder.path());
+            assert_eq!(slot.percent(), Some(0));
+            let sentence = finish(&mut slot, &mut farm);
+            let path = folder.path().join(format!("still_000{number}.png"));
+            assert!(
+                sentence.contains(path.to_str().unwrap()),
+                "{sentence} of {number}"
+            );
+            assert_eq!(slot.percent(), None);
+            let exr = RadianceImage::read_exr(path.with_extension("exr")).unwrap();
+            assert_eq!(exr.size, SIZE);
+            assert!(exr.pixels.iter().any(|pixel| pixel[1] > 0.0), "a lit table");
+            let again = folder.path().join("again.png");
+            exr.write_png(&again, EXPOSURE).unwrap();
+            assert_eq!(fs::read(&again).unwrap(), fs::read(&path).unwrap());
+        }
+    }
+
+    #[test]
+    fn a_cancelled_screenshot_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut slot = ScreenshotSlot::default();
+        let mut farm = begin(&mut slot, folder.path());
+        assert_eq!(slot.advance(&mut farm), None);
+        slot.cancel(&mut farm);
+        assert!(farm.wait_frame(Duration::from_secs(60)).is_none());
+        assert_eq!(slot.advance(&mut farm), None);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn a_screenshot_that_cannot_be_written_says_why() {
+        let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("file");
         fs::write(&file, "").unwrap();
-        let taken = begin(&file, ImageSize::new(8, 8), 1);
-        assert!(taken.outcome.recv().unwrap().is_err());
+        let mut slot = ScreenshotSlot::default();
+        let mut farm = begin(&mut slot, &file);
+        let sentence = finish(&mut slot, &mut farm);
+        assert!(sentence.starts_with("Screenshot failed: "), "{sentence}");
     }
 }

@@ -1,29 +1,17 @@
-//! Sample ranges into one picture: merged in linear light and tone-mapped, on a thread of its own,
-//! for a full-size picture takes as long as several frames of the window.
+//! Accumulation of sample batches into the picture on show: summed in linear light and tone-mapped, on
+//! a thread of its own, for a full-size picture takes as long as several frames of the window.
 
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
 
+use carom_farm::{Error, SampleBatch};
+use carom_tracer::ImageSize;
 use carom_tracer::film::Film;
 use carom_tracer::tonemap::srgb8;
-use carom_tracer::{Error, ImageSize, Tile};
 
 use crate::scene::scene_builder::EXPOSURE;
 
-/// One sample range of a picture.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SampleBatch {
-    /// Which picture: ranges of the same one are merged.
-    pub series: u64,
-    /// Pixels across and down.
-    pub size: ImageSize,
-    /// Mean radiance, row-major from the top left.
-    pub radiance: Vec<[f32; 3]>,
-    /// Paths per pixel.
-    pub samples: u32,
-}
-
-/// A picture of all ranges so far.
+/// A picture of all batches so far.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AccumulatedFrame {
     /// Which picture.
@@ -32,36 +20,27 @@ pub struct AccumulatedFrame {
     pub size: ImageSize,
     /// sRGB and 255, row-major from the top left.
     pub rgba: Vec<[u8; 4]>,
-    /// Paths per pixel, of all ranges.
+    /// Samples of each pixel, of all batches.
     pub samples: u32,
 }
 
-/// Merges one picture's ranges; a range of another picture begins anew.
+/// Sums one picture's batches; a batch of another picture begins anew.
 #[derive(Debug, Default)]
 pub struct Accumulator {
     film: Option<(u64, Film)>,
 }
 
 impl Accumulator {
-    /// Adds a range to its picture.
+    /// Adds a batch to the picture `series`.
     ///
     /// # Errors
-    /// [`Error::InvalidSettings`] if its size is not that of its picture.
-    pub fn add(&mut self, batch: &SampleBatch) -> Result<(), Error> {
-        let SampleBatch { series, size, .. } = *batch;
-        if self.film.as_ref().is_none_or(|(of, _)| *of != series) {
-            self.film = Some((series, Film::new(size)));
-        }
-        let whole = Tile {
-            x: 0,
-            y: 0,
-            width: size.width,
-            height: size.height,
-        };
-        match &mut self.film {
-            Some((_, film)) => film.add(whole, &batch.radiance, batch.samples),
-            None => Ok(()),
-        }
+    /// Those of [`SampleBatch::add_to`].
+    pub fn add(&mut self, series: u64, batch: &SampleBatch) -> Result<(), Error> {
+        let film = self.film.take().filter(|(of, _)| *of == series);
+        let (_, film) = self
+            .film
+            .insert(film.unwrap_or_else(|| (series, Film::new(batch.frame.size))));
+        batch.add_to(film)
     }
 
     /// The picture so far.
@@ -83,7 +62,7 @@ impl Accumulator {
 /// An [`Accumulator`] on its own thread, which ends with this handle.
 #[derive(Debug)]
 pub struct AccumulationThread {
-    batches: Sender<SampleBatch>,
+    batches: Sender<(u64, SampleBatch)>,
     frames: Receiver<AccumulatedFrame>,
 }
 
@@ -101,10 +80,10 @@ impl AccumulationThread {
         Ok(Self { batches, frames })
     }
 
-    /// Hands a range over; its picture comes later.
-    pub fn submit(&self, batch: SampleBatch) {
-        if self.batches.send(batch).is_err() {
-            tracing::error!("the thread that merges pictures has ended");
+    /// Hands over a batch of the picture `series`, which comes later.
+    pub fn submit(&self, series: u64, batch: SampleBatch) {
+        if self.batches.send((series, batch)).is_err() {
+            tracing::error!("the thread that accumulates pictures has ended");
         }
     }
 
@@ -114,13 +93,13 @@ impl AccumulationThread {
     }
 }
 
-fn run(inbox: &Receiver<SampleBatch>, outbox: &Sender<AccumulatedFrame>) {
+fn run(inbox: &Receiver<(u64, SampleBatch)>, outbox: &Sender<AccumulatedFrame>) {
     let mut accumulator = Accumulator::default();
     while let Ok(first) = inbox.recv() {
-        // Ranges that came meanwhile share one frame: printing is the slow part.
-        for batch in std::iter::once(first).chain(inbox.try_iter()) {
-            if let Err(error) = accumulator.add(&batch) {
-                tracing::error!("a sample range is left out: {error}");
+        // Batches that came meanwhile share one frame: tone mapping is the slow part.
+        for (series, batch) in std::iter::once(first).chain(inbox.try_iter()) {
+            if let Err(error) = accumulator.add(series, &batch) {
+                tracing::error!("a batch of samples is left out: {error}");
             }
         }
         let sent = accumulator.frame().map(|frame| outbox.send(frame));
@@ -132,23 +111,26 @@ fn run(inbox: &Receiver<SampleBatch>, outbox: &Sender<AccumulatedFrame>) {
 
 #[cfg(test)]
 mod tests {
+    use carom_farm::{Frame, FrameId, FrameStats, Pixels};
+
     use super::*;
 
-    fn batch(series: u64, radiance: f32, samples: u32) -> SampleBatch {
-        let size = ImageSize::new(2, 2);
-        SampleBatch {
-            series,
-            size,
-            radiance: vec![[radiance; 3]; 4],
-            samples,
-        }
+    fn batch(radiance: f32, samples: u32) -> SampleBatch {
+        let frame = Frame {
+            id: FrameId(0),
+            size: ImageSize::new(2, 2),
+            pixels: Pixels::Linear(vec![[radiance; 3]; 4]),
+            missing: Vec::new(),
+            stats: FrameStats::default(),
+        };
+        SampleBatch { frame, samples }
     }
 
     #[test]
-    fn ranges_are_weighted_by_their_samples_in_linear_light() {
+    fn batches_are_weighted_by_samples_in_linear_light() {
         let mut accumulator = Accumulator::default();
-        accumulator.add(&batch(1, 0.0, 3)).unwrap();
-        accumulator.add(&batch(1, 0.856_164_6, 1)).unwrap();
+        accumulator.add(1, &batch(0.0, 3)).unwrap();
+        accumulator.add(1, &batch(0.856_164_6, 1)).unwrap();
         let frame = accumulator.frame().unwrap();
         // A quarter of it is 0.21404 in linear light, which is 128 in sRGB; a mean of the tone-mapped
         // values would be 60.
@@ -158,8 +140,8 @@ mod tests {
     #[test]
     fn another_picture_begins_anew() {
         let mut accumulator = Accumulator::default();
-        accumulator.add(&batch(1, 0.5, 3)).unwrap();
-        accumulator.add(&batch(2, 1.0, 1)).unwrap();
+        accumulator.add(1, &batch(0.5, 3)).unwrap();
+        accumulator.add(2, &batch(1.0, 1)).unwrap();
         let frame = accumulator.frame().unwrap();
         assert_eq!(
             (frame.series, frame.samples, frame.rgba[0]),
@@ -168,9 +150,9 @@ mod tests {
     }
 
     #[test]
-    fn the_thread_prints_what_it_is_given() {
+    fn the_thread_tone_maps_what_it_is_given() {
         let accumulation = AccumulationThread::open().unwrap();
-        accumulation.submit(batch(7, 1.0, 2));
+        accumulation.submit(7, batch(1.0, 2));
         let frame = accumulation.frames.recv().unwrap();
         assert_eq!((frame.series, frame.samples), (7, 2));
     }

@@ -6,7 +6,7 @@
 //! ```
 //! No step waits for the farm.
 
-use carom_farm::{Farm, FarmConfig, FrameId, NodeStatus};
+use carom_farm::{Farm, FarmConfig, Frame, FrameId, NodeStatus};
 use carom_tracer::{ImageSize, Scene, SceneUpdate};
 
 use crate::display::DisplayFrame;
@@ -22,7 +22,6 @@ pub struct FramePipeline {
     accumulation: AccumulationThread,
     reprojector: Reprojector,
     in_flight_max: usize,
-    last_frame: FrameId,
     /// Serial number of the frame that was drawn last.
     drawn: u64,
 }
@@ -55,7 +54,6 @@ impl FramePipeline {
             reprojector: Reprojector::new(scene)?,
             farm: FarmState::start(config, scene.clone()),
             in_flight_max,
-            last_frame: FrameId::default(),
             drawn: 0,
         })
     }
@@ -73,11 +71,20 @@ impl FramePipeline {
     }
 
     /// Takes in the frames that the farm has finished; each is passed to `record` if there is one.
-    pub fn poll_farm(&mut self, mut record: Option<&mut dyn FnMut(FinishedFrame)>) {
+    /// Those that others have submitted go to `others`.
+    pub fn poll_farm(
+        &mut self,
+        mut record: Option<&mut dyn FnMut(FinishedFrame)>,
+        others: &mut dyn FnMut(Frame),
+    ) {
         let Some(farm) = self.farm.poll() else {
             return;
         };
         while let Some(frame) = farm.poll_frame() {
+            if !self.scheduler.owns(frame.id) {
+                others(frame);
+                continue;
+            }
             if let Some(record) = &mut record {
                 record(FinishedFrame {
                     id: frame.id,
@@ -87,8 +94,8 @@ impl FramePipeline {
                     nodes: farm.nodes(),
                 });
             }
-            if let Some(batch) = self.scheduler.finished(frame) {
-                self.accumulation.submit(batch);
+            if let Some((series, batch)) = self.scheduler.finished(frame) {
+                self.accumulation.submit(series, batch);
             }
         }
     }
@@ -138,22 +145,22 @@ impl FramePipeline {
             let slots = self.in_flight_max.saturating_sub(farm.in_flight());
             match self.scheduler.plan(now_secs, target, slots, scene_at) {
                 SchedulerAction::Rest => return,
-                SchedulerAction::CancelAll => farm.cancel_before(FrameId(self.last_frame.0 + 1)),
+                SchedulerAction::Cancel(frames) => frames.into_iter().for_each(|id| farm.cancel(id)),
                 SchedulerAction::Trace(request) => {
-                    match farm.submit_by(request.spec.clone(), request.deadline) {
-                        Ok(id) => self.last_frame = id,
+                    match farm.submit_with(request.spec.clone(), request.submission()) {
+                        Ok(id) => self.scheduler.submitted(id, &request),
                         Err(error) => return self.farm.fail(error.to_string()),
                     }
-                    self.scheduler.submitted(self.last_frame, &request);
                 }
             }
         }
     }
 
-    /// Drops every frame that is in flight.
+    /// Drops every frame of the window that is in flight.
     pub fn cancel_all(&mut self) {
         if let Some(farm) = self.farm.ready() {
-            farm.cancel_before(FrameId(self.last_frame.0 + 1));
+            let frames = self.scheduler.cancel_all().into_iter();
+            frames.for_each(|id| farm.cancel(id));
         }
     }
 

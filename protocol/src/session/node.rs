@@ -424,7 +424,7 @@ impl NodeSession {
         channel: Channel,
         bytes: Vec<u8>,
     ) {
-        if frame > self.newest {
+        if frame > self.newest && !frame.is_background() {
             self.newest = frame;
             self.demote_stale();
         }
@@ -462,7 +462,7 @@ impl NodeSession {
     }
 
     const fn is_stale(&self, frame: FrameId) -> bool {
-        frame.0.saturating_add(FRAMES_IN_ORDER) <= self.newest.0
+        frame.is_background() || frame.0.saturating_add(FRAMES_IN_ORDER) <= self.newest.0
     }
 
     fn drop_results(&mut self, unwanted: &[RequestId]) {

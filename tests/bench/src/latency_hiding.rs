@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, anyhow};
 use carom_farm::net::interruption;
 use carom_farm::pacing::{FrameSchedule, LeadTime, PresentationQueue};
-use carom_farm::{
+use carom_farm::{Submission,
     Balancing, Farm, FarmConfig, Frame, FrameId, FrameSpec, LocalNode, PixelFormat, Pixels,
 };
 use carom_tracer::scene::Camera;
@@ -299,7 +299,11 @@ impl<'a> RefreshLoop<'a> {
             },
             format: PixelFormat::Srgb8 { exposure: 1.0 },
         };
-        self.last = self.farm.submit_by(spec, by)?;
+        let submission = Submission {
+            deadline: by,
+            ..Submission::default()
+        };
+        self.last = self.farm.submit_with(spec, submission)?;
         self.asked.insert(self.last, moment);
         Ok(self.last)
     }

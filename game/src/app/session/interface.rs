@@ -135,7 +135,13 @@ impl GameSession {
         let ball_in_hand = self.game.ball_in_hand();
         let fault = ball_in_hand.and_then(|ball_in_hand| ball_in_hand.verdict.err());
         let refused = fault.map(|fault| fault.to_string());
-        refused.or_else(|| self.game.notice().map(str::to_owned))
+        let notice = refused.or_else(|| self.game.notice().map(str::to_owned));
+        notice.or_else(|| {
+            let percent = self.screenshot.percent()?;
+            Some(format!(
+                "Rendering the screenshot: {percent} %. Its key cancels it"
+            ))
+        })
     }
 
     fn draw_stats(

@@ -66,7 +66,7 @@ impl GameSession {
             game: Game::of(contest),
             modes: ModeController::of_player(),
             ball_set,
-            screenshot: ScreenshotSlot::new(config.clone()),
+            screenshot: ScreenshotSlot::default(),
             autosave: Autosave::default(),
             recorder: None,
             stats: Stats::new(PathBuf::from(STATS_FOLDER)),
@@ -172,8 +172,15 @@ impl GameSession {
         self.stats.set_level(self.stats.level().next());
     }
 
-    /// Takes a screenshot in full quality.
+    /// Takes a screenshot in full quality, or cancels the one that is being taken.
     pub fn take_screenshot(&mut self, now_secs: f64) {
+        let Some(farm) = self.pipeline.farm_mut() else {
+            return self.modes.notify(NOTHING_RENDERS.to_owned());
+        };
+        if self.screenshot.percent().is_some() {
+            self.screenshot.cancel(farm);
+            return self.modes.notify("The screenshot was cancelled".to_owned());
+        }
         if self.pixels.pixels() == 0 {
             return;
         }
@@ -185,10 +192,10 @@ impl GameSession {
             self.screenshot
                 .begin(scene, update, self.pixels, max_depth, folder)
         });
-        self.modes.notify(match begun {
-            Ok(()) => "A picture in full quality is being traced".to_owned(),
-            Err(why) => why,
-        });
+        if let Err(why) = begun {
+            self.modes.notify(why);
+        }
+        self.is_dirty = true;
     }
 
     /// Shows more or less of the shot to come.
@@ -346,12 +353,12 @@ impl GameSession {
 
     /// Whether nothing will change without input.
     pub fn is_at_rest(&self) -> bool {
-        let is_moving = self.modes.mode().is_moving(&self.game)
-            || self.screenshot.is_taking()
-            || self.game.is_thinking();
-        self.is_hidden || (self.pipeline.is_at_rest() && !self.is_dirty && !is_moving)
+        let is_moving = self.modes.mode().is_moving(&self.game) || self.game.is_thinking();
+        let is_still = self.pipeline.is_at_rest() && !self.is_dirty && !is_moving;
+        self.screenshot.percent().is_none() && (self.is_hidden || is_still)
     }
 }
 
 /// Where recordings of the statistics go, in the folder that the game was begun in.
 const STATS_FOLDER: &str = "carom-stats";
+const NOTHING_RENDERS: &str = "There is nothing yet that could render a screenshot";

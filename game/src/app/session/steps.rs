@@ -23,9 +23,6 @@ impl GameSession {
         }
         self.record_shot();
         self.autosave.update(self.game.contest());
-        if let Some(sentence) = self.screenshot.poll() {
-            self.modes.notify(sentence);
-        }
     }
 
     /// Keeps the shot that is played for the first time.
@@ -53,8 +50,12 @@ impl GameSession {
                 nodes: &frame.nodes,
             });
         };
-        self.pipeline
-            .poll_farm(is_shown.then_some(&mut record as &mut dyn FnMut(FinishedFrame)));
+        let record = is_shown.then_some(&mut record as &mut dyn FnMut(FinishedFrame));
+        let (screenshot, is_dirty) = (&mut self.screenshot, &mut self.is_dirty);
+        self.pipeline.poll_farm(record, &mut |frame| {
+            screenshot.accept(frame);
+            *is_dirty = true;
+        });
     }
 
     /// Takes in the frames that have been accumulated.
@@ -80,6 +81,11 @@ impl GameSession {
 
     /// Requests the next frames.
     pub fn request_frames(&mut self, now_secs: f64) {
+        if let Some(farm) = self.pipeline.farm_mut()
+            && let Some(sentence) = self.screenshot.advance(farm)
+        {
+            self.modes.notify(sentence);
+        }
         if self.is_hidden {
             return self.pipeline.cancel_all();
         }

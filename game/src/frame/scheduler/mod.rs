@@ -17,11 +17,14 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use carom_farm::pacing::{FrameSchedule, LeadTime, PresentationQueue};
-use carom_farm::{Frame, FrameId, FrameSpec, PixelFormat, Pixels};
+use carom_farm::{
+    AccumulatedRender, Frame, FrameId, FrameSpec, PixelFormat, Pixels, Priority, SampleBatch,
+    Submission,
+};
 use carom_tracer::{ImageSize, RenderSettings, SceneUpdate, Tile};
 
 use crate::display::DisplayFrame;
-use crate::frame::accumulation::{AccumulatedFrame, SampleBatch};
+use crate::frame::accumulation::AccumulatedFrame;
 use crate::frame::quality::{Quality, QualityLevel, QualityPreference};
 use crate::play::ShotClock;
 use crate::scene::scene_builder::EXPOSURE;
@@ -40,9 +43,24 @@ pub enum ViewTarget {
 pub struct FrameRequest {
     /// What to submit.
     pub spec: FrameSpec,
-    /// When it must be shown, from now on, if it must: see [`carom_farm::Farm::submit_by`].
+    /// When it must be shown, from now on, if it must: see [`Submission::deadline`].
     pub deadline: Option<Duration>,
     role: RequestKind,
+}
+
+impl FrameRequest {
+    /// Its terms: what refines a picture comes after what answers the player.
+    pub fn submission(&self) -> Submission {
+        let priority = match self.role {
+            RequestKind::Accumulation => Priority::Background,
+            RequestKind::Interactive | RequestKind::Lookahead(_) => Priority::Interactive,
+        };
+        Submission {
+            priority,
+            deadline: self.deadline,
+            scene: None,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,8 +75,8 @@ enum RequestKind {
 pub enum SchedulerAction {
     /// Nothing.
     Rest,
-    /// Drop every picture that is not finished.
-    CancelAll,
+    /// Drop these pictures.
+    Cancel(Vec<FrameId>),
     /// Trace this.
     Trace(FrameRequest),
 }
@@ -206,8 +224,7 @@ impl FrameScheduler {
         }
         let cancel = self.set_target(now_secs, target);
         if cancel && !self.pending.is_empty() {
-            self.pending.clear();
-            return SchedulerAction::CancelAll;
+            return SchedulerAction::Cancel(self.drain_pending());
         }
         if room == 0 {
             return SchedulerAction::Rest;
@@ -229,6 +246,10 @@ impl FrameScheduler {
 
     /// Toasts that `request` was submitted as `id`.
     pub fn submitted(&mut self, id: FrameId, request: &FrameRequest) {
+        if let (RequestKind::Accumulation, Some(refinement)) = (request.role, &mut self.refinement)
+        {
+            refinement.render.submitted(id);
+        }
         self.pending.push_back(PendingFrame {
             id,
             role: request.role,
@@ -237,9 +258,20 @@ impl FrameScheduler {
         });
     }
 
-    /// Takes in a finished frame; what must be merged with others goes through a
-    /// [`crate::frame::accumulation`]. Frames that have been cancelled are ignored.
-    pub fn finished(&mut self, frame: Frame) -> Option<SampleBatch> {
+    /// Forgets everything that was requested, to be cancelled by the caller, and begins anew.
+    pub fn cancel_all(&mut self) -> Vec<FrameId> {
+        self.target = None;
+        self.drain_pending()
+    }
+
+    /// Whether a frame was requested and has neither been finished nor cancelled.
+    pub fn owns(&self, id: FrameId) -> bool {
+        self.pending.iter().any(|pending| pending.id == id)
+    }
+
+    /// Takes in a finished frame; what must be summed with others goes, with the number of its picture,
+    /// through [`crate::frame::accumulation`]. Frames that have been cancelled are ignored.
+    pub fn finished(&mut self, frame: Frame) -> Option<(u64, SampleBatch)> {
         let is_frame = |pending: &PendingFrame| pending.id == frame.id;
         let place = self.pending.iter().position(is_frame)?;
         let pending = if frame.missing.is_empty() {
@@ -250,6 +282,10 @@ impl FrameScheduler {
             self.stats.late_tiles += frame.missing.len() as u64;
             self.pending[place].clone()
         };
+        if pending.role == RequestKind::Accumulation {
+            let refinement = self.refinement.as_mut()?;
+            return Some((refinement.series, refinement.render.accept(frame)?));
+        }
         let samples = pending.settings.samples;
         match (pending.role, frame.pixels) {
             (RequestKind::Interactive, Pixels::Srgb8(rgb)) => {
@@ -259,14 +295,6 @@ impl FrameScheduler {
                 let picture = self.picture_of(frame.size, opaque(&rgb), pending.update);
                 self.add_moment(frame.id, at, picture, frame.missing);
                 self.stats.samples = samples;
-            }
-            (RequestKind::Accumulation, Pixels::Linear(radiance)) => {
-                return Some(SampleBatch {
-                    series: self.refinement.as_ref()?.series,
-                    size: frame.size,
-                    radiance,
-                    samples,
-                });
             }
             // A farm that answers in another format than it was asked for breaks its contract.
             (role, _) => tracing::error!("frame {} of {role:?} has another format", frame.id.0),
@@ -401,35 +429,36 @@ impl FrameScheduler {
             self.drafted |= room;
             return room.then(|| self.level_order(update.clone(), RequestKind::Interactive));
         }
-        let moved_lately = now_secs - self.still_since_secs < STILL_SECS;
-        if moved_lately || self.pending.len() >= REFINEMENTS_MAX {
+        if now_secs - self.still_since_secs < STILL_SECS {
             return None;
         }
-        let samples = self.quality.samples_within(REFINEMENT_SECS, self.window);
-        let refinement = self.refinement.get_or_insert(AccumulationState {
+        let spec = || FrameSpec {
+            update: update.clone(),
+            size: self.window,
+            settings: RenderSettings {
+                samples: SAMPLES_MAX,
+                max_depth: self.max_depth,
+                ..RenderSettings::default()
+            },
+            format: PixelFormat::LinearF16,
+        };
+        let state = || AccumulationState {
             series: self.requests,
             update: update.clone(),
-            asked: 0,
+            render: AccumulatedRender::new(spec(), Priority::Background),
             accumulated: 0,
-        });
-        let samples = samples.min(SAMPLES_MAX - refinement.asked);
-        let first_sample = refinement.asked;
-        refinement.asked += samples;
-        (samples > 0).then(|| FrameRequest {
-            spec: FrameSpec {
-                update: update.clone(),
-                size: self.window,
-                settings: RenderSettings {
-                    samples,
-                    first_sample,
-                    max_depth: self.max_depth,
-                    ..RenderSettings::default()
-                },
-                format: PixelFormat::LinearF16,
-            },
+        };
+        let render = &mut self.refinement.get_or_insert_with(state).render;
+        render.set_frame_samples(self.quality.samples_within(REFINEMENT_SECS, self.window));
+        render.next_frame().map(|spec| FrameRequest {
+            spec,
             deadline: None,
             role: RequestKind::Accumulation,
         })
+    }
+
+    fn drain_pending(&mut self) -> Vec<FrameId> {
+        self.pending.drain(..).map(|pending| pending.id).collect()
     }
 
     fn level_order(&mut self, update: SceneUpdate, role: RequestKind) -> FrameRequest {
@@ -500,9 +529,8 @@ struct AccumulationState {
     /// The number of the draft that it refines.
     series: u64,
     update: SceneUpdate,
-    /// Sample indices below this have been asked for.
-    asked: u32,
-    /// Paths per pixel that have come back as a picture.
+    render: AccumulatedRender,
+    /// Samples of each pixel that have come back as a picture.
     accumulated: u32,
 }
 
@@ -518,5 +546,3 @@ const REFINEMENT_SECS: f64 = 0.25;
 /// Accumulation ends here: its error is a 32nd of one sample's, below a step of 8 bits.
 const SAMPLES_MAX: u32 = 1024;
 const SHOWN_SAMPLES_MIN: u32 = 2;
-/// One is traced while pixels of another travel; more would keep nodes from the next draft.
-const REFINEMENTS_MAX: usize = 3;

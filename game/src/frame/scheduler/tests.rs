@@ -66,7 +66,7 @@ impl TestBench {
                 &scene_at,
             ) {
                 SchedulerAction::Rest => break,
-                SchedulerAction::CancelAll => {
+                SchedulerAction::Cancel(_) => {
                     self.cancels += 1;
                     self.waiting.clear();
                     self.free_at_secs = self.now_secs;
@@ -81,8 +81,8 @@ impl TestBench {
             .is_some_and(|(done, _)| *done <= self.now_secs)
         {
             let (_, frame) = self.waiting.pop_front().unwrap();
-            if let Some(batch) = self.scheduler.finished(frame) {
-                self.accumulator.add(&batch).unwrap();
+            if let Some((series, batch)) = self.scheduler.finished(frame) {
+                self.accumulator.add(series, &batch).unwrap();
                 self.scheduler
                     .accumulated(self.accumulator.frame().unwrap());
             }

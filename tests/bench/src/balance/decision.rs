@@ -27,8 +27,8 @@ pub(super) struct DivisionCost {
 /// Lets a coordinator divide frames among nodes of known, unequal speeds.
 pub(super) fn measure(balancing: Balancing) -> DivisionCost {
     let mut coordinator = Coordinator::new(balancing);
-    let scene = Scene::from_json(SCENE).expect("the built-in scene is right");
-    coordinator.set_scene(HASH, Arc::new(scene));
+    let scene = Arc::new(Scene::from_json(SCENE).expect("the built-in scene is right"));
+    coordinator.set_scene(HASH, Arc::clone(&scene));
     for index in 0..NODES {
         let node = coordinator.add_node(format!("node {index}"));
         for event in [
@@ -40,7 +40,7 @@ pub(super) fn measure(balancing: Balancing) -> DivisionCost {
         }
     }
     let mut micros: Vec<f64> = (0..FRAMES)
-        .map(|frame| divide(&mut coordinator, frame))
+        .map(|frame| divide(&mut coordinator, &scene, frame))
         .collect();
     micros.sort_by(f64::total_cmp);
     DivisionCost {
@@ -52,7 +52,7 @@ pub(super) fn measure(balancing: Balancing) -> DivisionCost {
 }
 
 /// Submits a frame and answers it; the microseconds that the submission took.
-fn divide(coordinator: &mut Coordinator, frame: u64) -> f64 {
+fn divide(coordinator: &mut Coordinator, scene: &Arc<Scene>, frame: u64) -> f64 {
     let now = Duration::from_secs(frame + 1);
     let spec = FrameSpec {
         update: SceneUpdate::default(),
@@ -60,10 +60,9 @@ fn divide(coordinator: &mut Coordinator, frame: u64) -> f64 {
         settings: RenderSettings::default(),
         format: PixelFormat::LinearF32,
     };
+    let scene = (HASH, Arc::clone(scene));
     let begun = ThreadTime::now();
-    coordinator
-        .submit(now, FrameId(frame), spec, 1)
-        .expect("the scene has been set");
+    coordinator.submit(now, FrameId(frame), spec, scene, 1);
     let micros = begun.elapsed().as_secs_f64() * 1e6;
     answer_all(coordinator, now);
     micros

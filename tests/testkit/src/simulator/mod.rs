@@ -25,7 +25,7 @@ use std::time::Duration;
 
 use carom_protocol::session::ClientEvent;
 use carom_protocol::{FrameId, NodeInfo, SceneHash};
-use carom_tracer::{DeviceInfo, DeviceKind};
+use carom_tracer::{DeviceInfo, DeviceKind, Scene};
 
 pub use self::faults::{FaultRun, fault_plan, run_faults};
 use self::node::{NodeOutput, SimNode};
@@ -97,6 +97,7 @@ enum SimulationEvent {
 struct FarmSimulation<'a> {
     plan: &'a FarmPlan,
     coordinator: Coordinator,
+    scene: (SceneHash, Arc<Scene>),
     nodes: Vec<SimNode>,
     events: BinaryHeap<ScheduledEvent>,
     /// Entries there have been.
@@ -118,10 +119,12 @@ impl<'a> FarmSimulation<'a> {
     fn new(plan: &'a FarmPlan) -> Self {
         let mut coordinator = Coordinator::new(plan.balancing);
         coordinator.set_distribution(plan.distribution);
-        coordinator.set_scene(SceneHash([7; 32]), Arc::new(empty_scene()));
+        let scene = (SceneHash([7; 32]), Arc::new(empty_scene()));
+        coordinator.set_scene(scene.0, Arc::clone(&scene.1));
         let mut simulation = Self {
             plan,
             coordinator,
+            scene,
             nodes: Vec::new(),
             events: BinaryHeap::new(),
             scheduled: 0,
@@ -222,9 +225,8 @@ impl<'a> FarmSimulation<'a> {
                 self.change(*node, *change);
             }
             let spec = frame_spec(self.plan);
-            self.coordinator
-                .submit(self.now, id, spec, self.plan.tile_edge)
-                .expect("the scene has been set");
+            let (scene, edge) = (self.scene.clone(), self.plan.tile_edge);
+            self.coordinator.submit(self.now, id, spec, scene, edge);
             if let Some(at) = self.deadlines.last() {
                 self.coordinator
                     .set_deadline(id, Duration::from_secs_f64(*at));
