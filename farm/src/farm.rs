@@ -14,8 +14,8 @@ use carom_tracer::{Scene, Tracer};
 use crate::driver::{Driver, DriverInput};
 use crate::net::{Client, Credentials, NodeAddress, Role};
 use crate::{
-    Balancing, Distribution, Error, FarmConfig, Frame, FrameSpec, LocalNode, NodeState, NodeStatus, Priority,
-    SceneHandle, Submission, local_devices,
+    Balancing, Distribution, Error, FarmConfig, Frame, FrameSpec, LocalNode, NodeState, NodeStatus,
+    Priority, SceneHandle, Submission, local_devices,
 };
 
 /// Many nodes as one tracer.
@@ -263,9 +263,8 @@ impl Farm {
     /// [`Error::NoNodes`] when none has been connected for a minute, or for ten seconds if all are lost.
     pub fn check_nodes(&mut self) -> Result<(), Error> {
         let nodes = self.nodes();
-        let is_idle = |node: &NodeStatus| {
-            matches!(node.state, NodeState::Starting | NodeState::Lost { .. })
-        };
+        let is_idle =
+            |node: &NodeStatus| matches!(node.state, NodeState::Starting | NodeState::Lost { .. });
         if !nodes.iter().all(is_idle) {
             self.idle_since = None;
             return Ok(());

@@ -10,8 +10,8 @@
 //! [`LinkEvent::Lost`]; commands that were meant for an earlier connection are dropped. Packets
 //! become events, and pixels are decoded, on the link's own thread: [`crate::net::NodeLink`] over
 //! QUIC, [`crate::memory_link::MemoryLink`] in this process. Events are handed on together, as they come: to wake a thread for each
-//! took more time than to decode it. Over memory the session and the packets are the same, so that
-//! playing on one machine takes the path that a farm takes.
+//! took more time than to decode it. Over memory the session and the packets are the same, but that
+//! pixels pass as they are: playing on one machine takes the path that a farm takes.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};

@@ -1,4 +1,5 @@
-//! Link to a node in this process: the packets of a connection, carried by a thread.
+//! Link to a node in this process: the packets of a connection, carried by a thread. They are those of any
+//! link, but that pixels pass as they are.
 
 use std::sync::Arc;
 use std::task::{Context, Poll, Wake, Waker};
@@ -24,7 +25,7 @@ impl MemoryLink {
         mut events: impl FnMut(Vec<LinkEvent>) + Send + 'static,
     ) -> Self {
         let (commands, receiver) = channel::channel();
-        let connection = node.connect();
+        let connection = node.connect_local();
         let carry = move || {
             events(vec![LinkEvent::Connecting]);
             let mut session = LinkSession::new(PrecisionRange::EXACT, &mut events);

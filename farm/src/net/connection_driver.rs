@@ -292,7 +292,7 @@ async fn read_control(
                 Err(error) => return ConnectionEnd::Violation(error.into()),
             };
             let channel = Channel::Control;
-            let packet = Arrival::Packet(Packet { channel, bytes });
+            let packet = Arrival::Packet(Packet::new(channel, bytes));
             if to_session.send(packet).await.is_err() {
                 return ConnectionEnd::Lost(ConnectionError::LocallyClosed);
             }
@@ -343,7 +343,7 @@ async fn read_datagrams(
             }
             Some(Datagram::RequestCopy(bytes)) => {
                 let (channel, bytes) = (Channel::Copy, bytes.to_vec());
-                let copy = Arrival::Packet(Packet { channel, bytes });
+                let copy = Arrival::Packet(Packet::new(channel, bytes));
                 let _ = to_session.send(copy).await;
             }
             _ => {

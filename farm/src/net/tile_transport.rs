@@ -385,7 +385,7 @@ impl TileReceiver {
     async fn deliver(&self, packets: Vec<Vec<u8>>) {
         for bytes in packets {
             let channel = Channel::Tiles;
-            let packet = Arrival::Packet(Packet { channel, bytes });
+            let packet = Arrival::Packet(Packet::new(channel, bytes));
             let _ = self.to_session.send(packet).await;
         }
     }

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
 use carom_protocol::session::{NodeSession, SentReferences};
-use carom_protocol::tile_codec::{Encoder, TileInput};
+use carom_protocol::tile_codec::{Encoder, TileInput, TilePixels};
 use carom_protocol::{
     NodeInfo, PixelFormat, RefusalReason, RequestId, RequestReport, TilesDone, TraceRequest,
 };
@@ -17,8 +17,18 @@ use carom_tracer::{Tile, TileRange};
 use super::bitrate_control::{BitrateController, LinkEstimate};
 use super::rate_model::EncodedSample;
 
+/// How pixels get to a client.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum TileSharing {
+    /// In the messages, by the tile codec.
+    Encoded,
+    /// As they are, beside the messages, to a client in this process.
+    InMemory,
+}
+
 /// The workers' end of a client's session.
 pub(super) struct ClientConnection {
+    pub(super) sharing: TileSharing,
     state: Mutex<ConnectionState>,
     /// Notified when the transport has accepted a packet.
     pub(super) drained: Condvar,
@@ -41,7 +51,7 @@ pub(super) struct ConnectionState {
 }
 
 impl ClientConnection {
-    pub(super) fn new(info: NodeInfo) -> Self {
+    pub(super) fn new(info: NodeInfo, sharing: TileSharing) -> Self {
         let state = ConnectionState {
             session: NodeSession::new(info),
             cancelled: BTreeMap::new(),
@@ -51,6 +61,7 @@ impl ClientConnection {
             closed: false,
         };
         Self {
+            sharing,
             state: Mutex::new(state),
             drained: Condvar::new(),
             sent: Mutex::default(),
@@ -103,10 +114,15 @@ impl ClientConnection {
         payload
     }
 
-    /// Sends finished tiles; `false` if they are no longer wanted.
-    pub(super) fn tiles(&self, tiles: TilesDone) -> bool {
+    /// Sends finished tiles, whose pixels are `shared` or in the payload; `false` if they are no longer
+    /// wanted.
+    pub(super) fn tiles(&self, tiles: TilesDone, shared: Option<TilePixels>) -> bool {
         let mut state = self.lock();
-        let sent = match state.session.tiles(tiles) {
+        let sent = match shared {
+            Some(pixels) => state.session.shared_tiles(tiles, pixels),
+            None => state.session.tiles(tiles),
+        };
+        let sent = match sent {
             Ok(sent) => sent && !state.closed,
             Err(error) => {
                 tracing::error!("cannot send tiles: {error}");

@@ -8,7 +8,7 @@ use std::time::Instant;
 use carom_protocol::session::{NodeEvent, Packet};
 use carom_protocol::{NodeInfo, RequestId};
 
-use super::client_connection::{ClientConnection, STALL_TIMEOUT};
+use super::client_connection::{ClientConnection, STALL_TIMEOUT, TileSharing};
 use super::queue::{JobQueue, NodeJob};
 
 /// The transport's end of a client's session.
@@ -18,8 +18,8 @@ pub struct NodeConnection {
 }
 
 impl NodeConnection {
-    pub(super) fn new(info: NodeInfo, queue: Arc<JobQueue>) -> Self {
-        let client = Arc::new(ClientConnection::new(info));
+    pub(super) fn new(info: NodeInfo, queue: Arc<JobQueue>, sharing: TileSharing) -> Self {
+        let client = Arc::new(ClientConnection::new(info, sharing));
         Self { client, queue }
     }
 
@@ -141,7 +141,8 @@ mod tests {
             threads: 1,
         };
         let (name, queue) = (String::new(), Arc::new(JobQueue::new()));
-        let mut connection = NodeConnection::new(NodeInfo { name, device }, queue);
+        let info = NodeInfo { name, device };
+        let mut connection = NodeConnection::new(info, queue, TileSharing::Encoded);
         let mut session = ClientSession::new();
         let mut exchange = |session: &mut ClientSession| {
             while let Some(packet) = session.poll_transmit() {
@@ -182,14 +183,15 @@ mod tests {
         for message in 0..messages {
             let first = message * TILES_PER_MESSAGE_MAX;
             let count = TILES_PER_MESSAGE_MAX;
-            let sent = client.tiles(TilesDone {
+            let tiles = TilesDone {
                 request: RequestId(0),
                 tiles: TileRange { first, count },
                 busy_micros: 0,
                 times: NodeTimes::default(),
                 dropped_samples: 0,
                 pixels: vec![0; 1 << 20],
-            });
+            };
+            let sent = client.tiles(tiles, None);
             assert!(sent, "message {message}");
         }
         let cancelled = AtomicBool::new(false);

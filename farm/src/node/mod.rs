@@ -24,6 +24,7 @@ use carom_tracer::{DeviceKind, Tracer};
 
 pub use bitrate_control::LinkEstimate;
 pub(crate) use client_connection::STALL_TIMEOUT;
+use client_connection::TileSharing;
 pub use connection::NodeConnection;
 use queue::JobQueue;
 
@@ -63,7 +64,12 @@ impl Node {
 
     /// Opens a session for a new client. Dropping it cancels all its requests.
     pub fn connect(&self) -> NodeConnection {
-        NodeConnection::new(self.info(), Arc::clone(&self.queue))
+        NodeConnection::new(self.info(), Arc::clone(&self.queue), TileSharing::Encoded)
+    }
+
+    /// The same for a client in this process: over its connection pixels pass as they are.
+    pub(crate) fn connect_local(&self) -> NodeConnection {
+        NodeConnection::new(self.info(), Arc::clone(&self.queue), TileSharing::InMemory)
     }
 }
 

@@ -172,6 +172,7 @@ mod tests {
     };
 
     use super::super::NodeConnection;
+    use super::super::client_connection::TileSharing;
     use super::*;
 
     /// A client that is connected to a node of `queue`.
@@ -190,7 +191,8 @@ mod tests {
                 threads: 1,
             };
             let name = String::new();
-            let connection = NodeConnection::new(NodeInfo { name, device }, Arc::clone(queue));
+            let info = NodeInfo { name, device };
+            let connection = NodeConnection::new(info, Arc::clone(queue), TileSharing::Encoded);
             let mut requester = Self {
                 session: ClientSession::new(),
                 connection,

@@ -9,10 +9,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
-use carom_protocol::tile_codec::Encoder;
+use carom_protocol::tile_codec::{Encoder, TilePixels};
 use carom_protocol::{NodeTimes, RefusalReason, RequestReport, TilesDone};
 use carom_tracer::{Error, Tile, TileRadiance, TileRange, TraceJob, Tracer};
 
+use super::client_connection::TileSharing;
 use super::queue::{JobQueue, NodeJob};
 
 /// Starts a worker thread; it ends when the queue is closed.
@@ -168,11 +169,15 @@ impl<'a> ActiveJob<'a> {
             first: request.tiles.first + first as u32,
             count: tiles.len() as u32,
         };
-        let encode = |encoder: &mut Encoder| self.job.client.encode(encoder, request, part, &tiles);
-        let pixels = ENCODER.with_borrow_mut(encode);
+        let client = &self.job.client;
+        let encode = |encoder: &mut Encoder| client.encode(encoder, request, part, &tiles);
+        let (pixels, shared) = match client.sharing {
+            TileSharing::Encoded => (ENCODER.with_borrow_mut(encode), None),
+            TileSharing::InMemory => (Vec::new(), Some(TilePixels::of(request.format, &tiles))),
+        };
         let nanos = begun.elapsed().as_nanos() as u64;
         self.encode_nanos.fetch_add(nanos, Ordering::Relaxed);
-        self.job.client.tiles(TilesDone {
+        let done = TilesDone {
             request: request.id,
             tiles: part,
             busy_micros: micros(self.queue.busy_since(self.begun)),
@@ -183,7 +188,8 @@ impl<'a> ActiveJob<'a> {
             },
             dropped_samples: group.dropped_samples,
             pixels,
-        });
+        };
+        client.tiles(done, shared);
     }
 
     fn queue_micros(&self) -> u32 {

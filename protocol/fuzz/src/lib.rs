@@ -300,22 +300,10 @@ impl Pair {
             }
             TALK => self.talk(),
             WORK => self.work(),
-            TO_NODE => self.node_hears(Packet {
-                channel: control,
-                bytes,
-            }),
-            TO_CLIENT => self.client_hears(Packet {
-                channel: control,
-                bytes,
-            }),
-            TO_NODE_COPY => self.node_hears(Packet {
-                channel: Channel::Copy,
-                bytes,
-            }),
-            _ => self.client_hears(Packet {
-                channel: Channel::Tiles,
-                bytes,
-            }),
+            TO_NODE => self.node_hears(Packet::new(control, bytes)),
+            TO_CLIENT => self.client_hears(Packet::new(control, bytes)),
+            TO_NODE_COPY => self.node_hears(Packet::new(Channel::Copy, bytes)),
+            _ => self.client_hears(Packet::new(Channel::Tiles, bytes)),
         }
         assert!(self.client.open_requests() <= REQUESTS_QUEUED_MAX);
         assert!(self.node.open_requests() <= REQUESTS_QUEUED_MAX);

@@ -256,7 +256,7 @@ impl ClientSession {
     pub fn poll_transmit(&mut self) -> Option<Packet> {
         let bytes = self.packets.pop_front()?;
         let channel = Channel::Control;
-        Some(Packet { channel, bytes })
+        Some(Packet::new(channel, bytes))
     }
 
     /// Requests asked for and neither done nor refused.
@@ -299,7 +299,7 @@ impl ClientSession {
             }
             ToClient::SceneReady(hash) => self.scene_ready(hash),
             ToClient::SceneRefused { hash, why } => self.scene_refused(hash, why),
-            ToClient::Tiles(tiles) => self.receive_tiles(&tiles),
+            ToClient::Tiles(tiles) => self.receive_tiles(&tiles, packet.pixels),
             ToClient::RequestDone(report) => self.request_done(report),
             ToClient::RequestRefused(refusal) => self.run_refused(refusal),
             ToClient::Pong(number) => self.pong(number),
@@ -348,7 +348,12 @@ impl ClientSession {
         }
     }
 
-    fn receive_tiles(&mut self, done: &TilesDone) -> Result<Vec<ClientEvent>, Error> {
+    /// Takes in tiles whose pixels are `shared` by a node of the same process, or in the payload.
+    fn receive_tiles(
+        &mut self,
+        done: &TilesDone,
+        shared: Option<TilePixels>,
+    ) -> Result<Vec<ClientEvent>, Error> {
         let Some(request) = self.requests.get_mut(&done.request) else {
             return self.receive_for_closed_request(done.request);
         };
@@ -363,8 +368,11 @@ impl ClientSession {
                 payload_bytes,
             }
         } else {
-            let pixels = match request.format {
-                PixelFormat::Srgb8 { .. } => {
+            let count = request.grid.pixels(done.tiles);
+            let shared = shared.filter(|pixels| pixels.fits(request.format, count));
+            let pixels = match (request.format, shared) {
+                (_, Some(pixels)) => pixels,
+                (PixelFormat::Srgb8 { .. }, None) => {
                     let with_references = request.with_references(done.tiles);
                     let decoded = self.decoder.decode_srgb(
                         request.precision,
@@ -379,7 +387,7 @@ impl ClientSession {
                     );
                     TilePixels::Srgb8(decoded.pixels)
                 }
-                format => {
+                (format, None) => {
                     let sizes: Vec<Tile> = request.grid.tiles(done.tiles).collect();
                     self.decoder.decode(format, &sizes, &done.pixels)?
                 }

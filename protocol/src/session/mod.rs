@@ -26,13 +26,33 @@ pub use client::{ClientEvent, ClientSession, SceneStatus};
 pub use node::{NodeEvent, NodeSession};
 pub use reference_tiles::{References, SentReferences};
 
+use crate::tile_codec::TilePixels;
+
 /// A whole message on its way.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Packet {
     /// Its channel.
     pub channel: Channel,
     /// Its bytes, unframed.
     pub bytes: Vec<u8>,
+    /// Between sessions of one process, the pixels of a tile message, whose bytes then hold none.
+    pub pixels: Option<TilePixels>,
+}
+
+impl Packet {
+    /// A packet that any transport can carry.
+    pub const fn new(channel: Channel, bytes: Vec<u8>) -> Self {
+        Self {
+            channel,
+            bytes,
+            pixels: None,
+        }
+    }
+
+    /// Bytes that it keeps in memory.
+    fn memory_bytes(&self) -> usize {
+        self.bytes.len() + self.pixels.as_ref().map_or(0, TilePixels::bytes)
+    }
 }
 
 /// The channel that a packet travels on.

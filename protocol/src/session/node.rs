@@ -17,6 +17,7 @@ use crate::message::{
     FrameId, NodeInfo, Refusal, RefusalReason, RequestId, RequestReport, SceneHash, TilesDone,
     ToClient, ToNode, TraceRequest, VERSION,
 };
+use crate::tile_codec::TilePixels;
 use crate::validate::cut;
 
 /// An event of a node's session.
@@ -154,6 +155,19 @@ impl NodeSession {
     /// # Errors
     /// [`Error::Unsendable`] if the tiles are not in the request, or more than are left of it.
     pub fn tiles(&mut self, tiles: TilesDone) -> Result<bool, Error> {
+        self.send_tiles(tiles, None)
+    }
+
+    /// The same to a client in this process, which gets the pixels as they are: the payload of `tiles` is
+    /// empty.
+    ///
+    /// # Errors
+    /// As [`NodeSession::tiles`].
+    pub fn shared_tiles(&mut self, tiles: TilesDone, pixels: TilePixels) -> Result<bool, Error> {
+        self.send_tiles(tiles, Some(pixels))
+    }
+
+    fn send_tiles(&mut self, tiles: TilesDone, pixels: Option<TilePixels>) -> Result<bool, Error> {
         let Some(request) = self.requests.get_mut(&tiles.request) else {
             return Ok(false);
         };
@@ -170,7 +184,11 @@ impl NodeSession {
         let (id, frame) = (tiles.request, request.frame);
         let bytes = codec::encode_to_client(&ToClient::Tiles(tiles))?;
         request.tiles_left -= part.count;
-        self.queue_result(id, frame, Channel::Tiles, bytes);
+        let packet = Packet {
+            pixels,
+            ..Packet::new(Channel::Tiles, bytes)
+        };
+        self.queue_result(id, frame, packet);
         Ok(true)
     }
 
@@ -194,7 +212,8 @@ impl NodeSession {
         let bytes = codec::encode_to_client(&ToClient::RequestDone(report))?;
         request.reported = true;
         let frame = request.frame;
-        self.queue_result(report.request, frame, Channel::Control, bytes);
+        let packet = Packet::new(Channel::Control, bytes);
+        self.queue_result(report.request, frame, packet);
         Ok(true)
     }
 
@@ -216,18 +235,18 @@ impl NodeSession {
     pub fn poll_transmit(&mut self) -> Option<Packet> {
         if let Some(bytes) = self.control_queue.pop_front() {
             let channel = Channel::Control;
-            return Some(Packet { channel, bytes });
+            return Some(Packet::new(channel, bytes));
         }
         let QueuedResult {
             request, packet, ..
         } = match self.results.pop_front() {
             Some(answer) => {
-                self.results_bytes -= answer.packet.bytes.len();
+                self.results_bytes -= answer.packet.memory_bytes();
                 answer
             }
             None => {
                 let answer = self.stale.pop_front()?;
-                self.stale_bytes -= answer.packet.bytes.len();
+                self.stale_bytes -= answer.packet.memory_bytes();
                 answer
             }
         };
@@ -417,18 +436,11 @@ impl NodeSession {
         Some(NodeEvent::Cancelled(cancelled))
     }
 
-    fn queue_result(
-        &mut self,
-        request: RequestId,
-        frame: FrameId,
-        channel: Channel,
-        bytes: Vec<u8>,
-    ) {
+    fn queue_result(&mut self, request: RequestId, frame: FrameId, packet: Packet) {
         if frame > self.newest && !frame.is_background() {
             self.newest = frame;
             self.demote_stale();
         }
-        let packet = Packet { channel, bytes };
         let answer = QueuedResult {
             request,
             frame,
@@ -451,7 +463,7 @@ impl NodeSession {
     }
 
     fn wait(&mut self, answer: QueuedResult) {
-        let bytes = answer.packet.bytes.len();
+        let bytes = answer.packet.memory_bytes();
         if self.is_stale(answer.frame) {
             self.stale_bytes += bytes;
             self.stale.push_back(answer);
@@ -468,7 +480,10 @@ impl NodeSession {
     fn drop_results(&mut self, unwanted: &[RequestId]) {
         let keep = |answers: &mut VecDeque<QueuedResult>| -> usize {
             answers.retain(|answer| !unwanted.contains(&answer.request));
-            answers.iter().map(|answer| answer.packet.bytes.len()).sum()
+            answers
+                .iter()
+                .map(|answer| answer.packet.memory_bytes())
+                .sum()
         };
         self.results_bytes = keep(&mut self.results);
         self.stale_bytes = keep(&mut self.stale);

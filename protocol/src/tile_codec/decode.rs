@@ -341,7 +341,7 @@ fn wrong_size(bytes: usize, sizes: &RangeInclusive<usize>) -> Reason {
 }
 
 /// All at once: for one number at a time, `half` asks each time what the processor can do.
-fn from_f16(bits: &[[u16; 3]]) -> Vec<[f32; 3]> {
+pub(super) fn from_f16(bits: &[[u16; 3]]) -> Vec<[f32; 3]> {
     let mut pixels = vec![[0.0; 3]; bits.len()];
     let halves: &[half::f16] = bits.as_flattened().reinterpret_cast();
     halves.convert_to_f32_slice(pixels.as_flattened_mut());

@@ -76,6 +76,11 @@ mod transform;
 use std::sync::Arc;
 
 use carom_tracer::Tile;
+use carom_tracer::tonemap::srgb8;
+
+use self::decode::from_f16;
+use self::encode::f16_bits;
+use crate::message::PixelFormat;
 
 pub use decode::{Decoder, SrgbTiles};
 pub use delta::reference::{DeltaStats, ReferenceTile};
@@ -99,6 +104,38 @@ impl TilePixels {
         }
     }
 
+    /// Pixels of traced tiles as a decoder gives them after an exact encoder, bit for bit.
+    pub fn of(format: PixelFormat, tiles: &[(Tile, &[[f32; 3]])]) -> Self {
+        let radiance = tiles.iter().flat_map(|(_, radiance)| *radiance);
+        let count = tiles.iter().map(|(_, radiance)| radiance.len()).sum();
+        match format {
+            PixelFormat::Srgb8 { exposure } => {
+                let mut pixels = Vec::with_capacity(count);
+                pixels.extend(radiance.map(|light| srgb8(*light, exposure)));
+                Self::Srgb8(pixels)
+            }
+            PixelFormat::LinearF16 => {
+                let bits: Vec<[u16; 3]> = radiance.map(|light| f16_bits(*light)).collect();
+                Self::Linear(from_f16(&bits))
+            }
+            PixelFormat::LinearF32 => Self::Linear(radiance.copied().collect()),
+        }
+    }
+
+    /// Whether they are `count` pixels of a format.
+    pub fn fits(&self, format: PixelFormat, count: usize) -> bool {
+        let is_srgb = matches!(format, PixelFormat::Srgb8 { .. });
+        is_srgb == matches!(self, Self::Srgb8(_)) && self.len() == count
+    }
+
+    /// Bytes that they take in memory.
+    pub fn bytes(&self) -> usize {
+        match self {
+            Self::Srgb8(pixels) => size_of_val(&pixels[..]),
+            Self::Linear(pixels) => size_of_val(&pixels[..]),
+        }
+    }
+
     /// Whether there is no pixel.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
@@ -114,4 +151,40 @@ pub struct TileInput<'a> {
     pub radiance: &'a [[f32; 3]],
     /// The tile that the client holds there.
     pub reference: Option<&'a Arc<ReferenceTile>>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shared_pixels_are_those_of_the_codec() {
+        let tile = |x| Tile {
+            x,
+            y: 0,
+            width: 8,
+            height: 4,
+        };
+        let mut light = 1e-6;
+        let mut radiance = || -> Vec<[f32; 3]> {
+            let mut next = || {
+                light *= 1.13;
+                light
+            };
+            (0..32).map(|_| [next(), -next(), next()]).collect()
+        };
+        let (near, far) = (radiance(), radiance());
+        let tiles = [(tile(0), &near[..]), (tile(8), &far[..])];
+        for format in [
+            PixelFormat::Srgb8 { exposure: 0.7 },
+            PixelFormat::LinearF16,
+            PixelFormat::LinearF32,
+        ] {
+            let payload = Encoder::new().encode(format, &tiles);
+            let decoded = Decoder::new().decode(format, &[tile(0), tile(8)], &payload);
+            let shared = TilePixels::of(format, &tiles);
+            assert!(shared.fits(format, 64));
+            assert_eq!(Ok(shared), decoded);
+        }
+    }
 }

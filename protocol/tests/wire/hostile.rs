@@ -20,12 +20,12 @@ const GRID: TileGrid = TileGrid::new(ImageSize::new(64, 64), 16);
 
 fn control(message: &ToClient) -> Packet {
     let (channel, bytes) = (Channel::Control, encode_to_client(message).unwrap());
-    Packet { channel, bytes }
+    Packet::new(channel, bytes)
 }
 
 fn to_node(message: &ToNode) -> Packet {
     let (channel, bytes) = (Channel::Control, encode_to_node(message).unwrap());
-    Packet { channel, bytes }
+    Packet::new(channel, bytes)
 }
 
 fn request(scene: &Scene, id: u64) -> TraceRequest {
@@ -71,7 +71,7 @@ fn tiles_of(request: u64, first: u32, pixels: Vec<u8>, count: u32) -> Packet {
         pixels,
     });
     let (channel, bytes) = (Channel::Tiles, encode_to_client(&message).unwrap());
-    Packet { channel, bytes }
+    Packet::new(channel, bytes)
 }
 
 fn black(count: u32) -> Vec<u8> {

@@ -87,7 +87,7 @@ impl Pair {
             if carom_protocol::codec::is_trace(&packet.bytes) {
                 let channel = Channel::Copy;
                 let bytes = packet.bytes.clone();
-                self.copies.push(Packet { channel, bytes });
+                self.copies.push(Packet::new(channel, bytes));
             }
             self.to_node.push_back(packet);
         }
