@@ -145,7 +145,9 @@ impl FramePipeline {
             let slots = self.in_flight_max.saturating_sub(farm.in_flight());
             match self.scheduler.plan(now_secs, target, slots, scene_at) {
                 SchedulerAction::Rest => return,
-                SchedulerAction::Cancel(frames) => frames.into_iter().for_each(|id| farm.cancel(id)),
+                SchedulerAction::Cancel(frames) => {
+                    frames.into_iter().for_each(|id| farm.cancel(id))
+                }
                 SchedulerAction::Trace(request) => {
                     match farm.submit_with(request.spec.clone(), request.submission()) {
                         Ok(id) => self.scheduler.submitted(id, &request),

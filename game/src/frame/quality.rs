@@ -75,6 +75,8 @@ pub const QUALITY_LEVELS: [QualityLevel; 13] = [
 #[derive(Clone, Debug)]
 pub struct Quality {
     preference: QualityPreference,
+    /// In place of a choice.
+    fixed: Option<QualityLevel>,
     period_secs: f64,
     stop: usize,
     /// Of noisy and of denoised pictures.
@@ -88,6 +90,7 @@ impl Default for Quality {
     fn default() -> Self {
         Self {
             preference: QualityPreference::default(),
+            fixed: None,
             period_secs: STEADY_PERIOD_SECS,
             stop: 2,
             secs_per_path: [None; 2],
@@ -111,6 +114,11 @@ impl Quality {
             QualityPreference::Balanced => STEADY_PERIOD_SECS,
             QualityPreference::Fine => FINE_PERIOD_SECS,
         };
+    }
+
+    /// Makes moving pictures of this level, however long they take: for measurements.
+    pub fn fix(&mut self, level: QualityLevel) {
+        self.fixed = Some(level);
     }
 
     /// Takes in that a picture of `pixels` with `settings` kept the farm busy for `busy_secs`.
@@ -158,7 +166,7 @@ impl Quality {
 
     /// What the next moving picture should be.
     pub fn level(&self) -> QualityLevel {
-        QUALITY_LEVELS[self.stop]
+        self.fixed.unwrap_or(QUALITY_LEVELS[self.stop])
     }
 
     /// Paths per pixel that fit into `secs` at full resolution, at least 1.

@@ -10,7 +10,7 @@ use tracing_subscriber::util::SubscriberInitExt as _;
 
 use crate::{
     BenchError, balance, bvh, cluster, codec, faults, kernel_specialization, latency,
-    latency_hiding, mitsuba_scene, node, overlay, physics, proxy, quality, tradeoff_chart,
+    latency_hiding, mitsuba_scene, node, overlay, physics, play, proxy, quality, tradeoff_chart,
     transport,
 };
 
@@ -31,6 +31,7 @@ enum Command {
     Transport(transport::Args),
     Latency(latency::Args),
     LatencyHiding(latency_hiding::Args),
+    Play(play::Args),
     KernelSpecialization(kernel_specialization::Args),
     Bvh(bvh::Args),
     Physics(physics::PhysicsArgs),
@@ -72,6 +73,7 @@ impl Command {
             Self::Transport(args) => transport::run(&args),
             Self::Latency(args) => latency::run(&args),
             Self::LatencyHiding(args) => latency_hiding::run(&args),
+            Self::Play(args) => play::run(&args),
             Self::KernelSpecialization(args) => kernel_specialization::run(&args),
             Self::Bvh(args) => bvh::run(&args),
             Self::Physics(args) => Ok(args.run()?),

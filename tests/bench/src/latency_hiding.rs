@@ -8,8 +8,9 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, anyhow};
 use carom_farm::net::interruption;
 use carom_farm::pacing::{FrameSchedule, LeadTime, PresentationQueue};
-use carom_farm::{Submission,
+use carom_farm::{
     Balancing, Farm, FarmConfig, Frame, FrameId, FrameSpec, LocalNode, PixelFormat, Pixels,
+    Submission,
 };
 use carom_tracer::scene::Camera;
 use carom_tracer::{ImageSize, RenderSettings, SceneUpdate};

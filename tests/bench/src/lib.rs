@@ -18,6 +18,7 @@ pub mod mitsuba_scene;
 mod node;
 mod overlay;
 pub mod physics;
+mod play;
 mod proxy;
 mod quality;
 mod scenes;

@@ -192,6 +192,11 @@ impl FrameScheduler {
         self.quality.set_quality_preference(preference);
     }
 
+    /// Makes moving pictures of this level, however long they take: for measurements.
+    pub fn fix_quality(&mut self, level: QualityLevel) {
+        self.quality.fix(level);
+    }
+
     /// Maximum path depth from the next picture on.
     pub fn set_max_depth(&mut self, max_depth: u32) {
         self.max_depth = max_depth;
