@@ -1,68 +1,15 @@
 //! 8-ball (WPA 3).
 
-use serde::{Deserialize, Serialize};
-
 use super::{
+    ball_group::BallGroup,
     call::Call,
     foul::Foul,
     free::capital,
     layout::{BallPositions, PlacementArea},
+    rack_state::Eight,
     referee::{Game, JudgedShot, Referee},
     verdict::{Choice, Verdict},
 };
-
-/// A player's seven balls.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum BallGroup {
-    /// 1 to 7.
-    Solids,
-    /// 9 to 15.
-    Stripes,
-}
-
-impl BallGroup {
-    /// The group of a ball; none of the 8 and the cue ball.
-    pub fn of(ball: u8) -> Option<Self> {
-        match ball {
-            1..=7 => Some(Self::Solids),
-            9..=15 => Some(Self::Stripes),
-            _ => None,
-        }
-    }
-
-    /// The other.
-    #[must_use]
-    pub fn other(self) -> Self {
-        match self {
-            Self::Solids => Self::Stripes,
-            Self::Stripes => Self::Solids,
-        }
-    }
-
-    /// Its name.
-    pub fn display_text(self) -> &'static str {
-        match self {
-            Self::Solids => "solids",
-            Self::Stripes => "stripes",
-        }
-    }
-
-    /// A shape that stands for it: a full disc, or a disc with a band.
-    pub fn glyph(self) -> &'static str {
-        match self {
-            Self::Solids => "●",
-            Self::Stripes => "◍",
-        }
-    }
-}
-
-/// What 8-ball remembers of a rack.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct Eight {
-    /// The group of player 0, once the table is no longer open.
-    pub(crate) first: Option<BallGroup>,
-}
 
 impl Eight {
     pub(crate) fn group(self, player: usize) -> Option<BallGroup> {

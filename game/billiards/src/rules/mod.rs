@@ -1,10 +1,10 @@
 //! The rules of the games, free of physics: what happened goes in, a verdict in words comes out.
 //!
 //! ```text
-//! Report (contacts, cushions, pockets, where the balls lie) ─┐
-//! Call (ball and pocket, safety, push-out)  ─────────────────┼─► Referee ─► Verdict
-//! Sheet (the rule set's row of the table of rules)  ─────────┘   (turn,      (fouls, words, balls to
-//!                                                                 scores)     be put back, next turn)
+//! ShotReport (contacts, cushions, pockets, where the balls lie) ─┐
+//! Call (ball and pocket, safety, push-out) ──────────────────────┼─▶ Referee ─▶ Verdict
+//! RuleInfo (the game's row of the table of rules) ───────────────┘   (turn,      (fouls, words, balls to
+//!                                                                     scores)     be put back, next turn)
 //! ```
 //! What the games have in common is a table with a row for each ([`RuleInfo`]); each game's own file
 //! holds what is left. Sources: "WPA" is The Rules of Play of the World Pool-Billiard Association,
@@ -14,6 +14,7 @@
 //!
 //! What asks for an arbiter's opinion is left out: a deliberate foul, snooker's "miss", slow play.
 
+mod ball_group;
 mod call;
 mod eight;
 mod foul;
@@ -21,19 +22,21 @@ mod free;
 mod layout;
 mod nine;
 mod rack;
+mod rack_state;
 mod referee;
 mod report;
 mod ruleset;
 mod snooker;
 mod spots;
+mod standard_fouls;
 mod straight;
 #[cfg(test)]
 mod test_shots;
 mod three_cushion;
 mod verdict;
 
+pub use ball_group::BallGroup;
 pub use call::{Call, infer};
-pub use eight::BallGroup;
 pub use foul::Foul;
 pub(crate) use free::capital;
 pub use layout::{BallPosition, BallPositions, PlacementArea, TableLayout};

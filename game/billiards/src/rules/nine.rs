@@ -1,21 +1,13 @@
 //! 9-ball (WPA 2).
 
-use serde::{Deserialize, Serialize};
-
 use super::{
     call::Call,
     foul::Foul,
     layout::{BallPositions, PlacementArea},
+    rack_state::Nine,
     referee::{Game, JudgedShot, Referee},
     verdict::{Choice, Verdict},
 };
-
-/// What 9-ball remembers of a rack.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct Nine {
-    /// Whether the next shot may be a push-out: it is the first after a legal break.
-    pub(crate) may_push: bool,
-}
 
 impl Nine {
     /// The lowest ball on the table.

@@ -6,15 +6,12 @@ use serde::{Deserialize, Serialize};
 use crate::RuleFault;
 
 use super::{
+    ball_group::BallGroup,
     call::Call,
-    eight::{BallGroup, Eight},
     layout::{BallPosition, BallPositions, PlacementArea, TableLayout},
-    nine::Nine,
+    rack_state::{Eight, Nine, Snooker, Straight},
     report::ShotReport,
     ruleset::{Calls, RuleInfo, RuleSet},
-    snooker::Snooker,
-    straight::Straight,
-    three_cushion::{carom_spot, touching},
     verdict::{Choice, Verdict},
 };
 
@@ -314,7 +311,7 @@ impl Referee {
                 self.pass();
                 self.rack_again(&mut verdict);
             }
-            Choice::SpotBalls => set_up_touching(layout, positions, &mut verdict),
+            Choice::SpotBalls => Self::spot_touching(layout, positions, &mut verdict),
         }
         self.put_cue_ball(layout, positions, &mut verdict);
         Ok(verdict)
@@ -449,23 +446,6 @@ pub fn apply_moves(positions: &[BallPosition], moves: &[BallPosition]) -> BallPo
     let mut positions: BallPositions = positions.iter().filter(stays).copied().collect();
     positions.extend(moves);
     positions
-}
-
-/// Balls that touch the cue ball, and it, go to their spots.
-fn set_up_touching(layout: &TableLayout, positions: &BallPositions, verdict: &mut Verdict) {
-    let mut balls = touching(layout, positions, 0);
-    balls.push(0);
-    let stays = |p: &&BallPosition| !balls.contains(&p.ball);
-    let mut positions: BallPositions = positions.iter().filter(stays).copied().collect();
-    for ball in balls {
-        let spot = carom_spot(layout, &positions, ball);
-        let placed = BallPosition {
-            ball,
-            at: layout.spotted(&positions, spot),
-        };
-        positions.push(placed);
-        verdict.moves.push(placed);
-    }
 }
 
 fn object_balls(positions: &BallPositions) -> Vec<u8> {

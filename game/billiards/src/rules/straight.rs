@@ -1,25 +1,16 @@
 //! Straight pool, 14.1 continuous (WPA 4).
 
 use glam::DVec2;
-use serde::{Deserialize, Serialize};
 
 use super::{
     call::Call,
     foul::Foul,
     layout::{BallPosition, BallPositions, PlacementArea, TableLayout},
     rack::{is_in_rack, rack_of_fourteen},
+    rack_state::Straight,
     referee::{Game, JudgedShot, Referee, apply_moves},
     verdict::{Choice, Verdict},
 };
-
-/// What straight pool remembers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct Straight {
-    /// Balls of the run that is on.
-    pub(crate) run: u32,
-    /// Racks of fourteen so far: each is drawn anew.
-    racks: u32,
-}
 
 impl Referee {
     pub(crate) fn judge_straight(

@@ -73,10 +73,31 @@ impl Referee {
             self.offer(&[Choice::Accept, Choice::SpotBalls]);
         }
     }
+
+    /// Balls that touch the cue ball, and it, go to their spots.
+    pub(crate) fn spot_touching(
+        layout: &TableLayout,
+        positions: &BallPositions,
+        verdict: &mut Verdict,
+    ) {
+        let mut balls = touching(layout, positions, 0);
+        balls.push(0);
+        let stays = |p: &&BallPosition| !balls.contains(&p.ball);
+        let mut positions: BallPositions = positions.iter().filter(stays).copied().collect();
+        for ball in balls {
+            let spot = carom_spot(layout, &positions, ball);
+            let placed = BallPosition {
+                ball,
+                at: layout.spotted(&positions, spot),
+            };
+            positions.push(placed);
+            verdict.moves.push(placed);
+        }
+    }
 }
 
 /// Where a ball is set up: its own spot, or that of the ball that is in the way (UMB 28).
-pub(crate) fn carom_spot(layout: &TableLayout, positions: &BallPositions, ball: u8) -> DVec2 {
+fn carom_spot(layout: &TableLayout, positions: &BallPositions, ball: u8) -> DVec2 {
     let rules = RuleSet::ThreeCushion;
     let spot = own_spot(rules, layout, ball);
     let is_in_way =
@@ -86,7 +107,7 @@ pub(crate) fn carom_spot(layout: &TableLayout, positions: &BallPositions, ball: 
 }
 
 /// Balls that touch a cue ball.
-pub(crate) fn touching(layout: &TableLayout, positions: &BallPositions, cue_ball: u8) -> Vec<u8> {
+fn touching(layout: &TableLayout, positions: &BallPositions, cue_ball: u8) -> Vec<u8> {
     let Some(cue_ball) = positions.iter().find(|p| p.ball == cue_ball) else {
         return Vec::new();
     };

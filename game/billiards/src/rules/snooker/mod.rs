@@ -6,32 +6,17 @@
 mod targets;
 
 use glam::DVec2;
-use serde::{Deserialize, Serialize};
 
 use super::{
     foul::Foul,
     layout::{BallPosition, BallPositions, PlacementArea, TableLayout},
+    rack_state::Snooker,
     referee::{Game, JudgedShot, Referee, apply_moves},
     ruleset::RuleSet,
     spots::own_spot,
     verdict::{Choice, Verdict},
 };
 use targets::{BLACK, ShotTarget, TargetSet, YELLOW, is_colour, value};
-
-/// What snooker remembers of a frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct Snooker {
-    /// Whether a colour is on, after a red.
-    on_colour: bool,
-    /// Whether any ball may be nominated in place of the ball on (12).
-    pub(crate) free_ball: bool,
-    /// Points of both players in this frame.
-    pub(crate) points: [i32; 2],
-    /// Points of the break that is on.
-    pub(crate) run: i32,
-    /// Whether the black was spotted again after a tie.
-    pub(crate) tied: bool,
-}
 
 impl Referee {
     pub(crate) fn judge_snooker(

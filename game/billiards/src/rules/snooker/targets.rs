@@ -1,7 +1,8 @@
 //! The ball on in snooker, what a stroke has to hit, and what it is worth.
 
-use super::Snooker;
-use crate::rules::{call::Call, layout::BallPositions, referee::JudgedShot, ruleset::RuleSet};
+use crate::rules::{
+    call::Call, layout::BallPositions, rack_state::Snooker, referee::JudgedShot, ruleset::RuleSet,
+};
 
 /// What is on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,0 +1,49 @@
+//! The two groups of 8-ball.
+
+use serde::{Deserialize, Serialize};
+
+/// A player's seven balls.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum BallGroup {
+    /// 1 to 7.
+    Solids,
+    /// 9 to 15.
+    Stripes,
+}
+
+impl BallGroup {
+    /// The group of a ball; none of the 8 and the cue ball.
+    pub fn of(ball: u8) -> Option<Self> {
+        match ball {
+            1..=7 => Some(Self::Solids),
+            9..=15 => Some(Self::Stripes),
+            _ => None,
+        }
+    }
+
+    /// The other.
+    #[must_use]
+    pub fn other(self) -> Self {
+        match self {
+            Self::Solids => Self::Stripes,
+            Self::Stripes => Self::Solids,
+        }
+    }
+
+    /// Its name.
+    pub fn display_text(self) -> &'static str {
+        match self {
+            Self::Solids => "solids",
+            Self::Stripes => "stripes",
+        }
+    }
+
+    /// A shape that stands for it: a full disc, or a disc with a band.
+    pub fn glyph(self) -> &'static str {
+        match self {
+            Self::Solids => "●",
+            Self::Stripes => "◍",
+        }
+    }
+}
