@@ -292,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn a_balancer_that_does_not_exist_is_named_with_those_that_do() {
+    fn unknown_balancers_are_refused_with_the_known() {
         let refused = Args::try_parse_from(["carom", "--balancer", "fair"]).unwrap_err();
         let said = refused.to_string();
         assert!(said.contains("no balancer `fair`"), "{said}");

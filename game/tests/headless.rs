@@ -66,7 +66,7 @@ fn spread(pixels: &[u8]) -> f64 {
 }
 
 #[test]
-fn it_renders_a_break_into_frames_an_animation_and_figures() {
+fn a_break_becomes_frames_animation_and_statistics() {
     let folder = tempfile::tempdir().unwrap();
     let output = render(folder.path(), "pictures", "1");
     assert!(output.status.success(), "{}", text(&output.stderr));
@@ -163,7 +163,7 @@ fn a_film_is_the_same_frames_in_one_file() {
 }
 
 #[test]
-fn an_interrupted_film_goes_on_and_another_one_says_so() {
+fn interrupted_videos_resume() {
     let folder = tempfile::tempdir().unwrap();
     let make = |spp: &str| film(folder.path(), &["--spp", spp, "--video", "film"]);
     assert!(make("1").status.success());
@@ -277,7 +277,7 @@ fn without_a_display_it_says_so_and_renders() {
 }
 
 #[test]
-fn a_display_that_cannot_be_opened_is_reported_with_what_to_install() {
+fn a_missing_display_names_what_to_install() {
     let folder = tempfile::tempdir().unwrap();
     let output = Command::new(env!("CARGO_BIN_EXE_carom"))
         .current_dir(folder.path())

@@ -161,7 +161,7 @@ fn any_speed_meets_and_parts() {
 }
 
 #[test]
-fn nothing_is_passed_through_at_a_hundred_metres_per_second() {
+fn nothing_is_passed_through_at_100_m_s() {
     for degrees in 0..36 {
         let way = DVec2::from_angle((10.0 * f64::from(degrees)).to_radians());
         let balls = vec![

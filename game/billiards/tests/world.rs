@@ -127,7 +127,7 @@ fn assert_solid(table: &Table, shot: &Shot, t: f64) {
 }
 
 #[test]
-fn the_built_in_tables_are_what_their_specifications_say() {
+fn built_in_tables_meet_their_specifications() {
     for name in Table::built_in_names() {
         let table = Table::built_in(name).expect("valid");
         let pocketless = table.pockets().is_empty();
@@ -258,7 +258,7 @@ fn a_dropped_ball_bounces_as_its_restitution_says() {
 }
 
 #[test]
-fn an_elevated_stroke_jumps_over_a_ball_that_a_level_one_hits() {
+fn elevated_strokes_jump_where_level_ones_hit() {
     let layout = || BallLayout {
         balls: vec![resting(0, -0.6, 0.0), resting(1, -0.3, 0.0)],
     };
@@ -372,7 +372,7 @@ fn unequal_balls_keep_momentum_and_restitution() {
 }
 
 #[test]
-fn a_ball_driven_over_the_rail_leaves_the_table_and_falls_to_the_floor() {
+fn balls_driven_over_the_rail_fall_to_the_floor() {
     let table = Table::nine_foot();
     let (_, high) = table.outline();
     let start = flying(
@@ -436,7 +436,7 @@ fn a_ball_that_lands_on_a_cushion_comes_back_or_goes() {
 }
 
 #[test]
-fn a_slow_ball_tips_over_the_rim_and_a_ball_at_rest_on_it_hangs() {
+fn slow_balls_tip_over_the_rim_and_resting_ones_hang() {
     let table = Table::nine_foot();
     let pocket = table.pockets()[4];
     let edge = pocket.center + pocket.radius_m * pocket.mouth;
@@ -479,7 +479,7 @@ fn a_slow_ball_tips_over_the_rim_and_a_ball_at_rest_on_it_hangs() {
 }
 
 #[test]
-fn potted_balls_lie_in_the_tray_in_the_order_of_their_fall() {
+fn potted_balls_lie_in_the_order_of_their_fall() {
     let table = Table::nine_foot();
     let towards = |number: u8, pocket: usize, from: DVec2| {
         let way = table.pockets()[pocket].center - from;

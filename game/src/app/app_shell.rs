@@ -377,7 +377,7 @@ mod tests {
     use crate::input::StrokeIntent;
 
     #[test]
-    fn a_way_to_a_panel_gives_back_the_aim_and_aiming_before_a_rest_stays() {
+    fn moving_to_a_panel_restores_the_aim() {
         let mut travel = PointerTravel::default();
         for (turn, now_secs) in [(0.5, 1.0), (0.25, 2.0), (0.5, 2.1)] {
             travel.note(Intent::Aim(AimIntent::Turn(turn)), now_secs);
@@ -390,7 +390,7 @@ mod tests {
     }
 
     #[test]
-    fn a_way_from_a_panel_turns_nothing_until_the_pointer_rests() {
+    fn leaving_a_panel_keeps_the_aim_until_a_pause() {
         let mut travel = PointerTravel::default();
         assert!(!travel.came_from_panel(1.0));
         travel.enter_panel(1.0);

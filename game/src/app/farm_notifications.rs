@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn a_node_that_is_lost_is_told_once_and_again_when_it_is_back() {
+    fn loss_and_return_of_a_node_are_each_told_once() {
         let mut lookout = FarmNotifier::default();
         let farm = |state: NodeState| [node("local", NodeState::Ready), node("attic:1", state)];
         told(&mut lookout, &farm(NodeState::Ready), 0.0);
@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn a_node_that_comes_and_goes_is_not_a_stream_of_sentences() {
+    fn unsteady_nodes_are_told_of_at_most_so_often() {
         let mut lookout = FarmNotifier::default();
         let states = (0..100).map(|i| {
             if i % 2 == 0 {
@@ -315,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn when_all_are_lost_the_sentence_stays_and_names_each() {
+    fn losing_all_nodes_names_each_for_as_long() {
         let mut lookout = FarmNotifier::default();
         let nodes = [
             node(

@@ -376,7 +376,7 @@ mod tests {
     }
 
     #[test]
-    fn the_shots_of_a_match_say_who_played_them_and_what_came_of_them() {
+    fn replayed_shots_name_player_and_outcome() {
         let folder = tempfile::tempdir().unwrap();
         let (mut modes, _) = modes(folder.path());
         let players = Player::list("Ada,Bo").unwrap();

@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn two_balls_touch_for_a_quarter_of_a_millisecond_in_a_hard_shot() {
+    fn hard_ball_contact_lasts_a_quarter_millisecond() {
         let secs = hertz_secs() * 5f64.powf(-0.2);
         assert!((2.0e-4..3.5e-4).contains(&secs), "{secs}");
     }

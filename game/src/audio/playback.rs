@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sound_reaches_the_player_and_the_next_takes_its_place() {
+    fn a_new_sound_replaces_the_one_that_plays() {
         let folder = tempfile::tempdir().unwrap();
         let speaker = Playback::new(Some(keeper(folder.path())));
         let kept = folder.path().join("kept.wav");

@@ -194,7 +194,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_default_is_a_trigger_of_one_action_that_suits_it() {
+    fn each_default_key_has_one_action_that_suits_it() {
         let mut bindings = Bindings::none();
         for control in ACTIONS {
             for label in control.defaults {
@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn a_taken_trigger_is_told_with_what_it_does_and_moves_when_the_player_insists() {
+    fn taken_keys_are_told_and_move_on_insistence() {
         let mut bindings = Bindings::default();
         let w: Trigger = "w".parse().unwrap();
         let error = bindings.bind(w, Action::Rack).unwrap_err();
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_on_both_sides_are_named_once_when_both_are_bound() {
+    fn left_and_right_keys_are_named_once() {
         let mut bindings = Bindings::default();
         assert_eq!(bindings.words(Action::Fine), "Ctrl, Shift");
         bindings.unbind(Action::Fine);

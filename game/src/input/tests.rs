@@ -70,7 +70,7 @@ fn fine_aim_is_ten_times_finer() {
 }
 
 #[test]
-fn pulling_sets_the_power_leaves_the_aim_and_strikes_when_released() {
+fn pulling_sets_power_and_strikes_when_released() {
     let mut input = Input::default();
     let events = [
         at(100.0, 100.0),
@@ -89,7 +89,7 @@ fn pulling_sets_the_power_leaves_the_aim_and_strikes_when_released() {
 }
 
 #[test]
-fn the_right_button_gives_up_a_stroke_and_its_release_does_nothing() {
+fn the_right_button_gives_up_a_stroke() {
     let mut input = Input::default();
     let events = [
         at(0.0, 0.0),
@@ -163,7 +163,7 @@ fn fine_power_is_ten_times_finer() {
 }
 
 #[test]
-fn a_cue_in_hand_follows_the_pointer_until_it_is_let_go() {
+fn a_held_cue_follows_the_pointer() {
     let mut input = Input::default();
     let events = [
         at(0.0, 0.0),
@@ -198,7 +198,7 @@ fn keys_step_by_a_degree_and_finely_by_a_tenth() {
 }
 
 #[test]
-fn what_is_done_once_does_not_repeat_while_its_key_is_held() {
+fn single_actions_do_not_repeat_while_held() {
     let mut input = Input::default();
     let events = [key("R", true), held("R"), held("R")];
     assert_eq!(all(&mut input, &events), [Intent::Match(MatchIntent::Rack)]);
@@ -239,7 +239,7 @@ fn every_control_works_from_another_trigger() {
 }
 
 #[test]
-fn keys_of_a_replay_count_before_those_of_the_table_and_only_there() {
+fn replay_keys_count_first_in_replays_only() {
     let mut input = Input::default();
     let press = [key("Space", true), key("Space", false), key("V", true)];
     input.set_mode(BindingContext::Replay);

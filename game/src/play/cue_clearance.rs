@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn in_the_middle_of_the_table_the_cue_lies_nearly_level() {
+    fn the_cue_is_nearly_level_in_mid_table() {
         // The length of the table leaves the whole cue over the cloth.
         assert!(elevation_deg((1.0, 0.0), &[], 0.0) < 0.2);
         // Across, the butt passes over a rail a little higher than the ball's middle.
@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn frozen_to_the_rail_the_cue_clears_the_nose_and_the_rail() {
+    fn the_cue_clears_the_rail_of_a_frozen_ball() {
         let table = Table::nine_foot();
         let x = -0.5 * table.length_m() + table.ball().radius_m;
         let frozen = elevation_deg((x, 0.0), &[], 0.0);
@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn over_a_ball_close_behind_the_cue_ball_the_cue_is_steep() {
+    fn the_cue_is_steep_over_a_ball_close_behind() {
         let radius = Table::nine_foot().ball().radius_m;
         let close = elevation_deg((0.0, 0.0), &[(-2.02 * radius, 0.0)], 0.0);
         let far = elevation_deg((0.0, 0.0), &[(-0.3, 0.0)], 0.0);
@@ -218,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn at_the_least_elevation_nothing_is_touched_and_just_below_something_is() {
+    fn the_least_elevation_is_the_least_clear_one() {
         let table = Table::nine_foot();
         let mut balls = table.rack_eight(5).balls;
         balls[0].position = DVec3::new(0.2, 0.55, balls[0].body.radius_m);

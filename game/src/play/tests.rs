@@ -102,7 +102,7 @@ fn escape_gives_up_a_stroke_first_and_then_quits() {
 }
 
 #[test]
-fn aiming_at_a_point_of_the_window_points_the_cue_there() {
+fn aiming_at_a_point_turns_the_cue_to_it() {
     let mut game = Game::new(1).unwrap();
     let target = DVec3::new(0.3, 0.4, game.cue_ball().unwrap().z);
     let projection = Projection::new(&game.camera(0.0), FILM.x, FILM.y);
@@ -114,7 +114,7 @@ fn aiming_at_a_point_of_the_window_points_the_cue_there() {
 }
 
 #[test]
-fn the_camera_behind_the_ball_sees_the_ball_and_the_overview_the_whole_table() {
+fn each_view_sees_what_it_is_for() {
     let mut game = Game::new(1).unwrap();
     let seen = |camera: &Camera, p: DVec3| {
         let film = Projection::new(camera, FILM.x, FILM.y).film_from_world(p);
@@ -146,7 +146,7 @@ fn look_from(game: &mut Game, view: CameraView, now_secs: f64) {
 }
 
 #[test]
-fn the_camera_glides_to_the_view_that_is_chosen_and_with_reduced_motion_cuts_there() {
+fn cameras_glide_and_cut_with_reduced_motion() {
     let mut game = Game::new(1).unwrap();
     let behind = game.viewpoint(0.0);
     apply(&mut game, Intent::Camera(CameraIntent::Overhead), 0.0);
@@ -165,7 +165,7 @@ fn the_camera_glides_to_the_view_that_is_chosen_and_with_reduced_motion_cuts_the
 }
 
 #[test]
-fn a_view_that_is_chosen_during_a_shot_is_gone_to_from_what_is_seen() {
+fn views_chosen_in_a_shot_start_from_what_is_seen() {
     for instant_camera in [false, true] {
         let mut game = Game::new(1).unwrap();
         game.set_instant_camera(instant_camera);
@@ -201,7 +201,7 @@ fn after_the_ball_the_camera_has_it_in_the_middle() {
 }
 
 #[test]
-fn the_view_from_the_pocket_is_from_the_one_that_is_played_to() {
+fn the_pocket_view_is_of_the_pocket_played_to() {
     let mut game = Game::new(1).unwrap();
     look_from(&mut game, CameraView::Pocket, 0.0);
     let table = game.table().clone();
@@ -239,7 +239,7 @@ fn a_pocketed_cue_ball_comes_back_where_there_is_room() {
 }
 
 #[test]
-fn a_raised_cue_jumps_and_comes_level_again_after_the_shot() {
+fn raised_cues_jump_and_are_level_after_the_shot() {
     let mut game = Game::new(1).unwrap();
     for _ in 0..100 {
         apply(&mut game, Intent::Aim(AimIntent::Elevate(0.1)), 0.0);
@@ -282,7 +282,7 @@ fn soft_shots_have_most_of_the_way() {
 }
 
 #[test]
-fn enter_strikes_with_the_power_that_is_set_and_the_shot_is_the_one_foreseen() {
+fn a_strike_is_the_shot_that_was_previewed() {
     let mut game = Game::new(1).unwrap();
     game.set_aids(AimAids::Full);
     for intent in [
@@ -306,7 +306,7 @@ fn enter_strikes_with_the_power_that_is_set_and_the_shot_is_the_one_foreseen() {
 }
 
 #[test]
-fn a_stroke_of_the_hand_strikes_where_the_cue_meets_the_ball() {
+fn a_swing_strikes_where_the_cue_meets_the_ball() {
     let mut game = Game::new(1).unwrap();
     let swing = |game: &mut Game, intent, at| apply(game, intent, at);
     swing(&mut game, Intent::Stroke(StrokeIntent::BeginSwing), 1.0);
@@ -335,7 +335,7 @@ fn a_stroke_of_the_hand_strikes_where_the_cue_meets_the_ball() {
 }
 
 #[test]
-fn a_cue_that_is_let_go_in_a_stroke_of_the_hand_does_not_strike() {
+fn letting_go_of_a_swing_does_not_strike() {
     let mut game = Game::new(1).unwrap();
     for intent in [
         Intent::Stroke(StrokeIntent::BeginSwing),
@@ -349,7 +349,7 @@ fn a_cue_that_is_let_go_in_a_stroke_of_the_hand_does_not_strike() {
 }
 
 #[test]
-fn the_cue_cannot_be_laid_lower_than_what_is_in_its_way() {
+fn the_cue_stays_above_what_is_in_its_way() {
     let mut game = Game::new(1).unwrap();
     let cue_ball = game.table().cue_ball().radius_m;
     let x = -0.5 * game.table().length_m() + cue_ball + 0.001;
@@ -374,7 +374,7 @@ fn the_cue_cannot_be_laid_lower_than_what_is_in_its_way() {
 }
 
 #[test]
-fn a_blow_that_is_under_way_is_struck_where_it_was_aimed() {
+fn strokes_under_way_keep_their_aim() {
     let mut game = Game::new(1).unwrap();
     apply(&mut game, Intent::Stroke(StrokeIntent::BeginPull), 0.0);
     let aim = game.aim();
@@ -405,7 +405,7 @@ fn wait(game: &mut Game, mut now_secs: f64) -> f64 {
 }
 
 #[test]
-fn a_computer_plays_in_its_turn_seen_and_judged_and_is_taken_back_with_the_shot_before() {
+fn the_computer_plays_and_undo_takes_back_both_shots() {
     let mut game = eight("Ada,ai:easy");
     let before = game.contest().ball_positions();
     strike(&mut game, 0.05, 0.0);
@@ -434,7 +434,7 @@ fn a_computer_plays_in_its_turn_seen_and_judged_and_is_taken_back_with_the_shot_
 }
 
 #[test]
-fn a_cue_ball_in_hand_is_carried_and_put_down_only_where_it_may_lie() {
+fn balls_in_hand_are_put_down_only_where_they_may_lie() {
     let mut game = eight("2");
     let from = game.cue_ball().unwrap().truncate();
     apply(&mut game, Intent::Match(MatchIntent::PickUp), 0.0);

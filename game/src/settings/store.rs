@@ -274,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_file_the_defaults_count_and_the_first_change_makes_it() {
+    fn the_first_change_makes_the_file() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("new/settings.toml");
         let mut store = SettingsStore::open(path.clone());
@@ -322,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_and_unknown_values_are_told_the_rest_counts_and_all_of_it_is_kept() {
+    fn wrong_values_are_told_and_kept() {
         let text = "# mine\n[interface]\ntext-scale = 9 # large\nreduced-motion = true\n\n\
                     [sound]\nvolume = 0.5 # not loud\necho = 3\n\n[later]\nx = 1\n";
         let (_folder, path) = file(text);
@@ -397,7 +397,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_move_to_where_the_player_wants_them_and_conflicts_are_told() {
+    fn keys_are_rebound_and_conflicts_told() {
         let (_folder, path) =
             file("[keys]\nrack = [\"W\", \"F5\"]\nstats = \"F5\"\nhelp = [\"Hyper\"]\n");
         let store = SettingsStore::open(path);

@@ -371,7 +371,7 @@ mod tests {
     }
 
     #[test]
-    fn a_click_on_a_pocket_calls_the_ball_that_is_aimed_at() {
+    fn clicking_a_pocket_calls_the_aimed_ball() {
         let board = board(&broken());
         let call = Call::Pot {
             ball: 4,

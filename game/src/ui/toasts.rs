@@ -64,7 +64,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sentences_go_when_they_could_be_read_and_the_oldest_gives_way() {
+    fn toasts_last_as_long_as_reading_takes() {
         let mut notes = Toasts::default();
         for i in 0..6 {
             notes.push(format!("sentence {i}"), f64::from(i));

@@ -213,7 +213,7 @@ fn every_number_has_a_tooltip_that_defines_it() {
 }
 
 #[test]
-fn a_frozen_picture_stays_while_others_come_and_its_neighbours_are_reached() {
+fn frozen_frames_stay_and_can_be_stepped_from() {
     let mut harness = harness(StatsLevel::Full, WINDOW, 1.0);
     harness.get_by_label("Freeze").click();
     harness.run_steps(2);
@@ -268,7 +268,7 @@ fn the_way_of_dividing_is_chosen_in_the_overlay() {
 }
 
 #[test]
-fn the_quality_dial_is_turned_beside_its_measured_trade() {
+fn quality_is_chosen_beside_its_measured_cost() {
     let mut harness = harness(StatsLevel::Full, Vec2::new(900.0, 2400.0), 1.0);
     harness.get_by_label("Quality").click();
     harness.run_steps(4);
@@ -324,7 +324,7 @@ fn texts(harness: &Harness<'_, OverlayFixture>) -> Vec<(String, Rect, Rect)> {
 }
 
 #[test]
-fn nothing_overlaps_or_is_cut_off_in_any_window_at_any_size_of_text() {
+fn nothing_overlaps_at_any_window_and_text_size() {
     for size in [WINDOW, Vec2::new(640.0, 360.0)] {
         for text_scale in [1.0, 2.0] {
             for level in [StatsLevel::Line, StatsLevel::Card, StatsLevel::Full] {

@@ -49,7 +49,7 @@ fn the_menu_leads_to_every_page_and_back_and_out() {
 }
 
 #[test]
-fn a_new_game_is_set_up_and_its_players_stand_on_the_board() {
+fn new_games_show_their_players() {
     let mut harness = harness(Seat::free());
     press(&mut harness, "Esc");
     for entry in ["New game", "9-ball", "A person at this machine", "Begin"] {
@@ -87,7 +87,7 @@ fn settings_are_changed_by_pressing_them() {
 }
 
 #[test]
-fn the_list_of_keys_names_every_control_below_its_title() {
+fn the_list_of_keys_names_every_control() {
     let mut harness = harness(Seat::free());
     press(&mut harness, "F1");
     for control in ACTIONS {
@@ -127,7 +127,7 @@ fn a_shot_is_looked_back_at_stopped_stepped_and_left() {
 }
 
 #[test]
-fn balls_are_laid_by_pressing_their_numbers_and_what_is_left_lies_as_before() {
+fn numbers_add_and_remove_balls_in_practice() {
     let mut harness = harness(Seat::free());
     press(&mut harness, "F5");
     let is_there = |harness: &egui_kittest::Harness<'_, Seat>| {
@@ -173,7 +173,7 @@ fn the_page_of_a_replay_is_worked_with_keys_alone() {
 }
 
 #[test]
-fn the_keys_of_a_replay_can_be_others_and_its_page_names_them() {
+fn replay_keys_can_be_rebound() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("settings.toml");
     std::fs::write(&path, "[keys]\nreplay-pause = \"G\"\n").unwrap();
@@ -234,7 +234,7 @@ fn what_the_game_shows_lies_beside_the_statistics() {
 }
 
 #[test]
-fn the_pointer_turns_the_aim_over_the_table_and_not_over_a_panel_or_on_the_way_from_it() {
+fn the_pointer_aims_over_the_table_alone() {
     let mut seat = Seat::free();
     // Given back, it may differ in its last bits.
     let aim = |seat: &mut Seat| (seat.settled().bearing_rad * 1e9).round();
@@ -256,7 +256,7 @@ fn the_pointer_turns_the_aim_over_the_table_and_not_over_a_panel_or_on_the_way_f
 }
 
 #[test]
-fn views_have_their_keys_and_saved_ones_come_back_the_next_time() {
+fn saved_views_come_back_the_next_time() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("settings.toml");
     let mut seat = Seat::kept_in(path.clone());

@@ -381,7 +381,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_crossing_is_where_the_tree_begins_to_stay_faster() {
+    fn the_crossing_is_where_the_bvh_stays_faster() {
         let row = |(count, bvh_milliseconds): (u32, f64)| BvhRow {
             count,
             each_milliseconds: 2.0,

@@ -427,7 +427,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_part_is_used_once_it_is_added_and_scenes_stay_valid() {
+    fn added_parts_are_used_and_scenes_stay_valid() {
         let plain = Scene {
             materials: std::collections::BTreeMap::new(),
             objects: Vec::new(),

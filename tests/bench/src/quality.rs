@@ -93,7 +93,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_stop_is_nearer_to_the_truth_than_the_one_before() {
+    fn each_quality_level_is_nearer_to_the_truth() {
         let path = concat!(
             env!("CARGO_MANIFEST_DIR"),
             "/../references/pool_480x270.exr"

@@ -35,7 +35,7 @@ fn done(dir: &Path, args: &[&str]) -> String {
 /// Of nodes that slow down, are held, go on, are killed and join, over paths that lose packets.
 #[cfg(unix)]
 #[test]
-fn a_farm_of_processes_draws_every_frame_right_whatever_happens_to_them() {
+fn farms_of_processes_survive_every_event() {
     let dir = tempfile::tempdir().unwrap();
     let args = "cluster --json --frames 48 --width 64 --node 0.5@2,0.3@8,0.2@4,0.4@1 \
                 --change 10:1:throttle=0.05,16:0:stop,24:0:go,30:2:kill,36:3:join --loss 1 \

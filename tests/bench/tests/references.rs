@@ -51,7 +51,7 @@ fn struck_clusters_part_as_in_the_references() {
     for shot in clusters {
         assert!(shot.fastest_off_m_s < 0.01, "of 2 m/s: {shot:?}");
         // The others press on each other for a while, for which the references have a rule and
-        // `balls_that_press_on_each_other_move_as_in_lasting_contact` the theory.
+        // `pressed_balls_move_as_in_lasting_contact` the theory.
         let off = shot.velocity_off_m_s;
         assert!(off > 0.0 && off < 0.04, "of 2 m/s: {shot:?}");
     }
@@ -100,7 +100,7 @@ fn closed_forms_and_published_curves_are_met() {
 }
 
 #[test]
-fn the_closed_flight_is_exact_and_rapier_comes_up_to_it() {
+fn rapier_converges_to_the_closed_flight() {
     let rows = airborne::measure().expect("all can be played");
     let errors = |row: &airborne::FlightRow| {
         let airborne::FlightRow {

@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn a_share_of_the_time_is_used_and_every_tile_comes_once_in_its_place() {
+    fn throttled_tracers_deliver_each_tile_once() {
         let pool = include_str!("../../../assets/scenes/pool.json");
         let scene = CompiledScene::new(&Scene::from_json(pool).unwrap()).unwrap();
         let grid = TileGrid::new(ImageSize::new(64, 40), 8);

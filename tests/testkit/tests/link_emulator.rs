@@ -24,7 +24,7 @@ fn packets_pass_that_are_short_enough() {
 }
 
 #[test]
-fn losses_come_as_often_and_in_such_bursts_as_asked_for() {
+fn losses_have_their_rate_and_burst_length() {
     for (loss, burst) in [(0.01, 1.0), (0.01, 4.0), (0.2, 6.0), (0.5, 2.0)] {
         let config = LinkConfig {
             loss,
@@ -62,7 +62,7 @@ fn a_rate_spreads_packets_and_a_full_queue_drops_them() {
 }
 
 #[test]
-fn jitter_has_its_mean_and_keeps_the_order_and_reordering_does_not() {
+fn jitter_keeps_the_order_and_has_its_mean() {
     let mut config = LinkConfig {
         delay: 20 * MS,
         jitter: MS,

@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn near_straight_pots_come_first_and_blocked_ones_not_at_all() {
+    fn nearest_straight_pots_come_first() {
         let layout = table_layout(&Table::nine_foot());
         let at = |ball, x, y| BallPosition {
             ball,

@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn in_each_game_a_person_is_advised_and_can_let_the_computer_play() {
+    fn every_game_has_hints_and_strokes_of_the_computer() {
         for rules in RuleSet::ALL {
             let mut game = game(rules);
             let skill = Skill {
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn advice_stands_as_long_as_its_position_and_ends_with_the_match() {
+    fn hints_end_with_their_position_and_the_match() {
         let mut game = game(RuleSet::Nine);
         assert!(game.start_hint().is_ok());
         let decision = Decision {

@@ -396,7 +396,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stroke_into_nothing_gives_the_other_player_the_cue_ball_in_hand() {
+    fn hitting_no_ball_gives_ball_in_hand() {
         let mut game = eight();
         play(&mut game, Stroke::straight(0.0, 8.0));
         game.now

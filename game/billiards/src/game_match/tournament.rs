@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn the_stronger_wins_and_the_same_seed_gives_the_same_matches() {
+    fn stronger_players_win_and_seeds_repeat_matches() {
         let tally = series(RuleSet::Nine, [Level::Easy, Level::Hard], 1, 8);
         assert!(tally.players[1].wins > tally.players[0].wins, "{tally:?}");
         let few = series(RuleSet::Nine, [Level::Easy, Level::Hard], 1, 2);

@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ball_touches_where_its_distance_is_its_radius_and_not_before() {
+    fn contact_is_at_a_distance_of_one_radius() {
         let table = Table::nine_foot();
         let solid = JawSolid::of(&table, 1);
         let above = table.nose_height_m() + 0.05;

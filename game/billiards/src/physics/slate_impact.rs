@@ -87,7 +87,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_bounce_keeps_its_restitution_and_never_gains_energy() {
+    fn bounces_keep_restitution_and_gain_no_energy() {
         let body = BallBody::default();
         for (spin, friction) in [(0.0, 0.2), (80.0, 0.2), (-400.0, 0.05), (1e4, 1.0)] {
             let law = BounceLaw {

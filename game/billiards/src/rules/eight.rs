@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn groups_are_settled_by_the_called_ball_after_the_break() {
+    fn the_first_called_ball_after_the_break_sets_groups() {
         let mut scene = TestTable::new(RuleSet::Eight);
         let verdict = scene.play(&[hit(1), pot(2, 0), pot(9, 1)], None);
         assert!(
@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ball_that_was_not_called_or_fell_elsewhere_passes_the_turn_and_stays_down() {
+    fn uncalled_pots_pass_the_turn_and_stay_down() {
         for said in [None, call(3, 0), Some(Call::Safety)] {
             let mut scene = TestTable::broken(RuleSet::Eight);
             let verdict = scene.play(&[hit(3), pot(3, 1)], said);
@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn the_wrong_group_first_is_a_foul_and_says_what_is_on() {
+    fn hitting_the_wrong_group_first_is_a_foul() {
         let mut scene = with_groups();
         let verdict = scene.play(&[hit(12), rail(12)], None);
         assert_eq!(
@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn the_8_on_the_break_is_spotted_and_the_breaker_may_rack_again() {
+    fn the_8_on_the_break_is_spotted_or_racked_again() {
         let mut scene = TestTable::new(RuleSet::Eight);
         let verdict = scene.play(&[hit(1), pot(8, 2)], None);
         assert!(verdict.goes_on && scene.referee.turn() == 0);
@@ -365,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn the_8_and_a_scratch_on_the_break_give_the_other_the_choice() {
+    fn the_8_and_a_scratch_on_the_break_give_a_choice() {
         let mut scene = TestTable::new(RuleSet::Eight);
         let verdict = scene.play(&[hit(1), pot(8, 2), pot(0, 1)], None);
         assert_eq!(verdict.fouls, [Foul::Scratch]);
@@ -378,7 +378,7 @@ mod tests {
     }
 
     #[test]
-    fn a_weak_break_gives_three_choices_and_a_foul_on_it_two() {
+    fn weak_breaks_give_three_choices_and_fouls_two() {
         let mut scene = TestTable::new(RuleSet::Eight);
         let verdict = scene.play(&[hit(1), rail(1), rail(2), rail(3), rail(0)], None);
         assert!(!verdict.is_foul() && verdict.lines[0].starts_with("Illegal break: 3 balls"));
@@ -413,7 +413,7 @@ mod tests {
     }
 
     #[test]
-    fn from_behind_the_head_string_the_line_is_crossed_first() {
+    fn kitchen_shots_cross_the_head_string_first() {
         let mut scene = TestTable::new(RuleSet::Eight);
         scene.play(&[hit(1), pot(2, 0), pot(0, 1)], None);
         assert_eq!(
@@ -430,7 +430,7 @@ mod tests {
     }
 
     #[test]
-    fn a_match_ends_at_its_target_and_no_shot_counts_after() {
+    fn no_shot_counts_after_the_target_is_reached() {
         let mut scene = with_groups();
         for _ in 0..3 {
             scene.referee.win_rack(1, &mut Verdict::default());

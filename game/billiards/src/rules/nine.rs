@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn the_9_wins_on_the_break_and_by_a_combination_but_is_spotted_on_a_foul() {
+    fn the_9_wins_at_any_time_but_not_on_a_foul() {
         let mut scene = TestTable::new(RuleSet::Nine);
         scene.play(&[hit(1), pot(9, 0)], None);
         assert_eq!(scene.referee.scores(), [1, 0]);
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn a_push_out_that_scratches_is_a_foul_and_the_9_comes_back() {
+    fn a_scratch_on_a_push_out_is_a_foul() {
         let mut scene = TestTable::broken(RuleSet::Nine);
         let verdict = scene.play(&[hit(4), pot(9, 1)], Some(Call::PushOut));
         assert!(!verdict.is_foul() && scene.has(9));
@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn three_fouls_in_a_row_lose_the_rack_and_a_legal_shot_between_saves_it() {
+    fn three_fouls_in_a_row_lose_the_rack() {
         let mut scene = nine();
         for fouls in 1..3 {
             scene.play(&[rail(0)], None);

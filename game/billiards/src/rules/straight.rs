@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scratch_costs_a_point_and_the_cue_ball_is_in_hand_behind_the_head_string() {
+    fn a_scratch_costs_a_point_and_gives_the_kitchen() {
         let mut scene = opened();
         scene.play(&[hit(4), pot(4, 1), pot(0, 2)], call(4, 1));
         assert_eq!(
@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn a_weak_opening_costs_two_and_may_have_to_be_played_again() {
+    fn a_weak_opening_costs_two_points() {
         for events in [
             vec![hit(1), rail(1), rail(2)],
             vec![hit(1), rail(0), rail(2)],
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn the_third_foul_in_a_row_costs_fifteen_more_and_a_new_opening() {
+    fn the_third_foul_in_a_row_costs_fifteen_more() {
         let mut scene = opened();
         for _ in 0..2 {
             scene.play(&[rail(0)], None);
@@ -316,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn fourteen_are_racked_round_the_fifteenth_as_the_table_of_special_situations_says() {
+    fn fourteen_are_racked_as_rule_4_8_says() {
         let (head, foot) = (DVec2::new(-0.635, 0.0), DVec2::new(0.635, 0.0));
         let (free, inside) = ((0.0, 0.4), (0.75, 0.0));
         let (scene, _) = after_fourteen(Some(free), (-0.2, -0.3));
@@ -368,7 +368,7 @@ mod tests {
     }
 
     #[test]
-    fn with_all_balls_behind_the_head_string_the_nearest_is_spotted() {
+    fn nearest_ball_is_spotted_if_all_are_in_the_kitchen() {
         let mut scene = opened();
         scene.keep(&[3, 4]);
         scene.put(3, -0.8, 0.1);

@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn three_cushions_before_the_second_ball_in_any_order_are_a_point() {
+    fn three_cushions_before_the_second_ball_score() {
         for events in [
             vec![hit(1), rail(0), rail(0), rail(0), hit(2)],
             vec![rail(0), rail(0), rail(0), hit(2), hit(1)],
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ball_that_jumps_off_ends_the_turn_and_comes_to_its_spot() {
+    fn balls_off_the_table_end_the_turn_and_are_spotted() {
         let mut scene = opened();
         scene.put(0, -0.2, 0.3);
         scene.put(1, 0.3, 0.3);

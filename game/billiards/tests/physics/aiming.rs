@@ -138,7 +138,7 @@ fn a_suggested_stroke_does_what_it_says() {
 }
 
 #[test]
-fn a_search_is_bounded_and_knows_when_there_is_nothing() {
+fn pot_searches_are_bounded() {
     let world = position(1).expect("valid");
     for bound in [0, 1, 7] {
         let found = suggest(&world, &[1, 2], bound).expect("within limits");

@@ -200,7 +200,7 @@ fn frozen_clusters_end_within_bounds() {
 }
 
 #[test]
-fn a_ball_pressed_to_the_cushion_by_its_spin_ends_within_bounds() {
+fn balls_pressed_to_a_cushion_by_spin_stay_in_bounds() {
     for towards in [1.0, 40.0, 300.0] {
         let touching = 0.635 - RADIUS;
         let start = ball(0, 0.6, touching, DVec3::X, DVec3::new(-towards, 0.0, 20.0));
@@ -217,7 +217,7 @@ fn a_ball_pressed_to_the_cushion_by_its_spin_ends_within_bounds() {
 /// where they touch takes spin from both. Once the front ball rolls it takes 7/12 of that force, and
 /// somewhat more for the friction that brakes it.
 #[test]
-fn balls_that_press_on_each_other_move_as_in_lasting_contact() {
+fn pressed_balls_move_as_in_lasting_contact() {
     let start = [(0.05, 14.0), (0.045, 0.0)];
     let secs = 0.06;
     let [rear, front] = start.map(|(speed, spin)| (DVec3::X * speed, DVec3::Y * spin));

@@ -29,7 +29,7 @@ fn practice_leaves_the_camera_and_takes_no_stroke() {
 }
 
 #[test]
-fn escape_leaves_what_is_open_and_then_gives_up_a_stroke() {
+fn escape_closes_pages_before_strokes() {
     let mut session = session();
     session.stroke(StrokeIntent::BeginPull, 0.0);
     session.practice(PracticeIntent::Toggle);

@@ -292,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn the_picture_under_the_pointer_is_the_one_that_is_drawn_there() {
+    fn pointing_at_a_chart_finds_the_frame_drawn_there() {
         let rect = Rect::from_min_size(Pos2::new(10.0, 0.0), Vec2::new(300.0, 50.0));
         for count in [1, 7, 240, 600] {
             for i in 0..count {

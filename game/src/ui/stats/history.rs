@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_larger_than_all_room_is_kept_while_it_is_the_newest() {
+    fn the_newest_frame_is_kept_whatever_its_size() {
         let mut history = History::default();
         for frame in 0..3 {
             push(

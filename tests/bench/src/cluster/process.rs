@@ -227,7 +227,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nodes_and_changes_are_read_or_refused_with_the_form() {
+    fn nodes_and_events_are_parsed_or_refused() {
         let node: NodeSpec = "0.25@46".parse().unwrap();
         assert_eq!((node.share, node.round_trip_secs), (0.25, 0.046));
         for wrong in ["", "1", "0@1", "1.5@1", "0.5@-1", "a@b", "0.5@NaN", "NaN@1"] {

@@ -88,7 +88,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn chances_of_many_draws_are_those_of_the_binomial_law() {
+    fn chances_of_draws_follow_the_binomial_law() {
         assert_eq!(at_least(0, 12, 0.05), 1.0);
         assert!((at_least(1, 12, 0.05) - (1.0 - 0.95f64.powi(12))).abs() < 1e-12);
         assert!((at_least(12, 12, 0.5) - 0.5f64.powi(12)).abs() < 1e-12);

@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn the_laws_agree_on_a_straight_shot_and_on_the_sense_of_english() {
+    fn cushion_laws_agree_on_straight_shots_and_english() {
         let body = BallBody::default();
         let stun = Twist {
             velocity: DVec3::new(-2.0, 0.0, 0.0),

@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn a_full_hit_without_friction_returns_its_restitution() {
+    fn frictionless_full_hits_return_the_restitution() {
         let law = Stronge {
             restitution: 0.85,
             friction: 0.0,

@@ -403,7 +403,7 @@ mod tests {
     }
 
     #[test]
-    fn a_colour_whose_spot_is_taken_goes_to_the_highest_that_is_free() {
+    fn colours_go_to_the_highest_free_spot() {
         let mut scene = broken();
         scene.play(&[hit(1), pot(1, 0)], None);
         let spot = |ball| own_spot(RuleSet::Snooker, &scene.layout, ball);
@@ -525,7 +525,7 @@ mod tests {
     }
 
     #[test]
-    fn playing_away_from_a_touching_ball_hits_it_and_into_it_pushes() {
+    fn shots_off_a_touching_ball_hit_and_into_it_push() {
         let mut scene = broken();
         let mut report = scene.report(&[rail(0)]);
         report.frozen = vec![3];
