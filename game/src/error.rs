@@ -58,6 +58,9 @@ pub enum Error {
         /// Of the layout.
         table: String,
     },
+    /// The system gives no thread.
+    #[error("The screenshot cannot start: {0}")]
+    ScreenshotThread(io::Error),
     /// No kind of video has a name like this.
     #[error(
         "`{name}` is no film: give a name that ends in .y4m (then `ffmpeg -i film.y4m film.mp4` \

@@ -234,13 +234,13 @@ impl AppShell {
             return;
         }
         let (sound, farm) = (self.playback.state(), session.farm_line());
-        let facts = MenuInput {
+        let input = MenuInput {
             is_free_table: session.match_hud().view.rules == RuleSet::Free,
             sound: &sound,
             display,
             farm: &farm,
         };
-        let command = self.menu.draw(ctx, &mut self.store, facts);
+        let command = self.menu.draw(ctx, &mut self.store, input);
         if self.menu.page().is_none() {
             self.save(now_secs);
         }

@@ -46,7 +46,7 @@ impl App {
         let presented = screen.display.show(self.session.displayed(), &interface);
         self.session.set_draw_secs(begun.elapsed().as_secs_f64());
         if let Err(why) = presented {
-            self.replace_display(event_loop, &why);
+            self.replace_display(event_loop, &why.to_string());
         }
     }
 

@@ -37,6 +37,7 @@ impl Screen {
     ) -> anyhow::Result<Self> {
         let handle = event_loop.owned_display_handle();
         let display = Display::open(&window, &handle, present).map_err(|tried| {
+            let tried: Vec<String> = tried.iter().map(ToString::to_string).collect();
             anyhow!(
                 "the window cannot be drawn on ({}). A Vulkan driver helps, on Debian or Ubuntu \
                  `apt install mesa-vulkan-drivers`; `carom --headless` needs none",

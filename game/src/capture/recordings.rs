@@ -120,8 +120,8 @@ mod tests {
     #[test]
     fn what_is_put_there_is_found_by_its_name() {
         let folder = tempfile::tempdir().unwrap();
-        let shelf = RecordingStore::at(folder.path().join("shots"));
-        assert_eq!(shelf.list().unwrap(), []);
+        let store = RecordingStore::at(folder.path().join("shots"));
+        assert_eq!(store.list().unwrap(), []);
         let table = Table::nine_foot();
         let world = World::new(table.clone(), table.rack_eight(1)).unwrap();
         let layout = Recording::of(&table, "rack", world.release().unwrap());
@@ -130,14 +130,14 @@ mod tests {
             RecordingKind::Shot,
             RecordingKind::Layout,
         ] {
-            shelf.save(kind, &layout).unwrap();
+            store.save(kind, &layout).unwrap();
         }
-        fs::write(shelf.folder().join("notes.txt"), "").unwrap();
-        let names: Vec<String> = shelf.list().unwrap().into_iter().map(|k| k.name).collect();
+        fs::write(store.folder().join("notes.txt"), "").unwrap();
+        let names: Vec<String> = store.list().unwrap().into_iter().map(|k| k.name).collect();
         assert_eq!(names, ["layout_0001", "layout_0002", "shot_0001"]);
-        let read = Recording::load(&shelf.list().unwrap()[0].path).unwrap();
+        let read = Recording::load(&store.list().unwrap()[0].path).unwrap();
         assert_eq!(read.clips[0].title, "rack");
-        assert!(fs::metadata(&shelf.list().unwrap()[0].path).unwrap().len() < 4096);
+        assert!(fs::metadata(&store.list().unwrap()[0].path).unwrap().len() < 4096);
         fs::write(folder.path().join("file"), "").unwrap();
         let blocked = RecordingStore::at(folder.path().join("file"));
         let error = blocked.save(RecordingKind::Shot, &layout).unwrap_err();

@@ -35,7 +35,7 @@ impl ScreenshotSlot {
     /// with layers of albedo, normal and depth, `still_0001.exr`. One that is being taken is dropped.
     ///
     /// # Errors
-    /// A sentence if the system gives no thread.
+    /// [`crate::Error::ScreenshotThread`].
     pub fn begin(
         &mut self,
         scene: Scene,
@@ -43,7 +43,7 @@ impl ScreenshotSlot {
         size: ImageSize,
         max_depth: u32,
         folder: PathBuf,
-    ) -> Result<(), String> {
+    ) -> crate::Result<()> {
         let spec = FrameSpec {
             update,
             size,
@@ -55,8 +55,7 @@ impl ScreenshotSlot {
             format: PixelFormat::LinearF32,
         };
         let screenshot = Screenshot::begin(scene, spec, folder);
-        let failed = |error| format!("The screenshot cannot start: {error}");
-        self.current = Some(screenshot.map_err(failed)?);
+        self.current = Some(screenshot.map_err(crate::Error::ScreenshotThread)?);
         Ok(())
     }
 
@@ -141,7 +140,7 @@ fn write(
     }
     let hits = trace_aovs(scene, spec)?;
     fs::create_dir_all(folder)?;
-    let path = next_path(folder, "still", "png").map_err(anyhow::Error::msg)?;
+    let path = next_path(folder, "still", "png")?;
     let image = film.image();
     let partial = folder.join("still.partial");
     image.write_exr_with_aovs(&partial, &hits)?;

@@ -8,7 +8,7 @@ use wgpu::CurrentSurfaceTexture as Current;
 use winit::event_loop::OwnedDisplayHandle;
 use winit::window::Window;
 
-use super::{DisplayFrame, UiFrame};
+use super::{DisplayFault, DisplayFrame, UiFrame};
 
 /// A window's surface and what is drawn on it.
 pub struct GpuDisplay {
@@ -28,19 +28,19 @@ impl GpuDisplay {
     /// Opens the window's surface on the first adapter of `backends` that can show it.
     ///
     /// # Errors
-    /// A sentence with the reason.
+    /// The first step that failed.
     pub fn open(
         window: Arc<Window>,
         display: &OwnedDisplayHandle,
         backends: wgpu::Backends,
-    ) -> Result<Self, String> {
+    ) -> Result<Self, DisplayFault> {
         let mut descriptor =
             wgpu::InstanceDescriptor::new_with_display_handle(Box::new(display.clone()));
         descriptor.backends = backends;
         let instance = wgpu::Instance::new(descriptor);
         let surface = instance
             .create_surface(window.clone())
-            .map_err(|error| format!("no surface: {error}"))?;
+            .map_err(DisplayFault::NoSurface)?;
         let (adapter, device, queue) = pollster::block_on(request_device(&instance, &surface))?;
         let config = configuration(&surface, &adapter)?;
         let info = adapter.get_info();
@@ -70,7 +70,11 @@ impl GpuDisplay {
     ///
     /// # Errors
     /// After `FAILURES_MAX` frames in a row that the surface refused.
-    pub fn show(&mut self, picture: Option<&DisplayFrame>, ui: &UiFrame) -> Result<(), String> {
+    pub fn show(
+        &mut self,
+        picture: Option<&DisplayFrame>,
+        ui: &UiFrame,
+    ) -> Result<(), DisplayFault> {
         for (id, images) in &ui.textures.set {
             for image in images {
                 self.egui
@@ -89,7 +93,7 @@ impl GpuDisplay {
         &self.name
     }
 
-    fn draw(&mut self, picture: Option<&DisplayFrame>, ui: &UiFrame) -> Result<(), String> {
+    fn draw(&mut self, picture: Option<&DisplayFrame>, ui: &UiFrame) -> Result<(), DisplayFault> {
         if self.config.width == 0 || self.config.height == 0 {
             return Ok(());
         }
@@ -152,7 +156,7 @@ impl GpuDisplay {
     }
 
     /// The surface's next texture; nothing if it has none at the moment.
-    fn acquire(&mut self) -> Result<Option<wgpu::SurfaceTexture>, String> {
+    fn acquire(&mut self) -> Result<Option<wgpu::SurfaceTexture>, DisplayFault> {
         let reason = match self.surface.get_current_texture() {
             Current::Success(frame) | Current::Suboptimal(frame) => {
                 self.failures = 0;
@@ -160,19 +164,19 @@ impl GpuDisplay {
             }
             // The window is hidden or busy: that is no failure, however long it lasts.
             Current::Timeout | Current::Occluded => return Ok(None),
-            Current::Outdated => "the surface stays outdated",
+            Current::Outdated => "stays outdated",
             Current::Lost => {
                 self.surface = self
                     .instance
                     .create_surface(self.window.clone())
-                    .map_err(|error| format!("the surface was lost: {error}"))?;
-                "the surface was lost"
+                    .map_err(DisplayFault::SurfaceLost)?;
+                "was lost"
             }
-            Current::Validation => "the surface is not valid",
+            Current::Validation => "is not valid",
         };
         self.failures += 1;
         if self.failures > FAILURES_MAX {
-            return Err(reason.to_owned());
+            return Err(DisplayFault::Refused(reason));
         }
         self.configure();
         Ok(None)
@@ -312,7 +316,7 @@ impl PicturePass {
 async fn request_device(
     instance: &wgpu::Instance,
     surface: &wgpu::Surface<'_>,
-) -> Result<(wgpu::Adapter, wgpu::Device, wgpu::Queue), String> {
+) -> Result<(wgpu::Adapter, wgpu::Device, wgpu::Queue), DisplayFault> {
     let options = wgpu::RequestAdapterOptions {
         power_preference: wgpu::PowerPreference::LowPower,
         compatible_surface: Some(surface),
@@ -321,7 +325,7 @@ async fn request_device(
     let adapter = instance
         .request_adapter(&options)
         .await
-        .map_err(|error| format!("no adapter: {error}"))?;
+        .map_err(DisplayFault::NoAdapter)?;
     let (device, queue) = adapter
         .request_device(&wgpu::DeviceDescriptor {
             label: Some("window"),
@@ -331,7 +335,7 @@ async fn request_device(
             ..Default::default()
         })
         .await
-        .map_err(|error| format!("no device: {error}"))?;
+        .map_err(DisplayFault::NoDevice)?;
     device.on_uncaptured_error(Arc::new(|error| {
         tracing::error!("the window's GPU: {error}")
     }));
@@ -341,10 +345,10 @@ async fn request_device(
 fn configuration(
     surface: &wgpu::Surface<'_>,
     adapter: &wgpu::Adapter,
-) -> Result<wgpu::SurfaceConfiguration, String> {
+) -> Result<wgpu::SurfaceConfiguration, DisplayFault> {
     let mut config = surface
         .get_default_config(adapter, 1, 1)
-        .ok_or("the adapter cannot show this window")?;
+        .ok_or(DisplayFault::NoFormat)?;
     // egui blends encoded values, so a format that does not encode by itself suits it best.
     let formats = surface.get_capabilities(adapter).formats;
     if let Some(format) = formats.into_iter().find(|format| {

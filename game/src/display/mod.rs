@@ -1,5 +1,6 @@
 //! Display of a frame and the interface in the window: through a GPU, or without one.
 
+mod fault;
 pub mod gpu;
 pub mod raster;
 pub mod software;
@@ -12,6 +13,7 @@ use egui::{ClippedPrimitive, TexturesDelta};
 use winit::event_loop::OwnedDisplayHandle;
 use winit::window::Window;
 
+pub use fault::DisplayFault;
 pub use gpu::GpuDisplay;
 pub use software::SoftwareDisplay;
 
@@ -74,7 +76,7 @@ impl Display {
         window: &Arc<Window>,
         display: &OwnedDisplayHandle,
         forced: Option<Present>,
-    ) -> Result<Self, Vec<String>> {
+    ) -> Result<Self, Vec<DisplayFault>> {
         let ways = forced.map_or(
             vec![Present::Vulkan, Present::Gl, Present::Software],
             |way| vec![way],
@@ -90,7 +92,10 @@ impl Display {
                     opened.resize(ImageSize::new(size.width, size.height));
                     return Ok(opened);
                 }
-                Err(reason) => tried.push(format!("{}: {reason}", way.words())),
+                Err(fault) => {
+                    let fault = Box::new(fault);
+                    tried.push(DisplayFault::Way { way, fault });
+                }
             }
         }
         Err(tried)
@@ -109,7 +114,11 @@ impl Display {
     ///
     /// # Errors
     /// Why this display can show nothing any more.
-    pub fn show(&mut self, picture: Option<&DisplayFrame>, ui: &UiFrame) -> Result<(), String> {
+    pub fn show(
+        &mut self,
+        picture: Option<&DisplayFrame>,
+        ui: &UiFrame,
+    ) -> Result<(), DisplayFault> {
         match self {
             Self::Gpu(display) => display.show(picture, ui),
             Self::Software(display) => display.show(picture, ui),
@@ -133,7 +142,7 @@ impl Display {
         window: &Arc<Window>,
         display: &OwnedDisplayHandle,
         way: Present,
-    ) -> Result<Self, String> {
+    ) -> Result<Self, DisplayFault> {
         let gpu = |backends| {
             GpuDisplay::open(window.clone(), display, backends).map(|gpu| Self::Gpu(Box::new(gpu)))
         };

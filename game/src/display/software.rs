@@ -8,7 +8,7 @@ use winit::event_loop::OwnedDisplayHandle;
 use winit::window::Window;
 
 use super::raster::{Canvas, Rasterizer};
-use super::{DisplayFrame, UiFrame};
+use super::{DisplayFault, DisplayFrame, UiFrame};
 
 /// A window's pixels in memory.
 pub struct SoftwareDisplay {
@@ -25,10 +25,9 @@ impl SoftwareDisplay {
     ///
     /// # Errors
     /// The system's reason.
-    pub fn open(window: Arc<Window>, display: OwnedDisplayHandle) -> Result<Self, String> {
-        let context = softbuffer::Context::new(display).map_err(|error| error.to_string())?;
-        let surface =
-            softbuffer::Surface::new(&context, window).map_err(|error| error.to_string())?;
+    pub fn open(window: Arc<Window>, display: OwnedDisplayHandle) -> Result<Self, DisplayFault> {
+        let context = softbuffer::Context::new(display)?;
+        let surface = softbuffer::Surface::new(&context, window)?;
         Ok(Self {
             surface,
             size: ImageSize::new(0, 0),
@@ -47,11 +46,15 @@ impl SoftwareDisplay {
     ///
     /// # Errors
     /// The system's reason.
-    pub fn show(&mut self, picture: Option<&DisplayFrame>, ui: &UiFrame) -> Result<(), String> {
+    pub fn show(
+        &mut self,
+        picture: Option<&DisplayFrame>,
+        ui: &UiFrame,
+    ) -> Result<(), DisplayFault> {
         self.rasterizer.set_textures(&ui.textures);
         let shown = self.draw(picture, ui);
         self.rasterizer.free_textures(&ui.textures);
-        shown.map_err(|error| error.to_string())
+        Ok(shown?)
     }
 
     fn draw(

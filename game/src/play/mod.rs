@@ -55,7 +55,7 @@ use stroke_input::{StrokeInput, SwingInput};
 #[derive(Debug)]
 pub struct Game {
     contest: Match,
-    board: Option<Rc<game_match::MatchView>>,
+    match_view: Option<Rc<game_match::MatchView>>,
     ai_turn: Option<AiTurn>,
     phase: TurnPhase,
     aim: Aim,
@@ -99,7 +99,7 @@ impl Game {
             views: ViewSelection::new(table),
             smoother: CameraSmoother::new(Viewpoint::overview(table, 0.0)),
             contest,
-            board: None,
+            match_view: None,
             ai_turn: None,
             phase: TurnPhase::Aiming,
             aim: Aim::LEVEL,
@@ -138,8 +138,8 @@ impl Game {
     /// A sentence if they cannot lie like this, or in a game with rules; it stays as it was.
     pub fn lay(&mut self, balls: &[BallState]) -> carom_billiards::Result<()> {
         self.contest.arrange(balls)?;
-        if let TurnPhase::Watching(running) = &self.phase {
-            self.smoother = CameraSmoother::new(running.from);
+        if let TurnPhase::Watching(active) = &self.phase {
+            self.smoother = CameraSmoother::new(active.from);
         }
         self.phase = TurnPhase::Aiming;
         self.begin_turn();
@@ -159,7 +159,7 @@ impl Game {
     /// The shot that is on.
     pub fn shot(&self) -> Option<&Shot> {
         match &self.phase {
-            TurnPhase::Watching(running) => Some(&running.shot),
+            TurnPhase::Watching(active) => Some(&active.shot),
             _ => None,
         }
     }
@@ -172,7 +172,7 @@ impl Game {
     /// The shot that is being played for the first time, with its number.
     pub fn fresh_shot(&self) -> Option<(u64, &Shot)> {
         match &self.phase {
-            TurnPhase::Watching(running) => Some((self.shots, &running.shot)),
+            TurnPhase::Watching(active) => Some((self.shots, &active.shot)),
             _ => None,
         }
     }
@@ -190,8 +190,8 @@ impl Game {
     /// Lets time pass: the camera glides, a shot that is over ends.
     pub fn tick(&mut self, now_secs: f64, dt_secs: f64) {
         match &self.phase {
-            TurnPhase::Watching(running)
-                if running.clock_secs(now_secs) >= running.shot.duration_secs() =>
+            TurnPhase::Watching(active)
+                if active.clock_secs(now_secs) >= active.shot.duration_secs() =>
             {
                 self.end_shot(now_secs);
             }
@@ -208,20 +208,20 @@ impl Game {
 
     /// The clock of the shot that is on.
     pub fn shot_clock(&self, now_secs: f64) -> Option<ShotClock> {
-        let TurnPhase::Watching(running) = &self.phase else {
+        let TurnPhase::Watching(active) = &self.phase else {
             return None;
         };
         Some(ShotClock {
             number: self.shots,
-            now_secs: running.clock_secs(now_secs),
-            end_secs: running.shot.duration_secs(),
+            now_secs: active.clock_secs(now_secs),
+            end_secs: active.shot.duration_secs(),
         })
     }
 
     /// The balls at `moment_secs` of the shot that is on, else as they lie.
     pub fn poses(&self, moment_secs: f64) -> Vec<BallPose> {
         match &self.phase {
-            TurnPhase::Watching(running) => running.shot.poses_at(moment_secs.max(0.0)),
+            TurnPhase::Watching(active) => active.shot.poses_at(moment_secs.max(0.0)),
             _ => self.lying().collect(),
         }
     }
@@ -234,9 +234,7 @@ impl Game {
     /// The view at `moment_secs` of the shot that is on, else now.
     pub fn viewpoint(&self, moment_secs: f64) -> Viewpoint {
         match &self.phase {
-            TurnPhase::Watching(running) => {
-                running.viewpoint(moment_secs, &self.views, self.table())
-            }
+            TurnPhase::Watching(active) => active.viewpoint(moment_secs, &self.views, self.table()),
             _ => self.smoother.viewpoint(),
         }
     }
@@ -248,13 +246,13 @@ impl Game {
             TurnPhase::Aiming => Some(resting),
             TurnPhase::Placing(_) => None,
             TurnPhase::Planned(planned) => self.planned_cue(planned, now_secs),
-            TurnPhase::Stroking(hand) => {
-                let power = hand.power(now_secs).unwrap_or(self.aim.power);
-                Some(resting.drawn(power, hand.drawn_m(now_secs)))
+            TurnPhase::Stroking(input) => {
+                let power = input.power(now_secs).unwrap_or(self.aim.power);
+                Some(resting.drawn(power, input.drawn_m(now_secs)))
             }
-            TurnPhase::Watching(running) => {
-                let clock_secs = running.clock_secs(now_secs);
-                running.cue.clone().and_then(|cue| cue.swung(clock_secs))
+            TurnPhase::Watching(active) => {
+                let clock_secs = active.clock_secs(now_secs);
+                active.cue.clone().and_then(|cue| cue.swung(clock_secs))
             }
         }
     }
@@ -265,7 +263,7 @@ impl Game {
         let power = match &self.phase {
             TurnPhase::Aiming => self.aim.power,
             // A rising power would change the prediction all the time.
-            TurnPhase::Stroking(hand) => hand.power(now_secs).unwrap_or(self.aim.power),
+            TurnPhase::Stroking(input) => input.power(now_secs).unwrap_or(self.aim.power),
             TurnPhase::Watching(_) | TurnPhase::Planned(_) | TurnPhase::Placing(_) => return None,
         };
         if !self.may_play() && !matches!(self.phase, TurnPhase::Stroking(_)) {
@@ -327,7 +325,7 @@ impl Game {
     /// Turns the camera, or chooses another view.
     pub fn look(&mut self, intent: CameraIntent, now_secs: f64) {
         let moment_secs = match &self.phase {
-            TurnPhase::Watching(running) => running.clock_secs(now_secs),
+            TurnPhase::Watching(active) => active.clock_secs(now_secs),
             _ => 0.0,
         };
         let now = self.viewpoint(moment_secs);
@@ -336,8 +334,8 @@ impl Game {
             return;
         }
         self.notice = Some(format!("View: {}", self.views.view().name()));
-        if let TurnPhase::Watching(running) = &mut self.phase {
-            running.turn(now, moment_secs);
+        if let TurnPhase::Watching(active) = &mut self.phase {
+            active.turn(now, moment_secs);
         }
     }
 
@@ -407,8 +405,8 @@ impl Game {
             (StrokeIntent::Swing(back_m), TurnPhase::Stroking(StrokeInput::Swinging(swing))) => {
                 swing.swing(back_m, now_secs)
             }
-            (StrokeIntent::Release, TurnPhase::Stroking(hand)) => {
-                let power = hand.let_go(now_secs);
+            (StrokeIntent::Release, TurnPhase::Stroking(input)) => {
+                let power = input.let_go(now_secs);
                 if power.is_none() {
                     self.cancel();
                 }
@@ -423,8 +421,8 @@ impl Game {
         }
     }
 
-    fn begin(&mut self, hand: StrokeInput) {
-        self.phase = TurnPhase::Stroking(hand);
+    fn begin(&mut self, input: StrokeInput) {
+        self.phase = TurnPhase::Stroking(input);
         self.notice = None;
     }
 
@@ -458,7 +456,7 @@ impl Game {
         if shot.events().iter().any(slipped) {
             self.notice = Some("Miscue: the tip slipped off the ball".to_owned());
         }
-        (self.ai_turn, self.board) = (None, None);
+        (self.ai_turn, self.match_view) = (None, None);
         self.shots += 1;
         self.views.straighten();
         let pocket = self.pocket_ahead();
@@ -480,16 +478,16 @@ impl Game {
     }
 
     fn end_shot(&mut self, now_secs: f64) {
-        let running = match std::mem::replace(&mut self.phase, TurnPhase::Aiming) {
-            TurnPhase::Watching(running) => running,
+        let active = match std::mem::replace(&mut self.phase, TurnPhase::Aiming) {
+            TurnPhase::Watching(active) => active,
             other => {
                 self.phase = other;
                 return;
             }
         };
-        let end_secs = running.clock_secs(now_secs);
-        self.smoother = CameraSmoother::new(running.viewpoint(end_secs, &self.views, self.table()));
-        self.contest.finish(running.stroke, &running.shot);
+        let end_secs = active.clock_secs(now_secs);
+        self.smoother = CameraSmoother::new(active.viewpoint(end_secs, &self.views, self.table()));
+        self.contest.finish(active.stroke, &active.shot);
         self.begin_turn();
     }
 
@@ -507,8 +505,8 @@ impl Game {
             Err(why) => self.notice = Some(why.to_string()),
         }
         self.contest.set_engine(engine);
-        if let TurnPhase::Watching(running) = &self.phase {
-            self.smoother = CameraSmoother::new(running.from);
+        if let TurnPhase::Watching(active) = &self.phase {
+            self.smoother = CameraSmoother::new(active.from);
         }
         self.aim = Aim::LEVEL;
         self.begin_turn();

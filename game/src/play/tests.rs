@@ -230,7 +230,7 @@ fn a_pocketed_cue_ball_comes_back_where_there_is_room() {
     game.aim.bearing_rad = (DVec2::new(-1.282, 0.647) - head).to_angle();
     strike(&mut game, 0.35, 0.0);
     watch(&mut game, 0.0);
-    let banner = game.board().banner.clone();
+    let banner = game.match_view().banner.clone();
     assert!(banner.is_some_and(|banner| banner.contains("cue ball is lost")));
     assert!(game.cue_ball().unwrap().truncate().distance(head) < 1e-9);
     assert!(game.ball_in_hand().is_some(), "the player has it in hand");
@@ -410,7 +410,7 @@ fn the_computer_plays_and_undo_takes_back_both_shots() {
     let before = game.contest().ball_positions();
     strike(&mut game, 0.05, 0.0);
     let mut now = watch(&mut game, 0.0);
-    assert!(game.board().is_foul, "{:?}", game.board().banner);
+    assert!(game.match_view().is_foul, "{:?}", game.match_view().banner);
     assert_eq!(game.contest().referee().turn(), 1);
     assert!(!game.may_play());
     let bearing = game.aim.bearing_rad;
@@ -502,7 +502,12 @@ fn calls_go_round_and_never_hinder_the_stroke() {
     let mut words = Vec::new();
     for _ in 0..8 {
         apply(&mut game, Intent::Match(MatchIntent::NextCall), now);
-        words.push(game.board().call.as_ref().map(|call| call.words.clone()));
+        words.push(
+            game.match_view()
+                .call
+                .as_ref()
+                .map(|call| call.words.clone()),
+        );
     }
     assert_eq!(words[6].as_deref(), Some("a safety"));
     assert_eq!(words[7], None, "{words:?}");

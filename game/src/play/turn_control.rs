@@ -22,9 +22,12 @@ impl Game {
     }
 
     /// Everything that is shown of the match.
-    pub fn board(&mut self) -> Rc<MatchView> {
+    pub fn match_view(&mut self) -> Rc<MatchView> {
         let contest = &self.contest;
-        Rc::clone(self.board.get_or_insert_with(|| Rc::new(contest.view())))
+        Rc::clone(
+            self.match_view
+                .get_or_insert_with(|| Rc::new(contest.view())),
+        )
     }
 
     /// Whether the computer is looking for a shot.
@@ -82,7 +85,7 @@ impl Game {
 
     fn call(&mut self, call: Option<Call>) {
         self.contest.call(call);
-        self.board = None;
+        self.match_view = None;
     }
 
     /// The call after the present one: none, each pocket for the ball that is aimed at, a safety, a
@@ -174,7 +177,7 @@ impl Game {
     /// Aims afresh.
     pub(super) fn get_ready(&mut self) {
         self.phase = TurnPhase::Aiming;
-        (self.shot_preview, self.board, self.ai_turn) = (None, None, None);
+        (self.shot_preview, self.match_view, self.ai_turn) = (None, None, None);
         self.aim.level();
         if self.contest.referee().rules() != RuleSet::Free {
             self.aim_at_nearest();
@@ -184,12 +187,12 @@ impl Game {
 
     /// Points the cue at the nearest of the balls that may be hit.
     fn aim_at_nearest(&mut self) {
-        let lie = self.contest.ball_positions();
-        let on = self.contest.referee().legal_targets(&lie);
+        let positions = self.contest.ball_positions();
+        let on = self.contest.referee().legal_targets(&positions);
         let Some(cue_ball) = self.cue_ball().map(|ball| ball.truncate()) else {
             return;
         };
-        let legal = lie.iter().filter(|p| on.contains(&p.ball));
+        let legal = positions.iter().filter(|p| on.contains(&p.ball));
         let nearest = legal.min_by(|a, b| {
             let way = |at: DVec2| at.distance_squared(cue_ball);
             way(a.at).total_cmp(&way(b.at))
@@ -238,9 +241,9 @@ impl Game {
         now_secs: f64,
     ) -> carom_billiards::Result<()> {
         self.notice = None;
-        self.board = None;
+        self.match_view = None;
         let struck = self.contest.carry_out(decision, skill)?;
-        self.board = None;
+        self.match_view = None;
         match struck {
             Some((stroke, shot)) => {
                 let planned = PlannedStroke::new(stroke, shot, self.aim, now_secs);
@@ -266,7 +269,7 @@ impl Game {
         self.phase = TurnPhase::Aiming;
         self.contest.call(decision.call);
         self.aim = Aim::of(&decision.stroke);
-        (self.board, self.shot_preview) = (None, None);
+        (self.match_view, self.shot_preview) = (None, None);
         self.clear_cue();
         Ok(())
     }

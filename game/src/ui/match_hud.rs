@@ -36,29 +36,29 @@ pub struct MatchHud {
 pub fn draw(
     ctx: &Context,
     room: Rect,
-    board: &MatchHud,
+    hud: &MatchHud,
     bindings: &Bindings,
     log: bool,
 ) -> Option<Intent> {
     let mut wanted = None;
-    if board.view.rules != RuleSet::Free {
+    if hud.view.rules != RuleSet::Free {
         wanted = panel(
             ctx,
             room,
             "score",
             Align2::CENTER_TOP,
             Vec2::new(0.0, 8.0),
-            |ui| score(ui, room, board),
+            |ui| score(ui, room, hud),
         );
     }
-    if board.pockets.is_some() {
+    if hud.pockets.is_some() {
         let asked = panel(
             ctx,
             room,
             "call",
             Align2::RIGHT_CENTER,
             Vec2::new(-12.0, 0.0),
-            |ui| calls(ui, board, bindings),
+            |ui| calls(ui, hud, bindings),
         );
         wanted = wanted.or(asked);
     }
@@ -70,9 +70,9 @@ pub fn draw(
         Vec2::new(-12.0, -12.0),
         |ui| {
             if log {
-                said(ui, &board.view);
+                said(ui, &hud.view);
             }
-            deeds(ui, board, bindings)
+            actions(ui, hud, bindings)
         },
     );
     wanted.or(asked)
@@ -95,8 +95,8 @@ fn panel(
 }
 
 /// Who plays whom, what stands, what is to be done.
-fn score(ui: &mut Ui, room: Rect, board: &MatchHud) -> Option<Intent> {
-    let view = &board.view;
+fn score(ui: &mut Ui, room: Rect, hud: &MatchHud) -> Option<Intent> {
+    let view = &hud.view;
     ui.set_max_width(0.62 * room.width());
     ui.vertical_centered(|ui| {
         ui.horizontal(|ui| {
@@ -118,13 +118,13 @@ fn score(ui: &mut Ui, room: Rect, board: &MatchHud) -> Option<Intent> {
                 words
             });
         }
-        let prompt = match (board.is_thinking, board.may_play) {
+        let prompt = match (hud.is_thinking, hud.may_play) {
             (true, false) => format!("{} is thinking …", view.players[view.turn].name),
             (false, false) if view.winner.is_none() => " ".to_owned(),
             _ => view.prompt.clone(),
         };
         ui.label(RichText::new(prompt).color(theme::FAINT));
-        options(ui, board)
+        options(ui, hud)
     })
     .inner
 }
@@ -153,13 +153,13 @@ fn side(ui: &mut Ui, player: &PlayerView, is_turn: bool) {
     });
 }
 
-fn options(ui: &mut Ui, board: &MatchHud) -> Option<Intent> {
-    if !board.may_play || board.view.options.is_empty() {
+fn options(ui: &mut Ui, hud: &MatchHud) -> Option<Intent> {
+    if !hud.may_play || hud.view.options.is_empty() {
         return None;
     }
     let mut wanted = None;
     ui.horizontal_wrapped(|ui| {
-        for option in &board.view.options {
+        for option in &hud.view.options {
             if ui.button(option.words).clicked() {
                 wanted = Some(Intent::Match(MatchIntent::Choose(option.choice)));
             }
@@ -170,11 +170,11 @@ fn options(ui: &mut Ui, board: &MatchHud) -> Option<Intent> {
 
 /// A small map of the table with its pockets to click on, and what else can be called. A shot can be
 /// struck whatever is called.
-fn calls(ui: &mut Ui, board: &MatchHud, bindings: &Bindings) -> Option<Intent> {
-    let (view, ground) = (&board.view, board.pockets.as_ref()?);
+fn calls(ui: &mut Ui, hud: &MatchHud, bindings: &Bindings) -> Option<Intent> {
+    let (view, layout) = (&hud.view, hud.pockets.as_ref()?);
     ui.set_max_width(MAP.x + 20.0);
     ui.label(RichText::new("Call").color(theme::ACCENT));
-    let said = match (&board.call, view.call.is_some()) {
+    let said = match (&hud.call, view.call.is_some()) {
         (Some(words), true) => format!("{words} (called)"),
         (Some(words), false) => format!("{words} (by your aim)"),
         (None, _) => "none: potted balls do not count".to_owned(),
@@ -183,7 +183,7 @@ fn calls(ui: &mut Ui, board: &MatchHud, bindings: &Bindings) -> Option<Intent> {
     let mut wanted = None;
     let called = view.call.as_ref().map(|call| call.call);
     if view.wants_call && view.rules != RuleSet::Snooker {
-        wanted = map(ui, board, ground, called);
+        wanted = map(ui, hud, layout, called);
         wanted = wanted.or(toggle(ui, "Safety", Call::Safety, called));
     } else if view.wants_call {
         for &ball in &view.on {
@@ -211,27 +211,22 @@ fn toggle(ui: &mut Ui, words: &str, call: Call, called: Option<Call>) -> Option<
         .then_some(Intent::Match(MatchIntent::Call((!is_on).then_some(call))))
 }
 
-fn map(
-    ui: &mut Ui,
-    board: &MatchHud,
-    ground: &TableLayout,
-    called: Option<Call>,
-) -> Option<Intent> {
+fn map(ui: &mut Ui, hud: &MatchHud, layout: &TableLayout, called: Option<Call>) -> Option<Intent> {
     let (rect, _) = ui.allocate_exact_size(MAP, Sense::hover());
     let bed = rect.shrink(9.0);
     ui.painter()
         .rect_filled(bed, 3.0, egui::Color32::from_rgb(30, 80, 55));
     let mut wanted = None;
-    for (index, pocket) in ground.pockets.iter().enumerate() {
+    for (index, pocket) in layout.pockets.iter().enumerate() {
         // The head is to the left, as the player sees it from the long side.
         let share = Vec2::new(
-            (pocket.x / ground.length_m + 0.5) as f32,
-            (0.5 - pocket.y / ground.width_m) as f32,
+            (pocket.x / layout.length_m + 0.5) as f32,
+            (0.5 - pocket.y / layout.width_m) as f32,
         );
         let center = bed.min + share.clamp(Vec2::ZERO, Vec2::ONE) * bed.size();
         let hole = Rect::from_center_size(center, Vec2::splat(18.0));
         let response = ui.interact(hole, ui.scope_id().with(index), Sense::CLICK);
-        let name = ground.pocket_name(index);
+        let name = layout.pocket_name(index);
         response.widget_info(|| WidgetInfo::labeled(egui::Role::Button, true, &name));
         let is_called = matches!(called, Some(Call::Pot { pocket: Some(p), .. }) if p == index);
         let radius = if response.hovered() { 8.0 } else { 6.5 };
@@ -244,7 +239,7 @@ fn map(
         if is_called {
             ui.painter().circle_filled(center, 4.0, theme::ACCENT);
         }
-        let ball = board.aimed.or(board.view.on.first().copied());
+        let ball = hud.aimed.or(hud.view.on.first().copied());
         if let (true, Some(ball)) = (response.on_hover_text(&name).clicked(), ball) {
             let pot = Call::Pot {
                 ball,
@@ -259,8 +254,8 @@ fn map(
 }
 
 /// What can be done besides striking, each with its key.
-fn deeds(ui: &mut Ui, board: &MatchHud, bindings: &Bindings) -> Option<Intent> {
-    let view = &board.view;
+fn actions(ui: &mut Ui, hud: &MatchHud, bindings: &Bindings) -> Option<Intent> {
+    let view = &hud.view;
     let rows = [
         (
             "Undo",
@@ -271,19 +266,19 @@ fn deeds(ui: &mut Ui, board: &MatchHud, bindings: &Bindings) -> Option<Intent> {
         (
             "Suggest",
             Action::Suggest,
-            board.may_play,
+            hud.may_play,
             Intent::Match(MatchIntent::Suggest),
         ),
         (
             "Play it for me",
             Action::TakeOver,
-            board.may_play,
+            hud.may_play,
             Intent::Match(MatchIntent::TakeOver),
         ),
         (
             "Move the cue ball",
             Action::PickUp,
-            board.may_play && view.hand.is_some(),
+            hud.may_play && view.hand.is_some(),
             Intent::Match(MatchIntent::PickUp),
         ),
         (
@@ -341,7 +336,7 @@ mod tests {
         game
     }
 
-    fn board(game: &Match) -> MatchHud {
+    fn hud(game: &Match) -> MatchHud {
         MatchHud {
             view: Rc::new(game.view()),
             may_play: true,
@@ -352,14 +347,14 @@ mod tests {
         }
     }
 
-    fn clicked(board: &MatchHud, label: &str) -> Vec<Intent> {
+    fn clicked(hud: &MatchHud, label: &str) -> Vec<Intent> {
         let intents = RefCell::new(Vec::new());
         let bindings = Bindings::default();
         let mut harness = Harness::builder()
             .with_size(Vec2::new(1280.0, 720.0))
             .build_ui(|ui| {
                 if theme::is_dressed(ui.ctx()) {
-                    let asked = draw(ui.ctx(), ui.ctx().content_rect(), board, &bindings, true);
+                    let asked = draw(ui.ctx(), ui.ctx().content_rect(), hud, &bindings, true);
                     intents.borrow_mut().extend(asked);
                 }
             });
@@ -372,32 +367,32 @@ mod tests {
 
     #[test]
     fn clicking_a_pocket_calls_the_aimed_ball() {
-        let board = board(&broken());
+        let hud = hud(&broken());
         let call = Call::Pot {
             ball: 4,
             pocket: Some(0),
         };
-        let name = board.pockets.as_ref().unwrap().pocket_name(0);
+        let name = hud.pockets.as_ref().unwrap().pocket_name(0);
         assert_eq!(
-            clicked(&board, &name),
+            clicked(&hud, &name),
             [Intent::Match(MatchIntent::Call(Some(call)))]
         );
         assert_eq!(
-            clicked(&board, "Safety"),
+            clicked(&hud, "Safety"),
             [Intent::Match(MatchIntent::Call(Some(Call::Safety)))]
         );
     }
 
     #[test]
     fn the_board_offers_what_can_be_done() {
-        let board = board(&broken());
-        assert_eq!(clicked(&board, "Undo"), [Intent::Match(MatchIntent::Undo)]);
+        let hud = hud(&broken());
+        assert_eq!(clicked(&hud, "Undo"), [Intent::Match(MatchIntent::Undo)]);
         assert_eq!(
-            clicked(&board, "Suggest"),
+            clicked(&hud, "Suggest"),
             [Intent::Match(MatchIntent::Suggest)]
         );
         assert_eq!(
-            clicked(&board, "Play it for me"),
+            clicked(&hud, "Play it for me"),
             [Intent::Match(MatchIntent::TakeOver)]
         );
     }
@@ -413,13 +408,13 @@ mod tests {
             let shot = game.strike(stroke).unwrap();
             game.finish(stroke, &shot);
         }
-        let board = board(&game);
+        let hud = hud(&game);
         let bindings = Bindings::default();
         let mut harness = Harness::builder()
             .with_size(Vec2::new(1280.0, 720.0))
             .build_ui(|ui| {
                 if theme::is_dressed(ui.ctx()) {
-                    draw(ui.ctx(), ui.ctx().content_rect(), &board, &bindings, false);
+                    draw(ui.ctx(), ui.ctx().content_rect(), &hud, &bindings, false);
                 }
             });
         harness.run();

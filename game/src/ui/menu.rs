@@ -81,7 +81,7 @@ impl Menu {
         &mut self,
         ctx: &Context,
         store: &mut SettingsStore,
-        facts: MenuInput<'_>,
+        input: MenuInput<'_>,
     ) -> Option<MenuCommand> {
         let page = self.page()?;
         let is_fresh = std::mem::take(&mut self.is_fresh);
@@ -90,7 +90,7 @@ impl Menu {
         let shown = modal.show(ctx, |ui| {
             ui.set_max_height(ctx.content_rect().height() - 60.0);
             match page {
-                Page::Top => self.top(ui, is_fresh, facts.is_free_table),
+                Page::Top => self.top(ui, is_fresh, input.is_free_table),
                 Page::NewGame => {
                     let begins = new_game::page(ui, &mut self.game, is_fresh);
                     self.footer(ui, false, None);
@@ -100,7 +100,7 @@ impl Menu {
                     })
                 }
                 Page::Settings => {
-                    let action = preferences::page(ui, store, facts);
+                    let action = preferences::page(ui, store, input);
                     self.footer(ui, is_fresh, action)
                 }
                 Page::Keys => {

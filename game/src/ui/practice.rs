@@ -88,12 +88,12 @@ pub fn hand(
 }
 
 /// A ring round the ball in the hand, with a sign of whether it may lie there.
-pub fn ring(sketch: &AimOverlay<'_>, practice: &Practice) {
+pub fn ring(overlay: &AimOverlay<'_>, practice: &Practice) {
     let Some(held) = practice.held() else {
         return;
     };
-    let centre = DVec3::new(held.at.x, held.at.y, sketch.ball_radius_m);
-    let projection = sketch.projection;
+    let centre = DVec3::new(held.at.x, held.at.y, overlay.ball_radius_m);
+    let projection = overlay.projection;
     let (Some(film), Some(scale)) = (
         projection.film_from_world(centre),
         projection.film_per_metre(centre),
@@ -104,14 +104,14 @@ pub fn ring(sketch: &AimOverlay<'_>, practice: &Practice) {
         None => ("OK", FREE),
         Some(_) => ("✖", theme::ALARM),
     };
-    let at = sketch.screen.min + egui::vec2(film.x as f32, film.y as f32);
-    let radius = (1.35 * sketch.ball_radius_m * scale) as f32;
-    sketch
+    let at = overlay.screen.min + egui::vec2(film.x as f32, film.y as f32);
+    let radius = (1.35 * overlay.ball_radius_m * scale) as f32;
+    overlay
         .painter
         .circle_stroke(at, radius, Stroke::new(2.5, color));
     let above = at - egui::vec2(0.0, radius + 4.0);
     let font = FontId::proportional(18.0);
-    sketch
+    overlay
         .painter
         .text(above, Align2::CENTER_BOTTOM, sign, font, color);
 }

@@ -9,7 +9,7 @@ use super::theme;
 use crate::settings::{Settings, SettingsStore, engine_cost, engine_cost_table};
 
 /// Draws the settings and changes them; returns the page that was asked for.
-pub(super) fn page(ui: &mut Ui, store: &mut SettingsStore, facts: MenuInput<'_>) -> Option<Page> {
+pub(super) fn page(ui: &mut Ui, store: &mut SettingsStore, input: MenuInput<'_>) -> Option<Page> {
     let mut wanted = None;
     ui.set_width(640.0_f32.min(ui.ctx().content_rect().width() - 60.0));
     ui.heading("Settings");
@@ -22,9 +22,9 @@ pub(super) fn page(ui: &mut Ui, store: &mut SettingsStore, facts: MenuInput<'_>)
                 .spacing([20.0, 12.0])
                 .show(ui, |ui| {
                     game(ui, &mut store.settings);
-                    picture(ui, &mut store.settings, facts);
+                    picture(ui, &mut store.settings, input);
                     interface(ui, &mut store.settings);
-                    sound(ui, &mut store.settings, facts);
+                    sound(ui, &mut store.settings, input);
                     ui.label("Keys");
                     if ui.button("Change the controls").clicked() {
                         wanted = Some(Page::Keys);
@@ -71,12 +71,12 @@ fn game(ui: &mut Ui, settings: &mut Settings) {
     ui.end_row();
 }
 
-fn picture(ui: &mut Ui, settings: &mut Settings, facts: MenuInput<'_>) {
+fn picture(ui: &mut Ui, settings: &mut Settings, input: MenuInput<'_>) {
     choice(ui, "While things move", &mut settings.quality);
     ui.label("Rendered by");
     ui.vertical(|ui| {
-        ui.label(facts.farm);
-        explain(ui, &format!("Presented through {}", facts.display));
+        ui.label(input.farm);
+        explain(ui, &format!("Presented through {}", input.display));
     });
     ui.end_row();
     ui.label("Window");
@@ -104,7 +104,7 @@ fn interface(ui: &mut Ui, settings: &mut Settings) {
     ui.end_row();
 }
 
-fn sound(ui: &mut Ui, settings: &mut Settings, facts: MenuInput<'_>) {
+fn sound(ui: &mut Ui, settings: &mut Settings, input: MenuInput<'_>) {
     ui.label("Sound");
     ui.vertical(|ui| {
         let mut percent = (settings.volume * 100.0).round() as i32;
@@ -114,7 +114,7 @@ fn sound(ui: &mut Ui, settings: &mut Settings, facts: MenuInput<'_>) {
         if ui.add(slider).changed() {
             settings.volume = f64::from(percent) / 100.0;
         }
-        explain(ui, facts.sound);
+        explain(ui, input.sound);
     });
     ui.end_row();
 }

@@ -59,36 +59,36 @@ fn clips(ui: &mut Ui, player: &ReplayPlayer) -> Option<ReplayCommand> {
 fn time(ui: &mut Ui, player: &ReplayPlayer, now_secs: f64) -> Option<ReplayCommand> {
     let clock = player.clock();
     let (mut moment, end) = (clock.moment_secs(now_secs), clock.end_secs());
-    let mut wish = None;
+    let mut control = None;
     ui.horizontal(|ui| {
         let step = |ui: &mut Ui, words: &str, forward: bool| {
             let clicked = ui.button(words).clicked();
             clicked.then_some(ReplayControl::Step { forward })
         };
-        wish = step(ui, "◀ Event", false);
+        control = step(ui, "◀ Event", false);
         let play = if clock.is_running() { "Pause" } else { "Play" };
         if ui
             .add_sized([64.0, 30.0], egui::Button::new(play))
             .clicked()
         {
-            wish = Some(ReplayControl::Toggle);
+            control = Some(ReplayControl::Toggle);
         }
-        wish = wish.or(step(ui, "Event ▶", true));
+        control = control.or(step(ui, "Event ▶", true));
         for rate in ReplayControl::RATES {
             let is_chosen = clock.rate() == rate;
             if ui.selectable_label(is_chosen, rate_words(rate)).clicked() {
-                wish = Some(ReplayControl::Rate(rate));
+                control = Some(ReplayControl::Rate(rate));
             }
         }
         ui.spacing_mut().slider_width = (ui.available_width() - 110.0).max(60.0);
         let slider = Slider::new(&mut moment, 0.0..=end.max(1e-3)).show_value(false);
         if ui.add(slider).changed() {
-            wish = Some(ReplayControl::Seek(moment));
+            control = Some(ReplayControl::Seek(moment));
         }
         ui.monospace(format!("{moment:5.2} / {end:.2} s"));
     });
     ui.label(happening(player, moment));
-    wish.map(ReplayCommand::Control)
+    control.map(ReplayCommand::Control)
 }
 
 fn rate_words(rate: f64) -> String {

@@ -59,7 +59,7 @@ pub(crate) fn nodes() -> Vec<NodeStatus> {
     nodes
 }
 
-pub(crate) fn facts<'a>(nodes: &'a [NodeStatus]) -> StatsInput<'a> {
+pub(crate) fn input<'a>(nodes: &'a [NodeStatus]) -> StatsInput<'a> {
     StatsInput {
         nodes,
         balancing: Balancing::default(),

@@ -16,12 +16,12 @@ use egui::accesskit::Role;
 use egui::{Pos2, Rect, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
-use fixture::{PICTURES, facts, nodes, overlay, take};
+use fixture::{PICTURES, input, nodes, overlay, take};
 
 struct OverlayFixture {
     stats: Stats,
     now_secs: f64,
-    wishes: Vec<StatsCommand>,
+    commands: Vec<StatsCommand>,
 }
 
 fn harness(level: StatsLevel, size: Vec2, text_scale: f32) -> Harness<'static, OverlayFixture> {
@@ -29,7 +29,7 @@ fn harness(level: StatsLevel, size: Vec2, text_scale: f32) -> Harness<'static, O
     let state = OverlayFixture {
         stats: overlay(level, folder.path()),
         now_secs: 100.0,
-        wishes: Vec::new(),
+        commands: Vec::new(),
     };
     let mut harness = Harness::builder()
         .with_size(size / text_scale)
@@ -44,8 +44,8 @@ fn harness(level: StatsLevel, size: Vec2, text_scale: f32) -> Harness<'static, O
                     style.interaction.tooltip_delay = 0.0;
                     style.interaction.show_tooltips_only_when_still = false;
                 });
-                state.stats.draw(ui.ctx(), state.now_secs, &facts(&nodes));
-                state.wishes.extend(state.stats.take_wishes());
+                state.stats.draw(ui.ctx(), state.now_secs, &input(&nodes));
+                state.commands.extend(state.stats.take_commands());
             },
             state,
         );
@@ -248,21 +248,21 @@ fn the_way_of_dividing_is_chosen_in_the_overlay() {
     harness.get_by_label("cycles").click();
     harness.run_steps(2);
     assert_eq!(
-        harness.state().wishes,
+        harness.state().commands,
         [StatsCommand::Balancing(Algorithm::Cycles.hedged())]
     );
-    harness.state_mut().wishes.clear();
+    harness.state_mut().commands.clear();
     harness.get_by_label("hedged").click();
     harness.run_steps(2);
     assert_eq!(
-        harness.state().wishes,
+        harness.state().commands,
         [StatsCommand::Balancing(Algorithm::WaterFilling.unhedged())]
     );
-    harness.state_mut().wishes.clear();
+    harness.state_mut().commands.clear();
     harness.get_by_label("by samples").click();
     harness.run_steps(2);
     assert_eq!(
-        harness.state().wishes,
+        harness.state().commands,
         [StatsCommand::Distribution(Distribution::Samples)]
     );
 }
@@ -278,7 +278,7 @@ fn quality_is_chosen_beside_its_measured_cost() {
     harness.get_by_label("fine").click();
     harness.run_steps(2);
     assert_eq!(
-        harness.state().wishes,
+        harness.state().commands,
         [StatsCommand::QualityPreference(QualityPreference::Fine)]
     );
 }

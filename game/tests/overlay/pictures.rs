@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use carom::ui::stats::StatsLevel;
 use carom::ui::stats::maps::MapKind;
 
-use crate::fixture::{facts, nodes, overlay};
+use crate::fixture::{input, nodes, overlay};
 use crate::looks::{Gpu, Look};
 
 #[test]
@@ -53,6 +53,6 @@ fn look(level: StatsLevel, size: (u32, u32), text_scale: f32, map: MapKind) -> L
     stats.show_map(map);
     let nodes = nodes();
     Look::new(size, text_scale, |ui, pass| {
-        stats.draw(ui.ctx(), 0.3 * f64::from(pass), &facts(&nodes));
+        stats.draw(ui.ctx(), 0.3 * f64::from(pass), &input(&nodes));
     })
 }

@@ -108,7 +108,7 @@ pub(crate) fn measure(redraws: u32) -> anyhow::Result<Vec<RedrawCost>> {
             }
             let now_secs = i as f64 / 60.0;
             stats.note_redraw(now_secs, true);
-            stats.draw(ctx, now_secs, &facts(&report));
+            stats.draw(ctx, now_secs, &input(&report));
         }));
     }
     let mut stats = Stats::new(std::env::temp_dir());
@@ -182,7 +182,7 @@ fn seen<'a>(frame: &Frame, number: u64, report: &'a SimulationReport) -> FrameSa
     }
 }
 
-fn facts(report: &SimulationReport) -> StatsInput<'_> {
+fn input(report: &SimulationReport) -> StatsInput<'_> {
     StatsInput {
         nodes: &report.nodes,
         balancing: Balancing::default(),

@@ -116,6 +116,7 @@ fn squared_distance(path: &QuadraticPath, distance: f64) -> Quartic {
     } = *path;
     let gap = p.length() - distance;
     Quartic([
+        // p² - d² in factors: near a touch the squares agree in nearly all of their digits.
         gap * (p.length() + distance),
         2.0 * p.dot(v),
         v.dot(v) + 2.0 * p.dot(a),
@@ -294,10 +295,12 @@ impl Quartic {
         let mut start = (0.0, self.at(0.0));
         for &t in extrema.as_slice().iter().chain([&end]) {
             let stop = (t, self.at(t));
+            // Monotone between extrema: it falls through zero here if its ends lie on both sides.
             if stop.1 < start.1 && stop.1 < 0.0 {
                 if start.1 > 0.0 {
                     return Some(self.refine(start, stop));
                 }
+                // It began at or a little below zero: a touch, unless it rises first and parts.
                 if start.1 >= -depth {
                     return Some(start.0);
                 }
@@ -343,6 +346,8 @@ impl Quartic {
             } else {
                 high = t;
             }
+            // Newton's step, but never out of the bracket: next to a double root it would jump to
+            // another root or to infinity (Press et al., Numerical Recipes, `rtsafe`).
             let newton = t - value / slope.at(t);
             let next = if newton > low && newton < high {
                 newton

@@ -69,6 +69,8 @@ impl EventQueue {
             }
         }
         self.firsts[ball] = self.first_contact(ball);
+        // The other pairs keep their times, so a later ball's first contact is searched again only if
+        // it was with this ball: O(n) for each event in place of O(n²).
         for later in ball + 1..balls.len() {
             let time = self.pairs[pair(ball, later)];
             let (first, with) = self.firsts[later];

@@ -85,37 +85,37 @@ impl GameSession {
         }
         let camera = self.viewpoint(now_secs).camera_in(self.game.table());
         let projection = Projection::new(&camera, self.film.x, self.film.y);
-        let sketch = ui::aim::AimOverlay {
+        let overlay = ui::aim::AimOverlay {
             painter,
             screen: self.screen(),
             projection: &projection,
             ball_radius_m: self.game.contest().table_layout().cue_radius_m,
         };
-        self.mark_balls(&sketch);
+        self.mark_balls(&overlay);
         if let Some(shot_preview) = self.game.shot_preview(now_secs) {
-            sketch.shot_preview(shot_preview);
+            overlay.shot_preview(shot_preview);
         }
         if let Some(cue) = cue {
-            sketch.cue(cue);
+            overlay.cue(cue);
         }
     }
 
     /// Marks a cue ball that is carried, and balls that must not be hit first.
-    fn mark_balls(&mut self, sketch: &ui::aim::AimOverlay<'_>) {
+    fn mark_balls(&mut self, overlay: &ui::aim::AimOverlay<'_>) {
         if let Some(ball_in_hand) = self.game.ball_in_hand() {
             let area = self.game.contest().ball_in_hand_area();
-            sketch.area(self.game.contest().table_layout(), area);
-            sketch.carried(ball_in_hand.at, ball_in_hand.verdict.is_ok());
+            overlay.area(self.game.contest().table_layout(), area);
+            overlay.carried(ball_in_hand.at, ball_in_hand.verdict.is_ok());
             return;
         }
         if self.game.may_play() {
-            let view = self.game.board();
-            let lie = self.game.contest().ball_positions();
-            let others = lie
+            let view = self.game.match_view();
+            let positions = self.game.contest().ball_positions();
+            let others = positions
                 .iter()
                 .filter(|p| p.ball != 0 && !view.on.contains(&p.ball));
             for ball in others.filter(|_| !view.on.is_empty()) {
-                sketch.dimmed(ball.at, self.game.contest().table_layout().radius_m);
+                overlay.dimmed(ball.at, self.game.contest().table_layout().radius_m);
             }
         }
     }
@@ -156,12 +156,12 @@ impl GameSession {
         }
         self.stats.note_redraw(now_secs, moves);
         let nodes = self.nodes();
-        let (figures, quality) = (
+        let (stats, quality) = (
             self.pipeline.scheduler().stats(),
             self.pipeline.scheduler().quality(),
         );
         let window = self.pipeline.scheduler().window();
-        let facts = StatsInput {
+        let input = StatsInput {
             nodes: &nodes,
             balancing: self.balancing,
             distribution: self.distribution,
@@ -170,16 +170,16 @@ impl GameSession {
             period_secs: quality.period_secs(),
             stop: quality.level(),
             level_secs: QUALITY_LEVELS.map(|stop| quality.secs(stop, window)),
-            lead_secs: figures.lead_secs,
-            skipped: figures.skipped,
+            lead_secs: stats.lead_secs,
+            skipped: stats.skipped,
             disocclusion_fraction: self.pipeline.disocclusion_fraction(),
             draw_secs: self.draw_secs,
             present,
         };
-        let room = self.stats.draw(ctx, now_secs, &facts);
-        for wish in self.stats.take_wishes() {
+        let room = self.stats.draw(ctx, now_secs, &input);
+        for command in self.stats.take_commands() {
             self.is_dirty = true;
-            match wish {
+            match command {
                 StatsCommand::QualityPreference(preference) => {
                     self.requested_quality = Some(preference)
                 }

@@ -186,14 +186,13 @@ impl GameSession {
         }
         let update = self.scene_at(ViewTime::Now(now_secs));
         let folder = self.modes.folder().map(|folder| folder.join("pictures"));
-        let folder = folder.map_err(|why| why.to_string());
         let (scene, max_depth) = (self.table_scene.scene().clone(), self.ball_set.max_depth());
         let begun = folder.and_then(|folder| {
             self.screenshot
                 .begin(scene, update, self.pixels, max_depth, folder)
         });
         if let Err(why) = begun {
-            self.modes.notify(why);
+            self.modes.notify(why.to_string());
         }
         self.is_dirty = true;
     }
@@ -270,7 +269,7 @@ impl GameSession {
     /// What is shown of the match.
     pub fn match_hud(&mut self) -> MatchHud {
         let may_play = self.game.may_play();
-        let view = self.game.board();
+        let view = self.game.match_view();
         let calls = may_play && (view.wants_call || view.may_push_out);
         MatchHud {
             aimed: calls.then(|| self.game.aimed_ball()).flatten(),

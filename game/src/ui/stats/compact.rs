@@ -9,28 +9,32 @@ use super::value_label::{figure, figure_or_alarm, marked, ms, percent};
 use super::{StatsInput, palette};
 
 /// Draws the figures that the line has no room for.
-pub(super) fn show(ui: &mut Ui, board: &StatsSummary, facts: &StatsInput<'_>) {
-    let rates = &board.rates;
+pub(super) fn show(ui: &mut Ui, summary: &StatsSummary, input: &StatsInput<'_>) {
+    let rates = &summary.rates;
     ui.horizontal_wrapped(|ui| {
         figure(ui, &terms::FPS_MEAN, &format!("{:3.0}", rates.mean));
         figure(ui, &terms::LOW_01, &format!("{:3.0}", rates.low_01_percent));
-        figure(ui, &terms::DRAW, &format!("{} ms", ms(facts.draw_secs)));
-        figure(ui, &terms::LEAD, &format!("{} ms", ms(facts.lead_secs)));
-        figure(ui, &terms::SKIPPED, &facts.skipped.to_string());
-        if let Some(share) = facts.disocclusion_fraction {
+        figure(ui, &terms::DRAW, &format!("{} ms", ms(input.draw_secs)));
+        figure(ui, &terms::LEAD, &format!("{} ms", ms(input.lead_secs)));
+        figure(ui, &terms::SKIPPED, &input.skipped.to_string());
+        if let Some(share) = input.disocclusion_fraction {
             figure(ui, &terms::GUESSED, &format!("{:.1} %", share * 1e2));
         }
-        figure(ui, &terms::REISSUED, &(board.late + board.lost).to_string());
-        figure(ui, &terms::TWICE, &board.twice.to_string());
+        figure(
+            ui,
+            &terms::REISSUED,
+            &(summary.late + summary.lost).to_string(),
+        );
+        figure(ui, &terms::TWICE, &summary.twice.to_string());
         figure_or_alarm(
             ui,
             &terms::DROPPED,
-            &board.dropped.to_string(),
-            board.dropped > 0,
+            &summary.dropped.to_string(),
+            summary.dropped > 0,
         );
-        figure(ui, &terms::DISPLAY, facts.present);
+        figure(ui, &terms::DISPLAY, input.present);
     });
-    if let Some(record) = &board.record {
+    if let Some(record) = &summary.record {
         ui.horizontal_wrapped(|ui| {
             figure(ui, &terms::IDEAL, &format!("{} ms", ms(record.ideal_secs)));
             figure(ui, &terms::IDLE, &format!("{} %", percent(record.idle())));
@@ -42,7 +46,7 @@ pub(super) fn show(ui: &mut Ui, board: &StatsSummary, facts: &StatsInput<'_>) {
             critical_path(ui, &split);
         }
     }
-    ui.label(RichText::new(board.diagnosis()).strong());
+    ui.label(RichText::new(summary.diagnosis()).strong());
 }
 
 /// A bar of the six stages, and their names and times under it.

@@ -12,10 +12,10 @@ use super::{Stats, StatsCommand, StatsInput, StatsLevel, palette};
 use crate::frame::quality::{QUALITY_LEVELS, QualityPreference};
 
 /// Algorithm, map, freeze, and what the recording does.
-pub(super) fn show(ui: &mut Ui, stats: &mut Stats, facts: &StatsInput<'_>) {
+pub(super) fn show(ui: &mut Ui, stats: &mut Stats, input: &StatsInput<'_>) {
     ui.horizontal_wrapped(|ui| {
-        balancing(ui, stats, facts.balancing);
-        distribution(ui, stats, facts.distribution);
+        balancing(ui, stats, input.balancing);
+        distribution(ui, stats, input.distribution);
     });
     ui.horizontal(|ui| {
         ui.label("Map").on_hover_text("The map drawn over each tile of the inspected frame.");
@@ -56,7 +56,7 @@ fn balancing(ui: &mut Ui, stats: &mut Stats, now: Balancing) {
     ui.checkbox(&mut wanted.hedged, "hedged")
         .on_hover_text("Hedging: late tiles are requested from other nodes too, and the first result wins. Repeats under 2 % of the work; without it a frame waits for its slowest node.");
     if wanted != now {
-        stats.wishes.push(StatsCommand::Balancing(wanted));
+        stats.commands.push(StatsCommand::Balancing(wanted));
     }
 }
 
@@ -69,7 +69,7 @@ fn distribution(ui: &mut Ui, stats: &mut Stats, now: Distribution) {
         } else {
             Distribution::Tiles
         };
-        stats.wishes.push(StatsCommand::Distribution(wanted));
+        stats.commands.push(StatsCommand::Distribution(wanted));
     }
 }
 
@@ -206,21 +206,21 @@ pub(super) fn tallies(ui: &mut Ui, stats: &Stats) {
 
 /// The quality preference, and its stops: what each costs here; `carom-bench quality`
 /// measures how far each is from the truth.
-pub(super) fn quality(ui: &mut Ui, stats: &mut Stats, facts: &StatsInput<'_>) {
-    let mut wanted = facts.preference;
+pub(super) fn quality(ui: &mut Ui, stats: &mut Stats, input: &StatsInput<'_>) {
+    let mut wanted = input.preference;
     ui.horizontal(|ui| {
         for (preference, word, meaning) in DIALS {
             ui.selectable_value(&mut wanted, preference, word)
                 .on_hover_text(meaning);
         }
     });
-    if wanted != facts.preference {
-        stats.wishes.push(StatsCommand::QualityPreference(wanted));
+    if wanted != input.preference {
+        stats.commands.push(StatsCommand::QualityPreference(wanted));
     }
-    for (stop, secs) in QUALITY_LEVELS.into_iter().zip(facts.level_secs) {
-        let size = stop.size(facts.window);
+    for (stop, secs) in QUALITY_LEVELS.into_iter().zip(input.level_secs) {
+        let size = stop.size(input.window);
         ui.horizontal_wrapped(|ui| {
-            ui.monospace(if stop == facts.stop { ">" } else { " " });
+            ui.monospace(if stop == input.stop { ">" } else { " " });
             figure(
                 ui,
                 &terms::LEVEL_SCALE,

@@ -119,7 +119,7 @@ pub struct Stats {
     level: StatsLevel,
     history: History,
     redraws: FrameRate,
-    board: StatsSummary,
+    summary: StatsSummary,
     board_secs: f64,
     /// The picture that is inspected; the newest if there is none.
     frozen: Option<Arc<FrameRecord>>,
@@ -128,7 +128,7 @@ pub struct Stats {
     rows: table::NodeRows,
     recorder: Option<Recorder>,
     folder: PathBuf,
-    wishes: Vec<StatsCommand>,
+    commands: Vec<StatsCommand>,
 }
 
 impl Stats {
@@ -138,7 +138,7 @@ impl Stats {
             level: StatsLevel::Off,
             history: History::default(),
             redraws: FrameRate::default(),
-            board: StatsSummary::default(),
+            summary: StatsSummary::default(),
             board_secs: f64::NEG_INFINITY,
             frozen: None,
             maps: Maps::default(),
@@ -146,7 +146,7 @@ impl Stats {
             rows: table::NodeRows::default(),
             recorder: None,
             folder,
-            wishes: Vec::new(),
+            commands: Vec::new(),
         }
     }
 
@@ -206,19 +206,19 @@ impl Stats {
     }
 
     /// Draws what the level asks for; the part of the window that it leaves free.
-    pub fn draw(&mut self, ctx: &Context, now_secs: f64, facts: &StatsInput<'_>) -> Rect {
+    pub fn draw(&mut self, ctx: &Context, now_secs: f64, input: &StatsInput<'_>) -> Rect {
         if self.level == StatsLevel::Off {
             return ctx.content_rect();
         }
         if now_secs - self.board_secs >= BOARD_SECS || now_secs < self.board_secs {
-            self.refresh(now_secs, facts);
+            self.refresh(now_secs, input);
         }
-        panels::draw(self, ctx, facts)
+        panels::draw(self, ctx, input)
     }
 
     /// What the player has asked for since the last call.
-    pub fn take_wishes(&mut self) -> Vec<StatsCommand> {
-        std::mem::take(&mut self.wishes)
+    pub fn take_commands(&mut self) -> Vec<StatsCommand> {
+        std::mem::take(&mut self.commands)
     }
 
     /// Draws a map over the picture.
@@ -254,11 +254,11 @@ impl Stats {
         self.frozen.as_ref().or_else(|| self.history.newest())
     }
 
-    fn refresh(&mut self, now_secs: f64, facts: &StatsInput<'_>) {
+    fn refresh(&mut self, now_secs: f64, input: &StatsInput<'_>) {
         self.board_secs = now_secs;
         let record = self.inspected().cloned();
-        self.board = StatsSummary::new(&self.history, &self.redraws, record, facts);
-        self.rows.refresh(&self.board);
+        self.summary = StatsSummary::new(&self.history, &self.redraws, record, input);
+        self.rows.refresh(&self.summary);
     }
 }
 

@@ -15,7 +15,7 @@ use super::{
 use crate::ui::theme;
 
 /// Draws what the level asks for; the part of the screen that it leaves free.
-pub(super) fn draw(stats: &mut Stats, ctx: &Context, facts: &StatsInput<'_>) -> Rect {
+pub(super) fn draw(stats: &mut Stats, ctx: &Context, input: &StatsInput<'_>) -> Rect {
     let screen = ctx.content_rect();
     if stats.level >= StatsLevel::Full {
         maps(stats, ctx, screen);
@@ -32,9 +32,9 @@ pub(super) fn draw(stats: &mut Stats, ctx: &Context, facts: &StatsInput<'_>) -> 
             .id_salt("line")
             .auto_shrink([false, true]);
         area.show(ui, |ui| {
-            line(ui, stats, facts);
+            line(ui, stats, input);
             if stats.level >= StatsLevel::Full && !is_wide {
-                column(ui, stats, facts);
+                column(ui, stats, input);
                 nodes(ui, stats, f32::INFINITY);
             }
         });
@@ -55,7 +55,7 @@ pub(super) fn draw(stats: &mut Stats, ctx: &Context, facts: &StatsInput<'_>) -> 
         let area = ScrollArea::vertical()
             .id_salt("side")
             .auto_shrink([false, true]);
-        area.show(ui, |ui| column(ui, stats, facts));
+        area.show(ui, |ui| column(ui, stats, input));
     });
     panel(ctx, "stats nodes", table, true, |ui| {
         nodes(ui, stats, table_height - TABLE_MARGIN);
@@ -88,21 +88,21 @@ fn panel(ctx: &Context, id: &str, room: Rect, fills: bool, add: impl FnOnce(&mut
     shown.response.rect
 }
 
-fn line(ui: &mut Ui, stats: &Stats, facts: &StatsInput<'_>) {
+fn line(ui: &mut Ui, stats: &Stats, input: &StatsInput<'_>) {
     let records = stats.history.records();
     let newest = records.iter().skip(records.len().saturating_sub(SPARKLINE));
     let sparkline: Vec<f32> = newest.map(|record| record.makespan_secs as f32).collect();
-    status_line::show(ui, &stats.board, &sparkline, facts);
+    status_line::show(ui, &stats.summary, &sparkline, input);
     if stats.level == StatsLevel::Card {
-        compact::show(ui, &stats.board, facts);
+        compact::show(ui, &stats.summary, input);
     }
 }
 
 /// Everything but the line and the nodes, one under the other.
-fn column(ui: &mut Ui, stats: &mut Stats, facts: &StatsInput<'_>) {
+fn column(ui: &mut Ui, stats: &mut Stats, input: &StatsInput<'_>) {
     ui.set_min_width(ui.available_width());
-    controls::show(ui, stats, facts);
-    compact::show(ui, &stats.board, facts);
+    controls::show(ui, stats, input);
+    compact::show(ui, &stats.summary, input);
     let inspected: Option<Arc<FrameRecord>> = stats.inspected().cloned();
     if let Some(record) = &inspected {
         section(ui, "Frame by node", true, |ui| gantt::show(ui, record));
@@ -129,13 +129,13 @@ fn column(ui: &mut Ui, stats: &mut Stats, facts: &StatsInput<'_>) {
         let newest: Vec<f32> = newest.map(|secs| (secs * 1e3) as f32).collect();
         stats
             .scales
-            .redraws(ui, newest, (facts.period_secs * 1e3) as f32);
+            .redraws(ui, newest, (input.period_secs * 1e3) as f32);
     });
     section(ui, "Balancing algorithms", true, |ui| {
         controls::tallies(ui, stats)
     });
     section(ui, "Quality", false, |ui| {
-        controls::quality(ui, stats, facts)
+        controls::quality(ui, stats, input)
     });
 }
 

@@ -9,8 +9,8 @@ use super::value_label::{figure, figure_or_alarm, ms, percent};
 use super::{StatsInput, charts};
 
 /// Draws the figures one after the other; they wrap where the window is narrow.
-pub(super) fn show(ui: &mut Ui, board: &StatsSummary, sparkline: &[f32], facts: &StatsInput<'_>) {
-    let rates = &board.rates;
+pub(super) fn show(ui: &mut Ui, summary: &StatsSummary, sparkline: &[f32], input: &StatsInput<'_>) {
+    let rates = &summary.rates;
     ui.horizontal_wrapped(|ui| {
         figure(ui, &terms::FPS, &format!("{:3.0}", rates.now));
         figure(ui, &terms::LOW_1, &format!("{:3.0}", rates.low_1_percent));
@@ -18,12 +18,17 @@ pub(super) fn show(ui: &mut Ui, board: &StatsSummary, sparkline: &[f32], facts: 
         figure(
             ui,
             &terms::PICTURES,
-            &format!("{:4.1}", board.pictures_per_sec),
+            &format!("{:4.1}", summary.pictures_per_sec),
         );
-        let nodes = format!("{}/{}", board.ready, board.nodes.len());
-        figure_or_alarm(ui, &terms::NODES, &nodes, board.ready < board.nodes.len());
-        if let Some(record) = &board.record {
-            let late = record.makespan_secs > facts.period_secs.max(facts.lead_secs) * LATE;
+        let nodes = format!("{}/{}", summary.ready, summary.nodes.len());
+        figure_or_alarm(
+            ui,
+            &terms::NODES,
+            &nodes,
+            summary.ready < summary.nodes.len(),
+        );
+        if let Some(record) = &summary.record {
+            let late = record.makespan_secs > input.period_secs.max(input.lead_secs) * LATE;
             figure_or_alarm(
                 ui,
                 &terms::MAKESPAN,
@@ -47,10 +52,15 @@ pub(super) fn show(ui: &mut Ui, board: &StatsSummary, sparkline: &[f32], facts: 
                 &format!("{width}x{height} x {}", record.samples),
             );
         }
-        figure(ui, &terms::BITS, &format!("{:5.1}", board.mbit_per_sec));
-        figure(ui, &terms::RATIO, &format!("{:.1}x", board.ratio));
-        figure_or_alarm(ui, &terms::LATE, &board.late.to_string(), false);
-        figure_or_alarm(ui, &terms::LOST, &board.lost.to_string(), board.lost > 0);
+        figure(ui, &terms::BITS, &format!("{:5.1}", summary.mbit_per_sec));
+        figure(ui, &terms::RATIO, &format!("{:.1}x", summary.ratio));
+        figure_or_alarm(ui, &terms::LATE, &summary.late.to_string(), false);
+        figure_or_alarm(
+            ui,
+            &terms::LOST,
+            &summary.lost.to_string(),
+            summary.lost > 0,
+        );
     });
 }
 

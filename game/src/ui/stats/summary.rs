@@ -72,14 +72,14 @@ impl StatsSummary {
         history: &History,
         redraws: &FrameRate,
         record: Option<Arc<FrameRecord>>,
-        facts: &StatsInput<'_>,
+        input: &StatsInput<'_>,
     ) -> Self {
         let records = history.records();
         let sum = |value: fn(&FrameRecord) -> u64| records.iter().map(|record| value(record)).sum();
         let (bytes, raw): (u64, u64) = (sum(|r| r.payload_bytes), sum(|r| r.raw_bytes));
         let per_picture = bytes as f64 / records.len().max(1) as f64;
         let pictures_per_sec = history.rate();
-        let nodes = NodeSummary::all(history, facts);
+        let nodes = NodeSummary::all(history, input);
         Self {
             rates: redraws.rates(),
             pictures_per_sec,
@@ -126,8 +126,8 @@ impl StatsSummary {
 
 impl NodeSummary {
     /// All nodes at once: records are long, so that each is walked once, from front to back.
-    fn all(history: &History, facts: &StatsInput<'_>) -> Vec<Self> {
-        let mut nodes: Vec<Self> = facts.nodes.iter().map(Self::of_status).collect();
+    fn all(history: &History, input: &StatsInput<'_>) -> Vec<Self> {
+        let mut nodes: Vec<Self> = input.nodes.iter().map(Self::of_status).collect();
         let mut responses = vec![Vec::with_capacity(history.records().len()); nodes.len()];
         for record in history.records() {
             let of_record = record

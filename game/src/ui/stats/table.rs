@@ -42,8 +42,8 @@ struct TableColumn {
 
 impl NodeRows {
     /// Writes the table anew.
-    pub(super) fn refresh(&mut self, board: &StatsSummary) {
-        let record = board.record.as_deref();
+    pub(super) fn refresh(&mut self, summary: &StatsSummary) {
+        let record = summary.record.as_deref();
         let row = |(index, summary): (usize, &NodeSummary)| {
             let node = record.and_then(|record| record.nodes.get(index));
             let seen = NodeCell {
@@ -72,7 +72,7 @@ impl NodeRows {
                 sentence: summary.state_sentence.clone(),
             }
         };
-        self.rows = board.nodes.iter().enumerate().map(row).collect();
+        self.rows = summary.nodes.iter().enumerate().map(row).collect();
     }
 
     /// Draws as many rows as there is room for; the others are reached by scrolling.
