@@ -6,7 +6,7 @@
 //! ```
 //! No step waits for the farm.
 
-use carom_farm::{Farm, FarmConfig, Frame, FrameId, NodeStatus};
+use carom_farm::{Farm, FarmConfig, Frame, NodeStatus};
 use carom_tracer::{ImageSize, Scene, SceneUpdate};
 
 use crate::display::DisplayFrame;
@@ -22,6 +22,8 @@ pub struct FramePipeline {
     accumulation: AccumulationThread,
     reprojector: Reprojector,
     in_flight_max: usize,
+    /// Frames that the farm has finished.
+    finished: u64,
     /// Serial number of the frame that was drawn last.
     drawn: u64,
 }
@@ -29,8 +31,8 @@ pub struct FramePipeline {
 /// A frame that has come from the farm, for statistics.
 #[derive(Debug)]
 pub struct FinishedFrame {
-    /// Its number.
-    pub id: FrameId,
+    /// Counted from 1.
+    pub number: u64,
     /// Its size.
     pub size: ImageSize,
     /// Samples per pixel.
@@ -54,6 +56,7 @@ impl FramePipeline {
             reprojector: Reprojector::new(scene)?,
             farm: FarmState::start(config, scene.clone()),
             in_flight_max,
+            finished: 0,
             drawn: 0,
         })
     }
@@ -85,9 +88,10 @@ impl FramePipeline {
                 others(frame);
                 continue;
             }
+            self.finished += 1;
             if let Some(record) = &mut record {
                 record(FinishedFrame {
-                    id: frame.id,
+                    number: self.finished,
                     size: frame.size,
                     samples: self.scheduler.samples_of(frame.id).unwrap_or(0),
                     stats: frame.stats.clone(),

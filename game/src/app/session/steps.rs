@@ -42,7 +42,7 @@ impl GameSession {
         let stats = &mut self.stats;
         let mut record = |frame: FinishedFrame| {
             stats.take(FrameSample {
-                frame: frame.id.0,
+                frame: frame.number,
                 at_secs: now_secs,
                 size: frame.size,
                 samples: frame.samples,
