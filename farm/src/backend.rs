@@ -55,7 +55,7 @@ impl Backend {
 }
 
 /// A back end that is ready to trace.
-pub struct Opened {
+pub struct OpenBackend {
     /// Its kind.
     pub backend: Backend,
     /// Its tracer.
@@ -66,15 +66,15 @@ pub struct Opened {
 ///
 /// # Errors
 /// That of the requested back end, if it cannot be opened.
-pub fn open_all(wanted: Option<Backend>, threads: usize) -> Result<Vec<Opened>, Error> {
+pub fn open_all(wanted: Option<Backend>, threads: usize) -> Result<Vec<OpenBackend>, Error> {
     if let Some(backend) = wanted {
         let tracer = backend.open(threads)?;
-        return Ok(vec![Opened { backend, tracer }]);
+        return Ok(vec![OpenBackend { backend, tracer }]);
     }
     let mut opened = Vec::new();
     for backend in Backend::ALL {
         match backend.open(threads) {
-            Ok(tracer) => opened.push(Opened { backend, tracer }),
+            Ok(tracer) => opened.push(OpenBackend { backend, tracer }),
             Err(why) => tracing::warn!("no {} here: {why}", backend.name()),
         }
     }

@@ -55,7 +55,7 @@ pub trait PacketHandler {
 }
 
 /// A new connection with its control stream.
-pub(crate) struct Streams {
+pub(crate) struct ConnectionStreams {
     pub(crate) connection: Connection,
     pub(crate) send: SendStream,
     pub(crate) receive: RecvStream,
@@ -83,7 +83,7 @@ const CONTROL_PRIORITY: i32 = 1;
 const FINAL_FLUSH_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Carries packets until the connection ends, closes it, and returns the reason.
-pub(crate) async fn drive(streams: Streams, handler: &mut impl PacketHandler) -> Error {
+pub(crate) async fn drive(streams: ConnectionStreams, handler: &mut impl PacketHandler) -> Error {
     let (connection, role) = (streams.connection.clone(), streams.role);
     match ConnectionDriver::new(streams).run(handler).await {
         ConnectionEnd::Lost(error) => connection_error::connection(&error, role),
@@ -113,8 +113,8 @@ struct ConnectionDriver {
 }
 
 impl ConnectionDriver {
-    fn new(streams: Streams) -> Self {
-        let Streams {
+    fn new(streams: ConnectionStreams) -> Self {
+        let ConnectionStreams {
             connection,
             send,
             receive,

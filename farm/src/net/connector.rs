@@ -8,7 +8,7 @@ use quinn::{ClientConfig, Connection, Endpoint};
 
 use crate::Error;
 use crate::net::address::NodeAddress;
-use crate::net::connection_driver::Streams;
+use crate::net::connection_driver::ConnectionStreams;
 use crate::net::credentials::Credentials;
 use crate::net::peer::Role;
 use crate::net::{close_code, connection_error, endpoint, tls};
@@ -36,7 +36,7 @@ impl Connector {
     }
 
     /// Connects to the first of the node's addresses that answers.
-    pub(crate) async fn connect(&self, node: &NodeAddress) -> Result<Streams, Error> {
+    pub(crate) async fn connect(&self, node: &NodeAddress) -> Result<ConnectionStreams, Error> {
         let mut errors = Vec::new();
         for address in node.resolve().await?.into_iter().take(ADDRESSES_MAX) {
             match self.connect_address(address).await {
@@ -49,7 +49,7 @@ impl Connector {
         Err(Error::NoAddressConnects { errors })
     }
 
-    async fn connect_address(&self, address: SocketAddr) -> Result<Streams, Error> {
+    async fn connect_address(&self, address: SocketAddr) -> Result<ConnectionStreams, Error> {
         let endpoint = self.socket(address).map_err(|source| Error::Socket {
             address: address.to_string(),
             source,
@@ -103,9 +103,9 @@ impl Connector {
 /// handshake's time to fail.
 const ADDRESSES_MAX: usize = 4;
 
-async fn open(connection: Connection) -> Result<Streams, quinn::ConnectionError> {
+async fn open(connection: Connection) -> Result<ConnectionStreams, quinn::ConnectionError> {
     let (send, receive) = connection.open_bi().await?;
-    Ok(Streams {
+    Ok(ConnectionStreams {
         connection,
         send,
         receive,

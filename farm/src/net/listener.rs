@@ -9,7 +9,7 @@ use quinn::{Connection, Endpoint, Incoming};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use crate::Error;
-use crate::net::connection_driver::Streams;
+use crate::net::connection_driver::ConnectionStreams;
 use crate::net::credentials::Credentials;
 use crate::net::endpoint::{self, TransportOptions};
 use crate::net::peer::Role;
@@ -52,7 +52,7 @@ impl Listener {
     /// Gives each player to `serve`, on a task of its own, until the listener is closed.
     pub(crate) async fn run<S, F>(&self, serve: S)
     where
-        S: Fn(Streams) -> F + Clone + Send + 'static,
+        S: Fn(ConnectionStreams) -> F + Clone + Send + 'static,
         F: Future<Output = ()> + Send + 'static,
     {
         let handshakes = Arc::new(Semaphore::new(endpoint::HANDSHAKES_MAX));
@@ -103,7 +103,7 @@ async fn authenticate(
     incoming: Incoming,
     handshake: OwnedSemaphorePermit,
     players: &Arc<Semaphore>,
-) -> Result<(Streams, OwnedSemaphorePermit), Error> {
+) -> Result<(ConnectionStreams, OwnedSemaphorePermit), Error> {
     let role = Role::Node;
     let lost = |error| connection_error::connection(&error, role);
     let connection: Connection = tokio::time::timeout(endpoint::HANDSHAKE_TIMEOUT, incoming)
@@ -123,7 +123,7 @@ async fn authenticate(
         .map_err(lost)?;
     // Only now, so that a player that opens no stream counts as a handshake.
     drop(handshake);
-    let streams = Streams {
+    let streams = ConnectionStreams {
         connection,
         send,
         receive,

@@ -11,7 +11,7 @@ use tokio::runtime::Runtime;
 use tokio::sync::Notify;
 
 use crate::Error;
-use crate::net::connection_driver::{self, PacketHandler, Streams};
+use crate::net::connection_driver::{self, ConnectionStreams, PacketHandler};
 use crate::net::credentials::Credentials;
 use crate::net::endpoint::TransportOptions;
 use crate::net::listener::Listener;
@@ -128,7 +128,7 @@ impl NodeServer {
             mut signals,
         } = self;
         let draining = events.clone();
-        let serve = move |streams: Streams| {
+        let serve = move |streams: ConnectionStreams| {
             let (connect, events) = (connect.clone(), events.clone());
             async move {
                 let player = streams.connection.remote_address();

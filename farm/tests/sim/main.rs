@@ -101,7 +101,7 @@ fn check_deliveries(stats: &FrameStats) {
     assert!(!came.iter().any(lacks), "a tile is of nobody");
     assert_eq!(last_secs, stats.makespan_secs);
     assert!(stats.lost_tiles <= stats.reissued_tiles);
-    assert!((0.0..=1.0).contains(&stats.balance_efficiency()));
+    assert!((0.0..=stats.makespan_secs).contains(&stats.ideal_secs()));
 }
 
 #[test]
@@ -114,7 +114,8 @@ fn efficiency_tells_a_good_division_from_a_bad_one() {
             .sum::<f64>()
             / 60.0
     };
-    let [equal, filled] = [Equal, WaterFilling].map(|a| mean(a, FrameStats::balance_efficiency));
+    let [equal, filled] =
+        [Equal, WaterFilling].map(|a| mean(a, |stats| stats.ideal_secs() / stats.makespan_secs));
     assert!(filled > 0.85, "water-filling: {filled}");
     assert!(equal < 0.4, "equal: {equal}");
     // What the frames say of themselves is what someone says who knows all.

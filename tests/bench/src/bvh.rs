@@ -15,7 +15,7 @@ use glam::{EulerRot, Quat, Vec3};
 use serde::Serialize;
 
 use crate::{BenchError, timing};
-use carom_farm::backend::{self, Backend, Opened};
+use carom_farm::backend::{self, Backend, OpenBackend};
 
 /// Find the number of primitives from which on a BVH is faster than testing each.
 ///
@@ -125,7 +125,7 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
         .map(|shape| ShapeClouds::new(*shape, args.count_max))
         .collect::<Result<Vec<_>, _>>()?;
     let opened = backend::open_all(args.backend, 0)?;
-    let is_compared = |opened: &&Opened| {
+    let is_compared = |opened: &&OpenBackend| {
         args.backend.is_some() || matches!(opened.backend, Backend::Cpu | Backend::Gpu)
     };
     let mut backends = Vec::new();
@@ -161,7 +161,11 @@ impl ShapeClouds {
     }
 }
 
-fn sweep(opened: &Opened, clouds: &mut ShapeClouds, args: &Args) -> Result<BvhSweep, BenchError> {
+fn sweep(
+    opened: &OpenBackend,
+    clouds: &mut ShapeClouds,
+    args: &Args,
+) -> Result<BvhSweep, BenchError> {
     let tracer = opened.tracer.as_ref();
     let shape = clouds.shape;
     let mut rows = Vec::new();

@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use crate::scenes::{self, NamedScene};
 use crate::{BenchError, timing};
-use carom_farm::backend::{self, Backend, Opened};
+use carom_farm::backend::{self, Backend, OpenBackend};
 
 /// Measure the gain of kernels that hold only what a scene requires.
 ///
@@ -71,7 +71,7 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
         scenes.push(scenes::scene(None)?);
     }
     let opened = backend::open_all(args.backend, 0)?;
-    let is_compared = |opened: &&Opened| {
+    let is_compared = |opened: &&OpenBackend| {
         args.backend.is_some() || matches!(opened.backend, Backend::Cpu | Backend::Gpu)
     };
     let mut report = SpecializationReport { scenes: Vec::new() };
@@ -90,7 +90,7 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
 }
 
 fn measure(
-    opened: &Opened,
+    opened: &OpenBackend,
     named: &NamedScene,
     args: &Args,
 ) -> Result<SpecializationMeasurement, BenchError> {

@@ -16,7 +16,7 @@ use serde::Serialize;
 
 use crate::commands::Failure;
 use crate::commands::inputs;
-use carom_farm::backend::{self, Backend, Opened};
+use carom_farm::backend::{self, Backend, OpenBackend};
 
 /// Measure samples and rays per second of each back end of this machine
 ///
@@ -126,7 +126,11 @@ fn least(costs: &[Cost]) -> (f64, f64) {
     (least(|c| c.wall_secs), least(|c| c.core_secs))
 }
 
-fn measure_all(opened: &[Opened], scene: &CompiledScene, args: &Args) -> anyhow::Result<Vec<Row>> {
+fn measure_all(
+    opened: &[OpenBackend],
+    scene: &CompiledScene,
+    args: &Args,
+) -> anyhow::Result<Vec<Row>> {
     for opened in opened {
         warm_up(opened, scene, args)
             .with_context(|| format!("back end {}", opened.backend.name()))?;
@@ -152,7 +156,7 @@ fn measure_all(opened: &[Opened], scene: &CompiledScene, args: &Args) -> anyhow:
         .collect())
 }
 
-fn row(opened: &Opened, paths: &[Cost], primary: &[Cost]) -> Row {
+fn row(opened: &OpenBackend, paths: &[Cost], primary: &[Cost]) -> Row {
     let (wall_secs, core_secs) = least(paths);
     let Cost { samples, rays, .. } = paths[0];
     let (_, primary_secs) = least(primary);
@@ -172,7 +176,11 @@ fn row(opened: &Opened, paths: &[Cost], primary: &[Cost]) -> Row {
 }
 
 /// Compiles kernels, starts threads and fills caches; devices that share work find their shares.
-fn warm_up(opened: &Opened, scene: &CompiledScene, args: &Args) -> Result<(), carom_tracer::Error> {
+fn warm_up(
+    opened: &OpenBackend,
+    scene: &CompiledScene,
+    args: &Args,
+) -> Result<(), carom_tracer::Error> {
     let measured = args.spp.unwrap_or(samples_default(opened.backend));
     let (jobs, samples) = match opened.backend {
         Backend::Hybrid => (MultiDeviceTracer::JOBS_UNTIL_SETTLED, measured),
@@ -222,7 +230,7 @@ fn rate(rows: &[Row], backend: Backend) -> Option<&Row> {
 /// picture each. Pictures of some milliseconds scatter by several percent, and so does the best of
 /// a few.
 fn hybrid_over_best(
-    opened: &[Opened],
+    opened: &[OpenBackend],
     rows: &[Row],
     scene: &CompiledScene,
     args: &Args,
@@ -241,7 +249,7 @@ fn hybrid_over_best(
         return Ok(None);
     };
     let samples = args.spp.unwrap_or(samples_default(Backend::Hybrid));
-    let picture = |opened: &Opened| {
+    let picture = |opened: &OpenBackend| {
         let traced = trace(opened.tracer.as_ref(), scene, args.size, settings(samples));
         traced.map(|cost| cost.wall_secs)
     };

@@ -20,7 +20,7 @@ use serde::Serialize;
 
 use crate::commands::Failure;
 use crate::commands::inputs;
-use carom_farm::backend::{self, Backend, Opened};
+use carom_farm::backend::{self, Backend, OpenBackend};
 
 /// Measure error against time and bytes over resolution, samples, depth, denoiser and precision
 ///
@@ -166,7 +166,7 @@ impl Screen {
 }
 
 fn sweep(
-    opened: &Opened,
+    opened: &OpenBackend,
     scene: &CompiledScene,
     reference: &Screen,
     repetitions: u32,
