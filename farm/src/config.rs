@@ -6,6 +6,7 @@ use std::str::FromStr;
 use carom_protocol::{PixelPrecision, PrecisionRange};
 use serde::{Deserialize, Serialize};
 
+use crate::config_fault::ConfigFault;
 use crate::{Balancing, Distribution, Error};
 
 /// Configuration of a [`crate::Farm`]: command lines, `farm.toml` and applications fill it.
@@ -41,19 +42,24 @@ impl FarmConfig {
     /// [`FarmConfig::credentials`] is taken from the file's own folder.
     ///
     /// # Errors
-    /// [`Error::Config`] with the file, the line and what is wrong there.
+    /// [`Error::Config`] with the file and, if it could be read, the line that is wrong.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Error> {
         let path = path.as_ref();
-        let refused = |why: String| Error::Config(format!("{}: {why}", path.display()));
-        let text = std::fs::read_to_string(path).map_err(|why| refused(why.to_string()))?;
+        let text = std::fs::read_to_string(path).map_err(|source| ConfigFault::File {
+            path: path.to_owned(),
+            source,
+        })?;
         let mut config: Self = toml::from_str(&text).map_err(|why| {
             let start = why.span().map_or(0, |span| span.start);
             let before = text.bytes().take(start);
             let line = before.filter(|byte| *byte == b'\n').count();
             let place = text.lines().nth(line).unwrap_or_default();
-            let place: String = place.chars().take(EXCERPT_CHARS_MAX).collect();
-            let why = why.message().replace('\n', " ");
-            refused(format!("line {}, `{place}`: {why}", line + 1))
+            ConfigFault::Line {
+                path: path.to_owned(),
+                line: line + 1,
+                excerpt: place.chars().take(EXCERPT_CHARS_MAX).collect(),
+                reason: why.message().replace('\n', " "),
+            }
         })?;
         if let Some(folder) = path.parent() {
             config.credentials = folder.join(&config.credentials);

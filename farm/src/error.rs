@@ -4,6 +4,7 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use crate::config_fault::ConfigFault;
 use crate::net::peer::{CertificateFault, DisconnectReason, Role};
 use crate::node_status::NodeStatus;
 
@@ -14,9 +15,9 @@ pub enum Error {
     /// The scene, the update or the settings are the caller's mistake, or the local device fails.
     #[error(transparent)]
     Tracer(#[from] carom_tracer::Error),
-    /// The configuration contradicts itself: a sentence with the value.
-    #[error("{0}")]
-    Config(String),
+    /// The configuration cannot be read, or a value of it is out of range.
+    #[error(transparent)]
+    Config(#[from] ConfigFault),
     /// A name is none of a closed set: the names of the set.
     #[error("it must be {0}")]
     Choice(&'static str),

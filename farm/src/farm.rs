@@ -11,6 +11,7 @@ use carom_protocol::FrameId;
 use carom_protocol::limits::{FRAMES_IN_FLIGHT_MAX, NODES_MAX, TILE_EDGE_MAX};
 use carom_tracer::{Scene, Tracer};
 
+use crate::config_fault::ConfigFault;
 use crate::driver::{Driver, DriverInput};
 use crate::net::{Client, Credentials, NodeAddress, Role};
 use crate::{
@@ -299,11 +300,7 @@ impl Farm {
     /// called.
     pub fn add_node(&mut self, node: &str) -> Result<(), Error> {
         let address = node.parse()?;
-        if self.nodes().len() >= NODES_MAX {
-            return Err(Error::Config(format!(
-                "{node} would be one node too many: at most {NODES_MAX} are allowed"
-            )));
-        }
+        nodes_fit(self.nodes().len() + 1)?;
         let client = if self.calls {
             None
         } else {
@@ -350,33 +347,40 @@ impl Drop for Farm {
     }
 }
 
+fn nodes_fit(count: usize) -> Result<(), ConfigFault> {
+    match count {
+        0..=NODES_MAX => Ok(()),
+        _ => Err(ConfigFault::TooManyNodes {
+            count,
+            max: NODES_MAX,
+        }),
+    }
+}
+
 fn validate(config: &FarmConfig) -> Result<(), Error> {
-    let edges = 8..=TILE_EDGE_MAX;
-    if !edges.contains(&config.tile_edge) {
-        return Err(Error::Config(format!(
-            "tile_edge is {}: it must be from {} to {}",
-            config.tile_edge,
-            edges.start(),
-            edges.end()
-        )));
-    }
-    if !(1..=FRAMES_IN_FLIGHT_MAX).contains(&config.frames_in_flight) {
-        return Err(Error::Config(format!(
-            "frames_in_flight is {}: it must be from 1 to {FRAMES_IN_FLIGHT_MAX}",
-            config.frames_in_flight
-        )));
-    }
-    let precision = config.precision.validate();
-    precision.map_err(|reason| Error::Config(reason.to_string()))?;
-    if config.nodes.len() > NODES_MAX {
-        return Err(Error::Config(format!(
-            "there are {} nodes: at most {NODES_MAX} are allowed",
-            config.nodes.len()
-        )));
-    }
+    let in_range = |field, value: usize, min: usize, max: usize| match value {
+        value if (min..=max).contains(&value) => Ok(()),
+        value => Err(ConfigFault::OutOfRange {
+            field,
+            value,
+            min,
+            max,
+        }),
+    };
+    let (edge, edge_max) = (config.tile_edge.into(), TILE_EDGE_MAX.into());
+    in_range("tile_edge", edge, TILE_EDGE_MIN, edge_max)?;
+    let in_flight = config.frames_in_flight;
+    in_range("frames_in_flight", in_flight, 1, FRAMES_IN_FLIGHT_MAX)?;
+    config
+        .precision
+        .validate()
+        .map_err(ConfigFault::Precision)?;
+    nodes_fit(config.nodes.len())?;
     Ok(())
 }
 
+/// Pixels along the edge of the smallest tiles: smaller ones are more message than picture.
+const TILE_EDGE_MIN: usize = 8;
 /// How long to wait for a first node: a GPU takes a second to start, a call some seconds to fail.
 const START_PATIENCE: Duration = Duration::from_secs(60);
 /// How long to wait for nodes when all are lost.

@@ -12,7 +12,7 @@ use crate::multi_device::MultiDeviceTracer;
 ///
 /// # Errors
 /// [`Error::Device`] if the system refuses threads.
-pub fn auto(threads: usize) -> Result<Arc<dyn Tracer>, Error> {
+pub(crate) fn auto(threads: usize) -> Result<Arc<dyn Tracer>, Error> {
     let cpu = cpu(threads)?;
     let mut devices: Vec<Arc<dyn Tracer>> = Vec::new();
     let mut absent = Vec::new();
@@ -37,7 +37,7 @@ pub fn auto(threads: usize) -> Result<Arc<dyn Tracer>, Error> {
 ///
 /// # Errors
 /// [`Error::Device`] if there is none.
-pub fn gpu() -> Result<Arc<dyn Tracer>, Error> {
+pub(crate) fn gpu() -> Result<Arc<dyn Tracer>, Error> {
     Ok(Arc::new(GpuTracer::new(&AdapterChoice::Gpu)?))
 }
 
@@ -45,6 +45,6 @@ pub fn gpu() -> Result<Arc<dyn Tracer>, Error> {
 ///
 /// # Errors
 /// [`Error::Device`] if the system refuses threads.
-pub fn cpu(threads: usize) -> Result<Arc<dyn Tracer>, Error> {
+pub(crate) fn cpu(threads: usize) -> Result<Arc<dyn Tracer>, Error> {
     Ok(Arc::new(CpuTracer::with_threads(threads)?))
 }

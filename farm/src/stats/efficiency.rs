@@ -1,4 +1,4 @@
-//! Balance efficiency of a frame: what it took against what the same nodes could have done.
+//! Efforts of nodes for a frame, and the time in which the same nodes could have traced it.
 
 use super::FrameStats;
 use crate::balancer::{CostModel, water_fill};
@@ -82,14 +82,6 @@ impl FrameStats {
         water_fill(work, &lines).finish_secs
     }
 
-    /// How well the work was divided: the ideal makespan over the real one, from 0 to 1.
-    pub fn balance_efficiency(&self) -> f64 {
-        if self.makespan_secs <= 0.0 {
-            return 1.0;
-        }
-        self.ideal_secs() / self.makespan_secs
-    }
-
     /// The node whose tiles came last.
     pub fn straggler(&self) -> Option<NodeIndex> {
         let fresh = self.deliveries.iter().rev();
@@ -150,7 +142,7 @@ mod tests {
     #[test]
     fn a_frame_whose_nodes_end_together_is_perfect() {
         let stats = frame(&[(0, 4, 0.006, 0.004), (2, 40, 0.006, 0.003)]);
-        assert!((stats.balance_efficiency() - 1.0).abs() < 1e-9);
+        assert!((stats.ideal_secs() / stats.makespan_secs - 1.0).abs() < 1e-9);
         let efforts = stats.efforts();
         assert_eq!(
             efforts

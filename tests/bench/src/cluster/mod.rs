@@ -10,10 +10,11 @@ use std::time::Duration;
 
 use anyhow::Context;
 use carom_farm::NodeIndex;
+use carom_farm::backend::NodeBackend;
 use carom_farm::net::interruption;
 use carom_farm::{
     Algorithm, Balancing, Distribution, Farm, FarmConfig, FrameId, LocalNode, PixelPrecision,
-    PrecisionRange, local_devices,
+    PrecisionRange,
 };
 use carom_testkit::link_emulator::LinkConfig;
 use carom_testkit::simulator::{
@@ -228,7 +229,7 @@ fn size(args: &Args) -> ImageSize {
 fn pictures(args: &Args) -> Result<ExpectedFrames, BenchError> {
     let mut farm = Farm::with_tracers(
         config(args, Balancing::default()),
-        vec![local_devices::cpu(0)?],
+        vec![NodeBackend::Cpu.open(0)?],
     )?;
     farm.set_scene(&scenes::scene(None)?.scene)?;
     ExpectedFrames::new(&mut farm, size(args), args.spp)

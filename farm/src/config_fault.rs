@@ -1,0 +1,51 @@
+//! Faults of a farm's configuration.
+
+use std::path::PathBuf;
+
+/// What is wrong with a configuration.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigFault {
+    /// The file cannot be read.
+    #[error("{}: {source}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// A line of the file is not a setting.
+    #[error("{}: line {line}, `{excerpt}`: {reason}", path.display())]
+    Line {
+        /// The file.
+        path: PathBuf,
+        /// Counted from 1.
+        line: usize,
+        /// The beginning of the line.
+        excerpt: String,
+        /// The parser's reason.
+        reason: String,
+    },
+    /// A number is out of range.
+    #[error("{field} is {value}: it must be from {min} to {max}")]
+    OutOfRange {
+        /// The field of [`crate::FarmConfig`].
+        field: &'static str,
+        /// Its value.
+        value: usize,
+        /// The least that is allowed.
+        min: usize,
+        /// The greatest.
+        max: usize,
+    },
+    /// The coarsest precision is finer than the finest.
+    #[error("{0}")]
+    Precision(carom_protocol::Reason),
+    /// There are more nodes than a farm may have.
+    #[error("there are {count} nodes: at most {max} are allowed")]
+    TooManyNodes {
+        /// With the one that was to be added.
+        count: usize,
+        /// The most.
+        max: usize,
+    },
+}
