@@ -130,10 +130,11 @@ impl Filter {
             columns.sum_up(simd, &around, width, is_single);
         }
         for x in (0..width).step_by(LANES) {
-            let variance = if pass.is_first {
-                columns.variance(simd, x, is_single)
-            } else {
-                around.at(0).1.load(simd, VARIANCE, x, 0)
+            let own = || around.at(0).1.load(simd, VARIANCE, x, 0);
+            let variance = match (pass.is_first, is_single) {
+                (true, true) => columns.variance(simd, x, true),
+                (true, false) => columns.variance(simd, x, false).max(own()),
+                (false, _) => own(),
             };
             let here = Look::new(simd, &around, x, 0, 0);
             let square = here.inverse_depth * here.inverse_depth;

@@ -1,5 +1,6 @@
 //! The variance of a row's pixels before the first pass: means over 3 × 3 pixels, from sums down the
-//! columns that neighbours share.
+//! columns that neighbours share, or the pixel's own if that is larger. The mean alone would take a
+//! dot for a ninth as uncertain as it is, and leave it.
 
 use fearless_simd::prelude::*;
 

@@ -52,10 +52,12 @@ pub(crate) fn variances(samples: u32, pass: usize) -> f32 {
     match samples {
         // Of single samples only the scatter among neighbours is known, which says less.
         1 => [64.0, 24.0][pass],
-        2..=16 => 12.0,
+        // Of few it is a bad estimate, and a dot in one half is all of it.
+        2..=4 => [48.0, 24.0][pass],
+        5..=64 => [24.0, 12.0][pass],
         // The halves of a Sobol sequence complement each other: the more samples, the less noise
         // their mean has than their difference tells, until nothing should be smoothed.
-        _ => 12.0 * (16.0 / samples as f32).powi(2),
+        _ => [24.0, 12.0][pass] * (64.0 / samples as f32).powi(2),
     }
 }
 

@@ -117,7 +117,8 @@ fn estimate_variance(@builtin(global_invocation_id) id: vec3u) {
     let mean = sum / max(count, 1.0);
     let variance = max(squares / max(count, 1.0) - dot(mean, mean), 0.0);
     let i = index_of(p);
-    light_to[i] = vec4f(light_from[i].xyz, variance);
+    // A dot is as uncertain as it is itself, not as its neighbours are.
+    light_to[i] = vec4f(light_from[i].xyz, max(variance, light_from[i].w));
 }
 
 // What the taps see of a pixel, and what they have found so far.
