@@ -24,6 +24,7 @@ pub mod image;
 pub mod image_file;
 pub mod metrics;
 pub mod reference;
+pub mod regularisation;
 pub mod reproject;
 pub mod sampling;
 pub mod scalar;

@@ -10,6 +10,7 @@ use super::microfacet::MicrofacetBsdf;
 use super::sampling::{BsdfSample, cosine_hemisphere};
 use super::sheen::Sheen;
 use super::surface::Hit;
+use crate::regularisation::{CONE_COSINE, CONE_DENSITY};
 
 /// The BSDF at a hit, seen from one direction: a mirror that reflects `fresnel` over a diffuse
 /// base. Without a coat `fresnel` is 0.
@@ -135,6 +136,23 @@ impl<S: Simd> Bsdf<S> {
                 .lanes()
                 .select(Float::splat(simd, 0.0), self.fresnel),
             None => self.fresnel,
+        }
+    }
+
+    /// The share of light from `wi` that the coat reflects in lanes that are `regularised`, sr⁻¹; 0
+    /// in the others.
+    #[inline(always)]
+    pub(super) fn regularised_coat(&self, simd: S, regularised: Mask<S>, wi: Vec3x<S>) -> Float<S> {
+        let in_cone = regularised & self.mirrored().dot(wi).simd_gt(CONE_COSINE);
+        in_cone.select(self.coat(simd) * CONE_DENSITY, Float::splat(simd, 0.0))
+    }
+
+    /// The lanes whose base is diffuse.
+    #[inline(always)]
+    pub(super) fn layered(&self, simd: S) -> Mask<S> {
+        match &self.microfacet {
+            Some(microfacet) => !microfacet.lanes(),
+            None => Mask::splat(simd, true),
         }
     }
 

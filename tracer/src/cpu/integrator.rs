@@ -13,6 +13,7 @@ use super::lanes::{Float, Mask, Vec3x, Word};
 use super::microfacet::{SCATTERED, untagged};
 use super::rays::{INSIDE, NONE, Nearest, Rays};
 use super::refracted_nee::NeeBoundaries;
+use super::regularisation::{regularised, with_spread};
 use super::sampling::pair;
 use super::stream::{Stream, StreamPacket, load, load_words, packets, store, store_words};
 use super::surface::{Hit, Surfaces};
@@ -296,10 +297,10 @@ impl Prepared {
                 continue;
             }
             let tag = alive.select(tag, Word::splat(simd, 0));
-            let origin = stream.origin.load(simd, at);
             let direction = stream.direction.load(simd, at);
             let distance = load(simd, &stream.distance, at);
-            let hit = self.surfaces.hit(simd, origin, direction, distance, tag);
+            let (hit, regularised) =
+                self.regularised_hit(simd, stream, at, direction, distance, tag);
             let bsdf = Bsdf::new(simd, &hit, -direction);
             if self.records_aovs_at(depth) {
                 let (inverse_depth, emitted) = stream.load_emission(simd, at);
@@ -314,17 +315,19 @@ impl Prepared {
             if !self.area_lights.is_empty() {
                 let u = pair(pixel, sample, block_light(depth), seed);
                 let light = self.area_lights.sample(simd, hit.position, u);
-                self.queue_shadow_ray(simd, stream, at, alive, &hit, &bsdf, beta, &light);
                 light_weight_sum = light.light_weight_sum;
-                if self.has_refracted_nee() {
-                    stream.shadows[OTHER].origin.store(at, hit.position);
-                    rays += self.queue_refracted_shadow_ray(
-                        simd, stream, at, alive, depth, &hit, beta, tag, &light,
-                    );
-                }
-                if self.samples_coat_reflection(depth) {
-                    self.queue_coat_shadow_ray(simd, stream, at, alive, &hit, &bsdf, beta);
-                }
+                rays += self.queue_shadow_rays(
+                    simd,
+                    stream,
+                    at,
+                    alive,
+                    depth,
+                    &hit,
+                    &bsdf,
+                    tag,
+                    &light,
+                    regularised,
+                );
             }
             let [u1, u2] = pair(pixel, sample, block_scatter(depth), seed);
             let mut u0 = u1;
@@ -336,7 +339,9 @@ impl Prepared {
             stream.origin.store(at, hit.position);
             stream.direction.store(at, scattered.wi);
             stream.beta.store(at, beta.scale(scattered.weight));
-            let mut pdf = weighed(scattered.pdf, light_weight_sum);
+            let pdf = weighed(scattered.pdf, light_weight_sum);
+            let diffuse = bsdf.layered(simd) & pdf.simd_gt(0.0);
+            let mut pdf = with_spread(pdf, regularised | diffuse);
             if self.has_refracted_nee() {
                 let before = load(simd, &stream.pdf, at);
                 let known =
@@ -346,13 +351,66 @@ impl Prepared {
             store(&mut stream.pdf, at, pdf);
             let mut left = tag;
             if self.surfaces.has_dielectric {
-                left = untagged(tag);
-                left = inside.select(left | INSIDE, left);
+                left = inside.select(untagged(tag) | INSIDE, untagged(tag));
             }
-            let none = Word::splat(simd, NONE);
-            store_words(&mut stream.primitive, at, alive.select(left, none));
+            let left = alive.select(left, Word::splat(simd, NONE));
+            store_words(&mut stream.primitive, at, left);
         }
         rays
+    }
+
+    /// Next-event estimation at a packet's hits, by all lobes. Returns the number of rays inside balls.
+    #[inline(always)]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "one packet's values, all in registers"
+    )]
+    fn queue_shadow_rays<S: Simd>(
+        &self,
+        simd: S,
+        stream: &mut Stream,
+        at: usize,
+        alive: Mask<S>,
+        depth: u32,
+        hit: &Hit<S>,
+        bsdf: &Bsdf<S>,
+        tag: Word<S>,
+        light: &LightSample<S>,
+        regularised: Mask<S>,
+    ) -> u64 {
+        let mut rays = 0;
+        let beta = stream.beta.load(simd, at);
+        self.queue_shadow_ray(simd, stream, at, alive, hit, bsdf, beta, light, regularised);
+        if self.has_refracted_nee() {
+            stream.shadows[OTHER].origin.store(at, hit.position);
+            rays = self
+                .queue_refracted_shadow_ray(simd, stream, at, alive, depth, hit, beta, tag, light);
+        }
+        if self.samples_coat_reflection(depth) {
+            let exact = alive & !regularised;
+            self.queue_coat_shadow_ray(simd, stream, at, exact, hit, bsdf, beta);
+        }
+        rays
+    }
+
+    /// The surfaces that a packet's rays have met, their mirrors mollified in the lanes returned.
+    #[inline(always)]
+    fn regularised_hit<S: Simd>(
+        &self,
+        simd: S,
+        stream: &Stream,
+        at: usize,
+        direction: Vec3x<S>,
+        distance: Float<S>,
+        tag: Word<S>,
+    ) -> (Hit<S>, Mask<S>) {
+        let origin = stream.origin.load(simd, at);
+        let mut hit = self.surfaces.hit(simd, origin, direction, distance, tag);
+        let regularised = regularised(simd, stream, at);
+        if let Some(microfacet) = &mut hit.microfacet {
+            microfacet.regularise(regularised);
+        }
+        (hit, regularised)
     }
 
     fn has_refracted_nee(&self) -> bool {
@@ -460,16 +518,23 @@ impl Prepared {
         bsdf: &Bsdf<S>,
         beta: Vec3x<S>,
         light: &LightSample<S>,
+        regularised: Mask<S>,
     ) {
         let cos_i = hit.normal.dot(light.wi);
         let (f_cos, bsdf_pdf) = bsdf.evaluate(simd, light.wi, cos_i);
-        let weight = light.inverse_pdf * power_heuristic(bsdf_pdf * light.inverse_density);
+        let weight = power_heuristic(bsdf_pdf * light.inverse_density);
+        let mut reflected = f_cos * weight;
+        if self.has_coat {
+            let coat = bsdf.regularised_coat(simd, regularised, light.wi);
+            reflected = reflected + Vec3x::new(coat, coat, coat);
+        }
         let lit = alive & bsdf.sees(cos_i) & light.distance.simd_gt(0.0);
         let shadow = &mut stream.shadows[OTHER];
         shadow.direction.store(at, light.wi);
+        let radiance = light.radiance * light.inverse_pdf;
         shadow
             .radiance
-            .store(at, beta.scale(f_cos).scale(light.radiance) * weight);
+            .store(at, beta.scale(reflected).scale(radiance));
         let zero = Float::splat(simd, 0.0);
         store(&mut shadow.distance, at, lit.select(light.distance, zero));
         store_words(

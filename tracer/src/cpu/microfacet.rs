@@ -13,6 +13,7 @@ use super::rays::INSIDE;
 use super::rows::Rows;
 use super::sampling::{BsdfSample, basis, sin_cos_turns, uniform_direction};
 use crate::compiled::{KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, MaterialData};
+use crate::regularisation::ALPHA_MIN;
 
 /// One row of numbers per primitive that scatters, in the order of ids.
 pub(super) type MicrofacetRow = [f32; 16];
@@ -93,6 +94,14 @@ impl<S: Simd> MicrofacetBsdf<S> {
             metal_eta: rows.triple(simd, ETA_OR_EXTINCTION),
             metal_k: rows.triple(simd, K_OR_SCATTERING),
         })
+    }
+
+    /// Mollifies metals in lanes that are `regularised` ([`crate::regularisation`]).
+    #[inline(always)]
+    pub(super) fn regularise(&mut self, regularised: Mask<S>) {
+        let rougher = regularised & self.metal;
+        self.alpha = rougher.select(self.alpha.max(ALPHA_MIN), self.alpha);
+        self.rough |= rougher;
     }
 
     /// The lanes of this material.

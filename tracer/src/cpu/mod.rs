@@ -33,6 +33,7 @@ mod medium;
 mod microfacet;
 mod rays;
 mod refracted_nee;
+mod regularisation;
 mod rows;
 mod sampling;
 mod shapes;

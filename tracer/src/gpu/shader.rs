@@ -10,6 +10,7 @@ use crate::compiled::{
 };
 use crate::gpu::features::{Features, KernelOutput, SceneMemory};
 use crate::gpu::layout::{BVH_LEAF, SPHERE_SLACK};
+use crate::regularisation::{ALPHA_MIN, CONE_COSINE, CONE_DENSITY, KEY_MASK};
 use crate::sampling::{BELOW_1, BLOCK_CAMERA, SCRAMBLE};
 use crate::scene::validate::CSG_MARGIN_M;
 use crate::texture;
@@ -142,7 +143,11 @@ fn constants(features: &Features) -> String {
          const HAS_NUMBER: bool = {};\n\
          const HAS_WOOD: bool = {};\n\
          const HAS_CSG_CONE: bool = {};\n\
-         const CSG_MARGIN_M: f32 = {CSG_MARGIN_M:?};\n",
+         const CSG_MARGIN_M: f32 = {CSG_MARGIN_M:?};\n\
+         const REGULARISED_KEY_MASK: u32 = {KEY_MASK}u;\n\
+         const CONE_COSINE: f32 = {CONE_COSINE:?};\n\
+         const CONE_DENSITY: f32 = {CONE_DENSITY:?};\n\
+         const ALPHA_MIN: f32 = {ALPHA_MIN:?};\n",
         AreaLightData::SOLID_ANGLE_MIN,
         features.is_compensated,
         features.discs_coplanar,

@@ -18,7 +18,8 @@
 //!    else the power heuristic of the pdf against `brightness / light_weight_sum`. After
 //!    `max_depth` scattering events a ray that meets a surface ends black.
 //! 3. **Light.** The coat's share: if the nearest area light in the mirror's direction is met from the
-//!    front and nothing is in between, adds `beta · F · radiance`. The other lobes' (block
+//!    front and nothing is in between, adds `beta · F · radiance`; where the path is regularised
+//!    ([`crate::regularisation`]) it is part of the other lobes', weighed by 1. The other lobes' (block
 //!    `block_light(k)`): an area light drawn by brightness times solid angle with `u[0]`, which is then
 //!    stretched to [0, 1) again, and a direction uniform in its solid angle, or, where that is below
 //!    [`AreaLightData::SOLID_ANGLE_MIN`], a point uniform in its area. Unless something is in between, adds
@@ -67,6 +68,7 @@ use crate::denoise::{
     DenoiseInput, DenoiseInputTile, DenoiseSource, FilterMemory, SampleSums, trace_denoised,
 };
 use crate::fresnel::fresnel_dielectric;
+use crate::regularisation::{ALPHA_MIN, CONE_COSINE, CONE_DENSITY, KEY_MASK};
 use crate::sampling::{
     BLOCK_CAMERA, block_choice, block_light, block_scatter, pair, pixel_key, sample_key,
 };
@@ -237,6 +239,8 @@ struct Vertex {
     scatter: Scatter,
     /// [`light_weight_sum`] at the point.
     light_weight_sum: f64,
+    /// Its mirror is mollified ([`crate::regularisation`]).
+    is_regularised: bool,
 }
 
 impl<'a> PathTracer<'a> {
@@ -309,8 +313,8 @@ impl<'a> PathTracer<'a> {
 
     /// Radiance along one path.
     fn path(&self, x: u32, y: u32, sample: u32, rays: &mut u64) -> DVec3 {
-        let (pixel, sample) = (pixel_key(x, y), sample_key(sample));
-        let random = |block| pair(pixel, sample, block, self.settings.seed).map(f64::from);
+        let (pixel, key) = (pixel_key(x, y), sample_key(sample));
+        let random = |block| pair(pixel, key, block, self.settings.seed).map(f64::from);
         let [u, v] = random(BLOCK_CAMERA);
         let mut ray = camera_ray(&self.frame, f64::from(x) + u, f64::from(y) + v);
         let (mut radiance, mut beta) = (DVec3::ZERO, DVec3::ONE);
@@ -356,8 +360,11 @@ impl<'a> PathTracer<'a> {
             if depth == self.settings.max_depth {
                 return radiance;
             }
-            let vertex = Vertex::new(self.scene, &ray, &hit);
-            if !self.settings.denoise || depth > 0 {
+            let mut vertex = Vertex::new(self.scene, &ray, &hit);
+            if prev.is_spread && key & KEY_MASK == 0 {
+                vertex.regularise();
+            }
+            if !vertex.is_regularised && (!self.settings.denoise || depth > 0) {
                 radiance += beta * self.coat_reflected_light(&vertex, rays);
             }
             radiance += beta * self.direct_light(&vertex, random(block_light(depth)), rays);
@@ -372,11 +379,7 @@ impl<'a> PathTracer<'a> {
             };
             start = Some(vertex.ray_origin(sample.wi));
             let is_known = prev.is_scattered && self.exits_by_nee_hemisphere(&vertex, start, hit.t);
-            prev = PrevVertex {
-                pdf: if is_known { Some(0.0) } else { sample.pdf },
-                light_weight_sum: vertex.light_weight_sum,
-                is_scattered: false,
-            };
+            prev = prev.next(&vertex, sample.pdf, is_known);
         }
         radiance
     }
@@ -526,7 +529,8 @@ impl<'a> PathTracer<'a> {
             inverse_pdf,
         } = chosen.seen.sample(chosen.u);
         let (f, pdf_scatter) = vertex.scatter.eval(vertex.wo, wi, vertex.n);
-        if f == DVec3::ZERO
+        let coat = vertex.regularised_coat(wi);
+        if (f == DVec3::ZERO && coat == 0.0)
             || vertex.ray_origin(wi).is_inside
             || self.is_occluded(vertex, wi, distance, chosen.index, rays)
         {
@@ -535,7 +539,8 @@ impl<'a> PathTracer<'a> {
         let density = f64::from(light.brightness) / vertex.light_weight_sum;
         let weight = power_heuristic(density, pdf_scatter);
         let cos_i = wi.dot(vertex.n).abs();
-        f * vector(light.radiance) * (cos_i * weight * inverse_pdf / chosen.probability)
+        let reflected = f * (cos_i * weight) + coat;
+        reflected * vector(light.radiance) * (inverse_pdf / chosen.probability)
     }
 
     /// Whether something is in between a vertex and a point of area light `index`.
@@ -575,6 +580,8 @@ struct PrevVertex {
     light_weight_sum: f64,
     /// It began where light was scattered inside a body.
     is_scattered: bool,
+    /// It comes from a diffuse surface, or by way of coats and metals from one.
+    is_spread: bool,
 }
 
 impl PrevVertex {
@@ -583,12 +590,24 @@ impl PrevVertex {
         pdf: None,
         light_weight_sum: 0.0,
         is_scattered: false,
+        is_spread: false,
     };
     /// In a medium.
     const SCATTERED: Self = Self {
         is_scattered: true,
         ..Self::UNWEIGHED
     };
+
+    /// Of a direction drawn at `vertex`, along which area lights may be known already.
+    fn next(self, vertex: &Vertex, pdf: Option<f64>, is_known: bool) -> Self {
+        let is_diffuse = vertex.scatter.is_layered();
+        Self {
+            pdf: if is_known { Some(0.0) } else { pdf },
+            light_weight_sum: vertex.light_weight_sum,
+            is_scattered: false,
+            is_spread: pdf.is_some_and(|pdf| self.is_spread || (pdf > 0.0 && is_diffuse)),
+        }
+    }
 
     /// Or by the camera.
     fn is_mirror(self) -> bool {
@@ -608,7 +627,27 @@ impl Vertex {
             is_inside,
             scatter: Scatter::new(scene, hit, is_inside),
             light_weight_sum: light_weight_sum(&scene.area_lights, hit.point),
+            is_regularised: false,
         }
+    }
+
+    /// Mollifies its mirror.
+    fn regularise(&mut self) {
+        self.is_regularised = true;
+        if let Scatter::Conductor(metal) = &mut self.scatter {
+            metal.alpha = metal.alpha.max(f64::from(ALPHA_MIN));
+        }
+    }
+
+    /// The share of light from `wi` that a coat's mirror reflects where it is regularised, sr⁻¹.
+    fn regularised_coat(&self, wi: DVec3) -> f64 {
+        let cos_o = self.wo.dot(self.n);
+        let mirrored = 2.0 * cos_o * self.n - self.wo;
+        let is_in_cone = wi.dot(mirrored) > f64::from(CONE_COSINE) && wi.dot(self.n) > 0.0;
+        if !self.is_regularised || !is_in_cone {
+            return 0.0;
+        }
+        self.scatter.coat(cos_o) * f64::from(CONE_DENSITY)
     }
 
     /// How a ray towards `wi` begins: what is not transmissive is left outwards, on either side.

@@ -97,6 +97,11 @@ impl Scatter {
         }
     }
 
+    /// Whether it has a diffuse base.
+    pub(super) fn is_layered(&self) -> bool {
+        matches!(self, Self::Layered(_))
+    }
+
     /// Whether light can pass.
     pub fn is_dielectric(&self) -> bool {
         matches!(self, Self::Dielectric(_))

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use carom_tracer::film::{trace_estimate, trace_image};
 use carom_tracer::metrics::{Estimate, Region, mean, region};
+use carom_tracer::regularisation;
 use carom_tracer::sampling::uniforms;
 use carom_tracer::scalar::{Ray, intersect};
 use carom_tracer::{
@@ -63,6 +64,7 @@ fn glass_gold_and_wax_agree_with_mitsuba() {
     let tiles: Vec<Tile> = PLACES.iter().map(tile).collect();
     let settings = RenderSettings {
         samples: 8,
+        first_sample: regularisation::SAMPLES,
         max_depth: 63,
         ..RenderSettings::default()
     };
@@ -113,6 +115,7 @@ fn refracted_nee_is_unbiased_and_quiet() {
     });
     let settings = RenderSettings {
         samples: 8,
+        first_sample: regularisation::SAMPLES,
         max_depth: 63,
         ..RenderSettings::default()
     };

@@ -8,6 +8,7 @@
 use carom_tracer::film::{trace_estimate, trace_image};
 use carom_tracer::metrics::{Estimate, compare, region};
 use carom_tracer::reference::radiance;
+use carom_tracer::regularisation;
 use carom_tracer::scalar::camera_ray;
 use carom_tracer::{
     CompiledScene, ImageSize, RadianceImage, RenderSettings, ScalarTracer, Scene, Tile, TileGrid,
@@ -74,6 +75,7 @@ fn assert_agrees_in_the_mean(law: &LawScene, size: ImageSize, samples: u32) {
     let reference = reference(&scene, size, law.max_depth, samples);
     let settings = RenderSettings {
         samples,
+        first_sample: regularisation::SAMPLES,
         max_depth: law.max_depth,
         ..RenderSettings::default()
     };

@@ -68,6 +68,10 @@ fn emission_with_mis(ray: Ray, hit: Hit, pdf: f32) -> vec3f {
     return scene.area_lights[index].radiance * power_heuristic(brightness / pdf);
 }
 
+fn mirrored(n: vec3f, wo: vec3f) -> vec3f {
+    return 2.0 * dot(n, wo) * n - wo;
+}
+
 // Light of the area light that a coat reflects.
 fn coat_reflected_light(
     surface: Surface,
@@ -80,7 +84,7 @@ fn coat_reflected_light(
     if (reflectance == 0.0) {
         return vec3f(0.0);
     }
-    let wi = 2.0 * dot(surface.normal, wo) * surface.normal - wo;
+    let wi = mirrored(surface.normal, wo);
     let ray = Ray(surface.position, wi);
     var hit = Hit(T_MISS, NO_PRIMITIVE);
     nearest_area_light(prepare_ray(ray), start, &hit);
@@ -98,13 +102,15 @@ fn coat_reflected_light(
     return reflectance * scene.area_lights[index].radiance;
 }
 
-// Next-event estimation from `surface`, times the BSDF and the cosine, MIS-weighted.
+// Next-event estimation from `surface`, times the BSDF and the cosine, MIS-weighted; and what a
+// coat reflects from a cone of that density, if not 0.
 fn direct_light(
     surface: Surface,
     bsdf: Bsdf,
     wo: vec3f,
     start: u32,
     u: vec2f,
+    cone_density: f32,
     rays: ptr<function, u32>,
     light_weight_sum: ptr<function, f32>,
 ) -> vec3f {
@@ -117,9 +123,13 @@ fn direct_light(
     let cos_i = dot(surface.normal, direction.wi);
     let scattered = bsdf_eval(bsdf, surface.normal, wo, direction.wi);
     let f = scattered.f;
+    var coat = bsdf_coat(bsdf) * cone_density;
+    if (dot(direction.wi, mirrored(surface.normal, wo)) <= CONE_COSINE) {
+        coat = 0.0;
+    }
     // Through a dielectric boundary area lights are seen from inside, and no area light is inside.
     let is_lit = (cos_i > 0.0) != (bsdf_is_transmissive(bsdf) && surface.is_inside);
-    if (!is_lit || all(f == vec3f(0.0))) {
+    if (!is_lit || (coat == 0.0 && all(f == vec3f(0.0)))) {
         return vec3f(0.0);
     }
     *rays += 1u;
@@ -129,5 +139,6 @@ fn direct_light(
     let inverse_probability = chosen.light_weight_sum / chosen.weight;
     let weight = power_heuristic(scattered.pdf * chosen.omega * inverse_probability);
     let inverse_pdf = direction.inverse_pdf * inverse_probability;
-    return f * scene.area_lights[chosen.index].radiance * (abs(cos_i) * weight * inverse_pdf);
+    let reflected = f * (abs(cos_i) * weight) + coat;
+    return reflected * scene.area_lights[chosen.index].radiance * inverse_pdf;
 }

@@ -20,6 +20,7 @@ fn direct_light(
     wo: vec3f,
     start: u32,
     u: vec2f,
+    cone_density: f32,
     rays: ptr<function, u32>,
     light_weight_sum: ptr<function, f32>,
 ) -> vec3f {

@@ -9,6 +9,15 @@ fn bsdf_at(surface: Surface, wo: vec3f) -> Bsdf {
     return Bsdf(layered_at(surface, wo), surface.material);
 }
 
+// Its mirror is a coat's.
+fn bsdf_regularised(bsdf: Bsdf) -> Bsdf {
+    return bsdf;
+}
+
+fn bsdf_is_layered(bsdf: Bsdf) -> bool {
+    return true;
+}
+
 fn bsdf_eval(bsdf: Bsdf, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
     return napped_eval(bsdf.layered, bsdf.material, n, wo, wi);
 }

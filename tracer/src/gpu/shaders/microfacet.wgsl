@@ -23,6 +23,18 @@ fn bsdf_at(surface: Surface, wo: vec3f) -> Bsdf {
     return Bsdf(layered, kind, scene.materials[material].alpha, eta, material);
 }
 
+fn bsdf_regularised(bsdf: Bsdf) -> Bsdf {
+    var rougher = bsdf;
+    if (bsdf.kind == KIND_CONDUCTOR) {
+        rougher.alpha = max(bsdf.alpha, ALPHA_MIN);
+    }
+    return rougher;
+}
+
+fn bsdf_is_layered(bsdf: Bsdf) -> bool {
+    return bsdf.kind == KIND_LAYERED;
+}
+
 // `f` without mirrors, for radiance.
 fn bsdf_eval(bsdf: Bsdf, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
     if (bsdf.kind == KIND_LAYERED) {

@@ -8,12 +8,16 @@ struct Path {
     beta: vec3f,
     radiance: vec3f,
     // Density of the ray's direction times the area lights' `light_weight_sum` where it began, which weighs an area light
-    // that it finds; or `SPECULAR` or `SCATTERED`.
+    // that it finds, with the bit `SPREAD`; or `SPECULAR` or `SCATTERED`.
     pdf: f32,
     depth: u32,
     pixel: u32,
     sample: u32,
 }
+
+// The lowest bit of a density: the path comes from a diffuse surface, or by way of coats and metals
+// from one, and the next mirror is mollified: see `regularisation`.
+const SPREAD: u32 = 1u;
 
 fn camera_path(x: u32, y: u32, sample: u32) -> Path {
     let pixel = pixel_key(x, y);
@@ -87,12 +91,23 @@ fn shade(path: ptr<function, Path>, hit: Hit, rays: ptr<function, u32>) -> u32 {
     let surface = surface_at((*path).ray, hit, is_within);
     let depth = (*path).depth;
     let wo = -(*path).ray.direction;
-    let bsdf = bsdf_at(surface, wo);
+    let is_spread = (bitcast<u32>((*path).pdf) & SPREAD) != 0u;
+    let is_regularised = is_spread && ((*path).sample & REGULARISED_KEY_MASK) == 0u;
+    var bsdf = bsdf_at(surface, wo);
+    if (is_regularised) {
+        bsdf = bsdf_regularised(bsdf);
+    }
     var light_weight_sum = 0.0;
     if (AREA_LIGHT_COUNT > 0u) {
         let u = pair((*path).pixel, (*path).sample, block_light(depth), job.seed);
-        var light = direct_light(surface, bsdf, wo, primitive, u, rays, &light_weight_sum);
-        if (OUTPUT != OUTPUT_REFLECTED || depth > 0u) {
+        var cone_density = 0.0;
+        if (is_regularised) {
+            cone_density = CONE_DENSITY;
+        }
+        var light = direct_light(
+            surface, bsdf, wo, primitive, u, cone_density, rays, &light_weight_sum,
+        );
+        if (!is_regularised && (OUTPUT != OUTPUT_REFLECTED || depth > 0u)) {
             light += coat_reflected_light(surface, bsdf, wo, primitive, rays);
         }
         (*path).radiance += (*path).beta * light;
@@ -107,9 +122,11 @@ fn shade(path: ptr<function, Path>, hit: Hit, rays: ptr<function, u32>) -> u32 {
     }
     (*path).beta *= next.weight;
     (*path).pdf = next.pdf;
-    if (next.pdf > 0.0) {
-        // Not 0 where there is no light: that is a coat's.
-        (*path).pdf = max(next.pdf * light_weight_sum, 1e-37);
+    let is_diffuse = next.pdf > 0.0 && bsdf_is_layered(bsdf);
+    if (next.pdf > 0.0 || (next.pdf == 0.0 && is_regularised)) {
+        // Not 0 where there is no light: that is a coat's. Of so little no light counts either.
+        let density = bitcast<u32>(max(next.pdf * light_weight_sum, 1e-37));
+        (*path).pdf = bitcast<f32>(insertBits(density, u32(is_diffuse || is_regularised), 0u, 1u));
     }
     if (was_scattered && ((*path).start & INSIDE) == 0u
         && exits_by_nee_hemisphere(primitive, hit.t, dot(surface.normal, wo))) {
