@@ -1,23 +1,50 @@
-//! Radiance to display values, the same on every machine.
+//! Radiance to display values, the same on every machine: a tone curve, then the sRGB transfer function.
 //!
 //! Libraries differ in the last bit of `powf`, and then two nodes would differ by a step in the
 //! same pixel. So the 255 thresholds between steps are constants: the least f32 that reaches each
 //! step, computed by the compiler in f64. A test shows that none lies so near to the border
 //! between two f32 that an error of 10⁻¹² would move it.
 
-/// 8-bit sRGB of `exposure · radiance`, clamped to [0, 1]: each channel through the sRGB transfer
+/// 8-bit sRGB of `exposure · radiance`: the tone curve, then each channel through the sRGB transfer
 /// function (IEC 61966-2-1) and rounded to nearest. What is negative or NaN is 0, +∞ is 255.
 ///
 /// ```
 /// use carom_tracer::tonemap::srgb8;
 ///
-/// assert_eq!(srgb8([0.0, 0.214_041_14, 1.0], 1.0), [0, 128, 255]);
+/// assert_eq!(srgb8([0.0, 0.214_041_14, 0.6], 1.0), [0, 128, 203]);
+/// assert_eq!(srgb8([1.0; 3], 1.0), [237; 3]);
 /// assert_eq!(srgb8([f32::NAN, f32::INFINITY, -1.0], 0.5), [0, 255, 0]);
 /// ```
 #[inline]
 pub fn srgb8(radiance: [f32; 3], exposure: f32) -> [u8; 3] {
-    radiance.map(|channel| step(exposure * channel))
+    let [r, g, b] = radiance.map(|channel| exposure * channel);
+    let peak = r.max(g).max(b);
+    if peak > SHOULDER && peak.is_finite() {
+        return shoulder([r, g, b], peak).map(step);
+    }
+    [r, g, b].map(step)
 }
+
+/// The compression of "Khronos PBR Neutral" (Khronos Group, ToneMapping, 2024), which scales the three
+/// channels alike, so that hue stays, and mixes in white as the peak rises far beyond 1. Its toe is left
+/// out: that takes from black what a rasteriser's constant Fresnel term has added, which a path tracer
+/// never adds. It needs no function that libraries round differently.
+#[inline]
+fn shoulder(rgb: [f32; 3], peak: f32) -> [f32; 3] {
+    const RANGE: f32 = 1.0 - SHOULDER;
+    let shown = 1.0 - RANGE * RANGE / (peak + (RANGE - SHOULDER));
+    let white = 1.0 - 1.0 / (DESATURATION * (peak - shown) + 1.0);
+    let scale = shown / peak;
+    // A negative channel is none: mixed with white it must not brighten less than black does.
+    rgb.map(|channel| {
+        let channel = channel.max(0.0) * scale;
+        channel + white * (shown - channel)
+    })
+}
+
+/// What is darker is shown as it is.
+const SHOULDER: f32 = 0.7;
+const DESATURATION: f32 = 0.15;
 
 /// The linear light that an 8-bit sRGB step shows, 0 to 1.
 #[inline]
@@ -139,7 +166,7 @@ mod tests {
     #[test]
     fn each_step_shows_light_that_is_that_step() {
         for s in 0..=255 {
-            assert_eq!(srgb8([linear(s); 3], 1.0), [s; 3]);
+            assert_eq!(step(linear(s)), s);
         }
         assert_eq!((linear(0), linear(255)), (0.0, 1.0));
     }
@@ -186,7 +213,24 @@ mod tests {
     fn brighter_is_never_darker() {
         let grey = |step: u16| srgb8([f32::from(step) / 65_535.0; 3], 1.0)[0];
         assert!((1..=65_535).all(|step| grey(step - 1) <= grey(step)));
-        assert_eq!((grey(0), grey(65_535)), (0, 255));
+        assert_eq!((grey(0), grey(65_535)), (0, 237));
+        let bright = |step: u16| srgb8([1.1f32.powi(i32::from(step)); 3], 1.0)[0];
+        assert!((1..=900).all(|step| bright(step - 1) <= bright(step)));
+        assert_eq!(bright(900), 255);
+    }
+
+    #[test]
+    fn the_shoulder_keeps_hue_and_ends_in_white() {
+        // Orange light: its channels stay in order and in proportion up to a little white.
+        for exposure in [0.5, 1.0, 2.0, 4.0] {
+            let shown = srgb8([0.9, 0.45, 0.09], exposure).map(linear);
+            assert!(shown[0] > shown[1] && shown[1] > shown[2], "{shown:?}");
+            let white = shown[2] - 0.1 * shown[0];
+            let half = (shown[1] - white) / (shown[0] - white);
+            assert!((half - 0.5).abs() < 0.03, "{shown:?}");
+        }
+        assert_eq!(srgb8([1e6, 5e5, 1e5], 1.0), [255; 3]);
+        assert_eq!(srgb8([f32::MAX; 3], 1.0), [255; 3]);
     }
 
     #[test]
