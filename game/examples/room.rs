@@ -4,7 +4,8 @@
 //! cargo run --release -p carom --example room -- [VIEW [SET [SAMPLES [WIDTHxHEIGHT [picture.png]]]]]
 //! ```
 //!
-//! `VIEW` is `player`, `overview`, `rack`, `ball`, `pocket` or `low`; `SET` one of `carom --ball-set`.
+//! `VIEW` is `player`, `overview`, `rack`, `ball`, `pocket` or `low`, or the whole table of `snooker` or
+//! `carom`; `SET` one of `carom --ball-set`.
 //! Both scenes are traced by this machine's processor in the same run, so that their ratio holds on
 //! a busy machine too.
 
@@ -12,7 +13,9 @@ use std::error::Error;
 use std::sync::atomic::AtomicBool;
 
 use carom::scene::ball_materials::BallSet;
+use carom::scene::export::{SceneView, opening_scene};
 use carom::scene::table_scene::TableScene;
+use carom_billiards::rules::RuleSet;
 use carom_tracer::film::trace_image;
 use carom_tracer::{
     Camera, CompiledScene, CpuTracer, ImageSize, RenderSettings, Scene, Tile, TraceJob, Tracer,
@@ -29,8 +32,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     let size: ImageSize = arguments.next().as_deref().unwrap_or("640x360").parse()?;
 
     let tracer = CpuTracer::new()?;
-    let mut scene = TableScene::room(set).scene().clone();
-    scene.camera = camera(&view)?;
+    let mut scene = match view.as_str() {
+        "snooker" => opening_scene(None, RuleSet::Snooker, set.into(), SceneView::Table, 1)?,
+        "carom" => opening_scene(None, RuleSet::ThreeCushion, set.into(), SceneView::Table, 1)?,
+        _ => TableScene::room(set).scene().clone(),
+    };
+    if !matches!(view.as_str(), "snooker" | "carom") {
+        scene.camera = camera(&view)?;
+    }
     let room = CompiledScene::new(&scene)?;
     let settings = RenderSettings {
         samples,
@@ -92,7 +101,8 @@ fn camera(view: &str) -> Result<Camera, String> {
         "low" => ([-3.9, 2.9, 0.35], [0.2, 0.0, 0.0], 52.0),
         _ => {
             return Err(format!(
-                "there is no view `{view}`: choose player, overview, rack, ball, pocket or low"
+                "there is no view `{view}`: choose player, overview, rack, ball, pocket, low, snooker \
+                 or carom"
             ));
         }
     };

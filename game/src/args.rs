@@ -15,6 +15,7 @@ use crate::play::tournament::MatchArgs;
 use crate::scene::ball_materials::BallSet;
 use crate::scene::export::SceneArgs;
 use crate::scene::table_scene::TableScene;
+use crate::scene::table_style::{ClothColour, TableStyle};
 use crate::settings::engine_cost_table;
 
 /// Pool, path-traced in real time by a farm of any mix of GPUs and CPUs.
@@ -78,6 +79,9 @@ pub struct Args {
     /// Material of the balls [default: from the settings, else classic]
     #[arg(long, value_enum, value_name = "SET")]
     pub ball_set: Option<BallSet>,
+    /// Colour of the cloth [default: from the settings, else tournament]
+    #[arg(long, value_enum, value_name = "COLOUR")]
+    pub cloth: Option<ClothColour>,
     /// Address of a farm node; repeat for several. Replaces the nodes of --config
     #[arg(long = "node", value_name = "HOST:PORT")]
     pub nodes: Vec<String>,
@@ -135,6 +139,14 @@ pub enum Command {
 }
 
 impl Args {
+    /// The table's look, where the options leave it to the defaults.
+    pub fn style(&self) -> TableStyle {
+        TableStyle {
+            balls: self.ball_set.unwrap_or_default(),
+            cloth: self.cloth.unwrap_or_default(),
+        }
+    }
+
     /// The farm that the configuration file and the options describe; options win.
     ///
     /// # Errors

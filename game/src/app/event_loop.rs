@@ -47,7 +47,7 @@ pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow:
         None => left(kept_in.as_deref(), &mut notes, args.seed)?,
     };
     let chosen = &settings.settings;
-    let mut session = GameSession::new(config, contest, chosen.ball_set)?;
+    let mut session = GameSession::new(config, contest, chosen.style())?;
     if let Some(path) = kept_in {
         session.autosave_to(path);
     }
@@ -111,6 +111,7 @@ fn store(args: &Args) -> SettingsStore {
     };
     store.with_override(|settings| {
         settings.ball_set = args.ball_set.unwrap_or(settings.ball_set);
+        settings.cloth = args.cloth.unwrap_or(settings.cloth);
         settings.physics = args.physics.unwrap_or(settings.physics);
     });
     store
@@ -267,8 +268,8 @@ impl App {
         self.session.set_quality_preference(now.quality);
         self.session.set_aids(now.aim_aids);
         self.session.set_instant_camera(now.reduced_motion);
-        if now.ball_set != before.ball_set
-            && let Err(error) = self.session.set_ball_set(now.ball_set)
+        if now.style() != before.style()
+            && let Err(error) = self.session.set_style(now.style())
         {
             return self.fail(event_loop, error);
         }

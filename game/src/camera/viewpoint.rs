@@ -61,7 +61,7 @@ impl Viewpoint {
         // The eye lies under the plane from the far cushion through the shades' near lip.
         let near_m = OVERHEAD_NEAR_M * scale(table);
         let far_m = table.outline().1.y;
-        let (low, _) = scene_builder::lampshades(table);
+        let (low, _) = scene_builder::lampshade(table);
         let lip_rad = f64::from(low.z).atan2(far_m - f64::from(low.y) + LIP_MARGIN_M);
         let pitch_rad = lip_rad + ((far_m + near_m) * lip_rad.sin() / distance_m).asin();
         Self {
@@ -129,7 +129,7 @@ impl Viewpoint {
     /// The tracer's camera of this view, its eye lowered out of the lampshades if it would be in one.
     pub fn camera_in(self, table: &Table) -> Camera {
         let mut camera = self.camera();
-        let (low, high) = scene_builder::lampshades(table);
+        let (low, high) = scene_builder::lampshade(table);
         let inside =
             camera.eye.cmpgt(low - SHADE_MARGIN_M) & camera.eye.cmplt(high + SHADE_MARGIN_M);
         if inside.all() {
@@ -301,7 +301,7 @@ pub(super) mod tests {
             let camera = Viewpoint::overhead(&table).camera_in(&table);
             let eye = camera.eye.as_dvec3();
             let projection = Projection::new(&camera, 1280.0, 720.0);
-            let (low, _) = scene_builder::lampshades(&table);
+            let (low, _) = scene_builder::lampshade(&table);
             for end in table
                 .noses()
                 .iter()
@@ -345,7 +345,7 @@ pub(super) mod tests {
                 let from = Viewpoint::overview(&table, bearing).adjusted(by);
                 let to = Viewpoint::overhead(&table).adjusted(by);
                 let eye = from.lerp(to, share).camera_in(&table).eye;
-                let (low, high) = scene_builder::lampshades(&table);
+                let (low, high) = scene_builder::lampshade(&table);
                 let inside = eye.cmpgt(low - 0.01) & eye.cmplt(high + 0.01);
                 prop_assert!(!inside.all(), "{eye} is in a lampshade");
                 prop_assert!(f64::from(eye.z) > EYE_Z_M_MIN - 1e-6, "{eye}");

@@ -178,7 +178,7 @@ fn footage(args: &Args) -> anyhow::Result<ShotSequence> {
         keep(&recording, folder)?;
     }
     let mut shots: Vec<Shot> = recording.clips.into_iter().map(|take| take.shot).collect();
-    let stage = TableScene::around(&table, args.ball_set.unwrap_or_default());
+    let stage = TableScene::around(&table, args.style());
     let (view, rate) = (args.view, args.fps);
     if args.video.is_none() {
         let frames = args.frames.unwrap_or(FRAMES);
@@ -205,7 +205,7 @@ fn settings(args: &Args, footage: &ShotSequence) -> ReportSettings {
         width: size.width,
         height: size.height,
         samples: args.spp.unwrap_or(samples),
-        max_depth: args.ball_set.unwrap_or_default().max_depth(),
+        max_depth: args.style().balls.max_depth(),
         seed: args.seed,
         denoise: args.denoise,
         frames: footage.frames(),

@@ -15,7 +15,7 @@ pub enum BallSet {
     Glass,
     /// Jade and other translucent stone: stripes are paler
     Jade,
-    /// Polished metal: solids of gold, stripes of copper, the eight of steel
+    /// Anodised metal in the balls' colours: solids polished, stripes brushed
     Metal,
 }
 
@@ -38,22 +38,32 @@ impl BallSet {
             Self::Classic => classic(number, colour, is_striped),
             Self::Glass => {
                 // Light keeps the colour's share, or the stripes' paler one, after so many metres.
-                let depth_m = if is_striped { 0.25 } else { 0.1 };
+                let depth_m = if is_striped { 0.45 } else { 0.2 };
                 let extinction = -colour.max(Vec3::splat(0.05)).map(f32::ln) / depth_m;
                 dielectric(1.5, extinction, Vec3::ZERO)
             }
             Self::Jade => {
                 let stone = if is_striped {
-                    colour.lerp(CREAM, 0.4)
+                    colour.lerp(CREAM, 0.45)
                 } else {
                     colour
                 };
-                // Of a long walk the colour's share is left: albedo near 1 where it is light.
-                let albedo = stone.map(|c| 1.0 - 0.25 * (1.0 - c).powi(3) - 0.004);
+                // The albedo of single scattering for which a half space of it reflects the colour: Chiang
+                // et al., "Practical and Controllable Subsurface Scattering for Production Path
+                // Tracing", SIGGRAPH 2016 talks.
+                let albedo = stone
+                    .max(Vec3::splat(0.03))
+                    .map(|c| 1.0 - (((-4.318_05 * c + 2.611_88) * c - 5.094_06) * c).exp());
                 dielectric(1.55, Vec3::splat(160.0), albedo)
             }
-            Self::Metal if !is_numbered => tinted_metal(colour),
-            Self::Metal => metal(number),
+            Self::Metal => {
+                let sheen = if is_striped {
+                    colour.lerp(CREAM, 0.25)
+                } else {
+                    colour
+                };
+                tinted_metal(sheen, if is_striped { 0.22 } else { 0.04 })
+            }
         }
     }
 
@@ -91,30 +101,14 @@ fn dielectric(ior: f32, extinction: Vec3, albedo: Vec3) -> Material {
     }
 }
 
-/// Indices of refraction at 630, 532 and 465 nm, from Palik's handbook as refractiveindex.info
-/// gives them.
-fn metal(number: u8) -> Material {
-    let (eta, k) = match number {
-        0 => (Vec3::new(0.155, 0.145, 0.135), Vec3::new(4.12, 3.19, 2.6)), // silver
-        8 => (Vec3::new(2.87, 2.93, 2.65), Vec3::new(3.35, 2.99, 2.81)),   // iron
-        1..8 => (
-            Vec3::new(0.143, 0.375, 1.442),
-            Vec3::new(3.983, 2.386, 1.603),
-        ), // gold
-        _ => (Vec3::new(0.2, 0.924, 1.102), Vec3::new(3.912, 2.452, 2.142)), // copper
-    };
-    let alpha = if number == 8 { 0.15 } else { 0.04 };
-    Material::Conductor { eta, k, alpha }
-}
-
 /// A metal that reflects a colour: of index 1, where R = k² / (4 + k²) straight on.
-fn tinted_metal(colour: Vec3) -> Material {
-    let reflectance = colour.clamp(Vec3::splat(0.02), Vec3::splat(0.95));
+fn tinted_metal(colour: Vec3, alpha: f32) -> Material {
+    let reflectance = colour.clamp(Vec3::splat(0.04), Vec3::splat(0.95));
     let k = (4.0 * reflectance / (1.0 - reflectance)).map(f32::sqrt);
     Material::Conductor {
         eta: Vec3::ONE,
         k,
-        alpha: 0.04,
+        alpha,
     }
 }
 

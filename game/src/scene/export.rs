@@ -11,6 +11,7 @@ use clap::{Args, ValueEnum};
 use crate::camera::Viewpoint;
 use crate::scene::ball_materials::BallSet;
 use crate::scene::table_scene::TableScene;
+use crate::scene::table_style::{ClothColour, TableStyle};
 
 /// Options of `carom scene`.
 #[derive(Clone, Debug, Args)]
@@ -24,6 +25,9 @@ pub struct SceneArgs {
     /// Material of the balls
     #[arg(long, value_enum, value_name = "SET", default_value_t)]
     ball_set: BallSet,
+    /// Colour of the cloth
+    #[arg(long, value_enum, value_name = "COLOUR", default_value_t)]
+    cloth: ClothColour,
     /// Camera
     #[arg(long, value_enum, default_value_t)]
     view: SceneView,
@@ -65,7 +69,7 @@ impl SceneView {
 pub fn opening_scene(
     table: Option<Table>,
     rules: RuleSet,
-    ball_set: BallSet,
+    style: TableStyle,
     view: SceneView,
     seed: u32,
 ) -> carom_billiards::Result<Scene> {
@@ -75,7 +79,7 @@ pub fn opening_scene(
         table: table.unwrap_or_else(|| own.table.clone()),
         ..own
     })?;
-    let room = TableScene::of(&contest, ball_set);
+    let room = TableScene::of(&contest, style);
     let camera = view.camera(contest.world().table(), &room, &contest);
     let poses: Vec<_> = contest
         .world()
@@ -105,7 +109,10 @@ impl SceneArgs {
         let scene = opening_scene(
             self.table.clone(),
             self.rules,
-            self.ball_set,
+            TableStyle {
+                balls: self.ball_set,
+                cloth: self.cloth,
+            },
             self.view,
             self.seed,
         )?;
@@ -129,7 +136,7 @@ mod tests {
     fn every_game_exports_both_views() {
         for rules in RuleSet::value_variants() {
             for view in SceneView::value_variants() {
-                let scene = opening_scene(None, *rules, BallSet::Classic, *view, 1).unwrap();
+                let scene = opening_scene(None, *rules, TableStyle::default(), *view, 1).unwrap();
                 assert_eq!(Scene::from_json(&scene.to_json().unwrap()).unwrap(), scene);
             }
         }
@@ -137,7 +144,13 @@ mod tests {
 
     #[test]
     fn exported_balls_lie_where_they_are_racked() {
-        let scene = opening_scene(None, RuleSet::Eight, BallSet::Classic, SceneView::Cue, 1);
+        let scene = opening_scene(
+            None,
+            RuleSet::Eight,
+            TableStyle::default(),
+            SceneView::Cue,
+            1,
+        );
         let scene = scene.unwrap();
         let centers: Vec<_> = scene
             .objects
@@ -159,7 +172,7 @@ mod tests {
         let scene = opening_scene(
             Some(table),
             RuleSet::Eight,
-            BallSet::Classic,
+            TableStyle::default(),
             SceneView::Cue,
             1,
         );

@@ -4,3 +4,4 @@ pub mod ball_materials;
 pub mod export;
 pub mod scene_builder;
 pub mod table_scene;
+pub mod table_style;

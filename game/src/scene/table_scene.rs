@@ -6,8 +6,8 @@ use carom_billiards::rules::RuleSet;
 use carom_tracer::{Camera, ObjectPose, Scene, SceneUpdate};
 use glam::{Quat, Vec3};
 
-use crate::scene::ball_materials::BallSet;
 use crate::scene::scene_builder::room;
+use crate::scene::table_style::TableStyle;
 
 /// The pool table's scene, and which of its objects is which ball.
 #[derive(Clone, Debug)]
@@ -18,14 +18,14 @@ pub struct TableScene {
 }
 
 impl TableScene {
-    /// The pool room of the game with balls of `set`, round [`TableScene::table`].
-    pub fn room(set: BallSet) -> Self {
-        Self::around(&Self::table(), set)
+    /// The pool room of the game in a style, round [`TableScene::table`].
+    pub fn room(style: impl Into<TableStyle>) -> Self {
+        Self::around(&Self::table(), style)
     }
 
     /// The same round another table.
-    pub fn around(table: &Table, set: BallSet) -> Self {
-        Self::new(table, RuleSet::Free, set)
+    pub fn around(table: &Table, style: impl Into<TableStyle>) -> Self {
+        Self::new(table, RuleSet::Free, style.into())
     }
 
     /// The table that is played on unless another is asked for.
@@ -34,14 +34,14 @@ impl TableScene {
     }
 
     /// The room of a match: its table, and the balls of its game.
-    pub fn of(contest: &Match, set: BallSet) -> Self {
+    pub fn of(contest: &Match, style: impl Into<TableStyle>) -> Self {
         let rules = contest.referee().rules();
-        Self::new(contest.world().table(), rules, set)
+        Self::new(contest.world().table(), rules, style.into())
     }
 
     /// Objects called `ball0`, `ball1` … are the balls of those numbers.
-    fn new(table: &Table, rules: RuleSet, set: BallSet) -> Self {
-        let scene = room(table, rules, set);
+    fn new(table: &Table, rules: RuleSet, style: TableStyle) -> Self {
+        let scene = room(table, rules, style);
         let numbered = |(index, object): (usize, &carom_tracer::Object)| {
             let number = object.name.strip_prefix("ball")?.parse().ok()?;
             Some((number, index as u32))
@@ -96,6 +96,7 @@ mod tests {
     use glam::{DQuat, DVec3};
 
     use super::*;
+    use crate::scene::ball_materials::BallSet;
 
     fn pose(number: u8, x: f64, on_table: bool) -> BallPose {
         BallPose {

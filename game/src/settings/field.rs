@@ -46,6 +46,7 @@ pub const FIELDS: &[SettingsField] = &[
     field("interface", "text-scale", |s| s.text_scale.into(), |s, v| number(v, Settings::TEXT_SCALE).map(|x| s.text_scale = x)),
     field("interface", "reduced-motion", |s| s.reduced_motion.into(), |s, v| switch(v).map(|on| s.reduced_motion = on)),
     field("game", "aim-aids", |s| name(&s.aim_aids), |s, v| choice(v).map(|x| s.aim_aids = x)),
+    field("game", "cloth", |s| name(&s.cloth), |s, v| choice(v).map(|x| s.cloth = x)),
     field("game", "ball-set", |s| name(&s.ball_set), |s, v| choice(v).map(|x| s.ball_set = x)),
     field("game", "physics", |s| s.physics.to_string().into(), |s, v| engine(v).map(|x| s.physics = x)),
     field("picture", "quality", |s| name(&s.quality), |s, v| choice(v).map(|x| s.quality = x)),

@@ -26,6 +26,7 @@ use crate::frame::quality::QualityPreference;
 use crate::input::Bindings;
 use crate::play::AimAids;
 use crate::scene::ball_materials::BallSet;
+use crate::scene::table_style::{ClothColour, TableStyle};
 
 /// All settings.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,6 +43,8 @@ pub struct Settings {
     pub aim_aids: AimAids,
     /// What the balls are made of.
     pub ball_set: BallSet,
+    /// Colour of the cloth.
+    pub cloth: ClothColour,
     /// What moves them.
     pub physics: Engine,
     /// What is given up first while things move.
@@ -61,6 +64,16 @@ impl Settings {
     pub const WINDOW_EDGE: [u32; 2] = [320, 16_384];
 }
 
+impl Settings {
+    /// The table's look.
+    pub fn style(&self) -> TableStyle {
+        TableStyle {
+            balls: self.ball_set,
+            cloth: self.cloth,
+        }
+    }
+}
+
 impl Default for Settings {
     fn default() -> Self {
         Self {
@@ -70,6 +83,7 @@ impl Default for Settings {
             reduced_motion: false,
             aim_aids: AimAids::default(),
             ball_set: BallSet::default(),
+            cloth: ClothColour::default(),
             physics: Engine::default(),
             quality: QualityPreference::default(),
             volume: 0.7,

@@ -253,6 +253,7 @@ mod tests {
     use crate::camera::Viewpoint;
     use crate::input::{BindingContext, Trigger};
     use crate::scene::ball_materials::BallSet;
+    use crate::scene::table_style::ClothColour;
 
     /// Of numbers that have few digits in the file.
     fn a_view() -> Viewpoint {
@@ -309,6 +310,7 @@ mod tests {
             reduced_motion: true,
             aim_aids: crate::play::AimAids::Full,
             ball_set: BallSet::Jade,
+            cloth: ClothColour::Red,
             physics: "rapier-240".parse().unwrap(),
             quality: crate::frame::quality::QualityPreference::Fine,
             volume: 0.0,

@@ -54,6 +54,7 @@ pub(super) fn page(ui: &mut Ui, store: &mut SettingsStore, input: MenuInput<'_>)
 fn game(ui: &mut Ui, settings: &mut Settings) {
     choice(ui, "Aim aids", &mut settings.aim_aids);
     choice(ui, "Balls", &mut settings.ball_set);
+    choice(ui, "Cloth", &mut settings.cloth);
     ui.label("Physics");
     ui.vertical(|ui| {
         ui.horizontal_wrapped(|ui| {

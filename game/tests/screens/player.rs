@@ -56,7 +56,7 @@ impl Seat {
             local: LocalNode::None,
             ..FarmConfig::default()
         };
-        let mut session = GameSession::new(config, contest, BallSet::Classic).unwrap();
+        let mut session = GameSession::new(config, contest, BallSet::Classic.into()).unwrap();
         session.resize(
             ImageSize::new(0, 0),
             DVec2::new(WINDOW.x.into(), WINDOW.y.into()),

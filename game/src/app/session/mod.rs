@@ -25,8 +25,8 @@ use crate::frame::pipeline::FramePipeline;
 use crate::frame::quality::QualityPreference;
 use crate::input::{AimIntent, MatchIntent, PracticeIntent, ReplayIntent, StrokeIntent};
 use crate::play::{AimAids, CueView, Game, ShotClock};
-use crate::scene::ball_materials::BallSet;
 use crate::scene::table_scene::TableScene;
+use crate::scene::table_style::TableStyle;
 use crate::ui::match_hud::MatchHud;
 use crate::ui::stats::Stats;
 
@@ -35,7 +35,7 @@ pub struct GameSession {
     game: Game,
     modes: ModeController,
     table_scene: TableScene,
-    ball_set: BallSet,
+    style: TableStyle,
     pipeline: FramePipeline,
     screenshot: ScreenshotSlot,
     autosave: Autosave,
@@ -56,16 +56,16 @@ pub struct GameSession {
 }
 
 impl GameSession {
-    /// Goes on with a match, with balls of `ball_set`; the frames come from the farm of `config`.
+    /// Goes on with a match, on a table of `style`; the frames come from the farm of `config`.
     ///
     /// # Errors
     /// A sentence if the room cannot be traced.
-    pub fn new(config: FarmConfig, contest: Match, ball_set: BallSet) -> anyhow::Result<Self> {
-        let table_scene = TableScene::of(&contest, ball_set);
+    pub fn new(config: FarmConfig, contest: Match, style: TableStyle) -> anyhow::Result<Self> {
+        let table_scene = TableScene::of(&contest, style);
         Ok(Self {
             game: Game::of(contest),
             modes: ModeController::of_player(),
-            ball_set,
+            style,
             screenshot: ScreenshotSlot::default(),
             autosave: Autosave::default(),
             recorder: None,
@@ -73,7 +73,7 @@ impl GameSession {
             balancing: config.balancer,
             distribution: config.distribution,
             requested_quality: None,
-            pipeline: FramePipeline::new(config, table_scene.scene(), ball_set.max_depth())?,
+            pipeline: FramePipeline::new(config, table_scene.scene(), style.balls.max_depth())?,
             table_scene,
             pixels: ImageSize::new(0, 0),
             film: DVec2::ONE,
@@ -186,7 +186,7 @@ impl GameSession {
         }
         let update = self.scene_at(ViewTime::Now(now_secs));
         let folder = self.modes.folder().map(|folder| folder.join("pictures"));
-        let (scene, max_depth) = (self.table_scene.scene().clone(), self.ball_set.max_depth());
+        let (scene, max_depth) = (self.table_scene.scene().clone(), self.style.balls.max_depth());
         let begun = folder.and_then(|folder| {
             self.screenshot
                 .begin(scene, update, self.pixels, max_depth, folder)
@@ -216,13 +216,13 @@ impl GameSession {
         self.is_dirty = true;
     }
 
-    /// Plays on with balls of another material.
+    /// Plays on with balls of another material or another cloth.
     ///
     /// # Errors
     /// A sentence if the room cannot be traced with them.
-    pub fn set_ball_set(&mut self, ball_set: BallSet) -> anyhow::Result<()> {
-        self.ball_set = ball_set;
-        self.set_table_scene(TableScene::of(self.game.contest(), ball_set))
+    pub fn set_style(&mut self, style: TableStyle) -> anyhow::Result<()> {
+        self.style = style;
+        self.set_table_scene(TableScene::of(self.game.contest(), style))
     }
 
     /// Plays another match.
@@ -230,7 +230,7 @@ impl GameSession {
     /// # Errors
     /// A sentence if its room cannot be traced.
     pub fn begin(&mut self, contest: Match) -> anyhow::Result<()> {
-        let table_scene = TableScene::of(&contest, self.ball_set);
+        let table_scene = TableScene::of(&contest, self.style);
         let was = std::mem::replace(&mut self.game, Game::of(contest));
         self.game.inherit_options(&was);
         self.autosave.invalidate();
@@ -239,7 +239,7 @@ impl GameSession {
 
     fn set_table_scene(&mut self, table_scene: TableScene) -> anyhow::Result<()> {
         self.pipeline
-            .set_scene(table_scene.scene(), self.ball_set.max_depth())?;
+            .set_scene(table_scene.scene(), self.style.balls.max_depth())?;
         self.table_scene = table_scene;
         self.is_dirty = true;
         Ok(())

@@ -8,92 +8,125 @@ use carom_tracer::{Axis, Material, ProceduralTexture, Sights};
 use glam::Vec3;
 
 use super::TableMeasures;
-use crate::scene::ball_materials::BallSet;
+use crate::scene::table_style::TableStyle;
 
 pub(super) fn materials(
     frame: &TableMeasures,
     table: &Table,
     rules: RuleSet,
-    set: BallSet,
+    style: TableStyle,
 ) -> BTreeMap<String, Material> {
-    let middle = 0.5 * (frame.inside + frame.outer);
-    let sights = Sights {
-        spacing: (0.125 * table.length_m()) as f32,
-        end_x: middle.x,
-        side_y: middle.y,
-    };
+    let green = style.cloth.albedo(rules);
+    let fabric = furniture().into_iter().chain([
+        ("cloth", cloth(green)),
+        ("cushion cloth", cloth(0.9 * green)),
+        (
+            "rail wood",
+            MAHOGANY.wood(Axis::X, Some(sights(frame, table))),
+        ),
+    ]);
+    let last = if rules == RuleSet::Snooker { 21 } else { 15 };
+    let balls = (0..=last).map(|number| {
+        let material = style.balls.material(rules, number);
+        (format!("ball {number}"), material)
+    });
+    let named = fabric.map(|(name, material)| (name.to_owned(), material));
+    named.chain(balls).collect()
+}
+
+/// What is the same in every room.
+fn furniture() -> Vec<(&'static str, Material)> {
     let lacquer = |albedo| Material::SmoothPlastic {
         albedo,
         ior: 1.5,
         internal_reflectance: None,
         stripe: None,
     };
-    let cloth = |albedo: Vec3, sheen| Material::Cloth {
+    let soft = |albedo: Vec3, sheen| Material::Cloth {
         albedo,
-        sheen,
-        sheen_roughness: 0.35,
+        sheen: Vec3::splat(sheen),
+        sheen_roughness: 0.5,
     };
     let diffuse = |albedo| Material::Diffuse { albedo };
     let planks = ProceduralTexture::Planks {
-        light: Vec3::new(0.26, 0.15, 0.075),
-        dark: Vec3::new(0.10, 0.05, 0.025),
+        light: Vec3::new(0.17, 0.105, 0.058),
+        dark: Vec3::new(0.105, 0.062, 0.034),
     };
-    let chrome = (Vec3::new(3.1, 3.1, 2.3), Vec3::new(3.3, 3.3, 3.1));
     let brass = (Vec3::new(0.445, 0.527, 1.095), Vec3::new(3.7, 2.765, 1.829));
+    // Reflectance 0.33, 0.27, 0.2: bronze that hands have darkened.
+    let bronze = (Vec3::new(2.9, 3.1, 3.0), Vec3::new(1.9, 1.4, 0.8));
     let metal = |(eta, k), alpha| Material::Conductor { eta, k, alpha };
-    let green = Vec3::new(0.03, 0.23, 0.1);
-    let named = [
-        ("cloth", cloth(green, Vec3::new(0.05, 0.12, 0.07))),
-        (
-            "cushion cloth",
-            cloth(0.88 * green, Vec3::new(0.05, 0.12, 0.07)),
-        ),
-        (
-            "carpet",
-            cloth(Vec3::new(0.17, 0.03, 0.03), Vec3::splat(0.1)),
-        ),
-        ("rail wood", wood(Axis::X, Some(sights), 1.0)),
-        ("dark wood", wood(Axis::Z, None, 0.7)),
-        ("panelling", wood(Axis::Z, None, 1.6)),
+    vec![
+        ("carpet", soft(Vec3::new(0.085, 0.09, 0.115), 0.06)),
+        ("bench leather", soft(Vec3::new(0.2, 0.06, 0.036), 0.05)),
+        ("dark wood", WALNUT.wood(Axis::Z, None)),
+        ("panelling", OAK.wood(Axis::Z, None)),
         (
             "floor",
             Material::Coated {
-                ior: 1.4,
+                ior: 1.2,
                 texture: planks,
             },
         ),
-        ("leather", diffuse(Vec3::new(0.035, 0.022, 0.016))),
-        ("chrome", metal(chrome, 0.22)),
-        ("brass", metal(brass, 0.12)),
-        ("cue butt", wood(Axis::Z, None, 0.5)),
-        ("cue wrap", diffuse(Vec3::new(0.05, 0.06, 0.08))),
-        ("cue shaft", wood(Axis::Z, None, 2.6)),
-        ("cue ferrule", lacquer(Vec3::new(0.8, 0.78, 0.7))),
-        ("cue tip", diffuse(Vec3::new(0.06, 0.16, 0.3))),
-        ("enamel", lacquer(Vec3::new(0.01, 0.07, 0.035))),
-        ("wall", diffuse(Vec3::new(0.45, 0.38, 0.27))),
+        ("leather", diffuse(Vec3::new(0.03, 0.022, 0.017))),
+        ("casting", metal(bronze, 0.42)),
+        ("brass", metal(brass, 0.2)),
+        ("enamel", lacquer(Vec3::new(0.012, 0.014, 0.018))),
+        ("wall", diffuse(Vec3::new(0.36, 0.33, 0.28))),
         ("picture red", diffuse(Vec3::new(0.3, 0.07, 0.04))),
         ("picture blue", diffuse(Vec3::new(0.05, 0.1, 0.25))),
-        ("picture gold", diffuse(Vec3::new(0.4, 0.28, 0.08))),
-    ];
-    let last = if rules == RuleSet::Snooker { 21 } else { 15 };
-    let balls = (0..=last).map(|number| {
-        let material = set.material(rules, number);
-        (format!("ball {number}"), material)
-    });
-    let named = named.map(|(name, material)| (name.to_owned(), material));
-    named.into_iter().chain(balls).collect()
+    ]
 }
 
-/// Varnished, from a `tone` of 1 upwards paler.
-pub(super) fn wood(grain: Axis, sights: Option<Sights>, tone: f32) -> Material {
-    Material::Coated {
-        ior: 1.5,
-        texture: ProceduralTexture::Wood {
-            light: Vec3::new(0.30, 0.125, 0.045) * tone,
-            dark: Vec3::new(0.085, 0.028, 0.011) * tone,
-            grain,
-            sights,
-        },
+/// Worsted cloth.
+fn cloth(albedo: Vec3) -> Material {
+    Material::Cloth {
+        albedo,
+        sheen: 0.02 + 0.3 * albedo,
+        sheen_roughness: 0.35,
     }
 }
+
+/// Of mitred rails.
+fn sights(frame: &TableMeasures, table: &Table) -> Sights {
+    let middle = 0.5 * (frame.inside + frame.outer);
+    Sights {
+        spacing: (0.125 * table.length_m()) as f32,
+        end_x: middle.x,
+        side_y: middle.y,
+    }
+}
+
+/// A kind of wood under satin varnish, whose index is low for that: its mirror is even, and a satin one is
+/// dimmer.
+struct Wood {
+    light: Vec3,
+    dark: Vec3,
+}
+
+impl Wood {
+    fn wood(&self, grain: Axis, sights: Option<Sights>) -> Material {
+        Material::Coated {
+            ior: 1.25,
+            texture: ProceduralTexture::Wood {
+                light: self.light,
+                dark: self.dark,
+                grain,
+                sights,
+            },
+        }
+    }
+}
+
+const MAHOGANY: Wood = Wood {
+    light: Vec3::new(0.17, 0.06, 0.026),
+    dark: Vec3::new(0.07, 0.022, 0.01),
+};
+const WALNUT: Wood = Wood {
+    light: Vec3::new(0.085, 0.045, 0.024),
+    dark: Vec3::new(0.04, 0.02, 0.011),
+};
+const OAK: Wood = Wood {
+    light: Vec3::new(0.3, 0.18, 0.09),
+    dark: Vec3::new(0.21, 0.118, 0.057),
+};

@@ -19,8 +19,8 @@ use carom_tracer::{Camera, CsgSolid, Environment, Object, Scene, Shape, Subtract
 use glam::{DVec2, Quat, Vec2, Vec3};
 
 use self::materials::materials;
-use self::room::area_light;
-use crate::scene::ball_materials::BallSet;
+use self::room::{lamp, window};
+use crate::scene::table_style::TableStyle;
 
 /// The exposure that the room's area lights are set for.
 pub const EXPOSURE: f32 = 1.0;
@@ -28,8 +28,8 @@ pub const EXPOSURE: f32 = 1.0;
 /// Horizontal field of view of the room's camera, and of the game's views at first, degrees.
 pub const FOV_X_DEG: f64 = 44.0;
 
-/// The room round `table`, whose balls are those of a game and of `set`, as the game's scene.
-pub fn room(table: &Table, rules: RuleSet, set: BallSet) -> Scene {
+/// The room round `table`, whose balls are those of a game and of `style`, as the game's scene.
+pub fn room(table: &Table, rules: RuleSet, style: TableStyle) -> Scene {
     let mut room = SceneBuilder {
         frame: TableMeasures::of(table),
         objects: Vec::new(),
@@ -42,9 +42,9 @@ pub fn room(table: &Table, rules: RuleSet, set: BallSet) -> Scene {
         room.cushion(table, cushion);
     }
     room.stand(table);
-    room.lampshades();
+    room.lampshade();
     room.walls();
-    room.cue_rack();
+    room.far_end();
     Scene {
         camera: Camera {
             eye: room.frame.scale * Vec3::new(-2.02, -0.3, 0.56),
@@ -53,22 +53,21 @@ pub fn room(table: &Table, rules: RuleSet, set: BallSet) -> Scene {
             fov_x_deg: FOV_X_DEG as f32,
         },
         environment: Environment {
-            radiance: Vec3::new(0.16, 0.15, 0.135),
+            radiance: Vec3::new(0.4, 0.37, 0.33),
         },
-        materials: materials(&room.frame, table, rules, set),
-        area_lights: LAMP_X_M.map(|x| area_light(x, room.frame.scale)).into(),
+        materials: materials(&room.frame, table, rules, style),
+        area_lights: vec![lamp(room.frame.scale), window(room.frame.outer)],
         objects: room.objects,
     }
 }
 
-/// The corners of a box round the lampshades and their bar, m: no camera goes there.
-pub fn lampshades(table: &Table) -> (Vec3, Vec3) {
+/// The corners of a box round the lampshade, m: no camera goes there.
+pub fn lampshade(table: &Table) -> (Vec3, Vec3) {
     let scale = TableMeasures::of(table).scale;
-    let half = LAMP_HALF_M * Vec2::new(scale, 1.0) + SHADE_RIM_M;
-    let reach = Vec2::new(scale * LAMP_X_M[1], 0.0) + half;
+    let reach = LAMP_HALF_M * Vec2::new(scale, 1.0) + SHADE_RIM_M;
     (
         (-reach).extend(LAMP_Z_M - LAMP_CLEARANCE_M),
-        reach.extend(LAMP_Z_M + SHADE_HEIGHT_M + BAR_M),
+        reach.extend(LAMP_Z_M + SHADE_HEIGHT_M),
     )
 }
 
@@ -157,11 +156,10 @@ const RAIL_M: f64 = 0.18;
 const POCKET_DEPTH_M: f32 = 0.13;
 /// How far the frame reaches below the cloth.
 const APRON_M: f32 = 0.17;
-/// Lamps, and where the first picture is taken from, are laid out for this length.
+/// The lamp, and where the first picture is taken from, are laid out for this length.
 const NINE_FOOT_M: f64 = 2.54;
-const LAMP_X_M: [f32; 2] = [-0.62, 0.62];
 const LAMP_Z_M: f32 = 1.0;
-const LAMP_HALF_M: Vec2 = Vec2::new(0.45, 0.18);
+const LAMP_HALF_M: Vec2 = Vec2::new(1.02, 0.18);
 const SHADE_RIM_M: f32 = 0.03;
 /// No eye comes nearer to a lamp from below.
 const LAMP_CLEARANCE_M: f32 = 0.02;
@@ -170,5 +168,3 @@ const LAMP_CLEARANCE_M: f32 = 0.02;
 /// error at 16 samples (relMSE 2.0e-3 against 5.9e-4, `carom-tracer`'s example `noise`).
 const LAMP_GAP_M: f32 = 0.001;
 const SHADE_HEIGHT_M: f32 = 0.15;
-/// The bar that the lamps hang from.
-const BAR_M: f32 = 0.02;

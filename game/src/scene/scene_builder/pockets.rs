@@ -7,7 +7,7 @@ use glam::Vec2;
 use super::{SceneBuilder, beyond};
 
 impl SceneBuilder {
-    /// Chrome round each pocket, a little above the wood.
+    /// A bronze casting round each pocket, a little above the wood.
     pub(super) fn castings(&mut self, table: &Table) {
         let (inside, outer) = (self.frame.inside, self.frame.outer + CASTING_M);
         let top = self.frame.rail_height + CASTING_M;
@@ -39,7 +39,7 @@ impl SceneBuilder {
                 max: a.max(b).extend(top),
                 subtractions,
             };
-            self.add(format!("casting{index}"), "chrome", shape);
+            self.add(format!("casting{index}"), "casting", shape);
         }
     }
 }
@@ -63,7 +63,7 @@ pub(super) fn trimmed(corner: Vec2, outer: Vec2) -> Subtraction {
 
 /// Cut off each corner of the table, along the rail.
 const TRIM_M: f32 = 0.07;
-/// How much the chrome stands out over the wood.
+/// How much a casting stands out over the wood.
 const CASTING_M: f32 = 0.0016;
 const CASTING_RIM_M: f32 = 0.03;
 const CASTING_DEPTH_M: f32 = 0.06;

@@ -1,12 +1,12 @@
-//! The room round the table: stand, lampshades, walls, cue rack.
+//! The room round the table: stand, lampshade, walls, and what stands there.
 
 use carom_billiards::physics::Table;
 use carom_tracer::{AreaLight, CsgSolid, Shape};
 use glam::{Vec2, Vec3};
 
 use super::{
-    APRON_M, BAR_M, LAMP_GAP_M, LAMP_HALF_M, LAMP_X_M, LAMP_Z_M, POCKET_DEPTH_M, SHADE_HEIGHT_M,
-    SHADE_RIM_M, SceneBuilder, beyond, corners, subtraction,
+    APRON_M, LAMP_GAP_M, LAMP_HALF_M, LAMP_Z_M, POCKET_DEPTH_M, SHADE_HEIGHT_M, SHADE_RIM_M,
+    SceneBuilder, beyond, corners, subtraction,
 };
 
 impl SceneBuilder {
@@ -36,35 +36,26 @@ impl SceneBuilder {
         }
     }
 
-    /// Enamelled shades over the lamps, hung from a brass bar.
-    pub(super) fn lampshades(&mut self) {
+    /// An enamelled shade over the lamp, hung from the ceiling.
+    pub(super) fn lampshade(&mut self) {
         let scale = self.frame.scale;
-        let lamp_half = LAMP_HALF_M * Vec2::new(scale, 1.0);
-        let half = lamp_half + SHADE_RIM_M;
+        let half = LAMP_HALF_M * Vec2::new(scale, 1.0) + SHADE_RIM_M;
         let (low, high) = (LAMP_Z_M + LAMP_GAP_M, LAMP_Z_M + SHADE_HEIGHT_M);
-        for x in LAMP_X_M {
-            let center = Vec2::new(scale * x, 0.0);
-            let slope = |side: Vec3| {
-                let foot = center.extend(LAMP_Z_M + 0.01) + side * half.dot(side.truncate().abs());
-                beyond(foot, side + Vec3::Z * SHADE_SLOPE)
-            };
-            let shade = Shape::CsgBox {
-                min: (center - half).extend(low),
-                max: (center + half).extend(high),
-                subtractions: [Vec3::X, Vec3::Y, Vec3::NEG_X, Vec3::NEG_Y]
-                    .map(slope)
-                    .into(),
-            };
-            self.add("lampshade", "enamel", shade);
-        }
-        let bar = Shape::Box {
-            min: Vec3::new(-0.9 * scale, -0.01, high),
-            max: Vec3::new(0.9 * scale, 0.01, high + BAR_M),
+        let slope = |side: Vec3| {
+            let foot = Vec3::Z * (LAMP_Z_M + 0.01) + side * half.dot(side.truncate().abs());
+            beyond(foot, side + Vec3::Z * SHADE_SLOPE)
         };
-        self.add("lamp bar", "brass", bar);
+        let shade = Shape::CsgBox {
+            min: (-half).extend(low),
+            max: half.extend(high),
+            subtractions: [Vec3::X, Vec3::Y, Vec3::NEG_X, Vec3::NEG_Y]
+                .map(slope)
+                .into(),
+        };
+        self.add("lampshade", "enamel", shade);
         for x in [-0.6 * scale, 0.6 * scale] {
             let rod = Shape::Box {
-                min: Vec3::new(x - 0.004, -0.004, high + BAR_M),
+                min: Vec3::new(x - 0.004, -0.004, high),
                 max: Vec3::new(x + 0.004, 0.004, ROOM_HEIGHT_M),
             };
             self.add("lamp rod", "brass", rod);
@@ -108,60 +99,32 @@ impl SceneBuilder {
                 self.picture(center, Vec3::X, ["picture red", "picture blue"][index]);
             }
         }
-        for side in [-1.0, 1.0] {
-            let center = Vec3::new(side * (half.x - 0.02), 0.0, 0.62);
-            self.picture(center, Vec3::Y, "picture gold");
-        }
     }
 
-    /// A cue on the wall beyond the foot of the table, where the player looks.
-    pub(super) fn cue_rack(&mut self) {
-        let (half, floor) = (self.frame.outer + ROOM_MARGIN_M, self.frame.floor);
-        let foot = Vec3::new(half.x - 0.12, 1.45, floor + RACK_M);
-        let mut plank = |name: &str, material: &str, low: Vec3, high: Vec3| {
-            let (min, max) = (foot + low, foot + high);
+    /// Beyond the foot of the table, where the player looks: a bench, and the bars of a window, whose light is [`window`].
+    pub(super) fn far_end(&mut self) {
+        let (x, floor) = (self.frame.outer.x + ROOM_MARGIN_M - 0.05, self.frame.floor);
+        let mut solid = |name: &str, material: &str, min: Vec3, max: Vec3| {
             self.add(name, material, Shape::Box { min, max });
         };
-        plank(
-            "cue board",
-            "wall",
-            Vec3::new(0.06, -0.09, -0.12),
-            Vec3::new(0.11, 0.09, CUE_M + 0.1),
+        let seat = floor + 0.46;
+        solid(
+            "bench",
+            "bench leather",
+            Vec3::new(x - 0.62, -0.6, floor + 0.1),
+            Vec3::new(x, 2.4, seat),
         );
-        plank(
-            "cue tray",
-            "brass",
-            Vec3::new(-0.04, -0.07, -0.02),
-            Vec3::new(0.06, 0.07, 0.0),
+        solid(
+            "bench back",
+            "bench leather",
+            Vec3::new(x - 0.14, -0.6, seat),
+            Vec3::new(x, 2.4, seat + 0.48),
         );
-        plank(
-            "cue clip",
-            "brass",
-            Vec3::new(0.01, -0.012, 1.18),
-            Vec3::new(0.06, 0.012, 1.2),
-        );
-        self.cue(foot);
-    }
-
-    /// A cue that stands on its butt.
-    pub(super) fn cue(&mut self, foot: Vec3) {
-        let mut low = 0.0;
-        for (part, high) in CUE_PARTS {
-            let wide = CUE_RADII_M[0] + 0.001;
-            let across = Vec3::new(wide, wide, 0.0);
-            let cone = CsgSolid::ConeExterior {
-                center: foot,
-                radius: CUE_RADII_M[0],
-                taper: (CUE_RADII_M[1] - CUE_RADII_M[0]) / CUE_M,
-                beyond: Vec3::ZERO,
-            };
-            let shape = Shape::CsgBox {
-                min: foot - across + Vec3::Z * low,
-                max: foot + across + Vec3::Z * high,
-                subtractions: vec![subtraction(cone)],
-            };
-            self.add(part, part, shape);
-            low = high;
+        let (center, half) = WINDOW_M;
+        for (y, z) in [(half.x, 0.02), (0.02, half.y)] {
+            let bar = Vec3::new(0.03, y, z);
+            let middle = Vec3::new(x + 0.02, center.x, center.y);
+            solid("window bar", "dark wood", middle - bar, middle + bar);
         }
     }
 
@@ -212,13 +175,26 @@ impl SceneBuilder {
     }
 }
 
-pub(super) fn area_light(x: f32, scale: f32) -> AreaLight {
+/// The lamp over the table.
+pub(super) fn lamp(scale: f32) -> AreaLight {
     AreaLight {
-        name: format!("lamp at {x}"),
-        center: Vec3::new(scale * x, 0.0, LAMP_Z_M),
+        name: "lamp".to_owned(),
+        center: Vec3::Z * LAMP_Z_M,
         half_u: Vec3::X * scale * LAMP_HALF_M.x,
         half_v: Vec3::NEG_Y * LAMP_HALF_M.y,
-        radiance: Vec3::new(17.0, 15.5, 13.0),
+        radiance: Vec3::new(17.0, 15.9, 14.0),
+    }
+}
+
+/// An evening sky in the far wall.
+pub(super) fn window(outer: Vec2) -> AreaLight {
+    let (center, half) = WINDOW_M;
+    AreaLight {
+        name: "window".to_owned(),
+        center: Vec3::new(outer.x + ROOM_MARGIN_M - 0.03, center.x, center.y),
+        half_u: Vec3::Z * half.y,
+        half_v: Vec3::Y * half.x,
+        radiance: Vec3::new(0.55, 0.8, 1.15),
     }
 }
 
@@ -232,17 +208,5 @@ const SHADE_SLOPE: f32 = 0.9;
 const ROOM_MARGIN_M: f32 = 5.2;
 const ROOM_HEIGHT_M: f32 = 2.4;
 const PANEL_HEIGHT_M: f32 = 1.0;
-/// From the floor to the foot of the cue.
-const RACK_M: f32 = 0.45;
-const CUE_M: f32 = 1.47;
-/// At the foot and at the tip.
-const CUE_RADII_M: [f32; 2] = [0.0147, 0.0065];
-/// Materials, and how high above the foot each part ends.
-const CUE_PARTS: [(&str, f32); 6] = [
-    ("cue butt", 0.13),
-    ("cue wrap", 0.43),
-    ("cue butt", 0.74),
-    ("cue shaft", 1.438),
-    ("cue ferrule", 1.463),
-    ("cue tip", CUE_M),
-];
+/// Middle and half the extent of the window in the far wall, as y and z.
+const WINDOW_M: (Vec2, Vec2) = (Vec2::new(-2.1, 0.98), Vec2::new(0.85, 0.62));

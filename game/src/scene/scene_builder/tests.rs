@@ -6,10 +6,11 @@ use carom_tracer::{CompiledScene, CpuTracer, ImageSize, RadianceImage, RenderSet
 use glam::DVec3;
 
 use super::*;
+use crate::scene::ball_materials::BallSet;
 
 fn nine_foot() -> (Table, CompiledScene) {
     let table = Table::nine_foot();
-    let mut scene = room(&table, RuleSet::Free, BallSet::Classic);
+    let mut scene = room(&table, RuleSet::Free, BallSet::Classic.into());
     scene
         .objects
         .retain(|object| !object.name.starts_with("ball"));
@@ -26,7 +27,7 @@ fn met(scene: &CompiledScene, origin: DVec3, direction: DVec3) -> DVec3 {
 #[test]
 fn every_set_of_balls_makes_a_scene_with_sixteen() {
     for set in BallSet::ALL {
-        let scene = room(&Table::nine_foot(), RuleSet::Free, set);
+        let scene = room(&Table::nine_foot(), RuleSet::Free, set.into());
         scene.validate().unwrap();
         let balls = scene.objects.iter().filter(|o| o.name.starts_with("ball"));
         assert_eq!(balls.count(), 16, "{set:?}");
@@ -59,7 +60,7 @@ fn jaws_are_round_where_balls_meet_them() {
         Table::nine_foot(),
         Table::parse(include_str!("../../../../assets/tables/snooker.json")).unwrap(),
     ] {
-        let scene = room(&table, RuleSet::Free, BallSet::Classic);
+        let scene = room(&table, RuleSet::Free, BallSet::Classic.into());
         let scene = CompiledScene::new(&scene).unwrap();
         let height = table.nose_height_m();
         let mut met_jaws = 0;
