@@ -186,7 +186,10 @@ impl GameSession {
         }
         let update = self.scene_at(ViewTime::Now(now_secs));
         let folder = self.modes.folder().map(|folder| folder.join("pictures"));
-        let (scene, max_depth) = (self.table_scene.scene().clone(), self.style.balls.max_depth());
+        let (scene, max_depth) = (
+            self.table_scene.scene().clone(),
+            self.style.balls.max_depth(),
+        );
         let begun = folder.and_then(|folder| {
             self.screenshot
                 .begin(scene, update, self.pixels, max_depth, folder)

@@ -9,7 +9,7 @@ fn session() -> GameSession {
         ..FarmConfig::default()
     };
     let contest = free_table(TableScene::table(), 1).unwrap();
-    GameSession::new(config, contest, BallSet::Classic.into()).unwrap()
+    GameSession::new(config, contest, TableStyle::default()).unwrap()
 }
 
 #[test]

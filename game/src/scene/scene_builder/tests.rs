@@ -130,7 +130,7 @@ fn more_samples_never_leave_more_error() {
         pixels.map(|light| srgb8(*light, EXPOSURE)).collect()
     };
     for set in [BallSet::Classic, BallSet::Glass, BallSet::Metal] {
-        let scene = room(&Table::nine_foot(), RuleSet::Free, set);
+        let scene = room(&Table::nine_foot(), RuleSet::Free, set.into());
         let scene = CompiledScene::new(&scene).unwrap();
         let picture = |samples, denoise, seed| {
             let settings = RenderSettings {
