@@ -31,6 +31,7 @@
 
 pub mod ai;
 mod error;
+mod file_format;
 pub mod game_match;
 pub mod physics;
 pub mod rng;

@@ -10,6 +10,7 @@ use std::{fs, path::Path};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
+use crate::file_format::FileFormat;
 use crate::{Error, FileFault, Result, RuleFault, TableFault};
 
 use super::{Match, MatchConfig, Player};
@@ -88,15 +89,7 @@ impl MatchSave {
     /// # Errors
     /// [`Error::MatchBytes`] for a match of more than [`BYTES_MAX`].
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
-        self.encode().map_err(Error::MatchBytes)
-    }
-
-    fn encode(&self) -> Result<Vec<u8>, FileFault> {
-        let mut bytes = MAGIC.to_vec();
-        bytes.extend(VERSION.to_le_bytes());
-        bytes.extend(postcard::to_stdvec(self).map_err(FileFault::NotEncoded)?);
-        check_size(bytes.len() as u64)?;
-        Ok(bytes)
+        FORMAT.encode(self).map_err(Error::MatchBytes)
     }
 
     /// Reads what [`MatchSave::to_bytes`] wrote.
@@ -104,28 +97,7 @@ impl MatchSave {
     /// # Errors
     /// [`Error::MatchBytes`]: another kind of file, another version, or damage.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
-        Self::decode(bytes).map_err(Error::MatchBytes)
-    }
-
-    fn decode(bytes: &[u8]) -> Result<Self, FileFault> {
-        check_size(bytes.len() as u64)?;
-        let rest = bytes
-            .strip_prefix(MAGIC)
-            .ok_or(FileFault::OtherKind { kind: "match" })?;
-        let (version, body) = rest.split_first_chunk().ok_or(FileFault::NoVersion)?;
-        let version = u16::from_le_bytes(*version);
-        if version != VERSION {
-            return Err(FileFault::OtherVersion {
-                version,
-                known: VERSION,
-            });
-        }
-        let (save, left): (Self, _) =
-            postcard::take_from_bytes(body).map_err(FileFault::Damaged)?;
-        if !left.is_empty() {
-            return Err(FileFault::TrailingBytes { bytes: left.len() });
-        }
-        Ok(save)
+        FORMAT.decode(bytes).map_err(Error::MatchBytes)
     }
 
     /// Writes a file: whole, or not at all.
@@ -134,7 +106,7 @@ impl MatchSave {
     /// [`Error::MatchFile`].
     pub fn save(&self, path: &Path) -> Result<()> {
         let write = || -> Result<(), FileFault> {
-            let bytes = self.encode()?;
+            let bytes = FORMAT.encode(self)?;
             if let Some(folder) = path.parent() {
                 fs::create_dir_all(folder).map_err(FileFault::Io)?;
             }
@@ -157,11 +129,8 @@ impl MatchSave {
         if !path.is_file() {
             return Ok(None);
         }
-        let read = || -> Result<Self, FileFault> {
-            check_size(fs::metadata(path).map_err(FileFault::Io)?.len())?;
-            Self::decode(&fs::read(path).map_err(FileFault::Io)?)
-        };
-        read().map(Some).map_err(|fault| Error::MatchFile {
+        let read = FORMAT.read(path).and_then(|bytes| FORMAT.decode(&bytes));
+        read.map(Some).map_err(|fault| Error::MatchFile {
             path: path.to_owned(),
             action: "read",
             fault,
@@ -210,18 +179,12 @@ impl Match {
     }
 }
 
-fn check_size(bytes: u64) -> Result<(), FileFault> {
-    if bytes > BYTES_MAX {
-        return Err(FileFault::TooLarge {
-            bytes,
-            max: BYTES_MAX,
-        });
-    }
-    Ok(())
-}
-
-const MAGIC: &[u8] = b"carom match\n";
-const VERSION: u16 = 1;
+const FORMAT: FileFormat = FileFormat {
+    kind: "match",
+    magic: b"carom match\n",
+    version: 1,
+    bytes_max: BYTES_MAX,
+};
 /// A shot takes about 60 bytes: more shots than anyone plays in a match.
 const BYTES_MAX: u64 = 4 << 20;
 

@@ -14,6 +14,7 @@ use std::{fs, path::Path};
 use glam::DQuat;
 use serde::{Deserialize, Serialize};
 
+use crate::file_format::FileFormat;
 use crate::{Error, FileFault, Result};
 
 use super::{
@@ -61,14 +62,8 @@ impl Recording {
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         let written = RecordingFile::of(self);
         // What could not be read back is not written.
-        written.validate().map_err(Error::Recording)?;
-        let mut bytes = MAGIC.to_vec();
-        bytes.extend(VERSION.to_le_bytes());
-        let body = postcard::to_stdvec(&written)
-            .map_err(|e| Error::Recording(FileFault::NotEncoded(e)))?;
-        bytes.extend(body);
-        check_size(bytes.len() as u64).map_err(Error::Recording)?;
-        Ok(bytes)
+        let bytes = written.validate().and_then(|()| FORMAT.encode(&written));
+        bytes.map_err(Error::Recording)
     }
 
     /// Reads what [`Recording::to_bytes`] wrote.
@@ -77,31 +72,12 @@ impl Recording {
     /// [`Error::Recording`] with what is wrong: another kind of file, another version, a file that
     /// was cut off, or numbers that no shot has.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
-        let reject = |fault| Err(Error::Recording(fault));
-        check_size(bytes.len() as u64).map_err(Error::Recording)?;
-        let Some(rest) = bytes.strip_prefix(MAGIC) else {
-            return reject(FileFault::OtherKind {
-                kind: "recorded shot",
-            });
-        };
-        let Some((version, body)) = rest.split_first_chunk() else {
-            return reject(FileFault::NoVersion);
-        };
-        let version = u16::from_le_bytes(*version);
-        if version != VERSION {
-            return reject(FileFault::OtherVersion {
-                version,
-                known: VERSION,
-            });
-        }
-        let (written, left): (RecordingFile, _) = match postcard::take_from_bytes(body) {
-            Ok(taken) => taken,
-            Err(error) => return reject(FileFault::Damaged(error)),
-        };
-        if !left.is_empty() {
-            return reject(FileFault::TrailingBytes { bytes: left.len() });
-        }
-        written.validate().map_err(Error::Recording)?;
+        Self::decode(bytes).map_err(Error::Recording)
+    }
+
+    fn decode(bytes: &[u8]) -> Result<Self, FileFault> {
+        let written: RecordingFile = FORMAT.decode(bytes)?;
+        written.validate()?;
         Ok(written.into_recording())
     }
 
@@ -118,15 +94,8 @@ impl Recording {
     /// # Errors
     /// [`Error::Recording`] with the path, as [`Recording::from_bytes`].
     pub fn load(path: &Path) -> Result<Self> {
-        let size = fs::metadata(path)
-            .map_err(|error| at(path, FileFault::Io(error)))?
-            .len();
-        check_size(size).map_err(|fault| at(path, fault))?;
-        let bytes = fs::read(path).map_err(|error| at(path, FileFault::Io(error)))?;
-        Self::from_bytes(&bytes).map_err(|error| match error {
-            Error::Recording(fault) => at(path, fault),
-            other => other,
-        })
+        let read = FORMAT.read(path).and_then(|bytes| Self::decode(&bytes));
+        read.map_err(|fault| at(path, fault))
     }
 }
 
@@ -313,19 +282,12 @@ fn at(path: &Path, fault: FileFault) -> Error {
     })
 }
 
-fn check_size(bytes: u64) -> Result<(), FileFault> {
-    if bytes <= BYTES_MAX {
-        return Ok(());
-    }
-    Err(FileFault::TooLarge {
-        bytes,
-        max: BYTES_MAX,
-    })
-}
-
-const MAGIC: &[u8] = b"carom shot\n";
-/// Rises when what follows it changes.
-const VERSION: u16 = 2;
+const FORMAT: FileFormat = FileFormat {
+    kind: "recorded shot",
+    magic: b"carom shot\n",
+    version: 2,
+    bytes_max: BYTES_MAX,
+};
 /// Hundreds of times a break.
 pub const BYTES_MAX: u64 = 16 << 20;
 /// As many shots as a match keeps.
