@@ -1,4 +1,4 @@
-//! What a table and its balls are made of, as the player chooses it.
+//! The style of the table and its balls, as the player chooses it.
 
 use carom_billiards::rules::RuleSet;
 use clap::ValueEnum;

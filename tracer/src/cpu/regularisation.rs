@@ -1,4 +1,4 @@
-//! Which paths are regularised ([`crate::regularisation`]), a lane each: by a bit of their density.
+//! Regularisation of paths ([`crate::regularisation`]), a lane each: chosen by a bit of their density.
 
 use fearless_simd::prelude::*;
 
