@@ -8,7 +8,7 @@ use crate::{Error, SettingsError};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RenderSettings {
     /// Paths per pixel, 1 to [`RenderSettings::SAMPLES_MAX`]. Higher costs time in proportion;
-    /// lower loses smoothness: the pool table's squared error falls 80-fold from 1 to 16 samples and
+    /// lower loses smoothness: the pool table's squared error falls 90-fold from 1 to 16 samples and
     /// another 4 times to 64. Powers of two are spread best.
     pub samples: u32,
     /// Index of the first sample, modulo 2³². A second picture with `first_sample` raised by
