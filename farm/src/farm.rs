@@ -261,7 +261,7 @@ impl Farm {
     /// comes.
     ///
     /// # Errors
-    /// [`Error::NoNodes`] when none has been connected for a minute, or for ten seconds if all are lost.
+    /// [`Error::NoNodes`] when none has answered for a minute, or for ten seconds if no connection is left.
     pub fn check_nodes(&mut self) -> Result<(), Error> {
         let nodes = self.nodes();
         let is_idle =
@@ -270,8 +270,10 @@ impl Farm {
             self.idle_since = None;
             return Ok(());
         }
-        let is_lost = |node: &NodeStatus| matches!(node.state, NodeState::Lost { .. });
-        let patience = match nodes.iter().all(is_lost) {
+        // One that is merely silent is still connected, and may be at a long tile.
+        let is_gone =
+            |node: &NodeStatus| node.info.is_none() && matches!(node.state, NodeState::Lost { .. });
+        let patience = match nodes.iter().all(is_gone) {
             true => LOST_PATIENCE,
             false => START_PATIENCE,
         };
@@ -383,5 +385,5 @@ fn validate(config: &FarmConfig) -> Result<(), Error> {
 const TILE_EDGE_MIN: usize = 8;
 /// How long to wait for a first node: a GPU takes a second to start, a call some seconds to fail.
 const START_PATIENCE: Duration = Duration::from_secs(60);
-/// How long to wait for nodes when all are lost.
+/// How long to wait for nodes when no connection is left.
 const LOST_PATIENCE: Duration = Duration::from_secs(10);
