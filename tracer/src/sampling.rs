@@ -158,6 +158,14 @@ fn spread(mut bits: u32) -> u32 {
 /// Block of the camera ray: position in the pixel.
 pub const BLOCK_CAMERA: u32 = 0;
 
+/// Vertices of a path at which it is never ended by Russian roulette: the first.
+pub const ROULETTE_DEPTH: u32 = 1;
+
+/// A path outside of bodies survives Russian roulette (Arvo and Kirk, "Particle Transport and Image Synthesis",
+/// SIGGRAPH 1990) with this many times the largest channel of its throughput. In the game's room, on an H200, this
+/// brings a picture to the same relMSE in 0.8 of the time; 2 or 1, or the first vertex too, bring less.
+pub const SURVIVAL_PER_THROUGHPUT: f32 = 4.0;
+
 /// Block of the scattering event at `depth`, counted from 0: direction, and with it a coat's lobe.
 #[inline]
 pub const fn block_scatter(depth: u32) -> u32 {

@@ -18,7 +18,9 @@ use super::sampling::pair;
 use super::stream::{Stream, StreamPacket, load, load_words, packets, store, store_words};
 use super::surface::{Hit, Surfaces};
 use crate::compiled::{CameraFrame, CompiledScene};
-use crate::sampling::{BLOCK_CAMERA, block_choice, block_light, block_scatter};
+use crate::sampling::{
+    BLOCK_CAMERA, ROULETTE_DEPTH, SURVIVAL_PER_THROUGHPUT, block_choice, block_light, block_scatter,
+};
 use crate::{ImageSize, RenderSettings};
 
 /// A scene for one picture, laid out for the lanes.
@@ -77,6 +79,12 @@ impl Prepared {
                         || self.connect(simd, stream, lobe),
                     );
                 }
+            }
+            if depth >= ROULETTE_DEPTH {
+                simd.vectorize(
+                    #[inline(always)]
+                    || self.end_by_roulette(simd, stream, depth),
+                );
             }
         }
         rays
@@ -281,6 +289,39 @@ impl Prepared {
         let left = load_words(simd, &stream.primitive, at);
         let within = (left & INSIDE).simd_ne(0) & left.simd_ne(NONE);
         Vec3x::select(scattered | within, light, Vec3x::splat(simd, [0.0; 3]))
+    }
+
+    /// Ends paths that would bring little light by Russian roulette, and closes the ranks of the others.
+    #[inline(always)]
+    fn end_by_roulette<S: Simd>(&self, simd: S, stream: &mut Stream, depth: u32) {
+        let mut kept = 0;
+        for packet in packets(stream.len) {
+            let at = packet.at;
+            let beta = stream.beta.load(simd, at);
+            let left = load_words(simd, &stream.primitive, at);
+            let alive = packet.mask(simd) & left.simd_ne(NONE);
+            let survival = beta.x.max(beta.y).max(beta.z) * SURVIVAL_PER_THROUGHPUT;
+            let played = alive & survival.simd_lt(1.0) & (left & INSIDE).simd_eq(0);
+            let mut survivors = alive;
+            if played.any_true() {
+                let pixel = load_words(simd, &stream.pixel, at);
+                let sample = load_words(simd, &stream.sample, at);
+                // The number that a body's flight would take.
+                let [_, u] = pair(pixel, sample, block_choice(depth + 1), self.settings.seed);
+                let ended = played & u.simd_ge(survival);
+                let one = Float::splat(simd, 1.0);
+                stream
+                    .beta
+                    .store(at, beta * (one / played.select(survival, one)));
+                if ended.any_true() {
+                    let radiance = stream.radiance.load(simd, at);
+                    stream.finish(packet, ended, radiance);
+                }
+                survivors &= !ended;
+            }
+            kept = stream.keep(simd, packet, survivors, kept);
+        }
+        stream.len = kept;
     }
 
     /// Scatters each path where it hit: a shadow ray towards an area light and the path's next direction.

@@ -184,6 +184,7 @@ impl FrameBuffers {
                 whole(3, film),
                 whole(4, &self.counters),
                 whole(5, &self.film_sums),
+                part(6, &self.scene, 0, self.scene_bytes),
             ],
         })
     }

@@ -62,6 +62,7 @@ pub(crate) fn compile(
                 entry(3, wgpu::BufferBindingType::Storage { read_only: false }),
                 entry(4, wgpu::BufferBindingType::Storage { read_only: false }),
                 entry(5, wgpu::BufferBindingType::Storage { read_only: false }),
+                entry(6, wgpu::BufferBindingType::Storage { read_only: true }),
             ],
         });
         let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {

@@ -11,7 +11,7 @@ use crate::compiled::{
 use crate::gpu::features::{Features, KernelOutput, SceneMemory};
 use crate::gpu::layout::{BVH_LEAF, SPHERE_SLACK};
 use crate::regularisation::{ALPHA_MIN, CONE_COSINE, CONE_DENSITY, KEY_MASK};
-use crate::sampling::{BELOW_1, BLOCK_CAMERA, SCRAMBLE};
+use crate::sampling::{BELOW_1, BLOCK_CAMERA, ROULETTE_DEPTH, SCRAMBLE, SURVIVAL_PER_THROUGHPUT};
 use crate::scene::validate::CSG_MARGIN_M;
 use crate::texture;
 
@@ -28,8 +28,7 @@ pub(crate) fn source(features: &Features) -> String {
     for shape in features.shapes() {
         text += &find_part(shape, features.has_bvh(shape));
     }
-    text += &nearest(features);
-    text += &occluded(features);
+    text += &traverse(features);
     text += &surface_at(features);
     text += &material_of(features);
     text
@@ -128,6 +127,8 @@ fn constants(features: &Features) -> String {
          const SOLID_ANGLE_MIN: f32 = {};\n\
          const BELOW_1: f32 = {BELOW_1};\n\
          const BLOCK_CAMERA: u32 = {BLOCK_CAMERA}u;\n\
+         const ROULETTE_DEPTH: u32 = {ROULETTE_DEPTH}u;\n\
+         const SURVIVAL_PER_THROUGHPUT: f32 = {SURVIVAL_PER_THROUGHPUT:?};\n\
          const COMPENSATED: bool = {};\n\
          const DISCS_COPLANAR: bool = {};\n\
          const AREA_LIGHTS_COPLANAR: bool = {};\n\
@@ -136,6 +137,7 @@ fn constants(features: &Features) -> String {
          const BVH_DEPTH_MAX: u32 = {DEPTH_MAX}u;\n\
          const BVH_LEAF: u32 = {BVH_LEAF}u;\n\
          const LEAF: u32 = {LEAF}u;\n\
+         const HAS_COAT: bool = {};\n\
          const HAS_STRIPE: bool = {};\n\
          const HAS_DIELECTRIC: bool = {};\n\
          const HAS_REFRACTED_NEE: bool = {};\n\
@@ -153,6 +155,7 @@ fn constants(features: &Features) -> String {
         features.discs_coplanar,
         features.area_lights_coplanar,
         features.area_lights_scaled,
+        features.has_coat,
         features.has_stripe,
         features.has_dielectric,
         features.has_refracted_nee,
@@ -253,38 +256,40 @@ fn scene_declaration(features: &Features) -> String {
     _ = writeln!(
         text,
         "}}\n\
-         @group(0) @binding(0) var<{space}> scene: SceneData;"
+         @group(0) @binding(0) var<{space}> scene: SceneData;\n\
+         // The same bytes, for reads whose place differs from thread to thread: constant memory\n\
+         // serves those one after the other.\n\
+         @group(0) @binding(6) var<storage, read> scene_storage: SceneData;"
     );
     text
 }
 
-fn nearest(features: &Features) -> String {
+/// The nearest surface along a ray, and whether anything is in the way of one to an area light.
+fn traverse(features: &Features) -> String {
     let mut text = String::from(
-        "fn nearest(ray: Ray, start: u32) -> Hit {\n    let prepared = prepare_ray(ray);\n    \
-         var hit = Hit(T_MISS, NO_PRIMITIVE);\n",
-    );
-    for name in shape_and_area_light_names(features) {
-        _ = writeln!(text, "    nearest_{name}(prepared, start, &hit);");
-    }
-    text + "    return hit;\n}\n"
-}
-
-fn occluded(features: &Features) -> String {
-    let mut text = String::from(
-        "fn occluded(ray: Ray, start: u32, target_light: u32, t_max: f32) -> bool {\n    \
-         let prepared = prepare_ray(ray);\n",
+        "fn traverse(ray: Ray, start: u32, t_max: f32, is_shadow: bool, target_light: u32) -> Hit {\n    \
+         let prepared = prepare_ray(ray);\n    \
+         var hit = Hit(t_max, select(NO_PRIMITIVE, 0u, is_shadow));\n",
     );
     for shape in features.shapes() {
         let name = shape.function();
         _ = writeln!(
             text,
-            "    if ({name}_occludes(prepared, start, t_max)) {{ return true; }}"
+            "    nearest_{name}(prepared, start, &hit);\n    \
+             if (is_shadow && hit.t < t_max) {{ return hit; }}"
         );
     }
     if features.area_lights_occlude {
-        text += "    if (area_light_occludes(ray, target_light, t_max)) { return true; }\n";
+        text += "    if (is_shadow && area_light_occludes(ray, target_light, t_max)) { hit.t = 0.0; }\n";
     }
-    text + "    return false;\n}\n"
+    if features.area_lights > 0 {
+        text += "    if (!is_shadow) { nearest_area_light(prepared, start, &hit); }\n";
+    }
+    text + "    return hit;\n}\n\
+            fn nearest(ray: Ray, start: u32) -> Hit {\n    \
+            return traverse(ray, start, T_MISS, false, 0u);\n}\n\
+            fn occluded(ray: Ray, start: u32, target_light: u32, t_max: f32) -> bool {\n    \
+            return traverse(ray, start, t_max, true, target_light).t < t_max;\n}\n"
 }
 
 fn surface_at(features: &Features) -> String {
@@ -313,15 +318,10 @@ fn material_of(features: &Features) -> String {
         _ = writeln!(
             text,
             "    if (primitive < {constant}_FIRST + {constant}_COUNT) {{\n        \
-             return scene.{array}[primitive - {constant}_FIRST].material;\n    }}"
+             return scene_storage.{array}[primitive - {constant}_FIRST].material;\n    }}"
         );
     }
     text + "    return 0u;\n}\n"
-}
-
-fn shape_and_area_light_names(features: &Features) -> impl Iterator<Item = &'static str> {
-    let light = (features.area_lights > 0).then_some("area_light");
-    features.shapes().map(ShapeKind::function).chain(light)
 }
 
 #[cfg(test)]

@@ -41,7 +41,8 @@
 //! chance alone after the mirror, 7.5e-4; the balance heuristic, 1.1e-3. What would cost more than
 //! it is worth: every area light at each scattering, 2.6e-4 for 3.75 rays.
 //!
-//! The environment is found by scattering alone. There is no Russian roulette and no clamping; a
+//! The environment is found by scattering alone. From the second vertex on, paths outside of bodies that would bring
+//! little light are ended by Russian roulette ([`crate::sampling::SURVIVAL_PER_THROUGHPUT`]). There is no clamping; a
 //! sample that is not finite counts as black and is reported.
 //!
 //! [`intersect()`], [`camera_ray`] and [`bsdf::Bsdf`] are public for tests of each part.
@@ -70,7 +71,8 @@ use crate::denoise::{
 use crate::fresnel::fresnel_dielectric;
 use crate::regularisation::{ALPHA_MIN, CONE_COSINE, CONE_DENSITY, KEY_MASK};
 use crate::sampling::{
-    BLOCK_CAMERA, block_choice, block_light, block_scatter, pair, pixel_key, sample_key,
+    BLOCK_CAMERA, ROULETTE_DEPTH, SURVIVAL_PER_THROUGHPUT, block_choice, block_light,
+    block_scatter, pair, pixel_key, sample_key,
 };
 use crate::simd::Level;
 use crate::tracer::{DeviceInfo, DeviceKind, TileRadiance, TraceJob, TraceStats, Tracer};
@@ -380,6 +382,16 @@ impl<'a> PathTracer<'a> {
             start = Some(vertex.ray_origin(sample.wi));
             let is_known = prev.is_scattered && self.exits_by_nee_hemisphere(&vertex, start, hit.t);
             prev = prev.next(&vertex, sample.pdf, is_known);
+            let survival = f64::from(SURVIVAL_PER_THROUGHPUT) * beta.max_element();
+            let is_outside = start.is_none_or(|start| !start.is_inside);
+            if depth >= ROULETTE_DEPTH && is_outside && survival < 1.0 {
+                // The number that a body's flight would take.
+                let [_, u] = random(block_choice(depth + 1));
+                if u >= survival {
+                    return radiance;
+                }
+                beta /= survival;
+            }
         }
         radiance
     }

@@ -72,34 +72,24 @@ fn mirrored(n: vec3f, wo: vec3f) -> vec3f {
     return 2.0 * dot(n, wo) * n - wo;
 }
 
-// Light of the area light that a coat reflects.
-fn coat_reflected_light(
-    surface: Surface,
-    bsdf: Bsdf,
-    wo: vec3f,
-    start: u32,
-    rays: ptr<function, u32>,
-) -> vec3f {
+// The ray to the area light that a coat reflects.
+fn coat_reflected_light(surface: Surface, bsdf: Bsdf, wo: vec3f, start: u32) -> ShadowRay {
     let reflectance = bsdf_coat(bsdf);
     if (reflectance == 0.0) {
-        return vec3f(0.0);
+        return NO_SHADOW_RAY;
     }
     let wi = mirrored(surface.normal, wo);
     let ray = Ray(surface.position, wi);
     var hit = Hit(T_MISS, NO_PRIMITIVE);
     nearest_area_light(prepare_ray(ray), start, &hit);
     if (hit.primitive == NO_PRIMITIVE) {
-        return vec3f(0.0);
+        return NO_SHADOW_RAY;
     }
     let index = hit.primitive - AREA_LIGHT_FIRST;
     if (dot(wi, scene.area_lights[index].normal) >= 0.0) {
-        return vec3f(0.0);
+        return NO_SHADOW_RAY;
     }
-    *rays += 1u;
-    if (occluded(ray, start, index, hit.t)) {
-        return vec3f(0.0);
-    }
-    return reflectance * scene.area_lights[index].radiance;
+    return ShadowRay(wi, hit.t, reflectance * scene.area_lights[index].radiance, index);
 }
 
 // Next-event estimation from `surface`, times the BSDF and the cosine, MIS-weighted; and what a
@@ -108,16 +98,14 @@ fn direct_light(
     surface: Surface,
     bsdf: Bsdf,
     wo: vec3f,
-    start: u32,
     u: vec2f,
     cone_density: f32,
-    rays: ptr<function, u32>,
     light_weight_sum: ptr<function, f32>,
-) -> vec3f {
+) -> ShadowRay {
     let chosen = sample_light(surface.position, u);
     *light_weight_sum = chosen.light_weight_sum;
     if (chosen.weight == 0.0) {
-        return vec3f(0.0);
+        return NO_SHADOW_RAY;
     }
     let direction = sample_direction(spherical_rectangle(chosen.index, surface.position), chosen);
     let cos_i = dot(surface.normal, direction.wi);
@@ -130,15 +118,12 @@ fn direct_light(
     // Through a dielectric boundary area lights are seen from inside, and no area light is inside.
     let is_lit = (cos_i > 0.0) != (bsdf_is_transmissive(bsdf) && surface.is_inside);
     if (!is_lit || (coat == 0.0 && all(f == vec3f(0.0)))) {
-        return vec3f(0.0);
-    }
-    *rays += 1u;
-    if (occluded(Ray(surface.position, direction.wi), start, chosen.index, direction.distance)) {
-        return vec3f(0.0);
+        return NO_SHADOW_RAY;
     }
     let inverse_probability = chosen.light_weight_sum / chosen.weight;
     let weight = power_heuristic(scattered.pdf * chosen.omega * inverse_probability);
     let inverse_pdf = direction.inverse_pdf * inverse_probability;
     let reflected = f * (abs(cos_i) * weight) + coat;
-    return reflected * scene.area_lights[chosen.index].radiance * inverse_pdf;
+    let light = reflected * scene.area_lights[chosen.index].radiance * inverse_pdf;
+    return ShadowRay(direction.wi, direction.distance, light, chosen.index);
 }

@@ -6,8 +6,8 @@ struct Slabs {
 }
 
 fn box_slabs(origin: vec3f, inverse: vec3f, index: u32) -> Slabs {
-    let a = (scene.boxes[index].min - origin) * inverse;
-    let b = (scene.boxes[index].max - origin) * inverse;
+    let a = (scene_storage.boxes[index].min - origin) * inverse;
+    let b = (scene_storage.boxes[index].max - origin) * inverse;
     // A ray within the largest face never leaves that slab.
     let is_within = (abs(inverse) >= vec3f(INVERSE_MAX)) & (max(a, b) == vec3f(0.0));
     return Slabs(min(a, b), select(max(a, b), vec3f(T_MISS), is_within));
@@ -50,12 +50,12 @@ fn box_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
     let backward = select(vec3f(1.0), vec3f(-1.0), ray.direction > vec3f(0.0));
     // The face itself rather than a point near it.
     let is_min = (backward < vec3f(0.0)) == vec3<bool>(is_outside);
-    let plane = select(scene.boxes[index].max, scene.boxes[index].min, is_min);
-    let material = scene.boxes[index].material;
+    let plane = select(scene_storage.boxes[index].max, scene_storage.boxes[index].min, is_min);
+    let material = scene_storage.boxes[index].material;
     return Surface(
         select(fma(vec3f(t), ray.direction, ray.origin), plane, axis),
         select(vec3f(0.0), backward, axis),
-        scene.materials[material].albedo,
+        scene_storage.materials[material].albedo,
         material,
         !is_outside,
     );

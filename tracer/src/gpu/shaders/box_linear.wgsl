@@ -28,17 +28,3 @@ fn nearest_box(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) {
         }
     }
 }
-
-fn box_occludes(prepared: PreparedRay, start: u32, t_max: f32) -> bool {
-    for (var first = 0u; first < BOX_COUNT; first += 32u) {
-        var candidates = box_candidates(prepared, first, t_max);
-        while (candidates != 0u) {
-            let i = first + firstTrailingBit(candidates);
-            candidates &= candidates - 1u;
-            if (box_t(prepared, i) < t_max && BOX_FIRST + i != start) {
-                return true;
-            }
-        }
-    }
-    return false;
-}

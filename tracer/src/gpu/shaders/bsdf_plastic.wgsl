@@ -12,12 +12,12 @@ struct Layered {
 }
 
 fn layered_at(surface: Surface, wo: vec3f) -> Layered {
-    let ior = scene.materials[surface.material].ior;
+    let ior = scene_storage.materials[surface.material].ior;
     let mirror = fresnel_dielectric(dot(surface.normal, wo), ior);
     let mean_albedo = (surface.albedo.x + surface.albedo.y + surface.albedo.z) * (1.0 / 3.0);
     let base = (1.0 - mirror) * mean_albedo;
     let share = select(0.0, mirror / (mirror + base), mirror > 0.0);
-    let scale = scene.materials[surface.material].diffuse_scale * (1.0 - mirror);
+    let scale = scene_storage.materials[surface.material].diffuse_scale * (1.0 - mirror);
     return Layered(surface.albedo * scale, ior, mirror, share);
 }
 

@@ -151,20 +151,11 @@ fn nearest_csg_face(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) 
     }
 }
 
-fn csg_face_occludes(prepared: PreparedRay, start: u32, t_max: f32) -> bool {
-    for (var i = 0u; i < CSG_BOX_COUNT; i++) {
-        if (intersect_csg_box(prepared.ray, prepared.inverse, i, start, t_max).t < t_max) {
-            return true;
-        }
-    }
-    return false;
-}
-
 fn csg_face_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
-    let a = scene.csg_faces[index].a;
-    let b = scene.csg_faces[index].b;
-    let kind = scene.csg_faces[index].kind;
-    let material = scene.csg_faces[index].material;
+    let a = scene_storage.csg_faces[index].a;
+    let b = scene_storage.csg_faces[index].b;
+    let kind = scene_storage.csg_faces[index].kind;
+    let material = scene_storage.csg_faces[index].material;
     var position = fma(vec3f(t), ray.direction, ray.origin);
     var normal = a;
     if (kind == CSG_FACE_CYLINDER) {
@@ -187,5 +178,5 @@ fn csg_face_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
         position = select(position, select(b, a, is_low), axis);
         normal = select(vec3f(0.0), backward, axis);
     }
-    return Surface(position, normal, scene.materials[material].albedo, material, false);
+    return Surface(position, normal, scene_storage.materials[material].albedo, material, false);
 }

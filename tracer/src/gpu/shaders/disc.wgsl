@@ -24,7 +24,7 @@ fn disc_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
     return Surface(
         fma(vec3f(t), ray.direction, ray.origin),
         select(disc.normal, -disc.normal, dot(disc.normal, ray.direction) > 0.0),
-        scene.materials[disc.material].albedo,
+        scene_storage.materials[disc.material].albedo,
         disc.material,
         false,
     );

@@ -20,23 +20,6 @@ fn nearest_disc(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) {
     }
 }
 
-fn disc_occludes(prepared: PreparedRay, start: u32, t_max: f32) -> bool {
-    if (DISCS_COPLANAR) {
-        let t = plane_t(prepared.ray, scene.discs[0].center, scene.discs[0].normal);
-        if (!(t > 0.0 && t < t_max)) {
-            return false;
-        }
-        let index = disc_around(fma(vec3f(t), prepared.ray.direction, prepared.ray.origin), start);
-        return index < DISC_COUNT;
-    }
-    for (var i = 0u; i < DISC_COUNT; i++) {
-        if (disc_t(prepared, i) < t_max && DISC_FIRST + i != start) {
-            return true;
-        }
-    }
-    return false;
-}
-
 // The first disc around a point of their common plane, `DISC_COUNT` if there is none.
 fn disc_around(point: vec3f, start: u32) -> u32 {
     for (var i = 0u; i < DISC_COUNT; i++) {

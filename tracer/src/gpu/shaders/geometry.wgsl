@@ -42,6 +42,16 @@ struct Hit {
     primitive: u32,
 }
 
+// A ray to an area light, and the radiance that it brings if nothing is in the way; of no distance if there is none.
+struct ShadowRay {
+    direction: vec3f,
+    distance: f32,
+    light: vec3f,
+    target_light: u32,
+}
+
+const NO_SHADOW_RAY: ShadowRay = ShadowRay(vec3f(0.0), 0.0, vec3f(0.0), 0u);
+
 // The point of a hit, with the unit normal that faces the ray's origin.
 struct Surface {
     position: vec3f,

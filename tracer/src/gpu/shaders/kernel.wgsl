@@ -39,9 +39,8 @@ fn trace(
     }
 }
 
-// Takes the samples in order and returns their mean after the last. A thread whose path has ended begins its next sample while its
-// neighbours go on with theirs, so that long paths keep no lanes idle; and it traces that sample's first ray before any of them
-// scatters, as most of those rays meet a surface: 14.4 → 17.0 Gray/s on an H200.
+// Takes the samples in order and returns their mean after the last. A thread whose path has ended begins its next
+// sample while its neighbours go on with theirs, so that long paths keep no lanes idle.
 fn trace_pixel(x: u32, y: u32, pixel: u32, tile: u32) -> vec3f {
     var sum = Sum(vec3f(0.0), vec3f(0.0));
     if (job.sample_begin > 0u) {
@@ -54,13 +53,10 @@ fn trace_pixel(x: u32, y: u32, pixel: u32, tile: u32) -> vec3f {
     var hit = Hit(T_MISS, NO_PRIMITIVE);
     var state = TRACE;
     while (index < job.sample_end) {
-        // A second edge where the first has ended a sample: the next sample's camera ray is traced
-        // in this turn, so that its thread shades together with its neighbours.
-        for (var edge = 0u; edge < 2u && state != SHADE && index < job.sample_end; edge++) {
-            if (state == TRACE) {
-                state = extend(&path, &hit, &rays);
-            }
-            if (state == DONE) {
+        // Most paths have a ray to an area light and one that goes on; then all that have met a surface shade
+        // together. The bound is not known to the compiler, which so makes one copy of the traversal.
+        for (var turn = 0u; turn < RAYS_PER_TURN + scene.header.zero; turn++) {
+            if (state == DONE && !has_shadow_ray(path)) {
                 if (is_finite(path.radiance)) {
                     sum = add(sum, path.radiance);
                 } else {
@@ -70,9 +66,12 @@ fn trace_pixel(x: u32, y: u32, pixel: u32, tile: u32) -> vec3f {
                 path = camera_path(x, y, job.first_sample + index);
                 state = TRACE;
             }
+            if (index < job.sample_end && (state == TRACE || has_shadow_ray(path))) {
+                state = trace_ray(&path, &hit, state, &rays);
+            }
         }
-        if (state == SHADE) {
-            state = shade(&path, hit, &rays);
+        if (state == SHADE && !has_shadow_ray(path)) {
+            state = shade(&path, hit);
         }
     }
     atomicAdd(&group_rays, rays);
@@ -86,6 +85,9 @@ fn trace_pixel(x: u32, y: u32, pixel: u32, tile: u32) -> vec3f {
     set_sums(6u * pixel + 3u, sum.lost);
     return vec3f(0.0);
 }
+
+// Of 1, 2 and 3 the fastest on an H200, by 1.05 to 1.3.
+const RAYS_PER_TURN: u32 = 3u;
 
 // A sum of up to 65,536 samples: plain f32 would be off by 1 in 1000.
 struct Sum {

@@ -7,13 +7,13 @@ struct FreeFlight {
 }
 
 fn sample_distance(material: u32, boundary: f32, u: f32) -> FreeFlight {
-    let rate = scene.materials[material].majorant;
-    let beyond = scene.materials[material].extinction - rate;
+    let rate = scene_storage.materials[material].majorant;
+    let beyond = scene_storage.materials[material].extinction - rate;
     if (rate > 0.0) {
         let distance = -log(1.0 - u) / rate;
         if (distance < boundary) {
             let left = exp(-beyond * distance);
-            return FreeFlight(distance, true, scene.materials[material].scattering * left);
+            return FreeFlight(distance, true, scene_storage.materials[material].scattering * left);
         }
     }
     return FreeFlight(boundary, false, exp(-beyond * boundary));

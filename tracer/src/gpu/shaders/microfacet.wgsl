@@ -13,14 +13,14 @@ struct Bsdf {
 
 fn bsdf_at(surface: Surface, wo: vec3f) -> Bsdf {
     let material = surface.material;
-    let kind = scene.materials[material].kind;
-    let ior = scene.materials[material].ior;
+    let kind = scene_storage.materials[material].kind;
+    let ior = scene_storage.materials[material].ior;
     var layered: Layered;
     if (kind == KIND_LAYERED) {
         layered = layered_at(surface, wo);
     }
     let eta = select(ior, 1.0 / ior, surface.is_inside);
-    return Bsdf(layered, kind, scene.materials[material].alpha, eta, material);
+    return Bsdf(layered, kind, scene_storage.materials[material].alpha, eta, material);
 }
 
 fn bsdf_regularised(bsdf: Bsdf) -> Bsdf {
@@ -163,8 +163,8 @@ fn sample_visible(alpha: f32, wo: vec3f, n: vec3f, u1: f32, u2: f32) -> vec3f {
 
 // Born and Wolf, "Principles of Optics", section 14.2.
 fn conductor_reflectance(material: u32, cos_theta: f32) -> vec3f {
-    let eta = scene.materials[material].eta;
-    let k = scene.materials[material].k;
+    let eta = scene_storage.materials[material].eta;
+    let k = scene_storage.materials[material].k;
     let cos_i = clamp(cos_theta, 0.0, 1.0);
     let cos2 = cos_i * cos_i;
     let sin2 = 1.0 - cos2;

@@ -13,6 +13,9 @@ struct Path {
     depth: u32,
     pixel: u32,
     sample: u32,
+    // From the last vertex, where `ray` begins too; times `beta` there.
+    direct: ShadowRay,
+    coat: ShadowRay,
 }
 
 // The lowest bit of a density: the path comes from a diffuse surface, or by way of coats and metals
@@ -27,7 +30,18 @@ fn camera_path(x: u32, y: u32, sample: u32) -> Path {
     let film = vec2f(f32(x) + u.x, f32(y) + u.y);
     let direction = camera.corner + film.x * camera.dx + film.y * camera.dy;
     let ray = Ray(camera.eye, direction / length(direction));
-    return Path(ray, NO_PRIMITIVE, vec3f(1.0), vec3f(0.0), SPECULAR, 0u, pixel, key);
+    return Path(
+        ray,
+        NO_PRIMITIVE,
+        vec3f(1.0),
+        vec3f(0.0),
+        SPECULAR,
+        0u,
+        pixel,
+        key,
+        NO_SHADOW_RAY,
+        NO_SHADOW_RAY,
+    );
 }
 
 // What is to be done next with a path: trace its ray, scatter it where that met a surface, or nothing.
@@ -35,12 +49,47 @@ const TRACE: u32 = 0u;
 const SHADE: u32 = 1u;
 const DONE: u32 = 2u;
 
-// Follows the path along one edge, to `hit`.
-fn extend(path: ptr<function, Path>, hit: ptr<function, Hit>, rays: ptr<function, u32>) -> u32 {
-    let ray = (*path).ray;
+fn has_shadow_ray(path: Path) -> bool {
+    return AREA_LIGHT_COUNT > 0u && (path.direct.distance > 0.0 || (HAS_COAT && path.coat.distance > 0.0));
+}
+
+// Traces one ray of a path that has one: those to area lights first, so that rays of either kind go through one
+// traversal, side by side with those of other threads.
+fn trace_ray(path: ptr<function, Path>, hit: ptr<function, Hit>, state: u32, rays: ptr<function, u32>) -> u32 {
+    let is_shadow = has_shadow_ray(*path);
+    let is_direct = (*path).direct.distance > 0.0;
+    var shadow = (*path).coat;
+    if (!HAS_COAT || is_direct) {
+        shadow = (*path).direct;
+    }
+    var ray = (*path).ray;
+    var start = (*path).start;
+    var t_max = T_MISS;
+    if (is_shadow) {
+        ray.direction = shadow.direction;
+        start &= ~INSIDE;
+        t_max = shadow.distance;
+    }
     *rays += 1u;
-    let met = nearest(ray, (*path).start);
-    *hit = met;
+    let met = traverse(ray, start, t_max, is_shadow, shadow.target_light);
+    if (!is_shadow) {
+        *hit = met;
+        return extend(path, met, rays);
+    }
+    if (met.t >= t_max) {
+        (*path).radiance += shadow.light;
+    }
+    if (is_direct) {
+        (*path).direct.distance = 0.0;
+    } else {
+        (*path).coat.distance = 0.0;
+    }
+    return state;
+}
+
+// What becomes of a path whose ray meets `met`.
+fn extend(path: ptr<function, Path>, met: Hit, rays: ptr<function, u32>) -> u32 {
+    let ray = (*path).ray;
     if (HAS_DIELECTRIC && ((*path).start & INSIDE) != 0u && (*path).start != NO_PRIMITIVE) {
         let u = scatter_numbers(path);
         let flight = sample_distance(material_of((*path).start & ~INSIDE), met.t, u.w);
@@ -85,7 +134,7 @@ fn is_emission(path: Path) -> bool {
 }
 
 // At the surface that the path's ray has met.
-fn shade(path: ptr<function, Path>, hit: Hit, rays: ptr<function, u32>) -> u32 {
+fn shade(path: ptr<function, Path>, hit: Hit) -> u32 {
     let primitive = hit.primitive;
     let is_within = HAS_DIELECTRIC && (*path).start == (primitive | INSIDE);
     let surface = surface_at((*path).ray, hit, is_within);
@@ -104,13 +153,12 @@ fn shade(path: ptr<function, Path>, hit: Hit, rays: ptr<function, u32>) -> u32 {
         if (is_regularised) {
             cone_density = CONE_DENSITY;
         }
-        var light = direct_light(
-            surface, bsdf, wo, primitive, u, cone_density, rays, &light_weight_sum,
-        );
-        if (!is_regularised && (OUTPUT != OUTPUT_REFLECTED || depth > 0u)) {
-            light += coat_reflected_light(surface, bsdf, wo, primitive, rays);
+        (*path).direct = direct_light(surface, bsdf, wo, u, cone_density, &light_weight_sum);
+        (*path).direct.light *= (*path).beta;
+        if (HAS_COAT && !is_regularised && (OUTPUT != OUTPUT_REFLECTED || depth > 0u)) {
+            (*path).coat = coat_reflected_light(surface, bsdf, wo, primitive);
+            (*path).coat.light *= (*path).beta;
         }
-        (*path).radiance += (*path).beta * light;
     }
     let next = bsdf_sample(bsdf, surface.normal, wo, scatter_numbers(path).xyz);
     let was_scattered = HAS_REFRACTED_NEE && (*path).pdf == SCATTERED;
@@ -133,7 +181,19 @@ fn shade(path: ptr<function, Path>, hit: Hit, rays: ptr<function, u32>) -> u32 {
         (*path).pdf = 0.0;
     }
     (*path).depth = depth + 1u;
-    return select(TRACE, DONE, all((*path).beta == vec3f(0.0)));
+    let survival = SURVIVAL_PER_THROUGHPUT * largest((*path).beta);
+    if (survival <= 0.0) {
+        return DONE;
+    }
+    if (survival < 1.0 && depth >= ROULETTE_DEPTH && ((*path).start & INSIDE) == 0u) {
+        // The number that a body's flight would take.
+        let u = pair((*path).pixel, (*path).sample, block_choice(depth + 1u), job.seed).y;
+        if (u >= survival) {
+            return DONE;
+        }
+        (*path).beta /= survival;
+    }
+    return TRACE;
 }
 
 // Direction in `yz`; choice of a dielectric's lobe in `x` and flight through it in `w`.

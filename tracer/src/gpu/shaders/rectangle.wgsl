@@ -26,7 +26,7 @@ fn rectangle_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
     return Surface(
         fma(vec3f(t), ray.direction, ray.origin),
         select(normal, -normal, dot(normal, ray.direction) > 0.0),
-        scene.materials[material].albedo,
+        scene_storage.materials[material].albedo,
         material,
         false,
     );

@@ -8,12 +8,3 @@ fn nearest_rectangle(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>)
         }
     }
 }
-
-fn rectangle_occludes(prepared: PreparedRay, start: u32, t_max: f32) -> bool {
-    for (var i = 0u; i < RECTANGLE_COUNT; i++) {
-        if (rectangle_t(prepared, i) < t_max && RECTANGLE_FIRST + i != start) {
-            return true;
-        }
-    }
-    return false;
-}

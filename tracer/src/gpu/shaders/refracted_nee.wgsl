@@ -105,7 +105,7 @@ fn sample_light_through_boundary(body: u32, from_point: vec3f, u: vec2f, rays: p
     let center = scene.spheres[body].center;
     let radius = scene.spheres[body].radius;
     let material = scene.spheres[body].material;
-    let ior = scene.materials[material].ior;
+    let ior = scene_storage.materials[material].ior;
     let x = (from_point - center) / radius;
     let y = x + straight.wi * (straight.distance / radius);
     let r = sqrt(dot(x, x));
@@ -132,7 +132,7 @@ fn sample_light_through_boundary(body: u32, from_point: vec3f, u: vec2f, rays: p
     }
     // Radiance is denser by the square of the index inside.
     let passed = (1.0 - fresnel_dielectric(ray.cos_i, 1.0 / ior)) * ior * ior;
-    let left = exp(-scene.materials[material].extinction * (radius * ray.length));
+    let left = exp(-scene_storage.materials[material].extinction * (radius * ray.length));
     let normal = scene.area_lights[chosen.index].normal;
     let cosines = dot(outer.direction, normal) / dot(straight.wi, normal);
     let length = straight.distance / radius;

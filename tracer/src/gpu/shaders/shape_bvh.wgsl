@@ -42,38 +42,3 @@ fn nearest_in_SHAPE_leaf(prepared: PreparedRay, leaf: u32, own: u32, hit: ptr<fu
         }
     }
 }
-
-fn SHAPE_occludes(prepared: PreparedRay, start: u32, t_max: f32) -> bool {
-    var stack: array<u32, BVH_DEPTH_MAX>;
-    var height = 0u;
-    var part = 0u;
-    loop {
-        if ((part & BVH_LEAF) != 0u) {
-            let leaf = part & ~BVH_LEAF;
-            for (var i = 0u; i < LEAF; i++) {
-                let id = SHAPE_FIRST + SHAPE_of_leaf(leaf, i);
-                if (SHAPE_of_leaf_t(prepared, leaf, i) < t_max && id != start) {
-                    return true;
-                }
-            }
-        } else {
-            let node = scene.SHAPE_nodes[part];
-            let is_left = part_entry(prepared, node.left_center, node.left_half, t_max) < T_MISS;
-            let is_right = part_entry(prepared, node.right_center, node.right_half, t_max) < T_MISS;
-            if (is_left || is_right) {
-                if (is_left && is_right) {
-                    stack[height] = node.right;
-                    height += 1u;
-                }
-                part = select(node.right, node.left, is_left);
-                continue;
-            }
-        }
-        if (height == 0u) {
-            return false;
-        }
-        height -= 1u;
-        part = stack[height];
-    }
-    return false;
-}

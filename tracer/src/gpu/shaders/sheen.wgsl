@@ -1,13 +1,13 @@
 // The sheen of napped cloth (see `sheen`).
 
 fn sheen(material: u32, n: vec3f, wo: vec3f, wi: vec3f) -> vec3f {
-    let strength = scene.materials[material].sheen;
+    let strength = scene_storage.materials[material].sheen;
     let cos_o = dot(n, wo);
     let cos_i = dot(n, wi);
     if (all(strength == vec3f(0.0)) || cos_o <= 0.0 || cos_i <= 0.0) {
         return vec3f(0.0);
     }
-    let exponent = 1.0 / scene.materials[material].sheen_roughness;
+    let exponent = 1.0 / scene_storage.materials[material].sheen_roughness;
     let h = wo + wi;
     let along = dot(h, n);
     let sine2 = clamp(1.0 - along * along / dot(h, h), 1e-12, 1.0);

@@ -51,7 +51,7 @@ fn ball_t(ray: Ray, center: vec3f, radius: f32) -> f32 {
 }
 
 fn sphere_t(prepared: PreparedRay, index: u32) -> f32 {
-    return ball_t(prepared.ray, scene.spheres[index].center, scene.spheres[index].radius);
+    return ball_t(prepared.ray, scene_storage.spheres[index].center, scene_storage.spheres[index].radius);
 }
 
 // The far side, from inside: at no distance if rounding has put the origin outside.
@@ -69,7 +69,7 @@ fn own_sphere(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) -> u32
     let own = start & ~INSIDE;
     let inside = own - SPHERE_FIRST;
     if ((start & INSIDE) != 0u && inside < SPHERE_COUNT) {
-        let sphere = scene.spheres[inside];
+        let sphere = scene_storage.spheres[inside];
         *hit = Hit(sphere_leave_t(prepared.ray, sphere.center, sphere.radius), own);
     }
     return own;
@@ -77,20 +77,20 @@ fn own_sphere(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) -> u32
 
 // The normal is measured from the ray's nearest point, never as `origin + t d - center`.
 fn sphere_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
-    let sphere = scene.spheres[index];
+    let sphere = scene_storage.spheres[index];
     let chord = sphere_chord(ray, sphere.center, sphere.radius);
     let half = sqrt(max(0.0, chord.half_squared));
     let is_outside = chord.middle_t > half && !is_within;
     let along = select(half, -half, is_outside);
     let outward = fma(vec3f(along), ray.direction, -chord.to_center) / sphere.radius;
-    var albedo = scene.materials[sphere.material].albedo;
+    var albedo = scene_storage.materials[sphere.material].albedo;
     if (HAS_STRIPE) {
         let sine = abs(dot(outward, sphere.stripe_axis));
-        let is_stripe = sine < scene.materials[sphere.material].stripe_half_width;
-        albedo = select(albedo, scene.materials[sphere.material].stripe_albedo, is_stripe);
+        let is_stripe = sine < scene_storage.materials[sphere.material].stripe_half_width;
+        albedo = select(albedo, scene_storage.materials[sphere.material].stripe_albedo, is_stripe);
     }
-    if (HAS_NUMBER && scene.materials[sphere.material].pattern == PATTERN_NUMBER) {
-        let number = scene.materials[sphere.material].number;
+    if (HAS_NUMBER && scene_storage.materials[sphere.material].pattern == PATTERN_NUMBER) {
+        let number = scene_storage.materials[sphere.material].number;
         albedo = numbered(number, outward, sphere.number_axis, sphere.stripe_axis, albedo);
     }
     return Surface(

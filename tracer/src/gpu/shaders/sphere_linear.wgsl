@@ -30,18 +30,3 @@ fn nearest_sphere(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) {
         }
     }
 }
-
-fn sphere_occludes(prepared: PreparedRay, start: u32, t_max: f32) -> bool {
-    for (var first = 0u; first < SPHERE_COUNT; first += 32u) {
-        var candidates = sphere_candidates(prepared, first);
-        while (candidates != 0u) {
-            let i = first + firstTrailingBit(candidates);
-            candidates &= candidates - 1u;
-            let t = sphere_t(prepared, i);
-            if (t < t_max && SPHERE_FIRST + i != start) {
-                return true;
-            }
-        }
-    }
-    return false;
-}

@@ -46,10 +46,10 @@ fn wave(turns: f32) -> f32 {
 }
 
 fn wood(material: u32, p: vec3f) -> vec3f {
-    let light = scene.materials[material].albedo;
-    let rings = scene.materials[material].stripe_albedo;
-    let sights = scene.materials[material].sights;
-    var axis = scene.materials[material].grain_axis;
+    let light = scene_storage.materials[material].albedo;
+    let rings = scene_storage.materials[material].stripe_albedo;
+    let sights = scene_storage.materials[material].sights;
+    var axis = scene_storage.materials[material].grain_axis;
     if (sights.x > 0.0) {
         let is_end = abs(p.x) - sights.y > abs(p.y) - sights.z;
         axis = select(0u, 1u, is_end);
@@ -71,7 +71,7 @@ fn wood(material: u32, p: vec3f) -> vec3f {
         height = 0.0;
     }
     var tone = 0.0;
-    if (scene.materials[material].pattern == PATTERN_PLANKS) {
+    if (scene_storage.materials[material].pattern == PATTERN_PLANKS) {
         let across = b * (1.0 / PLANK_M);
         let plank = floor(across);
         if (across - plank < PLANK_GAP) {
@@ -89,7 +89,7 @@ fn wood(material: u32, p: vec3f) -> vec3f {
 }
 
 fn textured(surface: Surface) -> vec3f {
-    let pattern = scene.materials[surface.material].pattern;
+    let pattern = scene_storage.materials[surface.material].pattern;
     if (pattern == PATTERN_WOOD || pattern == PATTERN_PLANKS) {
         return wood(surface.material, surface.position);
     }
