@@ -5,7 +5,6 @@ use glam::{DVec3, Vec3};
 
 use super::adapter::{self, AdapterChoice};
 use super::device::Device;
-use super::features::SceneMemory;
 use super::layout;
 use super::layout::scene_bytes;
 use super::{probe, shader};
@@ -40,10 +39,7 @@ fn run(scene: &CompiledScene, body: &str, input: &[u32], count: usize) -> Option
     assert_eq!(count % 64, 0);
     let device = device()?;
     let features = layout::features(scene, 65_536);
-    let memory = match features.memory {
-        SceneMemory::Uniform => wgpu::BufferUsages::UNIFORM,
-        SceneMemory::Storage => wgpu::BufferUsages::STORAGE,
-    };
+    let memory = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::STORAGE;
     let text = shader::source(&features) + ENTRY + body + "}";
     let scene = scene_bytes(scene, ImageSize::new(1, 1)).unwrap();
     let bytes = 16 * count as u64;
@@ -85,8 +81,8 @@ fn run(scene: &CompiledScene, body: &str, input: &[u32], count: usize) -> Option
 }
 
 const ENTRY: &str = "
-@group(0) @binding(6) var<storage, read> leaf_input: array<u32>;
-@group(0) @binding(7) var<storage, read_write> leaf_output: array<vec4u>;
+@group(0) @binding(7) var<storage, read> leaf_input: array<u32>;
+@group(0) @binding(8) var<storage, read_write> leaf_output: array<vec4u>;
 fn word(at: u32) -> u32 { return leaf_input[at]; }
 fn number(at: u32) -> f32 { return bitcast<f32>(leaf_input[at]); }
 fn triple(at: u32) -> vec3f { return vec3f(number(at), number(at + 1u), number(at + 2u)); }
@@ -95,7 +91,7 @@ fn result(i: u32, words: vec4u) { leaf_output[i] = words; }
 fn leaf(@builtin(global_invocation_id) id: vec3u) {
     let i = id.x;
     // So that each leaf's layout has the scene and the input, whether it uses them or not.
-    let environment = scene.header.environment;
+    let environment = scene.header.environment + scene_storage.header.environment;
     let first = word(0u);
 ";
 
@@ -118,12 +114,13 @@ fn encode(
     wgpu: &wgpu::Device,
     encoder: &mut wgpu::CommandEncoder,
     pipeline: &wgpu::ComputePipeline,
-    buffers: [&wgpu::Buffer; 3],
+    [scene, source, output]: [&wgpu::Buffer; 3],
     count: usize,
 ) {
-    let entries = [0, 1, 2].map(|i| wgpu::BindGroupEntry {
-        binding: [0, 6, 7][i],
-        resource: buffers[i].as_entire_binding(),
+    let buffers = [(0, scene), (6, scene), (7, source), (8, output)];
+    let entries = buffers.map(|(binding, buffer)| wgpu::BindGroupEntry {
+        binding,
+        resource: buffer.as_entire_binding(),
     });
     let bindings = wgpu.create_bind_group(&wgpu::BindGroupDescriptor {
         label: None,
