@@ -120,15 +120,9 @@ fn find_part(shape: ShapeKind, has_bvh: bool) -> String {
 
 /// Numbers that Rust owns.
 fn constants(features: &Features) -> String {
-    let [a, b, c] = SCRAMBLE;
     let mut text = format!(
         "const BLOCK_EDGE: u32 = {BLOCK_EDGE}u;\n\
-         const SCRAMBLE: vec3u = vec3u({a}u, {b}u, {c}u);\n\
          const SOLID_ANGLE_MIN: f32 = {};\n\
-         const BELOW_1: f32 = {BELOW_1};\n\
-         const BLOCK_CAMERA: u32 = {BLOCK_CAMERA}u;\n\
-         const ROULETTE_DEPTH: u32 = {ROULETTE_DEPTH}u;\n\
-         const SURVIVAL_PER_THROUGHPUT: f32 = {SURVIVAL_PER_THROUGHPUT:?};\n\
          const COMPENSATED: bool = {};\n\
          const DISCS_COPLANAR: bool = {};\n\
          const AREA_LIGHTS_COPLANAR: bool = {};\n\
@@ -173,6 +167,7 @@ fn constants(features: &Features) -> String {
             output as u32
         );
     }
+    text += &sampling_constants();
     text += &kinds();
     let floats = KernelOutput::Aovs.floats();
     _ = writeln!(text, "const AOV_FLOATS: u32 = {floats}u;");
@@ -193,6 +188,18 @@ fn constants(features: &Features) -> String {
         "const AREA_LIGHT_FIRST: u32 = {first}u;\nconst AREA_LIGHT_COUNT: u32 = {lights}u;"
     );
     text
+}
+
+/// Numbers of [`crate::sampling`].
+fn sampling_constants() -> String {
+    let [a, b, c] = SCRAMBLE;
+    format!(
+        "const SCRAMBLE: vec3u = vec3u({a}u, {b}u, {c}u);\n\
+         const BELOW_1: f32 = {BELOW_1};\n\
+         const BLOCK_CAMERA: u32 = {BLOCK_CAMERA}u;\n\
+         const ROULETTE_DEPTH: u32 = {ROULETTE_DEPTH}u;\n\
+         const SURVIVAL_PER_THROUGHPUT: f32 = {SURVIVAL_PER_THROUGHPUT:?};\n"
+    )
 }
 
 /// Numbers that stand for kinds.

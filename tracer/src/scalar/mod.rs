@@ -202,6 +202,25 @@ fn columns<const N: usize>(pixels: impl Iterator<Item = [f32; N]>) -> [Vec<f32>;
     columns
 }
 
+/// What a path's throughput is multiplied by at Russian roulette: 0 if it ends.
+fn survival_weight(
+    depth: u32,
+    start: Option<RayOrigin>,
+    beta: DVec3,
+    random: impl Fn() -> f64,
+) -> f64 {
+    let survival = f64::from(SURVIVAL_PER_THROUGHPUT) * beta.max_element();
+    let is_inside = start.is_some_and(|start| start.is_inside);
+    if depth < ROULETTE_DEPTH || is_inside || survival >= 1.0 {
+        return 1.0;
+    }
+    if random() < survival {
+        survival.recip()
+    } else {
+        0.0
+    }
+}
+
 /// The ray through film position `(x, y)`, in pixels from the image's top left corner.
 pub fn camera_ray(frame: &CameraFrame, x: f64, y: f64) -> Ray {
     let direction = vector(frame.corner) + x * vector(frame.dx) + y * vector(frame.dy);
@@ -372,9 +391,6 @@ impl<'a> PathTracer<'a> {
             radiance += beta * self.direct_light(&vertex, random(block_light(depth)), rays);
             let sample = vertex.scatter.sample(vertex.wo, vertex.n, [u0, u1, u2, u3]);
             beta *= sample.weight;
-            if beta == DVec3::ZERO {
-                return radiance;
-            }
             ray = Ray {
                 origin: vertex.point,
                 direction: sample.wi,
@@ -382,15 +398,10 @@ impl<'a> PathTracer<'a> {
             start = Some(vertex.ray_origin(sample.wi));
             let is_known = prev.is_scattered && self.exits_by_nee_hemisphere(&vertex, start, hit.t);
             prev = prev.next(&vertex, sample.pdf, is_known);
-            let survival = f64::from(SURVIVAL_PER_THROUGHPUT) * beta.max_element();
-            let is_outside = start.is_none_or(|start| !start.is_inside);
-            if depth >= ROULETTE_DEPTH && is_outside && survival < 1.0 {
-                // The number that a body's flight would take.
-                let [_, u] = random(block_choice(depth + 1));
-                if u >= survival {
-                    return radiance;
-                }
-                beta /= survival;
+            // The number that a body's flight would take.
+            beta *= survival_weight(depth, start, beta, || random(block_choice(depth + 1))[1]);
+            if beta == DVec3::ZERO {
+                return radiance;
             }
         }
         radiance
