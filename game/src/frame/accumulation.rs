@@ -143,9 +143,10 @@ mod tests {
         accumulator.add(1, &batch(0.5, 3)).unwrap();
         accumulator.add(2, &batch(1.0, 1)).unwrap();
         let frame = accumulator.frame().unwrap();
+        let [r, g, b] = srgb8([1.0; 3], EXPOSURE);
         assert_eq!(
             (frame.series, frame.samples, frame.rgba[0]),
-            (2, 1, [255; 4])
+            (2, 1, [r, g, b, 255])
         );
     }
 
