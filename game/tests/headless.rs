@@ -221,7 +221,8 @@ fn assert_stats(stats: &Value) {
     let mut moment = -1.0;
     for frame in frames {
         assert!(frame["makespan_secs"].as_f64().unwrap() > 0.0);
-        assert!(frame["payload_bytes"].as_u64().unwrap() > 0);
+        // Pixels of this process are handed over, not encoded.
+        assert_eq!(frame["payload_bytes"], 0);
         for key in ["reissued_tiles", "duplicate_tiles", "dropped_samples"] {
             assert!(frame[key].is_u64(), "{key}");
         }
