@@ -76,8 +76,9 @@ fn tiles(id: u64, tiles: TileRange, pixels: Vec<u8>) -> Vec<u8> {
 }
 
 const BLACK: [f32; 3] = [0.0; 3];
-const WHITE: [f32; 3] = [1.0; 3];
-const RED: [f32; 3] = [1.0, 0.0, 0.0];
+/// Light without bound, which the tone curve shows as the full step.
+const WHITE: [f32; 3] = [f32::INFINITY; 3];
+const RED: [f32; 3] = [f32::INFINITY, 0.0, 0.0];
 
 /// The light of a tile's pixels, and the tile's reference.
 type TracedTile<'a> = ([[f32; 3]; 4], Option<&'a Arc<ReferenceTile>>);
