@@ -53,6 +53,7 @@ mod farm;
 mod frame;
 pub mod link;
 mod local_devices;
+pub mod logging;
 mod memory_link;
 pub mod multi_device;
 pub mod net;

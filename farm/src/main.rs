@@ -9,10 +9,6 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use mimalloc::MiMalloc;
-use tracing_subscriber::filter::{LevelFilter, Targets};
-use tracing_subscriber::fmt::layer;
-use tracing_subscriber::layer::SubscriberExt as _;
-use tracing_subscriber::util::SubscriberInitExt as _;
 
 /// With glibc's allocator an answer of 64 KiB over a loopback takes a quarter more time.
 #[global_allocator]
@@ -28,13 +24,7 @@ struct FarmCli {
 
 fn main() -> ExitCode {
     let cli = FarmCli::parse();
-    let filter = std::env::var("RUST_LOG")
-        .ok()
-        .and_then(|text| text.parse().ok());
-    tracing_subscriber::registry()
-        .with(layer().with_writer(std::io::stderr).with_target(false))
-        .with(filter.unwrap_or(Targets::new().with_default(LevelFilter::WARN)))
-        .init();
+    carom_farm::logging::init("warn");
     match cli.command.run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {

@@ -9,10 +9,6 @@ use carom::{app, audio};
 use carom_farm::FarmConfig;
 use clap::Parser as _;
 use mimalloc::MiMalloc;
-use tracing_subscriber::filter::Targets;
-use tracing_subscriber::fmt::layer;
-use tracing_subscriber::layer::SubscriberExt as _;
-use tracing_subscriber::util::SubscriberInitExt as _;
 
 /// With glibc's an answer of 64 KiB over a loopback takes a quarter more time.
 #[global_allocator]
@@ -20,14 +16,7 @@ static ALLOCATOR: MiMalloc = MiMalloc;
 
 fn main() -> ExitCode {
     let args = Args::parse();
-    let filter = std::env::var("RUST_LOG")
-        .ok()
-        .and_then(|text| text.parse().ok());
-    let filter: Targets = filter.or_else(|| LOG.parse().ok()).unwrap_or_default();
-    tracing_subscriber::registry()
-        .with(layer().with_writer(std::io::stderr))
-        .with(filter)
-        .init();
+    carom_farm::logging::init(LOG);
     match &args.command {
         Some(Command::Tournament(games)) => return finish(games.run(), 1),
         Some(Command::Sound { out, replay, speed }) => {

@@ -3,10 +3,6 @@
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use tracing_subscriber::filter::{LevelFilter, Targets};
-use tracing_subscriber::fmt::layer;
-use tracing_subscriber::layer::SubscriberExt as _;
-use tracing_subscriber::util::SubscriberInitExt as _;
 
 use crate::{
     BenchError, balance, bvh, cluster, codec, faults, kernel_specialization, latency,
@@ -47,13 +43,7 @@ enum Command {
 /// arguments or their files are wrong, 130 interrupted.
 pub fn run() -> ExitCode {
     let cli = Cli::parse();
-    let filter = std::env::var("RUST_LOG")
-        .ok()
-        .and_then(|text| text.parse().ok());
-    tracing_subscriber::registry()
-        .with(layer().with_writer(std::io::stderr).with_target(false))
-        .with(filter.unwrap_or(Targets::new().with_default(LevelFilter::WARN)))
-        .init();
+    carom_farm::logging::init("warn");
     match cli.command.run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {

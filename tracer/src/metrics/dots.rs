@@ -1,6 +1,7 @@
 //! Dots: single pixels that noise has left far brighter than what lies around them.
 
-use crate::{Error, ImageSize, SettingsError};
+use super::compared_pixels;
+use crate::{Error, ImageSize};
 
 /// Dots in a million pixels of an 8-bit picture: a channel is [`DOT_LEVELS`] or more above the
 /// median of the eight pixels around it, and in the reference it is not.
@@ -12,14 +13,7 @@ pub fn dots_per_million(
     test: &[[u8; 3]],
     reference: &[[u8; 3]],
 ) -> Result<f64, Error> {
-    let pixels = size.pixels();
-    if pixels == 0 || test.len() != pixels || reference.len() != pixels {
-        return Err(Error::InvalidSettings(SettingsError::ComparedPixels {
-            test: test.len(),
-            reference: reference.len(),
-            size,
-        }));
-    }
+    let pixels = compared_pixels(size, test, reference)?;
     let is_dot = |index: &usize| {
         (0..3).any(|c| {
             rise(size, test, *index, c) >= DOT_LEVELS

@@ -11,8 +11,9 @@
 
 use rayon::prelude::*;
 
+use super::compared_pixels;
 use crate::tonemap::linear;
-use crate::{Error, ImageSize, SettingsError};
+use crate::{Error, ImageSize};
 
 /// How different two pictures look, from 0, not at all, to 1.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,14 +30,7 @@ pub struct Flip {
 /// # Errors
 /// [`Error::InvalidSettings`] if a picture has not as many pixels as `size`, or there are none.
 pub fn flip(size: ImageSize, test: &[[u8; 3]], reference: &[[u8; 3]]) -> Result<Flip, Error> {
-    let pixels = size.pixels();
-    if pixels == 0 || test.len() != pixels || reference.len() != pixels {
-        return Err(Error::InvalidSettings(SettingsError::ComparedPixels {
-            test: test.len(),
-            reference: reference.len(),
-            size,
-        }));
-    }
+    let pixels = compared_pixels(size, test, reference)?;
     let (test, reference) = rayon::join(
         || Perceived::new(size, test),
         || Perceived::new(size, reference),

@@ -9,6 +9,26 @@ pub use flip::{Flip, flip};
 use crate::image::RadianceImage;
 use crate::{Error, ImageSize, SettingsError, Tile, TileGrid};
 
+/// Pixels of two pictures of `size`.
+///
+/// # Errors
+/// [`Error::InvalidSettings`] if one has not as many, or there are none.
+fn compared_pixels(
+    size: ImageSize,
+    test: &[[u8; 3]],
+    reference: &[[u8; 3]],
+) -> Result<usize, Error> {
+    let pixels = size.pixels();
+    if pixels == 0 || test.len() != pixels || reference.len() != pixels {
+        return Err(Error::InvalidSettings(SettingsError::ComparedPixels {
+            test: test.len(),
+            reference: reference.len(),
+            size,
+        }));
+    }
+    Ok(pixels)
+}
+
 /// A picture with the standard error of each pixel and channel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
