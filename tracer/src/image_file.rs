@@ -64,11 +64,15 @@ impl RadianceImage {
     pub fn write_exr(&self, path: impl AsRef<Path>) -> Result<(), Error> {
         let path = path.as_ref();
         let (width, height) = (self.size.width as usize, self.size.height as usize);
-        openexr::write_rgb_file(path, width, height, |x, y| {
-            let [r, g, b] = self.pixels[y * width + x];
+        let pixel = |at: openexr::Vec2<usize>| {
+            let [r, g, b] = self.pixels[at.y() * width + at.x()];
             (r, g, b)
-        })
-        .map_err(|error| refused(path, error))
+        };
+        let channels = openexr::SpecificChannels::rgb(pixel);
+        openexr::Image::from_encoded_channels((width, height), ENCODING, channels)
+            .write()
+            .to_file(path)
+            .map_err(|error| refused(path, error))
     }
 
     /// Writes channels R, G and B and what camera rays meet first as layers: `albedo.R`, `albedo.G`
@@ -105,7 +109,7 @@ impl RadianceImage {
         let path = path.as_ref();
         let size = (self.size.width as usize, self.size.height as usize);
         let channels = openexr::AnyChannels::sort(channels.into_iter().collect());
-        openexr::Image::from_channels(size, channels)
+        openexr::Image::from_encoded_channels(size, ENCODING, channels)
             .write()
             .to_file(path)
             .map_err(|error| refused(path, error))
@@ -137,6 +141,10 @@ impl RadianceImage {
         })
     }
 }
+
+/// Scan lines in increasing order: tiles are written as threads finish them, so that the bytes of
+/// equal pictures differ from run to run.
+const ENCODING: openexr::Encoding = openexr::Encoding::SMALL_LOSSLESS;
 
 fn refused(path: &Path, error: exr::error::Error) -> Error {
     let message = match error {
@@ -170,6 +178,27 @@ mod tests {
         RadianceImage {
             size,
             pixels: (0..size.pixels()).map(pixel).collect(),
+        }
+    }
+
+    #[test]
+    fn equal_pictures_make_equal_exr_files() {
+        let folder = tempfile::tempdir().unwrap();
+        // Many blocks, so that threads finish them in another order each time.
+        let size = ImageSize::new(640, 640);
+        let image = RadianceImage {
+            size,
+            pixels: (0..size.pixels()).map(|i| [i as f32; 3]).collect(),
+        };
+        let hits = vec![Aovs::default(); size.pixels()];
+        let bytes = |name: &str| {
+            let path = folder.path().join(name);
+            image.write_exr_with_aovs(&path, &hits).unwrap();
+            std::fs::read(path).unwrap()
+        };
+        let first = bytes("0.exr");
+        for i in 1..8 {
+            assert!(bytes(&format!("{i}.exr")) == first, "file {i}");
         }
     }
 
