@@ -16,8 +16,7 @@ use carom_testkit::{link_emulator::LinkConfig, udp_proxy::UdpProxy};
 use carom_tracer::{CpuTracer, ImageSize, RenderSettings, SceneUpdate};
 use serde::Serialize;
 
-use crate::BenchError;
-use crate::scenes;
+use crate::{BenchError, case_filter, scenes};
 
 /// Measure the latency from an input to the screen, stage by stage.
 ///
@@ -89,8 +88,8 @@ fn cases() -> [(&'static str, Option<LinkConfig>); 4] {
 
 pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     let mut report = LatencyReport { runs: Vec::new() };
-    let wanted = |name: &str| args.path.as_ref().is_none_or(|part| name.contains(part));
-    for (name, path) in cases().into_iter().filter(|(name, _)| wanted(name)) {
+    let wanted = case_filter::named(cases(), |(name, _)| name, args.path.as_deref())?;
+    for (name, path) in wanted {
         let row = measure(args, name, path)?;
         if !args.json {
             print_row(&row);

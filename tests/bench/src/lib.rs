@@ -5,6 +5,7 @@
 
 mod balance;
 mod bvh;
+mod case_filter;
 mod chart;
 mod cli;
 mod cluster;

@@ -32,6 +32,15 @@ fn done(dir: &Path, args: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
+#[test]
+fn unknown_paths_are_refused_with_the_known_ones() {
+    let dir = tempfile::tempdir().unwrap();
+    for bench in ["latency", "transport"] {
+        let said = refused(dir.path(), &[bench, "--path", "zzz"]);
+        assert!(said.contains("zzz") && said.contains("loopback"), "{said}");
+    }
+}
+
 /// Of nodes that slow down, are held, go on, are killed and join, over paths that lose packets.
 #[cfg(unix)]
 #[test]

@@ -24,8 +24,7 @@ use serde::Serialize;
 
 use self::arrivals::Arrivals;
 use self::loopback::ReadySession;
-use crate::BenchError;
-use crate::scenes;
+use crate::{BenchError, case_filter, scenes};
 use carom_testkit::noise_tracer::NoiseTracer;
 
 /// Measure the time of tiles over emulated links, by mode of sending.
@@ -164,6 +163,7 @@ const fn sending(congestion: CongestionControl, fec: bool) -> TransportOptions {
 
 pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     let mut report = TransportReport { runs: Vec::new() };
+    let wanted = case_filter::named(cases(), |case| case.name, args.path.as_deref())?;
     if !args.json {
         println!(
             "{:<20} {:<7} {:<9} {:>8} {:>8} {:>9} {:>9} {:>7} {:>10}",
@@ -178,12 +178,7 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
             "slow start"
         );
     }
-    let wanted = |case: &LinkCase| {
-        args.path
-            .as_ref()
-            .is_none_or(|part| case.name.contains(part))
-    };
-    for case in cases().iter().filter(|case| wanted(case)) {
+    for case in &wanted {
         for (name, sending) in SENDERS {
             let only_own = args.own || case.governed || case.ready;
             if sending != TransportOptions::default() && only_own {
