@@ -35,6 +35,9 @@ pub struct FarmConfig {
     /// a round trip of 46 ms has 5. Higher costs memory, lower leaves nodes idle while pixels
     /// travel.
     pub frames_in_flight: usize,
+    /// After how many seconds without an answer of any node [`crate::Farm::check_nodes`] gives up; 0
+    /// is never. By default ten if no connection is left, and a minute if a node may be starting.
+    pub timeout_secs: Option<u32>,
 }
 
 impl FarmConfig {
@@ -85,6 +88,7 @@ impl Default for FarmConfig {
                 coarsest: PixelPrecision::Lossy50,
             },
             frames_in_flight: 8,
+            timeout_secs: None,
         }
     }
 }

@@ -35,7 +35,7 @@ pub enum Error {
         hedged: &'static str,
     },
     /// A socket could not be opened.
-    #[error("{address}: {source}")]
+    #[error("{address}: {}", socket_reason(source))]
     Socket {
         /// The address.
         address: String,
@@ -158,6 +158,14 @@ pub enum Error {
     NoAnswer {
         /// The address.
         address: SocketAddr,
+    },
+    /// Another link of this farm has the node at this address, under another name.
+    #[error("{address} is the same node as {node}: name it once")]
+    SameNode {
+        /// The address that both names led to.
+        address: SocketAddr,
+        /// The other name.
+        node: String,
     },
     /// A node's address is not one that a connection can be opened to.
     #[error("cannot connect to {address}: {reason}")]
@@ -306,6 +314,15 @@ fn states(nodes: &[NodeStatus]) -> String {
         return "the farm has none".to_owned();
     }
     sentences
+}
+
+fn socket_reason(source: &std::io::Error) -> String {
+    match source.kind() {
+        std::io::ErrorKind::AddrInUse => "another program uses this address: end it, or listen \
+                                          at another port"
+            .to_owned(),
+        _ => source.to_string(),
+    }
 }
 
 fn prefix(path: Option<&Path>) -> String {

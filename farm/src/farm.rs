@@ -39,14 +39,18 @@ pub struct Farm {
     /// The next ids, by priority.
     next_interactive: FrameId,
     next_background: FrameId,
+    timeout_secs: Option<u32>,
     /// Since when [`Farm::check_nodes`] has seen no node that could trace.
     idle_since: Option<Instant>,
+    /// Whether that has been said.
+    idle_reported: bool,
 }
 
 /// What remote nodes are called with.
 struct RemoteNodes {
     client: Client,
-    addresses: Vec<NodeAddress>,
+    /// Each with the text that names it.
+    addresses: Vec<(String, NodeAddress)>,
 }
 
 impl RemoteNodes {
@@ -59,8 +63,15 @@ impl RemoteNodes {
         if config.nodes.is_empty() {
             return Ok(None);
         }
-        let addresses = config.nodes.iter().map(|node| node.parse());
-        let addresses = addresses.collect::<Result<_, _>>()?;
+        let mut addresses: Vec<(String, NodeAddress)> = Vec::new();
+        for node in &config.nodes {
+            let address = node.parse()?;
+            if addresses.iter().any(|(_, known)| *known == address) {
+                tracing::warn!("{node} is named twice: it counts as one node");
+                continue;
+            }
+            addresses.push((node.clone(), address));
+        }
         let credentials = Credentials::load(&config.credentials, Role::Player)?;
         let client = Client::new(&credentials)?;
         Ok(Some(Self { client, addresses }))
@@ -109,8 +120,8 @@ impl Farm {
     ) -> Result<Self, Error> {
         let calls = remotes.is_some();
         if let Some(RemoteNodes { client, addresses }) = remotes {
-            for (node, address) in config.nodes.iter().zip(addresses) {
-                driver.add_remote(&client, node.clone(), address);
+            for (node, address) in addresses {
+                driver.add_remote(&client, node, address);
             }
             driver.keep(client);
         }
@@ -136,7 +147,9 @@ impl Farm {
             in_flight: VecDeque::new(),
             next_interactive: FrameId(0),
             next_background: FrameId::BACKGROUND_FIRST,
+            timeout_secs: config.timeout_secs,
             idle_since: None,
+            idle_reported: false,
         })
     }
 
@@ -258,30 +271,38 @@ impl Farm {
     }
 
     /// Gives up on nodes, for programs that wait for them: to be called now and then while no frame
-    /// comes.
+    /// comes. After three seconds without a node a warning is logged that says why.
     ///
     /// # Errors
-    /// [`Error::NoNodes`] when none has answered for a minute, or for ten seconds if no connection is left.
+    /// [`Error::NoNodes`] when none has answered for [`FarmConfig::timeout_secs`].
     pub fn check_nodes(&mut self) -> Result<(), Error> {
         let nodes = self.nodes();
         let is_idle =
             |node: &NodeStatus| matches!(node.state, NodeState::Starting | NodeState::Lost { .. });
         if !nodes.iter().all(is_idle) {
             self.idle_since = None;
+            self.idle_reported = false;
             return Ok(());
         }
         // One that is merely silent is still connected, and may be at a long tile.
         let is_gone =
             |node: &NodeStatus| node.info.is_none() && matches!(node.state, NodeState::Lost { .. });
-        let patience = match nodes.iter().all(is_gone) {
-            true => LOST_PATIENCE,
-            false => START_PATIENCE,
+        let patience = match (self.timeout_secs, nodes.iter().all(is_gone)) {
+            (Some(0), _) => Duration::MAX,
+            (Some(secs), _) => Duration::from_secs(secs.into()),
+            (None, true) => LOST_PATIENCE,
+            (None, false) => START_PATIENCE,
         };
         let since = self.idle_since.get_or_insert_with(Instant::now).elapsed();
-        if since < patience {
-            return Ok(());
+        let silence = Error::NoNodes { since, nodes };
+        if since >= patience {
+            return Err(silence);
         }
-        Err(Error::NoNodes { since, nodes })
+        if since >= REPORT_AFTER && !self.idle_reported {
+            self.idle_reported = true;
+            tracing::warn!("waiting for nodes: {silence}");
+        }
+        Ok(())
     }
 
     /// Divides frames in another way from the next one on.
@@ -385,5 +406,7 @@ fn validate(config: &FarmConfig) -> Result<(), Error> {
 const TILE_EDGE_MIN: usize = 8;
 /// How long to wait for a first node: a GPU takes a second to start, a call some seconds to fail.
 const START_PATIENCE: Duration = Duration::from_secs(60);
+/// A user who waits longer than this is told what for.
+const REPORT_AFTER: Duration = Duration::from_secs(3);
 /// How long to wait for nodes when no connection is left.
 const LOST_PATIENCE: Duration = Duration::from_secs(10);

@@ -203,7 +203,7 @@ impl NodeProcess {
     fn start(dir: &Path, name: &str) -> Self {
         let folder = format!(".carom/nodes/{name}");
         let mut child = Command::new(env!("CARGO_BIN_EXE_carom-farm"))
-            .args(["node", "--listen", "127.0.0.1:0", "--backend", "cpu"])
+            .args(["node", "--listen", "localhost:0", "--backend", "cpu"])
             .args(["--credentials", &folder])
             .current_dir(dir)
             .stdout(Stdio::piped())
@@ -400,6 +400,131 @@ fn an_interrupted_node_drains_and_exits_cleanly() {
 }
 
 #[test]
+fn pictures_of_one_stem_do_not_collide() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    std::fs::write(dir.join("p.partial"), "a file of the user").unwrap();
+    let render = |out: &str| {
+        Command::new(env!("CARGO_BIN_EXE_carom-farm"))
+            .args([
+                "render",
+                "--backend",
+                "cpu",
+                "--size",
+                "96x54",
+                "--spp",
+                "4",
+            ])
+            .args(["--out", out])
+            .current_dir(dir)
+            .spawn()
+            .unwrap()
+    };
+    let renders = ["p.png", "p.exr"].map(render);
+    for mut render in renders {
+        assert!(render.wait().unwrap().success());
+    }
+    assert!(
+        std::fs::read(dir.join("p.png"))
+            .unwrap()
+            .starts_with(b"\x89PNG")
+    );
+    assert_eq!(pixels(dir, "p.exr").len(), 96 * 54);
+    let own = std::fs::read_to_string(dir.join("p.partial")).unwrap();
+    assert_eq!(own, "a file of the user");
+    assert_eq!(std::fs::read_dir(dir).unwrap().count(), 3);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn an_unwritable_folder_is_refused_before_tracing() {
+    let dir = tempfile::tempdir().unwrap();
+    // Hours of tracing, in a file system that takes no files.
+    let picture = ["render", "--backend", "cpu", "--spp", "65536"];
+    let said = refused(
+        dir.path(),
+        &[&picture[..], &["--out", "/proc/a.png"]].concat(),
+    );
+    assert!(said.contains("/proc/"), "{said}");
+}
+
+#[test]
+fn renders_do_not_wait_for_nodes_in_silence() {
+    let dir = farm(&[]);
+    let silent = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    let silent = silent.local_addr().unwrap().to_string();
+    let render = [
+        "render",
+        "--backend",
+        "none",
+        "--timeout-secs",
+        "5",
+        "--out",
+        "a.png",
+    ];
+    let output = carom_farm(dir.path(), &[&render[..], &["--node", &silent]].concat());
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("waiting for nodes"), "{said}");
+    let last = said.lines().last().unwrap();
+    assert!(last.contains("no node has answered for 5 s"), "{said}");
+    assert!(last.contains(&silent), "{said}");
+}
+
+#[test]
+fn an_address_in_use_is_reported_once() {
+    let dir = farm(&["oak"]);
+    let held = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    let held = held.local_addr().unwrap().to_string();
+    let node = [
+        "node",
+        "--credentials",
+        ".carom/nodes/oak",
+        "--listen",
+        &held,
+    ];
+    let output = carom_farm(dir.path(), &node);
+    assert_eq!(output.status.code(), Some(1));
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(
+        said.matches("in use").count() + said.matches("uses").count(),
+        1,
+        "{said}"
+    );
+}
+
+#[test]
+fn two_names_of_a_node_count_as_one() {
+    let dir = farm(&["oak"]);
+    let oak = NodeProcess::start(dir.path(), "oak");
+    let name = oak.address.replace("127.0.0.1", "localhost");
+    let nodes = [
+        "--node",
+        &oak.address,
+        "--node",
+        &oak.address,
+        "--node",
+        &name,
+    ];
+    let status = [&["status", "--json", "--timeout-secs", "2"][..], &nodes].concat();
+    let output = carom_farm(dir.path(), &status);
+    let rows: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let states = rows
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|row| row["state"].as_str().unwrap());
+    let mut states: Vec<&str> = states.collect();
+    states.sort_unstable();
+    assert_eq!(states, ["lost", "paired"], "{rows}");
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(
+        said.contains("named twice") && said.contains("the same node as"),
+        "{said}"
+    );
+}
+
+#[test]
 fn status_distinguishes_nodes_that_answer() {
     let dir = farm(&["oak"]);
     let dir = dir.path();
@@ -418,7 +543,9 @@ fn status_distinguishes_nodes_that_answer() {
     assert!(rows[0]["device"].is_string() && rows[0]["round_trip_ms"].is_number());
     assert_eq!(rows[1]["address"], json!(silent));
     assert_ne!(rows[1]["state"], "paired");
-    assert!(rows[1]["device"].is_null());
+    assert!(rows[1]["device"].is_null() && rows[1]["protocol"].is_null());
+    let sentence = rows[1]["sentence"].as_str().unwrap();
+    assert!(sentence.contains("firewalls"), "{sentence}");
     let one = ["status", "--node", &oak.address];
     assert!(done(dir, &one).contains("paired"));
     let missing = refused(dir, &["status", "--farm", "nowhere.toml"]);

@@ -88,6 +88,10 @@ pub struct Args {
     /// Folder of the farm's certificates and the player's key
     #[arg(long, value_name = "DIR")]
     pub credentials: Option<PathBuf>,
+    /// Seconds without an answer of any node after which a run without a window gives up; 0 waits for
+    /// ever [default: 10 if none is connected and 60 if one may still be starting, or as in --config]
+    #[arg(long, value_name = "N")]
+    pub timeout_secs: Option<u32>,
     /// Farm configuration [default: farm.toml in this folder, if it exists]
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
@@ -159,6 +163,7 @@ impl Args {
         if let Some(folder) = &self.credentials {
             config.credentials.clone_from(folder);
         }
+        config.timeout_secs = self.timeout_secs.or(config.timeout_secs);
         if let Some(backend) = self.backend {
             config.local = backend;
         }

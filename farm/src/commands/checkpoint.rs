@@ -38,6 +38,8 @@ pub(crate) struct Checkpoint {
     header: CheckpointHeader,
     period: Duration,
     written: Instant,
+    /// Whether a user has been told that none can be written.
+    warned: bool,
 }
 
 impl Checkpoint {
@@ -63,6 +65,7 @@ impl Checkpoint {
             },
             period,
             written: Instant::now(),
+            warned: false,
         }
     }
 
@@ -99,16 +102,39 @@ impl Checkpoint {
         ))
     }
 
-    /// Writes the film if the last checkpoint is old enough.
-    ///
-    /// # Errors
-    /// [`Failure::Run`] if the file cannot be written.
-    pub(crate) fn offer(&mut self, film: &Film, samples_done: u32) -> Result<(), Failure> {
+    /// Writes the film if the last checkpoint is old enough. A render does not end over a checkpoint
+    /// that cannot be written: the first time it is said on standard error.
+    pub(crate) fn offer(&mut self, film: &Film, samples_done: u32) {
         self.header.samples_done = samples_done;
         if self.written.elapsed() < self.period {
-            return Ok(());
+            return;
         }
-        self.write(film)
+        if let Err(why) = self.write(film) {
+            self.written = Instant::now();
+            if !self.warned {
+                eprintln!("carom-farm: the render goes on without a checkpoint: {why}");
+            }
+            self.warned = true;
+        }
+    }
+
+    /// Writes the film where there is room, beside the picture or in the folder of temporary files,
+    /// and returns the file.
+    ///
+    /// # Errors
+    /// [`Failure::Run`] if it can be written nowhere.
+    pub(crate) fn rescue(&mut self, film: &Film) -> Result<PathBuf, Failure> {
+        self.header.samples_done = self.header.settings.samples;
+        let path = self.path.clone();
+        if self.write(film).is_ok() {
+            return Ok(path);
+        }
+        let name = path.file_name().unwrap_or_default();
+        let elsewhere = std::env::temp_dir().join(name);
+        self.path.clone_from(&elsewhere);
+        let written = self.write(film);
+        self.path = path;
+        written.map(|()| elsewhere)
     }
 
     /// Writes the film.
@@ -128,7 +154,10 @@ impl Checkpoint {
             file.sync_all()?;
             std::fs::rename(&partial, &self.path)
         };
-        write().with_context(|| self.path.display().to_string())?;
+        if let Err(why) = write() {
+            let _ = std::fs::remove_file(&partial);
+            return Err(anyhow::Error::new(why).context(self.path.display().to_string()))?;
+        }
         self.written = Instant::now();
         Ok(())
     }
@@ -205,7 +234,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut first = checkpoint(folder.path(), 1.0, 16);
         assert!(first.resume().unwrap().is_none());
-        first.offer(&film(), 3).unwrap();
+        first.offer(&film(), 3);
         let mut second = checkpoint(folder.path(), 1.0, 16);
         let (back, done) = second.resume().unwrap().unwrap();
         assert_eq!((back.to_bytes(), done), (film().to_bytes(), 3));
@@ -216,10 +245,35 @@ mod tests {
     }
 
     #[test]
+    fn a_failed_checkpoint_leaves_nothing_behind() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut checkpoint = checkpoint(folder.path(), 1.0, 16);
+        // A folder of the checkpoint's name cannot be replaced by a file.
+        std::fs::create_dir_all(checkpoint.path().join("full")).unwrap();
+        checkpoint.offer(&film(), 3);
+        assert!(checkpoint.warned);
+        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_film_is_rescued_where_there_is_room() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut checkpoint = checkpoint(folder.path(), 1.0, 16);
+        std::fs::create_dir_all(checkpoint.path().join("full")).unwrap();
+        let kept = checkpoint.rescue(&film()).unwrap();
+        let (header, back) = read(&std::fs::read(&kept).unwrap()).unwrap();
+        std::fs::remove_file(kept).unwrap();
+        assert_eq!(
+            (header.samples_done, back.to_bytes()),
+            (16, film().to_bytes())
+        );
+    }
+
+    #[test]
     fn foreign_and_damaged_checkpoints_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let mut first = checkpoint(folder.path(), 1.0, 16);
-        first.offer(&film(), 3).unwrap();
+        first.offer(&film(), 3);
         let bytes = std::fs::read(first.path()).unwrap();
         for (eye, samples) in [(1.5, 16), (1.0, 17)] {
             let refused = checkpoint(folder.path(), eye, samples).resume();

@@ -47,7 +47,8 @@ impl From<carom_farm::Error> for Failure {
     fn from(error: carom_farm::Error) -> Self {
         match error.is_invalid_input() {
             true => Self::Input(error.to_string()),
-            false => Self::Run(error.into()),
+            // Its sentence holds that of its source.
+            false => Self::Run(anyhow::Error::msg(error.to_string())),
         }
     }
 }

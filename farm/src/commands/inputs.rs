@@ -1,5 +1,7 @@
 //! Arguments that several commands share, checked before anything is opened.
 
+use std::io::ErrorKind;
+use std::net::{SocketAddr, ToSocketAddrs as _};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -31,6 +33,12 @@ pub(crate) fn scene(path: Option<&Path>) -> Result<NamedScene, Failure> {
         name: name.to_string_lossy().into_owned(),
         scene,
     })
+}
+
+/// The first address of a host and port to listen at.
+pub(crate) fn listen_address(text: &str) -> Result<SocketAddr, std::io::Error> {
+    let mut addresses = text.to_socket_addrs()?;
+    addresses.next().ok_or_else(|| ErrorKind::NotFound.into())
 }
 
 /// A picture file to write.

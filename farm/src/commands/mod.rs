@@ -8,6 +8,7 @@ mod failure;
 mod init;
 mod inputs;
 mod node;
+mod output_file;
 mod render;
 mod status;
 

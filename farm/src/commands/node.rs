@@ -12,7 +12,7 @@ use carom_farm::node::{Node, NodeConnection};
 use carom_protocol::session::Packet;
 use carom_protocol::{RequestId, ToNode, codec};
 
-use crate::commands::Failure;
+use crate::commands::{Failure, inputs};
 use carom_farm::backend::NodeBackend;
 
 /// Trace for players until Ctrl-C or SIGTERM
@@ -21,8 +21,9 @@ use carom_farm::backend::NodeBackend;
 /// address), paired, syncing, ready, rendering, lost or draining.
 #[derive(clap::Args)]
 pub(crate) struct NodeArgs {
-    /// Listen on this address, e.g. 0.0.0.0:4433 or [::]:4433; port 0 lets the system choose
-    #[arg(long)]
+    /// Listen on this address, e.g. 0.0.0.0:4433, [::]:4433 or localhost:4433; port 0 lets the
+    /// system choose
+    #[arg(long, value_name = "HOST:PORT", value_parser = inputs::listen_address)]
     listen: SocketAddr,
     /// Read ca.pem, node.pem and node.key from this folder, which `add-node` created
     #[arg(long, default_value = ".carom")]
@@ -56,6 +57,7 @@ pub(crate) fn run(args: &NodeArgs) -> Result<(), Failure> {
             ServerEvent::Paired { player } => {
                 print_line(&format!("{} with {player}", NodeState::Paired.word()));
             }
+            ServerEvent::Left { player } => print_line(&format!("left by {player}")),
             ServerEvent::Lost { player, why } => print_line(&format!("lost {player}: {why}")),
             ServerEvent::Draining => print_line(NodeState::Draining.word()),
         },

@@ -11,12 +11,13 @@ use carom_farm::{
     PixelFormat, Priority, trace_aovs,
 };
 use carom_tracer::film::Film;
-use carom_tracer::{Aovs, ImageSize, Preset, RenderSettings, Scene, SceneUpdate};
+use carom_tracer::{ImageSize, Preset, RenderSettings, Scene, SceneUpdate};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::commands::Failure;
 use crate::commands::checkpoint::Checkpoint;
 use crate::commands::inputs::{self, PictureFile, PictureFormat};
+use crate::commands::output_file::OutputFile;
 
 /// Trace a picture on this machine, on nodes, or on both
 #[derive(Clone, clap::Args)]
@@ -65,6 +66,10 @@ pub(crate) struct RenderArgs {
     /// one picture per node [default: tiles, or as in --config]
     #[arg(long, value_name = "tiles|samples")]
     distribution: Option<Distribution>,
+    /// Give up when no node has answered for this many seconds; 0 waits for ever [default: 10 if
+    /// none is connected and 60 if one may still be starting, or as in --config]
+    #[arg(long)]
+    timeout_secs: Option<u32>,
     /// Denoise, guided by albedo, normal and depth: 4 samples then look like 16 or more
     #[arg(long)]
     denoise: bool,
@@ -84,7 +89,13 @@ pub(crate) struct RenderArgs {
 pub(crate) fn run(args: &RenderArgs) -> Result<(), Failure> {
     let args = &args.with_preset();
     let named = inputs::scene(args.scene.as_deref())?;
-    let mut farm = Farm::new(config(args)?)?;
+    let config = config(args)?;
+    let outputs: Vec<OutputFile> = args
+        .out
+        .iter()
+        .map(OutputFile::claim)
+        .collect::<Result<_, _>>()?;
+    let mut farm = Farm::new(config)?;
     farm.set_scene(&named.scene)?;
     let interrupted = net::interruption().context("Ctrl-C")?;
     let mut progress = RenderProgress::resume(&named.scene, args)?;
@@ -106,14 +117,21 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Failure> {
             film.dropped_samples()
         );
     }
-    let layered = args.out.iter().any(|out| out.format == PictureFormat::Exr);
+    let layered = outputs.iter().any(|out| out.format() == PictureFormat::Exr);
     let hits = if layered {
         trace_aovs(&named.scene, &spec)?
     } else {
         Vec::new()
     };
-    for out in &args.out {
-        write(film, &hits, out)?;
+    if let Err(why) = outputs.iter().try_for_each(|out| out.write(film, &hits)) {
+        drop(outputs); // the room that they take is needed
+        let path = progress.checkpoint.rescue(&progress.film)?;
+        eprintln!(
+            "carom-farm: what was traced is kept in {}; as {} the same command resumes from it",
+            path.display(),
+            progress.checkpoint.path().display()
+        );
+        return Err(why);
     }
     progress.checkpoint.remove()
 }
@@ -166,7 +184,7 @@ impl RenderProgress {
             if done > *samples_done {
                 *samples_done = done;
                 bar.set_position(done.into());
-                checkpoint.offer(film, done)?;
+                checkpoint.offer(film, done);
             }
             if interrupted() {
                 return Err(Failure::Interrupted);
@@ -231,6 +249,7 @@ fn config(args: &RenderArgs) -> Result<FarmConfig, Failure> {
     if let Some(distribution) = args.distribution {
         config.distribution = distribution;
     }
+    config.timeout_secs = args.timeout_secs.or(config.timeout_secs);
     if config.local == LocalNode::None && config.nodes.is_empty() {
         return Err(Failure::Input(
             "no renderer configured: --backend none disables this machine and no --node is given"
@@ -247,17 +266,4 @@ fn progress_bar(spp: u32) -> ProgressBar {
     );
     ProgressBar::new(u64::from(spp))
         .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
-}
-
-/// Writes to a temporary file and renames it, so that nobody ever reads half a picture.
-fn write(film: &Film, hits: &[Aovs], out: &PictureFile) -> Result<(), Failure> {
-    let partial = out.path.with_extension("partial");
-    let image = film.image();
-    match out.format {
-        PictureFormat::Exr => image.write_exr_with_aovs(&partial, hits)?,
-        PictureFormat::Png => image.write_png(&partial, 1.0)?,
-    }
-    std::fs::rename(&partial, &out.path)
-        .with_context(|| out.path.display().to_string())
-        .map_err(Failure::Run)
 }

@@ -24,7 +24,7 @@ pub(crate) struct StatusArgs {
     #[arg(long, default_value = ".carom", requires = "node")]
     credentials: PathBuf,
     /// Wait this many seconds for an answer
-    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=600))]
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=600))]
     timeout_secs: u64,
     /// Print JSON
     #[arg(long)]
@@ -39,7 +39,7 @@ struct NodeRow {
     name: Option<String>,
     device: Option<String>,
     round_trip_ms: Option<f64>,
-    protocol: u16,
+    protocol: Option<u16>,
 }
 
 pub(crate) fn run(args: &StatusArgs) -> Result<(), Failure> {
@@ -54,8 +54,9 @@ pub(crate) fn run(args: &StatusArgs) -> Result<(), Failure> {
         )));
     }
     let farm = Farm::new(config)?;
-    let nodes = wait(&farm, Duration::from_secs(args.timeout_secs));
-    let rows: Vec<NodeRow> = nodes.iter().map(row).collect();
+    let timeout = Duration::from_secs(args.timeout_secs);
+    let nodes = wait(&farm, timeout);
+    let rows: Vec<NodeRow> = nodes.iter().map(|node| row(node, timeout)).collect();
     if args.json {
         println!(
             "{}",
@@ -96,16 +97,24 @@ fn wait(farm: &Farm, timeout: Duration) -> Vec<NodeStatus> {
     }
 }
 
-fn row(node: &NodeStatus) -> NodeRow {
+fn row(node: &NodeStatus, timeout: Duration) -> NodeRow {
     let info = node.info.as_ref();
     NodeRow {
         address: node.address.clone(),
-        state: node.state.to_string(),
-        sentence: node.state.sentence(),
+        state: node.state.word().to_owned(),
+        sentence: match node.state {
+            NodeState::Starting => format!(
+                "has not answered for {} s: check that the node is running and that firewalls let \
+                 its UDP port through",
+                timeout.as_secs()
+            ),
+            _ => node.state.sentence(),
+        },
         name: info.map(|info| info.name.clone()),
         device: info.map(|info| info.device.name.clone()),
         round_trip_ms: node.round_trip.map(|trip| 1e3 * trip.as_secs_f64()),
-        protocol: carom_protocol::message::VERSION,
+        // A node of another version sends no greeting.
+        protocol: info.map(|_| carom_protocol::message::VERSION),
     }
 }
 
@@ -120,7 +129,7 @@ fn print(row: &NodeRow) {
         protocol,
     } = row;
     print!("{address} ({state}) {sentence}");
-    if let (Some(name), Some(device)) = (name, device) {
+    if let (Some(name), Some(device), Some(protocol)) = (name, device, protocol) {
         print!("; {name}, {device}, protocol {protocol}");
     }
     if let Some(trip) = round_trip_ms {

@@ -17,7 +17,7 @@ use crate::link::LinkSession;
 pub use crate::link::{LinkCommand, LinkEvent};
 use crate::net::address::NodeAddress;
 use crate::net::connection_driver::{self, PacketHandler};
-use crate::net::connector::Connector;
+use crate::net::connector::{AddressClaims, Connector};
 use crate::net::credentials::Credentials;
 
 /// The network side of a player: its threads, sockets and links.
@@ -60,6 +60,7 @@ impl Client {
     /// [`Error::KeyPair`] if the credentials cannot be used, [`Error::Socket`] if the system has
     /// no threads left.
     pub fn new(credentials: &Credentials) -> Result<Self, Error> {
+        let claims = AddressClaims::default();
         let thread = |_| {
             let runtime = tokio::runtime::Builder::new_multi_thread()
                 .worker_threads(1)
@@ -70,7 +71,7 @@ impl Client {
                     address: "network threads".into(),
                     source,
                 })?;
-            let connector = Arc::new(Connector::new(credentials)?);
+            let connector = Arc::new(Connector::new(credentials, claims.clone())?);
             Ok(NetworkThread { runtime, connector })
         };
         Ok(Self {
@@ -149,10 +150,16 @@ type EventSink = Box<dyn FnMut(Vec<LinkEvent>) + Send>;
 impl LinkTask {
     async fn run(mut self) {
         let mut backoff = BACKOFF_FIRST;
+        let mut warned = false;
         loop {
             let started = Instant::now();
             (self.events)(vec![LinkEvent::Connecting]);
-            let why = self.connect().await.to_string();
+            let error = self.connect().await;
+            if matches!(error, Error::SameNode { .. }) && !warned {
+                warned = true;
+                tracing::warn!("{}: {error}", self.address);
+            }
+            let why = error.to_string();
             if started.elapsed() >= STABLE_AFTER {
                 backoff = BACKOFF_FIRST;
             }
@@ -165,8 +172,8 @@ impl LinkTask {
 
     /// Connects, runs the session until the connection is lost, and returns the reason.
     async fn connect(&mut self) -> Error {
-        let streams = match self.connector.connect(&self.address).await {
-            Ok(streams) => streams,
+        let (streams, _claim) = match self.connector.connect(&self.address).await {
+            Ok(connected) => connected,
             Err(error) => return error,
         };
         // Commands that were meant for the connection before this one.

@@ -1,8 +1,9 @@
 //! A player's connections to nodes: from names to addresses, from addresses to authenticated
 //! connections.
 
+use std::collections::HashMap;
 use std::net::SocketAddr;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use quinn::{ClientConfig, Connection, Endpoint};
 
@@ -17,6 +18,40 @@ use crate::net::{close_code, connection_error, endpoint, tls};
 pub(crate) struct Connector {
     config: ClientConfig,
     sockets: Mutex<Sockets>,
+    claims: AddressClaims,
+}
+
+/// The addresses that a player's links hold, with the names that led to them: two names of one node
+/// must not count as two nodes.
+#[derive(Clone, Default)]
+pub(crate) struct AddressClaims(Arc<Mutex<HashMap<SocketAddr, NodeAddress>>>);
+
+/// A link's hold on an address, until it is dropped.
+pub(crate) struct AddressClaim {
+    claims: AddressClaims,
+    address: SocketAddr,
+}
+
+impl AddressClaims {
+    /// # Errors
+    /// [`Error::SameNode`] if another link holds the address.
+    fn claim(&self, address: SocketAddr, node: &NodeAddress) -> Result<AddressClaim, Error> {
+        let mut claims = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(holder) = claims.get(&address) {
+            let node = holder.to_string();
+            return Err(Error::SameNode { address, node });
+        }
+        claims.insert(address, node.clone());
+        let claims = self.clone();
+        Ok(AddressClaim { claims, address })
+    }
+}
+
+impl Drop for AddressClaim {
+    fn drop(&mut self) {
+        let mut claims = self.claims.0.lock().unwrap_or_else(PoisonError::into_inner);
+        claims.remove(&self.address);
+    }
 }
 
 #[derive(Default)]
@@ -28,19 +63,24 @@ struct Sockets {
 impl Connector {
     /// # Errors
     /// [`Error::KeyPair`] if the credentials cannot be used.
-    pub(crate) fn new(credentials: &Credentials) -> Result<Self, Error> {
+    pub(crate) fn new(credentials: &Credentials, claims: AddressClaims) -> Result<Self, Error> {
         Ok(Self {
             config: endpoint::client_config(credentials)?,
             sockets: Mutex::default(),
+            claims,
         })
     }
 
     /// Connects to the first of the node's addresses that answers.
-    pub(crate) async fn connect(&self, node: &NodeAddress) -> Result<ConnectionStreams, Error> {
+    pub(crate) async fn connect(
+        &self,
+        node: &NodeAddress,
+    ) -> Result<(ConnectionStreams, AddressClaim), Error> {
         let mut errors = Vec::new();
         for address in node.resolve().await?.into_iter().take(ADDRESSES_MAX) {
+            let claim = self.claims.claim(address, node)?;
             match self.connect_address(address).await {
-                Ok(streams) => return Ok(streams),
+                Ok(streams) => return Ok((streams, claim)),
                 Err(error) => errors.push(error),
             }
         }
@@ -153,7 +193,7 @@ mod tests {
     fn refusal_of(farm: &Authority, shown: &IssuedCertificate, alpn: &[u8]) -> String {
         let today = SystemTime::now() - DAY..SystemTime::now() + DAY;
         let player = farm.credentials(Role::Player, "player", today).unwrap();
-        let connector = Connector::new(&player).unwrap();
+        let connector = Connector::new(&player, AddressClaims::default()).unwrap();
         runtime().block_on(async {
             let impostor = impostor(shown, alpn);
             let address = impostor.local_addr().unwrap().to_string().parse().unwrap();
@@ -212,7 +252,7 @@ mod tests {
             let address = node.local_addr().unwrap();
             let proxy = path.map(|path| UdpProxy::start(any_port, address, path, 1).unwrap());
             let address = proxy.as_ref().map_or(address, UdpProxy::local_addr);
-            let connector = Connector::new(&player).unwrap();
+            let connector = Connector::new(&player, AddressClaims::default()).unwrap();
             let address = address.to_string().parse().unwrap();
             let answer = async { node.accept().await.unwrap().await.unwrap() };
             let (connected, answered) = tokio::join!(connector.connect(&address), answer);
@@ -245,11 +285,24 @@ mod tests {
     const TIMEOUT: Duration = Duration::from_secs(60);
 
     #[test]
+    fn an_address_is_held_by_one_link_at_a_time() {
+        let claims = AddressClaims::default();
+        let address = SocketAddr::from((Ipv4Addr::LOCALHOST, 4433));
+        let name = |text: &str| text.parse::<NodeAddress>().unwrap();
+        let held = claims.claim(address, &name("oak:4433")).unwrap();
+        let refused = claims.claim(address, &name("127.0.0.1:4433"));
+        let why = refused.err().unwrap().to_string();
+        assert!(why.contains("the same node as oak:4433"), "{why}");
+        drop(held);
+        claims.claim(address, &name("127.0.0.1:4433")).unwrap();
+    }
+
+    #[test]
     fn unresolvable_names_are_reported() {
         let farm = Authority::generate().unwrap();
         let now = SystemTime::now();
         let player = farm.credentials(Role::Player, "player", now - DAY..now + DAY);
-        let connector = Connector::new(&player.unwrap()).unwrap();
+        let connector = Connector::new(&player.unwrap(), AddressClaims::default()).unwrap();
         // RFC 6761: no name under `invalid` is ever given to anybody.
         let nobody = "nobody.invalid:4433".parse().unwrap();
         let error = runtime()

@@ -15,6 +15,7 @@ use crate::net::connection_driver::{self, ConnectionStreams, PacketHandler};
 use crate::net::credentials::Credentials;
 use crate::net::endpoint::TransportOptions;
 use crate::net::listener::Listener;
+use crate::net::peer::DisconnectReason;
 use crate::net::signals::Signals;
 use crate::node::NodeConnection;
 
@@ -26,7 +27,12 @@ pub enum ServerEvent {
         /// Its address.
         player: SocketAddr,
     },
-    /// A player's connection has ended.
+    /// A player has closed its connection.
+    Left {
+        /// Its address.
+        player: SocketAddr,
+    },
+    /// A player's connection has failed.
     Lost {
         /// Its address.
         player: SocketAddr,
@@ -134,8 +140,7 @@ impl NodeServer {
                 let player = streams.connection.remote_address();
                 events(ServerEvent::Paired { player });
                 let error = connection_driver::drive(streams, &mut connect(player)).await;
-                let why = error.to_string();
-                events(ServerEvent::Lost { player, why });
+                events(ended(player, &error));
             }
         };
         runtime.block_on(async {
@@ -147,6 +152,21 @@ impl NodeServer {
             draining(ServerEvent::Draining);
             listener.drain().await;
         });
+    }
+}
+
+/// A player that leaves ends its control stream and closes the connection, in either order.
+fn ended(player: SocketAddr, error: &Error) -> ServerEvent {
+    match error {
+        Error::ControlStreamEnded => ServerEvent::Left { player },
+        Error::Disconnected {
+            reason: DisconnectReason::Closed(why),
+            ..
+        } if why.is_empty() => ServerEvent::Left { player },
+        error => ServerEvent::Lost {
+            player,
+            why: error.to_string(),
+        },
     }
 }
 
