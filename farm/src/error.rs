@@ -98,14 +98,49 @@ pub enum Error {
         /// The file that shows it.
         path: PathBuf,
     },
-    /// The folder for a new node holds one already.
+    /// The name of a new node or player, or its folder, is in use.
+    #[error("{evidence}: use --renew to renew `{name}`, or choose another name or folder")]
+    MemberExists {
+        /// The name.
+        name: String,
+        /// Its key or certificate.
+        evidence: String,
+    },
+    /// Nobody holds a valid certificate of this name.
     #[error(
-        "{} exists: use --renew to replace it, or choose another folder with --out",
-        path.display()
+        "`{}` has no valid certificate to revoke: certificates were issued to {}",
+        name.escape_debug(),
+        known.join(", ")
     )]
-    NodeExists {
-        /// The node's key.
+    NothingToRevoke {
+        /// The name.
+        name: String,
+        /// The names in the record.
+        known: Vec<String>,
+    },
+    /// The authority's key is encrypted, and no passphrase was given.
+    #[error("{} is encrypted: a passphrase is needed", path.display())]
+    PassphraseMissing {
+        /// The key.
         path: PathBuf,
+    },
+    /// The authority's key cannot be decrypted.
+    #[error("{}: the passphrase is wrong", path.display())]
+    PassphraseWrong {
+        /// The key.
+        path: PathBuf,
+    },
+    /// A `farm://host:port#token` cannot be parsed.
+    #[error("this is not a farm's address: {rule}, as `carom-farm token` prints it")]
+    JoinUrl {
+        /// The rule that it breaks.
+        rule: &'static str,
+    },
+    /// The holder of the authority does not certify this node.
+    #[error("the farm's authority refused: {sentence}")]
+    EnrolmentRefused {
+        /// Its sentence.
+        sentence: String,
     },
     /// The folder for a new node holds the farm's authority.
     #[error(
@@ -116,13 +151,13 @@ pub enum Error {
         /// The folder.
         folder: PathBuf,
     },
-    /// A node's name is not usable as a folder and in a certificate.
+    /// A node's or player's name is not usable as a folder and in a certificate.
     #[error(
-        "`{}` is not a valid node name: use 1 to {length_max} letters, digits, `-`, `_` or `.`, \
+        "`{}` is not a valid name: use 1 to {length_max} letters, digits, `-`, `_` or `.`, \
          starting with a letter or digit",
         name.escape_debug()
     )]
-    NodeName {
+    MemberName {
         /// The name.
         name: String,
         /// The longest name that is accepted.
@@ -297,9 +332,13 @@ impl Error {
             | Self::KeyPair { .. }
             | Self::CertificateCreation { .. }
             | Self::FarmExists { .. }
-            | Self::NodeExists { .. }
+            | Self::MemberExists { .. }
+            | Self::NothingToRevoke { .. }
+            | Self::PassphraseMissing { .. }
+            | Self::PassphraseWrong { .. }
+            | Self::JoinUrl { .. }
             | Self::AuthorityExposed { .. }
-            | Self::NodeName { .. }
+            | Self::MemberName { .. }
             | Self::NodeAddress { .. } => true,
             _ => false,
         }

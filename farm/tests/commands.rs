@@ -164,7 +164,7 @@ fn unusable_credentials_are_refused() {
     assert!(refused(dir, &["add-node", "oak"]).contains("carom-farm init"));
     done(dir, &["init"]);
     assert!(refused(dir, &["init"]).contains("already holds a farm"));
-    assert!(refused(dir, &["add-node", "../oak"]).contains("not a valid node name"));
+    assert!(refused(dir, &["add-node", "../oak"]).contains("not a valid name"));
     // The player's folder is not a node's.
     assert!(refused(dir, &with(".carom")).contains("carom-farm add-node"));
     done(dir, &["add-node", "oak"]);
@@ -188,7 +188,10 @@ fn benches_refuse_invalid_pictures() {
 #[test]
 fn no_command_prints_a_key() {
     let dir = tempfile::tempdir().unwrap();
-    let said = done(dir.path(), &["init"]) + &done(dir.path(), &["add-node", "oak"]);
+    let said = done(dir.path(), &["init"])
+        + &done(dir.path(), &["add-node", "oak"])
+        + &done(dir.path(), &["add-player", "bob"])
+        + &done(dir.path(), &["revoke", "bob"]);
     assert!(!said.contains("PRIVATE"));
 }
 
@@ -397,6 +400,101 @@ fn an_interrupted_node_drains_and_exits_cleanly() {
     );
     oak.wait_for("draining");
     assert!(oak.child.wait().unwrap().success());
+}
+
+#[test]
+fn two_machines_become_a_farm_by_a_token() {
+    let dir = farm(&[]);
+    let dir = dir.path();
+    let mut token = Command::new(env!("CARGO_BIN_EXE_carom-farm"))
+        .args(["token", "--listen", "127.0.0.1:0"])
+        .current_dir(dir)
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let lines = BufReader::new(token.stdout.take().unwrap()).lines();
+    let mut lines = lines.map(Result::unwrap);
+    let command = lines
+        .find(|line| line.starts_with("carom-farm join"))
+        .unwrap();
+    let url = command.rsplit(' ').next().unwrap();
+    let join = [
+        "join",
+        url,
+        "--name",
+        "oak",
+        "--credentials",
+        ".carom/nodes/oak",
+    ];
+    assert!(done(dir, &join).contains("Joined as oak"));
+    assert!(token.wait().unwrap().success());
+    assert!(lines.any(|line| line.starts_with("joined: oak")));
+    let mut oak = NodeProcess::start(dir, "oak");
+    let play = oak.wait_for("│ play");
+    assert!(play.contains(&oak.address), "{play}");
+    let doctor = ["doctor", "--node", &oak.address];
+    assert!(done(dir, &doctor).contains("answers as oak"));
+    done(dir, &["revoke", "oak"]);
+    let output = carom_farm(dir, &doctor);
+    assert_eq!(output.status.code(), Some(1));
+    let said = String::from_utf8(output.stdout).unwrap();
+    assert!(
+        said.contains("WRONG") && said.contains("has been revoked"),
+        "{said}"
+    );
+}
+
+#[test]
+fn an_authority_apart_issues_by_its_passphrase() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = |passphrase: &str, args: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_carom-farm"));
+        command
+            .args(args)
+            .current_dir(dir.path())
+            .stdin(Stdio::null());
+        command
+            .env("CAROM_PASSPHRASE", passphrase)
+            .output()
+            .unwrap()
+    };
+    let init = ["init", "--ca-dir", "stick", "--passphrase"];
+    assert!(run("open sesame", &init).status.success());
+    assert!(!dir.path().join(".carom/ca.key").exists());
+    let add = ["add-node", "oak", "--dir", "stick", "--out", "oak"];
+    let wrong = run("sesame", &add);
+    let said = String::from_utf8(wrong.stderr).unwrap();
+    assert_eq!(wrong.status.code(), Some(2), "{said}");
+    assert!(said.contains("the passphrase is wrong"), "{said}");
+    assert!(run("open sesame", &add).status.success());
+    assert!(dir.path().join("oak/node.pem").exists());
+}
+
+#[cfg(unix)]
+#[test]
+fn the_doctor_names_what_is_wrong() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let dir = farm(&[]);
+    let dir = dir.path();
+    let silent = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    let silent = silent.local_addr().unwrap().to_string();
+    let key = dir.join(".carom/player.key");
+    std::fs::set_permissions(&key, std::fs::Permissions::from_mode(0o644)).unwrap();
+    let nodes = ["--node", &silent, "--node", "nobody.invalid:4433"];
+    let args = [&["doctor", "--timeout-secs", "5"][..], &nodes].concat();
+    let said = String::from_utf8(carom_farm(dir, &args).stdout).unwrap();
+    for what in [
+        "chmod 600",
+        "firewalls",
+        "the name `nobody.invalid`",
+        "valid until",
+    ] {
+        assert!(said.contains(what), "{what}: {said}");
+    }
+    let nowhere = carom_farm(dir, &["doctor", "--credentials", "nowhere"]);
+    assert_eq!(nowhere.status.code(), Some(1));
+    let said = String::from_utf8(nowhere.stdout).unwrap();
+    assert!(said.contains("carom-farm init"), "{said}");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Arguments that several commands share, checked before anything is opened.
 
 use std::io::ErrorKind;
-use std::net::{SocketAddr, ToSocketAddrs as _};
+use std::net::{Ipv4Addr, SocketAddr, ToSocketAddrs as _, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -39,6 +39,23 @@ pub(crate) fn scene(path: Option<&Path>) -> Result<NamedScene, Failure> {
 pub(crate) fn listen_address(text: &str) -> Result<SocketAddr, std::io::Error> {
     let mut addresses = text.to_socket_addrs()?;
     addresses.next().ok_or_else(|| ErrorKind::NotFound.into())
+}
+
+/// What others may call this machine by: the address listened at, or if that is any, the one from
+/// which packets leave for elsewhere. In an address, thus in brackets if it is one of IPv6.
+pub(crate) fn reachable_host(listen: SocketAddr) -> String {
+    let mut address = SocketAddr::new(listen.ip(), 0);
+    if listen.ip().is_unspecified() {
+        // Connecting sends nothing; the address is of a block for documentation (RFC 5737).
+        let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0));
+        let outward = socket.and_then(|socket| {
+            socket.connect((Ipv4Addr::new(192, 0, 2, 1), 9))?;
+            socket.local_addr()
+        });
+        address.set_ip(outward.map_or(Ipv4Addr::LOCALHOST.into(), |outward| outward.ip()));
+    }
+    let text = address.to_string();
+    text.trim_end_matches(":0").to_owned()
 }
 
 /// A picture file to write.

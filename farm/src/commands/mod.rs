@@ -1,17 +1,23 @@
 //! The subcommands, one file each: arguments in, calls of the library, lines out.
 
-mod add_node;
+mod add;
+mod authority;
 mod bench;
 mod checkpoint;
 mod compare;
+mod doctor;
 mod failure;
 mod init;
 mod inputs;
+mod join;
 mod node;
 mod output_file;
 mod render;
+mod revoke;
 mod status;
+mod token;
 
+use carom_farm::net::Role;
 use clap::Subcommand;
 
 pub(crate) use failure::Failure;
@@ -20,7 +26,17 @@ pub(crate) use failure::Failure;
 #[derive(Subcommand)]
 pub(crate) enum FarmCommand {
     Init(init::InitArgs),
-    AddNode(add_node::AddNodeArgs),
+    Token(token::TokenArgs),
+    Join(join::JoinArgs),
+    /// Create a node's key and certificate, valid for 30 days, in a folder to copy to the node
+    ///
+    /// A running node keeps the certificate that it started with: restart it after a renewal. Nodes
+    /// that `join` renew themselves.
+    AddNode(add::AddArgs),
+    /// Create a person's key and certificate, valid for 90 days, in a folder to hand over
+    AddPlayer(add::AddArgs),
+    Revoke(revoke::RevokeArgs),
+    Doctor(doctor::DoctorArgs),
     Node(node::NodeArgs),
     Render(render::RenderArgs),
     Status(status::StatusArgs),
@@ -32,7 +48,12 @@ impl FarmCommand {
     pub(crate) fn run(self) -> Result<(), Failure> {
         match self {
             Self::Init(args) => init::run(&args),
-            Self::AddNode(args) => add_node::run(&args),
+            Self::Token(args) => token::run(&args),
+            Self::Join(args) => join::run(&args),
+            Self::AddNode(args) => add::run(Role::Node, &args),
+            Self::AddPlayer(args) => add::run(Role::Player, &args),
+            Self::Revoke(args) => revoke::run(&args),
+            Self::Doctor(args) => doctor::run(&args),
             Self::Node(args) => node::run(&args),
             Self::Render(args) => render::run(&args),
             Self::Status(args) => status::run(&args),

@@ -23,9 +23,10 @@ use carom_farm::backend::NodeBackend;
 pub(crate) struct NodeArgs {
     /// Listen on this address, e.g. 0.0.0.0:4433, [::]:4433 or localhost:4433; port 0 lets the
     /// system choose
-    #[arg(long, value_name = "HOST:PORT", value_parser = inputs::listen_address)]
+    #[arg(long, default_value = "0.0.0.0:4433", value_name = "HOST:PORT",
+        value_parser = inputs::listen_address)]
     listen: SocketAddr,
-    /// Read ca.pem, node.pem and node.key from this folder, which `add-node` created
+    /// Read ca.pem, node.pem and node.key from this folder, which `join` or `add-node` created
     #[arg(long, default_value = ".carom")]
     credentials: PathBuf,
     /// Trace with these devices
@@ -38,22 +39,29 @@ pub(crate) struct NodeArgs {
 
 pub(crate) fn run(args: &NodeArgs) -> Result<(), Failure> {
     let credentials = Credentials::load(&args.credentials, Role::Node)?;
-    let server = NodeServer::bind(args.listen, &credentials)?;
+    let mut server = NodeServer::bind(args.listen, &credentials)?;
     print_line(NodeState::Starting.word());
     let tracer = args.backend.open(usize::from(args.threads))?;
     let stop = StopHandle::default();
     let device = tracer.info().name;
     let node = Node::new(credentials.name(), tracer);
-    let name = credentials.name();
+    let name = credentials.name().to_owned();
     let listening = NodeState::Listening.word();
     print_line(&format!(
         "{listening} as {name} with {device} on {}",
         server.local_addr()?
     ));
+    print_box(&credentials, server.local_addr()?)?;
+    server.keep_renewed(credentials, args.credentials.clone());
     server.serve(
         &stop,
         move |player| LoggedConnection::new(&node, player),
         |event| match event {
+            ServerEvent::Renewed { last_day } => {
+                print_line(&format!(
+                    "renewed: the certificate is valid until {last_day}"
+                ));
+            }
             ServerEvent::Paired { player } => {
                 print_line(&format!("{} with {player}", NodeState::Paired.word()));
             }
@@ -62,6 +70,25 @@ pub(crate) fn run(args: &NodeArgs) -> Result<(), Failure> {
             ServerEvent::Draining => print_line(NodeState::Draining.word()),
         },
     );
+    Ok(())
+}
+
+/// Prints what a person needs to use this node.
+fn print_box(credentials: &Credentials, local: SocketAddr) -> Result<(), Failure> {
+    let address = format!("{}:{}", inputs::reachable_host(local), local.port());
+    let lines = [
+        format!("node     {}", credentials.name()),
+        format!("address  {address} (UDP)"),
+        format!("farm     {}", credentials.farm_fingerprint()),
+        format!("valid    until {}", credentials.last_day()?),
+        format!("play     carom --node {address}"),
+    ];
+    let width = lines.iter().map(String::len).max().unwrap_or_default();
+    print_line(&format!("┌{}┐", "─".repeat(width + 2)));
+    for line in lines {
+        print_line(&format!("│ {line:<width$} │"));
+    }
+    print_line(&format!("└{}┘", "─".repeat(width + 2)));
     Ok(())
 }
 

@@ -83,7 +83,7 @@ fn config(args: &StatusArgs) -> Result<FarmConfig, Failure> {
 }
 
 /// The nodes once each has answered or is lost, after `timeout` at the latest.
-fn wait(farm: &Farm, timeout: Duration) -> Vec<NodeStatus> {
+pub(crate) fn wait(farm: &Farm, timeout: Duration) -> Vec<NodeStatus> {
     let deadline = Instant::now() + timeout;
     loop {
         let nodes = farm.nodes();
@@ -97,19 +97,24 @@ fn wait(farm: &Farm, timeout: Duration) -> Vec<NodeStatus> {
     }
 }
 
+/// The node's state after `timeout`, with what to check if it has not answered.
+pub(crate) fn sentence(node: &NodeStatus, timeout: Duration) -> String {
+    match node.state {
+        NodeState::Starting => format!(
+            "has not answered for {} s: check that the node is running and that firewalls let its \
+             UDP port through",
+            timeout.as_secs()
+        ),
+        _ => node.state.sentence(),
+    }
+}
+
 fn row(node: &NodeStatus, timeout: Duration) -> NodeRow {
     let info = node.info.as_ref();
     NodeRow {
         address: node.address.clone(),
         state: node.state.word().to_owned(),
-        sentence: match node.state {
-            NodeState::Starting => format!(
-                "has not answered for {} s: check that the node is running and that firewalls let \
-                 its UDP port through",
-                timeout.as_secs()
-            ),
-            _ => node.state.sentence(),
-        },
+        sentence: sentence(node, timeout),
         name: info.map(|info| info.name.clone()),
         device: info.map(|info| info.device.name.clone()),
         round_trip_ms: node.round_trip.map(|trip| 1e3 * trip.as_secs_f64()),

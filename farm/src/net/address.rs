@@ -17,6 +17,11 @@ pub struct NodeAddress {
 const HOST_BYTES_MAX: usize = 253;
 
 impl NodeAddress {
+    /// The same host at another port.
+    pub(crate) fn with_port(self, port: u16) -> Self {
+        Self { port, ..self }
+    }
+
     /// The host's addresses, by the system's resolver.
     pub(crate) async fn resolve(&self) -> Result<Vec<SocketAddr>, Error> {
         let found = tokio::net::lookup_host((self.host.as_str(), self.port)).await;

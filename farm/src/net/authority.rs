@@ -1,33 +1,31 @@
-//! A farm's own certificate authority: created once, kept by the player, never on a node.
+//! A farm's own certificate authority: created once, kept by the farm's owner, never on a node.
 
-use std::fs::{self, OpenOptions};
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::{Duration, SystemTime};
 
+use pkcs8::{EncryptedPrivateKeyInfoRef, LineEnding, PrivateKeyInfoRef, SecretDocument};
 use rcgen::{
-    BasicConstraints, Certificate, CertificateParams, DistinguishedName, DnType,
-    ExtendedKeyUsagePurpose, IsCa, Issuer, KeyPair, KeyUsagePurpose, SanType,
+    BasicConstraints, Certificate, CertificateParams, CertificateSigningRequestParams,
+    DistinguishedName, DnType, ExtendedKeyUsagePurpose, IsCa, Issuer, KeyPair, KeyUsagePurpose,
+    PublicKeyData, SanType, SerialNumber,
 };
 use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 
 use crate::Error;
+use crate::net::certificate_fields;
+use crate::net::credential_files::file_error;
 use crate::net::credentials::{AUTHORITY_FILE, Credentials};
-use crate::net::peer::Role;
+use crate::net::peer::{AUTHORITY_LIFE, Role};
 
-const DAY: Duration = Duration::from_secs(24 * 3600);
-/// The authority and the player's certificate outlive any farm: whoever can replace the one on
-/// the player's disk can replace the other, so that a shorter life would protect nothing.
-const AUTHORITY_LIFE: Duration = Duration::from_secs(10 * 365 * 24 * 3600);
-/// A node's key lies on a rented machine that others will rent next.
-const NODE_LIFE: Duration = Duration::from_secs(30 * 24 * 3600);
 /// Certificates begin a day early: clocks of fresh machines are often wrong by a time zone.
-const EARLY: Duration = DAY;
-/// Bytes of a node's name: a host name's label has as many.
-const NAME_BYTES_MAX: usize = 63;
-
-const AUTHORITY_KEY_FILE: &str = "ca.key";
+const EARLY: Duration = Duration::from_secs(24 * 3600);
+/// The file of the authority's key.
+pub(crate) const AUTHORITY_KEY_FILE: &str = "ca.key";
+/// The label of an encrypted key in a PEM file (RFC 7468, 11).
+const ENCRYPTED_KEY: &str = "ENCRYPTED PRIVATE KEY";
+/// Bytes of a serial number; more than half of them must be random (CA/Browser Forum, 7.1).
+const SERIAL_BYTES: usize = 16;
 
 /// A certificate and its key as PEM text.
 pub struct IssuedCertificate {
@@ -37,56 +35,24 @@ pub struct IssuedCertificate {
     pub key_pem: String,
 }
 
+impl IssuedCertificate {
+    pub(crate) fn certificate_der(&self) -> Result<CertificateDer<'static>, Error> {
+        CertificateDer::from_pem_slice(self.certificate_pem.as_bytes())
+            .map_err(|error| not_created(&error))
+    }
+}
+
 /// The farm's authority with its key.
 pub struct Authority {
     certificate_pem: String,
     issuer: Issuer<'static, KeyPair>,
 }
 
-/// Creates a farm in `dir`: `ca.pem`, `ca.key`, `player.pem`, `player.key`.
-///
-/// # Errors
-/// [`Error::FarmExists`], or [`Error::CredentialsFile`] if the folder cannot be written.
-pub fn create_farm(dir: &Path) -> Result<(), Error> {
-    for file in [AUTHORITY_FILE, AUTHORITY_KEY_FILE] {
-        let path = dir.join(file);
-        if path.exists() {
-            return Err(Error::FarmExists { path });
-        }
+/// Everything but the key.
+impl std::fmt::Debug for Authority {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Authority").finish_non_exhaustive()
     }
-    fs::create_dir_all(dir).map_err(|source| io(dir, source))?;
-    let authority = Authority::generate()?;
-    let player = authority.issue(Role::Player, "player", lasting(AUTHORITY_LIFE))?;
-    save(dir, Role::Player, &authority, &player)?;
-    // Last, because it is what makes the folder a farm: an interrupted start can be repeated.
-    write_private(
-        &dir.join(AUTHORITY_KEY_FILE),
-        &authority.issuer.key().serialize_pem(),
-    )
-}
-
-/// Creates a node's folder `out` (absent: `dir/nodes/NAME`) with `ca.pem`, `node.pem` and
-/// `node.key`, valid for 30 days, and returns it.
-///
-/// # Errors
-/// [`Error::NodeName`]; [`Error::CredentialsMissing`] if `dir` holds no farm; [`Error::NodeExists`]
-/// unless `renew` is set; [`Error::AuthorityExposed`]; [`Error::CredentialsFile`] if the folder
-/// cannot be written.
-pub fn add_node(dir: &Path, name: &str, out: Option<&Path>, renew: bool) -> Result<PathBuf, Error> {
-    check_name(name)?;
-    let authority = Authority::load(dir)?;
-    let out = out.map_or_else(|| dir.join("nodes").join(name), Path::to_path_buf);
-    let key = out.join(Role::Node.key_file());
-    if key.exists() && !renew {
-        return Err(Error::NodeExists { path: key });
-    }
-    if out.join(AUTHORITY_KEY_FILE).exists() {
-        return Err(Error::AuthorityExposed { folder: out });
-    }
-    fs::create_dir_all(&out).map_err(|source| io(&out, source))?;
-    let issued = authority.issue(Role::Node, name, lasting(NODE_LIFE))?;
-    save(&out, Role::Node, &authority, &issued)?;
-    Ok(out)
 }
 
 impl Authority {
@@ -102,15 +68,15 @@ impl Authority {
         params.not_after = validity.end.into();
         // Each farm's name differs, so that a stranger's certificate can be distinguished from a
         // forged one.
-        let digest = params.key_identifier(&key);
-        let id: String = digest
-            .iter()
-            .take(8)
-            .map(|byte| format!("{byte:02x}"))
-            .collect();
+        let id = certificate_fields::hexadecimal(&params.key_identifier(&key)[..8]);
         params.distinguished_name = subject(&format!("Carom farm {id}"));
         params.is_ca = IsCa::Ca(BasicConstraints::Constrained(0));
-        params.key_usages = vec![KeyUsagePurpose::KeyCertSign, KeyUsagePurpose::CrlSign];
+        // It signs handshakes with nodes that join.
+        params.key_usages = vec![
+            KeyUsagePurpose::KeyCertSign,
+            KeyUsagePurpose::CrlSign,
+            KeyUsagePurpose::DigitalSignature,
+        ];
         let certificate = params
             .self_signed(&key)
             .map_err(|error| not_created(&error))?;
@@ -120,16 +86,30 @@ impl Authority {
         })
     }
 
+    /// Reads `ca.pem` and `ca.key`, which is not encrypted.
+    ///
+    /// # Errors
+    /// As [`super::AuthorityFolder::open`].
+    pub fn load(dir: &Path) -> Result<Self, Error> {
+        Self::open(dir, None)
+    }
+
     /// Reads `ca.pem` and `ca.key`.
     ///
     /// # Errors
-    /// [`Error::CredentialsMissing`], [`Error::CredentialsFile`] or [`Error::CredentialsPem`].
-    pub fn load(dir: &Path) -> Result<Self, Error> {
+    /// As [`super::AuthorityFolder::open`].
+    pub(crate) fn open(dir: &Path, passphrase: Option<&str>) -> Result<Self, Error> {
         let certificate_path = dir.join(AUTHORITY_FILE);
-        let certificate_pem = read(&certificate_path)?;
+        let certificate_pem = read_authority(&certificate_path)?;
         let key_path = dir.join(AUTHORITY_KEY_FILE);
-        let key = KeyPair::from_pem(&read(&key_path)?)
-            .map_err(|error| not_pem(&key_path, "private key", &error))?;
+        let key_pem = read_authority(&key_path)?;
+        let encrypted = key_pem.contains(ENCRYPTED_KEY);
+        let key = match (encrypted, passphrase) {
+            (false, _) => KeyPair::from_pem(&key_pem)
+                .map_err(|error| not_pem(&key_path, "private key", &error))?,
+            (true, None) => return Err(Error::PassphraseMissing { path: key_path }),
+            (true, Some(passphrase)) => decrypted(&key_path, &key_pem, passphrase)?,
+        };
         let issuer = Issuer::from_ca_cert_pem(&certificate_pem, key)
             .map_err(|error| not_pem(&certificate_path, "certificate", &error))?;
         Ok(Self {
@@ -143,6 +123,24 @@ impl Authority {
         &self.certificate_pem
     }
 
+    /// The authority's key as PEM text, in PKCS #8 encrypted by scrypt and AES-256 (RFC 8018) if
+    /// there is a passphrase.
+    ///
+    /// # Errors
+    /// [`Error::CertificateCreation`] if the system gives no randomness.
+    pub(crate) fn key_pem(&self, passphrase: Option<&str>) -> Result<String, Error> {
+        let key = self.issuer.key();
+        let Some(passphrase) = passphrase else {
+            return Ok(key.serialize_pem());
+        };
+        let der = key.serialize_der();
+        let encrypted = PrivateKeyInfoRef::try_from(der.as_slice())
+            .and_then(|key| key.encrypt(passphrase))
+            .map_err(|error| not_created(&error))?;
+        let pem = encrypted.to_pem(ENCRYPTED_KEY, LineEnding::LF);
+        Ok(pem.map_err(|error| not_created(&error))?.to_string())
+    }
+
     /// Creates a key and issues its certificate.
     ///
     /// # Errors
@@ -154,13 +152,28 @@ impl Authority {
         validity: std::ops::Range<SystemTime>,
     ) -> Result<IssuedCertificate, Error> {
         let key = KeyPair::generate().map_err(|error| not_created(&error))?;
-        let certificate = self
-            .sign(role, name, validity, &key)
-            .map_err(|error| not_created(&error))?;
+        let certificate = self.sign(role, name, validity, &key)?;
         Ok(IssuedCertificate {
             certificate_pem: certificate.pem(),
             key_pem: key.serialize_pem(),
         })
+    }
+
+    /// Issues the certificate of a key that lies elsewhere, whose holder has signed the request.
+    /// All else in the request is ignored.
+    ///
+    /// # Errors
+    /// [`Error::CertificateCreation`] if the request is none.
+    pub(crate) fn sign_request(
+        &self,
+        role: Role,
+        name: &str,
+        validity: std::ops::Range<SystemTime>,
+        request_pem: &str,
+    ) -> Result<Certificate, Error> {
+        let request = CertificateSigningRequestParams::from_pem(request_pem)
+            .map_err(|error| not_created(&error))?;
+        self.sign(role, name, validity, &request.public_key)
     }
 
     /// Issues credentials that are ready for an endpoint and never on a disk.
@@ -174,16 +187,22 @@ impl Authority {
         validity: std::ops::Range<SystemTime>,
     ) -> Result<Credentials, Error> {
         let issued = self.issue(role, name, validity)?;
-        let certificate = |pem: &str| {
-            CertificateDer::from_pem_slice(pem.as_bytes()).map_err(|error| not_created(&error))
-        };
         let key = PrivateKeyDer::from_pem_slice(issued.key_pem.as_bytes());
         Credentials::new(
-            certificate(&self.certificate_pem)?,
-            certificate(&issued.certificate_pem)?,
+            self.certificate()?,
+            issued.certificate_der()?,
             key.map_err(|error| not_created(&error))?,
             role,
         )
+    }
+
+    pub(crate) fn certificate(&self) -> Result<CertificateDer<'static>, Error> {
+        CertificateDer::from_pem_slice(self.certificate_pem.as_bytes())
+            .map_err(|error| not_created(&error))
+    }
+
+    pub(crate) fn key(&self) -> PrivateKeyDer<'static> {
+        PrivateKeyDer::Pkcs8(self.issuer.key().serialize_der().into())
     }
 
     fn sign(
@@ -191,13 +210,17 @@ impl Authority {
         role: Role,
         name: &str,
         validity: std::ops::Range<SystemTime>,
-        key: &KeyPair,
-    ) -> Result<Certificate, rcgen::Error> {
+        key: &impl PublicKeyData,
+    ) -> Result<Certificate, Error> {
+        let serial: [u8; SERIAL_BYTES] =
+            certificate_fields::random().map_err(|error| not_created(&error))?;
         let mut params = CertificateParams::default();
+        params.serial_number = Some(SerialNumber::from_slice(&serial));
         params.not_before = validity.start.into();
         params.not_after = validity.end.into();
         params.distinguished_name = subject(name);
-        params.subject_alt_names = vec![SanType::URI(role.uri().try_into()?)];
+        let uri = role.uri().try_into().map_err(|error| not_created(&error))?;
+        params.subject_alt_names = vec![SanType::URI(uri)];
         params.is_ca = IsCa::ExplicitNoCa;
         params.key_usages = vec![KeyUsagePurpose::DigitalSignature];
         params.extended_key_usages = vec![match role {
@@ -205,20 +228,37 @@ impl Authority {
             Role::Node => ExtendedKeyUsagePurpose::ServerAuth,
         }];
         params.use_authority_key_identifier_extension = true;
-        params.signed_by(key, &self.issuer)
+        let signed = params.signed_by(key, &self.issuer);
+        signed.map_err(|error| not_created(&error))
     }
 }
 
-fn check_name(name: &str) -> Result<(), Error> {
-    let first_is_plain = name.starts_with(|c: char| c.is_ascii_alphanumeric());
-    let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
-    if first_is_plain && name.len() <= NAME_BYTES_MAX && name.chars().all(plain) {
-        return Ok(());
-    }
-    Err(Error::NodeName {
-        name: name.to_owned(),
-        length_max: NAME_BYTES_MAX,
+pub(crate) fn read_authority(path: &Path) -> Result<String, Error> {
+    std::fs::read_to_string(path).map_err(|source| match source.kind() {
+        std::io::ErrorKind::NotFound => Error::CredentialsMissing {
+            path: path.to_path_buf(),
+            advice: "create the farm's authority with `carom-farm init`, or name its folder with \
+                     --ca-dir",
+        },
+        _ => file_error(path, source),
     })
+}
+
+fn decrypted(path: &Path, key_pem: &str, passphrase: &str) -> Result<KeyPair, Error> {
+    let (_, document) =
+        SecretDocument::from_pem(key_pem).map_err(|error| not_pem(path, "private key", &error))?;
+    let key = EncryptedPrivateKeyInfoRef::try_from(document.as_bytes())
+        .map_err(|error| not_pem(path, "private key", &error))?
+        .decrypt(passphrase)
+        .map_err(|_| Error::PassphraseWrong {
+            path: path.to_path_buf(),
+        })?;
+    KeyPair::try_from(key.as_bytes()).map_err(|error| not_pem(path, "private key", &error))
+}
+
+pub(crate) fn lasting(life: Duration) -> std::ops::Range<SystemTime> {
+    let now = SystemTime::now();
+    now - EARLY..now + life
 }
 
 fn subject(name: &str) -> DistinguishedName {
@@ -227,60 +267,7 @@ fn subject(name: &str) -> DistinguishedName {
     subject
 }
 
-fn lasting(life: Duration) -> std::ops::Range<SystemTime> {
-    let now = SystemTime::now();
-    now - EARLY..now + life
-}
-
-fn save(
-    dir: &Path,
-    role: Role,
-    authority: &Authority,
-    issued: &IssuedCertificate,
-) -> Result<(), Error> {
-    let write = |file: &str, text: &str| {
-        let path = dir.join(file);
-        fs::write(&path, text).map_err(|source| io(&path, source))
-    };
-    let key = dir.join(role.key_file());
-    if key.exists() {
-        fs::remove_file(&key).map_err(|source| io(&key, source))?;
-    }
-    write_private(&key, &issued.key_pem)?;
-    write(role.certificate_file(), &issued.certificate_pem)?;
-    write(AUTHORITY_FILE, &authority.certificate_pem)
-}
-
-/// Writes a new file that only its owner can read, from its first byte on.
-fn write_private(path: &Path, text: &str) -> Result<(), Error> {
-    let mut options = OpenOptions::new();
-    options.write(true).create_new(true);
-    #[cfg(unix)]
-    std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
-    options
-        .open(path)
-        .and_then(|mut file| file.write_all(text.as_bytes()))
-        .map_err(|source| io(path, source))
-}
-
-fn read(path: &Path) -> Result<String, Error> {
-    fs::read_to_string(path).map_err(|source| match source.kind() {
-        std::io::ErrorKind::NotFound => Error::CredentialsMissing {
-            path: path.to_path_buf(),
-            advice: "create the farm's authority with `carom-farm init`",
-        },
-        _ => io(path, source),
-    })
-}
-
-fn io(path: &Path, source: std::io::Error) -> Error {
-    Error::CredentialsFile {
-        path: path.to_path_buf(),
-        source,
-    }
-}
-
-fn not_pem(path: &Path, item: &'static str, error: &rcgen::Error) -> Error {
+fn not_pem(path: &Path, item: &'static str, error: &dyn std::fmt::Display) -> Error {
     Error::CredentialsPem {
         path: path.to_path_buf(),
         item,
@@ -288,7 +275,7 @@ fn not_pem(path: &Path, item: &'static str, error: &rcgen::Error) -> Error {
     }
 }
 
-fn not_created(error: &dyn std::fmt::Display) -> Error {
+pub(crate) fn not_created(error: &dyn std::fmt::Display) -> Error {
     Error::CertificateCreation {
         reason: error.to_string(),
     }
@@ -298,99 +285,7 @@ fn not_created(error: &dyn std::fmt::Display) -> Error {
 mod tests {
     use super::*;
 
-    #[test]
-    fn an_existing_farm_is_never_overwritten() {
-        let dir = tempfile::tempdir().unwrap();
-        create_farm(dir.path()).unwrap();
-        let key = fs::read(dir.path().join(AUTHORITY_KEY_FILE)).unwrap();
-        let refused = create_farm(dir.path()).unwrap_err().to_string();
-        assert!(refused.contains("already holds a farm"), "{refused}");
-        assert_eq!(key, fs::read(dir.path().join(AUTHORITY_KEY_FILE)).unwrap());
-    }
-
-    #[test]
-    fn an_interrupted_init_can_be_repeated() {
-        let dir = tempfile::tempdir().unwrap();
-        create_farm(dir.path()).unwrap();
-        fs::remove_file(dir.path().join(AUTHORITY_KEY_FILE)).unwrap();
-        fs::remove_file(dir.path().join(AUTHORITY_FILE)).unwrap();
-        create_farm(dir.path()).unwrap();
-        Credentials::load(dir.path(), Role::Player).unwrap();
-    }
-
-    #[cfg(unix)]
-    #[test]
-    fn keys_are_readable_by_their_owner_only() {
-        use std::os::unix::fs::PermissionsExt;
-        let dir = tempfile::tempdir().unwrap();
-        create_farm(dir.path()).unwrap();
-        let node = add_node(dir.path(), "oak", None, false).unwrap();
-        for key in [
-            dir.path().join("ca.key"),
-            dir.path().join("player.key"),
-            node.join("node.key"),
-        ] {
-            let mode = fs::metadata(&key).unwrap().permissions().mode() & 0o777;
-            assert_eq!(mode, 0o600, "{}", key.display());
-        }
-    }
-
-    #[test]
-    fn a_node_is_replaced_only_on_renewal() {
-        let dir = tempfile::tempdir().unwrap();
-        create_farm(dir.path()).unwrap();
-        let node = add_node(dir.path(), "oak", None, false).unwrap();
-        let first = fs::read(node.join("node.key")).unwrap();
-        add_node(dir.path(), "oak", None, false).unwrap_err();
-        assert_eq!(first, fs::read(node.join("node.key")).unwrap());
-        add_node(dir.path(), "oak", None, true).unwrap();
-        assert_ne!(first, fs::read(node.join("node.key")).unwrap());
-        assert_eq!(Credentials::load(&node, Role::Node).unwrap().name(), "oak");
-    }
-
-    #[test]
-    fn node_names_cannot_leave_the_folder() {
-        let dir = tempfile::tempdir().unwrap();
-        create_farm(dir.path()).unwrap();
-        let long = "a".repeat(NAME_BYTES_MAX + 1);
-        for name in [
-            "", ".", "..", "a/b", "../oak", "-x", "a b", "ä", "a\0b", &long,
-        ] {
-            let refused = add_node(dir.path(), name, None, false).unwrap_err();
-            assert!(
-                refused.to_string().contains("is not a valid node name"),
-                "{refused}"
-            );
-        }
-    }
-
-    #[test]
-    fn a_node_never_receives_the_authoritys_key() {
-        let dir = tempfile::tempdir().unwrap();
-        create_farm(dir.path()).unwrap();
-        add_node(dir.path(), "oak", Some(dir.path()), false).unwrap_err();
-        let node = add_node(dir.path(), "oak", None, false).unwrap();
-        let mut files: Vec<_> = fs::read_dir(node)
-            .unwrap()
-            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-            .collect();
-        files.sort();
-        assert_eq!(files, ["ca.pem", "node.key", "node.pem"]);
-    }
-
-    #[test]
-    fn loading_refuses_the_other_roles_certificate() {
-        let dir = tempfile::tempdir().unwrap();
-        create_farm(dir.path()).unwrap();
-        for ext in ["pem", "key"] {
-            let player = dir.path().join(format!("player.{ext}"));
-            fs::copy(player, dir.path().join(format!("node.{ext}"))).unwrap();
-        }
-        let refused = Credentials::load(dir.path(), Role::Node)
-            .unwrap_err()
-            .to_string();
-        assert!(refused.contains("role"), "{refused}");
-    }
+    const DAY: Duration = Duration::from_secs(24 * 3600);
 
     #[test]
     fn expired_certificates_are_refused() {

@@ -1,4 +1,4 @@
-//! X.509 certificates of a farm: their names and roles, and the check that a peer's must pass.
+//! The check that a peer's certificate must pass: farm, dates, role, deny list.
 
 use std::sync::Arc;
 
@@ -14,6 +14,7 @@ use rustls::{
 use x509_parser::extensions::GeneralName;
 use x509_parser::prelude::{FromDer, X509Certificate};
 
+use crate::net::deny_list::DenyList;
 use crate::net::peer::{CertificateFault, Role};
 
 /// Checks one's own certificate as a peer would: issued by `authority`, valid at `now`, of the
@@ -22,9 +23,10 @@ pub(crate) fn verify_own(
     authority: &CertificateDer<'_>,
     certificate: &CertificateDer<'_>,
     role: Role,
+    denied: &Arc<DenyList>,
     now: UnixTime,
 ) -> Result<(), CertificateFault> {
-    PeerVerifier::new(authority, role)
+    PeerVerifier::new(authority, role, Arc::clone(denied))
         .and_then(|verifier| verifier.verify(certificate, &[], now))
         .map_err(|error| own_fault(&error, role))
 }
@@ -40,6 +42,7 @@ fn own_fault(error: &Error, role: Role) -> CertificateFault {
         CertificateError::NotValidYet | CertificateError::NotValidYetContext { .. } => {
             CertificateFault::NotYetValid
         }
+        CertificateError::Revoked => CertificateFault::Revoked,
         CertificateError::InvalidPurpose
         | CertificateError::InvalidPurposeContext { .. }
         | CertificateError::ApplicationVerificationFailure => CertificateFault::WrongRole(role),
@@ -73,28 +76,24 @@ fn grants(certificate: &[u8], role: Role) -> bool {
     roles.next() == Some(role.uri()) && roles.next().is_none()
 }
 
-/// The common name of a certificate's subject.
-pub(crate) fn common_name(certificate: &[u8]) -> Result<String, CertificateFault> {
-    let (_, parsed) = X509Certificate::from_der(certificate)
-        .map_err(|error| CertificateFault::Unusable(error.to_string()))?;
-    let name = parsed.subject().iter_common_name().next();
-    Ok(name
-        .and_then(|name| name.as_str().ok())
-        .unwrap_or_default()
-        .to_owned())
-}
-
-/// A verifier that accepts peers of one role of one farm.
+/// A verifier that accepts peers of one role of one farm whose keys are not on the deny list.
 #[derive(Debug)]
 pub(crate) struct PeerVerifier {
     role: Role,
+    denied: Arc<DenyList>,
+    /// Whether a client without a certificate is refused.
+    mandatory: bool,
     roots: Arc<RootCertStore>,
     players: Arc<dyn ClientCertVerifier>,
     provider: Arc<CryptoProvider>,
 }
 
 impl PeerVerifier {
-    pub(crate) fn new(authority: &CertificateDer<'_>, role: Role) -> Result<Self, Error> {
+    pub(crate) fn new(
+        authority: &CertificateDer<'_>,
+        role: Role,
+        denied: Arc<DenyList>,
+    ) -> Result<Self, Error> {
         let mut roots = RootCertStore::empty();
         roots.add(authority.clone().into_owned())?;
         let (roots, provider) = (Arc::new(roots), provider());
@@ -103,10 +102,20 @@ impl PeerVerifier {
             .map_err(|error| Error::General(error.to_string()))?;
         Ok(Self {
             role,
+            denied,
+            mandatory: true,
             roots,
             players,
             provider,
         })
+    }
+
+    /// The same, but that a client may show no certificate at all.
+    pub(crate) fn optional(self) -> Self {
+        Self {
+            mandatory: false,
+            ..self
+        }
     }
 
     fn verify(
@@ -129,10 +138,13 @@ impl PeerVerifier {
             )?,
         }
         // The chain shows the farm; the role is in the subject alternative names.
-        if grants(certificate, self.role) {
-            return Ok(());
+        if !grants(certificate, self.role) {
+            return Err(CertificateError::ApplicationVerificationFailure.into());
         }
-        Err(CertificateError::ApplicationVerificationFailure.into())
+        match self.denied.denies(certificate) {
+            true => Err(CertificateError::Revoked.into()),
+            false => Ok(()),
+        }
     }
 
     fn signature(
@@ -197,6 +209,10 @@ impl ServerCertVerifier for PeerVerifier {
 }
 
 impl ClientCertVerifier for PeerVerifier {
+    fn client_auth_mandatory(&self) -> bool {
+        self.mandatory
+    }
+
     fn root_hint_subjects(&self) -> &[DistinguishedName] {
         // A client has one certificate: a hint would only tell strangers the farm's name.
         &[]

@@ -19,10 +19,13 @@ use crate::net::address::NodeAddress;
 use crate::net::connection_driver::{self, PacketHandler};
 use crate::net::connector::{AddressClaims, Connector};
 use crate::net::credentials::Credentials;
+use crate::net::deny_list::DenyList;
+use crate::net::peer::CertificateFault;
 
 /// The network side of a player: its threads, sockets and links.
 pub struct Client {
     threads: Vec<NetworkThread>,
+    denied: Arc<DenyList>,
     links: AtomicUsize,
 }
 
@@ -76,6 +79,7 @@ impl Client {
         };
         Ok(Self {
             threads: (0..THREADS).map(thread).collect::<Result<_, Error>>()?,
+            denied: Arc::clone(&credentials.denied),
             links: AtomicUsize::new(0),
         })
     }
@@ -94,6 +98,7 @@ impl Client {
         let thread = &self.threads[index % self.threads.len()];
         let link = LinkTask {
             connector: Arc::clone(&thread.connector),
+            denied: Arc::clone(&self.denied),
             address,
             precision,
             commands: receiver,
@@ -139,6 +144,7 @@ impl Drop for NodeLink {
 /// The task behind a [`NodeLink`].
 struct LinkTask {
     connector: Arc<Connector>,
+    denied: Arc<DenyList>,
     address: NodeAddress,
     precision: PrecisionRange,
     commands: mpsc::Receiver<LinkCommand>,
@@ -182,7 +188,13 @@ impl LinkTask {
             session: LinkSession::new(self.precision, &mut self.events),
             commands: &mut self.commands,
         };
-        let error = connection_driver::drive(streams, &mut player).await;
+        let connection = streams.connection.clone();
+        let error = tokio::select! {
+            error = connection_driver::drive(streams, &mut player) => error,
+            () = self.denied.close_if_denied(&connection) => Error::PeerCertificate {
+                fault: CertificateFault::Revoked,
+            },
+        };
         player.flush();
         error
     }

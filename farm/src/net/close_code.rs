@@ -10,5 +10,7 @@ pub(crate) const FULL: VarInt = VarInt::from_u32(1);
 pub(crate) const DRAINING: VarInt = VarInt::from_u32(2);
 /// The peer broke the protocol; the close reason says how.
 pub(crate) const PROTOCOL: VarInt = VarInt::from_u32(3);
+/// The peer's certificate has been revoked.
+pub(crate) const REVOKED: VarInt = VarInt::from_u32(5);
 /// Nobody waits for a stream's tiles any more.
 pub(crate) const STALE: VarInt = VarInt::from_u32(4);

@@ -53,7 +53,8 @@ fn certificate_fault(alert: u8, holder: Role) -> Option<CertificateFault> {
         45 => CertificateFault::Expired(holder),
         48 | 51 => CertificateFault::OtherFarm,
         43 | 49 => CertificateFault::WrongRole(holder),
-        42 | 44 | 46 => CertificateFault::Unusable(format!("TLS alert {alert}")),
+        44 => CertificateFault::Revoked,
+        42 | 46 => CertificateFault::Unusable(format!("TLS alert {alert}")),
         _ => return None,
     })
 }

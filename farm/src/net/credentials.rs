@@ -2,19 +2,24 @@
 
 use std::fmt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::SystemTime;
 
 use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer, UnixTime};
 
 use crate::Error;
-use crate::net::certificate;
+use crate::net::deny_list::DenyList;
 use crate::net::peer::Role;
+use crate::net::{certificate, certificate_fields};
 
 /// A certificate with its key, and the authority that must have issued it and those of its peers.
 pub struct Credentials {
     pub(crate) authority: CertificateDer<'static>,
     pub(crate) certificate: CertificateDer<'static>,
     pub(crate) key: PrivateKeyDer<'static>,
+    /// Keys that are trusted no more.
+    pub(crate) denied: Arc<DenyList>,
     role: Role,
     name: String,
 }
@@ -23,7 +28,8 @@ pub struct Credentials {
 pub(crate) const AUTHORITY_FILE: &str = "ca.pem";
 
 impl Credentials {
-    /// Reads `ca.pem` and the role's certificate and key from `dir`.
+    /// Reads `ca.pem` and the role's certificate and key from `dir`. The deny list there is read
+    /// again whenever it changes.
     ///
     /// # Errors
     /// [`Error::CredentialsMissing`], [`Error::CredentialsFile`] or [`Error::CredentialsPem`] if a
@@ -36,7 +42,9 @@ impl Credentials {
         let key = PrivateKeyDer::from_pem_slice(&read(&key_path, role)?)
             .map_err(|error| not_pem(&key_path, "private key", &error))?;
         warn_if_shared(&key_path);
-        Self::new(authority, certificate, key, role).map_err(|error| match error {
+        let denied = Arc::new(DenyList::in_folder(dir));
+        Self::with_deny_list(authority, certificate, key, role, denied).map_err(|error| match error
+        {
             Error::Certificate { fault, .. } => Error::Certificate {
                 path: Some(certificate_path),
                 fault,
@@ -55,14 +63,25 @@ impl Credentials {
         key: PrivateKeyDer<'static>,
         role: Role,
     ) -> Result<Self, Error> {
+        Self::with_deny_list(authority, certificate, key, role, Arc::default())
+    }
+
+    fn with_deny_list(
+        authority: CertificateDer<'static>,
+        certificate: CertificateDer<'static>,
+        key: PrivateKeyDer<'static>,
+        role: Role,
+        denied: Arc<DenyList>,
+    ) -> Result<Self, Error> {
         let refused = |fault| Error::Certificate { path: None, fault };
-        let name = certificate::common_name(&certificate).map_err(refused)?;
-        certificate::verify_own(&authority, &certificate, role, UnixTime::now())
+        let name = certificate_fields::common_name(&certificate).map_err(refused)?;
+        certificate::verify_own(&authority, &certificate, role, &denied, UnixTime::now())
             .map_err(refused)?;
         Ok(Self {
             authority,
             certificate,
             key,
+            denied,
             role,
             name,
         })
@@ -73,10 +92,44 @@ impl Credentials {
         self.role
     }
 
+    /// SHA-256 of the farm's certificate, in hexadecimal: what a farm is known by.
+    pub fn farm_fingerprint(&self) -> String {
+        certificate_fields::sha256(&self.authority)
+    }
+
+    /// When the certificate begins and ends to be valid.
+    ///
+    /// # Errors
+    /// [`Error::Certificate`] if it has no dates.
+    pub fn validity(&self) -> Result<std::ops::Range<SystemTime>, Error> {
+        certificate_fields::validity(&self.certificate)
+            .map_err(|fault| Error::Certificate { path: None, fault })
+    }
+
+    /// Whether two thirds of the certificate's life are over, so that it should be renewed.
+    pub fn is_due(&self) -> bool {
+        let now = SystemTime::now();
+        self.validity().is_ok_and(|validity| is_due(&validity, now))
+    }
+
+    /// The last day of the certificate, as `2026-12-24`.
+    ///
+    /// # Errors
+    /// As [`Credentials::validity`].
+    pub fn last_day(&self) -> Result<String, Error> {
+        let end = self.validity()?.end.duration_since(SystemTime::UNIX_EPOCH);
+        Ok(certificate_fields::day(end.unwrap_or_default().as_secs()))
+    }
+
     /// The holder's name, from the certificate's subject.
     pub fn name(&self) -> &str {
         &self.name
     }
+}
+
+fn is_due(validity: &std::ops::Range<SystemTime>, now: SystemTime) -> bool {
+    let life = validity.end.duration_since(validity.start);
+    life.is_ok_and(|life| now >= validity.end - life / 3)
 }
 
 /// Everything but the key.
@@ -134,4 +187,21 @@ fn warn_if_shared(key: &Path) {
     }
     #[cfg(not(unix))]
     let _ = key;
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    #[test]
+    fn certificates_are_due_after_two_thirds() {
+        let start = SystemTime::UNIX_EPOCH;
+        let day = |n: u64| start + Duration::from_secs(n * 24 * 3600);
+        let validity = start..day(30);
+        assert!(!is_due(&validity, day(19)));
+        assert!(is_due(&validity, day(20)));
+        assert!(is_due(&validity, day(31)));
+    }
 }

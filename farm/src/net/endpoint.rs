@@ -61,6 +61,8 @@ const TILE_DATAGRAMS_RECEIVED_BYTES: usize = 1 << 20;
 const REQUEST_DATAGRAMS_RECEIVED_BYTES: usize = 64 << 10;
 /// A player sends one scene and requests, all on the control stream.
 const CONTROL_WINDOW_BYTES: u32 = (limits::SCENE_BYTES_MAX + 4 * limits::CONTROL_BYTES_MAX) as u32;
+/// A certificate signing request has a thousand bytes.
+const REQUEST_WINDOW_BYTES: u32 = 16 << 10;
 /// Handshakes that a node performs at once; packets of further strangers are dropped unanswered.
 pub(crate) const HANDSHAKES_MAX: usize = 32;
 /// Above this number, strangers must validate their address first (RFC 9000, 8.1.2), which costs
@@ -183,14 +185,31 @@ pub(crate) fn server_config(
 ) -> Result<quinn::ServerConfig, Error> {
     let tls = tls::server(credentials).map_err(unusable)?;
     let crypto = QuicServerConfig::try_from(tls).map_err(unusable)?;
+    Ok(bounded(crypto, server_transport(options)))
+}
+
+/// The configuration with which an authority answers nodes: one stream each.
+pub(crate) fn enrolment_server_config(crypto: QuicServerConfig) -> quinn::ServerConfig {
+    let mut transport = TransportConfig::default();
+    transport
+        .max_concurrent_bidi_streams(VarInt::from_u32(1))
+        .max_concurrent_uni_streams(VarInt::from_u32(0))
+        .datagram_receive_buffer_size(None)
+        .receive_window(VarInt::from_u32(REQUEST_WINDOW_BYTES))
+        .stream_receive_window(VarInt::from_u32(REQUEST_WINDOW_BYTES));
+    bounded(crypto, transport)
+}
+
+/// A server that keeps little for strangers.
+fn bounded(crypto: QuicServerConfig, transport: TransportConfig) -> quinn::ServerConfig {
     let mut config = quinn::ServerConfig::with_crypto(Arc::new(crypto));
     config
-        .transport_config(Arc::new(server_transport(options)))
+        .transport_config(Arc::new(transport))
         .migration(false)
         .max_incoming(INCOMING_MAX)
         .incoming_buffer_size(INCOMING_BYTES)
         .incoming_buffer_size_total(INCOMING_BYTES_TOTAL);
-    Ok(config)
+    config
 }
 
 /// Opens a player's socket for peers of `peer`'s address family. Needs a tokio runtime.

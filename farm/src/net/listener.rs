@@ -44,6 +44,20 @@ impl Listener {
         Ok(Self { endpoint })
     }
 
+    /// Shows another certificate from the next connection on.
+    ///
+    /// # Errors
+    /// [`Error::KeyPair`] if the credentials cannot be used.
+    pub(crate) fn set_credentials(
+        &self,
+        credentials: &Credentials,
+        options: TransportOptions,
+    ) -> Result<(), Error> {
+        let config = endpoint::server_config(credentials, options)?;
+        self.endpoint.set_server_config(Some(config));
+        Ok(())
+    }
+
     /// The bound address, with the port that the system chose if 0 was asked for.
     pub(crate) fn local_addr(&self) -> Result<SocketAddr, std::io::Error> {
         self.endpoint.local_addr()
@@ -81,7 +95,7 @@ impl Listener {
 
 /// Bounds the cost of a stranger whose address and certificate are not known yet: nothing when
 /// [`endpoint::HANDSHAKES_MAX`] handshakes are under way, one stateless packet when many are.
-fn screen(
+pub(crate) fn screen(
     incoming: Incoming,
     handshakes: &Arc<Semaphore>,
 ) -> Option<(Incoming, OwnedSemaphorePermit)> {

@@ -1,7 +1,7 @@
 //! Farms over QUIC: the only code that names quinn, rustls, tokio and certificates.
 //!
 //! ```text
-//! authority ──init, add-node──▶ folders ──▶ credentials ──▶ tls ──▶ endpoint
+//! authority ──init, add-node, join──▶ folders ──▶ credentials ──▶ tls ──▶ endpoint
 //!                                                                      │
 //!            player: client ──▶ connector ───┐                         │
 //!                                            ├── connection_driver ────┘
@@ -42,6 +42,7 @@
 mod address;
 pub mod authority;
 mod certificate;
+mod certificate_fields;
 pub mod client;
 mod close_code;
 mod congestion;
@@ -49,9 +50,16 @@ mod connection_driver;
 mod connection_error;
 mod connection_event;
 mod connector;
+mod credential_files;
 pub mod credentials;
+mod deny_list;
 mod endpoint;
+mod enrolment;
+pub mod enrolment_service;
+pub mod farm_folder;
 mod fec;
+mod issuance;
+mod join_url;
 mod listener;
 pub(crate) mod peer;
 pub mod server;
@@ -60,12 +68,17 @@ mod tile_transport;
 mod tls;
 
 pub use address::NodeAddress;
-pub use authority::{Authority, IssuedCertificate, add_node, create_farm};
+pub use authority::{Authority, IssuedCertificate};
 pub use client::{Client, LinkCommand, LinkEvent, NodeLink};
 pub use congestion::DelayBasedController;
 pub use connection_driver::PacketHandler;
 pub use credentials::Credentials;
 pub use endpoint::{CongestionControl, TransportOptions};
+pub use enrolment::join;
+pub use enrolment_service::{EnrolmentEvent, EnrolmentService};
+pub use farm_folder::{AuthorityFolder, FIRST_PLAYER, add_node, create_farm, revoke};
+pub use issuance::IssuanceRecord;
+pub use join_url::JoinUrl;
 pub use peer::{CertificateFault, DisconnectReason, Role};
 pub use server::{NodeServer, ServerEvent, StopHandle};
 pub use signals::interruption;

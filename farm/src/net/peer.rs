@@ -2,9 +2,21 @@
 //! for a disconnect.
 
 use std::fmt;
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+const DAY: Duration = Duration::from_secs(24 * 3600);
+/// The authority outlives any farm: whoever can replace its certificate can replace the rest.
+pub(crate) const AUTHORITY_LIFE: Duration = Duration::from_secs(10 * 365 * 24 * 3600);
+/// A node's key lies on a rented machine that others will rent next.
+const NODE_LIFE: Duration = DAY.saturating_mul(30);
+/// A player is a person, who may have left by then.
+const PLAYER_LIFE: Duration = DAY.saturating_mul(90);
 
 /// The right that a certificate grants its holder.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Role {
     /// Requests pictures from nodes.
     Player,
@@ -18,6 +30,14 @@ impl Role {
         match self {
             Self::Player => "carom://role/player",
             Self::Node => "carom://role/node",
+        }
+    }
+
+    /// How long its certificates are valid.
+    pub const fn life(self) -> Duration {
+        match self {
+            Self::Player => PLAYER_LIFE,
+            Self::Node => NODE_LIFE,
         }
     }
 
@@ -50,8 +70,9 @@ impl Role {
                 "create the farm's credentials with `carom-farm init`, or name their folder"
             }
             Self::Node => {
-                "create the node's credentials with `carom-farm add-node NAME` on the machine that \
-                 holds the farm's authority, and copy that folder here"
+                "run `carom-farm token` on the machine that holds the farm's authority, and here the \
+                 `carom-farm join` that it prints; or copy a folder of `carom-farm add-node NAME` \
+                 here"
             }
         }
     }
@@ -61,7 +82,9 @@ impl Role {
             Self::Node => {
                 "renew it with `carom-farm add-node NAME --renew` and copy it to the node"
             }
-            Self::Player => "create a new farm with `carom-farm init` in another folder",
+            Self::Player => {
+                "renew it with `carom-farm add-player NAME --renew` where the farm's authority is"
+            }
         }
     }
 }
@@ -85,6 +108,8 @@ pub enum CertificateFault {
     Expired(Role),
     /// Its first day is yet to come.
     NotYetValid,
+    /// Its key is on the farm's deny list.
+    Revoked,
     /// It does not grant this role.
     WrongRole(Role),
     /// Another farm's authority issued it.
@@ -101,6 +126,9 @@ impl fmt::Display for CertificateFault {
             Self::Missing => f.write_str("is missing"),
             Self::Expired(role) => write!(f, "has expired: {}", role.renewal_advice()),
             Self::NotYetValid => f.write_str("is not valid yet: check this machine's clock"),
+            Self::Revoked => {
+                f.write_str("has been revoked: ask whoever holds the farm's authority for another")
+            }
             Self::WrongRole(role) => write!(f, "does not have the role of a {role}"),
             Self::OtherFarm => f.write_str("belongs to another farm"),
             Self::OtherAuthority => f.write_str("was not issued by the ca.pem beside it"),

@@ -2,8 +2,10 @@
 //! stopped.
 
 use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::task::{Context, Poll};
+use std::time::Duration;
 
 use carom_protocol::RequestId;
 use carom_protocol::session::Packet;
@@ -13,15 +15,22 @@ use tokio::sync::Notify;
 use crate::Error;
 use crate::net::connection_driver::{self, ConnectionStreams, PacketHandler};
 use crate::net::credentials::Credentials;
+use crate::net::deny_list::DenyList;
 use crate::net::endpoint::TransportOptions;
+use crate::net::enrolment;
 use crate::net::listener::Listener;
-use crate::net::peer::DisconnectReason;
+use crate::net::peer::{CertificateFault, DisconnectReason, Role};
 use crate::net::signals::Signals;
 use crate::node::NodeConnection;
 
 /// A change in a node's connections.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ServerEvent {
+    /// The node has a new certificate.
+    Renewed {
+        /// Its last day, as `2026-12-24`.
+        last_day: String,
+    },
     /// A player with a valid certificate has opened a session.
     Paired {
         /// Its address.
@@ -47,8 +56,17 @@ pub enum ServerEvent {
 pub struct NodeServer {
     runtime: Runtime,
     listener: Listener,
+    options: TransportOptions,
+    denied: Arc<DenyList>,
+    renewal: Option<Renewal>,
     /// Caught from the start: a node that has said it listens shuts down in order.
     signals: Signals,
+}
+
+/// A certificate that is renewed in its folder.
+struct Renewal {
+    credentials: Credentials,
+    folder: PathBuf,
 }
 
 /// A handle that stops a [`NodeServer`] from another thread.
@@ -104,8 +122,19 @@ impl NodeServer {
         Ok(Self {
             runtime,
             listener,
+            options,
+            denied: Arc::clone(&credentials.denied),
+            renewal: None,
             signals,
         })
+    }
+
+    /// Renews the certificate while the node serves, if `folder` was made by a join.
+    pub fn keep_renewed(&mut self, credentials: Credentials, folder: PathBuf) {
+        self.renewal = Some(Renewal {
+            credentials,
+            folder,
+        });
     }
 
     /// The bound address, with the port that the system chose if 0 was asked for.
@@ -131,15 +160,28 @@ impl NodeServer {
         let Self {
             runtime,
             listener,
+            options,
+            denied,
+            renewal,
             mut signals,
         } = self;
+        if let Some(renewal) = renewal {
+            runtime.spawn(renewal.run(listener.clone(), options, events.clone()));
+        }
         let draining = events.clone();
         let serve = move |streams: ConnectionStreams| {
             let (connect, events) = (connect.clone(), events.clone());
+            let denied = Arc::clone(&denied);
             async move {
                 let player = streams.connection.remote_address();
                 events(ServerEvent::Paired { player });
-                let error = connection_driver::drive(streams, &mut connect(player)).await;
+                let (connection, mut session) = (streams.connection.clone(), connect(player));
+                let error = tokio::select! {
+                    error = connection_driver::drive(streams, &mut session) => error,
+                    () = denied.close_if_denied(&connection) => Error::PeerCertificate {
+                        fault: CertificateFault::Revoked,
+                    },
+                };
                 events(ended(player, &error));
             }
         };
@@ -152,6 +194,44 @@ impl NodeServer {
             draining(ServerEvent::Draining);
             listener.drain().await;
         });
+    }
+}
+
+/// How often a node asks for the deny list, and for a certificate when one is due.
+const RENEWAL_PERIOD: Duration = Duration::from_secs(3600);
+
+impl Renewal {
+    /// Asks now and every hour; the certificate is shown to players from their next connection on.
+    async fn run(
+        mut self,
+        listener: Listener,
+        options: TransportOptions,
+        events: impl Fn(ServerEvent),
+    ) {
+        loop {
+            match self.renew(&listener, options).await {
+                Ok(Some(last_day)) => events(ServerEvent::Renewed { last_day }),
+                Ok(None) => {}
+                Err(why) if self.credentials.is_due() => {
+                    tracing::warn!("the certificate could not be renewed: {why}");
+                }
+                Err(why) => tracing::debug!("no news from the farm's authority: {why}"),
+            }
+            tokio::time::sleep(RENEWAL_PERIOD).await;
+        }
+    }
+
+    async fn renew(
+        &mut self,
+        listener: &Listener,
+        options: TransportOptions,
+    ) -> Result<Option<String>, Error> {
+        if !enrolment::renew(&self.credentials, &self.folder).await? {
+            return Ok(None);
+        }
+        self.credentials = Credentials::load(&self.folder, Role::Node)?;
+        listener.set_credentials(&self.credentials, options)?;
+        self.credentials.last_day().map(Some)
     }
 }
 

@@ -17,7 +17,11 @@ pub(crate) const SERVER_NAME: &str = "node.carom";
 
 /// The configuration of a player's side.
 pub(crate) fn client(credentials: &Credentials) -> Result<rustls::ClientConfig, Error> {
-    let verifier = Arc::new(PeerVerifier::new(&credentials.authority, Role::Node)?);
+    let verifier = Arc::new(PeerVerifier::new(
+        &credentials.authority,
+        Role::Node,
+        Arc::clone(&credentials.denied),
+    )?);
     let mut config = rustls::ClientConfig::builder_with_provider(provider())
         .with_protocol_versions(&[&rustls::version::TLS13])?
         .dangerous()
@@ -35,7 +39,11 @@ pub(crate) fn client(credentials: &Credentials) -> Result<rustls::ClientConfig, 
 
 /// The configuration of a node's side.
 pub(crate) fn server(credentials: &Credentials) -> Result<rustls::ServerConfig, Error> {
-    let verifier = Arc::new(PeerVerifier::new(&credentials.authority, Role::Player)?);
+    let verifier = Arc::new(PeerVerifier::new(
+        &credentials.authority,
+        Role::Player,
+        Arc::clone(&credentials.denied),
+    )?);
     let mut config = rustls::ServerConfig::builder_with_provider(provider())
         .with_protocol_versions(&[&rustls::version::TLS13])?
         .with_client_cert_verifier(verifier)

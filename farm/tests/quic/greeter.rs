@@ -7,7 +7,9 @@ use std::task::{Context, Poll};
 use std::thread::JoinHandle;
 use std::time::{Duration, SystemTime};
 
-use carom_farm::net::{Authority, NodeServer, PacketHandler, Role, ServerEvent, StopHandle};
+use carom_farm::net::{
+    Authority, Credentials, NodeServer, PacketHandler, Role, ServerEvent, StopHandle,
+};
 use carom_protocol::NodeInfo;
 use carom_protocol::session::{NodeSession, Packet};
 use carom_tracer::{DeviceInfo, DeviceKind};
@@ -68,8 +70,11 @@ pub(crate) struct Greeter {
 
 impl Greeter {
     pub(crate) fn start(authority: &Authority) -> Self {
-        let credentials = authority.credentials(Role::Node, "oak", today()).unwrap();
-        let server = NodeServer::bind(any_port(), &credentials).unwrap();
+        Self::with_credentials(&authority.credentials(Role::Node, "oak", today()).unwrap())
+    }
+
+    pub(crate) fn with_credentials(credentials: &Credentials) -> Self {
+        let server = NodeServer::bind(any_port(), credentials).unwrap();
         let address = server.local_addr().unwrap();
         let stop = StopHandle::default();
         let (packets, sessions): (Arc<AtomicUsize>, Arc<AtomicUsize>) = Default::default();

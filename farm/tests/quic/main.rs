@@ -5,3 +5,4 @@ mod congestion;
 mod farms;
 mod greeter;
 mod stranger;
+mod trust;

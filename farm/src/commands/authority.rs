@@ -1,0 +1,43 @@
+//! The farm's authority, as the commands that need its key open it.
+
+use std::io::IsTerminal as _;
+use std::path::PathBuf;
+
+use anyhow::Context as _;
+use carom_farm::Error;
+use carom_farm::net::AuthorityFolder;
+
+use crate::commands::Failure;
+
+/// Where the authority is.
+#[derive(clap::Args)]
+pub(crate) struct AuthorityArgs {
+    /// Read the farm's authority from this folder, which `init` created. If its key is encrypted,
+    /// the passphrase is asked for or taken from the environment variable CAROM_PASSPHRASE
+    #[arg(long, alias = "ca-dir", default_value = ".carom")]
+    pub(crate) dir: PathBuf,
+}
+
+/// Opens the authority, and asks for the passphrase if its key is encrypted.
+pub(crate) fn open(args: &AuthorityArgs) -> Result<AuthorityFolder, Failure> {
+    match AuthorityFolder::open(&args.dir, None) {
+        Err(Error::PassphraseMissing { path }) => {
+            let passphrase = passphrase(&format!("Passphrase of {}: ", path.display()))?;
+            Ok(AuthorityFolder::open(&args.dir, Some(&passphrase))?)
+        }
+        opened => Ok(opened?),
+    }
+}
+
+/// A passphrase from the environment, or from the terminal, which does not show it.
+pub(crate) fn passphrase(prompt: &str) -> Result<String, Failure> {
+    if let Ok(passphrase) = std::env::var("CAROM_PASSPHRASE") {
+        return Ok(passphrase);
+    }
+    if !std::io::stdin().is_terminal() {
+        return Err(Failure::Input(
+            "a passphrase is needed: run this in a terminal, or set CAROM_PASSPHRASE".into(),
+        ));
+    }
+    Ok(rpassword::prompt_password(prompt).context("the passphrase")?)
+}

@@ -1,0 +1,38 @@
+//! `carom-farm revoke`: trust taken back.
+
+use carom_farm::net;
+
+use crate::commands::Failure;
+use crate::commands::authority::AuthorityArgs;
+
+/// Withdraw all certificates of a node or player
+///
+/// Its keys are written to revoked.txt in the authority's folder. Programs that use this folder, and
+/// nodes that have joined and reach a running `carom-farm token`, follow by themselves; into other
+/// folders of credentials copy revoked.txt. Running programs read it again within two seconds, and
+/// close connections of revoked peers.
+#[derive(clap::Args)]
+pub(crate) struct RevokeArgs {
+    /// The name in the certificates
+    name: String,
+    #[command(flatten)]
+    authority: AuthorityArgs,
+}
+
+pub(crate) fn run(args: &RevokeArgs) -> Result<(), Failure> {
+    let dir = &args.authority.dir;
+    for record in net::revoke(dir, &args.name)? {
+        println!(
+            "Revoked: {} {}, valid until {}, key {}",
+            record.role,
+            record.name,
+            record.last_day(),
+            record.key_id
+        );
+    }
+    println!(
+        "Copy {}/revoked.txt into the credentials folder of each node that has not joined by token.",
+        dir.display()
+    );
+    Ok(())
+}

@@ -1,0 +1,43 @@
+//! Files of keys and certificates: private from their first byte, or replaced as a whole.
+
+use std::fs::{self, OpenOptions};
+use std::io::Write;
+use std::path::Path;
+
+use crate::Error;
+
+/// Creates a folder that only its owner can look into.
+pub(crate) fn create_private_dir(dir: &Path) -> Result<(), Error> {
+    let mut builder = fs::DirBuilder::new();
+    builder.recursive(true);
+    #[cfg(unix)]
+    std::os::unix::fs::DirBuilderExt::mode(&mut builder, 0o700);
+    builder.create(dir).map_err(|why| file_error(dir, why))
+}
+
+/// Writes a new file that only its owner can read, from its first byte on.
+pub(crate) fn write_private(path: &Path, text: &str) -> Result<(), Error> {
+    let mut options = OpenOptions::new();
+    options.write(true).create_new(true);
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
+    options
+        .open(path)
+        .and_then(|mut file| file.write_all(text.as_bytes()))
+        .map_err(|why| file_error(path, why))
+}
+
+/// Replaces a file: a reader sees what was before or all that is new.
+pub(crate) fn write_whole(path: &Path, text: &str) -> Result<(), Error> {
+    let partial = path.with_extension("partial");
+    fs::write(&partial, text)
+        .and_then(|()| fs::rename(&partial, path))
+        .map_err(|why| file_error(path, why))
+}
+
+pub(crate) fn file_error(path: &Path, source: std::io::Error) -> Error {
+    Error::CredentialsFile {
+        path: path.to_path_buf(),
+        source,
+    }
+}

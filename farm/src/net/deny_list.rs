@@ -1,0 +1,92 @@
+//! Deny list: the keys whose certificates are accepted no more, in a file that is read again when it
+//! changes.
+
+use std::collections::HashSet;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, SystemTime};
+
+use quinn::Connection;
+use rustls::pki_types::CertificateDer;
+
+use crate::net::{certificate_fields, close_code};
+
+/// The file in a folder of credentials: a line each, of a key id and a name.
+pub(crate) const DENY_LIST_FILE: &str = "revoked.txt";
+/// A peer whose certificate is revoked is cut off within this time.
+const PERIOD: Duration = Duration::from_secs(2);
+
+/// The keys that a farm no longer trusts.
+#[derive(Debug, Default)]
+pub(crate) struct DenyList {
+    /// Absent for credentials that are on no disk: nothing is denied.
+    path: Option<PathBuf>,
+    state: Mutex<DeniedKeys>,
+}
+
+#[derive(Debug, Default)]
+struct DeniedKeys {
+    /// Time of change and length of the file that was read.
+    version: Option<(SystemTime, u64)>,
+    key_ids: HashSet<String>,
+}
+
+impl DenyList {
+    /// The list in a folder of credentials; without the file it is empty.
+    pub(crate) fn in_folder(folder: &Path) -> Self {
+        Self {
+            path: Some(folder.join(DENY_LIST_FILE)),
+            state: Mutex::default(),
+        }
+    }
+
+    /// Whether the certificate's key is on the list as it is now.
+    pub(crate) fn denies(&self, certificate: &[u8]) -> bool {
+        let Some(path) = &self.path else {
+            return false;
+        };
+        let Ok(key_id) = certificate_fields::key_id(certificate) else {
+            return true; // no list can name the key of what is no certificate
+        };
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        state.refresh(path);
+        state.key_ids.contains(&key_id)
+    }
+
+    /// Closes a connection once its peer's key is on the list; never returns otherwise.
+    pub(crate) async fn close_if_denied(&self, connection: &Connection) {
+        let identity = connection.peer_identity();
+        let shown = identity.and_then(|shown| shown.downcast::<Vec<CertificateDer<'_>>>().ok());
+        let Some(certificate) = shown.and_then(|shown| shown.into_iter().next()) else {
+            return std::future::pending().await;
+        };
+        while !self.denies(&certificate) {
+            tokio::time::sleep(PERIOD).await;
+        }
+        connection.close(close_code::REVOKED, b"your certificate has been revoked");
+    }
+}
+
+impl DeniedKeys {
+    fn refresh(&mut self, path: &Path) {
+        let version = std::fs::metadata(path).and_then(|file| Ok((file.modified()?, file.len())));
+        let text = match version {
+            Ok(version) if self.version == Some(version) => return,
+            Ok(version) => std::fs::read_to_string(path).map(|text| (Some(version), text)),
+            Err(why) if why.kind() == ErrorKind::NotFound => Ok((None, String::new())),
+            Err(why) => Err(why),
+        };
+        match text {
+            Ok((version, text)) => {
+                let first_words = text
+                    .lines()
+                    .filter_map(|line| line.split_whitespace().next());
+                self.key_ids = first_words.map(str::to_owned).collect();
+                self.version = version;
+            }
+            // Whoever was denied stays denied.
+            Err(why) => tracing::warn!("{}: {why}", path.display()),
+        }
+    }
+}

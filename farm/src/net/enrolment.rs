@@ -1,0 +1,333 @@
+//! Enrolment of nodes: a node makes a key, and the farm's authority certifies it over a connection
+//! on which the node knows the authority by its fingerprint.
+//!
+//! One request and one answer, each JSON on a stream that ends. A new node shows the token's secret,
+//! one that renews its certificate shows that certificate. The authority signs the handshake with
+//! its own key, so that nobody else can receive the secret.
+
+use std::net::SocketAddr;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use quinn::crypto::rustls::QuicClientConfig;
+use quinn::{Connection, ConnectionError};
+use rcgen::{CertificateParams, KeyPair};
+use rustls::client::danger::{HandshakeSignatureValid, ServerCertVerified, ServerCertVerifier};
+use rustls::crypto::CryptoProvider;
+use rustls::pki_types::{CertificateDer, ServerName, UnixTime};
+use rustls::{CertificateError, DigitallySignedStruct, SignatureScheme};
+use serde::{Deserialize, Serialize};
+
+use crate::Error;
+use crate::net::authority::not_created;
+use crate::net::certificate::provider;
+use crate::net::credential_files::{create_private_dir, file_error, write_private, write_whole};
+use crate::net::credentials::{AUTHORITY_FILE, Credentials};
+use crate::net::deny_list::DENY_LIST_FILE;
+use crate::net::join_url::{JoinUrl, fingerprint};
+use crate::net::peer::Role;
+use crate::net::{close_code, connection_error, endpoint, tls};
+
+/// The protocol of enrolment; another version is another name.
+pub(crate) const ALPN: &[u8] = b"carom-join/1";
+/// Bytes of an answer: a deny list of three thousand keys.
+const ANSWER_BYTES_MAX: usize = 256 << 10;
+/// Bytes of a request.
+pub(crate) const REQUEST_BYTES_MAX: usize = 16 << 10;
+/// From the request to its answer.
+pub(crate) const ANSWER_TIMEOUT: Duration = Duration::from_secs(5);
+/// What a node keeps of its join: where to renew its certificate.
+const URL_FILE: &str = "farm.url";
+
+/// What a node asks of the authority.
+#[derive(Serialize, Deserialize)]
+pub(crate) enum EnrolmentRequest {
+    /// To be admitted.
+    Join {
+        secret: String,
+        name: String,
+        /// A certificate signing request (RFC 2986) as PEM text.
+        request_pem: String,
+    },
+    /// The deny list, and a new certificate of the same key if there is a request for one.
+    Renew { request_pem: Option<String> },
+}
+
+/// The answer.
+#[derive(Serialize, Deserialize)]
+pub(crate) enum EnrolmentAnswer {
+    Certified {
+        authority_pem: String,
+        certificate_pem: Option<String>,
+        deny_list: String,
+    },
+    Refused {
+        sentence: String,
+    },
+}
+
+/// Makes a key in `folder`, has it certified as a node called `name`, and returns the last day of
+/// the certificate. The key never leaves the folder.
+///
+/// # Errors
+/// [`Error::MemberExists`] if the folder is a node's already; [`Error::JoinUrl`] without a secret;
+/// an error of the connection; [`Error::EnrolmentRefused`]; [`Error::CredentialsFile`].
+pub fn join(url: &JoinUrl, name: &str, folder: &Path) -> Result<Credentials, Error> {
+    let role = Role::Node;
+    let certificate_path = folder.join(role.certificate_file());
+    if certificate_path.exists() {
+        return Err(Error::MemberExists {
+            name: name.to_owned(),
+            evidence: certificate_path.display().to_string(),
+        });
+    }
+    let secret = url.secret.clone().ok_or(Error::JoinUrl {
+        rule: "its token must be 64 hexadecimal digits",
+    })?;
+    let key = KeyPair::generate().map_err(|error| not_created(&error))?;
+    let request = EnrolmentRequest::Join {
+        secret,
+        name: name.to_owned(),
+        request_pem: request_pem(&key)?,
+    };
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(|source| Error::Socket {
+            address: url.address.to_string(),
+            source,
+        })?;
+    let answer = runtime.block_on(ask(url, None, &request))?;
+    if !folder.exists() {
+        create_private_dir(folder)?;
+    }
+    let key_path = folder.join(role.key_file());
+    if key_path.exists() {
+        // Of a join that was killed: no certificate names it.
+        std::fs::remove_file(&key_path).map_err(|why| file_error(&key_path, why))?;
+    }
+    write_private(&key_path, &key.serialize_pem())?;
+    write_whole(&folder.join(AUTHORITY_FILE), &answer.authority_pem)?;
+    let kept = url.without_secret().to_string();
+    write_whole(&folder.join(URL_FILE), &kept)?;
+    answer.save(folder)?;
+    Credentials::load(folder, role)
+}
+
+/// Asks the authority that a node has joined for its deny list and, when two thirds of the
+/// certificate's life are over, for the next certificate. `true` if there is one; nothing is asked
+/// where the folder was not made by a join.
+///
+/// # Errors
+/// [`Error::JoinUrl`] or a file's error if the folder is damaged; an error of the connection;
+/// [`Error::EnrolmentRefused`].
+pub(crate) async fn renew(credentials: &Credentials, folder: &Path) -> Result<bool, Error> {
+    let path = folder.join(URL_FILE);
+    let url: JoinUrl = match std::fs::read_to_string(&path) {
+        Ok(text) => text.trim().parse()?,
+        Err(why) if why.kind() == std::io::ErrorKind::NotFound => return Ok(false),
+        Err(why) => return Err(file_error(&path, why)),
+    };
+    let request_pem = match credentials.is_due() {
+        true => {
+            let key = KeyPair::try_from(&credentials.key).map_err(|error| not_created(&error))?;
+            Some(request_pem(&key)?)
+        }
+        false => None,
+    };
+    let request = EnrolmentRequest::Renew { request_pem };
+    let answer = ask(&url, Some(credentials), &request).await?;
+    answer.save(folder)?;
+    Ok(answer.certificate_pem.is_some())
+}
+
+/// What the authority has certified.
+struct Certified {
+    authority_pem: String,
+    certificate_pem: Option<String>,
+    deny_list: String,
+}
+
+impl Certified {
+    fn save(&self, folder: &Path) -> Result<(), Error> {
+        let list = folder.join(DENY_LIST_FILE);
+        if list.exists() || !self.deny_list.is_empty() {
+            write_whole(&list, &self.deny_list)?;
+        }
+        match &self.certificate_pem {
+            Some(pem) => write_whole(&folder.join(Role::Node.certificate_file()), pem),
+            None => Ok(()),
+        }
+    }
+}
+
+fn request_pem(key: &KeyPair) -> Result<String, Error> {
+    let request = CertificateParams::default().serialize_request(key);
+    let pem = request.and_then(|request| request.pem());
+    pem.map_err(|error| not_created(&error))
+}
+
+/// Sends a request to the authority and returns its answer.
+async fn ask(
+    url: &JoinUrl,
+    credentials: Option<&Credentials>,
+    request: &EnrolmentRequest,
+) -> Result<Certified, Error> {
+    let mut errors = Vec::new();
+    for address in url.address.resolve().await? {
+        match ask_address(address, client_config(url, credentials)?, request).await {
+            // Of a name's addresses the authority may listen at one.
+            Err(error @ (Error::NoAnswer { .. } | Error::Unreachable { .. })) => errors.push(error),
+            answer => return answer,
+        }
+    }
+    Err(Error::NoAddressConnects { errors })
+}
+
+async fn ask_address(
+    address: SocketAddr,
+    config: quinn::ClientConfig,
+    request: &EnrolmentRequest,
+) -> Result<Certified, Error> {
+    let socket_error = |source| Error::Socket {
+        address: address.to_string(),
+        source,
+    };
+    let endpoint = endpoint::open_client(address).map_err(socket_error)?;
+    let connecting = endpoint
+        .connect_with(config, address, tls::SERVER_NAME)
+        .map_err(|error| Error::Unreachable {
+            address,
+            reason: error.to_string(),
+        })?;
+    let lost = |error| match error {
+        ConnectionError::TimedOut => Error::NoAnswer { address },
+        error => refusal(&error),
+    };
+    let connection = tokio::time::timeout(endpoint::HANDSHAKE_TIMEOUT, connecting)
+        .await
+        .map_err(|_| Error::NoAnswer { address })?
+        .map_err(lost)?;
+    let answer = tokio::time::timeout(ANSWER_TIMEOUT, exchange(&connection, request)).await;
+    let answer = answer.map_err(|_| Error::NoAnswer { address })?;
+    let bytes = answer.map_err(|why| connection.close_reason().map_or(why, lost))?;
+    connection.close(close_code::DONE, b"");
+    endpoint.wait_idle().await;
+    match serde_json::from_slice(&bytes).map_err(|why| broken(&why))? {
+        EnrolmentAnswer::Certified {
+            authority_pem,
+            certificate_pem,
+            deny_list,
+        } => Ok(Certified {
+            authority_pem,
+            certificate_pem,
+            deny_list,
+        }),
+        EnrolmentAnswer::Refused { sentence } => Err(Error::EnrolmentRefused { sentence }),
+    }
+}
+
+async fn exchange(connection: &Connection, request: &EnrolmentRequest) -> Result<Vec<u8>, Error> {
+    let (mut send, mut receive) = connection.open_bi().await.map_err(|why| broken(&why))?;
+    let bytes = serde_json::to_vec(request).map_err(|why| broken(&why))?;
+    send.write_all(&bytes).await.map_err(|why| broken(&why))?;
+    send.finish().map_err(|why| broken(&why))?;
+    let answer = receive.read_to_end(ANSWER_BYTES_MAX).await;
+    answer.map_err(|why| broken(&why))
+}
+
+/// The other side is an authority, which has no role of its own.
+fn refusal(error: &ConnectionError) -> Error {
+    match connection_error::connection(error, Role::Node) {
+        Error::CertificateRefused { fault, .. } => Error::EnrolmentRefused {
+            sentence: format!("our certificate {fault}"),
+        },
+        Error::Disconnected { reason, .. } => Error::EnrolmentRefused {
+            sentence: format!("it {reason}"),
+        },
+        error => error,
+    }
+}
+
+fn broken(why: &dyn std::fmt::Display) -> Error {
+    Error::ConnectionBroken {
+        reason: why.to_string(),
+    }
+}
+
+fn client_config(
+    url: &JoinUrl,
+    credentials: Option<&Credentials>,
+) -> Result<quinn::ClientConfig, Error> {
+    let unusable = |error: &dyn std::fmt::Display| Error::KeyPair {
+        reason: error.to_string(),
+    };
+    let verifier = Arc::new(PinnedAuthority {
+        fingerprint: url.fingerprint.clone(),
+        provider: provider(),
+    });
+    let builder = rustls::ClientConfig::builder_with_provider(provider())
+        .with_protocol_versions(&[&rustls::version::TLS13])
+        .map_err(|error| unusable(&error))?
+        .dangerous()
+        .with_custom_certificate_verifier(verifier);
+    let mut config = match credentials {
+        None => builder.with_no_client_auth(),
+        Some(own) => builder
+            .with_client_auth_cert(vec![own.certificate.clone()], own.key.clone_key())
+            .map_err(|error| unusable(&error))?,
+    };
+    config.alpn_protocols = vec![ALPN.to_vec()];
+    config.resumption = rustls::client::Resumption::disabled();
+    let crypto = QuicClientConfig::try_from(config).map_err(|error| unusable(&error))?;
+    Ok(quinn::ClientConfig::new(Arc::new(crypto)))
+}
+
+/// Accepts the one authority whose certificate has the fingerprint of the token.
+#[derive(Debug)]
+struct PinnedAuthority {
+    fingerprint: String,
+    provider: Arc<CryptoProvider>,
+}
+
+impl ServerCertVerifier for PinnedAuthority {
+    fn verify_server_cert(
+        &self,
+        certificate: &CertificateDer<'_>,
+        _intermediates: &[CertificateDer<'_>],
+        _name: &ServerName<'_>,
+        _ocsp: &[u8],
+        _now: UnixTime,
+    ) -> Result<ServerCertVerified, rustls::Error> {
+        match fingerprint(certificate) == self.fingerprint {
+            true => Ok(ServerCertVerified::assertion()),
+            false => Err(CertificateError::UnknownIssuer.into()),
+        }
+    }
+
+    fn verify_tls12_signature(
+        &self,
+        _message: &[u8],
+        _certificate: &CertificateDer<'_>,
+        _signed: &DigitallySignedStruct,
+    ) -> Result<HandshakeSignatureValid, rustls::Error> {
+        let reason = rustls::PeerIncompatible::Tls12NotOffered;
+        Err(rustls::Error::PeerIncompatible(reason))
+    }
+
+    fn verify_tls13_signature(
+        &self,
+        message: &[u8],
+        certificate: &CertificateDer<'_>,
+        signed: &DigitallySignedStruct,
+    ) -> Result<HandshakeSignatureValid, rustls::Error> {
+        let algorithms = &self.provider.signature_verification_algorithms;
+        rustls::crypto::verify_tls13_signature(message, certificate, signed, algorithms)
+    }
+
+    fn supported_verify_schemes(&self) -> Vec<SignatureScheme> {
+        let algorithms = &self.provider.signature_verification_algorithms;
+        algorithms.supported_schemes()
+    }
+}

@@ -1,0 +1,297 @@
+//! Service of a farm's authority: admits nodes that show its token, and renews certificates.
+
+use std::net::SocketAddr;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use quinn::crypto::rustls::QuicServerConfig;
+use quinn::{Connection, Endpoint, Incoming};
+use rustls::pki_types::CertificateDer;
+use tokio::runtime::Runtime;
+use tokio::sync::{Notify, Semaphore};
+
+use crate::Error;
+use crate::net::address::NodeAddress;
+use crate::net::certificate::{PeerVerifier, provider};
+use crate::net::enrolment::{
+    ALPN, ANSWER_TIMEOUT, EnrolmentAnswer, EnrolmentRequest, REQUEST_BYTES_MAX,
+};
+use crate::net::farm_folder::AuthorityFolder;
+use crate::net::join_url::JoinUrl;
+use crate::net::peer::{CertificateFault, Role};
+use crate::net::signals::Signals;
+use crate::net::{certificate_fields, close_code, connection_error, endpoint, listener};
+
+/// What the service has done, for its operator.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum EnrolmentEvent {
+    /// A node has joined.
+    Joined {
+        /// Its name.
+        name: String,
+        /// Nodes that may still join.
+        uses_left: u32,
+    },
+    /// A node's certificate was renewed.
+    Renewed {
+        /// Its name.
+        name: String,
+    },
+    /// Somebody was refused.
+    Refused {
+        /// The address.
+        from: SocketAddr,
+        /// Why.
+        why: String,
+    },
+}
+
+/// The open socket of an authority.
+pub struct EnrolmentService {
+    runtime: Runtime,
+    endpoint: Endpoint,
+    signals: Signals,
+    state: Arc<EnrolmentState>,
+}
+
+/// What all connections share.
+struct EnrolmentState {
+    folder: AuthorityFolder,
+    /// SHA-256 of the secret: equality of hashes tells a guesser nothing of the secret.
+    secret_hash: String,
+    uses_left: Mutex<u32>,
+    /// Told when the last use is spent.
+    spent: Notify,
+}
+
+impl EnrolmentService {
+    /// Opens the socket, and makes a token for `uses` nodes.
+    ///
+    /// # Errors
+    /// [`Error::KeyPair`] if the authority cannot be used, [`Error::Socket`] if the address is in
+    /// use or does not belong to this machine.
+    pub fn bind(
+        address: SocketAddr,
+        folder: AuthorityFolder,
+        url_address: NodeAddress,
+        uses: u32,
+    ) -> Result<(Self, JoinUrl), Error> {
+        let failed = |source| Error::Socket {
+            address: address.to_string(),
+            source,
+        };
+        let authority = folder.authority.certificate()?;
+        let config = server_config(&folder, &authority)?;
+        let runtime = tokio::runtime::Builder::new_multi_thread()
+            .worker_threads(1)
+            .thread_name("carom-net")
+            .enable_all()
+            .build()
+            .map_err(failed)?;
+        let (endpoint, signals) = {
+            let _inside = runtime.enter();
+            let endpoint = endpoint::open_server(address, config).map_err(failed)?;
+            (endpoint, Signals::listen().map_err(failed)?)
+        };
+        let port = endpoint.local_addr().map_err(failed)?.port();
+        let url = JoinUrl::new(url_address.with_port(port), &authority)?;
+        let secret = url.secret.as_deref().unwrap_or_default();
+        let state = EnrolmentState {
+            folder,
+            secret_hash: certificate_fields::sha256(secret.as_bytes()),
+            uses_left: Mutex::new(uses),
+            spent: Notify::new(),
+        };
+        let service = Self {
+            runtime,
+            endpoint,
+            signals,
+            state: Arc::new(state),
+        };
+        Ok((service, url))
+    }
+
+    /// Serves until `time` is over, Ctrl-C or SIGTERM, or until the last use is spent.
+    pub fn serve(
+        self,
+        time: Duration,
+        events: impl Fn(EnrolmentEvent) + Clone + Send + Sync + 'static,
+    ) {
+        let Self {
+            runtime,
+            endpoint,
+            mut signals,
+            state,
+        } = self;
+        runtime.block_on(async {
+            let until = tokio::time::Instant::from_std(Instant::now() + time);
+            tokio::select! {
+                () = accept(&endpoint, &state, events) => {}
+                () = state.spent.notified() => {}
+                () = signals.recv() => {}
+                () = tokio::time::sleep_until(until) => {}
+            }
+            // The last answer may be on its way.
+            let _ = tokio::time::timeout(ANSWER_TIMEOUT, endpoint.wait_idle()).await;
+        });
+    }
+}
+
+fn server_config(
+    folder: &AuthorityFolder,
+    authority: &CertificateDer<'static>,
+) -> Result<quinn::ServerConfig, Error> {
+    let unusable = |error: &dyn std::fmt::Display| Error::KeyPair {
+        reason: error.to_string(),
+    };
+    let denied = Arc::new(folder.log.deny_list());
+    let nodes = PeerVerifier::new(authority, Role::Node, denied)
+        .map_err(|error| unusable(&error))?
+        .optional();
+    let mut tls = rustls::ServerConfig::builder_with_provider(provider())
+        .with_protocol_versions(&[&rustls::version::TLS13])
+        .map_err(|error| unusable(&error))?
+        .with_client_cert_verifier(Arc::new(nodes))
+        .with_single_cert(vec![authority.clone()], folder.authority.key())
+        .map_err(|error| unusable(&error))?;
+    tls.alpn_protocols = vec![ALPN.to_vec()];
+    tls.send_tls13_tickets = 0;
+    tls.session_storage = Arc::new(rustls::server::NoServerSessionStorage {});
+    let crypto = QuicServerConfig::try_from(tls).map_err(|error| unusable(&error))?;
+    Ok(endpoint::enrolment_server_config(crypto))
+}
+
+async fn accept(
+    endpoint: &Endpoint,
+    state: &Arc<EnrolmentState>,
+    events: impl Fn(EnrolmentEvent) + Clone + Send + Sync + 'static,
+) {
+    let handshakes = Arc::new(Semaphore::new(endpoint::HANDSHAKES_MAX));
+    while let Some(incoming) = endpoint.accept().await {
+        let Some((incoming, permit)) = listener::screen(incoming, &handshakes) else {
+            continue;
+        };
+        let (state, events) = (Arc::clone(state), events.clone());
+        tokio::spawn(async move {
+            let from = incoming.remote_address();
+            let served = state.serve(incoming, &events);
+            let served = tokio::time::timeout(2 * ANSWER_TIMEOUT, served).await;
+            drop(permit);
+            if let Err(why) = served.unwrap_or(Err(Error::HandshakeTimeout)) {
+                let why = why.to_string();
+                events(EnrolmentEvent::Refused { from, why });
+            }
+        });
+    }
+}
+
+impl EnrolmentState {
+    /// Answers the one request of a connection.
+    async fn serve(
+        &self,
+        incoming: Incoming,
+        events: &impl Fn(EnrolmentEvent),
+    ) -> Result<(), Error> {
+        let connection: Connection = tokio::time::timeout(endpoint::HANDSHAKE_TIMEOUT, incoming)
+            .await
+            .map_err(|_| Error::HandshakeTimeout)?
+            .map_err(|error| connection_error::connection(&error, Role::Node))?;
+        let broken = |why: &dyn std::fmt::Display| Error::ConnectionBroken {
+            reason: why.to_string(),
+        };
+        let (mut send, mut receive) = connection.accept_bi().await.map_err(|why| broken(&why))?;
+        let bytes = receive.read_to_end(REQUEST_BYTES_MAX).await;
+        let bytes = bytes.map_err(|why| broken(&why))?;
+        let request = serde_json::from_slice(&bytes).map_err(|why| broken(&why))?;
+        let decided = self.decide(request, &connection);
+        let answer = match &decided {
+            Ok((answer, _)) => serde_json::to_vec(answer),
+            Err(Error::EnrolmentRefused { sentence }) => {
+                let sentence = sentence.clone();
+                serde_json::to_vec(&EnrolmentAnswer::Refused { sentence })
+            }
+            Err(why) => serde_json::to_vec(&EnrolmentAnswer::Refused {
+                sentence: why.to_string(),
+            }),
+        };
+        let answer = answer.map_err(|why| broken(&why))?;
+        send.write_all(&answer).await.map_err(|why| broken(&why))?;
+        send.finish().map_err(|why| broken(&why))?;
+        let refusal = match decided {
+            Ok((_, event)) => {
+                event.into_iter().for_each(events);
+                Ok(())
+            }
+            Err(why) => Err(why),
+        };
+        // The node closes once it has the answer.
+        let _ = tokio::time::timeout(ANSWER_TIMEOUT, connection.closed()).await;
+        connection.close(close_code::DONE, b"");
+        refusal
+    }
+
+    fn decide(
+        &self,
+        request: EnrolmentRequest,
+        connection: &Connection,
+    ) -> Result<(EnrolmentAnswer, Option<EnrolmentEvent>), Error> {
+        let (certificate_pem, event) = match request {
+            EnrolmentRequest::Join {
+                secret,
+                name,
+                request_pem,
+            } => {
+                let (pem, uses_left) = self.join(&secret, &name, &request_pem)?;
+                (Some(pem), Some(EnrolmentEvent::Joined { name, uses_left }))
+            }
+            EnrolmentRequest::Renew { request_pem } => {
+                let name = shown_name(connection)?;
+                match request_pem {
+                    Some(pem) => {
+                        let pem = self.folder.certify(&name, &pem)?;
+                        (Some(pem), Some(EnrolmentEvent::Renewed { name }))
+                    }
+                    None => (None, None),
+                }
+            }
+        };
+        let answer = EnrolmentAnswer::Certified {
+            authority_pem: self.folder.certificate_pem().to_owned(),
+            certificate_pem,
+            deny_list: self.folder.log.deny_list_text()?,
+        };
+        Ok((answer, event))
+    }
+
+    /// A use is spent only by a node that is certified.
+    fn join(&self, secret: &str, name: &str, request_pem: &str) -> Result<(String, u32), Error> {
+        let refused = |sentence: &str| Error::EnrolmentRefused {
+            sentence: sentence.to_owned(),
+        };
+        let mut uses_left = self
+            .uses_left
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        if certificate_fields::sha256(secret.as_bytes()) != self.secret_hash || *uses_left == 0 {
+            return Err(refused(
+                "the token is not valid: ask for another by `carom-farm token`",
+            ));
+        }
+        let pem = self.folder.admit(name, request_pem)?;
+        *uses_left -= 1;
+        if *uses_left == 0 {
+            self.spent.notify_one();
+        }
+        Ok((pem, *uses_left))
+    }
+}
+
+/// The name in the certificate that a client has shown, which the handshake has checked.
+fn shown_name(connection: &Connection) -> Result<String, Error> {
+    let identity = connection.peer_identity();
+    let shown = identity.and_then(|shown| shown.downcast::<Vec<CertificateDer<'_>>>().ok());
+    let certificate = shown.and_then(|shown| shown.into_iter().next());
+    let fault = |fault| Error::PeerCertificate { fault };
+    let certificate = certificate.ok_or(fault(CertificateFault::Missing))?;
+    certificate_fields::common_name(&certificate).map_err(fault)
+}

@@ -1,0 +1,442 @@
+//! Folders of a farm: that of its authority, made by `init`, and those of its nodes and players.
+//!
+//! ```text
+//! .carom   ca.pem ca.key issued.jsonl revoked.txt   the authority; its key may be encrypted
+//!          player.pem player.key                    the player of this machine
+//!          nodes/NAME    ca.pem node.pem node.key   to copy to a node
+//!          players/NAME  ca.pem player.pem player.key
+//! ```
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::Error;
+use crate::net::authority::{
+    AUTHORITY_KEY_FILE, Authority, IssuedCertificate, lasting, read_authority,
+};
+use crate::net::certificate_fields;
+use crate::net::credential_files::{create_private_dir, file_error, write_private, write_whole};
+use crate::net::credentials::AUTHORITY_FILE;
+use crate::net::deny_list::DENY_LIST_FILE;
+use crate::net::issuance::{IssuanceLog, IssuanceRecord};
+use crate::net::peer::Role;
+
+/// Bytes of a name: a host name's label has as many.
+const NAME_BYTES_MAX: usize = 63;
+
+/// The folder of a farm's authority, opened with its key.
+#[derive(Debug)]
+pub struct AuthorityFolder {
+    dir: PathBuf,
+    pub(crate) authority: Authority,
+    pub(crate) log: IssuanceLog,
+}
+
+/// Creates a farm in `dir`: `ca.pem`, `ca.key`, and the player `player` of this machine.
+///
+/// # Errors
+/// As [`AuthorityFolder::create`].
+pub fn create_farm(dir: &Path) -> Result<(), Error> {
+    AuthorityFolder::create(dir, None, Some(FIRST_PLAYER)).map(drop)
+}
+
+/// The name of the player that a farm begins with.
+pub const FIRST_PLAYER: &str = "player";
+
+/// Creates the folder of a node, as [`AuthorityFolder::add`] with an authority whose key is not
+/// encrypted.
+///
+/// # Errors
+/// As [`AuthorityFolder::open`] and [`AuthorityFolder::add`].
+pub fn add_node(dir: &Path, name: &str, out: Option<&Path>, renew: bool) -> Result<PathBuf, Error> {
+    check_name(name)?;
+    AuthorityFolder::open(dir, None)?.add(Role::Node, name, out, renew)
+}
+
+/// Puts all valid certificates of `name` on the deny list of the authority in `dir`, and returns
+/// them. Needs no key.
+///
+/// # Errors
+/// [`Error::CredentialsMissing`] if `dir` holds no authority; [`Error::NothingToRevoke`];
+/// [`Error::CredentialsFile`].
+pub fn revoke(dir: &Path, name: &str) -> Result<Vec<IssuanceRecord>, Error> {
+    read_authority(&dir.join(AUTHORITY_FILE))?;
+    IssuanceLog::open(dir)?.revoke(name)
+}
+
+impl AuthorityFolder {
+    /// Creates an authority in a folder that is new or empty, its key encrypted if there is a
+    /// passphrase, and a player of the name `player` beside it. The folder appears whole or not at
+    /// all.
+    ///
+    /// # Errors
+    /// [`Error::FarmExists`], or [`Error::CredentialsFile`] if the folder cannot be written.
+    pub fn create(
+        dir: &Path,
+        passphrase: Option<&str>,
+        player: Option<&str>,
+    ) -> Result<Self, Error> {
+        for file in [AUTHORITY_FILE, AUTHORITY_KEY_FILE] {
+            let path = dir.join(file);
+            if path.exists() {
+                return Err(Error::FarmExists { path });
+            }
+        }
+        if dir.exists() {
+            // Only an empty folder can be removed.
+            fs::remove_dir(dir).map_err(|why| file_error(dir, why))?;
+        }
+        let mut staged = dir.file_name().unwrap_or_default().to_owned();
+        staged.push(".init");
+        let staged = dir.with_file_name(staged);
+        if staged.exists() {
+            // An `init` was killed: nobody has used what it left.
+            fs::remove_dir_all(&staged).map_err(|why| file_error(&staged, why))?;
+        }
+        create_private_dir(&staged)?;
+        let authority = Authority::generate()?;
+        write_private(
+            &staged.join(AUTHORITY_KEY_FILE),
+            &authority.key_pem(passphrase)?,
+        )?;
+        write_whole(&staged.join(AUTHORITY_FILE), authority.certificate_pem())?;
+        let folder = Self {
+            log: IssuanceLog::open(&staged)?,
+            dir: staged.clone(),
+            authority,
+        };
+        if let Some(player) = player {
+            folder.add(Role::Player, player, Some(&staged), false)?;
+        }
+        fs::rename(&staged, dir).map_err(|why| file_error(dir, why))?;
+        Ok(Self {
+            dir: dir.to_path_buf(),
+            log: IssuanceLog::open(dir)?,
+            authority: folder.authority,
+        })
+    }
+
+    /// Opens the authority in `dir`.
+    ///
+    /// # Errors
+    /// [`Error::CredentialsMissing`], [`Error::CredentialsFile`] or [`Error::CredentialsPem`];
+    /// [`Error::PassphraseMissing`] if the key is encrypted and `passphrase` is absent,
+    /// [`Error::PassphraseWrong`].
+    pub fn open(dir: &Path, passphrase: Option<&str>) -> Result<Self, Error> {
+        let authority = Authority::open(dir, passphrase)?;
+        Ok(Self {
+            dir: dir.to_path_buf(),
+            log: IssuanceLog::open(dir)?,
+            authority,
+        })
+    }
+
+    /// The certificate of the authority as PEM text.
+    pub fn certificate_pem(&self) -> &str {
+        self.authority.certificate_pem()
+    }
+
+    /// Creates or renews a folder with the authority's certificate, a key and its certificate, and
+    /// returns it. Without `out` it is `nodes/NAME` or `players/NAME`; the player of this folder is
+    /// renewed in its place.
+    ///
+    /// # Errors
+    /// [`Error::MemberName`]; [`Error::MemberExists`] if the name has a valid certificate or the
+    /// folder a key, unless `renew` is set; [`Error::AuthorityExposed`] for a node in the
+    /// authority's folder; [`Error::CredentialsFile`] if the folder cannot be written.
+    pub fn add(
+        &self,
+        role: Role,
+        name: &str,
+        out: Option<&Path>,
+        renew: bool,
+    ) -> Result<PathBuf, Error> {
+        check_name(name)?;
+        let out = match out {
+            Some(out) => out.to_path_buf(),
+            None if self.holds_player(role, name) => self.dir.clone(),
+            None => self.dir.join(format!("{role}s")).join(name),
+        };
+        if !renew {
+            self.check_new(role, name)?;
+            let path = out.join(role.key_file());
+            if path.exists() {
+                return Err(Error::MemberExists {
+                    name: name.to_owned(),
+                    evidence: path.display().to_string(),
+                });
+            }
+        }
+        if role == Role::Node && out.join(AUTHORITY_KEY_FILE).exists() {
+            return Err(Error::AuthorityExposed { folder: out });
+        }
+        if !out.exists() {
+            create_private_dir(&out)?;
+        }
+        let issued = self.authority.issue(role, name, lasting(role.life()))?;
+        self.log.append(&issued.certificate_der()?, role)?;
+        save(&out, role, self.certificate_pem(), &issued)?;
+        let denied = self.log.deny_list_text()?;
+        if out != self.dir && !denied.is_empty() {
+            write_whole(&out.join(DENY_LIST_FILE), &denied)?;
+        }
+        Ok(out)
+    }
+
+    /// Certifies a key that lies elsewhere for a new node, and returns the certificate as PEM text.
+    ///
+    /// # Errors
+    /// [`Error::MemberName`], [`Error::MemberExists`], [`Error::CertificateCreation`] if the
+    /// request is none, [`Error::CredentialsFile`].
+    pub(crate) fn admit(&self, name: &str, request_pem: &str) -> Result<String, Error> {
+        check_name(name)?;
+        self.check_new(Role::Node, name)?;
+        self.certify(name, request_pem)
+    }
+
+    /// Certifies a node's key once more.
+    ///
+    /// # Errors
+    /// [`Error::CertificateCreation`] if the request is none, [`Error::CredentialsFile`].
+    pub(crate) fn certify(&self, name: &str, request_pem: &str) -> Result<String, Error> {
+        let role = Role::Node;
+        let issued = self
+            .authority
+            .sign_request(role, name, lasting(role.life()), request_pem)?;
+        self.log.append(issued.der(), role)?;
+        Ok(issued.pem())
+    }
+
+    /// Two holders of one name could not be told apart, nor revoked alone.
+    fn check_new(&self, role: Role, name: &str) -> Result<(), Error> {
+        let current = self.log.current(name)?;
+        match current.iter().rfind(|record| record.role == role) {
+            Some(record) => Err(Error::MemberExists {
+                name: name.to_owned(),
+                evidence: format!(
+                    "{role} {name} has a certificate until {}",
+                    record.last_day()
+                ),
+            }),
+            None => Ok(()),
+        }
+    }
+
+    /// Whether the player of this folder, made by `init`, is called so.
+    fn holds_player(&self, role: Role, name: &str) -> bool {
+        let certificate = self.dir.join(role.certificate_file());
+        role == Role::Player
+            && certificate_fields::common_name_of_file(&certificate).as_deref() == Some(name)
+    }
+}
+
+fn check_name(name: &str) -> Result<(), Error> {
+    let first_is_plain = name.starts_with(|c: char| c.is_ascii_alphanumeric());
+    let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
+    if first_is_plain && name.len() <= NAME_BYTES_MAX && name.chars().all(plain) {
+        return Ok(());
+    }
+    Err(Error::MemberName {
+        name: name.to_owned(),
+        length_max: NAME_BYTES_MAX,
+    })
+}
+
+/// Writes a folder's key, its certificate, and the authority's.
+fn save(
+    dir: &Path,
+    role: Role,
+    authority_pem: &str,
+    issued: &IssuedCertificate,
+) -> Result<(), Error> {
+    let key = dir.join(role.key_file());
+    if key.exists() {
+        fs::remove_file(&key).map_err(|why| file_error(&key, why))?;
+    }
+    write_private(&key, &issued.key_pem)?;
+    write_whole(&dir.join(AUTHORITY_FILE), authority_pem)?;
+    write_whole(&dir.join(role.certificate_file()), &issued.certificate_pem)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::net::credentials::Credentials;
+
+    #[test]
+    fn an_existing_farm_is_never_overwritten() {
+        let dir = tempfile::tempdir().unwrap();
+        create_farm(dir.path()).unwrap();
+        let key = fs::read(dir.path().join(AUTHORITY_KEY_FILE)).unwrap();
+        let refused = create_farm(dir.path()).unwrap_err().to_string();
+        assert!(refused.contains("already holds a farm"), "{refused}");
+        assert_eq!(key, fs::read(dir.path().join(AUTHORITY_KEY_FILE)).unwrap());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn keys_are_readable_by_their_owner_only() {
+        use std::os::unix::fs::PermissionsExt;
+        let dir = tempfile::tempdir().unwrap();
+        create_farm(dir.path()).unwrap();
+        let node = add_node(dir.path(), "oak", None, false).unwrap();
+        for key in [
+            dir.path().join("ca.key"),
+            dir.path().join("player.key"),
+            node.join("node.key"),
+        ] {
+            let mode = fs::metadata(&key).unwrap().permissions().mode() & 0o777;
+            assert_eq!(mode, 0o600, "{}", key.display());
+        }
+    }
+
+    #[test]
+    fn a_node_is_replaced_only_on_renewal() {
+        let dir = tempfile::tempdir().unwrap();
+        create_farm(dir.path()).unwrap();
+        let node = add_node(dir.path(), "oak", None, false).unwrap();
+        let first = fs::read(node.join("node.key")).unwrap();
+        add_node(dir.path(), "oak", None, false).unwrap_err();
+        assert_eq!(first, fs::read(node.join("node.key")).unwrap());
+        add_node(dir.path(), "oak", None, true).unwrap();
+        assert_ne!(first, fs::read(node.join("node.key")).unwrap());
+        assert_eq!(Credentials::load(&node, Role::Node).unwrap().name(), "oak");
+    }
+
+    #[test]
+    fn node_names_cannot_leave_the_folder() {
+        let dir = tempfile::tempdir().unwrap();
+        create_farm(dir.path()).unwrap();
+        let long = "a".repeat(NAME_BYTES_MAX + 1);
+        for name in [
+            "", ".", "..", "a/b", "../oak", "-x", "a b", "ä", "a\0b", &long,
+        ] {
+            let refused = add_node(dir.path(), name, None, false).unwrap_err();
+            assert!(
+                refused.to_string().contains("is not a valid name"),
+                "{refused}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_node_never_receives_the_authoritys_key() {
+        let dir = tempfile::tempdir().unwrap();
+        create_farm(dir.path()).unwrap();
+        add_node(dir.path(), "oak", Some(dir.path()), false).unwrap_err();
+        let node = add_node(dir.path(), "oak", None, false).unwrap();
+        let mut files: Vec<_> = fs::read_dir(node)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        files.sort();
+        assert_eq!(files, ["ca.pem", "node.key", "node.pem"]);
+    }
+
+    #[test]
+    fn a_killed_init_can_be_repeated() {
+        let parent = tempfile::tempdir().unwrap();
+        let dir = parent.path().join("farm");
+        let files = [
+            "ca.key",
+            "ca.pem",
+            "issued.jsonl",
+            "player.key",
+            "player.pem",
+        ];
+        for written in 0..=files.len() {
+            let staged = parent.path().join("farm.init");
+            fs::create_dir(&staged).unwrap();
+            for file in &files[..written] {
+                fs::write(staged.join(file), "half a fi").unwrap();
+            }
+            create_farm(&dir).unwrap();
+            assert!(!staged.exists());
+            Credentials::load(&dir, Role::Player).unwrap();
+            add_node(&dir, "oak", None, false).unwrap();
+            fs::remove_dir_all(&dir).unwrap();
+        }
+    }
+
+    #[test]
+    fn an_encrypted_authority_needs_its_passphrase() {
+        let parent = tempfile::tempdir().unwrap();
+        let dir = parent.path().join("farm");
+        AuthorityFolder::create(&dir, Some("open sesame"), None).unwrap();
+        let key = fs::read_to_string(dir.join(AUTHORITY_KEY_FILE)).unwrap();
+        assert!(key.contains("ENCRYPTED"), "{key}");
+        let without = AuthorityFolder::open(&dir, None).unwrap_err();
+        assert!(
+            matches!(without, Error::PassphraseMissing { .. }),
+            "{without}"
+        );
+        let wrong = AuthorityFolder::open(&dir, Some("sesame")).unwrap_err();
+        assert!(matches!(wrong, Error::PassphraseWrong { .. }), "{wrong}");
+        let folder = AuthorityFolder::open(&dir, Some("open sesame")).unwrap();
+        let node = folder.add(Role::Node, "oak", None, false).unwrap();
+        Credentials::load(&node, Role::Node).unwrap();
+    }
+
+    #[test]
+    fn every_certificate_is_on_record() {
+        let dir = tempfile::tempdir().unwrap();
+        create_farm(dir.path()).unwrap();
+        let folder = AuthorityFolder::open(dir.path(), None).unwrap();
+        let bob = folder.add(Role::Player, "bob", None, false).unwrap();
+        folder.add(Role::Player, "bob", None, true).unwrap();
+        folder.add(Role::Player, FIRST_PLAYER, None, true).unwrap();
+        // Another copy for the same name would be unknown to whoever revokes it.
+        let twice = folder.add(Role::Player, "bob", Some(&dir.path().join("x")), false);
+        assert!(twice.unwrap_err().to_string().contains("--renew"));
+        let records = folder.log.records().unwrap();
+        let names: Vec<&str> = records.iter().map(|record| record.name.as_str()).collect();
+        assert_eq!(names, [FIRST_PLAYER, "bob", "bob", FIRST_PLAYER]);
+        let days = |record: &IssuanceRecord| {
+            (record.not_after_unix_secs - record.not_before_unix_secs) / (24 * 3600)
+        };
+        assert!(records.iter().all(|record| days(record) == 91));
+        let loaded = Credentials::load(&bob, Role::Player).unwrap();
+        let key_id = certificate_fields::key_id(&loaded.certificate).unwrap();
+        assert_eq!(records[2].key_id, key_id);
+        let mut serials: Vec<&str> = records.iter().map(|one| one.serial.as_str()).collect();
+        serials.sort_unstable();
+        serials.dedup();
+        assert_eq!(serials.len(), 4);
+    }
+
+    #[test]
+    fn farms_without_a_record_get_one_of_their_files() {
+        let dir = tempfile::tempdir().unwrap();
+        create_farm(dir.path()).unwrap();
+        add_node(dir.path(), "oak", None, false).unwrap();
+        fs::remove_file(dir.path().join("issued.jsonl")).unwrap();
+        for name in [FIRST_PLAYER, "oak"] {
+            assert_eq!(revoke(dir.path(), name).unwrap().len(), 1);
+        }
+        let unknown = revoke(dir.path(), "elm").unwrap_err().to_string();
+        assert!(unknown.contains("oak"), "{unknown}");
+    }
+
+    #[test]
+    fn revoked_credentials_are_refused_by_their_own_folder() {
+        let dir = tempfile::tempdir().unwrap();
+        create_farm(dir.path()).unwrap();
+        revoke(dir.path(), FIRST_PLAYER).unwrap();
+        let why = Credentials::load(dir.path(), Role::Player).unwrap_err();
+        assert!(why.to_string().contains("has been revoked"), "{why}");
+    }
+
+    #[test]
+    fn loading_refuses_the_other_roles_certificate() {
+        let dir = tempfile::tempdir().unwrap();
+        create_farm(dir.path()).unwrap();
+        for ext in ["pem", "key"] {
+            let player = dir.path().join(format!("player.{ext}"));
+            fs::copy(player, dir.path().join(format!("node.{ext}"))).unwrap();
+        }
+        let refused = Credentials::load(dir.path(), Role::Node)
+            .unwrap_err()
+            .to_string();
+        assert!(refused.contains("role"), "{refused}");
+    }
+}

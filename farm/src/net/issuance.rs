@@ -1,0 +1,190 @@
+//! Record of the certificates that a farm's authority has issued: a line of JSON each.
+
+use std::fs::OpenOptions;
+use std::io::{ErrorKind, Write as _};
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use rustls::pki_types::CertificateDer;
+use rustls::pki_types::pem::PemObject as _;
+use serde::{Deserialize, Serialize};
+
+use crate::Error;
+use crate::net::certificate_fields;
+use crate::net::credential_files::{file_error, write_whole};
+use crate::net::deny_list::{DENY_LIST_FILE, DenyList};
+use crate::net::peer::{CertificateFault, Role};
+
+/// A certificate that was issued.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct IssuanceRecord {
+    /// The holder's name.
+    pub name: String,
+    /// What it may do.
+    pub role: Role,
+    /// The certificate's serial number, in hexadecimal.
+    pub serial: String,
+    /// SHA-256 of the public key, in hexadecimal: what a deny list names.
+    pub key_id: String,
+    /// The first second of its validity, since 1970.
+    pub not_before_unix_secs: u64,
+    /// The last second of its validity, since 1970.
+    pub not_after_unix_secs: u64,
+}
+
+/// The record and the deny list in the folder of an authority.
+#[derive(Debug)]
+pub(crate) struct IssuanceLog {
+    dir: PathBuf,
+}
+
+const LOG_FILE: &str = "issued.jsonl";
+
+impl IssuanceRecord {
+    fn of(certificate: &[u8], role: Role) -> Result<Self, CertificateFault> {
+        let parsed = certificate_fields::parse(certificate)?;
+        let validity = parsed.validity();
+        Ok(Self {
+            name: certificate_fields::common_name(certificate)?,
+            role,
+            serial: certificate_fields::hexadecimal(parsed.raw_serial()),
+            key_id: certificate_fields::key_id(certificate)?,
+            not_before_unix_secs: validity.not_before.timestamp().unsigned_abs(),
+            not_after_unix_secs: validity.not_after.timestamp().unsigned_abs(),
+        })
+    }
+
+    /// The last day of its validity, as `2026-12-24`.
+    pub fn last_day(&self) -> String {
+        certificate_fields::day(self.not_after_unix_secs)
+    }
+
+    fn is_current(&self) -> bool {
+        let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+        now.is_ok_and(|now| now.as_secs() <= self.not_after_unix_secs)
+    }
+}
+
+impl IssuanceLog {
+    /// The record of the authority in `dir`. Where there is none yet, it begins with the certificates
+    /// that lie in the folder: farms were without a record once.
+    ///
+    /// # Errors
+    /// [`Error::CredentialsFile`] if the folder cannot be read or written.
+    pub(crate) fn open(dir: &Path) -> Result<Self, Error> {
+        let log = Self {
+            dir: dir.to_path_buf(),
+        };
+        if log.path().exists() {
+            return Ok(log);
+        }
+        let player = (Role::Player, dir.join(Role::Player.certificate_file()));
+        let nodes = std::fs::read_dir(dir.join("nodes")).into_iter().flatten();
+        let nodes = nodes
+            .flatten()
+            .map(|node| (Role::Node, node.path().join(Role::Node.certificate_file())));
+        for (role, path) in std::iter::once(player).chain(nodes) {
+            let Ok(certificate) = CertificateDer::from_pem_file(&path) else {
+                continue;
+            };
+            log.append(&certificate, role)?;
+        }
+        Ok(log)
+    }
+
+    /// Adds a certificate, before its holder has it: nothing that is valid is unrecorded.
+    ///
+    /// # Errors
+    /// [`Error::CredentialsFile`] if the file cannot be written.
+    pub(crate) fn append(&self, certificate: &[u8], role: Role) -> Result<(), Error> {
+        let record = IssuanceRecord::of(certificate, role)
+            .map_err(|fault| Error::Certificate { path: None, fault })?;
+        let path = self.path();
+        let mut line = serde_json::to_vec(&record).map_err(|why| file_error(&path, why.into()))?;
+        line.push(b'\n');
+        let mut options = OpenOptions::new();
+        let file = options.append(true).create(true).open(&path);
+        file.and_then(|mut file| {
+            file.write_all(&line)?;
+            file.sync_all()
+        })
+        .map_err(|why| file_error(&path, why))
+    }
+
+    /// All that was issued, oldest first.
+    ///
+    /// # Errors
+    /// [`Error::CredentialsFile`] if the file cannot be read or a line is damaged.
+    pub(crate) fn records(&self) -> Result<Vec<IssuanceRecord>, Error> {
+        let path = self.path();
+        let text = match std::fs::read_to_string(&path) {
+            Err(why) if why.kind() == ErrorKind::NotFound => String::new(),
+            text => text.map_err(|why| file_error(&path, why))?,
+        };
+        text.lines()
+            .map(|line| serde_json::from_str(line).map_err(|why| file_error(&path, why.into())))
+            .collect()
+    }
+
+    /// The certificates of `name` that are valid and not revoked.
+    ///
+    /// # Errors
+    /// As [`IssuanceLog::records`].
+    pub(crate) fn current(&self, name: &str) -> Result<Vec<IssuanceRecord>, Error> {
+        let denied = self.deny_list_text()?;
+        let mut records = self.records()?;
+        records.retain(|record| {
+            record.name == name && record.is_current() && !denied.contains(&record.key_id)
+        });
+        Ok(records)
+    }
+
+    /// Puts the keys of `name` on the deny list, and returns what they had been certified for.
+    ///
+    /// # Errors
+    /// [`Error::NothingToRevoke`] if `name` has no valid certificate; as [`IssuanceLog::records`].
+    pub(crate) fn revoke(&self, name: &str) -> Result<Vec<IssuanceRecord>, Error> {
+        let revoked = self.current(name)?;
+        if revoked.is_empty() {
+            let mut known: Vec<String> = self.records()?.into_iter().map(|one| one.name).collect();
+            known.sort_unstable();
+            known.dedup();
+            return Err(Error::NothingToRevoke {
+                name: name.to_owned(),
+                known,
+            });
+        }
+        let mut text = self.deny_list_text()?;
+        for record in &revoked {
+            if !text.contains(&record.key_id) {
+                text.push_str(&format!("{} {} {name}\n", record.key_id, record.role));
+            }
+        }
+        write_whole(&self.deny_list_path(), &text)?;
+        Ok(revoked)
+    }
+
+    /// The deny list as its file has it.
+    ///
+    /// # Errors
+    /// [`Error::CredentialsFile`] if it cannot be read.
+    pub(crate) fn deny_list_text(&self) -> Result<String, Error> {
+        let path = self.deny_list_path();
+        match std::fs::read_to_string(&path) {
+            Err(why) if why.kind() == ErrorKind::NotFound => Ok(String::new()),
+            text => text.map_err(|why| file_error(&path, why)),
+        }
+    }
+
+    pub(crate) fn deny_list(&self) -> DenyList {
+        DenyList::in_folder(&self.dir)
+    }
+
+    fn deny_list_path(&self) -> PathBuf {
+        self.dir.join(DENY_LIST_FILE)
+    }
+
+    fn path(&self) -> PathBuf {
+        self.dir.join(LOG_FILE)
+    }
+}

@@ -1,0 +1,128 @@
+//! Address and token by which a node joins a farm: `farm://host:port#token`.
+
+use std::fmt;
+use std::str::FromStr;
+
+use crate::Error;
+use crate::net::address::NodeAddress;
+use crate::net::certificate_fields;
+
+const SCHEME: &str = "farm://";
+/// Bytes of the secret, and of the farm's fingerprint: 128 bits of each.
+const BYTES: usize = 16;
+
+/// Where a farm's authority is reached, how it is recognised, and what it admits a node for.
+#[derive(Clone, PartialEq, Eq)]
+pub struct JoinUrl {
+    /// The authority's address.
+    pub address: NodeAddress,
+    /// What a new node must show; absent in what a node keeps after it has joined.
+    pub(crate) secret: Option<String>,
+    /// The first half of the farm's fingerprint.
+    pub(crate) fingerprint: String,
+}
+
+impl JoinUrl {
+    /// The address at which an authority will admit nodes, with a new secret.
+    ///
+    /// # Errors
+    /// [`Error::CertificateCreation`] if the system gives no randomness.
+    pub(crate) fn new(address: NodeAddress, authority: &[u8]) -> Result<Self, Error> {
+        let secret = certificate_fields::random::<BYTES>();
+        let secret = secret.map_err(|error| Error::CertificateCreation {
+            reason: error.to_string(),
+        })?;
+        Ok(Self {
+            address,
+            secret: Some(certificate_fields::hexadecimal(&secret)),
+            fingerprint: fingerprint(authority),
+        })
+    }
+
+    /// What a node keeps: where to renew its certificate.
+    pub(crate) fn without_secret(&self) -> Self {
+        Self {
+            secret: None,
+            ..self.clone()
+        }
+    }
+}
+
+/// The first half of SHA-256 of the authority's certificate, in hexadecimal.
+pub(crate) fn fingerprint(authority: &[u8]) -> String {
+    let mut text = certificate_fields::sha256(authority);
+    text.truncate(2 * BYTES);
+    text
+}
+
+impl FromStr for JoinUrl {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self, Error> {
+        let refused = |rule| Error::JoinUrl { rule };
+        let rest = text
+            .strip_prefix(SCHEME)
+            .ok_or_else(|| refused("it must begin with farm://"))?;
+        let (address, token) = rest
+            .split_once('#')
+            .ok_or_else(|| refused("it must end in # and a token"))?;
+        let is_hexadecimal = token.bytes().all(|byte| byte.is_ascii_hexdigit());
+        let (fingerprint, secret) = match token.len() {
+            length if length == 2 * BYTES => (token, None),
+            length if length == 4 * BYTES => (&token[..2 * BYTES], Some(&token[2 * BYTES..])),
+            _ => ("", None),
+        };
+        if !is_hexadecimal || fingerprint.is_empty() {
+            return Err(refused("its token must be 64 hexadecimal digits"));
+        }
+        Ok(Self {
+            address: address.parse()?,
+            secret: secret.map(str::to_owned),
+            fingerprint: fingerprint.to_ascii_lowercase(),
+        })
+    }
+}
+
+impl fmt::Display for JoinUrl {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let secret = self.secret.as_deref().unwrap_or_default();
+        write!(f, "{SCHEME}{}#{}{secret}", self.address, self.fingerprint)
+    }
+}
+
+/// Everything but the secret.
+impl fmt::Debug for JoinUrl {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("JoinUrl")
+            .field(&self.without_secret().to_string())
+            .finish()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn join_urls_survive_being_printed() {
+        let url = JoinUrl::new("[::1]:4434".parse().unwrap(), b"authority").unwrap();
+        assert_eq!(url.to_string().parse::<JoinUrl>().unwrap(), url);
+        let kept = url.without_secret();
+        assert_eq!(kept.to_string().parse::<JoinUrl>().unwrap(), kept);
+        assert!(!format!("{url:?}").contains(url.secret.as_deref().unwrap()));
+    }
+
+    #[test]
+    fn malformed_join_urls_are_refused_with_the_rule() {
+        let token = "0".repeat(64);
+        for text in [
+            format!("oak:1#{token}"),
+            "farm://oak:1".to_owned(),
+            format!("farm://oak:1#{token}0"),
+            format!("farm://oak:1#{}é", &token[2..]),
+        ] {
+            let why = text.parse::<JoinUrl>().unwrap_err().to_string();
+            assert!(why.contains("carom-farm token"), "{why}");
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! The life of trust: joining, renewal, revocation.
+
+use std::fs;
+use std::path::Path;
+use std::sync::{Arc, mpsc};
+use std::thread::JoinHandle;
+use std::time::{Duration, SystemTime};
+
+use carom_farm::net::{
+    Authority, AuthorityFolder, Credentials, EnrolmentService, FIRST_PLAYER, IssuedCertificate,
+    JoinUrl, NodeServer, Role, ServerEvent, StopHandle, create_farm, join, revoke,
+};
+use carom_farm::node::Node;
+use carom_tracer::CpuTracer;
+use quinn::{ConnectionError, VarInt};
+use rustls::pki_types::CertificateDer;
+
+use crate::greeter::{Greeter, any_port};
+use crate::stranger::{block_on, call, certificate, hello, intrude, tls};
+
+/// Far longer than anything here takes; a test that needs it has failed.
+const TIMEOUT: Duration = Duration::from_secs(60);
+
+/// An authority that admits nodes, on a thread of its own.
+fn service(dir: &Path, uses: u32, time: Duration) -> (JoinUrl, JoinHandle<()>) {
+    let folder = AuthorityFolder::open(dir, None).unwrap();
+    let host = "127.0.0.1:1".parse().unwrap();
+    let (service, url) = EnrolmentService::bind(any_port(), folder, host, uses).unwrap();
+    (url, std::thread::spawn(move || service.serve(time, |_| {})))
+}
+
+fn shown(dir: &Path, role: &str) -> IssuedCertificate {
+    let read = |file: String| fs::read_to_string(dir.join(file)).unwrap();
+    IssuedCertificate {
+        certificate_pem: read(format!("{role}.pem")),
+        key_pem: read(format!("{role}.key")),
+    }
+}
+
+#[test]
+fn a_token_admits_as_many_nodes_as_it_says() {
+    let dir = tempfile::tempdir().unwrap();
+    let farm = dir.path().join("farm");
+    create_farm(&farm).unwrap();
+    let (url, served) = service(&farm, 2, TIMEOUT);
+    let node = |name: &str| dir.path().join(name);
+    let oak = join(&url, "oak", &node("oak")).unwrap();
+    assert_eq!((oak.name(), oak.role()), ("oak", Role::Node));
+    let refused = |url: &JoinUrl, name: &str| {
+        let why = join(url, name, &node("refused")).unwrap_err().to_string();
+        assert!(!node("refused").exists());
+        why
+    };
+    let taken = refused(&url, "oak");
+    assert!(taken.contains("oak has a certificate until"), "{taken}");
+    let text = url.to_string();
+    let guessed = format!("{}{}", &text[..text.len() - 32], "0".repeat(32));
+    let guessed = refused(&guessed.parse().unwrap(), "elm");
+    assert!(guessed.contains("token is not valid"), "{guessed}");
+    let (address, token) = text.split_once('#').unwrap();
+    let other_farm = format!("{address}#{}{}", "0".repeat(32), &token[32..]);
+    let other_farm = refused(&other_farm.parse().unwrap(), "elm");
+    assert!(other_farm.contains("another farm"), "{other_farm}");
+    join(&url, "elm", &node("elm")).unwrap();
+    served.join().unwrap();
+}
+
+#[test]
+fn the_key_of_a_joining_node_stays_with_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let (farm, oak) = (dir.path().join("farm"), dir.path().join("oak"));
+    create_farm(&farm).unwrap();
+    let (url, served) = service(&farm, 1, TIMEOUT);
+    join(&url, "oak", &oak).unwrap();
+    served.join().unwrap();
+    let mut files: Vec<_> = fs::read_dir(&oak)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    files.sort();
+    assert_eq!(files, ["ca.pem", "farm.url", "node.key", "node.pem"]);
+    // What the node keeps admits nobody.
+    let kept = fs::read_to_string(oak.join("farm.url")).unwrap();
+    let why = join(&kept.parse().unwrap(), "elm", &dir.path().join("elm")).unwrap_err();
+    assert!(why.to_string().contains("token"), "{why}");
+    assert!(!farm.join("nodes").exists());
+}
+
+#[test]
+fn a_running_node_renews_its_certificate() {
+    let dir = tempfile::tempdir().unwrap();
+    let (farm, oak) = (dir.path().join("farm"), dir.path().join("oak"));
+    create_farm(&farm).unwrap();
+    let (url, served) = service(&farm, 1, TIMEOUT);
+    join(&url, "oak", &oak).unwrap();
+    served.join().unwrap();
+    // The last of its thirty days.
+    let now = SystemTime::now();
+    let day = Duration::from_secs(24 * 3600);
+    let authority = Authority::load(&farm).unwrap();
+    let last_day = authority
+        .issue(Role::Node, "oak", now - 29 * day..now + day)
+        .unwrap();
+    fs::write(oak.join("node.key"), &last_day.key_pem).unwrap();
+    fs::write(oak.join("node.pem"), &last_day.certificate_pem).unwrap();
+    let (url, _served) = service(&farm, 0, TIMEOUT);
+    let kept = url.to_string();
+    fs::write(oak.join("farm.url"), &kept[..kept.len() - 32]).unwrap();
+    let credentials = Credentials::load(&oak, Role::Node).unwrap();
+    assert!(credentials.is_due());
+    let mut server = NodeServer::bind(any_port(), &credentials).unwrap();
+    let address = server.local_addr().unwrap();
+    server.keep_renewed(credentials, oak.clone());
+    let (stop, (sender, events)) = (StopHandle::default(), mpsc::channel());
+    let stopped = stop.clone();
+    let node = Node::new("oak", Arc::new(CpuTracer::with_threads(1).unwrap()));
+    let running = std::thread::spawn(move || {
+        let connect = move |_| node.connect();
+        server.serve(&stopped, connect, move |event| drop(sender.send(event)));
+    });
+    let renewed = events.recv_timeout(TIMEOUT).unwrap();
+    assert!(
+        matches!(renewed, ServerEvent::Renewed { .. }),
+        "{renewed:?}"
+    );
+    assert!(!Credentials::load(&oak, Role::Node).unwrap().is_due());
+    let player = shown(&farm, "player");
+    let seen = block_on(async {
+        let call = call(address, tls(Some(&player), b"carom/1")).await.unwrap();
+        let identity = call.connection.peer_identity().unwrap();
+        identity.downcast::<Vec<CertificateDer<'static>>>().unwrap()
+    });
+    let written = fs::read_to_string(oak.join("node.pem")).unwrap();
+    assert_eq!(seen[0], certificate(&written));
+    assert_ne!(written, last_day.certificate_pem);
+    assert_eq!(
+        fs::read_to_string(oak.join("node.key")).unwrap(),
+        last_day.key_pem
+    );
+    stop.stop();
+    running.join().unwrap();
+}
+
+#[test]
+fn revoked_players_are_cut_off_and_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let farm = dir.path().join("farm");
+    create_farm(&farm).unwrap();
+    let folder = AuthorityFolder::open(&farm, None).unwrap();
+    let oak = folder.add(Role::Node, "oak", None, false).unwrap();
+    let node = Greeter::with_credentials(&Credentials::load(&oak, Role::Node).unwrap());
+    let player = shown(&farm, "player");
+    let why = block_on(async {
+        let mut call = call(node.address, tls(Some(&player), b"carom/1"))
+            .await
+            .unwrap();
+        call.send.write_all(&hello()).await.unwrap();
+        call.receive.read_chunk(1, true).await.unwrap();
+        revoke(&farm, FIRST_PLAYER).unwrap();
+        fs::copy(farm.join("revoked.txt"), oak.join("revoked.txt")).unwrap();
+        tokio::time::timeout(TIMEOUT, call.connection.closed())
+            .await
+            .unwrap()
+    });
+    let ConnectionError::ApplicationClosed(close) = &why else {
+        panic!("{why:?}");
+    };
+    assert_eq!(close.error_code, VarInt::from_u32(5));
+    let why = intrude(node.address, tls(Some(&player), b"carom/1"), &hello());
+    let ConnectionError::ConnectionClosed(close) = &why else {
+        panic!("{why:?}");
+    };
+    // certificate_revoked (RFC 8446, 6.2).
+    assert_eq!(u64::from(close.error_code), 0x100 + 44);
+    // Another person is not concerned.
+    let bob = folder.add(Role::Player, "bob", None, false).unwrap();
+    let config = tls(Some(&shown(&bob, "player")), b"carom/1");
+    assert!(block_on(async { call(node.address, config).await.is_ok() }));
+}
