@@ -1,5 +1,6 @@
 //! A scene as flat plain-old-data arrays: the bytes that both back ends read.
 
+mod cone;
 mod data;
 mod material;
 #[cfg(test)]
@@ -10,11 +11,12 @@ use std::sync::OnceLock;
 use bytemuck::Zeroable as _;
 use glam::{DVec3, Quat, Vec3};
 
+use self::cone::Cone;
 pub use self::data::{
-    AreaLightData, BoxData, CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_INNER_BOX,
-    CSG_FACE_OUTER_BOX, CSG_FACE_PLANE, CameraFrame, CsgBoxData, CsgFaceData, DiscData,
-    KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, MaterialData, PATTERN_NONE, PATTERN_NUMBER,
-    PATTERN_PLANKS, PATTERN_WOOD, RectangleData, SphereData,
+    AreaLightData, BoxData, CSG_FACE_APEX_CONE, CSG_FACE_CONE, CSG_FACE_CYLINDER,
+    CSG_FACE_INNER_BOX, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE, CameraFrame, CsgBoxData, CsgFaceData,
+    DiscData, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, MaterialData, PATTERN_CLOTH,
+    PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, RectangleData, SphereData,
 };
 use self::material::material_data;
 use crate::bvh::{Bounds, Bvh};
@@ -55,6 +57,8 @@ pub struct CompiledScene {
     bvhs: [OnceLock<Option<Bvh>>; ShapeKind::ALL.len()],
     /// The spheres as the scene has them: what an update starts from.
     base_spheres: Vec<SphereData>,
+    /// The truncated cones among the CSG boxes, and the scene's poses of them.
+    cones: Vec<(Cone, ObjectPose)>,
     base_camera: Camera,
 }
 
@@ -136,6 +140,7 @@ impl CompiledScene {
             bvh_use: BvhUse::default(),
             bvhs: Default::default(),
             base_spheres: Vec::new(),
+            cones: Vec::new(),
             base_camera: scene.camera,
         };
         let names: Vec<&str> = scene.materials.keys().map(String::as_str).collect();
@@ -154,6 +159,7 @@ impl CompiledScene {
         Ok(compiled)
     }
 
+    #[expect(clippy::too_many_lines, reason = "one arm for each shape")]
     fn push(&mut self, shape: &Shape, material: u32, named: &dyn Fn(&str) -> u32) -> Primitive {
         match *shape {
             Shape::Sphere {
@@ -186,6 +192,20 @@ impl CompiledScene {
                 max,
                 ref subtractions,
             } => self.push_csg_box([min, max], subtractions, material, named),
+            Shape::TruncatedCone {
+                center,
+                rotation,
+                length,
+                radii,
+            } => {
+                let pose = ObjectPose {
+                    object: self.primitives.len() as u32,
+                    position: center,
+                    rotation,
+                    visible: true,
+                };
+                self.push_cone(pose, length, radii, material)
+            }
             Shape::Disc {
                 center,
                 normal,
@@ -249,11 +269,31 @@ impl CompiledScene {
         Primitive::CsgFace(first_face)
     }
 
+    fn push_cone(
+        &mut self,
+        pose: ObjectPose,
+        length: f32,
+        radii: [f32; 2],
+        material: u32,
+    ) -> Primitive {
+        let cone = Cone {
+            csg_box: self.csg_boxes.len() as u32,
+            first_face: self.csg_faces.len() as u32,
+            length,
+            radii,
+        };
+        let (csg_box, faces) = cone.at(&pose, material);
+        self.csg_boxes.push(csg_box);
+        self.csg_faces.extend(faces);
+        self.cones.push((cone, pose));
+        Primitive::CsgFace(cone.first_face)
+    }
+
     /// Puts camera and objects where `update` wants them; what it does not name goes back to
     /// where the scene has it, so that updates may come in any order.
     ///
     /// # Errors
-    /// [`Error::InvalidUpdate`] if a pose names no sphere of the scene, one that another pose has
+    /// [`Error::InvalidUpdate`] if a pose names no sphere or truncated cone of the scene, one that another pose has
     /// named, or holds a number that is not finite, or the camera is degenerate; the scene then is as if nothing had been applied.
     pub fn apply(&mut self, update: &SceneUpdate) -> Result<(), Error> {
         self.reset();
@@ -267,6 +307,9 @@ impl CompiledScene {
     fn reset(&mut self) {
         self.spheres.clone_from(&self.base_spheres);
         self.bvhs[ShapeKind::Sphere as usize] = OnceLock::new();
+        for index in 0..self.cones.len() {
+            self.place_cone(index, &self.cones[index].1.clone());
+        }
         self.camera = self.base_camera;
     }
 
@@ -275,17 +318,47 @@ impl CompiledScene {
             camera.validate().map_err(Error::InvalidUpdate)?;
             self.camera = camera;
         }
-        let mut posed_before = vec![false; self.spheres.len()];
+        let mut posed_before = vec![false; self.primitives.len()];
         for pose in &update.poses {
             pose.validate().map_err(Error::InvalidUpdate)?;
-            let sphere = self.movable_sphere(pose.object)?;
-            if std::mem::replace(&mut posed_before[sphere], true) {
+            self.apply_pose(pose)?;
+            if std::mem::replace(&mut posed_before[pose.object as usize], true) {
                 return Err(Error::InvalidUpdate(SceneError::PosedTwice(pose.object)));
             }
-            self.spheres[sphere] = apply_pose(self.base_spheres[sphere], pose);
-            self.spheres[sphere].allows_refracted_nee = self.allows_refracted_nee(sphere);
         }
         Ok(())
+    }
+
+    fn apply_pose(&mut self, pose: &ObjectPose) -> Result<(), Error> {
+        let cone_of = |(_, base): &(Cone, ObjectPose)| base.object == pose.object;
+        match self.primitives.get(pose.object as usize) {
+            Some(Primitive::Sphere(sphere)) => {
+                let sphere = *sphere as usize;
+                self.spheres[sphere] = sphere_at(self.base_spheres[sphere], pose);
+                self.spheres[sphere].allows_refracted_nee = self.allows_refracted_nee(sphere);
+            }
+            Some(_) => match self.cones.iter().position(cone_of) {
+                Some(cone) => self.place_cone(cone, pose),
+                None => {
+                    return Err(Error::InvalidUpdate(SceneError::Immovable(pose.object)));
+                }
+            },
+            None => {
+                return Err(Error::InvalidUpdate(SceneError::UnknownObject {
+                    object: pose.object,
+                    count: self.primitives.len(),
+                }));
+            }
+        }
+        Ok(())
+    }
+
+    fn place_cone(&mut self, index: usize, pose: &ObjectPose) {
+        let (cone, _) = self.cones[index];
+        let first = cone.first_face as usize;
+        let (csg_box, faces) = cone.at(pose, self.csg_faces[first].material);
+        self.csg_boxes[cone.csg_box as usize] = csg_box;
+        self.csg_faces[first..][..faces.len()].copy_from_slice(&faces);
     }
 
     /// [`SphereData::allows_refracted_nee`].
@@ -305,17 +378,6 @@ impl CompiledScene {
                 && sphere.radius > 0.0
                 && heights.all(|height| height >= 1.5 * sphere.radius),
         )
-    }
-
-    fn movable_sphere(&self, object: u32) -> Result<usize, Error> {
-        match self.primitives.get(object as usize) {
-            Some(Primitive::Sphere(sphere)) => Ok(*sphere as usize),
-            Some(_) => Err(Error::InvalidUpdate(SceneError::Immovable(object))),
-            None => Err(Error::InvalidUpdate(SceneError::UnknownObject {
-                object,
-                count: self.primitives.len(),
-            })),
-        }
     }
 
     /// How many primitives of a shape there are.
@@ -425,7 +487,7 @@ pub fn camera_frame(camera: &Camera, size: ImageSize) -> CameraFrame {
     }
 }
 
-fn apply_pose(base: SphereData, pose: &ObjectPose) -> SphereData {
+fn sphere_at(base: SphereData, pose: &ObjectPose) -> SphereData {
     SphereData {
         center: pose.position.to_array(),
         radius: if pose.visible { base.radius } else { 0.0 },

@@ -265,7 +265,7 @@ pub enum SceneError {
     #[error("object {0} is posed twice")]
     PosedTwice(u32),
     /// A pose is of an object that cannot move.
-    #[error("object {0} is posed, but only spheres move and it is none")]
+    #[error("object {0} is posed, but only spheres and truncated cones move")]
     Immovable(u32),
     /// A pose is of an object that does not exist.
     #[error("object {object} is posed, but the scene has {count} objects")]

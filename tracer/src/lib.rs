@@ -47,8 +47,8 @@ pub use gpu::GpuTracer;
 pub use image::RadianceImage;
 pub use scalar::ScalarTracer;
 pub use scene::{
-    AreaLight, Axis, Camera, CsgSolid, Environment, Material, Medium, Object, ObjectPose,
-    ProceduralTexture, Scene, SceneUpdate, Shape, Sights, Stripe, Subtraction,
+    AreaLight, Axis, Camera, ClothMarks, CsgSolid, Environment, Material, Medium, Object,
+    ObjectPose, ProceduralTexture, Scene, SceneUpdate, Shape, Sights, Stripe, Subtraction,
 };
 pub use settings::{Preset, RenderSettings};
 pub use tile::{ImageSize, Tile, TileGrid, TileRange};

@@ -2,17 +2,19 @@
 //! picture that was asked for is still being traced.
 //!
 //! The scene is known exactly, so nothing is guessed from neighbouring pixels: a ray through each
-//! pixel of the new view finds the point that it sees, the point is moved back to where its ball
+//! pixel of the new view finds the point that it sees, the point is moved back to where its ball or cue
 //! was, and the old picture is looked up there (reverse re-projection: Nehab et al., "Accelerating
 //! Real-Time Shading with Reverse Reprojection Caching", 2007). A primitive is convex, so the point
 //! was visible if the old picture shows the same primitive there, from the same side. Where it was
 //! not, the nearest pixel of the same primitive stands in, and is counted. Mirror images, shadows
 //! and turning numbers stay as they were: the price of no tracing, gone with the next picture.
 
-use crate::compiled::{CameraFrame, SphereData};
+use std::ops::Range;
+
+use crate::compiled::{CSG_FACE_APEX_CONE, CameraFrame, SphereData};
 use crate::cpu::FirstHits;
 use crate::{CompiledScene, ImageSize};
-use glam::Vec3;
+use glam::{Quat, Vec3};
 use rayon::prelude::*;
 
 /// What a picture was, or is to be, taken of: a camera, the balls, and what each pixel sees.
@@ -20,6 +22,7 @@ use rayon::prelude::*;
 pub struct View {
     camera: CameraFrame,
     spheres: Vec<SphereData>,
+    cones: Vec<PlacedCone>,
     hits: FirstHits,
 }
 
@@ -38,6 +41,7 @@ impl View {
         Self {
             camera: scene.camera_frame(size),
             spheres: scene.spheres.clone(),
+            cones: cones(scene),
             hits: FirstHits::new(scene, size),
         }
     }
@@ -113,6 +117,9 @@ impl View {
         let point = Vec3::from(camera.eye) + direction * self.hits.distance[index];
         let eye_before = Vec3::from(before.camera.eye);
         let Some(ball) = self.spheres.get(id as usize) else {
+            let mut cones = self.cones.iter().zip(&before.cones);
+            let moved = cones.find(|(cone, _)| cone.ids.contains(&id));
+            let point = moved.map_or(point, |(to, from)| to.point_before(from, point));
             return film.project(point - eye_before);
         };
         let from_center = point - Vec3::from(ball.center);
@@ -153,6 +160,37 @@ impl View {
         }
         (weights > WEIGHT_MIN).then(|| sum.map(|channel| T::from_f32(channel / weights)))
     }
+}
+
+/// Where a truncated cone is, whose faces have some ids. It looks the same from all around.
+#[derive(Clone, Debug)]
+struct PlacedCone {
+    ids: Range<u32>,
+    apex: Vec3,
+    axis: Vec3,
+}
+
+impl PlacedCone {
+    /// Where a point of this cone was when the cone was at `before`.
+    fn point_before(&self, before: &Self, point: Vec3) -> Vec3 {
+        let turn = Quat::from_rotation_arc(self.axis, before.axis);
+        before.apex + turn * (point - self.apex)
+    }
+}
+
+fn cones(scene: &CompiledScene) -> Vec<PlacedCone> {
+    let first = scene.spheres.len() + scene.boxes.len() + scene.discs.len();
+    let first = (first + scene.rectangles.len()) as u32;
+    let sides = (first..).zip(&scene.csg_faces);
+    let sides = sides.filter(|(_, face)| face.kind == CSG_FACE_APEX_CONE);
+    sides
+        .map(|(id, side)| PlacedCone {
+            // Its side and both ends.
+            ids: id..id + 3,
+            apex: side.a.into(),
+            axis: Vec3::from(side.b).normalize(),
+        })
+        .collect()
 }
 
 /// A camera turned round: from directions to places on its film, in pixels from the top left.
@@ -241,7 +279,6 @@ mod tests {
         Camera, CpuTracer, ObjectPose, RadianceImage, RenderSettings, Scene, SceneUpdate, TileGrid,
         TraceJob, Tracer as _,
     };
-    use glam::Quat;
     use std::sync::Mutex;
     use std::sync::atomic::AtomicBool;
 
@@ -346,6 +383,21 @@ mod tests {
             (0..SIZE.pixels()).filter(on_ball).map(green).sum()
         };
         assert!(error(&moved) < 0.3 * error(&before.pixels));
+    }
+
+    #[test]
+    fn points_of_a_moved_cone_are_found_where_they_were() {
+        let cone = |apex: Vec3, axis: Vec3| PlacedCone {
+            ids: 0..3,
+            apex,
+            axis: axis.normalize(),
+        };
+        let before = cone(Vec3::new(0.1, 0.2, 0.3), Vec3::new(1.0, 0.2, 0.1));
+        let now = cone(Vec3::new(-0.3, 0.0, 0.2), Vec3::new(0.8, -0.4, 0.3));
+        let point = now.apex + 1.5 * now.axis + 0.01 * now.axis.any_orthonormal_vector();
+        let moved = now.point_before(&before, point) - before.apex;
+        assert!((moved.dot(before.axis) - 1.5).abs() < 1e-5, "{moved}");
+        assert!((moved.length() - (point - now.apex).length()).abs() < 1e-5);
     }
 
     #[test]

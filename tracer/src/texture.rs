@@ -1,4 +1,4 @@
-//! Procedural textures: numbers on balls, the grain of wood.
+//! Procedural textures: numbers on balls, the grain of wood, the marks of cloth.
 //!
 //! Everything is a formula of the point, so that it is sharp at every distance and the samples of a
 //! pixel smooth it. The waves are `wave(t) = sin 2πt`; the same formulas run in SIMD and WGSL.
@@ -25,6 +25,19 @@ pub const SIGHT_HALF_M: [f32; 2] = [0.0135, 0.0065];
 pub const PLANK_M: f32 = 0.13;
 /// Share of a plank's width that the gap beside it takes.
 pub const PLANK_GAP: f32 = 0.025;
+
+/// Albedo of chalk on the cloth, and of its lines.
+pub const CHALK_ALBEDO: [f32; 3] = [0.5, 0.56, 0.6];
+/// Half the width of a line on the cloth in m.
+pub const LINE_HALF_M: f32 = 0.0011;
+/// Share of a line's colour that is chalk's.
+pub const LINE_SHARE: f32 = 0.6;
+/// Radius of a spot on the cloth in m.
+pub const SPOT_RADIUS_M: f32 = 0.006;
+/// Share of the cloth's light that a spot reflects.
+pub const SPOT_SHARE: f32 = 0.12;
+/// Marks lie no farther from the height 0 in m.
+pub const MARK_REACH_M: f32 = 0.001;
 
 /// Half the width of a stroke.
 const STROKE_HALF: f32 = 0.125;
@@ -200,7 +213,7 @@ pub fn wood(material: &MaterialData, p: DVec3) -> DVec3 {
     let triple = |v: [f32; 3]| DVec3::from(v.map(f64::from));
     let [spacing, line_x, line_y] = material.sights.map(f64::from);
     let mut axis = material.grain_axis;
-    if spacing > 0.0 {
+    if line_x > 0.0 {
         // Four rails with mitred corners: the grain follows the nearer one.
         let is_end = p.x.abs() - line_x > p.y.abs() - line_y;
         axis = u32::from(is_end);
@@ -211,13 +224,15 @@ pub fn wood(material: &MaterialData, p: DVec3) -> DVec3 {
         };
         let sights = if is_end { 1.5 } else { 3.5 };
         let nearest = (along / spacing).round();
-        let is_sight = nearest.abs() < sights && (is_end || nearest != 0.0) && p.z > 0.0;
+        let is_sight =
+            spacing > 0.0 && nearest.abs() < sights && (is_end || nearest != 0.0) && p.z > 0.0;
         let [long, wide] = SIGHT_HALF_M.map(f64::from);
         let inside = (along - nearest * spacing).abs() / long + (off.abs() - line).abs() / wide;
         if is_sight && inside < 1.0 {
             return triple(SIGHT_ALBEDO);
         }
     }
+    let p = p * f64::from(material.scale);
     let (mut a, b) = match axis {
         0 => (p.x, p.y),
         1 => (p.y, p.x),
@@ -240,6 +255,48 @@ pub fn wood(material: &MaterialData, p: DVec3) -> DVec3 {
     triple(material.albedo).lerp(triple(material.stripe_albedo), dark)
 }
 
+/// The albedo of cloth at a point of the world: patches of wear, the streaks of a nap that is brushed along
+/// the table, fibres and their lint, dust of chalk, and a table's marks.
+pub fn cloth(material: &MaterialData, p: DVec3) -> DVec3 {
+    let triple = |v: [f32; 3]| DVec3::from(v.map(f64::from));
+    let most = f64::from(material.scale);
+    let u = p.x + 0.021 * wave(1.7 * p.y + 0.31 * wave(2.3 * p.x)) + 0.3 * p.z;
+    let v = p.y + 0.017 * wave(1.3 * p.x + 0.27 * wave(2.9 * p.y)) + 0.8 * p.z;
+    let patch = wave(2.3 * u + 1.1 * v) * wave(0.9 * u - 2.1 * v);
+    let nap = wave(37.0 * v + 1.4 * wave(3.1 * u)) * wave(2.7 * u + 5.0 * v);
+    let streak = wave(149.0 * v + 1.9 * wave(11.0 * u)) * wave(19.0 * u + 7.0 * v);
+    let fibre = wave(331.0 * u + 173.0 * v) * wave(283.0 * v - 127.0 * u);
+    let lint = wave(587.0 * u + 71.0 * v) * wave(613.0 * v - 97.0 * u);
+    let shade = 1.0 + 0.05 * patch + 0.035 * nap + 0.03 * streak + 0.045 * fibre + 0.05 * lint;
+    let dust = wave(23.1 * u + 1.9 * wave(2.3 * v)) * wave(19.3 * v + 2.1 * wave(1.7 * u));
+    let dust = (14.0 * dust - 12.9).clamp(0.0, 1.0) * (0.2 + 2.0 * patch).clamp(0.0, 0.5);
+    let chalk = triple(CHALK_ALBEDO) * most;
+    let mut colour = (shade * triple(material.albedo)).lerp(chalk, dust);
+    let [line_x, d_radius, half_width] = material.sights.map(f64::from);
+    if half_width > 0.0 && p.z.abs() < f64::from(MARK_REACH_M) {
+        let spots = triple(material.stripe_albedo);
+        let from_foot = ((p.x - spots.x) * (p.x - spots.x) + p.y * p.y) / 0.0016;
+        let track = p.y * p.y / 1.4e-4 + p.x * p.x / (spots.x * spots.x + 1e-6);
+        let worn = 0.07 / (1.0 + from_foot) + 0.035 / (1.0 + track * track);
+        colour = colour.lerp(chalk, worn);
+        let half = f64::from(LINE_HALF_M);
+        let from_line = p.x + line_x;
+        let from_arc = (from_line * from_line + p.y * p.y).sqrt() - d_radius;
+        let is_line = line_x > 0.0 && from_line.abs() < half;
+        if is_line || (d_radius > 0.0 && from_line < 0.0 && from_arc.abs() < half) {
+            colour = colour.lerp(chalk, f64::from(LINE_SHARE));
+        }
+        let from_spot = |x: f64, y: f64| (p.x - x) * (p.x - x) + (p.y.abs() - y) * (p.y.abs() - y);
+        let on_axis = spots.map(|x| from_spot(x, 0.0)).min_element();
+        let on_line = from_spot(-line_x, 0.0).min(from_spot(-line_x, d_radius));
+        let nearest = on_axis.min(if line_x > 0.0 { on_line } else { on_axis });
+        if nearest < f64::from(SPOT_RADIUS_M * SPOT_RADIUS_M) {
+            colour *= f64::from(SPOT_SHARE);
+        }
+    }
+    colour.min(DVec3::splat(most))
+}
+
 /// The constants above for the kernels.
 #[cfg(feature = "gpu")]
 pub(crate) fn wgsl() -> String {
@@ -252,6 +309,12 @@ pub(crate) fn wgsl() -> String {
          const SIGHT_HALF_M: vec2f = vec2f({:?}, {:?});\n\
          const PLANK_M: f32 = {PLANK_M:?};\n\
          const PLANK_GAP: f32 = {PLANK_GAP:?};\n\
+         const CHALK_ALBEDO: vec3f = {};\n\
+         const LINE_HALF_M: f32 = {LINE_HALF_M:?};\n\
+         const LINE_SHARE: f32 = {LINE_SHARE:?};\n\
+         const SPOT_RADIUS_M: f32 = {SPOT_RADIUS_M:?};\n\
+         const SPOT_SHARE: f32 = {SPOT_SHARE:?};\n\
+         const MARK_REACH_M: f32 = {MARK_REACH_M:?};\n\
          const STROKE_HALF: f32 = {STROKE_HALF:?};\n\
          const STROKES: u32 = {STROKES}u;\n\
          const DIGIT_SCALE: vec2f = vec2f({:?}, {:?});\n\
@@ -261,6 +324,7 @@ pub(crate) fn wgsl() -> String {
         triple(SIGHT_ALBEDO),
         SIGHT_HALF_M[0],
         SIGHT_HALF_M[1],
+        triple(CHALK_ALBEDO),
         DIGIT_SCALE[0],
         DIGIT_SCALE[1],
     );

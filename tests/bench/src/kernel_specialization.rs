@@ -189,6 +189,7 @@ const PARTS: [FeatureChange; 13] = [
                 dark: GREY,
                 grain: Axis::X,
                 sights: None,
+                scale: 1.0,
             };
             add_material(scene, "wood", Material::Coated { ior: 1.5, texture });
         },
@@ -201,6 +202,7 @@ const PARTS: [FeatureChange; 13] = [
                 albedo: GREY,
                 sheen: GREY,
                 sheen_roughness: 0.5,
+                marks: None,
             };
             add_material(scene, "cloth", cloth);
         },

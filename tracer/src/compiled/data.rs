@@ -71,6 +71,8 @@ pub const CSG_FACE_INNER_BOX: u32 = 3;
 /// [`CsgFaceData::kind`] of a cone's exterior: `a` is its axis in x and y and the radius at z = 0, `b` is by
 /// how much that grows with z, and the x and y from the axis to the plane that it begins beyond.
 pub const CSG_FACE_CONE: u32 = 4;
+/// All outside a cone that opens from the apex `a` along `b`, whose length is the slope of its side.
+pub const CSG_FACE_APEX_CONE: u32 = 5;
 
 /// A surface of a CSG box.
 #[repr(C)]
@@ -78,7 +80,8 @@ pub const CSG_FACE_CONE: u32 = 4;
 pub struct CsgFaceData {
     /// See the kinds.
     pub a: [f32; 3],
-    /// [`CSG_FACE_OUTER_BOX`], [`CSG_FACE_PLANE`], [`CSG_FACE_CYLINDER`], [`CSG_FACE_INNER_BOX`] or [`CSG_FACE_CONE`].
+    /// [`CSG_FACE_OUTER_BOX`], [`CSG_FACE_PLANE`], [`CSG_FACE_CYLINDER`], [`CSG_FACE_INNER_BOX`], [`CSG_FACE_CONE`]
+    /// or [`CSG_FACE_APEX_CONE`].
     pub kind: u32,
     /// See the kinds.
     pub b: [f32; 3],
@@ -175,6 +178,8 @@ pub const PATTERN_NUMBER: u32 = 1;
 pub const PATTERN_WOOD: u32 = 2;
 /// [`MaterialData::pattern`] of planks.
 pub const PATTERN_PLANKS: u32 = 3;
+/// A table's cloth with its marks.
+pub const PATTERN_CLOTH: u32 = 4;
 
 /// A material. Diffuse ones have `ior` 0 and `diffuse_scale` 1.
 #[repr(C)]
@@ -199,8 +204,8 @@ pub struct MaterialData {
     pub majorant: f32,
     /// Index of refraction of a metal, real part.
     pub eta: [f32; 3],
-    /// [`PATTERN_NONE`], [`PATTERN_NUMBER`], [`PATTERN_WOOD`] or [`PATTERN_PLANKS`]. The rings of
-    /// wood have the stripe's albedo.
+    /// [`PATTERN_NONE`], [`PATTERN_NUMBER`], [`PATTERN_WOOD`], [`PATTERN_PLANKS`] or [`PATTERN_CLOTH`].
+    /// The rings of wood have the stripe's albedo; a cloth has the x of its spots there.
     pub pattern: u32,
     /// Imaginary part.
     pub k: [f32; 3],
@@ -218,10 +223,11 @@ pub struct MaterialData {
     pub sheen: [f32; 3],
     /// 0.
     pub padding0: u32,
-    /// Spacing of sights, their x in end rails and y in side rails, metres; 0 for none.
+    /// Spacing of sights, 0 for none, and their x in end rails and y in side rails, metres; 0 where there
+    /// are no mitred rails. Of a cloth the x of its line, the radius of its D and half its width.
     pub sights: [f32; 3],
-    /// 0.
-    pub padding1: u32,
+    /// Reciprocal of the size of wood's pattern; of a cloth the most that its base may reflect.
+    pub scale: f32,
 }
 
 /// A camera for one image size: the ray through film position `(x, y)`, in pixels from the top

@@ -4,12 +4,12 @@ use bytemuck::Zeroable as _;
 use glam::Vec3;
 
 use super::{
-    KIND_CONDUCTOR, KIND_DIELECTRIC, MaterialData, PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS,
-    PATTERN_WOOD,
+    KIND_CONDUCTOR, KIND_DIELECTRIC, MaterialData, PATTERN_CLOTH, PATTERN_NONE, PATTERN_NUMBER,
+    PATTERN_PLANKS, PATTERN_WOOD,
 };
 use crate::fresnel::internal_diffuse_reflectance;
 use crate::scene::validate::ALPHA_SMOOTH_MAX;
-use crate::scene::{Material, Medium, ProceduralTexture};
+use crate::scene::{ClothMarks, Material, Medium, ProceduralTexture};
 use crate::sheen::sheen_reflectance_max;
 
 pub(super) fn material_data(material: &Material) -> MaterialData {
@@ -50,17 +50,8 @@ pub(super) fn material_data(material: &Material) -> MaterialData {
             albedo,
             sheen,
             sheen_roughness,
-        } => {
-            let most = sheen_reflectance_max(f64::from(sheen_roughness)) as f32;
-            let left = 1.0 - sheen.max_element() * most;
-            MaterialData {
-                albedo: (albedo * left.max(0.0)).to_array(),
-                diffuse_scale: 1.0,
-                sheen: (sheen / (2.0 * std::f32::consts::PI)).to_array(),
-                sheen_roughness,
-                ..MaterialData::zeroed()
-            }
-        }
+            marks,
+        } => cloth_data(albedo, sheen, sheen_roughness, marks),
         Material::Conductor { eta, k, alpha } => MaterialData {
             kind: KIND_CONDUCTOR,
             alpha: rough_alpha(alpha),
@@ -74,6 +65,35 @@ pub(super) fn material_data(material: &Material) -> MaterialData {
             alpha: rough_alpha(alpha),
             ..medium.map_or_else(MaterialData::zeroed, |medium| medium_data(&medium))
         },
+    }
+}
+
+fn cloth_data(
+    albedo: Vec3,
+    sheen: Vec3,
+    sheen_roughness: f32,
+    marks: Option<ClothMarks>,
+) -> MaterialData {
+    let most = sheen_reflectance_max(f64::from(sheen_roughness)) as f32;
+    let left = (1.0 - sheen.max_element() * most).max(0.0);
+    let marks = marks.map(|m| {
+        (
+            PATTERN_CLOTH,
+            [m.line_x, m.d_radius, m.half_width],
+            m.spots_x,
+        )
+    });
+    let (pattern, sights, spots) = marks.unwrap_or((PATTERN_NONE, [0.0; 3], [0.0; 3]));
+    MaterialData {
+        albedo: (albedo * left).to_array(),
+        pattern,
+        sights,
+        stripe_albedo: spots,
+        scale: left,
+        diffuse_scale: 1.0,
+        sheen: (sheen / (2.0 * std::f32::consts::PI)).to_array(),
+        sheen_roughness,
+        ..MaterialData::zeroed()
     }
 }
 
@@ -100,18 +120,21 @@ fn textured(coat: MaterialData, texture: &ProceduralTexture) -> MaterialData {
             dark,
             grain,
             sights,
+            scale,
         } => MaterialData {
             albedo: light.to_array(),
             stripe_albedo: dark.to_array(),
             pattern: PATTERN_WOOD,
             grain_axis: grain as u32,
             sights: sights.map_or([0.0; 3], |s| [s.spacing, s.end_x, s.side_y]),
+            scale: 1.0 / scale,
             ..coat
         },
         ProceduralTexture::Planks { light, dark } => MaterialData {
             albedo: light.to_array(),
             stripe_albedo: dark.to_array(),
             pattern: PATTERN_PLANKS,
+            scale: 1.0,
             ..coat
         },
     }

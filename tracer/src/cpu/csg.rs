@@ -4,7 +4,9 @@ use fearless_simd::prelude::*;
 
 use super::lanes::{Float, Mask, Vec3x, Word};
 use super::rays::Rays;
-use crate::compiled::{CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_PLANE, CsgBoxData, CsgFaceData};
+use crate::compiled::{
+    CSG_FACE_APEX_CONE, CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_PLANE, CsgBoxData, CsgFaceData,
+};
 use crate::scene::validate::CSG_MARGIN_M;
 
 /// A CSG box. Its faces have the ids from `first` on: the box's own, then those of the subtractions.
@@ -98,6 +100,12 @@ fn contains<S: Simd>(simd: S, subtraction: &CsgFaceData, p: Vec3x<S>) -> Mask<S>
             let beyond = beyond_x.hypot(beyond_y);
             outside & (x * beyond_x + y * beyond_y).simd_ge(beyond * (beyond - margin))
         }
+        CSG_FACE_APEX_CONE => {
+            let cone = ApexCone::new(simd, subtraction);
+            let (along, aside) = cone.split(p - Vec3x::splat(simd, subtraction.a));
+            let radius = along * cone.slope - margin;
+            aside.length_squared().simd_gt(radius * radius) | radius.simd_lt(0.0)
+        }
         _ => {
             p.x.simd_gt(subtraction.a[0] - margin)
                 & p.y.simd_gt(subtraction.a[1] - margin)
@@ -133,6 +141,27 @@ fn exit<S: Simd>(simd: S, subtraction: &CsgFaceData, rays: &Rays<S>, t: Float<S>
             d2.simd_gt(0.0).select(t, infinite)
         }
         CSG_FACE_CONE => exit_cone_exterior(simd, subtraction, rays, t),
+        CSG_FACE_APEX_CONE => {
+            let cone = ApexCone::new(simd, subtraction);
+            let apex = Vec3x::splat(simd, subtraction.a);
+            let (along, q) = cone.split(rays.origin - apex);
+            let (advance, d) = cone.split(rays.direction);
+            let miss = Vec3x::new(
+                q.y * d.z - q.z * d.y,
+                q.z * d.x - q.x * d.z,
+                q.x * d.y - q.y * d.x,
+            );
+            let approach = Approach {
+                d2: d.length_squared(),
+                along: q.dot(d),
+                miss2: miss.length_squared(),
+                q2: q.length_squared(),
+                radius: along * cone.slope,
+                growth: advance * cone.slope,
+            };
+            let (body, met) = approach.meet(t);
+            body.select(met, infinite)
+        }
         _ => {
             let (_, far) = rays.slabs(simd, subtraction.a, subtraction.b);
             far.x.min(far.y).min(far.z)
@@ -159,17 +188,69 @@ fn exit_cone_exterior<S: Simd>(
     let d2 = dx.mul_add(dx, dy * dy);
     let along = x.mul_add(dx, y * dy);
     let miss = x.mul_add(dy, -(y * dx));
-    let square = d2 - growth * growth;
-    let half_linear = along - growth * radius;
-    let quarter = d2 * (radius * radius) - miss * miss
-        + growth * (growth * x.mul_add(x, y * y) - 2.0 * along * radius);
-    let met = -(half_linear + quarter.max(0.0).sqrt()) / square;
-    let ahead = square.simd_lt(0.0) | square.mul_add(t, half_linear).simd_lt(0.0);
-    let real = quarter.simd_ge(0.0) & met.mul_add(growth, radius).simd_gt(0.0);
-    let body = ahead & real & square.simd_ne(0.0);
+    let approach = Approach {
+        d2,
+        along,
+        miss2: miss * miss,
+        q2: x.mul_add(x, y * y),
+        radius,
+        growth,
+    };
+    let (body, met) = approach.meet(t);
     let slope = dx * beyond_x + dy * beyond_y;
     let beyond_squared = beyond_x.mul_add(beyond_x, beyond_y * beyond_y);
     let back = (Float::splat(simd, beyond_squared) - (x * beyond_x + y * beyond_y)) / slope;
     let infinite = Float::splat(simd, f32::INFINITY);
     body.select(met, slope.simd_lt(0.0).select(back, infinite))
+}
+
+/// A cone by its axis and the slope of its side.
+struct ApexCone<S: Simd> {
+    axis: Vec3x<S>,
+    slope: f32,
+}
+
+impl<S: Simd> ApexCone<S> {
+    #[inline(always)]
+    fn new(simd: S, subtraction: &CsgFaceData) -> Self {
+        let [x, y, z] = subtraction.b;
+        let slope = x.mul_add(x, y.mul_add(y, z * z)).sqrt();
+        let axis = Vec3x::splat(simd, subtraction.b.map(|c| c / slope));
+        Self { axis, slope }
+    }
+
+    /// A vector's parts along the axis and at right angles to it.
+    #[inline(always)]
+    fn split(&self, v: Vec3x<S>) -> (Float<S>, Vec3x<S>) {
+        let along = v.dot(self.axis);
+        (along, self.axis.mul_add(-along, v))
+    }
+}
+
+/// How a ray nears a cone, whose radius grows along it: at right angles to the axis it goes from q along d.
+struct Approach<S: Simd> {
+    d2: Float<S>,
+    /// q · d
+    along: Float<S>,
+    /// |q × d|²
+    miss2: Float<S>,
+    q2: Float<S>,
+    radius: Float<S>,
+    growth: Float<S>,
+}
+
+impl<S: Simd> Approach<S> {
+    /// Whether and where a ray that is outside of the cone at `t` meets it: see [`crate::scalar::csg`].
+    #[inline(always)]
+    fn meet(&self, t: Float<S>) -> (Mask<S>, Float<S>) {
+        let (radius, growth) = (self.radius, self.growth);
+        let square = self.d2 - growth * growth;
+        let half_linear = self.along - growth * radius;
+        let quarter = self.d2 * (radius * radius) - self.miss2
+            + growth * (growth * self.q2 - 2.0 * self.along * radius);
+        let met = -(half_linear + quarter.max(0.0).sqrt()) / square;
+        let ahead = square.simd_lt(0.0) | square.mul_add(t, half_linear).simd_lt(0.0);
+        let real = quarter.simd_ge(0.0) & met.mul_add(growth, radius).simd_gt(0.0);
+        (ahead & real & square.simd_ne(0.0), met)
+    }
 }

@@ -12,8 +12,8 @@ use super::shapes::Chord;
 use super::sheen::{Sheen, SheenRow};
 use super::texture::{TextureRow, texture_row, textured};
 use crate::compiled::{
-    CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE, CompiledScene,
-    KIND_DIELECTRIC, KIND_LAYERED, MaterialData, PATTERN_NONE, SphereData,
+    CSG_FACE_APEX_CONE, CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE,
+    CompiledScene, KIND_DIELECTRIC, KIND_LAYERED, MaterialData, PATTERN_NONE, SphereData,
 };
 
 /// One row of numbers per primitive that scatters, in the order of ids.
@@ -55,6 +55,8 @@ const KIND_CYLINDER: f32 = 3.0;
 const KIND_INNER_BOX: f32 = 4.0;
 /// An upright cone.
 const KIND_CONE: f32 = 5.0;
+/// A cone with any axis.
+const KIND_APEX_CONE: f32 = 6.0;
 
 /// Where and what a packet of rays hit.
 pub(super) struct Hit<S: Simd> {
@@ -105,6 +107,7 @@ impl Surfaces {
                 CSG_FACE_PLANE => KIND_FLAT,
                 CSG_FACE_CYLINDER => KIND_CYLINDER,
                 CSG_FACE_CONE => KIND_CONE,
+                CSG_FACE_APEX_CONE => KIND_APEX_CONE,
                 _ => KIND_INNER_BOX,
             };
             row(face.a, face.b, kind, face.material, [0.0; 3])
@@ -181,22 +184,7 @@ impl Surfaces {
             position = Vec3x::select(boxed, face.put(simd, position), position);
             normal = Vec3x::select(boxed, face.normal, normal);
         }
-        let cylinder = kind.simd_eq(KIND_CYLINDER);
-        if cylinder.any_true() {
-            let (x, y) = (position.x - first.x, position.y - first.y);
-            let per_radius = -1.0 / x.mul_add(x, y * y).sqrt();
-            let inwards = Vec3x::new(x * per_radius, y * per_radius, x * 0.0);
-            normal = Vec3x::select(cylinder, inwards, normal);
-        }
-        let cone = kind.simd_eq(KIND_CONE);
-        if cone.any_true() {
-            let (x, y) = (position.x - first.x, position.y - first.y);
-            let across = 1.0 / x.mul_add(x, y * y).sqrt();
-            let taper = second.x;
-            let scale = 1.0 / (taper * taper + 1.0).sqrt();
-            let outwards = Vec3x::new(x * across, y * across, -taper) * scale;
-            normal = Vec3x::select(cone, outwards, normal);
-        }
+        normal = round_normal(kind, position, first, second, normal);
         if let Some(microfacet) = &microfacet {
             let inside = direction.mul_add(distance, origin);
             position = Vec3x::select(microfacet.is_scattered(), inside, position);
@@ -301,6 +289,42 @@ fn row(
     }
     row[STRIPE_AXIS..][..3].copy_from_slice(&axis);
     row
+}
+
+/// `normal`, or where a cylinder or cone was met its own.
+#[inline(always)]
+fn round_normal<S: Simd>(
+    kind: Float<S>,
+    position: Vec3x<S>,
+    first: Vec3x<S>,
+    second: Vec3x<S>,
+    mut normal: Vec3x<S>,
+) -> Vec3x<S> {
+    let (x, y) = (position.x - first.x, position.y - first.y);
+    let cylinder = kind.simd_eq(KIND_CYLINDER);
+    if cylinder.any_true() {
+        let per_radius = -1.0 / x.mul_add(x, y * y).sqrt();
+        let inwards = Vec3x::new(x * per_radius, y * per_radius, x * 0.0);
+        normal = Vec3x::select(cylinder, inwards, normal);
+    }
+    let cone = kind.simd_eq(KIND_CONE);
+    if cone.any_true() {
+        let across = 1.0 / x.mul_add(x, y * y).sqrt();
+        let taper = second.x;
+        let scale = 1.0 / (taper * taper + 1.0).sqrt();
+        let outwards = Vec3x::new(x * across, y * across, -taper) * scale;
+        normal = Vec3x::select(cone, outwards, normal);
+    }
+    let cone = kind.simd_eq(KIND_APEX_CONE);
+    if cone.any_true() {
+        let from_apex = position - first;
+        let along = from_apex.dot(second) / second.length_squared();
+        let aside = second.mul_add(-along, from_apex);
+        let outwards = aside * (1.0 / aside.length_squared().sqrt()) - second;
+        let outwards = outwards * (1.0 / outwards.length_squared().sqrt());
+        normal = Vec3x::select(cone, outwards, normal);
+    }
+    normal
 }
 
 /// The face of a box through which a ray comes in, or out where it starts inside.

@@ -5,9 +5,12 @@ use fearless_simd::prelude::*;
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
 use super::rows::Rows;
 use super::sampling::sin_cos_turns;
-use crate::compiled::{MaterialData, PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD};
+use crate::compiled::{
+    MaterialData, PATTERN_CLOTH, PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD,
+};
 use crate::texture::{
-    CIRCLE_ALBEDO, CIRCLE_SINE, INK_ALBEDO, PLANK_GAP, PLANK_M, SIGHT_ALBEDO, SIGHT_HALF_M, is_ink,
+    CHALK_ALBEDO, CIRCLE_ALBEDO, CIRCLE_SINE, INK_ALBEDO, LINE_HALF_M, LINE_SHARE, MARK_REACH_M,
+    PLANK_GAP, PLANK_M, SIGHT_ALBEDO, SIGHT_HALF_M, SPOT_RADIUS_M, SPOT_SHARE, is_ink,
 };
 
 /// One row of numbers per primitive that scatters, in the order of ids.
@@ -21,6 +24,7 @@ const DARK: usize = 6;
 const NUMBER_AXIS: usize = 9;
 /// Local z of a ball.
 const UP: usize = 12;
+const SCALE: usize = 15;
 
 /// With a ball's axes: only balls have numbers.
 pub(super) fn texture_row(
@@ -39,6 +43,7 @@ pub(super) fn texture_row(
     row[DARK..][..3].copy_from_slice(&material.stripe_albedo);
     row[NUMBER_AXIS..][..3].copy_from_slice(&number_axis);
     row[UP..][..3].copy_from_slice(&up);
+    row[SCALE] = material.scale;
     row
 }
 
@@ -67,6 +72,11 @@ pub(super) fn textured<S: Simd>(
     if wooden.any_true() {
         let wood = wood(simd, &rows, planks, position, albedo);
         textured = Vec3x::select(wooden, wood, textured);
+    }
+    let woven = pattern.simd_eq(PATTERN_CLOTH as f32);
+    if woven.any_true() {
+        let cloth = cloth(simd, &rows, position, albedo);
+        textured = Vec3x::select(woven, cloth, textured);
     }
     textured
 }
@@ -125,12 +135,15 @@ fn wood<S: Simd>(
     let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
     let sights = rows.triple(simd, SIGHTS);
     let has_sights = sights.x.simd_gt(0.0);
+    let has_rails = sights.y.simd_gt(0.0);
     let is_end = (p.x.abs() - sights.y).simd_gt(p.y.abs() - sights.z);
     let grain = rows.number(simd, GRAIN_AXIS);
-    let grain = has_sights.select(is_end.select(one, zero), grain);
+    let grain = has_rails.select(is_end.select(one, zero), grain);
     let upright = grain.simd_gt(1.5);
     let along_y = grain.simd_gt(0.5) & !upright;
 
+    let place = p;
+    let p = p * rows.number(simd, SCALE);
     let mut a = upright.select(p.z, along_y.select(p.y, p.x));
     let b = upright.select(p.x + p.y, along_y.select(p.x, p.y));
     let height = upright.select(zero, p.z);
@@ -157,6 +170,7 @@ fn wood<S: Simd>(
     if !has_sights.any_true() {
         return wood;
     }
+    let p = place;
     let along = is_end.select(p.y, p.x);
     let off = is_end.select(p.x.abs() - sights.y, p.y.abs() - sights.z);
     let nearest = (along / sights.x + 0.5).floor();
@@ -166,4 +180,68 @@ fn wood<S: Simd>(
         + off.abs() * (1.0 / SIGHT_HALF_M[1]);
     let sight = has_sights & exists & diamond.simd_lt(1.0) & p.z.simd_gt(0.0);
     Vec3x::select(sight, Vec3x::splat(simd, SIGHT_ALBEDO), wood)
+}
+
+#[inline(always)]
+fn cloth<S: Simd>(simd: S, rows: &Rows<'_, 16>, p: Vec3x<S>, light: Vec3x<S>) -> Vec3x<S> {
+    let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
+    let u = p.x + wave(p.y * 1.7 + wave(p.x * 2.3) * 0.31) * 0.021 + p.z * 0.3;
+    let v = p.y + wave(p.x * 1.3 + wave(p.y * 2.9) * 0.27) * 0.017 + p.z * 0.8;
+    let patch = wave(u * 2.3 + v * 1.1) * wave(u * 0.9 - v * 2.1);
+    let nap = wave(v * 37.0 + wave(u * 3.1) * 1.4) * wave(u * 2.7 + v * 5.0);
+    let streak = wave(v * 149.0 + wave(u * 11.0) * 1.9) * wave(u * 19.0 + v * 7.0);
+    let fibre = wave(u * 331.0 + v * 173.0) * wave(v * 283.0 - u * 127.0);
+    let lint = wave(u * 587.0 + v * 71.0) * wave(v * 613.0 - u * 97.0);
+    let shade = patch * 0.05 + nap * 0.035 + streak * 0.03 + fibre * 0.045 + lint * 0.05 + 1.0;
+    let dots = wave(u * 23.1 + wave(v * 2.3) * 1.9) * wave(v * 19.3 + wave(u * 1.7) * 2.1);
+    let dust = (dots * 14.0 - 12.9).max(zero).min(one)
+        * (patch * 2.0 + 0.2).max(zero).min(Float::splat(simd, 0.5));
+    let most = rows.number(simd, SCALE);
+    let chalk = Vec3x::splat(simd, CHALK_ALBEDO) * most;
+    let base = light * shade;
+    let colour = (chalk - base).mul_add(dust, base);
+    let sights = rows.triple(simd, SIGHTS);
+    let marked = sights.z.simd_gt(0.0) & p.z.abs().simd_lt(MARK_REACH_M);
+    let colour = if marked.any_true() {
+        Vec3x::select(marked, marks(simd, rows, p, colour, chalk), colour)
+    } else {
+        colour
+    };
+    Vec3x::new(colour.x.min(most), colour.y.min(most), colour.z.min(most))
+}
+
+/// Wear, lines and spots over a table's cloth.
+#[inline(always)]
+fn marks<S: Simd>(
+    simd: S,
+    rows: &Rows<'_, 16>,
+    p: Vec3x<S>,
+    colour: Vec3x<S>,
+    chalk: Vec3x<S>,
+) -> Vec3x<S> {
+    let zero = Float::splat(simd, 0.0);
+    let (sights, spots) = (rows.triple(simd, SIGHTS), rows.triple(simd, DARK));
+    let (line_x, d_radius) = (sights.x, sights.y);
+    let y2 = p.y * p.y;
+    let along = p.x - spots.x;
+    let from_foot = along.mul_add(along, y2) * (1.0 / 0.0016);
+    let track = y2 * (1.0 / 1.4e-4) + p.x * p.x / (spots.x * spots.x + 1e-6);
+    let worn = 0.07 / (from_foot + 1.0) + 0.035 / (track * track + 1.0);
+    let colour = (chalk - colour).mul_add(worn, colour);
+    let from_line = p.x + line_x;
+    let from_arc = from_line.mul_add(from_line, y2).sqrt() - d_radius;
+    let has_line = line_x.simd_gt(0.0);
+    let on_line = has_line & from_line.abs().simd_lt(LINE_HALF_M);
+    let in_d = d_radius.simd_gt(0.0) & from_line.simd_lt(0.0);
+    let line = on_line | (in_d & from_arc.abs().simd_lt(LINE_HALF_M));
+    let share = line.select(Float::splat(simd, LINE_SHARE), zero);
+    let colour = (chalk - colour).mul_add(share, colour);
+    let [a, b, c] = [spots.x, spots.y, spots.z].map(|x| (p.x - x) * (p.x - x));
+    let nearest = a.min(b).min(c) + y2;
+    let aside = p.y.abs() - d_radius;
+    let on_line = from_line.mul_add(from_line, y2.min(aside * aside));
+    let nearest = has_line.select(nearest.min(on_line), nearest);
+    let spot = nearest.simd_lt(SPOT_RADIUS_M * SPOT_RADIUS_M);
+    let share = spot.select(Float::splat(simd, SPOT_SHARE), Float::splat(simd, 1.0));
+    colour * share
 }

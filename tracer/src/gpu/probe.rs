@@ -11,9 +11,9 @@ use std::sync::atomic::AtomicBool;
 use glam::{Quat, Vec3};
 
 use crate::{
-    AreaLight, Axis, Camera, CompiledScene, CsgSolid, Environment, Error, ImageSize, Material,
-    Medium, Object, ProceduralTexture, RenderSettings, ScalarTracer, Scene, Shape, Stripe,
-    Subtraction, Tile, TraceJob, Tracer,
+    AreaLight, Axis, Camera, ClothMarks, CompiledScene, CsgSolid, Environment, Error, ImageSize,
+    Material, Medium, Object, ProceduralTexture, RenderSettings, ScalarTracer, Scene, Shape,
+    Stripe, Subtraction, Tile, TraceJob, Tracer,
 };
 
 /// 32 × 24 pixels of 4 samples: 10 ms of the scalar tracer.
@@ -177,7 +177,14 @@ pub(crate) fn dressed_scene() -> Scene {
         radius: 0.35,
         rotation: Quat::IDENTITY,
     };
+    let rod = Shape::TruncatedCone {
+        center: Vec3::new(-0.2, 0.2, 0.3),
+        rotation: Quat::from_rotation_y(1.2),
+        length: 0.9,
+        radii: [0.03, 0.07],
+    };
     scene.objects.push(object((wax, "wax")));
+    scene.objects.push(object((rod, "gold")));
     scene
 }
 
@@ -188,6 +195,7 @@ fn dressed_materials() -> [(&'static str, Material); 5] {
         dark: 0.4 * tone,
         grain: Axis::X,
         sights: None,
+        scale: 0.7,
     };
     let ball = ProceduralTexture::Ball {
         albedo: tone,
@@ -218,6 +226,12 @@ fn dressed_materials() -> [(&'static str, Material); 5] {
                 albedo: Vec3::new(0.1, 0.5, 0.3),
                 sheen: Vec3::splat(0.3),
                 sheen_roughness: 0.3,
+                marks: Some(ClothMarks {
+                    half_width: 1.0,
+                    line_x: 0.3,
+                    d_radius: 0.2,
+                    spots_x: [0.1, 0.3, 0.3],
+                }),
             },
         ),
         (

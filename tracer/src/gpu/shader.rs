@@ -4,9 +4,9 @@ use std::fmt::Write as _;
 
 use crate::bvh::{self, DEPTH_MAX, LEAF};
 use crate::compiled::{
-    AreaLightData, CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE,
-    KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD,
-    ShapeKind, SphereData,
+    AreaLightData, CSG_FACE_APEX_CONE, CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX,
+    CSG_FACE_PLANE, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, PATTERN_CLOTH, PATTERN_NUMBER,
+    PATTERN_PLANKS, PATTERN_WOOD, ShapeKind, SphereData,
 };
 use crate::gpu::features::{Features, KernelOutput, SceneMemory};
 use crate::gpu::layout::{BVH_LEAF, SPHERE_SLACK};
@@ -208,10 +208,12 @@ fn kinds() -> String {
         "const PATTERN_NUMBER: u32 = {PATTERN_NUMBER}u;\n\
          const PATTERN_WOOD: u32 = {PATTERN_WOOD}u;\n\
          const PATTERN_PLANKS: u32 = {PATTERN_PLANKS}u;\n\
+         const PATTERN_CLOTH: u32 = {PATTERN_CLOTH}u;\n\
          const CSG_FACE_OUTER_BOX: u32 = {CSG_FACE_OUTER_BOX}u;\n\
          const CSG_FACE_PLANE: u32 = {CSG_FACE_PLANE}u;\n\
          const CSG_FACE_CYLINDER: u32 = {CSG_FACE_CYLINDER}u;\n\
          const CSG_FACE_CONE: u32 = {CSG_FACE_CONE}u;\n\
+         const CSG_FACE_APEX_CONE: u32 = {CSG_FACE_APEX_CONE}u;\n\
          const KIND_LAYERED: u32 = {KIND_LAYERED}u;\n\
          const KIND_CONDUCTOR: u32 = {KIND_CONDUCTOR}u;\n\
          const KIND_DIELECTRIC: u32 = {KIND_DIELECTRIC}u;\n"
@@ -470,7 +472,8 @@ mod tests {
                 center brightness axis_u length_u axis_v length_v normal radiance),
             layout!(MaterialData,
                 albedo ior stripe_albedo stripe_half_width diffuse_scale kind alpha majorant
-                eta pattern k number extinction grain_axis scattering sheen_roughness sheen sights),
+                eta pattern k number extinction grain_axis scattering sheen_roughness sheen sights
+                scale),
             layout!(SphereBound, center power),
             layout!(BvhNodeData,
                 left_center left left_half right right_center right_half),

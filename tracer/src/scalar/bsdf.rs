@@ -9,10 +9,12 @@ use glam::DVec3;
 
 use super::intersect::{Hit, vector};
 use crate::CompiledScene;
-use crate::compiled::{MaterialData, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, Primitive};
+use crate::compiled::{
+    MaterialData, PATTERN_CLOTH, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, Primitive,
+};
 use crate::fresnel::fresnel_dielectric;
 use crate::sheen::sheen;
-use crate::texture::{numbered, wood};
+use crate::texture::{cloth, numbered, wood};
 
 /// How one point of a surface scatters: a mirror of weight `F(cos wo)` over
 /// `f = albedo/π · (1−F(cos wo))(1−F(cos wi)) · diffuse_scale`, `F` being 0 without a coat.
@@ -49,9 +51,14 @@ impl Bsdf {
         let Some(material) = scene.material_of(hit.primitive) else {
             return Self::black();
         };
-        if matches!(material.pattern, PATTERN_WOOD | PATTERN_PLANKS) {
+        let pattern = match material.pattern {
+            PATTERN_WOOD | PATTERN_PLANKS => Some(wood(material, hit.point)),
+            PATTERN_CLOTH => Some(cloth(material, hit.point)),
+            _ => None,
+        };
+        if let Some(albedo) = pattern {
             return Self {
-                albedo: wood(material, hit.point),
+                albedo,
                 ..Self::new(material, false)
             };
         }

@@ -8,7 +8,9 @@ use glam::{DVec2, DVec3};
 
 use super::ray::{Ray, vector};
 use crate::CompiledScene;
-use crate::compiled::{CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_PLANE, CsgBoxData, CsgFaceData};
+use crate::compiled::{
+    CSG_FACE_APEX_CONE, CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_PLANE, CsgBoxData, CsgFaceData,
+};
 use crate::scene::validate::CSG_MARGIN_M;
 
 const MARGIN: f64 = CSG_MARGIN_M as f64;
@@ -94,6 +96,10 @@ fn contains(subtraction: &CsgFaceData, p: DVec3) -> bool {
             from_axis.length() > a.z + b.x * p.z - MARGIN
                 && from_axis.dot(beyond) >= beyond.length_squared() - MARGIN * beyond.length()
         }
+        CSG_FACE_APEX_CONE => {
+            let (slope, along, aside) = about_axis(b, p - a);
+            aside.length() > slope * along - MARGIN
+        }
         _ => p.cmpgt(a - MARGIN).all() && p.cmplt(b + MARGIN).all(),
     }
 }
@@ -122,6 +128,17 @@ fn exit(subtraction: &CsgFaceData, ray: &Ray, t: f64) -> Side {
             (t, n.extend(0.0))
         }
         CSG_FACE_CONE => exit_cone_exterior(a, b, ray, t),
+        CSG_FACE_APEX_CONE => {
+            let (slope, along, from_axis) = about_axis(b, ray.origin - a);
+            let (_, advance, d) = about_axis(b, ray.direction);
+            match meet_cone(from_axis, d, slope * along, slope * advance, t) {
+                Some(met) => {
+                    let outward = (from_axis + met * d).normalize() - b;
+                    (met, outward.normalize())
+                }
+                None => (f64::INFINITY, DVec3::Z),
+            }
+        }
         _ => slabs(a, b, ray).1,
     }
 }
@@ -134,19 +151,7 @@ fn exit_cone_exterior(a: DVec3, b: DVec3, ray: &Ray, t: f64) -> Side {
     let (taper, beyond) = (b.x, DVec2::new(b.y, b.z));
     let radius = a.z + taper * ray.origin.z;
     let growth = taper * ray.direction.z;
-    // |from_axis + t d|² = (radius + t growth)²
-    let square = d.length_squared() - growth * growth;
-    let half_linear = from_axis.dot(d) - growth * radius;
-    let miss = from_axis.perp_dot(d);
-    let quarter = d.length_squared() * radius * radius - miss * miss
-        + growth * (growth * from_axis.length_squared() - 2.0 * from_axis.dot(d) * radius);
-    // |…|² − (…)² is above 0 outside. Where it opens upwards the cone begins at the lower root, if
-    // that is ahead; where the ray is steeper than the side it opens downwards, and the same
-    // formula is the upper.
-    let met = -(half_linear + quarter.max(0.0).sqrt()) / square;
-    let is_ahead = square < 0.0 || square * t + half_linear < 0.0;
-    // Below the apex lies the other nappe of the double cone, which is no body.
-    if quarter >= 0.0 && square != 0.0 && is_ahead && radius + met * growth > 0.0 {
+    if let Some(met) = meet_cone(from_axis.extend(0.0), d.extend(0.0), radius, growth, t) {
         let outward = (from_axis + met * d).normalize();
         return (met, outward.extend(-taper).normalize());
     }
@@ -156,4 +161,30 @@ fn exit_cone_exterior(a: DVec3, b: DVec3, ray: &Ray, t: f64) -> Side {
     }
     let back = (beyond.length_squared() - from_axis.dot(beyond)) / slope;
     (back, beyond.normalize().extend(0.0))
+}
+
+/// Where a ray that is outside of a cone at `t` meets it: at right angles to the axis it goes from
+/// `from_axis` along `d`, while the cone's radius goes from `radius` on by `growth`.
+fn meet_cone(from_axis: DVec3, d: DVec3, radius: f64, growth: f64, t: f64) -> Option<f64> {
+    // |from_axis + t d|² = (radius + t growth)²
+    let square = d.length_squared() - growth * growth;
+    let half_linear = from_axis.dot(d) - growth * radius;
+    let quarter = d.length_squared() * radius * radius - from_axis.cross(d).length_squared()
+        + growth * (growth * from_axis.length_squared() - 2.0 * from_axis.dot(d) * radius);
+    // |…|² − (…)² is above 0 outside. Where it opens upwards the cone begins at the lower root, if
+    // that is ahead; where the ray is steeper than the side it opens downwards, and the same
+    // formula is the upper.
+    let met = -(half_linear + quarter.max(0.0).sqrt()) / square;
+    let is_ahead = square < 0.0 || square * t + half_linear < 0.0;
+    // Below the apex lies the other nappe of the double cone, which is no body.
+    (quarter >= 0.0 && square != 0.0 && is_ahead && radius + met * growth > 0.0).then_some(met)
+}
+
+/// The slope of a cone's side, which is the length of `b` along its axis, and a vector's parts along the axis
+/// and at right angles to it.
+fn about_axis(b: DVec3, v: DVec3) -> (f64, f64, DVec3) {
+    let slope = b.length();
+    let axis = b / slope;
+    let along = v.dot(axis);
+    (slope, along, v - along * axis)
 }

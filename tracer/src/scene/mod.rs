@@ -67,7 +67,7 @@ pub struct Object {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Shape {
-    /// A ball: the only shape that a [`SceneUpdate`] can move.
+    /// A ball. Balls and truncated cones are what a [`SceneUpdate`] can move.
     Sphere {
         /// Centre in metres.
         center: Vec3,
@@ -96,6 +96,19 @@ pub enum Shape {
         /// [`validate::CSG_MARGIN_M`] to a subtraction count as within it.
         #[serde(alias = "cuts")]
         subtractions: Vec<Subtraction>,
+    },
+    /// A round cone that is cut off at both ends: a part of a cue.
+    TruncatedCone {
+        /// Centre of the narrow end, in metres.
+        center: Vec3,
+        /// `world_from_cone`, a unit quaternion (x, y, z, w): the wide end lies along the cone's z.
+        #[serde(default)]
+        rotation: Quat,
+        /// From end to end in metres, above 0.
+        length: f32,
+        /// Radii of the narrow and of the wide end in metres, above 0. The slope of the side is in
+        /// [`validate::CONE_SLOPE`].
+        radii: [f32; 2],
     },
     /// A flat round disc, seen from both sides.
     Disc {
@@ -240,6 +253,9 @@ pub enum Material {
         sheen: Vec3,
         /// Width of the sheen, in [0.1, 1]: small shows at grazing angles alone.
         sheen_roughness: f32,
+        /// Nap, chalk and wear of a table's cloth with its lines and spots; absent: even.
+        #[serde(default)]
+        marks: Option<ClothMarks>,
     },
     /// Metal: a GGX microfacet mirror (Walter et al., "Microfacet Models for Refraction through
     /// Rough Surfaces", EGSR 2007) with the Fresnel term of a complex index of refraction.
@@ -289,9 +305,13 @@ pub enum ProceduralTexture {
         dark: Vec3,
         /// The axis of the grain.
         grain: Axis,
-        /// Mother-of-pearl diamonds; the grain then follows four mitred rails round the origin.
+        /// Mother-of-pearl diamonds, or none if their spacing is 0; the grain then follows four mitred
+        /// rails round the origin.
         #[serde(default)]
         sights: Option<Sights>,
+        /// Size of the pattern, above 0: 1 has 17 rings to the metre.
+        #[serde(default = "one")]
+        scale: f32,
     },
     /// A floor of planks along x.
     Planks {
@@ -300,6 +320,26 @@ pub enum ProceduralTexture {
         /// Albedo of the rings, per channel, in [0, 1].
         dark: Vec3,
     },
+}
+
+fn one() -> f32 {
+    1.0
+}
+
+/// The lines and spots on a table's cloth, in a table's own frame: its middle is the origin, its head lies
+/// along −x, its cloth at z = 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ClothMarks {
+    /// Half the cloth's width in metres; 0: a cloth without marks, such as a cushion's.
+    pub half_width: f32,
+    /// Where a line crosses the table, in metres from the middle towards the head; 0 for none.
+    pub line_x: f32,
+    /// Radius in metres of the D that opens from the line towards the head; 0 for none.
+    pub d_radius: f32,
+    /// Spots on the long middle line beside the one on the line, as x in metres; one that is given twice
+    /// is one.
+    pub spots_x: [f32; 3],
 }
 
 /// An axis of the world.
@@ -319,7 +359,7 @@ pub enum Axis {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sights {
-    /// From one to the next in metres, above 0: an eighth of the table's length.
+    /// From one to the next in metres: an eighth of the table's length; 0 for mitred rails without any.
     pub spacing: f32,
     /// Distance of the short rails' sights from the middle in metres.
     pub end_x: f32,
@@ -361,11 +401,11 @@ pub struct SceneUpdate {
 /// Where a movable object is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ObjectPose {
-    /// Index into [`Scene::objects`]; must be a sphere.
+    /// Index into [`Scene::objects`]; must be a sphere or a truncated cone.
     pub object: u32,
-    /// Centre in metres.
+    /// Centre of the sphere, or of the cone's narrow end, in metres.
     pub position: Vec3,
-    /// `world_from_ball`, a unit quaternion.
+    /// `world_from_ball` or `world_from_cone`, a unit quaternion.
     pub rotation: Quat,
     /// `false` leaves the object out of the picture.
     pub visible: bool,

@@ -8,8 +8,8 @@ use std::ops::RangeInclusive;
 use glam::{Quat, Vec3};
 
 use crate::scene::{
-    AreaLight, Camera, CsgSolid, Material, Medium, ObjectPose, ProceduralTexture, Scene, Shape,
-    Stripe,
+    AreaLight, Camera, ClothMarks, CsgSolid, Material, Medium, ObjectPose, ProceduralTexture,
+    Scene, Shape, Stripe,
 };
 use crate::{Error, SceneError};
 
@@ -45,9 +45,13 @@ pub const SUBTRACTIONS_MAX: usize = 16;
 pub const SUBTRACTIONS_TOTAL_MAX: usize = 1024;
 /// The steepest that a cone's surface leans from upright.
 pub const TAPER_MAX: f32 = 1.0;
+/// Slope of a truncated cone's side against its axis: below, its apex lies too far off for f32.
+pub const CONE_SLOPE: RangeInclusive<f32> = 1e-4..=1.0;
 /// Surfaces closer than this to a subtraction count as within it, in m: rounding must not put a ray that
 /// leaves a subtraction's surface back into the body.
 pub const CSG_MARGIN_M: f32 = 1e-5;
+/// The range of a texture's scale.
+pub const TEXTURE_SCALE: RangeInclusive<f32> = 1e-3..=1e3;
 /// The range of the width of a sheen.
 pub const SHEEN_ROUGHNESS: RangeInclusive<f32> = 0.1..=1.0;
 /// The range of a full horizontal field of view in degrees.
@@ -70,6 +74,8 @@ impl Scene {
         count("materials", self.materials.len(), MATERIALS_MAX)?;
         let subtractions = self.objects.iter().map(|object| match &object.shape {
             Shape::CsgBox { subtractions, .. } => subtractions.len(),
+            // Its outside, and what lies beyond its ends.
+            Shape::TruncatedCone { .. } => 3,
             _ => 0,
         });
         count("subtractions", subtractions.sum(), SUBTRACTIONS_TOTAL_MAX)?;
@@ -98,9 +104,17 @@ impl Scene {
             if matches!(
                 self.materials[&object.material],
                 Material::Dielectric { .. }
-            ) && matches!(object.shape, Shape::Disc { .. } | Shape::Rectangle { .. })
-            {
-                return Err(place(SceneError::DielectricFlat(object.material.clone())));
+            ) {
+                let material = object.material.clone();
+                match object.shape {
+                    Shape::Disc { .. } | Shape::Rectangle { .. } => {
+                        return Err(place(SceneError::DielectricFlat(material)));
+                    }
+                    Shape::TruncatedCone { .. } => {
+                        return Err(place(SceneError::DielectricSurface(material)));
+                    }
+                    Shape::Sphere { .. } | Shape::Box { .. } | Shape::CsgBox { .. } => {}
+                }
             }
         }
         for (index, light) in self.area_lights.iter().enumerate() {
@@ -211,6 +225,20 @@ fn check_shape(shape: &Shape) -> Check {
             rotation(turn)
         }
         Shape::Box { min, max } | Shape::CsgBox { min, max, .. } => corners(min, max),
+        Shape::TruncatedCone {
+            center,
+            rotation: turn,
+            length,
+            radii: [narrow, wide],
+        } => {
+            position("its center", center)?;
+            rotation(turn)?;
+            extent("its length", length)?;
+            extent("its narrow radius", narrow)?;
+            extent("its wide radius", wide)?;
+            let slope = (wide - narrow) / length;
+            in_range("the slope of its side", slope, &CONE_SLOPE)
+        }
         Shape::Disc {
             center,
             normal,
@@ -325,10 +353,12 @@ fn check_material(material: &Material) -> Check {
             albedo,
             sheen,
             sheen_roughness,
+            marks,
         } => {
             check_albedo("its albedo", albedo)?;
             check_albedo("its sheen", sheen)?;
-            in_range("its sheen_roughness", sheen_roughness, &SHEEN_ROUGHNESS)
+            in_range("its sheen_roughness", sheen_roughness, &SHEEN_ROUGHNESS)?;
+            marks.map_or(Ok(()), |marks| check_marks(&marks))
         }
         Material::Conductor { eta, k, alpha } => {
             check_alpha(alpha)?;
@@ -364,6 +394,16 @@ fn check_stripe(stripe: &Stripe) -> Check {
     Err(SceneError::StripeWidth(stripe.half_width))
 }
 
+fn check_marks(marks: &ClothMarks) -> Check {
+    let within = 0.0..=COORDINATE_M_MAX;
+    in_range("the half_width of its marks", marks.half_width, &within)?;
+    in_range("the line_x of its marks", marks.line_x, &within)?;
+    in_range("the d_radius of its marks", marks.d_radius, &within)?;
+    let along = -COORDINATE_M_MAX..=COORDINATE_M_MAX;
+    let mut spots = marks.spots_x.into_iter();
+    spots.try_for_each(|x| in_range("a spot of its marks", x, &along))
+}
+
 fn check_texture(texture: &ProceduralTexture) -> Check {
     match *texture {
         ProceduralTexture::Ball {
@@ -381,12 +421,16 @@ fn check_texture(texture: &ProceduralTexture) -> Check {
             light,
             dark,
             sights,
+            scale,
             ..
         } => {
             check_albedo("its light albedo", light)?;
             check_albedo("its dark albedo", dark)?;
+            in_range("the scale of its texture", scale, &TEXTURE_SCALE)?;
             let Some(sights) = sights else { return Ok(()) };
-            extent("the spacing of its sights", sights.spacing)?;
+            if sights.spacing != 0.0 {
+                extent("the spacing of its sights", sights.spacing)?;
+            }
             extent("the end_x of its sights", sights.end_x)?;
             extent("the side_y of its sights", sights.side_y)
         }

@@ -276,7 +276,7 @@ fn every_subset_of_a_scene_agrees_with_scalar() {
             2 => scene.objects.clear(),
             kind => scene.objects.retain(|object| match object.shape {
                 Shape::Sphere { .. } => kind != 3,
-                Shape::Box { .. } | Shape::CsgBox { .. } => kind != 4,
+                Shape::Box { .. } | Shape::CsgBox { .. } | Shape::TruncatedCone { .. } => kind != 4,
                 Shape::Disc { .. } | Shape::Rectangle { .. } => kind != 5,
             }),
         }

@@ -8,10 +8,10 @@ use carom_tracer::regularisation;
 use carom_tracer::sampling::uniforms;
 use carom_tracer::scalar::{Ray, intersect};
 use carom_tracer::{
-    CompiledScene, CsgSolid, ImageSize, Material, Medium, RadianceImage, RenderSettings,
-    ScalarTracer, Scene, Shape, Tile, Tracer,
+    CompiledScene, CsgSolid, ImageSize, Material, Medium, ObjectPose, RadianceImage,
+    RenderSettings, ScalarTracer, Scene, SceneUpdate, Shape, Tile, Tracer,
 };
-use glam::Vec3;
+use glam::{Quat, Vec3};
 
 use crate::scenes::{
     furnace, glass, glass_box, gold, object, subtraction, textured_still_life, white_csg_block,
@@ -346,6 +346,7 @@ fn cloth_conserves_energy_and_is_brightest_at_grazing() {
         albedo: Vec3::new(1.0, 0.5, 0.0),
         sheen: Vec3::splat(0.4),
         sheen_roughness: 0.3,
+        marks: None,
     };
     let scene = furnace(cloth);
     for tracer in tracers() {
@@ -447,6 +448,71 @@ fn cones_are_hit_where_ray_marching_finds_them() {
         // Corners that a step passes over.
         assert!(wrong <= 6, "{wrong} of {hits}");
     }
+}
+
+#[test]
+fn truncated_cones_are_hit_where_marching_finds_them() {
+    const STEP: f64 = 2e-4;
+    let rotation = Quat::from_rotation_x(0.7) * Quat::from_rotation_y(-0.4);
+    let (center, length, radii) = (Vec3::new(0.1, 0.2, -0.2), 0.4, [0.05, 0.15]);
+    let is_body = |p: Vec3| {
+        let local = rotation.inverse() * (p - center);
+        let radius = radii[0] + (radii[1] - radii[0]) * local.z / length;
+        (0.0..=length).contains(&local.z) && local.truncate().length() <= radius
+    };
+    let mut scene = furnace(Material::Diffuse { albedo: Vec3::ONE });
+    let far = Shape::TruncatedCone {
+        center: Vec3::splat(5.0),
+        rotation: Quat::IDENTITY,
+        length,
+        radii,
+    };
+    scene.objects = vec![object("cone", "m", far)];
+    let mut scene = CompiledScene::new(&scene).unwrap();
+    let pose = ObjectPose {
+        object: 0,
+        position: center,
+        rotation,
+        visible: true,
+    };
+    let update = |pose| SceneUpdate {
+        camera: None,
+        poses: vec![pose],
+    };
+    scene.apply(&update(pose)).unwrap();
+    let (mut hits, mut wrong) = (0, 0);
+    for i in 0..600 {
+        let ray = ray_into_box(Vec3::splat(-0.3), Vec3::splat(0.4), i);
+        let walked = (1..10_000)
+            .map(|step| f64::from(step) * STEP)
+            .find(|t| is_body((ray.origin + *t * ray.direction).as_vec3()));
+        let met = intersect(&scene, &ray);
+        hits += u32::from(met.is_some());
+        let is_same = match (walked, met) {
+            (Some(walked), Some(met)) => (walked - met.t).abs() < 2.0 * STEP,
+            (None, None) => true,
+            _ => false,
+        };
+        wrong += u32::from(!is_same);
+        assert!(
+            met.is_none_or(|hit| hit.n.dot(ray.direction) < 1e-9),
+            "{met:?}"
+        );
+    }
+    assert!(hits > 100, "{hits}");
+    assert!(wrong <= 6, "{wrong} of {hits}");
+    let hidden = ObjectPose {
+        visible: false,
+        ..pose
+    };
+    scene.apply(&update(hidden)).unwrap();
+    let is_met = |i| {
+        intersect(
+            &scene,
+            &ray_into_box(Vec3::splat(-0.3), Vec3::splat(0.4), i),
+        )
+    };
+    assert!((0..600).all(|i| is_met(i).is_none()));
 }
 
 #[test]

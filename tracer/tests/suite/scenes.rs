@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use carom_tracer::{
-    AreaLight, Axis, Camera, CsgSolid, Environment, Material, Medium, Object, ProceduralTexture,
-    Scene, Shape, Sights, Stripe, Subtraction,
+    AreaLight, Axis, Camera, ClothMarks, CsgSolid, Environment, Material, Medium, Object,
+    ProceduralTexture, Scene, Shape, Sights, Stripe, Subtraction,
 };
 use glam::{Quat, Vec3};
 
@@ -232,6 +232,7 @@ pub(crate) fn textured_still_life() -> Scene {
             dark,
             grain,
             sights,
+            scale: 0.8,
         })
     };
     let sights = Some(Sights {
@@ -264,6 +265,12 @@ pub(crate) fn textured_still_life() -> Scene {
         albedo: Vec3::new(0.1, 0.5, 0.3),
         sheen: Vec3::splat(0.3),
         sheen_roughness: 0.3,
+        marks: Some(ClothMarks {
+            half_width: 1.0,
+            line_x: 0.3,
+            d_radius: 0.2,
+            spots_x: [0.1, 0.3, 0.3],
+        }),
     };
     let mut scene = furnace(cloth);
     let materials = [
@@ -276,6 +283,12 @@ pub(crate) fn textured_still_life() -> Scene {
     ];
     let named = materials.map(|(name, material)| (name.to_owned(), material));
     scene.materials.extend(named);
+    let rod = Shape::TruncatedCone {
+        center: Vec3::new(-0.5, -0.5, 0.05),
+        rotation: Quat::from_rotation_y(1.3) * Quat::from_rotation_x(0.4),
+        length: 0.7,
+        radii: [0.02, 0.05],
+    };
     let post = Shape::CsgBox {
         min: Vec3::new(0.55, 0.15, -0.3),
         max: Vec3::new(0.75, 0.35, 0.5),
@@ -294,6 +307,7 @@ pub(crate) fn textured_still_life() -> Scene {
         object("nine", "nine", sphere(-0.4, -0.1, 2.0)),
         object("twelve", "twelve", sphere(0.25, -0.55, -1.4)),
         object("post", "upright", post),
+        object("rod", "upright", rod),
         object("floor", "planks", plate(-0.3, 3.0)),
         object(
             "rails",
@@ -419,6 +433,7 @@ pub(crate) fn scenes_of_materials() -> Vec<LawScene> {
         albedo: Vec3::new(1.0, 0.5, 0.0),
         sheen: Vec3::splat(0.4),
         sheen_roughness: 0.3,
+        marks: None,
     };
     let scenes = [
         ("dielectric ball of index 1", furnace(glass(1.0, 0.0, None))),

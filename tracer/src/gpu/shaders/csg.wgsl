@@ -31,8 +31,28 @@ fn subtraction_contains(face: u32, p: vec3f) -> bool {
             }
             return false;
         }
+        case CSG_FACE_APEX_CONE: {
+            if (HAS_CSG_CONE) {
+                let q = about_axis(b, p - a);
+                let radius = length(b) * q.along - CSG_MARGIN_M;
+                return dot(q.aside, q.aside) > radius * radius || radius < 0.0;
+            }
+            return false;
+        }
         default: { return all(p > a - CSG_MARGIN_M) && all(p < b + CSG_MARGIN_M); }
     }
+}
+
+// A vector's parts along a cone's axis and at right angles to it.
+struct AboutAxis {
+    along: f32,
+    aside: vec3f,
+}
+
+fn about_axis(b: vec3f, v: vec3f) -> AboutAxis {
+    let axis = normalize(b);
+    let along = dot(v, axis);
+    return AboutAxis(along, v - along * axis);
 }
 
 // See `scalar::csg`.
@@ -44,17 +64,14 @@ fn cone_exterior_contains(a: vec3f, b: vec3f, p: vec3f) -> bool {
         && dot(q, b.yz) >= beyond * (beyond - CSG_MARGIN_M);
 }
 
-fn exit_cone_exterior(a: vec3f, b: vec3f, ray: Ray, t: f32) -> f32 {
-    let q = ray.origin.xy - a.xy;
-    let d = ray.direction.xy;
-    let radius = fma(ray.origin.z, b.x, a.z);
-    let growth = ray.direction.z * b.x;
+// Where a ray that is outside of a cone at `t` meets it.
+fn meet_cone(q: vec3f, d: vec3f, radius: f32, growth: f32, t: f32) -> f32 {
     let d2 = dot(d, d);
     let along = dot(q, d);
-    let miss = q.x * d.y - q.y * d.x;
+    let miss = cross(q, d);
     let square = d2 - growth * growth;
     let half_linear = along - growth * radius;
-    let quarter = d2 * (radius * radius) - miss * miss
+    let quarter = d2 * (radius * radius) - dot(miss, miss)
         + growth * (growth * dot(q, q) - 2.0 * along * radius);
     let is_ahead = square < 0.0 || fma(square, t, half_linear) < 0.0;
     if (quarter >= 0.0 && square != 0.0 && is_ahead) {
@@ -62,6 +79,18 @@ fn exit_cone_exterior(a: vec3f, b: vec3f, ray: Ray, t: f32) -> f32 {
         if (fma(met, growth, radius) > 0.0) {
             return met;
         }
+    }
+    return T_MISS;
+}
+
+fn exit_cone_exterior(a: vec3f, b: vec3f, ray: Ray, t: f32) -> f32 {
+    let q = ray.origin.xy - a.xy;
+    let d = ray.direction.xy;
+    let radius = fma(ray.origin.z, b.x, a.z);
+    let growth = ray.direction.z * b.x;
+    let met = meet_cone(vec3f(q, 0.0), vec3f(d, 0.0), radius, growth, t);
+    if (met < T_MISS) {
+        return met;
     }
     let slope = dot(d, b.yz);
     if (slope >= 0.0) {
@@ -94,6 +123,15 @@ fn exit_subtraction(face: u32, ray: Ray, inverse: vec3f, t: f32) -> f32 {
         case CSG_FACE_CONE: {
             if (HAS_CSG_CONE) {
                 return exit_cone_exterior(a, b, ray, t);
+            }
+            return T_MISS;
+        }
+        case CSG_FACE_APEX_CONE: {
+            if (HAS_CSG_CONE) {
+                let slope = length(b);
+                let q = about_axis(b, ray.origin - a);
+                let d = about_axis(b, ray.direction);
+                return meet_cone(q.aside, d.aside, slope * q.along, slope * d.along, t);
             }
             return T_MISS;
         }
@@ -162,6 +200,8 @@ fn csg_face_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
         normal = vec3f(-normalize(position.xy - a.xy), 0.0);
     } else if (HAS_CSG_CONE && kind == CSG_FACE_CONE) {
         normal = normalize(vec3f(normalize(position.xy - a.xy), -b.x));
+    } else if (HAS_CSG_CONE && kind == CSG_FACE_APEX_CONE) {
+        normal = normalize(normalize(about_axis(b, position - a).aside) - b);
     } else if (kind != CSG_FACE_PLANE) {
         // The box's outside is entered, a hollow's inside is left.
         let inverse = inverse_direction(ray.direction);

@@ -77,6 +77,7 @@ struct MaterialData {
     sheen_roughness: f32,
     sheen: vec3f,
     sights: vec3f,
+    scale: f32,
 }
 
 struct SphereBound {

@@ -45,23 +45,25 @@ fn wave(turns: f32) -> f32 {
     return circle(turns - floor(turns)).y;
 }
 
-fn wood(material: u32, p: vec3f) -> vec3f {
+fn wood(material: u32, place: vec3f) -> vec3f {
+    var p = place;
     let light = scene_storage.materials[material].albedo;
     let rings = scene_storage.materials[material].stripe_albedo;
     let sights = scene_storage.materials[material].sights;
     var axis = scene_storage.materials[material].grain_axis;
-    if (sights.x > 0.0) {
+    if (sights.y > 0.0) {
         let is_end = abs(p.x) - sights.y > abs(p.y) - sights.z;
         axis = select(0u, 1u, is_end);
         let along = select(p.x, p.y, is_end);
         let off = select(abs(p.y) - sights.z, abs(p.x) - sights.y, is_end);
-        let nearest = floor(along / sights.x + 0.5);
-        let exists = abs(nearest) < select(3.5, 1.5, is_end) && (is_end || nearest != 0.0);
+        let nearest = floor(along / max(sights.x, 1e-6) + 0.5);
+        let exists = sights.x > 0.0 && abs(nearest) < select(3.5, 1.5, is_end) && (is_end || nearest != 0.0);
         let diamond = abs(along - nearest * sights.x) / SIGHT_HALF_M.x + abs(off) / SIGHT_HALF_M.y;
         if (exists && diamond < 1.0 && p.z > 0.0) {
             return SIGHT_ALBEDO;
         }
     }
+    p *= scene_storage.materials[material].scale;
     var a = select(p.x, p.y, axis == 1u);
     var b = select(p.y, p.x, axis == 1u);
     var height = p.z;
@@ -88,10 +90,55 @@ fn wood(material: u32, p: vec3f) -> vec3f {
     return mix(light, rings, shade);
 }
 
+fn cloth(material: u32, p: vec3f) -> vec3f {
+    let most = scene_storage.materials[material].scale;
+    let u = p.x + 0.021 * wave(1.7 * p.y + 0.31 * wave(2.3 * p.x)) + 0.3 * p.z;
+    let v = p.y + 0.017 * wave(1.3 * p.x + 0.27 * wave(2.9 * p.y)) + 0.8 * p.z;
+    let patches = wave(2.3 * u + 1.1 * v) * wave(0.9 * u - 2.1 * v);
+    let nap = wave(37.0 * v + 1.4 * wave(3.1 * u)) * wave(2.7 * u + 5.0 * v);
+    let streak = wave(149.0 * v + 1.9 * wave(11.0 * u)) * wave(19.0 * u + 7.0 * v);
+    let fibre = wave(331.0 * u + 173.0 * v) * wave(283.0 * v - 127.0 * u);
+    let lint = wave(587.0 * u + 71.0 * v) * wave(613.0 * v - 97.0 * u);
+    let shade = 1.0 + 0.05 * patches + 0.035 * nap + 0.03 * streak + 0.045 * fibre + 0.05 * lint;
+    let dots = wave(23.1 * u + 1.9 * wave(2.3 * v)) * wave(19.3 * v + 2.1 * wave(1.7 * u));
+    let dust = clamp(14.0 * dots - 12.9, 0.0, 1.0) * clamp(0.2 + 2.0 * patches, 0.0, 0.5);
+    let chalk = CHALK_ALBEDO * most;
+    var colour = mix(shade * scene_storage.materials[material].albedo, chalk, dust);
+    let line_x = scene_storage.materials[material].sights.x;
+    let d_radius = scene_storage.materials[material].sights.y;
+    if (scene_storage.materials[material].sights.z > 0.0 && abs(p.z) < MARK_REACH_M) {
+        let spots = scene_storage.materials[material].stripe_albedo;
+        let along = p.x - spots.x;
+        let from_foot = (along * along + p.y * p.y) / 0.0016;
+        let track = p.y * p.y / 1.4e-4 + p.x * p.x / (spots.x * spots.x + 1e-6);
+        let worn = 0.07 / (1.0 + from_foot) + 0.035 / (1.0 + track * track);
+        colour = mix(colour, chalk, worn);
+        let from_line = p.x + line_x;
+        let from_arc = sqrt(from_line * from_line + p.y * p.y) - d_radius;
+        let is_line = line_x > 0.0 && abs(from_line) < LINE_HALF_M;
+        if (is_line || (d_radius > 0.0 && from_line < 0.0 && abs(from_arc) < LINE_HALF_M)) {
+            colour = mix(colour, chalk, LINE_SHARE);
+        }
+        let q = vec3f(p.x) - spots;
+        var nearest = smallest(q * q) + p.y * p.y;
+        if (line_x > 0.0) {
+            let aside = abs(p.y) - d_radius;
+            nearest = min(nearest, from_line * from_line + min(p.y * p.y, aside * aside));
+        }
+        if (nearest < SPOT_RADIUS_M * SPOT_RADIUS_M) {
+            colour *= SPOT_SHARE;
+        }
+    }
+    return min(colour, vec3f(most));
+}
+
 fn textured(surface: Surface) -> vec3f {
     let pattern = scene_storage.materials[surface.material].pattern;
     if (pattern == PATTERN_WOOD || pattern == PATTERN_PLANKS) {
         return wood(surface.material, surface.position);
+    }
+    if (pattern == PATTERN_CLOTH) {
+        return cloth(surface.material, surface.position);
     }
     return surface.albedo;
 }
