@@ -6,6 +6,7 @@ use crate::camera::Viewpoint;
 use crate::capture::replay::ReplayPlayer;
 use crate::play::practice::Practice;
 use crate::play::{Game, ShotClock};
+use crate::scene::cue_stick::CuePose;
 
 /// What the window shows.
 #[derive(Debug)]
@@ -34,6 +35,8 @@ pub struct ModeView {
     pub camera: Viewpoint,
     /// The balls.
     pub poses: Vec<BallPose>,
+    /// The cue, while there is one to show.
+    pub cue: Option<CuePose>,
     /// The clock of the shot that is on; none for another moment than now.
     pub clock: Option<ShotClock>,
 }
@@ -44,9 +47,14 @@ impl Mode {
         match self {
             Self::Game => {
                 let (clock, moment) = time.resolve(|now| game.shot_clock(now));
+                let cue = match time {
+                    ViewTime::Now(now_secs) => game.cue(now_secs),
+                    ViewTime::Moment(moment_secs) => game.cue_in_shot(moment_secs),
+                };
                 ModeView {
                     camera: game.viewpoint(moment),
                     poses: game.poses(moment),
+                    cue: cue.map(|cue| cue.pose(game.table().cue_ball().radius_m)),
                     clock,
                 }
             }
@@ -55,6 +63,7 @@ impl Mode {
                 ModeView {
                     camera: player.viewpoint(game.table(), moment),
                     poses: player.poses(moment),
+                    cue: player.cue(game.table(), moment),
                     clock,
                 }
             }
@@ -62,6 +71,7 @@ impl Mode {
             Self::Practice(practice) => ModeView {
                 camera: game.viewpoint(0.0),
                 poses: practice.poses(),
+                cue: None,
                 clock: None,
             },
         }

@@ -175,7 +175,7 @@ mod tests {
         };
         let mut farm = Farm::new(config).unwrap();
         farm.set_scene(&scene).unwrap();
-        let update = table_scene.update(scene.camera, &[]);
+        let update = table_scene.update(scene.camera, &[], None);
         slot.begin(scene, update, SIZE, 5, folder.to_owned())
             .unwrap();
         farm

@@ -1,10 +1,11 @@
-//! The cue as it is drawn over the picture, while aiming and through the stroke.
+//! The cue in the player's hand, while aiming and through the stroke.
 
 use glam::{DVec2, DVec3};
 
 use super::aim::Aim;
+use crate::scene::cue_stick::{CuePose, GAP_M};
 
-/// What is drawn over the picture while aiming and striking.
+/// How the cue is held while aiming and striking.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CueView {
     /// Centre of the cue ball, metres.
@@ -57,17 +58,23 @@ impl CueView {
             ..self
         })
     }
+
+    /// Where it is, for a cue ball of `radius_m`.
+    pub fn pose(&self, radius_m: f64) -> CuePose {
+        let along = DVec2::from_angle(self.bearing_rad).extend(0.0);
+        let across = DVec3::new(along.y, -along.x, 0.0);
+        let (sin, cos) = self.elevation_rad.sin_cos();
+        let back = DVec3::Z * sin - along * cos;
+        let up = along * sin + DVec3::Z * cos;
+        let depth = (1.0 - self.tip.length_squared()).max(0.0).sqrt();
+        let offset = across * self.tip.x + up * self.tip.y + back * depth;
+        CuePose {
+            tip: self.cue_ball + offset * radius_m + back * self.gap_m,
+            back,
+        }
+    }
 }
 
-/// The cue's radius at a way from its tip, in m.
-pub fn cue_radius_m(from_tip_m: f64) -> f64 {
-    TIP_RADIUS_M + (BUTT_RADIUS_M - TIP_RADIUS_M) * (from_tip_m / CUE_LENGTH_M).min(1.0)
-}
-
-/// 58 inches.
-pub const CUE_LENGTH_M: f64 = 1.47;
-const TIP_RADIUS_M: f64 = 0.0063;
-const BUTT_RADIUS_M: f64 = 0.0145;
 /// How far full power draws the cue back.
 pub(super) const DRAW_M: f64 = 0.2;
 /// From letting go to the blow. With a display's period of 17 ms it stays under the 100 ms within
@@ -76,4 +83,3 @@ pub(super) const DRAW_M: f64 = 0.2;
 pub(super) const SWING_SECS: std::ops::Range<f64> = 0.06..0.08;
 /// The cue stays this long after the blow.
 const FOLLOW_SECS: f64 = 0.35;
-const GAP_M: f64 = 0.012;

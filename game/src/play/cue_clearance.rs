@@ -1,10 +1,11 @@
 //! Clearance of the cue: it passes over rails and balls, never through them.
 
-use carom_billiards::physics::{BallState, Stroke, Table, World};
+use carom_billiards::physics::{BallState, Shot, Stroke, Table};
 use glam::{DVec2, DVec3};
 
 use super::aim::Aim;
-use super::cue::{CUE_LENGTH_M, DRAW_M, cue_radius_m};
+use super::cue::{CueView, DRAW_M};
+use crate::scene::cue_stick::{CUE_LENGTH_M, CuePose, cue_radius_m};
 
 /// The cue ball and what may be in the cue's way.
 #[derive(Clone, Copy, Debug)]
@@ -16,10 +17,10 @@ pub(super) struct CueClearance<'a> {
 
 impl<'a> CueClearance<'a> {
     /// Over the balls as they lie; nothing without a cue ball on the table.
-    pub(super) fn new(world: &'a World, balls: &'a [BallState]) -> Option<Self> {
+    pub(super) fn new(table: &'a Table, balls: &'a [BallState]) -> Option<Self> {
         let is_cue_ball = |ball: &&BallState| ball.number == 0 && ball.phase.is_on_table();
         Some(Self {
-            table: world.table(),
+            table,
             cue_ball: *balls.iter().find(is_cue_ball)?,
             balls,
         })
@@ -73,6 +74,20 @@ impl<'a> CueClearance<'a> {
     }
 }
 
+/// The cue that a shot was struck with, as it is known by what the ball did: level, but for what is in its
+/// way, through the middle of the ball.
+pub fn cue_of_shot(table: &Table, shot: &Shot) -> Option<CueView> {
+    let balls = shot.states_at(0.0);
+    let clearance = CueClearance::new(table, &balls)?;
+    let velocity = clearance.cue_ball.velocity.truncate();
+    let mut aim = Aim {
+        bearing_rad: velocity.try_normalize()?.to_angle(),
+        ..Aim::LEVEL
+    };
+    clearance.raise(&mut aim);
+    Some(CueView::resting(clearance.cue_ball.position, &aim))
+}
+
 /// The cue in space.
 struct CueShaft {
     /// The middle of the tip's end, where it would touch the ball.
@@ -83,15 +98,17 @@ struct CueShaft {
 
 impl CueShaft {
     fn new(cue_ball: &BallState, aim: &Aim, elevation_rad: f64) -> Self {
-        let along = DVec2::from_angle(aim.bearing_rad).extend(0.0);
-        let across = DVec3::new(along.y, -along.x, 0.0);
-        let (sin, cos) = elevation_rad.sin_cos();
-        let back = DVec3::Z * sin - along * cos;
-        let up = along * sin + DVec3::Z * cos;
-        let depth = (1.0 - aim.tip.length_squared()).max(0.0).sqrt();
-        let offset = across * aim.tip.x + up * aim.tip.y + back * depth;
+        let aim = Aim {
+            elevation_rad,
+            ..*aim
+        };
+        let held = CueView {
+            gap_m: 0.0,
+            ..CueView::resting(cue_ball.position, &aim)
+        };
+        let CuePose { tip, back } = held.pose(cue_ball.body.radius_m);
         Self {
-            tip: cue_ball.position + offset * cue_ball.body.radius_m,
+            tip,
             back,
             cue_ball: cue_ball.position.truncate(),
         }
@@ -155,7 +172,7 @@ const MARGIN_M: f64 = 0.002;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use carom_billiards::physics::{BallLayout, Phase};
+    use carom_billiards::physics::{BallLayout, Phase, World};
 
     /// The elevation with the cue ball at `place`, other balls at `others`, along a bearing.
     fn elevation_deg(place: (f64, f64), others: &[(f64, f64)], bearing_deg: f64) -> f64 {
@@ -166,7 +183,7 @@ mod tests {
         let balls = places.into_iter().enumerate().map(ball).collect();
         let world = World::new(table.clone(), BallLayout { balls }).unwrap();
         let balls = world.balls();
-        let reach = CueClearance::new(&world, &balls).unwrap();
+        let reach = CueClearance::new(world.table(), &balls).unwrap();
         let aim = Aim {
             bearing_rad: bearing_deg.to_radians(),
             ..Aim::LEVEL
@@ -224,7 +241,7 @@ mod tests {
         balls[0].position = DVec3::new(0.2, 0.55, balls[0].body.radius_m);
         let world = World::new(table, BallLayout { balls }).unwrap();
         let balls = world.balls();
-        let reach = CueClearance::new(&world, &balls).unwrap();
+        let reach = CueClearance::new(world.table(), &balls).unwrap();
         for degrees in (-180..180).step_by(3) {
             let mut aim = Aim {
                 bearing_rad: f64::from(degrees).to_radians(),
@@ -253,7 +270,7 @@ mod tests {
         balls[1].phase = Phase::Pocketed;
         let world = World::new(table, BallLayout { balls }).unwrap();
         let balls = world.balls();
-        let reach = CueClearance::new(&world, &balls).unwrap();
+        let reach = CueClearance::new(world.table(), &balls).unwrap();
         assert!(reach.lowest_clear_rad(&Aim::LEVEL, 0.0) < 0.1);
     }
 }

@@ -44,9 +44,10 @@ use active_shot::ActiveShot;
 use ai_turn::{AiTurn, PlannedStroke};
 pub use aim::{Aim, CUE_SPEED_M_S_MAX, cue_speed_m_s, power_of_speed};
 pub use ball_in_hand::BallInHand;
+pub use cue::CueView;
 use cue::SWING_SECS;
-pub use cue::{CUE_LENGTH_M, CueView, cue_radius_m};
 use cue_clearance::CueClearance;
+pub use cue_clearance::cue_of_shot;
 pub use shot_clock::ShotClock;
 pub use shot_preview::{AimAids, BallPath, ShotPreview};
 use stroke_input::{StrokeInput, SwingInput};
@@ -239,6 +240,14 @@ impl Game {
         }
     }
 
+    /// The cue at `moment_secs` of the shot that is on.
+    pub fn cue_in_shot(&self, moment_secs: f64) -> Option<CueView> {
+        match &self.phase {
+            TurnPhase::Watching(active) => active.cue.clone()?.swung(moment_secs),
+            _ => None,
+        }
+    }
+
     /// Cue and aim, while there is one to show.
     pub fn cue(&self, now_secs: f64) -> Option<CueView> {
         let resting = CueView::resting(self.cue_ball()?, &self.aim);
@@ -250,10 +259,7 @@ impl Game {
                 let power = input.power(now_secs).unwrap_or(self.aim.power);
                 Some(resting.drawn(power, input.drawn_m(now_secs)))
             }
-            TurnPhase::Watching(active) => {
-                let clock_secs = active.clock_secs(now_secs);
-                active.cue.clone().and_then(|cue| cue.swung(clock_secs))
-            }
+            TurnPhase::Watching(active) => self.cue_in_shot(active.clock_secs(now_secs)),
         }
     }
 
@@ -363,7 +369,7 @@ impl Game {
     /// Raises the cue over what is in its way.
     fn clear_cue(&mut self) {
         let balls = self.contest.world().balls();
-        if let Some(clearance) = CueClearance::new(self.contest.world(), &balls) {
+        if let Some(clearance) = CueClearance::new(self.contest.world().table(), &balls) {
             clearance.raise(&mut self.aim);
         }
     }

@@ -10,6 +10,7 @@ use clap::{Args, ValueEnum};
 
 use crate::camera::Viewpoint;
 use crate::scene::ball_materials::BallSet;
+use crate::scene::cue_stick::CuePose;
 use crate::scene::table_scene::TableScene;
 use crate::scene::table_style::{ClothColour, TableStyle};
 
@@ -89,8 +90,17 @@ pub fn opening_scene(
         .collect();
     let mut scene = room.scene().clone();
     scene.camera = camera;
-    for pose in room.update(camera, &poses).poses {
+    let cue_ball = poses.iter().find(|pose| pose.number == 0);
+    let cue = cue_ball.map(|ball| {
+        let bearing_rad = (-ball.position.truncate()).to_angle();
+        let radius_m = contest.world().table().cue_ball().radius_m;
+        CuePose::aimed(ball.position, radius_m, bearing_rad)
+    });
+    for pose in room.update(camera, &poses, cue.as_ref()).poses {
         if let Shape::Sphere {
+            center, rotation, ..
+        }
+        | Shape::TruncatedCone {
             center, rotation, ..
         } = &mut scene.objects[pose.object as usize].shape
         {

@@ -1,6 +1,7 @@
 //! The traced scene: the room, its table, the balls' materials, and updates of their poses.
 
 pub mod ball_materials;
+pub mod cue_stick;
 pub mod export;
 pub mod scene_builder;
 pub mod table_scene;

@@ -4,8 +4,9 @@ use carom_billiards::game_match::Match;
 use carom_billiards::physics::{BallPose, Table};
 use carom_billiards::rules::RuleSet;
 use carom_tracer::{Camera, ObjectPose, Scene, SceneUpdate};
-use glam::{Quat, Vec3};
+use glam::{DVec3, Quat, Vec3};
 
+use crate::scene::cue_stick::{CUE_NAME, CuePose};
 use crate::scene::scene_builder::room;
 use crate::scene::table_style::TableStyle;
 
@@ -15,6 +16,8 @@ pub struct TableScene {
     table: Table,
     scene: Scene,
     balls: Vec<(u8, u32)>,
+    /// Objects of the cue's parts, from the tip.
+    cue: Vec<u32>,
 }
 
 impl TableScene {
@@ -52,8 +55,11 @@ impl TableScene {
             .enumerate()
             .filter_map(numbered)
             .collect();
+        let parts = (0..).zip(&scene.objects);
+        let parts = parts.filter(|(_, object)| object.name == CUE_NAME);
         Self {
             table: table.clone(),
+            cue: parts.map(|(index, _)| index).collect(),
             scene,
             balls,
         }
@@ -70,8 +76,8 @@ impl TableScene {
     }
 
     /// A frame's difference to the scene: balls that are pocketed or absent are left out of the
-    /// picture.
-    pub fn update(&self, camera: Camera, poses: &[BallPose]) -> SceneUpdate {
+    /// picture, and so is a cue that nobody holds.
+    pub fn update(&self, camera: Camera, poses: &[BallPose], cue: Option<&CuePose>) -> SceneUpdate {
         let pose_of = |&(number, object): &(u8, u32)| {
             let pose = poses
                 .iter()
@@ -85,18 +91,42 @@ impl TableScene {
         };
         SceneUpdate {
             camera: Some(camera),
-            poses: self.balls.iter().map(pose_of).collect(),
+            poses: self
+                .balls
+                .iter()
+                .map(pose_of)
+                .chain(self.cue_poses(cue))
+                .collect(),
         }
+    }
+
+    fn cue_poses(&self, cue: Option<&CuePose>) -> impl Iterator<Item = ObjectPose> {
+        let hidden = CuePose {
+            tip: DVec3::ZERO,
+            back: DVec3::Z,
+        };
+        let held = *cue.unwrap_or(&hidden);
+        let visible = cue.is_some();
+        let centers: Vec<Vec3> = held.part_centers().collect();
+        let parts = self.cue.iter().zip(centers);
+        parts.map(move |(object, position)| ObjectPose {
+            object: *object,
+            position,
+            rotation: held.rotation(),
+            visible,
+        })
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use carom_tracer::scalar::{Ray, intersect};
     use carom_tracer::{CompiledScene, Shape};
-    use glam::{DQuat, DVec3};
+    use glam::DQuat;
 
     use super::*;
     use crate::scene::ball_materials::BallSet;
+    use crate::scene::cue_stick::PARTS;
 
     fn pose(number: u8, x: f64, on_table: bool) -> BallPose {
         BallPose {
@@ -126,10 +156,29 @@ mod tests {
     }
 
     #[test]
+    fn the_cue_is_where_it_is_held_and_gone_when_it_is_not() {
+        let table_scene = TableScene::room(BallSet::Classic);
+        let mut compiled = CompiledScene::new(table_scene.scene()).unwrap();
+        let camera = table_scene.scene().camera;
+        let held = CuePose::aimed(DVec3::new(0.3, 0.2, 0.03), 0.028_575, 0.7);
+        let along = Ray {
+            origin: held.tip - 0.1 * held.back,
+            direction: held.back,
+        };
+        let distance = |compiled: &CompiledScene| intersect(compiled, &along).unwrap().t;
+        let update = table_scene.update(camera, &[], Some(&held));
+        compiled.apply(&update).unwrap();
+        assert!((distance(&compiled) - 0.1).abs() < 1e-4);
+        let update = table_scene.update(camera, &[], None);
+        compiled.apply(&update).unwrap();
+        assert!(distance(&compiled) > 1.0);
+    }
+
+    #[test]
     fn balls_are_drawn_where_they_lie_and_pocketed_ones_are_not() {
         let table_scene = TableScene::room(BallSet::Classic);
         let poses = [pose(0, 0.25, true), pose(9, -0.5, false)];
-        let update = table_scene.update(table_scene.scene().camera, &poses);
+        let update = table_scene.update(table_scene.scene().camera, &poses, None);
         let mut compiled = CompiledScene::new(table_scene.scene()).unwrap();
         compiled.apply(&update).unwrap();
         let visible: Vec<_> = compiled
@@ -138,6 +187,7 @@ mod tests {
             .filter(|ball| ball.radius > 0.0)
             .collect();
         assert_eq!(visible.len(), 1);
+        assert_eq!(table_scene.cue.len(), PARTS.len());
         assert_eq!(visible[0].center, [0.25, 0.1, 0.028575]);
     }
 }

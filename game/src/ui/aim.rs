@@ -1,12 +1,12 @@
-//! Cue stick, aim line and ghost ball, projected into the picture by the current camera.
+//! Aim line and ghost ball, projected into the picture by the current camera.
 
 use carom_billiards::physics::{AimContact, AimLine};
 use carom_billiards::rules::{PlacementArea, TableLayout};
-use egui::{Color32, Painter, Pos2, Rect, Shape, Stroke};
+use egui::{Color32, Painter, Pos2, Rect, Stroke};
 use glam::{DVec2, DVec3};
 
 use crate::camera::Projection;
-use crate::play::{AimAids, BallPath, CUE_LENGTH_M, CueView, ShotPreview, cue_radius_m};
+use crate::play::{AimAids, BallPath, ShotPreview};
 
 /// Draws into `screen`, the window in points, which the projection's film covers.
 #[derive(Clone, Copy)]
@@ -92,31 +92,6 @@ impl AimOverlay<'_> {
             AimContact::Pocket { .. } | AimContact::Nothing => {
                 line.path.last().into_iter().for_each(|end| self.ball(*end));
             }
-        }
-    }
-
-    /// The stick behind the cue ball, its tip `gap_m` off.
-    pub fn cue(&self, cue: &CueView) {
-        let along = DVec3::new(cue.bearing_rad.cos(), cue.bearing_rad.sin(), 0.0);
-        let across = DVec3::new(along.y, -along.x, 0.0);
-        // Raised a little, as a cue over a cushion is; seen flat it would hide behind itself.
-        let (sin, cos) = cue.elevation_rad.max(SLOPE).sin_cos();
-        let back = -along * cos + DVec3::Z * sin;
-        let up = along * sin + DVec3::Z * cos;
-        let tip_offset = (across * cue.tip.x + up * cue.tip.y) * self.ball_radius_m;
-        let tip = cue.cue_ball + tip_offset + back * (self.ball_radius_m + cue.gap_m);
-        let parts = [
-            (0.0, 0.012, Color32::from_rgb(60, 110, 170)),
-            (0.012, 0.04, Color32::from_rgb(240, 235, 220)),
-            (0.04, 0.75, Color32::from_rgb(214, 174, 120)),
-            (0.75, CUE_LENGTH_M, Color32::from_rgb(84, 38, 24)),
-        ];
-        for (from, to, color) in parts {
-            self.taper(
-                [tip + back * from, tip + back * to],
-                [cue_radius_m(from), cue_radius_m(to)],
-                color,
-            );
         }
     }
 
@@ -220,29 +195,6 @@ impl AimOverlay<'_> {
         }
     }
 
-    /// A rod seen from the side: a quad as wide at each end as the rod is there.
-    fn taper(&self, ends: [DVec3; 2], radii_m: [f64; 2], color: Color32) {
-        let Some([p, q]) = self.projection.film_segment(ends[0], ends[1]) else {
-            return;
-        };
-        let Some(side) = (q - p).try_normalize().map(DVec2::perp) else {
-            return;
-        };
-        // The far end may lie behind the eye, where the segment was cut off.
-        let scale = |end: DVec3| {
-            self.projection
-                .film_per_metre(end)
-                .unwrap_or(CLOSE_PER_M)
-                .min(CLOSE_PER_M)
-        };
-        let [a, b] = [(p, ends[0], radii_m[0]), (q, ends[1], radii_m[1])]
-            .map(|(film, end, radius_m)| (film, side * (radius_m * scale(end))));
-        let corners = [a.0 + a.1, b.0 + b.1, b.0 - b.1, a.0 - a.1];
-        let corners = corners.map(|corner| self.point(corner)).to_vec();
-        self.painter
-            .add(Shape::convex_polygon(corners, color, Stroke::NONE));
-    }
-
     fn point(&self, film: DVec2) -> Pos2 {
         // Far outside the window, floats of a few digits would make the tessellator stumble.
         let film = film.clamp(DVec2::splat(-FILM_MAX), DVec2::splat(FILM_MAX));
@@ -256,11 +208,8 @@ const LEGAL_TINT: Color32 = Color32::from_rgba_premultiplied(20, 60, 35, 90);
 const ILLEGAL: Color32 = Color32::from_rgb(255, 120, 90);
 const ILLEGAL_TINT: Color32 = Color32::from_rgba_premultiplied(80, 20, 10, 110);
 const DIM: Color32 = Color32::from_rgba_premultiplied(0, 0, 0, 130);
-const SLOPE: f64 = 0.06;
 const OBJECT_WAY_M: f64 = 0.35;
 const CUE_WAY_M: f64 = 0.2;
-/// Points of a metre just before the eye.
-const CLOSE_PER_M: f64 = 8000.0;
 const FILM_MAX: f64 = 20_000.0;
 const GUIDE: Color32 = Color32::from_rgba_premultiplied(200, 200, 195, 200);
 const OBJECT: Color32 = Color32::from_rgba_premultiplied(220, 185, 80, 220);

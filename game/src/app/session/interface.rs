@@ -10,7 +10,6 @@ use crate::camera::Projection;
 use crate::frame::farm_startup::FarmState;
 use crate::frame::quality::QUALITY_LEVELS;
 use crate::input::Bindings;
-use crate::play::CueView;
 use crate::ui;
 use crate::ui::stats::{StatsCommand, StatsInput};
 
@@ -27,8 +26,7 @@ impl GameSession {
         let moves = std::mem::take(&mut self.is_dirty);
         let room = self.draw_stats(ctx, now_secs, present, moves);
         let painter = ctx.layer_painter(LayerId::background());
-        let cue = self.cue(now_secs);
-        self.draw_aim(&painter, cue.as_ref(), now_secs);
+        self.draw_aim(&painter, now_secs);
         self.draw_mode(&painter, room, bindings, now_secs);
         let notice = self.notice();
         let overlay = ui::Overlay {
@@ -79,7 +77,7 @@ impl GameSession {
         Rect::from_min_size(egui::Pos2::ZERO, size)
     }
 
-    fn draw_aim(&mut self, painter: &Painter, cue: Option<&CueView>, now_secs: f64) {
+    fn draw_aim(&mut self, painter: &Painter, now_secs: f64) {
         if !self.is_game() {
             return;
         }
@@ -94,9 +92,6 @@ impl GameSession {
         self.mark_balls(&overlay);
         if let Some(shot_preview) = self.game.shot_preview(now_secs) {
             overlay.shot_preview(shot_preview);
-        }
-        if let Some(cue) = cue {
-            overlay.cue(cue);
         }
     }
 

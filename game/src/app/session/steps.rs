@@ -92,7 +92,7 @@ impl GameSession {
         let (mode, game, table_scene) = (self.modes.mode(), &self.game, &self.table_scene);
         let scene_of = |view: &ModeView| {
             let camera = view.camera.camera_in(game.table());
-            table_scene.update(camera, &view.poses)
+            table_scene.update(camera, &view.poses, view.cue.as_ref())
         };
         let view = mode.view(game, ViewTime::Now(now_secs));
         let target = match view.clock {
@@ -107,7 +107,8 @@ impl GameSession {
     pub(super) fn scene_at(&self, time: ViewTime) -> SceneUpdate {
         let view = self.mode_view(time);
         let camera = view.camera.camera_in(self.game.table());
-        self.table_scene.update(camera, &view.poses)
+        self.table_scene
+            .update(camera, &view.poses, view.cue.as_ref())
     }
 }
 

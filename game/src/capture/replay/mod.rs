@@ -18,8 +18,9 @@ use crate::camera::{
 };
 use crate::capture::{RecordingKind, TimelineEvent, timeline_events};
 use crate::input::ReplayControl;
-use crate::play::ShotClock;
 use crate::play::practice::at_rest;
+use crate::play::{CueView, ShotClock, cue_of_shot};
+use crate::scene::cue_stick::CuePose;
 use carom_billiards::physics::{BallPose, BallState, Clip, Recording, Shot, Table};
 
 pub use clock::ReplayClock;
@@ -48,6 +49,7 @@ pub struct ReplayPlayer {
     timeline: Vec<TimelineEvent>,
     views: ViewSelection,
     chase: OnceCell<FollowCamera>,
+    cue: OnceCell<Option<CueView>>,
 }
 
 impl ReplayPlayer {
@@ -62,6 +64,7 @@ impl ReplayPlayer {
             take,
             views: ViewSelection::new(table),
             chase: OnceCell::new(),
+            cue: OnceCell::new(),
         })
     }
 
@@ -121,6 +124,7 @@ impl ReplayPlayer {
             ReplayControl::Pick(take) if take < self.recording.clips.len() => {
                 self.take = take;
                 self.chase = OnceCell::new();
+                self.cue = OnceCell::new();
                 self.clock = self.clock.restarted(self.shot().duration_secs(), now_secs);
                 self.timeline = timeline_events(self.shot());
             }
@@ -158,6 +162,13 @@ impl ReplayPlayer {
     /// The balls at a moment that [`ReplayPlayer::shot_clock`] counts; while time stands, as they are.
     pub fn poses(&self, display_secs: f64) -> Vec<BallPose> {
         self.shot().poses_at(self.moment_secs(display_secs))
+    }
+
+    /// The cue, at a moment as [`ReplayPlayer::poses`] counts it.
+    pub fn cue(&self, table: &Table, display_secs: f64) -> Option<CuePose> {
+        let cue = self.cue.get_or_init(|| cue_of_shot(table, self.shot()));
+        let swung = cue.clone()?.swung(self.moment_secs(display_secs))?;
+        Some(swung.pose(table.cue_ball().radius_m))
     }
 
     /// From where it is seen, at a moment as [`ReplayPlayer::poses`] counts it.

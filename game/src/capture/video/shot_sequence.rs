@@ -5,6 +5,7 @@ use carom_tracer::SceneUpdate;
 use clap::ValueEnum;
 
 use crate::camera::{Viewpoint, smoothstep};
+use crate::play::{CueView, cue_of_shot};
 use crate::scene::table_scene::TableScene;
 
 /// Where a film is seen from.
@@ -22,6 +23,8 @@ pub enum VideoView {
 pub struct ShotSequence {
     stage: TableScene,
     shots: Vec<Shot>,
+    /// What each shot is struck with.
+    cues: Vec<Option<CueView>>,
     view: VideoView,
     frames_per_sec: u16,
     /// Where each shot begins, seconds since its stroke.
@@ -47,7 +50,9 @@ impl ShotSequence {
             let before = starts[starts.len() - 1];
             starts.push(before + frames(shot));
         }
+        let cue = |shot| cue_of_shot(stage.table_inside(), shot);
         Self {
+            cues: shots.iter().map(cue).collect(),
             stage,
             shots,
             view,
@@ -109,6 +114,9 @@ impl ShotSequence {
     /// What differs in a frame from the scene at rest.
     pub fn update(&self, frame: u32) -> SceneUpdate {
         let (shot, moment_secs) = self.moment(frame);
+        let cue = self.cues[shot].clone();
+        let cue = cue.and_then(|cue| cue.swung(moment_secs));
+        let cue = cue.map(|cue| cue.pose(self.stage.table_inside().cue_ball().radius_m));
         let shot = &self.shots[shot];
         let camera = match self.view {
             VideoView::Table => self.stage.scene().camera,
@@ -117,7 +125,8 @@ impl ShotSequence {
                 behind(table, shot, moment_secs).camera_in(table)
             }
         };
-        self.stage.update(camera, &shot.poses_at(moment_secs))
+        self.stage
+            .update(camera, &shot.poses_at(moment_secs), cue.as_ref())
     }
 }
 

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use carom_billiards::physics::Table;
 use carom_billiards::rules::RuleSet;
-use carom_tracer::{Axis, Material, ProceduralTexture, Sights};
+use carom_billiards::shot_report::table_layout;
+use carom_tracer::{Axis, ClothMarks, Material, ProceduralTexture, Sights};
 use glam::Vec3;
 
 use super::TableMeasures;
@@ -18,11 +19,14 @@ pub(super) fn materials(
 ) -> BTreeMap<String, Material> {
     let green = style.cloth.albedo(rules);
     let fabric = furniture().into_iter().chain([
-        ("cloth", cloth(green)),
-        ("cushion cloth", cloth(0.9 * green)),
+        ("cloth", cloth(green, Some(marks(table, rules)))),
+        (
+            "cushion cloth",
+            cloth(0.9 * green, Some(ClothMarks::default())),
+        ),
         (
             "rail wood",
-            MAHOGANY.wood(Axis::X, Some(sights(frame, table))),
+            MAHOGANY.wood(Axis::X, Some(sights(frame, table, rules))),
         ),
     ]);
     let last = if rules == RuleSet::Snooker { 21 } else { 15 };
@@ -46,6 +50,7 @@ fn furniture() -> Vec<(&'static str, Material)> {
         albedo,
         sheen: Vec3::splat(sheen),
         sheen_roughness: 0.5,
+        marks: None,
     };
     let diffuse = |albedo| Material::Diffuse { albedo };
     let planks = ProceduralTexture::Planks {
@@ -71,6 +76,12 @@ fn furniture() -> Vec<(&'static str, Material)> {
         ("leather", diffuse(Vec3::new(0.03, 0.022, 0.017))),
         ("casting", metal(bronze, 0.42)),
         ("brass", metal(brass, 0.2)),
+        ("cue butt", lacquer(Vec3::new(0.055, 0.018, 0.012))),
+        ("cue wrap", soft(Vec3::new(0.03, 0.032, 0.038), 0.05)),
+        ("cue shaft", lacquer(Vec3::new(0.62, 0.44, 0.24))),
+        ("cue ferrule", lacquer(Vec3::new(0.8, 0.78, 0.7))),
+        ("cue tip", diffuse(Vec3::new(0.06, 0.19, 0.36))),
+        ("rack cue", OAK.wood(Axis::Z, None)),
         ("enamel", lacquer(Vec3::new(0.012, 0.014, 0.018))),
         ("wall", diffuse(Vec3::new(0.36, 0.33, 0.28))),
         ("picture red", diffuse(Vec3::new(0.3, 0.07, 0.04))),
@@ -79,19 +90,56 @@ fn furniture() -> Vec<(&'static str, Material)> {
 }
 
 /// Worsted cloth.
-fn cloth(albedo: Vec3) -> Material {
+fn cloth(albedo: Vec3, marks: Option<ClothMarks>) -> Material {
     Material::Cloth {
         albedo,
         sheen: 0.02 + 0.3 * albedo,
         sheen_roughness: 0.35,
+        marks,
     }
 }
 
-/// Of mitred rails.
-fn sights(frame: &TableMeasures, table: &Table) -> Sights {
+/// The lines and spots of a game's table. On a table without pockets there is no line.
+fn marks(table: &Table, rules: RuleSet) -> ClothMarks {
+    let layout = table_layout(table);
+    let foot_x = layout.foot_spot().x as f32;
+    let marks = ClothMarks {
+        half_width: 0.5 * layout.width_m as f32,
+        ..ClothMarks::default()
+    };
+    if rules == RuleSet::Snooker {
+        // The black's spot is 324 mm from the top cushion of a table 3569 mm long (WPBSA section 1, 1 (f)).
+        let black_x = ((0.5 - 324.0 / 3569.0) * layout.length_m) as f32;
+        return ClothMarks {
+            line_x: -layout.baulk_spot().x as f32,
+            d_radius: layout.d_radius_m() as f32,
+            spots_x: [foot_x, 0.0, black_x],
+            ..marks
+        };
+    }
+    if table.pockets().is_empty() {
+        return ClothMarks {
+            spots_x: [foot_x, 0.0, -foot_x],
+            ..marks
+        };
+    }
+    ClothMarks {
+        line_x: foot_x,
+        spots_x: [foot_x; 3],
+        ..marks
+    }
+}
+
+/// Mitred rails; snooker's have no diamonds.
+fn sights(frame: &TableMeasures, table: &Table, rules: RuleSet) -> Sights {
     let middle = 0.5 * (frame.inside + frame.outer);
+    let spacing = (0.125 * table.length_m()) as f32;
     Sights {
-        spacing: (0.125 * table.length_m()) as f32,
+        spacing: if rules == RuleSet::Snooker {
+            0.0
+        } else {
+            spacing
+        },
         end_x: middle.x,
         side_y: middle.y,
     }
@@ -102,6 +150,7 @@ fn sights(frame: &TableMeasures, table: &Table) -> Sights {
 struct Wood {
     light: Vec3,
     dark: Vec3,
+    scale: f32,
 }
 
 impl Wood {
@@ -113,6 +162,7 @@ impl Wood {
                 dark: self.dark,
                 grain,
                 sights,
+                scale: self.scale,
             },
         }
     }
@@ -121,12 +171,15 @@ impl Wood {
 const MAHOGANY: Wood = Wood {
     light: Vec3::new(0.17, 0.06, 0.026),
     dark: Vec3::new(0.07, 0.022, 0.01),
+    scale: 0.55,
 };
 const WALNUT: Wood = Wood {
     light: Vec3::new(0.085, 0.045, 0.024),
     dark: Vec3::new(0.04, 0.02, 0.011),
+    scale: 0.4,
 };
 const OAK: Wood = Wood {
     light: Vec3::new(0.3, 0.18, 0.09),
     dark: Vec3::new(0.21, 0.118, 0.057),
+    scale: 1.3,
 };

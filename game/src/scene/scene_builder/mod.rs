@@ -113,10 +113,14 @@ impl SceneBuilder {
         });
     }
 
-    /// At rest where a rack would be, each with its number towards the player.
+    /// At rest where a rack would be, each with its number towards the player, and the cue behind its ball.
     fn balls(&mut self, table: &Table, rules: RuleSet) {
         let racked = rules::rack(rules, &table_layout(table), 1);
         let racked: BTreeMap<u8, DVec2> = racked.into_iter().map(|p| (p.ball, p.at)).collect();
+        if let Some(at) = racked.get(&0) {
+            let radius_m = table.cue_ball().radius_m;
+            self.cue(at.extend(radius_m), radius_m);
+        }
         for (number, at) in racked {
             let body = if number == 0 {
                 table.cue_ball()

@@ -7,13 +7,14 @@ use glam::DVec3;
 
 use super::*;
 use crate::scene::ball_materials::BallSet;
+use crate::scene::cue_stick::CUE_NAME;
 
 fn nine_foot() -> (Table, CompiledScene) {
     let table = Table::nine_foot();
     let mut scene = room(&table, RuleSet::Free, BallSet::Classic.into());
     scene
         .objects
-        .retain(|object| !object.name.starts_with("ball"));
+        .retain(|object| !object.name.starts_with("ball") && object.name != CUE_NAME);
     let scene = CompiledScene::new(&scene).unwrap();
     (table, scene)
 }
