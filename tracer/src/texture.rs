@@ -256,7 +256,7 @@ pub fn wood(material: &MaterialData, p: DVec3) -> DVec3 {
 }
 
 /// The albedo of cloth at a point of the world: patches of wear, the streaks of a nap that is brushed along
-/// the table, fibres and their lint, dust of chalk, and a table's marks.
+/// the table, fibres and their lint, and a table's marks.
 pub fn cloth(material: &MaterialData, p: DVec3) -> DVec3 {
     let triple = |v: [f32; 3]| DVec3::from(v.map(f64::from));
     let most = f64::from(material.scale);
@@ -267,11 +267,9 @@ pub fn cloth(material: &MaterialData, p: DVec3) -> DVec3 {
     let streak = wave(149.0 * v + 1.9 * wave(11.0 * u)) * wave(19.0 * u + 7.0 * v);
     let fibre = wave(331.0 * u + 173.0 * v) * wave(283.0 * v - 127.0 * u);
     let lint = wave(587.0 * u + 71.0 * v) * wave(613.0 * v - 97.0 * u);
-    let shade = 1.0 + 0.05 * patch + 0.035 * nap + 0.03 * streak + 0.045 * fibre + 0.05 * lint;
-    let dust = wave(23.1 * u + 1.9 * wave(2.3 * v)) * wave(19.3 * v + 2.1 * wave(1.7 * u));
-    let dust = (14.0 * dust - 12.9).clamp(0.0, 1.0) * (0.2 + 2.0 * patch).clamp(0.0, 0.5);
+    let shade = 1.0 + 0.05 * patch + 0.012 * nap + 0.015 * streak + 0.045 * fibre + 0.05 * lint;
     let chalk = triple(CHALK_ALBEDO) * most;
-    let mut colour = (shade * triple(material.albedo)).lerp(chalk, dust);
+    let mut colour = shade * triple(material.albedo);
     let [line_x, d_radius, half_width] = material.sights.map(f64::from);
     if half_width > 0.0 && p.z.abs() < f64::from(MARK_REACH_M) {
         let spots = triple(material.stripe_albedo);

@@ -184,7 +184,6 @@ fn wood<S: Simd>(
 
 #[inline(always)]
 fn cloth<S: Simd>(simd: S, rows: &Rows<'_, 16>, p: Vec3x<S>, light: Vec3x<S>) -> Vec3x<S> {
-    let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
     let u = p.x + wave(p.y * 1.7 + wave(p.x * 2.3) * 0.31) * 0.021 + p.z * 0.3;
     let v = p.y + wave(p.x * 1.3 + wave(p.y * 2.9) * 0.27) * 0.017 + p.z * 0.8;
     let patch = wave(u * 2.3 + v * 1.1) * wave(u * 0.9 - v * 2.1);
@@ -192,14 +191,10 @@ fn cloth<S: Simd>(simd: S, rows: &Rows<'_, 16>, p: Vec3x<S>, light: Vec3x<S>) ->
     let streak = wave(v * 149.0 + wave(u * 11.0) * 1.9) * wave(u * 19.0 + v * 7.0);
     let fibre = wave(u * 331.0 + v * 173.0) * wave(v * 283.0 - u * 127.0);
     let lint = wave(u * 587.0 + v * 71.0) * wave(v * 613.0 - u * 97.0);
-    let shade = patch * 0.05 + nap * 0.035 + streak * 0.03 + fibre * 0.045 + lint * 0.05 + 1.0;
-    let dots = wave(u * 23.1 + wave(v * 2.3) * 1.9) * wave(v * 19.3 + wave(u * 1.7) * 2.1);
-    let dust = (dots * 14.0 - 12.9).max(zero).min(one)
-        * (patch * 2.0 + 0.2).max(zero).min(Float::splat(simd, 0.5));
+    let shade = patch * 0.05 + nap * 0.012 + streak * 0.015 + fibre * 0.045 + lint * 0.05 + 1.0;
     let most = rows.number(simd, SCALE);
     let chalk = Vec3x::splat(simd, CHALK_ALBEDO) * most;
-    let base = light * shade;
-    let colour = (chalk - base).mul_add(dust, base);
+    let colour = light * shade;
     let sights = rows.triple(simd, SIGHTS);
     let marked = sights.z.simd_gt(0.0) & p.z.abs().simd_lt(MARK_REACH_M);
     let colour = if marked.any_true() {

@@ -99,11 +99,9 @@ fn cloth(material: u32, p: vec3f) -> vec3f {
     let streak = wave(149.0 * v + 1.9 * wave(11.0 * u)) * wave(19.0 * u + 7.0 * v);
     let fibre = wave(331.0 * u + 173.0 * v) * wave(283.0 * v - 127.0 * u);
     let lint = wave(587.0 * u + 71.0 * v) * wave(613.0 * v - 97.0 * u);
-    let shade = 1.0 + 0.05 * patches + 0.035 * nap + 0.03 * streak + 0.045 * fibre + 0.05 * lint;
-    let dots = wave(23.1 * u + 1.9 * wave(2.3 * v)) * wave(19.3 * v + 2.1 * wave(1.7 * u));
-    let dust = clamp(14.0 * dots - 12.9, 0.0, 1.0) * clamp(0.2 + 2.0 * patches, 0.0, 0.5);
+    let shade = 1.0 + 0.05 * patches + 0.012 * nap + 0.015 * streak + 0.045 * fibre + 0.05 * lint;
     let chalk = CHALK_ALBEDO * most;
-    var colour = mix(shade * scene_storage.materials[material].albedo, chalk, dust);
+    var colour = shade * scene_storage.materials[material].albedo;
     let line_x = scene_storage.materials[material].sights.x;
     let d_radius = scene_storage.materials[material].sights.y;
     if (scene_storage.materials[material].sights.z > 0.0 && abs(p.z) < MARK_REACH_M) {
