@@ -113,8 +113,8 @@ pub enum Reason {
     PrecisionName { known: String },
     #[error("{message}")]
     Tracer { message: String },
-    #[error("object {object} is posed, but it is no sphere")]
-    PoseOfNoSphere { object: u32 },
+    #[error("object {object} is posed, but it is neither a sphere nor a truncated cone")]
+    PoseOfImmovable { object: u32 },
     #[error("object {object} is posed, but the scene has {objects} objects")]
     PoseOutsideScene { object: u32, objects: usize },
 

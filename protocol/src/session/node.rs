@@ -509,8 +509,8 @@ fn check_fit(scene: &Scene, update: &SceneUpdate) -> Result<(), Reason> {
     for pose in &update.poses {
         let object = pose.object;
         match scene.objects.get(object as usize).map(|found| &found.shape) {
-            Some(Shape::Sphere { .. }) => {}
-            Some(_) => return Err(Reason::PoseOfNoSphere { object }),
+            Some(Shape::Sphere { .. } | Shape::TruncatedCone { .. }) => {}
+            Some(_) => return Err(Reason::PoseOfImmovable { object }),
             None => {
                 let objects = scene.objects.len();
                 return Err(Reason::PoseOutsideScene { object, objects });
