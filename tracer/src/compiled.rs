@@ -16,7 +16,8 @@ pub use self::data::{
     AreaLightData, BoxData, CSG_FACE_APEX_CONE, CSG_FACE_CONE, CSG_FACE_CYLINDER,
     CSG_FACE_INNER_BOX, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE, CameraFrame, CsgBoxData, CsgFaceData,
     DiscData, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, MaterialData, PATTERN_CLOTH,
-    PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, RectangleData, SphereData,
+    PATTERN_CUE, PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, RectangleData,
+    SphereData,
 };
 use self::material::material_data;
 use crate::bvh::{Bounds, Bvh};
@@ -359,6 +360,18 @@ impl CompiledScene {
         let (csg_box, faces) = cone.at(pose, self.csg_faces[first].material);
         self.csg_boxes[cone.csg_box as usize] = csg_box;
         self.csg_faces[first..][..faces.len()].copy_from_slice(&faces);
+    }
+
+    /// Unit axis of the truncated cone that a face of a CSG box is the side of, and how far along it the
+    /// narrow end lies.
+    pub(crate) fn cone_axis(&self, face: u32) -> Option<(DVec3, f64)> {
+        let side = &self.csg_faces[face as usize];
+        if side.kind != CSG_FACE_APEX_CONE {
+            return None;
+        }
+        let narrow_end = &self.csg_faces[face as usize + 1];
+        let axis = DVec3::from(side.b.map(f64::from)).normalize();
+        Some((axis, -f64::from(narrow_end.b[0])))
     }
 
     /// [`SphereData::allows_refracted_nee`].

@@ -1,4 +1,4 @@
-//! Procedural textures: numbers on balls, the grain of wood, the marks of cloth.
+//! Procedural textures: numbers on balls, the grain of wood, the marks of cloth, the parts of a cue.
 //!
 //! Everything is a formula of the point, so that it is sharp at every distance and the samples of a
 //! pixel smooth it. The waves are `wave(t) = sin 2πt`; the same formulas run in SIMD and WGSL.
@@ -36,8 +36,24 @@ pub const LINE_SHARE: f32 = 0.6;
 pub const SPOT_RADIUS_M: f32 = 0.006;
 /// Share of the cloth's light that a spot reflects.
 pub const SPOT_SHARE: f32 = 0.12;
+/// Share of chalk's colour in the wear at the foot spot, where racks are broken, and its reach squared in m².
+pub const WORN_SHARE: f32 = 0.07;
+/// See [`WORN_SHARE`].
+pub const WORN_M2: f32 = 0.0016;
 /// Marks lie no farther from the height 0 in m.
 pub const MARK_REACH_M: f32 = 0.001;
+
+/// Where the tip, ferrule, shaft, collar, forearm and wrap of a cue end, in m from the end of its tip;
+/// the butt follows.
+pub const CUE_ENDS_M: [f32; 6] = [0.008, 0.033, 0.738, 0.75, 1.02, 1.33];
+/// Albedo of a cue's tip, with chalk on it.
+pub const CUE_TIP_ALBEDO: [f32; 3] = [0.06, 0.19, 0.36];
+/// Albedo of its ferrule.
+pub const CUE_FERRULE_ALBEDO: [f32; 3] = [0.8, 0.78, 0.7];
+/// Albedo of its collar.
+pub const CUE_COLLAR_ALBEDO: [f32; 3] = [0.62, 0.47, 0.2];
+/// Albedo of its wrap, linen.
+pub const CUE_WRAP_ALBEDO: [f32; 3] = [0.03, 0.032, 0.038];
 
 /// Half the width of a stroke.
 const STROKE_HALF: f32 = 0.125;
@@ -255,28 +271,38 @@ pub fn wood(material: &MaterialData, p: DVec3) -> DVec3 {
     triple(material.albedo).lerp(triple(material.stripe_albedo), dark)
 }
 
-/// The albedo of cloth at a point of the world: patches of wear, the streaks of a nap that is brushed along
-/// the table, fibres and their lint, and a table's marks.
+/// The albedo of a cue at a distance in m from the end of its tip.
+pub fn cue(material: &MaterialData, from_tip_m: f64) -> DVec3 {
+    let part = CUE_ENDS_M
+        .iter()
+        .filter(|end| from_tip_m >= f64::from(**end));
+    let albedo = match part.count() {
+        0 => CUE_TIP_ALBEDO,
+        1 => CUE_FERRULE_ALBEDO,
+        2 => material.albedo,
+        3 => CUE_COLLAR_ALBEDO,
+        5 => CUE_WRAP_ALBEDO,
+        _ => material.stripe_albedo,
+    };
+    DVec3::from(albedo.map(f64::from))
+}
+
+/// The albedo of cloth at a point of the world: patches of wear, fibres and lint, and a table's marks.
 pub fn cloth(material: &MaterialData, p: DVec3) -> DVec3 {
     let triple = |v: [f32; 3]| DVec3::from(v.map(f64::from));
     let most = f64::from(material.scale);
-    let u = p.x + 0.021 * wave(1.7 * p.y + 0.31 * wave(2.3 * p.x)) + 0.3 * p.z;
-    let v = p.y + 0.017 * wave(1.3 * p.x + 0.27 * wave(2.9 * p.y)) + 0.8 * p.z;
-    let patch = wave(2.3 * u + 1.1 * v) * wave(0.9 * u - 2.1 * v);
-    let nap = wave(37.0 * v + 1.4 * wave(3.1 * u)) * wave(2.7 * u + 5.0 * v);
-    let streak = wave(149.0 * v + 1.9 * wave(11.0 * u)) * wave(19.0 * u + 7.0 * v);
-    let fibre = wave(331.0 * u + 173.0 * v) * wave(283.0 * v - 127.0 * u);
-    let lint = wave(587.0 * u + 71.0 * v) * wave(613.0 * v - 97.0 * u);
-    let shade = 1.0 + 0.05 * patch + 0.012 * nap + 0.015 * streak + 0.045 * fibre + 0.05 * lint;
+    let (u, v) = (p.x + 0.3 * p.z, p.y + 0.8 * p.z);
+    let (bend, sway) = (wave(2.3 * u + 1.1 * v), wave(0.9 * u - 2.1 * v));
+    let fibre = wave(331.0 * u + 173.0 * v + 3.0 * bend) * wave(283.0 * v - 127.0 * u + 2.0 * sway);
+    let lint = wave(587.0 * u + 71.0 * v + 5.0 * sway) * wave(613.0 * v - 97.0 * u + 4.0 * bend);
+    let shade = 1.0 + 0.05 * bend * sway + 0.045 * fibre + 0.05 * lint;
     let chalk = triple(CHALK_ALBEDO) * most;
     let mut colour = shade * triple(material.albedo);
-    let [line_x, d_radius, half_width] = material.sights.map(f64::from);
-    if half_width > 0.0 && p.z.abs() < f64::from(MARK_REACH_M) {
+    if p.z.abs() < f64::from(MARK_REACH_M) {
+        let [line_x, d_radius, _] = material.sights.map(f64::from);
         let spots = triple(material.stripe_albedo);
-        let from_foot = ((p.x - spots.x) * (p.x - spots.x) + p.y * p.y) / 0.0016;
-        let track = p.y * p.y / 1.4e-4 + p.x * p.x / (spots.x * spots.x + 1e-6);
-        let worn = 0.07 / (1.0 + from_foot) + 0.035 / (1.0 + track * track);
-        colour = colour.lerp(chalk, worn);
+        let from_foot = ((p.x - spots.x) * (p.x - spots.x) + p.y * p.y) / f64::from(WORN_M2);
+        colour = colour.lerp(chalk, f64::from(WORN_SHARE) / (1.0 + from_foot));
         let half = f64::from(LINE_HALF_M);
         let from_line = p.x + line_x;
         let from_arc = (from_line * from_line + p.y * p.y).sqrt() - d_radius;
@@ -313,6 +339,13 @@ pub(crate) fn wgsl() -> String {
          const SPOT_RADIUS_M: f32 = {SPOT_RADIUS_M:?};\n\
          const SPOT_SHARE: f32 = {SPOT_SHARE:?};\n\
          const MARK_REACH_M: f32 = {MARK_REACH_M:?};\n\
+         const WORN_SHARE: f32 = {WORN_SHARE:?};\n\
+         const WORN_M2: f32 = {WORN_M2:?};\n\
+         const CUE_ENDS_M = array<f32, {}>({});\n\
+         const CUE_TIP_ALBEDO: vec3f = {};\n\
+         const CUE_FERRULE_ALBEDO: vec3f = {};\n\
+         const CUE_COLLAR_ALBEDO: vec3f = {};\n\
+         const CUE_WRAP_ALBEDO: vec3f = {};\n\
          const STROKE_HALF: f32 = {STROKE_HALF:?};\n\
          const STROKES: u32 = {STROKES}u;\n\
          const DIGIT_SCALE: vec2f = vec2f({:?}, {:?});\n\
@@ -323,6 +356,12 @@ pub(crate) fn wgsl() -> String {
         SIGHT_HALF_M[0],
         SIGHT_HALF_M[1],
         triple(CHALK_ALBEDO),
+        CUE_ENDS_M.len(),
+        CUE_ENDS_M.map(|end| format!("{end:?}")).join(", "),
+        triple(CUE_TIP_ALBEDO),
+        triple(CUE_FERRULE_ALBEDO),
+        triple(CUE_COLLAR_ALBEDO),
+        triple(CUE_WRAP_ALBEDO),
         DIGIT_SCALE[0],
         DIGIT_SCALE[1],
     );

@@ -1,5 +1,6 @@
-//! The cue: its measures, its parts, and where it is held.
+//! The cue: its measures, and where it is held.
 
+use carom_tracer::Shape;
 use glam::{DVec3, Quat, Vec3};
 
 /// 58 inches.
@@ -12,18 +13,7 @@ pub fn cue_radius_m(from_tip_m: f64) -> f64 {
     TIP_RADIUS_M + (BUTT_RADIUS_M - TIP_RADIUS_M) * (from_tip_m / CUE_LENGTH_M).min(1.0)
 }
 
-/// Materials of the cue's parts, and how far from the tip's end each ends, in m.
-pub const PARTS: [(&str, f64); 7] = [
-    ("cue tip", 0.008),
-    ("cue ferrule", 0.033),
-    ("cue shaft", 0.738),
-    ("brass", 0.75),
-    ("cue butt", 1.02),
-    ("cue wrap", 1.33),
-    ("cue butt", CUE_LENGTH_M),
-];
-
-/// The name of the parts' objects.
+/// The name of its object and material.
 pub const CUE_NAME: &str = "cue";
 
 /// Where a cue is held.
@@ -46,16 +36,19 @@ impl CuePose {
         }
     }
 
-    /// `world_from_cone` of the parts.
+    /// `world_from_cone` of its object.
     pub fn rotation(&self) -> Quat {
         Quat::from_rotation_arc(Vec3::Z, self.back.as_vec3().normalize())
     }
 
-    /// Where the narrow end of each part is.
-    pub fn part_centers(&self) -> impl Iterator<Item = Vec3> + '_ {
-        let from = std::iter::once(0.0).chain(PARTS.into_iter().map(|(_, to)| to));
-        from.take(PARTS.len())
-            .map(|from| (self.tip + self.back * from).as_vec3())
+    /// The cue as it is held here.
+    pub fn shape(&self) -> Shape {
+        Shape::TruncatedCone {
+            center: self.tip.as_vec3(),
+            rotation: self.rotation(),
+            length: CUE_LENGTH_M as f32,
+            radii: [0.0, CUE_LENGTH_M].map(|from| cue_radius_m(from) as f32),
+        }
     }
 }
 

@@ -3,8 +3,8 @@
 use carom_billiards::game_match::Match;
 use carom_billiards::physics::{BallPose, Table};
 use carom_billiards::rules::RuleSet;
-use carom_tracer::{Camera, ObjectPose, Scene, SceneUpdate};
-use glam::{DVec3, Quat, Vec3};
+use carom_tracer::{Camera, Object, ObjectPose, Scene, SceneUpdate};
+use glam::{Quat, Vec3};
 
 use crate::scene::cue_stick::{CUE_NAME, CuePose};
 use crate::scene::scene_builder::room;
@@ -16,8 +16,8 @@ pub struct TableScene {
     table: Table,
     scene: Scene,
     balls: Vec<(u8, u32)>,
-    /// Objects of the cue's parts, from the tip.
-    cue: Vec<u32>,
+    /// The cue's object, which a table without a cue ball has none of.
+    cue: Option<u32>,
 }
 
 impl TableScene {
@@ -55,11 +55,11 @@ impl TableScene {
             .enumerate()
             .filter_map(numbered)
             .collect();
-        let parts = (0..).zip(&scene.objects);
-        let parts = parts.filter(|(_, object)| object.name == CUE_NAME);
+        let is_cue = |object: &Object| object.name == CUE_NAME;
+        let cue = scene.objects.iter().position(is_cue);
         Self {
             table: table.clone(),
-            cue: parts.map(|(index, _)| index).collect(),
+            cue: cue.map(|index| index as u32),
             scene,
             balls,
         }
@@ -95,25 +95,17 @@ impl TableScene {
                 .balls
                 .iter()
                 .map(pose_of)
-                .chain(self.cue_poses(cue))
+                .chain(self.cue_pose(cue))
                 .collect(),
         }
     }
 
-    fn cue_poses(&self, cue: Option<&CuePose>) -> impl Iterator<Item = ObjectPose> {
-        let hidden = CuePose {
-            tip: DVec3::ZERO,
-            back: DVec3::Z,
-        };
-        let held = *cue.unwrap_or(&hidden);
-        let visible = cue.is_some();
-        let centers: Vec<Vec3> = held.part_centers().collect();
-        let parts = self.cue.iter().zip(centers);
-        parts.map(move |(object, position)| ObjectPose {
-            object: *object,
-            position,
-            rotation: held.rotation(),
-            visible,
+    fn cue_pose(&self, cue: Option<&CuePose>) -> Option<ObjectPose> {
+        Some(ObjectPose {
+            object: self.cue?,
+            position: cue.map_or(Vec3::ZERO, |cue| cue.tip.as_vec3()),
+            rotation: cue.map_or(Quat::IDENTITY, CuePose::rotation),
+            visible: cue.is_some(),
         })
     }
 }
@@ -122,11 +114,10 @@ impl TableScene {
 mod tests {
     use carom_tracer::scalar::{Ray, intersect};
     use carom_tracer::{CompiledScene, Shape};
-    use glam::DQuat;
+    use glam::{DQuat, DVec3};
 
     use super::*;
     use crate::scene::ball_materials::BallSet;
-    use crate::scene::cue_stick::PARTS;
 
     fn pose(number: u8, x: f64, on_table: bool) -> BallPose {
         BallPose {
@@ -187,7 +178,7 @@ mod tests {
             .filter(|ball| ball.radius > 0.0)
             .collect();
         assert_eq!(visible.len(), 1);
-        assert_eq!(table_scene.cue.len(), PARTS.len());
+        assert!(table_scene.cue.is_some());
         assert_eq!(visible[0].center, [0.25, 0.1, 0.028575]);
     }
 }

@@ -178,8 +178,10 @@ pub const PATTERN_NUMBER: u32 = 1;
 pub const PATTERN_WOOD: u32 = 2;
 /// [`MaterialData::pattern`] of planks.
 pub const PATTERN_PLANKS: u32 = 3;
-/// A table's cloth with its marks.
+/// [`MaterialData::pattern`] of a table's cloth with its marks.
 pub const PATTERN_CLOTH: u32 = 4;
+/// [`MaterialData::pattern`] of a cue.
+pub const PATTERN_CUE: u32 = 5;
 
 /// A material. Diffuse ones have `ior` 0 and `diffuse_scale` 1.
 #[repr(C)]
@@ -204,8 +206,9 @@ pub struct MaterialData {
     pub majorant: f32,
     /// Index of refraction of a metal, real part.
     pub eta: [f32; 3],
-    /// [`PATTERN_NONE`], [`PATTERN_NUMBER`], [`PATTERN_WOOD`], [`PATTERN_PLANKS`] or [`PATTERN_CLOTH`].
-    /// The rings of wood have the stripe's albedo; a cloth has the x of its spots there.
+    /// [`PATTERN_NONE`], [`PATTERN_NUMBER`], [`PATTERN_WOOD`], [`PATTERN_PLANKS`], [`PATTERN_CLOTH`] or
+    /// [`PATTERN_CUE`]. The rings of wood and the butt of a cue have the stripe's albedo; a cloth has the x of
+    /// its spots there.
     pub pattern: u32,
     /// Imaginary part.
     pub k: [f32; 3],
@@ -224,7 +227,7 @@ pub struct MaterialData {
     /// 0.
     pub padding0: u32,
     /// Spacing of sights, 0 for none, and their x in end rails and y in side rails, metres; 0 where there
-    /// are no mitred rails. Of a cloth the x of its line, the radius of its D and half its width.
+    /// are no mitred rails. Of a cloth the x of its line and the radius of its D.
     pub sights: [f32; 3],
     /// Reciprocal of the size of wood's pattern; of a cloth the most that its base may reflect.
     pub scale: f32,

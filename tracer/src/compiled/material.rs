@@ -4,8 +4,8 @@ use bytemuck::Zeroable as _;
 use glam::Vec3;
 
 use super::{
-    KIND_CONDUCTOR, KIND_DIELECTRIC, MaterialData, PATTERN_CLOTH, PATTERN_NONE, PATTERN_NUMBER,
-    PATTERN_PLANKS, PATTERN_WOOD,
+    KIND_CONDUCTOR, KIND_DIELECTRIC, MaterialData, PATTERN_CLOTH, PATTERN_CUE, PATTERN_NONE,
+    PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD,
 };
 use crate::fresnel::internal_diffuse_reflectance;
 use crate::scene::validate::ALPHA_SMOOTH_MAX;
@@ -76,19 +76,13 @@ fn cloth_data(
 ) -> MaterialData {
     let most = sheen_reflectance_max(f64::from(sheen_roughness)) as f32;
     let left = (1.0 - sheen.max_element() * most).max(0.0);
-    let marks = marks.map(|m| {
-        (
-            PATTERN_CLOTH,
-            [m.line_x, m.d_radius, m.half_width],
-            m.spots_x,
-        )
-    });
-    let (pattern, sights, spots) = marks.unwrap_or((PATTERN_NONE, [0.0; 3], [0.0; 3]));
+    let pattern = marks.map_or(PATTERN_NONE, |_| PATTERN_CLOTH);
+    let marks = marks.unwrap_or_default();
     MaterialData {
         albedo: (albedo * left).to_array(),
         pattern,
-        sights,
-        stripe_albedo: spots,
+        sights: [marks.line_x, marks.d_radius, 0.0],
+        stripe_albedo: marks.spots_x,
         scale: left,
         diffuse_scale: 1.0,
         sheen: (sheen / (2.0 * std::f32::consts::PI)).to_array(),
@@ -128,6 +122,12 @@ fn textured(coat: MaterialData, texture: &ProceduralTexture) -> MaterialData {
             grain_axis: grain as u32,
             sights: sights.map_or([0.0; 3], |s| [s.spacing, s.end_x, s.side_y]),
             scale: 1.0 / scale,
+            ..coat
+        },
+        ProceduralTexture::Cue { shaft, butt } => MaterialData {
+            albedo: shaft.to_array(),
+            stripe_albedo: butt.to_array(),
+            pattern: PATTERN_CUE,
             ..coat
         },
         ProceduralTexture::Planks { light, dark } => MaterialData {

@@ -13,7 +13,7 @@ use super::sheen::{Sheen, SheenRow};
 use super::texture::{TextureRow, texture_row, textured};
 use crate::compiled::{
     CSG_FACE_APEX_CONE, CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE,
-    CompiledScene, KIND_DIELECTRIC, KIND_LAYERED, MaterialData, PATTERN_NONE, SphereData,
+    CompiledScene, KIND_DIELECTRIC, KIND_LAYERED, MaterialData, PATTERN_NONE,
 };
 
 /// One row of numbers per primitive that scatters, in the order of ids.
@@ -250,9 +250,13 @@ fn texture_rows(scene: &CompiledScene) -> Vec<TextureRow> {
     if scene.materials.iter().all(|m| m.pattern == PATTERN_NONE) {
         return Vec::new();
     }
-    let axes = |ball: &SphereData| (ball.number_axis, ball.stripe_axis);
-    let balls = scene.spheres.iter().map(axes);
-    let axes = balls.map(Some).chain(std::iter::repeat(None));
+    let balls = (scene.spheres.iter()).map(|ball| Some((ball.number_axis, ball.stripe_axis)));
+    let others = scene.boxes.len() + scene.discs.len() + scene.rectangles.len();
+    let faces = (0..scene.csg_faces.len() as u32).map(|face| {
+        let (axis, end) = scene.cone_axis(face)?;
+        Some((axis.as_vec3().to_array(), [end as f32; 3]))
+    });
+    let axes = balls.chain(std::iter::repeat_n(None, others)).chain(faces);
     materials(scene)
         .zip(axes)
         .map(|(material, axes)| texture_row(material, axes))

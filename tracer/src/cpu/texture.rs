@@ -6,11 +6,13 @@ use super::lanes::{Float, LANES, Mask, Vec3x, Word};
 use super::rows::Rows;
 use super::sampling::sin_cos_turns;
 use crate::compiled::{
-    MaterialData, PATTERN_CLOTH, PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD,
+    MaterialData, PATTERN_CLOTH, PATTERN_CUE, PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS,
+    PATTERN_WOOD,
 };
 use crate::texture::{
-    CHALK_ALBEDO, CIRCLE_ALBEDO, CIRCLE_SINE, INK_ALBEDO, LINE_HALF_M, LINE_SHARE, MARK_REACH_M,
-    PLANK_GAP, PLANK_M, SIGHT_ALBEDO, SIGHT_HALF_M, SPOT_RADIUS_M, SPOT_SHARE, is_ink,
+    CHALK_ALBEDO, CIRCLE_ALBEDO, CIRCLE_SINE, CUE_COLLAR_ALBEDO, CUE_ENDS_M, CUE_FERRULE_ALBEDO,
+    CUE_TIP_ALBEDO, CUE_WRAP_ALBEDO, INK_ALBEDO, LINE_HALF_M, LINE_SHARE, MARK_REACH_M, PLANK_GAP,
+    PLANK_M, SIGHT_ALBEDO, SIGHT_HALF_M, SPOT_RADIUS_M, SPOT_SHARE, WORN_M2, WORN_SHARE, is_ink,
 };
 
 /// One row of numbers per primitive that scatters, in the order of ids.
@@ -21,12 +23,13 @@ const NUMBER: usize = 1;
 const GRAIN_AXIS: usize = 2;
 const SIGHTS: usize = 3;
 const DARK: usize = 6;
-const NUMBER_AXIS: usize = 9;
-/// Local z of a ball.
+/// Of a ball's number, or of a cue.
+const AXIS: usize = 9;
+/// Local z of a ball; of a cue how far along its axis the tip's end lies, thrice.
 const UP: usize = 12;
 const SCALE: usize = 15;
 
-/// With a ball's axes: only balls have numbers.
+/// With [`AXIS`] and [`UP`], which balls and the sides of truncated cones have.
 pub(super) fn texture_row(
     material: &MaterialData,
     axes: Option<([f32; 3], [f32; 3])>,
@@ -36,12 +39,13 @@ pub(super) fn texture_row(
         (PATTERN_NUMBER, None) => PATTERN_NONE,
         (pattern, _) => pattern,
     } as f32;
-    let (number_axis, up) = axes.unwrap_or_default();
+    // All of a cue that is not a cone's side is its butt.
+    let (axis, up) = axes.unwrap_or(([0.0; 3], [-f32::MAX; 3]));
     row[NUMBER] = material.number as f32;
     row[GRAIN_AXIS] = material.grain_axis as f32;
     row[SIGHTS..][..3].copy_from_slice(&material.sights);
     row[DARK..][..3].copy_from_slice(&material.stripe_albedo);
-    row[NUMBER_AXIS..][..3].copy_from_slice(&number_axis);
+    row[AXIS..][..3].copy_from_slice(&axis);
     row[UP..][..3].copy_from_slice(&up);
     row[SCALE] = material.scale;
     row
@@ -73,6 +77,11 @@ pub(super) fn textured<S: Simd>(
         let wood = wood(simd, &rows, planks, position, albedo);
         textured = Vec3x::select(wooden, wood, textured);
     }
+    let cues = pattern.simd_eq(PATTERN_CUE as f32);
+    if cues.any_true() {
+        let cue = cue(simd, &rows, position, albedo);
+        textured = Vec3x::select(cues, cue, textured);
+    }
     let woven = pattern.simd_eq(PATTERN_CLOTH as f32);
     if woven.any_true() {
         let cloth = cloth(simd, &rows, position, albedo);
@@ -90,7 +99,7 @@ fn numbered<S: Simd>(
     n: Vec3x<S>,
     albedo: Vec3x<S>,
 ) -> Vec3x<S> {
-    let (axis, up) = (rows.triple(simd, NUMBER_AXIS), rows.triple(simd, UP));
+    let (axis, up) = (rows.triple(simd, AXIS), rows.triple(simd, UP));
     let one = Float::splat(simd, 1.0);
     let side = one.copysign(n.dot(axis));
     let right = Vec3x::new(
@@ -183,20 +192,35 @@ fn wood<S: Simd>(
 }
 
 #[inline(always)]
+fn cue<S: Simd>(simd: S, rows: &Rows<'_, 16>, p: Vec3x<S>, shaft: Vec3x<S>) -> Vec3x<S> {
+    let from_tip_m = p.dot(rows.triple(simd, AXIS)) - rows.number(simd, UP);
+    let butt = rows.triple(simd, DARK);
+    let [tip, ferrule, collar, wrap] = [
+        CUE_TIP_ALBEDO,
+        CUE_FERRULE_ALBEDO,
+        CUE_COLLAR_ALBEDO,
+        CUE_WRAP_ALBEDO,
+    ]
+    .map(|albedo| Vec3x::splat(simd, albedo));
+    let parts = [tip, ferrule, shaft, collar, butt, wrap];
+    let mut albedo = butt;
+    for (end, part) in CUE_ENDS_M.into_iter().zip(parts).rev() {
+        albedo = Vec3x::select(from_tip_m.simd_lt(end), part, albedo);
+    }
+    albedo
+}
+
+#[inline(always)]
 fn cloth<S: Simd>(simd: S, rows: &Rows<'_, 16>, p: Vec3x<S>, light: Vec3x<S>) -> Vec3x<S> {
-    let u = p.x + wave(p.y * 1.7 + wave(p.x * 2.3) * 0.31) * 0.021 + p.z * 0.3;
-    let v = p.y + wave(p.x * 1.3 + wave(p.y * 2.9) * 0.27) * 0.017 + p.z * 0.8;
-    let patch = wave(u * 2.3 + v * 1.1) * wave(u * 0.9 - v * 2.1);
-    let nap = wave(v * 37.0 + wave(u * 3.1) * 1.4) * wave(u * 2.7 + v * 5.0);
-    let streak = wave(v * 149.0 + wave(u * 11.0) * 1.9) * wave(u * 19.0 + v * 7.0);
-    let fibre = wave(u * 331.0 + v * 173.0) * wave(v * 283.0 - u * 127.0);
-    let lint = wave(u * 587.0 + v * 71.0) * wave(v * 613.0 - u * 97.0);
-    let shade = patch * 0.05 + nap * 0.012 + streak * 0.015 + fibre * 0.045 + lint * 0.05 + 1.0;
+    let (u, v) = (p.z.mul_add(0.3, p.x), p.z.mul_add(0.8, p.y));
+    let (bend, sway) = (wave(u * 2.3 + v * 1.1), wave(u * 0.9 - v * 2.1));
+    let fibre = wave(u * 331.0 + v * 173.0 + bend * 3.0) * wave(v * 283.0 - u * 127.0 + sway * 2.0);
+    let lint = wave(u * 587.0 + v * 71.0 + sway * 5.0) * wave(v * 613.0 - u * 97.0 + bend * 4.0);
+    let shade = bend * sway * 0.05 + fibre * 0.045 + lint * 0.05 + 1.0;
     let most = rows.number(simd, SCALE);
     let chalk = Vec3x::splat(simd, CHALK_ALBEDO) * most;
     let colour = light * shade;
-    let sights = rows.triple(simd, SIGHTS);
-    let marked = sights.z.simd_gt(0.0) & p.z.abs().simd_lt(MARK_REACH_M);
+    let marked = p.z.abs().simd_lt(MARK_REACH_M);
     let colour = if marked.any_true() {
         Vec3x::select(marked, marks(simd, rows, p, colour, chalk), colour)
     } else {
@@ -219,9 +243,8 @@ fn marks<S: Simd>(
     let (line_x, d_radius) = (sights.x, sights.y);
     let y2 = p.y * p.y;
     let along = p.x - spots.x;
-    let from_foot = along.mul_add(along, y2) * (1.0 / 0.0016);
-    let track = y2 * (1.0 / 1.4e-4) + p.x * p.x / (spots.x * spots.x + 1e-6);
-    let worn = 0.07 / (from_foot + 1.0) + 0.035 / (track * track + 1.0);
+    let from_foot = along.mul_add(along, y2) * (1.0 / WORN_M2);
+    let worn = WORN_SHARE / (from_foot + 1.0);
     let colour = (chalk - colour).mul_add(worn, colour);
     let from_line = p.x + line_x;
     let from_arc = from_line.mul_add(from_line, y2).sqrt() - d_radius;

@@ -3,7 +3,7 @@
 use crate::bvh::Bvh;
 use crate::compiled::{
     CSG_FACE_APEX_CONE, CSG_FACE_CONE, CompiledScene, KIND_DIELECTRIC, KIND_LAYERED, MaterialData,
-    PATTERN_CLOTH, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, ShapeKind, SphereData,
+    PATTERN_NONE, PATTERN_NUMBER, ShapeKind, SphereData,
 };
 use crate::gpu::coplanar;
 
@@ -139,7 +139,7 @@ pub(crate) struct Features {
     pub(crate) has_stripe: bool,
     /// Some ball has a number.
     pub(crate) has_number: bool,
-    /// Some material is wood or marked cloth.
+    /// Some material is wood, marked cloth or a cue.
     pub(crate) has_wood: bool,
     /// Some material is napped.
     pub(crate) has_sheen: bool,
@@ -185,7 +185,7 @@ impl Features {
             has_coat: any(|material| material.kind == KIND_LAYERED && material.ior > 0.0),
             has_stripe: any(|material| material.stripe_half_width > 0.0),
             has_number: any(|material| material.pattern == PATTERN_NUMBER),
-            has_wood: any(|m| matches!(m.pattern, PATTERN_WOOD | PATTERN_PLANKS | PATTERN_CLOTH)),
+            has_wood: any(|m| !matches!(m.pattern, PATTERN_NONE | PATTERN_NUMBER)),
             has_sheen: any(|material| material.sheen != [0.0; 3]),
             has_microfacet: any(|material| material.kind != KIND_LAYERED),
             has_dielectric: any(|material| material.kind == KIND_DIELECTRIC),

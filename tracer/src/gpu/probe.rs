@@ -184,11 +184,12 @@ pub(crate) fn dressed_scene() -> Scene {
         radii: [0.03, 0.07],
     };
     scene.objects.push(object((wax, "wax")));
-    scene.objects.push(object((rod, "gold")));
+    scene.objects.push(object((rod, "cue")));
     scene
 }
 
-fn dressed_materials() -> [(&'static str, Material); 5] {
+#[expect(clippy::too_many_lines, reason = "materials as data")]
+fn dressed_materials() -> [(&'static str, Material); 6] {
     let tone = Vec3::new(0.6, 0.4, 0.2);
     let wood = ProceduralTexture::Wood {
         light: tone,
@@ -227,11 +228,20 @@ fn dressed_materials() -> [(&'static str, Material); 5] {
                 sheen: Vec3::splat(0.3),
                 sheen_roughness: 0.3,
                 marks: Some(ClothMarks {
-                    half_width: 1.0,
                     line_x: 0.3,
                     d_radius: 0.2,
                     spots_x: [0.1, 0.3, 0.3],
                 }),
+            },
+        ),
+        (
+            "cue",
+            Material::Coated {
+                ior: 1.5,
+                texture: ProceduralTexture::Cue {
+                    shaft: tone,
+                    butt: 0.1 * tone,
+                },
             },
         ),
         (

@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use crate::bvh::{self, DEPTH_MAX, LEAF};
 use crate::compiled::{
     AreaLightData, CSG_FACE_APEX_CONE, CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX,
-    CSG_FACE_PLANE, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, PATTERN_CLOTH, PATTERN_NUMBER,
-    PATTERN_PLANKS, PATTERN_WOOD, ShapeKind, SphereData,
+    CSG_FACE_PLANE, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, PATTERN_CLOTH, PATTERN_CUE,
+    PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, ShapeKind, SphereData,
 };
 use crate::gpu::features::{Features, KernelOutput, SceneMemory};
 use crate::gpu::layout::{BVH_LEAF, SPHERE_SLACK};
@@ -209,6 +209,7 @@ fn kinds() -> String {
          const PATTERN_WOOD: u32 = {PATTERN_WOOD}u;\n\
          const PATTERN_PLANKS: u32 = {PATTERN_PLANKS}u;\n\
          const PATTERN_CLOTH: u32 = {PATTERN_CLOTH}u;\n\
+         const PATTERN_CUE: u32 = {PATTERN_CUE}u;\n\
          const CSG_FACE_OUTER_BOX: u32 = {CSG_FACE_OUTER_BOX}u;\n\
          const CSG_FACE_PLANE: u32 = {CSG_FACE_PLANE}u;\n\
          const CSG_FACE_CYLINDER: u32 = {CSG_FACE_CYLINDER}u;\n\

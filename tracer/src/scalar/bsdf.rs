@@ -10,11 +10,12 @@ use glam::DVec3;
 use super::intersect::{Hit, vector};
 use crate::CompiledScene;
 use crate::compiled::{
-    MaterialData, PATTERN_CLOTH, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, Primitive,
+    MaterialData, PATTERN_CLOTH, PATTERN_CUE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD,
+    Primitive,
 };
 use crate::fresnel::fresnel_dielectric;
 use crate::sheen::sheen;
-use crate::texture::{cloth, numbered, wood};
+use crate::texture::{cloth, cue, numbered, wood};
 
 /// How one point of a surface scatters: a mirror of weight `F(cos wo)` over
 /// `f = albedo/π · (1−F(cos wo))(1−F(cos wi)) · diffuse_scale`, `F` being 0 without a coat.
@@ -45,6 +46,15 @@ pub struct BsdfSample {
     pub pdf: Option<f64>,
 }
 
+/// How far from a truncated cone's narrow end its side was hit.
+fn from_tip_m(scene: &CompiledScene, hit: &Hit) -> Option<f64> {
+    let Primitive::CsgFace(face) = hit.primitive else {
+        return None;
+    };
+    let (axis, end) = scene.cone_axis(face)?;
+    Some(hit.point.dot(axis) - end)
+}
+
 impl Bsdf {
     /// The scattering at a hit. An area light reflects nothing.
     pub fn from_hit(scene: &CompiledScene, hit: &Hit) -> Self {
@@ -54,6 +64,10 @@ impl Bsdf {
         let pattern = match material.pattern {
             PATTERN_WOOD | PATTERN_PLANKS => Some(wood(material, hit.point)),
             PATTERN_CLOTH => Some(cloth(material, hit.point)),
+            PATTERN_CUE => Some(from_tip_m(scene, hit).map_or_else(
+                || vector(material.stripe_albedo),
+                |from_tip_m| cue(material, from_tip_m),
+            )),
             _ => None,
         };
         if let Some(albedo) = pattern {

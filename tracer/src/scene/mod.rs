@@ -97,7 +97,7 @@ pub enum Shape {
         #[serde(alias = "cuts")]
         subtractions: Vec<Subtraction>,
     },
-    /// A round cone that is cut off at both ends: a part of a cue.
+    /// A round cone that is cut off at both ends: a cue.
     TruncatedCone {
         /// Centre of the narrow end, in metres.
         center: Vec3,
@@ -313,6 +313,14 @@ pub enum ProceduralTexture {
         #[serde(default = "one")]
         scale: f32,
     },
+    /// A cue, on a truncated cone whose narrow end is the tip: ferrule, shaft, collar, forearm, wrap and
+    /// butt follow at the distances of a cue 1.47 m long. Other shapes have the butt's albedo all over.
+    Cue {
+        /// Albedo of the shaft, per channel, in [0, 1].
+        shaft: Vec3,
+        /// Albedo of the butt and the forearm.
+        butt: Vec3,
+    },
     /// A floor of planks along x.
     Planks {
         /// Albedo of the light wood, per channel, in [0, 1].
@@ -331,8 +339,6 @@ fn one() -> f32 {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ClothMarks {
-    /// Half the cloth's width in metres; 0: a cloth without marks, such as a cushion's.
-    pub half_width: f32,
     /// Where a line crosses the table, in metres from the middle towards the head; 0 for none.
     pub line_x: f32,
     /// Radius in metres of the D that opens from the line towards the head; 0 for none.

@@ -396,7 +396,6 @@ fn check_stripe(stripe: &Stripe) -> Check {
 
 fn check_marks(marks: &ClothMarks) -> Check {
     let within = 0.0..=COORDINATE_M_MAX;
-    in_range("the half_width of its marks", marks.half_width, &within)?;
     in_range("the line_x of its marks", marks.line_x, &within)?;
     in_range("the d_radius of its marks", marks.d_radius, &within)?;
     let along = -COORDINATE_M_MAX..=COORDINATE_M_MAX;
@@ -433,6 +432,10 @@ fn check_texture(texture: &ProceduralTexture) -> Check {
             }
             extent("the end_x of its sights", sights.end_x)?;
             extent("the side_y of its sights", sights.side_y)
+        }
+        ProceduralTexture::Cue { shaft, butt } => {
+            check_albedo("the albedo of its shaft", shaft)?;
+            check_albedo("the albedo of its butt", butt)
         }
         ProceduralTexture::Planks { light, dark } => {
             check_albedo("its light albedo", light)?;

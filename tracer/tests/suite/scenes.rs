@@ -266,7 +266,6 @@ pub(crate) fn textured_still_life() -> Scene {
         sheen: Vec3::splat(0.3),
         sheen_roughness: 0.3,
         marks: Some(ClothMarks {
-            half_width: 1.0,
             line_x: 0.3,
             d_radius: 0.2,
             spots_x: [0.1, 0.3, 0.3],
@@ -278,6 +277,13 @@ pub(crate) fn textured_still_life() -> Scene {
         ("rails", wood(Axis::X, sights)),
         ("upright", wood(Axis::Z, None)),
         ("planks", coated(ProceduralTexture::Planks { light, dark })),
+        (
+            "cue",
+            coated(ProceduralTexture::Cue {
+                shaft: light,
+                butt: dark,
+            }),
+        ),
         ("nine", ball(9, stripe)),
         ("twelve", ball(12, None)),
     ];
@@ -307,7 +313,7 @@ pub(crate) fn textured_still_life() -> Scene {
         object("nine", "nine", sphere(-0.4, -0.1, 2.0)),
         object("twelve", "twelve", sphere(0.25, -0.55, -1.4)),
         object("post", "upright", post),
-        object("rod", "upright", rod),
+        object("rod", "cue", rod),
         object("floor", "planks", plate(-0.3, 3.0)),
         object(
             "rails",

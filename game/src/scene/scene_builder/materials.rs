@@ -9,6 +9,7 @@ use carom_tracer::{Axis, ClothMarks, Material, ProceduralTexture, Sights};
 use glam::Vec3;
 
 use super::TableMeasures;
+use crate::scene::cue_stick::CUE_NAME;
 use crate::scene::table_style::TableStyle;
 
 pub(super) fn materials(
@@ -57,6 +58,10 @@ fn furniture() -> Vec<(&'static str, Material)> {
         light: Vec3::new(0.17, 0.105, 0.058),
         dark: Vec3::new(0.105, 0.062, 0.034),
     };
+    let cue = ProceduralTexture::Cue {
+        shaft: Vec3::new(0.62, 0.44, 0.24),
+        butt: Vec3::new(0.055, 0.018, 0.012),
+    };
     let brass = (Vec3::new(0.445, 0.527, 1.095), Vec3::new(3.7, 2.765, 1.829));
     // Reflectance 0.33, 0.27, 0.2: bronze that hands have darkened.
     let bronze = (Vec3::new(2.9, 3.1, 3.0), Vec3::new(1.9, 1.4, 0.8));
@@ -76,12 +81,13 @@ fn furniture() -> Vec<(&'static str, Material)> {
         ("leather", diffuse(Vec3::new(0.03, 0.022, 0.017))),
         ("casting", metal(bronze, 0.42)),
         ("brass", metal(brass, 0.2)),
-        ("cue butt", lacquer(Vec3::new(0.055, 0.018, 0.012))),
-        ("cue wrap", soft(Vec3::new(0.03, 0.032, 0.038), 0.05)),
-        ("cue shaft", lacquer(Vec3::new(0.62, 0.44, 0.24))),
-        ("cue ferrule", lacquer(Vec3::new(0.8, 0.78, 0.7))),
-        ("cue tip", diffuse(Vec3::new(0.06, 0.19, 0.36))),
-        ("rack cue", OAK.wood(Axis::Z, None)),
+        (
+            CUE_NAME,
+            Material::Coated {
+                ior: 1.5,
+                texture: cue,
+            },
+        ),
         ("enamel", lacquer(Vec3::new(0.012, 0.014, 0.018))),
         ("wall", diffuse(Vec3::new(0.36, 0.33, 0.28))),
         ("picture red", diffuse(Vec3::new(0.3, 0.07, 0.04))),
@@ -103,10 +109,6 @@ fn cloth(albedo: Vec3, marks: Option<ClothMarks>) -> Material {
 fn marks(table: &Table, rules: RuleSet) -> ClothMarks {
     let layout = table_layout(table);
     let foot_x = layout.foot_spot().x as f32;
-    let marks = ClothMarks {
-        half_width: 0.5 * layout.width_m as f32,
-        ..ClothMarks::default()
-    };
     if rules == RuleSet::Snooker {
         // The black's spot is 324 mm from the top cushion of a table 3569 mm long (WPBSA section 1, 1 (f)).
         let black_x = ((0.5 - 324.0 / 3569.0) * layout.length_m) as f32;
@@ -114,19 +116,18 @@ fn marks(table: &Table, rules: RuleSet) -> ClothMarks {
             line_x: -layout.baulk_spot().x as f32,
             d_radius: layout.d_radius_m() as f32,
             spots_x: [foot_x, 0.0, black_x],
-            ..marks
         };
     }
     if table.pockets().is_empty() {
         return ClothMarks {
             spots_x: [foot_x, 0.0, -foot_x],
-            ..marks
+            ..ClothMarks::default()
         };
     }
     ClothMarks {
         line_x: foot_x,
+        d_radius: 0.0,
         spots_x: [foot_x; 3],
-        ..marks
     }
 }
 

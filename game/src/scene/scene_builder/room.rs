@@ -2,9 +2,9 @@
 
 use carom_billiards::physics::Table;
 use carom_tracer::{AreaLight, CsgSolid, Shape};
-use glam::{DVec3, Quat, Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
-use crate::scene::cue_stick::{CUE_LENGTH_M, CUE_NAME, CuePose, PARTS, cue_radius_m};
+use crate::scene::cue_stick::{CUE_NAME, CuePose};
 
 use super::{
     APRON_M, LAMP_GAP_M, LAMP_HALF_M, LAMP_Z_M, POCKET_DEPTH_M, SHADE_HEIGHT_M, SHADE_RIM_M,
@@ -103,8 +103,7 @@ impl SceneBuilder {
         }
     }
 
-    /// Beyond the foot of the table, where the player looks: a bench, cues in a rack, and the bars of a
-    /// window, whose light is [`window`].
+    /// Beyond the foot of the table, where the player looks: a bench, and the bars of a window, whose light is [`window`].
     pub(super) fn far_end(&mut self) {
         let (x, floor) = (self.frame.outer.x + ROOM_MARGIN_M - 0.05, self.frame.floor);
         let mut solid = |name: &str, material: &str, min: Vec3, max: Vec3| {
@@ -129,39 +128,12 @@ impl SceneBuilder {
             let middle = Vec3::new(x + 0.02, center.x, center.y);
             solid("window bar", "dark wood", middle - bar, middle + bar);
         }
-        let rack = Vec3::new(x, 0.45, floor + 0.62);
-        solid(
-            "cue board",
-            "dark wood",
-            rack + Vec3::new(-0.04, -0.3, -0.06),
-            rack + Vec3::new(0.05, 0.3, 0.02),
-        );
-        for step in [-1.5f32, -0.5, 0.5, 1.5] {
-            let foot = rack + Vec3::new(-0.06, 0.13 * step, 0.0);
-            let cue = Shape::TruncatedCone {
-                center: foot + Vec3::Z * CUE_LENGTH_M as f32,
-                rotation: Quat::from_rotation_x(std::f32::consts::PI),
-                length: CUE_LENGTH_M as f32,
-                radii: [0.0, CUE_LENGTH_M].map(|from| cue_radius_m(from) as f32),
-            };
-            self.add("rack cue", "rack cue", cue);
-        }
     }
 
-    /// The cue in its parts, aimed along the table at the cue ball.
+    /// The cue, aimed along the table at the cue ball.
     pub(super) fn cue(&mut self, cue_ball: DVec3, radius_m: f64) {
         let pose = CuePose::aimed(cue_ball, radius_m, 0.0);
-        let mut from = 0.0;
-        for ((material, to), center) in PARTS.into_iter().zip(pose.part_centers()) {
-            let part = Shape::TruncatedCone {
-                center,
-                rotation: pose.rotation(),
-                length: (to - from) as f32,
-                radii: [from, to].map(|from| cue_radius_m(from) as f32),
-            };
-            self.add(CUE_NAME, material, part);
-            from = to;
-        }
+        self.add(CUE_NAME, CUE_NAME, pose.shape());
     }
 
     /// Four walls of a thickness round a rectangle, from the floor to `top`.

@@ -218,5 +218,13 @@ fn csg_face_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
         position = select(position, select(b, a, is_low), axis);
         normal = select(vec3f(0.0), backward, axis);
     }
-    return Surface(position, normal, scene_storage.materials[material].albedo, material, false);
+    var albedo = scene_storage.materials[material].albedo;
+    if (HAS_CSG_CONE && scene_storage.materials[material].pattern == PATTERN_CUE) {
+        albedo = scene_storage.materials[material].stripe_albedo;
+        if (kind == CSG_FACE_APEX_CONE) {
+            // The next face is the narrow end.
+            albedo = cue(material, dot(position, normalize(b)) + scene_storage.csg_faces[index + 1u].b.x);
+        }
+    }
+    return Surface(position, normal, albedo, material, false);
 }

@@ -92,25 +92,22 @@ fn wood(material: u32, place: vec3f) -> vec3f {
 
 fn cloth(material: u32, p: vec3f) -> vec3f {
     let most = scene_storage.materials[material].scale;
-    let u = p.x + 0.021 * wave(1.7 * p.y + 0.31 * wave(2.3 * p.x)) + 0.3 * p.z;
-    let v = p.y + 0.017 * wave(1.3 * p.x + 0.27 * wave(2.9 * p.y)) + 0.8 * p.z;
-    let patches = wave(2.3 * u + 1.1 * v) * wave(0.9 * u - 2.1 * v);
-    let nap = wave(37.0 * v + 1.4 * wave(3.1 * u)) * wave(2.7 * u + 5.0 * v);
-    let streak = wave(149.0 * v + 1.9 * wave(11.0 * u)) * wave(19.0 * u + 7.0 * v);
-    let fibre = wave(331.0 * u + 173.0 * v) * wave(283.0 * v - 127.0 * u);
-    let lint = wave(587.0 * u + 71.0 * v) * wave(613.0 * v - 97.0 * u);
-    let shade = 1.0 + 0.05 * patches + 0.012 * nap + 0.015 * streak + 0.045 * fibre + 0.05 * lint;
+    let u = p.x + 0.3 * p.z;
+    let v = p.y + 0.8 * p.z;
+    let bend = wave(2.3 * u + 1.1 * v);
+    let sway = wave(0.9 * u - 2.1 * v);
+    let fibre = wave(331.0 * u + 173.0 * v + 3.0 * bend) * wave(283.0 * v - 127.0 * u + 2.0 * sway);
+    let lint = wave(587.0 * u + 71.0 * v + 5.0 * sway) * wave(613.0 * v - 97.0 * u + 4.0 * bend);
+    let shade = 1.0 + 0.05 * bend * sway + 0.045 * fibre + 0.05 * lint;
     let chalk = CHALK_ALBEDO * most;
     var colour = shade * scene_storage.materials[material].albedo;
-    let line_x = scene_storage.materials[material].sights.x;
-    let d_radius = scene_storage.materials[material].sights.y;
-    if (scene_storage.materials[material].sights.z > 0.0 && abs(p.z) < MARK_REACH_M) {
+    if (abs(p.z) < MARK_REACH_M) {
+        let line_x = scene_storage.materials[material].sights.x;
+        let d_radius = scene_storage.materials[material].sights.y;
         let spots = scene_storage.materials[material].stripe_albedo;
         let along = p.x - spots.x;
-        let from_foot = (along * along + p.y * p.y) / 0.0016;
-        let track = p.y * p.y / 1.4e-4 + p.x * p.x / (spots.x * spots.x + 1e-6);
-        let worn = 0.07 / (1.0 + from_foot) + 0.035 / (1.0 + track * track);
-        colour = mix(colour, chalk, worn);
+        let from_foot = (along * along + p.y * p.y) / WORN_M2;
+        colour = mix(colour, chalk, WORN_SHARE / (1.0 + from_foot));
         let from_line = p.x + line_x;
         let from_arc = sqrt(from_line * from_line + p.y * p.y) - d_radius;
         let is_line = line_x > 0.0 && abs(from_line) < LINE_HALF_M;
@@ -128,6 +125,21 @@ fn cloth(material: u32, p: vec3f) -> vec3f {
         }
     }
     return min(colour, vec3f(most));
+}
+
+fn cue(material: u32, from_tip_m: f32) -> vec3f {
+    var part = 0u;
+    for (var end = 0u; end < 6u; end++) {
+        part += select(0u, 1u, from_tip_m >= CUE_ENDS_M[end]);
+    }
+    switch part {
+        case 0u: { return CUE_TIP_ALBEDO; }
+        case 1u: { return CUE_FERRULE_ALBEDO; }
+        case 2u: { return scene_storage.materials[material].albedo; }
+        case 3u: { return CUE_COLLAR_ALBEDO; }
+        case 5u: { return CUE_WRAP_ALBEDO; }
+        default: { return scene_storage.materials[material].stripe_albedo; }
+    }
 }
 
 fn textured(surface: Surface) -> vec3f {

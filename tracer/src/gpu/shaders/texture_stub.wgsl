@@ -7,3 +7,7 @@ fn numbered(number: u32, n: vec3f, axis: vec3f, up: vec3f, base: vec3f) -> vec3f
 fn textured(surface: Surface) -> vec3f {
     return surface.albedo;
 }
+
+fn cue(material: u32, from_tip_m: f32) -> vec3f {
+    return vec3f(0.0);
+}
