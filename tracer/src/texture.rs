@@ -287,15 +287,15 @@ pub fn cue(material: &MaterialData, from_tip_m: f64) -> DVec3 {
     DVec3::from(albedo.map(f64::from))
 }
 
-/// The albedo of cloth at a point of the world: patches of wear, fibres and lint, and a table's marks.
+/// The albedo of cloth at a point of the world: patches of wear, its nap, and a table's marks.
+/// Finer than this no pixel of a game shows it, and noise would stay of it.
 pub fn cloth(material: &MaterialData, p: DVec3) -> DVec3 {
     let triple = |v: [f32; 3]| DVec3::from(v.map(f64::from));
     let most = f64::from(material.scale);
     let (u, v) = (p.x + 0.3 * p.z, p.y + 0.8 * p.z);
     let (bend, sway) = (wave(2.3 * u + 1.1 * v), wave(0.9 * u - 2.1 * v));
-    let fibre = wave(331.0 * u + 173.0 * v + 3.0 * bend) * wave(283.0 * v - 127.0 * u + 2.0 * sway);
-    let lint = wave(587.0 * u + 71.0 * v + 5.0 * sway) * wave(613.0 * v - 97.0 * u + 4.0 * bend);
-    let shade = 1.0 + 0.05 * bend * sway + 0.045 * fibre + 0.05 * lint;
+    let nap = wave(37.0 * v + 3.0 * bend) * wave(23.0 * u + 2.0 * sway);
+    let shade = 1.0 + 0.05 * bend * sway + 0.015 * nap;
     let chalk = triple(CHALK_ALBEDO) * most;
     let mut colour = shade * triple(material.albedo);
     if p.z.abs() < f64::from(MARK_REACH_M) {

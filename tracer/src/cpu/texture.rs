@@ -214,9 +214,8 @@ fn cue<S: Simd>(simd: S, rows: &Rows<'_, 16>, p: Vec3x<S>, shaft: Vec3x<S>) -> V
 fn cloth<S: Simd>(simd: S, rows: &Rows<'_, 16>, p: Vec3x<S>, light: Vec3x<S>) -> Vec3x<S> {
     let (u, v) = (p.z.mul_add(0.3, p.x), p.z.mul_add(0.8, p.y));
     let (bend, sway) = (wave(u * 2.3 + v * 1.1), wave(u * 0.9 - v * 2.1));
-    let fibre = wave(u * 331.0 + v * 173.0 + bend * 3.0) * wave(v * 283.0 - u * 127.0 + sway * 2.0);
-    let lint = wave(u * 587.0 + v * 71.0 + sway * 5.0) * wave(v * 613.0 - u * 97.0 + bend * 4.0);
-    let shade = bend * sway * 0.05 + fibre * 0.045 + lint * 0.05 + 1.0;
+    let nap = wave(v * 37.0 + bend * 3.0) * wave(u * 23.0 + sway * 2.0);
+    let shade = bend * sway * 0.05 + nap * 0.015 + 1.0;
     let most = rows.number(simd, SCALE);
     let chalk = Vec3x::splat(simd, CHALK_ALBEDO) * most;
     let colour = light * shade;

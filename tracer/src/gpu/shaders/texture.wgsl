@@ -96,9 +96,8 @@ fn cloth(material: u32, p: vec3f) -> vec3f {
     let v = p.y + 0.8 * p.z;
     let bend = wave(2.3 * u + 1.1 * v);
     let sway = wave(0.9 * u - 2.1 * v);
-    let fibre = wave(331.0 * u + 173.0 * v + 3.0 * bend) * wave(283.0 * v - 127.0 * u + 2.0 * sway);
-    let lint = wave(587.0 * u + 71.0 * v + 5.0 * sway) * wave(613.0 * v - 97.0 * u + 4.0 * bend);
-    let shade = 1.0 + 0.05 * bend * sway + 0.045 * fibre + 0.05 * lint;
+    let nap = wave(37.0 * v + 3.0 * bend) * wave(23.0 * u + 2.0 * sway);
+    let shade = 1.0 + 0.05 * bend * sway + 0.015 * nap;
     let chalk = CHALK_ALBEDO * most;
     var colour = shade * scene_storage.materials[material].albedo;
     if (abs(p.z) < MARK_REACH_M) {
