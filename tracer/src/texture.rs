@@ -28,9 +28,9 @@ pub const PLANK_GAP: f32 = 0.025;
 
 /// Albedo of chalk on the cloth, and of its lines.
 pub const CHALK_ALBEDO: [f32; 3] = [0.5, 0.56, 0.6];
-/// Half the width of a line on the cloth in m.
-pub const LINE_HALF_M: f32 = 0.0011;
-/// Share of a line's colour that is chalk's.
+/// How far a line on the cloth reaches to both sides of its middle, in m.
+pub const LINE_HALF_M: f32 = 0.0022;
+/// Share of chalk's colour in the middle of a line; towards its sides it falls to 0.
 pub const LINE_SHARE: f32 = 0.6;
 /// Radius of a spot on the cloth in m.
 pub const SPOT_RADIUS_M: f32 = 0.006;
@@ -306,10 +306,15 @@ pub fn cloth(material: &MaterialData, p: DVec3) -> DVec3 {
         let half = f64::from(LINE_HALF_M);
         let from_line = p.x + line_x;
         let from_arc = (from_line * from_line + p.y * p.y).sqrt() - d_radius;
-        let is_line = line_x > 0.0 && from_line.abs() < half;
-        if is_line || (d_radius > 0.0 && from_line < 0.0 && from_arc.abs() < half) {
-            colour = colour.lerp(chalk, f64::from(LINE_SHARE));
+        let mut aside = f64::INFINITY;
+        if line_x > 0.0 {
+            aside = from_line.abs();
         }
+        if d_radius > 0.0 && from_line < 0.0 {
+            aside = aside.min(from_arc.abs());
+        }
+        let share = f64::from(LINE_SHARE) * (1.0 - aside / half).max(0.0);
+        colour = colour.lerp(chalk, share);
         let from_spot = |x: f64, y: f64| (p.x - x) * (p.x - x) + (p.y.abs() - y) * (p.y.abs() - y);
         let on_axis = spots.map(|x| from_spot(x, 0.0)).min_element();
         let on_line = from_spot(-line_x, 0.0).min(from_spot(-line_x, d_radius));

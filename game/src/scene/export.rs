@@ -7,6 +7,7 @@ use carom_billiards::physics::Table;
 use carom_billiards::rules::RuleSet;
 use carom_tracer::{Camera, Scene, Shape};
 use clap::{Args, ValueEnum};
+use glam::DVec3;
 
 use crate::camera::Viewpoint;
 use crate::scene::ball_materials::BallSet;
@@ -48,20 +49,38 @@ pub enum SceneView {
     Cue,
     /// The whole table
     Table,
+    /// The object balls from near
+    Rack,
 }
 
 impl SceneView {
     fn camera(self, table: &Table, scene: &TableScene, contest: &Match) -> Camera {
-        let mut balls = contest.world().balls().into_iter();
-        match (self, balls.find(|ball| ball.number == 0)) {
+        let balls = contest.world().balls();
+        let (cue_balls, object_balls): (Vec<_>, Vec<_>) =
+            balls.into_iter().partition(|ball| ball.number == 0);
+        match (self, cue_balls.first()) {
             (Self::Cue, Some(cue_ball)) => {
                 let bearing_rad = (-cue_ball.position.truncate()).to_angle();
                 Viewpoint::behind(cue_ball.position, bearing_rad).camera_in(table)
+            }
+            (Self::Rack, _) if !object_balls.is_empty() => {
+                let sum: DVec3 = object_balls.iter().map(|ball| ball.position).sum();
+                let middle = sum / object_balls.len() as f64;
+                let near = Viewpoint {
+                    distance_m: RACK_DISTANCE_M,
+                    ..Viewpoint::beside(middle, RACK_BEARING_RAD)
+                };
+                near.camera_in(table)
             }
             _ => scene.scene().camera,
         }
     }
 }
+
+/// Of the eye from the middle of the rack.
+const RACK_DISTANCE_M: f64 = 0.8;
+/// Along the table, past the rack's side.
+const RACK_BEARING_RAD: f64 = 0.4;
 
 /// The scene of a game before its first stroke.
 ///

@@ -237,7 +237,6 @@ fn marks<S: Simd>(
     colour: Vec3x<S>,
     chalk: Vec3x<S>,
 ) -> Vec3x<S> {
-    let zero = Float::splat(simd, 0.0);
     let (sights, spots) = (rows.triple(simd, SIGHTS), rows.triple(simd, DARK));
     let (line_x, d_radius) = (sights.x, sights.y);
     let y2 = p.y * p.y;
@@ -248,10 +247,11 @@ fn marks<S: Simd>(
     let from_line = p.x + line_x;
     let from_arc = from_line.mul_add(from_line, y2).sqrt() - d_radius;
     let has_line = line_x.simd_gt(0.0);
-    let on_line = has_line & from_line.abs().simd_lt(LINE_HALF_M);
     let in_d = d_radius.simd_gt(0.0) & from_line.simd_lt(0.0);
-    let line = on_line | (in_d & from_arc.abs().simd_lt(LINE_HALF_M));
-    let share = line.select(Float::splat(simd, LINE_SHARE), zero);
+    let far = Float::splat(simd, 1.0);
+    let off = has_line.select(from_line.abs(), far);
+    let off = off.min(in_d.select(from_arc.abs(), far));
+    let share = (1.0 - off * (1.0 / LINE_HALF_M)).max(0.0) * LINE_SHARE;
     let colour = (chalk - colour).mul_add(share, colour);
     let [a, b, c] = [spots.x, spots.y, spots.z].map(|x| (p.x - x) * (p.x - x));
     let nearest = a.min(b).min(c) + y2;

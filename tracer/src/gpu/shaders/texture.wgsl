@@ -109,10 +109,11 @@ fn cloth(material: u32, p: vec3f) -> vec3f {
         colour = mix(colour, chalk, WORN_SHARE / (1.0 + from_foot));
         let from_line = p.x + line_x;
         let from_arc = sqrt(from_line * from_line + p.y * p.y) - d_radius;
-        let is_line = line_x > 0.0 && abs(from_line) < LINE_HALF_M;
-        if (is_line || (d_radius > 0.0 && from_line < 0.0 && abs(from_arc) < LINE_HALF_M)) {
-            colour = mix(colour, chalk, LINE_SHARE);
+        var off = select(T_MISS, abs(from_line), line_x > 0.0);
+        if (d_radius > 0.0 && from_line < 0.0) {
+            off = min(off, abs(from_arc));
         }
+        colour = mix(colour, chalk, LINE_SHARE * max(1.0 - off / LINE_HALF_M, 0.0));
         let q = vec3f(p.x) - spots;
         var nearest = smallest(q * q) + p.y * p.y;
         if (line_x > 0.0) {
