@@ -1,8 +1,11 @@
 //! Configuration of a farm.
 
+use std::fs::File;
+use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use carom_tracer::text::{SENTENCE_BYTES_MAX, printable};
 use carom_protocol::{PixelPrecision, PrecisionRange};
 use serde::{Deserialize, Serialize};
 
@@ -48,7 +51,7 @@ impl FarmConfig {
     /// [`Error::Config`] with the file and, if it could be read, the line that is wrong.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Error> {
         let path = path.as_ref();
-        let text = std::fs::read_to_string(path).map_err(|source| ConfigFault::File {
+        let text = read_limited(path).map_err(|source| ConfigFault::File {
             path: path.to_owned(),
             source,
         })?;
@@ -60,8 +63,8 @@ impl FarmConfig {
             ConfigFault::Line {
                 path: path.to_owned(),
                 line: line + 1,
-                excerpt: place.chars().take(EXCERPT_CHARS_MAX).collect(),
-                reason: why.message().replace('\n', " "),
+                excerpt: printable(place, EXCERPT_BYTES_MAX),
+                reason: printable(why.message(), SENTENCE_BYTES_MAX),
             }
         })?;
         if let Some(folder) = path.parent() {
@@ -71,8 +74,10 @@ impl FarmConfig {
     }
 }
 
-/// Characters of a wrong line that a message repeats.
-const EXCERPT_CHARS_MAX: usize = 60;
+/// Bytes of a wrong line that a message repeats.
+const EXCERPT_BYTES_MAX: usize = 60;
+/// Bytes of a configuration: 1024 nodes with the longest names have a quarter.
+const FILE_BYTES_MAX: u64 = 1 << 20;
 
 impl Default for FarmConfig {
     fn default() -> Self {
@@ -91,6 +96,18 @@ impl Default for FarmConfig {
             timeout_secs: None,
         }
     }
+}
+
+/// Reads no further than a byte past the limit, whatever the file says of its length: devices and
+/// pipes have none.
+fn read_limited(path: &Path) -> io::Result<String> {
+    let mut text = String::new();
+    let bytes = File::open(path)?.take(FILE_BYTES_MAX + 1).read_to_string(&mut text)?;
+    if bytes as u64 > FILE_BYTES_MAX {
+        let what = format!("it has more than {FILE_BYTES_MAX} bytes");
+        return Err(io::Error::new(io::ErrorKind::FileTooLarge, what));
+    }
+    Ok(text)
 }
 
 /// What the node inside the client's process traces with.
@@ -120,5 +137,31 @@ impl FromStr for LocalNode {
             "none" => Ok(Self::None),
             _ => Err(Error::Choice("auto, cpu, gpu or none")),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fault(text: &[u8]) -> String {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("farm.toml");
+        std::fs::write(&path, text).unwrap();
+        FarmConfig::load(path).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn faults_of_a_configuration_control_no_terminal() {
+        for text in ["\u{9b}2J = 3", "\"\\u001b[2J\" = 3", "nodes = \"\u{1b}]0;owned\u{7}\""] {
+            let sentence = fault(text.as_bytes());
+            assert!(!sentence.contains(char::is_control), "{sentence:?}");
+        }
+    }
+
+    #[test]
+    fn long_configurations_are_refused_unread() {
+        let text = vec![b'#'; FILE_BYTES_MAX as usize + 1];
+        assert!(fault(&text).contains("it has more than 1048576 bytes"));
     }
 }

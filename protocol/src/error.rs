@@ -79,6 +79,14 @@ pub enum Reason {
         count: usize,
         max: usize,
     },
+    #[error(
+        "its {what} has {bytes} bytes: at most {bytes_max} are allowed, without control characters"
+    )]
+    Text {
+        what: &'static str,
+        bytes: usize,
+        bytes_max: usize,
+    },
     #[error("it has {count} tiles: it must be from 1 to {max}")]
     TileCount { count: u32, max: u32 },
     #[error("tiles of {edge} pixels are asked for: it must be from 1 to {max}")]

@@ -23,7 +23,7 @@ pub const SCENES_KEPT_MAX: usize = 4;
 /// Samples of one request: a minute of one slow core.
 pub const REQUEST_SAMPLES_MAX: u64 = 1 << 32;
 /// Bytes of a sentence from a peer.
-pub const SENTENCE_BYTES_MAX: usize = 1024;
+pub const SENTENCE_BYTES_MAX: usize = carom_tracer::text::SENTENCE_BYTES_MAX;
 /// Frames that a client has in flight.
 pub const FRAMES_IN_FLIGHT_MAX: usize = 8;
 /// Nodes of one farm.

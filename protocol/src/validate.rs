@@ -1,6 +1,7 @@
 //! Validation of messages beyond their form. Decoded values have passed these checks, and so have
 //! those that are sent: a peer that breaks one is not this program.
 
+use carom_tracer::text::printable;
 use carom_tracer::{SceneUpdate, TileGrid, TileRange};
 
 use crate::error::Reason;
@@ -125,16 +126,8 @@ impl PixelFormat {
 
 impl NodeInfo {
     fn validate(&self) -> Check {
-        at_most(
-            "bytes of the node's name",
-            self.name.len(),
-            NODE_NAME_BYTES_MAX,
-        )?;
-        at_most(
-            "bytes of the device's name",
-            self.device.name.len(),
-            NODE_NAME_BYTES_MAX,
-        )
+        text("node's name", &self.name, NODE_NAME_BYTES_MAX)?;
+        text("device's name", &self.device.name, NODE_NAME_BYTES_MAX)
     }
 }
 
@@ -186,8 +179,17 @@ fn check_update(update: &SceneUpdate) -> Check {
     poses.try_for_each(|pose| pose.validate().map_err(Reason::tracer))
 }
 
-fn sentence(text: &str) -> Check {
-    at_most("bytes of a sentence", text.len(), SENTENCE_BYTES_MAX)
+fn sentence(sentence: &str) -> Check {
+    text("sentence", sentence, SENTENCE_BYTES_MAX)
+}
+
+/// Senders filter their text by the same function.
+fn text(what: &'static str, text: &str, bytes_max: usize) -> Check {
+    if printable(text, bytes_max) == text {
+        return Ok(());
+    }
+    let bytes = text.len();
+    Err(Reason::Text { what, bytes, bytes_max })
 }
 
 fn at_most(what: &'static str, count: usize, max: usize) -> Check {
@@ -195,11 +197,4 @@ fn at_most(what: &'static str, count: usize, max: usize) -> Check {
         return Ok(());
     }
     Err(Reason::TooMany { what, count, max })
-}
-
-/// The longest start of `text` of at most `bytes_max` bytes: what this program itself sends is
-/// cut, never refused.
-pub(crate) fn cut(mut text: String, bytes_max: usize) -> String {
-    text.truncate(text.floor_char_boundary(bytes_max));
-    text
 }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use glam::{Quat, Vec3};
 
+use crate::text::{SENTENCE_BYTES_MAX, printable};
 use crate::{ImageSize, Tile};
 
 /// Each variant says who is at fault; the scene's author for all but [`Error::Device`] and
@@ -11,10 +12,10 @@ use crate::{ImageSize, Tile};
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The scene breaks a rule or a limit.
-    #[error("the scene cannot be drawn: {0}")]
+    #[error("the scene cannot be drawn: {}", sentence(.0))]
     InvalidScene(SceneError),
     /// A frame's update does not fit its scene.
-    #[error("the scene update does not fit: {0}")]
+    #[error("the scene update does not fit: {}", sentence(.0))]
     InvalidUpdate(SceneError),
     /// The settings or the image size are out of range.
     #[error("{0}")]
@@ -43,6 +44,11 @@ pub enum Error {
         /// What happened and what to do.
         message: String,
     },
+}
+
+/// Names in a scene are a stranger's.
+fn sentence(fault: &SceneError) -> String {
+    printable(&fault.to_string(), SENTENCE_BYTES_MAX)
 }
 
 /// The rule that a scene, or an update of one, breaks.

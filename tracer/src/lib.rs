@@ -32,6 +32,7 @@ pub mod scene;
 pub mod settings;
 pub mod sheen;
 pub mod simd;
+pub mod text;
 pub mod texture;
 pub mod tile;
 pub mod tonemap;

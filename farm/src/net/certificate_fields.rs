@@ -4,6 +4,8 @@ use std::ops::Range;
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
+use carom_protocol::limits::NODE_NAME_BYTES_MAX;
+use carom_tracer::text::printable;
 use ring::digest;
 use ring::error::Unspecified;
 use ring::rand::{SecureRandom as _, SystemRandom};
@@ -14,14 +16,12 @@ use x509_parser::time::ASN1Time;
 
 use crate::net::peer::CertificateFault;
 
-/// The common name of a certificate's subject.
+/// The common name of a certificate's subject, printable.
 pub(crate) fn common_name(certificate: &[u8]) -> Result<String, CertificateFault> {
     let parsed = parse(certificate)?;
     let name = parsed.subject().iter_common_name().next();
-    Ok(name
-        .and_then(|name| name.as_str().ok())
-        .unwrap_or_default()
-        .to_owned())
+    let name = name.and_then(|name| name.as_str().ok()).unwrap_or_default();
+    Ok(printable(name, NODE_NAME_BYTES_MAX))
 }
 
 /// The common name in a file of PEM text; `None` if there is no such file or it is something else.

@@ -7,7 +7,7 @@ use std::task::{Context, Poll};
 use std::time::Duration;
 
 use carom_protocol::PrecisionRange;
-use carom_protocol::session::Packet;
+use carom_protocol::session::{ClientEvent, Packet};
 use tokio::runtime::Runtime;
 use tokio::sync::mpsc;
 use tokio::time::Instant;
@@ -16,6 +16,7 @@ use crate::Error;
 use crate::link::LinkSession;
 pub use crate::link::{LinkCommand, LinkEvent};
 use crate::net::address::NodeAddress;
+use crate::net::certificate_fields::common_name;
 use crate::net::connection_driver::{self, PacketHandler};
 use crate::net::connector::{AddressClaims, Connector};
 use crate::net::credentials::Credentials;
@@ -184,8 +185,19 @@ impl LinkTask {
         };
         // Commands that were meant for the connection before this one.
         while self.commands.try_recv().is_ok() {}
+        let certificate = streams.peer_certificate();
+        let name = certificate.and_then(|shown| common_name(&shown).ok());
+        let events = |mut events: Vec<LinkEvent>| {
+            for event in &mut events {
+                if let LinkEvent::Session(ClientEvent::Welcome(node)) = event {
+                    // Whatever it calls itself.
+                    node.name = name.clone().unwrap_or_default();
+                }
+            }
+            (self.events)(events);
+        };
         let mut player = PlayerSession {
-            session: LinkSession::new(self.precision, &mut self.events),
+            session: LinkSession::new(self.precision, events),
             commands: &mut self.commands,
         };
         let connection = streams.connection.clone();
@@ -201,12 +213,12 @@ impl LinkTask {
 }
 
 /// The player's side of one connection.
-struct PlayerSession<'a> {
-    session: LinkSession<&'a mut EventSink>,
+struct PlayerSession<'a, F> {
+    session: LinkSession<F>,
     commands: &'a mut mpsc::Receiver<LinkCommand>,
 }
 
-impl PacketHandler for PlayerSession<'_> {
+impl<F: FnMut(Vec<LinkEvent>)> PacketHandler for PlayerSession<'_, F> {
     fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error> {
         self.session.handle(packet)
     }

@@ -13,6 +13,7 @@ use carom_protocol::limits;
 use carom_protocol::session::{Channel, Packet};
 use carom_protocol::{RequestId, codec};
 use quinn::{Connection, ConnectionError, ReadError, RecvStream, SendStream};
+use rustls::pki_types::CertificateDer;
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
 
@@ -61,6 +62,15 @@ pub(crate) struct ConnectionStreams {
     pub(crate) receive: RecvStream,
     /// The role of this side.
     pub(crate) role: Role,
+}
+
+impl ConnectionStreams {
+    /// The certificate that the peer has shown.
+    pub(crate) fn peer_certificate(&self) -> Option<CertificateDer<'static>> {
+        let chain = self.connection.peer_identity()?;
+        let chain = chain.downcast::<Vec<CertificateDer<'static>>>().ok()?;
+        chain.into_iter().next()
+    }
 }
 
 /// Packets between the session and a stream's task, per channel. Few: packets that wait are better

@@ -1,5 +1,6 @@
 //! quinn's connection errors as [`Error`]s that say who is at fault and what to do.
 
+use carom_tracer::text::printable;
 use quinn::ConnectionError;
 
 use crate::Error;
@@ -17,7 +18,7 @@ pub(crate) fn connection(error: &ConnectionError, own: Role) -> Error {
                 None => handshake(alert),
             },
             None => Error::ConnectionBroken {
-                reason: error.to_string(),
+                reason: printable(&error.to_string(), REASON_BYTES_MAX),
             },
         },
         ConnectionError::ConnectionClosed(close) => match tls_alert(close.error_code.into()) {
@@ -28,7 +29,10 @@ pub(crate) fn connection(error: &ConnectionError, own: Role) -> Error {
             None if close.error_code == quinn_proto::TransportErrorCode::CONNECTION_REFUSED => {
                 disconnected(DisconnectReason::Refusing)
             }
-            None => disconnected(DisconnectReason::Broken(close.to_string())),
+            None => disconnected(DisconnectReason::Broken(printable(
+                &close.to_string(),
+                REASON_BYTES_MAX,
+            ))),
         },
         ConnectionError::ApplicationClosed(close) => disconnected(application_reason(close)),
         ConnectionError::TimedOut => disconnected(DisconnectReason::TimedOut),
@@ -72,15 +76,47 @@ fn application_reason(close: &quinn::ApplicationClose) -> DisconnectReason {
         close_code::DONE => DisconnectReason::Closed(String::new()),
         close_code::FULL => DisconnectReason::Full,
         close_code::DRAINING => DisconnectReason::Draining,
-        // The peer is authenticated, but its text must not control a terminal.
-        _ => DisconnectReason::Closed(
-            String::from_utf8_lossy(&close.reason)
-                .chars()
-                .filter(|c| !c.is_control())
-                .take(REASON_CHARS_MAX)
-                .collect(),
-        ),
+        _ => DisconnectReason::Closed(printable(
+            &String::from_utf8_lossy(&close.reason),
+            REASON_BYTES_MAX,
+        )),
     }
 }
 
-const REASON_CHARS_MAX: usize = 200;
+const REASON_BYTES_MAX: usize = 200;
+
+#[cfg(test)]
+mod tests {
+    use quinn::{ApplicationClose, ConnectionClose, VarInt};
+    use quinn_proto::{TransportError, TransportErrorCode};
+
+    use super::*;
+
+    #[test]
+    fn no_close_reason_controls_a_terminal() {
+        let hostile = "\u{1b}]0;owned\u{7}\u{9b}2J\r\n\u{202e}oak".repeat(500);
+        let transport = |error_code| {
+            ConnectionError::ConnectionClosed(ConnectionClose {
+                error_code,
+                frame_type: None,
+                reason: hostile.clone().into(),
+            })
+        };
+        let mut local = TransportError::from(TransportErrorCode::PROTOCOL_VIOLATION);
+        local.reason.clone_from(&hostile);
+        let closes = [
+            transport(TransportErrorCode::PROTOCOL_VIOLATION),
+            transport(TransportErrorCode::CONNECTION_REFUSED),
+            transport(TransportErrorCode::crypto(80)),
+            ConnectionError::ApplicationClosed(ApplicationClose {
+                error_code: VarInt::from_u32(3),
+                reason: hostile.clone().into(),
+            }),
+            ConnectionError::TransportError(local),
+        ];
+        for close in closes {
+            let sentence = connection(&close, Role::Player).to_string();
+            assert_eq!(printable(&sentence, 300), sentence, "{close:?}");
+        }
+    }
+}

@@ -41,7 +41,7 @@ impl RunningNode {
         let credentials = authority.credentials(Role::Node, "oak", today()).unwrap();
         let server = NodeServer::bind(address, &credentials).unwrap();
         let address = server.local_addr().unwrap();
-        let node = Node::new("oak", tracer);
+        let node = Node::new("any name", tracer);
         let stop = StopHandle::default();
         let stopped = stop.clone();
         let thread = std::thread::spawn(move || {
@@ -270,6 +270,18 @@ fn a_node_that_stops_gives_its_reason() {
         retry.is_some_and(|pause| pause <= Duration::from_secs(1)),
         "{retry:?}"
     );
+}
+
+#[test]
+fn a_node_is_called_as_its_certificate_says() {
+    let dir = tempfile::tempdir().unwrap();
+    create_farm(dir.path()).unwrap();
+    let authority = Authority::load(dir.path()).unwrap();
+    let oak = RunningNode::start(&authority, any_port());
+    let farm = farm(dir.path(), &[oak.address]);
+    wait_until(&farm, NodeState::is_ready);
+    let info = farm.nodes().remove(0).info;
+    assert_eq!(info.map(|info| info.name).as_deref(), Some("oak"));
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
+use carom_tracer::text::printable;
 use carom_tracer::{Scene, SceneUpdate, Shape, TileRange};
 
 use super::scenes::SceneCache;
@@ -18,7 +19,6 @@ use crate::message::{
     ToClient, ToNode, TraceRequest, VERSION,
 };
 use crate::tile_codec::TilePixels;
-use crate::validate::cut;
 
 /// An event of a node's session.
 #[derive(Clone, Debug, PartialEq)]
@@ -101,11 +101,11 @@ impl AcceptedRequest {
 }
 
 impl NodeSession {
-    /// A session for a client that has just connected. Names of more than
-    /// [`NODE_NAME_BYTES_MAX`] bytes are cut.
+    /// A session for a client that has just connected. Names are made [`printable`] and cut to
+    /// [`NODE_NAME_BYTES_MAX`] bytes.
     pub fn new(mut info: NodeInfo) -> Self {
-        info.name = cut(info.name, NODE_NAME_BYTES_MAX);
-        info.device.name = cut(info.device.name, NODE_NAME_BYTES_MAX);
+        info.name = printable(&info.name, NODE_NAME_BYTES_MAX);
+        info.device.name = printable(&info.device.name, NODE_NAME_BYTES_MAX);
         Self {
             info,
             state: SessionState::New,
@@ -218,8 +218,8 @@ impl NodeSession {
     }
 
     /// Ends a request that was not begun or cannot be finished, and drops its tiles that still wait.
-    /// `false` if the request was no longer wanted. Sentences of more than [`SENTENCE_BYTES_MAX`]
-    /// bytes are cut.
+    /// `false` if the request was no longer wanted. Sentences are made [`printable`] and cut to
+    /// [`SENTENCE_BYTES_MAX`] bytes.
     pub fn refuse(&mut self, request: RequestId, why: RefusalReason) -> bool {
         let wanted = self.requests.remove(&request).is_some();
         if wanted {
@@ -343,7 +343,7 @@ impl NodeSession {
 
     fn keep(&mut self, hash: SceneHash, scene: Scene) -> Option<NodeEvent> {
         if let Err(error) = scene.validate() {
-            let why = cut(error.to_string(), SENTENCE_BYTES_MAX);
+            let why = printable(&error.to_string(), SENTENCE_BYTES_MAX);
             self.send(&ToClient::SceneRefused { hash, why });
             return None;
         }
@@ -490,9 +490,10 @@ impl NodeSession {
     }
 
     fn send_refusal(&mut self, request: RequestId, why: RefusalReason) {
+        let sentence = |why: &str| printable(why, SENTENCE_BYTES_MAX);
         let why = match why {
-            RefusalReason::Invalid(why) => RefusalReason::Invalid(cut(why, SENTENCE_BYTES_MAX)),
-            RefusalReason::Device(why) => RefusalReason::Device(cut(why, SENTENCE_BYTES_MAX)),
+            RefusalReason::Invalid(why) => RefusalReason::Invalid(sentence(&why)),
+            RefusalReason::Device(why) => RefusalReason::Device(sentence(&why)),
             RefusalReason::Cancelled | RefusalReason::Busy | RefusalReason::UnknownScene => why,
         };
         self.send(&ToClient::RequestRefused(Refusal { request, why }));

@@ -112,6 +112,47 @@ fn assert_closes(mut client: ClientSession, packets: impl IntoIterator<Item = Pa
     assert!(client.handle(control(&ToClient::Pong(1))).is_err());
 }
 
+/// The packet of a message whose text holds `a` with `by` in its place: no sender lets it pass.
+fn with_text(message: &ToClient, by: &[u8; 1]) -> Packet {
+    let mut packet = control(message);
+    let place = packet.bytes.windows(4).position(|text| text == b"evil");
+    packet.bytes[place.unwrap()] = by[0];
+    packet
+}
+
+#[test]
+fn text_with_control_characters_is_refused() {
+    let mut device = welcome();
+    if let ToClient::Welcome { node, .. } = &mut device {
+        node.name.clear();
+        node.device.name = "evil".into();
+    }
+    for message in [welcome(), device] {
+        for letter in *b"\x1b\r\n\x7f" {
+            let hostile = with_text(&message, &[letter]);
+            assert_closes(ClientSession::new(), [hostile]);
+        }
+    }
+    let why = RefusalReason::Device("evil".into());
+    let refusal = Refusal { request: RequestId(5), why };
+    let hostile = with_text(&ToClient::RequestRefused(refusal), b"\x1b");
+    assert_closes(waiting_client(), [hostile]);
+}
+
+#[test]
+fn a_node_sends_its_text_printable() {
+    let mut info = any::node_info("oak\u{1b}[2J\r\n");
+    info.device.name = "\u{9b}x".repeat(300);
+    let mut node = NodeSession::new(info);
+    let hello = ToNode::Hello { version: VERSION };
+    node.handle(to_node(&hello)).unwrap();
+    let Some(ToClient::Welcome { node, .. }) = answer(&mut node) else {
+        panic!("no welcome");
+    };
+    assert_eq!(node.name, "oak[2J  ");
+    assert_eq!(node.device.name, "x".repeat(255));
+}
+
 #[test]
 fn tiles_that_were_not_asked_for_are_refused() {
     assert_closes(waiting_client(), [tiles(6, 4, 1)]); // a request of another node

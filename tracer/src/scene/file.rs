@@ -422,6 +422,19 @@ mod tests {
     }
 
     #[test]
+    fn faults_of_files_control_no_terminal() {
+        let field = SCENE.replace("\"objects\"", "\"\u{9b}2J\\u001b]0;owned\"");
+        let name = SCENE.replace("\"center\": [0, 0, 0.1]", "\"center\": [0, 0, 1e30]");
+        let name = name.replace("\"name\": \"", "\"name\": \"\\u001b[2J");
+        let long = SCENE.replace("\"objects\"", &format!("\"{}\"", "x".repeat(1 << 20)));
+        for text in [field, name, long] {
+            let sentence = refusal(&text);
+            assert!(!sentence.contains(char::is_control), "{sentence:?}");
+            assert!(sentence.len() < 1100);
+        }
+    }
+
+    #[test]
     fn what_is_saved_is_loaded_bit_by_bit() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("scene.json");

@@ -1,0 +1,60 @@
+//! Text of strangers, filtered before it reaches a terminal, a log or an interface.
+
+/// `text` without what controls a terminal, cut to `bytes_max` bytes.
+///
+/// Control characters (C0, DEL and C1, so every escape sequence) and bidirectional formatting, which
+/// displays letters in another order than they have, are left out. Line breaks become spaces, so that
+/// no text can imitate a line of its own.
+///
+/// ```
+/// use carom_tracer::text::printable;
+///
+/// assert_eq!(printable("oak\u{1b}[2J\r\nready", 64), "oak[2J  ready");
+/// assert_eq!(printable("möbius", 2), "m");
+/// ```
+pub fn printable(text: &str, bytes_max: usize) -> String {
+    let mut printable = String::with_capacity(text.len().min(bytes_max));
+    for letter in text.chars() {
+        let letter = if letter.is_whitespace() { ' ' } else { letter };
+        if letter.is_control() || is_bidirectional_format(letter) {
+            continue;
+        }
+        if printable.len() + letter.len_utf8() > bytes_max {
+            break;
+        }
+        printable.push(letter);
+    }
+    printable
+}
+
+/// The characters with the property `Bidi_Control` (Unicode Standard Annex 9, 2).
+const fn is_bidirectional_format(letter: char) -> bool {
+    matches!(letter,
+        '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
+/// Bytes of a sentence about a stranger's data.
+pub const SENTENCE_BYTES_MAX: usize = 1024;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn printable_text_controls_no_terminal() {
+        let every: String = (0..0x3000).filter_map(char::from_u32).collect();
+        let text = printable(&every, usize::MAX);
+        assert!(!text.contains(|letter: char| letter.is_control()));
+        assert!(!text.contains(['\u{202e}', '\u{2067}', '\u{2028}', '\u{9b}']));
+        assert!(text.contains("xyz"));
+        assert_eq!(printable(&text, usize::MAX), text);
+    }
+
+    #[test]
+    fn printable_text_is_cut_between_characters() {
+        for bytes_max in 0..12 {
+            let text = printable("€€€€", bytes_max);
+            assert_eq!(text.len(), bytes_max / 3 * 3);
+        }
+    }
+}
