@@ -5,8 +5,8 @@ use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use carom_tracer::text::{SENTENCE_BYTES_MAX, printable};
 use carom_protocol::{PixelPrecision, PrecisionRange};
+use carom_tracer::text::{SENTENCE_BYTES_MAX, printable};
 use serde::{Deserialize, Serialize};
 
 use crate::config_fault::ConfigFault;
@@ -102,7 +102,9 @@ impl Default for FarmConfig {
 /// pipes have none.
 fn read_limited(path: &Path) -> io::Result<String> {
     let mut text = String::new();
-    let bytes = File::open(path)?.take(FILE_BYTES_MAX + 1).read_to_string(&mut text)?;
+    let bytes = File::open(path)?
+        .take(FILE_BYTES_MAX + 1)
+        .read_to_string(&mut text)?;
     if bytes as u64 > FILE_BYTES_MAX {
         let what = format!("it has more than {FILE_BYTES_MAX} bytes");
         return Err(io::Error::new(io::ErrorKind::FileTooLarge, what));
@@ -153,7 +155,11 @@ mod tests {
 
     #[test]
     fn faults_of_a_configuration_control_no_terminal() {
-        for text in ["\u{9b}2J = 3", "\"\\u001b[2J\" = 3", "nodes = \"\u{1b}]0;owned\u{7}\""] {
+        for text in [
+            "\u{9b}2J = 3",
+            "\"\\u001b[2J\" = 3",
+            "nodes = \"\u{1b}]0;owned\u{7}\"",
+        ] {
             let sentence = fault(text.as_bytes());
             assert!(!sentence.contains(char::is_control), "{sentence:?}");
         }

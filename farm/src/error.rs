@@ -242,6 +242,9 @@ pub enum Error {
     /// The handshake took too long.
     #[error("the handshake timed out")]
     HandshakeTimeout,
+    /// A player opened the control stream and did not send the greeting.
+    #[error("the player sent no greeting")]
+    NoGreeting,
     /// A player connected and opened no control stream.
     #[error("the player opened no control stream")]
     NoControlStream,

@@ -79,7 +79,8 @@ pub fn decode_to_node(bytes: &[u8]) -> Result<ToNode, Error> {
         .validate()
         .map_err(|reason| Error::malformed(what, reason))?;
     match &message {
-        ToNode::Scene { hash, scene } if SceneHash::of(scene) != *hash => {
+        // What came is hashed, not what was read from it: a scene need not be encoded again.
+        ToNode::Scene { hash, .. } if blake3::hash(&bytes[SCENE_OFFSET..]) != hash.0 => {
             Err(Error::malformed(what, Reason::SceneHash))
         }
         _ => Ok(message),
@@ -114,6 +115,11 @@ pub fn request_of_tiles(bytes: &[u8]) -> Option<RequestId> {
     };
     let (request, _) = postcard::take_from_bytes(rest).ok()?;
     Some(request)
+}
+
+/// Whether `bytes` are a scene, from the first of them alone.
+pub fn is_scene(bytes: &[u8]) -> bool {
+    bytes.first() == Some(&SCENE_VARIANT)
 }
 
 /// Whether `bytes` are a trace request, from the first of them alone.
@@ -230,6 +236,8 @@ impl<'de> Flavor<'de> for BoundedSlice<'de> {
 const HELLO_VARIANT: u8 = 0;
 /// First byte of [`ToNode::Scene`].
 const SCENE_VARIANT: u8 = 1;
+/// Bytes of [`ToNode::Scene`] before the scene: the variant and the hash.
+const SCENE_OFFSET: usize = 1 + size_of::<SceneHash>();
 /// First byte of [`ToNode::Trace`].
 const TRACE_VARIANT: u8 = 2;
 /// First byte of [`ToClient::Tiles`].

@@ -183,6 +183,8 @@ pub enum Reason {
     NotForNodes,
     #[error("only requests have copies")]
     CopyOfNoRequest,
+    #[error("it differs from its copy")]
+    CopyDiffers,
     #[error("the node has not answered, or is at fault")]
     NotOpen,
     #[error("request {id} is not above the one before")]

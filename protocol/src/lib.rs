@@ -73,6 +73,6 @@ pub use message::{
 };
 pub use precision::{PixelPrecision, PrecisionRange};
 pub use session::{
-    Channel, ClientEvent, ClientSession, NodeEvent, NodeSession, Packet, SceneStatus,
+    Channel, ClientEvent, ClientSession, NodeEvent, NodeSession, Packet, ReceivedScene, SceneStatus,
 };
 pub use tile_codec::TilePixels;

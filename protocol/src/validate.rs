@@ -189,7 +189,11 @@ fn text(what: &'static str, text: &str, bytes_max: usize) -> Check {
         return Ok(());
     }
     let bytes = text.len();
-    Err(Reason::Text { what, bytes, bytes_max })
+    Err(Reason::Text {
+        what,
+        bytes,
+        bytes_max,
+    })
 }
 
 fn at_most(what: &'static str, count: usize, max: usize) -> Check {

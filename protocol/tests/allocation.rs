@@ -110,6 +110,23 @@ fn announced_pose_count_reserves_no_memory() {
 }
 
 #[test]
+fn a_scene_is_counted_while_it_is_read() {
+    // Variant, hash, camera and environment; then a million materials with names of three bytes.
+    let start = [&[1][..], &[0; 32], &[0; 40], &[0; 12]].concat();
+    let material = |index: u32| {
+        let [a, b, c, _] = index.to_le_bytes().map(|byte| byte & 0x7f);
+        [&[3, a, b, c, 0][..], &[0; 12]].concat()
+    };
+    let materials: Vec<u8> = (0..1 << 20)
+        .map(|index| (index & 0x7f) | (index & 0x3f80) << 1 | (index & 0x1f_c000) << 2)
+        .flat_map(material)
+        .collect();
+    let scene = [&start[..], &[0x80, 0x80, 0x40], &materials].concat();
+    let spent = allocated(|| assert!(decode_to_node(&scene).is_err()));
+    assert!((1 << 14..1 << 20).contains(&spent), "{spent} bytes");
+}
+
+#[test]
 fn zstd_memory_is_bounded_by_request() {
     let (x, y, width, height) = (0, 0, 32, 32);
     let tiles = [Tile {

@@ -162,7 +162,17 @@ impl TileGrid {
 
     /// Number of pixels in a run's tiles.
     pub fn pixels(self, run: TileRange) -> usize {
-        self.tiles(run).map(Tile::pixels).sum()
+        self.pixels_before(run.end()) - self.pixels_before(run.first)
+    }
+
+    /// Pixels of the tiles below `index`: whole rows of tiles, and the beginning of one.
+    fn pixels_before(self, index: u32) -> usize {
+        let (columns, edge) = (self.columns().max(1), u32::from(self.edge));
+        let (row, column) = (index / columns, index % columns);
+        let top = row.saturating_mul(edge).min(self.size.height);
+        let height = edge.min(self.size.height - top);
+        let width = column.saturating_mul(edge).min(self.size.width);
+        top as usize * self.size.width as usize + width as usize * height as usize
     }
 }
 
@@ -203,6 +213,18 @@ mod tests {
             }
         }
         assert!(seen.iter().all(|&count| count == 1));
+    }
+
+    #[test]
+    fn a_run_has_the_pixels_of_its_tiles() {
+        let grid = TileGrid::new(ImageSize::new(101, 67), 32);
+        for first in 0..grid.len() {
+            for count in 0..=grid.len() - first {
+                let run = TileRange { first, count };
+                let pixels: usize = grid.tiles(run).map(Tile::pixels).sum();
+                assert_eq!(grid.pixels(run), pixels, "{run:?}");
+            }
+        }
     }
 
     #[test]

@@ -9,8 +9,8 @@ use std::task::{Context, Poll};
 use carom_farm::NodeState;
 use carom_farm::net::{Credentials, NodeServer, PacketHandler, Role, ServerEvent, StopHandle};
 use carom_farm::node::{Node, NodeConnection};
-use carom_protocol::session::Packet;
-use carom_protocol::{RequestId, ToNode, codec};
+use carom_protocol::session::{Packet, ReceivedScene};
+use carom_protocol::{RequestId, codec};
 
 use crate::commands::{Failure, inputs};
 use carom_farm::backend::NodeBackend;
@@ -131,16 +131,9 @@ impl LoggedConnection {
 
 impl PacketHandler for LoggedConnection {
     fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error> {
-        let message = codec::decode_to_node(&packet.bytes);
-        let is_scene = matches!(message, Ok(ToNode::Scene { .. }));
-        if is_scene {
-            self.set_state(NodeState::Syncing { percent: 100 });
-        }
+        let is_trace = codec::is_trace(&packet.bytes);
         self.connection.handle(packet)?;
-        if is_scene {
-            self.set_state(NodeState::Ready);
-        }
-        if matches!(message, Ok(ToNode::Trace(_))) {
+        if is_trace {
             self.set_state(NodeState::Rendering);
         }
         let device = self.node.info().device.name;
@@ -149,6 +142,16 @@ impl PacketHandler for LoggedConnection {
             print_line(&format!("{rendering} with {device} for {}", self.player));
             self.device = device;
         }
+        Ok(())
+    }
+
+    fn handle_scene(
+        &mut self,
+        scene: Result<ReceivedScene, carom_protocol::Error>,
+    ) -> Result<(), carom_protocol::Error> {
+        self.set_state(NodeState::Syncing { percent: 100 });
+        self.connection.handle_scene(scene)?;
+        self.set_state(NodeState::Ready);
         Ok(())
     }
 

@@ -6,11 +6,11 @@
 use std::collections::VecDeque;
 use std::future::poll_fn;
 use std::task::{Context, Poll};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use carom_protocol::framing::{self, Deframer};
 use carom_protocol::limits;
-use carom_protocol::session::{Channel, Packet};
+use carom_protocol::session::{Channel, Packet, ReceivedScene};
 use carom_protocol::{RequestId, codec};
 use quinn::{Connection, ConnectionError, ReadError, RecvStream, SendStream};
 use rustls::pki_types::CertificateDer;
@@ -19,9 +19,11 @@ use tokio::task::JoinSet;
 
 use crate::Error;
 use crate::net::connection_event::{Arrival, ConnectionEnd};
+use crate::net::endpoint::HANDSHAKE_TIMEOUT;
 use crate::net::fec::datagram::Datagram;
 use crate::net::peer::Role;
 use crate::net::tile_transport::{Nack, TileReceiver, TileSender, TileTransport};
+use crate::net::token_bucket::TokenBucket;
 use crate::net::{close_code, congestion, connection_error};
 
 /// A session and its owner, as the driver of their connection sees them.
@@ -31,6 +33,17 @@ pub trait PacketHandler {
     /// # Errors
     /// The rule that the other side broke.
     fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error>;
+
+    /// Handles a scene, which comes instead of its packet.
+    ///
+    /// # Errors
+    /// The rule that the other side broke.
+    fn handle_scene(
+        &mut self,
+        scene: Result<ReceivedScene, carom_protocol::Error>,
+    ) -> Result<(), carom_protocol::Error> {
+        scene.map(drop)
+    }
 
     /// Passes on the events of the packets that have been handled.
     fn flush(&mut self) {}
@@ -85,6 +98,14 @@ const NACKS_MAX: usize = 64;
 const REQUEST_COPY_DELAY: Duration = Duration::from_millis(3);
 /// Bytes that are read from the control stream at once.
 const CHUNK_BYTES_MAX: usize = 64 << 10;
+/// Bytes of a player's control stream that a node reads at once, and each second: a full cache of
+/// large scenes, then one in three seconds.
+const CONTROL_BYTES_BURST: f64 = (limits::SCENES_KEPT_MAX * limits::SCENE_BYTES_MAX) as f64;
+const CONTROL_BYTES_PER_SEC: f64 = 8e6;
+/// Packets likewise. A player at 60 frames a second that asks for each frame in 16 parts, and again
+/// for half of them, sends 1,500; a packet costs the network thread some 10 µs.
+const PACKETS_BURST: f64 = 8192.0;
+const PACKETS_PER_SEC: f64 = 2048.0;
 /// Reports of a scene's progress.
 const SCENE_REPORTS_MAX: usize = 16;
 /// Control packets leave before tiles.
@@ -137,7 +158,7 @@ impl ConnectionDriver {
         let cancelled = watch::Sender::default();
         let (transport_sender, transport) = watch::channel(TileTransport::default());
         let mut tasks = JoinSet::new();
-        tasks.spawn(read_control(receive, role, to_session.clone()));
+        tasks.spawn(ControlReader::new(role, to_session.clone()).run(receive));
         if role == Role::Player {
             let receiver = TileReceiver::new(connection.clone(), to_session, transport_sender);
             tasks.spawn(receiver.run());
@@ -216,6 +237,7 @@ impl ConnectionDriver {
     ) -> Result<(), carom_protocol::Error> {
         match arrival {
             Arrival::Packet(packet) => handler.handle(packet)?,
+            Arrival::Scene(scene) => handler.handle_scene(scene)?,
             Arrival::SceneProgress {
                 received_bytes,
                 total_bytes,
@@ -271,56 +293,121 @@ impl ConnectionDriver {
     }
 }
 
-async fn read_control(
-    mut stream: RecvStream,
+/// Reads the control stream of a peer.
+struct ControlReader {
     role: Role,
+    deframer: Deframer,
     to_session: mpsc::Sender<Arrival>,
-) -> ConnectionEnd {
-    let mut reported_bytes = 0;
-    let mut deframer = Deframer::new(match role {
-        Role::Player => limits::CONTROL_BYTES_MAX,
-        Role::Node => limits::SCENE_BYTES_MAX,
-    });
-    loop {
-        match stream.read_chunk(CHUNK_BYTES_MAX, true).await {
-            Ok(Some(chunk)) => deframer.push(&chunk.bytes),
-            Ok(None) | Err(ReadError::Reset(_)) => {
-                return ConnectionEnd::Violation(Error::ControlStreamEnded);
-            }
-            Err(ReadError::ConnectionLost(error)) => return ConnectionEnd::Lost(error),
-            Err(error) => {
-                return ConnectionEnd::Violation(Error::Stream {
-                    content: "control messages",
-                    reason: error.to_string(),
-                });
-            }
+    /// Whether the first packet has come.
+    greeted: bool,
+    reported_bytes: usize,
+    bytes: TokenBucket,
+    packets: TokenBucket,
+}
+
+impl ControlReader {
+    fn new(role: Role, to_session: mpsc::Sender<Arrival>) -> Self {
+        let now = Instant::now();
+        let packet_bytes_max = match role {
+            Role::Player => limits::CONTROL_BYTES_MAX,
+            Role::Node => limits::SCENE_BYTES_MAX,
+        };
+        Self {
+            role,
+            deframer: Deframer::new(packet_bytes_max),
+            to_session,
+            greeted: false,
+            reported_bytes: 0,
+            bytes: TokenBucket::new(now, CONTROL_BYTES_BURST, CONTROL_BYTES_PER_SEC),
+            packets: TokenBucket::new(now, PACKETS_BURST, PACKETS_PER_SEC),
         }
+    }
+
+    /// Reads until the stream ends. What comes faster than allowed is read later, so that flow
+    /// control slows the peer down.
+    async fn run(mut self, mut stream: RecvStream) -> ConnectionEnd {
+        let greeting_due = tokio::time::Instant::now() + HANDSHAKE_TIMEOUT;
         loop {
-            let bytes = match deframer.next_packet() {
-                Ok(Some(bytes)) => bytes,
-                Ok(None) => break,
-                Err(error) => return ConnectionEnd::Violation(error.into()),
+            let read = stream.read_chunk(CHUNK_BYTES_MAX, true);
+            let read = match self.greeted || self.role == Role::Player {
+                true => read.await,
+                // Keep-alives alone must not hold a place.
+                false => match tokio::time::timeout_at(greeting_due, read).await {
+                    Ok(read) => read,
+                    Err(_) => return ConnectionEnd::Violation(Error::NoGreeting),
+                },
             };
-            let channel = Channel::Control;
-            let packet = Arrival::Packet(Packet::new(channel, bytes));
-            if to_session.send(packet).await.is_err() {
-                return ConnectionEnd::Lost(ConnectionError::LocallyClosed);
+            let chunk = match read {
+                Ok(Some(chunk)) => chunk.bytes,
+                Ok(None) | Err(ReadError::Reset(_)) => {
+                    return ConnectionEnd::Violation(Error::ControlStreamEnded);
+                }
+                Err(ReadError::ConnectionLost(error)) => return ConnectionEnd::Lost(error),
+                Err(error) => {
+                    return ConnectionEnd::Violation(Error::Stream {
+                        content: "control messages",
+                        reason: error.to_string(),
+                    });
+                }
+            };
+            self.deframer.push(&chunk);
+            if let Err(end) = self.deliver().await {
+                return end;
             }
-            reported_bytes = 0;
+            pause(self.bytes.take(Instant::now(), chunk.len() as f64)).await;
+        }
+    }
+
+    /// Delivers the packets that are whole, and the progress of a scene.
+    async fn deliver(&mut self) -> Result<(), ConnectionEnd> {
+        let violation = |error: carom_protocol::Error| ConnectionEnd::Violation(error.into());
+        while let Some(bytes) = self.deframer.next_packet().map_err(violation)? {
+            let arrival = match self.role {
+                Role::Node if self.greeted && codec::is_scene(&bytes) => {
+                    decode_scene(bytes).await?
+                }
+                _ => Arrival::Packet(Packet::new(Channel::Control, bytes)),
+            };
+            self.greeted = true;
+            self.reported_bytes = 0;
+            if self.to_session.send(arrival).await.is_err() {
+                return Err(ConnectionEnd::Lost(ConnectionError::LocallyClosed));
+            }
+            if self.role == Role::Node {
+                pause(self.packets.take(Instant::now(), 1.0)).await;
+            }
         }
         // Only scenes are longer than this.
         let is_scene = |(_, total): &(usize, usize)| *total > limits::CONTROL_BYTES_MAX;
-        if let Some((received_bytes, total_bytes)) = deframer.under_way().filter(is_scene)
-            && received_bytes >= reported_bytes + total_bytes.div_ceil(SCENE_REPORTS_MAX)
+        if let Some((received_bytes, total_bytes)) = self.deframer.under_way().filter(is_scene)
+            && received_bytes >= self.reported_bytes + total_bytes.div_ceil(SCENE_REPORTS_MAX)
         {
-            reported_bytes = received_bytes;
+            self.reported_bytes = received_bytes;
             // Should the session have ended, the next packet shows it.
             let progress = Arrival::SceneProgress {
                 received_bytes,
                 total_bytes,
             };
-            let _ = to_session.send(progress).await;
+            let _ = self.to_session.send(progress).await;
         }
+        Ok(())
+    }
+}
+
+/// Decodes a scene on a thread of its own: this one serves other players, too. One at a time for a
+/// connection, as its stream is not read meanwhile.
+async fn decode_scene(packet: Vec<u8>) -> Result<Arrival, ConnectionEnd> {
+    let decoded = tokio::task::spawn_blocking(move || ReceivedScene::decode(&packet)).await;
+    decoded.map(Arrival::Scene).map_err(|panic| {
+        ConnectionEnd::Violation(Error::Task {
+            reason: panic.to_string(),
+        })
+    })
+}
+
+async fn pause(duration: Duration) {
+    if !duration.is_zero() {
+        tokio::time::sleep(duration).await;
     }
 }
 
@@ -335,13 +422,16 @@ async fn write_control(mut stream: SendStream, mut packets: mpsc::Receiver<Vec<u
     let _ = stream.stopped().await;
 }
 
-/// Reads a player's datagrams: NACKs and copies of requests.
+/// Reads a player's datagrams: NACKs and copies of requests. Those that come faster than allowed
+/// are dropped by QUIC's bounded queue.
 async fn read_datagrams(
     connection: Connection,
     to_session: mpsc::Sender<Arrival>,
     nacks: mpsc::Sender<Nack>,
 ) -> ConnectionEnd {
+    let mut packets = TokenBucket::new(Instant::now(), PACKETS_BURST, PACKETS_PER_SEC);
     loop {
+        pause(packets.take(Instant::now(), 1.0)).await;
         let bytes = match connection.read_datagram().await {
             Ok(bytes) => bytes,
             Err(error) => return ConnectionEnd::Lost(error),

@@ -8,7 +8,7 @@ use std::task::{Context, Poll};
 use std::time::Duration;
 
 use carom_protocol::RequestId;
-use carom_protocol::session::Packet;
+use carom_protocol::session::{Packet, ReceivedScene};
 use tokio::runtime::Runtime;
 use tokio::sync::Notify;
 
@@ -253,6 +253,13 @@ fn ended(player: SocketAddr, error: &Error) -> ServerEvent {
 impl PacketHandler for NodeConnection {
     fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error> {
         Self::handle(self, packet)
+    }
+
+    fn handle_scene(
+        &mut self,
+        scene: Result<ReceivedScene, carom_protocol::Error>,
+    ) -> Result<(), carom_protocol::Error> {
+        Self::handle_scene(self, scene)
     }
 
     fn on_scene_progress(&mut self, received_bytes: usize, _total_bytes: usize) {

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::task::{Context, Poll};
 use std::time::Instant;
 
-use carom_protocol::session::{NodeEvent, Packet};
+use carom_protocol::session::{NodeEvent, Packet, ReceivedScene};
 use carom_protocol::{NodeInfo, RequestId};
 
 use super::client_connection::{ClientConnection, STALL_TIMEOUT, TileSharing};
@@ -29,15 +29,32 @@ impl NodeConnection {
     /// The rule that the client broke: send what [`NodeConnection::poll_transmit`] still hands out,
     /// and close.
     pub fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error> {
-        let mut state = self.client.lock();
-        match state.session.handle(packet)? {
+        let event = self.client.lock().session.handle(packet)?;
+        self.on_event(event);
+        Ok(())
+    }
+
+    /// Handles a scene from the client that has been decoded already.
+    ///
+    /// # Errors
+    /// As [`NodeConnection::handle`].
+    pub fn handle_scene(
+        &mut self,
+        scene: Result<ReceivedScene, carom_protocol::Error>,
+    ) -> Result<(), carom_protocol::Error> {
+        let event = self.client.lock().session.handle_scene(scene)?;
+        self.on_event(event);
+        Ok(())
+    }
+
+    fn on_event(&self, event: Option<NodeEvent>) {
+        match event {
             // The session keeps scenes; they are compiled when they are first drawn.
             None | Some(NodeEvent::Scene { .. }) => {}
             Some(NodeEvent::Trace { request, scene }) => {
                 let cancelled = Arc::new(AtomicBool::new(false));
-                state.cancelled.insert(request.id, Arc::clone(&cancelled));
-                // The queue's lock is never taken under this one.
-                drop(state);
+                let flag = Arc::clone(&cancelled);
+                self.client.lock().cancelled.insert(request.id, flag);
                 self.queue.push(NodeJob {
                     client: Arc::clone(&self.client),
                     request,
@@ -47,6 +64,7 @@ impl NodeConnection {
                 });
             }
             Some(NodeEvent::Cancelled(requests)) => {
+                let mut state = self.client.lock();
                 for request in requests {
                     if let Some(flag) = state.cancelled.remove(&request) {
                         flag.store(true, Ordering::Relaxed);
@@ -57,7 +75,6 @@ impl NodeConnection {
                 self.queue.drop_cancelled();
             }
         }
-        Ok(())
     }
 
     /// Handles the arrival of a part of a scene: of so many bytes until now.

@@ -129,6 +129,19 @@ fn players_get_one_stream_and_no_tile_datagrams() {
 }
 
 #[test]
+fn a_player_that_does_not_greet_loses_its_place() {
+    let farm = Authority::generate().unwrap();
+    let node = Greeter::start(&farm);
+    let player = farm.issue(Role::Player, "player", today()).unwrap();
+    // The first bytes of a greeting, whose end never comes.
+    let why = intrude(node.address, tls(Some(&player), b"carom/1"), &hello()[..2]);
+    let ConnectionError::ApplicationClosed(close) = why else {
+        panic!("{why:?}");
+    };
+    assert_eq!(close.reason, "the player sent no greeting");
+}
+
+#[test]
 fn a_full_node_refuses_with_its_reason() {
     let farm = Authority::generate().unwrap();
     let node = Greeter::start(&farm);

@@ -23,7 +23,7 @@ mod requests;
 mod scenes;
 
 pub use client::{ClientEvent, ClientSession, SceneStatus};
-pub use node::{NodeEvent, NodeSession};
+pub use node::{NodeEvent, NodeSession, ReceivedScene};
 pub use reference_tiles::{References, SentReferences};
 
 use crate::tile_codec::TilePixels;

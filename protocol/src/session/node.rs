@@ -1,6 +1,6 @@
 //! Session of a node: its end of a connection.
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 use carom_tracer::text::printable;
@@ -43,6 +43,48 @@ pub enum NodeEvent {
     Cancelled(Vec<RequestId>),
 }
 
+/// A scene message, decoded and checked. For a large scene that takes a good part of a second, so a
+/// transport may do it on another thread, once there has been a greeting.
+#[derive(Debug)]
+pub struct ReceivedScene {
+    hash: SceneHash,
+    /// The scene, or a sentence for its sender.
+    scene: Result<Arc<Scene>, String>,
+}
+
+impl ReceivedScene {
+    /// The scene of a control packet that [`codec::is_scene`].
+    ///
+    /// # Errors
+    /// As [`codec::decode_to_node`].
+    pub fn decode(packet: &[u8]) -> Result<Self, Error> {
+        match codec::decode_to_node(packet)? {
+            ToNode::Scene { hash, scene } => Ok(Self::new(hash, *scene)),
+            message => {
+                let what = codec::to_node_kind(&message);
+                Err(Error::malformed(what, Reason::UnknownMessage))
+            }
+        }
+    }
+
+    fn new(hash: SceneHash, scene: Scene) -> Self {
+        let scene = match scene.validate() {
+            Ok(()) => Ok(Arc::new(scene)),
+            Err(error) => Err(printable(&error.to_string(), SENTENCE_BYTES_MAX)),
+        };
+        Self { hash, scene }
+    }
+}
+
+/// A request that a copy has begun and whose control packet has not come.
+#[derive(Debug)]
+struct CopiedRequest {
+    /// BLAKE3 of the copy: the packet must be the same.
+    digest: blake3::Hash,
+    /// Whether a cancellation has stopped it.
+    stopped: bool,
+}
+
 /// The node's end of a connection: see [`crate::session`].
 #[derive(Debug)]
 pub struct NodeSession {
@@ -54,7 +96,7 @@ pub struct NodeSession {
     /// Of the requests that have come in order.
     last_request: Option<RequestId>,
     /// Requests above it that have been begun by a copy, at most [`REQUESTS_QUEUED_MAX`].
-    begun: BTreeSet<RequestId>,
+    begun: BTreeMap<RequestId, CopiedRequest>,
     /// The last [`REQUESTS_REFUSED_KEPT`] requests that were answered in full: their tiles may be under way.
     answered: VecDeque<(RequestId, AcceptedRequest)>,
     /// Of both, those cancelled since the transport last asked.
@@ -112,7 +154,7 @@ impl NodeSession {
             scenes: SceneCache::new(),
             requests: BTreeMap::new(),
             last_request: None,
-            begun: BTreeSet::new(),
+            begun: BTreeMap::new(),
             answered: VecDeque::new(),
             unwanted: Vec::new(),
             control_queue: VecDeque::new(),
@@ -131,6 +173,28 @@ impl NodeSession {
     /// sends what is queued, so that a client of another version learns of it, and closes.
     pub fn handle(&mut self, packet: Packet) -> Result<Option<NodeEvent>, Error> {
         let event = self.try_handle(packet);
+        if event.is_err() {
+            self.state = SessionState::Closed;
+        }
+        event
+    }
+
+    /// Takes a scene packet that has been decoded elsewhere.
+    ///
+    /// # Errors
+    /// As [`NodeSession::handle`].
+    pub fn handle_scene(
+        &mut self,
+        scene: Result<ReceivedScene, Error>,
+    ) -> Result<Option<NodeEvent>, Error> {
+        let event = match self.state {
+            SessionState::Open => scene.and_then(|scene| {
+                self.check_answers_are_read("scene")?;
+                Ok(self.keep(scene))
+            }),
+            SessionState::New => Err(Error::out_of_order("scene", HELLO_FIRST)),
+            SessionState::Closed => Err(Error::out_of_order("scene", Reason::SessionClosed)),
+        };
         if event.is_err() {
             self.state = SessionState::Closed;
         }
@@ -298,10 +362,7 @@ impl NodeSession {
         }
         // Nothing else is looked at, or anything allocated for it, before the greeting.
         if self.state == SessionState::New && !codec::is_hello(&packet.bytes) {
-            return Err(Error::out_of_order(
-                "message",
-                Reason::NotFirst { first: "Hello" },
-            ));
+            return Err(Error::out_of_order("message", HELLO_FIRST));
         }
         let message = codec::decode_to_node(&packet.bytes);
         if matches!(
@@ -311,14 +372,11 @@ impl NodeSession {
             self.welcome()?;
         }
         let message = message?;
-        if self.control_queue.len() >= CONTROL_QUEUED_MAX {
-            let what = codec::to_node_kind(&message);
-            return Err(Error::out_of_order(what, Reason::AnswersUnread));
-        }
+        self.check_answers_are_read(codec::to_node_kind(&message))?;
         match message {
             ToNode::Hello { .. } => Ok(None),
-            ToNode::Scene { hash, scene } => Ok(self.keep(hash, *scene)),
-            ToNode::Trace(request) => self.queue(request),
+            ToNode::Scene { hash, scene } => Ok(self.keep(ReceivedScene::new(hash, *scene))),
+            ToNode::Trace(request) => self.queue(request, &packet.bytes),
             ToNode::CancelBefore(frame) => Ok(self.cancel(|_, request| request.frame < frame)),
             ToNode::CancelRequest(cancelled) => Ok(self.cancel(|request, _| request == cancelled)),
             ToNode::Ping(number) => {
@@ -341,29 +399,50 @@ impl NodeSession {
         Ok(())
     }
 
-    fn keep(&mut self, hash: SceneHash, scene: Scene) -> Option<NodeEvent> {
-        if let Err(error) = scene.validate() {
-            let why = printable(&error.to_string(), SENTENCE_BYTES_MAX);
-            self.send(&ToClient::SceneRefused { hash, why });
-            return None;
+    fn check_answers_are_read(&self, what: &'static str) -> Result<(), Error> {
+        match self.control_queue.len() {
+            0..CONTROL_QUEUED_MAX => Ok(()),
+            _ => Err(Error::out_of_order(what, Reason::AnswersUnread)),
         }
-        let scene = Arc::new(scene);
+    }
+
+    fn keep(&mut self, received: ReceivedScene) -> Option<NodeEvent> {
+        let hash = received.hash;
+        let scene = match received.scene {
+            Ok(scene) => scene,
+            Err(why) => {
+                self.send(&ToClient::SceneRefused { hash, why });
+                return None;
+            }
+        };
         self.scenes.insert(hash, Arc::clone(&scene));
         self.send(&ToClient::SceneReady(hash));
         Some(NodeEvent::Scene { hash, scene })
     }
 
-    fn queue(&mut self, request: Box<TraceRequest>) -> Result<Option<NodeEvent>, Error> {
+    fn queue(
+        &mut self,
+        request: Box<TraceRequest>,
+        packet: &[u8],
+    ) -> Result<Option<NodeEvent>, Error> {
         let id = request.id;
         if self.last_request.is_some_and(|last| id <= last) {
             let reason = Reason::RequestNotAbove { id: id.0 };
             return Err(Error::out_of_order("trace request", reason));
         }
         self.last_request = Some(id);
-        let begun = self.begun.remove(&id);
+        let copy = self.begun.remove(&id);
+        if copy
+            .as_ref()
+            .is_some_and(|copy| copy.digest != blake3::hash(packet))
+        {
+            return Err(Error::out_of_order("trace request", Reason::CopyDiffers));
+        }
         // First the scene is used, then the request may be refused: the client does the same.
         let refusal = match self.scenes.touch(request.scene) {
-            _ if begun => return Ok(None),
+            // To be asked for again: some of its tiles may have been sent.
+            _ if copy.as_ref().is_some_and(|copy| copy.stopped) => RefusalReason::Busy,
+            _ if copy.is_some() => return Ok(None),
             None => RefusalReason::UnknownScene,
             Some(_) if self.requests.len() >= REQUESTS_QUEUED_MAX => RefusalReason::Busy,
             Some(scene) => match check_fit(scene, &request.update) {
@@ -390,7 +469,7 @@ impl NodeSession {
             return Err(Error::out_of_order(what, Reason::CopyOfNoRequest));
         };
         let id = request.id;
-        let come = self.last_request.is_some_and(|last| id <= last) || self.begun.contains(&id);
+        let come = self.last_request.is_some_and(|last| id <= last) || self.begun.contains_key(&id);
         let full = self.requests.len().max(self.begun.len()) >= REQUESTS_QUEUED_MAX;
         let scene = self.scenes.peek(request.scene);
         let fits = |scene: &&Arc<Scene>| check_fit(scene, &request.update).is_ok();
@@ -398,21 +477,22 @@ impl NodeSession {
             return Ok(None);
         };
         let scene = Arc::clone(scene);
-        self.begun.insert(id);
+        let copy = CopiedRequest {
+            digest: blake3::hash(bytes),
+            stopped: false,
+        };
+        self.begun.insert(id, copy);
         self.requests.insert(id, AcceptedRequest::new(&request));
         Ok(Some(NodeEvent::Trace { request, scene }))
     }
 
-    /// Refuses the requests that `unwanted` chooses and drops their results that still wait.
+    /// Refuses the requests that `unwanted` chooses and drops their results that still wait. Those
+    /// that a copy has begun are stopped, and refused when their control packet comes: it may have
+    /// been sent after this cancellation.
     fn cancel(
         &mut self,
         unwanted: impl Fn(RequestId, &AcceptedRequest) -> bool,
     ) -> Option<NodeEvent> {
-        // A request that a copy has begun was sent after this cancellation.
-        let begun = &self.begun;
-        let unwanted = |request: RequestId, state: &AcceptedRequest| {
-            !begun.contains(&request) && unwanted(request, state)
-        };
         let cancelled: Vec<RequestId> = self
             .requests
             .extract_if(.., |request, state| unwanted(*request, state))
@@ -420,7 +500,7 @@ impl NodeSession {
             .collect();
         self.unwanted.extend(&cancelled);
         self.answered.retain(|(request, state)| {
-            let dropped = unwanted(*request, state);
+            let dropped = !self.begun.contains_key(request) && unwanted(*request, state);
             self.unwanted.extend(dropped.then_some(*request));
             !dropped
         });
@@ -431,7 +511,10 @@ impl NodeSession {
         }
         self.drop_results(&cancelled);
         for request in &cancelled {
-            self.send_refusal(*request, RefusalReason::Cancelled);
+            match self.begun.get_mut(request) {
+                Some(copy) => copy.stopped = true,
+                None => self.send_refusal(*request, RefusalReason::Cancelled),
+            }
         }
         Some(NodeEvent::Cancelled(cancelled))
     }
@@ -504,6 +587,8 @@ impl NodeSession {
         self.control_queue.push_back(bytes);
     }
 }
+
+const HELLO_FIRST: Reason = Reason::NotFirst { first: "Hello" };
 
 /// Whether each pose names a ball of the scene.
 fn check_fit(scene: &Scene, update: &SceneUpdate) -> Result<(), Reason> {

@@ -6,8 +6,8 @@ use carom_protocol::message::VERSION;
 use carom_protocol::tile_codec::Encoder;
 use carom_protocol::{
     Channel, ClientEvent, ClientSession, Error, FrameId, NodeEvent, NodeSession, Packet,
-    PixelFormat, Refusal, RefusalReason, RequestId, RequestReport, SceneHash, TilesDone, ToClient,
-    ToNode, TraceRequest,
+    PixelFormat, ReceivedScene, Refusal, RefusalReason, RequestId, RequestReport, SceneHash,
+    TilesDone, ToClient, ToNode, TraceRequest,
 };
 use carom_tracer::{
     ImageSize, ObjectPose, RenderSettings, Scene, SceneUpdate, Tile, TileGrid, TileRange,
@@ -134,7 +134,10 @@ fn text_with_control_characters_is_refused() {
         }
     }
     let why = RefusalReason::Device("evil".into());
-    let refusal = Refusal { request: RequestId(5), why };
+    let refusal = Refusal {
+        request: RequestId(5),
+        why,
+    };
     let hostile = with_text(&ToClient::RequestRefused(refusal), b"\x1b");
     assert_closes(waiting_client(), [hostile]);
 }
@@ -445,6 +448,73 @@ fn full_queue_refuses_as_busy() {
         ask(&mut node, request(&scene, next)).is_err(),
         "a request used twice"
     );
+}
+
+fn copy_of(request: TraceRequest) -> Packet {
+    let packet = to_node(&ToNode::Trace(Box::new(request)));
+    Packet::new(Channel::Copy, packet.bytes)
+}
+
+#[test]
+fn a_copys_request_obeys_cancellations() {
+    let (mut node, scene) = open_node();
+    for (id, cancel) in [
+        (1, ToNode::CancelBefore(FrameId(9))),
+        (2, ToNode::CancelRequest(RequestId(2))),
+    ] {
+        let begun = node.handle(copy_of(request(&scene, id)));
+        assert!(matches!(begun, Ok(Some(NodeEvent::Trace { .. }))));
+        let stopped = node.handle(to_node(&cancel)).unwrap();
+        assert_eq!(stopped, Some(NodeEvent::Cancelled(vec![RequestId(id)])));
+        assert_eq!(node.open_requests(), 0);
+        // The copy comes again, then the packet: it may have been sent after the cancellation.
+        assert_eq!(node.handle(copy_of(request(&scene, id))), Ok(None));
+        assert_eq!(ask(&mut node, request(&scene, id)), Ok(None));
+        let refusal = Refusal {
+            request: RequestId(id),
+            why: RefusalReason::Busy,
+        };
+        assert_eq!(answer(&mut node), Some(ToClient::RequestRefused(refusal)));
+    }
+}
+
+#[test]
+fn a_packet_equals_its_copy() {
+    let (mut node, scene) = open_node();
+    node.handle(copy_of(request(&scene, 1))).unwrap();
+    assert_eq!(ask(&mut node, request(&scene, 1)), Ok(None));
+    node.handle(copy_of(request(&scene, 2))).unwrap();
+    let other = TraceRequest {
+        frame: FrameId(77),
+        ..request(&scene, 2)
+    };
+    let error = ask(&mut node, other).unwrap_err();
+    assert!(
+        error.to_string().contains("differs from its copy"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_scene_decoded_elsewhere_counts_like_its_packet() {
+    let (mut node, mut scene) = open_node();
+    scene.objects[0].name = "another".into();
+    let hash = SceneHash::of(&scene);
+    let bytes = to_node(&ToNode::Scene {
+        hash,
+        scene: Box::new(scene),
+    })
+    .bytes;
+    let mut stranger = NodeSession::new(any::node_info("near"));
+    let greeted_late = stranger.handle_scene(ReceivedScene::decode(&bytes));
+    assert!(greeted_late.is_err());
+    let kept = node.handle_scene(ReceivedScene::decode(&bytes)).unwrap();
+    assert!(matches!(kept, Some(NodeEvent::Scene { hash: kept, .. }) if kept == hash));
+    assert_eq!(answer(&mut node), Some(ToClient::SceneReady(hash)));
+    let mut altered = bytes;
+    *altered.last_mut().unwrap() ^= 1;
+    assert!(node.handle_scene(ReceivedScene::decode(&altered)).is_err());
+    assert!(node.handle(to_node(&ToNode::Ping(1))).is_err());
 }
 
 #[test]

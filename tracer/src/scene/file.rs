@@ -41,17 +41,14 @@
 //! # Ok::<(), carom_tracer::Error>(())
 //! ```
 
-use std::collections::BTreeMap;
-use std::fmt;
 use std::fs::{self, File};
 use std::io::{self, Read as _, Write};
 use std::path::Path;
 
-use serde::de::{Error as _, MapAccess, Visitor};
-use serde::{Deserializer, Serialize as _};
+use serde::Serialize as _;
 use serde_json::ser::{Formatter, PrettyFormatter, Serializer};
 
-use crate::scene::{Material, Scene};
+use crate::scene::Scene;
 use crate::{Error, SceneError};
 
 /// The longest scene file in bytes, more than a scene at every limit of [`super::validate`] takes if
@@ -136,34 +133,6 @@ fn parse_error(error: &serde_json::Error) -> Error {
         message: what.to_owned(),
         advice,
     })
-}
-
-/// Reads a map of materials and refuses a name that is given twice, where serde would keep the
-/// last one.
-pub(super) fn unique_materials<'de, D: Deserializer<'de>>(
-    deserializer: D,
-) -> Result<BTreeMap<String, Material>, D::Error> {
-    struct Unique;
-    impl<'de> Visitor<'de> for Unique {
-        type Value = BTreeMap<String, Material>;
-
-        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-            f.write_str("materials by name")
-        }
-
-        fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
-            let mut materials = BTreeMap::new();
-            while let Some((name, material)) = map.next_entry::<String, Material>()? {
-                if materials.contains_key(&name) {
-                    let twice = format!("the material `{name}` is given twice");
-                    return Err(A::Error::custom(twice));
-                }
-                materials.insert(name, material);
-            }
-            Ok(materials)
-        }
-    }
-    deserializer.deserialize_map(Unique)
 }
 
 /// At most one byte more than the limit, so that a device or a growing file cannot fill memory.
@@ -267,9 +236,11 @@ impl Formatter for Layout {
 mod tests {
     use glam::{Quat, Vec3};
 
+    use std::collections::BTreeMap;
+
     use super::*;
     use crate::scene::validate::OBJECTS_MAX;
-    use crate::scene::{Object, Shape};
+    use crate::scene::{Material, Object, Shape};
 
     const SCENE: &str = r#"{
         "camera": { "eye": [0, -2, 1], "target": [0, 0, 0], "up": [0, 0, 1], "fov_x_deg": 44 },

@@ -3,6 +3,7 @@
 //! Radiance and albedo are linear Rec. 709 triples. [`mod@file`] reads and writes scenes as JSON,
 //! [`validate`] holds the limits that every scene must keep.
 
+mod bounded;
 pub mod file;
 pub mod validate;
 
@@ -20,12 +21,13 @@ pub struct Scene {
     /// The light that rays find when they leave the scene.
     pub environment: Environment,
     /// Materials by name; [`Object::material`] refers to them.
-    #[serde(deserialize_with = "file::unique_materials")]
+    #[serde(deserialize_with = "bounded::materials")]
     pub materials: BTreeMap<String, Material>,
     /// Surfaces. Their index here is what [`ObjectPose::object`] names.
+    #[serde(deserialize_with = "bounded::objects")]
     pub objects: Vec<Object>,
     /// Rectangles that emit light and reflect none.
-    #[serde(default, alias = "lamps")]
+    #[serde(default, alias = "lamps", deserialize_with = "bounded::area_lights")]
     pub area_lights: Vec<AreaLight>,
 }
 
@@ -94,7 +96,7 @@ pub enum Shape {
         max: Vec3,
         /// What is taken away, at most [`validate::SUBTRACTIONS_MAX`]. Surfaces closer than
         /// [`validate::CSG_MARGIN_M`] to a subtraction count as within it.
-        #[serde(alias = "cuts")]
+        #[serde(alias = "cuts", deserialize_with = "bounded::subtractions")]
         subtractions: Vec<Subtraction>,
     },
     /// A round cone that is cut off at both ends: a cue.

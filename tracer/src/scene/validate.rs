@@ -545,7 +545,7 @@ fn name(name: &str) -> Check {
     })
 }
 
-fn count(what: &'static str, count: usize, max: usize) -> Check {
+pub(super) fn count(what: &'static str, count: usize, max: usize) -> Check {
     if count <= max {
         return Ok(());
     }

@@ -1,0 +1,51 @@
+//! Token bucket: bounds a mean rate and lets bursts through.
+
+use std::time::{Duration, Instant};
+
+/// A bucket that fills by `per_sec` up to `burst`.
+pub(crate) struct TokenBucket {
+    tokens: f64,
+    burst: f64,
+    per_sec: f64,
+    filled: Instant,
+}
+
+impl TokenBucket {
+    /// A full bucket.
+    pub(crate) const fn new(now: Instant, burst: f64, per_sec: f64) -> Self {
+        Self {
+            tokens: burst,
+            burst,
+            per_sec,
+            filled: now,
+        }
+    }
+
+    /// Takes tokens, and returns the pause until the bucket is no longer overdrawn.
+    pub(crate) fn take(&mut self, now: Instant, tokens: f64) -> Duration {
+        let filled = now.saturating_duration_since(self.filled).as_secs_f64() * self.per_sec;
+        self.filled = now;
+        self.tokens = (self.tokens + filled).min(self.burst) - tokens;
+        Duration::from_secs_f64((-self.tokens / self.per_sec).max(0.0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bucket_bounds_the_mean_rate_after_a_burst() {
+        let start = Instant::now();
+        let mut bucket = TokenBucket::new(start, 100.0, 10.0);
+        let mut now = start;
+        for _ in 0..300 {
+            now += bucket.take(now, 1.0);
+        }
+        let secs = now.duration_since(start).as_secs_f64();
+        assert!((19.9..20.1).contains(&secs), "{secs}");
+        now += Duration::from_secs(1000);
+        assert_eq!(bucket.take(now, 100.0), Duration::ZERO);
+        assert!(bucket.take(now, 1.0) > Duration::ZERO);
+    }
+}
