@@ -6,16 +6,15 @@
 
 use std::collections::VecDeque;
 use std::future::{Future, poll_fn};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::task::Poll;
 use std::time::{Duration, Instant};
 
 use carom_protocol::limits;
 use carom_protocol::session::{Channel, Packet};
 use carom_protocol::{RequestId, codec};
-use quinn::{
-    Connection, ConnectionError, ReadError, ReadToEndError, RecvStream, SendDatagramError,
-    WriteError,
-};
+use quinn::{Connection, ConnectionError, ReadError, RecvStream, SendDatagramError, WriteError};
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
 
@@ -292,6 +291,7 @@ impl TileReceiver {
     /// at once.
     pub(crate) async fn run(mut self) -> ConnectionEnd {
         let mut streams: JoinSet<StreamRead> = JoinSet::new();
+        let unfinished = Arc::new(AtomicUsize::new(0));
         loop {
             let rtt = self.connection.rtt();
             let timeout = self.decoder.nack_timeout(rtt);
@@ -299,7 +299,8 @@ impl TileReceiver {
             let packets = tokio::select! {
                 stream = self.connection.accept_uni() => match stream {
                     Ok(stream) => {
-                        let mut read = Box::pin(read_stream(stream));
+                        let tiles = UnfinishedTiles::new(Arc::clone(&unfinished));
+                        let mut read = Box::pin(read_stream(stream, tiles));
                         // Short streams have usually arrived whole: no task has to wake for them.
                         match poll_fn(|cx| Poll::Ready(read.as_mut().poll(cx))).await {
                             Poll::Ready(read) => self.on_read(read),
@@ -402,15 +403,55 @@ impl TileReceiver {
 /// The bytes of a stream; an error without an end if the node has cancelled the tiles.
 type StreamRead = Result<Vec<u8>, Option<ConnectionEnd>>;
 
-async fn read_stream(mut stream: RecvStream) -> StreamRead {
-    let bytes_max = limits::TILES_BYTES_MAX + RETRANSMISSION_HEADER_BYTES;
-    match stream.read_to_end(bytes_max).await {
-        Ok(bytes) => Ok(bytes),
-        Err(ReadToEndError::Read(ReadError::Reset(_))) => Err(None),
-        Err(ReadToEndError::Read(ReadError::ConnectionLost(error))) => {
-            Err(Some(ConnectionEnd::Lost(error)))
+/// Reads in order, into one buffer: a chunk that is kept as it came keeps its whole packet in memory.
+async fn read_stream(mut stream: RecvStream, mut tiles: UnfinishedTiles) -> StreamRead {
+    loop {
+        match stream.read_chunk(STREAM_BYTES_MAX, true).await {
+            Ok(Some(chunk)) => tiles
+                .push(&chunk.bytes)
+                .map_err(|rule| Some(violation(rule)))?,
+            Ok(None) => return Ok(std::mem::take(&mut tiles.bytes)),
+            Err(ReadError::Reset(_)) => return Err(None),
+            Err(ReadError::ConnectionLost(error)) => return Err(Some(ConnectionEnd::Lost(error))),
+            Err(error) => return Err(Some(broken(&error))),
         }
-        Err(error) => Err(Some(broken(&error))),
+    }
+}
+
+/// The bytes of a stream that has not ended, counted with those of the connection's other streams.
+struct UnfinishedTiles {
+    bytes: Vec<u8>,
+    counted: usize,
+    total: Arc<AtomicUsize>,
+}
+
+impl UnfinishedTiles {
+    const fn new(total: Arc<AtomicUsize>) -> Self {
+        let bytes = Vec::new();
+        Self {
+            bytes,
+            counted: 0,
+            total,
+        }
+    }
+
+    fn push(&mut self, bytes: &[u8]) -> Result<(), &'static str> {
+        self.counted += bytes.len();
+        let total = self.total.fetch_add(bytes.len(), Ordering::Relaxed) + bytes.len();
+        if self.counted > STREAM_BYTES_MAX {
+            return Err("a stream is longer than any tile message");
+        }
+        if total > UNFINISHED_BYTES_MAX {
+            return Err("more than 16 MiB are in streams that have not ended");
+        }
+        self.bytes.extend_from_slice(bytes);
+        Ok(())
+    }
+}
+
+impl Drop for UnfinishedTiles {
+    fn drop(&mut self) {
+        self.total.fetch_sub(self.counted, Ordering::Relaxed);
     }
 }
 
@@ -428,8 +469,34 @@ fn broken(error: &dyn std::fmt::Display) -> ConnectionEnd {
 /// The first byte of a stream with a packet that was lost as datagrams; no tile packet starts so.
 const RETRANSMISSION: u8 = 0xff;
 const RETRANSMISSION_HEADER_BYTES: usize = 10;
+const STREAM_BYTES_MAX: usize = limits::TILES_BYTES_MAX + RETRANSMISSION_HEADER_BYTES;
+/// Bytes in streams of one node that have not ended, four times what a node sends before it is
+/// acknowledged. Reading opens the window of flow control, which therefore does not bound them.
+const UNFINISHED_BYTES_MAX: usize = 16 << 20;
 /// The first byte of a stream with the number of the last block; no tile packet starts so.
 const LAST_BLOCK: u8 = 0xfe;
 /// Bytes buffered beyond the congestion window, which the bitrate control does not see and nobody
 /// can drop: enough to keep the window full, 6 ms of 25 Mbit/s.
 const SEND_BYTES_AHEAD: u64 = 16 << 10;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn unfinished_streams_share_one_budget() {
+        let total = Arc::new(AtomicUsize::new(0));
+        let open = || UnfinishedTiles::new(Arc::clone(&total));
+        let chunk = vec![0; 1 << 20];
+        let mut streams: Vec<UnfinishedTiles> = (0..16).map(|_| open()).collect();
+        for stream in &mut streams {
+            stream.push(&chunk).unwrap();
+        }
+        assert!(open().push(&[0]).is_err());
+        streams.pop();
+        open().push(&chunk).unwrap();
+        drop(streams);
+        assert_eq!(total.load(Ordering::Relaxed), 0);
+        assert!(open().push(&vec![0; STREAM_BYTES_MAX + 1]).is_err());
+    }
+}
