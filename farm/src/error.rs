@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use crate::config_fault::ConfigFault;
-use crate::net::peer::{CertificateFault, DisconnectReason, Role};
+use crate::net::peer::{CertificateFault, DisconnectReason, NoPlace, Role};
 use crate::node_status::NodeStatus;
 
 /// Errors of the public API. A node that fails is no error: its work goes elsewhere and
@@ -248,11 +248,11 @@ pub enum Error {
     /// A player connected and opened no control stream.
     #[error("the player opened no control stream")]
     NoControlStream,
-    /// A player was turned away because the node serves as many as it accepts.
-    #[error("refused: {players_max} players are already connected")]
+    /// A player was turned away because the node has no place for it.
+    #[error("refused: {reason}")]
     NodeFull {
-        /// Players that the node accepts.
-        players_max: usize,
+        /// The bound that it has reached.
+        reason: NoPlace,
     },
     /// The other side ended the connection, or is gone.
     #[error("the {peer} {reason}")]

@@ -8,7 +8,7 @@ use std::task::{Context, Poll};
 
 use carom_farm::NodeState;
 use carom_farm::net::{Credentials, NodeServer, PacketHandler, Role, ServerEvent, StopHandle};
-use carom_farm::node::{Node, NodeConnection};
+use carom_farm::node::{Node, NodeConnection, PlayerId};
 use carom_protocol::session::{Packet, ReceivedScene};
 use carom_protocol::{RequestId, codec};
 
@@ -55,7 +55,7 @@ pub(crate) fn run(args: &NodeArgs) -> Result<(), Failure> {
     server.keep_renewed(credentials, args.credentials.clone());
     server.serve(
         &stop,
-        move |player| LoggedConnection::new(&node, player),
+        move |id, player| LoggedConnection::new(&node, id, player),
         |event| match event {
             ServerEvent::Renewed { last_day } => {
                 print_line(&format!(
@@ -110,10 +110,10 @@ struct LoggedConnection {
 }
 
 impl LoggedConnection {
-    fn new(node: &Arc<Node>, player: SocketAddr) -> Self {
+    fn new(node: &Arc<Node>, id: PlayerId, player: SocketAddr) -> Self {
         Self {
             node: Arc::clone(node),
-            connection: node.connect(),
+            connection: node.connect(id),
             device: node.info().device.name,
             player,
             state: NodeState::Paired,

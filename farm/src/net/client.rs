@@ -185,7 +185,7 @@ impl LinkTask {
         };
         // Commands that were meant for the connection before this one.
         while self.commands.try_recv().is_ok() {}
-        let certificate = streams.peer_certificate();
+        let certificate = connection_driver::peer_certificate(&streams.connection);
         let name = certificate.and_then(|shown| common_name(&shown).ok());
         let events = |mut events: Vec<LinkEvent>| {
             for event in &mut events {

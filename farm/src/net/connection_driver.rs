@@ -77,13 +77,11 @@ pub(crate) struct ConnectionStreams {
     pub(crate) role: Role,
 }
 
-impl ConnectionStreams {
-    /// The certificate that the peer has shown.
-    pub(crate) fn peer_certificate(&self) -> Option<CertificateDer<'static>> {
-        let chain = self.connection.peer_identity()?;
-        let chain = chain.downcast::<Vec<CertificateDer<'static>>>().ok()?;
-        chain.into_iter().next()
-    }
+/// The certificate that the peer has shown.
+pub(crate) fn peer_certificate(connection: &Connection) -> Option<CertificateDer<'static>> {
+    let chain = connection.peer_identity()?;
+    let chain = chain.downcast::<Vec<CertificateDer<'static>>>().ok()?;
+    chain.into_iter().next()
 }
 
 /// Packets between the session and a stream's task, per channel. Few: packets that wait are better

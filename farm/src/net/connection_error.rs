@@ -72,14 +72,12 @@ fn handshake(alert: u8) -> Error {
 }
 
 fn application_reason(close: &quinn::ApplicationClose) -> DisconnectReason {
+    let reason = || printable(&String::from_utf8_lossy(&close.reason), REASON_BYTES_MAX);
     match close.error_code {
         close_code::DONE => DisconnectReason::Closed(String::new()),
-        close_code::FULL => DisconnectReason::Full,
         close_code::DRAINING => DisconnectReason::Draining,
-        _ => DisconnectReason::Closed(printable(
-            &String::from_utf8_lossy(&close.reason),
-            REASON_BYTES_MAX,
-        )),
+        close_code::FULL => DisconnectReason::Full(reason()),
+        _ => DisconnectReason::Closed(reason()),
     }
 }
 

@@ -63,11 +63,6 @@ const REQUEST_DATAGRAMS_RECEIVED_BYTES: usize = 64 << 10;
 const CONTROL_WINDOW_BYTES: u32 = (limits::SCENE_BYTES_MAX + 4 * limits::CONTROL_BYTES_MAX) as u32;
 /// A certificate signing request has a thousand bytes.
 const REQUEST_WINDOW_BYTES: u32 = 16 << 10;
-/// Handshakes that a node performs at once; packets of further strangers are dropped unanswered.
-pub(crate) const HANDSHAKES_MAX: usize = 32;
-/// Above this number, strangers must validate their address first (RFC 9000, 8.1.2), which costs
-/// them a round trip.
-pub(crate) const HANDSHAKES_UNVALIDATED_MAX: usize = 8;
 /// First flights that wait to be accepted, of one or two datagrams each.
 const INCOMING_MAX: usize = 64;
 const INCOMING_BYTES: u64 = 16 << 10;

@@ -8,7 +8,7 @@ use quinn::crypto::rustls::QuicServerConfig;
 use quinn::{Connection, Endpoint, Incoming};
 use rustls::pki_types::CertificateDer;
 use tokio::runtime::Runtime;
-use tokio::sync::{Notify, Semaphore};
+use tokio::sync::Notify;
 
 use crate::Error;
 use crate::net::address::NodeAddress;
@@ -17,6 +17,7 @@ use crate::net::enrolment::{
     ALPN, ANSWER_TIMEOUT, EnrolmentAnswer, EnrolmentRequest, REQUEST_BYTES_MAX,
 };
 use crate::net::farm_folder::AuthorityFolder;
+use crate::net::handshakes::Handshakes;
 use crate::net::join_url::JoinUrl;
 use crate::net::peer::{CertificateFault, Role};
 use crate::net::signals::Signals;
@@ -166,9 +167,9 @@ async fn accept(
     state: &Arc<EnrolmentState>,
     events: impl Fn(EnrolmentEvent) + Clone + Send + Sync + 'static,
 ) {
-    let handshakes = Arc::new(Semaphore::new(endpoint::HANDSHAKES_MAX));
+    let handshakes = Handshakes::default();
     while let Some(incoming) = endpoint.accept().await {
-        let Some((incoming, permit)) = listener::screen(incoming, &handshakes) else {
+        let Some((incoming, pending)) = listener::screen(incoming, &handshakes) else {
             continue;
         };
         let (state, events) = (Arc::clone(state), events.clone());
@@ -176,7 +177,7 @@ async fn accept(
             let from = incoming.remote_address();
             let served = state.serve(incoming, &events);
             let served = tokio::time::timeout(2 * ANSWER_TIMEOUT, served).await;
-            drop(permit);
+            drop(pending);
             if let Err(why) = served.unwrap_or(Err(Error::HandshakeTimeout)) {
                 let why = why.to_string();
                 events(EnrolmentEvent::Refused { from, why });

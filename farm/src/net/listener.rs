@@ -1,23 +1,21 @@
-//! Admission of players to a node: by address, certificate and number, in this order, each checked
+//! Admission of players to a node: by address, certificate and place, in this order, each checked
 //! before the next costs anything.
 
 use std::future::Future;
 use std::net::SocketAddr;
-use std::sync::Arc;
+use std::time::Instant;
 
 use quinn::{Connection, Endpoint, Incoming};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use crate::Error;
-use crate::net::connection_driver::ConnectionStreams;
+use crate::net::connection_driver::{self, ConnectionStreams};
 use crate::net::credentials::Credentials;
 use crate::net::endpoint::{self, TransportOptions};
-use crate::net::peer::Role;
-use crate::net::{close_code, connection_error};
-
-/// Players that a node serves at once: one that plays, one that has crashed and whose connection
-/// has not timed out, and a render or two. They share the device; more would make it slow for all.
-pub(crate) const PLAYERS_MAX: usize = 4;
+use crate::net::handshakes::{Handshakes, PendingHandshake};
+use crate::net::peer::{CertificateFault, Role};
+use crate::net::places::{Place, Places};
+use crate::net::{certificate_fields, close_code, connection_error};
+use crate::node::PlayerId;
 
 /// A node's socket.
 #[derive(Clone)]
@@ -66,21 +64,28 @@ impl Listener {
     /// Gives each player to `serve`, on a task of its own, until the listener is closed.
     pub(crate) async fn run<S, F>(&self, serve: S)
     where
-        S: Fn(ConnectionStreams) -> F + Clone + Send + 'static,
+        S: Fn(PlayerId, ConnectionStreams) -> F + Clone + Send + 'static,
         F: Future<Output = ()> + Send + 'static,
     {
-        let handshakes = Arc::new(Semaphore::new(endpoint::HANDSHAKES_MAX));
-        let players = Arc::new(Semaphore::new(PLAYERS_MAX));
+        let (handshakes, places) = (Handshakes::default(), Places::default());
         while let Some(incoming) = self.endpoint.accept().await {
-            let Some((incoming, permit)) = screen(incoming, &handshakes) else {
+            let Some((incoming, pending)) = screen(incoming, &handshakes) else {
                 continue;
             };
-            let (players, serve) = (Arc::clone(&players), serve.clone());
+            let (handshakes, places, serve) = (handshakes.clone(), places.clone(), serve.clone());
             tokio::spawn(async move {
                 let from = incoming.remote_address();
-                match authenticate(incoming, permit, &players).await {
-                    Ok((streams, _player)) => serve(streams).await,
-                    Err(error) => tracing::info!("{from}: {error}"),
+                match authenticate(incoming, pending, &places).await {
+                    Ok((streams, place)) => {
+                        serve(place.player, streams).await;
+                        drop(place);
+                    }
+                    Err(error) => {
+                        tracing::info!("{from}: {error}");
+                        if let Some(counts) = handshakes.fail(Instant::now()) {
+                            tracing::warn!("{counts}; the last from {from}: {error}");
+                        }
+                    }
                 }
             });
         }
@@ -93,55 +98,57 @@ impl Listener {
     }
 }
 
-/// Bounds the cost of a stranger whose address and certificate are not known yet: nothing when
-/// [`endpoint::HANDSHAKES_MAX`] handshakes are under way, one stateless packet when many are.
+/// Bounds the cost of a stranger whose address and certificate are not known yet: nothing when too
+/// many handshakes are under way, one stateless packet when many are.
 pub(crate) fn screen(
     incoming: Incoming,
-    handshakes: &Arc<Semaphore>,
-) -> Option<(Incoming, OwnedSemaphorePermit)> {
-    let Ok(permit) = Arc::clone(handshakes).try_acquire_owned() else {
+    handshakes: &Handshakes,
+) -> Option<(Incoming, PendingHandshake)> {
+    let Some(pending) = handshakes.begin(incoming.remote_address().ip()) else {
         // No answer at all: a refusal would let strangers reflect packets at others.
         incoming.ignore();
         return None;
     };
-    let pending = endpoint::HANDSHAKES_MAX - handshakes.available_permits();
-    if pending > endpoint::HANDSHAKES_UNVALIDATED_MAX && incoming.may_retry() {
+    if handshakes.must_validate() && incoming.may_retry() {
         let _ = incoming.retry();
         return None;
     }
-    Some((incoming, permit))
+    Some((incoming, pending))
 }
 
 /// Completes the handshake, which checks the certificate, and waits for the control stream.
 async fn authenticate(
     incoming: Incoming,
-    handshake: OwnedSemaphorePermit,
-    players: &Arc<Semaphore>,
-) -> Result<(ConnectionStreams, OwnedSemaphorePermit), Error> {
+    pending: PendingHandshake,
+    places: &Places,
+) -> Result<(ConnectionStreams, Place), Error> {
     let role = Role::Node;
     let lost = |error| connection_error::connection(&error, role);
     let connection: Connection = tokio::time::timeout(endpoint::HANDSHAKE_TIMEOUT, incoming)
         .await
         .map_err(|_| Error::HandshakeTimeout)?
         .map_err(lost)?;
-    let Ok(player) = Arc::clone(players).try_acquire_owned() else {
-        connection.close(close_code::FULL, b"");
-        return Err(Error::NodeFull {
-            players_max: PLAYERS_MAX,
-        });
-    };
+    let player = connection_driver::peer_certificate(&connection)
+        .ok_or(CertificateFault::Missing)
+        .and_then(|shown| certificate_fields::key_id(&shown))
+        .map_err(|fault| Error::PeerCertificate { fault })?;
+    let place = places.enter(Instant::now(), PlayerId::of_key(player.as_bytes()));
+    let place = place.map_err(|reason| {
+        connection.close(close_code::FULL, reason.to_string().as_bytes());
+        Error::NodeFull { reason }
+    })?;
     let control = tokio::time::timeout(endpoint::HANDSHAKE_TIMEOUT, connection.accept_bi());
     let (send, receive) = control
         .await
         .map_err(|_| Error::NoControlStream)?
         .map_err(lost)?;
     // Only now, so that a player that opens no stream counts as a handshake.
-    drop(handshake);
+    pending.succeed();
     let streams = ConnectionStreams {
         connection,
         send,
         receive,
         role,
     };
-    Ok((streams, player))
+    Ok((streams, place))
 }

@@ -142,8 +142,8 @@ impl fmt::Display for CertificateFault {
 pub enum DisconnectReason {
     /// It closed the connection, with an explanation or an empty one.
     Closed(String),
-    /// It already serves as many players as it accepts.
-    Full,
+    /// It has no place for another player, or another connection of this one: its sentence.
+    Full(String),
     /// It is shutting down.
     Draining,
     /// It accepts no connection.
@@ -163,7 +163,7 @@ impl fmt::Display for DisconnectReason {
         match self {
             Self::Closed(reason) if reason.is_empty() => f.write_str("has closed the connection"),
             Self::Closed(reason) => write!(f, "has closed the connection: {reason}"),
-            Self::Full => f.write_str("already serves as many players as it accepts"),
+            Self::Full(reason) => write!(f, "has no place: {reason}"),
             Self::Draining => f.write_str("is shutting down"),
             Self::Refusing => f.write_str("accepts no connections at the moment"),
             Self::Broken(reason) => write!(f, "broke the connection: {reason}"),
@@ -172,4 +172,32 @@ impl fmt::Display for DisconnectReason {
             Self::QuicVersion => f.write_str("supports another version of QUIC"),
         }
     }
+}
+
+/// The reason why a player gets no place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum NoPlace {
+    /// Others have all of them.
+    #[error(
+        "{players} of at most {players} players are served and {ahead} wait before this one: call \
+         again, it is let in when one leaves"
+    )]
+    Full {
+        /// Players that are served.
+        players: usize,
+        /// Players before it in line.
+        ahead: usize,
+    },
+    /// The line is full.
+    #[error("{waiting} of at most {waiting} players wait in line: call again later")]
+    LineFull {
+        /// Players in line.
+        waiting: usize,
+    },
+    /// The player has as many connections as it may have.
+    #[error("this player has {max} of at most {max} connections: close another of its programs")]
+    Connections {
+        /// Connections of a player.
+        max: usize,
+    },
 }

@@ -21,7 +21,7 @@ use crate::net::enrolment;
 use crate::net::listener::Listener;
 use crate::net::peer::{CertificateFault, DisconnectReason, Role};
 use crate::net::signals::Signals;
-use crate::node::NodeConnection;
+use crate::node::{NodeConnection, PlayerId};
 
 /// A change in a node's connections.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -149,12 +149,12 @@ impl NodeServer {
     }
 
     /// Serves players until `stop`, Ctrl-C or SIGTERM; then tells them that the node is shutting
-    /// down, so that their coordinators turn to other nodes at once. `connect` creates a player's
-    /// session.
+    /// down, so that their coordinators turn to other nodes at once. `connect` creates the
+    /// session of a player's connection from an address.
     pub fn serve<P: PacketHandler + Send>(
         self,
         stop: &StopHandle,
-        connect: impl Fn(SocketAddr) -> P + Clone + Send + Sync + 'static,
+        connect: impl Fn(PlayerId, SocketAddr) -> P + Clone + Send + Sync + 'static,
         events: impl Fn(ServerEvent) + Clone + Send + Sync + 'static,
     ) {
         let Self {
@@ -169,13 +169,13 @@ impl NodeServer {
             runtime.spawn(renewal.run(listener.clone(), options, events.clone()));
         }
         let draining = events.clone();
-        let serve = move |streams: ConnectionStreams| {
+        let serve = move |id, streams: ConnectionStreams| {
             let (connect, events) = (connect.clone(), events.clone());
             let denied = Arc::clone(&denied);
             async move {
                 let player = streams.connection.remote_address();
                 events(ServerEvent::Paired { player });
-                let (connection, mut session) = (streams.connection.clone(), connect(player));
+                let (connection, mut session) = (streams.connection.clone(), connect(id, player));
                 let error = tokio::select! {
                     error = connection_driver::drive(streams, &mut session) => error,
                     () = denied.close_if_denied(&connection) => Error::PeerCertificate {

@@ -15,6 +15,7 @@ use carom_protocol::{
 use carom_tracer::{Tile, TileRange};
 
 use super::bitrate_control::{BitrateController, LinkEstimate};
+use super::fair_queue::PlayerId;
 use super::rate_model::EncodedSample;
 
 /// How pixels get to a client.
@@ -28,6 +29,7 @@ pub(super) enum TileSharing {
 
 /// The workers' end of a client's session.
 pub(super) struct ClientConnection {
+    pub(super) player: PlayerId,
     pub(super) sharing: TileSharing,
     state: Mutex<ConnectionState>,
     /// Notified when the transport has accepted a packet.
@@ -51,7 +53,7 @@ pub(super) struct ConnectionState {
 }
 
 impl ClientConnection {
-    pub(super) fn new(info: NodeInfo, sharing: TileSharing) -> Self {
+    pub(super) fn new(info: NodeInfo, player: PlayerId, sharing: TileSharing) -> Self {
         let state = ConnectionState {
             session: NodeSession::new(info),
             cancelled: BTreeMap::new(),
@@ -61,6 +63,7 @@ impl ClientConnection {
             closed: false,
         };
         Self {
+            player,
             sharing,
             state: Mutex::new(state),
             drained: Condvar::new(),
@@ -152,13 +155,16 @@ impl ClientConnection {
         wake(state);
     }
 
-    /// Waits while the network accepts tiles more slowly than they are traced. Gives the request up
-    /// if it accepts none at all: others wait for the device.
-    pub(super) fn wait_for_room(&self, cancelled: &AtomicBool) {
+    /// Waits while the network accepts tiles more slowly than they are traced, and returns whether it
+    /// had to. Gives the request up if it accepts none at all: others wait for the device.
+    pub(super) fn wait_for_room(&self, cancelled: &AtomicBool) -> bool {
         let full = |state: &mut ConnectionState| {
             state.session.is_full() && !state.closed && !cancelled.load(Ordering::Relaxed)
         };
-        let state = self.lock();
+        let mut state = self.lock();
+        if !full(&mut state) {
+            return false;
+        }
         let stall_timeout = state.stall_timeout;
         let waited = self.drained.wait_timeout_while(state, stall_timeout, full);
         let (mut state, waited) = waited.unwrap_or_else(PoisonError::into_inner);
@@ -167,6 +173,7 @@ impl ClientConnection {
             state.stall_timeout = Duration::ZERO;
             cancelled.store(true, Ordering::Relaxed);
         }
+        true
     }
 
     pub(super) fn lock(&self) -> MutexGuard<'_, ConnectionState> {

@@ -3,12 +3,12 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::task::{Context, Poll};
-use std::time::Instant;
 
 use carom_protocol::session::{NodeEvent, Packet, ReceivedScene};
 use carom_protocol::{NodeInfo, RequestId};
 
 use super::client_connection::{ClientConnection, STALL_TIMEOUT, TileSharing};
+use super::fair_queue::PlayerId;
 use super::queue::{JobQueue, NodeJob};
 
 /// The transport's end of a client's session.
@@ -18,8 +18,13 @@ pub struct NodeConnection {
 }
 
 impl NodeConnection {
-    pub(super) fn new(info: NodeInfo, queue: Arc<JobQueue>, sharing: TileSharing) -> Self {
-        let client = Arc::new(ClientConnection::new(info, sharing));
+    pub(super) fn new(
+        info: NodeInfo,
+        player: PlayerId,
+        queue: Arc<JobQueue>,
+        sharing: TileSharing,
+    ) -> Self {
+        let client = Arc::new(ClientConnection::new(info, player, sharing));
         Self { client, queue }
     }
 
@@ -55,13 +60,9 @@ impl NodeConnection {
                 let cancelled = Arc::new(AtomicBool::new(false));
                 let flag = Arc::clone(&cancelled);
                 self.client.lock().cancelled.insert(request.id, flag);
-                self.queue.push(NodeJob {
-                    client: Arc::clone(&self.client),
-                    request,
-                    scene,
-                    cancelled,
-                    arrived: Instant::now(),
-                });
+                let client = Arc::clone(&self.client);
+                self.queue
+                    .push(NodeJob::new(client, request, scene, cancelled));
             }
             Some(NodeEvent::Cancelled(requests)) => {
                 let mut state = self.client.lock();
@@ -159,7 +160,8 @@ mod tests {
         };
         let (name, queue) = (String::new(), Arc::new(JobQueue::new()));
         let info = NodeInfo { name, device };
-        let mut connection = NodeConnection::new(info, queue, TileSharing::Encoded);
+        let mut connection =
+            NodeConnection::new(info, PlayerId::LOCAL, queue, TileSharing::Encoded);
         let mut session = ClientSession::new();
         let mut exchange = |session: &mut ClientSession| {
             while let Some(packet) = session.poll_transmit() {

@@ -12,6 +12,7 @@
 mod bitrate_control;
 mod client_connection;
 mod connection;
+mod fair_queue;
 mod queue;
 mod rate_model;
 mod worker;
@@ -26,6 +27,7 @@ pub use bitrate_control::LinkEstimate;
 pub(crate) use client_connection::STALL_TIMEOUT;
 use client_connection::TileSharing;
 pub use connection::NodeConnection;
+pub use fair_queue::{FairQueue, PlayerId};
 use queue::JobQueue;
 
 /// One device, shared by any number of clients.
@@ -62,14 +64,17 @@ impl Node {
         }
     }
 
-    /// Opens a session for a new client. Dropping it cancels all its requests.
-    pub fn connect(&self) -> NodeConnection {
-        NodeConnection::new(self.info(), Arc::clone(&self.queue), TileSharing::Encoded)
+    /// Opens a session for a new connection of a player, whose connections share the player's part
+    /// of the device. Dropping it cancels all its requests.
+    pub fn connect(&self, player: PlayerId) -> NodeConnection {
+        let queue = Arc::clone(&self.queue);
+        NodeConnection::new(self.info(), player, queue, TileSharing::Encoded)
     }
 
     /// The same for a client in this process: over its connection pixels pass as they are.
     pub(crate) fn connect_local(&self) -> NodeConnection {
-        NodeConnection::new(self.info(), Arc::clone(&self.queue), TileSharing::InMemory)
+        let queue = Arc::clone(&self.queue);
+        NodeConnection::new(self.info(), PlayerId::LOCAL, queue, TileSharing::InMemory)
     }
 }
 

@@ -1,20 +1,22 @@
-//! A node's worker: traces requests one after the other, and sends their tiles in groups as they
-//! are finished.
+//! A node's worker: traces requests slice by slice, and sends their tiles in groups as they are
+//! finished.
 
 use std::any::Any;
 use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
 use carom_protocol::tile_codec::{Encoder, TilePixels};
 use carom_protocol::{NodeTimes, RefusalReason, RequestReport, TilesDone};
-use carom_tracer::{Error, Tile, TileRadiance, TileRange, TraceJob, Tracer};
+use carom_tracer::{
+    CompiledScene, Error, RenderSettings, Tile, TileRadiance, TileRange, TraceJob, Tracer,
+};
 
 use super::client_connection::TileSharing;
-use super::queue::{JobQueue, NodeJob};
+use super::queue::{JobQueue, NodeJob, Turn};
 
 /// Starts a worker thread; it ends when the queue is closed.
 pub(super) fn start(queue: Arc<JobQueue>, tracer: Arc<dyn Tracer>) {
@@ -22,10 +24,8 @@ pub(super) fn start(queue: Arc<JobQueue>, tracer: Arc<dyn Tracer>) {
     let work = {
         let queue = Arc::clone(&queue);
         move || {
-            let mut done = None;
-            while let Some(job) = queue.next(done.as_ref()) {
-                run(&queue, &*tracer, &job);
-                done = Some(job.cancelled);
+            while let Some(turn) = queue.next() {
+                run(&queue, &*tracer, turn);
             }
             // A driver must not be torn down by a process that is exiting meanwhile.
             drop(tracer);
@@ -39,14 +39,121 @@ pub(super) fn start(queue: Arc<JobQueue>, tracer: Arc<dyn Tracer>) {
     }
 }
 
-/// A request that is being traced.
-struct ActiveJob<'a> {
+/// Does a piece of work and reports the outcome to its client.
+fn run(queue: &JobQueue, tracer: &dyn Tracer, turn: Turn) {
+    let begun = Instant::now();
+    // A bug in a tracer or a driver must cost one request, not the node of four players.
+    let (job, done) = match turn {
+        Turn::Probe(job) => {
+            let probed = catch_unwind(AssertUnwindSafe(|| probe(queue, tracer, &job)));
+            (job, probed)
+        }
+        Turn::Trace(job, tiles) => {
+            let slice = ActiveSlice::new(queue, &job, tiles);
+            let traced = catch_unwind(AssertUnwindSafe(|| slice.trace(tracer)));
+            let is_last = job.finish(tiles);
+            if is_last && matches!(traced, Ok(Ok(()))) {
+                match job.cancelled.load(Ordering::Relaxed) {
+                    // Its client knows, or takes no tiles and may ask again.
+                    true => job.client.refuse(job.request.id, RefusalReason::Busy),
+                    false => job.client.request_done(job.report()),
+                }
+            }
+            (job, traced)
+        }
+        Turn::Refuse(job, why) => {
+            job.client
+                .refuse(job.request.id, RefusalReason::Invalid(why));
+            (job, Ok(Ok(())))
+        }
+    };
+    let why = match done {
+        Ok(Ok(())) => None,
+        Ok(Err(why @ Error::InvalidScene(_) | why @ Error::InvalidUpdate(_))) => {
+            Some(RefusalReason::Invalid(why.to_string()))
+        }
+        Ok(Err(why)) => Some(RefusalReason::Device(why.to_string())),
+        Err(panic) => {
+            let why = format!("the tracer panicked: {}", panic_message(&*panic));
+            Some(RefusalReason::Device(why))
+        }
+    };
+    if let Some(why) = why {
+        job.client.refuse(job.request.id, why);
+        job.cancelled.store(true, Ordering::Relaxed);
+        queue.drop_cancelled();
+    }
+    queue.finish(&job, begun.elapsed());
+}
+
+/// Traces a few pixels in the middle of a request, once each, for its price.
+fn probe(queue: &JobQueue, tracer: &dyn Tracer, job: &NodeJob) -> Result<(), Error> {
+    let scene = job.compiled(queue)?;
+    let tiles = job.request.tiles;
+    let tile = job.request.grid.tile(tiles.first + tiles.count / 2);
+    let tile = Tile {
+        width: tile.width.min(PROBE_EDGE),
+        height: tile.height.min(PROBE_EDGE),
+        ..tile
+    };
+    let trace_job = TraceJob {
+        size: job.request.size(),
+        tiles: &[tile],
+        settings: RenderSettings {
+            samples: 1,
+            denoise: false,
+            ..job.request.settings
+        },
+        cancelled: &job.cancelled,
+    };
+    let begun = Instant::now();
+    tracer.trace(&scene, &trace_job, &|_| ())?;
+    queue.set_cost(job, tile.pixels() as f64, begun.elapsed(), true);
+    Ok(())
+}
+
+impl NodeJob {
+    /// The scene with the request's update, compiled for the first slice.
+    fn compiled(&self, queue: &JobQueue) -> Result<Arc<CompiledScene>, Error> {
+        let mut compiled = self.compiled.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(scene) = &*compiled {
+            return Ok(Arc::clone(scene));
+        }
+        let mut scene = queue.compiled(self.request.scene, &self.scene)?;
+        scene.apply(&self.request.update)?;
+        Ok(Arc::clone(compiled.insert(Arc::new(scene))))
+    }
+
+    /// The time at which its first slice was begun, at the latest now.
+    fn begin(&self) -> Instant {
+        *self.begun.get_or_init(Instant::now)
+    }
+
+    fn queue_micros(&self) -> u32 {
+        micros(self.begin().saturating_duration_since(self.arrived))
+    }
+
+    fn report(&self) -> RequestReport {
+        let encode = Duration::from_nanos(self.encode_nanos.load(Ordering::Relaxed));
+        RequestReport {
+            request: self.request.id,
+            queue_micros: self.queue_micros(),
+            trace_micros: micros(self.begin().elapsed()),
+            encode_micros: micros(encode),
+        }
+    }
+}
+
+/// A part of a request that is being traced.
+struct ActiveSlice<'a> {
     queue: &'a JobQueue,
     job: &'a NodeJob,
     begun: Instant,
+    first: u32,
     tiles: Vec<Tile>,
     groups: Vec<Mutex<TileGroup>>,
-    encode_nanos: AtomicU64,
+    /// Whether the network has made the tracer wait.
+    stalled: AtomicBool,
 }
 
 /// The tiles of one message.
@@ -56,34 +163,10 @@ struct TileGroup {
     dropped_samples: u32,
 }
 
-/// Traces a request and reports the outcome to its client.
-fn run(queue: &JobQueue, tracer: &dyn Tracer, job: &NodeJob) {
-    let active = ActiveJob::new(queue, job);
-    // A bug in a tracer or a driver must cost one request, not the node of four players.
-    let traced = catch_unwind(AssertUnwindSafe(|| active.trace(tracer)));
-    let id = job.request.id;
-    match traced {
-        Ok(Ok(())) if job.cancelled.load(Ordering::Relaxed) => {
-            job.client.refuse(id, RefusalReason::Cancelled);
-        }
-        Ok(Ok(())) => job.client.request_done(active.report()),
-        Ok(Err(why @ Error::InvalidScene(_) | why @ Error::InvalidUpdate(_))) => {
-            job.client
-                .refuse(id, RefusalReason::Invalid(why.to_string()));
-        }
-        Ok(Err(why)) => job
-            .client
-            .refuse(id, RefusalReason::Device(why.to_string())),
-        Err(panic) => {
-            let why = format!("the tracer panicked: {}", panic_message(&*panic));
-            job.client.refuse(id, RefusalReason::Device(why));
-        }
-    }
-}
-
-impl<'a> ActiveJob<'a> {
-    fn new(queue: &'a JobQueue, job: &'a NodeJob) -> Self {
-        let tiles: Vec<Tile> = job.request.grid.tiles(job.request.tiles).collect();
+impl<'a> ActiveSlice<'a> {
+    fn new(queue: &'a JobQueue, job: &'a NodeJob, tiles: TileRange) -> Self {
+        let first = tiles.first;
+        let tiles: Vec<Tile> = job.request.grid.tiles(tiles).collect();
         let group = |tiles: &[Tile]| {
             Mutex::new(TileGroup {
                 radiance: vec![None; tiles.len()],
@@ -91,39 +174,54 @@ impl<'a> ActiveJob<'a> {
                 dropped_samples: 0,
             })
         };
+        job.begin();
         Self {
             queue,
             job,
             begun: Instant::now(),
+            first,
             groups: tiles.chunks(GROUP_TILES).map(group).collect(),
             tiles,
-            encode_nanos: AtomicU64::new(0),
+            stalled: AtomicBool::new(false),
         }
     }
 
-    /// Traces the whole request in one call, as a GPU is fast only on many tiles; groups are
-    /// encoded meanwhile, on rayon's threads, as they become complete.
+    /// Traces the whole slice in one call, as a GPU is fast only on many tiles; groups are encoded
+    /// meanwhile, on rayon's threads, as they become complete.
     fn trace(&self, tracer: &dyn Tracer) -> Result<(), Error> {
+        if self.job.cancelled.load(Ordering::Relaxed) {
+            return Ok(());
+        }
         let request = &self.job.request;
-        let mut scene = self.queue.compiled(request.scene, &self.job.scene)?;
-        scene.apply(&request.update)?;
+        let scene = self.job.compiled(self.queue)?;
         let job = TraceJob {
             size: request.size(),
             tiles: &self.tiles,
             settings: request.settings,
             cancelled: &self.job.cancelled,
         };
+        let begun = Instant::now();
         // The tracer stays on this thread; only encoding goes to rayon's.
         rayon::in_place_scope(|encoders| {
             let sink = |tile: TileRadiance| {
                 if let Some((first, group)) = self.collect(tile) {
                     let traced = Instant::now();
                     // Backpressure: blocks the tracer, so that traced pixels cannot pile up.
-                    self.job.client.wait_for_room(&self.job.cancelled);
+                    if self.job.client.wait_for_room(&self.job.cancelled) {
+                        self.stalled.store(true, Ordering::Relaxed);
+                    }
                     encoders.spawn(move |_| self.send(first, &group, traced));
                 }
             };
-            tracer.trace(&scene, &job, &sink).map(drop)
+            tracer.trace(&scene, &job, &sink).map(drop)?;
+            let is_whole = !self.job.cancelled.load(Ordering::Relaxed);
+            if is_whole && !self.stalled.load(Ordering::Relaxed) {
+                let pixels: usize = self.tiles.iter().map(|tile| tile.pixels()).sum();
+                let samples = pixels as f64 * f64::from(request.settings.samples);
+                self.queue
+                    .set_cost(self.job, samples, begun.elapsed(), false);
+            }
+            Ok(())
         })
     }
 
@@ -166,7 +264,7 @@ impl<'a> ActiveJob<'a> {
             .map(|tile| tile.as_deref().unwrap_or_default());
         let tiles: Vec<(Tile, &[[f32; 3]])> = tiles.zip(radiance).collect();
         let part = TileRange {
-            first: request.tiles.first + first as u32,
+            first: self.first + first as u32,
             count: tiles.len() as u32,
         };
         let client = &self.job.client;
@@ -176,34 +274,20 @@ impl<'a> ActiveJob<'a> {
             TileSharing::InMemory => (Vec::new(), Some(TilePixels::of(request.format, &tiles))),
         };
         let nanos = begun.elapsed().as_nanos() as u64;
-        self.encode_nanos.fetch_add(nanos, Ordering::Relaxed);
+        self.job.encode_nanos.fetch_add(nanos, Ordering::Relaxed);
         let done = TilesDone {
             request: request.id,
             tiles: part,
             busy_micros: micros(self.queue.busy_since(self.begun)),
             times: NodeTimes {
-                queue_micros: self.queue_micros(),
-                trace_micros: micros(traced.saturating_duration_since(self.begun)),
+                queue_micros: self.job.queue_micros(),
+                trace_micros: micros(traced.saturating_duration_since(self.job.begin())),
                 encode_micros: micros(traced.elapsed()),
             },
             dropped_samples: group.dropped_samples,
             pixels,
         };
         client.tiles(done, shared);
-    }
-
-    fn queue_micros(&self) -> u32 {
-        micros(self.begun.saturating_duration_since(self.job.arrived))
-    }
-
-    fn report(&self) -> RequestReport {
-        let encode = Duration::from_nanos(self.encode_nanos.load(Ordering::Relaxed));
-        RequestReport {
-            request: self.job.request.id,
-            queue_micros: self.queue_micros(),
-            trace_micros: micros(self.begun.elapsed()),
-            encode_micros: micros(encode),
-        }
     }
 }
 
@@ -223,3 +307,5 @@ fn panic_message(panic: &(dyn Any + Send)) -> &str {
 }
 
 const GROUP_TILES: usize = TILES_PER_MESSAGE_MAX as usize;
+/// Pixels along the edge of a probe: a quarter of a millisecond of one core at most scenes.
+const PROBE_EDGE: u32 = 16;

@@ -45,7 +45,7 @@ impl RunningNode {
         let stop = StopHandle::default();
         let stopped = stop.clone();
         let thread = std::thread::spawn(move || {
-            server.serve(&stopped, move |_| node.connect(), |_| {});
+            server.serve(&stopped, move |player, _| node.connect(player), |_| {});
         });
         Self {
             address,

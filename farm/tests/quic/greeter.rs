@@ -80,7 +80,7 @@ impl Greeter {
         let (packets, sessions): (Arc<AtomicUsize>, Arc<AtomicUsize>) = Default::default();
         let (stopped, counted, paired) = (stop.clone(), packets.clone(), sessions.clone());
         let thread = std::thread::spawn(move || {
-            let connect = move |_| CountedSession {
+            let connect = move |_, _| CountedSession {
                 session: NodeSession::new(info()),
                 packets: Arc::clone(&counted),
             };

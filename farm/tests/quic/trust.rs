@@ -115,7 +115,7 @@ fn a_running_node_renews_its_certificate() {
     let stopped = stop.clone();
     let node = Node::new("oak", Arc::new(CpuTracer::with_threads(1).unwrap()));
     let running = std::thread::spawn(move || {
-        let connect = move |_| node.connect();
+        let connect = move |player, _| node.connect(player);
         server.serve(&stopped, connect, move |event| drop(sender.send(event)));
     });
     let renewed = events.recv_timeout(TIMEOUT).unwrap();

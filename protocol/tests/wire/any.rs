@@ -191,7 +191,7 @@ fn tiles_done() -> impl Strategy<Value = TilesDone> {
 }
 
 fn node() -> impl Strategy<Value = NodeInfo> {
-    ("[a-z.-]{0,100}", ".{0,60}", any::<(u32, u32)>()).prop_map(
+    ("[a-z.-]{0,100}", "[ -~é€🎱]{0,60}", any::<(u32, u32)>()).prop_map(
         |(name, device, (width, threads))| {
             let kind = DeviceKind::Gpu;
             let device = DeviceInfo {
@@ -233,5 +233,5 @@ fn hash() -> impl Strategy<Value = SceneHash> {
 }
 
 fn sentence() -> impl Strategy<Value = String> {
-    prop_oneof![".{0,80}", Just("x".repeat(SENTENCE_BYTES_MAX))]
+    prop_oneof!["[ -~é€🎱]{0,80}", Just("x".repeat(SENTENCE_BYTES_MAX))]
 }

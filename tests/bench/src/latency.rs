@@ -141,7 +141,7 @@ impl LatencySetup {
         let node = Node::new("node", Arc::new(CpuTracer::with_threads(0)?));
         let stop = StopHandle::default();
         let stopped = stop.clone();
-        let serve = move || server.serve(&stopped, move |_| node.connect(), |_| {});
+        let serve = move || server.serve(&stopped, move |player, _| node.connect(player), |_| {});
         let proxy = path.map(|path| UdpProxy::start(any, address, path, args.seed));
         let proxy = proxy.transpose().context("a proxy")?;
         let address = proxy.as_ref().map_or(address, UdpProxy::local_addr);

@@ -61,7 +61,7 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
         server.local_addr()?
     );
     let _ = writeln!(std::io::stdout(), "{line}"); // a reader that has gone away ends nothing
-    server.serve(&stop, move |_| node.connect(), |_| ());
+    server.serve(&stop, move |player, _| node.connect(player), |_| ());
     Ok(())
 }
 

@@ -269,8 +269,8 @@ impl TransportSetup {
         let stopped = stop.clone();
         let (ready, tracer) = (case.ready, Arc::clone(&noise));
         let serve = move || match ready {
-            true => server.serve(&stopped, move |_| ReadySession::new(&tracer), |_| {}),
-            false => server.serve(&stopped, move |_| node.connect(), |_| {}),
+            true => server.serve(&stopped, move |_, _| ReadySession::new(&tracer), |_| {}),
+            false => server.serve(&stopped, move |player, _| node.connect(player), |_| {}),
         };
         let proxy = case
             .path
