@@ -261,7 +261,10 @@ impl Assigner {
             let mut parts = Vec::new();
             for range in tiles {
                 let most = self.parts_most(nodes, *node, frame, *range, in_flight);
-                parts.extend(shrinking_parts(*range, most));
+                parts.extend(match nodes[*node].workload.estimate() {
+                    Some(_) => shrinking_parts(*range, most),
+                    None => growing_parts(*range, most),
+                });
             }
             dispatcher.request(now, nodes, *node, frame, &parts, false);
         }
@@ -288,8 +291,10 @@ impl Assigner {
             return 1;
         }
         let estimate = nodes[node].workload.estimate();
-        let pace = estimate.map_or(0.0, |cost| cost.secs_per_work);
-        let by_time = (pace * frame.work.of(range) / PART_SECS_MIN) as usize;
+        let secs = estimate.map_or(f64::INFINITY, |cost| {
+            cost.secs_per_work * frame.work.of(range)
+        });
+        let by_time = (secs / PART_SECS_MIN) as usize;
         let by_room = REQUESTS_QUEUED_MAX / (2 * in_flight.max(1));
         PARTS_MAX.min(by_time).min(by_room).max(1) as u32
     }
@@ -468,6 +473,27 @@ fn shrinking_parts(range: TileRange, most: u32) -> Vec<TileRange> {
     parts
 }
 
+/// The share of a node of unknown speed as up to `most` requests, the first of a tile, each twice as
+/// large as the last: should the node turn out to be slow, it has begun with little, and the rest can
+/// be taken back (guided self-scheduling, Polychronopoulos and Kuck 1987, from the other end).
+fn growing_parts(range: TileRange, most: u32) -> Vec<TileRange> {
+    let mut parts = Vec::new();
+    let mut first = range.first;
+    for part in 0..most {
+        let left = range.end() - first;
+        let count = if part + 1 < most {
+            left.min(1 << part)
+        } else {
+            left
+        };
+        if count > 0 {
+            parts.push(TileRange { first, count });
+        }
+        first += count;
+    }
+    parts
+}
+
 /// The most parts of a share. A node ends the part that it has begun before it turns to what is asked
 /// again of an older frame. With eight instead of six, frames of 1.089 times the optimum become 1.073
 /// with 64 nodes on a local network, and the 99th percentile of frames at 60 a second becomes 1.46
@@ -510,6 +536,12 @@ mod tests {
                 next = part.end();
             }
             prop_assert_eq!(next, range.end());
+            let growing = growing_parts(range, most);
+            prop_assert!(growing.len() <= most as usize);
+            prop_assert!(growing.windows(2).all(|pair| pair[0].end() == pair[1].first));
+            prop_assert_eq!(growing[0].first, first);
+            prop_assert_eq!(growing.last().map(|part| part.end()), Some(range.end()));
+            prop_assert!(most == 1 || growing[0].count == 1);
             // Ends are rounded up, each by less than a tile.
             prop_assert!(parts.windows(2).all(|pair| pair[1].count <= pair[0].count + 1));
         }

@@ -1,6 +1,7 @@
 //! Laws of the coordinator and its balancers on virtual time. Every run follows from its seed.
 
 mod acceptance;
+mod fairness;
 mod faults;
 mod samples;
 mod states;
@@ -287,6 +288,47 @@ fn a_node_that_joins_is_used_fully_within_ten_frames() {
     let ideal = ideal_secs(&nodes, plan(Vec::new(), Equal, 0).size);
     let after = report.mean_secs(first + 10..first + 40);
     assert!(after < 1.25 * ideal, "{after} against {ideal}");
+}
+
+/// A slow node is there at once, as the local one is, and one that is 100 times as fast joins.
+#[test]
+fn a_slow_node_that_is_ready_first_does_not_keep_a_frame() {
+    for joins_secs in [0.0, 0.02, 0.1, 0.5] {
+        let slow = NodePlan::new(1e-4, 0.02);
+        let fast = NodePlan::new(1e-3, 2.0).with(joins_secs, NodeChange::Join);
+        let plan = plan(vec![slow.clone(), fast.clone()], WaterFilling, 3);
+        let report = checked(&plan);
+        // Nobody could do better than the fast node alone, once it is there, and the slow one.
+        let alone = joins_secs + ideal_secs(&[slow, fast], plan.size);
+        let first = report.frames[0].stats.makespan_secs;
+        assert!(
+            first <= 2.0 * alone,
+            "{first} s, of {alone}, joining after {joins_secs}"
+        );
+    }
+}
+
+/// Eight equal nodes of unknown speed that are ready one after the other.
+#[test]
+fn equal_nodes_begin_with_few_tiles_asked_for_again() {
+    let node = |index: u32| {
+        NodePlan {
+            jitter_secs: 1e-4,
+            ..NodePlan::new(1e-3, 0.2)
+        }
+        .with(f64::from(index) * 0.02, NodeChange::Join)
+    };
+    let plan = plan((0..8).map(node).collect(), WaterFilling, 24);
+    let report = checked(&plan);
+    let reissued = report.frames.iter().map(|frame| frame.stats.reissued_tiles);
+    let reissued: u32 = reissued.sum();
+    assert!(reissued < report.tiles_per_frame * 24, "{reissued} tiles");
+    let first: u32 = report.frames[0].stats.reissued_tiles;
+    assert!(
+        first < report.tiles_per_frame,
+        "{first} of {} tiles",
+        report.tiles_per_frame
+    );
 }
 
 #[test]
