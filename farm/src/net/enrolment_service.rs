@@ -203,7 +203,9 @@ impl EnrolmentState {
         let (mut send, mut receive) = connection.accept_bi().await.map_err(|why| broken(&why))?;
         let bytes = receive.read_to_end(REQUEST_BYTES_MAX).await;
         let bytes = bytes.map_err(|why| broken(&why))?;
-        let request = serde_json::from_slice(&bytes).map_err(|why| broken(&why))?;
+        // The parser's reason would repeat a stranger's text.
+        let request = serde_json::from_slice(&bytes);
+        let request = request.map_err(|_| broken(&"what was sent is not a request"))?;
         let decided = self.decide(request, &connection);
         let answer = match &decided {
             Ok((answer, _)) => serde_json::to_vec(answer),

@@ -87,6 +87,28 @@ fn the_key_of_a_joining_node_stays_with_it() {
 }
 
 #[test]
+fn text_of_strangers_does_not_reach_the_operator() {
+    let dir = tempfile::tempdir().unwrap();
+    let farm = dir.path().join("farm");
+    create_farm(&farm).unwrap();
+    let folder = AuthorityFolder::open(&farm, None).unwrap();
+    let host = "127.0.0.1:1".parse().unwrap();
+    let (service, url) = EnrolmentService::bind(any_port(), folder, host, 1).unwrap();
+    let (sender, events) = mpsc::channel();
+    std::thread::spawn(move || service.serve(TIMEOUT, move |event| drop(sender.send(event))));
+    let address = url.address.to_string().parse().unwrap();
+    block_on(async {
+        let mut call = call(address, tls(None, b"carom-join/1")).await.unwrap();
+        let words = br#"{"\u001b]0;owned": 1}"#;
+        call.send.write_all(words).await.unwrap();
+        call.send.finish().unwrap();
+        call.connection.closed().await;
+    });
+    let event = format!("{:?}", events.recv_timeout(TIMEOUT).unwrap());
+    assert!(event.contains("not a request"), "{event}");
+}
+
+#[test]
 fn a_running_node_renews_its_certificate() {
     let dir = tempfile::tempdir().unwrap();
     let (farm, oak) = (dir.path().join("farm"), dir.path().join("oak"));
