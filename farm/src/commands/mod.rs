@@ -30,8 +30,8 @@ pub(crate) enum FarmCommand {
     Join(join::JoinArgs),
     /// Create a node's key and certificate, valid for 30 days, in a folder to copy to the node
     ///
-    /// A running node keeps the certificate that it started with: restart it after a renewal. Nodes
-    /// that `join` renew themselves.
+    /// A running node shows a renewed certificate within an hour of its being copied there. Nodes that
+    /// `join` renew themselves.
     AddNode(add::AddArgs),
     /// Create a person's key and certificate, valid for 90 days, in a folder to hand over
     AddPlayer(add::AddArgs),

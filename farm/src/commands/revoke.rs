@@ -7,10 +7,10 @@ use crate::commands::authority::AuthorityArgs;
 
 /// Withdraw all certificates of a node or player
 ///
-/// Its keys are written to revoked.txt in the authority's folder. Programs that use this folder, and
-/// nodes that have joined and reach a running `carom-farm token`, follow by themselves; into other
-/// folders of credentials copy revoked.txt. Running programs read it again within two seconds, and
-/// close connections of revoked peers.
+/// Its keys are written to revoked.txt in the authority's folder. Programs that use this folder follow
+/// by themselves, and within an hour nodes that have joined and reach a running `carom-farm token`;
+/// into other folders of credentials copy revoked.txt. Running programs read it again within two
+/// seconds, and close connections of revoked peers.
 #[derive(clap::Args)]
 pub(crate) struct RevokeArgs {
     /// The name in the certificates

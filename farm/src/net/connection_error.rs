@@ -54,7 +54,8 @@ fn tls_alert(code: u64) -> Option<u8> {
 fn certificate_fault(alert: u8, holder: Role) -> Option<CertificateFault> {
     Some(match alert {
         116 => CertificateFault::Missing,
-        45 => CertificateFault::Expired(holder),
+        // certificate_expired, which is also sent of one that is not valid yet.
+        45 => CertificateFault::OutsideItsDays(holder),
         48 | 51 => CertificateFault::OtherFarm,
         43 | 49 => CertificateFault::WrongRole(holder),
         44 => CertificateFault::Revoked,

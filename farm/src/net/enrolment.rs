@@ -116,17 +116,17 @@ pub fn join(url: &JoinUrl, name: &str, folder: &Path) -> Result<Credentials, Err
 }
 
 /// Asks the authority that a node has joined for its deny list and, when two thirds of the
-/// certificate's life are over, for the next certificate. `true` if there is one; nothing is asked
-/// where the folder was not made by a join.
+/// certificate's life are over, for the next certificate. Nothing is asked where the folder was not
+/// made by a join.
 ///
 /// # Errors
 /// [`Error::JoinUrl`] or a file's error if the folder is damaged; an error of the connection;
 /// [`Error::EnrolmentRefused`].
-pub(crate) async fn renew(credentials: &Credentials, folder: &Path) -> Result<bool, Error> {
+pub(crate) async fn renew(credentials: &Credentials, folder: &Path) -> Result<(), Error> {
     let path = folder.join(URL_FILE);
     let url: JoinUrl = match std::fs::read_to_string(&path) {
         Ok(text) => text.trim().parse()?,
-        Err(why) if why.kind() == std::io::ErrorKind::NotFound => return Ok(false),
+        Err(why) if why.kind() == std::io::ErrorKind::NotFound => return Ok(()),
         Err(why) => return Err(file_error(&path, why)),
     };
     let request_pem = match credentials.is_due() {
@@ -138,8 +138,7 @@ pub(crate) async fn renew(credentials: &Credentials, folder: &Path) -> Result<bo
     };
     let request = EnrolmentRequest::Renew { request_pem };
     let answer = ask(&url, Some(credentials), &request).await?;
-    answer.save(folder)?;
-    Ok(answer.certificate_pem.is_some())
+    answer.save(folder)
 }
 
 /// What the authority has certified.

@@ -80,7 +80,8 @@ impl Role {
     const fn renewal_advice(self) -> &'static str {
         match self {
             Self::Node => {
-                "renew it with `carom-farm add-node NAME --renew` and copy it to the node"
+                "renew it with `carom-farm add-node NAME --renew` and copy it to the node, or run \
+                 `carom-farm token` where the node joined"
             }
             Self::Player => {
                 "renew it with `carom-farm add-player NAME --renew` where the farm's authority is"
@@ -106,6 +107,9 @@ pub enum CertificateFault {
     Missing,
     /// It is past its last day; of a holder of this role.
     Expired(Role),
+    /// The other side found it outside its days, in the past or in the future; of a holder of this
+    /// role.
+    OutsideItsDays(Role),
     /// Its first day is yet to come.
     NotYetValid,
     /// Its key is on the farm's deny list.
@@ -125,6 +129,11 @@ impl fmt::Display for CertificateFault {
         match self {
             Self::Missing => f.write_str("is missing"),
             Self::Expired(role) => write!(f, "has expired: {}", role.renewal_advice()),
+            Self::OutsideItsDays(role) => write!(
+                f,
+                "has expired or is not valid yet: compare the clocks of both machines, or {}",
+                role.renewal_advice()
+            ),
             Self::NotYetValid => f.write_str("is not valid yet: check this machine's clock"),
             Self::Revoked => {
                 f.write_str("has been revoked: ask whoever holds the farm's authority for another")
