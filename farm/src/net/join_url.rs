@@ -67,9 +67,9 @@ impl FromStr for JoinUrl {
             .split_once('#')
             .ok_or_else(|| refused("it must end in # and a token"))?;
         let is_hexadecimal = token.bytes().all(|byte| byte.is_ascii_hexdigit());
-        let (fingerprint, secret) = match token.len() {
-            length if length == 2 * BYTES => (token, None),
-            length if length == 4 * BYTES => (&token[..2 * BYTES], Some(&token[2 * BYTES..])),
+        let (fingerprint, secret) = match token.split_at_checked(2 * BYTES) {
+            Some((fingerprint, "")) => (fingerprint, None),
+            Some((fingerprint, secret)) if secret.len() == 2 * BYTES => (fingerprint, Some(secret)),
             _ => ("", None),
         };
         if !is_hexadecimal || fingerprint.is_empty() {
@@ -120,6 +120,7 @@ mod tests {
             "farm://oak:1".to_owned(),
             format!("farm://oak:1#{token}0"),
             format!("farm://oak:1#{}é", &token[2..]),
+            format!("farm://oak:1#{0}é{0}", &token[33..]),
         ] {
             let why = text.parse::<JoinUrl>().unwrap_err().to_string();
             assert!(why.contains("carom-farm token"), "{why}");

@@ -78,7 +78,7 @@ impl SceneView {
 }
 
 /// Of the eye from the middle of the rack.
-const RACK_DISTANCE_M: f64 = 0.8;
+const RACK_DISTANCE_M: f64 = 0.62;
 /// Along the table, past the rack's side.
 const RACK_BEARING_RAD: f64 = 0.4;
 
