@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use carom_billiards::PlayersFault;
 use carom_billiards::game_match::{Match, MatchConfig, Player};
 use carom_billiards::physics::{Engine, Recording, Table};
 use carom_billiards::rules::RuleSet;
@@ -71,7 +72,7 @@ pub struct Args {
     pub rules: Option<RuleSet>,
     /// Players: names and computer players separated by commas, such as me,ai:medium; or 2 for two people
     /// [default: you against ai:medium]
-    #[arg(long, value_name = "PLAYERS")]
+    #[arg(long, value_name = "PLAYERS", value_parser = players)]
     pub players: Option<String>,
     /// Racks, frames or points to win [default: depends on the game]
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -259,6 +260,11 @@ impl Args {
     }
 }
 
+/// A list of players as it was given, if it is one.
+fn players(text: &str) -> Result<String, PlayersFault> {
+    Player::list(text).map(|_| text.to_owned())
+}
+
 /// The choices of `--physics`, with what each costs and loses.
 fn physics_help() -> String {
     format!(
@@ -314,6 +320,16 @@ mod tests {
         let said = refused.to_string();
         assert!(said.contains("no balancer `fair`"), "{said}");
         assert!(said.contains("water_filling"), "{said}");
+    }
+
+    #[test]
+    fn unknown_players_are_refused_by_the_command_line() {
+        for list in ["foo,ai:godlike", "a,b,c", ""] {
+            let refused = Args::try_parse_from(["carom", "--headless", "--players", list]);
+            let said = refused.unwrap_err().to_string();
+            assert!(said.contains("--players"), "{said}");
+        }
+        assert!(Args::try_parse_from(["carom", "--players", "me,ai:hard"]).is_ok());
     }
 
     #[test]

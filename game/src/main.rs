@@ -40,8 +40,11 @@ fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow::Res
         return headless::run(args, config);
     }
     if is_displayless() {
+        // What is wrong with the arguments is said first.
+        let (_, recording) = args.table_and_recording()?;
+        let shot = recording.map_or("a break shot", |_| "the recorded shot");
         eprintln!(
-            "There is no display (DISPLAY and WAYLAND_DISPLAY are not set): rendering a break shot to files."
+            "There is no display (DISPLAY and WAYLAND_DISPLAY are not set): rendering {shot} to files."
         );
         return headless::run(args, config);
     }

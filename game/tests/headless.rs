@@ -182,6 +182,13 @@ fn interrupted_videos_resume() {
     for words in ["film holds 2 frames", "1 samples", "2 samples"] {
         assert!(said.contains(words), "{said}");
     }
+    // It would be refused again and again.
+    let nowhere = film(
+        folder.path(),
+        &["--spp", "1", "--video", "film", "--node", "foo"],
+    );
+    let said = text(&nowhere.stderr);
+    assert!(said.contains("foo") && !said.contains("to continue"), "{said}");
     let again = make("1");
     let said = text(&again.stderr);
     assert!(
@@ -273,7 +280,11 @@ fn without_a_display_it_says_so_and_renders() {
     ];
     let output = carom(folder.path(), &args);
     assert!(output.status.success(), "{}", text(&output.stderr));
-    assert!(text(&output.stderr).contains("no display"));
+    assert!(text(&output.stderr).contains("rendering a break shot"));
+    assert!(text(&output.stdout).contains("carom-frames holds 1 frame of 32x18"));
+    let missing = carom(folder.path(), &["--replay", "no.carom"]);
+    let said = text(&missing.stderr);
+    assert!(said.contains("no.carom") && !said.contains("rendering"), "{said}");
     assert!(folder.path().join("carom-frames/frame_0000.png").is_file());
 }
 

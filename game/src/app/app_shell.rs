@@ -7,18 +7,21 @@
 
 use std::time::{Duration, Instant};
 
-use carom_billiards::rules::RuleSet;
-use egui::{Context, Rect};
+use egui::Context;
 
 use crate::app::farm_notifications::FarmNotifier;
 use crate::app::session::GameSession;
 use crate::audio::{self, Playback};
 use crate::camera::CameraIntent;
-use crate::input::{Action, AimIntent, AppIntent, BindingContext, Event, Input, Intent};
+use crate::input::{
+    Action, AimIntent, AppIntent, BindingContext, Event, Input, Intent, MatchIntent, StrokeIntent,
+};
 use crate::settings::{Settings, SettingsStore};
+use crate::ui::layout::{CUE_COLUMN, Layout};
+use crate::ui::lessons::Lesson;
 use crate::ui::menu::{self, Menu, MenuInput, Page};
 use crate::ui::toasts::Toasts;
-use crate::ui::{cue_panel, match_hud};
+use crate::ui::{cue_panel, help, match_hud};
 
 /// The player's side of the program.
 #[derive(Debug)]
@@ -35,6 +38,10 @@ pub struct AppShell {
     playback: Playback,
     /// The shot that is heard, and whether it was over when it was last looked at.
     heard: Option<(u64, bool)>,
+    /// Whether the result of a match was shown.
+    has_result: bool,
+    /// Whether the cue points as the computer suggested.
+    is_suggested: bool,
 }
 
 impl AppShell {
@@ -56,6 +63,15 @@ impl AppShell {
             notifier: FarmNotifier::default(),
             playback,
             heard: None,
+            has_result: false,
+            is_suggested: false,
+        }
+    }
+
+    /// Asks a newcomer what to begin with.
+    pub fn welcome(&mut self) {
+        if self.store.settings.lesson == Lesson::default() {
+            self.menu.open(Page::Welcome);
         }
     }
 
@@ -145,14 +161,36 @@ impl AppShell {
     /// Routes what the player wants to its receiver.
     fn act(&mut self, intent: Intent, session: &mut GameSession, now_secs: f64) {
         session.redraw();
+        self.teach(intent, session, now_secs);
         match intent {
             Intent::Aim(intent) => session.aim(intent, now_secs),
+            Intent::Stroke(_) if session.is_over() => self.open(Page::Result, session, now_secs),
             Intent::Stroke(intent) => session.stroke(intent, now_secs),
             Intent::Camera(intent) => session.look(intent, now_secs),
             Intent::Match(intent) => session.decide(intent, now_secs),
             Intent::Replay(intent) => session.replay(intent, now_secs),
             Intent::Practice(intent) => session.practice(intent),
             Intent::App(intent) => self.apply(intent, session, now_secs),
+        }
+    }
+
+    /// Goes on to the next lesson once one is done.
+    fn teach(&mut self, intent: Intent, session: &mut GameSession, now_secs: f64) {
+        if !session.match_hud().may_play {
+            return;
+        }
+        let lesson = self.store.settings.lesson;
+        let next = lesson.after(intent, self.is_suggested);
+        match intent {
+            Intent::Match(MatchIntent::Suggest) => self.is_suggested = true,
+            Intent::Stroke(StrokeIntent::Strike | StrokeIntent::Release) => {
+                self.is_suggested = false;
+            }
+            _ => {}
+        }
+        if next != lesson {
+            self.store.settings.lesson = next;
+            self.save(now_secs);
         }
     }
 
@@ -164,6 +202,8 @@ impl AppShell {
             }
             AppIntent::NextAids => {
                 self.store.settings.aim_aids = self.store.settings.aim_aids.next();
+                let name = self.store.settings.aim_aids.name();
+                self.toasts.answer(format!("Aim aids: {name}"), now_secs);
                 self.save(now_secs);
             }
             AppIntent::SaveView(number) => self.save_view(number.into(), session, now_secs),
@@ -187,7 +227,7 @@ impl AppShell {
             *saved = Some(session.viewpoint(now_secs));
             let key = self.input.bindings().words(Action::SavedView(place as u8));
             let sentence = format!("Saved view {}: press {key} to recall it", place + 1);
-            self.toasts.push(sentence, now_secs);
+            self.toasts.answer(sentence, now_secs);
             self.save(now_secs);
             session.redraw();
         }
@@ -202,7 +242,7 @@ impl AppShell {
                 let key = self.input.bindings().words(Action::KeepView(place as u8));
                 let sentence =
                     format!("View {} is empty: press {key} to save this view", place + 1);
-                self.toasts.push(sentence, now_secs);
+                self.toasts.answer(sentence, now_secs);
                 session.redraw();
             }
         }
@@ -219,23 +259,27 @@ impl AppShell {
 
     /// Draws the game, and pages, keys and sentences over it.
     pub fn draw(&mut self, ctx: &Context, session: &mut GameSession, now_secs: f64, display: &str) {
-        let room = session.draw(ctx, self.input.bindings(), now_secs, display);
-        self.toasts.draw(ctx, room);
+        let mut layout = session.draw(ctx, self.input.bindings(), now_secs, display);
         if let Some(preference) = session.take_requested_quality() {
             self.store.settings.quality = preference;
             self.save(now_secs);
         }
         if self.menu.page().is_none() {
-            if session.is_game() {
-                self.draw_game(ctx, room, session, now_secs);
+            if self.help {
+                return help::panel(ctx, self.input.bindings());
             }
-            let is_known = session.has_played() || !session.is_game();
-            menu::hints(ctx, room, &self.store, self.help, is_known);
+            if session.is_game() {
+                self.draw_game(ctx, &mut layout, session, now_secs);
+            }
+            let mut standing = session.standing_notices();
+            standing.extend(self.lesson(session));
+            self.toasts.draw(ctx, &mut layout, &standing);
             return;
         }
         let (sound, farm) = (self.playback.state(), session.farm_line());
+        let view = session.match_hud().view;
         let input = MenuInput {
-            is_free_table: session.match_hud().view.rules == RuleSet::Free,
+            view: &view,
             sound: &sound,
             display,
             farm: &farm,
@@ -245,6 +289,11 @@ impl AppShell {
             self.save(now_secs);
         }
         match command {
+            Some(menu::MenuCommand::Rematch) => {
+                if let Err(why) = session.rematch(seed_of_clock()) {
+                    self.toasts.push(why.to_string(), now_secs);
+                }
+            }
             Some(menu::MenuCommand::Quit) => self.wants_quit = true,
             Some(menu::MenuCommand::Act(intent)) => self.act(intent, session, now_secs),
             Some(menu::MenuCommand::Begin(game)) => {
@@ -262,22 +311,49 @@ impl AppShell {
         self.wants_quit
     }
 
-    /// The match and the cue. Over a shot of before, or a table that is being laid, nothing of the game
+    /// The match and the cue, through the whole of a stroke. Over a shot of before, or a table that is being laid, nothing of the game
     /// can be decided.
-    fn draw_game(&mut self, ctx: &Context, room: Rect, session: &mut GameSession, now_secs: f64) {
+    fn draw_game(
+        &mut self,
+        ctx: &Context,
+        layout: &mut Layout,
+        session: &mut GameSession,
+        now_secs: f64,
+    ) {
         let hud = session.match_hud();
-        let asked = match_hud::draw(ctx, room, &hud, self.input.bindings(), self.log);
-        let cue = session.cue(now_secs).filter(|_| hud.may_play);
-        let asked = asked.or(cue.and_then(|cue| cue_panel::panel(ctx, room, &cue)));
+        let column = layout.take_left(CUE_COLUMN);
+        let asked = match_hud::draw(ctx, layout, &hud, self.input.bindings(), self.log);
+        let cue = session.cue(now_secs);
+        let cue = cue.filter(|cue| hud.may_play || cue.is_drawn);
+        let asked = asked.or(cue.and_then(|cue| cue_panel::panel(ctx, column, &cue)));
         if let Some(intent) = asked {
             self.act(intent, session, now_secs);
         }
+    }
+
+    /// What a newcomer is to do, while it can be done.
+    fn lesson(&self, session: &mut GameSession) -> Option<String> {
+        let may_play = session.is_game() && session.match_hud().may_play && !session.is_placing();
+        let lesson = self.store.settings.lesson;
+        lesson
+            .sentence(self.input.bindings())
+            .filter(|_| may_play)
     }
 
     /// Lets time pass: tells what is new of the farm, plays what is to be heard, follows the keys.
     pub fn tick(&mut self, session: &mut GameSession, now_secs: f64) {
         if *self.input.bindings() != self.store.settings.bindings {
             self.input = Input::new(self.store.settings.bindings.clone());
+        }
+        session.set_paused(self.menu.page().is_some(), now_secs);
+        let is_over = session.is_over();
+        if is_over && !self.has_result {
+            self.open(Page::Result, session, now_secs);
+        }
+        self.has_result = is_over;
+        if let Some(answer) = session.take_notice() {
+            self.toasts.answer(answer, now_secs);
+            session.redraw();
         }
         let news = self.notifier.observe(&session.nodes(), now_secs);
         let has_news = !news.is_empty();
@@ -289,7 +365,7 @@ impl AppShell {
             self.toasts.push(sentence, now_secs);
             session.redraw();
         }
-        if self.toasts.tick(now_secs) || has_news {
+        if self.toasts.tick(now_secs, self.menu.page().is_none()) || has_news {
             session.redraw();
         }
         self.update_sound(session, now_secs);

@@ -9,8 +9,6 @@ use carom_billiards::game_match::{Match, MatchSave};
 use carom_billiards::rules::RuleSet;
 use carom_farm::FarmConfig;
 use carom_tracer::ImageSize;
-use glam::DVec2;
-
 use winit::application::ApplicationHandler;
 use winit::dpi::{LogicalSize, PhysicalSize};
 use winit::event::WindowEvent;
@@ -42,7 +40,9 @@ pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow:
     let settings = store(args);
     let kept_in = settings.path().map(|path| path.with_file_name(MATCH_FILE));
     let mut notes = Vec::new();
-    let contest = match args.contest()? {
+    let asked = args.contest()?;
+    let is_open = asked.is_none();
+    let contest = match asked {
         Some(contest) => contest,
         None => left(kept_in.as_deref(), &mut notes, args.seed)?,
     };
@@ -65,6 +65,9 @@ pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow:
     let mut shell = AppShell::new(settings, Playback::new(PlayerProgram::installed()));
     for note in notes {
         shell.notify(note, 0.0);
+    }
+    if is_open {
+        shell.welcome();
     }
     let mut app = App {
         session,
@@ -277,7 +280,7 @@ impl App {
             if now.fullscreen != before.fullscreen {
                 screen.window.set_fullscreen(fullscreen(now.fullscreen));
             }
-            ui::theme::apply(&screen.egui, now.text_scale as f32, now.reduced_motion);
+            screen.apply_theme(&now);
         }
         self.session.redraw();
         self.resized();
@@ -302,10 +305,9 @@ impl App {
 
     fn follow_size(&mut self, screen: &Screen) {
         let pixels = screen.window.inner_size();
-        let scale = f64::from(egui_winit::pixels_per_point(&screen.egui, &screen.window));
-        let points = DVec2::new(f64::from(pixels.width), f64::from(pixels.height)) / scale;
+        ui::theme::set_scale(&screen.egui, screen.text_scale(self.shell.settings()));
         self.session
-            .resize(ImageSize::new(pixels.width, pixels.height), points);
+            .resize(ImageSize::new(pixels.width, pixels.height));
     }
 
     fn resized(&mut self) {

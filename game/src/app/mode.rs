@@ -61,7 +61,7 @@ impl Mode {
             Self::Replay(player) => {
                 let (clock, moment) = time.resolve(|now| player.shot_clock(now));
                 ModeView {
-                    camera: player.viewpoint(game.table(), moment),
+                    camera: player.viewpoint(game, moment),
                     poses: player.poses(moment),
                     cue: player.cue(game.table(), moment),
                     clock,

@@ -305,8 +305,6 @@ mod tests {
     use super::*;
     use carom_billiards::game_match::{Match, MatchConfig, Player};
     use carom_billiards::physics::Stroke;
-    use glam::DVec2;
-
     use crate::app::mode::ViewTime;
     use crate::input::{AimIntent, StrokeIntent};
 
@@ -389,7 +387,7 @@ mod tests {
             }
             _ => Vec::new(),
         };
-        game.change_aim(AimIntent::SetPower(0.05), 0.0, DVec2::ONE);
+        game.change_aim(AimIntent::SetPower(0.05), 0.0);
         game.stroke(StrokeIntent::Strike, 0.0, 0.0);
         modes.open_replay(&game, 0.0);
         assert!(titles(&modes)[0].starts_with("Shot 1: the cue strikes"));

@@ -47,7 +47,6 @@ impl Screen {
         let name = display.name();
         tracing::info!("presenting with {name}");
         let egui = egui::Context::default();
-        ui::theme::apply(&egui, settings.text_scale as f32, settings.reduced_motion);
         let scale = window.scale_factor() as f32;
         let input = EguiState::new(
             egui.clone(),
@@ -57,13 +56,32 @@ impl Screen {
             None,
             Some(2048),
         );
-        Ok(Self {
+        let screen = Self {
             window,
             display,
             egui,
             input,
             pointer: egui::Pos2::ZERO,
-        })
+        };
+        screen.apply_theme(settings);
+        Ok(screen)
+    }
+
+    /// Looks as the settings want it.
+    pub(super) fn apply_theme(&self, settings: &Settings) {
+        ui::theme::apply(
+            &self.egui,
+            self.text_scale(settings),
+            settings.reduced_motion,
+        );
+    }
+
+    /// Text as large as the settings want it and the window has room for.
+    pub(super) fn text_scale(&self, settings: &Settings) -> f32 {
+        let size = self.window.inner_size();
+        let points = egui::vec2(size.width as f32, size.height as f32);
+        let points = points / self.window.scale_factor() as f32;
+        ui::theme::fitting_scale(settings.text_scale as f32, points)
     }
 
     /// Whether the pointer, whose event this is, is over something of the interface.

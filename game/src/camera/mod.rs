@@ -6,11 +6,13 @@
 //! ```
 
 mod follow_camera;
+mod framing;
 mod projection;
 mod view_selection;
 mod viewpoint;
 
 pub use follow_camera::FollowCamera;
+pub use framing::Framing;
 pub use projection::Projection;
 pub use view_selection::{CameraIntent, CameraView, SAVED_MAX, ViewContext, ViewSelection};
 pub use viewpoint::{CameraSmoother, EYE_Z_M_MAX, EYE_Z_M_MIN, Orbit, Viewpoint};

@@ -4,7 +4,7 @@ use carom_billiards::physics::Table;
 use glam::DVec3;
 
 use super::viewpoint::{Orbit, Viewpoint};
-use super::wrap_rad;
+use super::{Framing, wrap_rad};
 
 /// A change of the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -92,6 +92,8 @@ pub struct ViewContext<'a> {
     pub pocket: Option<usize>,
     /// Whether the whole table is of interest: during a shot, or while the cue ball is carried.
     pub is_wide: bool,
+    /// What panels leave of the window.
+    pub framing: Framing,
 }
 
 /// The player's choice of views.
@@ -148,7 +150,7 @@ impl ViewSelection {
         let overview = Viewpoint::overview(table, bearing_rad);
         let pocket = sight.pocket.and_then(|pocket| table.pockets().get(pocket));
         let wanted = match (self.view, sight.ball, pocket) {
-            (CameraView::Overhead, ..) => Viewpoint::overhead(table),
+            (CameraView::Overhead, ..) => Viewpoint::overhead(table, &sight.framing),
             (CameraView::Orbit, ..) => self.free,
             (CameraView::Shooter, Some(ball), _) if !sight.is_wide => {
                 Viewpoint::behind(ball, bearing_rad)
@@ -157,10 +159,16 @@ impl ViewSelection {
             (CameraView::Pocket, _, Some(pocket)) => Viewpoint::from_pocket(pocket),
             _ => overview,
         };
-        if self.by == Orbit::default() {
-            return wanted;
+        let wanted = if self.by == Orbit::default() {
+            wanted
+        } else {
+            wanted.adjusted(self.by)
+        };
+        match self.view {
+            // Framed by itself, and as it was seen.
+            CameraView::Overhead | CameraView::Orbit => wanted,
+            _ => wanted.framed(&sight.framing),
         }
-        wanted.adjusted(self.by)
     }
 
     fn choose(&mut self, view: CameraView, free: Viewpoint) {
@@ -187,7 +195,12 @@ mod tests {
             bearing_rad: 0.4,
             pocket: Some(1),
             is_wide: false,
+            framing: framing(),
         }
+    }
+
+    fn framing() -> Framing {
+        Framing::whole(glam::DVec2::new(16.0, 9.0))
     }
 
     #[test]
@@ -227,7 +240,7 @@ mod tests {
         views.apply(CameraIntent::Overhead, &table, at);
         assert_eq!(
             views.viewpoint(&sight(&table)),
-            Viewpoint::overhead(&table),
+            Viewpoint::overhead(&table, &framing()),
             "what was zoomed is of the view before"
         );
         views.apply(CameraIntent::Overhead, &table, at);
@@ -238,7 +251,7 @@ mod tests {
     fn a_saved_view_is_seen_as_it_was_and_turned_from_there() {
         let table = Table::nine_foot();
         let mut views = ViewSelection::new(&table);
-        let saved = Viewpoint::overhead(&table);
+        let saved = Viewpoint::overhead(&table, &framing());
         views.apply(CameraIntent::LookFrom(saved), &table, saved);
         assert_eq!(views.viewpoint(&sight(&table)), saved);
         let turn = CameraIntent::Orbit {

@@ -6,7 +6,7 @@ use carom_billiards::physics::{Pocket, Table};
 use carom_tracer::Camera;
 use glam::{DVec3, Vec3};
 
-use super::wrap_rad;
+use super::{Framing, wrap_rad};
 use crate::scene::scene_builder::{self, FOV_X_DEG};
 
 /// The eye stays below the lamps, whose plane is 1 m above the cloth.
@@ -30,7 +30,7 @@ pub struct Viewpoint {
 }
 
 impl Viewpoint {
-    /// The view over the cue ball along the aim.
+    /// The view over the cue ball along the aim, from a player's chin.
     pub fn behind(cue_ball: DVec3, bearing_rad: f64) -> Self {
         let ahead = DVec3::new(bearing_rad.cos(), bearing_rad.sin(), 0.0) * AIM_AHEAD_M;
         Self {
@@ -38,7 +38,7 @@ impl Viewpoint {
             bearing_rad,
             pitch_rad: AIM_PITCH_RAD,
             distance_m: AIM_DISTANCE_M,
-            fov_x_deg: FOV_X_DEG,
+            fov_x_deg: AIM_FOV_X_DEG,
         }
     }
 
@@ -54,32 +54,54 @@ impl Viewpoint {
         }
     }
 
-    /// The whole table from above one long side, as steeply as the lamps allow: they hang 1 m over
-    /// the cloth and would hide its middle.
-    pub fn overhead(table: &Table) -> Self {
-        let distance_m = OVERHEAD_DISTANCE_M * scale(table);
-        // The eye lies under the plane from the far cushion through the shades' near lip.
-        let near_m = OVERHEAD_NEAR_M * scale(table);
-        let far_m = table.outline().1.y;
-        let (low, _) = scene_builder::lampshade(table);
-        let lip_rad = f64::from(low.z).atan2(far_m - f64::from(low.y) + LIP_MARGIN_M);
-        let pitch_rad = lip_rad + ((far_m + near_m) * lip_rad.sin() / distance_m).asin();
+    /// The plan of the table, filling what panels leave of the window: from straight above, under the lamp,
+    /// and so with a wide field of view, in which the cloth and all places on it are to scale.
+    pub fn overhead(table: &Table, framing: &Framing) -> Self {
+        let (low, high) = table.outline();
+        let reach = high - low + 2.0 * PLAN_RIM_M;
+        let points_per_m = (framing.size() / reach).min_element();
+        let offset_m = framing.offset() / points_per_m;
+        let half_width_m = 0.5 * framing.film.x / points_per_m;
         Self {
-            focus: -DVec3::Y * near_m,
+            // The window's middle shows what lies as far from the table's as the free part does.
+            focus: DVec3::new(-offset_m.x, offset_m.y, 0.0),
             bearing_rad: FRAC_PI_2,
-            pitch_rad,
-            distance_m,
-            fov_x_deg: OVERHEAD_FOV_X_DEG,
+            pitch_rad: PLAN_PITCH_RAD,
+            distance_m: PLAN_EYE_Z_M,
+            fov_x_deg: 2.0 * half_width_m.atan2(PLAN_EYE_Z_M).to_degrees(),
         }
     }
 
-    /// Over the shoulder of a ball that is followed.
+    /// The same from the same place, in the part of the window that panels leave: turned up or down, and
+    /// wider by as much.
+    #[must_use]
+    pub fn framed(self, framing: &Framing) -> Self {
+        if *framing == Framing::whole(framing.film) {
+            return self;
+        }
+        let share = framing.size().y / framing.film.y;
+        let half_width = (0.5 * self.fov_x_deg).to_radians().tan() / share;
+        let turned_rad = (2.0 * half_width * framing.offset().y / framing.film.x).atan();
+        let pitch_rad = (self.pitch_rad - turned_rad).max(PITCH_RAD_MIN);
+        let eye_z_m = self.distance_m * self.pitch_rad.sin();
+        let ahead_m = eye_z_m / pitch_rad.tan() - self.distance_m * self.pitch_rad.cos();
+        let ahead = DVec3::new(self.bearing_rad.cos(), self.bearing_rad.sin(), 0.0);
+        Self {
+            focus: self.focus + ahead * ahead_m,
+            pitch_rad,
+            distance_m: eye_z_m / pitch_rad.sin(),
+            fov_x_deg: 2.0 * half_width.atan().to_degrees(),
+            ..self
+        }
+    }
+
+    /// From beside a ball that is followed.
     pub fn beside(ball: DVec3, bearing_rad: f64) -> Self {
         Self {
             focus: ball.with_z(0.0),
-            bearing_rad,
-            pitch_rad: 0.42,
-            distance_m: 1.5,
+            bearing_rad: bearing_rad + BESIDE_RAD,
+            pitch_rad: 0.5,
+            distance_m: 1.3,
             fov_x_deg: FOV_X_DEG,
         }
     }
@@ -116,6 +138,9 @@ impl Viewpoint {
     /// The view a share `s` in [0, 1] of the way to `to`, turning the shorter way round.
     #[must_use]
     pub fn lerp(self, to: Self, s: f64) -> Self {
+        if s >= 1.0 {
+            return to;
+        }
         let mix = |a: f64, b: f64| a + (b - a) * s;
         Self {
             focus: self.focus.lerp(to.focus, s),
@@ -217,15 +242,19 @@ fn scale(table: &Table) -> f64 {
 }
 
 const AIM_AHEAD_M: f64 = 0.5;
-const AIM_PITCH_RAD: f64 = 0.3;
-const AIM_DISTANCE_M: f64 = 1.75;
+/// An eye 31 cm over the cloth and a metre behind the ball: a player's who is down on the shot.
+const AIM_PITCH_RAD: f64 = 0.2;
+const AIM_DISTANCE_M: f64 = 1.55;
+const AIM_FOV_X_DEG: f64 = 40.0;
+const BESIDE_RAD: f64 = 0.6;
+/// A view that panels turn up still meets the cloth.
+const PITCH_RAD_MIN: f64 = 0.06;
 const PITCH_RAD_MAX: f64 = 1.4;
-const OVERHEAD_DISTANCE_M: f64 = 3.3;
-/// Nearer than the middle of the table: below are panels, above are lamps.
-const OVERHEAD_NEAR_M: f64 = 0.14;
-const OVERHEAD_FOV_X_DEG: f64 = 56.0;
-/// So far before the shades' lip the far cushion is seen.
-const LIP_MARGIN_M: f64 = 0.03;
+/// Straight down but for a hair: the camera's upward direction is the z axis.
+const PLAN_PITCH_RAD: f64 = FRAC_PI_2 - 3e-4;
+const PLAN_EYE_Z_M: f64 = 0.93;
+/// Of the rails, so that pockets are seen whole.
+const PLAN_RIM_M: f64 = 0.1;
 const SHADE_MARGIN_M: f32 = 0.03;
 const TIME_SECS: f64 = 0.12;
 
@@ -296,27 +325,44 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn from_above_the_whole_of_every_table_is_seen_past_the_lamps() {
+    fn the_plan_fills_what_panels_leave_to_scale() {
+        let framing = Framing {
+            film: DVec2::new(1280.0, 720.0),
+            min: DVec2::new(124.0, 140.0),
+            max: DVec2::new(1090.0, 660.0),
+        };
         for table in tables() {
-            let camera = Viewpoint::overhead(&table).camera_in(&table);
-            let eye = camera.eye.as_dvec3();
-            let projection = Projection::new(&camera, 1280.0, 720.0);
-            let (low, _) = scene_builder::lampshade(&table);
-            for end in table
-                .noses()
-                .iter()
-                .flat_map(|nose| [nose.from(), nose.to()])
-            {
-                let film = projection.film_from_world(end.extend(0.0)).unwrap();
-                let inside = film.cmpge(DVec2::ZERO) & film.cmple(DVec2::new(1280.0, 720.0));
-                assert!(inside.all(), "{}: {end} is seen at {film}", table.name());
-                // Where the line of sight passes the height of the lamps' lips.
-                let share = (eye.z - f64::from(low.z)) / eye.z;
-                let y = eye.y + (end.y - eye.y) * share;
-                let name = table.name();
-                assert!(y < f64::from(low.y), "{name}: {end} is behind a lamp: {y}");
+            let camera = Viewpoint::overhead(&table, &framing).camera_in(&table);
+            let projection = Projection::new(&camera, framing.film.x, framing.film.y);
+            let seen = |at: DVec2| projection.film_from_world(at.extend(0.0)).unwrap();
+            let (low, high) = table.outline();
+            let (left, right) = (seen(low), seen(high));
+            let name = table.name();
+            for film in [left, right] {
+                assert!(film.cmpge(framing.min).all(), "{name}: {film}");
+                assert!(film.cmple(framing.max).all(), "{name}: {film}");
             }
+            let share = (right - left).abs() / framing.size();
+            assert!(share.max_element() > 0.8, "{name}: {share}");
+            let middle = seen(0.5 * (low + high));
+            let off = middle.distance(0.5 * (left + right));
+            assert!(off < 0.5, "{name}: halves differ by {off} points");
         }
+    }
+
+    #[test]
+    fn framed_views_keep_their_eye_and_show_their_middle() {
+        let framing = Framing {
+            film: DVec2::new(640.0, 360.0),
+            min: DVec2::new(124.0, 104.0),
+            max: DVec2::new(450.0, 306.0),
+        };
+        let framed = view().framed(&framing);
+        let (was, is) = (view().camera(), framed.camera());
+        assert!((was.eye - is.eye).length() < 1e-5 && framed.focus.z.abs() < 1e-9);
+        let projection = Projection::new(&is, 640.0, 360.0);
+        let film = projection.film_from_world(view().focus).unwrap();
+        assert!(film.distance(DVec2::new(320.0, 205.0)) < 0.5, "{film}");
     }
 
     #[test]
@@ -343,7 +389,8 @@ pub(super) mod tests {
             for table in tables() {
                 let by = Orbit { yaw_rad, pitch_rad, zoom };
                 let from = Viewpoint::overview(&table, bearing).adjusted(by);
-                let to = Viewpoint::overhead(&table).adjusted(by);
+                let framing = Framing::whole(DVec2::new(16.0, 9.0));
+                let to = Viewpoint::overhead(&table, &framing).adjusted(by);
                 let eye = from.lerp(to, share).camera_in(&table).eye;
                 let (low, high) = scene_builder::lampshade(&table);
                 let inside = eye.cmpgt(low - 0.01) & eye.cmplt(high + 0.01);

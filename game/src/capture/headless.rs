@@ -103,12 +103,18 @@ pub fn run(args: &Args, config: FarmConfig) -> anyhow::Result<()> {
     let job = RenderJob::of(&footage, settings.size(), settings.render())?;
     let mut reel = FrameCache::open(&target.reel(), job, settings.size())?;
     let interrupted = net::interruption().context("Ctrl-C")?;
+    let before = reel.kept();
     let report = match make(config, &footage, settings, &mut reel, &interrupted) {
         Ok(report) => report,
-        Err(error) if reel.kept() > 0 => return Err(error.context(going_on(&reel))),
+        // The same command ends the same way where it had not begun to render.
+        Err(error) if reel.kept() > before || interrupted.load(Ordering::Relaxed) => {
+            return Err(error.context(going_on(&reel)));
+        }
         Err(error) => {
-            // Nothing has begun; what cannot be removed does no harm.
-            let _ = reel.remove();
+            if before == 0 {
+                // Nothing has begun; what cannot be removed does no harm.
+                let _ = reel.remove();
+            }
             return Err(error);
         }
     };
@@ -137,14 +143,14 @@ fn done(settings: ReportSettings, target: &VideoTarget, film: &VideoTarget) -> S
         ..
     } = settings;
     let path = target.path().display();
+    let s = if frames == 1 { "" } else { "s" };
+    let frames = format!("{frames} frame{s} of {width}x{height}");
     match target {
         VideoTarget::Folder(_) if target != film => {
-            format!("{frames} frames of {width}x{height}, break.png and stats.json are in {path}")
+            format!("{path} holds {frames}, break.png and stats.json")
         }
-        VideoTarget::Folder(_) => {
-            format!("{frames} frames of {width}x{height} and stats.json are in {path}")
-        }
-        _ => format!("{path} has {frames} frames of {width}x{height}"),
+        VideoTarget::Folder(_) => format!("{path} holds {frames} and stats.json"),
+        _ => format!("{path} holds {frames}"),
     }
 }
 

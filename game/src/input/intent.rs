@@ -85,6 +85,8 @@ pub enum MatchIntent {
     Choose(Choice),
     /// Take the last shot back.
     Undo,
+    /// Take the last undo back.
+    Redo,
     /// Let the balls rest at once where the shot that is on leaves them.
     Skip,
     /// Have the computer suggest a shot.

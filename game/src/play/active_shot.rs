@@ -3,7 +3,7 @@
 use std::cell::OnceCell;
 use std::ops::Range;
 
-use crate::camera::{CameraView, FollowCamera, ViewContext, ViewSelection, Viewpoint, smoothstep};
+use crate::camera::{CameraView, FollowCamera, Framing, ViewContext, ViewSelection, Viewpoint, smoothstep};
 use carom_billiards::physics::{Shot, Stroke, Table};
 
 use super::cue::CueView;
@@ -46,6 +46,7 @@ impl ActiveShot {
         moment_secs: f64,
         views: &ViewSelection,
         table: &Table,
+        framing: Framing,
     ) -> Viewpoint {
         let chase = || FollowCamera::new(&self.shot, self.instant_camera);
         let follows = views.view() == CameraView::Follow;
@@ -55,6 +56,7 @@ impl ActiveShot {
             bearing_rad: self.bearing_rad,
             pocket: self.pocket,
             is_wide: true,
+            framing,
         });
         let Range { start, end } = self.glide_secs;
         let s = (moment_secs - start) / (end - start);

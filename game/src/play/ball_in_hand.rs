@@ -3,7 +3,6 @@
 use carom_billiards::PlacementFault;
 use glam::DVec2;
 
-use crate::camera::Projection;
 use crate::input::{AimIntent, StrokeIntent};
 
 use super::{Game, TurnPhase};
@@ -46,11 +45,11 @@ impl Game {
     }
 
     /// Holds the ball that is carried over a point of the window.
-    pub(super) fn point(&mut self, point: DVec2, now_secs: f64, film: DVec2) {
+    pub(super) fn point(&mut self, point: DVec2, now_secs: f64) {
         if !matches!(self.phase, TurnPhase::Placing(_)) {
             return;
         }
-        let projection = Projection::new(&self.camera(now_secs), film.x, film.y);
+        let projection = self.projection(now_secs);
         if let Some(seen) = projection.world_from_film(point, 0.0) {
             self.carry_to(seen.truncate());
         }

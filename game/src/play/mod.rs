@@ -34,7 +34,7 @@ use carom_tracer::Camera;
 use glam::{DVec2, DVec3};
 
 use crate::camera::{
-    CameraIntent, CameraSmoother, CameraView, Projection, ViewContext, ViewSelection, Viewpoint,
+    CameraIntent, CameraSmoother, CameraView, Framing, Projection, ViewContext, ViewSelection, Viewpoint,
     wrap_rad,
 };
 use crate::input::{AimIntent, StrokeIntent};
@@ -67,6 +67,10 @@ pub struct Game {
     aids: AimAids,
     shot_preview: Option<(Stroke, Option<ShotPreview>)>,
     notice: Option<String>,
+    /// The window, and what panels leave of it.
+    framing: Framing,
+    /// Whether the power was set for a break.
+    is_break: bool,
 }
 
 /// What the player is doing.
@@ -109,6 +113,8 @@ impl Game {
             aids: AimAids::default(),
             shot_preview: None,
             notice: None,
+            framing: Framing::whole(DVec2::ONE),
+            is_break: false,
         };
         game.begin_turn();
         game.smoother = CameraSmoother::new(game.aim_view());
@@ -120,6 +126,22 @@ impl Game {
         (self.aids, self.instant_camera, self.shots) =
             (other.aids, other.instant_camera, other.shots);
         self.set_engine(other.contest.world().engine());
+    }
+
+    /// Follows the window and its panels.
+    pub fn set_framing(&mut self, framing: Framing) {
+        self.framing = framing;
+    }
+
+    /// The window, and what panels leave of it.
+    pub fn framing(&self) -> Framing {
+        self.framing
+    }
+
+    /// The camera's map to the window, at `moment_secs` of the shot that is on, else now.
+    pub fn projection(&self, moment_secs: f64) -> Projection {
+        let film = self.framing.film;
+        Projection::new(&self.camera(moment_secs), film.x, film.y)
     }
 
     /// Lets something else move the balls from the next stroke on.
@@ -235,7 +257,9 @@ impl Game {
     /// The view at `moment_secs` of the shot that is on, else now.
     pub fn viewpoint(&self, moment_secs: f64) -> Viewpoint {
         match &self.phase {
-            TurnPhase::Watching(active) => active.viewpoint(moment_secs, &self.views, self.table()),
+            TurnPhase::Watching(active) => {
+                active.viewpoint(moment_secs, &self.views, self.table(), self.framing)
+            }
             _ => self.smoother.viewpoint(),
         }
     }
@@ -252,7 +276,7 @@ impl Game {
     pub fn cue(&self, now_secs: f64) -> Option<CueView> {
         let resting = CueView::resting(self.cue_ball()?, &self.aim);
         match &self.phase {
-            TurnPhase::Aiming => Some(resting),
+            TurnPhase::Aiming => self.contest.at_table().map(|_| resting),
             TurnPhase::Placing(_) => None,
             TurnPhase::Planned(planned) => self.planned_cue(planned, now_secs),
             TurnPhase::Stroking(input) => {
@@ -295,16 +319,10 @@ impl Game {
             .and_then(|(_, shot_preview)| shot_preview.as_ref())
     }
 
-    /// How much of the shot to come is shown.
-    pub fn aids(&self) -> AimAids {
-        self.aids
-    }
-
     /// Shows more or less of the shot to come.
     pub fn set_aids(&mut self, aids: AimAids) {
         if std::mem::replace(&mut self.aids, aids) != aids {
             self.shot_preview = None;
-            self.notice = Some(format!("Aim: {}", aids.name()));
         }
     }
 
@@ -313,9 +331,9 @@ impl Game {
         self.aim
     }
 
-    /// A sentence for the player, until the next stroke.
-    pub fn notice(&self) -> Option<&str> {
-        self.notice.as_deref()
+    /// The answer to what the player did last, once.
+    pub fn take_notice(&mut self) -> Option<String> {
+        self.notice.take()
     }
 
     /// Whether time alone changes what is seen.
@@ -345,14 +363,14 @@ impl Game {
         }
     }
 
-    /// Changes the aim in a window of `film` points; moves a cue ball that is carried.
-    pub fn change_aim(&mut self, intent: AimIntent, now_secs: f64, film: DVec2) {
+    /// Changes the aim; moves a cue ball that is carried.
+    pub fn change_aim(&mut self, intent: AimIntent, now_secs: f64) {
         if self.carry(intent) {
             return;
         }
         let is_aiming = matches!(self.phase, TurnPhase::Aiming) && self.may_play();
         match intent {
-            AimIntent::AimAt(point) => self.aim_at(point, film, now_secs),
+            AimIntent::AimAt(point) => self.aim_at(point, now_secs),
             // A blow that is under way is struck where it was aimed.
             _ if !is_aiming => {}
             AimIntent::Turn(angle_rad) => self.aim.turn(angle_rad),
@@ -374,8 +392,8 @@ impl Game {
         }
     }
 
-    fn aim_at(&mut self, point: DVec2, film: DVec2, now_secs: f64) {
-        let projection = Projection::new(&self.camera(now_secs), film.x, film.y);
+    fn aim_at(&mut self, point: DVec2, now_secs: f64) {
+        let projection = self.projection(now_secs);
         let target = projection.world_from_film(point, self.cue_ball().map_or(0.0, |ball| ball.z));
         if let (true, Some(target), Some(ball)) = (self.may_play(), target, self.cue_ball()) {
             let way = (target - ball).truncate();
@@ -429,7 +447,6 @@ impl Game {
 
     fn begin(&mut self, input: StrokeInput) {
         self.phase = TurnPhase::Stroking(input);
-        self.notice = None;
     }
 
     fn cancel(&mut self) {
@@ -445,7 +462,6 @@ impl Game {
             ..cue
         });
         self.phase = TurnPhase::Aiming;
-        self.notice = None;
         self.aim.set_power(power);
         let stroke = self.aim.stroke(power);
         let contact_secs = now_secs + lead_secs.clamp(SWING_SECS.start, SWING_SECS.end);
@@ -492,16 +508,15 @@ impl Game {
             }
         };
         let end_secs = active.clock_secs(now_secs);
-        self.smoother = CameraSmoother::new(active.viewpoint(end_secs, &self.views, self.table()));
+        let seen = active.viewpoint(end_secs, &self.views, self.table(), self.framing);
+        self.smoother = CameraSmoother::new(seen);
         self.contest.finish(active.stroke, &active.shot);
         self.begin_turn();
     }
 
     fn rack(&mut self) {
         if self.contest.referee().rules() != RuleSet::Free {
-            self.notice = Some(
-                "In a match the balls are racked by its rules: the menu begins a new game".into(),
-            );
+            self.notice = Some("You cannot re-rack in a match. Esc → New game".into());
             return;
         }
         let table = self.contest.world().table().clone();
@@ -540,6 +555,7 @@ impl Game {
             },
             pocket: self.pocket_ahead(),
             is_wide: is_placing,
+            framing: self.framing,
         })
     }
 

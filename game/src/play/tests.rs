@@ -6,11 +6,12 @@ use crate::input::{Intent, MatchIntent};
 
 /// Does what the player wants; a stroke meets the ball 0.2 s later.
 fn apply(game: &mut Game, intent: Intent, now_secs: f64) {
+    game.set_framing(Framing::whole(FILM));
     match intent {
-        Intent::Aim(intent) => game.change_aim(intent, now_secs, FILM),
+        Intent::Aim(intent) => game.change_aim(intent, now_secs),
         Intent::Stroke(intent) => game.stroke(intent, now_secs, 0.2),
         Intent::Camera(intent) => game.look(intent, now_secs),
-        Intent::Match(intent) => game.decide(intent, now_secs, FILM),
+        Intent::Match(intent) => game.decide(intent, now_secs),
         other => panic!("{other:?} is not for the game"),
     }
 }
@@ -105,7 +106,8 @@ fn escape_gives_up_a_stroke_first_and_then_quits() {
 fn aiming_at_a_point_turns_the_cue_to_it() {
     let mut game = Game::new(1).unwrap();
     let target = DVec3::new(0.3, 0.4, game.cue_ball().unwrap().z);
-    let projection = Projection::new(&game.camera(0.0), FILM.x, FILM.y);
+    game.set_framing(Framing::whole(FILM));
+    let projection = game.projection(0.0);
     let point = projection.film_from_world(target).unwrap();
     apply(&mut game, Intent::Aim(AimIntent::AimAt(point)), 0.0);
     let way = (target - game.cue_ball().unwrap()).truncate();
@@ -150,9 +152,9 @@ fn cameras_glide_and_cut_with_reduced_motion() {
     let mut game = Game::new(1).unwrap();
     let behind = game.viewpoint(0.0);
     apply(&mut game, Intent::Camera(CameraIntent::Overhead), 0.0);
-    assert_eq!(game.notice(), Some("View: from above"));
+    assert_eq!(game.take_notice().as_deref(), Some("View: from above"));
     game.tick(0.0, 0.02);
-    let above = Viewpoint::overhead(game.table());
+    let above = Viewpoint::overhead(game.table(), &Framing::whole(FILM));
     let under_way = game.viewpoint(0.0);
     assert!(under_way != behind && under_way != above && game.is_moving());
     (0..200).for_each(|_| game.tick(0.0, 0.02));
@@ -171,7 +173,7 @@ fn views_chosen_in_a_shot_start_from_what_is_seen() {
         game.set_instant_camera(instant_camera);
         strike(&mut game, 0.9, 0.0);
         let contact = -game.shot_clock(0.0).unwrap().now_secs;
-        let above = Viewpoint::overhead(game.table());
+        let above = Viewpoint::overhead(game.table(), &Framing::whole(FILM));
         let now = contact + 2.5;
         let clock = game.shot_clock(now).unwrap().now_secs;
         let before = game.viewpoint(clock);
@@ -193,7 +195,7 @@ fn after_the_ball_the_camera_has_it_in_the_middle() {
     strike(&mut game, 0.35, 0.0);
     for moment in [0.3, 0.5] {
         let cue_ball = ball(&game, 0, moment);
-        let projection = Projection::new(&game.camera(moment), FILM.x, FILM.y);
+        let projection = game.projection(moment);
         let film = projection.film_from_world(cue_ball).unwrap();
         let off = (film - 0.5 * FILM).abs();
         assert!(off.cmplt(0.25 * FILM).all(), "{film} at {moment} s");
@@ -269,10 +271,7 @@ fn a_tip_set_too_far_out_miscues_and_says_so() {
         0.0,
     );
     strike(&mut game, 0.4, 1.0);
-    assert!(
-        game.notice()
-            .is_some_and(|notice| notice.starts_with("Miscue"))
-    );
+    assert!(game.take_notice().unwrap().starts_with("Miscue"));
 }
 
 #[test]
@@ -452,7 +451,7 @@ fn balls_in_hand_are_put_down_only_where_they_may_lie() {
         "{ball_in_hand:?}"
     );
     apply(&mut game, Intent::Match(MatchIntent::Put), 0.0);
-    assert!(game.ball_in_hand().is_some() && game.notice().is_some());
+    assert!(game.ball_in_hand().is_some() && game.take_notice().is_some());
     for _ in 0..44 {
         apply(
             &mut game,
@@ -532,11 +531,8 @@ fn a_person_is_advised_and_can_let_the_computer_play() {
         game.tick(1.0, 0.1);
         std::thread::yield_now();
     }
-    assert!(
-        game.notice().is_some_and(|notice| notice.contains("m/s")),
-        "{:?}",
-        game.notice()
-    );
+    let notice = game.take_notice().unwrap();
+    assert!(notice.contains("m/s"), "{notice}");
     assert!(game.may_play());
     apply(&mut game, Intent::Match(MatchIntent::TakeOver), 1.0);
     assert!(!game.may_play());

@@ -11,7 +11,7 @@ use glam::DVec2;
 use crate::input::MatchIntent;
 
 use super::ai_turn::{AiTask, AiTurn, PlannedStroke};
-use super::aim::Aim;
+use super::aim::{Aim, power_of_speed};
 use super::cue::SWING_SECS;
 use super::{CueView, Game, TurnPhase};
 
@@ -59,13 +59,14 @@ impl Game {
         Some(self.contest.call_text(call))
     }
 
-    /// Decides something that is no stroke, in a window of `film` points.
-    pub fn decide(&mut self, intent: MatchIntent, now_secs: f64, film: DVec2) {
+    /// Decides something that is no stroke.
+    pub fn decide(&mut self, intent: MatchIntent, now_secs: f64) {
         match intent {
             MatchIntent::Skip => self.end_shot(now_secs),
             MatchIntent::Rack => self.rack(),
-            MatchIntent::Undo => self.undo(),
-            MatchIntent::Point(point) => self.point(point, now_secs, film),
+            MatchIntent::Undo => self.turn_back(false),
+            MatchIntent::Redo => self.turn_back(true),
+            MatchIntent::Point(point) => self.point(point, now_secs),
             MatchIntent::Put => self.put_down(),
             // The rest is for the person whose turn it is.
             _ if !self.may_play() => {}
@@ -124,15 +125,22 @@ impl Game {
         calls[(place + 1) % calls.len()]
     }
 
-    /// Takes shots back until a person is at the table again.
-    fn undo(&mut self) {
+    /// Takes shots back, or plays those again, until a person is at the table.
+    fn turn_back(&mut self, is_redo: bool) {
+        let (verb, done) = match is_redo {
+            false => ("undo", "Undid"),
+            true => ("redo", "Redid"),
+        };
         if matches!(self.phase, TurnPhase::Watching(_)) {
-            self.notice = Some("Wait until the balls rest before you undo".to_owned());
+            self.notice = Some(format!("Wait until the balls rest before you {verb}"));
             return;
         }
         self.ai_turn = None;
         let mut taken = 0;
-        while self.contest.undo() {
+        while match is_redo {
+            false => self.contest.undo(),
+            true => self.contest.redo(),
+        } {
             taken += 1;
             let player = self.contest.at_table();
             if player.is_some_and(|player| player.level().is_none()) {
@@ -141,9 +149,9 @@ impl Game {
         }
         self.begin_turn();
         self.notice = Some(match taken {
-            0 => "Nothing to undo".to_owned(),
-            1 => "Undid the last shot".to_owned(),
-            shots => format!("Undid the last {shots} shots"),
+            0 => format!("Nothing to {verb}"),
+            1 => format!("{done} the last shot"),
+            shots => format!("{done} the last {shots} shots"),
         });
     }
 
@@ -182,7 +190,24 @@ impl Game {
         if self.contest.referee().rules() != RuleSet::Free {
             self.aim_at_nearest();
         }
+        self.follow_break();
         self.clear_cue();
+    }
+
+    /// Sets the power for a break that is due, and back after it; in between it is the player's.
+    fn follow_break(&mut self) {
+        let referee = self.contest.referee();
+        let is_hard = matches!(
+            referee.rules(),
+            RuleSet::Free | RuleSet::Eight | RuleSet::Nine
+        );
+        let is_break = is_hard && referee.is_break();
+        if std::mem::replace(&mut self.is_break, is_break) != is_break {
+            self.aim.power = match is_break {
+                true => power_of_speed(BREAK_M_S),
+                false => Aim::LEVEL.power,
+            };
+        }
     }
 
     /// Points the cue at the nearest of the balls that may be hit.
@@ -302,3 +327,6 @@ impl Game {
         })
     }
 }
+
+/// Of an ordinary break of 8-ball or 9-ball.
+const BREAK_M_S: f64 = 8.0;

@@ -45,6 +45,7 @@ pub const FIELDS: &[SettingsField] = &[
     field("window", "fullscreen", |s| s.fullscreen.into(), |s, v| switch(v).map(|on| s.fullscreen = on)),
     field("interface", "text-scale", |s| s.text_scale.into(), |s, v| number(v, Settings::TEXT_SCALE).map(|x| s.text_scale = x)),
     field("interface", "reduced-motion", |s| s.reduced_motion.into(), |s, v| switch(v).map(|on| s.reduced_motion = on)),
+    field("interface", "lesson", |s| name(&s.lesson), |s, v| choice(v).map(|x| s.lesson = x)),
     field("game", "aim-aids", |s| name(&s.aim_aids), |s, v| choice(v).map(|x| s.aim_aids = x)),
     field("game", "cloth", |s| name(&s.cloth), |s, v| choice(v).map(|x| s.cloth = x)),
     field("game", "ball-set", |s| name(&s.ball_set), |s, v| choice(v).map(|x| s.ball_set = x)),
@@ -162,9 +163,9 @@ const VIEW_PARTS: [ViewpointPart; 6] = [
     part("x", [-4.0, 4.0], |at| at.focus.x, |at, x| at.focus.x = x),
     part("y", [-4.0, 4.0], |at| at.focus.y, |at, y| at.focus.y = y),
     part("bearing-deg", [-180.0, 180.0], |at| wrap_rad(at.bearing_rad).to_degrees(), |at, deg| at.bearing_rad = deg.to_radians()),
-    part("pitch-deg", [1.0, 85.0], |at| at.pitch_rad.to_degrees(), |at, deg| at.pitch_rad = deg.to_radians()),
+    part("pitch-deg", [1.0, 90.0], |at| at.pitch_rad.to_degrees(), |at, deg| at.pitch_rad = deg.to_radians()),
     part("distance-m", [0.5, 7.0], |at| at.distance_m, |at, m| at.distance_m = m),
-    part("fov-deg", [20.0, 90.0], |at| at.fov_x_deg, |at, deg| at.fov_x_deg = deg),
+    part("fov-deg", [20.0, 160.0], |at| at.fov_x_deg, |at, deg| at.fov_x_deg = deg),
 ];
 const VIEW_DIGITS: f64 = 1e4;
 

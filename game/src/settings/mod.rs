@@ -27,6 +27,7 @@ use crate::input::Bindings;
 use crate::play::AimAids;
 use crate::scene::ball_materials::BallSet;
 use crate::scene::table_style::{ClothColour, TableStyle};
+use crate::ui::lessons::Lesson;
 
 /// All settings.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,6 +40,8 @@ pub struct Settings {
     pub text_scale: f64,
     /// Cuts instead of camera rides, and panels that do not slide or fade.
     pub reduced_motion: bool,
+    /// What a newcomer is taught next.
+    pub lesson: Lesson,
     /// How much of a shot is shown beforehand: the difficulty of the game.
     pub aim_aids: AimAids,
     /// What the balls are made of.
@@ -59,7 +62,7 @@ pub struct Settings {
 
 impl Settings {
     /// Smallest and largest text.
-    pub const TEXT_SCALE: [f64; 2] = [0.75, 2.0];
+    pub const TEXT_SCALE: [f64; 2] = [0.75, 2.5];
     /// Smallest and largest edge of the window, points.
     pub const WINDOW_EDGE: [u32; 2] = [320, 16_384];
 }
@@ -81,6 +84,7 @@ impl Default for Settings {
             fullscreen: false,
             text_scale: 1.0,
             reduced_motion: false,
+            lesson: Lesson::default(),
             aim_aids: AimAids::default(),
             ball_set: BallSet::default(),
             cloth: ClothColour::default(),

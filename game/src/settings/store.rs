@@ -308,6 +308,7 @@ mod tests {
             fullscreen: true,
             text_scale: 1.5,
             reduced_motion: true,
+            lesson: crate::ui::lessons::Lesson::Suggest,
             aim_aids: crate::play::AimAids::Full,
             ball_set: BallSet::Jade,
             cloth: ClothColour::Red,

@@ -7,17 +7,25 @@ use egui::{
 };
 use glam::DVec2;
 
-use super::theme::{FAINT, INK, PANEL};
+use super::theme::{INK, PANEL};
 use crate::input::{AimIntent, Intent};
 use crate::play::{CueView, cue_speed_m_s};
 
-/// Draws both for the cue that is shown at the left of `room`, a part of the window; what the player
-/// sets with the pointer.
-pub fn panel(ctx: &Context, room: Rect, cue: &CueView) -> Option<Intent> {
-    let bar_at = Pos2::new(room.left() + 16.0, room.center().y - 0.5 * BAR.y - 20.0);
-    let disc_at = room.left_bottom() + Vec2::new(12.0, -2.0 * RADIUS - 20.0);
-    let power = area(ctx, "power", bar_at, |ui| power_bar(ui, cue.power));
+/// Draws both for the cue that is shown in `column`, a part of the window of [`super::layout::CUE_COLUMN`];
+/// what the player sets with the pointer.
+pub fn panel(ctx: &Context, column: Rect, cue: &CueView) -> Option<Intent> {
+    let disc_at = column.left_bottom() + Vec2::new(12.0, -2.0 * RADIUS - 20.0);
+    let words_at = disc_at - Vec2::new(0.0, 2.0 * WORDS + 6.0);
+    // As high as there is room for, in the middle of the column if it can be.
+    let room = words_at.y - column.top() - 2.0 * MARGIN - FOOT;
+    let height = BAR.y.min(room).max(MARGIN);
+    let middle = column.center().y - 0.5 * height - 20.0;
+    let lowest = words_at.y - MARGIN - FOOT - height;
+    let bar_at = Pos2::new(column.left() + 16.0, middle.min(lowest));
+    let bar = Vec2::new(BAR.x, height);
+    let power = area(ctx, "power", bar_at, |ui| power_bar(ui, bar, cue.power));
     let tip = area(ctx, "spin", disc_at, |ui| spin_disc(ui, cue));
+    words(ctx, words_at, cue);
     tip.or(power)
 }
 
@@ -33,11 +41,13 @@ fn area<T>(
     area.show(ctx, draw).inner
 }
 
-fn power_bar(ui: &mut Ui, power: f64) -> Option<Intent> {
-    let (whole, response) = ui.allocate_exact_size(BAR + Vec2::new(34.0, 34.0), POINTER_ONLY);
-    let words = format!("Power {:.0} %", power * 100.0);
+fn power_bar(ui: &mut Ui, bar: Vec2, power: f64) -> Option<Intent> {
+    let size = bar + Vec2::new(34.0, FOOT);
+    let (whole, response) = ui.allocate_exact_size(size, POINTER_ONLY);
+    let speed = format!("{:.2} m/s", cue_speed_m_s(power));
+    let words = format!("Power {:.0} %, {speed}", power * 100.0);
     response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, &words));
-    let frame = Rect::from_min_size(whole.min + Vec2::new(17.0, 4.0), BAR);
+    let frame = Rect::from_min_size(whole.min + Vec2::new(17.0, 4.0), bar);
     let painter = ui.painter();
     painter.rect_filled(whole, CornerRadius::same(8), PANEL);
     let top = frame.bottom() - frame.height() * power as f32;
@@ -50,7 +60,6 @@ fn power_bar(ui: &mut Ui, power: f64) -> Option<Intent> {
     let rim = Stroke::new(rim_width(&response), INK);
     painter.rect_stroke(frame, CornerRadius::same(3), rim, StrokeKind::Outside);
     let foot = frame.center_bottom() + Vec2::new(0.0, 6.0);
-    let speed = format!("{:.2} m/s", cue_speed_m_s(power));
     painter.text(
         foot,
         Align2::CENTER_TOP,
@@ -92,7 +101,6 @@ fn spin_disc(ui: &mut Ui, cue: &CueView) -> Option<Intent> {
             painter.line_segment([tip - arm, tip + arm], Stroke::new(2.0, INK));
         }
     }
-    raised(ui, cue, rect, slips);
     let explained = response.on_hover_text(
         "Point of contact on the cue ball; outside the ring the tip slips off. Click or drag to set it",
     );
@@ -103,29 +111,35 @@ fn spin_disc(ui: &mut Ui, cue: &CueView) -> Option<Intent> {
     ))))
 }
 
-/// What there is to say beside the disc.
-fn raised(ui: &Ui, cue: &CueView, disc: Rect, slips: bool) {
+/// What there is to say above the disc: two lines at most.
+fn words(ctx: &Context, at: Pos2, cue: &CueView) {
     let mut words = Vec::new();
     if cue.elevation_rad > 0.0005 {
         let angle = cue.elevation_rad.to_degrees();
         words.push((format!("cue raised {angle:.1}°"), INK));
     }
-    if slips {
-        words.push(("the tip will slip off".to_owned(), super::theme::ALARM));
+    if cue.tip.length() > physics::Cue::default().miscue_offset() {
+        words.push(("the tip slips off".to_owned(), super::theme::ALARM));
     }
     if words.is_empty() {
         return;
     }
-    let painter = ui.ctx().layer_painter(ui.layer_id());
-    // Below the keys, which reach as far left in a small window.
-    let mut at = disc.right_bottom() + Vec2::new(10.0, -20.0 * words.len() as f32);
-    for (text, color) in words {
-        let galley = painter.layout_no_wrap(text, FontId::proportional(14.0), color);
-        let rect = Rect::from_min_size(at, galley.size()).expand2(Vec2::new(6.0, 2.0));
-        painter.rect_filled(rect, CornerRadius::same(4), PANEL);
-        at.y += galley.size().y + 5.0;
-        painter.galley(rect.min + Vec2::new(6.0, 2.0), galley, FAINT);
-    }
+    let bottom = at + Vec2::new(0.0, (2 - words.len()) as f32 * WORDS);
+    let drawn = Area::new(Id::unique("words of the cue"))
+        .order(Order::Middle)
+        .interactable(false)
+        .fixed_pos(bottom);
+    drawn.show(ctx, |ui| {
+        ui.spacing_mut().item_spacing.y = 0.0;
+        for (text, color) in words {
+            let size = Vec2::new(super::layout::CUE_COLUMN - 14.0, WORDS - 2.0);
+            let (rect, _) = ui.allocate_exact_size(size, Sense::hover());
+            let font = FontId::proportional(13.0);
+            let painter = ui.painter();
+            painter.rect_filled(rect, CornerRadius::same(4), PANEL);
+            painter.text(rect.center(), Align2::CENTER_CENTER, text, font, color);
+        }
+    });
 }
 
 /// Where the pointer holds a widget.
@@ -148,6 +162,11 @@ fn power_color(power: f32) -> Color32 {
 const POINTER_ONLY: Sense = Sense::CLICK.union(Sense::DRAG);
 const BAR: Vec2 = Vec2::new(18.0, 220.0);
 const RADIUS: f32 = 46.0;
+/// Under the bar, for its figure.
+const FOOT: f32 = 34.0;
+/// The height of a line of words.
+const WORDS: f32 = 20.0;
+const MARGIN: f32 = 8.0;
 const TIP: Color32 = Color32::from_rgb(40, 90, 160);
 const SLIPS: Color32 = Color32::from_rgb(190, 50, 30);
 

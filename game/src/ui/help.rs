@@ -1,6 +1,6 @@
-//! Help on keys and mouse, made from the action map: the panel, the first steps, and `CONTROLS.md`.
+//! Help on keys and mouse, made from the action map: the panel, and `CONTROLS.md`.
 
-use egui::{Align2, Area, Color32, Context, Grid, Id, Order, Rect, RichText, ScrollArea};
+use egui::{Align2, Area, Color32, Context, Grid, Id, Order, RichText, ScrollArea};
 
 use super::theme;
 use crate::input::{Action, Bindings, Group};
@@ -17,7 +17,7 @@ pub fn panel(ctx: &Context, bindings: &Bindings) {
                     ui.heading("Keys and mouse");
                     let room = ctx.content_rect().size() - egui::vec2(60.0, 130.0);
                     ui.set_max_width(room.x);
-                    ScrollArea::both()
+                    ScrollArea::vertical()
                         .max_height(room.y.max(80.0))
                         .show(ui, |ui| table(ui, bindings));
                     let close = bindings.words(Action::Help);
@@ -28,8 +28,10 @@ pub fn panel(ctx: &Context, bindings: &Bindings) {
 
 /// The controls as a grid of two columns, under their headings.
 pub fn table(ui: &mut egui::Ui, bindings: &Bindings) {
+    let width = ui.available_width();
     Grid::new("controls")
         .num_columns(2)
+        .max_col_width(0.5 * width - 12.0)
         .spacing([24.0, 4.0])
         .show(ui, |ui| {
             let row = |ui: &mut egui::Ui, keys: &str, does: &str, color: Color32| {
@@ -51,41 +53,6 @@ pub fn table(ui: &mut egui::Ui, bindings: &Bindings) {
         });
 }
 
-/// The first steps, for the bottom of a part of the window until the first shot.
-pub fn legend(ctx: &Context, room: Rect, bindings: &Bindings) {
-    Area::new(Id::unique("legend"))
-        .order(Order::Background)
-        .constrain_to(room)
-        .anchor(Align2::CENTER_BOTTOM, egui::vec2(0.0, -60.0))
-        .interactable(false)
-        .show(ctx, |ui| {
-            theme::frame().show(ui, |ui| {
-                // Between the disc of the cue ball at the left and as much at the right.
-                ui.set_max_width(room.width() - 2.0 * BESIDE_POINTS);
-                ui.horizontal_wrapped(|ui| {
-                    for (keys, does) in first_steps(bindings) {
-                        ui.label(RichText::new(keys).small().color(theme::ACCENT));
-                        ui.label(RichText::new(does).small());
-                        ui.add_space(8.0);
-                    }
-                });
-            });
-        });
-}
-
-fn first_steps(bindings: &Bindings) -> Vec<(String, &'static str)> {
-    let mut steps = vec![("Mouse".to_owned(), "aim")];
-    let rest = [
-        (Action::Stroke, "pull back and release"),
-        (Action::Charge, "or hold and release"),
-        (Action::Orbit, "look around"),
-        (Action::Help, "help"),
-    ];
-    steps.extend(rest.map(|(action, does)| (bindings.words(action), does)));
-    steps
-}
-
-const BESIDE_POINTS: f32 = 124.0;
 const AIM_BY_MOUSE: &str = "aim: left and right turn the cue";
 
 #[cfg(test)]

@@ -2,22 +2,27 @@
 
 use egui::{Event, RawInput};
 
-/// Splits what came since the last picture where a button went down or up. egui looks for what is under
-/// the pointer once a pass, where it is at the end: of a slider that is drawn from one place to another
-/// between two slow pictures it would see a pointer that is already gone.
+/// Splits what came since the last picture where a button went down or up, and before each key that goes
+/// down. egui looks for what is under the pointer once a pass, where it is at the end: of a slider that is
+/// drawn from one place to another between two slow pictures it would see a pointer that is already gone.
+/// And it moves the keyboard's focus once a pass, however often Tab was pressed.
 pub fn passes(mut raw: RawInput) -> Vec<RawInput> {
     let events = std::mem::take(&mut raw.events);
     let mut passes = Vec::with_capacity(1);
     let mut pass = raw.take();
-    let mut was_button = false;
+    let (mut was_button, mut has_key) = (false, false);
     for event in events {
         let is_button = matches!(event, Event::PointerButton { .. });
+        let is_key = matches!(event, Event::Key { pressed: true, .. });
         let is_pointer = is_button || matches!(event, Event::PointerMoved(_));
         // What is pressed is where the pointer was before.
-        if (was_button && is_pointer) || (is_button && !pass.events.is_empty()) {
+        let is_after_button = was_button && is_pointer;
+        if is_after_button || (is_button && !pass.events.is_empty()) || (has_key && is_key) {
             passes.push(std::mem::replace(&mut pass, raw.clone()));
+            has_key = false;
         }
         was_button = is_button;
+        has_key |= is_key;
         pass.events.push(event);
     }
     passes.push(pass);
@@ -26,7 +31,7 @@ pub fn passes(mut raw: RawInput) -> Vec<RawInput> {
 
 #[cfg(test)]
 mod tests {
-    use egui::{Context, Modifiers, PointerButton, Pos2, Rect, Slider, Vec2, pos2};
+    use egui::{Context, Key, Modifiers, PointerButton, Pos2, Rect, Slider, Vec2, pos2};
 
     use super::*;
 
@@ -80,6 +85,33 @@ mod tests {
         let quick = slid(std::iter::once(still()).chain(passes(quick)));
         assert!(slow > 0.6, "{slow}");
         assert_eq!(quick, slow);
+    }
+
+    #[test]
+    fn keys_between_two_slow_pictures_all_count() {
+        let press = |key| Event::Key {
+            key,
+            physical_key: None,
+            pressed: true,
+            repeat: false,
+            modifiers: Modifiers::NONE,
+        };
+        let quick = RawInput {
+            events: [Key::Tab, Key::Tab, Key::Tab, Key::Enter].map(press).into(),
+            ..RawInput::default()
+        };
+        let (ctx, mut clicked) = (Context::default(), Vec::new());
+        for raw in std::iter::once(RawInput::default()).chain(passes(quick)) {
+            let output = ctx.run_ui(raw, |ui| {
+                for line in 0..4 {
+                    if ui.button(format!("line {line}")).clicked() {
+                        clicked.push(line);
+                    }
+                }
+            });
+            output.drop_without_applying_deltas();
+        }
+        assert_eq!(clicked, [2], "three times Tab leads to the third line");
     }
 
     #[test]

@@ -47,12 +47,15 @@ pub(super) fn page(ui: &mut Ui, bindings: &mut Bindings, rebinding: &mut Rebindi
     ui.heading("Keys and mouse");
     status(ui, bindings, rebinding);
     let height = ui.ctx().content_rect().height() - 210.0;
+    // Words and keys share what the buttons leave.
+    let column = 0.5 * (ui.available_width() - BUTTONS);
     ScrollArea::vertical()
         .max_height(height.max(80.0))
         .show(ui, |ui| {
             Grid::new("keys")
                 .num_columns(3)
                 .spacing([16.0, 6.0])
+                .max_col_width(column)
                 .striped(true)
                 .show(ui, |ui| {
                     for group in Group::ALL {
@@ -132,3 +135,6 @@ fn row(ui: &mut Ui, action: Action, bindings: &mut Bindings, rebinding: &mut Reb
 fn name(button: &egui::Response, words: String) {
     button.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &words));
 }
+
+/// The width of a row's buttons, with what is between.
+const BUTTONS: f32 = 200.0;

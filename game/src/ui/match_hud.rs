@@ -6,10 +6,11 @@ use std::rc::Rc;
 use carom_billiards::game_match::{MatchView, PlayerView};
 use carom_billiards::rules::{Call, RuleSet, TableLayout};
 use egui::{
-    Align2, Area, Button, Context, Id, Order, Rect, RichText, ScrollArea, Sense, Stroke, Ui, Vec2,
+    Align, Align2, Button, Context, Label, Rect, RichText, ScrollArea, Sense, Stroke, Ui, Vec2,
     WidgetInfo,
 };
 
+use super::layout::{LOW, Layout};
 use super::theme;
 use crate::input::{Action, AppIntent, Bindings, Intent, MatchIntent};
 
@@ -22,6 +23,8 @@ pub struct MatchHud {
     pub may_play: bool,
     /// Whether the computer looks for a shot.
     pub is_thinking: bool,
+    /// Whether an undo can be taken back.
+    pub may_redo: bool,
     /// The ball that the cue points at.
     pub aimed: Option<u8>,
     /// What counts as called, in words.
@@ -32,131 +35,130 @@ pub struct MatchHud {
 
 /// Draws the board; what the player asks for with the pointer.
 ///
-/// It keeps to `room`, a part of the window; with `log` it tells what was said so far.
+/// It takes its place from `layout`; with `log` it tells what was said so far.
 pub fn draw(
     ctx: &Context,
-    room: Rect,
+    layout: &mut Layout,
     hud: &MatchHud,
     bindings: &Bindings,
     log: bool,
 ) -> Option<Intent> {
+    let is_low = layout.free().height() < LOW;
     let mut wanted = None;
     if hud.view.rules != RuleSet::Free {
-        wanted = panel(
-            ctx,
-            room,
-            "score",
-            Align2::CENTER_TOP,
-            Vec2::new(0.0, 8.0),
-            |ui| score(ui, room, hud),
-        );
+        panel(ctx, layout, "score", Align2::CENTER_TOP, |ui| {
+            score(ui, hud, is_low);
+            None
+        });
     }
-    if hud.pockets.is_some() {
-        let asked = panel(
-            ctx,
-            room,
-            "call",
-            Align2::RIGHT_CENTER,
-            Vec2::new(-12.0, 0.0),
-            |ui| calls(ui, hud, bindings),
-        );
+    let place = Align2::RIGHT_BOTTOM;
+    let asked = panel(ctx, layout, "deeds", place, |ui| {
+        actions(ui, hud, bindings, is_low)
+    });
+    wanted = wanted.or(asked);
+    if hud.may_play && !hud.view.options.is_empty() {
+        let asked = panel(ctx, layout, "options", place, |ui| options(ui, hud));
         wanted = wanted.or(asked);
     }
-    let asked = panel(
-        ctx,
-        room,
-        "deeds",
-        Align2::RIGHT_BOTTOM,
-        Vec2::new(-12.0, -12.0),
-        |ui| {
-            if log {
-                said(ui, &hud.view);
-            }
-            actions(ui, hud, bindings)
-        },
-    );
-    wanted.or(asked)
+    if log {
+        panel(ctx, layout, "log", place, |ui| {
+            said(ui, &hud.view);
+            None
+        });
+    }
+    if hud.pockets.is_some() {
+        let place = Align2::RIGHT_CENTER;
+        let asked = panel(ctx, layout, "call", place, |ui| {
+            let area = ScrollArea::vertical().max_height(ui.available_height());
+            area.show(ui, |ui| calls(ui, hud, bindings)).inner
+        });
+        wanted = wanted.or(asked);
+    }
+    wanted
 }
 
 fn panel(
     ctx: &Context,
-    room: Rect,
+    layout: &mut Layout,
     name: &str,
     place: Align2,
-    offset: Vec2,
     draw: impl FnOnce(&mut Ui) -> Option<Intent>,
 ) -> Option<Intent> {
-    let area = Area::new(Id::unique(name))
-        .order(Order::Middle)
-        .constrain_to(room)
-        .anchor(place, offset);
-    area.show(ctx, |ui| theme::frame().show(ui, draw).inner)
-        .inner
+    layout.dock(ctx, name, place, |ui| theme::frame().show(ui, draw).inner)
 }
 
-/// Who plays whom, what stands, what is to be done.
-fn score(ui: &mut Ui, room: Rect, hud: &MatchHud) -> Option<Intent> {
+/// Who plays whom, what stands, what is to be done. In a low window one line has to do.
+fn score(ui: &mut Ui, hud: &MatchHud, is_low: bool) {
     let view = &hud.view;
-    ui.set_max_width(0.62 * room.width());
-    ui.vertical_centered(|ui| {
-        ui.horizontal(|ui| {
-            for (index, player) in view.players.iter().enumerate() {
-                side(ui, player, index == view.turn && view.winner.is_none());
-                if index + 1 < view.players.len() {
-                    ui.label(
-                        RichText::new(format!("{} · {}", view.title, view.goal))
-                            .color(theme::FAINT),
-                    );
-                }
-            }
-        });
-        if let Some(banner) = &view.banner {
-            let words = RichText::new(banner.as_str()).strong();
-            ui.label(if view.is_foul {
-                words.color(theme::ALARM)
-            } else {
-                words
+    ui.set_width(ui.available_width().min(BOARD));
+    ui.columns(view.players.len(), |columns| {
+        for (index, (column, player)) in columns.iter_mut().zip(&view.players).enumerate() {
+            let layout = match index {
+                0 => egui::Layout::left_to_right(Align::Center),
+                _ => egui::Layout::right_to_left(Align::Center),
+            };
+            let is_turn = index == view.turn && view.winner.is_none();
+            let row = Vec2::new(column.available_width(), ROW);
+            column.allocate_ui_with_layout(row, layout, |ui| {
+                side(ui, player, is_turn, index == 0);
             });
         }
-        let prompt = match (hud.is_thinking, hud.may_play) {
-            (true, false) => format!("{} is thinking …", view.players[view.turn].name),
-            (false, false) if view.winner.is_none() => " ".to_owned(),
-            _ => view.prompt.clone(),
-        };
-        ui.label(RichText::new(prompt).color(theme::FAINT));
-        options(ui, hud)
-    })
-    .inner
+    });
+    let prompt = match (hud.is_thinking, hud.may_play) {
+        (true, false) => format!("{} is thinking …", view.players[view.turn].name),
+        (false, false) if view.winner.is_none() => String::new(),
+        _ => view.prompt.clone(),
+    };
+    let game = format!("{}, {}", view.title, view.goal);
+    let words = [game, prompt].map(|words| words.trim().to_owned());
+    let prompt = RichText::new(words.join(" · ")).color(theme::FAINT);
+    let banner = view.banner.as_ref().map(|banner| {
+        let words = RichText::new(banner.as_str()).strong();
+        if view.is_foul {
+            words.color(theme::ALARM)
+        } else {
+            words
+        }
+    });
+    ui.vertical_centered(|ui| {
+        let line = |words| Label::new(words).truncate();
+        match banner {
+            Some(banner) if is_low => drop(ui.add(line(banner.small()))),
+            None if is_low => drop(ui.add(line(prompt.small()))),
+            banner => {
+                ui.add(line(banner.unwrap_or_else(|| RichText::new(" "))));
+                ui.add(line(prompt));
+            }
+        }
+    });
 }
 
 /// A player: a mark for who is at the table, the name, the score, the group in words, the balls left.
-fn side(ui: &mut Ui, player: &PlayerView, is_turn: bool) {
-    let mark = if is_turn { "▶ " } else { "   " };
-    let name = RichText::new(format!("{mark}{}", player.name));
+fn side(ui: &mut Ui, player: &PlayerView, is_turn: bool, is_left: bool) {
+    let name = match (is_turn, is_left) {
+        (false, _) => player.name.clone(),
+        (true, true) => format!("▶ {}", player.name),
+        (true, false) => format!("{} ◀", player.name),
+    };
+    let name = RichText::new(name);
     let name = if is_turn {
         name.strong().color(theme::ACCENT)
     } else {
         name
     };
-    ui.vertical(|ui| {
-        ui.horizontal(|ui| {
-            ui.label(name);
-            ui.label(RichText::new(player.score.to_string()).heading());
-        });
-        if !player.state.is_empty() {
-            ui.label(RichText::new(&player.state).small());
-        }
-        if !player.left.is_empty() {
-            let left: Vec<String> = player.left.iter().map(u8::to_string).collect();
-            ui.label(RichText::new(format!("left: {}", left.join(" "))).small());
-        }
-    });
+    ui.label(name);
+    ui.label(RichText::new(player.score.to_string()).heading());
+    let mut state = player.state.clone();
+    if !player.left.is_empty() {
+        let left: Vec<String> = player.left.iter().map(u8::to_string).collect();
+        state += &format!(" · left: {}", left.join(" "));
+    }
+    if !state.is_empty() {
+        ui.add(Label::new(RichText::new(state).small()).truncate());
+    }
 }
 
 fn options(ui: &mut Ui, hud: &MatchHud) -> Option<Intent> {
-    if !hud.may_play || hud.view.options.is_empty() {
-        return None;
-    }
     let mut wanted = None;
     ui.horizontal_wrapped(|ui| {
         for option in &hud.view.options {
@@ -177,7 +179,8 @@ fn calls(ui: &mut Ui, hud: &MatchHud, bindings: &Bindings) -> Option<Intent> {
     let said = match (&hud.call, view.call.is_some()) {
         (Some(words), true) => format!("{words} (called)"),
         (Some(words), false) => format!("{words} (by your aim)"),
-        (None, _) => "none: potted balls do not count".to_owned(),
+        (None, _) => "Nothing yet: aim at a pot or click a pocket, else your turn ends even if a ball drops"
+            .to_owned(),
     };
     ui.label(RichText::new(said).small());
     let mut wanted = None;
@@ -254,7 +257,7 @@ fn map(ui: &mut Ui, hud: &MatchHud, layout: &TableLayout, called: Option<Call>) 
 }
 
 /// What can be done besides striking, each with its key.
-fn actions(ui: &mut Ui, hud: &MatchHud, bindings: &Bindings) -> Option<Intent> {
+fn actions(ui: &mut Ui, hud: &MatchHud, bindings: &Bindings, is_low: bool) -> Option<Intent> {
     let view = &hud.view;
     let rows = [
         (
@@ -262,6 +265,12 @@ fn actions(ui: &mut Ui, hud: &MatchHud, bindings: &Bindings) -> Option<Intent> {
             Action::Undo,
             view.undo > 0,
             Intent::Match(MatchIntent::Undo),
+        ),
+        (
+            "Redo",
+            Action::Redo,
+            hud.may_redo,
+            Intent::Match(MatchIntent::Redo),
         ),
         (
             "Suggest",
@@ -289,10 +298,15 @@ fn actions(ui: &mut Ui, hud: &MatchHud, bindings: &Bindings) -> Option<Intent> {
         ),
     ];
     let mut wanted = None;
-    ui.horizontal(|ui| {
-        ui.spacing_mut().item_spacing.x = 6.0;
+    ui.horizontal_wrapped(|ui| {
+        ui.spacing_mut().item_spacing = Vec2::splat(6.0);
+        ui.spacing_mut().button_padding = Vec2::new(8.0, 3.0);
         for (words, action, is_possible, intent) in rows {
-            let words = RichText::new(format!("{words} ({})", bindings.words(action))).small();
+            let words = match is_low {
+                true => words.to_owned(),
+                false => format!("{words} ({})", bindings.words(action)),
+            };
+            let words = RichText::new(words).small();
             if ui.add_enabled(is_possible, Button::new(words)).clicked() {
                 wanted = Some(intent);
             }
@@ -304,7 +318,7 @@ fn actions(ui: &mut Ui, hud: &MatchHud, bindings: &Bindings) -> Option<Intent> {
 fn said(ui: &mut Ui, view: &MatchView) {
     ui.set_max_width(420.0);
     let area = ScrollArea::vertical()
-        .max_height(220.0)
+        .max_height(220.0_f32.min(0.5 * ui.available_height()))
         .stick_to_bottom(true);
     area.show(ui, |ui| {
         for line in &view.log {
@@ -314,6 +328,9 @@ fn said(ui: &mut Ui, view: &MatchView) {
 }
 
 const MAP: Vec2 = Vec2::new(132.0, 76.0);
+const BOARD: f32 = 760.0;
+/// The height of a player's line.
+const ROW: f32 = 28.0;
 
 #[cfg(test)]
 mod tests {
@@ -341,6 +358,7 @@ mod tests {
             view: Rc::new(game.view()),
             may_play: true,
             is_thinking: false,
+            may_redo: false,
             aimed: Some(4),
             call: None,
             pockets: Some(game.table_layout().clone()),
@@ -354,7 +372,8 @@ mod tests {
             .with_size(Vec2::new(1280.0, 720.0))
             .build_ui(|ui| {
                 if theme::is_dressed(ui.ctx()) {
-                    let asked = draw(ui.ctx(), ui.ctx().content_rect(), hud, &bindings, true);
+                    let mut layout = Layout::new(ui.ctx().content_rect());
+                    let asked = draw(ui.ctx(), &mut layout, hud, &bindings, true);
                     intents.borrow_mut().extend(asked);
                 }
             });
@@ -414,11 +433,12 @@ mod tests {
             .with_size(Vec2::new(1280.0, 720.0))
             .build_ui(|ui| {
                 if theme::is_dressed(ui.ctx()) {
-                    draw(ui.ctx(), ui.ctx().content_rect(), &hud, &bindings, false);
+                    let mut layout = Layout::new(ui.ctx().content_rect());
+                    draw(ui.ctx(), &mut layout, &hud, &bindings, false);
                 }
             });
         harness.run();
-        harness.get_by_label_contains("Foul: the cue ball touched no ball");
+        harness.get_by_label_contains(" fouled: the cue ball touched no ball");
         harness.get_by_label_contains("Ada");
         harness.get_by_label_contains("You are on");
     }

@@ -3,12 +3,14 @@
 //! Every page works with the keyboard alone: arrows and Tab move, Enter or Space chooses, Esc goes
 //! back.
 
-use egui::{Button, Context, Id, Modal, Rect, RichText, Ui};
+use carom_billiards::game_match::MatchView;
+use carom_billiards::rules::RuleSet;
+use egui::{Button, Context, FocusDirection, Id, Key, Modal, RichText, ScrollArea, Ui};
 
 use super::keys::Rebinding;
 use super::new_game::NewGame;
 pub use super::page::{MenuInput, Page};
-use super::{help, keys, new_game, preferences, theme};
+use super::{keys, new_game, preferences, theme};
 use crate::input::{AppIntent, Intent, MatchIntent, PracticeIntent, ReplayIntent, Trigger};
 use crate::settings::SettingsStore;
 
@@ -20,6 +22,8 @@ pub struct Menu {
     game: NewGame,
     /// Whether the page has just been opened: then its first button takes the keyboard.
     is_fresh: bool,
+    /// The line under the pointer.
+    pointed: Option<Id>,
 }
 
 /// What a page asks for; changed settings are in the store.
@@ -31,6 +35,8 @@ pub enum MenuCommand {
     Act(Intent),
     /// To begin another game.
     Begin(NewGame),
+    /// To play the same match again.
+    Rematch,
     /// To end.
     Quit,
 }
@@ -88,13 +94,23 @@ impl Menu {
         // Each page its own modal, so that none inherits another's size.
         let modal = Modal::new(Id::unique(("menu", page as u8)));
         let shown = modal.show(ctx, |ui| {
-            ui.set_max_height(ctx.content_rect().height() - 60.0);
+            let height = ctx.content_rect().height() - 60.0;
+            ui.set_max_height(height);
+            let scrolled = ScrollArea::vertical().max_height(height);
             match page {
-                Page::Top => self.top(ui, is_fresh, input.is_free_table),
+                Page::Top => {
+                    let is_free = input.view.rules == RuleSet::Free;
+                    scrolled.show(ui, |ui| self.top(ui, is_fresh, is_free)).inner
+                }
+                Page::Welcome => scrolled.show(ui, |ui| self.welcome(ui, is_fresh)).inner,
+                Page::Result => scrolled.show(ui, |ui| self.result(ui, is_fresh, input.view)).inner,
                 Page::NewGame => {
-                    let begins = new_game::page(ui, &mut self.game, is_fresh);
-                    self.footer(ui, false, None);
-                    begins.then(|| {
+                    let page = |ui: &mut Ui| {
+                        let begins = new_game::page(ui, &mut self.game, is_fresh);
+                        self.footer(ui, false, None);
+                        begins
+                    };
+                    scrolled.show(ui, page).inner.then(|| {
                         self.close();
                         MenuCommand::Begin(self.game.clone())
                     })
@@ -113,15 +129,14 @@ impl Menu {
     }
 
     fn top(&mut self, ui: &mut Ui, is_fresh: bool, is_free_table: bool) -> Option<MenuCommand> {
-        ui.set_width(260.0);
-        ui.vertical_centered(|ui| ui.heading("Carom"));
-        ui.add_space(6.0);
+        title(ui, "Carom");
+        let mut entries = Entries::new(ui, is_fresh, self.pointed);
         let mut command = None;
-        if entry(ui, "Resume", is_fresh) {
+        if entries.add("Resume") {
             self.close();
             command = Some(MenuCommand::Resume);
         }
-        if entry(ui, "New game", false) {
+        if entries.add("New game") {
             self.open(Page::NewGame);
         }
         for (words, intent, is_for_all) in [
@@ -134,19 +149,82 @@ impl Menu {
             ),
             ("Screenshot", Intent::App(AppIntent::TakeScreenshot), true),
         ] {
-            if (is_for_all || is_free_table) && entry(ui, words, false) {
+            if (is_for_all || is_free_table) && entries.add(words) {
                 self.close();
                 command = Some(MenuCommand::Act(intent));
             }
         }
-        if entry(ui, "Settings", false) {
+        if entries.add("Settings") {
             self.open(Page::Settings);
         }
-        if entry(ui, "Keys and mouse", false) {
+        if entries.add("Keys and mouse") {
             self.open(Page::Keys);
         }
-        if entry(ui, "Quit", false) {
+        if entries.add("Quit") {
             command = Some(MenuCommand::Quit);
+        }
+        self.pointed = entries.finish();
+        command
+    }
+
+    /// What a newcomer may begin with.
+    fn welcome(&mut self, ui: &mut Ui, is_fresh: bool) -> Option<MenuCommand> {
+        title(ui, "Welcome to Carom");
+        let mut entries = Entries::new(ui, is_fresh, self.pointed);
+        let mut command = None;
+        for (words, game) in [
+            ("Play 8-ball", NewGame::default()),
+            (
+                "Watch",
+                NewGame {
+                    is_watched: true,
+                    ..NewGame::default()
+                },
+            ),
+        ] {
+            if entries.add(words) {
+                command = Some(MenuCommand::Begin(game));
+            }
+        }
+        if entries.add("Practice") {
+            command = Some(MenuCommand::Resume);
+        }
+        self.pointed = entries.finish();
+        if command.is_some() {
+            self.close();
+        }
+        command
+    }
+
+    /// How the match ended, and what may come next.
+    fn result(&mut self, ui: &mut Ui, is_fresh: bool, view: &MatchView) -> Option<MenuCommand> {
+        title(ui, &view.prompt);
+        ui.vertical_centered(|ui| {
+            let scores = view.players.iter();
+            let scores = scores.map(|player| format!("{} {}", player.name, player.score));
+            ui.label(scores.collect::<Vec<_>>().join(" · "));
+            if let Some(banner) = &view.banner {
+                ui.label(RichText::new(banner).color(theme::FAINT).small());
+            }
+        });
+        let mut entries = Entries::new(ui, is_fresh, self.pointed);
+        let mut command = None;
+        if entries.add("Rematch") {
+            command = Some(MenuCommand::Rematch);
+        }
+        if entries.add("New game") {
+            self.open(Page::NewGame);
+        }
+        if entries.add("Replays") {
+            let replays = Intent::Replay(ReplayIntent::Toggle);
+            command = Some(MenuCommand::Act(replays));
+        }
+        if entries.add("Back to the table") {
+            command = Some(MenuCommand::Resume);
+        }
+        self.pointed = entries.finish();
+        if command.is_some() {
+            self.close();
         }
         command
     }
@@ -171,19 +249,64 @@ impl Menu {
     }
 }
 
-fn entry(ui: &mut Ui, words: &str, focus: bool) -> bool {
-    let button = ui.add_sized([ui.available_width(), 34.0], Button::new(words));
-    if focus {
-        button.request_focus();
-    }
-    button.clicked()
+fn title(ui: &mut Ui, words: &str) {
+    ui.set_width(260.0);
+    ui.vertical_centered(|ui| ui.heading(words));
+    ui.add_space(6.0);
 }
 
-/// The keys over the table, while they are asked for, or the first steps until the first shot.
-pub fn hints(ctx: &Context, room: Rect, store: &SettingsStore, help: bool, has_played: bool) {
-    if help {
-        help::panel(ctx, &store.settings.bindings);
-    } else if !has_played {
-        help::legend(ctx, room, &store.settings.bindings);
+/// The lines of a menu, of which one is chosen: by the pointer that moves over it, or by the arrows, which
+/// go round from the last line to the first.
+struct Entries<'a> {
+    ui: &'a mut Ui,
+    is_fresh: bool,
+    ids: Vec<Id>,
+    /// The line under the pointer, before and now.
+    was_pointed: Option<Id>,
+    pointed: Option<Id>,
+}
+
+impl<'a> Entries<'a> {
+    fn new(ui: &'a mut Ui, is_fresh: bool, was_pointed: Option<Id>) -> Self {
+        Self {
+            ui,
+            is_fresh,
+            ids: Vec::new(),
+            was_pointed,
+            pointed: None,
+        }
+    }
+
+    fn add(&mut self, words: &str) -> bool {
+        let width = self.ui.available_width();
+        let button = self.ui.add_sized([width, 34.0], Button::new(words));
+        let is_first = self.ids.is_empty();
+        if button.hovered() {
+            self.pointed = Some(button.id);
+        }
+        let is_newly_pointed = button.hovered() && self.was_pointed != self.pointed;
+        if (is_first && self.is_fresh) || is_newly_pointed {
+            button.request_focus();
+        }
+        self.ids.push(button.id);
+        button.clicked()
+    }
+
+    /// Lets the arrows go round; the line under the pointer.
+    fn finish(self) -> Option<Id> {
+        let (&first, &last) = (self.ids.first()?, self.ids.last()?);
+        let pressed = |key| self.ui.input(|input| input.key_pressed(key));
+        let (up, down) = (pressed(Key::ArrowUp), pressed(Key::ArrowDown));
+        self.ui.memory_mut(|memory| {
+            let next = match memory.focused() {
+                Some(id) if id == first && up => last,
+                Some(id) if id == last && down => first,
+                _ => return,
+            };
+            memory.move_focus(FocusDirection::None);
+            memory.request_focus(next);
+        });
+        self.pointed
     }
 }
+

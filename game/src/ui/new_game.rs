@@ -17,6 +17,8 @@ pub struct NewGame {
     pub computer: Option<Level>,
     /// Racks, frames or points to win; 0 for the game's own.
     pub target: u32,
+    /// Whether a computer takes the person's place too.
+    pub is_watched: bool,
 }
 
 impl Default for NewGame {
@@ -25,6 +27,7 @@ impl Default for NewGame {
             rules: RuleSet::Eight,
             computer: Some(Level::default()),
             target: 0,
+            is_watched: false,
         }
     }
 }
@@ -38,6 +41,9 @@ impl NewGame {
         let human = |name: &str| Player::Human(name.to_owned());
         let players = match (self.rules, self.computer) {
             (RuleSet::Free, _) => vec![human("You")],
+            (_, Some(level)) if self.is_watched => {
+                vec![Player::Computer(Level::Hard), Player::Computer(level)]
+            }
             (_, Some(level)) => vec![human("You"), Player::Computer(level)],
             (_, None) => vec![human("Player 1"), human("Player 2")],
         };
@@ -142,6 +148,7 @@ mod tests {
                     rules,
                     computer,
                     target: 5,
+                    is_watched: false,
                 };
                 let begun = game.begin(9).unwrap();
                 assert_eq!(begun.referee().rules(), rules);

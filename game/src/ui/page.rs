@@ -1,5 +1,7 @@
 //! The pages over the table, and the facts that they show.
 
+use carom_billiards::game_match::MatchView;
+
 /// A page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Page {
@@ -11,13 +13,17 @@ pub enum Page {
     Settings,
     /// Which key does what, and how that is changed.
     Keys,
+    /// How the match ended, and what may come next.
+    Result,
+    /// What a newcomer may begin with.
+    Welcome,
 }
 
 /// What pages show that is not in the settings.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct MenuInput<'a> {
-    /// Whether the free table is played, on which the balls are racked at will.
-    pub is_free_table: bool,
+    /// The match.
+    pub view: &'a MatchView,
     /// How sound is played, or why it is not.
     pub sound: &'a str,
     /// What draws the window.

@@ -1,29 +1,26 @@
 //! The page over a table that is being laid: balls follow the pointer, others come and go.
 
-use egui::{Align2, Area, Color32, Context, FontId, Id, Order as Layer, Rect, RichText, Stroke};
+use egui::{Align2, Color32, Context, FontId, RichText, Stroke};
 use glam::{DVec2, DVec3};
 
 use super::aim::AimOverlay;
+use super::layout::Layout;
 use super::{replay, theme};
 use crate::camera::Projection;
 use crate::capture::SavedRecording;
 use crate::play::practice::{Practice, PracticeCommand};
 
-/// Draws the page in a part of the window; what the player wants.
+/// Draws the page at the bottom; what the player wants.
 pub fn panel(
     ctx: &Context,
-    room: Rect,
+    layout: &mut Layout,
     practice: &Practice,
     kept: &[SavedRecording],
 ) -> Option<PracticeCommand> {
-    let area = Area::new(Id::unique("practice"))
-        .order(Layer::Middle)
-        .constrain_to(room)
-        .anchor(Align2::CENTER_BOTTOM, [0.0, -12.0]);
-    let page = area.show(ctx, |ui| {
+    layout.dock(ctx, "practice", Align2::CENTER_BOTTOM, |ui| {
         let mut command = None;
         theme::frame().show(ui, |ui| {
-            ui.set_width((room.width() - 60.0).min(WIDTH));
+            ui.set_width(ui.available_width().min(WIDTH));
             ui.label(match practice.held().and_then(|held| held.fault) {
                 Some(fault) => fault.to_string(),
                 None => "Drag the balls. Click a number to add or remove its ball".to_owned(),
@@ -62,8 +59,7 @@ pub fn panel(
             });
         });
         command
-    });
-    page.inner
+    })
 }
 
 /// What the pointer does to the balls, seen through `projection`.

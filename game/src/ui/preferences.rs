@@ -39,6 +39,7 @@ pub(super) fn page(ui: &mut Ui, store: &mut SettingsStore, input: MenuInput<'_>)
         if ui.button("Restore the defaults").clicked() {
             store.settings = Settings {
                 window: store.settings.window,
+                lesson: store.settings.lesson,
                 ..Settings::default()
             };
         }
@@ -148,7 +149,7 @@ fn capital(word: &str) -> String {
     first.into_iter().flatten().chain(letters).collect()
 }
 
-const TEXT_PERCENTS: [u32; 6] = [75, 100, 125, 150, 175, 200];
+const TEXT_PERCENTS: [u32; 7] = [75, 100, 125, 150, 175, 200, 250];
 /// The ends of the trade, and what is between.
 const ENGINES: [&str; 4] = ["exact", "rapier-60", "rapier-240", "rapier-1000"];
 

@@ -2,31 +2,26 @@
 
 use std::path::PathBuf;
 
-use egui::{
-    Align2, Area, ComboBox, Context, Id, Order as Layer, Rect, RichText, ScrollArea, Slider, Ui,
-};
+use egui::{Align2, ComboBox, Context, RichText, ScrollArea, Slider, Ui};
 
+use super::layout::Layout;
 use super::theme;
 use crate::capture::replay::{ReplayCommand, ReplayPlayer};
 use crate::capture::{RecordingKind, SavedRecording};
 use crate::input::{Action, Bindings, ReplayControl};
 
-/// Draws the page in a part of the window; what the player wants with the pointer.
+/// Draws the page at the bottom; what the player wants with the pointer.
 pub fn panel(
     ctx: &Context,
-    room: Rect,
+    layout: &mut Layout,
     player: &ReplayPlayer,
     kept: &[SavedRecording],
     bindings: &Bindings,
     now_secs: f64,
 ) -> Option<ReplayCommand> {
-    let area = Area::new(Id::unique("replay"))
-        .order(Layer::Middle)
-        .constrain_to(room)
-        .anchor(Align2::CENTER_BOTTOM, [0.0, -12.0]);
-    let clicked = area.show(ctx, |ui| {
+    layout.dock(ctx, "replay", Align2::CENTER_BOTTOM, |ui| {
         let page = theme::frame().show(ui, |ui| {
-            ui.set_width((room.width() - 60.0).min(WIDTH));
+            ui.set_width(ui.available_width().min(WIDTH));
             let picked = clips(ui, player);
             let turned = time(ui, player, now_secs);
             let done = deeds(ui, player, kept);
@@ -34,8 +29,7 @@ pub fn panel(
             picked.or(turned).or(done)
         });
         page.inner
-    });
-    clicked.inner
+    })
 }
 
 fn clips(ui: &mut Ui, player: &ReplayPlayer) -> Option<ReplayCommand> {
@@ -60,7 +54,7 @@ fn time(ui: &mut Ui, player: &ReplayPlayer, now_secs: f64) -> Option<ReplayComma
     let clock = player.clock();
     let (mut moment, end) = (clock.moment_secs(now_secs), clock.end_secs());
     let mut control = None;
-    ui.horizontal(|ui| {
+    ui.horizontal_wrapped(|ui| {
         let step = |ui: &mut Ui, words: &str, forward: bool| {
             let clicked = ui.button(words).clicked();
             clicked.then_some(ReplayControl::Step { forward })
@@ -80,7 +74,9 @@ fn time(ui: &mut Ui, player: &ReplayPlayer, now_secs: f64) -> Option<ReplayComma
                 control = Some(ReplayControl::Rate(rate));
             }
         }
-        ui.spacing_mut().slider_width = (ui.available_width() - 110.0).max(60.0);
+    });
+    ui.horizontal(|ui| {
+        ui.spacing_mut().slider_width = (ui.available_width() - 140.0).max(60.0);
         let slider = Slider::new(&mut moment, 0.0..=end.max(1e-3)).show_value(false);
         if ui.add(slider).changed() {
             control = Some(ReplayControl::Seek(moment));

@@ -19,12 +19,12 @@ pub const ALARM: Color32 = Color32::from_rgb(255, 150, 120);
 
 /// Gives `ctx` this look; call it once, and again when the player changes one of these.
 ///
-/// `text_scale` from 0.75 to 2 scales text and panels alike. With `reduced_motion` nothing slides or
+/// `text_scale` from 0.75 to 2.5 scales text and panels alike. With `reduced_motion` nothing slides or
 /// fades.
 pub fn apply(ctx: &Context, text_scale: f32, reduced_motion: bool) {
     ctx.set_theme(egui::Theme::Dark);
     ctx.set_fonts(fonts());
-    ctx.set_zoom_factor(text_scale);
+    set_scale(ctx, text_scale);
     // The settings own the scale.
     ctx.options_mut(|options| options.zoom_with_keyboard = false);
     ctx.all_styles_mut(|style| {
@@ -56,6 +56,23 @@ pub fn apply(ctx: &Context, text_scale: f32, reduced_motion: bool) {
         }
     });
 }
+
+/// Scales text and panels at once: [`Context::set_zoom_factor`] would wait for the next pass, after the
+/// window was measured.
+pub fn set_scale(ctx: &Context, text_scale: f32) {
+    ctx.options_mut(|options| options.zoom_factor = text_scale);
+}
+
+/// The text scale that a window of so many points at a scale of 1 has room for: panels need [`ROOM`].
+pub fn fitting_scale(text_scale: f32, window: egui::Vec2) -> f32 {
+    let most = (window / ROOM).min_elem();
+    text_scale.min(most).max(SCALE_MIN)
+}
+
+/// All panels of the game fit into a window of so many points.
+pub const ROOM: egui::Vec2 = egui::Vec2::new(640.0, 360.0);
+/// A window that is minimised has no points at all.
+const SCALE_MIN: f32 = 0.1;
 
 /// egui's fonts; signs that the one for text lacks, such as those of groups, come from that for figures.
 fn fonts() -> FontDefinitions {
@@ -90,4 +107,27 @@ pub fn frame() -> Frame {
         .fill(PANEL)
         .corner_radius(CornerRadius::same(8))
         .inner_margin(Margin::symmetric(14, 10))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_text_scale_counts_from_the_first_frame() {
+        let ctx = Context::default();
+        apply(&ctx, 2.0, false);
+        assert_eq!(ctx.zoom_factor(), 2.0);
+        let mut sizes = Vec::new();
+        for _ in 0..2 {
+            let screen = egui::Rect::from_min_size(egui::Pos2::ZERO, egui::vec2(640.0, 360.0));
+            let raw = egui::RawInput {
+                screen_rect: Some(screen),
+                ..egui::RawInput::default()
+            };
+            let output = ctx.run_ui(raw, |ui| sizes.push(ui.ctx().content_rect().size()));
+            output.drop_without_applying_deltas();
+        }
+        assert_eq!(sizes[0], sizes[1]);
+    }
 }

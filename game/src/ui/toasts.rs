@@ -1,55 +1,90 @@
-//! Sentences that come and go at the upper right: what changed, never anything that must be answered.
+//! Sentences that come and go under the board: what changed, never anything that must be answered.
 
 use std::collections::VecDeque;
 
-use egui::{Align2, Area, Context, Id, Order, Rect};
+use egui::{Align2, Context, ScrollArea};
 
+use super::layout::Layout;
 use super::theme;
 
 /// The sentences on show.
 #[derive(Clone, Debug, Default)]
 pub struct Toasts {
-    lines: VecDeque<(String, f64)>,
+    lines: VecDeque<Toast>,
+    ticked_secs: f64,
+}
+
+#[derive(Clone, Debug)]
+struct Toast {
+    sentence: String,
+    until_secs: f64,
+    /// Whether the next answer takes its place.
+    is_answer: bool,
 }
 
 impl Toasts {
     /// Shows a sentence from `now_secs` on, long enough to be read twice; the oldest gives way.
     pub fn push(&mut self, sentence: String, now_secs: f64) {
+        self.add(sentence, now_secs, false);
+    }
+
+    /// Shows the answer to what the player did, in place of the answer before.
+    pub fn answer(&mut self, sentence: String, now_secs: f64) {
+        self.lines.retain(|toast| !toast.is_answer);
+        self.add(sentence, now_secs, true);
+    }
+
+    fn add(&mut self, sentence: String, now_secs: f64, is_answer: bool) {
         let secs = STAY_SECS + sentence.chars().count() as f64 / LETTERS_PER_SEC;
-        self.lines.push_back((sentence, now_secs + secs));
+        self.lines.push_back(Toast {
+            sentence,
+            until_secs: now_secs + secs,
+            is_answer,
+        });
         while self.lines.len() > LINES_MAX {
             self.lines.pop_front();
         }
     }
 
-    /// Drops what has been read; says whether anything was.
-    pub fn tick(&mut self, now_secs: f64) -> bool {
+    /// Drops what has been read; says whether anything was. While nothing `is_shown` nothing is read.
+    pub fn tick(&mut self, now_secs: f64, is_shown: bool) -> bool {
+        let unread_secs = match is_shown {
+            true => 0.0,
+            false => now_secs - self.ticked_secs,
+        };
+        self.ticked_secs = now_secs;
+        for toast in &mut self.lines {
+            toast.until_secs += unread_secs;
+        }
         let before = self.lines.len();
-        self.lines.retain(|(_, until)| *until > now_secs);
+        self.lines.retain(|toast| toast.until_secs > now_secs);
         self.lines.len() < before
     }
 
     /// When the next sentence goes.
     pub fn next_secs(&self) -> Option<f64> {
-        self.lines.iter().map(|(_, until)| *until).reduce(f64::min)
+        let ends = self.lines.iter().map(|toast| toast.until_secs);
+        ends.reduce(f64::min)
     }
 
-    /// Draws them in a part of the window.
-    pub fn draw(&self, ctx: &Context, room: Rect) {
-        if self.lines.is_empty() {
+    /// Draws them at the top of what is free, under what is to be known as long as it lasts.
+    pub fn draw(&self, ctx: &Context, layout: &mut Layout, standing: &[String]) {
+        let lines = self.lines.iter().map(|toast| &toast.sentence);
+        let sentences: Vec<&String> = standing.iter().chain(lines).collect();
+        if sentences.is_empty() {
             return;
         }
-        Area::new(Id::unique("notes"))
-            .order(Order::Foreground)
-            .constrain_to(room)
-            .anchor(Align2::RIGHT_TOP, egui::vec2(-12.0, 10.0))
-            .interactable(false)
-            .show(ctx, |ui| {
-                ui.set_max_width(WIDTH.min(0.5 * room.width()));
-                for (sentence, _) in &self.lines {
-                    theme::frame().show(ui, |ui| ui.label(sentence));
-                }
+        layout.dock(ctx, "notes", Align2::CENTER_TOP, |ui| {
+            theme::frame().show(ui, |ui| {
+                ui.set_max_width(WIDTH.min(ui.available_width()));
+                let height = 0.6 * ui.available_height();
+                ScrollArea::vertical().max_height(height).show(ui, |ui| {
+                    for sentence in sentences {
+                        ui.label(sentence);
+                    }
+                });
             });
+        });
     }
 }
 
@@ -57,7 +92,7 @@ const STAY_SECS: f64 = 4.0;
 /// A slow reader's speed, twice over.
 const LETTERS_PER_SEC: f64 = 8.0;
 const LINES_MAX: usize = 4;
-const WIDTH: f32 = 420.0;
+const WIDTH: f32 = 520.0;
 
 #[cfg(test)]
 mod tests {
@@ -70,9 +105,21 @@ mod tests {
             notes.push(format!("sentence {i}"), f64::from(i));
         }
         assert_eq!(notes.lines.len(), LINES_MAX);
-        assert!(notes.lines[0].0.ends_with('2'));
+        assert!(notes.lines[0].sentence.ends_with('2'));
         let next = notes.next_secs().unwrap();
-        assert!(next > 2.0 + STAY_SECS && !notes.tick(next - 0.1));
-        assert!(notes.tick(next + 0.1) && notes.lines.len() == LINES_MAX - 1);
+        assert!(next > 2.0 + STAY_SECS && !notes.tick(next - 0.1, true));
+        assert!(notes.tick(next + 0.1, true) && notes.lines.len() == LINES_MAX - 1);
+    }
+
+    #[test]
+    fn an_answer_takes_the_place_of_the_last_and_leaves() {
+        let mut toasts = Toasts::default();
+        toasts.push("a node was lost".to_owned(), 0.0);
+        for view in ["View: from above", "View: free"] {
+            toasts.answer(view.to_owned(), 1.0);
+        }
+        let sentences: Vec<&str> = toasts.lines.iter().map(|toast| &*toast.sentence).collect();
+        assert_eq!(sentences, ["a node was lost", "View: free"]);
+        assert!(toasts.tick(10.0, true) && toasts.lines.is_empty());
     }
 }

@@ -3,10 +3,12 @@
 
 #[path = "../looks/mod.rs"]
 mod looks;
+mod layout;
+mod newcomer;
 mod pictures;
 mod player;
 
-use carom::input::ACTIONS;
+use carom::input::{ACTIONS, Button, Event};
 use carom::ui::menu::Page;
 use carom_billiards::rules::RuleSet;
 use egui::Vec2;
@@ -186,6 +188,119 @@ fn replay_keys_can_be_rebound() {
         press(&mut harness, key);
         assert!(harness.query_by_label(button).is_some(), "{key}");
     }
+}
+
+#[test]
+fn power_and_spin_stay_on_screen_during_strokes() {
+    let shown = |harness: &egui_kittest::Harness<'_, Seat>, what: &str| {
+        for words in ["Power ", "m/s", "Spin "] {
+            let found = harness.query_all_by_label_contains(words).count();
+            assert!(found > 0, "{words} while {what}");
+        }
+    };
+    let mut harness = harness(Seat::eight());
+    let down = |harness: &mut egui_kittest::Harness<'_, Seat>, button, pressed| {
+        let event = Event::Button { button, pressed };
+        harness.state_mut().handle(event, false);
+        harness.run_steps(2);
+    };
+    harness.state_mut().handle(at(500.0, 200.0), false);
+    down(&mut harness, Button::Left, true);
+    harness.state_mut().handle(at(500.0, 310.0), false);
+    harness.run_steps(2);
+    shown(&harness, "pulling");
+    assert!(harness.query_by_label_contains("Power 50 %, 2.61 m/s").is_some());
+    press(&mut harness, "Esc");
+    down(&mut harness, Button::Left, false);
+    for (key, what) in [("Space", "charging"), ("F", "swinging")] {
+        harness.state_mut().hold(key, true);
+        harness.run_steps(4);
+        shown(&harness, what);
+        press(&mut harness, "Esc");
+        harness.state_mut().hold(key, false);
+    }
+    harness.state_mut().key("Enter");
+    harness.run_steps(2);
+    assert!(harness.state().session.shot().is_some());
+    shown(&harness, "striking");
+}
+
+#[test]
+fn the_menu_stops_balls_and_computers() {
+    let mut harness = harness(Seat::match_of(RuleSet::Eight, "Ada,ai:easy"));
+    press(&mut harness, "Enter");
+    let clock = |harness: &egui_kittest::Harness<'_, Seat>| {
+        let seat = harness.state();
+        seat.session.shot_clock(seat.now_secs)
+    };
+    harness.run_steps(10);
+    let before = clock(&harness).unwrap().now_secs;
+    press(&mut harness, "Esc");
+    harness.run_steps(400);
+    assert_eq!(clock(&harness), None, "no time passes");
+    click(&mut harness, "Resume");
+    let after = clock(&harness).unwrap();
+    assert!(after.now_secs < before + 2.0, "{after:?} after {before}");
+    harness.state_mut().wait();
+    harness.run_steps(2);
+    let shots = harness.state().session.shots();
+    press(&mut harness, "Esc");
+    for _ in 0..200 {
+        harness.run_steps(1);
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    assert_eq!(harness.state().session.shots(), shots, "the computer waits");
+}
+
+#[test]
+fn a_result_offers_rematch_new_game_and_replays() {
+    for (entry, is_over) in [("Rematch", false), ("Back to the table", true)] {
+        let mut harness = harness(Seat::lost());
+        assert_eq!(harness.state().shell.page(), Some(Page::Result));
+        for words in ["Bo won the match", "Ada conceded", "New game", "Replays"] {
+            assert!(harness.query_by_label(words).is_some(), "{words}");
+        }
+        click(&mut harness, entry);
+        assert_eq!(harness.state().shell.page(), None);
+        assert_eq!(harness.state().session.is_over(), is_over);
+        harness.state_mut().key("Enter");
+        harness.run_steps(2);
+        let page = harness.state().shell.page();
+        assert_eq!(page.is_some(), is_over, "Enter strikes or leads on");
+    }
+}
+
+#[test]
+fn the_chosen_line_of_a_menu_goes_round() {
+    let mut harness = harness(Seat::free());
+    press(&mut harness, "Esc");
+    let is_chosen = |harness: &egui_kittest::Harness<'_, Seat>, words: &str| {
+        harness.get_by_label(words).accesskit_node().is_focused()
+    };
+    assert!(is_chosen(&harness, "Resume"));
+    for (key, words) in [
+        (egui::Key::ArrowUp, "Quit"),
+        (egui::Key::ArrowDown, "Resume"),
+        (egui::Key::ArrowDown, "New game"),
+    ] {
+        harness.key_press(key);
+        harness.run_steps(2);
+        assert!(is_chosen(&harness, words), "{words}");
+    }
+    let settings = harness.get_by_label("Settings").rect();
+    harness.hover_at(settings.center());
+    harness.run_steps(2);
+    assert!(is_chosen(&harness, "Settings"), "one line is chosen");
+}
+
+#[test]
+fn answers_leave_by_themselves() {
+    let mut harness = harness(Seat::free());
+    press(&mut harness, "V");
+    let words = "View: from above";
+    assert_eq!(harness.query_all_by_label(words).count(), 1);
+    harness.run_steps(300);
+    assert_eq!(harness.query_all_by_label(words).count(), 0);
 }
 
 #[test]

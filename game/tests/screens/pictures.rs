@@ -37,7 +37,7 @@ fn screens() -> Vec<(&'static str, Seat)> {
         ("board", after(Seat::eight(), &[])),
         (
             "foul",
-            after(Seat::eight(), &["-", "-", "-", "-", "-", "-", "-", "Enter"]),
+            after(Seat::eight(), &[&["-"; 20][..], &["Enter"]].concat()),
         ),
         ("menu", after(Seat::eight(), &["Esc"])),
         ("new_game", page(carom::ui::menu::Page::NewGame)),

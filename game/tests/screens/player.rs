@@ -46,9 +46,23 @@ impl Seat {
 
     /// At a game of 8-ball between two people.
     pub(crate) fn eight() -> Self {
+        Self::match_of(RuleSet::Eight, "Ada,Bo")
+    }
+
+    /// At a match of these players.
+    pub(crate) fn match_of(rules: RuleSet, players: &str) -> Self {
+        let players = Player::list(players).unwrap();
+        let setup = MatchConfig::new(rules, players, 3).unwrap();
+        Self::new(Match::new(setup).unwrap(), SettingsStore::default())
+    }
+
+    /// At a match that Ada has lost to Bo.
+    pub(crate) fn lost() -> Self {
         let players = Player::list("Ada,Bo").unwrap();
         let setup = MatchConfig::new(RuleSet::Eight, players, 3).unwrap();
-        Self::new(Match::new(setup).unwrap(), SettingsStore::default())
+        let mut contest = Match::new(setup).unwrap();
+        contest.concede();
+        Self::new(contest, SettingsStore::default())
     }
 
     fn new(contest: Match, store: SettingsStore) -> Self {
@@ -57,10 +71,7 @@ impl Seat {
             ..FarmConfig::default()
         };
         let mut session = GameSession::new(config, contest, BallSet::Classic.into()).unwrap();
-        session.resize(
-            ImageSize::new(0, 0),
-            DVec2::new(WINDOW.x.into(), WINDOW.y.into()),
-        );
+        session.resize(ImageSize::new(0, 0));
         Self {
             session,
             shell: AppShell::new(store, Playback::new(None)),
@@ -96,13 +107,18 @@ impl Seat {
     /// Presses a key and lets it go.
     pub(crate) fn key(&mut self, label: &str) {
         for pressed in [true, false] {
-            let event = Event::Key {
-                key: Key::from_label(label).unwrap(),
-                pressed,
-                repeat: false,
-            };
-            self.handle(event, false);
+            self.hold(label, pressed);
         }
+    }
+
+    /// Presses a key, or lets it go.
+    pub(crate) fn hold(&mut self, label: &str, pressed: bool) {
+        let event = Event::Key {
+            key: Key::from_label(label).unwrap(),
+            pressed,
+            repeat: false,
+        };
+        self.handle(event, false);
     }
 
     /// Lets a shot end.

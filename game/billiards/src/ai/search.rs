@@ -205,7 +205,10 @@ impl ShotSearch<'_> {
             return None;
         }
         let shot = self.position.world.strike(stroke).ok()?;
-        Some(evaluate(self.position, &stroke, &shot, call, self.skill))
+        let is_break = self.position.referee.is_break();
+        let effort = if is_break { 0.0 } else { self.skill.effort };
+        let cost = effort * ((stroke.speed_m_s / 10.0).powi(2) + stroke.offset().powi(2));
+        Some(evaluate(self.position, &stroke, &shot, call, self.skill) - cost)
     }
 
     /// The stroke turned until the object ball leaves for the pocket: throw, squirt and swerve are in

@@ -22,6 +22,9 @@ pub struct Skill {
     pub trials: (usize, u32),
     /// How much the next shot counts, 0 to 1.
     pub foresight: f64,
+    /// What a stroke of 10 m/s that is no break costs, in the worth of a shot, and as much a tip a radius off
+    /// the middle; others by their squares. Higher: plays softer and plainer, as a teacher would.
+    pub effort: f64,
 }
 
 impl From<Level> for Skill {
@@ -37,6 +40,7 @@ impl From<Level> for Skill {
             shots,
             trials,
             foresight,
+            effort: 0.0,
         }
     }
 }

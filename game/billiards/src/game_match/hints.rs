@@ -9,17 +9,20 @@ use super::Match;
 use crate::ai::{AiWorker, Decision, Level, Skill};
 use crate::physics::{AimContact, Shot, Stroke, predict};
 use crate::rng::CounterRng;
-use crate::rules::{self, Choice};
+use crate::rules::{self, Choice, RuleSet};
 use crate::{Result, RuleFault};
 
 impl Match {
     /// How the computer plays when it plays for a person.
     pub fn hint_skill() -> Skill {
-        Level::Hard.into()
+        Skill {
+            effort: EFFORT,
+            ..Level::Hard.into()
+        }
     }
 
     /// Looks for a good shot of the player at the table, beside the window. Its decision holds until
-    /// the match changes.
+    /// the match changes. On the free table the cue ball stays where it is.
     ///
     /// # Errors
     /// [`RuleFault::NothingToSuggest`] once the match is over, [`crate::Error::NoThread`].
@@ -27,7 +30,11 @@ impl Match {
         if self.at_table().is_none() {
             return Err(RuleFault::NothingToSuggest.into());
         }
-        AiWorker::start(self.position(), Self::hint_skill(), self.draw_seed())
+        let mut position = self.position();
+        if position.referee.rules() == RuleSet::Free {
+            position.referee.keep_cue_ball();
+        }
+        AiWorker::start(position, Self::hint_skill(), self.draw_seed())
     }
 
     /// A decision as a sentence, for the position that it was made in.
@@ -119,6 +126,8 @@ fn sentence(parts: &[String]) -> String {
     rules::capital(&parts.join("; "))
 }
 
+/// A stroke of 8 m/s then has to gain a pot's worth over one of 2 m/s.
+const EFFORT: f64 = 0.5;
 /// Nearer to the middle, in radii, nobody sees a difference.
 const TOUCH_MIN: f64 = 0.04;
 /// How strokes go astray, apart from other draws.
@@ -131,7 +140,7 @@ mod tests {
     use super::*;
     use crate::ai::think;
     use crate::game_match::{MatchConfig, Player};
-    use crate::rules::RuleSet;
+    use crate::physics::BallState;
 
     fn game(rules: RuleSet) -> Match {
         let players = Player::list("Ada,Bo").unwrap();
@@ -182,6 +191,34 @@ mod tests {
             game.concede();
         }
         assert!(game.start_hint().unwrap_err().to_string().contains("over"));
+    }
+
+    #[test]
+    fn a_straight_pot_is_suggested_as_a_soft_stun() {
+        let players = vec![Player::Human("You".to_owned())];
+        let mut game = Match::new(MatchConfig::new(RuleSet::Free, players, 4).unwrap()).unwrap();
+        let table = game.world().table().clone();
+        // Cue ball, ball and corner in a line, half a metre between the balls.
+        let corner = table.pockets()[0].center;
+        let ahead = -corner.normalize();
+        let [object, cue] = [0.5, 1.0].map(|way_m| corner + way_m * ahead);
+        let body = table.ball();
+        let ball = |number, at: glam::DVec2| BallState::at_rest(number, at.x, at.y, &body);
+        game.arrange(&[ball(0, cue), ball(3, object)]).unwrap();
+        let worker = game.start_hint().unwrap();
+        let decision = loop {
+            if let Some(decision) = worker.poll().unwrap() {
+                break decision;
+            }
+            std::thread::yield_now();
+        };
+        assert_eq!(decision.place, None, "the cue ball stays");
+        let (words, stroke) = (game.hint_text(&decision), decision.stroke);
+        assert!((1.0..3.0).contains(&stroke.speed_m_s), "{words}");
+        assert!(stroke.vertical < 0.1 && stroke.side.abs() < 0.1, "{words}");
+        let shot = game.strike(stroke).unwrap();
+        let verdict = game.finish(stroke, &shot);
+        assert!(verdict.pots == [3] && verdict.goes_on, "{words}");
     }
 
     #[test]

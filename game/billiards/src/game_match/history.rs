@@ -5,33 +5,32 @@ use crate::Result;
 use crate::physics::{Clip, Recording, TITLE_BYTES_MAX};
 
 impl Match {
-    /// All shots that can be taken back, each with who played it and what came of it. They are struck
+    /// All shots, those that were taken back too, each with who played it and what came of it. They are struck
     /// again, which gives the same shots and takes a few milliseconds each.
     ///
     /// # Errors
     /// Those of [`crate::physics::World::strike`], which the match has had none of.
     pub fn recording(&self) -> Result<Recording> {
-        let take = |(index, turn): (usize, &TurnRecord)| {
+        let undone = self.undone.iter().map(|undone| (&undone.turn, " (undone)"));
+        let mut turns: Vec<_> = self.past.iter().map(|turn| (turn, "")).chain(undone).collect();
+        turns.sort_by_key(|(turn, _)| turn.number);
+        let clip = |(index, &(turn, mark)): (usize, &(&TurnRecord, &str))| {
             Ok(Clip {
-                title: self.title(index + 1, turn),
+                title: self.title(index + 1, turn, mark),
                 shot: turn.world().strike(turn.stroke)?,
             })
         };
         Ok(Recording {
             table: self.world().table().name().to_owned(),
-            clips: self
-                .turns()
-                .iter()
-                .enumerate()
-                .map(take)
-                .collect::<Result<_>>()?,
+            clips: turns.iter().enumerate().map(clip).collect::<Result<_>>()?,
         })
     }
 
-    fn title(&self, number: usize, turn: &TurnRecord) -> String {
-        let mut title = format!("{number}. {}", self.players()[turn.player]);
-        if !turn.verdict.lines.is_empty() {
-            title += &format!(": {}", turn.verdict.lines.join(". "));
+    fn title(&self, number: usize, turn: &TurnRecord, mark: &str) -> String {
+        let mut title = format!("{number}. {}{mark}", self.players()[turn.player]);
+        let sentences = self.verdict_text(turn.player, &turn.verdict);
+        if !sentences.is_empty() {
+            title += &format!(": {}", sentences.join(". "));
         }
         let letters = title.chars().filter(|letter| !letter.is_control());
         let mut bytes = 0;

@@ -10,7 +10,7 @@ pub struct MatchView {
     pub rules: RuleSet,
     /// The game's name.
     pub title: &'static str,
-    /// What it is played to: "first to 3 racks".
+    /// What it is played to: "first to 3 racks", "one rack".
     pub goal: String,
     /// The players, in the order of their turns.
     pub players: Vec<PlayerView>,
@@ -92,7 +92,7 @@ impl Match {
             rules: referee.rules(),
             title: info.name,
             goal: match referee.target() {
-                1 => format!("first to a {}", info.unit.trim_end_matches('s')),
+                1 => format!("one {}", info.unit.trim_end_matches('s')),
                 target => format!("first to {target} {}", info.unit),
             },
             players: (0..self.players.len())
@@ -151,7 +151,7 @@ impl Match {
     fn prompt(&self) -> String {
         let referee = self.referee();
         if let Some(winner) = referee.winner() {
-            return format!("{} has won the match", self.players[winner].name());
+            return format!("{} won the match", self.players[winner].name());
         }
         let mut prompt = format!(
             "You are on {}",
@@ -163,10 +163,7 @@ impl Match {
             prompt = "Break".to_owned();
         }
         if let Some(area) = referee.ball_in_hand_area() {
-            prompt += &format!(". The cue ball is in hand {}", area.display_text());
-        }
-        if referee.wants_call() && self.now.call.is_none() {
-            prompt += ". An obvious shot need not be called; for another, call ball and pocket";
+            prompt += &format!(". Ball in hand {}", area.display_text());
         }
         prompt
     }

@@ -10,12 +10,14 @@
 
 mod hints;
 mod history;
+mod match_log;
 mod match_config;
 mod match_save;
 mod match_view;
 mod player;
 mod racking;
 mod tournament;
+mod undo;
 
 pub use match_config::MatchConfig;
 use match_save::MatchAction;
@@ -24,6 +26,7 @@ pub use match_view::{CallView, MatchView, OptionView, PlayerView};
 pub use player::Player;
 use racking::racked_world;
 pub use tournament::{PlayerTally, Tournament, TournamentResult, play_out};
+use undo::UndoneTurn;
 
 use glam::DVec2;
 
@@ -44,6 +47,10 @@ pub struct Match {
     seed: u32,
     now: Snapshot,
     past: Vec<TurnRecord>,
+    /// Shots that were taken back, in that order.
+    undone: Vec<UndoneTurn>,
+    /// How many of the last of them can be played again.
+    redoable: usize,
     actions: Vec<MatchAction>,
 }
 
@@ -66,6 +73,8 @@ struct Snapshot {
 pub struct TurnRecord {
     before: Snapshot,
     actions_before: usize,
+    /// Among all shots that were struck, those that were taken back too.
+    number: usize,
     /// Who played it.
     pub player: usize,
     /// How.
@@ -121,8 +130,27 @@ impl Match {
                 shots: 0,
             },
             past: Vec::new(),
+            undone: Vec::new(),
+            redoable: 0,
             actions: Vec::new(),
             seed: config.seed,
+        })
+    }
+
+    /// Another match of the same players, on the same table and to the same target; the other breaks.
+    ///
+    /// # Errors
+    /// Those of [`Match::new`], which this one has passed.
+    pub fn rematch(&self, seed: u32) -> Result<Self> {
+        let mut players = self.players.clone();
+        players.rotate_left(1);
+        Self::new(MatchConfig {
+            rules: self.referee().rules(),
+            players,
+            target: self.referee().target(),
+            seed,
+            table: self.world().table().clone(),
+            engine: self.world().engine(),
         })
     }
 
@@ -190,7 +218,7 @@ impl Match {
     pub fn finish(&mut self, stroke: Stroke, shot: &Shot) -> &Verdict {
         let before = self.now.clone();
         let actions_before = self.actions.len();
-        self.actions.push(MatchAction::Shot {
+        self.act(MatchAction::Shot {
             place: self.cue_ball_in_hand(),
             call: self.now.call,
             stroke,
@@ -204,10 +232,11 @@ impl Match {
         self.now.world.adopt(shot);
         self.now.shots = self.now.shots.wrapping_add(1);
         self.apply_verdict(&verdict);
-        self.log_verdict(player, &verdict);
+        self.log_shot(player, call, &report.potted(), &verdict);
         self.past.push(TurnRecord {
             before,
             actions_before,
+            number: self.past.len() + self.undone.len(),
             player,
             stroke,
             call,
@@ -298,9 +327,9 @@ impl Match {
         let player = self.now.referee.turn();
         let positions = self.ball_positions();
         let verdict = self.now.referee.choose(&self.layout, &positions, choice)?;
-        self.actions.push(MatchAction::Choice(choice));
+        self.act(MatchAction::Choice(choice));
         self.apply_verdict(&verdict);
-        self.log_verdict(player, &verdict);
+        self.log_choice(player, &verdict);
         Ok(())
     }
 
@@ -308,20 +337,8 @@ impl Match {
     pub fn concede(&mut self) {
         let player = self.now.referee.turn();
         let verdict = self.now.referee.concede();
-        self.actions.push(MatchAction::Concede);
-        self.log_verdict(player, &verdict);
-    }
-
-    /// Takes the last shot back, with what was chosen since. False if there is none.
-    pub fn undo(&mut self) -> bool {
-        match self.past.pop() {
-            Some(turn) => {
-                self.now = turn.before;
-                self.actions.truncate(turn.actions_before);
-                true
-            }
-            None => false,
-        }
+        self.act(MatchAction::Concede);
+        self.log_choice(player, &verdict);
     }
 
     /// Lets something else move the balls from the next stroke on.
@@ -329,23 +346,15 @@ impl Match {
         self.now.world.set_engine(engine);
     }
 
+    /// Adds what was done; what was taken back before is not played again after it.
+    fn act(&mut self, action: MatchAction) {
+        self.redoable = 0;
+        self.actions.push(action);
+    }
+
     /// The balls on the table.
     pub fn ball_positions(&self) -> BallPositions {
         ball_positions(&self.now.world.balls())
-    }
-
-    fn log_verdict(&mut self, player: usize, verdict: &Verdict) {
-        let name = &self.players[player].name();
-        let lines = verdict.lines.iter().map(|line| format!("{name}: {line}"));
-        self.now.log.extend(lines);
-        let winner = self.now.referee.winner();
-        if let Some(winner) = winner {
-            let name = self.players[winner].name();
-            self.now.log.push(format!("{name} wins the match"));
-        }
-        let extra = self.now.log.len().saturating_sub(LOG_MAX);
-        self.now.log.drain(..extra);
-        self.now.banner = (!verdict.lines.is_empty()).then(|| verdict.lines.join(". "));
     }
 }
 
@@ -353,8 +362,6 @@ impl Match {
 const SHOT_STEP: u32 = 0x9e37_79b1;
 /// Far more shots than a match has that anyone would take back.
 const TURNS_MAX: usize = 2000;
-/// As many lines as anyone would scroll through.
-const LOG_MAX: usize = 4000;
 
 #[cfg(test)]
 mod tests {
@@ -378,7 +385,7 @@ mod tests {
         let racked_world = game.ball_positions();
         assert_eq!(
             game.view().prompt,
-            "Break. The cue ball is in hand behind the head string"
+            "Break. Ball in hand behind the head string"
         );
         let verdict = play(&mut game, Stroke::straight(0.0, 8.0));
         assert!(!verdict.is_foul(), "{verdict:?}");
@@ -406,12 +413,12 @@ mod tests {
         let turn = game.referee().turn();
         let verdict = play(&mut game, Stroke::straight(1.0, 0.05));
         assert!(
-            verdict.lines[0].starts_with("Foul: the cue ball touched no ball"),
+            verdict.lines[0].starts_with("fouled: the cue ball touched no ball"),
             "{verdict:?}"
         );
         assert_eq!(game.referee().turn(), 1 - turn);
         let view = game.view();
-        assert!(view.is_foul && view.banner.is_some_and(|banner| banner.starts_with("Foul")));
+        assert!(view.is_foul && view.banner.is_some_and(|banner| banner.contains(" fouled: ")));
         assert_eq!(view.hand, Some(PlacementArea::Anywhere));
         assert!(game.place(DVec2::new(5.0, 0.0)).is_err());
         let taken = game

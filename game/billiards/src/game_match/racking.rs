@@ -24,8 +24,9 @@ impl Match {
         let places = balls
             .iter()
             .map(|ball| (ball.number, ball.position.truncate()));
-        self.actions.push(MatchAction::Layout(places.collect()));
+        self.act(MatchAction::Layout(places.collect()));
         self.now.world = arranged;
+        self.now.referee.end_break();
         Ok(())
     }
 

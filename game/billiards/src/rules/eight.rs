@@ -82,7 +82,7 @@ impl Referee {
         };
         let first = if self.turn() == 0 { own } else { own.other() };
         self.set_game(Game::Eight(Eight { first: Some(first) }));
-        verdict.add_line(format!("You are on {} {}", own.display_text(), own.glyph()));
+        verdict.add_line(format!("took {} {}", own.display_text(), own.glyph()));
     }
 
     fn eight_is_gone(&self, shot: &JudgedShot<'_>) -> bool {
@@ -113,7 +113,7 @@ impl Referee {
                 self.win_rack(player, verdict);
             }
             Some(why) => {
-                verdict.add_line(format!("Rack lost: {why}"));
+                verdict.add_line(format!("lost the rack: {why}"));
                 self.win_rack(self.other(), verdict);
             }
         }
@@ -144,7 +144,7 @@ impl Referee {
             self.offer(&[Choice::Accept, Choice::Rerack]);
         } else if is_weak {
             verdict.add_line(format!(
-                "Illegal break: {} balls reached a cushion, it takes 4 or a ball potted",
+                "broke illegally: {} balls reached a cushion, it takes 4 or a ball potted",
                 report.balls_to_rails()
             ));
             self.end_break();
@@ -260,14 +260,14 @@ mod tests {
         let verdict = scene.play(&[hit(12), rail(12)], None);
         assert_eq!(
             verdict.lines[0],
-            "Foul: the 12 was hit first; you are on solids"
+            "fouled: the 12 was hit first; legal was solids"
         );
         assert_eq!(
             (scene.referee.turn(), scene.referee.ball_in_hand_area()),
             (0, Some(PlacementArea::Anywhere))
         );
         let verdict = scene.play(&[hit(8), rail(8)], None);
-        assert!(verdict.lines[0].contains("you are on stripes"));
+        assert!(verdict.lines[0].contains("legal was stripes"));
     }
 
     #[test]
@@ -328,7 +328,7 @@ mod tests {
                 verdict
                     .lines
                     .iter()
-                    .any(|line| line.starts_with("Rack lost"))
+                    .any(|line| line.starts_with("lost the rack"))
             );
         }
         let mut scene = with_groups();
@@ -381,7 +381,7 @@ mod tests {
     fn weak_breaks_give_three_choices_and_fouls_two() {
         let mut scene = TestTable::new(RuleSet::Eight);
         let verdict = scene.play(&[hit(1), rail(1), rail(2), rail(3), rail(0)], None);
-        assert!(!verdict.is_foul() && verdict.lines[0].starts_with("Illegal break: 3 balls"));
+        assert!(!verdict.is_foul() && verdict.lines[0].starts_with("broke illegally: 3 balls"));
         let options = [Choice::Accept, Choice::Rerack, Choice::RerackReturn];
         assert_eq!(
             (scene.referee.turn(), scene.referee.options()),

@@ -18,7 +18,7 @@ pub enum Foul {
     WrongBall {
         /// The ball.
         hit: u8,
-        /// What was on, in words, to follow "you are on".
+        /// What was on, in words, to follow "legal was".
         on: String,
     },
     /// No ball was driven to a cushion after the contact (WPA 6.3).
@@ -69,7 +69,7 @@ pub enum Foul {
 }
 
 impl Foul {
-    /// The reason, without a full stop, to follow "Foul: ".
+    /// The reason, without a full stop, to follow "fouled: ".
     pub fn display_text(&self, rules: RuleSet) -> String {
         let name = |ball: &u8| rules.ball_name(*ball);
         match self {
@@ -77,7 +77,7 @@ impl Foul {
             Self::CueBallOff => "the cue ball left the table".to_owned(),
             Self::NoBallHit => "the cue ball touched no ball".to_owned(),
             Self::WrongBall { hit, on } => {
-                format!("{} was hit first; you are on {on}", name(hit))
+                format!("{} was hit first; legal was {on}", name(hit))
             }
             Self::NoRail => "no ball reached a cushion after the contact".to_owned(),
             Self::BallOff { ball } => format!("{} left the table", name(ball)),

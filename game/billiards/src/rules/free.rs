@@ -10,6 +10,7 @@ impl Referee {
     pub(crate) fn judge_free(&mut self, shot: &JudgedShot<'_>, verdict: &mut Verdict) {
         let report = shot.report;
         let potted = report.potted();
+        self.end_break();
         verdict.pots.clone_from(&potted);
         for ball in report.off_table().filter(|&ball| ball != 0) {
             verdict.add_line(format!(

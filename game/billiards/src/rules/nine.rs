@@ -96,7 +96,7 @@ mod tests {
         let verdict = scene.play(&[hit(2), rail(2)], None);
         assert_eq!(
             verdict.lines[0],
-            "Foul: the 2 was hit first; you are on the 1"
+            "fouled: the 2 was hit first; legal was the 1"
         );
         assert_eq!(
             scene.referee.ball_in_hand_area(),

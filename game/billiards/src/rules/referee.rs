@@ -296,7 +296,7 @@ impl Referee {
         }
         self.options.clear();
         let mut verdict = Verdict::default();
-        verdict.add_line(choice.display_text());
+        verdict.add_line(format!("chose to {}", uncapital(choice.display_text())));
         match choice {
             Choice::Accept => {}
             Choice::Return => {
@@ -321,7 +321,7 @@ impl Referee {
     pub fn concede(&mut self) -> Verdict {
         let mut verdict = Verdict::default();
         if self.scores.len() > 1 && self.winner.is_none() {
-            verdict.add_line("Conceded");
+            verdict.add_line("conceded");
             self.winner = Some(self.other());
         }
         verdict
@@ -337,6 +337,11 @@ impl Referee {
 
     pub(crate) fn pass(&mut self) {
         self.turn = self.other();
+    }
+
+    /// The cue ball is played from where it lies, in hand or not.
+    pub(crate) fn keep_cue_ball(&mut self) {
+        self.hand = None;
     }
 
     pub(crate) fn end_break(&mut self) {
@@ -398,7 +403,7 @@ impl Referee {
         self.scores[player] += points;
         if self.scores[player] >= self.target as i32 {
             self.winner = Some(player);
-            verdict.add_line(format!("{} points", self.scores[player]));
+            verdict.add_line(format!("reached {} points", self.scores[player]));
         }
     }
 
@@ -435,7 +440,7 @@ impl Referee {
             verdict.moves.push(BallPosition { ball: 0, at });
         }
         if self.rules != RuleSet::Free {
-            verdict.add_line(format!("The cue ball is in hand {}", area.display_text()));
+            verdict.add_line(format!("Ball in hand {}", area.display_text()));
         }
     }
 }
@@ -446,6 +451,14 @@ pub fn apply_moves(positions: &[BallPosition], moves: &[BallPosition]) -> BallPo
     let mut positions: BallPositions = positions.iter().filter(stays).copied().collect();
     positions.extend(moves);
     positions
+}
+
+/// A sentence's beginning, where it does not begin one.
+fn uncapital(words: &str) -> String {
+    let mut letters = words.chars();
+    letters.next().map_or(String::new(), |first| {
+        first.to_lowercase().chain(letters).collect()
+    })
 }
 
 fn object_balls(positions: &BallPositions) -> Vec<u8> {

@@ -72,7 +72,7 @@ impl Referee {
         if !reasons.is_empty() {
             verdict
                 .lines
-                .insert(0, format!("Foul: {}", reasons.join("; ")));
+                .insert(0, format!("fouled: {}", reasons.join("; ")));
         }
     }
 }

@@ -41,7 +41,7 @@ impl Referee {
         let cushions = cushions_before_second(report);
         let made = cushions.is_some_and(|cushions| cushions >= CUSHIONS);
         match cushions {
-            Some(cushions) if made => verdict.add_line(format!("A point, by {cushions} cushions")),
+            Some(cushions) if made => verdict.add_line(format!("scored a point by {cushions} cushions")),
             Some(cushions) => verdict.add_line(format!(
                 "{cushions} cushions before the second ball: it takes {CUSHIONS}"
             )),
@@ -194,7 +194,7 @@ mod tests {
         let verdict = scene.play(&[hit(1), rail(0), rail(0), rail(0), hit(2)], None);
         assert_eq!(
             verdict.lines[0],
-            "Foul: the other cue ball was hit first; you are on the red"
+            "fouled: the other cue ball was hit first; legal was the red"
         );
         assert_eq!(
             (scene.referee.scores(), scene.referee.turn()),

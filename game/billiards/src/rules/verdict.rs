@@ -9,7 +9,8 @@ use super::{foul::Foul, layout::BallPositions};
 pub struct Verdict {
     /// What was wrong, the gravest first.
     pub fouls: Vec<Foul>,
-    /// What happened and what it means, a sentence each, in order.
+    /// What happened and what it means, a sentence each, in order. One that begins with a small letter
+    /// is about the player who played, whose name comes before it.
     pub lines: Vec<String>,
     /// Balls to be put on the table, in this order: spotted balls, the cue ball in hand.
     pub moves: BallPositions,
@@ -62,7 +63,7 @@ impl Choice {
             Self::Accept => "Play the balls as they lie",
             Self::Return => "Let the other player shoot",
             Self::Rerack => "Rack again and break",
-            Self::RerackReturn => "Rack again, the other player breaks",
+            Self::RerackReturn => "Rack again and let the other player break",
             Self::TakeInHand => "Take the cue ball in hand",
             Self::SpotBalls => "Set up the balls that touch",
         }

@@ -11,46 +11,55 @@ use crate::frame::farm_startup::FarmState;
 use crate::frame::quality::QUALITY_LEVELS;
 use crate::input::Bindings;
 use crate::ui;
+use crate::ui::layout::{Layout, Panels};
 use crate::ui::stats::{StatsCommand, StatsInput};
 
 impl GameSession {
-    /// Draws the statistics, and what is marked on the table, with egui; the part of the window that the
-    /// statistics leave free.
+    /// Draws the statistics, and what is marked on the table, with egui; the part of the window that is
+    /// left free.
     pub fn draw(
         &mut self,
         ctx: &egui::Context,
         bindings: &Bindings,
         now_secs: f64,
         present: &str,
-    ) -> Rect {
+    ) -> Layout {
         let moves = std::mem::take(&mut self.is_dirty);
         let room = self.draw_stats(ctx, now_secs, present, moves);
+        let panels = match self.modes.mode() {
+            Mode::Game => Panels::Game(self.game.contest().referee().info()),
+            Mode::Replay(_) => Panels::Replay,
+            Mode::Practice(_) => Panels::Practice,
+        };
+        self.game
+            .set_framing(panels.framing(ctx.content_rect().size(), room));
+        let mut layout = Layout::new(room);
         let painter = ctx.layer_painter(LayerId::background());
         self.draw_aim(&painter, now_secs);
-        self.draw_mode(&painter, room, bindings, now_secs);
-        let notice = self.notice();
-        let overlay = ui::Overlay {
-            notice: notice.as_deref(),
-            has_page: !self.is_game(),
-        };
-        ui::draw(&painter, room, &overlay);
-        room
+        self.draw_mode(&painter, &mut layout, bindings, now_secs);
+        layout
     }
 
     /// Draws the page of a mode other than the game, and does what it commands.
-    fn draw_mode(&mut self, painter: &Painter, room: Rect, bindings: &Bindings, now_secs: f64) {
-        let (ctx, screen) = (painter.ctx(), self.screen());
+    fn draw_mode(
+        &mut self,
+        painter: &Painter,
+        layout: &mut Layout,
+        bindings: &Bindings,
+        now_secs: f64,
+    ) {
+        let (ctx, screen, now_secs) = (painter.ctx(), self.screen(), self.play_secs(now_secs));
         let (modes, game) = (&mut self.modes, &mut self.game);
         let balls = match modes.mode() {
             Mode::Game => return,
             Mode::Replay(player) => {
                 let command =
-                    ui::replay::panel(ctx, room, player, modes.files(), bindings, now_secs);
+                    ui::replay::panel(ctx, layout, player, modes.files(), bindings, now_secs);
                 let Some(command) = command else { return };
                 modes.command_replay(command, game, now_secs)
             }
             Mode::Practice(practice) => {
-                let projection = Projection::new(&game.camera(0.0), self.film.x, self.film.y);
+                let projection = game.projection(0.0);
                 let overlay = ui::aim::AimOverlay {
                     painter,
                     screen,
@@ -58,7 +67,7 @@ impl GameSession {
                     ball_radius_m: BallBody::default().radius_m,
                 };
                 ui::practice::ring(&overlay, practice);
-                let command = ui::practice::panel(ctx, room, practice, modes.files());
+                let command = ui::practice::panel(ctx, layout, practice, modes.files());
                 let command = command.or_else(|| ui::practice::hand(ctx, &projection, practice));
                 let Some(command) = command else { return };
                 modes.command_practice(command, game, now_secs)
@@ -73,7 +82,8 @@ impl GameSession {
 
     /// The window, in points.
     fn screen(&self) -> Rect {
-        let size = egui::vec2(self.film.x as f32, self.film.y as f32);
+        let film = self.game.framing().film;
+        let size = egui::vec2(film.x as f32, film.y as f32);
         Rect::from_min_size(egui::Pos2::ZERO, size)
     }
 
@@ -82,7 +92,8 @@ impl GameSession {
             return;
         }
         let camera = self.viewpoint(now_secs).camera_in(self.game.table());
-        let projection = Projection::new(&camera, self.film.x, self.film.y);
+        let film = self.game.framing().film;
+        let projection = Projection::new(&camera, film.x, film.y);
         let overlay = ui::aim::AimOverlay {
             painter,
             screen: self.screen(),
@@ -90,7 +101,7 @@ impl GameSession {
             ball_radius_m: self.game.contest().table_layout().cue_radius_m,
         };
         self.mark_balls(&overlay);
-        if let Some(shot_preview) = self.game.shot_preview(now_secs) {
+        if let Some(shot_preview) = self.game.shot_preview(self.play_secs(now_secs)) {
             overlay.shot_preview(shot_preview);
         }
     }
@@ -115,23 +126,25 @@ impl GameSession {
         }
     }
 
-    fn notice(&self) -> Option<String> {
-        match self.pipeline.farm() {
+    /// What is to be known as long as it lasts: why there are no pictures, why the cue ball may not lie
+    /// where it is held, how far a screenshot is.
+    pub fn standing_notices(&self) -> Vec<String> {
+        let farm = match self.pipeline.farm() {
             FarmState::Failed(why) => Some(format!("Rendering unavailable: {why}")),
             FarmState::Ready(farm) if self.pipeline.scheduler().stats().pictures > 0 => {
-                let stands = farm_notifications::standing(&farm.nodes());
-                stands.or_else(|| self.game_notice())
+                farm_notifications::standing(&farm.nodes())
             }
             _ => farm_notifications::standing(&self.nodes()),
-        }
+        };
+        farm.into_iter().chain(self.game_notice()).collect()
     }
 
     fn game_notice(&self) -> Option<String> {
         let ball_in_hand = self.game.ball_in_hand();
         let fault = ball_in_hand.and_then(|ball_in_hand| ball_in_hand.verdict.err());
         let refused = fault.map(|fault| fault.to_string());
-        let notice = refused.or_else(|| self.game.notice().map(str::to_owned));
-        notice.or_else(|| {
+        let carried = ball_in_hand.map(|_| CARRIED.to_owned());
+        refused.or(carried).or_else(|| {
             let percent = self.screenshot.percent()?;
             Some(format!(
                 "Rendering the screenshot: {percent} %. Its key cancels it"
@@ -195,3 +208,5 @@ impl GameSession {
         room
     }
 }
+
+const CARRIED: &str = "The cue ball follows the mouse: click to put it down";

@@ -11,7 +11,6 @@ use carom_billiards::game_match::Match;
 use carom_billiards::physics::{Engine, Recording, Shot};
 use carom_farm::{Balancing, Distribution, FarmConfig, NodeStatus};
 use carom_tracer::ImageSize;
-use glam::DVec2;
 
 use crate::app::autosave::Autosave;
 use crate::app::farm_notifications;
@@ -45,10 +44,12 @@ pub struct GameSession {
     distribution: Distribution,
     /// The player's choice in the statistics; the settings follow.
     requested_quality: Option<QualityPreference>,
-    /// The window, in pixels and in points.
+    /// The window.
     pixels: ImageSize,
-    film: DVec2,
     last_advance_secs: f64,
+    /// Since when play stands still, and how long it has before.
+    paused_secs: Option<f64>,
+    lost_secs: f64,
     draw_secs: f64,
     was_thinking: bool,
     is_dirty: bool,
@@ -76,8 +77,9 @@ impl GameSession {
             pipeline: FramePipeline::new(config, table_scene.scene(), style.balls.max_depth())?,
             table_scene,
             pixels: ImageSize::new(0, 0),
-            film: DVec2::ONE,
             last_advance_secs: 0.0,
+            paused_secs: None,
+            lost_secs: 0.0,
             draw_secs: 0.0,
             was_thinking: false,
             is_dirty: true,
@@ -95,6 +97,23 @@ impl GameSession {
         self.recorder = Some(recorder);
     }
 
+    /// Stops the time of play, of replays and of computer players, or lets it go on; the farm works on.
+    pub fn set_paused(&mut self, is_paused: bool, now_secs: f64) {
+        if is_paused == self.paused_secs.is_some() {
+            return;
+        }
+        match self.paused_secs.take() {
+            Some(since_secs) => self.lost_secs += now_secs - since_secs,
+            None => self.paused_secs = Some(now_secs),
+        }
+        self.is_dirty = true;
+    }
+
+    /// The time of play: it stands while the game is paused.
+    fn play_secs(&self, now_secs: f64) -> f64 {
+        self.paused_secs.unwrap_or(now_secs) - self.lost_secs
+    }
+
     /// Shows a recording.
     pub fn view(&mut self, recording: Recording) {
         self.modes
@@ -106,23 +125,27 @@ impl GameSession {
         self.modes.take_notifications()
     }
 
+    /// The answer to what the player did last, once.
+    pub fn take_notice(&mut self) -> Option<String> {
+        self.game.take_notice()
+    }
+
     /// Saves the match in this file from now on, whenever something was done.
     pub fn autosave_to(&mut self, path: PathBuf) {
         self.autosave.begin(path, self.game.contest());
     }
 
-    /// Follows the window: its size in pixels, and in points.
-    pub fn resize(&mut self, pixels: ImageSize, points: DVec2) {
+    /// Follows the window's size.
+    pub fn resize(&mut self, pixels: ImageSize) {
         self.pipeline.scheduler_mut().resize(pixels);
         self.pixels = pixels;
-        self.film = points;
         self.is_dirty = true;
     }
 
     /// Changes the aim.
     pub fn aim(&mut self, intent: AimIntent, now_secs: f64) {
         if self.is_game() {
-            self.game.change_aim(intent, now_secs, self.film);
+            self.game.change_aim(intent, self.play_secs(now_secs));
         }
     }
 
@@ -130,15 +153,17 @@ impl GameSession {
     pub fn stroke(&mut self, intent: StrokeIntent, now_secs: f64) {
         if self.is_game() {
             let delay_secs = self.pipeline.scheduler().stroke_delay_secs();
-            self.game.stroke(intent, now_secs, delay_secs);
+            self.game
+                .stroke(intent, self.play_secs(now_secs), delay_secs);
             self.record_shot();
         }
     }
 
     /// Turns the camera of what is on show.
     pub fn look(&mut self, intent: CameraIntent, now_secs: f64) {
+        let now_secs = self.play_secs(now_secs);
         match self.modes.mode_mut() {
-            Mode::Replay(player) => player.look(intent, self.game.table(), now_secs),
+            Mode::Replay(player) => player.look(intent, &self.game, now_secs),
             // The game's camera looks at a table that is being arranged.
             Mode::Game | Mode::Practice(_) => self.game.look(intent, now_secs),
         }
@@ -147,13 +172,14 @@ impl GameSession {
     /// Decides something of the match.
     pub fn decide(&mut self, intent: MatchIntent, now_secs: f64) {
         if self.is_game() {
-            self.game.decide(intent, now_secs, self.film);
+            self.game.decide(intent, self.play_secs(now_secs));
         }
     }
 
     /// Opens, closes or controls a replay.
     pub fn replay(&mut self, intent: ReplayIntent, now_secs: f64) {
         self.record_shot();
+        let now_secs = self.play_secs(now_secs);
         self.modes.replay(intent, &self.game, now_secs);
     }
 
@@ -228,6 +254,15 @@ impl GameSession {
         self.set_table_scene(TableScene::of(self.game.contest(), style))
     }
 
+    /// Plays the match again, the other player breaking; `seed` draws the racks.
+    ///
+    /// # Errors
+    /// Those of [`GameSession::begin`].
+    pub fn rematch(&mut self, seed: u32) -> anyhow::Result<()> {
+        let contest = self.game.contest().rematch(seed)?;
+        self.begin(contest)
+    }
+
     /// Plays another match.
     ///
     /// # Errors
@@ -275,6 +310,7 @@ impl GameSession {
         let view = self.game.match_view();
         let calls = may_play && (view.wants_call || view.may_push_out);
         MatchHud {
+            may_redo: self.game.contest().may_redo(),
             aimed: calls.then(|| self.game.aimed_ball()).flatten(),
             call: calls.then(|| self.game.call_words()).flatten(),
             pockets: calls.then(|| self.game.contest().table_layout().clone()),
@@ -291,7 +327,8 @@ impl GameSession {
 
     /// The cue, while there is one to show.
     pub fn cue(&self, now_secs: f64) -> Option<CueView> {
-        self.game.cue(now_secs).filter(|_| self.is_game())
+        let cue = self.game.cue(self.play_secs(now_secs));
+        cue.filter(|_| self.is_game())
     }
 
     /// Status of each node of the farm; none while it starts, or if it could not.
@@ -330,7 +367,19 @@ impl GameSession {
     }
 
     fn mode_view(&self, time: ViewTime) -> ModeView {
-        self.modes.mode().view(&self.game, time)
+        let time = match time {
+            ViewTime::Now(now_secs) => ViewTime::Now(self.play_secs(now_secs)),
+            moment => moment,
+        };
+        let mut view = self.modes.mode().view(&self.game, time);
+        // No time of a shot passes that frames of the future could be of.
+        view.clock = view.clock.filter(|_| self.paused_secs.is_none());
+        view
+    }
+
+    /// Whether time alone changes what is seen.
+    fn is_moving(&self) -> bool {
+        self.paused_secs.is_none() && self.modes.mode().is_moving(&self.game)
     }
 
     /// Whether the game is on show, and nothing in its place.
@@ -343,9 +392,19 @@ impl GameSession {
         matches!(self.modes.mode(), Mode::Replay(_))
     }
 
-    /// Whether a shot was played: then the player knows how.
-    pub fn has_played(&self) -> bool {
-        self.game.shots() > 0
+    /// The game.
+    pub fn game(&self) -> &Game {
+        &self.game
+    }
+
+    /// Whether the match that is on show is over.
+    pub fn is_over(&self) -> bool {
+        self.is_game() && self.game.contest().at_table().is_none()
+    }
+
+    /// How many shots were played since the program began.
+    pub fn shots(&self) -> u64 {
+        self.game.shots()
     }
 
     /// Whether something has changed since the window was drawn.
@@ -355,7 +414,7 @@ impl GameSession {
 
     /// Whether nothing will change without input.
     pub fn is_at_rest(&self) -> bool {
-        let is_moving = self.modes.mode().is_moving(&self.game) || self.game.is_thinking();
+        let is_moving = self.is_moving() || (self.paused_secs.is_none() && self.game.is_thinking());
         let is_still = self.pipeline.is_at_rest() && !self.is_dirty && !is_moving;
         self.screenshot.percent().is_none() && (self.is_hidden || is_still)
     }

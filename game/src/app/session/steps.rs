@@ -12,11 +12,15 @@ use crate::ui::stats::frame_record::FrameSample;
 impl GameSession {
     /// Moves the game on to `now_secs`.
     pub fn advance_simulation(&mut self, now_secs: f64) {
+        if self.paused_secs.is_some() {
+            return;
+        }
+        let now_secs = self.play_secs(now_secs);
         let dt_secs = (now_secs - self.last_advance_secs).clamp(0.0, ADVANCE_SECS_MAX);
         self.last_advance_secs = now_secs;
         self.game.tick(now_secs, dt_secs);
         self.modes.tick(now_secs);
-        self.is_dirty |= self.modes.mode().is_moving(&self.game);
+        self.is_dirty |= self.is_moving();
         if self.was_thinking != self.game.is_thinking() {
             self.was_thinking = self.game.is_thinking();
             self.is_dirty = true;
@@ -89,12 +93,12 @@ impl GameSession {
         if self.is_hidden {
             return self.pipeline.cancel_all();
         }
+        let view = self.mode_view(ViewTime::Now(now_secs));
         let (mode, game, table_scene) = (self.modes.mode(), &self.game, &self.table_scene);
         let scene_of = |view: &ModeView| {
             let camera = view.camera.camera_in(game.table());
             table_scene.update(camera, &view.poses, view.cue.as_ref())
         };
-        let view = mode.view(game, ViewTime::Now(now_secs));
         let target = match view.clock {
             Some(clock) => ViewTarget::Shot(clock),
             None => ViewTarget::Live(scene_of(&view)),

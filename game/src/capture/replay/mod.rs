@@ -19,7 +19,7 @@ use crate::camera::{
 use crate::capture::{RecordingKind, TimelineEvent, timeline_events};
 use crate::input::ReplayControl;
 use crate::play::practice::at_rest;
-use crate::play::{CueView, ShotClock, cue_of_shot};
+use crate::play::{CueView, Game, ShotClock, cue_of_shot};
 use crate::scene::cue_stick::CuePose;
 use carom_billiards::physics::{BallPose, BallState, Clip, Recording, Shot, Table};
 
@@ -133,9 +133,9 @@ impl ReplayPlayer {
     }
 
     /// Does what the viewer wants of the camera.
-    pub fn look(&mut self, intent: CameraIntent, table: &Table, now_secs: f64) {
-        let now = self.viewpoint(table, self.clock.moment_secs(now_secs) / self.clock.rate());
-        self.views.apply(intent, table, now);
+    pub fn look(&mut self, intent: CameraIntent, game: &Game, now_secs: f64) {
+        let now = self.viewpoint(game, self.clock.moment_secs(now_secs) / self.clock.rate());
+        self.views.apply(intent, game.table(), now);
     }
 
     /// The view that is chosen.
@@ -171,8 +171,8 @@ impl ReplayPlayer {
         Some(swung.pose(table.cue_ball().radius_m))
     }
 
-    /// From where it is seen, at a moment as [`ReplayPlayer::poses`] counts it.
-    pub fn viewpoint(&self, table: &Table, display_secs: f64) -> Viewpoint {
+    /// From where it is seen beside `game`, at a moment as [`ReplayPlayer::poses`] counts it.
+    pub fn viewpoint(&self, game: &Game, display_secs: f64) -> Viewpoint {
         let follows = self.views.view() == CameraView::Follow;
         let chase = || {
             let chase = self
@@ -181,7 +181,8 @@ impl ReplayPlayer {
             chase.at(self.moment_secs(display_secs))
         };
         self.views.viewpoint(&ViewContext {
-            table,
+            table: game.table(),
+            framing: game.framing(),
             ball: follows.then(chase),
             bearing_rad: bearing_rad(self.shot()),
             pocket: self

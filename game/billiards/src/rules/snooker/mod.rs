@@ -47,7 +47,7 @@ impl Referee {
             };
             if verdict.goes_on {
                 verdict.add_line(format!(
-                    "{} points, a break of {}",
+                    "scored {}, a break of {}",
                     verdict.points, snooker.run
                 ));
             }
@@ -343,7 +343,7 @@ mod tests {
         let verdict = scene.play(&[hit(BLACK), rail(0)], None);
         assert_eq!(
             verdict.lines[0],
-            "Foul: the black was hit first; you are on a red"
+            "fouled: the black was hit first; legal was a red"
         );
         assert_eq!((verdict.points, points(&scene)), (-7, [7, 9]));
     }

@@ -1,0 +1,120 @@
+//! Layout of the panels over the picture: each takes a strip of what the ones before have left, so that none
+//! lies over another, whatever the window's size and the size of text.
+
+use carom_billiards::rules::{Calls, RuleInfo};
+use egui::{Align, Align2, Area, Context, Id, Order, Rect, Ui, Vec2};
+use glam::DVec2;
+
+use crate::camera::Framing;
+
+/// The part of the window that is still free.
+#[derive(Clone, Copy, Debug)]
+pub struct Layout {
+    free: Rect,
+}
+
+impl Layout {
+    /// Of a part of the window in which nothing is drawn yet.
+    pub fn new(room: Rect) -> Self {
+        Self { free: room }
+    }
+
+    /// What is free.
+    pub fn free(&self) -> Rect {
+        self.free
+    }
+
+    /// Takes a column at the left.
+    pub fn take_left(&mut self, width: f32) -> Rect {
+        let (column, rest) = self.free.split_left_right_at_x(self.free.left() + width);
+        self.free = rest;
+        column
+    }
+
+    /// Draws a panel at an edge of what is free, which is at the top, the bottom, or else at the right.
+    pub fn dock<T>(
+        &mut self,
+        ctx: &Context,
+        name: &str,
+        place: Align2,
+        draw: impl FnOnce(&mut Ui) -> T,
+    ) -> T {
+        let to = |align| match align {
+            Align::Min => GAP,
+            Align::Center => 0.0,
+            Align::Max => -GAP,
+        };
+        let area = Area::new(Id::unique(name))
+            .order(Order::Middle)
+            .constrain_to(self.free)
+            .anchor(place, Vec2::new(to(place.x()), to(place.y())));
+        let room = self.free.shrink(GAP).size().max(Vec2::splat(GAP));
+        let shown = area.show(ctx, |ui| {
+            ui.set_max_size(room);
+            draw(ui)
+        });
+        let taken = shown.response.rect;
+        match place.y() {
+            Align::Min => self.free.min.y = taken.bottom().min(self.free.max.y),
+            Align::Max => self.free.max.y = taken.top().max(self.free.min.y),
+            Align::Center => self.free.max.x = taken.left().max(self.free.min.x),
+        }
+        shown.inner
+    }
+}
+
+/// The panels of what is on show, for which the picture leaves room whether they are drawn or not: a
+/// picture that moved with each sentence would never come to rest.
+#[derive(Clone, Debug)]
+pub enum Panels {
+    /// Of a game: the cue at the left, the score above, calls at the right, what can be done below.
+    Game(RuleInfo),
+    /// Of a replay: all below.
+    Replay,
+    /// Of a table that is being laid: all below.
+    Practice,
+}
+
+impl Panels {
+    /// What they leave of `room`, a part of a window of this size.
+    pub fn framing(&self, film: Vec2, room: Rect) -> Framing {
+        let is_low = room.height() < LOW;
+        let (left, top, right, bottom) = match self {
+            Self::Game(info) => {
+                let score = match (info.players.start() > &1, is_low) {
+                    (false, _) => 0.0,
+                    (true, false) => 104.0,
+                    (true, true) => 78.0,
+                };
+                let right = match info.calls {
+                    Calls::Nothing => GAP,
+                    Calls::Pocket | Calls::Colour => CALLS,
+                };
+                (CUE_COLUMN, score + SENTENCE, right, 56.0)
+            }
+            Self::Replay => (GAP, SENTENCE, GAP, if is_low { 230.0 } else { 200.0 }),
+            Self::Practice => (GAP, SENTENCE, GAP, if is_low { 190.0 } else { 150.0 }),
+        };
+        let part = Rect::from_min_max(
+            room.min + Vec2::new(left, top),
+            room.max - Vec2::new(right, bottom),
+        );
+        let double = |x: f32, y: f32| DVec2::new(x.into(), y.into());
+        Framing {
+            film: double(film.x, film.y),
+            min: double(part.min.x, part.min.y),
+            max: double(part.max.x, part.max.y),
+        }
+    }
+}
+
+/// A window of fewer points has no room for more than what must be seen.
+pub(super) const LOW: f32 = 500.0;
+/// A line of what is told.
+const SENTENCE: f32 = 44.0;
+/// The column of calls.
+const CALLS: f32 = 196.0;
+/// Between a panel and the window's edge.
+const GAP: f32 = 8.0;
+/// The column of power and spin.
+pub const CUE_COLUMN: f32 = 124.0;

@@ -1,0 +1,81 @@
+//! The first lessons: three things to do, one after the other, each said until it is done.
+
+use clap::ValueEnum;
+
+use crate::input::{Action, AimIntent, Bindings, Intent, MatchIntent, StrokeIntent};
+
+/// What a newcomer is taught next.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Lesson {
+    /// To point the cue.
+    #[default]
+    Aim,
+    /// To strike.
+    Strike,
+    /// To let the computer suggest a shot, and play it.
+    Suggest,
+    /// Nothing more.
+    Done,
+}
+
+impl Lesson {
+    /// What to do; nothing after the last.
+    pub fn sentence(self, bindings: &Bindings) -> Option<String> {
+        // One key is enough to begin with.
+        let key = |action| {
+            let first = bindings.triggers(action).into_iter().next();
+            first.map_or_else(|| bindings.words(action), |trigger| trigger.to_string())
+        };
+        let strike = key(Action::Strike);
+        Some(match self {
+            Self::Aim => "Move the mouse: it turns the cue".to_owned(),
+            Self::Strike => format!(
+                "Hold {}, pull back and let go to strike, or press {strike}",
+                key(Action::Stroke)
+            ),
+            Self::Suggest => format!(
+                "Press {} for a suggested shot, then {strike} to strike it",
+                key(Action::Suggest)
+            ),
+            Self::Done => return None,
+        })
+    }
+
+    /// The lesson after something was done, on a cue that points as suggested or not.
+    #[must_use]
+    pub fn after(self, intent: Intent, is_suggested: bool) -> Self {
+        let strikes = matches!(
+            intent,
+            Intent::Stroke(StrokeIntent::Strike | StrokeIntent::Release)
+        );
+        match (self, intent) {
+            (Self::Aim, Intent::Aim(AimIntent::Turn(_) | AimIntent::AimAt(_))) => Self::Strike,
+            (Self::Aim | Self::Strike, _) if strikes => Self::Suggest,
+            (Self::Suggest, _) if strikes && is_suggested => Self::Done,
+            (Self::Suggest, Intent::Match(MatchIntent::TakeOver)) => Self::Done,
+            (lesson, _) => lesson,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lessons_follow_each_other_as_they_are_done() {
+        let strike = Intent::Stroke(StrokeIntent::Strike);
+        let mut lesson = Lesson::default();
+        for (intent, is_suggested, next) in [
+            (Intent::Match(MatchIntent::Undo), false, Lesson::Aim),
+            (Intent::Aim(AimIntent::Turn(0.1)), false, Lesson::Strike),
+            (strike, false, Lesson::Suggest),
+            (strike, false, Lesson::Suggest),
+            (strike, true, Lesson::Done),
+        ] {
+            lesson = lesson.after(intent, is_suggested);
+            assert_eq!(lesson, next, "after {intent:?}");
+        }
+        assert_eq!(lesson.sentence(&Bindings::default()), None);
+    }
+}
