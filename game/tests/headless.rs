@@ -188,7 +188,10 @@ fn interrupted_videos_resume() {
         &["--spp", "1", "--video", "film", "--node", "foo"],
     );
     let said = text(&nowhere.stderr);
-    assert!(said.contains("foo") && !said.contains("to continue"), "{said}");
+    assert!(
+        said.contains("foo") && !said.contains("to continue"),
+        "{said}"
+    );
     let again = make("1");
     let said = text(&again.stderr);
     assert!(
@@ -284,7 +287,10 @@ fn without_a_display_it_says_so_and_renders() {
     assert!(text(&output.stdout).contains("carom-frames holds 1 frame of 32x18"));
     let missing = carom(folder.path(), &["--replay", "no.carom"]);
     let said = text(&missing.stderr);
-    assert!(said.contains("no.carom") && !said.contains("rendering"), "{said}");
+    assert!(
+        said.contains("no.carom") && !said.contains("rendering"),
+        "{said}"
+    );
     assert!(folder.path().join("carom-frames/frame_0000.png").is_file());
 }
 

@@ -335,9 +335,7 @@ impl AppShell {
     fn lesson(&self, session: &mut GameSession) -> Option<String> {
         let may_play = session.is_game() && session.match_hud().may_play && !session.is_placing();
         let lesson = self.store.settings.lesson;
-        lesson
-            .sentence(self.input.bindings())
-            .filter(|_| may_play)
+        lesson.sentence(self.input.bindings()).filter(|_| may_play)
     }
 
     /// Lets time pass: tells what is new of the farm, plays what is to be heard, follows the keys.

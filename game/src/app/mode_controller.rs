@@ -303,10 +303,10 @@ fn lay(practice: &mut Practice, path: &Path, game: &Game, now_secs: f64) -> Resu
 #[cfg(test)]
 mod tests {
     use super::*;
-    use carom_billiards::game_match::{Match, MatchConfig, Player};
-    use carom_billiards::physics::Stroke;
     use crate::app::mode::ViewTime;
     use crate::input::{AimIntent, StrokeIntent};
+    use carom_billiards::game_match::{Match, MatchConfig, Player};
+    use carom_billiards::physics::Stroke;
 
     fn modes(folder: &Path) -> (ModeController, Game) {
         (

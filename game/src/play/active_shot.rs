@@ -3,7 +3,9 @@
 use std::cell::OnceCell;
 use std::ops::Range;
 
-use crate::camera::{CameraView, FollowCamera, Framing, ViewContext, ViewSelection, Viewpoint, smoothstep};
+use crate::camera::{
+    CameraView, FollowCamera, Framing, ViewContext, ViewSelection, Viewpoint, smoothstep,
+};
 use carom_billiards::physics::{Shot, Stroke, Table};
 
 use super::cue::CueView;

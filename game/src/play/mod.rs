@@ -34,8 +34,8 @@ use carom_tracer::Camera;
 use glam::{DVec2, DVec3};
 
 use crate::camera::{
-    CameraIntent, CameraSmoother, CameraView, Framing, Projection, ViewContext, ViewSelection, Viewpoint,
-    wrap_rad,
+    CameraIntent, CameraSmoother, CameraView, Framing, Projection, ViewContext, ViewSelection,
+    Viewpoint, wrap_rad,
 };
 use crate::input::{AimIntent, StrokeIntent};
 use crate::scene::table_scene::TableScene;

@@ -179,8 +179,10 @@ fn calls(ui: &mut Ui, hud: &MatchHud, bindings: &Bindings) -> Option<Intent> {
     let said = match (&hud.call, view.call.is_some()) {
         (Some(words), true) => format!("{words} (called)"),
         (Some(words), false) => format!("{words} (by your aim)"),
-        (None, _) => "Nothing yet: aim at a pot or click a pocket, else your turn ends even if a ball drops"
-            .to_owned(),
+        (None, _) => {
+            "Nothing yet: aim at a pot or click a pocket, else your turn ends even if a ball drops"
+                .to_owned()
+        }
     };
     ui.label(RichText::new(said).small());
     let mut wanted = None;

@@ -100,10 +100,16 @@ impl Menu {
             match page {
                 Page::Top => {
                     let is_free = input.view.rules == RuleSet::Free;
-                    scrolled.show(ui, |ui| self.top(ui, is_fresh, is_free)).inner
+                    scrolled
+                        .show(ui, |ui| self.top(ui, is_fresh, is_free))
+                        .inner
                 }
                 Page::Welcome => scrolled.show(ui, |ui| self.welcome(ui, is_fresh)).inner,
-                Page::Result => scrolled.show(ui, |ui| self.result(ui, is_fresh, input.view)).inner,
+                Page::Result => {
+                    scrolled
+                        .show(ui, |ui| self.result(ui, is_fresh, input.view))
+                        .inner
+                }
                 Page::NewGame => {
                     let page = |ui: &mut Ui| {
                         let begins = new_game::page(ui, &mut self.game, is_fresh);
@@ -309,4 +315,3 @@ impl<'a> Entries<'a> {
         self.pointed
     }
 }
-

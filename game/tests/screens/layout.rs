@@ -29,8 +29,12 @@ fn sizes() -> impl Iterator<Item = Vec2> {
 fn panels(harness: &Harness<'_, Seat>) -> Vec<Rect> {
     harness.ctx.memory(|memory| {
         let layers = memory.areas().visible_layer_ids();
-        let panels = layers.into_iter().filter(|layer| layer.order != Order::Background);
-        panels.filter_map(|layer| memory.area_rect(layer.id)).collect()
+        let panels = layers
+            .into_iter()
+            .filter(|layer| layer.order != Order::Background);
+        panels
+            .filter_map(|layer| memory.area_rect(layer.id))
+            .collect()
     })
 }
 
@@ -42,7 +46,10 @@ fn assert_apart(harness: &Harness<'_, Seat>, size: Vec2, case: &str) {
         assert!(window.contains_rect(*panel), "{case} at {size}: {panel}");
         for other in &panels[..index] {
             let both = panel.shrink(0.5).intersect(other.shrink(0.5));
-            assert!(!both.is_positive(), "{case} at {size}: {panel} over {other}");
+            assert!(
+                !both.is_positive(),
+                "{case} at {size}: {panel} over {other}"
+            );
         }
     }
 }
@@ -58,7 +65,11 @@ fn assert_balls_clear(harness: &Harness<'_, Seat>, size: Vec2, case: &str) {
         let film = projection.film_from_world(ball.position).unwrap();
         let at = Pos2::new(film.x as f32, film.y as f32);
         for panel in &panels {
-            assert!(!panel.contains(at), "{case} at {size}: {panel} over ball {}", ball.number);
+            assert!(
+                !panel.contains(at),
+                "{case} at {size}: {panel} over ball {}",
+                ball.number
+            );
         }
     }
 }
@@ -74,7 +85,16 @@ fn no_panel_lies_over_another_at_any_size() {
             harness.run_steps(4);
             harness
         };
-        for keys in [&[][..], &["L"], &["F9"], &["B"], &["V"], &["Esc"], &["F4"], &["F1"]] {
+        for keys in [
+            &[][..],
+            &["L"],
+            &["F9"],
+            &["B"],
+            &["V"],
+            &["Esc"],
+            &["F4"],
+            &["F1"],
+        ] {
             let mut harness = broken();
             keys.iter().for_each(|key| press(&mut harness, key));
             assert_apart(&harness, size, &format!("8-ball after {keys:?}"));

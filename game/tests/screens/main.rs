@@ -1,9 +1,9 @@
 //! The game's screens as a person meets them: by their words, by pressing them, and by how they look.
 //! There is no farm: the table is played all the same.
 
+mod layout;
 #[path = "../looks/mod.rs"]
 mod looks;
-mod layout;
 mod newcomer;
 mod pictures;
 mod player;
@@ -209,7 +209,11 @@ fn power_and_spin_stay_on_screen_during_strokes() {
     harness.state_mut().handle(at(500.0, 310.0), false);
     harness.run_steps(2);
     shown(&harness, "pulling");
-    assert!(harness.query_by_label_contains("Power 50 %, 2.61 m/s").is_some());
+    assert!(
+        harness
+            .query_by_label_contains("Power 50 %, 2.61 m/s")
+            .is_some()
+    );
     press(&mut harness, "Esc");
     down(&mut harness, Button::Left, false);
     for (key, what) in [("Space", "charging"), ("F", "swinging")] {

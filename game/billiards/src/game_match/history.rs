@@ -12,7 +12,12 @@ impl Match {
     /// Those of [`crate::physics::World::strike`], which the match has had none of.
     pub fn recording(&self) -> Result<Recording> {
         let undone = self.undone.iter().map(|undone| (&undone.turn, " (undone)"));
-        let mut turns: Vec<_> = self.past.iter().map(|turn| (turn, "")).chain(undone).collect();
+        let mut turns: Vec<_> = self
+            .past
+            .iter()
+            .map(|turn| (turn, ""))
+            .chain(undone)
+            .collect();
         turns.sort_by_key(|(turn, _)| turn.number);
         let clip = |(index, &(turn, mark)): (usize, &(&TurnRecord, &str))| {
             Ok(Clip {

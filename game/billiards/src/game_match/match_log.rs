@@ -84,7 +84,11 @@ mod tests {
         let banner = game.view().banner.unwrap();
         assert!(banner.starts_with(&told("Computer (medium)")), "{banner}");
         let mut log = game.log().iter();
-        assert!(log.any(|line| line.starts_with(&told("You"))), "{:?}", game.log());
+        assert!(
+            log.any(|line| line.starts_with(&told("You"))),
+            "{:?}",
+            game.log()
+        );
     }
 
     #[test]
@@ -113,7 +117,10 @@ mod tests {
         let shot = game.strike(stroke).unwrap();
         game.finish(stroke, &shot);
         let log = game.log();
-        assert!(log.iter().any(|line| line.contains("called a push-out")), "{log:?}");
+        assert!(
+            log.iter().any(|line| line.contains("called a push-out")),
+            "{log:?}"
+        );
         assert!(log.last().unwrap().starts_with("Next: "), "{log:?}");
     }
 }

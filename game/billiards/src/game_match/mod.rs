@@ -10,8 +10,8 @@
 
 mod hints;
 mod history;
-mod match_log;
 mod match_config;
+mod match_log;
 mod match_save;
 mod match_view;
 mod player;
@@ -418,7 +418,12 @@ mod tests {
         );
         assert_eq!(game.referee().turn(), 1 - turn);
         let view = game.view();
-        assert!(view.is_foul && view.banner.is_some_and(|banner| banner.contains(" fouled: ")));
+        assert!(
+            view.is_foul
+                && view
+                    .banner
+                    .is_some_and(|banner| banner.contains(" fouled: "))
+        );
         assert_eq!(view.hand, Some(PlacementArea::Anywhere));
         assert!(game.place(DVec2::new(5.0, 0.0)).is_err());
         let taken = game

@@ -41,7 +41,9 @@ impl Referee {
         let cushions = cushions_before_second(report);
         let made = cushions.is_some_and(|cushions| cushions >= CUSHIONS);
         match cushions {
-            Some(cushions) if made => verdict.add_line(format!("scored a point by {cushions} cushions")),
+            Some(cushions) if made => {
+                verdict.add_line(format!("scored a point by {cushions} cushions"))
+            }
             Some(cushions) => verdict.add_line(format!(
                 "{cushions} cushions before the second ball: it takes {CUSHIONS}"
             )),
