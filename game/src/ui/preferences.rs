@@ -88,11 +88,14 @@ fn picture(ui: &mut Ui, settings: &mut Settings, input: MenuInput<'_>) {
 
 fn interface(ui: &mut Ui, settings: &mut Settings) {
     ui.label("Text size");
-    ui.horizontal_wrapped(|ui| {
-        for percent in TEXT_PERCENTS {
-            let scale = f64::from(percent) / 100.0;
-            ui.selectable_value(&mut settings.text_scale, scale, format!("{percent} %"));
-        }
+    // In a column, which a row of the grid grows with where it wraps.
+    ui.vertical(|ui| {
+        ui.horizontal_wrapped(|ui| {
+            for percent in TEXT_PERCENTS {
+                let scale = f64::from(percent) / 100.0;
+                ui.selectable_value(&mut settings.text_scale, scale, format!("{percent} %"));
+            }
+        });
     });
     ui.end_row();
     ui.label("Motion");
@@ -149,7 +152,7 @@ fn capital(word: &str) -> String {
     first.into_iter().flatten().chain(letters).collect()
 }
 
-const TEXT_PERCENTS: [u32; 7] = [75, 100, 125, 150, 175, 200, 250];
+const TEXT_PERCENTS: [u32; 6] = [75, 100, 125, 150, 200, 250];
 /// The ends of the trade, and what is between.
 const ENGINES: [&str; 4] = ["exact", "rapier-60", "rapier-240", "rapier-1000"];
 
