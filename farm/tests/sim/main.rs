@@ -292,7 +292,7 @@ fn a_node_that_joins_is_used_fully_within_ten_frames() {
 
 /// A slow node is there at once, as the local one is, and one that is 100 times as fast joins.
 #[test]
-fn a_slow_node_that_is_ready_first_does_not_keep_a_frame() {
+fn a_slow_node_that_is_ready_first_keeps_no_frame() {
     for joins_secs in [0.0, 0.02, 0.1, 0.5] {
         let slow = NodePlan::new(1e-4, 0.02);
         let fast = NodePlan::new(1e-3, 2.0).with(joins_secs, NodeChange::Join);
