@@ -110,7 +110,11 @@ fn score(ui: &mut Ui, hud: &MatchHud, is_low: bool) {
         _ => view.prompt.clone(),
     };
     let game = format!("{}, {}", view.title, view.goal);
-    let words = [game, prompt].map(|words| words.trim().to_owned());
+    let words = [game.trim(), prompt.trim()];
+    let words: Vec<&str> = words
+        .into_iter()
+        .filter(|words| !words.is_empty())
+        .collect();
     let prompt = RichText::new(words.join(" · ")).color(theme::FAINT);
     let banner = view.banner.as_ref().map(|banner| {
         let words = RichText::new(banner.as_str()).strong();
