@@ -124,10 +124,24 @@ impl AimOverlay<'_> {
         }
     }
 
-    /// A ball that must not be hit first.
-    pub fn dimmed(&self, at: DVec2, radius_m: f64) {
-        if let Some((center, radius)) = self.disc(at, radius_m) {
-            self.painter.circle_filled(center, radius * 1.02, DIM);
+    /// A ball that may be hit first: a ring on the cloth around it, hidden where the ball stands before it.
+    pub fn ringed(&self, at: DVec2, radius_m: f64) {
+        let Some((center, radius)) = self.disc(at, radius_m) else {
+            return;
+        };
+        let stroke = Stroke::new(1.6, RING);
+        let on_ring = |i: u32| {
+            let angle = std::f64::consts::TAU * f64::from(i) / f64::from(2 * ARC);
+            (at + RING_RADII * radius_m * DVec2::from_angle(angle)).extend(0.0)
+        };
+        for i in 0..2 * ARC {
+            let Some(ends) = self.projection.film_segment(on_ring(i), on_ring(i + 1)) else {
+                continue;
+            };
+            let ends = ends.map(|end| self.point(end));
+            if ends[0].distance(center) > radius {
+                self.painter.line_segment(ends, stroke);
+            }
         }
     }
 
@@ -207,7 +221,9 @@ const LEGAL: Color32 = Color32::from_rgb(120, 230, 160);
 const LEGAL_TINT: Color32 = Color32::from_rgba_premultiplied(20, 60, 35, 90);
 const ILLEGAL: Color32 = Color32::from_rgb(255, 120, 90);
 const ILLEGAL_TINT: Color32 = Color32::from_rgba_premultiplied(80, 20, 10, 110);
-const DIM: Color32 = Color32::from_rgba_premultiplied(0, 0, 0, 130);
+const RING: Color32 = Color32::from_rgba_premultiplied(150, 150, 140, 150);
+/// Radius of the ring around a ball, in the ball's.
+const RING_RADII: f64 = 1.35;
 const OBJECT_WAY_M: f64 = 0.35;
 const CUE_WAY_M: f64 = 0.2;
 const FILM_MAX: f64 = 20_000.0;

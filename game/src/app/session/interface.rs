@@ -106,7 +106,7 @@ impl GameSession {
         }
     }
 
-    /// Marks a cue ball that is carried, and balls that must not be hit first.
+    /// Marks a cue ball that is carried, and where not all balls may be hit first those that may.
     fn mark_balls(&mut self, overlay: &ui::aim::AimOverlay<'_>) {
         if let Some(ball_in_hand) = self.game.ball_in_hand() {
             let area = self.game.contest().ball_in_hand_area();
@@ -117,11 +117,10 @@ impl GameSession {
         if self.game.may_play() {
             let view = self.game.match_view();
             let positions = self.game.contest().ball_positions();
-            let others = positions
-                .iter()
-                .filter(|p| p.ball != 0 && !view.on.contains(&p.ball));
-            for ball in others.filter(|_| !view.on.is_empty()) {
-                overlay.dimmed(ball.at, self.game.contest().table_layout().radius_m);
+            let objects = positions.iter().filter(|p| p.ball != 0);
+            let all_legal = objects.clone().all(|p| view.on.contains(&p.ball));
+            for ball in objects.filter(|p| !all_legal && view.on.contains(&p.ball)) {
+                overlay.ringed(ball.at, self.game.contest().table_layout().radius_m);
             }
         }
     }
