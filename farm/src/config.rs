@@ -10,6 +10,7 @@ use carom_tracer::text::{SENTENCE_BYTES_MAX, printable};
 use serde::{Deserialize, Serialize};
 
 use crate::config_fault::ConfigFault;
+use crate::directory::NodeSource;
 use crate::{Balancing, Distribution, Error};
 
 /// Configuration of a [`crate::Farm`]: command lines, `farm.toml` and applications fill it.
@@ -18,7 +19,8 @@ use crate::{Balancing, Distribution, Error};
 pub struct FarmConfig {
     /// The node inside this process.
     pub local: LocalNode,
-    /// Nodes elsewhere, as `host:port`.
+    /// Nodes elsewhere, as `host:port`, and [directories](crate::directory) of nodes: `dns:host:port`
+    /// has a node at each address of the host, `file:path` one in each line.
     pub nodes: Vec<String>,
     /// Folder with the farm's `ca.pem`, `player.pem` and `player.key`, as `carom-farm init` makes
     /// it; needed as soon as there are `nodes`.
@@ -45,7 +47,7 @@ pub struct FarmConfig {
 
 impl FarmConfig {
     /// Reads a `farm.toml`: the fields of this struct, those left out as in `Default`. A relative
-    /// [`FarmConfig::credentials`] is taken from the file's own folder.
+    /// [`FarmConfig::credentials`] or path of a directory is taken from the file's own folder.
     ///
     /// # Errors
     /// [`Error::Config`] with the file and, if it could be read, the line that is wrong.
@@ -69,6 +71,9 @@ impl FarmConfig {
         })?;
         if let Some(folder) = path.parent() {
             config.credentials = folder.join(&config.credentials);
+            for node in &mut config.nodes {
+                *node = NodeSource::in_folder(node, folder);
+            }
         }
         Ok(config)
     }

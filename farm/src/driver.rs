@@ -4,22 +4,26 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use carom_protocol::limits::NODES_MAX;
 use carom_protocol::{FrameId, PrecisionRange, SceneHash};
 use carom_tracer::{Scene, Tracer};
 
 use crate::coordinator::{Coordinator, CoordinatorAction};
+use crate::directory::roster::Roster;
+use crate::directory::watch::DirectoryWatch;
+use crate::directory::{Directory, ListedNode};
 use crate::link::{LinkCommand, LinkEvent};
 use crate::memory_link::MemoryLink;
 use crate::net::{Client, NodeAddress, NodeLink};
 use crate::node::Node;
 use crate::node_status::NodeIndex;
-use crate::{Balancing, Distribution, FarmConfig, Frame, FrameSpec, NodeStatus};
+use crate::{Balancing, Distribution, FarmConfig, Frame, FrameSpec, NodeState, NodeStatus};
 
 /// Message to the thread. The queue is bounded by those who send: a link hands on no more than the
 /// answers to `REQUESTS_QUEUED_MAX` open requests, [`crate::Farm`] counts the frames in flight, and the
 /// rest are calls of the application, each of which the thread handles in microseconds.
 pub(crate) enum DriverInput {
-    Link(NodeIndex, Vec<LinkEvent>),
+    Link(NodeIndex, LinkId, Vec<LinkEvent>),
     Scene(SceneHash, Arc<Scene>),
     Submit {
         id: FrameId,
@@ -34,15 +38,27 @@ pub(crate) enum DriverInput {
     AddLocal(Arc<dyn Tracer>),
     /// With what to call it, if it is the first.
     AddRemote(String, NodeAddress, Option<Client>),
+    /// With what to call its nodes, if they are the first.
+    AddDirectory(Box<dyn Directory>, Option<Client>),
+    /// The answer of a directory.
+    Listed(usize, Vec<ListedNode>),
     /// The tracer that [`Driver::add_local_later`] has been waiting for.
     Local(NodeIndex, Result<Arc<dyn Tracer>, carom_tracer::Error>),
     Stop,
 }
 
+/// A link among all that a driver has had: events of one that was dropped are void, though another node
+/// has its index.
+type LinkId = u64;
+
 /// Everything that the thread owns.
 pub(crate) struct Driver {
     coordinator: Coordinator,
     links: Vec<DriverLink>,
+    link_ids: Vec<LinkId>,
+    last_link: LinkId,
+    roster: Roster,
+    directories: Vec<DirectoryWatch>,
     tile_edge: u16,
     started: Instant,
     /// Of remote nodes.
@@ -78,6 +94,10 @@ impl Driver {
         Self {
             coordinator,
             links: Vec::new(),
+            link_ids: Vec::new(),
+            last_link: 0,
+            roster: Roster::default(),
+            directories: Vec::new(),
             tile_edge: config.tile_edge,
             started: Instant::now(),
             precision: config.precision,
@@ -101,9 +121,8 @@ impl Driver {
     }
 
     pub(crate) fn add_local(&mut self, tracer: Arc<dyn Tracer>) {
-        let index = self.coordinator.add_node("local".into());
-        let link = self.memory_link(index, tracer);
-        self.links.push(link);
+        let index = self.add_node("local".into());
+        self.links[index.0] = self.memory_link(index, tracer);
     }
 
     /// Adds a local node whose tracer takes a while to open.
@@ -111,8 +130,7 @@ impl Driver {
         &mut self,
         open: fn() -> Result<Arc<dyn Tracer>, carom_tracer::Error>,
     ) {
-        let index = self.coordinator.add_node("local".into());
-        self.links.push(DriverLink::None);
+        let index = self.add_node("local".into());
         self.opening += 1;
         let inputs = self.inputs.clone();
         std::thread::spawn(move || {
@@ -122,9 +140,18 @@ impl Driver {
     }
 
     pub(crate) fn add_remote(&mut self, client: &Client, name: String, address: NodeAddress) {
-        let index = self.coordinator.add_node(name);
-        let link = client.link(address, self.precision, self.events(index));
-        self.links.push(DriverLink::Remote(link));
+        self.call(client, name, address);
+    }
+
+    /// Calls the nodes that a directory lists from now on.
+    pub(crate) fn add_directory(&mut self, directory: Box<dyn Directory>) {
+        let index = self.roster.add_directory();
+        let inputs = self.inputs.clone();
+        let listed = move |nodes| inputs.send(DriverInput::Listed(index, nodes)).is_ok();
+        match DirectoryWatch::start(directory, listed) {
+            Ok(watch) => self.directories.push(watch),
+            Err(why) => tracing::error!("a directory's thread cannot be started: {why}"),
+        }
     }
 
     /// Keeps the network threads of remote links.
@@ -185,9 +212,14 @@ impl Driver {
         let now = self.now();
         self.statuses_stale = true;
         match input {
-            DriverInput::Link(node, events) => {
-                for event in events {
+            DriverInput::Link(node, link, events) => {
+                let is_current = self.link_ids[node.0] == link;
+                for event in events.into_iter().filter(|_| is_current) {
+                    let is_lost = matches!(event, LinkEvent::Lost { .. });
                     self.coordinator.handle(now, node, event);
+                    if is_lost {
+                        self.drop_left();
+                    }
                 }
             }
             DriverInput::Scene(hash, scene) => self.coordinator.set_scene(hash, scene),
@@ -214,6 +246,11 @@ impl Driver {
                     self.client = Some(client);
                 }
             }
+            DriverInput::AddDirectory(directory, client) => {
+                self.client = client.or_else(|| self.client.take());
+                self.add_directory(directory);
+            }
+            DriverInput::Listed(directory, nodes) => self.listed(directory, nodes),
             DriverInput::Local(node, Ok(tracer)) => {
                 self.opening -= 1;
                 self.links[node.0] = self.memory_link(node, tracer);
@@ -228,6 +265,66 @@ impl Driver {
         }
     }
 
+    /// Calls nodes that are new in a directory, and drops links to nodes that have left it.
+    fn listed(&mut self, directory: usize, nodes: Vec<ListedNode>) {
+        let new = self.roster.update(directory, nodes);
+        self.drop_left();
+        let Some(client) = self.client.take() else {
+            return;
+        };
+        let called = self.link_ids.iter().filter(|link| **link != VOID).count();
+        let room = NODES_MAX.saturating_sub(called);
+        if new.len() > room {
+            tracing::warn!(
+                "a directory lists {} nodes more than the {NODES_MAX} that a farm may have",
+                new.len() - room
+            );
+        }
+        for address in new.into_iter().take(room) {
+            let index = self.call(&client, address.to_string(), address.clone());
+            self.roster.call(index, address);
+        }
+        self.client = Some(client);
+    }
+
+    /// Stops calling nodes that have left all directories, as soon as they are not connected.
+    fn drop_left(&mut self) {
+        let left = self.roster.left();
+        if left.is_empty() {
+            return;
+        }
+        let nodes = self.coordinator.nodes(self.now());
+        for node in left {
+            let is_idle =
+                |state: &NodeState| matches!(state, NodeState::Starting | NodeState::Lost { .. });
+            if nodes[node.0].info.is_none() && is_idle(&nodes[node.0].state) {
+                self.links[node.0] = DriverLink::None;
+                self.link_ids[node.0] = VOID;
+                self.roster.forget(node);
+                self.coordinator.remove_node(self.now(), node);
+            }
+        }
+    }
+
+    /// A place for a node that has no link yet.
+    fn add_node(&mut self, name: String) -> NodeIndex {
+        let index = self.coordinator.add_node(name);
+        if index.0 == self.links.len() {
+            self.links.push(DriverLink::None);
+            self.link_ids.push(VOID);
+        }
+        self.last_link += 1;
+        self.link_ids[index.0] = self.last_link;
+        index
+    }
+
+    fn call(&mut self, client: &Client, name: String, address: NodeAddress) -> NodeIndex {
+        let index = self.add_node(name);
+        let link = client.link(address, self.precision, self.events(index));
+        self.links[index.0] = DriverLink::Remote(link);
+        index
+    }
+
     fn memory_link(&self, index: NodeIndex, tracer: Arc<dyn Tracer>) -> DriverLink {
         let node = Node::new("", tracer);
         DriverLink::Memory {
@@ -238,7 +335,8 @@ impl Driver {
 
     fn events(&self, index: NodeIndex) -> impl Fn(Vec<LinkEvent>) + Send + 'static {
         let inputs = self.inputs.clone();
-        move |events| drop(inputs.send(DriverInput::Link(index, events)))
+        let link = self.link_ids[index.0];
+        move |events| drop(inputs.send(DriverInput::Link(index, link, events)))
     }
 
     /// How long to wait for the next input; `None` for ever.
@@ -287,6 +385,8 @@ impl DriverLink {
     }
 }
 
+/// No link.
+const VOID: LinkId = 0;
 /// How long a tracer may take to open when the farm is dropped; a GPU needs 0.1 to 1.2 s.
 const OPENING_PATIENCE: Duration = Duration::from_secs(3);
 /// How old [`crate::Farm::nodes`] may be.

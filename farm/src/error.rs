@@ -185,6 +185,14 @@ pub enum Error {
         /// The name.
         host: String,
     },
+    /// A directory does not say which nodes there are.
+    #[error("{directory}: {reason}")]
+    Directory {
+        /// The directory, as it was named.
+        directory: String,
+        /// The reason.
+        reason: String,
+    },
     /// Nothing answers at a node's address.
     #[error(
         "{address} does not answer: check that the node is running and that firewalls let its UDP \

@@ -12,6 +12,7 @@ use carom_protocol::limits::{FRAMES_IN_FLIGHT_MAX, NODES_MAX, TILE_EDGE_MAX};
 use carom_tracer::{Scene, Tracer};
 
 use crate::config_fault::ConfigFault;
+use crate::directory::{Directory, NodeSource};
 use crate::driver::{Driver, DriverInput};
 use crate::net::{Client, Credentials, NodeAddress, Role};
 use crate::{
@@ -51,6 +52,7 @@ struct RemoteNodes {
     client: Client,
     /// Each with the text that names it.
     addresses: Vec<(String, NodeAddress)>,
+    directories: Vec<Box<dyn Directory>>,
 }
 
 impl RemoteNodes {
@@ -64,8 +66,15 @@ impl RemoteNodes {
             return Ok(None);
         }
         let mut addresses: Vec<(String, NodeAddress)> = Vec::new();
+        let mut directories = Vec::new();
         for node in &config.nodes {
-            let address = node.parse()?;
+            let address = match node.parse()? {
+                NodeSource::Node(address) => address,
+                directory => {
+                    directories.push(directory.open()?);
+                    continue;
+                }
+            };
             if addresses.iter().any(|(_, known)| *known == address) {
                 tracing::warn!("{node} is named twice: it counts as one node");
                 continue;
@@ -74,7 +83,11 @@ impl RemoteNodes {
         }
         let credentials = Credentials::load(&config.credentials, Role::Player)?;
         let client = Client::new(&credentials)?;
-        Ok(Some(Self { client, addresses }))
+        Ok(Some(Self {
+            client,
+            addresses,
+            directories,
+        }))
     }
 }
 
@@ -119,11 +132,14 @@ impl Farm {
         remotes: Option<RemoteNodes>,
     ) -> Result<Self, Error> {
         let calls = remotes.is_some();
-        if let Some(RemoteNodes { client, addresses }) = remotes {
-            for (node, address) in addresses {
-                driver.add_remote(&client, node, address);
+        if let Some(remotes) = remotes {
+            for (node, address) in remotes.addresses {
+                driver.add_remote(&remotes.client, node, address);
             }
-            driver.keep(client);
+            driver.keep(remotes.client);
+            for directory in remotes.directories {
+                driver.add_directory(directory);
+            }
         }
         let inputs = driver.inputs();
         let statuses = driver.statuses();
@@ -315,24 +331,44 @@ impl Farm {
         self.send(DriverInput::Distribution(distribution));
     }
 
-    /// Calls another node, as `host:port`, while the farm is running; it takes part once it answers.
+    /// Calls another node, or those of a directory, named as in [`FarmConfig::nodes`], while the farm is running; it takes part once it answers.
     ///
     /// # Errors
     /// [`Error::NodeAddress`] if the address cannot be parsed, [`Error::Config`] if there are as many
     /// nodes as a farm may have, an error of the credentials or [`Error::Socket`] if this is the first remote node and none can be
     /// called.
     pub fn add_node(&mut self, node: &str) -> Result<(), Error> {
-        let address = node.parse()?;
-        nodes_fit(self.nodes().len() + 1)?;
-        let client = if self.calls {
-            None
-        } else {
-            let credentials = Credentials::load(&self.credentials, Role::Player)?;
-            Some(Client::new(&credentials)?)
+        let address = match node.parse()? {
+            NodeSource::Node(address) => address,
+            directory => return self.add_directory(directory.open()?),
         };
-        self.calls = true;
+        nodes_fit(self.nodes().len() + 1)?;
+        let client = self.first_client()?;
         self.send(DriverInput::AddRemote(node.to_owned(), address, client));
         Ok(())
+    }
+
+    /// Calls the nodes that a directory lists, from now on and as they come; they take part once they
+    /// answer.
+    ///
+    /// # Errors
+    /// An error of the credentials or [`Error::Socket`] if these are the first remote nodes and none
+    /// can be called.
+    pub fn add_directory(&mut self, directory: Box<dyn Directory>) -> Result<(), Error> {
+        let client = self.first_client()?;
+        self.send(DriverInput::AddDirectory(directory, client));
+        Ok(())
+    }
+
+    /// The network side, unless the coordinator has it.
+    fn first_client(&mut self) -> Result<Option<Client>, Error> {
+        if self.calls {
+            return Ok(None);
+        }
+        let credentials = Credentials::load(&self.credentials, Role::Player)?;
+        let client = Client::new(&credentials)?;
+        self.calls = true;
+        Ok(Some(client))
     }
 
     /// Adds an in-process node on `tracer` while the farm is running.

@@ -47,6 +47,7 @@ mod channel;
 mod config;
 mod config_fault;
 pub mod coordinator;
+pub mod directory;
 mod driver;
 mod error;
 mod farm;

@@ -28,6 +28,14 @@ pub const SENTENCE_BYTES_MAX: usize = carom_tracer::text::SENTENCE_BYTES_MAX;
 pub const FRAMES_IN_FLIGHT_MAX: usize = 8;
 /// Nodes of one farm.
 pub const NODES_MAX: usize = 1024;
+/// Bytes of a file that lists nodes: 1024 with the longest names have a quarter.
+pub const DIRECTORY_FILE_BYTES_MAX: u64 = 1 << 20;
+/// Probes of a node's health that are answered at once: a cluster sends two, and a person looks too.
+pub const PROBES_MAX: usize = 16;
+/// Seconds that a probe may take: those of Kubernetes give up after one.
+pub const PROBE_SECS_MAX: u64 = 5;
+/// Bytes of an answer of a cloud's metadata service: a notice has 60, a token 56.
+pub const METADATA_BYTES_MAX: usize = 4096;
 /// Tiles of one request: a 4K picture in tiles of 8 pixels has 129,600. Bounds the lists that a node
 /// makes of a request of 200 bytes.
 pub const REQUEST_TILES_MAX: u32 = 1 << 17;

@@ -5,6 +5,7 @@ use std::net::{Ipv4Addr, SocketAddr, ToSocketAddrs as _, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use carom_farm::directory::NodeSource;
 use carom_tracer::Scene;
 
 use crate::commands::Failure;
@@ -33,6 +34,12 @@ pub(crate) fn scene(path: Option<&Path>) -> Result<NamedScene, Failure> {
         name: name.to_string_lossy().into_owned(),
         scene,
     })
+}
+
+/// A node or directory of nodes, as [`carom_farm::FarmConfig::nodes`] has them.
+pub(crate) fn node(text: &str) -> Result<String, carom_farm::Error> {
+    text.parse::<NodeSource>()?;
+    Ok(text.to_owned())
 }
 
 /// The first address of a host and port to listen at.

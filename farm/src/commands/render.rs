@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use anyhow::Context;
-use carom_farm::net::{self, NodeAddress};
+use carom_farm::net;
 use carom_farm::{
     AccumulatedRender, Balancing, Distribution, Farm, FarmConfig, FrameSpec, LocalNode,
     PixelFormat, Priority, trace_aovs,
@@ -45,8 +45,10 @@ pub(crate) struct RenderArgs {
     #[arg(long, default_value_t = 0)]
     seed: u32,
     /// Use this node, in place of those in --config; repeat for several
-    #[arg(long, value_name = "HOST:PORT")]
-    node: Vec<NodeAddress>,
+    ///
+    /// dns:HOST:PORT uses a node at each address of the host, file:PATH one in each line of a file.
+    #[arg(long, value_name = "HOST:PORT", value_parser = inputs::node)]
+    node: Vec<String>,
     /// Read the farm's credentials from this folder, which `init` created [default: .carom, or as
     /// in --config]
     #[arg(long)]
@@ -235,7 +237,7 @@ fn config(args: &RenderArgs) -> Result<FarmConfig, Failure> {
         None => FarmConfig::default(),
     };
     if !args.node.is_empty() {
-        config.nodes = args.node.iter().map(NodeAddress::to_string).collect();
+        config.nodes.clone_from(&args.node);
     }
     if let Some(folder) = &args.credentials {
         config.credentials.clone_from(folder);

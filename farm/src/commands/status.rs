@@ -7,7 +7,7 @@ use anyhow::{Context, anyhow};
 use carom_farm::{Farm, FarmConfig, LocalNode, NodeState, NodeStatus};
 use serde::Serialize;
 
-use crate::commands::Failure;
+use crate::commands::{Failure, inputs};
 
 /// Connect to every node, print its status and exit
 ///
@@ -18,7 +18,9 @@ pub(crate) struct StatusArgs {
     #[arg(long, default_value = "farm.toml", conflicts_with = "node")]
     farm: PathBuf,
     /// Check this node instead of those in the configuration; repeat for several
-    #[arg(long, value_name = "HOST:PORT")]
+    ///
+    /// dns:HOST:PORT checks a node at each address of the host, file:PATH one in each line of a file.
+    #[arg(long, value_name = "HOST:PORT", value_parser = inputs::node)]
     node: Vec<String>,
     /// Read ca.pem, player.pem and player.key from this folder, for --node
     #[arg(long, default_value = ".carom", requires = "node")]
@@ -66,6 +68,7 @@ pub(crate) fn run(args: &StatusArgs) -> Result<(), Failure> {
         rows.iter().for_each(print);
     }
     match nodes.iter().filter(|node| node.info.is_none()).count() {
+        0 if nodes.is_empty() => Err(anyhow!("no directory lists a node").into()),
         0 => Ok(()),
         absent => Err(anyhow!("{absent} of {} nodes do not answer", nodes.len()).into()),
     }
@@ -90,7 +93,9 @@ pub(crate) fn wait(farm: &Farm, timeout: Duration) -> Vec<NodeStatus> {
         let settled = |node: &NodeStatus| {
             node.round_trip.is_some() || matches!(node.state, NodeState::Lost { .. })
         };
-        if nodes.iter().all(settled) || Instant::now() >= deadline {
+        // A directory that has not answered yet lists nobody.
+        let settled = !nodes.is_empty() && nodes.iter().all(settled);
+        if settled || Instant::now() >= deadline {
             return nodes;
         }
         std::thread::sleep(POLL);

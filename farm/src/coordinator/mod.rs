@@ -95,6 +95,15 @@ impl Coordinator {
         self.nodes.add(address)
     }
 
+    /// Forgets a node that is no longer called; the next one that is added takes its index.
+    pub fn remove_node(&mut self, now: Duration, node: NodeIndex) {
+        let why = "it has left the directory".into();
+        let retry_at = None;
+        self.disconnect(node, ConnectionState::Lost { why, retry_at });
+        self.nodes.release(node);
+        self.advance(now.as_secs_f64());
+    }
+
     /// Divides frames with another algorithm from the next one on.
     pub fn set_balancing(&mut self, balancing: Balancing) {
         self.assigner.balancing = balancing;

@@ -12,10 +12,12 @@ use super::node_entry::NodeEntry;
 use crate::balancer::{Candidate, Estimate};
 use crate::node_status::{NodeIndex, NodeStatus};
 
-/// An index that [`NodeTable::add`] has returned stays good: nodes are lost but never removed.
+/// An index that [`NodeTable::add`] has returned stays good until [`NodeTable::release`].
 #[derive(Debug)]
 pub(super) struct NodeTable {
     entries: Vec<NodeEntry>,
+    /// Entries of nodes that are no longer called.
+    released: Vec<NodeIndex>,
     /// When to look at which node, at the earliest. An entry that is not the node's
     /// [`NodeEntry::armed`] has been replaced by an earlier one.
     timers: BinaryHeap<Reverse<(Duration, NodeIndex)>>,
@@ -41,14 +43,25 @@ impl NodeTable {
     pub(super) fn new(hedged: bool) -> Self {
         Self {
             entries: Vec::new(),
+            released: Vec::new(),
             timers: BinaryHeap::new(),
             hedged,
         }
     }
 
     pub(super) fn add(&mut self, address: String) -> NodeIndex {
+        if let Some(index) = self.released.pop() {
+            self.entries[index.0] = NodeEntry::new(address);
+            return index;
+        }
         self.entries.push(NodeEntry::new(address));
         NodeIndex(self.entries.len() - 1)
+    }
+
+    /// Lets the next node that is added take the place of one that is no longer called: nodes that
+    /// come and go leave a table no longer than the most that were there at once.
+    pub(super) fn release(&mut self, index: NodeIndex) {
+        self.released.push(index);
     }
 
     /// Sees to it that a node is looked at when it is due.
@@ -193,6 +206,22 @@ mod tests {
         assert_eq!(table.next_due(at(1.0)), None);
         assert_eq!(table.next_due(at(3.0)), Some(nodes[0]));
         assert_eq!(table.next_timeout(), None);
+    }
+
+    #[test]
+    fn nodes_that_come_and_go_share_a_place() {
+        let mut table = NodeTable::new(true);
+        let [oak, elm] = [0; 2].map(|_| open(&mut table));
+        table[oak].ping(0.0);
+        table.arm(oak);
+        for _ in 0..3 {
+            table[oak].reset(ConnectionState::Connecting);
+            table.release(oak);
+            assert_eq!(table.add("ash".into()), oak);
+            assert!(table.usable(SCENE).contains(&elm) && !table.usable(SCENE).contains(&oak));
+        }
+        assert_eq!(table.len(), 2);
+        assert_eq!(table.statuses(0.0, None)[oak.0].address, "ash");
     }
 
     #[test]

@@ -40,6 +40,15 @@ impl NodeAddress {
     }
 }
 
+impl From<SocketAddr> for NodeAddress {
+    fn from(address: SocketAddr) -> Self {
+        Self {
+            host: address.ip().to_string(),
+            port: address.port(),
+        }
+    }
+}
+
 impl FromStr for NodeAddress {
     type Err = Error;
 

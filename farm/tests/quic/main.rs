@@ -2,6 +2,7 @@
 
 mod admission;
 mod congestion;
+mod directories;
 mod farms;
 mod greeter;
 mod stranger;

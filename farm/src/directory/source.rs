@@ -1,0 +1,82 @@
+//! Texts that name nodes on command lines and in configurations.
+
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use super::{Directory, DnsDirectory, FileDirectory};
+use crate::Error;
+use crate::net::NodeAddress;
+
+/// A node, or a directory of nodes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum NodeSource {
+    /// `host:port`: one node, at the first of the host's addresses that answers.
+    Node(NodeAddress),
+    /// `dns:host:port`: a node at each of the host's addresses.
+    Dns(NodeAddress),
+    /// `file:path`: a `host:port` in each line.
+    File(PathBuf),
+}
+
+impl NodeSource {
+    /// The directory; for a single node a list of one.
+    ///
+    /// # Errors
+    /// Those of starting to ask it; none for a list, a file and a name.
+    pub fn open(&self) -> Result<Box<dyn Directory>, Error> {
+        Ok(match self {
+            Self::Node(address) => Box::new(vec![address.clone()]),
+            Self::Dns(name) => Box::new(DnsDirectory::new(name.clone())),
+            Self::File(path) => Box::new(FileDirectory::new(path.clone())),
+        })
+    }
+
+    /// The text of a source whose relative path, if it has one, is that of a file in `folder`.
+    pub(crate) fn in_folder(text: &str, folder: &Path) -> String {
+        match text.strip_prefix(FILE) {
+            Some(path) => format!("{FILE}{}", folder.join(path).display()),
+            None => text.to_owned(),
+        }
+    }
+}
+
+const DNS: &str = "dns:";
+const FILE: &str = "file:";
+
+impl FromStr for NodeSource {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self, Error> {
+        // A host may be called `dns`.
+        if let Some(name) = text.strip_prefix(DNS).filter(|rest| rest.contains(':')) {
+            return Ok(Self::Dns(name.parse()?));
+        }
+        match text.strip_prefix(FILE) {
+            Some("") => Err(Error::NodeAddress {
+                text: text.to_owned(),
+                fault: "`file:` must be followed by a path",
+            }),
+            Some(path) => Ok(Self::File(path.into())),
+            None => Ok(Self::Node(text.parse()?)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn prefixes_tell_nodes_from_directories() {
+        let source = |text: &str| text.parse::<NodeSource>().unwrap();
+        let address = || "oak:4433".parse().unwrap();
+        assert_eq!(source("oak:4433"), NodeSource::Node(address()));
+        assert_eq!(source("dns:oak:4433"), NodeSource::Dns(address()));
+        assert!(matches!(source("dns:4433"), NodeSource::Node(_)));
+        assert_eq!(source("file:a b"), NodeSource::File("a b".into()));
+        for text in ["dns:oak:0", "file:", "oak", ""] {
+            let why = text.parse::<NodeSource>().unwrap_err().to_string();
+            assert!(why.contains("is not a node address"), "{why}");
+        }
+    }
+}
