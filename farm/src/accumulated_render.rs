@@ -2,15 +2,15 @@
 //! each, summed in linear light.
 //!
 //! ```text
-//! submit_to ──▶ Farm ──poll_frame──▶ accept ──▶ SampleBatch ──add_to──▶ Film
+//! next_frame ──▶ farm ──▶ accept ──▶ SampleBatch ──add_to──▶ Film
 //! ```
 //!
 //! It waits for nothing and owns no farm, so that several renders, and frames of other kinds, share
-//! one: [`Priority`] says who comes first. The film is the caller's, who may sum on another thread.
+//! one: [`Priority`] says who comes first. [`crate::Still`] and [`crate::Live`] run it on threads of
+//! their own.
 
 use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, PoisonError};
-use std::time::Duration;
 
 use carom_protocol::FrameId;
 use carom_tracer::film::Film;
@@ -19,17 +19,15 @@ use carom_tracer::{
 };
 
 use crate::error::Error;
-use crate::farm::Farm;
 use crate::frame::{Frame, FrameSpec, Pixels};
 use crate::submission::{Priority, SceneHandle, Submission};
+use crate::submitter::Submitter;
 
 /// A picture that is being accumulated.
 #[derive(Clone, Debug)]
 pub struct AccumulatedRender {
     spec: FrameSpec,
     priority: Priority,
-    /// That of the farm when the first frame was submitted.
-    scene: Option<SceneHandle>,
     frame_samples: Option<u32>,
     samples_done: u32,
     /// The first sample that no frame has been asked for.
@@ -57,7 +55,6 @@ impl AccumulatedRender {
         Self {
             spec,
             priority,
-            scene: None,
             frame_samples: None,
             samples_done: 0,
             next_sample: 0,
@@ -112,16 +109,18 @@ impl AccumulatedRender {
     /// Submits as many frames as the farm takes now.
     ///
     /// # Errors
-    /// Those of [`Farm::submit_with`], but for [`Error::FramesInFlight`].
-    pub fn submit_to(&mut self, farm: &mut Farm) -> Result<(), Error> {
+    /// Those of [`crate::Farm::submit_with`], but for [`Error::FramesInFlight`].
+    pub(crate) fn submit_through(
+        &mut self,
+        submitter: &mut Submitter,
+        scene: &SceneHandle,
+    ) -> Result<(), Error> {
         while let Some(spec) = self.next_frame() {
-            self.scene = self.scene.take().or_else(|| farm.scene().cloned());
             let submission = Submission {
                 priority: self.priority,
-                scene: self.scene.clone(),
                 ..Submission::default()
             };
-            match farm.submit_with(spec, submission) {
+            match submitter.submit(spec, submission, scene.clone()) {
                 Ok(id) => self.submitted(id),
                 Err(Error::FramesInFlight { .. }) => break,
                 Err(why) => return Err(why),
@@ -145,46 +144,14 @@ impl AccumulatedRender {
         Some(SampleBatch { frame, samples })
     }
 
-    /// Takes back what is in flight, which frees the nodes; [`AccumulatedRender::submit_to`] goes on
-    /// from there.
-    pub fn cancel(&mut self, farm: &mut Farm) {
-        for (id, samples) in self.in_flight.drain(..) {
-            farm.cancel(id);
-            self.next_sample -= samples;
-        }
-    }
-
-    /// Traces the rest into `film`, for programs without a loop of their own: waits until all samples
-    /// are there. The farm must have no other frames in flight. After each frame, and a few times a
-    /// second while none comes, `watch` is handed the film and how many samples of each pixel are in
-    /// it; an error of its own ends the work.
-    ///
-    /// # Errors
-    /// Those of [`Farm::submit_with`], [`Farm::check_nodes`] and `watch`; [`Error::Tracer`] if a frame
-    /// is not what was asked for.
-    pub fn finish<E: From<Error>>(
-        &mut self,
-        farm: &mut Farm,
-        film: &mut Film,
-        watch: &mut dyn FnMut(&Film, u32) -> Result<(), E>,
-    ) -> Result<(), E> {
-        while !self.is_done() {
-            self.submit_to(farm)?;
-            match farm.wait_frame(POLL_INTERVAL) {
-                Some(frame) => match self.accept(frame) {
-                    Some(batch) => batch.add_to(film)?,
-                    None => continue,
-                },
-                None => farm.check_nodes()?,
-            }
-            watch(film, self.samples_done)?;
-        }
-        Ok(())
-    }
-
     /// Samples of each pixel that have come.
     pub const fn samples_done(&self) -> u32 {
         self.samples_done
+    }
+
+    /// Samples of each pixel that are being traced.
+    pub(crate) fn samples_in_flight(&self) -> u32 {
+        self.in_flight.iter().map(|(_, samples)| samples).sum()
     }
 
     /// Whether all samples have come.
@@ -291,8 +258,6 @@ const FRAME_SAMPLES_MAX: usize = 1 << 26;
 const BACKGROUND_FRAMES_MAX: usize = 2;
 /// Camera rays of a pixel of an AOV: their outlines are smooth then.
 const AOV_SAMPLES_MAX: u32 = 16;
-/// How long to wait for a frame before looking at what else there is.
-const POLL_INTERVAL: Duration = Duration::from_millis(200);
 
 #[cfg(test)]
 mod tests {

@@ -32,6 +32,9 @@ pub enum Algorithm {
     /// `water_filling`: y = A + B·w with filtered A and B, the earliest common finish.
     #[default]
     WaterFilling,
+    /// `own`: the application's, which [`crate::Farm::set_balancer`] is given. It cannot be chosen by
+    /// name.
+    Own,
 }
 
 /// What of a frame is divided.
@@ -62,7 +65,7 @@ pub struct Balancing {
 }
 
 impl Algorithm {
-    /// All of them, the simplest first.
+    /// All that can be chosen by name, the simplest first.
     pub const ALL: [Self; 9] = [
         Self::Equal,
         Self::Naive,
@@ -87,6 +90,7 @@ impl Algorithm {
             Self::Cycles => "cycles",
             Self::Pull => "pull",
             Self::WaterFilling => "water_filling",
+            Self::Own => "own",
         }
     }
 

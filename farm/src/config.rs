@@ -46,6 +46,33 @@ pub struct FarmConfig {
 }
 
 impl FarmConfig {
+    /// The configuration of this place: [`FarmConfig::FILE`] in the working folder if there is one, or
+    /// the default; with the nodes that the environment variable [`FarmConfig::NODES_VARIABLE`] names,
+    /// `host:port`s with commas between them, in place of its own.
+    ///
+    /// # Errors
+    /// As [`FarmConfig::load`].
+    pub fn discover() -> Result<Self, Error> {
+        let mut config = match Path::new(Self::FILE) {
+            file if file.exists() => Self::load(file)?,
+            _ => Self::default(),
+        };
+        if let Some(nodes) = std::env::var_os(Self::NODES_VARIABLE) {
+            let nodes = nodes.to_string_lossy();
+            let nodes = nodes.split(',').map(str::trim);
+            config.nodes = nodes
+                .filter(|node| !node.is_empty())
+                .map(str::to_owned)
+                .collect();
+        }
+        Ok(config)
+    }
+
+    /// The usual name of a configuration's file.
+    pub const FILE: &str = "farm.toml";
+    /// The environment variable that names nodes.
+    pub const NODES_VARIABLE: &str = "CAROM_NODES";
+
     /// Reads a `farm.toml`: the fields of this struct, those left out as in `Default`. A relative
     /// [`FarmConfig::credentials`] or path of a directory is taken from the file's own folder.
     ///

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 /// What is wrong with a configuration.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ConfigFault {
     /// The file cannot be read.
     #[error("{}: {source}", path.display())]

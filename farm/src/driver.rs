@@ -1,5 +1,6 @@
 //! Thread of the coordinator: gives the state machine its clock, its links and its caller.
 
+use std::collections::BTreeMap;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -8,10 +9,12 @@ use carom_protocol::limits::NODES_MAX;
 use carom_protocol::{FrameId, PrecisionRange, SceneHash};
 use carom_tracer::{Scene, Tracer};
 
+use crate::balancer::Balancer;
 use crate::coordinator::{Coordinator, CoordinatorAction};
 use crate::directory::roster::Roster;
 use crate::directory::watch::DirectoryWatch;
 use crate::directory::{Directory, ListedNode};
+use crate::events::EventSender;
 use crate::link::{LinkCommand, LinkEvent};
 use crate::memory_link::MemoryLink;
 use crate::net::{Client, NodeAddress, NodeLink};
@@ -30,10 +33,11 @@ pub(crate) enum DriverInput {
         spec: Box<FrameSpec>,
         scene: (SceneHash, Arc<Scene>),
         deadline: Option<Duration>,
+        replies: Sender<Frame>,
     },
-    CancelBefore(FrameId),
     Cancel(FrameId),
     Balancing(Balancing),
+    Balancer(Box<dyn Balancer + Send>),
     Distribution(Distribution),
     AddLocal(Arc<dyn Tracer>),
     /// With what to call it, if it is the first.
@@ -44,12 +48,29 @@ pub(crate) enum DriverInput {
     Listed(usize, Vec<ListedNode>),
     /// The tracer that [`Driver::add_local_later`] has been waiting for.
     Local(NodeIndex, Result<Arc<dyn Tracer>, carom_tracer::Error>),
+    Watch(EventSender),
+    /// Of a client that wants to know whether there is a thread.
+    Nothing,
     Stop,
 }
 
 /// A link among all that a driver has had: events of one that was dropped are void, though another node
 /// has its index.
 type LinkId = u64;
+
+/// What the thread shows of its work.
+#[derive(Debug, Default)]
+pub(crate) struct FarmBoard {
+    pub(crate) nodes: Vec<NodeStatus>,
+    /// Frames that are not finished: tiles that are there, and all.
+    pub(crate) frames: Vec<(FrameId, u32, u32)>,
+}
+
+/// Where a frame goes.
+struct Route {
+    replies: Sender<Frame>,
+    has_deadline: bool,
+}
 
 /// Everything that the thread owns.
 pub(crate) struct Driver {
@@ -65,9 +86,11 @@ pub(crate) struct Driver {
     precision: PrecisionRange,
     inputs: Sender<DriverInput>,
     receiver: Receiver<DriverInput>,
-    statuses: Arc<Mutex<Vec<NodeStatus>>>,
-    statuses_at: Duration,
-    statuses_stale: bool,
+    board: Arc<Mutex<FarmBoard>>,
+    board_at: Duration,
+    board_stale: bool,
+    routes: BTreeMap<FrameId, Route>,
+    watchers: Vec<EventSender>,
     /// Tracers that are being opened.
     opening: usize,
     /// After the links, which end first.
@@ -103,9 +126,11 @@ impl Driver {
             precision: config.precision,
             inputs,
             receiver,
-            statuses: Arc::default(),
-            statuses_at: Duration::ZERO,
-            statuses_stale: false,
+            board: Arc::default(),
+            board_at: Duration::ZERO,
+            board_stale: false,
+            routes: BTreeMap::new(),
+            watchers: Vec::new(),
             opening: 0,
             client: None,
         }
@@ -115,9 +140,9 @@ impl Driver {
         self.inputs.clone()
     }
 
-    pub(crate) fn statuses(&self) -> Arc<Mutex<Vec<NodeStatus>>> {
+    pub(crate) fn board(&mut self) -> Arc<Mutex<FarmBoard>> {
         self.publish();
-        Arc::clone(&self.statuses)
+        Arc::clone(&self.board)
     }
 
     pub(crate) fn add_local(&mut self, tracer: Arc<dyn Tracer>) {
@@ -161,8 +186,8 @@ impl Driver {
 
     /// Runs until it is told to stop, and until no tracer is being opened any more: a driver must
     /// not be set up in a process that is exiting meanwhile.
-    pub(crate) fn run(mut self, frames: &Sender<Frame>) {
-        self.run_until_stop(frames);
+    pub(crate) fn run(mut self) {
+        self.run_until_stop();
         let deadline = Instant::now() + OPENING_PATIENCE;
         while self.opening > 0 {
             let left = deadline.saturating_duration_since(Instant::now());
@@ -174,7 +199,7 @@ impl Driver {
         }
     }
 
-    fn run_until_stop(&mut self, frames: &Sender<Frame>) {
+    fn run_until_stop(&mut self) {
         loop {
             let input = match self.patience() {
                 Some(patience) => self.receiver.recv_timeout(patience),
@@ -201,16 +226,16 @@ impl Driver {
                     CoordinatorAction::Command { node, command } => {
                         self.links[node.0].send(command)
                     }
-                    CoordinatorAction::Deliver(frame) => drop(frames.send(*frame)),
+                    CoordinatorAction::Deliver(frame) => self.deliver(*frame),
                 }
             }
-            self.refresh_statuses(now);
+            self.refresh_board(now);
         }
     }
 
     fn handle(&mut self, input: DriverInput) {
         let now = self.now();
-        self.statuses_stale = true;
+        self.board_stale = true;
         match input {
             DriverInput::Link(node, link, events) => {
                 let is_current = self.link_ids[node.0] == link;
@@ -228,16 +253,27 @@ impl Driver {
                 spec,
                 scene,
                 deadline,
+                replies,
             } => {
+                let has_deadline = deadline.is_some();
+                let route = Route {
+                    replies,
+                    has_deadline,
+                };
+                self.routes.insert(id, route);
                 let edge = self.tile_edge;
                 self.coordinator.submit(now, id, *spec, scene, edge);
                 if let Some(deadline) = deadline {
                     self.coordinator.set_deadline(id, now + deadline);
                 }
             }
-            DriverInput::CancelBefore(id) => self.coordinator.cancel_before(now, id),
-            DriverInput::Cancel(id) => self.coordinator.cancel(now, id),
+            DriverInput::Cancel(id) => {
+                self.routes.remove(&id);
+                self.coordinator.cancel(now, id);
+            }
             DriverInput::Balancing(balancing) => self.coordinator.set_balancing(balancing),
+            DriverInput::Balancer(balancer) => self.coordinator.set_balancer(balancer),
+            DriverInput::Watch(watcher) => self.watchers.push(watcher),
             DriverInput::Distribution(what) => self.coordinator.set_distribution(what),
             DriverInput::AddLocal(tracer) => self.add_local(tracer),
             DriverInput::AddRemote(name, address, client) => {
@@ -261,7 +297,7 @@ impl Driver {
                 self.coordinator
                     .handle(now, node, LinkEvent::Lost { why, retry: None });
             }
-            DriverInput::Stop => {}
+            DriverInput::Nothing | DriverInput::Stop => {}
         }
     }
 
@@ -341,9 +377,7 @@ impl Driver {
 
     /// How long to wait for the next input; `None` for ever.
     fn patience(&self) -> Option<Duration> {
-        let refresh = self
-            .statuses_stale
-            .then(|| self.statuses_at + STATUS_AGE_MAX);
+        let refresh = self.board_stale.then(|| self.board_at + STATUS_AGE_MAX);
         let due = self
             .coordinator
             .next_timeout()
@@ -353,17 +387,43 @@ impl Driver {
         Some(due.saturating_sub(self.now()))
     }
 
-    fn refresh_statuses(&mut self, now: Duration) {
-        if self.statuses_stale && now >= self.statuses_at + STATUS_AGE_MAX {
-            self.statuses_stale = false;
-            self.statuses_at = now;
+    fn refresh_board(&mut self, now: Duration) {
+        if self.board_stale && now >= self.board_at + STATUS_AGE_MAX {
+            self.board_stale = false;
+            self.board_at = now;
             self.publish();
         }
     }
 
-    fn publish(&self) {
+    fn publish(&mut self) {
         let nodes = self.coordinator.nodes(self.now());
-        *self.statuses.lock().unwrap_or_else(PoisonError::into_inner) = nodes;
+        let frames = self.coordinator.progress().collect();
+        let mut board = self.board.lock().unwrap_or_else(PoisonError::into_inner);
+        let before = std::mem::replace(&mut *board, FarmBoard { nodes, frames });
+        self.watchers
+            .retain_mut(|watcher| watcher.compare(&before.nodes, &board.nodes));
+    }
+
+    /// Hands a frame to whoever has submitted it; a later one may have ended those before it.
+    fn deliver(&mut self, frame: Frame) {
+        let id = frame.id;
+        let is_whole = frame.missing.is_empty();
+        if is_whole {
+            self.watchers.retain_mut(|watcher| watcher.finished(&frame));
+        }
+        let Some(route) = self.routes.get(&id) else {
+            return;
+        };
+        let has_deadline = route.has_deadline;
+        // Nobody waits for it any more if the client is gone.
+        let _ = route.replies.send(frame);
+        if is_whole {
+            self.routes.remove(&id);
+        }
+        if has_deadline {
+            self.routes
+                .retain(|earlier, route| *earlier >= id || !route.has_deadline);
+        }
     }
 
     fn now(&self) -> Duration {

@@ -1,5 +1,6 @@
 //! The errors of a farm: each variant names who is at fault and carries the values that are wrong.
 
+use std::fmt;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -8,9 +9,13 @@ use crate::config_fault::ConfigFault;
 use crate::net::peer::{CertificateFault, DisconnectReason, NoPlace, Role};
 use crate::node_status::NodeStatus;
 
+/// A result whose error is one of a farm.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
 /// Errors of the public API. A node that fails is no error: its work goes elsewhere and
 /// [`crate::Farm::nodes`] says why.
-#[derive(Debug, thiserror::Error)]
+#[derive(thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// The scene, the update or the settings are the caller's mistake, or the local device fails.
     #[error(transparent)]
@@ -322,9 +327,50 @@ pub enum Error {
         /// The nodes, with the reason of each.
         nodes: Vec<NodeStatus>,
     },
+    /// The system gives no thread.
+    #[error("the system gives no thread: {0}")]
+    Thread(std::io::Error),
+    /// A thread of a render has ended without a result.
+    #[error("the thread of a render has ended: its panic was reported above")]
+    RenderThread,
+    /// A render was cancelled.
+    #[error("the render was cancelled after {samples_done} samples per pixel")]
+    Cancelled {
+        /// Samples of each pixel that had come.
+        samples_done: u32,
+    },
+    /// The name of a picture's file ends in none that is written.
+    #[error("{}: the name must end in .png, .exr or .jpg", path.display())]
+    PictureFormat {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A file of a render cannot be read or written.
+    #[error("{}: {source}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// A file that a render would go on from is of another one, or damaged.
+    #[error("{}: {reason}; delete it, or write the picture to another file", path.display())]
+    Resume {
+        /// The file.
+        path: PathBuf,
+        /// Its fault.
+        reason: String,
+    },
     /// No scene has been set.
     #[error("no scene is set: call set_scene first")]
     NoScene,
+}
+
+/// The sentence, which is what `main` prints of an error that it returns.
+impl fmt::Debug for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
 }
 
 impl Error {
@@ -350,7 +396,9 @@ impl Error {
             | Self::JoinUrl { .. }
             | Self::AuthorityExposed { .. }
             | Self::MemberName { .. }
-            | Self::NodeAddress { .. } => true,
+            | Self::NodeAddress { .. }
+            | Self::PictureFormat { .. }
+            | Self::Resume { .. } => true,
             _ => false,
         }
     }

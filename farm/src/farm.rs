@@ -1,23 +1,24 @@
 //! The handle of an application: plain calls that never block.
 
-use std::collections::VecDeque;
 use std::path::PathBuf;
-use std::sync::mpsc::{self, RecvTimeoutError};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, mpsc};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use carom_protocol::FrameId;
 use carom_protocol::limits::{FRAMES_IN_FLIGHT_MAX, NODES_MAX, TILE_EDGE_MAX};
+use carom_protocol::{FrameId, SceneHash};
 use carom_tracer::{Scene, Tracer};
 
+use crate::balancer::Balancer;
 use crate::config_fault::ConfigFault;
 use crate::directory::{Directory, NodeSource};
 use crate::driver::{Driver, DriverInput};
+use crate::events::FarmEvents;
 use crate::net::{Client, Credentials, NodeAddress, Role};
+use crate::submitter::Submitter;
 use crate::{
-    Balancing, Distribution, Error, FarmConfig, Frame, FrameSpec, LocalNode, NodeState, NodeStatus,
-    Priority, SceneHandle, Submission, local_devices,
+    Balancing, Distribution, Error, FarmConfig, Frame, FrameSpec, LocalNode, NodeStatus,
+    SceneHandle, Submission, local_devices,
 };
 
 /// Many nodes as one tracer.
@@ -27,24 +28,12 @@ use crate::{
 /// it has started.
 pub struct Farm {
     inputs: mpsc::Sender<DriverInput>,
-    frames: mpsc::Receiver<Frame>,
-    statuses: Arc<Mutex<Vec<NodeStatus>>>,
+    submitter: Submitter,
     thread: Option<JoinHandle<()>>,
-    frames_in_flight_max: usize,
     credentials: PathBuf,
     /// Whether nodes can be called.
     calls: bool,
     scene: Option<SceneHandle>,
-    /// Submitted, and neither taken whole nor cancelled; and whether they have a deadline.
-    in_flight: VecDeque<(FrameId, bool)>,
-    /// The next ids, by priority.
-    next_interactive: FrameId,
-    next_background: FrameId,
-    timeout_secs: Option<u32>,
-    /// Since when [`Farm::check_nodes`] has seen no node that could trace.
-    idle_since: Option<Instant>,
-    /// Whether that has been said.
-    idle_reported: bool,
 }
 
 /// What remote nodes are called with.
@@ -112,6 +101,15 @@ impl Farm {
         Self::start(&config, driver, remotes)
     }
 
+    /// The farm of this place, see [`FarmConfig::discover`]: without any set-up all devices of this
+    /// machine.
+    ///
+    /// # Errors
+    /// As [`FarmConfig::discover`] and [`Farm::new`].
+    pub fn auto() -> Result<Self, Error> {
+        Self::new(FarmConfig::discover()?)
+    }
+
     /// In-process nodes on given tracers, beside the remote nodes of `config`, whose
     /// [`FarmConfig::local`] is not looked at: for tests, benches and devices of one's own.
     ///
@@ -142,30 +140,19 @@ impl Farm {
             }
         }
         let inputs = driver.inputs();
-        let statuses = driver.statuses();
-        let (sender, frames) = mpsc::channel();
+        let (in_flight, timeout_secs) = (config.frames_in_flight, config.timeout_secs);
+        let submitter = Submitter::new(inputs.clone(), driver.board(), in_flight, timeout_secs);
         let thread = std::thread::Builder::new()
             .name("carom-coordinator".into())
-            .spawn(move || driver.run(&sender))
-            .map_err(|source| Error::Socket {
-                address: "the coordinator's thread".into(),
-                source,
-            })?;
+            .spawn(move || driver.run())
+            .map_err(Error::Thread)?;
         Ok(Self {
             inputs,
-            frames,
-            statuses,
+            submitter,
             thread: Some(thread),
-            frames_in_flight_max: config.frames_in_flight,
             credentials: config.credentials.clone(),
             calls,
             scene: None,
-            in_flight: VecDeque::new(),
-            next_interactive: FrameId(0),
-            next_background: FrameId::BACKGROUND_FIRST,
-            timeout_secs: config.timeout_secs,
-            idle_since: None,
-            idle_reported: false,
         })
     }
 
@@ -204,86 +191,45 @@ impl Farm {
     pub fn submit_with(
         &mut self,
         spec: FrameSpec,
-        submission: Submission,
+        mut submission: Submission,
     ) -> Result<FrameId, Error> {
-        let (next, most) = match submission.priority {
-            Priority::Interactive => (&mut self.next_interactive, self.frames_in_flight_max),
-            Priority::Background => (&mut self.next_background, FRAMES_IN_FLIGHT_MAX),
-        };
-        let is_equal = |(id, _): &&(FrameId, bool)| id.is_background() == next.is_background();
-        let in_flight = self.in_flight.iter().filter(is_equal).count();
-        if in_flight >= most {
-            return Err(Error::FramesInFlight { in_flight });
-        }
-        let scene = submission.scene.or_else(|| self.scene.clone());
+        let scene = submission.scene.take().or_else(|| self.scene.clone());
         let scene = scene.ok_or(Error::NoScene)?;
-        scene.check(&spec)?;
-        let id = *next;
-        *next = FrameId(id.0 + 1);
-        let deadline = submission.deadline.filter(|_| !id.is_background());
-        self.in_flight.push_back((id, deadline.is_some()));
-        self.send(DriverInput::Submit {
-            id,
-            spec: Box::new(spec),
-            scene: (scene.hash, scene.scene),
-            deadline,
-        });
-        Ok(id)
+        self.submitter.submit(spec, submission, scene)
     }
 
     /// The next finished frame in the order of submission, of those of equal priority, if there is one
     /// now; or one whose deadline has passed.
     pub fn poll_frame(&mut self) -> Option<Frame> {
-        loop {
-            let frame = self.frames.try_recv().ok()?;
-            if let Some(frame) = self.take(frame) {
-                return Some(frame);
-            }
-        }
+        self.submitter.poll_frame()
     }
 
     /// The next frame, for programs without a loop of their own: waits until it is finished, but
     /// not longer than `patience`, and not at all if none is in flight.
     pub fn wait_frame(&mut self, patience: Duration) -> Option<Frame> {
-        let deadline = Instant::now() + patience;
-        while !self.in_flight.is_empty() {
-            let left = deadline.saturating_duration_since(Instant::now());
-            match self.frames.recv_timeout(left) {
-                Ok(frame) => {
-                    if let Some(frame) = self.take(frame) {
-                        return Some(frame);
-                    }
-                }
-                Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => return None,
-            }
-        }
-        None
+        self.submitter.wait_frame(patience)
     }
 
     /// Drops all frames before `id`, also finished ones that have not been taken, but for those in the
     /// background.
     pub fn cancel_before(&mut self, id: FrameId) {
-        self.in_flight.retain(|(frame, _)| *frame >= id);
-        self.send(DriverInput::CancelBefore(id));
+        self.submitter.cancel_before(id);
     }
 
     /// Drops one frame.
     pub fn cancel(&mut self, id: FrameId) {
-        self.in_flight.retain(|(frame, _)| *frame != id);
-        self.send(DriverInput::Cancel(id));
+        self.submitter.cancel(id);
     }
 
     /// Frames that have been submitted and neither been taken whole nor cancelled, but for those in the
     /// background.
     pub fn in_flight(&self) -> usize {
-        let is_interactive = |(id, _): &&(FrameId, bool)| !id.is_background();
-        self.in_flight.iter().filter(is_interactive).count()
+        self.submitter.in_flight()
     }
 
     /// How the nodes are, local ones first; at most 20 ms old.
     pub fn nodes(&self) -> Vec<NodeStatus> {
-        let statuses = self.statuses.lock().unwrap_or_else(PoisonError::into_inner);
-        statuses.clone()
+        self.submitter.nodes()
     }
 
     /// Gives up on nodes, for programs that wait for them: to be called now and then while no frame
@@ -292,38 +238,25 @@ impl Farm {
     /// # Errors
     /// [`Error::NoNodes`] when none has answered for [`FarmConfig::timeout_secs`].
     pub fn check_nodes(&mut self) -> Result<(), Error> {
-        let nodes = self.nodes();
-        let is_idle =
-            |node: &NodeStatus| matches!(node.state, NodeState::Starting | NodeState::Lost { .. });
-        if !nodes.iter().all(is_idle) {
-            self.idle_since = None;
-            self.idle_reported = false;
-            return Ok(());
-        }
-        // One that is merely silent is still connected, and may be at a long tile.
-        let is_gone =
-            |node: &NodeStatus| node.info.is_none() && matches!(node.state, NodeState::Lost { .. });
-        let patience = match (self.timeout_secs, nodes.iter().all(is_gone)) {
-            (Some(0), _) => Duration::MAX,
-            (Some(secs), _) => Duration::from_secs(secs.into()),
-            (None, true) => LOST_PATIENCE,
-            (None, false) => START_PATIENCE,
-        };
-        let since = self.idle_since.get_or_insert_with(Instant::now).elapsed();
-        let silence = Error::NoNodes { since, nodes };
-        if since >= patience {
-            return Err(silence);
-        }
-        if since >= REPORT_AFTER && !self.idle_reported {
-            self.idle_reported = true;
-            tracing::warn!("waiting for nodes: {silence}");
-        }
-        Ok(())
+        self.submitter.check_nodes()
+    }
+
+    /// What happens from now on: nodes that come and go, frames that are finished.
+    pub fn events(&self) -> FarmEvents {
+        let (sender, events) = FarmEvents::new();
+        self.send(DriverInput::Watch(sender));
+        events
     }
 
     /// Divides frames in another way from the next one on.
-    pub fn set_balancer(&mut self, balancing: Balancing) {
+    pub fn set_balancing(&mut self, balancing: Balancing) {
         self.send(DriverInput::Balancing(balancing));
+    }
+
+    /// Divides frames by an algorithm of one's own from the next one on, and asks again for late tiles;
+    /// [`Farm::set_balancing`] with [`crate::Algorithm::Own`] goes on without that.
+    pub fn set_balancer(&mut self, balancer: impl Balancer + Send + 'static) {
+        self.send(DriverInput::Balancer(Box::new(balancer)));
     }
 
     /// Divides frames by tiles or by samples from the next one on.
@@ -376,19 +309,23 @@ impl Farm {
         self.send(DriverInput::AddLocal(tracer));
     }
 
-    fn take(&mut self, frame: Frame) -> Option<Frame> {
-        self.idle_since = None;
-        // A frame that is not in flight was cancelled while it was on its way here.
-        let place = self.in_flight.iter().position(|(id, _)| *id == frame.id)?;
-        let (_, has_deadline) = self.in_flight[place];
-        if frame.missing.is_empty() {
-            self.in_flight.remove(place);
+    /// A client of this farm whose frames are its own.
+    pub(crate) fn submitter(&self) -> Submitter {
+        self.submitter.another()
+    }
+
+    /// Hands a scene to the nodes, for frames that name it.
+    pub(crate) fn announce(&self, scene: &Scene) -> Result<SceneHandle, Error> {
+        scene.validate_visible()?;
+        if let Some(known) = &self.scene
+            && known.hash == SceneHash::of(scene)
+        {
+            return Ok(known.clone());
         }
-        if has_deadline {
-            let comes = |(id, has_deadline): &(FrameId, bool)| *id >= frame.id || !has_deadline;
-            self.in_flight.retain(comes);
-        }
-        Some(frame)
+        let scene = SceneHandle::new(scene)?;
+        let copy = Arc::clone(&scene.scene);
+        self.send(DriverInput::Scene(scene.hash, copy));
+        Ok(scene)
     }
 
     fn send(&self, input: DriverInput) {
@@ -440,9 +377,3 @@ fn validate(config: &FarmConfig) -> Result<(), Error> {
 
 /// Pixels along the edge of the smallest tiles: smaller ones are more message than picture.
 const TILE_EDGE_MIN: usize = 8;
-/// How long to wait for a first node: a GPU takes a second to start, a call some seconds to fail.
-const START_PATIENCE: Duration = Duration::from_secs(60);
-/// A user who waits longer than this is told what for.
-const REPORT_AFTER: Duration = Duration::from_secs(3);
-/// How long to wait for nodes when no connection is left.
-const LOST_PATIENCE: Duration = Duration::from_secs(10);

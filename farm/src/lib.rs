@@ -5,37 +5,22 @@
 //!      ◀─poll_frame─   Film    ◀────tiles───────
 //! ```
 //!
-//! A picture on this machine, with or without a GPU and with no node set up; add `host:port`s to
-//! [`FarmConfig::nodes`] and it is traced on all of them together.
+//! A picture on this machine, with or without a GPU and with no node set up; name `host:port`s in a
+//! `farm.toml` ([`FarmConfig`]) and it is traced on all of them together.
 //!
 //! ```
-//! use std::time::Duration;
+//! use carom_farm::prelude::*;
 //!
-//! use carom_farm::{Farm, FarmConfig, FrameSpec, LocalNode, PixelFormat, Pixels};
-//! use carom_tracer::{ImageSize, RadianceImage, RenderSettings, Scene, SceneUpdate};
-//!
-//! let scene = Scene::from_json(include_str!("../../assets/scenes/pool.json"))?;
-//! let mut farm = Farm::new(FarmConfig {
-//!     local: LocalNode::Cpu,
-//!     ..FarmConfig::default()
-//! })?;
-//! farm.set_scene(&scene)?;
-//! farm.submit(FrameSpec {
-//!     update: SceneUpdate::default(),
-//!     size: ImageSize::new(96, 54),
-//!     settings: RenderSettings::default(),
-//!     format: PixelFormat::LinearF32,
-//! })?;
-//! let frame = farm.wait_frame(Duration::from_secs(60)).expect("a minute is enough");
-//! let Pixels::Linear(pixels) = frame.pixels else {
-//!     unreachable!("linear pixels were asked for");
-//! };
-//! let size = frame.size;
-//! let output = std::env::temp_dir().join("carom-one-frame.png");
-//! RadianceImage { size, pixels }.write_png(output, 1.0)?;
-//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! # fn main() -> carom_farm::Result<()> {
+//! # let _folder = std::env::set_current_dir(std::env::temp_dir());
+//! let mut scene = Scene::new().camera(Camera::looking_at([0.0, -4.0, 2.0], [0.0, 0.0, 0.5]));
+//! scene.add(Sphere::new(0.5).at([0.0, 0.0, 0.5]), Material::diffuse([0.8, 0.1, 0.1]));
+//! scene.add(Plane::z(0.0), Material::grey(0.5));
+//! Farm::auto()?.render(&scene, Still::new(64, 36).samples(4))?.save("hello.png")
+//! # }
 //! ```
 //!
+//! [`Still`] is one picture. Underneath, [`Farm::submit`] takes single frames.
 //! Submitting never waits, several frames are in flight at once, and nodes may come, slow down or
 //! die meanwhile: see [`Farm`]. How work is divided is in [`balancer`].
 
@@ -44,14 +29,17 @@ pub mod backend;
 pub mod balancer;
 mod balancing;
 mod channel;
+mod checkpoint;
 mod config;
 mod config_fault;
 pub mod coordinator;
 pub mod directory;
 mod driver;
 mod error;
+mod events;
 mod farm;
 mod frame;
+mod job;
 pub mod link;
 mod local_devices;
 pub mod logging;
@@ -61,17 +49,26 @@ pub mod net;
 pub mod node;
 mod node_status;
 pub mod pacing;
+mod picture;
+pub mod prelude;
 mod stats;
+mod still;
 mod submission;
+mod submitter;
 
 pub use accumulated_render::{AccumulatedRender, SampleBatch, trace_aovs};
 pub use balancing::{Algorithm, Balancing, Distribution};
 pub use carom_protocol::{FrameId, NodeInfo, PixelFormat, PixelPrecision, PrecisionRange};
+pub use carom_tracer;
+pub use carom_tracer::glam;
 pub use config::{FarmConfig, LocalNode};
 pub use config_fault::ConfigFault;
-pub use error::Error;
+pub use error::{Error, Result};
+pub use events::{FarmEvent, FarmEvents};
 pub use farm::Farm;
 pub use frame::{Frame, FrameSpec, Pixels};
 pub use node_status::{NodeIndex, NodeState, NodeStatus};
+pub use picture::{FileFormat, Picture};
 pub use stats::{Delivery, FrameStats, LatencySplit, NodeEffort};
+pub use still::{Still, StillCanceller, StillJob, StillProgress};
 pub use submission::{Priority, SceneHandle, Submission};

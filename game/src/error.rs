@@ -58,6 +58,9 @@ pub enum Error {
         /// Of the layout.
         table: String,
     },
+    /// The farm does not take what it is asked for.
+    #[error("The farm: {0}")]
+    Farm(#[from] carom_farm::Error),
     /// The system gives no thread.
     #[error("The screenshot cannot start: {0}")]
     ScreenshotThread(io::Error),

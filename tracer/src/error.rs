@@ -9,6 +9,7 @@ use crate::{ImageSize, Tile};
 
 /// Each variant says who is at fault; the scene's author for all but [`Error::Device`] and
 /// [`Error::Io`].
+#[non_exhaustive]
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The scene breaks a rule or a limit.
@@ -52,6 +53,7 @@ fn sentence(fault: &SceneError) -> String {
 }
 
 /// The rule that a scene, or an update of one, breaks.
+#[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SceneError {
     /// An object is at fault.
@@ -281,6 +283,31 @@ pub enum SceneError {
         /// Objects of the scene.
         count: usize,
     },
+    /// There is nothing to see.
+    #[error("it has 0 objects and 0 area lights: add at least one of either")]
+    NoObjects,
+    /// Nothing emits.
+    #[error(
+        "it has no light: the radiance of its sky is {sky} and none of its {lights} area lights \
+         emits; brighten one of them"
+    )]
+    NoLight {
+        /// Radiance of the environment.
+        sky: Vec3,
+        /// Area lights, none of which emits.
+        lights: usize,
+    },
+    /// A handle belongs to another scene.
+    #[error(
+        "the handle of object {index} is of another scene than this one of {count} objects: use one \
+         that this scene's `add` returned"
+    )]
+    ForeignHandle {
+        /// Index of the object in its own scene.
+        index: u32,
+        /// Objects of this scene.
+        count: usize,
+    },
     /// A file's text is no scene.
     #[error("line {line}, column {column}: {message} ({advice})")]
     Syntax {
@@ -307,6 +334,7 @@ pub enum SceneError {
 }
 
 /// What is wrong with settings, sizes or pictures that do not fit together.
+#[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SettingsError {
     /// Too few or too many samples.

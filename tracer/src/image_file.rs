@@ -1,4 +1,4 @@
-//! Image files: OpenEXR keeps radiance, PNG what a display shows of it.
+//! Image files: OpenEXR keeps radiance, PNG and JPEG what a display shows of it.
 
 use std::fs::File;
 use std::io::{self, BufWriter};
@@ -139,6 +139,43 @@ impl RadianceImage {
                 message: other.to_string(),
             },
         })
+    }
+}
+
+impl RadianceImage {
+    /// Writes 8-bit sRGB of `exposure ·` radiance, as [`srgb8`] has it, with a quality of 1 to 100:
+    /// higher costs bytes.
+    ///
+    /// # Errors
+    /// [`Error::Io`] or [`Error::Format`] if the file cannot be written, as of a picture of more than
+    /// 65,535 pixels an edge.
+    pub fn write_jpeg(
+        &self,
+        path: impl AsRef<Path>,
+        exposure: f32,
+        quality: u8,
+    ) -> Result<(), Error> {
+        let path = path.as_ref();
+        let refused = |message: String| Error::Format {
+            path: path.to_owned(),
+            message,
+        };
+        let ImageSize { width, height } = self.size;
+        let (Ok(width), Ok(height)) = (u16::try_from(width), u16::try_from(height)) else {
+            let most = u16::MAX;
+            return Err(refused(format!(
+                "a JPEG of {width}x{height} pixels: at most {most}x{most} are possible"
+            )));
+        };
+        let pixels = self.pixels.iter().flat_map(|&pixel| srgb8(pixel, exposure));
+        let pixels: Vec<u8> = pixels.collect();
+        let file = File::create(path).map_err(|source| io_error(path, source))?;
+        jpeg_encoder::Encoder::new(BufWriter::new(file), quality)
+            .encode(&pixels, width, height, jpeg_encoder::ColorType::Rgb)
+            .map_err(|error| match error {
+                jpeg_encoder::EncodingError::IoError(source) => io_error(path, source),
+                other => refused(other.to_string()),
+            })
     }
 }
 

@@ -43,13 +43,15 @@ pub use compiled::CompiledScene;
 pub use cpu::CpuTracer;
 pub use error::{Error, SceneError, SettingsError};
 pub use film::Film;
+pub use glam;
 #[cfg(feature = "gpu")]
 pub use gpu::GpuTracer;
 pub use image::RadianceImage;
 pub use scalar::ScalarTracer;
 pub use scene::{
-    AreaLight, Axis, Camera, ClothMarks, CsgSolid, Environment, Material, Medium, Object,
-    ObjectPose, ProceduralTexture, Scene, SceneUpdate, Shape, Sights, Stripe, Subtraction,
+    AreaLight, Axis, Camera, ClothMarks, CsgSolid, Cuboid, Environment, Material, Medium, Object,
+    ObjectHandle, ObjectPose, Plane, ProceduralTexture, Scene, SceneIdentity, SceneUpdate, Shape,
+    Sights, Sphere, Stripe, Subtraction,
 };
 pub use settings::{Preset, RenderSettings};
 pub use tile::{ImageSize, Tile, TileGrid, TileRange};

@@ -4,16 +4,41 @@
 //! outcomes of runs ──learn──▶ Balancer ──divide──▶ work per node ──▶ contiguous runs of tiles
 //! ```
 //!
+//! ```
+//! use carom_farm::balancer::{Balancer, Division, RequestOutcome, Shares};
+//!
+//! /// The same work for each node.
+//! struct Even;
+//!
+//! impl Balancer for Even {
+//!     fn divide(&mut self, division: &Division<'_>) -> Shares {
+//!         let nodes = division.candidates.len();
+//!         Shares::Work(vec![division.work / nodes as f64; nodes])
+//!     }
+//!
+//!     fn learn(&mut self, _outcome: &RequestOutcome) {}
+//! }
+//!
+//! # fn main() -> carom_farm::Result<()> {
+//! # use carom_farm::{Farm, FarmConfig, LocalNode};
+//! let mut farm = Farm::new(FarmConfig { local: LocalNode::Cpu, ..FarmConfig::default() })?;
+//! farm.set_balancer(Even);
+//! # Ok(())
+//! # }
+//! ```
+//!
 //! Work is a number: predicted pixel samples, so that a tile that is known to be dear may count
 //! for more. Every algorithm learns from every run, whichever of them divides, so that a switch
 //! takes effect with what is known already.
 
 mod baselines;
 mod estimator;
+mod own;
 mod water_filling;
 
 pub use baselines::{Ab, Cycles, Equal, Naive, Pull};
 pub use estimator::{Estimate, EstimateError, Estimator, Observation};
+pub use own::ShareFault;
 pub use water_filling::{Allocation, CostModel, WaterFilling, water_fill};
 
 use crate::balancing::Algorithm;
@@ -77,7 +102,7 @@ pub enum Shares {
     Pool,
 }
 
-/// An algorithm that divides frames.
+/// An algorithm that divides frames: [`crate::Farm::set_balancer`] takes one of an application's own.
 pub trait Balancer {
     /// Divides a frame.
     fn divide(&mut self, division: &Division<'_>) -> Shares;
@@ -95,6 +120,7 @@ pub struct Balancers {
     cycles: Cycles,
     pull: Pull,
     water_filling: WaterFilling,
+    own: own::OwnBalancer,
 }
 
 impl Default for Balancers {
@@ -106,6 +132,7 @@ impl Default for Balancers {
             cycles: Cycles::default(),
             pull: Pull,
             water_filling: WaterFilling,
+            own: own::OwnBalancer::default(),
         }
     }
 }
@@ -123,7 +150,13 @@ impl Balancers {
             Algorithm::Cycles => &mut self.cycles,
             Algorithm::Pull => &mut self.pull,
             Algorithm::WaterFilling => &mut self.water_filling,
+            Algorithm::Own => &mut self.own,
         }
+    }
+
+    /// Takes in the one that [`Algorithm::Own`] names.
+    pub fn set_own(&mut self, balancer: Box<dyn Balancer + Send>) {
+        self.own = own::OwnBalancer::new(balancer);
     }
 
     /// Lets all of them take note of a run.
@@ -131,6 +164,7 @@ impl Balancers {
         for algorithm in Algorithm::ALL {
             self.get_mut(algorithm).learn(outcome);
         }
+        self.own.learn(outcome);
     }
 }
 

@@ -5,6 +5,7 @@ use std::net::{Ipv4Addr, SocketAddr, ToSocketAddrs as _, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use carom_farm::FileFormat;
 use carom_farm::directory::NodeSource;
 use carom_tracer::Scene;
 
@@ -69,16 +70,7 @@ pub(crate) fn reachable_host(listen: SocketAddr) -> String {
 #[derive(Clone, Debug)]
 pub(crate) struct PictureFile {
     pub(crate) path: PathBuf,
-    pub(crate) format: PictureFormat,
-}
-
-/// The format of a picture file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum PictureFormat {
-    /// 8-bit sRGB.
-    Png,
-    /// 32-bit linear floats.
-    Exr,
+    pub(crate) format: FileFormat,
 }
 
 impl FromStr for PictureFile {
@@ -86,12 +78,8 @@ impl FromStr for PictureFile {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let path = PathBuf::from(text);
-        let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
-        let format = match extension.to_str() {
-            Some("png") => PictureFormat::Png,
-            Some("exr") => PictureFormat::Exr,
-            _ => return Err("the name must end in .png or .exr".into()),
-        };
+        let format = FileFormat::of(&path)
+            .map_err(|_| "the name must end in .png, .exr or .jpg".to_owned())?;
         let folder = match path.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
             _ => Path::new("."),

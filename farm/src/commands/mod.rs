@@ -3,7 +3,6 @@
 mod add;
 mod authority;
 mod bench;
-mod checkpoint;
 mod compare;
 mod doctor;
 mod failure;

@@ -6,11 +6,10 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use carom_tracer::Aovs;
-use carom_tracer::film::Film;
+use carom_farm::{FileFormat, Picture};
 
 use crate::commands::Failure;
-use crate::commands::inputs::{PictureFile, PictureFormat};
+use crate::commands::inputs::PictureFile;
 
 /// A claim on a picture file: no other render writes it, nor its checkpoint, until this is dropped.
 pub(crate) struct OutputFile {
@@ -49,22 +48,19 @@ impl OutputFile {
         })
     }
 
-    pub(crate) fn format(&self) -> PictureFormat {
+    pub(crate) fn format(&self) -> FileFormat {
         self.picture.format
     }
 
-    /// Writes the picture, with first hits if the format has layers.
+    /// Writes the picture, with its layers if the format has some.
     ///
     /// # Errors
     /// [`Failure::Run`] if it cannot be written.
-    pub(crate) fn write(&self, film: &Film, hits: &[Aovs]) -> Result<(), Failure> {
-        let (image, partial) = (film.image(), &self.partial);
+    pub(crate) fn write(&self, picture: &Picture) -> Result<(), Failure> {
+        let partial = &self.partial;
         // Where locks are mandatory no other handle could write.
         let _ = self.lock.unlock();
-        let written = match self.picture.format {
-            PictureFormat::Exr => image.write_exr_with_aovs(partial, hits),
-            PictureFormat::Png => image.write_png(partial, 1.0),
-        };
+        let written = picture.write(partial, self.picture.format);
         let path = &self.picture.path;
         written
             .map_err(anyhow::Error::from)

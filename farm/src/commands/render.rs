@@ -1,22 +1,19 @@
 //! `carom-farm render`: one picture, traced by the whole farm without the game.
 
-use std::path::PathBuf;
-use std::sync::atomic::Ordering;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::Context;
 use carom_farm::net;
 use carom_farm::{
-    AccumulatedRender, Balancing, Distribution, Farm, FarmConfig, FrameSpec, LocalNode,
-    PixelFormat, Priority, trace_aovs,
+    Balancing, Distribution, Farm, FarmConfig, FileFormat, LocalNode, Picture, Still, StillJob,
 };
-use carom_tracer::film::Film;
-use carom_tracer::{ImageSize, Preset, RenderSettings, Scene, SceneUpdate};
+use carom_tracer::{ImageSize, Preset};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::commands::Failure;
-use crate::commands::checkpoint::Checkpoint;
-use crate::commands::inputs::{self, PictureFile, PictureFormat};
+use crate::commands::inputs::{self, PictureFile};
 use crate::commands::output_file::OutputFile;
 
 /// Trace a picture on this machine, on nodes, or on both
@@ -75,8 +72,8 @@ pub(crate) struct RenderArgs {
     /// Denoise, guided by albedo, normal and depth: 4 samples then look like 16 or more
     #[arg(long)]
     denoise: bool,
-    /// Write the picture to a .png (8-bit sRGB) or .exr (32-bit linear, with albedo, normal and
-    /// depth layers) file; repeat for several
+    /// Write the picture to a .png or .jpg (8-bit sRGB) or .exr (32-bit linear, with albedo, normal
+    /// and depth layers) file; repeat for several
     ///
     /// While the render runs, `<OUT>.checkpoint` lies beside the first file; after a crash the same
     /// command resumes from it.
@@ -98,105 +95,74 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Failure> {
         .map(OutputFile::claim)
         .collect::<Result<_, _>>()?;
     let mut farm = Farm::new(config)?;
-    farm.set_scene(&named.scene)?;
     let interrupted = net::interruption().context("Ctrl-C")?;
-    let mut progress = RenderProgress::resume(&named.scene, args)?;
-    let spec = args.frame_spec();
-    let traced = progress.trace(&mut farm, &spec, &mut || {
-        interrupted.load(Ordering::Relaxed)
-    });
+    let layered = outputs.iter().any(|out| out.format() == FileFormat::Exr);
+    let checkpoint = checkpoint_path(&args.out[0].path);
+    let job = farm.still(&named.scene, args.still(&checkpoint, layered))?;
+    if job.resumed_samples() > 0 {
+        eprintln!(
+            "carom-farm: resuming from {} with {} of {} samples",
+            checkpoint.display(),
+            job.resumed_samples(),
+            args.spp
+        );
+    }
+    let traced = wait(job, args.spp, &interrupted);
     drop(farm);
-    if matches!(traced, Err(Failure::Interrupted)) && progress.samples_done > 0 {
-        progress.checkpoint.write(&progress.film)?;
-        let path = progress.checkpoint.path().display();
+    if matches!(&traced, Err(carom_farm::Error::Cancelled { samples_done }) if *samples_done > 0) {
+        let path = checkpoint.display();
         eprintln!("carom-farm: run the same command again to resume from {path}");
     }
-    traced?;
-    let film = &progress.film;
-    if film.dropped_samples() > 0 {
+    let picture = traced.map_err(|error| match error {
+        carom_farm::Error::Cancelled { .. } => Failure::Interrupted,
+        error => error.into(),
+    })?;
+    if picture.dropped_samples() > 0 {
         eprintln!(
             "carom-farm: {} samples were not finite and were counted as black",
-            film.dropped_samples()
+            picture.dropped_samples()
         );
     }
-    let layered = outputs.iter().any(|out| out.format() == PictureFormat::Exr);
-    let hits = if layered {
-        trace_aovs(&named.scene, &spec)?
-    } else {
-        Vec::new()
-    };
-    if let Err(why) = outputs.iter().try_for_each(|out| out.write(film, &hits)) {
+    if let Err(why) = outputs.iter().try_for_each(|out| out.write(&picture)) {
         drop(outputs); // the room that they take is needed
-        let path = progress.checkpoint.rescue(&progress.film)?;
-        eprintln!(
-            "carom-farm: what was traced is kept in {}; as {} the same command resumes from it",
-            path.display(),
-            progress.checkpoint.path().display()
-        );
-        return Err(why);
-    }
-    progress.checkpoint.remove()
-}
-
-/// A picture that is being traced.
-struct RenderProgress {
-    film: Film,
-    /// Samples of each pixel that are in the film.
-    samples_done: u32,
-    checkpoint: Checkpoint,
-}
-
-impl RenderProgress {
-    /// Starts from the checkpoint of the same picture if there is one.
-    fn resume(scene: &Scene, args: &RenderArgs) -> Result<Self, Failure> {
-        let period = Duration::from_secs(args.checkpoint_secs.into());
-        let settings = args.frame_spec().settings;
-        let out = &args.out[0].path;
-        let mut checkpoint = Checkpoint::new(out, scene, args.size, settings, period);
-        let resumed = checkpoint.resume()?;
-        if let Some((_, samples)) = resumed {
-            let path = checkpoint.path().display();
+        if let Some(path) = picture.rescue()? {
             eprintln!(
-                "carom-farm: resuming from {path} with {samples} of {} samples",
-                args.spp
+                "carom-farm: what was traced is kept in {}; as {} the same command resumes from it",
+                path.display(),
+                checkpoint.display()
             );
         }
-        let (film, samples_done) = resumed.unwrap_or_else(|| (Film::new(args.size), 0));
-        Ok(Self {
-            film,
-            samples_done,
-            checkpoint,
-        })
+        return Err(why);
     }
+    Ok(picture.remove_checkpoint()?)
+}
 
-    /// Traces the samples that the film lacks, with a progress bar.
-    fn trace(
-        &mut self,
-        farm: &mut Farm,
-        spec: &FrameSpec,
-        interrupted: &mut dyn FnMut() -> bool,
-    ) -> Result<(), Failure> {
-        let bar = progress_bar(spec.settings.samples);
-        bar.set_position(self.samples_done.into());
-        bar.reset_eta();
-        let render = AccumulatedRender::new(spec.clone(), Priority::Interactive);
-        let mut render = render.resume(self.samples_done);
-        let (checkpoint, samples_done) = (&mut self.checkpoint, &mut self.samples_done);
-        let mut watch = |film: &Film, done: u32| {
-            if done > *samples_done {
-                *samples_done = done;
-                bar.set_position(done.into());
-                checkpoint.offer(film, done);
-            }
-            if interrupted() {
-                return Err(Failure::Interrupted);
-            }
-            Ok(())
-        };
-        render.finish(farm, &mut self.film, &mut watch)?;
-        bar.finish_and_clear();
-        Ok(())
+/// Waits for the picture, with a progress bar.
+fn wait(
+    job: StillJob,
+    samples: u32,
+    interrupted: &AtomicBool,
+) -> Result<Picture, carom_farm::Error> {
+    let bar = progress_bar(samples);
+    bar.set_position(job.resumed_samples().into());
+    bar.reset_eta();
+    while !job.is_finished() {
+        bar.set_position(job.progress().samples_done.into());
+        if interrupted.load(Ordering::Relaxed) {
+            job.cancel();
+        }
+        std::thread::sleep(REFRESH_INTERVAL);
     }
+    let picture = job.wait()?;
+    bar.finish_and_clear();
+    Ok(picture)
+}
+
+/// Where a render that is interrupted is kept: beside its first file.
+fn checkpoint_path(out: &Path) -> PathBuf {
+    let mut path = out.as_os_str().to_owned();
+    path.push(".checkpoint");
+    path.into()
 }
 
 impl RenderArgs {
@@ -215,19 +181,14 @@ impl RenderArgs {
         }
     }
 
-    fn frame_spec(&self) -> FrameSpec {
-        FrameSpec {
-            update: SceneUpdate::default(),
-            size: self.size,
-            settings: RenderSettings {
-                samples: self.spp,
-                first_sample: 0,
-                max_depth: self.max_depth,
-                seed: self.seed,
-                denoise: self.denoise,
-            },
-            format: PixelFormat::LinearF32,
-        }
+    fn still(&self, checkpoint: &Path, layered: bool) -> Still {
+        let still = Still::new(self.size.width, self.size.height)
+            .samples(self.spp)
+            .max_depth(self.max_depth)
+            .seed(self.seed)
+            .checkpoint(checkpoint, Duration::from_secs(self.checkpoint_secs.into()));
+        let still = if self.denoise { still.denoise() } else { still };
+        if layered { still.layers() } else { still }
     }
 }
 
@@ -269,3 +230,6 @@ fn progress_bar(spp: u32) -> ProgressBar {
     ProgressBar::new(u64::from(spp))
         .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
+
+/// How often the progress bar and Ctrl-C are looked after.
+const REFRESH_INTERVAL: Duration = Duration::from_millis(50);

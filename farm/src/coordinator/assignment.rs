@@ -21,7 +21,7 @@ use super::partition::{Partition, WorkMap};
 use super::recovery::Recovery;
 use super::sample_passes::{SamplePasses, passes_for};
 use crate::balancer::{
-    Balancers, CostModel, Division, Estimate, Estimator, Pull, RequestOutcome, Shares,
+    Balancer, Balancers, CostModel, Division, Estimate, Estimator, Pull, RequestOutcome, Shares,
 };
 use crate::balancing::{Algorithm, Balancing, Distribution};
 use crate::node_status::NodeIndex;
@@ -90,6 +90,10 @@ impl Assigner {
         }
     }
 
+    pub(super) fn set_own_balancer(&mut self, balancer: Box<dyn Balancer + Send>) {
+        self.balancers.set_own(balancer);
+    }
+
     /// Predicted work of a frame's tiles in one pass.
     pub(super) fn predict(
         &mut self,
@@ -110,7 +114,8 @@ impl Assigner {
 
     /// Whether nodes take a frame's tiles as they can.
     fn is_pooled(&self, frame: &FrameInFlight) -> bool {
-        self.balancing.algorithm == Algorithm::Pull || frame.id.is_background()
+        let may_pool = matches!(self.balancing.algorithm, Algorithm::Pull | Algorithm::Own);
+        may_pool || frame.id.is_background()
     }
 
     /// Assigns all tiles that nobody holds, as far as there are nodes for them: whole frames, and what

@@ -145,20 +145,4 @@ impl Dispatcher {
             }
         }
     }
-
-    /// Takes back all requests of frames before `frame`, with one command to each node.
-    pub(super) fn cancel_before(&mut self, now: f64, nodes: &mut NodeTable, frame: FrameId) {
-        for node in nodes.indices() {
-            let requests = nodes[node].workload.requests.iter();
-            let dropped =
-                requests.filter(|(_, request)| request.frame < frame && !request.is_cancelled);
-            let dropped: Vec<RequestId> = dropped.map(|(id, _)| *id).collect();
-            for &id in &dropped {
-                nodes[node].cancel(now, id);
-            }
-            if !dropped.is_empty() {
-                self.send(node, LinkCommand::CancelBefore(frame));
-            }
-        }
-    }
 }

@@ -67,6 +67,11 @@ impl FrameBuffer {
         self.missing == 0
     }
 
+    /// Units that are not there.
+    pub(super) const fn missing_count(&self) -> u32 {
+        self.missing
+    }
+
     pub(super) fn has(&self, run: TileRange) -> bool {
         self.filled[run.first as usize..run.end() as usize]
             .iter()

@@ -67,10 +67,6 @@ impl FrameQueue {
         self.frames.retain(|frame| frame.id != id);
     }
 
-    pub(super) fn drop_before(&mut self, id: FrameId) {
-        self.frames.retain(|frame| frame.id >= id);
-    }
-
     /// Seconds between frames while they overlap, else infinite.
     pub(super) fn period_secs(&self) -> f64 {
         self.period_secs
@@ -231,7 +227,7 @@ mod tests {
         deliver(&mut queue, first, 0, 2);
         let ids = [0; 2].map(|_| queue.pop_finished().unwrap().id.0);
         assert_eq!(ids, [first, first + 1]);
-        queue.drop_before(FrameId(2));
+        queue.remove(FrameId(1));
         assert_eq!(queue.unfinished().count(), 1);
     }
 
@@ -244,7 +240,7 @@ mod tests {
         assert_eq!(queue.period_secs(), 0.1);
         queue.push(frame(2, 0.3));
         assert!((queue.period_secs() - 0.11).abs() < 1e-12);
-        queue.drop_before(FrameId(9));
+        (0..3).for_each(|id| queue.remove(FrameId(id)));
         queue.push(frame(9, 0.4));
         assert_eq!(queue.period_secs(), f64::INFINITY);
     }

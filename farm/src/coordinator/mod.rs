@@ -44,7 +44,8 @@ use self::frame_queue::FrameQueue;
 use self::node_entry::ConnectionState;
 use self::node_table::NodeTable;
 use self::recovery::{Recovery, cancel_redundant};
-use crate::balancing::{Balancing, Distribution};
+use crate::balancer::Balancer;
+use crate::balancing::{Algorithm, Balancing, Distribution};
 use crate::frame::{Frame, FrameSpec};
 use crate::link::{LinkCommand, LinkEvent};
 use crate::node_status::{NodeIndex, NodeStatus};
@@ -110,6 +111,12 @@ impl Coordinator {
         self.nodes.hedged = balancing.hedged;
     }
 
+    /// Divides frames with an algorithm of the caller's own from the next one on, hedged.
+    pub fn set_balancer(&mut self, balancer: Box<dyn Balancer + Send>) {
+        self.assigner.set_own_balancer(balancer);
+        self.set_balancing(Algorithm::Own.hedged());
+    }
+
     /// Divides frames by tiles or by samples from the next one on.
     pub fn set_distribution(&mut self, distribution: Distribution) {
         self.assigner.distribution = distribution;
@@ -151,14 +158,6 @@ impl Coordinator {
     /// must not be earlier.
     pub fn set_deadline(&mut self, id: FrameId, at: Duration) {
         self.frames.set_deadline(id, at.as_secs_f64());
-    }
-
-    /// Drops all frames before `id`.
-    pub fn cancel_before(&mut self, now: Duration, id: FrameId) {
-        let now = now.as_secs_f64();
-        self.frames.drop_before(id);
-        self.dispatcher.cancel_before(now, &mut self.nodes, id);
-        self.advance(now);
     }
 
     /// Drops one frame.
@@ -285,6 +284,15 @@ impl Coordinator {
     pub fn nodes(&self, now: Duration) -> Vec<NodeStatus> {
         let scene = self.scene.as_ref().map(|(hash, _)| *hash);
         self.nodes.statuses(now.as_secs_f64(), scene)
+    }
+
+    /// Frames that are not finished: tiles that are there, and all. A tile counts once for each pass.
+    pub fn progress(&self) -> impl Iterator<Item = (FrameId, u32, u32)> {
+        self.frames.unfinished().filter_map(|frame| {
+            let all = frame.passes.all().count;
+            let missing = frame.buffer.as_ref()?.missing_count();
+            Some((frame.id, all - missing, all))
+        })
     }
 
     fn disconnect(&mut self, index: NodeIndex, connection: ConnectionState) {

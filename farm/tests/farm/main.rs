@@ -161,7 +161,7 @@ fn a_picture_that_must_be_shown_comes_as_it_is_and_again_when_it_is_whole() {
     let gate = Gate::closed();
     let hanging = PatternTracer::new().with_fault(DeviceFault::Hang(gate.clone()), 20);
     let mut farm = farm(vec![hanging, PatternTracer::new()]);
-    farm.set_balancer(Algorithm::Equal.unhedged());
+    farm.set_balancing(Algorithm::Equal.unhedged());
     let submission = Submission {
         deadline: Some(Duration::from_millis(40)),
         ..Submission::default()
@@ -225,7 +225,7 @@ fn algorithms_switch_while_frames_are_in_flight() {
     let balancers: Vec<Balancing> = Balancing::all().collect();
     let mut seeds = std::collections::VecDeque::new();
     for seed in 0..54 {
-        farm.set_balancer(balancers[seed as usize % balancers.len()]);
+        farm.set_balancing(balancers[seed as usize % balancers.len()]);
         farm.submit(spec(seed)).unwrap();
         seeds.push_back(seed);
         if farm.in_flight() == 3 {

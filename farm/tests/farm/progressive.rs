@@ -1,6 +1,6 @@
-//! Laws of progressive renders: pictures that are accumulated beside frames of other kinds.
+//! Laws of stills: pictures that are accumulated beside frames of other kinds.
 
-use carom_farm::{AccumulatedRender, Priority};
+use carom_farm::{Still, StillJob};
 use carom_tracer::film::Film;
 
 use super::*;
@@ -13,23 +13,17 @@ fn still() -> FrameSpec {
     still
 }
 
-/// A render of four frames.
-fn render(priority: Priority) -> AccumulatedRender {
-    let mut render = AccumulatedRender::new(still(), priority);
-    render.set_frame_samples(SAMPLES / 4);
-    render
+/// A still of four frames in the background.
+fn start(farm: &mut Farm) -> StillJob {
+    farm.still(&scene(), description().background()).unwrap()
 }
 
-/// The rest of a render on a farm that may have frames of other kinds in flight.
-fn finish(farm: &mut Farm, render: &mut AccumulatedRender, film: &mut Film) {
-    let watch = &mut |_: &Film, _| Ok::<(), Error>(());
-    render.finish(farm, film, watch).unwrap();
+fn description() -> Still {
+    Still::of(still()).frame_samples(SAMPLES / 4)
 }
 
-fn picture(farm: &mut Farm, priority: Priority) -> Vec<u8> {
-    let mut film = Film::new(still().size);
-    finish(farm, &mut render(priority), &mut film);
-    film.to_bytes()
+fn sums(job: StillJob) -> Vec<u8> {
+    job.wait().unwrap().film().to_bytes()
 }
 
 /// The sum of four pictures of other samples each.
@@ -58,8 +52,8 @@ fn priority_and_partition_leave_the_bits_alone() {
         let tracers = paces[..nodes].iter();
         let tracers = tracers.map(|micros| PatternTracer::new().with_pace(*micros));
         let mut farm = farm(tracers.collect());
-        for priority in [Priority::Interactive, Priority::Background] {
-            assert!(picture(&mut farm, priority) == expected(&scene()));
+        for still in [description(), description().background()] {
+            assert!(sums(farm.still(&scene(), still).unwrap()) == expected(&scene()));
         }
     }
 }
@@ -69,17 +63,14 @@ fn an_interactive_frame_overtakes_a_render() {
     let gate = Gate::closed();
     let hanging = DeviceFault::Hang(gate.clone());
     let mut farm = farm(vec![PatternTracer::new().with_fault(hanging, 3)]);
-    let mut still = render(Priority::Background);
-    still.submit_to(&mut farm).unwrap();
+    let still = start(&mut farm);
     gate.wait_until_reached();
     let asked = farm.submit(spec(1)).unwrap();
     gate.open();
     let first = farm.wait_frame(PATIENCE).unwrap();
     assert_eq!(first.id, asked);
     assert_right(&first, 1);
-    let mut film = Film::new(first.size);
-    finish(&mut farm, &mut still, &mut film);
-    assert!(film.to_bytes() == expected(&scene()));
+    assert!(sums(still) == expected(&scene()));
 }
 
 #[test]
@@ -87,17 +78,18 @@ fn a_cancelled_render_frees_its_nodes() {
     let gate = Gate::closed();
     let hanging = DeviceFault::Hang(gate.clone());
     let mut farm = farm(vec![PatternTracer::new().with_fault(hanging, 3)]);
-    let mut still = render(Priority::Background);
-    still.submit_to(&mut farm).unwrap();
+    let still = start(&mut farm);
     gate.wait_until_reached();
-    still.cancel(&mut farm);
+    still.cancel();
+    let cancelled = still.wait();
+    assert!(matches!(
+        cancelled,
+        Err(Error::Cancelled { samples_done: 0 })
+    ));
     gate.open();
     assert_right(&trace(&mut farm, 1), 1);
     assert!(farm.wait_frame(PATIENCE).is_none(), "nothing is in flight");
-    assert_eq!(still.samples_done(), 0);
-    let mut film = Film::new(still.spec().size);
-    finish(&mut farm, &mut still, &mut film);
-    assert!(film.to_bytes() == expected(&scene()));
+    assert!(sums(start(&mut farm)) == expected(&scene()));
 }
 
 #[test]
@@ -107,30 +99,56 @@ fn a_render_outlives_its_nodes_and_its_scene() {
             PatternTracer::new().with_fault(fault, 40),
             PatternTracer::new().with_pace(20),
         ]);
-        let mut still = render(Priority::Background);
-        still.submit_to(&mut farm).unwrap();
+        let still = start(&mut farm);
         let mut other = scene();
         other.camera.eye.z += 1.0;
         farm.set_scene(&other).unwrap();
         farm.add_tracer(Arc::new(PatternTracer::new()));
-        let mut film = Film::new(still.spec().size);
-        finish(&mut farm, &mut still, &mut film);
-        assert!(film.to_bytes() == expected(&scene()));
+        assert!(sums(still) == expected(&scene()));
     }
 }
 
 #[test]
-fn renders_share_what_is_left_to_them() {
+fn renders_beside_each_other_keep_their_bits() {
     let mut farm = farm(vec![PatternTracer::new().with_pace(20)]);
-    let mut renders = [render(Priority::Background), render(Priority::Background)];
-    while !renders.iter().all(AccumulatedRender::is_done) {
-        for render in &mut renders {
-            render.submit_to(&mut farm).unwrap();
-        }
-        let frame = farm.wait_frame(PATIENCE).unwrap();
-        let owner = renders.iter_mut().find(|render| render.owns(frame.id));
-        owner.and_then(|render| render.accept(frame)).unwrap();
-        let [a, b] = [0, 1].map(|render: usize| renders[render].samples_done());
-        assert!(a.abs_diff(b) <= SAMPLES / 2, "{a} and {b}");
+    let stills = [start(&mut farm), start(&mut farm)];
+    assert_right(&trace(&mut farm, 3), 3);
+    for still in stills {
+        assert!(sums(still) == expected(&scene()));
     }
+}
+
+#[test]
+fn a_render_ends_with_its_farm() {
+    let gate = Gate::closed();
+    let hanging = DeviceFault::Hang(gate.clone());
+    let mut farm = farm(vec![PatternTracer::new().with_fault(hanging, 3)]);
+    let still = start(&mut farm);
+    gate.wait_until_reached();
+    gate.open();
+    drop(farm);
+    assert!(matches!(still.wait(), Ok(_) | Err(Error::FarmClosed)));
+}
+
+#[test]
+fn progress_is_seen_within_a_frame() {
+    let gate = Gate::closed();
+    let hanging = DeviceFault::Hang(gate.clone());
+    let mut farm = farm(vec![PatternTracer::new().with_fault(hanging, 3)]);
+    let still = start(&mut farm);
+    gate.wait_until_reached();
+    let deadline = std::time::Instant::now() + PATIENCE;
+    while still.progress().tiles_done == 0 {
+        assert!(
+            std::time::Instant::now() < deadline,
+            "{:?}",
+            still.progress()
+        );
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let progress = still.progress();
+    assert_eq!((progress.samples_done, progress.samples), (0, SAMPLES));
+    assert!((0.0..0.5).contains(&progress.fraction()), "{progress:?}");
+    gate.open();
+    assert!(sums(still) == expected(&scene()));
 }

@@ -62,7 +62,7 @@ fn merged_samples_are_the_picture_of_one_node() {
     let mut passes_max = 0;
     let balancers = Balancing::all().chain(Balancing::all());
     for (seed, balancing) in balancers.enumerate() {
-        farm.set_balancer(balancing);
+        farm.set_balancing(balancing);
         farm.submit(spec(seed as u32)).unwrap();
         in_flight.push_back(seed as u32);
         if farm.in_flight() == 3 {

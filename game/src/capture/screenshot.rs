@@ -3,14 +3,14 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::thread;
 
-use anyhow::Context as _;
 use carom_farm::{
-    AccumulatedRender, Farm, Frame, FrameSpec, PixelFormat, Priority, SampleBatch, trace_aovs,
+    Farm, FileFormat, FrameSpec, Picture, PixelFormat, Still, StillCanceller, StillJob,
 };
-use carom_tracer::film::Film;
 use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate};
 
 use crate::capture::next_path;
@@ -25,8 +25,8 @@ pub struct ScreenshotSlot {
 /// A picture in the making. Dropped, it leaves no file.
 #[derive(Debug)]
 struct Screenshot {
-    render: AccumulatedRender,
-    batches: Sender<SampleBatch>,
+    canceller: StillCanceller,
+    percent: Arc<AtomicU32>,
     outcome: Receiver<anyhow::Result<PathBuf>>,
 }
 
@@ -35,42 +35,43 @@ impl ScreenshotSlot {
     /// with layers of albedo, normal and depth, `still_0001.exr`. One that is being taken is dropped.
     ///
     /// # Errors
-    /// [`crate::Error::ScreenshotThread`].
+    /// [`crate::Error::Farm`] if the farm does not take it, [`crate::Error::ScreenshotThread`].
     pub fn begin(
         &mut self,
-        scene: Scene,
-        update: SceneUpdate,
-        size: ImageSize,
-        max_depth: u32,
+        farm: &mut Farm,
+        scene: &Scene,
+        spec: FrameSpec,
         folder: PathBuf,
     ) -> crate::Result<()> {
-        let spec = FrameSpec {
-            update,
-            size,
-            settings: RenderSettings {
-                samples: SAMPLES,
-                max_depth,
-                ..RenderSettings::default()
-            },
-            format: PixelFormat::LinearF32,
-        };
-        let screenshot = Screenshot::begin(scene, spec, folder);
-        self.current = Some(screenshot.map_err(crate::Error::ScreenshotThread)?);
+        let percent = Arc::new(AtomicU32::new(0));
+        let seen = Arc::clone(&percent);
+        let still = Still::of(spec)
+            .background()
+            .layers()
+            .exposure(EXPOSURE)
+            .on_progress(move |progress| {
+                seen.store((100.0 * progress.fraction()) as u32, Ordering::Relaxed);
+            });
+        let job = farm.still(scene, still)?;
+        let canceller = job.canceller();
+        let outcome = finish(job, folder).map_err(crate::Error::ScreenshotThread)?;
+        self.current = Some(Screenshot {
+            canceller,
+            percent,
+            outcome,
+        });
         Ok(())
     }
 
-    /// Requests what the farm takes. Once the screenshot is finished or has failed, a sentence for the
-    /// player.
-    pub fn advance(&mut self, farm: &mut Farm) -> Option<String> {
+    /// Once the screenshot is finished or has failed, a sentence for the player.
+    pub fn poll(&mut self) -> Option<String> {
         let screenshot = self.current.as_mut()?;
-        let requested = screenshot.render.submit_to(farm);
-        let outcome = match (requested, screenshot.outcome.try_recv()) {
-            (_, Ok(outcome)) => outcome,
-            (Err(error), _) => Err(error.into()),
-            (Ok(()), Err(TryRecvError::Empty)) => return None,
-            (Ok(()), Err(TryRecvError::Disconnected)) => Err(anyhow::anyhow!("its thread ended")),
+        let outcome = match screenshot.outcome.try_recv() {
+            Ok(outcome) => outcome,
+            Err(TryRecvError::Empty) => return None,
+            Err(TryRecvError::Disconnected) => Err(anyhow::anyhow!("its thread ended")),
         };
-        self.cancel(farm);
+        self.current = None;
         Some(match outcome {
             Ok(path) => format!(
                 "Saved the screenshot as {} and, with albedo, normal and depth, as .exr",
@@ -80,73 +81,63 @@ impl ScreenshotSlot {
         })
     }
 
-    /// Takes in a frame of the screenshot; others are dropped.
-    pub fn accept(&mut self, frame: Frame) {
-        if let Some(screenshot) = &mut self.current
-            && let Some(batch) = screenshot.render.accept(frame)
-        {
-            // The thread's outcome tells why it has ended, if it has.
-            let _ = screenshot.batches.send(batch);
-        }
-    }
-
     /// Drops the screenshot.
-    pub fn cancel(&mut self, farm: &mut Farm) {
-        if let Some(mut screenshot) = self.current.take() {
-            screenshot.render.cancel(farm);
-        }
+    pub fn cancel(&mut self) {
+        self.current = None;
     }
 
     /// How much of the screenshot is traced, if one is being taken.
     pub fn percent(&self) -> Option<u32> {
-        let render = &self.current.as_ref()?.render;
-        Some(100 * render.samples_done() / render.spec().settings.samples)
+        let percent = &self.current.as_ref()?.percent;
+        Some(percent.load(Ordering::Relaxed))
     }
 }
 
-impl Screenshot {
-    fn begin(scene: Scene, spec: FrameSpec, folder: PathBuf) -> std::io::Result<Self> {
-        let (batches, received) = channel();
-        let (sender, outcome) = channel();
-        let render = AccumulatedRender::new(spec.clone(), Priority::Background);
-        let run = move || {
-            // Nobody waits any more once the receiver is gone.
-            let _ = sender.send(write(&received, &scene, &spec, &folder));
-        };
-        thread::Builder::new()
-            .name("screenshot".to_owned())
-            .spawn(run)?;
-        Ok(Self {
-            render,
-            batches,
-            outcome,
-        })
+impl Drop for Screenshot {
+    fn drop(&mut self) {
+        self.canceller.cancel();
     }
 }
 
-/// Sums the batches up and writes the picture once all have come.
-fn write(
-    batches: &Receiver<SampleBatch>,
-    scene: &Scene,
-    spec: &FrameSpec,
-    folder: &Path,
-) -> anyhow::Result<PathBuf> {
-    let mut film = Film::new(spec.size);
-    let mut samples = 0;
-    while samples < spec.settings.samples {
-        let batch = batches.recv().context("it was cancelled")?;
-        batch.add_to(&mut film)?;
-        samples += batch.samples;
+/// The picture of a screenshot of `size` after `update`.
+pub fn frame_spec(update: SceneUpdate, size: ImageSize, max_depth: u32) -> FrameSpec {
+    FrameSpec {
+        update,
+        size,
+        settings: RenderSettings {
+            samples: SAMPLES,
+            max_depth,
+            ..RenderSettings::default()
+        },
+        format: PixelFormat::LinearF32,
     }
-    let hits = trace_aovs(scene, spec)?;
+}
+
+/// Waits for the picture on a thread, and writes it.
+fn finish(job: StillJob, folder: PathBuf) -> std::io::Result<Receiver<anyhow::Result<PathBuf>>> {
+    let (sender, outcome) = channel();
+    let run = move || {
+        let picture = job.wait().map_err(anyhow::Error::from);
+        // Nobody waits any more once the receiver is gone.
+        let _ = sender.send(picture.and_then(|picture| write(&picture, &folder)));
+    };
+    thread::Builder::new()
+        .name("screenshot".to_owned())
+        .spawn(run)?;
+    Ok(outcome)
+}
+
+fn write(picture: &Picture, folder: &Path) -> anyhow::Result<PathBuf> {
     fs::create_dir_all(folder)?;
     let path = next_path(folder, "still", "png")?;
-    let image = film.image();
     let partial = folder.join("still.partial");
-    image.write_exr_with_aovs(&partial, &hits)?;
-    fs::rename(&partial, path.with_extension("exr"))?;
-    image.write_png(&partial, EXPOSURE)?;
-    fs::rename(&partial, &path)?;
+    for (format, to) in [
+        (FileFormat::Exr, path.with_extension("exr")),
+        (FileFormat::Png, path.clone()),
+    ] {
+        picture.write(&partial, format)?;
+        fs::rename(&partial, to)?;
+    }
     Ok(path)
 }
 
@@ -176,20 +167,19 @@ mod tests {
         let mut farm = Farm::new(config).unwrap();
         farm.set_scene(&scene).unwrap();
         let update = table_scene.update(scene.camera, &[], None);
-        slot.begin(scene, update, SIZE, 5, folder.to_owned())
+        let spec = frame_spec(update, SIZE, 5);
+        slot.begin(&mut farm, &scene, spec, folder.to_owned())
             .unwrap();
         farm
     }
 
-    /// Advances until there is a sentence.
-    fn finish(slot: &mut ScreenshotSlot, farm: &mut Farm) -> String {
+    /// Polls until there is a sentence.
+    fn finish(slot: &mut ScreenshotSlot) -> String {
         loop {
-            if let Some(sentence) = slot.advance(farm) {
+            if let Some(sentence) = slot.poll() {
                 return sentence;
             }
-            if let Some(frame) = farm.wait_frame(Duration::from_millis(10)) {
-                slot.accept(frame);
-            }
+            thread::sleep(Duration::from_millis(10));
         }
     }
 
@@ -198,9 +188,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut slot = ScreenshotSlot::default();
         for number in 1..=2 {
-            let mut farm = begin(&mut slot, folder.path());
-            assert_eq!(slot.percent(), Some(0));
-            let sentence = finish(&mut slot, &mut farm);
+            let _farm = begin(&mut slot, folder.path());
+            assert!(slot.percent().is_some());
+            let sentence = finish(&mut slot);
             let path = folder.path().join(format!("still_000{number}.png"));
             assert!(
                 sentence.contains(path.to_str().unwrap()),
@@ -220,11 +210,11 @@ mod tests {
     fn a_cancelled_screenshot_leaves_nothing() {
         let folder = tempfile::tempdir().unwrap();
         let mut slot = ScreenshotSlot::default();
-        let mut farm = begin(&mut slot, folder.path());
-        assert_eq!(slot.advance(&mut farm), None);
-        slot.cancel(&mut farm);
-        assert!(farm.wait_frame(Duration::from_secs(60)).is_none());
-        assert_eq!(slot.advance(&mut farm), None);
+        let farm = begin(&mut slot, folder.path());
+        assert_eq!(slot.poll(), None);
+        slot.cancel();
+        drop(farm);
+        assert_eq!(slot.poll(), None);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 
@@ -234,8 +224,8 @@ mod tests {
         let file = folder.path().join("file");
         fs::write(&file, "").unwrap();
         let mut slot = ScreenshotSlot::default();
-        let mut farm = begin(&mut slot, &file);
-        let sentence = finish(&mut slot, &mut farm);
+        let _farm = begin(&mut slot, &file);
+        let sentence = finish(&mut slot);
         assert!(sentence.starts_with("Screenshot failed: "), "{sentence}");
     }
 }

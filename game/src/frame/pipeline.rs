@@ -6,7 +6,7 @@
 //! ```
 //! No step waits for the farm.
 
-use carom_farm::{Farm, FarmConfig, Frame, NodeStatus};
+use carom_farm::{Farm, FarmConfig, NodeStatus};
 use carom_tracer::{ImageSize, Scene, SceneUpdate};
 
 use crate::display::DisplayFrame;
@@ -74,20 +74,11 @@ impl FramePipeline {
     }
 
     /// Takes in the frames that the farm has finished; each is passed to `record` if there is one.
-    /// Those that others have submitted go to `others`.
-    pub fn poll_farm(
-        &mut self,
-        mut record: Option<&mut dyn FnMut(FinishedFrame)>,
-        others: &mut dyn FnMut(Frame),
-    ) {
+    pub fn poll_farm(&mut self, mut record: Option<&mut dyn FnMut(FinishedFrame)>) {
         let Some(farm) = self.farm.poll() else {
             return;
         };
         while let Some(frame) = farm.poll_frame() {
-            if !self.scheduler.owns(frame.id) {
-                others(frame);
-                continue;
-            }
             self.finished += 1;
             if let Some(record) = &mut record {
                 record(FinishedFrame {

@@ -86,6 +86,7 @@ pub(crate) fn balls(balls: usize) -> Scene {
         materials: BTreeMap::from([("resin".into(), Material::Diffuse { albedo })]),
         objects: (0..balls).map(object).collect(),
         area_lights: Vec::new(),
+        ..Scene::new()
     }
 }
 

@@ -373,6 +373,7 @@ fn cloud(many: SweptShape, count: u32) -> Scene {
             half_v: Vec3::NEG_Y,
             radiance: Vec3::splat(6.0),
         }],
+        ..Scene::new()
     }
 }
 

@@ -182,6 +182,7 @@ impl SceneFile {
             area_lights: area_lights
                 .map(|(i, light)| light.into_area_light(i))
                 .collect::<anyhow::Result<_>>()?,
+            ..Scene::new()
         })
     }
 }

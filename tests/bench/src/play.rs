@@ -214,7 +214,7 @@ impl PlayLoop {
             *traced += 1;
             count_farm_stages(secs, &frame.stats);
         };
-        self.pipeline.poll_farm(Some(&mut record), &mut drop);
+        self.pipeline.poll_farm(Some(&mut record));
         self.pipeline.accumulate();
         let poll = lap();
         self.pipeline.choose();

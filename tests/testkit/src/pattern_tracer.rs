@@ -216,5 +216,6 @@ pub fn scene() -> Scene {
             },
         }],
         area_lights: Vec::new(),
+        ..Scene::new()
     }
 }

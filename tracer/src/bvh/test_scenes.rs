@@ -134,6 +134,7 @@ pub(crate) fn test_scene(kind: Arrangement, of: ShapeKind, count: u32, seed: u32
         materials: BTreeMap::from([("m".to_owned(), material)]),
         objects: (0..count).map(object).collect(),
         area_lights: Vec::new(),
+        ..Scene::new()
     };
     CompiledScene::new(&scene).unwrap()
 }

@@ -40,6 +40,7 @@ fn scene() -> Scene {
             object("second", ball(2.0)),
         ],
         area_lights: Vec::new(),
+        ..Scene::new()
     }
 }
 

@@ -439,6 +439,7 @@ mod tests {
                     4.0,
                 ),
             ],
+            ..Scene::new()
         };
         CompiledScene::new(&scene).unwrap().area_lights
     }

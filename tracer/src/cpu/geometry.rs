@@ -291,6 +291,7 @@ mod tests {
             materials: BTreeMap::from([("m".to_owned(), Material::Diffuse { albedo })]),
             objects: shapes.iter().map(object).collect(),
             area_lights: Vec::new(),
+            ..Scene::new()
         };
         CompiledScene::new(&scene).unwrap()
     }

@@ -147,6 +147,7 @@ pub(crate) fn scene() -> Scene {
         materials: BTreeMap::from(materials.map(|(name, material)| (name.to_owned(), material))),
         objects: shapes.map(object).into(),
         area_lights: vec![light(-0.8, 6.0), light(1.4, 9.0)],
+        ..Scene::new()
     }
 }
 

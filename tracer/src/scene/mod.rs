@@ -4,6 +4,7 @@
 //! [`validate`] holds the limits that every scene must keep.
 
 mod bounded;
+mod construction;
 pub mod file;
 pub mod validate;
 
@@ -11,6 +12,8 @@ use std::collections::BTreeMap;
 
 use glam::{Quat, Vec3};
 use serde::{Deserialize, Serialize};
+
+pub use construction::{Cuboid, ObjectHandle, Plane, SceneIdentity, Sphere};
 
 /// Everything that can be seen, and from where.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -29,6 +32,9 @@ pub struct Scene {
     /// Rectangles that emit light and reflect none.
     #[serde(default, alias = "lamps", deserialize_with = "bounded::area_lights")]
     pub area_lights: Vec<AreaLight>,
+    /// What the handles of its objects belong to; [`SceneIdentity::default`] for those without.
+    #[serde(skip)]
+    pub identity: SceneIdentity,
 }
 
 /// A pinhole camera with square pixels and a box filter; row 0 of its image is the top.
@@ -66,6 +72,7 @@ pub struct Object {
 }
 
 /// A form in world space.
+#[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Shape {
@@ -209,6 +216,7 @@ pub struct AreaLight {
 }
 
 /// How a surface scatters light.
+#[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Material {
@@ -285,6 +293,7 @@ pub enum Material {
 }
 
 /// What a coated base looks like.
+#[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum ProceduralTexture {

@@ -230,6 +230,7 @@ fn an_empty_scene_shows_its_environment() {
         materials: BTreeMap::new(),
         objects: Vec::new(),
         area_lights: Vec::new(),
+        ..Scene::new()
     };
     let scene = CompiledScene::new(&scene).unwrap();
     for level in CpuTracer::levels_available() {

@@ -75,6 +75,7 @@ fn view(eye: Vec3, target: Vec3, environment: f32) -> Scene {
         materials: BTreeMap::from([("grey".to_owned(), diffuse(0.5))]),
         objects: Vec::new(),
         area_lights: Vec::new(),
+        ..Scene::new()
     }
 }
 

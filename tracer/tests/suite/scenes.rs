@@ -38,6 +38,7 @@ pub(crate) fn empty(environment: f32) -> Scene {
         materials: BTreeMap::new(),
         objects: Vec::new(),
         area_lights: Vec::new(),
+        ..Scene::new()
     }
 }
 
@@ -151,6 +152,7 @@ pub(crate) fn furnace(material: Material) -> Scene {
         materials: BTreeMap::from([("m".to_owned(), material)]),
         objects: vec![ball],
         area_lights: Vec::new(),
+        ..Scene::new()
     }
 }
 

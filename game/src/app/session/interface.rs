@@ -193,7 +193,7 @@ impl GameSession {
                 StatsCommand::Balancing(balancing) => {
                     self.balancing = balancing;
                     if let Some(farm) = self.pipeline.farm_mut() {
-                        farm.set_balancer(balancing);
+                        farm.set_balancing(balancing);
                     }
                 }
                 StatsCommand::Distribution(distribution) => {

@@ -18,7 +18,7 @@ use crate::app::mode::{Mode, ModeView, ViewTime};
 use crate::app::mode_controller::ModeController;
 use crate::camera::{CameraIntent, Viewpoint};
 use crate::capture::ShotRecorder;
-use crate::capture::screenshot::ScreenshotSlot;
+use crate::capture::screenshot::{self, ScreenshotSlot};
 use crate::frame::farm_startup::FarmState;
 use crate::frame::pipeline::FramePipeline;
 use crate::frame::quality::QualityPreference;
@@ -37,6 +37,8 @@ pub struct GameSession {
     style: TableStyle,
     pipeline: FramePipeline,
     screenshot: ScreenshotSlot,
+    /// As it was drawn last.
+    screenshot_percent: Option<u32>,
     autosave: Autosave,
     recorder: Option<ShotRecorder>,
     stats: Stats,
@@ -68,6 +70,7 @@ impl GameSession {
             modes: ModeController::of_player(),
             style,
             screenshot: ScreenshotSlot::default(),
+            screenshot_percent: None,
             autosave: Autosave::default(),
             recorder: None,
             stats: Stats::new(PathBuf::from(STATS_FOLDER)),
@@ -200,26 +203,21 @@ impl GameSession {
 
     /// Takes a screenshot in full quality, or cancels the one that is being taken.
     pub fn take_screenshot(&mut self, now_secs: f64) {
+        if self.screenshot.percent().is_some() {
+            self.screenshot.cancel();
+            return self.modes.notify("The screenshot was cancelled".to_owned());
+        }
+        let update = self.scene_at(ViewTime::Now(now_secs));
         let Some(farm) = self.pipeline.farm_mut() else {
             return self.modes.notify(NOTHING_RENDERS.to_owned());
         };
-        if self.screenshot.percent().is_some() {
-            self.screenshot.cancel(farm);
-            return self.modes.notify("The screenshot was cancelled".to_owned());
-        }
         if self.pixels.pixels() == 0 {
             return;
         }
-        let update = self.scene_at(ViewTime::Now(now_secs));
+        let spec = screenshot::frame_spec(update, self.pixels, self.style.balls.max_depth());
         let folder = self.modes.folder().map(|folder| folder.join("pictures"));
-        let (scene, max_depth) = (
-            self.table_scene.scene().clone(),
-            self.style.balls.max_depth(),
-        );
-        let begun = folder.and_then(|folder| {
-            self.screenshot
-                .begin(scene, update, self.pixels, max_depth, folder)
-        });
+        let scene = self.table_scene.scene();
+        let begun = folder.and_then(|folder| self.screenshot.begin(farm, scene, spec, folder));
         if let Err(why) = begun {
             self.modes.notify(why.to_string());
         }

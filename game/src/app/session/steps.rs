@@ -55,11 +55,7 @@ impl GameSession {
             });
         };
         let record = is_shown.then_some(&mut record as &mut dyn FnMut(FinishedFrame));
-        let (screenshot, is_dirty) = (&mut self.screenshot, &mut self.is_dirty);
-        self.pipeline.poll_farm(record, &mut |frame| {
-            screenshot.accept(frame);
-            *is_dirty = true;
-        });
+        self.pipeline.poll_farm(record);
     }
 
     /// Takes in the frames that have been accumulated.
@@ -85,9 +81,10 @@ impl GameSession {
 
     /// Requests the next frames.
     pub fn request_frames(&mut self, now_secs: f64) {
-        if let Some(farm) = self.pipeline.farm_mut()
-            && let Some(sentence) = self.screenshot.advance(farm)
-        {
+        let percent = self.screenshot.percent();
+        self.is_dirty |= percent != self.screenshot_percent;
+        self.screenshot_percent = percent;
+        if let Some(sentence) = self.screenshot.poll() {
             self.modes.notify(sentence);
         }
         if self.is_hidden {

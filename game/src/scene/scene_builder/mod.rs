@@ -58,6 +58,7 @@ pub fn room(table: &Table, rules: RuleSet, style: TableStyle) -> Scene {
         materials: materials(&room.frame, table, rules, style),
         area_lights: vec![lamp(room.frame.scale), window(room.frame.outer)],
         objects: room.objects,
+        ..Scene::new()
     }
 }
 

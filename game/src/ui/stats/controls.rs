@@ -94,6 +94,7 @@ fn about(algorithm: Algorithm) -> &'static str {
         Algorithm::WaterFilling => {
             "y = A + B·w with filtered A and B and the cost of each tile: the earliest common finish."
         }
+        Algorithm::Own => "An algorithm of the application's own.",
     }
 }
 

@@ -92,5 +92,6 @@ pub fn empty_scene() -> Scene {
         materials: BTreeMap::new(),
         objects: Vec::new(),
         area_lights: Vec::new(),
+        ..Scene::new()
     }
 }

@@ -41,6 +41,7 @@ fn scene() -> Scene {
         materials: [("m".to_owned(), Material::Diffuse { albedo: Vec3::ONE })].into(),
         objects: vec![object("o", sphere())],
         area_lights: vec![light()],
+        ..Scene::new()
     }
 }
 

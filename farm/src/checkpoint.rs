@@ -5,16 +5,16 @@
 
 use std::fs::File;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use anyhow::Context;
 use carom_protocol::SceneHash;
 use carom_tracer::film::Film;
-use carom_tracer::{ImageSize, RenderSettings, Scene};
+use carom_tracer::{ImageSize, RenderSettings, SceneUpdate};
 use serde::{Deserialize, Serialize};
 
-use crate::commands::Failure;
+use crate::error::Error;
+use crate::frame::FrameSpec;
 
 /// The identity of a checkpoint's picture, and its progress.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -33,6 +33,7 @@ const VERSION: u32 = 1;
 const HASH_BYTES: usize = 32;
 
 /// The checkpoints of one render.
+#[derive(Debug)]
 pub(crate) struct Checkpoint {
     path: PathBuf,
     header: CheckpointHeader,
@@ -43,24 +44,15 @@ pub(crate) struct Checkpoint {
 }
 
 impl Checkpoint {
-    /// The checkpoints of the picture that is written to `out`, at most one per `period`.
-    pub(crate) fn new(
-        out: &Path,
-        scene: &Scene,
-        size: ImageSize,
-        settings: RenderSettings,
-        period: Duration,
-    ) -> Self {
-        let SceneHash(hash) = SceneHash::of(scene);
-        let mut path = out.as_os_str().to_owned();
-        path.push(".checkpoint");
+    /// The checkpoints of a picture in the file `path`, at most one per `period`.
+    pub(crate) fn new(path: PathBuf, scene: SceneHash, spec: &FrameSpec, period: Duration) -> Self {
         Self {
-            path: path.into(),
+            path,
             header: CheckpointHeader {
                 version: VERSION,
-                scene: hash.iter().map(|byte| format!("{byte:02x}")).collect(),
-                size,
-                settings,
+                scene: picture_hash(scene, &spec.update),
+                size: spec.size,
+                settings: spec.settings,
                 samples_done: 0,
             },
             period,
@@ -72,8 +64,8 @@ impl Checkpoint {
     /// The film and its samples per pixel; `None` without a checkpoint.
     ///
     /// # Errors
-    /// [`Failure::Input`] if the checkpoint is damaged or of another picture.
-    pub(crate) fn resume(&mut self) -> Result<Option<(Film, u32)>, Failure> {
+    /// [`Error::Resume`] if the checkpoint is damaged or of another picture.
+    pub(crate) fn resume(&mut self) -> Result<Option<(Film, u32)>, Error> {
         let bytes = match std::fs::read(&self.path) {
             Ok(bytes) => bytes,
             Err(why) if why.kind() == std::io::ErrorKind::NotFound => return Ok(None),
@@ -95,15 +87,15 @@ impl Checkpoint {
         Ok(Some((film, samples_done)))
     }
 
-    fn refused(&self, why: &str) -> Failure {
-        Failure::Input(format!(
-            "{}: {why}; delete it, or write the picture to another file",
-            self.path.display()
-        ))
+    fn refused(&self, why: &str) -> Error {
+        Error::Resume {
+            path: self.path.clone(),
+            reason: why.to_owned(),
+        }
     }
 
     /// Writes the film if the last checkpoint is old enough. A render does not end over a checkpoint
-    /// that cannot be written: the first time it is said on standard error.
+    /// that cannot be written: the first time a warning is logged.
     pub(crate) fn offer(&mut self, film: &Film, samples_done: u32) {
         self.header.samples_done = samples_done;
         if self.written.elapsed() < self.period {
@@ -112,7 +104,7 @@ impl Checkpoint {
         if let Err(why) = self.write(film) {
             self.written = Instant::now();
             if !self.warned {
-                eprintln!("carom-farm: the render goes on without a checkpoint: {why}");
+                tracing::warn!("the render goes on without a checkpoint: {why}");
             }
             self.warned = true;
         }
@@ -122,8 +114,8 @@ impl Checkpoint {
     /// and returns the file.
     ///
     /// # Errors
-    /// [`Failure::Run`] if it can be written nowhere.
-    pub(crate) fn rescue(&mut self, film: &Film) -> Result<PathBuf, Failure> {
+    /// [`Error::File`] if it can be written nowhere.
+    pub(crate) fn rescue(&mut self, film: &Film) -> Result<PathBuf, Error> {
         self.header.samples_done = self.header.settings.samples;
         let path = self.path.clone();
         if self.write(film).is_ok() {
@@ -140,9 +132,14 @@ impl Checkpoint {
     /// Writes the film.
     ///
     /// # Errors
-    /// [`Failure::Run`] if the file cannot be written.
-    pub(crate) fn write(&mut self, film: &Film) -> Result<(), Failure> {
-        let mut bytes = serde_json::to_vec(&self.header).context("the checkpoint's header")?;
+    /// [`Error::File`] if the file cannot be written.
+    pub(crate) fn write(&mut self, film: &Film) -> Result<(), Error> {
+        let failed = |source| Error::File {
+            path: self.path.clone(),
+            source,
+        };
+        let header = serde_json::to_vec(&self.header);
+        let mut bytes = header.map_err(|why| failed(why.into()))?;
         bytes.push(b'\n');
         bytes.extend(film.to_bytes());
         bytes.extend(blake3::hash(&bytes).as_bytes());
@@ -156,7 +153,7 @@ impl Checkpoint {
         };
         if let Err(why) = write() {
             let _ = std::fs::remove_file(&partial);
-            return Err(anyhow::Error::new(why).context(self.path.display().to_string()))?;
+            return Err(failed(why));
         }
         self.written = Instant::now();
         Ok(())
@@ -165,20 +162,27 @@ impl Checkpoint {
     /// Deletes the file once the picture is complete.
     ///
     /// # Errors
-    /// [`Failure::Run`] if it exists and cannot be deleted.
-    pub(crate) fn remove(&self) -> Result<(), Failure> {
+    /// [`Error::File`] if it exists and cannot be deleted.
+    pub(crate) fn remove(&self) -> Result<(), Error> {
         match std::fs::remove_file(&self.path) {
-            Err(why) if why.kind() != std::io::ErrorKind::NotFound => {
-                Err(anyhow::Error::new(why).context(self.path.display().to_string()))?
-            }
+            Err(source) if source.kind() != std::io::ErrorKind::NotFound => Err(Error::File {
+                path: self.path.clone(),
+                source,
+            }),
             _ => Ok(()),
         }
     }
+}
 
-    /// The path of the file.
-    pub(crate) fn path(&self) -> &Path {
-        &self.path
-    }
+/// Of a scene in the state that it is drawn in, in hexadecimal.
+fn picture_hash(SceneHash(scene): SceneHash, update: &SceneUpdate) -> String {
+    let hash = if *update == SceneUpdate::default() {
+        blake3::Hash::from_bytes(scene)
+    } else {
+        // What Rust prints of a number tells it from all others.
+        blake3::hash(format!("{scene:?} {update:?}").as_bytes())
+    };
+    hash.to_hex().to_string()
 }
 
 fn read(bytes: &[u8]) -> Option<(CheckpointHeader, Film)> {
@@ -194,27 +198,33 @@ fn read(bytes: &[u8]) -> Option<(CheckpointHeader, Film)> {
 
 #[cfg(test)]
 mod tests {
-    use carom_testkit::simulator::empty_scene;
-    use carom_tracer::Tile;
-    use glam::Vec3;
+    use std::path::Path;
+
+    use carom_protocol::PixelFormat;
+    use carom_tracer::{Scene, Tile};
 
     use super::*;
 
     const SIZE: ImageSize = ImageSize::new(5, 3);
 
     fn scene(eye: f32) -> Scene {
-        let mut scene = empty_scene();
-        scene.camera.eye = Vec3::new(0.0, eye, 1.0);
+        let mut scene = Scene::new();
+        scene.camera.eye.y = eye;
         scene
     }
 
     fn checkpoint(folder: &Path, eye: f32, samples: u32) -> Checkpoint {
-        let settings = RenderSettings {
-            samples,
-            ..RenderSettings::default()
+        let spec = FrameSpec {
+            update: SceneUpdate::default(),
+            size: SIZE,
+            settings: RenderSettings {
+                samples,
+                ..RenderSettings::default()
+            },
+            format: PixelFormat::LinearF32,
         };
-        let period = Duration::ZERO;
-        Checkpoint::new(&folder.join("a.exr"), &scene(eye), SIZE, settings, period)
+        let path = folder.join("a.exr.checkpoint");
+        Checkpoint::new(path, SceneHash::of(&scene(eye)), &spec, Duration::ZERO)
     }
 
     fn film() -> Film {
@@ -249,7 +259,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut checkpoint = checkpoint(folder.path(), 1.0, 16);
         // A folder of the checkpoint's name cannot be replaced by a file.
-        std::fs::create_dir_all(checkpoint.path().join("full")).unwrap();
+        std::fs::create_dir_all(checkpoint.path.join("full")).unwrap();
         checkpoint.offer(&film(), 3);
         assert!(checkpoint.warned);
         assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1);
@@ -259,7 +269,7 @@ mod tests {
     fn a_film_is_rescued_where_there_is_room() {
         let folder = tempfile::tempdir().unwrap();
         let mut checkpoint = checkpoint(folder.path(), 1.0, 16);
-        std::fs::create_dir_all(checkpoint.path().join("full")).unwrap();
+        std::fs::create_dir_all(checkpoint.path.join("full")).unwrap();
         let kept = checkpoint.rescue(&film()).unwrap();
         let (header, back) = read(&std::fs::read(&kept).unwrap()).unwrap();
         std::fs::remove_file(kept).unwrap();
@@ -274,7 +284,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut first = checkpoint(folder.path(), 1.0, 16);
         first.offer(&film(), 3);
-        let bytes = std::fs::read(first.path()).unwrap();
+        let bytes = std::fs::read(&first.path).unwrap();
         for (eye, samples) in [(1.5, 16), (1.0, 17)] {
             let refused = checkpoint(folder.path(), eye, samples).resume();
             let why = refused.unwrap_err().to_string();
@@ -284,13 +294,13 @@ mod tests {
             );
         }
         for length in 0..bytes.len() {
-            std::fs::write(first.path(), &bytes[..length]).unwrap();
+            std::fs::write(&first.path, &bytes[..length]).unwrap();
             let why = first.resume().unwrap_err().to_string();
             assert!(why.contains("damaged"), "{why}");
         }
         let mut flipped = bytes;
         flipped[200] ^= 1;
-        std::fs::write(first.path(), flipped).unwrap();
+        std::fs::write(&first.path, flipped).unwrap();
         assert!(first.resume().is_err());
     }
 }

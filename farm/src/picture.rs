@@ -1,0 +1,226 @@
+//! Finished pictures, and their files.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use carom_tracer::film::Film;
+use carom_tracer::tonemap::srgb8;
+use carom_tracer::{Aovs, ImageSize, RadianceImage};
+
+use crate::checkpoint::Checkpoint;
+use crate::error::Error;
+
+/// A picture that a farm has traced.
+#[derive(Clone, Debug)]
+pub struct Picture {
+    film: Film,
+    layers: Vec<Aovs>,
+    exposure: f32,
+    checkpoint: Option<Arc<Mutex<Checkpoint>>>,
+}
+
+impl Picture {
+    pub(crate) fn new(film: Film, layers: Vec<Aovs>, exposure: f32) -> Self {
+        Self {
+            film,
+            layers,
+            exposure,
+            checkpoint: None,
+        }
+    }
+
+    pub(crate) fn with_checkpoint(self, checkpoint: Option<Checkpoint>) -> Self {
+        let checkpoint = checkpoint.map(|checkpoint| Arc::new(Mutex::new(checkpoint)));
+        Self { checkpoint, ..self }
+    }
+
+    /// Pixels across and down.
+    pub fn size(&self) -> ImageSize {
+        self.film.size()
+    }
+
+    /// Samples of each pixel.
+    pub fn samples(&self) -> u32 {
+        u32::try_from(self.film.samples_min()).unwrap_or(u32::MAX)
+    }
+
+    /// Samples that were not finite and count as black.
+    pub fn dropped_samples(&self) -> u64 {
+        self.film.dropped_samples()
+    }
+
+    /// Mean radiance of each pixel.
+    pub fn image(&self) -> RadianceImage {
+        self.film.image()
+    }
+
+    /// Sums of the samples.
+    pub const fn film(&self) -> &Film {
+        &self.film
+    }
+
+    /// Albedo, normal and depth of each pixel, row by row; empty unless they were asked for.
+    pub fn layers(&self) -> &[Aovs] {
+        &self.layers
+    }
+
+    /// 8-bit sRGB and 255 of each pixel, row by row from the top left.
+    pub fn rgba8(&self) -> Vec<[u8; 4]> {
+        let opaque = |&pixel: &[f32; 3]| {
+            let [r, g, b] = srgb8(pixel, self.exposure);
+            [r, g, b, 255]
+        };
+        self.image().pixels.iter().map(opaque).collect()
+    }
+
+    /// Writes the picture: as 8-bit sRGB if the name ends in `.png` or `.jpg`, as 32-bit linear
+    /// radiance with the layers that there are if it ends in `.exr`. Half a file is never seen.
+    ///
+    /// # Errors
+    /// [`Error::PictureFormat`] for another name, [`Error::Tracer`] or [`Error::File`] if the file
+    /// cannot be written.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<(), Error> {
+        let path = path.as_ref();
+        let format = FileFormat::of(path)?;
+        let partial = partial(path);
+        let written = self.write(&partial, format);
+        let renamed = written.and_then(|()| {
+            std::fs::rename(&partial, path).map_err(|source| Error::File {
+                path: path.to_owned(),
+                source,
+            })
+        });
+        if renamed.is_err() {
+            let _ = std::fs::remove_file(&partial); // perhaps it was not even made
+        }
+        renamed
+    }
+
+    /// Removes the checkpoint of [`crate::Still::checkpoint`], if there is one.
+    ///
+    /// # Errors
+    /// [`Error::File`] if it cannot be removed.
+    pub fn remove_checkpoint(&self) -> Result<(), Error> {
+        let Some(checkpoint) = &self.checkpoint else {
+            return Ok(());
+        };
+        let checkpoint = checkpoint.lock().unwrap_or_else(PoisonError::into_inner);
+        checkpoint.remove()
+    }
+
+    /// Writes the checkpoint of [`crate::Still::checkpoint`] with all samples, for a picture that could
+    /// not be saved: in its place, or where there is no room in the folder of temporary files. Returns
+    /// the file; none if there is no checkpoint.
+    ///
+    /// # Errors
+    /// [`Error::File`] if it can be written nowhere.
+    pub fn rescue(&self) -> Result<Option<PathBuf>, Error> {
+        let Some(checkpoint) = &self.checkpoint else {
+            return Ok(None);
+        };
+        let mut checkpoint = checkpoint.lock().unwrap_or_else(PoisonError::into_inner);
+        checkpoint.rescue(&self.film).map(Some)
+    }
+
+    /// Writes the picture in a format, whatever the file is called.
+    ///
+    /// # Errors
+    /// [`Error::Tracer`] if the file cannot be written.
+    pub fn write(&self, path: &Path, format: FileFormat) -> Result<(), Error> {
+        let image = self.image();
+        match format {
+            FileFormat::Png => image.write_png(path, self.exposure)?,
+            FileFormat::Jpeg => image.write_jpeg(path, self.exposure, JPEG_QUALITY)?,
+            FileFormat::Exr if self.layers.is_empty() => image.write_exr(path)?,
+            FileFormat::Exr => image.write_exr_with_aovs(path, &self.layers)?,
+        }
+        Ok(())
+    }
+}
+
+/// The format of a picture's file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum FileFormat {
+    /// 8-bit sRGB without loss.
+    Png,
+    /// 8-bit sRGB with little loss.
+    Jpeg,
+    /// 32-bit linear floats.
+    Exr,
+}
+
+impl FileFormat {
+    /// What a file's name says.
+    ///
+    /// # Errors
+    /// [`Error::PictureFormat`] unless it ends in `.png`, `.exr`, `.jpg` or `.jpeg`.
+    pub fn of(path: &Path) -> Result<Self, Error> {
+        let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
+        match extension.to_str() {
+            Some("png") => Ok(Self::Png),
+            Some("exr") => Ok(Self::Exr),
+            Some("jpg" | "jpeg") => Ok(Self::Jpeg),
+            _ => Err(Error::PictureFormat {
+                path: path.to_owned(),
+            }),
+        }
+    }
+}
+
+/// `a/b.png` becomes `a/.b.png.partial`.
+pub(crate) fn partial(path: &Path) -> PathBuf {
+    let mut name = std::ffi::OsString::from(".");
+    name.push(path.file_name().unwrap_or_default());
+    name.push(".partial");
+    path.with_file_name(name)
+}
+
+/// Loss that is not seen, at some 2 bits a pixel.
+const JPEG_QUALITY: u8 = 92;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn picture() -> Picture {
+        let size = ImageSize::new(8, 4);
+        let mut film = Film::new(size);
+        let whole = carom_tracer::Tile {
+            x: 0,
+            y: 0,
+            width: 8,
+            height: 4,
+        };
+        film.add(whole, &[[0.5, 0.25, 0.125]; 32], 2).unwrap();
+        Picture::new(film, Vec::new(), 1.0)
+    }
+
+    #[test]
+    fn the_name_tells_the_format() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, magic) in [
+            ("a.png", &b"\x89PNG"[..]),
+            ("a.jpg", b"\xff\xd8"),
+            ("A.JPEG", b"\xff\xd8"),
+            ("a.exr", b"\x76\x2f\x31\x01"),
+        ] {
+            let path = folder.path().join(name);
+            picture().save(&path).unwrap();
+            assert!(std::fs::read(path).unwrap().starts_with(magic), "{name}");
+        }
+        let why = picture().save(folder.path().join("a.gif")).unwrap_err();
+        assert!(why.to_string().contains("a.gif: the name must end in .png"));
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 4);
+    }
+
+    #[test]
+    fn a_picture_that_cannot_be_written_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let taken = folder.path().join("taken.png");
+        std::fs::create_dir(&taken).unwrap();
+        let why = picture().save(&taken).unwrap_err().to_string();
+        assert!(why.contains("taken.png"), "{why}");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+}

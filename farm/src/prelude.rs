@@ -1,0 +1,12 @@
+//! Names for applications: `use carom_farm::prelude::*;`.
+
+pub use carom_tracer::glam::{self, Quat, Vec3};
+pub use carom_tracer::{
+    AreaLight, Axis, Camera, Cuboid, Environment, ImageSize, Material, ObjectHandle, Plane,
+    RadianceImage, RenderSettings, Scene, SceneUpdate, Shape, Sphere,
+};
+
+pub use crate::{
+    Error, Farm, FarmConfig, FarmEvent, LocalNode, NodeStatus, Picture, Still, StillJob,
+    StillProgress,
+};

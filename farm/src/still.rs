@@ -1,0 +1,374 @@
+//! Stills: one picture of many samples, traced by a whole farm.
+
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use carom_protocol::PixelFormat;
+use carom_tracer::film::Film;
+use carom_tracer::{Camera, ImageSize, RenderSettings, Scene, SceneUpdate};
+
+use crate::accumulated_render::{AccumulatedRender, trace_aovs};
+use crate::checkpoint::Checkpoint;
+use crate::error::Error;
+use crate::farm::Farm;
+use crate::frame::FrameSpec;
+use crate::job::{Cancellation, Job};
+use crate::picture::Picture;
+use crate::stats::FrameStats;
+use crate::submission::{Priority, SceneHandle};
+use crate::submitter::Submitter;
+
+/// A still to trace.
+///
+/// ```
+/// # use carom_farm::prelude::*;
+/// # fn main() -> carom_farm::Result<()> {
+/// # let mut scene = Scene::new();
+/// # scene.add(Sphere::new(1.0), Material::grey(0.5));
+/// # let mut farm = Farm::new(FarmConfig { local: LocalNode::Cpu, ..FarmConfig::default() })?;
+/// let still = Still::new(32, 18)
+///     .samples(4)
+///     .on_progress(|progress| eprintln!("{:.0} %", 100.0 * progress.fraction()));
+/// let job = farm.still(&scene, still)?; // does not wait
+/// let picture = job.wait()?;
+/// assert_eq!(picture.samples(), 4);
+/// # Ok(())
+/// # }
+/// ```
+pub struct Still {
+    spec: FrameSpec,
+    priority: Priority,
+    exposure: f32,
+    has_layers: bool,
+    frame_samples: Option<u32>,
+    checkpoint: Option<(PathBuf, Duration)>,
+    on_progress: Option<ProgressCallback>,
+}
+
+type ProgressCallback = Box<dyn FnMut(&StillProgress) + Send>;
+
+impl Still {
+    /// A picture of so many pixels, of 64 samples each.
+    pub fn new(width: u32, height: u32) -> Self {
+        Self::of(FrameSpec {
+            update: SceneUpdate::default(),
+            size: ImageSize::new(width, height),
+            settings: RenderSettings {
+                samples: 64,
+                ..RenderSettings::default()
+            },
+            format: PixelFormat::LinearF32,
+        })
+    }
+
+    /// The picture of a frame, whatever its format.
+    pub fn of(spec: FrameSpec) -> Self {
+        Self {
+            spec: FrameSpec {
+                format: PixelFormat::LinearF32,
+                ..spec
+            },
+            priority: Priority::Interactive,
+            exposure: 1.0,
+            has_layers: false,
+            frame_samples: None,
+            checkpoint: None,
+            on_progress: None,
+        }
+    }
+
+    /// With so many samples per pixel, see [`RenderSettings::samples`].
+    #[must_use]
+    pub fn samples(mut self, samples: u32) -> Self {
+        self.spec.settings.samples = samples;
+        self
+    }
+
+    /// With paths of at most so many scattering events, see [`RenderSettings::max_depth`].
+    #[must_use]
+    pub fn max_depth(mut self, max_depth: u32) -> Self {
+        self.spec.settings.max_depth = max_depth;
+        self
+    }
+
+    /// With other random numbers.
+    #[must_use]
+    pub fn seed(mut self, seed: u32) -> Self {
+        self.spec.settings.seed = seed;
+        self
+    }
+
+    /// Denoised, guided by albedo, normal and depth.
+    #[must_use]
+    pub fn denoise(mut self) -> Self {
+        self.spec.settings.denoise = true;
+        self
+    }
+
+    /// Seen by another camera than the scene's.
+    #[must_use]
+    pub fn camera(mut self, camera: Camera) -> Self {
+        self.spec.update.camera = Some(camera);
+        self
+    }
+
+    /// Of the scene with some of its objects elsewhere.
+    #[must_use]
+    pub fn update(mut self, update: SceneUpdate) -> Self {
+        self.spec.update = update;
+        self
+    }
+
+    /// Files of 8 bits show radiance times this. Default: 1.
+    #[must_use]
+    pub fn exposure(mut self, exposure: f32) -> Self {
+        self.exposure = exposure;
+        self
+    }
+
+    /// With albedo, normal and depth, which EXR files keep as layers.
+    #[must_use]
+    pub fn layers(mut self) -> Self {
+        self.has_layers = true;
+        self
+    }
+
+    /// Traced where nothing interactive waits.
+    #[must_use]
+    pub fn background(mut self) -> Self {
+        self.priority = Priority::Background;
+        self
+    }
+
+    /// Asked for so many samples at a time. More cost time until the next progress, fewer cost bytes;
+    /// by default as many as suit the size.
+    #[must_use]
+    pub fn frame_samples(mut self, samples: u32) -> Self {
+        self.frame_samples = Some(samples);
+        self
+    }
+
+    /// Kept in a file at most every `period`, and when the job is cancelled; goes on from the file if
+    /// there is one. Once the picture is saved the file is of no use: [`Picture::remove_checkpoint`].
+    #[must_use]
+    pub fn checkpoint(mut self, path: impl Into<PathBuf>, period: Duration) -> Self {
+        self.checkpoint = Some((path.into(), period));
+        self
+    }
+
+    /// Calls this from the job's thread after each frame, and some ten times a second while tiles come.
+    #[must_use]
+    pub fn on_progress(mut self, callback: impl FnMut(&StillProgress) + Send + 'static) -> Self {
+        self.on_progress = Some(Box::new(callback));
+        self
+    }
+}
+
+/// How far a still is.
+#[derive(Clone, Debug, Default)]
+#[non_exhaustive]
+pub struct StillProgress {
+    /// Samples of each pixel that have come.
+    pub samples_done: u32,
+    /// Samples of each pixel of the whole picture.
+    pub samples: u32,
+    /// Tiles that have come of the frames that are being traced.
+    pub tiles_done: u32,
+    /// Tiles of the frames that are being traced.
+    pub tiles: u32,
+    /// Samples of each pixel of the frames that are being traced.
+    pub samples_in_flight: u32,
+    /// Statistics of the frame that has just come; absent between frames.
+    pub frame: Option<FrameStats>,
+}
+
+impl StillProgress {
+    /// Share of the work that is done, 0 to 1.
+    pub fn fraction(&self) -> f64 {
+        let partly = f64::from(self.tiles_done) / f64::from(self.tiles.max(1));
+        let samples = f64::from(self.samples_done) + partly * f64::from(self.samples_in_flight);
+        samples / f64::from(self.samples.max(1))
+    }
+}
+
+/// A still that is being traced. Dropped, it is cancelled.
+#[derive(Debug)]
+pub struct StillJob {
+    job: Job<Picture>,
+    progress: Arc<Mutex<StillProgress>>,
+    resumed_samples: u32,
+}
+
+/// Cancels a still from another thread.
+#[derive(Clone, Debug)]
+pub struct StillCanceller(Cancellation);
+
+impl StillCanceller {
+    /// Ends the work: [`StillJob::wait`] returns [`Error::Cancelled`].
+    pub fn cancel(&self) {
+        self.0.cancel();
+    }
+}
+
+impl Farm {
+    /// Traces a picture and waits for it.
+    ///
+    /// # Errors
+    /// As [`Farm::still`] and [`StillJob::wait`].
+    pub fn render(&mut self, scene: &Scene, still: Still) -> Result<Picture, Error> {
+        self.still(scene, still)?.wait()
+    }
+
+    /// Begins to trace a picture, on a thread of its own.
+    ///
+    /// # Errors
+    /// [`Error::Tracer`] with the first rule that the scene or the still breaks, [`Error::Resume`] if
+    /// there is a checkpoint of another picture, [`Error::Thread`].
+    pub fn still(&mut self, scene: &Scene, still: Still) -> Result<StillJob, Error> {
+        let scene = self.announce(scene)?;
+        scene.check(&still.spec)?;
+        let checkpoint = still.checkpoint.clone();
+        let mut checkpoint =
+            checkpoint.map(|(path, period)| Checkpoint::new(path, scene.hash, &still.spec, period));
+        let resumed = match &mut checkpoint {
+            Some(checkpoint) => checkpoint.resume()?,
+            None => None,
+        };
+        let (film, done) = resumed.unwrap_or_else(|| (Film::new(still.spec.size), 0));
+        let progress = Arc::new(Mutex::new(StillProgress {
+            samples_done: done,
+            samples: still.spec.settings.samples,
+            ..StillProgress::default()
+        }));
+        let mut render = AccumulatedRender::new(still.spec.clone(), still.priority).resume(done);
+        if let Some(samples) = still.frame_samples {
+            render.set_frame_samples(samples);
+        }
+        let run = StillRun {
+            submitter: self.submitter(),
+            render,
+            film,
+            scene,
+            checkpoint,
+            progress: Arc::clone(&progress),
+            still,
+        };
+        Ok(StillJob {
+            job: Job::start("carom-still", |cancelled| run.run(cancelled))?,
+            progress,
+            resumed_samples: done,
+        })
+    }
+}
+
+impl StillJob {
+    /// How far it is.
+    pub fn progress(&self) -> StillProgress {
+        let progress = self.progress.lock();
+        progress.unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Samples of each pixel that a checkpoint held at the start.
+    pub const fn resumed_samples(&self) -> u32 {
+        self.resumed_samples
+    }
+
+    /// Whether [`StillJob::wait`] would return at once.
+    pub fn is_finished(&self) -> bool {
+        self.job.is_finished()
+    }
+
+    /// Ends the work; a checkpoint is written if one was asked for.
+    pub fn cancel(&self) {
+        self.job.cancellation().cancel();
+    }
+
+    /// To cancel the work while another thread waits for it.
+    pub fn canceller(&self) -> StillCanceller {
+        StillCanceller(self.job.cancellation().clone())
+    }
+
+    /// Waits for the picture.
+    ///
+    /// # Errors
+    /// [`Error::NoNodes`] if no node has answered for [`crate::FarmConfig::timeout_secs`],
+    /// [`Error::Cancelled`], [`Error::FarmClosed`] if the farm has been dropped.
+    pub fn wait(self) -> Result<Picture, Error> {
+        self.job.wait()
+    }
+}
+
+/// What the thread of a job works on.
+struct StillRun {
+    submitter: Submitter,
+    render: AccumulatedRender,
+    film: Film,
+    scene: SceneHandle,
+    checkpoint: Option<Checkpoint>,
+    progress: Arc<Mutex<StillProgress>>,
+    still: Still,
+}
+
+impl StillRun {
+    fn run(mut self, cancelled: &Cancellation) -> Result<Picture, Error> {
+        while !self.render.is_done() {
+            if cancelled.is_cancelled() {
+                return Err(self.interrupt()?);
+            }
+            self.render
+                .submit_through(&mut self.submitter, &self.scene)?;
+            let frame = self.submitter.wait_frame(POLL_INTERVAL);
+            let batch = frame.and_then(|frame| self.render.accept(frame));
+            let stats = match batch {
+                Some(batch) => {
+                    batch.add_to(&mut self.film)?;
+                    Some(batch.frame.stats)
+                }
+                None => {
+                    self.submitter.check_nodes()?;
+                    None
+                }
+            };
+            self.report(stats);
+        }
+        let layers = if self.still.has_layers {
+            trace_aovs(&self.scene.scene, &self.still.spec)?
+        } else {
+            Vec::new()
+        };
+        let picture = Picture::new(self.film, layers, self.still.exposure);
+        Ok(picture.with_checkpoint(self.checkpoint))
+    }
+
+    fn report(&mut self, frame: Option<FrameStats>) {
+        let done = self.render.samples_done();
+        if let (Some(checkpoint), Some(_)) = (&mut self.checkpoint, &frame) {
+            checkpoint.offer(&self.film, done);
+        }
+        let (tiles_done, tiles) = self.submitter.tiles_in_flight();
+        let progress = StillProgress {
+            samples_done: done,
+            samples: self.still.spec.settings.samples,
+            tiles_done,
+            tiles,
+            samples_in_flight: self.render.samples_in_flight(),
+            frame,
+        };
+        if let Some(callback) = &mut self.still.on_progress {
+            callback(&progress);
+        }
+        *self.progress.lock().unwrap_or_else(PoisonError::into_inner) = progress;
+    }
+
+    fn interrupt(&mut self) -> Result<Error, Error> {
+        let samples_done = self.render.samples_done();
+        if let (Some(checkpoint), true) = (&mut self.checkpoint, samples_done > 0) {
+            checkpoint.write(&self.film)?;
+        }
+        Ok(Error::Cancelled { samples_done })
+    }
+}
+
+/// How long to wait for a frame before looking at what else there is.
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
