@@ -157,6 +157,8 @@ def moved(given, about, scale):
 
 def scene_dict(mitsuba, scene, args):
     camera = scene["camera"]
+    lens = camera.get("lens", {"aperture_radius_m": 0.0, "focus_distance_m": 1.0})
+    is_pinhole = lens["aperture_radius_m"] == 0.0
     x, y, width, height = args.crop
     result = {
         "type": "scene",
@@ -166,7 +168,11 @@ def scene_dict(mitsuba, scene, args):
             "rr_depth": 10_000,
         },
         "sensor": {
-            "type": "perspective",
+            "type": "perspective" if is_pinhole else "thinlens",
+            **({} if is_pinhole else {
+                "aperture_radius": lens["aperture_radius_m"] * args.scale,
+                "focus_distance": lens["focus_distance_m"] * args.scale,
+            }),
             "fov": camera["fov_x_deg"],
             "fov_axis": "x",
             "near_clip": 1e-3 * args.scale,

@@ -18,7 +18,8 @@ use carom::scene::table_scene::TableScene;
 use carom_billiards::rules::RuleSet;
 use carom_tracer::film::trace_image;
 use carom_tracer::{
-    Camera, CompiledScene, CpuTracer, ImageSize, RenderSettings, Scene, Tile, TraceJob, Tracer,
+    Camera, CompiledScene, CpuTracer, ImageSize, Lens, RenderSettings, Scene, Tile, TraceJob,
+    Tracer,
 };
 use clap::ValueEnum as _;
 use cpu_time::ProcessTime;
@@ -111,5 +112,6 @@ fn camera(view: &str) -> Result<Camera, String> {
         target: Vec3::from_array(target),
         up: Vec3::Z,
         fov_x_deg,
+        lens: Lens::default(),
     })
 }

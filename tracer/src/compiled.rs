@@ -491,9 +491,12 @@ pub fn camera_frame(camera: &Camera, size: ImageSize) -> CameraFrame {
     let pixel = 2.0 * half_width / f64::from(size.width);
     let corner = forward - right * half_width + up * (0.5 * pixel * f64::from(size.height));
     let array = |v: DVec3| v.as_vec3().to_array();
+    let lens_steps = f64::from(camera.lens.aperture_radius_m) / pixel;
     CameraFrame {
         eye: camera.eye.to_array(),
+        lens_steps: lens_steps as f32,
         corner: array(corner),
+        lens_film: (lens_steps / f64::from(camera.lens.focus_distance_m)) as f32,
         dx: array(right * pixel),
         dy: array(-up * pixel),
         ..CameraFrame::zeroed()

@@ -158,6 +158,9 @@ fn spread(mut bits: u32) -> u32 {
 /// Block of the camera ray: position in the pixel.
 pub const BLOCK_CAMERA: u32 = 0;
 
+/// Block of the camera ray: position on the lens.
+pub const BLOCK_LENS: u32 = u32::MAX;
+
 /// Vertices of a path at which it is never ended by Russian roulette: the first.
 pub const ROULETTE_DEPTH: u32 = 1;
 

@@ -1,8 +1,9 @@
 //! The mode of the window (game, replay or practice) and the view that it gives.
 
-use carom_billiards::physics::BallPose;
+use carom_billiards::physics::{BallPose, Table};
+use carom_tracer::Camera;
 
-use crate::camera::Viewpoint;
+use crate::camera::{APERTURE_RADIUS_M, Viewpoint};
 use crate::capture::replay::ReplayPlayer;
 use crate::play::practice::Practice;
 use crate::play::{Game, ShotClock};
@@ -32,13 +33,23 @@ pub enum ViewTime {
 #[derive(Clone, Debug)]
 pub struct ModeView {
     /// From where it is seen.
-    pub camera: Viewpoint,
+    pub viewpoint: Viewpoint,
+    /// Radius of the lens's aperture in metres: replays have depth of field, in play all is sharp.
+    pub aperture_radius_m: f32,
     /// The balls.
     pub poses: Vec<BallPose>,
     /// The cue, while there is one to show.
     pub cue: Option<CuePose>,
     /// The clock of the shot that is on; none for another moment than now.
     pub clock: Option<ShotClock>,
+}
+
+impl ModeView {
+    /// The tracer's camera, in a room with this table.
+    pub fn camera(&self, table: &Table) -> Camera {
+        let camera = self.viewpoint.camera_in(table);
+        camera.aperture_radius_m(self.aperture_radius_m)
+    }
 }
 
 impl Mode {
@@ -52,7 +63,8 @@ impl Mode {
                     ViewTime::Moment(moment_secs) => game.cue_in_shot(moment_secs),
                 };
                 ModeView {
-                    camera: game.viewpoint(moment),
+                    viewpoint: game.viewpoint(moment),
+                    aperture_radius_m: 0.0,
                     poses: game.poses(moment),
                     cue: cue.map(|cue| cue.pose(game.table().cue_ball().radius_m)),
                     clock,
@@ -61,7 +73,8 @@ impl Mode {
             Self::Replay(player) => {
                 let (clock, moment) = time.resolve(|now| player.shot_clock(now));
                 ModeView {
-                    camera: player.viewpoint(game, moment),
+                    viewpoint: player.viewpoint(game, moment),
+                    aperture_radius_m: APERTURE_RADIUS_M,
                     poses: player.poses(moment),
                     cue: player.cue(game.table(), moment),
                     clock,
@@ -69,7 +82,8 @@ impl Mode {
             }
             // The game's camera looks at a table that is being arranged.
             Self::Practice(practice) => ModeView {
-                camera: game.viewpoint(0.0),
+                viewpoint: game.viewpoint(0.0),
+                aperture_radius_m: 0.0,
                 poses: practice.poses(),
                 cue: None,
                 clock: None,

@@ -15,7 +15,9 @@ pub use follow_camera::FollowCamera;
 pub use framing::Framing;
 pub use projection::Projection;
 pub use view_selection::{CameraIntent, CameraView, SAVED_MAX, ViewContext, ViewSelection};
-pub use viewpoint::{CameraSmoother, EYE_Z_M_MAX, EYE_Z_M_MIN, Orbit, Viewpoint};
+pub use viewpoint::{
+    APERTURE_RADIUS_M, CameraSmoother, EYE_Z_M_MAX, EYE_Z_M_MIN, Orbit, Viewpoint,
+};
 
 /// An angle's equal in (−π, π].
 pub fn wrap_rad(angle_rad: f64) -> f64 {

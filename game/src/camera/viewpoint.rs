@@ -3,7 +3,7 @@
 use std::f64::consts::FRAC_PI_2;
 
 use carom_billiards::physics::{Pocket, Table};
-use carom_tracer::Camera;
+use carom_tracer::{Camera, Lens};
 use glam::{DVec3, Vec3};
 
 use super::{Framing, wrap_rad};
@@ -13,6 +13,9 @@ use crate::scene::scene_builder::{self, FOV_X_DEG};
 pub const EYE_Z_M_MAX: f64 = 0.95;
 /// The eye stays above the rails and the balls.
 pub const EYE_Z_M_MIN: f64 = 0.12;
+
+/// Radius of the aperture of replays, films and the title, in metres: a lens of 50 mm at f/2.
+pub const APERTURE_RADIUS_M: f32 = 0.0125;
 
 /// A view as people think of it: what is looked at, from which side, how steeply and how far off.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -173,6 +176,7 @@ impl Viewpoint {
             target: self.focus.as_vec3(),
             up: Vec3::Z,
             fov_x_deg: self.fov_x_deg as f32,
+            lens: Lens::default(),
         }
     }
 

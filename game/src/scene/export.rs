@@ -9,7 +9,7 @@ use carom_tracer::{Camera, Scene, Shape};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
 
-use crate::camera::Viewpoint;
+use crate::camera::{APERTURE_RADIUS_M, Viewpoint};
 use crate::scene::ball_materials::BallSet;
 use crate::scene::cue_stick::CuePose;
 use crate::scene::table_scene::TableScene;
@@ -51,6 +51,8 @@ pub enum SceneView {
     Table,
     /// The object balls from near
     Rack,
+    /// Over the rack to the cue, from a low eye and with depth of field
+    Title,
 }
 
 impl SceneView {
@@ -63,9 +65,13 @@ impl SceneView {
                 let bearing_rad = (-cue_ball.position.truncate()).to_angle();
                 Viewpoint::behind(cue_ball.position, bearing_rad).camera_in(table)
             }
-            (Self::Rack, _) if !object_balls.is_empty() => {
+            (Self::Rack | Self::Title, _) if !object_balls.is_empty() => {
                 let sum: DVec3 = object_balls.iter().map(|ball| ball.position).sum();
                 let middle = sum / object_balls.len() as f64;
+                if self == Self::Title {
+                    let camera = title(middle).camera_in(table);
+                    return camera.aperture_radius_m(APERTURE_RADIUS_M);
+                }
                 let near = Viewpoint {
                     distance_m: RACK_DISTANCE_M,
                     ..Viewpoint::beside(middle, RACK_BEARING_RAD)
@@ -74,6 +80,17 @@ impl SceneView {
             }
             _ => scene.scene().camera,
         }
+    }
+}
+
+/// From behind the rack, low over the rail.
+fn title(rack: DVec3) -> Viewpoint {
+    Viewpoint {
+        focus: rack,
+        bearing_rad: 2.82,
+        pitch_rad: 0.18,
+        distance_m: 1.05,
+        fov_x_deg: 50.0,
     }
 }
 

@@ -8,7 +8,7 @@ use carom_protocol::{
     SceneHash, TilesDone, ToClient, ToNode, TraceRequest, message::VERSION,
 };
 use carom_tracer::{
-    Camera, DeviceInfo, DeviceKind, Environment, ImageSize, Material, Object, ObjectPose,
+    Camera, DeviceInfo, DeviceKind, Environment, ImageSize, Lens, Material, Object, ObjectPose,
     RenderSettings, Scene, SceneUpdate, Shape, TileGrid, TileRange,
 };
 use glam::{Quat, Vec3};
@@ -159,6 +159,7 @@ fn camera(eye: Vec3) -> Camera {
         target: Vec3::ZERO,
         up: Vec3::Z,
         fov_x_deg: 60.0,
+        lens: Lens::default(),
     }
 }
 

@@ -7,8 +7,8 @@ use std::time::Instant;
 use anyhow::Context;
 use carom_tracer::compiled::{BvhUse, ShapeKind};
 use carom_tracer::{
-    AreaLight, Camera, CompiledScene, Environment, ImageSize, Material, Object, Scene, SceneUpdate,
-    Shape, Tracer, sampling,
+    AreaLight, Camera, CompiledScene, Environment, ImageSize, Lens, Material, Object, Scene,
+    SceneUpdate, Shape, Tracer, sampling,
 };
 use cpu_time::ProcessTime;
 use glam::{EulerRot, Quat, Vec3};
@@ -360,6 +360,7 @@ fn cloud(many: SweptShape, count: u32) -> Scene {
             target: Vec3::new(0.0, 0.0, 0.4),
             up: Vec3::Z,
             fov_x_deg: 50.0,
+            lens: Lens::default(),
         },
         environment: Environment {
             radiance: Vec3::new(0.3, 0.35, 0.4),

@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, ensure};
-use carom_tracer::{AreaLight, Camera, Environment, Material, Object, Scene, Shape, Stripe};
+use carom_tracer::{AreaLight, Camera, Environment, Lens, Material, Object, Scene, Shape, Stripe};
 use glam::{DQuat, DVec3, Quat, Vec3};
 use serde::Deserialize;
 use serde::de::IgnoredAny;
@@ -169,6 +169,7 @@ impl SceneFile {
                 target: self.camera.target,
                 up: self.camera.up,
                 fov_x_deg: self.camera.fov_x_deg,
+                lens: Lens::default(),
             },
             environment: match self.environment {
                 EnvironmentJson::Constant { radiance } => Environment { radiance },

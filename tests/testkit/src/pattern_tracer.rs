@@ -8,7 +8,7 @@ use std::time::Duration;
 use carom_farm::FrameSpec;
 use carom_tracer::sampling::{pixel_key, uniforms};
 use carom_tracer::{
-    Camera, CompiledScene, DeviceInfo, DeviceKind, Environment, Error, Material, Object,
+    Camera, CompiledScene, DeviceInfo, DeviceKind, Environment, Error, Lens, Material, Object,
     RenderSettings, Scene, Shape, Tile, TileRadiance, TraceJob, TraceStats, Tracer,
 };
 use glam::{Quat, Vec3};
@@ -195,6 +195,7 @@ pub fn scene() -> Scene {
             target: Vec3::ZERO,
             up: Vec3::Z,
             fov_x_deg: 40.0,
+            lens: Lens::default(),
         },
         environment: Environment {
             radiance: Vec3::splat(0.5),

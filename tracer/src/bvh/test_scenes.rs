@@ -7,7 +7,7 @@ use glam::{Quat, Vec3};
 
 use crate::compiled::ShapeKind;
 use crate::sampling::uniforms;
-use crate::{Camera, CompiledScene, Environment, Material, Object, Scene, Shape};
+use crate::{Camera, CompiledScene, Environment, Lens, Material, Object, Scene, Shape};
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Arrangement {
@@ -129,6 +129,7 @@ pub(crate) fn test_scene(kind: Arrangement, of: ShapeKind, count: u32, seed: u32
             target,
             up: Vec3::Z,
             fov_x_deg: 40.0,
+            lens: Lens::default(),
         },
         environment: Environment { radiance: albedo },
         materials: BTreeMap::from([("m".to_owned(), material)]),

@@ -234,18 +234,20 @@ pub struct MaterialData {
 }
 
 /// A camera for one image size: the ray through film position `(x, y)`, in pixels from the top
-/// left, leaves `eye` along `corner + x·dx + y·dy` (not of unit length).
+/// left, leaves `eye` along `corner + x·dx + y·dy` (not of unit length). Through point `l` of the lens, in the unit disc,
+/// it leaves `eye + lens_steps·(l.x·dx + l.y·dy)` as if it went through film position `(x, y) − lens_film·l`, so that it
+/// meets the others at the focus distance.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct CameraFrame {
-    /// The pinhole, metres.
+    /// The pinhole or the middle of the lens, metres.
     pub eye: [f32; 3],
-    /// 0.
-    pub padding0: u32,
+    /// Radius of the lens in steps of `dx`; 0 for a pinhole.
+    pub lens_steps: f32,
     /// Direction of the film's top left corner.
     pub corner: [f32; 3],
-    /// 0.
-    pub padding1: u32,
+    /// `lens_steps` over the focus distance in metres: the radius of the lens as the point in focus sees it, in pixels.
+    pub lens_film: f32,
     /// Step of one pixel to the right.
     pub dx: [f32; 3],
     /// 0.

@@ -1,5 +1,5 @@
 use super::*;
-use crate::scene::{Environment, Material, Object};
+use crate::scene::{Environment, Lens, Material, Object};
 
 /// A box and two balls, so that an object's number differs from its sphere's.
 fn scene() -> Scene {
@@ -23,6 +23,7 @@ fn scene() -> Scene {
             target: Vec3::ZERO,
             up: Vec3::Z,
             fov_x_deg: 60.0,
+            lens: Lens::default(),
         },
         environment: Environment {
             radiance: Vec3::ONE,

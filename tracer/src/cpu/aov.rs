@@ -77,12 +77,12 @@ impl Prepared {
         for sample in samples {
             let sample = self.settings.first_sample.wrapping_add(sample);
             let sample = Word::splat(simd, sample_key(sample));
-            let direction = self.camera_direction(simd, film, pixel, sample);
+            let (origin, direction) = self.camera_ray(simd, film, pixel, sample);
             let length = direction.length_squared().sqrt();
             let direction = direction * (1.0 / length);
-            let rays = Rays::new(simd, self.eye(simd), direction, Word::splat(simd, NONE));
+            let rays = Rays::new(simd, origin, direction, Word::splat(simd, NONE));
             let nearest = self.geometry.nearest(simd, &rays);
-            let aovs = self.first_hit_aovs(simd, direction, length, &nearest);
+            let aovs = self.first_hit_aovs(simd, &rays, length, &nearest);
             for (sum, aovs) in sum.iter_mut().zip(aovs) {
                 *sum += aovs;
             }
@@ -90,16 +90,17 @@ impl Prepared {
         sum
     }
 
-    /// What camera rays meet, and what its mirror shows: `length` is that of a `direction` of 1
+    /// What camera rays meet, and what its mirror shows: `length` is that of a direction of 1
     /// along the camera's axis.
     #[inline(always)]
     fn first_hit_aovs<S: Simd>(
         &self,
         simd: S,
-        direction: Vec3x<S>,
+        rays: &Rays<S>,
         length: Float<S>,
         nearest: &Nearest<S>,
     ) -> AovLanes<S> {
+        let direction = rays.direction;
         let ended = nearest.id.simd_ge(self.geometry.area_lights_first);
         let emitted = self.emission(simd, direction, nearest, ended);
         if ended.all_true() {
@@ -110,7 +111,7 @@ impl Prepared {
         let met = !ended;
         let id = met.select(nearest.id, Word::splat(simd, 0));
         let distance = met.select(nearest.distance, Float::splat(simd, 1.0));
-        let hit = (self.surfaces).hit(simd, self.eye(simd), direction, distance, id);
+        let hit = (self.surfaces).hit(simd, rays.origin, direction, distance, id);
         let bsdf = Bsdf::new(simd, &hit, -direction);
         self.surface_aovs(simd, met, id, &hit, &bsdf, length / distance, emitted)
     }

@@ -402,7 +402,7 @@ mod tests {
     use crate::scalar::area_light::sample_light;
     use crate::scene::{AreaLight, Environment};
     use crate::simd::{Level, dispatch};
-    use crate::{Camera, CompiledScene, Scene};
+    use crate::{Camera, CompiledScene, Lens, Scene};
 
     /// Two area lights of other shapes and directions.
     fn area_lights() -> Vec<AreaLightData> {
@@ -419,6 +419,7 @@ mod tests {
                 target: Vec3::X,
                 up: Vec3::Z,
                 fov_x_deg: 90.0,
+                lens: Lens::default(),
             },
             environment: Environment {
                 radiance: Vec3::ZERO,

@@ -244,7 +244,7 @@ mod tests {
     use crate::sampling::uniforms;
     use crate::scalar::{Ray, intersect};
     use crate::simd::{Level, dispatch};
-    use crate::{Camera, CpuTracer, Environment, Material, Object, Scene, Shape};
+    use crate::{Camera, CpuTracer, Environment, Lens, Material, Object, Scene, Shape};
 
     type Six = [[f32; LANES]; 6];
 
@@ -284,6 +284,7 @@ mod tests {
                 target: Vec3::ZERO,
                 up: Vec3::Z,
                 fov_x_deg: 40.0,
+                lens: Lens::default(),
             },
             environment: Environment {
                 radiance: Vec3::ZERO,

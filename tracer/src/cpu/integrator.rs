@@ -14,12 +14,13 @@ use super::microfacet::{SCATTERED, untagged};
 use super::rays::{INSIDE, NONE, Nearest, Rays};
 use super::refracted_nee::NeeBoundaries;
 use super::regularisation::{regularised, with_spread};
-use super::sampling::pair;
+use super::sampling::{pair, sin_cos_turns};
 use super::stream::{Stream, StreamPacket, load, load_words, packets, store, store_words};
 use super::surface::{Hit, Surfaces};
 use crate::compiled::{CameraFrame, CompiledScene};
 use crate::sampling::{
-    BLOCK_CAMERA, ROULETTE_DEPTH, SURVIVAL_PER_THROUGHPUT, block_choice, block_light, block_scatter,
+    BLOCK_CAMERA, BLOCK_LENS, ROULETTE_DEPTH, SURVIVAL_PER_THROUGHPUT, block_choice, block_light,
+    block_scatter,
 };
 use crate::{ImageSize, RenderSettings};
 
@@ -111,15 +112,14 @@ impl Prepared {
     /// Camera rays through a random point of each path's pixel.
     #[inline(always)]
     fn generate<S: Simd>(&self, simd: S, stream: &mut Stream) {
-        let eye = self.eye(simd);
         let one = Float::splat(simd, 1.0);
         for StreamPacket { at, .. } in packets(stream.len) {
             let pixel = load_words(simd, &stream.pixel, at);
             let sample = load_words(simd, &stream.sample, at);
             let film = load_words(simd, &stream.film, at);
-            let direction = self.camera_direction(simd, film, pixel, sample);
+            let (origin, direction) = self.camera_ray(simd, film, pixel, sample);
             let length = direction.length_squared().sqrt();
-            stream.origin.store(at, eye);
+            stream.origin.store(at, origin);
             stream.direction.store(at, direction * (one / length));
             store(&mut stream.distance, at, length);
             stream.beta.store(at, Vec3x::new(one, one, one));
@@ -129,29 +129,36 @@ impl Prepared {
         }
     }
 
+    /// Origin and direction of a sample's ray through the pixel at `film`, x below y: the direction is of length 1
+    /// along the camera's axis.
     #[inline(always)]
-    pub(super) fn eye<S: Simd>(&self, simd: S) -> Vec3x<S> {
-        Vec3x::splat(simd, self.camera.eye)
-    }
-
-    /// Where a sample's camera ray goes through the pixel at `film`, x below y: of length 1 along the
-    /// camera's axis.
-    #[inline(always)]
-    pub(super) fn camera_direction<S: Simd>(
+    pub(super) fn camera_ray<S: Simd>(
         &self,
         simd: S,
         film: Word<S>,
         pixel: Word<S>,
         sample: Word<S>,
-    ) -> Vec3x<S> {
+    ) -> (Vec3x<S>, Vec3x<S>) {
         let camera = &self.camera;
+        let mut eye = Vec3x::splat(simd, camera.eye);
         let corner = Vec3x::splat(simd, camera.corner);
         let (dx, dy) = (Vec3x::splat(simd, camera.dx), Vec3x::splat(simd, camera.dy));
-        let u = pair(pixel, sample, BLOCK_CAMERA, self.settings.seed);
+        let mut u = pair(pixel, sample, BLOCK_CAMERA, self.settings.seed);
+        if camera.lens_steps > 0.0 {
+            let [radius2, turns] = pair(pixel, sample, BLOCK_LENS, self.settings.seed);
+            let (radius, (sin, cos)) = (radius2.sqrt(), sin_cos_turns(turns));
+            let lens = [radius * cos, radius * sin];
+            let steps = lens.map(|l| l * camera.lens_steps);
+            eye = dx.mul_add(steps[0], dy.mul_add(steps[1], eye));
+            u = [
+                u[0] - lens[0] * camera.lens_film,
+                u[1] - lens[1] * camera.lens_film,
+            ];
+        }
         let (x, y) = (small_to_float(film & 0xffff), small_to_float(film >> 16));
         // Whole pixels first: x + u would cost wide images the digits of u.
         let at_pixel = dx.mul_add(x, dy.mul_add(y, corner));
-        dx.mul_add(u[0], dy.mul_add(u[1], at_pixel))
+        (eye, dx.mul_add(u[0], dy.mul_add(u[1], at_pixel)))
     }
 
     /// Finds what each path meets next, ends those that meet light or nothing, or all if this is

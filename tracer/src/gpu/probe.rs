@@ -12,7 +12,7 @@ use glam::{Quat, Vec3};
 
 use crate::{
     AreaLight, Axis, Camera, ClothMarks, CompiledScene, CsgSolid, Environment, Error, ImageSize,
-    Material, Medium, Object, ProceduralTexture, RenderSettings, ScalarTracer, Scene, Shape,
+    Lens, Material, Medium, Object, ProceduralTexture, RenderSettings, ScalarTracer, Scene, Shape,
     Stripe, Subtraction, Tile, TraceJob, Tracer,
 };
 
@@ -140,6 +140,7 @@ pub(crate) fn scene() -> Scene {
             target: Vec3::new(0.0, 0.0, 0.5),
             up: Vec3::Z,
             fov_x_deg: 50.0,
+            lens: Lens::default(),
         },
         environment: Environment {
             radiance: Vec3::new(0.1, 0.12, 0.15),

@@ -11,7 +11,9 @@ use crate::compiled::{
 use crate::gpu::features::{Features, KernelOutput, SceneMemory};
 use crate::gpu::layout::{BVH_LEAF, SPHERE_SLACK};
 use crate::regularisation::{ALPHA_MIN, CONE_COSINE, CONE_DENSITY, KEY_MASK};
-use crate::sampling::{BELOW_1, BLOCK_CAMERA, ROULETTE_DEPTH, SCRAMBLE, SURVIVAL_PER_THROUGHPUT};
+use crate::sampling::{
+    BELOW_1, BLOCK_CAMERA, BLOCK_LENS, ROULETTE_DEPTH, SCRAMBLE, SURVIVAL_PER_THROUGHPUT,
+};
 use crate::scene::validate::CSG_MARGIN_M;
 use crate::texture;
 
@@ -197,6 +199,7 @@ fn sampling_constants() -> String {
         "const SCRAMBLE: vec3u = vec3u({a}u, {b}u, {c}u);\n\
          const BELOW_1: f32 = {BELOW_1};\n\
          const BLOCK_CAMERA: u32 = {BLOCK_CAMERA}u;\n\
+         const BLOCK_LENS: u32 = {BLOCK_LENS}u;\n\
          const ROULETTE_DEPTH: u32 = {ROULETTE_DEPTH}u;\n\
          const SURVIVAL_PER_THROUGHPUT: f32 = {SURVIVAL_PER_THROUGHPUT:?};\n"
     )
@@ -480,7 +483,7 @@ mod tests {
                 left_center left left_half right right_center right_half),
             layout!(SphereLeaf, balls indices),
             layout!(BoxBound, center half),
-            layout!(CameraFrame, eye corner dx dy),
+            layout!(CameraFrame, eye lens_steps corner lens_film dx dy),
             layout!(SceneHeader, camera environment zero),
             layout!(DispatchData,
                 tile_count block_count sample_begin sample_end samples first_sample seed

@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::intersect::{Hit, Ray, RayOrigin, intersect_from, vector};
 use super::{PathTracer, Vertex, camera_ray};
 use crate::compiled::Primitive;
-use crate::sampling::{BLOCK_CAMERA, pair, pixel_key, sample_key};
+use crate::sampling::{BLOCK_CAMERA, BLOCK_LENS, pair, pixel_key, sample_key};
 use crate::{Aovs, Tile};
 
 #[derive(Clone, Copy, Default)]
@@ -29,9 +29,10 @@ impl PathTracer<'_> {
         for taken in 0..self.settings.samples {
             let sample = self.settings.first_sample.wrapping_add(taken);
             let (pixel, sample) = (pixel_key(x, y), sample_key(sample));
-            let [u, v] = pair(pixel, sample, BLOCK_CAMERA, self.settings.seed);
-            let (u, v) = (f64::from(x) + f64::from(u), f64::from(y) + f64::from(v));
-            self.add(&mut sum, &camera_ray(&self.frame, u, v));
+            let random = |block| pair(pixel, sample, block, self.settings.seed).map(f64::from);
+            let [u, v] = random(BLOCK_CAMERA);
+            let film = [f64::from(x) + u, f64::from(y) + v];
+            self.add(&mut sum, &camera_ray(&self.frame, film, random(BLOCK_LENS)));
         }
         let share = 1.0 / f64::from(self.settings.samples);
         let mean = |sum: DVec3| (sum * share).as_vec3().to_array();

@@ -4,7 +4,8 @@
 //! The fast tracers follow it sample for sample, to the rounding of f32. With `k` the
 //! depth, from 0, and `u = sampling::pair(pixel, sample, block, seed)`:
 //!
-//! 1. **Camera.** The ray goes through film position `pixel + u` of block `BLOCK_CAMERA`.
+//! 1. **Camera.** The ray goes through film position `pixel + u` of block `BLOCK_CAMERA`, and through the point of the lens
+//!    of block `BLOCK_LENS`.
 //! 2. **Edge.** The nearest primitive with `t > 0` is hit, the first of equals in the order
 //!    spheres, boxes, discs, rectangles, CSG boxes, area lights. The primitive that the ray leaves is skipped: each
 //!    is convex, so an outward ray cannot meet it again, and no origin need be offset; a ray inside
@@ -58,7 +59,7 @@ mod ray;
 pub mod refracted_nee;
 pub mod scatter;
 
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 use std::sync::atomic::Ordering;
 
 use glam::DVec3;
@@ -71,7 +72,7 @@ use crate::denoise::{
 use crate::fresnel::fresnel_dielectric;
 use crate::regularisation::{ALPHA_MIN, CONE_COSINE, CONE_DENSITY, KEY_MASK};
 use crate::sampling::{
-    BLOCK_CAMERA, ROULETTE_DEPTH, SURVIVAL_PER_THROUGHPUT, block_choice, block_light,
+    BLOCK_CAMERA, BLOCK_LENS, ROULETTE_DEPTH, SURVIVAL_PER_THROUGHPUT, block_choice, block_light,
     block_scatter, pair, pixel_key, sample_key,
 };
 use crate::simd::Level;
@@ -221,11 +222,17 @@ fn survival_weight(
     }
 }
 
-/// The ray through film position `(x, y)`, in pixels from the image's top left corner.
-pub fn camera_ray(frame: &CameraFrame, x: f64, y: f64) -> Ray {
-    let direction = vector(frame.corner) + x * vector(frame.dx) + y * vector(frame.dy);
+/// The ray through film position `(x, y)`, in pixels from the image's top left corner, and through the point of the lens
+/// that `lens` in the unit square is mapped to.
+pub fn camera_ray(frame: &CameraFrame, [x, y]: [f64; 2], lens: [f64; 2]) -> Ray {
+    let (dx, dy) = (vector(frame.dx), vector(frame.dy));
+    let [u, v] = [lens[0].sqrt(), TAU * lens[1]];
+    let (u, v) = (u * v.cos(), u * v.sin());
+    let (lens_steps, lens_film) = (f64::from(frame.lens_steps), f64::from(frame.lens_film));
+    let (film_x, film_y) = (x - lens_film * u, y - lens_film * v);
+    let direction = vector(frame.corner) + film_x * dx + film_y * dy;
     Ray {
-        origin: vector(frame.eye),
+        origin: vector(frame.eye) + lens_steps * (u * dx + v * dy),
         direction: direction.normalize(),
     }
 }
@@ -337,7 +344,8 @@ impl<'a> PathTracer<'a> {
         let (pixel, key) = (pixel_key(x, y), sample_key(sample));
         let random = |block| pair(pixel, key, block, self.settings.seed).map(f64::from);
         let [u, v] = random(BLOCK_CAMERA);
-        let mut ray = camera_ray(&self.frame, f64::from(x) + u, f64::from(y) + v);
+        let film = [f64::from(x) + u, f64::from(y) + v];
+        let mut ray = camera_ray(&self.frame, film, random(BLOCK_LENS));
         let (mut radiance, mut beta) = (DVec3::ZERO, DVec3::ONE);
         let mut start = None;
         let mut prev = PrevVertex::UNWEIGHED;

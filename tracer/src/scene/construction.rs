@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use glam::{Quat, Vec3};
 
 use super::{
-    AreaLight, Axis, Camera, Environment, Material, Object, ObjectPose, ProceduralTexture, Scene,
-    Shape,
+    AreaLight, Axis, Camera, Environment, Lens, Material, Object, ObjectPose, ProceduralTexture,
+    Scene, Shape,
 };
 use crate::{Error, SceneError};
 
@@ -187,6 +187,7 @@ impl Camera {
             target,
             up: if is_upright { Vec3::Y } else { Vec3::Z },
             fov_x_deg: 45.0,
+            lens: Lens::default(),
         }
     }
 
@@ -194,6 +195,16 @@ impl Camera {
     #[must_use]
     pub fn fov_deg(self, fov_x_deg: f32) -> Self {
         Self { fov_x_deg, ..self }
+    }
+
+    /// With a lens whose aperture has this radius in metres, focused on the target.
+    #[must_use]
+    pub fn aperture_radius_m(self, aperture_radius_m: f32) -> Self {
+        let lens = Lens {
+            aperture_radius_m,
+            focus_distance_m: self.eye.distance(self.target),
+        };
+        Self { lens, ..self }
     }
 
     /// With this direction upright in the image.

@@ -37,11 +37,11 @@ pub struct Scene {
     pub identity: SceneIdentity,
 }
 
-/// A pinhole camera with square pixels and a box filter; row 0 of its image is the top.
+/// A camera with square pixels and a box filter; row 0 of its image is the top.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Camera {
-    /// The pinhole, in metres.
+    /// The pinhole, or the middle of the lens, in metres.
     pub eye: Vec3,
     /// The point at the centre of the image, in metres.
     pub target: Vec3,
@@ -49,6 +49,32 @@ pub struct Camera {
     pub up: Vec3,
     /// Full horizontal field of view in degrees, in (0, 180).
     pub fov_x_deg: f32,
+    /// What gives the image its depth of field; a pinhole by default.
+    #[serde(default)]
+    pub lens: Lens,
+}
+
+/// A thin lens (Pharr, Jakob and Humphreys, "Physically Based Rendering", 4th edition, section 5.2.3).
+///
+/// Only points at the focus distance are sharp. One at distance `d` along the view blurs to a disc whose radius, seen
+/// from the eye, is `aperture_radius_m · |1 / d − 1 / focus_distance_m|` in units of the image at distance 1. A wider
+/// aperture needs more samples for the same noise.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Lens {
+    /// Radius of the aperture in metres; 0 is a pinhole, with which everything is sharp.
+    pub aperture_radius_m: f32,
+    /// Distance from the eye, along the view, at which things are sharp, in metres; above 0.
+    pub focus_distance_m: f32,
+}
+
+impl Default for Lens {
+    fn default() -> Self {
+        Self {
+            aperture_radius_m: 0.0,
+            focus_distance_m: 1.0,
+        }
+    }
 }
 
 /// Constant radiance from every direction.

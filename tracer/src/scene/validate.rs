@@ -56,6 +56,10 @@ pub const TEXTURE_SCALE: RangeInclusive<f32> = 1e-3..=1e3;
 pub const SHEEN_ROUGHNESS: RangeInclusive<f32> = 0.1..=1.0;
 /// The range of a full horizontal field of view in degrees.
 pub const FOV_X_DEG: RangeInclusive<f32> = 0.01..=179.0;
+/// The range of the radius of a lens's aperture in metres.
+pub const APERTURE_RADIUS_M: RangeInclusive<f32> = 0.0..=1e3;
+/// The range of the distance at which a lens is sharp, in metres: before the eye.
+pub const FOCUS_DISTANCE_M: RangeInclusive<f32> = 1e-3..=1e7;
 
 type Check = Result<(), SceneError>;
 
@@ -181,6 +185,21 @@ impl Camera {
                 max: *FOV_X_DEG.end(),
                 unit: " degrees",
             });
+        }
+        let lens = &self.lens;
+        for (what, value, range) in [
+            (
+                "the camera's aperture_radius_m",
+                lens.aperture_radius_m,
+                APERTURE_RADIUS_M,
+            ),
+            (
+                "the camera's focus_distance_m",
+                lens.focus_distance_m,
+                FOCUS_DISTANCE_M,
+            ),
+        ] {
+            in_range(what, value, &range)?;
         }
         let view = self.target.as_dvec3() - self.eye.as_dvec3();
         if view.length() < 1e-6 {

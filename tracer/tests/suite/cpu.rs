@@ -9,8 +9,8 @@ use carom_tracer::compiled::BvhUse;
 use carom_tracer::film::{Film, trace_image};
 use carom_tracer::metrics::rel_mse;
 use carom_tracer::{
-    Camera, CompiledScene, CpuTracer, Environment, Error, ImageSize, RenderSettings, ScalarTracer,
-    Scene, Tile, TileGrid, TraceJob, TraceStats, Tracer,
+    Camera, CompiledScene, CpuTracer, Environment, Error, ImageSize, Lens, RenderSettings,
+    ScalarTracer, Scene, Tile, TileGrid, TraceJob, TraceStats, Tracer,
 };
 use glam::Vec3;
 
@@ -225,6 +225,7 @@ fn an_empty_scene_shows_its_environment() {
             target: Vec3::X,
             up: Vec3::Z,
             fov_x_deg: 90.0,
+            lens: Lens::default(),
         },
         environment: Environment { radiance },
         materials: BTreeMap::new(),

@@ -31,7 +31,7 @@ use crate::tracers::tracers;
 use carom_tracer::film::trace_image;
 use carom_tracer::metrics::mean;
 use carom_tracer::{
-    AreaLight, Camera, CompiledScene, CpuTracer, Environment, ImageSize, Material, Object,
+    AreaLight, Camera, CompiledScene, CpuTracer, Environment, ImageSize, Lens, Material, Object,
     RadianceImage, RenderSettings, ScalarTracer, Scene, Shape, Tracer,
 };
 use glam::{Quat, Vec3};
@@ -68,6 +68,7 @@ fn view(eye: Vec3, target: Vec3, environment: f32) -> Scene {
             target,
             up: Vec3::Z,
             fov_x_deg: 0.05,
+            lens: Lens::default(),
         },
         environment: Environment {
             radiance: Vec3::splat(environment),

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use carom_tracer::film::{Film, trace_image, trace_tiles};
 use carom_tracer::metrics::mean;
 use carom_tracer::{
-    CompiledScene, ImageSize, ObjectPose, RadianceImage, RenderSettings, ScalarTracer, Scene,
+    CompiledScene, ImageSize, Lens, ObjectPose, RadianceImage, RenderSettings, ScalarTracer, Scene,
     SceneUpdate, Tile, TileGrid, TileRadiance, TraceJob, Tracer,
 };
 use glam::{Quat, Vec3};
@@ -162,6 +162,59 @@ fn area_light_emits_from_one_side() {
             assert!(
                 seen.pixels.iter().all(|&pixel| pixel == [radiance; 3]),
                 "{eye_z}"
+            );
+        }
+    }
+}
+
+/// Light of a picture, and the mean square of its distance from the middle, in pixels.
+fn light_and_mean_square(image: &RadianceImage) -> (f64, f64) {
+    let ImageSize { width, height } = image.size;
+    let (mut light, mut moment) = (0.0, 0.0);
+    for (pixel, index) in image.pixels.iter().zip(0..) {
+        let from_middle = |at: u32, edge: u32| f64::from(at) + 0.5 - 0.5 * f64::from(edge);
+        let (x, y) = (
+            from_middle(index % width, width),
+            from_middle(index / width, height),
+        );
+        light += f64::from(pixel[0]);
+        moment += f64::from(pixel[0]) * (x * x + y * y);
+    }
+    (light, moment / light)
+}
+
+#[test]
+fn a_lens_blurs_a_point_to_the_disc_of_geometrical_optics() {
+    const SIZE: ImageSize = ImageSize::new(65, 65);
+    const APERTURE_RADIUS_M: f32 = 0.05;
+    const DISTANCE_M: f32 = 2.0;
+    let mut scene = area_light_seen_from(-DISTANCE_M);
+    scene.environment.radiance = Vec3::ZERO;
+    scene.area_lights[0].half_u *= 0.01;
+    scene.area_lights[0].half_v *= 0.02;
+    scene.camera.fov_x_deg = 10.0;
+    let pixel = 2.0 * 5f64.to_radians().tan() / f64::from(SIZE.width);
+    for tracer in tracers() {
+        let mut seen_at = |focus_distance_m: f32| {
+            scene.camera.lens = Lens {
+                aperture_radius_m: APERTURE_RADIUS_M,
+                focus_distance_m,
+            };
+            let scene = CompiledScene::new(&scene).unwrap();
+            let film = trace_image(tracer.as_ref(), &scene, SIZE, settings(256)).unwrap();
+            light_and_mean_square(&film.image())
+        };
+        let (light, sharp) = seen_at(DISTANCE_M);
+        for focus_distance_m in [1.0, 8.0] {
+            let (spread, blurred) = seen_at(focus_distance_m);
+            assert_near(spread, light, 0.02, "light is spread, not lost");
+            let defocus = 1.0 / f64::from(DISTANCE_M) - 1.0 / f64::from(focus_distance_m);
+            let radius = f64::from(APERTURE_RADIUS_M) * defocus / pixel;
+            assert_near(
+                blurred - sharp,
+                0.5 * radius * radius,
+                0.03,
+                "a disc's mean square",
             );
         }
     }

@@ -33,8 +33,9 @@ fn reference(scene: &CompiledScene, size: ImageSize, max_depth: u32, samples: u3
         for (pixel, place) in image.pixels.iter_mut().zip(0..) {
             let (x, y) = (place % size.width, place / size.width);
             let sum = (0..samples).fold(DVec3::ZERO, |sum, _| {
-                let (x, y) = (f64::from(x) + random(), f64::from(y) + random());
-                sum + radiance(scene, camera_ray(&frame, x, y), max_depth, &mut random)
+                let film = [f64::from(x) + random(), f64::from(y) + random()];
+                let ray = camera_ray(&frame, film, [random(), random()]);
+                sum + radiance(scene, ray, max_depth, &mut random)
             });
             *pixel = (sum / f64::from(samples)).as_vec3().to_array();
         }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use carom_tracer::{
-    AreaLight, Axis, Camera, ClothMarks, CsgSolid, Environment, Material, Medium, Object,
+    AreaLight, Axis, Camera, ClothMarks, CsgSolid, Environment, Lens, Material, Medium, Object,
     ProceduralTexture, Scene, Shape, Sights, Stripe, Subtraction,
 };
 use glam::{Quat, Vec3};
@@ -31,6 +31,7 @@ pub(crate) fn empty(environment: f32) -> Scene {
             target: Vec3::ZERO,
             up: Vec3::Z,
             fov_x_deg: 20.0,
+            lens: Lens::default(),
         },
         environment: Environment {
             radiance: Vec3::splat(environment),
@@ -145,6 +146,7 @@ pub(crate) fn furnace(material: Material) -> Scene {
             target: Vec3::ZERO,
             up: Vec3::Z,
             fov_x_deg: 20.0,
+            lens: Lens::default(),
         },
         environment: Environment {
             radiance: Vec3::ONE,
@@ -412,6 +414,12 @@ pub(crate) fn scenes_of_laws() -> Vec<LawScene> {
     for eye_z in [-1.0, 1.0] {
         scenes.push(("one side of a light", area_light_seen_from(eye_z)));
     }
+    let mut blurred = still_life();
+    blurred.camera.lens = Lens {
+        aperture_radius_m: 0.1,
+        focus_distance_m: 2.0,
+    };
+    scenes.push(("still life through a lens", blurred));
     let mut hidden = still_life();
     hidden.objects.remove(1);
     scenes.push(("still life without a ball", hidden));

@@ -60,7 +60,7 @@ fn camera_rays_agree() {
         .normalize();
     let frame = compiled.camera_frame(ImageSize::new(480, 270));
     for theirs in vectors().rays {
-        let ray = camera_ray(&frame, theirs.px, theirs.py);
+        let ray = camera_ray(&frame, [theirs.px, theirs.py], [0.0; 2]);
         let difference = (ray.direction - theirs.d).length();
         assert!(
             difference < 3e-7,
@@ -81,7 +81,7 @@ fn hits_agree_in_distance_normal_and_shape() {
         .normalize();
     let frame = compiled.camera_frame(ImageSize::new(480, 270));
     for theirs in vectors().rays {
-        let ray = camera_ray(&frame, theirs.px, theirs.py);
+        let ray = camera_ray(&frame, [theirs.px, theirs.py], [0.0; 2]);
         let Some(hit) = intersect(&compiled, &ray) else {
             assert_eq!(theirs.shape, None);
             continue;

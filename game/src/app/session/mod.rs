@@ -361,7 +361,7 @@ impl GameSession {
 
     /// The camera of what is on show.
     pub fn viewpoint(&self, now_secs: f64) -> Viewpoint {
-        self.mode_view(ViewTime::Now(now_secs)).camera
+        self.mode_view(ViewTime::Now(now_secs)).viewpoint
     }
 
     fn mode_view(&self, time: ViewTime) -> ModeView {

@@ -4,7 +4,7 @@ use carom_billiards::physics::{EventKind, Shot, Table};
 use carom_tracer::SceneUpdate;
 use clap::ValueEnum;
 
-use crate::camera::{Viewpoint, smoothstep};
+use crate::camera::{APERTURE_RADIUS_M, Viewpoint, smoothstep};
 use crate::play::{CueView, cue_of_shot};
 use crate::scene::table_scene::TableScene;
 
@@ -118,13 +118,14 @@ impl ShotSequence {
         let cue = cue.and_then(|cue| cue.swung(moment_secs));
         let cue = cue.map(|cue| cue.pose(self.stage.table_inside().cue_ball().radius_m));
         let shot = &self.shots[shot];
-        let camera = match self.view {
+        let sharp = match self.view {
             VideoView::Table => self.stage.scene().camera,
             VideoView::Player => {
                 let table = self.stage.table_inside();
                 behind(table, shot, moment_secs).camera_in(table)
             }
         };
+        let camera = sharp.aperture_radius_m(APERTURE_RADIUS_M);
         self.stage
             .update(camera, &shot.poses_at(moment_secs), cue.as_ref())
     }

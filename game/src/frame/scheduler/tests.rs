@@ -1,8 +1,8 @@
 //! The scheduler with a farm on virtual time.
 
 use carom_farm::FrameStats;
-use carom_tracer::Camera;
 use carom_tracer::sampling::uniforms;
+use carom_tracer::{Camera, Lens};
 use glam::Vec3;
 
 use super::*;
@@ -19,6 +19,7 @@ fn scene_at(x: f64) -> SceneUpdate {
         target: Vec3::ZERO,
         up: Vec3::Z,
         fov_x_deg: 44.0,
+        lens: Lens::default(),
     };
     SceneUpdate {
         camera: Some(camera),

@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 use carom_billiards::physics::Table;
 use carom_billiards::rules::{self, RuleSet};
 use carom_billiards::shot_report::table_layout;
-use carom_tracer::{Camera, CsgSolid, Environment, Object, Scene, Shape, Subtraction};
+use carom_tracer::{Camera, CsgSolid, Environment, Lens, Object, Scene, Shape, Subtraction};
 use glam::{DVec2, Quat, Vec2, Vec3};
 
 use self::materials::materials;
@@ -51,6 +51,7 @@ pub fn room(table: &Table, rules: RuleSet, style: TableStyle) -> Scene {
             target: room.frame.scale * Vec3::new(-0.25, 0.0, 0.0),
             up: Vec3::Z,
             fov_x_deg: FOV_X_DEG as f32,
+            lens: Lens::default(),
         },
         environment: Environment {
             radiance: Vec3::new(0.4, 0.37, 0.33),

@@ -6,7 +6,9 @@ use std::ops::Range;
 
 use carom_protocol::tile_codec::TilePixels;
 use carom_protocol::{FrameId, PixelFormat, TraceRequest};
-use carom_tracer::{Camera, Environment, RenderSettings, Scene, SceneUpdate, TileGrid, TileRange};
+use carom_tracer::{
+    Camera, Environment, Lens, RenderSettings, Scene, SceneUpdate, TileGrid, TileRange,
+};
 use glam::Vec3;
 
 use super::FarmPlan;
@@ -85,6 +87,7 @@ pub fn empty_scene() -> Scene {
             target: Vec3::ZERO,
             up: Vec3::Z,
             fov_x_deg: 40.0,
+            lens: Lens::default(),
         },
         environment: Environment {
             radiance: Vec3::ONE,

@@ -27,9 +27,17 @@ fn camera_path(x: u32, y: u32, sample: u32) -> Path {
     let key = sample_key(sample);
     let u = pair(pixel, key, BLOCK_CAMERA, job.seed);
     let camera = scene.header.camera;
-    let film = vec2f(f32(x) + u.x, f32(y) + u.y);
+    var film = vec2f(f32(x) + u.x, f32(y) + u.y);
+    var eye = camera.eye;
+    if (camera.lens_steps > 0.0) {
+        let v = pair(pixel, key, BLOCK_LENS, job.seed);
+        let lens = sqrt(v.x) * circle(v.y);
+        let steps = camera.lens_steps * lens;
+        eye += steps.x * camera.dx + steps.y * camera.dy;
+        film -= camera.lens_film * lens;
+    }
     let direction = camera.corner + film.x * camera.dx + film.y * camera.dy;
-    let ray = Ray(camera.eye, direction / length(direction));
+    let ray = Ray(eye, direction / length(direction));
     return Path(
         ray,
         NO_PRIMITIVE,

@@ -92,7 +92,9 @@ struct BoxBound {
 
 struct CameraFrame {
     eye: vec3f,
+    lens_steps: f32,
     corner: vec3f,
+    lens_film: f32,
     dx: vec3f,
     dy: vec3f,
 }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::scene::{Environment, Object};
+use crate::scene::{Environment, Lens, Object};
 
 fn object(name: &str, shape: Shape) -> Object {
     Object {
@@ -34,6 +34,7 @@ fn scene() -> Scene {
             target: Vec3::ZERO,
             up: Vec3::Z,
             fov_x_deg: 60.0,
+            lens: Lens::default(),
         },
         environment: Environment {
             radiance: Vec3::ONE,
@@ -81,6 +82,20 @@ fn cameras_that_see_nothing_are_refused() {
         assert_says(
             &refusal,
             &format!("the camera's fov_x_deg is {fov}: it must be from 0.01"),
+        );
+    }
+    for radius in [-0.01, 2e3, f32::NAN] {
+        let refusal = refusal(|scene| scene.camera.lens.aperture_radius_m = radius);
+        assert_says(
+            &refusal,
+            &format!("the camera's aperture_radius_m is {radius}: it must be from 0 to 1000"),
+        );
+    }
+    for focus in [-1.0, 0.0, f32::INFINITY] {
+        let refusal = refusal(|scene| scene.camera.lens.focus_distance_m = focus);
+        assert_says(
+            &refusal,
+            &format!("the camera's focus_distance_m is {focus}: it must be from 0.001"),
         );
     }
     assert_says(
