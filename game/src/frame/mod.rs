@@ -1,6 +1,7 @@
-//! Frames of the farm on their way to the window: scheduling, accumulation, reprojection, quality.
+//! Frames of the farm on their way to the window: scheduling, accumulation, reprojection, cross-fade, quality.
 
 pub mod accumulation;
+pub mod cross_fade;
 pub mod farm_startup;
 pub mod pipeline;
 pub mod quality;

@@ -1,7 +1,7 @@
 //! The frame pipeline between farm and window, one method for each of its steps.
 //!
 //! ```text
-//! request ─▶ Farm ─▶ poll_farm ─┬─────────────────▶ choose ─▶ reproject ─▶ displayed
+//! request ─▶ Farm ─▶ poll_farm ─┬─────────────────▶ choose ─▶ reproject, fade ─▶ displayed
 //!                               └─▶ accumulate ────▶
 //! ```
 //! No step waits for the farm.
@@ -11,6 +11,7 @@ use carom_tracer::{ImageSize, Scene, SceneUpdate};
 
 use crate::display::DisplayFrame;
 use crate::frame::accumulation::AccumulationThread;
+use crate::frame::cross_fade::CrossFade;
 use crate::frame::farm_startup::FarmState;
 use crate::frame::reprojection::Reprojector;
 use crate::frame::scheduler::{FrameScheduler, SchedulerAction, ViewTarget};
@@ -21,6 +22,7 @@ pub struct FramePipeline {
     scheduler: FrameScheduler,
     accumulation: AccumulationThread,
     reprojector: Reprojector,
+    cross_fade: CrossFade,
     in_flight_max: usize,
     /// Frames that the farm has finished.
     finished: u64,
@@ -54,6 +56,7 @@ impl FramePipeline {
             scheduler: FrameScheduler::new(ImageSize::new(0, 0), in_flight_max, max_depth),
             accumulation: AccumulationThread::open()?,
             reprojector: Reprojector::new(scene)?,
+            cross_fade: CrossFade::default(),
             farm: FarmState::start(config, scene.clone()),
             in_flight_max,
             finished: 0,
@@ -111,18 +114,28 @@ impl FramePipeline {
         self.scheduler.present_due(fill);
     }
 
-    /// Moves the chosen frame to the present view.
-    pub fn reproject(&mut self, now: &SceneUpdate) {
-        if let Some(frame) = self.scheduler.shown() {
-            self.drawn = frame.serial;
-            self.reprojector.reproject_to(frame, now);
+    /// Moves the chosen frame to the present view, and fades it in where that view has just come to rest.
+    pub fn reproject(&mut self, now_secs: f64, now: &SceneUpdate) {
+        let replaced = self.scheduler.take_replaced();
+        let Some(frame) = self.scheduler.shown() else {
+            return;
+        };
+        if let Some(replaced) = &replaced
+            && replaced.serial == self.drawn
+        {
+            let before = self.reprojector.reprojected(replaced);
+            self.cross_fade.begin(now_secs, before, frame);
         }
+        self.drawn = frame.serial;
+        let frame = self.reprojector.reproject_to(frame, now);
+        self.cross_fade.advance(now_secs, frame);
     }
 
     /// The frame to draw: the chosen one as the last [`FramePipeline::reproject`] has left it.
     pub fn displayed(&self) -> Option<&DisplayFrame> {
         let frame = self.scheduler.shown()?;
-        Some(self.reprojector.reprojected(frame))
+        let blended = self.cross_fade.blended();
+        Some(blended.unwrap_or_else(|| self.reprojector.reprojected(frame)))
     }
 
     /// Requests frames of `target` until the farm has enough to do. `scene_at` gives the scene at a
@@ -161,17 +174,19 @@ impl FramePipeline {
         }
     }
 
-    /// Whether another frame was chosen since the last one was drawn.
+    /// Whether another frame was chosen since the last one was drawn, or that one is not yet faded in.
     pub fn has_new_frame(&self) -> bool {
         let chosen = self.scheduler.shown().map_or(0, |frame| frame.serial);
-        chosen != self.drawn
+        chosen != self.drawn || self.cross_fade.blended().is_some()
     }
 
     /// Whether no frame will come without another request.
     pub fn is_at_rest(&self) -> bool {
         match &self.farm {
             FarmState::Starting { .. } => false,
-            FarmState::Ready(_) => self.scheduler.is_at_rest(),
+            FarmState::Ready(_) => {
+                self.scheduler.is_at_rest() && self.cross_fade.blended().is_none()
+            }
             FarmState::Failed(_) => true,
         }
     }

@@ -222,7 +222,7 @@ impl PlayLoop {
         let is_new = self.pipeline.has_new_frame();
         let (mut reproject, mut present) = (0.0, 0.0);
         if is_new {
-            self.pipeline.reproject(&now);
+            self.pipeline.reproject(now_secs, &now);
             reproject = lap();
             if let Some(frame) = self.pipeline.displayed() {
                 self.texture.clear();

@@ -71,7 +71,7 @@ impl GameSession {
     /// Moves the chosen frame to what is seen at `now_secs`.
     pub fn reproject(&mut self, now_secs: f64) {
         let now = self.scene_at(ViewTime::Now(now_secs));
-        self.pipeline.reproject(&now);
+        self.pipeline.reproject(now_secs, &now);
     }
 
     /// The frame to draw under the interface.

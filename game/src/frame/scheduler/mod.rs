@@ -139,6 +139,8 @@ pub struct FrameScheduler {
     requests: u64,
     serial: u64,
     shown: Option<DisplayFrame>,
+    /// What was on show before, until it is taken.
+    replaced: Option<DisplayFrame>,
     /// Of the shot, if the picture on show is of it.
     shown_moment: Option<f64>,
     stats: SchedulerStats,
@@ -182,6 +184,7 @@ impl FrameScheduler {
             requests: 0,
             serial: 0,
             shown: None,
+            replaced: None,
             shown_moment: None,
             stats: SchedulerStats::default(),
         }
@@ -335,6 +338,11 @@ impl FrameScheduler {
         self.shown.as_ref()
     }
 
+    /// The frame that was on show before, once.
+    pub fn take_replaced(&mut self) -> Option<DisplayFrame> {
+        self.replaced.take()
+    }
+
     /// A picture with tiles missing is shown only if there is one to fill them from.
     fn present(&mut self, at: f64, moment: TimedFrame, fill: FillMissing<'_>) {
         let TimedFrame {
@@ -347,7 +355,7 @@ impl FrameScheduler {
             None => return,
         }
         self.stats.size = picture.size;
-        self.shown = Some(picture);
+        self.replace_shown(picture);
         self.shown_moment = Some(at);
     }
 
@@ -360,7 +368,7 @@ impl FrameScheduler {
         self.pending.retain(comes);
         match self.shown_moment {
             Some(shown) if at < shown => {}
-            Some(shown) if at == shown && missing.is_empty() => self.shown = Some(picture),
+            Some(shown) if at == shown && missing.is_empty() => self.replace_shown(picture),
             _ => self.moments.push(at, TimedFrame { picture, missing }),
         }
     }
@@ -509,7 +517,12 @@ impl FrameScheduler {
     fn show(&mut self, size: ImageSize, rgba: Vec<[u8; 4]>, samples: u32, update: SceneUpdate) {
         self.stats.size = size;
         self.stats.samples = samples;
-        self.shown = Some(self.picture_of(size, rgba, update));
+        let picture = self.picture_of(size, rgba, update);
+        self.replace_shown(picture);
+    }
+
+    fn replace_shown(&mut self, picture: DisplayFrame) {
+        self.replaced = self.shown.replace(picture);
     }
 
     fn picture_of(
