@@ -2,7 +2,7 @@
 
 pub use carom_tracer::glam::{self, Quat, Vec3};
 pub use carom_tracer::{
-    AreaLight, Axis, Camera, Cuboid, Environment, ImageSize, Material, ObjectHandle, Plane,
+    AreaLight, Axis, Camera, Cuboid, Environment, ImageSize, Lens, Material, ObjectHandle, Plane,
     RadianceImage, RenderSettings, Scene, SceneUpdate, Shape, Sphere,
 };
 

@@ -88,8 +88,8 @@ fn title(rack: DVec3) -> Viewpoint {
     Viewpoint {
         focus: rack,
         bearing_rad: 2.82,
-        pitch_rad: 0.18,
-        distance_m: 1.05,
+        pitch_rad: 0.22,
+        distance_m: 0.85,
         fov_x_deg: 50.0,
     }
 }
