@@ -10,7 +10,7 @@ use carom_farm::{Balancing, FarmConfig, LocalNode};
 use carom_tracer::{ImageSize, RenderSettings};
 use clap::{Parser, Subcommand, ValueEnum as _};
 
-use crate::capture::video::{VideoTarget, VideoView};
+use crate::capture::video::{FrameRange, VideoTarget, VideoView};
 use crate::display::Present;
 use crate::play::tournament::MatchArgs;
 use crate::scene::ball_materials::BallSet;
@@ -40,6 +40,10 @@ pub struct Args {
     /// Number of frames to render without a window, 1 to 1000000 [default: 48 of a break, all of a video]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub frames: Option<u32>,
+    /// Render only these frames of the video, the first and the last, counted from 0: a queue gives each
+    /// of its jobs a range, all with one --video, which the same command without a range puts together
+    #[arg(long, value_name = "FIRST-LAST", requires = "video")]
+    pub frame_range: Option<FrameRange>,
     /// Frames per second, 1 to 240
     #[arg(long, default_value_t = 30, value_parser = clap::value_parser!(u16).range(1..=240))]
     pub fps: u16,

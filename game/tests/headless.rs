@@ -207,6 +207,25 @@ fn interrupted_videos_resume() {
     assert!(make("2").status.success());
 }
 
+#[test]
+fn ranges_of_a_film_are_the_film() {
+    let folder = tempfile::tempdir().unwrap();
+    let make = |rest: &[&str]| film(folder.path(), &[&["--spp", "1"], rest].concat());
+    assert!(make(&["--video", "whole.y4m"]).status.success());
+    for range in ["2-9", "0-1"] {
+        let made = make(&["--video", "parts.y4m", "--frame-range", range]);
+        assert!(made.status.success(), "{}", text(&made.stderr));
+    }
+    let beyond = make(&["--video", "parts.y4m", "--frame-range", "3-5"]);
+    assert_eq!(beyond.status.code(), Some(1));
+    assert!(text(&beyond.stderr).contains("has 3 frames"));
+    let put_together = make(&["--video", "parts.y4m"]);
+    assert!(text(&put_together.stderr).contains("Resuming: 3 of 3"));
+    let [whole, parts] = ["whole.y4m", "parts.y4m"];
+    let bytes = |name| fs::read(folder.path().join(name)).unwrap();
+    assert!(bytes(whole) == bytes(parts));
+}
+
 fn assert_animation(path: &Path, frames: &[Vec<u8>]) {
     let mut reader = png::Decoder::new(BufReader::new(File::open(path).unwrap()))
         .read_info()
@@ -316,7 +335,9 @@ fn a_missing_display_names_what_to_install() {
 fn wrong_arguments_are_refused_in_words() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("wrong.toml"), "tile_edgy = 32\n").unwrap();
-    let cases: [(&[&str], &str); 8] = [
+    let cases: [(&[&str], &str); 10] = [
+        (&["--video", "film", "--frame-range", "9-3"], "0-9"),
+        (&["--headless", "--frame-range", "0-3"], "--video"),
         (&["--video", "film.mp4"], "ffmpeg"),
         (&["--video", "film.y4m", "--out", "frames"], "--out"),
         (&["--headless", "--size", "640"], "640"),

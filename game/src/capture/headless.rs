@@ -25,7 +25,9 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
 use crate::args::Args;
-use crate::capture::video::{FrameCache, RenderJob, ShotSequence, VideoTarget, assemble};
+use crate::capture::video::{
+    FrameCache, FrameRange, RenderJob, ShotSequence, VideoTarget, assemble,
+};
 use crate::play::CUE_SPEED_M_S_MAX;
 use crate::scene::scene_builder::EXPOSURE;
 use crate::scene::table_scene::TableScene;
@@ -101,7 +103,16 @@ pub fn run(args: &Args, config: FarmConfig) -> anyhow::Result<()> {
         None => VideoTarget::Folder(args.out.clone()),
     };
     let job = RenderJob::of(&footage, settings.size(), settings.render())?;
-    let mut reel = FrameCache::open(&target.reel(), job, settings.size())?;
+    let range = args
+        .frame_range
+        .map(|range| range.of_film(footage.frames()));
+    let range = range.transpose()?;
+    let mut reel = FrameCache::open_range(
+        &target.reel(),
+        job,
+        settings.size(),
+        range.unwrap_or(FrameRange::ALL),
+    )?;
     let interrupted = net::interruption().context("Ctrl-C")?;
     let before = reel.kept();
     let report = match make(config, &footage, settings, &mut reel, &interrupted) {
@@ -111,13 +122,18 @@ pub fn run(args: &Args, config: FarmConfig) -> anyhow::Result<()> {
             return Err(error.context(going_on(&reel)));
         }
         Err(error) => {
-            if before == 0 {
+            if before == 0 && range.is_none() {
                 // Nothing has begun; what cannot be removed does no harm.
                 let _ = reel.remove();
             }
             return Err(error);
         }
     };
+    if let Some(range) = range {
+        let folder = reel.folder().display();
+        println!("{folder} holds frames {range} of {}", reel.frames());
+        return Ok(());
+    }
     let proceed = &mut || proceed(&interrupted);
     let film = match &args.video {
         Some(target) => target.clone(),
@@ -280,13 +296,13 @@ fn render(
     reel: &mut FrameCache,
     interrupted: &AtomicBool,
 ) -> anyhow::Result<Vec<FrameReport>> {
-    let bar = progress_bar(settings.frames);
+    let mut waiting: VecDeque<u32> = reel.missing().collect();
+    let bar = progress_bar(reel.kept() + waiting.len() as u32);
     if reel.kept() > 0 {
         eprintln!("Resuming: {}", going_on(reel));
         bar.set_position(reel.kept().into());
         bar.reset_eta();
     }
-    let mut waiting: VecDeque<u32> = reel.missing().collect();
     let mut in_flight = VecDeque::new();
     let mut frames: Vec<FrameReport> = Vec::new();
     while !(waiting.is_empty() && in_flight.is_empty()) {

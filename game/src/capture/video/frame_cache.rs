@@ -11,7 +11,7 @@ use anyhow::{Context as _, bail, ensure};
 use carom_tracer::{ImageSize, RenderSettings};
 use serde::{Deserialize, Serialize};
 
-use super::{ShotSequence, frame_bytes, write_png};
+use super::{FrameRange, ShotSequence, frame_bytes, write_png};
 use crate::scene::scene_builder::EXPOSURE;
 
 /// Whose frames a folder holds.
@@ -64,6 +64,7 @@ pub struct FrameCache {
     job: RenderJob,
     size: ImageSize,
     kept: Vec<bool>,
+    range: FrameRange,
 }
 
 impl FrameCache {
@@ -73,6 +74,20 @@ impl FrameCache {
     /// # Errors
     /// A sentence with the folder if it holds an unfinished film of another job, or cannot be used.
     pub fn open(folder: &Path, job: RenderJob, size: ImageSize) -> anyhow::Result<Self> {
+        Self::open_range(folder, job, size, FrameRange::ALL)
+    }
+
+    /// The same for some of the frames, while others may be kept by other processes, also on other
+    /// machines that share the folder. A part of a finished film that is asked for again is there.
+    ///
+    /// # Errors
+    /// As [`FrameCache::open`].
+    pub fn open_range(
+        folder: &Path,
+        job: RenderJob,
+        size: ImageSize,
+        range: FrameRange,
+    ) -> anyhow::Result<Self> {
         fs::create_dir_all(folder)
             .with_context(|| format!("cannot make the folder {}", folder.display()))?;
         let mut reel = Self {
@@ -80,9 +95,11 @@ impl FrameCache {
             kept: vec![false; job.frames as usize],
             job,
             size,
+            range,
         };
+        let is_part = range != FrameRange::ALL;
         match reel.before()? {
-            Some(before) if before == reel.job => {
+            Some(before) if before == reel.job || is_part && before.hash == reel.job.hash => {
                 reel.kept = (0..reel.job.frames)
                     .map(|i| reel.path(i).is_file())
                     .collect();
@@ -109,14 +126,17 @@ impl FrameCache {
         &self.folder
     }
 
-    /// The frames that are not there yet, in order.
+    /// The frames of its range that are not there yet, in order.
     pub fn missing(&self) -> impl Iterator<Item = u32> {
-        (0..self.job.frames).filter(|&i| !self.kept[i as usize])
+        let in_range = (0..self.job.frames).filter(|&i| self.range.contains(i));
+        in_range.filter(|&i| !self.kept[i as usize])
     }
 
-    /// How many frames are there.
+    /// How many frames of its range are there.
     pub fn kept(&self) -> u32 {
-        self.kept.iter().map(|&kept| u32::from(kept)).sum()
+        let kept = (0..).zip(&self.kept);
+        kept.map(|(i, &kept)| u32::from(kept && self.range.contains(i)))
+            .sum()
     }
 
     /// Keeps a frame of sRGB bytes, row by row.
@@ -124,7 +144,8 @@ impl FrameCache {
     /// # Errors
     /// A sentence with the path.
     pub fn keep(&mut self, index: u32, rgb: &[u8]) -> anyhow::Result<()> {
-        let partial = self.folder.join("frame.partial");
+        // Others may write theirs at the same time.
+        let partial = self.folder.join(format!("frame_{index:04}.partial"));
         write_png(&partial, self.size, rgb)?;
         let path = self.path(index);
         fs::rename(&partial, &path).with_context(|| format!("cannot write {}", path.display()))?;
@@ -160,7 +181,7 @@ impl FrameCache {
         })
     }
 
-    /// Toasts that the film is whole: the next job may take the folder.
+    /// Notes that the film is whole: the next job may take the folder.
     ///
     /// # Errors
     /// A sentence with the path.
@@ -235,7 +256,9 @@ impl FrameCache {
     }
 
     fn write_job(&self) -> anyhow::Result<()> {
-        let (path, partial) = (self.job_path(), self.folder.join("job.partial"));
+        let path = self.job_path();
+        let partial = format!("job_{:04}.partial", self.range.first());
+        let partial = self.folder.join(partial);
         let write = || -> anyhow::Result<()> {
             fs::write(&partial, serde_json::to_string_pretty(&self.job)? + "\n")?;
             Ok(fs::rename(&partial, &path)?)
@@ -298,6 +321,30 @@ mod tests {
         assert_eq!((second.kept(), second.missing().count()), (4, 0));
         second.remove().unwrap();
         assert!(!folder.path().exists());
+    }
+
+    #[test]
+    fn ranges_of_a_film_share_its_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let part = |range: &str| {
+            let range = range.parse().unwrap();
+            FrameCache::open_range(folder.path(), job(0.5, 1, 4), SIZE, range).unwrap()
+        };
+        let (mut first, mut second) = (part("0-1"), part("2-3"));
+        for (reel, frames) in [(&mut first, [0, 1]), (&mut second, [2, 3])] {
+            assert_eq!(reel.missing().collect::<Vec<u32>>(), frames);
+            for index in frames {
+                reel.keep(index, &frame(index as u8)).unwrap();
+            }
+            assert_eq!((reel.kept(), reel.missing().count()), (2, 0));
+        }
+        let mut whole = FrameCache::open(folder.path(), job(0.5, 1, 4), SIZE).unwrap();
+        assert_eq!(whole.missing().count(), 0);
+        assert_eq!(whole.read(3).unwrap(), frame(3));
+        whole.finish().unwrap();
+        // A queue may run a job twice, also after the film is whole.
+        assert_eq!(part("1-2").missing().count(), 0);
+        assert_eq!(part("3").read(3).unwrap(), frame(3));
     }
 
     #[test]

@@ -7,6 +7,7 @@
 
 mod apng;
 mod frame_cache;
+mod frame_range;
 mod shot_sequence;
 mod y4m;
 
@@ -20,6 +21,7 @@ use crate::Error;
 
 pub use apng::{Animation, write_png};
 pub use frame_cache::{FrameCache, RenderJob};
+pub use frame_range::FrameRange;
 pub use shot_sequence::{ShotSequence, VideoView};
 pub use y4m::Y4m;
 
